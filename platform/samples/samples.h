@@ -1,0 +1,85 @@
+#pragma once
+// The words all layers speak. Plain data, trivially copyable, no Eigen: they travel through rings and logs.
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "platform/memory/fixed_vector.h"
+#include "platform/time/clock.h"
+
+namespace epiline {
+
+inline constexpr std::size_t kMaxFeatures = 400;  ///< tracks in one image
+
+/// One reading of the IMU, in the body frame B.
+struct ImuSample {
+  HostStamp stamp;
+  std::array<double, 3> angular_velocity_rad_s{};
+  std::array<double, 3> specific_force_m_s2{};
+};
+
+/// An image somebody else owns. `stamp` is mid-exposure; 8-bit grey.
+struct Frame {
+  HostStamp stamp;
+  std::uint64_t sequence = 0;
+  const std::uint8_t* data = nullptr;
+  int width = 0, height = 0, stride = 0;
+};
+
+/// One track in one image. Everything the estimator needs to know of the camera is in here.
+struct TrackedFeature {
+  std::uint32_t id = 0;
+  std::uint32_t age = 0;                  ///< images since the track began; 0 in its first image
+  std::array<float, 2> pixel{};           ///< raw (distorted) pixel, centre of the top left pixel is (0, 0)
+  std::array<float, 2> velocity_px_s{};   ///< of `pixel`, from the previous image; zero where age is 0
+  std::array<double, 3> bearing{};        ///< unit vector in the camera frame C
+  std::array<double, 6> pixel_jacobian{}; ///< d pixel / d bearing, 2x3 row-major, px; annihilates the bearing
+};
+
+/// All tracks of one image.
+struct TrackedFrame {
+  HostStamp stamp;
+  std::uint64_t sequence = 0;
+  FixedVector<TrackedFeature, kMaxFeatures> features;
+};
+
+enum class HealthState : std::uint8_t { kInitialising, kTracking, kDegraded, kLost };
+
+/// Why the state is what it is; bits of Health::reasons.
+enum class HealthReason : std::uint32_t {
+  kNone = 0,
+  kNoInitialState = 1u << 0,       ///< not started yet
+  kPosteriorWide = 1u << 1,        ///< started, but velocity, tilt or scale is not certain enough yet
+  kFewTracks = 1u << 2,
+  kManyGated = 1u << 3,            ///< more than 40 % of the tracks contradict the motion: stamps or calibration?
+  kStepsRejected = 1u << 4,        ///< the solver found no better state in several frames
+  kBiasImplausible = 1u << 5,
+  kVelocityUncertain = 1u << 6,
+  kDeadlineMissed = 1u << 7,
+  kImuGap = 1u << 8,
+  kNotFinite = 1u << 9,
+};
+
+struct Health {
+  HealthState state = HealthState::kInitialising;
+  std::uint32_t reasons = 0;       ///< HealthReason bits
+  int quality = 0;                 ///< 0 to 100; -1 when lost
+};
+
+/// The estimate for the outside. World W: z up. Body B: the IMU.
+struct Odometry {
+  HostStamp stamp;                         ///< the image's stamp, read as a time of the IMU's clock
+  std::array<double, 3> p_WB_m{};
+  std::array<double, 4> q_WB{1, 0, 0, 0};  ///< Hamilton, w x y z
+  std::array<double, 3> v_WB_m_s{};
+  std::array<double, 3> omega_B_rad_s{};   ///< bias removed
+  std::array<double, 3> accelerometer_bias_m_s2{};
+  std::array<double, 3> gyroscope_bias_rad_s{};
+  double time_offset_s = 0;                ///< t_IMU = t_image + time_offset
+  /// 16x16 row-major: dp (W), dtheta (B, right perturbation), dv, dba, dbg, dtd.
+  std::array<double, 256> covariance{};
+  std::uint32_t reset_counter = 0;
+  Health health;
+};
+
+}  // namespace epiline
