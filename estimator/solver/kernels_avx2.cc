@@ -1,0 +1,6 @@
+#if defined(__x86_64__)
+#define TARGET kernels_avx2
+#define NAME "avx2"
+#define LANES 4
+#include "estimator/solver/kernels.inc"
+#endif

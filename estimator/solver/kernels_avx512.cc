@@ -1,0 +1,6 @@
+#if defined(__x86_64__)
+#define TARGET kernels_avx512
+#define NAME "avx512"
+#define LANES 8
+#include "estimator/solver/kernels.inc"
+#endif
