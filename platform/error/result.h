@@ -1,5 +1,6 @@
 #pragma once
-// Errors of start-up and of input are values. The path from sample to odometry uses plain enums instead: no strings there.
+// Errors of start-up and of input are values. The path from sample to odometry uses plain enums instead: no strings
+// there.
 #include <string>
 #include <utility>
 #include <variant>
@@ -33,8 +34,8 @@ struct Error {
 template <class T>
 class [[nodiscard]] Result {
  public:
-  Result(T value) : v_(std::move(value)) {}          // NOLINT(google-explicit-constructor): `return value;` is the point
-  Result(Error error) : v_(std::move(error)) {}      // NOLINT(google-explicit-constructor)
+  Result(T value) : v_(std::move(value)) {}      // NOLINT(google-explicit-constructor): `return value;` is the point
+  Result(Error error) : v_(std::move(error)) {}  // NOLINT(google-explicit-constructor)
   explicit operator bool() const { return v_.index() == 0; }
   T& operator*() { return std::get<0>(v_); }
   const T& operator*() const { return std::get<0>(v_); }

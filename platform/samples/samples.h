@@ -29,11 +29,11 @@ struct Frame {
 /// One track in one image. Everything the estimator needs to know of the camera is in here.
 struct TrackedFeature {
   std::uint32_t id = 0;
-  std::uint32_t age = 0;                  ///< images since the track began; 0 in its first image
-  std::array<float, 2> pixel{};           ///< raw (distorted) pixel, centre of the top left pixel is (0, 0)
-  std::array<float, 2> velocity_px_s{};   ///< of `pixel`, from the previous image; zero where age is 0
-  std::array<double, 3> bearing{};        ///< unit vector in the camera frame C
-  std::array<double, 6> pixel_jacobian{}; ///< d pixel / d bearing, 2x3 row-major, px; annihilates the bearing
+  std::uint32_t age = 0;                   ///< images since the track began; 0 in its first image
+  std::array<float, 2> pixel{};            ///< raw (distorted) pixel, centre of the top left pixel is (0, 0)
+  std::array<float, 2> velocity_px_s{};    ///< of `pixel`, from the previous image; zero where age is 0
+  std::array<double, 3> bearing{};         ///< unit vector in the camera frame C
+  std::array<double, 6> pixel_jacobian{};  ///< d pixel / d bearing, 2x3 row-major, px; annihilates the bearing
 };
 
 /// All tracks of one image.
@@ -48,11 +48,11 @@ enum class HealthState : std::uint8_t { kInitialising, kTracking, kDegraded, kLo
 /// Why the state is what it is; bits of Health::reasons.
 enum class HealthReason : std::uint32_t {
   kNone = 0,
-  kNoInitialState = 1u << 0,       ///< not started yet
-  kPosteriorWide = 1u << 1,        ///< started, but velocity, tilt or scale is not certain enough yet
+  kNoInitialState = 1u << 0,  ///< not started yet
+  kPosteriorWide = 1u << 1,   ///< started, but velocity, tilt or scale is not certain enough yet
   kFewTracks = 1u << 2,
-  kManyGated = 1u << 3,            ///< more than 40 % of the tracks contradict the motion: stamps or calibration?
-  kStepsRejected = 1u << 4,        ///< the solver found no better state in several frames
+  kManyGated = 1u << 3,      ///< more than 40 % of the tracks contradict the motion: stamps or calibration?
+  kStepsRejected = 1u << 4,  ///< the solver found no better state in several frames
   kBiasImplausible = 1u << 5,
   kVelocityUncertain = 1u << 6,
   kDeadlineMissed = 1u << 7,
@@ -62,20 +62,20 @@ enum class HealthReason : std::uint32_t {
 
 struct Health {
   HealthState state = HealthState::kInitialising;
-  std::uint32_t reasons = 0;       ///< HealthReason bits
-  int quality = 0;                 ///< 0 to 100; -1 when lost
+  std::uint32_t reasons = 0;  ///< HealthReason bits
+  int quality = 0;            ///< 0 to 100; -1 when lost
 };
 
 /// The estimate for the outside. World W: z up. Body B: the IMU.
 struct Odometry {
-  HostStamp stamp;                         ///< the image's stamp, read as a time of the IMU's clock
+  HostStamp stamp;  ///< the image's stamp, read as a time of the IMU's clock
   std::array<double, 3> p_WB_m{};
   std::array<double, 4> q_WB{1, 0, 0, 0};  ///< Hamilton, w x y z
   std::array<double, 3> v_WB_m_s{};
-  std::array<double, 3> omega_B_rad_s{};   ///< bias removed
+  std::array<double, 3> omega_B_rad_s{};  ///< bias removed
   std::array<double, 3> accelerometer_bias_m_s2{};
   std::array<double, 3> gyroscope_bias_rad_s{};
-  double time_offset_s = 0;                ///< t_IMU = t_image + time_offset
+  double time_offset_s = 0;  ///< t_IMU = t_image + time_offset
   /// 16x16 row-major: dp (W), dtheta (B, right perturbation), dv, dba, dbg, dtd.
   std::array<double, 256> covariance{};
   std::uint32_t reset_counter = 0;
