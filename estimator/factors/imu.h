@@ -1,0 +1,19 @@
+#pragma once
+// The IMU residual between two frames. Derivation: docs/derivations/imu.md; test: tests/estimator/factors/imu_test.cc.
+#include "estimator/inertial/preintegration.h"
+#include "estimator/window/state.h"
+
+namespace epiline {
+
+/// r: (r_p, r_theta, r_v, r_ba, r_bg), not whitened; J: d r / d (delta_i, delta_j), tangent order (p, theta, v, b_a, b_g) each.
+struct ImuResidual {
+  Vec15 r;
+  Eigen::Matrix<double, 15, 30> J;
+};
+
+/// Residual at (x_i, x_j). The Jacobian takes positions, rotations and velocities from the linearisation points l_i, l_j
+/// (first estimates, estimation.md 4.6); pass the states themselves for the plain Jacobian.
+void evaluate_imu(const Preintegration& z, const NavState& x_i, const NavState& x_j, const NavState& l_i, const NavState& l_j,
+                  ImuResidual& out);
+
+}  // namespace epiline

@@ -1,0 +1,34 @@
+#pragma once
+// The whitened structureless track factor. Derivation: docs/derivations/track.md; test: tests/estimator/factors/track_test.cc.
+#include <memory>
+
+#include "estimator/factors/visual.h"
+
+namespace epiline {
+
+/// One factor per feature track: the 2n-3 constraints that n bearings of one unknown point put on n poses, with their joint
+/// covariance (estimation.md 4). The point is a function of poses and bearings inside the evaluation and is projected out.
+class TrackFactor final : public VisualFactorModel {
+ public:
+  explicit TrackFactor(const Kernels& kernels);
+  void collect(const Window&, const VisualSettings&) noexcept override;
+  void linearise(const Window&, VisualSystem&) noexcept override;
+  void marginalise_oldest(const Window&, const VisualSettings&, VisualSystem&) noexcept override;
+  double residual_sigma_px() noexcept override;
+  /// True if the last linearisation would have gated more than the cap and therefore gated nothing.
+  bool gate_suspended() const { return gate_suspended_; }
+
+ private:
+  struct Memory;
+  void pack(const Window&, const VisualSettings&, std::uint32_t required_mask, int frames);
+  void run(const Window&, int frames, bool marginal, VisualSystem&);
+
+  const Kernels& kernels_;
+  std::unique_ptr<Memory> memory_;
+  TrackSettings settings_{};
+  VisualSettings visual_;
+  int batches_ = 0;
+  bool gate_suspended_ = false;
+};
+
+}  // namespace epiline

@@ -1,0 +1,120 @@
+#include "estimator/window/window.h"
+
+namespace epiline {
+
+void retract(Calibration& c, const CalibrationTangent& d) {
+  c.time_offset += d[0];
+  c.R_BC = so3_normalised(c.R_BC * so3_exp(d.segment<3>(1)));
+  c.p_BC += d.tail<3>();
+}
+
+CalibrationTangent local(const Calibration& c0, const Calibration& c) {
+  CalibrationTangent d;
+  d << c.time_offset - c0.time_offset, so3_log(c0.R_BC.transpose() * c.R_BC), c.p_BC - c0.p_BC;
+  return d;
+}
+
+void Window::clear() {
+  size_ = tracks_ = 0;
+  prior.frames = 0;
+  for (std::size_t s = 0; s < order_.size(); ++s) order_[s] = static_cast<std::uint8_t>(s);
+  index_.fill(-1);
+}
+
+int Window::index_of(std::uint64_t slot_id) const {
+  for (int k = 0; k < size_; ++k)
+    if (at(k).id == slot_id) return k;
+  return -1;
+}
+
+NavState Window::linearisation_point(int k) const {
+  const Slot& s = at(k);
+  if (!s.has_first) return s.x;
+  NavState l = s.x;
+  l.p = s.first.p;
+  l.R = s.first.R;
+  if (k == 0) l.v = s.first.v;  // of velocities, the prior knows the oldest frame's only
+  return l;
+}
+
+Slot& Window::append() {
+  Slot& s = slots_[order_[static_cast<std::size_t>(size_++)]];
+  s = Slot{};
+  s.id = next_id_++;
+  return s;
+}
+
+void Window::remove(int k) {
+  const std::uint8_t slot = order_[static_cast<std::size_t>(k)];
+  for (int i = 0; i < tracks_; ++i) records_[static_cast<std::size_t>(i)].mask &= ~(1u << slot);
+  for (int i = k; i + 1 < size_; ++i) order_[static_cast<std::size_t>(i)] = order_[static_cast<std::size_t>(i) + 1];
+  order_[static_cast<std::size_t>(--size_)] = slot;
+}
+
+namespace {
+Observation observation(const TrackedFeature& f) {
+  return {Vec3(f.bearing.data()), Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data()),
+          Vec2(f.velocity_px_s[0], f.velocity_px_s[1])};
+}
+}  // namespace
+
+int Window::observe(const TrackedFrame& frame) {
+  const std::uint8_t slot = order_[static_cast<std::size_t>(size_ - 1)];
+  int refused = 0;
+  for (const TrackedFeature& feature : frame.features) {
+    int i = find(feature.id);
+    if (i < 0) {
+      if (tracks_ == kMaxTracks) {
+        ++refused;
+        continue;
+      }
+      i = tracks_++;
+      records_[static_cast<std::size_t>(i)].id = feature.id;
+      records_[static_cast<std::size_t>(i)].mask = 0;
+      insert_index(feature.id, i);
+    }
+    TrackRecord& t = records_[static_cast<std::size_t>(i)];
+    t.view[slot] = observation(feature);
+    // A track's first image has no velocity of its own: the next one's is the best guess.
+    if (size_ > 1 && seen(t, size_ - 2) && views(t) == 1) {
+      Observation& first = t.view[order_[static_cast<std::size_t>(size_ - 2)]];
+      if (first.velocity_px_s.isZero(0)) first.velocity_px_s = t.view[slot].velocity_px_s;
+    }
+    t.mask |= 1u << slot;
+  }
+  return refused;
+}
+
+void Window::prune() {
+  for (int i = 0; i < tracks_;) {
+    TrackRecord& t = records_[static_cast<std::size_t>(i)];
+    if (seen(t, size_ - 1) || views(t) >= 2)
+      ++i;
+    else
+      t = records_[static_cast<std::size_t>(--tracks_)];
+  }
+  rebuild_index();
+}
+
+namespace {
+std::uint32_t bucket(std::uint32_t id) { return id * 2654435761u >> 20; }  // Knuth's multiplicative hash, 12 bits
+}  // namespace
+
+int Window::find(std::uint32_t id) const {
+  for (std::uint32_t h = bucket(id); index_[h] >= 0; h = (h + 1) % kBuckets)
+    if (records_[static_cast<std::size_t>(index_[h])].id == id) return index_[h];
+  return -1;
+}
+
+void Window::insert_index(std::uint32_t id, int i) {
+  std::uint32_t h = bucket(id);
+  while (index_[h] >= 0) h = (h + 1) % kBuckets;
+  index_[h] = static_cast<std::int16_t>(i);
+}
+
+void Window::rebuild_index() {
+  index_.fill(-1);
+  for (int i = 0; i < tracks_; ++i) insert_index(records_[static_cast<std::size_t>(i)].id, i);
+}
+
+}  // namespace epiline

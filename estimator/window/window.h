@@ -1,0 +1,118 @@
+#pragma once
+// The sliding window: frames, tracks, calibration and the prior of what has left. Fixed capacity; frames are reordered by
+// index, never moved.
+#include <array>
+#include <cstdint>
+
+#include "estimator/estimator.h"
+#include "estimator/inertial/preintegration.h"
+#include "estimator/solver/kernels.h"
+#include "estimator/window/state.h"
+#include "platform/samples/samples.h"
+
+namespace epiline {
+
+/// One bearing of a track. `chart` maps a direction in C to pixels: d pixel / d f at f.
+struct Observation {
+  Vec3 f_C;
+  Mat23 chart;
+  Vec2 velocity_px_s;
+};
+
+/// A track: which slots saw it, and what they saw.
+struct TrackRecord {
+  std::uint32_t id = 0;
+  std::uint32_t mask = 0;  ///< bit s: slot s has a view
+  std::array<Observation, kMaxFrames> view;
+};
+
+/// Camera against IMU; the estimated part of the calibration. Tangent order: (td, dphi of R_BC on the right, p_BC).
+struct Calibration {
+  double time_offset = 0;  ///< t_IMU = t_image + time_offset, s
+  Mat3 R_BC = Mat3::Identity();
+  Vec3 p_BC = Vec3::Zero();
+};
+using CalibrationTangent = Eigen::Matrix<double, kCalibration, 1>;
+void retract(Calibration& c, const CalibrationTangent& d);
+CalibrationTangent local(const Calibration& c0, const Calibration& c);
+
+/// A frame of the window.
+struct Slot {
+  std::uint64_t id = 0;           ///< never reused
+  HostStamp image_stamp, time;    ///< as the camera said; the same instant on the IMU's clock, as cut
+  double time_offset_used = 0;    ///< `time` - `image_stamp`
+  NavState x;
+  NavState first;                 ///< first estimate, for the Jacobians, once the frame is in the prior (estimation.md 4.6)
+  bool has_first = false;
+  Preintegration imu;             ///< from the frame before
+  Mat15 L_inverse;                ///< square-root information of `imu`
+  Vec3 omega = Vec3::Zero();      ///< last angular rate, bias not removed, rad/s
+  bool at_rest = false;           ///< zero-motion factor attached
+  std::uint64_t rest_link = 0;    ///< id of the frame whose position it shares; 0: none in the window
+};
+
+/// Gaussian prior 1/2 d'Hd - b'd with d = x [-] x0, over poses 0..frames-1, (v, b) of frame 0 and the calibration.
+struct Prior {
+  int frames = 0;                 ///< 0: no prior
+  alignas(64) double H[kPriorDim][kMarginalStride];
+  double b[kPriorDim];
+  std::array<NavState, kMaxFrames> x0;
+  Calibration c0;
+  int dim() const { return frames > 0 ? 6 * frames + 9 + kCalibration : 0; }
+  int calibration_row() const { return 6 * frames + 9; }
+};
+
+class Window {
+ public:
+  explicit Window(int capacity) : capacity_(capacity) { clear(); }
+
+  void clear();
+  int size() const { return size_; }
+  int capacity() const { return capacity_; }
+  bool full() const { return size_ == capacity_; }
+  /// Frames in time order, 0 the oldest.
+  Slot& at(int k) { return slots_[order_[static_cast<std::size_t>(k)]]; }
+  const Slot& at(int k) const { return slots_[order_[static_cast<std::size_t>(k)]]; }
+  Slot& newest() { return at(size_ - 1); }
+  const Slot& newest() const { return at(size_ - 1); }
+  int index_of(std::uint64_t slot_id) const;  ///< -1: not in the window
+  /// The Jacobians' linearisation point of frame k: first estimates where the prior froze them.
+  NavState linearisation_point(int k) const;
+
+  /// Appends an empty frame; the window must not be full.
+  Slot& append();
+  /// Takes frame k and its bearings out. IMU intervals are the caller's business.
+  void remove(int k);
+  /// Adds the newest frame's bearings. Returns how many new tracks found no room.
+  int observe(const TrackedFrame& frame);
+  /// Forgets tracks that can no longer say anything: not seen by the newest frame and fewer than two views.
+  void prune();
+
+  int track_count() const { return tracks_; }
+  TrackRecord& track(int i) { return records_[static_cast<std::size_t>(i)]; }
+  const TrackRecord& track(int i) const { return records_[static_cast<std::size_t>(i)]; }
+  /// The bit of frame k in a track's mask.
+  std::uint32_t bit(int k) const { return 1u << order_[static_cast<std::size_t>(k)]; }
+  bool seen(const TrackRecord& t, int k) const { return t.mask & bit(k); }
+  const Observation& view(const TrackRecord& t, int k) const { return t.view[order_[static_cast<std::size_t>(k)]]; }
+  int views(const TrackRecord& t) const { return __builtin_popcount(t.mask); }
+  /// Track index by id; -1: unknown.
+  int find(std::uint32_t id) const;
+
+  Calibration calibration;
+  Prior prior;
+
+ private:
+  static constexpr std::uint32_t kBuckets = 4096;  // four times the tracks: short probes
+  void rebuild_index();
+  void insert_index(std::uint32_t id, int i);
+
+  int capacity_, size_ = 0, tracks_ = 0;
+  std::uint64_t next_id_ = 1;
+  std::array<std::uint8_t, kMaxFrames> order_{};
+  std::array<Slot, kMaxFrames> slots_;
+  std::array<TrackRecord, kMaxTracks> records_;
+  std::array<std::int16_t, kBuckets> index_;
+};
+
+}  // namespace epiline
