@@ -45,7 +45,7 @@ struct Slot {
   NavState first;                 ///< first estimate, for the Jacobians, once the frame is in the prior (estimation.md 4.6)
   bool has_first = false;
   Preintegration imu;             ///< from the frame before
-  Mat15 L_inverse;                ///< square-root information of `imu`
+  Mat15 L_inverse = Mat15::Zero();  ///< square-root information of `imu`
   Vec3 omega = Vec3::Zero();      ///< last angular rate, bias not removed, rad/s
   bool at_rest = false;           ///< zero-motion factor attached
   std::uint64_t rest_link = 0;    ///< id of the frame whose position it shares; 0: none in the window
