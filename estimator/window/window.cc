@@ -29,7 +29,7 @@ int Window::index_of(std::uint64_t slot_id) const {
 
 NavState Window::linearisation_point(int k) const {
   const Slot& s = at(k);
-  if (!s.has_first) return s.x;
+  if (!s.has_first || !first_estimates) return s.x;
   NavState l = s.x;
   l.p = s.first.p;
   l.R = s.first.R;

@@ -101,6 +101,7 @@ class Window {
 
   Calibration calibration;
   Prior prior;
+  bool first_estimates = true;  ///< off: Jacobians at the current state everywhere, as VINS-Mono and the paper have it
 
  private:
   static constexpr std::uint32_t kBuckets = 4096;  // four times the tracks: short probes
