@@ -22,7 +22,7 @@ struct Error {
   /// `FILE:LINE: found; expected`, leaving out the parts that are empty.
   std::string text() const {
     std::string s = file;
-    if (line > 0) s += ":" + std::to_string(line);
+    if (line > 0) s.append(":").append(std::to_string(line));
     if (!s.empty()) s += ": ";
     s += found;
     if (!expected.empty()) s += "; expected " + expected;

@@ -18,6 +18,13 @@ struct ImuSample {
   std::array<double, 3> specific_force_m_s2{};
 };
 
+/// One reading of wheel odometry: the motion of the wheel frame's origin over the ground.
+struct WheelSample {
+  HostStamp stamp;
+  double forward_speed_m_s = 0;
+  double yaw_rate_rad_s = 0;
+};
+
 /// An image somebody else owns. `stamp` is mid-exposure; 8-bit grey.
 struct Frame {
   HostStamp stamp;

@@ -1,0 +1,50 @@
+#include "platform/log/event.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <type_traits>
+
+#include "platform/memory/allocation_count.h"
+
+namespace epiline {
+namespace {
+
+static_assert(std::is_trivially_copyable_v<Event>);
+
+std::string formatted(const Event& event) {
+  char text[128];
+  const std::size_t length = format_event(event, text);
+  EXPECT_EQ(text[length], '\0');
+  return {text, length};
+}
+
+TEST(Event, IsWrittenWithItsTimeNameAndArguments) {
+  EXPECT_EQ(formatted({HostStamp{1'403'636'579'763'555'584}, EventId::kHealthChanged, {1, 2, 36}}),
+            "1403636579.763555584 health_changed from=1 to=2 reasons=36");
+  EXPECT_EQ(formatted({HostStamp{5}, EventId::kReset, {3, 99, 99}}), "0.000000005 reset count=3");
+  EXPECT_EQ(formatted({HostStamp{-1}, EventId::kImuGap, {7, 0, 0}}), "-0.000000001 imu_gap length_ns=7");
+  EXPECT_EQ(formatted({HostStamp{0}, static_cast<EventId>(1000), {}}), "0.000000000 unknown id=1000");
+}
+
+TEST(Event, IsCutToTheRoomThereIs) {
+  const Event event{HostStamp{0}, EventId::kHealthChanged, {1, 2, 3}};
+  for (std::size_t size = 1; size < 60; ++size) {
+    std::string room(size + 1, '#');
+    const std::size_t length = format_event(event, std::span(room.data(), size));
+    EXPECT_LT(length, size);
+    EXPECT_EQ(room[length], '\0');
+    EXPECT_EQ(room[size], '#') << "wrote past the end";
+  }
+  EXPECT_EQ(format_event(event, {}), 0);
+}
+
+TEST(Event, FormattingUsesNoHeap) {
+  char text[128];
+  const HeapCallScope heap;
+  format_event({HostStamp{1}, EventId::kImageDropped, {1, 2, 3}}, text);
+  EXPECT_EQ(heap.calls(), 0);
+}
+
+}  // namespace
+}  // namespace epiline
