@@ -1,0 +1,16 @@
+#pragma once
+// The commands of the program. Each function adds one to the command line; when it is chosen, its exit code lands in `exit_code`.
+#include <CLI/CLI.hpp>
+
+#include "platform/error/result.h"
+
+namespace epiline {
+
+inline constexpr int kExitDone = 0, kExitRunFailed = 1, kExitUsage = 2;
+
+/// Writes the one line of an error to stderr; returns the exit code that belongs to it.
+int report(const Error& error);
+
+void add_evaluate(CLI::App& app, int& exit_code);
+
+}  // namespace epiline

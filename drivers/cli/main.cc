@@ -1,0 +1,46 @@
+// The program `epiline`: it wires things up and holds no logic of its own.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <string>
+
+#include "drivers/cli/commands.h"
+
+namespace epiline {
+
+int report(const Error& error) {
+  fmt::print(stderr, "epiline: error: {}\n", error.text());
+  return error.kind == ErrorKind::kUsage ? kExitUsage : kExitRunFailed;
+}
+
+namespace {
+
+std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
+
+int run(int argc, char** argv) {
+  int exit_code = kExitDone;
+  CLI::App app("Visual-inertial odometry without a map: a camera and an IMU in, pose, velocity and their covariance out.", "epiline");
+  app.require_subcommand(1);
+  app.set_version_flag("--version", EPILINE_VERSION);
+  add_evaluate(app, exit_code);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) return app.exit(e);  // --help, --version
+    return report({ErrorKind::kUsage, "", 0, first_line(e.what()), "what epiline --help lists"});
+  }
+  return exit_code;
+}
+
+}  // namespace
+}  // namespace epiline
+
+int main(int argc, char** argv) {
+  try {
+    return epiline::run(argc, argv);
+  } catch (const std::exception& e) {
+    return epiline::report({epiline::ErrorKind::kRun, "", 0, e.what(), ""});
+  }
+}

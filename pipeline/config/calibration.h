@@ -1,0 +1,36 @@
+#pragma once
+// Calibration files of sensors, as ASL data sets (`sensor.yaml`) and Kalibr (`camchain.yaml`, `imu.yaml`) write them.
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "estimator/geometry/camera.h"
+#include "estimator/inertial/preintegration.h"
+#include "platform/error/result.h"
+
+namespace epiline {
+
+struct CameraCalibration {
+  CameraParameters parameters;
+  Mat3 R_BC = Mat3::Identity();
+  Vec3 p_BC = Vec3::Zero();
+  double time_offset_s = 0;  ///< t_IMU = t_image + time_offset (Kalibr's timeshift_cam_imu)
+};
+
+struct ImuCalibration {
+  ImuNoise noise;
+  std::optional<double> saturation_gyroscope_rad_s, saturation_accelerometer_m_s2;
+};
+
+/// Keys: `T_BS` (or Kalibr's `T_cam_imu`), `resolution`, `camera_model` (pinhole, double-sphere), `intrinsics`, `distortion_model`
+/// (radial-tangential, equidistant, none), `distortion_coefficients`, optionally `timeshift_cam_imu`. In a Kalibr chain the camera is
+/// looked up as `name` (cam0, cam1). Fails if and only if the file cannot be read, is no YAML, lacks a key, names an unknown model, or holds
+/// a value that cannot be right: count of parameters, focal lengths, resolution, a rotation that is none.
+Result<CameraCalibration> read_camera_calibration(const std::filesystem::path& path, const std::string& name);
+
+/// Keys: `gyroscope_noise_density`, `gyroscope_random_walk`, `accelerometer_noise_density`, `accelerometer_random_walk`, optionally
+/// `gyroscope_saturation` (rad/s) and `accelerometer_saturation` (m/s^2). `T_BS` must be the identity if given: the body is the IMU.
+/// Fails as the camera's does.
+Result<ImuCalibration> read_imu_calibration(const std::filesystem::path& path);
+
+}  // namespace epiline

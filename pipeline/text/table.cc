@@ -1,0 +1,173 @@
+#include "pipeline/text/table.h"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+namespace epiline {
+
+namespace {
+
+std::string system_message(int error) { return error ? std::strerror(error) : "unknown reason"; }
+
+std::string list(const std::vector<std::size_t>& widths) {
+  std::string s;
+  for (std::size_t i = 0; i < widths.size(); ++i) {
+    if (i > 0) s += i + 1 == widths.size() ? " or " : ", ";
+    s += std::to_string(widths[i]);
+  }
+  return s;
+}
+
+std::string quoted(std::string_view s) {
+  constexpr std::size_t kLongest = 40;
+  std::string q = "\"";
+  for (const char c : s.substr(0, kLongest)) q += c >= ' ' && c < 127 ? c : '?';
+  return q + (s.size() > kLongest ? "...\"" : "\"");
+}
+
+template <class T>
+bool parse_whole(std::string_view field, T& value) {
+  if (field.size() > 1 && field[0] == '+' && field[1] != '-') field.remove_prefix(1);
+  const auto end = field.data() + field.size();
+  const auto [stop, error] = std::from_chars(field.data(), end, value);
+  return error == std::errc() && stop == end;
+}
+
+}  // namespace
+
+Result<std::string> read_text(const std::filesystem::path& path) {
+  errno = 0;
+  const gzFile file = gzopen(path.c_str(), "rb");
+  if (!file) {
+    return Error{ErrorKind::kUsage, path.string(), 0, "cannot be opened (" + system_message(errno) + ")", "a readable file"};
+  }
+  gzbuffer(file, 1u << 17);
+  std::string text;
+  constexpr std::size_t kChunk = 1u << 20;
+  int count = 0;
+  do {
+    const std::size_t size = text.size();
+    text.resize(size + kChunk);
+    count = gzread(file, text.data() + size, kChunk);
+    text.resize(size + static_cast<std::size_t>(std::max(count, 0)));
+  } while (count > 0);
+  int status = Z_OK;
+  const std::string message = gzerror(file, &status);
+  const int close_status = gzclose(file);
+  if (count < 0 || status != Z_OK || close_status != Z_OK) {
+    const std::string reason = status == Z_ERRNO ? system_message(errno) : "damaged or cut gzip stream";
+    return Error{ErrorKind::kUsage, path.string(), 0, "cannot be read to its end (" + reason + ")", "a complete file"};
+  }
+  return text;
+}
+
+std::filesystem::path find_table(const std::filesystem::path& folder, const std::string& name) {
+  std::error_code ignored;
+  for (const auto& candidate : {folder / name, folder / (name + ".gz")}) {
+    if (std::filesystem::exists(candidate, ignored)) return candidate;
+  }
+  return {};
+}
+
+LineReader::LineReader(std::string_view text) : rest_(text) {
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  if (rest_.substr(0, kByteOrderMark.size()) == kByteOrderMark) rest_.remove_prefix(kByteOrderMark.size());
+}
+
+bool LineReader::next(std::string_view& line) {
+  while (!rest_.empty()) {
+    const std::size_t end = rest_.find('\n');
+    line = rest_.substr(0, end);
+    rest_.remove_prefix(end == std::string_view::npos ? rest_.size() : end + 1);
+    ++number_;
+    const std::size_t first = line.find_first_not_of(" \t\r");
+    if (first == std::string_view::npos || line[first] == '#') continue;
+    line = line.substr(first, line.find_last_not_of(" \t\r") + 1 - first);
+    return true;
+  }
+  return false;
+}
+
+bool take_field(std::string_view& line, std::string_view& field) {
+  // A comma at the end of the line announces one more, empty, field; data() != nullptr keeps that apart from the end.
+  if (line.data() == nullptr) return false;
+  const auto blank = [](char c) { return c == ' ' || c == '\t'; };
+  std::size_t begin = 0;
+  while (begin < line.size() && blank(line[begin])) ++begin;
+  std::size_t end = begin;
+  while (end < line.size() && line[end] != ',' && !blank(line[end])) ++end;
+  field = line.substr(begin, end - begin);
+  while (end < line.size() && blank(line[end])) ++end;
+  if (end == line.size()) {
+    line = {};
+  } else {
+    line.remove_prefix(line[end] == ',' ? end + 1 : end);
+  }
+  return true;
+}
+
+bool parse_number(std::string_view field, double& value) { return parse_whole(field, value); }
+bool parse_number(std::string_view field, std::int64_t& value) { return parse_whole(field, value); }
+
+bool parse_seconds(std::string_view field, std::int64_t& ns) {
+  constexpr std::int64_t kSecond = 1'000'000'000, kMost = std::numeric_limits<std::int64_t>::max() / kSecond - 1;
+  const bool negative = !field.empty() && field[0] == '-';
+  const std::size_t point = std::min(field.find('.'), field.size());
+  const std::string_view fraction = field.substr(std::min(point + 1, field.size()));
+  std::int64_t whole = 0;
+  const bool plain = parse_number(field.substr(0, point), whole) &&
+                     fraction.find_first_not_of("0123456789") == std::string_view::npos;
+  if (plain) {
+    std::int64_t part = 0;
+    for (std::size_t i = 0; i < 9; ++i) part = part * 10 + (i < fraction.size() ? fraction[i] - '0' : 0);
+    if (fraction.size() > 9 && fraction[9] >= '5') ++part;
+    if (std::abs(whole) > kMost) return false;
+    ns = whole * kSecond + (negative ? -part : part);
+    return true;
+  }
+  double seconds = 0;
+  if (!parse_number(field, seconds) || !(std::abs(seconds) < static_cast<double>(kMost))) return false;
+  ns = static_cast<std::int64_t>(std::llround(seconds * 1e9));
+  return true;
+}
+
+Result<NumberTable> parse_table(std::string_view text, const std::string& name, TimeColumn time,
+                                const std::vector<std::size_t>& widths, const std::string& what) {
+  const auto fail = [&](int line, std::string found, std::string expected) {
+    return Error{ErrorKind::kUsage, name, line, std::move(found), std::move(expected)};
+  };
+  NumberTable table;
+  table.values.reserve(text.size() / 10);
+  LineReader lines(text);
+  std::size_t width = 0;
+  for (std::string_view line, field; lines.next(line);) {
+    std::size_t count = 0;
+    for (; take_field(line, field); ++count) {
+      double value = 0;
+      if (count > 0) {
+        if (!parse_number(field, value)) return fail(lines.number(), quoted(field), "a number");
+        table.values.push_back(value);
+        continue;
+      }
+      std::int64_t ns = 0;
+      const bool good = time == TimeColumn::kSeconds ? parse_seconds(field, ns) : parse_number(field, ns);
+      const char* expected = time == TimeColumn::kSeconds ? "a time in seconds" : "a time in integer nanoseconds";
+      if (!good) return fail(lines.number(), quoted(field), expected);
+      table.time_ns.push_back(ns);
+    }
+    if (width == 0 && std::find(widths.begin(), widths.end(), count) != widths.end()) width = count;
+    if (count != width) {
+      return fail(lines.number(), std::to_string(count) + (count == 1 ? " value" : " values"),
+                  (width > 0 ? std::to_string(width) : list(widths)) + " in a line, one " + what);
+    }
+  }
+  table.columns = width > 0 ? width - 1 : 0;
+  return table;
+}
+
+}  // namespace epiline

@@ -1,0 +1,59 @@
+#pragma once
+// Text files of numbers: read whole (gunzipped if need be), parsed line by line, every complaint with file and line.
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "platform/error/result.h"
+
+namespace epiline {
+
+/// The bytes of a file; a gzipped one is unpacked whatever its name. Fails if and only if it cannot be opened or read to its
+/// end, or its gzip stream is damaged or cut short.
+Result<std::string> read_text(const std::filesystem::path& path);
+
+/// `folder/name`, or `folder/name.gz` if only that exists; empty if neither does.
+std::filesystem::path find_table(const std::filesystem::path& folder, const std::string& name);
+
+/// The lines of a text that say something: no blank ones, no comments (`#`), no carriage returns.
+class LineReader {
+ public:
+  /// `text` must outlive the reader.
+  explicit LineReader(std::string_view text);
+  bool next(std::string_view& line);
+  /// Of the line last given, counted from 1.
+  int number() const { return number_; }
+
+ private:
+  std::string_view rest_;
+  int number_ = 0;
+};
+
+/// Takes the next value off `line`; values are separated by one comma, or by blanks. False at the end of the line.
+bool take_field(std::string_view& line, std::string_view& field);
+
+/// The whole field as a number; nan and inf are numbers here. False otherwise.
+bool parse_number(std::string_view field, double& value);
+bool parse_number(std::string_view field, std::int64_t& value);
+/// Decimal seconds (`12.5`, `1.4e9`) to integer nanoseconds; plain decimals exactly. False: not a number, or out of range.
+bool parse_seconds(std::string_view field, std::int64_t& ns);
+
+/// Rows of a time and `columns` numbers.
+struct NumberTable {
+  std::size_t columns = 0;
+  std::vector<std::int64_t> time_ns;
+  std::vector<double> values;  ///< row-major
+  const double* row(std::size_t i) const { return values.data() + i * columns; }
+  std::size_t rows() const { return time_ns.size(); }
+};
+
+enum class TimeColumn { kNanoseconds, kSeconds };
+
+/// Parses a text of the file `name`. Fails if and only if a field is no number, or a line has not as many values (time included) as
+/// the first, or that number is none of `widths`. `what` names a row in the message, for instance "IMU sample".
+Result<NumberTable> parse_table(std::string_view text, const std::string& name, TimeColumn time,
+                                const std::vector<std::size_t>& widths, const std::string& what);
+
+}  // namespace epiline
