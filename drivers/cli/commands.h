@@ -1,5 +1,6 @@
 #pragma once
-// The commands of the program. Each function adds one to the command line; when it is chosen, its exit code lands in `exit_code`.
+// The commands of the program. Each function adds one to the command line; when it is chosen, its exit code lands in
+// `exit_code`.
 #include <CLI/CLI.hpp>
 
 #include "platform/error/result.h"

@@ -26,7 +26,8 @@ void print_text(const TrajectoryErrors& e, const std::string& align, std::size_t
   print_summary("ATE " + align, e.ate(*alignment_from(align)));
   fmt::print("scale      {:+.3f} %\nyaw drift  {:+.3f} deg\n", 100 * e.scale_error, e.yaw_drift_deg);
   for (const RelativeError& r : e.rpe) {
-    fmt::print("over {:>4.0f} m {:8.3f} % {:8.3f} deg  ({} pieces)\n", r.distance_m, r.translation_percent, r.rotation_deg, r.pairs);
+    fmt::print("over {:>4.0f} m {:8.3f} % {:8.3f} deg  ({} pieces)\n", r.distance_m, r.translation_percent,
+               r.rotation_deg, r.pairs);
   }
 }
 
@@ -37,7 +38,8 @@ int evaluate_files(const Options& options) {
   if (!reference) return report(reference.error());
   const TrajectoryErrors errors = evaluate(*estimate, *reference);
   if (errors.poses == 0) {
-    return report({ErrorKind::kUsage, options.estimate, 0, "no pose at a time of the reference", "stamps of one clock"});
+    return report(
+        {ErrorKind::kUsage, options.estimate, 0, "no pose at a time of the reference", "stamps of one clock"});
   }
   if (options.json) {
     auto json = to_json(errors);

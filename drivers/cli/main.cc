@@ -21,7 +21,9 @@ std::string first_line(const std::string& text) { return text.substr(0, text.fin
 
 int run(int argc, char** argv) {
   int exit_code = kExitDone;
-  CLI::App app("Visual-inertial odometry without a map: a camera and an IMU in, pose, velocity and their covariance out.", "epiline");
+  CLI::App app(
+      "Visual-inertial odometry without a map: a camera and an IMU in, pose, velocity and their covariance out.",
+      "epiline");
   app.require_subcommand(1);
   app.set_version_flag("--version", EPILINE_VERSION);
   add_evaluate(app, exit_code);

@@ -44,20 +44,24 @@ Status read_image_list(AslDataset& d) {
     if (take_field(line, more)) return fail("more than two values", "integer nanoseconds, image file");
     d.images.push_back({HostStamp{ns}, folder / std::string(name), lines.number()});
   }
-  if (d.images.empty()) return Error{ErrorKind::kUsage, d.image_list.string(), 0, "no image", "integer nanoseconds, image file"};
+  if (d.images.empty())
+    return Error{ErrorKind::kUsage, d.image_list.string(), 0, "no image", "integer nanoseconds, image file"};
   return Done{};
 }
 
 Status read_tracks(AslDataset& d) {
   const auto text = read_text(d.image_list);
   if (!text) return text.error();
-  const auto table = parse_table(*text, d.image_list.string(), TimeColumn::kNanoseconds, {4}, "track point (time, id, u, v)");
+  const auto table =
+      parse_table(*text, d.image_list.string(), TimeColumn::kNanoseconds, {4}, "track point (time, id, u, v)");
   if (!table) return table.error();
   for (std::size_t i = 0; i < table->rows(); ++i) {
     const double* row = table->row(i);
-    const bool good_id = row[0] >= 0 && row[0] <= std::numeric_limits<std::uint32_t>::max() && row[0] == std::floor(row[0]);
+    const bool good_id =
+        row[0] >= 0 && row[0] <= std::numeric_limits<std::uint32_t>::max() && row[0] == std::floor(row[0]);
     if (!good_id) {
-      return Error{ErrorKind::kUsage, d.image_list.string(), 0, "a track id of " + std::to_string(row[0]), "integers from 0 to 2^32-1"};
+      return Error{ErrorKind::kUsage, d.image_list.string(), 0, "a track id of " + std::to_string(row[0]),
+                   "integers from 0 to 2^32-1"};
     }
     const HostStamp stamp{table->time_ns[i]};
     if (d.instants.empty() || d.instants.back().stamp != stamp) d.instants.push_back({stamp, d.points.size(), 0});
@@ -102,7 +106,8 @@ Status read_imu(AslDataset& d, const fs::path& calibration_file) {
   if (path.empty()) return missing(folder / "data.csv", "the IMU's samples");
   const auto text = read_text(path);
   if (!text) return text.error();
-  const auto table = parse_table(*text, path.string(), TimeColumn::kNanoseconds, {7}, "IMU sample (time, 3 rates, 3 forces)");
+  const auto table =
+      parse_table(*text, path.string(), TimeColumn::kNanoseconds, {7}, "IMU sample (time, 3 rates, 3 forces)");
   if (!table) return table.error();
   if (table->rows() == 0) return Error{ErrorKind::kUsage, path.string(), 0, "no IMU sample", "time, 3 rates, 3 forces"};
   d.imu_samples.reserve(table->rows());

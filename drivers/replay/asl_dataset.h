@@ -33,24 +33,26 @@ struct TrackInstant {
 };
 
 struct AslDataset {
-  std::filesystem::path root;         ///< the folder that holds cam0 and imu0
-  std::filesystem::path image_list;   ///< data.csv or tracks.csv[.gz] of the camera
+  std::filesystem::path root;        ///< the folder that holds cam0 and imu0
+  std::filesystem::path image_list;  ///< data.csv or tracks.csv[.gz] of the camera
   CameraCalibration camera;
   ImuCalibration imu;
-  std::vector<std::string> notes;     ///< remarks for the user, one line each
-  std::vector<ImageFile> images;      ///< in the file's order; empty when there are tracks
-  std::vector<TrackInstant> instants; ///< in the file's order; empty when there are images
+  std::vector<std::string> notes;      ///< remarks for the user, one line each
+  std::vector<ImageFile> images;       ///< in the file's order; empty when there are tracks
+  std::vector<TrackInstant> instants;  ///< in the file's order; empty when there are images
   std::vector<TrackPoint> points;
-  std::vector<ImuSample> imu_samples; ///< in the file's order, whatever it is: the estimator counts the bad ones
+  std::vector<ImuSample> imu_samples;  ///< in the file's order, whatever it is: the estimator counts the bad ones
   std::optional<Trajectory> ground_truth;
   std::size_t instants_count() const { return images.empty() ? instants.size() : images.size(); }
   HostStamp instant(std::size_t i) const { return images.empty() ? instants[i].stamp : images[i].stamp; }
 };
 
-/// Opens the folder (or its `mav0`) and reads everything but the images. `camera`: cam0, cam1. Calibration comes from the files named in
-/// `camera_file` and `imu_file` instead of the data set's if they are not empty. Fails if and only if a file is missing that a replay needs
-/// (calibration, image list, IMU), one does not parse, or images or IMU are empty. No `imu0/sensor.yaml` and no ground truth are no errors.
+/// Opens the folder (or its `mav0`) and reads everything but the images. `camera`: cam0, cam1. Calibration comes from
+/// the files named in `camera_file` and `imu_file` instead of the data set's if they are not empty. Fails if and only
+/// if a file is missing that a replay needs (calibration, image list, IMU), one does not parse, or images or IMU are
+/// empty. No `imu0/sensor.yaml` and no ground truth are no errors.
 Result<AslDataset> open_asl_dataset(const std::filesystem::path& folder, const std::string& camera,
-                                    const std::filesystem::path& camera_file = {}, const std::filesystem::path& imu_file = {});
+                                    const std::filesystem::path& camera_file = {},
+                                    const std::filesystem::path& imu_file = {});
 
 }  // namespace epiline

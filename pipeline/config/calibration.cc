@@ -15,7 +15,8 @@ namespace epiline {
 
 namespace {
 
-/// A YAML file and the complaints about it. Complaints are thrown inside this file only; its two functions turn them into values.
+/// A YAML file and the complaints about it. Complaints are thrown inside this file only; its two functions turn them
+/// into values.
 class YamlFile {
  public:
   explicit YamlFile(const std::filesystem::path& path) : name_(path.string()) {
@@ -78,12 +79,14 @@ class YamlFile {
     }
     return values;
   }
-  std::vector<double> numbers(const YAML::Node& node, std::initializer_list<std::size_t> counts, const std::string& what) const {
+  std::vector<double> numbers(const YAML::Node& node, std::initializer_list<std::size_t> counts,
+                              const std::string& what) const {
     const std::vector<double> values = numbers(node);
     if (std::find(counts.begin(), counts.end(), values.size()) != counts.end()) return values;
     std::string list;
     for (const std::size_t c : counts) list += (list.empty() ? "" : " or ") + std::to_string(c);
-    throw complaint(node, std::to_string(values.size()) + (values.size() == 1 ? " number" : " numbers"), list + ": " + what);
+    throw complaint(node, std::to_string(values.size()) + (values.size() == 1 ? " number" : " numbers"),
+                    list + ": " + what);
   }
 
  private:
@@ -106,7 +109,8 @@ RigidMotion rigid_motion(const YamlFile& file, const YAML::Node& node) {
   }
   constexpr double kRounding = 1e-3;  // published matrices are printed with a few digits
   const bool last_row = m[12] == 0 && m[13] == 0 && m[14] == 0 && m[15] == 1;
-  if (!last_row || (T.R.transpose() * T.R - Mat3::Identity()).cwiseAbs().maxCoeff() > kRounding || T.R.determinant() < 0) {
+  if (!last_row || (T.R.transpose() * T.R - Mat3::Identity()).cwiseAbs().maxCoeff() > kRounding ||
+      T.R.determinant() < 0) {
     throw file.complaint(data, "a matrix that is no rigid motion", "a rotation and a translation over (0 0 0 1)");
   }
   T.R = so3_normalised(T.R);
@@ -124,13 +128,15 @@ void read_projection(const YamlFile& file, const YAML::Node& map, CameraParamete
     camera.model = CameraModel::kDoubleSphere;
     numbers = file.numbers(intrinsics, {6}, "xi alpha fu fv cu cv");
     camera.distortion = {numbers[0], numbers[1]};
-    if (!(numbers[1] >= 0 && numbers[1] <= 1)) throw file.complaint(intrinsics, "alpha outside 0 to 1", "xi alpha fu fv cu cv");
+    if (!(numbers[1] >= 0 && numbers[1] <= 1))
+      throw file.complaint(intrinsics, "alpha outside 0 to 1", "xi alpha fu fv cu cv");
     numbers.erase(numbers.begin(), numbers.begin() + 2);
   } else {
     throw file.complaint(model, "unknown camera model \"" + name + "\"", "pinhole or double-sphere");
   }
   std::copy(numbers.begin(), numbers.end(), camera.intrinsics.begin());
-  if (!(numbers[0] > 0 && numbers[1] > 0)) throw file.complaint(intrinsics, "a focal length that is not above zero", "pixels");
+  if (!(numbers[0] > 0 && numbers[1] > 0))
+    throw file.complaint(intrinsics, "a focal length that is not above zero", "pixels");
 }
 
 void read_distortion(const YamlFile& file, const YAML::Node& map, CameraParameters& camera) {
@@ -167,7 +173,8 @@ CameraCalibration camera_from(const YamlFile& file, const std::string& name) {
   const std::vector<double> size = file.numbers(resolution, {2}, "width height");
   constexpr double kLargest = 16384;
   for (const double s : size) {
-    if (!(s >= 1 && s <= kLargest && s == std::floor(s))) throw file.complaint(resolution, "no image size", "width height in pixels");
+    if (!(s >= 1 && s <= kLargest && s == std::floor(s)))
+      throw file.complaint(resolution, "no image size", "width height in pixels");
   }
   camera.parameters.width = static_cast<int>(size[0]);
   camera.parameters.height = static_cast<int>(size[1]);
@@ -185,7 +192,8 @@ ImuCalibration imu_from(const YamlFile& file) {
     const RigidMotion T = rigid_motion(file, T_BS);
     constexpr double kSame = 1e-6;
     if (!T.R.isIdentity(kSame) || T.p.norm() > kSame) {
-      throw file.complaint(T_BS, "an IMU that is not the body", "the identity, with the camera's T_BS relative to the IMU");
+      throw file.complaint(T_BS, "an IMU that is not the body",
+                           "the identity, with the camera's T_BS relative to the IMU");
     }
   }
   ImuCalibration imu;
@@ -193,7 +201,8 @@ ImuCalibration imu_from(const YamlFile& file) {
   imu.noise.gyroscope_random_walk = file.positive(file.require(map, {"gyroscope_random_walk"}));
   imu.noise.accelerometer_density = file.positive(file.require(map, {"accelerometer_noise_density"}));
   imu.noise.accelerometer_random_walk = file.positive(file.require(map, {"accelerometer_random_walk"}));
-  const YAML::Node gyroscope = file.find(map, {"gyroscope_saturation"}), accelerometer = file.find(map, {"accelerometer_saturation"});
+  const YAML::Node gyroscope = file.find(map, {"gyroscope_saturation"}),
+                   accelerometer = file.find(map, {"accelerometer_saturation"});
   if (gyroscope.IsDefined()) imu.saturation_gyroscope_rad_s = file.positive(gyroscope);
   if (accelerometer.IsDefined()) imu.saturation_accelerometer_m_s2 = file.positive(accelerometer);
   return imu;

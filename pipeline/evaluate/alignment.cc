@@ -14,14 +14,16 @@ Vec3 mean_of(const std::vector<Vec3>& points) {
   return sum / static_cast<double>(points.size());
 }
 
-/// The rotation R that maximises trace(R S), S = sum of e_i r_i^T: the largest eigenvector of Horn's matrix is its quaternion.
+/// The rotation R that maximises trace(R S), S = sum of e_i r_i^T: the largest eigenvector of Horn's matrix is its
+/// quaternion.
 Mat3 best_rotation(const Mat3& S) {
   Eigen::Matrix4d N;
-  N << S.trace(), S(1, 2) - S(2, 1), S(2, 0) - S(0, 2), S(0, 1) - S(1, 0),  //
+  N << S.trace(), S(1, 2) - S(2, 1), S(2, 0) - S(0, 2), S(0, 1) - S(1, 0),   //
       0, S(0, 0) - S(1, 1) - S(2, 2), S(0, 1) + S(1, 0), S(2, 0) + S(0, 2),  //
       0, 0, -S(0, 0) + S(1, 1) - S(2, 2), S(1, 2) + S(2, 1),                 //
       0, 0, 0, -S(0, 0) - S(1, 1) + S(2, 2);
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(Eigen::Matrix4d(N.transpose()));  // reads the lower triangle
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(
+      Eigen::Matrix4d(N.transpose()));  // reads the lower triangle
   const Eigen::Vector4d q = solver.eigenvectors().col(3);
   return Eigen::Quaterniond(q[0], q[1], q[2], q[3]).toRotationMatrix();
 }

@@ -25,8 +25,9 @@ struct Similarity {
   Vec3 operator()(const Vec3& x) const { return s * (R * x) + t; }
 };
 
-/// The member of the family that minimises the sum of |reference_i - (s R estimate_i + t)|^2, in closed form (Horn 1987). Where the points do
-/// not determine it (too few, or on a line), one of the minimisers. Both lists have the same length; empty ones give the identity.
+/// The member of the family that minimises the sum of |reference_i - (s R estimate_i + t)|^2, in closed form (Horn
+/// 1987). Where the points do not determine it (too few, or on a line), one of the minimisers. Both lists have the same
+/// length; empty ones give the identity.
 Similarity align(Alignment family, const std::vector<Vec3>& estimate, const std::vector<Vec3>& reference);
 
 /// The rotation about z that comes closest to R, as an angle (rad).

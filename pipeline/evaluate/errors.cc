@@ -103,7 +103,8 @@ double yaw_drift(const std::vector<PosePair>& pairs) {
 }
 
 /// Normalised estimation error squared: 1 where the covariance tells the truth.
-void add_consistency(const std::vector<PosePair>& pairs, const std::vector<PoseUncertainty>& uncertainty, TrajectoryErrors& errors) {
+void add_consistency(const std::vector<PosePair>& pairs, const std::vector<PoseUncertainty>& uncertainty,
+                     TrajectoryErrors& errors) {
   double position_sum = 0, yaw_sum = 0;
   std::size_t position_count = 0, yaw_count = 0;
   const PosePair* origin = nullptr;
@@ -115,7 +116,8 @@ void add_consistency(const std::vector<PosePair>& pairs, const std::vector<PoseU
     }
     const double heading = yaw_error(*origin);
     const Mat3 Rz = yaw_rotation(heading);
-    const Vec3 moved_e = pair.estimate.p_WB - origin->estimate.p_WB, moved_r = pair.reference.p_WB - origin->reference.p_WB;
+    const Vec3 moved_e = pair.estimate.p_WB - origin->estimate.p_WB,
+               moved_r = pair.reference.p_WB - origin->reference.p_WB;
     const Vec3 error_W = Rz.transpose() * moved_r - moved_e;  // in the estimate's world, as the covariance is
     const Eigen::LDLT<Mat3> P(u.position);
     if (P.info() == Eigen::Success && P.isPositive() && P.vectorD().minCoeff() > 0) {
@@ -151,15 +153,20 @@ std::vector<PosePair> associate(const Trajectory& estimate, const Trajectory& re
 
 const Summary& TrajectoryErrors::ate(Alignment alignment) const {
   switch (alignment) {
-    case Alignment::k4Dof: return ate_4dof;
-    case Alignment::kSe3: return ate_se3;
-    case Alignment::kSim3: return ate_sim3;
-    case Alignment::kNone: break;
+    case Alignment::k4Dof:
+      return ate_4dof;
+    case Alignment::kSe3:
+      return ate_se3;
+    case Alignment::kSim3:
+      return ate_sim3;
+    case Alignment::kNone:
+      break;
   }
   return ate_none;
 }
 
-TrajectoryErrors evaluate(const Trajectory& estimate, const Trajectory& reference, const std::vector<PoseUncertainty>& uncertainty) {
+TrajectoryErrors evaluate(const Trajectory& estimate, const Trajectory& reference,
+                          const std::vector<PoseUncertainty>& uncertainty) {
   TrajectoryErrors errors;
   const std::vector<PosePair> pairs = associate(estimate, reference);
   errors.poses = pairs.size();

@@ -12,9 +12,9 @@ namespace epiline {
 
 /// What the estimator claims about one of its poses.
 struct PoseUncertainty {
-  Mat3 position = Mat3::Zero();   ///< covariance of p_WB in W, m^2
-  double yaw_variance = 0;        ///< of the rotation about W's z axis, rad^2
-  std::uint32_t segment = 0;      ///< grows when the estimator starts anew: another origin and heading
+  Mat3 position = Mat3::Zero();  ///< covariance of p_WB in W, m^2
+  double yaw_variance = 0;       ///< of the rotation about W's z axis, rad^2
+  std::uint32_t segment = 0;     ///< grows when the estimator starts anew: another origin and heading
 };
 
 /// An estimated pose and the true one at its time.
@@ -23,8 +23,8 @@ struct PosePair {
   std::size_t index = 0;  ///< of the estimate in its trajectory
 };
 
-/// Pairs every estimated pose with the interpolated reference; poses outside the reference or in its gaps have no pair. A gap is a hole
-/// of more than 0.1 s, or of 2.5 usual intervals where the reference is slower than that.
+/// Pairs every estimated pose with the interpolated reference; poses outside the reference or in its gaps have no pair.
+/// A gap is a hole of more than 0.1 s, or of 2.5 usual intervals where the reference is slower than that.
 std::vector<PosePair> associate(const Trajectory& estimate, const Trajectory& reference);
 
 /// Drift over pieces of the true path of one length.
@@ -36,17 +36,19 @@ struct RelativeError {
 };
 
 struct TrajectoryErrors {
-  std::size_t poses = 0;             ///< estimated poses with a reference
-  double path_length_m = 0;          ///< of the reference over these poses
+  std::size_t poses = 0;                          ///< estimated poses with a reference
+  double path_length_m = 0;                       ///< of the reference over these poses
   Summary ate_none, ate_4dof, ate_se3, ate_sim3;  ///< absolute trajectory error, m
-  double scale_error = 0;            ///< estimated over true length, minus 1
-  double yaw_drift_deg = 0;          ///< yaw error over the last second minus over the first
-  std::vector<RelativeError> rpe;    ///< over 1, 2, 5, 10, 20, ... m, as far as the path reaches
-  std::optional<double> nees_position, nees_yaw;  ///< mean, per degree of freedom; aligned at the first pose of each segment
+  double scale_error = 0;                         ///< estimated over true length, minus 1
+  double yaw_drift_deg = 0;                       ///< yaw error over the last second minus over the first
+  std::vector<RelativeError> rpe;                 ///< over 1, 2, 5, 10, 20, ... m, as far as the path reaches
+  std::optional<double> nees_position,
+      nees_yaw;  ///< mean, per degree of freedom; aligned at the first pose of each segment
   const Summary& ate(Alignment alignment) const;
 };
 
-/// `uncertainty` is empty or runs along with `estimate.poses`. Without a single pair `poses` is zero and so is everything else.
+/// `uncertainty` is empty or runs along with `estimate.poses`. Without a single pair `poses` is zero and so is
+/// everything else.
 TrajectoryErrors evaluate(const Trajectory& estimate, const Trajectory& reference,
                           const std::vector<PoseUncertainty>& uncertainty = {});
 

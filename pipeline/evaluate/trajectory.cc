@@ -27,7 +27,8 @@ Trajectory from_table(const NumberTable& table, bool asl) {
   for (std::size_t i = 0; i < table.rows(); ++i) {
     const double* row = table.row(i);
     const double* q = row + 3;
-    const Eigen::Quaterniond q_WB = asl ? Eigen::Quaterniond(q[0], q[1], q[2], q[3]) : Eigen::Quaterniond(q[3], q[0], q[1], q[2]);
+    const Eigen::Quaterniond q_WB =
+        asl ? Eigen::Quaterniond(q[0], q[1], q[2], q[3]) : Eigen::Quaterniond(q[3], q[0], q[1], q[2]);
     if (!finite(row, table.columns) || q_WB.norm() < 0.5) {
       ++t.not_finite;
       continue;

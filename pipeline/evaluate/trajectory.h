@@ -15,7 +15,7 @@ namespace epiline {
 /// Pose of the body B in a world W.
 struct TimedPose {
   HostStamp stamp;
-  Vec3 p_WB = Vec3::Zero();                                   ///< m
+  Vec3 p_WB = Vec3::Zero();  ///< m
   Eigen::Quaterniond q_WB = Eigen::Quaterniond::Identity();
 };
 
@@ -30,12 +30,12 @@ struct Trajectory {
 };
 
 /// Reads an ASL ground truth (csv: t_ns, p, q wxyz [, v [, bias of gyroscope, of accelerometer]]) or a TUM trajectory
-/// (t_s tx ty tz qx qy qz qw), plain or gzipped; the first line with data tells which. Fails if and only if the file cannot be read,
-/// a line does not parse, or no pose is left.
+/// (t_s tx ty tz qx qy qz qw), plain or gzipped; the first line with data tells which. Fails if and only if the file
+/// cannot be read, a line does not parse, or no pose is left.
 Result<Trajectory> read_trajectory(const std::filesystem::path& path);
 
-/// Linear and spherical interpolation at `stamp`. False outside the trajectory and in its gaps: where the neighbours are further apart
-/// than `max_gap`. `hint` speeds up queries in time order: where the last one was found.
+/// Linear and spherical interpolation at `stamp`. False outside the trajectory and in its gaps: where the neighbours
+/// are further apart than `max_gap`. `hint` speeds up queries in time order: where the last one was found.
 bool interpolate(const Trajectory& trajectory, HostStamp stamp, Span max_gap, TimedPose& pose, std::size_t& hint);
 
 }  // namespace epiline

@@ -10,7 +10,8 @@ using Json = nlohmann::ordered_json;
 /// rmse, mean, median, p95, max
 Json to_json(const Summary& summary);
 
-/// The `error` block of stats.json; `coverage` is null, the caller knows the images. Without poses every figure is null.
+/// The `error` block of stats.json; `coverage` is null, the caller knows the images. Without poses every figure is
+/// null.
 Json to_json(const TrajectoryErrors& errors);
 
 }  // namespace epiline

@@ -44,7 +44,8 @@ Result<std::string> read_text(const std::filesystem::path& path) {
   errno = 0;
   const gzFile file = gzopen(path.c_str(), "rb");
   if (!file) {
-    return Error{ErrorKind::kUsage, path.string(), 0, "cannot be opened (" + system_message(errno) + ")", "a readable file"};
+    return Error{ErrorKind::kUsage, path.string(), 0, "cannot be opened (" + system_message(errno) + ")",
+                 "a readable file"};
   }
   gzbuffer(file, 1u << 17);
   std::string text;
@@ -120,8 +121,8 @@ bool parse_seconds(std::string_view field, std::int64_t& ns) {
   const std::size_t point = std::min(field.find('.'), field.size());
   const std::string_view fraction = field.substr(std::min(point + 1, field.size()));
   std::int64_t whole = 0;
-  const bool plain = parse_number(field.substr(0, point), whole) &&
-                     fraction.find_first_not_of("0123456789") == std::string_view::npos;
+  const bool plain =
+      parse_number(field.substr(0, point), whole) && fraction.find_first_not_of("0123456789") == std::string_view::npos;
   if (plain) {
     std::int64_t part = 0;
     for (std::size_t i = 0; i < 9; ++i) part = part * 10 + (i < fraction.size() ? fraction[i] - '0' : 0);

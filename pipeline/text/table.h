@@ -10,8 +10,8 @@
 
 namespace epiline {
 
-/// The bytes of a file; a gzipped one is unpacked whatever its name. Fails if and only if it cannot be opened or read to its
-/// end, or its gzip stream is damaged or cut short.
+/// The bytes of a file; a gzipped one is unpacked whatever its name. Fails if and only if it cannot be opened or read
+/// to its end, or its gzip stream is damaged or cut short.
 Result<std::string> read_text(const std::filesystem::path& path);
 
 /// `folder/name`, or `folder/name.gz` if only that exists; empty if neither does.
@@ -37,7 +37,8 @@ bool take_field(std::string_view& line, std::string_view& field);
 /// The whole field as a number; nan and inf are numbers here. False otherwise.
 bool parse_number(std::string_view field, double& value);
 bool parse_number(std::string_view field, std::int64_t& value);
-/// Decimal seconds (`12.5`, `1.4e9`) to integer nanoseconds; plain decimals exactly. False: not a number, or out of range.
+/// Decimal seconds (`12.5`, `1.4e9`) to integer nanoseconds; plain decimals exactly. False: not a number, or out of
+/// range.
 bool parse_seconds(std::string_view field, std::int64_t& ns);
 
 /// Rows of a time and `columns` numbers.
@@ -51,8 +52,9 @@ struct NumberTable {
 
 enum class TimeColumn { kNanoseconds, kSeconds };
 
-/// Parses a text of the file `name`. Fails if and only if a field is no number, or a line has not as many values (time included) as
-/// the first, or that number is none of `widths`. `what` names a row in the message, for instance "IMU sample".
+/// Parses a text of the file `name`. Fails if and only if a field is no number, or a line has not as many values (time
+/// included) as the first, or that number is none of `widths`. `what` names a row in the message, for instance "IMU
+/// sample".
 Result<NumberTable> parse_table(std::string_view text, const std::string& name, TimeColumn time,
                                 const std::vector<std::size_t>& widths, const std::string& what);
 

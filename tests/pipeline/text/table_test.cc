@@ -1,0 +1,132 @@
+#include "pipeline/text/table.h"
+
+#include <gtest/gtest.h>
+#include <zlib.h>
+
+#include <cmath>
+#include <fstream>
+
+namespace epiline {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path scratch(const std::string& name) { return fs::path(testing::TempDir()) / ("epiline_table_" + name); }
+
+void write(const fs::path& path, const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
+
+void write_gzipped(const fs::path& path, const std::string& text) {
+  const gzFile file = gzopen(path.c_str(), "wb");
+  gzwrite(file, text.data(), static_cast<unsigned>(text.size()));
+  gzclose(file);
+}
+
+TEST(ParseSeconds, KeepsEveryNanosecond) {
+  std::int64_t ns = 0;
+  ASSERT_TRUE(parse_seconds("1403636584.763555584", ns));
+  EXPECT_EQ(ns, 1403636584763555584);
+  ASSERT_TRUE(parse_seconds("-0.000000001", ns));
+  EXPECT_EQ(ns, -1);
+  ASSERT_TRUE(parse_seconds("-3.25", ns));
+  EXPECT_EQ(ns, -3'250'000'000);
+  ASSERT_TRUE(parse_seconds("7", ns));
+  EXPECT_EQ(ns, 7'000'000'000);
+  ASSERT_TRUE(parse_seconds("0.9999999996", ns));
+  EXPECT_EQ(ns, 1'000'000'000);
+  ASSERT_TRUE(parse_seconds("1.5e3", ns));
+  EXPECT_EQ(ns, 1'500'000'000'000);
+}
+
+TEST(ParseSeconds, RefusesWhatIsNoTime) {
+  std::int64_t ns = 0;
+  for (const char* text : {"", "abc", "1.2.3", "nan", "inf", "1e30", "99999999999999999", "1.5x", "--3"}) {
+    EXPECT_FALSE(parse_seconds(text, ns)) << text;
+  }
+}
+
+TEST(TakeField, SplitsAtCommasAndBlanks) {
+  const auto split = [](std::string_view line) {
+    std::vector<std::string> fields;
+    for (std::string_view field; take_field(line, field);) fields.emplace_back(field);
+    return fields;
+  };
+  using Fields = std::vector<std::string>;
+  EXPECT_EQ(split("1,2, 3"), (Fields{"1", "2", "3"}));
+  EXPECT_EQ(split("1 2\t 3 "), (Fields{"1", "2", "3"}));
+  EXPECT_EQ(split("1,,3"), (Fields{"1", "", "3"}));
+  EXPECT_EQ(split("1,2,"), (Fields{"1", "2", ""}));
+}
+
+TEST(ParseTable, ReadsNumbersCommentsAndForeignLineEnds) {
+  const auto t = parse_table("\xEF\xBB\xBF#time,a,b\r\n10,1.5,-2e3\r\n\r\n  20 , nan,+inf \n", "f",
+                             TimeColumn::kNanoseconds, {3}, "row");
+  ASSERT_TRUE(t) << t.error().text();
+  ASSERT_EQ(t->rows(), 2u);
+  EXPECT_EQ(t->columns, 2u);
+  EXPECT_EQ(t->time_ns[1], 20);
+  EXPECT_DOUBLE_EQ(t->row(0)[0], 1.5);
+  EXPECT_DOUBLE_EQ(t->row(0)[1], -2000);
+  EXPECT_TRUE(std::isnan(t->row(1)[0]));
+  EXPECT_TRUE(std::isinf(t->row(1)[1]));
+}
+
+struct BadText {
+  const char *text, *complaint;
+};
+
+class BadTable : public testing::TestWithParam<BadText> {};
+
+TEST_P(BadTable, NamesFileLineAndExpectation) {
+  const auto t = parse_table(GetParam().text, "f.csv", TimeColumn::kNanoseconds, {3, 5}, "row");
+  ASSERT_FALSE(t);
+  EXPECT_EQ(t.error().text(), GetParam().complaint);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, BadTable,
+    testing::Values(BadText{"# head\n1,2,3\n4,5\n", "f.csv:3: 2 values; expected 3 in a line, one row"},
+                    BadText{"1,2,3\n4,5,6,7,8\n", "f.csv:2: 5 values; expected 3 in a line, one row"},
+                    BadText{"1\n", "f.csv:1: 1 value; expected 3 or 5 in a line, one row"},
+                    BadText{"1,2,x\n", "f.csv:1: \"x\"; expected a number"},
+                    BadText{"1,2,\n", "f.csv:1: \"\"; expected a number"},
+                    BadText{"1,2,3.5.1\n", "f.csv:1: \"3.5.1\"; expected a number"},
+                    BadText{"1.5,2,3\n", "f.csv:1: \"1.5\"; expected a time in integer nanoseconds"},
+                    BadText{"99999999999999999999,2,3\n",
+                            "f.csv:1: \"99999999999999999999\"; expected a time in integer nanoseconds"}));
+
+TEST(ReadText, UnpacksGzipAndReadsPlain) {
+  std::string text;
+  for (int i = 0; i < 400'000; ++i) text += std::to_string(i) + "\n";  // more than one chunk
+  write(scratch("plain"), text);
+  write_gzipped(scratch("packed.gz"), text);
+  const auto plain = read_text(scratch("plain")), packed = read_text(scratch("packed.gz"));
+  ASSERT_TRUE(plain);
+  ASSERT_TRUE(packed);
+  EXPECT_EQ(*plain, text);
+  EXPECT_EQ(*packed, text);
+}
+
+TEST(ReadText, RefusesACutOrDamagedGzipStream) {
+  std::string noise;
+  for (unsigned i = 0, x = 1; i < 100'000; ++i) noise += static_cast<char>((x = x * 1664525u + 1013904223u) >> 24);
+  write_gzipped(scratch("whole.gz"), noise);
+  std::string bytes = *read_text(scratch("whole.gz")) == noise ? "" : "unreadable";
+  std::ifstream in(scratch("whole.gz"), std::ios::binary);
+  bytes.assign(std::istreambuf_iterator<char>(in), {});
+  write(scratch("cut.gz"), bytes.substr(0, bytes.size() / 2));
+  EXPECT_FALSE(read_text(scratch("cut.gz")));
+  bytes[bytes.size() / 2] = static_cast<char>(~bytes[bytes.size() / 2]);
+  write(scratch("damaged.gz"), bytes);
+  EXPECT_FALSE(read_text(scratch("damaged.gz")));
+}
+
+TEST(ReadText, NamesWhatIsNotThere) {
+  const auto text = read_text("/nonexistent/file.csv");
+  ASSERT_FALSE(text);
+  EXPECT_EQ(text.error().text(),
+            "/nonexistent/file.csv: cannot be opened (No such file or directory); expected a readable file");
+  EXPECT_FALSE(read_text(testing::TempDir()));  // a folder
+}
+
+}  // namespace
+}  // namespace epiline
