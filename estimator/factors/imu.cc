@@ -1,5 +1,7 @@
 #include "estimator/factors/imu.h"
 
+#include <Eigen/Cholesky>
+
 namespace epiline {
 
 void evaluate_imu(const Preintegration& z, const NavState& x_i, const NavState& x_j, const NavState& l_i, const NavState& l_j,
@@ -25,7 +27,8 @@ void evaluate_imu(const Preintegration& z, const NavState& x_i, const NavState& 
   block(p, bg) = -z.J.block<3, 3>(p, bg);
   block(th, th) = -J_inv * l_j.R.transpose() * l_i.R;
   block(th, j + th) = J_inv;
-  block(th, bg) = -J_inv * so3_exp(r_theta).transpose() * z.J.block<3, 3>(th, bg);
+  const Mat3 J_theta_g = z.J.block<3, 3>(th, bg);
+  block(th, bg) = -J_inv * so3_exp(r_theta).transpose() * so3_right_jacobian(J_theta_g * (x_i.b_g - z.b_g)) * J_theta_g;
   block(v, th) = skew(L_iT * (l_j.v - l_i.v - kGravity_W * T));
   block(v, v) = -L_iT;
   block(v, j + v) = L_iT;
@@ -33,6 +36,17 @@ void evaluate_imu(const Preintegration& z, const NavState& x_i, const NavState& 
   block(v, bg) = -z.J.block<3, 3>(v, bg);
   block(ba, ba) = block(bg, bg) = -Mat3::Identity();
   block(ba, j + ba) = block(bg, j + bg) = Mat3::Identity();
+}
+
+bool square_root_information(const Preintegration& z, Mat15& L_inverse) {
+  Mat15 C = z.C;
+  // A single midpoint step correlates p and v fully. One millionth more variance of p makes that positive definite.
+  C.diagonal().head<3>() *= 1 + 1e-6;
+  const Eigen::LLT<Mat15> cholesky(C);
+  if (cholesky.info() != Eigen::Success) return false;
+  L_inverse.setIdentity();
+  cholesky.matrixL().solveInPlace(L_inverse);
+  return true;
 }
 
 }  // namespace epiline

@@ -16,4 +16,8 @@ struct ImuResidual {
 void evaluate_imu(const Preintegration& z, const NavState& x_i, const NavState& x_j, const NavState& l_i, const NavState& l_j,
                   ImuResidual& out);
 
+/// L^-1 (lower) with L L^T = C: whitens the residual and its Jacobian; constant while the interval is. False if and only if
+/// C is not positive definite (an interval without samples); `L_inverse` is then unspecified.
+bool square_root_information(const Preintegration& z, Mat15& L_inverse);
+
 }  // namespace epiline

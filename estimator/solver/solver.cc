@@ -35,12 +35,7 @@ const Eigen::Matrix<double, kCalibration, kCalibration>& Solver::calibration_cov
   return memory_->calibration_covariance;
 }
 
-bool whiten(Slot& slot) {
-  const Eigen::LLT<Mat15> llt(slot.imu.C);
-  if (llt.info() != Eigen::Success) return false;
-  slot.L_inverse = llt.matrixL().solve(Mat15::Identity());
-  return slot.L_inverse.allFinite();
-}
+bool whiten(Slot& slot) { return square_root_information(slot.imu, slot.L_inverse) && slot.L_inverse.allFinite(); }
 
 namespace {
 

@@ -1,0 +1,186 @@
+// docs/derivations/imu.md
+#include "estimator/inertial/preintegration.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <Eigen/Cholesky>
+
+#include "estimator/geometry/so3.h"
+#include "tests/estimator/inertial/random_interval.h"
+
+namespace epiline {
+namespace {
+
+using test::Random;
+using test::Readings;
+
+const ImuNoise kNoise{};
+
+// Rotation at constant rate, constant acceleration of the origin: the midpoint rule is exact for it.
+TEST(Preintegration, IsExactForConstantRateAndConstantAcceleration) {
+  const Vec3 w(0.4, -1.2, 0.7), a(3, -2, 9), b_a(0.1, -0.2, 0.05), b_g(0.01, 0.08, -0.03);
+  const double dt = 0.005;
+  Preintegration interval;
+  interval.reset(b_a, b_g);
+  const auto specific_force = [&](int k) -> Vec3 { return so3_exp(w * (k * dt)).transpose() * a + b_a; };
+  for (int k = 0; k < 200; ++k)
+    interval.integrate(w + b_g, specific_force(k), w + b_g, specific_force(k + 1), dt, kNoise);
+  EXPECT_NEAR(interval.T, 1, 1e-12);
+  EXPECT_LT((interval.dp - 0.5 * a).norm(), 1e-12);
+  EXPECT_LT((interval.dv - a).norm(), 1e-12);
+  EXPECT_LT((interval.dR - Eigen::AngleAxisd(w.norm(), w.normalized()).toRotationMatrix()).norm(), 1e-12);
+}
+
+// Constant rate and constant specific force in the body: the closed form is an integral of Exp, the rule is of second
+// order.
+TEST(Preintegration, ConvergesWithTheSquareOfTheStep) {
+  const Vec3 w(0.4, -1.2, 0.7), a(3, -2, 9);
+  const Vec3 dv = so3_right_jacobian(-w) * a;  // int_0^1 Exp(w t) dt a
+  double error[2];
+  for (int n = 0; n < 2; ++n) {
+    const int steps = n == 0 ? 50 : 100;
+    Preintegration interval;
+    interval.reset(Vec3::Zero(), Vec3::Zero());
+    for (int k = 0; k < steps; ++k) interval.integrate(w, a, w, a, 1.0 / steps, kNoise);
+    error[n] = (interval.dv - dv).norm();
+  }
+  EXPECT_LT(error[0], 1e-3);
+  EXPECT_NEAR(error[0] / error[1], 4, 0.02);
+}
+
+RC_GTEST_PROP(PreintegrationProperty, MeanEqualsAnIndependentIntegrator, (std::uint32_t seed)) {
+  Random random(seed);
+  const Readings s = test::agile_readings(2 + *rc::gen::inRange(0, 60), random.uniform(0.001, 0.01), random);
+  const Vec3 b_a = random.gaussian(0.3), b_g = random.gaussian(0.1);
+  const Preintegration interval = test::integrated(s, b_a, b_g, kNoise);
+  test::Motion m;
+  for (int k = 0; k + 1 < s.count; ++k)
+    test::step(m, s.w[k] - b_g, s.a[k] - b_a, s.w[k + 1] - b_g, s.a[k + 1] - b_a, s.dt);
+  RC_ASSERT((interval.dp - m.p).norm() < 1e-12);
+  RC_ASSERT((interval.dv - m.v).norm() < 1e-12);
+  RC_ASSERT((interval.dR - m.q.toRotationMatrix()).norm() < 1e-12);
+}
+
+// F is accurate to second order in the step, hence so is J: blocks that vanish with the interval are compared on the
+// scale they have after the whole interval.
+RC_GTEST_PROP(PreintegrationProperty, JacobianPredictsReintegrationWithOtherBiases, (std::uint32_t seed)) {
+  Random random(seed);
+  const Readings s = test::agile_readings(21, 0.005, random);
+  const Preintegration at = test::integrated(s, Vec3::Zero(), Vec3::Zero(), kNoise);
+  const double h = 1e-5;
+  for (int bias = 0; bias < 2; ++bias) {
+    Eigen::Matrix<double, 9, 3> numeric;
+    for (int axis = 0; axis < 3; ++axis) {
+      const Vec3 d = h * Vec3::Unit(axis), zero = Vec3::Zero();
+      const Preintegration plus = test::integrated(s, bias == 0 ? d : zero, bias == 1 ? d : zero, kNoise);
+      const Preintegration minus = test::integrated(s, bias == 0 ? -d : zero, bias == 1 ? -d : zero, kNoise);
+      numeric.col(axis) << plus.dp - minus.dp,
+          so3_log(at.dR.transpose() * plus.dR) - so3_log(at.dR.transpose() * minus.dR), plus.dv - minus.dv;
+    }
+    numeric /= 2 * h;
+    for (int row = 0; row < 9; row += 3) {
+      const Mat3 analytic = at.J.block<3, 3>(row, 9 + 3 * bias), expected = numeric.block<3, 3>(row, 0);
+      RC_ASSERT((analytic - expected).norm() < 1e-6 * expected.norm() + 1e-9);
+    }
+  }
+}
+
+RC_GTEST_PROP(PreintegrationProperty, CorrectedEqualsReintegrationToSecondOrder, (std::uint32_t seed)) {
+  Random random(seed);
+  const Readings s = test::agile_readings(21, 0.005, random);
+  const Preintegration at = test::integrated(s, Vec3::Zero(), Vec3::Zero(), kNoise);
+  const Vec3 b_a = random.gaussian(0.05), b_g = random.gaussian(0.005);
+  const Preintegration moved = test::integrated(s, b_a, b_g, kNoise);
+  Vec3 p, v;
+  Mat3 R;
+  at.corrected(b_a, b_g, p, v, R);
+  const double p_shift = (moved.dp - at.dp).norm(), v_shift = (moved.dv - at.dv).norm();
+  RC_ASSERT((p - moved.dp).norm() < 0.01 * p_shift);
+  RC_ASSERT((v - moved.dv).norm() < 0.01 * v_shift);
+  RC_ASSERT((R - moved.dR).norm() < 0.01 * (moved.dR - at.dR).norm());
+}
+
+// Noise that is constant during a step is what Q assumes. Whitened with the predicted covariance, the sample covariance
+// of N runs is the identity with standard deviation sqrt(2/N) on and sqrt(1/N) off the diagonal; 5 of those, and 0.02
+// for the terms of second order in the step that Q leaves out.
+TEST(Preintegration, CovarianceEqualsMonteCarlo) {
+  constexpr int kRuns = 10000;
+  // Walks of the biases large enough to matter within the interval.
+  const ImuNoise noise{.gyroscope_density = 2e-3,
+                       .gyroscope_random_walk = 2e-2,
+                       .accelerometer_density = 2e-2,
+                       .accelerometer_random_walk = 3e-1};
+  Random random(7);
+  const Readings s = test::agile_readings(41, 0.005, random);
+  const Preintegration predicted = test::integrated(s, Vec3::Zero(), Vec3::Zero(), noise);
+  test::Motion truth;
+  for (int k = 0; k + 1 < s.count; ++k) test::step(truth, s.w[k], s.a[k], s.w[k + 1], s.a[k + 1], s.dt);
+
+  const Eigen::LLT<Mat15> L(predicted.C);
+  ASSERT_EQ(L.info(), Eigen::Success);
+  Mat15 sample = Mat15::Zero();
+  const double root_dt = std::sqrt(s.dt);
+  for (int run = 0; run < kRuns; ++run) {
+    test::Motion m;
+    Vec3 b_a = Vec3::Zero(), b_g = Vec3::Zero();
+    for (int k = 0; k + 1 < s.count; ++k) {
+      const Vec3 a = b_a + random.gaussian(noise.accelerometer_density / root_dt);
+      const Vec3 w = b_g + random.gaussian(noise.gyroscope_density / root_dt);
+      test::step(m, s.w[k] + w, s.a[k] + a, s.w[k + 1] + w, s.a[k + 1] + a, s.dt);
+      b_a += random.gaussian(noise.accelerometer_random_walk * root_dt);
+      b_g += random.gaussian(noise.gyroscope_random_walk * root_dt);
+    }
+    Vec15 error;  // what the true state is off the predicted one
+    error << truth.p - m.p, so3_log((m.q.conjugate() * truth.q).toRotationMatrix()), truth.v - m.v, b_a, b_g;
+    const Vec15 white = L.matrixL().solve(error);
+    sample += white * white.transpose() / kRuns;
+  }
+  for (int i = 0; i < 15; ++i)
+    for (int j = 0; j <= i; ++j)
+      EXPECT_NEAR(sample(i, j), i == j, 5 * std::sqrt((i == j ? 2.0 : 1.0) / kRuns) + 0.02) << i << " " << j;
+}
+
+RC_GTEST_PROP(PreintegrationProperty, JoinEqualsDirectIntegration, (std::uint32_t seed)) {
+  Random random(seed);
+  const Readings s = test::agile_readings(41, 0.005, random);
+  const int cut = *rc::gen::inRange(1, 40);
+  const Vec3 b_a = random.gaussian(0.1), b_g = random.gaussian(0.05);
+  Preintegration joined, second;
+  joined.reset(b_a, b_g);
+  test::integrate(s, 0, cut, kNoise, joined);
+  second.reset(b_a, b_g);
+  test::integrate(s, cut, s.count - 1, kNoise, second);
+  joined.join(second);
+  const Preintegration direct = test::integrated(s, b_a, b_g, kNoise);
+  RC_ASSERT(std::abs(joined.T - direct.T) < 1e-12);
+  RC_ASSERT((joined.dp - direct.dp).norm() < 1e-9);
+  RC_ASSERT((joined.dv - direct.dv).norm() < 1e-9);
+  RC_ASSERT((joined.dR - direct.dR).norm() < 1e-9);
+  RC_ASSERT((joined.J - direct.J).norm() < 1e-9);
+  const Vec15 sigma = direct.C.diagonal().cwiseSqrt();
+  RC_ASSERT(((joined.C - direct.C).array().abs() / (sigma * sigma.transpose()).array()).maxCoeff() < 1e-6);
+}
+
+// The second interval was linearised elsewhere: joining moves it to the first one's biases, exact to first order.
+RC_GTEST_PROP(PreintegrationProperty, JoinMovesTheSecondIntervalToTheBiasesOfTheFirst, (std::uint32_t seed)) {
+  Random random(seed);
+  const Readings s = test::agile_readings(41, 0.005, random);
+  const Vec3 b_a = random.gaussian(0.1), b_g = random.gaussian(0.05), d_a = random.gaussian(0.02),
+             d_g = random.gaussian(0.002);
+  Preintegration joined, second;
+  joined.reset(b_a, b_g);
+  test::integrate(s, 0, 20, kNoise, joined);
+  second.reset(b_a + d_a, b_g + d_g);
+  test::integrate(s, 20, 40, kNoise, second);
+  joined.join(second);
+  const Preintegration direct = test::integrated(s, b_a, b_g, kNoise);
+  RC_ASSERT((joined.b_a - b_a).norm() == 0 && (joined.b_g - b_g).norm() == 0);
+  RC_ASSERT((joined.dp - direct.dp).norm() < 2e-5);  // the shift itself is 1e-4 and more
+  RC_ASSERT((joined.dv - direct.dv).norm() < 2e-4);
+  RC_ASSERT((joined.dR - direct.dR).norm() < 2e-5);
+}
+
+}  // namespace
+}  // namespace epiline
