@@ -1,0 +1,211 @@
+#include "drivers/simulate/flights.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string>
+#include <utility>
+
+#include "estimator/geometry/so3.h"
+
+namespace epiline {
+namespace {
+
+/// Controls of the two splines of a flight, one pair for each knot.
+struct Controls {
+  double interval_s;
+  double flight_s;
+  std::vector<Vec3> position, euler;
+
+  Controls(double interval, double flight) : interval_s(interval), flight_s(flight) {}
+  int count() const { return static_cast<int>(flight_s / interval_s) + 6; }
+  double time(int i) const { return (i - 1) * interval_s; }
+  void push(const Vec3& p, const Vec3& e) {
+    position.push_back(p);
+    euler.push_back(e);
+  }
+  Flight finish(const Room& room) && {
+    // The last pieces of the spline are left out: every flight ends in full motion.
+    return {CubicSpline(interval_s, std::move(position)), CubicSpline(interval_s, std::move(euler)), flight_s - 0.6,
+            room};
+  }
+};
+
+/// A random walk of position and yaw, reflected at the sides of a box, with independent roll and pitch.
+struct Wander {
+  double step_m;
+  Vec3 limit_m;
+  double yaw_step_rad, tilt_rad;
+  Vec3 position = Vec3::Zero(), euler = Vec3::Zero();
+
+  void step(Random& random) {
+    for (int k = 0; k < 3; ++k) {
+      double& x = position[k];
+      x += step_m * random.normal();
+      if (x > limit_m[k]) x = 2 * limit_m[k] - x;
+      if (x < -limit_m[k]) x = -2 * limit_m[k] - x;
+    }
+    euler.z() += yaw_step_rad * random.normal();
+    for (int k = 0; k < 2; ++k) euler[k] = tilt_rad * random.normal();
+  }
+};
+
+Flight make_wandering(double interval_s, double flight_s, Wander wander, const Room& room, Random& random) {
+  Controls controls(interval_s, flight_s);
+  wander.euler.z() = random.uniform(-3, 3);
+  for (int i = 0; i < controls.count(); ++i) {
+    wander.step(random);
+    controls.push(wander.position, wander.euler);
+  }
+  return std::move(controls).finish(room);
+}
+
+/// Where the body is in the calm middle of a flight, relative to where the middle began.
+struct CalmOffset {
+  Vec3 position = Vec3::Zero(), euler = Vec3::Zero();
+
+  void step(FlightKind kind, double calm_s, Random& random) {
+    if (kind == FlightKind::kHover) {
+      for (int k = 0; k < 3; ++k) {
+        position[k] = 0.9 * position[k] + 0.012 * random.normal();
+        euler[k] = 0.9 * euler[k] + 0.006 * random.normal();
+      }
+    } else if (kind == FlightKind::kPureRotation) {
+      euler = Vec3(0.15 * std::sin(1.1 * calm_s), 0.2 * std::sin(0.9 * calm_s), 1.2 * std::sin(0.55 * calm_s));
+    }
+  }
+};
+
+/// Eight seconds of flight, `calm_s` of something calmer, eight seconds of flight.
+Flight make_interrupted(FlightKind kind, double calm_s, Random& random) {
+  constexpr double kBefore_s = 8, kAfter_s = 8;
+  Controls controls(0.5, kBefore_s + calm_s + kAfter_s);
+  Wander wander{.step_m = 0.45, .limit_m = {2, 2, 0.8}, .yaw_step_rad = 0.25, .tilt_rad = 0.12};
+  wander.euler.z() = random.uniform(-3, 3);
+  CalmOffset offset;
+  for (int i = 0; i < controls.count(); ++i) {
+    const double t = controls.time(i) - kBefore_s;
+    if (t < 0 || t >= calm_s) {
+      wander.step(random);
+      controls.push(wander.position, wander.euler);
+    } else {
+      wander.euler.head<2>().setZero();  // level: a hovering body does not lean
+      offset.step(kind, t, random);
+      controls.push(wander.position + offset.position, wander.euler + offset.euler);
+    }
+  }
+  return std::move(controls).finish(Room{});
+}
+
+Flight make_straight(Random& random) {
+  constexpr double kShaken_s = 6, kSpeed_m_s = 1.5;
+  Controls controls(0.5, 50);
+  double x = 0;
+  for (int i = 0; i < controls.count(); ++i) {
+    const double t = controls.time(i);
+    Vec3 position(x, 0, 0), euler(0, 0, std::numbers::pi / 2);
+    if (t < kShaken_s) {
+      position += random.normal3(1).cwiseProduct(Vec3(0.3, 0.3, 0.2));
+      euler += random.normal3(1).cwiseProduct(Vec3(0.05, 0.05, 0.1));
+    }
+    controls.push(position, euler);
+    x += controls.interval_s * kSpeed_m_s * std::clamp((t - 2) / 4, 0.0, 1.0);
+  }
+  return std::move(controls).finish(Room{.low = {-20, -6, -3}, .high = {100, 6, 5}});
+}
+
+Flight make_corridor(Random& random) {
+  constexpr double kShaken_s = 5, kSpeed_m_s = 1.3;
+  Controls controls(0.5, 50);
+  const double phase = random.uniform(-3, 3);
+  double x = 0;
+  for (int i = 0; i < controls.count(); ++i) {
+    const double t = controls.time(i);
+    const bool shaken = t < kShaken_s;
+    Vec3 position(x, 0.08 * std::sin(0.5 * t + phase), 0);
+    position.y() += (shaken ? 0.15 : 0.01) * random.normal();
+    position.z() += (shaken ? std::hypot(0.02, 0.1) : 0.02) * random.normal();
+    Vec3 euler = random.normal3(1).cwiseProduct(Vec3(0.01, 0.015, 0.01));
+    euler.z() += 0.05 * std::sin(0.4 * t + phase);
+    controls.push(position, euler);
+    x += controls.interval_s * kSpeed_m_s * std::clamp(t / 3, 0.0, 1.0);
+  }
+  return std::move(controls).finish(Room{.low = {-5, -1.3, -1.2}, .high = {90, 1.3, 1.8}, .nearest_share = 0.75});
+}
+
+constexpr std::array<const char*, kAllFlights.size()> kNames{"agile",    "hall",     "hover",  "still",
+                                                             "straight", "corridor", "purerot"};
+
+}  // namespace
+
+CubicSpline::CubicSpline(double interval_s, std::vector<Vec3> controls)
+    : interval_s_(interval_s), controls_(std::move(controls)) {}
+
+CubicSpline::Value CubicSpline::at(double t_s) const {
+  const double s = t_s / interval_s_;
+  const double last = static_cast<double>(controls_.size() - 4);
+  const double piece = std::clamp(std::floor(s), 0.0, last);
+  const double u = s - piece;
+  const Vec3* c = controls_.data() + static_cast<std::size_t>(piece);
+  // One row for each derivative order: weights of the four controls, times 6.
+  const double u2 = u * u, u3 = u2 * u;
+  const double w0[4] = {1 - 3 * u + 3 * u2 - u3, 4 - 6 * u2 + 3 * u3, 1 + 3 * u + 3 * u2 - 3 * u3, u3};
+  const double w1[4] = {-3 + 6 * u - 3 * u2, -12 * u + 9 * u2, 3 + 6 * u - 9 * u2, 3 * u2};
+  const double w2[4] = {6 - 6 * u, -12 + 18 * u, 6 - 18 * u, 6 * u};
+  Value v{Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};
+  for (int i = 0; i < 4; ++i) {
+    v.value += w0[i] / 6 * c[i];
+    v.first += w1[i] / (6 * interval_s_) * c[i];
+    v.second += w2[i] / (6 * interval_s_ * interval_s_) * c[i];
+  }
+  return v;
+}
+
+const char* to_string(FlightKind kind) { return kNames[static_cast<std::size_t>(kind)]; }
+
+std::optional<FlightKind> flight_from(std::string_view name) {
+  for (const FlightKind kind : kAllFlights)
+    if (name == to_string(kind)) return kind;
+  return std::nullopt;
+}
+
+Flight::Flight(CubicSpline position_m, CubicSpline euler_rad, double duration_s, const Room& room)
+    : position_(std::move(position_m)), euler_(std::move(euler_rad)), duration_s_(duration_s), room_(room) {}
+
+Motion Flight::at(double t_s) const {
+  const CubicSpline::Value p = position_.at(t_s), e = euler_.at(t_s);
+  const Mat3 R_x = so3_exp(Vec3(e.value.x(), 0, 0)), R_y = so3_exp(Vec3(0, e.value.y(), 0));
+  Motion m;
+  m.p_WB = p.value;
+  m.v_WB = p.first;
+  m.a_WB = p.second;
+  m.R_WB = so3_exp(Vec3(0, 0, e.value.z())) * R_y * R_x;
+  // Each Euler rate turns about its own axis, which the rotations after it carry along.
+  m.omega_B =
+      Vec3(e.first.x(), 0, 0) + R_x.transpose() * (Vec3(0, e.first.y(), 0) + R_y.transpose() * Vec3(0, 0, e.first.z()));
+  return m;
+}
+
+Flight make_flight(FlightKind kind, Random& random) {
+  switch (kind) {
+    case FlightKind::kAgile:
+      return make_wandering(0.5, 40, {.step_m = 0.9, .limit_m = {2.5, 2.5, 1}, .yaw_step_rad = 0.5, .tilt_rad = 0.25},
+                            Room{}, random);
+    case FlightKind::kHall:
+      return make_wandering(1.0, 60, {.step_m = 1.0, .limit_m = {8, 5, 1.5}, .yaw_step_rad = 0.3, .tilt_rad = 0.1},
+                            Room{.low = {-14, -9, -3}, .high = {14, 9, 6}}, random);
+    case FlightKind::kHover:
+      return make_interrupted(kind, 60, random);
+    case FlightKind::kStill:
+      return make_interrupted(kind, 40, random);
+    case FlightKind::kPureRotation:
+      return make_interrupted(kind, 20, random);
+    case FlightKind::kStraight:
+      return make_straight(random);
+    case FlightKind::kCorridor:
+      return make_corridor(random);
+  }
+  return {};
+}
+
+}  // namespace epiline

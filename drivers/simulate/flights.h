@@ -1,0 +1,84 @@
+#pragma once
+// Made-up flights: position and Euler angles as cubic B-splines, so that velocity, acceleration and angular rate are
+// known in closed form.
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "drivers/simulate/random.h"
+#include "estimator/geometry/types.h"
+
+namespace epiline {
+
+/// Gravity in W, m/s^2.
+inline const Vec3 kGravity_W{0, 0, -9.81};
+
+/// A uniform cubic B-spline of 3-vectors. Twice continuously differentiable.
+class CubicSpline {
+ public:
+  struct Value {
+    Vec3 value, first, second;  ///< and its derivatives by time
+  };
+  CubicSpline() = default;
+  /// `controls`: four at least. Control i weighs most at the time (i - 1) * `interval_s`.
+  CubicSpline(double interval_s, std::vector<Vec3> controls);
+  /// `t_s` in [0, end_s()]; outside, the last piece is continued.
+  Value at(double t_s) const;
+  double end_s() const { return interval_s_ * static_cast<double>(controls_.size() - 3); }
+
+ private:
+  double interval_s_ = 1;
+  std::vector<Vec3> controls_;
+};
+
+/// What the body does at one instant.
+struct Motion {
+  Vec3 p_WB, v_WB, a_WB;  ///< m, m/s, m/s^2
+  Mat3 R_WB;
+  Vec3 omega_B;                                                                     ///< rad/s
+  Vec3 specific_force_B() const { return R_WB.transpose() * (a_WB - kGravity_W); }  ///< m/s^2
+};
+
+enum class FlightKind : std::uint8_t {
+  kAgile,         ///< about 2 m/s with turns in a room
+  kHall,          ///< the same, slower, in a hall
+  kHover,         ///< flight, a minute of hovering with a few centimetres of slow drift, flight
+  kStill,         ///< flight, 40 s exactly at rest, flight
+  kStraight,      ///< shaken for 6 s, then at constant speed, the camera looking sideways
+  kCorridor,      ///< forward through a narrow corridor
+  kPureRotation,  ///< flight, 20 s of rotation about the IMU, flight
+};
+inline constexpr std::array kAllFlights{FlightKind::kAgile,       FlightKind::kHall,     FlightKind::kHover,
+                                        FlightKind::kStill,       FlightKind::kStraight, FlightKind::kCorridor,
+                                        FlightKind::kPureRotation};
+const char* to_string(FlightKind kind);
+std::optional<FlightKind> flight_from(std::string_view name);
+
+/// The box the flight takes place in, and how its walls are furnished.
+struct Room {
+  Vec3 low{-5, -5, -1.5}, high{5, 5, 3};  ///< corners in W, m
+  double nearest_share = 0.4;             ///< things to see lie between this share of the way to the wall and the wall
+};
+
+class Flight {
+ public:
+  Flight() = default;
+  /// `euler_rad`: roll, pitch, yaw; R_WB = R_z(yaw) R_y(pitch) R_x(roll).
+  Flight(CubicSpline position_m, CubicSpline euler_rad, double duration_s, const Room& room);
+  /// `t_s` in [0, duration_s()].
+  Motion at(double t_s) const;
+  double duration_s() const { return duration_s_; }
+  const Room& room() const { return room_; }
+
+ private:
+  CubicSpline position_, euler_;
+  double duration_s_ = 0;
+  Room room_;
+};
+
+/// A random flight of that kind.
+Flight make_flight(FlightKind kind, Random& random);
+
+}  // namespace epiline
