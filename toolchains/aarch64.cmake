@@ -1,0 +1,22 @@
+# Cross build for 64-bit ARM boards on Debian 12. EPILINE_SYSROOT: the folder that toolchains/make_sysroot_aarch64 made.
+# Programs run on this machine under qemu, so ctest works as usual.
+set(CMAKE_SYSTEM_NAME Linux)
+set(CMAKE_SYSTEM_PROCESSOR aarch64)
+set(CMAKE_LIBRARY_ARCHITECTURE aarch64-linux-gnu)
+set(CMAKE_C_COMPILER aarch64-linux-gnu-gcc)
+set(CMAKE_CXX_COMPILER aarch64-linux-gnu-g++)
+
+if(NOT EPILINE_SYSROOT)
+  set(EPILINE_SYSROOT "$ENV{EPILINE_SYSROOT}")
+endif()
+if(NOT IS_DIRECTORY "${EPILINE_SYSROOT}/usr")
+  message(FATAL_ERROR "EPILINE_SYSROOT: ${EPILINE_SYSROOT} is no root folder; make one with toolchains/make_sysroot_aarch64")
+endif()
+set(CMAKE_TRY_COMPILE_PLATFORM_VARIABLES EPILINE_SYSROOT)
+set(CMAKE_SYSROOT "${EPILINE_SYSROOT}")
+set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
+set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
+set(CMAKE_FIND_ROOT_PATH_MODE_INCLUDE ONLY)
+set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
+set(CMAKE_EXE_LINKER_FLAGS_INIT "-Wl,-rpath-link,${EPILINE_SYSROOT}/usr/lib/aarch64-linux-gnu")
+set(CMAKE_CROSSCOMPILING_EMULATOR "qemu-aarch64-static;-L;${EPILINE_SYSROOT}")
