@@ -1,0 +1,43 @@
+#pragma once
+// What a moving start is given and what it finds. Frame 0 is the oldest; everything found is in the body frame B_0 at
+// frame 0.
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "estimator/geometry/types.h"
+#include "estimator/inertial/preintegration.h"
+
+namespace epiline {
+
+inline constexpr int kStartFrames = 21;
+inline constexpr int kStartTracks = 400;
+inline constexpr double kGravity = 9.81;  ///< m/s^2
+
+/// One feature: in which frames it was seen (ascending) and its unit bearings there, in the camera frame.
+struct StartTrack {
+  int count = 0;
+  std::array<std::uint8_t, kStartFrames> frame;
+  std::array<Vec3, kStartFrames> f_C;
+};
+
+struct StartProblem {
+  int frames = 0;                            ///< at most kStartFrames
+  const Preintegration* interval = nullptr;  ///< [k]: frame k -> k + 1, linearised at (b_a = 0, b_g_ref)
+  std::span<const StartTrack> tracks;        ///< tracks beyond kStartTracks are not used
+  Mat3 R_BC = Mat3::Identity();
+  Vec3 p_BC = Vec3::Zero();
+  double sigma_rad = 1e-3;  ///< bearing noise, rad
+  Vec3 b_g_ref = Vec3::Zero();
+  double b_g_sigma = 0.1;  ///< rad/s: what is known of the gyroscope bias around b_g_ref
+  double b_a_sigma = 0.1;  ///< m/s^2: what is known of the accelerometer bias around zero
+};
+
+/// The state at frame 0, which with the IMU readings determines the whole path.
+struct StartState {
+  Vec3 v_0 = Vec3::Zero();           ///< m/s
+  Vec3 g_0 = Vec3(0, 0, -kGravity);  ///< gravity, |g_0| = kGravity
+  Vec3 b_g = Vec3::Zero(), b_a = Vec3::Zero();
+};
+
+}  // namespace epiline

@@ -1,0 +1,263 @@
+#include "estimator/initialise/start_refinement.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "estimator/geometry/so3.h"
+
+namespace epiline {
+namespace {
+
+// The kernel narrows from stage to stage: a wide one pulls from afar, the last one (2 sigma) forgets gross errors.
+constexpr std::array<double, 3> kKernel = {32, 8, 2};
+constexpr double kDepthDamping = 0.04;             // (1/m)^-2: holds an inverse depth that the images do not see
+constexpr double kDepthPrior = 0.2;                // 1/m, the inverse depth where there is no parallax at all
+constexpr double kNearest = 8, kFarthest = 0.004;  // bounds of the inverse depth, 1/m
+constexpr double kSpeedSigma = 10;                 // m/s: only keeps the system regular
+constexpr int kInnerSteps = 2;
+constexpr int kIterations = 8;       // per stage
+constexpr double kConverged = 1e-4;  // relative gain that ends a stage
+
+/// A camera: rotation and centre in B_0 with their derivatives.
+struct View {
+  Mat3 R;
+  Vec3 c, p;
+  StartRows dp, dphi;
+};
+
+struct Normal {
+  StartMatrix H = StartMatrix::Zero();
+  StartVector b = StartVector::Zero();
+  double cost = 0;
+};
+
+/// Temporary homogeneous point (m, rho) of one track, relative to its first camera centre.
+class TrackPoint {
+ public:
+  TrackPoint(const StartTrack& track, const std::array<View, kStartFrames>& view, double sigma, double kernel)
+      : track_(track), view_(view), sigma_(sigma), kernel2_(kernel * kernel), origin_(view[track.frame[0]].c) {
+    m_ = view[track.frame[0]].R * track.f_C[0];
+    double num = kDepthDamping * sigma * sigma * kDepthPrior, den = kDepthDamping * sigma * sigma;
+    for (int q = 0; q < track.count; ++q) {
+      const View& v = view[track.frame[q]];
+      const Vec3 f = v.R * track.f_C[q], A = f.cross(origin_ - v.c);
+      num -= A.dot(f.cross(m_));
+      den += A.squaredNorm();
+    }
+    rho_ = std::clamp(num / den, kFarthest, kNearest);
+    // Where the images see the depth the damping must go: over a hundred tracks it would pass for knowledge of scale.
+    damping_ = std::max(0.0, 2 * kDepthDamping - den / (sigma * sigma));
+  }
+
+  void solve_point() {
+    for (int n = 0; n < kInnerSteps; ++n) {
+      linearise();
+      const Vec3 dm = M_.llt().solve(y_);
+      const double along = m_.dot(dm) / m_.squaredNorm();
+      m_ += dm - along * m_;
+      rho_ = std::clamp(rho_ * (1 - along), kFarthest, kNearest);
+    }
+    linearise();
+  }
+
+  /// Adds the track's normal equations with the point eliminated. Returns its robust cost.
+  double add_to(Normal& n) const {
+    const Mat3 C = Mat3(M_.llt().matrixL()).inverse();
+    StartRows Q = StartRows::Zero();
+    for (int q = 0; q < track_.count; ++q) {
+      const View& v = view_[track_.frame[q]];
+      const StartRows D = -rho_ * v.dp + skew(m_ + rho_ * (origin_ - v.p)) * v.dphi;
+      const StartRows WD = W_[q] * D;
+      n.H.noalias() += D.transpose() * WD;
+      n.b.noalias() += D.transpose() * h_[q];
+      Q.noalias() += C * WD;
+    }
+    n.H.noalias() -= Q.transpose() * Q;
+    n.b.noalias() -= Q.transpose() * (C * y_);
+    n.cost += cost_;
+    return cost_;
+  }
+
+  double residual2(int q) const { return s_[q]; }
+  double cost() const { return cost_; }
+
+ private:
+  /// Residuals in the plane tangent to each measured bearing, their weights and the normal equations of m.
+  void linearise() {
+    M_ = (damping_ * rho_ * rho_ / (m_.squaredNorm() * m_.squaredNorm())) * m_ * m_.transpose();
+    y_.setZero();
+    cost_ = 0;
+    for (int q = 0; q < track_.count; ++q) {
+      const View& v = view_[track_.frame[q]];
+      const Vec3& f = track_.f_C[q];
+      const Vec3 Y = v.R.transpose() * (m_ + rho_ * (origin_ - v.c));
+      const double depth = f.dot(Y);
+      if (depth < 0.05) {  // behind the camera: no derivative, the cost of a gross error
+        W_[q].setZero();
+        h_[q].setZero();
+        s_[q] = 1e6;
+      } else {
+        Mat23 B;
+        B.row(0) = f.unitOrthogonal();
+        B.row(1) = f.cross(B.row(0).transpose());
+        const Vec2 u = B * Y / depth;
+        const Mat23 G = (B - u * f.transpose()) * v.R.transpose() / (depth * sigma_);
+        const Vec2 r = -u / sigma_;
+        s_[q] = r.squaredNorm();
+        const double w = 1 / (1 + s_[q] / kernel2_);
+        W_[q] = w * G.transpose() * G;
+        h_[q] = w * G.transpose() * r;
+      }
+      cost_ += kernel2_ * std::log1p(s_[q] / kernel2_);
+      M_ += W_[q];
+      y_ += h_[q];
+    }
+    M_.diagonal().array() += 1e-9;
+  }
+
+  const StartTrack& track_;
+  const std::array<View, kStartFrames>& view_;
+  double sigma_, kernel2_;
+  Vec3 origin_, m_;
+  double rho_ = 0, damping_ = 0, cost_ = 0;
+  Mat3 M_;
+  Vec3 y_;
+  std::array<Mat3, kStartFrames> W_;
+  std::array<Vec3, kStartFrames> h_;
+  std::array<double, kStartFrames> s_;
+};
+
+void place_cameras(const StartProblem& problem, const StartPath& path, const StartState& s,
+                   std::array<View, kStartFrames>& view) {
+  for (int k = 0; k < problem.frames; ++k) {
+    View& v = view[k];
+    v.p = path[k].position(s);
+    v.R = path[k].R * problem.R_BC;
+    v.c = v.p + path[k].R * problem.p_BC;
+    v.dp = path[k].position_rows(s.g_0);
+    v.dphi = path[k].rotation_rows();
+  }
+}
+
+void add_prior(const StartProblem& problem, const StartState& s, Normal& n) {
+  StartVector information, error = StartVector::Zero();
+  information << Vec3::Constant(1 / (kSpeedSigma * kSpeedSigma)), Vec2::Zero(),
+      Vec3::Constant(1 / (problem.b_g_sigma * problem.b_g_sigma)),
+      Vec3::Constant(1 / (problem.b_a_sigma * problem.b_a_sigma));
+  error.head<3>() = s.v_0;
+  error.segment<3>(5) = s.b_g - problem.b_g_ref;
+  error.tail<3>() = s.b_a;
+  n.H.diagonal() += information;
+  n.b -= information.cwiseProduct(error);
+  n.cost += error.dot(information.cwiseProduct(error));
+}
+
+int used_tracks(const StartProblem& problem) {
+  return std::min<int>(kStartTracks, static_cast<int>(problem.tracks.size()));
+}
+
+void linearise(const StartProblem& problem, const StartState& s, StartPath& path, std::array<View, kStartFrames>& view,
+               double kernel, Normal& n) {
+  chain(problem, s.b_g, s.b_a, path);
+  place_cameras(problem, path, s, view);
+  n = {};
+  add_prior(problem, s, n);
+  for (int t = 0; t < used_tracks(problem); ++t) {
+    if (problem.tracks[t].count < 2) continue;
+    TrackPoint point(problem.tracks[t], view, problem.sigma_rad, kernel);
+    point.solve_point();
+    point.add_to(n);
+  }
+}
+
+/// Relative standard deviation of the path's size: the covariance of all centres along their own offsets from the
+/// first.
+double scale_deviation(const StartProblem& problem, const std::array<View, kStartFrames>& view,
+                       const StartMatrix& covariance) {
+  StartVector along = StartVector::Zero();
+  double size2 = 0;
+  for (int k = 1; k < problem.frames; ++k) {
+    const Vec3 d = view[k].p - view[0].p;
+    along += view[k].dp.transpose() * d;
+    size2 += d.squaredNorm();
+  }
+  return std::sqrt(along.dot(covariance * along)) / std::max(size2, 1e-12);
+}
+
+/// Median of the residual lengths over 1.177, the median length of two unit Gaussians.
+double typical_residual(const StartProblem& problem, const std::array<View, kStartFrames>& view, int& tracks) {
+  std::array<double, kStartTracks> length;
+  tracks = 0;
+  for (int t = 0; t < used_tracks(problem); ++t) {
+    const StartTrack& track = problem.tracks[t];
+    if (track.count < 3) continue;
+    TrackPoint point(track, view, problem.sigma_rad, kKernel.back());
+    point.solve_point();
+    std::array<double, kStartFrames> s;
+    for (int q = 0; q < track.count; ++q) s[q] = point.residual2(q);
+    std::nth_element(s.begin(), s.begin() + track.count / 2, s.begin() + track.count);
+    // 2 n - 3 of 2 n degrees of freedom are left after the point is fitted
+    length[tracks++] = std::sqrt(s[track.count / 2] * (2.0 * track.count) / (2.0 * track.count - 3));
+  }
+  if (tracks == 0) return 0;
+  std::nth_element(length.begin(), length.begin() + tracks / 2, length.begin() + tracks);
+  return length[tracks / 2] / 1.177;
+}
+
+/// Damped Gauss-Newton with one kernel. `now` is left at the result. Returns false if the normal equations cannot be
+/// solved.
+bool descend(const StartProblem& problem, double kernel, int iterations, StartState& state, StartPath& path,
+             std::array<View, kStartFrames>& view, Normal& now, int& accepted) {
+  Normal trial;
+  linearise(problem, state, path, view, kernel, now);
+  double damping = 1e-6;
+  for (int n = 0; n < iterations; ++n) {
+    StartMatrix H = now.H;
+    H.diagonal() *= 1 + damping;
+    const StartVector step = H.ldlt().solve(now.b);
+    if (!step.allFinite()) return false;
+    const StartState candidate = moved(state, step);
+    linearise(problem, candidate, path, view, kernel, trial);
+    if (!(trial.cost <= now.cost)) {
+      damping = std::max(1e-4, damping * 30);
+      continue;
+    }
+    const double gain = now.cost - trial.cost;
+    state = candidate;
+    now = trial;
+    damping = std::max(1e-9, 0.1 * damping);
+    ++accepted;
+    if (gain < kConverged * now.cost) break;
+  }
+  return true;
+}
+
+}  // namespace
+
+double coarse_cost(const StartProblem& problem, const StartState& state, StartPath& path) {
+  std::array<View, kStartFrames> view;
+  Normal normal;
+  linearise(problem, state, path, view, kKernel.front(), normal);
+  return normal.cost;
+}
+
+bool refine(const StartProblem& problem, StartState& state, StartPath& path, RefinementFigures& figures) {
+  std::array<View, kStartFrames> view;
+  Normal normal;
+  figures.iterations = 0;
+  for (const double kernel : kKernel)
+    if (!descend(problem, kernel, kIterations, state, path, view, normal, figures.iterations)) return false;
+  chain(problem, state.b_g, state.b_a, path);
+  place_cameras(problem, path, state, view);
+  figures.cost = normal.cost;
+  const Eigen::LDLT<StartMatrix> ldlt(normal.H);
+  if (ldlt.info() != Eigen::Success || !ldlt.isPositive()) return false;
+  figures.covariance = ldlt.solve(StartMatrix::Identity());
+  figures.sigma_scale = scale_deviation(problem, view, figures.covariance);
+  figures.residual = typical_residual(problem, view, figures.tracks);
+  return figures.covariance.allFinite();
+}
+
+}  // namespace epiline

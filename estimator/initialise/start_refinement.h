@@ -1,0 +1,22 @@
+#pragma once
+// Joint nonlinear least squares over the state at frame 0: every pose follows from it through the IMU readings, every
+// point is eliminated from its track. Derivation: docs/derivations/initialisation.md.
+#include "estimator/initialise/start_path.h"
+
+namespace epiline {
+
+struct RefinementFigures {
+  int tracks = 0, iterations = 0;
+  double cost = 0;         ///< robust, prior included, in squared sigmas
+  double residual = 0;     ///< median length of a bearing's residual over that expected of Gaussian noise of one sigma
+  double sigma_scale = 0;  ///< relative standard deviation of the size of the path
+  StartMatrix covariance = StartMatrix::Zero();
+};
+
+/// Robust cost of a state under a wide kernel: tells a start within reach from one that is not. `path` is overwritten.
+[[nodiscard]] double coarse_cost(const StartProblem& problem, const StartState& state, StartPath& path);
+
+/// Improves `state` in place; `path` is left at the result. False: the normal equations have no solution.
+[[nodiscard]] bool refine(const StartProblem& problem, StartState& state, StartPath& path, RefinementFigures& figures);
+
+}  // namespace epiline

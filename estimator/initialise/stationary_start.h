@@ -1,0 +1,22 @@
+#pragma once
+// A start at rest: tilt and gyroscope bias from the mean readings; yaw and position are free and set to zero.
+#include <optional>
+
+#include "estimator/estimator.h"
+
+namespace epiline {
+
+/// Mean readings over a stretch at rest, in B.
+struct RestReadings {
+  Vec3 specific_force = Vec3::Zero();  ///< m/s^2
+  Vec3 rate = Vec3::Zero();            ///< rad/s
+  double duration_s = 0;
+};
+
+/// Empty: `state` (R_WB with zero yaw, b_g, deviations) is good. kBiasImplausible: the mean force is not gravity within
+/// `force_tolerance` (m/s^2), so either the body accelerates or the accelerometer is broken.
+[[nodiscard]] std::optional<StartRefusal> solve_stationary_start(const RestReadings& rest, const ImuNoise& noise,
+                                                                 double b_a_sigma, InitialState& state,
+                                                                 double force_tolerance = 0.6);
+
+}  // namespace epiline

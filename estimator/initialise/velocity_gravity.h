@@ -1,0 +1,18 @@
+#pragma once
+// Velocity and gravity at frame 0 from one linear system without points (LiGT rows, Cai et al. 2023; DRT, He et al.
+// 2023).
+#include "estimator/initialise/start_path.h"
+
+namespace epiline {
+
+struct LinearFigures {
+  int tracks = 0;  ///< with enough parallax to give rows
+  double parallax_rad =
+      0;  ///< median over tracks of the largest angle between two of its rotation-compensated bearings
+};
+
+/// Fills state.v_0 and state.g_0 (|g_0| = kGravity exactly) for the rotations and biases of `path`. False: no solution.
+[[nodiscard]] bool solve_velocity_gravity(const StartProblem& problem, const StartPath& path, StartState& state,
+                                          LinearFigures& figures);
+
+}  // namespace epiline

@@ -1,0 +1,224 @@
+#include "estimator/initialise/moving_start.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+
+#include "estimator/initialise/gyroscope_bias.h"
+#include "estimator/initialise/start_refinement.h"
+#include "estimator/initialise/velocity_gravity.h"
+#include "tests/estimator/initialise/start_flight.h"
+
+namespace epiline {
+namespace {
+
+using testing::Flight;
+using testing::FlightSettings;
+
+const Vec3 kEurocBias(-0.003, 0.021, 0.079);
+
+double angle(const Vec3& a, const Vec3& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
+
+/// Least-squares size of the path found over the true one.
+double scale(const Flight& f, const StartGuess& g) {
+  double num = 0, den = 0;
+  for (int k = 0; k < f.problem.frames; ++k) num += f.p[k].dot(g.p[k]), den += f.p[k].squaredNorm();
+  return num / den;
+}
+
+TEST(GyroscopeBias, IsFoundFromRotationAlone) {
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    FlightSettings s;
+    s.seed = seed;
+    s.b_g = kEurocBias;
+    Flight f;
+    testing::fly(testing::wandering(seed), s, f);
+    Vec3 b_g = Vec3::Zero();
+    ASSERT_TRUE(solve_gyroscope_bias(f.problem, b_g));
+    EXPECT_NEAR((b_g - kEurocBias).norm(), 0, 1e-3)
+        << "seed " << seed;  // first order in the bias: 0.08 rad/s over 0.05 s
+  }
+}
+
+TEST(GyroscopeBias, IsFoundWithoutTranslation) {
+  testing::Motion turn = testing::wandering(5);
+  turn.p = [](double) { return Vec3(0, 0, 0); };
+  FlightSettings s;
+  s.b_g = kEurocBias;
+  Flight f;
+  testing::fly(turn, s, f);
+  Vec3 b_g = Vec3::Zero();
+  ASSERT_TRUE(solve_gyroscope_bias(f.problem, b_g));
+  EXPECT_NEAR((b_g - kEurocBias).norm(), 0, 2e-3);
+}
+
+TEST(GyroscopeBias, NeedsTracksInCommon) {
+  FlightSettings s;
+  s.points = 10;
+  Flight f;
+  testing::fly(testing::wandering(1), s, f);
+  Vec3 b_g(1, 2, 3);
+  EXPECT_FALSE(solve_gyroscope_bias(f.problem, b_g));
+  EXPECT_EQ(b_g, Vec3(1, 2, 3));
+}
+
+TEST(VelocityGravity, AreExactWithoutNoise) {
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    FlightSettings s;
+    s.seed = seed;
+    s.imu_per_interval = 200;
+    Flight f;
+    testing::fly(testing::wandering(seed), s, f);
+    StartPath path;
+    chain(f.problem, Vec3::Zero(), Vec3::Zero(), path);
+    StartState x;
+    LinearFigures figures;
+    ASSERT_TRUE(solve_velocity_gravity(f.problem, path, x, figures)) << "seed " << seed;
+    EXPECT_NEAR((x.v_0 - f.truth.v_0).norm(), 0, 1e-5) << "seed " << seed;
+    EXPECT_NEAR((x.g_0 - f.truth.g_0).norm(), 0, 1e-5) << "seed " << seed;
+    EXPECT_NEAR(x.g_0.norm(), kGravity, 1e-9);
+  }
+}
+
+TEST(MovingStart, IsExactWithoutNoise) {
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    FlightSettings s;
+    s.seed = seed;
+    s.imu_per_interval = 200;
+    s.b_g = s.b_g_ref = kEurocBias;
+    Flight f;
+    testing::fly(testing::wandering(seed), s, f);
+    StartGuess g;
+    ASSERT_EQ(solve_moving_start(f.problem, {}, g), std::nullopt) << "seed " << seed;
+    EXPECT_NEAR((g.state.v_0 - f.truth.v_0).norm(), 0, 2e-6) << "seed " << seed;
+    EXPECT_NEAR(angle(g.state.g_0, f.truth.g_0), 0, 2e-6) << "seed " << seed;
+    EXPECT_NEAR((g.state.b_g - f.truth.b_g).norm(), 0, 2e-6) << "seed " << seed;
+    for (int k = 0; k < s.frames; ++k) {
+      EXPECT_NEAR((g.p[k] - f.p[k]).norm(), 0, 1e-6) << "seed " << seed << " frame " << k;
+      EXPECT_NEAR(so3_log(g.R[k].transpose() * f.R[k]).norm(), 0, 1e-6) << "seed " << seed << " frame " << k;
+    }
+  }
+}
+
+/// One pixel (of 458 to the radian) of noise, 2 % gross errors, both biases unknown: a guess is good or refused.
+TEST(MovingStart, IsGoodOrRefusedUnderNoise) {
+  int accepted = 0;
+  for (unsigned seed = 1; seed <= 30; ++seed) {
+    std::mt19937 random(seed);
+    std::normal_distribution<double> n(0, 0.05);
+    FlightSettings s;
+    s.seed = seed;
+    s.noise_rad = 1 / 458.0;
+    s.outliers = 0.02;
+    s.b_g = Vec3(n(random), n(random), n(random));
+    s.b_a = Vec3(n(random), n(random), n(random));
+    Flight f;
+    testing::fly(testing::wandering(seed), s, f);
+    StartGuess g;
+    if (solve_moving_start(f.problem, {}, g)) continue;
+    ++accepted;
+    EXPECT_NEAR(scale(f, g), 1, 3.5 * g.sigma_scale) << "seed " << seed;
+    EXPECT_LT((g.state.v_0 - f.truth.v_0).norm(), 3.5 * g.sigma_velocity) << "seed " << seed;
+    EXPECT_LT(angle(g.state.g_0, f.truth.g_0), 3.5 * g.sigma_tilt) << "seed " << seed;
+    EXPECT_LT((g.state.b_g - f.truth.b_g).norm(), 3.5 * g.sigma_b_g) << "seed " << seed;
+    EXPECT_NEAR(g.residual, 1, 0.35) << "seed " << seed;
+  }
+  EXPECT_GE(accepted, 25);
+}
+
+/// The covariance is that of the errors: mean of e' C^-1 e over its 11 degrees of freedom, biases drawn from their
+/// priors.
+TEST(MovingStart, CovarianceIsHonest) {
+  constexpr int kRuns = 60;
+  double sum = 0;
+  for (unsigned seed = 1; seed <= kRuns; ++seed) {
+    std::mt19937 random(seed);
+    std::normal_distribution<double> n;
+    FlightSettings s;
+    s.seed = seed;
+    s.imu_per_interval = 20;
+    s.noise_rad = 0.5 / 458.0;
+    s.b_g = 0.02 * Vec3(n(random), n(random), n(random));
+    s.b_a = 0.1 * Vec3(n(random), n(random), n(random));
+    Flight f;
+    testing::fly(testing::wandering(seed), s, f);
+    f.problem.b_g_sigma = 0.02;
+    StartState x = f.truth;
+    StartPath path;
+    RefinementFigures figures;
+    ASSERT_TRUE(refine(f.problem, x, path, figures));
+    StartVector e;
+    e << x.v_0 - f.truth.v_0, gravity_basis(x.g_0).transpose() * (x.g_0 - f.truth.g_0) / kGravity, x.b_g - f.truth.b_g,
+        x.b_a - f.truth.b_a;
+    sum += e.dot(figures.covariance.inverse() * e);
+  }
+  EXPECT_NEAR(sum / kRuns / kStartDof, 1, 0.25);  // Cauchy weights cost a little efficiency
+}
+
+TEST(MovingStart, RefusesConstantVelocity) {
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    FlightSettings s;
+    s.seed = seed;
+    s.noise_rad = 0.5 / 458.0;
+    Flight f;
+    testing::fly(testing::constant_velocity(Vec3(0.8, 0.5, 0.1)), s, f);
+    StartGuess g;
+    EXPECT_EQ(solve_moving_start(f.problem, {}, g), StartRefusal::kScaleUncertain)
+        << "seed " << seed << " scale " << scale(f, g) << " +- " << g.sigma_scale;
+  }
+}
+
+TEST(MovingStart, RefusesHover) {
+  FlightSettings s;
+  s.noise_rad = 0.5 / 458.0;
+  s.outliers = 0.01;
+  Flight f;
+  testing::fly(testing::constant_velocity(Vec3(0.001, 0, 0)), s, f);
+  StartGuess g;
+  EXPECT_EQ(solve_moving_start(f.problem, {}, g), StartRefusal::kNoParallax);
+}
+
+TEST(MovingStart, RefusesTooLittleData) {
+  FlightSettings s;
+  s.frames = 3;
+  Flight f;
+  testing::fly(testing::wandering(1), s, f);
+  StartGuess g;
+  EXPECT_EQ(solve_moving_start(f.problem, {}, g), StartRefusal::kTooFewFrames);
+  s.frames = 9;
+  s.points = 14;
+  Flight few;
+  testing::fly(testing::wandering(1), s, few);
+  EXPECT_EQ(solve_moving_start(few.problem, {}, g), StartRefusal::kTooFewTracks);
+}
+
+TEST(MovingStart, RefusesTracksThatContradictTheImu) {
+  FlightSettings s;
+  s.noise_rad = 0.5 / 458.0;
+  Flight a, b;
+  testing::fly(testing::wandering(1), s, a);
+  testing::fly(testing::wandering(2), s, b);
+  a.problem.tracks = b.tracks;
+  StartGuess g;
+  const auto refusal = solve_moving_start(a.problem, {}, g);
+  ASSERT_TRUE(refusal);
+  EXPECT_EQ(*refusal, StartRefusal::kResidualTooLarge);
+}
+
+TEST(MovingStart, HoldsWithTheMostFramesAndTracks) {
+  FlightSettings s;
+  s.frames = kStartFrames;
+  s.points = kStartTracks + 50;
+  s.noise_rad = 0.5 / 458.0;
+  s.b_g = kEurocBias;
+  Flight f;
+  testing::fly(testing::wandering(7), s, f);
+  StartGuess g;
+  ASSERT_EQ(solve_moving_start(f.problem, {}, g), std::nullopt);
+  EXPECT_NEAR(scale(f, g), 1, 0.05);
+  f.problem.frames = kStartFrames + 1;
+  EXPECT_EQ(solve_moving_start(f.problem, {}, g), StartRefusal::kTooFewFrames);
+}
+
+}  // namespace
+}  // namespace epiline
