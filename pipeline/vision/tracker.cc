@@ -1,23 +1,279 @@
 #include "pipeline/vision/tracker.h"
 
+#include <cmath>
+#include <stdexcept>
+
+#include "pipeline/vision/detector.h"
+#include "pipeline/vision/klt.h"
+#include "pipeline/vision/pyramid.h"
+#include "pipeline/vision/track_table.h"
+#include "pipeline/vision/two_point.h"
+
 namespace epiline {
+namespace {
+
+constexpr int kMinImageSide = 64;  // px
+constexpr double kGapIntervals = 1.5;
+
+void require(bool condition, const char* text) {
+  if (!condition) throw std::invalid_argument(text);
+}
+
+void check(const Camera& camera, const TrackerConfig& c) {
+  require(camera.width() >= kMinImageSide && camera.height() >= kMinImageSide, "camera smaller than 64x64 px");
+  require(c.max_features >= 1 && c.max_features <= TrackTable::kCapacity, "max_features out of range");
+  require(c.levels >= 1 && c.levels <= kMaxLevels, "levels out of range");
+  require(c.iterations >= 1 && c.backward_iterations >= 1 && c.hypotheses >= 1, "iterations below 1");
+  require(c.wide_span >= 2 && c.wide_span < TrackTable::kHistory, "wide_span out of range");
+  require(c.border_px >= kCellMargin, "border_px below 4");
+  require(c.cells_per_feature > 0, "cells_per_feature not positive");
+}
+
+bool finite(const Mat3& m) { return m.allFinite(); }
+
+}  // namespace
 
 struct Tracker::Impl {
+  Impl(const Camera& camera_, const TrackerConfig& config_)
+      : camera(camera_),
+        config(config_),
+        pyramids{Pyramid(camera_.width(), camera_.height(), config_.levels),
+                 Pyramid(camera_.width(), camera_.height(), config_.levels)},
+        detector(camera_.width(), camera_.height(), config_) {
+    rotation.fill(Mat3::Identity());
+  }
+
+  bool usable(const Frame& image) const {
+    return image.data && image.width == camera.width() && image.height == camera.height() &&
+           image.stride >= image.width;
+  }
+  void start_image(const Frame& image, const Mat3& R_CC0);
+  void forget();
+  void predict();
+  void search();
+  void count_end(KltEnd end);
+  void update_track(int i);
+  void take_bearing(int i);
+  void reject(int span, float limit_px, std::uint64_t& rejected);
+  void remember();
+  void detect();
+  void publish(TrackedFrame& out) const;
+
+  const Pyramid& current() const { return pyramids[image_number % 2]; }
+  const Pyramid& previous() const { return pyramids[(image_number + 1) % 2]; }
+
+  Camera camera;
+  TrackerConfig config;
   TrackerStats stats;
+  Pyramid pyramids[2];
+  Detector detector;
+  TrackTable tracks;
+  std::uint64_t image_number = 0;
+  std::uint32_t next_id = 0;
+  HostStamp stamp;
+  double interval_s = 0;                            // to the previous image; 0: there is none, or time did not advance
+  bool gap = false;                                 // the interval is longer than usual
+  std::array<Mat3, TrackTable::kHistory> rotation;  // image n - 1 to n, at n % kHistory
+
+  // Scratch of one image.
+  std::array<KltTrack, TrackTable::kCapacity> wanted{};
+  TrackTable::Column<float> rotated_x{}, rotated_y{}, predicted_x{}, predicted_y{};
+  TrackTable::Column<bool> alive{};
+  BearingPairs pairs;
+  std::array<bool, BearingPairs::kCapacity> inlier{};
+  std::array<int, TrackTable::kCapacity> pair_track{};
 };
 
-Tracker::Tracker(const Camera&, const TrackerConfig&) : impl_(std::make_unique<Impl>()) {}
+void Tracker::Impl::forget() {
+  tracks.size = 0;
+  interval_s = 0;
+  gap = false;
+  stamp = {};
+}
+
+void Tracker::Impl::start_image(const Frame& image, const Mat3& R_CC0) {
+  ++image_number;
+  const double before_s = interval_s;
+  interval_s = tracks.size > 0 && image.stamp > stamp ? (image.stamp - stamp).seconds() : 0;
+  gap = interval_s > kGapIntervals * before_s;
+  if (gap && before_s > 0) ++stats.gaps;
+  stamp = image.stamp;
+  rotation[image_number % TrackTable::kHistory] = finite(R_CC0) ? R_CC0 : Mat3(Mat3::Identity());
+  pyramids[image_number % 2].build({image.data, image.width, image.height, image.stride});
+}
+
+// Where rotation alone, and rotation with the last parallax, put every track.
+void Tracker::Impl::predict() {
+  const Mat3& R = rotation[image_number % TrackTable::kHistory];
+  const float dt = static_cast<float>(interval_s);
+  for (int i = 0; i < tracks.size; ++i) {
+    KltTrack& w = wanted[i];
+    w = {tracks.x[i], tracks.y[i]};
+    Vec2 px;
+    const bool visible = camera.project(R * tracks.bearing[i], px);
+    rotated_x[i] = visible ? static_cast<float>(px.x()) : std::nanf("");
+    rotated_y[i] = visible ? static_cast<float>(px.y()) : std::nanf("");
+    w.found_x = predicted_x[i] = rotated_x[i] + tracks.parallax_x[i] * dt;
+    w.found_y = predicted_y[i] = rotated_y[i] + tracks.parallax_y[i] * dt;
+    const bool surprising = tracks.age[i] == 0 || gap || tracks.innovation[i] >= config.start_level_2_px;
+    if (!surprising) w.start_level = tracks.innovation[i] < config.start_level_1_px ? 1 : 2;
+  }
+}
+
+void Tracker::Impl::count_end(KltEnd end) {
+  switch (end) {
+    case KltEnd::kFound:
+      break;
+    case KltEnd::kBorder:
+      ++stats.lost_border;
+      break;
+    case KltEnd::kFlat:
+      ++stats.lost_flat;
+      break;
+    case KltEnd::kDiverged:
+      ++stats.lost_diverged;
+      break;
+    case KltEnd::kCorrelation:
+      ++stats.lost_correlation;
+      break;
+    case KltEnd::kBackward:
+      ++stats.lost_backward;
+      break;
+  }
+}
+
+void Tracker::Impl::update_track(int i) {
+  const KltTrack& found = wanted[i];
+  const float per_s = interval_s > 0 ? static_cast<float>(1 / interval_s) : 0.f;
+  tracks.velocity_x[i] = (found.found_x - tracks.x[i]) * per_s;
+  tracks.velocity_y[i] = (found.found_y - tracks.y[i]) * per_s;
+  tracks.parallax_x[i] = (found.found_x - rotated_x[i]) * per_s;
+  tracks.parallax_y[i] = (found.found_y - rotated_y[i]) * per_s;
+  tracks.innovation[i] = std::hypot(found.found_x - predicted_x[i], found.found_y - predicted_y[i]);
+  tracks.x[i] = found.found_x;
+  tracks.y[i] = found.found_y;
+  ++tracks.age[i];
+}
+
+void Tracker::Impl::take_bearing(int i) { alive[i] = camera.unproject({tracks.x[i], tracks.y[i]}, tracks.bearing[i]); }
+
+void Tracker::Impl::search() {
+  track_klt(config, previous().view(), current().view(), wanted.data(), tracks.size);
+  stats.tried += static_cast<std::uint64_t>(tracks.size);
+  for (int i = 0; i < tracks.size; ++i) {
+    KltEnd& end = wanted[i].end;
+    alive[i] = end == KltEnd::kFound;
+    if (alive[i]) {
+      update_track(i);
+      take_bearing(i);
+      if (!alive[i]) end = KltEnd::kBorder;
+    }
+    count_end(end);
+  }
+  tracks.keep(alive);
+}
+
+// Compares the bearings of now with those `span` images ago, of the tracks that are old enough.
+void Tracker::Impl::reject(int span, float limit_px, std::uint64_t& rejected) {
+  if (image_number <= static_cast<std::uint64_t>(span)) return;
+  Mat3 R = Mat3::Identity();
+  for (int k = span - 1; k >= 0; --k) R = rotation[(image_number - k) % TrackTable::kHistory] * R;
+  const Eigen::Matrix3f Rf = R.cast<float>();
+  const std::size_t slot = (image_number - span) % TrackTable::kHistory;
+  pairs.size = 0;
+  for (int i = 0; i < tracks.size; ++i) {
+    alive[i] = true;
+    if (tracks.age[i] < static_cast<std::uint32_t>(span)) continue;
+    const int n = pairs.size++;
+    pair_track[n] = i;
+    const auto& old = tracks.history[i][slot];
+    const Eigen::Vector3f before = Rf * Eigen::Vector3f(old[0], old[1], old[2]);
+    const Eigen::Vector3f now = tracks.bearing[i].cast<float>();
+    pairs.before_x[n] = before.x(), pairs.before_y[n] = before.y(), pairs.before_z[n] = before.z();
+    pairs.now_x[n] = now.x(), pairs.now_y[n] = now.y(), pairs.now_z[n] = now.z();
+  }
+  const float limit_rad = limit_px / static_cast<float>(camera.focal_px());
+  find_inliers(pairs, {config.hypotheses, config.min_pairs, limit_rad}, inlier);
+  for (int n = 0; n < pairs.size; ++n) {
+    alive[pair_track[n]] = inlier[n];
+    rejected += !inlier[n];
+  }
+  tracks.keep(alive);
+}
+
+void Tracker::Impl::remember() {
+  const std::size_t slot = image_number % TrackTable::kHistory;
+  for (int i = 0; i < tracks.size; ++i) {
+    const Vec3& f = tracks.bearing[i];
+    tracks.history[i][slot] = {static_cast<float>(f.x()), static_cast<float>(f.y()), static_cast<float>(f.z())};
+  }
+}
+
+void Tracker::Impl::detect() {
+  const int before = tracks.size;
+  detector.detect(current().view().level[0], tracks);
+  for (int i = 0; i < tracks.size; ++i) {
+    alive[i] = true;
+    if (i < before) continue;
+    tracks.age[i] = 0;
+    tracks.velocity_x[i] = tracks.velocity_y[i] = tracks.parallax_x[i] = tracks.parallax_y[i] = 0;
+    tracks.innovation[i] = 0;
+    take_bearing(i);
+  }
+  tracks.keep(alive);
+  for (int i = before; i < tracks.size; ++i) tracks.id[i] = next_id++;
+  stats.detected += static_cast<std::uint64_t>(tracks.size - before);
+}
+
+void Tracker::Impl::publish(TrackedFrame& out) const {
+  for (int i = 0; i < tracks.size; ++i) {
+    const Vec3& f = tracks.bearing[i];
+    TrackedFeature feature;
+    feature.id = tracks.id[i];
+    feature.age = tracks.age[i];
+    feature.pixel = {tracks.x[i], tracks.y[i]};
+    feature.velocity_px_s = {tracks.velocity_x[i], tracks.velocity_y[i]};
+    feature.bearing = {f.x(), f.y(), f.z()};
+    Vec2 px;
+    Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> jacobian(feature.pixel_jacobian.data());
+    Mat23 J = Mat23::Zero();
+    camera.project(f, px, &J);
+    jacobian = J;
+    out.features.push_back(feature);
+  }
+}
+
+Tracker::Tracker(const Camera& camera, const TrackerConfig& config) {
+  check(camera, config);
+  impl_ = std::make_unique<Impl>(camera, config);
+}
+
 Tracker::~Tracker() = default;
 
-void Tracker::step(const Frame& image, const Mat3&, TrackedFrame& out) noexcept {
+void Tracker::step(const Frame& image, const Mat3& R_CC0, TrackedFrame& out) noexcept {
+  Impl& t = *impl_;
+  ++t.stats.images;
   out.stamp = image.stamp;
   out.sequence = image.sequence;
   out.features.clear();
-  ++impl_->stats.images;
+  if (!t.usable(image)) {
+    ++t.stats.images_refused;
+    return t.forget();
+  }
+  t.start_image(image, R_CC0);
+  if (t.tracks.size > 0) {
+    t.predict();
+    t.search();
+    t.reject(1, t.config.near_limit_px, t.stats.rejected_near);
+    t.reject(t.config.wide_span, t.config.wide_limit_px, t.stats.rejected_wide);
+    t.stats.tracked += static_cast<std::uint64_t>(t.tracks.size);
+  }
+  t.detect();
+  t.remember();
+  t.publish(out);
 }
 
-void Tracker::reset() noexcept {}
+void Tracker::reset() noexcept { impl_->forget(); }
 const TrackerStats& Tracker::stats() const noexcept { return impl_->stats; }
-const char* simd_target() noexcept { return "none"; }
 
 }  // namespace epiline

@@ -1,64 +1,13 @@
 #pragma once
 // The vision front end: an image in, tracked features out. Design and measurements: docs/vision.md.
-#include <cstdint>
 #include <memory>
 
 #include "estimator/geometry/camera.h"
 #include "estimator/geometry/types.h"
+#include "pipeline/vision/tracker_config.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {
-
-/// Every constant of the front end. Grey values are 0 to 255; px are pixels of the camera's image unless a level is
-/// named.
-struct TrackerConfig {
-  int max_features = 150;  ///< tracks to keep alive, 1 to kMaxFeatures
-  int levels = 4;          ///< of the pyramid, 1 to 6; levels with a side below 32 px are left out
-
-  // KLT
-  int iterations = 10;            ///< at most, a level
-  float step_px = 0.02f;          ///< level 0 has converged below this step
-  float coarse_step_px = 0.05f;   ///< the other levels (their px), and the way back
-  float max_step_px = 10.f;       ///< a longer step is divergence
-  float min_eigenvalue = 0.1f;    ///< of the template's matrix, a pixel, (grey/px)^2; below it a level says nothing
-  float start_level_1_px = 1.5f;  ///< last innovation below this: start at level 1 ...
-  float start_level_2_px = 4.f;   ///< ... below this: at level 2, otherwise at the coarsest
-
-  // Checks of a track
-  float min_correlation = 0.7f;  ///< between template and found patch at level 0, -1 to 1
-  int backward_iterations = 4;   ///< at most, at level 0
-  float max_backward_px = 0.7f;  ///< tracked back to the previous image, it may miss its old position by this
-
-  // Two-point rejection
-  int hypotheses = 40;        ///< directions of travel tried for each span
-  int min_pairs = 10;         ///< with fewer nothing is rejected
-  float near_limit_px = 1.f;  ///< Sampson distance against the previous image
-  float wide_limit_px = 2.f;  ///< the same against the image `wide_span` images ago
-  int wide_span = 6;          ///< images, 2 to 7
-
-  // Detection
-  int border_px = 12;                     ///< no new features nearer to the border; at least 4
-  float cells_per_feature = 16.f / 15.f;  ///< size of the detection grid; one new feature a cell and image
-  float min_distance_px = 20.f;           ///< of a new feature from any track
-  float min_score = 6.f;                  ///< smaller eigenvalue of the mean structure tensor, (grey/px)^2
-};
-
-/// Counts since construction; reset() keeps them.
-struct TrackerStats {
-  std::uint64_t images = 0;          ///< given to step()
-  std::uint64_t images_refused = 0;  ///< no data, or not the camera's size
-  std::uint64_t gaps = 0;            ///< images that came after a pause of more than 1.5 usual intervals
-  std::uint64_t tried = 0;           ///< tracks looked for in a next image
-  std::uint64_t tracked = 0;         ///< found there and kept
-  std::uint64_t detected = 0;        ///< new tracks
-  std::uint64_t lost_border = 0;     ///< left the image or came within about 9 px of its border
-  std::uint64_t lost_flat = 0;       ///< no texture left
-  std::uint64_t lost_diverged = 0;
-  std::uint64_t lost_correlation = 0;
-  std::uint64_t lost_backward = 0;
-  std::uint64_t rejected_near = 0;  ///< against the previous image
-  std::uint64_t rejected_wide = 0;  ///< against the image `wide_span` images ago
-};
 
 /// Follows features from image to image. Everything is allocated by the constructor; the same input gives the same
 /// output.

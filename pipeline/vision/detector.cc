@@ -1,0 +1,82 @@
+#include "pipeline/vision/detector.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <stdexcept>
+
+namespace epiline {
+namespace {
+
+constexpr int kMinCellSide = 16;      // px; smaller cells would hold less than a corner's surroundings
+constexpr int kPreferredStride = 37;  // spreads the first visits over the image
+
+int cells_along(double length, double side) {
+  const int fewest = static_cast<int>(std::ceil(length / kMaxCellSide));
+  const int most = static_cast<int>(length) / kMinCellSide;
+  return std::max(fewest, std::min(most, static_cast<int>(std::lround(length / side))));
+}
+
+int even(int n) { return n & ~1; }
+
+}  // namespace
+
+Detector::Detector(int width, int height, const TrackerConfig& config) : config_(config) {
+  const int w = width - 2 * config.border_px, h = height - 2 * config.border_px;
+  if (w < kMinCellSide || h < kMinCellSide) throw std::invalid_argument("image too small for its border");
+  const double side =
+      std::sqrt(w * static_cast<double>(h) / (config.cells_per_feature * static_cast<double>(config.max_features)));
+  columns_ = cells_along(w, side);
+  rows_ = cells_along(h, side);
+  cell_width_ = even(w / columns_);
+  cell_height_ = even(h / rows_);
+  used_.resize(static_cast<std::size_t>(columns_) * rows_);
+  stride_ = kPreferredStride;
+  while (std::gcd(stride_, columns_ * rows_) != 1) ++stride_;
+}
+
+Cell Detector::cell(int index) const {
+  return {config_.border_px + index % columns_ * cell_width_, config_.border_px + index / columns_ * cell_height_,
+          cell_width_, cell_height_};
+}
+
+// Tracks outside the grid count for the nearest cell.
+void Detector::mark_used(const TrackTable& tracks) noexcept {
+  std::fill(used_.begin(), used_.end(), std::uint8_t{0});
+  for (int i = 0; i < tracks.size; ++i) {
+    const int c = (static_cast<int>(tracks.x[i]) - config_.border_px) / cell_width_;
+    const int r = (static_cast<int>(tracks.y[i]) - config_.border_px) / cell_height_;
+    used_[static_cast<std::size_t>(std::clamp(r, 0, rows_ - 1)) * columns_ + std::clamp(c, 0, columns_ - 1)] = 1;
+  }
+}
+
+Discs Detector::discs_near(const Cell& cell, const TrackTable& tracks) noexcept {
+  const float radius = config_.min_distance_px;
+  const float left = static_cast<float>(cell.x) - radius, right = static_cast<float>(cell.x + cell.width) + radius;
+  const float top = static_cast<float>(cell.y) - radius, bottom = static_cast<float>(cell.y + cell.height) + radius;
+  Discs near{near_x_.data(), near_y_.data(), 0, radius};
+  for (int i = 0; i < tracks.size; ++i) {
+    if (tracks.x[i] < left || tracks.x[i] > right || tracks.y[i] < top || tracks.y[i] > bottom) continue;
+    near_x_[near.count] = tracks.x[i];
+    near_y_[near.count++] = tracks.y[i];
+  }
+  return near;
+}
+
+int Detector::detect(const ImageView& image, TrackTable& tracks) noexcept {
+  const int before = tracks.size, cells = columns_ * rows_;
+  mark_used(tracks);
+  for (int k = 0; k < cells && tracks.size < config_.max_features; ++k) {
+    const int index = (first_ + k * stride_) % cells;
+    if (used_[index]) continue;
+    const Cell here = cell(index);
+    const Corner corner = best_corner(image, here, discs_near(here, tracks));
+    if (corner.score < config_.min_score) continue;
+    tracks.x[tracks.size] = corner.x;
+    tracks.y[tracks.size++] = corner.y;
+  }
+  first_ = (first_ + 1) % cells;
+  return tracks.size - before;
+}
+
+}  // namespace epiline

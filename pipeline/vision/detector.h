@@ -1,0 +1,38 @@
+#pragma once
+#include <vector>
+
+#include "pipeline/vision/corner.h"
+#include "pipeline/vision/track_table.h"
+#include "pipeline/vision/tracker_config.h"
+
+namespace epiline {
+
+/// Finds new corners in the empty cells of a grid over the image, visited in an order that moves from image to image.
+class Detector {
+ public:
+  /// The grid has about config.cells_per_feature cells a feature. Throws std::invalid_argument if the image has no room
+  /// for one.
+  Detector(int width, int height, const TrackerConfig& config);
+
+  /// Appends corners to `tracks` until there are config.max_features: position only (x, y), the rest of their columns
+  /// is for the caller to fill. Returns how many.
+  int detect(const ImageView& image, TrackTable& tracks) noexcept;
+
+  int columns() const { return columns_; }
+  int rows() const { return rows_; }
+  Cell cell(int index) const;
+
+ private:
+  void mark_used(const TrackTable& tracks) noexcept;
+  Discs discs_near(const Cell& cell, const TrackTable& tracks) noexcept;
+
+  TrackerConfig config_;
+  int columns_ = 0, rows_ = 0;
+  int cell_width_ = 0, cell_height_ = 0;
+  int stride_ = 1;  // from one visited cell to the next; has no common divisor with the number of cells
+  int first_ = 0;   // cell to start with in this image
+  std::vector<std::uint8_t> used_;
+  TrackTable::Column<float> near_x_{}, near_y_{};
+};
+
+}  // namespace epiline
