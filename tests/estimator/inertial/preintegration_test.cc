@@ -105,7 +105,11 @@ RC_GTEST_PROP(PreintegrationProperty, CorrectedEqualsReintegrationToSecondOrder,
 // Noise that is constant during a step is what Q assumes. Whitened with the predicted covariance, the sample covariance
 // of N runs is the identity with standard deviation sqrt(2/N) on and sqrt(1/N) off the diagonal; 5 of those, and 0.02
 // for the terms of second order in the step that Q leaves out.
-TEST(Preintegration, CovarianceEqualsMonteCarlo) {
+// Three steps see what a single one adds; forty see how it propagates.
+class PreintegrationCovariance : public testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(Steps, PreintegrationCovariance, testing::Values(3, 40));
+
+TEST_P(PreintegrationCovariance, EqualsMonteCarlo) {
   constexpr int kRuns = 10000;
   // Walks of the biases large enough to matter within the interval.
   const ImuNoise noise{.gyroscope_density = 2e-3,
@@ -113,7 +117,7 @@ TEST(Preintegration, CovarianceEqualsMonteCarlo) {
                        .accelerometer_density = 2e-2,
                        .accelerometer_random_walk = 3e-1};
   Random random(7);
-  const Readings s = test::agile_readings(41, 0.005, random);
+  const Readings s = test::agile_readings(GetParam() + 1, 0.005, random);
   const Preintegration predicted = test::integrated(s, Vec3::Zero(), Vec3::Zero(), noise);
   test::Motion truth;
   for (int k = 0; k + 1 < s.count; ++k) test::step(truth, s.w[k], s.a[k], s.w[k + 1], s.a[k + 1], s.dt);
