@@ -19,7 +19,7 @@
 #if defined(__GLIBC__) && !defined(EPILINE_SANITIZER_OWNS_MALLOC)
 
 // Reserved names: they are the C library's, and standing in for them is the purpose.
-// NOLINTBEGIN(bugprone-reserved-identifier,readability-identifier-naming,readability-inconsistent-declaration-parameter-name)
+// NOLINTBEGIN(readability-identifier-naming)
 extern "C" {
 
 void* __libc_malloc(std::size_t);
@@ -68,6 +68,6 @@ int posix_memalign(void** out, std::size_t alignment, std::size_t size) noexcept
 }
 
 }  // extern "C"
-// NOLINTEND(bugprone-reserved-identifier,readability-identifier-naming,readability-inconsistent-declaration-parameter-name)
+// NOLINTEND(readability-identifier-naming)
 
 #endif
