@@ -1,17 +1,17 @@
 #pragma once
-// Camera models: pixels <-> bearings. Camera frame C: x right, y down, z forward. Pixel (0, 0) is the centre of the top left pixel.
+// Camera models: pixels <-> bearings. Camera frame C: x right, y down, z forward. Pixel (0, 0) is the centre of the top
+// left pixel. Derivation: docs/derivations/cameras.md.
 #include <array>
-#include <optional>
-#include <string>
+#include <cstdint>
 
 #include "estimator/geometry/types.h"
 
 namespace epiline {
 
 enum class CameraModel {
-  kPinholeRadialTangential,  ///< k1 k2 p1 p2 [k3]
+  kPinholeRadialTangential,  ///< k1 k2 p1 p2 [k3]; directions up to 87 degrees off the axis
   kPinholeEquidistant,       ///< Kannala-Brandt k1 k2 k3 k4: fisheyes, also beyond 180 degrees
-  kDoubleSphere,             ///< xi alpha (Usenko et al. 2018)
+  kDoubleSphere,             ///< xi alpha (Usenko et al. 2018); fisheyes, also beyond 180 degrees
 };
 
 /// fx fy cx cy in pixels; `distortion` as the model lists it, unused entries zero.
@@ -22,25 +22,42 @@ struct CameraParameters {
   std::array<double, 5> distortion{};
 };
 
+/// What is wrong with a set of parameters.
+enum class CameraFault : std::uint8_t {
+  kNone,
+  kSize,        ///< width or height not positive
+  kNotFinite,   ///< a parameter is not a number
+  kFocal,       ///< a focal length not positive
+  kCentre,      ///< principal point outside the image
+  kDistortion,  ///< double sphere: alpha outside [0, 1] or xi outside (-1, 1]
+};
+CameraFault fault_of(const CameraParameters& parameters) noexcept;
+
 class Camera {
  public:
   Camera() = default;
-  explicit Camera(const CameraParameters& parameters) : c_(parameters) {}
+  /// `fault_of(parameters)` is kNone.
+  explicit Camera(const CameraParameters& parameters);
 
-  /// Pixel of a point or direction in C. False where the model does not define one (behind the camera, past the edge of its domain).
-  /// `d_px_d_p`: derivative of the pixel, 2x3, px per unit of `p_C`.
+  /// Pixel of a point or direction in C; it may lie outside the image. False where the model does not define one:
+  /// behind the camera, or past the angle where the distortion folds back. `d_px_d_p`: derivative of the pixel, 2x3, px
+  /// per unit of `p_C`.
   bool project(const Vec3& p_C, Vec2& px, Mat23* d_px_d_p = nullptr) const noexcept;
-  /// Unit bearing of a pixel, to 1e-10 px in re-projection. False where the pixel has no bearing.
+  /// Unit bearing of a pixel, to 1e-10 px in re-projection. False where the pixel has no bearing. Bounded work.
   bool unproject(const Vec2& px, Vec3& f_C) const noexcept;
+  /// The same, and the derivative of the pixel at the unit bearing: the chart in which the bearing's noise is the
+  /// pixel's. It annihilates the bearing.
+  bool bearing(const Vec2& px, Vec3& f_C, Mat23& d_px_d_f) const noexcept;
 
   int width() const { return c_.width; }
   int height() const { return c_.height; }
   /// Pixels per radian near the axis.
-  double focal_px() const { return 0.5 * (c_.intrinsics[0] + c_.intrinsics[1]); }
+  double focal_px() const;
   const CameraParameters& parameters() const { return c_; }
 
  private:
   CameraParameters c_;
+  double limit_ = 0;  ///< radial-tangential: largest squared tangent; equidistant: largest angle off the axis, rad
 };
 
 }  // namespace epiline
