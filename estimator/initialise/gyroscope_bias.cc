@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kFewest = 15;  // common tracks a pair needs
 // One iteration each; in sigmas. A wide kernel pulls from afar, the last one forgets gross errors.
-constexpr std::array<double, 8> kKernel = {64, 32, 16, 8, 4, 2, 2, 2};
+constexpr std::array<double, 6> kKernel = {64, 16, 8, 4, 2, 2};
 
 /// Bearings of the tracks two frames share, in their own body frames.
 struct Pair {
@@ -52,7 +52,7 @@ Vec3 translation_direction(const Pair& pair, const Mat3& R, double sigma, double
     M += n * n.transpose();
   }
   Vec3 x;
-  for (int round = 0; round < 3; ++round) {
+  for (int round = 0; round < 2; ++round) {
     const Eigen::SelfAdjointEigenSolver<Mat3> eigen(M);
     x = eigen.eigenvectors().col(0);
     M.setZero();

@@ -10,30 +10,29 @@
 namespace epiline {
 namespace {
 
-struct Hypothesis {
+struct Candidate {
   bool valid = false;
   StartState state;
-  LinearFigures figures;
-  double cost = 0;
+  double parallax_rad = 0;
+  RefinementFigures figures;
 };
 
-Hypothesis from_bias(const StartProblem& problem, const Vec3& b_g, StartPath& path) {
-  Hypothesis h;
-  h.state.b_g = b_g;
+Candidate from_bias(const StartProblem& problem, const Vec3& b_g, StartPath& path) {
+  Candidate c;
+  c.state.b_g = b_g;
   chain(problem, b_g, Vec3::Zero(), path);
-  h.valid = solve_velocity_gravity(problem, path, h.state, h.figures);
-  if (h.valid) h.cost = coarse_cost(problem, h.state, path);
-  return h;
+  c.valid = solve_velocity_gravity(problem, path, c.state, c.parallax_rad) && refine(problem, c.state, path, c.figures);
+  return c;
 }
 
-/// Rotation alone finds the bias or, where parallax is small and the field narrow, spoils a good reference: the images
-/// choose.
-Hypothesis linear_start(const StartProblem& problem, StartPath& path) {
-  Hypothesis reference = from_bias(problem, problem.b_g_ref, path);
+/// Rotation alone finds a large bias but, where the parallax is small, spoils a good reference: both are tried to the
+/// end.
+Candidate best_candidate(const StartProblem& problem, StartPath& path) {
+  const Candidate reference = from_bias(problem, problem.b_g_ref, path);
   Vec3 b_g = problem.b_g_ref;
   if (!solve_gyroscope_bias(problem, b_g)) return reference;
-  const Hypothesis rotation = from_bias(problem, b_g, path);
-  return rotation.valid && (!reference.valid || rotation.cost < reference.cost) ? rotation : reference;
+  const Candidate rotation = from_bias(problem, b_g, path);
+  return rotation.valid && (!reference.valid || rotation.figures.cost < reference.figures.cost) ? rotation : reference;
 }
 
 int long_tracks(const StartProblem& problem) {
@@ -57,21 +56,21 @@ void fill(const StartProblem& problem, const StartState& state, const StartPath&
   guess.sigma_b_g = std::sqrt(figures.covariance.block<3, 3>(5, 5).trace());
 }
 
-bool no_parallax(const StartProblem& problem, const StartLimits& limits, const StartGuess& guess) {
-  return guess.parallax_rad < limits.parallax_sigmas * problem.sigma_rad;
+bool within(double value, double limit) { return value <= limit; }  // false for NaN
+
+std::optional<StartRefusal> uncertain(const StartLimits& limits, const StartGuess& guess) {
+  if (!within(guess.sigma_tilt, limits.sigma_tilt)) return StartRefusal::kTiltUncertain;
+  if (!within(guess.sigma_scale, limits.sigma_scale)) return StartRefusal::kScaleUncertain;
+  if (!within(guess.sigma_velocity, limits.sigma_velocity)) return StartRefusal::kVelocityUncertain;
+  return std::nullopt;
 }
 
 std::optional<StartRefusal> judge(const StartProblem& problem, const StartLimits& limits, const StartGuess& guess) {
-  const auto within = [](double value, double limit) { return value <= limit; };  // false for NaN
   if (!within(guess.residual, limits.residual)) return StartRefusal::kResidualTooLarge;
   if (!within((guess.state.b_g - problem.b_g_ref).norm(), limits.bias_sigmas * problem.b_g_sigma) ||
       !within(guess.state.b_a.norm(), limits.bias_sigmas * problem.b_a_sigma))
     return StartRefusal::kBiasImplausible;
-  if (!within(guess.sigma_tilt, limits.sigma_tilt)) return StartRefusal::kTiltUncertain;
-  if (!within(guess.sigma_scale, limits.sigma_scale))
-    return no_parallax(problem, limits, guess) ? StartRefusal::kNoParallax : StartRefusal::kScaleUncertain;
-  if (!within(guess.sigma_velocity, limits.sigma_velocity)) return StartRefusal::kVelocityUncertain;
-  return std::nullopt;
+  return uncertain(limits, guess);
 }
 
 }  // namespace
@@ -81,14 +80,14 @@ std::optional<StartRefusal> solve_moving_start(const StartProblem& problem, cons
   if (problem.frames < limits.frames || problem.frames > kStartFrames) return StartRefusal::kTooFewFrames;
   if (long_tracks(problem) < limits.tracks) return StartRefusal::kTooFewTracks;
   StartPath path;
-  Hypothesis start = linear_start(problem, path);
-  guess.parallax_rad = start.figures.parallax_rad;
-  if (!start.valid)
-    return no_parallax(problem, limits, guess) ? StartRefusal::kNoParallax : StartRefusal::kSolverFailed;
-  RefinementFigures figures;
-  if (!refine(problem, start.state, path, figures)) return StartRefusal::kSolverFailed;
-  fill(problem, start.state, path, figures, guess);
-  return judge(problem, limits, guess);
+  const Candidate c = best_candidate(problem, path);
+  guess.parallax_rad = c.parallax_rad;
+  const bool parallax = c.parallax_rad >= limits.parallax_sigmas * problem.sigma_rad;
+  if (!c.valid) return parallax ? StartRefusal::kSolverFailed : StartRefusal::kNoParallax;
+  chain(problem, c.state.b_g, c.state.b_a, path);
+  fill(problem, c.state, path, c.figures, guess);
+  const std::optional<StartRefusal> refusal = judge(problem, limits, guess);
+  return refusal && !parallax ? StartRefusal::kNoParallax : refusal;
 }
 
 }  // namespace epiline

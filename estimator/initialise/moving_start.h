@@ -14,9 +14,9 @@ namespace epiline {
 struct StartLimits {
   int frames = 4;               ///< fewer are refused
   int tracks = 15;              ///< of at least three views
-  double parallax_sigmas = 4;   ///< median over the tracks of the widest rotation-compensated angle, in bearing sigmas
+  double parallax_sigmas = 4;   ///< with less StartGuess::parallax_rad a refusal is for want of parallax
   double residual = 2;          ///< StartGuess::residual
-  double sigma_scale = 0.3;     ///< relative
+  double sigma_scale = 0.15;    ///< relative
   double sigma_velocity = 0.3;  ///< m/s
   double sigma_tilt = 0.06;     ///< rad
   double bias_sigmas = 10;      ///< distance of either bias from its prior, in the prior's sigmas

@@ -31,12 +31,6 @@ StartRows StartFrame::position_rows(const Vec3& g_0) const {
   return J;
 }
 
-StartRows StartFrame::rotation_rows() const {
-  StartRows J = StartRows::Zero();
-  J.middleCols<3>(5) = R * theta_b;
-  return J;
-}
-
 namespace {
 
 StartFrame next(const StartFrame& f, const Preintegration& interval, const Vec3& b_g, const Vec3& b_a) {

@@ -29,8 +29,8 @@ struct StartFrame {
   Vec3 velocity(const StartState& s) const { return s.v_0 + s.g_0 * T + beta; }
   /// d position / d tangent.
   StartRows position_rows(const Vec3& g_0) const;
-  /// d (rotation, perturbed from the left: R <- Exp(dphi) R) / d tangent.
-  StartRows rotation_rows() const;
+  /// d (rotation, perturbed from the left: R <- Exp(dphi) R) / d b_g.
+  Mat3 rotation_rows() const { return R * theta_b; }
 };
 
 using StartPath = std::array<StartFrame, kStartFrames>;

@@ -10,8 +10,12 @@
 namespace epiline {
 namespace {
 
-// The kernel narrows from stage to stage: a wide one pulls from afar, the last one (2 sigma) forgets gross errors.
-constexpr std::array<double, 3> kKernel = {32, 8, 2};
+struct Stage {
+  double kernel;  // Cauchy scale, in sigmas
+  int every;      // of so many tracks one is used
+};
+// A wide kernel pulls from afar, and for that a third of the tracks will do; the last one forgets gross errors.
+constexpr std::array<Stage, 3> kStages = {{{32, 3}, {8, 3}, {2, 1}}};
 constexpr double kDepthDamping = 0.04;             // (1/m)^-2: holds an inverse depth that the images do not see
 constexpr double kDepthPrior = 0.2;                // 1/m, the inverse depth where there is no parallax at all
 constexpr double kNearest = 8, kFarthest = 0.004;  // bounds of the inverse depth, 1/m
@@ -24,8 +28,14 @@ constexpr double kConverged = 1e-4;  // relative gain that ends a stage
 struct View {
   Mat3 R;
   Vec3 c, p;
-  StartRows dp, dphi;
+  StartRows dp;
+  Mat3 dphi;  ///< by b_g alone
 };
+
+constexpr int kTurning = 5;  // column of b_g, the only one that turns cameras
+
+using Vec6 = Eigen::Matrix<double, 6, 1>;
+using Mat6 = Eigen::Matrix<double, 6, 6>;
 
 struct Normal {
   StartMatrix H = StartMatrix::Zero();
@@ -33,22 +43,45 @@ struct Normal {
   double cost = 0;
 };
 
+/// Sums over tracks. H, b: by (dp, dphi) of each frame, H its upper half only; `total`: what is already by the start's
+/// tangent.
+struct Accumulator {
+  std::array<Mat6, kStartFrames> H;
+  std::array<Vec6, kStartFrames> b;
+  Normal total;
+
+  Accumulator() {
+    H.fill(Mat6::Zero());
+    b.fill(Vec6::Zero());
+  }
+  void finish(const std::array<View, kStartFrames>& view, int frames) {
+    Eigen::Matrix<double, 6, kStartDof> J = Eigen::Matrix<double, 6, kStartDof>::Zero();
+    for (int k = 0; k < frames; ++k) {
+      J.topRows<3>() = view[k].dp;
+      J.block<3, 3>(3, kTurning) = view[k].dphi;
+      H[k].bottomLeftCorner<3, 3>() = H[k].topRightCorner<3, 3>().transpose();
+      total.H += J.transpose() * H[k] * J;
+      total.b += J.transpose() * b[k];
+    }
+  }
+};
+
 /// Temporary homogeneous point (m, rho) of one track, relative to its first camera centre.
 class TrackPoint {
  public:
   TrackPoint(const StartTrack& track, const std::array<View, kStartFrames>& view, double sigma, double kernel)
-      : track_(track), view_(view), sigma_(sigma), kernel2_(kernel * kernel), origin_(view[track.frame[0]].c) {
-    m_ = view[track.frame[0]].R * track.f_C[0];
-    double num = kDepthDamping * sigma * sigma * kDepthPrior, den = kDepthDamping * sigma * sigma;
+      : track_(track), view_(view), sigma2_(sigma * sigma), kernel2_(kernel * kernel), origin_(view[track.frame[0]].c) {
+    for (int q = 0; q < track.count; ++q) f_[q] = view[track.frame[q]].R * track.f_C[q];
+    m_ = f_[0];
+    double num = kDepthDamping * sigma2_ * kDepthPrior, den = kDepthDamping * sigma2_;
     for (int q = 0; q < track.count; ++q) {
-      const View& v = view[track.frame[q]];
-      const Vec3 f = v.R * track.f_C[q], A = f.cross(origin_ - v.c);
-      num -= A.dot(f.cross(m_));
+      const Vec3 A = f_[q].cross(origin_ - view[track.frame[q]].c);
+      num -= A.dot(f_[q].cross(m_));
       den += A.squaredNorm();
     }
     rho_ = std::clamp(num / den, kFarthest, kNearest);
     // Where the images see the depth the damping must go: over a hundred tracks it would pass for knowledge of scale.
-    damping_ = std::max(0.0, 2 * kDepthDamping - den / (sigma * sigma));
+    damping_ = std::max(0.0, 2 * kDepthDamping - den / sigma2_);
   }
 
   void solve_point() {
@@ -62,68 +95,72 @@ class TrackPoint {
     linearise();
   }
 
-  /// Adds the track's normal equations with the point eliminated. Returns its robust cost.
-  double add_to(Normal& n) const {
-    const Mat3 C = Mat3(M_.llt().matrixL()).inverse();
+  /// Adds the track's normal equations, the point eliminated, and its robust cost.
+  void add_to(Accumulator& sum) const {
     StartRows Q = StartRows::Zero();
     for (int q = 0; q < track_.count; ++q) {
       const View& v = view_[track_.frame[q]];
-      const StartRows D = -rho_ * v.dp + skew(m_ + rho_ * (origin_ - v.p)) * v.dphi;
-      const StartRows WD = W_[q] * D;
-      n.H.noalias() += D.transpose() * WD;
-      n.b.noalias() += D.transpose() * h_[q];
-      Q.noalias() += C * WD;
+      const Vec3 lever = m_ + rho_ * (origin_ - v.p);
+      const Mat3 L = skew(lever), WL = W_[q] * L;
+      Mat6& H = sum.H[track_.frame[q]];
+      H.topLeftCorner<3, 3>() += (rho_ * rho_) * W_[q];
+      H.topRightCorner<3, 3>() -= rho_ * WL;
+      H.bottomRightCorner<3, 3>() -= L * WL;
+      Vec6& b = sum.b[track_.frame[q]];
+      b.head<3>() -= rho_ * h_[q];
+      b.tail<3>() -= lever.cross(h_[q]);
+      Q.noalias() -= (rho_ * W_[q]).lazyProduct(v.dp);
+      Q.middleCols<3>(kTurning) += WL * v.dphi;
     }
-    n.H.noalias() -= Q.transpose() * Q;
-    n.b.noalias() -= Q.transpose() * (C * y_);
-    n.cost += cost_;
-    return cost_;
+    const Mat3 C = Mat3(M_.llt().matrixL()).inverse();
+    const StartRows CQ = C * Q;
+    sum.total.H.noalias() -= CQ.transpose().lazyProduct(CQ);
+    sum.total.b.noalias() -= CQ.transpose() * (C * y_);
+    sum.total.cost += cost_;
   }
 
   double residual2(int q) const { return s_[q]; }
-  double cost() const { return cost_; }
 
  private:
-  /// Residuals in the plane tangent to each measured bearing, their weights and the normal equations of m.
+  /// Residuals in the plane tangent to each measured bearing f, their weights and the normal equations of m. With y the
+  /// predicted ray scaled to f.y = 1 the residual is f - y and its derivative by m -(I - y f')/depth.
   void linearise() {
     M_ = (damping_ * rho_ * rho_ / (m_.squaredNorm() * m_.squaredNorm())) * m_ * m_.transpose();
+    M_.diagonal().array() += 1e-9;
     y_.setZero();
-    cost_ = 0;
+    double product = 1;
     for (int q = 0; q < track_.count; ++q) {
-      const View& v = view_[track_.frame[q]];
-      const Vec3& f = track_.f_C[q];
-      const Vec3 Y = v.R.transpose() * (m_ + rho_ * (origin_ - v.c));
+      const Vec3& f = f_[q];
+      const Vec3 Y = m_ + rho_ * (origin_ - view_[track_.frame[q]].c);
       const double depth = f.dot(Y);
       if (depth < 0.05) {  // behind the camera: no derivative, the cost of a gross error
         W_[q].setZero();
         h_[q].setZero();
         s_[q] = 1e6;
       } else {
-        Mat23 B;
-        B.row(0) = f.unitOrthogonal();
-        B.row(1) = f.cross(B.row(0).transpose());
-        const Vec2 u = B * Y / depth;
-        const Mat23 G = (B - u * f.transpose()) * v.R.transpose() / (depth * sigma_);
-        const Vec2 r = -u / sigma_;
-        s_[q] = r.squaredNorm();
-        const double w = 1 / (1 + s_[q] / kernel2_);
-        W_[q] = w * G.transpose() * G;
-        h_[q] = w * G.transpose() * r;
+        const Vec3 y = Y / depth, e = y - f;
+        const double e2 = e.squaredNorm();
+        s_[q] = e2 / sigma2_;
+        const double w = 1 / ((1 + s_[q] / kernel2_) * depth * sigma2_);
+        const Vec3 side = (0.5 * y.squaredNorm()) * f - y;
+        W_[q] = (w / depth) * (Mat3::Identity() + side * f.transpose() + f * side.transpose());
+        h_[q] = w * (e2 * f - e);
       }
-      cost_ += kernel2_ * std::log1p(s_[q] / kernel2_);
+      product *= 1 + s_[q] / kernel2_;
       M_ += W_[q];
       y_ += h_[q];
     }
-    M_.diagonal().array() += 1e-9;
+    cost_ = kernel2_ * std::log(product);
   }
 
   const StartTrack& track_;
   const std::array<View, kStartFrames>& view_;
-  double sigma_, kernel2_;
+  double sigma2_, kernel2_;
   Vec3 origin_, m_;
   double rho_ = 0, damping_ = 0, cost_ = 0;
   Mat3 M_;
   Vec3 y_;
+  std::array<Vec3, kStartFrames> f_;  ///< measured bearings in B_0
   std::array<Mat3, kStartFrames> W_;
   std::array<Vec3, kStartFrames> h_;
   std::array<double, kStartFrames> s_;
@@ -159,17 +196,19 @@ int used_tracks(const StartProblem& problem) {
 }
 
 void linearise(const StartProblem& problem, const StartState& s, StartPath& path, std::array<View, kStartFrames>& view,
-               double kernel, Normal& n) {
+               const Stage& stage, Normal& n) {
   chain(problem, s.b_g, s.b_a, path);
   place_cameras(problem, path, s, view);
-  n = {};
-  add_prior(problem, s, n);
-  for (int t = 0; t < used_tracks(problem); ++t) {
+  Accumulator sum;
+  add_prior(problem, s, sum.total);
+  for (int t = 0; t < used_tracks(problem); t += stage.every) {
     if (problem.tracks[t].count < 2) continue;
-    TrackPoint point(problem.tracks[t], view, problem.sigma_rad, kernel);
+    TrackPoint point(problem.tracks[t], view, problem.sigma_rad, stage.kernel);
     point.solve_point();
-    point.add_to(n);
+    point.add_to(sum);
   }
+  sum.finish(view, problem.frames);
+  n = sum.total;
 }
 
 /// Relative standard deviation of the path's size: the covariance of all centres along their own offsets from the
@@ -193,7 +232,7 @@ double typical_residual(const StartProblem& problem, const std::array<View, kSta
   for (int t = 0; t < used_tracks(problem); ++t) {
     const StartTrack& track = problem.tracks[t];
     if (track.count < 3) continue;
-    TrackPoint point(track, view, problem.sigma_rad, kKernel.back());
+    TrackPoint point(track, view, problem.sigma_rad, kStages.back().kernel);
     point.solve_point();
     std::array<double, kStartFrames> s;
     for (int q = 0; q < track.count; ++q) s[q] = point.residual2(q);
@@ -206,12 +245,12 @@ double typical_residual(const StartProblem& problem, const std::array<View, kSta
   return length[tracks / 2] / 1.177;
 }
 
-/// Damped Gauss-Newton with one kernel. `now` is left at the result. Returns false if the normal equations cannot be
+/// Damped Gauss-Newton of one stage. `now` is left at the result. Returns false if the normal equations cannot be
 /// solved.
-bool descend(const StartProblem& problem, double kernel, int iterations, StartState& state, StartPath& path,
+bool descend(const StartProblem& problem, const Stage& stage, int iterations, StartState& state, StartPath& path,
              std::array<View, kStartFrames>& view, Normal& now, int& accepted) {
   Normal trial;
-  linearise(problem, state, path, view, kernel, now);
+  linearise(problem, state, path, view, stage, now);
   double damping = 1e-6;
   for (int n = 0; n < iterations; ++n) {
     StartMatrix H = now.H;
@@ -219,7 +258,7 @@ bool descend(const StartProblem& problem, double kernel, int iterations, StartSt
     const StartVector step = H.ldlt().solve(now.b);
     if (!step.allFinite()) return false;
     const StartState candidate = moved(state, step);
-    linearise(problem, candidate, path, view, kernel, trial);
+    linearise(problem, candidate, path, view, stage, trial);
     if (!(trial.cost <= now.cost)) {
       damping = std::max(1e-4, damping * 30);
       continue;
@@ -236,19 +275,12 @@ bool descend(const StartProblem& problem, double kernel, int iterations, StartSt
 
 }  // namespace
 
-double coarse_cost(const StartProblem& problem, const StartState& state, StartPath& path) {
-  std::array<View, kStartFrames> view;
-  Normal normal;
-  linearise(problem, state, path, view, kKernel.front(), normal);
-  return normal.cost;
-}
-
 bool refine(const StartProblem& problem, StartState& state, StartPath& path, RefinementFigures& figures) {
   std::array<View, kStartFrames> view;
   Normal normal;
   figures.iterations = 0;
-  for (const double kernel : kKernel)
-    if (!descend(problem, kernel, kIterations, state, path, view, normal, figures.iterations)) return false;
+  for (const Stage& stage : kStages)
+    if (!descend(problem, stage, kIterations, state, path, view, normal, figures.iterations)) return false;
   chain(problem, state.b_g, state.b_a, path);
   place_cameras(problem, path, state, view);
   figures.cost = normal.cost;

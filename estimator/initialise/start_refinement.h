@@ -13,9 +13,6 @@ struct RefinementFigures {
   StartMatrix covariance = StartMatrix::Zero();
 };
 
-/// Robust cost of a state under a wide kernel: tells a start within reach from one that is not. `path` is overwritten.
-[[nodiscard]] double coarse_cost(const StartProblem& problem, const StartState& state, StartPath& path);
-
 /// Improves `state` in place; `path` is left at the result. False: the normal equations have no solution.
 [[nodiscard]] bool refine(const StartProblem& problem, StartState& state, StartPath& path, RefinementFigures& figures);
 

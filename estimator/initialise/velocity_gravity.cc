@@ -15,7 +15,7 @@ using Vec6 = Eigen::Matrix<double, 6, 1>;
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 using Mat36 = Eigen::Matrix<double, 3, 6>;
 
-constexpr int kPasses = 4;
+constexpr int kPasses = 2;
 
 /// Camera centre c_k = L_k (v_0, g_0) + s_k.
 struct Centre {
@@ -103,7 +103,7 @@ double median(std::array<double, kStartTracks>& v, int n) {
 }  // namespace
 
 bool solve_velocity_gravity(const StartProblem& problem, const StartPath& path, StartState& state,
-                            LinearFigures& figures) {
+                            double& parallax_rad) {
   std::array<Centre, kStartFrames> centre;
   for (int k = 0; k < problem.frames; ++k) {
     const double T = path[k].T;
@@ -116,19 +116,18 @@ bool solve_velocity_gravity(const StartProblem& problem, const StartPath& path, 
   const double smallest = 4 * problem.sigma_rad;  // below it the base pair's depth is noise
   for (int pass = 0; pass < kPasses; ++pass) {
     Normal n;
-    int seen = 0;
-    figures.tracks = 0;
+    int seen = 0, used = 0;
     for (int t = 0; t < tracks; ++t) {
       const StartTrack& track = problem.tracks[t];
       if (track.count < 3) continue;
       const Rays r = rays(problem, path, track);
       angle[seen++] = std::asin(std::sqrt(std::min(1.0, r.sin2)));
       if (r.sin2 < smallest * smallest) continue;
-      ++figures.tracks;
+      ++used;
       add_track(track, r, centre, problem.sigma_rad, pass == 0 ? nullptr : &x, n);
     }
-    if (pass == 0) figures.parallax_rad = median(angle, seen);
-    if (figures.tracks < 4 || !solve_constrained(n.A, n.b, x)) return false;
+    if (pass == 0) parallax_rad = median(angle, seen);
+    if (used < 4 || !solve_constrained(n.A, n.b, x)) return false;
   }
   state.v_0 = x.head<3>();
   state.g_0 = x.tail<3>();

@@ -5,14 +5,9 @@
 
 namespace epiline {
 
-struct LinearFigures {
-  int tracks = 0;  ///< with enough parallax to give rows
-  double parallax_rad =
-      0;  ///< median over tracks of the largest angle between two of its rotation-compensated bearings
-};
-
-/// Fills state.v_0 and state.g_0 (|g_0| = kGravity exactly) for the rotations and biases of `path`. False: no solution.
+/// Fills state.v_0 and state.g_0 (|g_0| = kGravity exactly) for the rotations and biases of `path`. `parallax_rad`:
+/// median over the tracks of the widest angle between two bearings, rotation removed. False: no solution.
 [[nodiscard]] bool solve_velocity_gravity(const StartProblem& problem, const StartPath& path, StartState& state,
-                                          LinearFigures& figures);
+                                          double& parallax_rad);
 
 }  // namespace epiline

@@ -72,8 +72,8 @@ TEST(VelocityGravity, AreExactWithoutNoise) {
     StartPath path;
     chain(f.problem, Vec3::Zero(), Vec3::Zero(), path);
     StartState x;
-    LinearFigures figures;
-    ASSERT_TRUE(solve_velocity_gravity(f.problem, path, x, figures)) << "seed " << seed;
+    double parallax;
+    ASSERT_TRUE(solve_velocity_gravity(f.problem, path, x, parallax)) << "seed " << seed;
     EXPECT_NEAR((x.v_0 - f.truth.v_0).norm(), 0, 1e-5) << "seed " << seed;
     EXPECT_NEAR((x.g_0 - f.truth.g_0).norm(), 0, 1e-5) << "seed " << seed;
     EXPECT_NEAR(x.g_0.norm(), kGravity, 1e-9);
