@@ -18,6 +18,7 @@ struct TrackFactor::Memory {
 };
 
 TrackFactor::TrackFactor(const Kernels& kernels) : kernels_(kernels), memory_(new Memory) {}
+TrackFactor::~TrackFactor() = default;
 
 namespace {
 constexpr double kDepthDamping = 0.04;  // 1/(1/m)^2: a standard deviation of 5 1/m on the change of inverse depth

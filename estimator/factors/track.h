@@ -11,6 +11,7 @@ namespace epiline {
 class TrackFactor final : public VisualFactorModel {
  public:
   explicit TrackFactor(const Kernels& kernels);
+  ~TrackFactor() override;
   void collect(const Window&, const VisualSettings&) noexcept override;
   void linearise(const Window&, VisualSystem&) noexcept override;
   void marginalise_oldest(const Window&, const VisualSettings&, VisualSystem&) noexcept override;

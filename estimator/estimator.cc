@@ -1,0 +1,407 @@
+#include "estimator/estimator.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "estimator/factors/epipolar.h"
+#include "estimator/factors/track.h"
+#include "estimator/inertial/imu_history.h"
+#include "estimator/monitor/health.h"
+#include "estimator/monitor/rest_detector.h"
+#include "estimator/solver/solver.h"
+#include "estimator/window/keyframe.h"
+#include "estimator/window/marginalise.h"
+#include "estimator/window/window.h"
+
+namespace epiline {
+
+namespace {
+constexpr double kYoungWindow_s = 2;                      // more solver steps until the window has seen this much
+constexpr double kGateFree_s = 1;                         // no gate until then: a young state may be further off than its tracks
+constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s (estimation.md 2)
+constexpr double kTimeOffsetWalk = 1e-5;                  // s/sqrt(s)
+constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3, kSigmaMost = 2;  // px
+constexpr double kLongestStep_s = 5;                      // a longer silence of the camera is a new start
+
+NewestCovariance covariance_of(const InitialState& s, double sigma_td) {
+  NewestCovariance C = NewestCovariance::Zero();
+  auto set = [&](int at, double sigma) { C.diagonal().segment<3>(at).setConstant(sigma * sigma); };
+  set(0, s.sigma_p);
+  set(6, s.sigma_v);
+  set(9, s.sigma_b_a);
+  set(12, s.sigma_b_g);
+  const Vec3 world(s.sigma_tilt * s.sigma_tilt, s.sigma_tilt * s.sigma_tilt, s.sigma_yaw * s.sigma_yaw);
+  C.block<3, 3>(3, 3) = s.R_WB.transpose() * world.asDiagonal() * s.R_WB;
+  C(15, 15) = sigma_td * sigma_td;
+  return C;
+}
+}  // namespace
+
+struct Estimator::Impl {
+  explicit Impl(const EstimatorConfig& c);
+
+  StepResult process(const TrackedFrame& frame, Supervisor& supervisor);
+  void start(const TrackedFrame& frame, const InitialState& state, StartKind kind);
+  void reset(const TrackedFrame& frame);
+
+  bool append_frame(const TrackedFrame& frame);
+  void attach_rest(const TrackedFrame& frame);
+  void reintegrate_moved_biases();
+  SolverSummary solve(Supervisor& supervisor);
+  void adapt_pixel_sigma(double dt_s);
+  void slide(Supervisor& supervisor);
+  void join_second_newest();
+  void publish(const TrackedFrame& frame, const NavState& x, const Vec3& omega, HostStamp time);
+  StepResult predict(const TrackedFrame& frame);
+  void judge(const TrackedFrame& frame, const SolverSummary& s, double dt_s);
+
+  VisualSettings visual_settings() const;
+  VisualFactorModel& visual() {
+    return config.visual_factor == VisualFactor::kTrack ? static_cast<VisualFactorModel&>(track) : epipolar;
+  }
+  double window_age_s(HostStamp now) const { return (now - started_at).seconds(); }
+
+  EstimatorConfig config;
+  ImuHistory::Density density;
+  const Kernels& kernel;
+  Window window;
+  ImuHistory history;
+  TrackFactor track;
+  EpipolarFactor epipolar;
+  Solver solver;
+  Marginaliser marginaliser;
+  RestDetector rest;
+  HealthMonitor monitor;
+  Odometry odometry;
+  EstimatorStats stats;
+
+  bool started = false;
+  HostStamp started_at;
+  double pixel_sigma;
+  bool rejected_last = false;
+  bool resting = false;             ///< the zero-motion test has held without interruption
+  std::uint64_t rest_frame = 0;     ///< the frame that later ones at rest are linked to
+  std::uint64_t forced_keyframe = 0;
+  HostStamp last_marginalised;
+  bool imu_gap_seen = false;
+};
+
+Estimator::Impl::Impl(const EstimatorConfig& c)
+    : config(c),
+      kernel(kernels()),
+      window(std::clamp(c.keyframes, 2, kMaxFrames - 1) + 1),
+      track(kernel),
+      solver(kernel),
+      marginaliser(kernel),
+      pixel_sigma(c.pixel_sigma) {
+  density.noise = c.imu;
+  density.noise.gyroscope_density *= c.gyroscope_density_factor;
+  density.noise.accelerometer_density *= c.accelerometer_density_factor;
+  window.calibration = {c.extrinsics.time_offset_s, c.extrinsics.R_BC, c.extrinsics.p_BC};
+  window.first_estimates = c.visual_factor == VisualFactor::kTrack;
+  odometry.health.reasons = static_cast<std::uint32_t>(HealthReason::kNoInitialState);
+}
+
+VisualSettings Estimator::Impl::visual_settings() const {
+  VisualSettings s;
+  s.pixel_sigma = pixel_sigma;
+  s.sigma_inflation = config.sigma_inflation;
+  s.cauchy = config.cauchy;
+  s.gate = config.gate && window_age_s(window.newest().time) > kGateFree_s;
+  s.gate_cap = config.gate_cap;
+  s.focal_px = config.extrinsics.focal_px;
+  s.extrinsics = config.estimate_extrinsics;
+  return s;
+}
+
+/// Appends the frame, predicted by the IMU. False: no readings for it.
+bool Estimator::Impl::append_frame(const TrackedFrame& frame) {
+  const Calibration& calibration = window.calibration;
+  const HostStamp time = frame.stamp + Span::from_seconds(calibration.time_offset);
+  Preintegration interval;
+  NavState x;
+  Vec3 omega = Vec3::Zero();
+  if (window.size() > 0) {
+    const Slot& last = window.newest();
+    x = last.x;
+    interval.reset(x.b_a, x.b_g);
+    if (!history.integrate(last.time, time, density, interval)) return false;
+    history.propagate(last.time, time, x, omega);
+  }
+  Slot& s = window.append();
+  s.image_stamp = frame.stamp;
+  s.time = time;
+  s.time_offset_used = (time - frame.stamp).seconds();
+  s.x = x;
+  s.omega = omega;
+  s.imu = interval;
+  stats.tracks_refused += static_cast<std::uint64_t>(window.observe(frame));
+  return window.size() == 1 || whiten(s);
+}
+
+/// Zero motion: at its first success the candidate becomes a keyframe, once, and later frames at rest are tied to it.
+void Estimator::Impl::attach_rest(const TrackedFrame& frame) {
+  const int n = window.size();
+  Slot& newest = window.newest();
+  const double rate = n > 1 ? history.mean_rate(window.at(n - 2).time, newest.time, newest.x.b_g) : 0;
+  const bool still = rest.update(frame, pixel_sigma, rate);
+  if (!config.zero_motion || !still || n < 2) {
+    resting = false;
+    return;
+  }
+  if (!resting || window.index_of(rest_frame) < 0) rest_frame = forced_keyframe = window.at(n - 2).id;
+  resting = true;
+  newest.at_rest = true;
+  newest.rest_link = rest_frame;
+  ++stats.zero_motion_frames;
+}
+
+/// Intervals whose bias moved far from their linearisation point are integrated again, as far back as the readings reach.
+void Estimator::Impl::reintegrate_moved_biases() {
+  for (int k = 1; k < window.size(); ++k) {
+    Slot& s = window.at(k);
+    const NavState& from = window.at(k - 1).x;
+    const bool moved = (s.imu.b_a - from.b_a).norm() > kReintegrateAccelerometer || (s.imu.b_g - from.b_g).norm() > kReintegrateGyroscope;
+    if (!moved || history.empty() || history.oldest_stamp() > window.at(k - 1).time) continue;
+    s.imu.reset(from.b_a, from.b_g);
+    history.integrate(window.at(k - 1).time, s.time, density, s.imu);
+    whiten(s);
+  }
+}
+
+SolverSummary Estimator::Impl::solve(Supervisor& supervisor) {
+  reintegrate_moved_biases();
+  const bool young = window_age_s(window.newest().time) < kYoungWindow_s || rejected_last;
+  const SolverSettings settings{young ? config.steps_young : config.steps, config.estimate_time_offset, config.estimate_extrinsics};
+  supervisor.phase(Supervisor::Phase::kSolve);
+  visual().collect(window, visual_settings());
+  const SolverSummary s = solver.optimise(window, visual(), settings, supervisor);
+  supervisor.phase(Supervisor::Phase::kNone);
+  rejected_last = s.rejected > 0;
+  ++stats.frames_solved;
+  stats.iterations += static_cast<std::uint64_t>(s.accepted + s.rejected);
+  stats.residuals += static_cast<std::uint64_t>(s.residuals);
+  stats.state_size += static_cast<std::uint64_t>(15 * window.size() + (config.estimate_time_offset ? 1 : 0) + (config.estimate_extrinsics ? 6 : 0));
+  stats.gated += static_cast<std::uint64_t>(s.gated);
+  stats.deadline_hits += s.out_of_time ? 1 : 0;
+  stats.gate_suspended += track.gate_suspended() ? 1 : 0;
+  return s;
+}
+
+/// The kernel's scale follows what the residuals show, slowly.
+void Estimator::Impl::adapt_pixel_sigma(double dt_s) {
+  if (!config.estimate_pixel_sigma) return;
+  const double seen = visual().residual_sigma_px();
+  if (seen > 0) pixel_sigma += std::min(1.0, dt_s / kSigmaMemory_s) * (std::clamp(seen, kSigmaLeast, kSigmaMost) - pixel_sigma);
+}
+
+/// The second newest frame goes: its two IMU intervals become one, its bearings are lost. It is never in the prior.
+void Estimator::Impl::join_second_newest() {
+  const int n = window.size();
+  Preintegration joined = window.at(n - 2).imu;
+  joined.join(window.at(n - 1).imu);
+  window.newest().imu = joined;
+  whiten(window.newest());
+  window.remove(n - 2);
+}
+
+void Estimator::Impl::slide(Supervisor& supervisor) {
+  const int n = window.size();
+  if (n >= 3) {
+    const KeyframeSettings rule{config.keyframe_rule, config.keyframe_parallax_px, config.extrinsics.focal_px};
+    if (window.at(n - 2).id != forced_keyframe && !is_keyframe(window, rule)) {
+      join_second_newest();
+    } else {
+      ++stats.keyframes;
+      if (window.full()) {
+        supervisor.phase(Supervisor::Phase::kMarginalise);
+        if (config.estimate_time_offset)
+          inflate_calibration(window.prior, 0, kTimeOffsetWalk * kTimeOffsetWalk * (window.at(1).time - last_marginalised).seconds());
+        last_marginalised = window.at(1).time;
+        marginaliser.marginalise_oldest(window, visual(), visual_settings());
+        supervisor.phase(Supervisor::Phase::kNone);
+      }
+    }
+  }
+  window.prune();
+}
+
+void Estimator::Impl::publish(const TrackedFrame& frame, const NavState& x, const Vec3& omega_raw, HostStamp time) {
+  // The pose is that of the printed stamp, read as a time of the IMU's clock: taken back (or on) by the offset.
+  const double dt = (frame.stamp - time).seconds();
+  const Vec3 omega = omega_raw - x.b_g;
+  const Vec3 p = x.p + x.v * dt;
+  const Eigen::Quaterniond q(x.R * so3_exp(omega * dt));
+  odometry.stamp = frame.stamp;
+  Eigen::Map<Vec3>(odometry.p_WB_m.data()) = p;
+  odometry.q_WB = {q.w(), q.x(), q.y(), q.z()};
+  Eigen::Map<Vec3>(odometry.v_WB_m_s.data()) = x.v;
+  Eigen::Map<Vec3>(odometry.omega_B_rad_s.data()) = omega;
+  Eigen::Map<Vec3>(odometry.accelerometer_bias_m_s2.data()) = x.b_a;
+  Eigen::Map<Vec3>(odometry.gyroscope_bias_rad_s.data()) = x.b_g;
+  odometry.time_offset_s = window.calibration.time_offset;
+}
+
+StepResult Estimator::Impl::predict(const TrackedFrame& frame) {
+  ++stats.frames_predicted;
+  const Slot& s = window.newest();
+  const HostStamp time = frame.stamp + Span::from_seconds(window.calibration.time_offset);
+  NavState x = s.x;
+  Vec3 omega = s.omega;
+  history.propagate(s.time, time, x, omega);
+  publish(frame, x, omega, time);
+  return {true, false, false};
+}
+
+void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, double dt_s) {
+  const NewestCovariance& C = solver.covariance();
+  const NavState& x = window.newest().x;
+  FrameEvidence e;
+  e.solved = true;
+  e.finite = x.p.allFinite() && x.v.allFinite() && x.R.allFinite() && x.b_a.allFinite() && x.b_g.allFinite() && C.allFinite();
+  e.tracks = static_cast<int>(frame.features.size());
+  e.gated_share = s.tracks > 0 ? static_cast<double>(s.gated) / s.tracks : 0;
+  e.steps_rejected = !s.ok;
+  e.deadline_missed = s.out_of_time;
+  e.imu_gap = imu_gap_seen;
+  e.sigma_velocity = std::sqrt(C.diagonal().segment<3>(6).maxCoeff());
+  // tilt: the rotation error's components across gravity
+  const Mat3 world = x.R * C.block<3, 3>(3, 3) * x.R.transpose();
+  e.sigma_tilt = std::sqrt(std::max(world(0, 0), world(1, 1)));
+  e.bias_accelerometer = x.b_a.norm();
+  e.bias_gyroscope = x.b_g.norm();
+  imu_gap_seen = false;
+  odometry.health = monitor.update(e, dt_s);
+  Eigen::Map<NewestCovariance>(odometry.covariance.data()) = C;
+}
+
+StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& supervisor) {
+  ++stats.frames;
+  if (window.size() > 0) {
+    const double since = (frame.stamp - window.newest().image_stamp).seconds();
+    if (since <= 0) {
+      ++stats.frames_refused;
+      return {};
+    }
+    if (since > kLongestStep_s) reset(frame);
+    else if (since < 0.75 * config.solve_interval_s) return started ? predict(frame) : StepResult{};
+  }
+  if (!started) return {};
+  const double dt = (frame.stamp - window.newest().image_stamp).seconds();
+  if (!append_frame(frame)) {
+    ++stats.frames_refused;
+    reset(frame);
+    return {};
+  }
+  attach_rest(frame);
+  const SolverSummary s = solve(supervisor);
+  adapt_pixel_sigma(dt);
+  judge(frame, s, dt);
+  if (monitor.reset_wanted()) {
+    reset(frame);
+    return {};
+  }
+  publish(frame, window.newest().x, window.newest().omega, window.newest().time);
+  const std::uint64_t keyframes = stats.keyframes;
+  slide(supervisor);
+  return {true, true, stats.keyframes > keyframes};
+}
+
+void Estimator::Impl::start(const TrackedFrame& frame, const InitialState& state, StartKind kind) {
+  window.clear();
+  rest.clear();
+  monitor.restart();
+  append_frame(frame);
+  Slot& s = window.newest();
+  s.x.p = state.p_WB;
+  s.x.v = state.v_WB;
+  s.x.R = state.R_WB;
+  s.x.b_a = state.b_a;
+  s.x.b_g = state.b_g;
+  CalibrationTangent sigmas;
+  sigmas << config.time_offset_sigma_s, Vec3::Constant(config.extrinsic_rotation_sigma_rad), Vec3::Constant(config.extrinsic_translation_sigma_m);
+  set_initial_prior(window, state, sigmas);
+  started = true;
+  started_at = last_marginalised = s.time;
+  resting = false;
+  rejected_last = false;
+  stats.start_kind = kind;
+  publish(frame, s.x, s.omega, s.time);
+  Eigen::Map<NewestCovariance>(odometry.covariance.data()) = covariance_of(state, config.time_offset_sigma_s);
+  odometry.health = {};
+  odometry.health.reasons = static_cast<std::uint32_t>(HealthReason::kPosteriorWide);
+}
+
+void Estimator::Impl::reset(const TrackedFrame&) {
+  if (started) {
+    ++stats.resets;
+    ++odometry.reset_counter;
+  }
+  window.clear();
+  window.calibration = {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC};
+  rest.clear();
+  monitor.restart();
+  started = resting = false;
+  odometry.health = {HealthState::kInitialising, static_cast<std::uint32_t>(HealthReason::kNoInitialState), 0};
+}
+
+Estimator::Estimator(const EstimatorConfig& config) : impl_(new Impl(config)) {}
+Estimator::~Estimator() = default;
+
+bool Estimator::add_imu(const ImuSample& sample) noexcept {
+  Impl& m = *impl_;
+  ++m.stats.imu_samples;
+  switch (m.history.push(sample)) {
+    case ImuHistory::Push::kOutOfOrder: ++m.stats.imu_out_of_order; return false;
+    case ImuHistory::Push::kDuplicate: ++m.stats.imu_duplicate; return false;
+    case ImuHistory::Push::kNotFinite: ++m.stats.imu_not_finite; return false;
+    case ImuHistory::Push::kTaken: break;
+  }
+  const ImuHistory::Reading& r = m.history.newest();
+  if (r.w.cwiseAbs().maxCoeff() >= m.config.saturation_gyroscope_rad_s || r.a.cwiseAbs().maxCoeff() >= m.config.saturation_accelerometer_m_s2)
+    ++m.stats.imu_saturated;
+  if (m.history.after_gap()) {
+    ++m.stats.imu_gaps;
+    m.imu_gap_seen = true;
+  }
+  return true;
+}
+
+HostStamp Estimator::imu_needed_until(HostStamp image) const noexcept {
+  return image + Span::from_seconds(impl_->window.calibration.time_offset);
+}
+
+StepResult Estimator::process(const TrackedFrame& frame, Supervisor& supervisor) noexcept { return impl_->process(frame, supervisor); }
+
+void Estimator::start(const TrackedFrame& frame, const InitialState& state) noexcept {
+  impl_->start(frame, state, StartKind::kGiven);
+}
+
+const Odometry& Estimator::odometry() const noexcept { return impl_->odometry; }
+const EstimatorStats& Estimator::stats() const noexcept {
+  impl_->stats.pixel_sigma = impl_->pixel_sigma;
+  return impl_->stats;
+}
+Vec3 Estimator::gyroscope_bias() const noexcept {
+  return impl_->window.size() > 0 ? impl_->window.newest().x.b_g : Vec3(Vec3::Zero());
+}
+
+const char* to_string(StartRefusal r) {
+  switch (r) {
+    case StartRefusal::kTooFewFrames: return "too_few_frames";
+    case StartRefusal::kTooFewTracks: return "too_few_tracks";
+    case StartRefusal::kNoImu: return "no_imu";
+    case StartRefusal::kNoParallax: return "no_parallax";
+    case StartRefusal::kSolverFailed: return "solver_failed";
+    case StartRefusal::kResidualTooLarge: return "residual_too_large";
+    case StartRefusal::kTiltUncertain: return "tilt_uncertain";
+    case StartRefusal::kVelocityUncertain: return "velocity_uncertain";
+    case StartRefusal::kScaleUncertain: return "scale_uncertain";
+    case StartRefusal::kBiasImplausible: return "bias_implausible";
+    case StartRefusal::kCount: break;
+  }
+  return "unknown";
+}
+
+}  // namespace epiline

@@ -1,0 +1,63 @@
+#include "estimator/monitor/health.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace epiline {
+
+namespace {
+// settled: good enough to fly on
+constexpr double kSettledVelocity = 0.1, kSettledTilt = 0.0175;  // m/s, rad
+// after that, wider limits before the state is called degraded or lost
+constexpr double kDegradedVelocity = 0.3, kLostVelocity = 1.0;
+constexpr int kFewTracks = 20;
+constexpr double kGatedShare = 0.4, kGatedTime_s = 1;
+constexpr int kRejectedFrames = 3;
+constexpr double kBiasAccelerometer = 1.5, kBiasGyroscope = 0.5;  // m/s^2, rad/s: no working sensor is that far off
+constexpr double kLostBeforeReset_s = 2;
+
+void flag(std::uint32_t& reasons, bool on, HealthReason r) {
+  if (on) reasons |= static_cast<std::uint32_t>(r);
+}
+}  // namespace
+
+void HealthMonitor::restart() { *this = HealthMonitor{}; }
+
+Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
+  if (e.solved) {
+    rejected_frames_ = e.steps_rejected ? rejected_frames_ + 1 : 0;
+    gated_s_ = e.gated_share > kGatedShare ? gated_s_ + dt_s : 0;
+  }
+  const bool tight = e.sigma_velocity < kSettledVelocity && e.sigma_tilt < kSettledTilt;
+  settled_ = settled_ || tight;
+
+  Health h;
+  flag(h.reasons, !settled_, HealthReason::kPosteriorWide);
+  flag(h.reasons, e.tracks < kFewTracks, HealthReason::kFewTracks);
+  flag(h.reasons, gated_s_ > kGatedTime_s, HealthReason::kManyGated);
+  flag(h.reasons, rejected_frames_ >= kRejectedFrames, HealthReason::kStepsRejected);
+  const bool bias = e.bias_accelerometer > kBiasAccelerometer || e.bias_gyroscope > kBiasGyroscope;
+  flag(h.reasons, bias, HealthReason::kBiasImplausible);
+  flag(h.reasons, settled_ && e.sigma_velocity > kDegradedVelocity, HealthReason::kVelocityUncertain);
+  flag(h.reasons, e.deadline_missed, HealthReason::kDeadlineMissed);
+  flag(h.reasons, e.imu_gap, HealthReason::kImuGap);
+  flag(h.reasons, !e.finite, HealthReason::kNotFinite);
+
+  const bool lost = !e.finite || bias || e.sigma_velocity > kLostVelocity;
+  lost_s_ = lost && settled_ ? lost_s_ + dt_s : 0;
+  reset_wanted_ = !e.finite || bias || lost_s_ > kLostBeforeReset_s;
+  h.state = !settled_                ? HealthState::kInitialising
+            : lost                   ? HealthState::kLost
+            : h.reasons != 0         ? HealthState::kDegraded
+                                     : HealthState::kTracking;
+  // quality: tracks and posterior, smoothed so that it moves with trends and not with single frames
+  const double tracks = std::clamp(e.tracks / 60.0, 0.0, 1.0);
+  const double posterior = std::clamp(1.3 - e.sigma_velocity / kDegradedVelocity, 0.0, 1.0);
+  const double gate = std::clamp(1 - e.gated_share, 0.0, 1.0);
+  const double now = 100 * std::min({tracks, posterior, gate});
+  quality_ += std::clamp(dt_s / 0.5, 0.0, 1.0) * (now - quality_);
+  h.quality = lost ? -1 : static_cast<int>(std::lround(quality_));
+  return h;
+}
+
+}  // namespace epiline
