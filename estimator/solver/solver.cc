@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "estimator/factors/imu.h"
 
@@ -236,8 +237,8 @@ double Solver::linearise(const Window& w, VisualFactorModel& visual, const Solve
   return cost;
 }
 
-/// Factorises and applies one step; columns 1..15 of the same solve are the newest frame's covariance.
-bool Solver::step(Window& w, const SolverSettings& settings, double damping) {
+/// Solves for the step in column 0 and, in the columns 1..15, for the covariance of the newest frame's state.
+bool Solver::factorise_and_solve(const Window& w, double damping) {
   Memory& m = *memory_;
   LinearSystem& s = m.system;
   const int n = w.size(), dim = s.pose_dim();
@@ -250,7 +251,13 @@ bool Solver::step(Window& w, const SolverSettings& settings, double damping) {
   for (int i = 0; i < 6; ++i) m.x_s[i][1 + i] = 1;
   for (int i = 0; i < 9; ++i) m.x_v[n - 1][i][7 + i] = 1;
   kernels_.solve(s, m.x_v, m.x_s);
+  return true;
+}
 
+/// Applies the solved step. False: it is not finite.
+bool Solver::apply_step(Window& w, const SolverSettings& settings) {
+  const Memory& m = *memory_;
+  const int n = w.size();
   double sum = 0;
   for (int k = 0; k < n; ++k) {
     Vec6 dp;
@@ -293,47 +300,63 @@ void Solver::read_covariance(const Window& w, const SolverSettings& settings) {
 }
 
 SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const SolverSettings& settings, Supervisor& supervisor) {
-  constexpr double kFirstDamping = 1e-9, kAfterRejection = 1e-4;
+  constexpr double kFirstDamping = 1e-9, kAfterRejection = 1e-4, kNoGain = 1e-3;
   constexpr int kMaxRejections = 4;
   SolverSummary r;
-  double damping = kFirstDamping;
-  double cost = r.cost_first = r.cost = linearise(w, visual, settings);
+  double damping = kFirstDamping, cost = r.cost_first = linearise(w, visual, settings);
   r.linearisations = 1;
+  bool covariance_fresh = false, linearised_here = true;
   while (r.accepted < settings.steps) {
     if (r.accepted > 0 && supervisor.time_is_up()) {
       r.out_of_time = true;
       break;
     }
-    for (int k = 0; k < w.size(); ++k) memory_->backup[k] = w.at(k).x;
-    memory_->backup_calibration = w.calibration;
-    const bool solved = step(w, settings, damping);
-    double trial = cost;
-    if (solved) {
-      read_covariance(w, settings);
-      trial = linearise(w, visual, settings);
+    save(w);
+    double trial = std::numeric_limits<double>::infinity();
+    if (factorise_and_solve(w, damping)) {
+      covariance_fresh = damping == kFirstDamping;
+      if (covariance_fresh) read_covariance(w, settings);
+      if (apply_step(w, settings)) trial = linearise(w, visual, settings);
       ++r.linearisations;
     }
-    if (solved && trial <= cost * (1 + 1e-6) + 1e-6) {
+    if (trial <= cost * (1 + 1e-6) + 1e-6) {
       ++r.accepted;
-      r.ok = true;
       const double gain = cost - trial;
       cost = trial;
+      linearised_here = true;
       damping = std::max(damping * 0.1, kFirstDamping);
-      if (r.accepted >= 2 && gain < 1e-3 * std::abs(cost) + 1e-3) break;
+      if (r.accepted >= 2 && gain < kNoGain * std::abs(cost) + kNoGain) break;
       continue;
     }
-    for (int k = 0; k < w.size(); ++k) w.at(k).x = memory_->backup[k];
-    w.calibration = memory_->backup_calibration;
+    restore(w);
+    linearised_here = false;
+    if (trial < cost * (1 + kNoGain) + kNoGain) break;  // as good as converged: the window is where it was
     if (++r.rejected >= kMaxRejections || supervisor.time_is_up()) break;
     damping = std::max(damping * 30, kAfterRejection);
     linearise(w, visual, settings);
     ++r.linearisations;
+    linearised_here = true;
+  }
+  if (!covariance_fresh) {  // the last factors were damped, which would flatter it
+    if (!linearised_here) linearise(w, visual, settings);
+    if (factorise_and_solve(w, kFirstDamping)) read_covariance(w, settings);
   }
   r.cost = cost;
+  r.ok = r.rejected < kMaxRejections && std::isfinite(cost);
   r.residuals = memory_->visual.residuals;
   r.tracks = memory_->visual.tracks;
   r.gated = memory_->visual.gated;
   return r;
+}
+
+void Solver::save(const Window& w) {
+  for (int k = 0; k < w.size(); ++k) memory_->backup[k] = w.at(k).x;
+  memory_->backup_calibration = w.calibration;
+}
+
+void Solver::restore(Window& w) {
+  for (int k = 0; k < w.size(); ++k) w.at(k).x = memory_->backup[k];
+  w.calibration = memory_->backup_calibration;
 }
 
 }  // namespace epiline

@@ -14,7 +14,7 @@ struct SolverSettings {
 };
 
 struct SolverSummary {
-  bool ok = false;                      ///< at least one linearisation and its factorisation succeeded, state finite
+  bool ok = false;                      ///< the cost is finite and not every step had to be rejected
   int accepted = 0, rejected = 0, linearisations = 0;
   double cost_first = 0, cost = 0;
   int residuals = 0, tracks = 0, gated = 0;
@@ -43,7 +43,10 @@ class Solver {
 
  private:
   struct Memory;
-  bool step(Window& window, const SolverSettings& settings, double damping);
+  bool factorise_and_solve(const Window& window, double damping);
+  bool apply_step(Window& window, const SolverSettings& settings);
+  void save(const Window& window);
+  void restore(Window& window);
   void read_covariance(const Window& window, const SolverSettings& settings);
 
   const Kernels& kernels_;

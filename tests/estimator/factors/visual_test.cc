@@ -1,0 +1,160 @@
+// Gradients of both visual factors, of calibration and of the whole window against central differences of the cost; the
+// unobservable directions. Derivations: docs/derivations/track.md, docs/derivations/epipolar.md.
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+
+#include "estimator/factors/epipolar.h"
+#include "estimator/factors/track.h"
+#include "tests/estimator/synthetic_window.h"
+
+namespace epiline {
+namespace {
+
+VisualSettings smooth_settings() {
+  VisualSettings s;
+  s.pixel_sigma = 1;
+  s.sigma_inflation = 1;
+  s.cauchy = 10;
+  s.gate = false;
+  s.extrinsics = true;
+  s.inner_steps = 12;  // converged: the point is a function of the poses
+  return s;
+}
+
+class Gradient : public testing::TestWithParam<const char*> {
+ protected:
+  std::unique_ptr<VisualFactorModel> make() {
+    if (std::string(GetParam()) == "epipolar") return std::make_unique<EpipolarFactor>();
+    return std::make_unique<TrackFactor>(*kernels_named(GetParam()));
+  }
+};
+
+TEST_P(Gradient, MatchesCentralDifferencesOfTheCost) {
+  if (std::string(GetParam()) != "epipolar" && !kernels_named(GetParam())) GTEST_SKIP() << "not on this machine";
+  SyntheticWindow s = make_window({});
+  Window& w = *s.window;
+  w.calibration.time_offset = 2e-3;
+  auto factor = make();
+  auto system = std::make_unique<VisualSystem>();
+  factor->collect(w, smooth_settings());
+  auto cost = [&] {
+    factor->linearise(w, *system);
+    return system->cost;
+  };
+  cost();
+  const auto at = std::make_unique<VisualSystem>(*system);
+  const double h = 1e-6;
+  auto check = [&](double analytic, double plus, double minus, double scale, const std::string& what) {
+    EXPECT_NEAR(analytic, -0.25 * (plus - minus) / h, 2e-5 * scale) << what;  // cost = r'r, b = -J'r
+  };
+  for (int k = 0; k < w.size(); ++k) {
+    double scale = 0;
+    for (int i = 0; i < 6; ++i) scale = std::max(scale, std::abs(at->b[k][i]));
+    for (int i = 0; i < 6; ++i) {
+      const NavState keep = w.at(k).x;
+      double c[2];
+      for (int side = 0; side < 2; ++side) {
+        Vec3 d = Vec3::Zero();
+        d[i % 3] = side ? -h : h;
+        if (i < 3) w.at(k).x.p += d;
+        else w.at(k).x.R = so3_exp(d) * keep.R;  // rotations perturbed in the world
+        c[side] = cost();
+        w.at(k).x = keep;
+      }
+      check(at->b[k][i], c[0], c[1], scale, "frame " + std::to_string(k) + " row " + std::to_string(i));
+    }
+  }
+  for (int i = 0; i < kCalibration; ++i) {
+    const Calibration keep = w.calibration;
+    double c[2];
+    for (int side = 0; side < 2; ++side) {
+      CalibrationTangent d = CalibrationTangent::Zero();
+      d[i] = side ? -h : h;
+      retract(w.calibration, d);
+      c[side] = cost();
+      w.calibration = keep;
+    }
+    check(at->b_c[i], c[0], c[1], std::abs(at->b_c[i]) + 1, "calibration " + std::to_string(i));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Factors, Gradient, testing::Values("sse", "avx2", "avx512", "epipolar"));
+
+TEST(TrackFactor, LeavesTranslationAndYawUnobservable) {
+  SyntheticWindow s = make_window({.pixel_noise = 1});
+  Window& w = *s.window;
+  TrackFactor factor(kernels());
+  auto system = std::make_unique<VisualSystem>();
+  for (int k = 0; k < 5; ++k) {  // some frames frozen at other first estimates
+    w.at(k).first = w.at(k).x;
+    w.at(k).first.p += Vec3(0.01 * k, -0.02, 0.005);
+    w.at(k).has_first = true;
+  }
+  VisualSettings settings = smooth_settings();
+  settings.cauchy = 2;
+  settings.inner_steps = 1;
+  factor.collect(w, settings);
+  factor.linearise(w, *system);
+  const int n = w.size();
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(6 * n, 6 * n);
+  for (int k = 0; k < n; ++k)
+    for (int l = k; l < n; ++l) {
+      const Eigen::Matrix<double, 6, 6> B = Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(system->H[k][l]);
+      H.block<6, 6>(6 * k, 6 * l) = B;
+      H.block<6, 6>(6 * l, 6 * k) = B.transpose();
+    }
+  Eigen::MatrixXd N = Eigen::MatrixXd::Zero(6 * n, 4);
+  for (int k = 0; k < n; ++k) {
+    for (int i = 0; i < 3; ++i) N(6 * k + i, i) = 1;
+    N.block<3, 1>(6 * k, 3) = Vec3(0, 0, 1).cross(w.linearisation_point(k).p);
+    N(6 * k + 5, 3) = 1;
+  }
+  for (int c = 0; c < 4; ++c) {
+    const Eigen::VectorXd v = N.col(c);
+    EXPECT_LT(std::abs(v.dot(H * v)) / (H.norm() * v.squaredNorm()), 1e-15) << "direction " << c;
+  }
+  EXPECT_GT(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(H).eigenvalues().minCoeff(), -1e-9 * H.norm());
+}
+
+/// Every number of the normal equations, marginalisation included, must not depend on the instruction set.
+TEST(TrackFactor, InstructionSetsAgree) {
+  SyntheticWindow s = make_window({.pixel_noise = 1});
+  VisualSettings settings = smooth_settings();
+  settings.cauchy = 2;
+  settings.inner_steps = 1;
+  settings.gate = true;
+  const auto reference = std::make_unique<VisualSystem>(), other = std::make_unique<VisualSystem>();
+  for (const bool marginal : {false, true}) {
+    auto run = [&](const Kernels& k, VisualSystem& out) {
+      TrackFactor factor(k);
+      factor.collect(*s.window, settings);
+      if (marginal)
+        factor.marginalise_oldest(*s.window, settings, out);
+      else
+        factor.linearise(*s.window, out);
+    };
+    const Kernels* base = nullptr;
+    for (const char* name : {"sse", "neon", "generic", "avx2", "avx512"}) {
+      const Kernels* k = kernels_named(name);
+      if (!k) continue;
+      if (!base) {
+        base = k;
+        run(*k, *reference);
+        continue;
+      }
+      run(*k, *other);
+      const int n = s.window->size() - (marginal ? 1 : 0);
+      for (int i = 0; i < n; ++i) {
+        for (int j = i; j < n; ++j)
+          for (int q = 0; q < 36; ++q) EXPECT_NEAR(reference->H[i][j][q], other->H[i][j][q], 1e-9 * std::abs(reference->H[i][i][0]) + 1e-4) << name;
+        for (int q = 0; q < 6; ++q) EXPECT_NEAR(reference->b[i][q], other->b[i][q], 1e-6 + 1e-9 * std::abs(reference->b[i][q])) << name;
+        for (int q = 0; q < 42; ++q) EXPECT_NEAR(reference->H_ck[i][q], other->H_ck[i][q], 1e-4 + 1e-9 * std::abs(reference->H_ck[i][q])) << name;
+      }
+      EXPECT_NEAR(reference->cost, other->cost, 1e-9 * reference->cost);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace epiline

@@ -1,0 +1,124 @@
+#pragma once
+// A window with known truth: an IMU on a smooth path, points in front of a camera, bearings with noise.
+#include <cmath>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "estimator/solver/solver.h"
+#include "estimator/window/window.h"
+
+namespace epiline {
+
+struct SyntheticOptions {
+  int frames = 8;
+  int tracks = 60;
+  double pixel_noise = 0.5;
+  double motion = 1;            ///< scales the path; 0: the rig only turns
+  double state_error = 3e-3;    ///< random, added to the states after the window is built
+  double time_offset = 0;       ///< the stamps are wrong by this much
+  unsigned seed = 1;
+};
+
+inline constexpr double kFocal = 458;
+
+/// Smooth path in W and its derivatives.
+struct SyntheticPath {
+  double motion;
+  Vec3 p(double t) const { return motion * Vec3(1.3 * std::sin(0.9 * t), 0.8 * std::cos(1.1 * t), 0.4 * std::sin(1.7 * t)); }
+  Vec3 v(double t) const { return motion * Vec3(1.17 * std::cos(0.9 * t), -0.88 * std::sin(1.1 * t), 0.68 * std::cos(1.7 * t)); }
+  Vec3 a(double t) const { return motion * Vec3(-1.053 * std::sin(0.9 * t), -0.968 * std::cos(1.1 * t), -1.156 * std::sin(1.7 * t)); }
+  Mat3 R(double t) const { return so3_exp(Vec3(0, 0, 0.5 * t)) * so3_exp(Vec3(0.1 * std::sin(1.3 * t), 0.15 * std::sin(t), 0)); }
+  Vec3 w(double t) const {
+    const double h = 1e-6;
+    return so3_log(R(t - h).transpose() * R(t + h)) / (2 * h);
+  }
+};
+
+inline TrackedFeature make_feature(std::uint32_t id, const Vec3& p_C, const Vec2& noise_px, const Vec2& velocity_px_s) {
+  TrackedFeature f;
+  f.id = id;
+  const Vec2 z = p_C.head<2>() / p_C.z() + noise_px / kFocal;
+  const Vec3 b = Vec3(z.x(), z.y(), 1).normalized();
+  f.bearing = {b.x(), b.y(), b.z()};
+  const double k = kFocal / b.z();
+  f.pixel_jacobian = {k, 0, -k * z.x(), 0, k, -k * z.y()};
+  f.velocity_px_s = {static_cast<float>(velocity_px_s.x()), static_cast<float>(velocity_px_s.y())};
+  return f;
+}
+
+inline Calibration synthetic_calibration() {
+  Calibration c;
+  c.R_BC << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+  c.p_BC = Vec3(0.06, 0.02, -0.01);
+  return c;
+}
+
+struct SyntheticWindow {
+  std::unique_ptr<Window> window;
+  std::vector<NavState> truth;
+};
+
+inline SyntheticWindow make_window(const SyntheticOptions& o) {
+  SyntheticWindow s;
+  s.window = std::make_unique<Window>(kMaxFrames);
+  Window& w = *s.window;
+  w.calibration = synthetic_calibration();
+  std::mt19937_64 random(o.seed);
+  std::normal_distribution<double> normal;
+  auto noise3 = [&](double sigma) { return Vec3(sigma * normal(random), sigma * normal(random), sigma * normal(random)); };
+  const SyntheticPath path{o.motion};
+  const double interval = 0.1, imu_dt = 0.005;
+  std::vector<Vec3> points;
+  const Calibration c = synthetic_calibration();
+  const Mat3 R_mid = path.R(0.05 * o.frames) * c.R_BC;
+  for (int i = 0; i < o.tracks; ++i) {
+    const Vec3 ray(0.9 * std::uniform_real_distribution<double>(-0.6, 0.6)(random), std::uniform_real_distribution<double>(-0.4, 0.4)(random), 1);
+    points.push_back(path.p(0.05 * o.frames) + R_mid * (ray * std::uniform_real_distribution<double>(2.5, 9)(random)));
+  }
+  for (int k = 0; k < o.frames; ++k) {
+    const double t = k * interval;
+    Slot& slot = w.append();
+    slot.image_stamp = slot.time = HostStamp{static_cast<std::int64_t>(k) * 100'000'000};
+    slot.x.p = path.p(t);
+    slot.x.v = path.v(t);
+    slot.x.R = path.R(t);
+    s.truth.push_back(slot.x);
+    if (k > 0) {
+      slot.imu.reset(Vec3::Zero(), Vec3::Zero());
+      for (int i = 0; i < 20; ++i) {
+        const double t0 = t - interval + i * imu_dt, t1 = t0 + imu_dt;
+        auto force = [&](double q) { return Vec3(path.R(q).transpose() * (path.a(q) - kGravity_W)); };
+        slot.imu.integrate(path.w(t0), force(t0), path.w(t1), force(t1), imu_dt, ImuNoise{});
+      }
+      whiten(slot);
+    }
+    static TrackedFrame frame;
+    frame.features.clear();
+    frame.stamp = slot.image_stamp;
+    auto in_camera = [&](const Vec3& P, double q) {
+      const Mat3 R_WC = path.R(q) * c.R_BC;
+      return Vec3(R_WC.transpose() * (P - path.p(q) - path.R(q) * c.p_BC));
+    };
+    for (int i = 0; i < o.tracks; ++i) {
+      if ((i + k) % 5 == 4 && i % 2) continue;  // holes in the tracks
+      const Vec3 X = in_camera(points[static_cast<std::size_t>(i)], t + o.time_offset);
+      if (X.z() < 0.3) continue;
+      const Vec3 X1 = in_camera(points[static_cast<std::size_t>(i)], t + o.time_offset + 1e-4);
+      const Vec2 velocity = kFocal * (X1.head<2>() / X1.z() - X.head<2>() / X.z()) / 1e-4;
+      frame.features.push_back(make_feature(static_cast<std::uint32_t>(i), X, Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random)), velocity));
+    }
+    w.observe(frame);
+  }
+  for (int k = 0; k < o.frames; ++k) {
+    Vec6 dp;
+    dp << noise3(o.state_error), noise3(0.3 * o.state_error);
+    Vec9 dv;
+    dv << noise3(o.state_error), noise3(o.state_error), noise3(0.1 * o.state_error);
+    retract_pose(w.at(k).x, dp);
+    retract_velocity_biases(w.at(k).x, dv);
+  }
+  return s;
+}
+
+}  // namespace epiline
