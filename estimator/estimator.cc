@@ -3,10 +3,14 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "estimator/factors/epipolar.h"
 #include "estimator/factors/track.h"
 #include "estimator/inertial/imu_history.h"
+#include "estimator/inertial/stationary.h"
+#include "estimator/initialise/starter.h"
+#include "estimator/initialise/stationary_start.h"
 #include "estimator/monitor/health.h"
 #include "estimator/monitor/rest_detector.h"
 #include "estimator/solver/solver.h"
@@ -17,12 +21,18 @@
 namespace epiline {
 
 namespace {
-constexpr double kYoungWindow_s = 2;                      // more solver steps until the window has seen this much
-constexpr double kGateFree_s = 1;                         // no gate until then: a young state may be further off than its tracks
+constexpr double kYoungWindow_s = 2;  // more solver steps until the window has seen this much
+constexpr double kGateFree_s = 1;     // no gate until then: a young state may be further off than its tracks
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s (estimation.md 2)
-constexpr double kTimeOffsetWalk = 1e-5;                  // s/sqrt(s)
-constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3, kSigmaMost = 2;  // px
-constexpr double kLongestStep_s = 5;                      // a longer silence of the camera is a new start
+constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
+constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3, kSigmaMost = 2;         // px
+constexpr double kLongestStep_s = 5;  // a longer silence of the camera is a new start
+
+// A start in motion is taken when the window's own posterior says so.
+constexpr int kStartSteps = 10;
+constexpr double kStartVelocity = 0.2, kStartTilt = 0.035, kStartScale = 0.15;  // m/s, rad, relative
+constexpr double kStartResidual = 1.6;                                          // bearing noise seen over that assumed
+constexpr double kBiasSigmaGyroscope = 0.1, kBiasSigmaAccelerometer = 0.1;      // before the first start
 
 NewestCovariance covariance_of(const InitialState& s, double sigma_td) {
   NewestCovariance C = NewestCovariance::Zero();
@@ -43,7 +53,14 @@ struct Estimator::Impl {
 
   StepResult process(const TrackedFrame& frame, Supervisor& supervisor);
   void start(const TrackedFrame& frame, const InitialState& state, StartKind kind);
-  void reset(const TrackedFrame& frame);
+  void reset();
+  StepResult initialise(const TrackedFrame& frame, Supervisor& supervisor);
+  std::optional<StartRefusal> try_start(const TrackedFrame& frame, Supervisor& supervisor);
+  std::optional<StartRefusal> start_at_rest(const TrackedFrame& frame);
+  std::optional<StartRefusal> start_moving(const TrackedFrame& frame, Supervisor& supervisor);
+  std::optional<StartRefusal> posterior_refusal(const SolverSummary& s) const;
+  CalibrationTangent calibration_sigmas() const;
+  StarterSettings starter_settings() const;
 
   bool append_frame(const TrackedFrame& frame);
   void attach_rest(const TrackedFrame& frame);
@@ -72,6 +89,8 @@ struct Estimator::Impl {
   Solver solver;
   Marginaliser marginaliser;
   RestDetector rest;
+  StationaryDetector stationary;
+  Starter starter;
   HealthMonitor monitor;
   Odometry odometry;
   EstimatorStats stats;
@@ -80,11 +99,15 @@ struct Estimator::Impl {
   HostStamp started_at;
   double pixel_sigma;
   bool rejected_last = false;
-  bool resting = false;             ///< the zero-motion test has held without interruption
-  std::uint64_t rest_frame = 0;     ///< the frame that later ones at rest are linked to
+  bool resting = false;          ///< the zero-motion test has held without interruption
+  std::uint64_t rest_frame = 0;  ///< the frame that later ones at rest are linked to
   std::uint64_t forced_keyframe = 0;
   HostStamp last_marginalised;
   bool imu_gap_seen = false;
+  Vec3 b_g_known = Vec3::Zero();  ///< the last good gyroscope bias, for a new start
+  double b_g_sigma = kBiasSigmaGyroscope;
+  Vec3 p_WB_last = Vec3::Zero();  ///< a new start goes on where the last pose was
+  double yaw_last = 0;
 };
 
 Estimator::Impl::Impl(const EstimatorConfig& c)
@@ -94,6 +117,7 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
       track(kernel),
       solver(kernel),
       marginaliser(kernel),
+      stationary(c.imu),
       pixel_sigma(c.pixel_sigma) {
   density.noise = c.imu;
   density.noise.gyroscope_density *= c.gyroscope_density_factor;
@@ -157,12 +181,14 @@ void Estimator::Impl::attach_rest(const TrackedFrame& frame) {
   ++stats.zero_motion_frames;
 }
 
-/// Intervals whose bias moved far from their linearisation point are integrated again, as far back as the readings reach.
+/// Intervals whose bias moved far from their linearisation point are integrated again, as far back as the readings
+/// reach.
 void Estimator::Impl::reintegrate_moved_biases() {
   for (int k = 1; k < window.size(); ++k) {
     Slot& s = window.at(k);
     const NavState& from = window.at(k - 1).x;
-    const bool moved = (s.imu.b_a - from.b_a).norm() > kReintegrateAccelerometer || (s.imu.b_g - from.b_g).norm() > kReintegrateGyroscope;
+    const bool moved = (s.imu.b_a - from.b_a).norm() > kReintegrateAccelerometer ||
+                       (s.imu.b_g - from.b_g).norm() > kReintegrateGyroscope;
     if (!moved || history.empty() || history.oldest_stamp() > window.at(k - 1).time) continue;
     s.imu.reset(from.b_a, from.b_g);
     history.integrate(window.at(k - 1).time, s.time, density, s.imu);
@@ -173,7 +199,8 @@ void Estimator::Impl::reintegrate_moved_biases() {
 SolverSummary Estimator::Impl::solve(Supervisor& supervisor) {
   reintegrate_moved_biases();
   const bool young = window_age_s(window.newest().time) < kYoungWindow_s || rejected_last;
-  const SolverSettings settings{young ? config.steps_young : config.steps, config.estimate_time_offset, config.estimate_extrinsics};
+  const SolverSettings settings{young ? config.steps_young : config.steps, config.estimate_time_offset,
+                                config.estimate_extrinsics};
   supervisor.phase(Supervisor::Phase::kSolve);
   visual().collect(window, visual_settings());
   const SolverSummary s = solver.optimise(window, visual(), settings, supervisor);
@@ -182,7 +209,8 @@ SolverSummary Estimator::Impl::solve(Supervisor& supervisor) {
   ++stats.frames_solved;
   stats.iterations += static_cast<std::uint64_t>(s.accepted + s.rejected);
   stats.residuals += static_cast<std::uint64_t>(s.residuals);
-  stats.state_size += static_cast<std::uint64_t>(15 * window.size() + (config.estimate_time_offset ? 1 : 0) + (config.estimate_extrinsics ? 6 : 0));
+  stats.state_size += static_cast<std::uint64_t>(15 * window.size() + (config.estimate_time_offset ? 1 : 0) +
+                                                 (config.estimate_extrinsics ? 6 : 0));
   stats.gated += static_cast<std::uint64_t>(s.gated);
   stats.deadline_hits += s.out_of_time ? 1 : 0;
   stats.gate_suspended += track.gate_suspended() ? 1 : 0;
@@ -193,7 +221,8 @@ SolverSummary Estimator::Impl::solve(Supervisor& supervisor) {
 void Estimator::Impl::adapt_pixel_sigma(double dt_s) {
   if (!config.estimate_pixel_sigma) return;
   const double seen = visual().residual_sigma_px();
-  if (seen > 0) pixel_sigma += std::min(1.0, dt_s / kSigmaMemory_s) * (std::clamp(seen, kSigmaLeast, kSigmaMost) - pixel_sigma);
+  if (seen > 0)
+    pixel_sigma += std::min(1.0, dt_s / kSigmaMemory_s) * (std::clamp(seen, kSigmaLeast, kSigmaMost) - pixel_sigma);
 }
 
 /// The second newest frame goes: its two IMU intervals become one, its bearings are lost. It is never in the prior.
@@ -217,7 +246,8 @@ void Estimator::Impl::slide(Supervisor& supervisor) {
       if (window.full()) {
         supervisor.phase(Supervisor::Phase::kMarginalise);
         if (config.estimate_time_offset)
-          inflate_calibration(window.prior, 0, kTimeOffsetWalk * kTimeOffsetWalk * (window.at(1).time - last_marginalised).seconds());
+          inflate_calibration(window.prior, 0,
+                              kTimeOffsetWalk * kTimeOffsetWalk * (window.at(1).time - last_marginalised).seconds());
         last_marginalised = window.at(1).time;
         marginaliser.marginalise_oldest(window, visual(), visual_settings());
         supervisor.phase(Supervisor::Phase::kNone);
@@ -259,7 +289,8 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, d
   const NavState& x = window.newest().x;
   FrameEvidence e;
   e.solved = true;
-  e.finite = x.p.allFinite() && x.v.allFinite() && x.R.allFinite() && x.b_a.allFinite() && x.b_g.allFinite() && C.allFinite();
+  e.finite =
+      x.p.allFinite() && x.v.allFinite() && x.R.allFinite() && x.b_a.allFinite() && x.b_g.allFinite() && C.allFinite();
   e.tracks = static_cast<int>(frame.features.size());
   e.gated_share = s.tracks > 0 ? static_cast<double>(s.gated) / s.tracks : 0;
   e.steps_rejected = !s.ok;
@@ -276,6 +307,110 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, d
   Eigen::Map<NewestCovariance>(odometry.covariance.data()) = C;
 }
 
+CalibrationTangent Estimator::Impl::calibration_sigmas() const {
+  CalibrationTangent s;
+  s << config.time_offset_sigma_s, Vec3::Constant(config.extrinsic_rotation_sigma_rad),
+      Vec3::Constant(config.extrinsic_translation_sigma_m);
+  return s;
+}
+
+StarterSettings Estimator::Impl::starter_settings() const {
+  StarterSettings s;
+  s.pixel_sigma = pixel_sigma;
+  s.focal_px = config.extrinsics.focal_px;
+  s.b_g_sigma = b_g_sigma;
+  s.b_a_sigma = kBiasSigmaAccelerometer;
+  s.b_g_reference = b_g_known;
+  s.p_WB = p_WB_last;
+  s.yaw = yaw_last;
+  s.calibration_sigmas = calibration_sigmas();
+  return s;
+}
+
+/// At rest the mean readings give attitude and gyroscope bias at once; the images must agree that nothing moves.
+std::optional<StartRefusal> Estimator::Impl::start_at_rest(const TrackedFrame& frame) {
+  const ImuStatistics readings = stationary.statistics();
+  if (!rest.images_still() || !stationary.is_stationary(readings)) return StartRefusal::kNoParallax;
+  InitialState state;
+  const RestReadings mean{readings.mean_specific_force, readings.mean_rate, readings.duration_s};
+  if (const auto refusal = solve_stationary_start(mean, config.imu, kBiasSigmaAccelerometer, state)) return refusal;
+  state.R_WB = so3_exp(Vec3(0, 0, yaw_last)) * state.R_WB;
+  state.p_WB = p_WB_last;
+  start(frame, state, StartKind::kStationary);
+  return std::nullopt;
+}
+
+/// Whether the window's posterior is good enough to hand out poses (estimation.md 8).
+std::optional<StartRefusal> Estimator::Impl::posterior_refusal(const SolverSummary& s) const {
+  const NewestCovariance& C = solver.covariance();
+  const NavState& x = window.newest().x;
+  if (!s.ok || !C.allFinite() || !x.p.allFinite()) return StartRefusal::kSolverFailed;
+  const double sigma_v = std::sqrt(C.diagonal().segment<3>(6).maxCoeff());
+  const Mat3 attitude = x.R * C.block<3, 3>(3, 3) * x.R.transpose();
+  if (std::sqrt(std::max(attitude(0, 0), attitude(1, 1))) > kStartTilt) return StartRefusal::kTiltUncertain;
+  if (sigma_v > kStartVelocity) return StartRefusal::kVelocityUncertain;
+  const Vec3 path = x.p - window.at(0).x.p;
+  const double length = path.norm();
+  if (length > 0) {
+    const Vec3 along = path / length;
+    if (std::sqrt(along.dot(C.block<3, 3>(0, 0) * along)) > kStartScale * length) return StartRefusal::kScaleUncertain;
+  }
+  return std::nullopt;
+}
+
+std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& frame, Supervisor& supervisor) {
+  if (const auto refusal = starter.start_moving(window, starter_settings())) return refusal;
+  started_at = window.at(0).time;
+  reintegrate_moved_biases();
+  const SolverSettings settings{kStartSteps, config.estimate_time_offset, config.estimate_extrinsics};
+  supervisor.phase(Supervisor::Phase::kSolve);
+  visual().collect(window, visual_settings());
+  const SolverSummary s = solver.optimise(window, visual(), settings, supervisor);
+  supervisor.phase(Supervisor::Phase::kNone);
+  auto refusal = posterior_refusal(s);
+  const double seen = visual().residual_sigma_px();
+  if (!refusal && seen > kStartResidual * pixel_sigma) refusal = StartRefusal::kResidualTooLarge;
+  if (refusal) {
+    window.prior.frames = 0;
+    for (int k = 0; k < window.size(); ++k) window.at(k).x = NavState{.b_g = b_g_known};
+    reintegrate_moved_biases();
+    window.calibration = {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC};
+    return refusal;
+  }
+  monitor.restart();
+  started = true;
+  resting = false;
+  last_marginalised = started_at;
+  stats.start_kind = StartKind::kMoving;
+  judge(frame, s, config.solve_interval_s);
+  publish(frame, window.newest().x, window.newest().omega, window.newest().time);
+  return std::nullopt;
+}
+
+std::optional<StartRefusal> Estimator::Impl::try_start(const TrackedFrame& frame, Supervisor& supervisor) {
+  ++stats.start_attempts;
+  rest.update(frame, pixel_sigma, 0);
+  if (!start_at_rest(frame)) return std::nullopt;
+  return start_moving(frame, supervisor);
+}
+
+StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& supervisor) {
+  if (window.full()) window.remove(0);
+  if (!append_frame(frame)) {
+    window.clear();
+    ++stats.start_refused[static_cast<int>(StartRefusal::kNoImu)];
+    return {};
+  }
+  if (window.size() == 1) window.newest().x.b_g = b_g_known;
+  if (const auto refusal = try_start(frame, supervisor)) {
+    ++stats.start_refused[static_cast<int>(*refusal)];
+    window.prune();
+    return {};
+  }
+  window.prune();
+  return {true, true, false};
+}
+
 StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& supervisor) {
   ++stats.frames;
   if (window.size() > 0) {
@@ -284,14 +419,16 @@ StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& super
       ++stats.frames_refused;
       return {};
     }
-    if (since > kLongestStep_s) reset(frame);
-    else if (since < 0.75 * config.solve_interval_s) return started ? predict(frame) : StepResult{};
+    if (since > kLongestStep_s)
+      reset();
+    else if (since < 0.75 * config.solve_interval_s)
+      return started ? predict(frame) : StepResult{};
   }
-  if (!started) return {};
+  if (!started) return initialise(frame, supervisor);
   const double dt = (frame.stamp - window.newest().image_stamp).seconds();
   if (!append_frame(frame)) {
     ++stats.frames_refused;
-    reset(frame);
+    reset();
     return {};
   }
   attach_rest(frame);
@@ -299,7 +436,7 @@ StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& super
   adapt_pixel_sigma(dt);
   judge(frame, s, dt);
   if (monitor.reset_wanted()) {
-    reset(frame);
+    reset();
     return {};
   }
   publish(frame, window.newest().x, window.newest().omega, window.newest().time);
@@ -319,9 +456,7 @@ void Estimator::Impl::start(const TrackedFrame& frame, const InitialState& state
   s.x.R = state.R_WB;
   s.x.b_a = state.b_a;
   s.x.b_g = state.b_g;
-  CalibrationTangent sigmas;
-  sigmas << config.time_offset_sigma_s, Vec3::Constant(config.extrinsic_rotation_sigma_rad), Vec3::Constant(config.extrinsic_translation_sigma_m);
-  set_initial_prior(window, state, sigmas);
+  set_initial_prior(window, state, calibration_sigmas());
   started = true;
   started_at = last_marginalised = s.time;
   resting = false;
@@ -333,10 +468,17 @@ void Estimator::Impl::start(const TrackedFrame& frame, const InitialState& state
   odometry.health.reasons = static_cast<std::uint32_t>(HealthReason::kPosteriorWide);
 }
 
-void Estimator::Impl::reset(const TrackedFrame&) {
+void Estimator::Impl::reset() {
   if (started) {
     ++stats.resets;
     ++odometry.reset_counter;
+    const Vec3 p(odometry.p_WB_m.data());
+    const Mat3 R =
+        Eigen::Quaterniond(odometry.q_WB[0], odometry.q_WB[1], odometry.q_WB[2], odometry.q_WB[3]).toRotationMatrix();
+    if (p.allFinite() && R.allFinite()) {
+      p_WB_last = p;
+      yaw_last = std::atan2(R(1, 0), R(0, 0));
+    }
   }
   window.clear();
   window.calibration = {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC};
@@ -353,13 +495,22 @@ bool Estimator::add_imu(const ImuSample& sample) noexcept {
   Impl& m = *impl_;
   ++m.stats.imu_samples;
   switch (m.history.push(sample)) {
-    case ImuHistory::Push::kOutOfOrder: ++m.stats.imu_out_of_order; return false;
-    case ImuHistory::Push::kDuplicate: ++m.stats.imu_duplicate; return false;
-    case ImuHistory::Push::kNotFinite: ++m.stats.imu_not_finite; return false;
-    case ImuHistory::Push::kTaken: break;
+    case ImuHistory::Push::kOutOfOrder:
+      ++m.stats.imu_out_of_order;
+      return false;
+    case ImuHistory::Push::kDuplicate:
+      ++m.stats.imu_duplicate;
+      return false;
+    case ImuHistory::Push::kNotFinite:
+      ++m.stats.imu_not_finite;
+      return false;
+    case ImuHistory::Push::kTaken:
+      break;
   }
+  m.stationary.add(sample);
   const ImuHistory::Reading& r = m.history.newest();
-  if (r.w.cwiseAbs().maxCoeff() >= m.config.saturation_gyroscope_rad_s || r.a.cwiseAbs().maxCoeff() >= m.config.saturation_accelerometer_m_s2)
+  if (r.w.cwiseAbs().maxCoeff() >= m.config.saturation_gyroscope_rad_s ||
+      r.a.cwiseAbs().maxCoeff() >= m.config.saturation_accelerometer_m_s2)
     ++m.stats.imu_saturated;
   if (m.history.after_gap()) {
     ++m.stats.imu_gaps;
@@ -372,7 +523,9 @@ HostStamp Estimator::imu_needed_until(HostStamp image) const noexcept {
   return image + Span::from_seconds(impl_->window.calibration.time_offset);
 }
 
-StepResult Estimator::process(const TrackedFrame& frame, Supervisor& supervisor) noexcept { return impl_->process(frame, supervisor); }
+StepResult Estimator::process(const TrackedFrame& frame, Supervisor& supervisor) noexcept {
+  return impl_->process(frame, supervisor);
+}
 
 void Estimator::start(const TrackedFrame& frame, const InitialState& state) noexcept {
   impl_->start(frame, state, StartKind::kGiven);
@@ -389,17 +542,28 @@ Vec3 Estimator::gyroscope_bias() const noexcept {
 
 const char* to_string(StartRefusal r) {
   switch (r) {
-    case StartRefusal::kTooFewFrames: return "too_few_frames";
-    case StartRefusal::kTooFewTracks: return "too_few_tracks";
-    case StartRefusal::kNoImu: return "no_imu";
-    case StartRefusal::kNoParallax: return "no_parallax";
-    case StartRefusal::kSolverFailed: return "solver_failed";
-    case StartRefusal::kResidualTooLarge: return "residual_too_large";
-    case StartRefusal::kTiltUncertain: return "tilt_uncertain";
-    case StartRefusal::kVelocityUncertain: return "velocity_uncertain";
-    case StartRefusal::kScaleUncertain: return "scale_uncertain";
-    case StartRefusal::kBiasImplausible: return "bias_implausible";
-    case StartRefusal::kCount: break;
+    case StartRefusal::kTooFewFrames:
+      return "too_few_frames";
+    case StartRefusal::kTooFewTracks:
+      return "too_few_tracks";
+    case StartRefusal::kNoImu:
+      return "no_imu";
+    case StartRefusal::kNoParallax:
+      return "no_parallax";
+    case StartRefusal::kSolverFailed:
+      return "solver_failed";
+    case StartRefusal::kResidualTooLarge:
+      return "residual_too_large";
+    case StartRefusal::kTiltUncertain:
+      return "tilt_uncertain";
+    case StartRefusal::kVelocityUncertain:
+      return "velocity_uncertain";
+    case StartRefusal::kScaleUncertain:
+      return "scale_uncertain";
+    case StartRefusal::kBiasImplausible:
+      return "bias_implausible";
+    case StartRefusal::kCount:
+      break;
   }
   return "unknown";
 }

@@ -1,6 +1,6 @@
 #pragma once
-// The estimator from outside: IMU samples and tracked frames in, odometry out. Mathematics only: no clock, thread, file or,
-// after construction, heap.
+// The estimator from outside: IMU samples and tracked frames in, odometry out. Mathematics only: no clock, thread, file
+// or, after construction, heap.
 #include <cstdint>
 #include <memory>
 
@@ -17,26 +17,26 @@ enum class KeyframeRule : std::uint8_t { kCompensatedParallax, kRawParallax /* V
 struct Extrinsics {
   Mat3 R_BC = Mat3::Identity();
   Vec3 p_BC = Vec3::Zero();
-  double focal_px = 458;        ///< pixels per radian: converts thresholds in pixels to angles
-  double time_offset_s = 0;     ///< first guess of t_IMU - t_image
+  double focal_px = 458;     ///< pixels per radian: converts thresholds in pixels to angles
+  double time_offset_s = 0;  ///< first guess of t_IMU - t_image
 };
 
 struct EstimatorConfig {
   VisualFactor visual_factor = VisualFactor::kTrack;
-  int keyframes = 10;                      ///< older frames in the window, 2 to 20
-  double solve_interval_s = 0.1;           ///< images in between are predicted only
-  int steps = 2;                           ///< accepted solver steps a frame at most
-  int steps_young = 3;                     ///< the same while the window is young or after a rejected step
+  int keyframes = 10;             ///< older frames in the window, 2 to 20
+  double solve_interval_s = 0.1;  ///< images in between are predicted only
+  int steps = 2;                  ///< accepted solver steps a frame at most
+  int steps_young = 3;            ///< the same while the window is young or after a rejected step
   // visual noise
-  double pixel_sigma = 0.5;                ///< first guess and, if not estimated, the value
-  bool estimate_pixel_sigma = true;        ///< from the residuals' median, 0.3 to 2 px
-  double sigma_inflation = 1.5;            ///< scale of the covariance over the scale of the kernel (correlated tracks)
-  double cauchy = 2;                       ///< kernel scale, in kernel sigmas
+  double pixel_sigma = 0.5;          ///< first guess and, if not estimated, the value
+  bool estimate_pixel_sigma = true;  ///< from the residuals' median, 0.3 to 2 px
+  double sigma_inflation = 1.5;      ///< scale of the covariance over the scale of the kernel (correlated tracks)
+  double cauchy = 2;                 ///< kernel scale, in kernel sigmas
   bool gate = true;
-  double gate_cap = 0.4;                   ///< a frame that would gate a larger share gates nothing
+  double gate_cap = 0.4;  ///< a frame that would gate a larger share gates nothing
   // inertial noise
   ImuNoise imu;
-  double gyroscope_density_factor = 3;     ///< covers scale and misalignment errors
+  double gyroscope_density_factor = 3;  ///< covers scale and misalignment errors
   double accelerometer_density_factor = 1;
   double saturation_gyroscope_rad_s = 1e9, saturation_accelerometer_m_s2 = 1e9;
   // window policy
@@ -73,14 +73,24 @@ enum class StartKind : std::uint8_t { kNone, kGiven, kStationary, kMoving };
 
 /// Why a start was refused; the index of EstimatorStats::start_refused.
 enum class StartRefusal : std::uint8_t {
-  kTooFewFrames, kTooFewTracks, kNoImu, kNoParallax, kSolverFailed, kResidualTooLarge, kTiltUncertain, kVelocityUncertain,
-  kScaleUncertain, kBiasImplausible, kCount
+  kTooFewFrames,
+  kTooFewTracks,
+  kNoImu,
+  kNoParallax,
+  kSolverFailed,
+  kResidualTooLarge,
+  kTiltUncertain,
+  kVelocityUncertain,
+  kScaleUncertain,
+  kBiasImplausible,
+  kCount
 };
 const char* to_string(StartRefusal);
 
 struct EstimatorStats {
   std::uint64_t frames = 0, frames_solved = 0, frames_predicted = 0, frames_refused = 0;
-  std::uint64_t imu_samples = 0, imu_out_of_order = 0, imu_duplicate = 0, imu_not_finite = 0, imu_saturated = 0, imu_gaps = 0;
+  std::uint64_t imu_samples = 0, imu_out_of_order = 0, imu_duplicate = 0, imu_not_finite = 0, imu_saturated = 0,
+                imu_gaps = 0;
   std::uint64_t iterations = 0, residuals = 0, state_size = 0, deadline_hits = 0;  ///< sums over solved frames
   std::uint64_t keyframes = 0, zero_motion_frames = 0, gated = 0, gate_suspended = 0, tracks_refused = 0;
   std::uint64_t resets = 0, start_attempts = 0;
@@ -90,8 +100,8 @@ struct EstimatorStats {
 };
 
 struct StepResult {
-  bool has_pose = false;   ///< `odometry()` holds an estimate for this frame
-  bool solved = false;     ///< otherwise predicted with the IMU
+  bool has_pose = false;  ///< `odometry()` holds an estimate for this frame
+  bool solved = false;    ///< otherwise predicted with the IMU
   bool keyframe = false;
 };
 

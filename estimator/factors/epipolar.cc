@@ -20,7 +20,7 @@ EpipolarView make_view(const Window& w, const TrackRecord& t, int k) {
   const Vec3 fdot = o.chart.transpose() * (JJ.inverse() * o.velocity_px_s);
   const Vec3 z = o.f_C / o.f_C.z();
   const Vec3 zdot = (fdot - z * fdot.z()) / o.f_C.z();
-  v.zdot_W = v.R_WC * zdot;
+  v.zdot_W = -(v.R_WC * zdot);  // per second of time offset: a later exposure, brought back to the instant of the frame
   v.z_W = v.R_WC * z + v.zdot_W * (w.calibration.time_offset - s.time_offset_used);
   return v;
 }
@@ -86,7 +86,7 @@ double epipolar_residual(const EpipolarView& i, const EpipolarView& j, double fo
   const Vec3 n = t / length, x = i.z_W.cross(j.z_W);
   const double r = scale * n.dot(x);
   if (J) {
-    const Vec3 q = scale * (x - n * n.dot(x)) / length;             // dr/dt
+    const Vec3 q = scale * (x - n * n.dot(x)) / length;                     // dr/dt
     const Vec3 g_i = scale * j.z_W.cross(n), g_j = scale * n.cross(i.z_W);  // dr/dz_i, dr/dz_j
     J->i << q, i.z_W.cross(g_i) + i.lever.cross(q);
     J->j << -q, j.z_W.cross(g_j) - j.lever.cross(q);
@@ -97,7 +97,9 @@ double epipolar_residual(const EpipolarView& i, const EpipolarView& j, double fo
   return r;
 }
 
-void EpipolarFactor::linearise(const Window& w, VisualSystem& out) noexcept { add_pairs(w, settings_, w.size(), false, out); }
+void EpipolarFactor::linearise(const Window& w, VisualSystem& out) noexcept {
+  add_pairs(w, settings_, w.size(), false, out);
+}
 
 void EpipolarFactor::marginalise_oldest(const Window& w, const VisualSettings& s, VisualSystem& out) noexcept {
   add_pairs(w, s, w.size() - 1, true, out);

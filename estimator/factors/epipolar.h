@@ -1,11 +1,13 @@
 #pragma once
-// The paper's epipolar residual. Derivation: docs/derivations/epipolar.md; test: tests/estimator/factors/epipolar_test.cc.
+// The paper's epipolar residual. Derivation: docs/derivations/epipolar.md; test:
+// tests/estimator/factors/epipolar_test.cc.
 #include "estimator/factors/visual.h"
 
 namespace epiline {
 
-/// r = (f/1.5) z_j' R_j' [t/|t|]x R_i z_i for every pair of frames that sees a track (Song and Olivares-Mendez, "Structureless
-/// VIO"), Huber(1), no first-estimate Jacobians: exactly as printed. z are normalised image coordinates, not unit bearings.
+/// r = (f/1.5) z_j' R_j' [t/|t|]x R_i z_i for every pair of frames that sees a track (Song and Olivares-Mendez,
+/// "Structureless VIO"), Huber(1), no first-estimate Jacobians: exactly as printed. z are normalised image coordinates,
+/// not unit bearings.
 class EpipolarFactor final : public VisualFactorModel {
  public:
   void collect(const Window&, const VisualSettings& s) noexcept override { settings_ = s; }
@@ -18,15 +20,15 @@ class EpipolarFactor final : public VisualFactorModel {
 
 /// One view as the epipolar residual uses it, all in the world.
 struct EpipolarView {
-  Vec3 z_W;      ///< R_WC (x, y, 1)
-  Vec3 zdot_W;   ///< its change per second of time offset
-  Vec3 c;        ///< camera centre
-  Vec3 lever;    ///< R_WB p_BC
+  Vec3 z_W;     ///< R_WC (x, y, 1)
+  Vec3 zdot_W;  ///< its change per second of time offset
+  Vec3 c;       ///< camera centre
+  Vec3 lever;   ///< R_WB p_BC
   Mat3 R_WB, R_WC;
 };
 
 struct EpipolarJacobians {
-  Vec6 i, j;                     ///< (dp, dphi), rotation perturbed in the world
+  Vec6 i, j;  ///< (dp, dphi), rotation perturbed in the world
   CalibrationTangent c;
 };
 

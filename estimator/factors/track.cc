@@ -34,20 +34,23 @@ void fill_lane(const Window& w, const TrackRecord& t, int frames, double inverse
       d[TrackBatch::kChart + i][lane] = inverse_sigma * o.chart(0, i);
       d[TrackBatch::kChart + 3 + i][lane] = inverse_sigma * o.chart(1, i);
     }
-    d[TrackBatch::kVelocity][lane] = inverse_sigma * o.velocity_px_s[0];
-    d[TrackBatch::kVelocity + 1][lane] = inverse_sigma * o.velocity_px_s[1];
+    // A larger offset puts the exposure later than the instant the frame was cut at: seen from there, the pixel lags
+    // behind.
+    d[TrackBatch::kVelocity][lane] = -inverse_sigma * o.velocity_px_s[0];
+    d[TrackBatch::kVelocity + 1][lane] = -inverse_sigma * o.velocity_px_s[1];
     ++n;
   }
   batch.views[lane] = n;
 }
 }  // namespace
 
-/// Packs the tracks with at least two views among the first `frames`, those of `required_mask` only (0: all), sorted by the
-/// frames they span so that a batch spans few more than its tracks do.
+/// Packs the tracks with at least two views among the first `frames`, those of `required_mask` only (0: all), sorted by
+/// the frames they span so that a batch spans few more than its tracks do.
 void TrackFactor::pack(const Window& w, const VisualSettings& s, std::uint32_t required_mask, int frames) {
   visual_ = s;
   const double inflation2 = s.sigma_inflation * s.sigma_inflation;
-  settings_ = {kDepthDamping, s.cauchy * s.cauchy / inflation2, 1 / inflation2, 1 / inflation2, s.gate, s.inner_steps, s.extrinsics};
+  settings_ = {kDepthDamping, s.cauchy * s.cauchy / inflation2, 1 / inflation2, 1 / inflation2, s.gate, s.inner_steps,
+               s.extrinsics};
   int n = 0;
   for (int i = 0; i < w.track_count(); ++i) {
     const TrackRecord& t = w.track(i);
@@ -58,7 +61,9 @@ void TrackFactor::pack(const Window& w, const VisualSettings& s, std::uint32_t r
         if (first < 0) first = k;
         last = k;
       }
-    if (last > first) memory_->candidate[n++] = {static_cast<std::int16_t>(i), static_cast<std::int8_t>(first), static_cast<std::int8_t>(last)};
+    if (last > first)
+      memory_->candidate[n++] = {static_cast<std::int16_t>(i), static_cast<std::int8_t>(first),
+                                 static_cast<std::int8_t>(last)};
   }
   std::sort(memory_->candidate, memory_->candidate + n, [](const auto& a, const auto& b) {
     return a.first != b.first ? a.first < b.first : a.last != b.last ? a.last < b.last : a.track < b.track;
@@ -71,9 +76,11 @@ void TrackFactor::pack(const Window& w, const VisualSettings& s, std::uint32_t r
     batch.first = memory_->candidate[begin].first;
     batch.last = 0;
     for (int i = begin; i < end; ++i) batch.last = std::max<int>(batch.last, memory_->candidate[i].last);
-    std::memset(batch.observation[batch.first], 0, sizeof batch.observation[0] * static_cast<std::size_t>(batch.last - batch.first + 1));
+    std::memset(batch.observation[batch.first], 0,
+                sizeof batch.observation[0] * static_cast<std::size_t>(batch.last - batch.first + 1));
     std::memset(batch.views, 0, sizeof batch.views);
-    for (int i = begin; i < end; ++i) fill_lane(w, w.track(memory_->candidate[i].track), frames, inverse_sigma, i - begin, batch);
+    for (int i = begin; i < end; ++i)
+      fill_lane(w, w.track(memory_->candidate[i].track), frames, inverse_sigma, i - begin, batch);
   }
 }
 
@@ -83,9 +90,7 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
 }
 
 namespace {
-void store(const Mat3& R, double* out) {
-  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>{out} = R;
-}
+void store(const Mat3& R, double* out) { Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>{out} = R; }
 }  // namespace
 
 void TrackFactor::run(const Window& w, int frames, bool marginal, VisualSystem& out) {
@@ -105,7 +110,8 @@ void TrackFactor::run(const Window& w, int frames, bool marginal, VisualSystem& 
 void TrackFactor::linearise(const Window& w, VisualSystem& out) noexcept {
   run(w, w.size(), false, out);
   if (settings_.gate && out.gated > visual_.gate_cap * out.tracks) {
-    // So many at once are not outliers: the stamps, the calibration or the state are off, and dropping them would hide it.
+    // So many at once are not outliers: the stamps, the calibration or the state are off, and dropping them would hide
+    // it.
     settings_.gate = false;
     gate_suspended_ = true;
     const int gated = out.gated;

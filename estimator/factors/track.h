@@ -1,13 +1,15 @@
 #pragma once
-// The whitened structureless track factor. Derivation: docs/derivations/track.md; test: tests/estimator/factors/track_test.cc.
+// The whitened structureless track factor. Derivation: docs/derivations/track.md; test:
+// tests/estimator/factors/track_test.cc.
 #include <memory>
 
 #include "estimator/factors/visual.h"
 
 namespace epiline {
 
-/// One factor per feature track: the 2n-3 constraints that n bearings of one unknown point put on n poses, with their joint
-/// covariance (estimation.md 4). The point is a function of poses and bearings inside the evaluation and is projected out.
+/// One factor per feature track: the 2n-3 constraints that n bearings of one unknown point put on n poses, with their
+/// joint covariance (estimation.md 4). The point is a function of poses and bearings inside the evaluation and is
+/// projected out.
 class TrackFactor final : public VisualFactorModel {
  public:
   explicit TrackFactor(const Kernels& kernels);

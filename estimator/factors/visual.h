@@ -12,7 +12,7 @@ struct VisualSettings {
   bool gate = true;
   double gate_cap = 0.4;
   double focal_px = 458;
-  bool extrinsics = false;       ///< fill the extrinsic columns
+  bool extrinsics = false;  ///< fill the extrinsic columns
   int inner_steps = 1;
 };
 
@@ -26,7 +26,8 @@ class VisualFactorModel {
   virtual void linearise(const Window& window, VisualSystem& out) noexcept = 0;
   /// What frame 0's bearings add given the frames 1..n-2 (the newest may still be dropped), over frames 0..n-2.
   virtual void marginalise_oldest(const Window& window, const VisualSettings& settings, VisualSystem& out) noexcept = 0;
-  /// Robust noise estimate from the last linearisation: the bearing noise, px, that its residuals show; 0: too few tracks.
+  /// Robust noise estimate from the last linearisation: the bearing noise, px, that its residuals show; 0: too few
+  /// tracks.
   virtual double residual_sigma_px() noexcept { return 0; }
 };
 

@@ -18,9 +18,9 @@ class ImuHistory {
     Vec3 w, a;  ///< rad/s, m/s^2, in B
   };
   struct Density {
-    ImuNoise noise;                ///< as assumed by the estimator
-    double gap_acceleration = 2;   ///< m/s^2, unknown acceleration across a gap
-    double gap_rate = 0.5;         ///< rad/s
+    ImuNoise noise;               ///< as assumed by the estimator
+    double gap_acceleration = 2;  ///< m/s^2, unknown acceleration across a gap
+    double gap_rate = 0.5;        ///< rad/s
   };
 
   Push push(const ImuSample& sample);
@@ -33,8 +33,9 @@ class ImuHistory {
   /// Whether the newest reading came after a hole of more than 2.5 periods.
   bool after_gap() const { return after_gap_; }
 
-  /// Preintegrates from t0 to t1 at the biases set in `out`; readings are interpolated at both ends, the newest one holds
-  /// beyond the end. Returns false, leaving a plain hold, if and only if no reading lies within half a second of the interval.
+  /// Preintegrates from t0 to t1 at the biases set in `out`; readings are interpolated at both ends, the newest one
+  /// holds beyond the end. Returns false, leaving a plain hold, if and only if no reading lies within half a second of
+  /// the interval.
   bool integrate(HostStamp t0, HostStamp t1, const Density& density, Preintegration& out) const;
   /// State moved from t0 to t1 without covariances; `omega`: the rate at t1, bias included.
   void propagate(HostStamp t0, HostStamp t1, NavState& x, Vec3& omega) const;

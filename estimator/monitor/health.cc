@@ -46,10 +46,10 @@ Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
   const bool lost = !e.finite || bias || e.sigma_velocity > kLostVelocity;
   lost_s_ = lost && settled_ ? lost_s_ + dt_s : 0;
   reset_wanted_ = !e.finite || bias || lost_s_ > kLostBeforeReset_s;
-  h.state = !settled_                ? HealthState::kInitialising
-            : lost                   ? HealthState::kLost
-            : h.reasons != 0         ? HealthState::kDegraded
-                                     : HealthState::kTracking;
+  h.state = !settled_        ? HealthState::kInitialising
+            : lost           ? HealthState::kLost
+            : h.reasons != 0 ? HealthState::kDegraded
+                             : HealthState::kTracking;
   // quality: tracks and posterior, smoothed so that it moves with trends and not with single frames
   const double tracks = std::clamp(e.tracks / 60.0, 0.0, 1.0);
   const double posterior = std::clamp(1.3 - e.sigma_velocity / kDegradedVelocity, 0.0, 1.0);

@@ -7,15 +7,15 @@ namespace epiline {
 
 /// What one frame showed.
 struct FrameEvidence {
-  bool solved = false;             ///< otherwise predicted only
+  bool solved = false;  ///< otherwise predicted only
   bool finite = true;
-  int tracks = 0;                  ///< seen in this frame
-  double gated_share = 0;          ///< of the window's tracks
+  int tracks = 0;          ///< seen in this frame
+  double gated_share = 0;  ///< of the window's tracks
   bool steps_rejected = false;
   bool deadline_missed = false;
   bool imu_gap = false;
-  double sigma_velocity = 0;       ///< m/s, largest axis
-  double sigma_tilt = 0;           ///< rad
+  double sigma_velocity = 0;                          ///< m/s, largest axis
+  double sigma_tilt = 0;                              ///< rad
   double bias_accelerometer = 0, bias_gyroscope = 0;  ///< norms, m/s^2, rad/s
 };
 
@@ -28,7 +28,7 @@ class HealthMonitor {
   bool reset_wanted() const { return reset_wanted_; }
 
  private:
-  bool settled_ = false;           ///< the posterior has been tight once
+  bool settled_ = false;  ///< the posterior has been tight once
   double lost_s_ = 0, gated_s_ = 0;
   int rejected_frames_ = 0;
   double quality_ = 0;

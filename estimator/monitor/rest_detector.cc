@@ -25,7 +25,8 @@ bool RestDetector::still_against(const Snapshot& old, const TrackedFrame& frame,
   int n = 0;
   for (const TrackedFeature& f : frame.features) {
     const Entry* end = old.entry.data() + old.count;
-    const Entry* e = std::lower_bound(old.entry.data(), end, f.id, [](const Entry& a, std::uint32_t id) { return a.id < id; });
+    const Entry* e =
+        std::lower_bound(old.entry.data(), end, f.id, [](const Entry& a, std::uint32_t id) { return a.id < id; });
     if (e == end || e->id != f.id) continue;
     const Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> chart(f.pixel_jacobian.data());
     const Vec2 d = chart * (Vec3(f.bearing.data()) - e->f_C);
@@ -45,7 +46,8 @@ void RestDetector::remember(const TrackedFrame& frame) {
   stored_ = std::min(stored_ + 1, kSnapshots);
   s.stamp = frame.stamp;
   s.count = 0;
-  for (const TrackedFeature& f : frame.features) s.entry[static_cast<std::size_t>(s.count++)] = {f.id, Vec3(f.bearing.data())};
+  for (const TrackedFeature& f : frame.features)
+    s.entry[static_cast<std::size_t>(s.count++)] = {f.id, Vec3(f.bearing.data())};
   std::sort(s.entry.data(), s.entry.data() + s.count, [](const Entry& a, const Entry& b) { return a.id < b.id; });
 }
 

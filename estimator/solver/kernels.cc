@@ -18,7 +18,8 @@ extern const Kernels table;
 namespace {
 bool runs(const Kernels& k) {
   if (&k == &kernels_avx512::table)
-    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
+    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+           __builtin_cpu_supports("avx512vl");
   if (&k == &kernels_avx2::table) return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
   return true;
 }

@@ -1,8 +1,8 @@
 #pragma once
 // The arithmetic of the window solver: the track factor over SIMD lanes, the IMU normal equations and the elimination.
-// Compiled once per instruction set from kernels.inc and chosen at run time; therefore nothing but plain data here, so that
-// no inline function can be emitted with instructions the machine lacks.
-// Derivations: docs/derivations/track.md, docs/derivations/solver.md.
+// Compiled once per instruction set from kernels.inc and chosen at run time; therefore nothing but plain data here, so
+// that no inline function can be emitted with instructions the machine lacks. Derivations: docs/derivations/track.md,
+// docs/derivations/solver.md.
 
 namespace epiline {
 
@@ -20,9 +20,10 @@ inline constexpr int kMarginalStride = 160;
 /// Eight tracks as a structure of arrays. An absent view is all zeros and drops out of every sum by itself.
 struct alignas(64) TrackBatch {
   static constexpr int kBearing = 0, kChart = 3, kVelocity = 9, kNumbers = 11;
-  double observation[kMaxFrames][kNumbers][kBatchLanes];  ///< f (C), d(whitened pixel)/df row-major, whitened pixel velocity
-  double views[kBatchLanes];                              ///< how many; 0: an empty lane
-  int first, last;                                        ///< frames spanned
+  double observation[kMaxFrames][kNumbers]
+                    [kBatchLanes];  ///< f (C), d(whitened pixel)/df row-major, d(whitened pixel)/d time offset
+  double views[kBatchLanes];        ///< how many; 0: an empty lane
+  int first, last;                  ///< frames spanned
 };
 
 /// Pose of a frame as the track factor needs it; positions relative to one common origin.
@@ -34,43 +35,45 @@ struct FrameGeometry {
 };
 
 struct TrackSettings {
-  double depth_damping;        ///< lambda, 1/(1/m)^2
-  double kernel_c2;            ///< Cauchy scale squared, in units of the whitened residual
-  double gate_chi2, gate_cost; ///< a track is gated if chi2 > gate_chi2 (9 dof + 9) and cost > gate_cost (4 dof + 4)
+  double depth_damping;         ///< lambda, 1/(1/m)^2
+  double kernel_c2;             ///< Cauchy scale squared, in units of the whitened residual
+  double gate_chi2, gate_cost;  ///< a track is gated if chi2 > gate_chi2 (9 dof + 9) and cost > gate_cost (4 dof + 4)
   bool gate;
   int inner_steps;
-  bool extrinsics;             ///< also the six extrinsic columns
+  bool extrinsics;  ///< also the six extrinsic columns
 };
 
 /// Normal equations of the visual factors, H delta = b; rotations perturbed in the world frame.
 struct VisualSystem {
-  double H[kMaxFrames][kMaxFrames][36];         ///< blocks k <= l, row-major, (dp, dphi)
+  double H[kMaxFrames][kMaxFrames][36];  ///< blocks k <= l, row-major, (dp, dphi)
   double b[kMaxFrames][6];
-  double H_ck[kMaxFrames][kCalibration * 6];    ///< calibration against frame k
-  double H_cc[kCalibration * kCalibration];     ///< symmetric, full
+  double H_ck[kMaxFrames][kCalibration * 6];  ///< calibration against frame k
+  double H_cc[kCalibration * kCalibration];   ///< symmetric, full
   double b_c[kCalibration];
-  double cost;                                  ///< sum of the robust costs
+  double cost;  ///< sum of the robust costs
   int residuals, tracks, gated;
 };
 
-/// Work space of the track factor: Q_k = C W_k [-rho I, [l]x] for each view, C N_c for the calibration, and sums per lane.
+/// Work space of the track factor: Q_k = C W_k [-rho I, [l]x] for each view, C N_c for the calibration, and sums per
+/// lane.
 struct alignas(64) TrackScratch {
-  double Q[2][kMaxFrames][kMaxBatches][18][kBatchLanes];        ///< [1]: without the oldest view (marginalisation)
+  double Q[2][kMaxFrames][kMaxBatches][18][kBatchLanes];  ///< [1]: without the oldest view (marginalisation)
   double Q_c[2][kMaxBatches][3 * kCalibration][kBatchLanes];
   double D[kMaxFrames][27][kBatchLanes];
   double D_ck[kMaxFrames][6 * kCalibration][kBatchLanes];
   double D_cc[28][kBatchLanes];
   double d_c[kCalibration][kBatchLanes];
-  double chi2[kMaxBatches][kBatchLanes];                        ///< per track, of the last evaluation
-  double accepted[kMaxBatches][kBatchLanes];                    ///< 1, or 0 for gated and empty lanes
+  double chi2[kMaxBatches][kBatchLanes];      ///< per track, of the last evaluation
+  double accepted[kMaxBatches][kBatchLanes];  ///< 1, or 0 for gated and empty lanes
 };
 
-/// The window's normal equations. Order of elimination: (v, b) newest to oldest, then poses newest first, then calibration.
+/// The window's normal equations. Order of elimination: (v, b) newest to oldest, then poses newest first, then
+/// calibration.
 struct alignas(64) LinearSystem {
-  double S[kPoseDim][kPoseStride];                 ///< upper triangle, row-major
-  double P[kMaxFrames][9][kPoseStride];            ///< (v, b)_k against poses and calibration
-  double D[kMaxFrames][9][16];                     ///< (v, b)_k, upper triangle
-  double C[kMaxFrames][9][16];                     ///< (v, b)_k against (v, b)_{k-1}
+  double S[kPoseDim][kPoseStride];       ///< upper triangle, row-major
+  double P[kMaxFrames][9][kPoseStride];  ///< (v, b)_k against poses and calibration
+  double D[kMaxFrames][9][16];           ///< (v, b)_k, upper triangle
+  double C[kMaxFrames][9][16];           ///< (v, b)_k against (v, b)_{k-1}
   double rhs_s[kPoseStride];
   double rhs_v[kMaxFrames][16];
   int frames;
@@ -80,13 +83,15 @@ struct alignas(64) LinearSystem {
 struct Kernels {
   const char* name;
   /// Linearises the track factors. `marginal`: the information view 0 adds given the others, and nothing else.
-  void (*track)(const TrackBatch* batches, int count, const FrameGeometry* frames, int frame_count, const TrackSettings&,
-                bool marginal, TrackScratch&, VisualSystem&);
-  /// A = (L J)'(L J), g = -(L J)' L r for a 15x30 IMU Jacobian (rows padded to 32) and lower L (rows of 16); returns |L r|^2.
+  void (*track)(const TrackBatch* batches, int count, const FrameGeometry* frames, int frame_count,
+                const TrackSettings&, bool marginal, TrackScratch&, VisualSystem&);
+  /// A = (L J)'(L J), g = -(L J)' L r for a 15x30 IMU Jacobian (rows padded to 32) and lower L (rows of 16); returns |L
+  /// r|^2.
   double (*imu)(const double (*L)[16], const double (*J)[32], const double* r, double (*A)[32], double* g);
   /// Factorises in place, diagonal times (1 + damping). False: not positive definite.
   bool (*factorise)(LinearSystem&, double damping);
-  /// Solves for 16 right-hand sides at once with the factors; x_v[k][9][16], x_s[dim][16] hold them and then the solutions.
+  /// Solves for 16 right-hand sides at once with the factors; x_v[k][9][16], x_s[dim][16] hold them and then the
+  /// solutions.
   void (*solve)(const LinearSystem&, double (*x_v)[9][16], double (*x_s)[16]);
   /// Schur complement of the leading `lead` of `total` unknowns; A upper row-major with rows of kMarginalStride.
   void (*eliminate)(double* A, double* b, int lead, int total);

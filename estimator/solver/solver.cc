@@ -137,7 +137,8 @@ void add_imu(const double (*A)[32], const double* g, int k, LinearSystem& s) {
 /// d = x [-] x0 in the prior's order.
 void prior_difference(const Window& w, double* d) {
   const Prior& p = w.prior;
-  for (int k = 0; k < p.frames; ++k) Eigen::Map<Vec6>(d + 6 * k) = local_pose(p.x0[static_cast<std::size_t>(k)], w.at(k).x);
+  for (int k = 0; k < p.frames; ++k)
+    Eigen::Map<Vec6>(d + 6 * k) = local_pose(p.x0[static_cast<std::size_t>(k)], w.at(k).x);
   Eigen::Map<Vec9>(d + 6 * p.frames) = local_velocity_biases(p.x0[0], w.at(0).x);
   Eigen::Map<CalibrationTangent>(d + p.calibration_row()) = local(p.c0, w.calibration);
 }
@@ -182,7 +183,8 @@ double add_prior(const Window& w, const SolverSettings& settings, LinearSystem& 
 
 /// v = 0 and the position of the frame it rests with (estimation.md 6).
 double add_rest(const Window& w, LinearSystem& s) {
-  constexpr double wv = 1 / (kRestVelocitySigma * kRestVelocitySigma), wp = 1 / (kRestPositionSigma * kRestPositionSigma);
+  constexpr double wv = 1 / (kRestVelocitySigma * kRestVelocitySigma),
+                   wp = 1 / (kRestPositionSigma * kRestPositionSigma);
   const int n = w.size();
   double cost = 0;
   for (int k = 0; k < n; ++k) {
@@ -299,7 +301,8 @@ void Solver::read_covariance(const Window& w, const SolverSettings& settings) {
   m.covariance(15, 15) = m.calibration_covariance(0, 0);
 }
 
-SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const SolverSettings& settings, Supervisor& supervisor) {
+SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const SolverSettings& settings,
+                               Supervisor& supervisor) {
   constexpr double kFirstDamping = 1e-9, kAfterRejection = 1e-4, kNoGain = 1e-3;
   constexpr int kMaxRejections = 4;
   SolverSummary r;

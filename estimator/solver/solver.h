@@ -8,13 +8,13 @@
 namespace epiline {
 
 struct SolverSettings {
-  int steps = 2;                        ///< accepted steps at most
+  int steps = 2;  ///< accepted steps at most
   bool estimate_time_offset = true;
   bool estimate_extrinsics = false;
 };
 
 struct SolverSummary {
-  bool ok = false;                      ///< the cost is finite and not every step had to be rejected
+  bool ok = false;  ///< the cost is finite and not every step had to be rejected
   int accepted = 0, rejected = 0, linearisations = 0;
   double cost_first = 0, cost = 0;
   int residuals = 0, tracks = 0, gated = 0;
@@ -29,7 +29,8 @@ class Solver {
   explicit Solver(const Kernels& kernels);
   ~Solver();
   /// Improves the window's states and calibration in place; keeps the best accepted iterate when time is up.
-  SolverSummary optimise(Window& window, VisualFactorModel& visual, const SolverSettings& settings, Supervisor& supervisor);
+  SolverSummary optimise(Window& window, VisualFactorModel& visual, const SolverSettings& settings,
+                         Supervisor& supervisor);
   /// From the last accepted step's factorisation.
   const NewestCovariance& covariance() const;
   /// Covariance of the seven calibration parameters (zero rows where not estimated).
@@ -56,10 +57,12 @@ class Solver {
 /// Column of S where frame k's pose begins: newest first.
 inline int pose_column(int frames, int k) { return 6 * (frames - 1 - k); }
 
-/// IMU factor between frames k-1 and k: whitened normal equations A (30x32, tangent order of k-1 then k) and g; returns the cost.
+/// IMU factor between frames k-1 and k: whitened normal equations A (30x32, tangent order of k-1 then k) and g; returns
+/// the cost.
 double imu_normal_equations(const Window& w, int k, const Kernels& kernels, double (*A)[32], double* g);
 
-/// Square-root information of the slot's IMU interval; to be called whenever `imu` changed. False: covariance not positive.
+/// Square-root information of the slot's IMU interval; to be called whenever `imu` changed. False: covariance not
+/// positive.
 bool whiten(Slot& slot);
 
 inline constexpr double kRestVelocitySigma = 0.01;   ///< m/s, zero-motion factor

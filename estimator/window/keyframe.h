@@ -9,11 +9,12 @@ struct KeyframeSettings {
   double focal_px = 458;
 };
 
-/// Whether the second newest frame says enough against the frame before it to be kept (estimation.md 5): mean parallax, lost
-/// overlap (compensated rule only), or fewer than 20 common tracks.
+/// Whether the second newest frame says enough against the frame before it to be kept (estimation.md 5): mean parallax,
+/// lost overlap (compensated rule only), or fewer than 20 common tracks.
 bool is_keyframe(const Window& window, const KeyframeSettings& settings);
 
-/// Mean angle (in pixels at the focal length) between common bearings of frames j and k, rotation taken out. 0: nothing in common.
+/// Mean angle (in pixels at the focal length) between common bearings of frames j and k, rotation taken out. 0: nothing
+/// in common.
 double compensated_parallax_px(const Window& window, int j, int k, double focal_px, int* common = nullptr);
 
 }  // namespace epiline

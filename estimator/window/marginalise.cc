@@ -62,7 +62,8 @@ void add_visual(const Window& w, const VisualSystem& v, const Layout& at, Matrix
   }
   for (int c = 0; c < kCalibration; ++c) {
     b[at.calibration() + c] += v.b_c[c];
-    for (int d = c; d < kCalibration; ++d) A[at.calibration() + c][at.calibration() + d] += v.H_cc[kCalibration * c + d];
+    for (int d = c; d < kCalibration; ++d)
+      A[at.calibration() + c][at.calibration() + d] += v.H_cc[kCalibration * c + d];
   }
 }
 
@@ -103,7 +104,8 @@ void add_imu(const Window& w, const Kernels& kernels, const Layout& at, Matrix A
 }
 
 void add_rest(const Window& w, const Layout& at, Matrix A, double* b) {
-  constexpr double wv = 1 / (kRestVelocitySigma * kRestVelocitySigma), wp = 1 / (kRestPositionSigma * kRestPositionSigma);
+  constexpr double wv = 1 / (kRestVelocitySigma * kRestVelocitySigma),
+                   wp = 1 / (kRestPositionSigma * kRestPositionSigma);
   const Slot& oldest = w.at(0);
   if (oldest.at_rest)
     for (int i = 0; i < 3; ++i) {

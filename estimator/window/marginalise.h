@@ -11,9 +11,9 @@ class Marginaliser {
  public:
   explicit Marginaliser(const Kernels& kernels);
   ~Marginaliser();
-  /// Turns everything that ties frame 0 (bearings given those that stay, IMU interval 0-1, rest factors, the old prior) into a
-  /// prior on frames 1..n-2, (v, b) of frame 1 and the calibration, freezes their first estimates and removes frame 0.
-  /// The newest frame takes no part: it may be dropped next. Needs at least 3 frames.
+  /// Turns everything that ties frame 0 (bearings given those that stay, IMU interval 0-1, rest factors, the old prior)
+  /// into a prior on frames 1..n-2, (v, b) of frame 1 and the calibration, freezes their first estimates and removes
+  /// frame 0. The newest frame takes no part: it may be dropped next. Needs at least 3 frames.
   void marginalise_oldest(Window& window, VisualFactorModel& visual, const VisualSettings& settings);
 
  private:
@@ -22,7 +22,8 @@ class Marginaliser {
   std::unique_ptr<Memory> memory_;
 };
 
-/// Lets a calibration parameter of the prior wander: adds `variance` to its prior covariance, leaving the estimate as it is.
+/// Lets a calibration parameter of the prior wander: adds `variance` to its prior covariance, leaving the estimate as
+/// it is.
 void inflate_calibration(Prior& prior, int parameter, double variance);
 
 /// A prior for a lone first frame: standard deviations in tangent order, tilt and yaw given separately.

@@ -6,7 +6,8 @@ namespace epiline {
 
 inline const Vec3 kGravity_W(0, 0, -9.81);  ///< m/s^2
 
-/// State of one frame: the IMU body B in the world W. Tangent order (p, theta, v, b_a, b_g), rotation perturbed on the right.
+/// State of one frame: the IMU body B in the world W. Tangent order (p, theta, v, b_a, b_g), rotation perturbed on the
+/// right.
 struct NavState {
   Vec3 p = Vec3::Zero(), v = Vec3::Zero(), b_a = Vec3::Zero(), b_g = Vec3::Zero();
   Mat3 R = Mat3::Identity();

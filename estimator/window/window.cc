@@ -53,7 +53,8 @@ void Window::remove(int k) {
 
 namespace {
 Observation observation(const TrackedFeature& f) {
-  return {Vec3(f.bearing.data()), Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data()),
+  return {Vec3(f.bearing.data()),
+          Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data()),
           Vec2(f.velocity_px_s[0], f.velocity_px_s[1])};
 }
 }  // namespace

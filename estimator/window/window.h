@@ -1,6 +1,6 @@
 #pragma once
-// The sliding window: frames, tracks, calibration and the prior of what has left. Fixed capacity; frames are reordered by
-// index, never moved.
+// The sliding window: frames, tracks, calibration and the prior of what has left. Fixed capacity; frames are reordered
+// by index, never moved.
 #include <array>
 #include <cstdint>
 
@@ -38,22 +38,22 @@ CalibrationTangent local(const Calibration& c0, const Calibration& c);
 
 /// A frame of the window.
 struct Slot {
-  std::uint64_t id = 0;           ///< never reused
-  HostStamp image_stamp, time;    ///< as the camera said; the same instant on the IMU's clock, as cut
-  double time_offset_used = 0;    ///< `time` - `image_stamp`
+  std::uint64_t id = 0;         ///< never reused
+  HostStamp image_stamp, time;  ///< as the camera said; the same instant on the IMU's clock, as cut
+  double time_offset_used = 0;  ///< `time` - `image_stamp`
   NavState x;
-  NavState first;                 ///< first estimate, for the Jacobians, once the frame is in the prior (estimation.md 4.6)
+  NavState first;  ///< first estimate, for the Jacobians, once the frame is in the prior (estimation.md 4.6)
   bool has_first = false;
-  Preintegration imu;             ///< from the frame before
+  Preintegration imu;               ///< from the frame before
   Mat15 L_inverse = Mat15::Zero();  ///< square-root information of `imu`
-  Vec3 omega = Vec3::Zero();      ///< last angular rate, bias not removed, rad/s
-  bool at_rest = false;           ///< zero-motion factor attached
-  std::uint64_t rest_link = 0;    ///< id of the frame whose position it shares; 0: none in the window
+  Vec3 omega = Vec3::Zero();        ///< last angular rate, bias not removed, rad/s
+  bool at_rest = false;             ///< zero-motion factor attached
+  std::uint64_t rest_link = 0;      ///< id of the frame whose position it shares; 0: none in the window
 };
 
 /// Gaussian prior 1/2 d'Hd - b'd with d = x [-] x0, over poses 0..frames-1, (v, b) of frame 0 and the calibration.
 struct Prior {
-  int frames = 0;                 ///< 0: no prior
+  int frames = 0;  ///< 0: no prior
   alignas(64) double H[kPriorDim][kMarginalStride];
   double b[kPriorDim];
   std::array<NavState, kMaxFrames> x0;

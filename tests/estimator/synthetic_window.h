@@ -14,9 +14,9 @@ struct SyntheticOptions {
   int frames = 8;
   int tracks = 60;
   double pixel_noise = 0.5;
-  double motion = 1;            ///< scales the path; 0: the rig only turns
-  double state_error = 3e-3;    ///< random, added to the states after the window is built
-  double time_offset = 0;       ///< the stamps are wrong by this much
+  double motion = 1;          ///< scales the path; 0: the rig only turns
+  double state_error = 3e-3;  ///< random, added to the states after the window is built
+  double time_offset = 0;     ///< the stamps are wrong by this much
   unsigned seed = 1;
 };
 
@@ -25,10 +25,18 @@ inline constexpr double kFocal = 458;
 /// Smooth path in W and its derivatives.
 struct SyntheticPath {
   double motion;
-  Vec3 p(double t) const { return motion * Vec3(1.3 * std::sin(0.9 * t), 0.8 * std::cos(1.1 * t), 0.4 * std::sin(1.7 * t)); }
-  Vec3 v(double t) const { return motion * Vec3(1.17 * std::cos(0.9 * t), -0.88 * std::sin(1.1 * t), 0.68 * std::cos(1.7 * t)); }
-  Vec3 a(double t) const { return motion * Vec3(-1.053 * std::sin(0.9 * t), -0.968 * std::cos(1.1 * t), -1.156 * std::sin(1.7 * t)); }
-  Mat3 R(double t) const { return so3_exp(Vec3(0, 0, 0.5 * t)) * so3_exp(Vec3(0.1 * std::sin(1.3 * t), 0.15 * std::sin(t), 0)); }
+  Vec3 p(double t) const {
+    return motion * Vec3(1.3 * std::sin(0.9 * t), 0.8 * std::cos(1.1 * t), 0.4 * std::sin(1.7 * t));
+  }
+  Vec3 v(double t) const {
+    return motion * Vec3(1.17 * std::cos(0.9 * t), -0.88 * std::sin(1.1 * t), 0.68 * std::cos(1.7 * t));
+  }
+  Vec3 a(double t) const {
+    return motion * Vec3(-1.053 * std::sin(0.9 * t), -0.968 * std::cos(1.1 * t), -1.156 * std::sin(1.7 * t));
+  }
+  Mat3 R(double t) const {
+    return so3_exp(Vec3(0, 0, 0.5 * t)) * so3_exp(Vec3(0.1 * std::sin(1.3 * t), 0.15 * std::sin(t), 0));
+  }
   Vec3 w(double t) const {
     const double h = 1e-6;
     return so3_log(R(t - h).transpose() * R(t + h)) / (2 * h);
@@ -66,14 +74,17 @@ inline SyntheticWindow make_window(const SyntheticOptions& o) {
   w.calibration = synthetic_calibration();
   std::mt19937_64 random(o.seed);
   std::normal_distribution<double> normal;
-  auto noise3 = [&](double sigma) { return Vec3(sigma * normal(random), sigma * normal(random), sigma * normal(random)); };
+  auto noise3 = [&](double sigma) {
+    return Vec3(sigma * normal(random), sigma * normal(random), sigma * normal(random));
+  };
   const SyntheticPath path{o.motion};
   const double interval = 0.1, imu_dt = 0.005;
   std::vector<Vec3> points;
   const Calibration c = synthetic_calibration();
   const Mat3 R_mid = path.R(0.05 * o.frames) * c.R_BC;
   for (int i = 0; i < o.tracks; ++i) {
-    const Vec3 ray(0.9 * std::uniform_real_distribution<double>(-0.6, 0.6)(random), std::uniform_real_distribution<double>(-0.4, 0.4)(random), 1);
+    const Vec3 ray(0.9 * std::uniform_real_distribution<double>(-0.6, 0.6)(random),
+                   std::uniform_real_distribution<double>(-0.4, 0.4)(random), 1);
     points.push_back(path.p(0.05 * o.frames) + R_mid * (ray * std::uniform_real_distribution<double>(2.5, 9)(random)));
   }
   for (int k = 0; k < o.frames; ++k) {
@@ -106,7 +117,9 @@ inline SyntheticWindow make_window(const SyntheticOptions& o) {
       if (X.z() < 0.3) continue;
       const Vec3 X1 = in_camera(points[static_cast<std::size_t>(i)], t + o.time_offset + 1e-4);
       const Vec2 velocity = kFocal * (X1.head<2>() / X1.z() - X.head<2>() / X.z()) / 1e-4;
-      frame.features.push_back(make_feature(static_cast<std::uint32_t>(i), X, Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random)), velocity));
+      frame.features.push_back(make_feature(static_cast<std::uint32_t>(i), X,
+                                            Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random)),
+                                            velocity));
     }
     w.observe(frame);
   }

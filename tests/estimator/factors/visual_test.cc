@@ -57,8 +57,10 @@ TEST_P(Gradient, MatchesCentralDifferencesOfTheCost) {
       for (int side = 0; side < 2; ++side) {
         Vec3 d = Vec3::Zero();
         d[i % 3] = side ? -h : h;
-        if (i < 3) w.at(k).x.p += d;
-        else w.at(k).x.R = so3_exp(d) * keep.R;  // rotations perturbed in the world
+        if (i < 3)
+          w.at(k).x.p += d;
+        else
+          w.at(k).x.R = so3_exp(d) * keep.R;  // rotations perturbed in the world
         c[side] = cost();
         w.at(k).x = keep;
       }
@@ -100,7 +102,8 @@ TEST(TrackFactor, LeavesTranslationAndYawUnobservable) {
   Eigen::MatrixXd H = Eigen::MatrixXd::Zero(6 * n, 6 * n);
   for (int k = 0; k < n; ++k)
     for (int l = k; l < n; ++l) {
-      const Eigen::Matrix<double, 6, 6> B = Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(system->H[k][l]);
+      const Eigen::Matrix<double, 6, 6> B =
+          Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(system->H[k][l]);
       H.block<6, 6>(6 * k, 6 * l) = B;
       H.block<6, 6>(6 * l, 6 * k) = B.transpose();
     }
@@ -147,9 +150,13 @@ TEST(TrackFactor, InstructionSetsAgree) {
       const int n = s.window->size() - (marginal ? 1 : 0);
       for (int i = 0; i < n; ++i) {
         for (int j = i; j < n; ++j)
-          for (int q = 0; q < 36; ++q) EXPECT_NEAR(reference->H[i][j][q], other->H[i][j][q], 1e-9 * std::abs(reference->H[i][i][0]) + 1e-4) << name;
-        for (int q = 0; q < 6; ++q) EXPECT_NEAR(reference->b[i][q], other->b[i][q], 1e-6 + 1e-9 * std::abs(reference->b[i][q])) << name;
-        for (int q = 0; q < 42; ++q) EXPECT_NEAR(reference->H_ck[i][q], other->H_ck[i][q], 1e-4 + 1e-9 * std::abs(reference->H_ck[i][q])) << name;
+          for (int q = 0; q < 36; ++q)
+            EXPECT_NEAR(reference->H[i][j][q], other->H[i][j][q], 1e-9 * std::abs(reference->H[i][i][0]) + 1e-4)
+                << name;
+        for (int q = 0; q < 6; ++q)
+          EXPECT_NEAR(reference->b[i][q], other->b[i][q], 1e-6 + 1e-9 * std::abs(reference->b[i][q])) << name;
+        for (int q = 0; q < 42; ++q)
+          EXPECT_NEAR(reference->H_ck[i][q], other->H_ck[i][q], 1e-4 + 1e-9 * std::abs(reference->H_ck[i][q])) << name;
       }
       EXPECT_NEAR(reference->cost, other->cost, 1e-9 * reference->cost);
     }
