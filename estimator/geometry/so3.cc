@@ -53,8 +53,8 @@ Mat3 so3_right_jacobian_inverse(const Vec3& theta) {
   const Mat3 W = skew(theta);
   double d = 1.0 / 12 + t2 / 720;
   if (t2 > 1e-4) {
-    const double t = std::sqrt(t2);
-    d = 1 / t2 - (1 + std::cos(t)) / (2 * t * std::sin(t));
+    const double half = 0.5 * std::sqrt(t2);
+    d = (1 - half / std::tan(half)) / t2;  // in the half angle: regular at pi
   }
   return Mat3::Identity() + 0.5 * W + d * (W * W);
 }

@@ -225,6 +225,28 @@ TEST(Camera, RefusesWhatTheModelDoesNotDefine) {
   EXPECT_FALSE(camera.unproject(Vec2(630 + 900 * (highest + 1e-3), 370), f));
 }
 
+TEST(Camera, PinholesEndAt87Degrees) {
+  Vec2 px;
+  EXPECT_TRUE(Camera(kEuroc).project(off_axis(86), px));
+  EXPECT_FALSE(Camera(kEuroc).project(off_axis(88), px));
+}
+
+// theta (1 - 0.1 theta^2) rises up to theta = 1 / sqrt(0.3), where it is two thirds of theta.
+TEST(Camera, EquidistantEndsWhereItFolds) {
+  CameraParameters c = kTumVi;
+  c.distortion = {-0.1, 0, 0, 0};
+  const Camera camera(c);
+  const double fold = 1 / std::sqrt(0.3), radius = 2 * fold / 3;
+  Vec2 px;
+  Vec3 f;
+  EXPECT_TRUE(camera.project(off_axis(fold * 180 / M_PI - 0.1), px));
+  EXPECT_FALSE(camera.project(off_axis(fold * 180 / M_PI + 0.1), px));
+  const auto at = [&](double r) { return Vec2(c.intrinsics[2] + r * c.intrinsics[0], c.intrinsics[3]); };
+  EXPECT_TRUE(camera.unproject(at(radius - 1e-4), f));
+  EXPECT_NEAR(std::atan2(f.x(), f.z()), fold, 0.05);
+  EXPECT_FALSE(camera.unproject(at(radius + 1e-4), f));
+}
+
 TEST(Camera, EveryFaultOfTheParametersHasItsName) {
   for (const CameraParameters& c : kAll) EXPECT_EQ(fault_of(c), CameraFault::kNone);
   const auto with = [](auto change) {
