@@ -13,5 +13,6 @@ inline constexpr int kExitDone = 0, kExitRunFailed = 1, kExitUsage = 2;
 int report(const Error& error);
 
 void add_evaluate(CLI::App& app, int& exit_code);
+void add_config(CLI::App& app, int& exit_code);
 
 }  // namespace epiline

@@ -1,0 +1,165 @@
+#include "pipeline/config/config.h"
+
+#include <fmt/format.h>
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <optional>
+
+#include "pipeline/text/table.h"
+
+namespace epiline {
+
+namespace {
+
+template <class... F>
+struct Overloaded : F... {
+  using F::operator()...;
+};
+template <class... F>
+Overloaded(F...) -> Overloaded<F...>;
+
+using Value = ConfigFile::Value;
+
+std::string range_of(const Parameter& p) {
+  const std::string unit = p.unit.empty() ? "" : " " + p.unit;
+  return std::visit(
+      Overloaded{[](bool* (*)(Config&)) -> std::string { return "true or false"; },
+                 [&](int* (*)(Config&)) { return fmt::format("an integer from {} to {}{}", p.min, p.max, unit); },
+                 [&](double* (*)(Config&)) { return fmt::format("a number from {} to {}{}", p.min, p.max, unit); },
+                 [](std::string* (*)(Config&)) -> std::string { return "a text in quotes"; },
+                 [](const Choice& c) { return fmt::format("\"{}\"", fmt::join(c.names, "\" or \"")); }},
+      p.value);
+}
+
+/// The node's value in the type of the parameter, if it has that type and lies in the range.
+std::optional<Value> checked_value(const Parameter& p, const toml::node& node) {
+  const auto in_range = [&](double v) { return v >= p.min && v <= p.max; };
+  return std::visit(Overloaded{[&](bool* (*)(Config&)) -> std::optional<Value> {
+                                 if (!node.is_boolean()) return std::nullopt;
+                                 return *node.value<bool>();
+                               },
+                               [&](int* (*)(Config&)) -> std::optional<Value> {
+                                 if (!node.is_integer() || !in_range(static_cast<double>(*node.value<std::int64_t>())))
+                                   return std::nullopt;
+                                 return static_cast<int>(*node.value<std::int64_t>());
+                               },
+                               [&](double* (*)(Config&)) -> std::optional<Value> {
+                                 if (!node.is_number() || !in_range(*node.value<double>())) return std::nullopt;
+                                 return *node.value<double>();
+                               },
+                               [&](std::string* (*)(Config&)) -> std::optional<Value> {
+                                 if (!node.is_string()) return std::nullopt;
+                                 return *node.value<std::string>();
+                               },
+                               [&](const Choice& c) -> std::optional<Value> {
+                                 const auto name = node.value<std::string>();
+                                 const auto found =
+                                     name ? std::find(c.names.begin(), c.names.end(), *name) : c.names.end();
+                                 if (found == c.names.end()) return std::nullopt;
+                                 return static_cast<int>(found - c.names.begin());
+                               }},
+                    p.value);
+}
+
+const Parameter* find_parameter(const std::string& name) {
+  for (const Parameter& p : parameters()) {
+    if (p.name == name) return &p;
+  }
+  return nullptr;
+}
+
+bool is_section(const std::string& name) {
+  return std::any_of(parameters().begin(), parameters().end(),
+                     [&](const Parameter& p) { return p.name.rfind(name + ".", 0) == 0; });
+}
+
+std::string shown(const toml::node& node) {
+  std::ostringstream out;
+  node.visit([&](const auto& n) { out << n; });
+  return out.str();
+}
+
+std::string toml_value(const Parameter& p, const Config& config) {
+  Config copy = config;
+  return std::visit(
+      Overloaded{[&](bool* (*at)(Config&)) -> std::string { return *at(copy) ? "true" : "false"; },
+                 [&](int* (*at)(Config&)) { return fmt::format("{}", *at(copy)); },
+                 [&](double* (*at)(Config&)) { return fmt::format("{}", *at(copy)); },
+                 [&](std::string* (*at)(Config&)) {
+                   std::ostringstream out;
+                   out << toml::value<std::string>(*at(copy));
+                   return out.str();
+                 },
+                 [&](const Choice& c) { return "\"" + c.names[static_cast<std::size_t>(c.get(config))] + "\""; }},
+      p.value);
+}
+
+}  // namespace
+
+Result<ConfigFile> ConfigFile::read(const std::filesystem::path& path) {
+  const auto text = read_text(path);
+  if (!text) return text.error();
+  return parse(*text, path.string());
+}
+
+Result<ConfigFile> ConfigFile::parse(std::string_view text, const std::string& name) {
+  const auto fail = [&](const toml::source_region& at, std::string found, std::string expected) {
+    return Error{ErrorKind::kUsage, name, static_cast<int>(at.begin.line), std::move(found), std::move(expected)};
+  };
+  toml::table root;
+  try {
+    root = toml::parse(text);
+  } catch (const toml::parse_error& e) {
+    return fail(e.source(), std::string(e.description()), "TOML");
+  }
+  ConfigFile file;
+  for (const auto& [section, entry] : root) {
+    const std::string section_name(section.str());
+    if (!is_section(section_name)) {
+      return fail(section.source(), "unknown section \"" + section_name + "\"",
+                  "one that `epiline config --print-defaults` lists");
+    }
+    if (!entry.is_table())
+      return fail(section.source(), "\"" + section_name + "\" is no section", "[" + section_name + "]");
+    for (const auto& [key, node] : *entry.as_table()) {
+      const std::string full = section_name + "." + std::string(key.str());
+      const Parameter* p = find_parameter(full);
+      if (!p)
+        return fail(key.source(), "unknown key \"" + full + "\"", "one that `epiline config --print-defaults` lists");
+      const auto value = checked_value(*p, node);
+      if (!value) return fail(node.source(), full + " = " + shown(node), range_of(*p));
+      file.settings_.emplace_back(p, *value);
+    }
+  }
+  return file;
+}
+
+void ConfigFile::apply(Config& config) const {
+  for (const auto& [p, value] : settings_) {
+    std::visit(Overloaded{[&, v = &value](bool* (*at)(Config&)) { *at(config) = std::get<bool>(*v); },
+                          [&, v = &value](int* (*at)(Config&)) { *at(config) = std::get<int>(*v); },
+                          [&, v = &value](double* (*at)(Config&)) { *at(config) = std::get<double>(*v); },
+                          [&, v = &value](std::string* (*at)(Config&)) { *at(config) = std::get<std::string>(*v); },
+                          [&, v = &value](const Choice& c) { c.set(config, std::get<int>(*v)); }},
+               p->value);
+  }
+}
+
+std::string to_toml(const Config& config) {
+  std::string text, section;
+  for (const Parameter& p : parameters()) {
+    const std::size_t dot = p.name.find('.');
+    if (p.name.substr(0, dot) != section) {
+      section = p.name.substr(0, dot);
+      text += fmt::format("{}[{}]\n", text.empty() ? "" : "\n", section);
+    }
+    const bool empty_file =
+        std::holds_alternative<std::string* (*)(Config&)>(p.value) && toml_value(p, config).size() <= 2;
+    text += fmt::format("# {}; {}\n{}{} = {}\n", p.text, range_of(p), empty_file ? "#" : "", p.name.substr(dot + 1),
+                        toml_value(p, config));
+  }
+  return text;
+}
+
+}  // namespace epiline

@@ -1,0 +1,60 @@
+#pragma once
+// Everything that can be set, in one table: struct, TOML check, listing and manual come from it.
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "estimator/estimator.h"
+#include "platform/error/result.h"
+
+namespace epiline {
+
+struct Config {
+  EstimatorConfig estimator;
+  double deadline_ms = 0;          ///< time for one image's track and estimate; 0: as long as it takes
+  std::string camera_calibration;  ///< replaces the data set's file
+  std::string imu_calibration;
+};
+
+/// A setting with a few named values.
+struct Choice {
+  std::vector<std::string> names;
+  int (*get)(const Config&);
+  void (*set)(Config&, int);
+};
+
+/// One row of the table. The default is the value in a default-constructed Config; numbers outside [min, max] are
+/// refused.
+struct Parameter {
+  std::string name;  ///< `section.key`, as in the TOML file
+  std::string unit;  ///< empty: none
+  double min = 0, max = 0;
+  std::string text;
+  std::variant<bool* (*)(Config&), int* (*)(Config&), double* (*)(Config&), std::string* (*)(Config&), Choice> value;
+};
+
+const std::vector<Parameter>& parameters();
+
+/// A checked configuration file: what it sets, to be laid over defaults and calibration.
+class ConfigFile {
+ public:
+  using Value = std::variant<bool, int, double, std::string>;  ///< a Choice is held as its index
+
+  /// Fails if and only if the file cannot be read, is no TOML, names an unknown section or key, or holds a value of the
+  /// wrong type or outside its range.
+  static Result<ConfigFile> read(const std::filesystem::path& path);
+  static Result<ConfigFile> parse(std::string_view text, const std::string& name);
+
+  /// Writes what the file sets, and nothing else, into `config`.
+  void apply(Config& config) const;
+
+ private:
+  std::vector<std::pair<const Parameter*, Value>> settings_;
+};
+
+/// The configuration as a TOML file: each setting with text, unit and range above it.
+std::string to_toml(const Config& config);
+
+}  // namespace epiline

@@ -1,0 +1,93 @@
+#include "pipeline/config/config.h"
+
+namespace epiline {
+
+namespace {
+
+constexpr double kNoLimit = 1e12;
+
+Choice visual_factors() {
+  return {{"track", "epipolar"},
+          [](const Config& c) { return static_cast<int>(c.estimator.visual_factor); },
+          [](Config& c, int i) { c.estimator.visual_factor = static_cast<VisualFactor>(i); }};
+}
+
+Choice keyframe_rules() {
+  return {{"compensated-parallax", "raw-parallax"},
+          [](const Config& c) { return static_cast<int>(c.estimator.keyframe_rule); },
+          [](Config& c, int i) { c.estimator.keyframe_rule = static_cast<KeyframeRule>(i); }};
+}
+
+}  // namespace
+
+#define EPILINE_AT(member) [](Config& c) { return &c.member; }
+
+const std::vector<Parameter>& parameters() {
+  static const std::vector<Parameter> table = {
+      // estimator
+      {"estimator.visual_factor", "", 0, 0, "residual of a track", visual_factors()},
+      {"estimator.keyframes", "", 2, 20, "older images in the window", EPILINE_AT(estimator.keyframes)},
+      {"estimator.solve_interval_s", "s", 0, 10, "at most one solved image per interval; the others are predicted",
+       EPILINE_AT(estimator.solve_interval_s)},
+      {"estimator.steps", "", 1, 20, "accepted solver steps per image at most", EPILINE_AT(estimator.steps)},
+      {"estimator.steps_young", "", 1, 20, "the same after a start or a rejected step",
+       EPILINE_AT(estimator.steps_young)},
+      {"estimator.pixel_sigma", "px", 0.01, 20,
+       "noise of a track in one image: first guess, or the value if not estimated", EPILINE_AT(estimator.pixel_sigma)},
+      {"estimator.estimate_pixel_sigma", "", 0, 0, "estimate the noise from the residuals",
+       EPILINE_AT(estimator.estimate_pixel_sigma)},
+      {"estimator.sigma_inflation", "", 0.1, 10, "scale of the covariance over the scale of the robust kernel",
+       EPILINE_AT(estimator.sigma_inflation)},
+      {"estimator.cauchy", "", 0.1, 100, "scale of the robust kernel, in sigmas", EPILINE_AT(estimator.cauchy)},
+      {"estimator.gate", "", 0, 0, "leave out tracks that contradict the motion", EPILINE_AT(estimator.gate)},
+      {"estimator.gate_cap", "", 0, 1, "an image that would lose a larger share of its tracks loses none",
+       EPILINE_AT(estimator.gate_cap)},
+      {"estimator.gyroscope_density_factor", "", 0.1, 100, "on the gyroscope's noise: covers scale and misalignment",
+       EPILINE_AT(estimator.gyroscope_density_factor)},
+      {"estimator.accelerometer_density_factor", "", 0.1, 100, "on the accelerometer's noise",
+       EPILINE_AT(estimator.accelerometer_density_factor)},
+      {"estimator.keyframe_rule", "", 0, 0, "what makes a keyframe", keyframe_rules()},
+      {"estimator.keyframe_parallax_px", "px", 0.1, 200, "mean parallax that makes one",
+       EPILINE_AT(estimator.keyframe_parallax_px)},
+      {"estimator.zero_motion", "", 0, 0, "use standstill as a measurement", EPILINE_AT(estimator.zero_motion)},
+      {"estimator.estimate_time_offset", "", 0, 0, "estimate t_IMU - t_image",
+       EPILINE_AT(estimator.estimate_time_offset)},
+      {"estimator.time_offset_sigma_s", "s", 1e-6, 1, "uncertainty of the first guess of it",
+       EPILINE_AT(estimator.time_offset_sigma_s)},
+      {"estimator.estimate_extrinsics", "", 0, 0, "estimate where the camera sits on the body",
+       EPILINE_AT(estimator.estimate_extrinsics)},
+      {"estimator.extrinsic_rotation_sigma_rad", "rad", 1e-6, 1, "uncertainty of the calibrated rotation",
+       EPILINE_AT(estimator.extrinsic_rotation_sigma_rad)},
+      {"estimator.extrinsic_translation_sigma_m", "m", 1e-6, 1, "uncertainty of the calibrated translation",
+       EPILINE_AT(estimator.extrinsic_translation_sigma_m)},
+      {"estimator.deadline_ms", "ms", 0, 1e4, "time for one image, tracker included; 0: as long as it takes",
+       EPILINE_AT(deadline_ms)},
+      // camera; without these, what the data set says
+      {"camera.calibration", "", 0, 0,
+       "calibration file (ASL or Kalibr) instead of the data set's; seen from the current folder",
+       EPILINE_AT(camera_calibration)},
+      {"camera.time_offset_s", "s", -1, 1, "first guess of t_IMU - t_image",
+       EPILINE_AT(estimator.extrinsics.time_offset_s)},
+      // IMU; without these, what the data set says
+      {"imu.calibration", "", 0, 0,
+       "calibration file (ASL or Kalibr) instead of the data set's; seen from the current folder",
+       EPILINE_AT(imu_calibration)},
+      {"imu.gyroscope_noise_density", "rad/s/sqrt(Hz)", 1e-9, 1, "white noise",
+       EPILINE_AT(estimator.imu.gyroscope_density)},
+      {"imu.gyroscope_random_walk", "rad/s^2/sqrt(Hz)", 1e-12, 1, "walk of the bias",
+       EPILINE_AT(estimator.imu.gyroscope_random_walk)},
+      {"imu.accelerometer_noise_density", "m/s^2/sqrt(Hz)", 1e-9, 10, "white noise",
+       EPILINE_AT(estimator.imu.accelerometer_density)},
+      {"imu.accelerometer_random_walk", "m/s^3/sqrt(Hz)", 1e-12, 10, "walk of the bias",
+       EPILINE_AT(estimator.imu.accelerometer_random_walk)},
+      {"imu.gyroscope_saturation", "rad/s", 0.1, kNoLimit, "readings from here on are cut off",
+       EPILINE_AT(estimator.saturation_gyroscope_rad_s)},
+      {"imu.accelerometer_saturation", "m/s^2", 1, kNoLimit, "readings from here on are cut off",
+       EPILINE_AT(estimator.saturation_accelerometer_m_s2)},
+  };
+  return table;
+}
+
+#undef EPILINE_AT
+
+}  // namespace epiline
