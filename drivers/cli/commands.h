@@ -14,5 +14,6 @@ int report(const Error& error);
 
 void add_evaluate(CLI::App& app, int& exit_code);
 void add_config(CLI::App& app, int& exit_code);
+void add_replay(CLI::App& app, int& exit_code);
 
 }  // namespace epiline

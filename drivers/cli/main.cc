@@ -26,6 +26,7 @@ int run(int argc, char** argv) {
       "epiline");
   app.require_subcommand(1);
   app.set_version_flag("--version", EPILINE_VERSION);
+  add_replay(app, exit_code);
   add_evaluate(app, exit_code);
   add_config(app, exit_code);
   try {

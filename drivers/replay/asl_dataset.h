@@ -8,6 +8,7 @@
 
 #include "pipeline/config/calibration.h"
 #include "pipeline/evaluate/trajectory.h"
+#include "pipeline/stages/recorded_tracks.h"
 #include "platform/error/result.h"
 #include "platform/samples/samples.h"
 
@@ -18,12 +19,6 @@ struct ImageFile {
   HostStamp stamp;
   std::filesystem::path path;
   int line = 0;  ///< of the list it comes from
-};
-
-/// One point of `tracks.csv`.
-struct TrackPoint {
-  std::uint32_t id = 0;
-  float u = 0, v = 0;  ///< raw pixels
 };
 
 /// The points of one instant: points[first, first + count).

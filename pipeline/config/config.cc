@@ -26,7 +26,7 @@ std::string range_of(const Parameter& p) {
   return std::visit(
       Overloaded{[](bool* (*)(Config&)) -> std::string { return "true or false"; },
                  [&](int* (*)(Config&)) { return fmt::format("an integer from {} to {}{}", p.min, p.max, unit); },
-                 [&](double* (*)(Config&)) { return fmt::format("a number from {} to {}{}", p.min, p.max, unit); },
+                 [&](auto* (*)(Config&)) { return fmt::format("a number from {} to {}{}", p.min, p.max, unit); },
                  [](std::string* (*)(Config&)) -> std::string { return "a text in quotes"; },
                  [](const Choice& c) { return fmt::format("\"{}\"", fmt::join(c.names, "\" or \"")); }},
       p.value);
@@ -44,7 +44,7 @@ std::optional<Value> checked_value(const Parameter& p, const toml::node& node) {
                                    return std::nullopt;
                                  return static_cast<int>(*node.value<std::int64_t>());
                                },
-                               [&](double* (*)(Config&)) -> std::optional<Value> {
+                               [&](auto* (*)(Config&)) -> std::optional<Value> {
                                  if (!node.is_number() || !in_range(*node.value<double>())) return std::nullopt;
                                  return *node.value<double>();
                                },
@@ -85,7 +85,7 @@ std::string toml_value(const Parameter& p, const Config& config) {
   return std::visit(
       Overloaded{[&](bool* (*at)(Config&)) -> std::string { return *at(copy) ? "true" : "false"; },
                  [&](int* (*at)(Config&)) { return fmt::format("{}", *at(copy)); },
-                 [&](double* (*at)(Config&)) { return fmt::format("{}", *at(copy)); },
+                 [&](auto* (*at)(Config&)) { return fmt::format("{}", *at(copy)); },
                  [&](std::string* (*at)(Config&)) {
                    std::ostringstream out;
                    out << toml::value<std::string>(*at(copy));
@@ -137,12 +137,14 @@ Result<ConfigFile> ConfigFile::parse(std::string_view text, const std::string& n
 
 void ConfigFile::apply(Config& config) const {
   for (const auto& [p, value] : settings_) {
-    std::visit(Overloaded{[&, v = &value](bool* (*at)(Config&)) { *at(config) = std::get<bool>(*v); },
-                          [&, v = &value](int* (*at)(Config&)) { *at(config) = std::get<int>(*v); },
-                          [&, v = &value](double* (*at)(Config&)) { *at(config) = std::get<double>(*v); },
-                          [&, v = &value](std::string* (*at)(Config&)) { *at(config) = std::get<std::string>(*v); },
-                          [&, v = &value](const Choice& c) { c.set(config, std::get<int>(*v)); }},
-               p->value);
+    std::visit(
+        Overloaded{[&, v = &value](bool* (*at)(Config&)) { *at(config) = std::get<bool>(*v); },
+                   [&, v = &value](int* (*at)(Config&)) { *at(config) = std::get<int>(*v); },
+                   [&, v = &value](double* (*at)(Config&)) { *at(config) = std::get<double>(*v); },
+                   [&, v = &value](float* (*at)(Config&)) { *at(config) = static_cast<float>(std::get<double>(*v)); },
+                   [&, v = &value](std::string* (*at)(Config&)) { *at(config) = std::get<std::string>(*v); },
+                   [&, v = &value](const Choice& c) { c.set(config, std::get<int>(*v)); }},
+        p->value);
   }
 }
 

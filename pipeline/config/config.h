@@ -7,12 +7,14 @@
 #include <vector>
 
 #include "estimator/estimator.h"
+#include "pipeline/vision/tracker.h"
 #include "platform/error/result.h"
 
 namespace epiline {
 
 struct Config {
   EstimatorConfig estimator;
+  TrackerConfig tracker;
   double deadline_ms = 0;          ///< time for one image's track and estimate; 0: as long as it takes
   std::string camera_calibration;  ///< replaces the data set's file
   std::string imu_calibration;
@@ -32,7 +34,9 @@ struct Parameter {
   std::string unit;  ///< empty: none
   double min = 0, max = 0;
   std::string text;
-  std::variant<bool* (*)(Config&), int* (*)(Config&), double* (*)(Config&), std::string* (*)(Config&), Choice> value;
+  std::variant<bool* (*)(Config&), int* (*)(Config&), float* (*)(Config&), double* (*)(Config&),
+               std::string* (*)(Config&), Choice>
+      value;
 };
 
 const std::vector<Parameter>& parameters();
@@ -40,7 +44,7 @@ const std::vector<Parameter>& parameters();
 /// A checked configuration file: what it sets, to be laid over defaults and calibration.
 class ConfigFile {
  public:
-  using Value = std::variant<bool, int, double, std::string>;  ///< a Choice is held as its index
+  using Value = std::variant<bool, int, double, std::string>;  ///< a float is held as double, a Choice as its index
 
   /// Fails if and only if the file cannot be read, is no TOML, names an unknown section or key, or holds a value of the
   /// wrong type or outside its range.

@@ -1,5 +1,7 @@
 #include "pipeline/evaluate/trajectory.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -61,6 +63,20 @@ Result<Trajectory> read_trajectory(const std::filesystem::path& path) {
     return Error{ErrorKind::kUsage, path.string(), 0, "no pose", "a TUM trajectory or an ASL ground truth"};
   }
   return trajectory;
+}
+
+std::string tum_text(const Trajectory& trajectory) {
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  std::string text;
+  for (const TimedPose& pose : trajectory.poses) {
+    const std::int64_t ns = pose.stamp.ns;
+    const Vec3& p = pose.p_WB;
+    const Eigen::Quaterniond& q = pose.q_WB;
+    text +=
+        fmt::format("{}{}.{:09} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f}\n", ns < 0 ? "-" : "",
+                    std::abs(ns / kSecond), std::abs(ns % kSecond), p.x(), p.y(), p.z(), q.x(), q.y(), q.z(), q.w());
+  }
+  return text;
 }
 
 bool interpolate(const Trajectory& trajectory, HostStamp stamp, Span max_gap, TimedPose& pose, std::size_t& hint) {

@@ -34,6 +34,10 @@ struct Trajectory {
 /// cannot be read, a line does not parse, or no pose is left.
 Result<Trajectory> read_trajectory(const std::filesystem::path& path);
 
+/// The poses in TUM's format, one a line: time in seconds with nine decimals, from the integer; w of the quaternion
+/// last.
+std::string tum_text(const Trajectory& trajectory);
+
 /// Linear and spherical interpolation at `stamp`. False outside the trajectory and in its gaps: where the neighbours
 /// are further apart than `max_gap`. `hint` speeds up queries in time order: where the last one was found.
 bool interpolate(const Trajectory& trajectory, HostStamp stamp, Span max_gap, TimedPose& pose, std::size_t& hint);

@@ -1,0 +1,116 @@
+#include "drivers/replay/replay.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "drivers/cli/commands.h"
+#include "pipeline/report/stats_json.h"
+
+namespace epiline {
+
+namespace {
+
+struct Options {
+  ReplayOptions replay;
+  std::string out = "epiline-out", visual_factor;
+  double deadline_ms = 0;
+  bool quiet = false;
+};
+
+/// A bar on a terminal, nothing elsewhere.
+class ProgressBar {
+ public:
+  explicit ProgressBar(bool quiet) : shown_(!quiet && isatty(STDERR_FILENO)) {}
+  void operator()(std::size_t done, std::size_t all) {
+    if (!shown_) return;
+    constexpr std::size_t kWidth = 40;
+    const std::size_t bars = done * kWidth / all;
+    if (bars == last_ && done != all) return;
+    last_ = bars;
+    fmt::print(stderr, "\r[{}{}] {}/{} images", std::string(bars, '='), std::string(kWidth - bars, ' '), done, all);
+    if (done == all) fmt::print(stderr, "\r\033[K");
+    std::fflush(stderr);
+  }
+
+ private:
+  bool shown_;
+  std::size_t last_ = 0;
+};
+
+void print_summary(const FlightRecord& r, const std::optional<TrajectoryErrors>& errors, const std::string& out) {
+  const Timing t = timing_of(r);
+  const auto start = start_seconds(r);
+  fmt::print("images    {} read, {} solved, {} predicted\n", r.images_read, r.estimator.frames_solved,
+             r.estimator.frames_predicted);
+  if (start)
+    fmt::print("start     {:.2f} s after the first image, coverage {:.1f} % since\n", *start,
+               100 * coverage(r).value_or(0));
+  if (errors && errors->poses > 0) {
+    fmt::print("error     {:.3f} m rms over {:.1f} m (4-DoF alignment), scale {:+.2f} %, yaw drift {:+.2f} deg\n",
+               errors->ate_4dof.rmse, errors->path_length_m, 100 * errors->scale_error, errors->yaw_drift_deg);
+  }
+  if (t.track.count > 0) fmt::print("track     {:.3f} ms mean, {:.3f} ms 99 %\n", t.track.mean, t.track.p99);
+  fmt::print("solve     {:.3f} ms mean, {:.3f} ms 99 %\n", t.solve.mean, t.solve.p99);
+  fmt::print("estimate  {:.3f} ms mean, {:.3f} ms 99 %\n", t.estimate.mean, t.estimate.p99);
+  fmt::print("report    {}/report.html\n", out);
+}
+
+std::string refusals(const EstimatorStats& stats) {
+  std::string s;
+  for (int i = 0; i < static_cast<int>(StartRefusal::kCount); ++i) {
+    if (stats.start_refused[i] == 0) continue;
+    s += fmt::format("{}{} {}", s.empty() ? "" : ", ", to_string(static_cast<StartRefusal>(i)), stats.start_refused[i]);
+  }
+  return s.empty() ? "no start tried" : "starts refused: " + s;
+}
+
+int replay_command(Options& options) {
+  if (options.visual_factor == "track") options.replay.visual_factor = VisualFactor::kTrack;
+  if (options.visual_factor == "epipolar") options.replay.visual_factor = VisualFactor::kEpipolar;
+  if (options.deadline_ms > 0) options.replay.deadline_ms = options.deadline_ms;
+  ProgressBar bar(options.quiet);
+  const auto result = replay(options.replay, [&](std::size_t done, std::size_t all) { bar(done, all); });
+  if (!result) return report(result.error());
+  const FlightRecord& record = result->record;
+  const auto errors = write_outputs(record, options.out);
+  if (!errors) return report(errors.error());
+  if (!options.quiet) {
+    for (const std::string& note : result->notes) fmt::print("note      {}\n", note);
+    print_summary(record, *errors, options.out);
+  }
+  if (!start_seconds(record)) {
+    return report({ErrorKind::kRun, record.dataset_path, 0,
+                   fmt::format("never initialised in {} images ({})", record.images.size(), refusals(record.estimator)),
+                   "a stretch of standstill, or of motion with texture in view"});
+  }
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_replay(CLI::App& app, int& exit_code) {
+  const auto o = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("replay", "Odometry from a recorded flight: trajectory, figures, report");
+  command->add_option("DATASET", o->replay.dataset, "ASL folder: mav0/{cam0,imu0,...}")->required();
+  command->add_option("--out", o->out, "folder for the results")->capture_default_str();
+  command->add_option("--config", o->replay.config_file, "settings (TOML); see epiline config");
+  command->add_option("--visual-factor", o->visual_factor, "residual of a track")
+      ->check(CLI::IsMember({"epipolar", "track"}));
+  command->add_option("--camera", o->replay.camera, "which camera")
+      ->check(CLI::IsMember({"cam0", "cam1"}))
+      ->capture_default_str();
+  command->add_option("--start", o->replay.start_s, "seconds of images left out at the beginning")
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--duration", o->replay.duration_s, "ends after that many seconds")->check(CLI::PositiveNumber);
+  command->add_option("--deadline-ms", o->deadline_ms, "time for one image; the result then depends on the computer")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--shift-images", o->replay.shift_images_ms, "ms added to the images' stamps, to test with");
+  command->add_flag("--quiet", o->quiet, "no summary, no progress");
+  command->callback([o, &exit_code] { exit_code = replay_command(*o); });
+}
+
+}  // namespace epiline

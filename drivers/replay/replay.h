@@ -1,0 +1,40 @@
+#pragma once
+// A recorded flight through the pipeline, as fast as it goes, in one thread.
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/report/flight_record.h"
+#include "platform/error/result.h"
+
+namespace epiline {
+
+struct ReplayOptions {
+  std::filesystem::path dataset;
+  std::string camera = "cam0";
+  std::filesystem::path config_file;          ///< empty: defaults
+  std::optional<VisualFactor> visual_factor;  ///< wins over the file
+  std::optional<double> deadline_ms;          ///< wins over the file
+  double start_s = 0;                         ///< of images left out at the beginning
+  double duration_s = std::numeric_limits<double>::infinity();
+  double shift_images_ms = 0;  ///< added to the images' stamps: a made-up time offset
+};
+
+struct ReplayResult {
+  FlightRecord record;
+  std::vector<std::string> notes;  ///< for the user, a line each
+};
+
+/// Replays the flight. `progress` is called with images done and images in all. Fails if and only if configuration,
+/// data set or an image is wrong (ErrorKind::kUsage); a flight without a single pose is a result.
+Result<ReplayResult> replay(const ReplayOptions& options,
+                            const std::function<void(std::size_t, std::size_t)>& progress);
+
+/// Writes trajectory.tum, stats.json and report.html into the folder, made if need be; returns the errors for a
+/// summary. Fails if and only if one of them cannot be written.
+Result<std::optional<TrajectoryErrors>> write_outputs(const FlightRecord& record, const std::filesystem::path& folder);
+
+}  // namespace epiline

@@ -1,0 +1,49 @@
+#include "pipeline/report/flight_record.h"
+
+#include <cmath>
+
+namespace epiline {
+
+namespace {
+Vec3 vec3(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
+}  // namespace
+
+void set_odometry(ImageRecord& record, const Odometry& o) {
+  using Covariance = Eigen::Matrix<double, 16, 16, Eigen::RowMajor>;
+  const Eigen::Map<const Covariance> P(o.covariance.data());
+  const auto sigma = [&](int first) -> Vec3 { return P.diagonal().segment<3>(first).cwiseMax(0).cwiseSqrt(); };
+  record.pose = {record.stamp, vec3(o.p_WB_m), Eigen::Quaterniond(o.q_WB[0], o.q_WB[1], o.q_WB[2], o.q_WB[3])};
+  record.v_WB_m_s = vec3(o.v_WB_m_s);
+  record.b_a_m_s2 = vec3(o.accelerometer_bias_m_s2);
+  record.b_g_rad_s = vec3(o.gyroscope_bias_rad_s);
+  record.sigma_v_m_s = sigma(6);
+  record.sigma_b_a_m_s2 = sigma(9);
+  record.sigma_b_g_rad_s = sigma(12);
+  record.time_offset_s = o.time_offset_s;
+  record.sigma_time_offset_s = std::sqrt(std::max(0.0, P(15, 15)));
+  const Vec3 z_B = record.pose.q_WB.conjugate() * Vec3::UnitZ();  // yaw = z . R_WB dtheta
+  record.uncertainty = {P.topLeftCorner<3, 3>(), z_B.dot(P.block<3, 3>(3, 3) * z_B), o.reset_counter};
+}
+
+Trajectory trajectory_of(const FlightRecord& record) {
+  Trajectory t;
+  for (const ImageRecord& image : record.images) {
+    if (image.has_pose) t.poses.push_back(image.pose);
+  }
+  return t;
+}
+
+std::vector<PoseUncertainty> uncertainty_of(const FlightRecord& record) {
+  std::vector<PoseUncertainty> u;
+  for (const ImageRecord& image : record.images) {
+    if (image.has_pose) u.push_back(image.uncertainty);
+  }
+  return u;
+}
+
+std::optional<TrajectoryErrors> errors_of(const FlightRecord& record) {
+  if (!record.truth) return std::nullopt;
+  return evaluate(trajectory_of(record), *record.truth, uncertainty_of(record));
+}
+
+}  // namespace epiline

@@ -1,0 +1,65 @@
+#pragma once
+// Everything a run leaves behind: what stats.json and report.html are made of.
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "estimator/estimator.h"
+#include "pipeline/evaluate/errors.h"
+#include "pipeline/evaluate/trajectory.h"
+#include "pipeline/vision/tracker.h"
+
+namespace epiline {
+
+/// One image that went through the pipeline.
+struct ImageRecord {
+  HostStamp stamp;
+  bool has_pose = false, solved = false, keyframe = false;
+  TimedPose pose;  ///< this and the following five only with a pose
+  Vec3 v_WB_m_s = Vec3::Zero(), b_a_m_s2 = Vec3::Zero(), b_g_rad_s = Vec3::Zero();
+  Vec3 sigma_v_m_s = Vec3::Zero(), sigma_b_a_m_s2 = Vec3::Zero(), sigma_b_g_rad_s = Vec3::Zero();
+  PoseUncertainty uncertainty;
+  double time_offset_s = 0, sigma_time_offset_s = 0;
+  Health health;
+  int tracks = 0, new_tracks = 0;
+  double track_ms = 0, solve_ms = 0, marginalise_ms = 0, estimate_ms = 0;
+  double frame_ms() const { return track_ms + estimate_ms; }
+};
+
+/// Takes over what the estimator says of an image.
+void set_odometry(ImageRecord& record, const Odometry& odometry);
+
+struct FlightRecord {
+  // input
+  std::string dataset_path;
+  double dataset_duration_s = 0;
+  std::size_t dataset_images = 0, dataset_imu_samples = 0;
+  std::optional<Trajectory> truth;
+  // settings
+  std::string visual_factor;
+  int keyframes = 0, threads = 1;
+  std::optional<int> max_features;  ///< none with recorded tracks
+  std::optional<double> deadline_ms;
+  bool realtime = false;
+  // run
+  std::size_t images_read = 0;  ///< taken from the recording, skipped ones included
+  std::map<std::string, std::uint64_t> skipped;
+  std::size_t imu_read = 0;
+  std::vector<ImageRecord> images;  ///< those that went through the pipeline, in time order
+  EstimatorStats estimator;
+  std::optional<TrackerStats> tracker;  ///< none with recorded tracks
+  double peak_rss_mib = 0;
+  std::optional<std::uint64_t> heap_calls;  ///< inside the stages; none where they cannot be counted
+  std::uint64_t page_faults = 0;            ///< inside the stages
+};
+
+/// The estimated poses, and what the estimator says of their errors.
+Trajectory trajectory_of(const FlightRecord& record);
+std::vector<PoseUncertainty> uncertainty_of(const FlightRecord& record);
+
+/// Errors against the recording's ground truth, if it has one.
+std::optional<TrajectoryErrors> errors_of(const FlightRecord& record);
+
+}  // namespace epiline

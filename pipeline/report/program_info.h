@@ -1,0 +1,12 @@
+#pragma once
+#include <string>
+
+namespace epiline {
+
+/// Which program this is.
+struct ProgramInfo {
+  std::string version, commit, compiler, build_type, simd;
+};
+ProgramInfo program_info();
+
+}  // namespace epiline

@@ -1,0 +1,184 @@
+#include "pipeline/report/stats_json.h"
+
+#include <numeric>
+
+namespace epiline {
+
+namespace {
+
+template <class T>
+Json or_null(const std::optional<T>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+
+Json ratio(double part, double whole) { return whole > 0 ? Json(part / whole) : Json(nullptr); }
+Json ratio(std::uint64_t part, std::uint64_t whole) {
+  return ratio(static_cast<double>(part), static_cast<double>(whole));
+}
+
+Json timing_json(const Summary& s) {
+  if (s.count == 0) {
+    return {{"count", 0},     {"mean", nullptr}, {"p50", nullptr}, {"p90", nullptr},
+            {"p99", nullptr}, {"p999", nullptr}, {"max", nullptr}};
+  }
+  return {{"count", s.count}, {"mean", s.mean}, {"p50", s.median}, {"p90", s.p90},
+          {"p99", s.p99},     {"p999", s.p999}, {"max", s.max}};
+}
+
+Json images_json(const FlightRecord& r) {
+  std::uint64_t skipped = 0;
+  Json reasons = Json::object();
+  for (const auto& [reason, count] : r.skipped) {
+    reasons[reason] = count;
+    skipped += count;
+  }
+  return {{"read", r.images_read},
+          {"tracked", r.images.size()},
+          {"solved", r.estimator.frames_solved},
+          {"predicted", r.estimator.frames_predicted},
+          {"keyframes", r.estimator.keyframes},
+          {"skipped", skipped},
+          {"skipped_by_reason", reasons}};
+}
+
+Json imu_json(const FlightRecord& r) {
+  const EstimatorStats& e = r.estimator;
+  return {{"read", r.imu_read},           {"used", e.imu_samples},          {"out_of_order", e.imu_out_of_order},
+          {"duplicate", e.imu_duplicate}, {"not_finite", e.imu_not_finite}, {"gaps", e.imu_gaps},
+          {"saturated", e.imu_saturated}};
+}
+
+Json initialisation_json(const FlightRecord& r) {
+  Json reasons = Json::object();
+  for (int i = 0; i < static_cast<int>(StartRefusal::kCount); ++i) {
+    if (r.estimator.start_refused[i] > 0)
+      reasons[to_string(static_cast<StartRefusal>(i))] = r.estimator.start_refused[i];
+  }
+  const char* kind = r.estimator.start_kind == StartKind::kStationary ? "stationary"
+                     : r.estimator.start_kind == StartKind::kMoving   ? "moving"
+                     : r.estimator.start_kind == StartKind::kGiven    ? "given"
+                                                                      : nullptr;
+  const auto seconds = start_seconds(r);
+  return {{"done", seconds.has_value()},
+          {"seconds_after_first_image", or_null(seconds)},
+          {"kind", kind ? Json(kind) : Json(nullptr)},
+          {"attempts", r.estimator.start_attempts},
+          {"refused_by_reason", reasons}};
+}
+
+Json tracks_json(const FlightRecord& r) {
+  std::uint64_t points = 0, tracks = 0;
+  for (const ImageRecord& image : r.images) {
+    points += static_cast<std::uint64_t>(image.tracks);
+    tracks += static_cast<std::uint64_t>(image.new_tracks);
+  }
+  const Json rejected =
+      r.tracker ? ratio(r.tracker->rejected_near + r.tracker->rejected_wide, r.tracker->tried) : Json(nullptr);
+  return {{"per_image_mean", ratio(points, r.images.size())},
+          {"length_mean", ratio(points, tracks)},
+          {"rejected_share", rejected},
+          {"gated", r.estimator.gated}};
+}
+
+Json settings_json(const FlightRecord& r) {
+  return {
+      {"visual_factor", r.visual_factor},      {"keyframes", r.keyframes}, {"max_features", or_null(r.max_features)},
+      {"deadline_ms", or_null(r.deadline_ms)}, {"realtime", r.realtime},   {"threads", r.threads}};
+}
+
+Json errors_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& errors) {
+  Json json = to_json(errors.value_or(TrajectoryErrors{}));
+  if (!errors) {
+    json["poses"] = nullptr;
+    json["rpe"] = nullptr;
+  } else {
+    json["coverage"] = or_null(coverage(r));
+  }
+  return json;
+}
+
+}  // namespace
+
+Timing timing_of(const FlightRecord& record) {
+  std::vector<double> track, solve, marginalise, estimate, frame;
+  for (const ImageRecord& image : record.images) {
+    if (record.tracker) track.push_back(image.track_ms);
+    if (image.solved) {
+      solve.push_back(image.solve_ms);
+      marginalise.push_back(image.marginalise_ms);
+    }
+    estimate.push_back(image.estimate_ms);
+    frame.push_back(image.frame_ms());
+  }
+  return {summarise(std::move(track)), summarise(std::move(solve)), summarise(std::move(marginalise)),
+          summarise(std::move(estimate)), summarise(std::move(frame))};
+}
+
+std::array<double, 4> state_seconds(const FlightRecord& record) {
+  std::array<double, 4> seconds{};
+  for (std::size_t i = 1; i < record.images.size(); ++i) {
+    const ImageRecord& before = record.images[i - 1];
+    seconds[static_cast<std::size_t>(before.health.state)] += (record.images[i].stamp - before.stamp).seconds();
+  }
+  return seconds;
+}
+
+std::optional<double> start_seconds(const FlightRecord& record) {
+  for (const ImageRecord& image : record.images) {
+    if (image.has_pose) return (image.stamp - record.images.front().stamp).seconds();
+  }
+  return std::nullopt;
+}
+
+std::optional<double> coverage(const FlightRecord& record) {
+  std::size_t poses = 0, images = 0;
+  for (const ImageRecord& image : record.images) {
+    poses += image.has_pose;
+    images += poses > 0;
+  }
+  if (images == 0) return std::nullopt;
+  return static_cast<double>(poses) / static_cast<double>(images);
+}
+
+Json stats_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& errors, const ProgramInfo& program) {
+  const Timing timing = timing_of(r);
+  const std::array<double, 4> seconds = state_seconds(r);
+  const EstimatorStats& e = r.estimator;
+  Json json;
+  json["schema"] = 1;
+  json["program"] = {{"version", program.version},
+                     {"commit", program.commit},
+                     {"compiler", program.compiler},
+                     {"build_type", program.build_type},
+                     {"simd", program.simd}};
+  json["dataset"] = {{"path", r.dataset_path},
+                     {"duration_s", r.dataset_duration_s},
+                     {"images", r.dataset_images},
+                     {"imu_samples", r.dataset_imu_samples},
+                     {"has_ground_truth", r.truth.has_value()}};
+  json["settings"] = settings_json(r);
+  json["images"] = images_json(r);
+  json["imu"] = imu_json(r);
+  json["initialisation"] = initialisation_json(r);
+  json["resets"] = e.resets;
+  json["state_seconds"] = {
+      {"initialising", seconds[0]}, {"tracking", seconds[1]}, {"degraded", seconds[2]}, {"lost", seconds[3]}};
+  json["timing_ms"] = {{"track", timing_json(timing.track)},
+                       {"solve", timing_json(timing.solve)},
+                       {"marginalise", timing_json(timing.marginalise)},
+                       {"estimate", timing_json(timing.estimate)},
+                       {"frame", timing_json(timing.frame)},
+                       {"latency", timing_json({})}};
+  json["solver"] = {{"iterations_mean", ratio(e.iterations, e.frames_solved)},
+                    {"residuals_mean", ratio(e.residuals, e.frames_solved)},
+                    {"state_size_mean", ratio(e.state_size, e.frames_solved)},
+                    {"deadline_hits", e.deadline_hits}};
+  json["tracks"] = tracks_json(r);
+  json["memory"] = {{"peak_rss_mib", r.peak_rss_mib},
+                    {"heap_allocations_after_start", or_null(r.heap_calls)},
+                    {"page_faults_after_start", r.page_faults}};
+  json["error"] = errors_json(r, errors);
+  return json;
+}
+
+}  // namespace epiline

@@ -1,0 +1,26 @@
+#pragma once
+#include "pipeline/report/errors_json.h"
+#include "pipeline/report/flight_record.h"
+#include "pipeline/report/program_info.h"
+
+namespace epiline {
+
+/// Distributions of the time per stage, ms; those of stages that did not run are empty.
+struct Timing {
+  Summary track, solve, marginalise, estimate, frame;
+};
+Timing timing_of(const FlightRecord& record);
+
+/// Seconds spent in each health state, by index of HealthState.
+std::array<double, 4> state_seconds(const FlightRecord& record);
+
+/// Seconds from the first image to the first pose.
+std::optional<double> start_seconds(const FlightRecord& record);
+
+/// Poses over images, from the first pose on.
+std::optional<double> coverage(const FlightRecord& record);
+
+/// The whole of stats.json (docs/user-guide.md lists the fields). `errors` as errors_of() gives them.
+Json stats_json(const FlightRecord& record, const std::optional<TrajectoryErrors>& errors, const ProgramInfo& program);
+
+}  // namespace epiline

@@ -1,0 +1,37 @@
+#pragma once
+// How far the body turned between two instants, from the gyroscope alone.
+#include <array>
+#include <cstddef>
+
+#include "estimator/geometry/types.h"
+#include "platform/samples/samples.h"
+
+namespace epiline {
+
+/// Remembers the last readings of the gyroscope. No allocation.
+class GyroRotation {
+ public:
+  static constexpr std::size_t kCapacity = 4096;  ///< readings kept: 2 s of the fastest IMUs
+
+  /// Readings in time order; one that is not finite or not later than the last is left out.
+  void add(const ImuSample& sample) noexcept;
+
+  /// R_B0B1, the attitude of the body at `to` seen from the body at `from`; readings are taken as linear in between.
+  /// The part of the interval before the first or after the last reading counts as rest; without any reading the result
+  /// is the identity.
+  Mat3 between(HostStamp from, HostStamp to, const Vec3& bias_rad_s) const noexcept;
+
+ private:
+  struct Reading {
+    HostStamp stamp;
+    Vec3 rate_rad_s;
+  };
+  const Reading& at(std::size_t i) const { return readings_[(first_ + i) % kCapacity]; }
+  /// The rate at an instant between readings i and i + 1.
+  Vec3 rate_between(std::size_t i, HostStamp stamp) const;
+
+  std::array<Reading, kCapacity> readings_{};
+  std::size_t first_ = 0, size_ = 0;
+};
+
+}  // namespace epiline

@@ -1,0 +1,54 @@
+#pragma once
+// The stages one after the other in the calling thread: bit-identical from run to run as long as no deadline is set.
+#include <memory>
+
+#include "pipeline/stages/estimate_stage.h"
+#include "pipeline/stages/recorded_tracks.h"
+#include "pipeline/stages/track_stage.h"
+
+namespace epiline {
+
+struct OfflineSettings {
+  CameraParameters camera;
+  TrackerConfig tracker;
+  EstimatorConfig estimator;
+  double deadline_ms = 0;  ///< for one image, tracker included; 0: none
+  bool images = true;      ///< false: recorded tracks
+  NowNs now = nullptr;
+};
+
+/// What happened to one image.
+struct OfflineStep {
+  StepResult result;
+  std::int64_t track_ns = 0;  ///< 0 with recorded tracks
+  EstimateStage::Times estimate;
+};
+
+class OfflinePipeline {
+ public:
+  /// Allocates everything. Throws std::invalid_argument for a tracker that cannot be built.
+  explicit OfflinePipeline(const OfflineSettings& settings);
+
+  void add_imu(const ImuSample& sample) noexcept;
+  /// Readings up to and including the first at or after this time must have been added before the step of an image.
+  HostStamp imu_needed_until(HostStamp image) const noexcept { return estimate_.imu_needed_until(image); }
+
+  OfflineStep step(const Frame& image) noexcept;
+  OfflineStep step(HostStamp stamp, const TrackPoint* points, std::size_t count) noexcept;
+
+  const TrackedFrame& tracked() const noexcept { return *tracked_; }  ///< of the last step
+  const Estimator& estimator() const noexcept { return estimate_.estimator(); }
+  const TrackerStats* tracker_stats() const noexcept { return track_ ? &track_->stats() : nullptr; }
+
+ private:
+  OfflineStep estimate(std::int64_t began_ns) noexcept;
+
+  NowNs now_;
+  std::int64_t deadline_ns_;
+  std::unique_ptr<TrackStage> track_;
+  RecordedTracks recorded_;
+  EstimateStage estimate_;
+  std::unique_ptr<TrackedFrame> tracked_ = std::make_unique<TrackedFrame>();
+};
+
+}  // namespace epiline

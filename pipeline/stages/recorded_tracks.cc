@@ -1,0 +1,58 @@
+#include "pipeline/stages/recorded_tracks.h"
+
+#include <algorithm>
+
+namespace epiline {
+
+namespace {
+bool by_id(const TrackedFeature& a, const TrackedFeature& b) { return a.id < b.id; }
+}  // namespace
+
+const TrackedFeature* RecordedTracks::find_previous(std::uint32_t id) const noexcept {
+  TrackedFeature wanted;
+  wanted.id = id;
+  const auto* found = std::lower_bound(previous_.begin(), previous_.end(), wanted, by_id);
+  return found != previous_.end() && found->id == id ? found : nullptr;
+}
+
+bool RecordedTracks::describe(const TrackPoint& point, double dt_s, TrackedFeature& feature) const noexcept {
+  Vec3 f_C;
+  Vec2 px;
+  Mat23 J;
+  if (!camera_.unproject({point.u, point.v}, f_C) || !camera_.project(f_C, px, &J)) return false;
+  feature.id = point.id;
+  feature.pixel = {point.u, point.v};
+  for (int i = 0; i < 3; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    feature.bearing[k] = f_C[i];
+    feature.pixel_jacobian[k] = J(0, i);
+    feature.pixel_jacobian[k + 3] = J(1, i);
+  }
+  const TrackedFeature* before = find_previous(point.id);
+  if (before && dt_s > 0) {
+    feature.age = before->age + 1;
+    feature.velocity_px_s = {static_cast<float>((point.u - before->pixel[0]) / dt_s),
+                             static_cast<float>((point.v - before->pixel[1]) / dt_s)};
+  }
+  return true;
+}
+
+void RecordedTracks::step(HostStamp stamp, const TrackPoint* points, std::size_t count, TrackedFrame& out) noexcept {
+  out.stamp = stamp;
+  out.sequence = sequence_++;
+  out.features.clear();
+  const double dt_s = (stamp - previous_stamp_).seconds();
+  for (std::size_t i = 0; i < count; ++i) {
+    TrackedFeature feature;
+    if (!describe(points[i], dt_s, feature) || !out.features.push_back(feature)) ++left_out_;
+  }
+  std::sort(out.features.begin(), out.features.end(), by_id);
+  const auto same_id = [](const TrackedFeature& a, const TrackedFeature& b) { return a.id == b.id; };
+  const auto* end = std::unique(out.features.begin(), out.features.end(), same_id);
+  left_out_ += static_cast<std::uint64_t>(out.features.end() - end);
+  out.features.resize(static_cast<std::size_t>(end - out.features.begin()));
+  previous_ = out.features;
+  previous_stamp_ = stamp;
+}
+
+}  // namespace epiline

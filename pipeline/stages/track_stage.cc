@@ -1,0 +1,21 @@
+#include "pipeline/stages/track_stage.h"
+
+namespace epiline {
+
+void TrackStage::set_knowledge(const Vec3& gyroscope_bias_rad_s, double time_offset_s) noexcept {
+  bias_rad_s_ = gyroscope_bias_rad_s;
+  time_offset_ = Span::from_seconds(time_offset_s);
+}
+
+void TrackStage::step(const Frame& image, TrackedFrame& out) noexcept {
+  Mat3 R_CC0 = Mat3::Identity();
+  if (has_previous_) {
+    const Mat3 R_B0B = gyro_.between(previous_ + time_offset_, image.stamp + time_offset_, bias_rad_s_);
+    R_CC0 = R_BC_.transpose() * R_B0B.transpose() * R_BC_;
+  }
+  tracker_.step(image, R_CC0, out);
+  previous_ = image.stamp;
+  has_previous_ = true;
+}
+
+}  // namespace epiline

@@ -1,0 +1,35 @@
+#pragma once
+// Image in, tracked features out: the vision front end with its prediction from the gyroscope.
+#include "estimator/estimator.h"
+#include "pipeline/stages/gyro_rotation.h"
+#include "pipeline/vision/tracker.h"
+
+namespace epiline {
+
+class TrackStage {
+ public:
+  TrackStage(const Camera& camera, const TrackerConfig& config, const Mat3& R_BC)
+      : tracker_(camera, config), R_BC_(R_BC) {}
+
+  /// A reading of the IMU; all up to an image's time should be here before its step.
+  void add_imu(const ImuSample& sample) noexcept { gyro_.add(sample); }
+
+  /// What the estimator knows by now: bias of the gyroscope, t_IMU - t_image.
+  void set_knowledge(const Vec3& gyroscope_bias_rad_s, double time_offset_s) noexcept;
+
+  /// As Tracker::step: the pixels of `image` must stay valid until the next call returns.
+  void step(const Frame& image, TrackedFrame& out) noexcept;
+
+  const TrackerStats& stats() const noexcept { return tracker_.stats(); }
+
+ private:
+  Tracker tracker_;
+  GyroRotation gyro_;
+  Mat3 R_BC_;
+  Vec3 bias_rad_s_ = Vec3::Zero();
+  Span time_offset_{};
+  HostStamp previous_{};
+  bool has_previous_ = false;
+};
+
+}  // namespace epiline
