@@ -292,7 +292,8 @@ Plot health_plot(const FlightRecord& record, const Columns& columns) {
 }
 
 constexpr const char* kHealthKey =
-    R"(<span class="key"><i style="background:var(--truth)"></i>initialising<i style="background:var(--good)"></i>tracking<i style="background:var(--warn)"></i>degraded<i style="background:var(--bad)"></i>lost</span>)";
+    R"html(<span class="key"><i style="background:var(--truth)"></i>initialising<i style="background:var(--good)"></i>tracking)html"
+    R"html(<i style="background:var(--warn)"></i>degraded<i style="background:var(--bad)"></i>lost</span>)html";
 
 std::string summary_row(const char* name, const Summary& s, const char* format) {
   if (s.count == 0) return fmt::format("<tr><td>{}</td><td colspan=\"5\">–</td></tr>", name);

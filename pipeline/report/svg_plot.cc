@@ -76,8 +76,9 @@ std::string axes(const Frame2& f, const std::string& x_label, const std::string&
   }
   s += fmt::format(R"(<text class="label" x="{:.1f}" y="{}" text-anchor="middle">{}</text>)", 0.5 * (kLeft + right),
                    f.size.height - 6, escaped(x_label));
-  s += fmt::format(R"(<text class="label" transform="translate(13 {:.1f}) rotate(-90)" text-anchor="middle">{}</text>)", 0.5 * (kTop + bottom),
-                   escaped(y_label));
+  s += fmt::format(
+      R"svg(<text class="label" transform="translate(13 {:.1f}) rotate(-90)" text-anchor="middle">{}</text>)svg",
+      0.5 * (kTop + bottom), escaped(y_label));
   return s;
 }
 
