@@ -13,26 +13,54 @@ namespace {
 struct Candidate {
   bool valid = false;
   StartState state;
-  double parallax_rad = 0;
-  RefinementFigures figures;
+  double cost = 0;
 };
 
-Candidate from_bias(const StartProblem& problem, const Vec3& b_g, StartPath& path) {
-  Candidate c;
-  c.state.b_g = b_g;
-  chain(problem, b_g, Vec3::Zero(), path);
-  c.valid = solve_velocity_gravity(problem, path, c.state, c.parallax_rad) && refine(problem, c.state, path, c.figures);
-  return c;
+/// The cheapest of the states tried. Where the parallax is small, rotation alone spoils a good reference bias; where
+/// the baseline is, the linear system shrinks the velocity and turns gravity. No single guess is safe.
+class Search {
+ public:
+  Search(const StartProblem& problem, StartPath& path) : problem_(problem), path_(path) {}
+
+  void try_from(StartState state) {
+    Candidate c{false, state, 0};
+    c.valid = approach(problem_, c.state, path_, c.cost);
+    if (c.valid && (!best_.valid || c.cost < best_.cost)) best_ = c;
+  }
+  const Candidate& best() const { return best_; }
+
+ private:
+  const StartProblem& problem_;
+  StartPath& path_;
+  Candidate best_;
+};
+
+/// Hovering: no velocity, gravity against the mean specific force.
+StartState hovering(const StartProblem& problem, const StartPath& path, const Vec3& b_g) {
+  StartState s;
+  s.b_g = b_g;
+  const Vec3& dv = path[problem.frames - 1].beta;
+  if (dv.norm() > 0) s.g_0 = -kGravity * dv.normalized();
+  return s;
 }
 
-/// Rotation alone finds a large bias but, where the parallax is small, spoils a good reference: both are tried to the
-/// end.
-Candidate best_candidate(const StartProblem& problem, StartPath& path) {
-  const Candidate reference = from_bias(problem, problem.b_g_ref, path);
+Candidate search(const StartProblem& problem, StartPath& path, double& parallax_rad) {
+  Search search(problem, path);
   Vec3 b_g = problem.b_g_ref;
-  if (!solve_gyroscope_bias(problem, b_g)) return reference;
-  const Candidate rotation = from_bias(problem, b_g, path);
-  return rotation.valid && (!reference.valid || rotation.figures.cost < reference.figures.cost) ? rotation : reference;
+  const bool rotation = solve_gyroscope_bias(problem, b_g);
+  chain(problem, b_g, Vec3::Zero(), path);
+  const StartState hover = hovering(problem, path, b_g);
+  StartState linear = hover;
+  if (solve_velocity_gravity(problem, path, linear, parallax_rad)) search.try_from(linear);
+  search.try_from(hover);
+  if (rotation) {
+    chain(problem, problem.b_g_ref, Vec3::Zero(), path);
+    StartState reference;
+    reference.b_g = problem.b_g_ref;
+    double ignored;
+    if (solve_velocity_gravity(problem, path, reference, ignored)) search.try_from(reference);
+  }
+  return search.best();
 }
 
 int long_tracks(const StartProblem& problem) {
@@ -80,12 +108,12 @@ std::optional<StartRefusal> solve_moving_start(const StartProblem& problem, cons
   if (problem.frames < limits.frames || problem.frames > kStartFrames) return StartRefusal::kTooFewFrames;
   if (long_tracks(problem) < limits.tracks) return StartRefusal::kTooFewTracks;
   StartPath path;
-  const Candidate c = best_candidate(problem, path);
-  guess.parallax_rad = c.parallax_rad;
-  const bool parallax = c.parallax_rad >= limits.parallax_sigmas * problem.sigma_rad;
-  if (!c.valid) return parallax ? StartRefusal::kSolverFailed : StartRefusal::kNoParallax;
-  chain(problem, c.state.b_g, c.state.b_a, path);
-  fill(problem, c.state, path, c.figures, guess);
+  Candidate c = search(problem, path, guess.parallax_rad);
+  const bool parallax = guess.parallax_rad >= limits.parallax_sigmas * problem.sigma_rad;
+  RefinementFigures figures;
+  if (!c.valid || !refine(problem, c.state, path, figures))
+    return parallax ? StartRefusal::kSolverFailed : StartRefusal::kNoParallax;
+  fill(problem, c.state, path, figures, guess);
   const std::optional<StartRefusal> refusal = judge(problem, limits, guess);
   return refusal && !parallax ? StartRefusal::kNoParallax : refusal;
 }

@@ -15,8 +15,8 @@ struct StartLimits {
   int frames = 4;               ///< fewer are refused
   int tracks = 15;              ///< of at least three views
   double parallax_sigmas = 4;   ///< with less StartGuess::parallax_rad a refusal is for want of parallax
-  double residual = 2;          ///< StartGuess::residual
-  double sigma_scale = 0.15;    ///< relative
+  double residual = 1.5;        ///< StartGuess::residual
+  double sigma_scale = 0.12;    ///< relative
   double sigma_velocity = 0.3;  ///< m/s
   double sigma_tilt = 0.06;     ///< rad
   double bias_sigmas = 10;      ///< distance of either bias from its prior, in the prior's sigmas
@@ -33,7 +33,7 @@ struct StartGuess {
   double sigma_velocity = 0, sigma_tilt = 0, sigma_scale = 0, sigma_b_g = 0;  ///< m/s, rad, relative, rad/s
 };
 
-/// Fixed memory (about 150 kB of stack), a few milliseconds. Empty: `guess` is good; otherwise why not, and `guess`
+/// Fixed memory (about 64 kB of stack), a few milliseconds. Empty: `guess` is good; otherwise why not, and `guess`
 /// holds what was found so far.
 [[nodiscard]] std::optional<StartRefusal> solve_moving_start(const StartProblem& problem, const StartLimits& limits,
                                                              StartGuess& guess);

@@ -15,7 +15,8 @@ struct Stage {
   int every;      // of so many tracks one is used
 };
 // A wide kernel pulls from afar, and for that a third of the tracks will do; the last one forgets gross errors.
-constexpr std::array<Stage, 3> kStages = {{{32, 3}, {8, 3}, {2, 1}}};
+constexpr std::array<Stage, 2> kApproach = {{{32, 3}, {8, 3}}};
+constexpr Stage kFinal = {2, 1};
 constexpr double kDepthDamping = 0.04;             // (1/m)^-2: holds an inverse depth that the images do not see
 constexpr double kDepthPrior = 0.2;                // 1/m, the inverse depth where there is no parallax at all
 constexpr double kNearest = 8, kFarthest = 0.004;  // bounds of the inverse depth, 1/m
@@ -232,7 +233,7 @@ double typical_residual(const StartProblem& problem, const std::array<View, kSta
   for (int t = 0; t < used_tracks(problem); ++t) {
     const StartTrack& track = problem.tracks[t];
     if (track.count < 3) continue;
-    TrackPoint point(track, view, problem.sigma_rad, kStages.back().kernel);
+    TrackPoint point(track, view, problem.sigma_rad, kFinal.kernel);
     point.solve_point();
     std::array<double, kStartFrames> s;
     for (int q = 0; q < track.count; ++q) s[q] = point.residual2(q);
@@ -247,12 +248,12 @@ double typical_residual(const StartProblem& problem, const std::array<View, kSta
 
 /// Damped Gauss-Newton of one stage. `now` is left at the result. Returns false if the normal equations cannot be
 /// solved.
-bool descend(const StartProblem& problem, const Stage& stage, int iterations, StartState& state, StartPath& path,
-             std::array<View, kStartFrames>& view, Normal& now, int& accepted) {
+bool descend(const StartProblem& problem, const Stage& stage, StartState& state, StartPath& path,
+             std::array<View, kStartFrames>& view, Normal& now) {
   Normal trial;
   linearise(problem, state, path, view, stage, now);
   double damping = 1e-6;
-  for (int n = 0; n < iterations; ++n) {
+  for (int n = 0; n < kIterations; ++n) {
     StartMatrix H = now.H;
     H.diagonal() *= 1 + damping;
     const StartVector step = H.ldlt().solve(now.b);
@@ -267,7 +268,6 @@ bool descend(const StartProblem& problem, const Stage& stage, int iterations, St
     state = candidate;
     now = trial;
     damping = std::max(1e-9, 0.1 * damping);
-    ++accepted;
     if (gain < kConverged * now.cost) break;
   }
   return true;
@@ -275,15 +275,21 @@ bool descend(const StartProblem& problem, const Stage& stage, int iterations, St
 
 }  // namespace
 
+bool approach(const StartProblem& problem, StartState& state, StartPath& path, double& cost) {
+  std::array<View, kStartFrames> view;
+  Normal normal;
+  for (const Stage& stage : kApproach)
+    if (!descend(problem, stage, state, path, view, normal)) return false;
+  cost = normal.cost;
+  return true;
+}
+
 bool refine(const StartProblem& problem, StartState& state, StartPath& path, RefinementFigures& figures) {
   std::array<View, kStartFrames> view;
   Normal normal;
-  figures.iterations = 0;
-  for (const Stage& stage : kStages)
-    if (!descend(problem, stage, kIterations, state, path, view, normal, figures.iterations)) return false;
+  if (!descend(problem, kFinal, state, path, view, normal)) return false;
   chain(problem, state.b_g, state.b_a, path);
   place_cameras(problem, path, state, view);
-  figures.cost = normal.cost;
   const Eigen::LDLT<StartMatrix> ldlt(normal.H);
   if (ldlt.info() != Eigen::Success || !ldlt.isPositive()) return false;
   figures.covariance = ldlt.solve(StartMatrix::Identity());

@@ -6,14 +6,18 @@
 namespace epiline {
 
 struct RefinementFigures {
-  int tracks = 0, iterations = 0;
+  int tracks = 0;
   double cost = 0;         ///< robust, prior included, in squared sigmas
   double residual = 0;     ///< median length of a bearing's residual over that expected of Gaussian noise of one sigma
   double sigma_scale = 0;  ///< relative standard deviation of the size of the path
   StartMatrix covariance = StartMatrix::Zero();
 };
 
-/// Improves `state` in place; `path` is left at the result. False: the normal equations have no solution.
+/// Pulls `state` towards the nearest minimum from afar: wide kernels, some of the tracks. `cost`: robust, comparable
+/// between states of one problem. False: the normal equations have no solution.
+[[nodiscard]] bool approach(const StartProblem& problem, StartState& state, StartPath& path, double& cost);
+
+/// Improves `state` in place, from nearby; `path` is left at the result. False: the normal equations have no solution.
 [[nodiscard]] bool refine(const StartProblem& problem, StartState& state, StartPath& path, RefinementFigures& figures);
 
 }  // namespace epiline

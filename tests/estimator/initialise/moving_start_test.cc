@@ -7,6 +7,7 @@
 #include "estimator/initialise/gyroscope_bias.h"
 #include "estimator/initialise/start_refinement.h"
 #include "estimator/initialise/velocity_gravity.h"
+#include "platform/memory/allocation_count.h"
 #include "tests/estimator/initialise/start_flight.h"
 
 namespace epiline {
@@ -123,7 +124,7 @@ TEST(MovingStart, IsGoodOrRefusedUnderNoise) {
     EXPECT_LT((g.state.b_g - f.truth.b_g).norm(), 3.5 * g.sigma_b_g) << "seed " << seed;
     EXPECT_NEAR(g.residual, 1, 0.35) << "seed " << seed;
   }
-  EXPECT_GE(accepted, 25);
+  EXPECT_GE(accepted, 18);
 }
 
 /// The covariance is that of the errors: mean of e' C^-1 e over its 11 degrees of freedom, biases drawn from their
@@ -214,7 +215,10 @@ TEST(MovingStart, HoldsWithTheMostFramesAndTracks) {
   Flight f;
   testing::fly(testing::wandering(7), s, f);
   StartGuess g;
-  ASSERT_EQ(solve_moving_start(f.problem, {}, g), std::nullopt);
+  const HeapCallScope heap;
+  const std::optional<StartRefusal> refusal = solve_moving_start(f.problem, {}, g);
+  EXPECT_EQ(heap.calls(), 0u);
+  ASSERT_EQ(refusal, std::nullopt);
   EXPECT_NEAR(scale(f, g), 1, 0.05);
   f.problem.frames = kStartFrames + 1;
   EXPECT_EQ(solve_moving_start(f.problem, {}, g), StartRefusal::kTooFewFrames);
