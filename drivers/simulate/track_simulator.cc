@@ -121,7 +121,9 @@ class TrackSource {
   std::uint64_t lost_ = 0, lost_life_ = 0;
 };
 
-Extrinsics extrinsics_of(const TrackSimulation& simulation) {
+}  // namespace
+
+Extrinsics true_extrinsics(const TrackSimulation& simulation) {
   Extrinsics e;
   e.R_BC << 0, 0, 1, -1, 0, 0, 0, -1, 0;  // the camera's x, y, z are the body's -y, -z, x
   e.p_BC = simulation.p_BC;
@@ -130,19 +132,18 @@ Extrinsics extrinsics_of(const TrackSimulation& simulation) {
   return e;
 }
 
-}  // namespace
-
 SimulatedFlight simulate_tracks(const TrackSimulation& simulation) {
   Random flight_random(simulation.seed, kFlightStream);
-  const Flight flight = make_flight(simulation.flight, flight_random);
+  SimulatedFlight result;
+  result.flight = make_flight(simulation.flight, flight_random);
+  const Flight& flight = result.flight;
   ImuSimulator imu(simulation.imu, Random(simulation.seed, kImuStream));
   TrackSource tracks(simulation, flight.room(), Random(simulation.seed, kTrackStream));
 
-  SimulatedFlight result;
   result.width = simulation.width;
   result.height = simulation.height;
   result.focal_px = simulation.focal_px;
-  result.extrinsics = extrinsics_of(simulation);
+  result.extrinsics = true_extrinsics(simulation);
   const Extrinsics& e = result.extrinsics;
   const double interval_s = 1 / simulation.imu.rate_hz;
   const double image_interval_s = interval_s * simulation.imu_samples_per_image;

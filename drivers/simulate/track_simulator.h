@@ -64,15 +64,21 @@ class SimulatedFlight {
   std::vector<ImuSample> imu;
   std::vector<SimulatedImage> images;
   std::vector<TrackObservation> observations;
+  Flight flight;               ///< where the body truly was, at any time
   Extrinsics extrinsics;       ///< the true ones, time offset included
   double mean_track_life = 0;  ///< images, over the tracks that ended
 
+  /// The truth at an instant of the IMU's time.
+  Motion truth_at(HostStamp stamp) const { return flight.at((stamp - kFlightBegin).seconds()); }
   /// One image in the words of the estimator.
   void fill(std::size_t image, TrackedFrame& frame) const;
 
   int width = 0, height = 0;
   double focal_px = 0;
 };
+
+/// Camera and clock as they are simulated.
+Extrinsics true_extrinsics(const TrackSimulation& simulation);
 
 SimulatedFlight simulate_tracks(const TrackSimulation& simulation);
 
