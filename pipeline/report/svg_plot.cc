@@ -10,7 +10,7 @@ namespace epiline {
 
 namespace {
 
-constexpr double kLeft = 58, kRight = 14, kTop = 12, kBottom = 40;
+constexpr double kLeft = 58, kRight = 14, kTop = 26, kBottom = 40;
 constexpr std::size_t kMostPoints = 2000;  // more than a screen can show
 
 struct Range {
@@ -163,7 +163,7 @@ std::string legend(const std::vector<PlotLine>& lines, PlotSize size) {
     s += fmt::format(R"(<text class="legend" x="{:.0f}" y="{}" text-anchor="end">{}</text>)", x, kTop + 13,
                      escaped(line->label));
     x -= 6.3 * static_cast<double>(line->label.size()) + 4;
-    s += fmt::format(R"(<path class="line {}" d="M{:.0f} {}h-16"/>)", line->style, x, kTop + 9);
+    s += fmt::format(R"(<path class="line {}" d="M{:.0f} {}h-16"/>)", line->style, x, kTop - 13);
     x -= 28;
   }
   return s;
@@ -219,9 +219,11 @@ std::string svg(const Plot& plot, PlotSize size) {
   for (const PlotBand& band : plot.bands) inside += band_path(f, band);
   for (const PlotLine& line : plot.lines) inside += line_path(f, line);
   for (const PlotMark& mark : plot.marks) {
+    const double x = f.px(mark.x), y = f.py(mark.y);
+    const bool right = x > size.width - 80;  // no room for the label on the right
     inside += fmt::format(
-        R"(<circle class="mark {0}" cx="{1:.1f}" cy="{2:.1f}" r="4"/><text class="legend" x="{3:.1f}" y="{4:.1f}">{5}</text>)",
-        mark.style, f.px(mark.x), f.py(mark.y), f.px(mark.x) + 7, f.py(mark.y) - 6, escaped(mark.label));
+        R"(<circle class="mark {0}" cx="{1:.1f}" cy="{2:.1f}" r="4"/><text class="legend" x="{3:.1f}" y="{4:.1f}" text-anchor="{5}">{6}</text>)",
+        mark.style, x, y, x + (right ? -7 : 7), y - 6, right ? "end" : "start", escaped(mark.label));
   }
   return drawing(f, spans, axes(f, plot.x_label, plot.y_label), inside, legend(plot.lines, size));
 }
