@@ -407,7 +407,7 @@ StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& su
     window.prune();
     return {};
   }
-  window.prune();
+  slide(supervisor);
   return {true, true, false};
 }
 

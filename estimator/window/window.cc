@@ -1,5 +1,7 @@
 #include "estimator/window/window.h"
 
+#include "platform/error/contract.h"
+
 namespace epiline {
 
 void retract(Calibration& c, const CalibrationTangent& d) {
@@ -38,6 +40,7 @@ NavState Window::linearisation_point(int k) const {
 }
 
 Slot& Window::append() {
+  EPILINE_EXPECTS(!full(), "a frame appended to a full window");
   Slot& s = slots_[order_[static_cast<std::size_t>(size_++)]];
   s = Slot{};
   s.id = next_id_++;
