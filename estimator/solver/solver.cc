@@ -303,7 +303,9 @@ void Solver::read_covariance(const Window& w, const SolverSettings& settings) {
 
 SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const SolverSettings& settings,
                                Supervisor& supervisor) {
-  constexpr double kFirstDamping = 1e-9, kAfterRejection = 1e-4, kNoGain = 1e-3;
+  // No damping at first: relative to the information of an IMU interval (1e9 1/m^2) even 1e-9 would pin down the
+  // position to a few decimetres, which vision and IMU cannot know.
+  constexpr double kFirstDamping = 0, kAfterRejection = 1e-4, kNoGain = 1e-3;
   constexpr int kMaxRejections = 4;
   SolverSummary r;
   double damping = kFirstDamping, cost = r.cost_first = linearise(w, visual, settings);
