@@ -14,6 +14,7 @@ int report(const Error& error);
 
 void add_evaluate(CLI::App& app, int& exit_code);
 void add_config(CLI::App& app, int& exit_code);
+void add_simulate(CLI::App& app, int& exit_code);
 void add_replay(CLI::App& app, int& exit_code);
 
 }  // namespace epiline
