@@ -30,6 +30,10 @@ int run(int argc, char** argv) {
   add_evaluate(app, exit_code);
   add_simulate(app, exit_code);
   add_config(app, exit_code);
+  if (argc > 1 && argv[1][0] != '-' && !app.get_subcommand_no_throw(argv[1])) {
+    return report({ErrorKind::kUsage, "", 0, "unknown command \"" + std::string(argv[1]) + "\"",
+                   "one that epiline --help lists"});
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

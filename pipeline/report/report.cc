@@ -23,7 +23,7 @@ constexpr const char* kStyle = R"css(
 --c4:#b491e6;--truth:#6d7888}}
 *{box-sizing:border-box}body{margin:0;background:var(--bg);color:var(--ink);font:15px/1.5 system-ui,"Segoe UI",Roboto,"DejaVu Sans",sans-serif}
 main{max-width:1240px;margin:0 auto;padding:28px 20px 48px}h1{font-size:26px;margin:0}h2{font-size:16px;margin:0 0 2px}
-p{margin:2px 0;color:var(--soft)}header p{font-size:14px}.tiles{display:grid;grid-template-columns:repeat(auto-fit,minmax(220px,1fr));gap:12px;margin:20px 0}
+p{margin:2px 0;color:var(--soft)}header p{font-size:14px}.tiles{display:grid;grid-template-columns:repeat(auto-fit,minmax(250px,1fr));gap:12px;margin:20px 0}
 .tile,.card{background:var(--card);border:1px solid var(--line);border-radius:10px}.tile{padding:12px 14px}.tile b{display:block;font-size:22px;
 line-height:1.25;font-variant-numeric:tabular-nums}.tile span{font-size:12.5px;color:var(--soft)}.grid2{display:grid;grid-template-columns:
 repeat(auto-fit,minmax(min(100%,520px),1fr));gap:14px}.card{padding:14px 16px 8px}.wide{grid-column:1/-1}.card p{font-size:13px}
@@ -239,7 +239,7 @@ std::string histogram(const char* title, const char* style, const Summary& summa
   h.x_label = "ms";
   h.style = style;
   h.values = std::move(values);
-  h.upper = std::max(std::min(1.05 * summary.p99, 6 * summary.median), 1e-3);
+  h.upper = std::max(std::min(1.05 * summary.p99, 3 * summary.p90), 1e-3);
   h.marks = {{fmt::format("median {:.3g} ms", summary.median), "", summary.median, 0},
              {fmt::format("99 % {:.3g} ms", summary.p99), "", summary.p99, 0}};
   return fmt::format("<div><h3>{}: mean {:.3f} ms, max {:.2f} ms</h3>{}</div>", title, summary.mean, summary.max,

@@ -160,7 +160,7 @@ std::string legend(const std::vector<PlotLine>& lines, PlotSize size) {
   std::string s;
   for (auto line = lines.rbegin(); line != lines.rend(); ++line) {
     if (line->label.empty()) continue;
-    s += fmt::format(R"(<text class="legend" x="{:.0f}" y="{}" text-anchor="end">{}</text>)", x, kTop + 13,
+    s += fmt::format(R"(<text class="legend" x="{:.0f}" y="{}" text-anchor="end">{}</text>)", x, kTop - 9,
                      escaped(line->label));
     x -= 6.3 * static_cast<double>(line->label.size()) + 4;
     s += fmt::format(R"(<path class="line {}" d="M{:.0f} {}h-16"/>)", line->style, x, kTop - 13);

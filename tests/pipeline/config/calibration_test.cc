@@ -1,0 +1,98 @@
+#include "pipeline/config/calibration.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "pipeline/text/table.h"
+
+namespace epiline {
+namespace {
+
+std::filesystem::path file(const std::string& name, const std::string& text) {
+  const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / ("epiline_calibration_" + name);
+  std::ofstream(path) << text;
+  return path;
+}
+
+TEST(CameraCalibration, KalibrAndAslSayTheSame) {
+  // A quarter turn about z and a shift; Kalibr writes the inverse, IMU to camera.
+  const auto asl = read_camera_calibration(file("asl.yaml", R"(
+T_BS: {cols: 4, rows: 4, data: [0, -1, 0, 0.1, 1, 0, 0, 0.2, 0, 0, 1, 0.3, 0, 0, 0, 1]}
+resolution: [752, 480]
+camera_model: pinhole
+intrinsics: [458.654, 457.296, 367.215, 248.375]
+distortion_model: equidistant
+distortion_coefficients: [0.1, 0.2, 0.3, 0.4]
+timeshift_cam_imu: -0.005
+)"),
+                                           "cam1");
+  const auto kalibr = read_camera_calibration(file("kalibr.yaml", R"(
+cam0: {camera_model: omni}
+cam1:
+  T_cam_imu:
+  - [0, 1, 0, -0.2]
+  - [-1, 0, 0, 0.1]
+  - [0, 0, 1, -0.3]
+  - [0, 0, 0, 1]
+  camera_model: pinhole
+  distortion_coeffs: [0.1, 0.2, 0.3, 0.4]
+  distortion_model: equidistant
+  intrinsics: [458.654, 457.296, 367.215, 248.375]
+  resolution: [752, 480]
+  timeshift_cam_imu: -0.005
+)"),
+                                              "cam1");
+  ASSERT_TRUE(asl) << asl.error().text();
+  ASSERT_TRUE(kalibr) << kalibr.error().text();
+  for (const CameraCalibration& c : {*asl, *kalibr}) {
+    EXPECT_LT((c.p_BC - Vec3(0.1, 0.2, 0.3)).norm(), 1e-12);
+    EXPECT_LT((c.R_BC * Vec3::UnitX() - Vec3::UnitY()).norm(), 1e-12);
+    EXPECT_EQ(c.parameters.model, CameraModel::kPinholeEquidistant);
+    EXPECT_EQ(c.parameters.width, 752);
+    EXPECT_EQ(c.parameters.intrinsics, (std::array<double, 4>{458.654, 457.296, 367.215, 248.375}));
+    EXPECT_EQ(c.parameters.distortion, (std::array<double, 5>{0.1, 0.2, 0.3, 0.4, 0}));
+    EXPECT_DOUBLE_EQ(c.time_offset_s, -0.005);
+  }
+}
+
+TEST(CameraCalibration, DoubleSphereAndNoDistortion) {
+  const std::string head =
+      "%YAML:1.0\nT_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [512, 512]\n";
+  const auto sphere = read_camera_calibration(
+      file("sphere.yaml",
+           head + "camera_model: ds\nintrinsics: [-0.2, 0.6, 190, 191, 255, 256]\ndistortion_model: none\n"),
+      "cam0");
+  ASSERT_TRUE(sphere) << sphere.error().text();
+  EXPECT_EQ(sphere->parameters.model, CameraModel::kDoubleSphere);
+  EXPECT_EQ(sphere->parameters.intrinsics, (std::array<double, 4>{190, 191, 255, 256}));
+  EXPECT_EQ(sphere->parameters.distortion, (std::array<double, 5>{-0.2, 0.6, 0, 0, 0}));
+  const auto none = read_camera_calibration(
+      file("none.yaml", head + "camera_model: pinhole\nintrinsics: [190, 191, 255, 256]\ndistortion_model: none\n"),
+      "cam0");
+  ASSERT_TRUE(none) << none.error().text();
+  EXPECT_EQ(none->parameters.model, CameraModel::kPinholeRadialTangential);
+  EXPECT_EQ(none->parameters.distortion, (std::array<double, 5>{}));
+}
+
+TEST(ImuCalibration, ReadsDensitiesAndRefusesAnImuThatIsNotTheBody) {
+  const std::string densities =
+      "gyroscope_noise_density: 1e-4\ngyroscope_random_walk: 2e-5\naccelerometer_noise_density: "
+      "3e-3\naccelerometer_random_walk: 4e-3\n";
+  const auto imu = read_imu_calibration(file("imu.yaml", densities + "gyroscope_saturation: 34\n"));
+  ASSERT_TRUE(imu) << imu.error().text();
+  EXPECT_DOUBLE_EQ(imu->noise.gyroscope_density, 1e-4);
+  EXPECT_DOUBLE_EQ(imu->noise.gyroscope_random_walk, 2e-5);
+  EXPECT_DOUBLE_EQ(imu->noise.accelerometer_density, 3e-3);
+  EXPECT_DOUBLE_EQ(imu->noise.accelerometer_random_walk, 4e-3);
+  EXPECT_DOUBLE_EQ(*imu->saturation_gyroscope_rad_s, 34);
+  EXPECT_FALSE(imu->saturation_accelerometer_m_s2);
+  const auto turned = read_imu_calibration(
+      file("turned.yaml", densities + "T_BS: [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"));
+  ASSERT_FALSE(turned);
+  EXPECT_NE(turned.error().text().find(":5: an IMU that is not the body"), std::string::npos) << turned.error().text();
+  EXPECT_FALSE(read_imu_calibration(file("negative.yaml", "gyroscope_noise_density: -1\n")));
+}
+
+}  // namespace
+}  // namespace epiline

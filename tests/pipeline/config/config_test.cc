@@ -1,0 +1,79 @@
+#include "pipeline/config/config.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+namespace epiline {
+namespace {
+
+TEST(Config, PrintedDefaultsReadBackAsThemselves) {
+  const std::string text = to_toml(Config{});
+  const auto file = ConfigFile::parse(text, "defaults.toml");
+  ASSERT_TRUE(file) << file.error().text();
+  Config config;
+  config.estimator.keyframes = 3;
+  config.tracker.step_px = 0.5f;
+  config.estimator.gate = false;
+  config.estimator.visual_factor = VisualFactor::kEpipolar;
+  file->apply(config);
+  EXPECT_EQ(to_toml(config), text);
+}
+
+TEST(Config, EveryParameterIsNamedOnceAndHasItsDefaultInRange) {
+  std::set<std::string> names;
+  for (const Parameter& p : parameters()) {
+    EXPECT_TRUE(names.insert(p.name).second) << p.name;
+    EXPECT_NE(p.name.find('.'), std::string::npos);
+    EXPECT_FALSE(p.text.empty()) << p.name;
+  }
+  EXPECT_TRUE(ConfigFile::parse(to_toml(Config{}), "defaults.toml"));  // which checks the ranges
+}
+
+TEST(Config, SetsWhatTheFileSaysAndNothingElse) {
+  const auto file = ConfigFile::parse(
+      "[estimator]\nkeyframes = 7\nvisual_factor = \"epipolar\"\ncauchy = 3\n[tracker]\nstep_px = 0.05\n"
+      "[imu]\ncalibration = \"a.yaml\"\n",
+      "f.toml");
+  ASSERT_TRUE(file) << file.error().text();
+  Config config;
+  config.estimator.steps = 9;
+  file->apply(config);
+  EXPECT_EQ(config.estimator.keyframes, 7);
+  EXPECT_EQ(config.estimator.visual_factor, VisualFactor::kEpipolar);
+  EXPECT_DOUBLE_EQ(config.estimator.cauchy, 3);
+  EXPECT_FLOAT_EQ(config.tracker.step_px, 0.05f);
+  EXPECT_EQ(config.imu_calibration, "a.yaml");
+  EXPECT_EQ(config.estimator.steps, 9);
+}
+
+struct BadFile {
+  const char *text, *complaint;
+};
+class BadConfig : public testing::TestWithParam<BadFile> {};
+
+TEST_P(BadConfig, NamesFileLineAndExpectation) {
+  const auto file = ConfigFile::parse(GetParam().text, "f.toml");
+  ASSERT_FALSE(file);
+  EXPECT_EQ(file.error().text().rfind(GetParam().complaint, 0), 0u) << file.error().text();
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, BadConfig,
+    testing::Values(BadFile{"[estimator]\n\nkeyframes = 21\n",
+                            "f.toml:3: estimator.keyframes = 21; expected an integer from 2 to 20"},
+                    BadFile{"[estimator]\nkeyframes = 7.5\n",
+                            "f.toml:2: estimator.keyframes = 7.5; expected an integer"},
+                    BadFile{"[estimator]\ncauchy = \"wide\"\n",
+                            "f.toml:2: estimator.cauchy = \"wide\"; expected a number from 0.1 to 100"},
+                    BadFile{"[estimator]\ncauchy = nan\n", "f.toml:2: estimator.cauchy = nan; expected a number"},
+                    BadFile{"[estimator]\ngate = 1\n", "f.toml:2: estimator.gate = 1; expected true or false"},
+                    BadFile{"[estimator]\nvisual_factor = \"none\"\n",
+                            "f.toml:2: estimator.visual_factor = \"none\"; expected \"track\" or \"epipolar\""},
+                    BadFile{"[estimator]\nkeyframe = 7\n", "f.toml:2: unknown key \"estimator.keyframe\""},
+                    BadFile{"[estimatr]\nkeyframes = 7\n", "f.toml:1: unknown section \"estimatr\""},
+                    BadFile{"estimator = 3\n", "f.toml:1: \"estimator\" is no section"},
+                    BadFile{"[estimator]\nkeyframes = \n", "f.toml:2: "}));
+
+}  // namespace
+}  // namespace epiline

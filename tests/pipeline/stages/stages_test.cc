@@ -1,0 +1,108 @@
+// The parts around tracker and estimator: rotation from the gyroscope, recorded tracks.
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <vector>
+
+#include "estimator/geometry/so3.h"
+#include "pipeline/stages/gyro_rotation.h"
+#include "pipeline/stages/recorded_tracks.h"
+
+namespace epiline {
+namespace {
+
+HostStamp at(double seconds) { return HostStamp{} + Span::from_seconds(seconds); }
+
+ImuSample reading(double seconds, const Vec3& w) { return {at(seconds), {w.x(), w.y(), w.z()}, {0, 0, 9.81}}; }
+
+TEST(GyroRotation, ConstantRateIsTheExponentialBetweenReadingsToo) {
+  const Vec3 w(0.4, -0.7, 1.1), bias(0.01, 0.02, -0.03);
+  GyroRotation gyro;
+  for (int i = 0; i <= 200; ++i) gyro.add(reading(0.005 * i, w + bias));
+  EXPECT_LT((gyro.between(at(0.1234), at(0.7891), bias) - so3_exp(0.6657 * w)).norm(), 1e-7);
+}
+
+TEST(GyroRotation, FollowsATurningAxis) {
+  // Attitude Rz(2t) Rx(3t): its rate in the body frame is 3 ex + Rx(3t)^T 2 ez.
+  const auto attitude = [](double t) -> Mat3 {
+    return so3_exp(2 * t * Vec3::UnitZ()) * so3_exp(3 * t * Vec3::UnitX());
+  };
+  GyroRotation gyro;
+  for (int i = 0; i <= 1000; ++i) {
+    const double t = 0.001 * i;
+    gyro.add(reading(t, 3 * Vec3::UnitX() + so3_exp(3 * t * Vec3::UnitX()).transpose() * (2 * Vec3::UnitZ())));
+  }
+  EXPECT_LT((gyro.between(at(0.2505), at(0.9), Vec3::Zero()) - attitude(0.2505).transpose() * attitude(0.9)).norm(),
+            1e-5);
+}
+
+TEST(GyroRotation, LeavesOutBadReadingsAndKeepsTheNewest) {
+  const Vec3 w(0, 0, 1);
+  GyroRotation gyro;
+  EXPECT_TRUE(gyro.between(at(0), at(1), Vec3::Zero()).isIdentity());
+  const int count = static_cast<int>(GyroRotation::kCapacity) + 500;
+  for (int i = 0; i < count; ++i) {
+    gyro.add(reading(0.001 * i, w));
+    gyro.add(reading(0.001 * i - 0.0005, 100 * w));  // too late
+    gyro.add(reading(0.001 * i + 0.0001, Vec3(std::nan(""), 0, 0)));
+  }
+  const double end = 0.001 * (count - 1);
+  EXPECT_LT((gyro.between(at(end - 0.5), at(end), Vec3::Zero()) - so3_exp(0.5 * w)).norm(), 1e-7);
+  EXPECT_LT((gyro.between(at(end - 0.5), at(end + 0.3), Vec3::Zero()) - so3_exp(0.5 * w)).norm(),
+            1e-7);  // rest after the last
+}
+
+Camera camera() {
+  return Camera({CameraModel::kPinholeRadialTangential, 752, 480, {458, 457, 367, 248}, {-0.28, 0.07, 2e-4, 2e-5, 0}});
+}
+
+TEST(RecordedTracks, DescribeWhatTheFrontEndWould) {
+  RecordedTracks tracks(camera());
+  TrackedFrame frame;
+  const TrackPoint first[] = {{7, 100, 200}, {3, 400, 100}}, second[] = {{3, 402, 99}, {9, 10, 10}};
+  tracks.step(at(1), first, 2, frame);
+  ASSERT_EQ(frame.features.size(), 2u);
+  EXPECT_EQ(frame.features[0].id, 3u);
+  EXPECT_EQ(frame.features[0].age, 0u);
+  tracks.step(at(1.05), second, 2, frame);
+  ASSERT_EQ(frame.features.size(), 2u);
+  EXPECT_EQ(frame.stamp, at(1.05));
+  const TrackedFeature& f = frame.features[0];
+  EXPECT_EQ(f.age, 1u);
+  EXPECT_NEAR(f.velocity_px_s[0], 40, 1e-3);
+  EXPECT_NEAR(f.velocity_px_s[1], -20, 1e-3);
+  EXPECT_EQ(frame.features[1].age, 0u);
+  // The bearing projects onto the pixel; moving it by h along an axis moves the pixel by the derivative's column.
+  const Vec3 bearing(f.bearing[0], f.bearing[1], f.bearing[2]);
+  Vec2 px;
+  ASSERT_TRUE(camera().project(bearing, px));
+  EXPECT_LT((px - Vec2(402, 99)).norm(), 1e-6);
+  EXPECT_NEAR(bearing.norm(), 1, 1e-12);
+  for (int k = 0; k < 3; ++k) {
+    constexpr double kStep = 1e-6;
+    Vec2 plus, minus;
+    ASSERT_TRUE(camera().project(bearing + kStep * Vec3::Unit(k), plus));
+    ASSERT_TRUE(camera().project(bearing - kStep * Vec3::Unit(k), minus));
+    const Vec2 slope = (plus - minus) / (2 * kStep);
+    EXPECT_NEAR(f.pixel_jacobian[static_cast<std::size_t>(k)], slope.x(), 1e-3);
+    EXPECT_NEAR(f.pixel_jacobian[static_cast<std::size_t>(k) + 3], slope.y(), 1e-3);
+  }
+}
+
+TEST(RecordedTracks, LeavesOutDoubledIdsAndWhatIsTooMuch) {
+  RecordedTracks tracks(camera());
+  TrackedFrame frame;
+  std::vector<TrackPoint> points;
+  for (std::uint32_t i = 0; i < kMaxFeatures + 5; ++i) points.push_back({i, 300, 200});
+  tracks.step(at(1), points.data(), points.size(), frame);
+  EXPECT_EQ(frame.features.size(), kMaxFeatures);
+  EXPECT_EQ(tracks.left_out(), 5u);
+  const TrackPoint doubled[] = {{1, 300, 200}, {1, 301, 200}, {2, 310, 200}};
+  tracks.step(at(2), doubled, 3, frame);
+  EXPECT_EQ(frame.features.size(), 2u);
+  EXPECT_EQ(tracks.left_out(), 6u);
+}
+
+}  // namespace
+}  // namespace epiline
