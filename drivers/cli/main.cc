@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <string>
@@ -30,9 +31,10 @@ int run(int argc, char** argv) {
   add_evaluate(app, exit_code);
   add_simulate(app, exit_code);
   add_config(app, exit_code);
-  if (argc > 1 && argv[1][0] != '-' && !app.get_subcommand_no_throw(argv[1])) {
-    return report({ErrorKind::kUsage, "", 0, "unknown command \"" + std::string(argv[1]) + "\"",
-                   "one that epiline --help lists"});
+  const auto commands = app.get_subcommands([](const CLI::App*) { return true; });
+  const auto is_named = [&](const CLI::App* command) { return argc > 1 && command->check_name(argv[1]); };
+  if (argc > 1 && argv[1][0] != '-' && std::none_of(commands.begin(), commands.end(), is_named)) {
+    return report({ErrorKind::kUsage, "", 0, "unknown command \"" + std::string(argv[1]) + "\"", "one that epiline --help lists"});
   }
   try {
     app.parse(argc, argv);
