@@ -4,16 +4,16 @@
 
 namespace epiline {
 
-void evaluate_imu(const Preintegration& z, const NavState& x_i, const NavState& x_j, const NavState& l_i, const NavState& l_j,
-                  ImuResidual& out) {
+void evaluate_imu(const Preintegration& z, const NavState& x_i, const NavState& x_j, const NavState& l_i,
+                  const NavState& l_j, ImuResidual& out) {
   const double T = z.T;
   Vec3 dp, dv;
   Mat3 dR;
   z.corrected(x_i.b_a, x_i.b_g, dp, dv, dR);
   const Mat3 R_iT = x_i.R.transpose();
   const Vec3 r_theta = so3_log(dR.transpose() * R_iT * x_j.R);
-  out.r << R_iT * (x_j.p - x_i.p - x_i.v * T - 0.5 * kGravity_W * T * T) - dp, r_theta, R_iT * (x_j.v - x_i.v - kGravity_W * T) - dv,
-      x_j.b_a - x_i.b_a, x_j.b_g - x_i.b_g;
+  out.r << R_iT * (x_j.p - x_i.p - x_i.v * T - 0.5 * kGravity_W * T * T) - dp, r_theta,
+      R_iT * (x_j.v - x_i.v - kGravity_W * T) - dv, x_j.b_a - x_i.b_a, x_j.b_g - x_i.b_g;
 
   constexpr int p = 0, th = 3, v = 6, ba = 9, bg = 12, j = 15;
   const Mat3 L_iT = l_i.R.transpose(), J_inv = so3_right_jacobian_inverse(r_theta);

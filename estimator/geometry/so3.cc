@@ -17,7 +17,8 @@ struct Coefficients {
   double a, b, c;
 };
 Coefficients coefficients(double t2) {
-  if (t2 < 1e-4) return {1 - t2 / 6 + t2 * t2 / 120, 0.5 - t2 / 24 + t2 * t2 / 720, 1.0 / 6 - t2 / 120 + t2 * t2 / 5040};
+  if (t2 < 1e-4)
+    return {1 - t2 / 6 + t2 * t2 / 120, 0.5 - t2 / 24 + t2 * t2 / 720, 1.0 / 6 - t2 / 120 + t2 * t2 / 5040};
   const double t = std::sqrt(t2);
   return {std::sin(t) / t, (1 - std::cos(t)) / t2, (t - std::sin(t)) / (t2 * t)};
 }

@@ -6,10 +6,10 @@ namespace epiline {
 
 /// Continuous-time noise densities of an IMU.
 struct ImuNoise {
-  double gyroscope_density = 1.6968e-4;      ///< rad/s/sqrt(Hz)
-  double gyroscope_random_walk = 1.9393e-5;  ///< rad/s^2/sqrt(Hz)
-  double accelerometer_density = 2.0e-3;     ///< m/s^2/sqrt(Hz)
-  double accelerometer_random_walk = 3.0e-3; ///< m/s^3/sqrt(Hz)
+  double gyroscope_density = 1.6968e-4;       ///< rad/s/sqrt(Hz)
+  double gyroscope_random_walk = 1.9393e-5;   ///< rad/s^2/sqrt(Hz)
+  double accelerometer_density = 2.0e-3;      ///< m/s^2/sqrt(Hz)
+  double accelerometer_random_walk = 3.0e-3;  ///< m/s^3/sqrt(Hz)
 };
 
 using Mat15 = Eigen::Matrix<double, 15, 15>;
@@ -17,13 +17,13 @@ using Vec15 = Eigen::Matrix<double, 15, 1>;
 
 /// One IMU interval. Tangent order everywhere: (p, theta, v, b_a, b_g).
 struct Preintegration {
-  double T = 0;                       ///< length, s
-  Vec3 dp = Vec3::Zero();             ///< Delta p, in the body frame at the start
+  double T = 0;            ///< length, s
+  Vec3 dp = Vec3::Zero();  ///< Delta p, in the body frame at the start
   Vec3 dv = Vec3::Zero();
   Mat3 dR = Mat3::Identity();
   Vec3 b_a = Vec3::Zero(), b_g = Vec3::Zero();  ///< the linearisation point
-  Mat15 J = Mat15::Identity();        ///< d(state at the end) / d(state at the start)
-  Mat15 C = Mat15::Zero();            ///< covariance, bias walk included
+  Mat15 J = Mat15::Identity();                  ///< d(state at the end) / d(state at the start)
+  Mat15 C = Mat15::Zero();                      ///< covariance, bias walk included
 
   void reset(const Vec3& b_a_hat, const Vec3& b_g_hat);
   /// One midpoint step of `dt` seconds between the readings (w0, a0) and (w1, a1).
