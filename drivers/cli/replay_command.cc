@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <string>
 
@@ -72,6 +73,9 @@ int replay_command(Options& options) {
   if (options.visual_factor == "track") options.replay.visual_factor = VisualFactor::kTrack;
   if (options.visual_factor == "epipolar") options.replay.visual_factor = VisualFactor::kEpipolar;
   if (options.deadline_ms > 0) options.replay.deadline_ms = options.deadline_ms;
+  if (std::filesystem::exists(options.out) && !std::filesystem::is_directory(options.out)) {
+    return report({ErrorKind::kUsage, options.out, 0, "is no folder", "a folder for the results"});
+  }
   ProgressBar bar(options.quiet);
   const auto result = replay(options.replay, [&](std::size_t done, std::size_t all) { bar(done, all); });
   if (!result) return report(result.error());
