@@ -75,7 +75,7 @@ bool is_section(const std::string& name) {
 }
 
 std::string shown(const toml::node& node) {
-  if (node.is_string()) return "\"" + *node.value<std::string>() + "\"";
+  if (node.is_string()) return fmt::format("\"{}\"", *node.value<std::string>());
   std::ostringstream out;
   node.visit([&](const auto& n) { out << n; });
   return out.str();
