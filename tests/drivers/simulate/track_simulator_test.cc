@@ -96,6 +96,11 @@ TEST(TrackSimulatorTest, FeaturesCarryTheCamera) {
   flight.fill(40, frame);
   EXPECT_EQ(frame.stamp, flight.images[40].stamp);
   EXPECT_EQ(frame.sequence, 40u);
+  // the camera looks ahead, its x axis to the right, its y axis down
+  const Mat3& R_BC = flight.extrinsics.R_BC;
+  EXPECT_EQ(R_BC.col(0), -Vec3::UnitY());
+  EXPECT_EQ(R_BC.col(1), -Vec3::UnitZ());
+  EXPECT_EQ(R_BC.col(2), Vec3::UnitX());
   ASSERT_EQ(frame.features.size(), 150u);
   const auto project = [](const Vec3& p) { return Vec2(375.5 + 458 * p.x() / p.z(), 239.5 + 458 * p.y() / p.z()); };
   for (const TrackedFeature& f : frame.features) {
