@@ -41,21 +41,16 @@ void halve_rows(const ImageView& in, std::uint8_t* out, int out_stride) {
   }
 }
 
-const char* target_name() { return hwy::TargetName(HWY_TARGET); }
-
 }  // namespace epiline::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace epiline {
 HWY_EXPORT(halve_rows);
-HWY_EXPORT(target_name);
 
 void halve(const ImageView& in, std::uint8_t* out, int out_stride) noexcept {
   HWY_DYNAMIC_DISPATCH(halve_rows)(in, out, out_stride);
 }
-
-const char* simd_target() noexcept { return HWY_DYNAMIC_DISPATCH(target_name)(); }
 
 }  // namespace epiline
 #endif

@@ -12,7 +12,4 @@ inline constexpr int kMinHalvedWidth = 32;  ///< of the result; the last vector 
 /// bytes apart.
 void halve(const ImageView& in, std::uint8_t* out, int out_stride) noexcept;
 
-/// Name of the instruction set the kernels use on this machine, for instance "AVX2".
-const char* simd_target() noexcept;
-
 }  // namespace epiline

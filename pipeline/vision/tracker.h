@@ -34,7 +34,4 @@ class Tracker {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Name of the instruction set the image kernels use on this machine, for instance "AVX2".
-const char* simd_target() noexcept;
-
 }  // namespace epiline

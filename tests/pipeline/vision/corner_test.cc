@@ -1,0 +1,190 @@
+#include "pipeline/vision/corner.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+
+#include "pipeline/vision/detector.h"
+#include "tests/pipeline/vision/support.h"
+
+namespace epiline {
+namespace {
+
+// Score of the 6x6 px round the 2x2 block whose top left pixel is (x, y), straight from its definition.
+double reference_score(const TestImage& image, int x, int y) {
+  double xx = 0, xy = 0, yy = 0;
+  for (int v = y - 2; v <= y + 3; ++v) {
+    for (int u = x - 2; u <= x + 3; ++u) {
+      const double gx = 0.5 * (image.at(u + 1, v) - image.at(u - 1, v));
+      const double gy = 0.5 * (image.at(u, v + 1) - image.at(u, v - 1));
+      xx += gx * gx, xy += gx * gy, yy += gy * gy;
+    }
+  }
+  return (0.5 * (xx + yy) - std::hypot(0.5 * (xx - yy), xy)) / 36;
+}
+
+Corner reference_corner(const TestImage& image, const Cell& cell, const Discs& taken) {
+  Corner best;
+  for (int y = cell.y; y < cell.y + cell.height; y += 2) {
+    for (int x = cell.x; x < cell.x + cell.width; x += 2) {
+      bool is_free = true;
+      for (int i = 0; i < taken.count; ++i)
+        is_free &= std::hypot(x + 0.5 - taken.x[i], y + 0.5 - taken.y[i]) > taken.radius;
+      const double score = reference_score(image, x, y);
+      if (is_free && score > best.score * (1 + 1e-5) + 1e-6) {
+        best = {static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, static_cast<float>(score)};
+      }
+    }
+  }
+  return best;
+}
+
+void expect_same(const Corner& found, const Corner& expected, const TestImage& image) {
+  EXPECT_NEAR(found.score, expected.score, 1e-4 * expected.score + 1e-4);
+  if (found.score > 0) {  // equal scores may be taken in another order
+    EXPECT_NEAR(found.score, reference_score(image, static_cast<int>(found.x), static_cast<int>(found.y)),
+                1e-4 * found.score + 1e-4);
+  }
+}
+
+TEST(Corner, EqualsTheDefinitionForEveryCellSize) {
+  std::mt19937 random(1);
+  const TestImage image = random_image(kMaxCellSide + 9, kMaxCellSide + 8, random);
+  on_every_target([&] {
+    for (int side = 2; side <= kMaxCellSide; side += side < 80 ? 2 : 20) {
+      const Cell cell{4 + side % 3, 4, side, std::min(side, 24)};
+      const Corner found = best_corner(image.view(), cell, {}), expected = reference_corner(image, cell, {});
+      expect_same(found, expected, image);
+      EXPECT_FLOAT_EQ(found.x, expected.x) << "side " << side;
+      EXPECT_FLOAT_EQ(found.y, expected.y) << "side " << side;
+    }
+  });
+}
+
+TEST(Corner, BlackAndWhiteDoNotOverflow) {
+  on_every_target([&] {
+    for (int period : {1, 2, 3, 5, 8}) {
+      TestImage image(70, 70);
+      image.fill([&](int x, int y) { return ((x / period) ^ (y / period)) % 2 ? 255 : 0; });
+      const Cell cell{6, 5, 44, 44};
+      expect_same(best_corner(image.view(), cell, {}), reference_corner(image, cell, {}), image);
+    }
+  });
+}
+
+TEST(Corner, KeepsItsDistance) {
+  std::mt19937 random(2);
+  std::uniform_real_distribution<float> place(-10, 80);
+  on_every_target([&] {
+    for (int round = 0; round < 200; ++round) {
+      const TestImage image = random_image(72, 66, random, 80);
+      std::vector<float> x(5), y(5);
+      for (int i = 0; i < 5; ++i) x[i] = place(random), y[i] = place(random);
+      const Discs taken{x.data(), y.data(), 1 + round % 5, 4.f + static_cast<float>(round % 20)};
+      const Cell cell{8, 8, 44, 40};
+      const Corner found = best_corner(image.view(), cell, taken);
+      expect_same(found, reference_corner(image, cell, taken), image);
+      for (int i = 0; i < taken.count && found.score > 0; ++i) {
+        EXPECT_GT(std::hypot(found.x - x[i], found.y - y[i]), taken.radius - 1e-3);
+      }
+    }
+  });
+}
+
+TEST(Corner, NothingWhereAllIsTakenOrFlat) {
+  std::mt19937 random(3);
+  const TestImage noise = random_image(64, 64, random);
+  TestImage grey(64, 64);
+  const float x = 32, y = 32;
+  EXPECT_EQ(best_corner(noise.view(), {8, 8, 44, 44}, {&x, &y, 1, 60}).score, 0);
+  EXPECT_EQ(best_corner(grey.view(), {8, 8, 44, 44}, {}).score, 0);
+}
+
+// OpenCV with the same derivative (-1, 0, 1) and block: 255^2 / 4 times its value, and its even block sits one pixel
+// further.
+TEST(Corner, ScoreEqualsOpenCvsMinimumEigenvalue) {
+  const Waves waves(4, 4, 30);
+  const TestImage image = shifted(waves, 120, 100, 0, 0);
+  cv::Mat expected;
+  cv::cornerMinEigenVal(cv::Mat(100, 120, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data())), expected, 6, 1);
+  for (int y = 8; y < 90; y += 6) {
+    for (int x = 8; x < 108; x += 6) {
+      const Corner found = best_corner(image.view(), {x, y, 2, 2}, {});
+      const double score = expected.at<float>(y + 1, x + 1) * 255 * 255 / 4;
+      ASSERT_NEAR(found.score, score, 2e-3 * score + 1e-3) << x << ", " << y;
+    }
+  }
+}
+
+// -------------------------------------------------------------------------------------------------------------
+// detector
+
+TEST(Detector, DividesTheImageIntoAboutOneCellAFeature) {
+  const Detector euroc(752, 480, {});
+  EXPECT_EQ(euroc.columns(), 16);
+  EXPECT_EQ(euroc.rows(), 10);
+  EXPECT_EQ(euroc.cell(0).width, 44);
+  EXPECT_EQ(euroc.cell(0).height, 44);
+  TrackerConfig few;
+  few.max_features = 1;
+  const Detector large(2048, 1536, few);
+  EXPECT_LE(large.cell(0).width, kMaxCellSide);
+  EXPECT_LE(large.cell(0).height, kMaxCellSide);
+}
+
+RC_GTEST_PROP(Detector, CellsStayInsideTheBorderAndDoNotOverlap, ()) {
+  const int width = *rc::gen::inRange(64, 2049), height = *rc::gen::inRange(64, 1537);
+  TrackerConfig config;
+  config.max_features = *rc::gen::inRange(1, TrackTable::kCapacity + 1);
+  const Detector detector(width, height, config);
+  for (int i = 0; i < detector.columns() * detector.rows(); ++i) {
+    const Cell c = detector.cell(i);
+    RC_ASSERT(c.width >= 2 && c.height >= 2 && c.width <= kMaxCellSide && c.height <= kMaxCellSide);
+    RC_ASSERT(c.width % 2 == 0 && c.height % 2 == 0);
+    RC_ASSERT(c.x >= config.border_px && c.x + c.width <= width - config.border_px);
+    RC_ASSERT(c.y >= config.border_px && c.y + c.height <= height - config.border_px);
+    if (i % detector.columns()) RC_ASSERT(c.x == detector.cell(i - 1).x + c.width);
+  }
+}
+
+TEST(Detector, FillsEmptyCellsOnly) {
+  std::mt19937 random(5);
+  const TestImage image = random_image(752, 480, random);
+  Detector detector(752, 480, {});
+  auto tracks = std::make_unique<TrackTable>();
+  EXPECT_EQ(detector.detect(image.view(), *tracks), 150);
+  std::vector<int> in_cell(160);
+  for (int i = 0; i < 150; ++i) {
+    const int c = (static_cast<int>(tracks->x[i]) - 12) / 44, r = (static_cast<int>(tracks->y[i]) - 12) / 44;
+    ++in_cell[static_cast<std::size_t>(r * 16 + c)];
+    for (int j = 0; j < i; ++j) {
+      ASSERT_GE(std::hypot(tracks->x[i] - tracks->x[j], tracks->y[i] - tracks->y[j]), 20);
+    }
+  }
+  EXPECT_EQ(*std::max_element(in_cell.begin(), in_cell.end()), 1);
+  EXPECT_EQ(detector.detect(image.view(), *tracks), 0) << "the table is full";
+  tracks->size = 140;
+  EXPECT_EQ(detector.detect(image.view(), *tracks), 10);
+}
+
+TEST(Detector, StartsElsewhereInEveryImage) {
+  std::mt19937 random(6);
+  const TestImage image = random_image(752, 480, random);
+  TrackerConfig config;
+  config.max_features = 1;
+  config.cells_per_feature = 160;
+  Detector detector(752, 480, config);
+  auto tracks = std::make_unique<TrackTable>();
+  std::vector<std::pair<float, float>> seen;
+  for (int k = 0; k < detector.columns() * detector.rows(); ++k) {
+    tracks->size = 0;
+    ASSERT_EQ(detector.detect(image.view(), *tracks), 1);
+    seen.emplace_back(tracks->x[0], tracks->y[0]);
+  }
+  std::sort(seen.begin(), seen.end());
+  EXPECT_EQ(std::unique(seen.begin(), seen.end()), seen.end()) << "a cell came first twice before all had been";
+}
+
+}  // namespace
+}  // namespace epiline
