@@ -1,7 +1,7 @@
 #include "pipeline/report/program_info.h"
 
 #include "epiline_commit.h"
-#include "pipeline/vision/tracker.h"
+#include "pipeline/vision/simd_target.h"
 
 namespace epiline {
 

@@ -24,6 +24,7 @@ struct TrackTable {
   Column<float> parallax_x{}, parallax_y{};  ///< px/s, the part of it that rotation does not explain
   Column<float> innovation{};                ///< px, between predicted and found position
   Column<Vec3> bearing{};                    ///< unit, camera frame of the last image
+  Column<Mat23> pixel_jacobian{};            ///< d px / d bearing
   Column<Bearings> history{};                ///< unit bearings; that of image n is at n % kHistory
 
   /// Removes the tracks whose `alive` is false; the others keep their order.
@@ -32,7 +33,8 @@ struct TrackTable {
     const int left = static_cast<int>(std::count(alive.begin(), end, true));
     if (left == size) return;
     const auto compact = [&](auto&... columns) { (compact_column(columns, alive), ...); };
-    compact(id, age, x, y, velocity_x, velocity_y, parallax_x, parallax_y, innovation, bearing, history);
+    compact(id, age, x, y, velocity_x, velocity_y, parallax_x, parallax_y, innovation, bearing, pixel_jacobian,
+            history);
     size = left;
   }
 

@@ -29,8 +29,6 @@ void check(const Camera& camera, const TrackerConfig& c) {
   require(c.cells_per_feature > 0, "cells_per_feature not positive");
 }
 
-bool finite(const Mat3& m) { return m.allFinite(); }
-
 }  // namespace
 
 struct Tracker::Impl {
@@ -98,7 +96,7 @@ void Tracker::Impl::start_image(const Frame& image, const Mat3& R_CC0) {
   gap = interval_s > kGapIntervals * before_s;
   if (gap && before_s > 0) ++stats.gaps;
   stamp = image.stamp;
-  rotation[image_number % TrackTable::kHistory] = finite(R_CC0) ? R_CC0 : Mat3(Mat3::Identity());
+  rotation[image_number % TrackTable::kHistory] = R_CC0.allFinite() ? R_CC0 : Mat3(Mat3::Identity());
   pyramids[image_number % 2].build({image.data, image.width, image.height, image.stride});
 }
 
@@ -155,7 +153,9 @@ void Tracker::Impl::update_track(int i) {
   ++tracks.age[i];
 }
 
-void Tracker::Impl::take_bearing(int i) { alive[i] = camera.unproject({tracks.x[i], tracks.y[i]}, tracks.bearing[i]); }
+void Tracker::Impl::take_bearing(int i) {
+  alive[i] = camera.bearing({tracks.x[i], tracks.y[i]}, tracks.bearing[i], tracks.pixel_jacobian[i]);
+}
 
 void Tracker::Impl::search() {
   track_klt(config, previous().view(), current().view(), wanted.data(), tracks.size);
@@ -193,7 +193,7 @@ void Tracker::Impl::reject(int span, float limit_px, std::uint64_t& rejected) {
     pairs.now_x[n] = now.x(), pairs.now_y[n] = now.y(), pairs.now_z[n] = now.z();
   }
   const float limit_rad = limit_px / static_cast<float>(camera.focal_px());
-  find_inliers(pairs, {config.hypotheses, config.min_pairs, limit_rad}, inlier);
+  find_inliers(pairs, {config.hypotheses, config.min_pairs, limit_rad, config.doubt_share}, inlier);
   for (int n = 0; n < pairs.size; ++n) {
     alive[pair_track[n]] = inlier[n];
     rejected += !inlier[n];
@@ -234,11 +234,7 @@ void Tracker::Impl::publish(TrackedFrame& out) const {
     feature.pixel = {tracks.x[i], tracks.y[i]};
     feature.velocity_px_s = {tracks.velocity_x[i], tracks.velocity_y[i]};
     feature.bearing = {f.x(), f.y(), f.z()};
-    Vec2 px;
-    Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> jacobian(feature.pixel_jacobian.data());
-    Mat23 J = Mat23::Zero();
-    camera.project(f, px, &J);
-    jacobian = J;
+    Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(feature.pixel_jacobian.data()) = tracks.pixel_jacobian[i];
     out.features.push_back(feature);
   }
 }

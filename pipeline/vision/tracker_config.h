@@ -32,6 +32,7 @@ struct TrackerConfig {
   int min_pairs = 10;           ///< with fewer nothing is rejected
   float near_limit_px = 0.75f;  ///< Sampson distance, angle times focal length, against the previous image
   float wide_limit_px = 1.5f;   ///< the same against the image `wide_span` images ago
+  float doubt_share = 0.03f;    ///< more outliers than this share: the rotation is fitted as well
   int wide_span = 6;            ///< images, 2 to 7
 
   // Detection

@@ -1,5 +1,6 @@
 #pragma once
-// Outliers under a known rotation: two pairs of bearings give the direction of travel, all others vote.
+// Outliers under a known rotation: two pairs of bearings give the direction of travel, all others vote. If many
+// disagree, the rotation is doubted as well (a gyroscope's bias is unknown at the start).
 #include <array>
 
 #include "pipeline/vision/direction_cost.h"
@@ -8,13 +9,15 @@ namespace epiline {
 
 struct TwoPointSettings {
   int hypotheses = 40;
-  int min_pairs = 10;     ///< with fewer all are inliers
-  float limit_rad = 0.f;  ///< Sampson distance of an inlier
+  int min_pairs = 10;         ///< with fewer all are inliers
+  float limit_rad = 0.f;      ///< Sampson distance of an inlier
+  float doubt_share = 0.03f;  ///< more outliers than this: fit the rotation too
 };
 
-/// Marks the pairs that agree with the direction of travel of least truncated cost. The random choice has a fixed seed:
-/// same pairs, same result. All are inliers where no direction is defined (fewer than `min_pairs`, no motion at all).
-void find_inliers(const BearingPairs& pairs, const TwoPointSettings& settings,
+/// Marks the pairs that agree with the motion of least truncated cost. The random choice has a fixed seed: same pairs,
+/// same result. All are inliers where no direction is defined (fewer than `min_pairs`, no motion at all). The bearings
+/// before are rotated in place if the rotation was corrected.
+void find_inliers(BearingPairs& pairs, const TwoPointSettings& settings,
                   std::array<bool, BearingPairs::kCapacity>& inlier) noexcept;
 
 }  // namespace epiline
