@@ -124,8 +124,7 @@ TEST(TwoPoint, RejectsOutliersAndKeepsInliers) {
   });
 }
 
-// A gyroscope with a bias of 5 degrees per second over six images: everybody moves by 11 px more than the rotation
-// says.
+// A rotation wrong by 0.008 rad: everybody moves by about 4 px more than it says.
 TEST(TwoPoint, AWrongRotationIsNotBlamedOnTheTracks) {
   std::mt19937 random(6);
   std::uniform_real_distribution<double> unit(-1, 1);
