@@ -1,6 +1,6 @@
 #pragma once
 // The whitened structureless track factor. Derivation: docs/derivations/track.md; test:
-// tests/estimator/factors/track_test.cc.
+// tests/estimator/factors/visual_test.cc.
 #include <memory>
 
 #include "estimator/factors/visual.h"
@@ -8,8 +8,8 @@
 namespace epiline {
 
 /// One factor per feature track: the 2n-3 constraints that n bearings of one unknown point put on n poses, with their
-/// joint covariance (estimation.md 4). The point is a function of poses and bearings inside the evaluation and is
-/// projected out.
+/// joint covariance (docs/derivations/track.md). The point is a function of poses and bearings inside the evaluation
+/// and is projected out.
 class TrackFactor final : public VisualFactorModel {
  public:
   explicit TrackFactor(const Kernels& kernels);
