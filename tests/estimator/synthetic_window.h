@@ -15,6 +15,7 @@ struct SyntheticOptions {
   int tracks = 60;
   double pixel_noise = 0.5;
   double motion = 1;          ///< scales the path; 0: the rig only turns
+  double lever = 1;           ///< scales p_BC; with neither motion nor lever there is no parallax at all
   double state_error = 3e-3;  ///< random, added to the states after the window is built
   double time_offset = 0;     ///< the stamps are wrong by this much
   unsigned seed = 1;
@@ -55,10 +56,10 @@ inline TrackedFeature make_feature(std::uint32_t id, const Vec3& p_C, const Vec2
   return f;
 }
 
-inline Calibration synthetic_calibration() {
+inline Calibration synthetic_calibration(double lever = 1) {
   Calibration c;
   c.R_BC << 0, 0, 1, -1, 0, 0, 0, -1, 0;
-  c.p_BC = Vec3(0.06, 0.02, -0.01);
+  c.p_BC = lever * Vec3(0.06, 0.02, -0.01);
   return c;
 }
 
@@ -71,7 +72,7 @@ inline SyntheticWindow make_window(const SyntheticOptions& o) {
   SyntheticWindow s;
   s.window = std::make_unique<Window>(kMaxFrames);
   Window& w = *s.window;
-  w.calibration = synthetic_calibration();
+  w.calibration = synthetic_calibration(o.lever);
   std::mt19937_64 random(o.seed);
   std::normal_distribution<double> normal;
   auto noise3 = [&](double sigma) {
@@ -80,7 +81,7 @@ inline SyntheticWindow make_window(const SyntheticOptions& o) {
   const SyntheticPath path{o.motion};
   const double interval = 0.1, imu_dt = 0.005;
   std::vector<Vec3> points;
-  const Calibration c = synthetic_calibration();
+  const Calibration c = synthetic_calibration(o.lever);
   const Mat3 R_mid = path.R(0.05 * o.frames) * c.R_BC;
   for (int i = 0; i < o.tracks; ++i) {
     const Vec3 ray(0.9 * std::uniform_real_distribution<double>(-0.6, 0.6)(random),
