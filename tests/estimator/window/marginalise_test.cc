@@ -1,0 +1,343 @@
+// What marginalisation hands on: never negative information, nothing about directions nothing can see, and exactly what
+// the full problem knew wherever that can be kept. Derivation: docs/derivations/marginalisation.md.
+#include "estimator/window/marginalise.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+
+#include "estimator/factors/epipolar.h"
+#include "estimator/factors/track.h"
+#include "tests/estimator/dense_system.h"
+#include "tests/estimator/synthetic_window.h"
+
+namespace epiline {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+VisualSettings settings() {
+  VisualSettings s;
+  s.gate = false;
+  s.extrinsics = true;
+  return s;
+}
+
+CalibrationTangent calibration_sigmas() {
+  CalibrationTangent s;
+  s << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01);
+  return s;
+}
+
+/// Poses of frames 0..frames-1 (world perturbations), then the calibration.
+MatrixXd dense_information(const VisualSystem& v, int frames) {
+  const int c = 6 * frames;
+  MatrixXd H = MatrixXd::Zero(c + kCalibration, c + kCalibration);
+  for (int k = 0; k < frames; ++k) {
+    for (int l = k; l < frames; ++l)
+      H.block<6, 6>(6 * k, 6 * l) = Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(v.H[k][l]);
+    for (int j = 0; j < kCalibration; ++j) H.block<6, 1>(6 * k, c + j) = Eigen::Map<const Vec6>(v.H_ck[k] + 6 * j);
+  }
+  H.bottomRightCorner<kCalibration, kCalibration>() =
+      Eigen::Map<const Eigen::Matrix<double, kCalibration, kCalibration, Eigen::RowMajor>>(v.H_cc);
+  return H.selfadjointView<Eigen::Upper>();
+}
+
+MatrixXd dense_prior(const Prior& p) {
+  MatrixXd H(p.dim(), p.dim());
+  for (int i = 0; i < p.dim(); ++i)
+    for (int j = 0; j < p.dim(); ++j) H(i, j) = p.H[i][j];
+  return H;
+}
+
+VectorXd dense_prior_rhs(const Prior& p) { return Eigen::Map<const VectorXd>(p.b, p.dim()); }
+
+double least_eigenvalue(const MatrixXd& H) {
+  return Eigen::SelfAdjointEigenSolver<MatrixXd>(H, Eigen::EigenvaluesOnly).eigenvalues().minCoeff();
+}
+
+// ---- H_add ----
+
+struct Parallax {
+  double motion, lever;
+};
+class AddedInformation : public testing::TestWithParam<Parallax> {};
+
+/// At every parallax, with good and with wild bearings (where weights vary).
+TEST_P(AddedInformation, IsNeverNegative) {
+  for (const double noise : {0.0, 0.5, 20.0})
+    for (const double state_error : {0.0, 3e-3, 0.1}) {
+      SyntheticWindow s = make_window({.pixel_noise = noise,
+                                       .motion = GetParam().motion,
+                                       .lever = GetParam().lever,
+                                       .state_error = state_error * (GetParam().motion + 1e-3)});
+      TrackFactor factor(kernels());
+      const auto added = std::make_unique<VisualSystem>();
+      factor.collect(*s.window, settings());
+      factor.marginalise_oldest(*s.window, settings(), *added);
+      const MatrixXd H = dense_information(*added, s.window->size() - 1);
+      ASSERT_TRUE(H.allFinite());
+      EXPECT_GT(H.norm(), 1);
+      EXPECT_GE(least_eigenvalue(H), -1e-9 * H.norm()) << "noise " << noise << " px, state error " << state_error;
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Parallax, AddedInformation,
+                         testing::Values(Parallax{0, 0}, Parallax{0, 1}, Parallax{1e-4, 1}, Parallax{1, 1},
+                                         Parallax{10, 1}));
+
+/// With perfect bearings the point and the weights are the same whichever views are used, so that the difference of two
+/// plain linearisations, one of them without frame 0, is what frame 0 adds.
+TEST(AddedInformation, IsTheDifferenceOfWithAndWithoutFrameZero) {
+  SyntheticWindow s = make_window({.pixel_noise = 0, .state_error = 0});
+  Window& w = *s.window;
+  const int frames = w.size() - 1;
+  const auto added = std::make_unique<VisualSystem>(), system = std::make_unique<VisualSystem>();
+  TrackFactor factor(kernels());
+  factor.collect(w, settings());
+  factor.marginalise_oldest(w, settings(), *added);
+
+  w.remove(w.size() - 1);  // the newest takes no part
+  factor.collect(w, settings());
+  factor.linearise(w, *system);
+  const MatrixXd with = dense_information(*system, frames);
+  for (int i = 0; i < w.track_count(); ++i) w.track(i).mask &= ~w.bit(0);
+  factor.collect(w, settings());
+  factor.linearise(w, *system);
+  const MatrixXd without = dense_information(*system, frames);
+
+  const MatrixXd H = dense_information(*added, frames);
+  EXPECT_LT((H - (with - without)).norm(), 1e-6 * H.norm());
+}
+
+/// Two numbers a bearing: what one frame of n tracks adds has rank 2n at most.
+TEST(AddedInformation, OfThreeTracksHasRankSix) {
+  SyntheticWindow s = make_window({.tracks = 3});
+  TrackFactor factor(kernels());
+  const auto added = std::make_unique<VisualSystem>();
+  factor.collect(*s.window, settings());
+  factor.marginalise_oldest(*s.window, settings(), *added);
+  const MatrixXd H = dense_information(*added, s.window->size() - 1);
+  const VectorXd e = Eigen::SelfAdjointEigenSolver<MatrixXd>(H, Eigen::EigenvaluesOnly).eigenvalues().reverse();
+  EXPECT_GT(e[5], 1e-7 * e[0]);
+  EXPECT_LT(std::abs(e[6]), 1e-10 * e[0]);
+}
+
+// ---- gauge ----
+
+/// Translations and the turn about gravity, in the prior's tangent.
+MatrixXd gauge(const Window& w) {
+  const Prior& p = w.prior;
+  const Vec3 z(0, 0, 1);
+  MatrixXd N = MatrixXd::Zero(p.dim(), 4);
+  for (int k = 0; k < p.frames; ++k) {
+    const NavState& x = p.x0[static_cast<std::size_t>(k)];
+    for (int i = 0; i < 3; ++i) N(6 * k + i, i) = 1;
+    N.block<3, 1>(6 * k, 3) = z.cross(x.p);
+    N.block<3, 1>(6 * k + 3, 3) = x.R.transpose() * z;
+  }
+  N.block<3, 1>(6 * p.frames, 3) = z.cross(p.x0[0].v);
+  return N;
+}
+
+TEST(Marginalisation, KnowsNothingOfWhereAndWhichWayWhenNothingAnchorsTheWindow) {
+  SyntheticWindow s = make_window({.frames = 11, .tracks = 200});
+  Window& w = *s.window;
+  TrackFactor factor(kernels());
+  VisualSettings visual = settings();
+  visual.extrinsics = false;
+  Marginaliser marginaliser(kernels());
+  for (int round = 0; round < 5; ++round) {  // one IMU interval alone tells neither scale nor tilt nor biases
+    factor.collect(w, visual);
+    marginaliser.marginalise_oldest(w, factor, visual);
+  }
+  const MatrixXd H = dense_prior(w.prior), N = gauge(w);
+  for (int c = 0; c < 4; ++c)
+    EXPECT_LT(std::abs(N.col(c).dot(H * N.col(c))) / (H.norm() * N.col(c).squaredNorm()), 1e-14) << "direction " << c;
+  // and of everything else it knows something: poses, velocity, biases (the six extrinsics are off)
+  const int known = w.prior.calibration_row();
+  const VectorXd scale = H.diagonal().head(known).cwiseSqrt().cwiseInverse();
+  const MatrixXd scaled = scale.asDiagonal() * H.topLeftCorner(known, known) * scale.asDiagonal();
+  const VectorXd e = Eigen::SelfAdjointEigenSolver<MatrixXd>(scaled, Eigen::EigenvaluesOnly).eigenvalues();
+  EXPECT_LT(e.head(4).cwiseAbs().maxCoeff(), 1e-10);
+  EXPECT_GT(e[4], 1e-8);
+}
+
+// ---- exactness ----
+
+/// Steps of the frames 1..n-1 and the calibration, first of the full problem, then after marginalising frame 0.
+struct Steps {
+  VectorXd full, reduced, unit;
+};
+
+Steps steps_before_and_after(Window& w, VisualFactorModel& visual, const VisualSettings& settings) {
+  const SolverSettings everything{1, true, true};
+  Solver solver(kernels());
+  visual.collect(w, settings);
+  solver.linearise(w, visual, everything);
+  const int n = w.size();
+  const DenseSolution before = solve_dense(dense(solver.system()));
+  Marginaliser(kernels()).marginalise_oldest(w, visual, settings);
+  visual.collect(w, settings);
+  solver.linearise(w, visual, everything);
+  const DenseSolution after = solve_dense(dense(solver.system()));
+  const int m = n - 1;
+  Steps s;
+  s.reduced = after.step;
+  s.full.resize(after.step.size());
+  s.unit.resize(after.step.size());
+  auto take = [&](int to, int from, int count) {
+    s.full.segment(to, count) = before.step.segment(from, count);
+    s.unit.segment(to, count) = after.covariance.diagonal().segment(to, count).cwiseSqrt().cwiseInverse();
+  };
+  for (int k = 0; k < m; ++k) {
+    take(pose_column(m, k), pose_column(n, k + 1), 6);
+    take(velocity_row(m, k), velocity_row(n, k + 1), 9);
+  }
+  take(6 * m, 6 * n, kCalibration);
+  return s;
+}
+
+/// The visual factor that says nothing.
+class NoVision final : public VisualFactorModel {
+ public:
+  void collect(const Window&, const VisualSettings&) noexcept override {}
+  void linearise(const Window& w, VisualSystem& out) noexcept override { clear(out, w.size()); }
+  void marginalise_oldest(const Window& w, const VisualSettings&, VisualSystem& out) noexcept override {
+    clear(out, w.size());
+  }
+};
+
+TEST(Marginalisation, LosesNothingOfImuPriorAndRest) {
+  SyntheticWindow s = make_window({.state_error = 0.01});
+  Window& w = *s.window;
+  set_initial_prior(w, {}, calibration_sigmas());
+  w.prior.x0[0] = s.truth[0];
+  w.at(0).at_rest = w.at(3).at_rest = true;
+  w.at(3).rest_link = w.at(0).id;
+  NoVision none;
+  for (int round = 0; round < 3; ++round) {  // from the second on, the prior is one that marginalisation made
+    const Steps steps = steps_before_and_after(w, none, settings());
+    EXPECT_GT((steps.unit.asDiagonal() * steps.full).norm(), 1e-3);
+    EXPECT_LT(relative_difference(steps.reduced, steps.full, steps.unit), 1e-6) << "round " << round;
+  }
+}
+
+/// A track of two views says all it has to say at once; here frame 0 shares such tracks with the frames that stay.
+TEST(Marginalisation, LosesNothingOfTracksOfTwoViews) {
+  SyntheticWindow s = make_window({.tracks = 100, .state_error = 0.01});
+  Window& w = *s.window;
+  set_initial_prior(w, {}, calibration_sigmas());
+  for (int i = 0; i < w.track_count(); ++i) {
+    TrackRecord& t = w.track(i);
+    const int partner = 1 + i % (w.size() - 2);
+    t.mask &= i % 2 ? w.bit(0) | w.bit(partner) : w.bit(partner) | w.bit(w.size() - 1);
+  }
+  TrackFactor factor(kernels());
+  const Steps steps = steps_before_and_after(w, factor, settings());
+  EXPECT_LT(relative_difference(steps.reduced, steps.full, steps.unit), 1e-6);
+}
+
+TEST(Marginalisation, TakesTheFrameOutAndFreezesTheOthers) {
+  SyntheticWindow s = make_window({});
+  Window& w = *s.window;
+  set_initial_prior(w, {}, calibration_sigmas());
+  w.at(2).at_rest = true;
+  w.at(2).rest_link = w.at(0).id;
+  const int n = w.size();
+  const std::uint64_t second = w.at(1).id;
+  TrackFactor factor(kernels());
+  factor.collect(w, settings());
+  Marginaliser(kernels()).marginalise_oldest(w, factor, settings());
+  ASSERT_EQ(w.size(), n - 1);
+  EXPECT_EQ(w.at(0).id, second);
+  EXPECT_EQ(w.prior.frames, n - 2);
+  for (int k = 0; k < w.size(); ++k) EXPECT_EQ(w.at(k).has_first, k < n - 2) << "frame " << k;
+  EXPECT_EQ(w.at(1).rest_link, 0u);
+  EXPECT_TRUE(w.at(1).at_rest);
+}
+
+class Models : public testing::TestWithParam<bool> {};
+
+/// Ten rounds through a small window, as a flight does it.
+TEST_P(Models, PriorStaysPositive) {
+  SyntheticWindow s = make_window({.frames = 20});
+  Window& w = *s.window;
+  set_initial_prior(w, {}, calibration_sigmas());
+  w.first_estimates = GetParam();
+  std::unique_ptr<VisualFactorModel> factor;
+  if (GetParam())
+    factor = std::make_unique<TrackFactor>(kernels());
+  else
+    factor = std::make_unique<EpipolarFactor>();
+  Marginaliser marginaliser(kernels());
+  for (int round = 0; round < 15; ++round) {
+    factor->collect(w, settings());
+    marginaliser.marginalise_oldest(w, *factor, settings());
+    const MatrixXd H = dense_prior(w.prior);
+    ASSERT_TRUE(H.allFinite() && dense_prior_rhs(w.prior).allFinite());
+    EXPECT_GE(least_eigenvalue(H), -1e-9 * H.norm()) << "round " << round;
+  }
+  EXPECT_EQ(w.size(), 5);
+}
+
+INSTANTIATE_TEST_SUITE_P(Factors, Models, testing::Values(true, false),
+                         [](const auto& model) { return model.param ? "track" : "epipolar"; });
+
+// ---- the calibration's random walk ----
+
+TEST(InflateCalibration, AddsTheVarianceAndLeavesTheEstimate) {
+  SyntheticWindow s = make_window({});
+  Window& w = *s.window;
+  set_initial_prior(w, {}, calibration_sigmas());
+  TrackFactor factor(kernels());
+  factor.collect(w, settings());
+  Marginaliser(kernels()).marginalise_oldest(w, factor, settings());
+  for (const int parameter : {0, 2, 6}) {
+    auto solved = [&] { return solve_dense({dense_prior(w.prior), dense_prior_rhs(w.prior)}); };
+    const DenseSolution before = solved();
+    const int e = w.prior.calibration_row() + parameter;
+    const double variance = 4 * before.covariance(e, e);
+    inflate_calibration(w.prior, parameter, variance);
+    const DenseSolution after = solved();
+    MatrixXd expected = before.covariance;
+    expected(e, e) += variance;
+    const VectorXd unit = expected.diagonal().cwiseSqrt().cwiseInverse();
+    EXPECT_LT((unit.asDiagonal() * (after.covariance - expected) * unit.asDiagonal()).cwiseAbs().maxCoeff(), 1e-6);
+    EXPECT_LT((unit.asDiagonal() * (after.step - before.step)).norm(), 1e-6 * (unit.asDiagonal() * before.step).norm());
+  }
+}
+
+TEST(InflateCalibration, DoesNothingWithoutAPriorOrAVariance) {
+  const auto p = std::make_unique<Prior>();
+  p->frames = 0;
+  inflate_calibration(*p, 0, 1);
+  EXPECT_EQ(p->frames, 0);
+  SyntheticWindow s = make_window({});
+  set_initial_prior(*s.window, {}, calibration_sigmas());
+  const MatrixXd before = dense_prior(s.window->prior);
+  inflate_calibration(s.window->prior, 0, 0);
+  EXPECT_EQ((dense_prior(s.window->prior) - before).norm(), 0);
+}
+
+// ---- the first prior ----
+
+TEST(InitialPrior, TellsTiltFromYaw) {
+  SyntheticWindow s = make_window({.state_error = 0.3});
+  Window& w = *s.window;
+  InitialState sigmas;
+  sigmas.sigma_tilt = 0.02;
+  sigmas.sigma_yaw = 0.5;
+  set_initial_prior(w, sigmas, calibration_sigmas());
+  const MatrixXd C = dense_prior(w.prior).inverse();
+  const Mat3 R = w.at(0).x.R;
+  const Mat3 world = R * C.block<3, 3>(3, 3) * R.transpose();
+  const Vec3 expected(0.02 * 0.02, 0.02 * 0.02, 0.5 * 0.5);
+  EXPECT_TRUE(world.isApprox(Mat3(expected.asDiagonal()), 1e-9)) << world;
+  EXPECT_NEAR(C(6, 6), sigmas.sigma_v * sigmas.sigma_v, 1e-12);
+  EXPECT_NEAR(C(15, 15), 25e-6, 1e-12);
+}
+
+}  // namespace
+}  // namespace epiline
