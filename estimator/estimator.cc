@@ -23,7 +23,7 @@ namespace epiline {
 namespace {
 constexpr double kYoungWindow_s = 2;  // more solver steps until the window has seen this much
 constexpr double kGateFree_s = 1;     // no gate until then: a young state may be further off than its tracks
-constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s (estimation.md 2)
+constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3, kSigmaMost = 2;         // px
 constexpr double kLongestStep_s = 5;  // a longer silence of the camera is a new start
@@ -164,7 +164,8 @@ bool Estimator::Impl::append_frame(const TrackedFrame& frame) {
   return window.size() == 1 || whiten(s);
 }
 
-/// Zero motion: at its first success the candidate becomes a keyframe, once, and later frames at rest are tied to it.
+/// Zero motion (docs/derivations/zero_motion.md): at its first success the candidate becomes a keyframe, once, and
+/// later frames at rest are tied to it.
 void Estimator::Impl::attach_rest(const TrackedFrame& frame) {
   const int n = window.size();
   Slot& newest = window.newest();
@@ -340,7 +341,7 @@ std::optional<StartRefusal> Estimator::Impl::start_at_rest(const TrackedFrame& f
   return std::nullopt;
 }
 
-/// Whether the window's posterior is good enough to hand out poses (estimation.md 8).
+/// Whether the window's posterior is good enough to hand out poses (docs/derivations/health.md).
 std::optional<StartRefusal> Estimator::Impl::posterior_refusal(const SolverSummary& s) const {
   const NewestCovariance& C = solver.covariance();
   const NavState& x = window.newest().x;

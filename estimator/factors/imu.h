@@ -13,7 +13,7 @@ struct ImuResidual {
 };
 
 /// Residual at (x_i, x_j). The Jacobian takes positions, rotations and velocities from the linearisation points l_i,
-/// l_j (first estimates, estimation.md 4.6); pass the states themselves for the plain Jacobian.
+/// l_j (first estimates, docs/derivations/imu.md); pass the states themselves for the plain Jacobian.
 void evaluate_imu(const Preintegration& z, const NavState& x_i, const NavState& x_j, const NavState& l_i,
                   const NavState& l_j, ImuResidual& out);
 

@@ -30,7 +30,7 @@ struct Preintegration {
   void integrate(const Vec3& w0, const Vec3& a0, const Vec3& w1, const Vec3& a1, double dt, const ImuNoise& noise);
   /// Delta p, v, R moved to other biases by the first-order Jacobians.
   void corrected(const Vec3& b_a_new, const Vec3& b_g_new, Vec3& p, Vec3& v, Mat3& R) const;
-  /// Appends the interval that follows this one, in closed form (estimation.md section 2).
+  /// Appends the interval that follows this one, in closed form (docs/derivations/imu.md).
   void join(const Preintegration& next);
 };
 

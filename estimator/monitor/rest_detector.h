@@ -1,6 +1,5 @@
 #pragma once
-// Zero motion seen by camera and gyroscope together (estimation.md 6, real_tracks.md 5.2). Derivation:
-// docs/derivations/zero_motion.md.
+// Zero motion seen by camera and gyroscope together. Derivation: docs/derivations/zero_motion.md.
 #include <array>
 #include <cstdint>
 

@@ -181,7 +181,7 @@ double add_prior(const Window& w, const SolverSettings& settings, LinearSystem& 
   return cost;
 }
 
-/// v = 0 and the position of the frame it rests with (estimation.md 6).
+/// v = 0 and the position of the frame it rests with (docs/derivations/zero_motion.md).
 double add_rest(const Window& w, LinearSystem& s) {
   constexpr double wv = 1 / (kRestVelocitySigma * kRestVelocitySigma),
                    wp = 1 / (kRestPositionSigma * kRestPositionSigma);

@@ -9,8 +9,9 @@ struct KeyframeSettings {
   double focal_px = 458;
 };
 
-/// Whether the second newest frame says enough against the frame before it to be kept (estimation.md 5): mean parallax,
-/// lost overlap (compensated rule only), or fewer than 20 common tracks.
+/// Whether the second newest frame says enough against the frame before it to be kept
+/// (docs/derivations/marginalisation.md): mean parallax, lost overlap (compensated rule only), or fewer than 20 common
+/// tracks.
 bool is_keyframe(const Window& window, const KeyframeSettings& settings);
 
 /// Mean angle (in pixels at the focal length) between common bearings of frames j and k, rotation taken out. 0: nothing

@@ -42,7 +42,7 @@ struct Slot {
   HostStamp image_stamp, time;  ///< as the camera said; the same instant on the IMU's clock, as cut
   double time_offset_used = 0;  ///< `time` - `image_stamp`
   NavState x;
-  NavState first;  ///< first estimate, for the Jacobians, once the frame is in the prior (estimation.md 4.6)
+  NavState first;  ///< first estimate, for the Jacobians, once the frame is in the prior
   bool has_first = false;
   Preintegration imu;               ///< from the frame before
   Mat15 L_inverse = Mat15::Zero();  ///< square-root information of `imu`

@@ -95,6 +95,7 @@ TEST_F(MachineHall, IsAccurate) {
   EXPECT_LE(outcome().errors.ate_4dof.rmse, 0.006);
 }
 
+/// docs/derivations/zero_motion.md
 TEST_F(MachineHall, StandsStillWhereTheBodyStands) {
   constexpr HostStamp kBegin{1403636601'000'000'000},
       kEnd{1403636610'500'000'000};  // set down at 599.9, bumped at 610.8

@@ -1,5 +1,5 @@
 // Starts anywhere: a recorded flight begun every half second, six seconds each. How soon is there a pose, how good is
-// it, and does the health say so when it is not?
+// it, and does the health (docs/derivations/health.md) say so when it is not?
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
