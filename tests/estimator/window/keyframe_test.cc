@@ -1,0 +1,98 @@
+// Which frames are kept: parallax, not rotation, and lost overlap.
+#include "estimator/window/keyframe.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "estimator/geometry/so3.h"
+
+namespace epiline {
+namespace {
+
+constexpr KeyframeSettings kCompensated{.rule = KeyframeRule::kCompensatedParallax};
+constexpr KeyframeSettings kRaw{.rule = KeyframeRule::kRawParallax};
+
+struct Pose {
+  Vec3 p = Vec3::Zero();
+  Vec3 turn = Vec3::Zero();
+  int first_point = 0;  ///< sees the points first_point .. first_point + points - 1
+  int points = 60;
+};
+
+/// A window of frames that look along x at points 4 m ahead, the camera sitting in the body as on a robot.
+std::unique_ptr<Window> window_of(std::initializer_list<Pose> poses) {
+  auto w = std::make_unique<Window>(8);
+  w->calibration.R_BC << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+  for (const Pose& pose : poses) {
+    Slot& s = w->append();
+    s.x.p = pose.p;
+    s.x.R = so3_exp(pose.turn);
+    TrackedFrame frame;
+    for (int i = pose.first_point; i < pose.first_point + pose.points; ++i) {
+      const Vec3 P(4, 0.1 * (i % 8) - 0.4, 0.1 * (i / 8 % 8) - 0.4);
+      const Vec3 f = (w->calibration.R_BC.transpose() * s.x.R.transpose() * (P - s.x.p)).normalized();
+      TrackedFeature feature;
+      feature.id = static_cast<std::uint32_t>(i);
+      feature.bearing = {f.x(), f.y(), f.z()};
+      frame.features.push_back(feature);
+    }
+    w->observe(frame);
+  }
+  return w;
+}
+
+TEST(Keyframe, PureRotationMakesNoneUnlessItIsCountedAsParallax) {
+  for (const Vec3& turn : {Vec3(0, 0, 0.1), Vec3(0.1, 0, 0), Vec3(0, -0.2, 0)}) {
+    const auto w = window_of({{}, {.turn = turn}, {}});
+    EXPECT_FALSE(is_keyframe(*w, kCompensated));
+    EXPECT_LT(compensated_parallax_px(*w, 0, 1, 458), 1e-6);
+  }
+  const auto w = window_of({{}, {.turn = Vec3(0, 0, 0.1)}, {}});
+  EXPECT_TRUE(is_keyframe(*w, kRaw));
+}
+
+TEST(Keyframe, TranslationMakesOneBeyondTenPixels) {
+  for (const auto& rule : {kCompensated, kRaw}) {
+    // 4 m away, 458 px: 1 px is 8.7 mm across; turned on the way, it is the same parallax
+    EXPECT_FALSE(is_keyframe(*window_of({{}, {.p = Vec3(0, 0.08, 0)}, {}}), rule));
+    EXPECT_TRUE(is_keyframe(*window_of({{}, {.p = Vec3(0, 0.09, 0)}, {}}), rule));
+  }
+  EXPECT_FALSE(is_keyframe(*window_of({{}, {.p = Vec3(0, 0.08, 0), .turn = Vec3(0, 0, 0.05)}, {}}), kCompensated));
+  EXPECT_TRUE(is_keyframe(*window_of({{}, {.p = Vec3(0, 0.09, 0), .turn = Vec3(0, 0, 0.05)}, {}}), kCompensated));
+}
+
+TEST(Keyframe, MeasuresParallaxInPixels) {
+  int common = 0;
+  const auto w = window_of({{}, {.p = Vec3(0, 0.1, 0), .first_point = 20}});
+  EXPECT_NEAR(compensated_parallax_px(*w, 0, 1, 458, &common), 458 * 0.1 / 4, 0.4);  // off the axis it is less
+  EXPECT_EQ(common, 40);
+  const auto apart = window_of({{}, {.first_point = 100}});
+  EXPECT_EQ(compensated_parallax_px(*apart, 0, 1, 458, &common), 0);
+  EXPECT_EQ(common, 0);
+}
+
+/// Seen by the second newest frame and by the one before it, out of those the former sees.
+TEST(Keyframe, LostOverlapMakesOne) {
+  EXPECT_FALSE(is_keyframe(*window_of({{}, {.first_point = 30}, {}}), kCompensated));  // 30 of 60
+  EXPECT_TRUE(is_keyframe(*window_of({{}, {.first_point = 31}, {}}), kCompensated));   // 29 of 60
+  EXPECT_FALSE(is_keyframe(*window_of({{}, {.first_point = 31}, {}}), kRaw));          // as VINS-Mono has it
+}
+
+TEST(Keyframe, FewerThanTwentyCommonTracksMakeOne) {
+  for (const auto& rule : {kCompensated, kRaw}) {
+    EXPECT_FALSE(is_keyframe(*window_of({{}, {.points = 20}, {}}), rule));
+    EXPECT_TRUE(is_keyframe(*window_of({{}, {.points = 19}, {}}), rule));
+  }
+}
+
+TEST(Keyframe, JudgesTheSecondNewestFrame) {
+  const Pose there{.p = Vec3(0, 0.2, 0)};
+  EXPECT_FALSE(is_keyframe(*window_of({{}, {}, there}), kCompensated));
+  EXPECT_TRUE(is_keyframe(*window_of({{}, there, there}), kCompensated));
+  EXPECT_FALSE(is_keyframe(*window_of({{}, there, there, {}}), kCompensated));  // against its neighbour, not the first
+  EXPECT_TRUE(is_keyframe(*window_of({{}}), kCompensated));                     // nothing to compare with
+}
+
+}  // namespace
+}  // namespace epiline

@@ -1,0 +1,220 @@
+// Bookkeeping of frames and tracks against a naive model that keeps everything in maps; the limits of capacity.
+#include "estimator/window/window.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <map>
+#include <memory>
+#include <set>
+#include <vector>
+
+namespace epiline {
+namespace {
+
+/// A bearing one can recognise again: `tag` is in its x.
+TrackedFeature feature(std::uint32_t id, double tag, float velocity = 1) {
+  TrackedFeature f;
+  f.id = id;
+  f.bearing = {tag, 0, 1};
+  f.velocity_px_s = {velocity, -velocity};
+  return f;
+}
+
+TrackedFrame frame_of(const std::vector<std::uint32_t>& ids, double tag = 0) {
+  TrackedFrame frame;
+  for (const std::uint32_t id : ids) frame.features.push_back(feature(id, tag + id));
+  return frame;
+}
+
+struct Naive {
+  struct Frame {
+    std::uint64_t id;
+    std::map<std::uint32_t, double> seen;  ///< track -> tag
+  };
+  std::vector<Frame> frames;
+  std::set<std::uint32_t> tracks;
+
+  int views(std::uint32_t track) const {
+    int n = 0;
+    for (const Frame& f : frames) n += static_cast<int>(f.seen.count(track));
+    return n;
+  }
+  void prune() {
+    std::erase_if(tracks, [&](std::uint32_t t) {
+      const bool gone = !frames.back().seen.count(t) && views(t) < 2;
+      if (gone)
+        for (Frame& f : frames) f.seen.erase(t);
+      return gone;
+    });
+  }
+};
+
+void expect_same(const Window& w, const Naive& n) {
+  RC_ASSERT(w.size() == static_cast<int>(n.frames.size()));
+  RC_ASSERT(w.track_count() == static_cast<int>(n.tracks.size()));
+  for (int k = 0; k < w.size(); ++k) {
+    RC_ASSERT(w.at(k).id == n.frames[static_cast<std::size_t>(k)].id);
+    RC_ASSERT(w.index_of(w.at(k).id) == k);
+  }
+  for (const std::uint32_t id : n.tracks) {
+    const int i = w.find(id);
+    RC_ASSERT(i >= 0);
+    const TrackRecord& t = w.track(i);
+    RC_ASSERT(t.id == id);
+    RC_ASSERT(w.views(t) == n.views(id));
+    for (int k = 0; k < w.size(); ++k) {
+      const auto& seen = n.frames[static_cast<std::size_t>(k)].seen;
+      const auto it = seen.find(id);
+      RC_ASSERT(w.seen(t, k) == (it != seen.end()));
+      if (it != seen.end()) RC_ASSERT(w.view(t, k).f_C.x() == it->second);
+    }
+  }
+}
+
+RC_GTEST_PROP(Window, KeepsTheSameBooksAsANaiveModel, ()) {
+  const auto w = std::make_unique<Window>(*rc::gen::inRange(3, kMaxFrames + 1));
+  Naive naive;
+  std::set<std::uint64_t> ids;
+  double tag = 0;
+  const int steps = *rc::gen::inRange(1, 60);
+  for (int step = 0; step < steps; ++step) {
+    const int what = *rc::gen::inRange(0, 4);
+    if (what >= 2 && !w->full()) {
+      // ids far apart and ids whose hashes collide (multiples of 2^20)
+      const auto seen = *rc::gen::container<std::set<std::uint32_t>>(
+          rc::gen::oneOf(rc::gen::inRange<std::uint32_t>(0, 30),
+                         rc::gen::map(rc::gen::inRange<std::uint32_t>(0, 8), [](std::uint32_t i) { return i << 20; })));
+      Slot& slot = w->append();
+      RC_ASSERT(ids.insert(slot.id).second);  // never reused
+      RC_ASSERT(!slot.has_first && !slot.at_rest && slot.imu.T == 0);
+      slot.has_first = slot.at_rest = true;  // must not be found in whoever gets this place next
+      slot.imu.T = 1;
+      naive.frames.push_back({slot.id, {}});
+      TrackedFrame frame;
+      for (const std::uint32_t id : seen) {
+        frame.features.push_back(feature(id, ++tag));
+        naive.frames.back().seen[id] = tag;
+        naive.tracks.insert(id);
+      }
+      RC_ASSERT(w->observe(frame) == 0);
+    } else if (what == 1 && w->size() > 1) {
+      const int k = *rc::gen::inRange(0, w->size());
+      w->remove(k);
+      naive.frames.erase(naive.frames.begin() + k);
+    } else if (what == 0 && w->size() > 0) {
+      w->prune();
+      naive.prune();
+      for (std::uint32_t id = 0; id < 40; ++id) RC_ASSERT((w->find(id) >= 0) == (naive.tracks.count(id) > 0));
+    }
+    expect_same(*w, naive);
+  }
+}
+
+TEST(Window, RefusesAndCountsTracksBeyondItsCapacity) {
+  const auto w = std::make_unique<Window>(5);
+  std::uint32_t next = 0;
+  auto fresh = [&](int count) {
+    std::vector<std::uint32_t> ids;
+    for (int i = 0; i < count; ++i) ids.push_back(next++);
+    return frame_of(ids);
+  };
+  w->append();
+  EXPECT_EQ(w->observe(fresh(400)), 0);
+  w->append();
+  EXPECT_EQ(w->observe(fresh(400)), 0);
+  w->append();
+  EXPECT_EQ(w->observe(fresh(400)), 3 * 400 - kMaxTracks);
+  EXPECT_EQ(w->track_count(), kMaxTracks);
+  EXPECT_EQ(w->find(1100), -1);
+  // known tracks are still followed
+  w->append();
+  EXPECT_EQ(w->observe(frame_of({0, 5, 2000}, 0.5)), 1);
+  EXPECT_EQ(w->views(w->track(w->find(5))), 2);
+  EXPECT_EQ(w->view(w->track(w->find(5)), 3).f_C.x(), 5.5);
+  // and there is room again once the others are forgotten
+  w->prune();
+  EXPECT_EQ(w->track_count(), 2);
+  EXPECT_EQ(w->observe(frame_of({2000})), 0);
+}
+
+TEST(Window, StartsAReusedIdAfresh) {
+  const auto w = std::make_unique<Window>(5);
+  w->append();
+  w->observe(frame_of({7}));
+  w->append();
+  w->observe(frame_of({8}));
+  w->prune();
+  EXPECT_EQ(w->find(7), -1);
+  w->append();
+  w->observe(frame_of({7}, 0.25));
+  ASSERT_GE(w->find(7), 0);
+  const TrackRecord& t = w->track(w->find(7));
+  EXPECT_EQ(w->views(t), 1);
+  EXPECT_FALSE(w->seen(t, 0));
+  EXPECT_EQ(w->view(t, 2).f_C.x(), 7.25);
+}
+
+TEST(Window, GivesAFirstImageTheVelocityOfTheSecond) {
+  const auto w = std::make_unique<Window>(5);
+  TrackedFrame first, second;
+  first.features.push_back(feature(1, 0, 0));
+  first.features.push_back(feature(2, 0, 3));
+  second.features.push_back(feature(1, 1, 5));
+  second.features.push_back(feature(2, 1, 6));
+  w->append();
+  w->observe(first);
+  w->append();
+  w->observe(second);
+  EXPECT_EQ(w->view(w->track(w->find(1)), 0).velocity_px_s, Vec2(5, -5));
+  EXPECT_EQ(w->view(w->track(w->find(2)), 0).velocity_px_s, Vec2(3, -3));
+}
+
+TEST(Window, ClearForgetsEverythingButTheCalibration) {
+  const auto w = std::make_unique<Window>(5);
+  w->calibration.time_offset = 0.01;
+  w->prior.frames = 3;
+  const std::uint64_t before = w->append().id;
+  w->observe(frame_of({1, 2, 3}));
+  w->clear();
+  EXPECT_EQ(w->size(), 0);
+  EXPECT_EQ(w->track_count(), 0);
+  EXPECT_EQ(w->find(2), -1);
+  EXPECT_EQ(w->prior.dim(), 0);
+  EXPECT_EQ(w->calibration.time_offset, 0.01);
+  EXPECT_NE(w->append().id, before);
+}
+
+TEST(Calibration, LocalUndoesRetract) {
+  Calibration c;
+  c.R_BC = so3_exp(Vec3(0.3, -1, 2));
+  c.p_BC = Vec3(1, 2, 3);
+  CalibrationTangent d;
+  d << 0.01, 0.2, -0.1, 0.3, 0.5, 0.6, -0.7;
+  Calibration moved = c;
+  retract(moved, d);
+  EXPECT_TRUE(local(c, moved).isApprox(d, 1e-12));
+  EXPECT_TRUE(moved.R_BC.isApprox(c.R_BC * so3_exp(d.segment<3>(1)), 1e-12));
+}
+
+TEST(Window, TakesTheLinearisationPointFromTheFirstEstimate) {
+  const auto w = std::make_unique<Window>(5);
+  for (int k = 0; k < 3; ++k) {
+    Slot& s = w->append();
+    s.x.p = Vec3(k, 0, 0);
+    s.x.v = Vec3(0, k, 0);
+    s.first.p = Vec3(k, 1, 0);
+    s.first.v = Vec3(0, k, 1);
+    s.has_first = k < 2;
+  }
+  EXPECT_EQ(w->linearisation_point(0).p, Vec3(0, 1, 0));
+  EXPECT_EQ(w->linearisation_point(0).v, Vec3(0, 0, 1));
+  EXPECT_EQ(w->linearisation_point(1).p, Vec3(1, 1, 0));
+  EXPECT_EQ(w->linearisation_point(1).v, Vec3(0, 1, 0));  // the prior knows the oldest velocity only
+  EXPECT_EQ(w->linearisation_point(2).p, Vec3(2, 0, 0));
+  w->first_estimates = false;
+  EXPECT_EQ(w->linearisation_point(0).p, Vec3(0, 0, 0));
+}
+
+}  // namespace
+}  // namespace epiline
