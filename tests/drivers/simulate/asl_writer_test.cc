@@ -56,7 +56,13 @@ TEST_F(AslWriter, AReplayReadsBackWhatWasSimulated) {
   EXPECT_TRUE(read->camera.p_BC.isApprox(flight.extrinsics.p_BC, 1e-12));
   EXPECT_EQ(read->imu.noise.gyroscope_density, simulation.imu.noise.gyroscope_density);
   ASSERT_TRUE(read->ground_truth);
-  EXPECT_EQ(read->ground_truth->poses.size(), flight.images.size());
+  ASSERT_EQ(read->ground_truth->poses.size(), flight.images.size());
+  for (std::size_t i = 0; i < flight.images.size(); ++i) {
+    const TimedPose& pose = read->ground_truth->poses[i];
+    ASSERT_EQ(pose.stamp, flight.images[i].stamp_true);
+    ASSERT_TRUE(pose.p_WB.isApprox(flight.images[i].truth.p_WB, 1e-12));
+    ASSERT_TRUE(pose.q_WB.toRotationMatrix().isApprox(flight.images[i].truth.R_WB, 1e-9));
+  }
 }
 
 TEST_F(AslWriter, SaysWhereItCannotWrite) {

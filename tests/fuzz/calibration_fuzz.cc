@@ -1,0 +1,24 @@
+// Any bytes as a calibration file: read, with a camera that can be one, or refused with an error. Never a crash.
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "pipeline/config/calibration.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const std::filesystem::path path =
+      std::filesystem::temp_directory_path() / ("calibration_fuzz_" + std::to_string(getpid()) + ".yaml");
+  std::ofstream(path, std::ios::binary).write(reinterpret_cast<const char*>(data), static_cast<std::streamsize>(size));
+  const auto camera = epiline::read_camera_calibration(path, "cam0");
+  if (camera) {
+    if (camera->parameters.width <= 0 || !(camera->parameters.intrinsics[0] > 0)) std::abort();
+    if (!(std::abs(camera->R_BC.determinant() - 1) < 1e-9)) std::abort();
+  }
+  const auto imu = epiline::read_imu_calibration(path);
+  if (imu && !(imu->noise.gyroscope_density > 0)) std::abort();
+  return 0;
+}
