@@ -34,7 +34,8 @@ int run(int argc, char** argv) {
   const auto commands = app.get_subcommands([](const CLI::App*) { return true; });
   const auto is_named = [&](const CLI::App* command) { return argc > 1 && command->check_name(argv[1]); };
   if (argc > 1 && argv[1][0] != '-' && std::none_of(commands.begin(), commands.end(), is_named)) {
-    return report({ErrorKind::kUsage, "", 0, "unknown command \"" + std::string(argv[1]) + "\"", "one that epiline --help lists"});
+    return report({ErrorKind::kUsage, "", 0, "unknown command \"" + std::string(argv[1]) + "\"",
+                   "one that epiline --help lists"});
   }
   try {
     app.parse(argc, argv);

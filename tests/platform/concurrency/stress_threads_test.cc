@@ -16,7 +16,7 @@ TYPED_TEST_SUITE(RingStress, Rings);
 
 TYPED_TEST(RingStress, EveryElementArrivesOnceWholeAndInOrder) {
   TypeParam ring;
-  constexpr std::uint64_t kCount = 100000;
+  constexpr std::uint64_t kCount = 20000;
   const stress::RingOutcome outcome = stress::through_ring(ring, kCount);
   EXPECT_EQ(outcome.wrong, 0);
   EXPECT_EQ(outcome.received, kCount);
@@ -30,7 +30,7 @@ TYPED_TEST(RingStress, EveryElementArrivesOnceWholeAndInOrder) {
 
 TEST(LatestValueStress, ValuesAreWholeAndNeverOlder) {
   LatestValue<Numbered> box;
-  constexpr std::uint64_t kCount = 200000;
+  constexpr std::uint64_t kCount = 50000;
   const stress::BoxOutcome outcome = stress::through_box(box, kCount);
   EXPECT_EQ(outcome.wrong, 0);
   EXPECT_EQ(outcome.last, kCount);
