@@ -17,6 +17,7 @@ struct Solver::Memory {
   VisualSystem visual;
   alignas(64) double x_v[kMaxFrames][9][16];
   alignas(64) double x_s[kPoseDim][16];
+  double expected_gain;  ///< of the solved step, were the cost quadratic
   NavState backup[kMaxFrames];
   Calibration backup_calibration;
   NewestCovariance covariance;
@@ -253,6 +254,10 @@ bool Solver::factorise_and_solve(const Window& w, double damping) {
   for (int i = 0; i < 6; ++i) m.x_s[i][1 + i] = 1;
   for (int i = 0; i < 9; ++i) m.x_v[n - 1][i][7 + i] = 1;
   kernels_.solve(s, m.x_v, m.x_s);
+  m.expected_gain = 0;
+  for (int i = 0; i < dim; ++i) m.expected_gain += m.x_s[i][0] * s.rhs_s[i];
+  for (int k = 0; k < n; ++k)
+    for (int i = 0; i < 9; ++i) m.expected_gain += m.x_v[k][i][0] * s.rhs_v[k][i];
   return true;
 }
 
@@ -306,6 +311,7 @@ SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const Solve
   // No damping at first: relative to the information of an IMU interval (1e9 1/m^2) even 1e-9 would pin down the
   // position to a few decimetres, which vision and IMU cannot know.
   constexpr double kFirstDamping = 0, kAfterRejection = 1e-4, kNoGain = 1e-3;
+  constexpr double kInsignificant = 0.05;  // of an unknown's variance
   constexpr int kMaxRejections = 4;
   SolverSummary r;
   double damping = kFirstDamping, cost = r.cost_first = linearise(w, visual, settings);
@@ -335,7 +341,10 @@ SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const Solve
     }
     restore(w);
     linearised_here = false;
-    if (trial < cost * (1 + kNoGain) + kNoGain) break;  // as good as converged: the window is where it was
+    // As good as converged: the window is where it was. Without parallax the depths jump and the cost with them; there
+    // the quadratic model tells when a step is far below what is known of the state.
+    if (trial < cost * (1 + kNoGain) + kNoGain) break;
+    if (std::isfinite(trial) && memory_->expected_gain < kInsignificant * 15 * w.size()) break;
     if (++r.rejected >= kMaxRejections || supervisor.time_is_up()) break;
     damping = std::max(damping * 30, kAfterRejection);
     linearise(w, visual, settings);
