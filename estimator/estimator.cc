@@ -33,6 +33,7 @@ constexpr int kStartSteps = 10;
 constexpr double kStartVelocity = 0.2, kStartTilt = 0.035, kStartScale = 0.15;  // m/s, rad, relative
 constexpr double kStartResidual = 1.6;                                          // bearing noise seen over that assumed
 constexpr double kBiasSigmaGyroscope = 0.1, kBiasSigmaAccelerometer = 0.1;      // before the first start
+constexpr double kBiasSigmaGyroscopeKnown = 0.01;                               // before a start after a good run
 
 NewestCovariance covariance_of(const InitialState& s, double sigma_td) {
   NewestCovariance C = NewestCovariance::Zero();
@@ -95,6 +96,8 @@ struct Estimator::Impl {
   Odometry odometry;
   EstimatorStats stats;
 
+  bool any_frame = false;
+  HostStamp last_frame;  ///< solved, predicted or given up
   bool started = false;
   HostStamp started_at;
   double pixel_sigma;
@@ -414,12 +417,14 @@ StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& su
 
 StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& supervisor) {
   ++stats.frames;
+  if (any_frame && frame.stamp <= last_frame) {
+    ++stats.frames_refused;
+    return {};
+  }
+  any_frame = true;
+  last_frame = frame.stamp;
   if (window.size() > 0) {
     const double since = (frame.stamp - window.newest().image_stamp).seconds();
-    if (since <= 0) {
-      ++stats.frames_refused;
-      return {};
-    }
     if (since > kLongestStep_s)
       reset();
     else if (since < 0.75 * config.solve_interval_s)
@@ -471,6 +476,10 @@ void Estimator::Impl::start(const TrackedFrame& frame, const InitialState& state
 
 void Estimator::Impl::reset() {
   if (started) {
+    const HealthState last = odometry.health.state;
+    const bool good = last == HealthState::kTracking || last == HealthState::kDegraded;
+    b_g_known = good ? window.newest().x.b_g : Vec3(Vec3::Zero());
+    b_g_sigma = good ? kBiasSigmaGyroscopeKnown : kBiasSigmaGyroscope;
     ++stats.resets;
     ++odometry.reset_counter;
     const Vec3 p(odometry.p_WB_m.data());
@@ -538,7 +547,7 @@ const EstimatorStats& Estimator::stats() const noexcept {
   return impl_->stats;
 }
 Vec3 Estimator::gyroscope_bias() const noexcept {
-  return impl_->window.size() > 0 ? impl_->window.newest().x.b_g : Vec3(Vec3::Zero());
+  return impl_->window.size() > 0 ? impl_->window.newest().x.b_g : impl_->b_g_known;
 }
 
 const char* to_string(StartRefusal r) {
