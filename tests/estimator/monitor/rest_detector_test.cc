@@ -1,0 +1,118 @@
+// Rest as the camera sees it: how often it is missed, and that a slow drift is not taken for it. Derivation:
+// docs/derivations/zero_motion.md.
+#include "estimator/monitor/rest_detector.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+#include <random>
+
+#include "tests/estimator/synthetic_window.h"
+
+namespace epiline {
+namespace {
+
+struct Scene {
+  int tracks = 100;
+  double noise_px = 0.3;
+  double sigma_px = 0.3;         ///< what the detector is told
+  double rate = 0;               ///< rad/s, what the gyroscope says
+  Vec3 velocity = Vec3::Zero();  ///< m/s, of the camera, in C
+  double depth = 5;
+  double outliers = 0;          ///< share of the features that move by themselves, 40 px/s
+  int renewed_every = 1 << 30;  ///< images after which all tracks get new ids
+};
+
+/// Share of the frames called rest, of those from 1 s on, images at 10 Hz.
+double share_at_rest(const Scene& s, int frames = 400) {
+  const auto detector = std::make_unique<RestDetector>();
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal(0, s.noise_px);
+  std::uniform_real_distribution<double> u(-0.5, 0.5);
+  std::vector<Vec3> points;
+  for (int i = 0; i < s.tracks; ++i) points.push_back(s.depth * Vec3(u(random), u(random), 1));
+  int rest = 0, judged = 0;
+  for (int k = 0; k < frames; ++k) {
+    const double t = 0.1 * k;
+    TrackedFrame frame;
+    frame.stamp = HostStamp{k * 100'000'000LL};
+    for (int i = 0; i < s.tracks; ++i) {
+      Vec3 X = points[static_cast<std::size_t>(i)] - s.velocity * std::fmod(t, 20);
+      if (i < s.outliers * s.tracks) X.x() += s.depth * 40 / kFocal * std::fmod(t, 5);
+      const int id = i + 1000 * (k / s.renewed_every);
+      frame.features.push_back(
+          make_feature(static_cast<std::uint32_t>(id), X, Vec2(normal(random), normal(random)), Vec2::Zero()));
+    }
+    const bool still = detector->update(frame, s.sigma_px, s.rate);
+    if (t < 1) continue;
+    ++judged;
+    rest += still;
+  }
+  return static_cast<double>(rest) / judged;
+}
+
+TEST(RestDetector, SeesRestAtAnyNoiseItIsToldOf) {
+  // sigma has a floor of 0.3 px: better tracks than that must be no trouble
+  EXPECT_EQ(share_at_rest({.noise_px = 0.03, .sigma_px = 0.3}), 1);
+  EXPECT_GT(share_at_rest({.noise_px = 0.3, .sigma_px = 0.3}), 0.98);
+  EXPECT_GT(share_at_rest({.noise_px = 1, .sigma_px = 1}), 0.98);
+}
+
+/// The tests of mean (3.5 sigma) and spread (5.4 for 4) are statistics: flicker. Few tracks make the spread uncertain.
+TEST(RestDetector, MissesRestRarelyAndNotMuchMoreOftenWithFewTracks) {
+  EXPECT_GT(share_at_rest({.tracks = 200}, 2000), 0.99);
+  EXPECT_GT(share_at_rest({.tracks = 50}, 2000), 0.95);
+  EXPECT_GT(share_at_rest({.tracks = 25}, 2000), 0.85);
+}
+
+TEST(RestDetector, IsNotFooledByADriftOfACentimetrePerSecondAtFiveMetres) {
+  EXPECT_EQ(share_at_rest({.velocity = Vec3(0.01, 0, 0)}), 0);
+  EXPECT_EQ(share_at_rest({.noise_px = 0.03, .velocity = Vec3(0, 0.01, 0)}), 0);
+  EXPECT_LT(share_at_rest({.tracks = 150, .noise_px = 1, .sigma_px = 1, .velocity = Vec3(0.01, 0, 0)}), 0.3);
+  EXPECT_EQ(share_at_rest({.velocity = Vec3(0, 0, 0.1)}), 0);  // ahead: the mean stays, the spread grows
+}
+
+TEST(RestDetector, WantsTheGyroscopeToAgree) {
+  EXPECT_GT(share_at_rest({.rate = 0.015}), 0.98);
+  EXPECT_EQ(share_at_rest({.rate = 0.025}), 0);
+}
+
+TEST(RestDetector, OverlooksThingsThatMoveByThemselves) { EXPECT_GT(share_at_rest({.outliers = 0.2}), 0.9); }
+
+TEST(RestDetector, SaysNothingWithoutTwentyCommonTracksOrAnOldImage) {
+  EXPECT_EQ(share_at_rest({.tracks = 19}), 0);
+  EXPECT_GT(share_at_rest({.tracks = 100, .renewed_every = 10}), 0.2);  // some images have one of the same tracks
+  EXPECT_EQ(share_at_rest({.tracks = 100, .renewed_every = 4}), 0);     // none 0.35 s old has
+  EXPECT_EQ(share_at_rest({.tracks = 0}), 0);
+}
+
+TEST(RestDetector, ForgetsWhenCleared) {
+  const auto detector = std::make_unique<RestDetector>();
+  TrackedFrame frame;
+  for (int i = 0; i < 50; ++i)
+    frame.features.push_back(
+        make_feature(static_cast<std::uint32_t>(i), Vec3(0.01 * i, 0, 1), Vec2::Zero(), Vec2::Zero()));
+  bool still = false;
+  auto until = [&](int from, int to) {
+    for (int k = from; k < to; ++k) {
+      frame.stamp = HostStamp{k * 100'000'000LL};
+      still = detector->update(frame, 0.3, 0);
+    }
+  };
+  until(0, 4);
+  EXPECT_FALSE(still);  // 0.3 s are not enough
+  until(4, 5);
+  EXPECT_TRUE(still && detector->images_still());
+  detector->clear();
+  EXPECT_FALSE(detector->images_still());
+  until(5, 9);
+  EXPECT_FALSE(still);
+  until(9, 10);
+  EXPECT_TRUE(still);
+  until(30, 31);
+  EXPECT_FALSE(still);  // the last image is two seconds old
+}
+
+}  // namespace
+}  // namespace epiline
