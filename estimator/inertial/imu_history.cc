@@ -18,8 +18,10 @@ ImuHistory::Push ImuHistory::push(const ImuSample& s) {
     const double dt = (r.stamp - newest().stamp).seconds();
     if (dt < 0) return Push::kOutOfOrder;
     if (dt == 0) return Push::kDuplicate;
-    after_gap_ = period_ > 0 && dt > std::max(kNeverAGap, kGapPeriods * period_);
-    if (!after_gap_) period_ = period_ > 0 ? 0.95 * period_ + 0.05 * dt : dt;
+    const double gap = std::max(kNeverAGap, kGapPeriods * period_);
+    after_gap_ = period_ > 0 && dt > gap;
+    // A gap counts as the shortest one: a period learnt from a burst must be able to grow.
+    period_ = period_ > 0 ? 0.95 * period_ + 0.05 * std::min(dt, gap) : dt;
   }
   readings_[count_++ % kCapacity] = r;
   return Push::kTaken;
