@@ -149,6 +149,7 @@ bool Estimator::Impl::append_frame(const TrackedFrame& frame) {
   Preintegration interval;
   NavState x;
   Vec3 omega = Vec3::Zero();
+  history.propagate(time, time, x, omega);
   if (window.size() > 0) {
     const Slot& last = window.newest();
     x = last.x;

@@ -2,27 +2,15 @@
 
 #include <cmath>
 
+#include "estimator/factors/calibration.h"
+
 namespace epiline {
 
 namespace {
 constexpr double kPaperSigmaPx = 1.5;  // VINS-Mono's, kept by the paper
 
-EpipolarView make_view(const Window& w, const TrackRecord& t, int k) {
-  const Slot& s = w.at(k);
-  const Observation& o = w.view(t, k);
-  EpipolarView v;
-  v.R_WB = s.x.R;
-  v.R_WC = s.x.R * w.calibration.R_BC;
-  v.lever = s.x.R * w.calibration.p_BC;
-  v.c = s.x.p + v.lever;
-  // bearing rate from the pixel rate: f' = chart^T (chart chart^T)^-1 pixel', perpendicular to f
-  const Eigen::Matrix2d JJ = o.chart * o.chart.transpose();
-  const Vec3 fdot = o.chart.transpose() * (JJ.inverse() * o.velocity_px_s);
-  const Vec3 z = o.f_C / o.f_C.z();
-  const Vec3 zdot = (fdot - z * fdot.z()) / o.f_C.z();
-  v.zdot_W = -(v.R_WC * zdot);  // per second of time offset: a later exposure, brought back to the instant of the frame
-  v.z_W = v.R_WC * z + v.zdot_W * (w.calibration.time_offset - s.time_offset_used);
-  return v;
+EpipolarView make_view(const ExposedFrame& f, const Observation& o) {
+  return {f.R_WC * (o.f_C / o.f_C.z()), f.c, f.c - f.p};
 }
 
 void huber(double s, double& rho, double& weight) {
@@ -34,7 +22,7 @@ void add_outer(double* H, const Vec6& a, const Vec6& b, double w) {
   Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(H).noalias() += w * a * b.transpose();
 }
 
-void add_pair(int i, int j, double r, const EpipolarJacobians& J, bool extrinsics, VisualSystem& out) {
+void add_pair(int i, int j, double r, const EpipolarJacobians& J, VisualSystem& out) {
   double rho = 0, w = 0;
   huber(r * r, rho, w);
   out.cost += rho;
@@ -44,19 +32,14 @@ void add_pair(int i, int j, double r, const EpipolarJacobians& J, bool extrinsic
   add_outer(out.H[i][i], J.i, J.i, w);
   add_outer(out.H[j][j], J.j, J.j, w);
   add_outer(out.H[i][j], J.i, J.j, w);
-  const int columns = extrinsics ? kCalibration : 1;
-  for (int c = 0; c < columns; ++c) {
-    Eigen::Map<Vec6>(out.H_ck[i] + 6 * c) += w * J.c[c] * J.i;
-    Eigen::Map<Vec6>(out.H_ck[j] + 6 * c) += w * J.c[c] * J.j;
-    out.b_c[c] -= w * r * J.c[c];
-    for (int d = 0; d < columns; ++d) out.H_cc[kCalibration * c + d] += w * J.c[c] * J.c[d];
-  }
 }
 
 /// All pairs among the first `frames`; with `oldest_only` those that contain frame 0.
 void add_pairs(const Window& w, const VisualSettings& s, int frames, bool oldest_only, VisualSystem& out) {
   clear(out, frames);
   EpipolarView view[kMaxFrames];
+  ExposedFrame exposed[kMaxFrames];
+  for (int k = 0; k < frames; ++k) exposed[k] = exposed_frame(w, k);
   int frame[kMaxFrames];
   for (int i = 0; i < w.track_count(); ++i) {
     const TrackRecord& t = w.track(i);
@@ -64,7 +47,7 @@ void add_pairs(const Window& w, const VisualSettings& s, int frames, bool oldest
     int n = 0;
     for (int k = 0; k < frames; ++k)
       if (w.seen(t, k) && w.view(t, k).f_C.z() > 0.05) {  // z has no meaning sideways and behind
-        view[n] = make_view(w, t, k);
+        view[n] = make_view(exposed[k], w.view(t, k));
         frame[n++] = k;
       }
     if (n < 2) continue;
@@ -73,9 +56,10 @@ void add_pairs(const Window& w, const VisualSettings& s, int frames, bool oldest
       for (int b = a + 1; b < n; ++b) {
         EpipolarJacobians J;
         const double r = epipolar_residual(view[a], view[b], s.focal_px, &J);
-        add_pair(frame[a], frame[b], r, J, s.extrinsics, out);
+        add_pair(frame[a], frame[b], r, J, out);
       }
   }
+  add_calibration(w, frames, s.extrinsics, out);
 }
 }  // namespace
 
@@ -90,9 +74,6 @@ double epipolar_residual(const EpipolarView& i, const EpipolarView& j, double fo
     const Vec3 g_i = scale * j.z_W.cross(n), g_j = scale * n.cross(i.z_W);  // dr/dz_i, dr/dz_j
     J->i << q, i.z_W.cross(g_i) + i.lever.cross(q);
     J->j << -q, j.z_W.cross(g_j) - j.lever.cross(q);
-    J->c[0] = g_i.dot(i.zdot_W) + g_j.dot(j.zdot_W);
-    J->c.segment<3>(1) = i.R_WC.transpose() * i.z_W.cross(g_i) + j.R_WC.transpose() * j.z_W.cross(g_j);
-    J->c.tail<3>() = (i.R_WB - j.R_WB).transpose() * q;
   }
   return r;
 }

@@ -20,16 +20,13 @@ class EpipolarFactor final : public VisualFactorModel {
 
 /// One view as the epipolar residual uses it, all in the world.
 struct EpipolarView {
-  Vec3 z_W;     ///< R_WC (x, y, 1)
-  Vec3 zdot_W;  ///< its change per second of time offset
-  Vec3 c;       ///< camera centre
-  Vec3 lever;   ///< R_WB p_BC
-  Mat3 R_WB, R_WC;
+  Vec3 z_W;    ///< R_WC (x, y, 1)
+  Vec3 c;      ///< camera centre
+  Vec3 lever;  ///< camera centre from the body
 };
 
 struct EpipolarJacobians {
   Vec6 i, j;  ///< (dp, dphi), rotation perturbed in the world
-  CalibrationTangent c;
 };
 
 /// Residual in units of 1.5 px and its Jacobians. A zero baseline gives a zero direction and zero residual.

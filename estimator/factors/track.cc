@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "estimator/factors/calibration.h"
+
 namespace epiline {
 
 struct TrackFactor::Memory {
@@ -34,10 +36,6 @@ void fill_lane(const Window& w, const TrackRecord& t, int frames, double inverse
       d[TrackBatch::kChart + i][lane] = inverse_sigma * o.chart(0, i);
       d[TrackBatch::kChart + 3 + i][lane] = inverse_sigma * o.chart(1, i);
     }
-    // A larger offset puts the exposure later than the instant the frame was cut at: seen from there, the pixel lags
-    // behind.
-    d[TrackBatch::kVelocity][lane] = -inverse_sigma * o.velocity_px_s[0];
-    d[TrackBatch::kVelocity + 1][lane] = -inverse_sigma * o.velocity_px_s[1];
     ++n;
   }
   batch.views[lane] = n;
@@ -49,8 +47,7 @@ void fill_lane(const Window& w, const TrackRecord& t, int frames, double inverse
 void TrackFactor::pack(const Window& w, const VisualSettings& s, std::uint32_t required_mask, int frames) {
   visual_ = s;
   const double inflation2 = s.sigma_inflation * s.sigma_inflation;
-  settings_ = {kDepthDamping, s.cauchy * s.cauchy / inflation2, 1 / inflation2, 1 / inflation2, s.gate, s.inner_steps,
-               s.extrinsics};
+  settings_ = {kDepthDamping, s.cauchy * s.cauchy / inflation2, 1 / inflation2, 1 / inflation2, s.gate, s.inner_steps};
   int n = 0;
   for (int i = 0; i < w.track_count(); ++i) {
     const TrackRecord& t = w.track(i);
@@ -89,22 +86,17 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
   gate_suspended_ = false;
 }
 
-namespace {
-void store(const Mat3& R, double* out) { Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>{out} = R; }
-}  // namespace
-
 void TrackFactor::run(const Window& w, int frames, bool marginal, VisualSystem& out) {
   const Vec3 origin = w.newest().x.p;  // differences of positions stay small far from the start
   for (int k = 0; k < frames; ++k) {
-    const NavState& x = w.at(k).x;
+    const ExposedFrame f = exposed_frame(w, k);
     FrameGeometry& g = memory_->frame[k];
-    store(x.R, g.R_WB);
-    store(x.R * w.calibration.R_BC, g.R_WC);
-    Eigen::Map<Vec3>(g.c) = x.p + x.R * w.calibration.p_BC - origin;
-    Eigen::Map<Vec3>(g.p) = w.linearisation_point(k).p - origin;
-    g.time_offset = w.calibration.time_offset - w.at(k).time_offset_used;
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(g.R_WC) = f.R_WC;
+    Eigen::Map<Vec3>(g.c) = f.c - origin;
+    Eigen::Map<Vec3>(g.p) = f.p_lin - origin;
   }
   kernels_.track(memory_->batch, batches_, memory_->frame, frames, settings_, marginal, memory_->scratch, out);
+  add_calibration(w, frames, visual_.extrinsics, out);
 }
 
 void TrackFactor::linearise(const Window& w, VisualSystem& out) noexcept {

@@ -19,19 +19,17 @@ inline constexpr int kMarginalStride = 160;
 
 /// Eight tracks as a structure of arrays. An absent view is all zeros and drops out of every sum by itself.
 struct alignas(64) TrackBatch {
-  static constexpr int kBearing = 0, kChart = 3, kVelocity = 9, kNumbers = 11;
-  double observation[kMaxFrames][kNumbers]
-                    [kBatchLanes];  ///< f (C), d(whitened pixel)/df row-major, d(whitened pixel)/d time offset
-  double views[kBatchLanes];        ///< how many; 0: an empty lane
-  int first, last;                  ///< frames spanned
+  static constexpr int kBearing = 0, kChart = 3, kNumbers = 9;
+  double observation[kMaxFrames][kNumbers][kBatchLanes];  ///< f (C), d(whitened pixel)/df row-major
+  double views[kBatchLanes];                              ///< how many; 0: an empty lane
+  int first, last;                                        ///< frames spanned
 };
 
 /// Pose of a frame as the track factor needs it; positions relative to one common origin.
 struct FrameGeometry {
-  double R_WC[9], R_WB[9];  ///< row-major
-  double c[3];              ///< camera centre
-  double p[3];              ///< IMU position at the linearisation point (first estimate if the frame is in the prior)
-  double time_offset;       ///< estimate minus the one the frame's time was cut with, s
+  double R_WC[9];  ///< row-major
+  double c[3];     ///< camera centre
+  double p[3];     ///< IMU position at the linearisation point (first estimate if the frame is in the prior)
 };
 
 struct TrackSettings {
@@ -40,7 +38,6 @@ struct TrackSettings {
   double gate_chi2, gate_cost;  ///< a track is gated if chi2 > gate_chi2 (9 dof + 9) and cost > gate_cost (4 dof + 4)
   bool gate;
   int inner_steps;
-  bool extrinsics;  ///< also the six extrinsic columns
 };
 
 /// Normal equations of the visual factors, H delta = b; rotations perturbed in the world frame.
@@ -54,15 +51,10 @@ struct VisualSystem {
   int residuals, tracks, gated;
 };
 
-/// Work space of the track factor: Q_k = C W_k [-rho I, [l]x] for each view, C N_c for the calibration, and sums per
-/// lane.
+/// Work space of the track factor: Q_k = C W_k [-rho I, [l]x] for each view, and sums per lane.
 struct alignas(64) TrackScratch {
   double Q[2][kMaxFrames][kMaxBatches][18][kBatchLanes];  ///< [1]: without the oldest view (marginalisation)
-  double Q_c[2][kMaxBatches][3 * kCalibration][kBatchLanes];
   double D[kMaxFrames][27][kBatchLanes];
-  double D_ck[kMaxFrames][6 * kCalibration][kBatchLanes];
-  double D_cc[28][kBatchLanes];
-  double d_c[kCalibration][kBatchLanes];
   double chi2[kMaxBatches][kBatchLanes];      ///< per track, of the last evaluation
   double accepted[kMaxBatches][kBatchLanes];  ///< 1, or 0 for gated and empty lanes
 };

@@ -57,8 +57,7 @@ void Window::remove(int k) {
 namespace {
 Observation observation(const TrackedFeature& f) {
   return {Vec3(f.bearing.data()),
-          Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data()),
-          Vec2(f.velocity_px_s[0], f.velocity_px_s[1])};
+          Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data())};
 }
 }  // namespace
 
@@ -79,11 +78,6 @@ int Window::observe(const TrackedFrame& frame) {
     }
     TrackRecord& t = records_[static_cast<std::size_t>(i)];
     t.view[slot] = observation(feature);
-    // A track's first image has no velocity of its own: the next one's is the best guess.
-    if (size_ > 1 && seen(t, size_ - 2) && views(t) == 1) {
-      Observation& first = t.view[order_[static_cast<std::size_t>(size_ - 2)]];
-      if (first.velocity_px_s.isZero(0)) first.velocity_px_s = t.view[slot].velocity_px_s;
-    }
     t.mask |= 1u << slot;
   }
   return refused;

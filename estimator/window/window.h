@@ -16,7 +16,6 @@ namespace epiline {
 struct Observation {
   Vec3 f_C;
   Mat23 chart;
-  Vec2 velocity_px_s;
 };
 
 /// A track: which slots saw it, and what they saw.

@@ -44,7 +44,7 @@ struct SyntheticPath {
   }
 };
 
-inline TrackedFeature make_feature(std::uint32_t id, const Vec3& p_C, const Vec2& noise_px, const Vec2& velocity_px_s) {
+inline TrackedFeature make_feature(std::uint32_t id, const Vec3& p_C, const Vec2& noise_px) {
   TrackedFeature f;
   f.id = id;
   const Vec2 z = p_C.head<2>() / p_C.z() + noise_px / kFocal;
@@ -52,7 +52,6 @@ inline TrackedFeature make_feature(std::uint32_t id, const Vec3& p_C, const Vec2
   f.bearing = {b.x(), b.y(), b.z()};
   const double k = kFocal / b.z();
   f.pixel_jacobian = {k, 0, -k * z.x(), 0, k, -k * z.y()};
-  f.velocity_px_s = {static_cast<float>(velocity_px_s.x()), static_cast<float>(velocity_px_s.y())};
   return f;
 }
 
@@ -95,6 +94,7 @@ inline SyntheticWindow make_window(const SyntheticOptions& o) {
     slot.x.p = path.p(t);
     slot.x.v = path.v(t);
     slot.x.R = path.R(t);
+    slot.omega = path.w(t);
     s.truth.push_back(slot.x);
     if (k > 0) {
       slot.imu.reset(Vec3::Zero(), Vec3::Zero());
@@ -116,11 +116,8 @@ inline SyntheticWindow make_window(const SyntheticOptions& o) {
       if ((i + k) % 5 == 4 && i % 2) continue;  // holes in the tracks
       const Vec3 X = in_camera(points[static_cast<std::size_t>(i)], t + o.time_offset);
       if (X.z() < 0.3) continue;
-      const Vec3 X1 = in_camera(points[static_cast<std::size_t>(i)], t + o.time_offset + 1e-4);
-      const Vec2 velocity = kFocal * (X1.head<2>() / X1.z() - X.head<2>() / X.z()) / 1e-4;
       frame.features.push_back(make_feature(static_cast<std::uint32_t>(i), X,
-                                            Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random)),
-                                            velocity));
+                                            Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random))));
     }
     w.observe(frame);
   }

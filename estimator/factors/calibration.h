@@ -1,0 +1,24 @@
+#pragma once
+// Time offset and extrinsics in any visual factor: whatever they do to a camera, some motion of its body does too, so
+// their columns follow from the pose blocks. Derivation: docs/derivations/calibration.md; test:
+// tests/estimator/factors/visual_test.cc.
+#include "estimator/solver/kernels.h"
+#include "estimator/window/window.h"
+
+namespace epiline {
+
+/// Frame k at the exposure, as the present estimate of the time offset places it.
+struct ExposedFrame {
+  Mat3 R_WB, R_WC;
+  Vec3 p;      ///< of the body
+  Vec3 c;      ///< of the camera
+  Vec3 p_lin;  ///< of the body at the Jacobians' linearisation point
+  Vec3 v, omega_W;
+};
+ExposedFrame exposed_frame(const Window& window, int k);
+
+/// Fills H_ck, H_cc and b_c from the pose blocks H and b of the first `frames` frames. Columns: time offset, rotation
+/// of R_BC on the right, p_BC; the extrinsic ones only if asked for, else zero.
+void add_calibration(const Window& window, int frames, bool extrinsics, VisualSystem& system);
+
+}  // namespace epiline
