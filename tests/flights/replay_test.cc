@@ -38,10 +38,7 @@ Outcome replay_all(const std::string& dataset, double shift_images_ms) {
     return {};
   }
   Outcome outcome{.record = std::move(result->record), .errors = {}};
-  // Each pose belongs to when its image was really taken, not to the stamp we gave it.
-  Trajectory trajectory = trajectory_of(outcome.record);
-  for (TimedPose& pose : trajectory.poses) pose.stamp = pose.stamp - Span::from_seconds(1e-3 * shift_images_ms);
-  if (outcome.record.truth) outcome.errors = evaluate(trajectory, *outcome.record.truth);
+  if (outcome.record.truth) outcome.errors = evaluate(trajectory_of(outcome.record), *outcome.record.truth);
   for (const ImageRecord& image : outcome.record.images)
     if (image.has_pose) outcome.time_offset_s = image.time_offset_s;
   return outcome;
