@@ -1,5 +1,6 @@
 // Gradients of both visual factors, of calibration and of the whole window against central differences of the cost; the
-// unobservable directions. Derivations: docs/derivations/track.md, docs/derivations/epipolar.md.
+// unobservable directions. Derivations: docs/derivations/track.md, docs/derivations/epipolar.md,
+// docs/derivations/calibration.md.
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>

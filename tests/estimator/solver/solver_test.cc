@@ -195,11 +195,14 @@ TEST(Solver, LeavesACalibrationThatIsNotEstimatedAlone) {
 
 // ---- explicit points ----
 
-/// Bearing residual of the point X (in W), in sigmas; the model of docs/derivations/track.md written down directly.
-Vec2 bearing_residual(const Observation& o, double inverse_sigma, const NavState& x, const Calibration& c,
-                      double time_offset_used, const Vec3& X) {
-  const Vec3 X_C = c.R_BC.transpose() * (x.R.transpose() * (X - x.p) - c.p_BC);
-  return inverse_sigma * (o.chart * X_C / o.f_C.dot(X_C) + (c.time_offset - time_offset_used) * o.velocity_px_s);
+/// Bearing residual of the point X (in W), in sigmas, with the body moved by its own velocity and rate to the
+/// exposure; the model of docs/derivations/track.md and calibration.md written down directly.
+Vec2 bearing_residual(const Observation& o, double inverse_sigma, const NavState& x, const Vec3& v, const Vec3& omega_B,
+                      const Calibration& c, double time_offset_used, const Vec3& X) {
+  const double dt = c.time_offset - time_offset_used;
+  const Mat3 R = x.R * so3_exp(omega_B * dt);
+  const Vec3 X_C = c.R_BC.transpose() * (R.transpose() * (X - x.p - v * dt) - c.p_BC);
+  return inverse_sigma * (o.chart * X_C / o.f_C.dot(X_C));
 }
 
 /// Central differences of a residual along `dims` directions.
@@ -214,8 +217,12 @@ struct BundleAdjustment {
   const Window& w;
   double inverse_sigma;
 
+  Vec2 residual(const TrackRecord& t, int k, const NavState& pose, const Calibration& c, const Vec3& X) const {
+    const Slot& s = w.at(k);
+    return bearing_residual(w.view(t, k), inverse_sigma, pose, s.x.v, s.omega - s.x.b_g, c, s.time_offset_used, X);
+  }
   Vec2 residual(const TrackRecord& t, int k, const Vec3& X) const {
-    return bearing_residual(w.view(t, k), inverse_sigma, w.at(k).x, w.calibration, w.at(k).time_offset_used, X);
+    return residual(t, k, w.at(k).x, w.calibration, X);
   }
   Eigen::MatrixXd by_point(const TrackRecord& t, int k, const Vec3& X) const {
     return numeric_jacobian(3, [&](int i, double h) { return residual(t, k, X + h * Vec3::Unit(i)); });
@@ -224,14 +231,14 @@ struct BundleAdjustment {
     return numeric_jacobian(6, [&](int i, double h) {
       NavState x = w.at(k).x;
       retract_pose(x, h * Vec6::Unit(i));
-      return bearing_residual(w.view(t, k), inverse_sigma, x, w.calibration, w.at(k).time_offset_used, X);
+      return residual(t, k, x, w.calibration, X);
     });
   }
   Eigen::MatrixXd by_calibration(const TrackRecord& t, int k, const Vec3& X) const {
     return numeric_jacobian(kCalibration, [&](int i, double h) {
       Calibration c = w.calibration;
       retract(c, h * CalibrationTangent::Unit(i));
-      return bearing_residual(w.view(t, k), inverse_sigma, w.at(k).x, c, w.at(k).time_offset_used, X);
+      return residual(t, k, w.at(k).x, c, X);
     });
   }
   /// The point that fits the bearings best at the current poses: rays first, then Gauss-Newton.

@@ -155,21 +155,6 @@ TEST(Window, StartsAReusedIdAfresh) {
   EXPECT_EQ(w->view(t, 2).f_C.x(), 7.25);
 }
 
-TEST(Window, GivesAFirstImageTheVelocityOfTheSecond) {
-  const auto w = std::make_unique<Window>(5);
-  TrackedFrame first, second;
-  first.features.push_back(feature(1, 0, 0));
-  first.features.push_back(feature(2, 0, 3));
-  second.features.push_back(feature(1, 1, 5));
-  second.features.push_back(feature(2, 1, 6));
-  w->append();
-  w->observe(first);
-  w->append();
-  w->observe(second);
-  EXPECT_EQ(w->view(w->track(w->find(1)), 0).velocity_px_s, Vec2(5, -5));
-  EXPECT_EQ(w->view(w->track(w->find(2)), 0).velocity_px_s, Vec2(3, -3));
-}
-
 TEST(Window, ClearForgetsEverythingButTheCalibration) {
   const auto w = std::make_unique<Window>(5);
   w->calibration.time_offset = 0.01;
