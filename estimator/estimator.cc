@@ -108,6 +108,7 @@ struct Estimator::Impl {
   HostStamp last_marginalised;
   bool imu_gap_seen = false;
   Vec3 b_g_known = Vec3::Zero();  ///< the last good gyroscope bias, for a new start
+  double b_g_sigma = kBiasSigmaGyroscope;
   Vec3 p_WB_last = Vec3::Zero();  ///< a new start goes on where the last pose was
   double yaw_last = 0;
 };
@@ -322,7 +323,7 @@ StarterSettings Estimator::Impl::starter_settings() const {
   StarterSettings s;
   s.pixel_sigma = pixel_sigma;
   s.focal_px = config.extrinsics.focal_px;
-  s.b_g_sigma = kBiasSigmaGyroscope;
+  s.b_g_sigma = b_g_sigma;
   s.b_a_sigma = kBiasSigmaAccelerometer;
   s.b_g_reference = b_g_known;
   s.p_WB = p_WB_last;
@@ -482,8 +483,6 @@ void Estimator::Impl::reset() {
     b_g_sigma = good ? kBiasSigmaGyroscopeKnown : kBiasSigmaGyroscope;
     ++stats.resets;
     ++odometry.reset_counter;
-    // the bias outlives what went wrong, if it was plausible; a new start still doubts it as much as the first one did
-    if (const Vec3& b_g = window.newest().x.b_g; b_g.norm() < 3 * kBiasSigmaGyroscope) b_g_known = b_g;
     const Vec3 p(odometry.p_WB_m.data());
     const Mat3 R =
         Eigen::Quaterniond(odometry.q_WB[0], odometry.q_WB[1], odometry.q_WB[2], odometry.q_WB[3]).toRotationMatrix();

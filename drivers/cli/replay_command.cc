@@ -51,7 +51,7 @@ void print_summary(const FlightRecord& r, const std::optional<TrajectoryErrors>&
     fmt::print("start     {:.2f} s after the first image, coverage {:.1f} % since\n", *start,
                100 * coverage(r).value_or(0));
   if (errors && errors->poses > 0) {
-    fmt::print("error     {:.3f} m rms over {:.1f} m (4-DoF alignment), scale {:+.2f} %, yaw drift {:+.2f} deg\n",
+    fmt::print("error     {:.4f} m rms over {:.1f} m (4-DoF alignment), scale {:+.2f} %, yaw drift {:+.2f} deg\n",
                errors->ate_4dof.rmse, errors->path_length_m, 100 * errors->scale_error, errors->yaw_drift_deg);
   }
   if (t.track.count > 0) fmt::print("track     {:.3f} ms mean, {:.3f} ms 99 %\n", t.track.mean, t.track.p99);

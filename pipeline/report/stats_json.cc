@@ -106,8 +106,8 @@ Timing timing_of(const FlightRecord& record) {
     if (image.solved) {
       solve.push_back(image.solve_ms);
       marginalise.push_back(image.marginalise_ms);
+      estimate.push_back(image.estimate_ms);
     }
-    estimate.push_back(image.estimate_ms);
     frame.push_back(image.frame_ms());
   }
   return {summarise(std::move(track)), summarise(std::move(solve)), summarise(std::move(marginalise)),
