@@ -251,7 +251,8 @@ std::string histograms(const FlightRecord& record) {
   std::vector<double> track, solve, estimate;
   for (const ImageRecord& image : record.images) {
     if (record.tracker) track.push_back(image.track_ms);
-    if (image.solved) solve.push_back(image.solve_ms);
+    if (!image.solved) continue;
+    solve.push_back(image.solve_ms);
     estimate.push_back(image.estimate_ms);
   }
   return R"(<div class="three">)" + histogram("track", "c1", timing.track, std::move(track)) +
