@@ -22,7 +22,7 @@ class Search {
  public:
   Search(const StartProblem& problem, StartPath& path) : problem_(problem), path_(path) {}
 
-  void try_from(StartState state) {
+  void try_from(const StartState& state) {
     Candidate c{false, state, 0};
     c.valid = approach(problem_, c.state, path_, c.cost);
     if (c.valid && (!best_.valid || c.cost < best_.cost)) best_ = c;

@@ -49,7 +49,8 @@ bool solve_constrained(const Mat6& A, const Vec6& b, Vec6& x) {
   const Mat3 S = A.bottomRightCorner<3, 3>() - vg.transpose() * vv.solve(vg);
   const Vec3 r = b.tail<3>() - vg.transpose() * vv.solve(b.head<3>());
   const Eigen::SelfAdjointEigenSolver<Mat3> eigen(0.5 * (S + S.transpose()));
-  const Vec3 e = eigen.eigenvalues(), q = eigen.eigenvectors().transpose() * r;
+  const Vec3& e = eigen.eigenvalues();
+  const Vec3 q = eigen.eigenvectors().transpose() * r;
   // |g(mu)| falls from infinity to 0 between mu = -e_min and these bounds; the global minimum is its only crossing.
   double low = -e[0], high = -e[0] + q.norm() / kGravity;
   const auto g_at = [&](double mu) { return Vec3(q.array() / (e.array() + mu)); };

@@ -120,7 +120,7 @@ RigidMotion rigid_motion(const YamlFile& file, const YAML::Node& node) {
 void read_projection(const YamlFile& file, const YAML::Node& map, CameraParameters& camera) {
   const YAML::Node model = file.require(map, {"camera_model"});
   const YAML::Node intrinsics = file.require(map, {"intrinsics"});
-  const std::string name = model.Scalar();
+  const std::string& name = model.Scalar();
   std::vector<double> numbers;
   if (name == "pinhole") {
     numbers = file.numbers(intrinsics, {4}, "fu fv cu cv");
@@ -141,7 +141,7 @@ void read_projection(const YamlFile& file, const YAML::Node& map, CameraParamete
 
 void read_distortion(const YamlFile& file, const YAML::Node& map, CameraParameters& camera) {
   const YAML::Node model = file.require(map, {"distortion_model"});
-  const std::string name = model.Scalar();
+  const std::string& name = model.Scalar();
   const bool sphere = camera.model == CameraModel::kDoubleSphere;
   if (name == "none") return;
   std::vector<double> numbers;
