@@ -25,8 +25,8 @@ struct EstimatorConfig {
   VisualFactor visual_factor = VisualFactor::kTrack;
   int keyframes = 10;             ///< older frames in the window, 2 to 20
   double solve_interval_s = 0.1;  ///< images in between are predicted only
-  int steps = 1;                           ///< accepted solver steps a frame at most
-  int steps_young = 3;                     ///< the same while the window is young or after a rejected step
+  int steps = 1;                  ///< accepted solver steps a frame at most
+  int steps_young = 3;            ///< the same while the window is young or after a rejected step
   // visual noise
   double pixel_sigma = 0.5;          ///< first guess and, if not estimated, the value
   bool estimate_pixel_sigma = true;  ///< from the residuals' median, 0.3 to 2 px

@@ -40,7 +40,7 @@ struct TrackedFeature {
   std::array<float, 2> pixel{};          ///< raw (distorted) pixel, centre of the top left pixel is (0, 0)
   std::array<float, 2> velocity_px_s{};  ///< of `pixel`, from the previous image; zero where age is 0. For display: its
                                          ///< noise is the pixel's own, so the estimator must not use it
-  std::array<double, 3> bearing{};         ///< unit vector in the camera frame C
+  std::array<double, 3> bearing{};       ///< unit vector in the camera frame C
   std::array<double, 6> pixel_jacobian{};  ///< d pixel / d bearing, 2x3 row-major, px; annihilates the bearing
 };
 
