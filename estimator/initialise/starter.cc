@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 
+#include "estimator/initialise/stationary_start.h"
 #include "estimator/window/marginalise.h"
 
 namespace epiline {
@@ -38,18 +39,6 @@ void Starter::collect_tracks(const Window& w) {
 }
 
 namespace {
-/// W <- B_0 with gravity down and B_0's x axis (its y axis, where x is vertical) without yaw.
-Mat3 levelled(const Vec3& g_0) {
-  const Vec3 up = -g_0.normalized();
-  const Vec3 ahead = std::abs(up.x()) < 0.99 ? Vec3::UnitX() : Vec3::UnitY();
-  const Vec3 x = (ahead - ahead.dot(up) * up).normalized();
-  Mat3 R;
-  R.row(0) = x;
-  R.row(1) = up.cross(x);
-  R.row(2) = up;
-  return R;
-}
-
 /// What is known before anything was seen: nothing of attitude and velocity, a little of the biases.
 void set_weak_prior(Window& w, const StarterSettings& s) {
   InitialState sigmas;
@@ -80,7 +69,7 @@ std::optional<StartRefusal> Starter::start_moving(Window& w, const StarterSettin
   problem.b_a_sigma = s.b_a_sigma;
   if (const auto refusal = solve_moving_start(problem, StartLimits{}, m.guess)) return refusal;
   const auto newest = static_cast<std::size_t>(w.size() - 1);
-  Mat3 R_WB0 = levelled(m.guess.state.g_0);
+  Mat3 R_WB0 = levelled(-m.guess.state.g_0.normalized());
   const Vec3 ahead = R_WB0 * m.guess.R[newest].col(0);
   R_WB0 = so3_exp(Vec3(0, 0, s.yaw - std::atan2(ahead.y(), ahead.x()))) * R_WB0;
   const Vec3 p_WB0 = s.p_WB - R_WB0 * m.guess.p[newest];

@@ -11,7 +11,8 @@ namespace {
 
 constexpr double kUnseenMotion = 2e-3;  // rad/s, m/s: what a rest detector may overlook
 
-/// Attitude with `up_B` along world z and the body's x axis (or, where that is vertical, its y axis) without yaw.
+}  // namespace
+
 Mat3 levelled(const Vec3& up_B) {
   const Vec3 ahead = std::abs(up_B.x()) < 0.99 ? Vec3::UnitX() : Vec3::UnitY();
   const Vec3 x = (ahead - ahead.dot(up_B) * up_B).normalized();
@@ -21,8 +22,6 @@ Mat3 levelled(const Vec3& up_B) {
   R_WB.row(2) = up_B;
   return R_WB;
 }
-
-}  // namespace
 
 std::optional<StartRefusal> solve_stationary_start(const RestReadings& rest, const ImuNoise& noise, double b_a_sigma,
                                                    InitialState& state, double force_tolerance) {

@@ -13,6 +13,10 @@ struct RestReadings {
   double duration_s = 0;
 };
 
+/// The attitude R_WB with `up_B` (unit) along world z and the body's x axis (or, where that is vertical, its y axis)
+/// without yaw.
+Mat3 levelled(const Vec3& up_B);
+
 /// Empty: `state` (R_WB with zero yaw, b_g, deviations) is good. kBiasImplausible: the mean force is not gravity within
 /// `force_tolerance` (m/s^2), so either the body accelerates or the accelerometer is broken.
 [[nodiscard]] std::optional<StartRefusal> solve_stationary_start(const RestReadings& rest, const ImuNoise& noise,

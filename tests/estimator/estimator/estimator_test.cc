@@ -89,14 +89,11 @@ class Rig {
     image_.stamp = at(t);
     image_.features.clear();
     std::normal_distribution<double> normal(0, 0.3);  // px
-    constexpr double h = 1e-4;
     for (std::size_t i = 0; features && i < points_.size(); ++i) {
       const Vec3 X = in_camera(points_[i], t);
       if (X.z() < 0.5 || std::abs(X.x()) > 0.8 * X.z() || std::abs(X.y()) > 0.6 * X.z()) continue;
-      const Vec3 X1 = in_camera(points_[i], t + h);
-      const Vec2 velocity = kFocal * (X1.head<2>() / X1.z() - X.head<2>() / X.z()) / h;
       const Vec2 noise(normal(random_), normal(random_));
-      image_.features.push_back(make_feature(static_cast<std::uint32_t>(i), X, noise, velocity));
+      image_.features.push_back(make_feature(static_cast<std::uint32_t>(i), X, noise));
     }
     return image_;
   }
@@ -343,9 +340,9 @@ class Late final : public Supervisor {
 };
 
 TEST(EstimatorDeadline, IsCountedSaidAndSurvived) {
-  // GIVEN an estimator that is always late, so that it takes one step a frame
+  // GIVEN an estimator that wants two steps a frame and is always late, so that it takes one
   Late late;
-  Rig rig({.moving_from = 2}, {});
+  Rig rig({.moving_from = 2}, {.steps = 2});
   rig.supervisor = &late;
   // WHEN it flies
   rig.run_to(6);

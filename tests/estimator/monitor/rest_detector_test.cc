@@ -41,8 +41,7 @@ double share_at_rest(const Scene& s, int frames = 400) {
       Vec3 X = points[static_cast<std::size_t>(i)] - s.velocity * std::fmod(t, 20);
       if (i < s.outliers * s.tracks) X.x() += s.depth * 40 / kFocal * std::fmod(t, 5);
       const int id = i + 1000 * (k / s.renewed_every);
-      frame.features.push_back(
-          make_feature(static_cast<std::uint32_t>(id), X, Vec2(normal(random), normal(random)), Vec2::Zero()));
+      frame.features.push_back(make_feature(static_cast<std::uint32_t>(id), X, Vec2(normal(random), normal(random))));
     }
     const bool still = detector->update(frame, s.sigma_px, s.rate);
     if (t < 1) continue;
@@ -91,8 +90,7 @@ TEST(RestDetector, ForgetsWhenCleared) {
   const auto detector = std::make_unique<RestDetector>();
   TrackedFrame frame;
   for (int i = 0; i < 50; ++i)
-    frame.features.push_back(
-        make_feature(static_cast<std::uint32_t>(i), Vec3(0.01 * i, 0, 1), Vec2::Zero(), Vec2::Zero()));
+    frame.features.push_back(make_feature(static_cast<std::uint32_t>(i), Vec3(0.01 * i, 0, 1), Vec2::Zero()));
   bool still = false;
   auto until = [&](int from, int to) {
     for (int k = from; k < to; ++k) {

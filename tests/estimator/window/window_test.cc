@@ -13,11 +13,10 @@ namespace epiline {
 namespace {
 
 /// A bearing one can recognise again: `tag` is in its x.
-TrackedFeature feature(std::uint32_t id, double tag, float velocity = 1) {
+TrackedFeature feature(std::uint32_t id, double tag) {
   TrackedFeature f;
   f.id = id;
   f.bearing = {tag, 0, 1};
-  f.velocity_px_s = {velocity, -velocity};
   return f;
 }
 
