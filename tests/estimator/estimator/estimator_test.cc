@@ -342,7 +342,9 @@ class Late final : public Supervisor {
 TEST(EstimatorDeadline, IsCountedSaidAndSurvived) {
   // GIVEN an estimator that wants two steps a frame and is always late, so that it takes one
   Late late;
-  Rig rig({.moving_from = 2}, {.steps = 2});
+  EstimatorConfig config;
+  config.steps = 2;
+  Rig rig({.moving_from = 2}, config);
   rig.supervisor = &late;
   // WHEN it flies
   rig.run_to(6);
