@@ -34,8 +34,8 @@ class ImuHistory {
   bool after_gap() const { return after_gap_; }
 
   /// Preintegrates from t0 to t1 at the biases set in `out`; readings are interpolated at both ends, the newest one
-  /// holds beyond the end. Returns false, leaving a plain hold, if and only if no reading lies within half a second of
-  /// the interval.
+  /// holds beyond the end. Returns false, leaving `out` as it was, if and only if the readings end more than half a
+  /// second before t1 or begin as much after t0.
   bool integrate(HostStamp t0, HostStamp t1, const Density& density, Preintegration& out) const;
   /// State moved from t0 to t1 without covariances; `omega`: the rate at t1, bias included.
   void propagate(HostStamp t0, HostStamp t1, NavState& x, Vec3& omega) const;

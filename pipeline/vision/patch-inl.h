@@ -200,8 +200,7 @@ HWY_INLINE void subtract_line(const std::int16_t* grey, float a, float b, std::i
   }
 }
 
-// Keeps corrected gradients below 8191: 4081 + 510 (mean, telescopes along the row) + 0.44 * 8161. Real patches stay
-// far below.
+// Keeps corrected gradients below 8191: 4081 + 510 (mean, telescopes along the row) + 0.44 * 8161.
 constexpr float kMaxSlope = 0.44f;
 
 // Makes the gradients blind to what gain and bias can explain, inverts their matrix.

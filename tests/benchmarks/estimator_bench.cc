@@ -1,5 +1,5 @@
 // Stages of the window solver on a window of the usual size (11 frames, about 290 tracks), each instruction set this
-// machine has; the single-lane plain path does not exist any more, so the slowest set is the yardstick in the same run.
+// machine has; the slowest set is the yardstick in the same run.
 #include <benchmark/benchmark.h>
 
 #include <cstring>
