@@ -7,13 +7,11 @@
 #include <string_view>
 #include <vector>
 
+#include "drivers/simulate/motion.h"
 #include "drivers/simulate/random.h"
 #include "estimator/geometry/types.h"
 
 namespace epiline {
-
-/// Gravity in W, m/s^2.
-inline const Vec3 kGravity_W{0, 0, -9.81};
 
 /// A uniform cubic B-spline of 3-vectors. Twice continuously differentiable.
 class CubicSpline {
@@ -31,14 +29,6 @@ class CubicSpline {
  private:
   double interval_s_ = 1;
   std::vector<Vec3> controls_;
-};
-
-/// What the body does at one instant.
-struct Motion {
-  Vec3 p_WB, v_WB, a_WB;  ///< m, m/s, m/s^2
-  Mat3 R_WB;
-  Vec3 omega_B;                                                                     ///< rad/s
-  Vec3 specific_force_B() const { return R_WB.transpose() * (a_WB - kGravity_W); }  ///< m/s^2
 };
 
 enum class FlightKind : std::uint8_t {
@@ -62,14 +52,14 @@ struct Room {
   double nearest_share = 0.4;             ///< things to see lie between this share of the way to the wall and the wall
 };
 
-class Flight {
+class Flight final : public MotionModel {
  public:
   Flight() = default;
   /// `euler_rad`: roll, pitch, yaw; R_WB = R_z(yaw) R_y(pitch) R_x(roll).
   Flight(CubicSpline position_m, CubicSpline euler_rad, double duration_s, const Room& room);
   /// `t_s` in [0, duration_s()].
-  Motion at(double t_s) const;
-  double duration_s() const { return duration_s_; }
+  Motion at(double t_s) const override;
+  double duration_s() const override { return duration_s_; }
   const Room& room() const { return room_; }
 
  private:

@@ -1,0 +1,27 @@
+#pragma once
+// Where a body is at every instant, as a camera that renders and an IMU that is simulated need it.
+#include "estimator/geometry/types.h"
+
+namespace epiline {
+
+/// Gravity in W, m/s^2.
+inline const Vec3 kGravity_W{0, 0, -9.81};
+
+/// What the body does at one instant.
+struct Motion {
+  Vec3 p_WB, v_WB, a_WB;  ///< m, m/s, m/s^2
+  Mat3 R_WB;
+  Vec3 omega_B;                                                                     ///< rad/s
+  Vec3 specific_force_B() const { return R_WB.transpose() * (a_WB - kGravity_W); }  ///< m/s^2
+};
+
+/// A motion that is smooth in time: positions twice, rotations once continuously differentiable.
+class MotionModel {
+ public:
+  virtual ~MotionModel() = default;
+  /// `t_s` in [0, duration_s()].
+  virtual Motion at(double t_s) const = 0;
+  virtual double duration_s() const = 0;
+};
+
+}  // namespace epiline
