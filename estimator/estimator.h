@@ -1,6 +1,7 @@
 #pragma once
 // The estimator from outside: IMU samples and tracked frames in, odometry out. Mathematics only: no clock, thread, file
 // or, after construction, heap.
+#include <array>
 #include <cstdint>
 #include <memory>
 
@@ -11,6 +12,12 @@
 namespace epiline {
 
 enum class VisualFactor : std::uint8_t { kTrack, kEpipolar };
+/// What they are called outside, in the order of the enum: the one list of all visual factors.
+inline constexpr std::array kVisualFactorNames = {"track", "epipolar"};
+constexpr const char* to_string(VisualFactor factor) noexcept {
+  return kVisualFactorNames[static_cast<std::size_t>(factor)];
+}
+
 enum class KeyframeRule : std::uint8_t { kCompensatedParallax, kRawParallax /* VINS-Mono's */ };
 
 /// Where the camera sits and how it is clocked.

@@ -1,14 +1,14 @@
 #include "drivers/replay/replay.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
-#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <string>
 
 #include "drivers/cli/commands.h"
+#include "drivers/cli/progress_bar.h"
+#include "pipeline/config/config.h"
 #include "pipeline/report/stats_json.h"
 
 namespace epiline {
@@ -20,26 +20,6 @@ struct Options {
   std::string out = "epiline-out", visual_factor;
   double deadline_ms = 0;
   bool quiet = false;
-};
-
-/// A bar on a terminal, nothing elsewhere.
-class ProgressBar {
- public:
-  explicit ProgressBar(bool quiet) : shown_(!quiet && isatty(STDERR_FILENO)) {}
-  void operator()(std::size_t done, std::size_t all) {
-    if (!shown_) return;
-    constexpr std::size_t kWidth = 40;
-    const std::size_t bars = done * kWidth / all;
-    if (bars == last_ && done != all) return;
-    last_ = bars;
-    fmt::print(stderr, "\r[{}{}] {}/{} images", std::string(bars, '='), std::string(kWidth - bars, ' '), done, all);
-    if (done == all) fmt::print(stderr, "\r\033[K");
-    std::fflush(stderr);
-  }
-
- private:
-  bool shown_;
-  std::size_t last_ = 0;
 };
 
 void print_summary(const FlightRecord& r, const std::optional<TrajectoryErrors>& errors, const std::string& out) {
@@ -70,8 +50,7 @@ std::string refusals(const EstimatorStats& stats) {
 }
 
 int replay_command(Options& options) {
-  if (options.visual_factor == "track") options.replay.visual_factor = VisualFactor::kTrack;
-  if (options.visual_factor == "epipolar") options.replay.visual_factor = VisualFactor::kEpipolar;
+  options.replay.visual_factor = visual_factor_from(options.visual_factor);
   if (options.deadline_ms > 0) options.replay.deadline_ms = options.deadline_ms;
   if (std::filesystem::exists(options.out) && !std::filesystem::is_directory(options.out)) {
     return report({ErrorKind::kUsage, options.out, 0, "is no folder", "a folder for the results"});
@@ -103,7 +82,7 @@ void add_replay(CLI::App& app, int& exit_code) {
   command->add_option("--out", o->out, "folder for the results")->capture_default_str();
   command->add_option("--config", o->replay.config_file, "settings (TOML); see epiline config");
   command->add_option("--visual-factor", o->visual_factor, "residual of a track")
-      ->check(CLI::IsMember({"epipolar", "track"}));
+      ->check(CLI::IsMember(kVisualFactorNames));
   command->add_option("--camera", o->replay.camera, "which camera")
       ->check(CLI::IsMember({"cam0", "cam1"}))
       ->capture_default_str();

@@ -65,7 +65,7 @@ class Flight {
     record_.dataset_images = dataset.instants_count();
     record_.dataset_imu_samples = dataset.imu_samples.size();
     record_.truth = dataset.ground_truth;
-    record_.visual_factor = config.estimator.visual_factor == VisualFactor::kTrack ? "track" : "epipolar";
+    record_.visual_factor = to_string(config.estimator.visual_factor);
     record_.keyframes = config.estimator.keyframes;
     if (!dataset.images.empty()) record_.max_features = config.tracker.max_features;
     if (config.deadline_ms > 0) record_.deadline_ms = config.deadline_ms;

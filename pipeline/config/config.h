@@ -1,6 +1,7 @@
 #pragma once
 // Everything that can be set, in one table: struct, TOML check, listing and manual come from it.
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -19,6 +20,8 @@ struct Config {
   std::string camera_calibration;  ///< replaces the data set's file
   std::string imu_calibration;
 };
+
+std::optional<VisualFactor> visual_factor_from(const std::string& name);
 
 /// A setting with a few named values.
 struct Choice {

@@ -1,5 +1,7 @@
 #include "pipeline/config/config.h"
 
+#include <algorithm>
+
 namespace epiline {
 
 namespace {
@@ -7,7 +9,7 @@ namespace {
 constexpr double kNoLimit = 1e12;
 
 Choice visual_factors() {
-  return {{"track", "epipolar"},
+  return {{kVisualFactorNames.begin(), kVisualFactorNames.end()},
           [](const Config& c) { return static_cast<int>(c.estimator.visual_factor); },
           [](Config& c, int i) { c.estimator.visual_factor = static_cast<VisualFactor>(i); }};
 }
@@ -19,6 +21,12 @@ Choice keyframe_rules() {
 }
 
 }  // namespace
+
+std::optional<VisualFactor> visual_factor_from(const std::string& name) {
+  const auto* const found = std::find(kVisualFactorNames.begin(), kVisualFactorNames.end(), name);
+  if (found == kVisualFactorNames.end()) return std::nullopt;
+  return static_cast<VisualFactor>(found - kVisualFactorNames.begin());
+}
 
 #define EPILINE_AT(member) [](Config& c) { return &c.member; }
 
