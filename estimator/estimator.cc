@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "estimator/factors/epipolar.h"
+#include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
 #include "estimator/inertial/imu_history.h"
 #include "estimator/inertial/stationary.h"
@@ -76,7 +77,9 @@ struct Estimator::Impl {
 
   VisualSettings visual_settings() const;
   VisualFactorModel& visual() {
-    return config.visual_factor == VisualFactor::kTrack ? static_cast<VisualFactorModel&>(track) : epipolar;
+    if (config.visual_factor == VisualFactor::kEpipolar) return epipolar;
+    if (config.visual_factor == VisualFactor::kReprojection) return reprojection;
+    return track;
   }
   double window_age_s(HostStamp now) const { return (now - started_at).seconds(); }
 
@@ -87,6 +90,7 @@ struct Estimator::Impl {
   ImuHistory history;
   TrackFactor track;
   EpipolarFactor epipolar;
+  ReprojectionFactor reprojection;
   Solver solver;
   Marginaliser marginaliser;
   RestDetector rest;
@@ -118,6 +122,7 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
       kernel(kernels()),
       window(std::clamp(c.keyframes, 2, kMaxFrames - 1) + 1),
       track(kernel),
+      reprojection(kernel),
       solver(kernel),
       marginaliser(kernel),
       stationary(c.imu),
@@ -214,8 +219,9 @@ SolverSummary Estimator::Impl::solve(Supervisor& supervisor) {
   ++stats.frames_solved;
   stats.iterations += static_cast<std::uint64_t>(s.accepted + s.rejected);
   stats.residuals += static_cast<std::uint64_t>(s.residuals);
-  stats.state_size += static_cast<std::uint64_t>(15 * window.size() + (config.estimate_time_offset ? 1 : 0) +
-                                                 (config.estimate_extrinsics ? 6 : 0));
+  stats.state_size +=
+      static_cast<std::uint64_t>(15 * window.size() + visual().unknowns() + (config.estimate_time_offset ? 1 : 0) +
+                                 (config.estimate_extrinsics ? 6 : 0));
   stats.gated += static_cast<std::uint64_t>(s.gated);
   stats.deadline_hits += s.out_of_time ? 1 : 0;
   stats.gate_suspended += track.gate_suspended() ? 1 : 0;
@@ -369,6 +375,7 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   reintegrate_moved_biases();
   const SolverSettings settings{kStartSteps, config.estimate_time_offset, config.estimate_extrinsics};
   supervisor.phase(Supervisor::Phase::kSolve);
+  visual().restart();
   visual().collect(window, visual_settings());
   const SolverSummary s = solver.optimise(window, visual(), settings, supervisor);
   supervisor.phase(Supervisor::Phase::kNone);

@@ -11,9 +11,9 @@
 
 namespace epiline {
 
-enum class VisualFactor : std::uint8_t { kTrack, kEpipolar };
+enum class VisualFactor : std::uint8_t { kTrack, kEpipolar, kReprojection };
 /// What they are called outside, in the order of the enum: the one list of all visual factors.
-inline constexpr std::array kVisualFactorNames = {"track", "epipolar"};
+inline constexpr std::array kVisualFactorNames = {"track", "epipolar", "reprojection"};
 constexpr const char* to_string(VisualFactor factor) noexcept {
   return kVisualFactorNames[static_cast<std::size_t>(factor)];
 }

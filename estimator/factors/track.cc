@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "estimator/factors/calibration.h"
+#include "estimator/factors/lanes.h"
 
 namespace epiline {
 
@@ -29,13 +30,7 @@ void fill_lane(const Window& w, const TrackRecord& t, int frames, double inverse
   int n = 0;
   for (int k = 0; k < frames; ++k) {
     if (!w.seen(t, k)) continue;
-    const Observation& o = w.view(t, k);
-    double(*d)[kBatchLanes] = batch.observation[k];
-    for (int i = 0; i < 3; ++i) {
-      d[TrackBatch::kBearing + i][lane] = o.f_C[i];
-      d[TrackBatch::kChart + i][lane] = inverse_sigma * o.chart(0, i);
-      d[TrackBatch::kChart + 3 + i][lane] = inverse_sigma * o.chart(1, i);
-    }
+    put_view(w.view(t, k), inverse_sigma, k, lane, batch);
     ++n;
   }
   batch.views[lane] = n;
@@ -70,12 +65,9 @@ void TrackFactor::pack(const Window& w, const VisualSettings& s, std::uint32_t r
   for (int b = 0; b < batches_; ++b) {
     TrackBatch& batch = memory_->batch[b];
     const int begin = b * kBatchLanes, end = std::min(n, begin + kBatchLanes);
-    batch.first = memory_->candidate[begin].first;
-    batch.last = 0;
-    for (int i = begin; i < end; ++i) batch.last = std::max<int>(batch.last, memory_->candidate[i].last);
-    std::memset(batch.observation[batch.first], 0,
-                sizeof batch.observation[0] * static_cast<std::size_t>(batch.last - batch.first + 1));
-    std::memset(batch.views, 0, sizeof batch.views);
+    int last = 0;
+    for (int i = begin; i < end; ++i) last = std::max<int>(last, memory_->candidate[i].last);
+    clear(batch, memory_->candidate[begin].first, last);
     for (int i = begin; i < end; ++i)
       fill_lane(w, w.track(memory_->candidate[i].track), frames, inverse_sigma, i - begin, batch);
   }
@@ -87,14 +79,7 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
 }
 
 void TrackFactor::run(const Window& w, int frames, bool marginal, VisualSystem& out) {
-  const Vec3 origin = w.newest().x.p;  // differences of positions stay small far from the start
-  for (int k = 0; k < frames; ++k) {
-    const ExposedFrame f = exposed_frame(w, k);
-    FrameGeometry& g = memory_->frame[k];
-    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(g.R_WC) = f.R_WC;
-    Eigen::Map<Vec3>(g.c) = f.c - origin;
-    Eigen::Map<Vec3>(g.p) = f.p_lin - origin;
-  }
+  fill_geometry(w, frames, memory_->frame);
   kernels_.track(memory_->batch, batches_, memory_->frame, frames, settings_, marginal, memory_->scratch, out);
   add_calibration(w, frames, visual_.extrinsics, out);
 }

@@ -16,7 +16,7 @@ struct VisualSettings {
   int inner_steps = 4;      ///< of the point inside a track; fewer bias scale on straight flights
 };
 
-/// Turns the window's bearings into normal equations of poses and calibration. No landmark is a state in any of them.
+/// Turns the window's bearings into normal equations of poses and calibration.
 class VisualFactorModel {
  public:
   virtual ~VisualFactorModel() = default;
@@ -29,6 +29,20 @@ class VisualFactorModel {
   /// Robust noise estimate from the last linearisation: the bearing noise, px, that its residuals show; 0: too few
   /// tracks.
   virtual double residual_sigma_px() noexcept { return 0; }
+
+  // Only a factor with unknowns of its own (landmarks: docs/derivations/reprojection.md) has these. The structureless
+  // ones have none, and nothing to do.
+
+  /// How many numbers the factor adds to the state at the last collect().
+  virtual int unknowns() const noexcept { return 0; }
+  /// Remembers its unknowns, for restore().
+  virtual void save() noexcept {}
+  /// The solver has moved the window from where linearise() last saw it: the unknowns' part of that step.
+  virtual void step(const Window& /*moved*/) noexcept {}
+  /// The step is taken back.
+  virtual void restore() noexcept {}
+  /// Forgets its unknowns: the window's states begin anew.
+  virtual void restart() noexcept {}
 };
 
 void clear(VisualSystem& s, int frames);

@@ -1,8 +1,8 @@
 #pragma once
-// The arithmetic of the window solver: the track factor over SIMD lanes, the IMU normal equations and the elimination.
-// Compiled once per instruction set from kernels.inc and chosen at run time; therefore nothing but plain data here, so
-// that no inline function can be emitted with instructions the machine lacks. Derivations: docs/derivations/track.md,
-// docs/derivations/solver.md.
+// The arithmetic of the window solver: the track and the reprojection factor over SIMD lanes, the IMU normal equations
+// and the elimination. Compiled once per instruction set from kernels.inc and chosen at run time; therefore nothing but
+// plain data here, so that no inline function can be emitted with instructions the machine lacks. Derivations:
+// docs/derivations/track.md, docs/derivations/reprojection.md, docs/derivations/solver.md.
 
 namespace epiline {
 
@@ -59,6 +59,18 @@ struct alignas(64) TrackScratch {
   double accepted[kMaxBatches][kBatchLanes];  ///< 1, or 0 for gated and empty lanes
 };
 
+/// Landmarks come in batches of one host each; every host may leave a batch that is not full.
+inline constexpr int kLandmarkBatches = kMaxBatches + kMaxFrames;
+
+/// Work space of the reprojection factor, and what its depths' own step needs.
+struct alignas(64) LandmarkScratch {
+  double q[kMaxFrames][kLandmarkBatches][6][kBatchLanes];  ///< H_rho,k over the root of H_rho,rho, host included
+  double e[kMaxFrames][kLandmarkBatches][3][kBatchLanes];  ///< W_k d_k
+  double D[kMaxFrames][27][kBatchLanes];
+  double gradient[kLandmarkBatches][kBatchLanes];   ///< of the depth: the right-hand side of its own equation
+  double curvature[kLandmarkBatches][kBatchLanes];  ///< H_rho,rho
+};
+
 /// The window's normal equations. Order of elimination: (v, b) newest to oldest, then poses newest first, then
 /// calibration.
 struct alignas(64) LinearSystem {
@@ -77,6 +89,16 @@ struct Kernels {
   /// Linearises the track factors. `marginal`: the information view 0 adds given the others, and nothing else.
   void (*track)(const TrackBatch* batches, int count, const FrameGeometry* frames, int frame_count,
                 const TrackSettings&, bool marginal, TrackScratch&, VisualSystem&);
+  /// Linearises landmarks at the inverse distances `rho` along their hosts' bearings (each batch's `first` frame) and
+  /// eliminates them. Rotations and positions are perturbed about the common origin: q(dp, dphi) = (dp + p x dphi,
+  /// dphi). Curvatures of rho below `damping` are raised to it.
+  void (*landmarks)(const TrackBatch* batches, const double (*rho)[kBatchLanes], int count, const FrameGeometry* frames,
+                    int frame_count, double damping, LandmarkScratch&, VisualSystem&);
+  /// The landmarks' part of a step: changes of rho for cameras moved by `motion` (dc, dphi) from where landmarks() saw
+  /// them.
+  void (*landmark_step)(const TrackBatch* batches, const double (*rho)[kBatchLanes], int count,
+                        const FrameGeometry* frames, const double (*motion)[6], const LandmarkScratch&,
+                        double (*change)[kBatchLanes]);
   /// A = (L J)'(L J), g = -(L J)' L r for a 15x30 IMU Jacobian (rows padded to 32) and lower L (rows of 16); returns |L
   /// r|^2.
   double (*imu)(const double (*L)[16], const double (*J)[32], const double* r, double (*A)[32], double* g);

@@ -262,7 +262,7 @@ bool Solver::factorise_and_solve(const Window& w, double damping) {
 }
 
 /// Applies the solved step. False: it is not finite.
-bool Solver::apply_step(Window& w, const SolverSettings& settings) {
+bool Solver::apply_step(Window& w, VisualFactorModel& visual, const SolverSettings& settings) {
   const Memory& m = *memory_;
   const int n = w.size();
   double sum = 0;
@@ -280,6 +280,7 @@ bool Solver::apply_step(Window& w, const SolverSettings& settings) {
   CalibrationTangent dc;
   for (int c = 0; c < kCalibration; ++c) dc[c] = estimated(settings, c) ? m.x_s[6 * n + c][0] : 0;
   retract(w.calibration, dc);
+  visual.step(w);
   return std::isfinite(sum + dc.sum());
 }
 
@@ -322,12 +323,12 @@ SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const Solve
       r.out_of_time = true;
       break;
     }
-    save(w);
+    save(w, visual);
     double trial = std::numeric_limits<double>::infinity();
     if (factorise_and_solve(w, damping)) {
       covariance_fresh = damping == kFirstDamping;
       if (covariance_fresh) read_covariance(w, settings);
-      if (apply_step(w, settings)) trial = linearise(w, visual, settings);
+      if (apply_step(w, visual, settings)) trial = linearise(w, visual, settings);
       ++r.linearisations;
     }
     if (trial <= cost * (1 + 1e-6) + 1e-6) {
@@ -339,7 +340,7 @@ SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const Solve
       if (r.accepted >= 2 && gain < kNoGain * std::abs(cost) + kNoGain) break;
       continue;
     }
-    restore(w);
+    restore(w, visual);
     linearised_here = false;
     // As good as converged: the window is where it was. Without parallax the depths jump and the cost with them; there
     // the quadratic model tells when a step is far below what is known of the state.
@@ -363,14 +364,16 @@ SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const Solve
   return r;
 }
 
-void Solver::save(const Window& w) {
+void Solver::save(const Window& w, VisualFactorModel& visual) {
   for (int k = 0; k < w.size(); ++k) memory_->backup[k] = w.at(k).x;
   memory_->backup_calibration = w.calibration;
+  visual.save();
 }
 
-void Solver::restore(Window& w) {
+void Solver::restore(Window& w, VisualFactorModel& visual) {
   for (int k = 0; k < w.size(); ++k) w.at(k).x = memory_->backup[k];
   w.calibration = memory_->backup_calibration;
+  visual.restore();
 }
 
 }  // namespace epiline

@@ -45,9 +45,9 @@ class Solver {
  private:
   struct Memory;
   bool factorise_and_solve(const Window& window, double damping);
-  bool apply_step(Window& window, const SolverSettings& settings);
-  void save(const Window& window);
-  void restore(Window& window);
+  bool apply_step(Window& window, VisualFactorModel& visual, const SolverSettings& settings);
+  void save(const Window& window, VisualFactorModel& visual);
+  void restore(Window& window, VisualFactorModel& visual);
   void read_covariance(const Window& window, const SolverSettings& settings);
 
   const Kernels& kernels_;

@@ -83,6 +83,8 @@ std::optional<Variant> variant_from(const std::string& text) {
   std::getline(stream, part, ':');
   if (part == "epipolar") {
     variant.factor = VisualFactor::kEpipolar;
+  } else if (part == "reprojection") {
+    variant.factor = VisualFactor::kReprojection;
   } else if (part != "track") {
     return std::nullopt;
   }

@@ -173,7 +173,7 @@ EstimatorConfig comparison_config(VisualFactor factor, const TrackSimulation& si
   config.gyroscope_density_factor = config.accelerometer_density_factor = 1;
   config.extrinsics = true_extrinsics(simulation);
   config.estimate_time_offset = false;
-  if (factor == VisualFactor::kEpipolar) {
+  if (factor != VisualFactor::kTrack) {
     config.keyframe_rule = KeyframeRule::kRawParallax;
     config.zero_motion = false;
     config.gate = false;

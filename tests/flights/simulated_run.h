@@ -23,7 +23,7 @@ struct RunFigures {
 };
 
 /// The configuration that compares factors: every frame solved, noise and calibration known. The epipolar factor is the
-/// paper's: VINS-Mono's keyframe rule, no zero-motion factor, no gate.
+/// paper's, the reprojection factor VINS-Mono's: with its keyframe rule, no zero-motion factor, no gate.
 EstimatorConfig comparison_config(VisualFactor factor, const TrackSimulation& simulation);
 
 /// Starts the estimator in the first image from the truth plus a random error (`seed`) of the standard deviations of

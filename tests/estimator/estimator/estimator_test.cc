@@ -360,7 +360,7 @@ TEST(EstimatorDeadline, IsCountedSaidAndSurvived) {
 
 TEST(EstimatorMemory, NeverAsksForMoreAfterConstruction) {
   if (!allocation_counting_available()) GTEST_SKIP() << "heap calls are not counted in this build";
-  for (const VisualFactor factor : {VisualFactor::kTrack, VisualFactor::kEpipolar})
+  for (const VisualFactor factor : {VisualFactor::kTrack, VisualFactor::kEpipolar, VisualFactor::kReprojection})
     for (const double moving_from : {-2.0, 1.5}) {
       EstimatorConfig config;
       config.visual_factor = factor;

@@ -1,11 +1,12 @@
-// Gradients of both visual factors, of calibration and of the whole window against central differences of the cost; the
+// Gradients of the visual factors, of calibration and of the whole window against central differences of the cost; the
 // unobservable directions. Derivations: docs/derivations/track.md, docs/derivations/epipolar.md,
-// docs/derivations/calibration.md.
+// docs/derivations/reprojection.md, docs/derivations/calibration.md.
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
 
 #include "estimator/factors/epipolar.h"
+#include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
 #include "tests/estimator/synthetic_window.h"
 
@@ -23,16 +24,35 @@ VisualSettings smooth_settings() {
   return s;
 }
 
+/// Reprojection with its depths converged: a function of the poses alone, as the other factors are.
+class ConvergedReprojection final : public VisualFactorModel {
+ public:
+  void collect(const Window& w, const VisualSettings& s) noexcept override { factor_.collect(w, s); }
+  void linearise(const Window& w, VisualSystem& out) noexcept override {
+    for (int i = 0; i < 12; ++i) {
+      factor_.linearise(w, out);
+      factor_.step(w);  // no camera moves: the depths alone
+    }
+    factor_.linearise(w, out);
+  }
+  void marginalise_oldest(const Window&, const VisualSettings&, VisualSystem&) noexcept override {}
+
+ private:
+  ReprojectionFactor factor_{kernels()};
+};
+
 class Gradient : public testing::TestWithParam<const char*> {
  protected:
   std::unique_ptr<VisualFactorModel> make() {
     if (std::string(GetParam()) == "epipolar") return std::make_unique<EpipolarFactor>();
+    if (std::string(GetParam()) == "reprojection") return std::make_unique<ConvergedReprojection>();
     return std::make_unique<TrackFactor>(*kernels_named(GetParam()));
   }
 };
 
 TEST_P(Gradient, MatchesCentralDifferencesOfTheCost) {
-  if (std::string(GetParam()) != "epipolar" && !kernels_named(GetParam())) GTEST_SKIP() << "not on this machine";
+  const std::string name = GetParam();
+  if (name != "epipolar" && name != "reprojection" && !kernels_named(GetParam())) GTEST_SKIP() << "not on this machine";
   SyntheticWindow s = make_window({});
   Window& w = *s.window;
   w.calibration.time_offset = 2e-3;
@@ -82,7 +102,7 @@ TEST_P(Gradient, MatchesCentralDifferencesOfTheCost) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Factors, Gradient, testing::Values("sse", "avx2", "avx512", "epipolar"));
+INSTANTIATE_TEST_SUITE_P(Factors, Gradient, testing::Values("sse", "avx2", "avx512", "epipolar", "reprojection"));
 
 TEST(TrackFactor, LeavesTranslationAndYawUnobservable) {
   SyntheticWindow s = make_window({.pixel_noise = 1});

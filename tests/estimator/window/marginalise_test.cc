@@ -7,6 +7,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "estimator/factors/epipolar.h"
+#include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
 #include "tests/estimator/dense_system.h"
 #include "tests/estimator/synthetic_window.h"
@@ -258,19 +259,17 @@ TEST(Marginalisation, TakesTheFrameOutAndFreezesTheOthers) {
   EXPECT_TRUE(w.at(1).at_rest);
 }
 
-class Models : public testing::TestWithParam<bool> {};
+class Models : public testing::TestWithParam<VisualFactor> {};
 
 /// Ten rounds through a small window, as a flight does it.
 TEST_P(Models, PriorStaysPositive) {
   SyntheticWindow s = make_window({.frames = 20});
   Window& w = *s.window;
   set_initial_prior(w, {}, calibration_sigmas());
-  w.first_estimates = GetParam();
-  std::unique_ptr<VisualFactorModel> factor;
-  if (GetParam())
-    factor = std::make_unique<TrackFactor>(kernels());
-  else
-    factor = std::make_unique<EpipolarFactor>();
+  w.first_estimates = GetParam() == VisualFactor::kTrack;
+  std::unique_ptr<VisualFactorModel> factor = std::make_unique<TrackFactor>(kernels());
+  if (GetParam() == VisualFactor::kEpipolar) factor = std::make_unique<EpipolarFactor>();
+  if (GetParam() == VisualFactor::kReprojection) factor = std::make_unique<ReprojectionFactor>(kernels());
   Marginaliser marginaliser(kernels());
   for (int round = 0; round < 15; ++round) {
     factor->collect(w, settings());
@@ -282,8 +281,9 @@ TEST_P(Models, PriorStaysPositive) {
   EXPECT_EQ(w.size(), 5);
 }
 
-INSTANTIATE_TEST_SUITE_P(Factors, Models, testing::Values(true, false),
-                         [](const auto& model) { return model.param ? "track" : "epipolar"; });
+INSTANTIATE_TEST_SUITE_P(Factors, Models,
+                         testing::Values(VisualFactor::kTrack, VisualFactor::kEpipolar, VisualFactor::kReprojection),
+                         [](const auto& model) { return to_string(model.param); });
 
 // ---- the calibration's random walk ----
 

@@ -1,5 +1,6 @@
 #include "pipeline/config/config.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <set>
@@ -18,6 +19,18 @@ TEST(Config, PrintedDefaultsReadBackAsThemselves) {
   config.estimator.visual_factor = VisualFactor::kEpipolar;
   file->apply(config);
   EXPECT_EQ(to_toml(config), text);
+}
+
+TEST(Config, EveryVisualFactorIsReadByTheNameItPrints) {
+  for (const VisualFactor factor : {VisualFactor::kTrack, VisualFactor::kEpipolar, VisualFactor::kReprojection}) {
+    const std::string text = fmt::format("[estimator]\nvisual_factor = \"{}\"\n", to_string(factor));
+    const auto file = ConfigFile::parse(text, "f.toml");
+    ASSERT_TRUE(file) << file.error().text();
+    Config config;
+    file->apply(config);
+    EXPECT_EQ(config.estimator.visual_factor, factor);
+    EXPECT_NE(to_toml(config).find(text.substr(text.find('\n') + 1)), std::string::npos);
+  }
 }
 
 TEST(Config, EveryParameterIsNamedOnceAndHasItsDefaultInRange) {
@@ -60,20 +73,20 @@ TEST_P(BadConfig, NamesFileLineAndExpectation) {
 
 INSTANTIATE_TEST_SUITE_P(
     All, BadConfig,
-    testing::Values(BadFile{"[estimator]\n\nkeyframes = 21\n",
-                            "f.toml:3: estimator.keyframes = 21; expected an integer from 2 to 20"},
-                    BadFile{"[estimator]\nkeyframes = 7.5\n",
-                            "f.toml:2: estimator.keyframes = 7.5; expected an integer"},
-                    BadFile{"[estimator]\ncauchy = \"wide\"\n",
-                            "f.toml:2: estimator.cauchy = \"wide\"; expected a number from 0.1 to 100"},
-                    BadFile{"[estimator]\ncauchy = nan\n", "f.toml:2: estimator.cauchy = nan; expected a number"},
-                    BadFile{"[estimator]\ngate = 1\n", "f.toml:2: estimator.gate = 1; expected true or false"},
-                    BadFile{"[estimator]\nvisual_factor = \"none\"\n",
-                            "f.toml:2: estimator.visual_factor = \"none\"; expected \"track\" or \"epipolar\""},
-                    BadFile{"[estimator]\nkeyframe = 7\n", "f.toml:2: unknown key \"estimator.keyframe\""},
-                    BadFile{"[estimatr]\nkeyframes = 7\n", "f.toml:1: unknown section \"estimatr\""},
-                    BadFile{"estimator = 3\n", "f.toml:1: \"estimator\" is no section"},
-                    BadFile{"[estimator]\nkeyframes = \n", "f.toml:2: "}));
+    testing::Values(
+        BadFile{"[estimator]\n\nkeyframes = 21\n",
+                "f.toml:3: estimator.keyframes = 21; expected an integer from 2 to 20"},
+        BadFile{"[estimator]\nkeyframes = 7.5\n", "f.toml:2: estimator.keyframes = 7.5; expected an integer"},
+        BadFile{"[estimator]\ncauchy = \"wide\"\n",
+                "f.toml:2: estimator.cauchy = \"wide\"; expected a number from 0.1 to 100"},
+        BadFile{"[estimator]\ncauchy = nan\n", "f.toml:2: estimator.cauchy = nan; expected a number"},
+        BadFile{"[estimator]\ngate = 1\n", "f.toml:2: estimator.gate = 1; expected true or false"},
+        BadFile{"[estimator]\nvisual_factor = \"none\"\n",
+                "f.toml:2: estimator.visual_factor = \"none\"; expected \"track\" or \"epipolar\" or \"reprojection\""},
+        BadFile{"[estimator]\nkeyframe = 7\n", "f.toml:2: unknown key \"estimator.keyframe\""},
+        BadFile{"[estimatr]\nkeyframes = 7\n", "f.toml:1: unknown section \"estimatr\""},
+        BadFile{"estimator = 3\n", "f.toml:1: \"estimator\" is no section"},
+        BadFile{"[estimator]\nkeyframes = \n", "f.toml:2: "}));
 
 }  // namespace
 }  // namespace epiline

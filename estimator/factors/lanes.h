@@ -1,0 +1,24 @@
+#pragma once
+// How frames and bearings are laid out for the kernels that take eight tracks at a time.
+#include "estimator/window/window.h"
+
+namespace epiline {
+
+/// Writes one view into a lane; `inverse_sigma` whitens its chart.
+inline void put_view(const Observation& o, double inverse_sigma, int frame, int lane, TrackBatch& batch) {
+  double(*d)[kBatchLanes] = batch.observation[frame];
+  for (int i = 0; i < 3; ++i) {
+    d[TrackBatch::kBearing + i][lane] = o.f_C[i];
+    d[TrackBatch::kChart + i][lane] = inverse_sigma * o.chart(0, i);
+    d[TrackBatch::kChart + 3 + i][lane] = inverse_sigma * o.chart(1, i);
+  }
+}
+
+/// No views from frame `first` to `last`, no tracks.
+void clear(TrackBatch& batch, int first, int last);
+
+/// The first `frames` frames at their exposure, relative to the newest body's position, so that differences of
+/// positions stay small far from the start.
+void fill_geometry(const Window& window, int frames, FrameGeometry* out);
+
+}  // namespace epiline

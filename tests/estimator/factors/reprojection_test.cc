@@ -1,0 +1,416 @@
+// The reprojection factor against the same problem written down directly, its depths explicit and its Jacobians
+// numerical; what becomes of depths from frame to frame. Derivation: docs/derivations/reprojection.md.
+#include "estimator/factors/reprojection.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+
+#include "estimator/window/marginalise.h"
+#include "tests/estimator/dense_system.h"
+#include "tests/estimator/synthetic_window.h"
+
+namespace epiline {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+VisualSettings settings() {
+  VisualSettings s;
+  s.extrinsics = true;
+  return s;
+}
+
+// ---- the problem with explicit depths ----
+
+/// A pinhole camera's centre and attitude when it took frame k.
+struct Camera {
+  Mat3 R;
+  Vec3 c;
+};
+Camera camera(const Window& w, int k) {
+  const Slot& s = w.at(k);
+  const double dt = w.calibration.time_offset - s.time_offset_used;
+  const Mat3 R = s.x.R * so3_exp((s.omega - s.x.b_g) * dt);
+  return {R * w.calibration.R_BC, s.x.p + s.x.v * dt + R * w.calibration.p_BC};
+}
+
+/// Unknowns: poses 0..frames-1 (dp, then dphi in the world), calibration, one inverse distance a landmark.
+class Explicit {
+ public:
+  /// `oldest_only`: the landmarks that frame 0 hosts.
+  Explicit(Window& w, ReprojectionFactor& factor, int frames, bool oldest_only = false) : w_(w), frames_(frames) {
+    for (int i = 0; i < w.track_count(); ++i) {
+      std::vector<int> views;
+      for (int k = 0; k < frames; ++k)
+        if (w.seen(w.track(i), k)) views.push_back(k);
+      if (views.size() < 2 || (oldest_only && views[0] != 0)) continue;
+      tracks_.push_back(i);
+      views_.push_back(views);
+      rho.push_back(factor.landmark(i).inverse_distance);
+    }
+    const int total = states() + static_cast<int>(rho.size());
+    H = MatrixXd::Zero(total, total);
+    b = VectorXd::Zero(total);
+    for (std::size_t i = 0; i < rho.size(); ++i)
+      for (std::size_t v = 1; v < views_[i].size(); ++v) add(i, v);
+  }
+
+  int states() const { return 6 * frames_ + kCalibration; }
+  int landmarks() const { return static_cast<int>(rho.size()); }
+  int track(int i) const { return tracks_[static_cast<std::size_t>(i)]; }
+
+  /// Without the depths.
+  MatrixXd reduced_H() const {
+    const int n = states(), m = landmarks();
+    return H.topLeftCorner(n, n) - H.topRightCorner(n, m) * depth_H().inverse() * H.bottomLeftCorner(m, n);
+  }
+  VectorXd reduced_b() const {
+    return b.head(states()) - H.topRightCorner(states(), landmarks()) * depth_H().inverse() * b.tail(landmarks());
+  }
+
+  MatrixXd H;
+  VectorXd b;
+  double cost = 0;
+  std::vector<double> rho;
+
+ private:
+  MatrixXd depth_H() const { return H.bottomRightCorner(landmarks(), landmarks()); }
+
+  Vec2 residual(std::size_t i, std::size_t v) const {
+    const TrackRecord& t = w_.track(tracks_[i]);
+    const int h = views_[i][0], k = views_[i][v];
+    const Camera host = camera(w_, h), other = camera(w_, k);
+    const Vec3 X = host.c + host.R * w_.view(t, h).f_C / rho[i];
+    const Vec3 X_C = other.R.transpose() * (X - other.c);
+    const Observation& o = w_.view(t, k);
+    return o.chart * X_C / o.f_C.dot(X_C) / 1.5;
+  }
+
+  void add(std::size_t i, std::size_t v) {
+    constexpr double h = 1e-5;
+    MatrixXd J = MatrixXd::Zero(2, H.cols());
+    auto difference = [&](int column, auto&& set) {
+      Vec2 r[2];
+      for (int side = 0; side < 2; ++side) r[side] = set(side ? -h : h);
+      J.col(column) = (r[0] - r[1]) / (2 * h);
+    };
+    for (const int k : {views_[i][0], views_[i][v]})
+      for (int c = 0; c < 6; ++c)
+        difference(6 * k + c, [&](double d) {
+          NavState& x = w_.at(k).x;
+          const NavState keep = x;
+          if (c < 3)
+            x.p[c] += d;
+          else
+            x.R = so3_exp(d * Vec3::Unit(c - 3)) * x.R;
+          const Vec2 r = residual(i, v);
+          x = keep;
+          return r;
+        });
+    for (int c = 0; c < kCalibration; ++c)
+      difference(6 * frames_ + c, [&](double d) {
+        const Calibration keep = w_.calibration;
+        retract(w_.calibration, d * CalibrationTangent::Unit(c));
+        const Vec2 r = residual(i, v);
+        w_.calibration = keep;
+        return r;
+      });
+    difference(states() + static_cast<int>(i), [&](double d) {
+      const double keep = rho[i];
+      rho[i] += d;
+      const Vec2 r = residual(i, v);
+      rho[i] = keep;
+      return r;
+    });
+    const Vec2 r = residual(i, v);
+    const double length = r.norm(), weight = length <= 1 ? 1 : 1 / length;
+    cost += length <= 1 ? length * length : 2 * length - 1;
+    H += weight * J.transpose() * J;
+    b -= weight * J.transpose() * r;
+  }
+
+  Window& w_;
+  int frames_;
+  std::vector<int> tracks_;
+  std::vector<std::vector<int>> views_;
+};
+
+MatrixXd dense(const VisualSystem& v, int frames) {
+  const int c = 6 * frames;
+  MatrixXd H = MatrixXd::Zero(c + kCalibration, c + kCalibration);
+  for (int k = 0; k < frames; ++k) {
+    for (int l = k; l < frames; ++l)
+      H.block<6, 6>(6 * k, 6 * l) = Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(v.H[k][l]);
+    for (int j = 0; j < kCalibration; ++j) H.block<6, 1>(6 * k, c + j) = Eigen::Map<const Vec6>(v.H_ck[k] + 6 * j);
+  }
+  H.bottomRightCorner<kCalibration, kCalibration>() =
+      Eigen::Map<const Eigen::Matrix<double, kCalibration, kCalibration, Eigen::RowMajor>>(v.H_cc);
+  return H.selfadjointView<Eigen::Upper>();
+}
+
+VectorXd dense_rhs(const VisualSystem& v, int frames) {
+  VectorXd b(6 * frames + kCalibration);
+  for (int k = 0; k < frames; ++k) b.segment<6>(6 * k) = Eigen::Map<const Vec6>(v.b[k]);
+  b.tail<kCalibration>() = Eigen::Map<const CalibrationTangent>(v.b_c);
+  return b;
+}
+
+/// Largest difference of two matrices whose unknowns differ in unit, relative to the diagonal of the second.
+double scaled_difference(const MatrixXd& a, const MatrixXd& b) {
+  const VectorXd unit = b.diagonal().cwiseSqrt().cwiseInverse();
+  return (unit.asDiagonal() * (a - b) * unit.asDiagonal()).cwiseAbs().maxCoeff();
+}
+
+class Sets : public testing::TestWithParam<const char*> {};
+
+/// Good and wild bearings (Huber's weights), wrong depths, the clock off: cost, H and b with the depths eliminated.
+TEST_P(Sets, LinearisationIsTheSchurComplementOfExplicitDepths) {
+  const Kernels* set = kernels_named(GetParam());
+  if (!set) GTEST_SKIP() << "not on this machine";
+  for (const double noise : {0.5, 4.0}) {
+    SyntheticWindow s = make_window({.frames = 6, .tracks = 37, .pixel_noise = noise, .state_error = 0.01});
+    Window& w = *s.window;
+    w.calibration.time_offset = 2e-3;
+    ReprojectionFactor factor(*set);
+    const auto system = std::make_unique<VisualSystem>();
+    factor.collect(w, settings());
+    for (int i = 0; i < w.track_count(); ++i) factor.landmark(i).inverse_distance *= 1 + 0.05 * std::sin(i);
+    factor.linearise(w, *system);
+    const Explicit reference(w, factor, w.size());
+    EXPECT_EQ(system->tracks, reference.landmarks());
+    EXPECT_EQ(factor.unknowns(), reference.landmarks());
+    EXPECT_NEAR(system->cost, reference.cost, 1e-10 * reference.cost);
+    const MatrixXd H = reference.reduced_H();
+    EXPECT_LT(scaled_difference(dense(*system, w.size()), H), 1e-7);
+    const VectorXd unit = H.diagonal().cwiseSqrt().cwiseInverse(), b = reference.reduced_b();
+    EXPECT_LT((unit.asDiagonal() * (dense_rhs(*system, w.size()) - b)).norm(), 1e-7 * (unit.asDiagonal() * b).norm());
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(InstructionSets, Sets, testing::Values("sse", "avx2", "avx512", "neon", "generic"));
+
+/// The same flight with the camera's axes turned, so that most bearings have z <= 0: nothing may change.
+TEST(ReprojectionFactor, DoesNotCareWhichWayTheOpticalAxisPoints) {
+  SyntheticWindow s = make_window({});
+  Window& w = *s.window;
+  VisualSettings visual;
+  const auto before = std::make_unique<VisualSystem>(), after = std::make_unique<VisualSystem>();
+  ReprojectionFactor factor(kernels()), turned(kernels());
+  factor.collect(w, visual);
+  factor.linearise(w, *before);
+  const Mat3 Q = so3_exp(Vec3(0.2, 2.5, 0.1));
+  w.calibration.R_BC = w.calibration.R_BC * Q.transpose();
+  for (int i = 0; i < w.track_count(); ++i)
+    for (Observation& o : w.track(i).view) {
+      o.f_C = Q * o.f_C;
+      o.chart = o.chart * Q.transpose();
+    }
+  turned.collect(w, visual);
+  turned.linearise(w, *after);
+  EXPECT_NEAR(after->cost, before->cost, 1e-9 * before->cost);
+  EXPECT_LT((dense(*after, w.size()) - dense(*before, w.size())).norm(), 1e-9 * dense(*before, w.size()).norm());
+}
+
+/// Landmarks and poses move together: the solver's step is that of the problem with every depth in it.
+TEST(ReprojectionFactor, StepOfPosesAndDepthsIsThatOfTheJointProblem) {
+  SyntheticWindow s = make_window({.frames = 6, .tracks = 30, .state_error = 1e-3});
+  Window& w = *s.window;
+  w.first_estimates = false;
+  CalibrationTangent sigmas;
+  sigmas << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01);
+  set_initial_prior(w, {}, sigmas);
+  const SolverSettings everything{.steps = 1, .estimate_time_offset = true, .estimate_extrinsics = true};
+  ReprojectionFactor factor(kernels());
+  factor.collect(w, settings());
+  Solver solver(kernels());
+  solver.linearise(w, factor, everything);
+  const DenseSystem reduced = dense(solver.system());
+  const auto visual = std::make_unique<VisualSystem>(solver.visual_system());
+
+  // the inertial part is what remains when the reduced visual part is taken away; to it the joint one is added
+  const int n = w.size(), states = static_cast<int>(reduced.b.size());
+  const Explicit joint(w, factor, n);
+  MatrixXd T = MatrixXd::Zero(joint.states(), states);  // world turns of all poses, oldest first, in the solver's order
+  for (int k = 0; k < n; ++k) {
+    T.block<3, 3>(6 * k, pose_column(n, k)) = Mat3::Identity();
+    T.block<3, 3>(6 * k + 3, pose_column(n, k) + 3) = w.at(k).x.R;
+  }
+  T.block<kCalibration, kCalibration>(6 * n, 6 * n).setIdentity();
+  const int m = joint.landmarks();
+  DenseSystem full{MatrixXd::Zero(states + m, states + m), VectorXd::Zero(states + m)};
+  full.H.topLeftCorner(states, states) = reduced.H - T.transpose() * dense(*visual, n) * T +
+                                         T.transpose() * joint.H.topLeftCorner(joint.states(), joint.states()) * T;
+  full.H.topRightCorner(states, m) = T.transpose() * joint.H.topRightCorner(joint.states(), m);
+  full.H.bottomLeftCorner(m, states) = full.H.topRightCorner(states, m).transpose();
+  full.H.bottomRightCorner(m, m) = joint.H.bottomRightCorner(m, m);
+  full.b.head(states) =
+      reduced.b - T.transpose() * dense_rhs(*visual, n) + T.transpose() * joint.b.head(joint.states());
+  full.b.tail(m) = joint.b.tail(m);
+  const DenseSolution reference = solve_dense(full);
+
+  Supervisor supervisor;
+  std::vector<NavState> before;
+  for (int k = 0; k < n; ++k) before.push_back(w.at(k).x);
+  ASSERT_EQ(solver.optimise(w, factor, everything, supervisor).accepted, 1);
+  VectorXd poses(6 * n), depths(m);
+  VectorXd poses_expected(6 * n);
+  for (int k = 0; k < n; ++k) {
+    poses.segment<6>(6 * k) = local_pose(before[static_cast<std::size_t>(k)], w.at(k).x);
+    poses_expected.segment<6>(6 * k) = reference.step.segment<6>(pose_column(n, k));
+  }
+  for (int i = 0; i < m; ++i)
+    depths[i] = factor.landmark(joint.track(i)).inverse_distance - joint.rho[static_cast<std::size_t>(i)];
+  EXPECT_LT((poses - poses_expected).norm(), 1e-6 * poses_expected.norm());
+  EXPECT_GT(depths.norm(), 1e-4);
+  EXPECT_LT((depths - reference.step.tail(m)).norm(), 1e-3 * depths.norm());  // cameras turn about bodies on arcs
+}
+
+TEST(ReprojectionFactor, ARejectedStepTakesTheDepthsBack) {
+  SyntheticWindow s = make_window({});
+  Window& w = *s.window;
+  ReprojectionFactor factor(kernels());
+  const auto system = std::make_unique<VisualSystem>();
+  factor.collect(w, settings());
+  factor.linearise(w, *system);
+  const double cost = system->cost, rho = factor.landmark(3).inverse_distance;
+  const NavState keep = w.at(2).x;
+  factor.save();
+  w.at(2).x.p += Vec3(0.3, -0.2, 0.1);
+  factor.step(w);
+  EXPECT_NE(factor.landmark(3).inverse_distance, rho);
+  w.at(2).x = keep;
+  factor.restore();
+  EXPECT_EQ(factor.landmark(3).inverse_distance, rho);
+  factor.linearise(w, *system);
+  EXPECT_EQ(system->cost, cost);
+}
+
+// ---- from frame to frame ----
+
+TEST(ReprojectionFactor, ANewLandmarkIsTriangulatedAndThenKept) {
+  SyntheticWindow s = make_window({.pixel_noise = 0, .state_error = 0});
+  Window& w = *s.window;
+  ReprojectionFactor factor(kernels());
+  factor.collect(w, settings());
+  const auto system = std::make_unique<VisualSystem>();
+  factor.linearise(w, *system);
+  EXPECT_LT(system->cost, 1e-9);  // perfect bearings, perfect poses: perfect depths
+  factor.landmark(5).inverse_distance = 0.123;
+  factor.collect(w, settings());
+  EXPECT_EQ(factor.landmark(5).inverse_distance, 0.123);
+  factor.restart();
+  factor.collect(w, settings());
+  EXPECT_NE(factor.landmark(5).inverse_distance, 0.123);
+}
+
+TEST(ReprojectionFactor, LandmarksOfALeavingHostStayWhereTheyAre) {
+  SyntheticWindow s = make_window({.frames = 8, .tracks = 60, .pixel_noise = 0});
+  Window& w = *s.window;
+  set_initial_prior(w, {}, CalibrationTangent::Constant(0.01));
+  ReprojectionFactor factor(kernels());
+  factor.collect(w, settings());
+  std::vector<Vec3> points;
+  for (int i = 0; i < w.track_count(); ++i) {
+    factor.landmark(i).inverse_distance *= 1.1;  // as if estimated: no triangulation would give it
+    int h = 0;
+    while (!w.seen(w.track(i), h)) ++h;
+    ASSERT_EQ(factor.landmark(i).host, w.at(h).id);
+    const Camera c = camera(w, h);
+    points.push_back(c.c + c.R * w.view(w.track(i), h).f_C / factor.landmark(i).inverse_distance);
+  }
+  Marginaliser(kernels()).marginalise_oldest(w, factor, settings());
+  factor.collect(w, settings());
+  for (int i = 0; i < w.track_count(); ++i) {
+    int h = 0;
+    while (!w.seen(w.track(i), h)) ++h;
+    ASSERT_EQ(factor.landmark(i).host, w.at(h).id);
+    const Camera c = camera(w, h);
+    const double distance = (c.R * w.view(w.track(i), h).f_C).dot(points[static_cast<std::size_t>(i)] - c.c);
+    EXPECT_NEAR(1 / factor.landmark(i).inverse_distance, distance, 1e-9);
+  }
+}
+
+TEST(ReprojectionFactor, ALandmarkBehindItsHostBeginsAnewWithTheNewestView) {
+  SyntheticWindow s = make_window({.frames = 8});
+  Window& w = *s.window;
+  ReprojectionFactor factor(kernels());
+  factor.collect(w, settings());
+  const int used = factor.unknowns();
+  int i = 0;
+  while (!w.seen(w.track(i), w.size() - 1)) ++i;
+  factor.landmark(i).inverse_distance = -0.1;
+  factor.collect(w, settings());
+  EXPECT_EQ(factor.unknowns(), used - 1);
+  EXPECT_EQ(factor.landmark(i).host, 0u);
+  const TrackRecord seen = w.track(i);
+  const Slot last = w.newest();
+  Slot& slot = w.append();  // once more the same image
+  const std::uint64_t id = slot.id;
+  slot = last;
+  slot.id = id;
+  static TrackedFrame frame;
+  frame.features.clear();
+  const Observation& o = w.view(seen, w.size() - 2);
+  TrackedFeature f;
+  f.id = seen.id;
+  for (std::size_t q = 0; q < 3; ++q) f.bearing[q] = o.f_C[static_cast<int>(q)];
+  for (std::size_t q = 0; q < 6; ++q) f.pixel_jacobian[q] = o.chart(static_cast<int>(q / 3), static_cast<int>(q % 3));
+  frame.features.push_back(f);
+  w.observe(frame);
+  factor.collect(w, settings());
+  EXPECT_EQ(factor.unknowns(), used);
+  EXPECT_EQ(factor.landmark(i).host, w.at(w.size() - 2).id);
+}
+
+/// VINS-Mono's rule: a host younger than the third newest of a full window says too little.
+TEST(ReprojectionFactor, YoungHostsOfAFullWindowAreLeftOut) {
+  SyntheticWindow s = make_window({.frames = kMaxFrames});
+  Window& w = *s.window;
+  for (int i = 0; i < w.track_count(); ++i) {
+    TrackRecord& t = w.track(i);
+    t.mask = w.bit(w.size() - 1) | w.bit(i % 2 ? w.size() - 3 : w.size() - 4);
+  }
+  ReprojectionFactor factor(kernels());
+  factor.collect(w, settings());
+  EXPECT_EQ(factor.unknowns(), (w.track_count() + 1) / 2);
+}
+
+// ---- marginalisation ----
+
+/// All that the landmarks of frame 0 say, and the tracks stay for another time.
+TEST(ReprojectionFactor, HandsOverEveryBearingOfTheLandmarksOfFrameZero) {
+  SyntheticWindow s = make_window({.frames = 7, .tracks = 40, .pixel_noise = 1});
+  Window& w = *s.window;
+  ReprojectionFactor factor(kernels());
+  factor.collect(w, settings());
+  const Explicit reference(w, factor, w.size() - 1, true);
+  const auto system = std::make_unique<VisualSystem>();
+  factor.marginalise_oldest(w, settings(), *system);
+  const MatrixXd H = dense(*system, w.size() - 1);
+  EXPECT_NEAR(system->cost, reference.cost, 1e-10 * reference.cost);
+  EXPECT_LT(scaled_difference(H, reference.reduced_H()), 1e-7);
+  EXPECT_GE(Eigen::SelfAdjointEigenSolver<MatrixXd>(H).eigenvalues().minCoeff(), -1e-9 * H.norm());
+}
+
+/// Without any parallax the depth is held, and the rest stays finite and positive.
+TEST(ReprojectionFactor, SurvivesZeroParallax) {
+  for (const double lever : {0.0, 1.0}) {
+    SyntheticWindow s = make_window({.motion = 0, .lever = lever, .state_error = 0});
+    ReprojectionFactor factor(kernels());
+    const auto system = std::make_unique<VisualSystem>();
+    factor.collect(*s.window, settings());
+    factor.linearise(*s.window, *system);
+    const MatrixXd H = dense(*system, s.window->size());
+    ASSERT_TRUE(H.allFinite());
+    EXPECT_GT(H.norm(), 1);
+    EXPECT_GE(Eigen::SelfAdjointEigenSolver<MatrixXd>(H).eigenvalues().minCoeff(), -1e-9 * H.norm());
+    factor.step(*s.window);
+    factor.linearise(*s.window, *system);
+    EXPECT_TRUE(std::isfinite(system->cost));
+  }
+}
+
+}  // namespace
+}  // namespace epiline
