@@ -16,5 +16,6 @@ void add_evaluate(CLI::App& app, int& exit_code);
 void add_config(CLI::App& app, int& exit_code);
 void add_simulate(CLI::App& app, int& exit_code);
 void add_replay(CLI::App& app, int& exit_code);
+void add_benchmark(CLI::App& app, int& exit_code);
 
 }  // namespace epiline

@@ -73,11 +73,19 @@ Status read_tracks(AslDataset& d) {
   return Done{};
 }
 
+/// Where a sensor's calibration is: the file asked for, the sensor's own, or the one TUM-VI puts beside `mav0` for all.
+fs::path calibration_path(const fs::path& root, const fs::path& sensor, const char* shared, const fs::path& asked_for) {
+  if (!asked_for.empty()) return asked_for;
+  std::error_code ignored;
+  const fs::path own = root / sensor / "sensor.yaml", beside = root / ".." / "dso" / shared;
+  return !fs::exists(own, ignored) && fs::exists(beside, ignored) ? beside.lexically_normal() : own;
+}
+
 Status read_camera(AslDataset& d, const std::string& camera, const fs::path& calibration_file) {
   const fs::path folder = d.root / camera;
   std::error_code ignored;
   if (!fs::is_directory(folder, ignored)) return missing(folder, "the folder of the camera");
-  const fs::path calibration = calibration_file.empty() ? folder / "sensor.yaml" : calibration_file;
+  const fs::path calibration = calibration_path(d.root, camera, "camchain.yaml", calibration_file);
   if (!fs::exists(calibration, ignored)) return missing(calibration, "the camera's calibration");
   const auto parameters = read_camera_calibration(calibration, camera);
   if (!parameters) return parameters.error();
@@ -91,7 +99,7 @@ Status read_camera(AslDataset& d, const std::string& camera, const fs::path& cal
 
 Status read_imu(AslDataset& d, const fs::path& calibration_file) {
   const fs::path folder = d.root / "imu0";
-  const fs::path calibration = calibration_file.empty() ? folder / "sensor.yaml" : calibration_file;
+  const fs::path calibration = calibration_path(d.root, "imu0", "imu_config.yaml", calibration_file);
   std::error_code ignored;
   if (fs::exists(calibration, ignored)) {
     const auto imu = read_imu_calibration(calibration);
@@ -118,16 +126,22 @@ Status read_imu(AslDataset& d, const fs::path& calibration_file) {
   return Done{};
 }
 
-Status read_ground_truth(AslDataset& d) {
-  const fs::path path = find_table(d.root / "state_groundtruth_estimate0", "data.csv");
-  if (path.empty()) return Done{};
+Result<std::optional<Trajectory>> read_ground_truth(const fs::path& root) {
+  fs::path path = find_table(root / "state_groundtruth_estimate0", "data.csv");
+  if (path.empty()) path = find_table(root / "mocap0", "data.csv");  // TUM-VI
+  if (path.empty()) return std::optional<Trajectory>{};
   auto truth = read_trajectory(path);
   if (!truth) return truth.error();
-  d.ground_truth = std::move(*truth);
-  return Done{};
+  return std::optional<Trajectory>{std::move(*truth)};
 }
 
 }  // namespace
+
+Result<std::optional<Trajectory>> read_asl_ground_truth(const fs::path& folder) {
+  const auto root = find_root(folder);
+  if (!root) return root.error();
+  return read_ground_truth(*root);
+}
 
 Result<AslDataset> open_asl_dataset(const fs::path& folder, const std::string& camera, const fs::path& camera_file,
                                     const fs::path& imu_file) {
@@ -137,7 +151,9 @@ Result<AslDataset> open_asl_dataset(const fs::path& folder, const std::string& c
   d.root = *root;
   if (const Status s = read_imu(d, imu_file); !s) return s.error();
   if (const Status s = read_camera(d, camera, camera_file); !s) return s.error();
-  if (const Status s = read_ground_truth(d); !s) return s.error();
+  auto truth = read_ground_truth(d.root);
+  if (!truth) return truth.error();
+  d.ground_truth = std::move(*truth);
   return d;
 }
 

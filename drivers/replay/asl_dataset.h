@@ -1,5 +1,6 @@
 #pragma once
-// A recorded flight in the layout of ASL (EuRoC): `mav0/{cam0,imu0,state_groundtruth_estimate0}`.
+// A recorded flight in the layout of ASL (EuRoC): `mav0/{cam0,imu0,state_groundtruth_estimate0}`. TUM-VI's differs a
+// little: `mav0/{cam0,imu0,mocap0}` with the calibration in `dso/{camchain,imu_config}.yaml` beside.
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -49,5 +50,9 @@ struct AslDataset {
 Result<AslDataset> open_asl_dataset(const std::filesystem::path& folder, const std::string& camera,
                                     const std::filesystem::path& camera_file = {},
                                     const std::filesystem::path& imu_file = {});
+
+/// The ground truth alone; none where the folder has none. Fails if and only if there is no such data set, or the truth
+/// does not parse.
+Result<std::optional<Trajectory>> read_asl_ground_truth(const std::filesystem::path& folder);
 
 }  // namespace epiline

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <fstream>
 #include <stdexcept>
 
 #include "drivers/replay/asl_dataset.h"
@@ -14,6 +13,7 @@
 #include "pipeline/report/report.h"
 #include "pipeline/report/stats_json.h"
 #include "pipeline/stages/offline.h"
+#include "pipeline/text/table.h"
 #include "platform/memory/allocation_count.h"
 
 namespace epiline {
@@ -179,14 +179,6 @@ class Flight {
   FlightRecord record_;
 };
 
-Status write_file(const std::filesystem::path& path, const std::string& text) {
-  std::ofstream out(path, std::ios::binary);
-  out << text;
-  out.flush();
-  if (!out) return Error{ErrorKind::kUsage, path.string(), 0, "cannot be written", "a folder with room and permission"};
-  return Done{};
-}
-
 }  // namespace
 
 Result<ReplayResult> replay(const ReplayOptions& options,
@@ -221,17 +213,13 @@ Result<ReplayResult> replay(const ReplayOptions& options,
 }
 
 Result<std::optional<TrajectoryErrors>> write_outputs(const FlightRecord& record, const std::filesystem::path& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error)
-    return Error{ErrorKind::kUsage, folder.string(), 0, "cannot be made (" + error.message() + ")",
-                 "a folder for the results"};
+  if (const Status s = make_folder(folder); !s) return s.error();
   const std::optional<TrajectoryErrors> errors = errors_of(record);
   const ProgramInfo program = program_info();
   const Json stats = stats_json(record, errors, program);
-  if (const Status s = write_file(folder / "trajectory.tum", tum_text(trajectory_of(record))); !s) return s.error();
-  if (const Status s = write_file(folder / "stats.json", stats.dump(2) + "\n"); !s) return s.error();
-  if (const Status s = write_file(folder / "report.html", report_html(record, errors, program)); !s) return s.error();
+  if (const Status s = write_text(folder / "trajectory.tum", tum_text(trajectory_of(record))); !s) return s.error();
+  if (const Status s = write_text(folder / "stats.json", stats.dump(2) + "\n"); !s) return s.error();
+  if (const Status s = write_text(folder / "report.html", report_html(record, errors, program)); !s) return s.error();
   return errors;
 }
 

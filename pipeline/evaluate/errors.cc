@@ -151,6 +151,21 @@ std::vector<PosePair> associate(const Trajectory& estimate, const Trajectory& re
   return pairs;
 }
 
+Overlay overlay(const Trajectory& estimate, const Trajectory& reference) {
+  Overlay o;
+  o.pairs = associate(estimate, reference);
+  std::vector<Vec3> e, r;
+  Mat3 rotation_sum = Mat3::Zero();
+  for (const PosePair& pair : o.pairs) {
+    e.push_back(pair.estimate.p_WB);
+    r.push_back(pair.reference.p_WB);
+    rotation_sum += yaw_rotation(yaw_error(pair));
+  }
+  o.T = align(Alignment::k4Dof, e, r);
+  o.heading_rad = yaw_of(rotation_sum);
+  return o;
+}
+
 const Summary& TrajectoryErrors::ate(Alignment alignment) const {
   switch (alignment) {
     case Alignment::k4Dof:

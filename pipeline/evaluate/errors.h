@@ -27,6 +27,14 @@ struct PosePair {
 /// A gap is a hole of more than 0.1 s, or of 2.5 usual intervals where the reference is slower than that.
 std::vector<PosePair> associate(const Trajectory& estimate, const Trajectory& reference);
 
+/// An estimated path and how it comes to lie on the true one by origin and heading.
+struct Overlay {
+  std::vector<PosePair> pairs;
+  Similarity T;            ///< estimate to reference, four degrees of freedom
+  double heading_rad = 0;  ///< mean yaw error, to be taken out of the single ones
+};
+Overlay overlay(const Trajectory& estimate, const Trajectory& reference);
+
 /// Drift over pieces of the true path of one length.
 struct RelativeError {
   double distance_m = 0;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "pipeline/report/page.h"
 #include "pipeline/report/stats_json.h"
 #include "pipeline/report/svg_plot.h"
 
@@ -15,29 +16,6 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kDegree = 3.14159265358979323846 / 180;
-
-constexpr const char* kStyle = R"css(
-:root{--bg:#f6f7f9;--card:#fff;--ink:#1c2430;--soft:#66707f;--line:#e3e7ec;--c1:#1667b7;--c2:#d9822b;--c3:#2f9e5f;--c4:#8a5cc2;--truth:#9aa4b1;
---good:#2f9e5f;--warn:#d9a22b;--bad:#cf3f3f}
-@media(prefers-color-scheme:dark){:root{--bg:#12161c;--card:#1b212a;--ink:#e6eaf0;--soft:#98a3b3;--line:#2b333f;--c1:#5aa6ee;--c2:#f0a45b;--c3:#5cc48b;
---c4:#b491e6;--truth:#6d7888}}
-*{box-sizing:border-box}body{margin:0;background:var(--bg);color:var(--ink);font:15px/1.5 system-ui,"Segoe UI",Roboto,"DejaVu Sans",sans-serif}
-main{max-width:1240px;margin:0 auto;padding:28px 20px 48px}h1{font-size:26px;margin:0}h2{font-size:16px;margin:0 0 2px}
-p{margin:2px 0;color:var(--soft)}header p{font-size:14px}.tiles{display:grid;grid-template-columns:repeat(auto-fit,minmax(250px,1fr));gap:12px;margin:20px 0}
-.tile,.card{background:var(--card);border:1px solid var(--line);border-radius:10px}.tile{padding:12px 14px}.tile b{display:block;font-size:22px;
-line-height:1.25;font-variant-numeric:tabular-nums}.tile span{font-size:12.5px;color:var(--soft)}.grid2{display:grid;grid-template-columns:
-repeat(auto-fit,minmax(min(100%,520px),1fr));gap:14px}.card{padding:14px 16px 8px}.wide{grid-column:1/-1}.card p{font-size:13px}
-.three{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,330px),1fr));gap:6px}.three h3{font-size:13px;margin:8px 0 0;font-weight:600}
-svg{display:block;width:100%;height:auto}.grid{stroke:var(--line);stroke-width:1;fill:none}.tick,.legend{font-size:11px;fill:var(--soft)}
-.label{font-size:11.5px;fill:var(--soft)}.line{fill:none;stroke-width:1.6;stroke-linejoin:round}.c1{stroke:var(--c1)}.c2{stroke:var(--c2)}.c3{stroke:var(--c3)}
-.c4{stroke:var(--c4)}.truth{stroke:var(--truth);stroke-width:2.4}.dashed{stroke-dasharray:5 4;stroke-width:1.2}.thin{stroke-width:1}
-.band{stroke:none;opacity:.16}.band.c1,.bar.c1{fill:var(--c1)}.band.c2,.bar.c2{fill:var(--c2)}.band.c3,.bar.c3{fill:var(--c3)}.bar{stroke:none;opacity:.85}
-.rule{stroke:var(--soft);stroke-dasharray:3 3;fill:none}.mark{stroke:var(--card);stroke-width:1.5}.mark.c1{fill:var(--c1)}.mark.truth{fill:var(--truth)}
-.span{opacity:.22}.initialising{fill:var(--truth)}.tracking{fill:var(--good)}.degraded{fill:var(--warn)}.lost{fill:var(--bad)}
-.key i{display:inline-block;width:11px;height:11px;border-radius:3px;margin:0 5px 0 12px}.key i:first-child{margin-left:0}
-table{border-collapse:collapse;width:100%;font-size:13.5px;font-variant-numeric:tabular-nums;margin:6px 0 10px}td,th{padding:4px 8px;text-align:right;
-border-bottom:1px solid var(--line);font-weight:400}th{color:var(--soft)}td:first-child,th:first-child{text-align:left}
-)css";
 
 /// Times of all images in seconds from the first, and columns over them.
 struct Columns {
@@ -61,38 +39,6 @@ struct Columns {
   const FlightRecord& record_;
 };
 
-/// The estimate laid over the truth by four degrees of freedom; without truth as it is.
-struct Comparison {
-  std::vector<PosePair> pairs;
-  Similarity T;
-  double heading = 0;  ///< mean yaw error, taken out of the single ones
-};
-
-Comparison compare(const FlightRecord& record) {
-  Comparison c;
-  if (!record.truth) return c;
-  c.pairs = associate(trajectory_of(record), *record.truth);
-  std::vector<Vec3> e, r;
-  Mat3 rotation_sum = Mat3::Zero();
-  for (const PosePair& pair : c.pairs) {
-    e.push_back(pair.estimate.p_WB);
-    r.push_back(pair.reference.p_WB);
-    rotation_sum += yaw_rotation(yaw_error(pair));
-  }
-  c.T = align(Alignment::k4Dof, e, r);
-  c.heading = yaw_of(rotation_sum);
-  return c;
-}
-
-std::string card(const std::string& title, const std::string& note, const std::string& content, bool wide = false) {
-  return fmt::format(R"(<section class="card{}"><h2>{}</h2><p>{}</p>{}</section>)", wide ? " wide" : "", title, note,
-                     content);
-}
-
-std::string tile(const std::string& value, const std::string& text) {
-  return fmt::format(R"(<div class="tile"><b>{}</b><span>{}</span></div>)", value, text);
-}
-
 std::string or_dash(const std::optional<double>& value, const char* format) {
   return value ? fmt::format(fmt::runtime(format), *value) : "–";
 }
@@ -101,23 +47,23 @@ std::string tiles(const FlightRecord& record, const std::optional<TrajectoryErro
   const Timing timing = timing_of(record);
   std::string s;
   if (errors && errors->poses > 0) {
-    s += tile(fmt::format("{:.3f} m", errors->ate_4dof.rmse), "position error, rms after 4-DoF alignment");
-    s += tile(fmt::format("{:.2f} %", 100 * errors->ate_4dof.rmse / std::max(errors->path_length_m, 1e-9)),
-              fmt::format("of the true path of {:.1f} m", errors->path_length_m));
-    s += tile(fmt::format("{:+.2f} %", 100 * errors->scale_error), "scale error");
-    s += tile(fmt::format("{:+.2f}°", errors->yaw_drift_deg), "yaw drift");
-    s += tile(or_dash(errors->nees_position, "{:.2f}"), "NEES of position, 1 = honest");
+    s += html_tile(fmt::format("{:.3f} m", errors->ate_4dof.rmse), "position error, rms after 4-DoF alignment");
+    s += html_tile(fmt::format("{:.2f} %", 100 * errors->ate_4dof.rmse / std::max(errors->path_length_m, 1e-9)),
+                   fmt::format("of the true path of {:.1f} m", errors->path_length_m));
+    s += html_tile(fmt::format("{:+.2f} %", 100 * errors->scale_error), "scale error");
+    s += html_tile(fmt::format("{:+.2f}°", errors->yaw_drift_deg), "yaw drift");
+    s += html_tile(or_dash(errors->nees_position, "{:.2f}"), "NEES of position, 1 = honest");
   }
-  s += tile(or_dash(start_seconds(record), "{:.2f} s"), "from first image to first pose");
+  s += html_tile(or_dash(start_seconds(record), "{:.2f} s"), "from first image to first pose");
   const auto covered = coverage(record);
-  s += tile(covered ? fmt::format("{:.1f} %", 100 * *covered) : "–", "of images with a pose since then");
-  s += tile(fmt::format("{:.2f} ms", timing.frame.mean),
-            fmt::format("per image; 99 % below {:.2f} ms", timing.frame.p99));
+  s += html_tile(covered ? fmt::format("{:.1f} %", 100 * *covered) : "–", "of images with a pose since then");
+  s += html_tile(fmt::format("{:.2f} ms", timing.frame.mean),
+                 fmt::format("per image; 99 % below {:.2f} ms", timing.frame.p99));
   return R"(<div class="tiles">)" + s + "</div>";
 }
 
 /// The path in two of the three axes.
-Plot path_plot(const FlightRecord& record, const Comparison& c, int horizontal, int vertical) {
+Plot path_plot(const FlightRecord& record, const Overlay& c, int horizontal, int vertical) {
   Plot plot;
   const char* names[] = {"x, m", "y, m", "z, m"};
   plot.x_label = names[horizontal];
@@ -141,7 +87,7 @@ Plot path_plot(const FlightRecord& record, const Comparison& c, int horizontal, 
 
 /// An error of each pair over time, nan where there is none.
 template <class F>
-std::vector<double> over_images(const FlightRecord& record, const Comparison& c, F error) {
+std::vector<double> over_images(const FlightRecord& record, const Overlay& c, F error) {
   std::vector<double> column(record.images.size(), kNan);
   std::vector<std::size_t> image_of_pose;
   for (std::size_t i = 0; i < record.images.size(); ++i) {
@@ -156,7 +102,7 @@ std::vector<double> negated(std::vector<double> values) {
   return values;
 }
 
-Plot position_error_plot(const FlightRecord& record, const Columns& columns, const Comparison& c) {
+Plot position_error_plot(const FlightRecord& record, const Columns& columns, const Overlay& c) {
   Plot plot;
   plot.x_label = "time, s";
   plot.y_label = "position, m";
@@ -176,7 +122,7 @@ Plot position_error_plot(const FlightRecord& record, const Columns& columns, con
   return plot;
 }
 
-Plot yaw_error_plot(const FlightRecord& record, const Columns& columns, const Comparison& c) {
+Plot yaw_error_plot(const FlightRecord& record, const Columns& columns, const Overlay& c) {
   Plot plot;
   plot.x_label = "time, s";
   plot.y_label = "yaw, deg";
@@ -186,7 +132,7 @@ Plot yaw_error_plot(const FlightRecord& record, const Columns& columns, const Co
   plot.lines = {{"3 sigma claimed", "c1 dashed", columns.t, sigma3}, {"", "c1 dashed", columns.t, negated(sigma3)}};
   if (!c.pairs.empty()) {
     const auto error = over_images(record, c, [&](const PosePair& p) {
-      return std::remainder(yaw_error(p) - c.heading, 360 * kDegree) / kDegree;
+      return std::remainder(yaw_error(p) - c.heading_rad, 360 * kDegree) / kDegree;
     });
     plot.lines.push_back({"error", "c2", columns.t, error});
   }
@@ -227,7 +173,7 @@ Plot vector_plot(const Columns& columns, const std::string& label, double scale,
 }
 
 /// Truth of velocity turned into the estimate's world, so that both can be compared.
-std::vector<Vec3> truth_velocity(const FlightRecord& record, const Comparison& c) {
+std::vector<Vec3> truth_velocity(const FlightRecord& record, const Overlay& c) {
   std::vector<Vec3> v;
   for (const Vec3& truth : record.truth->v_WB_m_s) v.push_back(c.T.R.transpose() * truth);
   return v;
@@ -359,18 +305,13 @@ std::string count_table(const FlightRecord& r) {
 
 std::string report_html(const FlightRecord& record, const std::optional<TrajectoryErrors>& errors,
                         const ProgramInfo& program) {
-  const std::string name = escaped(record.dataset_path);
-  std::string s = fmt::format(
-      "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" "
-      "content=\"width=device-width,initial-scale=1\">"
-      "<title>epiline: {}</title><style>{}</style><main><header><h1>{}</h1><p>{} images, {:.1f} s; {} factor, {} "
-      "keyframes; epiline {} ({}, {}, {})</p></header>",
-      name, kStyle, name, record.images.size(),
-      record.images.empty() ? 0 : (record.images.back().stamp - record.images.front().stamp).seconds(),
-      escaped(record.visual_factor), record.keyframes, escaped(program.version), escaped(program.commit),
-      escaped(program.build_type), escaped(program.simd));
-  if (record.images.empty()) return s + "<p>No image went through the pipeline.</p></main></html>\n";
-  const Comparison c = compare(record);
+  const double length_s =
+      record.images.empty() ? 0 : (record.images.back().stamp - record.images.front().stamp).seconds();
+  const std::string subtitle = fmt::format("{} images, {:.1f} s; {} factor, {} keyframes; {}", record.images.size(),
+                                           length_s, record.visual_factor, record.keyframes, program_text(program));
+  if (record.images.empty())
+    return html_page(record.dataset_path, subtitle, "<p>No image went through the pipeline.</p>");
+  const Overlay c = record.truth ? overlay(trajectory_of(record), *record.truth) : Overlay{};
   const Columns columns(record);
   const bool truth = !c.pairs.empty();
   const auto* truth_v = truth && !record.truth->v_WB_m_s.empty() ? &record.truth->v_WB_m_s : nullptr;
@@ -382,34 +323,34 @@ std::string report_html(const FlightRecord& record, const std::optional<Trajecto
   const std::string truth_note = "bands: 3 sigma";
   const std::string aligned =
       truth ? "estimate as known at each instant, laid over the truth by origin and heading" : "no ground truth";
-  s += tiles(record, errors) + R"(<div class="grid2">)";
-  s += card("Path from above", aligned, svg(path_plot(record, c, 0, 1), {560, 380}));
-  s += card("Path from the side", aligned, svg(path_plot(record, c, 0, 2), {560, 380}));
-  s += card("Position error",
-            "against what the estimator claimed at that instant; its claim counts from the start, so it grows",
-            svg(position_error_plot(record, columns, c)));
-  s += card("Yaw error", "the mean is taken out: the heading of the start is not known",
-            svg(yaw_error_plot(record, columns, c)));
-  s += card("Velocity", truth_note + (truth_v ? "; dashed: ground truth" : ""),
-            svg(vector_plot(
-                columns, "m/s", 1, [](const ImageRecord& i) { return i.v_WB_m_s; },
-                [](const ImageRecord& i) { return i.sigma_v_m_s; }, record, truth_v ? &turned_v : nullptr)));
-  s += card("Gyroscope bias", truth_note + (truth_bg ? "; dashed: ground truth" : ""),
-            svg(vector_plot(
-                columns, "deg/s", 1 / kDegree, [](const ImageRecord& i) { return i.b_g_rad_s; },
-                [](const ImageRecord& i) { return i.sigma_b_g_rad_s; }, record, truth_bg)));
-  s += card("Accelerometer bias", truth_note + (truth_ba ? "; dashed: ground truth" : ""),
-            svg(vector_plot(
-                columns, "m/s²", 1, [](const ImageRecord& i) { return i.b_a_m_s2; },
-                [](const ImageRecord& i) { return i.sigma_b_a_m_s2; }, record, truth_ba)));
-  s += card("Tracks per image", "followed from image to image", svg(tracks_plot(columns)));
-  s += card("Health", kHealthKey, svg(health_plot(record, columns), {1140, 200}), true);
-  s += card("Time per image",
-            "what is slower than the axis reaches is in the last bar. Decoding files is in none of them",
-            histograms(record) + timing_table(record), true);
-  if (errors && errors->poses > 0) s += card("Errors", "against the ground truth", error_table(*errors));
-  s += card("Counts", "of this run", count_table(record));
-  return s + "</div></main></html>\n";
+  std::string s = tiles(record, errors) + R"(<div class="grid2">)";
+  s += html_card("Path from above", aligned, svg(path_plot(record, c, 0, 1), {560, 380}));
+  s += html_card("Path from the side", aligned, svg(path_plot(record, c, 0, 2), {560, 380}));
+  s += html_card("Position error",
+                 "against what the estimator claimed at that instant; its claim counts from the start, so it grows",
+                 svg(position_error_plot(record, columns, c)));
+  s += html_card("Yaw error", "the mean is taken out: the heading of the start is not known",
+                 svg(yaw_error_plot(record, columns, c)));
+  s += html_card("Velocity", truth_note + (truth_v ? "; dashed: ground truth" : ""),
+                 svg(vector_plot(
+                     columns, "m/s", 1, [](const ImageRecord& i) { return i.v_WB_m_s; },
+                     [](const ImageRecord& i) { return i.sigma_v_m_s; }, record, truth_v ? &turned_v : nullptr)));
+  s += html_card("Gyroscope bias", truth_note + (truth_bg ? "; dashed: ground truth" : ""),
+                 svg(vector_plot(
+                     columns, "deg/s", 1 / kDegree, [](const ImageRecord& i) { return i.b_g_rad_s; },
+                     [](const ImageRecord& i) { return i.sigma_b_g_rad_s; }, record, truth_bg)));
+  s += html_card("Accelerometer bias", truth_note + (truth_ba ? "; dashed: ground truth" : ""),
+                 svg(vector_plot(
+                     columns, "m/s²", 1, [](const ImageRecord& i) { return i.b_a_m_s2; },
+                     [](const ImageRecord& i) { return i.sigma_b_a_m_s2; }, record, truth_ba)));
+  s += html_card("Tracks per image", "followed from image to image", svg(tracks_plot(columns)));
+  s += html_card("Health", kHealthKey, svg(health_plot(record, columns), {1140, 200}), true);
+  s += html_card("Time per image",
+                 "what is slower than the axis reaches is in the last bar. Decoding files is in none of them",
+                 histograms(record) + timing_table(record), true);
+  if (errors && errors->poses > 0) s += html_card("Errors", "against the ground truth", error_table(*errors));
+  s += html_card("Counts", "of this run", count_table(record));
+  return html_page(record.dataset_path, subtitle, s + "</div>");
 }
 
 }  // namespace epiline

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "pipeline/evaluate/statistics.h"
+
 namespace epiline {
 
 namespace {
@@ -60,25 +62,33 @@ std::string tick_text(double v, double step) {
   return fmt::format("{:.{}f}", v, decimals);
 }
 
-std::string axes(const Frame2& f, const std::string& x_label, const std::string& y_label) {
+std::string y_axis(const Frame2& f, const std::string& label) {
   std::string s;
   const double bottom = f.size.height - kBottom, right = f.size.width - kRight;
-  const double x_step = tick_step(f.x.length(), 8), y_step = tick_step(f.y.length(), 5);
-  for (double v = std::ceil(f.x.low / x_step) * x_step; v <= f.x.high; v += x_step) {
-    s += fmt::format(
-        R"(<path class="grid" d="M{0:.1f} {1}V{2}"/><text class="tick" x="{0:.1f}" y="{3}" text-anchor="middle">{4}</text>)",
-        f.px(v), kTop, bottom, bottom + 15, tick_text(v, x_step));
-  }
+  const double y_step = tick_step(f.y.length(), 5);
   for (double v = std::ceil(f.y.low / y_step) * y_step; v <= f.y.high; v += y_step) {
     s += fmt::format(
         R"(<path class="grid" d="M{0} {1:.1f}H{2}"/><text class="tick" x="{3}" y="{4:.1f}" text-anchor="end">{5}</text>)",
         kLeft, f.py(v), right, kLeft - 6, f.py(v) + 3.5, tick_text(v, y_step));
   }
-  s += fmt::format(R"(<text class="label" x="{:.1f}" y="{}" text-anchor="middle">{}</text>)", 0.5 * (kLeft + right),
-                   f.size.height - 6, escaped(x_label));
   s += fmt::format(
       R"svg(<text class="label" transform="translate(13 {:.1f}) rotate(-90)" text-anchor="middle">{}</text>)svg",
-      0.5 * (kTop + bottom), escaped(y_label));
+      0.5 * (kTop + bottom), escaped(label));
+  return s;
+}
+
+std::string axes(const Frame2& f, const std::string& x_label, const std::string& y_label) {
+  std::string s;
+  const double bottom = f.size.height - kBottom, right = f.size.width - kRight;
+  const double x_step = tick_step(f.x.length(), 8);
+  for (double v = std::ceil(f.x.low / x_step) * x_step; v <= f.x.high; v += x_step) {
+    s += fmt::format(
+        R"(<path class="grid" d="M{0:.1f} {1}V{2}"/><text class="tick" x="{0:.1f}" y="{3}" text-anchor="middle">{4}</text>)",
+        f.px(v), kTop, bottom, bottom + 15, tick_text(v, x_step));
+  }
+  s += y_axis(f, y_label);
+  s += fmt::format(R"(<text class="label" x="{:.1f}" y="{}" text-anchor="middle">{}</text>)", 0.5 * (kLeft + right),
+                   f.size.height - 6, escaped(x_label));
   return s;
 }
 
@@ -255,6 +265,66 @@ std::string svg(const Histogram& histogram, PlotSize size) {
     label_y += 14;
   }
   return drawing(f, "", axes(f, histogram.x_label, "images"), s, "");
+}
+
+namespace {
+
+struct BoxFigures {
+  double low = 0, lower = 0, median = 0, upper = 0, high = 0, largest = 0;
+};
+
+BoxFigures box_figures(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return {quantile(values, 0.05), quantile(values, 0.25), quantile(values, 0.5),
+          quantile(values, 0.75), quantile(values, 0.95), values.back()};
+}
+
+/// Tall enough for every box, but at most four times as tall as the lowest needs.
+double box_axis_top(const BoxPlot& plot) {
+  std::vector<double> highs, largest;
+  for (const PlotBox& box : plot.boxes) {
+    if (box.values.empty()) continue;
+    const BoxFigures b = box_figures(box.values);
+    highs.push_back(b.high);
+    largest.push_back(b.largest);
+  }
+  if (highs.empty()) return 1;
+  const double cap = 4 * *std::min_element(highs.begin(), highs.end());
+  return std::max(1e-9, 1.08 * std::min(cap, *std::max_element(largest.begin(), largest.end())));
+}
+
+std::string box_drawing(const Frame2& f, const PlotBox& box, double x, double half) {
+  const BoxFigures b = box_figures(box.values);
+  std::string s = fmt::format(R"(<path class="line {}" d="M{:.1f} {:.1f}V{:.1f}M{:.1f} {:.1f}V{:.1f}"/>)", box.style, x,
+                              f.py(b.low), f.py(b.lower), x, f.py(b.upper), f.py(b.high));
+  s += fmt::format(R"(<path class="line {0}" d="M{1:.1f} {2:.1f}H{3:.1f}M{1:.1f} {4:.1f}H{3:.1f}"/>)", box.style,
+                   x - 0.5 * half, f.py(b.low), x + 0.5 * half, f.py(b.high));
+  s += fmt::format(R"(<rect class="box {}" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"/>)", box.style,
+                   x - half, f.py(b.upper), 2 * half, std::max(0.5, f.py(b.lower) - f.py(b.upper)));
+  s += fmt::format(R"(<path class="median {}" d="M{:.1f} {:.1f}H{:.1f}"/>)", box.style, x - half, f.py(b.median),
+                   x + half);
+  s += fmt::format(R"(<circle class="mark {}" cx="{:.1f}" cy="{:.1f}" r="3.5"/>)", box.style, x, f.py(b.largest));
+  return s;
+}
+
+}  // namespace
+
+std::string svg(const BoxPlot& plot, PlotSize size) {
+  const auto count = static_cast<double>(std::max<std::size_t>(1, plot.boxes.size()));
+  const Frame2 f{size, {0, count}, {0, box_axis_top(plot)}};
+  std::string inside, labels;
+  double place = 0.5;
+  for (const PlotBox& box : plot.boxes) {
+    const double x = f.px(place);
+    place += 1;
+    if (!box.values.empty()) inside += box_drawing(f, box, x, std::min(45.0, 0.28 * (f.px(1) - f.px(0))));
+    const std::string figure =
+        box.values.empty() ? "none" : fmt::format("median {:.3g}", box_figures(box.values).median);
+    labels += fmt::format(
+        R"(<text class="label" x="{0:.1f}" y="{1}" text-anchor="middle">{2}</text><text class="tick" x="{0:.1f}" y="{3}" text-anchor="middle">{4}</text>)",
+        x, size.height - kBottom + 16, escaped(box.label), size.height - kBottom + 31, figure);
+  }
+  return drawing(f, "", y_axis(f, plot.y_label), inside, labels);
 }
 
 }  // namespace epiline

@@ -6,6 +6,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
+#include <fstream>
 #include <limits>
 
 namespace epiline {
@@ -65,6 +66,22 @@ Result<std::string> read_text(const std::filesystem::path& path) {
     return Error{ErrorKind::kUsage, path.string(), 0, "cannot be read to its end (" + reason + ")", "a complete file"};
   }
   return text;
+}
+
+Status write_text(const std::filesystem::path& path, const std::string& text) {
+  std::ofstream out(path, std::ios::binary);
+  out << text;
+  out.flush();
+  if (!out) return Error{ErrorKind::kUsage, path.string(), 0, "cannot be written", "a folder with room and permission"};
+  return Done{};
+}
+
+Status make_folder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (!error) return Done{};
+  return Error{ErrorKind::kUsage, folder.string(), 0, "cannot be made (" + error.message() + ")",
+               "a folder for the results"};
 }
 
 std::filesystem::path find_table(const std::filesystem::path& folder, const std::string& name) {

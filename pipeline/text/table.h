@@ -14,6 +14,12 @@ namespace epiline {
 /// to its end, or its gzip stream is damaged or cut short.
 Result<std::string> read_text(const std::filesystem::path& path);
 
+/// Replaces the file. Fails if and only if it cannot be written to its end.
+Status write_text(const std::filesystem::path& path, const std::string& text);
+
+/// Makes the folder and those above it where they do not exist. Fails if and only if that is impossible.
+Status make_folder(const std::filesystem::path& folder);
+
 /// `folder/name`, or `folder/name.gz` if only that exists; empty if neither does.
 std::filesystem::path find_table(const std::filesystem::path& folder, const std::string& name);
 

@@ -1,53 +1,18 @@
 // The program as a user meets it: run, exit code, stderr, files.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <functional>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "tests/drivers/program.h"
+
 namespace epiline {
 namespace {
-
-namespace fs = std::filesystem;
-using Json = nlohmann::json;
-
-struct Outcome {
-  int exit_code = -1;
-  std::string out, err;
-};
-
-std::string read(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-void write(const fs::path& path, const std::string& text) {
-  fs::create_directories(path.parent_path());
-  std::ofstream(path, std::ios::binary) << text;
-}
-
-/// A folder of its own for each test.
-fs::path scratch() {
-  const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-  std::string name = std::string("epiline_") + test->test_suite_name() + "_" + test->name();
-  for (char& c : name) c = c == '/' ? '_' : c;
-  return fs::path(testing::TempDir()) / name;
-}
-
-Outcome run(const std::string& arguments) {
-  const fs::path out = scratch() / "stdout", err = scratch() / "stderr";
-  fs::create_directories(scratch());
-  const std::string command =
-      std::string(EPILINE_PROGRAM) + " " + arguments + " >'" + out.string() + "' 2>'" + err.string() + "'";
-  const int status = std::system(command.c_str());
-  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read(out), read(err)};
-}
 
 constexpr std::int64_t kStart_ns = 1'403'636'584'763'555'584;
 
@@ -91,14 +56,6 @@ class MadeUpFlight : public testing::Test {
 
   fs::path flight = scratch() / "flight", mav = flight / "mav0", out = scratch() / "out";
 };
-
-void expect_one_line(const Outcome& r, int exit_code, const std::vector<std::string>& parts) {
-  EXPECT_EQ(r.exit_code, exit_code) << r.err;
-  EXPECT_EQ(r.err.rfind("epiline: error: ", 0), 0u) << r.err;
-  EXPECT_EQ(std::count(r.err.begin(), r.err.end(), '\n'), 1) << r.err;
-  EXPECT_NE(r.err.find("; expected "), std::string::npos) << r.err;
-  for (const std::string& part : parts) EXPECT_NE(r.err.find(part), std::string::npos) << part << " not in " << r.err;
-}
 
 TEST_F(MadeUpFlight, WithoutTextureTheRunFailsButLeavesItsFiles) {
   const Outcome r = replay();
@@ -172,6 +129,26 @@ TEST_F(MadeUpFlight, StartAndDurationChooseImages) {
   EXPECT_EQ(stats()["images"]["read"], 11);
   EXPECT_EQ(stats()["dataset"]["images"], 20);
   expect_one_line(replay("--start 100"), 2, {"no image in the time asked for"});
+}
+
+TEST_F(MadeUpFlight, TheLayoutOfTumViIsReadAsItComes) {
+  fs::remove(mav / "cam0/sensor.yaml");
+  write(flight / "dso/camchain.yaml", R"(cam0:
+  T_cam_imu: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+  camera_model: pinhole
+  distortion_coeffs: [0.003, 0.0007, -0.002, 0.0002]
+  distortion_model: equidistant
+  intrinsics: [100, 100, 64, 48]
+  resolution: [128, 96]
+)");
+  write(flight / "dso/imu_config.yaml",
+        "accelerometer_noise_density: 0.0014\naccelerometer_random_walk: 8.6e-05\n"
+        "gyroscope_noise_density: 8.0e-05\ngyroscope_random_walk: 2.2e-06\nupdate_rate: 200\n");
+  write(mav / "mocap0/data.csv", std::to_string(kStart_ns) + ",0,0,0,1,0,0,0\n");
+  const Outcome r = replay();
+  EXPECT_EQ(r.exit_code, 1) << r.err;  // grey images: never started, but everything was found
+  EXPECT_TRUE(stats()["dataset"]["has_ground_truth"]);
+  EXPECT_EQ(r.out.find("sensor.yaml does not exist"), std::string::npos) << r.out;
 }
 
 /// What is broken in the flight, and what the line must say.

@@ -1,0 +1,59 @@
+#pragma once
+// The program as a user meets it, for tests: run, exit code, stdout and stderr, files.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+namespace epiline {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+struct Outcome {
+  int exit_code = -1;
+  std::string out, err;
+};
+
+inline std::string read(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+inline void write(const fs::path& path, const std::string& text) {
+  fs::create_directories(path.parent_path());
+  std::ofstream(path, std::ios::binary) << text;
+}
+
+/// A folder of its own for each test.
+inline fs::path scratch() {
+  const auto* test = testing::UnitTest::GetInstance()->current_test_info();
+  std::string name = std::string("epiline_") + test->test_suite_name() + "_" + test->name();
+  for (char& c : name) c = c == '/' ? '_' : c;
+  return fs::path(testing::TempDir()) / name;
+}
+
+inline Outcome run(const std::string& arguments) {
+  const fs::path out = scratch() / "stdout", err = scratch() / "stderr";
+  fs::create_directories(scratch());
+  const std::string command =
+      std::string(EPILINE_PROGRAM) + " " + arguments + " >'" + out.string() + "' 2>'" + err.string() + "'";
+  const int status = std::system(command.c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read(out), read(err)};
+}
+
+inline void expect_one_line(const Outcome& r, int exit_code, const std::vector<std::string>& parts) {
+  EXPECT_EQ(r.exit_code, exit_code) << r.err;
+  EXPECT_EQ(r.err.rfind("epiline: error: ", 0), 0u) << r.err;
+  EXPECT_EQ(std::count(r.err.begin(), r.err.end(), '\n'), 1) << r.err;
+  EXPECT_NE(r.err.find("; expected "), std::string::npos) << r.err;
+  for (const std::string& part : parts) EXPECT_NE(r.err.find(part), std::string::npos) << part << " not in " << r.err;
+}
+
+}  // namespace epiline
