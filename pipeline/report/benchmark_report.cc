@@ -155,7 +155,7 @@ std::string ratio_tiles(const BenchmarkRecord& record, const BenchmarkSummary& s
                     fmt::format("error of {} over that of {}, median of {} data sets", name, baseline, error.datasets));
     if (time.datasets > 0)
       s += html_tile(
-          fmt::format("{:.2f}", time.median),
+          fmt::format("{:.2f} ×", time.median),
           fmt::format("solve time of {} over that of {}, median of {} data sets", name, baseline, time.datasets));
   }
   return s.empty() ? s : fmt::format(R"(<div class="tiles">{}</div>)", s);

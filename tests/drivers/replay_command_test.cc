@@ -241,7 +241,7 @@ TEST_F(MadeUpFlight, WrongUsageIsExitCodeTwo) {
   expect_one_line(run(""), 2, {});
   expect_one_line(run("fly"), 2, {"fly"});
   expect_one_line(replay("--realtime"), 2, {"--realtime"});
-  expect_one_line(replay("--visual-factor reprojection"), 2, {"reprojection"});
+  expect_one_line(replay("--visual-factor guess"), 2, {"guess"});
   expect_one_line(replay("--config /nonexistent.toml"), 2, {"/nonexistent.toml"});
   write(scratch() / "bad.toml", "[estimator]\nkeyframes = 40\n");
   expect_one_line(replay("--config '" + (scratch() / "bad.toml").string() + "'"), 2,
