@@ -1,19 +1,26 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "drivers/cli/commands.h"
-#include "drivers/simulate/asl_writer.h"
+#include "drivers/cli/progress_bar.h"
+#include "drivers/simulate/rendered_flight.h"
 
 namespace epiline {
 
 namespace {
 
 struct Options {
-  std::string flight = to_string(FlightKind::kHall), out;
+  std::string flight = to_string(FlightKind::kHall), world, effects = kUsualEffects, camera, out;
+  bool tracks = false, quiet = false;
   std::uint64_t seed = 1;
-  double duration_s = 0;
+  double duration_s = 0, rate_hz = 20;
+  int jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   TrackSimulation simulation;
 };
 
@@ -25,7 +32,7 @@ void shorten(SimulatedFlight& flight, double duration_s) {
   flight.images.erase(beyond, flight.images.end());
 }
 
-int simulate(Options& o) {
+int simulate_track_flight(Options& o) {
   o.simulation.flight = *flight_from(o.flight);
   o.simulation.seed = o.seed;
   SimulatedFlight flight = simulate_tracks(o.simulation);
@@ -34,22 +41,68 @@ int simulate(Options& o) {
   return written ? kExitDone : report(written.error());
 }
 
+/// A global-shutter camera like those of EuRoC.
+CameraCalibration usual_camera() {
+  CameraCalibration c;
+  c.parameters = {.model = CameraModel::kPinholeRadialTangential,
+                  .width = 752,
+                  .height = 480,
+                  .intrinsics = {458, 458, 375.5, 239.5},
+                  .distortion = {-0.28, 0.07, 0.0002, 0, 0}};
+  return c;
+}
+
+int simulate_images(const Options& o) {
+  const auto effects = parse_effects(o.effects);
+  if (!effects) return report(effects.error());
+  CameraCalibration camera = usual_camera();
+  if (!o.camera.empty()) {
+    const auto calibration = read_camera_calibration(o.camera, "cam0");
+    if (!calibration) return report(calibration.error());
+    camera = *calibration;
+  }
+  const FlightKind kind = *flight_from(o.flight);
+  FlightToRender flight = built_in_flight(kind, ImuModel{}, camera, o.rate_hz, o.seed);
+  if (o.duration_s > 0) flight.to_s = std::min(flight.to_s, flight.from_s + o.duration_s);
+  const RenderChoice choice{o.world.empty() ? usual_world(kind) : *world_from(o.world), *effects, o.seed, o.jobs};
+  ProgressBar bar(o.quiet);
+  const Status written =
+      render_flight(flight, choice, o.out, [&](std::size_t done, std::size_t all) { bar(done, all); });
+  return written ? kExitDone : report(written.error());
+}
+
+template <class All>
+std::vector<std::string> names(const All& all) {
+  std::vector<std::string> list;
+  for (const auto kind : all) list.emplace_back(to_string(kind));
+  return list;
+}
+
 }  // namespace
 
 void add_simulate(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<Options>();
-  std::vector<std::string> flights;
-  for (const FlightKind kind : kAllFlights) flights.emplace_back(to_string(kind));
   CLI::App* command =
-      app.add_subcommand("simulate", "A made-up flight as a folder to replay: IMU, tracks and the truth");
-  command->add_option("--flight", o->flight, "what is flown")->check(CLI::IsMember(flights))->capture_default_str();
+      app.add_subcommand("simulate", "A made-up flight as a folder to replay: images or tracks, IMU and the truth");
+  command->add_option("--flight", o->flight, "what is flown")
+      ->check(CLI::IsMember(names(kAllFlights)))
+      ->capture_default_str();
+  command->add_option("--world", o->world, "what there is to see (default: what fits the flight)")
+      ->check(CLI::IsMember(names(kAllWorlds)));
+  command->add_option("--effects", o->effects, "what the camera does: " + effects_help())->capture_default_str();
+  command->add_option("--camera", o->camera, "calibration (sensor.yaml) of the lens to render with");
+  command->add_option("--rate", o->rate_hz, "images per second")->check(CLI::Range(1.0, 500.0))->capture_default_str();
   command->add_option("--seed", o->seed, "of every random number")->capture_default_str();
   command->add_option("--duration", o->duration_s, "ends after that many seconds")->check(CLI::PositiveNumber);
-  command->add_option("--pixel-noise", o->simulation.noise.pixel_sigma, "standard deviation, px")
+  command->add_option("--jobs", o->jobs, "images rendered at a time")->check(CLI::Range(1, 256))->capture_default_str();
+  CLI::Option* tracks = command->add_flag("--tracks", o->tracks, "perfect tracks with noise in place of images");
+  command->add_option("--pixel-noise", o->simulation.noise.pixel_sigma, "of the tracks, standard deviation, px")
       ->check(CLI::NonNegativeNumber)
+      ->needs(tracks)
       ->capture_default_str();
   command->add_option("--out", o->out, "folder to write")->required();
-  command->callback([o, &exit_code] { exit_code = simulate(*o); });
+  command->add_flag("--quiet", o->quiet, "no progress");
+  command->callback([o, &exit_code] { exit_code = o->tracks ? simulate_track_flight(*o) : simulate_images(*o); });
 }
 
 }  // namespace epiline

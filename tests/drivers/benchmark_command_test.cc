@@ -18,7 +18,7 @@ class Benchmark : public testing::Test {
   void SetUp() override {
     fs::remove_all(scratch());
     for (const fs::path& flight : {agile, hover}) {
-      const Outcome made = run("simulate --flight " + flight.filename().string() +
+      const Outcome made = run("simulate --tracks --flight " + flight.filename().string() +
                                " --duration 4 --pixel-noise 0.5 --out " + quoted(flight));
       ASSERT_EQ(made.exit_code, 0) << made.err;
     }
