@@ -236,13 +236,15 @@ void Estimator::Impl::adapt_pixel_sigma(double dt_s) {
     pixel_sigma += std::min(1.0, dt_s / kSigmaMemory_s) * (std::clamp(seen, kSigmaLeast, kSigmaMost) - pixel_sigma);
 }
 
-/// The second newest frame goes: its two IMU intervals become one, its bearings are lost. It is never in the prior.
+/// The second newest frame goes: its two IMU intervals become one, its bearings are lost. Unless the factor wants it
+/// so, it is never in the prior.
 void Estimator::Impl::join_second_newest() {
   const int n = window.size();
   Preintegration joined = window.at(n - 2).imu;
   joined.join(window.at(n - 1).imu);
   window.newest().imu = joined;
   whiten(window.newest());
+  marginaliser.forget_pose(window, n - 2);
   window.remove(n - 2);
 }
 

@@ -192,8 +192,8 @@ void ReprojectionFactor::step(const Window& moved) noexcept {
 void ReprojectionFactor::marginalise_oldest(const Window& w, const VisualSettings& s, VisualSystem& out) noexcept {
   settings_ = s;
   for (int k = 0; k < w.size(); ++k) memory_->exposed[k] = exposed_frame(w, k);
-  pack(w, w.size() - 1, 1);
-  run(w, w.size() - 1, out);
+  pack(w, w.size(), 1);
+  run(w, w.size(), out);
   for (int i = 0; i < count_; ++i)
     if (memory_->landmark[i].host == w.at(0).id) shift_host(w, i);
 }

@@ -27,6 +27,7 @@ class ReprojectionFactor final : public VisualFactorModel {
   /// All bearings of the landmarks hosted in frame 0, over frames 0..n-2; then hands those landmarks to their next
   /// host.
   void marginalise_oldest(const Window&, const VisualSettings&, VisualSystem&) noexcept override;
+  bool prior_reaches_newest() const noexcept override { return true; }
   int unknowns() const noexcept override { return used_; }
   void save() noexcept override;
   void step(const Window& moved) noexcept override;

@@ -24,7 +24,8 @@ class VisualFactorModel {
   virtual void collect(const Window& window, const VisualSettings& settings) noexcept = 0;
   /// Normal equations at the window's current state.
   virtual void linearise(const Window& window, VisualSystem& out) noexcept = 0;
-  /// What frame 0's bearings add given the frames 1..n-2 (the newest may still be dropped), over frames 0..n-2.
+  /// What frame 0's bearings add given the frames 1..n-2 (the newest may still be dropped), over frames 0..n-2; over
+  /// all of them if prior_reaches_newest().
   virtual void marginalise_oldest(const Window& window, const VisualSettings& settings, VisualSystem& out) noexcept = 0;
   /// Robust noise estimate from the last linearisation: the bearing noise, px, that its residuals show; 0: too few
   /// tracks.
@@ -33,6 +34,8 @@ class VisualFactorModel {
   // Only a factor with unknowns of its own (landmarks: docs/derivations/reprojection.md) has these. The structureless
   // ones have none, and nothing to do.
 
+  /// Whether the prior it leaves is one over all frames that stay, the newest included, as in VINS-Mono.
+  virtual bool prior_reaches_newest() const noexcept { return false; }
   /// How many numbers the factor adds to the state at the last collect().
   virtual int unknowns() const noexcept { return 0; }
   /// Remembers its unknowns, for restore().

@@ -71,15 +71,12 @@ void add_prior(const Window& w, const Layout& at, Matrix A, double* b) {
   const Prior& p = w.prior;
   if (p.frames == 0) return;
   int where[kPriorDim];
-  double d[kPriorDim];
-  for (int k = 0; k < p.frames; ++k) {
+  for (int k = 0; k < p.frames; ++k)
     for (int i = 0; i < 6; ++i) where[6 * k + i] = at.pose(k) + i;
-    Eigen::Map<Vec6>(d + 6 * k) = local_pose(p.x0[static_cast<std::size_t>(k)], w.at(k).x);
-  }
   for (int i = 0; i < 9; ++i) where[6 * p.frames + i] = at.velocity(0) + i;
-  Eigen::Map<Vec9>(d + 6 * p.frames) = local_velocity_biases(p.x0[0], w.at(0).x);
   for (int c = 0; c < kCalibration; ++c) where[p.calibration_row() + c] = at.calibration() + c;
-  Eigen::Map<CalibrationTangent>(d + p.calibration_row()) = local(p.c0, w.calibration);
+  double d[kPriorDim];
+  prior_difference(w, d);
   const int dim = p.dim();
   for (int i = 0; i < dim; ++i) {
     double g = p.b[i];
@@ -150,7 +147,7 @@ void freeze_first_estimates(Window& w, int m) {
 }  // namespace
 
 void Marginaliser::marginalise_oldest(Window& w, VisualFactorModel& visual, const VisualSettings& settings) {
-  const Layout at{w.size() - 1};
+  const Layout at{visual.prior_reaches_newest() ? w.size() : w.size() - 1};
   Matrix A = memory_->A;
   double* b = memory_->b;
   std::memset(A, 0, sizeof A[0] * static_cast<std::size_t>(at.total()));
@@ -166,6 +163,34 @@ void Marginaliser::marginalise_oldest(Window& w, VisualFactorModel& visual, cons
   for (int k = 1; k < w.size(); ++k)
     if (w.at(k).rest_link == w.at(0).id) w.at(k).rest_link = 0;
   w.remove(0);
+}
+
+void Marginaliser::forget_pose(Window& w, int k) {
+  Prior& p = w.prior;
+  if (k >= p.frames) return;
+  Matrix A = memory_->A;
+  double* b = memory_->b;
+  const int dim = p.dim();
+  int where[kPriorDim];  // the pose first, the others in their order
+  for (int i = 0; i < dim; ++i) where[i] = i < 6 * k ? i + 6 : i < 6 * k + 6 ? i - 6 * k : i;
+  double d[kPriorDim];
+  prior_difference(w, d);
+  for (int i = 0; i < dim; ++i) {
+    double g = p.b[i];
+    for (int j = 0; j < dim; ++j) {
+      g -= p.H[i][j] * d[j];
+      if (where[j] >= where[i]) A[where[i]][where[j]] = p.H[i][j];
+    }
+    b[where[i]] = g;
+  }
+  kernels_.eliminate(A[0], b, 6, dim);
+  --p.frames;
+  for (int i = 0; i < p.dim(); ++i) {
+    p.b[i] = b[6 + i];
+    for (int j = i; j < p.dim(); ++j) p.H[i][j] = p.H[j][i] = A[6 + i][6 + j];
+  }
+  for (int l = 0; l < p.frames; ++l) p.x0[static_cast<std::size_t>(l)] = w.at(l < k ? l : l + 1).x;
+  p.c0 = w.calibration;
 }
 
 void inflate_calibration(Prior& p, int parameter, double variance) {

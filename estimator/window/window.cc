@@ -94,6 +94,14 @@ void Window::prune() {
   rebuild_index();
 }
 
+void prior_difference(const Window& w, double* d) {
+  const Prior& p = w.prior;
+  for (int k = 0; k < p.frames; ++k)
+    Eigen::Map<Vec6>(d + 6 * k) = local_pose(p.x0[static_cast<std::size_t>(k)], w.at(k).x);
+  Eigen::Map<Vec9>(d + 6 * p.frames) = local_velocity_biases(p.x0[0], w.at(0).x);
+  Eigen::Map<CalibrationTangent>(d + p.calibration_row()) = local(p.c0, w.calibration);
+}
+
 namespace {
 std::uint32_t bucket(std::uint32_t id) { return id * 2654435761u >> 20; }  // Knuth's multiplicative hash, 12 bits
 }  // namespace

@@ -115,4 +115,7 @@ class Window {
   std::array<std::int16_t, kBuckets> index_;
 };
 
+/// d = x [-] x0 in the prior's order.
+void prior_difference(const Window& window, double* d);
+
 }  // namespace epiline
