@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "pipeline/text/table.h"
 
@@ -97,7 +98,7 @@ Status read_camera(AslDataset& d, const std::string& camera, const fs::path& cal
   return missing(folder / "data.csv", "the list of images, or tracks.csv");
 }
 
-Status read_imu(AslDataset& d, const fs::path& calibration_file) {
+Status read_imu(AslMotion& d, const fs::path& calibration_file) {
   const fs::path folder = d.root / "imu0";
   const fs::path calibration = calibration_path(d.root, "imu0", "imu_config.yaml", calibration_file);
   std::error_code ignored;
@@ -112,6 +113,7 @@ Status read_imu(AslDataset& d, const fs::path& calibration_file) {
   }
   const fs::path path = find_table(folder, "data.csv");
   if (path.empty()) return missing(folder / "data.csv", "the IMU's samples");
+  d.imu_file = path;
   const auto text = read_text(path);
   if (!text) return text.error();
   const auto table =
@@ -126,13 +128,25 @@ Status read_imu(AslDataset& d, const fs::path& calibration_file) {
   return Done{};
 }
 
-Result<std::optional<Trajectory>> read_ground_truth(const fs::path& root) {
-  fs::path path = find_table(root / "state_groundtruth_estimate0", "data.csv");
-  if (path.empty()) path = find_table(root / "mocap0", "data.csv");  // TUM-VI
+/// Empty if there is none.
+fs::path truth_file(const fs::path& root) {
+  const fs::path path = find_table(root / "state_groundtruth_estimate0", "data.csv");
+  return path.empty() ? find_table(root / "mocap0", "data.csv") : path;  // mocap0: TUM-VI
+}
+
+Result<std::optional<Trajectory>> read_ground_truth(const fs::path& path) {
   if (path.empty()) return std::optional<Trajectory>{};
   auto truth = read_trajectory(path);
   if (!truth) return truth.error();
   return std::optional<Trajectory>{std::move(*truth)};
+}
+
+Status read_ground_truth(AslMotion& d) {
+  d.truth_file = truth_file(d.root);
+  auto truth = read_ground_truth(d.truth_file);
+  if (!truth) return truth.error();
+  d.ground_truth = std::move(*truth);
+  return Done{};
 }
 
 }  // namespace
@@ -140,7 +154,17 @@ Result<std::optional<Trajectory>> read_ground_truth(const fs::path& root) {
 Result<std::optional<Trajectory>> read_asl_ground_truth(const fs::path& folder) {
   const auto root = find_root(folder);
   if (!root) return root.error();
-  return read_ground_truth(*root);
+  return read_ground_truth(truth_file(*root));
+}
+
+Result<AslMotion> open_asl_motion(const fs::path& folder, const fs::path& imu_file) {
+  const auto root = find_root(folder);
+  if (!root) return root.error();
+  AslMotion d;
+  d.root = *root;
+  if (const Status s = read_imu(d, imu_file); !s) return s.error();
+  if (const Status s = read_ground_truth(d); !s) return s.error();
+  return d;
 }
 
 Result<AslDataset> open_asl_dataset(const fs::path& folder, const std::string& camera, const fs::path& camera_file,
@@ -151,9 +175,7 @@ Result<AslDataset> open_asl_dataset(const fs::path& folder, const std::string& c
   d.root = *root;
   if (const Status s = read_imu(d, imu_file); !s) return s.error();
   if (const Status s = read_camera(d, camera, camera_file); !s) return s.error();
-  auto truth = read_ground_truth(d.root);
-  if (!truth) return truth.error();
-  d.ground_truth = std::move(*truth);
+  if (const Status s = read_ground_truth(d); !s) return s.error();
   return d;
 }
 

@@ -28,20 +28,30 @@ struct TrackInstant {
   std::size_t first = 0, count = 0;
 };
 
-struct AslDataset {
-  std::filesystem::path root;        ///< the folder that holds cam0 and imu0
-  std::filesystem::path image_list;  ///< data.csv or tracks.csv[.gz] of the camera
-  CameraCalibration camera;
+/// What a flight's folder says about its motion.
+struct AslMotion {
+  std::filesystem::path root;  ///< the folder that holds cam0 and imu0
   ImuCalibration imu;
   std::vector<std::string> notes;      ///< remarks for the user, one line each
+  std::filesystem::path imu_file;      ///< data.csv[.gz]
+  std::filesystem::path truth_file;    ///< empty if there is none
+  std::vector<ImuSample> imu_samples;  ///< in the file's order, whatever it is: the estimator counts the bad ones
+  std::optional<Trajectory> ground_truth;
+};
+
+struct AslDataset : AslMotion {
+  std::filesystem::path image_list;  ///< data.csv or tracks.csv[.gz] of the camera
+  CameraCalibration camera;
   std::vector<ImageFile> images;       ///< in the file's order; empty when there are tracks
   std::vector<TrackInstant> instants;  ///< in the file's order; empty when there are images
   std::vector<TrackPoint> points;
-  std::vector<ImuSample> imu_samples;  ///< in the file's order, whatever it is: the estimator counts the bad ones
-  std::optional<Trajectory> ground_truth;
   std::size_t instants_count() const { return images.empty() ? instants.size() : images.size(); }
   HostStamp instant(std::size_t i) const { return images.empty() ? instants[i].stamp : images[i].stamp; }
 };
+
+/// Reads IMU and ground truth of the folder (or its `mav0`), which needs no camera. `imu_file`: a calibration to use
+/// instead of the data set's. Fails as open_asl_dataset() does.
+Result<AslMotion> open_asl_motion(const std::filesystem::path& folder, const std::filesystem::path& imu_file = {});
 
 /// Opens the folder (or its `mav0`) and reads everything but the images. `camera`: cam0, cam1. Calibration comes from
 /// the files named in `camera_file` and `imu_file` instead of the data set's if they are not empty. Fails if and only

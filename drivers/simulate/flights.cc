@@ -5,6 +5,7 @@
 #include <numbers>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "estimator/geometry/so3.h"
 
@@ -137,29 +138,6 @@ constexpr std::array<const char*, kAllFlights.size()> kNames{"agile",    "hall",
                                                              "straight", "corridor", "purerot"};
 
 }  // namespace
-
-CubicSpline::CubicSpline(double interval_s, std::vector<Vec3> controls)
-    : interval_s_(interval_s), controls_(std::move(controls)) {}
-
-CubicSpline::Value CubicSpline::at(double t_s) const {
-  const double s = t_s / interval_s_;
-  const double last = static_cast<double>(controls_.size() - 4);
-  const double piece = std::clamp(std::floor(s), 0.0, last);
-  const double u = s - piece;
-  const Vec3* c = controls_.data() + static_cast<std::size_t>(piece);
-  // One row for each derivative order: weights of the four controls, times 6.
-  const double u2 = u * u, u3 = u2 * u;
-  const double w0[4] = {1 - 3 * u + 3 * u2 - u3, 4 - 6 * u2 + 3 * u3, 1 + 3 * u + 3 * u2 - 3 * u3, u3};
-  const double w1[4] = {-3 + 6 * u - 3 * u2, -12 * u + 9 * u2, 3 + 6 * u - 9 * u2, 3 * u2};
-  const double w2[4] = {6 - 6 * u, -12 + 18 * u, 6 - 18 * u, 6 * u};
-  Value v{Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};
-  for (int i = 0; i < 4; ++i) {
-    v.value += w0[i] / 6 * c[i];
-    v.first += w1[i] / (6 * interval_s_) * c[i];
-    v.second += w2[i] / (6 * interval_s_ * interval_s_) * c[i];
-  }
-  return v;
-}
 
 const char* to_string(FlightKind kind) { return kNames[static_cast<std::size_t>(kind)]; }
 

@@ -5,31 +5,13 @@
 #include <cstdint>
 #include <optional>
 #include <string_view>
-#include <vector>
 
 #include "drivers/simulate/motion.h"
 #include "drivers/simulate/random.h"
+#include "drivers/simulate/spline.h"
 #include "estimator/geometry/types.h"
 
 namespace epiline {
-
-/// A uniform cubic B-spline of 3-vectors. Twice continuously differentiable.
-class CubicSpline {
- public:
-  struct Value {
-    Vec3 value, first, second;  ///< and its derivatives by time
-  };
-  CubicSpline() = default;
-  /// `controls`: four at least. Control i weighs most at the time (i - 1) * `interval_s`.
-  CubicSpline(double interval_s, std::vector<Vec3> controls);
-  /// `t_s` in [0, end_s()]; outside, the last piece is continued.
-  Value at(double t_s) const;
-  double end_s() const { return interval_s_ * static_cast<double>(controls_.size() - 3); }
-
- private:
-  double interval_s_ = 1;
-  std::vector<Vec3> controls_;
-};
 
 enum class FlightKind : std::uint8_t {
   kAgile,         ///< about 2 m/s with turns in a room

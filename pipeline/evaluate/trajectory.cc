@@ -40,6 +40,11 @@ Trajectory from_table(const NumberTable& table, bool asl) {
       continue;
     }
     t.poses.push_back({HostStamp{table.time_ns[i]}, vec3(row), q_WB.normalized()});
+    const double norm_error = std::abs(q_WB.norm() - 1);
+    if (norm_error > t.worst_norm_error) {
+      t.worst_norm_error = norm_error;
+      t.worst_norm_at = t.poses.back().stamp;
+    }
     if (table.columns >= 10) t.v_WB_m_s.push_back(vec3(row + 7));
     if (table.columns >= 16) {
       t.gyroscope_bias_rad_s.push_back(vec3(row + 10));

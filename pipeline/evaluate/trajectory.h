@@ -27,6 +27,9 @@ struct Trajectory {
   std::vector<Vec3> accelerometer_bias_m_s2;
   /// Rows of the file that were left out: not finite or without a rotation; out of order or doubled.
   std::size_t not_finite = 0, out_of_order = 0;
+  /// The file's quaternion that is furthest from unit length: by how much, and when. `poses` has it normalised.
+  double worst_norm_error = 0;
+  HostStamp worst_norm_at;
 };
 
 /// Reads an ASL ground truth (csv: t_ns, p, q wxyz [, v [, bias of gyroscope, of accelerometer]]) or a TUM trajectory

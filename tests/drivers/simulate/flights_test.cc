@@ -6,7 +6,6 @@
 #include <cmath>
 #include <numbers>
 #include <string>
-#include <vector>
 
 #include "estimator/geometry/so3.h"
 
@@ -24,23 +23,6 @@ class EveryFlight : public testing::TestWithParam<FlightKind> {};
 
 INSTANTIATE_TEST_SUITE_P(Flights, EveryFlight, testing::ValuesIn(kAllFlights),
                          [](const auto& kind) { return std::string(to_string(kind.param)); });
-
-TEST(CubicSplineTest, ReproducesAQuadratic) {
-  // For c_i = f(t_i) + h^2/6 f'' the spline is f itself when f is quadratic... up to that constant.
-  const double h = 0.4;
-  const auto f = [](double t) { return Vec3(1 + 2 * t - 0.7 * t * t, -3 * t * t, 4); };
-  const Vec3 second(-1.4, -6, 0);
-  std::vector<Vec3> controls;
-  for (int i = 0; i < 12; ++i) controls.push_back(f((i - 1) * h) - h * h / 6 * second);
-  const CubicSpline spline(h, controls);
-  EXPECT_DOUBLE_EQ(spline.end_s(), 9 * h);
-  for (double t = 0; t <= spline.end_s(); t += 0.037) {
-    const CubicSpline::Value v = spline.at(t);
-    EXPECT_LT((v.value - f(t)).norm(), 1e-12) << t;
-    EXPECT_LT((v.first - Vec3(2 - 1.4 * t, -6 * t, 0)).norm(), 1e-12) << t;
-    EXPECT_LT((v.second - second).norm(), 1e-11) << t;
-  }
-}
 
 TEST(FlightNames, GoThereAndBack) {
   for (const FlightKind kind : kAllFlights) EXPECT_EQ(flight_from(to_string(kind)), kind);
