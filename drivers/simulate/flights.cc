@@ -1,7 +1,9 @@
 #include "drivers/simulate/flights.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <numbers>
 #include <string>
 #include <utility>
@@ -134,8 +136,130 @@ Flight make_corridor(Random& random) {
   return std::move(controls).finish(Room{.low = {-5, -1.3, -1.2}, .high = {90, 1.3, 1.8}, .nearest_share = 0.75});
 }
 
-constexpr std::array<const char*, kAllFlights.size()> kNames{"agile",    "hall",     "hover",  "still",
-                                                             "straight", "corridor", "purerot"};
+Flight make_standstill(Random& random) {
+  // A control is felt less than two intervals before and after its time: what is to rest until t has the same controls
+  // until t + 0.5, what is to rest from t on, from t - 0.5 on.
+  constexpr double kTakeOff_s = 5, kFlying_s = 8, kApproach_s = 34, kLanded_s = 40, kEnd_s = 45, kHeight_m = 1.2;
+  Controls controls(0.5, kEnd_s + 0.6);
+  Wander wander{.step_m = 0.4, .limit_m = {2, 2, 0.4}, .yaw_step_rad = 0.25, .tilt_rad = 0.1};
+  const Vec3 on_ground(random.uniform(-0.02, 0.02), random.uniform(-0.02, 0.02), random.uniform(-3, 3));
+  wander.euler = on_ground;
+  double height = 0;
+  for (int i = 0; i < controls.count(); ++i) {
+    const double t = controls.time(i);
+    if (t >= kFlying_s && t < kApproach_s) {
+      wander.step(random);
+      height = kHeight_m;
+    } else if (t < kFlying_s) {
+      height = kHeight_m * std::clamp((t - kTakeOff_s - 0.5) / (kFlying_s - kTakeOff_s - 0.5), 0.0, 1.0);
+    } else {
+      wander.euler.head<2>() = on_ground.head<2>();
+      const double left = std::clamp((kLanded_s - 0.5 - t) / (kLanded_s - 0.5 - kApproach_s), 0.0, 1.0);
+      height = left * (kHeight_m + wander.position.z()) - wander.position.z();
+    }
+    controls.push(wander.position + Vec3(0, 0, height), wander.euler);
+  }
+  return std::move(controls).finish(Room{.low = {-5, -5, -0.3}, .high = {5, 5, 4}});
+}
+
+/// From 0 to 1 with two continuous derivatives; the steepest slope is 1.875.
+double smooth_step(double u) {
+  const double x = std::clamp(u, 0.0, 1.0);
+  return x * x * x * (10 + x * (6 * x - 15));
+}
+
+/// A cart that turns about its middle and drives the way it looks. Time goes on in small steps.
+class Cart {
+ public:
+  explicit Cart(Random& random) : random_(random), yaw_(random.uniform(-3, 3)) {
+    for (Wave& wave : ground_) {
+      wave = {.per_metre = 2 * std::numbers::pi / random.uniform(0.25, 2), .phases = {}};
+      for (double& phase : wave.phases) phase = random.uniform(-3, 3);
+    }
+  }
+  void advance(double dt) {
+    t_ += dt;
+    if (t_ > end_) next_manoeuvre();
+    double speed = 0;
+    if (distance_ > 0) {
+      // up to speed, along, and down to rest; bent by a heading that goes out and back
+      const double since = t_ - begin_, left = end_ - t_;
+      speed = kSpeed_m_s * smooth_step(since / kSpeeding_s) * smooth_step(left / kSpeeding_s);
+      driven_ += speed * dt;
+      const double swing = std::sin(std::numbers::pi * std::clamp(driven_ / distance_, 0.0, 1.0));
+      yaw_ = yaw_begin_ + bend_rad_ * swing * swing;
+    } else {
+      yaw_ = yaw_begin_ + turn_rad_ * smooth_step((t_ - begin_) / (end_ - begin_));
+    }
+    path_ += speed * dt;
+    p_ += speed * dt * Vec3(std::cos(yaw_), std::sin(yaw_), 0);
+  }
+  /// Uneven ground: a matter of the path, so that it rests when the cart rests.
+  Vec3 position() const { return p_ + Vec3(0, 0, 1e-3 * rough(0)); }
+  Vec3 euler() const { return {2e-3 * rough(1), 2e-3 * rough(2), yaw_}; }
+
+ private:
+  static constexpr double kSpeed_m_s = 0.8, kSpeeding_s = 1.5, kTurnRate_rad_s = 1.2, kBox_m = 3;
+  struct Wave {
+    double per_metre;
+    std::array<double, 3> phases;
+  };
+
+  double rough(std::size_t what) const {
+    double sum = 0;
+    for (const Wave& wave : ground_) sum += std::sin(wave.per_metre * path_ + wave.phases[what]);
+    return sum / std::sqrt(0.5 * static_cast<double>(ground_.size()));  // rms 1
+  }
+
+  void next_manoeuvre() {
+    constexpr std::array kOrder{Manoeuvre::kRest, Manoeuvre::kTurn, Manoeuvre::kDrive};
+    begin_ = end_;
+    yaw_begin_ = yaw_;
+    distance_ = turn_rad_ = driven_ = 0;
+    switch (kOrder[next_++ % kOrder.size()]) {
+      case Manoeuvre::kRest:
+        end_ = begin_ + random_.uniform(1, 2.5);
+        break;
+      case Manoeuvre::kTurn: {
+        do {
+          goal_ = Vec3(random_.uniform(-kBox_m, kBox_m), random_.uniform(-kBox_m, kBox_m), 0);
+        } while ((goal_ - p_).norm() < kLeast_m);
+        turn_rad_ = std::remainder(std::atan2(goal_.y() - p_.y(), goal_.x() - p_.x()) - yaw_, 2 * std::numbers::pi);
+        end_ = begin_ + std::max(0.8, 1.875 * std::abs(turn_rad_) / kTurnRate_rad_s);
+        break;
+      }
+      case Manoeuvre::kDrive:
+        distance_ = (goal_ - p_).norm();
+        bend_rad_ = random_.uniform(-0.4, 0.4);
+        end_ = begin_ + distance_ / kSpeed_m_s + kSpeeding_s;
+        break;
+    }
+  }
+
+  enum class Manoeuvre { kRest, kTurn, kDrive };
+  static constexpr double kLeast_m = 2.5;
+  Random& random_;
+  std::array<Wave, 6> ground_{};
+  double t_ = 0, begin_ = 0, end_ = 0, path_ = 0;
+  double yaw_, yaw_begin_ = 0, turn_rad_ = 0;
+  double distance_ = 0, driven_ = 0, bend_rad_ = 0;
+  Vec3 p_ = Vec3::Zero(), goal_ = Vec3::Zero();
+  std::size_t next_ = 0;
+};
+
+Flight make_rover(Random& random) {
+  constexpr int kSteps = 50;
+  Controls controls(0.05, 60.6);
+  Cart cart(random);
+  for (int i = 0; i < controls.count(); ++i) {
+    controls.push(cart.position(), cart.euler());
+    for (int k = 0; k < kSteps; ++k) cart.advance(controls.interval_s / kSteps);
+  }
+  return std::move(controls).finish(Room{.low = {-5, -5, -0.4}, .high = {5, 5, 2.6}});
+}
+
+constexpr std::array<const char*, kAllFlights.size()> kNames{"agile",    "hall",    "hover",      "still", "straight",
+                                                             "corridor", "purerot", "standstill", "rover"};
 
 }  // namespace
 
@@ -182,6 +306,10 @@ Flight make_flight(FlightKind kind, Random& random) {
       return make_straight(random);
     case FlightKind::kCorridor:
       return make_corridor(random);
+    case FlightKind::kStandstill:
+      return make_standstill(random);
+    case FlightKind::kRover:
+      return make_rover(random);
   }
   return {};
 }

@@ -21,10 +21,12 @@ enum class FlightKind : std::uint8_t {
   kStraight,      ///< shaken for 6 s, then at constant speed, the camera looking sideways
   kCorridor,      ///< forward through a narrow corridor
   kPureRotation,  ///< flight, 20 s of rotation about the IMU, flight
+  kStandstill,    ///< 5 s exactly at rest, take-off, flight, landing, 5 s exactly at rest
+  kRover,         ///< on wheels: forward and along gentle bends, stops, turns in place; begins at rest
 };
-inline constexpr std::array kAllFlights{FlightKind::kAgile,       FlightKind::kHall,     FlightKind::kHover,
-                                        FlightKind::kStill,       FlightKind::kStraight, FlightKind::kCorridor,
-                                        FlightKind::kPureRotation};
+inline constexpr std::array kAllFlights{FlightKind::kAgile,        FlightKind::kHall,       FlightKind::kHover,
+                                        FlightKind::kStill,        FlightKind::kStraight,   FlightKind::kCorridor,
+                                        FlightKind::kPureRotation, FlightKind::kStandstill, FlightKind::kRover};
 const char* to_string(FlightKind kind);
 std::optional<FlightKind> flight_from(std::string_view name);
 

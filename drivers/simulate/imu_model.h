@@ -1,6 +1,9 @@
 #pragma once
-// An IMU made of its error model: reading = clamp(M truth + bias + white noise), the bias a random walk.
+// An IMU made of its error model: reading = round(clamp(M truth + bias + vibration + white noise)), the bias a random
+// walk.
 #include <limits>
+#include <optional>
+#include <vector>
 
 #include "drivers/simulate/flights.h"
 #include "drivers/simulate/random.h"
@@ -8,6 +11,15 @@
 #include "platform/samples/samples.h"
 
 namespace epiline {
+
+/// A vibration of the sensor that the body's motion does not know: a rotor, a motor. Above half the sampling rate it is
+/// read at the mirrored frequency, as with a real sensor.
+struct VibrationLine {
+  double frequency_hz = 0;
+  double acceleration_m_s2 = 0, rate_rad_s = 0;  ///< amplitudes, along and about the axis
+  Vec3 axis = Vec3::UnitZ();                     ///< unit vector in B
+  double phase_rad = 0;                          ///< of the sine, at the first reading
+};
 
 struct ImuModel {
   double rate_hz = 200;
@@ -18,7 +30,13 @@ struct ImuModel {
   Mat3 gyroscope_matrix = Mat3::Identity(), accelerometer_matrix = Mat3::Identity();
   double gyroscope_limit_rad_s = std::numeric_limits<double>::infinity();
   double accelerometer_limit_m_s2 = std::numeric_limits<double>::infinity();
+  /// Readings are multiples of these; 0: not rounded.
+  double gyroscope_step_rad_s = 0, accelerometer_step_m_s2 = 0;
+  std::vector<VibrationLine> vibrations;
 };
+
+/// A matrix of ImuModel with random errors: relative ones of each axis' scale, and the angles between the axes.
+Mat3 random_axes(double scale_sigma, double misalignment_sigma_rad, Random& random);
 
 class ImuSimulator {
  public:
@@ -33,6 +51,7 @@ class ImuSimulator {
   ImuModel model_;
   Random random_;
   Vec3 b_g_, b_a_;
+  std::optional<HostStamp> first_;
 };
 
 }  // namespace epiline

@@ -79,6 +79,8 @@ WorldKind usual_world(FlightKind kind) {
     case FlightKind::kHover:
     case FlightKind::kStill:
     case FlightKind::kPureRotation:
+    case FlightKind::kStandstill:
+    case FlightKind::kRover:
       return WorldKind::kRoom;
   }
   return WorldKind::kRoom;

@@ -331,7 +331,8 @@ int main(int argc, char** argv) {
   epiline::Options options;
   CLI::App app("Many simulated flights through the estimator: errors, and whether the covariance tells the truth.",
                "montecarlo");
-  app.add_option("--flight", options.flights, "agile, hall, hover, still, straight, corridor, purerot (all)")
+  app.add_option("--flight", options.flights,
+                 "agile, hall, hover, still, straight, corridor, purerot, standstill, rover (all)")
       ->delimiter(',');
   app.add_option(
          "--factors", options.factors,

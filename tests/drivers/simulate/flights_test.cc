@@ -64,7 +64,7 @@ TEST_P(EveryFlight, DependsOnTheSeedOnly) {
                c = flight_of(GetParam(), 2).at(3.3);
   EXPECT_EQ(a.p_WB, b.p_WB);
   EXPECT_EQ(a.R_WB, b.R_WB);
-  EXPECT_NE(a.p_WB, c.p_WB);
+  EXPECT_TRUE(a.p_WB != c.p_WB || a.R_WB != c.R_WB);
 }
 
 struct Extremes {
@@ -140,6 +140,51 @@ TEST(FlightStatistics, PureRotationDoesNotMove) {
   EXPECT_NEAR(e.duration_s, 35.4, 1e-9);
   EXPECT_LT(e.speed_max, 1e-12);
   EXPECT_NEAR(e.omega_max, 1.2 * 0.55, 0.2);
+}
+
+TEST(FlightStatistics, StandstillRestsOnTheGroundAtBothEnds) {
+  for (int seed = 1; seed <= 5; ++seed) {
+    const Flight flight = flight_of(FlightKind::kStandstill, seed);
+    EXPECT_NEAR(flight.duration_s(), 45, 1e-9);
+    const Motion begin = flight.at(0), end = flight.at(45);
+    for (int i = 0; i < 1000; ++i) {
+      const double t = (i < 500 ? 0 : 35) + i * 0.01;
+      const Motion m = flight.at(t), there = i < 500 ? begin : end;
+      ASSERT_LT(m.v_WB.norm() + m.a_WB.norm() + m.omega_B.norm(), 1e-11) << "seed " << seed << ", t " << t;
+      ASSERT_LT((m.p_WB - there.p_WB).norm(), 1e-12) << "seed " << seed << ", t " << t;
+    }
+    EXPECT_NEAR(begin.p_WB.z(), 0, 1e-12);
+    EXPECT_NEAR(end.p_WB.z(), 0, 1e-12);
+    EXPECT_GT(flight.at(5.5).v_WB.norm(), 1e-3);
+  }
+  EXPECT_GT(extremes(FlightKind::kStandstill, 9, 33).speed_mean, 0.5);
+}
+
+TEST(FlightStatistics, ARoverGoesWhereItLooksOverTheGround) {
+  for (int seed = 1; seed <= 5; ++seed) {
+    const Flight flight = flight_of(FlightKind::kRover, seed);
+    EXPECT_NEAR(flight.duration_s(), 60, 1e-9);
+    double path = 0, turned_in_place = 0, rested_s = 0, square_z = 0;
+    constexpr double kStep_s = 0.005;
+    for (double t = 0; t < 60; t += kStep_s) {
+      const Motion m = flight.at(t);
+      const Vec3 v_B = m.R_WB.transpose() * m.v_WB;
+      SCOPED_TRACE("seed " + std::to_string(seed) + ", t " + std::to_string(t));
+      ASSERT_GT(v_B.x(), -1e-3);
+      ASSERT_LT(std::abs(v_B.y()), 3e-3);
+      ASSERT_LT(std::abs(m.p_WB.z()), 0.01);
+      ASSERT_LT(std::hypot(m.R_WB(2, 0), m.R_WB(2, 1)), 0.02);
+      ASSERT_LT(m.a_WB.head<2>().norm(), 1.5);
+      ASSERT_LT(std::abs(m.omega_B.z()), 1.3);
+      path += kStep_s * m.v_WB.norm();
+      square_z += m.p_WB.z() * m.p_WB.z() / (60 / kStep_s);
+      if (m.v_WB.norm() < 1e-9) (m.omega_B.norm() < 1e-9 ? rested_s : turned_in_place) += kStep_s;
+    }
+    EXPECT_GT(path, 15);
+    EXPECT_GT(rested_s, 5);
+    EXPECT_GT(turned_in_place, 3);
+    EXPECT_NEAR(std::sqrt(square_z), 1e-3, 0.5e-3);
+  }
 }
 
 }  // namespace

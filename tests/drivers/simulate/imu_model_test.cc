@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
+#include <numeric>
 #include <string>
+#include <vector>
 
 #include "estimator/geometry/so3.h"
 
@@ -120,6 +123,99 @@ TEST(ImuSimulatorTest, ScaleMisalignmentAndLimits) {
   EXPECT_EQ(s.stamp.ns, 17);
   EXPECT_LT((vec(s.angular_velocity_rad_s) - Vec3(1.2, 2, -2.5)).norm(), 1e-14);
   EXPECT_LT((vec(s.specific_force_m_s2) - Vec3(0, 0, 14)).norm(), 1e-14);
+}
+
+TEST(ImuSimulatorTest, ReadingsAreMultiplesOfTheStep) {
+  ImuModel model = perfect(200);
+  model.accelerometer_step_m_s2 = 0.25;
+  model.gyroscope_step_rad_s = 0.01;
+  ImuSimulator imu(model, Random(1, 1));
+  Motion m = resting();
+  m.omega_B = Vec3(0.014, 0.016, -0.016);
+  const ImuSample s = imu.read({}, m);
+  EXPECT_LT((vec(s.angular_velocity_rad_s) - Vec3(0.01, 0.02, -0.02)).norm(), 1e-15);
+  EXPECT_LT((vec(s.specific_force_m_s2) - Vec3(0, 0, 9.75)).norm(), 1e-15);
+}
+
+/// Amplitude of the sine of that frequency (Goertzel's filter); `values` span whole periods.
+double amplitude(const std::vector<double>& values, double frequency_hz, double rate_hz) {
+  const double step = 2 * std::numbers::pi * frequency_hz / rate_hz;
+  double s1 = 0, s2 = 0;
+  for (const double v : values) {
+    const double s0 = v + 2 * std::cos(step) * s1 - s2;
+    s2 = s1;
+    s1 = s0;
+  }
+  const double power = s1 * s1 + s2 * s2 - 2 * std::cos(step) * s1 * s2;
+  return 2 / static_cast<double>(values.size()) * std::sqrt(power);
+}
+
+TEST(ImuSimulatorTest, VibrationsAreLinesOfTheSpectrum) {
+  ImuModel model = perfect(200);
+  const Vec3 axis = Vec3(1, 2, 2) / 3;
+  model.vibrations = {{.frequency_hz = 62, .acceleration_m_s2 = 0.9, .rate_rad_s = 0.06, .axis = axis, .phase_rad = 1},
+                      {.frequency_hz = 170, .acceleration_m_s2 = 0.3}};  // read as 30 Hz
+  ImuSimulator imu(model, Random(1, 1));
+  std::vector<double> a_x, a_z, w_y;
+  for (int k = 0; k < 2000; ++k) {
+    const ImuSample s = imu.read(HostStamp{7'000'000'000 + k * 5'000'000ll}, resting());
+    a_x.push_back(s.specific_force_m_s2[0]);
+    a_z.push_back(s.specific_force_m_s2[2] - 9.81);
+    w_y.push_back(s.angular_velocity_rad_s[1]);
+  }
+  EXPECT_NEAR(amplitude(a_x, 62, 200), 0.9 / 3, 1e-9);
+  EXPECT_NEAR(amplitude(a_x, 30, 200), 0, 1e-9);
+  EXPECT_NEAR(amplitude(a_z, 62, 200), 0.9 * 2 / 3, 1e-9);
+  EXPECT_NEAR(amplitude(a_z, 30, 200), 0.3, 1e-9);
+  EXPECT_NEAR(amplitude(a_z, 47, 200), 0, 1e-9);
+  EXPECT_NEAR(amplitude(w_y, 62, 200), 0.06 * 2 / 3, 1e-9);
+}
+
+/// Of the means over `count` values each, not overlapping.
+double allan_deviation(const std::vector<double>& values, std::size_t count) {
+  std::vector<double> means;
+  for (std::size_t i = 0; i + count <= values.size(); i += count)
+    means.push_back(std::accumulate(values.begin() + static_cast<std::ptrdiff_t>(i),
+                                    values.begin() + static_cast<std::ptrdiff_t>(i + count), 0.0) /
+                    static_cast<double>(count));
+  double sum = 0;
+  for (std::size_t i = 1; i < means.size(); ++i) sum += (means[i] - means[i - 1]) * (means[i] - means[i - 1]);
+  return std::sqrt(sum / (2 * static_cast<double>(means.size() - 1)));
+}
+
+// White noise of density d has the Allan deviation d / sqrt(tau), a random walk of density d has d sqrt(tau / 3).
+TEST(ImuSimulatorTest, AllanDeviationIsThatOfTheDensities) {
+  ImuModel model = perfect(200);
+  model.noise.accelerometer_density = 2e-3;
+  model.noise.gyroscope_random_walk = 1e-3;
+  ImuSimulator imu(model, Random(4, 1));
+  std::vector<double> white, walk;
+  for (int k = 0; k < 400 * 200; ++k) {
+    const ImuSample s = imu.read({}, resting());
+    white.push_back(s.specific_force_m_s2[0]);
+    walk.push_back(s.angular_velocity_rad_s[0]);
+  }
+  for (const double tau : {0.1, 0.5, 2.0}) {
+    const double tolerance = 4 / std::sqrt(400 / tau);  // relative; four standard deviations
+    const double expected_white = 2e-3 / std::sqrt(tau), expected_walk = 1e-3 * std::sqrt(tau / 3);
+    const auto count = static_cast<std::size_t>(std::lround(200 * tau));
+    EXPECT_NEAR(allan_deviation(white, count), expected_white, tolerance * expected_white) << tau;
+    EXPECT_NEAR(allan_deviation(walk, count), expected_walk, tolerance * expected_walk) << tau;
+  }
+}
+
+TEST(RandomAxes, HaveTheirSigmas) {
+  Random random(1, 0);
+  double scale = 0, misalignment = 0;
+  constexpr int kDraws = 2000;
+  for (int i = 0; i < kDraws; ++i) {
+    const Mat3 error = random_axes(0.01, 0.002, random) - Mat3::Identity();
+    scale += error.diagonal().squaredNorm() / (3 * kDraws);
+    misalignment += (error.squaredNorm() - error.diagonal().squaredNorm()) / (6 * kDraws);
+  }
+  EXPECT_NEAR(std::sqrt(scale), 0.01, 0.0004);
+  EXPECT_NEAR(std::sqrt(misalignment), 0.002, 0.0001);
+  EXPECT_EQ(random_axes(0, 0, random), Mat3::Identity());
 }
 
 }  // namespace
