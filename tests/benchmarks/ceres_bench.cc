@@ -375,7 +375,7 @@ void compare_times() {
   const auto work = std::make_unique<Window>(*s.window);
   std::vector<double> ours, tracks, ceres_build, ceres_solve;
   double our_cost = 0, ceres_cost = 0;
-  int our_steps = 0, ceres_steps = 0;
+  int our_steps = 0, ceres_steps = 0, residuals = 0;
   for (int i = 0; i < 25; ++i) {
     *work = *s.window;
     factor.restart();
@@ -386,6 +386,7 @@ void compare_times() {
     const SolverSummary r = solver.optimise(*work, factor, kSettings, supervisor);
     ours.push_back(milliseconds_since(begin));
     our_cost = r.cost;
+    residuals = r.residuals;
     our_steps = r.accepted + r.rejected;
 
     begin = Clock::now();
@@ -404,6 +405,7 @@ void compare_times() {
     solver.optimise(*work, track, kSettings, supervisor);
     tracks.push_back(milliseconds_since(begin));
   }
+  std::printf("%d landmarks, %d bearings against them\n", factor.unknowns(), residuals / 2);
   std::printf("%-28s %7.3f ms  %d steps  cost %.6f\n", "reprojection, ours", median(ours), our_steps, our_cost);
   std::printf("%-28s %7.3f ms  %d steps  cost %.6f  (and %.3f ms to build the problem)\n", "reprojection, Ceres",
               median(ceres_solve), ceres_steps, ceres_cost, median(ceres_build));

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "estimator/factors/epipolar.h"
+#include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
 #include "estimator/window/marginalise.h"
 #include "tests/estimator/synthetic_window.h"
@@ -39,6 +40,17 @@ void linearise_epipolar(benchmark::State& state) {
   const auto system = std::make_unique<VisualSystem>();
   factor.collect(*s.window, {});
   for (auto _ : state) factor.linearise(*s.window, *system);
+}
+
+void linearise_reprojection(benchmark::State& state, const char* name) {
+  const Kernels* k = kernels_named(name);
+  if (!k) return state.SkipWithError("not on this machine");
+  SyntheticWindow s = usual_window();
+  ReprojectionFactor factor(*k);
+  const auto system = std::make_unique<VisualSystem>();
+  factor.collect(*s.window, {});
+  for (auto _ : state) factor.linearise(*s.window, *system);
+  state.counters["landmarks"] = factor.unknowns();
 }
 
 void factorise(benchmark::State& state, const char* name) {
@@ -102,6 +114,7 @@ void preintegrate_interval(benchmark::State& state) {
 
 EPILINE_EACH_SET(linearise_tracks);
 BENCHMARK(linearise_epipolar)->Unit(benchmark::kMicrosecond);
+EPILINE_EACH_SET(linearise_reprojection);
 EPILINE_EACH_SET(factorise);
 EPILINE_EACH_SET(solve_window);
 EPILINE_EACH_SET(marginalise);
