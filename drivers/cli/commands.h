@@ -17,5 +17,6 @@ void add_config(CLI::App& app, int& exit_code);
 void add_simulate(CLI::App& app, int& exit_code);
 void add_replay(CLI::App& app, int& exit_code);
 void add_benchmark(CLI::App& app, int& exit_code);
+void add_montecarlo(CLI::App& app, int& exit_code);
 
 }  // namespace epiline

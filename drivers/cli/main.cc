@@ -30,6 +30,7 @@ int run(int argc, char** argv) {
   add_replay(app, exit_code);
   add_evaluate(app, exit_code);
   add_benchmark(app, exit_code);
+  add_montecarlo(app, exit_code);
   add_simulate(app, exit_code);
   add_config(app, exit_code);
   const auto commands = app.get_subcommands([](const CLI::App*) { return true; });

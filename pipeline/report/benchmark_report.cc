@@ -5,6 +5,7 @@
 #include "pipeline/evaluate/errors.h"
 #include "pipeline/report/benchmark_tables.h"
 #include "pipeline/report/page.h"
+#include "pipeline/report/stats_json.h"
 #include "pipeline/report/svg_plot.h"
 
 namespace epiline {
@@ -168,14 +169,8 @@ Json benchmark_json(const BenchmarkRecord& record, const BenchmarkSummary& summa
   for (const BenchmarkDataset& d : record.datasets)
     datasets.push_back(
         {{"name", d.name}, {"group", d.group}, {"path", d.path}, {"has_ground_truth", d.truth.has_value()}});
-  const ProgramInfo& p = record.program;
   return {{"schema", 1},
-          {"program",
-           {{"version", p.version},
-            {"commit", p.commit},
-            {"compiler", p.compiler},
-            {"build_type", p.build_type},
-            {"simd", p.simd}}},
+          {"program", to_json(record.program)},
           {"processor", record.processor},
           {"settings",
            {{"factors", record.factors},

@@ -140,17 +140,21 @@ std::optional<double> coverage(const FlightRecord& record) {
   return static_cast<double>(poses) / static_cast<double>(images);
 }
 
+Json to_json(const ProgramInfo& program) {
+  return {{"version", program.version},
+          {"commit", program.commit},
+          {"compiler", program.compiler},
+          {"build_type", program.build_type},
+          {"simd", program.simd}};
+}
+
 Json stats_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& errors, const ProgramInfo& program) {
   const Timing timing = timing_of(r);
   const std::array<double, 4> seconds = state_seconds(r);
   const EstimatorStats& e = r.estimator;
   Json json;
   json["schema"] = 1;
-  json["program"] = {{"version", program.version},
-                     {"commit", program.commit},
-                     {"compiler", program.compiler},
-                     {"build_type", program.build_type},
-                     {"simd", program.simd}};
+  json["program"] = to_json(program);
   json["dataset"] = {{"path", r.dataset_path},
                      {"duration_s", r.dataset_duration_s},
                      {"images", r.dataset_images},

@@ -1,4 +1,4 @@
-#include "tests/flights/simulated_run.h"
+#include "drivers/montecarlo/simulated_run.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
