@@ -5,18 +5,21 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "drivers/cli/commands.h"
 #include "drivers/cli/progress_bar.h"
-#include "drivers/simulate/rendered_flight.h"
+#include "drivers/simulate/hybrid_flight.h"
+#include "pipeline/text/table.h"
 
 namespace epiline {
 
 namespace {
 
 struct Options {
-  std::string flight = to_string(FlightKind::kHall), world, effects = kUsualEffects, camera, out;
+  std::string flight = to_string(FlightKind::kHall), from, imu = "recorded", imu_calibration, world,
+              effects = kUsualEffects, camera, out;
   bool tracks = false, quiet = false;
   std::uint64_t seed = 1;
   double duration_s = 0, rate_hz = 20;
@@ -52,9 +55,18 @@ CameraCalibration usual_camera() {
   return c;
 }
 
-int simulate_images(const Options& o) {
+int render(const Options& o, FlightToRender flight, WorldKind usual_world) {
   const auto effects = parse_effects(o.effects);
   if (!effects) return report(effects.error());
+  if (o.duration_s > 0) flight.to_s = std::min(flight.to_s, flight.from_s + o.duration_s);
+  const RenderChoice choice{o.world.empty() ? usual_world : *world_from(o.world), *effects, o.seed, o.jobs};
+  ProgressBar bar(o.quiet);
+  const Status written =
+      render_flight(flight, choice, o.out, [&](std::size_t done, std::size_t all) { bar(done, all); });
+  return written ? kExitDone : report(written.error());
+}
+
+int render_built_in(const Options& o) {
   CameraCalibration camera = usual_camera();
   if (!o.camera.empty()) {
     const auto calibration = read_camera_calibration(o.camera, "cam0");
@@ -62,13 +74,27 @@ int simulate_images(const Options& o) {
     camera = *calibration;
   }
   const FlightKind kind = *flight_from(o.flight);
-  FlightToRender flight = built_in_flight(kind, ImuModel{}, camera, o.rate_hz, o.seed);
-  if (o.duration_s > 0) flight.to_s = std::min(flight.to_s, flight.from_s + o.duration_s);
-  const RenderChoice choice{o.world.empty() ? usual_world(kind) : *world_from(o.world), *effects, o.seed, o.jobs};
-  ProgressBar bar(o.quiet);
-  const Status written =
-      render_flight(flight, choice, o.out, [&](std::size_t done, std::size_t all) { bar(done, all); });
+  return render(o, built_in_flight(kind, ImuModel{}, camera, o.rate_hz, o.seed), usual_world(kind));
+}
+
+int render_recorded(const Options& o) {
+  auto hybrid = hybrid_flight({.dataset = o.from,
+                               .camera_file = o.camera,
+                               .imu_calibration = o.imu_calibration,
+                               .simulated_imu = o.imu == "simulated",
+                               .image_rate_hz = o.rate_hz,
+                               .seed = o.seed});
+  if (!hybrid) return report(hybrid.error());
+  if (!o.quiet) fmt::print("{}", text_of(hybrid->fit));
+  const int code = render(o, std::move(hybrid->flight), hybrid->usual_world);
+  if (code != kExitDone) return code;
+  const Status written = write_text(std::filesystem::path(o.out) / "fit.json", json_of(hybrid->fit));
   return written ? kExitDone : report(written.error());
+}
+
+int simulate(Options& o) {
+  if (o.tracks) return simulate_track_flight(o);
+  return o.from.empty() ? render_built_in(o) : render_recorded(o);
 }
 
 template <class All>
@@ -87,22 +113,32 @@ void add_simulate(CLI::App& app, int& exit_code) {
   command->add_option("--flight", o->flight, "what is flown")
       ->check(CLI::IsMember(names(kAllFlights)))
       ->capture_default_str();
+  CLI::Option* from = command->add_option("--from", o->from, "a recorded flight (ASL folder): renders along its truth")
+                          ->excludes("--flight");
+  command->add_option("--imu", o->imu, "with --from: its readings, or simulated ones")
+      ->check(CLI::IsMember({"recorded", "simulated"}))
+      ->needs(from)
+      ->capture_default_str();
+  command->add_option("--imu-calibration", o->imu_calibration, "with --from: noise of the IMU, instead of its own file")
+      ->needs(from);
   command->add_option("--world", o->world, "what there is to see (default: what fits the flight)")
       ->check(CLI::IsMember(names(kAllWorlds)));
   command->add_option("--effects", o->effects, "what the camera does: " + effects_help())->capture_default_str();
-  command->add_option("--camera", o->camera, "calibration (sensor.yaml) of the lens to render with");
+  command->add_option("--camera", o->camera,
+                      "calibration (sensor.yaml) of the camera to render with; of the lens alone without --from");
   command->add_option("--rate", o->rate_hz, "images per second")->check(CLI::Range(1.0, 500.0))->capture_default_str();
   command->add_option("--seed", o->seed, "of every random number")->capture_default_str();
   command->add_option("--duration", o->duration_s, "ends after that many seconds")->check(CLI::PositiveNumber);
   command->add_option("--jobs", o->jobs, "images rendered at a time")->check(CLI::Range(1, 256))->capture_default_str();
-  CLI::Option* tracks = command->add_flag("--tracks", o->tracks, "perfect tracks with noise in place of images");
+  CLI::Option* tracks =
+      command->add_flag("--tracks", o->tracks, "perfect tracks with noise in place of images")->excludes(from);
   command->add_option("--pixel-noise", o->simulation.noise.pixel_sigma, "of the tracks, standard deviation, px")
       ->check(CLI::NonNegativeNumber)
       ->needs(tracks)
       ->capture_default_str();
   command->add_option("--out", o->out, "folder to write")->required();
   command->add_flag("--quiet", o->quiet, "no progress");
-  command->callback([o, &exit_code] { exit_code = o->tracks ? simulate_track_flight(*o) : simulate_images(*o); });
+  command->callback([o, &exit_code] { exit_code = simulate(*o); });
 }
 
 }  // namespace epiline

@@ -75,12 +75,13 @@ WorldKind usual_world(FlightKind kind) {
       return WorldKind::kHall;
     case FlightKind::kCorridor:
       return WorldKind::kCorridor;
+    case FlightKind::kRover:
+      return WorldKind::kOutdoor;
     case FlightKind::kAgile:
     case FlightKind::kHover:
     case FlightKind::kStill:
     case FlightKind::kPureRotation:
     case FlightKind::kStandstill:
-    case FlightKind::kRover:
       return WorldKind::kRoom;
   }
   return WorldKind::kRoom;

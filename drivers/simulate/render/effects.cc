@@ -15,8 +15,8 @@ struct Effect {
 };
 
 constexpr Effect kEffects[] = {
-    {"blur", "exposure, ms", 4, 0, 100, [](FlightEffects& e, double x) { e.camera.exposure_s = 1e-3 * x; }},
-    {"lens-blur", "px", 1.2, 0, 10, [](FlightEffects& e, double x) { e.camera.lens_blur_px = x; }},
+    {"blur", "exposure, ms", 6, 0, 100, [](FlightEffects& e, double x) { e.camera.exposure_s = 1e-3 * x; }},
+    {"lens-blur", "px", 1.6, 0, 10, [](FlightEffects& e, double x) { e.camera.lens_blur_px = x; }},
     {"vignette", "light lost in the corners, share", 0.35, 0, 1,
      [](FlightEffects& e, double x) { e.camera.vignette = x; }},
     {"noise", "times the usual", 1, 0, 20,

@@ -22,6 +22,6 @@ Result<FlightEffects> parse_effects(std::string_view list);
 std::string effects_help();
 
 /// The list that stands for what is on when nothing is said.
-inline constexpr const char* kUsualEffects = "blur,lens-blur,vignette,noise,auto-exposure";
+inline constexpr const char* kUsualEffects = "blur,lens-blur,vignette,noise,auto-exposure,moving";
 
 }  // namespace epiline

@@ -64,7 +64,7 @@ struct NearPanel {
   Vec3f centre, e_u, e_v, normal;
   float half_u, half_v;
   float nearest;  ///< distance of its closest point, m
-  float texels_per_m, x0, y0, shade;
+  float texels_per_m, x0, y0, shade, gloss, facing;
   std::int32_t texture;
   Vec3f corner(int i) const {
     return centre + ((i & 1) != 0 ? half_u : -half_u) * e_u + ((i & 2) != 0 ? half_v : -half_v) * e_v;
@@ -85,7 +85,9 @@ std::vector<NearPanel> facing_panels(const std::vector<Panel>& panels, const Tex
     list.push_back({to_centre.cast<float>(), p.e_u.cast<float>(), p.e_v.cast<float>(), normal.cast<float>(),
                     static_cast<float>(p.half_u), static_cast<float>(p.half_v), static_cast<float>(nearest),
                     static_cast<float>(p.texels_per_m), static_cast<float>(p.texture_origin.x()),
-                    static_cast<float>(p.texture_origin.y()), static_cast<float>(p.shade), atlas.offset(p.material)});
+                    static_cast<float>(p.texture_origin.y()), static_cast<float>(p.shade),
+                    static_cast<float>(gloss_of(p.material)), static_cast<float>(normal.dot(kLamp_W)),
+                    atlas.offset(p.material)});
   }
   std::stable_sort(list.begin(), list.end(),
                    [](const NearPanel& a, const NearPanel& b) { return a.nearest < b.nearest; });
@@ -271,7 +273,7 @@ struct Renderer::Impl {
 
   /// Exposure settings for all images: the scene's brightness is brought to a level, slowly; time first, then gain.
   void plan_exposures() {
-    constexpr double kLevel = 80, kLag_s = 0.3, kPlanned_s = 0.1;
+    constexpr double kLevel = 100, kLag_s = 0.3, kPlanned_s = 0.1;
     exposures.resize(times_s.size());
     if (times_s.empty()) return;
     std::vector<double> wanted(times_s.size());
@@ -377,6 +379,8 @@ void Picture::look_at_panels() {
     looks.x0[k] = p.x0;
     looks.y0[k] = p.y0;
     looks.shade[k] = p.shade;
+    looks.gloss[k] = p.gloss;
+    looks.facing[k] = p.facing;
     looks.texture[k] = p.texture;
   }
 }
@@ -390,7 +394,8 @@ void Picture::view_panels(int y) {
     const PoseF pose = pose_at(row_time(y) + exposure_s * s.moment);
     PanelInView* out = &views[in_tile.size() * rays.size()];
     for (std::size_t k = 0; k < in_tile.size(); ++k) out[k] = panel_in_view(*in_tile[k], pose.R_CW, pose.p);
-    rays.push_back({lens * s.dx, lens * s.dy, out});
+    const Vec3f lamp = pose.R_CW * kLamp_W.cast<float>();
+    rays.push_back({lens * s.dx, lens * s.dy, out, {lamp.x(), lamp.y(), lamp.z()}});
   }
 }
 

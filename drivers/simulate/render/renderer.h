@@ -14,14 +14,14 @@ namespace epiline {
 
 /// What the lens and the sensor do to an image.
 struct CameraEffects {
-  double exposure_s = 0.004;  ///< blurs what moves; 0: an instant
-  double vignette = 0.35;     ///< light lost in the corners, share
-  double read_sigma = 0.7;    ///< noise in the dark, grey levels at unit gain
-  double shot_factor = 0.02;  ///< variance per grey level at unit gain
-  double row_time_s = 0;      ///< rolling shutter: from a row to the next; the image's stamp is the middle row's
-  bool auto_exposure = true;  ///< follows the scene's brightness with a lag; otherwise one setting for the flight
-  double exposure_steps = 0;  ///< sudden changes of brightness by up to this factor, every few seconds; 0: none
-  double lens_blur_px = 1.2;  ///< width of the area a pixel gathers light from
+  double exposure_s = 0.006;   ///< blurs what moves; 0: an instant
+  double vignette = 0.35;      ///< light lost in the corners, share
+  double read_sigma = 0.65;    ///< noise in the dark, grey levels at unit gain
+  double shot_factor = 0.027;  ///< variance per grey level at unit gain
+  double row_time_s = 0;       ///< rolling shutter: from a row to the next; the image's stamp is the middle row's
+  bool auto_exposure = true;   ///< follows the scene's brightness with a lag; otherwise one setting for the flight
+  double exposure_steps = 0;   ///< sudden changes of brightness by up to this factor, every few seconds; 0: none
+  double lens_blur_px = 1.6;   ///< width of the area a pixel gathers light from
 };
 
 /// Exposure of one image.

@@ -26,6 +26,10 @@ class Canvas {
     for (int y = y0; y < y0 + height; ++y)
       for (int x = x0; x < x0 + width; ++x) f(at(x, y), x - x0, y - y0);
   }
+  float mean() const {
+    return static_cast<float>(std::accumulate(pixels_.begin(), pixels_.end(), 0.0) /
+                              static_cast<double>(pixels_.size()));
+  }
   void fill(int x0, int y0, int width, int height, float value) {
     rectangle(x0, y0, width, height, [value](float& p, int, int) { p = value; });
   }
@@ -316,11 +320,16 @@ using Painter = Canvas (*)(Random&);
 constexpr std::array<Painter, static_cast<std::size_t>(Material::kCount)> kPainters{
     paint, concrete, brick, wood, metal, posters, tiles, mesh, gravel, grass, facade, machine, ribs, landscape};
 
+/// Real surfaces have less contrast than their painters; chosen so that images have the gradients of EuRoC's.
+constexpr float kContrast = 0.5F;
+
 /// Level 0 with its padded rows.
 void store(const Canvas& canvas, std::uint8_t* out) {
+  const float mean = canvas.mean();
   for (int y = 0; y < kSize; ++y)
     for (int x = 0; x < kSize + TextureAtlas::kRowPadding; ++x)
-      *out++ = static_cast<std::uint8_t>(std::lround(255 * std::clamp(canvas.at(x, y), 0.0F, 1.0F)));
+      *out++ = static_cast<std::uint8_t>(
+          std::lround(255 * std::clamp(mean + kContrast * (canvas.at(x, y) - mean), 0.0F, 1.0F)));
 }
 
 /// The next level: means of 2x2 texels.

@@ -118,7 +118,18 @@ HWY_INLINE V texel(const std::uint8_t* atlas, VI texture, VI level, V x, V y) {
   return hn::MulAdd(wy, hn::Sub(low, top), top);
 }
 
-HWY_INLINE V radiance_of(const TraceJob& job, const Hits& h) {
+/// How much of the lamp a glossy surface mirrors. Dents, taken from the texture, let the highlight break up and crawl.
+HWY_INLINE V highlight(const RaySample& sample, const Rays& f, V slope, V facing, V reflectance) {
+  const D d;
+  constexpr float kDents = 0.35F / 128, kFlat = 100;
+  const V mirrored = hn::NegMulAdd(hn::Mul(hn::Set(d, 2.0F), slope), facing, dot(sample.lamp, f));
+  const V dented = hn::MulAdd(hn::Set(d, kDents), hn::Sub(reflectance, hn::Set(d, kFlat)), mirrored);
+  V power = hn::Min(hn::Max(dented, hn::Zero(d)), hn::Set(d, 1.2F));
+  for (int i = 0; i < 4; ++i) power = hn::Mul(power, power);  // to the 16th
+  return power;
+}
+
+HWY_INLINE V radiance_of(const TraceJob& job, const RaySample& sample, const Rays& f, const Hits& h) {
   const D d;
   const DI di;
   const PanelLooks& looks = *job.looks;
@@ -141,7 +152,9 @@ HWY_INLINE V radiance_of(const TraceJob& job, const Hits& h) {
   const V fine = texel(job.atlas, texture, level, x, y);
   const V coarse = texel(job.atlas, texture, hn::Add(level, hn::Set(di, 1)), x, y);
   const V reflectance = hn::MulAdd(blend, hn::Sub(coarse, fine), fine);
-  const V seen = hn::Mul(reflectance, hn::GatherIndex(d, looks.shade.data(), panel));
+  const V mirrored = highlight(sample, f, h.slope, hn::GatherIndex(d, looks.facing.data(), panel), reflectance);
+  const V seen = hn::MulAdd(reflectance, hn::GatherIndex(d, looks.shade.data(), panel),
+                            hn::Mul(mirrored, hn::GatherIndex(d, looks.gloss.data(), panel)));
   return hn::IfThenElse(hn::Lt(h.distance, hn::Set(d, kFar)), seen, hn::Set(d, job.sky));
 }
 
@@ -156,8 +169,9 @@ void trace(const TraceJob& job, float* radiance) {
     int taken = 0;
     while (taken < job.inner_samples || (!same && taken < job.sample_count)) {
       const RaySample& sample = job.samples[taken];
-      const Hits hits = nearest_hits(job, sample.panels, pencil.at(sample.dx, sample.dy));
-      sum = hn::Add(sum, radiance_of(job, hits));
+      const Rays f = pencil.at(sample.dx, sample.dy);
+      const Hits hits = nearest_hits(job, sample.panels, f);
+      sum = hn::Add(sum, radiance_of(job, sample, f, hits));
       if (taken == 0) first = hn::Set(di, hn::GetLane(hits.panel));
       same = same && hn::AllTrue(di, hn::Eq(hits.panel, first));
       ++taken;

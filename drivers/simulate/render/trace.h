@@ -23,6 +23,7 @@ struct PanelLooks {
   std::array<float, kCapacity> nearest;               ///< no ray hits it closer than this, m; ascending
   std::array<float, kCapacity> texels_per_m, x0, y0;  ///< texel = (x0, y0) + texels_per_m (u, v)
   std::array<float, kCapacity> shade;
+  std::array<float, kCapacity> gloss, facing;   ///< strength of the highlight; cosine between normal and lamp
   std::array<std::int32_t, kCapacity> texture;  ///< byte offset in the atlas
 };
 
@@ -30,6 +31,7 @@ struct PanelLooks {
 struct RaySample {
   float dx, dy;  ///< px from the pixel's centre
   const PanelInView* panels;
+  std::array<float, 3> lamp;  ///< direction of the light that highlights mirror, in C
 };
 
 /// Unit bearings of pixels, one plane for each coordinate: `at[k]` points at the first pixel of the row, `stride`

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <set>
 
 #include "drivers/simulate/random.h"
 #include "estimator/geometry/so3.h"
@@ -10,12 +11,12 @@
 namespace epiline {
 namespace {
 
-constexpr double kClearance_m = 0.7;
+constexpr double kClearance_m = 0.45;
 constexpr double kFine = 320, kUsual = 240, kCoarse = 160;  // texels per metre
 
 /// Share of the light a surface gets by where it faces: from above most, from below little.
 double light_on(const Vec3& normal) {
-  const double lamp = std::max(0.0, normal.dot(Vec3(0.3, 0.5, 0.81)));
+  const double lamp = std::max(0.0, normal.dot(kLamp_W));
   const double window = std::max(0.0, normal.dot(Vec3(-0.8, 0.3, 0.52)));
   return 0.3 + 0.45 * lamp + 0.4 * window;
 }
@@ -174,6 +175,52 @@ class Builder {
     for (const double z : {0.35, 0.7, 1.0}) clear_box(middle + Vec3(0, 0, z), size, 0, Material::kMetal, kFine, light);
   }
 
+  /// Small things within a few metres of the path, in front of everything else: boards with gaps, gratings, poles,
+  /// parts on wires. What is seen between them moves differently, which is what ends most tracks in a real hall.
+  template <std::size_t N>
+  void near_things(double per_place, int most, const Material (&materials)[N], double light) {
+    const int count = std::clamp(static_cast<int>(per_place * static_cast<double>(places_visited())), most / 4, most);
+    for (int i = 0; i < count; ++i) {
+      const Vec3& beside = path_[static_cast<std::size_t>(uniform(0, static_cast<double>(path_.size())))];
+      const double angle = uniform(0, 6.28), distance = uniform(0.6, 2);
+      const Vec3 at = beside + distance * Vec3(std::cos(angle), std::sin(angle), uniform(-0.7, 0.4));
+      const double yaw = uniform(-1.5, 1.5), brightness = light * uniform(0.4, 2.2);
+      const Material material = any(materials);
+      const int kind = static_cast<int>(uniform(0, 5));
+      if (kind == 0) {
+        clear_box(at, {uniform(0.08, 0.4), uniform(0.08, 0.4), uniform(0.08, 0.4)}, yaw, material, kFine, brightness);
+      } else if (kind == 1) {
+        boards(at, yaw, random_.chance(0.5), material, brightness);
+      } else if (kind == 2) {
+        grating(at, yaw, brightness);
+      } else if (kind == 3) {  // a net: its meshes of 2 to 4 cm all look the same
+        clear_box(at, {uniform(0.3, 1.2), uniform(0.3, 0.8), uniform(0.2, 0.8)}, yaw, Material::kMesh,
+                  uniform(800, 1600), light * uniform(1, 3));
+      } else {
+        clear_box(at, {uniform(0.02, 0.08), uniform(0.02, 0.08), uniform(0.5, 2)}, yaw, material, kFine, brightness);
+      }
+    }
+  }
+
+  /// A pallet: five boards with gaps, lying or standing.
+  void boards(const Vec3& centre, double yaw, bool lying, Material material, double light) {
+    const Mat3 R = so3_exp(Vec3(0, 0, yaw));
+    for (int k = -2; k <= 2; ++k) {
+      const Vec3 offset = lying ? Vec3(0, 0.16 * k, 0) : Vec3(0, 0, 0.16 * k);
+      const Vec3 size = lying ? Vec3(1, 0.1, 0.02) : Vec3(1, 0.02, 0.1);
+      clear_box(centre + R * offset, size, yaw, material, kFine, light * uniform(0.8, 1.2));
+    }
+  }
+
+  /// Bars across each other, 0.8 m wide.
+  void grating(const Vec3& centre, double yaw, double light) {
+    const Mat3 R = so3_exp(Vec3(0, 0, yaw));
+    for (int k = -3; k <= 3; ++k) {
+      clear_box(centre + R * Vec3(0.12 * k, 0, 0), {0.015, 0.015, 0.8}, yaw, Material::kMetal, kFine, light);
+      clear_box(centre + R * Vec3(0, 0.01, 0.12 * k), {0.8, 0.015, 0.015}, yaw, Material::kMetal, kFine, light);
+    }
+  }
+
   void movers(int count, double floor_z, const Bounds& b) {
     for (int tries = 0; count > 0 && tries < 1000; ++tries) {
       Mover m;
@@ -192,6 +239,16 @@ class Builder {
   }
 
  private:
+  /// Cubes of 1.5 m that the path goes through.
+  std::size_t places_visited() const {
+    std::set<std::array<int, 3>> cubes;
+    for (const Vec3& p : path_) {
+      const Vec3 cube = (p / 1.5).array().floor();
+      cubes.insert({static_cast<int>(cube.x()), static_cast<int>(cube.y()), static_cast<int>(cube.z())});
+    }
+    return cubes.size();
+  }
+
   Random random_;
   const std::vector<Vec3>& path_;
   World world_;
@@ -205,7 +262,7 @@ constexpr Material kHallThings[] = {Material::kMachine, Material::kMetal, Materi
                                     Material::kPosters, Material::kRibs,  Material::kPaint};
 
 Bounds hall(Builder& b, Bounds box) {
-  box.low -= Vec3(4.5, 4.5, 0.35);
+  box.low -= Vec3(4.5, 4.5, 0.6);
   box.high += Vec3(4.5, 4.5, 3.5);
   widen(box, 0, 16);
   widen(box, 1, 12);
@@ -215,6 +272,7 @@ Bounds hall(Builder& b, Bounds box) {
   const double area = box.size().x() * box.size().y();
   b.clutter(box, static_cast<int>(std::clamp(0.9 * area, 80.0, 500.0)), {0.3, 0.3, 0.3}, {2.5, 2.5, 3}, kHallThings,
             0.9);
+  b.near_things(24, 400, kHallThings, 0.9);
   for (int i = 0; i < 26; ++i) {
     const int axis = b.random().chance(0.5) ? 0 : 1;
     Vec3 centre = box.centre();
@@ -251,6 +309,7 @@ Bounds room(Builder& b, Bounds box) {
   b.shell(box, 1.5, kRoomWalls, kRoomFloor, kRoomCeiling, 0.8);
   b.lamps(box, 2.5);
   b.clutter(box, 60, {0.25, 0.25, 0.3}, {1.4, 1.0, 1.9}, kRoomThings, 1);
+  b.near_things(2, 40, kRoomThings, 1);
   return box;
 }
 
@@ -347,6 +406,22 @@ std::optional<WorldKind> world_from(std::string_view name) {
   for (const WorldKind kind : kAllWorlds)
     if (name == to_string(kind)) return kind;
   return std::nullopt;
+}
+
+double gloss_of(Material material) {
+  switch (material) {
+    case Material::kMetal:
+      return 350;
+    case Material::kMachine:
+    case Material::kRibs:
+      return 150;
+    case Material::kTiles:
+    case Material::kPosters:
+    case Material::kWood:
+      return 60;
+    default:
+      return 0;
+  }
 }
 
 Vec3 Mover::centre(double t_s) const {

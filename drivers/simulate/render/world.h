@@ -33,6 +33,12 @@ struct Panel {
   Vec3 normal() const { return e_u.cross(e_v); }
 };
 
+/// Where most light comes from, and what glossy surfaces mirror; a unit vector in W.
+inline const Vec3 kLamp_W = Vec3(0.3, 0.5, 0.81).normalized();
+
+/// Radiance of the lamp mirrored in a surface.
+double gloss_of(Material material);
+
 /// A box that swings to and fro between two places: somebody walking.
 struct Mover {
   Vec3 from, to;  ///< centre, m
@@ -48,7 +54,7 @@ struct World {
   double sky = 0;  ///< radiance where there is nothing
 };
 
-/// A world around the places a camera will visit (W, m; at least one). Everything keeps 0.7 m away from them. The same
+/// A world around the places a camera will visit (W, m; at least one). Everything keeps 0.45 m away from them. The same
 /// arguments give the same world.
 World make_world(WorldKind kind, const std::vector<Vec3>& path, int movers, std::uint64_t seed);
 

@@ -70,10 +70,10 @@ TEST(Texture, MaterialsDiffer) {
     const double mean = sum / (n * n);
     return std::sqrt(sum2 / (n * n) - mean * mean) / mean;
   };
-  EXPECT_LT(contrast(Material::kPaint, 0), 0.12);
-  EXPECT_GT(contrast(Material::kGravel, 0), 0.25);
-  EXPECT_GT(contrast(Material::kGravel, 2), 0.15);
-  EXPECT_GT(contrast(Material::kPosters, 0), 0.3);
+  EXPECT_LT(contrast(Material::kPaint, 0), 0.06);
+  EXPECT_GT(contrast(Material::kGravel, 0), 0.12);
+  EXPECT_GT(contrast(Material::kGravel, 2), 0.07);
+  EXPECT_GT(contrast(Material::kPosters, 0), 0.15);
 }
 
 }  // namespace
