@@ -240,7 +240,7 @@ class Fitter {
                         settings_.bias_interval_s / interval_s_);
     NormalEquations equations(layout.first);
     std::vector<double> step;
-    constexpr int kMost = 30;
+    constexpr int kMost = 50;
     for (iterations_ = 1; iterations_ <= kMost; ++iterations_) {
       linearise(layout, equations);
       if (!equations.solve(step)) return false;
@@ -264,7 +264,7 @@ class Fitter {
   /// A last piece with next to no reading would leave its last knot free to go anywhere: the end is cut off instead.
   void end_with_half_a_piece() {
     const double last = readings_.back().t_s;
-    pieces_ = static_cast<std::size_t>((last + lead_s_) / interval_s_ + 0.5);
+    pieces_ = static_cast<std::size_t>(std::lround((last + lead_s_) / interval_s_));
     duration_s_ = std::min(last, static_cast<double>(pieces_) * interval_s_ - lead_s_);
     while (readings_.back().t_s > duration_s_) readings_.pop_back();
     while (poses_.back().t_s > duration_s_) poses_.pop_back();
