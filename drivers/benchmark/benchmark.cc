@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include "drivers/benchmark/processes.h"
-#include "drivers/replay/asl_dataset.h"
+#include "drivers/replay/bag_dataset.h"
 #include "pipeline/config/config.h"
 #include "pipeline/report/benchmark_report.h"
 #include "pipeline/text/table.h"
@@ -138,7 +138,8 @@ Result<BenchmarkRecord> run_benchmark(const BenchmarkOptions& options,
   if (!ends) return ends.error();
   for (std::size_t i = 0; i < jobs.size(); ++i) collect(jobs[i], (*ends)[i], record.runs[i]);
   for (std::size_t d = 0; d < options.datasets.size(); ++d) {
-    auto truth = read_asl_ground_truth(options.datasets[d]);
+    const fs::path& path = options.datasets[d];
+    auto truth = is_bag(path) ? read_bag_ground_truth(path, "") : read_asl_ground_truth(path);
     if (truth) record.datasets[d].truth = std::move(*truth);  // what is wrong with it the runs have said
   }
   return record;

@@ -78,7 +78,7 @@ int replay_command(Options& options) {
 void add_replay(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("replay", "Odometry from a recorded flight: trajectory, figures, report");
-  command->add_option("DATASET", o->replay.dataset, "ASL folder: mav0/{cam0,imu0,...}")->required();
+  command->add_option("DATASET", o->replay.dataset, "ASL folder (mav0/{cam0,imu0,...}) or ROS 1 bag")->required();
   command->add_option("--out", o->out, "folder for the results")->capture_default_str();
   command->add_option("--config", o->replay.config_file, "settings (TOML); see epiline config");
   command->add_option("--visual-factor", o->visual_factor, "residual of a track")
@@ -86,6 +86,9 @@ void add_replay(CLI::App& app, int& exit_code) {
   command->add_option("--camera", o->replay.camera, "which camera")
       ->check(CLI::IsMember({"cam0", "cam1"}))
       ->capture_default_str();
+  command->add_option("--image-topic", o->replay.topics.image, "of a bag; else the first with images");
+  command->add_option("--imu-topic", o->replay.topics.imu, "of a bag; else the first with IMU samples");
+  command->add_option("--truth-topic", o->replay.topics.truth, "of a bag; else the first with poses, if any");
   command->add_option("--start", o->replay.start_s, "seconds of images left out at the beginning")
       ->check(CLI::NonNegativeNumber);
   command->add_option("--duration", o->replay.duration_s, "ends after that many seconds")->check(CLI::PositiveNumber);

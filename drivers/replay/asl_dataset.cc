@@ -4,6 +4,7 @@
 #include <limits>
 #include <utility>
 
+#include "drivers/replay/image_file.h"
 #include "pipeline/text/table.h"
 
 namespace epiline {
@@ -18,13 +19,15 @@ Error missing(const fs::path& path, std::string expected) {
 
 Result<fs::path> find_root(const fs::path& folder) {
   std::error_code ignored;
-  if (!fs::exists(folder, ignored)) return missing(folder, "a data set: an ASL folder");
+  if (!fs::exists(folder, ignored)) return missing(folder, "a data set: an ASL folder, or a ROS 1 bag (*.bag)");
   if (!fs::is_directory(folder, ignored)) {
-    return Error{ErrorKind::kUsage, folder.string(), 0, "is no folder", "a data set: an ASL folder"};
+    return Error{ErrorKind::kUsage, folder.string(), 0, "is no folder",
+                 "a data set: an ASL folder, or a ROS 1 bag (*.bag)"};
   }
   const fs::path root = fs::is_directory(folder / "mav0", ignored) ? folder / "mav0" : folder;
   if (!fs::is_directory(root / "imu0", ignored)) {
-    return Error{ErrorKind::kUsage, folder.string(), 0, "no mav0/imu0 or imu0 inside", "a data set: an ASL folder"};
+    return Error{ErrorKind::kUsage, folder.string(), 0, "no mav0/imu0 or imu0 inside",
+                 "a data set: an ASL folder, or a ROS 1 bag (*.bag)"};
   }
   return root;
 }
@@ -47,6 +50,7 @@ Status read_image_list(AslDataset& d) {
   }
   if (d.images.empty())
     return Error{ErrorKind::kUsage, d.image_list.string(), 0, "no image", "integer nanoseconds, image file"};
+  d.image_source = image_files(d.images, d.image_list);
   return Done{};
 }
 

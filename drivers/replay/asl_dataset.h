@@ -3,6 +3,7 @@
 // little: `mav0/{cam0,imu0,mocap0}` with the calibration in `dso/{camchain,imu_config}.yaml` beside.
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -15,11 +16,13 @@
 
 namespace epiline {
 
-/// An image that is still a file.
+class ImageSource;
+
+/// An image that is still a file, or a message.
 struct ImageFile {
   HostStamp stamp;
   std::filesystem::path path;
-  int line = 0;  ///< of the list it comes from
+  int line = 0;  ///< of the list it comes from; 0: from none
 };
 
 /// The points of one instant: points[first, first + count).
@@ -42,8 +45,9 @@ struct AslMotion {
 struct AslDataset : AslMotion {
   std::filesystem::path image_list;  ///< data.csv or tracks.csv[.gz] of the camera
   CameraCalibration camera;
-  std::vector<ImageFile> images;       ///< in the file's order; empty when there are tracks
-  std::vector<TrackInstant> instants;  ///< in the file's order; empty when there are images
+  std::vector<ImageFile> images;              ///< in the file's order; empty when there are tracks
+  std::shared_ptr<ImageSource> image_source;  ///< of `images`
+  std::vector<TrackInstant> instants;         ///< in the file's order; empty when there are images
   std::vector<TrackPoint> points;
   std::size_t instants_count() const { return images.empty() ? instants.size() : images.size(); }
   HostStamp instant(std::size_t i) const { return images.empty() ? instants[i].stamp : images[i].stamp; }

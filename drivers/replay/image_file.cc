@@ -31,14 +31,35 @@ class QuietStderr {
   int saved_, nowhere_;
 };
 
-cv::Mat decode(const std::string& path) {
+template <class Decode>
+cv::Mat quietly(Decode decode) {
   const QuietStderr quiet;
   try {
-    return cv::imread(path, cv::IMREAD_GRAYSCALE);
+    return decode();
   } catch (const cv::Exception&) {
     return {};
   }
 }
+
+class ImageFiles final : public ImageSource {
+ public:
+  ImageFiles(std::vector<ImageFile> files, std::filesystem::path list)
+      : files_(std::move(files)), list_(std::move(list)) {}
+  Status read(std::size_t index, cv::Mat& grey) override {
+    grey = quietly([&] { return cv::imread(files_[index].path.string(), cv::IMREAD_GRAYSCALE); });
+    if (grey.empty()) return complaint(index, "cannot be read as an image", "a complete PNG, PGM, JPEG, ...");
+    return Done{};
+  }
+  Error complaint(std::size_t index, std::string found, std::string expected) const override {
+    const ImageFile& file = files_[index];
+    return {ErrorKind::kUsage, list_.string(), file.line, file.path.string() + " " + std::move(found),
+            std::move(expected)};
+  }
+
+ private:
+  std::vector<ImageFile> files_;
+  std::filesystem::path list_;
+};
 
 std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
@@ -52,20 +73,26 @@ struct ImageDecoder::Buffers {
 ImageDecoder::ImageDecoder() : buffers_(std::make_unique<Buffers>()) {}
 ImageDecoder::~ImageDecoder() = default;
 
-Result<Frame> ImageDecoder::read(const ImageFile& file, const AslDataset& dataset) {
+Result<Frame> ImageDecoder::read(std::size_t index, const AslDataset& dataset) {
   cv::Mat& image = buffers_->images[buffers_->count % 2];
-  image = decode(file.path.string());
-  const auto fail = [&](std::string found, std::string expected) {
-    return Error{ErrorKind::kUsage, dataset.image_list.string(), file.line, file.path.string() + " " + std::move(found),
-                 std::move(expected)};
-  };
-  if (image.empty()) return fail("cannot be read as an image", "a complete PNG, PGM, JPEG, ...");
+  if (const Status s = dataset.image_source->read(index, image); !s) return s.error();
   const CameraParameters& camera = dataset.camera.parameters;
   if (image.cols != camera.width || image.rows != camera.height) {
-    return fail("has " + size_text(image.cols, image.rows) + " pixels",
-                size_text(camera.width, camera.height) + " as in the calibration");
+    return dataset.image_source->complaint(index, "has " + size_text(image.cols, image.rows) + " pixels",
+                                           size_text(camera.width, camera.height) + " as in the calibration");
   }
-  return Frame{file.stamp, buffers_->count++, image.data, image.cols, image.rows, static_cast<int>(image.step)};
+  return Frame{dataset.images[index].stamp, buffers_->count++, image.data, image.cols, image.rows,
+               static_cast<int>(image.step)};
+}
+
+std::shared_ptr<ImageSource> image_files(std::vector<ImageFile> files, std::filesystem::path list) {
+  return std::make_shared<ImageFiles>(std::move(files), std::move(list));
+}
+
+cv::Mat decode_image(const std::uint8_t* bytes, std::size_t size) {
+  if (size == 0 || size > (std::size_t{1} << 30)) return {};
+  const cv::Mat whole(1, static_cast<int>(size), CV_8U, const_cast<std::uint8_t*>(bytes));
+  return quietly([&] { return cv::imdecode(whole, cv::IMREAD_GRAYSCALE); });
 }
 
 }  // namespace epiline

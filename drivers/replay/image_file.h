@@ -1,20 +1,30 @@
 #pragma once
+#include <filesystem>
 #include <memory>
+#include <vector>
 
 #include "drivers/replay/asl_dataset.h"
+#include "drivers/replay/image_source.h"
+#include "platform/samples/samples.h"
 
 namespace epiline {
 
-/// Decodes images one after the other. The pixels of an image stay valid until the second next call: the tracker needs
-/// two.
+/// Images that are files; `list` is the file that names them.
+std::shared_ptr<ImageSource> image_files(std::vector<ImageFile> files, std::filesystem::path list);
+
+/// Decodes an image that is whole in memory, in one of the usual formats, as 8-bit grey; empty if that is impossible.
+cv::Mat decode_image(const std::uint8_t* bytes, std::size_t size);
+
+/// Reads a data set's images one after the other. The pixels of an image stay valid until the second next call: the
+/// tracker needs two.
 class ImageDecoder {
  public:
   ImageDecoder();
   ~ImageDecoder();
 
-  /// The image as 8-bit grey. Fails if and only if the file is no image that can be read whole, or has another size
-  /// than the calibration.
-  Result<Frame> read(const ImageFile& file, const AslDataset& dataset);
+  /// Image `index` as 8-bit grey. Fails if and only if it cannot be read whole, or has another size than the
+  /// calibration.
+  Result<Frame> read(std::size_t index, const AslDataset& dataset);
 
  private:
   struct Buffers;

@@ -101,7 +101,7 @@ class Flight {
     }
     Frame frame;
     if (!dataset_.images.empty()) {
-      const auto image = decoder_.read(dataset_.images[i], dataset_);
+      const auto image = decoder_.read(i, dataset_);
       if (!image) return image.error();
       frame = *image;
       frame.stamp = stamp;
@@ -191,8 +191,10 @@ Result<ReplayResult> replay(const ReplayOptions& options,
     file = std::move(*read);
     file->apply(config);  // for the names of calibration files; what the data set says comes before the rest
   }
-  const auto dataset =
-      open_asl_dataset(options.dataset, options.camera, config.camera_calibration, config.imu_calibration);
+  const auto dataset = is_bag(options.dataset) ? open_bag_dataset(options.dataset, options.topics, options.camera,
+                                                                  config.camera_calibration, config.imu_calibration)
+                                               : open_asl_dataset(options.dataset, options.camera,
+                                                                  config.camera_calibration, config.imu_calibration);
   if (!dataset) return dataset.error();
   fill_config(*dataset, file ? &*file : nullptr, options, config);
   try {

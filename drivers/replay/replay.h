@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "drivers/replay/bag_dataset.h"
 #include "pipeline/report/flight_record.h"
 #include "platform/error/result.h"
 
@@ -15,6 +16,7 @@ namespace epiline {
 struct ReplayOptions {
   std::filesystem::path dataset;
   std::string camera = "cam0";
+  BagTopics topics;
   std::filesystem::path config_file;          ///< empty: defaults
   std::optional<VisualFactor> visual_factor;  ///< wins over the file
   std::optional<double> deadline_ms;          ///< wins over the file

@@ -31,20 +31,11 @@ Trajectory from_table(const NumberTable& table, bool asl) {
     const double* q = row + 3;
     const Eigen::Quaterniond q_WB =
         asl ? Eigen::Quaterniond(q[0], q[1], q[2], q[3]) : Eigen::Quaterniond(q[3], q[0], q[1], q[2]);
-    if (!finite(row, table.columns) || q_WB.norm() < 0.5) {
+    if (!finite(row + 7, table.columns - 7)) {
       ++t.not_finite;
       continue;
     }
-    if (!t.poses.empty() && table.time_ns[i] <= t.poses.back().stamp.ns) {
-      ++t.out_of_order;
-      continue;
-    }
-    t.poses.push_back({HostStamp{table.time_ns[i]}, vec3(row), q_WB.normalized()});
-    const double norm_error = std::abs(q_WB.norm() - 1);
-    if (norm_error > t.worst_norm_error) {
-      t.worst_norm_error = norm_error;
-      t.worst_norm_at = t.poses.back().stamp;
-    }
+    if (!add_pose({HostStamp{table.time_ns[i]}, vec3(row), q_WB}, t)) continue;
     if (table.columns >= 10) t.v_WB_m_s.push_back(vec3(row + 7));
     if (table.columns >= 16) {
       t.gyroscope_bias_rad_s.push_back(vec3(row + 10));
@@ -55,6 +46,24 @@ Trajectory from_table(const NumberTable& table, bool asl) {
 }
 
 }  // namespace
+
+bool add_pose(const TimedPose& pose, Trajectory& t) {
+  if (!pose.p_WB.allFinite() || !pose.q_WB.coeffs().allFinite() || pose.q_WB.norm() < 0.5) {
+    ++t.not_finite;
+    return false;
+  }
+  if (!t.poses.empty() && pose.stamp <= t.poses.back().stamp) {
+    ++t.out_of_order;
+    return false;
+  }
+  t.poses.push_back({pose.stamp, pose.p_WB, pose.q_WB.normalized()});
+  const double norm_error = std::abs(pose.q_WB.norm() - 1);
+  if (norm_error > t.worst_norm_error) {
+    t.worst_norm_error = norm_error;
+    t.worst_norm_at = pose.stamp;
+  }
+  return true;
+}
 
 Result<Trajectory> read_trajectory(const std::filesystem::path& path) {
   const auto text = read_text(path);

@@ -32,6 +32,10 @@ struct Trajectory {
   HostStamp worst_norm_at;
 };
 
+/// Appends the pose with a quaternion of length one. False, and counted, if it is not finite, has no rotation, or does
+/// not lie after the last one.
+bool add_pose(const TimedPose& pose, Trajectory& trajectory);
+
 /// Reads an ASL ground truth (csv: t_ns, p, q wxyz [, v [, bias of gyroscope, of accelerometer]]) or a TUM trajectory
 /// (t_s tx ty tz qx qy qz qw), plain or gzipped; the first line with data tells which. Fails if and only if the file
 /// cannot be read, a line does not parse, or no pose is left.
