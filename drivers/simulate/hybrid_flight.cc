@@ -40,6 +40,8 @@ std::vector<TruthRow> truth_rows(const FittedMotion& motion, const std::vector<I
 void simulate_imu(const FittedMotion& motion, std::uint64_t seed, FlightTables& tables) {
   ImuModel model;
   model.noise = tables.imu.noise;
+  const auto& readings = tables.imu_samples;
+  model.rate_hz = static_cast<double>(readings.size() - 1) / (readings.back().stamp - readings.front().stamp).seconds();
   ImuSimulator simulator(model, Random(seed, 710));
   tables.imu_samples.clear();
   for (TruthRow& row : tables.truth) {

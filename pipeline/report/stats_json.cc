@@ -77,6 +77,7 @@ Json tracks_json(const FlightRecord& r) {
   return {{"per_image_mean", ratio(points, r.images.size())},
           {"length_mean", ratio(points, tracks)},
           {"rejected_share", rejected},
+          {"noise_px", r.estimator.frames_solved > 0 ? Json(r.estimator.pixel_sigma) : Json(nullptr)},
           {"gated", r.estimator.gated}};
 }
 

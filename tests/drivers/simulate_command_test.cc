@@ -1,4 +1,7 @@
 // `epiline simulate` as a user meets it: the folder it leaves, its errors, and what a replay makes of it.
+#include <functional>
+#include <sstream>
+
 #include "tests/drivers/program.h"
 
 namespace epiline {
@@ -59,6 +62,84 @@ TEST_F(SimulateCommand, SaysWhatIsWrongInOneLine) {
     expect_one_line(run(arguments), 2, {});
     EXPECT_FALSE(fs::exists(scratch() / "x")) << arguments;
   }
+}
+
+/// A recorded flight, in effect: 12 s of IMU and truth, and a camera's calibration.
+class SimulateFromRecording : public SimulateCommand {
+ protected:
+  void SetUp() override {
+    SimulateCommand::SetUp();
+    ASSERT_EQ(run("simulate --tracks --flight agile --out " + in("recorded")).exit_code, 0);
+  }
+  std::string render(const std::string& more = "") {
+    return "simulate --from " + in("recorded") + " --duration 3 --out " + in("x") + more;
+  }
+  fs::path truth() const { return scratch() / "recorded/mav0/state_groundtruth_estimate0/data.csv"; }
+  /// Replaces the lines of a table but its first by what `f` makes of them; an empty line is left out.
+  static void edit(const fs::path& table, const std::function<std::string(int, std::string)>& f) {
+    std::istringstream in(read(table));
+    std::string out, line;
+    std::getline(in, line);
+    out = line + "\n";
+    for (int i = 0; std::getline(in, line); ++i) {
+      const std::string edited = f(i, line);
+      if (!edited.empty()) out += edited + "\n";
+    }
+    write(table, out);
+  }
+};
+
+// The recorded readings are handed on as they are; the images follow the recorded motion, as a replay finds.
+TEST_F(SimulateFromRecording, KeepsTheImuAndFollowsTheMotion) {
+  const Outcome made = run(render());
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_NE(made.out.find("NEES"), std::string::npos) << made.out;
+  EXPECT_EQ(read(scratch() / "x/mav0/imu0/data.csv"), read(scratch() / "recorded/mav0/imu0/data.csv"));
+  EXPECT_TRUE(Json::parse(read(scratch() / "x/fit.json")).contains("integrated"));
+  ASSERT_EQ(run("replay " + in("x") + " --out " + in("results")).exit_code, 0);
+  const Outcome compared = run("evaluate " + in("results/trajectory.tum") + " " + truth().string() + " --json");
+  ASSERT_EQ(compared.exit_code, 0) << compared.err;
+  EXPECT_LT(Json::parse(compared.out)["ate_4dof_m"]["rmse"].get<double>(), 0.05) << compared.out;
+}
+
+TEST_F(SimulateFromRecording, SimulatesAnImuIfAsked) {
+  ASSERT_EQ(run(render(" --imu simulated")).exit_code, 0);
+  EXPECT_NE(read(scratch() / "x/mav0/imu0/data.csv"), read(scratch() / "recorded/mav0/imu0/data.csv"));
+}
+
+TEST_F(SimulateFromRecording, RefusesATruthWithAGap) {
+  edit(truth(), [](int i, const std::string& line) { return i > 100 && i < 200 ? "" : line; });
+  expect_one_line(run(render()), 2, {truth().string(), "gap"});
+  EXPECT_FALSE(fs::exists(scratch() / "x"));
+}
+
+TEST_F(SimulateFromRecording, RefusesQuaternionsThatAreNone) {
+  edit(truth(), [](int i, const std::string& line) {
+    if (i != 50) return line;
+    std::vector<std::string> fields;
+    std::istringstream in(line);
+    for (std::string field; std::getline(in, field, ',');) fields.push_back(field);
+    for (int k = 4; k < 8; ++k) fields[k] = "0.9";
+    std::string out = fields[0];
+    for (std::size_t k = 1; k < fields.size(); ++k) out += "," + fields[k];
+    return out;
+  });
+  expect_one_line(run(render()), 2, {truth().string(), "quaternion"});
+  EXPECT_FALSE(fs::exists(scratch() / "x"));
+}
+
+TEST_F(SimulateFromRecording, RefusesAnImuOfAnotherTime) {
+  edit(scratch() / "recorded/mav0/imu0/data.csv",
+       [](int, const std::string& line) { return "9" + line; });  // years later
+  expect_one_line(run(render()), 2, {"recorded/mav0"});
+  EXPECT_FALSE(fs::exists(scratch() / "x"));
+}
+
+TEST_F(SimulateFromRecording, RefusesAFolderWithoutTruthOrCamera) {
+  fs::remove_all(truth().parent_path());
+  expect_one_line(run(render()), 2, {"state_groundtruth_estimate0", "ground truth"});
+  fs::remove(scratch() / "recorded/mav0/cam0/sensor.yaml");
+  expect_one_line(run(render()), 2, {"sensor.yaml", "--camera"});
 }
 
 // A disk that fills up is an error, and leaves nothing that looks like a flight. (A limit on file size stands for it.)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "drivers/simulate/random.h"
@@ -148,9 +149,15 @@ Cone cone_around(const BearingTable& bearings, int x0, int y0, int x1, int y1, d
   return {axis, static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle)), false};
 }
 
+/// Between which distances rays can meet a panel; `far_m` is finite only if all of them do.
+struct Reach {
+  float near_m, far_m;
+};
+
 /// The four planes around a tile's pixels, through the camera; their normals point inwards.
 struct Pyramid4 {
   std::array<Vec3f, 4> inward;
+  std::array<Vec3f, 4> edge;  ///< rays a little outside of its corners
   bool is_everything;
 
   bool may_see(const NearPanel& panel, const PoseF& pose) const {
@@ -160,6 +167,28 @@ struct Pyramid4 {
     return std::all_of(inward.begin(), inward.end(), [&](const Vec3f& n) {
       return std::any_of(corner, corner + 4, [&](const Vec3f& c) { return n.dot(c) > 0; });
     });
+  }
+
+  /// Over a plane, one over the distance is linear in the direction: its extremes are at the edges. `slack_m`: how far
+  /// the camera moves meanwhile.
+  Reach reach(const NearPanel& panel, const PoseF& pose, float slack_m) const {
+    constexpr float kNever = std::numeric_limits<float>::infinity(), kMargin = 0.95F;
+    if (is_everything) return {panel.nearest, kNever};
+    const Vec3f centre = pose.R_CW * (panel.centre - pose.p), normal = pose.R_CW * panel.normal;
+    const Vec3f e_u = pose.R_CW * panel.e_u, e_v = pose.R_CW * panel.e_v;
+    const float distance = normal.dot(centre);
+    float most = 0, least = kNever;
+    bool covered = distance < -slack_m;
+    for (const Vec3f& f : edge) {
+      const float inverse = normal.dot(f) / distance;
+      most = std::max(most, inverse);
+      least = std::min(least, inverse);
+      const Vec3f at = f / inverse - centre;
+      covered = covered && inverse > 0 && std::abs(e_u.dot(at)) + slack_m < panel.half_u &&
+                std::abs(e_v.dot(at)) + slack_m < panel.half_v;
+    }
+    const float near_m = most > 0 ? kMargin / most - slack_m : kNever;
+    return {std::max(panel.nearest, near_m), covered ? 1 / (kMargin * least) + slack_m : kNever};
   }
 };
 
@@ -176,6 +205,7 @@ Pyramid4 pyramid_around(const BearingTable& bearings, int x0, int y0, double pad
     if (n.dot(middle) < 0) n = -n;
     // Tilted outwards by the pad: the normal leans towards the middle.
     pyramid.inward[i] = (n + static_cast<float>(std::tan(pad_rad)) * middle).normalized();
+    pyramid.edge[i] = corner[i] + 1.5F * static_cast<float>(pad_rad) * (corner[i] - middle).normalized();
   }
   return pyramid;
 }
@@ -320,13 +350,19 @@ namespace {
 /// One image in the making.
 struct Picture {
   const Renderer::Impl& r;
-  double t_s, exposure_s, pad_rad;
+  double t_s, exposure_s, pad_rad, slack_m;
   int inner_samples;
   std::vector<Sampling> sampling;  ///< the inner ones first, then those for edges
   Vec3 eye;                        ///< what all positions are relative to
   std::vector<NearPanel> panels;
 
-  std::vector<const NearPanel*> in_block, in_tile;
+  struct Candidate {
+    const NearPanel* panel;
+    float nearest;
+  };
+  std::vector<const NearPanel*> in_block;
+  std::vector<Candidate> in_tile;
+  std::vector<PoseF> poses;  ///< of the samples
   std::vector<PanelInView> views;
   std::vector<RaySample> rays;
   PanelLooks looks{};  ///< also read, for nothing, where no ray hits
@@ -337,6 +373,7 @@ struct Picture {
     const CameraPose pose = camera_pose(r.motion, r.settings, time_s);
     return {pose.R_WC.transpose().cast<float>(), (pose.p_WC - eye).cast<float>()};
   }
+  void find_candidates(const Pyramid4& pyramid, const PoseF& pose);
   void look_at_panels();
   void view_panels(int y);
   void trace_tile(int x0, int y0, float* radiance, int stride);
@@ -358,7 +395,7 @@ Picture::Picture(const Renderer::Impl& renderer, std::size_t i)
   constexpr double kClosest_m = 0.3;
   const double speed = m.v_WB.norm() + m.omega_B.norm() * r.settings.p_BC.norm();
   pad_rad = 1.2 * half_tile_s * (m.omega_B.norm() + speed / kClosest_m) + (1 + e.lens_blur_px) / r.camera.focal_px();
-  const double slack_m = 0.001 + 1.5 * half_image_s * speed;
+  slack_m = 0.001 + 1.5 * half_image_s * speed;
   std::vector<Panel> all = r.world.panels;
   for (const Mover& mover : r.world.movers) {
     const Vec3 centre = mover.centre(t_s);
@@ -371,10 +408,27 @@ Picture::Picture(const Renderer::Impl& renderer, std::size_t i)
   panels = facing_panels(all, r.atlas, eye, slack_m);
 }
 
+/// The panels that may show in a tile and are not all behind one that covers it, nearest first.
+void Picture::find_candidates(const Pyramid4& pyramid, const PoseF& pose) {
+  in_tile.clear();
+  float horizon = std::numeric_limits<float>::infinity();
+  for (const NearPanel* p : in_block) {
+    if (p->nearest > horizon) break;  // and all after it
+    if (!pyramid.may_see(*p, pose)) continue;
+    const Reach reach = pyramid.reach(*p, pose, static_cast<float>(slack_m));
+    horizon = std::min(horizon, reach.far_m);
+    in_tile.push_back({p, reach.near_m});
+  }
+  std::erase_if(in_tile, [&](const Candidate& c) { return c.nearest > horizon; });
+  std::stable_sort(in_tile.begin(), in_tile.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.nearest < b.nearest; });
+  if (in_tile.size() > PanelLooks::kCapacity) in_tile.resize(PanelLooks::kCapacity, {});
+}
+
 void Picture::look_at_panels() {
   for (std::size_t k = 0; k < in_tile.size(); ++k) {
-    const NearPanel& p = *in_tile[k];
-    looks.nearest[k] = p.nearest;
+    const NearPanel& p = *in_tile[k].panel;
+    looks.nearest[k] = in_tile[k].nearest;
     looks.texels_per_m[k] = p.texels_per_m;
     looks.x0[k] = p.x0;
     looks.y0[k] = p.y0;
@@ -390,10 +444,15 @@ void Picture::view_panels(int y) {
   const auto lens = static_cast<float>(r.settings.effects.lens_blur_px);
   views.resize(in_tile.size() * sampling.size());
   rays.clear();
-  for (const Sampling& s : sampling) {
-    const PoseF pose = pose_at(row_time(y) + exposure_s * s.moment);
+  if (poses.empty() || r.settings.effects.row_time_s != 0) {
+    poses.clear();
+    for (const Sampling& s : sampling) poses.push_back(pose_at(row_time(y) + exposure_s * s.moment));
+  }
+  for (std::size_t i = 0; i < sampling.size(); ++i) {
+    const Sampling& s = sampling[i];
+    const PoseF& pose = poses[i];
     PanelInView* out = &views[in_tile.size() * rays.size()];
-    for (std::size_t k = 0; k < in_tile.size(); ++k) out[k] = panel_in_view(*in_tile[k], pose.R_CW, pose.p);
+    for (std::size_t k = 0; k < in_tile.size(); ++k) out[k] = panel_in_view(*in_tile[k].panel, pose.R_CW, pose.p);
     const Vec3f lamp = pose.R_CW * kLamp_W.cast<float>();
     rays.push_back({lens * s.dx, lens * s.dy, out, {lamp.x(), lamp.y(), lamp.z()}});
   }
@@ -402,10 +461,7 @@ void Picture::view_panels(int y) {
 void Picture::trace_tile(int x0, int y0, float* radiance, int stride) {
   const int rows = std::min(kTileSize, r.camera.height() - y0);
   const Pyramid4 pyramid = pyramid_around(r.bearings, x0, y0, pad_rad);
-  const PoseF pose = pose_at(row_time(y0 + rows / 2));
-  in_tile.clear();
-  for (const NearPanel* p : in_block)
-    if (in_tile.size() < PanelLooks::kCapacity && pyramid.may_see(*p, pose)) in_tile.push_back(p);
+  find_candidates(pyramid, pose_at(row_time(y0 + rows / 2)));
   look_at_panels();
   for (int y = y0; y < y0 + rows; ++y) {
     if (y == y0 || r.settings.effects.row_time_s != 0) view_panels(y);
