@@ -26,8 +26,8 @@ Json tracks_of(const std::filesystem::path& dataset, double duration_s) {
   return stats_json(result->record, {}, {})["tracks"];
 }
 
-// The motion of MH_01 while it moves, rendered in a hall, gives tracks that live as long, scatter as much and are as many as
-// those of the recorded images.
+// The motion of MH_01 while it moves, rendered in a hall, gives tracks that live as long, scatter as much and are as
+// many as those of the recorded images.
 TEST(RenderedFlight, TracksAreLikeRecordedOnes) {
   constexpr double kMoving_s = 15;
   const std::string recorded = test::recorded_data("euroc_MH_01");
