@@ -55,18 +55,16 @@ CameraCalibration usual_camera() {
   return c;
 }
 
-int render(const Options& o, FlightToRender flight, WorldKind usual_world) {
-  const auto effects = parse_effects(o.effects);
-  if (!effects) return report(effects.error());
+int render(const Options& o, const FlightEffects& effects, FlightToRender flight, WorldKind usual_world) {
   if (o.duration_s > 0) flight.to_s = std::min(flight.to_s, flight.from_s + o.duration_s);
-  const RenderChoice choice{o.world.empty() ? usual_world : *world_from(o.world), *effects, o.seed, o.jobs};
+  const RenderChoice choice{o.world.empty() ? usual_world : *world_from(o.world), effects, o.seed, o.jobs};
   ProgressBar bar(o.quiet);
   const Status written =
       render_flight(flight, choice, o.out, [&](std::size_t done, std::size_t all) { bar(done, all); });
   return written ? kExitDone : report(written.error());
 }
 
-int render_built_in(const Options& o) {
+int render_built_in(const Options& o, const FlightEffects& effects) {
   CameraCalibration camera = usual_camera();
   if (!o.camera.empty()) {
     const auto calibration = read_camera_calibration(o.camera, "cam0");
@@ -74,19 +72,20 @@ int render_built_in(const Options& o) {
     camera = *calibration;
   }
   const FlightKind kind = *flight_from(o.flight);
-  return render(o, built_in_flight(kind, ImuModel{}, camera, o.rate_hz, o.seed), usual_world(kind));
+  return render(o, effects, built_in_flight(kind, effects.imu, camera, o.rate_hz, o.seed), usual_world(kind));
 }
 
-int render_recorded(const Options& o) {
+int render_recorded(const Options& o, const FlightEffects& effects) {
   auto hybrid = hybrid_flight({.dataset = o.from,
                                .camera_file = o.camera,
                                .imu_calibration = o.imu_calibration,
                                .simulated_imu = o.imu == "simulated",
+                               .imu_effects = effects.imu,
                                .image_rate_hz = o.rate_hz,
                                .seed = o.seed});
   if (!hybrid) return report(hybrid.error());
   if (!o.quiet) fmt::print("{}", text_of(hybrid->fit));
-  const int code = render(o, std::move(hybrid->flight), hybrid->usual_world);
+  const int code = render(o, effects, std::move(hybrid->flight), hybrid->usual_world);
   if (code != kExitDone) return code;
   const Status written = write_text(std::filesystem::path(o.out) / "fit.json", json_of(hybrid->fit));
   return written ? kExitDone : report(written.error());
@@ -94,7 +93,9 @@ int render_recorded(const Options& o) {
 
 int simulate(Options& o) {
   if (o.tracks) return simulate_track_flight(o);
-  return o.from.empty() ? render_built_in(o) : render_recorded(o);
+  const auto effects = parse_effects(o.effects);
+  if (!effects) return report(effects.error());
+  return o.from.empty() ? render_built_in(o, *effects) : render_recorded(o, *effects);
 }
 
 template <class All>
@@ -123,7 +124,8 @@ void add_simulate(CLI::App& app, int& exit_code) {
       ->needs(from);
   command->add_option("--world", o->world, "what there is to see (default: what fits the flight)")
       ->check(CLI::IsMember(names(kAllWorlds)));
-  command->add_option("--effects", o->effects, "what the camera does: " + effects_help())->capture_default_str();
+  command->add_option("--effects", o->effects, "what camera and simulated IMU do: " + effects_help())
+      ->capture_default_str();
   command->add_option("--camera", o->camera,
                       "calibration (sensor.yaml) of the camera to render with; of the lens alone without --from");
   command->add_option("--rate", o->rate_hz, "images per second")->check(CLI::Range(1.0, 500.0))->capture_default_str();

@@ -37,12 +37,12 @@ std::vector<TruthRow> truth_rows(const FittedMotion& motion, const std::vector<I
   return rows;
 }
 
-void simulate_imu(const FittedMotion& motion, std::uint64_t seed, FlightTables& tables) {
-  ImuModel model;
-  model.noise = tables.imu.noise;
+void simulate_imu(const FittedMotion& motion, const HybridSettings& settings, FlightTables& tables) {
   const auto& readings = tables.imu_samples;
-  model.rate_hz = static_cast<double>(readings.size() - 1) / (readings.back().stamp - readings.front().stamp).seconds();
-  ImuSimulator simulator(model, Random(seed, 710));
+  const double seconds = (readings.back().stamp - readings.front().stamp).seconds();
+  const double rate_hz = static_cast<double>(readings.size() - 1) / seconds;
+  ImuSimulator simulator(imu_model_with(settings.imu_effects, tables.imu.noise, rate_hz, Random(settings.seed, 711)),
+                         Random(settings.seed, 710));
   tables.imu_samples.clear();
   for (TruthRow& row : tables.truth) {
     row.state.b_a = simulator.accelerometer_bias();
@@ -90,7 +90,7 @@ Result<HybridFlight> hybrid_flight(const HybridSettings& settings) {
   flight.tables.imu = recorded->imu;
   flight.tables.truth = truth_rows(motion, recorded->imu_samples);
   flight.tables.imu_samples = std::move(recorded->imu_samples);
-  if (settings.simulated_imu) simulate_imu(motion, settings.seed, flight.tables);
+  if (settings.simulated_imu) simulate_imu(motion, settings, flight.tables);
   if (extent_m(flight.tables.truth) > kWidestRoom_m) result.usual_world = WorldKind::kHall;
   flight.motion = std::make_unique<FittedMotion>(motion);
   return result;

@@ -12,6 +12,7 @@ struct HybridSettings {
   std::filesystem::path camera_file;      ///< empty: the data set's own cam0/sensor.yaml
   std::filesystem::path imu_calibration;  ///< empty: the data set's own
   bool simulated_imu = false;  ///< readings from the error model along the fitted motion, not the recorded ones
+  ImuEffects imu_effects;      ///< of the simulated ones
   double image_rate_hz = 20;
   std::uint64_t seed = 1;  ///< of the draw of the motion
 };

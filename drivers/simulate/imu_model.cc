@@ -19,6 +19,30 @@ Mat3 random_axes(double scale_sigma, double misalignment_sigma_rad, Random& rand
   return M;
 }
 
+ImuModel imu_model_with(const ImuEffects& effects, const ImuNoise& noise, double rate_hz, Random random) {
+  ImuModel model;
+  model.rate_hz = rate_hz;
+  model.noise = noise;
+  model.noise.gyroscope_density *= effects.noise_factor;
+  model.noise.accelerometer_density *= effects.noise_factor;
+  model.noise.gyroscope_random_walk *= effects.noise_factor;
+  model.noise.accelerometer_random_walk *= effects.noise_factor;
+  model.gyroscope_bias_sigma *= effects.bias_factor;
+  model.accelerometer_bias_sigma *= effects.bias_factor;
+  model.gyroscope_matrix = random_axes(effects.scale_sigma, effects.misalignment_sigma_rad, random);
+  model.accelerometer_matrix = random_axes(effects.scale_sigma, effects.misalignment_sigma_rad, random);
+  model.gyroscope_limit_rad_s = effects.gyroscope_limit_rad_s;
+  model.accelerometer_limit_m_s2 = effects.accelerometer_limit_m_s2;
+  if (effects.vibration_hz > 0) {
+    model.vibrations.push_back({.frequency_hz = effects.vibration_hz,
+                                .acceleration_m_s2 = 2,
+                                .rate_rad_s = 0.02,
+                                .axis = random.normal3(1).normalized(),
+                                .phase_rad = 0});
+  }
+  return model;
+}
+
 ImuSimulator::ImuSimulator(const ImuModel& model, const Random& random) : model_(model), random_(random) {
   b_g_ = random_.normal3(model_.gyroscope_bias_sigma);
   b_a_ = random_.normal3(model_.accelerometer_bias_sigma);

@@ -38,6 +38,18 @@ struct ImuModel {
 /// A matrix of ImuModel with random errors: relative ones of each axis' scale, and the angles between the axes.
 Mat3 random_axes(double scale_sigma, double misalignment_sigma_rad, Random& random);
 
+/// Errors of a simulated IMU as a command line asks for them.
+struct ImuEffects {
+  double noise_factor = 1, bias_factor = 1;            ///< times what the densities say; times the usual first biases
+  double scale_sigma = 0, misalignment_sigma_rad = 0;  ///< see random_axes()
+  double vibration_hz = 0;                             ///< 0: none
+  double gyroscope_limit_rad_s = std::numeric_limits<double>::infinity();
+  double accelerometer_limit_m_s2 = std::numeric_limits<double>::infinity();
+};
+
+/// The model of an IMU of that noise with these effects; a vibration has 2 m/s^2 and 0.02 rad/s and a random axis.
+ImuModel imu_model_with(const ImuEffects& effects, const ImuNoise& noise, double rate_hz, Random random);
+
 class ImuSimulator {
  public:
   ImuSimulator(const ImuModel& model, const Random& random);

@@ -10,7 +10,7 @@
 namespace epiline {
 namespace {
 
-enum Stream : std::uint64_t { kFlightStream = 700, kImuStream, kDropStream };
+enum Stream : std::uint64_t { kFlightStream = 700, kImuStream, kDropStream, kImuErrorStream };
 
 /// The camera's places over the whole motion.
 std::vector<Vec3> camera_path(const FlightToRender& flight) {
@@ -37,8 +37,9 @@ std::vector<ImageTask> tasks_of(const FlightToRender& flight, const std::vector<
 
 }  // namespace
 
-FlightToRender built_in_flight(FlightKind kind, const ImuModel& imu, const CameraCalibration& camera, double rate_hz,
-                               std::uint64_t seed) {
+FlightToRender built_in_flight(FlightKind kind, const ImuEffects& imu_effects, const CameraCalibration& camera,
+                               double rate_hz, std::uint64_t seed) {
+  const ImuModel imu = imu_model_with(imu_effects, ImuNoise{}, ImuModel{}.rate_hz, Random(seed, kImuErrorStream));
   Random random(seed, kFlightStream);
   const Flight flight = make_flight(kind, random);
   FlightToRender result;
@@ -53,7 +54,7 @@ FlightToRender built_in_flight(FlightKind kind, const ImuModel& imu, const Camer
   tables.camera.R_BC = looking_ahead.R_BC;
   tables.camera.p_BC = looking_ahead.p_BC;
   tables.image_rate_hz = rate_hz;
-  tables.imu.noise = imu.noise;
+  tables.imu.noise = ImuNoise{};  // what its data sheet would say
   ImuSimulator simulator(imu, Random(seed, kImuStream));
   const int samples = static_cast<int>(flight.duration_s() * imu.rate_hz) + 1;
   for (int k = 0; k < samples; ++k) {

@@ -27,8 +27,8 @@ struct RenderChoice {
 };
 
 /// A built-in flight with a simulated IMU. The camera looks along the body's x axis: of `camera` only the lens is used.
-FlightToRender built_in_flight(FlightKind kind, const ImuModel& imu, const CameraCalibration& camera, double rate_hz,
-                               std::uint64_t seed);
+FlightToRender built_in_flight(FlightKind kind, const ImuEffects& imu_effects, const CameraCalibration& camera,
+                               double rate_hz, std::uint64_t seed);
 
 /// The world that fits a built-in flight.
 WorldKind usual_world(FlightKind kind);

@@ -32,7 +32,9 @@ TEST(RenderedFlight, TracksAreLikeRecordedOnes) {
   constexpr double kMoving_s = 15;
   const std::string recorded = test::recorded_data("euroc_MH_01");
   if (!std::filesystem::exists(recorded)) GTEST_SKIP() << recorded << " is not there";
-  auto hybrid = hybrid_flight({.dataset = recorded, .camera_file = {}, .imu_calibration = {}});
+  HybridSettings settings;
+  settings.dataset = recorded;
+  auto hybrid = hybrid_flight(settings);
   ASSERT_TRUE(hybrid) << hybrid.error().text();
   hybrid->flight.from_s += 0.9;  // the IMU's recording begins 1 s before the images'
   hybrid->flight.to_s = hybrid->flight.from_s + kMoving_s;

@@ -2,10 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <numbers>
+
 #include "pipeline/text/table.h"
 
 namespace epiline {
 namespace {
+
+constexpr double kRadPerDeg = std::numbers::pi / 180, kStandardGravity = 9.80665;
 
 struct Effect {
   const char* name;
@@ -32,6 +36,17 @@ constexpr Effect kEffects[] = {
      [](FlightEffects& e, double x) { e.camera.row_time_s = 1e-6 * x; }},
     {"drops", "lost images, share", 0.05, 0, 0.9, [](FlightEffects& e, double x) { e.dropped_share = x; }},
     {"moving", "things that move about", 3, 0, 100, [](FlightEffects& e, double x) { e.movers = static_cast<int>(x); }},
+    {"imu-noise", "times the usual, 0: none", 1, 0, 100, [](FlightEffects& e, double x) { e.imu.noise_factor = x; }},
+    {"imu-bias", "times the usual, 0: none", 1, 0, 100, [](FlightEffects& e, double x) { e.imu.bias_factor = x; }},
+    {"imu-scale", "error of the scales, %", 0.5, 0, 10,
+     [](FlightEffects& e, double x) { e.imu.scale_sigma = x / 100; }},
+    {"imu-axes", "error of the axes, deg", 0.3, 0, 10,
+     [](FlightEffects& e, double x) { e.imu.misalignment_sigma_rad = x * kRadPerDeg; }},
+    {"imu-vibration", "Hz", 83, 0.1, 10000, [](FlightEffects& e, double x) { e.imu.vibration_hz = x; }},
+    {"imu-rate-limit", "deg/s", 250, 1, 10000,
+     [](FlightEffects& e, double x) { e.imu.gyroscope_limit_rad_s = x * kRadPerDeg; }},
+    {"imu-force-limit", "g", 2, 0.1, 1000,
+     [](FlightEffects& e, double x) { e.imu.accelerometer_limit_m_s2 = x * kStandardGravity; }},
 };
 
 Error wrong(std::string_view item, std::string expected) {

@@ -1,8 +1,9 @@
 #pragma once
-// What lens, sensor and camera do to a rendered flight, as the command line names it.
+// What lens, sensor, camera and IMU do to a flight, as the command line names it.
 #include <string>
 #include <string_view>
 
+#include "drivers/simulate/imu_model.h"
 #include "drivers/simulate/render/renderer.h"
 #include "platform/error/result.h"
 
@@ -12,10 +13,13 @@ struct FlightEffects {
   CameraEffects camera;
   double dropped_share = 0;  ///< images that are lost, share
   int movers = 0;            ///< things that move about
+  ImuEffects imu;            ///< of a simulated IMU
 };
 
 /// A list like "blur=6,noise,rolling-shutter=30": only what is named is on, with its usual strength or the one given.
-/// "none": a perfect camera. Fails if and only if a name is unknown or a strength is no number in its range.
+/// "none": a perfect camera. A
+/// simulated IMU has its usual noise and biases unless told otherwise. Fails if and only if a name is unknown or a
+/// strength is no number in its range.
 Result<FlightEffects> parse_effects(std::string_view list);
 
 /// Names, units and usual strengths, for the help text.

@@ -29,6 +29,26 @@ TEST(Effects, TheUsualOnesAreTheDefaults) {
   EXPECT_EQ(e->camera.auto_exposure, usual.auto_exposure);
 }
 
+TEST(Effects, ReachTheSimulatedImu) {
+  const auto e = parse_effects(
+      "imu-noise=2,imu-bias=0,imu-scale=1,imu-axes=0.5,imu-vibration=90,imu-rate-limit=180,imu-force-limit=4");
+  ASSERT_TRUE(e) << e.error().text();
+  const ImuNoise noise;
+  const ImuModel m = imu_model_with(e->imu, noise, 400, Random(1, 0));
+  EXPECT_EQ(m.rate_hz, 400);
+  EXPECT_DOUBLE_EQ(m.noise.gyroscope_density, 2 * noise.gyroscope_density);
+  EXPECT_DOUBLE_EQ(m.noise.accelerometer_random_walk, 2 * noise.accelerometer_random_walk);
+  EXPECT_EQ(m.gyroscope_bias_sigma, 0);
+  EXPECT_EQ(m.accelerometer_bias_sigma, 0);
+  EXPECT_GT((m.gyroscope_matrix - Mat3::Identity()).norm(), 1e-3);
+  EXPECT_LT((m.gyroscope_matrix - Mat3::Identity()).norm(), 0.1);
+  EXPECT_FALSE(m.gyroscope_matrix.isApprox(m.accelerometer_matrix));
+  ASSERT_EQ(m.vibrations.size(), 1U);
+  EXPECT_EQ(m.vibrations[0].frequency_hz, 90);
+  EXPECT_NEAR(m.gyroscope_limit_rad_s, 3.14159, 1e-4);
+  EXPECT_NEAR(m.accelerometer_limit_m_s2, 39.2266, 1e-4);
+}
+
 TEST(Effects, NoneIsAPerfectCamera) {
   const auto e = parse_effects("none");
   ASSERT_TRUE(e);
