@@ -26,9 +26,9 @@ class CameraSource {
   /// Returns every lent image to the driver, also those not given back.
   virtual void close() noexcept = 0;
   /// The oldest image not yet read. `frame.data` is valid until give_back(); stamped at mid-exposure; `sequence` counts
-  /// the images the camera took, so a gap is a loss.
+  /// the images the camera took, so a gap is a loss. `frame.slot` is the buffer's number, from 0.
   virtual ReadOutcome read(Frame& frame, Span timeout) noexcept = 0;
-  /// From any one thread, once per image read.
+  /// From any thread, once per image read.
   virtual void give_back(const Frame& frame) noexcept = 0;
 };
 

@@ -31,6 +31,7 @@ struct Frame {
   std::uint64_t sequence = 0;
   const std::uint8_t* data = nullptr;
   int width = 0, height = 0, stride = 0;
+  int slot = -1;  ///< the owner's number of this memory; -1: it has none
 };
 
 /// One track in one image. Everything the estimator needs to know of the camera is in here.

@@ -2,11 +2,16 @@
 // Two threads that hand each other numbered elements. Used by the tests, on the real ring and box, and by the negative
 // control, on weakened ones.
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <thread>
 
 #include "platform/concurrency/latest_value.h"
+#include "platform/concurrency/newest_ring.h"
+#include "platform/concurrency/parking.h"
+#include "platform/concurrency/slot_pool.h"
 #include "platform/concurrency/spsc_ring.h"
+#include "platform/time/monotonic.h"
 
 namespace epiline::stress {
 
@@ -90,6 +95,67 @@ BoxOutcome through_box(Box& box, std::uint64_t count) {
     if (serial % 64 == 0) std::this_thread::yield();  // on one core the reader must have its turn
   }
   reader.join();
+  return outcome;
+}
+
+struct SlotOutcome {
+  std::uint64_t wrong = 0;     ///< payloads that were torn, or older than one seen before
+  std::uint64_t received = 0;  ///< slots the consumer took
+  std::uint64_t late = 0;      ///< sleeps of the consumer that ended at their deadline though something was there
+};
+
+/// Sends `count` numbered payloads in slots of a pool through a ring whose newest element wins. The consumer parks, as
+/// the tracker does, and holds the payload before as well. Whoever takes a slot out of the ring gives it back.
+template <class Ring, class Pool>
+SlotOutcome through_slots(Ring& ring, Pool& pool, std::uint64_t count) {
+  constexpr std::int64_t kDeadline_ns = 2'000'000'000;
+  std::array<Numbered, 64> payload{};
+  SlotOutcome outcome;
+  Parking parking;
+  std::atomic<bool> ended{false};
+  const auto give_back = [&](typename Ring::Value slot) { pool.give_back(slot); };
+  std::thread consumer([&] {
+    std::uint64_t last = 0;
+    int previous = Pool::kNone;
+    while (true) {
+      const bool woken =
+          parking.wait_until(monotonic_ns() + kDeadline_ns, [&] { return ring.ready() || ended.load(); });
+      if (!woken) {
+        ++outcome.late;
+        continue;
+      }
+      const typename Ring::Value slot = ring.pop(give_back);
+      if (slot == Ring::kNone) {
+        if (ended.load() && !ring.ready()) break;
+        continue;
+      }
+      const std::uint64_t serial = payload[slot].serial();
+      outcome.wrong += payload[slot].is(serial) && serial > last ? 0 : 1;
+      if (previous != Pool::kNone) {
+        outcome.wrong += payload[static_cast<std::size_t>(previous)].is(last) ? 0 : 1;  // still ours
+        pool.give_back(previous);
+      }
+      previous = slot;
+      last = serial;
+      ++outcome.received;
+    }
+    if (previous != Pool::kNone) pool.give_back(previous);
+  });
+  for (std::uint64_t serial = 1; serial <= count;) {
+    const int slot = pool.take();
+    if (slot == Pool::kNone) {
+      std::this_thread::yield();
+      continue;
+    }
+    payload[static_cast<std::size_t>(slot)].fill(serial++);
+    const typename Ring::Value evicted = ring.push(static_cast<typename Ring::Value>(slot));
+    parking.notify();
+    if (evicted != Ring::kNone) pool.give_back(evicted);
+    if (serial % 16 == 0) std::this_thread::yield();
+  }
+  ended.store(true);
+  parking.notify();
+  consumer.join();
   return outcome;
 }
 

@@ -36,5 +36,49 @@ TEST(LatestValueStress, ValuesAreWholeAndNeverOlder) {
   EXPECT_EQ(outcome.last, kCount);
 }
 
+// A ring that overflows all the time, with hardly more slots than both sides hold.
+TEST(SlotStress, PayloadsAreWholeAndEverySlotComesBack) {
+  NewestRing<4> ring;
+  SlotPool<8> pool;
+  constexpr std::uint64_t kCount = 50000;
+  const stress::SlotOutcome outcome = stress::through_slots(ring, pool, kCount);
+  EXPECT_EQ(outcome.wrong, 0);
+  EXPECT_EQ(outcome.late, 0) << "a wake-up was lost";
+  EXPECT_EQ(ring.pushed(), kCount);
+  EXPECT_EQ(ring.popped(), outcome.received);
+  EXPECT_EQ(ring.popped() + ring.evicted() + ring.overtaken(), kCount);
+  for (int slot = 0; slot < 8; ++slot) EXPECT_EQ(pool.users(slot), 0);
+}
+
+// One element at a time, both sides asleep in turn: every wait depends on a wake-up.
+TEST(ParkingStress, NoWakeUpIsLost) {
+  constexpr std::uint64_t kRounds = 20000;
+  constexpr std::int64_t kDeadline_ns = 5'000'000'000;
+  SpscRing<std::uint64_t, 1> there, back;
+  Parking parked_there, parked_back;
+  std::uint64_t lost = 0;
+  const auto receive = [](auto& ring, Parking& parking) {
+    std::uint64_t value = 0;
+    parking.wait_until(monotonic_ns() + kDeadline_ns, [&] { return ring.front() != nullptr; });
+    ring.pop(value);
+    return value;
+  };
+  std::thread echo([&] {
+    for (std::uint64_t i = 1; i <= kRounds; ++i) {
+      back.push(receive(there, parked_there));
+      parked_back.notify();
+    }
+  });
+  for (std::uint64_t i = 1; i <= kRounds; ++i) {
+    there.push(i);
+    parked_there.notify();
+    if (receive(back, parked_back) != i) ++lost;
+  }
+  echo.join();
+  EXPECT_EQ(lost, 0);
+  EXPECT_EQ(parked_there.timeouts() + parked_back.timeouts(), 0);
+  EXPECT_GT(parked_back.slept(), 0);
+}
+
 }  // namespace
 }  // namespace epiline

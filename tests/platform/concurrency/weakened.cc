@@ -43,6 +43,19 @@ void box() {
   stress::through_box(weakened, kCount);
 }
 
+template <class RingOrders, class PoolOrders>
+void slots() {
+  NewestRing<4, RingOrders> ring;
+  SlotPool<8, PoolOrders> pool;
+  stress::through_slots(ring, pool, kCount);
+}
+
+// Without the producer's half of the swap only the notification would order the payload, and it does when the reader
+// has slept; a busy reader finds the race.
+struct NoSwap : SoundOrders {
+  static constexpr std::memory_order kSwap = std::memory_order_relaxed;
+};
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -50,9 +63,18 @@ int main(int argc, char** argv) {
     const char* name;
     void (*run)();
   } cases[] = {
-      {"ring.publish", ring<NoPublish>}, {"ring.observe", ring<NoObserve>}, {"ring.release", ring<NoRelease>},
-      {"ring.reclaim", ring<NoReclaim>}, {"ring.sound", ring<SoundOrders>}, {"box.acquire", box<OnlyAcquire>},
-      {"box.release", box<OnlyRelease>}, {"box.sound", box<SoundOrders>},
+      {"ring.publish", ring<NoPublish>},
+      {"ring.observe", ring<NoObserve>},
+      {"ring.release", ring<NoRelease>},
+      {"ring.reclaim", ring<NoReclaim>},
+      {"ring.sound", ring<SoundOrders>},
+      {"box.acquire", box<OnlyAcquire>},
+      {"box.release", box<OnlyRelease>},
+      {"box.sound", box<SoundOrders>},
+      {"slots.swap", slots<NoSwap, SoundOrders>},
+      {"slots.give_back", slots<SoundOrders, NoRelease>},
+      {"slots.take", slots<SoundOrders, NoReclaim>},
+      {"slots.sound", slots<SoundOrders, SoundOrders>},
   };
   for (const auto& c : cases) {
     if (argc == 2 && std::strcmp(argv[1], c.name) == 0) {

@@ -1,0 +1,71 @@
+// Counts the locks each thread goes to: definitions of the C library's functions in the program take precedence, count,
+// and call those they stand for. Linked by programs and tests that ask for it (`epiline_lock_count`).
+#include <dlfcn.h>
+#include <pthread.h>
+#include <ctime>
+
+#include "platform/concurrency/lock_count.h"
+
+#ifdef __has_feature
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || __has_feature(memory_sanitizer)
+#define EPILINE_SANITIZER_OWNS_LOCKS
+#endif
+#endif
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define EPILINE_SANITIZER_OWNS_LOCKS
+#endif
+
+#if defined(__GLIBC__) && !defined(EPILINE_SANITIZER_OWNS_LOCKS)
+
+namespace {
+
+// Found at the first call: before main, by the start-up code of some library. Zero-initialised, so it needs no
+// constructor that could come too late; two threads that both find it store the same.
+template <class F>
+F next(F& known, const char* name) {
+  F found = __atomic_load_n(&known, __ATOMIC_ACQUIRE);
+  if (found == nullptr) {
+    found = reinterpret_cast<F>(dlsym(RTLD_NEXT, name));
+    __atomic_store_n(&known, found, __ATOMIC_RELEASE);
+  }
+  return found;
+}
+
+int (*mutex_lock)(pthread_mutex_t*);
+int (*mutex_trylock)(pthread_mutex_t*);
+int (*mutex_timedlock)(pthread_mutex_t*, const timespec*);
+int (*cond_wait)(pthread_cond_t*, pthread_mutex_t*);
+int (*cond_timedwait)(pthread_cond_t*, pthread_mutex_t*, const timespec*);
+
+}  // namespace
+
+extern "C" {
+
+int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
+  ++epiline::detail::lock_calls;
+  return next(mutex_lock, "pthread_mutex_lock")(mutex);
+}
+
+int pthread_mutex_trylock(pthread_mutex_t* mutex) noexcept {
+  ++epiline::detail::lock_calls;
+  return next(mutex_trylock, "pthread_mutex_trylock")(mutex);
+}
+
+int pthread_mutex_timedlock(pthread_mutex_t* mutex, const timespec* deadline) noexcept {
+  ++epiline::detail::lock_calls;
+  return next(mutex_timedlock, "pthread_mutex_timedlock")(mutex, deadline);
+}
+
+int pthread_cond_wait(pthread_cond_t* condition, pthread_mutex_t* mutex) {
+  ++epiline::detail::lock_calls;
+  return next(cond_wait, "pthread_cond_wait")(condition, mutex);
+}
+
+int pthread_cond_timedwait(pthread_cond_t* condition, pthread_mutex_t* mutex, const timespec* deadline) {
+  ++epiline::detail::lock_calls;
+  return next(cond_timedwait, "pthread_cond_timedwait")(condition, mutex, deadline);
+}
+
+}  // extern "C"
+
+#endif

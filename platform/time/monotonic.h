@@ -1,0 +1,28 @@
+#pragma once
+#include <chrono>
+#include <cstdint>
+
+#include "platform/time/clock.h"
+
+namespace epiline {
+
+/// The computer's monotonic clock. Not for stages: they are given their clock.
+inline std::int64_t monotonic_ns() noexcept {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+/// How the stamps of samples lie on the computer's monotonic clock. Live they are its instants; a recording is moved to
+/// now, and may be played faster or slower.
+struct Pace {
+  HostStamp stamp;           ///< this stamp ...
+  std::int64_t host_ns = 0;  ///< ... is this instant of monotonic_ns()
+  double speed = 1;          ///< seconds of stamps in one second
+
+  std::int64_t host_of(HostStamp s) const noexcept {
+    const std::int64_t since = (s - stamp).ns;
+    return host_ns + (speed == 1 ? since : static_cast<std::int64_t>(static_cast<double>(since) / speed));
+  }
+};
+
+}  // namespace epiline

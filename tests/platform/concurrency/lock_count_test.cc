@@ -1,0 +1,58 @@
+#include "platform/concurrency/lock_count.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+
+namespace epiline {
+namespace {
+
+class LockCount : public ::testing::Test {
+ protected:
+  void SetUp() override {
+#ifdef EPILINE_SANITIZED
+    GTEST_SKIP() << "a sanitizer owns the locks: they are not counted";
+#else
+    ASSERT_TRUE(lock_counting_available());
+#endif
+  }
+};
+
+TEST_F(LockCount, EachKindCountsOnThisThreadOnly) {
+  std::mutex mutex;
+  const std::uint64_t before = lock_calls_of_this_thread();
+  mutex.lock();
+  mutex.unlock();
+  EXPECT_EQ(lock_calls_of_this_thread() - before, 1);
+  ASSERT_TRUE(mutex.try_lock());
+  mutex.unlock();
+  EXPECT_EQ(lock_calls_of_this_thread() - before, 2);
+  std::thread other([&] {
+    const std::uint64_t own = lock_calls_of_this_thread();
+    const std::lock_guard<std::mutex> hold(mutex);
+    EXPECT_EQ(lock_calls_of_this_thread() - own, 1);
+  });
+  other.join();
+  EXPECT_EQ(lock_calls_of_this_thread() - before, 2);
+}
+
+TEST_F(LockCount, WaitingForAConditionCounts) {
+  std::mutex mutex;
+  std::condition_variable condition;
+  std::unique_lock<std::mutex> hold(mutex);
+  const std::uint64_t before = lock_calls_of_this_thread();
+  std::thread other([&] {
+    const std::lock_guard<std::mutex> inside(mutex);
+    condition.notify_one();
+  });
+  condition.wait(hold);
+  EXPECT_GE(lock_calls_of_this_thread() - before, 1);
+  hold.unlock();
+  other.join();
+}
+
+}  // namespace
+}  // namespace epiline
