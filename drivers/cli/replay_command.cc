@@ -18,9 +18,20 @@ namespace {
 struct Options {
   ReplayOptions replay;
   std::string out = "epiline-out", visual_factor;
-  double deadline_ms = 0;
-  bool quiet = false;
+  double deadline_ms = 0, speed = 1;
+  bool quiet = false, realtime = false;
 };
+
+void print_realtime(const FlightRecord& r, const Timing& t) {
+  const RealtimeReport& report = r.realtime->report;
+  fmt::print("latency   {:.2f} ms median, {:.2f} ms 99 %, {:.2f} ms at most, from image stamp to odometry\n",
+             t.latency.median, t.latency.p99, t.latency.max);
+  fmt::print("threads   {} images in, {} overtaken, {} missed by the camera; page faults {}, heap calls {}, locks {}\n",
+             report.frames_in, report.frames_overtaken, r.skipped.at("missed_by_camera"), r.page_faults,
+             r.heap_calls ? std::to_string(*r.heap_calls) : "not counted",
+             r.lock_calls ? std::to_string(*r.lock_calls) : "not counted");
+  for (const std::string& line : r.realtime->shortfalls) fmt::print("note      {}\n", line);
+}
 
 void print_summary(const FlightRecord& r, const std::optional<TrajectoryErrors>& errors, const std::string& out) {
   const Timing t = timing_of(r);
@@ -37,6 +48,7 @@ void print_summary(const FlightRecord& r, const std::optional<TrajectoryErrors>&
   if (t.track.count > 0) fmt::print("track     {:.3f} ms mean, {:.3f} ms 99 %\n", t.track.mean, t.track.p99);
   fmt::print("solve     {:.3f} ms mean, {:.3f} ms 99 %\n", t.solve.mean, t.solve.p99);
   fmt::print("estimate  {:.3f} ms mean, {:.3f} ms 99 %\n", t.estimate.mean, t.estimate.p99);
+  if (r.realtime) print_realtime(r, t);
   fmt::print("report    {}/report.html\n", out);
 }
 
@@ -52,6 +64,7 @@ std::string refusals(const EstimatorStats& stats) {
 int replay_command(Options& options) {
   options.replay.visual_factor = visual_factor_from(options.visual_factor);
   if (options.deadline_ms > 0) options.replay.deadline_ms = options.deadline_ms;
+  if (options.realtime) options.replay.realtime_speed = options.speed;
   if (std::filesystem::exists(options.out) && !std::filesystem::is_directory(options.out)) {
     return report({ErrorKind::kUsage, options.out, 0, "is no folder", "a folder for the results"});
   }
@@ -94,6 +107,11 @@ void add_replay(CLI::App& app, int& exit_code) {
   command->add_option("--duration", o->replay.duration_s, "ends after that many seconds")->check(CLI::PositiveNumber);
   command->add_option("--deadline-ms", o->deadline_ms, "time for one image; the result then depends on the computer")
       ->check(CLI::PositiveNumber);
+  CLI::Option* const realtime =
+      command->add_flag("--realtime", o->realtime, "in threads, each sample at its time, as a live run does it");
+  command->add_option("--speed", o->speed, "of the recording's clock in a real-time run")
+      ->check(CLI::Range(0.01, 1000.0))
+      ->needs(realtime);
   command->add_option("--shift-images", o->replay.shift_images_ms, "ms added to the images' stamps, to test with");
   command->add_flag("--quiet", o->quiet, "no summary, no progress");
   command->callback([o, &exit_code] { exit_code = replay_command(*o); });

@@ -3,9 +3,9 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <array>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <vector>
 
 namespace epiline {
 
@@ -66,15 +66,21 @@ std::string size_text(int width, int height) { return std::to_string(width) + "x
 }  // namespace
 
 struct ImageDecoder::Buffers {
-  std::array<cv::Mat, 2> images;
+  std::vector<cv::Mat> images;
   std::uint64_t count = 0;
 };
 
-ImageDecoder::ImageDecoder() : buffers_(std::make_unique<Buffers>()) {}
+ImageDecoder::ImageDecoder(std::size_t buffers) : buffers_(std::make_unique<Buffers>()) {
+  buffers_->images.resize(buffers);
+}
 ImageDecoder::~ImageDecoder() = default;
 
 Result<Frame> ImageDecoder::read(std::size_t index, const AslDataset& dataset) {
-  cv::Mat& image = buffers_->images[buffers_->count % 2];
+  return read(index, dataset, buffers_->count % buffers_->images.size());
+}
+
+Result<Frame> ImageDecoder::read(std::size_t index, const AslDataset& dataset, std::size_t buffer) {
+  cv::Mat& image = buffers_->images[buffer];
   if (const Status s = dataset.image_source->read(index, image); !s) return s.error();
   const CameraParameters& camera = dataset.camera.parameters;
   if (image.cols != camera.width || image.rows != camera.height) {

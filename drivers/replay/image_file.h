@@ -15,16 +15,18 @@ std::shared_ptr<ImageSource> image_files(std::vector<ImageFile> files, std::file
 /// Decodes an image that is whole in memory, in one of the usual formats, as 8-bit grey; empty if that is impossible.
 cv::Mat decode_image(const std::uint8_t* bytes, std::size_t size);
 
-/// Reads a data set's images one after the other. The pixels of an image stay valid until the second next call: the
-/// tracker needs two.
+/// Reads a data set's images into buffers of its own.
 class ImageDecoder {
  public:
-  ImageDecoder();
+  /// Two buffers suffice a tracker that is called image by image.
+  explicit ImageDecoder(std::size_t buffers = 2);
   ~ImageDecoder();
 
-  /// Image `index` as 8-bit grey. Fails if and only if it cannot be read whole, or has another size than the
-  /// calibration.
+  /// Image `index` as 8-bit grey, in the next buffer: valid until that one's turn comes again. Fails if and only if it
+  /// cannot be read whole, or has another size than the calibration.
   Result<Frame> read(std::size_t index, const AslDataset& dataset);
+  /// The same in the buffer of that number.
+  Result<Frame> read(std::size_t index, const AslDataset& dataset, std::size_t buffer);
 
  private:
   struct Buffers;

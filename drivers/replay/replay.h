@@ -1,5 +1,5 @@
 #pragma once
-// A recorded flight through the pipeline, as fast as it goes, in one thread.
+// A recorded flight through the pipeline: in one thread as fast as it goes, or in threads in real time.
 #include <filesystem>
 #include <functional>
 #include <limits>
@@ -22,7 +22,8 @@ struct ReplayOptions {
   std::optional<double> deadline_ms;          ///< wins over the file
   double start_s = 0;                         ///< of images left out at the beginning
   double duration_s = std::numeric_limits<double>::infinity();
-  double shift_images_ms = 0;  ///< added to the images' stamps: a made-up time offset
+  std::optional<double> realtime_speed;  ///< in threads, seconds of the recording in one second; none: in one thread
+  double shift_images_ms = 0;            ///< added to the images' stamps: a made-up time offset
 };
 
 struct ReplayResult {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "estimator/estimator.h"
+#include "pipeline/realtime/realtime_config.h"
 #include "pipeline/vision/tracker.h"
 #include "platform/error/result.h"
 
@@ -16,7 +17,8 @@ namespace epiline {
 struct Config {
   EstimatorConfig estimator;
   TrackerConfig tracker;
-  double deadline_ms = 0;          ///< time for one image's track and estimate; 0: as long as it takes
+  double deadline_ms = 0;  ///< time for one image's track and estimate; 0: as long as it takes
+  RealtimeConfig realtime;
   std::string camera_calibration;  ///< replaces the data set's file
   std::string imu_calibration;
 };

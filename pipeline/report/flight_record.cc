@@ -25,6 +25,24 @@ void set_odometry(ImageRecord& record, const Odometry& o) {
   record.uncertainty = {P.topLeftCorner<3, 3>(), z_B.dot(P.block<3, 3>(3, 3) * z_B), o.reset_counter};
 }
 
+ImageRecord image_record(const FrameOutcome& outcome) {
+  const auto milliseconds = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
+  ImageRecord image;
+  image.stamp = outcome.stamp;
+  image.has_pose = outcome.result.has_pose;
+  image.solved = outcome.result.solved;
+  image.keyframe = outcome.result.keyframe;
+  if (image.has_pose) set_odometry(image, outcome.odometry);
+  image.health = outcome.odometry.health;
+  image.tracks = outcome.tracks;
+  image.new_tracks = outcome.new_tracks;
+  image.track_ms = milliseconds(outcome.track_ns);
+  image.solve_ms = milliseconds(outcome.times.solve_ns);
+  image.marginalise_ms = milliseconds(outcome.times.marginalise_ns);
+  image.estimate_ms = milliseconds(outcome.times.estimate_ns);
+  return image;
+}
+
 Trajectory trajectory_of(const FlightRecord& record) {
   Trajectory t;
   for (const ImageRecord& image : record.images) {

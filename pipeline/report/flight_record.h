@@ -9,6 +9,8 @@
 #include "estimator/estimator.h"
 #include "pipeline/evaluate/errors.h"
 #include "pipeline/evaluate/trajectory.h"
+#include "pipeline/realtime/realtime_pipeline.h"
+#include "pipeline/stages/frame_outcome.h"
 #include "pipeline/vision/tracker.h"
 
 namespace epiline {
@@ -25,11 +27,21 @@ struct ImageRecord {
   Health health;
   int tracks = 0, new_tracks = 0;
   double track_ms = 0, solve_ms = 0, marginalise_ms = 0, estimate_ms = 0;
+  std::optional<double> latency_ms;  ///< from the stamp to the odometry handed out; only of a real-time run's poses
   double frame_ms() const { return track_ms + estimate_ms; }
+};
+
+/// How the threads of a real-time run fared.
+struct RealtimeRecord {
+  double speed = 1;                     ///< of the recording's clock
+  std::vector<std::string> shortfalls;  ///< privileges asked for and not given, a line each
+  RealtimeReport report;
 };
 
 /// Takes over what the estimator says of an image.
 void set_odometry(ImageRecord& record, const Odometry& odometry);
+
+ImageRecord image_record(const FrameOutcome& outcome);
 
 struct FlightRecord {
   // input
@@ -42,7 +54,6 @@ struct FlightRecord {
   int keyframes = 0, threads = 1;
   std::optional<int> max_features;  ///< none with recorded tracks
   std::optional<double> deadline_ms;
-  bool realtime = false;
   // run
   std::size_t images_read = 0;  ///< taken from the recording, skipped ones included
   std::map<std::string, std::uint64_t> skipped;
@@ -52,7 +63,9 @@ struct FlightRecord {
   std::optional<TrackerStats> tracker;  ///< none with recorded tracks
   double peak_rss_mib = 0;
   std::optional<std::uint64_t> heap_calls;  ///< inside the stages; none where they cannot be counted
+  std::optional<std::uint64_t> lock_calls;  ///< of a real-time run's threads; none where they cannot be counted
   std::uint64_t page_faults = 0;            ///< inside the stages
+  std::optional<RealtimeRecord> realtime;   ///< none of a run in one thread
 };
 
 /// The estimated poses, and what the estimator says of their errors.

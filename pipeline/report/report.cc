@@ -194,16 +194,19 @@ std::string histogram(const char* title, const char* style, const Summary& summa
 
 std::string histograms(const FlightRecord& record) {
   const Timing timing = timing_of(record);
-  std::vector<double> track, solve, estimate;
+  std::vector<double> track, solve, estimate, latency;
   for (const ImageRecord& image : record.images) {
     if (record.tracker) track.push_back(image.track_ms);
+    if (image.latency_ms) latency.push_back(*image.latency_ms);
     if (!image.solved) continue;
     solve.push_back(image.solve_ms);
     estimate.push_back(image.estimate_ms);
   }
   return R"(<div class="three">)" + histogram("track", "c1", timing.track, std::move(track)) +
          histogram("solve", "c2", timing.solve, std::move(solve)) +
-         histogram("estimate", "c3", timing.estimate, std::move(estimate)) + "</div>";
+         histogram("estimate", "c3", timing.estimate, std::move(estimate)) +
+         (record.realtime ? histogram("latency: stamp to odometry", "c1", timing.latency, std::move(latency)) : "") +
+         "</div>";
 }
 
 Plot tracks_plot(const Columns& columns) {
@@ -274,7 +277,8 @@ std::string timing_table(const FlightRecord& record) {
          summary_row("solve: the optimisation", t.solve, "{:.3f}") +
          summary_row("marginalise", t.marginalise, "{:.3f}") +
          summary_row("estimate: the estimator's whole step", t.estimate, "{:.3f}") +
-         summary_row("frame: track + estimate", t.frame, "{:.3f}") + "</table>";
+         summary_row("frame: track + estimate", t.frame, "{:.3f}") +
+         summary_row("latency: image stamp to odometry", t.latency, "{:.3f}") + "</table>";
 }
 
 std::string count_table(const FlightRecord& r) {
@@ -299,6 +303,25 @@ std::string count_table(const FlightRecord& r) {
          row("heap calls inside the stages",
              r.heap_calls ? std::to_string(*r.heap_calls) : "not counted in this build") +
          "</table>";
+}
+
+std::string thread_table(const FlightRecord& r) {
+  std::string s =
+      "<table><tr><th>thread</th><th>priority</th><th>heap calls</th><th>locks</th><th>page faults</th>"
+      "<th>switched out</th><th>processor, s</th></tr>";
+  for (const RealtimeReport::Thread& t : r.realtime->report.threads) {
+    s += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.2f}</td></tr>",
+                     t.name, t.shortfall.priority ? 0 : t.priority,
+                     r.heap_calls ? std::to_string(t.costs.heap_calls) : "–",
+                     r.lock_calls ? std::to_string(t.costs.lock_calls) : "–", t.costs.page_faults, t.costs.switched_out,
+                     1e-9 * static_cast<double>(t.costs.cpu_ns));
+  }
+  s += "</table><table><tr><th>ring</th><th>capacity</th><th>most at once</th><th>passed</th><th>dropped</th></tr>";
+  for (const RealtimeReport::Ring& ring : r.realtime->report.rings) {
+    s += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>", ring.name, ring.capacity,
+                     ring.high_water, ring.passed, ring.dropped);
+  }
+  return s + "</table>";
 }
 
 }  // namespace
@@ -349,6 +372,7 @@ std::string report_html(const FlightRecord& record, const std::optional<Trajecto
                  "what is slower than the axis reaches is in the last bar. Decoding files is in none of them",
                  histograms(record) + timing_table(record), true);
   if (errors && errors->poses > 0) s += html_card("Errors", "against the ground truth", error_table(*errors));
+  if (record.realtime) s += html_card("Threads", "from arming to the end", thread_table(record));
   s += html_card("Counts", "of this run", count_table(record));
   return html_page(record.dataset_path, subtitle, s + "</div>");
 }

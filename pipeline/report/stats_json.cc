@@ -82,9 +82,43 @@ Json tracks_json(const FlightRecord& r) {
 }
 
 Json settings_json(const FlightRecord& r) {
-  return {
-      {"visual_factor", r.visual_factor},      {"keyframes", r.keyframes}, {"max_features", or_null(r.max_features)},
-      {"deadline_ms", or_null(r.deadline_ms)}, {"realtime", r.realtime},   {"threads", r.threads}};
+  return {{"visual_factor", r.visual_factor},        {"keyframes", r.keyframes},
+          {"max_features", or_null(r.max_features)}, {"deadline_ms", or_null(r.deadline_ms)},
+          {"realtime", r.realtime.has_value()},      {"threads", r.threads}};
+}
+
+/// What only a run with threads has; null otherwise.
+Json realtime_json(const FlightRecord& r) {
+  if (!r.realtime) return nullptr;
+  const RealtimeReport& report = r.realtime->report;
+  Json threads = Json::object(), rings = Json::object();
+  for (const RealtimeReport::Thread& t : report.threads) {
+    threads[t.name] = {{"priority", t.shortfall.priority ? 0 : t.priority},
+                       {"heap_allocations", r.heap_calls ? Json(t.costs.heap_calls) : Json(nullptr)},
+                       {"lock_calls", r.lock_calls ? Json(t.costs.lock_calls) : Json(nullptr)},
+                       {"page_faults", t.costs.page_faults},
+                       {"switched_out", t.costs.switched_out},
+                       {"cpu_s", 1e-9 * static_cast<double>(t.costs.cpu_ns)}};
+  }
+  for (const RealtimeReport::Ring& ring : report.rings) {
+    rings[ring.name] = {{"capacity", ring.capacity},
+                        {"high_water", ring.high_water},
+                        {"passed", ring.passed},
+                        {"dropped", ring.dropped}};
+  }
+  return {{"speed", r.realtime->speed},
+          {"memory_locked", report.memory_not_locked.empty()},
+          {"shortfalls", r.realtime->shortfalls},
+          {"frames_in", report.frames_in},
+          {"frames_out", report.frames_out},
+          {"imu_in", report.imu_in},
+          {"imu_late", report.imu_late},
+          {"published", report.published},
+          {"superseded", report.superseded},
+          {"publish_failed", report.publish_failed},
+          {"lock_calls_after_start", or_null(r.lock_calls)},
+          {"threads", threads},
+          {"rings", rings}};
 }
 
 Json errors_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& errors) {
@@ -101,7 +135,7 @@ Json errors_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& e
 }  // namespace
 
 Timing timing_of(const FlightRecord& record) {
-  std::vector<double> track, solve, marginalise, estimate, frame;
+  std::vector<double> track, solve, marginalise, estimate, frame, latency;
   for (const ImageRecord& image : record.images) {
     if (record.tracker) track.push_back(image.track_ms);
     if (image.solved) {
@@ -110,9 +144,10 @@ Timing timing_of(const FlightRecord& record) {
       estimate.push_back(image.estimate_ms);
     }
     frame.push_back(image.frame_ms());
+    if (image.latency_ms) latency.push_back(*image.latency_ms);
   }
-  return {summarise(std::move(track)), summarise(std::move(solve)), summarise(std::move(marginalise)),
-          summarise(std::move(estimate)), summarise(std::move(frame))};
+  return {summarise(std::move(track)),    summarise(std::move(solve)), summarise(std::move(marginalise)),
+          summarise(std::move(estimate)), summarise(std::move(frame)), summarise(std::move(latency))};
 }
 
 std::array<double, 4> state_seconds(const FlightRecord& record) {
@@ -173,7 +208,7 @@ Json stats_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& er
                        {"marginalise", timing_json(timing.marginalise)},
                        {"estimate", timing_json(timing.estimate)},
                        {"frame", timing_json(timing.frame)},
-                       {"latency", timing_json({})}};
+                       {"latency", timing_json(timing.latency)}};
   json["solver"] = {{"iterations_mean", ratio(e.iterations, e.frames_solved)},
                     {"residuals_mean", ratio(e.residuals, e.frames_solved)},
                     {"state_size_mean", ratio(e.state_size, e.frames_solved)},
@@ -182,6 +217,7 @@ Json stats_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& er
   json["memory"] = {{"peak_rss_mib", r.peak_rss_mib},
                     {"heap_allocations_after_start", or_null(r.heap_calls)},
                     {"page_faults_after_start", r.page_faults}};
+  json["realtime"] = realtime_json(r);
   json["error"] = errors_json(r, errors);
   return json;
 }

@@ -7,7 +7,7 @@ namespace epiline {
 
 /// Distributions of the time per stage, ms; those of stages that did not run are empty.
 struct Timing {
-  Summary track, solve, marginalise, estimate, frame;
+  Summary track, solve, marginalise, estimate, frame, latency;
 };
 Timing timing_of(const FlightRecord& record);
 

@@ -18,26 +18,25 @@ void OfflinePipeline::add_imu(const ImuSample& sample) noexcept {
   estimate_.add_imu(sample);
 }
 
-OfflineStep OfflinePipeline::step(const Frame& image) noexcept {
+void OfflinePipeline::step(const Frame& image, FrameOutcome& out) noexcept {
   const std::int64_t began_ns = now_();
   track_->set_knowledge(estimator().gyroscope_bias(), estimator().odometry().time_offset_s);
   track_->step(image, *tracked_);
-  const std::int64_t tracked_ns = now_();
-  OfflineStep step = estimate(began_ns);
-  step.track_ns = tracked_ns - began_ns;
-  return step;
+  out.track_ns = now_() - began_ns;
+  estimate(began_ns, out);
 }
 
-OfflineStep OfflinePipeline::step(HostStamp stamp, const TrackPoint* points, std::size_t count) noexcept {
+void OfflinePipeline::step(HostStamp stamp, const TrackPoint* points, std::size_t count, FrameOutcome& out) noexcept {
   recorded_.step(stamp, points, count, *tracked_);
-  return estimate(now_());
+  out.track_ns = 0;
+  estimate(now_(), out);
 }
 
-OfflineStep OfflinePipeline::estimate(std::int64_t began_ns) noexcept {
-  OfflineStep step;
-  step.result = estimate_.step(*tracked_, deadline_ns_ > 0 ? began_ns + deadline_ns_ : EstimateStage::kNoDeadline);
-  step.estimate = estimate_.times();
-  return step;
+void OfflinePipeline::estimate(std::int64_t began_ns, FrameOutcome& out) noexcept {
+  const StepResult result =
+      estimate_.step(*tracked_, deadline_ns_ > 0 ? began_ns + deadline_ns_ : EstimateStage::kNoDeadline);
+  describe(*tracked_, result, estimate_, out);
+  out.serial = serial_++;
 }
 
 }  // namespace epiline

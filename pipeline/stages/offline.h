@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "pipeline/stages/estimate_stage.h"
+#include "pipeline/stages/frame_outcome.h"
 #include "pipeline/stages/recorded_tracks.h"
 #include "pipeline/stages/track_stage.h"
 
@@ -17,13 +18,6 @@ struct OfflineSettings {
   NowNs now = nullptr;
 };
 
-/// What happened to one image.
-struct OfflineStep {
-  StepResult result;
-  std::int64_t track_ns = 0;  ///< 0 with recorded tracks
-  EstimateStage::Times estimate;
-};
-
 class OfflinePipeline {
  public:
   /// Allocates everything. Throws std::invalid_argument for a tracker that cannot be built.
@@ -33,21 +27,21 @@ class OfflinePipeline {
   /// Readings up to and including the first at or after this time must have been added before the step of an image.
   HostStamp imu_needed_until(HostStamp image) const noexcept { return estimate_.imu_needed_until(image); }
 
-  OfflineStep step(const Frame& image) noexcept;
-  OfflineStep step(HostStamp stamp, const TrackPoint* points, std::size_t count) noexcept;
+  void step(const Frame& image, FrameOutcome& out) noexcept;
+  void step(HostStamp stamp, const TrackPoint* points, std::size_t count, FrameOutcome& out) noexcept;
 
-  const TrackedFrame& tracked() const noexcept { return *tracked_; }  ///< of the last step
   const Estimator& estimator() const noexcept { return estimate_.estimator(); }
   const TrackerStats* tracker_stats() const noexcept { return track_ ? &track_->stats() : nullptr; }
 
  private:
-  OfflineStep estimate(std::int64_t began_ns) noexcept;
+  void estimate(std::int64_t began_ns, FrameOutcome& out) noexcept;
 
   NowNs now_;
   std::int64_t deadline_ns_;
   std::unique_ptr<TrackStage> track_;
   RecordedTracks recorded_;
   EstimateStage estimate_;
+  std::uint64_t serial_ = 0;
   std::unique_ptr<TrackedFrame> tracked_ = std::make_unique<TrackedFrame>();
 };
 

@@ -92,6 +92,7 @@ TEST_F(MadeUpFlight, EveryPromisedFieldIsThere) {
         "nees_position", "nees_yaw"}}};
   EXPECT_EQ(s["schema"], 1);
   EXPECT_TRUE(s.contains("resets"));
+  EXPECT_TRUE(s.contains("realtime"));
   for (const auto& [block, names] : fields) {
     for (const std::string& name : names) EXPECT_TRUE(s[block].contains(name)) << block << "." << name;
   }
@@ -240,7 +241,7 @@ INSTANTIATE_TEST_SUITE_P(All, DamagedFlight, testing::ValuesIn(kDamages),
 TEST_F(MadeUpFlight, WrongUsageIsExitCodeTwo) {
   expect_one_line(run(""), 2, {});
   expect_one_line(run("fly"), 2, {"fly"});
-  expect_one_line(replay("--realtime"), 2, {"--realtime"});
+  expect_one_line(replay("--sideways"), 2, {"--sideways"});
   expect_one_line(replay("--visual-factor guess"), 2, {"guess"});
   expect_one_line(replay("--config /nonexistent.toml"), 2, {"/nonexistent.toml"});
   write(scratch() / "bad.toml", "[estimator]\nkeyframes = 40\n");

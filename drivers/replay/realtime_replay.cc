@@ -1,0 +1,137 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <system_error>
+
+#include "drivers/replay/flight_plan.h"
+#include "drivers/replay/recorded_sensors.h"
+#include "pipeline/realtime/realtime_pipeline.h"
+#include "platform/concurrency/lock_count.h"
+#include "platform/memory/allocation_count.h"
+
+namespace epiline {
+
+namespace {
+
+/// Collects outcomes without asking for memory.
+class Recorder final : public OutcomeSink {
+ public:
+  explicit Recorder(std::size_t images) : latency_ns_(images, kNone) { outcomes_.reserve(images); }
+  void take(const FrameOutcome& outcome) noexcept override {
+    if (outcomes_.size() < outcomes_.capacity()) outcomes_.push_back({outcome.serial, image_record(outcome)});
+  }
+  void published(std::uint64_t serial, std::int64_t latency_ns) noexcept override {
+    if (serial < latency_ns_.size()) latency_ns_[serial] = latency_ns;
+  }
+  void move_into(std::vector<ImageRecord>& images) const {
+    for (const Entry& entry : outcomes_) {
+      images.push_back(entry.image);
+      const std::int64_t ns = latency_ns_[entry.serial];
+      if (ns != kNone) images.back().latency_ms = 1e-6 * static_cast<double>(ns);
+    }
+  }
+
+ private:
+  static constexpr std::int64_t kNone = std::numeric_limits<std::int64_t>::min();
+  struct Entry {
+    std::uint64_t serial = 0;
+    ImageRecord image;
+  };
+  std::vector<Entry> outcomes_;
+  std::vector<std::int64_t> latency_ns_;
+};
+
+RealtimeSettings settings_of(const AslDataset& dataset, const FlightPlan& plan, const Config& config) {
+  RealtimeSettings s{dataset.camera.parameters,
+                     config.tracker,
+                     config.estimator,
+                     config.deadline_ms,
+                     config.realtime,
+                     !dataset.images.empty(),
+                     {}};
+  if (s.images) return s;
+  for (const PlannedImage& image : plan.images) {
+    const TrackInstant& instant = dataset.instants[image.index];
+    s.recorded.emplace_back(dataset.points.data() + instant.first, instant.count);
+  }
+  return s;
+}
+
+/// The instant of the computer's clock at which the recording begins: soon, with its first sample.
+Pace pace_of(const AslDataset& dataset, const FlightPlan& plan, double speed) {
+  constexpr std::int64_t kSoon_ns = 50'000'000;
+  HostStamp first = plan.images.front().stamp;
+  if (plan.first_imu < dataset.imu_samples.size()) first = std::min(first, dataset.imu_samples[plan.first_imu].stamp);
+  return {first, monotonic_ns() + kSoon_ns, speed};
+}
+
+std::vector<std::string> shortfalls_of(const RealtimeReport& report) {
+  std::vector<std::string> lines;
+  std::string without;
+  for (const RealtimeReport::Thread& t : report.threads) {
+    if (t.shortfall.priority) without += fmt::format("{}{}", without.empty() ? "" : ", ", t.name);
+    if (t.shortfall.cpu) lines.push_back(fmt::format("the thread {} is not on the processor asked for", t.name));
+  }
+  if (!without.empty())
+    lines.push_back("no real-time priority for " + without + ": not permitted (LimitRTPRIO, or root)");
+  if (!report.memory_not_locked.empty())
+    lines.push_back("memory is not locked: " + report.memory_not_locked + " (LimitMEMLOCK=infinity, or root)");
+  return lines;
+}
+
+void count_costs(const RealtimeReport& report, FlightRecord& record) {
+  std::uint64_t heap = 0, locks = 0;
+  for (const RealtimeReport::Thread& t : report.threads) {
+    heap += t.costs.heap_calls;
+    locks += t.costs.lock_calls;
+    record.page_faults += t.costs.page_faults;
+  }
+  if (allocation_counting_available()) record.heap_calls = heap;
+  if (lock_counting_available()) record.lock_calls = locks;
+}
+
+}  // namespace
+
+Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const FlightPlan& plan, const Config& config,
+                                         const ReplayOptions& options,
+                                         const std::function<void(std::size_t, std::size_t)>& progress) {
+  FlightRecord record = begin_record(dataset, plan, config, options);
+  Recorder recorder(plan.images.size());
+  RecordedCamera camera(dataset, plan);
+  RecordedImu imu(dataset, plan);
+  try {
+    RealtimePipeline pipeline(settings_of(dataset, plan, config), {&camera, &imu, nullptr, &recorder});
+    if (const Status s = camera.open(); !s) return s.error();
+    const Pace pace = pace_of(dataset, plan, *options.realtime_speed);
+    camera.start(pace);
+    imu.start(pace);
+    pipeline.arm(pace);
+    while (!pipeline.finished()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      progress(std::min<std::size_t>(pipeline.frames_out(), plan.images.size()), plan.images.size());
+    }
+    pipeline.stop();  // the IMU may have more than the images need
+    pipeline.join();
+    camera.close();
+    progress(plan.images.size(), plan.images.size());
+    if (camera.error()) return *camera.error();
+    recorder.move_into(record.images);
+    const RealtimeReport report = pipeline.report();
+    record.threads = static_cast<int>(report.threads.size());
+    record.estimator = pipeline.estimator().stats();
+    if (const TrackerStats* tracker = pipeline.tracker_stats()) record.tracker = *tracker;
+    record.imu_read = report.imu_in;
+    record.skipped["refused_by_estimator"] = record.estimator.frames_refused;
+    record.skipped["missed_by_camera"] = camera.missed();
+    record.skipped["overtaken"] = report.frames_overtaken;
+    count_costs(report, record);
+    record.realtime = RealtimeRecord{*options.realtime_speed, shortfalls_of(report), report};
+  } catch (const std::system_error& e) {
+    return Error{ErrorKind::kRun, options.dataset.string(), 0, e.what(), "a system that can start 6 threads"};
+  }
+  record.peak_rss_mib = peak_rss_mib();
+  return record;
+}
+
+}  // namespace epiline

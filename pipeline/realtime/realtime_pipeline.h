@@ -1,0 +1,112 @@
+#pragma once
+// The stages of a replay as threads: the same objects with the same step(), connected by rings. docs/realtime.md has
+// the picture, the policies and the measurements.
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "pipeline/realtime/realtime_config.h"
+#include "pipeline/stages/frame_outcome.h"
+#include "pipeline/stages/recorded_tracks.h"
+#include "pipeline/vision/tracker.h"
+#include "platform/linux/realtime.h"
+#include "platform/ports/ports.h"
+#include "platform/time/monotonic.h"
+
+namespace epiline {
+
+/// Who keeps a record of the flight. Called by the log thread, which is not a real-time one.
+class OutcomeSink {
+ public:
+  virtual ~OutcomeSink() = default;
+  /// In the order of the images.
+  virtual void take(const FrameOutcome& outcome) noexcept = 0;
+  /// The odometry of that image was handed out; `latency_ns`: since the instant of its stamp.
+  virtual void published(std::uint64_t serial, std::int64_t latency_ns) noexcept = 0;
+};
+
+struct RealtimeSettings {
+  CameraParameters camera;
+  TrackerConfig tracker;
+  EstimatorConfig estimator;
+  double deadline_ms = 0;  ///< as offline: for one image, from the beginning of its tracking; 0: none
+  RealtimeConfig realtime;
+  bool images = true;  ///< false: recorded tracks
+  /// Recorded tracks: the points of each image, by Frame::sequence. They outlive the pipeline.
+  std::vector<std::span<const TrackPoint>> recorded;
+};
+
+/// What the pipeline is connected to. All outlive it; the odometry's receiver may be null.
+struct RealtimePorts {
+  CameraSource* camera = nullptr;
+  ImuSource* imu = nullptr;
+  OdometrySink* odometry = nullptr;
+  OutcomeSink* log = nullptr;
+};
+
+/// How the run went, thread by thread and ring by ring.
+struct RealtimeReport {
+  struct Thread {
+    const char* name = "";
+    int priority = 0;  ///< as asked for
+    ThreadShortfall shortfall;
+    ThreadCosts costs;  ///< since arm()
+  };
+  struct Ring {
+    const char* name = "";
+    std::size_t capacity = 0, high_water = 0;
+    std::uint64_t passed = 0, dropped = 0;
+  };
+  std::vector<Thread> threads;
+  std::vector<Ring> rings;
+  std::uint64_t frames_in = 0;         ///< given by the camera
+  std::uint64_t frames_overtaken = 0;  ///< of those: left out for a newer one
+  std::uint64_t frames_out = 0;        ///< of those: estimated
+  std::uint64_t imu_in = 0;            ///< given by the IMU
+  std::uint64_t imu_late = 0;          ///< images that did not wait any longer for their readings
+  std::uint64_t published = 0, publish_failed = 0;
+  std::uint64_t superseded = 0;   ///< estimates that a newer one reached the publisher before
+  std::string memory_not_locked;  ///< why not; empty: it is
+};
+
+class RealtimePipeline {
+ public:
+  static constexpr int kMostSlots = 256;  ///< of a camera: Frame::slot is below
+
+  /// Builds everything and starts the threads, which wait. Throws std::invalid_argument for a tracker that cannot be
+  /// built, std::system_error if the system has no thread left.
+  RealtimePipeline(const RealtimeSettings& settings, const RealtimePorts& ports);
+  /// Stops the threads if they are still running.
+  ~RealtimePipeline();
+  RealtimePipeline(const RealtimePipeline&) = delete;
+  RealtimePipeline& operator=(const RealtimePipeline&) = delete;
+
+  /// Locks the memory and lets the threads go. From now on they start no thread, use no heap and no lock, and wait
+  /// nowhere but at their inputs. `pace`: where the samples' stamps lie on the computer's clock.
+  void arm(const Pace& pace);
+
+  /// True once both sources have ended and everything has gone through, or after stop().
+  bool finished() const noexcept;
+  /// Images estimated so far.
+  std::uint64_t frames_out() const noexcept;
+
+  /// Tells the threads to end. From any thread.
+  void stop() noexcept;
+  /// Waits for the threads to end: by themselves when the sources have ended, or after stop().
+  void join() noexcept;
+
+  // After join().
+
+  RealtimeReport report() const;
+  const Estimator& estimator() const noexcept;
+  const TrackerStats* tracker_stats() const noexcept;  ///< null with recorded tracks
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace epiline

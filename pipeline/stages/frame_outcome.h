@@ -1,0 +1,32 @@
+#pragma once
+#include <cstdint>
+
+#include "pipeline/stages/estimate_stage.h"
+#include "platform/samples/samples.h"
+
+namespace epiline {
+
+/// Everything that came of one image; plain data, it travels through rings.
+struct FrameOutcome {
+  std::uint64_t serial = 0;  ///< of the images that were estimated, from 0
+  HostStamp stamp;
+  StepResult result;
+  Odometry odometry;
+  int tracks = 0, new_tracks = 0;
+  std::int64_t track_ns = 0;  ///< 0 with recorded tracks
+  EstimateStage::Times times;
+};
+
+/// Fills in the tracks of the image, and what the estimator made of them.
+inline void describe(const TrackedFrame& tracked, const StepResult& result, const EstimateStage& stage,
+                     FrameOutcome& out) noexcept {
+  out.stamp = tracked.stamp;
+  out.result = result;
+  out.odometry = stage.estimator().odometry();
+  out.times = stage.times();
+  out.tracks = static_cast<int>(tracked.features.size());
+  out.new_tracks = 0;
+  for (const TrackedFeature& feature : tracked.features) out.new_tracks += feature.age == 0;
+}
+
+}  // namespace epiline

@@ -1,0 +1,21 @@
+#pragma once
+#include "platform/samples/samples.h"
+
+namespace epiline {
+
+/// Which readings of the IMU a stage takes before an image: in the order they come, up to and including the first that
+/// reaches the time needed. The one rule of the loop and of the threads, so that both come to the same result.
+class ImuFeed {
+ public:
+  bool wants_more(HostStamp needed) const noexcept { return !any_ || last_ < needed; }
+  void took(const ImuSample& sample) noexcept {
+    any_ = true;
+    last_ = sample.stamp;
+  }
+
+ private:
+  bool any_ = false;
+  HostStamp last_{};
+};
+
+}  // namespace epiline

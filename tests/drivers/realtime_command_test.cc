@@ -1,0 +1,100 @@
+// `epiline replay --realtime` as a user meets it, over a rendered flight.
+#include <unistd.h>
+
+#include "tests/drivers/program.h"
+
+namespace epiline {
+namespace {
+
+class RealtimeCommand : public testing::Test {
+ protected:
+  /// One flight for all tests of the process; several processes may run at once.
+  static void SetUpTestSuite() {
+    flight_ = fs::path(testing::TempDir()) / ("epiline_realtime_flight_" + std::to_string(getpid()));
+    fs::remove_all(flight_);
+    const std::string command = std::string(EPILINE_PROGRAM) + " simulate --flight agile --duration 5 --out '" +
+                                flight_.string() + "' >/dev/null 2>&1";
+    ASSERT_EQ(std::system(command.c_str()), 0);
+  }
+  static void TearDownTestSuite() { fs::remove_all(flight_); }
+  void SetUp() override { fs::remove_all(scratch()); }
+  void TearDown() override { fs::remove_all(scratch()); }
+
+  static Outcome replay(const std::string& name, const std::string& more) {
+    return run("replay '" + flight_.string() + "' --out '" + (scratch() / name).string() + "' " + more);
+  }
+  static Json stats(const std::string& name) { return Json::parse(read(scratch() / name / "stats.json")); }
+  static void expect_consistent(const Json& s) {
+    EXPECT_EQ(s["images"]["read"].get<int>(), s["images"]["tracked"].get<int>() + s["images"]["skipped"].get<int>() -
+                                                  s["images"]["skipped_by_reason"]["refused_by_estimator"].get<int>());
+    EXPECT_EQ(s["realtime"]["frames_in"].get<int>(),
+              s["realtime"]["frames_out"].get<int>() + s["images"]["skipped_by_reason"]["overtaken"].get<int>());
+    EXPECT_EQ(s["realtime"]["frames_out"], s["images"]["tracked"]);
+  }
+
+  static fs::path flight_;
+};
+fs::path RealtimeCommand::flight_;
+
+TEST_F(RealtimeCommand, IsTheReplayInOneThreadByteByByteAndTouchesNoHeapNoLockNoNewPage) {
+  ASSERT_EQ(replay("offline", "").exit_code, 0);
+  EXPECT_TRUE(stats("offline")["realtime"].is_null());
+  write(scratch() / "patient.toml", "[realtime]\nimu_wait_ms = 5000\n");
+  const std::string config = "--config '" + (scratch() / "patient.toml").string() + "'";
+  for (int tries = 0; tries < 3; ++tries) {  // a computer that had no time for us for a while gets another chance
+    const Outcome r = replay("threads", "--realtime --speed 2 " + config);
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+    EXPECT_NE(r.out.find("latency"), std::string::npos) << r.out;
+    if (stats("threads")["images"]["skipped"] == 0) break;
+  }
+  const Json s = stats("threads");
+  ASSERT_EQ(s["images"]["skipped"], 0);
+  const std::string trajectory = read(scratch() / "threads/trajectory.tum");
+  EXPECT_GT(std::count(trajectory.begin(), trajectory.end(), '\n'), 60);
+  EXPECT_TRUE(trajectory == read(scratch() / "offline/trajectory.tum"));
+
+  expect_consistent(s);
+  EXPECT_TRUE(s["settings"]["realtime"]);
+  EXPECT_EQ(s["settings"]["threads"], 6);
+  EXPECT_GT(s["timing_ms"]["latency"]["count"], 60);
+  EXPECT_GT(s["timing_ms"]["latency"]["p50"], 0);
+  ASSERT_EQ(s["realtime"]["threads"].size(), 6u);
+  const bool locked = s["realtime"]["memory_locked"];
+  for (const auto& [name, thread] : s["realtime"]["threads"].items()) {
+    EXPECT_EQ(thread["heap_allocations"], 0) << name;
+    EXPECT_EQ(thread["lock_calls"], 0) << name;
+    if (locked) {
+      EXPECT_EQ(thread["page_faults"], 0) << name;
+    }
+  }
+  for (const auto& [name, ring] : s["realtime"]["rings"].items()) EXPECT_EQ(ring["dropped"], 0) << name;
+  EXPECT_NE(read(scratch() / "threads/report.html").find("latency: stamp to odometry"), std::string::npos);
+  if (!locked) GTEST_SKIP() << "memory may not be locked here: page faults were not looked at";
+}
+
+TEST_F(RealtimeCommand, OverloadLosesImagesCountsThemAndGoesOn) {
+  const Outcome r = replay("fast", "--realtime --speed 50");
+  ASSERT_TRUE(r.exit_code == 0 || r.exit_code == 1) << r.err;  // it may have seen too little to start
+  const Json s = stats("fast");
+  EXPECT_GT(s["images"]["skipped"], 0);
+  expect_consistent(s);
+}
+
+// Without privileges it runs all the same, and says once what it did not get.
+TEST_F(RealtimeCommand, MissingPrivilegesAreSaidAndNoFailure) {
+  const Outcome r =
+      run("replay '" + flight_.string() + "' --realtime --speed 2 --out '" + (scratch() / "plain").string() + "'",
+          "setpriv --bounding-set -sys_nice,-ipc_lock --inh-caps -all prlimit --memlock=8388608 ");
+  if (r.err.find("setpriv") != std::string::npos || r.err.find("prlimit") != std::string::npos)
+    GTEST_SKIP() << "privileges cannot be given up here: " << r.err;
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  const Json s = stats("plain");
+  EXPECT_FALSE(s["realtime"]["shortfalls"].empty());
+  EXPECT_EQ(s["realtime"]["threads"]["imu"]["priority"], 0);
+  EXPECT_NE(r.out.find("note      no real-time priority for imu, capture"), std::string::npos) << r.out;
+}
+
+TEST_F(RealtimeCommand, SpeedBelongsToRealTime) { expect_one_line(replay("x", "--speed 2"), 2, {"--realtime"}); }
+
+}  // namespace
+}  // namespace epiline
