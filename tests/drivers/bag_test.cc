@@ -5,6 +5,7 @@
 #include <rosbag/bag.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstring>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -68,7 +69,8 @@ template <>
 struct Serializer<epiline::RawMessage> {
   template <class Stream>
   static void write(Stream& stream, const epiline::RawMessage& m) {
-    std::memcpy(stream.advance(static_cast<std::uint32_t>(m.bytes.size())), m.bytes.data(), m.bytes.size());
+    std::uint8_t* const out = stream.advance(static_cast<std::uint32_t>(m.bytes.size()));
+    std::copy(m.bytes.begin(), m.bytes.end(), out);
   }
   static std::uint32_t serializedLength(const epiline::RawMessage& m) {
     return static_cast<std::uint32_t>(m.bytes.size());
@@ -313,6 +315,11 @@ TEST_F(Bag, DamageIsOneClearLine) {
 }
 
 TEST_F(Bag, MessagesCutShortAreOneClearLine) {
+#ifdef EPILINE_SANITIZED
+  constexpr std::size_t kShortest = 1;  // to write an empty message, the library copies nothing from a null pointer
+#else
+  constexpr std::size_t kShortest = 0;
+#endif
   const auto only = [&](const RawMessage& image, const RawMessage& imu) {
     rosbag::Bag to(bag.string(), rosbag::bagmode::Write);
     to.write("/image", ros_time(100'000'000'000), image);
@@ -322,13 +329,13 @@ TEST_F(Bag, MessagesCutShortAreOneClearLine) {
   const RawMessage imu = imu_message(100'000'000'000, still);
   const cv::Mat pixels(480, 752, CV_8U, cv::Scalar(128));
   const RawMessage image = image_message(100'000'000'000, pixels, "mono8");
-  for (const std::size_t left : {std::size_t{0}, std::size_t{3}, std::size_t{20}, imu.bytes.size() - 1}) {
+  for (const std::size_t left : {kShortest, std::size_t{3}, std::size_t{20}, imu.bytes.size() - 1}) {
     RawMessage cut = imu;
     cut.bytes.resize(left);
     only(image, cut);
     expect_one_line(replay(), 2, {"message 1 of /imu breaks off after " + std::to_string(left) + " bytes"});
   }
-  for (const std::size_t left : {std::size_t{0}, std::size_t{10}, std::size_t{30}, image.bytes.size() - 1}) {
+  for (const std::size_t left : {kShortest, std::size_t{10}, std::size_t{30}, image.bytes.size() - 1}) {
     RawMessage cut = image;
     cut.bytes.resize(left);
     only(cut, imu);
