@@ -1,0 +1,144 @@
+#pragma once
+// The inside of RealtimePipeline: its threads and what lies between them. Their loops are in source_threads.cc (imu,
+// capture), stage_threads.cc (track, estimate) and output_threads.cc (publish, log).
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <initializer_list>
+#include <optional>
+#include <string>
+
+#include "pipeline/realtime/realtime_pipeline.h"
+#include "pipeline/stages/imu_feed.h"
+#include "pipeline/stages/track_stage.h"
+#include "platform/concurrency/latest_value.h"
+#include "platform/concurrency/newest_ring.h"
+#include "platform/concurrency/parking.h"
+
+namespace epiline {
+
+inline constexpr Span kPoll = Span::from_milliseconds(100);  // how soon an idle thread looks around
+inline constexpr std::size_t kImuRing = 4096;                // 20 s at 200 Hz, 4 s at 1 kHz
+using ImuRing = SpscRing<ImuSample, kImuRing>;
+
+/// What the estimator knows after an image, for the tracking of the next one.
+struct Knowledge {
+  std::array<double, 3> gyroscope_bias_rad_s{};
+  double time_offset_s = 0;  ///< as handed out
+  Span imu_after_image{};    ///< readings are needed up to the image's stamp and this
+};
+
+/// An image on its way from the tracker to the estimator.
+struct Tracked {
+  TrackedFrame frame;
+  std::int64_t deadline_ns = 0, track_ns = 0;
+};
+
+/// The newest estimate, for the publisher.
+struct Estimate {
+  std::uint64_t serial = 0;  ///< from 1; 0: none yet
+  bool has_pose = false;
+  Odometry odometry;
+};
+
+struct Publication {
+  std::uint64_t serial = 0;
+  std::int64_t latency_ns = 0;
+};
+
+/// Of a counter with one writer.
+inline void bump(std::atomic<std::uint64_t>& counter) {
+  counter.store(counter.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+}
+
+Knowledge knowledge_of(const EstimateStage& stage);
+
+struct RealtimePipeline::Impl {
+  /// A thread, where it parks, and what it cost.
+  struct Worker {
+    const char* name = "";
+    int priority = 0, cpu = -1;
+    void (Impl::*loop)() = nullptr;
+    Impl* owner = nullptr;
+    Parking parking;
+    std::atomic<bool> ended{false};
+    ThreadCosts costs;
+    RealtimeThread thread;
+  };
+
+  Impl(const RealtimeSettings& settings, const RealtimePorts& ports);
+
+  void start(Worker& worker);
+  static void run(void* worker);
+  template <class F>
+  void each(F&& f) {
+    for (Worker* w : {&imu, &capture, &track, &estimate, &publish, &log}) f(*w);
+  }
+
+  void imu_loop();
+  void capture_loop();
+  void track_loop();
+  void estimate_loop();
+  void publish_loop();
+  void log_loop();
+
+  void track_frame(const Frame& frame);
+  void learn();
+  void estimate_frame(const Tracked& tracked);
+  void publish_estimate(const Estimate& newest);
+  std::int64_t deadline_of(HostStamp image, std::int64_t began_ns) const;
+  template <class Stage>
+  void take_imu(Worker& worker, ImuRing& ring, ImuFeed& feed, HostStamp needed, Stage& stage);
+  template <class Stage>
+  void relieve(ImuRing& ring, ImuFeed& feed, Stage& stage);
+  void give_back(NewestRing<4>::Value slot) { ports.camera->give_back(slots[slot]); }
+
+  bool stopping() const { return stopped.load(std::memory_order_acquire); }
+  bool has_ended(const Worker& worker) const { return worker.ended.load(std::memory_order_acquire); }
+  void end(Worker& worker, std::initializer_list<Worker*> readers);
+  /// A lost device may say so at once: no real-time thread may ask it all the time.
+  void rest_after_failure(Worker& worker) {
+    wait(worker, Span::from_milliseconds(10), [] { return false; });
+  }
+  template <class Ready>
+  bool wait(Worker& worker, Span at_most, Ready ready) {
+    return worker.parking.wait_until(monotonic_ns() + at_most.ns, [&] { return ready() || stopping(); });
+  }
+
+  RealtimeSettings settings;
+  RealtimePorts ports;
+  Pace pace;
+  std::string memory_not_locked;
+  std::atomic<bool> armed{false}, stopped{false};
+
+  // The stages; each belongs to its thread.
+  std::optional<TrackStage> track_stage;
+  RecordedTracks recorded;
+  EstimateStage estimate_stage;
+  ImuFeed track_feed, estimate_feed;
+
+  // What lies between the threads.
+  std::array<Frame, kMostSlots> slots{};  ///< written by capture, read by whoever holds the slot
+  NewestRing<4> frames;
+  ImuRing imu_to_track, imu_to_estimate;
+  SpscRing<Tracked, 4> tracked;
+  SpscRing<Knowledge, 4> knowledge;
+  LatestValue<Estimate> newest;
+  SpscRing<FrameOutcome, 256> outcomes;
+  SpscRing<Publication, 256> publications;
+
+  // The tracker's own.
+  Knowledge known;
+  std::uint64_t frames_tracked = 0, lessons = 0;  ///< lessons: taken from `knowledge`
+  int previous_slot = -1;
+  // The publisher's own.
+  std::uint64_t last_published = 0;
+
+  // Each written by one thread.
+  std::atomic<std::uint64_t> frames_in{0}, frames_out{0}, imu_in{0}, track_imu_late{0}, estimate_imu_late{0},
+      published{0}, publish_failed{0};
+
+  Worker imu, capture, track, estimate, publish, log;
+};
+
+}  // namespace epiline

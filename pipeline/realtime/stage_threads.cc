@@ -1,0 +1,152 @@
+// The threads of the stages: track and estimate.
+#include <algorithm>
+
+#include "pipeline/realtime/realtime_threads.h"
+#include "platform/error/contract.h"
+
+namespace epiline {
+
+Knowledge knowledge_of(const EstimateStage& stage) {
+  const HostStamp zero{};
+  const Vec3 bias = stage.estimator().gyroscope_bias();
+  return {
+      {bias.x(), bias.y(), bias.z()}, stage.estimator().odometry().time_offset_s, stage.imu_needed_until(zero) - zero};
+}
+
+/// Feeds a stage with the readings that belong before an image; waits for those that have not come yet.
+template <class Stage>
+void RealtimePipeline::Impl::take_imu(Worker& worker, ImuRing& ring, ImuFeed& feed, HostStamp needed, Stage& stage) {
+  const Span at_most = Span::from_seconds(1e-3 * settings.realtime.imu_wait_ms);
+  while (feed.wants_more(needed)) {
+    bool ended = false;
+    const bool came = wait(worker, at_most, [&] {
+      ended = has_ended(imu);  // before the look at the ring: what came before the end is found
+      return ring.front() != nullptr || ended;
+    });
+    if (ring.front() == nullptr) {
+      if (!came) bump(&worker == &track ? track_imu_late : estimate_imu_late);
+      return;
+    }
+    feed.took(*ring.front());
+    stage.add_imu(*ring.front());
+    ring.pop();
+  }
+}
+
+/// No image comes: the oldest readings go to the stage, which would get them anyway, before the ring is full.
+template <class Stage>
+void RealtimePipeline::Impl::relieve(ImuRing& ring, ImuFeed& feed, Stage& stage) {
+  while (ring.published() - ring.popped() > kImuRing / 2 && ring.front() != nullptr) {
+    feed.took(*ring.front());
+    stage.add_imu(*ring.front());
+    ring.pop();
+  }
+}
+
+void RealtimePipeline::Impl::track_loop() {
+  const auto overtaken = [&](NewestRing<4>::Value slot) { give_back(slot); };
+  while (!stopping()) {
+    bool ended = false;
+    wait(track, kPoll, [&] {
+      ended = has_ended(capture);
+      return frames.ready() || ended;
+    });
+    const auto slot = frames.pop(overtaken);
+    if (slot != NewestRing<4>::kNone) {
+      track_frame(slots[slot]);
+      // the tracker needs the pixels of the image before until the step of the next one is done
+      if (previous_slot >= 0) give_back(static_cast<NewestRing<4>::Value>(previous_slot));
+      previous_slot = slot;
+    } else if (ended && !frames.ready()) {
+      break;
+    } else if (track_stage) {
+      relieve(imu_to_track, track_feed, *track_stage);
+    }
+  }
+  end(track, {&estimate});
+}
+
+/// Takes over what the estimator knew after the image before: the same lesson before the same image, as offline.
+void RealtimePipeline::Impl::learn() {
+  while (lessons < frames_tracked && !stopping()) {
+    wait(track, kPoll, [&] { return knowledge.front() != nullptr; });
+    lessons += knowledge.pop(known) ? 1 : 0;
+  }
+}
+
+void RealtimePipeline::Impl::track_frame(const Frame& frame) {
+  learn();
+  Tracked* const out = tracked.claim();
+  EPILINE_EXPECTS(out != nullptr || stopping(), "the tracker is never more images ahead than the ring holds");
+  if (out == nullptr) return;
+  const std::int64_t called_ns = monotonic_ns();
+  if (track_stage) {
+    take_imu(track, imu_to_track, track_feed, frame.stamp + known.imu_after_image, *track_stage);
+    const std::int64_t began_ns = monotonic_ns();
+    track_stage->set_knowledge(Vec3(known.gyroscope_bias_rad_s.data()), known.time_offset_s);
+    track_stage->step(frame, out->frame);
+    out->track_ns = monotonic_ns() - began_ns;
+  } else {
+    const auto points = settings.recorded[frame.sequence];
+    recorded.step(frame.stamp, points.data(), points.size(), out->frame);
+    out->track_ns = 0;
+  }
+  out->deadline_ns = deadline_of(frame.stamp, called_ns);
+  tracked.publish();
+  ++frames_tracked;
+  estimate.parking.notify();
+}
+
+std::int64_t RealtimePipeline::Impl::deadline_of(HostStamp image, std::int64_t began_ns) const {
+  const auto span_ns = [](double ms) { return Span::from_seconds(ms * 1e-3).ns; };
+  std::int64_t deadline = EstimateStage::kNoDeadline;
+  if (settings.deadline_ms > 0) deadline = began_ns + span_ns(settings.deadline_ms);
+  if (settings.realtime.deadline_ms > 0)
+    deadline = std::min(deadline, pace.host_of(image) + span_ns(settings.realtime.deadline_ms));
+  return deadline;
+}
+
+void RealtimePipeline::Impl::estimate_loop() {
+  while (!stopping()) {
+    bool ended = false;
+    wait(estimate, kPoll, [&] {
+      ended = has_ended(track);
+      return tracked.front() != nullptr || ended;
+    });
+    if (const Tracked* const next = tracked.front()) {
+      estimate_frame(*next);
+      tracked.pop();
+    } else if (ended) {
+      break;
+    } else {
+      relieve(imu_to_estimate, estimate_feed, estimate_stage);
+    }
+  }
+  end(estimate, {&publish, &log});
+}
+
+void RealtimePipeline::Impl::estimate_frame(const Tracked& image) {
+  take_imu(estimate, imu_to_estimate, estimate_feed, estimate_stage.imu_needed_until(image.frame.stamp),
+           estimate_stage);
+  const StepResult result = estimate_stage.step(image.frame, image.deadline_ns);
+  const std::uint64_t serial = frames_out.load(std::memory_order_relaxed);
+  // first whoever waits for the odometry, then the next image, then the record
+  Estimate& draft = newest.draft();
+  draft.serial = serial + 1;
+  draft.has_pose = result.has_pose;
+  draft.odometry = estimate_stage.estimator().odometry();
+  newest.publish();
+  publish.parking.notify();
+  knowledge.push(knowledge_of(estimate_stage));
+  track.parking.notify();
+  if (FrameOutcome* const out = outcomes.claim()) {
+    describe(image.frame, result, estimate_stage, *out);
+    out->serial = serial;
+    out->track_ns = image.track_ns;
+    outcomes.publish();
+    log.parking.notify();
+  }
+  bump(frames_out);
+}
+
+}  // namespace epiline
