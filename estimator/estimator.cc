@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <optional>
 
 #include "estimator/factors/epipolar.h"
@@ -48,6 +49,18 @@ NewestCovariance covariance_of(const InitialState& s, double sigma_td) {
   C(15, 15) = sigma_td * sigma_td;
   return C;
 }
+
+std::unique_ptr<VisualFactorModel> make_visual_factor(VisualFactor factor, const Kernels& kernels) {
+  switch (factor) {
+    case VisualFactor::kEpipolar:
+      return std::make_unique<EpipolarFactor>();
+    case VisualFactor::kReprojection:
+      return std::make_unique<ReprojectionFactor>(kernels);
+    case VisualFactor::kTrack:
+      break;
+  }
+  return std::make_unique<TrackFactor>(kernels);
+}
 }  // namespace
 
 struct Estimator::Impl {
@@ -76,11 +89,6 @@ struct Estimator::Impl {
   void judge(const TrackedFrame& frame, const SolverSummary& s, double dt_s);
 
   VisualSettings visual_settings() const;
-  VisualFactorModel& visual() {
-    if (config.visual_factor == VisualFactor::kEpipolar) return epipolar;
-    if (config.visual_factor == VisualFactor::kReprojection) return reprojection;
-    return track;
-  }
   double window_age_s(HostStamp now) const { return (now - started_at).seconds(); }
 
   EstimatorConfig config;
@@ -88,9 +96,7 @@ struct Estimator::Impl {
   const Kernels& kernel;
   Window window;
   ImuHistory history;
-  TrackFactor track;
-  EpipolarFactor epipolar;
-  ReprojectionFactor reprojection;
+  std::unique_ptr<VisualFactorModel> visual;
   Solver solver;
   Marginaliser marginaliser;
   RestDetector rest;
@@ -121,8 +127,7 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
     : config(c),
       kernel(kernels()),
       window(std::clamp(c.keyframes, 2, kMaxFrames - 1) + 1),
-      track(kernel),
-      reprojection(kernel),
+      visual(make_visual_factor(c.visual_factor, kernel)),
       solver(kernel),
       marginaliser(kernel),
       stationary(c.imu),
@@ -212,26 +217,26 @@ SolverSummary Estimator::Impl::solve(Supervisor& supervisor) {
   const SolverSettings settings{young ? config.steps_young : config.steps, config.estimate_time_offset,
                                 config.estimate_extrinsics};
   supervisor.phase(Supervisor::Phase::kSolve);
-  visual().collect(window, visual_settings());
-  const SolverSummary s = solver.optimise(window, visual(), settings, supervisor);
+  visual->collect(window, visual_settings());
+  const SolverSummary s = solver.optimise(window, *visual, settings, supervisor);
   supervisor.phase(Supervisor::Phase::kNone);
   rejected_last = s.rejected > 0;
   ++stats.frames_solved;
   stats.iterations += static_cast<std::uint64_t>(s.accepted + s.rejected);
   stats.residuals += static_cast<std::uint64_t>(s.residuals);
   stats.state_size +=
-      static_cast<std::uint64_t>(15 * window.size() + visual().unknowns() + (config.estimate_time_offset ? 1 : 0) +
+      static_cast<std::uint64_t>(15 * window.size() + visual->unknowns() + (config.estimate_time_offset ? 1 : 0) +
                                  (config.estimate_extrinsics ? 6 : 0));
   stats.gated += static_cast<std::uint64_t>(s.gated);
   stats.deadline_hits += s.out_of_time ? 1 : 0;
-  stats.gate_suspended += track.gate_suspended() ? 1 : 0;
+  stats.gate_suspended += visual->gate_suspended() ? 1 : 0;
   return s;
 }
 
 /// The kernel's scale follows what the residuals show, slowly.
 void Estimator::Impl::adapt_pixel_sigma(double dt_s) {
   if (!config.estimate_pixel_sigma) return;
-  const double seen = visual().residual_sigma_px();
+  const double seen = visual->residual_sigma_px();
   if (seen > 0)
     pixel_sigma += std::min(1.0, dt_s / kSigmaMemory_s) * (std::clamp(seen, kSigmaLeast, kSigmaMost) - pixel_sigma);
 }
@@ -262,7 +267,7 @@ void Estimator::Impl::slide(Supervisor& supervisor) {
           inflate_calibration(window.prior, 0,
                               kTimeOffsetWalk * kTimeOffsetWalk * (window.at(1).time - last_marginalised).seconds());
         last_marginalised = window.at(1).time;
-        marginaliser.marginalise_oldest(window, visual(), visual_settings());
+        marginaliser.marginalise_oldest(window, *visual, visual_settings());
         supervisor.phase(Supervisor::Phase::kNone);
       }
     }
@@ -377,12 +382,12 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   reintegrate_moved_biases();
   const SolverSettings settings{kStartSteps, config.estimate_time_offset, config.estimate_extrinsics};
   supervisor.phase(Supervisor::Phase::kSolve);
-  visual().restart();
-  visual().collect(window, visual_settings());
-  const SolverSummary s = solver.optimise(window, visual(), settings, supervisor);
+  visual->restart();
+  visual->collect(window, visual_settings());
+  const SolverSummary s = solver.optimise(window, *visual, settings, supervisor);
   supervisor.phase(Supervisor::Phase::kNone);
   auto refusal = posterior_refusal(s);
-  const double seen = visual().residual_sigma_px();
+  const double seen = visual->residual_sigma_px();
   if (!refusal && seen > kStartResidual * pixel_sigma) refusal = StartRefusal::kResidualTooLarge;
   if (refusal) {
     window.prior.frames = 0;

@@ -18,8 +18,7 @@ class TrackFactor final : public VisualFactorModel {
   void linearise(const Window&, VisualSystem&) noexcept override;
   void marginalise_oldest(const Window&, const VisualSettings&, VisualSystem&) noexcept override;
   double residual_sigma_px() noexcept override;
-  /// True if the last linearisation would have gated more than the cap and therefore gated nothing.
-  bool gate_suspended() const { return gate_suspended_; }
+  bool gate_suspended() const noexcept override { return gate_suspended_; }
 
  private:
   struct Memory;

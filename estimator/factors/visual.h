@@ -30,6 +30,8 @@ class VisualFactorModel {
   /// Robust noise estimate from the last linearisation: the bearing noise, px, that its residuals show; 0: too few
   /// tracks.
   virtual double residual_sigma_px() noexcept { return 0; }
+  /// True if the last linearisation would have gated more than the cap and therefore gated nothing.
+  virtual bool gate_suspended() const noexcept { return false; }
 
   // Only a factor with unknowns of its own (landmarks: docs/derivations/reprojection.md) has these. The structureless
   // ones have none, and nothing to do.
