@@ -14,32 +14,47 @@ namespace epiline {
 
 namespace {
 
-/// Collects outcomes without asking for memory.
-class Recorder final : public OutcomeSink {
+/// Collects outcomes and events without asking for memory.
+class Recorder final : public FlightObserver {
  public:
-  explicit Recorder(std::size_t images) : latency_ns_(images, kNone) { outcomes_.reserve(images); }
+  explicit Recorder(std::size_t images) : latency_ns_(images, kNone) {
+    outcomes_.reserve(images);
+    events_.reserve(kMostEvents);
+  }
   void take(const FrameOutcome& outcome) noexcept override {
     if (outcomes_.size() < outcomes_.capacity()) outcomes_.push_back({outcome.serial, image_record(outcome)});
   }
   void published(std::uint64_t serial, std::int64_t latency_ns) noexcept override {
     if (serial < latency_ns_.size()) latency_ns_[serial] = latency_ns;
   }
-  void move_into(std::vector<ImageRecord>& images) const {
-    for (const Entry& entry : outcomes_) {
-      images.push_back(entry.image);
-      const std::int64_t ns = latency_ns_[entry.serial];
-      if (ns != kNone) images.back().latency_ms = 1e-6 * static_cast<double>(ns);
+  void event(const Event& event) noexcept override {
+    if (events_.size() < kMostEvents) {
+      events_.push_back(event);
+    } else {
+      ++events_lost_;
     }
+  }
+  void move_into(FlightRecord& record) {
+    for (const Entry& entry : outcomes_) {
+      record.images.push_back(entry.image);
+      const std::int64_t ns = latency_ns_[entry.serial];
+      if (ns != kNone) record.images.back().latency_ms = 1e-6 * static_cast<double>(ns);
+    }
+    record.events = std::move(events_);
+    record.events_lost = events_lost_;
   }
 
  private:
   static constexpr std::int64_t kNone = std::numeric_limits<std::int64_t>::min();
+  static constexpr std::size_t kMostEvents = 1 << 16;
   struct Entry {
     std::uint64_t serial = 0;
     ImageRecord image;
   };
   std::vector<Entry> outcomes_;
   std::vector<std::int64_t> latency_ns_;
+  std::vector<Event> events_;
+  std::uint64_t events_lost_ = 0;
 };
 
 RealtimeSettings settings_of(const AslDataset& dataset, const FlightPlan& plan, const Config& config) {
@@ -49,7 +64,8 @@ RealtimeSettings settings_of(const AslDataset& dataset, const FlightPlan& plan, 
                      config.deadline_ms,
                      config.realtime,
                      !dataset.images.empty(),
-                     {}};
+                     {},
+                     RecordedCamera::kImagesToLog};
   if (s.images) return s;
   for (const PlannedImage& image : plan.images) {
     const TrackInstant& instant = dataset.instants[image.index];
@@ -101,7 +117,7 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
   RecordedCamera camera(dataset, plan);
   RecordedImu imu(dataset, plan);
   try {
-    RealtimePipeline pipeline(settings_of(dataset, plan, config), {&camera, &imu, nullptr, &recorder});
+    RealtimePipeline pipeline(settings_of(dataset, plan, config), {&camera, &imu, nullptr, {&recorder}, {}});
     if (const Status s = camera.open(); !s) return s.error();
     const Pace pace = pace_of(dataset, plan, *options.realtime_speed);
     camera.start(pace);
@@ -116,8 +132,9 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     camera.close();
     progress(plan.images.size(), plan.images.size());
     if (camera.error()) return *camera.error();
-    recorder.move_into(record.images);
+    recorder.move_into(record);
     const RealtimeReport report = pipeline.report();
+    record.events_lost += report.events_dropped;
     record.threads = static_cast<int>(report.threads.size());
     record.estimator = pipeline.estimator().stats();
     if (const TrackerStats* tracker = pipeline.tracker_stats()) record.tracker = *tracker;

@@ -20,6 +20,8 @@ namespace epiline {
 /// it.
 class RecordedCamera final : public CameraSource {
  public:
+  static constexpr int kImagesToLog = 8;  ///< of the 32 buffers; see RealtimeSettings
+
   RecordedCamera(const AslDataset& dataset, const FlightPlan& plan);
   ~RecordedCamera() override { close(); }
 

@@ -71,10 +71,12 @@ class Flight {
     heap_calls_ += heap.calls();
     record_.page_faults += page_faults_of_this_thread() - faults;
     record_.images.push_back(image_record(outcome_));
+    for (Event event; pipeline_.events().pop(event);) record_.events.push_back(event);
     return Done{};
   }
 
   FlightRecord finish() {
+    record_.events_lost = pipeline_.events().dropped();
     record_.estimator = pipeline_.estimator().stats();
     if (const TrackerStats* tracker = pipeline_.tracker_stats()) record_.tracker = *tracker;
     record_.skipped["refused_by_estimator"] = record_.estimator.frames_refused;
@@ -160,6 +162,7 @@ Result<std::optional<TrajectoryErrors>> write_outputs(const FlightRecord& record
   const ProgramInfo program = program_info();
   const Json stats = stats_json(record, errors, program);
   if (const Status s = write_text(folder / "trajectory.tum", tum_text(trajectory_of(record))); !s) return s.error();
+  if (const Status s = write_text(folder / "events.txt", events_text(record)); !s) return s.error();
   if (const Status s = write_text(folder / "stats.json", stats.dump(2) + "\n"); !s) return s.error();
   if (const Status s = write_text(folder / "report.html", report_html(record, errors, program)); !s) return s.error();
   return errors;

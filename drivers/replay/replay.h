@@ -36,7 +36,7 @@ struct ReplayResult {
 Result<ReplayResult> replay(const ReplayOptions& options,
                             const std::function<void(std::size_t, std::size_t)>& progress);
 
-/// Writes trajectory.tum, stats.json and report.html into the folder, made if need be; returns the errors for a
+/// Writes trajectory.tum, events.txt, stats.json and report.html into the folder, made if need be; returns the errors for a
 /// summary. Fails if and only if one of them cannot be written.
 Result<std::optional<TrajectoryErrors>> write_outputs(const FlightRecord& record, const std::filesystem::path& folder);
 

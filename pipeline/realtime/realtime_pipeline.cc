@@ -7,7 +7,11 @@
 namespace epiline {
 
 RealtimePipeline::Impl::Impl(const RealtimeSettings& s, const RealtimePorts& p)
-    : settings(s), ports(p), recorded(Camera(s.camera)), estimate_stage(s.estimator, monotonic_ns) {
+    : settings(s),
+      ports(p),
+      recorded(Camera(s.camera)),
+      estimate_stage(s.estimator, monotonic_ns),
+      flight_log(p.observers, p.event_rings, s.images_to_log) {
   if (s.images) track_stage.emplace(Camera(s.camera), s.tracker, s.estimator.extrinsics.R_BC);
   known = knowledge_of(estimate_stage);
   const RealtimeConfig& r = s.realtime;
@@ -102,8 +106,9 @@ RealtimeReport RealtimePipeline::report() const {
   ring("imu_to_estimate", m.imu_to_estimate);
   ring("tracked", m.tracked);
   ring("knowledge", m.knowledge);
-  ring("outcomes", m.outcomes);
-  ring("publications", m.publications);
+  m.flight_log.each_ring([&](RingName name, const auto& of) { ring(to_string(name), of); });
+  r.events_dropped = m.flight_log.events_dropped();
+  r.images_not_logged = m.flight_log.images_skipped();
   r.frames_in = m.frames_in.load();
   r.frames_out = m.frames_out.load();
   r.imu_in = m.imu_in.load();

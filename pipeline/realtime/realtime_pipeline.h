@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "pipeline/realtime/flight_observer.h"
 #include "pipeline/realtime/realtime_config.h"
 #include "pipeline/stages/frame_outcome.h"
 #include "pipeline/stages/recorded_tracks.h"
@@ -18,16 +19,6 @@
 
 namespace epiline {
 
-/// Who keeps a record of the flight. Called by the log thread, which is not a real-time one.
-class OutcomeSink {
- public:
-  virtual ~OutcomeSink() = default;
-  /// In the order of the images.
-  virtual void take(const FrameOutcome& outcome) noexcept = 0;
-  /// The odometry of that image was handed out; `latency_ns`: since the instant of its stamp.
-  virtual void published(std::uint64_t serial, std::int64_t latency_ns) noexcept = 0;
-};
-
 struct RealtimeSettings {
   CameraParameters camera;
   TrackerConfig tracker;
@@ -37,6 +28,9 @@ struct RealtimeSettings {
   bool images = true;  ///< false: recorded tracks
   /// Recorded tracks: the points of each image, by Frame::sequence. They outlive the pipeline.
   std::vector<std::span<const TrackPoint>> recorded;
+  /// Buffers of the camera that observers may hold at a time: at least four (two for the tracker, one that is filled,
+  /// one that waits) must remain. 0: they get no images.
+  int images_to_log = 1;
 };
 
 /// What the pipeline is connected to. All outlive it; the odometry's receiver may be null.
@@ -44,7 +38,8 @@ struct RealtimePorts {
   CameraSource* camera = nullptr;
   ImuSource* imu = nullptr;
   OdometrySink* odometry = nullptr;
-  OutcomeSink* log = nullptr;
+  std::vector<FlightObserver*> observers;
+  std::vector<EventRing*> event_rings;  ///< events of threads that are none of the pipeline's, for the observers
 };
 
 /// How the run went, thread by thread and ring by ring.
@@ -68,6 +63,8 @@ struct RealtimeReport {
   std::uint64_t imu_in = 0;            ///< given by the IMU
   std::uint64_t imu_late = 0;          ///< images that did not wait any longer for their readings
   std::uint64_t published = 0, publish_failed = 0;
+  std::uint64_t events_dropped = 0;
+  std::uint64_t images_not_logged = 0;
   std::uint64_t superseded = 0;   ///< estimates that a newer one reached the publisher before
   std::string memory_not_locked;  ///< why not; empty: it is
 };

@@ -8,7 +8,9 @@
 #include <optional>
 #include <string>
 
+#include "pipeline/realtime/flight_log.h"
 #include "pipeline/realtime/realtime_pipeline.h"
+#include "pipeline/stages/estimator_events.h"
 #include "pipeline/stages/imu_feed.h"
 #include "pipeline/stages/track_stage.h"
 #include "platform/concurrency/latest_value.h"
@@ -39,11 +41,6 @@ struct Estimate {
   std::uint64_t serial = 0;  ///< from 1; 0: none yet
   bool has_pose = false;
   Odometry odometry;
-};
-
-struct Publication {
-  std::uint64_t serial = 0;
-  std::int64_t latency_ns = 0;
 };
 
 /// Of a counter with one writer.
@@ -86,12 +83,28 @@ struct RealtimePipeline::Impl {
   void learn();
   void estimate_frame(const Tracked& tracked);
   void publish_estimate(const Estimate& newest);
+  void log_round(bool last);
   std::int64_t deadline_of(HostStamp image, std::int64_t began_ns) const;
+  void give(TrackStage& stage, const ImuSample& sample) { stage.add_imu(sample); }
+  void give(EstimateStage& stage, const ImuSample& sample);
+  void imu_is_late(Worker& worker, HostStamp needed);
+  void log_image(const Frame& frame);
   template <class Stage>
   void take_imu(Worker& worker, ImuRing& ring, ImuFeed& feed, HostStamp needed, Stage& stage);
   template <class Stage>
   void relieve(ImuRing& ring, ImuFeed& feed, Stage& stage);
-  void give_back(NewestRing<4>::Value slot) { ports.camera->give_back(slots[slot]); }
+  /// One user of the image less; the last one gives it back to the camera.
+  void give_back(std::size_t slot) {
+    // acq_rel: the last user has seen the others' last look, and hands that on to the camera
+    if (users[slot].fetch_sub(1, std::memory_order_acq_rel) == 1) ports.camera->give_back(slots[slot]);
+  }
+  void overtaken(NewestRing<4>::Value slot, FlightLog::Speaker speaker);
+  void tell(FlightLog::Speaker speaker, HostStamp stamp, EventId id, std::int64_t a = 0, std::int64_t b = 0,
+            std::int64_t c = 0) {
+    flight_log.events_of(speaker).push({stamp, id, {a, b, c}});
+  }
+  /// Tells when a device is lost and when it is back.
+  void note_source(ReadOutcome outcome, bool& lost, EventSource source, FlightLog::Speaker speaker);
 
   bool stopping() const { return stopped.load(std::memory_order_acquire); }
   bool has_ended(const Worker& worker) const { return worker.ended.load(std::memory_order_acquire); }
@@ -118,19 +131,21 @@ struct RealtimePipeline::Impl {
   ImuFeed track_feed, estimate_feed;
 
   // What lies between the threads.
-  std::array<Frame, kMostSlots> slots{};  ///< written by capture, read by whoever holds the slot
+  std::array<Frame, kMostSlots> slots{};                      ///< written by capture, read by whoever holds the slot
+  std::array<std::atomic<std::uint8_t>, kMostSlots> users{};  ///< who holds the slot: tracker, log
   NewestRing<4> frames;
   ImuRing imu_to_track, imu_to_estimate;
   SpscRing<Tracked, 4> tracked;
   SpscRing<Knowledge, 4> knowledge;
   LatestValue<Estimate> newest;
-  SpscRing<FrameOutcome, 256> outcomes;
-  SpscRing<Publication, 256> publications;
+  FlightLog flight_log;
 
   // The tracker's own.
   Knowledge known;
   std::uint64_t frames_tracked = 0, lessons = 0;  ///< lessons: taken from `knowledge`
   int previous_slot = -1;
+  // The estimator's own.
+  EstimatorEvents estimator_events{flight_log.events_of(FlightLog::Speaker::kEstimate)};
   // The publisher's own.
   std::uint64_t last_published = 0;
 

@@ -1,4 +1,6 @@
 // From the devices into the rings: the threads imu and capture.
+#include <utility>
+
 #include "pipeline/realtime/realtime_threads.h"
 #include "platform/error/contract.h"
 
@@ -6,13 +8,16 @@ namespace epiline {
 
 void RealtimePipeline::Impl::imu_loop() {
   std::array<ImuSample, 64> samples;
+  bool lost = false;
   while (!stopping()) {
     std::size_t count = 0;
     const ReadOutcome outcome = ports.imu->read(samples, count, kPoll);
     if (outcome == ReadOutcome::kEnd) break;
+    note_source(outcome, lost, EventSource::kImu, FlightLog::Speaker::kImu);
     if (outcome == ReadOutcome::kFailed) rest_after_failure(imu);
     if (outcome != ReadOutcome::kSample) continue;
     for (std::size_t i = 0; i < count; ++i) {
+      flight_log.imu(samples[i]);                      // first: what was used is in the record
       if (track_stage) imu_to_track.push(samples[i]);  // a full ring refuses, and counts
       imu_to_estimate.push(samples[i]);
       bump(imu_in);
@@ -24,20 +29,44 @@ void RealtimePipeline::Impl::imu_loop() {
 }
 
 void RealtimePipeline::Impl::capture_loop() {
+  bool lost = false;
+  std::uint64_t expected = 0;  // sequence number
   while (!stopping()) {
     Frame frame;
     const ReadOutcome outcome = ports.camera->read(frame, kPoll);
     if (outcome == ReadOutcome::kEnd) break;
+    note_source(outcome, lost, EventSource::kCamera, FlightLog::Speaker::kCapture);
     if (outcome == ReadOutcome::kFailed) rest_after_failure(capture);
     if (outcome != ReadOutcome::kSample) continue;
     EPILINE_EXPECTS(frame.slot >= 0 && frame.slot < kMostSlots, "a camera numbers its buffers from 0 to 255");
     bump(frames_in);
+    if (frame.sequence > expected && expected > 0) {
+      tell(FlightLog::Speaker::kCapture, frame.stamp, EventId::kImageDropped, static_cast<std::int64_t>(expected),
+           static_cast<std::int64_t>(ImageLoss::kMissed), static_cast<std::int64_t>(frame.sequence - expected));
+    }
+    expected = frame.sequence + 1;
     slots[static_cast<std::size_t>(frame.slot)] = frame;
+    users[static_cast<std::size_t>(frame.slot)].store(1, std::memory_order_relaxed);  // the ring hands it over
     const auto evicted = frames.push(static_cast<NewestRing<4>::Value>(frame.slot));
     track.parking.notify();
-    if (evicted != NewestRing<4>::kNone) give_back(evicted);
+    if (evicted != NewestRing<4>::kNone) overtaken(evicted, FlightLog::Speaker::kCapture);
   }
   end(capture, {&track});
+}
+
+void RealtimePipeline::Impl::note_source(ReadOutcome outcome, bool& lost, EventSource source,
+                                         FlightLog::Speaker speaker) {
+  const bool now_lost = outcome == ReadOutcome::kFailed || (lost && outcome != ReadOutcome::kSample);
+  if (std::exchange(lost, now_lost) == now_lost) return;
+  tell(speaker, pace.stamp_of(monotonic_ns()), now_lost ? EventId::kSourceLost : EventId::kSourceFound,
+       static_cast<std::int64_t>(source));
+}
+
+/// An image that nobody will track.
+void RealtimePipeline::Impl::overtaken(NewestRing<4>::Value slot, FlightLog::Speaker speaker) {
+  tell(speaker, slots[slot].stamp, EventId::kImageDropped, static_cast<std::int64_t>(slots[slot].sequence),
+       static_cast<std::int64_t>(ImageLoss::kOvertaken), 1);
+  give_back(slot);
 }
 
 }  // namespace epiline

@@ -13,6 +13,18 @@ Knowledge knowledge_of(const EstimateStage& stage) {
       {bias.x(), bias.y(), bias.z()}, stage.estimator().odometry().time_offset_s, stage.imu_needed_until(zero) - zero};
 }
 
+void RealtimePipeline::Impl::give(EstimateStage& stage, const ImuSample& sample) {
+  stage.add_imu(sample);
+  estimator_events.after_imu(sample, stage);
+}
+
+void RealtimePipeline::Impl::imu_is_late(Worker& worker, HostStamp needed) {
+  const bool tracks = &worker == &track;
+  bump(tracks ? track_imu_late : estimate_imu_late);
+  tell(tracks ? FlightLog::Speaker::kTrack : FlightLog::Speaker::kEstimate, needed, EventId::kImuLate,
+       static_cast<std::int64_t>(settings.realtime.imu_wait_ms));
+}
+
 /// Feeds a stage with the readings that belong before an image; waits for those that have not come yet.
 template <class Stage>
 void RealtimePipeline::Impl::take_imu(Worker& worker, ImuRing& ring, ImuFeed& feed, HostStamp needed, Stage& stage) {
@@ -24,11 +36,11 @@ void RealtimePipeline::Impl::take_imu(Worker& worker, ImuRing& ring, ImuFeed& fe
       return ring.front() != nullptr || ended;
     });
     if (ring.front() == nullptr) {
-      if (!came) bump(&worker == &track ? track_imu_late : estimate_imu_late);
+      if (!came) imu_is_late(worker, needed);
       return;
     }
     feed.took(*ring.front());
-    stage.add_imu(*ring.front());
+    give(stage, *ring.front());
     ring.pop();
   }
 }
@@ -38,24 +50,24 @@ template <class Stage>
 void RealtimePipeline::Impl::relieve(ImuRing& ring, ImuFeed& feed, Stage& stage) {
   while (ring.published() - ring.popped() > kImuRing / 2 && ring.front() != nullptr) {
     feed.took(*ring.front());
-    stage.add_imu(*ring.front());
+    give(stage, *ring.front());
     ring.pop();
   }
 }
 
 void RealtimePipeline::Impl::track_loop() {
-  const auto overtaken = [&](NewestRing<4>::Value slot) { give_back(slot); };
+  const auto left_out = [&](NewestRing<4>::Value slot) { overtaken(slot, FlightLog::Speaker::kTrack); };
   while (!stopping()) {
     bool ended = false;
     wait(track, kPoll, [&] {
       ended = has_ended(capture);
       return frames.ready() || ended;
     });
-    const auto slot = frames.pop(overtaken);
+    const auto slot = frames.pop(left_out);
     if (slot != NewestRing<4>::kNone) {
       track_frame(slots[slot]);
       // the tracker needs the pixels of the image before until the step of the next one is done
-      if (previous_slot >= 0) give_back(static_cast<NewestRing<4>::Value>(previous_slot));
+      if (previous_slot >= 0) give_back(static_cast<std::size_t>(previous_slot));
       previous_slot = slot;
     } else if (ended && !frames.ready()) {
       break;
@@ -86,6 +98,7 @@ void RealtimePipeline::Impl::track_frame(const Frame& frame) {
     track_stage->set_knowledge(Vec3(known.gyroscope_bias_rad_s.data()), known.time_offset_s);
     track_stage->step(frame, out->frame);
     out->track_ns = monotonic_ns() - began_ns;
+    log_image(frame);
   } else {
     const auto points = settings.recorded[frame.sequence];
     recorded.step(frame.stamp, points.data(), points.size(), out->frame);
@@ -95,6 +108,14 @@ void RealtimePipeline::Impl::track_frame(const Frame& frame) {
   tracked.publish();
   ++frames_tracked;
   estimate.parking.notify();
+}
+
+/// Lends the image to the log as well.
+void RealtimePipeline::Impl::log_image(const Frame& frame) {
+  if (!flight_log.wants_image()) return;
+  auto& holders = users[static_cast<std::size_t>(frame.slot)];
+  holders.fetch_add(1, std::memory_order_relaxed);  // we hold it: it cannot fall to zero
+  if (!flight_log.image(frame)) holders.fetch_sub(1, std::memory_order_relaxed);
 }
 
 std::int64_t RealtimePipeline::Impl::deadline_of(HostStamp image, std::int64_t began_ns) const {
@@ -139,13 +160,9 @@ void RealtimePipeline::Impl::estimate_frame(const Tracked& image) {
   publish.parking.notify();
   knowledge.push(knowledge_of(estimate_stage));
   track.parking.notify();
-  if (FrameOutcome* const out = outcomes.claim()) {
-    describe(image.frame, result, estimate_stage, *out);
-    out->serial = serial;
-    out->track_ns = image.track_ns;
-    outcomes.publish();
-    log.parking.notify();
-  }
+  estimator_events.after_image(image.frame, estimate_stage);
+  flight_log.image_done(serial, image.frame, result, image.track_ns, estimate_stage);
+  log.parking.notify();
   bump(frames_out);
 }
 

@@ -1,5 +1,6 @@
 #include "pipeline/report/flight_record.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace epiline {
@@ -57,6 +58,17 @@ std::vector<PoseUncertainty> uncertainty_of(const FlightRecord& record) {
     if (image.has_pose) u.push_back(image.uncertainty);
   }
   return u;
+}
+
+std::string events_text(const FlightRecord& record) {
+  std::vector<Event> events = record.events;
+  std::stable_sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.stamp < b.stamp; });
+  std::string text;
+  for (const Event& event : events) {
+    char line[256];
+    text.append(line, format_event(event, line)) += '\n';
+  }
+  return text;
 }
 
 std::optional<TrajectoryErrors> errors_of(const FlightRecord& record) {

@@ -59,6 +59,8 @@ struct FlightRecord {
   std::map<std::string, std::uint64_t> skipped;
   std::size_t imu_read = 0;
   std::vector<ImageRecord> images;  ///< those that went through the pipeline, in time order
+  std::vector<Event> events;        ///< in no particular order
+  std::uint64_t events_lost = 0;    ///< for which there was no room
   EstimatorStats estimator;
   std::optional<TrackerStats> tracker;  ///< none with recorded tracks
   double peak_rss_mib = 0;
@@ -71,6 +73,9 @@ struct FlightRecord {
 /// The estimated poses, and what the estimator says of their errors.
 Trajectory trajectory_of(const FlightRecord& record);
 std::vector<PoseUncertainty> uncertainty_of(const FlightRecord& record);
+
+/// The events a line each, in the order of time; those of one instant in the order they came.
+std::string events_text(const FlightRecord& record);
 
 /// Errors against the recording's ground truth, if it has one.
 std::optional<TrajectoryErrors> errors_of(const FlightRecord& record);

@@ -87,6 +87,16 @@ Json settings_json(const FlightRecord& r) {
           {"realtime", r.realtime.has_value()},      {"threads", r.threads}};
 }
 
+/// How often each event happened.
+Json events_json(const FlightRecord& r) {
+  Json by_name = Json::object();
+  for (const Event& event : r.events) {
+    Json& count = by_name[to_string(event.id)];
+    count = count.is_null() ? 1 : count.get<int>() + 1;
+  }
+  return {{"by_name", by_name}, {"lost", r.events_lost}};
+}
+
 /// What only a run with threads has; null otherwise.
 Json realtime_json(const FlightRecord& r) {
   if (!r.realtime) return nullptr;
@@ -116,6 +126,7 @@ Json realtime_json(const FlightRecord& r) {
           {"published", report.published},
           {"superseded", report.superseded},
           {"publish_failed", report.publish_failed},
+          {"images_not_logged", report.images_not_logged},
           {"lock_calls_after_start", or_null(r.lock_calls)},
           {"threads", threads},
           {"rings", rings}};
@@ -209,6 +220,7 @@ Json stats_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& er
                        {"estimate", timing_json(timing.estimate)},
                        {"frame", timing_json(timing.frame)},
                        {"latency", timing_json(timing.latency)}};
+  json["events"] = events_json(r);
   json["solver"] = {{"iterations_mean", ratio(e.iterations, e.frames_solved)},
                     {"residuals_mean", ratio(e.residuals, e.frames_solved)},
                     {"state_size_mean", ratio(e.state_size, e.frames_solved)},

@@ -1,5 +1,7 @@
 #include "pipeline/stages/estimate_stage.h"
 
+#include <algorithm>
+
 namespace epiline {
 
 void EstimateStage::Watch::begin(std::int64_t deadline) noexcept {
@@ -12,6 +14,7 @@ void EstimateStage::Watch::begin(std::int64_t deadline) noexcept {
 void EstimateStage::Watch::end() noexcept {
   phase(Phase::kNone);
   times.estimate_ns = phase_began_ns - step_began_ns;
+  if (deadline_ns != kNoDeadline) times.late_ns = std::max<std::int64_t>(0, phase_began_ns - deadline_ns);
 }
 
 void EstimateStage::Watch::phase(Phase next) noexcept {

@@ -19,6 +19,7 @@ class EstimateStage {
   /// How long the parts of one step took.
   struct Times {
     std::int64_t solve_ns = 0, marginalise_ns = 0, estimate_ns = 0;
+    std::int64_t late_ns = 0;  ///< ended so long after the deadline; 0: in time, or no deadline
   };
 
   bool add_imu(const ImuSample& sample) noexcept { return estimator_.add_imu(sample); }

@@ -16,6 +16,7 @@ OfflinePipeline::OfflinePipeline(const OfflineSettings& settings)
 void OfflinePipeline::add_imu(const ImuSample& sample) noexcept {
   if (track_) track_->add_imu(sample);
   estimate_.add_imu(sample);
+  estimator_events_.after_imu(sample, estimate_);
 }
 
 void OfflinePipeline::step(const Frame& image, FrameOutcome& out) noexcept {
@@ -35,6 +36,7 @@ void OfflinePipeline::step(HostStamp stamp, const TrackPoint* points, std::size_
 void OfflinePipeline::estimate(std::int64_t began_ns, FrameOutcome& out) noexcept {
   const StepResult result =
       estimate_.step(*tracked_, deadline_ns_ > 0 ? began_ns + deadline_ns_ : EstimateStage::kNoDeadline);
+  estimator_events_.after_image(*tracked_, estimate_);
   describe(*tracked_, result, estimate_, out);
   out.serial = serial_++;
 }

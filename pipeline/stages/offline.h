@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "pipeline/stages/estimate_stage.h"
+#include "pipeline/stages/estimator_events.h"
 #include "pipeline/stages/frame_outcome.h"
 #include "pipeline/stages/recorded_tracks.h"
 #include "pipeline/stages/track_stage.h"
@@ -31,6 +32,8 @@ class OfflinePipeline {
   void step(HostStamp stamp, const TrackPoint* points, std::size_t count, FrameOutcome& out) noexcept;
 
   const Estimator& estimator() const noexcept { return estimate_.estimator(); }
+  /// What has happened; to be emptied after each image.
+  EventRing& events() noexcept { return events_; }
   const TrackerStats* tracker_stats() const noexcept { return track_ ? &track_->stats() : nullptr; }
 
  private:
@@ -41,6 +44,8 @@ class OfflinePipeline {
   std::unique_ptr<TrackStage> track_;
   RecordedTracks recorded_;
   EstimateStage estimate_;
+  EventRing events_;
+  EstimatorEvents estimator_events_{events_};
   std::uint64_t serial_ = 0;
   std::unique_ptr<TrackedFrame> tracked_ = std::make_unique<TrackedFrame>();
 };

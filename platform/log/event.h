@@ -10,18 +10,50 @@
 
 namespace epiline {
 
-/// The arguments of each event, in order, are named in event.cc.
+/// What an event says besides its time; the arguments of each, and how they are shown, are in event.cc. New ones go
+/// before kCount, and get a line there.
 enum class EventId : std::uint16_t {
-  kImageDropped,
-  kImuGap,
-  kImuRefused,
-  kDeadlineMissed,
-  kHealthChanged,
-  kReset,
-  kSourceLost,
-  kSourceFound,
+  kImageDropped,    ///< first sequence number, ImageLoss, how many
+  kImuLate,         ///< ms that an image waited in vain for this instant's reading
+  kImuGap,          ///< ns
+  kImuRefused,      ///< ImuRefusal
+  kImuSaturated,    ///< 1 begins, 0 ends; readings
+  kDeadlineMissed,  ///< sequence number, ns
+  kStarted,         ///< StartKind
+  kHealthChanged,   ///< HealthState before and now, HealthReason bits
+  kReset,           ///< how many so far
+  kSourceLost,      ///< EventSource
+  kSourceFound,     ///< EventSource
+  kClockJump,       ///< EventSource, ns
+  kImagesFrozen,    ///< 1 begins, 0 ends; images
+  kLensCovered,     ///< 1 begins, 0 ends; images
+  kLoadLevel,       ///< before and now
+  kRingOverflow,    ///< RingName, elements lost
+  kRecordWritten,   ///< number of the record, RecordReason, ms it holds
+  kRecordFailed,    ///< number of the record, RecordReason, errno if known
   kCount
 };
+
+enum class EventSource : std::uint8_t { kCamera, kImu, kWheel, kOdometry };
+enum class ImageLoss : std::uint8_t { kOvertaken, kMissed, kOutOfOrder, kDuplicate };
+enum class ImuRefusal : std::uint8_t { kOutOfOrder, kDuplicate, kNotFinite };
+enum class RecordReason : std::uint8_t { kRequested, kLost, kEnd };
+/// The rings between the threads of a real-time run.
+enum class RingName : std::uint8_t {
+  kFrames,
+  kImuToTrack,
+  kImuToEstimate,
+  kTracked,
+  kKnowledge,
+  kOutcomes,
+  kPublications,
+  kTracksToLog,
+  kImuToLog,
+  kImagesToLog,
+  kEvents,
+  kCount
+};
+const char* to_string(RingName) noexcept;
 
 struct Event {
   HostStamp stamp;
@@ -29,7 +61,11 @@ struct Event {
   std::array<std::int64_t, 3> args{};
 };
 
+/// One for each thread that has something to tell.
 using EventRing = SpscRing<Event, 1024>;
+
+/// The name alone; "unknown" for a number that is none.
+const char* to_string(EventId) noexcept;
 
 /// Writes `SECONDS name argument=value ...` with a final zero into `text`, cut to its size. Returns the characters
 /// written, the zero not counted. No heap.

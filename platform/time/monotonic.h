@@ -23,6 +23,11 @@ struct Pace {
     const std::int64_t since = (s - stamp).ns;
     return host_ns + (speed == 1 ? since : static_cast<std::int64_t>(static_cast<double>(since) / speed));
   }
+  /// The other way round.
+  HostStamp stamp_of(std::int64_t instant_ns) const noexcept {
+    const std::int64_t since = instant_ns - host_ns;
+    return stamp + Span{speed == 1 ? since : static_cast<std::int64_t>(static_cast<double>(since) * speed)};
+  }
 };
 
 }  // namespace epiline

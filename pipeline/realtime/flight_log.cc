@@ -1,0 +1,99 @@
+#include "pipeline/realtime/flight_log.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace epiline {
+
+FlightLog::FlightLog(std::vector<FlightObserver*> observers, std::vector<EventRing*> more, int images)
+    : observers_(std::move(observers)), more_(std::move(more)), images_at_once_(0) {
+  const bool wanted =
+      std::any_of(observers_.begin(), observers_.end(), [](const FlightObserver* o) { return o->wants_images(); });
+  if (wanted) images_at_once_ = static_cast<std::uint64_t>(std::clamp(images, 0, static_cast<int>(kMostImages)));
+}
+
+bool FlightLog::image(const Frame& frame) noexcept {
+  if (!wants_image() || frame.data == nullptr) return false;
+  if (images_.published() - images_.popped() >= images_at_once_) {
+    // written by this thread only, as the ring's own counter of drops
+    images_skipped_.store(images_skipped_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+    return false;
+  }
+  return images_.push(frame);
+}
+
+bool FlightLog::image_done(std::uint64_t serial, const TrackedFrame& tracked, const StepResult& result,
+                           std::int64_t track_ns, const EstimateStage& stage) noexcept {
+  FrameOutcome* const outcome = outcomes_.claim();
+  if (outcome != nullptr) {
+    describe(tracked, result, stage, *outcome);
+    outcome->serial = serial;
+    outcome->track_ns = track_ns;
+    outcomes_.publish();
+  }
+  if (LoggedTracks* const t = tracks_.claim()) {
+    t->serial = serial;
+    t->sequence = tracked.sequence;
+    t->stamp = tracked.stamp;
+    t->points.clear();
+    for (const TrackedFeature& f : tracked.features) t->points.push_back({f.id, f.age, f.pixel[0], f.pixel[1]});
+    tracks_.publish();
+  }
+  return outcome != nullptr;
+}
+
+void FlightLog::drain_samples() noexcept {
+  // Only what is here now: a producer that is faster than the observers must not keep a stream for itself.
+  const auto drain = [&](auto& ring, auto&& hand_on) {
+    for (std::uint64_t n = ring.published() - ring.popped(); n > 0 && ring.front() != nullptr; --n) {
+      for (FlightObserver* o : observers_) hand_on(*o, *ring.front());
+      ring.pop();
+    }
+  };
+  drain(imu_, [](FlightObserver& o, const ImuSample& s) { o.imu(s); });
+  drain(outcomes_, [](FlightObserver& o, const FrameOutcome& f) { o.take(f); });
+  drain(tracks_, [](FlightObserver& o, const LoggedTracks& t) { o.tracks(t); });
+  drain(publications_, [](FlightObserver& o, const Publication& p) { o.published(p.serial, p.latency_ns); });
+}
+
+void FlightLog::note_lost(RingName ring, std::uint64_t dropped, HostStamp now) noexcept {
+  std::uint64_t& known = lost_[static_cast<std::size_t>(ring)];
+  if (dropped == known) return;
+  gather({now, EventId::kRingOverflow, {static_cast<std::int64_t>(ring), static_cast<std::int64_t>(dropped - known)}});
+  known = dropped;
+}
+
+void FlightLog::gather(const Event& event) noexcept {
+  while (!merge_.add(event)) {  // no room to wait: the earliest goes on before its time
+    Event earliest;
+    merge_.take(HostStamp{std::numeric_limits<std::int64_t>::max()}, earliest);
+    tell(earliest);
+  }
+}
+
+void FlightLog::tell(const Event& event) noexcept {
+  for (FlightObserver* o : observers_) o->event(event);
+}
+
+void FlightLog::drain_events(HostStamp now, HostStamp settled) noexcept {
+  each_ring([&](RingName name, const auto& ring) {
+    note_lost(name, name == RingName::kImagesToLog ? images_skipped() : ring.dropped(), now);
+  });
+  note_lost(RingName::kEvents, events_dropped(), now);
+  Event event;
+  const auto take_all = [&](EventRing& ring) {
+    while (ring.pop(event)) gather(event);
+  };
+  for (EventRing& ring : events_) take_all(ring);
+  for (EventRing* ring : more_) take_all(*ring);
+  while (merge_.take(settled, event)) tell(event);
+}
+
+std::uint64_t FlightLog::events_dropped() const noexcept {
+  std::uint64_t dropped = 0;
+  for (const EventRing& ring : events_) dropped += ring.dropped();
+  for (const EventRing* ring : more_) dropped += ring->dropped();
+  return dropped;
+}
+
+}  // namespace epiline

@@ -1,0 +1,54 @@
+#pragma once
+// What a flight tells to those who look on: a record, a flight recorder, a live view.
+#include <cstdint>
+
+#include "pipeline/stages/frame_outcome.h"
+#include "platform/log/event.h"
+#include "platform/memory/fixed_vector.h"
+#include "platform/samples/samples.h"
+
+namespace epiline {
+
+/// What of a TrackedFeature goes to the log.
+struct LoggedPoint {
+  std::uint32_t id = 0, age = 0;  ///< age: images since the track began
+  float u = 0, v = 0;             ///< raw pixels
+};
+
+/// What of a TrackedFrame goes to the log.
+struct LoggedTracks {
+  std::uint64_t serial = 0;    ///< of the FrameOutcome
+  std::uint64_t sequence = 0;  ///< of the camera's images
+  HostStamp stamp;
+  FixedVector<LoggedPoint, kMaxFeatures> points;  ///< in the order of their ids
+};
+
+/// Called by the log thread, one call at a time; it is not a real-time thread. An observer that takes long loses
+/// samples (they are counted), never the flight; still it should use no heap and no lock: the log thread is measured
+/// like the others. Each stream comes in its own order; between streams there is none, but an image's outcome comes
+/// before its tracks. Default: nothing.
+class FlightObserver {
+ public:
+  virtual ~FlightObserver() = default;
+
+  /// Every image that went through the estimator.
+  virtual void take(const FrameOutcome& /*outcome*/) noexcept {}
+  /// The odometry of that image was handed out; `latency_ns`: since the instant of its stamp.
+  virtual void published(std::uint64_t /*serial*/, std::int64_t /*latency_ns*/) noexcept {}
+  /// Every reading of the IMU, as it came from the device.
+  virtual void imu(const ImuSample& /*sample*/) noexcept {}
+  /// The tracks of every image that went through the estimator.
+  virtual void tracks(const LoggedTracks& /*tracks*/) noexcept {}
+  /// An image that was tracked. The pixels are lent for this call.
+  virtual void image(const Frame& /*frame*/) noexcept {}
+  /// In the order of time, as far as 0.5 s of waiting can bring it about.
+  virtual void event(const Event& /*event*/) noexcept {}
+  /// Everything that had come was handed over; ten times a second or more often, also when nothing comes. `now`: on
+  /// the samples' clock.
+  virtual void pass(HostStamp /*now*/) noexcept {}
+
+  /// Asked once, before the flight: without anybody who wants them, images do not come at all.
+  virtual bool wants_images() const noexcept { return false; }
+};
+
+}  // namespace epiline

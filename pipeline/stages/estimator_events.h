@@ -1,0 +1,31 @@
+#pragma once
+// What happened in the estimator, as events: one place for the replay in one thread and for the threads.
+#include "pipeline/stages/estimate_stage.h"
+#include "platform/log/event.h"
+
+namespace epiline {
+
+/// Compares what the estimator says after a step with what it said before. Belongs to the thread of the stage; no heap.
+class EstimatorEvents {
+ public:
+  explicit EstimatorEvents(EventRing& out) : out_(out) {}
+
+  /// After each EstimateStage::add_imu(sample).
+  void after_imu(const ImuSample& sample, const EstimateStage& stage) noexcept;
+  /// After each EstimateStage::step(frame).
+  void after_image(const TrackedFrame& frame, const EstimateStage& stage) noexcept;
+
+ private:
+  void tell(HostStamp stamp, EventId id, std::int64_t a = 0, std::int64_t b = 0, std::int64_t c = 0) noexcept {
+    out_.push({stamp, id, {a, b, c}});
+  }
+
+  EventRing& out_;
+  std::uint64_t out_of_order_ = 0, duplicate_ = 0, not_finite_ = 0, gaps_ = 0;
+  HostStamp last_imu_;
+  HealthState state_ = HealthState::kInitialising;
+  std::uint32_t resets_ = 0;
+  bool started_ = false;
+};
+
+}  // namespace epiline
