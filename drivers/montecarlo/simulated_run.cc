@@ -11,6 +11,8 @@
 #include "drivers/simulate/random.h"
 #include "estimator/geometry/so3.h"
 #include "pipeline/evaluate/alignment.h"
+#include "pipeline/evaluate/errors.h"
+#include "pipeline/stages/imu_feed.h"
 
 namespace epiline {
 namespace {
@@ -64,15 +66,16 @@ InitialState wrong_start(const BodyState& truth, std::uint64_t seed) {
 }
 
 /// Gives the estimator the flight's IMU readings, as far as each frame needs them.
-class ImuFeed {
+class SimulatedImu {
  public:
-  ImuFeed(const SimulatedFlight& flight, Estimator& estimator) : flight_(flight), estimator_(estimator) {}
+  SimulatedImu(const SimulatedFlight& flight, Estimator& estimator) : flight_(flight), estimator_(estimator) {}
   /// False: the flight's readings end before.
   bool up_to(HostStamp needed) {
-    while (last_ < needed) {
+    while (feed_.wants_more(needed)) {
       if (next_ == flight_.imu.size()) return false;
-      last_ = flight_.imu[next_].stamp;
-      estimator_.add_imu(flight_.imu[next_++]);
+      const ImuSample& sample = flight_.imu[next_++];
+      estimator_.add_imu(sample);
+      feed_.took(sample);
     }
     return true;
   }
@@ -80,8 +83,8 @@ class ImuFeed {
  private:
   const SimulatedFlight& flight_;
   Estimator& estimator_;
+  ImuFeed feed_;
   std::size_t next_ = 0;
-  HostStamp last_{};
 };
 
 /// Normalised estimation error squared of three coordinates, per degree of freedom. `first`: their place in
@@ -100,8 +103,7 @@ class Record {
     if (!truths_.empty()) path_m_ += (truth.p - truths_.back().p).norm();
     estimates_.push_back(pose_of(odometry));
     truths_.push_back(truth);
-    const double error_m = (estimates_.back().p - truth.p).norm();
-    return error_m < std::max(2.0, 0.1 * path_m_);  // false for NaN as well
+    return !has_diverged((estimates_.back().p - truth.p).norm(), path_m_);
   }
 
   void judge_covariance(const Odometry& odometry) {
@@ -186,7 +188,7 @@ RunFigures run_simulated(const SimulatedFlight& flight, const EstimatorConfig& c
   constexpr double kJudgeAfter_s = 5;
   Estimator estimator(config);
   StopWatch watch;
-  ImuFeed imu(flight, estimator);
+  SimulatedImu imu(flight, estimator);
   const auto frame = std::make_unique<TrackedFrame>();
   RunFigures figures;
   Record record;

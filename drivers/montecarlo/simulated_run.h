@@ -31,8 +31,8 @@ EstimatorConfig comparison_config(VisualFactor factor, const TrackSimulation& si
 ///
 /// ATE: rms of the newest-frame positions after alignment in translation and yaw. RPE: rms error of the motion over 5
 /// s, in the body frame at its beginning. Scale error: regression of the aligned positions on the true ones, minus 1.
-/// Yaw: absolute error at the end. NEES: of absolute position and rotation, once per second after 5 s. Diverged: a
-/// position error beyond max(2 m, 10 % of the path so far), or a frame without a pose, or a reset; the run ends there.
+/// Yaw: absolute error at the end. NEES: of absolute position and rotation, once per second after 5 s. Diverged:
+/// has_diverged() by the path so far, or a frame without a pose, or a reset; the run ends there.
 RunFigures run_simulated(const SimulatedFlight& flight, const EstimatorConfig& config, std::uint64_t seed);
 
 }  // namespace epiline

@@ -1,7 +1,6 @@
 #include "drivers/replay/replay.h"
 
 #include <fmt/format.h>
-#include <sys/resource.h>
 
 #include <stdexcept>
 
@@ -14,18 +13,13 @@
 #include "pipeline/stages/imu_feed.h"
 #include "pipeline/stages/offline.h"
 #include "pipeline/text/table.h"
+#include "platform/linux/realtime.h"
 #include "platform/memory/allocation_count.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline {
 
 namespace {
-
-std::uint64_t page_faults_of_this_thread() {
-  rusage usage{};
-  getrusage(RUSAGE_THREAD, &usage);
-  return static_cast<std::uint64_t>(usage.ru_minflt + usage.ru_majflt);
-}
 
 /// Defaults, then what the data set says, then the configuration file, then the command line.
 void fill_config(const AslDataset& dataset, const ConfigFile* file, const ReplayOptions& options, Config& config) {
@@ -60,7 +54,7 @@ class Flight {
       frame.stamp = planned.stamp;
     }
     feed_imu(planned.stamp);
-    const std::uint64_t faults = page_faults_of_this_thread();
+    const ThreadCosts before = costs_of_this_thread();
     const HeapCallScope heap;
     if (dataset_.images.empty()) {
       const TrackInstant& instant = dataset_.instants[planned.index];
@@ -69,7 +63,7 @@ class Flight {
       pipeline_.step(frame, outcome_);
     }
     heap_calls_ += heap.calls();
-    record_.page_faults += page_faults_of_this_thread() - faults;
+    record_.page_faults += (costs_of_this_thread() - before).page_faults;
     record_.images.push_back(image_record(outcome_));
     for (Event event; pipeline_.events().pop(event);) record_.events.push_back(event);
     return Done{};

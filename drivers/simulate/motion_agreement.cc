@@ -3,8 +3,10 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "estimator/geometry/so3.h"
+#include "pipeline/evaluate/statistics.h"
 
 namespace epiline {
 namespace {
@@ -17,13 +19,6 @@ Vec3 vec(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
 bool inside(const FittedMotion& motion, const ImuSample& s) {
   const double t = motion.seconds(s.stamp);
   return t >= 0 && t <= motion.duration_s();
-}
-
-double percentile95(std::vector<double>& values) {
-  if (values.empty()) return 0;
-  const auto nth = values.begin() + static_cast<std::ptrdiff_t>(0.95 * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), nth, values.end());
-  return *nth;
 }
 
 /// Preintegrates the readings from the first to the last.
@@ -54,7 +49,7 @@ Vec9 deviation(const Preintegration& piece, const Motion& a, const Motion& b) {
 
 SampleAgreement sample_agreement(const FittedMotion& motion, const std::vector<ImuSample>& imu, const ImuNoise& noise) {
   std::vector<double> w, a;
-  double w2 = 0, a2 = 0, seconds = 0;
+  double seconds = 0;
   HostStamp last{};
   for (const ImuSample& s : imu) {
     if (!inside(motion, s)) continue;
@@ -64,8 +59,6 @@ SampleAgreement sample_agreement(const FittedMotion& motion, const std::vector<I
     const Motion m = motion.at(t);
     const Vec3 e_w = vec(s.angular_velocity_rad_s) - motion.gyroscope_bias(t) - m.omega_B;
     const Vec3 e_a = vec(s.specific_force_m_s2) - motion.accelerometer_bias(t) - m.specific_force_B();
-    w2 += e_w.squaredNorm();
-    a2 += e_a.squaredNorm();
     for (int k = 0; k < 3; ++k) {
       w.push_back(std::abs(e_w[k]));
       a.push_back(std::abs(e_a[k]));
@@ -73,11 +66,12 @@ SampleAgreement sample_agreement(const FittedMotion& motion, const std::vector<I
   }
   SampleAgreement result;
   if (w.size() < 6 || !(seconds > 0)) return result;
-  const double count = static_cast<double>(w.size()), white = std::sqrt((count / 3 - 1) / seconds);
-  result.gyroscope = {std::sqrt(w2 / count), noise.gyroscope_density * white};
-  result.accelerometer = {std::sqrt(a2 / count), noise.accelerometer_density * white};
-  result.gyroscope_p95 = percentile95(w);
-  result.accelerometer_p95 = percentile95(a);
+  const double white = std::sqrt((static_cast<double>(w.size()) / 3 - 1) / seconds);
+  const Summary gyroscope = summarise(std::move(w)), accelerometer = summarise(std::move(a));
+  result.gyroscope = {gyroscope.rmse, noise.gyroscope_density * white};
+  result.accelerometer = {accelerometer.rmse, noise.accelerometer_density * white};
+  result.gyroscope_p95 = gyroscope.p95;
+  result.accelerometer_p95 = accelerometer.p95;
   return result;
 }
 

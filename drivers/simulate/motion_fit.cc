@@ -1,185 +1,21 @@
 #include "drivers/simulate/motion_fit.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <utility>
 
-#include "drivers/simulate/profile_matrix.h"
+#include "drivers/simulate/motion_agreement.h"
+#include "drivers/simulate/motion_fit_equations.h"
+#include "drivers/simulate/motion_fit_input.h"
 #include "drivers/simulate/random.h"
 #include "estimator/geometry/so3.h"
+#include "pipeline/evaluate/statistics.h"
 
 namespace epiline {
 namespace {
 
 Vec3 vec(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
-
-// ---------------------------------------------------------------------------------------------------------- the input
-
-std::string seconds_text(HostStamp stamp) {
-  return fmt::format("{}.{:09} s", stamp.ns / 1'000'000'000, std::abs(stamp.ns % 1'000'000'000));
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-template <class List>
-double median_period(const List& list) {
-  std::vector<double> periods;
-  for (std::size_t i = 1; i < list.size(); ++i) periods.push_back((list[i].stamp - list[i - 1].stamp).seconds());
-  return median(std::move(periods));
-}
-
-Status check_imu(const std::vector<ImuSample>& imu, const FitSettings& settings) {
-  const auto fail = [&](HostStamp at, const std::string& found, std::string expected) {
-    return Error{ErrorKind::kUsage, settings.imu_name, 0, "at " + seconds_text(at) + " " + found, std::move(expected)};
-  };
-  const double period = median_period(imu);
-  for (std::size_t i = 0; i < imu.size(); ++i) {
-    if (!vec(imu[i].angular_velocity_rad_s).allFinite() || !vec(imu[i].specific_force_m_s2).allFinite())
-      return fail(imu[i].stamp, "a reading that is not finite", "six numbers");
-    if (i == 0) continue;
-    const double step = (imu[i].stamp - imu[i - 1].stamp).seconds();
-    if (step <= 0) return fail(imu[i].stamp, "a reading out of order or doubled", "rising stamps");
-    if (step > 5.5 * period)
-      return fail(imu[i - 1].stamp, fmt::format("no reading for {:.3f} s", step),
-                  fmt::format("one every {:.3f} s", period));
-  }
-  return Done{};
-}
-
-/// Of the length of the truth's quaternions. Files with six decimals are off by 1e-6.
-constexpr double kNormTolerance = 1e-3;
-
-/// The poses within the time that the IMU covers.
-Result<std::vector<TimedPose>> usable_poses(const std::vector<ImuSample>& imu, const Trajectory& truth,
-                                            const FitSettings& settings) {
-  const auto fail = [&](std::string found, std::string expected) {
-    return Error{ErrorKind::kUsage, settings.truth_name, 0, std::move(found), std::move(expected)};
-  };
-  const auto no_rotation = [&](HostStamp at) {
-    return fail("at " + seconds_text(at) + " no position or no unit quaternion", "finite numbers, |q| = 1");
-  };
-  if (truth.worst_norm_error > kNormTolerance) return no_rotation(truth.worst_norm_at);
-  std::vector<TimedPose> poses;
-  for (const TimedPose& pose : truth.poses)
-    if (!imu.empty() && pose.stamp >= imu.front().stamp && pose.stamp <= imu.back().stamp) poses.push_back(pose);
-  const double covered = poses.empty() ? 0 : (poses.back().stamp - poses.front().stamp).seconds();
-  if (covered < settings.shortest_s) {
-    return fail(fmt::format("{:.3f} s in common with {}", covered, settings.imu_name),
-                fmt::format("{:.3f} s at least", settings.shortest_s));
-  }
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    const double norm = poses[i].q_WB.norm();
-    if (!poses[i].p_WB.allFinite() || !(std::abs(norm - 1) < kNormTolerance)) return no_rotation(poses[i].stamp);
-    if (i == 0) continue;
-    const double gap = (poses[i].stamp - poses[i - 1].stamp).seconds();
-    if (gap > settings.longest_gap_s) {
-      return fail(fmt::format("at {} no pose for {:.3f} s", seconds_text(poses[i - 1].stamp), gap),
-                  fmt::format("gaps up to {} s", settings.longest_gap_s));
-    }
-  }
-  return poses;
-}
-
-/// The readings from the first to the last pose.
-std::vector<ImuSample> within(const std::vector<ImuSample>& imu, const std::vector<TimedPose>& poses) {
-  std::vector<ImuSample> inside;
-  for (const ImuSample& s : imu)
-    if (s.stamp >= poses.front().stamp && s.stamp <= poses.back().stamp) inside.push_back(s);
-  return inside;
-}
-
-// ------------------------------------------------------------------------------------------------- the normal
-// equations
-
-/// e(x + d) ~ e + sum of J_i d_i; `weight` is that of |e|^2.
-struct Residual {
-  struct Term {
-    int column, width;
-    Mat3 J;  ///< its first `width` columns
-  };
-  Vec3 e;
-  double weight;
-  std::array<Term, 16> terms;
-  std::size_t count = 0;
-  Residual(const Vec3& value, double w) : e(value), weight(w) {}
-  void add(int column, const Mat3& J, int width = 3) { terms[count++] = {column, width, J}; }
-};
-
-/// Where the unknowns stand: knots of the motion in time order, each knot of the biases behind the last knot of the
-/// motion it shares a reading with, the constants at the end. The profile stays short that way.
-struct Layout {
-  std::vector<int> knot;  ///< column of (position, rotation), six each
-  std::vector<int> bias;  ///< column of (gyroscope, accelerometer), six each
-  int tilt = 0, mount = 0, lever = 0, time_offset = 0;
-  std::vector<int> first;  ///< the profile
-
-  Layout(int knots, int biases, double knots_per_bias) {
-    const auto knot_near = [&](int m, int margin) {
-      return std::clamp(static_cast<int>(m * knots_per_bias) + margin, 0, knots - 1);
-    };
-    const auto push = [&](int count, int from) {
-      const int column = static_cast<int>(first.size());
-      first.insert(first.end(), static_cast<std::size_t>(count), from);
-      return column;
-    };
-    for (int k = 0; k < knots; ++k) {
-      knot.push_back(push(6, knot.empty() ? 0 : knot[static_cast<std::size_t>(std::max(0, k - 3))]));
-      for (int m = static_cast<int>(bias.size()); m < biases && (k == knots - 1 || knot_near(m + 1, 5) <= k); ++m)
-        bias.push_back(push(6, knot[static_cast<std::size_t>(knot_near(m - 1, -1))]));
-    }
-    tilt = push(2, 0);
-    mount = push(3, 0);
-    lever = push(3, 0);
-    time_offset = push(1, 0);
-  }
-};
-
-class NormalEquations {
- public:
-  explicit NormalEquations(const std::vector<int>& first) : H_(first), b_(first.size()) {}
-  void clear() {
-    H_.set_zero();
-    std::fill(b_.begin(), b_.end(), 0);
-  }
-  void add(const Residual& r) {
-    for (std::size_t i = 0; i < r.count; ++i) {
-      const Residual::Term& a = r.terms[i];
-      const Vec3 gradient = r.weight * a.J.transpose() * r.e;
-      for (int k = 0; k < a.width; ++k) b_[static_cast<std::size_t>(a.column + k)] -= gradient[k];
-      for (std::size_t j = 0; j < r.count; ++j) {
-        const Residual::Term& c = r.terms[j];
-        if (c.column > a.column) continue;
-        const Mat3 block = r.weight * a.J.transpose() * c.J;
-        for (int k = 0; k < a.width; ++k)
-          for (int l = 0; l < (i == j ? k + 1 : c.width); ++l) H_.at(a.column + k, c.column + l) += block(k, l);
-      }
-    }
-  }
-  void damp(int column, int count, double weight) {
-    for (int k = column; k < column + count; ++k) H_.at(k, k) += weight;
-  }
-  bool solve(std::vector<double>& step) {
-    if (!H_.factorise()) return false;
-    step = b_;
-    H_.solve(step);
-    return true;
-  }
-
- private:
-  ProfileMatrix H_;
-  std::vector<double> b_;
-};
-
-// -------------------------------------------------------------------------------------------------------------- the
-// fit
 
 /// A measurement with its time since the beginning.
 struct Reading {
@@ -236,9 +72,9 @@ class Fitter {
 
   /// False if the fit does not converge.
   bool run() {
-    const Layout layout(static_cast<int>(p_.size()), static_cast<int>(bias_g_.size()),
-                        settings_.bias_interval_s / interval_s_);
-    NormalEquations equations(layout.first);
+    const FitLayout layout(static_cast<int>(p_.size()), static_cast<int>(bias_g_.size()),
+                           settings_.bias_interval_s / interval_s_);
+    FitEquations equations(layout.first);
     std::vector<double> step;
     constexpr int kMost = 50;
     for (iterations_ = 1; iterations_ <= kMost; ++iterations_) {
@@ -320,7 +156,8 @@ class Fitter {
       for (int k = 0; k < 3; ++k) axes[static_cast<std::size_t>(k)].push_back(excess[k]);
       i = j;
     }
-    return {median(axes[0]), median(axes[1]), median(axes[2])};
+    const auto median = [&](std::size_t k) { return summarise(std::move(axes[k])).median; };
+    return {median(0), median(1), median(2)};
   }
 
   /// Where the iteration starts: positions of the truth; rotations of the gyroscope, drawn to the truth where there is
@@ -357,7 +194,7 @@ class Fitter {
     return {at, cubic_weights(at.u), static_cast<std::size_t>(m), s - m};
   }
 
-  void linearise(const Layout& layout, NormalEquations& equations) const {
+  void linearise(const FitLayout& layout, FitEquations& equations) const {
     equations.clear();
     const FittedMotion current = motion();
     for (const Reading& r : readings_) add_reading(layout, current, r, equations);
@@ -366,13 +203,13 @@ class Fitter {
   }
 
   /// Both residuals are turned into the world, where the derivatives by turns of the knots in the world are weights.
-  void add_reading(const Layout& layout, const FittedMotion& current, const Reading& reading,
-                   NormalEquations& equations) const {
+  void add_reading(const FitLayout& layout, const FittedMotion& current, const Reading& reading,
+                   FitEquations& equations) const {
     const Place at = place(reading.t_s);
     const Motion m = current.at(reading.t_s);
     const Vec3 f_W = m.a_WB - kGravity_W;
-    Residual w(m.R_WB * (reading.w - current.gyroscope_bias(reading.t_s) - m.omega_B), 1 / (sigma_w_ * sigma_w_));
-    Residual a(m.R_WB * (reading.a - current.accelerometer_bias(reading.t_s)) - f_W, 1 / (sigma_a_ * sigma_a_));
+    FitResidual w(m.R_WB * (reading.w - current.gyroscope_bias(reading.t_s) - m.omega_B), 1 / (sigma_w_ * sigma_w_));
+    FitResidual a(m.R_WB * (reading.a - current.accelerometer_bias(reading.t_s)) - f_W, 1 / (sigma_a_ * sigma_a_));
     for (std::size_t i = 0; i < 4; ++i) {
       const int column = layout.knot[static_cast<std::size_t>(at.motion.piece) + i];
       w.add(column + 3, -at.weights.first[i] / interval_s_ * Mat3::Identity());
@@ -397,15 +234,15 @@ class Fitter {
             so3_log(constants_.R_WT * pose.R * constants_.R_MB * m.R_WB.transpose())};
   }
 
-  void add_pose(const Layout& layout, const FittedMotion& current, const Pose& pose, NormalEquations& equations) const {
+  void add_pose(const FitLayout& layout, const FittedMotion& current, const Pose& pose, FitEquations& equations) const {
     const double t = pose.t_s + constants_.time_offset_s;
     const Place at = place(t);
     const Motion m = current.at(t);
     const PoseError error = pose_error(m, pose);
     const Vec3 arm = m.R_WB * constants_.p_BM, omega_W = m.R_WB * m.omega_B;
     const double w_p = 1 / (sigma_p_ * sigma_p_), w_R = 1 / (sigma_R_ * sigma_R_);
-    Residual p(error.position, w_p * robust_weight(w_p * error.position.squaredNorm()));
-    Residual R(error.rotation, w_R * robust_weight(w_R * error.rotation.squaredNorm()));
+    FitResidual p(error.position, w_p * robust_weight(w_p * error.position.squaredNorm()));
+    FitResidual R(error.rotation, w_R * robust_weight(w_R * error.rotation.squaredNorm()));
     for (std::size_t i = 0; i < 4; ++i) {
       const int column = layout.knot[static_cast<std::size_t>(at.motion.piece) + i];
       p.add(column, at.weights.value[i] * Mat3::Identity());
@@ -426,22 +263,22 @@ class Fitter {
   }
 
   /// What is known without measurements: biases stay about the same, constants are small.
-  void add_expectations(const Layout& layout, NormalEquations& equations) const {
+  void add_expectations(const FitLayout& layout, FitEquations& equations) const {
     const Mat3 I = Mat3::Identity();
     const auto weight = [](double sigma) { return 1 / (sigma * sigma); };
     const double root = std::sqrt(settings_.bias_interval_s);
     for (std::size_t m = 0; m + 1 < bias_g_.size(); ++m) {
-      Residual g(bias_g_[m + 1] - bias_g_[m] - walk_g_[m], weight(noise_.gyroscope_random_walk * root));
+      FitResidual g(bias_g_[m + 1] - bias_g_[m] - walk_g_[m], weight(noise_.gyroscope_random_walk * root));
       g.add(layout.bias[m], -I);
       g.add(layout.bias[m + 1], I);
       equations.add(g);
-      Residual a(bias_a_[m + 1] - bias_a_[m] - walk_a_[m], weight(noise_.accelerometer_random_walk * root));
+      FitResidual a(bias_a_[m + 1] - bias_a_[m] - walk_a_[m], weight(noise_.accelerometer_random_walk * root));
       a.add(layout.bias[m] + 3, -I);
       a.add(layout.bias[m + 1] + 3, I);
       equations.add(a);
     }
     const auto constant = [&](int column, const Vec3& value, double sigma, int width) {
-      Residual r(value, weight(sigma));
+      FitResidual r(value, weight(sigma));
       r.add(column, I, width);
       equations.add(r);
     };
@@ -456,7 +293,7 @@ class Fitter {
   }
 
   /// Returns the largest move of a knot, m or rad.
-  double apply(const Layout& layout, const std::vector<double>& step) {
+  double apply(const FitLayout& layout, const std::vector<double>& step) {
     double most = 0;
     for (std::size_t k = 0; k < p_.size(); ++k) {
       const Vec3 dp = segment(step, layout.knot[k]), turn_W = segment(step, layout.knot[k] + 3);
@@ -504,12 +341,6 @@ double range(const std::vector<Vec3>& values) {
   return (high - low).maxCoeff();
 }
 
-double p95(std::vector<double> values) {
-  const auto nth = values.begin() + static_cast<std::ptrdiff_t>(0.95 * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), nth, values.end());
-  return *nth;
-}
-
 void Fitter::describe(FitReport& report) const {
   report.duration_s = duration_s_;
   report.knot_interval_s = interval_s_;
@@ -517,24 +348,22 @@ void Fitter::describe(FitReport& report) const {
   report.poses = recorded_.size();
   const FittedMotion current = motion();
   std::vector<double> position, rotation;
-  double p2 = 0, R2 = 0;
   std::size_t distrusted = 0;
   for (std::size_t i = 0; i < recorded_.size(); ++i) {
     if (i > 0) report.longest_gap_s = std::max(report.longest_gap_s, recorded_[i].t_s - recorded_[i - 1].t_s);
     const PoseError e = pose_error(current.at(recorded_[i].t_s + constants_.time_offset_s), recorded_[i]);
     position.push_back(e.position.norm());
     rotation.push_back(e.rotation.norm());
-    p2 += e.position.squaredNorm();
-    R2 += e.rotation.squaredNorm();
     if (std::min(robust_weight(e.position.squaredNorm() / (sigma_p_ * sigma_p_)),
                  robust_weight(e.rotation.squaredNorm() / (sigma_R_ * sigma_R_))) < 0.25)
       ++distrusted;
   }
   const double n = static_cast<double>(recorded_.size());
-  report.position_rms_m = std::sqrt(p2 / n);
-  report.rotation_rms_rad = std::sqrt(R2 / n);
-  report.position_p95_m = p95(std::move(position));
-  report.rotation_p95_rad = p95(std::move(rotation));
+  const Summary positions = summarise(std::move(position)), rotations = summarise(std::move(rotation));
+  report.position_rms_m = positions.rmse;
+  report.rotation_rms_rad = rotations.rmse;
+  report.position_p95_m = positions.p95;
+  report.rotation_p95_rad = rotations.p95;
   report.distrusted_share = static_cast<double>(distrusted) / n;
   report.tilt_rad = so3_log(constants_.R_WT).norm();
   report.time_offset_s = constants_.time_offset_s;
@@ -551,7 +380,7 @@ void Fitter::describe(FitReport& report) const {
 Result<MotionFit> fit_motion(const std::vector<ImuSample>& imu, const ImuNoise& noise, const Trajectory& truth,
                              const FitSettings& settings) {
   const auto begin = std::chrono::steady_clock::now();
-  if (const Status s = check_imu(imu, settings); !s) return s.error();
+  if (const Status s = check_readings(imu, settings.imu_name); !s) return s.error();
   const auto poses = usable_poses(imu, truth, settings);
   if (!poses) return poses.error();
   Fitter fitter(within(imu, *poses), noise, *poses, settings);

@@ -55,6 +55,10 @@ struct TrajectoryErrors {
   const Summary& ate(Alignment alignment) const;
 };
 
+/// Whether a position error says that an estimate has left the path altogether: more than 2 m and more than a tenth of
+/// the path, or not a number.
+bool has_diverged(double error_m, double path_length_m);
+
 /// `uncertainty` is empty or runs along with `estimate.poses`. Without a single pair `poses` is zero and so is
 /// everything else.
 TrajectoryErrors evaluate(const Trajectory& estimate, const Trajectory& reference,

@@ -4,7 +4,7 @@
 
 namespace epiline {
 
-/// What a set of non-negative figures looks like. All zero where the set is empty.
+/// What a set of figures looks like. All zero where the set is empty.
 struct Summary {
   std::size_t count = 0;
   double mean = 0, rmse = 0, median = 0, p90 = 0, p95 = 0, p99 = 0, p999 = 0, max = 0;

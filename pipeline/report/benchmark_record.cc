@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pipeline/evaluate/errors.h"
 #include "pipeline/evaluate/statistics.h"
 
 namespace epiline {
@@ -34,10 +35,10 @@ std::optional<double> value_of(const BenchmarkFigure& figure, const Json& stats)
   return value;
 }
 
-/// The measure of the Monte-Carlo study, on what stats.json tells.
-bool has_diverged(const Json& stats) {
+/// The measure of has_diverged(), on what stats.json tells.
+bool run_diverged(const Json& stats) {
   const auto largest = number_at(stats, "/error/ate_4dof_m/max"), path = number_at(stats, "/error/path_length_m");
-  return largest && path && *largest > std::max(2.0, 0.1 * *path);
+  return largest && path && has_diverged(*largest, *path);
 }
 
 bool same_poses(const Trajectory& a, const Trajectory& b) {
@@ -57,7 +58,7 @@ void add_run(const BenchmarkRun& run, BenchmarkCell& cell) {
     return;
   }
   if (cell.done++ == 0) cell.estimate = &run.estimate;
-  cell.diverged = cell.diverged || has_diverged(run.stats);
+  cell.diverged = cell.diverged || run_diverged(run.stats);
   cell.identical = cell.identical && same_poses(*cell.estimate, run.estimate);
 }
 

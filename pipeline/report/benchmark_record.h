@@ -60,7 +60,7 @@ struct BenchmarkCell {
   int runs = 0, done = 0;
   RunOutcome outcome = RunOutcome::kDone;  ///< of the first run that is not done, else done
   std::string message;
-  bool diverged = false;                 ///< some run's largest error is beyond 2 m and 10 % of the path
+  bool diverged = false;                 ///< has_diverged() by some run's largest error
   bool identical = true;                 ///< all trajectories are the same to the last digit
   std::string folder;                    ///< of the first run
   const Trajectory* estimate = nullptr;  ///< of the first run that is done

@@ -11,7 +11,6 @@
 namespace epiline {
 namespace {
 
-constexpr double kClearance_m = 0.45;
 constexpr double kFine = 320, kUsual = 240, kCoarse = 160;  // texels per metre
 
 /// Share of the light a surface gets by where it faces: from above most, from below little.
@@ -63,7 +62,7 @@ class Builder {
     const Mat3 R = so3_exp(Vec3(0, 0, -yaw));
     for (const Vec3& p : path_) {
       const Vec3 outside = ((R * (p - centre)).cwiseAbs() - 0.5 * size).cwiseMax(0);
-      if (outside.squaredNorm() < kClearance_m * kClearance_m) return false;
+      if (outside.squaredNorm() < kWorldClearance_m * kWorldClearance_m) return false;
     }
     return true;
   }
@@ -301,7 +300,7 @@ constexpr Material kRoomThings[] = {Material::kWood, Material::kPosters, Materia
                                     Material::kTiles};
 
 Bounds room(Builder& b, Bounds box) {
-  box.low -= Vec3(1.4, 1.4, 0.35);
+  box.low -= Vec3(1.4, 1.4, kFloorClearance_m);
   box.high += Vec3(1.4, 1.4, 1.0);
   widen(box, 0, 7);
   widen(box, 1, 6);

@@ -54,8 +54,11 @@ struct World {
   double sky = 0;  ///< radiance where there is nothing
 };
 
-/// A world around the places a camera will visit (W, m; at least one). Everything keeps 0.45 m away from them. The same
-/// arguments give the same world.
+/// How far everything keeps away from the places a camera will visit, and how far the floor is below the lowest of them
+/// at least (a flight may begin and end near the ground).
+inline constexpr double kWorldClearance_m = 0.45, kFloorClearance_m = 0.35;
+
+/// A world around the places a camera will visit (W, m; at least one). The same arguments give the same world.
 World make_world(WorldKind kind, const std::vector<Vec3>& path, int movers, std::uint64_t seed);
 
 /// The panels of an axis-parallel box turned by `yaw_rad` about its centre, each with light of its own.

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "drivers/simulate/random.h"
+#include "drivers/simulate/render/effects.h"
 #include "estimator/geometry/so3.h"
 
 namespace epiline {
@@ -45,16 +46,7 @@ CameraParameters camera(CameraModel model) {
   return c;
 }
 
-CameraEffects no_effects() {
-  return {.exposure_s = 0,
-          .vignette = 0,
-          .read_sigma = 0,
-          .shot_factor = 0,
-          .row_time_s = 0,
-          .auto_exposure = false,
-          .exposure_steps = 0,
-          .lens_blur_px = 1};
-}
+CameraEffects no_effects() { return parse_effects("none")->camera; }
 
 const TextureAtlas& atlas() {
   static const TextureAtlas a(1);

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <vector>
 
 #include "drivers/simulate/flights.h"
@@ -45,8 +47,45 @@ TEST_P(EveryWorld, PanelsAreRectangles) {
   }
 }
 
-// Nothing comes close to the path, and every way to look there is something or the sky; indoors there is no hole.
-TEST_P(EveryWorld, KeepsAwayFromThePathAndSurroundsIt) {
+double distance(const Panel& panel, const Vec3& point) {
+  const Vec3 to = point - panel.centre;
+  const double u = std::max(0.0, std::abs(to.dot(panel.e_u)) - panel.half_u);
+  const double v = std::max(0.0, std::abs(to.dot(panel.e_v)) - panel.half_v);
+  return Vec3(u, v, to.dot(panel.normal())).norm();
+}
+
+/// The height with the largest area that faces up.
+double floor_of(const World& world) {
+  std::map<double, double> area;
+  for (const Panel& p : world.panels)
+    if (p.normal().z() > 0.999) area[p.centre.z()] += p.half_u * p.half_v;
+  return std::max_element(area.begin(), area.end(), [](auto& a, auto& b) { return a.second < b.second; })->first;
+}
+
+TEST_P(EveryWorld, KeepsItsDistanceFromThePath) {
+  const std::vector<Vec3> path = some_path();
+  const World world = make_world(GetParam(), path, 3, 2);
+  const double floor = floor_of(world);
+  double lowest = path.front().z();
+  for (const Vec3& p : path) lowest = std::min(lowest, p.z());
+  EXPECT_GT(lowest - floor, kFloorClearance_m - 1e-9);
+  for (const Panel& panel : world.panels) {
+    const bool is_floor = panel.normal().z() > 0.999 && panel.centre.z() == floor;
+    for (const Vec3& p : path)
+      ASSERT_GT(distance(panel, p), (is_floor ? kFloorClearance_m : kWorldClearance_m) - 1e-9) << panel.centre;
+  }
+  for (const Mover& mover : world.movers)
+    for (Panel panel : mover.panels) {
+      const Vec3 at = panel.centre;
+      for (double t = 0; t < mover.period_s; t += mover.period_s / 50) {
+        panel.centre = mover.centre(t) + at;
+        for (const Vec3& p : path) ASSERT_GT(distance(panel, p), kWorldClearance_m - 1e-9);
+      }
+    }
+}
+
+// Every way to look there is something or the sky; indoors there is no hole.
+TEST_P(EveryWorld, SurroundsThePath) {
   const std::vector<Vec3> path = some_path();
   const World world = make_world(GetParam(), path, 0, 2);
   Random random(9, 0);
@@ -61,7 +100,7 @@ TEST_P(EveryWorld, KeepsAwayFromThePathAndSurroundsIt) {
         continue;
       }
       depth.push_back(hit->distance_m);
-      ASSERT_GT(hit->distance_m, 0.3);
+      ASSERT_GT(hit->distance_m, kFloorClearance_m - 1e-9);
     }
   }
   if (GetParam() != WorldKind::kOutdoor) {
