@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "drivers/cli/commands.h"
 #include "drivers/cli/progress_bar.h"
@@ -18,6 +19,7 @@ namespace {
 struct Options {
   ReplayOptions replay;
   std::string out = "epiline-out", visual_factor;
+  std::vector<std::string> faults;
   double deadline_ms = 0, speed = 1;
   bool quiet = false, realtime = false;
 };
@@ -61,7 +63,18 @@ std::string refusals(const EstimatorStats& stats) {
   return s.empty() ? "no start tried" : "starts refused: " + s;
 }
 
+std::string fault_help() {
+  std::string s = "what goes wrong with the sensors, NAME@SECONDS[:DURATION] after the first image:";
+  for (const FaultInfo& info : all_faults()) s += fmt::format("\n{}: {}", info.name, info.what);
+  return s;
+}
+
 int replay_command(Options& options) {
+  for (const std::string& text : options.faults) {
+    const auto fault = fault_from(text);
+    if (!fault) return report(fault.error());
+    options.replay.faults.push_back(*fault);
+  }
   options.replay.visual_factor = visual_factor_from(options.visual_factor);
   if (options.deadline_ms > 0) options.replay.deadline_ms = options.deadline_ms;
   if (options.realtime) options.replay.realtime_speed = options.speed;
@@ -113,6 +126,7 @@ void add_replay(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(0.01, 1000.0))
       ->needs(realtime);
   command->add_option("--shift-images", o->replay.shift_images_ms, "ms added to the images' stamps, to test with");
+  command->add_option("--fault", o->faults, fault_help());
   command->add_flag("--quiet", o->quiet, "no summary, no progress");
   command->callback([o, &exit_code] { exit_code = replay_command(*o); });
 }

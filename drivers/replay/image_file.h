@@ -18,8 +18,8 @@ cv::Mat decode_image(const std::uint8_t* bytes, std::size_t size);
 /// Reads a data set's images into buffers of its own.
 class ImageDecoder {
  public:
-  /// Two buffers suffice a tracker that is called image by image.
-  explicit ImageDecoder(std::size_t buffers = 2);
+  static constexpr std::size_t kBuffers = 2;  ///< suffice a tracker that is called image by image
+  explicit ImageDecoder(std::size_t buffers = kBuffers);
   ~ImageDecoder();
 
   /// Image `index` as 8-bit grey, in the next buffer: valid until that one's turn comes again. Fails if and only if it

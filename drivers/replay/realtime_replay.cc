@@ -4,6 +4,7 @@
 #include <chrono>
 #include <system_error>
 
+#include "drivers/replay/fault_injection.h"
 #include "drivers/replay/flight_plan.h"
 #include "drivers/replay/recorded_sensors.h"
 #include "pipeline/realtime/realtime_pipeline.h"
@@ -117,7 +118,13 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
   RecordedCamera camera(dataset, plan);
   RecordedImu imu(dataset, plan);
   try {
-    RealtimePipeline pipeline(settings_of(dataset, plan, config), {&camera, &imu, nullptr, {&recorder}, {}});
+    const HostStamp first = plan.images.front().stamp;
+    const CameraParameters& lens = dataset.camera.parameters;
+    FaultyCamera faulty_camera(camera,
+                               CameraFaults(options.faults, first, lens.width, lens.height, RecordedCamera::kBuffers));
+    FaultyImu faulty_imu(imu, ImuFaults(options.faults, first));
+    RealtimePipeline pipeline(settings_of(dataset, plan, config),
+                              {&faulty_camera, &faulty_imu, options.odometry, {&recorder}, {}});
     if (const Status s = camera.open(); !s) return s.error();
     const Pace pace = pace_of(dataset, plan, *options.realtime_speed);
     camera.start(pace);

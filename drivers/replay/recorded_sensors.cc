@@ -68,7 +68,7 @@ void RecordedCamera::decode_all() {
       }
       frame = *image;
     }
-    frame.stamp = plan_.images[i].stamp;
+    frame.stamp = frame.arrival = plan_.images[i].stamp;
     frame.sequence = i;
     frame.slot = slot;
     slot = pool_.kNone;
@@ -106,7 +106,7 @@ ReadOutcome RecordedImu::read(std::span<ImuSample> samples, std::size_t& count, 
   sleep_until(std::min(due_ns, deadline_ns));
   const std::int64_t now_ns = monotonic_ns();
   while (count < samples.size() && next_ < samples_.size() && pace_.host_of(samples_[next_].stamp) <= now_ns)
-    samples[count++] = samples_[next_++];
+    samples[count++] = arrived(samples_[next_++]);
   return count > 0 ? ReadOutcome::kSample : ReadOutcome::kTimeout;
 }
 

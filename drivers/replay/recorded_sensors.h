@@ -1,5 +1,6 @@
 #pragma once
-// A recorded flight as a camera and an IMU: each sample comes at its time on the computer's clock.
+// A recorded flight as a camera and an IMU: each sample comes at its time on the computer's clock. Its arrival is its
+// stamp: the recording does not know better.
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -21,6 +22,7 @@ namespace epiline {
 class RecordedCamera final : public CameraSource {
  public:
   static constexpr int kImagesToLog = 8;  ///< of the 32 buffers; see RealtimeSettings
+  static constexpr std::size_t kBuffers = 32;
 
   RecordedCamera(const AslDataset& dataset, const FlightPlan& plan);
   ~RecordedCamera() override { close(); }
@@ -38,8 +40,6 @@ class RecordedCamera final : public CameraSource {
   const std::optional<Error>& error() const noexcept { return error_; }
 
  private:
-  static constexpr std::size_t kBuffers = 32;
-
   void decode_all();
   bool is_overdue(std::size_t i) const noexcept;
   int wait_for_slot() noexcept;
@@ -56,6 +56,12 @@ class RecordedCamera final : public CameraSource {
   std::optional<Error> error_;
   std::thread decoder_thread_;
 };
+
+/// A reading of a recording with its arrival.
+inline ImuSample arrived(ImuSample reading) noexcept {
+  reading.arrival = reading.stamp;
+  return reading;
+}
 
 /// The readings, in the recording's order.
 class RecordedImu final : public ImuSource {

@@ -7,6 +7,7 @@
 #include "drivers/replay/asl_dataset.h"
 #include "drivers/replay/flight_plan.h"
 #include "drivers/replay/image_file.h"
+#include "drivers/replay/recorded_sensors.h"
 #include "pipeline/config/config.h"
 #include "pipeline/report/report.h"
 #include "pipeline/report/stats_json.h"
@@ -43,6 +44,9 @@ class Flight {
         pipeline_(settings(dataset, config)),
         counts_heap_(allocation_counting_available()),
         next_imu_(plan.first_imu),
+        imu_faults_(options.faults, plan.images.front().stamp),
+        camera_faults_(options.faults, plan.images.front().stamp, dataset.camera.parameters.width,
+                       dataset.camera.parameters.height, ImageDecoder::kBuffers),
         record_(begin_record(dataset, plan, config, options)) {}
 
   Status step(const PlannedImage& planned) {
@@ -51,14 +55,15 @@ class Flight {
       const auto image = decoder_.read(planned.index, dataset_);
       if (!image) return image.error();
       frame = *image;
-      frame.stamp = planned.stamp;
     }
-    feed_imu(planned.stamp);
+    frame.stamp = frame.arrival = planned.stamp;
+    if (!camera_faults_.apply(frame)) return Done{};
+    feed_imu(frame.stamp);
     const ThreadCosts before = costs_of_this_thread();
     const HeapCallScope heap;
     if (dataset_.images.empty()) {
       const TrackInstant& instant = dataset_.instants[planned.index];
-      pipeline_.step(planned.stamp, dataset_.points.data() + instant.first, instant.count, outcome_);
+      pipeline_.step(frame.stamp, dataset_.points.data() + instant.first, instant.count, outcome_);
     } else {
       pipeline_.step(frame, outcome_);
     }
@@ -87,8 +92,14 @@ class Flight {
 
   void feed_imu(HostStamp image) {
     const HostStamp needed = pipeline_.imu_needed_until(image);
-    while (next_imu_ < dataset_.imu_samples.size() && feed_.wants_more(needed)) {
-      const ImuSample& sample = dataset_.imu_samples[next_imu_++];
+    while (feed_.wants_more(needed)) {
+      if (next_delivered_ == delivered_count_) {
+        if (next_imu_ == dataset_.imu_samples.size()) return;
+        delivered_count_ = imu_faults_.apply(arrived(dataset_.imu_samples[next_imu_++]), delivered_);
+        next_delivered_ = 0;
+        continue;
+      }
+      const ImuSample& sample = delivered_[next_delivered_++];
       pipeline_.add_imu(sample);
       feed_.took(sample);
       ++record_.imu_read;
@@ -100,6 +111,10 @@ class Flight {
   ImageDecoder decoder_;
   bool counts_heap_;
   std::size_t next_imu_;
+  ImuFaults imu_faults_;
+  CameraFaults camera_faults_;
+  std::array<ImuSample, ImuFaults::kMost> delivered_;     ///< what came of the last reading ...
+  std::size_t delivered_count_ = 0, next_delivered_ = 0;  ///< ... and how much of it has been used
   ImuFeed feed_;
   FrameOutcome outcome_;
   std::uint64_t heap_calls_ = 0;

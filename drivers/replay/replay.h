@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "drivers/replay/bag_dataset.h"
+#include "drivers/replay/fault_injection.h"
 #include "pipeline/report/flight_record.h"
 #include "platform/error/result.h"
 
@@ -24,6 +25,8 @@ struct ReplayOptions {
   double duration_s = std::numeric_limits<double>::infinity();
   std::optional<double> realtime_speed;  ///< in threads, seconds of the recording in one second; none: in one thread
   double shift_images_ms = 0;            ///< added to the images' stamps: a made-up time offset
+  std::vector<Fault> faults;             ///< what goes wrong with the sensors on the way
+  OdometrySink* odometry = nullptr;      ///< of a real-time run: gets what is published
 };
 
 struct ReplayResult {
@@ -36,8 +39,8 @@ struct ReplayResult {
 Result<ReplayResult> replay(const ReplayOptions& options,
                             const std::function<void(std::size_t, std::size_t)>& progress);
 
-/// Writes trajectory.tum, events.txt, stats.json and report.html into the folder, made if need be; returns the errors for a
-/// summary. Fails if and only if one of them cannot be written.
+/// Writes trajectory.tum, events.txt, stats.json and report.html into the folder, made if need be; returns the errors
+/// for a summary. Fails if and only if one of them cannot be written.
 Result<std::optional<TrajectoryErrors>> write_outputs(const FlightRecord& record, const std::filesystem::path& folder);
 
 }  // namespace epiline

@@ -16,6 +16,8 @@ struct ImuSample {
   HostStamp stamp;
   std::array<double, 3> angular_velocity_rad_s{};
   std::array<double, 3> specific_force_m_s2{};
+  HostStamp arrival{};        ///< as Frame::arrival
+  std::uint32_t reasons = 0;  ///< HealthReason bits of the input watch, of this reading and those refused before it
 };
 
 /// One reading of wheel odometry: the motion of the wheel frame's origin over the ground.
@@ -31,7 +33,9 @@ struct Frame {
   std::uint64_t sequence = 0;
   const std::uint8_t* data = nullptr;
   int width = 0, height = 0, stride = 0;
-  int slot = -1;  ///< the owner's number of this memory; -1: it has none
+  int slot = -1;              ///< the owner's number of this memory; -1: it has none
+  HostStamp arrival{};        ///< when the driver had it, by the computer's own clock; zero: nobody knows
+  std::uint32_t reasons = 0;  ///< HealthReason bits of the input watch
 };
 
 /// One track in one image. Everything the estimator needs to know of the camera is in here.
@@ -49,6 +53,7 @@ struct TrackedFeature {
 struct TrackedFrame {
   HostStamp stamp;
   std::uint64_t sequence = 0;
+  std::uint32_t reasons = 0;  ///< as Frame::reasons
   FixedVector<TrackedFeature, kMaxFeatures> features;
 };
 
@@ -67,7 +72,36 @@ enum class HealthReason : std::uint32_t {
   kDeadlineMissed = 1u << 7,
   kImuGap = 1u << 8,
   kNotFinite = 1u << 9,
+  // Of the sensors, from the input watch.
+  kCameraSilent = 1u << 10,     ///< no image for half a second
+  kImuSilent = 1u << 11,        ///< no reading for a tenth of a second
+  kCameraClockJump = 1u << 12,  ///< stamps of images stepped against the computer's clock; taken back
+  kImuClockJump = 1u << 13,     ///< those of readings
+  kImagesFrozen = 1u << 14,     ///< the same picture again; left out
+  kLensCovered = 1u << 15,      ///< black, white or without any contrast; left out
+  kViewObstructed = 1u << 16,   ///< a large part of the picture lost its contrast at once
+  kExposureStep = 1u << 17,     ///< brightness changed at once
+  kImuSaturated = 1u << 18,     ///< readings at the sensor's limit
+  kImuStuck = 1u << 19,         ///< the same reading again and again
+  kReadingsRefused = 1u << 20,  ///< readings not finite, doubled, out of order or of another time; left out
+  kImuClockDrift = 1u << 21,    ///< the IMU's clock runs off the computer's
 };
+inline constexpr int kHealthReasons = 22;  ///< bits in use
+
+/// Names of states and reasons outside, in the order of the values and bits.
+inline constexpr std::array kHealthStateNames = {"initialising", "tracking", "degraded", "lost"};
+inline constexpr std::array<const char*, kHealthReasons> kHealthReasonNames = {
+    "no_initial_state", "posterior_wide",     "few_tracks",        "many_gated",     "steps_rejected",
+    "bias_implausible", "velocity_uncertain", "deadline_missed",   "imu_gap",        "not_finite",
+    "camera_silent",    "imu_silent",         "camera_clock_jump", "imu_clock_jump", "images_frozen",
+    "lens_covered",     "view_obstructed",    "exposure_step",     "imu_saturated",  "imu_stuck",
+    "readings_refused", "imu_clock_drift"};
+
+constexpr std::uint32_t bit(HealthReason reason) { return static_cast<std::uint32_t>(reason); }
+/// An image with one of these shows nothing of the world: it has no features, and says nothing of motion or rest.
+inline constexpr std::uint32_t kBlindReasons = bit(HealthReason::kImagesFrozen) | bit(HealthReason::kLensCovered);
+/// A reading with one of these says little of the motion.
+inline constexpr std::uint32_t kDistrustReasons = bit(HealthReason::kImuSaturated) | bit(HealthReason::kImuStuck);
 
 struct Health {
   HealthState state = HealthState::kInitialising;

@@ -26,7 +26,6 @@ Health show(HealthMonitor& m, const FrameEvidence& e, double seconds) {
   return h;
 }
 
-std::uint32_t bit(HealthReason r) { return static_cast<std::uint32_t>(r); }
 
 TEST(Health, GivenAWidePosteriorWhenItTightensThenTracking) {
   HealthMonitor m;

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
+#include <set>
+#include <string_view>
 #include <type_traits>
 
 namespace epiline {
@@ -20,19 +23,15 @@ TEST(Samples, NothingIsClaimedBeforeTheFirstEstimate) {
   EXPECT_EQ(odometry.q_WB, (std::array<double, 4>{1, 0, 0, 0})) << "a unit quaternion even when empty";
 }
 
-TEST(Samples, ReasonsAreDistinctBits) {
-  const HealthReason all[] = {
-      HealthReason::kNoInitialState,    HealthReason::kPosteriorWide,  HealthReason::kFewTracks,
-      HealthReason::kManyGated,         HealthReason::kStepsRejected,  HealthReason::kBiasImplausible,
-      HealthReason::kVelocityUncertain, HealthReason::kDeadlineMissed, HealthReason::kImuGap,
-      HealthReason::kNotFinite};
-  std::uint32_t combined = 0;
-  for (const HealthReason reason : all) {
-    EXPECT_EQ(combined & static_cast<std::uint32_t>(reason), 0u);
-    combined |= static_cast<std::uint32_t>(reason);
-  }
-  EXPECT_EQ(combined, 2 * static_cast<std::uint32_t>(HealthReason::kNotFinite) - 1)
-      << "a bit without a name, or this list is old";
+TEST(Samples, EveryReasonHasANameOfItsOwn) {
+  const std::set<std::string_view> names(kHealthReasonNames.begin(), kHealthReasonNames.end());
+  EXPECT_EQ(names.size(), static_cast<std::size_t>(kHealthReasons));
+  EXPECT_STREQ(kHealthReasonNames[static_cast<std::size_t>(std::countr_zero(bit(HealthReason::kNotFinite)))],
+               "not_finite");
+  EXPECT_STREQ(kHealthReasonNames[static_cast<std::size_t>(std::countr_zero(bit(HealthReason::kImuClockDrift)))],
+               "imu_clock_drift");
+  EXPECT_EQ(bit(HealthReason::kImuClockDrift), 1U << (kHealthReasons - 1)) << "a bit without a name";
+  EXPECT_STREQ(kHealthStateNames[static_cast<std::size_t>(HealthState::kLost)], "lost");
 }
 
 }  // namespace
