@@ -9,6 +9,7 @@
 
 #include "drivers/cli/commands.h"
 #include "drivers/cli/progress_bar.h"
+#include "drivers/view/live_view.h"
 #include "pipeline/config/config.h"
 #include "pipeline/report/stats_json.h"
 
@@ -22,6 +23,7 @@ struct Options {
   std::vector<std::string> faults;
   double deadline_ms = 0, speed = 1;
   bool quiet = false, realtime = false;
+  std::string view;
 };
 
 void print_realtime(const FlightRecord& r, const Timing& t) {
@@ -69,6 +71,18 @@ std::string fault_help() {
   return s;
 }
 
+/// Null if none is asked for. The address is printed in any case: whoever asks for a port that is free has to know it.
+Result<std::unique_ptr<LiveView>> open_view(const std::string& text) {
+  if (text.empty()) return std::unique_ptr<LiveView>();
+  const auto address = parse_view_address(text);
+  if (!address) return address.error();
+  auto view = LiveView::open(*address);
+  if (!view) return view.error();
+  fmt::print("view      {}\n", url_of((*view)->address()));
+  std::fflush(stdout);
+  return view;
+}
+
 int replay_command(Options& options) {
   for (const std::string& text : options.faults) {
     const auto fault = fault_from(text);
@@ -81,6 +95,9 @@ int replay_command(Options& options) {
   if (std::filesystem::exists(options.out) && !std::filesystem::is_directory(options.out)) {
     return report({ErrorKind::kUsage, options.out, 0, "is no folder", "a folder for the results"});
   }
+  const auto view = open_view(options.view);
+  if (!view) return report(view.error());
+  options.replay.view = view->get();
   ProgressBar bar(options.quiet);
   const auto result = replay(options.replay, [&](std::size_t done, std::size_t all) { bar(done, all); });
   if (!result) return report(result.error());
@@ -124,6 +141,9 @@ void add_replay(CLI::App& app, int& exit_code) {
       command->add_flag("--realtime", o->realtime, "in threads, each sample at its time, as a live run does it");
   command->add_option("--speed", o->speed, "of the recording's clock in a real-time run")
       ->check(CLI::Range(0.01, 1000.0))
+      ->needs(realtime);
+  command->add_option("--view", o->view, "[ADDRESS:]PORT: a page that shows the flight while it goes on; 0: any port")
+      ->type_name("[ADDRESS:]PORT")
       ->needs(realtime);
   command->add_option("--shift-images", o->replay.shift_images_ms, "ms added to the images' stamps, to test with");
   command->add_option("--fault", o->faults, fault_help());

@@ -7,7 +7,9 @@
 #include "drivers/replay/fault_injection.h"
 #include "drivers/replay/flight_plan.h"
 #include "drivers/replay/recorded_sensors.h"
+#include "drivers/view/live_view.h"
 #include "pipeline/realtime/realtime_pipeline.h"
+#include "pipeline/report/page.h"
 #include "platform/concurrency/lock_count.h"
 #include "platform/memory/allocation_count.h"
 
@@ -97,6 +99,15 @@ std::vector<std::string> shortfalls_of(const RealtimeReport& report) {
   return lines;
 }
 
+FlightObserver& start_view(LiveView& view, const AslDataset& dataset, const ReplayOptions& options) {
+  const std::filesystem::path path = std::filesystem::absolute(options.dataset).lexically_normal();
+  const std::string name = (path.has_filename() ? path : path.parent_path()).filename().string();
+  if (!view.start({name, program_text(program_info()), dataset.camera.R_BC, !dataset.images.empty()})) {
+    throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again), "no thread left");
+  }
+  return view.observer();
+}
+
 void count_costs(const RealtimeReport& report, FlightRecord& record) {
   std::uint64_t heap = 0, locks = 0;
   for (const RealtimeReport::Thread& t : report.threads) {
@@ -123,8 +134,10 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     FaultyCamera faulty_camera(camera,
                                CameraFaults(options.faults, first, lens.width, lens.height, RecordedCamera::kBuffers));
     FaultyImu faulty_imu(imu, ImuFaults(options.faults, first));
+    std::vector<FlightObserver*> observers{&recorder};
+    if (options.view != nullptr) observers.push_back(&start_view(*options.view, dataset, options));
     RealtimePipeline pipeline(settings_of(dataset, plan, config),
-                              {&faulty_camera, &faulty_imu, options.odometry, {&recorder}, {}});
+                              {&faulty_camera, &faulty_imu, options.odometry, observers, {}});
     if (const Status s = camera.open(); !s) return s.error();
     const Pace pace = pace_of(dataset, plan, *options.realtime_speed);
     camera.start(pace);
@@ -136,6 +149,7 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     }
     pipeline.stop();  // the IMU may have more than the images need
     pipeline.join();
+    if (options.view != nullptr) options.view->finish();
     camera.close();
     progress(plan.images.size(), plan.images.size());
     if (camera.error()) return *camera.error();

@@ -14,6 +14,8 @@
 
 namespace epiline {
 
+class LiveView;
+
 struct ReplayOptions {
   std::filesystem::path dataset;
   std::string camera = "cam0";
@@ -27,6 +29,7 @@ struct ReplayOptions {
   double shift_images_ms = 0;            ///< added to the images' stamps: a made-up time offset
   std::vector<Fault> faults;             ///< what goes wrong with the sensors on the way
   OdometrySink* odometry = nullptr;      ///< of a real-time run: gets what is published
+  LiveView* view = nullptr;              ///< shows a flight in threads while it goes on; open, not started
 };
 
 struct ReplayResult {

@@ -1,0 +1,12 @@
+# The target epiline_microhttpd, if Debian's libmicrohttpd-dev is there: the live view needs it.
+find_path(EPILINE_MICROHTTPD_INCLUDE microhttpd.h)
+find_library(EPILINE_MICROHTTPD_LIBRARY microhttpd)
+mark_as_advanced(EPILINE_MICROHTTPD_INCLUDE EPILINE_MICROHTTPD_LIBRARY)
+if(EPILINE_MICROHTTPD_INCLUDE AND EPILINE_MICROHTTPD_LIBRARY)
+  add_library(epiline_microhttpd INTERFACE)
+  target_include_directories(epiline_microhttpd SYSTEM INTERFACE ${EPILINE_MICROHTTPD_INCLUDE})
+  target_link_libraries(epiline_microhttpd INTERFACE ${EPILINE_MICROHTTPD_LIBRARY})
+  target_compile_definitions(epiline_microhttpd INTERFACE EPILINE_MICROHTTPD)
+else()
+  message(STATUS "Built without the live view: no libmicrohttpd (Debian: libmicrohttpd-dev)")
+endif()

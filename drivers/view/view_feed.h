@@ -1,0 +1,94 @@
+#pragma once
+// From the log thread to the thread that serves the live view. Every hand-over is a wait-free ring of fixed size: what
+// finds it full is left out and counted, so that nothing a browser does can hold up the log thread.
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <vector>
+
+#include "pipeline/realtime/flight_observer.h"
+#include "platform/concurrency/spsc_ring.h"
+
+namespace epiline {
+
+/// A copy of an image and its tracks.
+struct ViewedImage {
+  static constexpr std::size_t kMostPixels = 1024 * 1024;  ///< larger images are thinned: every second, third, ...
+
+  HostStamp stamp;
+  std::uint64_t sequence = 0;
+  int camera_width = 0, camera_height = 0;  ///< 0: no image came with the tracks
+  int width = 0, height = 0;                ///< of the copy; its rows follow each other
+  bool has_tracks = false;
+  FixedVector<LoggedPoint, kMaxFeatures> tracks;  ///< in pixels of the camera, also of a thinned copy
+  std::vector<std::uint8_t> pixels = std::vector<std::uint8_t>(kMostPixels);
+};
+
+/// An image's outcome, and what was counted until then.
+struct ViewedOutcome {
+  FrameOutcome outcome;
+  std::uint64_t imu_samples = 0;  ///< since the beginning
+  HostStamp newest_imu;
+  std::uint64_t images_lost = 0;  ///< gaps in the camera's numbers
+};
+
+struct ViewedLatency {
+  std::uint64_t serial = 0;
+  std::int64_t latency_ns = 0;
+};
+
+class ViewFeed final : public FlightObserver {
+ public:
+  ViewFeed();
+  /// Before the flight: false if tracks are all that comes of an image.
+  void expect_images(bool expected) { images_expected_ = expected; }
+
+  // Log thread only. Bounded: at most one copy of an image, about 20 times a second while somebody looks, else once.
+
+  void take(const FrameOutcome& outcome) noexcept override;
+  void published(std::uint64_t serial, std::int64_t latency_ns) noexcept override;
+  void imu(const ImuSample& sample) noexcept override;
+  void tracks(const LoggedTracks& tracks) noexcept override;
+  void image(const Frame& frame) noexcept override;
+  void event(const Event& event) noexcept override;
+  bool wants_images() const noexcept override { return images_expected_; }
+
+  // Serving thread only.
+
+  /// Somebody looks, now.
+  void note_viewer(std::int64_t now_ns) noexcept { seen_ns_.store(now_ns, std::memory_order_relaxed); }
+  bool next(ViewedOutcome& out) noexcept { return outcomes_.pop(out); }
+  bool next(ViewedLatency& out) noexcept { return latencies_.pop(out); }
+  bool next(Event& out) noexcept { return events_.pop(out); }
+  /// The newest image since the last call, lent until the next call; null if none came.
+  const ViewedImage* newest_image() noexcept;
+  /// Hand-overs that found their ring full.
+  std::uint64_t left_out() const noexcept { return outcomes_.dropped() + latencies_.dropped() + events_.dropped(); }
+
+ private:
+  static constexpr int kNone = -1;
+
+  ViewedImage* draft_for(std::uint64_t sequence, HostStamp stamp) noexcept;
+  bool draft_is_whole() const noexcept;
+  void hand_over() noexcept;
+
+  SpscRing<ViewedOutcome, 128> outcomes_;
+  SpscRing<ViewedLatency, 256> latencies_;
+  SpscRing<Event, 256> events_;
+  // Three buffers go round: one is filled, one is shown, one is on its way.
+  std::array<ViewedImage, 3> buffers_;
+  SpscRing<int, 4> filled_, empty_;
+  std::atomic<std::int64_t> seen_ns_;
+
+  // The log thread's own.
+  int draft_ = kNone;
+  std::uint64_t draft_sequence_ = 0;
+  bool images_expected_ = true, sequence_known_ = false;
+  std::uint64_t newest_sequence_ = 0, images_lost_ = 0, imu_samples_ = 0;
+  HostStamp newest_imu_;
+  std::int64_t last_draft_ns_;
+  // The serving thread's own.
+  int shown_ = kNone;
+};
+
+}  // namespace epiline

@@ -1,0 +1,149 @@
+#pragma once
+// What the live view knows: folded from the feed and told as JSON. Fixed memory, one thread.
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "drivers/view/view_feed.h"
+#include "estimator/geometry/types.h"
+#include "pipeline/report/errors_json.h"
+
+namespace epiline {
+
+/// What holds for the whole run.
+struct ViewSubject {
+  std::string title;         ///< of the page, for instance the recording's name
+  std::string program;       ///< who says so
+  std::optional<Mat3> R_BC;  ///< the camera's mounting; without it attitude is the body's
+  bool images = true;        ///< false: recorded tracks
+};
+
+/// What a page has already; it is sent what came since.
+struct ViewCursor {
+  std::uint64_t path_generation = 0, path = 0, sample = 0, event = 0;
+};
+
+/// The path in points that lie at least a step apart. When all are in use, every second is forgotten and the step
+/// doubles.
+class PathHistory {
+ public:
+  static constexpr std::size_t kMostPoints = 4096;
+  struct Point {
+    std::array<float, 3> p_W{};
+    HealthState state = HealthState::kInitialising;
+  };
+
+  PathHistory() { points_.reserve(kMostPoints); }
+  void add(const std::array<double, 3>& p_W, HealthState state);
+  const std::vector<Point>& points() const { return points_; }
+  /// Grows when points that had been told are forgotten.
+  std::uint64_t generation() const { return generation_; }
+  double step_m() const { return step_m_; }
+  /// Of the points' path, m.
+  double length_m() const { return length_m_; }
+
+ private:
+  std::vector<Point> points_;
+  std::uint64_t generation_ = 1;
+  double step_m_ = 0.02, length_m_ = 0;
+  std::optional<std::array<double, 3>> last_;
+};
+
+/// Quantiles of any number of latencies to 4 %, in fixed memory: bins of equal ratio from 10 us to 10 s.
+class LatencyHistogram {
+ public:
+  void add(double ms);
+  std::uint64_t count() const { return count_; }
+  double max_ms() const { return max_ms_; }
+  /// The middle of the bin with the quantile `q`; 0 while empty.
+  double quantile_ms(double q) const;
+
+ private:
+  static constexpr int kBinsPerDecade = 60, kBins = 6 * kBinsPerDecade;
+  static constexpr double kLeast_ms = 0.01;
+  std::array<std::uint64_t, kBins> bins_{};
+  std::uint64_t count_ = 0;
+  double max_ms_ = 0;
+};
+
+/// Events per second of the sensor's own clock, over the last two seconds.
+class RateMeter {
+ public:
+  /// `count` so far, the last of them at `stamp`.
+  void note(std::uint64_t count, HostStamp stamp);
+  /// Per second; 0 until there are two readings.
+  double hz() const;
+
+ private:
+  struct Reading {
+    std::uint64_t count = 0;
+    HostStamp stamp;
+  };
+  static constexpr std::size_t kReadings = 512;
+  std::array<Reading, kReadings> readings_{};
+  std::size_t begin_ = 0, size_ = 0;
+};
+
+class ViewModel {
+ public:
+  explicit ViewModel(ViewSubject subject);
+
+  void take(const ViewedOutcome& outcome);
+  void take(const ViewedLatency& latency);
+  void take(const Event& event);
+  void set_left_out(std::uint64_t count) { left_out_ = count; }
+  void set_newest_image(std::uint64_t sequence) { newest_image_ = sequence; }
+  /// The run is over; what is told is final.
+  void finish() { finished_ = true; }
+  bool finished() const { return finished_; }
+
+  /// The answer to `/state`.
+  std::string state_json(const ViewCursor& since) const;
+
+ private:
+  static constexpr std::size_t kSamples = 2048, kEvents = 128;
+  /// What is drawn of each image over time.
+  struct Sample {
+    double t_s = 0, latency_ms = -1;  ///< negative: not known
+    std::array<double, 3> v_W{};
+    int quality = 0, tracks = 0;
+    HealthState state = HealthState::kInitialising;
+    bool has_pose = false;
+  };
+  struct Note {
+    double t_s = 0;
+    const char* kind = "";
+    std::string text;
+    Json details;
+  };
+
+  double seconds(HostStamp stamp) const { return began_ ? (stamp - *began_).seconds() : 0; }
+  void note(double t_s, const char* kind, std::string text, Json details);
+  void note_changes(const ViewedOutcome& now);
+  Json pose_json() const;
+  Json path_json(const ViewCursor& since) const;
+  Json samples_json(const ViewCursor& since) const;
+  Json events_json(const ViewCursor& since) const;
+
+  ViewSubject subject_;
+  std::uint64_t run_;  ///< tells a page that another program answers now
+  std::optional<HostStamp> began_;
+  std::optional<ViewedOutcome> newest_;
+  EstimateStage::Times solved_times_;
+  PathHistory path_;
+  LatencyHistogram latencies_;
+  RateMeter images_, imu_;
+  std::vector<Sample> samples_ = std::vector<Sample>(kSamples);
+  std::uint64_t samples_end_ = 0, last_latency_serial_ = 0;
+  bool has_latency_ = false;
+  std::vector<Note> notes_ = std::vector<Note>(kEvents);
+  std::uint64_t notes_end_ = 0, solved_ = 0, left_out_ = 0, newest_image_ = 0;
+  bool finished_ = false;
+};
+
+/// The header of `/frame`: which image, and its tracks.
+std::string tracks_json(const ViewedImage& image);
+
+}  // namespace epiline

@@ -1,0 +1,9 @@
+#pragma once
+#include <string_view>
+
+namespace epiline {
+
+/// view.html, put into the program by the build. `@NONCE@` stands where the key of the Content-Security-Policy goes.
+extern const std::string_view kViewPage;
+
+}  // namespace epiline
