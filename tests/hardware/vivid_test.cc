@@ -1,0 +1,430 @@
+// The camera against the kernel's test driver vivid: formats, stamps, losses and injected errors.
+#include <unistd.h>
+
+#include <atomic>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <numeric>
+#include <optional>
+#include <thread>
+
+#include "platform/concurrency/lock_count.h"
+#include "platform/memory/allocation_count.h"
+#include "tests/hardware/camera_support.h"
+
+namespace epiline {
+namespace {
+
+constexpr const char* kDevice = "/dev/video0";
+
+V4l2Settings small_settings() {
+  V4l2Settings settings;
+  settings.device = "vivid";
+  settings.width = 320;
+  settings.height = 180;
+  settings.rate_hz = 30;
+  settings.formats = {PixelFormat::kGrey};
+  return settings;
+}
+
+class Vivid : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!std::filesystem::exists("/sys/bus/platform/drivers/vivid/vivid.0"))
+      GTEST_SKIP() << "the driver vivid is not loaded; expected ./run hardware";
+    set_controls(kDevice, {{"timestamp_source", 0},
+                           {"percentage_of_dropped_buffers", 0},
+                           {"wrap_sequence_number", 0},
+                           {"wrap_timestamp", 0},
+                           {"test_pattern", 20},    // a ramp of grey ...
+                           {"osd_text_mode", 2}});  // ... without text: all images are alike
+  }
+  static void open(V4l2Camera& camera) {
+    const Status status = camera.open();
+    ASSERT_TRUE(status) << status.error().text();
+  }
+};
+
+std::vector<std::uint8_t> pixels_of(const Frame& frame) {
+  std::vector<std::uint8_t> pixels;
+  for (int y = 0; y < frame.height; ++y) {
+    const std::uint8_t* row = frame.data + static_cast<std::ptrdiff_t>(y) * frame.stride;
+    pixels.insert(pixels.end(), row, row + frame.width);
+  }
+  return pixels;
+}
+
+TEST_F(Vivid, EveryFormatShowsTheSameImage) {
+  std::vector<std::uint8_t> grey;
+  for (const PixelFormat format : {PixelFormat::kGrey, PixelFormat::kY10, PixelFormat::kY12, PixelFormat::kY16,
+                                   PixelFormat::kYuyv, PixelFormat::kNv12, PixelFormat::kYu12}) {
+    SCOPED_TRACE(to_string(format));
+    V4l2Settings settings = small_settings();
+    settings.formats = {format};
+    V4l2Camera camera(settings);
+    open(camera);
+    EXPECT_EQ(camera.format().format, format);
+    EXPECT_NEAR(camera.format().rate_hz, 30, 0.1);
+    EXPECT_EQ(camera.copies(), !is_grey_in_place(format));
+    watch(camera, 3, [&](const Frame& frame) {
+      ASSERT_EQ(frame.width, 320);
+      ASSERT_EQ(frame.height, 180);
+      EXPECT_EQ(is_device_memory(frame.data), is_grey_in_place(format)) << "in place, or copied";
+      const auto pixels = pixels_of(frame);
+      if (grey.empty()) grey = pixels;
+      // formats with colours use 16 to 235 for black to white
+      int worst = 0;
+      for (std::size_t i = 0; i < pixels.size(); ++i) {
+        const bool is_narrow = format >= PixelFormat::kYuyv;
+        const double value = is_narrow ? (pixels[i] - 16) * 255.0 / 219.0 : pixels[i];
+        worst = std::max(worst, static_cast<int>(std::abs(value - grey[i])));
+      }
+      EXPECT_LE(worst, format >= PixelFormat::kYuyv ? 2 : 0);
+    });
+  }
+  EXPECT_GT(*std::max_element(grey.begin(), grey.end()) - *std::min_element(grey.begin(), grey.end()), 100);
+}
+
+TEST_F(Vivid, TheFirstFormatToBeHadIsTaken) {
+  V4l2Settings settings = small_settings();
+  settings.formats = {PixelFormat::kY10P, PixelFormat::kY12, PixelFormat::kGrey};  // vivid has no Y10P
+  V4l2Camera camera(settings);
+  open(camera);
+  EXPECT_EQ(camera.format().format, PixelFormat::kY12);
+}
+
+TEST_F(Vivid, SaysWhatTheDeviceGivesInstead) {
+  const auto error = [](const V4l2Settings& settings) {
+    V4l2Camera camera(settings);
+    const Status status = camera.open();
+    return status ? "opened" : status.error().text();
+  };
+  V4l2Settings settings = small_settings();
+  settings.width = 333;
+  EXPECT_EQ(error(settings), "/dev/video0: VIDIOC_S_FMT: GREY 320x180; expected GREY 333x180");
+  settings = small_settings();
+  settings.rate_hz = 1000;
+  EXPECT_EQ(error(settings), "/dev/video0: VIDIOC_S_PARM: 60 images a second; expected 1000");
+  settings = small_settings();
+  settings.controls = {{"shutter_of_doubt", 1}};
+  EXPECT_EQ(error(settings),
+            "/dev/video0: VIDIOC_QUERY_EXT_CTRL: no control 'shutter_of_doubt'; expected one of v4l2-ctl "
+            "--list-ctrls");
+  settings.controls = {{"brightness", 300}};
+  EXPECT_EQ(error(settings), "/dev/video0: reading controls back: brightness = 255; expected 300");
+  settings.controls = {{"string", 1}};
+  EXPECT_EQ(error(settings), "/dev/video0: VIDIOC_QUERY_EXT_CTRL: control 'string' is no number; expected a number");
+}
+
+TEST_F(Vivid, ControlsAreSetByName) {
+  V4l2Settings settings = small_settings();
+  settings.controls = {{"brightness", 77},
+                       {"gain_automatic", 0},
+                       {"gain", 42},
+                       {"integer_64_bits", -5'000'000'000},
+                       {"horizontal_flip", 1}};
+  V4l2Camera camera(settings);
+  open(camera);
+  V4l2Device other;
+  ASSERT_FALSE(other.open(kDevice));
+  for (const CameraControl& control : settings.controls) {
+    std::int64_t value = 0;
+    ASSERT_FALSE(other.control(control.name.c_str(), value));
+    EXPECT_EQ(value, control.value) << control.name;
+  }
+  set_controls(kDevice, {{"brightness", 128}, {"horizontal_flip", 0}, {"gain_automatic", 1}});
+}
+
+// The kernel's stamps are whole microseconds: the nanoseconds beyond tell which correction was added.
+TEST_F(Vivid, StampsAreBroughtToMidExposure) {
+  for (const int start_of_exposure : {0, 1}) {
+    for (const Shutter shutter : {Shutter::kGlobal, Shutter::kRolling}) {
+      V4l2Settings settings = small_settings();
+      settings.controls = {{"timestamp_source", start_of_exposure}, {"integer_32_bits", 41}};
+      settings.exposure_control = "integer_32_bits";
+      settings.exposure = Span{6};  // the control counts units of 6 ns: 246 ns
+      settings.readout = Span{100};
+      settings.shutter = shutter;
+      V4l2Camera camera(settings);
+      open(camera);
+      EXPECT_EQ(camera.exposure().ns, 246);
+      const int expected = start_of_exposure ? (shutter == Shutter::kGlobal ? 123 : 173)
+                                             : (shutter == Shutter::kGlobal ? 1000 - 223 : 1000 - 173);
+      HostStamp last;
+      watch(camera, 5, [&](const Frame& frame) {
+        EXPECT_EQ(frame.stamp.ns % 1000, expected);
+        EXPECT_GT(frame.stamp, last);
+        EXPECT_LT(std::abs(monotonic_ns() - frame.stamp.ns), 500'000'000);
+        last = frame.stamp;
+      });
+    }
+  }
+}
+
+TEST_F(Vivid, StampsOfAnotherClockAreRefused) {
+  V4l2Settings settings = small_settings();
+  settings.controls = {{"wrap_timestamp", 1}};
+  V4l2Camera camera(settings);
+  open(camera);
+  Frame frame;
+  EXPECT_FALSE(read_within(camera, frame, kSecond));
+  EXPECT_GT(camera.counts().bad_stamps, 3u);
+  EXPECT_EQ(camera.counts().disconnected, 0u) << "the device is well";
+}
+
+TEST_F(Vivid, LostImagesAreGapsOfTheSequence) {
+  V4l2Settings settings = small_settings();
+  settings.controls = {{"percentage_of_dropped_buffers", 40}};
+  V4l2Camera camera(settings);
+  open(camera);
+  std::optional<std::uint64_t> first, last;
+  watch(camera, 40, [&](const Frame& frame) {
+    if (!first) first = frame.sequence;
+    if (last) {
+      EXPECT_GT(frame.sequence, *last);
+    }
+    last = frame.sequence;
+  });
+  const CameraCounts counts = camera.counts();
+  EXPECT_GT(counts.lost, 0u);
+  EXPECT_EQ(*last - *first, 39 + counts.lost);
+}
+
+TEST_F(Vivid, AWrappingSequenceIsNoLoss) {
+  V4l2Settings settings = small_settings();
+  settings.controls = {{"wrap_sequence_number", 1}};  // 128 images before it wraps
+  settings.rate_hz = 60;
+  V4l2Camera camera(settings);
+  open(camera);
+  std::uint64_t last = 0, steps = 0;
+  watch(camera, 200, [&](const Frame& frame) {
+    if (last > 0) steps += frame.sequence - last;
+    last = frame.sequence;
+  });
+  EXPECT_EQ(steps, 198u + camera.counts().lost) << "the first image has sequence 0";
+  EXPECT_LT(camera.counts().lost, 200u) << "the emulator may lose some, not 2^32";
+}
+
+TEST_F(Vivid, DamagedImagesAreCountedAndLeftOut) {
+  V4l2Camera camera(small_settings());
+  open(camera);
+  watch(camera, 3, [](const Frame&) {});
+  set_controls(kDevice, {{"inject_v4l2_buf_flag_error", 1}});
+  watch(camera, 5, [](const Frame&) {});
+  EXPECT_EQ(camera.counts().damaged, 1u);
+  EXPECT_EQ(camera.counts().disconnected, 0u);
+  EXPECT_EQ(camera.counts().frames, 8u);
+}
+
+TEST_F(Vivid, AFatalErrorIsOvercomeWithoutHeapOrLocks) {
+  V4l2Camera camera(small_settings());
+  open(camera);
+  const int files = open_files();
+  const auto mappings = device_mappings().size();
+  std::uint64_t last = 0;
+  for (int round = 1; round <= 3; ++round) {
+    watch(camera, 3, [&](const Frame& frame) {
+      EXPECT_GE(frame.sequence, last);
+      last = frame.sequence;
+    });
+    set_controls(kDevice, {{"inject_fatal_streaming_error", 1}});
+    Frame frame;
+    int failures = 0;
+    const std::int64_t begin_ns = monotonic_ns();
+    const HeapCallScope heap;
+    const std::uint64_t locks = lock_calls_of_this_thread();
+    ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}, &failures));
+    EXPECT_EQ(heap.calls(), 0u);
+    EXPECT_EQ(lock_calls_of_this_thread() - locks, 0u);
+    std::printf("fatal error: image after %.0f ms\n", static_cast<double>(monotonic_ns() - begin_ns) * 1e-6);
+    EXPECT_EQ(failures, 1) << "told once";
+    EXPECT_GT(frame.sequence, last + 1) << "a gap: nobody knows how many were lost";
+    camera.give_back(frame);
+    EXPECT_EQ(camera.counts().disconnected, static_cast<std::uint64_t>(round));
+    EXPECT_EQ(open_files(), files);
+    EXPECT_EQ(device_mappings().size(), mappings);
+  }
+  EXPECT_EQ(camera.counts().last_error, EIO);
+}
+
+TEST_F(Vivid, WhatFailsAtTheStartIsAnError) {
+  for (const auto& [control, step] : {std::pair{"inject_vidioc_reqbufs_error", "VIDIOC_REQBUFS"},
+                                      std::pair{"inject_vidioc_qbuf_error", "VIDIOC_QBUF"},
+                                      std::pair{"inject_vidioc_streamon_error", "VIDIOC_STREAMON"}}) {
+    V4l2Settings settings = small_settings();
+    settings.controls = {{control, 1}};
+    V4l2Camera camera(settings);
+    const int files = open_files();
+    const Status status = camera.open();
+    ASSERT_FALSE(status) << control;
+    EXPECT_EQ(status.error().text(), std::string("/dev/video0: ") + step + ": Invalid argument") << control;
+    EXPECT_EQ(open_files(), files - 0);
+    EXPECT_TRUE(device_mappings().empty());
+  }
+}
+
+TEST_F(Vivid, FailedAttemptsToReopenAreRepeated) {
+  V4l2Camera camera(small_settings());
+  open(camera);
+  watch(camera, 2, [](const Frame&) {});
+  set_controls(kDevice, {{"inject_vidioc_streamon_error", 1}, {"inject_fatal_streaming_error", 1}});
+  Frame frame;
+  ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+  camera.give_back(frame);
+  EXPECT_EQ(camera.counts().disconnected, 1u);
+  EXPECT_EQ(camera.counts().retries, 1u);
+}
+
+// A failing QBUF in flight: the image before it is not lost twice, the stream begins anew.
+TEST_F(Vivid, ARefusedBufferStartsTheStreamAnew) {
+  V4l2Camera camera(small_settings());
+  open(camera);
+  Frame frame;
+  ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+  set_controls(kDevice, {{"inject_vidioc_qbuf_error", 1}});
+  camera.give_back(frame);
+  watch(camera, 3, [](const Frame&) {});
+  EXPECT_EQ(camera.counts().disconnected, 1u);
+}
+
+TEST_F(Vivid, LentImagesOutliveTheDevice) {
+  V4l2Camera camera(small_settings());
+  open(camera);
+  std::vector<Frame> lent(3);
+  for (Frame& frame : lent) ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+  const auto before = pixels_of(lent[0]);
+  const auto mappings = device_mappings().size();
+  set_controls(kDevice, {{"inject_fatal_streaming_error", 1}});
+  Frame frame;
+  ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+  for (const Frame& old : lent) {
+    EXPECT_TRUE(is_device_memory(old.data));
+    EXPECT_NE(old.slot, frame.slot);
+    EXPECT_EQ(pixels_of(old), before);
+  }
+  EXPECT_EQ(device_mappings().size(), mappings + 3);
+  for (const Frame& old : lent) camera.give_back(old);
+  camera.give_back(frame);
+  watch(camera, 3, [](const Frame&) {});
+  EXPECT_EQ(device_mappings().size(), mappings) << "given back, then unmapped";
+}
+
+TEST_F(Vivid, ADisconnectedDeviceComesBack) {
+  V4l2Camera camera(small_settings());
+  open(camera);
+  const int files = open_files();
+  watch(camera, 3, [](const Frame&) {});
+  {
+    V4l2Device other;
+    ASSERT_FALSE(other.open(kDevice));
+    V4l2Settings settings;
+    settings.controls = {{"disconnect", 1}};  // until its last user has closed it
+    EXPECT_TRUE(other.set_controls(settings)) << "it is gone before the control can be read back";
+  }
+  const std::int64_t begin_ns = monotonic_ns();
+  Frame frame;
+  int failures = 0;
+  ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}, &failures));
+  std::printf("disconnect: image after %.0f ms\n", static_cast<double>(monotonic_ns() - begin_ns) * 1e-6);
+  EXPECT_GE(failures, 1);
+  camera.give_back(frame);
+  EXPECT_EQ(camera.counts().disconnected, 1u);
+  EXPECT_EQ(open_files(), files);
+}
+
+void write_file(const char* path, const char* text) { std::ofstream(path) << text; }
+
+TEST_F(Vivid, AnUnpluggedDeviceComesBackWhenPlugged) {
+  V4l2Camera camera(small_settings());
+  open(camera);
+  const int files = open_files();
+  const auto mappings = device_mappings().size();
+  watch(camera, 3, [](const Frame&) {});
+  std::atomic<std::int64_t> plugged_ns{0};
+  std::thread hand([&] {
+    write_file("/sys/bus/platform/drivers/vivid/unbind", "vivid.0");
+    std::this_thread::sleep_for(std::chrono::milliseconds(2'500));
+    write_file("/sys/bus/platform/drivers/vivid/bind", "vivid.0");
+    plugged_ns = monotonic_ns();
+  });
+  Frame frame;
+  int failures = 0;
+  while (failures == 0) {  // what was on the way may still come
+    const ReadOutcome outcome = camera.read(frame, Span::from_milliseconds(100));
+    if (outcome == ReadOutcome::kSample) camera.give_back(frame);
+    if (outcome == ReadOutcome::kFailed) ++failures;
+  }
+  EXPECT_FALSE(camera.is_streaming());
+  EXPECT_TRUE(device_mappings().empty());
+  const HeapCallScope heap;
+  ASSERT_TRUE(read_within(camera, frame, Span{30 * kSecond.ns}, &failures));
+  EXPECT_EQ(heap.calls(), 0u);
+  hand.join();
+  std::printf("plugged in: image after %.0f ms, %llu attempts before\n",
+              static_cast<double>(monotonic_ns() - plugged_ns) * 1e-6,
+              static_cast<unsigned long long>(camera.counts().retries));
+  camera.give_back(frame);
+  EXPECT_GE(camera.counts().retries, 3u);
+  EXPECT_LE(camera.counts().retries, 10u) << "waits longer and longer";
+  EXPECT_EQ(open_files(), files);
+  EXPECT_EQ(device_mappings().size(), mappings);
+}
+
+TEST_F(Vivid, WithEverythingLentItWaitsUntilOneIsGivenBack) {
+  for (const PixelFormat format : {PixelFormat::kGrey, PixelFormat::kY16}) {
+    V4l2Settings settings = small_settings();
+    settings.formats = {format};
+    settings.buffers = 4;
+    V4l2Camera camera(settings);
+    open(camera);
+    std::vector<Frame> lent(4);
+    for (Frame& frame : lent) ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+    Frame frame;
+    for (int i = 0; i < 3; ++i)
+      ASSERT_EQ(camera.read(frame, Span::from_milliseconds(100)), ReadOutcome::kTimeout) << "not failed";
+    std::thread reader([&] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+      camera.give_back(lent[2]);
+    });
+    EXPECT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+    reader.join();
+    EXPECT_EQ(frame.slot, lent[2].slot);
+    EXPECT_EQ(camera.counts().disconnected, 0u);
+    EXPECT_EQ(camera.counts().no_slot > 0, format == PixelFormat::kY16);
+  }
+}
+
+TEST_F(Vivid, ClosingTakesLentImagesBack) {
+  V4l2Camera camera(small_settings());
+  const int files = open_files();
+  for (int i = 0; i < 3; ++i) {
+    open(camera);
+    Frame frame;
+    ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+    camera.close();
+    EXPECT_TRUE(device_mappings().empty());
+    EXPECT_EQ(open_files(), files);
+  }
+}
+
+TEST_F(Vivid, ReadingUsesNoHeapAndNoLocks) {
+  for (const PixelFormat format : {PixelFormat::kGrey, PixelFormat::kYuyv}) {
+    V4l2Settings settings = small_settings();
+    settings.formats = {format};
+    V4l2Camera camera(settings);
+    open(camera);
+    const HeapCallScope heap;
+    const std::uint64_t locks = lock_calls_of_this_thread();
+    for (int i = 0; i < 20; ++i) {
+      Frame frame;
+      ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+      camera.give_back(frame);
+    }
+    EXPECT_EQ(heap.calls(), 0u);
+    EXPECT_EQ(lock_calls_of_this_thread() - locks, 0u);
+  }
+}
+
+}  // namespace
+}  // namespace epiline
