@@ -34,6 +34,10 @@ void print_realtime(const FlightRecord& r, const Timing& t) {
              report.frames_in, report.frames_overtaken, r.skipped.at("missed_by_camera"), r.page_faults,
              r.heap_calls ? std::to_string(*r.heap_calls) : "not counted",
              r.lock_calls ? std::to_string(*r.lock_calls) : "not counted");
+  if (const auto& recorder = r.realtime->recorder) {
+    for (const std::string& folder : recorder->written) fmt::print("record    {}\n", folder);
+    for (const std::string& line : recorder->failed) fmt::print("note      record failed: {}\n", line);
+  }
   for (const std::string& line : r.realtime->shortfalls) fmt::print("note      {}\n", line);
 }
 
@@ -145,6 +149,10 @@ void add_replay(CLI::App& app, int& exit_code) {
   command->add_option("--view", o->view, "[ADDRESS:]PORT: a page that shows the flight while it goes on; 0: any port")
       ->type_name("[ADDRESS:]PORT")
       ->needs(realtime);
+  CLI::Option* const record =
+      command->add_option("--record", o->replay.record_folder, "flight recorder: records go into this folder")
+          ->needs(realtime);
+  command->add_flag("--record-images", o->replay.record_images, "images are recorded too")->needs(record);
   command->add_option("--shift-images", o->replay.shift_images_ms, "ms added to the images' stamps, to test with");
   command->add_option("--fault", o->faults, fault_help());
   command->add_flag("--quiet", o->quiet, "no summary, no progress");

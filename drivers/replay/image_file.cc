@@ -95,6 +95,20 @@ std::shared_ptr<ImageSource> image_files(std::vector<ImageFile> files, std::file
   return std::make_shared<ImageFiles>(std::move(files), std::move(list));
 }
 
+std::string png_of(const cv::Mat& grey) {
+  // The fastest setting: noise does not compress.
+  const std::vector<int> how{cv::IMWRITE_PNG_COMPRESSION, 1, cv::IMWRITE_PNG_STRATEGY,
+                             cv::IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY};
+  std::vector<unsigned char> png;
+  cv::imencode(".png", grey, png, how);
+  return {png.begin(), png.end()};
+}
+
+std::string png_of(const Frame& frame) {
+  return png_of(cv::Mat(frame.height, frame.width, CV_8U, const_cast<std::uint8_t*>(frame.data),
+                        static_cast<std::size_t>(frame.stride)));
+}
+
 cv::Mat decode_image(const std::uint8_t* bytes, std::size_t size) {
   if (size == 0 || size > (std::size_t{1} << 30)) return {};
   const cv::Mat whole(1, static_cast<int>(size), CV_8U, const_cast<std::uint8_t*>(bytes));

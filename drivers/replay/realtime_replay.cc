@@ -1,14 +1,18 @@
 #include <fmt/format.h>
+#include <pthread.h>
 
 #include <algorithm>
-#include <chrono>
+#include <csignal>
+#include <ctime>
 #include <system_error>
 
 #include "drivers/replay/fault_injection.h"
 #include "drivers/replay/flight_plan.h"
+#include "drivers/replay/image_file.h"
 #include "drivers/replay/recorded_sensors.h"
 #include "drivers/view/live_view.h"
 #include "pipeline/realtime/realtime_pipeline.h"
+#include "pipeline/recorder/flight_recorder.h"
 #include "pipeline/report/page.h"
 #include "platform/concurrency/lock_count.h"
 #include "platform/memory/allocation_count.h"
@@ -17,10 +21,52 @@ namespace epiline {
 
 namespace {
 
-/// Collects outcomes and events without asking for memory.
-class Recorder final : public FlightObserver {
+std::string png_of_frame(const Frame& frame) { return png_of(frame); }
+
+/// What a record of this flight is replayed with: the settings of this run, whatever files they came from.
+RecordedRun recorded_run(const AslDataset& dataset, const FlightPlan& plan, Config config) {
+  RecordedRun run;
+  run.camera = {dataset.camera.parameters, config.estimator.extrinsics.R_BC, config.estimator.extrinsics.p_BC,
+                config.estimator.extrinsics.time_offset_s};
+  if (plan.images.size() > 1) {
+    run.image_rate_hz =
+        static_cast<double>(plan.images.size() - 1) / (plan.images.back().stamp - plan.images.front().stamp).seconds();
+  }
+  run.imu = {config.estimator.imu, config.estimator.saturation_gyroscope_rad_s,
+             config.estimator.saturation_accelerometer_m_s2};
+  config.camera_calibration = config.imu_calibration = config.recorder.folder = "";
+  run.config_toml = to_toml(config);
+  run.png = png_of_frame;
+  return run;
+}
+
+/// Asks for a record when somebody sends SIGUSR1. No handler: it would run in whatever thread the kernel chooses.
+class RecordSignal {
  public:
-  explicit Recorder(std::size_t images) : latency_ns_(images, kNone) {
+  /// Blocks the signal in this thread and in those it starts from now on.
+  RecordSignal() {
+    sigemptyset(&signals_);
+    sigaddset(&signals_, SIGUSR1);
+    pthread_sigmask(SIG_BLOCK, &signals_, &before_);
+  }
+  ~RecordSignal() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+  RecordSignal(const RecordSignal&) = delete;
+  RecordSignal& operator=(const RecordSignal&) = delete;
+
+  /// Sleeps; true: the signal came.
+  bool wait(Span at_most) const {
+    const timespec t{0, static_cast<long>(at_most.ns)};
+    return sigtimedwait(&signals_, nullptr, &t) == SIGUSR1;
+  }
+
+ private:
+  sigset_t signals_, before_;
+};
+
+/// Collects outcomes and events without asking for memory.
+class Collector final : public FlightObserver {
+ public:
+  explicit Collector(std::size_t images) : latency_ns_(images, kNone) {
     outcomes_.reserve(images);
     events_.reserve(kMostEvents);
   }
@@ -119,13 +165,20 @@ void count_costs(const RealtimeReport& report, FlightRecord& record) {
   if (lock_counting_available()) record.lock_calls = locks;
 }
 
+/// Writes what the recorder holds at the end, and takes over what it says of itself.
+void finish(FlightRecorder& recorder, FlightRecord& record) {
+  recorder.finish(true);
+  for (Event event; recorder.events().pop(event);) record.events.push_back(event);
+  record.realtime->recorder = recorder.report();
+}
+
 }  // namespace
 
 Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const FlightPlan& plan, const Config& config,
                                          const ReplayOptions& options,
                                          const std::function<void(std::size_t, std::size_t)>& progress) {
   FlightRecord record = begin_record(dataset, plan, config, options);
-  Recorder recorder(plan.images.size());
+  Collector collector(plan.images.size());
   RecordedCamera camera(dataset, plan);
   RecordedImu imu(dataset, plan);
   try {
@@ -134,17 +187,23 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     FaultyCamera faulty_camera(camera,
                                CameraFaults(options.faults, first, lens.width, lens.height, RecordedCamera::kBuffers));
     FaultyImu faulty_imu(imu, ImuFaults(options.faults, first));
-    std::vector<FlightObserver*> observers{&recorder};
-    if (options.view != nullptr) observers.push_back(&start_view(*options.view, dataset, options));
-    RealtimePipeline pipeline(settings_of(dataset, plan, config),
-                              {&faulty_camera, &faulty_imu, options.odometry, observers, {}});
+    const RecordSignal signal;  // before any thread begins
+    RealtimePorts ports{&faulty_camera, &faulty_imu, options.odometry, {&collector}, {}};
+    if (options.view != nullptr) ports.observers.push_back(&start_view(*options.view, dataset, options));
+    std::optional<FlightRecorder> recorder;
+    if (!config.recorder.folder.empty()) {
+      recorder.emplace(config.recorder, recorded_run(dataset, plan, config));
+      ports.observers.push_back(&*recorder);
+      ports.event_rings.push_back(&recorder->events());
+    }
+    RealtimePipeline pipeline(settings_of(dataset, plan, config), ports);
     if (const Status s = camera.open(); !s) return s.error();
     const Pace pace = pace_of(dataset, plan, *options.realtime_speed);
     camera.start(pace);
     imu.start(pace);
     pipeline.arm(pace);
     while (!pipeline.finished()) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      if (signal.wait(Span::from_milliseconds(20)) && recorder) recorder->request();
       progress(std::min<std::size_t>(pipeline.frames_out(), plan.images.size()), plan.images.size());
     }
     pipeline.stop();  // the IMU may have more than the images need
@@ -153,7 +212,7 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     camera.close();
     progress(plan.images.size(), plan.images.size());
     if (camera.error()) return *camera.error();
-    recorder.move_into(record);
+    collector.move_into(record);
     const RealtimeReport report = pipeline.report();
     record.events_lost += report.events_dropped;
     record.threads = static_cast<int>(report.threads.size());
@@ -164,7 +223,8 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     record.skipped["missed_by_camera"] = camera.missed();
     record.skipped["overtaken"] = report.frames_overtaken;
     count_costs(report, record);
-    record.realtime = RealtimeRecord{*options.realtime_speed, shortfalls_of(report), report};
+    record.realtime = RealtimeRecord{*options.realtime_speed, shortfalls_of(report), report, std::nullopt};
+    if (recorder) finish(*recorder, record);
   } catch (const std::system_error& e) {
     return Error{ErrorKind::kRun, options.dataset.string(), 0, e.what(), "a system that can start 6 threads"};
   }

@@ -34,6 +34,8 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
   if (file) file->apply(config);
   if (options.visual_factor) e.visual_factor = *options.visual_factor;
   if (options.deadline_ms) config.deadline_ms = *options.deadline_ms;
+  if (!options.record_folder.empty()) config.recorder.folder = options.record_folder.string();
+  config.recorder.images |= options.record_images;
 }
 
 /// One flight on its way through the pipeline, in this thread.

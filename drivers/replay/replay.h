@@ -30,6 +30,8 @@ struct ReplayOptions {
   std::vector<Fault> faults;             ///< what goes wrong with the sensors on the way
   OdometrySink* odometry = nullptr;      ///< of a real-time run: gets what is published
   LiveView* view = nullptr;              ///< shows a flight in threads while it goes on; open, not started
+  std::filesystem::path record_folder;   ///< of the flight recorder, in threads only; wins over the file; empty: none
+  bool record_images = false;
 };
 
 struct ReplayResult {

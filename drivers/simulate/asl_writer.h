@@ -6,31 +6,14 @@
 
 #include "drivers/simulate/track_simulator.h"
 #include "pipeline/config/calibration.h"
+#include "pipeline/text/output_files.h"
 #include "platform/error/result.h"
 
 namespace epiline {
 
-/// A folder in the making: everything goes to `mav0.partial`, which finish() renames to `mav0`, replacing an older one.
-/// Without finish() nothing is left behind.
-class AslFolder {
- public:
-  /// Makes `folder` and the parts inside. Fails if and only if a folder cannot be made.
-  static Result<AslFolder> create(const std::filesystem::path& folder);
-  ~AslFolder();
-  AslFolder(AslFolder&& other) noexcept : folder_(std::move(other.folder_)) { other.folder_.clear(); }
-  AslFolder& operator=(AslFolder&&) = delete;
-  AslFolder(const AslFolder&) = delete;
-  AslFolder& operator=(const AslFolder&) = delete;
-
-  /// Holds cam0/data, imu0 and state_groundtruth_estimate0.
-  std::filesystem::path root() const { return folder_ / "mav0.partial"; }
-  /// Fails if and only if an older `mav0` cannot be replaced.
-  Status finish();
-
- private:
-  explicit AslFolder(std::filesystem::path folder) : folder_(std::move(folder)) {}
-  std::filesystem::path folder_;
-};
+/// `folder`/mav0 in the making, with cam0/data, imu0 and state_groundtruth_estimate0 inside. Fails if and only if a
+/// folder cannot be made.
+Result<PartialFolder> make_asl_folder(const std::filesystem::path& folder);
 
 /// Where the body was, and what its IMU added.
 struct TruthRow {

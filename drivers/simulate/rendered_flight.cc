@@ -90,7 +90,7 @@ WorldKind usual_world(FlightKind kind) {
 
 Status render_flight(const FlightToRender& flight, const RenderChoice& choice, const std::filesystem::path& folder,
                      const std::function<void(std::size_t, std::size_t)>& progress) {
-  auto made = AslFolder::create(folder);
+  auto made = make_asl_folder(folder);
   if (!made) return made.error();
   if (Status s = write_tables(flight.tables, made->root()); !s) return s;
   const CameraCalibration& camera = flight.tables.camera;

@@ -108,12 +108,13 @@ RigidMotion rigid_motion(const YamlFile& file, const YAML::Node& node) {
     T.p[r] = m[static_cast<std::size_t>(4 * r + 3)];
   }
   constexpr double kRounding = 1e-3;  // published matrices are printed with a few digits
+  constexpr double kExact = 1e-14;    // those of ours have all: what was written is read, bit by bit
   const bool last_row = m[12] == 0 && m[13] == 0 && m[14] == 0 && m[15] == 1;
-  if (!last_row || (T.R.transpose() * T.R - Mat3::Identity()).cwiseAbs().maxCoeff() > kRounding ||
-      T.R.determinant() < 0) {
+  const double error = (T.R.transpose() * T.R - Mat3::Identity()).cwiseAbs().maxCoeff();
+  if (!last_row || error > kRounding || T.R.determinant() < 0) {
     throw file.complaint(data, "a matrix that is no rigid motion", "a rotation and a translation over (0 0 0 1)");
   }
-  T.R = so3_normalised(T.R);
+  if (error > kExact) T.R = so3_normalised(T.R);
   return T;
 }
 

@@ -9,6 +9,7 @@
 
 #include "estimator/estimator.h"
 #include "pipeline/realtime/realtime_config.h"
+#include "pipeline/recorder/recorder_config.h"
 #include "pipeline/vision/tracker.h"
 #include "platform/error/result.h"
 
@@ -19,6 +20,7 @@ struct Config {
   TrackerConfig tracker;
   double deadline_ms = 0;  ///< time for one image's track and estimate; 0: as long as it takes
   RealtimeConfig realtime;
+  RecorderConfig recorder;
   std::string camera_calibration;  ///< replaces the data set's file
   std::string imu_calibration;
 };

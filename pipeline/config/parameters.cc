@@ -128,6 +128,16 @@ const std::vector<Parameter>& parameters() {
        EPILINE_AT(realtime.cpu_track)},
       {"realtime.cpu_estimate", "", -1, 1023, "the one processor of the estimator's thread; -1: any",
        EPILINE_AT(realtime.cpu_estimate)},
+      // flight recorder of a real-time run
+      {"recorder.folder", "", 0, 0, "records go here; without it there is no recorder", EPILINE_AT(recorder.folder)},
+      {"recorder.seconds", "s", 1, 3600, "of IMU, tracks, states and events to keep", EPILINE_AT(recorder.seconds)},
+      {"recorder.images", "", 0, 0, "keep images as well", EPILINE_AT(recorder.images)},
+      {"recorder.image_memory_mib", "MiB", 1, 65536, "memory for them; it may hold fewer seconds than the rest",
+       EPILINE_AT(recorder.image_memory_mib)},
+      {"recorder.on_lost", "", 0, 0, "write a record when the estimate is lost", EPILINE_AT(recorder.on_lost)},
+      {"recorder.after_lost_s", "s", 0, 60, "how long after that", EPILINE_AT(recorder.after_lost_s)},
+      {"recorder.pause_s", "s", 0, 1e6, "between two records for that reason, at least", EPILINE_AT(recorder.pause_s)},
+      {"recorder.most", "", 0, 1000, "records for that reason in a run, at most", EPILINE_AT(recorder.most)},
       // camera; without these, what the data set says
       {"camera.calibration", "", 0, 0,
        "calibration file (ASL or Kalibr) instead of the data set's; seen from the current folder",

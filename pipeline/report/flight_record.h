@@ -10,6 +10,7 @@
 #include "pipeline/evaluate/errors.h"
 #include "pipeline/evaluate/trajectory.h"
 #include "pipeline/realtime/realtime_pipeline.h"
+#include "pipeline/recorder/flight_recorder.h"
 #include "pipeline/stages/frame_outcome.h"
 #include "pipeline/vision/tracker.h"
 
@@ -36,6 +37,7 @@ struct RealtimeRecord {
   double speed = 1;                     ///< of the recording's clock
   std::vector<std::string> shortfalls;  ///< privileges asked for and not given, a line each
   RealtimeReport report;
+  std::optional<RecorderReport> recorder;  ///< none without a recorder
 };
 
 /// Takes over what the estimator says of an image.

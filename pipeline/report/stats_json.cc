@@ -97,6 +97,14 @@ Json events_json(const FlightRecord& r) {
   return {{"by_name", by_name}, {"lost", r.events_lost}};
 }
 
+Json recorder_json(const RealtimeRecord& r) {
+  if (!r.recorder) return nullptr;
+  return {{"written", r.recorder->written},
+          {"failed", r.recorder->failed},
+          {"lost", r.recorder->lost},
+          {"memory_mib", static_cast<double>(r.recorder->memory_bytes) / (1 << 20)}};
+}
+
 /// What only a run with threads has; null otherwise.
 Json realtime_json(const FlightRecord& r) {
   if (!r.realtime) return nullptr;
@@ -127,6 +135,7 @@ Json realtime_json(const FlightRecord& r) {
           {"superseded", report.superseded},
           {"publish_failed", report.publish_failed},
           {"images_not_logged", report.images_not_logged},
+          {"recorder", recorder_json(*r.realtime)},
           {"lock_calls_after_start", or_null(r.lock_calls)},
           {"threads", threads},
           {"rings", rings}};

@@ -17,9 +17,8 @@ const TrackedFeature* RecordedTracks::find_previous(std::uint32_t id) const noex
 
 bool RecordedTracks::describe(const TrackPoint& point, double dt_s, TrackedFeature& feature) const noexcept {
   Vec3 f_C;
-  Vec2 px;
   Mat23 J;
-  if (!camera_.unproject({point.u, point.v}, f_C) || !camera_.project(f_C, px, &J)) return false;
+  if (!camera_.bearing({point.u, point.v}, f_C, J)) return false;  // as the tracker does it, bit by bit
   feature.id = point.id;
   feature.pixel = {point.u, point.v};
   for (int i = 0; i < 3; ++i) {

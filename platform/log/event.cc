@@ -58,7 +58,7 @@ constexpr Description kDescriptions[] = {
     {"lens_covered", {number("on"), number("images")}},
     {"load_level", {number("from"), number("to")}},
     {"ring_overflow", {one_of("ring", kRings), number("lost")}},
-    {"record_written", {number("number"), one_of("reason", kRecordReasons), number("length_ms")}},
+    {"record_written", {number("number"), one_of("reason", kRecordReasons)}},
     {"record_failed", {number("number"), one_of("reason", kRecordReasons), number("errno")}},
 };
 static_assert(std::size(kDescriptions) == static_cast<std::size_t>(EventId::kCount));

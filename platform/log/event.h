@@ -29,7 +29,7 @@ enum class EventId : std::uint16_t {
   kLensCovered,     ///< 1 begins, 0 ends; images
   kLoadLevel,       ///< before and now
   kRingOverflow,    ///< RingName, elements lost
-  kRecordWritten,   ///< number of the record, RecordReason, ms it holds
+  kRecordWritten,   ///< number of the record, RecordReason
   kRecordFailed,    ///< number of the record, RecordReason, errno if known
   kCount
 };

@@ -39,12 +39,12 @@ inline fs::path scratch() {
   return fs::path(testing::TempDir()) / name;
 }
 
-/// `before`: shell words in front of the program, for instance to limit it.
-inline Outcome run(const std::string& arguments, const std::string& before = "") {
+/// `before`: shell words in front of the program, for instance to limit it; `after`: behind it.
+inline Outcome run(const std::string& arguments, const std::string& before = "", const std::string& after = "") {
   const fs::path out = scratch() / "stdout", err = scratch() / "stderr";
   fs::create_directories(scratch());
   const std::string command =
-      before + EPILINE_PROGRAM + " " + arguments + " >'" + out.string() + "' 2>'" + err.string() + "'";
+      before + EPILINE_PROGRAM + " " + arguments + " >'" + out.string() + "' 2>'" + err.string() + "'" + after;
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read(out), read(err)};
 }

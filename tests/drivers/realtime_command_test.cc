@@ -74,6 +74,69 @@ TEST_F(RealtimeCommand, IsTheReplayInOneThreadByteByByteAndTouchesNoHeapNoLockNo
   if (!locked) GTEST_SKIP() << "memory may not be locked here: page faults were not looked at";
 }
 
+// A record of the whole flight is replayed to the very trajectory, with the recorded tracks and with the images; making
+// it, and one in mid-flight, costs the threads no heap call, lock or page.
+TEST_F(RealtimeCommand, ARecordIsReplayedToTheSameTrajectory) {
+  write(scratch() / "patient.toml", "[realtime]\nimu_wait_ms = 5000\n[estimator]\nkeyframes = 9\n");
+  const std::string config = "--config '" + (scratch() / "patient.toml").string() + "'";
+  for (const std::string images : {"", " --record-images"}) {
+    const fs::path records = scratch() / ("records" + images.substr(0, 4));
+    Json s;
+    for (const char* speed : {"2", "1", "0.5"}) {
+      fs::remove_all(records);
+      const std::string signal =
+          " & p=$!; until [ -d '" + records.string() + "' ]; do sleep 0.05; done; sleep 1; kill -USR1 $p; wait $p";
+      const Outcome r =
+          run("replay '" + flight_.string() + "' --realtime --speed " + speed + " " + config + " --out '" +
+                  (scratch() / "run").string() + "' --record '" + records.string() + "'" + images,
+              "", signal);
+      ASSERT_EQ(r.exit_code, 0) << r.err;
+      s = stats("run");
+      if (s["images"]["skipped"] == 0) break;
+    }
+    ASSERT_EQ(s["images"]["skipped"], 0);
+    const Json& recorder = s["realtime"]["recorder"];
+    EXPECT_EQ(recorder["lost"], 0);
+    EXPECT_EQ(recorder["written"].size(), 2u);
+    EXPECT_TRUE(recorder["failed"].empty());
+    ASSERT_EQ(recorder["written"].size(), s["events"]["by_name"]["record_written"].get<std::size_t>());
+    EXPECT_EQ(s["realtime"]["images_not_logged"], 0);
+#ifndef EPILINE_SANITIZED
+    for (const auto& [name, thread] : s["realtime"]["threads"].items()) {
+      EXPECT_EQ(thread["heap_allocations"], 0) << name;
+      EXPECT_EQ(thread["lock_calls"], 0) << name;
+      if (s["realtime"]["memory_locked"]) {
+        EXPECT_EQ(thread["page_faults"], 0) << name;
+      }
+    }
+#endif
+    const fs::path record(recorder["written"].back().get<std::string>());
+    EXPECT_EQ(fs::exists(record / "mav0/cam0/data.csv"), !images.empty());
+    ASSERT_EQ(run("replay '" + record.string() + "' --config '" + (record / "config.toml").string() + "' --out '" +
+                  (scratch() / "again").string() + "'")
+                  .exit_code,
+              0);
+    const std::string trajectory = read(scratch() / "run/trajectory.tum");
+    EXPECT_GT(std::count(trajectory.begin(), trajectory.end(), '\n'), 60);
+    EXPECT_TRUE(trajectory == read(scratch() / "again/trajectory.tum")) << images;
+    EXPECT_TRUE(trajectory == read(record / "trajectory.tum"));
+    EXPECT_EQ(read(scratch() / "run/events.txt").find(read(scratch() / "again/events.txt")), 0u);
+  }
+}
+
+TEST_F(RealtimeCommand, ARecordThatCannotBeWrittenIsSaidAndTheFlightGoesOn) {
+  write(scratch() / "file", "");
+  const Outcome r = replay("out", "--realtime --speed 4 --record '" + (scratch() / "file").string() + "'");
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_NE(r.out.find("note      record failed: "), std::string::npos) << r.out;
+  EXPECT_NE(read(scratch() / "out/events.txt").find("record_failed number=1 reason=end"), std::string::npos);
+  EXPECT_EQ(stats("out")["realtime"]["recorder"]["failed"].size(), 1u);
+}
+
+TEST_F(RealtimeCommand, RecordingBelongsToRealTime) {
+  expect_one_line(replay("x", "--record '" + scratch().string() + "'"), 2, {"--realtime"});
+}
+
 TEST_F(RealtimeCommand, OverloadLosesImagesCountsThemAndGoesOn) {
   const Outcome r = replay("fast", "--realtime --speed 50");
   ASSERT_TRUE(r.exit_code == 0 || r.exit_code == 1) << r.err;  // it may have seen too little to start

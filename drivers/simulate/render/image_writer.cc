@@ -5,10 +5,10 @@
 #include <condition_variable>
 #include <mutex>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <thread>
 
+#include "drivers/replay/image_file.h"
 #include "pipeline/text/table.h"
 
 namespace epiline {
@@ -28,14 +28,9 @@ struct Progress {
 void work(const Renderer& renderer, int width, int height, const std::vector<ImageTask>& tasks,
           const std::filesystem::path& folder, Progress& progress) {
   cv::Mat image(height, width, CV_8U);
-  std::vector<unsigned char> png;
-  // The fastest setting: noise does not compress.
-  const std::vector<int> how{cv::IMWRITE_PNG_COMPRESSION, 1, cv::IMWRITE_PNG_STRATEGY,
-                             cv::IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY};
   for (std::size_t i = progress.next++; i < tasks.size(); i = progress.next++) {
     renderer.render(tasks[i].image, image.data);
-    cv::imencode(".png", image, png, how);
-    const Status written = write_text(folder / file_name(tasks[i].stamp), {png.begin(), png.end()});
+    const Status written = write_text(folder / file_name(tasks[i].stamp), png_of(image));
     const std::lock_guard lock(progress.mutex);
     ++progress.done;
     if (!written) {

@@ -1,0 +1,257 @@
+#include "pipeline/recorder/flight_recorder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <optional>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "pipeline/recorder/record.h"
+#include "platform/concurrency/parking.h"
+#include "platform/linux/realtime.h"
+#include "platform/time/monotonic.h"
+
+namespace epiline {
+namespace fs = std::filesystem;
+
+namespace {
+
+// A tape has a quarter of room more than it lends: with that it goes on while a record is being written.
+constexpr std::size_t kSegments = 40, kKept = 32;
+constexpr std::size_t kTracksBytes = sizeof(RecordedTracksHeader) + kMaxFeatures * sizeof(RecordedPoint);
+/// There is room for an IMU of 1 kHz and 60 images of 400 tracks a second; what comes faster makes a record shorter.
+constexpr std::size_t kBytesPerSecond =
+    1000 * Tape::bytes_of_record(sizeof(ImuSample)) +
+    60 * (Tape::bytes_of_record(kTracksBytes) + Tape::bytes_of_record(sizeof(RecordedState))) +
+    100 * Tape::bytes_of_record(sizeof(Event));
+
+std::size_t sample_segment(double seconds) {
+  // one segment may have begun just now, and another holds what is a little too old
+  const double bytes = seconds * static_cast<double>(kBytesPerSecond) / (kKept - 2);
+  return std::max(static_cast<std::size_t>(bytes), 4 * kTracksBytes);
+}
+
+std::size_t image_bytes(const CameraParameters& camera) {
+  return sizeof(RecordedImageHeader) + static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+}
+
+/// As many segments as the limit allows, each with room for one image or more.
+std::optional<Tape> image_tape(const RecorderConfig& config, const RecordedRun& run) {
+  if (!config.images || run.png == nullptr) return std::nullopt;
+  const std::size_t limit = static_cast<std::size_t>(config.image_memory_mib) << 20;
+  const std::size_t one = Tape::bytes_of_record(image_bytes(run.camera.parameters));
+  const std::size_t segments = std::clamp<std::size_t>(limit / one, 4, kSegments);
+  return std::optional<Tape>(std::in_place, segments, segments * kKept / kSegments,
+                             std::max(one, limit / segments / one * one));
+}
+
+const char* to_string(RecordReason reason) {
+  switch (reason) {
+    case RecordReason::kRequested:
+      return "requested";
+    case RecordReason::kLost:
+      return "lost";
+    case RecordReason::kEnd:
+      return "end";
+  }
+  return "";
+}
+
+/// Of the records in the folder the highest number.
+std::uint64_t highest_number(const fs::path& folder) {
+  std::uint64_t highest = 0;
+  std::error_code ignored;
+  for (fs::directory_iterator it(folder, ignored), end; !ignored && it != end; it.increment(ignored)) {
+    unsigned long long number = 0;
+    if (std::sscanf(it->path().filename().c_str(), "record-%llu-", &number) == 1)
+      highest = std::max<std::uint64_t>(highest, number);
+  }
+  return highest;
+}
+
+}  // namespace
+
+struct FlightRecorder::Impl {
+  Impl(const RecorderConfig& c, const RecordedRun& r)
+      : config(c),
+        run(r),
+        samples(kSegments, kKept, sample_segment(c.seconds)),
+        images(image_tape(c, r)),
+        last_number(highest_number(c.folder)) {
+    std::error_code later;  // who cannot write finds out when he has to
+    fs::create_directories(config.folder, later);
+    report.memory_bytes = samples.memory_bytes() + (images ? images->memory_bytes() : 0);
+    if (!writer.start(
+            {"recorder", 0, -1}, [](void* self) { static_cast<Impl*>(self)->write_all(); }, this))
+      throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again), "no thread left");
+  }
+  ~Impl() { stop(); }
+
+  // Log thread.
+  bool may_record_lost(HostStamp now) const;
+  void begin(RecordReason reason);
+
+  // Writer thread.
+  void write_all();
+  void write(const RecordOrder& order);
+
+  void stop() {
+    stopping.store(true, std::memory_order_release);
+    parking.notify();
+    writer.join();
+  }
+
+  RecorderConfig config;
+  RecordedRun run;
+  Tape samples;
+  std::optional<Tape> images;
+  SpscRing<RecordOrder, 2> orders;
+  std::atomic<bool> busy{false};  ///< set with an order, cleared when it is done
+  std::atomic<bool> stopping{false};
+  EventRing events;
+  Parking parking;
+
+  // The log thread's own.
+  HostStamp now;
+  HealthState state = HealthState::kInitialising;
+  std::optional<HostStamp> lost_due;     ///< a record is to be made then
+  std::optional<HostStamp> lost_before;  ///< the last one made for that reason
+  int made_for_lost = 0;
+
+  // The writer's own until it has ended.
+  std::uint64_t last_number;
+  RecorderReport report;
+
+  RealtimeThread writer;
+};
+
+void FlightRecorder::Impl::begin(RecordReason reason) {
+  RecordOrder order;
+  order.reason = reason;
+  order.now = now;
+  order.from = now - Span::from_seconds(config.seconds);
+  order.samples = samples.lend();
+  if (images) order.images = images->lend();
+  busy.store(true, std::memory_order_relaxed);  // the ring below hands it over
+  orders.push(order);
+  parking.notify();
+}
+
+bool FlightRecorder::Impl::may_record_lost(HostStamp stamp) const {
+  if (!config.on_lost || lost_due || made_for_lost >= config.most) return false;
+  return !lost_before || stamp - *lost_before >= Span::from_seconds(config.pause_s);
+}
+
+void FlightRecorder::Impl::write_all() {
+  for (bool over = false; !over;) {
+    bool ends = false;
+    parking.wait_until(monotonic_ns() + Span::from_milliseconds(500).ns, [&] {
+      ends = stopping.load(std::memory_order_acquire);  // before the look at the ring
+      return orders.front() != nullptr || ends;
+    });
+    over = orders.front() == nullptr && ends;
+    for (RecordOrder order; orders.pop(order);) {
+      write(order);
+      // release, pairs with the acquire in pass(): nothing is lent any more
+      busy.store(false, std::memory_order_release);
+    }
+  }
+}
+
+void FlightRecorder::Impl::write(const RecordOrder& asked) {
+  RecordOrder order = asked;
+  order.number = ++last_number;
+  const fs::path name = fs::path(config.folder) / fmt::format("record-{:03}-{}", order.number, to_string(order.reason));
+  int failure = 0;
+  const Status written = write_record(order, run, samples, images ? &*images : nullptr, name, failure);
+  const auto number = static_cast<std::int64_t>(order.number), reason = static_cast<std::int64_t>(order.reason);
+  if (written) {
+    events.push({order.now, EventId::kRecordWritten, {number, reason}});
+    report.written.push_back(name.string());
+  } else {
+    events.push({order.now, EventId::kRecordFailed, {number, reason, failure}});
+    report.failed.push_back(written.error().text());
+  }
+}
+
+FlightRecorder::FlightRecorder(const RecorderConfig& config, const RecordedRun& run)
+    : impl_(std::make_unique<Impl>(config, run)) {}
+FlightRecorder::~FlightRecorder() = default;
+
+EventRing& FlightRecorder::events() noexcept { return impl_->events; }
+const RecorderReport& FlightRecorder::report() const noexcept { return impl_->report; }
+bool FlightRecorder::wants_images() const noexcept { return impl_->images.has_value(); }
+
+void FlightRecorder::imu(const ImuSample& sample) noexcept {
+  impl_->samples.append(static_cast<std::uint32_t>(RecordKind::kImu), sample);
+}
+
+void FlightRecorder::event(const Event& event) noexcept {
+  impl_->samples.append(static_cast<std::uint32_t>(RecordKind::kEvent), event);
+}
+
+void FlightRecorder::take(const FrameOutcome& outcome) noexcept {
+  Impl& m = *impl_;
+  m.samples.append(static_cast<std::uint32_t>(RecordKind::kState), recorded_state(outcome));
+  const HealthState before = std::exchange(m.state, outcome.odometry.health.state);
+  const bool just_lost = m.state == HealthState::kLost && before != HealthState::kLost;
+  if (just_lost && m.may_record_lost(outcome.stamp))
+    m.lost_due = outcome.stamp + Span::from_seconds(m.config.after_lost_s);
+}
+
+void FlightRecorder::tracks(const LoggedTracks& t) noexcept {
+  const RecordedTracksHeader header{t.stamp, t.points.size()};
+  std::byte* at = impl_->samples.claim(static_cast<std::uint32_t>(RecordKind::kTracks),
+                                       sizeof header + t.points.size() * sizeof(RecordedPoint));
+  if (at == nullptr) return;
+  std::memcpy(at, &header, sizeof header);
+  at += sizeof header;
+  for (const LoggedPoint& p : t.points) {
+    const RecordedPoint point{p.id, p.u, p.v};
+    std::memcpy(at, &point, sizeof point);
+    at += sizeof point;
+  }
+  impl_->samples.commit();
+}
+
+void FlightRecorder::image(const Frame& frame) noexcept {
+  const RecordedImageHeader header{frame.stamp, frame.width, frame.height};
+  const auto width = static_cast<std::size_t>(frame.width), height = static_cast<std::size_t>(frame.height);
+  std::byte* at = impl_->images->claim(static_cast<std::uint32_t>(RecordKind::kImage), sizeof header + width * height);
+  if (at == nullptr) return;
+  std::memcpy(at, &header, sizeof header);
+  at += sizeof header;
+  for (std::size_t y = 0; y < height; ++y)
+    std::memcpy(at + y * width, frame.data + y * static_cast<std::size_t>(frame.stride), width);
+  impl_->images->commit();
+}
+
+void FlightRecorder::pass(HostStamp now) noexcept {
+  Impl& m = *impl_;
+  m.now = now;
+  if (m.busy.load(std::memory_order_acquire)) return;
+  if (m.lost_due && now >= *m.lost_due) {
+    m.lost_before = std::exchange(m.lost_due, std::nullopt);
+    ++m.made_for_lost;
+    m.begin(RecordReason::kLost);
+  } else if (requested_.exchange(false, std::memory_order_relaxed)) {
+    m.begin(RecordReason::kRequested);
+  }
+}
+
+void FlightRecorder::finish(bool write_the_end) {
+  Impl& m = *impl_;
+  while (m.busy.load(std::memory_order_acquire)) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  const bool requested = requested_.exchange(false, std::memory_order_relaxed);
+  if (m.lost_due || requested || write_the_end)
+    m.begin(m.lost_due ? RecordReason::kLost : requested ? RecordReason::kRequested : RecordReason::kEnd);
+  m.stop();
+  m.report.lost = m.samples.lost() + (m.images ? m.images->lost() : 0);
+}
+
+}  // namespace epiline

@@ -1,0 +1,58 @@
+#pragma once
+// What lies on the recorder's tapes, and the folder made of it.
+#include <filesystem>
+#include <string>
+
+#include "pipeline/recorder/flight_recorder.h"
+#include "pipeline/recorder/tape.h"
+
+namespace epiline {
+
+enum class RecordKind : std::uint32_t { kImu, kState, kTracks, kImage, kEvent };
+
+/// One image's estimate.
+struct RecordedState {
+  HostStamp stamp;
+  std::uint64_t serial = 0;
+  std::array<double, 3> p_WB_m{};
+  std::array<double, 4> q_WB{};
+  std::array<double, 3> v_WB_m_s{}, gyroscope_bias_rad_s{}, accelerometer_bias_m_s2{};
+  std::array<double, 3> sigma_p_m{}, sigma_theta_rad{}, sigma_v_m_s{};
+  double time_offset_s = 0;
+  std::uint32_t reset_counter = 0, reasons = 0;
+  std::int32_t quality = 0, tracks = 0;
+  std::uint8_t state = 0;
+  bool has_pose = false, solved = false, keyframe = false;
+};
+RecordedState recorded_state(const FrameOutcome& outcome) noexcept;
+
+/// Followed by `count` points.
+struct RecordedTracksHeader {
+  HostStamp stamp;
+  std::uint64_t count = 0;
+};
+struct RecordedPoint {
+  std::uint32_t id = 0;
+  float u = 0, v = 0;
+};
+
+/// Followed by the rows of pixels.
+struct RecordedImageHeader {
+  HostStamp stamp;
+  std::int32_t width = 0, height = 0;
+};
+
+/// What is to be written.
+struct RecordOrder {
+  std::uint64_t number = 0;
+  RecordReason reason = RecordReason::kRequested;
+  HostStamp from, now;
+  Tape::Range samples, images;
+};
+
+/// Writes the folder `name`: whole or not at all. Gives each segment back as soon as it has been read, all of them in
+/// any case. Fails if and only if a file cannot be written; `failure` is errno then if known.
+Status write_record(const RecordOrder& order, const RecordedRun& run, Tape& samples, Tape* images,
+                    const std::filesystem::path& name, int& failure);
+
+}  // namespace epiline

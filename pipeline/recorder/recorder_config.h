@@ -1,0 +1,18 @@
+#pragma once
+#include <string>
+
+namespace epiline {
+
+/// Section [recorder]: the flight recorder.
+struct RecorderConfig {
+  std::string folder;  ///< of the records; empty: no recorder
+  double seconds = 30;
+  bool images = false;
+  int image_memory_mib = 256;
+  bool on_lost = true;
+  double after_lost_s = 3;  ///< goes on for so long before it writes
+  double pause_s = 60;      ///< between two records it makes by itself
+  int most = 20;            ///< records it makes by itself in a run
+};
+
+}  // namespace epiline

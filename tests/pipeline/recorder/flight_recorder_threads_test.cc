@@ -1,0 +1,327 @@
+// The flight recorder with a made-up stream: what is on disk is checked with a plain reader of its own, not with the
+// replay's.
+#include "pipeline/recorder/flight_recorder.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "platform/memory/allocation_count.h"
+
+namespace epiline {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+
+/// First column of a table, comments left out; rows of one time count once.
+std::vector<std::int64_t> times(const fs::path& path) {
+  std::ifstream in(path);
+  std::vector<std::int64_t> found;
+  for (std::string line; std::getline(in, line);) {
+    if (line.empty() || line[0] == '#') continue;
+    const std::int64_t t = std::stoll(line);
+    if (found.empty() || found.back() != t) found.push_back(t);
+  }
+  return found;
+}
+
+std::string text_of(const fs::path& path) {
+  std::ifstream in(path);
+  std::ostringstream out;
+  out << in.rdbuf();
+  return out.str();
+}
+
+std::string hex_of(const Frame& frame) {
+  return std::string("image ") + std::to_string(static_cast<int>(frame.data[0])) + " " + std::to_string(frame.width);
+}
+
+class FlightRecorderTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::path(testing::TempDir()) /
+              ("epiline_recorder_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
+    fs::remove_all(folder_);
+    config_.folder = folder_ / "records";
+    config_.seconds = 4;
+    run_.camera.parameters.width = 64;
+    run_.camera.parameters.height = 48;
+    run_.camera.parameters.intrinsics = {50, 50, 32, 24};
+    run_.png = hex_of;
+    run_.config_toml = "[estimator]\nkeyframes = 7\n";
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  /// One image and ten readings, 0.05 s.
+  void fly(FlightRecorder& recorder, HealthState state = HealthState::kTracking) {
+    for (int i = 0; i < 10; ++i) {
+      recorder.imu({HostStamp{now_}, {0.1, 0.2, 0.3}, {0, 0, 9.81}});
+      now_ += kSecond_ns / 200;
+    }
+    const HostStamp stamp{now_};
+    FrameOutcome outcome;
+    outcome.serial = serial_;
+    outcome.stamp = outcome.odometry.stamp = stamp;
+    outcome.result.has_pose = true;
+    outcome.odometry.health.state = state;
+    outcome.odometry.p_WB_m = {static_cast<double>(serial_), 0, 0};
+    recorder.take(outcome);
+    LoggedTracks tracks;
+    tracks.serial = serial_;
+    tracks.stamp = stamp;
+    for (std::uint32_t i = 0; i < serial_ % 7; ++i)
+      tracks.points.push_back({i, 0, 0.1F * static_cast<float>(i), 1e7F / 3});
+    recorder.tracks(tracks);
+    std::fill(pixels_.begin(), pixels_.end(), static_cast<std::uint8_t>(serial_));
+    if (recorder.wants_images()) recorder.image({stamp, serial_, pixels_.data(), 64, 48, 64, 0});
+    recorder.event({stamp, EventId::kReset, {static_cast<std::int64_t>(serial_), 0, 0}});
+    ++serial_;
+    recorder.pass(stamp);
+  }
+  void fly_seconds(FlightRecorder& recorder, double seconds, HealthState state = HealthState::kTracking) {
+    for (int i = 0; i < static_cast<int>(20 * seconds); ++i) fly(recorder, state);
+  }
+  /// Until a record more is there, flying on.
+  void fly_until_written(FlightRecorder& recorder, std::size_t records) {
+    for (int i = 0; i < 10000 && count() < records; ++i) {
+      fly(recorder);
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+  }
+  std::vector<fs::path> records() const {
+    std::vector<fs::path> found;
+    std::error_code none;
+    for (const auto& entry : fs::directory_iterator(config_.folder, none)) found.push_back(entry.path());
+    std::sort(found.begin(), found.end());
+    return found;
+  }
+  std::size_t count() const {
+    const auto all = records();
+    return static_cast<std::size_t>(
+        std::count_if(all.begin(), all.end(), [](const fs::path& p) { return p.extension() != ".partial"; }));
+  }
+
+  /// All streams of the record are complete between its first and last sample, and cover the time asked for.
+  void expect_whole(const fs::path& record, double seconds) const {
+    const auto step = [](const std::vector<std::int64_t>& t, std::int64_t ns) {
+      for (std::size_t i = 1; i < t.size(); ++i) ASSERT_EQ(t[i] - t[i - 1], ns) << i;
+    };
+    const auto imu = times(record / "mav0/imu0/data.csv"), tracks = times(record / "mav0/cam0/tracks.csv"),
+               states = times(record / "states.csv");
+    ASSERT_GT(imu.size(), 10u);
+    step(imu, kSecond_ns / 200);
+    step(tracks, kSecond_ns / 20);
+    EXPECT_EQ(tracks, states);
+    EXPECT_NEAR(1e-9 * static_cast<double>(imu.back() - imu.front()), seconds, 0.06);
+    EXPECT_NEAR(1e-9 * static_cast<double>(tracks.back() - tracks.front()), seconds, 0.06);
+    const std::string events = text_of(record / "events.txt");
+    EXPECT_EQ(std::count(events.begin(), events.end(), '\n'), static_cast<std::ptrdiff_t>(tracks.size()));
+    EXPECT_EQ(times(record / "trajectory.tum").size(),
+              0u + (seconds > 1.1 ? static_cast<std::size_t>(seconds) + 1 : 1));
+    EXPECT_EQ(text_of(record / "config.toml"), run_.config_toml);
+    EXPECT_NE(text_of(record / "mav0/cam0/sensor.yaml").find("resolution: [64, 48]"), std::string::npos);
+  }
+
+  fs::path folder_;
+  RecorderConfig config_;
+  RecordedRun run_;
+  std::int64_t now_ = 1000 * kSecond_ns;
+  std::uint64_t serial_ = 0;
+  std::vector<std::uint8_t> pixels_ = std::vector<std::uint8_t>(64 * 48);
+};
+
+TEST_F(FlightRecorderTest, HoldsTheLastSecondsAndNoMore) {
+  FlightRecorder recorder(config_, run_);
+  const HeapCallScope heap;
+  fly_seconds(recorder, 100);
+  EXPECT_EQ(heap.calls(), 0);
+  recorder.finish(true);
+  ASSERT_EQ(recorder.report().written, (std::vector<std::string>{config_.folder + "/record-001-end"}));
+  expect_whole(records().at(0), 4);
+  EXPECT_EQ(times(records().at(0) / "mav0/imu0/data.csv").back(), now_ - kSecond_ns / 200);
+  EXPECT_EQ(recorder.report().lost, 0u);
+  Event event;
+  ASSERT_TRUE(recorder.events().pop(event));
+  EXPECT_EQ(event.id, EventId::kRecordWritten);
+}
+
+TEST_F(FlightRecorderTest, AFlightShorterThanThatIsThereWhole) {
+  FlightRecorder recorder(config_, run_);
+  fly_seconds(recorder, 2);
+  recorder.finish(true);
+  expect_whole(records().at(0), 2);
+  const std::string tracks = text_of(records().at(0) / "mav0/cam0/tracks.csv");
+  EXPECT_NE(tracks.find("1000050000000,0,nan,nan\n"), std::string::npos) << "an image without a track";
+  EXPECT_NE(tracks.find(",3,0.3,3333333.2\n"), std::string::npos) << tracks.substr(0, 500);
+}
+
+TEST_F(FlightRecorderTest, RequestsInFlightAreWrittenWhileRecordingGoesOn) {
+  FlightRecorder recorder(config_, run_);
+  fly_seconds(recorder, 10);
+  for (std::size_t n = 1; n <= 5; ++n) {
+    recorder.request();
+    fly_until_written(recorder, n);
+    ASSERT_EQ(count(), n);
+    fly_seconds(recorder, 0.3 * static_cast<double>(n));
+  }
+  recorder.finish(false);
+  EXPECT_EQ(recorder.report().written.size(), 5u);
+  for (const fs::path& record : records()) expect_whole(record, 4);
+  EXPECT_EQ(records().at(4).filename(), "record-005-requested");
+}
+
+TEST_F(FlightRecorderTest, NumbersGoOnInAFolderThatHasRecords) {
+  fs::create_directories(fs::path(config_.folder) / "record-041-lost");
+  FlightRecorder recorder(config_, run_);
+  fly_seconds(recorder, 1);
+  recorder.finish(true);
+  EXPECT_EQ(records().at(1).filename(), "record-042-end");
+}
+
+TEST_F(FlightRecorderTest, LostMakesARecordAfterAWhileAndNotTooOften) {
+  config_.after_lost_s = 1;
+  config_.pause_s = 20;
+  config_.most = 2;
+  FlightRecorder recorder(config_, run_);
+  fly_seconds(recorder, 10);
+  const std::int64_t lost_at = now_;
+  fly(recorder, HealthState::kLost);
+  fly_seconds(recorder, 0.9, HealthState::kLost);
+  EXPECT_EQ(count(), 0u);
+  fly_until_written(recorder, 1);
+  ASSERT_EQ(count(), 1u);
+  const auto written = times(records().at(0) / "states.csv");
+  EXPECT_EQ(records().at(0).filename(), "record-001-lost");
+  EXPECT_NEAR(1e-9 * static_cast<double>(written.back() - lost_at), 1, 0.15);
+  const auto lose_and_fly = [&](double seconds) {
+    fly(recorder, HealthState::kLost);
+    fly_seconds(recorder, seconds);
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  };
+  lose_and_fly(5);  // too soon
+  EXPECT_EQ(count(), 1u);
+  fly_seconds(recorder, 20);
+  lose_and_fly(5);
+  fly_until_written(recorder, 2);
+  fly_seconds(recorder, 50);
+  lose_and_fly(5);  // the third
+  recorder.finish(false);
+  EXPECT_EQ(count(), 2u);
+}
+
+TEST_F(FlightRecorderTest, LostShortlyBeforeTheEndIsWritten) {
+  FlightRecorder recorder(config_, run_);
+  fly_seconds(recorder, 5);
+  fly(recorder, HealthState::kLost);
+  recorder.finish(false);
+  ASSERT_EQ(count(), 1u);
+  EXPECT_EQ(records().at(0).filename(), "record-001-lost");
+}
+
+TEST_F(FlightRecorderTest, ImagesAreKeptAsFarAsTheirMemoryGoes) {
+  config_.images = true;
+  config_.image_memory_mib = 1;
+  run_.camera.parameters.width = 640;  // 1 MiB holds three of these ...
+  run_.camera.parameters.height = 480;
+  FlightRecorder recorder(config_, run_);
+  fly_seconds(recorder, 10);  // ... and more of the small ones that come
+  recorder.finish(true);
+  const fs::path cam = records().at(0) / "mav0/cam0";
+  const auto listed = times(cam / "data.csv"), tracks = times(cam / "tracks.csv");
+  ASSERT_GE(listed.size(), 3u);
+  ASSERT_LE(listed.size(), tracks.size());
+  EXPECT_EQ(listed.back(), tracks.back());
+  for (std::size_t i = 0; i < listed.size(); ++i) {
+    EXPECT_EQ(listed[i], tracks[tracks.size() - listed.size() + i]);
+    const auto serial = static_cast<int>((listed[i] - 1000 * kSecond_ns) / (kSecond_ns / 20) - 1);
+    EXPECT_EQ(text_of(cam / "data" / (std::to_string(listed[i]) + ".png")),
+              "image " + std::to_string(serial % 256) + " 64");
+  }
+}
+
+std::atomic<bool> disk_is_stuck{false};
+
+// A disk that takes forever holds up the writing thread alone: the samples go on, images are lost once their spare room
+// is full, and the next record has what came meanwhile.
+TEST_F(FlightRecorderTest, AStuckDiskCostsImagesAtMost) {
+  config_.images = true;
+  config_.image_memory_mib = 1;
+  run_.png = [](const Frame&) {
+    while (disk_is_stuck) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return std::string("image");
+  };
+  disk_is_stuck = true;
+  FlightRecorder recorder(config_, run_);
+  fly_seconds(recorder, 30);
+  recorder.request();
+  fly_seconds(recorder, 30);
+  recorder.request();  // kept in mind
+  fly_seconds(recorder, 1);
+  EXPECT_EQ(count(), 0u);
+  disk_is_stuck = false;
+  fly_until_written(recorder, 2);
+  recorder.finish(false);
+  ASSERT_EQ(recorder.report().written.size(), 2u);
+  EXPECT_GT(recorder.report().lost, 0u);
+  for (const fs::path& record : records()) expect_whole(record, 4);
+}
+
+TEST_F(FlightRecorderTest, WhereItCannotWriteItSaysSoAndFliesOn) {
+  fs::create_directories(folder_);
+  std::ofstream(config_.folder) << "a file where a folder should be\n";
+  FlightRecorder recorder(config_, run_);
+  fly_seconds(recorder, 5);
+  recorder.request();
+  fly(recorder);
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  fly_seconds(recorder, 5);
+  fs::remove(config_.folder);  // and when it can again, it does
+  recorder.finish(true);
+  ASSERT_EQ(recorder.report().failed.size(), 1u);
+  EXPECT_NE(recorder.report().failed[0].find(config_.folder), std::string::npos) << recorder.report().failed[0];
+  EXPECT_NE(recorder.report().failed[0].find("; expected a folder to write to"), std::string::npos);
+  ASSERT_EQ(count(), 1u);
+  expect_whole(records().at(0), 4);
+  Event event;
+  ASSERT_TRUE(recorder.events().pop(event));
+  EXPECT_EQ(event.id, EventId::kRecordFailed);
+}
+
+TEST_F(FlightRecorderTest, AFullDiskLeavesNoHalfARecord) {
+  std::signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  {
+    const rlimit small{20'000, before.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &small);
+    FlightRecorder recorder(config_, run_);
+    fly_seconds(recorder, 5);
+    recorder.finish(true);
+    setrlimit(RLIMIT_FSIZE, &before);
+    ASSERT_EQ(recorder.report().failed.size(), 1u);
+    EXPECT_NE(recorder.report().failed[0].find("imu0/data.csv: cannot be written (File too large); expected"),
+              std::string::npos)
+        << recorder.report().failed[0];
+    Event event;
+    ASSERT_TRUE(recorder.events().pop(event));
+    EXPECT_EQ(event.id, EventId::kRecordFailed);
+    EXPECT_EQ(event.args[2], EFBIG);
+  }
+  std::signal(SIGXFSZ, SIG_DFL);
+  EXPECT_TRUE(records().empty());
+}
+
+}  // namespace
+}  // namespace epiline
