@@ -1,0 +1,212 @@
+#include "pipeline/realtime/flight_log.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "pipeline/stages/estimator_events.h"
+#include "platform/memory/allocation_count.h"
+
+namespace epiline {
+namespace {
+
+using Speaker = FlightLog::Speaker;
+constexpr HostStamp kEnd{std::numeric_limits<std::int64_t>::max()};
+
+std::int64_t no_clock() noexcept { return 0; }
+void no_image(const Frame& /*frame*/) {}
+
+struct Notes final : FlightObserver {
+  explicit Notes(bool images = false) : wants(images) { events.reserve(10000); }
+  void take(const FrameOutcome& o) noexcept override { outcome = o.serial; }
+  void published(std::uint64_t serial, std::int64_t latency_ns) noexcept override {
+    publication = serial;
+    latency = latency_ns;
+  }
+  void imu(const ImuSample& sample) noexcept override {
+    in_order &= sample.stamp > last_imu;
+    last_imu = sample.stamp;
+    ++readings;
+  }
+  void tracks(const LoggedTracks& t) noexcept override {
+    EXPECT_EQ(t.serial, outcome) << "an image's outcome comes before its tracks";
+    points = t.points.size();
+    if (points > 0) last_point = t.points.back();
+  }
+  void image(const Frame& frame) noexcept override { image_pixel = *frame.data; }
+  void event(const Event& event) noexcept override { events.push_back(event); }
+  void pass(HostStamp /*now*/) noexcept override { ++passes; }
+  bool wants_images() const noexcept override { return wants; }
+
+  bool wants, in_order = true;
+  std::uint64_t outcome = 99, publication = 99;
+  std::int64_t latency = 0;
+  HostStamp last_imu{-1};
+  int readings = 0, image_pixel = -1, passes = 0;
+  std::size_t points = 0;
+  LoggedPoint last_point;
+  std::vector<Event> events;
+};
+
+class FlightLogTest : public testing::Test {
+ protected:
+  void make(int images, std::vector<EventRing*> more = {}) {
+    log = std::make_unique<FlightLog>(std::vector<FlightObserver*>{&one, &two}, std::move(more), images);
+  }
+  void tell(Speaker speaker, std::int64_t at) { log->events_of(speaker).push({HostStamp{at}, EventId::kReset, {}}); }
+  std::vector<std::int64_t> times(const Notes& notes) const {
+    std::vector<std::int64_t> t;
+    for (const Event& e : notes.events) t.push_back(e.stamp.ns);
+    return t;
+  }
+
+  Notes one, two{true};
+  std::unique_ptr<FlightLog> log;
+};
+
+TEST_F(FlightLogTest, EachObserverGetsEveryStreamAndNoHeapIsUsed) {
+  make(2);
+  EstimatorConfig config;
+  const EstimateStage stage(config, no_clock);
+  TrackedFrame tracked;
+  tracked.sequence = 12;
+  tracked.features.push_back({3, 1, {1.5F, 2.5F}, {}, {}, {}});
+  tracked.features.push_back({7, 4, {-3.25F, 8}, {}, {}, {}});
+  const std::uint8_t pixel = 77;
+  const HeapCallScope heap;
+  for (std::int64_t i = 0; i < 100; ++i) log->imu({HostStamp{i}, {}, {}});
+  EXPECT_TRUE(log->image_done(5, tracked, {}, 1, stage));
+  log->published(5, 42);
+  EXPECT_TRUE(log->image({HostStamp{0}, 12, &pixel, 1, 1, 1, 0}));
+  EXPECT_FALSE(log->empty());
+  log->drain(HostStamp{0}, HostStamp{0}, no_image);
+  EXPECT_EQ(heap.calls(), 0);
+  EXPECT_TRUE(log->empty());
+  for (const Notes* n : {&one, &two}) {
+    EXPECT_EQ(n->readings, 100);
+    EXPECT_TRUE(n->in_order);
+    EXPECT_EQ(n->outcome, 5u);
+    EXPECT_EQ(n->publication, 5u);
+    EXPECT_EQ(n->latency, 42);
+    ASSERT_EQ(n->points, 2u);
+    EXPECT_EQ(n->last_point.id, 7u);
+    EXPECT_EQ(n->last_point.age, 4u);
+    EXPECT_EQ(n->last_point.u, -3.25F);
+    EXPECT_EQ(n->passes, 1);
+  }
+  EXPECT_EQ(two.image_pixel, 77);
+  EXPECT_EQ(one.image_pixel, -1) << "who wants no image gets none";
+}
+
+TEST_F(FlightLogTest, HoldsNoMoreImagesThanItMay) {
+  make(2);
+  const std::uint8_t pixel = 0;
+  const Frame frame{HostStamp{0}, 0, &pixel, 1, 1, 1, 0};
+  EXPECT_TRUE(log->image(frame));
+  EXPECT_TRUE(log->image(frame));
+  EXPECT_FALSE(log->image(frame));
+  int given_back = 0;
+  log->drain(HostStamp{0}, kEnd, [&](const Frame&) { ++given_back; });
+  EXPECT_EQ(given_back, 2);
+  EXPECT_TRUE(log->image(frame));
+  EXPECT_EQ(log->images_skipped(), 1u);
+  ASSERT_EQ(one.events.size(), 1u);
+  EXPECT_EQ(one.events[0].id, EventId::kRingOverflow);
+  EXPECT_EQ(one.events[0].args[0], static_cast<std::int64_t>(RingName::kImagesToLog));
+  two.wants = false;
+  make(2);
+  EXPECT_FALSE(log->wants_image());
+  EXPECT_FALSE(log->image(frame)) << "nobody wants one";
+}
+
+TEST_F(FlightLogTest, EventsOfSeveralThreadsComeInTheOrderOfTime) {
+  auto watchdog = std::make_unique<EventRing>();
+  make(0, {watchdog.get()});
+  tell(Speaker::kTrack, 30);
+  tell(Speaker::kTrack, 50);
+  tell(Speaker::kEstimate, 10);
+  log->drain(HostStamp{60}, HostStamp{20}, no_image);
+  EXPECT_EQ(times(one), (std::vector<std::int64_t>{10}));
+  watchdog->push({HostStamp{40}, EventId::kClockJump, {}});
+  tell(Speaker::kImu, 25);  // comes late, and finds its place
+  log->drain(HostStamp{90}, HostStamp{45}, no_image);
+  EXPECT_EQ(times(one), (std::vector<std::int64_t>{10, 25, 30, 40}));
+  tell(Speaker::kImu, 5);  // too late: goes on at once
+  log->drain(HostStamp{90}, HostStamp{45}, no_image);
+  EXPECT_EQ(times(one).back(), 5);
+  log->drain(HostStamp{90}, kEnd, no_image);
+  EXPECT_EQ(times(two), (std::vector<std::int64_t>{10, 25, 30, 40, 5, 50}));
+}
+
+TEST_F(FlightLogTest, AFullRingIsAnEventAndMoreEventsThanItCanHoldBackGoOnEarly) {
+  make(0);
+  for (std::int64_t i = 0; i < 1100; ++i) tell(Speaker::kImu, i);
+  for (std::int64_t i = 0; i < 5000; ++i) log->imu({HostStamp{i}, {}, {}});
+  log->note_lost(RingName::kImuToTrack, 7, HostStamp{3});
+  log->drain(HostStamp{3}, HostStamp{-1}, no_image);
+  EXPECT_EQ(one.readings, 4096);
+  EXPECT_TRUE(one.events.empty());
+  for (int round = 0; round < 4; ++round) {
+    for (std::int64_t i = 0; i < 1000; ++i) tell(Speaker::kImu, 2000 + i);
+    log->drain(HostStamp{3}, HostStamp{-1}, no_image);
+  }
+  EXPECT_GT(one.events.size(), 900u);  // 5027 events, 4096 places
+  log->drain(HostStamp{3}, kEnd, no_image);
+  EXPECT_EQ(one.events.size(), 1024u + 3 + 4000);
+  EXPECT_EQ(log->events_dropped(), 76u);
+  std::int64_t lost[static_cast<int>(RingName::kCount)] = {};
+  for (const Event& e : one.events) {
+    if (e.id == EventId::kRingOverflow) lost[e.args[0]] += e.args[1];
+  }
+  EXPECT_EQ(lost[static_cast<int>(RingName::kImuToTrack)], 7);
+  EXPECT_EQ(lost[static_cast<int>(RingName::kImuToLog)], 5000 - 4096);
+  EXPECT_EQ(lost[static_cast<int>(RingName::kEvents)], 76);
+}
+
+// The estimator's words, from readings that are wrong in every way there is.
+TEST(EstimatorEvents, TellWhatBecameOfReadings) {
+  const EstimatorConfig config;
+  EstimateStage stage(config, no_clock);
+  auto ring = std::make_unique<EventRing>();
+  EstimatorEvents events(*ring);
+  const auto add = [&](std::int64_t ms, double force) {
+    const ImuSample sample{HostStamp{ms * 1'000'000}, {}, {0, 0, force}};
+    stage.add_imu(sample);
+    events.after_imu(sample, stage);
+  };
+  for (std::int64_t ms = 0; ms <= 1000; ms += 5) add(ms, 9.81);
+  Event event;
+  EXPECT_FALSE(ring->pop(event));
+  const auto expect = [&](EventId id, std::int64_t ms, std::int64_t argument) {
+    ASSERT_TRUE(ring->pop(event));
+    EXPECT_EQ(event.id, id) << to_string(event.id);
+    EXPECT_EQ(event.stamp.ns, ms * 1'000'000);
+    EXPECT_EQ(event.args[0], argument);
+    EXPECT_FALSE(ring->pop(event));
+  };
+  add(1000, 9.81);
+  expect(EventId::kImuRefused, 1000, static_cast<std::int64_t>(ImuRefusal::kDuplicate));
+  add(990, 9.81);
+  expect(EventId::kImuRefused, 990, static_cast<std::int64_t>(ImuRefusal::kOutOfOrder));
+  add(1005, std::numeric_limits<double>::quiet_NaN());
+  expect(EventId::kImuRefused, 1005, static_cast<std::int64_t>(ImuRefusal::kNotFinite));
+  add(1600, 9.81);
+  expect(EventId::kImuGap, 1600, 600'000'000);
+}
+
+// Names in a platform that does not know the estimator's words.
+TEST(EstimatorEvents, StartKindsHaveTheirNames) {
+  const auto shown = [](StartKind kind) {
+    char text[128];
+    return std::string(text, format_event({HostStamp{0}, EventId::kStarted, {static_cast<std::int64_t>(kind)}}, text));
+  };
+  EXPECT_EQ(shown(StartKind::kNone), "0.000000000 started kind=none");
+  EXPECT_EQ(shown(StartKind::kGiven), "0.000000000 started kind=given");
+  EXPECT_EQ(shown(StartKind::kStationary), "0.000000000 started kind=stationary");
+  EXPECT_EQ(shown(StartKind::kMoving), "0.000000000 started kind=moving");
+}
+
+}  // namespace
+}  // namespace epiline
