@@ -28,6 +28,7 @@ constexpr double kGateFree_s = 1;     // no gate until then: a young state may b
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3, kSigmaMost = 2;         // px
+constexpr double kHeldShare = 0.2;    // of an IMU interval: the last reading may be held so long up to a frame's time
 constexpr double kLongestStep_s = 5;  // a longer silence of the camera is a new start
 
 // A start in motion is taken when the window's own posterior says so.
@@ -545,7 +546,7 @@ bool Estimator::add_imu(const ImuSample& sample) noexcept {
 }
 
 HostStamp Estimator::imu_needed_until(HostStamp image) const noexcept {
-  return image + Span::from_seconds(impl_->window.calibration.time_offset);
+  return image + Span::from_seconds(impl_->window.calibration.time_offset - kHeldShare * impl_->history.period());
 }
 
 StepResult Estimator::process(const TrackedFrame& frame, Supervisor& supervisor) noexcept {

@@ -122,7 +122,8 @@ class Estimator {
 
   /// IMU readings in time order; bad ones (old, doubled, not finite) are counted and left out. False: left out.
   bool add_imu(const ImuSample& sample) noexcept;
-  /// The IMU time up to which readings must have been added before a frame of this stamp is processed.
+  /// The IMU time up to which readings must have been added before a frame of this stamp is processed: the frame's, less
+  /// a fifth of an IMU interval. A frame just past a reading need not wait for the next one: the last one holds so long.
   HostStamp imu_needed_until(HostStamp image) const noexcept;
   /// One image's tracks, in time order.
   StepResult process(const TrackedFrame& frame, Supervisor& supervisor) noexcept;

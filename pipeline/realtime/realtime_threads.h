@@ -33,6 +33,7 @@ struct Knowledge {
 /// An image on its way from the tracker to the estimator.
 struct Tracked {
   TrackedFrame frame;
+  HostStamp imu_needed;  ///< readings are needed up to here
   std::int64_t deadline_ns = 0, track_ns = 0;
 };
 

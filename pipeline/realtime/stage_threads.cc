@@ -92,8 +92,9 @@ void RealtimePipeline::Impl::track_frame(const Frame& frame) {
   EPILINE_EXPECTS(out != nullptr || stopping(), "the tracker is never more images ahead than the ring holds");
   if (out == nullptr) return;
   const std::int64_t called_ns = monotonic_ns();
+  out->imu_needed = frame.stamp + known.imu_after_image;
   if (track_stage) {
-    take_imu(track, imu_to_track, track_feed, frame.stamp + known.imu_after_image, *track_stage);
+    take_imu(track, imu_to_track, track_feed, out->imu_needed, *track_stage);
     const std::int64_t began_ns = monotonic_ns();
     track_stage->set_knowledge(Vec3(known.gyroscope_bias_rad_s.data()), known.time_offset_s);
     track_stage->step(frame, out->frame);
@@ -147,8 +148,7 @@ void RealtimePipeline::Impl::estimate_loop() {
 }
 
 void RealtimePipeline::Impl::estimate_frame(const Tracked& image) {
-  take_imu(estimate, imu_to_estimate, estimate_feed, estimate_stage.imu_needed_until(image.frame.stamp),
-           estimate_stage);
+  take_imu(estimate, imu_to_estimate, estimate_feed, image.imu_needed, estimate_stage);
   const StepResult result = estimate_stage.step(image.frame, image.deadline_ns);
   const std::uint64_t serial = frames_out.load(std::memory_order_relaxed);
   // first whoever waits for the odometry, then the next image, then the record

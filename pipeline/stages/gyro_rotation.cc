@@ -36,6 +36,9 @@ Mat3 GyroRotation::between(HostStamp from, HostStamp to, const Vec3& bias_rad_s)
     const Vec3 rate = 0.5 * (rate_between(i, begin) + rate_between(i, end)) - bias_rad_s;
     R = R * so3_exp(rate * (end - begin).seconds());
   }
+  const Reading& last = at(size_ - 1);
+  const Span held = std::min(to - std::max(from, last.stamp), last.stamp - at(size_ - 2).stamp);
+  if (held > Span{}) R = R * so3_exp((last.rate_rad_s - bias_rad_s) * held.seconds());
   return R;
 }
 

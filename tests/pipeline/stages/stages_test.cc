@@ -49,8 +49,11 @@ TEST(GyroRotation, LeavesOutBadReadingsAndKeepsTheNewest) {
   }
   const double end = 0.001 * (count - 1);
   EXPECT_LT((gyro.between(at(end - 0.5), at(end), Vec3::Zero()) - so3_exp(0.5 * w)).norm(), 1e-7);
-  EXPECT_LT((gyro.between(at(end - 0.5), at(end + 0.3), Vec3::Zero()) - so3_exp(0.5 * w)).norm(),
-            1e-7);  // rest after the last
+  // after the last reading: held for one interval, then rest
+  const auto past = [&](double s) { return gyro.between(at(end - 0.5), at(end + s), Vec3::Zero()); };
+  EXPECT_LT((past(0.0004) - so3_exp(0.5004 * w)).norm(), 1e-7);
+  EXPECT_LT((past(0.3) - so3_exp(0.501 * w)).norm(), 1e-7);
+  EXPECT_LT((gyro.between(at(end + 0.0002), at(end + 0.0004), Vec3::Zero()) - so3_exp(0.0002 * w)).norm(), 1e-7);
 }
 
 Camera camera() {
