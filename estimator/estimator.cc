@@ -15,7 +15,9 @@
 #include "estimator/initialise/stationary_start.h"
 #include "estimator/monitor/health.h"
 #include "estimator/monitor/rest_detector.h"
+#include "estimator/predict/covariance.h"
 #include "estimator/solver/solver.h"
+#include "estimator/window/choose_tracks.h"
 #include "estimator/window/keyframe.h"
 #include "estimator/window/marginalise.h"
 #include "estimator/window/window.h"
@@ -37,6 +39,16 @@ constexpr double kStartVelocity = 0.2, kStartTilt = 0.035, kStartScale = 0.15;  
 constexpr double kStartResidual = 1.6;                                          // bearing noise seen over that assumed
 constexpr double kBiasSigmaGyroscope = 0.1, kBiasSigmaAccelerometer = 0.1;      // before the first start
 constexpr double kBiasSigmaGyroscopeKnown = 0.01;                               // before a start after a good run
+
+/// For a start: without it there is nothing to hand out, so it takes its time.
+class Patient final : public Supervisor {
+ public:
+  explicit Patient(Supervisor& watch) : watch_(watch) {}
+  void phase(Phase next) noexcept override { watch_.phase(next); }
+
+ private:
+  Supervisor& watch_;
+};
 
 NewestCovariance covariance_of(const InitialState& s, double sigma_td) {
   NewestCovariance C = NewestCovariance::Zero();
@@ -81,13 +93,15 @@ struct Estimator::Impl {
   bool append_frame(const TrackedFrame& frame);
   void attach_rest(const TrackedFrame& frame);
   void reintegrate_moved_biases();
-  SolverSummary solve(Supervisor& supervisor);
+  SolverSummary solve(Supervisor& supervisor, const Supervisor::Effort& effort);
   void adapt_pixel_sigma(double dt_s);
   void slide(Supervisor& supervisor);
   void join_second_newest();
   void publish(const TrackedFrame& frame, const NavState& x, const Vec3& omega, HostStamp time);
   StepResult predict(const TrackedFrame& frame);
-  void judge(const TrackedFrame& frame, const SolverSummary& s, double dt_s);
+  StepResult predict_for_time(const TrackedFrame& frame);
+  NewestCovariance covariance_after(const SolverSummary& s) const;
+  void judge(const TrackedFrame& frame, const SolverSummary& s, bool reduced, double dt_s);
 
   VisualSettings visual_settings() const;
   double window_age_s(HostStamp now) const { return (now - started_at).seconds(); }
@@ -105,6 +119,7 @@ struct Estimator::Impl {
   Starter starter;
   HealthMonitor monitor;
   Odometry odometry;
+  NewestCovariance covariance = NewestCovariance::Zero();  ///< of the newest frame in the window
   EstimatorStats stats;
 
   bool any_frame = false;
@@ -212,17 +227,26 @@ void Estimator::Impl::reintegrate_moved_biases() {
   }
 }
 
-SolverSummary Estimator::Impl::solve(Supervisor& supervisor) {
+SolverSummary Estimator::Impl::solve(Supervisor& supervisor, const Supervisor::Effort& effort) {
   reintegrate_moved_biases();
   const bool young = window_age_s(window.newest().time) < kYoungWindow_s || rejected_last;
-  const SolverSettings settings{young ? config.steps_young : config.steps, config.estimate_time_offset,
-                                config.estimate_extrinsics};
+  SolverSettings settings{young ? config.steps_young : config.steps, config.estimate_time_offset,
+                          config.estimate_extrinsics};
+  if (effort.most_steps > 0) {
+    settings.steps = std::min(settings.steps, effort.most_steps);
+    settings.attempts = effort.most_steps;
+    settings.tried = effort.most_steps > 1;
+  }
   supervisor.phase(Supervisor::Phase::kSolve);
+  const ChosenTracks chosen = choose_tracks(window, effort.most_tracks);
   visual->collect(window, visual_settings());
   const SolverSummary s = solver.optimise(window, *visual, settings, supervisor);
   supervisor.phase(Supervisor::Phase::kNone);
   rejected_last = s.rejected > 0;
-  ++stats.frames_solved;
+  ++stats.solves;
+  stats.linearisations += static_cast<std::uint64_t>(s.linearisations);
+  stats.tracks_offered += static_cast<std::uint64_t>(chosen.offered);
+  stats.tracks_used += static_cast<std::uint64_t>(chosen.used);
   stats.iterations += static_cast<std::uint64_t>(s.accepted + s.rejected);
   stats.residuals += static_cast<std::uint64_t>(s.residuals);
   stats.state_size +=
@@ -293,18 +317,38 @@ void Estimator::Impl::publish(const TrackedFrame& frame, const NavState& x, cons
 }
 
 StepResult Estimator::Impl::predict(const TrackedFrame& frame) {
-  ++stats.frames_predicted;
   const Slot& s = window.newest();
   const HostStamp time = frame.stamp + Span::from_seconds(window.calibration.time_offset);
   NavState x = s.x;
   Vec3 omega = s.omega;
   history.propagate(s.time, time, x, omega);
   publish(frame, x, omega, time);
+  Preintegration interval;
+  interval.reset(s.x.b_a, s.x.b_g);
+  if (history.integrate(s.time, time, density, interval))
+    Eigen::Map<NewestCovariance>(odometry.covariance.data()) =
+        carried_on(into_body(covariance, s.x.R), s.x.R, interval);
   return {true, false, false};
 }
 
-void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, double dt_s) {
-  const NewestCovariance& C = solver.covariance();
+/// There is no time to solve this frame, though it is due.
+StepResult Estimator::Impl::predict_for_time(const TrackedFrame& frame) {
+  ++stats.frames_predicted_for_time;
+  odometry.health.reasons |= static_cast<std::uint32_t>(HealthReason::kOverloaded);
+  if (odometry.health.state == HealthState::kTracking) odometry.health.state = HealthState::kDegraded;
+  return predict(frame);
+}
+
+/// Of the newest frame. If time ran out before a step was taken, the state is the IMU's prediction, and so is this.
+NewestCovariance Estimator::Impl::covariance_after(const SolverSummary& s) const {
+  const int n = window.size();
+  if (!s.unimproved || n < 2) return solver.covariance();
+  const Mat3& R = window.at(n - 2).x.R;
+  return carried_on(into_body(covariance, R), R, window.newest().imu);
+}
+
+void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, bool reduced, double dt_s) {
+  const NewestCovariance& C = covariance = covariance_after(s);
   const NavState& x = window.newest().x;
   FrameEvidence e;
   e.solved = true;
@@ -314,6 +358,7 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, d
   e.gated_share = s.tracks > 0 ? static_cast<double>(s.gated) / s.tracks : 0;
   e.steps_rejected = !s.ok;
   e.deadline_missed = s.out_of_time;
+  e.overloaded = reduced;
   e.imu_gap = imu_gap_seen;
   e.sigma_velocity = std::sqrt(C.diagonal().segment<3>(6).maxCoeff());
   // tilt: the rotation error's components across gravity
@@ -384,8 +429,10 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   const SolverSettings settings{kStartSteps, config.estimate_time_offset, config.estimate_extrinsics};
   supervisor.phase(Supervisor::Phase::kSolve);
   visual->restart();
+  choose_tracks(window, 0);
   visual->collect(window, visual_settings());
-  const SolverSummary s = solver.optimise(window, *visual, settings, supervisor);
+  Patient patient(supervisor);
+  const SolverSummary s = solver.optimise(window, *visual, settings, patient);
   supervisor.phase(Supervisor::Phase::kNone);
   auto refusal = posterior_refusal(s);
   const double seen = visual->residual_sigma_px();
@@ -402,7 +449,7 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   resting = false;
   last_marginalised = started_at;
   stats.start_kind = StartKind::kMoving;
-  judge(frame, s, config.solve_interval_s);
+  judge(frame, s, false, config.solve_interval_s);
   publish(frame, window.newest().x, window.newest().omega, window.newest().time);
   return std::nullopt;
 }
@@ -447,6 +494,8 @@ StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& super
       return started ? predict(frame) : StepResult{};
   }
   if (!started) return initialise(frame, supervisor);
+  const Supervisor::Effort effort = supervisor.effort();
+  if (!effort.solve) return predict_for_time(frame);
   const double dt = (frame.stamp - window.newest().image_stamp).seconds();
   if (!append_frame(frame)) {
     ++stats.frames_refused;
@@ -454,9 +503,9 @@ StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& super
     return {};
   }
   attach_rest(frame);
-  const SolverSummary s = solve(supervisor);
-  adapt_pixel_sigma(dt);
-  judge(frame, s, dt);
+  const SolverSummary s = solve(supervisor, effort);
+  if (effort.most_steps != 1) adapt_pixel_sigma(dt);  // the residuals of an untried step are those before it
+  judge(frame, s, effort.reduced(), dt);
   if (monitor.reset_wanted()) {
     reset();
     return {};
@@ -485,7 +534,8 @@ void Estimator::Impl::start(const TrackedFrame& frame, const InitialState& state
   rejected_last = false;
   stats.start_kind = kind;
   publish(frame, s.x, s.omega, s.time);
-  Eigen::Map<NewestCovariance>(odometry.covariance.data()) = covariance_of(state, config.time_offset_sigma_s);
+  covariance = covariance_of(state, config.time_offset_sigma_s);
+  Eigen::Map<NewestCovariance>(odometry.covariance.data()) = covariance;
   odometry.health = {};
   odometry.health.reasons = static_cast<std::uint32_t>(HealthReason::kPosteriorWide);
 }
@@ -550,7 +600,17 @@ HostStamp Estimator::imu_needed_until(HostStamp image) const noexcept {
 }
 
 StepResult Estimator::process(const TrackedFrame& frame, Supervisor& supervisor) noexcept {
-  return impl_->process(frame, supervisor);
+  EstimatorStats& stats = impl_->stats;
+  const std::uint64_t refused = stats.frames_refused;
+  const StepResult result = impl_->process(frame, supervisor);
+  if (result.solved) {
+    ++stats.frames_solved;
+  } else if (result.has_pose) {
+    ++stats.frames_predicted;
+  } else if (stats.frames_refused == refused) {
+    ++stats.frames_without_pose;
+  }
+  return result;
 }
 
 void Estimator::start(const TrackedFrame& frame, const InitialState& state) noexcept {

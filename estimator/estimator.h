@@ -62,8 +62,17 @@ struct EstimatorConfig {
 class Supervisor {
  public:
   enum class Phase : std::uint8_t { kNone, kSolve, kMarginalise };
+  /// What a frame may cost.
+  struct Effort {
+    bool solve = true;    ///< false: the IMU predicts this frame
+    int most_tracks = 0;  ///< in the solve and in what leaves the window; 0: all
+    int most_steps = 0;   ///< 0: as configured; 1: one step, accepted without being tried
+    bool reduced() const { return !solve || most_tracks > 0 || most_steps > 0; }
+  };
   virtual ~Supervisor() = default;
-  /// Asked between solver steps; true: return the best accepted iterate now.
+  /// Asked once for each frame that is due to be solved. Starts are not asked for: they take what they need.
+  virtual Effort effort() noexcept { return {}; }
+  /// Asked between solver steps; true: there is no time for another, return the best accepted iterate now.
   virtual bool time_is_up() noexcept { return false; }
   /// The phase that begins now (kNone: bookkeeping), for whoever measures time.
   virtual void phase(Phase) noexcept {}
@@ -95,10 +104,14 @@ enum class StartRefusal : std::uint8_t {
 const char* to_string(StartRefusal);
 
 struct EstimatorStats {
-  std::uint64_t frames = 0, frames_solved = 0, frames_predicted = 0, frames_refused = 0;
+  // frames = solved + predicted + without_pose + refused; predicted_for_time of the predicted ones were due for a solve
+  std::uint64_t frames = 0, frames_solved = 0, frames_predicted = 0, frames_without_pose = 0, frames_refused = 0;
+  std::uint64_t frames_predicted_for_time = 0;
+  std::uint64_t solves = 0;  ///< over which the next four are summed
   std::uint64_t imu_samples = 0, imu_out_of_order = 0, imu_duplicate = 0, imu_not_finite = 0, imu_saturated = 0,
                 imu_gaps = 0;
-  std::uint64_t iterations = 0, residuals = 0, state_size = 0, deadline_hits = 0;  ///< sums over solved frames
+  std::uint64_t iterations = 0, residuals = 0, state_size = 0, deadline_hits = 0;
+  std::uint64_t linearisations = 0, tracks_offered = 0, tracks_used = 0;  ///< likewise
   std::uint64_t keyframes = 0, zero_motion_frames = 0, gated = 0, gate_suspended = 0, tracks_refused = 0;
   std::uint64_t resets = 0, start_attempts = 0;
   std::uint64_t start_refused[static_cast<int>(StartRefusal::kCount)] = {};
@@ -122,8 +135,9 @@ class Estimator {
 
   /// IMU readings in time order; bad ones (old, doubled, not finite) are counted and left out. False: left out.
   bool add_imu(const ImuSample& sample) noexcept;
-  /// The IMU time up to which readings must have been added before a frame of this stamp is processed: the frame's, less
-  /// a fifth of an IMU interval. A frame just past a reading need not wait for the next one: the last one holds so long.
+  /// The IMU time up to which readings must have been added before a frame of this stamp is processed: the frame's,
+  /// less a fifth of an IMU interval. A frame just past a reading need not wait for the next one: the last one holds so
+  /// long.
   HostStamp imu_needed_until(HostStamp image) const noexcept;
   /// One image's tracks, in time order.
   StepResult process(const TrackedFrame& frame, Supervisor& supervisor) noexcept;

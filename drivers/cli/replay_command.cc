@@ -38,6 +38,9 @@ void print_realtime(const FlightRecord& r, const Timing& t) {
     for (const std::string& folder : recorder->written) fmt::print("record    {}\n", folder);
     for (const std::string& line : recorder->failed) fmt::print("note      record failed: {}\n", line);
   }
+  fmt::print("imu rate  {} predictions, {:.2f} ms 99 %, {:.2f} ms at most, from reading to odometry\n",
+             report.predicted, 1e-6 * static_cast<double>(report.prediction_latency.quantile_ns(0.99)),
+             1e-6 * static_cast<double>(report.prediction_latency.most_ns()));
   for (const std::string& line : r.realtime->shortfalls) fmt::print("note      {}\n", line);
 }
 
@@ -57,6 +60,9 @@ void print_summary(const FlightRecord& r, const std::optional<TrajectoryErrors>&
   fmt::print("solve     {:.3f} ms mean, {:.3f} ms 99 %\n", t.solve.mean, t.solve.p99);
   fmt::print("estimate  {:.3f} ms mean, {:.3f} ms 99 %\n", t.estimate.mean, t.estimate.p99);
   if (r.realtime) print_realtime(r, t);
+  if (const auto& f = r.load.frames; f[1] + f[2] + f[3] > 0)
+    fmt::print("load      {} images in full, {} with fewer features, {} with fewer iterations, {} predicted only\n",
+               f[0], f[1], f[2], f[3] - r.load.let_through);
   fmt::print("report    {}/report.html\n", out);
 }
 
@@ -139,7 +145,9 @@ void add_replay(CLI::App& app, int& exit_code) {
   command->add_option("--start", o->replay.start_s, "seconds of images left out at the beginning")
       ->check(CLI::NonNegativeNumber);
   command->add_option("--duration", o->replay.duration_s, "ends after that many seconds")->check(CLI::PositiveNumber);
-  command->add_option("--deadline-ms", o->deadline_ms, "time for one image; the result then depends on the computer")
+  command
+      ->add_option("--deadline-ms", o->deadline_ms,
+                   "time for the solve of one image; the result then depends on the computer")
       ->check(CLI::PositiveNumber);
   CLI::Option* const realtime =
       command->add_flag("--realtime", o->realtime, "in threads, each sample at its time, as a live run does it");
@@ -153,6 +161,11 @@ void add_replay(CLI::App& app, int& exit_code) {
       command->add_option("--record", o->replay.record_folder, "flight recorder: records go into this folder")
           ->needs(realtime);
   command->add_flag("--record-images", o->replay.record_images, "images are recorded too")->needs(record);
+  command
+      ->add_option("--loop", o->replay.loop_s, "fly it again and again, each round a new start, for that many seconds")
+      ->check(CLI::PositiveNumber);
+  command->add_flag("--imu-rate", o->replay.imu_rate, "write odometry_imu_rate.tum: the odometry at every IMU reading")
+      ->needs(realtime);
   command->add_option("--shift-images", o->replay.shift_images_ms, "ms added to the images' stamps, to test with");
   command->add_option("--fault", o->faults, fault_help());
   command->add_flag("--quiet", o->quiet, "no summary, no progress");

@@ -9,6 +9,7 @@
 #include "drivers/replay/fault_injection.h"
 #include "drivers/replay/flight_plan.h"
 #include "drivers/replay/image_file.h"
+#include "drivers/replay/predicted_recorder.h"
 #include "drivers/replay/recorded_sensors.h"
 #include "drivers/view/live_view.h"
 #include "pipeline/realtime/realtime_pipeline.h"
@@ -181,6 +182,8 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
   Collector collector(plan.images.size());
   RecordedCamera camera(dataset, plan);
   RecordedImu imu(dataset, plan);
+  std::optional<PredictedRecorder> predicted;
+  if (options.imu_rate) predicted.emplace(dataset.imu_samples.size() - plan.first_imu, options.odometry);
   try {
     const HostStamp first = plan.images.front().stamp;
     const CameraParameters& lens = dataset.camera.parameters;
@@ -188,7 +191,7 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
                                CameraFaults(options.faults, first, lens.width, lens.height, RecordedCamera::kBuffers));
     FaultyImu faulty_imu(imu, ImuFaults(options.faults, first));
     const RecordSignal signal;  // before any thread begins
-    RealtimePorts ports{&faulty_camera, &faulty_imu, options.odometry, {&collector}, {}};
+    RealtimePorts ports{&faulty_camera, &faulty_imu, predicted ? &*predicted : options.odometry, {&collector}, {}};
     if (options.view != nullptr) ports.observers.push_back(&start_view(*options.view, dataset, options));
     std::optional<FlightRecorder> recorder;
     if (!config.recorder.folder.empty()) {
@@ -223,7 +226,10 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     record.skipped["missed_by_camera"] = camera.missed();
     record.skipped["overtaken"] = report.frames_overtaken;
     count_costs(report, record);
-    record.realtime = RealtimeRecord{*options.realtime_speed, shortfalls_of(report), report, std::nullopt};
+    record.load = report.load;
+    record.realtime =
+        RealtimeRecord{*options.realtime_speed, shortfalls_of(report), report, std::nullopt, std::nullopt};
+    if (predicted) record.realtime->predicted = predicted->path();
     if (recorder) finish(*recorder, record);
   } catch (const std::system_error& e) {
     return Error{ErrorKind::kRun, options.dataset.string(), 0, e.what(), "a system that can start 6 threads"};

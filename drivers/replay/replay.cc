@@ -7,6 +7,7 @@
 #include "drivers/replay/asl_dataset.h"
 #include "drivers/replay/flight_plan.h"
 #include "drivers/replay/image_file.h"
+#include "drivers/replay/loop.h"
 #include "drivers/replay/recorded_sensors.h"
 #include "pipeline/config/config.h"
 #include "pipeline/report/report.h"
@@ -79,6 +80,7 @@ class Flight {
   FlightRecord finish() {
     record_.events_lost = pipeline_.events().dropped();
     record_.estimator = pipeline_.estimator().stats();
+    record_.load = pipeline_.load();
     if (const TrackerStats* tracker = pipeline_.tracker_stats()) record_.tracker = *tracker;
     record_.skipped["refused_by_estimator"] = record_.estimator.frames_refused;
     if (counts_heap_) record_.heap_calls = heap_calls_;
@@ -146,12 +148,13 @@ Result<ReplayResult> replay(const ReplayOptions& options,
     file = std::move(*read);
     file->apply(config);  // for the names of calibration files; what the data set says comes before the rest
   }
-  const auto dataset = is_bag(options.dataset) ? open_bag_dataset(options.dataset, options.topics, options.camera,
-                                                                  config.camera_calibration, config.imu_calibration)
-                                               : open_asl_dataset(options.dataset, options.camera,
-                                                                  config.camera_calibration, config.imu_calibration);
+  auto dataset = is_bag(options.dataset) ? open_bag_dataset(options.dataset, options.topics, options.camera,
+                                                            config.camera_calibration, config.imu_calibration)
+                                         : open_asl_dataset(options.dataset, options.camera, config.camera_calibration,
+                                                            config.imu_calibration);
   if (!dataset) return dataset.error();
   fill_config(*dataset, file ? &*file : nullptr, options, config);
+  if (options.loop_s) loop_flight(*dataset, *options.loop_s);
   try {
     const FlightPlan plan = plan_flight(*dataset, options);
     if (plan.images.empty()) {
@@ -173,6 +176,10 @@ Result<std::optional<TrajectoryErrors>> write_outputs(const FlightRecord& record
   const ProgramInfo program = program_info();
   const Json stats = stats_json(record, errors, program);
   if (const Status s = write_text(folder / "trajectory.tum", tum_text(trajectory_of(record))); !s) return s.error();
+  if (record.realtime && record.realtime->predicted) {
+    const std::string text = tum_text(record.realtime->predicted->trajectory);
+    if (const Status s = write_text(folder / "odometry_imu_rate.tum", text); !s) return s.error();
+  }
   if (const Status s = write_text(folder / "events.txt", events_text(record)); !s) return s.error();
   if (const Status s = write_text(folder / "stats.json", stats.dump(2) + "\n"); !s) return s.error();
   if (const Status s = write_text(folder / "report.html", report_html(record, errors, program)); !s) return s.error();

@@ -25,7 +25,9 @@ struct ReplayOptions {
   std::optional<double> deadline_ms;          ///< wins over the file
   double start_s = 0;                         ///< of images left out at the beginning
   double duration_s = std::numeric_limits<double>::infinity();
+  std::optional<double> loop_s;          ///< the flight again and again until it has lasted so long
   std::optional<double> realtime_speed;  ///< in threads, seconds of the recording in one second; none: in one thread
+  bool imu_rate = false;                 ///< in threads: keep the odometry of every IMU reading
   double shift_images_ms = 0;            ///< added to the images' stamps: a made-up time offset
   std::vector<Fault> faults;             ///< what goes wrong with the sensors on the way
   OdometrySink* odometry = nullptr;      ///< of a real-time run: gets what is published

@@ -1,11 +1,9 @@
 #pragma once
 // Where a body is at every instant, as a camera that renders and an IMU that is simulated need it.
 #include "estimator/geometry/types.h"
+#include "estimator/window/state.h"
 
 namespace epiline {
-
-/// Gravity in W, m/s^2.
-inline const Vec3 kGravity_W{0, 0, -9.81};
 
 /// What the body does at one instant.
 struct Motion {

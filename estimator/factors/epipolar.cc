@@ -43,7 +43,7 @@ void add_pairs(const Window& w, const VisualSettings& s, int frames, bool oldest
   int frame[kMaxFrames];
   for (int i = 0; i < w.track_count(); ++i) {
     const TrackRecord& t = w.track(i);
-    if (oldest_only && !w.seen(t, 0)) continue;
+    if (!t.in_use || (oldest_only && !w.seen(t, 0))) continue;
     int n = 0;
     for (int k = 0; k < frames; ++k)
       if (w.seen(t, k) && w.view(t, k).f_C.z() > 0.05) {  // z has no meaning sideways and behind

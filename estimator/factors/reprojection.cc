@@ -112,6 +112,7 @@ void ReprojectionFactor::pack(const Window& w, int frames, int host_limit) {
   used_ = 0;
   for (int i = 0; i < count_; ++i) {
     const TrackRecord& t = w.track(i);
+    if (!t.in_use) continue;
     Landmark& l = m.landmark[i];
     const int host = next_view(w, t, l, 0, frames);
     int last = host;

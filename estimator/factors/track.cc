@@ -46,7 +46,7 @@ void TrackFactor::pack(const Window& w, const VisualSettings& s, std::uint32_t r
   int n = 0;
   for (int i = 0; i < w.track_count(); ++i) {
     const TrackRecord& t = w.track(i);
-    if (required_mask && !(t.mask & required_mask)) continue;
+    if (!t.in_use || (required_mask && !(t.mask & required_mask))) continue;
     int first = -1, last = -1;
     for (int k = 0; k < frames; ++k)
       if (w.seen(t, k)) {

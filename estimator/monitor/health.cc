@@ -40,6 +40,7 @@ Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
   flag(h.reasons, bias, HealthReason::kBiasImplausible);
   flag(h.reasons, settled_ && e.sigma_velocity > kDegradedVelocity, HealthReason::kVelocityUncertain);
   flag(h.reasons, e.deadline_missed, HealthReason::kDeadlineMissed);
+  flag(h.reasons, e.overloaded, HealthReason::kOverloaded);
   flag(h.reasons, e.imu_gap, HealthReason::kImuGap);
   flag(h.reasons, !e.finite, HealthReason::kNotFinite);
 

@@ -14,6 +14,7 @@ struct FrameEvidence {
   double gated_share = 0;  ///< of the window's tracks
   bool steps_rejected = false;
   bool deadline_missed = false;
+  bool overloaded = false;  ///< solved with less than the configured effort
   bool imu_gap = false;
   double sigma_velocity = 0;                          ///< m/s, largest axis
   double sigma_tilt = 0;                              ///< rad

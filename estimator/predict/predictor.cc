@@ -9,7 +9,7 @@ namespace epiline {
 
 namespace {
 
-using Mat16 = Eigen::Matrix<double, 16, 16, Eigen::RowMajor>;
+using OdometryCovariance = Eigen::Matrix<double, 16, 16, Eigen::RowMajor>;
 
 constexpr double kQuaternionTolerance = 1e-3;
 
@@ -27,19 +27,6 @@ bool usable(const Odometry& o) {
 
 // The instant of the state behind a solved odometry; `set_base` undoes the move of the pose to the image's stamp.
 HostStamp imu_time(const Odometry& solved) { return solved.stamp + Span::from_seconds(solved.time_offset_s); }
-
-// M <- B M for B = diag(R, I, R, I, I).
-template <class Matrix>
-void turn_rows(const Mat3& R, Matrix& M) {
-  for (const int row : {0, 6}) M.template middleRows<3>(row) = (R * M.template middleRows<3>(row)).eval();
-}
-
-// M <- B M B^T.
-void turn_both_sides(const Mat3& R, Mat15& M) {
-  turn_rows(R, M);
-  M.transposeInPlace();
-  turn_rows(R, M);
-}
 
 }  // namespace
 
@@ -122,12 +109,7 @@ void Predictor::set_base(const Odometry& solved, HostStamp time) noexcept {
   base_.b_a = Vec3(solved.accelerometer_bias_m_s2.data());
   base_.b_g = Vec3(solved.gyroscope_bias_rad_s.data());
 
-  const Eigen::Map<const Mat16> P(solved.covariance.data());
-  base_covariance_ = P.topLeftCorner<15, 15>();
-  turn_both_sides(base_.R.transpose(), base_covariance_);
-  base_time_offset_ = P.topRightCorner<15, 1>();
-  turn_rows(base_.R.transpose(), base_time_offset_);
-
+  base_covariance_ = into_body(Eigen::Map<const OdometryCovariance>(solved.covariance.data()), base_.R);
   interval_.reset(base_.b_a, base_.b_g);
   history_.integrate(time, history_.newest().stamp, config_.density, interval_);
 }
@@ -179,27 +161,12 @@ Odometry Predictor::odometry() const noexcept {
   Eigen::Map<Vec3>(out.v_WB_m_s.data()) = x.v + d.v;
   Eigen::Map<Vec3>(out.omega_B_rad_s.data()) = newest.w - x.b_g;
 
-  // J leaves the biases as they are, so only its upper nine rows are multiplied.
-  const auto J = interval_.J.topRows<9>();
-  const Eigen::Matrix<double, 9, 15> J_P = J * base_covariance_;
-  Mat15 P = interval_.C;
-  P.topLeftCorner<9, 9>() += J_P * J.transpose();
-  P.topRightCorner<9, 6>() += J_P.rightCols<6>();
-  P.bottomLeftCorner<6, 9>() += J_P.rightCols<6>().transpose();
-  P.bottomRightCorner<6, 6>() += base_covariance_.bottomRightCorner<6, 6>();
-  Vec15 P_td = base_time_offset_;
-  P_td.head<9>() = J * base_time_offset_;
-  turn_both_sides(base_.R, P);
-  turn_rows(base_.R, P_td);
-
+  Covariance16 P = carried_on(base_covariance_, base_.R, interval_);
   // The published state is off the predicted one by a known e: its mean square error is P + e e^T.
   Vec9 e;
   e << d.p, x.R.transpose() * d.phi, d.v;
   P.topLeftCorner<9, 9>() += e * e.transpose();
-  Eigen::Map<Mat16> C(out.covariance.data());
-  C.topLeftCorner<15, 15>() = 0.5 * (P + P.transpose());
-  C.topRightCorner<15, 1>() = P_td;
-  C.bottomLeftCorner<1, 15>() = P_td.transpose();
+  Eigen::Map<OdometryCovariance>(out.covariance.data()) = P;
 
   const State now = state();
   if (now == State::kStale) {

@@ -7,6 +7,7 @@
 #include "estimator/geometry/types.h"
 #include "estimator/inertial/imu_history.h"
 #include "estimator/inertial/preintegration.h"
+#include "estimator/predict/covariance.h"
 #include "estimator/window/state.h"
 #include "platform/samples/samples.h"
 
@@ -93,11 +94,10 @@ class Predictor {
 
   bool started_ = false, waiting_ = false;
   Odometry waiting_for_readings_;
-  Odometry solved_;          // the last correction
-  HostStamp base_time_;      // of the IMU
-  NavState base_;            // at base_time_
-  Mat15 base_covariance_;    // p and v turned into the base's body frame
-  Vec15 base_time_offset_;   // covariance with the time offset, turned likewise
+  Odometry solved_;      // the last correction
+  HostStamp base_time_;  // of the IMU
+  NavState base_;        // at base_time_
+  BodyCovariance base_covariance_;
   Preintegration interval_;  // from base_time_ to the newest reading
   Offset offset_;            // as it was at offset_time_
   HostStamp offset_time_;

@@ -319,8 +319,10 @@ SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const Solve
     if (factorise_and_solve(w, damping)) {
       covariance_fresh = damping == kFirstDamping;
       if (covariance_fresh) read_covariance(w, settings);
-      if (apply_step(w, visual, settings)) trial = linearise(w, visual, settings);
-      ++r.linearisations;
+      if (apply_step(w, visual, settings)) {
+        trial = settings.tried ? linearise(w, visual, settings) : cost;
+        r.linearisations += settings.tried ? 1 : 0;
+      }
     }
     if (trial <= cost * (1 + 1e-6) + 1e-6) {
       ++r.accepted;
@@ -337,7 +339,10 @@ SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const Solve
     // the quadratic model tells when a step is far below what is known of the state.
     if (trial < cost * (1 + kNoGain) + kNoGain) break;
     if (std::isfinite(trial) && memory_->expected_gain < kInsignificant * 15 * w.size()) break;
-    if (++r.rejected >= kMaxRejections || supervisor.time_is_up()) break;
+    r.out_of_time = supervisor.time_is_up();
+    ++r.rejected;
+    r.unimproved = r.accepted == 0 && r.rejected < kMaxRejections && (r.out_of_time || r.rejected >= settings.attempts);
+    if (r.unimproved || r.out_of_time || r.rejected >= std::min(settings.attempts, kMaxRejections)) break;
     damping = std::max(damping * 30, kAfterRejection);
     linearise(w, visual, settings);
     ++r.linearisations;

@@ -11,6 +11,8 @@ struct SolverSettings {
   int steps = 2;  ///< accepted steps at most
   bool estimate_time_offset = true;
   bool estimate_extrinsics = false;
+  int attempts = 4;   ///< steps that may be rejected; after the last the solver gives up
+  bool tried = true;  ///< false: a step is accepted as it is, which saves the linearisation that would try it
 };
 
 struct SolverSummary {
@@ -19,6 +21,7 @@ struct SolverSummary {
   double cost_first = 0, cost = 0;
   int residuals = 0, tracks = 0, gated = 0;
   bool out_of_time = false;
+  bool unimproved = false;  ///< cut short before any step was accepted: the window is where it was
 };
 
 /// Covariance of the newest frame's state and the time offset: 16x16, order dp, dtheta, dv, dba, dbg, dtd.

@@ -1,5 +1,7 @@
 #include "estimator/window/window.h"
 
+#include <algorithm>
+
 #include "platform/error/contract.h"
 
 namespace epiline {
@@ -61,6 +63,13 @@ Observation observation(const TrackedFeature& f) {
 }
 }  // namespace
 
+namespace {
+std::uint16_t cell_of(const std::array<float, 2>& pixel) {
+  const auto index = [](float x) { return static_cast<int>(std::clamp(x / 64.0F, 0.0F, 31.0F)); };
+  return static_cast<std::uint16_t>(32 * index(pixel[1]) + index(pixel[0]));
+}
+}  // namespace
+
 int Window::observe(const TrackedFrame& frame) {
   const std::uint8_t slot = order_[static_cast<std::size_t>(size_ - 1)];
   int refused = 0;
@@ -74,11 +83,13 @@ int Window::observe(const TrackedFrame& frame) {
       i = tracks_++;
       records_[static_cast<std::size_t>(i)].id = feature.id;
       records_[static_cast<std::size_t>(i)].mask = 0;
+      records_[static_cast<std::size_t>(i)].in_use = true;
       insert_index(feature.id, i);
     }
     TrackRecord& t = records_[static_cast<std::size_t>(i)];
     t.view[slot] = observation(feature);
     t.mask |= 1u << slot;
+    t.cell = cell_of(feature.pixel);
   }
   return refused;
 }

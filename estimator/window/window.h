@@ -18,10 +18,14 @@ struct Observation {
   Mat23 chart;
 };
 
+inline constexpr int kViewCells = 1024;  ///< 32 x 32 squares of 64 pixels; what is beyond shares the outermost
+
 /// A track: which slots saw it, and what they saw.
 struct TrackRecord {
   std::uint32_t id = 0;
   std::uint32_t mask = 0;  ///< bit s: slot s has a view
+  bool in_use = true;      ///< by the visual factors; see choose_tracks()
+  std::uint16_t cell = 0;  ///< below kViewCells: where in the image it was seen last
   std::array<Observation, kMaxFrames> view;
 };
 

@@ -18,7 +18,7 @@ namespace epiline {
 struct Config {
   EstimatorConfig estimator;
   TrackerConfig tracker;
-  double deadline_ms = 0;  ///< time for one image's track and estimate; 0: as long as it takes
+  double deadline_ms = 0;  ///< for the solve of one image; 0: as long as it takes
   RealtimeConfig realtime;
   RecorderConfig recorder;
   std::string camera_calibration;  ///< replaces the data set's file

@@ -68,7 +68,7 @@ const std::vector<Parameter>& parameters() {
        EPILINE_AT(estimator.extrinsic_rotation_sigma_rad)},
       {"estimator.extrinsic_translation_sigma_m", "m", 1e-6, 1, "uncertainty of the calibrated translation",
        EPILINE_AT(estimator.extrinsic_translation_sigma_m)},
-      {"estimator.deadline_ms", "ms", 0, 1e4, "time for one image, tracker included; 0: as long as it takes",
+      {"estimator.deadline_ms", "ms", 0, 1e4, "time for the solve of one image; 0: as long as it takes",
        EPILINE_AT(deadline_ms)},
       // tracker
       {"tracker.max_features", "", 1, 400, "tracks to keep alive", EPILINE_AT(tracker.max_features)},

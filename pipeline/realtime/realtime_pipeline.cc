@@ -10,7 +10,7 @@ RealtimePipeline::Impl::Impl(const RealtimeSettings& s, const RealtimePorts& p)
     : settings(s),
       ports(p),
       recorded(Camera(s.camera)),
-      estimate_stage(s.estimator, monotonic_ns),
+      estimate_stage(s.estimator, monotonic_ns, Span::from_seconds(1e-3 * s.deadline_ms).ns),
       flight_log(p.observers, p.event_rings, s.images_to_log) {
   if (s.images) track_stage.emplace(Camera(s.camera), s.tracker, s.estimator.extrinsics.R_BC);
   known = knowledge_of(estimate_stage);
@@ -104,6 +104,7 @@ RealtimeReport RealtimePipeline::report() const {
   r.rings.push_back({"frames", m.frames.capacity(), m.frames.high_water(), m.frames.popped(), r.frames_overtaken});
   ring("imu_to_track", m.imu_to_track);
   ring("imu_to_estimate", m.imu_to_estimate);
+  ring("imu_to_publish", m.imu_to_publish);
   ring("tracked", m.tracked);
   ring("knowledge", m.knowledge);
   m.flight_log.each_ring([&](RingName name, const auto& of) { ring(to_string(name), of); });
@@ -115,6 +116,12 @@ RealtimeReport RealtimePipeline::report() const {
   r.imu_late = m.track_imu_late.load() + m.estimate_imu_late.load();
   r.published = m.published.load();
   r.publish_failed = m.publish_failed.load();
+  r.late = m.late.load();
+  r.load = m.estimate_stage.load();
+  r.predicted = m.predicted.load();
+  r.predict_failed = m.predict_failed.load();
+  r.prediction = m.predictor.stats();
+  r.prediction_latency = m.prediction_latency;
   r.superseded = r.frames_out - r.published;
   r.memory_not_locked = m.memory_not_locked;
   return r;

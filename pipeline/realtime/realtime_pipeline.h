@@ -8,7 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "estimator/predict/predictor.h"
 #include "pipeline/realtime/flight_observer.h"
+#include "pipeline/realtime/latency_bins.h"
 #include "pipeline/realtime/realtime_config.h"
 #include "pipeline/stages/frame_outcome.h"
 #include "pipeline/stages/recorded_tracks.h"
@@ -23,7 +25,7 @@ struct RealtimeSettings {
   CameraParameters camera;
   TrackerConfig tracker;
   EstimatorConfig estimator;
-  double deadline_ms = 0;  ///< as offline: for one image, from the beginning of its tracking; 0: none
+  double deadline_ms = 0;  ///< for the solve of one image; 0: as long as it takes
   RealtimeConfig realtime;
   bool images = true;  ///< false: recorded tracks
   /// Recorded tracks: the points of each image, by Frame::sequence. They outlive the pipeline.
@@ -65,8 +67,13 @@ struct RealtimeReport {
   std::uint64_t published = 0, publish_failed = 0;
   std::uint64_t events_dropped = 0;
   std::uint64_t images_not_logged = 0;
-  std::uint64_t superseded = 0;   ///< estimates that a newer one reached the publisher before
-  std::string memory_not_locked;  ///< why not; empty: it is
+  std::uint64_t late = 0;  ///< images' odometry that left after the deadline
+  LoadGovernor::Counts load;
+  std::uint64_t predicted = 0, predict_failed = 0;  ///< odometry at the IMU's rate handed out; refused by its receiver
+  PredictorStats prediction;
+  LatencyBins prediction_latency;  ///< from a reading's stamp to the odometry handed out
+  std::uint64_t superseded = 0;    ///< estimates that a newer one reached the publisher before
+  std::string memory_not_locked;   ///< why not; empty: it is
 };
 
 class RealtimePipeline {

@@ -42,6 +42,10 @@ struct Estimate {
   std::uint64_t serial = 0;  ///< from 1; 0: none yet
   bool has_pose = false;
   Odometry odometry;
+  // What the prediction is corrected with, once for each `solved_serial`. It is repeated in later estimates: one that
+  // was superseded is not lost.
+  std::uint64_t solved_serial = 0;  ///< 0: none yet
+  Odometry solved;
 };
 
 /// Of a counter with one writer.
@@ -84,8 +88,10 @@ struct RealtimePipeline::Impl {
   void learn();
   void estimate_frame(const Tracked& tracked);
   void publish_estimate(const Estimate& newest);
+  void correct_prediction(const Estimate& newest);
+  void publish_prediction(const ImuSample& reading);
   void log_round(bool last);
-  std::int64_t deadline_of(HostStamp image, std::int64_t began_ns) const;
+  std::int64_t deadline_of(HostStamp image) const;
   void give(TrackStage& stage, const ImuSample& sample) { stage.add_imu(sample); }
   void give(EstimateStage& stage, const ImuSample& sample);
   void imu_is_late(Worker& worker, HostStamp needed);
@@ -135,7 +141,7 @@ struct RealtimePipeline::Impl {
   std::array<Frame, kMostSlots> slots{};                      ///< written by capture, read by whoever holds the slot
   std::array<std::atomic<std::uint8_t>, kMostSlots> users{};  ///< who holds the slot: tracker, log
   NewestRing<4> frames;
-  ImuRing imu_to_track, imu_to_estimate;
+  ImuRing imu_to_track, imu_to_estimate, imu_to_publish;
   SpscRing<Tracked, 4> tracked;
   SpscRing<Knowledge, 4> knowledge;
   LatestValue<Estimate> newest;
@@ -146,13 +152,18 @@ struct RealtimePipeline::Impl {
   std::uint64_t frames_tracked = 0, lessons = 0;  ///< lessons: taken from `knowledge`
   int previous_slot = -1;
   // The estimator's own.
+  std::uint64_t solved_serial = 0;
+  Odometry solved;
   EstimatorEvents estimator_events{flight_log.events_of(FlightLog::Speaker::kEstimate)};
   // The publisher's own.
-  std::uint64_t last_published = 0;
+  std::uint64_t last_published = 0, last_corrected = 0;
+  std::uint32_t resets_seen = 0;
+  Predictor predictor{predictor_config(settings.estimator)};
+  LatencyBins prediction_latency;
 
   // Each written by one thread.
   std::atomic<std::uint64_t> frames_in{0}, frames_out{0}, imu_in{0}, track_imu_late{0}, estimate_imu_late{0},
-      published{0}, publish_failed{0};
+      published{0}, publish_failed{0}, late{0}, predicted{0}, predict_failed{0};
 
   Worker imu, capture, track, estimate, publish, log;
 };

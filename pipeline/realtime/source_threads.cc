@@ -20,10 +20,12 @@ void RealtimePipeline::Impl::imu_loop() {
       flight_log.imu(samples[i]);                      // first: what was used is in the record
       if (track_stage) imu_to_track.push(samples[i]);  // a full ring refuses, and counts
       imu_to_estimate.push(samples[i]);
+      imu_to_publish.push(samples[i]);
       bump(imu_in);
     }
     track.parking.notify();
     estimate.parking.notify();
+    publish.parking.notify();
   }
   end(imu, {&track, &estimate});
 }

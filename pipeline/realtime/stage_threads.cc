@@ -1,6 +1,4 @@
 // The threads of the stages: track and estimate.
-#include <algorithm>
-
 #include "pipeline/realtime/realtime_threads.h"
 #include "platform/error/contract.h"
 
@@ -91,7 +89,6 @@ void RealtimePipeline::Impl::track_frame(const Frame& frame) {
   Tracked* const out = tracked.claim();
   EPILINE_EXPECTS(out != nullptr || stopping(), "the tracker is never more images ahead than the ring holds");
   if (out == nullptr) return;
-  const std::int64_t called_ns = monotonic_ns();
   out->imu_needed = frame.stamp + known.imu_after_image;
   if (track_stage) {
     take_imu(track, imu_to_track, track_feed, out->imu_needed, *track_stage);
@@ -105,7 +102,7 @@ void RealtimePipeline::Impl::track_frame(const Frame& frame) {
     recorded.step(frame.stamp, points.data(), points.size(), out->frame);
     out->track_ns = 0;
   }
-  out->deadline_ns = deadline_of(frame.stamp, called_ns);
+  out->deadline_ns = deadline_of(frame.stamp);
   tracked.publish();
   ++frames_tracked;
   estimate.parking.notify();
@@ -119,13 +116,9 @@ void RealtimePipeline::Impl::log_image(const Frame& frame) {
   if (!flight_log.image(frame)) holders.fetch_sub(1, std::memory_order_relaxed);
 }
 
-std::int64_t RealtimePipeline::Impl::deadline_of(HostStamp image, std::int64_t began_ns) const {
-  const auto span_ns = [](double ms) { return Span::from_seconds(ms * 1e-3).ns; };
-  std::int64_t deadline = EstimateStage::kNoDeadline;
-  if (settings.deadline_ms > 0) deadline = began_ns + span_ns(settings.deadline_ms);
-  if (settings.realtime.deadline_ms > 0)
-    deadline = std::min(deadline, pace.host_of(image) + span_ns(settings.realtime.deadline_ms));
-  return deadline;
+std::int64_t RealtimePipeline::Impl::deadline_of(HostStamp image) const {
+  const double ms = settings.realtime.deadline_ms;
+  return ms > 0 ? pace.host_of(image) + Span::from_seconds(1e-3 * ms).ns : EstimateStage::kNoDeadline;
 }
 
 void RealtimePipeline::Impl::estimate_loop() {
@@ -156,6 +149,12 @@ void RealtimePipeline::Impl::estimate_frame(const Tracked& image) {
   draft.serial = serial + 1;
   draft.has_pose = result.has_pose;
   draft.odometry = estimate_stage.estimator().odometry();
+  if (result.solved) {
+    solved_serial = serial + 1;
+    solved = draft.odometry;
+  }
+  draft.solved_serial = solved_serial;
+  draft.solved = solved;
   newest.publish();
   publish.parking.notify();
   knowledge.push(knowledge_of(estimate_stage));

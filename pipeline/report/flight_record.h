@@ -32,12 +32,20 @@ struct ImageRecord {
   double frame_ms() const { return track_ms + estimate_ms; }
 };
 
+/// The odometry handed out at the IMU's rate.
+struct PredictedPath {
+  Trajectory trajectory;
+  double largest_jump_m = 0;  ///< between two readings, beyond what the two velocities explain; resets left out
+  double largest_jump_rad = 0, largest_jump_m_s = 0;  ///< beyond the angular rates; of velocity from reading to reading
+};
+
 /// How the threads of a real-time run fared.
 struct RealtimeRecord {
   double speed = 1;                     ///< of the recording's clock
   std::vector<std::string> shortfalls;  ///< privileges asked for and not given, a line each
   RealtimeReport report;
   std::optional<RecorderReport> recorder;  ///< none without a recorder
+  std::optional<PredictedPath> predicted;  ///< if it was asked for
 };
 
 /// Takes over what the estimator says of an image.
@@ -64,6 +72,7 @@ struct FlightRecord {
   std::vector<Event> events;        ///< in no particular order
   std::uint64_t events_lost = 0;    ///< for which there was no room
   EstimatorStats estimator;
+  LoadGovernor::Counts load;
   std::optional<TrackerStats> tracker;  ///< none with recorded tracks
   double peak_rss_mib = 0;
   std::optional<std::uint64_t> heap_calls;  ///< inside the stages; none where they cannot be counted

@@ -36,6 +36,7 @@ Json images_json(const FlightRecord& r) {
           {"tracked", r.images.size()},
           {"solved", r.estimator.frames_solved},
           {"predicted", r.estimator.frames_predicted},
+          {"without_pose", r.estimator.frames_without_pose},
           {"keyframes", r.estimator.keyframes},
           {"skipped", skipped},
           {"skipped_by_reason", reasons}};
@@ -105,6 +106,36 @@ Json recorder_json(const RealtimeRecord& r) {
           {"memory_mib", static_cast<double>(r.recorder->memory_bytes) / (1 << 20)}};
 }
 
+/// What was given up for lack of time.
+Json load_json(const FlightRecord& r) {
+  Json levels = Json::object();
+  for (std::size_t i = 0; i < kLoadLevels; ++i) levels[kLoadLevelNames[i]] = r.load.frames[i];
+  return {{"frames_at_level", levels},
+          {"lowered", r.load.lowered},
+          {"raised", r.load.raised},
+          {"solved_to_survive", r.load.let_through},
+          {"solves_over_budget", r.load.over_budget}};
+}
+
+/// What went out at the IMU's rate.
+Json prediction_json(const RealtimeRecord& realtime) {
+  const RealtimeReport& r = realtime.report;
+  const auto ms = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
+  const auto& path = realtime.predicted;
+  return {{"published", r.predicted},
+          {"failed", r.predict_failed},
+          {"corrections", r.prediction.corrections},
+          {"jumps", r.prediction.jumps},
+          {"not_taken", r.prediction.old + r.prediction.not_finite + r.prediction.no_readings},
+          {"latency_ms",
+           {{"p50", ms(r.prediction_latency.quantile_ns(0.5))},
+            {"p99", ms(r.prediction_latency.quantile_ns(0.99))},
+            {"max", ms(r.prediction_latency.most_ns())}}},
+          {"largest_jump_m", path ? Json(path->largest_jump_m) : Json(nullptr)},
+          {"largest_jump_rad", path ? Json(path->largest_jump_rad) : Json(nullptr)},
+          {"largest_jump_m_s", path ? Json(path->largest_jump_m_s) : Json(nullptr)}};
+}
+
 /// What only a run with threads has; null otherwise.
 Json realtime_json(const FlightRecord& r) {
   if (!r.realtime) return nullptr;
@@ -134,6 +165,8 @@ Json realtime_json(const FlightRecord& r) {
           {"published", report.published},
           {"superseded", report.superseded},
           {"publish_failed", report.publish_failed},
+          {"late", report.late},
+          {"prediction", prediction_json(*r.realtime)},
           {"images_not_logged", report.images_not_logged},
           {"recorder", recorder_json(*r.realtime)},
           {"lock_calls_after_start", or_null(r.lock_calls)},
@@ -230,10 +263,12 @@ Json stats_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& er
                        {"frame", timing_json(timing.frame)},
                        {"latency", timing_json(timing.latency)}};
   json["events"] = events_json(r);
-  json["solver"] = {{"iterations_mean", ratio(e.iterations, e.frames_solved)},
-                    {"residuals_mean", ratio(e.residuals, e.frames_solved)},
-                    {"state_size_mean", ratio(e.state_size, e.frames_solved)},
+  json["solver"] = {{"iterations_mean", ratio(e.iterations, e.solves)},
+                    {"residuals_mean", ratio(e.residuals, e.solves)},
+                    {"state_size_mean", ratio(e.state_size, e.solves)},
+                    {"tracks_mean", ratio(e.tracks_used, e.solves)},
                     {"deadline_hits", e.deadline_hits}};
+  json["load"] = load_json(r);
   json["tracks"] = tracks_json(r);
   json["memory"] = {{"peak_rss_mib", r.peak_rss_mib},
                     {"heap_allocations_after_start", or_null(r.heap_calls)},

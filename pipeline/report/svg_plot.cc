@@ -77,15 +77,31 @@ std::string y_axis(const Frame2& f, const std::string& label) {
   return s;
 }
 
-std::string axes(const Frame2& f, const std::string& x_label, const std::string& y_label) {
+std::string x_tick(const Frame2& f, double at, const std::string& text) {
+  const double bottom = f.size.height - kBottom;
+  return fmt::format(
+      R"(<path class="grid" d="M{0:.1f} {1}V{2}"/><text class="tick" x="{0:.1f}" y="{3}" text-anchor="middle">{4}</text>)",
+      f.px(at), kTop, bottom, bottom + 15, text);
+}
+
+/// At 1, 2 and 5 of each decade; the axis holds logarithms.
+std::string logarithmic_ticks(const Frame2& f) {
   std::string s;
-  const double bottom = f.size.height - kBottom, right = f.size.width - kRight;
-  const double x_step = tick_step(f.x.length(), 8);
-  for (double v = std::ceil(f.x.low / x_step) * x_step; v <= f.x.high; v += x_step) {
-    s += fmt::format(
-        R"(<path class="grid" d="M{0:.1f} {1}V{2}"/><text class="tick" x="{0:.1f}" y="{3}" text-anchor="middle">{4}</text>)",
-        f.px(v), kTop, bottom, bottom + 15, tick_text(v, x_step));
+  for (double decade = std::pow(10, std::floor(f.x.low)); std::log10(decade) <= f.x.high; decade *= 10) {
+    for (const double digit : {1, 2, 5}) {
+      const double at = std::log10(digit * decade);
+      if (at >= f.x.low && at <= f.x.high) s += x_tick(f, at, fmt::format("{:g}", digit * decade));
+    }
   }
+  return s;
+}
+
+std::string axes(const Frame2& f, const std::string& x_label, const std::string& y_label, bool logarithmic = false) {
+  std::string s = logarithmic ? logarithmic_ticks(f) : "";
+  const double right = f.size.width - kRight;
+  const double x_step = tick_step(f.x.length(), 8);
+  for (double v = std::ceil(f.x.low / x_step) * x_step; v <= f.x.high && !logarithmic; v += x_step)
+    s += x_tick(f, v, tick_text(v, x_step));
   s += y_axis(f, y_label);
   s += fmt::format(R"(<text class="label" x="{:.1f}" y="{}" text-anchor="middle">{}</text>)", 0.5 * (kLeft + right),
                    f.size.height - 6, escaped(x_label));
@@ -240,14 +256,20 @@ std::string svg(const Plot& plot, PlotSize size) {
 
 std::string svg(const Histogram& histogram, PlotSize size) {
   constexpr std::size_t kBars = 40;
+  constexpr double kLeast = 1e-3;  // of a logarithmic axis
+  const auto scaled = [&](double v) { return histogram.logarithmic ? std::log10(std::max(v, kLeast)) : v; };
+  double low = 0;
+  if (histogram.logarithmic && !histogram.values.empty())
+    low = scaled(*std::min_element(histogram.values.begin(), histogram.values.end()));
+  const double high = std::max(scaled(histogram.upper), low + 1e-3);
   std::vector<double> counts(kBars, 0);
   for (const double v : histogram.values) {
-    const double bar = v / histogram.upper * kBars;
+    const double bar = (scaled(v) - low) / (high - low) * kBars;
     counts[static_cast<std::size_t>(std::clamp(bar, 0.0, kBars - 1.0))] += 1;
   }
-  Frame2 f{size, {0, histogram.upper}, {0, 1.15 * std::max(1.0, *std::max_element(counts.begin(), counts.end()))}};
+  Frame2 f{size, {low, high}, {0, 1.15 * std::max(1.0, *std::max_element(counts.begin(), counts.end()))}};
   std::string s;
-  const double width = f.px(histogram.upper / kBars) - f.px(0);
+  const double width = (f.px(high) - f.px(low)) / kBars;
   for (std::size_t i = 0; i < kBars; ++i) {
     if (counts[i] == 0) continue;
     s += fmt::format(R"(<rect class="bar {}" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"/>)", histogram.style,
@@ -256,7 +278,7 @@ std::string svg(const Histogram& histogram, PlotSize size) {
   }
   double label_y = kTop + 10;
   for (const PlotMark& mark : histogram.marks) {
-    const double x = f.px(std::min(mark.x, histogram.upper));
+    const double x = f.px(std::min(scaled(mark.x), high));
     const bool right_half = x > 0.7 * size.width;
     s += fmt::format(
         R"(<path class="rule" d="M{0:.1f} {1}V{2}"/><text class="legend" x="{3:.1f}" y="{4}" text-anchor="{5}">{6}</text>)",
@@ -264,7 +286,7 @@ std::string svg(const Histogram& histogram, PlotSize size) {
         escaped(mark.label));
     label_y += 14;
   }
-  return drawing(f, "", axes(f, histogram.x_label, "images"), s, "");
+  return drawing(f, "", axes(f, histogram.x_label, "images", histogram.logarithmic), s, "");
 }
 
 namespace {

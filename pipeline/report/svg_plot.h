@@ -52,6 +52,7 @@ struct Histogram {
   std::vector<double> values;
   double upper = 1;
   std::vector<PlotMark> marks;
+  bool logarithmic = false;  ///< axis and bars from the smallest value to the largest, which is what `upper` is then
 };
 std::string svg(const Histogram& histogram, PlotSize size = {});
 

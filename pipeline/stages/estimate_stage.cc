@@ -4,9 +4,13 @@
 
 namespace epiline {
 
-void EstimateStage::Watch::begin(std::int64_t deadline) noexcept {
+void EstimateStage::Watch::begin(HostStamp frame, std::int64_t deadline) noexcept {
   times = {};
+  times.load = governor.level();
   current = Phase::kNone;
+  stamp = frame;
+  planned = false;
+  steps = 0;
   deadline_ns = deadline;
   step_began_ns = phase_began_ns = now();
 }
@@ -17,6 +21,27 @@ void EstimateStage::Watch::end() noexcept {
   if (deadline_ns != kNoDeadline) times.late_ns = std::max<std::int64_t>(0, phase_began_ns - deadline_ns);
 }
 
+/// The solve gets what is left until the deadline when all the rest is done, and no more than it may take anyway.
+Supervisor::Effort EstimateStage::Watch::effort() noexcept {
+  planned = true;
+  planned_ns = now();
+  budget_ns = most_solve_ns > 0 ? most_solve_ns : kNoDeadline;
+  const std::int64_t left_ns =
+      deadline_ns == kNoDeadline ? kNoDeadline : deadline_ns - planned_ns - static_cast<std::int64_t>(besides_ns.get());
+  const LoadGovernor::Plan plan = governor.plan(stamp, std::min(budget_ns, left_ns), budget_ns < left_ns);
+  budget_ns = std::min(budget_ns, left_ns);
+  times.load = plan.level;
+  return plan.effort;
+}
+
+/// Asked after each step of the solve: is there no time for one like those before?
+bool EstimateStage::Watch::time_is_up() noexcept {
+  ++steps;
+  if (!planned || budget_ns == kNoDeadline) return false;
+  const std::int64_t spent_ns = now() - phase_began_ns;
+  return spent_ns + spent_ns / (steps + 1) > budget_ns;  // the first step linearises twice, the others once
+}
+
 void EstimateStage::Watch::phase(Phase next) noexcept {
   const std::int64_t t = now();
   if (current == Phase::kSolve) times.solve_ns += t - phase_began_ns;
@@ -25,10 +50,20 @@ void EstimateStage::Watch::phase(Phase next) noexcept {
   phase_began_ns = t;
 }
 
+void EstimateStage::Watch::learn(const EstimatorStats& before, const EstimatorStats& after) noexcept {
+  if (!planned || after.solves == before.solves) return;
+  governor.took(times.solve_ns, static_cast<int>(after.tracks_offered - before.tracks_offered),
+                static_cast<int>(after.tracks_used - before.tracks_used),
+                static_cast<int>(after.linearisations - before.linearisations));
+  besides_ns.add(static_cast<double>(step_began_ns + times.estimate_ns - planned_ns - times.solve_ns));
+}
+
 StepResult EstimateStage::step(const TrackedFrame& frame, std::int64_t deadline_ns) noexcept {
-  watch_.begin(deadline_ns);
+  const EstimatorStats before = estimator_.stats();
+  watch_.begin(frame.stamp, deadline_ns);
   const StepResult result = estimator_.process(frame, watch_);
   watch_.end();
+  watch_.learn(before, estimator_.stats());
   return result;
 }
 

@@ -1,9 +1,10 @@
 #pragma once
-// Tracked features in, odometry out; measures the estimator's phases and passes its deadline on.
+// Tracked features in, odometry out; measures the estimator's phases and sees to it that it ends in time.
 #include <cstdint>
 #include <limits>
 
 #include "estimator/estimator.h"
+#include "pipeline/stages/load_governor.h"
 
 namespace epiline {
 
@@ -14,35 +15,48 @@ class EstimateStage {
  public:
   static constexpr std::int64_t kNoDeadline = std::numeric_limits<std::int64_t>::max();
 
-  EstimateStage(const EstimatorConfig& config, NowNs now) : estimator_(config), watch_(now) {}
+  /// `solve_ns`: a solve may take so long; 0: as long as it takes.
+  EstimateStage(const EstimatorConfig& config, NowNs now, std::int64_t solve_ns)
+      : estimator_(config), watch_(now, solve_ns) {}
 
   /// How long the parts of one step took.
   struct Times {
     std::int64_t solve_ns = 0, marginalise_ns = 0, estimate_ns = 0;
     std::int64_t late_ns = 0;  ///< ended so long after the deadline; 0: in time, or no deadline
+    LoadLevel load = LoadLevel::kFull;
   };
 
   bool add_imu(const ImuSample& sample) noexcept { return estimator_.add_imu(sample); }
   HostStamp imu_needed_until(HostStamp image) const noexcept { return estimator_.imu_needed_until(image); }
 
-  /// `deadline_ns`: instant of the clock at which the best iterate so far must do.
+  /// `deadline_ns`: instant of the clock at which the odometry is wanted.
   StepResult step(const TrackedFrame& frame, std::int64_t deadline_ns) noexcept;
 
   const Times& times() const noexcept { return watch_.times; }  ///< of the last step
   const Estimator& estimator() const noexcept { return estimator_; }
+  const LoadGovernor::Counts& load() const noexcept { return watch_.governor.counts(); }
 
  private:
   struct Watch final : Supervisor {
-    explicit Watch(NowNs clock) : now(clock) {}
-    void begin(std::int64_t deadline) noexcept;
+    Watch(NowNs clock, std::int64_t solve) : now(clock), most_solve_ns(solve) {}
+    void begin(HostStamp frame, std::int64_t deadline) noexcept;
     void end() noexcept;
-    bool time_is_up() noexcept override { return deadline_ns != kNoDeadline && now() >= deadline_ns; }
+    Effort effort() noexcept override;
+    bool time_is_up() noexcept override;
     void phase(Phase next) noexcept override;
+    void learn(const EstimatorStats& before, const EstimatorStats& after) noexcept;
 
     NowNs now;
+    std::int64_t most_solve_ns;
+    LoadGovernor governor;
+    RecentMost besides_ns;  ///< what a step takes besides its solve
     Times times;
     Phase current = Phase::kNone;
-    std::int64_t step_began_ns = 0, phase_began_ns = 0, deadline_ns = kNoDeadline;
+    HostStamp stamp;
+    bool planned = false;
+    int steps = 0;  ///< of this solve, so far
+    std::int64_t step_began_ns = 0, planned_ns = 0, phase_began_ns = 0, deadline_ns = kNoDeadline,
+                 budget_ns = kNoDeadline;
   };
 
   Estimator estimator_;

@@ -23,6 +23,9 @@ void EstimatorEvents::after_image(const TrackedFrame& frame, const EstimateStage
   const Odometry& o = stage.estimator().odometry();
   if (stage.times().late_ns > 0)
     tell(frame.stamp, EventId::kDeadlineMissed, static_cast<std::int64_t>(frame.sequence), stage.times().late_ns);
+  const LoadLevel level = std::exchange(level_, stage.times().load);
+  if (level != level_)
+    tell(frame.stamp, EventId::kLoadLevel, static_cast<std::int64_t>(level), static_cast<std::int64_t>(level_));
   if (std::exchange(resets_, o.reset_counter) != o.reset_counter) tell(frame.stamp, EventId::kReset, o.reset_counter);
   const bool started = (o.health.reasons & static_cast<std::uint32_t>(HealthReason::kNoInitialState)) == 0;
   if (!std::exchange(started_, started) && started)

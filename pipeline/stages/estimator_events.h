@@ -25,6 +25,7 @@ class EstimatorEvents {
   HostStamp last_imu_;
   HealthState state_ = HealthState::kInitialising;
   std::uint32_t resets_ = 0;
+  LoadLevel level_ = LoadLevel::kFull;
   bool started_ = false;
 };
 

@@ -17,8 +17,8 @@ class GyroRotation {
   void add(const ImuSample& sample) noexcept;
 
   /// R_B0B1, the attitude of the body at `to` seen from the body at `from`; readings are taken as linear in between.
-  /// The last reading holds for as long as the one before it did; the rest of the interval after it, and the part before
-  /// the first, count as no turn. Without two readings the result is the identity.
+  /// The last reading holds for as long as the one before it did; the rest of the interval after it, and the part
+  /// before the first, count as no turn. Without two readings the result is the identity.
   Mat3 between(HostStamp from, HostStamp to, const Vec3& bias_rad_s) const noexcept;
 
  private:

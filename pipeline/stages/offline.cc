@@ -4,9 +4,8 @@ namespace epiline {
 
 OfflinePipeline::OfflinePipeline(const OfflineSettings& settings)
     : now_(settings.now),
-      deadline_ns_(Span::from_seconds(settings.deadline_ms * 1e-3).ns),
       recorded_(Camera(settings.camera)),
-      estimate_(settings.estimator, settings.now) {
+      estimate_(settings.estimator, settings.now, Span::from_seconds(settings.deadline_ms * 1e-3).ns) {
   if (settings.images) {
     track_ =
         std::make_unique<TrackStage>(Camera(settings.camera), settings.tracker, settings.estimator.extrinsics.R_BC);
@@ -24,18 +23,17 @@ void OfflinePipeline::step(const Frame& image, FrameOutcome& out) noexcept {
   track_->set_knowledge(estimator().gyroscope_bias(), estimator().odometry().time_offset_s);
   track_->step(image, *tracked_);
   out.track_ns = now_() - began_ns;
-  estimate(began_ns, out);
+  estimate(out);
 }
 
 void OfflinePipeline::step(HostStamp stamp, const TrackPoint* points, std::size_t count, FrameOutcome& out) noexcept {
   recorded_.step(stamp, points, count, *tracked_);
   out.track_ns = 0;
-  estimate(now_(), out);
+  estimate(out);
 }
 
-void OfflinePipeline::estimate(std::int64_t began_ns, FrameOutcome& out) noexcept {
-  const StepResult result =
-      estimate_.step(*tracked_, deadline_ns_ > 0 ? began_ns + deadline_ns_ : EstimateStage::kNoDeadline);
+void OfflinePipeline::estimate(FrameOutcome& out) noexcept {
+  const StepResult result = estimate_.step(*tracked_, EstimateStage::kNoDeadline);
   estimator_events_.after_image(*tracked_, estimate_);
   describe(*tracked_, result, estimate_, out);
   out.serial = serial_++;

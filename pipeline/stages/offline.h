@@ -14,7 +14,7 @@ struct OfflineSettings {
   CameraParameters camera;
   TrackerConfig tracker;
   EstimatorConfig estimator;
-  double deadline_ms = 0;  ///< for one image, tracker included; 0: none
+  double deadline_ms = 0;  ///< for the solve of one image; 0: as long as it takes
   bool images = true;      ///< false: recorded tracks
   NowNs now = nullptr;
 };
@@ -34,13 +34,13 @@ class OfflinePipeline {
   const Estimator& estimator() const noexcept { return estimate_.estimator(); }
   /// What has happened; to be emptied after each image.
   EventRing& events() noexcept { return events_; }
+  const LoadGovernor::Counts& load() const noexcept { return estimate_.load(); }
   const TrackerStats* tracker_stats() const noexcept { return track_ ? &track_->stats() : nullptr; }
 
  private:
-  void estimate(std::int64_t began_ns, FrameOutcome& out) noexcept;
+  void estimate(FrameOutcome& out) noexcept;
 
   NowNs now_;
-  std::int64_t deadline_ns_;
   std::unique_ptr<TrackStage> track_;
   RecordedTracks recorded_;
   EstimateStage estimate_;

@@ -6,23 +6,21 @@
 #include <cstdio>
 #include <iterator>
 
+#include "platform/samples/samples.h"
+
 namespace epiline {
 namespace {
 
 // The names of an enumeration's values, in its order. Those of the estimator's words are compared with it by a test.
 using Names = std::span<const char* const>;
-constexpr const char* kHealthStates[] = {"initialising", "tracking", "degraded", "lost"};
-constexpr const char* kHealthReasons[] = {
-    "no_initial_state", "posterior_wide",     "few_tracks",      "many_gated", "steps_rejected",
-    "bias_implausible", "velocity_uncertain", "deadline_missed", "imu_gap",    "not_finite"};
 constexpr const char* kStartKinds[] = {"none", "given", "stationary", "moving"};
 constexpr const char* kSources[] = {"camera", "imu", "wheel", "odometry"};
 constexpr const char* kImageLosses[] = {"overtaken", "missed", "out_of_order", "duplicate"};
 constexpr const char* kImuRefusals[] = {"out_of_order", "duplicate", "not_finite"};
 constexpr const char* kRecordReasons[] = {"requested", "lost", "end"};
-constexpr const char* kRings[] = {"frames",     "imu_to_track",  "imu_to_estimate", "tracked",
-                                  "knowledge",  "outcomes",      "publications",    "tracks_to_log",
-                                  "imu_to_log", "images_to_log", "events"};
+constexpr const char* kRings[] = {"frames",        "imu_to_track", "imu_to_estimate", "imu_to_publish",
+                                  "tracked",       "knowledge",    "outcomes",        "publications",
+                                  "tracks_to_log", "imu_to_log",   "images_to_log",   "events"};
 static_assert(std::size(kRings) == static_cast<std::size_t>(RingName::kCount));
 
 enum class Shown : std::uint8_t { kNumber, kName, kBits };
@@ -49,7 +47,8 @@ constexpr Description kDescriptions[] = {
     {"imu_saturated", {number("on"), number("readings")}},
     {"deadline_missed", {number("sequence"), number("late_ns")}},
     {"started", {one_of("kind", kStartKinds)}},
-    {"health_changed", {one_of("from", kHealthStates), one_of("to", kHealthStates), bits("reasons", kHealthReasons)}},
+    {"health_changed",
+     {one_of("from", kHealthStateNames), one_of("to", kHealthStateNames), bits("reasons", kHealthReasonNames)}},
     {"reset", {number("count")}},
     {"source_lost", {one_of("source", kSources)}},
     {"source_found", {one_of("source", kSources)}},

@@ -43,6 +43,7 @@ enum class RingName : std::uint8_t {
   kFrames,
   kImuToTrack,
   kImuToEstimate,
+  kImuToPublish,
   kTracked,
   kKnowledge,
   kOutcomes,

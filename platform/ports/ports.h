@@ -51,14 +51,20 @@ class WheelSource {
   virtual ReadOutcome read(WheelSample& sample, Span timeout) noexcept = 0;
 };
 
-/// Somebody who wants the estimate: a flight controller, a file.
+/// Somebody who wants the estimate: a flight controller, a file. Both calls come from one thread, and the next reading
+/// waits for their return.
 class OdometrySink {
  public:
   virtual ~OdometrySink() = default;
   virtual Status open() = 0;
   virtual void close() noexcept = 0;
+  /// The state at a reading of the IMU, predicted from the last solved image: one call for each reading since the first
+  /// pose, in the order of time. Who wants fewer leaves some out. It moves smoothly unless `reset_counter` changes.
   /// False: not delivered. The caller counts it and goes on with the next.
   virtual bool publish(const Odometry& odometry) noexcept = 0;
+  /// The state of an image, as the trajectory holds it, the moment it is known. Its instant is past: it lies before
+  /// those of earlier calls of publish(). For who wants images' poses; others need nothing of it.
+  virtual bool publish_image(const Odometry& /*odometry*/) noexcept { return true; }
 };
 
 }  // namespace epiline

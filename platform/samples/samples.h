@@ -85,8 +85,9 @@ enum class HealthReason : std::uint32_t {
   kImuStuck = 1u << 19,         ///< the same reading again and again
   kReadingsRefused = 1u << 20,  ///< readings not finite, doubled, out of order or of another time; left out
   kImuClockDrift = 1u << 21,    ///< the IMU's clock runs off the computer's
+  kOverloaded = 1u << 22,       ///< too little time: fewer features, fewer solver steps, or prediction only
 };
-inline constexpr int kHealthReasons = 22;  ///< bits in use
+inline constexpr int kHealthReasons = 23;  ///< bits in use
 
 /// Names of states and reasons outside, in the order of the values and bits.
 inline constexpr std::array kHealthStateNames = {"initialising", "tracking", "degraded", "lost"};
@@ -95,7 +96,7 @@ inline constexpr std::array<const char*, kHealthReasons> kHealthReasonNames = {
     "bias_implausible", "velocity_uncertain", "deadline_missed",   "imu_gap",        "not_finite",
     "camera_silent",    "imu_silent",         "camera_clock_jump", "imu_clock_jump", "images_frozen",
     "lens_covered",     "view_obstructed",    "exposure_step",     "imu_saturated",  "imu_stuck",
-    "readings_refused", "imu_clock_drift"};
+    "readings_refused", "imu_clock_drift",    "overloaded"};
 
 constexpr std::uint32_t bit(HealthReason reason) { return static_cast<std::uint32_t>(reason); }
 /// An image with one of these shows nothing of the world: it has no features, and says nothing of motion or rest.

@@ -30,6 +30,12 @@ class RealtimeCommand : public testing::Test {
     EXPECT_EQ(s["realtime"]["frames_in"].get<int>(),
               s["realtime"]["frames_out"].get<int>() + s["images"]["skipped_by_reason"]["overtaken"].get<int>());
     EXPECT_EQ(s["realtime"]["frames_out"], s["images"]["tracked"]);
+    const Json& images = s["images"];
+    EXPECT_EQ(images["read"].get<int>(), images["solved"].get<int>() + images["predicted"].get<int>() +
+                                             images["without_pose"].get<int>() + images["skipped"].get<int>());
+    std::uint64_t planned = 0;
+    for (const auto& level : s["load"]["frames_at_level"].items()) planned += level.value().get<std::uint64_t>();
+    EXPECT_LE(planned, images["tracked"].get<std::uint64_t>());
   }
 
   /// All lines of the one, in their order, are in the other, which may have more.
@@ -49,10 +55,10 @@ fs::path RealtimeCommand::flight_;
 TEST_F(RealtimeCommand, IsTheReplayInOneThreadByteByByteAndTouchesNoHeapNoLockNoNewPage) {
   ASSERT_EQ(replay("offline", "").exit_code, 0);
   EXPECT_TRUE(stats("offline")["realtime"].is_null());
-  write(scratch() / "patient.toml", "[realtime]\nimu_wait_ms = 5000\n");
+  write(scratch() / "patient.toml", "[realtime]\nimu_wait_ms = 5000\ndeadline_ms = 0\n");
   const std::string config = "--config '" + (scratch() / "patient.toml").string() + "'";
   for (const char* speed : {"2", "1", "0.5"}) {  // a computer that had no time for us for a while gets another chance
-    const Outcome r = replay("threads", std::string("--realtime --speed ") + speed + " " + config);
+    const Outcome r = replay("threads", std::string("--realtime --imu-rate --speed ") + speed + " " + config);
     ASSERT_EQ(r.exit_code, 0) << r.err;
     EXPECT_NE(r.out.find("latency"), std::string::npos) << r.out;
     if (stats("threads")["images"]["skipped"] == 0) break;
@@ -64,6 +70,12 @@ TEST_F(RealtimeCommand, IsTheReplayInOneThreadByteByByteAndTouchesNoHeapNoLockNo
   EXPECT_TRUE(trajectory == read(scratch() / "offline/trajectory.tum"));
 
   expect_consistent(s);
+  const std::string at_imu_rate = read(scratch() / "threads/odometry_imu_rate.tum");
+  const auto readings = std::count(at_imu_rate.begin(), at_imu_rate.end(), '\n');
+  EXPECT_EQ(s["realtime"]["prediction"]["published"].get<std::int64_t>(), readings);
+  EXPECT_GT(readings, 3 * std::count(trajectory.begin(), trajectory.end(), '\n')) << "an IMU is faster than a camera";
+  EXPECT_EQ(s["realtime"]["prediction"]["jumps"], 1) << "the first";
+  EXPECT_LT(s["realtime"]["prediction"]["largest_jump_m"], 0.02);
   EXPECT_TRUE(s["settings"]["realtime"]);
   EXPECT_EQ(s["settings"]["threads"], 6);
   EXPECT_GT(s["timing_ms"]["latency"]["count"], 60);
@@ -153,6 +165,31 @@ TEST_F(RealtimeCommand, OverloadLosesImagesCountsThemAndGoesOn) {
   const Json s = stats("fast");
   EXPECT_GT(s["images"]["skipped"], 0);
   expect_consistent(s);
+}
+
+// Two rounds of five seconds, six seconds of gap between them.
+TEST_F(RealtimeCommand, ALoopedFlightStartsAnewInEachRound) {
+  const Outcome r = replay("loop", "--realtime --loop 15 --speed 4");
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  const Json s = stats("loop");
+  EXPECT_GE(s["resets"], 1);
+  EXPECT_GT(s["images"]["read"], 1.5 * 100);
+  expect_consistent(s);
+}
+
+// No solve fits into a hundredth of a millisecond: the IMU predicts, twice a second a solve is let through, and health
+// says so.
+TEST_F(RealtimeCommand, WithoutTimeToSolveItPredictsAndSaysSo) {
+  const Outcome r = replay("short", "--deadline-ms 0.01");
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  const Json s = stats("short");
+  const Json& load = s["load"];
+  EXPECT_GT(load["frames_at_level"]["prediction_only"], 30);
+  EXPECT_GT(load["solved_to_survive"], 4);
+  EXPECT_GT(s["state_seconds"]["degraded"], 1);
+  EXPECT_EQ(s["state_seconds"]["lost"], 0);
+  EXPECT_NE(r.out.find("predicted only"), std::string::npos) << r.out;
+  EXPECT_NE(read(scratch() / "short/events.txt").find("load_level from=0"), std::string::npos);
 }
 
 // Without privileges it runs all the same, and says once what it did not get.

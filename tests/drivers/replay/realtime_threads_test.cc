@@ -39,7 +39,7 @@ class RealtimeReplay : public testing::Test {
     fs::remove_all(folder_);
     fs::create_directories(folder_);
     // a busy computer is no reason to give up on a reading
-    std::ofstream(folder_ / "patient.toml") << "[realtime]\nimu_wait_ms = 5000\n";
+    std::ofstream(folder_ / "patient.toml") << "[realtime]\nimu_wait_ms = 5000\ndeadline_ms = 0\n";
     options_.dataset = folder_ / "flight";
     options_.config_file = folder_ / "patient.toml";
   }

@@ -69,7 +69,7 @@ class FlightLogTest : public testing::Test {
 TEST_F(FlightLogTest, EachObserverGetsEveryStreamAndNoHeapIsUsed) {
   make(2);
   EstimatorConfig config;
-  const EstimateStage stage(config, no_clock);
+  const EstimateStage stage(config, no_clock, 0);
   TrackedFrame tracked;
   tracked.sequence = 12;
   tracked.features.push_back({3, 1, {1.5F, 2.5F}, {}, {}, {}});
@@ -168,7 +168,7 @@ TEST_F(FlightLogTest, AFullRingIsAnEventAndMoreEventsThanItCanHoldBackGoOnEarly)
 // The estimator's words, from readings that are wrong in every way there is.
 TEST(EstimatorEvents, TellWhatBecameOfReadings) {
   const EstimatorConfig config;
-  EstimateStage stage(config, no_clock);
+  EstimateStage stage(config, no_clock, 0);
   auto ring = std::make_unique<EventRing>();
   EstimatorEvents events(*ring);
   const auto add = [&](std::int64_t ms, double force) {

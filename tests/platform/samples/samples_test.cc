@@ -28,9 +28,9 @@ TEST(Samples, EveryReasonHasANameOfItsOwn) {
   EXPECT_EQ(names.size(), static_cast<std::size_t>(kHealthReasons));
   EXPECT_STREQ(kHealthReasonNames[static_cast<std::size_t>(std::countr_zero(bit(HealthReason::kNotFinite)))],
                "not_finite");
-  EXPECT_STREQ(kHealthReasonNames[static_cast<std::size_t>(std::countr_zero(bit(HealthReason::kImuClockDrift)))],
-               "imu_clock_drift");
-  EXPECT_EQ(bit(HealthReason::kImuClockDrift), 1U << (kHealthReasons - 1)) << "a bit without a name";
+  EXPECT_STREQ(kHealthReasonNames[static_cast<std::size_t>(std::countr_zero(bit(HealthReason::kOverloaded)))],
+               "overloaded");
+  EXPECT_EQ(bit(HealthReason::kOverloaded), 1U << (kHealthReasons - 1)) << "a bit without a name";
   EXPECT_STREQ(kHealthStateNames[static_cast<std::size_t>(HealthState::kLost)], "lost");
 }
 

@@ -1,0 +1,50 @@
+#include "estimator/predict/covariance.h"
+
+namespace epiline {
+
+namespace {
+
+// M <- B M for B = diag(R, I, R, I, I).
+template <class Matrix>
+void turn_rows(const Mat3& R, Matrix& M) {
+  for (const int row : {0, 6}) M.template middleRows<3>(row) = (R * M.template middleRows<3>(row)).eval();
+}
+
+// M <- B M B^T.
+void turn_both_sides(const Mat3& R, Mat15& M) {
+  turn_rows(R, M);
+  M.transposeInPlace();
+  turn_rows(R, M);
+}
+
+}  // namespace
+
+BodyCovariance into_body(const Covariance16& P, const Mat3& R_WB) noexcept {
+  BodyCovariance b{P.topLeftCorner<15, 15>(), P.topRightCorner<15, 1>(), P(15, 15)};
+  turn_both_sides(R_WB.transpose(), b.states);
+  turn_rows(R_WB.transpose(), b.time_offset);
+  return b;
+}
+
+Covariance16 carried_on(const BodyCovariance& from, const Mat3& R_WB, const Preintegration& interval) noexcept {
+  // J leaves the biases as they are, so only its upper nine rows are multiplied.
+  const auto J = interval.J.topRows<9>();
+  const Eigen::Matrix<double, 9, 15> J_P = J * from.states;
+  Mat15 P = interval.C;
+  P.topLeftCorner<9, 9>() += J_P * J.transpose();
+  P.topRightCorner<9, 6>() += J_P.rightCols<6>();
+  P.bottomLeftCorner<6, 9>() += J_P.rightCols<6>().transpose();
+  P.bottomRightCorner<6, 6>() += from.states.bottomRightCorner<6, 6>();
+  Vec15 P_td = from.time_offset;
+  P_td.head<9>() = J * from.time_offset;
+  turn_both_sides(R_WB, P);
+  turn_rows(R_WB, P_td);
+  Covariance16 C;
+  C.topLeftCorner<15, 15>() = 0.5 * (P + P.transpose());
+  C.topRightCorner<15, 1>() = P_td;
+  C.bottomLeftCorner<1, 15>() = P_td.transpose();
+  C(15, 15) = from.offset_variance;
+  return C;
+}
+
+}  // namespace epiline

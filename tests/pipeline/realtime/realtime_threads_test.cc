@@ -1,0 +1,304 @@
+// The threads between made-up devices: what they hand out, and what they do when a device does not behave. The body
+// rests and looks at points that rest, so every odometry is known. Run under the thread sanitizer too.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "pipeline/realtime/realtime_pipeline.h"
+
+namespace epiline {
+namespace {
+
+constexpr int kRate = 200, kImageEvery = 10, kPoints = 60;
+constexpr double kSeconds = 4;
+constexpr HostStamp kStart{50'000'000'000};
+
+HostStamp reading_stamp(int i) { return kStart + Span{1'000'000'000LL * i / kRate}; }
+
+void nap() { std::this_thread::sleep_for(std::chrono::milliseconds(1)); }
+
+/// Readings of a body at rest, as fast as they are asked for.
+class FakeImu final : public ImuSource {
+ public:
+  explicit FakeImu(int readings) : readings_(readings) {}
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
+  ReadOutcome read(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept override {
+    count = 0;
+    if (failures > 0) {
+      --failures;
+      return ReadOutcome::kFailed;
+    }
+    if (next_ == std::min(readings_, hold_at.load())) {
+      if (next_ == readings_) return ReadOutcome::kEnd;
+      nap();
+      (void)timeout;
+      return ReadOutcome::kTimeout;
+    }
+    while (count < std::min<std::size_t>(samples.size(), at_once) && next_ < std::min(readings_, hold_at.load())) {
+      ImuSample& s = samples[count++];
+      s = {};
+      s.stamp = reading_stamp(next_++);
+      for (double& w : s.angular_velocity_rad_s) w = noise_(random_) * 0.002;
+      s.specific_force_m_s2 = {0.02 * noise_(random_), 0.02 * noise_(random_), 9.81 + 0.02 * noise_(random_)};
+    }
+    given = next_;
+    return ReadOutcome::kSample;
+  }
+
+  std::atomic<int> hold_at{1 << 30}, failures{0}, given{0};
+  std::size_t at_once = 8;
+
+ private:
+  int readings_, next_ = 0;
+  std::mt19937 random_{1};
+  std::normal_distribution<double> noise_{0, 1};
+};
+
+/// Images whose tracks are recorded: without pixels. The next one comes when the one before is done.
+class FakeCamera final : public CameraSource {
+ public:
+  FakeCamera(int images, const std::atomic<int>& done) : images_(images), done_(done) {}
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
+  ReadOutcome read(Frame& frame, Span) noexcept override {
+    if (failures > 0) {
+      --failures;
+      return ReadOutcome::kFailed;
+    }
+    if (next_ == images_) return ReadOutcome::kEnd;
+    if (done_.load() < next_) {
+      nap();
+      return ReadOutcome::kTimeout;
+    }
+    frame = {};
+    frame.stamp = reading_stamp(kImageEvery * next_);
+    frame.sequence = static_cast<std::uint64_t>(next_);
+    frame.slot = next_ % 8;
+    ++next_;
+    return ReadOutcome::kSample;
+  }
+  void give_back(const Frame&) noexcept override { ++returned; }
+
+  std::atomic<int> failures{0}, returned{0};
+
+ private:
+  int images_, next_ = 0;
+  const std::atomic<int>& done_;
+};
+
+class FakeSink final : public OdometrySink {
+ public:
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
+  bool publish(const Odometry& odometry) noexcept override {
+    while (blocked) nap();
+    if (rates.size() < rates.capacity()) rates.push_back(odometry);
+    ++calls;
+    return !refuses;
+  }
+  bool publish_image(const Odometry& odometry) noexcept override {
+    if (images.size() < images.capacity()) images.push_back(odometry);
+    return !refuses;
+  }
+
+  FakeSink() {
+    rates.reserve(20000);
+    images.reserve(1000);
+  }
+  std::vector<Odometry> rates, images;
+  std::atomic<bool> blocked{false}, refuses{false};
+  std::atomic<int> calls{0};
+};
+
+class Counter final : public FlightObserver {
+ public:
+  explicit Counter(std::atomic<int>& done) : done_(done) {}
+  void take(const FrameOutcome& outcome) noexcept override {
+    solved += outcome.result.solved;
+    ++done_;
+  }
+  int solved = 0;
+
+ private:
+  std::atomic<int>& done_;
+};
+
+class Realtime : public testing::Test {
+ protected:
+  explicit Realtime(double seconds = kSeconds)
+      : readings_(static_cast<int>(seconds * kRate) + 2),
+        images_(static_cast<int>(seconds * kRate) / kImageEvery),
+        imu_(readings_),
+        camera_(images_, done_),
+        counter_(done_) {
+    std::mt19937 random(3);
+    std::normal_distribution<float> noise(0, 0.2F);
+    for (int k = 0; k < images_; ++k) {
+      for (std::uint32_t id = 0; id < kPoints; ++id)
+        points_.push_back({id, 60 + 70.0F * static_cast<float>(id % 10) + noise(random),
+                           50 + 70.0F * static_cast<float>(id / 10) + noise(random)});
+    }
+    settings_.camera = {CameraModel::kPinholeRadialTangential, 752, 480, {458, 457, 367, 248}, {}};
+    settings_.images = false;
+    for (int k = 0; k < images_; ++k)
+      settings_.recorded.emplace_back(points_.data() + static_cast<std::size_t>(k) * kPoints, kPoints);
+    settings_.realtime.deadline_ms = 0;
+    settings_.realtime.imu_wait_ms = 5000;
+    settings_.realtime.lock_memory = false;
+    for (int* priority :
+         {&settings_.realtime.priority_imu, &settings_.realtime.priority_capture, &settings_.realtime.priority_publish,
+          &settings_.realtime.priority_track, &settings_.realtime.priority_estimate})
+      *priority = 0;
+  }
+
+  void start() {
+    pipeline_ = std::make_unique<RealtimePipeline>(settings_, RealtimePorts{&camera_, &imu_, &sink_, {&counter_}, {}});
+    pipeline_->arm({kStart, monotonic_ns(), 1});
+  }
+  void wait_until(const std::function<bool()>& what) {
+    while (!what() && !pipeline_->finished()) nap();
+  }
+  RealtimeReport finish() {
+    wait_until([] { return false; });
+    pipeline_->join();
+    return pipeline_->report();
+  }
+  /// Lets the IMU go on with the images, as it does in a flight, until so many are done.
+  void feed(int images) {
+    for (int k = 1; k <= images; ++k) {
+      imu_.hold_at = kImageEvery * k + 1;
+      wait_until([&] { return done_ >= k; });
+    }
+  }
+  RealtimeReport fly() {
+    imu_.hold_at = 1;
+    start();
+    feed(images_);
+    imu_.hold_at = 1 << 30;
+    return finish();
+  }
+
+  /// Each reading since the first pose once, in order, nothing left out and no jump; each image's pose.
+  void expect_complete(const RealtimeReport& report) {
+    EXPECT_EQ(report.frames_in, static_cast<std::uint64_t>(images_));
+    EXPECT_EQ(report.frames_out + report.frames_overtaken, report.frames_in);
+    EXPECT_EQ(report.predicted, sink_.rates.size());
+    ASSERT_FALSE(sink_.rates.empty());
+    for (std::size_t i = 1; i < sink_.rates.size(); ++i) {
+      ASSERT_EQ((sink_.rates[i].stamp - sink_.rates[i - 1].stamp).ns, 1'000'000'000 / kRate) << i;
+      for (std::size_t k = 0; k < 3; ++k) {
+        EXPECT_NEAR(sink_.rates[i].p_WB_m[k], sink_.rates[i - 1].p_WB_m[k], 0.005) << i;
+        EXPECT_NEAR(sink_.rates[i].v_WB_m_s[k], 0, 0.1);
+      }
+    }
+    EXPECT_EQ(report.published + report.superseded, report.frames_out);
+  }
+
+  int readings_, images_;
+  std::atomic<int> done_{0};
+  FakeImu imu_;
+  FakeCamera camera_;
+  FakeSink sink_;
+  Counter counter_;
+  std::vector<TrackPoint> points_;
+  RealtimeSettings settings_;
+  std::unique_ptr<RealtimePipeline> pipeline_;
+};
+
+TEST_F(Realtime, EveryReadingBringsAnOdometryOfItsInstant) {
+  const RealtimeReport report = fly();
+  expect_complete(report);
+  EXPECT_GT(sink_.rates.size(), 2.5 * kRate);
+  EXPECT_GT(sink_.images.size(), 2.5 * kRate / kImageEvery);
+  EXPECT_GT(report.prediction.corrections, 20u);
+  EXPECT_LE(report.prediction.corrections, static_cast<std::uint64_t>(counter_.solved));
+  EXPECT_EQ(report.prediction.old, 0u) << "an image that was only predicted must not correct";
+  EXPECT_EQ(report.prediction.jumps, 1u) << "the first";
+  EXPECT_EQ(report.prediction_latency.count(), report.predicted);
+  EXPECT_EQ(report.publish_failed + report.predict_failed, 0u);
+  EXPECT_EQ(pipeline_->estimator().odometry().health.state, HealthState::kTracking);
+  EXPECT_NEAR(sink_.rates.back().p_WB_m[2], 0, 0.02);
+}
+
+TEST_F(Realtime, StopsInMidFlight) {
+  imu_.hold_at = readings_ / 2;
+  start();
+  wait_until([&] { return done_ >= images_ / 2 - 2; });
+  pipeline_->stop();
+  pipeline_->join();
+  const RealtimeReport report = pipeline_->report();
+  EXPECT_LT(report.frames_out, static_cast<std::uint64_t>(images_));
+  EXPECT_GE(report.frames_out, static_cast<std::uint64_t>(images_ / 2 - 2));
+}
+
+TEST_F(Realtime, DevicesThatFailForAWhileComeBack) {
+  imu_.failures = 5;
+  camera_.failures = 5;
+  const RealtimeReport report = fly();
+  expect_complete(report);
+  EXPECT_GT(counter_.solved, 20);
+}
+
+TEST_F(Realtime, ALateImuIsWaitedForOnlySoLong) {
+  settings_.realtime.imu_wait_ms = 20;
+  imu_.hold_at = readings_ / 2;
+  start();
+  wait_until([&] { return done_ >= images_ / 2 + 5; });
+  imu_.hold_at = 1 << 30;
+  const RealtimeReport report = finish();
+  EXPECT_GE(report.imu_late, 4u);
+  EXPECT_EQ(report.frames_out, static_cast<std::uint64_t>(images_));
+}
+
+TEST_F(Realtime, ImagesAfterTheLastReadingAreStillHandled) {
+  FakeImu half(readings_ / 2);
+  pipeline_ = std::make_unique<RealtimePipeline>(settings_, RealtimePorts{&camera_, &half, &sink_, {&counter_}, {}});
+  pipeline_->arm({kStart, monotonic_ns(), 1});
+  const RealtimeReport report = finish();
+  EXPECT_EQ(report.frames_out, static_cast<std::uint64_t>(images_));
+  EXPECT_EQ(report.imu_late, 0u) << "nothing to wait for";
+}
+
+TEST_F(Realtime, AReceiverThatRefusesIsCounted) {
+  sink_.refuses = true;
+  const RealtimeReport report = fly();
+  expect_complete(report);
+  EXPECT_EQ(report.predict_failed, report.predicted);
+  EXPECT_EQ(report.publish_failed, sink_.images.size());
+}
+
+class RealtimeForLong : public Realtime {
+ protected:
+  RealtimeForLong() : Realtime(26) {}
+};
+
+// A receiver that blocks holds up nothing but itself; what it misses is counted.
+TEST_F(RealtimeForLong, AReceiverThatBlocksLosesReadingsAndTheyAreCounted) {
+  imu_.hold_at = 1;
+  start();
+  sink_.blocked = true;
+  feed(images_);
+  imu_.hold_at = 1 << 30;
+  wait_until([&] { return imu_.given >= readings_; });
+  sink_.blocked = false;
+  const RealtimeReport report = finish();
+  EXPECT_EQ(report.frames_out, static_cast<std::uint64_t>(images_));
+  for (const auto& ring : report.rings) {
+    if (std::string(ring.name) == "imu_to_publish") {
+      EXPECT_GT(ring.dropped, 500u);
+      EXPECT_EQ(ring.passed + ring.dropped, static_cast<std::uint64_t>(readings_));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace epiline
