@@ -1,6 +1,7 @@
 #include "pipeline/recorder/flight_recorder.h"
 
 #include <fmt/format.h>
+#include <sys/resource.h>
 
 #include <algorithm>
 #include <chrono>
@@ -119,6 +120,7 @@ struct FlightRecorder::Impl {
   // The log thread's own.
   HostStamp now;
   HealthState state = HealthState::kInitialising;
+  std::uint32_t resets = 0;
   std::optional<HostStamp> lost_due;     ///< a record is to be made then
   std::optional<HostStamp> lost_before;  ///< the last one made for that reason
   int made_for_lost = 0;
@@ -148,6 +150,7 @@ bool FlightRecorder::Impl::may_record_lost(HostStamp stamp) const {
 }
 
 void FlightRecorder::Impl::write_all() {
+  setpriority(PRIO_PROCESS, 0, 10);  // of this thread: who decodes or logs goes first
   for (bool over = false; !over;) {
     bool ends = false;
     parking.wait_until(monotonic_ns() + Span::from_milliseconds(500).ns, [&] {
@@ -198,9 +201,11 @@ void FlightRecorder::event(const Event& event) noexcept {
 void FlightRecorder::take(const FrameOutcome& outcome) noexcept {
   Impl& m = *impl_;
   m.samples.append(static_cast<std::uint32_t>(RecordKind::kState), recorded_state(outcome));
-  const HealthState before = std::exchange(m.state, outcome.odometry.health.state);
-  const bool just_lost = m.state == HealthState::kLost && before != HealthState::kLost;
-  if (just_lost && m.may_record_lost(outcome.stamp))
+  // a reset may come without a word of being lost before: what was estimated is thrown away all the same
+  const Odometry& o = outcome.odometry;
+  const bool reset = std::exchange(m.resets, o.reset_counter) != o.reset_counter;
+  const bool was_lost = std::exchange(m.state, o.health.state) == HealthState::kLost;
+  if ((reset || (m.state == HealthState::kLost && !was_lost)) && m.may_record_lost(outcome.stamp))
     m.lost_due = outcome.stamp + Span::from_seconds(m.config.after_lost_s);
 }
 

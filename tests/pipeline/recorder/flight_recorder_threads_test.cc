@@ -76,6 +76,7 @@ class FlightRecorderTest : public testing::Test {
     outcome.stamp = outcome.odometry.stamp = stamp;
     outcome.result.has_pose = true;
     outcome.odometry.health.state = state;
+    outcome.odometry.reset_counter = resets_;
     outcome.odometry.p_WB_m = {static_cast<double>(serial_), 0, 0};
     recorder.take(outcome);
     LoggedTracks tracks;
@@ -139,6 +140,7 @@ class FlightRecorderTest : public testing::Test {
   RecordedRun run_;
   std::int64_t now_ = 1000 * kSecond_ns;
   std::uint64_t serial_ = 0;
+  std::uint32_t resets_ = 0;
   std::vector<std::uint8_t> pixels_ = std::vector<std::uint8_t>(64 * 48);
 };
 
@@ -228,6 +230,20 @@ TEST_F(FlightRecorderTest, LostShortlyBeforeTheEndIsWritten) {
   recorder.finish(false);
   ASSERT_EQ(count(), 1u);
   EXPECT_EQ(records().at(0).filename(), "record-001-lost");
+}
+
+// The estimator may start anew at once, and is never seen lost.
+TEST_F(FlightRecorderTest, AResetCountsAsLostIfThatIsAskedFor) {
+  for (const bool asked_for : {false, true}) {
+    config_.on_lost = asked_for;
+    FlightRecorder recorder(config_, run_);
+    fly_seconds(recorder, 5);
+    ++resets_;
+    fly_seconds(recorder, 5, HealthState::kInitialising);
+    recorder.finish(false);
+    EXPECT_EQ(count(), asked_for ? 1u : 0u);
+    resets_ = 0;
+  }
 }
 
 TEST_F(FlightRecorderTest, ImagesAreKeptAsFarAsTheirMemoryGoes) {
