@@ -1,0 +1,209 @@
+// The camera against v4l2loopback: a program writes the images, with stamps of its own.
+#include <fcntl.h>
+#include <linux/videodev2.h>
+#include <sys/ioctl.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <thread>
+
+#include "tests/hardware/camera_support.h"
+
+namespace epiline {
+namespace {
+
+constexpr const char* kDevice = "/dev/video42";
+constexpr int kWidth = 320, kHeight = 180;
+constexpr std::size_t kBytes = static_cast<std::size_t>(kWidth) * kHeight;
+
+/// The other end of the loopback.
+class Writer {
+ public:
+  Writer() {
+    fd_ = ::open(kDevice, O_RDWR | O_CLOEXEC);
+    EXPECT_GE(fd_, 0);
+    v4l2_format format{};
+    format.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
+    format.fmt.pix.width = kWidth;
+    format.fmt.pix.height = kHeight;
+    format.fmt.pix.pixelformat = V4L2_PIX_FMT_GREY;
+    format.fmt.pix.field = V4L2_FIELD_NONE;
+    format.fmt.pix.bytesperline = kWidth;
+    format.fmt.pix.sizeimage = kBytes;
+    EXPECT_EQ(::ioctl(fd_, VIDIOC_S_FMT, &format), 0);
+    v4l2_requestbuffers request{};
+    request.count = kMostBuffers;
+    request.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
+    request.memory = V4L2_MEMORY_MMAP;
+    EXPECT_EQ(::ioctl(fd_, VIDIOC_REQBUFS, &request), 0);
+    count_ = std::min(request.count, kMostBuffers);  // the driver has 2 unless told otherwise
+    for (unsigned i = 0; i < count_; ++i) {
+      v4l2_buffer buffer = numbered(i);
+      EXPECT_EQ(::ioctl(fd_, VIDIOC_QUERYBUF, &buffer), 0);
+      length_ = buffer.length;
+      memory_[i] = ::mmap(nullptr, length_, PROT_READ | PROT_WRITE, MAP_SHARED, fd_, buffer.m.offset);
+      EXPECT_NE(memory_[i], MAP_FAILED);
+    }
+    int type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
+    EXPECT_EQ(::ioctl(fd_, VIDIOC_STREAMON, &type), 0);
+  }
+  ~Writer() {
+    for (unsigned i = 0; i < count_; ++i) ::munmap(memory_[i], length_);
+    ::close(fd_);
+  }
+  Writer(const Writer&) = delete;
+  Writer& operator=(const Writer&) = delete;
+
+  void write(std::uint8_t grey, HostStamp stamp, std::size_t bytes = kBytes) {
+    v4l2_buffer buffer = numbered(next_);
+    std::memset(memory_[next_], grey, kBytes);
+    buffer.bytesused = static_cast<std::uint32_t>(bytes);
+    buffer.flags = V4L2_BUF_FLAG_TIMESTAMP_COPY;
+    buffer.timestamp.tv_sec = stamp.ns / 1'000'000'000;
+    buffer.timestamp.tv_usec = stamp.ns % 1'000'000'000 / 1'000;
+    ASSERT_EQ(::ioctl(fd_, VIDIOC_QBUF, &buffer), 0);
+    ASSERT_EQ(::ioctl(fd_, VIDIOC_DQBUF, &buffer), 0);
+    next_ = buffer.index;
+  }
+
+ private:
+  static constexpr unsigned kMostBuffers = 4;
+  static v4l2_buffer numbered(unsigned index) {
+    v4l2_buffer buffer{};
+    buffer.index = index;
+    buffer.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
+    buffer.memory = V4L2_MEMORY_MMAP;
+    return buffer;
+  }
+
+  int fd_ = -1;
+  std::array<void*, kMostBuffers> memory_{};
+  unsigned count_ = 0;
+  std::size_t length_ = 0;
+  unsigned next_ = 0;
+};
+
+V4l2Settings loopback_settings() {
+  V4l2Settings settings;
+  settings.device = kDevice;
+  settings.width = kWidth;
+  settings.height = kHeight;
+  settings.formats = {PixelFormat::kGrey};
+  settings.trust_stamps = true;
+  settings.stamp_point = StampPoint::kStartOfExposure;
+  return settings;
+}
+
+class Loopback : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!std::filesystem::exists(kDevice)) GTEST_SKIP() << "v4l2loopback is not loaded; expected ./run hardware";
+  }
+};
+
+// A recording's times, years away from this machine's clock: they come through to the microsecond.
+TEST_F(Loopback, TheWritersStampsSurvive) {
+  Writer writer;
+  V4l2Camera camera(loopback_settings());
+  const Status status = camera.open();
+  ASSERT_TRUE(status) << status.error().text();
+  EXPECT_TRUE(camera.copies()) << "the writer would write into lent images";
+  for (int i = 1; i <= 20; ++i) {
+    const HostStamp stamp{1'403'636'579'763'555'000 + i * 50'000'000LL};
+    writer.write(static_cast<std::uint8_t>(i), stamp);
+    Frame frame;
+    ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+    EXPECT_EQ(frame.stamp, stamp);
+    EXPECT_EQ(frame.data[0], i);
+    EXPECT_EQ(frame.data[(kHeight - 1) * frame.stride + kWidth - 1], i);
+    EXPECT_EQ(frame.sequence, static_cast<std::uint64_t>(i - 1)) << "a driver that does not count: each image is one";
+    camera.give_back(frame);
+  }
+  EXPECT_EQ(camera.counts().lost, 0u);
+}
+
+TEST_F(Loopback, StampsNobodyVouchesForAreAnError) {
+  Writer writer;
+  V4l2Settings settings = loopback_settings();
+  settings.trust_stamps = false;
+  V4l2Camera camera(settings);
+  const Status status = camera.open();
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().text(), std::string(kDevice) +
+                                       ": stamps of an unknown clock; expected monotonic stamps, or "
+                                       "trust_stamps in the configuration");
+}
+
+TEST_F(Loopback, ShortImagesAndStampsThatStandStillAreLeftOut) {
+  Writer writer;
+  V4l2Camera camera(loopback_settings());
+  ASSERT_TRUE(camera.open());
+  const auto expect_image = [&](std::uint8_t grey) {
+    Frame frame;
+    ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+    EXPECT_EQ(frame.data[0], grey);
+    camera.give_back(frame);
+  };
+  const auto expect_none = [&] {
+    Frame frame;
+    EXPECT_EQ(camera.read(frame, Span::from_milliseconds(50)), ReadOutcome::kTimeout);
+  };
+  writer.write(1, HostStamp{1'000'000'000});
+  expect_image(1);
+  writer.write(2, HostStamp{2'000'000'000}, kBytes - 1);
+  expect_none();
+  writer.write(3, HostStamp{1'000'000'000});
+  expect_none();
+  writer.write(4, HostStamp{3'000'000'000});
+  expect_image(4);
+  EXPECT_EQ(camera.counts().incomplete, 1u);
+  EXPECT_EQ(camera.counts().bad_stamps, 1u);
+}
+
+// The closest a loopback comes to being unplugged: its writer ends, the driver goes and comes back.
+TEST_F(Loopback, AWriterThatComesBackIsReadAgain) {
+  V4l2Settings settings = loopback_settings();
+  settings.silence_most = Span::from_milliseconds(300);
+  V4l2Camera camera(settings);
+  std::int64_t now_ns = 1'000'000'000;
+  Frame frame;
+  {
+    Writer writer;
+    ASSERT_TRUE(camera.open());
+    writer.write(1, HostStamp{now_ns});
+    ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+    camera.give_back(frame);
+  }
+  for (int i = 0; i < 100 && camera.counts().disconnected == 0; ++i) camera.read(frame, Span::from_milliseconds(50));
+  ASSERT_EQ(camera.counts().disconnected, 1u) << "silence was noticed";
+  ASSERT_EQ(std::system("/sbin/modprobe -r v4l2loopback"), 0);
+  ASSERT_FALSE(std::filesystem::exists(kDevice));
+  for (int i = 0; i < 10; ++i) EXPECT_EQ(camera.read(frame, Span::from_milliseconds(100)), ReadOutcome::kFailed);
+  ASSERT_EQ(std::system("/sbin/modprobe v4l2loopback video_nr=42"), 0);
+  Writer writer;
+  const std::int64_t back_ns = monotonic_ns();
+  std::atomic<bool> done{false};
+  std::thread feeder([&] {
+    for (std::uint8_t grey = 100; !done; ++grey) {
+      writer.write(grey, HostStamp{now_ns += 50'000'000});
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+  });
+  EXPECT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+  std::printf("writer back: image after %.0f ms, %llu attempts before\n",
+              static_cast<double>(monotonic_ns() - back_ns) * 1e-6,
+              static_cast<unsigned long long>(camera.counts().retries));
+  done = true;
+  feeder.join();
+  EXPECT_GE(frame.data[0], 100);
+  camera.give_back(frame);
+}
+
+}  // namespace
+}  // namespace epiline
