@@ -143,9 +143,11 @@ class Realtime : public testing::Test {
     std::mt19937 random(3);
     std::normal_distribution<float> noise(0, 0.2F);
     for (int k = 0; k < images_; ++k) {
-      for (std::uint32_t id = 0; id < kPoints; ++id)
-        points_.push_back({id, 60 + 70.0F * static_cast<float>(id % 10) + noise(random),
-                           50 + 70.0F * static_cast<float>(id / 10) + noise(random)});
+      for (std::uint32_t id = 0; id < kPoints; ++id) {
+        const std::uint32_t column = id % 10, row = id / 10;
+        points_.push_back({id, 60 + 70.0F * static_cast<float>(column) + noise(random),
+                           50 + 70.0F * static_cast<float>(row) + noise(random)});
+      }
     }
     settings_.camera = {CameraModel::kPinholeRadialTangential, 752, 480, {458, 457, 367, 248}, {}};
     settings_.images = false;
