@@ -14,6 +14,7 @@ namespace {
 // The names of an enumeration's values, in its order. Those of the estimator's words are compared with it by a test.
 using Names = std::span<const char* const>;
 constexpr const char* kStartKinds[] = {"none", "given", "stationary", "moving"};
+constexpr const char* kLoadLevels[] = {"full", "fewer_features", "fewer_iterations", "prediction_only"};
 constexpr const char* kSources[] = {"camera", "imu", "wheel", "odometry"};
 constexpr const char* kImageLosses[] = {"overtaken", "missed", "out_of_order", "duplicate"};
 constexpr const char* kImuRefusals[] = {"out_of_order", "duplicate", "not_finite"};
@@ -55,7 +56,7 @@ constexpr Description kDescriptions[] = {
     {"clock_jump", {one_of("source", kSources), number("jump_ns")}},
     {"images_frozen", {number("on"), number("images")}},
     {"lens_covered", {number("on"), number("images")}},
-    {"load_level", {number("from"), number("to")}},
+    {"load_level", {one_of("from", kLoadLevels), one_of("to", kLoadLevels)}},
     {"ring_overflow", {one_of("ring", kRings), number("lost")}},
     {"record_written", {number("number"), one_of("reason", kRecordReasons)}},
     {"record_failed", {number("number"), one_of("reason", kRecordReasons), number("errno")}},

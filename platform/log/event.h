@@ -27,7 +27,7 @@ enum class EventId : std::uint16_t {
   kClockJump,       ///< EventSource, ns
   kImagesFrozen,    ///< 1 begins, 0 ends; images
   kLensCovered,     ///< 1 begins, 0 ends; images
-  kLoadLevel,       ///< before and now
+  kLoadLevel,       ///< LoadLevel before and now
   kRingOverflow,    ///< RingName, elements lost
   kRecordWritten,   ///< number of the record, RecordReason
   kRecordFailed,    ///< number of the record, RecordReason, errno if known

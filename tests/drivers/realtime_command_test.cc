@@ -107,8 +107,8 @@ TEST_F(RealtimeCommand, ARecordIsReplayedToTheSameTrajectory) {
     bool complete = false;  // images may be lost on their way to the tracker: the record has those that were tracked
     for (const char* speed : {"2", "1", "0.5"}) {
       fs::remove_all(records);
-      const std::string signal =
-          " & p=$!; until [ -d '" + records.string() + "' ] || ! kill -0 $p; do sleep 0.05; done; sleep 1; kill -USR1 $p; wait $p";
+      const std::string signal = " & p=$!; until [ -d '" + records.string() +
+                                 "' ] || ! kill -0 $p; do sleep 0.05; done; sleep 1; kill -USR1 $p; wait $p";
       const Outcome r =
           run("replay '" + flight_.string() + "' --realtime --speed " + speed + " " + config + " --out '" +
                   (scratch() / "run").string() + "' --record '" + records.string() + "'" + images,
@@ -190,7 +190,7 @@ TEST_F(RealtimeCommand, WithoutTimeToSolveItPredictsAndSaysSo) {
   EXPECT_GT(s["state_seconds"]["degraded"], 1);
   EXPECT_EQ(s["state_seconds"]["lost"], 0);
   EXPECT_NE(r.out.find("predicted only"), std::string::npos) << r.out;
-  EXPECT_NE(read(scratch() / "short/events.txt").find("load_level from=0"), std::string::npos);
+  EXPECT_NE(read(scratch() / "short/events.txt").find("load_level from=full"), std::string::npos);
 }
 
 // Without privileges it runs all the same, and says once what it did not get.

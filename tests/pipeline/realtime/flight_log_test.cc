@@ -4,9 +4,11 @@
 
 #include <limits>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "pipeline/stages/estimator_events.h"
+#include "pipeline/stages/load_governor.h"
 #include "platform/memory/allocation_count.h"
 
 namespace epiline {
@@ -196,7 +198,17 @@ TEST(EstimatorEvents, TellWhatBecameOfReadings) {
   expect(EventId::kImuGap, 1600, 600'000'000);
 }
 
-// Names in a platform that does not know the estimator's words.
+// Names in a platform that does not know the words of the layers above.
+TEST(EstimatorEvents, LoadLevelsHaveTheirNames) {
+  for (std::size_t i = 0; i <= kLoadLevels; ++i) {
+    char text[128];
+    const auto level = static_cast<std::int64_t>(i);
+    const std::string shown(text, format_event({HostStamp{0}, EventId::kLoadLevel, {level, 0, 0}}, text));
+    const std::string name = i < kLoadLevels ? kLoadLevelNames[i] : std::to_string(i);
+    EXPECT_EQ(shown, "0.000000000 load_level from=" + name + " to=full");
+  }
+}
+
 TEST(EstimatorEvents, StartKindsHaveTheirNames) {
   const auto shown = [](StartKind kind) {
     char text[128];
