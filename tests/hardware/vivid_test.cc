@@ -203,18 +203,22 @@ TEST_F(Vivid, AWrappingSequenceIsNoLoss) {
     last = frame.sequence;
   });
   EXPECT_EQ(steps, 198u + camera.counts().lost) << "the first image has sequence 0";
-  EXPECT_LT(camera.counts().lost, 200u) << "the emulator may lose some, not 2^32";
+  EXPECT_LT(camera.counts().lost, 1u << 20) << "a busy emulator loses some, not 2^32";
 }
 
 TEST_F(Vivid, DamagedImagesAreCountedAndLeftOut) {
   V4l2Camera camera(small_settings());
   open(camera);
-  watch(camera, 3, [](const Frame&) {});
+  std::uint64_t last = 0;  // the first image has sequence 0
+  const auto note = [&](const Frame& frame) { last = frame.sequence; };
+  watch(camera, 3, note);
   set_controls(kDevice, {{"inject_v4l2_buf_flag_error", 1}});
-  watch(camera, 5, [](const Frame&) {});
-  EXPECT_EQ(camera.counts().damaged, 1u);
-  EXPECT_EQ(camera.counts().disconnected, 0u);
-  EXPECT_EQ(camera.counts().frames, 8u);
+  watch(camera, 5, note);
+  const CameraCounts counts = camera.counts();
+  EXPECT_EQ(counts.damaged, 1u);
+  EXPECT_EQ(counts.disconnected, 0u);
+  EXPECT_EQ(counts.frames, 8u);
+  EXPECT_EQ(last, 7 + counts.lost + counts.damaged) << "not among those handed out";
 }
 
 TEST_F(Vivid, AFatalErrorIsOvercomeWithoutHeapOrLocks) {
