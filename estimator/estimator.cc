@@ -30,8 +30,9 @@ constexpr double kGateFree_s = 1;     // no gate until then: a young state may b
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3, kSigmaMost = 2;         // px
-constexpr double kHeldShare = 0.2;    // of an IMU interval: the last reading may be held so long up to a frame's time
-constexpr double kLongestStep_s = 5;  // a longer silence of the camera is a new start
+constexpr double kHeldShare = 0.2;  // of an IMU interval: the last reading may be held so long up to a frame's time
+constexpr double kLongestUnknown_s = 0.25;  // without a reading to be trusted: too far to go on from (health.md)
+constexpr double kLongestStep_s = 5;        // a longer silence of the camera is a new start
 
 // A start in motion is taken when the window's own posterior says so.
 constexpr int kStartSteps = 10;
@@ -102,6 +103,8 @@ struct Estimator::Impl {
   StepResult predict_for_time(const TrackedFrame& frame);
   NewestCovariance covariance_after(const SolverSummary& s) const;
   void judge(const TrackedFrame& frame, const SolverSummary& s, bool reduced, double dt_s);
+  StepResult refuse_without_readings();
+  bool motion_unknown(const TrackedFrame& frame) const;
 
   VisualSettings visual_settings() const;
   double window_age_s(HostStamp now) const { return (now - started_at).seconds(); }
@@ -201,7 +204,7 @@ void Estimator::Impl::attach_rest(const TrackedFrame& frame) {
   Slot& newest = window.newest();
   const double rate = n > 1 ? history.mean_rate(window.at(n - 2).time, newest.time, newest.x.b_g) : 0;
   const bool still = rest.update(frame, pixel_sigma, rate);
-  if (!config.zero_motion || !still || n < 2) {
+  if (!config.zero_motion || !still || n < 2 || is_blind(frame.reasons)) {
     resting = false;
     return;
   }
@@ -478,6 +481,20 @@ StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& su
   return {true, true, false};
 }
 
+bool Estimator::Impl::motion_unknown(const TrackedFrame& frame) const {
+  const HostStamp time = frame.stamp + Span::from_seconds(window.calibration.time_offset);
+  return history.longest_unknown_s(window.newest().time, time) > kLongestUnknown_s;
+}
+
+/// A guess held in place of readings is so far off that one step from it, at Jacobians kept from it, misleads the
+/// window for seconds. Without the frame the next one bridges the hole between true readings.
+StepResult Estimator::Impl::refuse_without_readings() {
+  ++stats.frames_refused;
+  odometry.health.reasons |= bit(HealthReason::kImuSilent);
+  if (odometry.health.state == HealthState::kTracking) odometry.health.state = HealthState::kDegraded;
+  return {};
+}
+
 StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& supervisor) {
   ++stats.frames;
   if (any_frame && frame.stamp <= last_frame) {
@@ -486,6 +503,12 @@ StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& super
   }
   any_frame = true;
   last_frame = frame.stamp;
+  if (started && !history.reaches(frame.stamp + Span::from_seconds(window.calibration.time_offset)))
+    return refuse_without_readings();
+  if (window.size() > 0 && motion_unknown(frame)) {
+    reset();
+    return {};
+  }
   if (window.size() > 0) {
     const double since = (frame.stamp - window.newest().image_stamp).seconds();
     if (since > kLongestStep_s)
@@ -583,10 +606,11 @@ bool Estimator::add_imu(const ImuSample& sample) noexcept {
     case ImuHistory::Push::kTaken:
       break;
   }
-  m.stationary.add(sample);
+  if ((sample.reasons & kDistrustReasons) == 0) m.stationary.add(sample);
   const ImuHistory::Reading& r = m.history.newest();
   if (r.w.cwiseAbs().maxCoeff() >= m.config.saturation_gyroscope_rad_s ||
-      r.a.cwiseAbs().maxCoeff() >= m.config.saturation_accelerometer_m_s2)
+      r.a.cwiseAbs().maxCoeff() >= m.config.saturation_accelerometer_m_s2 ||
+      (sample.reasons & bit(HealthReason::kImuSaturated)) != 0)
     ++m.stats.imu_saturated;
   if (m.history.after_gap()) {
     ++m.stats.imu_gaps;

@@ -15,7 +15,7 @@ FlightPlan plan_flight(const AslDataset& dataset, const ReplayOptions& options) 
     last = std::max(last, dataset.instant(i));
   }
   plan.duration_s = (last - first).seconds();
-  plan.skipped = {{"out_of_order", 0}, {"duplicate", 0}};
+  plan.skipped = {{"out_of_order", 0}, {"duplicate", 0}, {"refused_by_watch", 0}};
   for (std::size_t i = 0; i < dataset.instants_count(); ++i) {
     const double t = (dataset.instant(i) - first).seconds();
     if (t < options.start_s || t - options.start_s > options.duration_s) continue;

@@ -224,6 +224,7 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     record.imu_read = report.imu_in;
     record.skipped["refused_by_estimator"] = record.estimator.frames_refused;
     record.skipped["missed_by_camera"] = camera.missed();
+    record.skipped["refused_by_watch"] = report.frames_refused;
     record.skipped["overtaken"] = report.frames_overtaken;
     count_costs(report, record);
     record.load = report.load;

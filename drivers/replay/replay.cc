@@ -50,29 +50,38 @@ class Flight {
         imu_faults_(options.faults, plan.images.front().stamp),
         camera_faults_(options.faults, plan.images.front().stamp, dataset.camera.parameters.width,
                        dataset.camera.parameters.height, ImageDecoder::kBuffers),
-        record_(begin_record(dataset, plan, config, options)) {}
+        record_(begin_record(dataset, plan, config, options)),
+        odometry_(options.odometry) {}
 
   Status step(const PlannedImage& planned) {
     Frame frame;
     if (!dataset_.images.empty()) {
-      const auto image = decoder_.read(planned.index, dataset_);
+      // not over the image the tracker was shown last: it needs that one on
+      const auto image = decoder_.read(planned.index, dataset_, static_cast<std::size_t>(1 - shown_buffer_));
       if (!image) return image.error();
       frame = *image;
+      frame.slot = 1 - shown_buffer_;
     }
     frame.stamp = frame.arrival = planned.stamp;
     if (!camera_faults_.apply(frame)) return Done{};
+    if (!pipeline_.admit(frame)) {
+      ++record_.skipped["refused_by_watch"];
+      return Done{};
+    }
     feed_imu(frame.stamp);
     const ThreadCosts before = costs_of_this_thread();
     const HeapCallScope heap;
     if (dataset_.images.empty()) {
       const TrackInstant& instant = dataset_.instants[planned.index];
-      pipeline_.step(frame.stamp, dataset_.points.data() + instant.first, instant.count, outcome_);
+      pipeline_.step(frame, dataset_.points.data() + instant.first, instant.count, outcome_);
     } else {
       pipeline_.step(frame, outcome_);
+      if (!is_blind(frame.reasons)) shown_buffer_ = frame.slot;
     }
     heap_calls_ += heap.calls();
     record_.page_faults += (costs_of_this_thread() - before).page_faults;
     record_.images.push_back(image_record(outcome_));
+    if (odometry_ != nullptr && outcome_.result.has_pose) odometry_->publish_image(outcome_.odometry);
     for (Event event; pipeline_.events().pop(event);) record_.events.push_back(event);
     return Done{};
   }
@@ -103,16 +112,16 @@ class Flight {
         next_delivered_ = 0;
         continue;
       }
-      const ImuSample& sample = delivered_[next_delivered_++];
-      pipeline_.add_imu(sample);
-      feed_.took(sample);
+      ImuSample& sample = delivered_[next_delivered_++];
       ++record_.imu_read;
+      if (pipeline_.add_imu(sample)) feed_.took(sample);
     }
   }
 
   const AslDataset& dataset_;
   OfflinePipeline pipeline_;
   ImageDecoder decoder_;
+  int shown_buffer_ = 1;  ///< of the decoder: the image the tracker keeps
   bool counts_heap_;
   std::size_t next_imu_;
   ImuFaults imu_faults_;
@@ -123,6 +132,7 @@ class Flight {
   FrameOutcome outcome_;
   std::uint64_t heap_calls_ = 0;
   FlightRecord record_;
+  OdometrySink* odometry_;
 };
 
 Result<FlightRecord> replay_in_one_thread(const AslDataset& dataset, const FlightPlan& plan, const Config& config,

@@ -8,10 +8,12 @@ namespace epiline {
 namespace {
 constexpr double kGapPeriods = 2.5;
 constexpr double kNeverAGap = 0.004;  // s; jitter of fast sensors
+constexpr double kDistrustedTime_s = 1;
 }  // namespace
 
 ImuHistory::Push ImuHistory::push(const ImuSample& s) {
-  const Reading r{s.stamp, Vec3(s.angular_velocity_rad_s.data()), Vec3(s.specific_force_m_s2.data())};
+  const Reading r{s.stamp, Vec3(s.angular_velocity_rad_s.data()), Vec3(s.specific_force_m_s2.data()),
+                  (s.reasons & kDistrustReasons) != 0};
   if (!r.w.allFinite() || !r.a.allFinite()) return Push::kNotFinite;
   after_gap_ = false;
   if (count_ > 0) {
@@ -38,10 +40,10 @@ std::uint64_t ImuHistory::before(HostStamp t) const {
 
 ImuHistory::Reading ImuHistory::interpolated(std::uint64_t i, HostStamp t) const {
   const Reading& a = at(i);
-  if (i + 1 >= count_ || t <= a.stamp) return {t, a.w, a.a};
+  if (i + 1 >= count_ || t <= a.stamp) return {t, a.w, a.a, a.distrusted};
   const Reading& b = at(i + 1);
   const double u = static_cast<double>((t - a.stamp).ns) / static_cast<double>((b.stamp - a.stamp).ns);
-  return {t, a.w + u * (b.w - a.w), a.a + u * (b.a - a.a)};
+  return {t, a.w + u * (b.w - a.w), a.a + u * (b.a - a.a), a.distrusted || b.distrusted};
 }
 
 template <class F>
@@ -58,15 +60,39 @@ void ImuHistory::pieces(HostStamp t0, HostStamp t1, F&& visit) const {
   }
 }
 
+double ImuHistory::longest_unknown_s(HostStamp t0, HostStamp t1) const {
+  if (count_ == 0) return 0;
+  std::uint64_t i = before(t0);
+  while (i > first() && at(i).distrusted) --i;
+  HostStamp trusted = at(i).stamp;
+  double longest = 0;
+  while (++i < count_ && trusted < t1) {
+    longest = std::max(longest, (at(i).stamp - trusted).seconds());
+    if (!at(i).distrusted) trusted = at(i).stamp;
+  }
+  return longest;
+}
+
+bool ImuHistory::reaches(HostStamp t) const {
+  return count_ > 0 && t - newest().stamp <= Span::from_seconds(std::max(kNeverAGap, kGapPeriods * period_));
+}
+
 bool ImuHistory::integrate(HostStamp t0, HostStamp t1, const Density& density, Preintegration& out) const {
   constexpr Span kReach{500'000'000};
   if (count_ == 0 || newest().stamp + kReach < t1 || t0 + kReach < oldest_stamp()) return false;
   const double gap = std::max(kNeverAGap, kGapPeriods * period_);
   pieces(t0, t1, [&](const Reading& a, const Reading& b, double dt) {
     ImuNoise noise = density.noise;
-    if (period_ > 0 && dt > gap) {  // the readings at both ends say little of what happened in between
-      noise.accelerometer_density = std::max(noise.accelerometer_density, density.gap_acceleration * std::sqrt(dt));
-      noise.gyroscope_density = std::max(noise.gyroscope_density, density.gap_rate * std::sqrt(dt));
+    // What happens across a hole, beyond the newest reading or at a limit is unknown for all that time, not anew at
+    // each step: the time it lasts is in the density.
+    double unknown_s = period_ > 0 && dt > gap ? dt : 0;
+    if (b.stamp > newest().stamp && (b.stamp - newest().stamp).seconds() > gap)
+      unknown_s = std::max(unknown_s, (b.stamp - newest().stamp).seconds());
+    if (a.distrusted || b.distrusted) unknown_s = std::max(unknown_s, kDistrustedTime_s);
+    if (unknown_s > 0) {
+      const double root = std::sqrt(unknown_s);
+      noise.accelerometer_density = std::max(noise.accelerometer_density, density.gap_acceleration * root);
+      noise.gyroscope_density = std::max(noise.gyroscope_density, density.gap_rate * root);
     }
     out.integrate(a.w, a.a, b.w, b.a, dt, noise);
   });

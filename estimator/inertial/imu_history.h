@@ -15,7 +15,8 @@ class ImuHistory {
   enum class Push : std::uint8_t { kTaken, kOutOfOrder, kDuplicate, kNotFinite };
   struct Reading {
     HostStamp stamp;
-    Vec3 w, a;  ///< rad/s, m/s^2, in B
+    Vec3 w, a;                ///< rad/s, m/s^2, in B
+    bool distrusted = false;  ///< at a limit or stuck: as good as none
   };
   struct Density {
     ImuNoise noise;               ///< as assumed by the estimator
@@ -32,6 +33,11 @@ class ImuHistory {
   double period() const { return period_; }
   /// Whether the newest reading came after a hole of more than 2.5 periods.
   bool after_gap() const { return after_gap_; }
+
+  /// The longest time between t0 and t1, or ending there, without a reading to be trusted; s.
+  double longest_unknown_s(HostStamp t0, HostStamp t1) const;
+  /// Whether the readings go up to t, but for what is no gap.
+  bool reaches(HostStamp t) const;
 
   /// Preintegrates from t0 to t1 at the biases set in `out`; readings are interpolated at both ends, the newest one
   /// holds beyond the end. Returns false, leaving `out` as it was, if and only if the readings end more than half a

@@ -44,6 +44,7 @@ bool is_keyframe(const Window& w, const KeyframeSettings& s) {
   if (j < 0) return true;
   const bool compensated = s.rule == KeyframeRule::kCompensatedParallax;
   const Comparison c = compare(w, j, k, compensated ? relative_rotation(w, j, k) : Mat3::Identity(), s.focal_px);
+  if (c.later == 0) return false;  // a frame that sees nothing constrains nothing
   if (c.common < kFewestCommon || c.parallax_px > s.parallax_px) return true;
   return compensated && c.common < kLeastOverlap * c.later;
 }

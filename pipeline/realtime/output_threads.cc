@@ -23,16 +23,40 @@ void RealtimePipeline::Impl::publish_loop() {
       imu_to_publish.pop();
     } else if (ended) {
       break;
+    } else {
+      publish_silence();
     }
   }
   end(publish, {&log});
+}
+
+/// The verdict of the last image, and what its sensors have done since.
+Health RealtimePipeline::Impl::health_now(const Health& health) const {
+  if (has_ended(capture) || has_ended(imu)) return health;  // a recording that is over is no silence
+  const auto last = [](const Heard& heard) { return HostStamp{heard.last_ns.load(std::memory_order_relaxed)}; };
+  const auto period = [](const Heard& heard) { return Span{heard.period_ns.load(std::memory_order_relaxed)}; };
+  const LastHeard heard{last(heard_camera), last(heard_imu), period(heard_camera), period(heard_imu)};
+  return with_silence(health, heard, pace.stamp_of(monotonic_ns()));
+}
+
+/// Nothing new: if a sensor is the reason, the last prediction goes out again with the health of now. Nobody else would
+/// say.
+void RealtimePipeline::Impl::publish_silence() {
+  if (ports.odometry == nullptr || predictor.state() == Predictor::State::kWaiting) return;
+  const Odometry odometry = prediction_now();
+  const std::uint32_t silent = bit(HealthReason::kCameraSilent) | bit(HealthReason::kImuSilent);
+  if ((odometry.health.reasons & silent) != 0 && !ports.odometry->publish(odometry)) bump(predict_failed);
 }
 
 void RealtimePipeline::Impl::publish_estimate(const Estimate& e) {
   last_published = e.serial;
   bump(published);
   if (!e.has_pose) return;
-  if (ports.odometry != nullptr && !ports.odometry->publish_image(e.odometry)) bump(publish_failed);
+  if (ports.odometry != nullptr) {
+    Odometry odometry = e.odometry;
+    odometry.health = health_now(e.odometry.health);
+    if (!ports.odometry->publish_image(odometry)) bump(publish_failed);
+  }
   const std::int64_t latency_ns = monotonic_ns() - pace.host_of(e.odometry.stamp);
   if (settings.realtime.deadline_ms > 0 && 1e-6 * static_cast<double>(latency_ns) > settings.realtime.deadline_ms)
     bump(late);
@@ -48,10 +72,19 @@ void RealtimePipeline::Impl::correct_prediction(const Estimate& e) {
   if (usable) predictor.correct(e.solved);
 }
 
+/// The prediction with the health of now: the verdict on the last image may be worse than that on the last solve.
+Odometry RealtimePipeline::Impl::prediction_now() {
+  Odometry odometry = predictor.odometry();
+  const Estimate* const e = newest.read();
+  const bool current = predictor.state() == Predictor::State::kCurrent;
+  odometry.health = health_now(current && e != nullptr ? e->odometry.health : odometry.health);
+  return odometry;
+}
+
 void RealtimePipeline::Impl::publish_prediction(const ImuSample& reading) {
   const bool taken = predictor.add_imu(reading) == ImuHistory::Push::kTaken;
   if (!taken || predictor.state() == Predictor::State::kWaiting) return;
-  const Odometry odometry = predictor.odometry();
+  const Odometry odometry = prediction_now();
   if (ports.odometry != nullptr && !ports.odometry->publish(odometry)) bump(predict_failed);
   prediction_latency.add(monotonic_ns() - pace.host_of(reading.stamp));
   bump(predicted);

@@ -11,7 +11,8 @@ RealtimePipeline::Impl::Impl(const RealtimeSettings& s, const RealtimePorts& p)
       ports(p),
       recorded(Camera(s.camera)),
       estimate_stage(s.estimator, monotonic_ns, Span::from_seconds(1e-3 * s.deadline_ms).ns),
-      flight_log(p.observers, p.event_rings, s.images_to_log) {
+      flight_log(p.observers, p.event_rings, s.images_to_log),
+      imu_gate({s.estimator.saturation_gyroscope_rad_s, s.estimator.saturation_accelerometer_m_s2}) {
   if (s.images) track_stage.emplace(Camera(s.camera), s.tracker, s.estimator.extrinsics.R_BC);
   known = knowledge_of(estimate_stage);
   const RealtimeConfig& r = s.realtime;
@@ -111,6 +112,7 @@ RealtimeReport RealtimePipeline::report() const {
   r.events_dropped = m.flight_log.events_dropped();
   r.images_not_logged = m.flight_log.images_skipped();
   r.frames_in = m.frames_in.load();
+  r.frames_refused = m.frames_refused.load();
   r.frames_out = m.frames_out.load();
   r.imu_in = m.imu_in.load();
   r.imu_late = m.track_imu_late.load() + m.estimate_imu_late.load();

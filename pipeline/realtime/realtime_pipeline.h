@@ -61,6 +61,7 @@ struct RealtimeReport {
   std::vector<Ring> rings;
   std::uint64_t frames_in = 0;         ///< given by the camera
   std::uint64_t frames_overtaken = 0;  ///< of those: left out for a newer one
+  std::uint64_t frames_refused = 0;    ///< of those: left out by the watch for their stamp
   std::uint64_t frames_out = 0;        ///< of those: estimated
   std::uint64_t imu_in = 0;            ///< given by the IMU
   std::uint64_t imu_late = 0;          ///< images that did not wait any longer for their readings

@@ -13,6 +13,9 @@
 #include "pipeline/stages/estimator_events.h"
 #include "pipeline/stages/imu_feed.h"
 #include "pipeline/stages/track_stage.h"
+#include "pipeline/watch/health_merge.h"
+#include "pipeline/watch/image_gate.h"
+#include "pipeline/watch/imu_gate.h"
 #include "platform/concurrency/latest_value.h"
 #include "platform/concurrency/newest_ring.h"
 #include "platform/concurrency/parking.h"
@@ -46,6 +49,15 @@ struct Estimate {
   // was superseded is not lost.
   std::uint64_t solved_serial = 0;  ///< 0: none yet
   Odometry solved;
+};
+
+/// When a sensor last gave something, told to the publisher. Each number stands for itself: no order is needed.
+struct Heard {
+  std::atomic<std::int64_t> last_ns{0}, period_ns{0};
+  void tell(HostStamp last, Span period) {
+    last_ns.store(last.ns, std::memory_order_relaxed);
+    period_ns.store(period.ns, std::memory_order_relaxed);
+  }
 };
 
 /// Of a counter with one writer.
@@ -90,6 +102,9 @@ struct RealtimePipeline::Impl {
   void publish_estimate(const Estimate& newest);
   void correct_prediction(const Estimate& newest);
   void publish_prediction(const ImuSample& reading);
+  void publish_silence();
+  Odometry prediction_now();
+  Health health_now(const Health& health) const;
   void log_round(bool last);
   std::int64_t deadline_of(HostStamp image) const;
   void give(TrackStage& stage, const ImuSample& sample) { stage.add_imu(sample); }
@@ -145,8 +160,13 @@ struct RealtimePipeline::Impl {
   SpscRing<Tracked, 4> tracked;
   SpscRing<Knowledge, 4> knowledge;
   LatestValue<Estimate> newest;
+  Heard heard_imu, heard_camera;
   FlightLog flight_log;
 
+  // Of the threads imu and capture.
+  ImuGate imu_gate;
+  ImageGate image_gate;
+  LastHeard imu_times, camera_times;  ///< each thread its own
   // The tracker's own.
   Knowledge known;
   std::uint64_t frames_tracked = 0, lessons = 0;  ///< lessons: taken from `knowledge`
@@ -162,8 +182,8 @@ struct RealtimePipeline::Impl {
   LatencyBins prediction_latency;
 
   // Each written by one thread.
-  std::atomic<std::uint64_t> frames_in{0}, frames_out{0}, imu_in{0}, track_imu_late{0}, estimate_imu_late{0},
-      published{0}, publish_failed{0}, late{0}, predicted{0}, predict_failed{0};
+  std::atomic<std::uint64_t> frames_in{0}, frames_refused{0}, frames_out{0}, imu_in{0}, track_imu_late{0},
+      estimate_imu_late{0}, published{0}, publish_failed{0}, late{0}, predicted{0}, predict_failed{0};
 
   Worker imu, capture, track, estimate, publish, log;
 };

@@ -17,12 +17,15 @@ void RealtimePipeline::Impl::imu_loop() {
     if (outcome == ReadOutcome::kFailed) rest_after_failure(imu);
     if (outcome != ReadOutcome::kSample) continue;
     for (std::size_t i = 0; i < count; ++i) {
-      flight_log.imu(samples[i]);                      // first: what was used is in the record
+      flight_log.imu(samples[i]);  // first: what was used is in the record
+      bump(imu_in);
+      if (!imu_gate.step(samples[i])) continue;
+      imu_times.heard_imu(samples[i].arrival.ns != 0 ? samples[i].arrival : samples[i].stamp);
       if (track_stage) imu_to_track.push(samples[i]);  // a full ring refuses, and counts
       imu_to_estimate.push(samples[i]);
       imu_to_publish.push(samples[i]);
-      bump(imu_in);
     }
+    heard_imu.tell(imu_times.imu, imu_times.imu_period);
     track.parking.notify();
     estimate.parking.notify();
     publish.parking.notify();
@@ -47,6 +50,13 @@ void RealtimePipeline::Impl::capture_loop() {
            static_cast<std::int64_t>(ImageLoss::kMissed), static_cast<std::int64_t>(frame.sequence - expected));
     }
     expected = frame.sequence + 1;
+    if (!image_gate.step(frame)) {
+      ports.camera->give_back(frame);
+      bump(frames_refused);
+      continue;
+    }
+    camera_times.heard_image(frame.arrival.ns != 0 ? frame.arrival : frame.stamp);
+    heard_camera.tell(camera_times.camera, camera_times.camera_period);
     slots[static_cast<std::size_t>(frame.slot)] = frame;
     users[static_cast<std::size_t>(frame.slot)].store(1, std::memory_order_relaxed);  // the ring hands it over
     const auto evicted = frames.push(static_cast<NewestRing<4>::Value>(frame.slot));

@@ -26,7 +26,8 @@ void RealtimePipeline::Impl::imu_is_late(Worker& worker, HostStamp needed) {
 /// Feeds a stage with the readings that belong before an image; waits for those that have not come yet.
 template <class Stage>
 void RealtimePipeline::Impl::take_imu(Worker& worker, ImuRing& ring, ImuFeed& feed, HostStamp needed, Stage& stage) {
-  const Span at_most = Span::from_seconds(1e-3 * settings.realtime.imu_wait_ms);
+  // an IMU that kept one image waiting in vain and has said nothing since is not waited for again
+  const Span at_most = Span::from_seconds(feed.gave_up() ? 0 : 1e-3 * settings.realtime.imu_wait_ms);
   while (feed.wants_more(needed)) {
     bool ended = false;
     const bool came = wait(worker, at_most, [&] {
@@ -35,6 +36,7 @@ void RealtimePipeline::Impl::take_imu(Worker& worker, ImuRing& ring, ImuFeed& fe
     });
     if (ring.front() == nullptr) {
       if (!came) imu_is_late(worker, needed);
+      feed.give_up();
       return;
     }
     feed.took(*ring.front());
@@ -64,9 +66,10 @@ void RealtimePipeline::Impl::track_loop() {
     const auto slot = frames.pop(left_out);
     if (slot != NewestRing<4>::kNone) {
       track_frame(slots[slot]);
-      // the tracker needs the pixels of the image before until the step of the next one is done
-      if (previous_slot >= 0) give_back(static_cast<std::size_t>(previous_slot));
-      previous_slot = slot;
+      // the tracker needs the pixels of the last image it was shown until the step of the next one is done
+      const bool shown = !is_blind(slots[slot].reasons);
+      if (!shown || previous_slot >= 0) give_back(static_cast<std::size_t>(shown ? previous_slot : slot));
+      if (shown) previous_slot = slot;
     } else if (ended && !frames.ready()) {
       break;
     } else if (track_stage) {
@@ -100,6 +103,7 @@ void RealtimePipeline::Impl::track_frame(const Frame& frame) {
   } else {
     const auto points = settings.recorded[frame.sequence];
     recorded.step(frame.stamp, points.data(), points.size(), out->frame);
+    out->frame.reasons = frame.reasons;
     out->track_ns = 0;
   }
   out->deadline_ns = deadline_of(frame.stamp);
@@ -148,7 +152,7 @@ void RealtimePipeline::Impl::estimate_frame(const Tracked& image) {
   Estimate& draft = newest.draft();
   draft.serial = serial + 1;
   draft.has_pose = result.has_pose;
-  draft.odometry = estimate_stage.estimator().odometry();
+  draft.odometry = estimate_stage.odometry();
   if (result.solved) {
     solved_serial = serial + 1;
     solved = draft.odometry;

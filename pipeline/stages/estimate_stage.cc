@@ -58,12 +58,23 @@ void EstimateStage::Watch::learn(const EstimatorStats& before, const EstimatorSt
   besides_ns.add(static_cast<double>(step_began_ns + times.estimate_ns - planned_ns - times.solve_ns));
 }
 
+bool EstimateStage::add_imu(const ImuSample& sample) noexcept {
+  imu_reasons_ |= sample.reasons;
+  return estimator_.add_imu(sample);
+}
+
 StepResult EstimateStage::step(const TrackedFrame& frame, std::int64_t deadline_ns) noexcept {
   const EstimatorStats before = estimator_.stats();
   watch_.begin(frame.stamp, deadline_ns);
   const StepResult result = estimator_.process(frame, watch_);
   watch_.end();
   watch_.learn(before, estimator_.stats());
+  // silence of the camera is seen here by the stamps alone: no more than one thread would know
+  const std::uint32_t silent = silent_sensors(heard_, frame.stamp);
+  heard_.heard_image(frame.stamp);
+  odometry_ = estimator_.odometry();
+  odometry_.health = merge_.step(odometry_.health, frame.reasons | imu_reasons_ | silent, frame.stamp);
+  imu_reasons_ = 0;
   return result;
 }
 

@@ -1,10 +1,12 @@
 #pragma once
-// Tracked features in, odometry out; measures the estimator's phases and sees to it that it ends in time.
+// Tracked features in, odometry out with one health of everything; measures the estimator's phases and sees to it that
+// it ends in time.
 #include <cstdint>
 #include <limits>
 
 #include "estimator/estimator.h"
 #include "pipeline/stages/load_governor.h"
+#include "pipeline/watch/health_merge.h"
 
 namespace epiline {
 
@@ -17,7 +19,7 @@ class EstimateStage {
 
   /// `solve_ns`: a solve may take so long; 0: as long as it takes.
   EstimateStage(const EstimatorConfig& config, NowNs now, std::int64_t solve_ns)
-      : estimator_(config), watch_(now, solve_ns) {}
+      : estimator_(config), watch_(now, solve_ns), odometry_(estimator_.odometry()) {}
 
   /// How long the parts of one step took.
   struct Times {
@@ -26,12 +28,14 @@ class EstimateStage {
     LoadLevel load = LoadLevel::kFull;
   };
 
-  bool add_imu(const ImuSample& sample) noexcept { return estimator_.add_imu(sample); }
+  bool add_imu(const ImuSample& sample) noexcept;
   HostStamp imu_needed_until(HostStamp image) const noexcept { return estimator_.imu_needed_until(image); }
 
   /// `deadline_ns`: instant of the clock at which the odometry is wanted.
   StepResult step(const TrackedFrame& frame, std::int64_t deadline_ns) noexcept;
 
+  /// The estimator's, its health merged with what the watch says of the samples.
+  const Odometry& odometry() const noexcept { return odometry_; }
   const Times& times() const noexcept { return watch_.times; }  ///< of the last step
   const Estimator& estimator() const noexcept { return estimator_; }
   const LoadGovernor::Counts& load() const noexcept { return watch_.governor.counts(); }
@@ -61,6 +65,10 @@ class EstimateStage {
 
   Estimator estimator_;
   Watch watch_;
+  HealthMerge merge_;
+  LastHeard heard_;
+  std::uint32_t imu_reasons_ = 0;  ///< since the last step
+  Odometry odometry_;
 };
 
 }  // namespace epiline

@@ -20,7 +20,7 @@ void EstimatorEvents::after_imu(const ImuSample& sample, const EstimateStage& st
 }
 
 void EstimatorEvents::after_image(const TrackedFrame& frame, const EstimateStage& stage) noexcept {
-  const Odometry& o = stage.estimator().odometry();
+  const Odometry& o = stage.odometry();
   if (stage.times().late_ns > 0)
     tell(frame.stamp, EventId::kDeadlineMissed, static_cast<std::int64_t>(frame.sequence), stage.times().late_ns);
   const LoadLevel level = std::exchange(level_, stage.times().load);

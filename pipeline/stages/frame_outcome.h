@@ -22,7 +22,7 @@ inline void describe(const TrackedFrame& tracked, const StepResult& result, cons
                      FrameOutcome& out) noexcept {
   out.stamp = tracked.stamp;
   out.result = result;
-  out.odometry = stage.estimator().odometry();
+  out.odometry = stage.odometry();
   out.times = stage.times();
   out.tracks = static_cast<int>(tracked.features.size());
   out.new_tracks = 0;

@@ -10,11 +10,16 @@ class ImuFeed {
   bool wants_more(HostStamp needed) const noexcept { return !any_ || last_ < needed; }
   void took(const ImuSample& sample) noexcept {
     any_ = true;
+    gave_up_ = false;
     last_ = sample.stamp;
   }
 
+  /// Nothing came in time; until something does.
+  void give_up() noexcept { gave_up_ = true; }
+  bool gave_up() const noexcept { return gave_up_; }
+
  private:
-  bool any_ = false;
+  bool any_ = false, gave_up_ = false;
   HostStamp last_{};
 };
 

@@ -4,6 +4,7 @@ namespace epiline {
 
 OfflinePipeline::OfflinePipeline(const OfflineSettings& settings)
     : now_(settings.now),
+      imu_gate_({settings.estimator.saturation_gyroscope_rad_s, settings.estimator.saturation_accelerometer_m_s2}),
       recorded_(Camera(settings.camera)),
       estimate_(settings.estimator, settings.now, Span::from_seconds(settings.deadline_ms * 1e-3).ns) {
   if (settings.images) {
@@ -12,10 +13,12 @@ OfflinePipeline::OfflinePipeline(const OfflineSettings& settings)
   }
 }
 
-void OfflinePipeline::add_imu(const ImuSample& sample) noexcept {
+bool OfflinePipeline::add_imu(ImuSample& sample) noexcept {
+  if (!imu_gate_.step(sample)) return false;
   if (track_) track_->add_imu(sample);
   estimate_.add_imu(sample);
   estimator_events_.after_imu(sample, estimate_);
+  return true;
 }
 
 void OfflinePipeline::step(const Frame& image, FrameOutcome& out) noexcept {
@@ -26,8 +29,10 @@ void OfflinePipeline::step(const Frame& image, FrameOutcome& out) noexcept {
   estimate(out);
 }
 
-void OfflinePipeline::step(HostStamp stamp, const TrackPoint* points, std::size_t count, FrameOutcome& out) noexcept {
-  recorded_.step(stamp, points, count, *tracked_);
+void OfflinePipeline::step(const Frame& image, const TrackPoint* points, std::size_t count,
+                           FrameOutcome& out) noexcept {
+  recorded_.step(image.stamp, points, count, *tracked_);
+  tracked_->reasons = image.reasons;
   out.track_ns = 0;
   estimate(out);
 }

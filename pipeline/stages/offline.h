@@ -7,6 +7,8 @@
 #include "pipeline/stages/frame_outcome.h"
 #include "pipeline/stages/recorded_tracks.h"
 #include "pipeline/stages/track_stage.h"
+#include "pipeline/watch/image_gate.h"
+#include "pipeline/watch/imu_gate.h"
 
 namespace epiline {
 
@@ -24,12 +26,15 @@ class OfflinePipeline {
   /// Allocates everything. Throws std::invalid_argument for a tracker that cannot be built.
   explicit OfflinePipeline(const OfflineSettings& settings);
 
-  void add_imu(const ImuSample& sample) noexcept;
+  /// Through the watch, which may correct the stamp. False: left out.
+  bool add_imu(ImuSample& sample) noexcept;
+  /// The same for an image, before any other use of it.
+  bool admit(Frame& image) noexcept { return image_gate_.step(image); }
   /// Readings up to and including the first at or after this time must have been added before the step of an image.
   HostStamp imu_needed_until(HostStamp image) const noexcept { return estimate_.imu_needed_until(image); }
 
   void step(const Frame& image, FrameOutcome& out) noexcept;
-  void step(HostStamp stamp, const TrackPoint* points, std::size_t count, FrameOutcome& out) noexcept;
+  void step(const Frame& image, const TrackPoint* points, std::size_t count, FrameOutcome& out) noexcept;
 
   const Estimator& estimator() const noexcept { return estimate_.estimator(); }
   /// What has happened; to be emptied after each image.
@@ -41,6 +46,8 @@ class OfflinePipeline {
   void estimate(FrameOutcome& out) noexcept;
 
   NowNs now_;
+  ImuGate imu_gate_;
+  ImageGate image_gate_;
   std::unique_ptr<TrackStage> track_;
   RecordedTracks recorded_;
   EstimateStage estimate_;

@@ -8,6 +8,13 @@ void TrackStage::set_knowledge(const Vec3& gyroscope_bias_rad_s, double time_off
 }
 
 void TrackStage::step(const Frame& image, TrackedFrame& out) noexcept {
+  out.reasons = image.reasons;
+  if (is_blind(image.reasons)) {
+    out.stamp = image.stamp;
+    out.sequence = image.sequence;
+    out.features.clear();
+    return;
+  }
   Mat3 R_CC0 = Mat3::Identity();
   if (has_previous_) {
     const Mat3 R_B0B = gyro_.between(previous_ + time_offset_, image.stamp + time_offset_, bias_rad_s_);

@@ -17,7 +17,8 @@ class TrackStage {
   /// What the estimator knows by now: bias of the gyroscope, t_IMU - t_image.
   void set_knowledge(const Vec3& gyroscope_bias_rad_s, double time_offset_s) noexcept;
 
-  /// As Tracker::step: the pixels of `image` must stay valid until the next call returns.
+  /// As Tracker::step: the pixels of `image` must stay valid until the next call returns. A blind image (is_blind) is
+  /// not looked at: it has no features, and the pixels of the one before it are needed on.
   void step(const Frame& image, TrackedFrame& out) noexcept;
 
   const TrackerStats& stats() const noexcept { return tracker_.stats(); }

@@ -101,6 +101,7 @@ inline constexpr std::array<const char*, kHealthReasons> kHealthReasonNames = {
 constexpr std::uint32_t bit(HealthReason reason) { return static_cast<std::uint32_t>(reason); }
 /// An image with one of these shows nothing of the world: it has no features, and says nothing of motion or rest.
 inline constexpr std::uint32_t kBlindReasons = bit(HealthReason::kImagesFrozen) | bit(HealthReason::kLensCovered);
+constexpr bool is_blind(std::uint32_t reasons) { return (reasons & kBlindReasons) != 0; }
 /// A reading with one of these says little of the motion.
 inline constexpr std::uint32_t kDistrustReasons = bit(HealthReason::kImuSaturated) | bit(HealthReason::kImuStuck);
 

@@ -95,7 +95,7 @@ class RealtimeReplay : public testing::Test {
   static void expect_consistent(const FlightRecord& record) {
     ASSERT_TRUE(record.realtime.has_value());
     const RealtimeReport& report = record.realtime->report;
-    EXPECT_EQ(report.frames_in, report.frames_out + report.frames_overtaken);
+    EXPECT_EQ(report.frames_in, report.frames_out + report.frames_overtaken + report.frames_refused);
     EXPECT_EQ(record.images_read, record.images.size() + skipped(record) - record.skipped.at("refused_by_estimator"));
     EXPECT_EQ(record.images.size(), report.frames_out);
     EXPECT_EQ(record.estimator.frames, report.frames_out);

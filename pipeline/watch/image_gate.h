@@ -1,0 +1,46 @@
+#pragma once
+// Looks at every image before anybody uses it: its stamp, and whether it shows anything. docs/derivations/health.md has
+// the rules.
+#include <array>
+#include <cstdint>
+
+#include "pipeline/watch/stamp_gate.h"
+#include "platform/samples/samples.h"
+
+namespace epiline {
+
+struct ImageGateStats {
+  std::uint64_t suspect = 0, old = 0, clock_steps = 0, frozen = 0, covered = 0, obstructed = 0, exposure_steps = 0;
+};
+
+/// A pure object: no clock, no heap. The same images give the same verdicts.
+class ImageGate {
+ public:
+  /// Corrects the stamp and writes what is wrong into `image.reasons`. False: leave it out. An image without pixels
+  /// (recorded tracks) is judged by its stamp alone.
+  bool step(Frame& image) noexcept;
+
+  const ImageGateStats& stats() const noexcept { return stats_; }
+
+ private:
+  static constexpr int kCellsX = 8, kCellsY = 6, kPerCell = 8;  // 64 pixels of each cell
+  struct Look {
+    std::uint64_t fingerprint = 0;  ///< of every tenth row or so
+    double mean = 0;
+    double flat = 0;  ///< share of the cells without contrast
+  };
+  static Look look_at(const Frame& image) noexcept;
+  bool in_order(Frame& image) noexcept;
+  void judge(const Look& look, HostStamp stamp, std::uint32_t& reasons) noexcept;
+
+  StampGate clock_;
+  ImageGateStats stats_;
+  Look last_;
+  bool any_ = false;
+  double usual_flat_ = 0;  ///< follows slowly
+  bool obstructed_ = false;
+  HostStamp last_stamp_;
+  std::uint32_t pending_ = 0;
+};
+
+}  // namespace epiline

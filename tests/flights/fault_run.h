@@ -1,0 +1,60 @@
+#pragma once
+// A flight with a fault in it: what was reported, and was anything called good that was wrong?
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "drivers/replay/replay.h"
+#include "pipeline/evaluate/trajectory.h"
+
+namespace epiline::test {
+
+/// Keeps everything that is published. Asks for its memory at the beginning.
+class PublishedOdometry final : public OdometrySink {
+ public:
+  explicit PublishedOdometry(std::size_t most) { all_.reserve(most); }
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
+  /// Predictions only where they say that a sensor is silent: there is no image to say it.
+  bool publish(const Odometry& odometry) noexcept override {
+    constexpr std::uint32_t kSilent = bit(HealthReason::kCameraSilent) | bit(HealthReason::kImuSilent);
+    return (odometry.health.reasons & kSilent) == 0 || publish_image(odometry);
+  }
+  bool publish_image(const Odometry& odometry) noexcept override {
+    if (all_.size() < all_.capacity()) all_.push_back(odometry);
+    return true;
+  }
+  const std::vector<Odometry>& all() const { return all_; }
+
+ private:
+  std::vector<Odometry> all_;
+};
+
+struct FaultVerdict {
+  bool ran = false;
+  std::uint32_t reasons = 0;                                  ///< said of the fault
+  std::uint32_t reasons_before = 0;                           ///< said in the second before the fault
+  bool degraded = false, lost = false, initialising = false;  ///< in the same time
+  double recovered_s = -1;               ///< from the end of the fault until tracking lasts 1 s; negative: never
+  double not_tracking_s = 0;             ///< between the beginning of the fault and the end of the flight
+  double final_error_m = 0;              ///< position, aligned before the fault (after a reset: at its first pose)
+  double worst_ratio = 0;                ///< error over sigma where the health was tracking: position, velocity, tilt
+  double worst_at_s = 0;                 ///< after the first image
+  char worst_what = ' ';                 ///< p, v or t
+  std::size_t wrong = 0, published = 0;  ///< odometry called tracking beyond 3.5 sigma; all since the fault
+  std::uint32_t resets = 0;
+};
+
+/// Seconds after the first image: beginning and end of the fault, and how long what is said counts as said of it.
+struct FaultTimes {
+  double from_s = 0, to_s = 0, said_until_s = 0;
+};
+
+/// Replays `options` with the faults and compares what is published with the truth.
+FaultVerdict fly_with(ReplayOptions options, const Trajectory& truth, const std::vector<Fault>& faults,
+                      const FaultTimes& times);
+
+/// Names of the reasons, with commas; "nothing" if there are none.
+std::string reason_names(std::uint32_t reasons);
+
+}  // namespace epiline::test

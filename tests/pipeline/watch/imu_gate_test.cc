@@ -1,0 +1,111 @@
+#include "pipeline/watch/imu_gate.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace epiline {
+namespace {
+
+constexpr ImuLimits kNoLimits;
+constexpr std::int64_t kStart_ns = 1'000'000'000'000, kPeriod_ns = 5'000'000;
+
+/// Readings with noise, rounded as a sensor rounds them.
+ImuSample reading(int i, double step = 0.002) {
+  static std::mt19937_64 random(9);
+  static std::normal_distribution<double> noise(0, 1);
+  ImuSample r;
+  r.stamp = r.arrival = HostStamp{kStart_ns + i * kPeriod_ns};
+  for (double& w : r.angular_velocity_rad_s) w = step * std::round(0.003 * noise(random) / step);
+  for (double& a : r.specific_force_m_s2) a = step * std::round(0.03 * noise(random) / step);
+  r.specific_force_m_s2[2] += 9.81;
+  return r;
+}
+
+std::uint32_t says(ImuGate& gate, ImuSample r) { return gate.step(r) ? r.reasons : ~0U; }
+
+TEST(ImuGate, RoundedReadingsAtRestAreWell) {
+  for (const double step : {1e-6, 0.002, 0.01}) {
+    ImuGate gate(kNoLimits);
+    for (int i = 0; i < 20'000; ++i) ASSERT_EQ(says(gate, reading(i, step)), 0U) << i << " rounded to " << step;
+  }
+}
+
+TEST(ImuGate, NotANumberIsLeftOutAndToldWithTheNext) {
+  ImuGate gate(kNoLimits);
+  for (int i = 0; i < 50; ++i) says(gate, reading(i));
+  ImuSample bad = reading(50);
+  bad.specific_force_m_s2[1] = std::numeric_limits<double>::infinity();
+  EXPECT_FALSE(gate.step(bad));
+  EXPECT_EQ(says(gate, reading(51)), bit(HealthReason::kReadingsRefused));
+  EXPECT_EQ(says(gate, reading(52)), 0U);
+  EXPECT_EQ(gate.stats().not_finite, 1U);
+}
+
+// Without the gate one such stamp makes every later one out of order.
+TEST(ImuGate, AStampInTheFutureDoesNotHideWhatFollows) {
+  ImuGate gate(kNoLimits);
+  for (int i = 0; i < 50; ++i) says(gate, reading(i));
+  ImuSample future = reading(50);
+  future.stamp = future.stamp + Span::from_milliseconds(10'000);
+  EXPECT_FALSE(gate.step(future));
+  ImuSample next = reading(51);
+  ASSERT_TRUE(gate.step(next));
+  EXPECT_EQ(next.stamp.ns, kStart_ns + 51 * kPeriod_ns);
+}
+
+TEST(ImuGate, ReadingsAtAKnownLimitAreSaturated) {
+  ImuGate gate({4, 80});
+  for (int i = 0; i < 50; ++i) says(gate, reading(i));
+  ImuSample r = reading(50);
+  r.angular_velocity_rad_s[0] = -4;
+  EXPECT_EQ(says(gate, r), bit(HealthReason::kImuSaturated));
+  EXPECT_EQ(says(gate, reading(51)), 0U);
+}
+
+TEST(ImuGate, ReadingsAtAnUnknownLimitAreSaturatedAfterAFew) {
+  ImuGate gate(kNoLimits);
+  for (int i = 0; i < 2000; ++i) says(gate, reading(i, 1e-6));
+  std::uint32_t said = 0;
+  for (int i = 2000; i < 2008; ++i) {
+    ImuSample r = reading(i, 1e-6);
+    r.angular_velocity_rad_s[0] = 0.3;
+    said = says(gate, r);
+  }
+  EXPECT_EQ(said, bit(HealthReason::kImuSaturated));
+  EXPECT_EQ(says(gate, reading(2008)), 0U);
+}
+
+TEST(ImuGate, TheSameReadingAgainAndAgainIsStuck) {
+  ImuGate gate(kNoLimits);
+  for (int i = 0; i < 50; ++i) says(gate, reading(i));
+  const ImuSample first = reading(50);
+  std::uint32_t said = 0;
+  for (int i = 50; i < 60; ++i) {
+    ImuSample r = first;
+    r.stamp = r.arrival = HostStamp{kStart_ns + i * kPeriod_ns};
+    said = says(gate, r);
+  }
+  EXPECT_EQ(said, bit(HealthReason::kImuStuck));
+  EXPECT_EQ(says(gate, reading(60)), 0U);
+}
+
+TEST(ImuGate, AClockThatStepsIsTakenBackAndNamed) {
+  ImuGate gate(kNoLimits);
+  for (int i = 0; i < 200; ++i) {
+    ImuSample r = reading(i);
+    const std::int64_t truth_ns = r.stamp.ns;
+    if (i >= 100) r.stamp = r.stamp - Span::from_milliseconds(500);
+    if (!gate.step(r)) continue;
+    ASSERT_EQ(r.stamp.ns, truth_ns) << i;
+    ASSERT_EQ((r.reasons & bit(HealthReason::kImuClockJump)) != 0, i >= 100) << i;
+  }
+  EXPECT_EQ(gate.stats().clock_steps, 1U);
+  EXPECT_EQ(gate.stats().suspect, 1U);
+}
+
+}  // namespace
+}  // namespace epiline
