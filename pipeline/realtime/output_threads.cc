@@ -51,7 +51,7 @@ void RealtimePipeline::Impl::publish_silence() {
 void RealtimePipeline::Impl::publish_estimate(const Estimate& e) {
   last_published = e.serial;
   bump(published);
-  if (!e.has_pose) return;
+  if (!e.has_pose) return publish_silence();  // images may come on while the IMU is silent
   if (ports.odometry != nullptr) {
     Odometry odometry = e.odometry;
     odometry.health = health_now(e.odometry.health);

@@ -135,6 +135,8 @@ FaultVerdict fly_with(ReplayOptions options, const Trajectory& truth, const std:
       segment = o.reset_counter;
       if (c && tracking && t > from_s - 5) quiet.push_back(*c);
       if (t > from_s - 1) verdict.reasons_before |= o.health.reasons;
+      // of an IMU that falls silent the last reading, and with it the stamp of what says so, lies just before
+      if (t > from_s - 0.02) verdict.reasons |= o.health.reasons & bit(HealthReason::kImuSilent);
       continue;
     }
     if (!frame) frame = frame_of(quiet);
