@@ -67,23 +67,6 @@ void PathHistory::add(const std::array<double, 3>& p, HealthState state) {
   points_.push_back({{static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])}, state});
 }
 
-void LatencyHistogram::add(double ms) {
-  if (!std::isfinite(ms)) return;
-  const double bin = kBinsPerDecade * std::log10(std::max(ms, kLeast_ms) / kLeast_ms);
-  ++bins_[static_cast<std::size_t>(std::clamp(bin, 0.0, kBins - 1.0))];
-  ++count_;
-  max_ms_ = std::max(max_ms_, ms);
-}
-
-double LatencyHistogram::quantile_ms(double q) const {
-  if (count_ == 0) return 0;
-  const auto rank = static_cast<std::uint64_t>(q * static_cast<double>(count_ - 1));
-  std::uint64_t seen = 0;
-  int bin = 0;
-  while (bin < kBins - 1 && (seen += bins_[static_cast<std::size_t>(bin)]) <= rank) ++bin;
-  return std::min(max_ms_, kLeast_ms * std::pow(10.0, (bin + 0.5) / kBinsPerDecade));
-}
-
 void RateMeter::note(std::uint64_t count, HostStamp stamp) {
   const auto at = [&](std::size_t i) -> Reading& { return readings_[(begin_ + i) % kReadings]; };
   if (size_ > 0 && stamp <= at(size_ - 1).stamp) return;
@@ -135,7 +118,7 @@ void ViewModel::take(const ViewedOutcome& now) {
 
 void ViewModel::take(const ViewedLatency& latency) {
   const double ms = 1e-6 * static_cast<double>(latency.latency_ns);
-  latencies_.add(ms);
+  latencies_.add(latency.latency_ns);
   has_latency_ = true;
   last_latency_serial_ = std::max(last_latency_serial_, latency.serial);
   if (latency.serial < samples_end_ && latency.serial + kSamples >= samples_end_) {
@@ -252,11 +235,11 @@ std::string ViewModel::state_json(const ViewCursor& since) const {
   s["pose"] = s["has_pose"].get<bool>() ? pose_json() : Json(nullptr);
   s["distance_m"] = number(path_.length_m(), 2);
   const bool any = latencies_.count() > 0;
-  const auto ms = [&](double value) { return any ? number(value, 3) : Json(nullptr); };
+  const auto ms = [&](std::int64_t ns) { return any ? number(1e-6 * static_cast<double>(ns), 3) : Json(nullptr); };
   s["latency_ms"] = {{"count", latencies_.count()},
-                     {"p50", ms(latencies_.quantile_ms(0.5))},
-                     {"p99", ms(latencies_.quantile_ms(0.99))},
-                     {"max", ms(latencies_.max_ms())}};
+                     {"p50", ms(latencies_.quantile_ns(0.5))},
+                     {"p99", ms(latencies_.quantile_ns(0.99))},
+                     {"max", ms(latencies_.most_ns())}};
   const FrameOutcome outcome = newest_ ? newest_->outcome : FrameOutcome{};
   const auto from_ns = [&](std::int64_t ns) { return number(1e-6 * static_cast<double>(ns), 3); };
   s["time_ms"] = {{"track", from_ns(outcome.track_ns)},

@@ -8,6 +8,7 @@
 
 #include "drivers/view/view_feed.h"
 #include "estimator/geometry/types.h"
+#include "pipeline/realtime/latency_bins.h"
 #include "pipeline/report/errors_json.h"
 
 namespace epiline {
@@ -49,23 +50,6 @@ class PathHistory {
   std::uint64_t generation_ = 1;
   double step_m_ = 0.02, length_m_ = 0;
   std::optional<std::array<double, 3>> last_;
-};
-
-/// Quantiles of any number of latencies to 4 %, in fixed memory: bins of equal ratio from 10 us to 10 s.
-class LatencyHistogram {
- public:
-  void add(double ms);
-  std::uint64_t count() const { return count_; }
-  double max_ms() const { return max_ms_; }
-  /// The middle of the bin with the quantile `q`; 0 while empty.
-  double quantile_ms(double q) const;
-
- private:
-  static constexpr int kBinsPerDecade = 60, kBins = 6 * kBinsPerDecade;
-  static constexpr double kLeast_ms = 0.01;
-  std::array<std::uint64_t, kBins> bins_{};
-  std::uint64_t count_ = 0;
-  double max_ms_ = 0;
 };
 
 /// Events per second of the sensor's own clock, over the last two seconds.
@@ -133,7 +117,7 @@ class ViewModel {
   std::optional<ViewedOutcome> newest_;
   EstimateStage::Times solved_times_;
   PathHistory path_;
-  LatencyHistogram latencies_;
+  LatencyBins latencies_;
   RateMeter images_, imu_;
   std::vector<Sample> samples_ = std::vector<Sample>(kSamples);
   std::uint64_t samples_end_ = 0, last_latency_serial_ = 0;

@@ -3,9 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <limits>
-#include <random>
-
-#include "pipeline/evaluate/statistics.h"
 
 namespace epiline {
 namespace {
@@ -33,31 +30,6 @@ TEST(PathHistory, StandingStillAndNumbersThatAreNoneAddNothing) {
   path.add({std::numeric_limits<double>::quiet_NaN(), 0, 0}, HealthState::kLost);
   EXPECT_EQ(path.points().size(), 1u);
   EXPECT_EQ(path.length_m(), 0);
-}
-
-TEST(LatencyHistogram, AgreesWithTheSortedValues) {
-  std::mt19937 random(1);
-  std::lognormal_distribution<double> latency(0.2, 0.9);
-  LatencyHistogram histogram;
-  std::vector<double> values;
-  for (int i = 0; i < 20'000; ++i) {
-    values.push_back(latency(random));
-    histogram.add(values.back());
-  }
-  const Summary exact = summarise(values);
-  EXPECT_EQ(histogram.count(), exact.count);
-  EXPECT_NEAR(histogram.quantile_ms(0.5), exact.median, 0.04 * exact.median);
-  EXPECT_NEAR(histogram.quantile_ms(0.99), exact.p99, 0.04 * exact.p99);
-  EXPECT_EQ(histogram.max_ms(), exact.max);
-}
-
-TEST(LatencyHistogram, TakesEverything) {
-  LatencyHistogram histogram;
-  EXPECT_EQ(histogram.quantile_ms(0.99), 0);
-  for (const double ms : {-5.0, 0.0, 1e-9, 1e9, std::numeric_limits<double>::infinity()}) histogram.add(ms);
-  EXPECT_EQ(histogram.count(), 4u);  // all but the last
-  EXPECT_EQ(histogram.max_ms(), 1e9);
-  EXPECT_LE(histogram.quantile_ms(0), 0.0102);
 }
 
 TEST(RateMeter, IsTheSensorsOwnRateAndForgets) {
