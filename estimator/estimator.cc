@@ -13,6 +13,7 @@
 #include "estimator/inertial/stationary.h"
 #include "estimator/initialise/starter.h"
 #include "estimator/initialise/stationary_start.h"
+#include "estimator/monitor/evidence.h"
 #include "estimator/monitor/health.h"
 #include "estimator/monitor/rest_detector.h"
 #include "estimator/predict/covariance.h"
@@ -101,8 +102,8 @@ struct Estimator::Impl {
   void publish(const TrackedFrame& frame, const NavState& x, const Vec3& omega, HostStamp time);
   StepResult predict(const TrackedFrame& frame);
   StepResult predict_for_time(const TrackedFrame& frame);
-  NewestCovariance covariance_after(const SolverSummary& s) const;
-  void judge(const TrackedFrame& frame, const SolverSummary& s, bool reduced, double dt_s);
+  NewestCovariance covariance_carried_on() const;
+  void judge(const TrackedFrame& frame, const SolverSummary& s, FrameEvidence e, double dt_s);
   StepResult refuse_without_readings();
   bool motion_unknown(const TrackedFrame& frame) const;
 
@@ -342,18 +343,16 @@ StepResult Estimator::Impl::predict_for_time(const TrackedFrame& frame) {
   return predict(frame);
 }
 
-/// Of the newest frame. If time ran out before a step was taken, the state is the IMU's prediction, and so is this.
-NewestCovariance Estimator::Impl::covariance_after(const SolverSummary& s) const {
-  const int n = window.size();
-  if (!s.unimproved || n < 2) return solver.covariance();
-  const Mat3& R = window.at(n - 2).x.R;
+/// Of the newest frame before its solve: the IMU's prediction.
+NewestCovariance Estimator::Impl::covariance_carried_on() const {
+  const Mat3& R = window.at(window.size() - 2).x.R;
   return carried_on(into_body(covariance, R), R, window.newest().imu);
 }
 
-void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, bool reduced, double dt_s) {
-  const NewestCovariance& C = covariance = covariance_after(s);
+/// `e`: what the caller knows of the frame; the rest is filled in here.
+void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, FrameEvidence e, double dt_s) {
+  const NewestCovariance& C = covariance;
   const NavState& x = window.newest().x;
-  FrameEvidence e;
   e.solved = true;
   e.finite =
       x.p.allFinite() && x.v.allFinite() && x.R.allFinite() && x.b_a.allFinite() && x.b_g.allFinite() && C.allFinite();
@@ -361,7 +360,6 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, b
   e.gated_share = s.tracks > 0 ? static_cast<double>(s.gated) / s.tracks : 0;
   e.steps_rejected = !s.ok;
   e.deadline_missed = s.out_of_time;
-  e.overloaded = reduced;
   e.imu_gap = imu_gap_seen;
   e.sigma_velocity = std::sqrt(C.diagonal().segment<3>(6).maxCoeff());
   // tilt: the rotation error's components across gravity
@@ -369,6 +367,8 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, b
   e.sigma_tilt = std::sqrt(std::max(world(0, 0), world(1, 1)));
   e.bias_accelerometer = x.b_a.norm();
   e.bias_gyroscope = x.b_g.norm();
+  e.at_rest = window.newest().at_rest;
+  e.parallax_px = widest_parallax_px(window, config.extrinsics.focal_px);
   imu_gap_seen = false;
   odometry.health = monitor.update(e, dt_s);
   Eigen::Map<NewestCovariance>(odometry.covariance.data()) = C;
@@ -452,7 +452,8 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   resting = false;
   last_marginalised = started_at;
   stats.start_kind = StartKind::kMoving;
-  judge(frame, s, false, config.solve_interval_s);
+  covariance = solver.covariance();
+  judge(frame, s, {}, config.solve_interval_s);
   publish(frame, window.newest().x, window.newest().omega, window.newest().time);
   return std::nullopt;
 }
@@ -526,9 +527,15 @@ StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& super
     return {};
   }
   attach_rest(frame);
+  const NavState predicted = window.newest().x;
+  const NewestCovariance P = covariance_carried_on();
   const SolverSummary s = solve(supervisor, effort);
-  if (effort.most_steps != 1) adapt_pixel_sigma(dt);  // the residuals of an untried step are those before it
-  judge(frame, s, effort.reduced(), dt);
+  if (effort.most_steps != 1) adapt_pixel_sigma(dt);    // the residuals of an untried step are those before it
+  covariance = s.unimproved ? P : solver.covariance();  // unimproved: the state is the prediction, too
+  FrameEvidence evidence;
+  evidence.overloaded = effort.reduced();
+  evidence.innovation = innovation(predicted, P, window.newest().x);
+  judge(frame, s, evidence, dt);
   if (monitor.reset_wanted()) {
     reset();
     return {};

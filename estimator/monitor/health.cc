@@ -15,9 +15,23 @@ constexpr double kGatedShare = 0.4, kGatedTime_s = 1;
 constexpr int kRejectedFrames = 3;
 constexpr double kBiasAccelerometer = 1.5, kBiasGyroscope = 0.5;  // m/s^2, rad/s: no working sensor is that far off
 constexpr double kLostBeforeReset_s = 2;
+constexpr double kPlentyOfTracks = 60, kPlentyOfParallax_px = 10;
+constexpr double kUsualInnovation = 2, kWorstInnovation = 4;
+constexpr double kQualityMemory_s = 0.5;
 
 void flag(std::uint32_t& reasons, bool on, HealthReason r) {
   if (on) reasons |= static_cast<std::uint32_t>(r);
+}
+
+/// The worst of what makes an estimate good, 0 to 1.
+double share_of(const FrameEvidence& e) {
+  const double tracks = e.tracks / kPlentyOfTracks;
+  const double posterior = 1.3 - e.sigma_velocity / kDegradedVelocity;
+  const double gate = 1 - e.gated_share;
+  const double innovation = (kWorstInnovation - e.innovation) / (kWorstInnovation - kUsualInnovation);
+  // without parallax the images still give rotation and the direction of travel
+  const double parallax = e.at_rest ? 1 : 0.5 + 0.5 * std::min(e.parallax_px / kPlentyOfParallax_px, 1.0);
+  return std::clamp(std::min({tracks, posterior, gate, innovation, parallax}), 0.0, 1.0);
 }
 }  // namespace
 
@@ -51,12 +65,7 @@ Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
             : lost           ? HealthState::kLost
             : h.reasons != 0 ? HealthState::kDegraded
                              : HealthState::kTracking;
-  // quality: tracks and posterior, smoothed so that it moves with trends and not with single frames
-  const double tracks = std::clamp(e.tracks / 60.0, 0.0, 1.0);
-  const double posterior = std::clamp(1.3 - e.sigma_velocity / kDegradedVelocity, 0.0, 1.0);
-  const double gate = std::clamp(1 - e.gated_share, 0.0, 1.0);
-  const double now = 100 * std::min({tracks, posterior, gate});
-  quality_ += std::clamp(dt_s / 0.5, 0.0, 1.0) * (now - quality_);
+  quality_ += std::clamp(dt_s / kQualityMemory_s, 0.0, 1.0) * (100 * share_of(e) - quality_);
   h.quality = lost ? -1 : static_cast<int>(std::lround(quality_));
   return h;
 }

@@ -19,6 +19,9 @@ struct FrameEvidence {
   double sigma_velocity = 0;                          ///< m/s, largest axis
   double sigma_tilt = 0;                              ///< rad
   double bias_accelerometer = 0, bias_gyroscope = 0;  ///< norms, m/s^2, rad/s
+  double innovation = 0;                              ///< of the images against the IMU's prediction: evidence.h
+  double parallax_px = 0;                             ///< over the window: keyframe.h
+  bool at_rest = false;                               ///< nothing moves, so no parallax is missed
 };
 
 class HealthMonitor {

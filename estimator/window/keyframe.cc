@@ -39,6 +39,15 @@ double compensated_parallax_px(const Window& w, int j, int k, double focal_px, i
   return c.parallax_px;
 }
 
+double widest_parallax_px(const Window& w, double focal_px) {
+  for (int j = 0; j < w.size() - 1; ++j) {
+    int common = 0;
+    const double parallax_px = compensated_parallax_px(w, j, w.size() - 1, focal_px, &common);
+    if (common >= kFewestCommon) return parallax_px;
+  }
+  return 0;
+}
+
 bool is_keyframe(const Window& w, const KeyframeSettings& s) {
   const int k = w.size() - 2, j = k - 1;
   if (j < 0) return true;

@@ -18,4 +18,7 @@ bool is_keyframe(const Window& window, const KeyframeSettings& settings);
 /// in common.
 double compensated_parallax_px(const Window& window, int j, int k, double focal_px, int* common = nullptr);
 
+/// The same between the newest frame and the oldest one with 20 tracks in common with it; 0: there is none.
+double widest_parallax_px(const Window& window, double focal_px);
+
 }  // namespace epiline

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <utility>
 
 namespace epiline {
 namespace {
@@ -16,6 +17,8 @@ FrameEvidence good() {
   e.tracks = 120;
   e.sigma_velocity = 0.02;
   e.sigma_tilt = 0.003;
+  e.innovation = 1;
+  e.parallax_px = 50;
   return e;
 }
 
@@ -25,7 +28,6 @@ Health show(HealthMonitor& m, const FrameEvidence& e, double seconds) {
   for (int i = 0; i < static_cast<int>(std::lround(seconds / kFrame_s)); ++i) h = m.update(e, kFrame_s);
   return h;
 }
-
 
 TEST(Health, GivenAWidePosteriorWhenItTightensThenTracking) {
   HealthMonitor m;
@@ -126,6 +128,27 @@ TEST(Health, GivenNotANumberInTheDeviationsThenNeverTracking) {
   EXPECT_NE(show(m, e, 1).state, HealthState::kTracking);
   m.restart();
   EXPECT_EQ(show(m, good(), 1).state, HealthState::kTracking);
+}
+
+TEST(Health, QualityFallsWithoutParallaxUnlessNothingMoves) {
+  HealthMonitor m;
+  FrameEvidence e = good();
+  e.parallax_px = 0;
+  EXPECT_EQ(show(m, e, 5).quality, 50);
+  e.at_rest = true;
+  EXPECT_EQ(show(m, e, 5).quality, 100);
+  e.at_rest = false;
+  e.parallax_px = 4;
+  EXPECT_EQ(show(m, e, 5).quality, 70);
+}
+
+TEST(Health, QualityFallsWhenImagesAndImuDisagree) {
+  HealthMonitor m;
+  FrameEvidence e = good();
+  for (const auto& [innovation, quality] : {std::pair(2.0, 100), {3.0, 50}, {4.0, 0}, {1e9, 0}}) {
+    e.innovation = innovation;
+    EXPECT_EQ(show(m, e, 5).quality, quality) << innovation;
+  }
 }
 
 TEST(Health, QualityFollowsTracksAndPosteriorSmoothly) {

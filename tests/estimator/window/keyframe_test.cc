@@ -52,6 +52,13 @@ TEST(Keyframe, PureRotationMakesNoneUnlessItIsCountedAsParallax) {
   EXPECT_TRUE(is_keyframe(*w, kRaw));
 }
 
+TEST(Keyframe, WidestParallaxIsAgainstTheOldestFrameThatStillSeesTheSame) {
+  const Vec3 right(0, 0.1, 0);
+  const auto w = window_of({{.p = -5 * right, .first_point = 55}, {.p = right}, {.p = 2 * right}, {.p = 4 * right}});
+  EXPECT_NEAR(widest_parallax_px(*w, 458), 458 * 0.3 / 4, 1) << "0.3 m at 4 m; frame 0 has 5 points in common";
+  EXPECT_EQ(widest_parallax_px(*window_of({{}, {.first_point = 60}}), 458), 0);
+}
+
 TEST(Keyframe, TranslationMakesOneBeyondTenPixels) {
   for (const auto& rule : {kCompensated, kRaw}) {
     // 4 m away, 458 px: 1 px is 8.7 mm across; turned on the way, it is the same parallax
