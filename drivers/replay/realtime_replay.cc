@@ -222,6 +222,8 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     record.estimator = pipeline.estimator().stats();
     if (const TrackerStats* tracker = pipeline.tracker_stats()) record.tracker = *tracker;
     record.imu_read = report.imu_in;
+    record.imu_watch = report.imu_watch;
+    record.image_watch = report.image_watch;
     record.skipped["refused_by_estimator"] = record.estimator.frames_refused;
     record.skipped["missed_by_camera"] = camera.missed();
     record.skipped["refused_by_watch"] = report.frames_refused;

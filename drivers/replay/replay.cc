@@ -90,6 +90,8 @@ class Flight {
     record_.events_lost = pipeline_.events().dropped();
     record_.estimator = pipeline_.estimator().stats();
     record_.load = pipeline_.load();
+    record_.imu_watch = pipeline_.imu_watch();
+    record_.image_watch = pipeline_.image_watch();
     if (const TrackerStats* tracker = pipeline_.tracker_stats()) record_.tracker = *tracker;
     record_.skipped["refused_by_estimator"] = record_.estimator.frames_refused;
     if (counts_heap_) record_.heap_calls = heap_calls_;

@@ -113,6 +113,8 @@ RealtimeReport RealtimePipeline::report() const {
   r.images_not_logged = m.flight_log.images_skipped();
   r.frames_in = m.frames_in.load();
   r.frames_refused = m.frames_refused.load();
+  r.imu_watch = m.imu_gate.stats();
+  r.image_watch = m.image_gate.stats();
   r.frames_out = m.frames_out.load();
   r.imu_in = m.imu_in.load();
   r.imu_late = m.track_imu_late.load() + m.estimate_imu_late.load();

@@ -15,6 +15,8 @@
 #include "pipeline/stages/frame_outcome.h"
 #include "pipeline/stages/recorded_tracks.h"
 #include "pipeline/vision/tracker.h"
+#include "pipeline/watch/image_gate.h"
+#include "pipeline/watch/imu_gate.h"
 #include "platform/linux/realtime.h"
 #include "platform/ports/ports.h"
 #include "platform/time/monotonic.h"
@@ -62,9 +64,11 @@ struct RealtimeReport {
   std::uint64_t frames_in = 0;         ///< given by the camera
   std::uint64_t frames_overtaken = 0;  ///< of those: left out for a newer one
   std::uint64_t frames_refused = 0;    ///< of those: left out by the watch for their stamp
-  std::uint64_t frames_out = 0;        ///< of those: estimated
-  std::uint64_t imu_in = 0;            ///< given by the IMU
-  std::uint64_t imu_late = 0;          ///< images that did not wait any longer for their readings
+  ImuGateStats imu_watch;
+  ImageGateStats image_watch;
+  std::uint64_t frames_out = 0;  ///< of those: estimated
+  std::uint64_t imu_in = 0;      ///< given by the IMU
+  std::uint64_t imu_late = 0;    ///< images that did not wait any longer for their readings
   std::uint64_t published = 0, publish_failed = 0;
   std::uint64_t events_dropped = 0;
   std::uint64_t images_not_logged = 0;

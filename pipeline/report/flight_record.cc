@@ -44,6 +44,12 @@ ImageRecord image_record(const FrameOutcome& outcome) {
   return image;
 }
 
+ImuLeftOut imu_left_out(const FlightRecord& r) {
+  const EstimatorStats& e = r.estimator;
+  const ImuGateStats& w = r.imu_watch;
+  return {w.out_of_order + e.imu_out_of_order, w.duplicate + e.imu_duplicate, w.not_finite + e.imu_not_finite};
+}
+
 Trajectory trajectory_of(const FlightRecord& record) {
   Trajectory t;
   for (const ImageRecord& image : record.images) {

@@ -13,6 +13,8 @@
 #include "pipeline/recorder/flight_recorder.h"
 #include "pipeline/stages/frame_outcome.h"
 #include "pipeline/vision/tracker.h"
+#include "pipeline/watch/image_gate.h"
+#include "pipeline/watch/imu_gate.h"
 
 namespace epiline {
 
@@ -72,6 +74,8 @@ struct FlightRecord {
   std::vector<Event> events;        ///< in no particular order
   std::uint64_t events_lost = 0;    ///< for which there was no room
   EstimatorStats estimator;
+  ImuGateStats imu_watch;
+  ImageGateStats image_watch;
   LoadGovernor::Counts load;
   std::optional<TrackerStats> tracker;  ///< none with recorded tracks
   double peak_rss_mib = 0;
@@ -80,6 +84,12 @@ struct FlightRecord {
   std::uint64_t page_faults = 0;            ///< inside the stages
   std::optional<RealtimeRecord> realtime;   ///< none of a run in one thread
 };
+
+/// Readings of the IMU that were left out, by the watch or by the estimator.
+struct ImuLeftOut {
+  std::uint64_t out_of_order = 0, duplicate = 0, not_finite = 0;
+};
+ImuLeftOut imu_left_out(const FlightRecord& record);
 
 /// The estimated poses, and what the estimator says of their errors.
 Trajectory trajectory_of(const FlightRecord& record);

@@ -303,11 +303,13 @@ std::string count_table(const FlightRecord& r) {
   for (const auto& reason : r.skipped) skipped += reason.second;
   const auto seconds = state_seconds(r);
   const EstimatorStats& e = r.estimator;
+  const ImuLeftOut left_out = imu_left_out(r);
   return "<table>" +
          row("images read / solved / predicted / skipped",
              fmt::format("{} / {} / {} / {}", r.images_read, e.frames_solved, e.frames_predicted, skipped)) +
          row("IMU samples used / out of order / doubled / not finite",
-             fmt::format("{} / {} / {} / {}", e.imu_samples, e.imu_out_of_order, e.imu_duplicate, e.imu_not_finite)) +
+             fmt::format("{} / {} / {} / {}", e.imu_samples, left_out.out_of_order, left_out.duplicate,
+                         left_out.not_finite)) +
          row("IMU gaps / saturated", fmt::format("{} / {}", e.imu_gaps, e.imu_saturated)) +
          row("initialising / tracking / degraded / lost, s",
              fmt::format("{:.1f} / {:.1f} / {:.1f} / {:.1f}", seconds[0], seconds[1], seconds[2], seconds[3])) +

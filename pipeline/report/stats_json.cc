@@ -44,9 +44,29 @@ Json images_json(const FlightRecord& r) {
 
 Json imu_json(const FlightRecord& r) {
   const EstimatorStats& e = r.estimator;
-  return {{"read", r.imu_read},           {"used", e.imu_samples},          {"out_of_order", e.imu_out_of_order},
-          {"duplicate", e.imu_duplicate}, {"not_finite", e.imu_not_finite}, {"gaps", e.imu_gaps},
+  const ImuLeftOut left_out = imu_left_out(r);
+  return {{"read", r.imu_read},
+          {"used", e.imu_samples},
+          {"out_of_order", left_out.out_of_order},
+          {"duplicate", left_out.duplicate},
+          {"not_finite", left_out.not_finite},
+          {"gaps", e.imu_gaps},
           {"saturated", e.imu_saturated}};
+}
+
+/// What the gates of pipeline/watch found besides.
+Json watch_json(const FlightRecord& r) {
+  const ImuGateStats& i = r.imu_watch;
+  const ImageGateStats& c = r.image_watch;
+  return {{"imu", {{"suspect_stamps", i.suspect}, {"clock_steps", i.clock_steps}, {"stuck", i.stuck}}},
+          {"images",
+           {{"suspect_stamps", c.suspect},
+            {"old_stamps", c.old},
+            {"clock_steps", c.clock_steps},
+            {"frozen", c.frozen},
+            {"covered", c.covered},
+            {"obstructed", c.obstructed},
+            {"exposure_steps", c.exposure_steps}}}};
 }
 
 Json initialisation_json(const FlightRecord& r) {
@@ -252,6 +272,7 @@ Json stats_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& er
   json["settings"] = settings_json(r);
   json["images"] = images_json(r);
   json["imu"] = imu_json(r);
+  json["watch"] = watch_json(r);
   json["initialisation"] = initialisation_json(r);
   json["resets"] = e.resets;
   json["state_seconds"] = {

@@ -37,6 +37,8 @@ class OfflinePipeline {
   void step(const Frame& image, const TrackPoint* points, std::size_t count, FrameOutcome& out) noexcept;
 
   const Estimator& estimator() const noexcept { return estimate_.estimator(); }
+  const ImuGateStats& imu_watch() const noexcept { return imu_gate_.stats(); }
+  const ImageGateStats& image_watch() const noexcept { return image_gate_.stats(); }
   /// What has happened; to be emptied after each image.
   EventRing& events() noexcept { return events_; }
   const LoadGovernor::Counts& load() const noexcept { return estimate_.load(); }

@@ -81,6 +81,7 @@ TEST_F(MadeUpFlight, EveryPromisedFieldIsThere) {
       {"settings", {"visual_factor", "keyframes", "max_features", "deadline_ms", "realtime", "threads"}},
       {"images", {"read", "tracked", "solved", "skipped", "skipped_by_reason"}},
       {"imu", {"read", "used", "out_of_order", "duplicate", "not_finite", "gaps", "saturated"}},
+      {"watch", {"imu", "images"}},
       {"initialisation", {"done", "seconds_after_first_image", "kind", "attempts", "refused_by_reason"}},
       {"state_seconds", {"initialising", "tracking", "degraded", "lost"}},
       {"timing_ms", {"track", "solve", "marginalise", "estimate", "frame", "latency"}},
