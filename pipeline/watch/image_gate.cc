@@ -45,15 +45,15 @@ ImageGate::Look ImageGate::look_at(const Frame& image) noexcept {
           squares += value * value;
         }
       }
-      constexpr double n = kPerCell * kPerCell;
-      const double mean = total / n;
-      flat += squares / n - mean * mean < kFlat * kFlat ? 1 : 0;
+      constexpr double kPixels = kPerCell * kPerCell;
+      const double mean = total / kPixels;
+      flat += squares / kPixels - mean * mean < kFlat * kFlat ? 1 : 0;
       sum += mean;
     }
   }
-  constexpr double cells = kCellsX * kCellsY;
-  look.mean = sum / cells;
-  look.flat = flat / cells;
+  constexpr double kCells = kCellsX * kCellsY;
+  look.mean = sum / kCells;
+  look.flat = flat / kCells;
   return look;
 }
 
