@@ -16,6 +16,7 @@
 #include "pipeline/watch/health_merge.h"
 #include "pipeline/watch/image_gate.h"
 #include "pipeline/watch/imu_gate.h"
+#include "pipeline/watch/input_events.h"
 #include "platform/concurrency/latest_value.h"
 #include "platform/concurrency/newest_ring.h"
 #include "platform/concurrency/parking.h"
@@ -166,6 +167,8 @@ struct RealtimePipeline::Impl {
   // Of the threads imu and capture.
   ImuGate imu_gate;
   ImageGate image_gate;
+  ImuEvents imu_events{flight_log.events_of(FlightLog::Speaker::kImu)};
+  ImageEvents image_events{flight_log.events_of(FlightLog::Speaker::kCapture)};
   LastHeard imu_times, camera_times;  ///< each thread its own
   // The tracker's own.
   Knowledge known;

@@ -19,7 +19,9 @@ void RealtimePipeline::Impl::imu_loop() {
     for (std::size_t i = 0; i < count; ++i) {
       flight_log.imu(samples[i]);  // first: what was used is in the record
       bump(imu_in);
-      if (!imu_gate.step(samples[i])) continue;
+      const bool taken = imu_gate.step(samples[i]);
+      imu_events.after(taken, samples[i], imu_gate);
+      if (!taken) continue;
       imu_times.heard_imu(samples[i].arrival.ns != 0 ? samples[i].arrival : samples[i].stamp);
       if (track_stage) imu_to_track.push(samples[i]);  // a full ring refuses, and counts
       imu_to_estimate.push(samples[i]);
@@ -50,7 +52,9 @@ void RealtimePipeline::Impl::capture_loop() {
            static_cast<std::int64_t>(ImageLoss::kMissed), static_cast<std::int64_t>(frame.sequence - expected));
     }
     expected = frame.sequence + 1;
-    if (!image_gate.step(frame)) {
+    const bool taken = image_gate.step(frame);
+    image_events.after(taken, frame, image_gate);
+    if (!taken) {
       ports.camera->give_back(frame);
       bump(frames_refused);
       continue;

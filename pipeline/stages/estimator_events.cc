@@ -5,17 +5,8 @@
 namespace epiline {
 
 void EstimatorEvents::after_imu(const ImuSample& sample, const EstimateStage& stage) noexcept {
-  const EstimatorStats& stats = stage.estimator().stats();
-  const auto refused = [&](std::uint64_t& known, std::uint64_t count, ImuRefusal reason) {
-    if (std::exchange(known, count) == count) return false;
-    tell(sample.stamp, EventId::kImuRefused, static_cast<std::int64_t>(reason));
-    return true;
-  };
-  if (refused(out_of_order_, stats.imu_out_of_order, ImuRefusal::kOutOfOrder)) return;
-  if (refused(duplicate_, stats.imu_duplicate, ImuRefusal::kDuplicate)) return;
-  if (refused(not_finite_, stats.imu_not_finite, ImuRefusal::kNotFinite)) return;
-  if (std::exchange(gaps_, stats.imu_gaps) != stats.imu_gaps)
-    tell(sample.stamp, EventId::kImuGap, (sample.stamp - last_imu_).ns);
+  const std::uint64_t gaps = stage.estimator().stats().imu_gaps;
+  if (std::exchange(gaps_, gaps) != gaps) tell(sample.stamp, EventId::kImuGap, (sample.stamp - last_imu_).ns);
   last_imu_ = sample.stamp;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
-// What happened in the estimator, as events: one place for the replay in one thread and for the threads.
+// What happened in the estimator, as events: one place for the replay in one thread and for the threads. What came in
+// is told by pipeline/watch/input_events.h.
 #include "pipeline/stages/estimate_stage.h"
 #include "platform/log/event.h"
 
@@ -21,7 +22,7 @@ class EstimatorEvents {
   }
 
   EventRing& out_;
-  std::uint64_t out_of_order_ = 0, duplicate_ = 0, not_finite_ = 0, gaps_ = 0;
+  std::uint64_t gaps_ = 0;
   HostStamp last_imu_;
   HealthState state_ = HealthState::kInitialising;
   std::uint32_t resets_ = 0;

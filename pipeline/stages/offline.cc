@@ -14,11 +14,19 @@ OfflinePipeline::OfflinePipeline(const OfflineSettings& settings)
 }
 
 bool OfflinePipeline::add_imu(ImuSample& sample) noexcept {
-  if (!imu_gate_.step(sample)) return false;
+  const bool taken = imu_gate_.step(sample);
+  imu_events_.after(taken, sample, imu_gate_);
+  if (!taken) return false;
   if (track_) track_->add_imu(sample);
   estimate_.add_imu(sample);
   estimator_events_.after_imu(sample, estimate_);
   return true;
+}
+
+bool OfflinePipeline::admit(Frame& image) noexcept {
+  const bool taken = image_gate_.step(image);
+  image_events_.after(taken, image, image_gate_);
+  return taken;
 }
 
 void OfflinePipeline::step(const Frame& image, FrameOutcome& out) noexcept {

@@ -9,6 +9,7 @@
 #include "pipeline/stages/track_stage.h"
 #include "pipeline/watch/image_gate.h"
 #include "pipeline/watch/imu_gate.h"
+#include "pipeline/watch/input_events.h"
 
 namespace epiline {
 
@@ -29,7 +30,7 @@ class OfflinePipeline {
   /// Through the watch, which may correct the stamp. False: left out.
   bool add_imu(ImuSample& sample) noexcept;
   /// The same for an image, before any other use of it.
-  bool admit(Frame& image) noexcept { return image_gate_.step(image); }
+  bool admit(Frame& image) noexcept;
   /// Readings up to and including the first at or after this time must have been added before the step of an image.
   HostStamp imu_needed_until(HostStamp image) const noexcept { return estimate_.imu_needed_until(image); }
 
@@ -54,6 +55,8 @@ class OfflinePipeline {
   RecordedTracks recorded_;
   EstimateStage estimate_;
   EventRing events_;
+  ImuEvents imu_events_{events_};
+  ImageEvents image_events_{events_};
   EstimatorEvents estimator_events_{events_};
   std::uint64_t serial_ = 0;
   std::unique_ptr<TrackedFrame> tracked_ = std::make_unique<TrackedFrame>();

@@ -21,6 +21,7 @@ class ImageGate {
   bool step(Frame& image) noexcept;
 
   const ImageGateStats& stats() const noexcept { return stats_; }
+  Span correction() const noexcept { return clock_.correction(); }
 
  private:
   static constexpr int kCellsX = 8, kCellsY = 6, kPerCell = 8;  // 64 pixels of each cell

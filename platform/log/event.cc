@@ -16,8 +16,8 @@ using Names = std::span<const char* const>;
 constexpr const char* kStartKinds[] = {"none", "given", "stationary", "moving"};
 constexpr const char* kLoadLevels[] = {"full", "fewer_features", "fewer_iterations", "prediction_only"};
 constexpr const char* kSources[] = {"camera", "imu", "wheel", "odometry"};
-constexpr const char* kImageLosses[] = {"overtaken", "missed", "out_of_order", "duplicate"};
-constexpr const char* kImuRefusals[] = {"out_of_order", "duplicate", "not_finite"};
+constexpr const char* kImageLosses[] = {"overtaken", "missed", "refused"};
+constexpr const char* kImuRefusals[] = {"out_of_order", "duplicate", "not_finite", "other_time"};
 constexpr const char* kRecordReasons[] = {"requested", "lost", "end"};
 constexpr const char* kRings[] = {"frames",        "imu_to_track", "imu_to_estimate", "imu_to_publish",
                                   "tracked",       "knowledge",    "outcomes",        "publications",
@@ -44,7 +44,7 @@ constexpr Description kDescriptions[] = {
     {"image_dropped", {number("sequence"), one_of("reason", kImageLosses), number("images")}},
     {"imu_late", {number("waited_ms")}},
     {"imu_gap", {number("length_ns")}},
-    {"imu_refused", {one_of("reason", kImuRefusals)}},
+    {"imu_refused", {number("on"), number("readings"), one_of("reason", kImuRefusals)}},
     {"imu_saturated", {number("on"), number("readings")}},
     {"deadline_missed", {number("sequence"), number("late_ns")}},
     {"started", {one_of("kind", kStartKinds)}},
@@ -53,7 +53,7 @@ constexpr Description kDescriptions[] = {
     {"reset", {number("count")}},
     {"source_lost", {one_of("source", kSources)}},
     {"source_found", {one_of("source", kSources)}},
-    {"clock_jump", {one_of("source", kSources), number("jump_ns")}},
+    {"clock_jump", {one_of("source", kSources), number("correction_ns")}},
     {"images_frozen", {number("on"), number("images")}},
     {"lens_covered", {number("on"), number("images")}},
     {"load_level", {one_of("from", kLoadLevels), one_of("to", kLoadLevels)}},

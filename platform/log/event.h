@@ -16,7 +16,7 @@ enum class EventId : std::uint16_t {
   kImageDropped,    ///< first sequence number, ImageLoss, how many
   kImuLate,         ///< ms that an image waited in vain for this instant's reading
   kImuGap,          ///< ns
-  kImuRefused,      ///< ImuRefusal
+  kImuRefused,      ///< 1 begins, 0 ends; readings; ImuRefusal
   kImuSaturated,    ///< 1 begins, 0 ends; readings
   kDeadlineMissed,  ///< sequence number, ns
   kStarted,         ///< StartKind
@@ -24,7 +24,7 @@ enum class EventId : std::uint16_t {
   kReset,           ///< how many so far
   kSourceLost,      ///< EventSource
   kSourceFound,     ///< EventSource
-  kClockJump,       ///< EventSource, ns
+  kClockJump,       ///< EventSource, ns that its stamps are moved by from now on
   kImagesFrozen,    ///< 1 begins, 0 ends; images
   kLensCovered,     ///< 1 begins, 0 ends; images
   kLoadLevel,       ///< LoadLevel before and now
@@ -35,8 +35,8 @@ enum class EventId : std::uint16_t {
 };
 
 enum class EventSource : std::uint8_t { kCamera, kImu, kWheel, kOdometry };
-enum class ImageLoss : std::uint8_t { kOvertaken, kMissed, kOutOfOrder, kDuplicate };
-enum class ImuRefusal : std::uint8_t { kOutOfOrder, kDuplicate, kNotFinite };
+enum class ImageLoss : std::uint8_t { kOvertaken, kMissed, kRefused };
+enum class ImuRefusal : std::uint8_t { kOutOfOrder, kDuplicate, kNotFinite, kOtherTime };
 enum class RecordReason : std::uint8_t { kRequested, kLost, kEnd };
 /// The rings between the threads of a real-time run.
 enum class RingName : std::uint8_t {

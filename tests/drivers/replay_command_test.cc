@@ -120,10 +120,31 @@ TEST_F(MadeUpFlight, BadSamplesAndDoubledImagesAreCountedNotFatal) {
   EXPECT_EQ(s["imu"]["duplicate"], 1);
   EXPECT_EQ(s["imu"]["out_of_order"], 1);
   EXPECT_EQ(s["imu"]["not_finite"], 1);
+  const std::string events = read(out / "events.txt");
+  for (const char* reason : {"duplicate", "out_of_order", "not_finite"})
+    EXPECT_NE(events.find(std::string(" imu_refused on=1 readings=1 reason=") + reason), std::string::npos) << events;
   EXPECT_EQ(s["images"]["read"], 22);
   EXPECT_EQ(s["images"]["tracked"], 20);
   EXPECT_EQ(s["images"]["skipped_by_reason"]["duplicate"], 1);
   EXPECT_EQ(s["images"]["skipped_by_reason"]["out_of_order"], 1);
+}
+
+// Of one thread and of several the same lines of the IMU: its gate sees the same stamps and arrivals.
+TEST_F(MadeUpFlight, FaultsOfTheInputsAreTold) {
+  const auto told_of_imu = [&](const std::string& more) {
+    replay("--fault imu-behind@0.3:0.3 " + more);
+    std::string lines;
+    std::ifstream events(out / "events.txt");
+    for (std::string line; std::getline(events, line);)
+      if (line.find(" imu_refused ") != std::string::npos || line.find(" clock_jump ") != std::string::npos)
+        lines += line + '\n';
+    return lines;
+  };
+  const std::string lines = told_of_imu("");
+  EXPECT_NE(read(out / "events.txt").find(" lens_covered on=1 images=1\n"), std::string::npos) << "grey images";
+  EXPECT_NE(lines.find(" clock_jump source=imu correction_ns=500000000\n"), std::string::npos) << lines;
+  EXPECT_NE(lines.find(" clock_jump source=imu correction_ns=0\n"), std::string::npos) << lines;
+  EXPECT_EQ(told_of_imu("--realtime"), lines);
 }
 
 TEST_F(MadeUpFlight, StartAndDurationChooseImages) {

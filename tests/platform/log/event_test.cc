@@ -39,7 +39,8 @@ TEST(Event, ShowsNamesWhereThereAreAnyAndNumbersWhereThereAreNone) {
             "health_changed from=lost to=4 reasons=no_initial_state+1099511627776");
   EXPECT_EQ(formatted({HostStamp{0}, EventId::kImageDropped, {7, static_cast<std::int64_t>(ImageLoss::kMissed), 2}}),
             "0.000000000 image_dropped sequence=7 reason=missed images=2");
-  EXPECT_EQ(formatted({HostStamp{0}, EventId::kImuRefused, {-1, 0, 0}}), "0.000000000 imu_refused reason=-1");
+  EXPECT_EQ(formatted({HostStamp{0}, EventId::kImuRefused, {1, 2, -1}}),
+            "0.000000000 imu_refused on=1 readings=2 reason=-1");
   EXPECT_EQ(formatted({HostStamp{0}, EventId::kRingOverflow, {static_cast<std::int64_t>(RingName::kEvents), 3, 0}}),
             "0.000000000 ring_overflow ring=events lost=3");
 }

@@ -1,0 +1,46 @@
+#include "pipeline/watch/input_events.h"
+
+#include <utility>
+
+namespace epiline {
+
+namespace {
+constexpr Span kQuiet = Span::from_milliseconds(500);
+
+void tell_clock(Span& known, Span correction, EventSource source, HostStamp now, EventRing& out) {
+  if (std::exchange(known, correction) == correction) return;
+  out.push({now, EventId::kClockJump, {static_cast<std::int64_t>(source), correction.ns}});
+}
+}  // namespace
+
+void Episode::step(std::uint64_t counter, HostStamp now, EventRing& out) noexcept {
+  const bool bad = std::exchange(known_, counter) != counter;
+  if (bad) last_ = now;
+  if (bad == on_ || (on_ && now - last_ < kQuiet)) return;
+  on_ = bad;
+  out.push({now, id_, {bad ? 1 : 0, static_cast<std::int64_t>(counter - before_), about_}});
+  if (!bad) before_ = counter;
+}
+
+void ImuEvents::after(bool taken, const ImuSample& reading, const ImuGate& gate) noexcept {
+  if (taken || now_.ns == 0) now_ = reading.stamp;
+  tell_clock(correction_, gate.correction(), EventSource::kImu, now_, out_);
+  const ImuGateStats& s = gate.stats();
+  saturated_.step(s.saturated, now_, out_);
+  const std::array<std::uint64_t, 4> refused = {s.out_of_order, s.duplicate, s.not_finite, s.suspect};
+  for (std::size_t i = 0; i < refused.size(); ++i) refused_[i].step(refused[i], now_, out_);
+}
+
+void ImageEvents::after(bool taken, const Frame& image, const ImageGate& gate) noexcept {
+  if (taken || now_.ns == 0) now_ = image.stamp;
+  tell_clock(correction_, gate.correction(), EventSource::kCamera, now_, out_);
+  frozen_.step(gate.stats().frozen, now_, out_);
+  covered_.step(gate.stats().covered, now_, out_);
+  if (!taken) {
+    out_.push({now_,
+               EventId::kImageDropped,
+               {static_cast<std::int64_t>(image.sequence), static_cast<std::int64_t>(ImageLoss::kRefused), 1}});
+  }
+}
+
+}  // namespace epiline

@@ -1,0 +1,60 @@
+#pragma once
+// What the gates of the sensors find, as events: one place for the replay in one thread and for the threads.
+#include <array>
+#include <cstdint>
+
+#include "pipeline/watch/image_gate.h"
+#include "pipeline/watch/imu_gate.h"
+#include "platform/log/event.h"
+
+namespace epiline {
+
+/// Tells when a kind of bad samples begins to come, and when there has been none for half a second: what flickers is
+/// told once. The event's arguments: 1 and samples so far, or 0 and samples in all; then `about`.
+class Episode {
+ public:
+  explicit Episode(EventId id, std::int64_t about = 0) : id_(id), about_(about) {}
+  /// `counter`: of all bad samples there were. `now`: in time order.
+  void step(std::uint64_t counter, HostStamp now, EventRing& out) noexcept;
+
+ private:
+  EventId id_;
+  std::int64_t about_;
+  bool on_ = false;
+  std::uint64_t known_ = 0, before_ = 0;  ///< bad samples; those before this episode
+  HostStamp last_;
+};
+
+/// Belongs to the thread of the gate; no heap.
+class ImuEvents {
+ public:
+  explicit ImuEvents(EventRing& out) : out_(out) {}
+  /// After each ImuGate::step(reading), which returned `taken`.
+  void after(bool taken, const ImuSample& reading, const ImuGate& gate) noexcept;
+
+ private:
+  EventRing& out_;
+  HostStamp now_;  ///< of the last reading taken: a refused one's stamp may be anything
+  Span correction_{};
+  Episode saturated_{EventId::kImuSaturated};
+  std::array<Episode, 4> refused_{Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kOutOfOrder)},
+                                  Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kDuplicate)},
+                                  Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kNotFinite)},
+                                  Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kOtherTime)}};
+};
+
+/// The same for a camera's images.
+class ImageEvents {
+ public:
+  explicit ImageEvents(EventRing& out) : out_(out) {}
+  /// After each ImageGate::step(image), which returned `taken`.
+  void after(bool taken, const Frame& image, const ImageGate& gate) noexcept;
+
+ private:
+  EventRing& out_;
+  HostStamp now_;
+  Span correction_{};
+  Episode frozen_{EventId::kImagesFrozen}, covered_{EventId::kLensCovered};
+};
+
+}  // namespace epiline
