@@ -73,8 +73,8 @@ enum class HealthReason : std::uint32_t {
   kImuGap = 1u << 8,
   kNotFinite = 1u << 9,
   // Of the sensors, from the input watch.
-  kCameraSilent = 1u << 10,     ///< no image for half a second
-  kImuSilent = 1u << 11,        ///< no reading for a tenth of a second
+  kCameraSilent = 1u << 10,     ///< no image for much longer than usual
+  kImuSilent = 1u << 11,        ///< no reading for much longer than usual
   kCameraClockJump = 1u << 12,  ///< stamps of images stepped against the computer's clock; taken back
   kImuClockJump = 1u << 13,     ///< those of readings
   kImagesFrozen = 1u << 14,     ///< the same picture again; left out
