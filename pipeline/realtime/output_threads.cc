@@ -18,6 +18,7 @@ void RealtimePipeline::Impl::publish_loop() {
     if (e != nullptr && e->serial != last_published) {
       publish_estimate(*e);
       correct_prediction(*e);
+      if (!e->has_pose) publish_silence();  // images may come on while the IMU is silent. Last: it reads `newest` anew
     } else if (const ImuSample* const reading = imu_to_publish.front()) {
       publish_prediction(*reading);
       imu_to_publish.pop();
@@ -51,7 +52,7 @@ void RealtimePipeline::Impl::publish_silence() {
 void RealtimePipeline::Impl::publish_estimate(const Estimate& e) {
   last_published = e.serial;
   bump(published);
-  if (!e.has_pose) return publish_silence();  // images may come on while the IMU is silent
+  if (!e.has_pose) return;
   if (ports.odometry != nullptr) {
     Odometry odometry = e.odometry;
     odometry.health = health_now(e.odometry.health);
