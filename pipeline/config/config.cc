@@ -28,8 +28,25 @@ std::string range_of(const Parameter& p) {
                  [&](int* (*)(Config&)) { return fmt::format("an integer from {} to {}{}", p.min, p.max, unit); },
                  [&](auto* (*)(Config&)) { return fmt::format("a number from {} to {}{}", p.min, p.max, unit); },
                  [](std::string* (*)(Config&)) -> std::string { return "a text in quotes"; },
+                 [](std::vector<NamedValue>* (*)(Config&)) -> std::string { return "{ name = integer, ... }"; },
                  [](const Choice& c) { return fmt::format("\"{}\"", fmt::join(c.names, "\" or \"")); }},
       p.value);
+}
+
+std::optional<Value> named_values(const toml::node& node) {
+  if (!node.is_table()) return std::nullopt;
+  std::vector<NamedValue> values;
+  for (const auto& [name, value] : *node.as_table()) {
+    if (!value.is_integer()) return std::nullopt;
+    values.push_back({std::string(name.str()), *value.value<std::int64_t>()});
+  }
+  // as the file has them, not by name: some devices take a control only after another
+  const toml::table& table = *node.as_table();
+  std::stable_sort(values.begin(), values.end(), [&](const NamedValue& a, const NamedValue& b) {
+    const auto at = [&](const NamedValue& v) { return table.get(v.name)->source().begin; };
+    return std::pair(at(a).line, at(a).column) < std::pair(at(b).line, at(b).column);
+  });
+  return values;
 }
 
 /// The node's value in the type of the parameter, if it has that type and lies in the range.
@@ -52,6 +69,7 @@ std::optional<Value> checked_value(const Parameter& p, const toml::node& node) {
                                  if (!node.is_string()) return std::nullopt;
                                  return *node.value<std::string>();
                                },
+                               [&](std::vector<NamedValue>* (*)(Config&)) { return named_values(node); },
                                [&](const Choice& c) -> std::optional<Value> {
                                  const auto name = node.value<std::string>();
                                  const auto found =
@@ -91,6 +109,15 @@ std::string toml_value(const Parameter& p, const Config& config) {
                    std::ostringstream out;
                    out << toml::value<std::string>(*at(copy));
                    return out.str();
+                 },
+                 [&](std::vector<NamedValue>* (*at)(Config&)) {
+                   std::string text;
+                   for (const NamedValue& v : *at(copy)) {
+                     std::ostringstream name;
+                     name << toml::value<std::string>(v.name);
+                     text += fmt::format("{}{} = {}", text.empty() ? "" : ", ", name.str(), v.value);
+                   }
+                   return text.empty() ? std::string("{}") : "{ " + text + " }";
                  },
                  [&](const Choice& c) { return "\"" + c.names[static_cast<std::size_t>(c.get(config))] + "\""; }},
       p.value);
@@ -144,6 +171,9 @@ void ConfigFile::apply(Config& config) const {
                    [&, v = &value](double* (*at)(Config&)) { *at(config) = std::get<double>(*v); },
                    [&, v = &value](float* (*at)(Config&)) { *at(config) = static_cast<float>(std::get<double>(*v)); },
                    [&, v = &value](std::string* (*at)(Config&)) { *at(config) = std::get<std::string>(*v); },
+                   [&, v = &value](std::vector<NamedValue>* (*at)(Config&)) {
+                     *at(config) = std::get<std::vector<NamedValue>>(*v);
+                   },
                    [&, v = &value](const Choice& c) { c.set(config, std::get<int>(*v)); }},
         p->value);
   }
@@ -157,10 +187,10 @@ std::string to_toml(const Config& config) {
       section = p.name.substr(0, dot);
       text += fmt::format("{}[{}]\n", text.empty() ? "" : "\n", section);
     }
-    const bool empty_file =
-        std::holds_alternative<std::string* (*)(Config&)>(p.value) && toml_value(p, config).size() <= 2;
-    text += fmt::format("# {}; {}\n{}{} = {}\n", p.text, range_of(p), empty_file ? "#" : "", p.name.substr(dot + 1),
-                        toml_value(p, config));
+    const std::string value = toml_value(p, config);
+    const bool is_empty = value == "\"\"" || value == "''" || value == "{}";
+    text +=
+        fmt::format("# {}; {}\n{}{} = {}\n", p.text, range_of(p), is_empty ? "#" : "", p.name.substr(dot + 1), value);
   }
   return text;
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "estimator/estimator.h"
+#include "pipeline/config/devices.h"
 #include "pipeline/realtime/realtime_config.h"
 #include "pipeline/recorder/recorder_config.h"
 #include "pipeline/vision/tracker.h"
@@ -21,6 +22,7 @@ struct Config {
   double deadline_ms = 0;  ///< for the solve of one image; 0: as long as it takes
   RealtimeConfig realtime;
   RecorderConfig recorder;
+  DevicesConfig devices;
   std::string camera_calibration;  ///< replaces the data set's file
   std::string imu_calibration;
 };
@@ -35,14 +37,14 @@ struct Choice {
 };
 
 /// One row of the table. The default is the value in a default-constructed Config; numbers outside [min, max] are
-/// refused.
+/// refused. Named values are a table of integers, `section.key = { name = value, ... }`.
 struct Parameter {
   std::string name;  ///< `section.key`, as in the TOML file
   std::string unit;  ///< empty: none
   double min = 0, max = 0;
   std::string text;
   std::variant<bool* (*)(Config&), int* (*)(Config&), float* (*)(Config&), double* (*)(Config&),
-               std::string* (*)(Config&), Choice>
+               std::string* (*)(Config&), std::vector<NamedValue>* (*)(Config&), Choice>
       value;
 };
 
@@ -51,7 +53,8 @@ const std::vector<Parameter>& parameters();
 /// A checked configuration file: what it sets, to be laid over defaults and calibration.
 class ConfigFile {
  public:
-  using Value = std::variant<bool, int, double, std::string>;  ///< a float is held as double, a Choice as its index
+  /// A float is held as double, a Choice as its index.
+  using Value = std::variant<bool, int, double, std::string, std::vector<NamedValue>>;
 
   /// Fails if and only if the file cannot be read, is no TOML, names an unknown section or key, or holds a value of the
   /// wrong type or outside its range.

@@ -29,6 +29,11 @@ std::optional<VisualFactor> visual_factor_from(const std::string& name) {
 }
 
 #define EPILINE_AT(member) [](Config& c) { return &c.member; }
+#define EPILINE_CHOICE(member, choices)                                                 \
+  Choice {                                                                              \
+    {std::begin(choices), std::end(choices)}, [](const Config& c) { return c.member; }, \
+        [](Config& c, int i) { c.member = i; }                                          \
+  }
 
 const std::vector<Parameter>& parameters() {
   static const std::vector<Parameter> table = {
@@ -143,12 +148,56 @@ const std::vector<Parameter>& parameters() {
       {"camera.calibration", "", 0, 0,
        "calibration file (ASL or Kalibr) instead of the data set's; seen from the current folder",
        EPILINE_AT(camera_calibration)},
+      {"camera.device", "", 0, 0, "path, name or bus of a live camera, as v4l2-ctl --list-devices shows them",
+       EPILINE_AT(devices.camera.device)},
+      {"camera.width", "px", 0, 16384, "0: as the device is set", EPILINE_AT(devices.camera.width)},
+      {"camera.height", "px", 0, 16384, "0: as the device is set", EPILINE_AT(devices.camera.height)},
+      {"camera.rate_hz", "Hz", 0, 1000, "0: as the device is set", EPILINE_AT(devices.camera.rate_hz)},
+      {"camera.format", "", 0, 0, "GREY, NV12, YU12, Y10P, Y10, Y12, Y16 or YUYV; without it the best there is",
+       EPILINE_AT(devices.camera.format)},
+      {"camera.buffers", "", 2, 16, "images the driver has room for", EPILINE_AT(devices.camera.buffers)},
+      {"camera.controls", "", 0, 0, "set in this order, then read back; names as v4l2-ctl --list-ctrls shows them",
+       EPILINE_AT(devices.camera.controls)},
+      {"camera.shutter", "", 0, 0, "how the sensor exposes its rows",
+       EPILINE_CHOICE(devices.camera.shutter, kShutterNames)},
+      {"camera.readout_ms", "ms", 0, 1000, "from the first row's arrival to the last one's",
+       EPILINE_AT(devices.camera.readout_ms)},
+      {"camera.exposure_ms", "ms", 0, 1000, "exposure time, if no control tells it",
+       EPILINE_AT(devices.camera.exposure_ms)},
+      {"camera.exposure_control", "", 0, 0, "the control that tells it", EPILINE_AT(devices.camera.exposure_control)},
+      {"camera.exposure_unit_ms", "ms", 1e-6, 1000, "what 1 in that control means",
+       EPILINE_AT(devices.camera.exposure_unit_ms)},
+      {"camera.stamp_point", "", 0, 0, "what the driver's stamps are of",
+       EPILINE_CHOICE(devices.camera.stamp_point, kStampPointNames)},
+      {"camera.trust_stamps", "", 0, 0, "stamps are monotonic though the driver does not say so",
+       EPILINE_AT(devices.camera.trust_stamps)},
+      {"camera.silence_ms", "ms", 0, 1e6, "without an image so long the device is opened anew; 0: never",
+       EPILINE_AT(devices.camera.silence_ms)},
+      {"camera.stamp_line", "", 0, 0, "GPIO line, by name or CHIP:OFFSET, with an edge at each exposure's start",
+       EPILINE_AT(devices.camera.stamp_line)},
+      {"camera.stamp_edge", "", 0, 0, "which edge", EPILINE_CHOICE(devices.camera.stamp_edge, kEdgeNames)},
       {"camera.time_offset_s", "s", -1, 1, "first guess of t_IMU - t_image",
        EPILINE_AT(estimator.extrinsics.time_offset_s)},
       // IMU; without these, what the data set says
       {"imu.calibration", "", 0, 0,
        "calibration file (ASL or Kalibr) instead of the data set's; seen from the current folder",
        EPILINE_AT(imu_calibration)},
+      {"imu.driver", "", 0, 0, "where readings come from", EPILINE_CHOICE(devices.imu.driver, kImuDriverNames)},
+      {"imu.device", "", 0, 0, "iio: name or path; spi: /dev/spidevB.C (bmi088: its gyroscope)",
+       EPILINE_AT(devices.imu.device)},
+      {"imu.device_accel", "", 0, 0, "the accelerometer, where it is a device of its own",
+       EPILINE_AT(devices.imu.device_accel)},
+      {"imu.rate_hz", "Hz", 1, 10000, "readings per second to ask for", EPILINE_AT(devices.imu.rate_hz)},
+      {"imu.ready_line", "", 0, 0, "GPIO line, by name or CHIP:OFFSET, with the data-ready edge",
+       EPILINE_AT(devices.imu.ready_line)},
+      {"imu.ready_edge", "", 0, 0, "which edge", EPILINE_CHOICE(devices.imu.ready_edge, kEdgeNames)},
+      {"imu.delay_ms", "ms", 0, 100, "from the instant of a reading to its stamp: filters, transport",
+       EPILINE_AT(devices.imu.delay_ms)},
+      {"imu.spi_hz", "Hz", 0, 1e8, "clock of the SPI bus; 0: the chip's", EPILINE_AT(devices.imu.spi_hz)},
+      {"imu.gyroscope_range_deg_s", "deg/s", 1, 1e5, "measuring range; the next larger one the chip has",
+       EPILINE_AT(devices.imu.gyroscope_range_deg_s)},
+      {"imu.accelerometer_range_m_s2", "m/s^2", 1, 1e5, "measuring range; the next larger one the chip has",
+       EPILINE_AT(devices.imu.accelerometer_range_m_s2)},
       {"imu.gyroscope_noise_density", "rad/s/sqrt(Hz)", 1e-9, 1, "white noise",
        EPILINE_AT(estimator.imu.gyroscope_density)},
       {"imu.gyroscope_random_walk", "rad/s^2/sqrt(Hz)", 1e-12, 1, "walk of the bias",
@@ -161,10 +210,51 @@ const std::vector<Parameter>& parameters() {
        EPILINE_AT(estimator.saturation_gyroscope_rad_s)},
       {"imu.accelerometer_saturation", "m/s^2", 1, kNoLimit, "readings from here on are cut off",
        EPILINE_AT(estimator.saturation_accelerometer_m_s2)},
+      // how the IMU sits in the vehicle
+      {"body.roll_deg", "deg", -180, 180, "turns the vehicle's axes (forward, left, up) into the IMU's: third, about x",
+       EPILINE_AT(devices.body.roll_deg)},
+      {"body.pitch_deg", "deg", -180, 180, "second, about y", EPILINE_AT(devices.body.pitch_deg)},
+      {"body.yaw_deg", "deg", -180, 180, "first, about z", EPILINE_AT(devices.body.yaw_deg)},
+      // a flight controller
+      {"mavlink.serial", "", 0, 0, "device file of the line to the flight controller",
+       EPILINE_AT(devices.mavlink.serial)},
+      {"mavlink.baud", "", 1200, 4e6, "of that line", EPILINE_AT(devices.mavlink.baud)},
+      {"mavlink.udp", "", 0, 0, "ADDRESS:PORT of the flight controller, instead of a serial line",
+       EPILINE_AT(devices.mavlink.udp)},
+      {"mavlink.udp_listen", "", 0, 0, "ADDRESS:PORT to send from and to be spoken to; without it any free port",
+       EPILINE_AT(devices.mavlink.udp_listen)},
+      {"mavlink.system", "", 1, 255, "MAVLink's number of the vehicle", EPILINE_AT(devices.mavlink.system)},
+      {"mavlink.component", "", 1, 255, "MAVLink's number of epiline in it", EPILINE_AT(devices.mavlink.component)},
+      {"mavlink.rate_hz", "Hz", 4, 100, "odometry messages per second", EPILINE_AT(devices.mavlink.rate_hz)},
+      {"mavlink.message", "", 0, 0, "what the odometry travels in",
+       EPILINE_CHOICE(devices.mavlink.message, kMavlinkMessageNames)},
+      // a CAN bus
+      {"can.interface", "", 0, 0, "network interface that odometry goes out to", EPILINE_AT(devices.can.interface)},
+      {"can.fd", "", 0, 0, "CAN FD frames; false: classic ones", EPILINE_AT(devices.can.fd)},
+      {"can.base_id", "", 1, 0x7f0, "the first identifier; those after it are used too",
+       EPILINE_AT(devices.can.base_id)},
+      {"can.rate_hz", "Hz", 1, 200, "odometry per second", EPILINE_AT(devices.can.rate_hz)},
+      {"can.isotp_send_id", "", 0, 0x7ff, "identifier of whole MAVLink frames by ISO-TP; 0: none",
+       EPILINE_AT(devices.can.isotp_send_id)},
+      {"can.isotp_receive_id", "", 0, 0x7ff, "identifier of the peer's ISO-TP frames",
+       EPILINE_AT(devices.can.isotp_receive_id)},
+      // speed of a ground vehicle
+      {"wheel.interface", "", 0, 0, "network interface of a CAN bus that carries the vehicle's speed",
+       EPILINE_AT(devices.wheel.interface)},
+      {"wheel.id", "", 0, 0x1fffffff, "identifier of the frame", EPILINE_AT(devices.wheel.id)},
+      {"wheel.extended", "", 0, 0, "the identifier has 29 bits", EPILINE_AT(devices.wheel.extended)},
+      {"wheel.start_bit", "", 0, 511, "of the signal, as a DBC file counts", EPILINE_AT(devices.wheel.start_bit)},
+      {"wheel.length", "bit", 1, 64, "of the signal", EPILINE_AT(devices.wheel.length)},
+      {"wheel.big_endian", "", 0, 0, "byte order (DBC: @0)", EPILINE_AT(devices.wheel.big_endian)},
+      {"wheel.is_signed", "", 0, 0, "(DBC: -)", EPILINE_AT(devices.wheel.is_signed)},
+      {"wheel.scale_m_s", "m/s", -1e6, 1e6, "what 1 in the signal means", EPILINE_AT(devices.wheel.scale_m_s)},
+      {"wheel.offset_m_s", "m/s", -1e6, 1e6, "what 0 in the signal means", EPILINE_AT(devices.wheel.offset_m_s)},
+      {"wheel.sigma_m_s", "m/s", 1e-4, 100, "uncertainty of the speed", EPILINE_AT(devices.wheel.sigma_m_s)},
   };
   return table;
 }
 
 #undef EPILINE_AT
+#undef EPILINE_CHOICE
 
 }  // namespace epiline

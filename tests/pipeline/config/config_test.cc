@@ -60,6 +60,28 @@ TEST(Config, SetsWhatTheFileSaysAndNothingElse) {
   EXPECT_EQ(config.estimator.steps, 9);
 }
 
+TEST(Config, NamedValuesKeepTheirOrderHoweverTheyAreWritten) {
+  for (const char* const text : {"[camera]\ncontrols = { zoom = 3, auto_exposure = 1, \"a b\" = -7 }\n",
+                                 "[camera.controls]\nzoom = 3\nauto_exposure = 1\n\"a b\" = -7\n"}) {
+    const auto file = ConfigFile::parse(text, "f.toml");
+    ASSERT_TRUE(file) << file.error().text();
+    Config config;
+    file->apply(config);
+    const auto again = ConfigFile::parse(to_toml(config), "again.toml");
+    ASSERT_TRUE(again) << again.error().text();
+    Config read_back;
+    again->apply(read_back);
+    for (const Config& c : {config, read_back}) {
+      const std::vector<NamedValue>& controls = c.devices.camera.controls;
+      ASSERT_EQ(controls.size(), 3u);
+      EXPECT_EQ(controls[0].name, "zoom");
+      EXPECT_EQ(controls[1].name, "auto_exposure");
+      EXPECT_EQ(controls[2].name, "a b");
+      EXPECT_EQ(controls[2].value, -7);
+    }
+  }
+}
+
 struct BadFile {
   const char *text, *complaint;
 };
@@ -76,6 +98,8 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         BadFile{"[estimator]\n\nkeyframes = 21\n",
                 "f.toml:3: estimator.keyframes = 21; expected an integer from 2 to 20"},
+        BadFile{"[camera]\ncontrols = { gain = \"high\" }\n",
+                "f.toml:2: camera.controls = { gain = 'high' }; expected { name = integer, ... }"},
         BadFile{"[estimator]\nkeyframes = 7.5\n", "f.toml:2: estimator.keyframes = 7.5; expected an integer"},
         BadFile{"[estimator]\ncauchy = \"wide\"\n",
                 "f.toml:2: estimator.cauchy = \"wide\"; expected a number from 0.1 to 100"},

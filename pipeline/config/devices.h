@@ -1,0 +1,101 @@
+#pragma once
+// What the configuration says of devices: plain data, checked by the table in parameters.cc and used by the drivers as
+// it is. An empty name of a device means: there is none.
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace epiline {
+
+/// A control of a device, by the name the device gives it.
+struct NamedValue {
+  std::string name;
+  std::int64_t value = 0;
+};
+
+/// Section [camera]. The fields of V4l2Settings say more.
+struct CameraConfig {
+  std::string device;  ///< a path, or the name or bus that `v4l2-ctl --list-devices` shows
+  int width = 0, height = 0;
+  double rate_hz = 0;
+  std::string format;  ///< four letters, as V4L2 writes it; empty: the best the device has
+  int buffers = 8;
+  std::vector<NamedValue> controls;
+  int shutter = 0;  ///< kShutterNames
+  double readout_ms = 0;
+  double exposure_ms = 0;  ///< if no control tells it
+  std::string exposure_control;
+  double exposure_unit_ms = 0.1;  ///< of that control
+  int stamp_point = 0;            ///< kStampPointNames
+  bool trust_stamps = false;
+  double silence_ms = 2000;
+  std::string stamp_line;  ///< GPIO line with an edge at the start of each exposure; see GpioLine
+  int stamp_edge = 0;      ///< kEdgeNames
+};
+inline constexpr const char* kShutterNames[] = {"global", "rolling"};
+inline constexpr const char* kStampPointNames[] = {"driver", "start-of-exposure", "end-of-frame"};
+inline constexpr const char* kEdgeNames[] = {"rising", "falling"};
+
+/// Section [imu]: where its readings come from.
+struct ImuDeviceConfig {
+  int driver = 0;      ///< kImuDriverNames
+  std::string device;  ///< IIO: name or path; SPI: /dev/spidevB.C (of the BMI088: its gyroscope); MAVLink: nothing
+  std::string device_accel;  ///< IIO: where the accelerometer is another device; BMI088: its second chip select
+  double rate_hz = 200;
+  std::string ready_line;  ///< GPIO line of the data-ready edge; see GpioLine
+  int ready_edge = 0;      ///< kEdgeNames
+  double delay_ms = 0;     ///< from the instant of a reading to its stamp: filters, transport
+  int spi_hz = 0;          ///< 0: the chip's
+  double gyroscope_range_deg_s = 2000, accelerometer_range_m_s2 = 157;  ///< the next larger one the chip has
+};
+enum class ImuDriver : std::uint8_t { kIio, kIcm42688p, kBmi088, kAdis16470, kMavlink };
+inline constexpr const char* kImuDriverNames[] = {"iio", "icm42688p", "bmi088", "adis16470", "mavlink"};
+
+/// Section [body]: how the IMU sits in the vehicle. Turns, about x after y after z, that take the vehicle's axes
+/// (forward, left, up) into the IMU's.
+struct BodyConfig {
+  double roll_deg = 0, pitch_deg = 0, yaw_deg = 0;
+};
+
+/// Section [mavlink]: the link to a flight controller.
+struct MavlinkConfig {
+  std::string serial;      ///< device file; or
+  int baud = 921'600;      ///< up to 3,000,000
+  std::string udp;         ///< ADDRESS:PORT of the peer
+  std::string udp_listen;  ///< ADDRESS:PORT of ours; empty: any free port of the address that reaches the peer
+  int system = 1, component = 197;
+  double rate_hz = 40;
+  int message = 0;  ///< kMavlinkMessageNames
+};
+inline constexpr const char* kMavlinkMessageNames[] = {"odometry", "vision-position"};
+
+/// Section [can]: odometry on a CAN bus.
+struct CanConfig {
+  std::string interface;
+  bool fd = true;       ///< CAN FD frames; else classic ones
+  int base_id = 0x300;  ///< the first identifier; those after it are used too
+  double rate_hz = 50;
+  int isotp_send_id = 0, isotp_receive_id = 0;  ///< whole MAVLink frames by ISO-TP; 0: none
+};
+
+/// Section [wheel]: a vehicle's speed in frames of a CAN bus.
+struct WheelConfig {
+  std::string interface;
+  int id = 0;
+  bool extended = false;
+  int start_bit = 0, length = 16;  ///< as a DBC file counts them
+  bool big_endian = false, is_signed = true;
+  double scale_m_s = 0.01, offset_m_s = 0;
+  double sigma_m_s = 0.05;
+};
+
+struct DevicesConfig {
+  CameraConfig camera;
+  ImuDeviceConfig imu;
+  BodyConfig body;
+  MavlinkConfig mavlink;
+  CanConfig can;
+  WheelConfig wheel;
+};
+
+}  // namespace epiline
