@@ -16,6 +16,17 @@ int report(const Error& error) {
   return error.kind == ErrorKind::kUsage ? kExitUsage : kExitRunFailed;
 }
 
+Result<std::unique_ptr<LiveView>> open_view(const std::string& text) {
+  if (text.empty()) return std::unique_ptr<LiveView>();
+  const auto address = parse_view_address(text);
+  if (!address) return address.error();
+  auto view = LiveView::open(*address);
+  if (!view) return view.error();
+  fmt::print("view      {}\n", url_of((*view)->address()));
+  std::fflush(stdout);
+  return view;
+}
+
 namespace {
 
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
@@ -27,6 +38,7 @@ int run(int argc, char** argv) {
       "epiline");
   app.require_subcommand(1);
   app.set_version_flag("--version", EPILINE_VERSION);
+  add_run(app, exit_code);
   add_replay(app, exit_code);
   add_evaluate(app, exit_code);
   add_benchmark(app, exit_code);

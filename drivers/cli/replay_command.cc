@@ -81,18 +81,6 @@ std::string fault_help() {
   return s;
 }
 
-/// Null if none is asked for. The address is printed in any case: whoever asks for a port that is free has to know it.
-Result<std::unique_ptr<LiveView>> open_view(const std::string& text) {
-  if (text.empty()) return std::unique_ptr<LiveView>();
-  const auto address = parse_view_address(text);
-  if (!address) return address.error();
-  auto view = LiveView::open(*address);
-  if (!view) return view.error();
-  fmt::print("view      {}\n", url_of((*view)->address()));
-  std::fflush(stdout);
-  return view;
-}
-
 int replay_command(Options& options) {
   for (const std::string& text : options.faults) {
     const auto fault = fault_from(text);

@@ -1,68 +1,21 @@
-#include <fmt/format.h>
-#include <pthread.h>
-
 #include <algorithm>
 #include <csignal>
-#include <ctime>
 #include <system_error>
 
 #include "drivers/replay/fault_injection.h"
 #include "drivers/replay/flight_plan.h"
-#include "drivers/replay/image_file.h"
 #include "drivers/replay/predicted_recorder.h"
+#include "drivers/replay/recorded_run.h"
 #include "drivers/replay/recorded_sensors.h"
 #include "drivers/view/live_view.h"
 #include "pipeline/realtime/realtime_pipeline.h"
 #include "pipeline/recorder/flight_recorder.h"
 #include "pipeline/report/page.h"
-#include "platform/concurrency/lock_count.h"
-#include "platform/memory/allocation_count.h"
+#include "platform/linux/signals.h"
 
 namespace epiline {
 
 namespace {
-
-std::string png_of_frame(const Frame& frame) { return png_of(frame); }
-
-/// What a record of this flight is replayed with: the settings of this run, whatever files they came from.
-RecordedRun recorded_run(const AslDataset& dataset, const FlightPlan& plan, Config config) {
-  RecordedRun run;
-  run.camera = {dataset.camera.parameters, config.estimator.extrinsics.R_BC, config.estimator.extrinsics.p_BC,
-                config.estimator.extrinsics.time_offset_s};
-  if (plan.images.size() > 1) {
-    run.image_rate_hz =
-        static_cast<double>(plan.images.size() - 1) / (plan.images.back().stamp - plan.images.front().stamp).seconds();
-  }
-  run.imu = {config.estimator.imu, config.estimator.saturation_gyroscope_rad_s,
-             config.estimator.saturation_accelerometer_m_s2};
-  config.camera_calibration = config.imu_calibration = config.recorder.folder = "";
-  run.config_toml = to_toml(config);
-  run.png = png_of_frame;
-  return run;
-}
-
-/// Asks for a record when somebody sends SIGUSR1. No handler: it would run in whatever thread the kernel chooses.
-class RecordSignal {
- public:
-  /// Blocks the signal in this thread and in those it starts from now on.
-  RecordSignal() {
-    sigemptyset(&signals_);
-    sigaddset(&signals_, SIGUSR1);
-    pthread_sigmask(SIG_BLOCK, &signals_, &before_);
-  }
-  ~RecordSignal() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-  RecordSignal(const RecordSignal&) = delete;
-  RecordSignal& operator=(const RecordSignal&) = delete;
-
-  /// Sleeps; true: the signal came.
-  bool wait(Span at_most) const {
-    const timespec t{0, static_cast<long>(at_most.ns)};
-    return sigtimedwait(&signals_, nullptr, &t) == SIGUSR1;
-  }
-
- private:
-  sigset_t signals_, before_;
-};
 
 /// Collects outcomes and events without asking for memory.
 class Collector final : public FlightObserver {
@@ -132,20 +85,6 @@ Pace pace_of(const AslDataset& dataset, const FlightPlan& plan, double speed) {
   return {first, monotonic_ns() + kSoon_ns, speed};
 }
 
-std::vector<std::string> shortfalls_of(const RealtimeReport& report) {
-  std::vector<std::string> lines;
-  std::string without;
-  for (const RealtimeReport::Thread& t : report.threads) {
-    if (t.shortfall.priority) without += fmt::format("{}{}", without.empty() ? "" : ", ", t.name);
-    if (t.shortfall.cpu) lines.push_back(fmt::format("the thread {} is not on the processor asked for", t.name));
-  }
-  if (!without.empty())
-    lines.push_back("no real-time priority for " + without + ": not permitted (LimitRTPRIO, or root)");
-  if (!report.memory_not_locked.empty())
-    lines.push_back("memory is not locked: " + report.memory_not_locked + " (LimitMEMLOCK=infinity, or root)");
-  return lines;
-}
-
 FlightObserver& start_view(LiveView& view, const AslDataset& dataset, const ReplayOptions& options) {
   const std::filesystem::path path = std::filesystem::absolute(options.dataset).lexically_normal();
   const std::string name = (path.has_filename() ? path : path.parent_path()).filename().string();
@@ -155,22 +94,9 @@ FlightObserver& start_view(LiveView& view, const AslDataset& dataset, const Repl
   return view.observer();
 }
 
-void count_costs(const RealtimeReport& report, FlightRecord& record) {
-  std::uint64_t heap = 0, locks = 0;
-  for (const RealtimeReport::Thread& t : report.threads) {
-    heap += t.costs.heap_calls;
-    locks += t.costs.lock_calls;
-    record.page_faults += t.costs.page_faults;
-  }
-  if (allocation_counting_available()) record.heap_calls = heap;
-  if (lock_counting_available()) record.lock_calls = locks;
-}
-
-/// Writes what the recorder holds at the end, and takes over what it says of itself.
-void finish(FlightRecorder& recorder, FlightRecord& record) {
-  recorder.finish(true);
-  for (Event event; recorder.events().pop(event);) record.events.push_back(event);
-  record.realtime->recorder = recorder.report();
+double image_rate_hz(const FlightPlan& plan) {
+  if (plan.images.size() < 2) return 20;
+  return static_cast<double>(plan.images.size() - 1) / (plan.images.back().stamp - plan.images.front().stamp).seconds();
 }
 
 }  // namespace
@@ -190,12 +116,12 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     FaultyCamera faulty_camera(camera,
                                CameraFaults(options.faults, first, lens.width, lens.height, RecordedCamera::kBuffers));
     FaultyImu faulty_imu(imu, ImuFaults(options.faults, first));
-    const RecordSignal signal;  // before any thread begins
+    const SignalWait signals({SIGUSR1});  // before any thread begins
     RealtimePorts ports{&faulty_camera, &faulty_imu, predicted ? &*predicted : options.odometry, {&collector}, {}};
     if (options.view != nullptr) ports.observers.push_back(&start_view(*options.view, dataset, options));
     std::optional<FlightRecorder> recorder;
     if (!config.recorder.folder.empty()) {
-      recorder.emplace(config.recorder, recorded_run(dataset, plan, config));
+      recorder.emplace(config.recorder, recorded_run(lens, image_rate_hz(plan), config));
       ports.observers.push_back(&*recorder);
       ports.event_rings.push_back(&recorder->events());
     }
@@ -206,7 +132,7 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     imu.start(pace);
     pipeline.arm(pace);
     while (!pipeline.finished()) {
-      if (signal.wait(Span::from_milliseconds(20)) && recorder) recorder->request();
+      if (signals.wait(Span::from_milliseconds(20)) != 0 && recorder) recorder->request();
       progress(std::min<std::size_t>(pipeline.frames_out(), plan.images.size()), plan.images.size());
     }
     pipeline.stop();  // the IMU may have more than the images need
@@ -216,22 +142,8 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     progress(plan.images.size(), plan.images.size());
     if (camera.error()) return *camera.error();
     collector.move_into(record);
-    const RealtimeReport report = pipeline.report();
-    record.events_lost += report.events_dropped;
-    record.threads = static_cast<int>(report.threads.size());
-    record.estimator = pipeline.estimator().stats();
-    if (const TrackerStats* tracker = pipeline.tracker_stats()) record.tracker = *tracker;
-    record.imu_read = report.imu_in;
-    record.imu_watch = report.imu_watch;
-    record.image_watch = report.image_watch;
-    record.skipped["refused_by_estimator"] = record.estimator.frames_refused;
+    take_report(pipeline, *options.realtime_speed, record);
     record.skipped["missed_by_camera"] = camera.missed();
-    record.skipped["refused_by_watch"] = report.frames_refused;
-    record.skipped["overtaken"] = report.frames_overtaken;
-    count_costs(report, record);
-    record.load = report.load;
-    record.realtime =
-        RealtimeRecord{*options.realtime_speed, shortfalls_of(report), report, std::nullopt, std::nullopt};
     if (predicted) record.realtime->predicted = predicted->path();
     if (recorder) finish(*recorder, record);
   } catch (const std::system_error& e) {

@@ -46,6 +46,10 @@ struct ReplayResult {
 Result<ReplayResult> replay(const ReplayOptions& options,
                             const std::function<void(std::size_t, std::size_t)>& progress);
 
+/// Writes stats.json and report.html into the folder; returns the errors for a summary. Fails if and only if one of
+/// them cannot be written.
+Result<std::optional<TrajectoryErrors>> write_report(const FlightRecord& record, const std::filesystem::path& folder);
+
 /// Writes trajectory.tum, events.txt, stats.json and report.html into the folder, made if need be; returns the errors
 /// for a summary. Fails if and only if one of them cannot be written.
 Result<std::optional<TrajectoryErrors>> write_outputs(const FlightRecord& record, const std::filesystem::path& folder);

@@ -85,6 +85,12 @@ std::uint64_t RealtimePipeline::frames_out() const noexcept {
   return impl_->frames_out.load(std::memory_order_relaxed);
 }
 
+RealtimePipeline::Progress RealtimePipeline::progress() const noexcept {
+  const auto now = [](const std::atomic<std::uint64_t>& counter) { return counter.load(std::memory_order_relaxed); };
+  const std::uint64_t refused = now(impl_->frames_refused);  // first: it never runs ahead of frames_in
+  return {now(impl_->frames_in) - refused, now(impl_->frames_out), now(impl_->published), now(impl_->imu_in)};
+}
+
 void RealtimePipeline::stop() noexcept {
   impl_->stopped.store(true, std::memory_order_release);
   impl_->each([](Impl::Worker& worker) { worker.parking.notify(); });

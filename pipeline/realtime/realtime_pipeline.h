@@ -101,6 +101,14 @@ class RealtimePipeline {
   bool finished() const noexcept;
   /// Images estimated so far.
   std::uint64_t frames_out() const noexcept;
+  /// How much has come and gone so far. From any thread.
+  struct Progress {
+    std::uint64_t frames_taken = 0;  ///< came and were not refused by the watch
+    std::uint64_t frames_out = 0;    ///< of those: estimated
+    std::uint64_t published = 0;     ///< estimates that reached the publisher, with a pose or without
+    std::uint64_t imu_in = 0;        ///< readings
+  };
+  Progress progress() const noexcept;
 
   /// Tells the threads to end. From any thread.
   void stop() noexcept;

@@ -41,6 +41,13 @@ struct PredictedPath {
   double largest_jump_rad = 0, largest_jump_m_s = 0;  ///< beyond the angular rates; of velocity from reading to reading
 };
 
+/// What one receiver of the odometry got: a flight controller, a bus.
+struct OutputRecord {
+  std::string name;  ///< of the port, for people
+  std::uint64_t sent = 0, not_sent = 0, reopened = 0;
+  LatencyBins latency;  ///< from an image's stamp to the last byte of the first message that knew of it
+};
+
 /// How the threads of a real-time run fared.
 struct RealtimeRecord {
   double speed = 1;                     ///< of the recording's clock
@@ -48,6 +55,7 @@ struct RealtimeRecord {
   RealtimeReport report;
   std::optional<RecorderReport> recorder;  ///< none without a recorder
   std::optional<PredictedPath> predicted;  ///< if it was asked for
+  std::vector<OutputRecord> outputs;       ///< of a live run
 };
 
 /// Takes over what the estimator says of an image.

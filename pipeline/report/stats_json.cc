@@ -137,20 +137,34 @@ Json load_json(const FlightRecord& r) {
           {"solves_over_budget", r.load.over_budget}};
 }
 
+Json latency_json(const LatencyBins& bins) {
+  const auto ms = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
+  return {{"p50", ms(bins.quantile_ns(0.5))}, {"p99", ms(bins.quantile_ns(0.99))}, {"max", ms(bins.most_ns())}};
+}
+
+/// What each receiver got.
+Json outputs_json(const RealtimeRecord& r) {
+  Json outputs = Json::object();
+  for (const OutputRecord& output : r.outputs) {
+    outputs[output.name] = {{"sent", output.sent},
+                            {"not_sent", output.not_sent},
+                            {"reopened", output.reopened},
+                            {"images", output.latency.count()},
+                            {"latency_ms", output.latency.count() > 0 ? latency_json(output.latency) : Json(nullptr)}};
+  }
+  return outputs;
+}
+
 /// What went out at the IMU's rate.
 Json prediction_json(const RealtimeRecord& realtime) {
   const RealtimeReport& r = realtime.report;
-  const auto ms = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
   const auto& path = realtime.predicted;
   return {{"published", r.predicted},
           {"failed", r.predict_failed},
           {"corrections", r.prediction.corrections},
           {"jumps", r.prediction.jumps},
           {"not_taken", r.prediction.old + r.prediction.not_finite + r.prediction.no_readings},
-          {"latency_ms",
-           {{"p50", ms(r.prediction_latency.quantile_ns(0.5))},
-            {"p99", ms(r.prediction_latency.quantile_ns(0.99))},
-            {"max", ms(r.prediction_latency.most_ns())}}},
+          {"latency_ms", latency_json(r.prediction_latency)},
           {"largest_jump_m", path ? Json(path->largest_jump_m) : Json(nullptr)},
           {"largest_jump_rad", path ? Json(path->largest_jump_rad) : Json(nullptr)},
           {"largest_jump_m_s", path ? Json(path->largest_jump_m_s) : Json(nullptr)}};
@@ -187,6 +201,7 @@ Json realtime_json(const FlightRecord& r) {
           {"publish_failed", report.publish_failed},
           {"late", report.late},
           {"prediction", prediction_json(*r.realtime)},
+          {"outputs", outputs_json(*r.realtime)},
           {"images_not_logged", report.images_not_logged},
           {"recorder", recorder_json(*r.realtime)},
           {"lock_calls_after_start", or_null(r.lock_calls)},

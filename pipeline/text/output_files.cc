@@ -49,6 +49,10 @@ void OutputFile::append(std::string_view text) noexcept {
   if (std::fwrite(text.data(), 1, text.size(), file_) != text.size()) failure_ = errno != 0 ? errno : EIO;
 }
 
+void OutputFile::flush() noexcept {
+  if (failure_ == 0 && std::fflush(file_) != 0) failure_ = errno;
+}
+
 Status OutputFile::close() {
   if (file_ != nullptr) {
     const bool flushed = std::fflush(file_) == 0 && fsync(fileno(file_)) == 0;

@@ -40,6 +40,8 @@ class OutputFile {
   OutputFile& operator=(const OutputFile&) = delete;
 
   void append(std::string_view text) noexcept;
+  /// What was appended so far can be read by others.
+  void flush() noexcept;
   /// errno of the first failure; 0: none so far.
   int failure() const { return failure_; }
   /// Closes the file once it is on the disk. Fails if and only if anything of it could not be written.

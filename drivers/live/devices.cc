@@ -1,0 +1,94 @@
+#include "drivers/live/devices.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "drivers/camera/v4l2_camera.h"
+
+namespace epiline {
+
+namespace {
+
+Error missing(const LiveSettings& settings, const char* found, const char* expected) {
+  return {ErrorKind::kUsage, settings.source, 0, found, expected};
+}
+
+Result<V4l2Settings> v4l2_settings(const LiveSettings& settings) {
+  const CameraConfig& c = settings.config.devices.camera;
+  V4l2Settings s;
+  s.device = c.device;
+  s.width = c.width > 0 ? c.width : settings.camera.width;
+  s.height = c.height > 0 ? c.height : settings.camera.height;
+  if (s.width != settings.camera.width || s.height != settings.camera.height) {
+    return Error{
+        ErrorKind::kUsage, settings.source, 0, fmt::format("camera.width = {}, camera.height = {}", s.width, s.height),
+        fmt::format("{} x {}, the size the camera was calibrated with", settings.camera.width, settings.camera.height)};
+  }
+  s.rate_hz = c.rate_hz;
+  if (!c.format.empty()) {
+    const auto format = pixel_format_named(c.format);
+    if (!format) {
+      return Error{ErrorKind::kUsage, settings.source, 0, "camera.format = \"" + c.format + "\"",
+                   "GREY, NV12, YU12, Y10P, Y10, Y12, Y16 or YUYV"};
+    }
+    s.formats = {*format};
+  }
+  s.buffers = c.buffers;
+  for (const NamedValue& control : c.controls) s.controls.push_back({control.name, control.value});
+  const auto milliseconds = [](double ms) { return Span::from_seconds(1e-3 * ms); };
+  s.shutter = static_cast<Shutter>(c.shutter);
+  s.readout = milliseconds(c.readout_ms);
+  s.exposure_control = c.exposure_control;
+  s.exposure = milliseconds(c.exposure_control.empty() ? c.exposure_ms : c.exposure_unit_ms);
+  if (c.stamp_point > 0) s.stamp_point = static_cast<StampPoint>(c.stamp_point - 1);
+  s.trust_stamps = c.trust_stamps;
+  s.silence_most = milliseconds(c.silence_ms);
+  return s;
+}
+
+}  // namespace
+
+Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file) {
+  const auto file = ConfigFile::read(config_file);
+  if (!file) return file.error();
+  LiveSettings settings;
+  settings.source = config_file.string();
+  Config& config = settings.config;
+  file->apply(config);  // for the names of calibration files
+  if (config.camera_calibration.empty()) {
+    return missing(settings, "no camera.calibration",
+                   "a file with the camera's lens and place, as Kalibr writes it (camchain-imucam.yaml)");
+  }
+  const auto camera = read_camera_calibration(config.camera_calibration, "cam0");
+  if (!camera) return camera.error();
+  settings.camera = camera->parameters;
+  config.estimator.extrinsics = {camera->R_BC, camera->p_BC, Camera(camera->parameters).focal_px(),
+                                 camera->time_offset_s};
+  if (!config.imu_calibration.empty()) {
+    const auto imu = read_imu_calibration(config.imu_calibration);
+    if (!imu) return imu.error();
+    EstimatorConfig& e = config.estimator;
+    e.imu = imu->noise;
+    if (imu->saturation_gyroscope_rad_s) e.saturation_gyroscope_rad_s = *imu->saturation_gyroscope_rad_s;
+    if (imu->saturation_accelerometer_m_s2) e.saturation_accelerometer_m_s2 = *imu->saturation_accelerometer_m_s2;
+  }
+  file->apply(config);  // the file wins
+  return settings;
+}
+
+Result<LiveDevices> make_devices(const LiveSettings& settings) {
+  const DevicesConfig& d = settings.config.devices;
+  if (d.camera.device.empty()) return missing(settings, "no camera.device", "the camera's path, name or bus");
+  if (d.imu.device.empty() && static_cast<ImuDriver>(d.imu.driver) != ImuDriver::kMavlink)
+    return missing(settings, "no imu.device", "the IMU's name or path, or imu.driver = \"mavlink\"");
+  LiveDevices devices;
+  auto camera = v4l2_settings(settings);
+  if (!camera) return camera.error();
+  constexpr int kForTracking = 4;
+  devices.images_to_log = std::clamp(camera->buffers - kForTracking, 0, 4);
+  devices.camera = std::make_unique<V4l2Camera>(std::move(*camera));
+  return missing(settings, "an IMU driver that this program was built without", "another imu.driver");
+}
+
+}  // namespace epiline

@@ -1,0 +1,41 @@
+#pragma once
+// From the configuration to devices behind their ports.
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "pipeline/config/calibration.h"
+#include "pipeline/config/config.h"
+#include "pipeline/report/flight_record.h"
+#include "platform/ports/ports.h"
+
+namespace epiline {
+
+/// A live flight's settings, whole: configuration and calibration files read and laid over one another.
+struct LiveSettings {
+  Config config;
+  CameraParameters camera;
+  std::string source;  ///< the configuration file, for errors
+};
+/// Defaults, then the calibration files, then the configuration file. Fails if and only if one of them is wrong, or no
+/// calibration of the camera is named.
+Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file);
+
+/// Somebody who gets the odometry, and what he says of it afterwards.
+struct LiveOutput {
+  std::unique_ptr<OdometrySink> sink;
+  std::function<OutputRecord()> record;
+};
+
+/// None is open yet.
+struct LiveDevices {
+  std::unique_ptr<CameraSource> camera;
+  std::unique_ptr<ImuSource> imu;
+  std::vector<LiveOutput> outputs;
+  int images_to_log = 0;  ///< RealtimeSettings
+};
+/// Fails if and only if the configuration names no camera or no IMU, or something that was not built in.
+Result<LiveDevices> make_devices(const LiveSettings& settings);
+
+}  // namespace epiline
