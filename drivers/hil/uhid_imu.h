@@ -1,0 +1,65 @@
+#pragma once
+// An IMU made of the kernel's own drivers: a HID sensor hub behind /dev/uhid, which hid-sensor-gyro-3d and
+// hid-sensor-accel-3d turn into two IIO devices, gyro_3d and accel_3d. Needs those modules and root.
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <string>
+#include <thread>
+
+#include "platform/error/result.h"
+#include "platform/time/clock.h"
+
+namespace epiline {
+
+/// Any thread may send; one plugs and unplugs.
+class UhidImu {
+ public:
+  UhidImu() = default;
+  ~UhidImu();
+  UhidImu(const UhidImu&) = delete;
+  UhidImu& operator=(const UhidImu&) = delete;
+
+  /// Returns when both IIO devices are there, with their device files; at the latest after `at_most`.
+  Status plug_in(Span at_most = Span::from_milliseconds(30'000));
+  /// The IIO devices go, also under a reader.
+  void unplug() noexcept;
+
+  /// `iio:deviceN` of each; valid while plugged in.
+  const std::string& gyroscope_device() const noexcept { return sensors_[0].device; }
+  const std::string& accelerometer_device() const noexcept { return sensors_[1].device; }
+
+  /// Somebody has switched both sensors on. What is sent before that, nobody gets. The kernel switches a sensor off
+  /// some seconds after its last reader has gone.
+  bool is_on() const noexcept { return sensors_[0].is_on && sensors_[1].is_on; }
+  /// The interval the kernel was asked for, in ms; 0: it was not asked.
+  int interval_ms() const noexcept { return sensors_[0].interval_ms; }
+
+  /// One reading, in rad/s and m/s^2, to 10^-6. `time`: the hub's own clock, which comes out of IIO unchanged; 0: the
+  /// hub has none, and the kernel stamps the arrival. False: not plugged in.
+  bool send_gyroscope(DeviceStamp time, const std::array<double, 3>& rad_s) noexcept { return send(0, time, rad_s); }
+  bool send_accelerometer(DeviceStamp time, const std::array<double, 3>& m_s2) noexcept { return send(1, time, m_s2); }
+
+ private:
+  struct Sensor {
+    std::string device;
+    std::atomic<int> interval_ms{0};
+    std::atomic<bool> is_on{false};
+    std::array<std::uint8_t, 6>
+        feature{};  ///< while plugged in, the answering thread's: interval, reporting state, power state
+  };
+
+  Status open();
+  Status create();
+  bool send(std::size_t sensor, DeviceStamp time, const std::array<double, 3>& axes) noexcept;
+  void answer();
+  bool find_devices();
+
+  int fd_ = -1;         ///< stays open while unplugged: senders may not know yet
+  std::string unique_;  ///< by which sysfs tells this hub from others
+  std::array<Sensor, 2> sensors_;
+  std::atomic<bool> ends_{false};
+  std::thread answering_;
+};
+
+}  // namespace epiline
