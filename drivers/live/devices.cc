@@ -47,6 +47,21 @@ Result<V4l2Settings> v4l2_settings(const LiveSettings& settings) {
   return s;
 }
 
+DeviceRecord record_of(const V4l2Camera& camera) {
+  const CameraCounts c = camera.counts();
+  return {"camera",
+          {{"images", c.frames},
+           {"lost", c.lost},
+           {"damaged", c.damaged},
+           {"incomplete", c.incomplete},
+           {"bad_stamps", c.bad_stamps},
+           {"no_slot", c.no_slot},
+           {"overwritten", c.overwritten},
+           {"disconnected", c.disconnected},
+           {"retries", c.retries}},
+          std::nullopt};
+}
+
 }  // namespace
 
 Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file) {
@@ -87,7 +102,9 @@ Result<LiveDevices> make_devices(const LiveSettings& settings) {
   if (!camera) return camera.error();
   constexpr int kForTracking = 4;
   devices.images_to_log = std::clamp(camera->buffers - kForTracking, 0, 4);
-  devices.camera = std::make_unique<V4l2Camera>(std::move(*camera));
+  auto v4l2 = std::make_unique<V4l2Camera>(std::move(*camera));
+  devices.records.emplace_back([c = v4l2.get()] { return record_of(*c); });
+  devices.camera = std::move(v4l2);
   return missing(settings, "an IMU driver that this program was built without", "another imu.driver");
 }
 

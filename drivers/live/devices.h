@@ -33,7 +33,8 @@ struct LiveDevices {
   std::unique_ptr<CameraSource> camera;
   std::unique_ptr<ImuSource> imu;
   std::vector<LiveOutput> outputs;
-  int images_to_log = 0;  ///< RealtimeSettings
+  std::vector<std::function<DeviceRecord()>> records;  ///< what the drivers counted, from any thread
+  int images_to_log = 0;                               ///< RealtimeSettings
 };
 /// Fails if and only if the configuration names no camera or no IMU, or something that was not built in.
 Result<LiveDevices> make_devices(const LiveSettings& settings);

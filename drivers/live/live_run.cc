@@ -174,6 +174,7 @@ Result<FlightRecord> fly(const LiveSettings& settings, LiveDevices& devices, con
     record.dataset_imu_samples = record.imu_read;
     if (recorder) finish(*recorder, record);
     for (const LiveOutput& output : devices.outputs) record.realtime->outputs.push_back(output.record());
+    for (const auto& device : devices.records) record.realtime->devices.push_back(device());
   } catch (const std::system_error& e) {
     return Error{ErrorKind::kRun, settings.source, 0, e.what(), "a system that can start its threads"};
   } catch (const std::invalid_argument& e) {

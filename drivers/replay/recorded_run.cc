@@ -66,7 +66,7 @@ void take_report(const RealtimePipeline& pipeline, double speed, FlightRecord& r
   record.skipped["overtaken"] = report.frames_overtaken;
   count_costs(report, record);
   record.load = report.load;
-  record.realtime = RealtimeRecord{speed, shortfalls_of(report), report, std::nullopt, std::nullopt, {}};
+  record.realtime = RealtimeRecord{speed, shortfalls_of(report), report, std::nullopt, std::nullopt, {}, {}};
 }
 
 void finish(FlightRecorder& recorder, FlightRecord& record) {

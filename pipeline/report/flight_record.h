@@ -15,6 +15,7 @@
 #include "pipeline/vision/tracker.h"
 #include "pipeline/watch/image_gate.h"
 #include "pipeline/watch/imu_gate.h"
+#include "platform/time/clock_state.h"
 
 namespace epiline {
 
@@ -48,6 +49,13 @@ struct OutputRecord {
   LatencyBins latency;  ///< from an image's stamp to the last byte of the first message that knew of it
 };
 
+/// What a device's driver counted.
+struct DeviceRecord {
+  std::string name;  ///< camera, imu, ...
+  std::vector<std::pair<std::string, std::uint64_t>> counts;
+  std::optional<ClockState> clock;  ///< of a device with a clock of its own
+};
+
 /// How the threads of a real-time run fared.
 struct RealtimeRecord {
   double speed = 1;                     ///< of the recording's clock
@@ -55,7 +63,8 @@ struct RealtimeRecord {
   RealtimeReport report;
   std::optional<RecorderReport> recorder;  ///< none without a recorder
   std::optional<PredictedPath> predicted;  ///< if it was asked for
-  std::vector<OutputRecord> outputs;       ///< of a live run
+  std::vector<OutputRecord> outputs;       ///< of a live run, as the following
+  std::vector<DeviceRecord> devices;
 };
 
 /// Takes over what the estimator says of an image.

@@ -340,6 +340,36 @@ std::string thread_table(const FlightRecord& r) {
   return s + "</table>";
 }
 
+std::string output_table(const RealtimeRecord& r) {
+  const auto ms = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
+  std::string s =
+      "<table><tr><th>to</th><th>sent</th><th>not sent</th><th>reopened</th><th>images</th><th>median, ms</th>"
+      "<th>99 %, ms</th><th>at most, ms</th></tr>";
+  for (const OutputRecord& o : r.outputs) {
+    s += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>", escaped(o.name), o.sent,
+                     o.not_sent, o.reopened, o.latency.count());
+    for (const std::int64_t ns : {o.latency.quantile_ns(0.5), o.latency.quantile_ns(0.99), o.latency.most_ns()})
+      s += o.latency.count() > 0 ? fmt::format("<td>{:.2f}</td>", ms(ns)) : "<td>–</td>";
+    s += "</tr>";
+  }
+  return s + "</table>";
+}
+
+std::string device_table(const RealtimeRecord& r) {
+  std::string s = "<table><tr><th>device</th><th>counted</th><th>clock</th></tr>";
+  for (const DeviceRecord& device : r.devices) {
+    std::string counts, clock = "the computer's";
+    for (const auto& [name, count] : device.counts)
+      counts += fmt::format("{}{} {}", counts.empty() ? "" : ", ", escaped(name), count);
+    if (const auto& c = device.clock) {
+      clock = fmt::format("{}, {:+.1f} ppm, {:.0f} us rms", kClockStatusNames[static_cast<std::size_t>(c->status)],
+                          c->skew_ppm, 1e-3 * static_cast<double>(c->residual_rms.ns));
+    }
+    s += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td></tr>", escaped(device.name), counts, clock);
+  }
+  return s + "</table>";
+}
+
 }  // namespace
 
 std::string report_html(const FlightRecord& record, const std::optional<TrajectoryErrors>& errors,
@@ -389,6 +419,12 @@ std::string report_html(const FlightRecord& record, const std::optional<Trajecto
                  histograms(record) + timing_table(record), true);
   if (errors && errors->poses > 0) s += html_card("Errors", "against the ground truth", error_table(*errors));
   if (record.realtime) s += html_card("Threads", "from arming to the end", thread_table(record));
+  if (record.realtime && !record.realtime->outputs.empty()) {
+    s += html_card("Outputs", "latency: from an image's stamp to the last byte of the first message that knew of it",
+                   output_table(*record.realtime), true);
+  }
+  if (record.realtime && !record.realtime->devices.empty())
+    s += html_card("Devices", "what their drivers counted", device_table(*record.realtime), true);
   s += html_card("Counts", "of this run", count_table(record));
   return html_page(record.dataset_path, subtitle, s + "</div>");
 }

@@ -155,6 +155,30 @@ Json outputs_json(const RealtimeRecord& r) {
   return outputs;
 }
 
+Json clock_json(const ClockState& c) {
+  const auto us = [](Span span) { return 1e-3 * static_cast<double>(span.ns); };
+  return {{"status", kClockStatusNames[static_cast<std::size_t>(c.status)]},
+          {"skew_ppm", c.skew_ppm},
+          {"residual_rms_us", us(c.residual_rms)},
+          {"residual_max_us", us(c.residual_most)},
+          {"bound_us", us(c.bound)},
+          {"samples", c.samples},
+          {"late", c.late},
+          {"outliers", c.outliers},
+          {"jumps", c.jumps}};
+}
+
+/// What each driver counted.
+Json devices_json(const RealtimeRecord& r) {
+  Json devices = Json::object();
+  for (const DeviceRecord& device : r.devices) {
+    Json& json = devices[device.name] = Json::object();
+    for (const auto& [name, count] : device.counts) json[name] = count;
+    json["clock"] = device.clock ? clock_json(*device.clock) : Json(nullptr);
+  }
+  return devices;
+}
+
 /// What went out at the IMU's rate.
 Json prediction_json(const RealtimeRecord& realtime) {
   const RealtimeReport& r = realtime.report;
@@ -202,6 +226,7 @@ Json realtime_json(const FlightRecord& r) {
           {"late", report.late},
           {"prediction", prediction_json(*r.realtime)},
           {"outputs", outputs_json(*r.realtime)},
+          {"devices", devices_json(*r.realtime)},
           {"images_not_logged", report.images_not_logged},
           {"recorder", recorder_json(*r.realtime)},
           {"lock_calls_after_start", or_null(r.lock_calls)},

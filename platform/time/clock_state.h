@@ -1,5 +1,6 @@
 #pragma once
 // What a model of a sensor's clock says of itself, for `check`, for health and for a report.
+#include <array>
 #include <cstdint>
 
 #include "platform/time/clock.h"
@@ -12,6 +13,9 @@ enum class ClockStatus : std::uint8_t {
   kLocked,    ///< translates
   kUnusable,  ///< the clocks run apart faster than any crystal, or jump again and again: a wrong tick, a wrong clock
 };
+
+/// Names of it outside, in the order of the values.
+inline constexpr std::array kClockStatusNames = {"empty", "settling", "locked", "unusable"};
 
 /// What became of one sample.
 enum class ClockOutcome : std::uint8_t {

@@ -12,6 +12,8 @@
 #include <vector>
 
 #include "pipeline/evaluate/trajectory.h"
+#include "pipeline/report/report.h"
+#include "pipeline/report/stats_json.h"
 
 namespace epiline {
 namespace {
@@ -168,6 +170,34 @@ TEST(LiveRun, FliesUntilItIsToldToEndAndLeavesFilesBehind) {
   std::size_t with_latency = 0;
   for (const ImageRecord& image : record->images) with_latency += image.latency_ms.has_value();
   EXPECT_GT(with_latency, trajectory->poses.size() / 2);
+}
+
+TEST(LiveRun, FiguresAndReportTellWhatOutputsAndDevicesSay) {
+  Stand stand;
+  stand.devices.outputs[0].record = [] {
+    OutputRecord output{"<serial>", 7, 2, 1, {}};
+    output.latency.add(3'000'000);
+    return output;
+  };
+  stand.devices.records.emplace_back([] {
+    ClockState clock;
+    clock.status = ClockStatus::kLocked;
+    clock.skew_ppm = 12.5;
+    return DeviceRecord{"imu", {{"gaps", 3}}, clock};
+  });
+  const auto record = fly(stand.settings, stand.devices, stand.options,
+                          [](const LiveState& state) { return state.images < 3 && state.since_start.seconds() < 60; });
+  ASSERT_TRUE(record) << record.error().text();
+  const Json figures = stats_json(*record, std::nullopt, program_info());
+  EXPECT_EQ(figures["realtime"]["outputs"]["<serial>"]["sent"], 7);
+  EXPECT_EQ(figures["realtime"]["outputs"]["<serial>"]["latency_ms"]["max"], 3.0);
+  EXPECT_EQ(figures["realtime"]["devices"]["imu"]["gaps"], 3);
+  EXPECT_EQ(figures["realtime"]["devices"]["imu"]["clock"]["status"], "locked");
+  EXPECT_EQ(figures["realtime"]["devices"]["imu"]["clock"]["skew_ppm"], 12.5);
+  const std::string page = report_html(*record, std::nullopt, program_info());
+  EXPECT_NE(page.find("<td>&lt;serial&gt;</td><td>7</td><td>2</td><td>1</td>"), std::string::npos);
+  EXPECT_NE(page.find("gaps 3"), std::string::npos);
+  EXPECT_NE(page.find("locked, +12.5 ppm"), std::string::npos);
 }
 
 TEST(LiveRun, ADeviceThatCannotBeOpenedIsAnErrorAndTheOthersAreClosed) {
