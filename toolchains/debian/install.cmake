@@ -1,0 +1,107 @@
+# What `cmake --install` and the Debian packages hold. Component `program`: the package epiline. Component `development`: the
+# package libepiline-dev, headers and libraries that need Eigen at most: estimator, platform and the drivers of live devices.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+set(libraries epiline_options epiline_platform epiline_estimator epiline_devices)
+foreach(library ${libraries})
+  string(REPLACE "epiline_" "" name ${library})
+  set_target_properties(${library} PROPERTIES EXPORT_NAME ${name})
+endforeach()
+# Eigen's alignment follows the instruction set it is compiled for, and so would the layout of our structs.
+target_compile_definitions(epiline_estimator INTERFACE $<INSTALL_INTERFACE:EIGEN_MAX_ALIGN_BYTES=16>)
+install(TARGETS ${libraries} EXPORT epiline-targets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
+install(DIRECTORY platform estimator DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/epiline COMPONENT development
+  FILES_MATCHING PATTERN "*.h")
+foreach(folder camera gpio imu output wheel)
+  if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/drivers/${folder})
+    install(DIRECTORY drivers/${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/epiline/drivers COMPONENT development
+      FILES_MATCHING PATTERN "*.h")
+  endif()
+endforeach()
+install(FILES pipeline/config/devices.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/epiline/pipeline/config COMPONENT development)
+set(cmake_folder ${CMAKE_INSTALL_LIBDIR}/cmake/epiline)
+install(EXPORT epiline-targets NAMESPACE epiline:: DESTINATION ${cmake_folder} COMPONENT development)
+configure_package_config_file(toolchains/debian/epiline-config.cmake.in ${PROJECT_BINARY_DIR}/package/epiline-config.cmake
+  INSTALL_DESTINATION ${cmake_folder})
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/package/epiline-config-version.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/package/epiline-config.cmake ${PROJECT_BINARY_DIR}/package/epiline-config-version.cmake
+  DESTINATION ${cmake_folder} COMPONENT development)
+
+# The manual page's lists of commands, options and settings are what the program says of itself.
+set(manual ${PROJECT_BINARY_DIR}/package/epiline.1.gz)
+add_custom_command(OUTPUT ${manual} VERBATIM
+  DEPENDS epiline ${PROJECT_SOURCE_DIR}/toolchains/debian/make_manual ${PROJECT_SOURCE_DIR}/toolchains/debian/epiline.1.in
+  COMMAND ${PROJECT_SOURCE_DIR}/toolchains/debian/make_manual ${PROJECT_SOURCE_DIR}/toolchains/debian/epiline.1.in ${manual}
+    ${CMAKE_CROSSCOMPILING_EMULATOR} $<TARGET_FILE:epiline>)
+add_custom_target(manual DEPENDS ${manual})
+
+install(TARGETS epiline RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
+install(FILES ${manual} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT program)
+install(DIRECTORY docs/examples/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT program FILES_MATCHING PATTERN "*.toml"
+  PATTERN "*.yaml")
+install(FILES toolchains/debian/epiline.service DESTINATION lib/systemd/system COMPONENT program)
+install(FILES toolchains/debian/60-epiline.rules DESTINATION lib/udev/rules.d COMPONENT program)
+install(FILES toolchains/debian/epiline.bash-completion DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME epiline
+  COMPONENT program)
+
+# Debian wants licence and changelog in every package.
+set(changelogs ${PROJECT_BINARY_DIR}/package/changelog.gz ${PROJECT_BINARY_DIR}/package/changelog.Debian.gz)
+configure_file(toolchains/debian/changelog.in ${PROJECT_BINARY_DIR}/package/changelog.Debian @ONLY)
+add_custom_command(OUTPUT ${changelogs} VERBATIM
+  DEPENDS ${PROJECT_SOURCE_DIR}/CHANGELOG.md ${PROJECT_BINARY_DIR}/package/changelog.Debian
+  COMMAND sh -c "gzip -9nc \"$1\" >changelog.gz && gzip -9nkf changelog.Debian" sh ${PROJECT_SOURCE_DIR}/CHANGELOG.md
+  WORKING_DIRECTORY ${PROJECT_BINARY_DIR}/package)
+foreach(package epiline libepiline-dev)
+  set(component program)
+  if(package STREQUAL "libepiline-dev")
+    set(component development)
+  endif()
+  install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${package} RENAME copyright COMPONENT ${component})
+  install(FILES ${changelogs} DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${package} COMPONENT ${component})
+endforeach()
+
+# All that the packages hold, and nothing else: what must be built before cpack.
+add_custom_target(packaged DEPENDS ${manual} ${changelogs} epiline epiline_platform epiline_estimator epiline_devices)
+set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON)
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_VENDOR "The epiline authors")
+set(CPACK_PACKAGE_CONTACT "The epiline authors <epiline@localhost>")
+set(CPACK_PACKAGE_DIRECTORY ${PROJECT_BINARY_DIR}/package)
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_COMPONENTS_ALL program development)
+set(CPACK_COMPONENTS_GROUPING IGNORE)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_VERBATIM_VARIABLES ON)
+set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
+if(CMAKE_SYSTEM_PROCESSOR STREQUAL "aarch64")
+  set(CPACK_DEBIAN_PACKAGE_ARCHITECTURE arm64)
+endif()
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME epiline)
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS adduser)
+if(CMAKE_CROSSCOMPILING)
+  set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${CMAKE_SYSROOT}/lib/${CMAKE_LIBRARY_ARCHITECTURE}
+    ${CMAKE_SYSROOT}/usr/lib/${CMAKE_LIBRARY_ARCHITECTURE})
+endif()
+set(CPACK_COMPONENT_PROGRAM_DESCRIPTION "visual-inertial odometry without a map
+A camera and an IMU go in; position, velocity, attitude, their covariance and
+an honest statement of health come out, to a flight controller over MAVLink
+or onto a CAN bus.")
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/toolchains/debian/postinst
+  ${PROJECT_SOURCE_DIR}/toolchains/debian/prerm ${PROJECT_SOURCE_DIR}/toolchains/debian/postrm)
+
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libepiline-dev)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS libeigen3-dev)
+set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "visual-inertial odometry as a library
+Headers, static libraries and CMake files of epiline's estimator, of the
+platform it stands on, and of its drivers of cameras, IMUs and outputs.")
+include(CPack)
