@@ -1,8 +1,7 @@
-# The target epiline_gpiod, if Debian's libgpiod-dev is there; EPILINE_GPIOD is its major version: 1 and 2 are two
-# different interfaces.
+# EPILINE_GPIOD: the major version of libgpiod (Debian: libgpiod-dev), 1 and 2 being two different interfaces; 0: none.
 find_package(PkgConfig QUIET)
 if(PKG_CONFIG_FOUND)
-  pkg_check_modules(GPIOD QUIET IMPORTED_TARGET "libgpiod>=1.6")
+  pkg_check_modules(GPIOD QUIET "libgpiod>=1.6")
 endif()
 set(EPILINE_GPIOD 0)
 if(GPIOD_FOUND)
@@ -14,6 +13,4 @@ if(EPILINE_GPIOD GREATER 2)
 endif()
 if(EPILINE_GPIOD EQUAL 0)
   message(STATUS "Built without GPIO lines: no libgpiod (Debian: libgpiod-dev, pkg-config)")
-else()
-  add_library(epiline_gpiod ALIAS PkgConfig::GPIOD)
 endif()

@@ -101,6 +101,9 @@ set(CPACK_DEBIAN_PROGRAM_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/toolchains/
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libepiline-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS libeigen3-dev)
+if(GPIOD_FOUND)
+  string(APPEND CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS ", libgpiod-dev")
+endif()
 set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "visual-inertial odometry as a library
 Headers, static libraries and CMake files of epiline's estimator, of the
 platform it stands on, and of its drivers of cameras, IMUs and outputs.")
