@@ -1,0 +1,89 @@
+#pragma once
+// The receiving side of a flight controller: answers as one, and judges what it is told by the rules of PX4 and
+// ArduPilot. It opens nothing and reads no clock: packets go in with their times of arrival. One thread. Page:
+// docs/hil.md.
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <optional>
+
+#include "drivers/hil/fusion_model.h"
+#include "drivers/hil/motion_rules.h"
+#include "drivers/hil/rules.h"
+#include "drivers/hil/stream_rules.h"
+#include "drivers/hil/timesync_filter.h"
+#include "drivers/output/mavlink/packet.h"
+#include "pipeline/realtime/latency_bins.h"
+
+namespace epiline::hil {
+
+struct ControllerSettings {
+  std::uint8_t system = 1;                          ///< of the vehicle, companion included
+  std::uint8_t companion = 197;                     ///< component that odometry has to come from
+  Span boot = Span::from_milliseconds(-3'600'000);  ///< instant of the host's clock at which the controller's was 0
+  double skew_ppm = 0;                              ///< its clock runs so much faster than the host's
+  double timesync_hz = 10;                          ///< questions of its own
+  Mat3 R_VB = Mat3::Identity();                     ///< the recording's IMU in the vehicle (forward, left, up)
+};
+
+class ControllerModel {
+ public:
+  /// The true state at a stamp of the odometry; none where it is not known.
+  using Truth = std::function<std::optional<TruthState>(HostStamp)>;
+
+  explicit ControllerModel(const ControllerSettings& settings, Truth truth = {});
+
+  void receive(const mavlink::Packet& packet, HostStamp arrival);
+  /// The next packet to send, valid until the next call; null: none is due. Call until null, again every few ms.
+  const mavlink::Packet* next(HostStamp now);
+
+  /// Judges what can be judged at the end only. `end`: when the flight was over.
+  Verdict finish(HostStamp end);
+
+  /// Arrival less time_usec, while the clocks are known.
+  const LatencyBins& latency() const { return latency_; }
+  std::uint64_t estimates() const { return estimates_; }
+  std::int64_t to_controller_ns(HostStamp host) const;
+
+ private:
+  void receive(const mavlink::Odometry& message, HostStamp arrival);
+  void receive(const mavlink::VisionPositionEstimate& message, HostStamp arrival);
+  void receive(const mavlink::Heartbeat& message, HostStamp arrival);
+  void receive(const mavlink::Timesync& message, HostStamp arrival);
+  void receive(const mavlink::StatusText& message, HostStamp arrival);
+  void judge_sender(const mavlink::Packet& packet, HostStamp arrival);
+  void take_estimate(const std::optional<VisionSample>& sample, HostStamp arrival);
+  void judge_latency(const VisionSample& sample);
+  void judge_heartbeats(HostStamp until);
+  void take_answer(const mavlink::Timesync& message, HostStamp arrival);
+  void ask(HostStamp now);
+  void judge_answer(bool good, HostStamp at, const char* what);
+  template <class Message>
+  void send(const Message& message);
+
+  ControllerSettings settings_;
+  Truth truth_;
+  RuleBook book_;
+  StreamRules stream_;
+  MotionRules motion_;
+  FusionModel fusion_;
+  TimesyncFilter timesync_;
+  LatencyBins latency_;
+
+  std::optional<HostStamp> begin_, newest_heartbeat_, first_packet_, first_heartbeat_;
+  std::uint64_t heartbeats_ = 0, estimates_ = 0, texts_in_window_ = 0, exchanges_ = 0;
+  std::optional<HostStamp> text_window_;
+  std::optional<std::uint8_t> newest_sequence_;
+  std::optional<HostStamp> next_heartbeat_, next_question_;
+  std::optional<std::int64_t> question_ns_;  ///< not answered yet, of the controller's clock
+  int failed_in_a_row_ = 0;
+  LatencyBins round_trip_;
+
+  static constexpr std::size_t kMostWaiting = 64;  ///< answers; who asks more gets none
+  std::deque<mavlink::Packet> waiting_;
+  mavlink::Packet sending_;
+  std::uint8_t sequence_ = 0;
+};
+
+}  // namespace epiline::hil
