@@ -22,6 +22,7 @@ Result<std::unique_ptr<LiveView>> open_view(const std::string& text);
 
 void add_evaluate(CLI::App& app, int& exit_code);
 void add_config(CLI::App& app, int& exit_code);
+void add_dbc(CLI::App& app, int& exit_code);
 void add_simulate(CLI::App& app, int& exit_code);
 void add_run(CLI::App& app, int& exit_code);
 void add_replay(CLI::App& app, int& exit_code);

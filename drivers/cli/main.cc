@@ -45,6 +45,7 @@ int run(int argc, char** argv) {
   add_montecarlo(app, exit_code);
   add_simulate(app, exit_code);
   add_config(app, exit_code);
+  add_dbc(app, exit_code);
   const auto commands = app.get_subcommands([](const CLI::App*) { return true; });
   const auto is_named = [&](const CLI::App* command) { return argc > 1 && command->check_name(argv[1]); };
   if (argc > 1 && argv[1][0] != '-' && std::none_of(commands.begin(), commands.end(), is_named)) {
