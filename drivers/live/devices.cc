@@ -2,9 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
+#include <numbers>
 
 #include "drivers/camera/v4l2_camera.h"
+#include "drivers/output/can/can_output.h"
 
 namespace epiline {
 
@@ -62,7 +65,20 @@ DeviceRecord record_of(const V4l2Camera& camera) {
           std::nullopt};
 }
 
+OutputRecord record_of(const CanOutput& can, const std::string& interface) {
+  const CanOutputCounts c = can.counts();
+  return {"can " + interface, c.epochs, c.stale + c.frames_dropped, c.disconnected, can.image_latency()};
+}
+
 }  // namespace
+
+Mat3 R_VB_of(const BodyConfig& body) {
+  constexpr double kDegree = std::numbers::pi / 180;
+  return (Eigen::AngleAxisd(body.yaw_deg * kDegree, Vec3::UnitZ()) *
+          Eigen::AngleAxisd(body.pitch_deg * kDegree, Vec3::UnitY()) *
+          Eigen::AngleAxisd(body.roll_deg * kDegree, Vec3::UnitX()))
+      .toRotationMatrix();
+}
 
 Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file) {
   const auto file = ConfigFile::read(config_file);
@@ -105,6 +121,11 @@ Result<LiveDevices> make_devices(const LiveSettings& settings) {
   auto v4l2 = std::make_unique<V4l2Camera>(std::move(*camera));
   devices.records.emplace_back([c = v4l2.get()] { return record_of(*c); });
   devices.camera = std::move(v4l2);
+  if (const std::string& interface = d.can.interface; !interface.empty()) {
+    auto can = std::make_unique<CanOutput>(d.can, R_VB_of(d.body));
+    const CanOutput* const c = can.get();
+    devices.outputs.push_back({std::move(can), [c, interface] { return record_of(*c, interface); }});
+  }
   return missing(settings, "an IMU driver that this program was built without", "another imu.driver");
 }
 

@@ -4,6 +4,7 @@
 
 #include <csignal>
 #include <system_error>
+#include <utility>
 
 #include "drivers/live/live_log.h"
 #include "drivers/live/service.h"
@@ -57,14 +58,16 @@ class Receivers final : public OdometrySink {
 class OpenDevices {
  public:
   OpenDevices(LiveDevices& devices, Receivers& receivers) : devices_(devices), receivers_(receivers) {}
-  ~OpenDevices() {
+  ~OpenDevices() { close(); }
+  OpenDevices(const OpenDevices&) = delete;
+  OpenDevices& operator=(const OpenDevices&) = delete;
+
+  void close() noexcept {
+    if (std::exchange(closed_, true)) return;
     devices_.camera->close();
     devices_.imu->close();
     receivers_.close();
   }
-  OpenDevices(const OpenDevices&) = delete;
-  OpenDevices& operator=(const OpenDevices&) = delete;
-
   /// The camera last: its buffers fill from then on.
   Status open() {
     if (const Status s = receivers_.open(); !s) return s;
@@ -75,6 +78,7 @@ class OpenDevices {
  private:
   LiveDevices& devices_;
   Receivers& receivers_;
+  bool closed_ = false;
 };
 
 FlightRecord begin_record(const LiveSettings& settings) {
@@ -164,6 +168,7 @@ Result<FlightRecord> fly(const LiveSettings& settings, LiveDevices& devices, con
     service.stopping();
     pipeline.stop();
     pipeline.join();
+    open_devices.close();
     if (options.view != nullptr) options.view->finish();
     log.drain(record);
     if (const Status s = log.close(record); !s) return s.error();

@@ -1,0 +1,95 @@
+#include "drivers/live/devices.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <Eigen/Geometry>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+namespace epiline {
+namespace {
+
+TEST(Devices, TheBodysTurnsAreThoseOfItsAxes) {
+  EXPECT_TRUE(R_VB_of({}).isIdentity());
+  // turned by 90 degrees to the left: the IMU's x points left, its y backwards
+  const Mat3 yawed = R_VB_of({0, 0, 90});
+  EXPECT_TRUE((yawed * Vec3::UnitX()).isApprox(Vec3::UnitY()));
+  EXPECT_TRUE((yawed * Vec3::UnitY()).isApprox(-Vec3::UnitX()));
+  // upside down, x forward: y points right, z down
+  const Mat3 rolled = R_VB_of({180, 0, 0});
+  EXPECT_TRUE((rolled * Vec3::UnitY()).isApprox(-Vec3::UnitY()));
+  EXPECT_TRUE((rolled * Vec3::UnitZ()).isApprox(-Vec3::UnitZ()));
+  // nose down, that is about the left axis: x points down
+  EXPECT_TRUE((R_VB_of({0, 90, 0}) * Vec3::UnitX()).isApprox(-Vec3::UnitZ()));
+  // yaw first, then pitch about the axis that has been turned: x points down whatever the yaw
+  EXPECT_TRUE((R_VB_of({0, 90, 30}) * Vec3::UnitX()).isApprox(-Vec3::UnitZ()));
+}
+
+/// A configuration file beside calibration files.
+class Files {
+ public:
+  Files() : folder_(std::filesystem::path(testing::TempDir()) / ("devices_" + std::to_string(getpid()))) {
+    std::filesystem::create_directories(folder_);
+    write("camera.yaml",
+          "T_BS:\n  data: [1, 0, 0, 0.1, 0, 1, 0, 0.2, 0, 0, 1, 0.3, 0, 0, 0, 1]\nresolution: [640, 480]\n"
+          "camera_model: pinhole\nintrinsics: [400, 400, 320, 240]\ndistortion_model: none\n"
+          "distortion_coefficients: []\ntimeshift_cam_imu: 0.004\n");
+    write("imu.yaml",
+          "gyroscope_noise_density: 1.0e-03\ngyroscope_random_walk: 1.0e-05\naccelerometer_noise_density: 1.0e-2\n"
+          "accelerometer_random_walk: 1.0e-4\n");
+  }
+  ~Files() { std::filesystem::remove_all(folder_); }
+  std::filesystem::path write(const std::string& name, const std::string& text) const {
+    std::ofstream(folder_ / name) << text;
+    return folder_ / name;
+  }
+  std::string config(const std::string& camera, const std::string& more) const {
+    return write("flight.toml",
+                 "[camera]\ncalibration = \"" + (folder_ / "camera.yaml").string() + "\"\n" + camera + more);
+  }
+  std::string folder() const { return folder_.string(); }
+
+ private:
+  std::filesystem::path folder_;
+};
+
+TEST(Devices, SettingsAreTheFileOverCalibrationOverDefaults) {
+  const Files files;
+  const auto settings = read_live_settings(
+      files.config("", "[imu]\ncalibration = \"" + files.folder() + "/imu.yaml\"\ngyroscope_random_walk = 3e-5\n"));
+  ASSERT_TRUE(settings) << settings.error().text();
+  EXPECT_EQ(settings->camera.width, 640);
+  const EstimatorConfig& e = settings->config.estimator;
+  EXPECT_DOUBLE_EQ(e.extrinsics.p_BC.x(), 0.1);
+  EXPECT_DOUBLE_EQ(e.extrinsics.time_offset_s, 0.004);
+  EXPECT_NEAR(e.extrinsics.focal_px, 400, 1);
+  EXPECT_DOUBLE_EQ(e.imu.gyroscope_density, 1e-3);
+  EXPECT_DOUBLE_EQ(e.imu.gyroscope_random_walk, 3e-5);
+}
+
+TEST(Devices, WhatIsMissingIsNamedWithWhatWouldDo) {
+  const Files files;
+  const auto error_of = [&](const std::string& camera, const std::string& more) {
+    const auto settings = read_live_settings(files.config(camera, more));
+    if (!settings) return settings.error().text();
+    const auto devices = make_devices(*settings);
+    return devices ? std::string() : devices.error().text();
+  };
+  const std::string file = files.folder() + "/flight.toml: ";
+  EXPECT_EQ(error_of("", ""), file + "no camera.device; expected the camera's path, name or bus");
+  EXPECT_EQ(error_of("device = \"a\"\n", ""),
+            file + "no imu.device; expected the IMU's name or path, or imu.driver = \"mavlink\"");
+  EXPECT_EQ(
+      error_of("device = \"a\"\nwidth = 320\n", "[imu]\ndevice = \"b\"\n"),
+      file + "camera.width = 320, camera.height = 480; expected 640 x 480, the size the camera was calibrated with");
+  EXPECT_EQ(error_of("device = \"a\"\nformat = \"MJPG\"\n", "[imu]\ndevice = \"b\"\n"),
+            file + "camera.format = \"MJPG\"; expected GREY, NV12, YU12, Y10P, Y10, Y12, Y16 or YUYV");
+  const auto none = read_live_settings(files.write("none.toml", "[camera]\ndevice = \"a\"\n"));
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.error().text().rfind(files.folder() + "/none.toml: no camera.calibration; expected", 0), 0u);
+}
+
+}  // namespace
+}  // namespace epiline
