@@ -1,0 +1,60 @@
+#pragma once
+// One chip select of an SPI bus, and what chips need of it. docs/imu-spi.md
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "platform/time/clock.h"
+
+namespace epiline {
+
+/// What went wrong, and where.
+struct SpiTrouble {
+  const char* step = nullptr;  ///< nullptr: nothing went wrong
+  int error = 0;               ///< errno; 0: the bus worked, but `found` is not what was wanted
+  char found[160] = "", expected[160] = "";
+  explicit operator bool() const noexcept { return step != nullptr; }
+};
+
+/// A part of a transfer. All parts of one are sent with the chip selected, unless one ends it.
+struct SpiPart {
+  const std::uint8_t* send = nullptr;  ///< nullptr: zeros
+  std::uint8_t* receive = nullptr;     ///< nullptr: thrown away
+  std::size_t size = 0;
+  int hz = 0;             ///< 0: the speed of open()
+  Span pause{};           ///< after this part
+  bool deselect = false;  ///< between this part and the next the chip is not selected
+};
+
+/// open() and close() belong to start-up and to getting a lost device back. No heap, no exceptions.
+class SpiBus {
+ public:
+  virtual ~SpiBus() = default;
+  /// `mode`: SPI mode 0 to 3. `hz`: the fastest clock.
+  virtual SpiTrouble open(int mode, int hz) noexcept = 0;
+  virtual void close() noexcept = 0;
+  /// At most 4 parts, at most 4096 bytes together (the usual limit of spidev). 0 or errno.
+  virtual int transfer(std::span<const SpiPart> parts) noexcept = 0;
+  virtual const char* name() const noexcept = 0;
+};
+
+/// /dev/spidevB.C of the kernel.
+class SpidevBus final : public SpiBus {
+ public:
+  explicit SpidevBus(std::string path) : path_(std::move(path)) {}
+  ~SpidevBus() override { SpidevBus::close(); }
+  SpidevBus(const SpidevBus&) = delete;
+  SpidevBus& operator=(const SpidevBus&) = delete;
+
+  SpiTrouble open(int mode, int hz) noexcept override;
+  void close() noexcept override;
+  int transfer(std::span<const SpiPart> parts) noexcept override;
+  const char* name() const noexcept override { return path_.c_str(); }
+
+ private:
+  std::string path_;
+  int fd_ = -1;
+};
+
+}  // namespace epiline
