@@ -11,6 +11,7 @@ namespace epiline {
 namespace {
 
 constexpr std::int64_t kOldest_ns = 1'000'000'000;
+constexpr std::int64_t kLatest_ns = std::int64_t{1} << 62;  // the year 2116
 constexpr std::int64_t kStep_ns = 1'000'000;  // the clock of day is slewed by less than this between two frames
 
 std::int64_t read_clock(clockid_t clock) noexcept {
@@ -57,7 +58,7 @@ std::int64_t ArrivalClock::software_arrival(std::int64_t of_day_ns, const ClockP
   const std::int64_t offset_before = has_offset_ ? offset_ns_ : now.of_day_ns - now.steady_ns;
   offset_ns_ = now.of_day_ns - now.steady_ns;
   has_offset_ = true;
-  if (of_day_ns == 0) {
+  if (of_day_ns <= 0 || of_day_ns > kLatest_ns) {
     ++bad_stamps_;
     return now.steady_ns;
   }

@@ -1,0 +1,527 @@
+// Odometry out and speed in on a vcan of the kernel. Frames are read by the DBC file alone.
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "drivers/output/can/can_output.h"
+#include "drivers/output/can/dbc.h"
+#include "drivers/wheel/can_wheel_source.h"
+#include "platform/memory/allocation_count.h"
+#include "tests/drivers/output/can/dbc_reader.h"
+#include "tests/hardware/can_support.h"
+
+namespace epiline {
+namespace {
+
+constexpr int kBase = 0x300;
+const std::map<int, dbc::MessageText>& dbc_file() {
+  static const auto file = dbc::read(can::dbc_text(kBase));
+  return file;
+}
+
+bool is_ours(const Seen& seen) { return dbc_file().count(static_cast<int>(seen.frame.can_id)) != 0; }
+dbc::Reading read(const Seen& seen, const std::string& signal) {
+  const auto& message = dbc_file().at(static_cast<int>(seen.frame.can_id));
+  EXPECT_EQ(seen.fd, message.fd);
+  EXPECT_EQ(seen.frame.len, message.size);
+  return dbc::read(message.signals.at(signal), {seen.frame.data, seen.frame.len});
+}
+
+/// Numbers that follow from the stamp, so that a reader can tell what must have been said.
+double position_at(std::int64_t stamp_us) { return static_cast<double>(stamp_us % 1'000'000) * 1e-3; }
+double velocity_at(std::int64_t stamp_us) { return static_cast<double>(stamp_us % 10'000'000) * 2e-6 - 10; }
+
+/// A flight that hands odometry out, 200 times a second, until destroyed.
+class Flight {
+ public:
+  explicit Flight(CanOutput& output) : thread_([this, &output] { fly(output); }) {}
+  ~Flight() {
+    stop_.store(true);
+    thread_.join();
+  }
+  Flight(const Flight&) = delete;
+  Flight& operator=(const Flight&) = delete;
+  void set_state(HealthState state) { state_.store(state); }
+  void pause(bool on) { paused_.store(on); }
+  std::uint64_t heap_calls() const { return heap_calls_.load(); }
+  std::int64_t longest_ns() const { return longest_ns_.load(); }
+
+ private:
+  void fly(CanOutput& output) {
+    Odometry o;
+    std::int64_t next_ns = monotonic_ns();
+    for (int i = 0; !stop_.load(); ++i) {
+      next_ns += 5'000'000;
+      const std::int64_t wait_ns = next_ns - monotonic_ns();
+      if (wait_ns > 0) std::this_thread::sleep_for(std::chrono::nanoseconds(wait_ns));
+      if (paused_.load()) continue;
+      const std::int64_t stamp_us = monotonic_ns() / 1000;
+      o.stamp.ns = stamp_us * 1000;
+      o.p_WB_m = {position_at(stamp_us), -position_at(stamp_us), 1};
+      o.v_WB_m_s = {velocity_at(stamp_us), 0, 0};
+      o.health = {state_.load(), 0, 90};
+      for (std::size_t k = 0; k < 9; ++k) o.covariance[17 * k] = 0.01;
+      const std::int64_t before_ns = monotonic_ns();
+      const HeapCallScope heap;
+      if (i % 10 == 0) output.publish_image(o);
+      output.publish(o);
+      heap_calls_.fetch_add(heap.calls());
+      longest_ns_.store(std::max(longest_ns_.load(), monotonic_ns() - before_ns));
+    }
+  }
+
+  std::atomic<bool> stop_{false}, paused_{false};
+  std::atomic<HealthState> state_{HealthState::kTracking};
+  std::atomic<std::uint64_t> heap_calls_{0};
+  std::atomic<std::int64_t> longest_ns_{0};
+  std::thread thread_;
+};
+
+CanConfig config_of(bool fd, double rate_hz = 20) {
+  CanConfig config;
+  config.interface = kBus;
+  config.base_id = kBase;
+  config.fd = fd;
+  config.rate_hz = rate_hz;
+  return config;
+}
+
+/// Waits for a frame of that name.
+std::optional<Seen> next_of(Peer& peer, const std::string& name, double seconds = 20) {
+  const std::int64_t until_ns = monotonic_ns() + static_cast<std::int64_t>(seconds * 1e9);
+  while (monotonic_ns() < until_ns) {
+    const auto seen = peer.hear(100);
+    if (seen && is_ours(*seen) && dbc_file().at(static_cast<int>(seen->frame.can_id)).name == name) return seen;
+  }
+  return std::nullopt;
+}
+/// A status with this state.
+bool says(Peer& peer, const std::string& state, double seconds = 20) {
+  return within(seconds, [&] {
+    const auto status = next_of(peer, "EpilineStatus");
+    return status && read(*status, "State").name == state;
+  });
+}
+bool is_fresh(const Seen& odometry) {
+  return static_cast<double>(odometry.at_ns / 1000) - read(odometry, "Time").value < 2e6;
+}
+
+#define ASSERT_OPENS(device)                                    \
+  do {                                                          \
+    const Status opened_status = (device).open();               \
+    ASSERT_TRUE(opened_status) << opened_status.error().text(); \
+  } while (false)
+
+// ---- odometry out ----
+
+TEST_F(CanBus, OdometryInFramesOfCanFd) {
+  Peer peer;
+  CanOutput output(config_of(true), Mat3::Identity());
+  ASSERT_OPENS(output);
+  std::uint64_t in_flight = 0;
+  {
+    Flight flight(output);
+    std::int64_t time_before = 0;
+    long long epoch_before = -1;
+    for (int i = 0; i < 40; ++i) {
+      const auto seen = next_of(peer, "EpilineOdometry");
+      ASSERT_TRUE(seen);
+      const auto time = static_cast<std::int64_t>(read(*seen, "Time").raw);
+      EXPECT_GT(time, time_before) << "the same again";
+      EXPECT_NEAR(read(*seen, "PositionX").value, position_at(time), 6e-5);
+      EXPECT_NEAR(read(*seen, "PositionY").value, -position_at(time), 6e-5);
+      EXPECT_NEAR(read(*seen, "VelocityX").value, velocity_at(time), 6e-5);
+      EXPECT_EQ(read(*seen, "QuaternionW").value, 1);
+      EXPECT_EQ(read(*seen, "State").name, "tracking");
+      EXPECT_NEAR(read(*seen, "Age").value, 1e-9 * static_cast<double>(seen->at_ns - 1000 * time), 0.3);
+      if (epoch_before >= 0) {
+        EXPECT_EQ(read(*seen, "Epoch").raw, (epoch_before + 1) % 16);
+      }
+      epoch_before = read(*seen, "Epoch").raw;
+      time_before = time;
+    }
+    EXPECT_TRUE(next_of(peer, "EpilineVelocitySd"));
+    EXPECT_TRUE(says(peer, "tracking"));
+    in_flight = flight.heap_calls();
+  }
+  output.close();
+  EXPECT_GE(output.latency().count(), 40u);
+  EXPECT_GE(output.image_latency().count(), 1u);
+  EXPECT_LE(output.latency().count(), output.counts().epochs);
+  EXPECT_EQ(output.counts().disconnected, 0u);
+  if (allocation_counting_available()) {
+    EXPECT_EQ(in_flight, 0u);
+    EXPECT_EQ(output.costs().heap_calls, 0u);
+    EXPECT_EQ(output.costs().lock_calls, 0u);
+  }
+  const auto ms = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
+  std::printf("latency, emulated: p50 %.2f ms, most %.2f ms\n", ms(output.latency().quantile_ns(0.5)),
+              ms(output.latency().most_ns()));
+}
+
+TEST_F(CanBus, ClassicFramesOfAnEpochBelongTogether) {
+  Peer peer;
+  CanOutput output(config_of(false), Mat3::Identity());
+  ASSERT_OPENS(output);
+  Flight flight(output);
+  std::map<std::string, Seen> epoch;  // as a reader puts it together
+  long long number = -1;
+  for (int complete = 0; complete < 30;) {
+    const auto seen = peer.hear();
+    ASSERT_TRUE(seen);
+    ASSERT_TRUE(is_ours(*seen));
+    const std::string name = dbc_file().at(static_cast<int>(seen->frame.can_id)).name;
+    if (name == "EpilineStatus") continue;
+    if (read(*seen, "Epoch").raw != number) {
+      if (number >= 0 && epoch.count("EpilineTime") != 0) {
+        ASSERT_GE(epoch.size(), 6u);
+        const auto time = static_cast<std::int64_t>(read(epoch.at("EpilineTime"), "Time").raw);
+        EXPECT_NEAR(read(epoch.at("EpilinePositionXY"), "PositionX").value, position_at(time), 6e-4);
+        EXPECT_NEAR(read(epoch.at("EpilinePositionZ"), "PositionZ").value, 1, 6e-4);
+        EXPECT_NEAR(read(epoch.at("EpilineVelocity"), "VelocityX").value, velocity_at(time), 1.1e-3);
+        EXPECT_EQ(read(epoch.at("EpilineAttitude"), "AttitudeLargest").raw, 0);
+        EXPECT_EQ(epoch.count("EpilineRates"), 1u);
+        ++complete;
+      }
+      number = read(*seen, "Epoch").raw;
+      epoch.clear();
+    }
+    EXPECT_TRUE(epoch.emplace(name, *seen).second) << name << " twice";
+  }
+}
+
+TEST_F(CanBus, LostAndSilentAreToldAndOdometryStops) {
+  Peer peer;
+  CanOutput output(config_of(true), Mat3::Identity());
+  ASSERT_OPENS(output);
+  EXPECT_TRUE(says(peer, "initialising")) << "before anything was published";
+  Flight flight(output);
+  EXPECT_TRUE(next_of(peer, "EpilineOdometry"));
+  flight.set_state(HealthState::kLost);
+  ASSERT_TRUE(says(peer, "lost"));
+  peer.forget();
+  EXPECT_FALSE(next_of(peer, "EpilineOdometry", 2)) << "odometry of a lost estimate";
+  flight.set_state(HealthState::kDegraded);
+  EXPECT_TRUE(next_of(peer, "EpilineOdometry"));
+  flight.pause(true);
+  ASSERT_TRUE(says(peer, "silent"));
+  peer.forget();
+  EXPECT_FALSE(next_of(peer, "EpilineOdometry", 2)) << "an old one again";
+  flight.pause(false);
+  const auto seen = next_of(peer, "EpilineOdometry");
+  ASSERT_TRUE(seen);
+  EXPECT_TRUE(is_fresh(*seen));
+}
+
+TEST_F(CanBus, AnInterfaceThatGoesDownComesBack) {
+  CanOutput output(config_of(true), Mat3::Identity());
+  ASSERT_OPENS(output);
+  Flight flight(output);
+  Peer peer;
+  ASSERT_TRUE(next_of(peer, "EpilineOdometry"));
+  for (int i = 1; i <= 2; ++i) {
+    ASSERT_TRUE(set_bus("down"));
+    ASSERT_TRUE(within(20, [&] { return output.bus() == BusState::kLost; }));
+    EXPECT_TRUE(within(20, [&] { return output.counts().retries > 0; }));
+    EXPECT_EQ(output.counts().last_error, ENETDOWN);
+    peer.forget();
+    ASSERT_TRUE(set_bus("up"));
+    const std::int64_t up_ns = monotonic_ns();
+    const auto seen = next_of(peer, "EpilineOdometry");
+    ASSERT_TRUE(seen);
+    EXPECT_TRUE(is_fresh(*seen));
+    std::printf("odometry %.0f ms after the interface was up\n", 1e-6 * static_cast<double>(seen->at_ns - up_ns));
+    EXPECT_EQ(output.counts().disconnected, static_cast<std::uint64_t>(i));
+    EXPECT_TRUE(within(20, [&] { return output.bus() == BusState::kActive; }));
+  }
+}
+
+TEST_F(CanBus, AnInterfaceThatIsRemovedComesBack) {
+  CanOutput output(config_of(false), Mat3::Identity());
+  ASSERT_OPENS(output);
+  Flight flight(output);
+  for (int i = 1; i <= 2; ++i) {
+    ASSERT_TRUE(within(20, [&] { return output.bus() == BusState::kActive; }));
+    remove_bus();
+    ASSERT_TRUE(within(20, [&] { return output.bus() == BusState::kLost; }));
+    ASSERT_TRUE(within(20, [&] { return output.counts().last_error == ENODEV; }));
+    ASSERT_TRUE(make_bus());
+    Peer peer;
+    const auto seen = next_of(peer, "EpilineTime");
+    ASSERT_TRUE(seen);
+    EXPECT_TRUE(is_fresh(*seen));
+  }
+}
+
+// A bus that takes 16 kbit/s: six classic frames, 20 times a second, are more.
+TEST_F(CanBus, AFullQueueDropsWhatIsOld) {
+  shell("/sbin/modprobe sch_tbf");
+  Peer peer;
+  CanOutput output(config_of(false), Mat3::Identity());
+  ASSERT_OPENS(output);
+  Flight flight(output);
+  ASSERT_TRUE(next_of(peer, "EpilineTime"));
+  if (!shell("tc qdisc add dev " + std::string(kBus) + " root tbf rate 8kbit burst 64 limit 256"))
+    GTEST_SKIP() << "no tc, or no sch_tbf";
+  EXPECT_TRUE(within(30, [&] { return output.counts().queue_full > 10 && output.counts().frames_dropped > 20; }))
+      << output.counts().queue_full << " " << output.counts().frames_dropped;
+  EXPECT_EQ(output.counts().disconnected, 0u);
+  peer.forget();
+  const auto slow = next_of(peer, "EpilineTime", 30);
+  ASSERT_TRUE(slow) << "what the bus can take, it gets";
+  EXPECT_TRUE(is_fresh(*slow));
+  ASSERT_TRUE(shell("tc qdisc del dev " + std::string(kBus) + " root"));
+  peer.forget();
+  const std::uint64_t before = output.counts().epochs;
+  EXPECT_TRUE(within(20, [&] { return output.counts().epochs > before + 20; }));
+  const auto seen = next_of(peer, "EpilineTime");
+  ASSERT_TRUE(seen);
+  EXPECT_TRUE(is_fresh(*seen));
+}
+
+// vcan has no bus-off; its error frames are those a controller's driver would send.
+TEST_F(CanBus, BusOffIsSilenceUntilTheRestart) {
+  Peer peer;
+  CanOutput output(config_of(true), Mat3::Identity());
+  ASSERT_OPENS(output);
+  Flight flight(output);
+  ASSERT_TRUE(next_of(peer, "EpilineOdometry"));
+  const auto error_frame = [&](std::uint32_t what) {
+    return peer.say(CAN_ERR_FLAG | what, std::vector<std::uint8_t>(8));
+  };
+  ASSERT_TRUE(error_frame(CAN_ERR_BUSOFF));
+  ASSERT_TRUE(within(20, [&] { return output.bus() == BusState::kOff; }));
+  EXPECT_EQ(output.counts().bus_off, 1u);
+  ASSERT_TRUE(error_frame(CAN_ERR_RESTARTED));
+  ASSERT_TRUE(within(20, [&] { return output.bus() == BusState::kActive; }));
+  EXPECT_EQ(output.counts().restarts, 1u);
+  peer.forget();
+  EXPECT_TRUE(next_of(peer, "EpilineOdometry"));
+  // nobody tells of a restart: tried again all the same
+  ASSERT_TRUE(error_frame(CAN_ERR_BUSOFF));
+  ASSERT_TRUE(within(20, [&] { return output.counts().bus_off == 2; }));
+  EXPECT_TRUE(within(20, [&] { return output.bus() == BusState::kActive; }));
+  peer.forget();
+  EXPECT_TRUE(next_of(peer, "EpilineOdometry"));
+}
+
+TEST_F(CanBus, OthersTrafficAtFullRateDoesNotDisturb) {
+  CanOutput output(config_of(true), Mat3::Identity());
+  ASSERT_OPENS(output);
+  Flight flight(output);
+  Flood flood;
+  ASSERT_TRUE(within(60, [&] { return output.counts().epochs >= 60 && flood.frames() > 20'000; }))
+      << output.counts().epochs << " epochs, " << flood.frames() << " frames";
+  EXPECT_EQ(output.counts().error_frames, 0u);
+  EXPECT_EQ(output.counts().disconnected, 0u);
+}
+
+// ---- whole MAVLink frames ----
+
+class IsotpPeer {
+ public:
+  explicit IsotpPeer(const CanConfig& config) {
+    fd_ = ::socket(PF_CAN, SOCK_DGRAM | SOCK_CLOEXEC, CAN_ISOTP);
+    EXPECT_GE(fd_, 0);
+    const can_isotp_ll_options options = {CANFD_MTU, CANFD_MAX_DLEN, 0};
+    if (config.fd) ::setsockopt(fd_, SOL_CAN_ISOTP, CAN_ISOTP_LL_OPTS, &options, sizeof options);
+    sockaddr_can address{};
+    address.can_family = AF_CAN;
+    address.can_ifindex = static_cast<int>(::if_nametoindex(kBus));
+    address.can_addr.tp.tx_id = static_cast<std::uint32_t>(config.isotp_receive_id);
+    address.can_addr.tp.rx_id = static_cast<std::uint32_t>(config.isotp_send_id);
+    EXPECT_EQ(::bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  }
+  ~IsotpPeer() { ::close(fd_); }
+  IsotpPeer(const IsotpPeer&) = delete;
+  IsotpPeer& operator=(const IsotpPeer&) = delete;
+  std::vector<std::uint8_t> hear() {
+    std::vector<std::uint8_t> message(4096);
+    pollfd ready{fd_, POLLIN, 0};
+    const ssize_t size = ::poll(&ready, 1, 20'000) > 0 ? ::recv(fd_, message.data(), message.size(), 0) : 0;
+    message.resize(static_cast<std::size_t>(std::max<ssize_t>(size, 0)));
+    return message;
+  }
+  bool say(const std::vector<std::uint8_t>& message) {
+    return ::send(fd_, message.data(), message.size(), 0) == static_cast<ssize_t>(message.size());
+  }
+
+ private:
+  int fd_ = -1;
+};
+
+TEST_F(CanBus, MavlinkFramesTravelWhole) {
+  for (const bool fd : {false, true}) {
+    CanConfig config = config_of(fd, 10);
+    config.isotp_send_id = 0x400;
+    config.isotp_receive_id = 0x401;
+    IsotpPeer peer(config);
+    CanOutput output(config, Mat3::Identity());
+    ASSERT_OPENS(output);
+    Flight flight(output);
+    mavlink::Parser parser;
+    for (int i = 0; i < 10; ++i) {
+      const std::vector<std::uint8_t> message = peer.hear();
+      std::span<const std::uint8_t> bytes(message);
+      const mavlink::Packet* const packet = parser.next(bytes);
+      ASSERT_TRUE(packet) << message.size() << " bytes";
+      EXPECT_EQ(packet->sequence, i) << "none is lost between those begun";
+      EXPECT_TRUE(bytes.empty()) << "one frame in one message";
+      mavlink::Odometry odometry;
+      ASSERT_TRUE(mavlink::unpack(*packet, odometry));
+      const auto time = static_cast<std::int64_t>(odometry.time_usec);
+      EXPECT_NEAR(odometry.x, position_at(time), 1e-3);
+      EXPECT_NEAR(odometry.vx, velocity_at(time), 1e-5);
+      if (i == 5) {
+        EXPECT_TRUE(peer.say(std::vector<std::uint8_t>(500, 0xfd))) << "what a peer says is taken and forgotten";
+      }
+    }
+    EXPECT_EQ(parser.bad_checksums(), 0u);
+    EXPECT_GE(output.counts().messages, 10u);
+  }
+}
+
+TEST_F(CanBus, NobodyAnswersIsotp) {
+  CanConfig config = config_of(true);
+  config.isotp_send_id = 0x400;
+  config.isotp_receive_id = 0x401;
+  Peer peer;
+  CanOutput output(config, Mat3::Identity());
+  ASSERT_OPENS(output);
+  Flight flight(output);
+  EXPECT_TRUE(within(30, [&] { return output.counts().messages_failed > 0 && output.counts().messages_busy > 0; }));
+  peer.forget();
+  EXPECT_TRUE(next_of(peer, "EpilineOdometry")) << "the other frames go on";
+}
+
+// ---- speed in ----
+
+WheelConfig wheel_config() {
+  WheelConfig config;
+  config.interface = kBus;
+  config.id = 0x1a0;
+  config.start_bit = 16;
+  config.length = 16;
+  config.scale_m_s = 0.01;
+  return config;
+}
+std::vector<std::uint8_t> speed_frame(int centimetres) {
+  return {0, 0, static_cast<std::uint8_t>(centimetres & 0xff), static_cast<std::uint8_t>(centimetres >> 8 & 0xff),
+          0, 0};
+}
+
+TEST_F(CanBus, SpeedComesInWithTheTimeOfItsArrival) {
+  CanWheelSource source(wheel_config());
+  ASSERT_OPENS(source);
+  Peer peer(false);
+  const HeapCallScope heap;
+  WheelSample sample;
+  EXPECT_EQ(source.read(sample, Span::from_milliseconds(50)), ReadOutcome::kTimeout);
+  const std::uint64_t calls_before = heap.calls();
+  std::uint64_t calls = 0;
+  for (int i = -20; i < 20; ++i) {
+    const std::int64_t before_ns = monotonic_ns();
+    ASSERT_TRUE(peer.say(0x1a0, speed_frame(37 * i)));
+    const std::int64_t after_ns = monotonic_ns();
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));  // it waits; its stamp does not
+    const HeapCallScope reading;
+    ASSERT_EQ(source.read(sample, Span::from_milliseconds(10'000)), ReadOutcome::kSample);
+    calls += reading.calls();
+    EXPECT_NEAR(sample.forward_speed_m_s, 0.37 * i, 1e-9);
+    EXPECT_GE(sample.stamp.ns, before_ns - 100'000);
+    EXPECT_LE(sample.stamp.ns, after_ns + 100'000);
+  }
+  EXPECT_EQ(calls + calls_before, 0u);
+  EXPECT_EQ(source.counts().samples, 40u);
+  EXPECT_EQ(source.counts().bad_stamps, 0u);
+}
+
+TEST_F(CanBus, TheClockOfDayIsSetWhileSpeedComesIn) {
+  CanWheelSource source(wheel_config());
+  ASSERT_OPENS(source);
+  Peer peer(false);
+  WheelSample sample;
+  for (int i = 0; i < 9; ++i) {
+    const std::int64_t before_ns = monotonic_ns();
+    ASSERT_TRUE(peer.say(0x1a0, speed_frame(i)));
+    const std::int64_t after_ns = monotonic_ns();
+    if (i == 4) {
+      ASSERT_TRUE(shell("date -s '+1 hour'"));
+    }
+    ASSERT_EQ(source.read(sample, Span::from_milliseconds(10'000)), ReadOutcome::kSample);
+    EXPECT_GE(sample.stamp.ns, before_ns - 100'000) << i;
+    EXPECT_LE(sample.stamp.ns, after_ns + 100'000) << i;
+  }
+  shell("date -s '-1 hour'");
+}
+
+TEST_F(CanBus, SpeedSurvivesWhateverElseIsOnTheBus) {
+  CanWheelSource source(wheel_config());
+  ASSERT_OPENS(source);
+  Peer peer(false);
+  Flood flood(0x1a0);
+  WheelSample sample;
+  for (int i = 0; i < 100; ++i) {
+    if (i % 4 == 0) {
+      ASSERT_TRUE(peer.say(0x1a0, {1, 2, 3}));  // too short
+    }
+    ASSERT_TRUE(peer.say(0x1a0, speed_frame(i)));
+    ASSERT_EQ(source.read(sample, Span::from_milliseconds(20'000)), ReadOutcome::kSample);
+    EXPECT_NEAR(sample.forward_speed_m_s, 0.01 * i, 1e-9);
+  }
+  EXPECT_TRUE(within(60, [&] { return flood.frames() > 10'000; }));
+  EXPECT_EQ(source.counts().too_short, 25u);
+  EXPECT_EQ(source.counts().samples, 100u);
+  EXPECT_EQ(source.counts().overruns, 0u);
+}
+
+TEST_F(CanBus, SpeedComesBackWithTheInterface) {
+  CanWheelSource source(wheel_config());
+  ASSERT_OPENS(source);
+  WheelSample sample;
+  const auto reads = [&](ReadOutcome wanted) {
+    return within(20, [&] { return source.read(sample, Span::from_milliseconds(100)) == wanted; });
+  };
+  ASSERT_TRUE(set_bus("down"));
+  EXPECT_TRUE(reads(ReadOutcome::kFailed));
+  ASSERT_TRUE(set_bus("up"));
+  EXPECT_TRUE(reads(ReadOutcome::kTimeout));
+  remove_bus();
+  EXPECT_TRUE(reads(ReadOutcome::kFailed));
+  ASSERT_TRUE(make_bus());
+  EXPECT_TRUE(reads(ReadOutcome::kTimeout));
+  Peer peer(false);
+  ASSERT_TRUE(peer.say(0x1a0, speed_frame(123)));
+  EXPECT_TRUE(reads(ReadOutcome::kSample));
+  EXPECT_NEAR(sample.forward_speed_m_s, 1.23, 1e-9);
+  EXPECT_EQ(source.counts().disconnected, 2u);
+}
+
+// ---- what is wrong, in words ----
+
+TEST_F(CanBus, SaysWhatIsWrongWithTheInterface) {
+  const auto error = [](const CanConfig& config) {
+    CanOutput output(config, Mat3::Identity());
+    const Status status = output.open();
+    return status ? "opened" : status.error().text();
+  };
+  CanConfig config = config_of(true);
+  const std::string bus = kBus;
+  config.interface = "can99";
+  EXPECT_EQ(error(config), "can99: no such network interface; expected one that `ip -br link` shows");
+  config.interface = "lo";
+  EXPECT_EQ(error(config), "lo: not a CAN interface; expected one that `ip -br link show type can` shows");
+  config.interface = bus;
+  ASSERT_TRUE(set_bus("down"));
+  EXPECT_EQ(error(config),
+            bus + ": the interface is down; expected it up: ip link set " + bus + " up type can bitrate BITRATE");
+  ASSERT_TRUE(set_bus("mtu 16 up"));
+  EXPECT_EQ(error(config), bus +
+                               ": carries classic frames only; expected can.fd = false, or an interface set up with "
+                               "dbitrate BITRATE fd on");
+  config.fd = false;
+  EXPECT_EQ(error(config), "opened");
+}
+
+}  // namespace
+}  // namespace epiline
