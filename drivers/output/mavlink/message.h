@@ -79,6 +79,58 @@ struct RawImu {
   }
 };
 
+/// A command to a system. What the parameters hold depends on the command.
+struct CommandLong {
+  static constexpr std::uint32_t kId = 76;
+  static constexpr std::string_view kName = "COMMAND_LONG";
+  float param1 = 0, param2 = 0, param3 = 0, param4 = 0, param5 = 0, param6 = 0, param7 = 0;
+  std::uint16_t command = 0;  ///< MAV_CMD
+  std::uint8_t target_system = 0, target_component = 0;
+  std::uint8_t confirmation = 0;  ///< 0 the first time, then how often it was sent before
+  static constexpr auto fields() {
+    using M = CommandLong;
+    return std::make_tuple(field("param1", &M::param1), field("param2", &M::param2), field("param3", &M::param3),
+                           field("param4", &M::param4), field("param5", &M::param5), field("param6", &M::param6),
+                           field("param7", &M::param7), field("command", &M::command),
+                           field("target_system", &M::target_system), field("target_component", &M::target_component),
+                           field("confirmation", &M::confirmation));
+  }
+};
+
+/// The answer to a command.
+struct CommandAck {
+  static constexpr std::uint32_t kId = 77;
+  static constexpr std::string_view kName = "COMMAND_ACK";
+  std::uint16_t command = 0;  ///< MAV_CMD
+  std::uint8_t result = 0;    ///< MAV_RESULT: 0 accepted, 1 refused for now, 2 denied, 3 unknown, 4 failed
+  std::uint8_t progress = 0;
+  std::int32_t result_param2 = 0;
+  std::uint8_t target_system = 0, target_component = 0;  ///< who had sent the command; 0: not said
+  static constexpr auto fields() {
+    using M = CommandAck;
+    return std::make_tuple(field("command", &M::command), field("result", &M::result),
+                           extension("progress", &M::progress), extension("result_param2", &M::result_param2),
+                           extension("target_system", &M::target_system),
+                           extension("target_component", &M::target_component));
+  }
+};
+
+/// Where on earth the local frame begins. ArduPilot without a satellite receiver wants one.
+struct SetGpsGlobalOrigin {
+  static constexpr std::uint32_t kId = 48;
+  static constexpr std::string_view kName = "SET_GPS_GLOBAL_ORIGIN";
+  std::int32_t latitude = 0, longitude = 0;  ///< 1e-7 degrees
+  std::int32_t altitude = 0;                 ///< mm above sea level
+  std::uint8_t target_system = 0;
+  std::uint64_t time_usec = 0;
+  static constexpr auto fields() {
+    using M = SetGpsGlobalOrigin;
+    return std::make_tuple(field("latitude", &M::latitude), field("longitude", &M::longitude),
+                           field("altitude", &M::altitude), field("target_system", &M::target_system),
+                           extension("time_usec", &M::time_usec));
+  }
+};
+
 struct VisionPositionEstimate {
   static constexpr std::uint32_t kId = 102;
   static constexpr std::string_view kName = "VISION_POSITION_ESTIMATE";
@@ -205,6 +257,7 @@ constexpr std::string_view type_name() {
   if constexpr (std::same_as<T, std::uint16_t>) return "uint16_t";
   if constexpr (std::same_as<T, std::int16_t>) return "int16_t";
   if constexpr (std::same_as<T, std::uint32_t>) return "uint32_t";
+  if constexpr (std::same_as<T, std::int32_t>) return "int32_t";
   if constexpr (std::same_as<T, std::uint64_t>) return "uint64_t";
   if constexpr (std::same_as<T, std::int64_t>) return "int64_t";
 }
@@ -260,6 +313,9 @@ constexpr bool is_published(std::size_t length, std::size_t base_length, std::ui
 static_assert(is_published<Heartbeat>(9, 9, 50));
 static_assert(is_published<SystemTime>(12, 12, 137));
 static_assert(is_published<RawImu>(29, 26, 144));
+static_assert(is_published<SetGpsGlobalOrigin>(21, 13, 41));
+static_assert(is_published<CommandLong>(33, 33, 152));
+static_assert(is_published<CommandAck>(10, 3, 143));
 static_assert(is_published<VisionPositionEstimate>(117, 32, 158));
 static_assert(is_published<HighresImu>(63, 62, 93));
 static_assert(is_published<Timesync>(18, 16, 34));
@@ -276,7 +332,7 @@ constexpr auto table_of() {
   return std::array{MessageInfo{Message::kId, static_cast<std::uint8_t>(length_of<Message>()),
                                 static_cast<std::uint8_t>(length_of<Message>(false)), crc_extra<Message>()}...};
 }
-inline constexpr auto kMessages =
-    table_of<Heartbeat, SystemTime, RawImu, VisionPositionEstimate, HighresImu, Timesync, StatusText, Odometry>();
+inline constexpr auto kMessages = table_of<Heartbeat, SystemTime, RawImu, SetGpsGlobalOrigin, CommandLong, CommandAck,
+                                           VisionPositionEstimate, HighresImu, Timesync, StatusText, Odometry>();
 
 }  // namespace epiline::mavlink

@@ -82,6 +82,11 @@ TEST(MavlinkFrames, AreThoseOfAnotherImplementation) {
       "fd3e0000fe01c569000063000000000000000000003f00001cc10000803f0000004000004040000080400000a0400000c0400000"
       "e04000507d44000080bf0000004100001242ff012168");
   expect_golden(question(), 255, kQuestion);
+  expect_golden(CommandLong{105, 5000, -1, 0.5F, 1.25F, -7, 2, 511, 1, 1, 2}, 7,
+                "fd2100000701c54c00000000d24200409c45000080bf0000003f0000a03f0000e0c000000040ff01010102cb80");
+  expect_golden(CommandAck{511, 4, 9, -123456, 1, 197}, 8, "fd0a00000801c54d0000ff010409c01dfeff01c5b27a");
+  expect_golden(SetGpsGlobalOrigin{473566094, -85190237, 408123, 1, 1234567890123}, 9,
+                "fd1300000901c53000008e0b3a1ca319ecfa3b3a060001cb04fb711f01ea32");
   StatusText text{.severity = 4};
   std::strcpy(text.text.data(), "epiline: lost");
   expect_golden(text, 0, "fd0e00000001c5fd0000046570696c696e653a206c6f737464e0");
@@ -179,6 +184,9 @@ RC_GTEST_PROP(MavlinkFrames, ComeBackAsTheyWere, ()) {
   there_and_back<Heartbeat>();
   there_and_back<SystemTime>();
   there_and_back<RawImu>();
+  there_and_back<SetGpsGlobalOrigin>();
+  there_and_back<CommandLong>();
+  there_and_back<CommandAck>();
   there_and_back<VisionPositionEstimate>();
   there_and_back<HighresImu>();
   there_and_back<Timesync>();
