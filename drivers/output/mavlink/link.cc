@@ -1,0 +1,418 @@
+#include "drivers/output/mavlink/link.h"
+
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <ctime>
+#include <limits>
+#include <string>
+
+#include "drivers/output/mavlink/odometry.h"
+#include "drivers/output/mavlink/serial_port.h"
+#include "drivers/output/mavlink/udp_port.h"
+#include "platform/error/contract.h"
+#include "platform/time/monotonic.h"
+
+namespace epiline::mavlink {
+
+namespace {
+
+constexpr std::int64_t kSecond_ns = 1'000'000'000, kMillisecond_ns = 1'000'000;
+constexpr std::int64_t kFar_ns = std::numeric_limits<std::int64_t>::max();
+// 3 Mbaud bring 300 kB/s. More is an attack or a fault, and must not take a processor at this priority.
+constexpr double kInputPerSecond = 500'000, kInputAtOnce = 32'768;
+constexpr std::size_t kReadAtOnce = 4096;
+constexpr std::int64_t kRetryFirst_ns = 50 * kMillisecond_ns, kRetryMost_ns = 500 * kMillisecond_ns;
+constexpr std::int64_t kSilence_ns = 500 * kMillisecond_ns;  // no publish() for so long: the estimator has stopped
+constexpr std::int64_t kTooOld_ns = 100 * kMillisecond_ns;   // a prediction that waited so long does not go any more
+constexpr std::int64_t kPeerGone_ns = 5 * kSecond_ns;        // another flight controller may take its place
+constexpr std::int64_t kQuestions_ns = kSecond_ns;
+constexpr std::int64_t kLineCheck_ns = kMillisecond_ns;             // how soon to look at a full line again
+constexpr std::size_t kOdometryBehind = 64, kAnythingBehind = 512;  // bytes in the kernel that a frame may wait for
+constexpr double kOdometryFrame = 10 + 233 + 2, kOtherBytesPerSecond = 1500;
+
+bool is_serial(const MavlinkConfig& config) { return !config.serial.empty(); }
+
+/// Another one than that of a run that ended lately: a restarted program has jumped.
+std::uint8_t first_reset_counter() { return static_cast<std::uint8_t>(monotonic_ns() / kSecond_ns); }
+
+}  // namespace
+
+MavlinkLink::MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, int priority)
+    : config_(config),
+      R_VB_(R_VB),
+      priority_(priority),
+      own_{static_cast<std::uint8_t>(config.system), static_cast<std::uint8_t>(config.component)},
+      timesync_(own_),
+      input_(kInputPerSecond, kInputAtOnce),
+      schedule_(config.rate_hz),
+      gate_(first_reset_counter()) {}
+
+// ---- opening and closing ----
+
+Status MavlinkLink::check() const {
+  if (config_.serial.empty() == config_.udp.empty())
+    return Error{ErrorKind::kUsage, "[mavlink]", 0,
+                 config_.serial.empty() ? "neither serial nor udp" : "serial and udp", "one of them"};
+  const double bytes = config_.rate_hz * kOdometryFrame + kOtherBytesPerSecond;
+  if (is_serial(config_) && 10 * bytes > config_.baud)
+    return Error{ErrorKind::kUsage, "mavlink.baud", 0,
+                 std::to_string(config_.baud) + " for " + std::to_string(static_cast<int>(config_.rate_hz)) +
+                     " odometry messages per second",
+                 "at least " + std::to_string(static_cast<int>(10 * bytes)) + ", or a lower mavlink.rate_hz"};
+  return Done{};
+}
+
+Result<std::unique_ptr<Port>> MavlinkLink::make_port() const {
+  if (is_serial(config_)) return std::unique_ptr<Port>(std::make_unique<SerialPort>(config_.serial, config_.baud));
+  const auto peer = udp_address(config_.udp, "mavlink.udp");
+  if (!peer) return peer.error();
+  sockaddr_in own{};
+  if (!config_.udp_listen.empty()) {
+    const auto given = udp_address(config_.udp_listen, "mavlink.udp_listen");
+    if (!given) return given.error();
+    own = *given;
+  }
+  return std::unique_ptr<Port>(std::make_unique<UdpPort>(config_.udp, *peer, own));
+}
+
+Status MavlinkLink::open() {
+  EPILINE_EXPECTS(wake_fd_ < 0, "open() once");
+  if (Status status = check(); !status) return status;
+  auto port = make_port();
+  if (!port) return port.error();
+  port_ = std::move(*port);
+  if (const PortTrouble trouble = port_->open()) {
+    std::string found = trouble.step;
+    if (trouble.error != 0) found.append(": ").append(std::strerror(trouble.error));
+    return Error{ErrorKind::kRun, port_->name(), 0, found, trouble.expected};
+  }
+  wake_fd_ = ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+  if (wake_fd_ < 0) return Error{ErrorKind::kRun, "eventfd", 0, std::strerror(errno), ""};
+  opened_ns_ = monotonic_ns();
+  state_.is_open = true;
+  is_open_.store(true, std::memory_order_relaxed);
+  stop_.store(false, std::memory_order_relaxed);
+  told_.write(state_);
+  if (!thread_.start({"mavlink", priority_}, run, this)) {
+    close();
+    return Error{ErrorKind::kRun, "mavlink", 0, "no thread", ""};
+  }
+  return Done{};
+}
+
+void MavlinkLink::close() noexcept {
+  if (wake_fd_ < 0) return;
+  stop_.store(true, std::memory_order_relaxed);
+  wake();
+  thread_.join();
+  port_->close();
+  ::close(wake_fd_);
+  wake_fd_ = -1;
+  is_open_.store(false, std::memory_order_relaxed);
+}
+
+// ---- the publishing thread ----
+
+void MavlinkLink::wake() noexcept {
+  const std::uint64_t one = 1;
+  // fails only if the counter is full of wake-ups nobody has looked at
+  [[maybe_unused]] const ssize_t written = ::write(wake_fd_, &one, sizeof one);
+}
+
+bool MavlinkLink::publish(const epiline::Odometry& odometry) noexcept {
+  HandedOdometry& handed = newest_.draft();
+  handed.odometry = odometry;
+  handed.images = images_;
+  handed.when_ns = monotonic_ns();
+  newest_.publish();
+  wake();
+  return is_open_.load(std::memory_order_relaxed);
+}
+
+/// The next publish() has this image in it.
+bool MavlinkLink::publish_image(const epiline::Odometry& odometry) noexcept {
+  image_marks_.push({++images_, odometry.stamp});
+  return is_open_.load(std::memory_order_relaxed);
+}
+
+// ---- the link's thread ----
+
+void MavlinkLink::run(void* self) {
+  auto& link = *static_cast<MavlinkLink*>(self);
+  link.state_.lacks_priority = link.thread_.shortfall().priority;
+  link.costs_at_start_ = costs_of_this_thread();
+  link.loop();
+}
+
+void MavlinkLink::loop() noexcept {
+  while (!stop_.load(std::memory_order_relaxed)) {
+    const std::int64_t now_ns = monotonic_ns();
+    keep_port(now_ns);
+    if (state_.is_open) read_port(now_ns);
+    look_at_estimate(now_ns);
+    if (state_.is_open) write_port();
+    tell(now_ns);
+    wait();
+  }
+  next_latency_ns_ = 0;
+  tell(monotonic_ns());
+}
+
+void MavlinkLink::wait() noexcept {
+  const std::int64_t now_ns = monotonic_ns();
+  const std::int64_t span_ns = std::clamp<std::int64_t>(next_event_ns(now_ns) - now_ns, 0, kSecond_ns);
+  const timespec time{static_cast<time_t>(span_ns / kSecond_ns), static_cast<long>(span_ns % kSecond_ns)};
+  const bool reads = input_.available(now_ns) >= 1;
+  const auto events = static_cast<short>((reads ? POLLIN : 0) | (is_frame_waiting() ? POLLOUT : 0));
+  std::array<pollfd, 2> fds{{{wake_fd_, POLLIN, 0}, {port_->fd(), events, 0}}};
+  // a port that hung up would end every wait at once: it is asked only if somebody hears what it says
+  ::ppoll(fds.data(), state_.is_open && reads ? 2 : 1, &time, nullptr);
+  std::uint64_t times = 0;
+  [[maybe_unused]] const ssize_t got = fds[0].revents != 0 ? ::read(wake_fd_, &times, sizeof times) : 0;
+}
+
+std::int64_t MavlinkLink::next_event_ns(std::int64_t now_ns) const noexcept {
+  if (!state_.is_open) return next_try_ns_;
+  const std::int64_t input_ns = input_.ready_ns(1);
+  std::int64_t next_ns = input_ns > now_ns ? input_ns : kFar_ns;
+  if (seen_ns_ != 0 && state_.condition != Condition::kSilent) next_ns = std::min(next_ns, seen_ns_ + kSilence_ns);
+  if (is_frame_waiting()) return next_ns;  // nothing else can be sent
+  std::int64_t send_ns = std::min(next_heartbeat_ns_, news_.due_ns());
+  if (state_.peer.is_known) send_ns = std::min(send_ns, next_question_ns_);
+  if (has_unsent_) send_ns = std::min(send_ns, schedule_.due_ns(estimate_.images > images_sent_));
+  if (backlog_ > kOdometryBehind) send_ns = std::max(send_ns, now_ns + kLineCheck_ns);
+  return std::min(next_ns, send_ns);
+}
+
+void MavlinkLink::tell(std::int64_t now_ns) noexcept {
+  LinkCounts& counts = state_.counts;
+  counts.packets = parser_.packets();
+  counts.bad_checksums = parser_.bad_checksums();
+  counts.skipped_bytes = parser_.skipped_bytes();
+  counts.refused_questions = timesync_.refused_questions();
+  counts.refused_answers = timesync_.refused_answers();
+  state_.clock = timesync_.clock().state();
+  if (now_ns >= next_latency_ns_) {
+    next_latency_ns_ = now_ns + kSecond_ns;
+    state_.costs = costs_of_this_thread() - costs_at_start_;
+    told_latency_.write(latency_);
+  }
+  told_.write(state_);
+}
+
+// ---- the port ----
+
+void MavlinkLink::keep_port(std::int64_t now_ns) noexcept {
+  if (state_.is_open || now_ns < next_try_ns_) return;
+  if (const PortTrouble trouble = port_->open()) {
+    ++state_.counts.retries;
+    state_.counts.last_error = trouble.error;
+    retry_after_ns_ = std::min(2 * retry_after_ns_, kRetryMost_ns);
+    next_try_ns_ = now_ns + retry_after_ns_;
+    return;
+  }
+  opened_ns_ = now_ns;
+  state_.is_open = true;
+  is_open_.store(true, std::memory_order_relaxed);
+  next_heartbeat_ns_ = now_ns;
+}
+
+void MavlinkLink::lose(std::int64_t now_ns, int error) noexcept {
+  port_->close();
+  ++state_.counts.disconnected;
+  state_.counts.last_error = error;
+  state_.is_open = false;
+  is_open_.store(false, std::memory_order_relaxed);
+  frame_.size = frame_sent_ = 0;
+  backlog_ = 0;
+  // one that opens and fails at once is not tried in a hurry
+  const bool lasted = now_ns - opened_ns_ > kSecond_ns;
+  retry_after_ns_ = lasted ? kRetryFirst_ns : std::clamp(2 * retry_after_ns_, kRetryFirst_ns, kRetryMost_ns);
+  next_try_ns_ = now_ns + retry_after_ns_;
+}
+
+/// One piece at a time, so that what is to be sent never waits for a flood to end.
+void MavlinkLink::read_port(std::int64_t now_ns) noexcept {
+  if (input_.available(now_ns) < 1) return;
+  std::array<std::uint8_t, kReadAtOnce> piece;
+  const PortResult result = port_->read(piece);
+  if (result.is_lost) return lose(now_ns, result.error);
+  input_.spend(static_cast<double>(result.bytes));
+  std::span<const std::uint8_t> bytes(piece.data(), result.bytes);
+  while (const Packet* const packet = parser_.next(bytes)) receive(*packet, now_ns);
+}
+
+void MavlinkLink::receive(const Packet& packet, std::int64_t now_ns) noexcept {
+  if (packet.from.system == own_.system && packet.from.component == own_.component) return;  // our echo
+  const LinkPeer& peer = state_.peer;
+  const bool is_autopilot =
+      peer.is_known && packet.from.system == peer.address.system && packet.from.component == peer.address.component;
+  Timesync timesync;
+  if (packet.id == Heartbeat::kId) {
+    receive_heartbeat(packet, now_ns);
+  } else if (unpack(packet, timesync)) {
+    timesync_.receive(timesync, packet.from, is_autopilot, now_ns);
+  }
+}
+
+void MavlinkLink::receive_heartbeat(const Packet& packet, std::int64_t now_ns) noexcept {
+  constexpr std::uint8_t kNoAutopilot = 8, kGroundStation = 6;
+  Heartbeat heartbeat;
+  unpack(packet, heartbeat);
+  if (packet.from.system != own_.system || heartbeat.autopilot == kNoAutopilot || heartbeat.type == kGroundStation)
+    return;
+  LinkPeer& peer = state_.peer;
+  const bool is_other = packet.from.component != peer.address.component;
+  if (peer.is_known && is_other && now_ns - peer.last_heard.ns < kPeerGone_ns) {
+    ++state_.counts.strangers;
+    return;
+  }
+  peer = {true, packet.from, heartbeat.autopilot, heartbeat.type, HostStamp{now_ns}};
+}
+
+// ---- what is to be sent ----
+
+bool MavlinkLink::may_send() const noexcept {
+  return state_.condition == Condition::kGood || state_.condition == Condition::kDegraded;
+}
+
+template <class Visit>
+void MavlinkLink::take_images(std::uint64_t number, Visit visit) noexcept {
+  for (const ImageMark* mark = image_marks_.front(); mark != nullptr && mark->number <= number;
+       mark = image_marks_.front()) {
+    visit(*mark);
+    image_marks_.pop();
+  }
+}
+
+void MavlinkLink::look_at_estimate(std::int64_t now_ns) noexcept {
+  const HandedOdometry* const newest = newest_.read();
+  if (newest != nullptr && newest->when_ns != seen_ns_) {
+    seen_ns_ = newest->when_ns;
+    state_.condition = condition_of(newest->odometry.health);
+    news_.update(now_ns, state_.condition, newest->odometry.health.reasons);
+    if (newest->images > images_seen_) schedule_.image(now_ns);
+    images_seen_ = newest->images;
+    if (gate_.admits(newest->odometry)) {
+      estimate_ = *newest;
+      has_unsent_ = true;
+    }
+  } else if (seen_ns_ == 0 || now_ns - seen_ns_ > kSilence_ns) {
+    state_.condition = seen_ns_ == 0 ? Condition::kWaiting : Condition::kSilent;
+    news_.update(now_ns, state_.condition, 0);
+  }
+  has_unsent_ = has_unsent_ && may_send() && now_ns - estimate_.when_ns < kTooOld_ns;
+  if (!state_.is_open || !may_send()) {  // nobody waits for these images: their way is not measured
+    take_images(images_seen_, [](const ImageMark&) {});
+    images_sent_ = images_seen_;
+  }
+  count_dropped(now_ns);
+}
+
+bool MavlinkLink::is_odometry_due(std::int64_t now_ns) const noexcept {
+  return has_unsent_ && now_ns >= schedule_.due_ns(estimate_.images > images_sent_);
+}
+
+/// One for each period in which odometry was due and the line was busy or gone.
+void MavlinkLink::count_dropped(std::int64_t now_ns) noexcept {
+  const bool is_held_up = !state_.is_open || is_frame_waiting() || backlog_ > kOdometryBehind;
+  if (!is_held_up || !is_odometry_due(now_ns)) {
+    if (!is_held_up || !has_unsent_) held_up_since_ns_ = 0;
+    return;
+  }
+  if (held_up_since_ns_ == 0) held_up_since_ns_ = now_ns;
+  for (; now_ns - held_up_since_ns_ >= schedule_.period_ns(); held_up_since_ns_ += schedule_.period_ns())
+    ++state_.counts.dropped;
+}
+
+/// Frames are made at the last moment, one at a time: what waits is always the newest.
+void MavlinkLink::write_port() noexcept {
+  while (flush() && state_.is_open) {
+    backlog_ = port_->backlog();
+    if (!compose(monotonic_ns())) return;
+  }
+}
+
+/// True: nothing is left of the last frame.
+bool MavlinkLink::flush() noexcept {
+  if (!is_frame_waiting()) return true;
+  const PortResult result = port_->write(frame_.bytes().subspan(frame_sent_));
+  const std::int64_t now_ns = monotonic_ns();
+  frame_sent_ += result.bytes;
+  if (result.error != 0) {
+    ++state_.counts.write_errors;
+    state_.counts.last_error = result.error;
+    frame_.size = frame_sent_ = 0;  // a datagram nobody took; and a port that is lost takes nothing
+    if (result.is_lost) lose(now_ns, result.error);
+  } else if (is_frame_waiting()) {
+    return false;
+  } else if (is_frame_odometry_) {
+    finish_odometry(now_ns);
+  }
+  return true;
+}
+
+template <class Message>
+void MavlinkLink::put(const Message& message, std::uint64_t& count) noexcept {
+  frame_ = frame_of(pack(message, own_, sequence_++));
+  frame_sent_ = 0;
+  is_frame_odometry_ = false;
+  ++count;
+}
+
+/// The next frame, if there is something to send and the line has room: answers first, for they are timed; then
+/// odometry.
+bool MavlinkLink::compose(std::int64_t now_ns) noexcept {
+  if (backlog_ > kAnythingBehind) return false;
+  LinkCounts& counts = state_.counts;
+  if (const auto answer = timesync_.answer(now_ns)) {
+    put(*answer, counts.timesync_answers);
+  } else if (is_odometry_due(now_ns) && backlog_ <= kOdometryBehind) {
+    put_odometry(now_ns);
+  } else if (now_ns >= next_heartbeat_ns_) {
+    Heartbeat heartbeat;
+    heartbeat.system_status = system_state_of(state_.condition);
+    put(heartbeat, counts.heartbeats);
+    next_heartbeat_ns_ = now_ns + kSecond_ns;
+  } else if (const auto text = news_.take(now_ns)) {
+    StatusText message;
+    message.severity = text->severity;
+    std::copy_n(text->text, message.text.size(), message.text.begin());
+    put(message, counts.texts);
+  } else if (state_.peer.is_known && now_ns >= next_question_ns_) {
+    put(timesync_.question(state_.peer.address, now_ns), counts.timesync_questions);
+    next_question_ns_ = now_ns + kQuestions_ns;
+  } else {
+    return false;
+  }
+  return true;
+}
+
+void MavlinkLink::put_odometry(std::int64_t now_ns) noexcept {
+  const auto send = [&](auto message) {
+    message.reset_counter = gate_.reset_counter();
+    put(message, state_.counts.odometry);
+  };
+  if (config_.message == 0) {
+    send(odometry_message(estimate_.odometry, R_VB_));
+  } else {
+    send(vision_position_message(estimate_.odometry, R_VB_));
+  }
+  is_frame_odometry_ = true;
+  frame_images_ = images_sent_ = estimate_.images;
+  has_unsent_ = false;
+  schedule_.sent(now_ns);
+  held_up_since_ns_ = 0;
+}
+
+/// Its last byte is with the kernel.
+void MavlinkLink::finish_odometry(std::int64_t now_ns) noexcept {
+  take_images(frame_images_, [&](const ImageMark& mark) { latency_.add(now_ns - mark.stamp.ns); });
+}
+
+}  // namespace epiline::mavlink

@@ -1,0 +1,176 @@
+#pragma once
+// The line to a flight controller. Page: docs/mavlink.md.
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "drivers/output/mavlink/message.h"
+#include "drivers/output/mavlink/odometry_gate.h"
+#include "drivers/output/mavlink/packet.h"
+#include "drivers/output/mavlink/port.h"
+#include "drivers/output/mavlink/send_schedule.h"
+#include "drivers/output/mavlink/timesync.h"
+#include "drivers/output/mavlink/token_bucket.h"
+#include "estimator/geometry/types.h"
+#include "pipeline/config/devices.h"
+#include "pipeline/realtime/latency_bins.h"
+#include "platform/concurrency/latest_value.h"
+#include "platform/concurrency/snapshot.h"
+#include "platform/concurrency/spsc_ring.h"
+#include "platform/linux/realtime.h"
+#include "platform/ports/ports.h"
+#include "platform/time/clock_state.h"
+
+namespace epiline::mavlink {
+
+struct LinkCounts {
+  // sent
+  std::uint64_t odometry = 0;
+  std::uint64_t dropped = 0;  ///< odometry that was due and found the line busy or gone
+  std::uint64_t heartbeats = 0, texts = 0, timesync_questions = 0, timesync_answers = 0;
+  // received
+  std::uint64_t packets = 0, bad_checksums = 0;
+  std::uint64_t skipped_bytes = 0;      ///< noise, and messages we do not know
+  std::uint64_t strangers = 0;          ///< packets that only our flight controller may send, from somebody else
+  std::uint64_t refused_questions = 0;  ///< TIMESYNC beyond any sensible rate
+  std::uint64_t refused_answers = 0;    ///< TIMESYNC answers to nothing we asked
+  // the port
+  std::uint64_t disconnected = 0;  ///< times it was lost
+  std::uint64_t retries = 0;       ///< attempts to get it back that failed
+  std::uint64_t write_errors = 0;
+  int last_error = 0;  ///< errno of the last of these
+};
+
+/// The flight controller: who says in its heartbeat that it flies the vehicle with our system number.
+struct LinkPeer {
+  bool is_known = false;
+  Address address;
+  std::uint8_t autopilot = 0;  ///< MAV_AUTOPILOT: 3 ArduPilot, 12 PX4
+  std::uint8_t type = 0;       ///< MAV_TYPE
+  HostStamp last_heard;
+};
+
+struct LinkState {
+  bool is_open = false;  ///< false: the port is lost; the link opens it again by itself
+  Condition condition = Condition::kWaiting;
+  LinkCounts counts;
+  LinkPeer peer;
+  ClockState clock;   ///< of the flight controller, against ours
+  ThreadCosts costs;  ///< of the link's thread since open()
+  bool lacks_priority = false;
+};
+
+/// What publish() hands to the link's thread.
+struct HandedOdometry {
+  epiline::Odometry odometry;
+  std::uint64_t images = 0;  ///< so many are in it
+  std::int64_t when_ns = 0;  ///< handed over
+};
+/// What publish_image() hands over.
+struct ImageMark {
+  std::uint64_t number = 0;
+  HostStamp stamp;
+};
+
+/// Sends odometry, answers, and keeps the port. One thread of its own does all that; publish() hands over and returns.
+/// After open() there is no heap call and no lock in either, also when the port is lost and comes back.
+class MavlinkLink final : public OdometrySink {
+ public:
+  /// `R_VB` turns vectors of the IMU's axes into the vehicle's: forward, left, up. `priority` of the thread:
+  /// SCHED_FIFO, where it is allowed.
+  MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, int priority = 65);
+  ~MavlinkLink() override { close(); }
+
+  /// Says what is wrong with the settings or the port.
+  Status open() override;
+  void close() noexcept override;
+  bool publish(const epiline::Odometry& odometry) noexcept override;
+  bool publish_image(const epiline::Odometry& odometry) noexcept override;
+
+  /// From any thread; at most a second old for the latency, else as of the last thing that happened.
+  LinkState state() const noexcept { return told_.read(); }
+  LinkCounts counts() const noexcept { return state().counts; }
+  ClockState clock_state() const noexcept { return state().clock; }
+  /// From an image's stamp until the first odometry with that image in it was taken by the kernel, to its last byte.
+  LatencyBins latency() const noexcept { return told_latency_.read(); }
+
+ private:
+  static constexpr std::size_t kImages = 64;
+
+  Status check() const;
+  Result<std::unique_ptr<Port>> make_port() const;
+  void wake() noexcept;
+
+  // The thread's.
+  static void run(void* self);
+  void loop() noexcept;
+  void wait() noexcept;
+  std::int64_t next_event_ns(std::int64_t now_ns) const noexcept;
+  void keep_port(std::int64_t now_ns) noexcept;
+  void lose(std::int64_t now_ns, int error) noexcept;
+  void read_port(std::int64_t now_ns) noexcept;
+  void receive(const Packet& packet, std::int64_t now_ns) noexcept;
+  void receive_heartbeat(const Packet& packet, std::int64_t now_ns) noexcept;
+  void look_at_estimate(std::int64_t now_ns) noexcept;
+  void write_port() noexcept;
+  bool flush() noexcept;
+  bool compose(std::int64_t now_ns) noexcept;
+  template <class Message>
+  void put(const Message& message, std::uint64_t& count) noexcept;
+  void put_odometry(std::int64_t now_ns) noexcept;
+  void finish_odometry(std::int64_t now_ns) noexcept;
+  /// visit(mark) for each image up to `number` whose way was not over yet. Now it is.
+  template <class Visit>
+  void take_images(std::uint64_t number, Visit visit) noexcept;
+  bool may_send() const noexcept;
+  bool is_odometry_due(std::int64_t now_ns) const noexcept;
+  bool is_frame_waiting() const noexcept { return frame_sent_ < frame_.size; }
+  void count_dropped(std::int64_t now_ns) noexcept;
+  void tell(std::int64_t now_ns) noexcept;
+
+  MavlinkConfig config_;
+  Mat3 R_VB_;
+  int priority_;
+  std::unique_ptr<Port> port_;
+  int wake_fd_ = -1;
+  RealtimeThread thread_;
+  std::atomic<bool> stop_{false}, is_open_{false};
+
+  // From the publishing thread.
+  LatestValue<HandedOdometry> newest_;
+  SpscRing<ImageMark, kImages> image_marks_;
+  std::uint64_t images_ = 0;
+
+  // The thread's own.
+  Address own_;
+  Parser parser_;
+  TimesyncExchange timesync_;
+  TokenBucket input_;
+  SendSchedule schedule_;
+  OdometryGate gate_;
+  PilotNews news_;
+  LatencyBins latency_;
+  LinkState state_;
+  ThreadCosts costs_at_start_;
+  FrameBytes frame_;            ///< on its way into the port
+  std::size_t frame_sent_ = 0;  ///< of it
+  bool is_frame_odometry_ = false;
+  std::uint64_t frame_images_ = 0;
+  std::uint8_t sequence_ = 0;
+  HandedOdometry estimate_;  ///< the newest that may be sent
+  bool has_unsent_ = false;
+  std::int64_t seen_ns_ = 0;  ///< when_ns of the newest that was looked at
+  std::uint64_t images_seen_ = 0, images_sent_ = 0;
+  std::int64_t held_up_since_ns_ = 0;  ///< odometry was due and could not go: not counted as dropped yet. 0: none
+  std::int64_t next_heartbeat_ns_ = 0, next_question_ns_ = 0, next_latency_ns_ = 0;
+  std::int64_t next_try_ns_ = 0, opened_ns_ = 0, retry_after_ns_ = 0;
+  std::size_t backlog_ = 0;  ///< bytes the kernel has and the line has not
+
+  Snapshot<LinkState> told_;
+  Snapshot<LatencyBins> told_latency_;
+};
+
+}  // namespace epiline::mavlink
