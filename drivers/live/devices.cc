@@ -8,6 +8,7 @@
 
 #include "drivers/camera/v4l2_camera.h"
 #include "drivers/output/can/can_output.h"
+#include "drivers/output/mavlink/link.h"
 
 namespace epiline {
 
@@ -63,6 +64,30 @@ DeviceRecord record_of(const V4l2Camera& camera) {
            {"disconnected", c.disconnected},
            {"retries", c.retries}},
           std::nullopt};
+}
+
+OutputRecord record_of(const mavlink::MavlinkLink& link, const std::string& name) {
+  const mavlink::LinkCounts c = link.counts();
+  return {"mavlink " + name, c.odometry, c.dropped, c.disconnected, link.latency()};
+}
+
+DeviceRecord device_of(const mavlink::MavlinkLink& link) {
+  const mavlink::LinkState s = link.state();
+  const mavlink::LinkCounts& c = s.counts;
+  return {"mavlink",
+          {{"packets", c.packets},
+           {"bad_checksums", c.bad_checksums},
+           {"skipped_bytes", c.skipped_bytes},
+           {"strangers", c.strangers},
+           {"refused_questions", c.refused_questions},
+           {"refused_answers", c.refused_answers},
+           {"timesync_answers", c.timesync_answers},
+           {"disconnected", c.disconnected},
+           {"retries", c.retries},
+           {"write_errors", c.write_errors},
+           {"heap_calls", s.costs.heap_calls},
+           {"lock_calls", s.costs.lock_calls}},
+          s.clock};
 }
 
 OutputRecord record_of(const CanOutput& can, const std::string& interface) {
@@ -121,6 +146,13 @@ Result<LiveDevices> make_devices(const LiveSettings& settings) {
   auto v4l2 = std::make_unique<V4l2Camera>(std::move(*camera));
   devices.records.emplace_back([c = v4l2.get()] { return record_of(*c); });
   devices.camera = std::move(v4l2);
+  if (const MavlinkConfig& m = d.mavlink; !m.serial.empty() || !m.udp.empty()) {
+    auto link = std::make_unique<mavlink::MavlinkLink>(m, R_VB_of(d.body));
+    const mavlink::MavlinkLink* const l = link.get();
+    const std::string name = m.serial.empty() ? m.udp : m.serial;
+    devices.outputs.push_back({std::move(link), [l, name] { return record_of(*l, name); }});
+    devices.records.emplace_back([l] { return device_of(*l); });
+  }
   if (const std::string& interface = d.can.interface; !interface.empty()) {
     auto can = std::make_unique<CanOutput>(d.can, R_VB_of(d.body));
     const CanOutput* const c = can.get();
