@@ -133,12 +133,11 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
   return settings;
 }
 
-Result<LiveDevices> make_devices(const LiveSettings& settings) {
-  const DevicesConfig& d = settings.config.devices;
-  if (d.camera.device.empty()) return missing(settings, "no camera.device", "the camera's path, name or bus");
-  if (d.imu.device.empty() && static_cast<ImuDriver>(d.imu.driver) != ImuDriver::kMavlink)
-    return missing(settings, "no imu.device", "the IMU's name or path, or imu.driver = \"mavlink\"");
-  LiveDevices devices;
+namespace {
+
+Status add_camera(const LiveSettings& settings, LiveDevices& devices) {
+  if (settings.config.devices.camera.device.empty())
+    return missing(settings, "no camera.device", "the camera's path, name or bus");
   auto camera = v4l2_settings(settings);
   if (!camera) return camera.error();
   constexpr int kForTracking = 4;
@@ -146,6 +145,17 @@ Result<LiveDevices> make_devices(const LiveSettings& settings) {
   auto v4l2 = std::make_unique<V4l2Camera>(std::move(*camera));
   devices.records.emplace_back([c = v4l2.get()] { return record_of(*c); });
   devices.camera = std::move(v4l2);
+  return Done{};
+}
+
+Status add_imu(const LiveSettings& settings, LiveDevices& /*devices*/) {
+  const ImuDeviceConfig& imu = settings.config.devices.imu;
+  if (imu.device.empty() && static_cast<ImuDriver>(imu.driver) != ImuDriver::kMavlink)
+    return missing(settings, "no imu.device", "the IMU's name or path, or imu.driver = \"mavlink\"");
+  return missing(settings, "an IMU driver that this program was built without", "another imu.driver");
+}
+
+void add_outputs(const DevicesConfig& d, LiveDevices& devices) {
   if (const MavlinkConfig& m = d.mavlink; !m.serial.empty() || !m.udp.empty()) {
     auto link = std::make_unique<mavlink::MavlinkLink>(m, R_VB_of(d.body));
     const mavlink::MavlinkLink* const l = link.get();
@@ -158,7 +168,19 @@ Result<LiveDevices> make_devices(const LiveSettings& settings) {
     const CanOutput* const c = can.get();
     devices.outputs.push_back({std::move(can), [c, interface] { return record_of(*c, interface); }});
   }
-  return missing(settings, "an IMU driver that this program was built without", "another imu.driver");
+}
+
+}  // namespace
+
+Result<LiveDevices> make_devices(const LiveSettings& settings, LiveDevices devices) {
+  if (!devices.camera) {
+    if (const Status s = add_camera(settings, devices); !s) return s.error();
+  }
+  if (!devices.imu) {
+    if (const Status s = add_imu(settings, devices); !s) return s.error();
+  }
+  add_outputs(settings.config.devices, devices);
+  return devices;
 }
 
 }  // namespace epiline

@@ -39,7 +39,8 @@ struct LiveDevices {
   std::vector<std::function<DeviceRecord()>> records;  ///< what the drivers counted, from any thread
   int images_to_log = 0;                               ///< RealtimeSettings
 };
-/// Fails if and only if the configuration names no camera or no IMU, or something that was not built in.
-Result<LiveDevices> make_devices(const LiveSettings& settings);
+/// A camera or an IMU that `devices` has already takes the place of the configuration's. Fails if and only if the
+/// configuration names no camera or no IMU, or something that was not built in.
+Result<LiveDevices> make_devices(const LiveSettings& settings, LiveDevices devices = {});
 
 }  // namespace epiline

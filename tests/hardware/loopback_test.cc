@@ -1,18 +1,13 @@
 // The camera against v4l2loopback: a program writes the images, with stamps of its own.
-#include <fcntl.h>
-#include <linux/videodev2.h>
-#include <sys/ioctl.h>
-#include <sys/mman.h>
-#include <unistd.h>
-
-#include <algorithm>
 #include <array>
 #include <atomic>
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <thread>
 
+#include "drivers/hil/loopback_writer.h"
 #include "tests/hardware/camera_support.h"
 
 namespace epiline {
@@ -22,71 +17,26 @@ constexpr const char* kDevice = "/dev/video42";
 constexpr int kWidth = 320, kHeight = 180;
 constexpr std::size_t kBytes = static_cast<std::size_t>(kWidth) * kHeight;
 
-/// The other end of the loopback.
+/// The other end of the loopback: images of one grey.
 class Writer {
  public:
   Writer() {
-    fd_ = ::open(kDevice, O_RDWR | O_CLOEXEC);
-    EXPECT_GE(fd_, 0);
-    v4l2_format format{};
-    format.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
-    format.fmt.pix.width = kWidth;
-    format.fmt.pix.height = kHeight;
-    format.fmt.pix.pixelformat = V4L2_PIX_FMT_GREY;
-    format.fmt.pix.field = V4L2_FIELD_NONE;
-    format.fmt.pix.bytesperline = kWidth;
-    format.fmt.pix.sizeimage = kBytes;
-    EXPECT_EQ(::ioctl(fd_, VIDIOC_S_FMT, &format), 0);
-    v4l2_requestbuffers request{};
-    request.count = kMostBuffers;
-    request.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
-    request.memory = V4L2_MEMORY_MMAP;
-    EXPECT_EQ(::ioctl(fd_, VIDIOC_REQBUFS, &request), 0);
-    count_ = std::min(request.count, kMostBuffers);  // the driver has 2 unless told otherwise
-    for (unsigned i = 0; i < count_; ++i) {
-      v4l2_buffer buffer = numbered(i);
-      EXPECT_EQ(::ioctl(fd_, VIDIOC_QUERYBUF, &buffer), 0);
-      length_ = buffer.length;
-      memory_[i] = ::mmap(nullptr, length_, PROT_READ | PROT_WRITE, MAP_SHARED, fd_, buffer.m.offset);
-      EXPECT_NE(memory_[i], MAP_FAILED);
-    }
-    int type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
-    EXPECT_EQ(::ioctl(fd_, VIDIOC_STREAMON, &type), 0);
+    const Status status = writer_.open(kDevice, kWidth, kHeight);
+    EXPECT_TRUE(status) << status.error().text();
   }
-  ~Writer() {
-    for (unsigned i = 0; i < count_; ++i) ::munmap(memory_[i], length_);
-    ::close(fd_);
-  }
-  Writer(const Writer&) = delete;
-  Writer& operator=(const Writer&) = delete;
-
   void write(std::uint8_t grey, HostStamp stamp, std::size_t bytes = kBytes) {
-    v4l2_buffer buffer = numbered(next_);
-    std::memset(memory_[next_], grey, kBytes);
-    buffer.bytesused = static_cast<std::uint32_t>(bytes);
-    buffer.flags = V4L2_BUF_FLAG_TIMESTAMP_COPY;
-    buffer.timestamp.tv_sec = stamp.ns / 1'000'000'000;
-    buffer.timestamp.tv_usec = stamp.ns % 1'000'000'000 / 1'000;
-    ASSERT_EQ(::ioctl(fd_, VIDIOC_QBUF, &buffer), 0);
-    ASSERT_EQ(::ioctl(fd_, VIDIOC_DQBUF, &buffer), 0);
-    next_ = buffer.index;
+    image_.fill(grey);
+    Frame frame;
+    frame.stamp = stamp;
+    frame.data = image_.data();
+    frame.width = frame.stride = kWidth;
+    frame.height = kHeight;
+    ASSERT_TRUE(writer_.write(frame, bytes)) << std::strerror(errno);
   }
 
  private:
-  static constexpr unsigned kMostBuffers = 4;
-  static v4l2_buffer numbered(unsigned index) {
-    v4l2_buffer buffer{};
-    buffer.index = index;
-    buffer.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
-    buffer.memory = V4L2_MEMORY_MMAP;
-    return buffer;
-  }
-
-  int fd_ = -1;
-  std::array<void*, kMostBuffers> memory_{};
-  unsigned count_ = 0;
-  std::size_t length_ = 0;
-  unsigned next_ = 0;
+  LoopbackWriter writer_;
+  std::array<std::uint8_t, kBytes> image_{};
 };
 
 V4l2Settings loopback_settings() {
