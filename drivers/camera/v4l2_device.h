@@ -6,18 +6,11 @@
 #include <cstdint>
 
 #include "drivers/camera/v4l2_settings.h"
+#include "platform/error/device_trouble.h"
 
 struct v4l2_buffer;
 
 namespace epiline {
-
-/// What went wrong, and where.
-struct DeviceTrouble {
-  const char* step = nullptr;  ///< nullptr: nothing went wrong
-  int error = 0;               ///< errno; 0: the device did not refuse, but `found` is not what was wanted
-  char found[96] = "", expected[96] = "";
-  explicit operator bool() const noexcept { return step != nullptr; }
-};
 
 /// The image as the device was set to give it.
 struct DeviceFormat {

@@ -24,6 +24,7 @@ class AccelMerge {
     longest_gap_ = longest_gap;
     first_ = count_ = 0;
   }
+  void set_longest_gap(Span longest_gap) noexcept { longest_gap_ = longest_gap; }
 
   /// A reading that is not later than the one before is left out (false). The oldest one goes if there is no room.
   bool add(Stamp<Clock> stamp, const Vector& value) noexcept {

@@ -41,6 +41,7 @@ struct ImuDeviceConfig {
   int driver = 0;      ///< kImuDriverNames
   std::string device;  ///< IIO: name or path; SPI: /dev/spidevB.C (of the BMI088: its gyroscope); MAVLink: nothing
   std::string device_accel;  ///< IIO: where the accelerometer is another device; BMI088: its second chip select
+  std::string trigger;       ///< IIO: by its name; empty: the one that is set, or the device's own
   double rate_hz = 200;
   std::string ready_line;  ///< GPIO line of the data-ready edge; see GpioLine
   int ready_edge = 0;      ///< kEdgeNames

@@ -187,6 +187,8 @@ const std::vector<Parameter>& parameters() {
        EPILINE_AT(devices.imu.device)},
       {"imu.device_accel", "", 0, 0, "the accelerometer, where it is a device of its own",
        EPILINE_AT(devices.imu.device_accel)},
+      {"imu.trigger", "", 0, 0, "iio: name of a trigger; without it the one that is set, or the device's own",
+       EPILINE_AT(devices.imu.trigger)},
       {"imu.rate_hz", "Hz", 1, 10000, "readings per second to ask for", EPILINE_AT(devices.imu.rate_hz)},
       {"imu.ready_line", "", 0, 0, "GPIO line, by name or CHIP:OFFSET, with the data-ready edge",
        EPILINE_AT(devices.imu.ready_line)},
