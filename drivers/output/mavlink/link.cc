@@ -30,7 +30,7 @@ constexpr std::int64_t kRetryFirst_ns = 50 * kMillisecond_ns, kRetryMost_ns = 50
 constexpr std::int64_t kSilence_ns = 500 * kMillisecond_ns;  // no publish() for so long: the estimator has stopped
 constexpr std::int64_t kTooOld_ns = 100 * kMillisecond_ns;   // a prediction that waited so long does not go any more
 constexpr std::int64_t kPeerGone_ns = 5 * kSecond_ns;        // another flight controller may take its place
-constexpr std::int64_t kQuestions_ns = kSecond_ns;
+constexpr std::int64_t kQuestions_ns = kSecond_ns, kQuestionsForImu_ns = 100 * kMillisecond_ns;
 constexpr std::int64_t kLineCheck_ns = kMillisecond_ns;             // how soon to look at a full line again
 constexpr std::size_t kOdometryBehind = 64, kAnythingBehind = 512;  // bytes in the kernel that a frame may wait for
 constexpr double kOdometryFrame = 10 + 233 + 2, kOtherBytesPerSecond = 1500;
@@ -42,15 +42,21 @@ std::uint8_t first_reset_counter() { return static_cast<std::uint8_t>(monotonic_
 
 }  // namespace
 
-MavlinkLink::MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, int priority)
+MavlinkLink::MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, const std::optional<ImuDeviceConfig>& imu,
+                         int priority)
     : config_(config),
       R_VB_(R_VB),
       priority_(priority),
       own_{static_cast<std::uint8_t>(config.system), static_cast<std::uint8_t>(config.component)},
+      question_period_ns_(imu ? kQuestionsForImu_ns : kQuestions_ns),
       timesync_(own_),
       input_(kInputPerSecond, kInputAtOnce),
       schedule_(config.rate_hz),
-      gate_(first_reset_counter()) {}
+      gate_(first_reset_counter()) {
+  if (!imu) return;
+  imu_.emplace(Span::from_seconds(1e-3 * imu->delay_ms));
+  imu_request_.emplace(imu->rate_hz);
+}
 
 // ---- opening and closing ----
 
@@ -64,6 +70,9 @@ Status MavlinkLink::check() const {
                  std::to_string(config_.baud) + " for " + std::to_string(static_cast<int>(config_.rate_hz)) +
                      " odometry messages per second",
                  "at least " + std::to_string(static_cast<int>(10 * bytes)) + ", or a lower mavlink.rate_hz"};
+  if (imu_ && !R_VB_.isIdentity(1e-9))
+    return Error{ErrorKind::kUsage, "[body]", 0, "turned axes with imu.driver = \"mavlink\"",
+                 "none: the flight controller turns its IMU itself"};
   return Done{};
 }
 
@@ -140,6 +149,17 @@ bool MavlinkLink::publish_image(const epiline::Odometry& odometry) noexcept {
   return is_open_.load(std::memory_order_relaxed);
 }
 
+// ---- the thread that reads the IMU ----
+
+ReadOutcome MavlinkLink::read_imu(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept {
+  count = 0;
+  has_reader_.store(true, std::memory_order_relaxed);
+  readings_parking_.wait_until(monotonic_ns() + timeout.ns, [&] { return readings_.front() != nullptr; });
+  while (count < samples.size() && readings_.pop(samples[count])) ++count;
+  if (count > 0) return ReadOutcome::kSample;
+  return is_open_.load(std::memory_order_relaxed) ? ReadOutcome::kTimeout : ReadOutcome::kFailed;
+}
+
 // ---- the link's thread ----
 
 void MavlinkLink::run(void* self) {
@@ -184,6 +204,7 @@ std::int64_t MavlinkLink::next_event_ns(std::int64_t now_ns) const noexcept {
   if (is_frame_waiting()) return next_ns;  // nothing else can be sent
   std::int64_t send_ns = std::min(next_heartbeat_ns_, news_.due_ns());
   if (state_.peer.is_known) send_ns = std::min(send_ns, next_question_ns_);
+  if (state_.peer.is_known && imu_request_) send_ns = std::min(send_ns, imu_request_->due_ns());
   if (has_unsent_) send_ns = std::min(send_ns, schedule_.due_ns(estimate_.images > images_sent_));
   if (backlog_ > kOdometryBehind) send_ns = std::max(send_ns, now_ns + kLineCheck_ns);
   return std::min(next_ns, send_ns);
@@ -197,6 +218,10 @@ void MavlinkLink::tell(std::int64_t now_ns) noexcept {
   counts.refused_questions = timesync_.refused_questions();
   counts.refused_answers = timesync_.refused_answers();
   state_.clock = timesync_.clock().state();
+  if (imu_) {
+    state_.imu = imu_->counts();
+    state_.imu_request = imu_request_->state();
+  }
   if (now_ns >= next_latency_ns_) {
     next_latency_ns_ = now_ns + kSecond_ns;
     state_.costs = costs_of_this_thread() - costs_at_start_;
@@ -252,12 +277,34 @@ void MavlinkLink::receive(const Packet& packet, std::int64_t now_ns) noexcept {
   const LinkPeer& peer = state_.peer;
   const bool is_autopilot =
       peer.is_known && packet.from.system == peer.address.system && packet.from.component == peer.address.component;
+  if (packet.id == Heartbeat::kId) return receive_heartbeat(packet, now_ns);
   Timesync timesync;
-  if (packet.id == Heartbeat::kId) {
-    receive_heartbeat(packet, now_ns);
-  } else if (unpack(packet, timesync)) {
-    timesync_.receive(timesync, packet.from, is_autopilot, now_ns);
+  if (unpack(packet, timesync)) return timesync_.receive(timesync, packet.from, is_autopilot, now_ns);
+  HighresImu highres;
+  RawImu raw;
+  CommandAck answer;
+  const bool is_highres = unpack(packet, highres), is_raw = unpack(packet, raw), is_answer = unpack(packet, answer);
+  if (!imu_ || !(is_highres || is_raw || is_answer)) return;
+  constexpr std::uint8_t kArduPilot = 3;
+  if (!is_autopilot) {
+    ++state_.counts.strangers;
+  } else if (is_answer) {
+    imu_request_->receive(answer, own_, now_ns);
+  } else if (is_highres) {
+    receive_reading(highres, now_ns);
+  } else if (peer.autopilot == kArduPilot) {
+    receive_reading(raw, now_ns);
   }
+}
+
+template <class Message>
+void MavlinkLink::receive_reading(const Message& message, std::int64_t now_ns) noexcept {
+  ImuSample sample;
+  if (!imu_->take(message, timesync_.clock(), HostStamp{now_ns}, sample)) return;
+  imu_request_->reading(now_ns);
+  if (!has_reader_.load(std::memory_order_relaxed)) return;
+  if (!readings_.push(sample)) imu_->count_overrun();
+  readings_parking_.notify();
 }
 
 void MavlinkLink::receive_heartbeat(const Packet& packet, std::int64_t now_ns) noexcept {
@@ -386,7 +433,9 @@ bool MavlinkLink::compose(std::int64_t now_ns) noexcept {
     put(message, counts.texts);
   } else if (state_.peer.is_known && now_ns >= next_question_ns_) {
     put(timesync_.question(state_.peer.address, now_ns), counts.timesync_questions);
-    next_question_ns_ = now_ns + kQuestions_ns;
+    next_question_ns_ = now_ns + question_period_ns_;
+  } else if (state_.peer.is_known && imu_request_ && now_ns >= imu_request_->due_ns()) {
+    put(imu_request_->question(state_.peer.address, now_ns), counts.requests);
   } else {
     return false;
   }

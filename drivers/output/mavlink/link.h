@@ -5,8 +5,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
+#include <string>
 
+#include "drivers/output/mavlink/controller_imu.h"
+#include "drivers/output/mavlink/imu_request.h"
 #include "drivers/output/mavlink/message.h"
 #include "drivers/output/mavlink/odometry_gate.h"
 #include "drivers/output/mavlink/packet.h"
@@ -18,6 +22,7 @@
 #include "pipeline/config/devices.h"
 #include "pipeline/realtime/latency_bins.h"
 #include "platform/concurrency/latest_value.h"
+#include "platform/concurrency/parking.h"
 #include "platform/concurrency/snapshot.h"
 #include "platform/concurrency/spsc_ring.h"
 #include "platform/linux/realtime.h"
@@ -30,7 +35,7 @@ struct LinkCounts {
   // sent
   std::uint64_t odometry = 0;
   std::uint64_t dropped = 0;  ///< odometry that was due and found the line busy or gone
-  std::uint64_t heartbeats = 0, texts = 0, timesync_questions = 0, timesync_answers = 0;
+  std::uint64_t heartbeats = 0, texts = 0, timesync_questions = 0, timesync_answers = 0, requests = 0;
   // received
   std::uint64_t packets = 0, bad_checksums = 0;
   std::uint64_t skipped_bytes = 0;      ///< noise, and messages we do not know
@@ -58,6 +63,8 @@ struct LinkState {
   Condition condition = Condition::kWaiting;
   LinkCounts counts;
   LinkPeer peer;
+  ControllerImuCounts imu;
+  RequestState imu_request = RequestState::kNone;
   ClockState clock;   ///< of the flight controller, against ours
   ThreadCosts costs;  ///< of the link's thread since open()
   bool lacks_priority = false;
@@ -81,7 +88,11 @@ class MavlinkLink final : public OdometrySink {
  public:
   /// `R_VB` turns vectors of the IMU's axes into the vehicle's: forward, left, up. `priority` of the thread:
   /// SCHED_FIFO, where it is allowed.
-  MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, int priority = 65);
+  ///
+  /// With `imu` the flight controller is asked for its IMU's readings, for MavlinkImu. They are in the vehicle's axes
+  /// already, so R_VB must be the identity then.
+  MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, const std::optional<ImuDeviceConfig>& imu = std::nullopt,
+              int priority = 65);
   ~MavlinkLink() override { close(); }
 
   /// Says what is wrong with the settings or the port.
@@ -90,6 +101,11 @@ class MavlinkLink final : public OdometrySink {
   bool publish(const epiline::Odometry& odometry) noexcept override;
   bool publish_image(const epiline::Odometry& odometry) noexcept override;
 
+  /// One thread: what ImuSource::read() promises, of readings since the first call. kFailed: the port is lost.
+  ReadOutcome read_imu(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept;
+
+  /// The port, as the configuration names it.
+  const std::string& name() const noexcept { return config_.serial.empty() ? config_.udp : config_.serial; }
   /// From any thread; at most a second old for the latency, else as of the last thing that happened.
   LinkState state() const noexcept { return told_.read(); }
   LinkCounts counts() const noexcept { return state().counts; }
@@ -98,7 +114,7 @@ class MavlinkLink final : public OdometrySink {
   LatencyBins latency() const noexcept { return told_latency_.read(); }
 
  private:
-  static constexpr std::size_t kImages = 64;
+  static constexpr std::size_t kImages = 64, kReadings = 1024;
 
   Status check() const;
   Result<std::unique_ptr<Port>> make_port() const;
@@ -113,6 +129,8 @@ class MavlinkLink final : public OdometrySink {
   void lose(std::int64_t now_ns, int error) noexcept;
   void read_port(std::int64_t now_ns) noexcept;
   void receive(const Packet& packet, std::int64_t now_ns) noexcept;
+  template <class Message>
+  void receive_reading(const Message& message, std::int64_t now_ns) noexcept;
   void receive_heartbeat(const Packet& packet, std::int64_t now_ns) noexcept;
   void look_at_estimate(std::int64_t now_ns) noexcept;
   void write_port() noexcept;
@@ -144,11 +162,19 @@ class MavlinkLink final : public OdometrySink {
   SpscRing<ImageMark, kImages> image_marks_;
   std::uint64_t images_ = 0;
 
+  // To the thread that reads the IMU.
+  std::atomic<bool> has_reader_{false};
+  SpscRing<ImuSample, kReadings> readings_;
+  Parking readings_parking_;
+
   // The thread's own.
   Address own_;
   Parser parser_;
+  std::int64_t question_period_ns_;
   TimesyncExchange timesync_;
   TokenBucket input_;
+  std::optional<ControllerImu> imu_;
+  std::optional<ImuRequest> imu_request_;
   SendSchedule schedule_;
   OdometryGate gate_;
   PilotNews news_;

@@ -104,4 +104,21 @@ VisionPositionEstimate vision_position_message(const epiline::Odometry& odometry
   return message;
 }
 
+ImuSample imu_sample(const HighresImu& message) {
+  ImuSample sample;
+  Eigen::Map<Vec3>(sample.angular_velocity_rad_s.data()) = flip() * Vec3(message.xgyro, message.ygyro, message.zgyro);
+  Eigen::Map<Vec3>(sample.specific_force_m_s2.data()) = flip() * Vec3(message.xacc, message.yacc, message.zacc);
+  return sample;
+}
+
+ImuSample imu_sample(const RawImu& message) {
+  constexpr double kAcceleration_m_s2 = 9.80665e-3, kRate_rad_s = 1e-3;
+  ImuSample sample;
+  Eigen::Map<Vec3>(sample.angular_velocity_rad_s.data()) =
+      kRate_rad_s * (flip() * Vec3(message.xgyro, message.ygyro, message.zgyro));
+  Eigen::Map<Vec3>(sample.specific_force_m_s2.data()) =
+      kAcceleration_m_s2 * (flip() * Vec3(message.xacc, message.yacc, message.zacc));
+  return sample;
+}
+
 }  // namespace epiline::mavlink

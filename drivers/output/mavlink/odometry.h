@@ -1,5 +1,5 @@
 #pragma once
-// Our odometry in MAVLink's frames: the one place where axes are turned. Page: docs/mavlink.md.
+// Our odometry in MAVLink's frames, its IMU in ours: the one place where axes are turned. Page: docs/mavlink.md.
 #include "drivers/output/mavlink/message.h"
 #include "estimator/geometry/types.h"
 #include "platform/samples/samples.h"
@@ -20,5 +20,11 @@ Odometry odometry_message(const epiline::Odometry& odometry, const Mat3& R_VB);
 
 /// The same for flight controllers that take no ODOMETRY. Roll, pitch and yaw turn F into L, about x after y after z.
 VisionPositionEstimate vision_position_message(const epiline::Odometry& odometry, const Mat3& R_VB);
+
+/// Readings of a flight controller's IMU, which it has turned into F, in V: the body frame B of who takes them. Only
+/// the values; whose clock the stamp is on, is not for here to know.
+ImuSample imu_sample(const HighresImu& message);
+/// As ArduPilot fills it: thousandths of 9.80665 m/s^2, and of rad/s.
+ImuSample imu_sample(const RawImu& message);
 
 }  // namespace epiline::mavlink

@@ -12,27 +12,16 @@ SendSchedule::SendSchedule(double rate_hz) noexcept
 void SendSchedule::image(std::int64_t now_ns) noexcept {
   const std::int64_t interval = now_ns - last_image_ns_;
   last_image_ns_ = now_ns;
-  if (interval > kRarely_ns) {
-    images_ = 0;
-    return;
-  }
-  intervals_ns_[images_++ % kIntervals] = interval;
+  if (interval > kRarely_ns) return intervals_ns_.clear();
+  intervals_ns_.add(interval);
 }
 
 void SendSchedule::sent(std::int64_t now_ns) noexcept { last_sent_ns_ = now_ns; }
 
-/// 0: not enough images lately.
-std::int64_t SendSchedule::median_interval_ns() const noexcept {
-  if (images_ < kIntervals) return 0;
-  auto sorted = intervals_ns_;
-  std::nth_element(sorted.begin(), sorted.begin() + kIntervals / 2, sorted.end());
-  return sorted[kIntervals / 2];
-}
-
 std::int64_t SendSchedule::due_ns(bool has_image) const noexcept {
   const std::int64_t earliest = last_sent_ns_ + shortest_ns_;
   if (has_image) return earliest;
-  const std::int64_t plain = last_sent_ns_ + period_ns_, interval = median_interval_ns();
+  const std::int64_t plain = last_sent_ns_ + period_ns_, interval = intervals_ns_.value_or(0);
   if (interval <= 0 || last_sent_ns_ - last_image_ns_ > 3 * interval) return plain;
   // the first image that may be sent when it comes, and how long until then
   const std::int64_t images = std::max<std::int64_t>((earliest - last_image_ns_ + interval - 1) / interval, 1);

@@ -1,8 +1,8 @@
 #pragma once
 // When the next odometry is due.
-#include <array>
-#include <cstddef>
 #include <cstdint>
+
+#include "drivers/output/mavlink/recent_median.h"
 
 namespace epiline::mavlink {
 
@@ -24,15 +24,11 @@ class SendSchedule {
   std::int64_t period_ns() const noexcept { return period_ns_; }
 
  private:
-  static constexpr std::size_t kIntervals = 5;
   static constexpr std::int64_t kRarely_ns = 500'000'000;  // images so far apart are none to wait for
-
-  std::int64_t median_interval_ns() const noexcept;
 
   std::int64_t period_ns_, shortest_ns_, longest_ns_;
   std::int64_t last_sent_ns_ = -(std::int64_t{1} << 60), last_image_ns_ = -(std::int64_t{1} << 60);
-  std::array<std::int64_t, kIntervals> intervals_ns_{};
-  std::size_t images_ = 0;  ///< since the last pause
+  RecentMedian<5> intervals_ns_;  ///< of images
 };
 
 }  // namespace epiline::mavlink

@@ -1,0 +1,28 @@
+#pragma once
+// The usual value of something that comes again and again, whatever happens once in a while.
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace epiline::mavlink {
+
+template <std::size_t N>
+class RecentMedian {
+ public:
+  void add(std::int64_t value) noexcept { values_[count_++ % N] = value; }
+  void clear() noexcept { count_ = 0; }
+  /// Of the last N; `otherwise` before there are so many.
+  std::int64_t value_or(std::int64_t otherwise) const noexcept {
+    if (count_ < N) return otherwise;
+    auto sorted = values_;
+    std::nth_element(sorted.begin(), sorted.begin() + N / 2, sorted.end());
+    return sorted[N / 2];
+  }
+
+ private:
+  std::array<std::int64_t, N> values_{};
+  std::size_t count_ = 0;
+};
+
+}  // namespace epiline::mavlink
