@@ -77,7 +77,8 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
   }
   format_ = format;
   if (const DeviceTrouble trouble = device_.set_controls(settings_)) return trouble;
-  if (const DeviceTrouble trouble = read_exposure()) return trouble;
+  if (const DeviceTrouble trouble = repeat_changes()) return trouble;
+  if (const DeviceTrouble trouble = exposure_.set_up(device_)) return trouble;
   if (const DeviceTrouble trouble = map_buffers()) return trouble;
   if (const DeviceTrouble trouble = device_.start()) return trouble;
   is_first_of_stream_ = true;
@@ -86,14 +87,51 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
   return {};
 }
 
-DeviceTrouble V4l2Camera::read_exposure() noexcept {
-  exposure_ = settings_.exposure;
-  if (settings_.exposure_control.empty()) return {};
-  std::int64_t value = 0;
-  const DeviceTrouble trouble = device_.control(settings_.exposure_control.c_str(), value);
-  exposure_ = {value * settings_.exposure.ns};
-  return trouble;
+// ---- controls, while it streams ----
+
+bool V4l2Camera::request_control(std::string_view name, std::int64_t value) noexcept {
+  ControlChange change;
+  if (name.size() >= change.name.size()) return false;
+  std::copy(name.begin(), name.end(), change.name.begin());
+  change.value = value;
+  return requests_.push(change);
 }
+
+void V4l2Camera::serve_requests() noexcept {
+  ControlChange change;
+  while (requests_.pop(change)) {
+    const ControlChange wanted = change;
+    change.is_set = !change_control(change);
+    answers_.push(change);
+    if (!change.is_set) continue;
+    ControlChange* known =
+        std::find_if(changes_.begin(), changes_.end(), [&](const ControlChange& c) { return c.name == wanted.name; });
+    if (known != changes_.end())
+      *known = wanted;
+    else
+      changes_.push_back(wanted);
+  }
+  exposure_.serve(device_);
+}
+
+DeviceTrouble V4l2Camera::change_control(ControlChange& change) noexcept {
+  ControlFacts facts;
+  if (const DeviceTrouble trouble = device_.find_control(change.name.data(), facts)) return trouble;
+  ControlValue one{&facts, change.name.data(), change.value};
+  const DeviceTrouble trouble = device_.change_controls({&one, 1});
+  if (trouble) return trouble;
+  change.value = one.value;
+  exposure_.changed(facts.id, one.value, {monotonic_ns()});
+  return {};
+}
+
+DeviceTrouble V4l2Camera::repeat_changes() noexcept {
+  for (ControlChange change : changes_)
+    if (const DeviceTrouble trouble = change_control(change)) return trouble;
+  return {};
+}
+
+// ---- buffers ----
 
 DeviceTrouble V4l2Camera::map_buffers() noexcept {
   unsigned count = copies_ ? kBuffersWhenCopying : static_cast<unsigned>(settings_.buffers);
@@ -207,6 +245,7 @@ ReadOutcome V4l2Camera::read(Frame& frame, Span timeout) noexcept {
     }
     if (!reopen()) return ReadOutcome::kFailed;
   }
+  serve_requests();
   for (bool is_well = true;;) {
     const ReadOutcome outcome = collect_returned() ? take(frame) : ReadOutcome::kFailed;
     const std::int64_t now_ns = monotonic_ns();
@@ -272,6 +311,7 @@ bool V4l2Camera::collect_returned() noexcept {
 }
 
 ReadOutcome V4l2Camera::take(Frame& frame) noexcept {
+  exposure_.note_changes(device_);
   // a bad image is as long on the way as a good one: the next is not there yet, so this ends
   for (;;) {
     v4l2_buffer buffer;
@@ -296,6 +336,7 @@ ReadOutcome V4l2Camera::take(Frame& frame) noexcept {
       if (!is_good) return ReadOutcome::kFailed;
     }
     if (!is_good) continue;
+    exposure_.look(frame);
     bump(frames_);
     return ReadOutcome::kSample;
   }
@@ -328,7 +369,8 @@ bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
   const bool is_start = (buffer.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) == V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
   const StampPoint point =
       settings_.stamp_point.value_or(is_start ? StampPoint::kStartOfExposure : StampPoint::kEndOfFrame);
-  frame.stamp = given + to_mid_exposure(point, settings_.shutter, exposure_, settings_.readout);
+  frame.stamp =
+      given + to_mid_exposure(point, settings_.shutter, exposure_.time_of(given, frame.sequence), settings_.readout);
   return true;
 }
 

@@ -4,10 +4,13 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <string_view>
 #include <vector>
 
+#include "drivers/camera/camera_exposure.h"
 #include "drivers/camera/v4l2_device.h"
 #include "drivers/camera/v4l2_settings.h"
+#include "platform/concurrency/spsc_ring.h"
 #include "platform/ports/ports.h"
 
 namespace epiline {
@@ -24,6 +27,13 @@ struct CameraCounts {
   std::uint64_t disconnected = 0;  ///< the device was lost
   std::uint64_t retries = 0;       ///< attempts to get it back that failed
   int last_error = 0;              ///< errno of the last loss or failed attempt; 0: it was silent, or not as before
+};
+
+/// A control to be set while the camera streams, and what became of it.
+struct ControlChange {
+  std::array<char, 48> name{};
+  std::int64_t value = 0;  ///< wanted; in an answer: as read back
+  bool is_set = false;     ///< false in an answer: the device refused, or has no such control
 };
 
 /// One thread calls open(), read() and close(); any thread may give back and ask for counts. After open() there is no
@@ -43,14 +53,28 @@ class V4l2Camera final : public CameraSource {
   /// As the device was set by open().
   const DeviceFormat& format() const noexcept { return format_; }
   bool copies() const noexcept { return copies_; }
-  Span exposure() const noexcept { return exposure_; }
+  Span exposure() const noexcept { return exposure_.report().time; }  ///< of the newest image
+  ExposureReport exposure_report() const noexcept { return exposure_.report(); }
   CameraCounts counts() const noexcept;
   bool is_streaming() const noexcept { return streaming_.load(std::memory_order_relaxed); }
+
+  // While it streams; any one thread.
+
+  /// Sets a control, by the name v4l2-ctl shows, before the next image is waited for; again when a lost device has come
+  /// back. False: the name is too long, or kChanges of them are still waiting.
+  bool request_control(std::string_view name, std::int64_t value) noexcept;
+  /// What became of the oldest request not yet told of. False: nothing new.
+  bool control_answer(ControlChange& answer) noexcept { return answers_.pop(answer); }
+  /// The exposure controller; needs `exposure_control`.
+  void set_automatic_exposure(bool on) noexcept { exposure_.set_automatic(on); }
+  /// How fast the camera turns, rad/s: exposure times are limited so that images stay sharp.
+  void set_turn_rate(double rad_s) noexcept { exposure_.set_turn_rate(rad_s); }
 
  private:
   static constexpr std::size_t kMostBuffers = 16,
                                kSlots = 32;  ///< images lent when the device was lost keep their slots
   static constexpr unsigned kBuffersWhenCopying = 4;
+  static constexpr std::size_t kChanges = 8;
 
   enum class SlotState : std::uint8_t {
     kFree,
@@ -73,11 +97,14 @@ class V4l2Camera final : public CameraSource {
   // Setting up: open() and reopen().
   DeviceTrouble set_up() noexcept;
   DeviceTrouble map_buffers() noexcept;
-  DeviceTrouble read_exposure() noexcept;
+  DeviceTrouble repeat_changes() noexcept;
   Error error_of(const DeviceTrouble& trouble) const;
   void lose(int error) noexcept;
   bool reopen() noexcept;
   void tear_down() noexcept;
+
+  void serve_requests() noexcept;
+  DeviceTrouble change_control(ControlChange& change) noexcept;
 
   // An image.
   bool collect_returned() noexcept;
@@ -96,8 +123,10 @@ class V4l2Camera final : public CameraSource {
   DeviceFormat format_;
   bool copies_ = false, opened_ = false;
   std::uint32_t stamp_flags_ = 0;
-  Span exposure_;
-  int wake_fd_ = -1;  ///< an eventfd: an image was given back
+  CameraExposure exposure_{settings_};
+  SpscRing<ControlChange, kChanges> requests_, answers_;
+  FixedVector<ControlChange, kChanges> changes_;  ///< to be repeated when a lost device is back
+  int wake_fd_ = -1;                              ///< an eventfd: an image was given back
 
   std::array<Memory, kMostBuffers> buffers_{};  ///< when copying
   std::array<int, kMostBuffers> slot_of_{};     ///< when lending

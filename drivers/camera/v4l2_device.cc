@@ -6,6 +6,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cctype>
 #include <cerrno>
 #include <cmath>
@@ -84,6 +85,7 @@ int V4l2Device::call(unsigned long request, void* argument) const noexcept {
 void V4l2Device::close() noexcept {
   if (fd_ >= 0) ::close(fd_);
   fd_ = -1;
+  watches_ = false;
 }
 
 DeviceTrouble V4l2Device::open(const char* wanted) noexcept {
@@ -194,6 +196,8 @@ DeviceTrouble V4l2Device::find_control(const char* name, ControlFacts& facts) no
       facts.id = query.id;
       facts.type = query.type;
       facts.is_readable = (query.flags & V4L2_CTRL_FLAG_WRITE_ONLY) == 0;
+      facts.least = query.minimum;
+      facts.most = query.maximum;
       if (is_settable(query.type)) return {};
       return unexpected("VIDIOC_QUERY_EXT_CTRL", "a number", "control '%.60s' is no number", name);
     }
@@ -221,26 +225,57 @@ DeviceTrouble V4l2Device::control(const char* name, std::int64_t& value) noexcep
   return read_control(name, facts, value);
 }
 
+DeviceTrouble V4l2Device::write_controls(std::span<const ControlValue> values) noexcept {
+  std::array<v4l2_ext_control, kTogether> control{};
+  v4l2_ext_controls controls{};
+  controls.which = V4L2_CTRL_WHICH_CUR_VAL;
+  controls.controls = control.data();
+  for (const ControlValue& wanted : values) {
+    v4l2_ext_control& one = control[controls.count++];
+    one.id = wanted.facts->id;
+    if (wanted.facts->type == V4L2_CTRL_TYPE_INTEGER64)
+      one.value64 = wanted.value;
+    else
+      one.value = static_cast<std::int32_t>(wanted.value);
+  }
+  DeviceTrouble trouble = refused("VIDIOC_S_EXT_CTRLS", call(VIDIOC_S_EXT_CTRLS, &controls));
+  const ControlValue& told = values[std::min<std::size_t>(controls.error_idx, values.size() - 1)];
+  std::snprintf(trouble.found, sizeof(trouble.found), "%.60s = %lld", told.name, static_cast<long long>(told.value));
+  return trouble;
+}
+
+DeviceTrouble V4l2Device::change_controls(std::span<ControlValue> values) noexcept {
+  if (const DeviceTrouble trouble = write_controls(values)) return trouble;
+  for (ControlValue& v : values) {
+    if (!v.facts->is_readable) continue;
+    if (const DeviceTrouble trouble = read_control(v.name, *v.facts, v.value)) return trouble;
+  }
+  return {};
+}
+
+void V4l2Device::watch_control(const ControlFacts& facts) noexcept {
+  v4l2_event_subscription wish{};
+  wish.type = V4L2_EVENT_CTRL;
+  wish.id = facts.id;
+  if (call(VIDIOC_SUBSCRIBE_EVENT, &wish) == 0) watches_ = true;
+}
+
+bool V4l2Device::next_change(std::uint32_t& id, std::int64_t& value, HostStamp& at) noexcept {
+  if (!watches_) return false;
+  v4l2_event event{};
+  if (call(VIDIOC_DQEVENT, &event) != 0 || event.type != V4L2_EVENT_CTRL) return false;
+  id = event.id;
+  value = event.u.ctrl.type == V4L2_CTRL_TYPE_INTEGER64 ? event.u.ctrl.value64 : event.u.ctrl.value;
+  at = {static_cast<std::int64_t>(event.timestamp.tv_sec) * 1'000'000'000 + event.timestamp.tv_nsec};
+  return true;
+}
+
 DeviceTrouble V4l2Device::set_controls(const V4l2Settings& settings) noexcept {
   for (const CameraControl& wanted : settings.controls) {
     ControlFacts facts;
     if (const DeviceTrouble trouble = find_control(wanted.name.c_str(), facts)) return trouble;
-    v4l2_ext_control control{};
-    v4l2_ext_controls controls{};
-    control.id = facts.id;
-    if (facts.type == V4L2_CTRL_TYPE_INTEGER64)
-      control.value64 = wanted.value;
-    else
-      control.value = static_cast<std::int32_t>(wanted.value);
-    controls.which = V4L2_CTRL_WHICH_CUR_VAL;
-    controls.count = 1;
-    controls.controls = &control;
-    if (const int error = call(VIDIOC_S_EXT_CTRLS, &controls); error != 0) {
-      DeviceTrouble trouble = refused("VIDIOC_S_EXT_CTRLS", error);
-      std::snprintf(trouble.found, sizeof(trouble.found), "%.60s = %lld", wanted.name.c_str(),
-                    static_cast<long long>(wanted.value));
-      return trouble;
-    }
+    const ControlValue one{&facts, wanted.name.c_str(), wanted.value};
+    if (const DeviceTrouble trouble = write_controls({&one, 1})) return trouble;
   }
   // afterwards, for one control can change another
   for (const CameraControl& wanted : settings.controls) {

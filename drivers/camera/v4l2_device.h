@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "drivers/camera/v4l2_settings.h"
 #include "platform/error/device_trouble.h"
@@ -17,6 +18,19 @@ struct DeviceFormat {
   PixelFormat format = PixelFormat::kGrey;
   int width = 0, height = 0, stride = 0;
   double rate_hz = 0;  ///< 0: the device does not say
+};
+
+/// A control that holds a number, as the device describes it.
+struct ControlFacts {
+  std::uint32_t id = 0, type = 0;  ///< id 0: none
+  bool is_readable = false;
+  std::int64_t least = 0, most = 0;
+};
+
+struct ControlValue {
+  const ControlFacts* facts = nullptr;
+  const char* name = "";
+  std::int64_t value = 0;
 };
 
 class V4l2Device {
@@ -39,7 +53,15 @@ class V4l2Device {
   DeviceTrouble set_format(const V4l2Settings& settings, DeviceFormat& format) noexcept;
   /// Sets all, then reads all back.
   DeviceTrouble set_controls(const V4l2Settings& settings) noexcept;
+  DeviceTrouble find_control(const char* name, ControlFacts& facts) noexcept;
+  /// Sets some (kTogether at most) in one call, then reads them back: each value becomes what the device made of it.
+  static constexpr std::size_t kTogether = 4;
+  DeviceTrouble change_controls(std::span<ControlValue> values) noexcept;
   DeviceTrouble control(const char* name, std::int64_t& value) noexcept;
+  /// From now on next_change() tells when another program changes the control. A device may not offer that.
+  void watch_control(const ControlFacts& facts) noexcept;
+  /// The oldest change not yet told: of which control, to what, when. False: there is none.
+  bool next_change(std::uint32_t& id, std::int64_t& value, HostStamp& at) noexcept;
 
   /// `count` becomes the number of buffers the driver gives.
   DeviceTrouble request_buffers(unsigned& count) noexcept;
@@ -52,13 +74,9 @@ class V4l2Device {
   void stop() noexcept;  ///< also lets go of the buffers; mappings stay
 
  private:
-  struct ControlFacts {
-    std::uint32_t id = 0, type = 0;
-    bool is_readable = false;
-  };
   DeviceTrouble open_path(const char* path) noexcept;
   DeviceTrouble set_rate(double wanted_hz, double& rate_hz) noexcept;
-  DeviceTrouble find_control(const char* name, ControlFacts& facts) noexcept;
+  DeviceTrouble write_controls(std::span<const ControlValue> values) noexcept;
   DeviceTrouble read_control(const char* name, const ControlFacts& facts, std::int64_t& value) noexcept;
   /// 0 or errno; begins again when a signal came in between.
   int call(unsigned long request, void* argument) const noexcept;
@@ -66,7 +84,7 @@ class V4l2Device {
   int fd_ = -1;
   std::array<char, 64> path_{};
   std::array<char, 64> card_{}, bus_{};
-  bool is_loopback_ = false;
+  bool is_loopback_ = false, watches_ = false;
 };
 
 }  // namespace epiline

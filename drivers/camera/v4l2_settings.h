@@ -7,14 +7,13 @@
 
 #include "drivers/camera/mid_exposure.h"
 #include "drivers/camera/pixel_format.h"
+#include "pipeline/config/devices.h"
+#include "platform/error/result.h"
 #include "platform/time/clock.h"
 
 namespace epiline {
 
-struct CameraControl {
-  std::string name;  ///< as `v4l2-ctl --list-ctrls` writes it: exposure_time_absolute
-  std::int64_t value = 0;
-};
+using CameraControl = NamedValue;  ///< the name as `v4l2-ctl --list-ctrls` writes it: exposure_time_absolute
 
 struct V4l2Settings {
   /// A path (/dev/video0, /dev/v4l/by-id/...), or the name or bus of a device as `v4l2-ctl --list-devices` shows them.
@@ -32,6 +31,8 @@ struct V4l2Settings {
   /// The exposure time: `exposure` if there is no control that tells it, else that control's value times `exposure`.
   std::string exposure_control{};
   Span exposure{};
+  ExposureConfig control_of_exposure{};
+  double focal_px = 0;                      ///< pixels per radian, for the limit against blur; 0: unknown
   std::optional<StampPoint> stamp_point{};  ///< instead of what the driver says
   /// Stamps are monotonic though the driver does not say so: v4l2loopback, and whatever else copies its writer's
   /// stamps.
@@ -41,5 +42,8 @@ struct V4l2Settings {
   Span retry_first = Span::from_milliseconds(50);      ///< between attempts to reopen; doubles ...
   Span retry_most = Span::from_milliseconds(1'000);    ///< ... up to this
 };
+
+/// Of sections [camera] and [exposure]; says which entry makes no sense.
+Result<V4l2Settings> v4l2_settings_of(const CameraConfig& config);
 
 }  // namespace epiline

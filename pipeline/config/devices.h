@@ -13,6 +13,21 @@ struct NamedValue {
   std::int64_t value = 0;
 };
 
+/// Section [exposure]: control of a live camera's exposure. docs/camera.md.
+struct ExposureConfig {
+  bool automatic = false;
+  double shortest_ms = 0.02, longest_ms = 10;
+  double blur_px = 2;       ///< as far as an image may be smeared by turning; 0: not looked at
+  double brightness = 100;  ///< mean grey value wanted where the picture has no texture
+  std::string gain_control;
+  double gain_unit = 1;   ///< of 1 in that control
+  int gain_scale = 0;     ///< kGainScaleNames
+  double gain_most = 16;  ///< amplification
+  int delay_images = -1;  ///< images after a change that do not show it yet; -1: learned
+  double flicker_hz = 0;  ///< of the lamps, twice the mains frequency; 0: no lamps
+};
+inline constexpr const char* kGainScaleNames[] = {"linear", "decibel"};
+
 /// Section [camera]. The fields of V4l2Settings say more.
 struct CameraConfig {
   std::string device;  ///< a path, or the name or bus that `v4l2-ctl --list-devices` shows
@@ -31,6 +46,7 @@ struct CameraConfig {
   double silence_ms = 2000;
   std::string stamp_line;  ///< GPIO line with an edge at the start of each exposure; see GpioLine
   int stamp_edge = 0;      ///< kEdgeNames
+  ExposureConfig exposure;
 };
 inline constexpr const char* kShutterNames[] = {"global", "rolling"};
 inline constexpr const char* kStampPointNames[] = {"driver", "start-of-exposure", "end-of-frame"};
