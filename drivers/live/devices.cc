@@ -19,35 +19,20 @@ Error missing(const LiveSettings& settings, const char* found, const char* expec
 }
 
 Result<V4l2Settings> v4l2_settings(const LiveSettings& settings) {
-  const CameraConfig& c = settings.config.devices.camera;
-  V4l2Settings s;
-  s.device = c.device;
-  s.width = c.width > 0 ? c.width : settings.camera.width;
-  s.height = c.height > 0 ? c.height : settings.camera.height;
-  if (s.width != settings.camera.width || s.height != settings.camera.height) {
+  CameraConfig c = settings.config.devices.camera;
+  if (c.width == 0) c.width = settings.camera.width;
+  if (c.height == 0) c.height = settings.camera.height;
+  if (c.width != settings.camera.width || c.height != settings.camera.height) {
     return Error{
-        ErrorKind::kUsage, settings.source, 0, fmt::format("camera.width = {}, camera.height = {}", s.width, s.height),
+        ErrorKind::kUsage, settings.source, 0, fmt::format("camera.width = {}, camera.height = {}", c.width, c.height),
         fmt::format("{} x {}, the size the camera was calibrated with", settings.camera.width, settings.camera.height)};
   }
-  s.rate_hz = c.rate_hz;
-  if (!c.format.empty()) {
-    const auto format = pixel_format_named(c.format);
-    if (!format) {
-      return Error{ErrorKind::kUsage, settings.source, 0, "camera.format = \"" + c.format + "\"",
-                   "GREY, NV12, YU12, Y10P, Y10, Y12, Y16 or YUYV"};
-    }
-    s.formats = {*format};
+  auto s = v4l2_settings_of(c);
+  if (!s) {
+    const Error& e = s.error();
+    return Error{e.kind, settings.source, 0, e.file + ": " + e.found, e.expected};
   }
-  s.buffers = c.buffers;
-  for (const NamedValue& control : c.controls) s.controls.push_back({control.name, control.value});
-  const auto milliseconds = [](double ms) { return Span::from_seconds(1e-3 * ms); };
-  s.shutter = static_cast<Shutter>(c.shutter);
-  s.readout = milliseconds(c.readout_ms);
-  s.exposure_control = c.exposure_control;
-  s.exposure = milliseconds(c.exposure_control.empty() ? c.exposure_ms : c.exposure_unit_ms);
-  if (c.stamp_point > 0) s.stamp_point = static_cast<StampPoint>(c.stamp_point - 1);
-  s.trust_stamps = c.trust_stamps;
-  s.silence_most = milliseconds(c.silence_ms);
+  s->focal_px = settings.config.estimator.extrinsics.focal_px;
   return s;
 }
 
