@@ -7,6 +7,9 @@
 #include <numbers>
 
 #include "drivers/camera/v4l2_camera.h"
+#include "drivers/imu/iio_imu.h"
+#include "drivers/imu/mavlink_imu.h"
+#include "drivers/imu/spi_imu_device.h"
 #include "drivers/output/can/can_output.h"
 #include "drivers/output/mavlink/link.h"
 
@@ -49,6 +52,51 @@ DeviceRecord record_of(const V4l2Camera& camera) {
            {"disconnected", c.disconnected},
            {"retries", c.retries}},
           std::nullopt};
+}
+
+DeviceRecord record_of(const IioImu& imu) {
+  const IioCounts c = imu.counts();
+  const bool own_clock = imu.clock() == IioClock::kDevice;
+  return {"imu",
+          {{"readings", c.samples},
+           {"gaps", c.gaps},
+           {"lost", c.lost},
+           {"disordered", c.disordered},
+           {"bad_stamps", c.bad_stamps},
+           {"without_accel", c.without_accel},
+           {"disconnected", c.disconnected},
+           {"retries", c.retries}},
+          own_clock ? std::optional(imu.clock_state()) : std::nullopt};
+}
+
+DeviceRecord record_of(const SpiImu& imu) {
+  const SpiImuCounts c = imu.counts();
+  return {"imu",
+          {{"readings", c.samples},
+           {"lost", c.lost},
+           {"overflows", c.overflows},
+           {"damaged", c.damaged},
+           {"resets", c.resets},
+           {"not_rising", c.not_rising},
+           {"unmerged", c.unmerged},
+           {"registers_checked", c.checked},
+           {"disconnected", c.disconnected},
+           {"retries", c.retries}},
+          imu.clock_state()};
+}
+
+DeviceRecord record_of(const MavlinkImu& imu) {
+  const mavlink::ControllerImuCounts c = imu.counts();
+  return {"imu",
+          {{"readings", c.readings},
+           {"lost", c.lost},
+           {"duplicates", c.duplicates},
+           {"refused_values", c.refused_values},
+           {"refused_times", c.refused_times},
+           {"no_clock", c.no_clock},
+           {"others", c.others},
+           {"overrun", c.overrun}},
+          imu.clock_state()};
 }
 
 OutputRecord record_of(const mavlink::MavlinkLink& link, const std::string& name) {
@@ -133,26 +181,58 @@ Status add_camera(const LiveSettings& settings, LiveDevices& devices) {
   return Done{};
 }
 
-Status add_imu(const LiveSettings& settings, LiveDevices& /*devices*/) {
-  const ImuDeviceConfig& imu = settings.config.devices.imu;
-  if (imu.device.empty() && static_cast<ImuDriver>(imu.driver) != ImuDriver::kMavlink)
-    return missing(settings, "no imu.device", "the IMU's name or path, or imu.driver = \"mavlink\"");
-  return missing(settings, "an IMU driver that this program was built without", "another imu.driver");
+/// Null if the configuration names no flight controller.
+mavlink::MavlinkLink* add_link(const DevicesConfig& d, bool takes_imu, LiveDevices& devices) {
+  const MavlinkConfig& m = d.mavlink;
+  const std::string name = m.serial.empty() ? m.udp : m.serial;
+  if (name.empty()) return nullptr;
+  auto link =
+      std::make_unique<mavlink::MavlinkLink>(m, R_VB_of(d.body), takes_imu ? std::optional(d.imu) : std::nullopt);
+  mavlink::MavlinkLink* const l = link.get();
+  devices.outputs.push_back({std::move(link), [l, name] { return record_of(*l, name); }});
+  devices.records.emplace_back([l] { return device_of(*l); });
+  return l;
 }
 
-void add_outputs(const DevicesConfig& d, LiveDevices& devices) {
-  if (const MavlinkConfig& m = d.mavlink; !m.serial.empty() || !m.udp.empty()) {
-    auto link = std::make_unique<mavlink::MavlinkLink>(m, R_VB_of(d.body));
-    const mavlink::MavlinkLink* const l = link.get();
-    const std::string name = m.serial.empty() ? m.udp : m.serial;
-    devices.outputs.push_back({std::move(link), [l, name] { return record_of(*l, name); }});
-    devices.records.emplace_back([l] { return device_of(*l); });
+void add_can(const DevicesConfig& d, LiveDevices& devices) {
+  const std::string& interface = d.can.interface;
+  if (interface.empty()) return;
+  auto can = std::make_unique<CanOutput>(d.can, R_VB_of(d.body));
+  const CanOutput* const c = can.get();
+  devices.outputs.push_back({std::move(can), [c, interface] { return record_of(*c, interface); }});
+}
+
+template <class Imu>
+void take_imu(std::unique_ptr<Imu> imu, LiveDevices& devices) {
+  devices.records.emplace_back([i = imu.get()] { return record_of(*i); });
+  devices.imu = std::move(imu);
+}
+
+Status add_imu(const LiveSettings& settings, mavlink::MavlinkLink* link, LiveDevices& devices) {
+  const DevicesConfig& d = settings.config.devices;
+  const auto driver = static_cast<ImuDriver>(d.imu.driver);
+  if (driver == ImuDriver::kMavlink) {
+    if (link == nullptr) {
+      return missing(settings, "imu.driver = \"mavlink\" without a flight controller",
+                     "mavlink.serial or mavlink.udp, where it is");
+    }
+    if (!R_VB_of(d.body).isIdentity()) {
+      return missing(settings, "a turn in [body] with imu.driver = \"mavlink\"",
+                     "none: a flight controller gives its readings in the vehicle's axes");
+    }
+    take_imu(std::make_unique<MavlinkImu>(*link), devices);
+    return Done{};
   }
-  if (const std::string& interface = d.can.interface; !interface.empty()) {
-    auto can = std::make_unique<CanOutput>(d.can, R_VB_of(d.body));
-    const CanOutput* const c = can.get();
-    devices.outputs.push_back({std::move(can), [c, interface] { return record_of(*c, interface); }});
+  if (d.imu.device.empty())
+    return missing(settings, "no imu.device", "the IMU's name or path, or imu.driver = \"mavlink\"");
+  if (driver == ImuDriver::kIio) {
+    take_imu(std::make_unique<IioImu>(d.imu), devices);
+  } else {
+    auto spi = make_spi_imu(d.imu);
+    if (!spi) return missing(settings, "an imu.driver that is not there yet", "another one");
+    take_imu(std::move(spi), devices);
   }
+  return Done{};
 }
 
 }  // namespace
@@ -161,10 +241,14 @@ Result<LiveDevices> make_devices(const LiveSettings& settings, LiveDevices devic
   if (!devices.camera) {
     if (const Status s = add_camera(settings, devices); !s) return s.error();
   }
-  if (!devices.imu) {
-    if (const Status s = add_imu(settings, devices); !s) return s.error();
+  const DevicesConfig& d = settings.config.devices;
+  const bool imu_given = devices.imu != nullptr;
+  mavlink::MavlinkLink* const link =
+      add_link(d, !imu_given && static_cast<ImuDriver>(d.imu.driver) == ImuDriver::kMavlink, devices);
+  add_can(d, devices);
+  if (!imu_given) {
+    if (const Status s = add_imu(settings, link, devices); !s) return s.error();
   }
-  add_outputs(settings.config.devices, devices);
   return devices;
 }
 

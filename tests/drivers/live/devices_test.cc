@@ -85,10 +85,35 @@ TEST(Devices, WhatIsMissingIsNamedWithWhatWouldDo) {
       error_of("device = \"a\"\nwidth = 320\n", "[imu]\ndevice = \"b\"\n"),
       file + "camera.width = 320, camera.height = 480; expected 640 x 480, the size the camera was calibrated with");
   EXPECT_EQ(error_of("device = \"a\"\nformat = \"MJPG\"\n", "[imu]\ndevice = \"b\"\n"),
-            file + "camera.format = \"MJPG\"; expected GREY, NV12, YU12, Y10P, Y10, Y12, Y16 or YUYV");
+            file + "camera.format: \"MJPG\"; expected GREY, Y10, Y12, Y16, Y10P, YUYV, NV12, YU12");
+  EXPECT_EQ(
+      error_of("device = \"a\"\n", "[imu]\ndriver = \"mavlink\"\n"),
+      file +
+          "imu.driver = \"mavlink\" without a flight controller; expected mavlink.serial or mavlink.udp, where it is");
+  EXPECT_EQ(error_of("device = \"a\"\n",
+                     "[imu]\ndriver = \"mavlink\"\n[mavlink]\nudp = \"127.0.0.1:14550\"\n[body]\nyaw_deg = 90\n"),
+            file +
+                "a turn in [body] with imu.driver = \"mavlink\"; expected none: a flight controller gives its readings "
+                "in the vehicle's axes");
   const auto none = read_live_settings(files.write("none.toml", "[camera]\ndevice = \"a\"\n"));
   ASSERT_FALSE(none);
   EXPECT_EQ(none.error().text().rfind(files.folder() + "/none.toml: no camera.calibration; expected", 0), 0u);
+}
+
+TEST(Devices, EveryDriverOfAnImuIsAtHand) {
+  const Files files;
+  for (const char* const driver : {"iio", "icm42688p", "mavlink"}) {
+    const auto settings = read_live_settings(
+        files.config("device = \"a\"\n", std::string("[imu]\ndevice = \"b\"\ndevice_accel = \"c\"\ndriver = \"") +
+                                             driver + "\"\n[mavlink]\nudp = \"127.0.0.1:14550\"\n"));
+    ASSERT_TRUE(settings) << settings.error().text();
+    const auto devices = make_devices(*settings);
+    ASSERT_TRUE(devices) << driver << ": " << devices.error().text();
+    EXPECT_NE(devices->imu, nullptr);
+    EXPECT_EQ(devices->outputs.size(), 1u);
+    EXPECT_EQ(devices->records.size(), 3u) << "camera, IMU, flight controller";
+    for (const auto& record : devices->records) EXPECT_FALSE(record().counts.empty());
+  }
 }
 
 }  // namespace
