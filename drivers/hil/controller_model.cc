@@ -55,6 +55,7 @@ const mavlink::Packet* ControllerModel::next(HostStamp now) {
     send(mavlink::Heartbeat{0, kQuadrotor, kPx4, 0, kStandby, 3});
   }
   if (now >= *next_question_) ask(now);
+  for (ImuSample reading; waiting_.empty() && readings_.pop(reading);) send_reading(reading);
   if (waiting_.empty()) return nullptr;
   sending_ = waiting_.front();
   waiting_.pop_front();
@@ -74,6 +75,7 @@ void ControllerModel::receive(const mavlink::Packet& packet, HostStamp arrival) 
   take(mavlink::Heartbeat{});
   take(mavlink::Timesync{});
   take(mavlink::StatusText{});
+  take(mavlink::CommandLong{});
 }
 
 void ControllerModel::judge_sender(const mavlink::Packet& packet, HostStamp arrival) {
@@ -151,6 +153,45 @@ void ControllerModel::receive(const mavlink::Timesync& m, HostStamp arrival) {
   } else {
     take_answer(m, arrival);
   }
+}
+
+/// SET_MESSAGE_INTERVAL is all it understands.
+void ControllerModel::receive(const mavlink::CommandLong& m, HostStamp /*arrival*/) {
+  constexpr std::uint16_t kSetMessageInterval = 511;
+  constexpr float kMost_us = 1e7F;
+  constexpr std::uint8_t kAccepted = 0, kDenied = 2, kUnknown = 3;
+  const bool known = m.command == kSetMessageInterval && m.param1 == static_cast<float>(mavlink::HighresImu::kId);
+  const bool sensible = m.param2 > 0 && m.param2 < kMost_us;  // false for what is no number
+  if (known && sensible) {
+    reading_every_ = Span{static_cast<std::int64_t>(m.param2) * 1000};
+    readings_wanted_();
+  }
+  mavlink::CommandAck answer;
+  answer.command = m.command;
+  answer.result = !known ? kUnknown : sensible ? kAccepted : kDenied;
+  send(answer);
+}
+
+/// In the vehicle's axes: forward, right, down.
+void ControllerModel::send_reading(const ImuSample& reading) {
+  if (next_reading_ && reading.stamp < *next_reading_) return;
+  // on a grid, but for gaps; a fifth early, for stamps are not exactly on it
+  const Span early{reading_every_.ns / 5};
+  const bool steady = next_reading_ && reading.stamp - *next_reading_ < reading_every_;
+  next_reading_ = (steady ? *next_reading_ + early : reading.stamp) + reading_every_ - early;
+  const Mat3 R_FB = Vec3(1, -1, -1).asDiagonal() * settings_.R_VB;
+  const Vec3 force = R_FB * Vec3(reading.specific_force_m_s2.data());
+  const Vec3 rates = R_FB * Vec3(reading.angular_velocity_rad_s.data());
+  mavlink::HighresImu m;
+  m.time_usec = static_cast<std::uint64_t>(to_controller_ns(reading.stamp) / 1000);
+  m.xacc = static_cast<float>(force.x());
+  m.yacc = static_cast<float>(force.y());
+  m.zacc = static_cast<float>(force.z());
+  m.xgyro = static_cast<float>(rates.x());
+  m.ygyro = static_cast<float>(rates.y());
+  m.zgyro = static_cast<float>(rates.z());
+  m.fields_updated = 0x3f;
+  send(m);
 }
 
 void ControllerModel::ask(HostStamp now) {

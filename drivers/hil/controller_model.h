@@ -15,6 +15,8 @@
 #include "drivers/hil/timesync_filter.h"
 #include "drivers/output/mavlink/packet.h"
 #include "pipeline/realtime/latency_bins.h"
+#include "platform/concurrency/spsc_ring.h"
+#include "platform/samples/samples.h"
 
 namespace epiline::hil {
 
@@ -38,6 +40,12 @@ class ControllerModel {
   /// The next packet to send, valid until the next call; null: none is due. Call until null, again every few ms.
   const mavlink::Packet* next(HostStamp now);
 
+  /// A reading of the controller's own IMU, stamped by the host's clock; goes out as HIGHRES_IMU, as often as the
+  /// companion asked (SET_MESSAGE_INTERVAL; before, 50 Hz). One other thread may call this. False: there is no room.
+  bool feed(const ImuSample& reading) { return readings_.push(reading); }
+  /// Called when the companion asks for these readings, from the thread that calls receive(). Before the first packet.
+  void when_readings_are_wanted(std::function<void()> call) { readings_wanted_ = std::move(call); }
+
   /// Judges what can be judged at the end only. `end`: when the flight was over.
   Verdict finish(HostStamp end);
 
@@ -52,6 +60,8 @@ class ControllerModel {
   void receive(const mavlink::Heartbeat& message, HostStamp arrival);
   void receive(const mavlink::Timesync& message, HostStamp arrival);
   void receive(const mavlink::StatusText& message, HostStamp arrival);
+  void receive(const mavlink::CommandLong& message, HostStamp arrival);
+  void send_reading(const ImuSample& reading);
   void judge_sender(const mavlink::Packet& packet, HostStamp arrival);
   void take_estimate(const std::optional<VisionSample>& sample, HostStamp arrival);
   void judge_latency(const VisionSample& sample);
@@ -83,6 +93,10 @@ class ControllerModel {
   static constexpr std::size_t kMostWaiting = 64;  ///< answers; who asks more gets none
   std::deque<mavlink::Packet> waiting_;
   mavlink::Packet sending_;
+  SpscRing<ImuSample, 1024> readings_;
+  Span reading_every_ = Span::from_milliseconds(20);
+  std::optional<HostStamp> next_reading_;
+  std::function<void()> readings_wanted_ = [] {};
   std::uint8_t sequence_ = 0;
 };
 

@@ -4,7 +4,9 @@
 #include <atomic>
 #include <cstdint>
 #include <optional>
+#include <utility>
 
+#include "drivers/hil/hardware_priority.h"
 #include "drivers/replay/recorded_sensors.h"
 #include "drivers/simulate/random.h"
 
@@ -55,7 +57,12 @@ class PlayedCamera final : public CameraSource {
   PlayedCamera(const AslDataset& dataset, const FlightPlan& plan, const PlayClock& clock,
                const Disturbance& disturbance)
       : recorded_(dataset, plan), clock_(clock), delivery_(disturbance, 1) {}
-  Status open() override { return recorded_.open(); }
+  /// A second call does nothing.
+  Status open() override {
+    if (std::exchange(open_, true)) return Done{};
+    const HardwarePriority priority;  // of the thread that decodes
+    return recorded_.open();
+  }
   void close() noexcept override { recorded_.close(); }
   ReadOutcome read(Frame& frame, Span timeout) noexcept override;
   void give_back(const Frame& frame) noexcept override { recorded_.give_back(frame); }
@@ -68,7 +75,7 @@ class PlayedCamera final : public CameraSource {
   RecordedCamera recorded_;
   const PlayClock& clock_;
   Delivery delivery_;
-  bool started_ = false;
+  bool open_ = false, started_ = false;
   std::optional<Frame> held_;  ///< not delivered yet
   std::int64_t held_until_ns_ = 0;
 };

@@ -1,0 +1,36 @@
+#pragma once
+// Carries samples from a played sensor into the kernel, by a thread of its own.
+#include <atomic>
+#include <functional>
+#include <thread>
+
+#include "platform/ports/ports.h"
+
+namespace epiline::hil {
+
+/// Ends with its source, or when stopped.
+class Pump {
+ public:
+  Pump() = default;
+  ~Pump() { stop(); }
+  Pump(const Pump&) = delete;
+  Pump& operator=(const Pump&) = delete;
+
+  /// Images of an open camera; `deliver` returns false for one that could not be delivered.
+  void start(CameraSource& camera, std::function<bool(const Frame&)> deliver);
+  void start(ImuSource& imu, std::function<bool(const ImuSample&)> deliver);
+  void stop();
+
+  bool is_running() const noexcept { return running_.load(std::memory_order_acquire); }
+  std::uint64_t delivered() const noexcept { return delivered_.load(std::memory_order_relaxed); }
+  std::uint64_t failed() const noexcept { return failed_.load(std::memory_order_relaxed); }
+
+ private:
+  void count(bool delivered) noexcept { (delivered ? delivered_ : failed_).fetch_add(1, std::memory_order_relaxed); }
+
+  std::atomic<bool> stop_{false}, running_{false};
+  std::atomic<std::uint64_t> delivered_{0}, failed_{0};
+  std::thread thread_;
+};
+
+}  // namespace epiline::hil
