@@ -65,17 +65,20 @@ class YamlFile {
     return value;
   }
 
-  /// All numbers of a list, nested or not.
-  std::vector<double> numbers(const YAML::Node& node) const {
-    if (!node.IsSequence()) throw complaint(node, "no list", "a list of numbers");
+  /// All numbers of a list, or of a list of lists. An anchor may make a list its own element, or a few lines a list of
+  /// millions: neither depth nor length is more than a calibration has.
+  std::vector<double> numbers(const YAML::Node& node, int depth = 2) const {
+    constexpr std::size_t kMost = 64;
+    if (!node.IsSequence() || depth == 0) throw complaint(node, "no list of numbers", "a list of numbers");
     std::vector<double> values;
     for (const YAML::Node& item : node) {
       if (item.IsSequence()) {
-        const std::vector<double> inner = numbers(item);
+        const std::vector<double> inner = numbers(item, depth - 1);
         values.insert(values.end(), inner.begin(), inner.end());
       } else {
         values.push_back(number(item));
       }
+      if (values.size() > kMost) throw complaint(node, "a list without end", "a list of numbers");
     }
     return values;
   }
@@ -187,8 +190,9 @@ CameraCalibration camera_from(const YamlFile& file, const std::string& name) {
 }
 
 ImuCalibration imu_from(const YamlFile& file) {
-  const YAML::Node& map = file.root();
-  const YAML::Node T_BS = file.find(map, {"T_BS"});
+  const YAML::Node chain = file.root()["imu0"];  // what Kalibr writes; what it reads has the keys outside
+  const YAML::Node map = chain.IsDefined() && chain.IsMap() ? chain : file.root();
+  const YAML::Node T_BS = file.find(map, {"T_BS", "T_i_b"});
   if (T_BS.IsDefined()) {
     const RigidMotion T = rigid_motion(file, T_BS);
     constexpr double kSame = 1e-6;

@@ -31,7 +31,8 @@ Result<CameraCalibration> read_camera_calibration(const std::filesystem::path& p
 
 /// Keys: `gyroscope_noise_density`, `gyroscope_random_walk`, `accelerometer_noise_density`,
 /// `accelerometer_random_walk`, optionally `gyroscope_saturation` (rad/s) and `accelerometer_saturation` (m/s^2).
-/// `T_BS` must be the identity if given: the body is the IMU. Fails as the camera's does.
+/// `T_BS` (or Kalibr's `T_i_b`) must be the identity if given: the body is the IMU. In what Kalibr writes they stand
+/// below `imu0`. Fails as the camera's does.
 Result<ImuCalibration> read_imu_calibration(const std::filesystem::path& path);
 
 }  // namespace epiline

@@ -50,10 +50,14 @@ Result<std::string> read_text(const std::filesystem::path& path) {
   }
   gzbuffer(file, 1u << 17);
   std::string text;
-  constexpr std::size_t kChunk = 1u << 20;
+  constexpr std::size_t kChunk = 1u << 20, kMost = std::size_t{1} << 31;  // a few bytes of gzip may unpack to anything
   int count = 0;
   do {
     const std::size_t size = text.size();
+    if (size > kMost) {
+      gzclose(file);
+      return Error{ErrorKind::kUsage, path.string(), 0, "more than 2 GiB of text", "a flight of some hours at most"};
+    }
     text.resize(size + kChunk);
     count = gzread(file, text.data() + size, kChunk);
     text.resize(size + static_cast<std::size_t>(std::max(count, 0)));

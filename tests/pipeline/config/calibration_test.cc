@@ -94,5 +94,47 @@ TEST(ImuCalibration, ReadsDensitiesAndRefusesAnImuThatIsNotTheBody) {
   EXPECT_FALSE(read_imu_calibration(file("negative.yaml", "gyroscope_noise_density: -1\n")));
 }
 
+TEST(ImuCalibration, ReadsWhatKalibrWrites) {
+  const std::string written = R"(imu0:
+  T_i_b:
+  - [1.0, 0.0, 0.0, 0.0]
+  - [0.0, 1.0, 0.0, 0.0]
+  - [0.0, 0.0, 1.0, 0.0]
+  - [0.0, 0.0, 0.0, 1.0]
+  accelerometer_noise_density: 0.01
+  accelerometer_random_walk: 0.0002
+  gyroscope_noise_density: 0.005
+  gyroscope_random_walk: 4.0e-06
+  model: calibrated
+  rostopic: /imu0
+  time_offset: 0.0
+  update_rate: 200.0
+)";
+  const auto imu = read_imu_calibration(file("kalibr_imu.yaml", written));
+  ASSERT_TRUE(imu) << imu.error().text();
+  EXPECT_DOUBLE_EQ(imu->noise.gyroscope_density, 0.005);
+  EXPECT_DOUBLE_EQ(imu->noise.gyroscope_random_walk, 4e-6);
+  EXPECT_DOUBLE_EQ(imu->noise.accelerometer_density, 0.01);
+  EXPECT_DOUBLE_EQ(imu->noise.accelerometer_random_walk, 2e-4);
+  std::string second = written;
+  second.replace(second.find("- [1.0"), 6, "- [1.1");
+  EXPECT_FALSE(read_imu_calibration(file("kalibr_second_imu.yaml", second)));
+}
+
+// With anchors a list can hold itself, or a few lines can say millions of numbers.
+TEST(CameraCalibration, RefusesListsWithoutEnd) {
+  const std::string head =
+      "T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [512, 512]\ncamera_model: pinhole\n"
+      "distortion_model: none\n";
+  const auto itself = read_camera_calibration(file("itself.yaml", head + "intrinsics: &a [*a]\n"), "cam0");
+  ASSERT_FALSE(itself);
+  EXPECT_NE(itself.error().text().find(":5: "), std::string::npos) << itself.error().text();
+  std::string wide = "many: &a [1";
+  for (int i = 0; i < 3000; ++i) wide += ", 1";
+  wide += "]\nintrinsics: [*a";
+  for (int i = 0; i < 3000; ++i) wide += ", *a";
+  EXPECT_FALSE(read_camera_calibration(file("wide.yaml", head + wide + "]\n"), "cam0"));
+}
+
 }  // namespace
 }  // namespace epiline
