@@ -36,23 +36,24 @@ HWY_INLINE V dot(const std::array<float, 3>& a, const Rays& f) {
   return hn::MulAdd(hn::Set(d, a[0]), f.x, hn::MulAdd(hn::Set(d, a[1]), f.y, hn::Mul(hn::Set(d, a[2]), f.z)));
 }
 
+HWY_INLINE Rays bearings_at(const BearingRow& row, std::ptrdiff_t offset) {
+  const D d;
+  return {hn::LoadU(d, row.at[0] + offset), hn::LoadU(d, row.at[1] + offset), hn::LoadU(d, row.at[2] + offset)};
+}
+
+HWY_INLINE Rays half_difference(const Rays& a, const Rays& b) {
+  const V half = hn::Set(D(), 0.5F);
+  return {hn::Mul(half, hn::Sub(a.x, b.x)), hn::Mul(half, hn::Sub(a.y, b.y)), hn::Mul(half, hn::Sub(a.z, b.z))};
+}
+
 /// Bearings of the pixels from `x` on and how they change to the right and downwards.
 struct Pencil {
   Rays centre, right, down;
 
-  HWY_INLINE Pencil(const BearingRow& row, int x) {
-    const D d;
-    const V half = hn::Set(d, 0.5F);
-    const auto plane = [&](int k, V& c, V& r, V& b) {
-      const float* p = row.at[k] + x;
-      c = hn::LoadU(d, p);
-      r = hn::Mul(half, hn::Sub(hn::LoadU(d, p + 1), hn::LoadU(d, p - 1)));
-      b = hn::Mul(half, hn::Sub(hn::LoadU(d, p + row.stride), hn::LoadU(d, p - row.stride)));
-    };
-    plane(0, centre.x, right.x, down.x);
-    plane(1, centre.y, right.y, down.y);
-    plane(2, centre.z, right.z, down.z);
-  }
+  HWY_INLINE Pencil(const BearingRow& row, int x)
+      : centre(bearings_at(row, x)),
+        right(half_difference(bearings_at(row, x + 1), bearings_at(row, x - 1))),
+        down(half_difference(bearings_at(row, x + row.stride), bearings_at(row, x - row.stride))) {}
 
   HWY_INLINE Rays at(float dx, float dy) const {
     const D d;
