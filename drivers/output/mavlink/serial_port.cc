@@ -74,6 +74,7 @@ PortTrouble SerialPort::set_up() noexcept {
 
 void SerialPort::close() noexcept {
   if (fd_ < 0) return;
+  if (backlog() > 0) ::ioctl(fd_, TCFLSH, TCOFLUSH);  // else closing waits up to 30 s for a line that takes nothing
   ::ioctl(fd_, TIOCNXCL);
   ::close(fd_);
   fd_ = -1;
