@@ -200,10 +200,13 @@ SpiTrouble Icm42688p::configure() noexcept {
 
 SpiTrouble Icm42688p::compare(const Register& wanted) noexcept {
   std::uint8_t value = 0;
-  const bool is_read = (wanted.bank == 0 || select_bank(wanted.bank)) && read(wanted.address, {&value, 1}) &&
-                       (wanted.bank == 0 || select_bank(0));
-  if (!is_read) return bus_trouble("read back", bus_error_);
-  if ((value & wanted.mask) == wanted.value) return {};
+  // read again if wrong: it may have been garbled on the bus
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    const bool is_read = (wanted.bank == 0 || select_bank(wanted.bank)) && read(wanted.address, {&value, 1}) &&
+                         (wanted.bank == 0 || select_bank(0));
+    if (!is_read) return bus_trouble("read back", bus_error_);
+    if ((value & wanted.mask) == wanted.value) return {};
+  }
   return wrong_register("settings", wanted.bank, wanted.address, value & wanted.mask, wanted.value);
 }
 
@@ -236,7 +239,11 @@ FetchOutcome Icm42688p::fetch(ChipBatch& batch) noexcept {
     ++batch.damaged;
     return flush(FetchOutcome::kDamaged);
   }
-  if ((head[0] & kStatusReset) != 0) return FetchOutcome::kReset;
+  if ((head[0] & kStatusReset) != 0) {
+    ++batch.damaged;  // if the sensors are still on
+    const bool is_reset = static_cast<bool>(compare({0, kPowerManagement, kBothLowNoise, 0x3F}));
+    return bus_error_ != 0 ? FetchOutcome::kBusFailed : is_reset ? FetchOutcome::kReset : FetchOutcome::kOk;
+  }
   if ((head[0] & kStatusFull) != 0) {
     batch.lost += static_cast<std::uint32_t>(count);
     return flush(FetchOutcome::kOverflow);

@@ -42,7 +42,7 @@ IioImu::IioImu(ImuDeviceConfig config, IioRoots roots) : config_(std::move(confi
 Status IioImu::open() {
   close();
   counts_ = {};
-  shown_counts_.store(counts_);
+  shown_counts_.write(counts_);
   if (const DeviceTrouble trouble = set_up()) {
     const bool is_accel = gyro_.is_open();
     gyro_.close();
@@ -124,7 +124,7 @@ ReadOutcome IioImu::read(std::span<ImuSample> samples, std::size_t& count, Span 
   count = 0;
   const ReadOutcome outcome = read_some(samples, count, now() + timeout);
   counts_.samples += count;
-  shown_counts_.store(counts_);
+  shown_counts_.write(counts_);
   return outcome;
 }
 
@@ -196,7 +196,7 @@ bool IioImu::knows_time(std::span<const IioReading> readings, HostStamp arrival)
   } else if (clock() == IioClock::kDevice) {
     const ClockOutcome outcome = sync_.update(newest, arrival);
     is_good = outcome != ClockOutcome::kContradicts && outcome != ClockOutcome::kRefused;
-    shown_clock_state_.store(sync_.state());
+    shown_clock_state_.write(sync_.state());
   }
   if (is_good) return true;
   counts_.bad_stamps += readings.size();

@@ -8,8 +8,8 @@
 #include "drivers/imu/accel_merge.h"
 #include "drivers/imu/iio_device.h"
 #include "drivers/imu/interval_tracker.h"
-#include "drivers/imu/relaxed_copy.h"
 #include "pipeline/config/devices.h"
+#include "platform/concurrency/snapshot.h"
 #include "platform/ports/ports.h"
 #include "platform/time/one_way_sync.h"
 
@@ -48,11 +48,11 @@ class IioImu final : public ImuSource {
   /// The accelerometer of a device of its own is interpolated to the gyroscope's times.
   ReadOutcome read(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept override;
 
-  IioCounts counts() const noexcept { return shown_counts_.load(); }
+  IioCounts counts() const noexcept { return shown_counts_.read(); }
   bool is_streaming() const noexcept { return streaming_.load(std::memory_order_relaxed); }
   IioClock clock() const noexcept { return clock_.load(std::memory_order_relaxed); }
   /// kEmpty unless clock() is kDevice. Any thread; figures of one look may be of two neighbouring readings.
-  ClockState clock_state() const noexcept { return shown_clock_state_.load(); }
+  ClockState clock_state() const noexcept { return shown_clock_state_.read(); }
   /// Readings per second, as the device says; 0: it does not.
   double rate_hz() const noexcept { return rate_hz_.load(std::memory_order_relaxed); }
 
@@ -105,8 +105,8 @@ class IioImu final : public ImuSource {
   Span retry_after_;
   IioCounts counts_;
 
-  RelaxedCopy<IioCounts> shown_counts_;
-  RelaxedCopy<ClockState> shown_clock_state_;
+  Snapshot<IioCounts> shown_counts_;
+  Snapshot<ClockState> shown_clock_state_;
   std::atomic<bool> streaming_{false};
   std::atomic<IioClock> clock_{IioClock::kUnknown};
   std::atomic<double> rate_hz_{0};

@@ -286,6 +286,7 @@ void SpiImu::look() noexcept {
       ++counts_.overflows;
       break;
     case FetchOutcome::kDamaged:
+    case FetchOutcome::kGarbled:
       if (++damaged_in_a_row_ >= kDamagedMost) {
         lose(EIO);
         return;
@@ -296,7 +297,7 @@ void SpiImu::look() noexcept {
   }
   if (!registers_are_well(now)) return;
   drain_edges();
-  if (outcome != FetchOutcome::kOk) {
+  if (outcome == FetchOutcome::kOverflow || outcome == FetchOutcome::kDamaged) {
     clock_.restart();
   } else if (!batch_.samples.empty() || !batch_.accels.empty()) {
     take(now);
@@ -309,7 +310,7 @@ void SpiImu::schedule_poll(bool was_empty, HostStamp now) noexcept {
   const Span period = chip_->facts().period;
   if (!ready_) {
     // an irrational share: the time from sample to look takes all values, soon one near 0
-    next_poll_ = now + part_of(period, 0.618);
+    next_poll_ = std::max(next_poll_ + part_of(period, 0.618), now);
     return;
   }
   empty_looks_ = was_empty ? empty_looks_ + 1 : 0;
@@ -341,7 +342,8 @@ void SpiImu::take(HostStamp now) noexcept {
   const std::size_t n = batch_.samples.size();
   if (n > 0) last_data_ = now, damaged_in_a_row_ = 0;
   for (std::size_t i = 0; i < n; ++i) devices_[i] = batch_.samples[i].device;
-  if (clock_.stamp({devices_.data(), n}, batch_.latched, stamps_) && now >= good_from_) {
+  const bool is_good = now >= good_from_ && (!chip_->facts().two_clocks || accel_is_settled());
+  if (clock_.stamp({devices_.data(), n}, batch_.latched, stamps_) && is_good) {
     for (std::size_t i = 0; i < n; ++i) {
       const ChipSample& sample = batch_.samples[i];
       const HostStamp stamp = stamps_[i] - gyroscope_delay_;
@@ -355,9 +357,11 @@ void SpiImu::take(HostStamp now) noexcept {
   if (chip_->facts().two_clocks) merge(now);
 }
 
+bool SpiImu::accel_is_settled() const noexcept { return accel_sync_.state().window >= kSettleAccel; }
+
 void SpiImu::take_accels() noexcept {
   if (batch_.has_accel_now) accel_sync_.update(batch_.accel_now, batch_.accel_latched);
-  if (accel_sync_.state().window < kSettleAccel) return;
+  if (!accel_is_settled()) return;
   for (const ChipAccel& accel : batch_.accels)
     merge_.add(accel_sync_.translate(accel.device) - accelerometer_delay_, accel.specific_force_m_s2);
 }
@@ -411,8 +415,8 @@ std::size_t SpiImu::hand_out(std::span<ImuSample> samples) noexcept {
 
 void SpiImu::publish() noexcept {
   counts_.clock = clock_.counts();
-  published_counts_.store(counts_);
-  published_clock_.store(clock_.state());
+  published_counts_.write(counts_);
+  published_clock_.write(clock_.state());
 }
 
 }  // namespace epiline

@@ -8,10 +8,10 @@
 #include <span>
 
 #include "drivers/imu/accel_merge.h"
-#include "drivers/imu/relaxed_copy.h"
 #include "drivers/imu/spi_bus.h"
 #include "drivers/imu/spi_imu_clock.h"
 #include "pipeline/config/devices.h"
+#include "platform/concurrency/snapshot.h"
 #include "platform/memory/fixed_vector.h"
 #include "platform/ports/ports.h"
 
@@ -68,6 +68,7 @@ enum class FetchOutcome : std::uint8_t {
   kOk,         ///< perhaps nothing new
   kOverflow,   ///< the FIFO ran over and was emptied; what comes next is another run of samples
   kDamaged,    ///< nothing usable; the FIFO was emptied
+  kGarbled,    ///< nothing usable this time
   kReset,      ///< the chip has lost its settings
   kBusFailed,  ///< `bus_error()` of the chip
 };
@@ -140,9 +141,9 @@ class SpiImu final : public ImuSource {
   ReadOutcome read(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept override;
 
   const ChipFacts& facts() const noexcept { return chip_->facts(); }
-  SpiImuCounts counts() const noexcept { return published_counts_.load(); }
+  SpiImuCounts counts() const noexcept { return published_counts_.read(); }
   /// Of the chip's clock, or of its gyroscope's.
-  ClockState clock_state() const noexcept { return published_clock_.load(); }
+  ClockState clock_state() const noexcept { return published_clock_.read(); }
   bool is_running() const noexcept { return running_.load(std::memory_order_relaxed); }
 
  private:
@@ -171,6 +172,7 @@ class SpiImu final : public ImuSource {
   bool registers_are_well(HostStamp now) noexcept;
   void schedule_poll(bool expected_data, HostStamp now) noexcept;
   void take(HostStamp now) noexcept;
+  bool accel_is_settled() const noexcept;
   void take_accels() noexcept;
   void merge(HostStamp now) noexcept;
   void put(HostStamp stamp, const std::array<double, 3>& omega, const std::array<double, 3>& force) noexcept;
@@ -205,8 +207,8 @@ class SpiImu final : public ImuSource {
 
   SpiImuCounts counts_;
   std::atomic<bool> running_{false};
-  RelaxedCopy<SpiImuCounts> published_counts_;
-  RelaxedCopy<ClockState> published_clock_;
+  Snapshot<SpiImuCounts> published_counts_;
+  Snapshot<ClockState> published_clock_;
 };
 
 }  // namespace epiline

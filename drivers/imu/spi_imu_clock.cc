@@ -7,7 +7,7 @@ namespace epiline {
 namespace {
 
 constexpr double kSlopeMost = 0.04;  // oscillators without a crystal: 3 % over temperature at worst
-constexpr Span kSettleEdges = Span::from_milliseconds(100), kSettlePolls = Span::from_milliseconds(500);
+constexpr Span kSettleEdges = Span::from_milliseconds(30), kSettlePolls = Span::from_milliseconds(500);
 constexpr Span kWindow = Span::from_milliseconds(10'000);  // they drift with temperature
 constexpr Span kWithoutEdges = Span::from_milliseconds(1'000);
 constexpr int kLeftOverMost = 64;
@@ -86,7 +86,7 @@ void SampleClock::learn(DeviceStamp device, HostStamp arrival) noexcept { sync_.
 bool SampleClock::poll(std::span<const DeviceStamp> devices, HostStamp latched, std::span<HostStamp> stamps) noexcept {
   learn(devices.back(), latched);
   for (std::size_t i = 0; i < devices.size(); ++i) stamps[i] = sync_.translate(devices[i]);
-  if (sync_.state().window < (settings_.has_edges ? kSettleEdges : kSettlePolls)) return false;
+  if (sync_.state().window < kSettlePolls) return false;
   counts_.by_model += devices.size();
   return true;
 }
@@ -126,7 +126,13 @@ bool SampleClock::match(std::span<const DeviceStamp> devices, HostStamp latched,
   }
   const std::uint64_t by_model = counts_.by_model;
   for (std::size_t i = 0; i < devices.size(); ++i) stamps[i] = match_one(devices[i]);
-  if (counts_.by_model != by_model) learn(devices.back(), latched);  // an upper bound is better than nothing
+  if (counts_.by_model != by_model) {
+    learn(devices.back(), latched);  // an upper bound is better than nothing
+    if (sync_.state().status == ClockStatus::kSettling) {
+      counts_.by_model = by_model;
+      return false;
+    }
+  }
   left_over_ = edge_count_ > 0 && edge_at(0) <= latched ? left_over_ + 1 : 0;
   if (left_over_ >= kLeftOverMost) {
     give_up_alignment();

@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "drivers/imu/adis16470.h"
+#include "drivers/imu/bmi088.h"
 #include "drivers/imu/icm42688p.h"
 
 namespace epiline {
@@ -31,6 +33,13 @@ std::unique_ptr<SpiImu> make_spi_imu(const ImuDeviceConfig& config) {
   switch (static_cast<ImuDriver>(config.driver)) {
     case ImuDriver::kIcm42688p:
       chip = std::make_unique<Icm42688p>(config, std::make_unique<SpidevBus>(config.device), *timing);
+      break;
+    case ImuDriver::kBmi088:
+      chip = std::make_unique<Bmi088>(config, std::make_unique<SpidevBus>(config.device),
+                                      std::make_unique<SpidevBus>(config.device_accel), *timing);
+      break;
+    case ImuDriver::kAdis16470:
+      chip = std::make_unique<Adis16470>(config, std::make_unique<SpidevBus>(config.device), *timing);
       break;
     default:
       return nullptr;

@@ -2,6 +2,7 @@
 // Reads from a driver on a model, and compares with what the model knows.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -63,7 +64,7 @@ inline void read_for(SpiImu& imu, SpiWorld& world, Span duration, Reading& readi
   while (world.now_ns < until) {
     std::size_t count = 0;
     const HeapCallScope scope;
-    const ReadOutcome outcome = imu.read(some, count, Span::from_milliseconds(100));
+    const ReadOutcome outcome = imu.read(some, count, Span{std::min<std::int64_t>(100'000'000, until - world.now_ns)});
     reading.heap_calls += scope.calls();
     if (outcome == ReadOutcome::kFailed) ++reading.failed;
     if (outcome == ReadOutcome::kTimeout) ++reading.timeouts;
