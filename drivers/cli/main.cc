@@ -40,6 +40,7 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", EPILINE_VERSION);
   add_run(app, exit_code);
   add_hil(app, exit_code);
+  add_check(app, exit_code);
   add_replay(app, exit_code);
   add_evaluate(app, exit_code);
   add_benchmark(app, exit_code);

@@ -1,0 +1,36 @@
+#pragma once
+// How regularly samples come.
+#include <cstdint>
+#include <vector>
+
+#include "platform/time/clock.h"
+
+namespace epiline {
+
+struct PacingResult {
+  std::uint64_t samples = 0;
+  double seconds = 0;                    ///< from the first stamp to the last
+  double period_s = 0;                   ///< median
+  double jitter_s = 0;                   ///< 99 % of the intervals are off the median by less; without the gaps
+  double longest_s = 0;                  ///< interval
+  std::uint64_t gaps = 0;                ///< intervals of more than one and a half periods
+  std::uint64_t missing = 0;             ///< samples that fit into them
+  std::uint64_t backwards = 0;           ///< stamps not later than the one before
+  double delay_s = 0, delay_most_s = 0;  ///< from stamp to arrival: median, longest. Negative: stamps lie in the future
+  double rate_hz() const { return period_s > 0 ? 1 / period_s : 0; }
+};
+
+class Pacing {
+ public:
+  /// Stamp and arrival of a sample; arrival zero: not known.
+  void step(HostStamp stamp, HostStamp arrival);
+  PacingResult result() const;
+
+ private:
+  static constexpr std::size_t kMost = 4'000'000;  // an hour at 1 kHz; later ones are only counted
+  std::vector<double> intervals_, delays_;
+  HostStamp first_, last_;
+  std::uint64_t samples_ = 0, backwards_ = 0;
+};
+
+}  // namespace epiline
