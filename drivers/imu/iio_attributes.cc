@@ -74,7 +74,7 @@ int IioAttributes::read(const char* name, double& number) const noexcept {
 }
 
 int IioAttributes::write_for_good(const char* name, const char* value) const noexcept {
-  const int fd = open_file(name, O_WRONLY);
+  const int fd = open_file(name, O_WRONLY | O_TRUNC);
   if (fd < 0) return errno;
   const ssize_t bytes = ::write(fd, value, std::strlen(value));
   const int error = bytes < 0 ? errno : 0;

@@ -51,7 +51,7 @@ class IioImu final : public ImuSource {
   IioCounts counts() const noexcept { return shown_counts_.read(); }
   bool is_streaming() const noexcept { return streaming_.load(std::memory_order_relaxed); }
   IioClock clock() const noexcept { return clock_.load(std::memory_order_relaxed); }
-  /// kEmpty unless clock() is kDevice. Any thread; figures of one look may be of two neighbouring readings.
+  /// kEmpty unless clock() is kDevice.
   ClockState clock_state() const noexcept { return shown_clock_state_.read(); }
   /// Readings per second, as the device says; 0: it does not.
   double rate_hz() const noexcept { return rate_hz_.load(std::memory_order_relaxed); }
