@@ -37,13 +37,15 @@ timespec timespec_of(Span span) noexcept {
 
 }  // namespace
 
-V4l2Camera::V4l2Camera(V4l2Settings settings) : settings_(std::move(settings)) {}
+V4l2Camera::V4l2Camera(V4l2Settings settings)
+    : settings_(std::move(settings)), stamp_line_(settings_.stamp_line, settings_.stamp_edge) {}
 
 // ---- setting up ----
 
 Status V4l2Camera::open() {
   if (settings_.buffers < 2 || settings_.buffers > static_cast<int>(kMostBuffers))
     return Error{ErrorKind::kUsage, settings_.device, 0, std::to_string(settings_.buffers) + " buffers", "2 to 16"};
+  if (Status line = stamp_line_.open(); !line) return line;
   wake_fd_ = ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
   if (wake_fd_ < 0) return Error{ErrorKind::kRun, "eventfd", 0, std::strerror(errno), ""};
   if (const DeviceTrouble trouble = set_up()) {
@@ -82,6 +84,7 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
   if (const DeviceTrouble trouble = map_buffers()) return trouble;
   if (const DeviceTrouble trouble = device_.start()) return trouble;
   is_first_of_stream_ = true;
+  stamp_line_.restart();
   last_image_ns_ = monotonic_ns();
   streaming_.store(true, std::memory_order_relaxed);
   return {};
@@ -220,6 +223,7 @@ bool V4l2Camera::reopen() noexcept {
 }
 
 void V4l2Camera::close() noexcept {
+  stamp_line_.close();
   if (wake_fd_ < 0) return;
   for (Slot& slot : slots_)
     if (slot.state.load(std::memory_order_acquire) == SlotState::kLent)
@@ -369,8 +373,13 @@ bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
   const bool is_start = (buffer.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) == V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
   const StampPoint point =
       settings_.stamp_point.value_or(is_start ? StampPoint::kStartOfExposure : StampPoint::kEndOfFrame);
-  frame.stamp =
-      given + to_mid_exposure(point, settings_.shutter, exposure_.time_of(given, frame.sequence), settings_.readout);
+  const Span exposure = exposure_.time_of(given, frame.sequence);
+  HostStamp start = point == StampPoint::kStartOfExposure ? given : given - exposure - settings_.readout;
+  if (!stamp_line_.stamp(frame.sequence, start)) {
+    bump(no_edge_);
+    return false;
+  }
+  frame.stamp = start + to_mid_exposure(StampPoint::kStartOfExposure, settings_.shutter, exposure, settings_.readout);
   return true;
 }
 
@@ -431,6 +440,7 @@ CameraCounts V4l2Camera::counts() const noexcept {
   counts.damaged = value(damaged_);
   counts.incomplete = value(incomplete_);
   counts.bad_stamps = value(bad_stamps_);
+  counts.no_edge = value(no_edge_);
   counts.no_slot = value(no_slot_);
   counts.overwritten = value(overwritten_);
   counts.disconnected = value(disconnected_);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "drivers/camera/camera_exposure.h"
+#include "drivers/camera/stamp_line.h"
 #include "drivers/camera/v4l2_device.h"
 #include "drivers/camera/v4l2_settings.h"
 #include "platform/concurrency/spsc_ring.h"
@@ -22,6 +23,7 @@ struct CameraCounts {
   std::uint64_t damaged = 0;       ///< marked as damaged by the driver
   std::uint64_t incomplete = 0;    ///< shorter than an image
   std::uint64_t bad_stamps = 0;    ///< of an unknown clock, not rising, or not of the time just past
+  std::uint64_t no_edge = 0;       ///< with a stamp line: which edge is the image's was not sure
   std::uint64_t no_slot = 0;       ///< all images were lent
   std::uint64_t overwritten = 0;   ///< a driver that gave a buffer that was lent
   std::uint64_t disconnected = 0;  ///< the device was lost
@@ -56,6 +58,8 @@ class V4l2Camera final : public CameraSource {
   Span exposure() const noexcept { return exposure_.report().time; }  ///< of the newest image
   ExposureReport exposure_report() const noexcept { return exposure_.report(); }
   CameraCounts counts() const noexcept;
+  /// Of the stamp line, if there is one.
+  EdgeCounts edge_counts() const noexcept { return stamp_line_.counts(); }
   bool is_streaming() const noexcept { return streaming_.load(std::memory_order_relaxed); }
 
   // While it streams; any one thread.
@@ -138,11 +142,12 @@ class V4l2Camera final : public CameraSource {
   std::int64_t last_image_ns_ = 0, retry_at_ns_ = 0;
   Span retry_after_;
   HostStamp last_stamp_;
+  StampLine stamp_line_;
   std::uint64_t sequence_ = 0;         ///< of the newest image, ours
   std::uint32_t driver_sequence_ = 0;  ///< the driver's
   bool is_first_of_stream_ = true;
 
-  Counter frames_{0}, lost_{0}, damaged_{0}, incomplete_{0}, bad_stamps_{0}, no_slot_{0}, overwritten_{0},
+  Counter frames_{0}, lost_{0}, damaged_{0}, incomplete_{0}, bad_stamps_{0}, no_edge_{0}, no_slot_{0}, overwritten_{0},
       disconnected_{0}, retries_{0};
   std::atomic<int> last_error_{0};
 };

@@ -7,6 +7,7 @@
 
 #include "drivers/camera/mid_exposure.h"
 #include "drivers/camera/pixel_format.h"
+#include "drivers/gpio/gpio_line.h"
 #include "pipeline/config/devices.h"
 #include "platform/error/result.h"
 #include "platform/time/clock.h"
@@ -37,6 +38,9 @@ struct V4l2Settings {
   /// Stamps are monotonic though the driver does not say so: v4l2loopback, and whatever else copies its writer's
   /// stamps.
   bool trust_stamps = false;
+  /// A GPIO line with an edge at the start of each exposure, see GpioLine; then that edge is the image's stamp.
+  std::string stamp_line{};
+  Edge stamp_edge = Edge::kRising;
 
   Span silence_most = Span::from_milliseconds(2'000);  ///< without an image so long, the device is reopened. 0: never
   Span retry_first = Span::from_milliseconds(50);      ///< between attempts to reopen; doubles ...

@@ -1,5 +1,5 @@
 #pragma once
-// An IMU behind Linux' industrial I/O (IIO): one device with both sensors, or one for each. docs/imu.md
+// An IMU behind Linux' industrial I/O (IIO): one device with both sensors, or one for each. docs/imu-iio.md
 #include <array>
 #include <atomic>
 #include <cstddef>
@@ -7,7 +7,7 @@
 
 #include "drivers/imu/accel_merge.h"
 #include "drivers/imu/iio_device.h"
-#include "drivers/imu/interval_tracker.h"
+#include "platform/time/interval_tracker.h"
 #include "pipeline/config/devices.h"
 #include "platform/concurrency/snapshot.h"
 #include "platform/ports/ports.h"

@@ -47,6 +47,7 @@ DeviceRecord record_of(const V4l2Camera& camera) {
            {"damaged", c.damaged},
            {"incomplete", c.incomplete},
            {"bad_stamps", c.bad_stamps},
+           {"no_edge", c.no_edge},
            {"no_slot", c.no_slot},
            {"overwritten", c.overwritten},
            {"disconnected", c.disconnected},
