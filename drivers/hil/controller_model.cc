@@ -35,7 +35,7 @@ std::string text_fault(const mavlink::StatusText& m) {
 }  // namespace
 
 ControllerModel::ControllerModel(const ControllerSettings& settings, Truth truth)
-    : settings_(settings), truth_(std::move(truth)), fusion_(settings.R_VB) {}
+    : settings_(settings), truth_(std::move(truth)), can_(settings.can_base_id), fusion_(settings.R_VB) {}
 
 std::int64_t ControllerModel::to_controller_ns(HostStamp host) const {
   return host.ns - settings_.boot.ns +
@@ -49,6 +49,7 @@ void ControllerModel::send(const Message& message) {
 }
 
 const mavlink::Packet* ControllerModel::next(HostStamp now) {
+  if (settings_.on_can) return nullptr;
   if (!begin_) begin_ = next_heartbeat_ = next_question_ = now;
   if (now >= *next_heartbeat_) {
     next_heartbeat_ = now + kHeartbeatEvery;
@@ -76,6 +77,12 @@ void ControllerModel::receive(const mavlink::Packet& packet, HostStamp arrival) 
   take(mavlink::Timesync{});
   take(mavlink::StatusText{});
   take(mavlink::CommandLong{});
+}
+
+void ControllerModel::receive(const can::Frame& frame, HostStamp arrival) {
+  const auto message = can_.take(frame, arrival, book_);
+  if (can_.says_silence()) stream_.take_text(arrival);
+  if (message) receive(*message, arrival);
 }
 
 void ControllerModel::judge_sender(const mavlink::Packet& packet, HostStamp arrival) {
@@ -108,8 +115,10 @@ void ControllerModel::take_estimate(const std::optional<VisionSample>& sample, H
 }
 
 void ControllerModel::judge_latency(const VisionSample& sample) {
-  if (timesync_.count() < kExchangesToJudge) return;
-  const Span latency{to_controller_ns(sample.arrival) - (sample.stamp.ns + timesync_.offset_ns())};
+  if (!settings_.on_can && timesync_.count() < kExchangesToJudge) return;
+  const Span latency = settings_.on_can
+                           ? sample.arrival - sample.stamp
+                           : Span{to_controller_ns(sample.arrival) - (sample.stamp.ns + timesync_.offset_ns())};
   latency_.add(latency.ns);
   const auto judge = [&](Rule rule, Span most) {
     book_.judge(rule, latency >= -kClockDoubt && latency <= most, sample.arrival,
@@ -232,6 +241,7 @@ void ControllerModel::judge_answer(bool good, HostStamp at, const char* what) {
 
 Verdict ControllerModel::finish(HostStamp end) {
   stream_.finish(end, book_);
+  if (settings_.on_can) can_.finish(end, book_);
   if (first_packet_) judge_heartbeats(end);
   if (heartbeats_ >= 5) {
     const double rate_hz = static_cast<double>(heartbeats_ - 1) / (*newest_heartbeat_ - *first_heartbeat_).seconds();

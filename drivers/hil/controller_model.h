@@ -8,6 +8,7 @@
 #include <functional>
 #include <optional>
 
+#include "drivers/hil/can_reader.h"
 #include "drivers/hil/fusion_model.h"
 #include "drivers/hil/motion_rules.h"
 #include "drivers/hil/rules.h"
@@ -25,8 +26,10 @@ struct ControllerSettings {
   std::uint8_t companion = 197;                     ///< component that odometry has to come from
   Span boot = Span::from_milliseconds(-3'600'000);  ///< instant of the host's clock at which the controller's was 0
   double skew_ppm = 0;                              ///< its clock runs so much faster than the host's
-  double timesync_hz = 10;                          ///< questions of its own
-  Mat3 R_VB = Mat3::Identity();                     ///< the recording's IMU in the vehicle (forward, left, up)
+  bool on_can = false;                              ///< hears CAN frames, and has the host's clock
+  int can_base_id = 0x300;
+  double timesync_hz = 10;       ///< questions of its own
+  Mat3 R_VB = Mat3::Identity();  ///< the recording's IMU in the vehicle (forward, left, up)
 };
 
 class ControllerModel {
@@ -37,6 +40,8 @@ class ControllerModel {
   explicit ControllerModel(const ControllerSettings& settings, Truth truth = {});
 
   void receive(const mavlink::Packet& packet, HostStamp arrival);
+  /// Of a bus.
+  void receive(const can::Frame& frame, HostStamp arrival);
   /// The next packet to send, valid until the next call; null: none is due. Call until null, again every few ms.
   const mavlink::Packet* next(HostStamp now);
 
@@ -75,6 +80,7 @@ class ControllerModel {
   ControllerSettings settings_;
   Truth truth_;
   RuleBook book_;
+  CanReader can_;
   StreamRules stream_;
   MotionRules motion_;
   FusionModel fusion_;

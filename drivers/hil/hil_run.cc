@@ -5,6 +5,7 @@
 #include <mutex>
 #include <optional>
 
+#include "drivers/hil/can_thread.h"
 #include "drivers/hil/controller_thread.h"
 #include "drivers/hil/loopback_writer.h"
 #include "drivers/hil/played_truth.h"
@@ -82,6 +83,7 @@ class Flight {
   std::unique_ptr<ControllerModel> model_;
   std::unique_ptr<ControllerLine> line_;
   std::optional<ControllerThread> controller_;
+  std::optional<CanThread> bus_;
   Pump images_, readings_;
   std::int64_t played_ns_ = 0;  ///< when everything had been played
 };
@@ -95,9 +97,18 @@ Status Flight::connect_controller() {
   s.skew_ppm = options_.controller_skew_ppm;
   s.boot = Span{monotonic_ns()} - Span::from_milliseconds(60'000);
   s.R_VB = R_VB_of(settings_.config.devices.body);
+  if (options_.controller.find("can") != std::string::npos && options_.controller.front() != '/') {
+    s.on_can = true;
+    s.can_base_id = settings_.config.devices.can.base_id;
+  }
   model_ = std::make_unique<ControllerModel>(s, [this](HostStamp stamp) {
     return clock_.started() ? truth_.at(clock_.pace().stamp_of(stamp.ns)) : std::nullopt;
   });
+  if (s.on_can) {
+    settings_.config.devices.can.interface = options_.controller;
+    bus_.emplace(*model_);
+    return bus_->start(options_.controller);
+  }
   const bool udp = options_.controller == "udp", pty = options_.controller == "pty";
   auto line = pty ? open_pty_line() : udp ? open_udp_line() : open_serial_line(options_.controller, m.baud);
   if (!line) return line.error();
@@ -197,7 +208,8 @@ Result<HilResult> Flight::run(const std::function<bool(const Progress&)>& watch)
     const bool goes_on = watch({share_played(), state});
     return watch_flight() && goes_on;
   });
-  controller_->stop();
+  if (controller_) controller_->stop();
+  if (bus_) bus_->stop();
   images_.stop();
   readings_.stop();
   if (!record) return record.error();

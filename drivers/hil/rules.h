@@ -39,6 +39,8 @@ enum class Rule : std::uint8_t {
   kVelocity,
   kInnovation,
   kStatusText,
+  kCanFrames,
+  kCanStatus,
   kCount,
 };
 inline constexpr std::size_t kRules = static_cast<std::size_t>(Rule::kCount);
