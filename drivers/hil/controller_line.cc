@@ -133,8 +133,14 @@ Result<std::unique_ptr<ControllerLine>> open_serial_line(const std::string& devi
                  "one that serial ports have a name for: 57600, 115200, 921600, 1000000, ... 3000000"};
   }
   File port(::open(device.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK));
-  if (port.get() < 0) return failed(device, "cannot be opened");
-  if (!set_raw(port.get(), speed)) return failed(device, "is no serial port");
+  const auto unusable = [&](const char* step) {
+    Error error = failed(device, step);
+    error.kind = ErrorKind::kUsage;
+    error.expected = "a serial port that is wired to the configuration's, or pty, udp, a CAN interface";
+    return error;
+  };
+  if (port.get() < 0) return unusable("cannot be opened");
+  if (!set_raw(port.get(), speed)) return unusable("is no serial port");
   return std::unique_ptr<ControllerLine>(std::make_unique<Terminal>(std::move(port), File(), ""));
 }
 

@@ -162,7 +162,8 @@ TEST(ControllerModel, ASoundCompanionIsAccepted) {
   const Verdict verdict = verdict_of(companion);
   EXPECT_TRUE(verdict.accepted()) << text_of(verdict, kBegin);
   for (const RuleVerdict& v : verdict.rules)
-    EXPECT_EQ(v.state, v.rule < Rule::kCanFrames ? RuleState::kKept : RuleState::kNotSeen) << info_of(v.rule).name << ": each rule had its occasion";
+    EXPECT_EQ(v.state, v.rule < Rule::kCanFrames ? RuleState::kKept : RuleState::kNotSeen)
+        << info_of(v.rule).name << ": each rule had its occasion";
 }
 
 TEST(ControllerModel, LatencyIsMeasuredInItsOwnClock) {
