@@ -229,9 +229,7 @@ Status add_imu(const LiveSettings& settings, mavlink::MavlinkLink* link, LiveDev
   if (driver == ImuDriver::kIio) {
     take_imu(std::make_unique<IioImu>(d.imu), devices);
   } else {
-    auto spi = make_spi_imu(d.imu);
-    if (!spi) return missing(settings, "an imu.driver that is not there yet", "another one");
-    take_imu(std::move(spi), devices);
+    take_imu(make_spi_imu(d.imu), devices);
   }
   return Done{};
 }

@@ -102,7 +102,7 @@ TEST(Devices, WhatIsMissingIsNamedWithWhatWouldDo) {
 
 TEST(Devices, EveryDriverOfAnImuIsAtHand) {
   const Files files;
-  for (const char* const driver : {"iio", "icm42688p", "mavlink"}) {
+  for (const char* const driver : {"iio", "icm42688p", "bmi088", "adis16470", "mavlink"}) {
     const auto settings = read_live_settings(
         files.config("device = \"a\"\n", std::string("[imu]\ndevice = \"b\"\ndevice_accel = \"c\"\ndriver = \"") +
                                              driver + "\"\n[mavlink]\nudp = \"127.0.0.1:14550\"\n"));
