@@ -18,6 +18,12 @@ namespace {
 
 constexpr std::size_t kMostParts = 4;
 
+/// SPI_IOC_MESSAGE for a number that is not known when compiling.
+constexpr unsigned long message_request(std::size_t parts) noexcept {
+  return _IOC(_IOC_WRITE, SPI_IOC_MAGIC, 0, SPI_MSGSIZE(parts));
+}
+static_assert(message_request(1) == SPI_IOC_MESSAGE(1) && message_request(kMostParts) == SPI_IOC_MESSAGE(4));
+
 /// The spidev files there are, for the message; as many as fit.
 void list_spidevs(std::span<char> text) noexcept {
   int used = std::snprintf(text.data(), text.size(), "one of those there are:");
@@ -91,8 +97,7 @@ int SpidevBus::transfer(std::span<const SpiPart> parts) noexcept {
   }
   int done = -1;
   do {
-    // the request's number holds the size of the array
-    done = ::ioctl(fd_, _IOC(_IOC_WRITE, SPI_IOC_MAGIC, 0, SPI_MSGSIZE(parts.size())), messages.data());
+    done = ::ioctl(fd_, message_request(parts.size()), messages.data());
   } while (done < 0 && errno == EINTR);
   if (done < 0) return errno;
   return done == bytes ? 0 : EIO;

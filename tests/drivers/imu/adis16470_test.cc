@@ -129,6 +129,16 @@ TEST(Adis16470, DelayIsTheChipsAndTheDecimations) {
   EXPECT_EQ(fast.imu->facts().gyroscope_delay.ns, 1'440'000);
 }
 
+TEST(Adis16470, BurstsStayBelowTheirOwnLimit) {
+  ImuDeviceConfig config = at_rate(200);
+  config.spi_hz = 2'000'000;
+  Rig rig(config);
+  ASSERT_EQ(text(rig.imu->open()), "well");
+  rig.read_for(1);
+  EXPECT_EQ(rig.imu->counts().damaged, 0U);
+  EXPECT_GT(rig.compared().samples, 190U);
+}
+
 TEST(Adis16470, SaysWhoIsThereInstead) {
   Rig other(at_rate(200));
   other.model.reg(0x72) = 16475;

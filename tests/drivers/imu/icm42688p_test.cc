@@ -293,6 +293,22 @@ TEST(Icm42688p, BitErrorsNeitherHangNorShiftTheTime) {
   EXPECT_GT(rig.imu->counts().damaged + rig.imu->counts().resets, 0U);
 }
 
+TEST(Icm42688p, AGarbledTimeStampShiftsNothing) {
+  WorldSettings settings;
+  settings.edge_jitter_us = 0;
+  Rig rig(at_rate(1000), true, settings);
+  ASSERT_EQ(text(rig.imu->open()), "well");
+  for (int i = 0; i < 20; ++i) {
+    rig.read_for(0.1);
+    rig.model.garbles_next_time = true;
+  }
+  const Comparison result = rig.compared();
+  EXPECT_EQ(result.unknown + result.missing, 0U);
+  EXPECT_EQ(result.worst_late_ns + result.worst_early_ns, 0);
+  EXPECT_EQ(rig.imu->counts().clock.realigned, 0U);
+  EXPECT_EQ(rig.imu->counts().clock.by_model, 0U);
+}
+
 TEST(Icm42688p, ReadingNeedsNoHeap) {
   if (!allocation_counting_available()) GTEST_SKIP();
   WorldSettings settings;

@@ -36,6 +36,7 @@ class IcmModel final : public ChipModel {
   std::vector<Truth> truths;  ///< of all samples since power was on first; the index is in gyro x
   std::uint8_t who_am_i = 0x47;
   int resets = 0;
+  bool garbles_next_time = false;  ///< one bit of a packet's time stamp
 
   // The wires.
   void select() {
@@ -118,7 +119,9 @@ class IcmModel final : public ChipModel {
     truths.push_back(truth);
 
     const double us = static_cast<double>(at_ns - boot_ns_) * 1e-3 * (1 + clock_error);
-    const auto ticks = static_cast<std::uint64_t>(us / ((bank[0x54] & 0x08) != 0 ? 16 : 1));
+    auto ticks = static_cast<std::uint64_t>(us / ((bank[0x54] & 0x08) != 0 ? 16 : 1));
+    if (garbles_next_time) ticks ^= 0x2000;
+    garbles_next_time = false;
     std::array<std::uint8_t, 20> p{};
     p[0] = hires ? 0x78 : 0x68;
     for (int i = 0; i < 3; ++i) {
