@@ -343,15 +343,10 @@ void MavlinkLink::look_at_estimate(std::int64_t now_ns) noexcept {
     seen_ns_ = newest->when_ns;
     state_.condition = condition_of(newest->odometry.health);
     news_.update(now_ns, state_.condition, newest->odometry.health.reasons);
-    const bool has_new_image = newest->images > images_seen_;
-    if (has_new_image) schedule_.image(now_ns);
+    if (newest->images > images_seen_) schedule_.image(now_ns);
     images_seen_ = newest->images;
-    if (gate_.admits(newest->odometry, has_new_image)) {
-      // one that only got better is as old as it was
-      const bool is_same = has_unsent_ && newest->odometry.stamp == estimate_.odometry.stamp;
-      const std::int64_t since_ns = is_same ? estimate_.when_ns : newest->when_ns;
+    if (gate_.admits(newest->odometry)) {
       estimate_ = *newest;
-      estimate_.when_ns = since_ns;
       has_unsent_ = true;
     }
   } else if (seen_ns_ == 0 || now_ns - seen_ns_ > kSilence_ns) {
@@ -460,7 +455,6 @@ void MavlinkLink::put_odometry(std::int64_t now_ns) noexcept {
   is_frame_odometry_ = true;
   frame_images_ = images_sent_ = estimate_.images;
   has_unsent_ = false;
-  gate_.sent();
   schedule_.sent(now_ns);
   held_up_since_ns_ = 0;
 }

@@ -70,17 +70,15 @@ std::uint8_t system_state_of(Condition condition) noexcept {
   return condition == Condition::kWaiting ? kStandby : kActive;
 }
 
-bool OdometryGate::admits(const epiline::Odometry& odometry, bool has_new_image) noexcept {
+bool OdometryGate::admits(const epiline::Odometry& odometry) noexcept {
   const Condition condition = condition_of(odometry.health);
   if (condition != Condition::kGood && condition != Condition::kDegraded) {
     has_stopped_ = estimator_counter_.has_value();
     return false;
   }
   const std::int64_t stamp_us = odometry.stamp.ns / 1000;
-  const bool is_better = stamp_us == newest_us_ && has_new_image && !is_newest_sent_;
-  if (stamp_us <= newest_us_ && !is_better) return false;
+  if (stamp_us <= newest_us_) return false;
   newest_us_ = stamp_us;
-  is_newest_sent_ = false;
   const bool has_jumped = estimator_counter_ && *estimator_counter_ != odometry.reset_counter;
   if (has_jumped || has_stopped_) ++counter_;
   estimator_counter_ = odometry.reset_counter;

@@ -20,8 +20,7 @@ Condition condition_of(const Health& health) noexcept;
 std::uint8_t system_state_of(Condition condition) noexcept;
 
 /// PX4 fuses whatever comes, also of quality -1, and ArduPilot likewise unless told otherwise: so an estimate that is
-/// lost is not sent at all. Nor is one whose stamp is not later than those before: a pose is never repeated. But the
-/// newest, as long as it was not sent, may be replaced by the same with another image in it. The reset
+/// lost is not sent at all. Nor is one whose stamp is not later than those before: a pose is never repeated. The reset
 /// counter of the messages is our own: it goes on by one when the estimate has jumped, and also when sending resumes
 /// after it had to stop, for what drifted in the meantime is a jump for who did not see it.
 class OdometryGate {
@@ -29,11 +28,8 @@ class OdometryGate {
   /// `first_counter` should differ from run to run: the receiver of a restarted program must see a jump.
   explicit OdometryGate(std::uint8_t first_counter) noexcept : counter_(first_counter) {}
 
-  /// Whether it may be sent; to be asked for each in turn. Those admitted may be left out. `has_new_image`: the one
-  /// before had fewer images in it.
-  bool admits(const epiline::Odometry& odometry, bool has_new_image) noexcept;
-  /// What was admitted last is on its way.
-  void sent() noexcept { is_newest_sent_ = true; }
+  /// Whether it may be sent; to be asked for each in turn. Those admitted may be left out.
+  bool admits(const epiline::Odometry& odometry) noexcept;
   /// Goes with what was admitted last.
   std::uint8_t reset_counter() const noexcept { return counter_; }
 
@@ -41,8 +37,7 @@ class OdometryGate {
   std::uint8_t counter_;
   std::optional<std::uint32_t> estimator_counter_;  ///< of what was admitted last
   bool has_stopped_ = false;
-  std::int64_t newest_us_ = 0;  ///< admitted
-  bool is_newest_sent_ = false;
+  std::int64_t newest_us_ = 0;
 };
 
 /// One of MAVLink's texts for a pilot.

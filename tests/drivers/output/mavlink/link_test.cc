@@ -144,35 +144,6 @@ TEST(MavlinkLink, NeverRepeatsAPose) {
   EXPECT_LE(messages.size(), before);
 }
 
-// A new image corrects the last prediction before the IMU's next reading comes: nobody has to wait for that.
-TEST(MavlinkLink, SendsTheCorrectedPredictionOfTheSameInstant) {
-  PseudoTerminal line;
-  MavlinkLink link(serial_config(line.path()), kForward);
-  open(link);
-  Estimates estimates;
-  epiline::Odometry& o = estimates.odometry;
-  bool came = false;
-  for (int round = 1; round <= 50 && !came; ++round) {  // on a busy computer one may be sent before it is corrected
-    o.p_WB_m[0] = 0;
-    o.stamp = HostStamp{monotonic_ns()};
-    link.publish(o);
-    const std::size_t before = line.peer.all<Odometry>().size();
-    wait_for(line.peer, 50, [&] { return line.peer.all<Odometry>().size() > before; });
-    o.stamp = o.stamp + Span{5 * kMs};
-    link.publish(o);  // too early to be sent
-    link.publish_image(o);
-    o.p_WB_m[0] = round;
-    link.publish(o);
-    came = wait_for(line.peer, 50, [&] {
-      const auto messages = line.peer.all<Odometry>();
-      return !messages.empty() && messages.back().x == static_cast<float>(round) &&
-             messages.back().time_usec == static_cast<std::uint64_t>(o.stamp.ns / 1000);
-    });
-  }
-  EXPECT_TRUE(came);
-  expect_rising(line.peer.all<Odometry>());
-}
-
 TEST(MavlinkLink, StopsWhenLostAndSaysSo) {
   PseudoTerminal line;
   MavlinkLink link(serial_config(line.path()), kForward);

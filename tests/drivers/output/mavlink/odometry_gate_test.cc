@@ -23,56 +23,45 @@ epiline::Odometry odometry(std::int64_t stamp_ms, HealthState state = HealthStat
 
 TEST(MavlinkGate, AdmitsWhatIsNewAndTracked) {
   OdometryGate gate(7);
-  EXPECT_FALSE(gate.admits(odometry(1, HealthState::kInitialising), false));
-  EXPECT_TRUE(gate.admits(odometry(2), false));
-  EXPECT_TRUE(gate.admits(odometry(3, HealthState::kDegraded), false));
+  EXPECT_FALSE(gate.admits(odometry(1, HealthState::kInitialising)));
+  EXPECT_TRUE(gate.admits(odometry(2)));
+  EXPECT_TRUE(gate.admits(odometry(3, HealthState::kDegraded)));
   EXPECT_EQ(gate.reset_counter(), 7);
 }
 
 // The publisher hands out the last prediction again while a sensor is silent.
 TEST(MavlinkGate, NeverRepeatsAPose) {
   OdometryGate gate(0);
-  EXPECT_TRUE(gate.admits(odometry(5), false));
-  EXPECT_FALSE(gate.admits(odometry(5), false));
-  EXPECT_FALSE(gate.admits(odometry(4), false));
+  EXPECT_TRUE(gate.admits(odometry(5)));
+  EXPECT_FALSE(gate.admits(odometry(5)));
+  EXPECT_FALSE(gate.admits(odometry(4)));
   auto within_a_microsecond = odometry(5);
   within_a_microsecond.stamp.ns += 999;
-  EXPECT_FALSE(gate.admits(within_a_microsecond, false));
-  EXPECT_TRUE(gate.admits(odometry(6), false));
-}
-
-// The prediction at the last reading, again, now that a new image is in it: if that one was not sent, this may be.
-TEST(MavlinkGate, TakesABetterOneOfTheSameInstant) {
-  OdometryGate gate(0);
-  EXPECT_TRUE(gate.admits(odometry(5), false));
-  EXPECT_TRUE(gate.admits(odometry(5), true));
-  gate.sent();
-  EXPECT_FALSE(gate.admits(odometry(5), true));
-  EXPECT_TRUE(gate.admits(odometry(6), false));
-  EXPECT_FALSE(gate.admits(odometry(5), true));
+  EXPECT_FALSE(gate.admits(within_a_microsecond));
+  EXPECT_TRUE(gate.admits(odometry(6)));
 }
 
 TEST(MavlinkGate, CountsJumpsOnce) {
   OdometryGate gate(255);
-  EXPECT_TRUE(gate.admits(odometry(1, HealthState::kTracking, 4), false));
+  EXPECT_TRUE(gate.admits(odometry(1, HealthState::kTracking, 4)));
   EXPECT_EQ(gate.reset_counter(), 255);  // the first has nothing to jump from
-  EXPECT_TRUE(gate.admits(odometry(2, HealthState::kTracking, 5), false));
+  EXPECT_TRUE(gate.admits(odometry(2, HealthState::kTracking, 5)));
   EXPECT_EQ(gate.reset_counter(), 0);
-  EXPECT_TRUE(gate.admits(odometry(3, HealthState::kTracking, 5), false));
+  EXPECT_TRUE(gate.admits(odometry(3, HealthState::kTracking, 5)));
   EXPECT_EQ(gate.reset_counter(), 0);
 }
 
 TEST(MavlinkGate, ResumingIsAJump) {
   OdometryGate gate(10);
-  EXPECT_FALSE(gate.admits(odometry(1, HealthState::kInitialising), false));
-  EXPECT_TRUE(gate.admits(odometry(2), false));
+  EXPECT_FALSE(gate.admits(odometry(1, HealthState::kInitialising)));
+  EXPECT_TRUE(gate.admits(odometry(2)));
   EXPECT_EQ(gate.reset_counter(), 10);  // there was nothing before
-  EXPECT_FALSE(gate.admits(odometry(3, HealthState::kLost), false));
-  EXPECT_FALSE(gate.admits(odometry(4, HealthState::kInitialising), false));
-  EXPECT_TRUE(gate.admits(odometry(5), false));
+  EXPECT_FALSE(gate.admits(odometry(3, HealthState::kLost)));
+  EXPECT_FALSE(gate.admits(odometry(4, HealthState::kInitialising)));
+  EXPECT_TRUE(gate.admits(odometry(5)));
   EXPECT_EQ(gate.reset_counter(), 11);
-  EXPECT_FALSE(gate.admits(odometry(6, HealthState::kLost), false));
-  EXPECT_TRUE(gate.admits(odometry(7, HealthState::kTracking, 1), false));
+  EXPECT_FALSE(gate.admits(odometry(6, HealthState::kLost)));
+  EXPECT_TRUE(gate.admits(odometry(7, HealthState::kTracking, 1)));
   EXPECT_EQ(gate.reset_counter(), 12);  // both reasons, one jump
 }
 
