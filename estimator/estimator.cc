@@ -9,6 +9,7 @@
 #include "estimator/factors/epipolar.h"
 #include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
+#include "estimator/factors/wheel.h"
 #include "estimator/inertial/imu_history.h"
 #include "estimator/inertial/stationary.h"
 #include "estimator/initialise/starter.h"
@@ -94,6 +95,7 @@ struct Estimator::Impl {
 
   bool append_frame(const TrackedFrame& frame);
   void attach_rest(const TrackedFrame& frame);
+  void attach_wheel();
   void reintegrate_moved_biases();
   SolverSummary solve(Supervisor& supervisor, const Supervisor::Effort& effort);
   void adapt_pixel_sigma(double dt_s);
@@ -115,6 +117,7 @@ struct Estimator::Impl {
   const Kernels& kernel;
   Window window;
   ImuHistory history;
+  WheelHistory wheel;
   std::unique_ptr<VisualFactorModel> visual;
   Solver solver;
   Marginaliser marginaliser;
@@ -156,6 +159,7 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
   density.noise.gyroscope_density *= c.gyroscope_density_factor;
   density.noise.accelerometer_density *= c.accelerometer_density_factor;
   window.calibration = {c.extrinsics.time_offset_s, c.extrinsics.R_BC, c.extrinsics.p_BC};
+  window.wheel = c.wheel;
   window.first_estimates = c.visual_factor == VisualFactor::kTrack;
   odometry.health.reasons = static_cast<std::uint32_t>(HealthReason::kNoInitialState);
 }
@@ -216,6 +220,16 @@ void Estimator::Impl::attach_rest(const TrackedFrame& frame) {
   ++stats.zero_motion_frames;
 }
 
+/// Frames whose time lies between two speeds get one, once; the second of the two may come after the frame.
+void Estimator::Impl::attach_wheel() {
+  for (int k = 0; k < window.size(); ++k) {
+    Slot& s = window.at(k);
+    if (s.has_wheel || !wheel.speed_at(s.time, s.wheel_speed_m_s)) continue;
+    s.has_wheel = true;
+    ++stats.wheel_frames;
+  }
+}
+
 /// Intervals whose bias moved far from their linearisation point are integrated again, as far back as the readings
 /// reach.
 void Estimator::Impl::reintegrate_moved_biases() {
@@ -232,6 +246,7 @@ void Estimator::Impl::reintegrate_moved_biases() {
 }
 
 SolverSummary Estimator::Impl::solve(Supervisor& supervisor, const Supervisor::Effort& effort) {
+  attach_wheel();
   reintegrate_moved_biases();
   const bool young = window_age_s(window.newest().time) < kYoungWindow_s || rejected_last;
   SolverSettings settings{young ? config.steps_young : config.steps, config.estimate_time_offset,
@@ -428,6 +443,7 @@ std::optional<StartRefusal> Estimator::Impl::posterior_refusal(const SolverSumma
 std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& frame, Supervisor& supervisor) {
   if (const auto refusal = starter.start_moving(window, starter_settings())) return refusal;
   started_at = window.at(0).time;
+  attach_wheel();
   reintegrate_moved_biases();
   const SolverSettings settings{kStartSteps, config.estimate_time_offset, config.estimate_extrinsics};
   supervisor.phase(Supervisor::Phase::kSolve);
@@ -624,6 +640,12 @@ bool Estimator::add_imu(const ImuSample& sample) noexcept {
     m.imu_gap_seen = true;
   }
   return true;
+}
+
+bool Estimator::add_wheel(const WheelSample& sample) noexcept {
+  const bool taken = impl_->config.wheel.use && impl_->wheel.push(sample);
+  ++(taken ? impl_->stats.wheel_samples : impl_->stats.wheel_refused);
+  return taken;
 }
 
 HostStamp Estimator::imu_needed_until(HostStamp image) const noexcept {

@@ -28,6 +28,15 @@ struct Extrinsics {
   double time_offset_s = 0;  ///< first guess of t_IMU - t_image
 };
 
+/// What the wheels of a ground vehicle measure: the speed of a point of it along its forward axis.
+struct WheelModel {
+  bool use = true;                 ///< false: speeds are left out
+  Vec3 forward_B = Vec3::UnitX();  ///< that axis, in the IMU's
+  Vec3 p_BV = Vec3::Zero();        ///< that point, seen from the IMU: the middle of the axle that does not steer
+  double sigma_m_s = 0.05;
+  double cauchy = 2;  ///< kernel scale, in sigmas: a wheel that slips
+};
+
 struct EstimatorConfig {
   VisualFactor visual_factor = VisualFactor::kTrack;
   int keyframes = 10;             ///< older frames in the window, 2 to 20
@@ -56,6 +65,7 @@ struct EstimatorConfig {
   bool estimate_extrinsics = false;
   double extrinsic_rotation_sigma_rad = 0.0087, extrinsic_translation_sigma_m = 5e-3;
   Extrinsics extrinsics;
+  WheelModel wheel;  ///< of speeds, if any come
 };
 
 /// What the estimator may ask of the outside while it works. Both calls must return at once.
@@ -113,6 +123,7 @@ struct EstimatorStats {
   std::uint64_t iterations = 0, residuals = 0, state_size = 0, deadline_hits = 0;
   std::uint64_t linearisations = 0, tracks_offered = 0, tracks_used = 0;  ///< likewise
   std::uint64_t keyframes = 0, zero_motion_frames = 0, gated = 0, gate_suspended = 0, tracks_refused = 0;
+  std::uint64_t wheel_samples = 0, wheel_refused = 0, wheel_frames = 0;  ///< wheel_frames: frames that got a speed
   std::uint64_t resets = 0, start_attempts = 0;
   std::uint64_t start_refused[static_cast<int>(StartRefusal::kCount)] = {};
   StartKind start_kind = StartKind::kNone;
@@ -135,6 +146,9 @@ class Estimator {
 
   /// IMU readings in time order; bad ones (old, doubled, not finite) are counted and left out. False: left out.
   bool add_imu(const ImuSample& sample) noexcept;
+  /// A speed of the wheels, in time order; bad ones are left out: false. It serves the frames whose time lies between
+  /// this one and the one before, if they are still in the window: so a speed may come late, and none is waited for.
+  bool add_wheel(const WheelSample& sample) noexcept;
   /// The IMU time up to which readings must have been added before a frame of this stamp is processed: the frame's,
   /// less a fifth of an IMU interval. A frame just past a reading need not wait for the next one: the last one holds so
   /// long.

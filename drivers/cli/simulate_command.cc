@@ -11,6 +11,7 @@
 #include "drivers/cli/commands.h"
 #include "drivers/cli/progress_bar.h"
 #include "drivers/simulate/hybrid_flight.h"
+#include "drivers/simulate/wheel_simulator.h"
 #include "pipeline/text/table.h"
 
 namespace epiline {
@@ -22,6 +23,8 @@ struct Options {
               effects = kUsualEffects, camera, out;
   bool tracks = false, quiet = false;
   std::uint64_t seed = 1;
+  bool wheels = false;
+  WheelSimulation wheel;
   double duration_s = 0, rate_hz = 20;
   int jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   TrackSimulation simulation;
@@ -40,7 +43,9 @@ int simulate_track_flight(Options& o) {
   o.simulation.seed = o.seed;
   SimulatedFlight flight = simulate_tracks(o.simulation);
   if (o.duration_s > 0) shorten(flight, o.duration_s);
-  const Status written = write_asl(o.simulation, flight, o.out);
+  std::vector<WheelSample> wheel;
+  if (o.wheels) wheel = simulate_wheel(flight.flight, kFlightBegin, o.wheel, o.seed);
+  const Status written = write_asl(o.simulation, flight, o.out, wheel);
   return written ? kExitDone : report(written.error());
 }
 
@@ -56,6 +61,7 @@ CameraCalibration usual_camera() {
 }
 
 int render(const Options& o, const FlightEffects& effects, FlightToRender flight, WorldKind usual_world) {
+  if (o.wheels) flight.tables.wheel_samples = simulate_wheel(*flight.motion, flight.begin, o.wheel, o.seed);
   if (o.duration_s > 0) flight.to_s = std::min(flight.to_s, flight.from_s + o.duration_s);
   const RenderChoice choice{o.world.empty() ? usual_world : *world_from(o.world), effects, o.seed, o.jobs};
   ProgressBar bar(o.quiet);
@@ -137,6 +143,15 @@ void add_simulate(CLI::App& app, int& exit_code) {
   command->add_option("--pixel-noise", o->simulation.noise.pixel_sigma, "of the tracks, standard deviation, px")
       ->check(CLI::NonNegativeNumber)
       ->needs(tracks)
+      ->capture_default_str();
+  CLI::Option* wheels = command->add_flag("--wheel", o->wheels, "the forward speed as wheels tell it, in wheel0");
+  command->add_option("--wheel-noise", o->wheel.sigma_m_s, "of that speed, standard deviation, m/s")
+      ->check(CLI::NonNegativeNumber)
+      ->needs(wheels)
+      ->capture_default_str();
+  command->add_option("--wheel-scale-error", o->wheel.scale_error, "0.01: tells one per cent too much")
+      ->check(CLI::Range(-0.5, 0.5))
+      ->needs(wheels)
       ->capture_default_str();
   command->add_option("--out", o->out, "folder to write")->required();
   command->add_flag("--quiet", o->quiet, "no progress");

@@ -12,6 +12,8 @@
 #include "drivers/imu/spi_imu_device.h"
 #include "drivers/output/can/can_output.h"
 #include "drivers/output/mavlink/link.h"
+#include "drivers/wheel/can_wheel_source.h"
+#include "drivers/wheel/vehicle.h"
 
 namespace epiline {
 
@@ -129,6 +131,20 @@ OutputRecord record_of(const CanOutput& can, const std::string& interface) {
   return {"can " + interface, c.epochs, c.stale + c.frames_dropped, c.disconnected, can.image_latency()};
 }
 
+DeviceRecord record_of(const CanWheelSource& wheel) {
+  const WheelCounts c = wheel.counts();
+  return {"wheel",
+          {{"samples", c.samples},
+           {"too_short", c.too_short},
+           {"not_finite", c.not_finite},
+           {"bad_stamps", c.bad_stamps},
+           {"gaps", c.gaps},
+           {"overruns", c.overruns},
+           {"disconnected", c.disconnected},
+           {"retries", c.retries}},
+          std::nullopt};
+}
+
 }  // namespace
 
 Mat3 R_VB_of(const BodyConfig& body) {
@@ -164,6 +180,7 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
     if (imu->saturation_accelerometer_m_s2) e.saturation_accelerometer_m_s2 = *imu->saturation_accelerometer_m_s2;
   }
   file->apply(config);  // the file wins
+  set_vehicle(config.estimator.wheel, config.devices.wheel, R_VB_of(config.devices.body));
   return settings;
 }
 
@@ -201,6 +218,13 @@ void add_can(const DevicesConfig& d, LiveDevices& devices) {
   auto can = std::make_unique<CanOutput>(d.can, R_VB_of(d.body));
   const CanOutput* const c = can.get();
   devices.outputs.push_back({std::move(can), [c, interface] { return record_of(*c, interface); }});
+}
+
+void add_wheel(const DevicesConfig& d, LiveDevices& devices) {
+  if (d.wheel.interface.empty()) return;
+  auto wheel = std::make_unique<CanWheelSource>(d.wheel);
+  devices.records.emplace_back([w = wheel.get()] { return record_of(*w); });
+  devices.wheel = std::move(wheel);
 }
 
 template <class Imu>
@@ -245,6 +269,7 @@ Result<LiveDevices> make_devices(const LiveSettings& settings, LiveDevices devic
   mavlink::MavlinkLink* const link =
       add_link(d, !imu_given && static_cast<ImuDriver>(d.imu.driver) == ImuDriver::kMavlink, devices);
   add_can(d, devices);
+  add_wheel(d, devices);
   if (!imu_given) {
     if (const Status s = add_imu(settings, link, devices); !s) return s.error();
   }

@@ -35,6 +35,7 @@ struct LiveOutput {
 struct LiveDevices {
   std::unique_ptr<CameraSource> camera;
   std::unique_ptr<ImuSource> imu;
+  std::unique_ptr<WheelSource> wheel;  ///< null: none
   std::vector<LiveOutput> outputs;
   std::vector<std::function<DeviceRecord()>> records;  ///< what the drivers counted, from any thread
   int images_to_log = 0;                               ///< RealtimeSettings

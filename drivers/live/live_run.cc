@@ -66,12 +66,16 @@ class OpenDevices {
     if (std::exchange(closed_, true)) return;
     devices_.camera->close();
     devices_.imu->close();
+    if (devices_.wheel) devices_.wheel->close();
     receivers_.close();
   }
   /// The camera last: its buffers fill from then on.
   Status open() {
     if (const Status s = receivers_.open(); !s) return s;
     if (const Status s = devices_.imu->open(); !s) return s;
+    if (devices_.wheel) {
+      if (const Status s = devices_.wheel->open(); !s) return s;
+    }
     return devices_.camera->open();
   }
 
@@ -115,7 +119,7 @@ Result<FlightRecord> fly(const LiveSettings& settings, LiveDevices& devices, con
     const SignalWait signals({SIGINT, SIGTERM, SIGUSR1});  // before any thread begins
     ServiceManager service;
     LiveLog log(options.out);
-    RealtimePorts ports{devices.camera.get(), devices.imu.get(), &receivers, {&log}, {}};
+    RealtimePorts ports{devices.camera.get(), devices.imu.get(), &receivers, {&log}, {}, devices.wheel.get()};
     if (options.view != nullptr) {
       const ViewSubject subject{settings.source, program_text(program_info()),
                                 settings.config.estimator.extrinsics.R_BC, true};

@@ -132,6 +132,19 @@ Status read_imu(AslMotion& d, const fs::path& calibration_file) {
   return Done{};
 }
 
+Status read_wheel(AslMotion& d) {
+  const fs::path path = find_table(d.root / "wheel0", "data.csv");
+  if (path.empty()) return Done{};
+  const auto text = read_text(path);
+  if (!text) return text.error();
+  const auto table = parse_table(*text, path.string(), TimeColumn::kNanoseconds, {2}, "speed (time, m/s)");
+  if (!table) return table.error();
+  for (std::size_t i = 0; i < table->rows(); ++i)
+    d.wheel_samples.push_back(
+        {HostStamp{table->time_ns[i]}, table->row(i)[0], std::numeric_limits<double>::quiet_NaN()});
+  return Done{};
+}
+
 /// Empty if there is none.
 fs::path truth_file(const fs::path& root) {
   const fs::path path = find_table(root / "state_groundtruth_estimate0", "data.csv");
@@ -167,6 +180,7 @@ Result<AslMotion> open_asl_motion(const fs::path& folder, const fs::path& imu_fi
   AslMotion d;
   d.root = *root;
   if (const Status s = read_imu(d, imu_file); !s) return s.error();
+  if (const Status s = read_wheel(d); !s) return s.error();
   if (const Status s = read_ground_truth(d); !s) return s.error();
   return d;
 }
@@ -178,6 +192,7 @@ Result<AslDataset> open_asl_dataset(const fs::path& folder, const std::string& c
   AslDataset d;
   d.root = *root;
   if (const Status s = read_imu(d, imu_file); !s) return s.error();
+  if (const Status s = read_wheel(d); !s) return s.error();
   if (const Status s = read_camera(d, camera, camera_file); !s) return s.error();
   if (const Status s = read_ground_truth(d); !s) return s.error();
   return d;

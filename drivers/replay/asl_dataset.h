@@ -35,10 +35,11 @@ struct TrackInstant {
 struct AslMotion {
   std::filesystem::path root;  ///< the folder that holds cam0 and imu0
   ImuCalibration imu;
-  std::vector<std::string> notes;      ///< remarks for the user, one line each
-  std::filesystem::path imu_file;      ///< data.csv[.gz]
-  std::filesystem::path truth_file;    ///< empty if there is none
-  std::vector<ImuSample> imu_samples;  ///< in the file's order, whatever it is: the estimator counts the bad ones
+  std::vector<std::string> notes;          ///< remarks for the user, one line each
+  std::filesystem::path imu_file;          ///< data.csv[.gz]
+  std::filesystem::path truth_file;        ///< empty if there is none
+  std::vector<ImuSample> imu_samples;      ///< in the file's order, whatever it is: the estimator counts the bad ones
+  std::vector<WheelSample> wheel_samples;  ///< of wheel0/data.csv: time, forward speed in m/s; empty if there is none
   std::optional<Trajectory> ground_truth;
 };
 

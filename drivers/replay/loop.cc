@@ -55,6 +55,10 @@ void loop_flight(AslDataset& d, double seconds) {
   const auto outside = [&](const ImuSample& s) { return s.stamp < first - kAround || s.stamp > last + kAround; };
   imu.erase(std::remove_if(imu.begin(), imu.end(), outside), imu.end());
   if (!imu.empty()) repeat(imu, period, end + kAround);
+  auto& wheel = d.wheel_samples;
+  const auto unused = [&](const WheelSample& s) { return s.stamp < first - kAround || s.stamp > last + kAround; };
+  wheel.erase(std::remove_if(wheel.begin(), wheel.end(), unused), wheel.end());
+  if (!wheel.empty()) repeat(wheel, period, end + kAround);
   if (!d.images.empty()) {
     d.image_source = std::make_shared<LoopedImages>(d.image_source, d.images.size());
     repeat(d.images, period, end);

@@ -108,6 +108,7 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
   Collector collector(plan.images.size());
   RecordedCamera camera(dataset, plan);
   RecordedImu imu(dataset, plan);
+  RecordedWheel wheel(dataset);
   std::optional<PredictedRecorder> predicted;
   if (options.imu_rate) predicted.emplace(dataset.imu_samples.size() - plan.first_imu, options.odometry);
   try {
@@ -118,6 +119,7 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     FaultyImu faulty_imu(imu, ImuFaults(options.faults, first));
     const SignalWait signals({SIGUSR1});  // before any thread begins
     RealtimePorts ports{&faulty_camera, &faulty_imu, predicted ? &*predicted : options.odometry, {&collector}, {}};
+    if (!dataset.wheel_samples.empty()) ports.wheel = &wheel;
     if (options.view != nullptr) ports.observers.push_back(&start_view(*options.view, dataset, options));
     std::optional<FlightRecorder> recorder;
     if (!config.recorder.folder.empty()) {
@@ -130,6 +132,7 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     const Pace pace = pace_of(dataset, plan, *options.realtime_speed);
     camera.start(pace);
     imu.start(pace);
+    wheel.start(pace);
     pipeline.arm(pace);
     while (!pipeline.finished()) {
       if (signals.wait(Span::from_milliseconds(20)) != 0 && recorder) recorder->request();

@@ -110,4 +110,18 @@ ReadOutcome RecordedImu::read(std::span<ImuSample> samples, std::size_t& count, 
   return count > 0 ? ReadOutcome::kSample : ReadOutcome::kTimeout;
 }
 
+void RecordedWheel::start(const Pace& pace) noexcept {
+  pace_ = pace;
+  while (next_ < samples_.size() && samples_[next_].stamp < pace.stamp) ++next_;
+}
+
+ReadOutcome RecordedWheel::read(WheelSample& sample, Span timeout) noexcept {
+  if (next_ == samples_.size()) return ReadOutcome::kEnd;
+  const std::int64_t deadline_ns = monotonic_ns() + timeout.ns, due_ns = pace_.host_of(samples_[next_].stamp);
+  sleep_until(std::min(due_ns, deadline_ns));
+  if (due_ns > deadline_ns) return ReadOutcome::kTimeout;
+  sample = samples_[next_++];
+  return ReadOutcome::kSample;
+}
+
 }  // namespace epiline

@@ -81,4 +81,21 @@ class RecordedImu final : public ImuSource {
   Pace pace_;
 };
 
+/// The speeds of the wheels, in the recording's order.
+class RecordedWheel final : public WheelSource {
+ public:
+  explicit RecordedWheel(const AslDataset& dataset) : samples_(dataset.wheel_samples) {}
+
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
+  /// Once, before the first read(). Speeds from before that time are left out.
+  void start(const Pace& pace) noexcept;
+  ReadOutcome read(WheelSample& sample, Span timeout) noexcept override;
+
+ private:
+  const std::vector<WheelSample>& samples_;
+  std::size_t next_ = 0;
+  Pace pace_;
+};
+
 }  // namespace epiline

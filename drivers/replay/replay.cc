@@ -4,11 +4,13 @@
 
 #include <stdexcept>
 
+#include "drivers/live/devices.h"
 #include "drivers/replay/asl_dataset.h"
 #include "drivers/replay/flight_plan.h"
 #include "drivers/replay/image_file.h"
 #include "drivers/replay/loop.h"
 #include "drivers/replay/recorded_sensors.h"
+#include "drivers/wheel/vehicle.h"
 #include "pipeline/config/config.h"
 #include "pipeline/report/report.h"
 #include "pipeline/report/stats_json.h"
@@ -33,6 +35,7 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
   e.extrinsics = {dataset.camera.R_BC, dataset.camera.p_BC, Camera(dataset.camera.parameters).focal_px(),
                   dataset.camera.time_offset_s};
   if (file) file->apply(config);
+  set_vehicle(e.wheel, config.devices.wheel, R_VB_of(config.devices.body));
   if (options.visual_factor) e.visual_factor = *options.visual_factor;
   if (options.deadline_ms) config.deadline_ms = *options.deadline_ms;
   if (!options.record_folder.empty()) config.recorder.folder = options.record_folder.string();
@@ -69,6 +72,7 @@ class Flight {
       return Done{};
     }
     feed_imu(frame.stamp);
+    feed_wheel(frame.stamp);
     const ThreadCosts before = costs_of_this_thread();
     const HeapCallScope heap;
     if (dataset_.images.empty()) {
@@ -120,12 +124,20 @@ class Flight {
     }
   }
 
+  /// As far as readings of the IMU, and one beyond: as a bus would have brought them by the time the image is tracked.
+  void feed_wheel(HostStamp image) {
+    const HostStamp needed = pipeline_.imu_needed_until(image);
+    const auto& wheel = dataset_.wheel_samples;
+    while (next_wheel_ < wheel.size() && (next_wheel_ == 0 || wheel[next_wheel_ - 1].stamp < needed))
+      pipeline_.add_wheel(wheel[next_wheel_++]);
+  }
+
   const AslDataset& dataset_;
   OfflinePipeline pipeline_;
   ImageDecoder decoder_;
   int shown_buffer_ = 1;  ///< of the decoder: the image the tracker keeps
   bool counts_heap_;
-  std::size_t next_imu_;
+  std::size_t next_imu_, next_wheel_ = 0;
   ImuFaults imu_faults_;
   CameraFaults camera_faults_;
   std::array<ImuSample, ImuFaults::kMost> delivered_;     ///< what came of the last reading ...

@@ -42,6 +42,13 @@ Text truth_text(const std::vector<TruthRow>& rows) {
   return out;
 }
 
+Text wheel_text(const std::vector<WheelSample>& samples) {
+  Text out;
+  out.print("#timestamp [ns],forward speed [m s^-1]\n");
+  for (const WheelSample& s : samples) out.print("{},{}\n", s.stamp.ns, s.forward_speed_m_s);
+  return out;
+}
+
 }  // namespace
 
 Result<PartialFolder> make_asl_folder(const fs::path& folder) {
@@ -54,6 +61,10 @@ Status write_tables(const FlightTables& tables, const fs::path& root) {
     return s;
   if (Status s = write_text(root / "imu0/sensor.yaml", asl_imu(tables.imu)); !s) return s;
   if (Status s = write_text(root / "imu0/data.csv", imu_text(tables.imu_samples)); !s) return s;
+  if (!tables.wheel_samples.empty()) {
+    if (Status s = make_folder(root / "wheel0"); !s) return s;
+    if (Status s = write_text(root / "wheel0/data.csv", wheel_text(tables.wheel_samples)); !s) return s;
+  }
   return write_text(root / "state_groundtruth_estimate0/data.csv", truth_text(tables.truth));
 }
 
@@ -63,7 +74,8 @@ Status write_image_list(const std::vector<ImageRow>& rows, const fs::path& root)
   return write_text(root / "cam0/data.csv", out);
 }
 
-Status write_asl(const TrackSimulation& simulation, const SimulatedFlight& flight, const fs::path& folder) {
+Status write_asl(const TrackSimulation& simulation, const SimulatedFlight& flight, const fs::path& folder,
+                 const std::vector<WheelSample>& wheel_samples) {
   auto made = make_asl_folder(folder);
   if (!made) return made.error();
   FlightTables tables;
@@ -77,6 +89,7 @@ Status write_asl(const TrackSimulation& simulation, const SimulatedFlight& fligh
   tables.image_rate_hz = simulation.imu.rate_hz / simulation.imu_samples_per_image;
   tables.imu.noise = simulation.imu.noise;
   tables.imu_samples = flight.imu;
+  tables.wheel_samples = wheel_samples;
   for (const SimulatedImage& image : flight.images) tables.truth.push_back({image.stamp_true, image.truth});
   if (Status s = write_tables(tables, made->root()); !s) return s;
   if (Status s = write_text(made->root() / "cam0/tracks.csv", tracks_text(flight)); !s) return s;

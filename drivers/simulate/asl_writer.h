@@ -28,11 +28,12 @@ struct FlightTables {
   double image_rate_hz = 20;
   ImuCalibration imu;
   std::vector<ImuSample> imu_samples;
+  std::vector<WheelSample> wheel_samples;  ///< none: no such file
   std::vector<TruthRow> truth;
 };
 
-/// Writes cam0/sensor.yaml, imu0/{sensor.yaml,data.csv} and the truth. Fails if and only if a file cannot be written
-/// whole.
+/// Writes cam0/sensor.yaml, imu0/{sensor.yaml,data.csv}, wheel0/data.csv and the truth. Fails if and only if a file
+/// cannot be written whole.
 Status write_tables(const FlightTables& tables, const std::filesystem::path& root);
 
 /// One image's place in cam0/data.csv.
@@ -43,6 +44,7 @@ struct ImageRow {
 Status write_image_list(const std::vector<ImageRow>& rows, const std::filesystem::path& root);
 
 /// A flight of perfect tracks in place of images: `folder`/mav0, whole or not at all.
-Status write_asl(const TrackSimulation& simulation, const SimulatedFlight& flight, const std::filesystem::path& folder);
+Status write_asl(const TrackSimulation& simulation, const SimulatedFlight& flight, const std::filesystem::path& folder,
+                 const std::vector<WheelSample>& wheel_samples = {});
 
 }  // namespace epiline

@@ -186,7 +186,8 @@ bool CanWheelSource::decode(std::span<const std::uint8_t> bytes, const ArrivalSt
     bump(frame.len < signal_.bytes() ? too_short_ : not_finite_);
     return false;
   }
-  sample.stamp = clock_.arrival(stamps, ClockPair::now());
+  const HostStamp arrival = clock_.arrival(stamps, ClockPair::now());
+  sample.stamp = arrival - Span::from_seconds(1e-3 * config_.delay_ms);
   sample.forward_speed_m_s = *value;
   sample.yaw_rate_rad_s = std::numeric_limits<double>::quiet_NaN();
   bad_stamps_.store(clock_.bad_stamps(), std::memory_order_relaxed);

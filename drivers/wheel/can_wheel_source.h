@@ -37,9 +37,9 @@ class GapWatch {
   int seen_ = 0;
 };
 
-/// The speed is what the configured signal of the configured identifier says; its stamp is the frame's arrival. A
-/// sample has no yaw rate: not a number. One thread calls open(), read() and close(); counts are for any thread. After
-/// open() there is no heap call, also while a lost interface is reopened.
+/// The speed is what the configured signal of the configured identifier says; its stamp is the frame's arrival less
+/// the configured delay. A sample has no yaw rate: not a number. One thread calls open(), read() and close(); counts
+/// are for any thread. After open() there is no heap call, also while a lost interface is reopened.
 class CanWheelSource final : public WheelSource {
  public:
   explicit CanWheelSource(WheelConfig config);

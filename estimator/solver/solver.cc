@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "estimator/factors/imu.h"
+#include "estimator/factors/wheel.h"
 
 namespace epiline {
 
@@ -203,6 +204,30 @@ double add_rest(const Window& w, LinearSystem& s) {
   return cost;
 }
 
+/// The speed of the wheels (docs/derivations/wheel.md).
+double add_wheel(const Window& w, LinearSystem& s) {
+  const int n = w.size();
+  double cost = 0;
+  for (int k = 0; k < n; ++k) {
+    const Slot& slot = w.at(k);
+    if (!slot.has_wheel) continue;
+    WheelResidual f;
+    evaluate_wheel(w.wheel, slot.wheel_speed_m_s, slot.omega, slot.x, w.linearisation_point(k), f);
+    cost += f.cost;
+    const int c = pose_column(n, k);
+    for (int i = 0; i < 6; ++i) {
+      s.rhs_s[c + i] -= f.weight * f.J[i] * f.r;
+      for (int j = 0; j < 6; ++j) s.S[c + i][c + j] += f.weight * f.J[i] * f.J[j];
+    }
+    for (int i = 0; i < 9; ++i) {
+      s.rhs_v[k][i] -= f.weight * f.J[6 + i] * f.r;
+      for (int j = 0; j < 6; ++j) s.P[k][i][c + j] += f.weight * f.J[6 + i] * f.J[j];
+      for (int j = 0; j < 9; ++j) s.D[k][i][j] += f.weight * f.J[6 + i] * f.J[6 + j];
+    }
+  }
+  return cost;
+}
+
 }  // namespace
 
 double imu_normal_equations(const Window& w, int k, const Kernels& kernels, double (*A)[32], double* g) {
@@ -222,7 +247,7 @@ double Solver::linearise(const Window& w, VisualFactorModel& visual, const Solve
   clear(s, w.size());
   visual.linearise(w, memory_->visual);
   add_visual(w, memory_->visual, settings, s);
-  double cost = memory_->visual.cost + add_prior(w, settings, s) + add_rest(w, s);
+  double cost = memory_->visual.cost + add_prior(w, settings, s) + add_rest(w, s) + add_wheel(w, s);
   alignas(64) double A[30][32], g[30];
   for (int k = 1; k < w.size(); ++k) {
     cost += imu_normal_equations(w, k, kernels_, A, g);

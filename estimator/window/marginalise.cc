@@ -2,6 +2,7 @@
 
 #include <cstring>
 
+#include "estimator/factors/wheel.h"
 #include "estimator/solver/solver.h"
 
 namespace epiline {
@@ -123,6 +124,18 @@ void add_rest(const Window& w, const Layout& at, Matrix A, double* b) {
   }
 }
 
+void add_wheel(const Window& w, const Layout& at, Matrix A, double* b) {
+  const Slot& oldest = w.at(0);
+  if (!oldest.has_wheel) return;
+  WheelResidual f;
+  evaluate_wheel(w.wheel, oldest.wheel_speed_m_s, oldest.omega, oldest.x, w.linearisation_point(0), f);
+  const auto where = [&](int i) { return i < 6 ? at.pose(0) + i : at.velocity(0) + i - 6; };
+  for (int i = 0; i < 15; ++i) {
+    b[where(i)] -= f.weight * f.J[i] * f.r;
+    for (int j = i; j < 15; ++j) add(A, where(i), where(j), f.weight * f.J[i] * f.J[j]);
+  }
+}
+
 void store_prior(Window& w, const Layout& at, const Matrix A, const double* b) {
   Prior& p = w.prior;
   p.frames = at.m - 1;
@@ -157,6 +170,7 @@ void Marginaliser::marginalise_oldest(Window& w, VisualFactorModel& visual, cons
   add_prior(w, at, A, b);
   add_imu(w, kernels_, at, A, b);
   add_rest(w, at, A, b);
+  add_wheel(w, at, A, b);
   kernels_.eliminate(A[0], b, 15, at.total());
   store_prior(w, at, A, b);
   freeze_first_estimates(w, at.m);

@@ -51,6 +51,8 @@ struct Slot {
   Mat15 L_inverse = Mat15::Zero();  ///< square-root information of `imu`
   Vec3 omega = Vec3::Zero();        ///< last angular rate, bias not removed, rad/s
   bool at_rest = false;             ///< zero-motion factor attached
+  bool has_wheel = false;           ///< wheel factor attached
+  double wheel_speed_m_s = 0;       ///< measured, at `time`
   std::uint64_t rest_link = 0;      ///< id of the frame whose position it shares; 0: none in the window
 };
 
@@ -103,6 +105,7 @@ class Window {
   int find(std::uint32_t id) const;
 
   Calibration calibration;
+  WheelModel wheel;
   Prior prior;
   bool first_estimates = true;  ///< off: Jacobians at the current state everywhere, as VINS-Mono and the paper have it
 

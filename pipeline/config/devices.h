@@ -103,7 +103,8 @@ struct WheelConfig {
   int start_bit = 0, length = 16;  ///< as a DBC file counts them
   bool big_endian = false, is_signed = true;
   double scale_m_s = 0.01, offset_m_s = 0;
-  double sigma_m_s = 0.05;
+  double delay_ms = 0;               ///< from the instant of a speed to its frame's arrival
+  double x_m = 0, y_m = 0, z_m = 0;  ///< where the speed is measured, seen from the IMU: forward, left, up
 };
 
 struct DevicesConfig {

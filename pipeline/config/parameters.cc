@@ -274,7 +274,16 @@ const std::vector<Parameter>& parameters() {
       {"wheel.is_signed", "", 0, 0, "(DBC: -)", EPILINE_AT(devices.wheel.is_signed)},
       {"wheel.scale_m_s", "m/s", -1e6, 1e6, "what 1 in the signal means", EPILINE_AT(devices.wheel.scale_m_s)},
       {"wheel.offset_m_s", "m/s", -1e6, 1e6, "what 0 in the signal means", EPILINE_AT(devices.wheel.offset_m_s)},
-      {"wheel.sigma_m_s", "m/s", 1e-4, 100, "uncertainty of the speed", EPILINE_AT(devices.wheel.sigma_m_s)},
+      {"wheel.delay_ms", "ms", 0, 1000, "from the instant of a speed to its frame's arrival",
+       EPILINE_AT(devices.wheel.delay_ms)},
+      {"wheel.x_m", "m", -100, 100, "middle of the axle that does not steer, ahead of the IMU",
+       EPILINE_AT(devices.wheel.x_m)},
+      {"wheel.y_m", "m", -100, 100, "the same, to its left", EPILINE_AT(devices.wheel.y_m)},
+      {"wheel.z_m", "m", -100, 100, "the same, above it", EPILINE_AT(devices.wheel.z_m)},
+      {"wheel.use", "", 0, 0, "use the speed, if there is any", EPILINE_AT(estimator.wheel.use)},
+      {"wheel.sigma_m_s", "m/s", 1e-4, 100, "uncertainty of the speed", EPILINE_AT(estimator.wheel.sigma_m_s)},
+      {"wheel.cauchy", "", 0.1, 100, "scale of its robust kernel, in sigmas: wheels slip",
+       EPILINE_AT(estimator.wheel.cauchy)},
   };
   return table;
 }

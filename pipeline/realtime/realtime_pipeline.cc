@@ -29,6 +29,7 @@ RealtimePipeline::Impl::Impl(const RealtimeSettings& s, const RealtimePorts& p)
   set_up(estimate, "estimate", r.priority_estimate, r.cpu_estimate, &Impl::estimate_loop);
   set_up(publish, "publish", r.priority_publish, r.cpu_publish, &Impl::publish_loop);
   set_up(log, "log", 0, -1, &Impl::log_loop);
+  set_up(wheel, "wheel", 0, -1, &Impl::wheel_loop);  // its stamps are the kernel's, and nobody waits for it
 }
 
 void RealtimePipeline::Impl::start(Worker& worker) {
@@ -112,6 +113,7 @@ RealtimeReport RealtimePipeline::report() const {
   ring("imu_to_track", m.imu_to_track);
   ring("imu_to_estimate", m.imu_to_estimate);
   ring("imu_to_publish", m.imu_to_publish);
+  if (m.ports.wheel != nullptr) ring("wheel_to_estimate", m.wheel_to_estimate);
   ring("tracked", m.tracked);
   ring("knowledge", m.knowledge);
   m.flight_log.each_ring([&](RingName name, const auto& of) { ring(to_string(name), of); });
@@ -123,6 +125,7 @@ RealtimeReport RealtimePipeline::report() const {
   r.image_watch = m.image_gate.stats();
   r.frames_out = m.frames_out.load();
   r.imu_in = m.imu_in.load();
+  r.wheel_in = m.wheel_in.load();
   r.imu_late = m.track_imu_late.load() + m.estimate_imu_late.load();
   r.published = m.published.load();
   r.publish_failed = m.publish_failed.load();

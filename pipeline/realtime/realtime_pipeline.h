@@ -44,6 +44,7 @@ struct RealtimePorts {
   OdometrySink* odometry = nullptr;
   std::vector<FlightObserver*> observers;
   std::vector<EventRing*> event_rings;  ///< events of threads that are none of the pipeline's, for the observers
+  WheelSource* wheel = nullptr;         ///< or null; what it says is used, and not waited for
 };
 
 /// How the run went, thread by thread and ring by ring.
@@ -69,6 +70,7 @@ struct RealtimeReport {
   std::uint64_t frames_out = 0;  ///< of those: estimated
   std::uint64_t imu_in = 0;      ///< given by the IMU
   std::uint64_t imu_late = 0;    ///< images that did not wait any longer for their readings
+  std::uint64_t wheel_in = 0;    ///< given by the wheels
   std::uint64_t published = 0, publish_failed = 0;
   std::uint64_t events_dropped = 0;
   std::uint64_t images_not_logged = 0;

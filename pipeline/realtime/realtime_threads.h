@@ -1,6 +1,6 @@
 #pragma once
 // The inside of RealtimePipeline: its threads and what lies between them. Their loops are in source_threads.cc (imu,
-// capture), stage_threads.cc (track, estimate) and output_threads.cc (publish, log).
+// capture, wheel), stage_threads.cc (track, estimate) and output_threads.cc (publish, log).
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -88,10 +88,12 @@ struct RealtimePipeline::Impl {
   template <class F>
   void each(F&& f) {
     for (Worker* w : {&imu, &capture, &track, &estimate, &publish, &log}) f(*w);
+    if (ports.wheel != nullptr) f(wheel);
   }
 
   void imu_loop();
   void capture_loop();
+  void wheel_loop();
   void track_loop();
   void estimate_loop();
   void publish_loop();
@@ -110,6 +112,7 @@ struct RealtimePipeline::Impl {
   std::int64_t deadline_of(HostStamp image) const;
   void give(TrackStage& stage, const ImuSample& sample) { stage.add_imu(sample); }
   void give(EstimateStage& stage, const ImuSample& sample);
+  void take_wheel();
   void imu_is_late(Worker& worker, HostStamp needed);
   void log_image(const Frame& frame);
   template <class Stage>
@@ -158,6 +161,7 @@ struct RealtimePipeline::Impl {
   std::array<std::atomic<std::uint8_t>, kMostSlots> users{};  ///< who holds the slot: tracker, log
   NewestRing<4> frames;
   ImuRing imu_to_track, imu_to_estimate, imu_to_publish;
+  SpscRing<WheelSample, 256> wheel_to_estimate;
   SpscRing<Tracked, 4> tracked;
   SpscRing<Knowledge, 4> knowledge;
   LatestValue<Estimate> newest;
@@ -185,10 +189,10 @@ struct RealtimePipeline::Impl {
   LatencyBins prediction_latency;
 
   // Each written by one thread.
-  std::atomic<std::uint64_t> frames_in{0}, frames_refused{0}, frames_out{0}, imu_in{0}, track_imu_late{0},
+  std::atomic<std::uint64_t> frames_in{0}, frames_refused{0}, frames_out{0}, imu_in{0}, wheel_in{0}, track_imu_late{0},
       estimate_imu_late{0}, published{0}, publish_failed{0}, late{0}, predicted{0}, predict_failed{0};
 
-  Worker imu, capture, track, estimate, publish, log;
+  Worker imu, capture, track, estimate, publish, log, wheel;
 };
 
 }  // namespace epiline

@@ -1,4 +1,4 @@
-// From the devices into the rings: the threads imu and capture.
+// From the devices into the rings: the threads imu, capture and wheel.
 #include <utility>
 
 #include "pipeline/realtime/realtime_threads.h"
@@ -68,6 +68,21 @@ void RealtimePipeline::Impl::capture_loop() {
     if (evicted != NewestRing<4>::kNone) overtaken(evicted, FlightLog::Speaker::kCapture);
   }
   end(capture, {&track});
+}
+
+/// Ends with the others: a flight is not longer for its wheels.
+void RealtimePipeline::Impl::wheel_loop() {
+  bool lost = false;
+  while (!stopping() && !(has_ended(imu) && has_ended(capture))) {
+    WheelSample sample;
+    const ReadOutcome outcome = ports.wheel->read(sample, kPoll);
+    if (outcome == ReadOutcome::kEnd) break;
+    note_source(outcome, lost, EventSource::kWheel, FlightLog::Speaker::kWheel);
+    if (outcome == ReadOutcome::kFailed) rest_after_failure(wheel);
+    if (outcome != ReadOutcome::kSample) continue;
+    bump(wheel_in);
+    wheel_to_estimate.push(sample);  // a full ring refuses, and counts
+  }
 }
 
 void RealtimePipeline::Impl::note_source(ReadOutcome outcome, bool& lost, EventSource source,

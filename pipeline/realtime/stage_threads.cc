@@ -139,13 +139,20 @@ void RealtimePipeline::Impl::estimate_loop() {
       break;
     } else {
       relieve(imu_to_estimate, estimate_feed, estimate_stage);
+      take_wheel();
     }
   }
   end(estimate, {&publish, &log});
 }
 
+/// Whatever has come. The estimator finds the frames it belongs to, also those before.
+void RealtimePipeline::Impl::take_wheel() {
+  for (WheelSample sample; wheel_to_estimate.pop(sample);) estimate_stage.add_wheel(sample);
+}
+
 void RealtimePipeline::Impl::estimate_frame(const Tracked& image) {
   take_imu(estimate, imu_to_estimate, estimate_feed, image.imu_needed, estimate_stage);
+  take_wheel();
   const StepResult result = estimate_stage.step(image.frame, image.deadline_ns);
   const std::uint64_t serial = frames_out.load(std::memory_order_relaxed);
   // first whoever waits for the odometry, then the next image, then the record

@@ -29,6 +29,7 @@ class EstimateStage {
   };
 
   bool add_imu(const ImuSample& sample) noexcept;
+  bool add_wheel(const WheelSample& sample) noexcept { return estimator_.add_wheel(sample); }
   HostStamp imu_needed_until(HostStamp image) const noexcept { return estimator_.imu_needed_until(image); }
 
   /// `deadline_ns`: instant of the clock at which the odometry is wanted.

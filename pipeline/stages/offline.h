@@ -31,6 +31,8 @@ class OfflinePipeline {
   bool add_imu(ImuSample& sample) noexcept;
   /// The same for an image, before any other use of it.
   bool admit(Frame& image) noexcept;
+  /// Speeds of the wheels, in the order of time; no image waits for them.
+  bool add_wheel(const WheelSample& sample) noexcept { return estimate_.add_wheel(sample); }
   /// Readings up to and including the first at or after this time must have been added before the step of an image.
   HostStamp imu_needed_until(HostStamp image) const noexcept { return estimate_.imu_needed_until(image); }
 

@@ -34,7 +34,8 @@ VisualSettings quadratic(bool extrinsics) {
   return s;
 }
 
-/// A window of `frames` with everything in it: a prior over all frames but the two newest, rest factors, calibration.
+/// A window of `frames` with everything in it: a prior over all frames but the two newest, rest and wheel factors,
+/// calibration.
 SyntheticWindow full_window(int frames) {
   const bool with_history = frames > 2;
   SyntheticWindow s = make_window({.frames = std::min(frames + (with_history ? 1 : 0), kMaxFrames)});
@@ -42,6 +43,13 @@ SyntheticWindow full_window(int frames) {
   set_initial_prior(w, {}, calibration_sigmas());
   w.at(1).at_rest = true;
   w.at(1).rest_link = w.at(0).id;
+  w.wheel.forward_B = Vec3(0.8, 0.6, 0);
+  w.wheel.p_BV = Vec3(-0.3, 0.2, -0.1);
+  for (int k = 0; k < w.size(); ++k) {
+    w.at(k).has_wheel = k % 3 != 2;
+    w.at(k).wheel_speed_m_s = w.wheel.forward_B.dot(w.at(k).x.R.transpose() * w.at(k).x.v) + 0.02 * k;
+    w.at(k).omega = Vec3(0.1, 0.2, 0.3);
+  }
   if (with_history) {
     TrackFactor factor(kernels());
     const VisualSettings settings = quadratic(true);
@@ -72,7 +80,7 @@ class NoVision final : public VisualFactorModel {
   }
 };
 
-/// Prior, IMU and rest: the right-hand side is the slope of the cost.
+/// Prior, IMU, rest and wheels: the right-hand side is the slope of the cost.
 TEST(Solver, GradientMatchesCentralDifferencesOfTheCost) {
   SyntheticWindow s = full_window(5);
   Window& w = *s.window;

@@ -210,13 +210,18 @@ class NoVision final : public VisualFactorModel {
   }
 };
 
-TEST(Marginalisation, LosesNothingOfImuPriorAndRest) {
+TEST(Marginalisation, LosesNothingOfImuPriorRestAndWheels) {
   SyntheticWindow s = make_window({.state_error = 0.01});
   Window& w = *s.window;
   set_initial_prior(w, {}, calibration_sigmas());
   w.prior.x0[0] = s.truth[0];
   w.at(0).at_rest = w.at(3).at_rest = true;
   w.at(3).rest_link = w.at(0).id;
+  w.wheel.p_BV = Vec3(-0.3, 0.2, -0.1);
+  for (int k = 0; k < 3; ++k) {
+    w.at(k).has_wheel = true;
+    w.at(k).wheel_speed_m_s = w.at(k).x.v.norm();
+  }
   NoVision none;
   for (int round = 0; round < 3; ++round) {  // from the second on, the prior is one that marginalisation made
     const Steps steps = steps_before_and_after(w, none, settings());
