@@ -135,7 +135,8 @@ DeviceTrouble IioDevice::find(const IioRoots& roots, const char* wanted) noexcep
       return true;
     });
     if (error == ENOENT)
-      return trouble_of("looking for the device", "an IMU whose kernel driver is loaded", "there are no IIO devices");
+      return trouble_of("looking for the device", "an IMU whose kernel driver is loaded", "%s",
+                        "there are no IIO devices");
     if (error != 0) return refused("looking for the device", error);
   }
   if (found == 0) {
@@ -173,7 +174,7 @@ DeviceTrouble IioDevice::take(const IioRoots& roots) noexcept {
   std::array<char, 256> path;
   fd_ = ::open(print(path, "%s/%s", roots.files, folder_name_.c_str()), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
   if (fd_ >= 0) return {};
-  if (errno == EBUSY) return trouble_of("open", "nobody else", "another program reads it");
+  if (errno == EBUSY) return trouble_of("open", "nobody else", "%s", "another program reads it");
   DeviceTrouble trouble = refused("open", errno);
   if (trouble.error == EACCES)
     std::snprintf(trouble.expected, sizeof(trouble.expected), "read access to %.70s", path.data());
@@ -376,8 +377,8 @@ DeviceTrouble IioDevice::read_sensor(const char* type, Sensor& sensor) noexcept 
   }
   Text matrix;
   if (attributes_.read(print(name, "in_%s_mount_matrix", type), matrix) != 0 &&
-      attributes_.read(print(name, "in_mount_matrix"), matrix) != 0 &&
-      attributes_.read(print(name, "mount_matrix"), matrix) != 0)
+      attributes_.read(print(name, "%s", "in_mount_matrix"), matrix) != 0 &&
+      attributes_.read(print(name, "%s", "mount_matrix"), matrix) != 0)
     return {};
   return parse_mount_matrix(matrix.c_str(), sensor.mount)
              ? DeviceTrouble{}
