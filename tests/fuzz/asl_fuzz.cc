@@ -1,0 +1,72 @@
+// Any bytes as the tables of a recorded flight: the list of images or the tracks, the IMU's readings and the truth, in
+// that order, behind one byte (bit 0: tracks) and divided by bytes 0x1e; what is left out is sound. Read, or refused
+// with the file's name.
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <string_view>
+
+#include "drivers/replay/asl_dataset.h"
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::string_view kCamera =
+    "T_BS: {rows: 4, cols: 4, data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}\nresolution: [64, 48]\n"
+    "camera_model: pinhole\nintrinsics: [40, 40, 32, 24]\ndistortion_model: none\n";
+constexpr std::string_view kImages = "0,0.png\n", kTracks = "0,1,32,24\n", kImu = "0,0,0,0,0,0,9.81\n";
+
+void write(const fs::path& path, std::string_view text) {
+  std::ofstream(path, std::ios::binary).write(text.data(), static_cast<std::streamsize>(text.size()));
+}
+
+std::string_view next_part(std::string_view& rest, std::string_view otherwise) {
+  if (rest.empty()) return otherwise;
+  const std::string_view part = rest.substr(0, rest.find('\x1e'));
+  rest.remove_prefix(std::min(rest.size(), part.size() + 1));
+  return part;
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const fs::path root = [] {
+    const fs::path memory = "/dev/shm";
+    const fs::path folder =
+        (fs::is_directory(memory) ? memory : fs::temp_directory_path()) / ("asl_fuzz_" + std::to_string(getpid()));
+    for (const char* sensor : {"cam0", "imu0", "state_groundtruth_estimate0"})
+      fs::create_directories(folder / "mav0" / sensor);
+    write(folder / "mav0/cam0/sensor.yaml", kCamera);
+    return folder;
+  }();
+  if (size == 0) return 0;
+  const bool tracks = (data[0] & 1) != 0;
+  std::string_view rest(reinterpret_cast<const char*>(data) + 1, size - 1);
+  fs::remove(root / "mav0/cam0" / (tracks ? "data.csv" : "tracks.csv"));
+  write(root / "mav0/cam0" / (tracks ? "tracks.csv" : "data.csv"), next_part(rest, tracks ? kTracks : kImages));
+  write(root / "mav0/imu0/data.csv", next_part(rest, kImu));
+  const fs::path truth = root / "mav0/state_groundtruth_estimate0/data.csv";
+  if (rest.empty()) {
+    fs::remove(truth);
+  } else {
+    write(truth, rest);
+  }
+
+  const auto dataset = epiline::open_asl_dataset(root, "cam0");
+  if (!dataset) return dataset.error().text().find(root.string()) == std::string::npos ? (std::abort(), 1) : 0;
+  if (dataset->imu_samples.empty() || dataset->instants_count() == 0) std::abort();
+  if (tracks != dataset->images.empty()) std::abort();
+  std::size_t points = 0;
+  for (const epiline::TrackInstant& instant : dataset->instants) {
+    if (instant.first != points) std::abort();
+    points += instant.count;
+  }
+  if (points != dataset->points.size()) std::abort();
+  return 0;
+}

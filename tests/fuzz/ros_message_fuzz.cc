@@ -1,0 +1,33 @@
+// Any bytes as a ROS message of each kind that a bag may hold: read or refused, never beyond the message's end.
+#include <cstdint>
+#include <cstdlib>
+#include <vector>
+
+#include "drivers/replay/ros_message.h"
+
+using namespace epiline;
+
+namespace {
+
+// The pixels of an image lie in the message.
+void expect_within(const std::optional<RosImage>& image, const std::vector<std::uint8_t>& message) {
+  if (!image || image->size == 0) return;
+  if (image->data < message.data() || image->size > message.size()) std::abort();
+  if (image->data + image->size > message.data() + message.size()) std::abort();
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const std::vector<std::uint8_t> message(data, data + size);
+  (void)parse_stamp(message);
+  (void)parse_imu(message);
+  for (const char* type : {"geometry_msgs/PoseStamped", "geometry_msgs/TransformStamped", "nav_msgs/Odometry"})
+    (void)parse_pose(type, message);
+  const auto image = parse_image(message);
+  expect_within(image, message);
+  // rows that fit: the last byte of the last row is there
+  if (image && image->height > 0 && std::uint64_t{image->step} * image->height > image->size) std::abort();
+  expect_within(parse_compressed_image(message), message);
+  return 0;
+}
