@@ -68,7 +68,8 @@ std::uint8_t crc_of(std::uint16_t id, std::span<const std::uint8_t> data) noexce
 Values values_of(const Odometry& o, const mavlink::Odometry& m, HostStamp now) noexcept {
   Values values;
   set_health(values, o);
-  values[Quantity::kTime] = static_cast<double>(o.stamp.ns / 1000);
+  const std::int64_t whole_us = o.stamp.ns / 1000;
+  values[Quantity::kTime] = static_cast<double>(whole_us);
   values[Quantity::kAge] = (now - o.stamp).seconds();
   for (std::size_t i = 0; i < 3; ++i) values[after(Quantity::kPositionX, i)] = o.p_WB_m[i];
   // a turn of half a circle about x: right and down become left and up, on both sides of the quaternion
