@@ -26,6 +26,7 @@ constexpr std::int64_t kFar_ns = std::numeric_limits<std::int64_t>::max();
 // 3 Mbaud bring 300 kB/s. More is an attack or a fault, and must not take a processor at this priority.
 constexpr double kInputPerSecond = 500'000, kInputAtOnce = 32'768;
 constexpr std::size_t kReadAtOnce = 4096;
+constexpr double kReadCost = 32;  // bytes that a read counts for besides its own: datagrams may be empty
 constexpr std::int64_t kRetryFirst_ns = 50 * kMillisecond_ns, kRetryMost_ns = 500 * kMillisecond_ns;
 constexpr std::int64_t kSilence_ns = 500 * kMillisecond_ns;  // no publish() for so long: the estimator has stopped
 constexpr std::int64_t kTooOld_ns = 100 * kMillisecond_ns;   // a prediction that waited so long does not go any more
@@ -267,7 +268,8 @@ void MavlinkLink::read_port(std::int64_t now_ns) noexcept {
   std::array<std::uint8_t, kReadAtOnce> piece;
   const PortResult result = port_->read(piece);
   if (result.is_lost) return lose(now_ns, result.error);
-  input_.spend(static_cast<double>(result.bytes));
+  ++state_.counts.pieces;
+  input_.spend(kReadCost + static_cast<double>(result.bytes));
   std::span<const std::uint8_t> bytes(piece.data(), result.bytes);
   while (const Packet* const packet = parser_.next(bytes)) receive(*packet, now_ns);
 }

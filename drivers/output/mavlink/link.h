@@ -37,6 +37,7 @@ struct LinkCounts {
   std::uint64_t dropped = 0;  ///< odometry that was due and found the line busy or gone
   std::uint64_t heartbeats = 0, texts = 0, timesync_questions = 0, timesync_answers = 0, requests = 0;
   // received
+  std::uint64_t pieces = 0;  ///< datagrams, or what a line had each time it was asked
   std::uint64_t packets = 0, bad_checksums = 0;
   std::uint64_t skipped_bytes = 0;      ///< noise, and messages we do not know
   std::uint64_t strangers = 0;          ///< packets that only our flight controller may send, from somebody else

@@ -199,5 +199,46 @@ TEST(MavlinkHostilePeer, MovesNothingAndStopsNothing) {
               1e-7 * static_cast<double>(state.costs.cpu_ns) / seconds);
 }
 
+// As many datagrams as a processor can send, empty ones and single bytes: the byte counts nothing, the reading does.
+TEST(MavlinkHostilePeer, TinyDatagramsTakeNoProcessor) {
+  const int fd = ::socket(AF_INET, SOCK_DGRAM, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t length = sizeof address;
+  ASSERT_EQ(::bind(fd, reinterpret_cast<sockaddr*>(&address), length), 0);
+  ::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &length);
+  Peer peer(fd);
+  MavlinkConfig config;
+  config.udp = "127.0.0.1:" + std::to_string(ntohs(address.sin_port));
+  MavlinkLink link(config, Mat3::Identity());
+  ASSERT_TRUE(link.open());
+  pollfd wait{fd, POLLIN, 0};
+  ASSERT_EQ(::poll(&wait, 1, static_cast<int>(kLong)), 1);
+  sockaddr_in own{};
+  std::uint8_t byte = 0;
+  ::recvfrom(fd, &byte, 1, 0, reinterpret_cast<sockaddr*>(&own), &length);
+  ASSERT_EQ(::connect(fd, reinterpret_cast<sockaddr*>(&own), sizeof own), 0);
+  std::atomic<bool> stop{false};
+  std::atomic<std::uint64_t> sent{0};
+  std::thread flood([&] {
+    while (!stop) sent += ::send(fd, &byte, sent % 2, 0) >= 0 ? 1U : 0U;
+  });
+  Estimates estimates;
+  const std::int64_t begin_ns = monotonic_ns();
+  const bool went_on =
+      fly(link, estimates, peer, kLong, [&] { return peer.all<Odometry>().size() >= 60 && sent >= 100'000; });
+  const double seconds = 1e-9 * static_cast<double>(monotonic_ns() - begin_ns);
+  stop = true;
+  flood.join();
+  link.close();
+  EXPECT_TRUE(went_on);
+  const LinkState state = link.state();
+  std::printf("%.0f thousand datagrams a second, %.1f %% of a processor\n", 1e-3 * static_cast<double>(sent) / seconds,
+              1e-7 * static_cast<double>(state.costs.cpu_ns) / seconds);
+  // 500 kB/s, each counted as 32 bytes at least
+  EXPECT_LE(static_cast<double>(state.counts.pieces), 15'625 * (seconds + 1) + 1024);
+}
+
 }  // namespace
 }  // namespace epiline::mavlink
