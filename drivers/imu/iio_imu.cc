@@ -166,6 +166,11 @@ int IioImu::take(IioDevice& device, Stream& stream) noexcept {
   if (is_gyro && !knows_time(readings, arrival)) return 0;
   for (const IioReading& reading : readings) {
     const DeviceStamp stamp{reading.stamp_ns};
+    if (is_gyro && reading.stamp_ns > readings.back().stamp_ns) {  // only the last one's time was judged
+      ++counts_.bad_stamps;
+      ++stream.wrong_in_row;
+      continue;
+    }
     if (!is_next(stamp, arrival, stream)) continue;
     if (is_gyro)
       keep(reading, arrival);

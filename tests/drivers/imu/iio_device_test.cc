@@ -9,12 +9,16 @@
 
 #include <cerrno>
 #include <cmath>
+#include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <random>
 #include <string>
 #include <vector>
 
 #include "drivers/imu/iio_imu.h"
+#include "platform/time/monotonic.h"
 
 namespace epiline {
 namespace {
@@ -177,6 +181,49 @@ TEST_F(FakeSysfs, SaysWhatIsWrong) {
   put("../iio:device11/name", "adis16470\n");
   EXPECT_NE(trouble_of(request_).find("2 are called 'adis16470'; expected iio:device"), std::string::npos);
   EXPECT_EQ(get("buffer/enable"), "0");
+}
+
+// A broken or hostile sensor may say what it likes: stamps handed out rise, and are not ahead of now.
+TEST_F(FakeSysfs, WildTimesDoNotComeThrough) {
+  ImuDeviceConfig config;
+  config.device = "adis16470";
+  for (const bool of_host : {true, false}) {
+    IioImu imu(config, roots());
+    const Status status = imu.open();
+    ASSERT_TRUE(status) << status.error().text();
+    const int writer = ::open((root_ + "/dev/iio:device3").c_str(), O_RDWR | O_NONBLOCK);
+    ASSERT_GE(writer, 0);
+    std::mt19937_64 random(of_host ? 1 : 2);
+    HostStamp last;
+    std::size_t good = 0, handed_out = 0;
+    const std::int64_t begin_ns = monotonic_ns();
+    for (int i = 0; i < 3'000; ++i) {
+      // mostly readings 1 us apart of a clock of its own, or the host's; in between anything
+      const bool is_wild = random() % 16 == 0;
+      const std::int64_t now_ns = monotonic_ns();
+      std::int64_t stamp_ns = of_host ? now_ns : now_ns - begin_ns + 1'000'000'000'000'000;
+      if (is_wild) stamp_ns = static_cast<std::int64_t>(random() >> (random() % 64));
+      good += is_wild ? 0 : 1;
+      std::array<std::uint8_t, 24> scan{};
+      std::memcpy(scan.data() + 16, &stamp_ns, 8);
+      ASSERT_EQ(::write(writer, scan.data(), scan.size()), static_cast<ssize_t>(scan.size()));
+      if (random() % 3 == 0) continue;  // several at once
+      std::array<ImuSample, 8> samples;
+      std::size_t count = 0;
+      imu.read(samples, count, Span{0});
+      for (std::size_t k = 0; k < count; ++k) {
+        EXPECT_GT(samples[k].stamp, last);
+        EXPECT_LE(samples[k].stamp.ns, monotonic_ns() + 1'000'000);
+        last = samples[k].stamp;
+      }
+      handed_out += count;
+    }
+    EXPECT_GT(handed_out, 0u);
+    EXPECT_GT(imu.counts().bad_stamps + imu.counts().disordered, 100u);
+    std::printf("%zu of %zu good readings handed out, opened anew %llu times\n", handed_out, good,
+                static_cast<unsigned long long>(imu.counts().disconnected));
+    ::close(writer);
+  }
 }
 
 TEST(IioMountMatrix, IsARotationOrNothing) {
