@@ -55,6 +55,9 @@ std::uint8_t crc_of(const can::Frame& frame) {
   return static_cast<std::uint8_t>(crc ^ 0xffU);
 }
 
+/// -1: not available.
+int whole(double value) { return std::isfinite(value) ? static_cast<int>(value) : -1; }
+
 Eigen::Quaternionf attitude_of(const can::Values& v, bool fd) {
   std::array<double, 4> q{};
   if (fd) {
@@ -124,8 +127,7 @@ bool CanReader::completes_epoch(std::size_t n, HostStamp arrival, RuleBook& book
 }
 
 void CanReader::judge_status(HostStamp arrival, RuleBook& book) {
-  const int state = static_cast<int>(values_[Quantity::kState]);
-  const int version = static_cast<int>(values_[Quantity::kVersion]);
+  const int state = whole(values_[Quantity::kState]), version = whole(values_[Quantity::kVersion]);
   says_silence_ = state != kTracking && state != kDegraded;
   book.judge(Rule::kCanStatus, version == can::kLayoutVersion, arrival,
              [&] { return fmt::format("layout version {}", version); });
