@@ -22,8 +22,7 @@ namespace epiline {
 
 namespace {
 
-constexpr std::int64_t kFarAway_ns = 1'000'000'000;  // an image so far from now when it is read is not of this clock
-constexpr int kRowAlignment = 64;                    // of copies: a cache line
+constexpr int kRowAlignment = 64;  // of copies: a cache line
 
 void bump(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) noexcept {
   counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
@@ -364,7 +363,7 @@ bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
                         static_cast<std::int64_t>(buffer.timestamp.tv_usec) * 1'000};
   const std::int64_t age_ns = monotonic_ns() - given.ns;
   // also ahead of now: drivers compute the end of a frame, and hand the image out before it
-  const bool is_recent = settings_.trust_stamps || std::abs(age_ns) < kFarAway_ns;
+  const bool is_recent = settings_.trust_stamps || std::abs(age_ns) < settings_.stamp_age_most.ns;
   if ((!is_monotonic && !settings_.trust_stamps) || !is_recent || given <= last_stamp_) {
     bump(bad_stamps_);
     return false;

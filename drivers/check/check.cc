@@ -191,9 +191,11 @@ Findings check_presence(const DevicesConfig& d, const Inventory& inventory) {
 Findings findings_of(const DeviceRecord& record) {
   Findings out;
   // what drivers count that should not have happened
-  constexpr std::array kBad = {"damaged",      "incomplete",    "bad_stamps",   "no_slot",        "overwritten",
-                               "disconnected", "bad_checksums", "write_errors", "strangers",      "gaps",
-                               "lost",         "errors",        "bad_packets",  "register_faults"};
+  constexpr std::array kBad = {"damaged",       "incomplete",    "bad_stamps", "no_slot",           "overwritten",
+                               "disconnected",  "gaps",          "lost",       "disordered",        "overflows",
+                               "resets",        "not_rising",    "duplicates", "overrun",           "refused_values",
+                               "refused_times", "bad_checksums", "strangers",  "refused_questions", "refused_answers",
+                               "write_errors"};
   std::string text;
   for (const auto& [name, count] : record.counts)
     if (count > 0 && std::find(kBad.begin(), kBad.end(), name) != kBad.end())

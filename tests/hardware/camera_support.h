@@ -15,6 +15,16 @@
 namespace epiline {
 
 inline constexpr Span kSecond = Span::from_milliseconds(1'000);
+/// Waits end with what is waited for; an emulated machine under load stands still for seconds.
+inline constexpr Span kPatience{120 * kSecond.ns};
+
+/// Settings under which a machine that stands still is not taken for a device that is lost, nor its images for old.
+inline V4l2Settings patient_settings() {
+  V4l2Settings settings;
+  settings.silence_most = kPatience;
+  settings.stamp_age_most = kPatience;
+  return settings;
+}
 
 inline int open_files() {
   int count = 0;
@@ -64,11 +74,22 @@ inline bool read_within(V4l2Camera& camera, Frame& frame, Span at_most, int* fai
   return false;
 }
 
+/// Reads until something is so; false after kPatience. Images are given back.
+inline bool read_until(V4l2Camera& camera, const std::function<bool()>& is_so) {
+  const std::int64_t until_ns = monotonic_ns() + kPatience.ns;
+  while (!is_so()) {
+    if (monotonic_ns() > until_ns) return false;
+    Frame frame;
+    if (camera.read(frame, Span::from_milliseconds(100)) == ReadOutcome::kSample) camera.give_back(frame);
+  }
+  return true;
+}
+
 /// Reads images, looks at each, gives it back.
 inline void watch(V4l2Camera& camera, int images, const std::function<void(const Frame&)>& look) {
   for (int i = 0; i < images; ++i) {
     Frame frame;
-    ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns})) << "image " << i;
+    ASSERT_TRUE(read_within(camera, frame, kPatience)) << "image " << i;
     look(frame);
     camera.give_back(frame);
   }

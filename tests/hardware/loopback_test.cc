@@ -40,7 +40,7 @@ class Writer {
 };
 
 V4l2Settings loopback_settings() {
-  V4l2Settings settings;
+  V4l2Settings settings = patient_settings();
   settings.device = kDevice;
   settings.width = kWidth;
   settings.height = kHeight;
@@ -68,7 +68,7 @@ TEST_F(Loopback, TheWritersStampsSurvive) {
     const HostStamp stamp{1'403'636'579'763'555'000 + i * 50'000'000LL};
     writer.write(static_cast<std::uint8_t>(i), stamp);
     Frame frame;
-    ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+    ASSERT_TRUE(read_within(camera, frame, kPatience));
     EXPECT_EQ(frame.stamp, stamp);
     EXPECT_EQ(frame.data[0], i);
     EXPECT_EQ(frame.data[(kHeight - 1) * frame.stride + kWidth - 1], i);
@@ -96,7 +96,7 @@ TEST_F(Loopback, ShortImagesAndStampsThatStandStillAreLeftOut) {
   ASSERT_TRUE(camera.open());
   const auto expect_image = [&](std::uint8_t grey) {
     Frame frame;
-    ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+    ASSERT_TRUE(read_within(camera, frame, kPatience));
     EXPECT_EQ(frame.data[0], grey);
     camera.give_back(frame);
   };
@@ -119,7 +119,7 @@ TEST_F(Loopback, ShortImagesAndStampsThatStandStillAreLeftOut) {
 // The closest a loopback comes to being unplugged: its writer ends, the driver goes and comes back.
 TEST_F(Loopback, AWriterThatComesBackIsReadAgain) {
   V4l2Settings settings = loopback_settings();
-  settings.silence_most = Span::from_milliseconds(300);
+  settings.silence_most = Span::from_milliseconds(3'000);
   V4l2Camera camera(settings);
   std::int64_t now_ns = 1'000'000'000;
   Frame frame;
@@ -127,11 +127,10 @@ TEST_F(Loopback, AWriterThatComesBackIsReadAgain) {
     Writer writer;
     ASSERT_TRUE(camera.open());
     writer.write(1, HostStamp{now_ns});
-    ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+    ASSERT_TRUE(read_within(camera, frame, kPatience));
     camera.give_back(frame);
   }
-  for (int i = 0; i < 100 && camera.counts().disconnected == 0; ++i) camera.read(frame, Span::from_milliseconds(50));
-  ASSERT_EQ(camera.counts().disconnected, 1u) << "silence was noticed";
+  ASSERT_TRUE(read_until(camera, [&] { return camera.counts().disconnected > 0; })) << "silence is noticed";
   ASSERT_EQ(std::system("/sbin/modprobe -r v4l2loopback"), 0);
   ASSERT_FALSE(std::filesystem::exists(kDevice));
   for (int i = 0; i < 10; ++i) EXPECT_EQ(camera.read(frame, Span::from_milliseconds(100)), ReadOutcome::kFailed);
@@ -145,7 +144,7 @@ TEST_F(Loopback, AWriterThatComesBackIsReadAgain) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
     }
   });
-  EXPECT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+  EXPECT_TRUE(read_within(camera, frame, kPatience));
   std::printf("writer back: image after %.0f ms, %llu attempts before\n",
               static_cast<double>(monotonic_ns() - back_ns) * 1e-6,
               static_cast<unsigned long long>(camera.counts().retries));

@@ -1,6 +1,7 @@
 // The camera against the kernel's test driver vivid: formats, stamps, losses and injected errors.
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstdio>
 #include <cstring>
@@ -19,7 +20,7 @@ namespace {
 constexpr const char* kDevice = "/dev/video0";
 
 V4l2Settings small_settings() {
-  V4l2Settings settings;
+  V4l2Settings settings = patient_settings();
   settings.device = "vivid";
   settings.width = 320;
   settings.height = 180;
@@ -155,7 +156,7 @@ TEST_F(Vivid, StampsAreBroughtToMidExposure) {
       watch(camera, 5, [&](const Frame& frame) {
         EXPECT_EQ(frame.stamp.ns % 1000, expected);
         EXPECT_GT(frame.stamp, last);
-        EXPECT_LT(std::abs(monotonic_ns() - frame.stamp.ns), 500'000'000);
+        EXPECT_LT(std::abs(monotonic_ns() - frame.stamp.ns), kPatience.ns);
         last = frame.stamp;
       });
     }
@@ -167,9 +168,8 @@ TEST_F(Vivid, StampsOfAnotherClockAreRefused) {
   settings.controls = {{"wrap_timestamp", 1}};
   V4l2Camera camera(settings);
   open(camera);
-  Frame frame;
-  EXPECT_FALSE(read_within(camera, frame, kSecond));
-  EXPECT_GT(camera.counts().bad_stamps, 3u);
+  ASSERT_TRUE(read_until(camera, [&] { return camera.counts().bad_stamps > 3; }));
+  EXPECT_EQ(camera.counts().frames, 0u);
   EXPECT_EQ(camera.counts().disconnected, 0u) << "the device is well";
 }
 
@@ -213,12 +213,12 @@ TEST_F(Vivid, DamagedImagesAreCountedAndLeftOut) {
   const auto note = [&](const Frame& frame) { last = frame.sequence; };
   watch(camera, 3, note);
   set_controls(kDevice, {{"inject_v4l2_buf_flag_error", 1}});
-  watch(camera, 5, note);
+  ASSERT_TRUE(read_until(camera, [&] { return camera.counts().damaged > 0; }));
+  watch(camera, 2, note);
   const CameraCounts counts = camera.counts();
   EXPECT_EQ(counts.damaged, 1u);
   EXPECT_EQ(counts.disconnected, 0u);
-  EXPECT_EQ(counts.frames, 8u);
-  EXPECT_EQ(last, 7 + counts.lost + counts.damaged) << "not among those handed out";
+  EXPECT_EQ(last, counts.frames - 1 + counts.lost + counts.damaged) << "not among those handed out";
 }
 
 TEST_F(Vivid, AFatalErrorIsOvercomeWithoutHeapOrLocks) {
@@ -238,7 +238,7 @@ TEST_F(Vivid, AFatalErrorIsOvercomeWithoutHeapOrLocks) {
     const std::int64_t begin_ns = monotonic_ns();
     const HeapCallScope heap;
     const std::uint64_t locks = lock_calls_of_this_thread();
-    ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}, &failures));
+    ASSERT_TRUE(read_within(camera, frame, kPatience, &failures));
     EXPECT_EQ(heap.calls(), 0u);
     EXPECT_EQ(lock_calls_of_this_thread() - locks, 0u);
     std::printf("fatal error: image after %.0f ms\n", static_cast<double>(monotonic_ns() - begin_ns) * 1e-6);
@@ -274,7 +274,7 @@ TEST_F(Vivid, FailedAttemptsToReopenAreRepeated) {
   watch(camera, 2, [](const Frame&) {});
   set_controls(kDevice, {{"inject_vidioc_streamon_error", 1}, {"inject_fatal_streaming_error", 1}});
   Frame frame;
-  ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+  ASSERT_TRUE(read_within(camera, frame, kPatience));
   camera.give_back(frame);
   EXPECT_EQ(camera.counts().disconnected, 1u);
   EXPECT_EQ(camera.counts().retries, 1u);
@@ -285,7 +285,7 @@ TEST_F(Vivid, ARefusedBufferStartsTheStreamAnew) {
   V4l2Camera camera(small_settings());
   open(camera);
   Frame frame;
-  ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+  ASSERT_TRUE(read_within(camera, frame, kPatience));
   set_controls(kDevice, {{"inject_vidioc_qbuf_error", 1}});
   camera.give_back(frame);
   watch(camera, 3, [](const Frame&) {});
@@ -296,12 +296,12 @@ TEST_F(Vivid, LentImagesOutliveTheDevice) {
   V4l2Camera camera(small_settings());
   open(camera);
   std::vector<Frame> lent(3);
-  for (Frame& frame : lent) ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+  for (Frame& frame : lent) ASSERT_TRUE(read_within(camera, frame, kPatience));
   const auto before = pixels_of(lent[0]);
   const auto mappings = device_mappings().size();
   set_controls(kDevice, {{"inject_fatal_streaming_error", 1}});
   Frame frame;
-  ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+  ASSERT_TRUE(read_within(camera, frame, kPatience));
   for (const Frame& old : lent) {
     EXPECT_TRUE(is_device_memory(old.data));
     EXPECT_NE(old.slot, frame.slot);
@@ -329,7 +329,7 @@ TEST_F(Vivid, ADisconnectedDeviceComesBack) {
   const std::int64_t begin_ns = monotonic_ns();
   Frame frame;
   int failures = 0;
-  ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}, &failures));
+  ASSERT_TRUE(read_within(camera, frame, kPatience, &failures));
   std::printf("disconnect: image after %.0f ms\n", static_cast<double>(monotonic_ns() - begin_ns) * 1e-6);
   EXPECT_GE(failures, 1);
   camera.give_back(frame);
@@ -345,6 +345,7 @@ TEST_F(Vivid, AnUnpluggedDeviceComesBackWhenPlugged) {
   const int files = open_files();
   const auto mappings = device_mappings().size();
   watch(camera, 3, [](const Frame&) {});
+  const std::int64_t begin_ns = monotonic_ns();
   std::atomic<std::int64_t> plugged_ns{0};
   std::thread hand([&] {
     write_file("/sys/bus/platform/drivers/vivid/unbind", "vivid.0");
@@ -362,15 +363,16 @@ TEST_F(Vivid, AnUnpluggedDeviceComesBackWhenPlugged) {
   EXPECT_FALSE(camera.is_streaming());
   EXPECT_TRUE(device_mappings().empty());
   const HeapCallScope heap;
-  ASSERT_TRUE(read_within(camera, frame, Span{30 * kSecond.ns}, &failures));
+  ASSERT_TRUE(read_within(camera, frame, kPatience, &failures));
   EXPECT_EQ(heap.calls(), 0u);
   hand.join();
   std::printf("plugged in: image after %.0f ms, %llu attempts before\n",
               static_cast<double>(monotonic_ns() - plugged_ns) * 1e-6,
               static_cast<unsigned long long>(camera.counts().retries));
   camera.give_back(frame);
-  EXPECT_GE(camera.counts().retries, 3u);
-  EXPECT_LE(camera.counts().retries, 10u) << "waits longer and longer";
+  const auto away_s = static_cast<std::uint64_t>((monotonic_ns() - begin_ns) / kSecond.ns);
+  EXPECT_GE(camera.counts().retries, 2u);
+  EXPECT_LE(camera.counts().retries, 7 + away_s) << "waits longer and longer, a second in the end";
   EXPECT_EQ(open_files(), files);
   EXPECT_EQ(device_mappings().size(), mappings);
 }
@@ -383,20 +385,116 @@ TEST_F(Vivid, WithEverythingLentItWaitsUntilOneIsGivenBack) {
     V4l2Camera camera(settings);
     open(camera);
     std::vector<Frame> lent(4);
-    for (Frame& frame : lent) ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+    for (Frame& frame : lent) ASSERT_TRUE(read_within(camera, frame, kPatience));
     Frame frame;
     for (int i = 0; i < 3; ++i)
       ASSERT_EQ(camera.read(frame, Span::from_milliseconds(100)), ReadOutcome::kTimeout) << "not failed";
+    if (camera.copies()) {
+      ASSERT_TRUE(read_until(camera, [&] { return camera.counts().no_slot > 0; }));
+    }
     std::thread reader([&] {
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
       camera.give_back(lent[2]);
     });
-    EXPECT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+    EXPECT_TRUE(read_within(camera, frame, kPatience));
     reader.join();
     EXPECT_EQ(frame.slot, lent[2].slot);
     EXPECT_EQ(camera.counts().disconnected, 0u);
     EXPECT_EQ(camera.counts().no_slot > 0, format == PixelFormat::kY16);
   }
+}
+
+double mean_of(const Frame& frame) {
+  const auto pixels = pixels_of(frame);
+  return std::accumulate(pixels.begin(), pixels.end(), 0.) / static_cast<double>(pixels.size());
+}
+
+TEST_F(Vivid, ControlsAreSetWhileItStreams) {
+  set_controls(kDevice, {{"brightness", 128}});
+  V4l2Camera camera(small_settings());
+  open(camera);
+  double before = 0;
+  watch(camera, 2, [&](const Frame& frame) { before = mean_of(frame); });
+  EXPECT_FALSE(camera.request_control(std::string(60, 'x'), 1));
+  ASSERT_TRUE(camera.request_control("brightness", 250));
+  ASSERT_TRUE(camera.request_control("no_such_control", 1));
+  ASSERT_TRUE(camera.request_control("saturation", 1'000));  // 255 is all it takes
+  double after = 0;
+  const HeapCallScope heap;
+  Frame frame;
+  for (int i = 0; i < 8; ++i) {
+    ASSERT_TRUE(read_within(camera, frame, kPatience));
+    camera.give_back(frame);
+  }
+  EXPECT_EQ(heap.calls(), 0u);
+  watch(camera, 1, [&](const Frame& f) { after = mean_of(f); });
+  EXPECT_GT(after, before + 20);
+  ControlChange answer;
+  ASSERT_TRUE(camera.control_answer(answer));
+  EXPECT_TRUE(answer.is_set);
+  EXPECT_EQ(answer.value, 250);
+  ASSERT_TRUE(camera.control_answer(answer));
+  EXPECT_FALSE(answer.is_set);
+  ASSERT_TRUE(camera.control_answer(answer));
+  EXPECT_EQ(answer.value, 255) << "as read back";
+  // a device that was lost is set up as it was
+  set_controls(kDevice, {{"brightness", 10}, {"inject_fatal_streaming_error", 1}});
+  ASSERT_TRUE(read_until(camera, [&] { return camera.counts().disconnected == 1 && camera.is_streaming(); }));
+  V4l2Device other;
+  ASSERT_FALSE(other.open(kDevice));
+  std::int64_t value = 0;
+  ASSERT_FALSE(other.control("brightness", value));
+  EXPECT_EQ(value, 250);
+  set_controls(kDevice, {{"brightness", 128}, {"saturation", 128}});
+}
+
+// Of changes by another program the kernel tells; the stamps follow.
+TEST_F(Vivid, AnExposureThatAnotherProgramChangesIsKnown) {
+  V4l2Settings settings = small_settings();
+  settings.controls = {{"timestamp_source", 1}, {"integer_32_bits", 41}};
+  settings.exposure_control = "integer_32_bits";
+  settings.exposure = Span{6};
+  settings.control_of_exposure.delay_images = 2;
+  V4l2Camera camera(settings);
+  open(camera);
+  watch(camera, 2, [&](const Frame& frame) { EXPECT_EQ(frame.stamp.ns % 1000, 123); });
+  set_controls(kDevice, {{"integer_32_bits", 81}});
+  std::vector<std::int64_t> beyond;
+  watch(camera, 12, [&](const Frame& frame) { beyond.push_back(frame.stamp.ns % 1000); });
+  EXPECT_EQ(beyond.back(), 243);
+  const auto change = std::find(beyond.begin(), beyond.end(), 243);
+  EXPECT_GE(change - beyond.begin(), 1) << "not before the delay";
+  EXPECT_TRUE(std::all_of(change, beyond.end(), [](std::int64_t b) { return b == 243; })) << "and then it stays";
+  EXPECT_EQ(camera.exposure().ns, 486);
+}
+
+// Vivid has no exposure. Its brightness moves the picture's grey values: enough to see the loop close.
+TEST_F(Vivid, TheExposureControllerSettles) {
+  V4l2Settings settings = small_settings();
+  settings.controls = {{"brightness", 8}};
+  settings.exposure_control = "brightness";
+  settings.exposure = Span{40'000};
+  settings.control_of_exposure.automatic = true;
+  settings.control_of_exposure.longest_ms = 10.2;
+  V4l2Camera camera(settings);
+  open(camera);
+  std::uint64_t changes = 0;
+  for (int calm = 0, images = 0; calm < 40 && images < 600; ++images) {
+    watch(camera, 1, [](const Frame&) {});
+    const std::uint64_t now = camera.exposure_report().changes;
+    calm = now == changes ? calm + 1 : 0;
+    changes = now;
+  }
+  const ExposureReport report = camera.exposure_report();
+  std::printf("exposure: %llu changes, brightness %.0f, %.0f %% clipped, delay %d (%s)\n",
+              static_cast<unsigned long long>(report.changes), report.brightness, 100 * report.clipped_share,
+              report.delay_images, report.is_delay_known ? "learned" : "assumed");
+  EXPECT_GT(report.changes, 0u) << "it was dark";
+  EXPECT_LT(report.changes, 40u);
+  EXPECT_EQ(report.refused, 0u);
+  EXPECT_GT(report.brightness, 50);
+  EXPECT_LT(report.clipped_share, 0.5);
+  set_controls(kDevice, {{"brightness", 128}});
 }
 
 TEST_F(Vivid, ClosingTakesLentImagesBack) {
@@ -405,7 +503,7 @@ TEST_F(Vivid, ClosingTakesLentImagesBack) {
   for (int i = 0; i < 3; ++i) {
     open(camera);
     Frame frame;
-    ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+    ASSERT_TRUE(read_within(camera, frame, kPatience));
     camera.close();
     EXPECT_TRUE(device_mappings().empty());
     EXPECT_EQ(open_files(), files);
@@ -422,7 +520,7 @@ TEST_F(Vivid, ReadingUsesNoHeapAndNoLocks) {
     const std::uint64_t locks = lock_calls_of_this_thread();
     for (int i = 0; i < 20; ++i) {
       Frame frame;
-      ASSERT_TRUE(read_within(camera, frame, Span{20 * kSecond.ns}));
+      ASSERT_TRUE(read_within(camera, frame, kPatience));
       camera.give_back(frame);
     }
     EXPECT_EQ(heap.calls(), 0u);
