@@ -72,7 +72,8 @@ RC_GTEST_PROP(ExposureController, SettlesFromAnyStart, ()) {
     wanted += image.wanted / 60;
     last = image.shown;
   }
-  RC_ASSERT(changes <= 1);  // now and then it tries again whether a bright window can be had
+  // now and then it tries again whether a bright window can be had, and comes back; swinging would be 8
+  RC_ASSERT(changes <= (has_window ? 3 : 0));
   const bool is_at_limit = last.total() > 0.0098 * 16 * 0.98 || last.total() < 21e-6;
   RC_ASSERT(is_at_limit || std::abs(wanted) < (has_window ? 0.95 : 0.32));
 }
@@ -126,7 +127,7 @@ RC_GTEST_PROP(ExposureController, TheImageHasNearlyAsManyCornersAsAnyOther, ()) 
   const double window = *rc::gen::element(0., 0.1, 0.2);
   const PlayedScene scene(100 / 0.004, between(0.4, 0.8), window, between(2, 10), *rc::gen::inRange(0u, 1000u));
   PlayedSensor sensor;
-  sensor.gamma = between(0.6, 1);
+  sensor.gamma = between(0.7, 1);
   PlayedCamera camera(sensor, wide_limits(), {Span{static_cast<std::int64_t>(between_log(20e3, 10e6))}, 1}, 1);
   for (int i = 0; i < 300; ++i) camera.step(scene);
   std::mt19937 random(3);
