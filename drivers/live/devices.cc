@@ -195,6 +195,7 @@ Status add_camera(const LiveSettings& settings, LiveDevices& devices) {
   devices.images_to_log = std::clamp(camera->buffers - kForTracking, 0, 4);
   auto v4l2 = std::make_unique<V4l2Camera>(std::move(*camera));
   devices.records.emplace_back([c = v4l2.get()] { return record_of(*c); });
+  devices.turns = [c = v4l2.get()](double rad_s) { c->set_turn_rate(rad_s); };
   devices.camera = std::move(v4l2);
   return Done{};
 }

@@ -39,6 +39,8 @@ struct LiveDevices {
   std::vector<LiveOutput> outputs;
   std::vector<std::function<DeviceRecord()>> records;  ///< what the drivers counted, from any thread
   int images_to_log = 0;                               ///< RealtimeSettings
+  /// Told how fast the body turns, rad/s, by the log thread: a camera limits its exposure by it. May be empty.
+  std::function<void(double)> turns;
 };
 /// A camera or an IMU that `devices` has already takes the place of the configuration's. Fails if and only if the
 /// configuration names no camera or no IMU, or something that was not built in.

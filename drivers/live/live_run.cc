@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <csignal>
 #include <system_error>
 #include <utility>
@@ -52,6 +53,19 @@ class Receivers final : public OdometrySink {
  private:
   const std::vector<LiveOutput>& outputs_;
   LatestValue<Odometry> newest_;
+};
+
+/// Tells a device how fast the body turns.
+class Turns final : public FlightObserver {
+ public:
+  explicit Turns(const std::function<void(double)>& tell) : tell_(tell) {}
+  void imu(const ImuSample& sample) noexcept override {
+    const auto& w = sample.angular_velocity_rad_s;
+    if (tell_) tell_(std::hypot(w[0], w[1], w[2]));
+  }
+
+ private:
+  const std::function<void(double)>& tell_;
 };
 
 /// Closes what was opened, whichever way the flight ends.
@@ -119,7 +133,8 @@ Result<FlightRecord> fly(const LiveSettings& settings, LiveDevices& devices, con
     const SignalWait signals({SIGINT, SIGTERM, SIGUSR1});  // before any thread begins
     ServiceManager service;
     LiveLog log(options.out);
-    RealtimePorts ports{devices.camera.get(), devices.imu.get(), &receivers, {&log}, {}, devices.wheel.get()};
+    Turns turns(devices.turns);
+    RealtimePorts ports{devices.camera.get(), devices.imu.get(), &receivers, {&log, &turns}, {}, devices.wheel.get()};
     if (options.view != nullptr) {
       const ViewSubject subject{settings.source, program_text(program_info()),
                                 settings.config.estimator.extrinsics.R_BC, true};

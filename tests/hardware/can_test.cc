@@ -14,6 +14,9 @@ namespace epiline {
 namespace {
 
 constexpr int kBase = 0x300;
+// Between the readings of two clocks an emulated processor may lose some milliseconds; waiting takes 30, an hour is
+// set.
+constexpr std::int64_t kReadApart_ns = 15'000'000;
 const std::map<int, dbc::MessageText>& dbc_file() {
   static const auto file = dbc::read(can::dbc_text(kBase));
   return file;
@@ -133,7 +136,9 @@ TEST_F(CanBus, OdometryInFramesOfCanFd) {
       EXPECT_NEAR(read(*seen, "VelocityX").value, velocity_at(time), 6e-5);
       EXPECT_EQ(read(*seen, "QuaternionW").value, 1);
       EXPECT_EQ(read(*seen, "State").name, "tracking");
-      EXPECT_NEAR(read(*seen, "Age").value, 1e-9 * static_cast<double>(seen->at_ns - 1000 * time), 0.3);
+      // by when it was sent, which is not later than when we saw it
+      EXPECT_GE(read(*seen, "Age").value, 0);
+      EXPECT_LE(read(*seen, "Age").value, 1e-9 * static_cast<double>(seen->at_ns - 1000 * time) + 1e-3);
       if (epoch_before >= 0) {
         EXPECT_EQ(read(*seen, "Epoch").raw, (epoch_before + 1) % 16);
       }
@@ -428,8 +433,8 @@ TEST_F(CanBus, SpeedComesInWithTheTimeOfItsArrival) {
     ASSERT_EQ(source.read(sample, Span::from_milliseconds(10'000)), ReadOutcome::kSample);
     calls += reading.calls();
     EXPECT_NEAR(sample.forward_speed_m_s, 0.37 * i, 1e-9);
-    EXPECT_GE(sample.stamp.ns, before_ns - 100'000);
-    EXPECT_LE(sample.stamp.ns, after_ns + 100'000);
+    EXPECT_GE(sample.stamp.ns, before_ns - kReadApart_ns);
+    EXPECT_LE(sample.stamp.ns, after_ns + kReadApart_ns);
   }
   EXPECT_EQ(calls + calls_before, 0u);
   EXPECT_EQ(source.counts().samples, 40u);
@@ -449,8 +454,8 @@ TEST_F(CanBus, TheClockOfDayIsSetWhileSpeedComesIn) {
       ASSERT_TRUE(shell("date -s '+1 hour'"));
     }
     ASSERT_EQ(source.read(sample, Span::from_milliseconds(10'000)), ReadOutcome::kSample);
-    EXPECT_GE(sample.stamp.ns, before_ns - 100'000) << i;
-    EXPECT_LE(sample.stamp.ns, after_ns + 100'000) << i;
+    EXPECT_GE(sample.stamp.ns, before_ns - kReadApart_ns) << i;
+    EXPECT_LE(sample.stamp.ns, after_ns + kReadApart_ns) << i;
   }
   shell("date -s '-1 hour'");
 }

@@ -139,6 +139,8 @@ struct Stand {
 
 TEST(LiveRun, FliesUntilItIsToldToEndAndLeavesFilesBehind) {
   Stand stand;
+  double fastest_rad_s = 0;
+  stand.devices.turns = [&](double rad_s) { fastest_rad_s = std::max(fastest_rad_s, rad_s); };
   const pthread_t flying = pthread_self();
   bool asked = false;
   std::uint64_t lines_before = 0;
@@ -164,6 +166,7 @@ TEST(LiveRun, FliesUntilItIsToldToEndAndLeavesFilesBehind) {
   EXPECT_LT(std::abs(stand.sink->last.p_WB_m[0]), 0.05);
   ASSERT_EQ(record->realtime->outputs.size(), 1u);
   EXPECT_EQ(record->realtime->outputs[0].sent, stand.sink->published);
+  EXPECT_NEAR(fastest_rad_s, 2e-3 * 3.5, 2e-3 * 2) << "the largest norm of three times 2e-3 rad/s of noise";
   EXPECT_EQ(stand.camera->closed, 1);
   EXPECT_EQ(stand.imu->closed, 1);
   EXPECT_EQ(stand.sink->closed, 1);
