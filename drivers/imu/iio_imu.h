@@ -7,10 +7,10 @@
 
 #include "drivers/imu/accel_merge.h"
 #include "drivers/imu/iio_device.h"
-#include "platform/time/interval_tracker.h"
 #include "pipeline/config/devices.h"
 #include "platform/concurrency/snapshot.h"
 #include "platform/ports/ports.h"
+#include "platform/time/interval_tracker.h"
 #include "platform/time/one_way_sync.h"
 
 namespace epiline {

@@ -346,8 +346,8 @@ std::string output_table(const RealtimeRecord& r) {
       "<table><tr><th>to</th><th>sent</th><th>not sent</th><th>reopened</th><th>images</th><th>median, ms</th>"
       "<th>99 %, ms</th><th>at most, ms</th></tr>";
   for (const OutputRecord& o : r.outputs) {
-    s += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>", escaped(o.name), o.sent,
-                     o.not_sent, o.reopened, o.latency.count());
+    s += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>", escaped(o.name), o.sent, o.not_sent,
+                     o.reopened, o.latency.count());
     for (const std::int64_t ns : {o.latency.quantile_ns(0.5), o.latency.quantile_ns(0.99), o.latency.most_ns()})
       s += o.latency.count() > 0 ? fmt::format("<td>{:.2f}</td>", ms(ns)) : "<td>–</td>";
     s += "</tr>";

@@ -13,7 +13,7 @@ namespace epiline {
 class SignalWait {
  public:
   /// Blocks the signals in this thread and in those it starts from now on.
-  explicit SignalWait(std::initializer_list<int> signals) {
+  SignalWait(std::initializer_list<int> signals) {
     sigemptyset(&signals_);
     for (const int s : signals) sigaddset(&signals_, s);
     pthread_sigmask(SIG_BLOCK, &signals_, &before_);
