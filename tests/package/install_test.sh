@@ -6,7 +6,9 @@ set -euo pipefail
 (($# == 1)) || { echo "usage: $0 PACKAGE.deb" >&2; exit 2; }
 package=$(realpath "$1")
 cache=${EPILINE_ROOT_CACHE:-${HOME:-/root}/.cache/epiline}
-mirror=${EPILINE_DEBIAN_MIRROR:-http://deb.debian.org/debian}
+# where this machine gets its own packages from
+mirror=${EPILINE_DEBIAN_MIRROR:-$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' 'Codename: bookworm' | sort -u | head -1)}
+[[ -n $mirror ]] || { echo "$0: apt knows no bookworm; expected Debian 12, or EPILINE_DEBIAN_MIRROR" >&2; exit 2; }
 
 if [[ -z ${EPILINE_IN_NAMESPACE:-} ]]; then # mounts of our own, which vanish with us
   EPILINE_IN_NAMESPACE=1 exec unshare --mount "$0" "$package"
