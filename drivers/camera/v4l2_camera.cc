@@ -52,13 +52,17 @@ Status V4l2Camera::open() {
     close();
     return error;
   }
+  std::snprintf(bus_.data(), bus_.size(), "%s", device_.bus());
   opened_ = true;
   return Done{};
 }
 
 /// Called again for a lost device, which must come back with the same image: readers know its size.
 DeviceTrouble V4l2Camera::set_up() noexcept {
-  if (const DeviceTrouble trouble = device_.open(settings_.device.c_str())) return trouble;
+  if (const DeviceTrouble trouble = device_.open(settings_.device.c_str())) {
+    // Plugged in again while images of before were lent, a device gets another number: /dev/video0 is no more.
+    if (!opened_ || bus_[0] == '\0' || device_.open(bus_.data())) return trouble;
+  }
   DeviceFormat format;
   if (const DeviceTrouble trouble = device_.set_format(settings_, format)) return trouble;
   const bool copies = !is_grey_in_place(format.format) || device_.is_loopback();

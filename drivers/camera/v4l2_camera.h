@@ -126,6 +126,7 @@ class V4l2Camera final : public CameraSource {
   V4l2Device device_;
   DeviceFormat format_;
   bool copies_ = false, opened_ = false;
+  std::array<char, 64> bus_{};  ///< of the device that open() found
   std::uint32_t stamp_flags_ = 0;
   CameraExposure exposure_{settings_};
   SpscRing<ControlChange, kChanges> requests_, answers_;

@@ -46,6 +46,8 @@ class V4l2Device {
   bool is_open() const noexcept { return fd_ >= 0; }
   int fd() const noexcept { return fd_; }
   const char* path() const noexcept { return path_.data(); }
+  /// Where it is plugged in, as the driver says it: a name for open() that outlasts the number of its file.
+  const char* bus() const noexcept { return bus_.data(); }
   /// v4l2loopback: its buffers are written while we read them.
   bool is_loopback() const noexcept { return is_loopback_; }
 
