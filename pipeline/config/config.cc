@@ -99,23 +99,33 @@ std::string shown(const toml::node& node) {
   return out.str();
 }
 
+/// toml++ would write a text that begins with a new line so that the line is lost when it is read again.
+std::string toml_text(const std::string& text) {
+  std::string s = "\"";
+  for (const char c : text) {
+    const auto code = static_cast<unsigned char>(c);
+    if (c == '"' || c == '\\') {
+      (s += '\\') += c;
+    } else if (code < 0x20 || code == 0x7f) {
+      s += fmt::format("\\u{:04x}", code);
+    } else {
+      s += c;
+    }
+  }
+  return s + "\"";
+}
+
 std::string toml_value(const Parameter& p, const Config& config) {
   Config copy = config;
   return std::visit(
       Overloaded{[&](bool* (*at)(Config&)) -> std::string { return *at(copy) ? "true" : "false"; },
                  [&](int* (*at)(Config&)) { return fmt::format("{}", *at(copy)); },
                  [&](auto* (*at)(Config&)) { return fmt::format("{}", *at(copy)); },
-                 [&](std::string* (*at)(Config&)) {
-                   std::ostringstream out;
-                   out << toml::value<std::string>(*at(copy));
-                   return out.str();
-                 },
+                 [&](std::string* (*at)(Config&)) { return toml_text(*at(copy)); },
                  [&](std::vector<NamedValue>* (*at)(Config&)) {
                    std::string text;
                    for (const NamedValue& v : *at(copy)) {
-                     std::ostringstream name;
-                     name << toml::value<std::string>(v.name);
-                     text += fmt::format("{}{} = {}", text.empty() ? "" : ", ", name.str(), v.value);
+                     text += fmt::format("{}{} = {}", text.empty() ? "" : ", ", toml_text(v.name), v.value);
                    }
                    return text.empty() ? std::string("{}") : "{ " + text + " }";
                  },
@@ -188,7 +198,7 @@ std::string to_toml(const Config& config) {
       text += fmt::format("{}[{}]\n", text.empty() ? "" : "\n", section);
     }
     const std::string value = toml_value(p, config);
-    const bool is_empty = value == "\"\"" || value == "''" || value == "{}";
+    const bool is_empty = value == "\"\"" || value == "{}";
     text +=
         fmt::format("# {}; {}\n{}{} = {}\n", p.text, range_of(p), is_empty ? "#" : "", p.name.substr(dot + 1), value);
   }

@@ -82,6 +82,19 @@ TEST(Config, NamedValuesKeepTheirOrderHoweverTheyAreWritten) {
   }
 }
 
+TEST(Config, TextsOfAnySortReadBack) {
+  for (const char* const text :
+       {"\n", "\r\n", "a \"b\" \\ c", "three ''' quotes", "\t\x7f\x01", "Gr\xc3\xbc\xc3\x9f"}) {
+    Config config;
+    config.recorder.folder = text;
+    const auto again = ConfigFile::parse(to_toml(config), "again.toml");
+    ASSERT_TRUE(again) << again.error().text();
+    Config read_back;
+    again->apply(read_back);
+    EXPECT_EQ(read_back.recorder.folder, text);
+  }
+}
+
 struct BadFile {
   const char *text, *complaint;
 };
