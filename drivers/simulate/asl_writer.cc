@@ -42,10 +42,9 @@ Text truth_text(const std::vector<TruthRow>& rows) {
   return out;
 }
 
-Text wheel_text(const std::vector<WheelSample>& samples) {
-  Text out;
-  out.print("#timestamp [ns],forward speed [m s^-1]\n");
-  for (const WheelSample& s : samples) out.print("{},{}\n", s.stamp.ns, s.forward_speed_m_s);
+std::string wheel_text(const std::vector<WheelSample>& samples) {
+  std::string out = kAslWheelHeader;
+  for (const WheelSample& s : samples) append_asl_wheel(out, s);
   return out;
 }
 

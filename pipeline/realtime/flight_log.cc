@@ -51,6 +51,7 @@ void FlightLog::drain_samples() noexcept {
     }
   };
   drain(imu_, [](FlightObserver& o, const ImuSample& s) { o.imu(s); });
+  drain(wheel_, [](FlightObserver& o, const WheelSample& s) { o.wheel(s); });
   drain(outcomes_, [](FlightObserver& o, const FrameOutcome& f) { o.take(f); });
   drain(tracks_, [](FlightObserver& o, const LoggedTracks& t) { o.tracks(t); });
   drain(publications_, [](FlightObserver& o, const Publication& p) { o.published(p.serial, p.latency_ns); });

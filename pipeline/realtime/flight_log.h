@@ -32,6 +32,8 @@ class FlightLog {
 
   /// Thread imu.
   void imu(const ImuSample& sample) noexcept { imu_.push(sample); }
+  /// Thread wheel.
+  void wheel(const WheelSample& sample) noexcept { wheel_.push(sample); }
   /// Thread track: true if the log takes the image; the log thread gives it back.
   bool wants_image() const noexcept { return images_at_once_ > 0; }
   bool image(const Frame& frame) noexcept;
@@ -74,6 +76,7 @@ class FlightLog {
     f(RingName::kTracksToLog, tracks_);
     f(RingName::kImuToLog, imu_);
     f(RingName::kImagesToLog, images_);
+    f(RingName::kWheelToLog, wheel_);
   }
   /// Images that the log left out because it still held as many as it may.
   std::uint64_t images_skipped() const noexcept { return images_skipped_.load(std::memory_order_relaxed); }
@@ -93,7 +96,8 @@ class FlightLog {
   std::vector<EventRing*> more_;
   std::uint64_t images_at_once_;
 
-  SpscRing<ImuSample, 4096> imu_;  // 4 s at 1 kHz: a log thread that gets no processor for so long loses readings
+  SpscRing<ImuSample, 4096> imu_;     // 4 s at 1 kHz: a log thread that gets no processor for so long loses readings
+  SpscRing<WheelSample, 512> wheel_;  // as long at 100 Hz
   SpscRing<FrameOutcome, 256> outcomes_;
   SpscRing<LoggedTracks, 64> tracks_;
   SpscRing<Publication, 256> publications_;

@@ -37,6 +37,8 @@ class FlightObserver {
   virtual void published(std::uint64_t /*serial*/, std::int64_t /*latency_ns*/) noexcept {}
   /// Every reading of the IMU, as it came from the device.
   virtual void imu(const ImuSample& /*sample*/) noexcept {}
+  /// Every speed of the wheels.
+  virtual void wheel(const WheelSample& /*sample*/) noexcept {}
   /// The tracks of every image that went through the estimator.
   virtual void tracks(const LoggedTracks& /*tracks*/) noexcept {}
   /// An image that was tracked. The pixels are lent for this call.

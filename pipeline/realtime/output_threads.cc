@@ -109,6 +109,7 @@ void RealtimePipeline::Impl::log_round(bool last) {
   flight_log.note_lost(RingName::kImuToTrack, imu_to_track.dropped(), now);
   flight_log.note_lost(RingName::kImuToEstimate, imu_to_estimate.dropped(), now);
   flight_log.note_lost(RingName::kImuToPublish, imu_to_publish.dropped(), now);
+  flight_log.note_lost(RingName::kWheelToEstimate, wheel_to_estimate.dropped(), now);
   flight_log.drain(now, last ? end_of_time : pace.stamp_of(now_ns - FlightLog::kEventWindow.ns),
                    [&](const Frame& frame) { give_back(static_cast<std::size_t>(frame.slot)); });
 }

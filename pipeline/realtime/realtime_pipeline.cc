@@ -113,7 +113,7 @@ RealtimeReport RealtimePipeline::report() const {
   ring("imu_to_track", m.imu_to_track);
   ring("imu_to_estimate", m.imu_to_estimate);
   ring("imu_to_publish", m.imu_to_publish);
-  if (m.ports.wheel != nullptr) ring("wheel_to_estimate", m.wheel_to_estimate);
+  if (m.ports.wheel != nullptr) ring(to_string(RingName::kWheelToEstimate), m.wheel_to_estimate);
   ring("tracked", m.tracked);
   ring("knowledge", m.knowledge);
   m.flight_log.each_ring([&](RingName name, const auto& of) { ring(to_string(name), of); });

@@ -82,6 +82,7 @@ void RealtimePipeline::Impl::wheel_loop() {
     if (outcome != ReadOutcome::kSample) continue;
     bump(wheel_in);
     wheel_to_estimate.push(sample);  // a full ring refuses, and counts
+    flight_log.wheel(sample);
   }
 }
 

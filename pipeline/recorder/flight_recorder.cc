@@ -25,11 +25,12 @@ namespace {
 // A tape has a quarter of room more than it lends: with that it goes on while a record is being written.
 constexpr std::size_t kSegments = 40, kKept = 32;
 constexpr std::size_t kTracksBytes = sizeof(RecordedTracksHeader) + kMaxFeatures * sizeof(RecordedPoint);
-/// There is room for an IMU of 1 kHz and 60 images of 400 tracks a second; what comes faster makes a record shorter.
+/// There is room for an IMU of 1 kHz, wheels of 100 Hz and 60 images of 400 tracks a second; what comes faster makes a
+/// record shorter.
 constexpr std::size_t kBytesPerSecond =
     1000 * Tape::bytes_of_record(sizeof(ImuSample)) +
     60 * (Tape::bytes_of_record(kTracksBytes) + Tape::bytes_of_record(sizeof(RecordedState))) +
-    100 * Tape::bytes_of_record(sizeof(Event));
+    100 * (Tape::bytes_of_record(sizeof(Event)) + Tape::bytes_of_record(sizeof(WheelSample)));
 
 std::size_t sample_segment(double seconds) {
   // one segment may have begun just now, and another holds what is a little too old
@@ -192,6 +193,10 @@ bool FlightRecorder::wants_images() const noexcept { return impl_->images.has_va
 
 void FlightRecorder::imu(const ImuSample& sample) noexcept {
   impl_->samples.append(static_cast<std::uint32_t>(RecordKind::kImu), sample);
+}
+
+void FlightRecorder::wheel(const WheelSample& sample) noexcept {
+  impl_->samples.append(static_cast<std::uint32_t>(RecordKind::kWheel), sample);
 }
 
 void FlightRecorder::event(const Event& event) noexcept {

@@ -9,6 +9,7 @@
 #include "pipeline/evaluate/trajectory.h"
 #include "pipeline/text/asl.h"
 #include "pipeline/text/output_files.h"
+#include "pipeline/text/table.h"
 #include "pipeline/text/text.h"
 
 namespace epiline {
@@ -59,6 +60,8 @@ class RecordFiles {
         return add_image(at);
       case RecordKind::kEvent:
         return add_event(object_at<Event>(at));
+      case RecordKind::kWheel:
+        return append_asl_wheel(wheel_text_, object_at<WheelSample>(at));
     }
   }
 
@@ -82,6 +85,10 @@ class RecordFiles {
     if (image_failure_) return *image_failure_;
     if (!image_list_.empty()) {
       if (Status s = write(root_ / "mav0/cam0/data.csv", kAslImagesHeader + image_list_); !s) return s;
+    }
+    if (!wheel_text_.empty()) {
+      if (Status s = make_folder(root_ / "mav0/wheel0"); !s) return s;
+      if (Status s = write(root_ / "mav0/wheel0/data.csv", kAslWheelHeader + wheel_text_); !s) return s;
     }
     const std::string comment = fmt::format("flight recorder, record {}, written at {:.3f} s", order_.number,
                                             1e-9 * static_cast<double>(order_.now.ns));
@@ -160,7 +167,7 @@ class RecordFiles {
   const RecordOrder& order_;
   const RecordedRun& run_;
   OutputFile imu_, tracks_, states_, events_;
-  std::string imu_text_, tracks_text_, states_text_, events_text_, image_list_;
+  std::string imu_text_, tracks_text_, states_text_, events_text_, image_list_, wheel_text_;
   Trajectory trajectory_;
   std::optional<Error> image_failure_;
   int failure_ = 0;

@@ -69,6 +69,10 @@ void append_asl_imu(std::string& text, const ImuSample& s) {
   fmt::format_to(std::back_inserter(text), "{},{},{},{},{},{},{}\n", s.stamp.ns, w[0], w[1], w[2], a[0], a[1], a[2]);
 }
 
+void append_asl_wheel(std::string& text, const WheelSample& s) {
+  fmt::format_to(std::back_inserter(text), "{},{}\n", s.stamp.ns, s.forward_speed_m_s);
+}
+
 void append_asl_image(std::string& text, HostStamp stamp, const std::string& file) {
   fmt::format_to(std::back_inserter(text), "{},{}\n", stamp.ns, file);
 }

@@ -19,9 +19,9 @@ constexpr const char* kSources[] = {"camera", "imu", "wheel", "odometry"};
 constexpr const char* kImageLosses[] = {"overtaken", "missed", "refused"};
 constexpr const char* kImuRefusals[] = {"out_of_order", "duplicate", "not_finite", "other_time"};
 constexpr const char* kRecordReasons[] = {"requested", "lost", "end"};
-constexpr const char* kRings[] = {"frames",        "imu_to_track", "imu_to_estimate", "imu_to_publish",
-                                  "tracked",       "knowledge",    "outcomes",        "publications",
-                                  "tracks_to_log", "imu_to_log",   "images_to_log",   "events"};
+constexpr const char* kRings[] = {"frames",        "imu_to_track", "imu_to_estimate",   "imu_to_publish", "tracked",
+                                  "knowledge",     "outcomes",     "publications",      "tracks_to_log",  "imu_to_log",
+                                  "images_to_log", "events",       "wheel_to_estimate", "wheel_to_log"};
 static_assert(std::size(kRings) == static_cast<std::size_t>(RingName::kCount));
 
 enum class Shown : std::uint8_t { kNumber, kName, kBits };

@@ -52,6 +52,8 @@ enum class RingName : std::uint8_t {
   kImuToLog,
   kImagesToLog,
   kEvents,
+  kWheelToEstimate,
+  kWheelToLog,
   kCount
 };
 const char* to_string(RingName) noexcept;

@@ -45,6 +45,7 @@ class Wheels : public testing::Test {
     options.config_file = config;
     options.duration_s = duration_s;
     options.realtime_speed = speed;
+    options.record_folder = records_;
     auto result = replay(options, [](std::size_t, std::size_t) {});
     if (!result || !result->record.truth) {
       ADD_FAILURE() << (result ? "no truth" : result.error().text());
@@ -54,6 +55,7 @@ class Wheels : public testing::Test {
     return {evaluate(trajectory, *result->record.truth), result->record.estimator, tum_text(trajectory)};
   }
 
+  fs::path records_;  ///< of the flight recorder; empty: none
   fs::path folder_ = fs::path(testing::TempDir()) /
                      (std::string("epiline_wheels_") + testing::UnitTest::GetInstance()->current_test_info()->name());
 };
@@ -99,6 +101,20 @@ TEST_F(Wheels, ReachTheEstimatorInThreads) {
   const Outcome threads = replayed(kWith, 2.0, 10);
   EXPECT_GT(threads.stats.wheel_samples, 300u);
   EXPECT_GT(threads.stats.wheel_frames, 30u);
+}
+
+TEST_F(Wheels, AreInTheFlightRecordersRecordAndReplayedFromIt) {
+  fly(FlightKind::kRover);
+  records_ = folder_ / "records";
+  const Outcome flown = replayed(kWith, 2.0, 10);
+  const fs::path record = records_ / "record-001-end";
+  ReplayOptions options;
+  options.dataset = record;
+  options.config_file = record / "config.toml";
+  const auto again = replay(options, [](std::size_t, std::size_t) {});
+  ASSERT_TRUE(again) << again.error().text();
+  EXPECT_GE(again->record.estimator.wheel_samples, flown.stats.wheel_samples - 10) << "a tenth of a second of the end";
+  EXPECT_GT(again->record.estimator.wheel_frames, 30u);
 }
 
 }  // namespace

@@ -32,6 +32,7 @@ struct Notes final : FlightObserver {
     last_imu = sample.stamp;
     ++readings;
   }
+  void wheel(const WheelSample& sample) noexcept override { speed_m_s += sample.forward_speed_m_s; }
   void tracks(const LoggedTracks& t) noexcept override {
     EXPECT_EQ(t.serial, outcome) << "an image's outcome comes before its tracks";
     points = t.points.size();
@@ -47,6 +48,7 @@ struct Notes final : FlightObserver {
   std::int64_t latency = 0;
   HostStamp last_imu{-1};
   int readings = 0, image_pixel = -1, passes = 0;
+  double speed_m_s = 0;
   std::size_t points = 0;
   LoggedPoint last_point;
   std::vector<Event> events;
@@ -79,6 +81,8 @@ TEST_F(FlightLogTest, EachObserverGetsEveryStreamAndNoHeapIsUsed) {
   const std::uint8_t pixel = 77;
   const HeapCallScope heap;
   for (std::int64_t i = 0; i < 100; ++i) log->imu({HostStamp{i}, {}, {}});
+  log->wheel({HostStamp{0}, 1.5, 0});
+  log->wheel({HostStamp{1}, 2, 0});
   EXPECT_TRUE(log->image_done(5, tracked, {}, 1, stage));
   log->published(5, 42);
   EXPECT_TRUE(log->image({HostStamp{0}, 12, &pixel, 1, 1, 1, 0}));
@@ -88,6 +92,7 @@ TEST_F(FlightLogTest, EachObserverGetsEveryStreamAndNoHeapIsUsed) {
   EXPECT_TRUE(log->empty());
   for (const Notes* n : {&one, &two}) {
     EXPECT_EQ(n->readings, 100);
+    EXPECT_EQ(n->speed_m_s, 3.5);
     EXPECT_TRUE(n->in_order);
     EXPECT_EQ(n->outcome, 5u);
     EXPECT_EQ(n->publication, 5u);

@@ -64,10 +64,11 @@ class FlightRecorderTest : public testing::Test {
   }
   void TearDown() override { fs::remove_all(folder_); }
 
-  /// One image and ten readings, 0.05 s.
+  /// One image, ten readings and as many speeds of the wheels, if there are any: 0.05 s.
   void fly(FlightRecorder& recorder, HealthState state = HealthState::kTracking) {
     for (int i = 0; i < 10; ++i) {
       recorder.imu({HostStamp{now_}, {0.1, 0.2, 0.3}, {0, 0, 9.81}});
+      if (wheels_) recorder.wheel({HostStamp{now_}, 1.0 / 3, 0});
       now_ += kSecond_ns / 200;
     }
     const HostStamp stamp{now_};
@@ -127,6 +128,7 @@ class FlightRecorderTest : public testing::Test {
     EXPECT_EQ(tracks, states);
     EXPECT_NEAR(1e-9 * static_cast<double>(imu.back() - imu.front()), seconds, 0.06);
     EXPECT_NEAR(1e-9 * static_cast<double>(tracks.back() - tracks.front()), seconds, 0.06);
+    EXPECT_EQ(times(record / "mav0/wheel0/data.csv"), wheels_ ? imu : std::vector<std::int64_t>{});
     const std::string events = text_of(record / "events.txt");
     EXPECT_EQ(std::count(events.begin(), events.end(), '\n'), static_cast<std::ptrdiff_t>(tracks.size()));
     EXPECT_EQ(times(record / "trajectory.tum").size(),
@@ -141,6 +143,7 @@ class FlightRecorderTest : public testing::Test {
   std::int64_t now_ = 1000 * kSecond_ns;
   std::uint64_t serial_ = 0;
   std::uint32_t resets_ = 0;
+  bool wheels_ = false;
   std::vector<std::uint8_t> pixels_ = std::vector<std::uint8_t>(64 * 48);
 };
 
@@ -167,6 +170,16 @@ TEST_F(FlightRecorderTest, AFlightShorterThanThatIsThereWhole) {
   const std::string tracks = text_of(records().at(0) / "mav0/cam0/tracks.csv");
   EXPECT_NE(tracks.find("1000050000000,0,nan,nan\n"), std::string::npos) << "an image without a track";
   EXPECT_NE(tracks.find(",3,0.3,3333333.2\n"), std::string::npos) << tracks.substr(0, 500);
+}
+
+TEST_F(FlightRecorderTest, SpeedsOfWheelsAreInItIfThereAreAny) {
+  wheels_ = true;
+  FlightRecorder recorder(config_, run_);
+  fly_seconds(recorder, 100);
+  recorder.finish(true);
+  expect_whole(records().at(0), 4);
+  EXPECT_NE(text_of(records().at(0) / "mav0/wheel0/data.csv").find(",0.3333333333333333\n"), std::string::npos);
+  EXPECT_EQ(recorder.report().lost, 0u);
 }
 
 TEST_F(FlightRecorderTest, RequestsInFlightAreWrittenWhileRecordingGoesOn) {
