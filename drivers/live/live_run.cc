@@ -4,6 +4,8 @@
 
 #include <cmath>
 #include <csignal>
+#include <memory>
+#include <stdexcept>
 #include <system_error>
 #include <utility>
 
@@ -120,6 +122,112 @@ std::string status_line(const LiveState& state) {
   return fmt::format("{}, quality {}", kHealthStateNames[static_cast<std::size_t>(o.health.state)], o.health.quality);
 }
 
+/// What the service manager is told of a flight that goes on.
+class ServiceTalk {
+ public:
+  ServiceTalk() { manager_.ready(); }
+  void stopping() { manager_.stopping(); }
+
+  void round(const LiveState& state, const RealtimePipeline::Progress& progress, std::uint64_t log_passes) {
+    if (!manager_.is_listening()) return;
+    constexpr Span kStatus = Span::from_seconds(1);  // whoever watches the bus is told of each
+    if (state.since_start - told_status_ >= kStatus) {
+      manager_.status(status_line(state));
+      told_status_ = state.since_start;
+    }
+    // a third of the time it allows, so that one late round is no reason to be ended
+    if (state.since_start - told_alive_ > Span{manager_.watchdog().ns / 3} &&
+        liveness_.moved({progress.frames_taken, progress.frames_out, progress.published, log_passes})) {
+      manager_.alive();
+      told_alive_ = state.since_start;
+    }
+  }
+
+ private:
+  ServiceManager manager_;
+  Liveness liveness_;
+  Span told_status_, told_alive_;  ///< when, since the start
+};
+
+void watch_with(LiveView& view, const LiveSettings& settings, RealtimePorts& ports) {
+  const ViewSubject subject{settings.source, program_text(program_info()), settings.config.estimator.extrinsics.R_BC,
+                            true};
+  if (!view.start(subject))
+    throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again), "no thread left");
+  ports.observers.push_back(&view.observer());
+}
+
+/// Null if none is configured.
+std::unique_ptr<FlightRecorder> add_recorder(const LiveSettings& settings, RealtimePorts& ports) {
+  if (settings.config.recorder.folder.empty()) return nullptr;
+  constexpr double kUsualRate_hz = 30;
+  const double rate_hz = settings.config.devices.camera.rate_hz;
+  auto recorder = std::make_unique<FlightRecorder>(
+      settings.config.recorder, recorded_run(settings.camera, rate_hz > 0 ? rate_hz : kUsualRate_hz, settings.config));
+  ports.observers.push_back(recorder.get());
+  ports.event_rings.push_back(&recorder->events());
+  return recorder;
+}
+
+LiveState state_of(const RealtimePipeline::Progress& progress, Receivers& receivers, Span since_start) {
+  LiveState state{false, {}, progress.frames_out, progress.imu_in, since_start};
+  if (const Odometry* const newest = receivers.newest()) {
+    state.has_pose = true;
+    state.odometry = *newest;
+  }
+  return state;
+}
+
+void complete(FlightRecord& record, const RealtimePipeline& pipeline, double speed, const LiveDevices& devices) {
+  take_report(pipeline, speed, record);
+  record.images_read = record.dataset_images = record.realtime->report.frames_in;
+  record.dataset_imu_samples = record.imu_read;
+  for (const LiveOutput& output : devices.outputs) record.realtime->outputs.push_back(output.record());
+  for (const auto& device : devices.records) record.realtime->devices.push_back(device());
+}
+
+/// fly(), with what the system's lack of threads and settings that do not go together throw.
+Result<FlightRecord> fly_or_throw(const LiveSettings& settings, LiveDevices& devices, const LiveOptions& options,
+                                  const std::function<bool(const LiveState&)>& watch) {
+  const SignalWait signals({SIGINT, SIGTERM, SIGUSR1});  // before any thread begins
+  Receivers receivers(devices.outputs);
+  LiveLog log(options.out);
+  Turns turns(devices.turns);
+  RealtimePorts ports{devices.camera.get(), devices.imu.get(), &receivers, {&log, &turns}, {}, devices.wheel.get()};
+  if (options.view != nullptr) watch_with(*options.view, settings, ports);
+  const std::unique_ptr<FlightRecorder> recorder = add_recorder(settings, ports);
+  OpenDevices open_devices(devices, receivers);
+  RealtimePipeline pipeline(pipeline_settings(settings, devices), ports);
+  if (const Status s = open_devices.open(); !s) return s.error();
+
+  const std::int64_t start_ns = monotonic_ns();
+  const auto since_start = [&] { return Span{monotonic_ns() - start_ns}; };
+  const Pace pace = options.pace.value_or(Pace{HostStamp{start_ns}, start_ns, 1});
+  pipeline.arm(pace);
+  ServiceTalk service;
+  FlightRecord record = begin_record(settings);
+  for (bool goes_on = true; goes_on && !pipeline.finished();) {
+    const int signal = signals.wait(kRound);
+    if (signal == SIGUSR1 && recorder) recorder->request();
+    log.drain(record);
+    const RealtimePipeline::Progress progress = pipeline.progress();
+    const LiveState state = state_of(progress, receivers, since_start());
+    service.round(state, progress, log.passes());
+    goes_on = watch(state) && signal != SIGINT && signal != SIGTERM && state.since_start.seconds() < options.duration_s;
+  }
+  service.stopping();
+  pipeline.stop();
+  pipeline.join();
+  open_devices.close();
+  if (options.view != nullptr) options.view->finish();
+  log.drain(record);
+  if (const Status s = log.close(record); !s) return s.error();
+  record.dataset_duration_s = since_start().seconds();
+  complete(record, pipeline, pace.speed, devices);
+  if (recorder) finish(*recorder, record);
+  return record;
+}
+
 }  // namespace
 
 Result<FlightRecord> fly(const LiveSettings& settings, LiveDevices& devices, const LiveOptions& options,
@@ -127,85 +235,15 @@ Result<FlightRecord> fly(const LiveSettings& settings, LiveDevices& devices, con
   if (!options.out.empty()) {
     if (const Status s = make_folder(options.out); !s) return s.error();
   }
-  FlightRecord record = begin_record(settings);
-  Receivers receivers(devices.outputs);
   try {
-    const SignalWait signals({SIGINT, SIGTERM, SIGUSR1});  // before any thread begins
-    ServiceManager service;
-    LiveLog log(options.out);
-    Turns turns(devices.turns);
-    RealtimePorts ports{devices.camera.get(), devices.imu.get(), &receivers, {&log, &turns}, {}, devices.wheel.get()};
-    if (options.view != nullptr) {
-      const ViewSubject subject{settings.source, program_text(program_info()),
-                                settings.config.estimator.extrinsics.R_BC, true};
-      if (!options.view->start(subject))
-        throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again), "no thread left");
-      ports.observers.push_back(&options.view->observer());
-    }
-    std::optional<FlightRecorder> recorder;
-    if (!settings.config.recorder.folder.empty()) {
-      constexpr double kUsualRate_hz = 30;
-      const double rate_hz = settings.config.devices.camera.rate_hz;
-      recorder.emplace(settings.config.recorder,
-                       recorded_run(settings.camera, rate_hz > 0 ? rate_hz : kUsualRate_hz, settings.config));
-      ports.observers.push_back(&*recorder);
-      ports.event_rings.push_back(&recorder->events());
-    }
-    OpenDevices open_devices(devices, receivers);
-    RealtimePipeline pipeline(pipeline_settings(settings, devices), ports);
-    if (const Status s = open_devices.open(); !s) return s.error();
-    const std::int64_t start_ns = monotonic_ns();
-    const Pace pace = options.pace.value_or(Pace{HostStamp{start_ns}, start_ns, 1});
-    pipeline.arm(pace);
-    service.ready();
-
-    Liveness liveness;
-    std::int64_t told_alive_ns = start_ns;
-    for (bool goes_on = true; goes_on && !pipeline.finished();) {
-      const int signal = signals.wait(kRound);
-      if (signal == SIGUSR1 && recorder) recorder->request();
-      log.drain(record);
-      const std::int64_t now_ns = monotonic_ns();
-      const RealtimePipeline::Progress progress = pipeline.progress();
-      LiveState state{false, {}, progress.frames_out, progress.imu_in, Span{now_ns - start_ns}};
-      if (const Odometry* const newest = receivers.newest()) {
-        state.has_pose = true;
-        state.odometry = *newest;
-      }
-      if (service.is_listening()) {
-        service.status(status_line(state));
-        // a third of the time it allows, so that one late round is no reason to be ended
-        if (now_ns - told_alive_ns > service.watchdog().ns / 3 &&
-            liveness.moved({progress.frames_taken, progress.frames_out, progress.published, log.passes()})) {
-          service.alive();
-          told_alive_ns = now_ns;
-        }
-      }
-      goes_on =
-          watch(state) && signal != SIGINT && signal != SIGTERM && state.since_start.seconds() < options.duration_s;
-    }
-    service.stopping();
-    pipeline.stop();
-    pipeline.join();
-    open_devices.close();
-    if (options.view != nullptr) options.view->finish();
-    log.drain(record);
-    if (const Status s = log.close(record); !s) return s.error();
-    take_report(pipeline, pace.speed, record);
-    record.images_read = record.realtime->report.frames_in;
-    record.dataset_duration_s = Span{monotonic_ns() - start_ns}.seconds();
-    record.dataset_images = record.realtime->report.frames_in;
-    record.dataset_imu_samples = record.imu_read;
-    if (recorder) finish(*recorder, record);
-    for (const LiveOutput& output : devices.outputs) record.realtime->outputs.push_back(output.record());
-    for (const auto& device : devices.records) record.realtime->devices.push_back(device());
+    auto record = fly_or_throw(settings, devices, options, watch);
+    if (record) record->peak_rss_mib = peak_rss_mib();
+    return record;
   } catch (const std::system_error& e) {
     return Error{ErrorKind::kRun, settings.source, 0, e.what(), "a system that can start its threads"};
   } catch (const std::invalid_argument& e) {
     return Error{ErrorKind::kUsage, settings.source, 0, e.what(), "settings that go together"};
   }
-  record.peak_rss_mib = peak_rss_mib();
-  return record;
 }
 
 }  // namespace epiline
