@@ -12,6 +12,7 @@
 #include "drivers/hil/pump.h"
 #include "drivers/hil/uhid_imu.h"
 #include "drivers/replay/replay.h"
+#include "pipeline/config/vehicle.h"
 #include "pipeline/text/table.h"
 
 namespace epiline::hil {

@@ -2,9 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Geometry>
 #include <algorithm>
-#include <numbers>
 
 #include "drivers/camera/v4l2_camera.h"
 #include "drivers/imu/iio_imu.h"
@@ -13,7 +11,7 @@
 #include "drivers/output/can/can_output.h"
 #include "drivers/output/mavlink/link.h"
 #include "drivers/wheel/can_wheel_source.h"
-#include "drivers/wheel/vehicle.h"
+#include "pipeline/config/vehicle.h"
 
 namespace epiline {
 
@@ -146,14 +144,6 @@ DeviceRecord record_of(const CanWheelSource& wheel) {
 }
 
 }  // namespace
-
-Mat3 R_VB_of(const BodyConfig& body) {
-  constexpr double kDegree = std::numbers::pi / 180;
-  return (Eigen::AngleAxisd(body.yaw_deg * kDegree, Vec3::UnitZ()) *
-          Eigen::AngleAxisd(body.pitch_deg * kDegree, Vec3::UnitY()) *
-          Eigen::AngleAxisd(body.roll_deg * kDegree, Vec3::UnitX()))
-      .toRotationMatrix();
-}
 
 Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file) {
   const auto file = ConfigFile::read(config_file);

@@ -22,9 +22,6 @@ struct LiveSettings {
 /// calibration of the camera is named.
 Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file);
 
-/// Turns vectors of the IMU's axes B into the vehicle's V: forward, left, up.
-Mat3 R_VB_of(const BodyConfig& body);
-
 /// Somebody who gets the odometry, and what he says of it afterwards.
 struct LiveOutput {
   std::unique_ptr<OdometrySink> sink;

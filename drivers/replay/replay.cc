@@ -4,14 +4,13 @@
 
 #include <stdexcept>
 
-#include "drivers/live/devices.h"
 #include "drivers/replay/asl_dataset.h"
 #include "drivers/replay/flight_plan.h"
 #include "drivers/replay/image_file.h"
 #include "drivers/replay/loop.h"
 #include "drivers/replay/recorded_sensors.h"
-#include "drivers/wheel/vehicle.h"
 #include "pipeline/config/config.h"
+#include "pipeline/config/vehicle.h"
 #include "pipeline/report/report.h"
 #include "pipeline/report/stats_json.h"
 #include "pipeline/stages/imu_feed.h"

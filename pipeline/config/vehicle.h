@@ -1,15 +1,14 @@
 #pragma once
-// How the IMU sits in the vehicle, for the estimator's wheel factor.
+// How the IMU sits in the vehicle.
 #include "estimator/estimator.h"
 #include "pipeline/config/devices.h"
 
 namespace epiline {
 
-/// Fills in the axis and the point of the speed. `R_VB` turns vectors of the IMU's axes into the vehicle's: forward,
-/// left, up.
-inline void set_vehicle(WheelModel& wheel, const WheelConfig& config, const Mat3& R_VB) {
-  wheel.forward_B = R_VB.transpose() * Vec3::UnitX();
-  wheel.p_BV = R_VB.transpose() * Vec3(config.x_m, config.y_m, config.z_m);
-}
+/// Turns vectors of the IMU's axes B into the vehicle's V: forward, left, up.
+Mat3 R_VB_of(const BodyConfig& body);
+
+/// Fills in the axis and the point of the wheels' speed, with R_VB_of() the body.
+void set_vehicle(WheelModel& wheel, const WheelConfig& config, const Mat3& R_VB);
 
 }  // namespace epiline

@@ -3,29 +3,12 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <Eigen/Geometry>
 #include <filesystem>
 #include <fstream>
 #include <string>
 
 namespace epiline {
 namespace {
-
-TEST(Devices, TheBodysTurnsAreThoseOfItsAxes) {
-  EXPECT_TRUE(R_VB_of({}).isIdentity());
-  // turned by 90 degrees to the left: the IMU's x points left, its y backwards
-  const Mat3 yawed = R_VB_of({0, 0, 90});
-  EXPECT_TRUE((yawed * Vec3::UnitX()).isApprox(Vec3::UnitY()));
-  EXPECT_TRUE((yawed * Vec3::UnitY()).isApprox(-Vec3::UnitX()));
-  // upside down, x forward: y points right, z down
-  const Mat3 rolled = R_VB_of({180, 0, 0});
-  EXPECT_TRUE((rolled * Vec3::UnitY()).isApprox(-Vec3::UnitY()));
-  EXPECT_TRUE((rolled * Vec3::UnitZ()).isApprox(-Vec3::UnitZ()));
-  // nose down, that is about the left axis: x points down
-  EXPECT_TRUE((R_VB_of({0, 90, 0}) * Vec3::UnitX()).isApprox(-Vec3::UnitZ()));
-  // yaw first, then pitch about the axis that has been turned: x points down whatever the yaw
-  EXPECT_TRUE((R_VB_of({0, 90, 30}) * Vec3::UnitX()).isApprox(-Vec3::UnitZ()));
-}
 
 /// A configuration file beside calibration files.
 class Files {

@@ -1,0 +1,37 @@
+#include "pipeline/config/vehicle.h"
+
+#include <gtest/gtest.h>
+
+namespace epiline {
+namespace {
+
+TEST(Vehicle, TheBodysTurnsAreThoseOfItsAxes) {
+  EXPECT_TRUE(R_VB_of({}).isIdentity());
+  // turned by 90 degrees to the left: the IMU's x points left, its y backwards
+  const Mat3 yawed = R_VB_of({0, 0, 90});
+  EXPECT_TRUE((yawed * Vec3::UnitX()).isApprox(Vec3::UnitY()));
+  EXPECT_TRUE((yawed * Vec3::UnitY()).isApprox(-Vec3::UnitX()));
+  // upside down, x forward: y points right, z down
+  const Mat3 rolled = R_VB_of({180, 0, 0});
+  EXPECT_TRUE((rolled * Vec3::UnitY()).isApprox(-Vec3::UnitY()));
+  EXPECT_TRUE((rolled * Vec3::UnitZ()).isApprox(-Vec3::UnitZ()));
+  // nose down, that is about the left axis: x points down
+  EXPECT_TRUE((R_VB_of({0, 90, 0}) * Vec3::UnitX()).isApprox(-Vec3::UnitZ()));
+  // yaw first, then pitch about the axis that has been turned: x points down whatever the yaw
+  EXPECT_TRUE((R_VB_of({0, 90, 30}) * Vec3::UnitX()).isApprox(-Vec3::UnitZ()));
+}
+
+TEST(Vehicle, ThePointOfTheWheelsIsSeenFromTheImu) {
+  WheelConfig config;
+  config.x_m = 1;
+  config.y_m = 0.5;
+  config.z_m = -0.25;
+  WheelModel wheel;
+  // the IMU's x points left, its y backwards: what is 1 m ahead is at y = -1 m
+  set_vehicle(wheel, config, R_VB_of({0, 0, 90}));
+  EXPECT_TRUE(wheel.forward_B.isApprox(-Vec3::UnitY()));
+  EXPECT_TRUE(wheel.p_BV.isApprox(Vec3(0.5, -1, -0.25)));
+}
+
+}  // namespace
+}  // namespace epiline
