@@ -177,12 +177,7 @@ DeviceTrouble V4l2Camera::map_buffers() noexcept {
   return trouble;
 }
 
-Error V4l2Camera::error_of(const DeviceTrouble& trouble) const {
-  std::string found = trouble.step;
-  if (trouble.found[0] != '\0') found.append(": ").append(trouble.found);
-  if (trouble.error != 0) found.append(": ").append(std::strerror(trouble.error));
-  return {ErrorKind::kRun, device_.path(), 0, found, trouble.expected};
-}
+Error V4l2Camera::error_of(const DeviceTrouble& trouble) const { return epiline::error_of(trouble, device_.path()); }
 
 // ---- losing it, and getting it back ----
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <cerrno>
 #include <cstring>
 #include <string>
 
@@ -14,12 +15,30 @@ struct DeviceTrouble {
   explicit operator bool() const noexcept { return step != nullptr; }
 };
 
+/// What a builder would have to see to, where the driver knows nothing better to say; may be empty.
+inline const char* usual_remedy(int error) noexcept {
+  switch (error) {
+    case ENOENT:
+    case ENODEV:
+    case ENXIO:
+      return "a device that is there (epiline check lists them)";
+    case EACCES:
+    case EPERM:
+      return "a device this user may open (groups: docs/install.md)";
+    case EBUSY:
+      return "a device that no other program uses";
+    default:
+      return "";
+  }
+}
+
 /// In words, for start-up. `where`: the device.
 inline Error error_of(const DeviceTrouble& trouble, std::string where) {
   std::string found = trouble.step;
   if (trouble.found[0] != '\0') found.append(": ").append(trouble.found);
   if (trouble.error != 0) found.append(": ").append(std::strerror(trouble.error));
-  return {ErrorKind::kRun, std::move(where), 0, std::move(found), trouble.expected};
+  return {ErrorKind::kRun, std::move(where), 0, std::move(found),
+          trouble.expected[0] != '\0' ? trouble.expected : usual_remedy(trouble.error)};
 }
 
 }  // namespace epiline

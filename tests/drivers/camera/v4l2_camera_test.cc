@@ -16,7 +16,9 @@ std::string error_of(V4l2Settings settings) {
 }
 
 TEST(V4l2Camera, SaysWhatIsWrongWithTheDevice) {
-  EXPECT_EQ(error_of({.device = "/dev/no-such-camera"}), "/dev/no-such-camera: open: No such file or directory");
+  EXPECT_EQ(error_of({.device = "/dev/no-such-camera"}),
+            "/dev/no-such-camera: open: No such file or directory; expected a device that is there (epiline check "
+            "lists them)");
   EXPECT_EQ(error_of({.device = "/dev/null"}), "/dev/null: VIDIOC_QUERYCAP: not a V4L2 device; expected a V4L2 device");
   EXPECT_EQ(
       error_of({.device = "Wonder Cam"}),
