@@ -41,7 +41,7 @@ install(FILES ${manual} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT progr
 install(DIRECTORY docs/examples/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT program FILES_MATCHING PATTERN "*.toml"
   PATTERN "*.yaml")
 install(FILES toolchains/debian/epiline.service DESTINATION lib/systemd/system COMPONENT program)
-install(FILES toolchains/debian/60-epiline.rules DESTINATION lib/udev/rules.d COMPONENT program)
+install(FILES toolchains/debian/70-epiline.rules DESTINATION lib/udev/rules.d COMPONENT program)
 install(FILES toolchains/debian/epiline.bash-completion DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME epiline
   COMPONENT program)
 
