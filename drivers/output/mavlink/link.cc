@@ -373,6 +373,7 @@ void MavlinkLink::count_dropped(std::int64_t now_ns) noexcept {
   if (!is_held_up || !is_odometry_due(now_ns)) {
     if (!is_held_up || !has_unsent_) held_up_since_ns_ = 0;
     return;
+    gate_.stop();
   }
   if (held_up_since_ns_ == 0) held_up_since_ns_ = now_ns;
   for (; now_ns - held_up_since_ns_ >= schedule_.period_ns(); held_up_since_ns_ += schedule_.period_ns())

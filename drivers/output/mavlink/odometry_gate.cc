@@ -73,7 +73,7 @@ std::uint8_t system_state_of(Condition condition) noexcept {
 bool OdometryGate::admits(const epiline::Odometry& odometry) noexcept {
   const Condition condition = condition_of(odometry.health);
   if (condition != Condition::kGood && condition != Condition::kDegraded) {
-    has_stopped_ = estimator_counter_.has_value();
+    stop();
     return false;
   }
   const std::int64_t stamp_us = odometry.stamp.ns / 1000;

@@ -30,6 +30,8 @@ class OdometryGate {
 
   /// Whether it may be sent; to be asked for each in turn. Those admitted may be left out.
   bool admits(const epiline::Odometry& odometry) noexcept;
+  /// Sending stops, for there is nothing any more that could be asked for.
+  void stop() noexcept { has_stopped_ = estimator_counter_.has_value(); }
   /// Goes with what was admitted last.
   std::uint8_t reset_counter() const noexcept { return counter_; }
 

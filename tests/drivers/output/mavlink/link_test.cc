@@ -166,6 +166,10 @@ TEST(MavlinkLink, StopsWhenLostAndSaysSo) {
   for (const Odometry& message : line.peer.all<Odometry>()) EXPECT_GE(message.quality, 1);
   // nobody publishes any more
   ASSERT_TRUE(wait_for(line.peer, kLong, [&] { return has_text("VIO stopped: no estimate"); }));
+  // somebody does again: the pilot is told of a reset, and so is the flight controller
+  const std::size_t before = line.peer.all<Odometry>().size();
+  ASSERT_TRUE(fly(link, estimates, line.peer, kLong, [&] { return line.peer.all<Odometry>().size() > before + 5; }));
+  EXPECT_EQ(line.peer.all<Odometry>().back().reset_counter, (counter + 2) % 256);
 }
 
 TEST(MavlinkLink, AnswersTimesyncAndLearnsTheClock) {

@@ -65,6 +65,18 @@ TEST(MavlinkGate, ResumingIsAJump) {
   EXPECT_EQ(gate.reset_counter(), 12);  // both reasons, one jump
 }
 
+// Nobody has handed out anything for a while: the next estimate is a jump, as after a loss.
+TEST(MavlinkGate, ResumingAfterSilenceIsAJump) {
+  OdometryGate gate(10);
+  gate.stop();
+  EXPECT_TRUE(gate.admits(odometry(1)));
+  EXPECT_EQ(gate.reset_counter(), 10);  // there was nothing before
+  gate.stop();
+  EXPECT_TRUE(gate.admits(odometry(2)));
+  EXPECT_TRUE(gate.admits(odometry(3)));
+  EXPECT_EQ(gate.reset_counter(), 11);
+}
+
 TEST(MavlinkNews, TextsFitAndNameTheReason) {
   std::set<std::string> texts;
   for (int reason = 0; reason < kHealthReasons; ++reason) {
