@@ -217,6 +217,7 @@ void MavlinkLink::tell(std::int64_t now_ns) noexcept {
   counts.bad_checksums = parser_.bad_checksums();
   counts.skipped_bytes = parser_.skipped_bytes();
   counts.refused_questions = timesync_.refused_questions();
+  if (timesync_.owes_answer()) send_ns = now_ns;  // one the line had no room for
   counts.refused_answers = timesync_.refused_answers();
   state_.clock = timesync_.clock().state();
   if (imu_) {
