@@ -165,7 +165,6 @@ ReadOutcome MavlinkLink::read_imu(std::span<ImuSample> samples, std::size_t& cou
 
 void MavlinkLink::run(void* self) {
   auto& link = *static_cast<MavlinkLink*>(self);
-  link.state_.lacks_priority = link.thread_.shortfall().priority;
   link.costs_at_start_ = costs_of_this_thread();
   link.loop();
 }

@@ -68,7 +68,6 @@ struct LinkState {
   RequestState imu_request = RequestState::kNone;
   ClockState clock;   ///< of the flight controller, against ours
   ThreadCosts costs;  ///< of the link's thread since open()
-  bool lacks_priority = false;
 };
 
 /// What publish() hands to the link's thread.
