@@ -12,7 +12,7 @@ class TimesyncFilter {
 
   enum class Outcome : std::uint8_t { kUsed, kSlow, kDeviates, kReset };
 
-  /// All of the controller's clock but `other_ns`. A fifth deviation in a row beyond 100 ms starts the filter anew.
+  /// All of the controller's clock but `other_ns`. The sixth deviation in a row beyond 100 ms starts the filter anew.
   Outcome update(std::int64_t sent_ns, std::int64_t other_ns, std::int64_t received_ns);
 
   bool converged() const { return count_ >= kConvergence; }

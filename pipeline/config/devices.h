@@ -77,7 +77,7 @@ struct BodyConfig {
 /// Section [mavlink]: the link to a flight controller.
 struct MavlinkConfig {
   std::string serial;      ///< device file; or
-  int baud = 921'600;      ///< up to 3,000,000
+  int baud = 921'600;      ///< up to 4,000,000
   std::string udp;         ///< ADDRESS:PORT of the peer
   std::string udp_listen;  ///< ADDRESS:PORT of ours; empty: any free port of the address that reaches the peer
   int system = 1, component = 197;
