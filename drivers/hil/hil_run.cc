@@ -115,7 +115,7 @@ Status Flight::connect_controller() {
   if (!line) return line.error();
   line_ = std::move(*line);
   if (pty) m.serial = line_->companion_end(), m.udp = "";
-  if (udp) m.udp = line_->companion_end(), m.serial = "";
+  if (udp) m.udp = line_->companion_end(), m.serial = m.udp_listen = "";
   controller_.emplace(*model_, *line_);
   if (!controller_->start()) return Error{ErrorKind::kRun, "", 0, "no thread for the controller", ""};
   return Done{};
