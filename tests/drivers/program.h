@@ -2,6 +2,7 @@
 // The program as a user meets it, for tests: run, exit code, stdout and stderr, files.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -56,5 +57,27 @@ inline void expect_one_line(const Outcome& r, int exit_code, const std::vector<s
   EXPECT_NE(r.err.find("; expected "), std::string::npos) << r.err;
   for (const std::string& part : parts) EXPECT_NE(r.err.find(part), std::string::npos) << part << " not in " << r.err;
 }
+
+/// Tests over a rendered flight of 5 s, made once for all of a suite; several processes may run at once.
+class OverARenderedFlight : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    flight_ = fs::path(testing::TempDir()) / ("epiline_rendered_flight_" + std::to_string(getpid()));
+    fs::remove_all(flight_);
+    const std::string command = std::string(EPILINE_PROGRAM) + " simulate --flight agile --duration 5 --out '" +
+                                flight_.string() + "' >/dev/null 2>&1";
+    ASSERT_EQ(std::system(command.c_str()), 0);
+  }
+  static void TearDownTestSuite() { fs::remove_all(flight_); }
+  void SetUp() override { fs::remove_all(scratch()); }
+  void TearDown() override { fs::remove_all(scratch()); }
+
+  static Outcome replay(const std::string& name, const std::string& more) {
+    return run("replay '" + flight_.string() + "' --out '" + (scratch() / name).string() + "' " + more);
+  }
+  static Json stats(const std::string& name) { return Json::parse(read(scratch() / name / "stats.json")); }
+
+  inline static fs::path flight_;
+};
 
 }  // namespace epiline

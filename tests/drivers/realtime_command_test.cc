@@ -1,29 +1,11 @@
 // `epiline replay --realtime` as a user meets it, over a rendered flight.
-#include <unistd.h>
-
 #include "tests/drivers/program.h"
 
 namespace epiline {
 namespace {
 
-class RealtimeCommand : public testing::Test {
+class RealtimeCommand : public OverARenderedFlight {
  protected:
-  /// One flight for all tests of the process; several processes may run at once.
-  static void SetUpTestSuite() {
-    flight_ = fs::path(testing::TempDir()) / ("epiline_realtime_flight_" + std::to_string(getpid()));
-    fs::remove_all(flight_);
-    const std::string command = std::string(EPILINE_PROGRAM) + " simulate --flight agile --duration 5 --out '" +
-                                flight_.string() + "' >/dev/null 2>&1";
-    ASSERT_EQ(std::system(command.c_str()), 0);
-  }
-  static void TearDownTestSuite() { fs::remove_all(flight_); }
-  void SetUp() override { fs::remove_all(scratch()); }
-  void TearDown() override { fs::remove_all(scratch()); }
-
-  static Outcome replay(const std::string& name, const std::string& more) {
-    return run("replay '" + flight_.string() + "' --out '" + (scratch() / name).string() + "' " + more);
-  }
-  static Json stats(const std::string& name) { return Json::parse(read(scratch() / name / "stats.json")); }
   static void expect_consistent(const Json& s) {
     EXPECT_EQ(s["images"]["read"].get<int>(), s["images"]["tracked"].get<int>() + s["images"]["skipped"].get<int>() -
                                                   s["images"]["skipped_by_reason"]["refused_by_estimator"].get<int>());
@@ -47,10 +29,7 @@ class RealtimeCommand : public testing::Test {
       EXPECT_EQ(next, line);
     }
   }
-
-  static fs::path flight_;
 };
-fs::path RealtimeCommand::flight_;
 
 TEST_F(RealtimeCommand, IsTheReplayInOneThreadByteByByteAndTouchesNoHeapNoLockNoNewPage) {
   ASSERT_EQ(replay("offline", "").exit_code, 0);

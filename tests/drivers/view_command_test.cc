@@ -1,6 +1,4 @@
 // `epiline replay --realtime --view` as a user meets it: the flight is the same whoever looks.
-#include <unistd.h>
-
 #include <chrono>
 #include <future>
 #include <thread>
@@ -12,28 +10,14 @@
 namespace epiline {
 namespace {
 
-class ViewCommand : public testing::Test {
+class ViewCommand : public OverARenderedFlight {
  protected:
-  static void SetUpTestSuite() {
-    flight_ = fs::path(testing::TempDir()) / ("epiline_view_flight_" + std::to_string(getpid()));
-    fs::remove_all(flight_);
-    const std::string command = std::string(EPILINE_PROGRAM) + " simulate --flight agile --duration 5 --out '" +
-                                flight_.string() + "' >/dev/null 2>&1";
-    ASSERT_EQ(std::system(command.c_str()), 0);
-  }
-  static void TearDownTestSuite() { fs::remove_all(flight_); }
   void SetUp() override {
 #ifndef EPILINE_MICROHTTPD
     GTEST_SKIP() << "built without libmicrohttpd";
 #endif
-    fs::remove_all(scratch());
+    OverARenderedFlight::SetUp();
   }
-  void TearDown() override { fs::remove_all(scratch()); }
-
-  static Outcome replay(const std::string& name, const std::string& more) {
-    return run("replay '" + flight_.string() + "' --out '" + (scratch() / name).string() + "' " + more);
-  }
-  static Json stats(const std::string& name) { return Json::parse(read(scratch() / name / "stats.json")); }
 
   /// The port that the program has printed; 0: it ended without.
   static std::uint16_t port_of(const std::future<Outcome>& program) {
@@ -46,10 +30,7 @@ class ViewCommand : public testing::Test {
     }
     return 0;
   }
-
-  static fs::path flight_;
 };
-fs::path ViewCommand::flight_;
 
 // Half of the clients never finish their request, the others ask for more than they ever read; one looks on properly.
 TEST_F(ViewCommand, WhoeverLooksTheFlightIsTheSameByteByByteWithoutHeapLocksAndNewPages) {
