@@ -19,7 +19,8 @@ constexpr int kFailuresMost = 5;
 constexpr Span kTextWindow = Span::from_milliseconds(10'000);
 constexpr std::uint64_t kTextsMost = 10;
 constexpr mavlink::Address kAutopilot{1, 1};
-constexpr std::uint8_t kOnboardController = 18, kNoAutopilot = 8, kQuadrotor = 2, kPx4 = 12, kStandby = 3;
+constexpr std::uint8_t kOnboardController = 18, kNoAutopilot = 8, kQuadrotor = 2, kStandby = 3;
+constexpr std::uint8_t kArdupilot = 3, kPx4 = 12;  // MAV_AUTOPILOT
 
 double milliseconds(std::int64_t ns) { return 1e-6 * static_cast<double>(ns); }
 
@@ -53,7 +54,7 @@ const mavlink::Packet* ControllerModel::next(HostStamp now) {
   if (!begin_) begin_ = next_heartbeat_ = next_question_ = now;
   if (now >= *next_heartbeat_) {
     next_heartbeat_ = now + kHeartbeatEvery;
-    send(mavlink::Heartbeat{0, kQuadrotor, kPx4, 0, kStandby, 3});
+    send(mavlink::Heartbeat{0, kQuadrotor, settings_.wants_origin ? kArdupilot : kPx4, 0, kStandby, 3});
   }
   if (now >= *next_question_) ask(now);
   for (ImuSample reading; waiting_.empty() && readings_.pop(reading);) send_reading(reading);
@@ -77,6 +78,7 @@ void ControllerModel::receive(const mavlink::Packet& packet, HostStamp arrival) 
   take(mavlink::Timesync{});
   take(mavlink::StatusText{});
   take(mavlink::CommandLong{});
+  take(mavlink::SetGpsGlobalOrigin{});
 }
 
 void ControllerModel::receive(const can::Frame& frame, HostStamp arrival) {
@@ -181,6 +183,19 @@ void ControllerModel::receive(const mavlink::CommandLong& m, HostStamp /*arrival
   send(answer);
 }
 
+void ControllerModel::receive(const mavlink::SetGpsGlobalOrigin& m, HostStamp arrival) {
+  constexpr std::int32_t kLatitudeMost = 900'000'000, kLongitudeMost = 1'800'000'000;
+  if (!origin_) origin_ = m;
+  const bool on_earth = m.latitude >= -kLatitudeMost && m.latitude <= kLatitudeMost && m.longitude >= -kLongitudeMost &&
+                        m.longitude <= kLongitudeMost;
+  const bool same = m.latitude == origin_->latitude && m.longitude == origin_->longitude &&
+                    m.altitude == origin_->altitude && m.target_system == settings_.system;
+  book_.judge(Rule::kOrigin, on_earth && same, arrival, [&] {
+    return fmt::format("{}, {} (1e-7 degrees), {} mm, for system {}", m.latitude, m.longitude, m.altitude,
+                       m.target_system);
+  });
+}
+
 /// In the vehicle's axes: forward, right, down.
 void ControllerModel::send_reading(const ImuSample& reading) {
   if (next_reading_ && reading.stamp < *next_reading_) return;
@@ -251,6 +266,8 @@ Verdict ControllerModel::finish(HostStamp end) {
   } else if (first_packet_) {
     book_.judge(Rule::kHeartbeat, heartbeats_ > 0, end, [] { return std::string("no heartbeat at all"); });
   }
+  if (settings_.wants_origin && !origin_)
+    book_.judge(Rule::kOrigin, false, end, [] { return std::string("none came"); });
   const auto quantiles = [](const LatencyBins& bins) {
     return fmt::format("{:.2f} ms median, {:.2f} ms 99 %, {:.2f} ms at most", milliseconds(bins.quantile_ns(0.5)),
                        milliseconds(bins.quantile_ns(0.99)), milliseconds(bins.most_ns()));

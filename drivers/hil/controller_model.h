@@ -29,6 +29,7 @@ struct ControllerSettings {
   bool on_can = false;                              ///< hears CAN frames, and has the host's clock
   int can_base_id = 0x300;
   double timesync_hz = 10;       ///< questions of its own
+  bool wants_origin = false;     ///< says that it is an ArduPilot, and has no satellite receiver
   Mat3 R_VB = Mat3::Identity();  ///< the recording's IMU in the vehicle (forward, left, up)
 };
 
@@ -66,6 +67,7 @@ class ControllerModel {
   void receive(const mavlink::Timesync& message, HostStamp arrival);
   void receive(const mavlink::StatusText& message, HostStamp arrival);
   void receive(const mavlink::CommandLong& message, HostStamp arrival);
+  void receive(const mavlink::SetGpsGlobalOrigin& message, HostStamp arrival);
   void send_reading(const ImuSample& reading);
   void judge_sender(const mavlink::Packet& packet, HostStamp arrival);
   void take_estimate(const std::optional<VisionSample>& sample, HostStamp arrival);
@@ -90,6 +92,7 @@ class ControllerModel {
   std::optional<HostStamp> begin_, newest_heartbeat_, first_packet_, first_heartbeat_;
   std::uint64_t heartbeats_ = 0, estimates_ = 0, texts_in_window_ = 0, exchanges_ = 0;
   std::optional<HostStamp> text_window_;
+  std::optional<mavlink::SetGpsGlobalOrigin> origin_;  ///< the first
   std::optional<std::uint8_t> newest_sequence_;
   std::optional<HostStamp> next_heartbeat_, next_question_;
   std::optional<std::int64_t> question_ns_;  ///< not answered yet, of the controller's clock

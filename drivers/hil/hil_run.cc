@@ -102,6 +102,7 @@ Status Flight::connect_controller() {
     s.on_can = true;
     s.can_base_id = settings_.config.devices.can.base_id;
   }
+  s.wants_origin = m.has_origin() && !s.on_can;
   model_ = std::make_unique<ControllerModel>(s, [this](HostStamp stamp) {
     return clock_.started() ? truth_.at(clock_.pace().stamp_of(stamp.ns)) : std::nullopt;
   });

@@ -55,6 +55,8 @@ constexpr std::array<RuleInfo, kRules> kInfo{{
     {"innovation", "within 5 SD (position) and 3 SD (velocity) of what the controller expects",
      "PX4 EKF2_EVP_GATE, EKF2_EVV_GATE, EKF2_EVP_NOISE, EKF2_EVV_NOISE", kYes, kNo},
     {"status text", "few, 50 printable characters at most", "MAVLink STATUSTEXT", kYes, kYes},
+    {"origin", "one without satellites is told where on earth the local frame begins, and always the same",
+     "ArduPilot manual, non-GPS position estimation; GCS_Common.cpp handle_set_gps_global_origin", kNo, kYes},
     {"CAN frames", "right size and checksum, alive counters without a step, whole epochs", "docs/can.md", kYes, kYes},
     {"CAN status", "never 0.5 s without, of the layout that is known", "docs/can.md", kYes, kYes},
 }};

@@ -39,6 +39,7 @@ enum class Rule : std::uint8_t {
   kVelocity,
   kInnovation,
   kStatusText,
+  kOrigin,
   kCanFrames,
   kCanStatus,
   kCount,

@@ -83,6 +83,10 @@ struct MavlinkConfig {
   int system = 1, component = 197;
   double rate_hz = 40;
   int message = 0;  ///< kMavlinkMessageNames
+  /// Where on earth the local frame begins, for an ArduPilot without GPS; altitude above sea level. Latitude and
+  /// longitude 0: it is not told.
+  double origin_latitude_deg = 0, origin_longitude_deg = 0, origin_altitude_m = 0;
+  bool has_origin() const { return origin_latitude_deg != 0 || origin_longitude_deg != 0; }
 };
 inline constexpr const char* kMavlinkMessageNames[] = {"odometry", "vision-position"};
 

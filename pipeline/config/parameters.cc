@@ -253,6 +253,13 @@ const std::vector<Parameter>& parameters() {
       {"mavlink.rate_hz", "Hz", 4, 100, "odometry messages per second", EPILINE_AT(devices.mavlink.rate_hz)},
       {"mavlink.message", "", 0, 0, "what the odometry travels in",
        EPILINE_CHOICE(devices.mavlink.message, kMavlinkMessageNames)},
+      {"mavlink.origin_latitude_deg", "deg", -90, 90,
+       "where the local frame begins, told to an ArduPilot without GPS; latitude and longitude 0: not told",
+       EPILINE_AT(devices.mavlink.origin_latitude_deg)},
+      {"mavlink.origin_longitude_deg", "deg", -180, 180, "of the same place",
+       EPILINE_AT(devices.mavlink.origin_longitude_deg)},
+      {"mavlink.origin_altitude_m", "m", -1000, 10'000, "of the same place, above sea level",
+       EPILINE_AT(devices.mavlink.origin_altitude_m)},
       // a CAN bus
       {"can.interface", "", 0, 0, "network interface that odometry goes out to", EPILINE_AT(devices.can.interface)},
       {"can.fd", "", 0, 0, "CAN FD frames; false: classic ones", EPILINE_AT(devices.can.fd)},

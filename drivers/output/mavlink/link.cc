@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <ctime>
 #include <limits>
@@ -31,12 +32,25 @@ constexpr std::int64_t kRetryFirst_ns = 50 * kMillisecond_ns, kRetryMost_ns = 50
 constexpr std::int64_t kSilence_ns = 500 * kMillisecond_ns;  // no publish() for so long: the estimator has stopped
 constexpr std::int64_t kTooOld_ns = 100 * kMillisecond_ns;   // a prediction that waited so long does not go any more
 constexpr std::int64_t kPeerGone_ns = 5 * kSecond_ns;        // another flight controller may take its place
+constexpr std::int64_t kOrigins_ns = 5 * kSecond_ns;         // one that was started anew has forgotten
 constexpr std::int64_t kQuestions_ns = kSecond_ns, kQuestionsForImu_ns = 100 * kMillisecond_ns;
 constexpr std::int64_t kLineCheck_ns = kMillisecond_ns;             // how soon to look at a full line again
 constexpr std::size_t kOdometryBehind = 64, kAnythingBehind = 512;  // bytes in the kernel that a frame may wait for
 constexpr double kOdometryFrame = 10 + 233 + 2, kOtherBytesPerSecond = 1500;
 
+constexpr std::uint8_t kArduPilot = 3;  // MAV_AUTOPILOT
+
 bool is_serial(const MavlinkConfig& config) { return !config.serial.empty(); }
+
+SetGpsGlobalOrigin origin_message(const MavlinkConfig& config) {
+  SetGpsGlobalOrigin message;
+  message.latitude = static_cast<std::int32_t>(std::lround(1e7 * config.origin_latitude_deg));
+  message.longitude = static_cast<std::int32_t>(std::lround(1e7 * config.origin_longitude_deg));
+  message.altitude = static_cast<std::int32_t>(std::lround(1e3 * config.origin_altitude_m));
+  message.target_system = static_cast<std::uint8_t>(config.system);
+  message.time_usec = static_cast<std::uint64_t>(monotonic_ns() / 1000);
+  return message;
+}
 
 /// Another one than that of a run that ended lately: a restarted program has jumped.
 std::uint8_t first_reset_counter() { return static_cast<std::uint8_t>(monotonic_ns() / kSecond_ns); }
@@ -203,8 +217,10 @@ std::int64_t MavlinkLink::next_event_ns(std::int64_t now_ns) const noexcept {
   if (seen_ns_ != 0 && state_.condition != Condition::kSilent) next_ns = std::min(next_ns, seen_ns_ + kSilence_ns);
   if (is_frame_waiting()) return next_ns;  // nothing else can be sent
   std::int64_t send_ns = std::min(next_heartbeat_ns_, news_.due_ns());
+  if (timesync_.owes_answer()) send_ns = now_ns;  // one the line had no room for
   if (state_.peer.is_known) send_ns = std::min(send_ns, next_question_ns_);
   if (state_.peer.is_known && imu_request_) send_ns = std::min(send_ns, imu_request_->due_ns());
+  if (wants_origin()) send_ns = std::min(send_ns, next_origin_ns_);
   if (has_unsent_) send_ns = std::min(send_ns, schedule_.due_ns(estimate_.images > images_sent_));
   if (backlog_ > kOdometryBehind) send_ns = std::max(send_ns, now_ns + kLineCheck_ns);
   return std::min(next_ns, send_ns);
@@ -216,7 +232,6 @@ void MavlinkLink::tell(std::int64_t now_ns) noexcept {
   counts.bad_checksums = parser_.bad_checksums();
   counts.skipped_bytes = parser_.skipped_bytes();
   counts.refused_questions = timesync_.refused_questions();
-  if (timesync_.owes_answer()) send_ns = now_ns;  // one the line had no room for
   counts.refused_answers = timesync_.refused_answers();
   state_.clock = timesync_.clock().state();
   if (imu_) {
@@ -287,7 +302,6 @@ void MavlinkLink::receive(const Packet& packet, std::int64_t now_ns) noexcept {
   CommandAck answer;
   const bool is_highres = unpack(packet, highres), is_raw = unpack(packet, raw), is_answer = unpack(packet, answer);
   if (!imu_ || !(is_highres || is_raw || is_answer)) return;
-  constexpr std::uint8_t kArduPilot = 3;
   if (!is_autopilot) {
     ++state_.counts.strangers;
   } else if (is_answer) {
@@ -330,6 +344,11 @@ bool MavlinkLink::may_send() const noexcept {
   return state_.condition == Condition::kGood || state_.condition == Condition::kDegraded;
 }
 
+/// PX4 would move its origin in flight; ArduPilot takes the first one and leaves it at that.
+bool MavlinkLink::wants_origin() const noexcept {
+  return config_.has_origin() && state_.peer.is_known && state_.peer.autopilot == kArduPilot;
+}
+
 template <class Visit>
 void MavlinkLink::take_images(std::uint64_t number, Visit visit) noexcept {
   for (const ImageMark* mark = image_marks_.front(); mark != nullptr && mark->number <= number;
@@ -354,6 +373,7 @@ void MavlinkLink::look_at_estimate(std::int64_t now_ns) noexcept {
   } else if (seen_ns_ == 0 || now_ns - seen_ns_ > kSilence_ns) {
     state_.condition = seen_ns_ == 0 ? Condition::kWaiting : Condition::kSilent;
     news_.update(now_ns, state_.condition, 0);
+    gate_.stop();
   }
   has_unsent_ = has_unsent_ && may_send() && now_ns - estimate_.when_ns < kTooOld_ns;
   if (!state_.is_open || !may_send()) {  // nobody waits for these images: their way is not measured
@@ -373,7 +393,6 @@ void MavlinkLink::count_dropped(std::int64_t now_ns) noexcept {
   if (!is_held_up || !is_odometry_due(now_ns)) {
     if (!is_held_up || !has_unsent_) held_up_since_ns_ = 0;
     return;
-    gate_.stop();
   }
   if (held_up_since_ns_ == 0) held_up_since_ns_ = now_ns;
   for (; now_ns - held_up_since_ns_ >= schedule_.period_ns(); held_up_since_ns_ += schedule_.period_ns())
@@ -439,6 +458,9 @@ bool MavlinkLink::compose(std::int64_t now_ns) noexcept {
     next_question_ns_ = now_ns + question_period_ns_;
   } else if (state_.peer.is_known && imu_request_ && now_ns >= imu_request_->due_ns()) {
     put(imu_request_->question(state_.peer.address, now_ns), counts.requests);
+  } else if (wants_origin() && now_ns >= next_origin_ns_) {
+    put(origin_message(config_), counts.origins);
+    next_origin_ns_ = now_ns + kOrigins_ns;
   } else {
     return false;
   }

@@ -35,7 +35,7 @@ struct LinkCounts {
   // sent
   std::uint64_t odometry = 0;
   std::uint64_t dropped = 0;  ///< odometry that was due and found the line busy or gone
-  std::uint64_t heartbeats = 0, texts = 0, timesync_questions = 0, timesync_answers = 0, requests = 0;
+  std::uint64_t heartbeats = 0, texts = 0, timesync_questions = 0, timesync_answers = 0, requests = 0, origins = 0;
   // received
   std::uint64_t pieces = 0;  ///< datagrams, or what a line had each time it was asked
   std::uint64_t packets = 0, bad_checksums = 0;
@@ -146,6 +146,7 @@ class MavlinkLink final : public OdometrySink {
   bool may_send() const noexcept;
   bool is_odometry_due(std::int64_t now_ns) const noexcept;
   bool is_frame_waiting() const noexcept { return frame_sent_ < frame_.size; }
+  bool wants_origin() const noexcept;
   void count_dropped(std::int64_t now_ns) noexcept;
   void tell(std::int64_t now_ns) noexcept;
 
@@ -191,7 +192,7 @@ class MavlinkLink final : public OdometrySink {
   std::int64_t seen_ns_ = 0;  ///< when_ns of the newest that was looked at
   std::uint64_t images_seen_ = 0, images_sent_ = 0;
   std::int64_t held_up_since_ns_ = 0;  ///< odometry was due and could not go: not counted as dropped yet. 0: none
-  std::int64_t next_heartbeat_ns_ = 0, next_question_ns_ = 0, next_latency_ns_ = 0;
+  std::int64_t next_heartbeat_ns_ = 0, next_question_ns_ = 0, next_origin_ns_ = 0, next_latency_ns_ = 0;
   std::int64_t next_try_ns_ = 0, opened_ns_ = 0, retry_after_ns_ = 0;
   std::size_t backlog_ = 0;  ///< bytes the kernel has and the line has not
 

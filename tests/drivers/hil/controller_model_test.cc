@@ -81,12 +81,16 @@ struct Companion {
   std::function<bool(double t)> sends = [](double) { return true; };
   std::vector<std::pair<double, std::string>> texts;
   bool skip_a_number = false;
+  std::vector<std::pair<double, mavlink::SetGpsGlobalOrigin>> origins;
 };
 
 class Bench {
  public:
   Bench(const Companion& companion, ControllerSettings settings)
-      : companion_(companion), model_(settings, truth_at), texts_(companion.texts.begin(), companion.texts.end()) {}
+      : companion_(companion),
+        model_(settings, truth_at),
+        texts_(companion.texts.begin(), companion.texts.end()),
+        origins_(companion.origins.begin(), companion.origins.end()) {}
 
   Verdict run() {
     const auto steps = static_cast<int>(companion_.duration_s * 1000);
@@ -114,6 +118,7 @@ class Bench {
       send(m, now);
       texts_.pop_front();
     }
+    for (; !origins_.empty() && t >= origins_.front().first; origins_.pop_front()) send(origins_.front().second, now);
     if (t >= next_odometry_) {
       next_odometry_ += 1 / companion_.rate_hz;
       mavlink::Odometry m = odometry_at(now - Span::from_seconds(companion_.latency_s));
@@ -138,6 +143,7 @@ class Bench {
   Companion companion_;
   ControllerModel model_;
   std::deque<std::pair<double, std::string>> texts_;
+  std::deque<std::pair<double, mavlink::SetGpsGlobalOrigin>> origins_;
   std::deque<std::pair<double, mavlink::Timesync>> answers_;
   double next_heartbeat_ = 0.1, next_odometry_ = 0.2;
   std::uint8_t sequence_ = 0;
@@ -152,6 +158,13 @@ ControllerSettings settings() {
 
 Verdict verdict_of(const Companion& companion) { return Bench(companion, settings()).run(); }
 
+constexpr mavlink::SetGpsGlobalOrigin kZurich{473977420, 85455940, 488100, 1, 0};
+mavlink::SetGpsGlobalOrigin moved(std::int32_t mavlink::SetGpsGlobalOrigin::*member, std::int32_t value) {
+  mavlink::SetGpsGlobalOrigin m = kZurich;
+  m.*member = value;
+  return m;
+}
+
 void at_3_s(double t, const std::function<void()>& change) {
   if (t >= 3 && t < 3.02) change();
 }
@@ -159,7 +172,10 @@ void at_3_s(double t, const std::function<void()>& change) {
 TEST(ControllerModel, ASoundCompanionIsAccepted) {
   Companion companion;
   companion.texts = {{0.15, "tracking"}};
-  const Verdict verdict = verdict_of(companion);
+  companion.origins = {{1, kZurich}, {6, kZurich}};
+  ControllerSettings ardupilot = settings();
+  ardupilot.wants_origin = true;
+  const Verdict verdict = Bench(companion, ardupilot).run();
   EXPECT_TRUE(verdict.accepted()) << text_of(verdict, kBegin);
   for (const RuleVerdict& v : verdict.rules)
     EXPECT_EQ(v.state, v.rule < Rule::kCanFrames ? RuleState::kKept : RuleState::kNotSeen)
@@ -180,6 +196,12 @@ TEST(ControllerModel, WhoSendsNothingIsRefused) {
   Companion companion;
   companion.sends = [](double) { return false; };
   EXPECT_THAT(verdict_of(companion).broken(), ElementsAre(Rule::kFusion));
+}
+
+TEST(ControllerModel, AnArduPilotWithoutSatellitesWantsAnOrigin) {
+  ControllerSettings ardupilot = settings();
+  ardupilot.wants_origin = true;
+  EXPECT_THAT(Bench({}, ardupilot).run().broken(), ElementsAre(Rule::kOrigin));
 }
 
 struct Offence {
@@ -309,6 +331,16 @@ const std::vector<Offence> kOffences = {
        for (int i = 0; i < 20; ++i) c.texts.emplace_back(1 + 0.1 * i, "tracking");
      },
      {Rule::kStatusText}},
+    {"an_origin_that_moves",
+     [](Companion& c) {
+       c.origins = {{1, kZurich}, {2, moved(&mavlink::SetGpsGlobalOrigin::longitude, 85455950)}};
+     },
+     {Rule::kOrigin}},
+    {"an_origin_off_the_earth",
+     [](Companion& c) {
+       c.origins = {{1, moved(&mavlink::SetGpsGlobalOrigin::latitude, 900000001)}};
+     },
+     {Rule::kOrigin}},
 };
 
 INSTANTIATE_TEST_SUITE_P(Hil, Offences, testing::ValuesIn(kOffences),
@@ -388,6 +420,7 @@ TEST(RuleNames, AreInTheOrderOfRules) {
   EXPECT_STREQ(info_of(Rule::kFusion).name, "fusion");
   EXPECT_STREQ(info_of(Rule::kLatencyPx4).name, "latency 300 ms");
   EXPECT_STREQ(info_of(Rule::kStatusText).name, "status text");
+  EXPECT_STREQ(info_of(Rule::kOrigin).name, "origin");
   EXPECT_FALSE(info_of(Rule::kFramesArdupilot).px4);
   EXPECT_FALSE(info_of(Rule::kInnovation).ardupilot);
 }

@@ -43,7 +43,7 @@ TEST_F(HilCommand, AFlightIsAccepted) {
     if (r.exit_code == 0) break;
   }
   ASSERT_EQ(r.exit_code, 0) << r.out << r.err;
-  EXPECT_THAT(not_seen(r.out), ElementsAre("timesync converges", "CAN frames", "CAN status"));
+  EXPECT_THAT(not_seen(r.out), ElementsAre("timesync converges", "origin", "CAN frames", "CAN status"));
   EXPECT_NE(r.out.find("PX4 accepts the odometry\nArduPilot accepts the odometry\n"), std::string::npos) << r.out;
   EXPECT_NE(r.out.find("latency   image stamp to last byte"), std::string::npos) << r.out;
   EXPECT_EQ(r.out.compare(0, read(scratch() / "out/verdict.txt").size(), read(scratch() / "out/verdict.txt")), 0);
@@ -61,8 +61,15 @@ TEST_F(HilCommand, TheControllersOwnImuFliesToo) {
     if (r.exit_code == 0) break;
   }
   ASSERT_EQ(r.exit_code, 0) << r.out << r.err;
-  EXPECT_THAT(not_seen(r.out), ElementsAre("timesync converges", "CAN frames", "CAN status"));
+  EXPECT_THAT(not_seen(r.out), ElementsAre("timesync converges", "origin", "CAN frames", "CAN status"));
   EXPECT_LT(stats("out")["error"]["ate_4dof_m"]["rmse"].get<double>(), 0.05);
+}
+
+// Who names a place meets an ArduPilot without satellites, which wants to know it.
+TEST_F(HilCommand, AnArduPilotIsToldWhereItIs) {
+  write(config(), read(config()) + "[mavlink]\norigin_latitude_deg = 47.4\norigin_longitude_deg = 8.5\n");
+  const Outcome r = hil("--duration 2");
+  EXPECT_NE(r.out.find("\nkept      ArduPilot  origin\n"), std::string::npos) << r.out << r.err;
 }
 
 // Too short for a first pose: a controller gets nothing to fuse.

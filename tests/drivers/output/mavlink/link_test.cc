@@ -211,6 +211,38 @@ TEST(MavlinkLink, TakesOnlyItsOwnVehicleForAController) {
   EXPECT_EQ(link.counts().strangers, 1U);
 }
 
+// Until there is an answer nobody gives: ArduPilot leaves it at the first, and forgets it when it starts anew.
+TEST(MavlinkLink, TellsAnArduPilotWhereItIs) {
+  PseudoTerminal line;
+  MavlinkConfig config = serial_config(line.path());
+  config.origin_latitude_deg = 47.397742;
+  config.origin_longitude_deg = -8.545594;
+  config.origin_altitude_m = 488.1;
+  MavlinkLink link(config, kForward);
+  open(link);
+  const auto origins = [&] { return line.peer.all<SetGpsGlobalOrigin>(); };
+  line.peer.heartbeat();  // PX4
+  ASSERT_TRUE(wait_for(line.peer, kLong, [&] { return line.peer.all<Timesync>().size() >= 2; }));
+  EXPECT_TRUE(origins().empty());
+  line.peer.send(Heartbeat{.type = 2, .autopilot = 3});
+  ASSERT_TRUE(wait_for(line.peer, kLong, [&] { return origins().size() >= 2; }));
+  EXPECT_EQ(origins()[0].latitude, 473977420);
+  EXPECT_EQ(origins()[0].longitude, -85455940);
+  EXPECT_EQ(origins()[0].altitude, 488100);
+  EXPECT_EQ(origins()[0].target_system, 1);
+  EXPECT_EQ(origins()[1].latitude, 473977420);
+  EXPECT_EQ(link.counts().origins, origins().size());
+}
+
+TEST(MavlinkLink, TellsNobodyAnOriginThatIsNotSet) {
+  PseudoTerminal line;
+  MavlinkLink link(serial_config(line.path()), kForward);
+  open(link);
+  line.peer.send(Heartbeat{.type = 2, .autopilot = 3});
+  ASSERT_TRUE(wait_for(line.peer, kLong, [&] { return line.peer.all<Timesync>().size() >= 2; }));
+  EXPECT_TRUE(line.peer.all<SetGpsGlobalOrigin>().empty());
+}
+
 TEST(MavlinkLink, ComesBackAfterTheLineWasUnplugged) {
   PseudoTerminal line;
   MavlinkLink link(serial_config(line.path()), kForward);
