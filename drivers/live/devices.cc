@@ -126,7 +126,7 @@ DeviceRecord device_of(const mavlink::MavlinkLink& link) {
 
 OutputRecord record_of(const CanOutput& can, const std::string& interface) {
   const CanOutputCounts c = can.counts();
-  return {"can " + interface, c.epochs, c.stale + c.frames_dropped, c.disconnected, can.image_latency()};
+  return {"can " + interface, c.epochs, c.dropped, c.disconnected, can.latency()};
 }
 
 DeviceRecord record_of(const CanWheelSource& wheel) {
@@ -206,7 +206,7 @@ mavlink::MavlinkLink* add_link(const DevicesConfig& d, bool takes_imu, LiveDevic
 void add_can(const DevicesConfig& d, LiveDevices& devices) {
   const std::string& interface = d.can.interface;
   if (interface.empty()) return;
-  auto can = std::make_unique<CanOutput>(d.can, R_VB_of(d.body));
+  auto can = std::make_unique<CanOutput>(d.can, R_VB_of(d.body), mavlink::address_of(d.mavlink));
   const CanOutput* const c = can.get();
   devices.outputs.push_back({std::move(can), [c, interface] { return record_of(*c, interface); }});
 }

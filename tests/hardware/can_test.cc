@@ -150,9 +150,7 @@ TEST_F(CanBus, OdometryInFramesOfCanFd) {
     in_flight = flight.heap_calls();
   }
   output.close();
-  EXPECT_GE(output.latency().count(), 40u);
-  EXPECT_GE(output.image_latency().count(), 1u);
-  EXPECT_LE(output.latency().count(), output.counts().epochs);
+  EXPECT_GE(output.latency().count(), 20u) << "every image once: one in ten readings, two in five epochs";
   EXPECT_EQ(output.counts().disconnected, 0u);
   if (allocation_counting_available()) {
     EXPECT_EQ(in_flight, 0u);
@@ -160,7 +158,7 @@ TEST_F(CanBus, OdometryInFramesOfCanFd) {
     EXPECT_EQ(output.costs().lock_calls, 0u);
   }
   const auto ms = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
-  std::printf("latency, emulated: p50 %.2f ms, most %.2f ms\n", ms(output.latency().quantile_ns(0.5)),
+  std::printf("images' latency, emulated: p50 %.2f ms, most %.2f ms\n", ms(output.latency().quantile_ns(0.5)),
               ms(output.latency().most_ns()));
 }
 
@@ -361,7 +359,7 @@ TEST_F(CanBus, MavlinkFramesTravelWhole) {
     config.isotp_send_id = 0x400;
     config.isotp_receive_id = 0x401;
     IsotpPeer peer(config);
-    CanOutput output(config, Mat3::Identity());
+    CanOutput output(config, Mat3::Identity(), {42, 191});
     ASSERT_OPENS(output);
     Flight flight(output);
     mavlink::Parser parser;
@@ -371,6 +369,8 @@ TEST_F(CanBus, MavlinkFramesTravelWhole) {
       const mavlink::Packet* const packet = parser.next(bytes);
       ASSERT_TRUE(packet) << message.size() << " bytes";
       EXPECT_EQ(packet->sequence, i) << "none is lost between those begun";
+      EXPECT_EQ(packet->from.system, 42);
+      EXPECT_EQ(packet->from.component, 191);
       EXPECT_TRUE(bytes.empty()) << "one frame in one message";
       mavlink::Odometry odometry;
       ASSERT_TRUE(mavlink::unpack(*packet, odometry));

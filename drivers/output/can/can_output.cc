@@ -15,40 +15,26 @@ namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kStatusPeriod_ns = 200 * kMs;
-constexpr std::int64_t kSilence_ns = 500 * kMs;   // without a call of publish() so long the estimator is silent
-constexpr std::int64_t kStale_ns = 100 * kMs;     // odometry that has waited so long is not sent
 constexpr std::int64_t kFullQueue_ns = 1 * kMs;   // until another attempt
 constexpr std::int64_t kBusOff_ns = 1'000 * kMs;  // until another attempt, if nobody says that the bus is back
 constexpr Span kFirstRetry{50 * kMs}, kLastRetry{1'000 * kMs};
 constexpr double kDeviations_hz = 5;
+constexpr int kPriority = 65;
 constexpr int kMostIdentifier = 0x7ff, kMessageIdentifiers = static_cast<int>(can::kMessages.size());
 
 void bump(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) noexcept {
   counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
 }
 
-bool is_estimate(const Odometry& o) {
-  return o.health.state == HealthState::kTracking || o.health.state == HealthState::kDegraded;
-}
-
-/// Before the first odometry: nothing is known but that it is not there.
-can::Values initial_health() {
-  can::Values values;
-  values[can::Quantity::kState] = static_cast<double>(HealthState::kInitialising);
-  values[can::Quantity::kQuality] = std::numeric_limits<double>::quiet_NaN();
-  return values;
-}
-
 }  // namespace
 
-CanOutput::CanOutput(CanConfig config, const Mat3& R_VB, const ThreadSettings& thread)
+CanOutput::CanOutput(CanConfig config, const Mat3& R_VB, mavlink::Address address)
     : config_(std::move(config)),
       R_VB_(R_VB),
-      thread_settings_(thread),
-      feed_(config_.rate_hz),
+      address_(address),
+      stream_(config_.rate_hz),
       writer_(config_.base_id, config_.fd),
-      deviations_every_(std::max(1, static_cast<int>(std::lround(config_.rate_hz / kDeviations_hz)))),
-      health_(initial_health()) {}
+      deviations_every_(std::max(1, static_cast<int>(std::lround(config_.rate_hz / kDeviations_hz)))) {}
 
 // ---- start and end ----
 
@@ -78,7 +64,7 @@ Status CanOutput::open() {
   if (const can::OpenFault fault = open_sockets()) return can::error_of(fault, config_.interface);
   bus_.store(BusState::kActive, std::memory_order_relaxed);
   stop_.store(false, std::memory_order_release);
-  if (!thread_.start(thread_settings_, run, this)) {
+  if (!thread_.start({"can", kPriority}, run, this)) {
     close();
     return Error{ErrorKind::kRun, config_.interface, 0, "the system has no thread left", ""};
   }
@@ -87,7 +73,7 @@ Status CanOutput::open() {
 
 void CanOutput::close() noexcept {
   stop_.store(true, std::memory_order_release);
-  feed_.wake();
+  parking_.notify();
   thread_.join();
   isotp_.close();
   socket_.close();
@@ -101,30 +87,39 @@ void CanOutput::run(void* self) {
 }
 
 bool CanOutput::publish(const Odometry& odometry) noexcept {
-  feed_.offer(odometry);
+  stream_.offer(odometry, monotonic_ns());
+  parking_.notify();
   return bus() != BusState::kLost;
 }
 
 bool CanOutput::publish_image(const Odometry& odometry) noexcept {
-  feed_.offer_image(odometry);
-  return true;
+  stream_.offer_image(odometry);
+  return bus() != BusState::kLost;
 }
 
 // ---- the thread ----
 
 void CanOutput::loop() noexcept {
-  while (!stopping()) {
-    const std::int64_t soon_ns = monotonic_ns() + kFullQueue_ns;
-    const std::int64_t due_ns = socket_.is_open() ? status_due_ns_ : retry_at_ns_;
-    feed_.wait(taken_, has_pending() ? soon_ns : std::max(due_ns, soon_ns), stop_);
+  for (bool usable = true; !stopping();) {
+    parking_.wait_until(next_event_ns(usable), [this] { return stopping() || stream_.has_news(); });
     const std::int64_t now_ns = monotonic_ns();
-    const bool usable = is_usable(now_ns);
-    const Offer* const offer = feed_.newest();
-    if (offer != nullptr && offer->serial != taken_) take(*offer, now_ns);
+    usable = is_usable(now_ns);
+    stream_.look(now_ns, usable);
+    stream_.count_dropped(now_ns, !usable);
+    dropped_.store(stream_.dropped(), std::memory_order_relaxed);
+    note_status();
     if (!usable || now_ns > pending_until_ns_) drop_pending();
+    if (usable && now_ns >= stream_.due_ns()) begin_epoch(now_ns);
     send_pending();
     if (status_wanted_ || now_ns >= status_due_ns_) send_status(now_ns);
   }
+}
+
+/// When to go on if nothing new is offered.
+std::int64_t CanOutput::next_event_ns(bool usable) const noexcept {
+  if (has_pending()) return monotonic_ns() + kFullQueue_ns;
+  if (!socket_.is_open()) return retry_at_ns_;
+  return usable ? std::min(status_due_ns_, stream_.due_ns()) : status_due_ns_;
 }
 
 /// Reopens a lost interface, listens to it, and says whether it is worth while to send.
@@ -190,33 +185,33 @@ void CanOutput::listen(std::int64_t now_ns) noexcept {
 
 // ---- what goes out ----
 
-void CanOutput::take(const Offer& offer, std::int64_t now_ns) noexcept {
-  const Odometry& o = offer.odometry;
-  taken_ = offer.serial;
-  const mavlink::Odometry message = mavlink::odometry_message(o, R_VB_);
-  const can::Values values = can::values_of(o, message, HostStamp{now_ns});
-  for (const auto q : {can::Quantity::kState, can::Quantity::kReasons, can::Quantity::kResetCounter})
-    status_wanted_ = status_wanted_ || values[q] != health_[q];
-  health_ = values;
-  drop_pending();
-  if (!is_estimate(o)) return;
-  const Span since = o.stamp - sent_stamp_;
-  if (since.ns <= 0 && since > -Span::from_milliseconds(1'000)) return;  // the same again, or one from before
-  pending_until_ns_ = offer.offered_ns + kStale_ns;
-  if (now_ns > pending_until_ns_) {
-    bump(stale_);
-    return;
+void CanOutput::note_status() noexcept {
+  const can::Values before = status_;
+  const bool is_silent = stream_.condition() == mavlink::Condition::kSilent;
+  status_ = can::values_of(stream_.health(), stream_.reset_counter());
+  if (is_silent) {
+    status_[can::Quantity::kState] = can::kSilent;
+    status_[can::Quantity::kQuality] = std::numeric_limits<double>::quiet_NaN();
   }
-  sent_stamp_ = o.stamp;
-  pending_ = writer_.odometry(values, epochs_begun_++ % static_cast<unsigned>(deviations_every_) == 0);
-  next_pending_ = 0;
-  pending_stamp_ = o.stamp;
-  pending_image_ = offer.image;
-  if (isotp_.is_open() && now_ns >= silent_until_ns_) send_message(message);
+  for (const auto q : {can::Quantity::kState, can::Quantity::kReasons, can::Quantity::kResetCounter})
+    status_wanted_ = status_wanted_ || status_[q] != before[q];
+}
+
+/// What is left of the epoch before is given up.
+void CanOutput::begin_epoch(std::int64_t now_ns) noexcept {
+  const Offer& offer = stream_.next();
+  mavlink::Odometry message = mavlink::odometry_message(offer.odometry, R_VB_);
+  message.reset_counter = stream_.reset_counter();
+  drop_pending();
+  pending_ = writer_.odometry(can::values_of(offer.odometry, message, HostStamp{now_ns}),
+                              epochs_begun_++ % static_cast<unsigned>(deviations_every_) == 0);
+  pending_until_ns_ = offer.offered_ns + OdometryStream::kTooOld_ns;
+  stream_.begun(now_ns);
+  if (isotp_.is_open()) send_message(message);
 }
 
 void CanOutput::send_message(const mavlink::Odometry& message) noexcept {
-  const mavlink::FrameBytes frame = mavlink::frame_of(mavlink::pack(message, {}, message_sequence_));
+  const mavlink::FrameBytes frame = mavlink::frame_of(mavlink::pack(message, address_, message_sequence_));
   const int error = isotp_.send(frame.bytes());
   if (error == 0) {
     bump(messages_);
@@ -232,33 +227,21 @@ void CanOutput::send_pending() noexcept {
     ++next_pending_;
     if (has_pending()) continue;
     bump(epochs_);
-    count_latency(monotonic_ns());
+    stream_.finished(monotonic_ns());
   }
 }
 
 void CanOutput::drop_pending() noexcept {
+  if (has_pending()) bump(epochs_given_up_);
   bump(frames_dropped_, pending_.size() - next_pending_);
   pending_.clear();
   next_pending_ = 0;
 }
 
-void CanOutput::count_latency(std::int64_t now_ns) noexcept {
-  latency_.add(now_ns - pending_stamp_.ns);
-  if (pending_image_.ns == 0 || pending_image_ == counted_image_) return;
-  counted_image_ = pending_image_;
-  image_latency_.add(now_ns - pending_image_.ns);
-}
-
 void CanOutput::send_status(std::int64_t now_ns) noexcept {
   status_due_ns_ = now_ns + kStatusPeriod_ns;
   if (!socket_.is_open() || now_ns < silent_until_ns_) return;
-  can::Values values = health_;
-  const std::int64_t last_ns = feed_.last_offer_ns();
-  if (last_ns != 0 && now_ns - last_ns > kSilence_ns) {
-    values[can::Quantity::kState] = can::kSilent;
-    values[can::Quantity::kQuality] = std::numeric_limits<double>::quiet_NaN();
-  }
-  if (!hand_over(writer_.status(values))) return;
+  if (!hand_over(writer_.status(status_))) return;
   status_wanted_ = false;
   bump(status_frames_);
 }
@@ -282,11 +265,11 @@ CanOutputCounts CanOutput::counts() const noexcept {
   const auto value = [](const Counter& counter) { return counter.load(std::memory_order_relaxed); };
   CanOutputCounts c;
   c.epochs = value(epochs_);
+  c.dropped = value(dropped_) + value(epochs_given_up_);
   c.frames = value(frames_);
   c.status_frames = value(status_frames_);
   c.queue_full = value(queue_full_);
   c.frames_dropped = value(frames_dropped_);
-  c.stale = value(stale_);
   c.messages = value(messages_);
   c.messages_busy = value(messages_busy_);
   c.messages_failed = value(messages_failed_);

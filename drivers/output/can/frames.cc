@@ -48,13 +48,6 @@ void set_deviations(Values& values, Quantity first, const std::array<float, 21>&
   }
 }
 
-void set_health(Values& values, const Odometry& o) {
-  values[Quantity::kState] = static_cast<double>(o.health.state);
-  values[Quantity::kQuality] = o.health.quality < 0 ? kUnknown : o.health.quality;
-  values[Quantity::kReasons] = o.health.reasons;
-  values[Quantity::kResetCounter] = o.reset_counter;
-}
-
 }  // namespace
 
 std::uint8_t crc_of(std::uint16_t id, std::span<const std::uint8_t> data) noexcept {
@@ -65,9 +58,17 @@ std::uint8_t crc_of(std::uint16_t id, std::span<const std::uint8_t> data) noexce
   return crc ^ 0xff;
 }
 
-Values values_of(const Odometry& o, const mavlink::Odometry& m, HostStamp now) noexcept {
+Values values_of(const Health& health, std::uint8_t reset_counter) noexcept {
   Values values;
-  set_health(values, o);
+  values[Quantity::kState] = static_cast<double>(health.state);
+  values[Quantity::kQuality] = health.quality < 0 ? kUnknown : health.quality;
+  values[Quantity::kReasons] = health.reasons;
+  values[Quantity::kResetCounter] = reset_counter;
+  return values;
+}
+
+Values values_of(const Odometry& o, const mavlink::Odometry& m, HostStamp now) noexcept {
+  Values values = values_of(o.health, m.reset_counter);
   const std::int64_t whole_us = o.stamp.ns / 1000;
   values[Quantity::kTime] = static_cast<double>(whole_us);
   values[Quantity::kAge] = (now - o.stamp).seconds();

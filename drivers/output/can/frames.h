@@ -25,9 +25,12 @@ using Frames = FixedVector<Frame, kMostFrames>;
 /// CRC-8 of SAE J1850 over identifier and bytes 1 to the last.
 std::uint8_t crc_of(std::uint16_t id, std::span<const std::uint8_t> data) noexcept;
 
+/// What a status says of an estimate.
+Values values_of(const Health& health, std::uint8_t reset_counter) noexcept;
+
 /// What `message`, which is odometry_message(odometry, R_VB), says in our units and axes. Its axes are forward, right,
-/// down; those on the bus forward, left, up. Of `odometry` come position, time and health, where they are more exact.
-/// `now`: for the age.
+/// down; those on the bus forward, left, up. Of `odometry` come position, time and health, where they are more exact;
+/// the reset counter is the message's. `now`: for the age.
 Values values_of(const Odometry& odometry, const mavlink::Odometry& message, HostStamp now) noexcept;
 
 /// The number of kStateNames that says that nothing comes from the estimator.

@@ -30,7 +30,8 @@ inline constexpr const char* kPositionText = "of the IMU in the world: z up, zer
 inline constexpr const char* kVelocityText = "in the vehicle's axes: x forward, y left, z up";
 inline constexpr const char* kTimeText = "Instant of the estimate on the sender's monotonic clock";
 inline constexpr const char* kAgeText = "From the instant of the estimate to this frame";
-inline constexpr const char* kResetText = "One more with each jump of position or heading";
+inline constexpr const char* kResetText =
+    "One more with each jump of position or heading, and when odometry goes on after a stop";
 inline constexpr const char* kAttitudeText =
     "Quaternion that turns the vehicle's axes (forward, left, up) into the world's: the three numbers beside the "
     "largest, in the order w, x, y, z; the largest is positive and follows from the norm 1";

@@ -29,10 +29,8 @@ constexpr double kInputPerSecond = 500'000, kInputAtOnce = 32'768;
 constexpr std::size_t kReadAtOnce = 4096;
 constexpr double kReadCost = 32;  // bytes that a read counts for besides its own: datagrams may be empty
 constexpr std::int64_t kRetryFirst_ns = 50 * kMillisecond_ns, kRetryMost_ns = 500 * kMillisecond_ns;
-constexpr std::int64_t kSilence_ns = 500 * kMillisecond_ns;  // no publish() for so long: the estimator has stopped
-constexpr std::int64_t kTooOld_ns = 100 * kMillisecond_ns;   // a prediction that waited so long does not go any more
-constexpr std::int64_t kPeerGone_ns = 5 * kSecond_ns;        // another flight controller may take its place
-constexpr std::int64_t kOrigins_ns = 5 * kSecond_ns;         // one that was started anew has forgotten
+constexpr std::int64_t kPeerGone_ns = 5 * kSecond_ns;  // another flight controller may take its place
+constexpr std::int64_t kOrigins_ns = 5 * kSecond_ns;   // one that was started anew has forgotten
 constexpr std::int64_t kQuestions_ns = kSecond_ns, kQuestionsForImu_ns = 100 * kMillisecond_ns;
 constexpr std::int64_t kLineCheck_ns = kMillisecond_ns;             // how soon to look at a full line again
 constexpr std::size_t kOdometryBehind = 64, kAnythingBehind = 512;  // bytes in the kernel that a frame may wait for
@@ -52,9 +50,6 @@ SetGpsGlobalOrigin origin_message(const MavlinkConfig& config) {
   return message;
 }
 
-/// Another one than that of a run that ended lately: a restarted program has jumped.
-std::uint8_t first_reset_counter() { return static_cast<std::uint8_t>(monotonic_ns() / kSecond_ns); }
-
 }  // namespace
 
 MavlinkLink::MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, const std::optional<ImuDeviceConfig>& imu,
@@ -62,12 +57,11 @@ MavlinkLink::MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, const st
     : config_(config),
       R_VB_(R_VB),
       priority_(priority),
-      own_{static_cast<std::uint8_t>(config.system), static_cast<std::uint8_t>(config.component)},
+      stream_(config.rate_hz),
+      own_(address_of(config)),
       question_period_ns_(imu ? kQuestionsForImu_ns : kQuestions_ns),
       timesync_(own_),
-      input_(kInputPerSecond, kInputAtOnce),
-      schedule_(config.rate_hz),
-      gate_(first_reset_counter()) {
+      input_(kInputPerSecond, kInputAtOnce) {
   if (!imu) return;
   imu_.emplace(Span::from_seconds(1e-3 * imu->delay_ms));
   imu_request_.emplace(imu->rate_hz);
@@ -149,18 +143,13 @@ void MavlinkLink::wake() noexcept {
 }
 
 bool MavlinkLink::publish(const epiline::Odometry& odometry) noexcept {
-  HandedOdometry& handed = newest_.draft();
-  handed.odometry = odometry;
-  handed.images = images_;
-  handed.when_ns = monotonic_ns();
-  newest_.publish();
+  stream_.offer(odometry, monotonic_ns());
   wake();
   return is_open_.load(std::memory_order_relaxed);
 }
 
-/// The next publish() has this image in it.
 bool MavlinkLink::publish_image(const epiline::Odometry& odometry) noexcept {
-  image_marks_.push({++images_, odometry.stamp});
+  stream_.offer_image(odometry);
   return is_open_.load(std::memory_order_relaxed);
 }
 
@@ -213,15 +202,13 @@ void MavlinkLink::wait() noexcept {
 std::int64_t MavlinkLink::next_event_ns(std::int64_t now_ns) const noexcept {
   if (!state_.is_open) return next_try_ns_;
   const std::int64_t input_ns = input_.ready_ns(1);
-  std::int64_t next_ns = input_ns > now_ns ? input_ns : kFar_ns;
-  if (seen_ns_ != 0 && state_.condition != Condition::kSilent) next_ns = std::min(next_ns, seen_ns_ + kSilence_ns);
+  const std::int64_t next_ns = std::min(input_ns > now_ns ? input_ns : kFar_ns, stream_.silent_ns());
   if (is_frame_waiting()) return next_ns;  // nothing else can be sent
-  std::int64_t send_ns = std::min(next_heartbeat_ns_, news_.due_ns());
+  std::int64_t send_ns = std::min({next_heartbeat_ns_, news_.due_ns(), stream_.due_ns()});
   if (timesync_.owes_answer()) send_ns = now_ns;  // one the line had no room for
   if (state_.peer.is_known) send_ns = std::min(send_ns, next_question_ns_);
   if (state_.peer.is_known && imu_request_) send_ns = std::min(send_ns, imu_request_->due_ns());
   if (wants_origin()) send_ns = std::min(send_ns, next_origin_ns_);
-  if (has_unsent_) send_ns = std::min(send_ns, schedule_.due_ns(estimate_.images > images_sent_));
   if (backlog_ > kOdometryBehind) send_ns = std::max(send_ns, now_ns + kLineCheck_ns);
   return std::min(next_ns, send_ns);
 }
@@ -233,6 +220,7 @@ void MavlinkLink::tell(std::int64_t now_ns) noexcept {
   counts.skipped_bytes = parser_.skipped_bytes();
   counts.refused_questions = timesync_.refused_questions();
   counts.refused_answers = timesync_.refused_answers();
+  counts.dropped = stream_.dropped();
   state_.clock = timesync_.clock().state();
   if (imu_) {
     state_.imu = imu_->counts();
@@ -241,7 +229,7 @@ void MavlinkLink::tell(std::int64_t now_ns) noexcept {
   if (now_ns >= next_latency_ns_) {
     next_latency_ns_ = now_ns + kSecond_ns;
     state_.costs = costs_of_this_thread() - costs_at_start_;
-    told_latency_.write(latency_);
+    told_latency_.write(stream_.latency());
   }
   told_.write(state_);
 }
@@ -340,63 +328,16 @@ void MavlinkLink::receive_heartbeat(const Packet& packet, std::int64_t now_ns) n
 
 // ---- what is to be sent ----
 
-bool MavlinkLink::may_send() const noexcept {
-  return state_.condition == Condition::kGood || state_.condition == Condition::kDegraded;
-}
-
 /// PX4 would move its origin in flight; ArduPilot takes the first one and leaves it at that.
 bool MavlinkLink::wants_origin() const noexcept {
   return config_.has_origin() && state_.peer.is_known && state_.peer.autopilot == kArduPilot;
 }
 
-template <class Visit>
-void MavlinkLink::take_images(std::uint64_t number, Visit visit) noexcept {
-  for (const ImageMark* mark = image_marks_.front(); mark != nullptr && mark->number <= number;
-       mark = image_marks_.front()) {
-    visit(*mark);
-    image_marks_.pop();
-  }
-}
-
 void MavlinkLink::look_at_estimate(std::int64_t now_ns) noexcept {
-  const HandedOdometry* const newest = newest_.read();
-  if (newest != nullptr && newest->when_ns != seen_ns_) {
-    seen_ns_ = newest->when_ns;
-    state_.condition = condition_of(newest->odometry.health);
-    news_.update(now_ns, state_.condition, newest->odometry.health.reasons);
-    if (newest->images > images_seen_) schedule_.image(now_ns);
-    images_seen_ = newest->images;
-    if (gate_.admits(newest->odometry)) {
-      estimate_ = *newest;
-      has_unsent_ = true;
-    }
-  } else if (seen_ns_ == 0 || now_ns - seen_ns_ > kSilence_ns) {
-    state_.condition = seen_ns_ == 0 ? Condition::kWaiting : Condition::kSilent;
-    news_.update(now_ns, state_.condition, 0);
-    gate_.stop();
-  }
-  has_unsent_ = has_unsent_ && may_send() && now_ns - estimate_.when_ns < kTooOld_ns;
-  if (!state_.is_open || !may_send()) {  // nobody waits for these images: their way is not measured
-    take_images(images_seen_, [](const ImageMark&) {});
-    images_sent_ = images_seen_;
-  }
-  count_dropped(now_ns);
-}
-
-bool MavlinkLink::is_odometry_due(std::int64_t now_ns) const noexcept {
-  return has_unsent_ && now_ns >= schedule_.due_ns(estimate_.images > images_sent_);
-}
-
-/// One for each period in which odometry was due and the line was busy or gone.
-void MavlinkLink::count_dropped(std::int64_t now_ns) noexcept {
-  const bool is_held_up = !state_.is_open || is_frame_waiting() || backlog_ > kOdometryBehind;
-  if (!is_held_up || !is_odometry_due(now_ns)) {
-    if (!is_held_up || !has_unsent_) held_up_since_ns_ = 0;
-    return;
-  }
-  if (held_up_since_ns_ == 0) held_up_since_ns_ = now_ns;
-  for (; now_ns - held_up_since_ns_ >= schedule_.period_ns(); held_up_since_ns_ += schedule_.period_ns())
-    ++state_.counts.dropped;
+  stream_.look(now_ns, state_.is_open);
+  state_.condition = stream_.condition();
+  news_.update(now_ns, state_.condition, stream_.reasons());
+  stream_.count_dropped(now_ns, !state_.is_open || is_frame_waiting() || backlog_ > kOdometryBehind);
 }
 
 /// Frames are made at the last moment, one at a time: what waits is always the newest.
@@ -421,7 +362,7 @@ bool MavlinkLink::flush() noexcept {
   } else if (is_frame_waiting()) {
     return false;
   } else if (is_frame_odometry_) {
-    finish_odometry(now_ns);
+    stream_.finished(now_ns);
   }
   return true;
 }
@@ -441,7 +382,7 @@ bool MavlinkLink::compose(std::int64_t now_ns) noexcept {
   LinkCounts& counts = state_.counts;
   if (const auto answer = timesync_.answer(now_ns)) {
     put(*answer, counts.timesync_answers);
-  } else if (is_odometry_due(now_ns) && backlog_ <= kOdometryBehind) {
+  } else if (now_ns >= stream_.due_ns() && backlog_ <= kOdometryBehind) {
     put_odometry(now_ns);
   } else if (now_ns >= next_heartbeat_ns_) {
     Heartbeat heartbeat;
@@ -469,24 +410,16 @@ bool MavlinkLink::compose(std::int64_t now_ns) noexcept {
 
 void MavlinkLink::put_odometry(std::int64_t now_ns) noexcept {
   const auto send = [&](auto message) {
-    message.reset_counter = gate_.reset_counter();
+    message.reset_counter = stream_.reset_counter();
     put(message, state_.counts.odometry);
   };
   if (config_.message == 0) {
-    send(odometry_message(estimate_.odometry, R_VB_));
+    send(odometry_message(stream_.next().odometry, R_VB_));
   } else {
-    send(vision_position_message(estimate_.odometry, R_VB_));
+    send(vision_position_message(stream_.next().odometry, R_VB_));
   }
   is_frame_odometry_ = true;
-  frame_images_ = images_sent_ = estimate_.images;
-  has_unsent_ = false;
-  schedule_.sent(now_ns);
-  held_up_since_ns_ = 0;
-}
-
-/// Its last byte is with the kernel.
-void MavlinkLink::finish_odometry(std::int64_t now_ns) noexcept {
-  take_images(frame_images_, [&](const ImageMark& mark) { latency_.add(now_ns - mark.stamp.ns); });
+  stream_.begun(now_ns);
 }
 
 }  // namespace epiline::mavlink

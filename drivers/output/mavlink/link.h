@@ -15,13 +15,12 @@
 #include "drivers/output/mavlink/odometry_gate.h"
 #include "drivers/output/mavlink/packet.h"
 #include "drivers/output/mavlink/port.h"
-#include "drivers/output/mavlink/send_schedule.h"
 #include "drivers/output/mavlink/timesync.h"
 #include "drivers/output/mavlink/token_bucket.h"
+#include "drivers/output/odometry_stream.h"
 #include "estimator/geometry/types.h"
 #include "pipeline/config/devices.h"
 #include "pipeline/realtime/latency_bins.h"
-#include "platform/concurrency/latest_value.h"
 #include "platform/concurrency/parking.h"
 #include "platform/concurrency/snapshot.h"
 #include "platform/concurrency/spsc_ring.h"
@@ -70,18 +69,6 @@ struct LinkState {
   ThreadCosts costs;  ///< of the link's thread since open()
 };
 
-/// What publish() hands to the link's thread.
-struct HandedOdometry {
-  epiline::Odometry odometry;
-  std::uint64_t images = 0;  ///< so many are in it
-  std::int64_t when_ns = 0;  ///< handed over
-};
-/// What publish_image() hands over.
-struct ImageMark {
-  std::uint64_t number = 0;
-  HostStamp stamp;
-};
-
 /// Sends odometry, answers, and keeps the port. One thread of its own does all that; publish() hands over and returns.
 /// After open() there is no heap call and no lock in either, also when the port is lost and comes back.
 class MavlinkLink final : public OdometrySink {
@@ -114,7 +101,7 @@ class MavlinkLink final : public OdometrySink {
   LatencyBins latency() const noexcept { return told_latency_.read(); }
 
  private:
-  static constexpr std::size_t kImages = 64, kReadings = 1024;
+  static constexpr std::size_t kReadings = 1024;
 
   Status check() const;
   Result<std::unique_ptr<Port>> make_port() const;
@@ -139,15 +126,8 @@ class MavlinkLink final : public OdometrySink {
   template <class Message>
   void put(const Message& message, std::uint64_t& count) noexcept;
   void put_odometry(std::int64_t now_ns) noexcept;
-  void finish_odometry(std::int64_t now_ns) noexcept;
-  /// visit(mark) for each image up to `number` whose way was not over yet. Now it is.
-  template <class Visit>
-  void take_images(std::uint64_t number, Visit visit) noexcept;
-  bool may_send() const noexcept;
-  bool is_odometry_due(std::int64_t now_ns) const noexcept;
   bool is_frame_waiting() const noexcept { return frame_sent_ < frame_.size; }
   bool wants_origin() const noexcept;
-  void count_dropped(std::int64_t now_ns) noexcept;
   void tell(std::int64_t now_ns) noexcept;
 
   MavlinkConfig config_;
@@ -158,10 +138,7 @@ class MavlinkLink final : public OdometrySink {
   RealtimeThread thread_;
   std::atomic<bool> stop_{false}, is_open_{false};
 
-  // From the publishing thread.
-  LatestValue<HandedOdometry> newest_;
-  SpscRing<ImageMark, kImages> image_marks_;
-  std::uint64_t images_ = 0;
+  OdometryStream stream_;  ///< from the publishing thread
 
   // To the thread that reads the IMU.
   std::atomic<bool> has_reader_{false};
@@ -176,22 +153,13 @@ class MavlinkLink final : public OdometrySink {
   TokenBucket input_;
   std::optional<ControllerImu> imu_;
   std::optional<ImuRequest> imu_request_;
-  SendSchedule schedule_;
-  OdometryGate gate_;
   PilotNews news_;
-  LatencyBins latency_;
   LinkState state_;
   ThreadCosts costs_at_start_;
   FrameBytes frame_;            ///< on its way into the port
   std::size_t frame_sent_ = 0;  ///< of it
   bool is_frame_odometry_ = false;
-  std::uint64_t frame_images_ = 0;
   std::uint8_t sequence_ = 0;
-  HandedOdometry estimate_;  ///< the newest that may be sent
-  bool has_unsent_ = false;
-  std::int64_t seen_ns_ = 0;  ///< when_ns of the newest that was looked at
-  std::uint64_t images_seen_ = 0, images_sent_ = 0;
-  std::int64_t held_up_since_ns_ = 0;  ///< odometry was due and could not go: not counted as dropped yet. 0: none
   std::int64_t next_heartbeat_ns_ = 0, next_question_ns_ = 0, next_origin_ns_ = 0, next_latency_ns_ = 0;
   std::int64_t next_try_ns_ = 0, opened_ns_ = 0, retry_after_ns_ = 0;
   std::size_t backlog_ = 0;  ///< bytes the kernel has and the line has not

@@ -8,6 +8,7 @@
 #include <span>
 
 #include "drivers/output/mavlink/message.h"
+#include "pipeline/config/devices.h"
 
 namespace epiline::mavlink {
 
@@ -18,6 +19,10 @@ struct Address {
   std::uint8_t system = 1;
   std::uint8_t component = 197;  ///< MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 };
+
+inline Address address_of(const MavlinkConfig& config) noexcept {
+  return {static_cast<std::uint8_t>(config.system), static_cast<std::uint8_t>(config.component)};
+}
 
 /// What a frame carries.
 struct Packet {

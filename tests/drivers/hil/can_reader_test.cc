@@ -28,7 +28,6 @@ Odometry odometry_at(HostStamp t) {
   const Eigen::Quaterniond q(Eigen::AngleAxisd(0.5, Vec3::UnitZ()) * Eigen::AngleAxisd(0.2, Vec3::UnitX()));
   o.q_WB = {q.w(), q.x(), q.y(), q.z()};
   for (std::size_t i = 0; i < 16; ++i) o.covariance[17 * i] = 1e-4;
-  o.reset_counter = 3;
   o.health = {HealthState::kTracking, 0, 70};
   return o;
 }
@@ -37,7 +36,9 @@ struct Bus {
   explicit Bus(bool fd) : writer(kBaseId, fd) {}
   std::vector<can::Frame> at(HostStamp t, bool deviations) {
     const Odometry o = odometry_at(t);
-    const can::Values values = can::values_of(o, mavlink::odometry_message(o, Mat3::Identity()), t);
+    mavlink::Odometry message = mavlink::odometry_message(o, Mat3::Identity());
+    message.reset_counter = 3;
+    const can::Values values = can::values_of(o, message, t);
     std::vector<can::Frame> frames;
     for (const can::Frame& f : writer.odometry(values, deviations)) frames.push_back(f);
     frames.push_back(writer.status(values));

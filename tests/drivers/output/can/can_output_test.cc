@@ -38,44 +38,5 @@ TEST(CanOutput, SaysThatThereIsNoSuchBusAndLeavesNothingBehind) {
   EXPECT_EQ(open_files(), before);
 }
 
-// The rate of a feed, by stamps: 200 readings per second, 40 wanted.
-TEST(OdometryFeed, LetsThroughAsManyAsAreWantedAndEveryChange) {
-  OdometryFeed feed(40);
-  Odometry o;
-  o.health.state = HealthState::kTracking;
-  int let_through = 0;
-  std::uint64_t last = 0;
-  const auto offer = [&] {
-    feed.offer(o);
-    const Offer* const newest = feed.newest();
-    if (newest == nullptr || newest->serial == last) return false;
-    last = newest->serial;
-    EXPECT_EQ(newest->odometry.stamp, o.stamp);
-    return true;
-  };
-  o.stamp.ns = 1'000'000'000;
-  for (int i = 0; i < 1'000; ++i) {
-    let_through += offer() ? 1 : 0;
-    o.stamp.ns += 5'000'000 + (i % 3 - 1) * 100'000;  // as real readings are
-  }
-  EXPECT_EQ(let_through, 200);
-  o.stamp.ns += 1'000'000;
-  while (!offer()) o.stamp.ns += 1'000'000;
-  o.health.state = HealthState::kLost;
-  EXPECT_TRUE(offer()) << "a change of state goes at once, with the same stamp";
-  EXPECT_FALSE(offer());
-  o.health.reasons = bit(HealthReason::kImuSilent);
-  EXPECT_TRUE(offer());
-  ++o.reset_counter;
-  EXPECT_TRUE(offer());
-  // a clock that went back, or far on, begins a new grid
-  o.stamp.ns -= 900'000'000;
-  EXPECT_TRUE(offer());
-  EXPECT_FALSE(offer());
-  o.stamp.ns += 100'000'000'000;
-  EXPECT_TRUE(offer());
-  EXPECT_FALSE(offer());
-}
-
 }  // namespace
 }  // namespace epiline

@@ -163,12 +163,14 @@ Odometry odometry(const Vec3& p_WB, const Mat3& R_WB, const Vec3& v_WB, const Ve
   const Eigen::Quaterniond q(R_WB);
   o.q_WB = {q.w(), q.x(), q.y(), q.z()};
   o.health = {HealthState::kTracking, bit(HealthReason::kFewTracks), 80};
-  o.reset_counter = 259;
+  o.reset_counter = 3;
   return o;
 }
 Frames frames_of(const Odometry& o, const Mat3& R_VB, bool fd) {
   const HostStamp now = o.stamp + Span{3'210'000};
-  return FrameWriter(kBase, fd).odometry(values_of(o, mavlink::odometry_message(o, R_VB), now), true);
+  mavlink::Odometry message = mavlink::odometry_message(o, R_VB);
+  message.reset_counter = 7;
+  return FrameWriter(kBase, fd).odometry(values_of(o, message, now), true);
 }
 Vec3 read3(const Frames& frames, const std::string& name) {
   return {read(frames, name + "X").value, read(frames, name + "Y").value, read(frames, name + "Z").value};
@@ -201,7 +203,7 @@ TEST(CanFrames, LeftIsLeftAndUpIsUp) {
     EXPECT_LT((attitude(frames, fd) - quarter).norm(), 1e-4);
     EXPECT_EQ(read(frames, "Time").raw, 1'234'567'891);
     EXPECT_NEAR(read(frames, "Age").value, 0.00321, 1e-9);
-    EXPECT_EQ(read(frames, "ResetCounter").raw, 3);
+    EXPECT_EQ(read(frames, "ResetCounter").raw, 7) << "who sends counts, not the estimator";
   }
 }
 
@@ -229,13 +231,13 @@ TEST(CanFrames, DeviationsAreRootsOfTheCovariance) {
 
 TEST(CanFrames, StatusSaysHowItIs) {
   FrameWriter writer(kBase, true);
-  const Odometry o = odometry({0, 0, 0}, kLevel, {0, 0, 0}, {0, 0, 0});
-  Values values = values_of(o, mavlink::odometry_message(o, kLevel), o.stamp);
+  Values values = values_of(odometry({0, 0, 0}, kLevel, {0, 0, 0}, {0, 0, 0}).health, 250);
   Frame status = writer.status(values);
   EXPECT_TRUE(is_whole(status));
   EXPECT_EQ(read(status, "State").name, "tracking");
   EXPECT_EQ(read(status, "Quality").raw, 80);
   EXPECT_EQ(read(status, "Reasons").raw, bit(HealthReason::kFewTracks));
+  EXPECT_EQ(read(status, "ResetCounter").raw, 250);
   EXPECT_EQ(read(status, "Version").raw, kLayoutVersion);
   values[Quantity::kState] = kSilent;
   values[Quantity::kQuality] = kNaN;
