@@ -138,7 +138,7 @@ ReadOutcome IioImu::read_some(std::span<ImuSample> samples, std::size_t& count, 
     if (!reopen()) return ReadOutcome::kFailed;
   }
   for (bool is_well = true;;) {
-    int error = pending_count_ < kPending / 2 ? take(gyro_, gyro_stream_) : 0;
+    int error = has_room() ? take(gyro_, gyro_stream_) : 0;
     if (error == 0 && has_two()) error = take(accel_, accel_stream_);
     while (count < samples.size() && next(samples[count])) ++count;
     if (count > 0) return ReadOutcome::kSample;
@@ -235,10 +235,6 @@ bool IioImu::is_next(DeviceStamp stamp, HostStamp arrival, Stream& stream) noexc
 }
 
 void IioImu::keep(const IioReading& reading, HostStamp arrival) noexcept {
-  if (pending_count_ == kPending) {  // the accelerometer has given nothing for long
-    drop_oldest();
-    ++counts_.without_accel;
-  }
   pending_[(first_ + pending_count_++) % kPending] = {
       {reading.stamp_ns}, arrival, reading.angular_velocity_rad_s, reading.specific_force_m_s2};
 }
@@ -289,7 +285,8 @@ bool IioImu::is_silent() const noexcept {
 
 /// Until a device has readings or it is time to look at it. False: a device reports an error.
 bool IioImu::wait(Span at_most) noexcept {
-  std::array<pollfd, 2> fds{{{gyro_.fd(), POLLIN, 0}, {accel_.fd(), POLLIN, 0}}};  // -1 is passed over
+  // -1 is passed over. A gyroscope whose readings have to stay in the kernel would end every wait at once.
+  std::array<pollfd, 2> fds{{{has_room() ? gyro_.fd() : -1, POLLIN, 0}, {accel_.fd(), POLLIN, 0}}};
   const timespec time = timespec_of(std::min(at_most, is_streaming() ? kLook : at_most));
   ::ppoll(fds.data(), fds.size(), &time, nullptr);
   return ((fds[0].revents | fds[1].revents) & (POLLERR | POLLHUP | POLLNVAL)) == 0;

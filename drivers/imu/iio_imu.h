@@ -73,7 +73,10 @@ class IioImu final : public ImuSource {
     std::int64_t last_ns = 0;  ///< when it last gave something
   };
   static constexpr std::size_t kPending = 512;
+  static_assert(kPending / 2 >= IioDevice::kMostReadings, "room for what one look gives");
 
+  /// For another look at the gyroscope. Without, its readings stay in the kernel until the accelerometer's come.
+  bool has_room() const noexcept { return pending_count_ < kPending / 2; }
   bool has_two() const noexcept { return !config_.device_accel.empty() && config_.device_accel != config_.device; }
   DeviceTrouble set_up() noexcept;
   void lose(int error) noexcept;

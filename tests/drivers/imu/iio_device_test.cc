@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <random>
@@ -224,6 +225,41 @@ TEST_F(FakeSysfs, WildTimesDoNotComeThrough) {
                 static_cast<unsigned long long>(imu.counts().disconnected));
     ::close(writer);
   }
+}
+
+// The accelerometer's device gives nothing; the gyroscope's goes on, and its readings have to wait.
+TEST_F(FakeSysfs, WaitingForTheAccelerometerTakesNoProcessor) {
+  fs::copy(device_, root_ + "/sys/iio:device4", fs::copy_options::recursive);
+  std::ofstream(root_ + "/sys/iio:device4/name") << "accel\n";
+  ASSERT_EQ(::mkfifo((root_ + "/dev/iio:device4").c_str(), 0600), 0);
+  ImuDeviceConfig config;
+  config.device = "adis16470";
+  config.device_accel = "accel";
+  IioImu imu(config, roots());
+  const Status status = imu.open();
+  ASSERT_TRUE(status) << status.error().text();
+  const int gyro = ::open((root_ + "/dev/iio:device3").c_str(), O_RDWR | O_NONBLOCK);
+  const int accel = ::open((root_ + "/dev/iio:device4").c_str(), O_RDWR | O_NONBLOCK);
+  ASSERT_TRUE(gyro >= 0 && accel >= 0);
+  std::int64_t stamp_ns = monotonic_ns() - 100'000'000;
+  for (int i = 0; i < 500; ++i) {
+    std::array<std::uint8_t, 16> scan{};
+    stamp_ns += 1'000;
+    std::memcpy(scan.data() + 8, &stamp_ns, 8);
+    ASSERT_EQ(::write(gyro, scan.data(), scan.size()), static_cast<ssize_t>(scan.size()));
+  }
+  const auto processor_ns = [] {
+    timespec t{};
+    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return t.tv_sec * 1'000'000'000LL + t.tv_nsec;
+  };
+  std::array<ImuSample, 8> samples;
+  std::size_t count = 0;
+  const std::int64_t before_ns = processor_ns();
+  EXPECT_EQ(imu.read(samples, count, Span::from_milliseconds(1'000)), ReadOutcome::kTimeout);
+  EXPECT_LT(processor_ns() - before_ns, 50'000'000) << "of a second of waiting";
+  ::close(gyro);
+  ::close(accel);
 }
 
 TEST(IioMountMatrix, IsARotationOrNothing) {
