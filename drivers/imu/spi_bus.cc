@@ -1,6 +1,5 @@
 #include "drivers/imu/spi_bus.h"
 
-#include <dirent.h>
 #include <fcntl.h>
 #include <linux/spi/spidev.h>
 #include <sys/ioctl.h>
@@ -11,6 +10,8 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+
+#include "drivers/imu/iio_attributes.h"
 
 namespace epiline {
 
@@ -28,17 +29,15 @@ static_assert(message_request(1) == SPI_IOC_MESSAGE(1) && message_request(kMostP
 void list_spidevs(std::span<char> text) noexcept {
   int used = std::snprintf(text.data(), text.size(), "one of those there are:");
   bool any = false;
-  if (DIR* const folder = ::opendir("/dev")) {
-    while (const dirent* const entry = ::readdir(folder)) {
-      if (std::strncmp(entry->d_name, "spidev", 6) != 0) continue;
-      const std::size_t rest = text.size() - static_cast<std::size_t>(used);
-      const int more = std::snprintf(text.data() + used, rest, " /dev/%.32s", entry->d_name);
-      if (more < 0 || static_cast<std::size_t>(more) >= rest) break;
-      used += more;
-      any = true;
-    }
-    ::closedir(folder);
-  }
+  for_each_entry("/dev", [&](const char* entry) {
+    if (std::strncmp(entry, "spidev", 6) != 0) return true;
+    const std::size_t rest = text.size() - static_cast<std::size_t>(used);
+    const int more = std::snprintf(text.data() + used, rest, " /dev/%.32s", entry);
+    if (more < 0 || static_cast<std::size_t>(more) >= rest) return false;
+    used += more;
+    any = true;
+    return true;
+  });
   if (!any)
     std::snprintf(text.data(), text.size(), "a spidev file; there is none: SPI is off (Raspberry Pi: dtparam=spi=on)");
 }

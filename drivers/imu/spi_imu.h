@@ -170,7 +170,7 @@ class SpiImu final : public ImuSource {
   void drain_edges() noexcept;
   void look() noexcept;
   bool registers_are_well(HostStamp now) noexcept;
-  void schedule_poll(bool expected_data, HostStamp now) noexcept;
+  void schedule_poll(bool was_empty, HostStamp now) noexcept;
   void take(HostStamp now) noexcept;
   bool accel_is_settled() const noexcept;
   void take_accels() noexcept;

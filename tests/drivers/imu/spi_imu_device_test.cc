@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cerrno>
+
 #include "drivers/imu/imu_noise_table.h"
+#include "platform/memory/allocation_count.h"
 
 namespace epiline {
 namespace {
@@ -24,6 +27,16 @@ TEST(SpiImuDevice, IsTheChipOfTheConfiguration) {
   }
   config.driver = static_cast<int>(ImuDriver::kIio);
   EXPECT_EQ(make_spi_imu(config), nullptr);
+}
+
+// In flight it is opened again and again, until the adapter is back.
+TEST(SpiImuDevice, OpeningWhatIsNotThereNeedsNoHeap) {
+  if (!allocation_counting_available()) GTEST_SKIP();
+  SpidevBus bus("/dev/spidev-that-is-not-there");
+  const HeapCallScope heap;
+  const SpiTrouble trouble = bus.open(0, 1'000'000);
+  EXPECT_EQ(heap.calls(), 0U);
+  EXPECT_EQ(trouble.error, ENOENT);
 }
 
 TEST(SpiImuDevice, AFileThatIsNoSpiDeviceIsNamed) {
