@@ -1,47 +1,12 @@
 #!/usr/bin/env bash
-# usage: install_test.sh PACKAGE.deb. Installs the package on a clean Debian 12 of this machine's architecture and tries what it
-# brings: dependencies, program, user and groups, service, removal. Root only, since it makes a Debian (debootstrap) and goes into
-# it; the Debian is kept in $EPILINE_ROOT_CACHE (default ~/.cache/epiline), each run gets a fresh layer above it.
+# usage: install_test.sh PACKAGE.deb. Installs the package on a clean Debian 12 and tries what it brings: dependencies, program,
+# user and groups, service, removal. Root only. A package for arm64 is tried under qemu.
 set -euo pipefail
 (($# == 1)) || { echo "usage: $0 PACKAGE.deb" >&2; exit 2; }
 package=$(realpath "$1")
-cache=${EPILINE_ROOT_CACHE:-${HOME:-/root}/.cache/epiline}
-# where this machine gets its own packages from
-mirror=${EPILINE_DEBIAN_MIRROR:-$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' 'Codename: bookworm' | sort -u | head -1)}
-[[ -n $mirror ]] || { echo "$0: apt knows no bookworm; expected Debian 12, or EPILINE_DEBIAN_MIRROR" >&2; exit 2; }
-
-if [[ -z ${EPILINE_IN_NAMESPACE:-} ]]; then # mounts of our own, which vanish with us
-  EPILINE_IN_NAMESPACE=1 exec unshare --mount "$0" "$package"
-fi
-
-base=$cache/debian-12
-if [[ ! -d $base ]]; then
-  rm -rf "$base.half"
-  debootstrap --variant=minbase bookworm "$base.half" "$mirror" >"$cache/debootstrap.log" || { cat "$cache/debootstrap.log" >&2; exit 1; }
-  rm -f "$base.half"/var/cache/apt/archives/*.deb
-  mv "$base.half" "$base"
-fi
-
-work=$(mktemp -d -p "$cache")
-trap 'umount -R "$work/root" 2>/dev/null || true; rm -rf "$work"' EXIT
-mkdir -p "$work"/{upper,work,root} "$cache/archives/partial"
-mount -t overlay overlay -o "lowerdir=$base,upperdir=$work/upper,workdir=$work/work" "$work/root"
-mount -t proc proc "$work/root/proc"
-mount -t tmpfs tmpfs "$work/root/dev"
-for file in null zero full random urandom tty; do
-  touch "$work/root/dev/$file"
-  mount --bind "/dev/$file" "$work/root/dev/$file"
-done
-mkdir -p "$work/root/var/cache/apt/archives"
-mount --bind "$cache/archives" "$work/root/var/cache/apt/archives" # what apt has fetched before
-cp /etc/resolv.conf "$work/root/etc/resolv.conf"
-for file in /etc/hosts /etc/apt/apt.conf.d/*proxy*; do
-  if [[ -f $file ]]; then cp "$file" "$work/root$file"; fi
-done
-cp "$package" "$work/root/epiline.deb"
+. "$(dirname "${BASH_SOURCE[0]}")/clean_debian"
 
 failed=0
-inside() { chroot "$work/root" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LC_ALL=C DEBIAN_FRONTEND=noninteractive "$@" </dev/null; }
 # ok WHAT COMMAND...: one line each; output only of what fails.
 ok() {
   local what=$1
@@ -71,8 +36,8 @@ as_service() {
 }
 try_examples() {
   local file
-  for file in "$work/root"/usr/share/doc/epiline/examples/*.toml; do
-    inside epiline config --check "${file#"$work/root"}" >/dev/null || return
+  for file in "$root"/usr/share/doc/epiline/examples/*.toml; do
+    inside epiline config --check "${file#"$root"}" >/dev/null || return
   done
 }
 
@@ -98,8 +63,8 @@ ok "unit is clean" exits 0 '^$' inside systemd-analyze verify --man=no /lib/syst
 printf '      %s\n' "$(inside systemd-analyze security --offline=true epiline.service 2>&1 | grep -i 'overall exposure')"
 
 ok "removed" inside dpkg -r epiline
-touch "$work/root/etc/epiline/epiline.toml"
+touch "$root/etc/epiline/epiline.toml"
 ok "purged" inside dpkg -P epiline
-ok "the user's configuration stays" test -f "$work/root/etc/epiline/epiline.toml"
-ok "nothing else stays" exits 0 "^$" sh -c "cd '$work/root' && find . -xdev -path ./epiline.deb -prune -o -path ./etc/epiline -prune -o -name '*epiline*' -print"
+ok "the user's configuration stays" test -f "$root/etc/epiline/epiline.toml"
+ok "nothing else stays" exits 0 "^$" sh -c "cd '$root' && find . -xdev -path ./epiline.deb -prune -o -path ./etc/epiline -prune -o -name '*epiline*' -print"
 exit "$failed"
