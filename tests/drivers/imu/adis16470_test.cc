@@ -12,39 +12,19 @@ namespace {
 
 using namespace epiline::test;
 
-struct Rig {
+struct Rig : ChipRig<AdisModel> {
   explicit Rig(const ImuDeviceConfig& settings, bool has_line = true, const WorldSettings& world_settings = {})
-      : config(settings), world(std::make_shared<SpiWorld>(world_settings)), model(*world) {
+      : ChipRig(settings, world_settings) {
     world->now_ns += 1'000'000'000;  // the chip has been on for a while
     model.run(world->now_ns);
     model.edges.clear();
     model.truths.clear();
     auto wires = std::make_unique<AdisBus>(model);
     bus = wires.get();
-    auto chip = std::make_unique<Adis16470>(config, std::move(wires), *world);
-    std::unique_ptr<ModelLine> ready;
-    if (has_line) ready = std::make_unique<ModelLine>(model);
-    model.line_is_rising = config.ready_edge == 0;
-    imu = std::make_unique<SpiImu>(config, std::move(chip), std::move(ready), world);
+    make_imu(std::make_unique<Adis16470>(config, std::move(wires), *world), has_line);
   }
-  void read_for(double seconds) { test::read_for(*imu, *world, Span::from_seconds(seconds), reading); }
-  Comparison compared() const { return compare(reading.samples, model.truths, imu->facts().gyroscope_delay); }
-
-  ImuDeviceConfig config;
-  std::shared_ptr<SpiWorld> world;
-  AdisModel model;
   AdisBus* bus = nullptr;
-  std::unique_ptr<SpiImu> imu;
-  Reading reading;
 };
-
-ImuDeviceConfig at_rate(double hz) {
-  ImuDeviceConfig config;
-  config.rate_hz = hz;
-  return config;
-}
-
-std::string text(const Status& status) { return status ? "well" : status.error().text(); }
 
 TEST(Adis16470, GivesEverySampleOnceWithTheTimeOfItsEdge) {
   WorldSettings exact;

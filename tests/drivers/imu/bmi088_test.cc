@@ -15,10 +15,10 @@ namespace {
 
 using namespace epiline::test;
 
-struct Rig {
+struct Rig : ChipRig<BmiModel> {
   explicit Rig(const ImuDeviceConfig& settings, bool has_line = true, const WorldSettings& world_settings = {},
                bool is_swapped = false)
-      : config(settings), world(std::make_shared<SpiWorld>(world_settings)), model(*world) {
+      : ChipRig(settings, world_settings) {
     std::unique_ptr<ModelBus> gyro = std::make_unique<BmiGyroBus>(model), accel = std::make_unique<BmiAccelBus>(model);
     gyro_bus = gyro.get();
     accel_bus = accel.get();
@@ -26,29 +26,10 @@ struct Rig {
     auto chip = std::make_unique<Bmi088>(config, std::move(gyro), std::move(accel), *world);
     model.gyro_delay_ns = chip->facts().gyroscope_delay.ns;
     model.accel_delay_ns = chip->facts().accelerometer_delay.ns;
-    std::unique_ptr<ModelLine> ready;
-    if (has_line) ready = std::make_unique<ModelLine>(model);
-    model.line_is_rising = config.ready_edge == 0;
-    imu = std::make_unique<SpiImu>(config, std::move(chip), std::move(ready), world);
+    make_imu(std::move(chip), has_line);
   }
-  void read_for(double seconds) { test::read_for(*imu, *world, Span::from_seconds(seconds), reading); }
-  Comparison compared() const { return compare(reading.samples, model.truths, imu->facts().gyroscope_delay); }
-
-  ImuDeviceConfig config;
-  std::shared_ptr<SpiWorld> world;
-  BmiModel model;
   ModelBus *gyro_bus = nullptr, *accel_bus = nullptr;
-  std::unique_ptr<SpiImu> imu;
-  Reading reading;
 };
-
-ImuDeviceConfig at_rate(double hz) {
-  ImuDeviceConfig config;
-  config.rate_hz = hz;
-  return config;
-}
-
-std::string text(const Status& status) { return status ? "well" : status.error().text(); }
 
 TEST(Bmi088, MergesTwoClocks) {
   WorldSettings exact;

@@ -15,38 +15,15 @@ namespace {
 
 using namespace epiline::test;
 
-/// The driver on the model of its chip.
-struct Rig {
+struct Rig : ChipRig<IcmModel> {
   explicit Rig(const ImuDeviceConfig& settings, bool has_line = true, const WorldSettings& world_settings = {})
-      : config(settings), world(std::make_shared<SpiWorld>(world_settings)), model(*world) {
+      : ChipRig(settings, world_settings) {
     auto wires = std::make_unique<IcmBus>(model);
     bus = wires.get();
-    auto chip = std::make_unique<Icm42688p>(config, std::move(wires), *world);
-    std::unique_ptr<ModelLine> ready;
-    if (has_line) ready = std::make_unique<ModelLine>(model);
-    line = ready.get();
-    model.line_is_rising = config.ready_edge == 0;
-    imu = std::make_unique<SpiImu>(config, std::move(chip), std::move(ready), world);
+    make_imu(std::make_unique<Icm42688p>(config, std::move(wires), *world), has_line);
   }
-  void read_for(double seconds) { test::read_for(*imu, *world, Span::from_seconds(seconds), reading); }
-  Comparison compared() const { return compare(reading.samples, model.truths, imu->facts().gyroscope_delay); }
-
-  ImuDeviceConfig config;
-  std::shared_ptr<SpiWorld> world;
-  IcmModel model;
   IcmBus* bus = nullptr;
-  ModelLine* line = nullptr;
-  std::unique_ptr<SpiImu> imu;
-  Reading reading;
 };
-
-ImuDeviceConfig at_rate(double hz) {
-  ImuDeviceConfig config;
-  config.rate_hz = hz;
-  return config;
-}
-
-std::string text(const Status& status) { return status ? "well" : status.error().text(); }
 
 TEST(Icm42688p, GivesEverySampleOnceWithTheTimeOfItsEdge) {
   WorldSettings exact;

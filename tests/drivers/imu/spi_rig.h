@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -71,5 +72,36 @@ inline void read_for(SpiImu& imu, SpiWorld& world, Span duration, Reading& readi
     reading.samples.insert(reading.samples.end(), some.begin(), some.begin() + static_cast<std::ptrdiff_t>(count));
   }
 }
+
+/// A driver on the model of its chip. The rig of a chip makes the chip on the model's wires.
+template <class Model>
+struct ChipRig {
+  ChipRig(const ImuDeviceConfig& settings, const WorldSettings& world_settings)
+      : config(settings), world(std::make_shared<SpiWorld>(world_settings)), model(*world) {}
+  void make_imu(std::unique_ptr<ImuChip> chip, bool has_line) {
+    std::unique_ptr<ModelLine> ready;
+    if (has_line) ready = std::make_unique<ModelLine>(model);
+    line = ready.get();
+    model.line_is_rising = config.ready_edge == 0;
+    imu = std::make_unique<SpiImu>(config, std::move(chip), std::move(ready), world);
+  }
+  void read_for(double seconds) { test::read_for(*imu, *world, Span::from_seconds(seconds), reading); }
+  Comparison compared() const { return compare(reading.samples, model.truths, imu->facts().gyroscope_delay); }
+
+  ImuDeviceConfig config;
+  std::shared_ptr<SpiWorld> world;
+  Model model;
+  ModelLine* line = nullptr;
+  std::unique_ptr<SpiImu> imu;
+  Reading reading;
+};
+
+inline ImuDeviceConfig at_rate(double hz) {
+  ImuDeviceConfig config;
+  config.rate_hz = hz;
+  return config;
+}
+
+inline std::string text(const Status& status) { return status ? "well" : status.error().text(); }
 
 }  // namespace epiline::test
