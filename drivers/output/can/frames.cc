@@ -20,10 +20,6 @@ constexpr auto kCrcTable = crc_table();
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
-constexpr Quantity after(Quantity first, std::size_t by) {
-  return static_cast<Quantity>(static_cast<std::size_t>(first) + by);
-}
-
 /// w, x, y, z in place of which the three beside the largest are sent.
 void set_smallest_three(Values& values, const std::array<double, 4>& q) {
   std::size_t largest = 0;

@@ -1,7 +1,10 @@
 #pragma once
 // Our messages on a CAN bus: the one table from which frames are packed (frames.cc) and the DBC file is written
 // (dbc.cc). A change of it is a change for every reader: count kLayoutVersion on. Page: docs/can.md.
+#include <algorithm>
 #include <array>
+#include <cstdint>
+#include <tuple>
 
 #include "drivers/output/can/signal.h"
 
@@ -40,116 +43,84 @@ inline constexpr const char* kQuaternionText =
 inline constexpr const char* kReasonsText = "Bits: why the state is what it is";
 inline constexpr const char* kSdText = "Standard deviation";
 
-inline constexpr std::array kStatusSignals = {
-    kCrc,
-    kEpoch,
-    kAlive,
+inline constexpr const char* kAttitudeSdText =
+    "Standard deviation, about the axes of the world: z is that of the heading";
+inline constexpr const char* kVelocitySdText = "Standard deviation, along the vehicle's axes";
+
+/// Three in a row in a frame, of three quantities in a row.
+constexpr std::array<Signal, 3> vector_of(const std::array<const char*, 3>& names, Quantity first, std::uint16_t start,
+                                          std::uint8_t length, Coding coding, double scale, const char* unit,
+                                          const char* comment) {
+  const auto element = [&](std::uint8_t i) {
+    return Signal{names[i], after(first, i), static_cast<std::uint16_t>(start + i * length), length, coding, scale,
+                  unit,     comment};
+  };
+  return {element(0), element(1), element(2)};
+}
+
+/// The signals of a message: those that each begins with, and `parts`, which are arrays.
+template <class... Parts>
+constexpr auto framed(const Parts&... parts) {
+  std::array<Signal, 3 + (std::tuple_size_v<Parts> + ...)> all{kCrc, kEpoch, kAlive};
+  auto at = all.begin() + 3;
+  ((at = std::copy(parts.begin(), parts.end(), at)), ...);
+  return all;
+}
+
+inline constexpr auto kStatusSignals = framed(std::array{
     Signal{"State", Quantity::kState, 16, 4, Coding::kUnsigned, 1, "",
            "Odometry is sent while tracking or degraded; silent: the estimator says nothing"},
     Signal{"Version", Quantity::kVersion, 20, 4, Coding::kUnsigned, 1, "", "Of this layout"},
     Signal{"Quality", Quantity::kQuality, 24, 8, Coding::kUnsigned, 1, "%", ""},
     Signal{"ResetCounter", Quantity::kResetCounter, 32, 8, Coding::kCounter, 1, "", kResetText},
     Signal{"Reasons", Quantity::kReasons, 40, 24, Coding::kCounter, 1, "", kReasonsText},
-};
-inline constexpr std::array kTimeSignals = {
-    kCrc,
-    kEpoch,
-    kAlive,
+});
+inline constexpr auto kTimeSignals = framed(std::array{
     Signal{"Time", Quantity::kTime, 16, 48, Coding::kUnsigned, 1, "us", kTimeText},
-};
-inline constexpr std::array kPositionXySignals = {
-    kCrc,
-    kEpoch,
-    kAlive,
+});
+inline constexpr auto kPositionXySignals = framed(std::array{
     Signal{"PositionX", Quantity::kPositionX, 16, 24, Coding::kSigned, 1e-3, "m", kPositionText},
     Signal{"PositionY", Quantity::kPositionY, 40, 24, Coding::kSigned, 1e-3, "m", kPositionText},
-};
-inline constexpr std::array kPositionZSignals = {
-    kCrc,
-    kEpoch,
-    kAlive,
+});
+inline constexpr auto kPositionZSignals = framed(std::array{
     Signal{"PositionZ", Quantity::kPositionZ, 16, 24, Coding::kSigned, 1e-3, "m", kPositionText},
     Signal{"Age", Quantity::kAge, 40, 16, Coding::kUnsigned, 1e-5, "s", kAgeText},
     Signal{"ResetCounter", Quantity::kResetCounter, 56, 8, Coding::kCounter, 1, "", kResetText},
-};
-inline constexpr std::array kAttitudeSignals = {
-    kCrc,
-    kEpoch,
-    kAlive,
-    Signal{"AttitudeLargest", Quantity::kSmallestThreeLargest, 16, 2, Coding::kCounter, 1, "",
-           "Which of w, x, y, z is left out: the one with the largest magnitude"},
-    Signal{"AttitudeA", Quantity::kSmallestThreeA, 18, 15, Coding::kSigned, 5e-5, "", kAttitudeText},
-    Signal{"AttitudeB", Quantity::kSmallestThreeB, 33, 15, Coding::kSigned, 5e-5, "", kAttitudeText},
-    Signal{"AttitudeC", Quantity::kSmallestThreeC, 48, 15, Coding::kSigned, 5e-5, "", kAttitudeText},
-};
-inline constexpr std::array kVelocitySignals = {
-    kCrc,
-    kEpoch,
-    kAlive,
-    Signal{"VelocityX", Quantity::kVelocityX, 16, 16, Coding::kSigned, 2e-3, "m/s", kVelocityText},
-    Signal{"VelocityY", Quantity::kVelocityY, 32, 16, Coding::kSigned, 2e-3, "m/s", kVelocityText},
-    Signal{"VelocityZ", Quantity::kVelocityZ, 48, 16, Coding::kSigned, 2e-3, "m/s", kVelocityText},
-};
-inline constexpr std::array kRateSignals = {
-    kCrc,
-    kEpoch,
-    kAlive,
-    Signal{"RateX", Quantity::kRateX, 16, 16, Coding::kSigned, 1e-3, "rad/s", kVelocityText},
-    Signal{"RateY", Quantity::kRateY, 32, 16, Coding::kSigned, 1e-3, "rad/s", kVelocityText},
-    Signal{"RateZ", Quantity::kRateZ, 48, 16, Coding::kSigned, 1e-3, "rad/s", kVelocityText},
-};
-inline constexpr std::array kPositionSdSignals = {
-    kCrc,
-    kEpoch,
-    kAlive,
-    Signal{"PositionSdX", Quantity::kPositionSdX, 16, 16, Coding::kUnsigned, 1e-3, "m", kSdText},
-    Signal{"PositionSdY", Quantity::kPositionSdY, 32, 16, Coding::kUnsigned, 1e-3, "m", kSdText},
-    Signal{"PositionSdZ", Quantity::kPositionSdZ, 48, 16, Coding::kUnsigned, 1e-3, "m", kSdText},
-};
-inline constexpr const char* kAttitudeSdText =
-    "Standard deviation, about the axes of the world: z is that of the heading";
-inline constexpr std::array kAttitudeSdSignals = {
-    kCrc,
-    kEpoch,
-    kAlive,
-    Signal{"AttitudeSdX", Quantity::kAttitudeSdX, 16, 16, Coding::kUnsigned, 1e-4, "rad", kAttitudeSdText},
-    Signal{"AttitudeSdY", Quantity::kAttitudeSdY, 32, 16, Coding::kUnsigned, 1e-4, "rad", kAttitudeSdText},
-    Signal{"AttitudeSdZ", Quantity::kAttitudeSdZ, 48, 16, Coding::kUnsigned, 1e-4, "rad", kAttitudeSdText},
-};
-inline constexpr const char* kVelocitySdText = "Standard deviation, along the vehicle's axes";
-inline constexpr std::array kVelocitySdSignals = {
-    kCrc,
-    kEpoch,
-    kAlive,
-    Signal{"VelocitySdX", Quantity::kVelocitySdX, 16, 16, Coding::kUnsigned, 1e-3, "m/s", kVelocitySdText},
-    Signal{"VelocitySdY", Quantity::kVelocitySdY, 32, 16, Coding::kUnsigned, 1e-3, "m/s", kVelocitySdText},
-    Signal{"VelocitySdZ", Quantity::kVelocitySdZ, 48, 16, Coding::kUnsigned, 1e-3, "m/s", kVelocitySdText},
-};
+});
+inline constexpr auto kAttitudeSignals =
+    framed(std::array{Signal{"AttitudeLargest", Quantity::kSmallestThreeLargest, 16, 2, Coding::kCounter, 1, "",
+                             "Which of w, x, y, z is left out: the one with the largest magnitude"}},
+           vector_of({"AttitudeA", "AttitudeB", "AttitudeC"}, Quantity::kSmallestThreeA, 18, 15, Coding::kSigned, 5e-5,
+                     "", kAttitudeText));
+inline constexpr auto kVelocitySignals = framed(vector_of({"VelocityX", "VelocityY", "VelocityZ"}, Quantity::kVelocityX,
+                                                          16, 16, Coding::kSigned, 2e-3, "m/s", kVelocityText));
+inline constexpr auto kRateSignals = framed(
+    vector_of({"RateX", "RateY", "RateZ"}, Quantity::kRateX, 16, 16, Coding::kSigned, 1e-3, "rad/s", kVelocityText));
+inline constexpr auto kPositionSdSignals =
+    framed(vector_of({"PositionSdX", "PositionSdY", "PositionSdZ"}, Quantity::kPositionSdX, 16, 16, Coding::kUnsigned,
+                     1e-3, "m", kSdText));
+inline constexpr auto kAttitudeSdSignals =
+    framed(vector_of({"AttitudeSdX", "AttitudeSdY", "AttitudeSdZ"}, Quantity::kAttitudeSdX, 16, 16, Coding::kUnsigned,
+                     1e-4, "rad", kAttitudeSdText));
+inline constexpr auto kVelocitySdSignals =
+    framed(vector_of({"VelocitySdX", "VelocitySdY", "VelocitySdZ"}, Quantity::kVelocitySdX, 16, 16, Coding::kUnsigned,
+                     1e-3, "m/s", kVelocitySdText));
 /// One frame of CAN FD in place of six classic ones.
-inline constexpr std::array kOdometrySignals = {
-    kCrc,
-    kEpoch,
-    kAlive,
-    Signal{"Time", Quantity::kTime, 16, 48, Coding::kUnsigned, 1, "us", kTimeText},
-    Signal{"PositionX", Quantity::kPositionX, 64, 32, Coding::kSigned, 1e-4, "m", kPositionText},
-    Signal{"PositionY", Quantity::kPositionY, 96, 32, Coding::kSigned, 1e-4, "m", kPositionText},
-    Signal{"PositionZ", Quantity::kPositionZ, 128, 32, Coding::kSigned, 1e-4, "m", kPositionText},
-    Signal{"QuaternionW", Quantity::kQuaternionW, 160, 24, Coding::kSigned, 2e-7, "", kQuaternionText},
-    Signal{"QuaternionX", Quantity::kQuaternionX, 184, 24, Coding::kSigned, 2e-7, "", kQuaternionText},
-    Signal{"QuaternionY", Quantity::kQuaternionY, 208, 24, Coding::kSigned, 2e-7, "", kQuaternionText},
-    Signal{"QuaternionZ", Quantity::kQuaternionZ, 232, 24, Coding::kSigned, 2e-7, "", kQuaternionText},
-    Signal{"VelocityX", Quantity::kVelocityX, 256, 24, Coding::kSigned, 1e-4, "m/s", kVelocityText},
-    Signal{"VelocityY", Quantity::kVelocityY, 280, 24, Coding::kSigned, 1e-4, "m/s", kVelocityText},
-    Signal{"VelocityZ", Quantity::kVelocityZ, 304, 24, Coding::kSigned, 1e-4, "m/s", kVelocityText},
-    Signal{"RateX", Quantity::kRateX, 328, 24, Coding::kSigned, 1e-5, "rad/s", kVelocityText},
-    Signal{"RateY", Quantity::kRateY, 352, 24, Coding::kSigned, 1e-5, "rad/s", kVelocityText},
-    Signal{"RateZ", Quantity::kRateZ, 376, 24, Coding::kSigned, 1e-5, "rad/s", kVelocityText},
-    Signal{"Age", Quantity::kAge, 400, 16, Coding::kUnsigned, 1e-5, "s", kAgeText},
-    Signal{"ResetCounter", Quantity::kResetCounter, 416, 8, Coding::kCounter, 1, "", kResetText},
-    Signal{"Quality", Quantity::kQuality, 424, 8, Coding::kUnsigned, 1, "%", ""},
-    Signal{"State", Quantity::kState, 432, 4, Coding::kUnsigned, 1, "", "As in EpilineStatus"},
-    Signal{"Reasons", Quantity::kReasons, 440, 24, Coding::kCounter, 1, "", kReasonsText},
-};
+inline constexpr auto kOdometrySignals = framed(
+    std::array{Signal{"Time", Quantity::kTime, 16, 48, Coding::kUnsigned, 1, "us", kTimeText}},
+    vector_of({"PositionX", "PositionY", "PositionZ"}, Quantity::kPositionX, 64, 32, Coding::kSigned, 1e-4, "m",
+              kPositionText),
+    std::array{Signal{"QuaternionW", Quantity::kQuaternionW, 160, 24, Coding::kSigned, 2e-7, "", kQuaternionText}},
+    vector_of({"QuaternionX", "QuaternionY", "QuaternionZ"}, Quantity::kQuaternionX, 184, 24, Coding::kSigned, 2e-7, "",
+              kQuaternionText),
+    vector_of({"VelocityX", "VelocityY", "VelocityZ"}, Quantity::kVelocityX, 256, 24, Coding::kSigned, 1e-4, "m/s",
+              kVelocityText),
+    vector_of({"RateX", "RateY", "RateZ"}, Quantity::kRateX, 328, 24, Coding::kSigned, 1e-5, "rad/s", kVelocityText),
+    std::array{Signal{"Age", Quantity::kAge, 400, 16, Coding::kUnsigned, 1e-5, "s", kAgeText},
+               Signal{"ResetCounter", Quantity::kResetCounter, 416, 8, Coding::kCounter, 1, "", kResetText},
+               Signal{"Quality", Quantity::kQuality, 424, 8, Coding::kUnsigned, 1, "%", ""},
+               Signal{"State", Quantity::kState, 432, 4, Coding::kUnsigned, 1, "", "As in EpilineStatus"},
+               Signal{"Reasons", Quantity::kReasons, 440, 24, Coding::kCounter, 1, "", kReasonsText}});
 
 inline constexpr Message kStatus = {"EpilineStatus", 0, 8, "Five times a second, and when something in it changes",
                                     kStatusSignals};

@@ -52,6 +52,9 @@ enum class Quantity : std::uint8_t {
   kCount,
 };
 inline constexpr std::size_t kQuantities = static_cast<std::size_t>(Quantity::kCount);
+constexpr Quantity after(Quantity first, std::size_t by) {
+  return static_cast<Quantity>(static_cast<std::size_t>(first) + by);
+}
 
 /// One number for each quantity, in its signal's unit. Not a number: not available.
 class Values {
