@@ -3,15 +3,13 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <numbers>
 
-#include "drivers/imu/spi_identity.h"
+#include "drivers/imu/spi_chip.h"
 
 namespace epiline {
 
 namespace {
 
-constexpr double kGravity_m_s2 = 9.80665, kRadPerDeg = std::numbers::pi / 180;
 constexpr double kGyroscopeRange_deg_s = 2000, kAccelerometerRange_g = 40;
 constexpr double kRadPerCount = 0.1 * kRadPerDeg, kMetrePerCount = 1.25e-3 * kGravity_m_s2;
 constexpr double kInternalRate_hz = 2000;
@@ -135,13 +133,9 @@ SpiTrouble Adis16470::configure() noexcept {
 }
 
 SpiTrouble Adis16470::compare(const Register& wanted) noexcept {
-  std::uint16_t value = 0;
-  // read again if wrong: it may have been garbled on the bus
-  for (int attempt = 0; attempt < 2; ++attempt) {
-    if (!read(wanted.address, value)) return bus_trouble("read back", bus_error_);
-    if ((value & wanted.mask) == wanted.value) return {};
-  }
-  return wrong_register("settings", 0, wanted.address, value & wanted.mask, wanted.value);
+  return read_back(
+      wanted.value, wanted.mask, bus_error_, [&](std::uint16_t& value) { return read(wanted.address, value); },
+      [&](unsigned found) { return wrong_register("settings", 0, wanted.address, found, wanted.value); });
 }
 
 SpiTrouble Adis16470::check_next() noexcept {

@@ -14,14 +14,11 @@ class Adis16470 final : public ImuChip {
   /// `timing` outlives it.
   Adis16470(const ImuDeviceConfig& config, std::unique_ptr<SpiBus> bus, SpiTiming& timing);
 
-  const ChipFacts& facts() const noexcept override { return facts_; }
-  SpiTrouble unfit() const noexcept override { return unfit_; }
   SpiTrouble open() noexcept override;
   void close() noexcept override { bus_->close(); }
   Step start(int step) noexcept override;
   FetchOutcome fetch(ChipBatch& batch) noexcept override;
   SpiTrouble check_next() noexcept override;
-  int bus_error() const noexcept override { return bus_error_; }
   const char* bus_name() const noexcept override { return bus_->name(); }
 
  private:
@@ -43,12 +40,9 @@ class Adis16470 final : public ImuChip {
   std::unique_ptr<SpiBus> bus_;
   SpiTiming* timing_;
   int register_hz_, burst_hz_;
-  ChipFacts facts_;
-  SpiTrouble unfit_;
   std::array<Register, 3> table_{};
   std::size_t next_check_ = 0;
 
-  int bus_error_ = 0;
   ChipCounter<16> counter_;
   std::int64_t count_ = 0;
   HostStamp last_transfer_;

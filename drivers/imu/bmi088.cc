@@ -5,13 +5,12 @@
 #include <cstdlib>
 #include <numbers>
 
-#include "drivers/imu/spi_identity.h"
+#include "drivers/imu/spi_chip.h"
 
 namespace epiline {
 
 namespace {
 
-constexpr double kGravity_m_s2 = 9.80665, kRadPerDeg = std::numbers::pi / 180;
 constexpr int kSpiMode = 0, kSpiMost_hz = 10'000'000;
 constexpr std::uint8_t kRead = 0x80;
 constexpr std::int64_t kTick_ns_2 = 78'125;  // two counts of the accelerometer's clock: 39.0625 us each
@@ -49,13 +48,6 @@ constexpr Rate kRates[] = {
 constexpr double kGyroscopeRanges_deg_s[] = {2000, 1000, 500, 250, 125};
 constexpr double kAccelerometerRanges_g[] = {24, 12, 6, 3};  // by 3 - code
 
-int range_index(std::span<const double> ranges, double wanted) noexcept {
-  int index = -1;
-  for (std::size_t i = 0; i < ranges.size(); ++i)
-    if (ranges[i] * 1.01 >= wanted) index = static_cast<int>(i);
-  return index;
-}
-
 /// The data sheet gives bandwidths and no delays: that of a Butterworth filter of second order at low frequencies.
 Span delay_of(double bandwidth_hz) noexcept {
   return Span::from_seconds(std::numbers::sqrt2 / (2 * std::numbers::pi * bandwidth_hz));
@@ -77,8 +69,8 @@ void Bmi088::choose(const ImuDeviceConfig& config) noexcept {
   facts_.name = "BMI088";
   const Rate* rate = std::begin(kRates);
   while (rate + 1 != std::end(kRates) && rate->hz < config.rate_hz * 0.99) ++rate;
-  const int gyroscope = range_index(kGyroscopeRanges_deg_s, config.gyroscope_range_deg_s);
-  const int accelerometer = range_index(kAccelerometerRanges_g, config.accelerometer_range_m_s2 / kGravity_m_s2);
+  const int gyroscope = smallest_range(kGyroscopeRanges_deg_s, config.gyroscope_range_deg_s);
+  const int accelerometer = smallest_range(kAccelerometerRanges_g, config.accelerometer_range_m_s2 / kGravity_m_s2);
   if (gyroscope < 0 || accelerometer < 0 || rate->hz < config.rate_hz * 0.99 || spi_hz_ > kSpiMost_hz) {
     unfit_.step = "a range, a rate or a clock this chip does not have";
     std::snprintf(unfit_.expected, sizeof(unfit_.expected),
@@ -221,14 +213,13 @@ SpiTrouble Bmi088::configure() noexcept {
 }
 
 SpiTrouble Bmi088::compare(const Register& wanted) noexcept {
-  std::uint8_t value = 0;
-  // read again if wrong: it may have been garbled on the bus
-  for (int attempt = 0; attempt < 2; ++attempt) {
-    if (!read(wanted.half, wanted.address, {&value, 1})) return bus_trouble("read back", bus_error_);
-    if ((value & wanted.mask) == wanted.value) return {};
-  }
-  const bool is_accel = wanted.half == Half::kAccelerometer;
-  return wrong_register(is_accel ? "accelerometer" : "gyroscope", 0, wanted.address, value & wanted.mask, wanted.value);
+  const char* const half = wanted.half == Half::kAccelerometer ? "accelerometer" : "gyroscope";
+  return read_back(
+      wanted.value, wanted.mask, bus_error_,
+      [&](std::uint8_t& value) {
+        return read(wanted.half, wanted.address, {&value, 1});
+      },
+      [&](unsigned found) { return wrong_register(half, 0, wanted.address, found, wanted.value); });
 }
 
 SpiTrouble Bmi088::check_next() noexcept {

@@ -16,14 +16,11 @@ class Bmi088 final : public ImuChip {
   Bmi088(const ImuDeviceConfig& config, std::unique_ptr<SpiBus> gyroscope, std::unique_ptr<SpiBus> accelerometer,
          SpiTiming& timing);
 
-  const ChipFacts& facts() const noexcept override { return facts_; }
-  SpiTrouble unfit() const noexcept override { return unfit_; }
   SpiTrouble open() noexcept override;
   void close() noexcept override;
   Step start(int step) noexcept override;
   FetchOutcome fetch(ChipBatch& batch) noexcept override;
   SpiTrouble check_next() noexcept override;
-  int bus_error() const noexcept override { return bus_error_; }
   const char* bus_name() const noexcept override { return gyroscope_->name(); }
 
  private:
@@ -55,15 +52,12 @@ class Bmi088 final : public ImuChip {
   std::unique_ptr<SpiBus> gyroscope_, accelerometer_;
   SpiTiming* timing_;
   int spi_hz_;
-  ChipFacts facts_;
-  SpiTrouble unfit_;
   std::uint8_t gyroscope_code_ = 0, accelerometer_code_ = 0, bandwidth_code_ = 0, accel_conf_ = 0;
   int accel_ticks_ = 16;  ///< of the accelerometer's counter, from sample to sample
   double rad_s_per_count_ = 0, m_s2_per_count_ = 0;
   FixedVector<Register, kRegisters> table_;
   std::size_t next_check_ = 0;
 
-  int bus_error_ = 0;
   std::int64_t gyro_samples_ = 0;
   ChipCounter<24> counter_;
   std::int64_t count_offset_ = 0;  ///< of the counter at its start, so that its low bits are the chip's

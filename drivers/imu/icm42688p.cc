@@ -7,13 +7,12 @@
 #include <cstdlib>
 #include <numbers>
 
-#include "drivers/imu/spi_identity.h"
+#include "drivers/imu/spi_chip.h"
 
 namespace epiline {
 
 namespace {
 
-constexpr double kGravity_m_s2 = 9.80665, kRadPerDeg = std::numbers::pi / 180;
 constexpr int kSpiMode = 0, kSpiMost_hz = 24'000'000;
 constexpr std::uint8_t kIdentity = 0x47;
 constexpr std::uint8_t kRead = 0x80;
@@ -47,14 +46,6 @@ constexpr AntiAlias kAntiAlias[] = {{213, 5, 25, 10},   {258, 6, 36, 10},    {53
 constexpr double kGyroscopeRanges_deg_s[] = {2000, 1000, 500, 250, 125, 62.5, 31.25, 15.625};  // by code
 constexpr double kAccelerometerRanges_g[] = {16, 8, 4, 2};
 
-/// The code of the smallest range that is enough; a hundredth is given away for rounded figures. -1: none is.
-int range_code(std::span<const double> ranges, double wanted) noexcept {
-  int code = -1;
-  for (std::size_t i = 0; i < ranges.size(); ++i)
-    if (ranges[i] * 1.01 >= wanted) code = static_cast<int>(i);
-  return code;
-}
-
 }  // namespace
 
 Icm42688p::Icm42688p(const ImuDeviceConfig& config, std::unique_ptr<SpiBus> bus, SpiTiming& timing)
@@ -70,8 +61,8 @@ void Icm42688p::choose(const ImuDeviceConfig& config) noexcept {
   const AntiAlias* filter = std::begin(kAntiAlias);
   while (filter + 1 != std::end(kAntiAlias) && filter->hz < rate->hz / 2) ++filter;
   anti_alias_ = static_cast<int>(filter - std::begin(kAntiAlias));
-  const int gyroscope = range_code(kGyroscopeRanges_deg_s, config.gyroscope_range_deg_s);
-  const int accelerometer = range_code(kAccelerometerRanges_g, config.accelerometer_range_m_s2 / kGravity_m_s2);
+  const int gyroscope = smallest_range(kGyroscopeRanges_deg_s, config.gyroscope_range_deg_s);
+  const int accelerometer = smallest_range(kAccelerometerRanges_g, config.accelerometer_range_m_s2 / kGravity_m_s2);
   if (gyroscope < 0 || accelerometer < 0 || rate->hz < config.rate_hz * 0.99 || spi_hz_ > kSpiMost_hz) {
     unfit_.step = "a range, a rate or a clock this chip does not have";
     std::snprintf(unfit_.expected, sizeof(unfit_.expected),
@@ -199,15 +190,13 @@ SpiTrouble Icm42688p::configure() noexcept {
 }
 
 SpiTrouble Icm42688p::compare(const Register& wanted) noexcept {
-  std::uint8_t value = 0;
-  // read again if wrong: it may have been garbled on the bus
-  for (int attempt = 0; attempt < 2; ++attempt) {
-    const bool is_read = (wanted.bank == 0 || select_bank(wanted.bank)) && read(wanted.address, {&value, 1}) &&
-                         (wanted.bank == 0 || select_bank(0));
-    if (!is_read) return bus_trouble("read back", bus_error_);
-    if ((value & wanted.mask) == wanted.value) return {};
-  }
-  return wrong_register("settings", wanted.bank, wanted.address, value & wanted.mask, wanted.value);
+  const auto read_in_bank = [&](std::uint8_t& value) {
+    return (wanted.bank == 0 || select_bank(wanted.bank)) && read(wanted.address, {&value, 1}) &&
+           (wanted.bank == 0 || select_bank(0));
+  };
+  return read_back(wanted.value, wanted.mask, bus_error_, read_in_bank, [&](unsigned found) {
+    return wrong_register("settings", wanted.bank, wanted.address, found, wanted.value);
+  });
 }
 
 /// Before the table's first register: which bank is selected, and who is there.

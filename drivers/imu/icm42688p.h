@@ -14,14 +14,11 @@ class Icm42688p final : public ImuChip {
   /// `timing` outlives it.
   Icm42688p(const ImuDeviceConfig& config, std::unique_ptr<SpiBus> bus, SpiTiming& timing);
 
-  const ChipFacts& facts() const noexcept override { return facts_; }
-  SpiTrouble unfit() const noexcept override { return unfit_; }
   SpiTrouble open() noexcept override;
   void close() noexcept override { bus_->close(); }
   Step start(int step) noexcept override;
   FetchOutcome fetch(ChipBatch& batch) noexcept override;
   SpiTrouble check_next() noexcept override;
-  int bus_error() const noexcept override { return bus_error_; }
   const char* bus_name() const noexcept override { return bus_->name(); }
 
  private:
@@ -46,8 +43,6 @@ class Icm42688p final : public ImuChip {
   std::unique_ptr<SpiBus> bus_;
   SpiTiming* timing_;
   int spi_hz_;
-  ChipFacts facts_;
-  SpiTrouble unfit_;
   IcmPacketKind kind_ = IcmPacketKind::kShort;
   std::uint8_t rate_code_ = 0, gyroscope_code_ = 0, accelerometer_code_ = 0;
   int anti_alias_ = 0;         ///< row of the table
@@ -57,7 +52,6 @@ class Icm42688p final : public ImuChip {
   FixedVector<Register, kRegisters> table_;
   std::size_t next_check_ = 0;
 
-  int bus_error_ = 0;
   ChipCounter<16> counter_;
   int strange_times_ = 0;
   std::array<std::uint8_t, kFifoBytes + 1> sent_{}, received_{};

@@ -88,10 +88,11 @@ struct ChipFacts {
 class ImuChip {
  public:
   virtual ~ImuChip() = default;
-  virtual const ChipFacts& facts() const noexcept = 0;
+  const ChipFacts& facts() const noexcept { return facts_; }
   /// What of the settings this chip cannot do; said before anything is opened.
-  virtual SpiTrouble unfit() const noexcept = 0;
-  virtual SpiTrouble open() noexcept = 0;  ///< the bus, and who is there
+  const SpiTrouble& unfit() const noexcept { return unfit_; }
+  int bus_error() const noexcept { return bus_error_; }  ///< errno of the last transfer; 0: it worked
+  virtual SpiTrouble open() noexcept = 0;                ///< the bus, and who is there
   virtual void close() noexcept = 0;
 
   struct Step {
@@ -104,8 +105,12 @@ class ImuChip {
   virtual FetchOutcome fetch(ChipBatch& batch) noexcept = 0;
   /// The next of the registers, compared with what was written.
   virtual SpiTrouble check_next() noexcept = 0;
-  virtual int bus_error() const noexcept = 0;
   virtual const char* bus_name() const noexcept = 0;
+
+ protected:
+  ChipFacts facts_;
+  SpiTrouble unfit_;
+  int bus_error_ = 0;
 };
 
 struct SpiImuCounts {
