@@ -60,6 +60,7 @@ class V4l2Camera final : public CameraSource {
   CameraCounts counts() const noexcept;
   /// Of the stamp line, if there is one.
   EdgeCounts edge_counts() const noexcept { return stamp_line_.counts(); }
+  GpioCounts line_counts() const noexcept { return stamp_line_.line_counts(); }
   bool is_streaming() const noexcept { return streaming_.load(std::memory_order_relaxed); }
 
   // While it streams; any one thread.

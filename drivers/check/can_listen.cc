@@ -1,61 +1,40 @@
 #include "drivers/check/can_listen.h"
 
 #include <linux/can.h>
-#include <linux/can/raw.h>
-#include <net/if.h>
-#include <sys/ioctl.h>
+#include <poll.h>
 #include <sys/socket.h>
-#include <unistd.h>
-
-#include <algorithm>
-#include <cerrno>
-#include <cstring>
 
 namespace epiline {
 
 namespace {
 
-constexpr int kBuffer = 4 << 20;      // bytes of received frames to keep
-constexpr int kMostFrames = 1 << 20;  // taken by one call: a full bus must not hold it
+constexpr int kWait_ms = 100;
+constexpr int kFramesAtOnce = 256;  // then it looks whether it is to stop: a full bus must not hold it
 
 }  // namespace
 
-CanListener::~CanListener() {
-  if (fd_ >= 0) ::close(fd_);
-}
-
 Status CanListener::open(const std::string& interface) {
-  const auto fail = [&](std::string found, std::string expected) {
-    return Error{ErrorKind::kRun, interface, 0, std::move(found), std::move(expected)};
-  };
-  fd_ = ::socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
-  if (fd_ < 0)
-    return fail(std::string("no CAN socket: ") + std::strerror(errno), "a kernel with can-raw (sudo modprobe can-raw)");
-  ifreq request{};
-  interface.copy(request.ifr_name, sizeof(request.ifr_name) - 1);
-  if (::ioctl(fd_, SIOCGIFINDEX, &request) != 0) return fail("no such network interface", "one that ip link shows");
-  sockaddr_can address{};
-  address.can_family = AF_CAN;
-  address.can_ifindex = request.ifr_ifindex;
-  if (::ioctl(fd_, SIOCGIFFLAGS, &request) == 0 && (request.ifr_flags & IFF_UP) == 0)
-    return fail("it is down", "sudo ip link set " + interface + " up type can bitrate 500000 (of your bus)");
-  const int on = 1;
-  ::setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof(on));
-  ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &kBuffer, sizeof(kBuffer));
-  if (::bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0)
-    return fail(std::string("bind: ") + std::strerror(errno), "a CAN interface");
+  if (const can::OpenFault fault = socket_.open_to_listen(interface.c_str())) return can::error_of(fault, interface);
+  thread_.emplace([this] { return listen(); });
   return Done{};
 }
 
-std::map<std::uint32_t, std::uint64_t> CanListener::heard() {
-  std::map<std::uint32_t, std::uint64_t> counts;
+bool CanListener::listen() {
+  pollfd ready{socket_.fd(), POLLIN, 0};
+  if (::poll(&ready, 1, kWait_ms) <= 0) return true;
   canfd_frame frame{};
-  for (int i = 0; i < kMostFrames; ++i) {
-    const ssize_t size = ::read(fd_, &frame, sizeof(frame));
-    if (size < static_cast<ssize_t>(sizeof(can_frame))) break;
-    ++counts[frame.can_id & CAN_EFF_MASK];
+  for (int i = 0; i < kFramesAtOnce; ++i) {
+    // an interface that goes down is told once as an error; what comes after it is up again is heard
+    const ssize_t size = ::recv(socket_.fd(), &frame, sizeof(frame), MSG_DONTWAIT);
+    if (size < static_cast<ssize_t>(CAN_MTU)) return true;
+    ++counts_[frame.can_id & (CAN_EFF_FLAG | CAN_EFF_MASK)];
   }
-  return counts;
+  return true;
+}
+
+const CanListener::Counts& CanListener::heard() {
+  thread_.reset();
+  return counts_;
 }
 
 }  // namespace epiline

@@ -2,27 +2,30 @@
 // Who else talks on a CAN bus.
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 
-#include "platform/error/result.h"
+#include "drivers/check/watcher.h"
+#include "drivers/output/can/can_socket.h"
 
 namespace epiline {
 
-/// Listens from open() on; sends nothing.
+/// Listens from open() on, in a thread of its own: the kernel keeps only some hundred frames. Sends nothing.
 class CanListener {
  public:
-  CanListener() = default;
-  ~CanListener();
-  CanListener(const CanListener&) = delete;
-  CanListener& operator=(const CanListener&) = delete;
+  using Counts = std::map<std::uint32_t, std::uint64_t>;
 
   /// Says whether the interface is missing, down, or not for this user.
   Status open(const std::string& interface);
-  /// Identifiers heard so far and how often, as far as the kernel kept them; without flags. Few milliseconds.
-  std::map<std::uint32_t, std::uint64_t> heard();
+  /// Ends it. Identifiers heard and how often; those of 29 bits with CAN_EFF_FLAG.
+  const Counts& heard();
 
  private:
-  int fd_ = -1;
+  bool listen();
+
+  can::CanSocket socket_;
+  Counts counts_;
+  std::optional<Watcher> thread_;  // last: it uses the others
 };
 
 }  // namespace epiline

@@ -1,12 +1,13 @@
 #include "drivers/check/check.h"
 
 #include <fmt/format.h>
+#include <linux/can.h>
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <chrono>
 #include <memory>
+#include <optional>
 #include <thread>
 
 #include "drivers/camera/v4l2_camera.h"
@@ -14,13 +15,17 @@
 #include "drivers/check/hand_wave.h"
 #include "drivers/check/image_check.h"
 #include "drivers/check/imu_check.h"
+#include "drivers/check/line_check.h"
+#include "drivers/check/watcher.h"
+#include "drivers/check/wheel_check.h"
+#include "drivers/live/devices.h"
+#include "drivers/output/can/messages.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline {
 
 namespace {
 
-constexpr std::size_t kMostForTheWave = 200'000;  // readings; later ones are not compared with the camera
 constexpr Span kWait = Span::from_milliseconds(100);
 
 Finding found(Grade grade, std::string device, std::string text, std::string remedy = {}) {
@@ -83,7 +88,9 @@ bool has_error(const Findings& findings, const std::string& device) {
                      [&](const Finding& f) { return f.grade == Grade::kError && f.device == device; });
 }
 
-Finding of_error(const char* device, const Error& error) {
+void add_all(Findings& out, const Findings& more) { out.insert(out.end(), more.begin(), more.end()); }
+
+Finding of_error(const std::string& device, const Error& error) {
   const Error plain{error.kind, error.file, error.line, error.found, ""};
   return found(Grade::kError, device, plain.text(), error.expected.empty() ? "" : "expected " + error.expected);
 }
@@ -112,15 +119,21 @@ class Buses {
   }
   void tell(Findings& out) {
     for (auto& [device, interface, listener] : listeners_) {
-      const auto ids = listener->heard();
-      std::uint64_t frames = 0;
-      for (const auto& [id, count] : ids) frames += count;
-      const std::string text = fmt::format("{} frames of {} identifiers heard on {}", frames, ids.size(), interface);
+      const std::uint32_t wheel_id =
+          static_cast<std::uint32_t>(config_.wheel.id) | (config_.wheel.extended ? CAN_EFF_FLAG : 0);
+      std::uint64_t frames = 0, ids = 0;
+      bool has_wheel = false;
+      for (const auto& [id, count] : listener->heard()) {
+        has_wheel = has_wheel || id == wheel_id;
+        if (is_ours(interface, id)) continue;
+        frames += count;
+        ++ids;
+      }
+      const std::string text = fmt::format("{} frames of {} identifiers heard on {}", frames, ids, interface);
       const bool is_wheel = std::string_view(device) == "wheel";
-      const auto wheel_id = static_cast<std::uint32_t>(config_.wheel.id);
-      if (is_wheel && ids.count(wheel_id) == 0)
-        out.push_back(found(Grade::kError, device, fmt::format("{}, none with 0x{:x}", text, wheel_id),
-                            "is the sender on? same bit rate? wheel.id as candump shows it?"));
+      if (is_wheel && !has_wheel)
+        out.push_back(found(Grade::kError, device, fmt::format("{}, none with 0x{:x}", text, config_.wheel.id),
+                            "is the sender on? same bit rate? wheel.id, extended as candump shows it?"));
       else if (frames == 0)
         out.push_back(found(Grade::kWarning, device, text,
                             "nobody else talks: if somebody should, look at bit rate, termination (120 Ohm at both "
@@ -144,8 +157,47 @@ class Buses {
     else
       listeners_.push_back({device, interface, std::move(listener)});
   }
+  /// What this very check sends: the kernel lets all sockets of this computer hear it.
+  bool is_ours(const std::string& interface, std::uint32_t id) const {
+    const CanConfig& can = config_.can;
+    const auto first = static_cast<std::uint32_t>(can.base_id);
+    return interface == can.interface &&
+           ((id >= first && id < first + can::kMessages.size()) ||
+            (can.isotp_send_id != 0 && id == static_cast<std::uint32_t>(can.isotp_send_id)));
+  }
+
   const DevicesConfig& config_;
   std::vector<Listener> listeners_;
+};
+
+/// Lines that stamp for a device which does not run: do edges come all the same?
+class IdleLines {
+ public:
+  void add(const char* device, const std::string& line, int edge, Findings& out) {
+    if (line.empty()) return;
+    auto opened = std::make_unique<GpioLine>(line, static_cast<Edge>(edge));
+    if (const Status status = opened->open(); !status) {
+      const Finding error = of_error(device, status.error());
+      const auto is_same = [&](const Finding& f) { return f.text == error.text; };
+      if (std::none_of(out.begin(), out.end(), is_same)) out.push_back(error);
+      return;
+    }
+    auto check = std::make_unique<LineCheck>(*opened);
+    lines_.push_back({device, line, std::move(opened), std::move(check)});
+  }
+  bool empty() const { return lines_.empty(); }
+  void tell(Findings& out) {
+    for (const Line& line : lines_) add_all(out, findings_of(line.check->result(), line.device, line.name));
+  }
+
+ private:
+  struct Line {
+    const char* device;
+    std::string name;
+    std::unique_ptr<GpioLine> line;
+    std::unique_ptr<LineCheck> check;  // after the line: it ends first
+  };
+  std::vector<Line> lines_;
 };
 
 void say_exposure(const ExposureReport& e, const CameraConfig& config, Findings& out) {
@@ -195,7 +247,7 @@ Findings findings_of(const DeviceRecord& record) {
                                "disconnected",  "gaps",          "lost",       "disordered",        "overflows",
                                "resets",        "not_rising",    "duplicates", "overrun",           "refused_values",
                                "refused_times", "bad_checksums", "strangers",  "refused_questions", "refused_answers",
-                               "write_errors"};
+                               "write_errors",  "too_short",     "not_finite", "overruns"};
   std::string text;
   for (const auto& [name, count] : record.counts)
     if (count > 0 && std::find(kBad.begin(), kBad.end(), name) != kBad.end())
@@ -235,122 +287,195 @@ Findings findings_of(const DeviceRecord& record) {
   return out;
 }
 
-Findings check_samples(CameraSource* camera, ImuSource* imu, const LiveSettings& settings,
-                       const CheckOptions& options) {
-  ImageCheck images(Camera(settings.camera), settings.config.tracker);
-  ImuCheck readings;
-  HandWave wave;
-  std::atomic<bool> stop{false}, camera_ended{camera == nullptr}, imu_ended{imu == nullptr};
-  const auto pause = [] { std::this_thread::sleep_for(std::chrono::milliseconds(10)); };
-  std::thread of_camera([&] {
-    Frame frame, last;
-    while (camera != nullptr && !stop) {
-      const ReadOutcome outcome = camera->read(frame, kWait);
-      if (outcome == ReadOutcome::kEnd) break;
-      if (outcome == ReadOutcome::kFailed) pause();
-      if (outcome != ReadOutcome::kSample) continue;
-      if (frame.arrival.ns == 0) frame.arrival = {monotonic_ns()};
-      wave.add_images(images.step(frame));
-      if (last.data != nullptr) camera->give_back(last);
-      last = frame;
-    }
-    if (last.data != nullptr) camera->give_back(last);
-    camera_ended = true;
-  });
-  std::thread of_imu([&] {
+namespace {
+
+/// What is open; null: is not, or is not configured.
+struct Opened {
+  CameraSource* camera = nullptr;
+  ImuSource* imu = nullptr;
+  WheelSource* wheel = nullptr;
+};
+
+/// Images and readings, and whether they agree.
+class Samples {
+ public:
+  Samples(const Opened& opened, const LiveSettings& settings)
+      : opened_(opened), config_(settings.config), images_(Camera(settings.camera), settings.config.tracker) {
+    if (opened.camera != nullptr) camera_thread_.emplace([this] { return look_at_camera(); });
+    if (opened.imu != nullptr) imu_thread_.emplace([this] { return look_at_imu(); });
+  }
+  bool have_ended() const {
+    return (camera_thread_ || imu_thread_) && (!camera_thread_ || camera_thread_->has_ended()) &&
+           (!imu_thread_ || imu_thread_->has_ended());
+  }
+  /// Ends it.
+  void tell(Findings& out) {
+    camera_thread_.reset();
+    imu_thread_.reset();
+    if (newest_.data != nullptr) opened_.camera->give_back(newest_);
+    if (opened_.camera != nullptr)
+      add_all(out, findings_of(images_.result(), config_.devices.camera.rate_hz, config_.tracker.max_features));
+    if (opened_.imu != nullptr)
+      add_all(out,
+              findings_of(readings_.result(), {config_.devices.imu.rate_hz, config_.estimator.imu.gyroscope_density,
+                                               config_.estimator.imu.accelerometer_density}));
+    if (opened_.camera != nullptr && opened_.imu != nullptr)
+      add_all(out, findings_of(wave_.result(), config_.estimator.extrinsics.R_BC,
+                               config_.estimator.extrinsics.time_offset_s));
+  }
+
+ private:
+  static bool goes_on(ReadOutcome outcome) {
+    if (outcome == ReadOutcome::kFailed) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    return outcome != ReadOutcome::kEnd;
+  }
+  bool look_at_camera() {
+    Frame frame;
+    const ReadOutcome outcome = opened_.camera->read(frame, kWait);
+    if (outcome != ReadOutcome::kSample) return goes_on(outcome);
+    if (frame.arrival.ns == 0) frame.arrival = {monotonic_ns()};
+    wave_.add_images(images_.step(frame));
+    if (newest_.data != nullptr) opened_.camera->give_back(newest_);  // the tracker compares two
+    newest_ = frame;
+    return true;
+  }
+  bool look_at_imu() {
     std::array<ImuSample, 64> samples;
-    std::size_t taken = 0;
-    while (imu != nullptr && !stop) {
-      std::size_t count = 0;
-      const ReadOutcome outcome = imu->read(samples, count, kWait);
-      if (outcome == ReadOutcome::kEnd) break;
-      if (outcome == ReadOutcome::kFailed) pause();
-      if (outcome != ReadOutcome::kSample) continue;
-      for (std::size_t i = 0; i < count; ++i) {
-        readings.step(samples[i]);
-        if (taken++ < kMostForTheWave) wave.add_reading(samples[i]);
-      }
+    std::size_t count = 0;
+    const ReadOutcome outcome = opened_.imu->read(samples, count, kWait);
+    if (outcome != ReadOutcome::kSample) return goes_on(outcome);
+    for (std::size_t i = 0; i < count; ++i) {
+      readings_.step(samples[i]);
+      wave_.add_reading(samples[i]);
     }
-    imu_ended = true;
-  });
+    return true;
+  }
+
+  const Opened opened_;
+  const Config& config_;
+  ImageCheck images_;
+  ImuCheck readings_;
+  HandWave wave_;  // images by one thread, readings by the other
+  Frame newest_;
+  std::optional<Watcher> camera_thread_, imu_thread_;  // last: they use the others
+};
+
+/// As long as `options` say, or until `is_over`.
+void wait(const CheckOptions& options, const std::function<bool()>& is_over) {
   const std::int64_t begin_ns = monotonic_ns();
   for (;;) {
     const double passed = 1e-9 * static_cast<double>(monotonic_ns() - begin_ns);
-    const bool is_over = (camera != nullptr || imu != nullptr) && camera_ended && imu_ended;
-    if (passed >= options.seconds || is_over || (options.watch && !options.watch(passed))) break;
-    std::this_thread::sleep_for(std::chrono::milliseconds(is_over ? 1 : 250));
+    if (passed >= options.seconds || is_over() || (options.watch && !options.watch(passed))) return;
+    std::this_thread::sleep_for(std::chrono::milliseconds(250));
   }
-  stop = true;
-  of_camera.join();
-  of_imu.join();
-
-  Findings out;
-  const auto add = [&out](const Findings& more) { out.insert(out.end(), more.begin(), more.end()); };
-  const Config& config = settings.config;
-  if (camera != nullptr) add(findings_of(images.result(), config.devices.camera.rate_hz, config.tracker.max_features));
-  if (imu != nullptr)
-    add(findings_of(readings.result(), {config.devices.imu.rate_hz, config.estimator.imu.gyroscope_density,
-                                        config.estimator.imu.accelerometer_density}));
-  if (camera != nullptr && imu != nullptr)
-    add(findings_of(wave.result(), config.estimator.extrinsics.R_BC, config.estimator.extrinsics.time_offset_s));
-  return out;
 }
+
+/// Camera and the rest apart, so that what one lacks does not keep the other from being looked at.
+class Devices {
+ public:
+  Devices(const LiveSettings& settings, Findings& out) {
+    LiveDevices others;
+    others.imu = std::make_unique<NoImu>();
+    if (!has_error(out, "camera")) camera_ = made(settings, std::move(others), "camera", out);
+    others = {};
+    others.camera = std::make_unique<NoCamera>();
+    const bool wants_imu = !has_error(out, "imu");
+    if (!wants_imu) others.imu = std::make_unique<NoImu>();
+    rest_ = made(settings, std::move(others), "imu", out);
+    open_outputs(out);
+    opened_.camera = opened(camera_.camera.get(), "camera", out);
+    if (wants_imu) opened_.imu = opened(rest_.imu.get(), "imu", out);
+    opened_.wheel = opened(rest_.wheel.get(), "wheel", out);
+    for (const Finding& f : out)
+      if (f.grade == Grade::kError) not_open_.push_back(f.device);
+  }
+  ~Devices() {
+    if (opened_.camera != nullptr) opened_.camera->close();
+    if (opened_.imu != nullptr) opened_.imu->close();
+    if (opened_.wheel != nullptr) opened_.wheel->close();
+    for (LiveOutput& output : rest_.outputs) output.sink->close();
+  }
+  Devices(const Devices&) = delete;
+  Devices& operator=(const Devices&) = delete;
+
+  const Opened& are_open() const { return opened_; }
+  bool has_outputs() const { return !rest_.outputs.empty(); }
+  /// What drivers counted; nothing of a device that could not be opened.
+  void tell(const CameraConfig& config, Findings& out) const {
+    if (opened_.camera != nullptr) tell_records(camera_, "camera", out);
+    if (const auto* v4l2 = dynamic_cast<const V4l2Camera*>(opened_.camera)) {
+      say_exposure(v4l2->exposure_report(), config, out);
+      if (!config.stamp_line.empty())
+        add_all(out, findings_of(v4l2->edge_counts(), v4l2->line_counts(), config.stamp_line));
+    }
+    tell_records(rest_, "", out);
+  }
+
+ private:
+  static LiveDevices made(const LiveSettings& settings, LiveDevices others, const char* device, Findings& out) {
+    auto devices = make_devices(settings, std::move(others));
+    if (devices) return std::move(*devices);
+    out.push_back(of_error(device, devices.error()));
+    return {};
+  }
+  template <class Source>
+  static Source* opened(Source* source, const char* device, Findings& out) {
+    if (source == nullptr || has_error(out, device)) return nullptr;
+    const Status status = source->open();
+    if (!status) out.push_back(of_error(device, status.error()));
+    return status ? source : nullptr;
+  }
+  void open_outputs(Findings& out) {
+    for (LiveOutput& output : rest_.outputs) {
+      const std::string name = output.record().name, device = name.substr(0, name.find(' '));
+      if (has_error(out, device)) continue;
+      if (const Status status = output.sink->open(); !status) out.push_back(of_error(device, status.error()));
+    }
+  }
+  void tell_records(const LiveDevices& devices, const std::string& only, Findings& out) const {
+    for (const auto& record : devices.records) {
+      const DeviceRecord r = record();
+      const bool is_open = std::find(not_open_.begin(), not_open_.end(), r.name) == not_open_.end();
+      if ((only.empty() || r.name == only) && is_open) add_all(out, findings_of(r));
+    }
+  }
+
+  LiveDevices camera_, rest_;
+  Opened opened_;
+  std::vector<std::string> not_open_;
+};
+
+}  // namespace
 
 Findings check_devices(const std::filesystem::path& config_file, const CheckOptions& options) {
   const auto file = ConfigFile::read(config_file);
   if (!file) return {of_error("configuration", file.error())};
   Config config;
   file->apply(config);
-  Findings out = check_presence(config.devices, list_devices());
-  Buses buses(config.devices, out);
+  const DevicesConfig& d = config.devices;
+  Findings out = check_presence(d, list_devices());
+  Buses buses(d, out);
   const auto settings = read_live_settings(config_file);
   if (!settings) {
     out.push_back(of_error("configuration", settings.error()));
     return out;
   }
-  const auto add = [&out](const Findings& more) { out.insert(out.end(), more.begin(), more.end()); };
+  Devices devices(*settings, out);
+  const Opened& open = devices.are_open();
+  IdleLines lines;
+  if (open.camera == nullptr) lines.add("camera", d.camera.stamp_line, d.camera.stamp_edge, out);
+  if (open.imu == nullptr) lines.add("imu", d.imu.ready_line, d.imu.ready_edge, out);
 
-  LiveDevices camera_only, rest;
-  if (!has_error(out, "camera")) {
-    LiveDevices others;
-    others.imu = std::make_unique<NoImu>();
-    if (auto made = make_devices(*settings, std::move(others)))
-      camera_only = std::move(*made);
-    else
-      out.push_back(of_error("camera", made.error()));
-  }
-  LiveDevices others;
-  others.camera = std::make_unique<NoCamera>();
-  const bool wants_imu = !has_error(out, "imu");
-  if (!wants_imu) others.imu = std::make_unique<NoImu>();
-  if (auto made = make_devices(*settings, std::move(others)))
-    rest = std::move(*made);
-  else
-    out.push_back(of_error("imu", made.error()));
-
-  for (LiveOutput& output : rest.outputs)
-    if (const Status opened = output.sink->open(); !opened) out.push_back(of_error("output", opened.error()));
-  const auto open = [&out](auto& source, const char* device) {
-    if (!source || has_error(out, device)) return false;
-    const Status opened = source->open();
-    if (!opened) out.push_back(of_error(device, opened.error()));
-    return static_cast<bool>(opened);
-  };
-  const bool has_camera = open(camera_only.camera, "camera"), has_imu = wants_imu && open(rest.imu, "imu");
-  if (has_camera || has_imu || !rest.outputs.empty())
-    add(check_samples(has_camera ? camera_only.camera.get() : nullptr, has_imu ? rest.imu.get() : nullptr, *settings,
-                      options));
-  if (has_camera) {
-    for (const auto& record : camera_only.records)
-      if (const DeviceRecord r = record(); r.name == "camera") add(findings_of(r));
-    if (const auto* v4l2 = dynamic_cast<const V4l2Camera*>(camera_only.camera.get()))
-      say_exposure(v4l2->exposure_report(), config.devices.camera, out);
-  }
-  for (const auto& record : rest.records) add(findings_of(record()));
+  Samples samples(open, *settings);
+  std::optional<WheelCheck> wheel;
+  if (open.wheel != nullptr) wheel.emplace(*open.wheel);
+  if (open.camera != nullptr || open.imu != nullptr || wheel || !lines.empty() || devices.has_outputs())
+    wait(options, [&] { return samples.have_ended() && !wheel && lines.empty(); });
+  samples.tell(out);
+  lines.tell(out);
+  if (wheel) add_all(out, findings_of(wheel->result()));
+  devices.tell(d.camera, out);
   buses.tell(out);
-  if (has_camera) camera_only.camera->close();
-  if (has_imu) rest.imu->close();
-  for (LiveOutput& output : rest.outputs) output.sink->close();
   return out;
 }
 

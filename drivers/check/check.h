@@ -5,7 +5,8 @@
 
 #include "drivers/check/finding.h"
 #include "drivers/check/inventory.h"
-#include "drivers/live/devices.h"
+#include "pipeline/config/devices.h"
+#include "pipeline/report/flight_record.h"
 
 namespace epiline {
 
@@ -24,8 +25,5 @@ Findings check_devices(const std::filesystem::path& config_file, const CheckOpti
 
 /// What a driver counted and what it says of its clock.
 Findings findings_of(const DeviceRecord& record);
-
-/// Runs whatever is given (null: nothing) through the analysis; both are open.
-Findings check_samples(CameraSource* camera, ImuSource* imu, const LiveSettings& settings, const CheckOptions& options);
 
 }  // namespace epiline

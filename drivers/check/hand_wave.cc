@@ -188,6 +188,11 @@ void HandWave::add_images(const TrackedFrame& tracked) {
   last_ = tracked;
 }
 
+void HandWave::add_reading(const ImuSample& reading) {
+  if (readings_.size() == 2 * kReadings) readings_.erase(readings_.begin(), readings_.begin() + kReadings);
+  readings_.push_back(reading);
+}
+
 HandWaveResult HandWave::result() const {
   HandWaveResult result;
   const Integral integral(readings_);
@@ -218,12 +223,15 @@ HandWaveResult HandWave::result() const {
     fit.agreement = (fit.R_BC.transpose() * sum).trace() / std::sqrt(std::max(squares_B * squares_C, 1e-30));
     return fit;
   };
+  std::size_t compared = 0;
   for (const Turn& t : turns_) {
+    if (!integral.covers(t.from, t.to)) continue;  // nothing to compare with: no reading, or too many
     result.turned_s += (t.to - t.from).seconds();
     result.rate_rad_s += t.rate_C.squaredNorm();
+    ++compared;
   }
-  if (turns_.empty()) return result;
-  result.rate_rad_s = std::sqrt(result.rate_rad_s / static_cast<double>(turns_.size()));
+  if (compared == 0) return result;
+  result.rate_rad_s = std::sqrt(result.rate_rad_s / static_cast<double>(compared));
   Fit best;
   for (double offset = -kReach_s; offset <= kReach_s; offset += kStep_s) {
     const Fit fit = fit_at(offset);

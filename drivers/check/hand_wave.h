@@ -1,6 +1,7 @@
 #pragma once
 // Do camera and gyroscope agree? From the turns both saw: time offset, rotation, and whether the axes are as
 // configured.
+#include <cstddef>
 #include <vector>
 
 #include "drivers/check/finding.h"
@@ -25,8 +26,11 @@ struct HandWaveResult {
 
 class HandWave {
  public:
+  static constexpr std::size_t kReadings = 200'000;
+
   void add_images(const TrackedFrame& tracked);
-  void add_reading(const ImuSample& reading) { readings_.push_back(reading); }
+  /// The newest kReadings at least are kept: a wave comes at the end.
+  void add_reading(const ImuSample& reading);
   /// All at the end; readings and images in time order. Seconds of work for minutes of data.
   HandWaveResult result() const;
 

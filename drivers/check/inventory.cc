@@ -1,13 +1,17 @@
 #include "drivers/check/inventory.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <grp.h>
+#include <linux/gpio.h>
+#include <sys/ioctl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstring>
 #include <fstream>
 
 namespace epiline {
@@ -41,6 +45,16 @@ std::vector<ListedDevice> of_class(const fs::path& folder, const char* prefix, c
   return devices;
 }
 
+/// What its driver calls a chip; the kernel has that in no file. Empty: it may not be opened.
+std::string label_of(const fs::path& chip) {
+  gpiochip_info info{};
+  const int fd = ::open(chip.c_str(), O_RDWR | O_CLOEXEC);
+  if (fd < 0) return {};
+  const bool is_told = ::ioctl(fd, GPIO_GET_CHIPINFO_IOCTL, &info) == 0;
+  ::close(fd);
+  return is_told ? std::string(info.label, ::strnlen(info.label, sizeof(info.label))) : std::string();
+}
+
 }  // namespace
 
 Inventory list_devices(const fs::path& root) {
@@ -48,7 +62,8 @@ Inventory list_devices(const fs::path& root) {
   const fs::path sys = root / "sys";
   all.cameras = of_class(sys / "class/video4linux", "video", "name");
   all.iio = of_class(sys / "bus/iio/devices", "iio:device", "name");
-  all.gpio = of_class(sys / "bus/gpio/devices", "gpiochip", "label");
+  for (const fs::path& file : entries(root / "dev", "gpiochip"))
+    all.gpio.push_back({"/dev/" + file.filename().string(), label_of(file)});
   for (const fs::path& file : entries(root / "dev", "spidev"))
     all.spi.push_back({"/dev/" + file.filename().string(), {}});
   for (const char* prefix : {"ttyACM", "ttyUSB", "ttyAMA", "ttyTHS"})

@@ -25,6 +25,7 @@ class Pacing {
   /// Stamp and arrival of a sample; arrival zero: not known.
   void step(HostStamp stamp, HostStamp arrival);
   PacingResult result() const;
+  std::uint64_t samples() const { return samples_; }
 
  private:
   static constexpr std::size_t kMost = 4'000'000;  // an hour at 1 kHz; later ones are only counted

@@ -8,6 +8,7 @@
 
 #include "drivers/check/check.h"
 #include "drivers/cli/commands.h"
+#include "pipeline/config/config.h"
 
 namespace epiline {
 

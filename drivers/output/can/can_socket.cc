@@ -123,6 +123,13 @@ OpenFault CanSocket::open_to_receive(const char* interface, std::uint32_t id, bo
   return bind(index, 0, 0);
 }
 
+OpenFault CanSocket::open_to_listen(const char* interface) noexcept {
+  int index = 0;
+  if (const OpenFault fault = open(interface, SOCK_RAW, CAN_RAW, false, index)) return fault;
+  if (!set(fd_, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1)) return fail(Trouble::kRefused, errno);
+  return bind(index, 0, 0);
+}
+
 OpenFault CanSocket::open_isotp(const char* interface, std::uint32_t send_id, std::uint32_t receive_id,
                                 bool fd) noexcept {
   int index = 0;

@@ -49,6 +49,8 @@ class CanSocket {
   OpenFault open_to_send(const char* interface, bool fd) noexcept;
   /// To receive the frames of one identifier, of both kinds, with the times of their arrival.
   OpenFault open_to_receive(const char* interface, std::uint32_t id, bool extended) noexcept;
+  /// To receive all frames of both kinds, those of this computer's other sockets too.
+  OpenFault open_to_listen(const char* interface) noexcept;
   /// To exchange long messages (ISO 15765-2), in frames of CAN FD or classic ones.
   OpenFault open_isotp(const char* interface, std::uint32_t send_id, std::uint32_t receive_id, bool fd) noexcept;
   void close() noexcept;

@@ -4,13 +4,18 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
+#include <cerrno>
 #include <filesystem>
 #include <fstream>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <thread>
 
 #include "drivers/check/image_check.h"
 #include "drivers/check/inventory.h"
+#include "drivers/check/line_check.h"
+#include "drivers/check/wheel_check.h"
 
 namespace epiline {
 namespace {
@@ -99,7 +104,7 @@ class FakeRoot {
   FakeRoot() : root_(fs::temp_directory_path() / ("epiline-check-" + std::to_string(::getpid()))) {
     write("sys/class/video4linux/video0/name", "HD USB Camera: HD USB Camera");
     write("sys/bus/iio/devices/iio:device0/name", "icm42600-gyro");
-    write("sys/bus/gpio/devices/gpiochip0/label", "pinctrl-rp1");
+    write("dev/gpiochip0", "");
     write("sys/class/net/can0/type", "280");
     write("sys/class/net/can0/operstate", "down");
     write("sys/class/net/eth0/type", "1");
@@ -122,7 +127,7 @@ TEST(Inventory, ListsWhatTheKernelLists) {
   const Inventory all = list_devices(root.path());
   EXPECT_EQ(to_text(all.cameras), "/dev/video0 (HD USB Camera: HD USB Camera)");
   EXPECT_EQ(to_text(all.iio), "/dev/iio:device0 (icm42600-gyro)");
-  EXPECT_EQ(to_text(all.gpio), "/dev/gpiochip0 (pinctrl-rp1)");
+  EXPECT_EQ(to_text(all.gpio), "/dev/gpiochip0") << "its label only a real chip tells: tests/hardware";
   EXPECT_EQ(to_text(all.serial), "/dev/ttyACM0");
   EXPECT_EQ(to_text(all.spi), "/dev/spidev0.0");
   EXPECT_EQ(to_text(all.can), "can0 (down)") << "no Ethernet";
@@ -165,6 +170,70 @@ TEST(Check, DeviceRecordsBecomeFindings) {
   EXPECT_TRUE(std::all_of(all.begin(), all.end(), [](const Finding& f) { return f.grade == Grade::kOk; }));
   record.clock->status = ClockStatus::kUnusable;
   EXPECT_EQ(find(findings_of(record), "clock:")->grade, Grade::kError);
+}
+
+// ---- edges, wheels ----
+
+TEST(LineFindings, SayWhetherEdgesAndImagesAgree) {
+  EdgeCounts e;
+  e.edges = 300;
+  e.matched = 280;
+  e.unsure = 20;
+  e.period = Span{33'333'333};
+  e.lag = Span{2'000'000};
+  const auto grade = [&e](const char* part) {
+    const Findings all = findings_of(e, {}, "cam-trigger");
+    const Finding* const f = find(all, part);
+    return f == nullptr ? std::string("nothing") : std::string(kGradeNames[static_cast<std::size_t>(f->grade)]);
+  };
+  EXPECT_EQ(grade("30.00 edges a second on cam-trigger, those of 280 of 300 images"), "ok");
+  EXPECT_EQ(grade("missing"), "nothing");
+  e.lag = Span{-13'000'000};
+  EXPECT_EQ(grade("30.00 edges"), "warning") << "an image may take its neighbour's edge";
+  e.missing = 7;
+  EXPECT_EQ(grade("7 edges missing on cam-trigger, 0 too soon"), "warning");
+  e.matched = 3;
+  e.mismatched = 100;
+  EXPECT_EQ(grade("30.00 edges"), "error");
+  e = {};
+  e.edges = 300;
+  e.unsure = 300;
+  EXPECT_EQ(grade("0.00 edges"), "error") << "never sure which is whose";
+  e = {};
+  EXPECT_EQ(grade("no edges on cam-trigger"), "error");
+  EXPECT_EQ(findings_of(e, GpioCounts{10, 0, ENODEV}, "cam-trigger")[0].text, "the chip of cam-trigger went away");
+}
+
+/// Speeds as they are given, then the end.
+class ListedSpeeds final : public WheelSource {
+ public:
+  explicit ListedSpeeds(std::vector<double> speeds) : speeds_(std::move(speeds)) {}
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
+  ReadOutcome read(WheelSample& sample, Span /*timeout*/) noexcept override {
+    if (next_ == speeds_.size()) return ended_ = true, ReadOutcome::kEnd;
+    sample.stamp = {static_cast<std::int64_t>(next_) * 20'000'000};
+    sample.forward_speed_m_s = speeds_[next_++];
+    return ReadOutcome::kSample;
+  }
+  Findings findings() {
+    WheelCheck check(*this);
+    while (!ended_) std::this_thread::yield();
+    return findings_of(check.result());
+  }
+
+ private:
+  std::vector<double> speeds_;
+  std::size_t next_ = 0;
+  std::atomic<bool> ended_{false};
+};
+
+TEST(WheelCheck, SaysRateAndRange) {
+  const auto first = [](std::vector<double> speeds) { return ListedSpeeds(std::move(speeds)).findings().at(0); };
+  EXPECT_EQ(first({0.5, -0.25, 1}).text, "50.0 speeds a second, jitter 0.0 ms, from -0.25 to 1.00 m/s");
+  EXPECT_EQ(first({0.5, 1}).grade, Grade::kOk);
+  EXPECT_EQ(first({0, 0, 655.35}).grade, Grade::kWarning) << "an unsigned reading of a small step back";
+  EXPECT_EQ(first({}).grade, Grade::kError);
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ struct MadeUpWave {
   Mat3 R_BC = so3_exp(Vec3(0.3, -1.2, 1.9));
   Vec3 bias{0.02, -0.05, 0.03};
   double size = 1, parallax = 0;  ///< rad/s; rad between two images, of points at random depths
-  bool one_axis = false;
+  bool one_axis = false, has_readings = true;
 
   static Vec3 rate_at(double t, bool one_axis) {
     Vec3 w(1.2 * std::sin(3.1 * t), 0.9 * std::sin(4.3 * t + 1), 1.1 * std::sin(2.3 * t + 2));
@@ -31,10 +31,9 @@ struct MadeUpWave {
     return w;
   }
 
-  HandWave wave() const {
+  HandWave wave(HandWave wave = {}) const {
     std::mt19937 random(5);
     std::normal_distribution<double> normal;
-    HandWave wave;
     std::vector<Vec3> points(80);
     for (Vec3& p : points) p = Vec3(normal(random), normal(random), 2).normalized();
     // attitude of the body by fine steps
@@ -44,7 +43,7 @@ struct MadeUpWave {
     for (int i = 0; i < 10'000; ++i) {
       const double t = i * kStep;
       const Vec3 w = size * rate_at(t, one_axis);
-      if (i % 5 == 0) {
+      if (has_readings && i % 5 == 0) {
         ImuSample s;
         s.stamp = {1'000'000'000 + static_cast<std::int64_t>(t * 1e9)};
         Vec3::Map(s.angular_velocity_rad_s.data()) =
@@ -112,6 +111,23 @@ TEST(HandWave, SaysWhenItCannotKnow) {
   chance.parallax = 0.5;
   EXPECT_NE(findings_of(chance.wave().result(), chance.R_BC, chance.offset_s)[0].grade, Grade::kOk);
   EXPECT_EQ(findings_of(HandWave().result(), Mat3::Identity(), 0)[0].grade, Grade::kWarning) << "nothing at all";
+}
+
+TEST(HandWave, AnHourAtRestBeforeItDoesNotHideIt) {
+  const MadeUpWave made;
+  HandWave rest;
+  ImuSample reading;
+  for (std::size_t i = 0; i < 4 * HandWave::kReadings; ++i) {
+    reading.stamp = {1'000 * static_cast<std::int64_t>(i)};
+    rest.add_reading(reading);
+  }
+  EXPECT_NEAR(made.wave(std::move(rest)).result().time_offset_s, made.offset_s, 0.0015);
+}
+
+TEST(HandWave, WithoutReadingsNothingIsJudged) {
+  MadeUpWave made;
+  made.has_readings = false;
+  EXPECT_EQ(first_text(findings_of(made.wave().result(), made.R_BC, 0)).find("warning: not turned"), 0u);
 }
 
 // A real flight, whose camera and IMU are synchronised in hardware and calibrated.

@@ -1,0 +1,36 @@
+#pragma once
+// A thread that looks at a device while others are looked at, too.
+#include <atomic>
+#include <thread>
+#include <utility>
+
+namespace epiline {
+
+/// Calls `look` again and again, until it returns false or stop() is called. What `look` gathers may be read after
+/// stop().
+class Watcher {
+ public:
+  template <class Look>
+  explicit Watcher(Look look)
+      : thread_([this, look = std::move(look)]() mutable {
+          while (!stop_ && look()) {
+          }
+          ended_ = true;
+        }) {}
+  ~Watcher() { stop(); }
+  Watcher(const Watcher&) = delete;
+  Watcher& operator=(const Watcher&) = delete;
+
+  void stop() {
+    stop_ = true;
+    if (thread_.joinable()) thread_.join();
+  }
+  /// There is nothing more to see.
+  bool has_ended() const { return ended_; }
+
+ private:
+  std::atomic<bool> stop_{false}, ended_{false};
+  std::thread thread_;  // last: it uses the others
+};
+
+}  // namespace epiline

@@ -1,0 +1,127 @@
+// `check` on kernel drivers: a bus on which somebody talks, or only we; lines with edges; a camera.
+#include "drivers/check/check.h"
+
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include "tests/hardware/camera_support.h"
+#include "tests/hardware/can_support.h"
+#include "tests/hardware/gpio_support.h"
+
+namespace epiline {
+namespace {
+
+class CheckOfTheKernel : public CanBus {
+ protected:
+  void SetUp() override {
+    CanBus::SetUp();
+    std::filesystem::create_directories(folder_);
+    std::ofstream(folder_ / "camera.yaml")
+        << "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [320, 180]\n"
+           "camera_model: pinhole\nintrinsics: [250, 250, 160, 90]\ndistortion_model: none\n"
+           "distortion_coefficients: []\n";
+  }
+  void TearDown() override {
+    std::filesystem::remove_all(folder_);
+    CanBus::TearDown();
+  }
+  /// `camera`: further entries of [camera]; `rest`: further sections.
+  Findings check(const std::string& camera, const std::string& rest, double seconds) {
+    std::ofstream(folder_ / "check.toml")
+        << "[camera]\ncalibration = \"" << (folder_ / "camera.yaml").string() << "\"\n"
+        << camera << "[imu]\ndevice = \"no-such-imu\"\n"
+        << rest;
+    const Findings findings = check_devices(folder_ / "check.toml", {seconds, {}});
+    for (const Finding& f : findings)
+      std::printf("%-8s %s: %s\n", kGradeNames[static_cast<std::size_t>(f.grade)], f.device.c_str(), f.text.c_str());
+    return findings;
+  }
+  static std::string grade(const Findings& findings, const std::string& device, const std::string& part) {
+    for (const Finding& f : findings)
+      if (f.device == device && f.text.find(part) != std::string::npos)
+        return kGradeNames[static_cast<std::size_t>(f.grade)];
+    return "nothing";
+  }
+
+  const std::filesystem::path folder_ = std::filesystem::temp_directory_path() / "epiline_check";
+};
+
+constexpr const char* kNoCamera = "device = \"/dev/no-such-camera\"\n";
+
+TEST_F(CheckOfTheKernel, WhatItSendsItselfIsNobodyElseTalking) {
+  const Findings alone = check(kNoCamera, "[can]\ninterface = \"vcan7\"\n", 3);
+  EXPECT_EQ(grade(alone, "can", "0 frames of 0 identifiers heard on vcan7"), "warning");
+  Peer sender(false);
+  std::atomic<bool> ends{false};
+  std::thread hand([&] {
+    for (int i = 0; !ends; ++i) {
+      sender.say(0x123, {1, 2, 3});
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  });
+  const Findings two = check(kNoCamera, "[can]\ninterface = \"vcan7\"\n", 3);
+  ends = true;
+  hand.join();
+  EXPECT_EQ(grade(two, "can", "frames of 1 identifiers heard on vcan7"), "ok");
+}
+
+// More frames than the kernel keeps come before the wheel's first one.
+TEST_F(CheckOfTheKernel, WheelsAreHeardOnABusyBus) {
+  const char* const kWheel = "[wheel]\ninterface = \"vcan7\"\nid = 0x123\nlength = 16\nscale_m_s = 0.01\n";
+  Peer sender(false);
+  std::atomic<bool> ends{false};
+  std::thread hand([&] {
+    for (int i = 0; !ends; ++i) {
+      sender.say(0x200, {1, 2, 3});
+      if (i >= 5'000 && i % 10 == 0) sender.say(0x123, {static_cast<std::uint8_t>(i % 100), 1});
+      if (i >= 5'000) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+  });
+  const Findings heard = check(kNoCamera, kWheel, 10);
+  ends = true;
+  hand.join();
+  EXPECT_EQ(grade(heard, "wheel", "speeds a second"), "ok");
+  EXPECT_EQ(grade(heard, "wheel", "frames of 2 identifiers heard on vcan7"), "ok");
+  const Findings silent = check(kNoCamera, kWheel, 1);
+  EXPECT_EQ(grade(silent, "wheel", "no speed"), "error");
+  EXPECT_EQ(grade(silent, "wheel", "none with 0x123"), "error");
+}
+
+// Lines are looked at though the devices that they belong to are not there.
+TEST_F(CheckOfTheKernel, LinesOfMissingDevicesAreLookedAt) {
+  const SimulatedGpio gpio("check-board", {"strobe", "quiet"});
+  EXPECT_NE(to_text(list_devices().gpio).find("/dev/" + gpio.chip() + " (check-board)"), std::string::npos);
+  std::atomic<bool> ends{false};
+  std::thread hand([&] {
+    for (bool high = true; !ends; high = !high) {
+      gpio.set(0, high);
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  });
+  const std::string imu = "driver = \"icm42688p\"\nready_line = \"";
+  Findings found = check(std::string(kNoCamera) + "stamp_line = \"strobe\"\n", imu + "quiet\"\n", 4);
+  EXPECT_EQ(grade(found, "camera", "edges a second on strobe"), "ok");
+  EXPECT_EQ(grade(found, "imu", "0 edges on quiet"), "warning");
+  found = check(kNoCamera, imu + "flash\"\n", 1);
+  EXPECT_EQ(grade(found, "imu", "GPIO line flash: there is none of this name"), "error");
+  ends = true;
+  hand.join();
+}
+
+// vivid takes no trigger; its images and the edges run apart, or no edges come at all.
+TEST_F(CheckOfTheKernel, ImagesAndTheirStampLineAreJudged) {
+  const SimulatedGpio gpio("check-board", {"strobe"});
+  const Findings found = check(
+      "device = \"/dev/video0\"\nwidth = 320\nheight = 180\nrate_hz = 5\nformat = \"GREY\"\nstamp_line = \"strobe\"\n"
+      "silence_ms = 60000\n",
+      "", 6);
+  EXPECT_EQ(grade(found, "camera", "/dev/video0 is there"), "ok");
+  EXPECT_EQ(grade(found, "camera", "no edges on strobe"), "error");
+  EXPECT_EQ(grade(found, "camera", "0 images"), "error") << "none without an edge";
+}
+
+}  // namespace
+}  // namespace epiline
