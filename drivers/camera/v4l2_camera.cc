@@ -204,8 +204,7 @@ void V4l2Camera::lose(int error) noexcept {
   tear_down();
   bump(disconnected_);
   last_error_.store(error, std::memory_order_relaxed);
-  retry_at_ns_ = monotonic_ns();  // the first attempt at once: a fault of a transfer needs no more than a new start
-  retry_after_ = settings_.retry_first;
+  retry_.begin(monotonic_ns());
 }
 
 bool V4l2Camera::reopen() noexcept {
@@ -215,8 +214,7 @@ bool V4l2Camera::reopen() noexcept {
   tear_down();
   bump(retries_);
   last_error_.store(trouble.error, std::memory_order_relaxed);
-  retry_at_ns_ = monotonic_ns() + retry_after_.ns;
-  retry_after_ = std::min(Span{2 * retry_after_.ns}, settings_.retry_most);
+  retry_.failed(monotonic_ns());
   return false;
 }
 
@@ -241,9 +239,9 @@ ReadOutcome V4l2Camera::read(Frame& frame, Span timeout) noexcept {
   const std::int64_t deadline_ns = monotonic_ns() + timeout.ns;
   if (!is_streaming()) {
     const std::int64_t now_ns = monotonic_ns();
-    if (now_ns < retry_at_ns_) {
-      wait({std::min(retry_at_ns_, deadline_ns) - now_ns});
-      if (monotonic_ns() < retry_at_ns_) return ReadOutcome::kFailed;
+    if (now_ns < retry_.due_ns()) {
+      wait({std::min(retry_.due_ns(), deadline_ns) - now_ns});
+      if (monotonic_ns() < retry_.due_ns()) return ReadOutcome::kFailed;
     }
     if (!reopen()) return ReadOutcome::kFailed;
   }

@@ -13,6 +13,7 @@
 #include "drivers/camera/v4l2_settings.h"
 #include "platform/concurrency/spsc_ring.h"
 #include "platform/ports/ports.h"
+#include "platform/time/backoff.h"
 
 namespace epiline {
 
@@ -141,8 +142,8 @@ class V4l2Camera final : public CameraSource {
   std::vector<std::uint8_t> copies_memory_;
 
   std::atomic<bool> streaming_{false};
-  std::int64_t last_image_ns_ = 0, retry_at_ns_ = 0;
-  Span retry_after_;
+  std::int64_t last_image_ns_ = 0;
+  Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(1'000)};
   HostStamp last_stamp_;
   StampLine stamp_line_;
   std::uint64_t sequence_ = 0;         ///< of the newest image, ours

@@ -44,8 +44,6 @@ struct V4l2Settings {
 
   Span stamp_age_most = Span::from_milliseconds(1'000);  ///< a stamp further from now is not of the monotonic clock
   Span silence_most = Span::from_milliseconds(2'000);    ///< without an image so long, the device is reopened. 0: never
-  Span retry_first = Span::from_milliseconds(50);        ///< between attempts to reopen; doubles ...
-  Span retry_most = Span::from_milliseconds(1'000);      ///< ... up to this
 };
 
 /// Of sections [camera] and [exposure]; says which entry makes no sense.

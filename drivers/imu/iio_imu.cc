@@ -16,7 +16,6 @@ namespace epiline {
 
 namespace {
 
-constexpr Span kRetryFirst = Span::from_milliseconds(50), kRetryMost = Span::from_milliseconds(500);
 constexpr Span kSilence = Span::from_milliseconds(2'000);  // without a reading for so long, the device is opened anew
 constexpr Span kLook = Span::from_milliseconds(20);        // poll() does not tell of an unplugged device, read() does
 // The kernel stamps a reading before we get it, and not long before.
@@ -102,8 +101,7 @@ void IioImu::lose(int error) noexcept {
   accel_.close();
   ++counts_.disconnected;
   counts_.last_error = error;
-  retry_at_ns_ = monotonic_ns();  // the first attempt at once
-  retry_after_ = kRetryFirst;
+  retry_.begin(monotonic_ns());
 }
 
 bool IioImu::reopen() noexcept {
@@ -112,8 +110,7 @@ bool IioImu::reopen() noexcept {
   gyro_.close();
   ++counts_.retries;
   counts_.last_error = trouble.error;
-  retry_at_ns_ = monotonic_ns() + retry_after_.ns;
-  retry_after_ = std::min(Span{2 * retry_after_.ns}, kRetryMost);
+  retry_.failed(monotonic_ns());
   return false;
 }
 
@@ -131,9 +128,9 @@ ReadOutcome IioImu::read(std::span<ImuSample> samples, std::size_t& count, Span 
 ReadOutcome IioImu::read_some(std::span<ImuSample> samples, std::size_t& count, HostStamp deadline) noexcept {
   if (!is_streaming()) {
     const std::int64_t now_ns = monotonic_ns();
-    if (now_ns < retry_at_ns_) {
-      wait({std::min(retry_at_ns_, deadline.ns) - now_ns});
-      if (monotonic_ns() < retry_at_ns_) return ReadOutcome::kFailed;
+    if (now_ns < retry_.due_ns()) {
+      wait({std::min(retry_.due_ns(), deadline.ns) - now_ns});
+      if (monotonic_ns() < retry_.due_ns()) return ReadOutcome::kFailed;
     }
     if (!reopen()) return ReadOutcome::kFailed;
   }

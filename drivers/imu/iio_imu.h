@@ -10,6 +10,7 @@
 #include "pipeline/config/devices.h"
 #include "platform/concurrency/snapshot.h"
 #include "platform/ports/ports.h"
+#include "platform/time/backoff.h"
 #include "platform/time/interval_tracker.h"
 #include "platform/time/one_way_sync.h"
 
@@ -104,8 +105,7 @@ class IioImu final : public ImuSource {
   OneWaySync sync_{{}};
   int undecided_ = 0;
   HostStamp last_out_;
-  std::int64_t retry_at_ns_ = 0;
-  Span retry_after_;
+  Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(500)};
   IioCounts counts_;
 
   Snapshot<IioCounts> shown_counts_;

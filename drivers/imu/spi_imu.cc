@@ -14,7 +14,6 @@ namespace epiline {
 
 namespace {
 
-constexpr Span kRetryFirst = Span::from_milliseconds(50), kRetryMost = Span::from_milliseconds(1'000);
 constexpr Span kCheckEvery = Span::from_milliseconds(100);
 constexpr Span kFirstSampleWithin = Span::from_milliseconds(3'000);
 constexpr Span kSilenceLeast = Span::from_milliseconds(200);
@@ -149,8 +148,7 @@ void SpiImu::lose(int error) noexcept {
   count_loss(error);
   state_ = State::kLost;
   running_.store(false, std::memory_order_relaxed);
-  retry_at_ = timing_->now();  // the first attempt at once: a fault of a transfer needs no more than a new start
-  retry_after_ = kRetryFirst;
+  retry_.begin(timing_->now().ns);
   waiting_.clear();
 }
 
@@ -162,18 +160,17 @@ void SpiImu::count_loss(int error) noexcept {
 
 void SpiImu::retry_later(int error) noexcept {
   chip_->close();
-  if (!is_counted_as_lost_) retry_after_ = kRetryFirst;
+  if (!is_counted_as_lost_) retry_.begin(timing_->now().ns);
   count_loss(error);
   ++counts_.retries;
   state_ = State::kLost;
-  retry_at_ = timing_->now() + retry_after_;
-  retry_after_ = std::min(Span{2 * retry_after_.ns}, kRetryMost);
+  retry_.failed(timing_->now().ns);
 }
 
 /// False: it does not run yet, and the deadline has come or an attempt has failed.
 bool SpiImu::bring_up(HostStamp deadline) noexcept {
   while (state_ != State::kRunning) {
-    const HostStamp at = state_ == State::kLost ? retry_at_ : step_at_;
+    const HostStamp at = state_ == State::kLost ? HostStamp{retry_.due_ns()} : step_at_;
     if (timing_->now() < at) {
       timing_->sleep_until(std::min(at, deadline));
       if (timing_->now() < at) return false;

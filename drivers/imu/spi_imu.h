@@ -14,6 +14,7 @@
 #include "platform/concurrency/snapshot.h"
 #include "platform/memory/fixed_vector.h"
 #include "platform/ports/ports.h"
+#include "platform/time/backoff.h"
 
 namespace epiline {
 
@@ -194,8 +195,8 @@ class SpiImu final : public ImuSource {
   bool opened_ = false;
   int step_ = 0;
   SpiTrouble trouble_;  ///< the last
-  HostStamp step_at_, good_from_, retry_at_, last_data_, last_check_, last_look_, next_poll_;
-  Span retry_after_;
+  HostStamp step_at_, good_from_, last_data_, last_check_, last_look_, next_poll_;
+  Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(1'000)};
   int damaged_in_a_row_ = 0, empty_looks_ = 0;
   bool edge_seen_ = false, is_counted_as_lost_ = false;
 

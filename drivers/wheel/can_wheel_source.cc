@@ -19,7 +19,6 @@ namespace epiline {
 
 namespace {
 
-constexpr Span kFirstRetry = Span::from_milliseconds(50), kLastRetry = Span::from_milliseconds(1'000);
 constexpr std::uint32_t kMostStandard = 0x7ff, kMostExtended = 0x1fffffff;
 
 void bump(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) noexcept {
@@ -112,21 +111,20 @@ void CanWheelSource::lose(int error) noexcept {
   bump(disconnected_);
   last_error_.store(error, std::memory_order_relaxed);
   socket_.close();
-  retry_after_ = kFirstRetry;
-  retry_at_ns_ = monotonic_ns() + retry_after_.ns;
+  retry_.begin(monotonic_ns());
+  retry_.failed(monotonic_ns());
 }
 
 /// Waits for the next attempt as long as there is time. False: still lost.
 bool CanWheelSource::reopen(std::int64_t until_ns) noexcept {
-  const timespec pause = timespec_until(std::min(retry_at_ns_, until_ns));
+  const timespec pause = timespec_until(std::min(retry_.due_ns(), until_ns));
   ::nanosleep(&pause, nullptr);
-  if (monotonic_ns() < retry_at_ns_) return false;
+  if (monotonic_ns() < retry_.due_ns()) return false;
   const can::OpenFault fault = open_socket();
   if (!fault) return true;
   bump(retries_);
   last_error_.store(fault.error, std::memory_order_relaxed);
-  retry_after_ = std::min(Span{2 * retry_after_.ns}, kLastRetry);
-  retry_at_ns_ = monotonic_ns() + retry_after_.ns;
+  retry_.failed(monotonic_ns());
   return false;
 }
 

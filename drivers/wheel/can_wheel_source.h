@@ -9,6 +9,7 @@
 #include "drivers/wheel/bus_signal.h"
 #include "pipeline/config/devices.h"
 #include "platform/ports/ports.h"
+#include "platform/time/backoff.h"
 
 namespace epiline {
 
@@ -73,8 +74,7 @@ class CanWheelSource final : public WheelSource {
   ArrivalClock clock_;
   GapWatch gap_watch_;
   bool opened_ = false;
-  std::int64_t retry_at_ns_ = 0;
-  Span retry_after_;
+  Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(1'000)};
   std::uint32_t overruns_seen_ = 0;
 
   Counter samples_{0}, too_short_{0}, not_finite_{0}, bad_stamps_{0}, gaps_{0}, overruns_{0}, disconnected_{0},

@@ -17,7 +17,6 @@ constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kStatusPeriod_ns = 200 * kMs;
 constexpr std::int64_t kFullQueue_ns = 1 * kMs;   // until another attempt
 constexpr std::int64_t kBusOff_ns = 1'000 * kMs;  // until another attempt, if nobody says that the bus is back
-constexpr Span kFirstRetry{50 * kMs}, kLastRetry{1'000 * kMs};
 constexpr double kDeviations_hz = 5;
 constexpr int kPriority = 65;
 constexpr int kMostIdentifier = 0x7ff, kMessageIdentifiers = static_cast<int>(can::kMessages.size());
@@ -118,19 +117,18 @@ void CanOutput::loop() noexcept {
 /// When to go on if nothing new is offered.
 std::int64_t CanOutput::next_event_ns(bool usable) const noexcept {
   if (has_pending()) return monotonic_ns() + kFullQueue_ns;
-  if (!socket_.is_open()) return retry_at_ns_;
+  if (!socket_.is_open()) return retry_.due_ns();
   return usable ? std::min(status_due_ns_, stream_.due_ns()) : status_due_ns_;
 }
 
 /// Reopens a lost interface, listens to it, and says whether it is worth while to send.
 bool CanOutput::is_usable(std::int64_t now_ns) noexcept {
   if (!socket_.is_open()) {
-    if (now_ns < retry_at_ns_) return false;
+    if (now_ns < retry_.due_ns()) return false;
     if (const can::OpenFault fault = open_sockets()) {
       bump(retries_);
       last_error_.store(fault.error, std::memory_order_relaxed);
-      retry_after_ = std::min(Span{2 * retry_after_.ns}, kLastRetry);
-      retry_at_ns_ = now_ns + retry_after_.ns;
+      retry_.failed(now_ns);
       return false;
     }
     bus_.store(BusState::kActive, std::memory_order_relaxed);
@@ -158,8 +156,8 @@ void CanOutput::lose(int error) noexcept {
   drop_pending();
   isotp_.close();
   socket_.close();
-  retry_after_ = kFirstRetry;
-  retry_at_ns_ = monotonic_ns() + retry_after_.ns;
+  retry_.begin(monotonic_ns());
+  retry_.failed(monotonic_ns());
 }
 
 void CanOutput::listen(std::int64_t now_ns) noexcept {

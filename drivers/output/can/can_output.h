@@ -14,6 +14,7 @@
 #include "platform/concurrency/parking.h"
 #include "platform/linux/realtime.h"
 #include "platform/ports/ports.h"
+#include "platform/time/backoff.h"
 
 namespace epiline {
 
@@ -102,8 +103,8 @@ class CanOutput final : public OdometrySink {
   std::size_t next_pending_ = 0;
   std::uint64_t epochs_begun_ = 0;
   can::Values status_;  ///< as it is now
-  std::int64_t pending_until_ns_ = 0, status_due_ns_ = 0, retry_at_ns_ = 0, silent_until_ns_ = 0;
-  Span retry_after_;
+  std::int64_t pending_until_ns_ = 0, status_due_ns_ = 0, silent_until_ns_ = 0;
+  Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(1'000)};
   std::uint8_t message_sequence_ = 0;
   bool status_wanted_ = false;
   ThreadCosts costs_;

@@ -28,7 +28,6 @@ constexpr std::int64_t kFar_ns = std::numeric_limits<std::int64_t>::max();
 constexpr double kInputPerSecond = 500'000, kInputAtOnce = 32'768;
 constexpr std::size_t kReadAtOnce = 4096;
 constexpr double kReadCost = 32;  // bytes that a read counts for besides its own: datagrams may be empty
-constexpr std::int64_t kRetryFirst_ns = 50 * kMillisecond_ns, kRetryMost_ns = 500 * kMillisecond_ns;
 constexpr std::int64_t kPeerGone_ns = 5 * kSecond_ns;  // another flight controller may take its place
 constexpr std::int64_t kOrigins_ns = 5 * kSecond_ns;   // one that was started anew has forgotten
 constexpr std::int64_t kQuestions_ns = kSecond_ns, kQuestionsForImu_ns = 100 * kMillisecond_ns;
@@ -200,7 +199,7 @@ void MavlinkLink::wait() noexcept {
 }
 
 std::int64_t MavlinkLink::next_event_ns(std::int64_t now_ns) const noexcept {
-  if (!state_.is_open) return next_try_ns_;
+  if (!state_.is_open) return retry_.due_ns();
   const std::int64_t input_ns = input_.ready_ns(1);
   const std::int64_t next_ns = std::min(input_ns > now_ns ? input_ns : kFar_ns, stream_.silent_ns());
   if (is_frame_waiting()) return next_ns;  // nothing else can be sent
@@ -237,12 +236,11 @@ void MavlinkLink::tell(std::int64_t now_ns) noexcept {
 // ---- the port ----
 
 void MavlinkLink::keep_port(std::int64_t now_ns) noexcept {
-  if (state_.is_open || now_ns < next_try_ns_) return;
+  if (state_.is_open || now_ns < retry_.due_ns()) return;
   if (const PortTrouble trouble = port_->open()) {
     ++state_.counts.retries;
     state_.counts.last_error = trouble.error;
-    retry_after_ns_ = std::min(2 * retry_after_ns_, kRetryMost_ns);
-    next_try_ns_ = now_ns + retry_after_ns_;
+    retry_.failed(now_ns);
     return;
   }
   opened_ns_ = now_ns;
@@ -260,9 +258,8 @@ void MavlinkLink::lose(std::int64_t now_ns, int error) noexcept {
   frame_.size = frame_sent_ = 0;
   backlog_ = 0;
   // one that opens and fails at once is not tried in a hurry
-  const bool lasted = now_ns - opened_ns_ > kSecond_ns;
-  retry_after_ns_ = lasted ? kRetryFirst_ns : std::clamp(2 * retry_after_ns_, kRetryFirst_ns, kRetryMost_ns);
-  next_try_ns_ = now_ns + retry_after_ns_;
+  if (now_ns - opened_ns_ > kSecond_ns) retry_.begin(now_ns);
+  retry_.failed(now_ns);
 }
 
 /// One piece at a time, so that what is to be sent never waits for a flood to end.

@@ -26,6 +26,7 @@
 #include "platform/concurrency/spsc_ring.h"
 #include "platform/linux/realtime.h"
 #include "platform/ports/ports.h"
+#include "platform/time/backoff.h"
 #include "platform/time/clock_state.h"
 
 namespace epiline::mavlink {
@@ -161,7 +162,8 @@ class MavlinkLink final : public OdometrySink {
   bool is_frame_odometry_ = false;
   std::uint8_t sequence_ = 0;
   std::int64_t next_heartbeat_ns_ = 0, next_question_ns_ = 0, next_origin_ns_ = 0, next_latency_ns_ = 0;
-  std::int64_t next_try_ns_ = 0, opened_ns_ = 0, retry_after_ns_ = 0;
+  std::int64_t opened_ns_ = 0;
+  Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(500)};
   std::size_t backlog_ = 0;  ///< bytes the kernel has and the line has not
 
   Snapshot<LinkState> told_;
