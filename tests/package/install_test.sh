@@ -41,6 +41,10 @@ try_examples() {
   done
 }
 
+# under qemu an image takes seconds
+flight=(--duration 4) speed=2
+if [[ -n $emulated ]]; then flight=(--duration 2.4 --rate 5) speed=0.05; fi
+
 inside apt-get update -qq
 ok "dependencies can be had" inside apt-get satisfy -y -qq --no-install-recommends "$(dpkg-deb -f "$package" Depends)"
 ok "dpkg -i" inside dpkg -i /epiline.deb
@@ -49,8 +53,8 @@ ok "examples are configurations" try_examples
 ok "user without login" exits 0 ":/usr/sbin/nologin$" inside getent passwd epiline
 ok "groups" inside getent group epiline gpio spi
 ok "manual and completion are there" inside test -s /usr/share/man/man1/epiline.1.gz -a -s /usr/share/bash-completion/completions/epiline
-ok "as the service's user, a flight is made up" as_service epiline simulate --flight hall --duration 4 --effects none --out /tmp/flight
-ok "and flown in threads" as_service epiline replay /tmp/flight --realtime --speed 2 --out /tmp/out --quiet
+ok "as the service's user, a flight is made up" as_service epiline simulate --flight hall "${flight[@]}" --effects none --out /tmp/flight
+ok "and flown in threads" as_service epiline replay /tmp/flight --realtime --speed $speed --out /tmp/out --quiet
 if inside epiline --help | grep -q '^  check '; then
   example=/usr/share/doc/epiline/examples/raspberry-pi-5.toml
   ok "check names the missing camera" exits 1 "[Cc]amera" as_service epiline check --config $example
