@@ -24,7 +24,8 @@ std::string rate_and_line(double period_s, const std::string& line) {
 bool LineCheck::look() {
   std::array<HostStamp, 64> edges;
   std::size_t count = 0;
-  if (line_.read(edges, count, kWait) == ReadOutcome::kFailed) return false;
+  if (line_.read(edges, count, kWait) == ReadOutcome::kFailed)
+    std::this_thread::sleep_for(std::chrono::nanoseconds(kWait.ns));
   for (std::size_t i = 0; i < count; ++i) pacing_.step(edges[i], {});
   return true;
 }
@@ -46,8 +47,9 @@ Findings findings_of(const EdgeCounts& e, const GpioCounts& counts, const std::s
   const auto say = [&out](Grade grade, std::string text, std::string remedy = {}) {
     out.push_back({grade, "camera", std::move(text), std::move(remedy)});
   };
-  if (counts.last_error != 0)
-    say(Grade::kError, fmt::format("the chip of {} went away", line), "its cable, its supply, its driver");
+  if (counts.disconnected > 0)
+    say(Grade::kError, fmt::format("the chip of {} went away{}", line, counts.last_error == 0 ? ", and came back" : ""),
+        "its cable, its supply, its driver");
   if (e.edges == 0) {
     say(Grade::kError, fmt::format("no edges on {}: no image is stamped", line), kNoEdges);
     return out;

@@ -13,6 +13,8 @@
 
 #include "drivers/gpio/gpio_request.h"
 #include "platform/error/contract.h"
+#include "platform/time/backoff.h"
+#include "platform/time/monotonic.h"
 
 namespace epiline {
 
@@ -112,6 +114,16 @@ GpioLine::~GpioLine() { close(); }
 
 Status GpioLine::open() {
   close();
+  if (Status status = connect(); !status) return status;
+  if (!keeper_.start({.name = "gpio"}, keep, this)) {
+    request_.reset();
+    return Error{ErrorKind::kRun, "GPIO line " + line_, 0, "the system has no thread left", ""};
+  }
+  opened_ = true;
+  return Done{};
+}
+
+Status GpioLine::connect() {
   const std::string where = "GPIO line " + line_;
   if (!kGpioBuiltIn)
     return Error{ErrorKind::kRun, where, 0, "built without libgpiod",
@@ -146,21 +158,57 @@ Status GpioLine::open() {
                  : why == ENXIO || why == EINVAL ? "a line that can raise interrupts"
                                                  : ""};
   }
-  fd_ = request_->fd();
   last_error_.store(0, std::memory_order_relaxed);
   return Done{};
 }
 
 void GpioLine::close() noexcept {
+  ends_.store(true, std::memory_order_relaxed);
+  keeper_wakes_.notify();
+  keeper_.join();
+  ends_.store(false, std::memory_order_relaxed);
+  is_lost_.store(false, std::memory_order_relaxed);
   request_.reset();
-  fd_ = -1;
+  opened_ = false;
 }
 
+// ---- a chip that went away ----
+
+void GpioLine::lose(int error) noexcept {
+  last_error_.store(error, std::memory_order_relaxed);
+  disconnected_.fetch_add(1, std::memory_order_relaxed);
+  is_lost_.store(true, std::memory_order_release);  // pairs with the acquire in keep(): the request is the keeper's now
+  keeper_wakes_.notify();
+}
+
+/// The keeper's thread: sleeps as long as the line is well.
+void GpioLine::keep(void* self) {
+  auto& line = *static_cast<GpioLine*>(self);
+  Backoff retry(Span::from_milliseconds(50), Span::from_milliseconds(1'000));
+  const auto ends = [&line] { return line.ends_.load(std::memory_order_relaxed); };
+  constexpr std::int64_t kLong_ns = 3'600'000'000'000;
+  while (!ends()) {
+    const auto is_wanted = [&] { return ends() || line.is_lost_.load(std::memory_order_acquire); };
+    if (!line.keeper_wakes_.wait_until(monotonic_ns() + kLong_ns, is_wanted)) continue;
+    for (retry.begin(monotonic_ns()); !line.keeper_wakes_.wait_until(retry.due_ns(), ends);) {
+      line.request_.reset();
+      if (line.connect()) {
+        line.is_lost_.store(false, std::memory_order_release);  // pairs with the acquire in read()
+        break;
+      }
+      retry.failed(monotonic_ns());
+    }
+  }
+}
+
+// ---- edges ----
+
 ReadOutcome GpioLine::read(std::span<HostStamp> edges, std::size_t& count, Span timeout) noexcept {
-  EPILINE_EXPECTS(fd_ >= 0, "open() before read()");
+  EPILINE_EXPECTS(opened_, "open() before read()");
   EPILINE_EXPECTS(!edges.empty(), "room for an edge");
   count = 0;
-  pollfd line{fd_, POLLIN, 0};
+  if (is_lost_.load(std::memory_order_acquire)) return ReadOutcome::kFailed;
+  pollfd line{request_->fd(), POLLIN, 0};
   const timespec time = timespec_of(timeout);
   const int ready = ::ppoll(&line, 1, &time, nullptr);
   if (ready == 0 || (ready < 0 && errno == EINTR)) return ReadOutcome::kTimeout;
@@ -172,7 +220,7 @@ ReadOutcome GpioLine::read(std::span<HostStamp> edges, std::size_t& count, Span 
     errno = ENODEV;
   if (got < 0) {
     if (errno == EINTR || errno == EAGAIN) return ReadOutcome::kTimeout;
-    last_error_.store(errno, std::memory_order_relaxed);
+    lose(errno);
     return ReadOutcome::kFailed;
   }
   count = static_cast<std::size_t>(got);
@@ -183,7 +231,7 @@ ReadOutcome GpioLine::read(std::span<HostStamp> edges, std::size_t& count, Span 
 
 GpioCounts GpioLine::counts() const noexcept {
   return {edges_.load(std::memory_order_relaxed), lost_.load(std::memory_order_relaxed),
-          last_error_.load(std::memory_order_relaxed)};
+          disconnected_.load(std::memory_order_relaxed), last_error_.load(std::memory_order_relaxed)};
 }
 
 }  // namespace epiline

@@ -36,15 +36,19 @@ class SimulatedGpio {
       std::filesystem::create_directory(lines_.back());
       if (!names[i].empty()) write_text(lines_.back() + "/name", names[i]);
     }
-    write_text(folder_ + "/live", "1");
-    chip_ = read_text(folder_ + "/bank/chip_name");
-    device_ = "/sys/devices/platform/" + read_text(folder_ + "/dev_name") + "/" + chip_;
+    plug_in();
   }
   ~SimulatedGpio() {
     if (!is_gone_) unplug();
     for (const std::string& line : lines_) std::filesystem::remove(line);
     std::filesystem::remove(folder_ + "/bank");
     std::filesystem::remove(folder_);
+  }
+  void plug_in() {
+    write_text(folder_ + "/live", "1");
+    chip_ = read_text(folder_ + "/bank/chip_name");
+    device_ = "/sys/devices/platform/" + read_text(folder_ + "/dev_name") + "/" + chip_;
+    is_gone_ = false;
   }
   void unplug() {
     write_text(folder_ + "/live", "0");

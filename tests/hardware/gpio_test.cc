@@ -131,6 +131,42 @@ TEST(GpioLineOfTheKernel, ARemovedChipIsAFailure) {
   EXPECT_FALSE(line.open());
 }
 
+// An adapter that is unplugged and plugged in again. Whoever reads it makes no heap call meanwhile.
+TEST(GpioLineOfTheKernel, AChipThatComesBackIsReadAgain) {
+  SimulatedGpio gpio("returning", {"line"});
+  GpioLine line("line", Edge::kRising);
+  open(line);
+  std::array<HostStamp, 8> stamps;
+  std::size_t count = 0;
+  const auto read_until = [&](ReadOutcome wanted) {
+    for (const std::int64_t until_ns = monotonic_ns() + kWait.ns; monotonic_ns() < until_ns;) {
+      const HeapCallScope heap;
+      const ReadOutcome outcome = line.read(stamps, count, kShort);
+      EXPECT_EQ(heap.calls(), 0u);
+      if (outcome == wanted) return true;
+      if (outcome == ReadOutcome::kFailed) pause();
+    }
+    return false;
+  };
+  for (std::uint64_t times = 1; times <= 2; ++times) {
+    gpio.unplug();
+    ASSERT_TRUE(read_until(ReadOutcome::kFailed));
+    EXPECT_EQ(line.counts().disconnected, times);
+    EXPECT_EQ(line.counts().last_error, ENODEV);
+    pause();
+    gpio.plug_in();
+    ASSERT_TRUE(read_until(ReadOutcome::kTimeout)) << "well again";
+    EXPECT_EQ(line.counts().last_error, 0);
+    const auto between = gpio.edge(0, true);
+    ASSERT_TRUE(read_until(ReadOutcome::kSample));
+    EXPECT_GE(stamps[0].ns, between.begin_ns);
+  }
+  gpio.unplug();
+  ASSERT_TRUE(read_until(ReadOutcome::kFailed));
+  line.close();  // while it is looked for
+  EXPECT_FALSE(line.is_open());
+}
+
 // With libgpiod 1 the kernel keeps 16 events and does not say what it left out.
 TEST(GpioLineOfTheKernel, WhatTheKernelHadNoRoomForIsCountedIfItSays) {
   const SimulatedGpio gpio("flood", {"line"});

@@ -201,7 +201,7 @@ TEST(LineFindings, SayWhetherEdgesAndImagesAgree) {
   EXPECT_EQ(grade("0.00 edges"), "error") << "never sure which is whose";
   e = {};
   EXPECT_EQ(grade("no edges on cam-trigger"), "error");
-  EXPECT_EQ(findings_of(e, GpioCounts{10, 0, ENODEV}, "cam-trigger")[0].text, "the chip of cam-trigger went away");
+  EXPECT_EQ(findings_of(e, GpioCounts{10, 0, 1, ENODEV}, "cam-trigger")[0].text, "the chip of cam-trigger went away");
 }
 
 /// Speeds as they are given, then the end.

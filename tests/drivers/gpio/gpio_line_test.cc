@@ -45,7 +45,7 @@ TEST(GpioLine, AFailedOpenLeavesItClosed) {
   GpioLine line("no such line", Edge::kRising);
   const Status status = line.open();
   ASSERT_FALSE(status);
-  EXPECT_EQ(line.fd(), -1);
+  EXPECT_FALSE(line.is_open());
   EXPECT_NE(status.error().text(), "");
 }
 
