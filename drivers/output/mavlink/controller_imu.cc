@@ -83,15 +83,9 @@ bool ControllerImu::accept(std::uint64_t time_us, const TwoWaySync& clock, HostS
   const Span interval = stamp - last_stamp_;
   if (interval <= Span{}) return refuse(counts_.duplicates);
   if (interval < kClosest) return refuse(counts_.refused_times);
-  if (last_stamp_.ns != 0) {
-    const std::int64_t usual = intervals_.value_or(interval.ns);
-    if (interval.ns > usual + usual / 2)
-      counts_.lost += static_cast<std::uint64_t>((interval.ns + usual / 2) / usual - 1);
-    intervals_.add(interval.ns);
-  }
+  if (last_stamp_.ns != 0) counts_.lost += interval_.note(interval.ns);
   last_time_us_ = time_us;
   last_stamp_ = stamp;
-  last_taken_ = now;
   sample.stamp = stamp;
   sample.arrival = now;
   ++counts_.readings;

@@ -3,9 +3,9 @@
 #include <cstdint>
 
 #include "drivers/output/mavlink/message.h"
-#include "drivers/output/mavlink/recent_median.h"
 #include "platform/samples/samples.h"
 #include "platform/time/clock.h"
+#include "platform/time/interval_tracker.h"
 #include "platform/time/two_way_sync.h"
 
 namespace epiline::mavlink {
@@ -35,10 +35,6 @@ class ControllerImu {
 
   const ControllerImuCounts& counts() const noexcept { return counts_; }
   void count_overrun() noexcept { ++counts_.overrun; }
-  /// The usual interval between readings; 0: not known yet.
-  Span interval() const noexcept { return {intervals_.value_or(0)}; }
-  /// When one was last handed on; 0: never.
-  HostStamp last_taken() const noexcept { return last_taken_; }
 
  private:
   bool is_preferred(bool is_highres, std::uint8_t id, HostStamp now) noexcept;
@@ -46,9 +42,9 @@ class ControllerImu {
 
   Span delay_;
   ControllerImuCounts counts_;
-  RecentMedian<7> intervals_;
+  IntervalTracker interval_;
   std::uint64_t last_time_us_ = 0;
-  HostStamp last_stamp_, last_taken_;
+  HostStamp last_stamp_;
   bool is_highres_ = false;  ///< what the sensor in use comes in
   std::uint8_t id_ = 0;
   HostStamp last_of_sensor_;
