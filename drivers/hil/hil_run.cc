@@ -118,7 +118,6 @@ Status Flight::connect_controller() {
   if (pty) m.serial = line_->companion_end(), m.udp = "";
   if (udp) m.udp = line_->companion_end(), m.serial = m.udp_listen = "";
   controller_.emplace(*model_, *line_);
-  if (!controller_->start()) return Error{ErrorKind::kRun, "", 0, "no thread for the controller", ""};
   return Done{};
 }
 
@@ -202,6 +201,7 @@ Result<HilResult> Flight::run(const std::function<bool(const Progress&)>& watch)
   LiveDevices given;
   if (const Status s = connect_camera(given); !s) return s.error();
   if (const Status s = connect_imu(given); !s) return s.error();
+  if (controller_ && !controller_->start()) return Error{ErrorKind::kRun, "", 0, "no thread for the controller", ""};
   auto devices = make_devices(settings_, std::move(given));
   if (!devices) return devices.error();
   LiveOptions live;
