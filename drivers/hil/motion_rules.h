@@ -12,7 +12,6 @@ class MotionRules {
  public:
   /// Stamps rise.
   void take(const VisionSample& sample, RuleBook& book);
-  std::uint64_t resets() const { return resets_; }
 
  private:
   /// What of a step its velocity and rates do not explain, and how much of that is no jump.

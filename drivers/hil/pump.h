@@ -22,14 +22,15 @@ class Pump {
   void stop();
 
   bool is_running() const noexcept { return running_.load(std::memory_order_acquire); }
-  std::uint64_t delivered() const noexcept { return delivered_.load(std::memory_order_relaxed); }
   std::uint64_t failed() const noexcept { return failed_.load(std::memory_order_relaxed); }
 
  private:
-  void count(bool delivered) noexcept { (delivered ? delivered_ : failed_).fetch_add(1, std::memory_order_relaxed); }
+  void count(bool delivered) noexcept {
+    if (!delivered) failed_.fetch_add(1, std::memory_order_relaxed);
+  }
 
   std::atomic<bool> stop_{false}, running_{false};
-  std::atomic<std::uint64_t> delivered_{0}, failed_{0};
+  std::atomic<std::uint64_t> failed_{0};
   std::thread thread_;
 };
 
