@@ -1,8 +1,6 @@
 // Any bytes as the tables of a recorded flight: the list of images or the tracks, the IMU's readings and the truth, in
 // that order, behind one byte (bit 0: tracks) and divided by bytes 0x1e; what is left out is sound. Read, or refused
 // with the file's name.
-#include <unistd.h>
-
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
@@ -12,6 +10,7 @@
 #include <string_view>
 
 #include "drivers/replay/asl_dataset.h"
+#include "tests/fuzz/scratch_folder.h"
 
 namespace fs = std::filesystem;
 
@@ -36,14 +35,12 @@ std::string_view next_part(std::string_view& rest, std::string_view otherwise) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const ScratchFolder folder("asl_fuzz");
   static const fs::path root = [] {
-    const fs::path memory = "/dev/shm";
-    const fs::path folder =
-        (fs::is_directory(memory) ? memory : fs::temp_directory_path()) / ("asl_fuzz_" + std::to_string(getpid()));
     for (const char* sensor : {"cam0", "imu0", "state_groundtruth_estimate0"})
-      fs::create_directories(folder / "mav0" / sensor);
-    write(folder / "mav0/cam0/sensor.yaml", kCamera);
-    return folder;
+      fs::create_directories(folder.path() / "mav0" / sensor);
+    write(folder.path() / "mav0/cam0/sensor.yaml", kCamera);
+    return folder.path();
   }();
   if (size == 0) return 0;
   const bool tracks = (data[0] & 1) != 0;

@@ -1,6 +1,4 @@
 // Any bytes as a calibration file: read, with a camera that can be one, or refused with an error. Never a crash.
-#include <unistd.h>
-
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
@@ -8,10 +6,11 @@
 #include <fstream>
 
 #include "pipeline/config/calibration.h"
+#include "tests/fuzz/scratch_folder.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  static const std::filesystem::path path =
-      std::filesystem::temp_directory_path() / ("calibration_fuzz_" + std::to_string(getpid()) + ".yaml");
+  static const ScratchFolder folder("calibration_fuzz");
+  static const std::filesystem::path path = folder.path() / "calibration.yaml";
   std::ofstream(path, std::ios::binary).write(reinterpret_cast<const char*>(data), static_cast<std::streamsize>(size));
   const auto camera = epiline::read_camera_calibration(path, "cam0");
   if (camera) {
