@@ -15,9 +15,9 @@
 #include "drivers/hil/stream_rules.h"
 #include "drivers/hil/timesync_filter.h"
 #include "drivers/output/mavlink/packet.h"
-#include "pipeline/realtime/latency_bins.h"
 #include "platform/concurrency/spsc_ring.h"
 #include "platform/samples/samples.h"
+#include "platform/time/latency_bins.h"
 
 namespace epiline::hil {
 

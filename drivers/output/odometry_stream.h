@@ -4,10 +4,10 @@
 
 #include "drivers/output/mavlink/odometry_gate.h"
 #include "drivers/output/mavlink/send_schedule.h"
-#include "pipeline/realtime/latency_bins.h"
 #include "platform/concurrency/latest_value.h"
 #include "platform/concurrency/spsc_ring.h"
 #include "platform/samples/samples.h"
+#include "platform/time/latency_bins.h"
 
 namespace epiline {
 

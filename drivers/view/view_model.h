@@ -8,8 +8,8 @@
 
 #include "drivers/view/view_feed.h"
 #include "estimator/geometry/types.h"
-#include "pipeline/realtime/latency_bins.h"
 #include "pipeline/report/errors_json.h"
+#include "platform/time/latency_bins.h"
 
 namespace epiline {
 

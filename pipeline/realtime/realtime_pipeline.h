@@ -10,7 +10,6 @@
 
 #include "estimator/predict/predictor.h"
 #include "pipeline/realtime/flight_observer.h"
-#include "pipeline/realtime/latency_bins.h"
 #include "pipeline/realtime/realtime_config.h"
 #include "pipeline/stages/frame_outcome.h"
 #include "pipeline/stages/recorded_tracks.h"
@@ -19,6 +18,7 @@
 #include "pipeline/watch/imu_gate.h"
 #include "platform/linux/realtime.h"
 #include "platform/ports/ports.h"
+#include "platform/time/latency_bins.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline {

@@ -10,11 +10,11 @@
 #include "drivers/output/odometry_stream.h"
 #include "estimator/geometry/types.h"
 #include "pipeline/config/devices.h"
-#include "pipeline/realtime/latency_bins.h"
 #include "platform/concurrency/parking.h"
 #include "platform/linux/realtime.h"
 #include "platform/ports/ports.h"
 #include "platform/time/backoff.h"
+#include "platform/time/latency_bins.h"
 
 namespace epiline {
 

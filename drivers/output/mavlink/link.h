@@ -20,7 +20,6 @@
 #include "drivers/output/odometry_stream.h"
 #include "estimator/geometry/types.h"
 #include "pipeline/config/devices.h"
-#include "pipeline/realtime/latency_bins.h"
 #include "platform/concurrency/parking.h"
 #include "platform/concurrency/snapshot.h"
 #include "platform/concurrency/spsc_ring.h"
@@ -28,6 +27,7 @@
 #include "platform/ports/ports.h"
 #include "platform/time/backoff.h"
 #include "platform/time/clock_state.h"
+#include "platform/time/latency_bins.h"
 
 namespace epiline::mavlink {
 

@@ -1,8 +1,11 @@
-// Stands still in front of a wall of points for two seconds, and says where it is: as MAVLink, if all is well.
+// Stands still in front of a wall of points for two seconds, and says where it is: as MAVLink, if all is well. Then
+// asks for outputs that are not there.
 #include <Eigen/Core>
 #include <cmath>
 #include <cstdio>
 
+#include "drivers/output/can/can_output.h"
+#include "drivers/output/mavlink/link.h"
 #include "drivers/output/mavlink/odometry.h"
 #include "drivers/output/mavlink/packet.h"
 #include "estimator/estimator.h"
@@ -33,6 +36,12 @@ TrackedFrame wall(const Camera& camera, std::int64_t time_ns, std::uint64_t sequ
   return frame;
 }
 
+bool finds_outputs_that_are_not_there() {
+  mavlink::MavlinkLink link(MavlinkConfig{}, Mat3::Identity());
+  CanOutput bus({.interface = "none"}, Mat3::Identity());
+  return link.open() || bus.open();
+}
+
 }  // namespace
 
 int main() {
@@ -55,5 +64,6 @@ int main() {
   std::printf("%s after %zu bytes of MAVLink: %.4f m from the start\n",
               odometry.health.state == HealthState::kTracking ? "tracking" : "not tracking", frame.bytes().size(),
               distance);
+  if (finds_outputs_that_are_not_there()) return 1;
   return odometry.health.state == HealthState::kTracking && distance < 0.01 ? 0 : 1;
 }
