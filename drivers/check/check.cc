@@ -247,7 +247,8 @@ Findings findings_of(const DeviceRecord& record) {
                                "disconnected",  "gaps",          "lost",       "disordered",        "overflows",
                                "resets",        "not_rising",    "duplicates", "overrun",           "refused_values",
                                "refused_times", "bad_checksums", "strangers",  "refused_questions", "refused_answers",
-                               "write_errors",  "too_short",     "not_finite", "overruns"};
+                               "write_errors",  "too_short",     "not_finite", "overruns",          "bus_off",
+                               "queue_full"};
   std::string text;
   for (const auto& [name, count] : record.counts)
     if (count > 0 && std::find(kBad.begin(), kBad.end(), name) != kBad.end())

@@ -129,8 +129,27 @@ OutputRecord record_of(const CanOutput& can, const std::string& interface) {
   return {"can " + interface, c.epochs, c.dropped, c.disconnected, can.latency()};
 }
 
+DeviceRecord device_of(const CanOutput& can) {
+  const CanOutputCounts c = can.counts();
+  return {"can",
+          {{"frames", c.frames},
+           {"status_frames", c.status_frames},
+           {"queue_full", c.queue_full},
+           {"frames_dropped", c.frames_dropped},
+           {"messages", c.messages},
+           {"messages_busy", c.messages_busy},
+           {"messages_failed", c.messages_failed},
+           {"error_frames", c.error_frames},
+           {"bus_off", c.bus_off},
+           {"restarts", c.restarts},
+           {"disconnected", c.disconnected},
+           {"retries", c.retries}},
+          std::nullopt};
+}
+
 DeviceRecord record_of(const CanWheelSource& wheel) {
   const WheelCounts c = wheel.counts();
+  const ClockState clock = wheel.hardware_clock();
   return {"wheel",
           {{"samples", c.samples},
            {"too_short", c.too_short},
@@ -140,7 +159,7 @@ DeviceRecord record_of(const CanWheelSource& wheel) {
            {"overruns", c.overruns},
            {"disconnected", c.disconnected},
            {"retries", c.retries}},
-          std::nullopt};
+          clock.status == ClockStatus::kEmpty ? std::nullopt : std::optional(clock)};
 }
 
 }  // namespace
@@ -209,6 +228,7 @@ void add_can(const DevicesConfig& d, LiveDevices& devices) {
   auto can = std::make_unique<CanOutput>(d.can, R_VB_of(d.body), mavlink::address_of(d.mavlink));
   const CanOutput* const c = can.get();
   devices.outputs.push_back({std::move(can), [c, interface] { return record_of(*c, interface); }});
+  devices.records.emplace_back([c] { return device_of(*c); });
 }
 
 void add_wheel(const DevicesConfig& d, LiveDevices& devices) {

@@ -35,7 +35,6 @@ struct CanOutputCounts {
   int last_error = 0;              ///< errno of the last loss or failed attempt
 };
 enum class BusState : std::uint8_t { kActive, kPassive, kOff, kLost };
-inline constexpr const char* kBusStateNames[] = {"active", "error-passive", "bus-off", "lost"};
 
 /// publish() is wait-free but for the waking of our thread; it may be called for every reading of the IMU. The thread
 /// sends odometry as long as it is tracking or degraded, never the same or an old one again, and a status frame five
