@@ -29,7 +29,8 @@ std::string reasons_text(std::uint32_t reasons) {
   return s;
 }
 
-/// A line when the state changes; on a terminal also one that is written over, twice a second.
+/// A line when the state changes, or a line to a receiver is lost or back; on a terminal also one that is written over,
+/// twice a second.
 class StateLines {
  public:
   explicit StateLines(bool quiet) : quiet_(quiet), terminal_(!quiet && isatty(STDERR_FILENO) == 1) {}
@@ -42,14 +43,16 @@ class StateLines {
   void operator()(const LiveState& state) {
     if (quiet_) return;
     const HealthState now = state.has_pose ? state.odometry.health.state : HealthState::kInitialising;
-    if (!known_ || now != state_) {
+    if (!known_ || now != state_ || state.lost_outputs != lost_) {
       clear();
       const std::string why = state.has_pose ? reasons_text(state.odometry.health.reasons) : "";
-      fmt::print("{:9.2f} s  {}{}{}\n", state.since_start.seconds(), kHealthStateNames[static_cast<std::size_t>(now)],
-                 why.empty() ? "" : ": ", why);
+      fmt::print("{:9.2f} s  {}{}{}{}{}\n", state.since_start.seconds(),
+                 kHealthStateNames[static_cast<std::size_t>(now)], why.empty() ? "" : ": ", why,
+                 state.lost_outputs.empty() ? "" : "; lost: ", state.lost_outputs);
       std::fflush(stdout);
       known_ = true;
       state_ = now;
+      lost_ = state.lost_outputs;
     }
     if (terminal_ && ++rounds_ % 10 == 0) show(state);
   }
@@ -76,6 +79,7 @@ class StateLines {
 
   bool quiet_, terminal_, known_ = false, shown_ = false;
   HealthState state_ = HealthState::kInitialising;
+  std::string lost_;
   unsigned rounds_ = 0;
 };
 

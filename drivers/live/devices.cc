@@ -217,7 +217,8 @@ mavlink::MavlinkLink* add_link(const DevicesConfig& d, bool takes_imu, LiveDevic
   auto link =
       std::make_unique<mavlink::MavlinkLink>(m, R_VB_of(d.body), takes_imu ? std::optional(d.imu) : std::nullopt);
   mavlink::MavlinkLink* const l = link.get();
-  devices.outputs.push_back({std::move(link), [l, name] { return record_of(*l, name); }});
+  devices.outputs.push_back({std::move(link), [l, name] { return record_of(*l, name); }, "mavlink " + name,
+                             [l] { return l->state().is_open; }});
   devices.records.emplace_back([l] { return device_of(*l); });
   return l;
 }
@@ -227,7 +228,8 @@ void add_can(const DevicesConfig& d, LiveDevices& devices) {
   if (interface.empty()) return;
   auto can = std::make_unique<CanOutput>(d.can, R_VB_of(d.body), mavlink::address_of(d.mavlink));
   const CanOutput* const c = can.get();
-  devices.outputs.push_back({std::move(can), [c, interface] { return record_of(*c, interface); }});
+  devices.outputs.push_back({std::move(can), [c, interface] { return record_of(*c, interface); }, "can " + interface,
+                             [c] { return c->bus() != BusState::kLost && c->bus() != BusState::kOff; }});
   devices.records.emplace_back([c] { return device_of(*c); });
 }
 

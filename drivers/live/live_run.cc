@@ -51,6 +51,12 @@ class Receivers final : public OdometrySink {
     return all;
   }
   const Odometry* newest() noexcept { return newest_.read(); }
+  std::string names_of_lost() const {
+    std::string names;
+    for (const LiveOutput& o : outputs_)
+      if (o.is_open && !o.is_open()) names += (names.empty() ? "" : ", ") + o.name;
+    return names;
+  }
 
  private:
   const std::vector<LiveOutput>& outputs_;
@@ -117,9 +123,11 @@ RealtimeSettings pipeline_settings(const LiveSettings& settings, const LiveDevic
 }
 
 std::string status_line(const LiveState& state) {
-  if (!state.has_pose) return fmt::format("initialising: {} images, {} readings", state.images, state.readings);
+  const std::string lost = state.lost_outputs.empty() ? "" : "; lost: " + state.lost_outputs;
+  if (!state.has_pose) return fmt::format("initialising: {} images, {} readings{}", state.images, state.readings, lost);
   const Odometry& o = state.odometry;
-  return fmt::format("{}, quality {}", kHealthStateNames[static_cast<std::size_t>(o.health.state)], o.health.quality);
+  const char* const health = kHealthStateNames[static_cast<std::size_t>(o.health.state)];
+  return fmt::format("{}, quality {}{}", health, o.health.quality, lost);
 }
 
 /// What the service manager is told of a flight that goes on.
@@ -170,7 +178,7 @@ std::unique_ptr<FlightRecorder> add_recorder(const LiveSettings& settings, Realt
 }
 
 LiveState state_of(const RealtimePipeline::Progress& progress, Receivers& receivers, Span since_start) {
-  LiveState state{false, {}, progress.frames_out, progress.imu_in, since_start};
+  LiveState state{false, {}, progress.frames_out, progress.imu_in, since_start, receivers.names_of_lost()};
   if (const Odometry* const newest = receivers.newest()) {
     state.has_pose = true;
     state.odometry = *newest;

@@ -4,6 +4,7 @@
 #include <functional>
 #include <limits>
 #include <optional>
+#include <string>
 
 #include "drivers/live/devices.h"
 #include "pipeline/report/flight_record.h"
@@ -27,6 +28,7 @@ struct LiveState {
   Odometry odometry;  ///< newest, with the health of now; only with a pose
   std::uint64_t images = 0, readings = 0;
   Span since_start;
+  std::string lost_outputs;  ///< names of those whose line is lost at present; empty: none is
 };
 
 /// Opens the devices, flies until SIGINT, SIGTERM, the end of the sources, the time asked for, or until `watch`, called

@@ -10,66 +10,49 @@
 #include <atomic>
 #include <cstdio>
 #include <fstream>
-#include <random>
+#include <functional>
+#include <string>
 #include <thread>
+#include <vector>
 
-#include "drivers/hil/uhid_imu.h"
 #include "drivers/output/mavlink/packet.h"
 #include "tests/hardware/camera_support.h"
+#include "tests/hardware/resting_imu.h"
+#include "tests/hardware/usb_serial_support.h"
 
 namespace epiline {
 namespace {
 
-/// An IMU at rest that the kernel takes for a real one.
-class RestingImu {
- public:
-  ~RestingImu() {
-    ends_ = true;
-    if (thread_.joinable()) thread_.join();
-  }
-  UhidImu& hub() { return hub_; }
-  void start() {
-    thread_ = std::thread([this] {
-      std::minstd_rand random;
-      std::normal_distribution<double> noise;
-      for (std::int64_t next_ns = monotonic_ns(); !ends_; next_ns += 10'000'000) {
-        const std::int64_t wait_ns = next_ns - monotonic_ns();
-        if (wait_ns > 0) std::this_thread::sleep_for(std::chrono::nanoseconds(wait_ns));
-        const DeviceStamp now{monotonic_ns() + 5'000'000'000};  // a clock of its own
-        const auto n = [&](double sigma) { return sigma * noise(random); };
-        hub_.send_accelerometer(now, {n(0.02), n(0.02), 9.81 + n(0.02)});
-        hub_.send_gyroscope(now, {n(2e-3), n(2e-3), n(2e-3)});
-      }
-    });
-  }
-
- private:
-  UhidImu hub_;
-  std::atomic<bool> ends_{false};
-  std::thread thread_;
-};
-
 /// The other end of the serial line: counts odometry.
 class Listener {
  public:
-  Listener() : fd_(::posix_openpt(O_RDWR | O_NOCTTY)) {
-    EXPECT_TRUE(fd_ >= 0 && ::grantpt(fd_) == 0 && ::unlockpt(fd_) == 0);
+  /// Closes the file in the end.
+  explicit Listener(int fd) : fd_(fd) {
     thread_ = std::thread([this] { listen(); });
   }
   ~Listener() {
     ends_ = true;
     thread_.join();
     ::close(fd_);
+    if (const int unused = next_fd_; unused >= 0) ::close(unused);
   }
-  std::string path() const { return ::ptsname(fd_); }
+  Listener(const Listener&) = delete;
+  Listener& operator=(const Listener&) = delete;
+
+  /// Goes on with another file.
+  void take(int fd) { next_fd_ = fd; }
   int odometry() const { return odometry_; }
 
  private:
   void listen() {
-    ::fcntl(fd_, F_SETFL, O_NONBLOCK);
     mavlink::Parser parser;
     std::uint8_t bytes[4096];
+    ::fcntl(fd_, F_SETFL, O_NONBLOCK);
     while (!ends_) {
+      if (const int next = next_fd_.exchange(-1); next >= 0) {
+        ::close(fd_);
+        fd_ = next;
+      }
       const ssize_t n = ::read(fd_, bytes, sizeof bytes);
       if (n <= 0) {
         std::this_thread::sleep_for(std::chrono::milliseconds(2));
@@ -80,115 +63,169 @@ class Listener {
     }
   }
   int fd_;
+  std::atomic<int> next_fd_{-1}, odometry_{0};
   std::atomic<bool> ends_{false};
-  std::atomic<int> odometry_{0};
   std::thread thread_;
 };
 
 void write_file(const std::filesystem::path& path, const std::string& text) { std::ofstream(path) << text; }
 
-TEST(LiveFlight, CameraAndImuAreUnpluggedUnderIt) {
-  const auto folder = std::filesystem::temp_directory_path() / "epiline_live";
-  std::filesystem::create_directories(folder);
-  RestingImu imu;
-  const Status plugged = imu.hub().plug_in();
-  ASSERT_TRUE(plugged) << plugged.error().text();
-  imu.start();
-  Listener listener;
-  set_controls("/dev/video0", {{"test_pattern", 10}});  // a chessboard
-  write_file(folder / "camera.yaml",
-             "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [320, 180]\n"
-             "camera_model: pinhole\nintrinsics: [250, 250, 160, 90]\ndistortion_model: none\n"
-             "distortion_coefficients: []\n");
-  write_file(folder / "flight.toml", "[camera]\ndevice = \"/dev/video0\"\nrate_hz = 10\ncalibration = \"" +
-                                         (folder / "camera.yaml").string() +
-                                         "\"\n[imu]\ndevice = \"gyro_3d\"\ndevice_accel = \"accel_3d\"\nrate_hz = 100\n"
-                                         "gyroscope_noise_density = 1e-3\naccelerometer_noise_density = 1e-2\n"
-                                         "[realtime]\ndeadline_ms = 0\nimu_wait_ms = 2000\n[mavlink]\nserial = \"" +
-                                         listener.path() + "\"\n");
-  const auto settings = read_live_settings(folder / "flight.toml");
-  ASSERT_TRUE(settings) << settings.error().text();
-  auto devices = make_devices(*settings);
-  ASSERT_TRUE(devices) << devices.error().text();
+bool has(const LiveState& state, HealthReason reason) { return (state.odometry.health.reasons & bit(reason)) != 0; }
+bool is_flying(const LiveState& state) {
+  const HealthState s = state.odometry.health.state;
+  return state.has_pose && (s == HealthState::kTracking || s == HealthState::kDegraded);
+}
 
-  enum { kStarting, kNoCamera, kCameraBack, kNoImu, kImuBack, kOver } phase = kStarting;
-  std::int64_t phase_ns = monotonic_ns();
-  std::uint64_t images = 0, readings = 0;
-  int sent = 0, sent_while_lost = 0;
-  HostStamp lost_at;
-  bool told_camera = false, told_imu = false, device_back = false;
-  const auto enter = [&](auto next, const LiveState& state) {
-    phase = next;
-    phase_ns = monotonic_ns();
-    images = state.images;
-    readings = state.readings;
-    sent = listener.odometry();
-    device_back = false;
+/// vivid's chessboard, an IMU at rest, and somebody at the end of the line.
+class LiveFlight : public testing::Test {
+ protected:
+  /// Something that has to be seen, and what is done then.
+  struct Act {
+    const char* awaited;
+    std::function<bool(const LiveState&)> is_seen;
+    std::function<void()> then = {};  ///< empty: the next goes on from the same instant
   };
-  const auto since_s = [&] { return 1e-9 * static_cast<double>(monotonic_ns() - phase_ns); };
-  const auto is_well = [&](const LiveState& state) {
-    const HealthState s = state.odometry.health.state;
-    return state.has_pose && state.odometry.stamp > lost_at &&
-           (s == HealthState::kTracking || s == HealthState::kDegraded) && listener.odometry() > sent;
-  };
-  const auto comes_back = [&](bool is_back, const char* what) {
-    if (!device_back && is_back) {
-      std::printf("%s: first after %.2f s\n", what, since_s());
-      device_back = true;
+
+  void SetUp() override {
+    std::filesystem::create_directories(folder_);
+    const Status plugged = imu_.hub().plug_in();
+    ASSERT_TRUE(plugged) << plugged.error().text();
+    imu_.start();
+    set_controls("/dev/video0", {{"test_pattern", 10}});
+    write_file(folder_ / "camera.yaml",
+               "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [320, 180]\n"
+               "camera_model: pinhole\nintrinsics: [250, 250, 160, 90]\ndistortion_model: none\n"
+               "distortion_coefficients: []\n");
+  }
+  void TearDown() override {
+    std::filesystem::remove_all(folder_);
+    find_number_again();
+  }
+
+  /// The acts one after the other, in a flight with that line.
+  void fly_through(const std::string& serial, const std::vector<Act>& acts) {
+    write_file(folder_ / "flight.toml",
+               "[camera]\ndevice = \"/dev/video0\"\nrate_hz = 10\ncalibration = \"" +
+                   (folder_ / "camera.yaml").string() +
+                   "\"\n[imu]\ndevice = \"gyro_3d\"\ndevice_accel = \"accel_3d\"\nrate_hz = 100\n"
+                   "gyroscope_noise_density = 1e-3\naccelerometer_noise_density = 1e-2\n"
+                   "[realtime]\ndeadline_ms = 0\nimu_wait_ms = 2000\n[mavlink]\nserial = \"" +
+                   serial + "\"\n");
+    const auto settings = read_live_settings(folder_ / "flight.toml");
+    ASSERT_TRUE(settings) << settings.error().text();
+    auto devices = make_devices(*settings);
+    ASSERT_TRUE(devices) << devices.error().text();
+    LiveOptions options;
+    options.out = folder_ / "out";
+    std::size_t act = 0;
+    begin_act({});
+    const auto record = fly(*settings, *devices, options, [&](const LiveState& state) {
+      if (acts[act].is_seen(state)) {
+        std::printf("%s: after %.2f s\n", acts[act].awaited, since_s());
+        if (const auto& then = acts[act++].then) {
+          then();
+          begin_act(state);
+        }
+      }
+      return act < acts.size() && state.since_start.seconds() < 120;
+    });
+    ASSERT_TRUE(record) << record.error().text();
+    EXPECT_EQ(act, acts.size()) << "not seen: " << acts[std::min(act, acts.size() - 1)].awaited;
+    std::ifstream events(options.out / "events.txt");
+    for (std::string line; std::getline(events, line);) std::printf("  %s\n", line.c_str());
+  }
+  static void plug_camera(const char* how) {
+    write_file(std::string("/sys/bus/platform/drivers/vivid/") + how, "vivid.0");
+  }
+  /// A camera that was unplugged while its images were in use comes back under another number; others look for the
+  /// first.
+  static void find_number_again() {
+    for (int i = 0; i < 10 && !std::filesystem::exists("/dev/video0"); ++i) {
+      plug_camera("unbind");
+      plug_camera("bind");
+      std::this_thread::sleep_for(std::chrono::seconds(1));
     }
-    return device_back;
+  }
+  void begin_act(const LiveState& state) {
+    began_at_ = HostStamp{monotonic_ns()};
+    images_ = state.images;
+    readings_ = state.readings;
+    sent_ = listener_->odometry();
+  }
+  // Since the act began: when something was unplugged, say.
+  double since_s() const { return 1e-9 * static_cast<double>(monotonic_ns() - began_at_.ns); }
+  int sent() const { return listener_->odometry() - sent_; }
+  /// Odometry of now is estimated, and arrives.
+  bool is_well(const LiveState& state) const {
+    return is_flying(state) && state.odometry.stamp > began_at_ && sent() > 0;
+  }
+
+  const std::filesystem::path folder_ = std::filesystem::temp_directory_path() / "epiline_live";
+  RestingImu imu_;
+  std::unique_ptr<Listener> listener_;
+  HostStamp began_at_;
+  std::uint64_t images_ = 0, readings_ = 0;
+  int sent_ = 0;
+};
+
+TEST_F(LiveFlight, CameraAndImuAreUnpluggedUnderIt) {
+  const int pty = ::posix_openpt(O_RDWR | O_NOCTTY);
+  ASSERT_TRUE(pty >= 0 && ::grantpt(pty) == 0 && ::unlockpt(pty) == 0);
+  listener_ = std::make_unique<Listener>(pty);
+  bool told = false;
+  int sent_while_lost = 0;
+  // Told, lost for a while, and silent since.
+  const auto is_lost = [&](const LiveState& state, HealthReason reason, double seconds) {
+    told |= has(state, reason);
+    if (state.odometry.health.state != HealthState::kLost) sent_ = listener_->odometry();
+    return told && since_s() > seconds;
   };
-  LiveOptions options;
-  options.out = folder / "out";
-  const auto record = fly(*settings, *devices, options, [&](const LiveState& state) {
-    const std::uint32_t reasons = state.odometry.health.reasons;
-    switch (phase) {
-      case kStarting:
-        if (!is_well(state) || since_s() < 5) break;
-        write_file("/sys/bus/platform/drivers/vivid/unbind", "vivid.0");
-        enter(kNoCamera, state);
-        break;
-      case kNoCamera:
-        told_camera |= (reasons & bit(HealthReason::kCameraSilent)) != 0;
-        if (state.odometry.health.state != HealthState::kLost) sent = listener.odometry();
-        if (!told_camera || since_s() < 4) break;
-        sent_while_lost = listener.odometry() - sent;
-        lost_at = HostStamp{monotonic_ns()};
-        write_file("/sys/bus/platform/drivers/vivid/bind", "vivid.0");
-        enter(kCameraBack, state);
-        break;
-      case kCameraBack:
-        if (!comes_back(state.images > images, "camera") || !is_well(state)) break;
-        std::printf("camera: odometry after %.2f s\n", since_s());
-        imu.hub().unplug();
-        enter(kNoImu, state);
-        break;
-      case kNoImu:
-        told_imu |= (reasons & bit(HealthReason::kImuSilent)) != 0;
-        if (!told_imu || since_s() < 2) break;
-        lost_at = HostStamp{monotonic_ns()};
-        EXPECT_TRUE(imu.hub().plug_in());
-        enter(kImuBack, state);
-        break;
-      case kImuBack:
-        if (!comes_back(state.readings > readings, "imu") || !is_well(state)) break;
-        std::printf("imu: odometry after %.2f s\n", since_s());
-        phase = kOver;
-        break;
-      case kOver:
-        break;
-    }
-    return phase != kOver && state.since_start.seconds() < 120;
-  });
-  ASSERT_TRUE(record) << record.error().text();
-  EXPECT_EQ(phase, kOver)
-      << "0: no start, 1: camera's silence not told, 2: not back, 3: IMU's silence not told, 4: not back";
-  EXPECT_TRUE(told_camera);
-  EXPECT_TRUE(told_imu);
+  fly_through(
+      ::ptsname(pty),
+      {{"flies", [&](const LiveState& s) { return is_well(s) && since_s() > 5; }, [&] { plug_camera("unbind"); }},
+       {"camera lost", [&](const LiveState& s) { return is_lost(s, HealthReason::kCameraSilent, 4); },
+        [&] {
+          sent_while_lost = sent();
+          plug_camera("bind");
+        }},
+       {"camera back, image", [&](const LiveState& s) { return s.images > images_; }},
+       {"odometry", [&](const LiveState& s) { return is_well(s); },
+        [&] {
+          told = false;
+          imu_.hub().unplug();
+        }},
+       {"IMU lost", [&](const LiveState& s) { return is_lost(s, HealthReason::kImuSilent, 2); },
+        [&] { EXPECT_TRUE(imu_.hub().plug_in()); }},
+       {"IMU back, reading", [&](const LiveState& s) { return s.readings > readings_; }},
+       {"odometry", [&](const LiveState& s) { return is_well(s); }}});
   EXPECT_LE(sent_while_lost, 1) << "one may be on its way";
-  std::ifstream events(options.out / "events.txt");
-  for (std::string line; std::getline(events, line);) std::printf("  %s\n", line.c_str());
-  std::filesystem::remove_all(folder);
+}
+
+TEST_F(LiveFlight, SerialLineIsUnpluggedUnderIt) {
+  if (!SerialGadget::can_be_had()) GTEST_SKIP() << "no USB gadgets in this kernel";
+  SerialGadget gadget;
+  gadget.plug_in();
+  listener_ = std::make_unique<Listener>(SerialGadget::open_their_end());
+  const std::string lost = std::string("mavlink ") + SerialGadget::kOurs;
+  double back_after_s = 0;
+  // The sensors are well, and nobody says anything else.
+  const auto flies_without_line = [&](const LiveState& s) {
+    return s.lost_outputs == lost && is_flying(s) && s.odometry.stamp > began_at_ &&
+           !has(s, HealthReason::kCameraSilent) && !has(s, HealthReason::kImuSilent);
+  };
+  fly_through(SerialGadget::kOurs,
+              {{"flies", [&](const LiveState& s) { return is_well(s) && s.lost_outputs.empty() && since_s() > 5; },
+                [&] { gadget.unplug(); }},
+               {"line lost", flies_without_line},
+               {"flies without it", [&](const LiveState& s) { return flies_without_line(s) && since_s() > 3; },
+                [&] {
+                  gadget.plug_in();  // under the same name, for the link has let go of it
+                  listener_->take(SerialGadget::open_their_end());
+                }},
+               {"line back, odometry", [&](const LiveState& s) { return is_well(s) && s.lost_outputs.empty(); },
+                [&] { back_after_s = since_s(); }}});
+  EXPECT_LE(back_after_s, 2);
+  listener_.reset();  // lets go of the line before the gadget does
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <fstream>
 #include <random>
@@ -123,7 +124,11 @@ struct Stand {
     sink = s.get();
     devices.camera = std::move(c);
     devices.imu = std::move(i);
-    devices.outputs.push_back({std::move(s), [this] { return OutputRecord{"counter", sink->published, 0, 0, {}}; }});
+    devices.outputs.push_back({std::move(s),
+                               [this] {
+                                 return OutputRecord{"counter", sink->published, 0, 0, {}};
+                               },
+                               "counter", [this] { return !line_is_lost; }});
     options.out = std::filesystem::path(testing::TempDir()) /
                   ("live_" + std::to_string(getpid()) + testing::UnitTest::GetInstance()->current_test_info()->name());
   }
@@ -135,6 +140,7 @@ struct Stand {
   StandingCamera* camera;
   StandingImu* imu;
   CountingSink* sink;
+  std::atomic<bool> line_is_lost{false};
 };
 
 TEST(LiveRun, FliesUntilItIsToldToEndAndLeavesFilesBehind) {
@@ -173,6 +179,24 @@ TEST(LiveRun, FliesUntilItIsToldToEndAndLeavesFilesBehind) {
   std::size_t with_latency = 0;
   for (const ImageRecord& image : record->images) with_latency += image.latency_ms.has_value();
   EXPECT_GT(with_latency, trajectory->poses.size() / 2);
+}
+
+TEST(LiveRun, SaysWhichLineIsLostWhileItIs) {
+  Stand stand;
+  int round = 0;
+  bool told = false, told_back = false;
+  const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+    ++round;
+    EXPECT_EQ(round < 3 ? state.lost_outputs : "", "");
+    if (round == 3) stand.line_is_lost = true;
+    told |= state.lost_outputs == "counter";
+    if (told && round > 5) stand.line_is_lost = false;
+    told_back |= told && state.lost_outputs.empty();
+    return !told_back && state.since_start.seconds() < 60;
+  });
+  ASSERT_TRUE(record) << record.error().text();
+  EXPECT_TRUE(told);
+  EXPECT_TRUE(told_back);
 }
 
 TEST(LiveRun, FiguresAndReportTellWhatOutputsAndDevicesSay) {
