@@ -1,8 +1,11 @@
 #include <fmt/format.h>
 
+#include <charconv>
 #include <cstdio>
 #include <memory>
 #include <string>
+#include <system_error>
+#include <utility>
 
 #include "drivers/cli/commands.h"
 #include "drivers/cli/progress_bar.h"
@@ -29,14 +32,10 @@ void print_latency(const OutputRecord& output) {
   fmt::print("{:.2f} ms at most\n", 1e-6 * static_cast<double>(output.latency.most_ns()));
 }
 
-void print_summary(const hil::HilResult& result) {
-  const FlightRecord& r = result.record;
+void print_flight(const FlightRecord& r) {
   const RealtimeReport& report = r.realtime->report;
-  fmt::print("{}", hil::text_of(result.verdict, result.begin));
-  fmt::print("images    {} played, {} late, {} refused; {} in, {} overtaken, {} estimated\n", result.images_played,
-             result.images_late, result.images_refused, report.frames_in, report.frames_overtaken, report.frames_out);
-  fmt::print("readings  {} in, {} refused; {} estimates reached the controller\n", report.imu_in,
-             result.readings_refused, result.estimates);
+  fmt::print("flight    {} images in, {} overtaken, {} estimated; {} readings in\n", report.frames_in,
+             report.frames_overtaken, report.frames_out, report.imu_in);
   for (const OutputRecord& output : r.realtime->outputs) print_latency(output);
   if (const auto errors = errors_of(r); errors && errors->poses > 0) {
     fmt::print("error     {:.4f} m rms over {:.1f} m (4-DoF alignment), {} poses, scale {:+.2f} %\n",
@@ -45,10 +44,31 @@ void print_summary(const hil::HilResult& result) {
   for (const std::string& line : r.realtime->shortfalls) fmt::print("note      {}\n", line);
 }
 
+void print_summary(const hil::HilResult& result) {
+  fmt::print("{}", hil::text_of(result.verdict, result.begin));
+  fmt::print("played    {} images, {} late, {} refused; {} readings refused\n", result.images_played,
+             result.images_late, result.images_refused, result.readings_refused);
+  if (result.record) print_flight(*result.record);
+  const TrajectoryErrors errors = evaluate(result.received, result.truth);
+  fmt::print("received  {} estimates", result.estimates);
+  if (errors.poses > 0)
+    fmt::print(", {:.4f} m rms off over {:.1f} m (4-DoF alignment)", errors.ate_4dof.rmse, errors.path_length_m);
+  fmt::print("\n");
+}
+
+/// Somebody starts the other process now, or waits for this line to do so.
+void say_ready(const hil::HilOptions& options) {
+  fmt::print("ready     {}, {}, {}; waits for epiline run --config {}\n", options.camera, options.imu,
+             options.controller, options.config_file.string());
+  std::fflush(stdout);
+}
+
 int hil_command(const Options& options) {
   ProgressBar bar(options.quiet);
   constexpr std::size_t kSteps = 1000;
+  bool said_ready = options.quiet;
   const auto result = hil::run_hil(options.hil, [&](const hil::Progress& progress) {
+    if (progress.waits && !std::exchange(said_ready, true)) say_ready(options.hil);
     bar(static_cast<std::size_t>(progress.share * kSteps), kSteps);
     return true;
   });
@@ -66,6 +86,17 @@ int hil_command(const Options& options) {
 std::string camera_fault(const std::string& text) {
   const bool good = text == "file" || text.rfind("v4l2loopback:/", 0) == 0;
   return good ? "" : "camera " + text + "; expected file or v4l2loopback:/dev/videoN";
+}
+
+/// Of what cannot be left to whoever opens it.
+std::string controller_fault(const std::string& text) {
+  if (text.empty()) return "no controller; expected pty, udp, a CAN interface or a serial port";
+  if (text.rfind("udp:", 0) != 0) return "";
+  int port = 0;
+  const char* const end = text.data() + text.size();
+  const auto read = std::from_chars(text.data() + 4, end, port);
+  const bool good = read.ec == std::errc() && read.ptr == end && port > 0 && port < 65'536;
+  return good ? "" : "controller " + text + "; expected udp:PORT";
 }
 
 }  // namespace
@@ -87,9 +118,12 @@ void add_hil(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   command
       ->add_option("--controller", h.controller,
-                   "where the flight controller is played: pty, udp, vcan..., or a serial port that is wired to the "
-                   "configuration's")
+                   "where the flight controller is played: pty[:PATH], udp[:PORT], vcan..., or a serial port that is "
+                   "wired to the configuration's")
+      ->check(controller_fault)
       ->capture_default_str();
+  command->add_flag("--beside", h.beside,
+                    "plays and judges only: an epiline run beside this flies, with the same configuration");
   command->add_option("--jitter-ms", h.disturbance.jitter_ms, "samples come late by up to so much")
       ->check(CLI::Range(0.0, 1000.0));
   command->add_option("--loss", h.disturbance.loss, "share of samples that do not come")->check(CLI::Range(0.0, 1.0));

@@ -10,6 +10,7 @@
 #include <array>
 #include <cerrno>
 #include <cstdlib>
+#include <filesystem>
 #include <optional>
 #include <system_error>
 #include <utility>
@@ -36,12 +37,36 @@ class File {
   int fd_;
 };
 
+/// A symbolic link, removed in the end.
+class Link {
+ public:
+  explicit Link(std::string path = "") : path_(std::move(path)) {}
+  Link(Link&& other) noexcept : path_(std::exchange(other.path_, "")) {}
+  Link& operator=(Link&&) = delete;
+  ~Link() {
+    if (!path_.empty()) ::unlink(path_.c_str());
+  }
+
+ private:
+  std::string path_;
+};
+
+/// What a program that was killed left behind: any other link may be somebody's.
+bool is_left_behind(const std::string& path) {
+  std::error_code ignored;
+  const std::string target = std::filesystem::read_symlink(path, ignored).string();
+  return target.rfind("/dev/pts/", 0) == 0;
+}
+
 /// A terminal, ours or a wire's.
 class Terminal final : public ControllerLine {
  public:
   /// `other`: of a pair, kept open.
-  Terminal(File file, File other, std::string companion_end)
-      : file_(std::move(file)), other_(std::move(other)), companion_end_(std::move(companion_end)) {}
+  Terminal(File file, File other, std::string companion_end, Link link = Link())
+      : file_(std::move(file)),
+        other_(std::move(other)),
+        companion_end_(std::move(companion_end)),
+        link_(std::move(link)) {}
   int fd() const noexcept override { return file_.get(); }
   std::size_t read(std::span<std::uint8_t> into) noexcept override {
     const ssize_t got = ::read(file_.get(), into.data(), into.size());
@@ -55,6 +80,7 @@ class Terminal final : public ControllerLine {
  private:
   File file_, other_;
   std::string companion_end_;
+  Link link_;
 };
 
 class Datagrams final : public ControllerLine {
@@ -114,16 +140,26 @@ speed_t speed_of(int baud) {
 
 }  // namespace
 
-Result<std::unique_ptr<ControllerLine>> open_pty_line() {
+Result<std::unique_ptr<ControllerLine>> open_pty_line(const std::string& name) {
   File controller(::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK));
   if (controller.get() < 0 || ::grantpt(controller.get()) != 0 || ::unlockpt(controller.get()) != 0)
     return failed("pty", "no pseudo terminal");
-  std::array<char, 128> name{};
-  if (::ptsname_r(controller.get(), name.data(), name.size()) != 0) return failed("pty", "no name");
-  File companion(::open(name.data(), O_RDWR | O_NOCTTY | O_CLOEXEC));
-  if (companion.get() < 0 || !set_raw(companion.get(), B0)) return failed(name.data(), "cannot be made raw");
+  std::array<char, 128> pts{};
+  if (::ptsname_r(controller.get(), pts.data(), pts.size()) != 0) return failed("pty", "no name");
+  File companion(::open(pts.data(), O_RDWR | O_NOCTTY | O_CLOEXEC));
+  if (companion.get() < 0 || !set_raw(companion.get(), B0)) return failed(pts.data(), "cannot be made raw");
+  if (!name.empty()) {
+    if (is_left_behind(name)) ::unlink(name.c_str());
+    if (::symlink(pts.data(), name.c_str()) != 0) {
+      Error error = failed(name, "cannot be made a name of the pseudo terminal");
+      error.kind = ErrorKind::kUsage;
+      error.expected = "a path at which nothing is yet, in a folder that may be written to";
+      return error;
+    }
+  }
+  const std::string companion_end = name.empty() ? pts.data() : name;
   return std::unique_ptr<ControllerLine>(
-      std::make_unique<Terminal>(std::move(controller), std::move(companion), name.data()));
+      std::make_unique<Terminal>(std::move(controller), std::move(companion), companion_end, Link(name)));
 }
 
 Result<std::unique_ptr<ControllerLine>> open_serial_line(const std::string& device, int baud) {
@@ -144,15 +180,16 @@ Result<std::unique_ptr<ControllerLine>> open_serial_line(const std::string& devi
   return std::unique_ptr<ControllerLine>(std::make_unique<Terminal>(std::move(port), File(), ""));
 }
 
-Result<std::unique_ptr<ControllerLine>> open_udp_line() {
+Result<std::unique_ptr<ControllerLine>> open_udp_line(int port) {
   File socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   sockaddr_in own{};
   own.sin_family = AF_INET;
   own.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  own.sin_port = htons(static_cast<std::uint16_t>(port));
   socklen_t size = sizeof own;
   if (socket.get() < 0 || ::bind(socket.get(), reinterpret_cast<const sockaddr*>(&own), size) != 0 ||
       ::getsockname(socket.get(), reinterpret_cast<sockaddr*>(&own), &size) != 0)
-    return failed("127.0.0.1", "no port");
+    return failed("127.0.0.1:" + std::to_string(port), "no port");
   return std::unique_ptr<ControllerLine>(
       std::make_unique<Datagrams>(std::move(socket), "127.0.0.1:" + std::to_string(ntohs(own.sin_port))));
 }

@@ -24,13 +24,15 @@ class ControllerLine {
   virtual const std::string& companion_end() const noexcept = 0;
 };
 
-/// A pair of pseudo terminals, raw. Both ends exist as long as the line does, so the companion may come and go.
-Result<std::unique_ptr<ControllerLine>> open_pty_line();
+/// A pair of pseudo terminals, raw. Both ends exist as long as the line does, so the companion may come and go. `name`:
+/// a path at which the companion finds its end meanwhile; what is there already is an error, but for such a link that
+/// was left behind.
+Result<std::unique_ptr<ControllerLine>> open_pty_line(const std::string& name = "");
 
 /// A serial port of this computer, whose other end is wired to the companion's port.
 Result<std::unique_ptr<ControllerLine>> open_serial_line(const std::string& device, int baud);
 
-/// A port of the loopback address. The companion speaks first.
-Result<std::unique_ptr<ControllerLine>> open_udp_line();
+/// A port of the loopback address; 0: any. The companion speaks first.
+Result<std::unique_ptr<ControllerLine>> open_udp_line(int port = 0);
 
 }  // namespace epiline::hil

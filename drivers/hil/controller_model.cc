@@ -111,6 +111,7 @@ void ControllerModel::receive(const mavlink::VisionPositionEstimate& message, Ho
 void ControllerModel::take_estimate(const std::optional<VisionSample>& sample, HostStamp arrival) {
   ++estimates_;
   if (!sample || !stream_.take(arrival, sample->stamp, book_)) return;
+  add_pose(pose_of(*sample, settings_.R_VB), received_);
   judge_latency(*sample);
   motion_.take(*sample, book_);
   if (truth_) fusion_.take(*sample, truth_(sample->stamp), book_);

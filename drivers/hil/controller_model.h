@@ -58,6 +58,8 @@ class ControllerModel {
   /// Arrival less time_usec, while the clocks are known.
   const LatencyBins& latency() const { return latency_; }
   std::uint64_t estimates() const { return estimates_; }
+  /// What can be used of them: the recording's IMU, stamped as the companion says.
+  const Trajectory& received() const { return received_; }
   std::int64_t to_controller_ns(HostStamp host) const;
 
  private:
@@ -88,6 +90,7 @@ class ControllerModel {
   FusionModel fusion_;
   TimesyncFilter timesync_;
   LatencyBins latency_;
+  Trajectory received_;
 
   std::optional<HostStamp> begin_, newest_heartbeat_, first_packet_, first_heartbeat_;
   std::uint64_t heartbeats_ = 0, estimates_ = 0, texts_in_window_ = 0, exchanges_ = 0;

@@ -42,15 +42,14 @@ void FusionModel::Axis::fuse(double innovation, double noise_variance, bool of_v
 
 FusionModel::Measurement FusionModel::measurement_of(const VisionSample& s, const TruthState& truth) const {
   const auto variance = [](const Vec3& sigma, double least) { return sigma.cwiseMax(least).cwiseAbs2().eval(); };
-  const Mat3 flip = Vec3(1, -1, -1).asDiagonal();
-  const Mat3 R_WB = flip * s.q_LF.toRotationMatrix() * flip * R_VB_;
+  const TimedPose pose = pose_of(s, R_VB_);
   Measurement m;
-  m.p = flipped(s.p_L);
+  m.p = pose.p_WB;
   m.has_velocity = s.v_L.has_value();
   m.v = flipped(s.v_L.value_or(Vec3::Zero()));
   m.variance_p = variance(s.sigma_p, kPositionNoise_m);
   m.variance_v = variance(s.sigma_v, kVelocityNoise_m_s);
-  m.heading_rad = yaw_of(R_WB * truth.R_WB.transpose());
+  m.heading_rad = yaw_of(pose.q_WB.toRotationMatrix() * truth.R_WB.transpose());
   if (!m.has_velocity) m.v = yaw_rotation(m.heading_rad) * truth.v_WB;  // to begin with
   return m;
 }

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <system_error>
 
@@ -32,7 +33,15 @@ Status LoopbackWriter::fail(const std::string& device, const char* step) {
                "a device of v4l2loopback (modprobe v4l2loopback video_nr=42) that no other program writes to"};
 }
 
-Status LoopbackWriter::open(const std::string& device, int width, int height) {
+/// Readers are told it, and who is configured for another refuses the device. False: errno.
+bool LoopbackWriter::set_rate(double rate_hz) noexcept {
+  v4l2_streamparm parameters{};
+  parameters.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
+  parameters.parm.output.timeperframe = {1000, static_cast<std::uint32_t>(std::lround(rate_hz * 1000))};
+  return ::ioctl(fd_, VIDIOC_S_PARM, &parameters) == 0;
+}
+
+Status LoopbackWriter::open(const std::string& device, int width, int height, double rate_hz) {
   close();
   width_ = width;
   height_ = height;
@@ -47,6 +56,7 @@ Status LoopbackWriter::open(const std::string& device, int width, int height) {
   format.fmt.pix.bytesperline = format.fmt.pix.width;
   format.fmt.pix.sizeimage = format.fmt.pix.width * format.fmt.pix.height;
   if (::ioctl(fd_, VIDIOC_S_FMT, &format) != 0) return fail(device, "VIDIOC_S_FMT");
+  if (rate_hz > 0 && !set_rate(rate_hz)) return fail(device, "VIDIOC_S_PARM");
   stride_ = std::max<std::size_t>(format.fmt.pix.bytesperline, static_cast<std::size_t>(width));
   v4l2_requestbuffers request{};
   request.count = kMostBuffers;

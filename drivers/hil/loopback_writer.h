@@ -18,8 +18,8 @@ class LoopbackWriter {
   LoopbackWriter(const LoopbackWriter&) = delete;
   LoopbackWriter& operator=(const LoopbackWriter&) = delete;
 
-  /// Sets the device's format; readers can open it from then on.
-  Status open(const std::string& device, int width, int height);
+  /// Sets the device's format and what it says of its rate (0: nothing); readers can open it from then on.
+  Status open(const std::string& device, int width, int height, double rate_hz = 0);
   void close() noexcept;
   /// The reader gets the stamp as it is, to the microsecond. `bytes`: what is said to be in the buffer, for tests of
   /// short images; 0: all of it. False: the kernel refused; errno says why.
@@ -28,6 +28,7 @@ class LoopbackWriter {
  private:
   static constexpr unsigned kMostBuffers = 4;
 
+  bool set_rate(double rate_hz) noexcept;
   Status fail(const std::string& device, const char* step);
 
   int fd_ = -1, width_ = 0, height_ = 0;

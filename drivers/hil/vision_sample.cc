@@ -103,6 +103,12 @@ bool to_stamp(std::uint64_t usec, HostStamp& stamp) {
 
 }  // namespace
 
+TimedPose pose_of(const VisionSample& s, const Mat3& R_VB) {
+  const Mat3 flip = Vec3(1, -1, -1).asDiagonal();
+  const Mat3 R_WB = flip * s.q_LF.toRotationMatrix() * flip * R_VB;
+  return {s.stamp, flip * s.p_L, Eigen::Quaterniond(R_WB)};
+}
+
 std::optional<VisionSample> judge_message(const mavlink::Odometry& m, HostStamp arrival, RuleBook& book) {
   judge_frames(m, arrival, book);
   judge_quality(m.quality, arrival, book);

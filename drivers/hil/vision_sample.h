@@ -7,6 +7,7 @@
 #include "drivers/hil/rules.h"
 #include "drivers/output/mavlink/message.h"
 #include "estimator/geometry/types.h"
+#include "pipeline/evaluate/trajectory.h"
 
 namespace epiline::hil {
 
@@ -21,6 +22,10 @@ struct VisionSample {
   Vec3 sigma_p = Vec3::Zero(), sigma_angle = Vec3::Zero(), sigma_v = Vec3::Zero();  ///< 0: not known
   std::uint8_t reset_counter = 0;
 };
+
+/// The IMU's pose that it tells of, in a world whose z axis points up. `R_VB`: the IMU in the vehicle (forward, left,
+/// up).
+TimedPose pose_of(const VisionSample& sample, const Mat3& R_VB);
 
 /// Judges the rules on frames, type, numbers, covariance and quality. None: no controller could use it, for its numbers
 /// or its stamp.

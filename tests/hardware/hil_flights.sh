@@ -1,39 +1,154 @@
 #!/bin/sh
 # usage: hil_flights.sh PROGRAM FLIGHT SECONDS [NAME...]. In the machine of tests/hardware/vm: a recorded flight through the
-# kernel's camera and IMU interfaces into `epiline hil`, and out to the controller model. Each flight must be accepted, and its
-# path be that of the truth to 5 cm.
+# kernel's camera and IMU interfaces into `epiline run`, a process of its own with an ordinary configuration file, and out to
+# the controller model of `epiline hil --beside`. Each flight must be accepted, and both its path and what the controller got
+# of it be the truth to 5 cm. `alone`: all of it in one process. `check`: `epiline check` instead of the flight.
 set -u
 program=$1 flight=$2 seconds=$3
 shift 3
-[ $# -gt 0 ] || set -- pty vcan classic mavlink
+[ $# -gt 0 ] || set -- pty vcan classic mavlink alone check
 out=/out
+camera=v4l2loopback:/dev/video42
+line=/run/controller
 ip link add vcan0 type vcan && ip link set vcan0 mtu 72 up
-failed=0
-for name in "$@"; do
-  cat >"$out/$name.toml" <<TOML
+
+# configuration NAME: as somebody with these devices writes it.
+configuration() {
+  cat <<TOML
 [camera]
+device = "/dev/video42"
+rate_hz = 20
+trust_stamps = true
+stamp_point = "start-of-exposure"
 calibration = "$flight/mav0/cam0/sensor.yaml"
 [imu]
 calibration = "$flight/mav0/imu0/sensor.yaml"
 rate_hz = 200
-[can]
-fd = $([ "$name" = classic ] && echo false || echo true)
 TOML
-  camera=v4l2loopback:/dev/video42 imu=uhid controller=pty
-  case $name in
+  case $1 in
+    mavlink) printf 'driver = "mavlink"\n' ;;
+    *) printf 'driver = "iio"\ndevice = "gyro_3d"\ndevice_accel = "accel_3d"\n' ;;
+  esac
+  case $1 in
+    vcan) printf '[can]\ninterface = "vcan0"\n' ;;
+    classic) printf '[can]\ninterface = "vcan0"\nfd = false\n' ;;
+    *) printf '[mavlink]\nserial = "%s"\n' "$line" ;;
+  esac
+}
+
+# beside FOLDER OPTIONS... : plays what the other process is to see; returns when it may be started.
+beside() {
+  folder=$1
+  shift
+  "$program" hil "$flight" --config "$folder.toml" --beside --camera "$camera" --duration "$seconds" --out "$folder" "$@" \
+    >"$folder.txt" 2>"$folder.err" &
+  player=$!
+  while ! grep -q '^ready' "$folder.txt" && kill -0 $player 2>/dev/null; do sleep 0.1; done
+}
+
+# fly NAME: true if it is accepted.
+fly() {
+  folder=$out/$1
+  imu=uhid controller=pty:$line
+  case $1 in
     vcan | classic) controller=vcan0 ;;
     mavlink) imu=mavlink ;;
   esac
-  status=0
-  "$program" hil "$flight" --config "$out/$name.toml" --camera "$camera" --imu "$imu" --controller "$controller" \
-    --duration "$seconds" --out "$out/$name" >"$out/$name.txt" 2>"$out/$name.err" || status=$?
-  error=$(awk '/^error / { print $2 }' "$out/$name.txt")
-  verdict=$(awk -v s="$status" -v e="${error:-none}" 'BEGIN { print s == 0 && e != "none" && e + 0 < 0.05 ? "ok" : "FAIL" }')
-  [ "$verdict" = ok ] || failed=1
-  echo "== $verdict: $camera, $imu, $controller ($name)"
-  if [ "$verdict" = ok ]; then grep -E '^(images|readings|output|latency|error)' "$out/$name.txt"; else
-    grep -v '^kept' "$out/$name.txt"
-    tail -n 1 "$out/$name.err"
+  if [ "$1" = alone ]; then
+    "$program" hil "$flight" --config "$folder.toml" --camera "$camera" --imu "$imu" --controller "$controller" \
+      --duration "$seconds" --out "$folder" >"$folder.txt" 2>"$folder.err"
+    return
+  fi
+  beside "$folder" --imu "$imu" --controller "$controller"
+  "$program" run --config "$folder.toml" --out "$folder/run" >"$folder.run.txt" 2>"$folder.run.err" &
+  runner=$!
+  # who judges waits for ever for somebody who flies
+  while kill -0 $player 2>/dev/null; do
+    kill -0 $runner 2>/dev/null || kill $player
+    sleep 0.2
+  done
+  judged=0 flown=0
+  wait $player || judged=$?
+  kill $runner 2>/dev/null
+  wait $runner || flown=$?
+  "$program" evaluate "$folder/run/trajectory.tum" "$folder/truth.tum" >"$folder.evaluate.txt" 2>&1
+  awk '$1 == "ATE" { print "error     " $3 " m rms (4-DoF alignment)" }' "$folder.evaluate.txt" >>"$folder.run.txt"
+  [ $judged -eq 0 ] && [ $flown -eq 0 ]
+}
+
+# says FILE: whether a line of it matches each pattern of the standard input; names those that are missing.
+says() {
+  missing=0
+  while read -r pattern; do
+    grep -qE "$pattern" "$1" && continue
+    echo "not found: $pattern" >&2
+    missing=1
+  done
+  return $missing
+}
+
+# look FOLDER: `epiline check` at what is played, and at what is left when the player has gone.
+look() {
+  folder=$1
+  beside "$folder" --imu uhid --controller "pty:$line"
+  there=0 gone=0
+  "$program" check --config "$folder.toml" --seconds 6 >"$folder.run.txt" 2>"$folder.run.err" || there=$?
+  kill $player
+  wait $player
+  "$program" check --config "$folder.toml" --seconds 1 >"$folder.gone.txt" 2>"$folder.gone.err" || gone=$?
+  echo "exit      $there with devices, $gone without" >>"$folder.gone.txt"
+  [ $there -eq 0 ] && [ $gone -eq 1 ] || return
+  says "$folder.run.txt" <<'LINES' 2>"$folder.err" && says "$folder.gone.txt" <<'GONE' 2>>"$folder.err"
+^ok +camera: /dev/video42 is there
+^ok +camera: (19.9|20.0). images a second
+^ok +camera: mean brightness
+^ok +camera: [0-9]+ corners of
+^warning +camera: the exposure time is not known
+^ok +imu: gyro_3d is there
+^ok +imu: accel_3d is there
+^ok +imu: (199.9|200.[01]) readings a second
+^ok +mavlink: /run/controller is there
+^ok +mavlink: [0-9]+ packets heard
+^ok +mavlink: clock:
+LINES
+^error +camera:
+^error +imu: none is called "gyro_3d"
+^error +imu: none is called "accel_3d"
+^error +mavlink: no /run/controller
+GONE
+}
+
+# is_near FILES...: whether the errors said in them are there, and below 5 cm.
+is_near() {
+  awk '/^error / { e = $2; n++ } /^received / && / m rms / { e = $4; n++ } e + 0 >= 0.05 { far = 1 }
+    END { exit far || n != 2 }' "$@"
+}
+
+failed=0
+for name in "$@"; do
+  folder=$out/$name
+  configuration "$name" >"$folder.toml"
+  rm -f "$folder".*txt "$folder".*err
+  : >"$folder.run.txt"
+  if [ "$name" = check ]; then
+    if look "$folder"; then
+      echo "== ok: $name"
+      grep -hE '^(ok|warning|exit)' "$folder.run.txt" "$folder.gone.txt"
+    else
+      failed=1
+      echo "== FAIL: $name"
+      cat "$folder".*err "$folder.run.txt" "$folder.gone.txt"
+    fi
+    continue
+  fi
+  if fly "$name" && is_near "$folder.txt" "$folder.run.txt"; then
+    echo "== ok: $name"
+    grep -hE '^(PX4|ArduPilot|played|received|flight|latency|error|images|readings|output)' "$folder.txt" "$folder.run.txt"
+  else
+    failed=1
+    echo "== FAIL: $name"
+    grep -hv '^kept' "$folder.txt" "$folder.run.txt"
+    tail -qn 3 "$folder".*err
   fi
 done
 exit $failed

@@ -9,7 +9,9 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <filesystem>
 #include <functional>
+#include <string>
 
 #include "platform/time/monotonic.h"
 
@@ -68,6 +70,29 @@ TEST(ControllerThread, TalksThroughAPty) {
   auto line = open_pty_line();
   ASSERT_TRUE(line) << line.error().text();
   expect_conversation(**line, [&] { return ::open((*line)->companion_end().c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK); });
+}
+
+TEST(ControllerThread, APtyHasTheNameItIsGiven) {
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / ("epiline_pty_" + std::to_string(::getpid()));
+  std::filesystem::create_directories(folder);
+  const std::filesystem::path name = folder / "controller";
+  std::filesystem::create_symlink("/dev/pts/4711", name);  // left behind by somebody who was killed
+  {
+    auto line = open_pty_line(name);
+    ASSERT_TRUE(line) << line.error().text();
+    EXPECT_EQ((*line)->companion_end(), name.string());
+    expect_conversation(**line, [&] { return ::open(name.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK); });
+  }
+  EXPECT_FALSE(std::filesystem::is_symlink(name)) << "gone with the line";
+  // What is somebody else's stays.
+  std::filesystem::create_symlink("/dev/ttyACM0", name);
+  const auto refused = open_pty_line(name);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().kind, ErrorKind::kUsage);
+  EXPECT_EQ(std::filesystem::read_symlink(name), "/dev/ttyACM0");
+  EXPECT_FALSE(open_pty_line(folder / "no_folder" / "controller"));
+  std::filesystem::remove_all(folder);
 }
 
 TEST(ControllerThread, TalksThroughUdp) {

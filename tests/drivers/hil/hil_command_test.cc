@@ -3,6 +3,8 @@
 
 #include <sstream>
 
+#include <cstdio>
+
 #include "tests/drivers/program.h"
 
 namespace epiline {
@@ -52,6 +54,16 @@ TEST_F(HilCommand, AFlightIsAccepted) {
   EXPECT_GT(s["error"]["poses"].get<int>(), 40);
   EXPECT_TRUE(fs::exists(scratch() / "out/report.html"));
   EXPECT_TRUE(fs::exists(scratch() / "out/trajectory.tum"));
+  // What the controller got, laid over the truth at its times.
+  const Outcome evaluated = run("evaluate '" + (scratch() / "out/received.tum").string() + "' '" +
+                                (scratch() / "out/truth.tum").string() + "' --json");
+  ASSERT_EQ(evaluated.exit_code, 0) << evaluated.err;
+  const Json received = Json::parse(evaluated.out);
+  EXPECT_LT(received["ate_m"]["rmse"].get<double>(), 0.05);
+  EXPECT_GT(received["poses"].get<int>(), 60);
+  char line[64];
+  std::snprintf(line, sizeof line, ", %.4f m rms off over", received["ate_m"]["rmse"].get<double>());
+  EXPECT_NE(r.out.find(line), std::string::npos) << r.out;
 }
 
 TEST_F(HilCommand, TheControllersOwnImuFliesToo) {
@@ -95,8 +107,25 @@ TEST_F(HilCommand, SaysWhatIsWrong) {
   expect_one_line(hil("--controller /dev/there_is_none"), 2, {"/dev/there_is_none"});
   expect_one_line(hil("--controller nocan7"), 2, {"nocan7", "ip link add"});
   expect_one_line(hil("--start 100"), 2, {"no image in the time asked for"});
+  expect_one_line(hil("--controller ''"), 2, {"no controller"});
+  expect_one_line(hil("--controller udp:0"), 2, {"udp:PORT"});
+  expect_one_line(hil("--controller pty:" + config().string()), 2, {"flight.toml", "a path at which nothing is yet"});
   write(config(), "[camera]\n");
   expect_one_line(hil(""), 2, {"no camera.calibration"});
+}
+
+// Another process opens what is played: it has to be where its configuration looks for it.
+TEST_F(HilCommand, SaysWhatNobodyBesideWouldFind) {
+  const std::string camera = "--beside --camera v4l2loopback:/dev/video42 ", imu = camera + "--imu uhid ";
+  expect_one_line(hil("--beside"), 2, {"--beside with --camera: file"});
+  expect_one_line(hil(camera), 2, {"--beside with --imu: file"});
+  expect_one_line(hil(imu), 2, {"--beside with --controller: pty"});
+  expect_one_line(hil(imu + "--controller pty:/run/controller"), 2, {"mavlink.serial = \"\"", "\"/run/controller\""});
+  expect_one_line(hil(imu + "--controller vcan0"), 2, {"can.interface = \"\"", "\"vcan0\""});
+  std::string text = read(config());
+  text.insert(text.find('\n') + 1, "device = \"/dev/video7\"\n");
+  write(config(), text);
+  expect_one_line(hil(imu + "--controller vcan0"), 2, {"camera.device = \"/dev/video7\"", "\"/dev/video42\""});
 }
 
 }  // namespace
