@@ -107,6 +107,8 @@ look() {
 ^ok +imu: gyro_3d is there
 ^ok +imu: accel_3d is there
 ^ok +imu: (199.9|200.[01]) readings a second
+^ok +camera and imu: time offset
+^ok +camera and imu: rotation between them
 ^ok +mavlink: /run/controller is there
 ^ok +mavlink: [0-9]+ packets heard
 ^ok +mavlink: clock:
