@@ -33,8 +33,8 @@ struct LiveState {
 
 /// Opens the devices, flies until SIGINT, SIGTERM, the end of the sources, the time asked for, or until `watch`, called
 /// twenty times a second, returns false. SIGUSR1 asks the flight recorder for a record. Tells the service manager.
-/// Fails if and only if a device cannot be opened, settings do not go together, the system has no thread left, or a file
-/// cannot be written.
+/// Fails if and only if a device cannot be opened, settings do not go together, the system has no thread left, or a
+/// file cannot be written.
 Result<FlightRecord> fly(const LiveSettings& settings, LiveDevices& devices, const LiveOptions& options,
                          const std::function<bool(const LiveState&)>& watch);
 
