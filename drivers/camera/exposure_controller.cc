@@ -14,7 +14,7 @@ constexpr std::size_t kFactors = 2 * kReach + 1;
 constexpr double kNoise = 3, kHalfWorth = 10;  // grey values: no edge; an edge well seen
 constexpr double kMeanWeight = 0.03;           // of the mean's distance (logarithm, squared) against an edge's worth
 constexpr double kLightTail = 1;               // octaves over which clipped light is thought to spread
-constexpr double kClippedCost = 0.5;           // a clipped place spoils the patches around it
+constexpr double kClippedCost = 0.3;           // a clipped place spoils the patches around it
 
 double log2_factor(std::size_t i) noexcept { return (static_cast<double>(i) - kReach) / kPerOctave; }
 
@@ -66,7 +66,7 @@ double information(const ImageStatistics& image, std::size_t i) noexcept {
 // ---- the controller ----
 
 constexpr int kImages = 3;  // whose mean is looked at: lamps make one image bright, the next one dark
-constexpr double kStart = 0.30, kStop = 0.12;  // logarithms of factors: it moves beyond one, until within the other
+constexpr double kStart = 0.20, kStop = 0.08;  // logarithms of factors: it moves beyond one, until within the other
 constexpr double kDamping = 0.8;               // a sensor whose brightness grows faster than the light must not swing
 constexpr double kFar = 0.9;                   // beyond, the image is of little use: then large steps
 constexpr double kStepMost = 0.3;              // else steps below what health calls an exposure step
