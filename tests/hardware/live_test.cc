@@ -216,7 +216,7 @@ TEST_F(LiveFlight, SerialLineIsUnpluggedUnderIt) {
   fly_through(SerialGadget::kOurs,
               {{"flies", [&](const LiveState& s) { return is_well(s) && s.lost_outputs.empty() && since_s() > 5; },
                 [&] { gadget.unplug(); }},
-               {"line lost", flies_without_line},
+               {"line lost", [&](const LiveState& s) { return s.lost_outputs == lost; }},
                {"flies without it", [&](const LiveState& s) { return flies_without_line(s) && since_s() > 3; },
                 [&] {
                   gadget.plug_in();  // under the same name, for the link has let go of it
