@@ -358,7 +358,8 @@ bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
   const bool is_monotonic = (buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
   const HostStamp given{static_cast<std::int64_t>(buffer.timestamp.tv_sec) * 1'000'000'000 +
                         static_cast<std::int64_t>(buffer.timestamp.tv_usec) * 1'000};
-  const std::int64_t age_ns = monotonic_ns() - given.ns;
+  frame.arrival = HostStamp{monotonic_ns()};
+  const std::int64_t age_ns = (frame.arrival - given).ns;
   // also ahead of now: drivers compute the end of a frame, and hand the image out before it
   const bool is_recent = settings_.trust_stamps || std::abs(age_ns) < settings_.stamp_age_most.ns;
   if ((!is_monotonic && !settings_.trust_stamps) || !is_recent || given <= last_stamp_) {

@@ -111,7 +111,7 @@ look() {
 ^ok +camera and imu: rotation between them
 ^ok +mavlink: /run/controller is there
 ^ok +mavlink: [0-9]+ packets heard
-^ok +mavlink: clock:
+^(ok|warning) +mavlink: clock: skew [-+0-9.]+ ppm, residual 0[.][0-9]+ ms
 LINES
 ^error +camera:
 ^error +imu: none is called "gyro_3d"

@@ -71,6 +71,9 @@ TEST_F(Vivid, EveryFormatShowsTheSameImage) {
     watch(camera, 3, [&](const Frame& frame) {
       ASSERT_EQ(frame.width, 320);
       ASSERT_EQ(frame.height, 180);
+      EXPECT_LE(frame.arrival.ns, monotonic_ns());
+      EXPECT_LT(std::abs((frame.arrival - frame.stamp).ns), 1'000'000'000)
+          << "vivid hands images out before their time";
       EXPECT_EQ(is_device_memory(frame.data), is_grey_in_place(format)) << "in place, or copied";
       const auto pixels = pixels_of(frame);
       if (grey.empty()) grey = pixels;
