@@ -270,20 +270,21 @@ Status Flight::stand_by(const SignalWait& signals, const std::function<bool(cons
 Result<HilResult> Flight::run(const std::function<bool(const Progress&)>& watch) {
   const SignalWait signals({SIGINT, SIGTERM});  // before any thread begins
   if (const Status s = connect_controller(); !s) return s.error();
-  LiveDevices given;
-  if (const Status s = connect_camera(given); !s) return s.error();
-  if (const Status s = connect_imu(given); !s) return s.error();
+  LiveDevices devices;  // to the end: the played camera may be one of them, and is asked when all is over
+  if (const Status s = connect_camera(devices); !s) return s.error();
+  if (const Status s = connect_imu(devices); !s) return s.error();
   if (controller_ && !controller_->start()) return Error{ErrorKind::kRun, "", 0, "no thread for the controller", ""};
   std::optional<FlightRecord> record;
   Status flown = Done{};
   if (options_.beside) {
     flown = stand_by(signals, watch);
   } else {
-    auto devices = make_devices(settings_, std::move(given));
-    if (!devices) return devices.error();
+    auto made = make_devices(settings_, std::move(devices));
+    if (!made) return made.error();
+    devices = std::move(*made);
     LiveOptions live;
     live.out = options_.out;
-    auto flight = fly(settings_, *devices, live, [&](const LiveState& /*state*/) {
+    auto flight = fly(settings_, devices, live, [&](const LiveState& /*state*/) {
       const bool goes_on = watch({share_played(), false});
       return watch_flight() && goes_on;
     });
