@@ -428,7 +428,7 @@ class Devices {
   }
   void open_outputs(Findings& out) {
     for (LiveOutput& output : rest_.outputs) {
-      const std::string name = output.record().name, device = name.substr(0, name.find(' '));
+      const std::string device = output.name.substr(0, output.name.find(' '));
       if (has_error(out, device)) continue;
       if (const Status status = output.sink->open(); !status) out.push_back(of_error(device, status.error()));
     }

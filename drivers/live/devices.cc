@@ -102,7 +102,7 @@ DeviceRecord record_of(const MavlinkImu& imu) {
 
 OutputRecord record_of(const mavlink::MavlinkLink& link, const std::string& name) {
   const mavlink::LinkCounts c = link.counts();
-  return {"mavlink " + name, c.odometry, c.dropped, c.disconnected, link.latency()};
+  return {name, c.odometry, c.dropped, c.disconnected, link.latency()};
 }
 
 DeviceRecord device_of(const mavlink::MavlinkLink& link) {
@@ -124,9 +124,9 @@ DeviceRecord device_of(const mavlink::MavlinkLink& link) {
           s.clock};
 }
 
-OutputRecord record_of(const CanOutput& can, const std::string& interface) {
+OutputRecord record_of(const CanOutput& can, const std::string& name) {
   const CanOutputCounts c = can.counts();
-  return {"can " + interface, c.epochs, c.dropped, c.disconnected, can.latency()};
+  return {name, c.epochs, c.dropped, c.disconnected, can.latency()};
 }
 
 DeviceRecord device_of(const CanOutput& can) {
@@ -212,23 +212,24 @@ Status add_camera(const LiveSettings& settings, LiveDevices& devices) {
 /// Null if the configuration names no flight controller.
 mavlink::MavlinkLink* add_link(const DevicesConfig& d, bool takes_imu, LiveDevices& devices) {
   const MavlinkConfig& m = d.mavlink;
-  const std::string name = m.serial.empty() ? m.udp : m.serial;
-  if (name.empty()) return nullptr;
+  const std::string& where = m.serial.empty() ? m.udp : m.serial;
+  if (where.empty()) return nullptr;
   auto link =
       std::make_unique<mavlink::MavlinkLink>(m, R_VB_of(d.body), takes_imu ? std::optional(d.imu) : std::nullopt);
   mavlink::MavlinkLink* const l = link.get();
-  devices.outputs.push_back({std::move(link), [l, name] { return record_of(*l, name); }, "mavlink " + name,
-                             [l] { return l->state().is_open; }});
+  const std::string name = "mavlink " + where;
+  devices.outputs.push_back(
+      {std::move(link), [l, name] { return record_of(*l, name); }, name, [l] { return l->state().is_open; }});
   devices.records.emplace_back([l] { return device_of(*l); });
   return l;
 }
 
 void add_can(const DevicesConfig& d, LiveDevices& devices) {
-  const std::string& interface = d.can.interface;
-  if (interface.empty()) return;
+  if (d.can.interface.empty()) return;
   auto can = std::make_unique<CanOutput>(d.can, R_VB_of(d.body), mavlink::address_of(d.mavlink));
   const CanOutput* const c = can.get();
-  devices.outputs.push_back({std::move(can), [c, interface] { return record_of(*c, interface); }, "can " + interface,
+  const std::string name = "can " + d.can.interface;
+  devices.outputs.push_back({std::move(can), [c, name] { return record_of(*c, name); }, name,
                              [c] { return c->bus() != BusState::kLost && c->bus() != BusState::kOff; }});
   devices.records.emplace_back([c] { return device_of(*c); });
 }

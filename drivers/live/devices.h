@@ -26,8 +26,8 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
 struct LiveOutput {
   std::unique_ptr<OdometrySink> sink;
   std::function<OutputRecord()> record;  ///< after close()
-  std::string name;
-  std::function<bool()> is_open;  ///< false: the line is lost; any thread. Empty: it cannot be lost
+  std::string name;                      ///< its kind, a blank, where it goes
+  std::function<bool()> is_open;         ///< false: the line is lost; any thread. Empty: it cannot be lost
 };
 
 /// None is open yet.

@@ -196,7 +196,7 @@ TEST(Adis16470, BitErrorsGoIntoTheChecksum) {
 }
 
 TEST(Adis16470, ReadingNeedsNoHeap) {
-  if (!allocation_counting_available()) GTEST_SKIP();
+  if (!allocation_counting_available()) GTEST_SKIP() << "heap calls are not counted in this build";
   Rig rig(at_rate(200));
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.model.heap_calls = 0;

@@ -199,7 +199,7 @@ TEST(Bmi088, BitErrorsNeitherHangNorShiftTheTime) {
 }
 
 TEST(Bmi088, ReadingNeedsNoHeap) {
-  if (!allocation_counting_available()) GTEST_SKIP();
+  if (!allocation_counting_available()) GTEST_SKIP() << "heap calls are not counted in this build";
   Rig rig(at_rate(400));
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.model.heap_calls = 0;

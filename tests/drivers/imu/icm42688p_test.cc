@@ -287,7 +287,7 @@ TEST(Icm42688p, AGarbledTimeStampShiftsNothing) {
 }
 
 TEST(Icm42688p, ReadingNeedsNoHeap) {
-  if (!allocation_counting_available()) GTEST_SKIP();
+  if (!allocation_counting_available()) GTEST_SKIP() << "heap calls are not counted in this build";
   WorldSettings settings;
   settings.edge_lost_share = 0.1;
   Rig rig(at_rate(1000), true, settings);
