@@ -1,7 +1,7 @@
 #pragma once
 // Where a body is at every instant, as a camera that renders and an IMU that is simulated need it.
 #include "estimator/geometry/types.h"
-#include "estimator/window/state.h"
+#include "estimator/inertial/nav_state.h"
 
 namespace epiline {
 

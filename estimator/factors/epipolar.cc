@@ -78,6 +78,11 @@ double epipolar_residual(const EpipolarView& i, const EpipolarView& j, double fo
   return r;
 }
 
+double EpipolarFactor::cost(const Window& w) noexcept {
+  linearise(w, trial_);
+  return trial_.cost;
+}
+
 void EpipolarFactor::linearise(const Window& w, VisualSystem& out) noexcept {
   add_pairs(w, settings_, w.size(), false, out);
 }

@@ -12,10 +12,12 @@ class EpipolarFactor final : public VisualFactorModel {
  public:
   void collect(const Window&, const VisualSettings& s) noexcept override { settings_ = s; }
   void linearise(const Window&, VisualSystem&) noexcept override;
+  double cost(const Window&) noexcept override;
   void marginalise_oldest(const Window&, const VisualSettings&, VisualSystem&) noexcept override;
 
  private:
   VisualSettings settings_;
+  VisualSystem trial_;
 };
 
 /// One view as the epipolar residual uses it, all in the world.

@@ -1,19 +1,27 @@
 #include "estimator/factors/imu.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 
 namespace epiline {
 
-void evaluate_imu(const Preintegration& z, const NavState& x_i, const NavState& x_j, const NavState& l_i,
-                  const NavState& l_j, ImuResidual& out) {
+Vec15 imu_residual(const Preintegration& z, const NavState& x_i, const NavState& x_j) {
   const double T = z.T;
   Vec3 dp, dv;
   Mat3 dR;
   z.corrected(x_i.b_a, x_i.b_g, dp, dv, dR);
   const Mat3 R_iT = x_i.R.transpose();
-  const Vec3 r_theta = so3_log(dR.transpose() * R_iT * x_j.R);
-  out.r << R_iT * (x_j.p - x_i.p - x_i.v * T - 0.5 * kGravity_W * T * T) - dp, r_theta,
+  Vec15 r;
+  r << R_iT * (x_j.p - x_i.p - x_i.v * T - 0.5 * kGravity_W * T * T) - dp, so3_log(dR.transpose() * R_iT * x_j.R),
       R_iT * (x_j.v - x_i.v - kGravity_W * T) - dv, x_j.b_a - x_i.b_a, x_j.b_g - x_i.b_g;
+  return r;
+}
+
+void evaluate_imu(const Preintegration& z, const NavState& x_i, const NavState& x_j, const NavState& l_i,
+                  const NavState& l_j, ImuResidual& out) {
+  const double T = z.T;
+  out.r = imu_residual(z, x_i, x_j);
+  const Vec3 r_theta = out.r.segment<3>(3);
 
   constexpr int p = 0, th = 3, v = 6, ba = 9, bg = 12, j = 15;
   const Mat3 L_iT = l_i.R.transpose(), J_inv = so3_right_jacobian_inverse(r_theta);
@@ -47,6 +55,46 @@ bool square_root_information(const Preintegration& z, Mat15& L_inverse) {
   L_inverse.setIdentity();
   cholesky.matrixL().solveInPlace(L_inverse);
   return true;
+}
+
+bool whiten(Slot& slot) { return square_root_information(slot.imu, slot.L_inverse) && slot.L_inverse.allFinite(); }
+
+namespace {
+
+double interval_cost(const Window& w, int k) {
+  const Slot& slot = w.at(k);
+  const Vec15 r = imu_residual(slot.imu, w.at(k - 1).x, slot.x);
+  return (slot.L_inverse.triangularView<Eigen::Lower>() * r).squaredNorm();
+}
+
+/// Between frames k-1 and k.
+double add_interval(const Window& w, int k, const FactorKernels& kernels, NormalEquations& out) {
+  const Slot& slot = w.at(k);
+  ImuResidual f;
+  evaluate_imu(slot.imu, w.at(k - 1).x, slot.x, w.linearisation_point(k - 1), w.linearisation_point(k), f);
+  alignas(64) double L[15][16] = {}, J[15][32] = {}, A[30][32], g[30];
+  for (int i = 0; i < 15; ++i) {
+    for (int j = 0; j <= i; ++j) L[i][j] = slot.L_inverse(i, j);
+    for (int j = 0; j < 30; ++j) J[i][j] = f.J(i, j);
+  }
+  const double cost = kernels.imu(L, J, f.r.data(), A, g);
+  const Eigen::Map<const Eigen::Matrix<double, 30, 30, Eigen::RowMajor>, 0, Eigen::OuterStride<32>> H(A[0]);
+  const Unknown unknown[] = {pose_of(k - 1), velocity_biases_of(k - 1), pose_of(k), velocity_biases_of(k)};
+  constexpr int kBegin[] = {0, 6, 15, 21}, kSize[] = {6, 9, 6, 9};
+  for (int i = 0; i < 4; ++i) {
+    out.add(unknown[i], Eigen::Map<const Eigen::VectorXd>(g + kBegin[i], kSize[i]));
+    for (int j = i; j < 4; ++j) out.add(unknown[i], unknown[j], H.block(kBegin[i], kBegin[j], kSize[i], kSize[j]));
+  }
+  return cost;
+}
+
+}  // namespace
+
+double add_imu(const Window& w, const Share& share, const FactorKernels& kernels, NormalEquations* out) {
+  const int end = share.oldest_only ? std::min(2, share.frames) : share.frames;
+  double cost = 0;
+  for (int k = 1; k < end; ++k) cost += out ? add_interval(w, k, kernels, *out) : interval_cost(w, k);
+  return cost;
 }
 
 }  // namespace epiline

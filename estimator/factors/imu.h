@@ -1,7 +1,10 @@
 #pragma once
 // The IMU residual between two frames. Derivation: docs/derivations/imu.md; test: tests/estimator/factors/imu_test.cc.
+#include "estimator/factors/kernels.h"
+#include "estimator/factors/normal_equations.h"
+#include "estimator/inertial/nav_state.h"
 #include "estimator/inertial/preintegration.h"
-#include "estimator/window/state.h"
+#include "estimator/window/window.h"
 
 namespace epiline {
 
@@ -17,8 +20,18 @@ struct ImuResidual {
 void evaluate_imu(const Preintegration& z, const NavState& x_i, const NavState& x_j, const NavState& l_i,
                   const NavState& l_j, ImuResidual& out);
 
+/// The residual alone.
+Vec15 imu_residual(const Preintegration& z, const NavState& x_i, const NavState& x_j);
+
 /// L^-1 (lower) with L L^T = C: whitens the residual and its Jacobian; constant while the interval is. False if and
 /// only if C is not positive definite (an interval without samples); `L_inverse` is then unspecified.
 bool square_root_information(const Preintegration& z, Mat15& L_inverse);
+
+/// Square-root information of the slot's IMU interval; to be called whenever `imu` changed. False: covariance not
+/// positive.
+bool whiten(Slot& slot);
+
+/// All IMU intervals of the share. Returns the cost; null: the cost alone.
+double add_imu(const Window& window, const Share& share, const FactorKernels& kernels, NormalEquations* out);
 
 }  // namespace epiline

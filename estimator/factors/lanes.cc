@@ -11,10 +11,10 @@ void clear(TrackBatch& batch, int first, int last) {
   batch.last = last;
   std::memset(batch.observation[first], 0, sizeof batch.observation[0] * static_cast<std::size_t>(last - first + 1));
   std::memset(batch.views, 0, sizeof batch.views);
+  std::memset(batch.warm, 0, sizeof batch.warm);
 }
 
-void fill_geometry(const Window& w, int frames, FrameGeometry* out) {
-  const Vec3 origin = w.newest().x.p;
+void fill_geometry(const Window& w, int frames, const Vec3& origin, FrameGeometry* out) {
   for (int k = 0; k < frames; ++k) {
     const ExposedFrame f = exposed_frame(w, k);
     Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(out[k].R_WC) = f.R_WC;

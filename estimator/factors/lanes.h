@@ -1,5 +1,6 @@
 #pragma once
 // How frames and bearings are laid out for the kernels that take eight tracks at a time.
+#include "estimator/factors/kernels.h"
 #include "estimator/window/window.h"
 
 namespace epiline {
@@ -17,8 +18,8 @@ inline void put_view(const Observation& o, double inverse_sigma, int frame, int 
 /// No views from frame `first` to `last`, no tracks.
 void clear(TrackBatch& batch, int first, int last);
 
-/// The first `frames` frames at their exposure, relative to the newest body's position, so that differences of
-/// positions stay small far from the start.
-void fill_geometry(const Window& window, int frames, FrameGeometry* out);
+/// The first `frames` frames at their exposure, relative to `origin`: with the newest body's position, or one it had a
+/// moment ago, differences of positions stay small far from the start.
+void fill_geometry(const Window& window, int frames, const Vec3& origin, FrameGeometry* out);
 
 }  // namespace epiline

@@ -33,7 +33,7 @@ struct ReprojectionFactor::Memory {
   Candidate candidate[kMaxTracks];
 };
 
-ReprojectionFactor::ReprojectionFactor(const Kernels& kernels) : memory_(new Memory), kernels_(kernels) {}
+ReprojectionFactor::ReprojectionFactor(InstructionSet set) : memory_(new Memory), kernels_(factor_kernels(set)) {}
 ReprojectionFactor::~ReprojectionFactor() = default;
 
 Landmark& ReprojectionFactor::landmark(int i) { return memory_->landmark[i]; }
@@ -149,14 +149,19 @@ void ReprojectionFactor::pack(const Window& w, int frames, int host_limit) {
   }
 }
 
-void ReprojectionFactor::run(const Window& w, int frames, VisualSystem& out) {
+void ReprojectionFactor::load_depths() {
   Memory& m = *memory_;
-  fill_geometry(w, frames, m.frame);
   for (int b = 0; b < batches_; ++b)
     for (int lane = 0; lane < kBatchLanes; ++lane) {
       const int track = m.track_of[b][lane];
       m.rho[b][lane] = track >= 0 ? m.landmark[track].inverse_distance : 0;
     }
+}
+
+void ReprojectionFactor::run(const Window& w, int frames, VisualSystem& out) {
+  Memory& m = *memory_;
+  fill_geometry(w, frames, w.newest().x.p, m.frame);
+  load_depths();
   kernels_.landmarks(m.batch, m.rho, batches_, m.frame, frames, kDepthDamping, m.scratch, out);
   move_to_bodies(m.frame, frames, out);
   add_calibration(w, frames, settings_.extrinsics, out);
@@ -165,6 +170,13 @@ void ReprojectionFactor::run(const Window& w, int frames, VisualSystem& out) {
 void ReprojectionFactor::linearise(const Window& w, VisualSystem& out) noexcept {
   for (int k = 0; k < w.size(); ++k) memory_->exposed[k] = exposed_frame(w, k);
   run(w, w.size(), out);
+}
+
+double ReprojectionFactor::cost(const Window& w) noexcept {
+  Memory& m = *memory_;
+  fill_geometry(w, w.size(), w.newest().x.p, m.frame);
+  load_depths();
+  return kernels_.landmark_cost(m.batch, m.rho, batches_, m.frame);
 }
 
 void ReprojectionFactor::save() noexcept {

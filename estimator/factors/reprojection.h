@@ -20,10 +20,11 @@ struct Landmark {
 /// with it, handed from host to host. Rules, and the double use of bearings at marginalisation, are VINS-Mono's.
 class ReprojectionFactor final : public VisualFactorModel {
  public:
-  explicit ReprojectionFactor(const Kernels& kernels);
+  explicit ReprojectionFactor(InstructionSet set);
   ~ReprojectionFactor() override;
   void collect(const Window&, const VisualSettings&) noexcept override;
   void linearise(const Window&, VisualSystem&) noexcept override;
+  double cost(const Window&) noexcept override;
   /// All bearings of the landmarks hosted in frame 0, over frames 0..n-2; then hands those landmarks to their next
   /// host.
   void marginalise_oldest(const Window&, const VisualSettings&, VisualSystem&) noexcept override;
@@ -41,11 +42,12 @@ class ReprojectionFactor final : public VisualFactorModel {
   struct Memory;
   void follow_tracks(const Window&);
   void pack(const Window&, int frames, int host_limit);
+  void load_depths();
   void run(const Window&, int frames, VisualSystem&);
   void shift_host(const Window&, int track);
 
   std::unique_ptr<Memory> memory_;
-  const Kernels& kernels_;
+  const FactorKernels& kernels_;
   VisualSettings settings_;
   int count_ = 0;  ///< landmarks, one per track
   int used_ = 0, batches_ = 0;

@@ -9,6 +9,10 @@
 
 namespace epiline {
 
+namespace {
+constexpr std::uint32_t kRemembered = 4096;  // ids follow one another: those of a window hardly ever share a place
+}  // namespace
+
 struct TrackFactor::Memory {
   TrackBatch batch[kMaxBatches];
   TrackScratch scratch;
@@ -18,16 +22,24 @@ struct TrackFactor::Memory {
     std::int8_t first, last;
   } candidate[kMaxTracks];
   double ratio[kMaxTracks];
+  /// Where the points were found last: what to iterate from, never what is known of them. Two tracks may share a place;
+  /// the one that lost it starts cold.
+  struct Remembered {
+    std::uint32_t id;
+    bool valid = false;
+    double point[4];
+  } remembered[kRemembered];
+  std::uint32_t id_of[kMaxBatches][kBatchLanes];
 };
 
-TrackFactor::TrackFactor(const Kernels& kernels) : kernels_(kernels), memory_(new Memory) {}
+TrackFactor::TrackFactor(InstructionSet set) : kernels_(factor_kernels(set)), memory_(new Memory) {}
 TrackFactor::~TrackFactor() = default;
 
 namespace {
 constexpr double kDepthDamping = 0.04;  // 1/(1/m)^2: a standard deviation of 5 1/m on the change of inverse depth
 
 void fill_lane(const Window& w, const TrackRecord& t, int frames, double inverse_sigma, int lane, TrackBatch& batch) {
-  int n = 0;
+  double n = 0;
   for (int k = 0; k < frames; ++k) {
     if (!w.seen(t, k)) continue;
     put_view(w.view(t, k), inverse_sigma, k, lane, batch);
@@ -37,12 +49,45 @@ void fill_lane(const Window& w, const TrackRecord& t, int frames, double inverse
 }
 }  // namespace
 
+/// Takes over where the last linearisation left the points, before other tracks take their lanes.
+void TrackFactor::remember_points() {
+  for (int b = 0; b < batches_; ++b)
+    for (int lane = 0; lane < kBatchLanes; ++lane) {
+      const TrackBatch& batch = memory_->batch[b];
+      if (batch.views[lane] < 2 || batch.warm[lane] == 0) continue;
+      Memory::Remembered& r = memory_->remembered[memory_->id_of[b][lane] % kRemembered];
+      r = {memory_->id_of[b][lane], true, {}};
+      const double rho = batch.point[3][lane];
+      for (int i = 0; i < 3; ++i) r.point[i] = batch.point[i][lane] + rho * origin_[i];
+      r.point[3] = rho;
+      r.valid = std::isfinite(r.point[0] + r.point[1] + r.point[2] + rho);
+    }
+}
+
+void TrackFactor::recall_point(std::uint32_t id, int b, int lane) {
+  memory_->id_of[b][lane] = id;
+  const Memory::Remembered& r = memory_->remembered[id % kRemembered];
+  if (!r.valid || r.id != id) return;
+  TrackBatch& batch = memory_->batch[b];
+  batch.warm[lane] = 1;
+  for (int i = 0; i < 3; ++i) batch.point[i][lane] = r.point[i] - r.point[3] * origin_[i];
+  batch.point[3][lane] = r.point[3];
+}
+
+void TrackFactor::restart() noexcept {
+  batches_ = 0;
+  for (Memory::Remembered& r : memory_->remembered) r.valid = false;
+}
+
 /// Packs the tracks with at least two views among the first `frames`, those of `required_mask` only (0: all), sorted by
 /// the frames they span so that a batch spans few more than its tracks do.
 void TrackFactor::pack(const Window& w, const VisualSettings& s, std::uint32_t required_mask, int frames) {
   visual_ = s;
   const double inflation2 = s.sigma_inflation * s.sigma_inflation;
-  settings_ = {kDepthDamping, s.cauchy * s.cauchy / inflation2, 1 / inflation2, 1 / inflation2, s.gate, s.inner_steps};
+  settings_ = {kDepthDamping, s.cauchy * s.cauchy / inflation2, 1 / inflation2, 1 / inflation2, s.gate, s.inner_steps,
+               s.warm_steps};
+  remember_points();
+  origin_ = w.newest().x.p;
   int n = 0;
   for (int i = 0; i < w.track_count(); ++i) {
     const TrackRecord& t = w.track(i);
@@ -68,8 +113,11 @@ void TrackFactor::pack(const Window& w, const VisualSettings& s, std::uint32_t r
     int last = 0;
     for (int i = begin; i < end; ++i) last = std::max<int>(last, memory_->candidate[i].last);
     clear(batch, memory_->candidate[begin].first, last);
-    for (int i = begin; i < end; ++i)
-      fill_lane(w, w.track(memory_->candidate[i].track), frames, inverse_sigma, i - begin, batch);
+    for (int i = begin; i < end; ++i) {
+      const TrackRecord& t = w.track(memory_->candidate[i].track);
+      fill_lane(w, t, frames, inverse_sigma, i - begin, batch);
+      recall_point(t.id, b, i - begin);
+    }
   }
 }
 
@@ -79,9 +127,14 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
 }
 
 void TrackFactor::run(const Window& w, int frames, bool marginal, VisualSystem& out) {
-  fill_geometry(w, frames, memory_->frame);
+  fill_geometry(w, frames, origin_, memory_->frame);
   kernels_.track(memory_->batch, batches_, memory_->frame, frames, settings_, marginal, memory_->scratch, out);
   add_calibration(w, frames, visual_.extrinsics, out);
+}
+
+double TrackFactor::cost(const Window& w) noexcept {
+  fill_geometry(w, w.size(), origin_, memory_->frame);
+  return kernels_.track_cost(memory_->batch, batches_, memory_->frame, settings_, memory_->scratch);
 }
 
 void TrackFactor::linearise(const Window& w, VisualSystem& out) noexcept {
@@ -119,18 +172,6 @@ double TrackFactor::residual_sigma_px() noexcept {
   if (n < 20) return 0;
   std::nth_element(memory_->ratio, memory_->ratio + n / 2, memory_->ratio + n);
   return std::sqrt(memory_->ratio[n / 2]) * visual_.pixel_sigma * visual_.sigma_inflation;
-}
-
-void clear(VisualSystem& s, int frames) {
-  for (int k = 0; k < frames; ++k) {
-    for (int l = k; l < frames; ++l) std::memset(s.H[k][l], 0, sizeof s.H[k][l]);
-    std::memset(s.b[k], 0, sizeof s.b[k]);
-    std::memset(s.H_ck[k], 0, sizeof s.H_ck[k]);
-  }
-  std::memset(s.H_cc, 0, sizeof s.H_cc);
-  std::memset(s.b_c, 0, sizeof s.b_c);
-  s.cost = 0;
-  s.residuals = s.tracks = s.gated = 0;
 }
 
 }  // namespace epiline

@@ -12,23 +12,28 @@ namespace epiline {
 /// and is projected out.
 class TrackFactor final : public VisualFactorModel {
  public:
-  explicit TrackFactor(const Kernels& kernels);
+  explicit TrackFactor(InstructionSet set);
   ~TrackFactor() override;
   void collect(const Window&, const VisualSettings&) noexcept override;
   void linearise(const Window&, VisualSystem&) noexcept override;
+  double cost(const Window&) noexcept override;
   void marginalise_oldest(const Window&, const VisualSettings&, VisualSystem&) noexcept override;
   double residual_sigma_px() noexcept override;
   bool gate_suspended() const noexcept override { return gate_suspended_; }
+  void restart() noexcept override;
 
  private:
   struct Memory;
   void pack(const Window&, const VisualSettings&, std::uint32_t required_mask, int frames);
   void run(const Window&, int frames, bool marginal, VisualSystem&);
+  void remember_points();
+  void recall_point(std::uint32_t id, int batch, int lane);
 
-  const Kernels& kernels_;
+  const FactorKernels& kernels_;
   std::unique_ptr<Memory> memory_;
   TrackSettings settings_{};
   VisualSettings visual_;
+  Vec3 origin_ = Vec3::Zero();  ///< of the positions handed to the kernels
   int batches_ = 0;
   bool gate_suspended_ = false;
 };

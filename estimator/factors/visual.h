@@ -1,6 +1,7 @@
 #pragma once
 // The one interface of the visual factors.
-#include "estimator/solver/kernels.h"
+#include "estimator/factors/kernels.h"
+#include "estimator/factors/normal_equations.h"
 #include "estimator/window/window.h"
 
 namespace epiline {
@@ -14,6 +15,7 @@ struct VisualSettings {
   double focal_px = 458;
   bool extrinsics = false;  ///< fill the extrinsic columns
   int inner_steps = 4;      ///< of the point inside a track; fewer bias scale on straight flights
+  int warm_steps = 2;       ///< the same from where the point was found last
 };
 
 /// Turns the window's bearings into normal equations of poses and calibration.
@@ -24,6 +26,8 @@ class VisualFactorModel {
   virtual void collect(const Window& window, const VisualSettings& settings) noexcept = 0;
   /// Normal equations at the window's current state.
   virtual void linearise(const Window& window, VisualSystem& out) noexcept = 0;
+  /// The cost alone, with the gate as the last linearisation left it.
+  virtual double cost(const Window& window) noexcept = 0;
   /// What frame 0's bearings add given the frames 1..n-2 (the newest may still be dropped), over frames 0..n-2; over
   /// all of them if prior_reaches_newest().
   virtual void marginalise_oldest(const Window& window, const VisualSettings& settings, VisualSystem& out) noexcept = 0;
@@ -51,5 +55,8 @@ class VisualFactorModel {
 };
 
 void clear(VisualSystem& s, int frames);
+
+/// Adds the blocks of the first `frames` frames, turned into the tangents of their bodies.
+void add_visual(const Window& window, const VisualSystem& visual, int frames, NormalEquations& out);
 
 }  // namespace epiline

@@ -1,6 +1,5 @@
 #include "estimator/factors/wheel.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "estimator/geometry/so3.h"
@@ -24,31 +23,26 @@ void evaluate_wheel(const WheelModel& wheel, double speed_m_s, const Vec3& omega
   out.cost = c2 * std::log1p(s);
 }
 
-bool WheelHistory::push(const WheelSample& sample) noexcept {
-  if (!std::isfinite(sample.forward_speed_m_s)) return false;
-  if (pushed_ > 0 && sample.stamp <= back(0).stamp) return false;
-  readings_[pushed_++ % kMost] = {sample.stamp, sample.forward_speed_m_s};
-  return true;
-}
-
-bool WheelHistory::speed_at(HostStamp stamp, double& speed_m_s) const noexcept {
-  const std::size_t count = std::min(pushed_, kMost);
-  for (std::size_t i = 0; i < count; ++i) {
-    const Reading& before = back(i);
-    if (before.stamp > stamp) continue;
-    if (before.stamp == stamp) {
-      speed_m_s = before.speed_m_s;
-      return true;
-    }
-    if (i == 0) return false;
-    const Reading& after = back(i - 1);
-    const Span between = after.stamp - before.stamp;
-    if (between > kLongest) return false;
-    const double part = (stamp - before.stamp).seconds() / between.seconds();
-    speed_m_s = before.speed_m_s + part * (after.speed_m_s - before.speed_m_s);
-    return true;
+double add_wheel(const Window& w, const Share& share, NormalEquations* out) {
+  double cost = 0;
+  const int end = share.oldest_only ? 1 : share.frames;
+  for (int k = 0; k < end; ++k) {
+    const Slot& slot = w.at(k);
+    if (!slot.has_wheel) continue;
+    WheelResidual f;
+    evaluate_wheel(w.wheel, slot.wheel_speed_m_s, slot.omega, slot.x, w.linearisation_point(k), f);
+    cost += f.cost;
+    if (!out) continue;
+    const Vec6 J_pose = f.J.head<6>();
+    const Vec9 J_velocity = f.J.tail<9>();
+    const auto H = [&](const auto& a, const auto& b) { return (f.weight * a * b.transpose()).eval(); };
+    out->add(pose_of(k), Vec6(-f.weight * f.r * J_pose));
+    out->add(velocity_biases_of(k), Vec9(-f.weight * f.r * J_velocity));
+    out->add(pose_of(k), pose_of(k), H(J_pose, J_pose));
+    out->add(pose_of(k), velocity_biases_of(k), H(J_pose, J_velocity));
+    out->add(velocity_biases_of(k), velocity_biases_of(k), H(J_velocity, J_velocity));
   }
-  return false;
+  return cost;
 }
 
 }  // namespace epiline

@@ -1,12 +1,10 @@
 #pragma once
 // The forward speed that a ground vehicle's wheels tell, as a residual of one frame. Derivation:
 // docs/derivations/wheel.md; test: tests/estimator/factors/wheel_test.cc.
-#include <array>
-#include <cstddef>
-
-#include "estimator/estimator.h"
-#include "estimator/window/state.h"
-#include "platform/samples/samples.h"
+#include "estimator/config.h"
+#include "estimator/factors/normal_equations.h"
+#include "estimator/inertial/nav_state.h"
+#include "estimator/window/window.h"
 
 namespace epiline {
 
@@ -25,26 +23,7 @@ struct WheelResidual {
 void evaluate_wheel(const WheelModel& wheel, double speed_m_s, const Vec3& omega, const NavState& x, const NavState& l,
                     WheelResidual& out);
 
-/// Speeds in the order of time, and what they say of an instant between two of them.
-class WheelHistory {
- public:
-  /// False, and nothing is taken: not finite, or not later than the one before.
-  bool push(const WheelSample& sample) noexcept;
-  /// The speed at `stamp`, on the line between the speeds before and after. False: there is none before or after, or
-  /// they are too far from each other.
-  bool speed_at(HostStamp stamp, double& speed_m_s) const noexcept;
-
- private:
-  static constexpr std::size_t kMost = 256;  // 2.5 s at 100 Hz
-  static constexpr Span kLongest = Span::from_milliseconds(250);
-  struct Reading {
-    HostStamp stamp;
-    double speed_m_s = 0;
-  };
-  const Reading& back(std::size_t i) const { return readings_[(pushed_ - 1 - i) % kMost]; }  ///< 0: the newest
-
-  std::array<Reading, kMost> readings_{};
-  std::size_t pushed_ = 0;
-};
+/// Returns the cost; null: the cost alone.
+double add_wheel(const Window& window, const Share& share, NormalEquations* out);
 
 }  // namespace epiline

@@ -8,5 +8,9 @@ using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 using Mat23 = Eigen::Matrix<double, 2, 3>;
+using Vec6 = Eigen::Matrix<double, 6, 1>;
+using Vec9 = Eigen::Matrix<double, 9, 1>;
+using Vec15 = Eigen::Matrix<double, 15, 1>;
+using Mat15 = Eigen::Matrix<double, 15, 15>;
 
 }  // namespace epiline

@@ -3,8 +3,8 @@
 #include <cstdint>
 
 #include "estimator/geometry/types.h"
+#include "estimator/inertial/nav_state.h"
 #include "estimator/inertial/preintegration.h"
-#include "estimator/window/state.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {

@@ -1,19 +1,9 @@
 #pragma once
 // IMU preintegration on the manifold (Forster et al. 2017; midpoint rule). Derivation: docs/derivations/imu.md.
 #include "estimator/geometry/types.h"
+#include "estimator/inertial/imu_noise.h"
 
 namespace epiline {
-
-/// Continuous-time noise densities of an IMU.
-struct ImuNoise {
-  double gyroscope_density = 1.6968e-4;       ///< rad/s/sqrt(Hz)
-  double gyroscope_random_walk = 1.9393e-5;   ///< rad/s^2/sqrt(Hz)
-  double accelerometer_density = 2.0e-3;      ///< m/s^2/sqrt(Hz)
-  double accelerometer_random_walk = 3.0e-3;  ///< m/s^3/sqrt(Hz)
-};
-
-using Mat15 = Eigen::Matrix<double, 15, 15>;
-using Vec15 = Eigen::Matrix<double, 15, 1>;
 
 /// One IMU interval. Tangent order everywhere: (p, theta, v, b_a, b_g).
 struct Preintegration {

@@ -4,8 +4,9 @@
 // docs/derivations/initialisation.md.
 #include <optional>
 
-#include "estimator/estimator.h"
+#include "estimator/config.h"
 #include "estimator/initialise/start_problem.h"
+#include "estimator/statistics.h"
 
 namespace epiline {
 

@@ -3,8 +3,8 @@
 #include <array>
 #include <cmath>
 
+#include "estimator/factors/prior.h"
 #include "estimator/initialise/stationary_start.h"
-#include "estimator/window/marginalise.h"
 
 namespace epiline {
 

@@ -2,7 +2,8 @@
 // A start at rest: tilt and gyroscope bias from the mean readings; yaw and position are free and set to zero.
 #include <optional>
 
-#include "estimator/estimator.h"
+#include "estimator/config.h"
+#include "estimator/statistics.h"
 
 namespace epiline {
 

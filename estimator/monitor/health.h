@@ -1,7 +1,6 @@
 #pragma once
 // Health from what the estimator knows of itself: posterior, tracks, gate, steps. Never from wishes. What the states
 // and limits mean: docs/derivations/health.md.
-#include "estimator/solver/solver.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {

@@ -19,14 +19,14 @@ void turn_both_sides(const Mat3& R, Mat15& M) {
 
 }  // namespace
 
-BodyCovariance into_body(const Covariance16& P, const Mat3& R_WB) noexcept {
+BodyCovariance into_body(const StateCovariance& P, const Mat3& R_WB) noexcept {
   BodyCovariance b{P.topLeftCorner<15, 15>(), P.topRightCorner<15, 1>(), P(15, 15)};
   turn_both_sides(R_WB.transpose(), b.states);
   turn_rows(R_WB.transpose(), b.time_offset);
   return b;
 }
 
-Covariance16 carried_on(const BodyCovariance& from, const Mat3& R_WB, const Preintegration& interval) noexcept {
+StateCovariance carried_on(const BodyCovariance& from, const Mat3& R_WB, const Preintegration& interval) noexcept {
   // J leaves the biases as they are, so only its upper nine rows are multiplied.
   const auto J = interval.J.topRows<9>();
   const Eigen::Matrix<double, 9, 15> J_P = J * from.states;
@@ -39,7 +39,7 @@ Covariance16 carried_on(const BodyCovariance& from, const Mat3& R_WB, const Prei
   P_td.head<9>() = J * from.time_offset;
   turn_both_sides(R_WB, P);
   turn_rows(R_WB, P_td);
-  Covariance16 C;
+  StateCovariance C;
   C.topLeftCorner<15, 15>() = 0.5 * (P + P.transpose());
   C.topRightCorner<15, 1>() = P_td;
   C.bottomLeftCorner<1, 15>() = P_td.transpose();

@@ -1,11 +1,10 @@
 #pragma once
 // A state's covariance carried on by the IMU. Derivation: docs/derivations/prediction.md.
 #include "estimator/geometry/types.h"
+#include "estimator/inertial/nav_state.h"
 #include "estimator/inertial/preintegration.h"
 
 namespace epiline {
-
-using Covariance16 = Eigen::Matrix<double, 16, 16>;
 
 /// Covariance of a state and the time offset, p and v in the axes of the state's own body: what preintegration speaks
 /// of.
@@ -16,9 +15,9 @@ struct BodyCovariance {
 };
 
 /// `P`: order as in Odometry, p and v in W; `R_WB`: of that state.
-BodyCovariance into_body(const Covariance16& P, const Mat3& R_WB) noexcept;
+BodyCovariance into_body(const StateCovariance& P, const Mat3& R_WB) noexcept;
 
 /// At the end of an interval that begins at that state, whose attitude was `R_WB`; p and v in W. Symmetric.
-Covariance16 carried_on(const BodyCovariance& from, const Mat3& R_WB, const Preintegration& interval) noexcept;
+StateCovariance carried_on(const BodyCovariance& from, const Mat3& R_WB, const Preintegration& interval) noexcept;
 
 }  // namespace epiline

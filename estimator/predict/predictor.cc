@@ -161,7 +161,7 @@ Odometry Predictor::odometry() const noexcept {
   Eigen::Map<Vec3>(out.v_WB_m_s.data()) = x.v + d.v;
   Eigen::Map<Vec3>(out.omega_B_rad_s.data()) = newest.w - x.b_g;
 
-  Covariance16 P = carried_on(base_covariance_, base_.R, interval_);
+  StateCovariance P = carried_on(base_covariance_, base_.R, interval_);
   // The published state is off the predicted one by a known e: its mean square error is P + e e^T.
   Vec9 e;
   e << d.p, x.R.transpose() * d.phi, d.v;

@@ -3,12 +3,12 @@
 // docs/derivations/prediction.md.
 #include <cstdint>
 
-#include "estimator/estimator.h"
+#include "estimator/config.h"
 #include "estimator/geometry/types.h"
 #include "estimator/inertial/imu_history.h"
+#include "estimator/inertial/nav_state.h"
 #include "estimator/inertial/preintegration.h"
 #include "estimator/predict/covariance.h"
-#include "estimator/window/state.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {

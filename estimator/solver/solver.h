@@ -1,8 +1,12 @@
 #pragma once
-// Damped Gauss-Newton over the window. Derivation: docs/derivations/solver.md.
+// Damped Gauss-Newton over the window. Derivation: docs/derivations/solver.md; test:
+// tests/estimator/solver/solver_test.cc.
 #include <memory>
 
 #include "estimator/factors/visual.h"
+#include "estimator/inertial/nav_state.h"
+#include "estimator/solver/linear_system.h"
+#include "estimator/supervisor.h"
 #include "estimator/window/window.h"
 
 namespace epiline {
@@ -11,35 +15,48 @@ struct SolverSettings {
   int steps = 2;  ///< accepted steps at most
   bool estimate_time_offset = true;
   bool estimate_extrinsics = false;
-  int attempts = 4;   ///< steps that may be rejected; after the last the solver gives up
-  bool tried = true;  ///< false: a step is accepted as it is, which saves the linearisation that would try it
+  int attempts = 4;   ///< steps that may be rejected, at most kMostAttempts
+  bool tried = true;  ///< false: a step is accepted as it is, which saves its trial
+};
+
+enum class SolverOutcome : std::uint8_t {
+  kConverged,  ///< another step would gain nothing worth having
+  kImproved,   ///< all the steps allowed were accepted
+  kOutOfTime,  ///< stopped early for lack of time: the best accepted iterate, perhaps none
+  kGaveUp,     ///< every step was rejected, or the normal equations have no solution
+  kNotFinite,  ///< the cost is no number
 };
 
 struct SolverSummary {
-  bool ok = false;  ///< the cost is finite and not every step had to be rejected
+  SolverOutcome outcome = SolverOutcome::kNotFinite;
   int accepted = 0, rejected = 0, linearisations = 0;
   double cost_first = 0, cost = 0;
-  int residuals = 0, tracks = 0, gated = 0;
-  bool out_of_time = false;
-  bool unimproved = false;  ///< cut short before any step was accepted: the window is where it was
+  int residuals = 0, tracks = 0,
+      gated = 0;  ///< at the last linearisation; `gated` counts them also where none was dropped
+  /// The window and Solver::covariance() are the solver's. Otherwise the window is where it was and nothing is known
+  /// beyond what was known before.
+  bool solved() const {
+    return outcome == SolverOutcome::kConverged || outcome == SolverOutcome::kImproved ||
+           (outcome == SolverOutcome::kOutOfTime && accepted > 0);
+  }
+  bool failed() const { return outcome == SolverOutcome::kGaveUp || outcome == SolverOutcome::kNotFinite; }
 };
-
-/// Covariance of the newest frame's state and the time offset: 16x16, order dp, dtheta, dv, dba, dbg, dtd.
-using NewestCovariance = Eigen::Matrix<double, 16, 16>;
 
 class Solver {
  public:
-  explicit Solver(const Kernels& kernels);
+  static constexpr int kMostAttempts = 4;
+
+  explicit Solver(InstructionSet set);
   ~Solver();
-  /// Improves the window's states and calibration in place; keeps the best accepted iterate when time is up.
+  /// Improves the window's states and calibration in place, or leaves them exactly as they were.
   SolverSummary optimise(Window& window, VisualFactorModel& visual, const SolverSettings& settings,
                          Supervisor& supervisor);
-  /// From the last accepted step's factorisation.
-  const NewestCovariance& covariance() const;
+  /// Of the newest frame's state and the time offset; of the last solved optimise().
+  const StateCovariance& covariance() const;
   /// Covariance of the seven calibration parameters (zero rows where not estimated).
   const Eigen::Matrix<double, kCalibration, kCalibration>& calibration_covariance() const;
 
-  // The pieces, for tests and marginalisation.
+  // The pieces, for tests.
   /// Normal equations at the current state into system(); returns the cost.
   double linearise(const Window& window, VisualFactorModel& visual, const SolverSettings& settings);
   LinearSystem& system();
@@ -47,28 +64,16 @@ class Solver {
 
  private:
   struct Memory;
-  bool factorise_and_solve(const Window& window, double damping);
-  bool apply_step(Window& window, VisualFactorModel& visual, const SolverSettings& settings);
-  void save(const Window& window, VisualFactorModel& visual);
-  void restore(Window& window, VisualFactorModel& visual);
+  bool factorise_and_solve(const Window& window, const SolverSettings& settings, double damping);
+  double try_step(Window& window, VisualFactorModel& visual, const SolverSettings& settings, double cost);
+  void iterate(Window& window, VisualFactorModel& visual, const SolverSettings& settings, Supervisor& supervisor,
+               SolverSummary& r);
+  bool step(Window& window, VisualFactorModel& visual, const SolverSettings& settings);
   void read_covariance(const Window& window, const SolverSettings& settings);
 
-  const Kernels& kernels_;
+  const FactorKernels& factors_;
+  const EliminationKernels& elimination_;
   std::unique_ptr<Memory> memory_;
 };
-
-/// Column of S where frame k's pose begins: newest first.
-inline int pose_column(int frames, int k) { return 6 * (frames - 1 - k); }
-
-/// IMU factor between frames k-1 and k: whitened normal equations A (30x32, tangent order of k-1 then k) and g; returns
-/// the cost.
-double imu_normal_equations(const Window& w, int k, const Kernels& kernels, double (*A)[32], double* g);
-
-/// Square-root information of the slot's IMU interval; to be called whenever `imu` changed. False: covariance not
-/// positive.
-bool whiten(Slot& slot);
-
-inline constexpr double kRestVelocitySigma = 0.01;   ///< m/s, zero-motion factor
-inline constexpr double kRestPositionSigma = 0.003;  ///< m
 
 }  // namespace epiline

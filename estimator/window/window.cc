@@ -1,6 +1,7 @@
 #include "estimator/window/window.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "platform/error/contract.h"
 
@@ -61,23 +62,33 @@ Observation observation(const TrackedFeature& f) {
   return {Vec3(f.bearing.data()),
           Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data())};
 }
-}  // namespace
 
-namespace {
 std::uint16_t cell_of(const std::array<float, 2>& pixel) {
   const auto index = [](float x) { return static_cast<int>(std::clamp(x / 64.0F, 0.0F, 31.0F)); };
   return static_cast<std::uint16_t>(32 * index(pixel[1]) + index(pixel[0]));
 }
 }  // namespace
 
-int Window::observe(const TrackedFrame& frame) {
+bool is_possible(const TrackedFeature& f) noexcept {
+  constexpr double kUnit = 1e-3, kMostPixels = 1e5;  // px/rad: a lens of a kilometre in pixels
+  const Observation o = observation(f);
+  const double length = o.f_C.norm(), slope = o.chart.norm();
+  // written so that a NaN fails
+  return std::abs(length - 1) < kUnit && slope > 0 && slope < kMostPixels;
+}
+
+Window::Observed Window::observe(const TrackedFrame& frame) {
   const std::uint8_t slot = order_[static_cast<std::size_t>(size_ - 1)];
-  int refused = 0;
+  Observed seen;
   for (const TrackedFeature& feature : frame.features) {
+    if (!is_possible(feature)) {
+      ++seen.impossible;
+      continue;
+    }
     int i = find(feature.id);
     if (i < 0) {
       if (tracks_ == kMaxTracks) {
-        ++refused;
+        ++seen.without_room;
         continue;
       }
       i = tracks_++;
@@ -91,7 +102,7 @@ int Window::observe(const TrackedFrame& frame) {
     t.mask |= 1u << slot;
     t.cell = cell_of(feature.pixel);
   }
-  return refused;
+  return seen;
 }
 
 void Window::prune() {
@@ -103,14 +114,6 @@ void Window::prune() {
       t = records_[static_cast<std::size_t>(--tracks_)];
   }
   rebuild_index();
-}
-
-void prior_difference(const Window& w, double* d) {
-  const Prior& p = w.prior;
-  for (int k = 0; k < p.frames; ++k)
-    Eigen::Map<Vec6>(d + 6 * k) = local_pose(p.x0[static_cast<std::size_t>(k)], w.at(k).x);
-  Eigen::Map<Vec9>(d + 6 * p.frames) = local_velocity_biases(p.x0[0], w.at(0).x);
-  Eigen::Map<CalibrationTangent>(d + p.calibration_row()) = local(p.c0, w.calibration);
 }
 
 namespace {

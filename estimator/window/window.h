@@ -4,10 +4,10 @@
 #include <array>
 #include <cstdint>
 
-#include "estimator/estimator.h"
+#include "estimator/config.h"
+#include "estimator/inertial/nav_state.h"
 #include "estimator/inertial/preintegration.h"
-#include "estimator/solver/kernels.h"
-#include "estimator/window/state.h"
+#include "estimator/window/capacity.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {
@@ -67,6 +67,9 @@ struct Prior {
   int calibration_row() const { return 6 * frames + 9; }
 };
 
+/// A unit bearing and a Jacobian that a camera can have. Anything else would poison what is solved with it.
+bool is_possible(const TrackedFeature& feature) noexcept;
+
 class Window {
  public:
   explicit Window(int capacity) : capacity_(capacity) { clear(); }
@@ -88,8 +91,12 @@ class Window {
   Slot& append();
   /// Takes frame k and its bearings out. IMU intervals are the caller's business.
   void remove(int k);
-  /// Adds the newest frame's bearings. Returns how many new tracks found no room.
-  int observe(const TrackedFrame& frame);
+  struct Observed {
+    int without_room = 0;  ///< new tracks beyond kMaxTracks
+    int impossible = 0;    ///< features left out: see is_possible()
+  };
+  /// Adds the newest frame's bearings.
+  Observed observe(const TrackedFrame& frame);
   /// Forgets tracks that can no longer say anything: not seen by the newest frame and fewer than two views.
   void prune();
 
@@ -121,8 +128,5 @@ class Window {
   std::array<TrackRecord, kMaxTracks> records_;
   std::array<std::int16_t, kBuckets> index_;
 };
-
-/// d = x [-] x0 in the prior's order.
-void prior_difference(const Window& window, double* d);
 
 }  // namespace epiline

@@ -78,6 +78,7 @@ Json initialisation_json(const FlightRecord& r) {
   const char* kind = r.estimator.start_kind == StartKind::kStationary ? "stationary"
                      : r.estimator.start_kind == StartKind::kMoving   ? "moving"
                      : r.estimator.start_kind == StartKind::kGiven    ? "given"
+                     : r.estimator.start_kind == StartKind::kCarried  ? "carried"
                                                                       : nullptr;
   const auto seconds = start_seconds(r);
   return {{"done", seconds.has_value()},

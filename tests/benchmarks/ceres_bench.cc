@@ -15,7 +15,7 @@
 
 #include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
-#include "estimator/window/marginalise.h"
+#include "estimator/solver/marginalise.h"
 #include "tests/estimator/synthetic_window.h"
 
 namespace epiline {
@@ -281,6 +281,13 @@ ceres::Solver::Summary solve(ceres::Problem& problem) {
   return summary;
 }
 
+/// The index-th of the sets compiled, the widest first. False: it does not run here.
+bool set_here(int index, InstructionSet& set) {
+  if (index >= static_cast<int>(std::size(kInstructionSets))) return false;
+  set = kInstructionSets[index];
+  return runs_here(set);
+}
+
 SyntheticWindow usual_window() {
   SyntheticWindow s = make_window({.frames = 11, .tracks = 290, .pixel_noise = 1});
   set_initial_prior(*s.window, {}, CalibrationTangent::Constant(5e-3));
@@ -300,7 +307,7 @@ bool agree(const char* what, double difference, double limit) {
 bool same_problem() {
   SyntheticWindow s = usual_window();
   Window& w = *s.window;
-  ReprojectionFactor factor(kernels());
+  ReprojectionFactor factor(best_instruction_set());
   factor.collect(w, {});
   const auto ours = std::make_unique<VisualSystem>();
   factor.linearise(w, *ours);
@@ -346,7 +353,7 @@ bool same_problem() {
   build(w, x, Part::kAll, all);
   double cost_all = 0;
   all.Evaluate({}, &cost_all, nullptr, nullptr, nullptr);
-  Solver solver(kernels());
+  Solver solver(best_instruction_set());
   const double our_cost_all = solver.linearise(w, factor, kSettings);
 
   bool same = agree("visual cost", std::abs(ours->cost - 2 * cost) / (2 * cost), 1e-9);
@@ -368,9 +375,9 @@ double median(std::vector<double> v) {
 /// One after the other, from the same states and depths, so that both meet the same minutes of the machine.
 void compare_times() {
   const SyntheticWindow s = usual_window();
-  ReprojectionFactor factor(kernels());
-  TrackFactor track(kernels());
-  Solver solver(kernels());
+  ReprojectionFactor factor(best_instruction_set());
+  TrackFactor track(best_instruction_set());
+  Solver solver(best_instruction_set());
   Supervisor supervisor;
   const auto work = std::make_unique<Window>(*s.window);
   std::vector<double> ours, tracks, ceres_build, ceres_solve;
@@ -416,8 +423,8 @@ void compare_times() {
 
 void reprojection_in_ours(benchmark::State& state) {
   const SyntheticWindow s = usual_window();
-  ReprojectionFactor factor(kernels());
-  Solver solver(kernels());
+  ReprojectionFactor factor(best_instruction_set());
+  Solver solver(best_instruction_set());
   Supervisor supervisor;
   const auto work = std::make_unique<Window>(*s.window);
   for (auto _ : state) {
@@ -433,7 +440,7 @@ void reprojection_in_ours(benchmark::State& state) {
 
 void reprojection_in_ceres(benchmark::State& state) {
   const SyntheticWindow s = usual_window();
-  ReprojectionFactor factor(kernels());
+  ReprojectionFactor factor(best_instruction_set());
   factor.collect(*s.window, {});
   for (auto _ : state) {
     Parameters x(*s.window, factor);

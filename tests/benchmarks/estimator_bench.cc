@@ -3,17 +3,27 @@
 #include <benchmark/benchmark.h>
 
 #include <cstring>
+#include <iterator>
 
 #include "estimator/factors/epipolar.h"
+#include "estimator/factors/prior.h"
 #include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
-#include "estimator/window/marginalise.h"
+#include "estimator/solver/marginalise.h"
+#include "estimator/solver/solver.h"
 #include "tests/estimator/synthetic_window.h"
 
 namespace epiline {
 namespace {
 
 constexpr SolverSettings kSettings{.steps = 1, .estimate_time_offset = true, .estimate_extrinsics = false};
+
+/// The index-th of the sets compiled, the widest first. False: it does not run here.
+bool set_here(int index, InstructionSet& set) {
+  if (index >= static_cast<int>(std::size(kInstructionSets))) return false;
+  set = kInstructionSets[index];
+  return runs_here(set);
+}
 
 SyntheticWindow usual_window() {
   SyntheticWindow s = make_window({.frames = 11, .tracks = 290, .pixel_noise = 0.5});
@@ -22,11 +32,11 @@ SyntheticWindow usual_window() {
   return s;
 }
 
-void linearise_tracks(benchmark::State& state, const char* name) {
-  const Kernels* k = kernels_named(name);
-  if (!k) return state.SkipWithError("not on this machine");
+void linearise_tracks(benchmark::State& state, int index) {
+  InstructionSet set;
+  if (!set_here(index, set)) return state.SkipWithError("not on this machine");
   SyntheticWindow s = usual_window();
-  TrackFactor factor(*k);
+  TrackFactor factor(set);
   const auto system = std::make_unique<VisualSystem>();
   factor.collect(*s.window, {});
   for (auto _ : state) factor.linearise(*s.window, *system);
@@ -42,39 +52,39 @@ void linearise_epipolar(benchmark::State& state) {
   for (auto _ : state) factor.linearise(*s.window, *system);
 }
 
-void linearise_reprojection(benchmark::State& state, const char* name) {
-  const Kernels* k = kernels_named(name);
-  if (!k) return state.SkipWithError("not on this machine");
+void linearise_reprojection(benchmark::State& state, int index) {
+  InstructionSet set;
+  if (!set_here(index, set)) return state.SkipWithError("not on this machine");
   SyntheticWindow s = usual_window();
-  ReprojectionFactor factor(*k);
+  ReprojectionFactor factor(set);
   const auto system = std::make_unique<VisualSystem>();
   factor.collect(*s.window, {});
   for (auto _ : state) factor.linearise(*s.window, *system);
   state.counters["landmarks"] = factor.unknowns();
 }
 
-void factorise(benchmark::State& state, const char* name) {
-  const Kernels* k = kernels_named(name);
-  if (!k) return state.SkipWithError("not on this machine");
+void factorise(benchmark::State& state, int index) {
+  InstructionSet set;
+  if (!set_here(index, set)) return state.SkipWithError("not on this machine");
   SyntheticWindow s = usual_window();
-  TrackFactor factor(*k);
-  Solver solver(*k);
+  TrackFactor factor(set);
+  Solver solver(set);
   factor.collect(*s.window, {});
   solver.linearise(*s.window, factor, kSettings);
   const auto keep = std::make_unique<LinearSystem>(solver.system());
   const auto work = std::make_unique<LinearSystem>();
   for (auto _ : state) {
     std::memcpy(work.get(), keep.get(), sizeof *work);  // in place: the copy is part of the figure
-    benchmark::DoNotOptimize(k->factorise(*work, 0));
+    benchmark::DoNotOptimize(elimination_kernels(set).factorise(*work, 0));
   }
 }
 
-void solve_window(benchmark::State& state, const char* name) {
-  const Kernels* k = kernels_named(name);
-  if (!k) return state.SkipWithError("not on this machine");
+void solve_window(benchmark::State& state, int index) {
+  InstructionSet set;
+  if (!set_here(index, set)) return state.SkipWithError("not on this machine");
   SyntheticWindow s = usual_window();
-  TrackFactor factor(*k);
-  Solver solver(*k);
+  TrackFactor factor(set);
+  Solver solver(set);
   Supervisor supervisor;
   for (auto _ : state) {
     factor.collect(*s.window, {});
@@ -82,12 +92,12 @@ void solve_window(benchmark::State& state, const char* name) {
   }
 }
 
-void marginalise(benchmark::State& state, const char* name) {
-  const Kernels* k = kernels_named(name);
-  if (!k) return state.SkipWithError("not on this machine");
+void marginalise(benchmark::State& state, int index) {
+  InstructionSet set;
+  if (!set_here(index, set)) return state.SkipWithError("not on this machine");
   const SyntheticWindow s = usual_window();
-  TrackFactor factor(*k);
-  Marginaliser marginaliser(*k);
+  TrackFactor factor(set);
+  Marginaliser marginaliser(set);
   const auto work = std::make_unique<Window>(*s.window);
   for (auto _ : state) {
     state.PauseTiming();
@@ -106,11 +116,10 @@ void preintegrate_interval(benchmark::State& state) {
   }
 }
 
-#define EPILINE_EACH_SET(f)                                              \
-  BENCHMARK_CAPTURE(f, avx512, "avx512")->Unit(benchmark::kMicrosecond); \
-  BENCHMARK_CAPTURE(f, avx2, "avx2")->Unit(benchmark::kMicrosecond);     \
-  BENCHMARK_CAPTURE(f, sse, "sse")->Unit(benchmark::kMicrosecond);       \
-  BENCHMARK_CAPTURE(f, neon, "neon")->Unit(benchmark::kMicrosecond)
+#define EPILINE_EACH_SET(f)                                       \
+  BENCHMARK_CAPTURE(f, widest, 0)->Unit(benchmark::kMicrosecond); \
+  BENCHMARK_CAPTURE(f, second, 1)->Unit(benchmark::kMicrosecond); \
+  BENCHMARK_CAPTURE(f, third, 2)->Unit(benchmark::kMicrosecond)
 
 EPILINE_EACH_SET(linearise_tracks);
 BENCHMARK(linearise_epipolar)->Unit(benchmark::kMicrosecond);

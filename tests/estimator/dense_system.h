@@ -38,21 +38,17 @@ inline DenseSystem dense(const LinearSystem& s) {
 }
 
 /// Factors the solver's system (in place) and returns its step in the order above.
-inline Eigen::VectorXd solve_with(const Kernels& kernels, LinearSystem& s, double damping = 0) {
+inline Eigen::VectorXd solve_with(InstructionSet set, LinearSystem& s, double damping = 0) {
   const int n = s.frames, poses = s.pose_dim();
-  struct alignas(64) Columns {
-    double v[kMaxFrames][9][16], s[kPoseDim][16];
-  };
-  const auto x = std::make_unique<Columns>();
+  const EliminationKernels& kernels = elimination_kernels(set);
+  const auto x = std::make_unique<StepColumns>();
   Eigen::VectorXd out = Eigen::VectorXd::Constant(poses + 9 * n, std::nan(""));
-  for (int i = 0; i < poses; ++i) x->s[i][0] = s.rhs_s[i];
-  for (int k = 0; k < n; ++k)
-    for (int i = 0; i < 9; ++i) x->v[k][i][0] = s.rhs_v[k][i];
   if (!kernels.factorise(s, damping)) return out;
-  kernels.solve(s, x->v, x->s);
-  for (int i = 0; i < poses; ++i) out[i] = x->s[i][0];
+  kernels.forward(s, *x);
+  kernels.back(s, *x);
+  for (int i = 0; i < poses; ++i) out[i] = x->step_s[i];
   for (int k = 0; k < n; ++k)
-    for (int i = 0; i < 9; ++i) out[velocity_row(n, k) + i] = x->v[k][i][0];
+    for (int i = 0; i < 9; ++i) out[velocity_row(n, k) + i] = x->step_v[k][i];
   return out;
 }
 

@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "estimator/solver/solver.h"
+#include "estimator/factors/imu.h"
 #include "estimator/window/window.h"
 
 namespace epiline {

@@ -71,16 +71,20 @@ class Rig {
   double now() const { return 0.05 * frame_; }
 
   std::function<void(const ImuSample&)> before_imu;  ///< may add others through estimator()
-  bool camera = true, features = true;
+  bool camera = true, features = true, imu = true;
+  std::function<void(TrackedFrame&)> spoil;
   Supervisor* supervisor = &patient_;
 
   /// Until `seconds` of the flight; `each` after every frame.
   void run_to(double seconds, const std::function<void()>& each = {}) {
     while (now() < seconds - 1e-9) {
       ++frame_;
-      for (; imu_ * 0.005 <= now() + 0.01; ++imu_) push_imu(imu_ * 0.005);
+      for (; imu_ * 0.005 <= now() + 0.01; ++imu_)
+        if (imu) push_imu(imu_ * 0.005);
       if (!camera) continue;
-      last_ = estimator_->process(image(now()), *supervisor);
+      image(now());
+      if (spoil) spoil(image_);
+      last_ = estimator_->process(image_, *supervisor);
       if (each) each();
     }
   }
@@ -296,40 +300,114 @@ TEST(EstimatorFrames, OutOfOrderAreRefused) {
   EXPECT_TRUE(rig.last().has_pose);
 }
 
-TEST(EstimatorReset, ACameraSilentForSixSecondsIsANewStartWhereTheOldOneEnded) {
-  // GIVEN a flight that is going well
+/// Position and heading in the truth's world, when the world was the same at `then`.
+struct Displaced {
+  Vec3 p;
+  double yaw_deg;
+};
+Displaced error_since(const Rig& rig, const Flight& flight, double then, const Vec3& p_then, const Mat3& R_then) {
+  // the truth moved into the estimator's world at `then`, by heading and position
+  const auto yaw = [](const Mat3& R) { return std::atan2(R(1, 0), R(0, 0)); };
+  const Mat3 turn = so3_exp(Vec3(0, 0, yaw(R_then) - yaw(flight.R(then))));
+  const Vec3 p = p_then + turn * (flight.p(rig.now()) - flight.p(then));
+  const double heading = yaw(R_then) - yaw(flight.R(then)) + yaw(flight.R(rig.now()));
+  return {rig.p() - p, std::remainder(yaw(rig.R()) - heading, 2 * M_PI) * 180 / M_PI};
+}
+
+/// However long the camera is silent, and also when the readings of that time no longer fit the memory: the IMU carries
+/// position, heading and velocity on, and the window that begins after it claims what that is worth.
+TEST(EstimatorSilence, TheImuCarriesTheStateToTheNextImage) {
+  for (const double silence : {1.0, 3.0, 6.0, 12.0}) {
+    const Flight flight{.moving_from = 2};
+    Rig rig(flight, {});
+    rig.run_to(7);
+    ASSERT_TRUE(rig.last().has_pose);
+    const Vec3 p_then = rig.p();
+    const Mat3 R_then = rig.R();
+    rig.camera = false;
+    rig.run_to(7 + silence);
+    rig.camera = true;
+    rig.run_to(7 + silence + 0.05);
+    ASSERT_TRUE(rig.last().has_pose) << silence << " s";
+    const Displaced e = error_since(rig, flight, 7, p_then, R_then);
+    EXPECT_LT(e.p.norm(), 3.5 * rig.sigma_position() + 0.02) << silence << " s";
+    EXPECT_LT(e.p.norm(), 0.06 * silence * silence) << silence << " s";
+    EXPECT_LT(std::abs(e.yaw_deg), 0.3 * silence) << silence << " s";
+    EXPECT_GT(rig.sigma_position(), 0.004 * silence) << "claims what it cannot know after " << silence << " s";
+    EXPECT_EQ(rig.odometry().reset_counter, 0u);
+    EXPECT_EQ(rig.stats().resets, 0u);
+    rig.run_to(7 + silence + 5);
+    EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking) << silence << " s";
+    EXPECT_LT(rig.velocity_error(), 0.1);
+    EXPECT_LT(rig.gyroscope_bias_error(), 5e-3);
+  }
+}
+
+/// Without readings nothing carries it: the new start is where the old one ended as far as anybody can tell, and says
+/// how little that is.
+TEST(EstimatorReset, AfterASilentImuTheNewStartClaimsNoMoreThanItKnows) {
   const Flight flight{.moving_from = 2};
   Rig rig(flight, {});
-  rig.run_to(6);
-  ASSERT_TRUE(rig.last().has_pose);
-  ASSERT_EQ(rig.odometry().reset_counter, 0u);
-  const Vec3 p_old = rig.p();
-  // WHEN no image comes for six seconds
-  rig.camera = false;
-  rig.run_to(12);
-  rig.camera = true;
-  rig.run_to(12.05);
-  // THEN the reset is counted and said, and no pose is given out
-  EXPECT_EQ(rig.odometry().reset_counter, 1u);
-  EXPECT_EQ(rig.stats().resets, 1u);
-  EXPECT_FALSE(rig.last().has_pose);
-  EXPECT_EQ(rig.odometry().health.state, HealthState::kInitialising);
-  // AND what was known of the gyroscope's bias is not forgotten
-  EXPECT_LT((rig.estimator().gyroscope_bias() - flight.b_g).norm(), 5e-3);
-  // AND a new start, in motion, goes on from where the last pose was
+  rig.run_to(7);
+  const Vec3 p_then = rig.p();
+  const Mat3 R_then = rig.R();
+  rig.imu = false;
+  rig.run_to(9);
+  rig.imu = true;
   double restarted = -1;
-  Vec3 p_new = Vec3::Zero();
-  rig.run_to(18, [&] {
-    if (restarted > 0 || !rig.last().has_pose) return;
+  Displaced e{};
+  double sigma = 0;
+  rig.run_to(16, [&] {
+    if (restarted > 0 || rig.odometry().reset_counter == 0 || !rig.last().has_pose) return;
     restarted = rig.now();
-    p_new = rig.p();
+    e = error_since(rig, flight, 7, p_then, R_then);
+    sigma = rig.sigma_position();
   });
   ASSERT_GT(restarted, 0);
-  EXPECT_LT(restarted, 16);
-  EXPECT_LT((p_new - p_old).norm(), 0.1);
+  EXPECT_LT(restarted, 13);
   EXPECT_EQ(rig.odometry().reset_counter, 1u);
+  EXPECT_GT(sigma, 1) << "two seconds without readings";
+  EXPECT_LT(e.p.norm(), 3 * sigma);
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking) << rig.odometry().health.reasons;
+}
+
+/// One frame stamped far in the future costs itself only.
+TEST(EstimatorDoor, AFrameStampedFarAheadCostsItselfOnly) {
+  const Flight flight{.moving_from = 2};
+  Rig rig(flight, {});
+  rig.run_to(5);
+  ASSERT_TRUE(rig.last().has_pose);
+  const std::uint64_t refused = rig.stats().frames_refused;
+  TrackedFrame ahead = rig.image(5);
+  ahead.stamp = ahead.stamp + Span::from_seconds(100);
+  Supervisor supervisor;
+  EXPECT_FALSE(rig.estimator().process(ahead, supervisor).has_pose);
+  EXPECT_EQ(rig.stats().frames_refused, refused + 1);
+  int poses = 0;
+  rig.run_to(7, [&] { poses += rig.last().has_pose; });
+  EXPECT_EQ(poses, 40);
+  EXPECT_EQ(rig.stats().resets, 0u);
+}
+
+/// One bad number in one feature of every image, for ten seconds: left out, and nothing else changes.
+TEST(EstimatorDoor, ImpossibleFeaturesAreLeftOutAndCounted) {
+  const Flight flight{.moving_from = 2};
+  Rig rig(flight, {}), clean(flight, {});
+  rig.spoil = [](TrackedFrame& frame) {
+    if (frame.features.size() > 2) {
+      frame.features[0].bearing[0] = std::numeric_limits<double>::quiet_NaN();
+      frame.features[1].pixel_jacobian[2] = std::numeric_limits<double>::infinity();
+    }
+  };
+  rig.run_to(12);
+  clean.run_to(12);
+  EXPECT_GT(rig.stats().features_refused, 100u);
+  EXPECT_EQ(clean.stats().features_refused, 0u);
+  EXPECT_EQ(rig.stats().resets, 0u);
+  EXPECT_EQ(rig.stats().solver_failures, 0u);
   EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking);
-  EXPECT_LT(rig.velocity_error(), 0.1);
+  EXPECT_LT((rig.p() - clean.p()).norm(), 0.1);
+  EXPECT_LT(rig.velocity_error(), 0.05);
 }
 
 class Late final : public Supervisor {

@@ -6,7 +6,8 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "estimator/window/marginalise.h"
+#include "estimator/factors/prior.h"
+#include "estimator/solver/marginalise.h"
 #include "tests/estimator/dense_system.h"
 #include "tests/estimator/synthetic_window.h"
 
@@ -163,17 +164,17 @@ double scaled_difference(const MatrixXd& a, const MatrixXd& b) {
   return (unit.asDiagonal() * (a - b) * unit.asDiagonal()).cwiseAbs().maxCoeff();
 }
 
-class Sets : public testing::TestWithParam<const char*> {};
+class Sets : public testing::TestWithParam<InstructionSet> {};
 
 /// Good and wild bearings (Huber's weights), wrong depths, the clock off: cost, H and b with the depths eliminated.
 TEST_P(Sets, LinearisationIsTheSchurComplementOfExplicitDepths) {
-  const Kernels* set = kernels_named(GetParam());
-  if (!set) GTEST_SKIP() << "not on this machine";
+  const InstructionSet set = GetParam();
+  if (!runs_here(set)) GTEST_SKIP() << name_of(set) << " is not on this machine";
   for (const double noise : {0.5, 4.0}) {
     SyntheticWindow s = make_window({.frames = 6, .tracks = 37, .pixel_noise = noise, .state_error = 0.01});
     Window& w = *s.window;
     w.calibration.time_offset = 2e-3;
-    ReprojectionFactor factor(*set);
+    ReprojectionFactor factor(set);
     const auto system = std::make_unique<VisualSystem>();
     factor.collect(w, settings());
     for (int i = 0; i < w.track_count(); ++i) factor.landmark(i).inverse_distance *= 1 + 0.05 * std::sin(i);
@@ -182,6 +183,7 @@ TEST_P(Sets, LinearisationIsTheSchurComplementOfExplicitDepths) {
     EXPECT_EQ(system->tracks, reference.landmarks());
     EXPECT_EQ(factor.unknowns(), reference.landmarks());
     EXPECT_NEAR(system->cost, reference.cost, 1e-10 * reference.cost);
+    EXPECT_NEAR(factor.cost(w), reference.cost, 1e-10 * reference.cost);
     const MatrixXd H = reference.reduced_H();
     EXPECT_LT(scaled_difference(dense(*system, w.size()), H), 1e-7);
     const VectorXd unit = H.diagonal().cwiseSqrt().cwiseInverse(), b = reference.reduced_b();
@@ -189,7 +191,7 @@ TEST_P(Sets, LinearisationIsTheSchurComplementOfExplicitDepths) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(InstructionSets, Sets, testing::Values("sse", "avx2", "avx512", "neon", "generic"));
+INSTANTIATE_TEST_SUITE_P(InstructionSets, Sets, testing::ValuesIn(kInstructionSets));
 
 /// The same flight with the camera's axes turned, so that most bearings have z <= 0: nothing may change.
 TEST(ReprojectionFactor, DoesNotCareWhichWayTheOpticalAxisPoints) {
@@ -197,7 +199,7 @@ TEST(ReprojectionFactor, DoesNotCareWhichWayTheOpticalAxisPoints) {
   Window& w = *s.window;
   VisualSettings visual;
   const auto before = std::make_unique<VisualSystem>(), after = std::make_unique<VisualSystem>();
-  ReprojectionFactor factor(kernels()), turned(kernels());
+  ReprojectionFactor factor(best_instruction_set()), turned(best_instruction_set());
   factor.collect(w, visual);
   factor.linearise(w, *before);
   const Mat3 Q = so3_exp(Vec3(0.2, 2.5, 0.1));
@@ -222,9 +224,9 @@ TEST(ReprojectionFactor, StepOfPosesAndDepthsIsThatOfTheJointProblem) {
   sigmas << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01);
   set_initial_prior(w, {}, sigmas);
   const SolverSettings everything{.steps = 1, .estimate_time_offset = true, .estimate_extrinsics = true};
-  ReprojectionFactor factor(kernels());
+  ReprojectionFactor factor(best_instruction_set());
   factor.collect(w, settings());
-  Solver solver(kernels());
+  Solver solver(best_instruction_set());
   solver.linearise(w, factor, everything);
   const DenseSystem reduced = dense(solver.system());
   const auto visual = std::make_unique<VisualSystem>(solver.visual_system());
@@ -270,7 +272,7 @@ TEST(ReprojectionFactor, StepOfPosesAndDepthsIsThatOfTheJointProblem) {
 TEST(ReprojectionFactor, ARejectedStepTakesTheDepthsBack) {
   SyntheticWindow s = make_window({});
   Window& w = *s.window;
-  ReprojectionFactor factor(kernels());
+  ReprojectionFactor factor(best_instruction_set());
   const auto system = std::make_unique<VisualSystem>();
   factor.collect(w, settings());
   factor.linearise(w, *system);
@@ -292,7 +294,7 @@ TEST(ReprojectionFactor, ARejectedStepTakesTheDepthsBack) {
 TEST(ReprojectionFactor, ANewLandmarkIsTriangulatedAndThenKept) {
   SyntheticWindow s = make_window({.pixel_noise = 0, .state_error = 0});
   Window& w = *s.window;
-  ReprojectionFactor factor(kernels());
+  ReprojectionFactor factor(best_instruction_set());
   factor.collect(w, settings());
   const auto system = std::make_unique<VisualSystem>();
   factor.linearise(w, *system);
@@ -309,7 +311,7 @@ TEST(ReprojectionFactor, LandmarksOfALeavingHostStayWhereTheyAre) {
   SyntheticWindow s = make_window({.frames = 8, .tracks = 60, .pixel_noise = 0});
   Window& w = *s.window;
   set_initial_prior(w, {}, CalibrationTangent::Constant(0.01));
-  ReprojectionFactor factor(kernels());
+  ReprojectionFactor factor(best_instruction_set());
   factor.collect(w, settings());
   std::vector<Vec3> points;
   for (int i = 0; i < w.track_count(); ++i) {
@@ -320,7 +322,7 @@ TEST(ReprojectionFactor, LandmarksOfALeavingHostStayWhereTheyAre) {
     const Camera c = camera(w, h);
     points.push_back(c.c + c.R * w.view(w.track(i), h).f_C / factor.landmark(i).inverse_distance);
   }
-  Marginaliser(kernels()).marginalise_oldest(w, factor, settings());
+  Marginaliser(best_instruction_set()).marginalise_oldest(w, factor, settings());
   factor.collect(w, settings());
   for (int i = 0; i < w.track_count(); ++i) {
     int h = 0;
@@ -335,7 +337,7 @@ TEST(ReprojectionFactor, LandmarksOfALeavingHostStayWhereTheyAre) {
 TEST(ReprojectionFactor, ALandmarkBehindItsHostBeginsAnewWithTheNewestView) {
   SyntheticWindow s = make_window({.frames = 8});
   Window& w = *s.window;
-  ReprojectionFactor factor(kernels());
+  ReprojectionFactor factor(best_instruction_set());
   factor.collect(w, settings());
   const int used = factor.unknowns();
   int i = 0;
@@ -372,7 +374,7 @@ TEST(ReprojectionFactor, YoungHostsOfAFullWindowAreLeftOut) {
     TrackRecord& t = w.track(i);
     t.mask = w.bit(w.size() - 1) | w.bit(i % 2 ? w.size() - 3 : w.size() - 4);
   }
-  ReprojectionFactor factor(kernels());
+  ReprojectionFactor factor(best_instruction_set());
   factor.collect(w, settings());
   EXPECT_EQ(factor.unknowns(), (w.track_count() + 1) / 2);
 }
@@ -383,7 +385,7 @@ TEST(ReprojectionFactor, YoungHostsOfAFullWindowAreLeftOut) {
 TEST(ReprojectionFactor, HandsOverEveryBearingOfTheLandmarksOfFrameZero) {
   SyntheticWindow s = make_window({.frames = 7, .tracks = 40, .pixel_noise = 1});
   Window& w = *s.window;
-  ReprojectionFactor factor(kernels());
+  ReprojectionFactor factor(best_instruction_set());
   factor.collect(w, settings());
   const Explicit reference(w, factor, w.size(), true);
   const auto system = std::make_unique<VisualSystem>();
@@ -398,7 +400,7 @@ TEST(ReprojectionFactor, HandsOverEveryBearingOfTheLandmarksOfFrameZero) {
 TEST(ReprojectionFactor, SurvivesZeroParallax) {
   for (const double lever : {0.0, 1.0}) {
     SyntheticWindow s = make_window({.motion = 0, .lever = lever, .state_error = 0});
-    ReprojectionFactor factor(kernels());
+    ReprojectionFactor factor(best_instruction_set());
     const auto system = std::make_unique<VisualSystem>();
     factor.collect(*s.window, settings());
     factor.linearise(*s.window, *system);

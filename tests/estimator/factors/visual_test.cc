@@ -20,7 +20,7 @@ VisualSettings smooth_settings() {
   s.cauchy = 10;
   s.gate = false;
   s.extrinsics = true;
-  s.inner_steps = 12;  // converged: the point is a function of the poses
+  s.inner_steps = s.warm_steps = 12;  // converged: the point is a function of the poses
   return s;
 }
 
@@ -35,24 +35,39 @@ class ConvergedReprojection final : public VisualFactorModel {
     }
     factor_.linearise(w, out);
   }
+  double cost(const Window& w) noexcept override { return factor_.cost(w); }
   void marginalise_oldest(const Window&, const VisualSettings&, VisualSystem&) noexcept override {}
 
  private:
-  ReprojectionFactor factor_{kernels()};
+  ReprojectionFactor factor_{best_instruction_set()};
 };
 
-class Gradient : public testing::TestWithParam<const char*> {
+/// The instruction sets that this machine runs.
+std::vector<InstructionSet> sets_here() {
+  std::vector<InstructionSet> sets;
+  for (const InstructionSet set : kInstructionSets)
+    if (runs_here(set)) sets.push_back(set);
+  return sets;
+}
+
+std::vector<std::string> factors_here() {
+  std::vector<std::string> names = {"epipolar", "reprojection"};
+  for (const InstructionSet set : sets_here()) names.push_back(name_of(set));
+  return names;
+}
+
+class Gradient : public testing::TestWithParam<std::string> {
  protected:
   std::unique_ptr<VisualFactorModel> make() {
-    if (std::string(GetParam()) == "epipolar") return std::make_unique<EpipolarFactor>();
-    if (std::string(GetParam()) == "reprojection") return std::make_unique<ConvergedReprojection>();
-    return std::make_unique<TrackFactor>(*kernels_named(GetParam()));
+    if (GetParam() == "epipolar") return std::make_unique<EpipolarFactor>();
+    if (GetParam() == "reprojection") return std::make_unique<ConvergedReprojection>();
+    for (const InstructionSet set : sets_here())
+      if (GetParam() == name_of(set)) return std::make_unique<TrackFactor>(set);
+    return nullptr;
   }
 };
 
 TEST_P(Gradient, MatchesCentralDifferencesOfTheCost) {
-  const std::string name = GetParam();
-  if (name != "epipolar" && name != "reprojection" && !kernels_named(GetParam())) GTEST_SKIP() << "not on this machine";
   SyntheticWindow s = make_window({});
   Window& w = *s.window;
   w.calibration.time_offset = 2e-3;
@@ -102,12 +117,12 @@ TEST_P(Gradient, MatchesCentralDifferencesOfTheCost) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Factors, Gradient, testing::Values("sse", "avx2", "avx512", "epipolar", "reprojection"));
+INSTANTIATE_TEST_SUITE_P(Factors, Gradient, testing::ValuesIn(factors_here()));
 
 TEST(TrackFactor, LeavesTranslationAndYawUnobservable) {
   SyntheticWindow s = make_window({.pixel_noise = 1});
   Window& w = *s.window;
-  TrackFactor factor(kernels());
+  TrackFactor factor(best_instruction_set());
   auto system = std::make_unique<VisualSystem>();
   for (int k = 0; k < 5; ++k) {  // some frames frozen at other first estimates
     w.at(k).first = w.at(k).x;
@@ -150,24 +165,18 @@ TEST(TrackFactor, InstructionSetsAgree) {
   settings.gate = true;
   const auto reference = std::make_unique<VisualSystem>(), other = std::make_unique<VisualSystem>();
   for (const bool marginal : {false, true}) {
-    auto run = [&](const Kernels& k, VisualSystem& out) {
-      TrackFactor factor(k);
+    auto run = [&](InstructionSet set, VisualSystem& out) {
+      TrackFactor factor(set);
       factor.collect(*s.window, settings);
       if (marginal)
         factor.marginalise_oldest(*s.window, settings, out);
       else
         factor.linearise(*s.window, out);
     };
-    const Kernels* base = nullptr;
-    for (const char* name : {"sse", "neon", "generic", "avx2", "avx512"}) {
-      const Kernels* k = kernels_named(name);
-      if (!k) continue;
-      if (!base) {
-        base = k;
-        run(*k, *reference);
-        continue;
-      }
-      run(*k, *other);
+    run(sets_here().back(), *reference);
+    for (const InstructionSet set : sets_here()) {
+      const char* name = name_of(set);
+      run(set, *other);
       const int n = s.window->size() - (marginal ? 1 : 0);
       for (int i = 0; i < n; ++i) {
         for (int j = i; j < n; ++j)

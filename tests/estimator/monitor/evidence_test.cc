@@ -11,7 +11,7 @@ namespace {
 TEST(Innovation, IsOneInTheMeanSquareForErrorsAsTheCovarianceSays) {
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
-  NewestCovariance P = NewestCovariance::Zero();
+  StateCovariance P = StateCovariance::Zero();
   P.diagonal().segment<3>(3) = Vec3(1e-6, 1e-6, 1e-6);
   P.diagonal().segment<3>(6) = Vec3(4e-4, 1e-4, 9e-4);
   NavState predicted;
@@ -39,7 +39,7 @@ TEST(Innovation, IsOneInTheMeanSquareForErrorsAsTheCovarianceSays) {
 TEST(Innovation, ACorrectionOfWhatWasCertainIsEndless) {
   NavState solved;
   solved.v.x() = 1e-3;
-  EXPECT_GT(innovation(NavState{}, NewestCovariance::Zero(), solved), 1e12);
+  EXPECT_GT(innovation(NavState{}, StateCovariance::Zero(), solved), 1e12);
 }
 
 }  // namespace

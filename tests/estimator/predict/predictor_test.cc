@@ -10,6 +10,7 @@
 #include <memory>
 #include <vector>
 
+#include "estimator/estimator.h"
 #include "estimator/geometry/so3.h"
 #include "platform/memory/allocation_count.h"
 #include "tests/estimator/inertial/random_interval.h"

@@ -16,6 +16,7 @@ TrackedFeature feature(std::uint32_t id, double u, double v) {
   f.id = id;
   f.pixel = {static_cast<float>(376 + u), static_cast<float>(240 + v)};
   f.bearing = {0, 0, 1};
+  f.pixel_jacobian = {458, 0, 0, 0, 458, 0};
   return f;
 }
 

@@ -35,6 +35,7 @@ std::unique_ptr<Window> window_of(std::initializer_list<Pose> poses) {
       TrackedFeature feature;
       feature.id = static_cast<std::uint32_t>(i);
       feature.bearing = {f.x(), f.y(), f.z()};
+      feature.pixel_jacobian = {458, 0, 0, 0, 458, 0};
       frame.features.push_back(feature);
     }
     w->observe(frame);

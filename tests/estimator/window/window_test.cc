@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <set>
@@ -12,11 +14,12 @@
 namespace epiline {
 namespace {
 
-/// A bearing one can recognise again: `tag` is in its x.
+/// A feature one can recognise again: `tag` is in its Jacobian.
 TrackedFeature feature(std::uint32_t id, double tag) {
   TrackedFeature f;
   f.id = id;
-  f.bearing = {tag, 0, 1};
+  f.bearing = {0, 0, 1};
+  f.pixel_jacobian = {tag, 0, 0, 0, 400, 0};
   return f;
 }
 
@@ -66,7 +69,7 @@ void expect_same(const Window& w, const Naive& n) {
       const auto& seen = n.frames[static_cast<std::size_t>(k)].seen;
       const auto it = seen.find(id);
       RC_ASSERT(w.seen(t, k) == (it != seen.end()));
-      if (it != seen.end()) RC_ASSERT(w.view(t, k).f_C.x() == it->second);
+      if (it != seen.end()) RC_ASSERT(w.view(t, k).chart(0, 0) == it->second);
     }
   }
 }
@@ -96,7 +99,7 @@ RC_GTEST_PROP(Window, KeepsTheSameBooksAsANaiveModel, ()) {
         naive.frames.back().seen[id] = tag;
         naive.tracks.insert(id);
       }
-      RC_ASSERT(w->observe(frame) == 0);
+      RC_ASSERT(w->observe(frame).without_room == 0);
     } else if (what == 1 && w->size() > 1) {
       const int k = *rc::gen::inRange(0, w->size());
       w->remove(k);
@@ -119,22 +122,22 @@ TEST(Window, RefusesAndCountsTracksBeyondItsCapacity) {
     return frame_of(ids);
   };
   w->append();
-  EXPECT_EQ(w->observe(fresh(400)), 0);
+  EXPECT_EQ(w->observe(fresh(400)).without_room, 0);
   w->append();
-  EXPECT_EQ(w->observe(fresh(400)), 0);
+  EXPECT_EQ(w->observe(fresh(400)).without_room, 0);
   w->append();
-  EXPECT_EQ(w->observe(fresh(400)), 3 * 400 - kMaxTracks);
+  EXPECT_EQ(w->observe(fresh(400)).without_room, 3 * 400 - kMaxTracks);
   EXPECT_EQ(w->track_count(), kMaxTracks);
   EXPECT_EQ(w->find(1100), -1);
   // known tracks are still followed
   w->append();
-  EXPECT_EQ(w->observe(frame_of({0, 5, 2000}, 0.5)), 1);
+  EXPECT_EQ(w->observe(frame_of({0, 5, 2000}, 0.5)).without_room, 1);
   EXPECT_EQ(w->views(w->track(w->find(5))), 2);
-  EXPECT_EQ(w->view(w->track(w->find(5)), 3).f_C.x(), 5.5);
+  EXPECT_EQ(w->view(w->track(w->find(5)), 3).chart(0, 0), 5.5);
   // and there is room again once the others are forgotten
   w->prune();
   EXPECT_EQ(w->track_count(), 2);
-  EXPECT_EQ(w->observe(frame_of({2000})), 0);
+  EXPECT_EQ(w->observe(frame_of({2000})).without_room, 0);
 }
 
 TEST(Window, StartsAReusedIdAfresh) {
@@ -151,7 +154,7 @@ TEST(Window, StartsAReusedIdAfresh) {
   const TrackRecord& t = w->track(w->find(7));
   EXPECT_EQ(w->views(t), 1);
   EXPECT_FALSE(w->seen(t, 0));
-  EXPECT_EQ(w->view(t, 2).f_C.x(), 7.25);
+  EXPECT_EQ(w->view(t, 2).chart(0, 0), 7.25);
 }
 
 TEST(Window, ClearForgetsEverythingButTheCalibration) {
@@ -198,6 +201,28 @@ TEST(Window, TakesTheLinearisationPointFromTheFirstEstimate) {
   EXPECT_EQ(w->linearisation_point(2).p, Vec3(2, 0, 0));
   w->first_estimates = false;
   EXPECT_EQ(w->linearisation_point(0).p, Vec3(0, 0, 0));
+}
+
+/// One of them among others must be left out and counted, the others taken: a number that is none would reach the prior
+/// and stay there.
+TEST(Window, LeavesOutFeaturesThatNoCameraGives) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN(), kInfinite = std::numeric_limits<double>::infinity();
+  using Change = std::function<void(TrackedFeature&)>;
+  const std::vector<Change> changes = {
+      [](TrackedFeature& f) { f.bearing[1] = kNan; },        [](TrackedFeature& f) { f.bearing[2] = kInfinite; },
+      [](TrackedFeature& f) { f.bearing = {0, 0, 0}; },      [](TrackedFeature& f) { f.bearing = {0, 0, 1.1}; },
+      [](TrackedFeature& f) { f.pixel_jacobian[3] = kNan; }, [](TrackedFeature& f) { f.pixel_jacobian[0] = kInfinite; },
+      [](TrackedFeature& f) { f.pixel_jacobian = {}; },      [](TrackedFeature& f) { f.pixel_jacobian[4] = 1e9; }};
+  for (const Change& change : changes) {
+    auto w = std::make_unique<Window>(5);
+    w->append();
+    TrackedFrame frame = frame_of({1, 2, 3}, 100);
+    change(frame.features[1]);
+    const Window::Observed seen = w->observe(frame);
+    EXPECT_EQ(seen.impossible, 1);
+    EXPECT_EQ(w->track_count(), 2);
+    EXPECT_EQ(w->find(2), -1);
+  }
 }
 
 }  // namespace

@@ -1,12 +1,13 @@
 // What marginalisation hands on: never negative information, nothing about directions nothing can see, and exactly what
 // the full problem knew wherever that can be kept. Derivation: docs/derivations/marginalisation.md.
-#include "estimator/window/marginalise.h"
+#include "estimator/solver/marginalise.h"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
 
 #include "estimator/factors/epipolar.h"
+#include "estimator/factors/prior.h"
 #include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
 #include "tests/estimator/dense_system.h"
@@ -73,7 +74,7 @@ TEST_P(AddedInformation, IsNeverNegative) {
                                        .motion = GetParam().motion,
                                        .lever = GetParam().lever,
                                        .state_error = state_error * (GetParam().motion + 1e-3)});
-      TrackFactor factor(kernels());
+      TrackFactor factor(best_instruction_set());
       const auto added = std::make_unique<VisualSystem>();
       factor.collect(*s.window, settings());
       factor.marginalise_oldest(*s.window, settings(), *added);
@@ -95,7 +96,7 @@ TEST(AddedInformation, IsTheDifferenceOfWithAndWithoutFrameZero) {
   Window& w = *s.window;
   const int frames = w.size() - 1;
   const auto added = std::make_unique<VisualSystem>(), system = std::make_unique<VisualSystem>();
-  TrackFactor factor(kernels());
+  TrackFactor factor(best_instruction_set());
   factor.collect(w, settings());
   factor.marginalise_oldest(w, settings(), *added);
 
@@ -115,7 +116,7 @@ TEST(AddedInformation, IsTheDifferenceOfWithAndWithoutFrameZero) {
 /// Two numbers a bearing: what one frame of n tracks adds has rank 2n at most.
 TEST(AddedInformation, OfThreeTracksHasRankSix) {
   SyntheticWindow s = make_window({.tracks = 3});
-  TrackFactor factor(kernels());
+  TrackFactor factor(best_instruction_set());
   const auto added = std::make_unique<VisualSystem>();
   factor.collect(*s.window, settings());
   factor.marginalise_oldest(*s.window, settings(), *added);
@@ -145,10 +146,10 @@ MatrixXd gauge(const Window& w) {
 TEST(Marginalisation, KnowsNothingOfWhereAndWhichWayWhenNothingAnchorsTheWindow) {
   SyntheticWindow s = make_window({.frames = 11, .tracks = 200});
   Window& w = *s.window;
-  TrackFactor factor(kernels());
+  TrackFactor factor(best_instruction_set());
   VisualSettings visual = settings();
   visual.extrinsics = false;
-  Marginaliser marginaliser(kernels());
+  Marginaliser marginaliser(best_instruction_set());
   for (int round = 0; round < 5; ++round) {  // one IMU interval alone tells neither scale nor tilt nor biases
     factor.collect(w, visual);
     marginaliser.marginalise_oldest(w, factor, visual);
@@ -174,12 +175,14 @@ struct Steps {
 
 Steps steps_before_and_after(Window& w, VisualFactorModel& visual, const VisualSettings& settings) {
   const SolverSettings everything{1, true, true};
-  Solver solver(kernels());
+  Solver solver(best_instruction_set());
   visual.collect(w, settings);
   solver.linearise(w, visual, everything);
   const int n = w.size();
   const DenseSolution before = solve_dense(dense(solver.system()));
-  Marginaliser(kernels()).marginalise_oldest(w, visual, settings);
+  visual.restart();  // every time from the closed form: the same points
+  Marginaliser(best_instruction_set()).marginalise_oldest(w, visual, settings);
+  visual.restart();
   visual.collect(w, settings);
   solver.linearise(w, visual, everything);
   const DenseSolution after = solve_dense(dense(solver.system()));
@@ -205,6 +208,7 @@ class NoVision final : public VisualFactorModel {
  public:
   void collect(const Window&, const VisualSettings&) noexcept override {}
   void linearise(const Window& w, VisualSystem& out) noexcept override { clear(out, w.size()); }
+  double cost(const Window&) noexcept override { return 0; }
   void marginalise_oldest(const Window& w, const VisualSettings&, VisualSystem& out) noexcept override {
     clear(out, w.size());
   }
@@ -240,7 +244,7 @@ TEST(Marginalisation, LosesNothingOfTracksOfTwoViews) {
     const int partner = 1 + i % (w.size() - 2);
     t.mask &= i % 2 ? w.bit(0) | w.bit(partner) : w.bit(partner) | w.bit(w.size() - 1);
   }
-  TrackFactor factor(kernels());
+  TrackFactor factor(best_instruction_set());
   const Steps steps = steps_before_and_after(w, factor, settings());
   EXPECT_LT(relative_difference(steps.reduced, steps.full, steps.unit), 1e-6);
 }
@@ -253,9 +257,9 @@ TEST(Marginalisation, TakesTheFrameOutAndFreezesTheOthers) {
   w.at(2).rest_link = w.at(0).id;
   const int n = w.size();
   const std::uint64_t second = w.at(1).id;
-  TrackFactor factor(kernels());
+  TrackFactor factor(best_instruction_set());
   factor.collect(w, settings());
-  Marginaliser(kernels()).marginalise_oldest(w, factor, settings());
+  Marginaliser(best_instruction_set()).marginalise_oldest(w, factor, settings());
   ASSERT_EQ(w.size(), n - 1);
   EXPECT_EQ(w.at(0).id, second);
   EXPECT_EQ(w.prior.frames, n - 2);
@@ -269,9 +273,9 @@ TEST(Marginalisation, ForgetsAPoseAndKeepsWhatIsKnownOfTheOthers) {
   SyntheticWindow s = make_window({});
   Window& w = *s.window;
   set_initial_prior(w, {}, calibration_sigmas());
-  ReprojectionFactor factor(kernels());
+  ReprojectionFactor factor(best_instruction_set());
   factor.collect(w, settings());
-  Marginaliser marginaliser(kernels());
+  Marginaliser marginaliser(best_instruction_set());
   marginaliser.marginalise_oldest(w, factor, settings());
   ASSERT_EQ(w.prior.frames, w.size());
   for (int k = 0; k < w.size(); ++k) w.at(k).x.p += Vec3(1e-3 * k, -2e-3, 5e-4);  // off the prior's centre
@@ -304,10 +308,10 @@ TEST_P(Models, PriorStaysPositive) {
   Window& w = *s.window;
   set_initial_prior(w, {}, calibration_sigmas());
   w.first_estimates = GetParam() == VisualFactor::kTrack;
-  std::unique_ptr<VisualFactorModel> factor = std::make_unique<TrackFactor>(kernels());
+  std::unique_ptr<VisualFactorModel> factor = std::make_unique<TrackFactor>(best_instruction_set());
   if (GetParam() == VisualFactor::kEpipolar) factor = std::make_unique<EpipolarFactor>();
-  if (GetParam() == VisualFactor::kReprojection) factor = std::make_unique<ReprojectionFactor>(kernels());
-  Marginaliser marginaliser(kernels());
+  if (GetParam() == VisualFactor::kReprojection) factor = std::make_unique<ReprojectionFactor>(best_instruction_set());
+  Marginaliser marginaliser(best_instruction_set());
   for (int round = 0; round < 15; ++round) {
     factor->collect(w, settings());
     marginaliser.marginalise_oldest(w, *factor, settings());
@@ -328,9 +332,9 @@ TEST(InflateCalibration, AddsTheVarianceAndLeavesTheEstimate) {
   SyntheticWindow s = make_window({});
   Window& w = *s.window;
   set_initial_prior(w, {}, calibration_sigmas());
-  TrackFactor factor(kernels());
+  TrackFactor factor(best_instruction_set());
   factor.collect(w, settings());
-  Marginaliser(kernels()).marginalise_oldest(w, factor, settings());
+  Marginaliser(best_instruction_set()).marginalise_oldest(w, factor, settings());
   for (const int parameter : {0, 2, 6}) {
     auto solved = [&] { return solve_dense({dense_prior(w.prior), dense_prior_rhs(w.prior)}); };
     const DenseSolution before = solved();

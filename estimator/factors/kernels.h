@@ -1,28 +1,24 @@
 #pragma once
-// The arithmetic of the window solver: the track and the reprojection factor over SIMD lanes, the IMU normal equations
-// and the elimination. Compiled once per instruction set from kernels.inc and chosen at run time; therefore nothing but
-// plain data here, so that no inline function can be emitted with instructions the machine lacks. Derivations:
-// docs/derivations/track.md, docs/derivations/reprojection.md, docs/derivations/solver.md.
+// The arithmetic of the factors that runs over SIMD lanes: compiled once per instruction set from track.inc,
+// reprojection.inc and imu.inc, and chosen at run time. Therefore nothing but plain data here, so that no inline
+// function can be emitted with instructions the machine lacks. Derivations: docs/derivations/track.md,
+// docs/derivations/reprojection.md, docs/derivations/imu.md.
+#include "estimator/simd/instruction_set.h"
+#include "estimator/window/capacity.h"
 
 namespace epiline {
 
-inline constexpr int kMaxFrames = 21;   ///< keyframes (at most 20) and the newest frame
-inline constexpr int kCalibration = 7;  ///< time offset, extrinsic rotation, extrinsic translation
-inline constexpr int kBatchLanes = 8;   ///< tracks in a batch, whatever the vector width
-inline constexpr int kMaxTracks = 1024;
 inline constexpr int kMaxBatches = kMaxTracks / kBatchLanes;
-inline constexpr int kPoseDim = 6 * kMaxFrames + kCalibration;
-inline constexpr int kPoseStride = 136;  ///< kPoseDim rounded up to whole vectors
-inline constexpr int kPriorDim = 6 * kMaxFrames + 9 + kCalibration;
-inline constexpr int kMarginalDim = 15 + kPriorDim;
-inline constexpr int kMarginalStride = 160;
+inline constexpr double kNearest = 0.05;  ///< least depth along a bearing, relative to the length of its direction
 
 /// Eight tracks as a structure of arrays. An absent view is all zeros and drops out of every sum by itself.
 struct alignas(64) TrackBatch {
   static constexpr int kBearing = 0, kChart = 3, kNumbers = 9;
   double observation[kMaxFrames][kNumbers][kBatchLanes];  ///< f (C), d(whitened pixel)/df row-major
   double views[kBatchLanes];                              ///< how many; 0: an empty lane
-  int first, last;                                        ///< frames spanned
+  double point[4][kBatchLanes];  ///< where the point was found last, P and w: seen from c in the direction P - w c
+  double warm[kBatchLanes];      ///< 2: `point` is of this frame, 1: of an earlier one, 0: there is none
+  int first, last;               ///< frames spanned
 };
 
 /// Pose of a frame as the track factor needs it; positions relative to one common origin.
@@ -37,7 +33,7 @@ struct TrackSettings {
   double kernel_c2;             ///< Cauchy scale squared, in units of the whitened residual
   double gate_chi2, gate_cost;  ///< a track is gated if chi2 > gate_chi2 (9 dof + 9) and cost > gate_cost (4 dof + 4)
   bool gate;
-  int inner_steps;
+  int cold_steps, warm_steps;  ///< inner steps from the closed form, and from where the point was found last
 };
 
 /// Normal equations of the visual factors, H delta = b; rotations perturbed in the world frame.
@@ -71,29 +67,22 @@ struct alignas(64) LandmarkScratch {
   double curvature[kLandmarkBatches][kBatchLanes];  ///< H_rho,rho
 };
 
-/// The window's normal equations. Order of elimination: (v, b) newest to oldest, then poses newest first, then
-/// calibration.
-struct alignas(64) LinearSystem {
-  double S[kPoseDim][kPoseStride];       ///< upper triangle, row-major
-  double P[kMaxFrames][9][kPoseStride];  ///< (v, b)_k against poses and calibration
-  double D[kMaxFrames][9][16];           ///< (v, b)_k, upper triangle
-  double C[kMaxFrames][9][16];           ///< (v, b)_k against (v, b)_{k-1}
-  double rhs_s[kPoseStride];
-  double rhs_v[kMaxFrames][16];
-  int frames;
-  int pose_dim() const;
-};
-
-struct Kernels {
-  const char* name;
-  /// Linearises the track factors. `marginal`: the information view 0 adds given the others, and nothing else.
-  void (*track)(const TrackBatch* batches, int count, const FrameGeometry* frames, int frame_count,
-                const TrackSettings&, bool marginal, TrackScratch&, VisualSystem&);
+struct FactorKernels {
+  /// Linearises the track factors and leaves their points in the batches. `marginal`: the information view 0 adds given
+  /// the others, and nothing else.
+  void (*track)(TrackBatch* batches, int count, const FrameGeometry* frames, int frame_count, const TrackSettings&,
+                bool marginal, TrackScratch&, VisualSystem&);
+  /// Their cost alone.
+  double (*track_cost)(TrackBatch* batches, int count, const FrameGeometry* frames, const TrackSettings&,
+                       TrackScratch&);
   /// Linearises landmarks at the inverse distances `rho` along their hosts' bearings (each batch's `first` frame) and
   /// eliminates them. Rotations and positions are perturbed about the common origin: q(dp, dphi) = (dp + p x dphi,
   /// dphi). Curvatures of rho below `damping` are raised to it.
   void (*landmarks)(const TrackBatch* batches, const double (*rho)[kBatchLanes], int count, const FrameGeometry* frames,
                     int frame_count, double damping, LandmarkScratch&, VisualSystem&);
+  /// Their cost alone.
+  double (*landmark_cost)(const TrackBatch* batches, const double (*rho)[kBatchLanes], int count,
+                          const FrameGeometry* frames);
   /// The landmarks' part of a step: changes of rho for cameras moved by `motion` (dc, dphi) from where landmarks() saw
   /// them.
   void (*landmark_step)(const TrackBatch* batches, const double (*rho)[kBatchLanes], int count,
@@ -102,18 +91,9 @@ struct Kernels {
   /// A = (L J)'(L J), g = -(L J)' L r for a 15x30 IMU Jacobian (rows padded to 32) and lower L (rows of 16); returns |L
   /// r|^2.
   double (*imu)(const double (*L)[16], const double (*J)[32], const double* r, double (*A)[32], double* g);
-  /// Factorises in place, diagonal times (1 + damping). False: not positive definite.
-  bool (*factorise)(LinearSystem&, double damping);
-  /// Solves for 16 right-hand sides at once with the factors; x_v[k][9][16], x_s[dim][16] hold them and then the
-  /// solutions.
-  void (*solve)(const LinearSystem&, double (*x_v)[9][16], double (*x_s)[16]);
-  /// Schur complement of the leading `lead` of `total` unknowns; A upper row-major with rows of kMarginalStride.
-  void (*eliminate)(double* A, double* b, int lead, int total);
 };
 
-/// The best set this processor can run.
-const Kernels& kernels();
-/// By name ("sse", "avx2", "avx512", "neon", "generic"); null where it was not built or cannot run here.
-const Kernels* kernels_named(const char* name);
+/// Those of an instruction set that runs here.
+const FactorKernels& factor_kernels(InstructionSet set);
 
 }  // namespace epiline

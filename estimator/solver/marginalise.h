@@ -3,13 +3,14 @@
 #include <memory>
 
 #include "estimator/factors/visual.h"
+#include "estimator/solver/linear_system.h"
 #include "estimator/window/window.h"
 
 namespace epiline {
 
 class Marginaliser {
  public:
-  explicit Marginaliser(const Kernels& kernels);
+  explicit Marginaliser(InstructionSet set);
   ~Marginaliser();
   /// Turns everything that ties frame 0 (bearings given those that stay, IMU interval 0-1, rest and wheel factors, the
   /// old prior) into a prior on frames 1..n-2, (v, b) of frame 1 and the calibration, freezes their first estimates and
@@ -21,15 +22,9 @@ class Marginaliser {
 
  private:
   struct Memory;
-  const Kernels& kernels_;
+  const FactorKernels& factors_;
+  const EliminationKernels& elimination_;
   std::unique_ptr<Memory> memory_;
 };
-
-/// Lets a calibration parameter of the prior wander: adds `variance` to its prior covariance, leaving the estimate as
-/// it is.
-void inflate_calibration(Prior& prior, int parameter, double variance);
-
-/// A prior for a lone first frame: standard deviations in tangent order, tilt and yaw given separately.
-void set_initial_prior(Window& window, const InitialState& sigmas, const CalibrationTangent& calibration_sigmas);
 
 }  // namespace epiline

@@ -13,8 +13,8 @@ struct NavState {
   Mat3 R = Mat3::Identity();
 };
 
-using Vec6 = Eigen::Matrix<double, 6, 1>;
-using Vec9 = Eigen::Matrix<double, 9, 1>;
+/// Covariance of a state and the camera's time offset: order dp, dtheta, dv, dba, dbg, dtd.
+using StateCovariance = Eigen::Matrix<double, 16, 16>;
 
 /// Pose part of x [+] delta.
 inline void retract_pose(NavState& x, const Vec6& d) {

@@ -1,0 +1,138 @@
+#include "estimator/factors/prior.h"
+
+#include <Eigen/Cholesky>
+#include <cstring>
+
+namespace epiline {
+
+void prior_difference(const Window& w, double* d) {
+  const Prior& p = w.prior;
+  for (int k = 0; k < p.frames; ++k)
+    Eigen::Map<Vec6>(d + 6 * k) = local_pose(p.x0[static_cast<std::size_t>(k)], w.at(k).x);
+  Eigen::Map<Vec9>(d + 6 * p.frames) = local_velocity_biases(p.x0[0], w.at(0).x);
+  Eigen::Map<CalibrationTangent>(d + p.calibration_row()) = local(p.c0, w.calibration);
+}
+
+namespace {
+template <int rows, int columns>
+auto block_of(const Prior& p, int row, int column) {
+  return Eigen::Map<const Eigen::Matrix<double, rows, columns, Eigen::RowMajor>, 0,
+                    Eigen::OuterStride<kMarginalStride>>(&p.H[row][column]);
+}
+
+/// The prior's information as blocks of (poses, velocity and biases of frame 0, calibration).
+void add_information(const Prior& p, NormalEquations& out) {
+  const int n = p.frames, v = 6 * n, c = p.calibration_row();
+  for (int k = 0; k < n; ++k) {
+    for (int l = k; l < n; ++l) out.add(pose_of(k), pose_of(l), block_of<6, 6>(p, 6 * k, 6 * l));
+    out.add(pose_of(k), velocity_biases_of(0), block_of<6, 9>(p, 6 * k, v));
+    out.add(pose_of(k), calibration_of_camera(), block_of<6, kCalibration>(p, 6 * k, c));
+  }
+  out.add(velocity_biases_of(0), velocity_biases_of(0), block_of<9, 9>(p, v, v));
+  out.add(velocity_biases_of(0), calibration_of_camera(), block_of<9, kCalibration>(p, v, c));
+  out.add(calibration_of_camera(), calibration_of_camera(), block_of<kCalibration, kCalibration>(p, c, c));
+}
+}  // namespace
+
+double add_prior(const Window& w, NormalEquations* out) {
+  const Prior& p = w.prior;
+  if (p.frames == 0) return 0;
+  const int dim = p.dim();
+  double d[kPriorDim], g[kPriorDim], cost = 0;
+  prior_difference(w, d);
+  for (int i = 0; i < dim; ++i) {
+    double Hd = 0;
+    for (int j = 0; j < dim; ++j) Hd += p.H[i][j] * d[j];
+    g[i] = p.b[i] - Hd;
+    cost += d[i] * (Hd - 2 * p.b[i]);
+  }
+  if (!out) return cost;
+  for (int k = 0; k < p.frames; ++k) out->add(pose_of(k), Eigen::Map<const Vec6>(g + 6 * k));
+  out->add(velocity_biases_of(0), Eigen::Map<const Vec9>(g + 6 * p.frames));
+  out->add(calibration_of_camera(), Eigen::Map<const CalibrationTangent>(g + p.calibration_row()));
+  add_information(p, *out);
+  return cost;
+}
+
+void inflate_calibration(Prior& p, int parameter, double variance) {
+  if (p.frames == 0 || variance <= 0) return;
+  const int e = p.calibration_row() + parameter, dim = p.dim();
+  // (H^-1 + q e e')^-1 = H - H e e' H q / (1 + q H_ee); the mean H^-1 b stays
+  const double gain = variance / (1 + variance * p.H[e][e]);
+  double column[kPriorDim];
+  for (int i = 0; i < dim; ++i) column[i] = p.H[i][e];
+  const double b_e = p.b[e];
+  for (int i = 0; i < dim; ++i) {
+    p.b[i] -= gain * column[i] * b_e;
+    for (int j = 0; j < dim; ++j) p.H[i][j] -= gain * column[i] * column[j];
+  }
+}
+
+void set_prior(Window& w, const StateCovariance& P, const CalibrationTangent& calibration_sigmas) {
+  Prior& p = w.prior;
+  p.frames = 1;
+  for (int i = 0; i < p.dim(); ++i) {
+    std::memset(p.H[i], 0, sizeof p.H[i]);
+    p.b[i] = 0;
+  }
+  // Scaled to a unit diagonal first: variances of biases and positions differ by many powers of ten.
+  const Vec15 unit = P.diagonal().head<15>().cwiseMax(1e-18).cwiseSqrt().cwiseInverse();
+  Mat15 correlation = unit.asDiagonal() * P.topLeftCorner<15, 15>() * unit.asDiagonal();
+  correlation.diagonal().array() += 1e-9;
+  const Mat15 information = unit.asDiagonal() * correlation.llt().solve(Mat15::Identity()) * unit.asDiagonal();
+  for (int i = 0; i < 15; ++i)
+    for (int j = 0; j < 15; ++j) p.H[i][j] = 0.5 * (information(i, j) + information(j, i));
+  for (int c = 0; c < kCalibration; ++c)
+    p.H[15 + c][15 + c] = calibration_sigmas[c] > 0 ? 1 / (calibration_sigmas[c] * calibration_sigmas[c]) : 0;
+  p.x0[0] = w.at(0).x;
+  p.c0 = w.calibration;
+}
+
+StateCovariance loosen_gauge(Window& w, const NavState& x, double sigma_p, double sigma_yaw) {
+  Prior& p = w.prior;
+  const NavState& x0 = p.x0[0];
+  const Vec3 up = Vec3::UnitZ(), up_B = x0.R.transpose() * up;
+  const double yaw_before =
+      up_B.dot(Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>, 0, Eigen::OuterStride<kMarginalStride>>(
+                   &p.H[3][3]) *
+               up_B);
+  const Mat3 yaw = (1 / (sigma_yaw * sigma_yaw) - yaw_before) * up_B * up_B.transpose();
+  for (int i = 0; i < 3; ++i) {
+    p.H[i][i] = 1 / (sigma_p * sigma_p);
+    for (int j = 0; j < 3; ++j) p.H[3 + i][3 + j] += yaw(i, j);
+  }
+  // a turn of the world about frame 0 moves x with it
+  Eigen::Matrix<double, 16, 1> turn = Eigen::Matrix<double, 16, 1>::Zero();
+  turn << up.cross(x.p - x0.p), x.R.transpose() * up, up.cross(x.v), Vec3::Zero(), Vec3::Zero(), 0;
+  StateCovariance added = sigma_yaw * sigma_yaw * turn * turn.transpose();
+  added.diagonal().head<3>().array() += sigma_p * sigma_p;
+  return added;
+}
+
+void set_initial_prior(Window& w, const InitialState& s, const CalibrationTangent& calibration_sigmas) {
+  Prior& p = w.prior;
+  p.frames = 1;
+  const int dim = p.dim();
+  for (int i = 0; i < dim; ++i) {
+    std::memset(p.H[i], 0, sizeof p.H[i]);
+    p.b[i] = 0;
+  }
+  auto information = [](double sigma) { return 1 / (sigma * sigma); };
+  const NavState& x = w.at(0).x;
+  // tilt and yaw are errors in the world; the tangent is in the body
+  const Vec3 world(information(s.sigma_tilt), information(s.sigma_tilt), information(s.sigma_yaw));
+  const Mat3 attitude = x.R.transpose() * world.asDiagonal() * x.R;
+  for (int i = 0; i < 3; ++i) {
+    p.H[i][i] = information(s.sigma_p);
+    for (int j = 0; j < 3; ++j) p.H[3 + i][3 + j] = attitude(i, j);
+    p.H[6 + i][6 + i] = information(s.sigma_v);
+    p.H[9 + i][9 + i] = information(s.sigma_b_a);
+    p.H[12 + i][12 + i] = information(s.sigma_b_g);
+  }
+  for (int c = 0; c < kCalibration; ++c)
+    p.H[15 + c][15 + c] = calibration_sigmas[c] > 0 ? information(calibration_sigmas[c]) : 0;
+  p.x0[0] = x;
+  p.c0 = w.calibration;
+}
+
+}  // namespace epiline

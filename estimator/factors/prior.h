@@ -1,0 +1,30 @@
+#pragma once
+// The Gaussian prior that frames leave when they go. Derivation: docs/derivations/marginalisation.md; test:
+// tests/estimator/factors/prior_test.cc.
+#include "estimator/config.h"
+#include "estimator/factors/normal_equations.h"
+#include "estimator/window/window.h"
+
+namespace epiline {
+
+/// d = x [-] x0 in the prior's order.
+void prior_difference(const Window& window, double* d);
+
+/// Returns d'H d - 2 b'd, which may be negative; null: the cost alone.
+double add_prior(const Window& window, NormalEquations* out);
+
+/// Lets a calibration parameter of the prior wander: adds `variance` to its prior covariance, leaving the estimate as
+/// it is.
+void inflate_calibration(Prior& prior, int parameter, double variance);
+
+/// A prior for a lone first frame at its present state, of covariance `P` (that of the time offset is not used).
+void set_prior(Window& window, const StateCovariance& P, const CalibrationTangent& calibration_sigmas);
+
+/// How well the world's place and heading are known at a lone first frame, in place of what the prior says of them; the
+/// rest of it stays. Returns what that adds to the covariance of a state `x` relative to that frame.
+StateCovariance loosen_gauge(Window& window, const NavState& x, double sigma_p, double sigma_yaw);
+
+/// The same as set_prior() from standard deviations in tangent order, tilt and yaw given separately.
+void set_initial_prior(Window& window, const InitialState& sigmas, const CalibrationTangent& calibration_sigmas);
+
+}  // namespace epiline

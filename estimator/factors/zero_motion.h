@@ -1,0 +1,15 @@
+#pragma once
+// At rest: no velocity, and the position of the frame it rests with. Derivation: docs/derivations/zero_motion.md; test:
+// tests/estimator/factors/zero_motion_test.cc.
+#include "estimator/factors/normal_equations.h"
+#include "estimator/window/window.h"
+
+namespace epiline {
+
+inline constexpr double kRestVelocitySigma = 0.01;   ///< m/s
+inline constexpr double kRestPositionSigma = 0.003;  ///< m
+
+/// Returns the cost; null: the cost alone.
+double add_zero_motion(const Window& window, const Share& share, NormalEquations* out);
+
+}  // namespace epiline

@@ -1,0 +1,113 @@
+#pragma once
+// The estimator's parts, and the two lives it leads: starting (starting.cc) and running (running.cc), with what a reset
+// hands from one to the other (carrying.cc). Rules: docs/derivations/health.md.
+#include <memory>
+#include <optional>
+
+#include "estimator/estimator.h"
+#include "estimator/factors/visual.h"
+#include "estimator/inertial/imu_history.h"
+#include "estimator/inertial/stationary.h"
+#include "estimator/inertial/wheel_history.h"
+#include "estimator/initialise/starter.h"
+#include "estimator/monitor/health.h"
+#include "estimator/monitor/rest_detector.h"
+#include "estimator/solver/marginalise.h"
+#include "estimator/solver/solver.h"
+#include "estimator/window/window.h"
+
+namespace epiline {
+
+/// A state with its covariance at an instant of the IMU. The only thing that survives a reset.
+struct KnownState {
+  bool known = false;    ///< false before the first start
+  bool trusted = false;  ///< the estimator was healthy there: attitude and velocity are worth going on from
+  HostStamp time;
+  NavState x;
+  Vec3 omega = Vec3::Zero();  ///< rad/s, bias included
+  StateCovariance P = StateCovariance::Zero();
+};
+
+struct Estimator::Impl {
+  explicit Impl(const EstimatorConfig& c);
+
+  // estimator.cc: what is let in
+  StepResult process(const TrackedFrame& frame, Supervisor& supervisor);
+  bool add_imu(const ImuSample& sample);
+  StepResult refuse();
+  HostStamp imu_time(HostStamp image) const;
+
+  // running.cc: one solved frame, and the images between two of them
+  StepResult step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort);
+  bool cut(const TrackedFrame& frame);
+  void attach(const TrackedFrame& frame);
+  void attach_rest(const TrackedFrame& frame);
+  void attach_wheel();
+  void reintegrate_moved_biases();
+  SolverSummary solve(Supervisor& supervisor, const Supervisor::Effort& effort);
+  SolverSettings solver_settings(const Supervisor::Effort& effort) const;
+  void count(const SolverSummary& s);
+  void adapt_pixel_sigma(double dt_s);
+  void judge(const TrackedFrame& frame, const SolverSummary& s, FrameEvidence e, double dt_s);
+  void slide(Supervisor& supervisor);
+  void marginalise(Supervisor& supervisor);
+  void join_second_newest();
+  StepResult predict(const TrackedFrame& frame);
+  StepResult predict_for_time(const TrackedFrame& frame);
+  void publish(HostStamp image, const KnownState& s);
+  VisualSettings visual_settings() const;
+  double window_age_s(HostStamp now) const { return (now - started_at).seconds(); }
+
+  // starting.cc
+  StepResult initialise(const TrackedFrame& frame, Supervisor& supervisor);
+  std::optional<StartRefusal> try_start(const TrackedFrame& frame, Supervisor& supervisor);
+  std::optional<StartRefusal> start_at_rest(const TrackedFrame& frame);
+  std::optional<StartRefusal> start_moving(const TrackedFrame& frame, Supervisor& supervisor);
+  std::optional<StartRefusal> posterior_refusal(const SolverSummary& s) const;
+  void take_back_start();
+  void start(const TrackedFrame& frame, const InitialState& state, StartKind kind);
+  void began(StartKind kind);
+  CalibrationTangent calibration_sigmas() const;
+  StarterSettings starter_settings() const;
+
+  // carrying.cc
+  KnownState carried_to(HostStamp time) const;
+  void carry_while_silent();
+  bool may_go_on(const KnownState& s) const;
+  StepResult start_anew(const TrackedFrame& frame, Supervisor& supervisor);
+  void go_on_from_carried(const TrackedFrame& frame);
+  void reset();
+  void forget();
+
+  EstimatorConfig config;
+  ImuHistory::Density density;
+  Window window;
+  ImuHistory history;
+  WheelHistory wheel;
+  std::unique_ptr<VisualFactorModel> visual;
+  Solver solver;
+  Marginaliser marginaliser;
+  RestDetector rest;
+  StationaryDetector stationary;
+  Starter starter;
+  HealthMonitor monitor;
+  Odometry odometry;
+  EstimatorStats stats;
+
+  bool any_frame = false;
+  HostStamp last_frame;  ///< stamp of the last image let in
+  bool imu_gap_seen = false;
+  KnownState carried;  ///< the newest frame solved, or carried on from there by the IMU
+
+  // all of this is forgotten in a reset
+  bool started = false;
+  HostStamp started_at;
+  double pixel_sigma;
+  bool rejected_last = false;
+  bool resting = false;          ///< the zero-motion test has held without interruption
+  std::uint64_t rest_frame = 0;  ///< the frame that later ones at rest are linked to
+  std::uint64_t forced_keyframe = 0;
+  HostStamp last_marginalised;
+};
+
+}  // namespace epiline

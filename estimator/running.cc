@@ -1,0 +1,279 @@
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "estimator/factors/imu.h"
+#include "estimator/factors/prior.h"
+#include "estimator/impl.h"
+#include "estimator/monitor/evidence.h"
+#include "estimator/window/choose_tracks.h"
+#include "estimator/window/keyframe.h"
+
+namespace epiline {
+
+namespace {
+constexpr double kYoungWindow_s = 2;  // more solver steps until the window has seen this much
+constexpr double kGateFree_s = 1;     // no gate until then: a young state may be further off than its tracks
+constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
+constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
+constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3, kSigmaMost = 2;         // px
+}  // namespace
+
+/// One frame that is solved: its window is cut from the stream, predicted, given its measurements, solved, judged and
+/// published; then the window slides.
+StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort) {
+  const double dt_s = (frame.stamp - window.newest().image_stamp).seconds();
+  const KnownState predicted = carried_to(imu_time(frame.stamp));
+  if (!cut(frame)) return start_anew(frame, supervisor);
+  attach(frame);
+  const SolverSummary s = solve(supervisor, effort);
+  // State and covariance leave together: the solver's, or the IMU's prediction.
+  carried = predicted;
+  carried.x = window.newest().x;
+  if (s.solved()) carried.P = solver.covariance();
+  FrameEvidence evidence;
+  evidence.overloaded = effort.reduced();
+  evidence.innovation = innovation(predicted.x, predicted.P, carried.x);
+  judge(frame, s, evidence, dt_s);
+  if (monitor.reset_wanted()) {
+    reset();
+    return {};
+  }
+  publish(frame.stamp, carried);
+  if (s.solved() && effort.most_steps != 1)
+    adapt_pixel_sigma(dt_s);  // residuals of an untried step are those before it
+  const std::uint64_t keyframes = stats.keyframes;
+  slide(supervisor);
+  return {true, true, stats.keyframes > keyframes};
+}
+
+/// Appends the frame, predicted by the IMU. False: there are no readings for it.
+bool Estimator::Impl::cut(const TrackedFrame& frame) {
+  const HostStamp time = imu_time(frame.stamp);
+  Preintegration interval;
+  NavState x;
+  Vec3 omega = Vec3::Zero();
+  history.propagate(time, time, x, omega);
+  if (window.size() > 0) {
+    const Slot& last = window.newest();
+    x = last.x;
+    interval.reset(x.b_a, x.b_g);
+    if (!history.integrate(last.time, time, density, interval)) return false;
+    history.propagate(last.time, time, x, omega);
+  }
+  Slot& s = window.append();
+  s.image_stamp = frame.stamp;
+  s.time = time;
+  s.time_offset_used = (time - frame.stamp).seconds();
+  s.x = x;
+  s.omega = omega;
+  s.imu = interval;
+  const Window::Observed seen = window.observe(frame);
+  stats.tracks_refused += static_cast<std::uint64_t>(seen.without_room);
+  stats.features_refused += static_cast<std::uint64_t>(seen.impossible);
+  return window.size() == 1 || whiten(s);
+}
+
+/// What else is known of the frame, and of those before it.
+void Estimator::Impl::attach(const TrackedFrame& frame) {
+  attach_rest(frame);
+  attach_wheel();
+  reintegrate_moved_biases();
+}
+
+/// Zero motion (docs/derivations/zero_motion.md): at its first success the candidate becomes a keyframe, once, and
+/// later frames at rest are tied to it.
+void Estimator::Impl::attach_rest(const TrackedFrame& frame) {
+  const int n = window.size();
+  Slot& newest = window.newest();
+  const double rate = n > 1 ? history.mean_rate(window.at(n - 2).time, newest.time, newest.x.b_g) : 0;
+  const bool still = rest.update(frame, pixel_sigma, rate);
+  if (!config.zero_motion || !still || n < 2 || is_blind(frame.reasons)) {
+    resting = false;
+    return;
+  }
+  if (!resting || window.index_of(rest_frame) < 0) rest_frame = forced_keyframe = window.at(n - 2).id;
+  resting = true;
+  newest.at_rest = true;
+  newest.rest_link = rest_frame;
+  ++stats.zero_motion_frames;
+}
+
+/// Frames whose time lies between two speeds get one, once; the second of the two may come after the frame.
+void Estimator::Impl::attach_wheel() {
+  for (int k = 0; k < window.size(); ++k) {
+    Slot& s = window.at(k);
+    if (s.has_wheel || !wheel.speed_at(s.time, s.wheel_speed_m_s)) continue;
+    s.has_wheel = true;
+    ++stats.wheel_frames;
+  }
+}
+
+/// Intervals whose bias moved far from their linearisation point are integrated again, as far back as the readings
+/// reach.
+void Estimator::Impl::reintegrate_moved_biases() {
+  for (int k = 1; k < window.size(); ++k) {
+    Slot& s = window.at(k);
+    const NavState& from = window.at(k - 1).x;
+    const bool moved = (s.imu.b_a - from.b_a).norm() > kReintegrateAccelerometer ||
+                       (s.imu.b_g - from.b_g).norm() > kReintegrateGyroscope;
+    if (!moved || history.empty() || history.oldest_stamp() > window.at(k - 1).time) continue;
+    Slot anew = s;
+    anew.imu.reset(from.b_a, from.b_g);
+    if (history.integrate(window.at(k - 1).time, s.time, density, anew.imu) && whiten(anew)) s = anew;
+  }
+}
+
+SolverSettings Estimator::Impl::solver_settings(const Supervisor::Effort& effort) const {
+  const bool young = window_age_s(window.newest().time) < kYoungWindow_s || rejected_last;
+  SolverSettings settings{young ? config.steps_young : config.steps, config.estimate_time_offset,
+                          config.estimate_extrinsics};
+  if (effort.most_steps > 0) {
+    settings.steps = std::min(settings.steps, effort.most_steps);
+    settings.attempts = effort.most_steps;
+    settings.tried = effort.most_steps > 1;
+  }
+  return settings;
+}
+
+SolverSummary Estimator::Impl::solve(Supervisor& supervisor, const Supervisor::Effort& effort) {
+  supervisor.phase(Supervisor::Phase::kSolve);
+  const ChosenTracks chosen = choose_tracks(window, effort.most_tracks);
+  visual->collect(window, visual_settings());
+  const SolverSummary s = solver.optimise(window, *visual, solver_settings(effort), supervisor);
+  supervisor.phase(Supervisor::Phase::kNone);
+  rejected_last = s.rejected > 0;
+  stats.tracks_offered += static_cast<std::uint64_t>(chosen.offered);
+  stats.tracks_used += static_cast<std::uint64_t>(chosen.used);
+  count(s);
+  return s;
+}
+
+void Estimator::Impl::count(const SolverSummary& s) {
+  const int calibration = (config.estimate_time_offset ? 1 : 0) + (config.estimate_extrinsics ? 6 : 0);
+  ++stats.solves;
+  stats.linearisations += static_cast<std::uint64_t>(s.linearisations);
+  stats.iterations += static_cast<std::uint64_t>(s.accepted + s.rejected);
+  stats.residuals += static_cast<std::uint64_t>(s.residuals);
+  stats.state_size += static_cast<std::uint64_t>(15 * window.size() + visual->unknowns() + calibration);
+  stats.gated += static_cast<std::uint64_t>(s.gated);
+  stats.deadline_hits += s.outcome == SolverOutcome::kOutOfTime ? 1 : 0;
+  stats.gate_suspended += visual->gate_suspended() ? 1 : 0;
+  stats.solver_failures += s.failed() ? 1 : 0;
+}
+
+/// The kernel's scale follows what the residuals show, slowly.
+void Estimator::Impl::adapt_pixel_sigma(double dt_s) {
+  if (!config.estimate_pixel_sigma) return;
+  const double seen = visual->residual_sigma_px();
+  if (seen > 0)
+    pixel_sigma += std::min(1.0, dt_s / kSigmaMemory_s) * (std::clamp(seen, kSigmaLeast, kSigmaMost) - pixel_sigma);
+}
+
+/// `e`: what the caller knows of the frame; the rest is filled in here.
+void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, FrameEvidence e, double dt_s) {
+  const StateCovariance& C = carried.P;
+  const NavState& x = carried.x;
+  e.solved = true;
+  e.finite =
+      x.p.allFinite() && x.v.allFinite() && x.R.allFinite() && x.b_a.allFinite() && x.b_g.allFinite() && C.allFinite();
+  e.tracks = static_cast<int>(frame.features.size());
+  e.gated_share = s.tracks > 0 ? static_cast<double>(s.gated) / s.tracks : 0;
+  e.steps_rejected = s.failed();
+  e.deadline_missed = s.outcome == SolverOutcome::kOutOfTime;
+  e.imu_gap = imu_gap_seen;
+  e.sigma_velocity = sigma_velocity(x, C);
+  e.sigma_tilt = sigma_tilt(x, C);
+  e.bias_accelerometer = x.b_a.norm();
+  e.bias_gyroscope = x.b_g.norm();
+  e.at_rest = window.newest().at_rest;
+  e.parallax_px = widest_parallax_px(window, config.extrinsics.focal_px);
+  imu_gap_seen = false;
+  odometry.health = monitor.update(e, dt_s);
+  carried.trusted = odometry.health.state == HealthState::kTracking || odometry.health.state == HealthState::kDegraded;
+}
+
+/// The second newest frame goes: its two IMU intervals become one, its bearings are lost. Unless the factor wants it
+/// so, it is never in the prior.
+void Estimator::Impl::join_second_newest() {
+  const int n = window.size();
+  Preintegration joined = window.at(n - 2).imu;
+  joined.join(window.at(n - 1).imu);
+  Slot joint = window.newest();
+  joint.imu = joined;
+  if (!whiten(joint)) return;  // as it was, with a frame more until the next one
+  window.newest() = joint;
+  marginaliser.forget_pose(window, n - 2);
+  window.remove(n - 2);
+}
+
+void Estimator::Impl::marginalise(Supervisor& supervisor) {
+  supervisor.phase(Supervisor::Phase::kMarginalise);
+  if (config.estimate_time_offset)
+    inflate_calibration(window.prior, 0,
+                        kTimeOffsetWalk * kTimeOffsetWalk * (window.at(1).time - last_marginalised).seconds());
+  last_marginalised = window.at(1).time;
+  marginaliser.marginalise_oldest(window, *visual, visual_settings());
+  supervisor.phase(Supervisor::Phase::kNone);
+}
+
+/// The second newest frame stays if it says enough; a full window loses its oldest frame to the prior.
+void Estimator::Impl::slide(Supervisor& supervisor) {
+  const int n = window.size();
+  if (n >= 3) {
+    const KeyframeSettings rule{config.keyframe_rule, config.keyframe_parallax_px, config.extrinsics.focal_px};
+    if (window.at(n - 2).id != forced_keyframe && !is_keyframe(window, rule)) {
+      join_second_newest();
+    } else {
+      ++stats.keyframes;
+    }
+    if (window.full()) marginalise(supervisor);
+  }
+  window.prune();
+}
+
+/// An image between two that are solved.
+StepResult Estimator::Impl::predict(const TrackedFrame& frame) {
+  publish(frame.stamp, carried_to(imu_time(frame.stamp)));
+  return {true, false, false};
+}
+
+/// There is no time to solve this frame, though it is due.
+StepResult Estimator::Impl::predict_for_time(const TrackedFrame& frame) {
+  ++stats.frames_predicted_for_time;
+  odometry.health.reasons |= static_cast<std::uint32_t>(HealthReason::kOverloaded);
+  if (odometry.health.state == HealthState::kTracking) odometry.health.state = HealthState::kDegraded;
+  return predict(frame);
+}
+
+/// `s` is of the image's exposure on the IMU's clock.
+void Estimator::Impl::publish(HostStamp image, const KnownState& s) {
+  // The pose is that of the printed stamp, read as a time of the IMU's clock: taken back (or on) by the offset.
+  const double dt = (image - s.time).seconds();
+  const NavState& x = s.x;
+  const Vec3 omega = s.omega - x.b_g;
+  const Eigen::Quaterniond q(x.R * so3_exp(omega * dt));
+  odometry.stamp = image;
+  Eigen::Map<Vec3>(odometry.p_WB_m.data()) = x.p + x.v * dt;
+  odometry.q_WB = {q.w(), q.x(), q.y(), q.z()};
+  Eigen::Map<Vec3>(odometry.v_WB_m_s.data()) = x.v;
+  Eigen::Map<Vec3>(odometry.omega_B_rad_s.data()) = omega;
+  Eigen::Map<Vec3>(odometry.accelerometer_bias_m_s2.data()) = x.b_a;
+  Eigen::Map<Vec3>(odometry.gyroscope_bias_rad_s.data()) = x.b_g;
+  odometry.time_offset_s = window.calibration.time_offset;
+  Eigen::Map<StateCovariance>(odometry.covariance.data()) = s.P;
+}
+
+VisualSettings Estimator::Impl::visual_settings() const {
+  VisualSettings s;
+  s.pixel_sigma = pixel_sigma;
+  s.sigma_inflation = config.sigma_inflation;
+  s.cauchy = config.cauchy;
+  s.gate = config.gate && window_age_s(window.newest().time) > kGateFree_s;
+  s.gate_cap = config.gate_cap;
+  s.focal_px = config.extrinsics.focal_px;
+  s.extrinsics = config.estimate_extrinsics;
+  return s;
+}
+
+}  // namespace epiline

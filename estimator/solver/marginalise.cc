@@ -1,0 +1,122 @@
+#include "estimator/solver/marginalise.h"
+
+#include <cstring>
+
+#include "estimator/factors/factors.h"
+#include "estimator/factors/prior.h"
+
+namespace epiline {
+
+// Unknowns: pose and (v, b) of frame 0, which go; then poses 1..m-1, (v, b) of frame 1 and the calibration, which stay.
+struct Marginaliser::Memory {
+  VisualSystem visual;
+  alignas(64) double A[kMarginalDim][kMarginalStride];
+  double b[kMarginalDim];
+};
+
+Marginaliser::Marginaliser(InstructionSet set)
+    : factors_(factor_kernels(set)), elimination_(elimination_kernels(set)), memory_(new Memory) {}
+Marginaliser::~Marginaliser() = default;
+
+namespace {
+
+/// Where a frame's unknowns stand when the frames 0..m-1 take part.
+struct Layout {
+  int m;
+  int pose(int k) const { return k == 0 ? 0 : 15 + 6 * (k - 1); }
+  int velocity(int k) const { return k == 0 ? 6 : 15 + 6 * (m - 1); }  // frames 0 and 1 only
+  int calibration() const { return velocity(1) + 9; }
+  int total() const { return calibration() + kCalibration; }
+};
+
+using Matrix = double (*)[kMarginalStride];
+
+class MarginalEquations final : public NormalEquations {
+ public:
+  MarginalEquations(const Layout& at, Matrix A, double* b) : at_(at), A_(A), b_(b) {}
+  Block block(Unknown a, Unknown b) noexcept override {
+    const int i = row(a), j = row(b);
+    return i <= j ? Block{&A_[i][j], kMarginalStride, 1} : Block{&A_[j][i], 1, kMarginalStride};
+  }
+  double* rhs(Unknown a) noexcept override { return b_ + row(a); }
+
+ private:
+  int row(Unknown a) const {
+    if (a.kind == Unknown::Kind::kCamera) return at_.calibration();
+    return a.kind == Unknown::Kind::kPose ? at_.pose(a.frame) : at_.velocity(a.frame);
+  }
+
+  Layout at_;
+  Matrix A_;
+  double* b_;
+};
+
+void store_prior(Window& w, const Layout& at, const Matrix A, const double* b) {
+  Prior& p = w.prior;
+  p.frames = at.m - 1;
+  const int dim = p.dim();
+  for (int i = 0; i < dim; ++i) {
+    p.b[i] = b[15 + i];
+    for (int j = i; j < dim; ++j) p.H[i][j] = p.H[j][i] = A[15 + i][15 + j];
+  }
+  for (int k = 0; k < p.frames; ++k) p.x0[static_cast<std::size_t>(k)] = w.at(k + 1).x;
+  p.c0 = w.calibration;
+}
+
+void freeze_first_estimates(Window& w, int m) {
+  for (int k = 1; k < m; ++k) {
+    Slot& s = w.at(k);
+    if (!s.has_first) s.first = s.x;
+    s.has_first = true;
+  }
+  w.at(1).first.v = w.at(1).x.v;
+}
+
+}  // namespace
+
+void Marginaliser::marginalise_oldest(Window& w, VisualFactorModel& visual, const VisualSettings& settings) {
+  const Layout at{visual.prior_reaches_newest() ? w.size() : w.size() - 1};
+  Matrix A = memory_->A;
+  double* b = memory_->b;
+  std::memset(A, 0, sizeof A[0] * static_cast<std::size_t>(at.total()));
+  std::memset(b, 0, sizeof b[0] * static_cast<std::size_t>(at.total()));
+  visual.marginalise_oldest(w, settings, memory_->visual);
+  MarginalEquations equations(at, A, b);
+  add_factors(w, memory_->visual, {at.m, true}, factors_, equations);
+  elimination_.eliminate(A[0], b, 15, at.total());
+  store_prior(w, at, A, b);
+  freeze_first_estimates(w, at.m);
+  for (int k = 1; k < w.size(); ++k)
+    if (w.at(k).rest_link == w.at(0).id) w.at(k).rest_link = 0;
+  w.remove(0);
+}
+
+void Marginaliser::forget_pose(Window& w, int k) {
+  Prior& p = w.prior;
+  if (k >= p.frames) return;
+  Matrix A = memory_->A;
+  double* b = memory_->b;
+  const int dim = p.dim();
+  int where[kPriorDim];  // the pose first, the others in their order
+  for (int i = 0; i < dim; ++i) where[i] = i < 6 * k ? i + 6 : i < 6 * k + 6 ? i - 6 * k : i;
+  double d[kPriorDim];
+  prior_difference(w, d);
+  for (int i = 0; i < dim; ++i) {
+    double g = p.b[i];
+    for (int j = 0; j < dim; ++j) {
+      g -= p.H[i][j] * d[j];
+      if (where[j] >= where[i]) A[where[i]][where[j]] = p.H[i][j];
+    }
+    b[where[i]] = g;
+  }
+  elimination_.eliminate(A[0], b, 6, dim);
+  --p.frames;
+  for (int i = 0; i < p.dim(); ++i) {
+    p.b[i] = b[6 + i];
+    for (int j = i; j < p.dim(); ++j) p.H[i][j] = p.H[j][i] = A[6 + i][6 + j];
+  }
+  for (int l = 0; l < p.frames; ++l) p.x0[static_cast<std::size_t>(l)] = w.at(l < k ? l : l + 1).x;
+  p.c0 = w.calibration;
+}
+
+}  // namespace epiline

@@ -1,0 +1,14 @@
+#pragma once
+// Capacities of the window. Plain numbers: the kernels' sources include them.
+
+namespace epiline {
+
+inline constexpr int kMaxFrames = 21;   ///< keyframes (at most 20) and the newest frame
+inline constexpr int kCalibration = 7;  ///< time offset, extrinsic rotation, extrinsic translation
+inline constexpr int kMaxTracks = 1024;
+inline constexpr int kPoseDim = 6 * kMaxFrames + kCalibration;
+inline constexpr int kPriorDim = 6 * kMaxFrames + 9 + kCalibration;
+inline constexpr int kMarginalDim = 15 + kPriorDim;
+inline constexpr int kMarginalStride = 160;  ///< kMarginalDim rounded up to whole vectors
+
+}  // namespace epiline
