@@ -7,6 +7,21 @@
 
 namespace epiline {
 
+inline constexpr int kPatchSide = 16;  ///< samples
+inline constexpr int kPatchPixels = kPatchSide * kPatchSide;
+
+/// What is looked for: grey values and gradients of a patch, both x 32.
+struct KltTemplate {
+  alignas(64) std::int16_t grey[kPatchPixels];  ///< minus `origin`
+  alignas(64) std::int16_t gx[kPatchPixels];    ///< per px, made orthogonal to 1 and to `grey`
+  alignas(64) std::int16_t gy[kPatchPixels];
+  std::int16_t origin;
+  float mean, energy;            ///< of `grey`: mean, and sum of squares about it
+  float inv_xx, inv_xy, inv_yy;  ///< inverse of the matrix of the corrected gradients
+  float eigenvalue;              ///< smaller one of that matrix, a pixel, (grey/px)^2
+  float offset_x, offset_y;      ///< quantised centre minus the true one, px of the level
+};
+
 enum class KltEnd : std::uint8_t { kFound, kBorder, kFlat, kDiverged, kCorrelation, kBackward };
 
 /// One feature to look for. Positions in px of level 0.
@@ -14,12 +29,14 @@ struct KltTrack {
   float x = 0, y = 0;              ///< in the previous image
   float found_x = 0, found_y = 0;  ///< in: predicted position in the current image; out, if found: measured
   int start_level = kMaxLevels;    ///< first level tried; a failure is tried once more from the coarsest
+  KltTemplate* patch = nullptr;    ///< of this track alone; out, if found: the template of the found position
+  bool patch_known = false;        ///< in: `patch` is what the search for (x, y) left there; else it is made
   float correlation = 0;           ///< out, if found or kCorrelation or kBackward
   KltEnd end = KltEnd::kBorder;    ///< out
 };
 
 /// Looks for `count` features of `previous` in `current`; both pyramids have the same sizes. Positions that are not
-/// finite end as kBorder.
+/// finite end as kBorder. Every track needs a `patch`.
 void track_klt(const TrackerConfig& config, const PyramidView& previous, const PyramidView& current, KltTrack* tracks,
                int count) noexcept;
 

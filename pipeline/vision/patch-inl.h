@@ -12,7 +12,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "pipeline/vision/image_view.h"
+#include "pipeline/vision/klt.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace epiline::HWY_NAMESPACE {
@@ -20,8 +20,8 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 // A patch is 16x16 samples around a sub-pixel centre, at -7.5 .. +7.5. A row is one vector of 16-bit lanes, or two on
 // 8-lane machines ("blocks" of columns).
-constexpr int kSide = 16;
-constexpr int kPixels = kSide * kSide;
+constexpr int kSide = kPatchSide;
+constexpr int kPixels = kPatchPixels;
 constexpr float kHalf = 0.5f * (kSide - 1);
 
 using D = hn::CappedTag<std::int16_t, kSide>;
@@ -94,17 +94,7 @@ struct DotSum {
   HWY_INLINE float total() const { return hn::GetLane(hn::SumOfLanes(DF(), blocks)); }
 };
 
-// What is looked for: grey values and gradients, both x 32.
-struct Template {
-  HWY_ALIGN std::int16_t grey[kPixels];  // minus `origin`
-  HWY_ALIGN std::int16_t gx[kPixels];    // per px, made orthogonal to 1 and to `grey`
-  HWY_ALIGN std::int16_t gy[kPixels];
-  std::int16_t origin;
-  float mean, energy;            // of `grey`: mean, and sum of squares about it
-  float inv_xx, inv_xy, inv_yy;  // inverse of the matrix of the corrected gradients
-  float eigenvalue;              // smaller one of that matrix, a pixel, (grey/px)^2
-  float offset_x, offset_y;      // quantised centre minus the true one, px of the level
-};
+using Template = KltTemplate;
 
 // Sums over the patch of grey (g), its gradients (x, y) and their products.
 struct Moments {

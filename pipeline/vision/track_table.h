@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <numeric>
+#include <utility>
 
 #include "estimator/geometry/types.h"
 #include "platform/samples/samples.h"
@@ -16,6 +18,8 @@ struct TrackTable {
   using Column = std::array<T, kCapacity>;
   using Bearings = std::array<std::array<float, 3>, kHistory>;
 
+  TrackTable() { std::iota(patch.begin(), patch.end(), 0); }
+
   int size = 0;
   Column<std::uint32_t> id{};
   Column<std::uint32_t> age{};               ///< images since the track began
@@ -27,6 +31,8 @@ struct TrackTable {
   Column<Mat23> pixel_jacobian{};            ///< d px / d bearing
   Column<Bearings> history{};                ///< unit bearings; that of image n is at n % kHistory
 
+  Column<int> patch{};  ///< place of its KLT template; those beyond `size` are free
+
   /// Removes the tracks whose `alive` is false; the others keep their order.
   void keep(const Column<bool>& alive) {
     const auto end = alive.begin() + size;
@@ -35,6 +41,9 @@ struct TrackTable {
     const auto compact = [&](auto&... columns) { (compact_column(columns, alive), ...); };
     compact(id, age, x, y, velocity_x, velocity_y, parallax_x, parallax_y, innovation, bearing, pixel_jacobian,
             history);
+    for (int i = 0, n = 0; i < size; ++i) {
+      if (alive[i]) std::swap(patch[n++], patch[i]);
+    }
     size = left;
   }
 

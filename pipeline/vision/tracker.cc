@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <stdexcept>
+#include <vector>
 
 #include "pipeline/vision/detector.h"
 #include "pipeline/vision/klt.h"
@@ -37,7 +38,8 @@ struct Tracker::Impl {
         config(config_),
         pyramids{Pyramid(camera_.width(), camera_.height(), config_.levels),
                  Pyramid(camera_.width(), camera_.height(), config_.levels)},
-        detector(camera_.width(), camera_.height(), config_) {
+        detector(camera_.width(), camera_.height(), config_),
+        templates(static_cast<std::size_t>(config_.max_features)) {
     rotation.fill(Mat3::Identity());
   }
 
@@ -66,6 +68,7 @@ struct Tracker::Impl {
   Pyramid pyramids[2];
   Detector detector;
   TrackTable tracks;
+  std::vector<KltTemplate> templates;  // of level 0 of the last image, at the tracks' `patch`
   std::uint64_t image_number = 0;
   std::uint32_t next_id = 0;
   HostStamp stamp;
@@ -106,7 +109,7 @@ void Tracker::Impl::predict() {
   const float dt = static_cast<float>(interval_s);
   for (int i = 0; i < tracks.size; ++i) {
     KltTrack& w = wanted[i];
-    w = {tracks.x[i], tracks.y[i]};
+    w = {.x = tracks.x[i], .y = tracks.y[i], .patch = &templates[tracks.patch[i]], .patch_known = tracks.age[i] > 0};
     Vec2 px;
     const bool visible = camera.project(R * tracks.bearing[i], px);
     rotated_x[i] = visible ? static_cast<float>(px.x()) : std::nanf("");

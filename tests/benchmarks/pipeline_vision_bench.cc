@@ -96,9 +96,12 @@ void klt(benchmark::State& state) {
   a.build(view_of(in.images[0]));
   b.build(view_of(in.images[1]));
   std::vector<KltTrack> tracks;
+  std::vector<KltTemplate> patches(in.corners.size());
   for (auto _ : state) {
     tracks.clear();
-    for (const auto& c : in.corners) tracks.push_back({c.x, c.y, c.x, c.y});
+    for (const auto& c : in.corners) {
+      tracks.push_back({.x = c.x, .y = c.y, .found_x = c.x, .found_y = c.y, .patch = &patches[tracks.size()]});
+    }
     track_klt({}, a.view(), b.view(), tracks.data(), static_cast<int>(tracks.size()));
   }
   state.counters["tracks"] = static_cast<double>(tracks.size());
