@@ -6,6 +6,7 @@
 #include "pipeline/vision/simd.h"
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "pipeline/vision/klt.cc"
+#include <hwy/cache_control.h>
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
@@ -220,12 +221,35 @@ HWY_INLINE bool usable(float x, float y) {
   return std::abs(x) < kFar && std::abs(y) < kFar;
 }
 
+HWY_INLINE void prefetch_patch(const ImageView& image, Point centre) {
+  const Place at = quantise(centre.x, centre.y);
+  if (!fits(image, at)) return;
+  const std::uint8_t* p = image.row(at.y) + at.x;
+  for (int i = 0; i <= kSide; ++i, p += image.stride) {
+    hwy::Prefetch(p);
+    hwy::Prefetch(p + kSide);
+  }
+}
+
+// What a search reads of the time before this image is no longer in the caches: other work was done since, and the
+// processor cannot guess the addresses.
+HWY_INLINE void prefetch(const PyramidView& previous, const KltTrack& track) {
+  if (!usable(track.x, track.y)) return;
+  for (int level = std::min(1, previous.levels - 1); level >= 0; --level) {
+    prefetch_patch(previous.level[level], to_level({track.x, track.y}, level));
+  }
+  if (!track.patch_known) return;
+  const auto* bytes = reinterpret_cast<const std::uint8_t*>(track.patch);
+  for (std::size_t i = 0; i < sizeof(KltTemplate); i += 64) hwy::Prefetch(bytes + i);
+}
+
 void track_all(const TrackerConfig& config, const PyramidView& previous, const PyramidView& current, KltTrack* tracks,
                int count) {
   const Images images{config, previous, current};
   const int coarsest = current.levels - 1;
   Queue queue(images);
   for (int i = 0; i < count; ++i) {
+    if (i + kBatch < count) prefetch(previous, tracks[i + kBatch]);
     KltTrack& track = tracks[i];
     track.end = KltEnd::kBorder;
     if (!usable(track.x, track.y) || !usable(track.found_x, track.found_y)) continue;

@@ -12,11 +12,11 @@ inline constexpr int kPatchPixels = kPatchSide * kPatchSide;
 
 /// What is looked for: grey values and gradients of a patch, both x 32.
 struct KltTemplate {
-  alignas(64) std::int16_t grey[kPatchPixels];  ///< minus `origin`
-  alignas(64) std::int16_t gx[kPatchPixels];    ///< per px, made orthogonal to 1 and to `grey`
+  alignas(64) std::int16_t grey[kPatchPixels];
+  alignas(64) std::int16_t gx[kPatchPixels];  ///< per px, made orthogonal to 1 and to `grey`
   alignas(64) std::int16_t gy[kPatchPixels];
-  std::int16_t origin;
-  float mean, energy;            ///< of `grey`: mean, and sum of squares about it
+  std::int16_t origin;           ///< one of the grey values: what is summed is the difference
+  float mean, energy;            ///< of `grey` - `origin`: mean, and sum of squares about it
   float inv_xx, inv_xy, inv_yy;  ///< inverse of the matrix of the corrected gradients
   float eigenvalue;              ///< smaller one of that matrix, a pixel, (grey/px)^2
   float offset_x, offset_y;      ///< quantised centre minus the true one, px of the level

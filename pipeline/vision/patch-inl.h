@@ -18,19 +18,29 @@ HWY_BEFORE_NAMESPACE();
 namespace epiline::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// A patch is 16x16 samples around a sub-pixel centre, at -7.5 .. +7.5. A row is one vector of 16-bit lanes, or two on
-// 8-lane machines ("blocks" of columns).
+// A patch is 16x16 samples around a sub-pixel centre, at -7.5 .. +7.5. A vector of 16-bit lanes holds one row, two rows
+// half a patch apart on 32-lane machines, or half a row ("block" of columns) on 8-lane machines.
 constexpr int kSide = kPatchSide;
 constexpr int kPixels = kPatchPixels;
 constexpr float kHalf = 0.5f * (kSide - 1);
 
-using D = hn::CappedTag<std::int16_t, kSide>;
+using D = hn::CappedTag<std::int16_t, 2 * kSide>;
 using V = hn::Vec<D>;
 using D8 = hn::Rebind<std::uint8_t, D>;
 using D32 = hn::Repartition<std::int32_t, D>;
-using DF = hn::RebindToFloat<D32>;
+using DF = hn::CappedTag<float, kSide / 2>;
 
-HWY_INLINE V grey_at(const std::uint8_t* p) { return hn::PromoteTo(D(), hn::LoadU(D8(), p)); }
+constexpr int kLanes = static_cast<int>(hn::MaxLanes(D()));
+constexpr int kColumns = std::min(kLanes, kSide);  // of a block
+constexpr int kStacked = kLanes / kColumns;        // rows in a vector
+constexpr int kApart = kSide / kStacked;           // rows between them; vectors from top to bottom of a block
+constexpr int kNextVector = kSide * kStacked;      // in a template, from a vector to the one below
+
+HWY_INLINE V grey_at(const std::uint8_t* p, int stride) {
+  if constexpr (kStacked == 1) return hn::PromoteTo(D(), hn::LoadU(D8(), p));
+  const hn::Half<D8> half;
+  return hn::PromoteTo(D(), hn::Combine(D8(), hn::LoadU(half, p + kApart * stride), hn::LoadU(half, p)));
+}
 HWY_INLINE V broadcast(int value) { return hn::Set(D(), static_cast<std::int16_t>(value)); }
 
 // A centre, quantised to 1/128 px: the sample at the top left is at (x + fx / 128, y + fy / 128).
@@ -69,7 +79,9 @@ struct Bilinear {
         lower_slope(broadcast(at.fy << 5)) {}
 
   HWY_INLINE V across(V a, V b) const { return hn::Add(hn::Mul(a, left), hn::Mul(b, right)); }
-  HWY_INLINE V across(const std::uint8_t* p) const { return across(grey_at(p), grey_at(p + 1)); }
+  HWY_INLINE V across(const std::uint8_t* p, int stride) const {
+    return across(grey_at(p, stride), grey_at(p + 1, stride));
+  }
   HWY_INLINE V down(V above, V below) const {
     return hn::Add(hn::MulFixedPoint15(above, upper), hn::MulFixedPoint15(below, lower));
   }
@@ -77,6 +89,17 @@ struct Bilinear {
     return hn::Add(hn::MulFixedPoint15(above, upper_slope), hn::MulFixedPoint15(below, lower_slope));
   }
 };
+
+// Sums of the lanes of stacked rows.
+template <class Wide>
+HWY_INLINE hn::Vec<hn::RebindToSigned<DF>> unstack(Wide lanes) {
+  if constexpr (kStacked == 1) {
+    return lanes;
+  } else {
+    const hn::RebindToSigned<DF> d;
+    return hn::Add(hn::LowerHalf(d, lanes), hn::UpperHalf(d, lanes));
+  }
+}
 
 // Sum of products of 16-bit lanes. A lane of one block adds 32 products of at most 8161 * 8191 and stays below 2^31;
 // the whole patch would not, so blocks are added in float.
@@ -88,7 +111,7 @@ struct DotSum {
   HWY_INLINE DotSum() : sum(hn::Zero(D32())), other(hn::Zero(D32())), blocks(hn::Zero(DF())) {}
   HWY_INLINE void add(V a, V b) { sum = hn::ReorderWidenMulAccumulate(D32(), a, b, sum, other); }
   HWY_INLINE void end_block() {
-    blocks = hn::Add(blocks, hn::ConvertTo(DF(), hn::Add(sum, other)));
+    blocks = hn::Add(blocks, hn::ConvertTo(DF(), unstack(hn::Add(sum, other))));
     sum = other = hn::Zero(D32());
   }
   HWY_INLINE float total() const { return hn::GetLane(hn::SumOfLanes(DF(), blocks)); }
@@ -138,7 +161,8 @@ struct RowReader {
     next(grey, slope);
   }
   HWY_INLINE void next(V& grey, V& slope) {
-    const V before = grey_at(p - 1), a = grey_at(p), b = grey_at(p + 1), after = grey_at(p + 2);
+    const V before = grey_at(p - 1, stride), a = grey_at(p, stride);
+    const V b = grey_at(p + 1, stride), after = grey_at(p + 2, stride);
     const V grey_below = weights.across(a, b);
     const V slope_below = weights.across(hn::Sub(b, before), hn::Sub(after, a));
     grey = weights.down(grey_above, grey_below);
@@ -152,24 +176,22 @@ struct RowReader {
 // Fills grey and plain gradients, and sums their moments in the same pass.
 HWY_INLINE Moments sample(const ImageView& image, const Place& at, Template& t) {
   const D d;
-  const int lanes = static_cast<int>(hn::Lanes(d));
   const Bilinear weights(at);
   t.origin = static_cast<std::int16_t>(32 * image.row(at.y + kSide / 2)[at.x + kSide / 2]);
   const V origin = broadcast(t.origin);
   MomentSums sums;
-  for (int c = 0; c < kSide; c += lanes) {
+  for (int c = 0; c < kSide; c += kColumns) {
     RowReader rows(weights, image.row(at.y - 1) + at.x + c, image.stride);
     V above, here, below, slope, slope_below;
     rows.next(above, slope_below);
     rows.next(here, slope);
-    for (int i = c; i < kPixels; i += kSide) {
+    for (int i = c; i < kPixels; i += kNextVector) {
       rows.next(below, slope_below);
-      const V grey = hn::Sub(here, origin);
       const V slope_y = hn::ShiftRight<1>(hn::Sub(below, above));
-      hn::Store(grey, d, t.grey + i);
+      hn::Store(here, d, t.grey + i);
       hn::Store(slope, d, t.gx + i);
       hn::Store(slope_y, d, t.gy + i);
-      sums.add(grey, slope, slope_y);
+      sums.add(hn::Sub(here, origin), slope, slope_y);
       above = here;
       here = below;
       slope = slope_below;
@@ -179,13 +201,15 @@ HWY_INLINE Moments sample(const ImageView& image, const Place& at, Template& t) 
   return sums.totals();
 }
 
-// gradients -= a + b * grey, with b as a 15-bit fraction.
-HWY_INLINE void subtract_line(const std::int16_t* grey, float a, float b, std::int16_t* gradients) {
+// gradients -= a + b * (grey - origin), with b as a 15-bit fraction.
+HWY_INLINE void subtract_line(const Template& t, float a, float b, std::int16_t* gradients) {
   const D d;
+  const V origin = broadcast(t.origin);
   const V constant = broadcast(static_cast<int>(std::lrintf(a)));
   const V factor = broadcast(static_cast<int>(std::lrintf(b * 32768.f)));
-  for (int i = 0; i < kPixels; i += static_cast<int>(hn::Lanes(d))) {
-    const V line = hn::Add(hn::MulFixedPoint15(hn::Load(d, grey + i), factor), constant);
+  for (int i = 0; i < kPixels; i += kLanes) {
+    const V grey = hn::Sub(hn::Load(d, t.grey + i), origin);
+    const V line = hn::Add(hn::MulFixedPoint15(grey, factor), constant);
     hn::Store(hn::Sub(hn::Load(d, gradients + i), line), d, gradients + i);
   }
 }
@@ -202,8 +226,8 @@ HWY_INLINE void eliminate_gain_and_bias(const Moments& m, Template& t) {
   const float cov_x = m.gx - m.g * mean_x, cov_y = m.gy - m.g * mean_y;
   const float bx = std::clamp(cov_x / t.energy, -kMaxSlope, kMaxSlope);
   const float by = std::clamp(cov_y / t.energy, -kMaxSlope, kMaxSlope);
-  subtract_line(t.grey, mean_x - bx * t.mean, bx, t.gx);
-  subtract_line(t.grey, mean_y - by * t.mean, by, t.gy);
+  subtract_line(t, mean_x - bx * t.mean, bx, t.gx);
+  subtract_line(t, mean_y - by * t.mean, by, t.gy);
   const float xx = m.xx - m.x * mean_x - (2.f * cov_x - bx * t.energy) * bx;
   const float xy = m.xy - m.x * mean_y - cov_x * by - cov_y * bx + bx * by * t.energy;
   const float yy = m.yy - m.y * mean_y - (2.f * cov_y - by * t.energy) * by;
@@ -229,17 +253,15 @@ struct Move {
 // Gauss-Newton step of the template's centre in another image, seen from `at`.
 HWY_INLINE Move gauss_newton_step(const ImageView& image, const Place& at, const Template& t) {
   const D d;
-  const int lanes = static_cast<int>(hn::Lanes(d));
   const Bilinear weights(at);
-  const V origin = broadcast(t.origin);
   DotSum sum_x, sum_y;
-  for (int c = 0; c < kSide; c += lanes) {
+  for (int c = 0; c < kSide; c += kColumns) {
     const std::uint8_t* p = image.row(at.y) + at.x + c;
-    V above = weights.across(p);
-    for (int i = c; i < kPixels; i += kSide) {
+    V above = weights.across(p, image.stride);
+    for (int i = c; i < kPixels; i += kNextVector) {
       p += image.stride;
-      const V below = weights.across(p);
-      const V error = hn::Sub(hn::Sub(weights.down(above, below), origin), hn::Load(d, t.grey + i));
+      const V below = weights.across(p, image.stride);
+      const V error = hn::Sub(weights.down(above, below), hn::Load(d, t.grey + i));
       sum_x.add(error, hn::Load(d, t.gx + i));
       sum_y.add(error, hn::Load(d, t.gy + i));
       above = below;
@@ -254,20 +276,19 @@ HWY_INLINE Move gauss_newton_step(const ImageView& image, const Place& at, const
 // Normalised correlation, -1 to 1, of the template with the patch at `at`.
 HWY_INLINE float correlate(const ImageView& image, const Place& at, const Template& t) {
   const D d;
-  const int lanes = static_cast<int>(hn::Lanes(d));
   const Bilinear weights(at);
   const V origin = broadcast(t.origin), one = broadcast(1);
   DotSum g, gg, gt;
-  for (int c = 0; c < kSide; c += lanes) {
+  for (int c = 0; c < kSide; c += kColumns) {
     const std::uint8_t* p = image.row(at.y) + at.x + c;
-    V above = weights.across(p);
-    for (int i = c; i < kPixels; i += kSide) {
+    V above = weights.across(p, image.stride);
+    for (int i = c; i < kPixels; i += kNextVector) {
       p += image.stride;
-      const V below = weights.across(p);
+      const V below = weights.across(p, image.stride);
       const V grey = hn::Sub(weights.down(above, below), origin);
       g.add(grey, one);
       gg.add(grey, grey);
-      gt.add(grey, hn::Load(d, t.grey + i));
+      gt.add(grey, hn::Sub(hn::Load(d, t.grey + i), origin));
       above = below;
     }
     for (DotSum* s : {&g, &gg, &gt}) s->end_block();
