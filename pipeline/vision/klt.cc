@@ -99,7 +99,7 @@ HWY_INLINE bool improve(const ImageView& image, const Limits& limits, Search& s)
   return !(length2 < limits.converged * limits.converged);
 }
 
-HWY_INLINE void refine(const ImageView& image, const Limits& limits, Batch batch) {
+HWY_NOINLINE void refine(const ImageView& image, const Limits& limits, Batch batch) {
   for (int i = 0; i < limits.iterations && batch.size > 0; ++i) {
     int left = 0;
     for (int k = 0; k < batch.size; ++k) {
@@ -182,7 +182,7 @@ HWY_INLINE void check_backward(const Images& images, const Batch& batch) {
   }
 }
 
-HWY_INLINE void track_batch(const Images& images, const Batch& batch) {
+HWY_NOINLINE void track_batch(const Images& images, const Batch& batch) {
   for (int level = images.current.levels - 1; level >= 0; --level) track_level(images, level, batch);
   check_backward(images, batch);
   for (int k = 0; k < batch.size; ++k) {
