@@ -105,7 +105,7 @@ class Flight {
  private:
   static OfflineSettings settings(const AslDataset& dataset, const Config& config) {
     return {dataset.camera.parameters, config.tracker,          config.estimator,
-            config.deadline_ms,        !dataset.images.empty(), monotonic_ns};
+            config.deadline_ms,        !dataset.images.empty(), {monotonic_ns, thread_cpu_ns}};
   }
 
   void feed_imu(HostStamp image) {

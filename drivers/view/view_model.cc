@@ -242,9 +242,9 @@ std::string ViewModel::state_json(const ViewCursor& since) const {
                      {"max", ms(latencies_.most_ns())}};
   const FrameOutcome outcome = newest_ ? newest_->outcome : FrameOutcome{};
   const auto from_ns = [&](std::int64_t ns) { return number(1e-6 * static_cast<double>(ns), 3); };
-  s["time_ms"] = {{"track", from_ns(outcome.track_ns)},
-                  {"solve", from_ns(solved_times_.solve_ns)},
-                  {"estimate", from_ns(solved_times_.estimate_ns)}};
+  s["time_ms"] = {{"track", from_ns(outcome.track.wall_ns)},
+                  {"solve", from_ns(solved_times_.solve.wall_ns)},
+                  {"estimate", from_ns(solved_times_.estimate.wall_ns)}};
   s["rates_hz"] = {{"camera", number(images_.hz(), 2)}, {"imu", number(imu_.hz(), 1)}};
   s["counts"] = {{"images", newest_ ? outcome.serial + 1 : 0},
                  {"solved", solved_},

@@ -23,12 +23,12 @@ bool FlightLog::image(const Frame& frame) noexcept {
 }
 
 bool FlightLog::image_done(std::uint64_t serial, const TrackedFrame& tracked, const StepResult& result,
-                           std::int64_t track_ns, const EstimateStage& stage) noexcept {
+                           const StageTime& track, const EstimateStage& stage) noexcept {
   FrameOutcome* const outcome = outcomes_.claim();
   if (outcome != nullptr) {
     describe(tracked, result, stage, *outcome);
     outcome->serial = serial;
-    outcome->track_ns = track_ns;
+    outcome->track = track;
     outcomes_.publish();
   }
   if (LoggedTracks* const t = tracks_.claim()) {

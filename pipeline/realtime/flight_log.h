@@ -38,7 +38,7 @@ class FlightLog {
   bool wants_image() const noexcept { return images_at_once_ > 0; }
   bool image(const Frame& frame) noexcept;
   /// Thread estimate: what came of an image. False: no room.
-  bool image_done(std::uint64_t serial, const TrackedFrame& tracked, const StepResult& result, std::int64_t track_ns,
+  bool image_done(std::uint64_t serial, const TrackedFrame& tracked, const StepResult& result, const StageTime& track,
                   const EstimateStage& stage) noexcept;
   /// Thread publish.
   void published(std::uint64_t serial, std::int64_t latency_ns) noexcept { publications_.push({serial, latency_ns}); }

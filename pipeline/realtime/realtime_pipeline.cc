@@ -10,7 +10,7 @@ RealtimePipeline::Impl::Impl(const RealtimeSettings& s, const RealtimePorts& p)
     : settings(s),
       ports(p),
       recorded(Camera(s.camera)),
-      estimate_stage(s.estimator, monotonic_ns, Span::from_seconds(1e-3 * s.deadline_ms).ns),
+      estimate_stage(s.estimator, kThreadClocks, Span::from_seconds(1e-3 * s.deadline_ms).ns),
       flight_log(p.observers, p.event_rings, s.images_to_log),
       imu_gate({s.estimator.saturation_gyroscope_rad_s, s.estimator.saturation_accelerometer_m_s2}) {
   if (s.images) track_stage.emplace(Camera(s.camera), s.tracker, s.estimator.extrinsics.R_BC);

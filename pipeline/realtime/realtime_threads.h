@@ -23,6 +23,7 @@
 
 namespace epiline {
 
+inline constexpr StageClocks kThreadClocks{monotonic_ns, thread_cpu_ns};
 inline constexpr Span kPoll = Span::from_milliseconds(100);  // how soon an idle thread looks around
 inline constexpr std::size_t kImuRing = 4096;                // 20 s at 200 Hz, 4 s at 1 kHz
 using ImuRing = SpscRing<ImuSample, kImuRing>;
@@ -38,7 +39,8 @@ struct Knowledge {
 struct Tracked {
   TrackedFrame frame;
   HostStamp imu_needed;  ///< readings are needed up to here
-  std::int64_t deadline_ns = 0, track_ns = 0;
+  std::int64_t deadline_ns = 0;
+  StageTime track;
 };
 
 /// The newest estimate, for the publisher.

@@ -95,16 +95,16 @@ void RealtimePipeline::Impl::track_frame(const Frame& frame) {
   out->imu_needed = frame.stamp + known.imu_after_image;
   if (track_stage) {
     take_imu(track, imu_to_track, track_feed, out->imu_needed, *track_stage);
-    const std::int64_t began_ns = monotonic_ns();
+    const StageTime began = kThreadClocks.now();
     track_stage->set_knowledge(Vec3(known.gyroscope_bias_rad_s.data()), known.time_offset_s);
     track_stage->step(frame, out->frame);
-    out->track_ns = monotonic_ns() - began_ns;
+    out->track = kThreadClocks.now() - began;
     log_image(frame);
   } else {
     const auto points = settings.recorded[frame.sequence];
     recorded.step(frame.stamp, points.data(), points.size(), out->frame);
     out->frame.reasons = frame.reasons;
-    out->track_ns = 0;
+    out->track = {};
   }
   out->deadline_ns = deadline_of(frame.stamp);
   tracked.publish();
@@ -171,7 +171,7 @@ void RealtimePipeline::Impl::estimate_frame(const Tracked& image) {
   knowledge.push(knowledge_of(estimate_stage));
   track.parking.notify();
   estimator_events.after_image(image.frame, estimate_stage);
-  flight_log.image_done(serial, image.frame, result, image.track_ns, estimate_stage);
+  flight_log.image_done(serial, image.frame, result, image.track, estimate_stage);
   log.parking.notify();
   bump(frames_out);
 }

@@ -7,6 +7,13 @@ namespace epiline {
 
 namespace {
 Vec3 vec3(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
+
+/// On one of the two clocks.
+StageMilliseconds milliseconds(const FrameOutcome& outcome, std::int64_t StageTime::*clock) {
+  const auto ms = [&](const StageTime& time) { return 1e-6 * static_cast<double>(time.*clock); };
+  const EstimateStage::Times& times = outcome.times;
+  return {ms(outcome.track), ms(times.solve), ms(times.marginalise), ms(times.estimate)};
+}
 }  // namespace
 
 void set_odometry(ImageRecord& record, const Odometry& o) {
@@ -27,7 +34,6 @@ void set_odometry(ImageRecord& record, const Odometry& o) {
 }
 
 ImageRecord image_record(const FrameOutcome& outcome) {
-  const auto milliseconds = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
   ImageRecord image;
   image.stamp = outcome.stamp;
   image.has_pose = outcome.result.has_pose;
@@ -37,10 +43,8 @@ ImageRecord image_record(const FrameOutcome& outcome) {
   image.health = outcome.odometry.health;
   image.tracks = outcome.tracks;
   image.new_tracks = outcome.new_tracks;
-  image.track_ms = milliseconds(outcome.track_ns);
-  image.solve_ms = milliseconds(outcome.times.solve_ns);
-  image.marginalise_ms = milliseconds(outcome.times.marginalise_ns);
-  image.estimate_ms = milliseconds(outcome.times.estimate_ns);
+  image.wall_ms = milliseconds(outcome, &StageTime::wall_ns);
+  image.cpu_ms = milliseconds(outcome, &StageTime::cpu_ns);
   return image;
 }
 

@@ -19,6 +19,12 @@
 
 namespace epiline {
 
+/// The time that the stages took for one image.
+struct StageMilliseconds {
+  double track = 0, solve = 0, marginalise = 0, estimate = 0;
+  double frame() const { return track + estimate; }
+};
+
 /// One image that went through the pipeline.
 struct ImageRecord {
   HostStamp stamp;
@@ -30,9 +36,8 @@ struct ImageRecord {
   double time_offset_s = 0, sigma_time_offset_s = 0;
   Health health;
   int tracks = 0, new_tracks = 0;
-  double track_ms = 0, solve_ms = 0, marginalise_ms = 0, estimate_ms = 0;
+  StageMilliseconds wall_ms, cpu_ms;
   std::optional<double> latency_ms;  ///< from the stamp to the odometry handed out; only of a real-time run's poses
-  double frame_ms() const { return track_ms + estimate_ms; }
 };
 
 /// The odometry handed out at the IMU's rate.

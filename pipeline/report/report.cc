@@ -211,11 +211,11 @@ std::string histograms(const FlightRecord& record) {
   const Timing timing = timing_of(record);
   std::vector<double> track, solve, estimate, latency;
   for (const ImageRecord& image : record.images) {
-    if (record.tracker) track.push_back(image.track_ms);
+    if (record.tracker) track.push_back(image.wall_ms.track);
     if (image.latency_ms) latency.push_back(*image.latency_ms);
     if (!image.solved) continue;
-    solve.push_back(image.solve_ms);
-    estimate.push_back(image.estimate_ms);
+    solve.push_back(image.wall_ms.solve);
+    estimate.push_back(image.wall_ms.estimate);
   }
   return R"(<div class="three">)" + histogram("track", "c1", timing.track, std::move(track)) +
          histogram("solve", "c2", timing.solve, std::move(solve)) +
@@ -292,7 +292,11 @@ std::string timing_table(const FlightRecord& record) {
          summary_row("marginalise", t.marginalise, "{:.3f}") +
          summary_row("estimate: the estimator's whole step", t.estimate, "{:.3f}") +
          summary_row("frame: track + estimate", t.frame, "{:.3f}") +
-         summary_row("latency: image stamp to odometry", t.latency, "{:.3f}") + "</table>";
+         summary_row("latency: image stamp to odometry", t.latency, "{:.3f}") +
+         "<tr><th>processor time, ms</th><th>mean</th><th>median</th><th>95 %</th><th>99 %</th><th>max</th></tr>" +
+         summary_row("track", t.cpu.track, "{:.3f}") + summary_row("solve", t.cpu.solve, "{:.3f}") +
+         summary_row("marginalise", t.cpu.marginalise, "{:.3f}") + summary_row("estimate", t.cpu.estimate, "{:.3f}") +
+         summary_row("frame", t.cpu.frame, "{:.3f}") + "</table>";
 }
 
 std::string count_table(const FlightRecord& r) {

@@ -235,6 +235,30 @@ Json realtime_json(const FlightRecord& r) {
           {"rings", rings}};
 }
 
+StageSummaries summaries_of(const FlightRecord& record, StageMilliseconds ImageRecord::*clock) {
+  std::vector<double> track, solve, marginalise, estimate, frame;
+  for (const ImageRecord& image : record.images) {
+    const StageMilliseconds& ms = image.*clock;
+    if (record.tracker) track.push_back(ms.track);
+    if (image.solved) {
+      solve.push_back(ms.solve);
+      marginalise.push_back(ms.marginalise);
+      estimate.push_back(ms.estimate);
+    }
+    frame.push_back(ms.frame());
+  }
+  return {summarise(std::move(track)), summarise(std::move(solve)), summarise(std::move(marginalise)),
+          summarise(std::move(estimate)), summarise(std::move(frame))};
+}
+
+Json stages_json(const StageSummaries& s) {
+  return {{"track", timing_json(s.track)},
+          {"solve", timing_json(s.solve)},
+          {"marginalise", timing_json(s.marginalise)},
+          {"estimate", timing_json(s.estimate)},
+          {"frame", timing_json(s.frame)}};
+}
+
 Json errors_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& errors) {
   Json json = to_json(errors.value_or(TrajectoryErrors{}));
   if (!errors) {
@@ -249,19 +273,12 @@ Json errors_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& e
 }  // namespace
 
 Timing timing_of(const FlightRecord& record) {
-  std::vector<double> track, solve, marginalise, estimate, frame, latency;
+  std::vector<double> latency;
   for (const ImageRecord& image : record.images) {
-    if (record.tracker) track.push_back(image.track_ms);
-    if (image.solved) {
-      solve.push_back(image.solve_ms);
-      marginalise.push_back(image.marginalise_ms);
-      estimate.push_back(image.estimate_ms);
-    }
-    frame.push_back(image.frame_ms());
     if (image.latency_ms) latency.push_back(*image.latency_ms);
   }
-  return {summarise(std::move(track)),    summarise(std::move(solve)), summarise(std::move(marginalise)),
-          summarise(std::move(estimate)), summarise(std::move(frame)), summarise(std::move(latency))};
+  return {summaries_of(record, &ImageRecord::wall_ms), summaries_of(record, &ImageRecord::cpu_ms),
+          summarise(std::move(latency))};
 }
 
 std::array<double, 4> state_seconds(const FlightRecord& record) {
@@ -318,12 +335,9 @@ Json stats_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& er
   json["resets"] = e.resets;
   json["state_seconds"] = {
       {"initialising", seconds[0]}, {"tracking", seconds[1]}, {"degraded", seconds[2]}, {"lost", seconds[3]}};
-  json["timing_ms"] = {{"track", timing_json(timing.track)},
-                       {"solve", timing_json(timing.solve)},
-                       {"marginalise", timing_json(timing.marginalise)},
-                       {"estimate", timing_json(timing.estimate)},
-                       {"frame", timing_json(timing.frame)},
-                       {"latency", timing_json(timing.latency)}};
+  json["timing_ms"] = stages_json(timing);
+  json["timing_ms"]["latency"] = timing_json(timing.latency);
+  json["cpu_ms"] = stages_json(timing.cpu);
   json["events"] = events_json(r);
   json["solver"] = {{"iterations_mean", ratio(e.iterations, e.solves)},
                     {"residuals_mean", ratio(e.residuals, e.solves)},

@@ -6,8 +6,12 @@
 namespace epiline {
 
 /// Distributions of the time per stage, ms; those of stages that did not run are empty.
-struct Timing {
-  Summary track, solve, marginalise, estimate, frame, latency;
+struct StageSummaries {
+  Summary track, solve, marginalise, estimate, frame;
+};
+struct Timing : StageSummaries {
+  StageSummaries cpu;  ///< processor time of the stage's thread; the others are wall time
+  Summary latency;
 };
 Timing timing_of(const FlightRecord& record);
 

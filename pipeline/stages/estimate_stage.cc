@@ -12,19 +12,19 @@ void EstimateStage::Watch::begin(HostStamp frame, std::int64_t deadline) noexcep
   planned = false;
   steps = 0;
   deadline_ns = deadline;
-  step_began_ns = phase_began_ns = now();
+  step_began = phase_began = clocks.now();
 }
 
 void EstimateStage::Watch::end() noexcept {
   phase(Phase::kNone);
-  times.estimate_ns = phase_began_ns - step_began_ns;
-  if (deadline_ns != kNoDeadline) times.late_ns = std::max<std::int64_t>(0, phase_began_ns - deadline_ns);
+  times.estimate = phase_began - step_began;
+  if (deadline_ns != kNoDeadline) times.late_ns = std::max<std::int64_t>(0, phase_began.wall_ns - deadline_ns);
 }
 
 /// The solve gets what is left until the deadline when all the rest is done, and no more than it may take anyway.
 Supervisor::Effort EstimateStage::Watch::effort() noexcept {
   planned = true;
-  planned_ns = now();
+  planned_ns = clocks.wall();
   budget_ns = most_solve_ns > 0 ? most_solve_ns : kNoDeadline;
   const std::int64_t left_ns =
       deadline_ns == kNoDeadline ? kNoDeadline : deadline_ns - planned_ns - static_cast<std::int64_t>(besides_ns.get());
@@ -38,24 +38,24 @@ Supervisor::Effort EstimateStage::Watch::effort() noexcept {
 bool EstimateStage::Watch::time_is_up() noexcept {
   ++steps;
   if (!planned || budget_ns == kNoDeadline) return false;
-  const std::int64_t spent_ns = now() - phase_began_ns;
+  const std::int64_t spent_ns = clocks.wall() - phase_began.wall_ns;
   return spent_ns + spent_ns / (steps + 1) > budget_ns;  // the first step linearises twice, the others once
 }
 
 void EstimateStage::Watch::phase(Phase next) noexcept {
-  const std::int64_t t = now();
-  if (current == Phase::kSolve) times.solve_ns += t - phase_began_ns;
-  if (current == Phase::kMarginalise) times.marginalise_ns += t - phase_began_ns;
+  const StageTime now = clocks.now();
+  if (current == Phase::kSolve) times.solve += now - phase_began;
+  if (current == Phase::kMarginalise) times.marginalise += now - phase_began;
   current = next;
-  phase_began_ns = t;
+  phase_began = now;
 }
 
 void EstimateStage::Watch::learn(const EstimatorStats& before, const EstimatorStats& after) noexcept {
   if (!planned || after.solves == before.solves) return;
-  governor.took(times.solve_ns, static_cast<int>(after.tracks_offered - before.tracks_offered),
+  governor.took(times.solve.wall_ns, static_cast<int>(after.tracks_offered - before.tracks_offered),
                 static_cast<int>(after.tracks_used - before.tracks_used),
                 static_cast<int>(after.linearisations - before.linearisations));
-  besides_ns.add(static_cast<double>(step_began_ns + times.estimate_ns - planned_ns - times.solve_ns));
+  besides_ns.add(static_cast<double>(step_began.wall_ns + times.estimate.wall_ns - planned_ns - times.solve.wall_ns));
 }
 
 bool EstimateStage::add_imu(const ImuSample& sample) noexcept {

@@ -6,24 +6,22 @@
 
 #include "estimator/estimator.h"
 #include "pipeline/stages/load_governor.h"
+#include "pipeline/stages/stage_clocks.h"
 #include "pipeline/watch/health_merge.h"
 
 namespace epiline {
-
-/// Monotonic time in nanoseconds, from outside: the stages hold no clock.
-using NowNs = std::int64_t (*)() noexcept;
 
 class EstimateStage {
  public:
   static constexpr std::int64_t kNoDeadline = std::numeric_limits<std::int64_t>::max();
 
   /// `solve_ns`: a solve may take so long; 0: as long as it takes.
-  EstimateStage(const EstimatorConfig& config, NowNs now, std::int64_t solve_ns)
-      : estimator_(config), watch_(now, solve_ns), odometry_(estimator_.odometry()) {}
+  EstimateStage(const EstimatorConfig& config, const StageClocks& clocks, std::int64_t solve_ns)
+      : estimator_(config), watch_(clocks, solve_ns), odometry_(estimator_.odometry()) {}
 
   /// How long the parts of one step took.
   struct Times {
-    std::int64_t solve_ns = 0, marginalise_ns = 0, estimate_ns = 0;
+    StageTime solve, marginalise, estimate;
     std::int64_t late_ns = 0;  ///< ended so long after the deadline; 0: in time, or no deadline
     LoadLevel load = LoadLevel::kFull;
   };
@@ -43,7 +41,7 @@ class EstimateStage {
 
  private:
   struct Watch final : Supervisor {
-    Watch(NowNs clock, std::int64_t solve) : now(clock), most_solve_ns(solve) {}
+    Watch(const StageClocks& both, std::int64_t solve) : clocks(both), most_solve_ns(solve) {}
     void begin(HostStamp frame, std::int64_t deadline) noexcept;
     void end() noexcept;
     Effort effort() noexcept override;
@@ -51,7 +49,7 @@ class EstimateStage {
     void phase(Phase next) noexcept override;
     void learn(const EstimatorStats& before, const EstimatorStats& after) noexcept;
 
-    NowNs now;
+    StageClocks clocks;
     std::int64_t most_solve_ns;
     LoadGovernor governor;
     RecentMost besides_ns;  ///< what a step takes besides its solve
@@ -60,8 +58,8 @@ class EstimateStage {
     HostStamp stamp;
     bool planned = false;
     int steps = 0;  ///< of this solve, so far
-    std::int64_t step_began_ns = 0, planned_ns = 0, phase_began_ns = 0, deadline_ns = kNoDeadline,
-                 budget_ns = kNoDeadline;
+    StageTime step_began, phase_began;
+    std::int64_t planned_ns = 0, deadline_ns = kNoDeadline, budget_ns = kNoDeadline;
   };
 
   Estimator estimator_;

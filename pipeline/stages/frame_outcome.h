@@ -13,7 +13,7 @@ struct FrameOutcome {
   StepResult result;
   Odometry odometry;
   int tracks = 0, new_tracks = 0;
-  std::int64_t track_ns = 0;  ///< 0 with recorded tracks
+  StageTime track;  ///< 0 with recorded tracks
   EstimateStage::Times times;
 };
 

@@ -3,10 +3,10 @@
 namespace epiline {
 
 OfflinePipeline::OfflinePipeline(const OfflineSettings& settings)
-    : now_(settings.now),
+    : clocks_(settings.clocks),
       imu_gate_({settings.estimator.saturation_gyroscope_rad_s, settings.estimator.saturation_accelerometer_m_s2}),
       recorded_(Camera(settings.camera)),
-      estimate_(settings.estimator, settings.now, Span::from_seconds(settings.deadline_ms * 1e-3).ns) {
+      estimate_(settings.estimator, settings.clocks, Span::from_seconds(settings.deadline_ms * 1e-3).ns) {
   if (settings.images) {
     track_ =
         std::make_unique<TrackStage>(Camera(settings.camera), settings.tracker, settings.estimator.extrinsics.R_BC);
@@ -30,10 +30,10 @@ bool OfflinePipeline::admit(Frame& image) noexcept {
 }
 
 void OfflinePipeline::step(const Frame& image, FrameOutcome& out) noexcept {
-  const std::int64_t began_ns = now_();
+  const StageTime began = clocks_.now();
   track_->set_knowledge(estimator().gyroscope_bias(), estimator().odometry().time_offset_s);
   track_->step(image, *tracked_);
-  out.track_ns = now_() - began_ns;
+  out.track = clocks_.now() - began;
   estimate(out);
 }
 
@@ -41,7 +41,7 @@ void OfflinePipeline::step(const Frame& image, const TrackPoint* points, std::si
                            FrameOutcome& out) noexcept {
   recorded_.step(image.stamp, points, count, *tracked_);
   tracked_->reasons = image.reasons;
-  out.track_ns = 0;
+  out.track = {};
   estimate(out);
 }
 

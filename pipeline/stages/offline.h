@@ -19,7 +19,7 @@ struct OfflineSettings {
   EstimatorConfig estimator;
   double deadline_ms = 0;  ///< for the solve of one image; 0: as long as it takes
   bool images = true;      ///< false: recorded tracks
-  NowNs now = nullptr;
+  StageClocks clocks;
 };
 
 class OfflinePipeline {
@@ -50,7 +50,7 @@ class OfflinePipeline {
  private:
   void estimate(FrameOutcome& out) noexcept;
 
-  NowNs now_;
+  StageClocks clocks_;
   ImuGate imu_gate_;
   ImageGate image_gate_;
   std::unique_ptr<TrackStage> track_;

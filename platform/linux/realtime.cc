@@ -5,13 +5,13 @@
 #include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
-#include <ctime>
 
 #include <cerrno>
 #include <cstring>
 
 #include "platform/concurrency/lock_count.h"
 #include "platform/memory/allocation_count.h"
+#include "platform/time/monotonic.h"
 
 namespace epiline {
 
@@ -46,11 +46,9 @@ bool set_cpu(int cpu) {
 ThreadCosts costs_of_this_thread() noexcept {
   rusage usage{};
   getrusage(RUSAGE_THREAD, &usage);
-  timespec cpu{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &cpu);
   return {heap_calls_of_this_thread(), lock_calls_of_this_thread(),
           static_cast<std::uint64_t>(usage.ru_minflt + usage.ru_majflt), static_cast<std::uint64_t>(usage.ru_nivcsw),
-          cpu.tv_sec * 1'000'000'000LL + cpu.tv_nsec};
+          thread_cpu_ns()};
 }
 
 ThreadCosts operator-(const ThreadCosts& later, const ThreadCosts& earlier) noexcept {

@@ -85,6 +85,7 @@ TEST_F(MadeUpFlight, EveryPromisedFieldIsThere) {
       {"initialisation", {"done", "seconds_after_first_image", "kind", "attempts", "refused_by_reason"}},
       {"state_seconds", {"initialising", "tracking", "degraded", "lost"}},
       {"timing_ms", {"track", "solve", "marginalise", "estimate", "frame", "latency"}},
+      {"cpu_ms", {"track", "solve", "marginalise", "estimate", "frame"}},
       {"solver", {"iterations_mean", "residuals_mean", "state_size_mean", "deadline_hits"}},
       {"tracks", {"per_image_mean", "length_mean", "rejected_share"}},
       {"memory", {"peak_rss_mib", "heap_allocations_after_start", "page_faults_after_start"}},
@@ -97,9 +98,11 @@ TEST_F(MadeUpFlight, EveryPromisedFieldIsThere) {
   for (const auto& [block, names] : fields) {
     for (const std::string& name : names) EXPECT_TRUE(s[block].contains(name)) << block << "." << name;
   }
-  for (const auto& [stage, block] : s["timing_ms"].items()) {
-    for (const char* name : {"count", "mean", "p50", "p90", "p99", "p999", "max"})
-      EXPECT_TRUE(block.contains(name)) << stage << "." << name;
+  for (const char* clock : {"timing_ms", "cpu_ms"}) {
+    for (const auto& [stage, block] : s[clock].items()) {
+      for (const char* name : {"count", "mean", "p50", "p90", "p99", "p999", "max"})
+        EXPECT_TRUE(block.contains(name)) << clock << "." << stage << "." << name;
+    }
   }
 }
 
@@ -310,7 +313,10 @@ TEST_F(RecordedFlight, RecordedTracksNeedNoImages) {
                         out.string() + "'");
   ASSERT_TRUE(r.exit_code == 0 || r.exit_code == 1) << r.err;
   const Json s = stats();
-  EXPECT_EQ(s["timing_ms"]["track"]["count"], 0);
+  for (const char* clock : {"timing_ms", "cpu_ms"}) {
+    EXPECT_EQ(s[clock]["track"]["count"], 0);
+    EXPECT_TRUE(s[clock]["track"]["mean"].is_null());
+  }
   EXPECT_TRUE(s["settings"]["max_features"].is_null());
   EXPECT_GT(s["tracks"]["per_image_mean"], 20);
   EXPECT_EQ(s["images"]["tracked"], s["images"]["read"]);

@@ -73,7 +73,7 @@ class FlightLogTest : public testing::Test {
 TEST_F(FlightLogTest, EachObserverGetsEveryStreamAndNoHeapIsUsed) {
   make(2);
   EstimatorConfig config;
-  const EstimateStage stage(config, no_clock, 0);
+  const EstimateStage stage(config, {no_clock, no_clock}, 0);
   TrackedFrame tracked;
   tracked.sequence = 12;
   tracked.features.push_back({3, 1, {1.5F, 2.5F}, {}, {}, {}});
@@ -83,7 +83,7 @@ TEST_F(FlightLogTest, EachObserverGetsEveryStreamAndNoHeapIsUsed) {
   for (std::int64_t i = 0; i < 100; ++i) log->imu({HostStamp{i}, {}, {}});
   log->wheel({HostStamp{0}, 1.5, 0});
   log->wheel({HostStamp{1}, 2, 0});
-  EXPECT_TRUE(log->image_done(5, tracked, {}, 1, stage));
+  EXPECT_TRUE(log->image_done(5, tracked, {}, {}, stage));
   log->published(5, 42);
   EXPECT_TRUE(log->image({HostStamp{0}, 12, &pixel, 1, 1, 1, 0}));
   EXPECT_FALSE(log->empty());
@@ -174,7 +174,7 @@ TEST_F(FlightLogTest, AFullRingIsAnEventAndMoreEventsThanItCanHoldBackGoOnEarly)
 
 TEST(EstimatorEvents, TellOfAGapInTheReadings) {
   const EstimatorConfig config;
-  EstimateStage stage(config, no_clock, 0);
+  EstimateStage stage(config, {no_clock, no_clock}, 0);
   auto ring = std::make_unique<EventRing>();
   EstimatorEvents events(*ring);
   const auto add = [&](std::int64_t ms) {

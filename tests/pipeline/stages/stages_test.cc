@@ -1,4 +1,4 @@
-// The parts around tracker and estimator: rotation from the gyroscope, recorded tracks.
+// The parts around tracker and estimator: rotation from the gyroscope, recorded tracks, the clocks.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "estimator/geometry/so3.h"
+#include "pipeline/stages/estimate_stage.h"
 #include "pipeline/stages/gyro_rotation.h"
 #include "pipeline/stages/recorded_tracks.h"
 
@@ -105,6 +106,24 @@ TEST(RecordedTracks, LeavesOutDoubledIdsAndWhatIsTooMuch) {
   tracks.step(at(2), doubled, 3, frame);
   EXPECT_EQ(frame.features.size(), 2u);
   EXPECT_EQ(tracks.left_out(), 6u);
+}
+
+// Clocks that go on with each look: each part lasts as many looks as were taken between its begin and its end.
+std::int64_t wall_looks = 0, cpu_looks = 0;
+std::int64_t made_up_wall() noexcept { return 1000 * ++wall_looks; }
+std::int64_t made_up_cpu() noexcept { return 10 * ++cpu_looks; }
+
+TEST(EstimateStage, TimesAStepOnBothClocks) {
+  EstimateStage stage(EstimatorConfig{}, {made_up_wall, made_up_cpu}, 0);
+  TrackedFrame frame;
+  frame.stamp = at(1);
+  stage.step(frame, EstimateStage::kNoDeadline);
+  const EstimateStage::Times& times = stage.times();
+  EXPECT_EQ(times.estimate.wall_ns, 1000 * (wall_looks - 1));
+  EXPECT_EQ(times.estimate.cpu_ns, 10 * (cpu_looks - 1));
+  EXPECT_GT(cpu_looks, 1);
+  EXPECT_EQ(times.solve.wall_ns + times.marginalise.wall_ns, 0) << "without a start nothing is solved";
+  EXPECT_EQ(times.solve.cpu_ns + times.marginalise.cpu_ns, 0);
 }
 
 }  // namespace
