@@ -12,6 +12,7 @@
 #include "pipeline/realtime/realtime_pipeline.h"
 #include "pipeline/stages/estimator_events.h"
 #include "pipeline/stages/imu_feed.h"
+#include "pipeline/stages/knowledge.h"
 #include "pipeline/stages/track_stage.h"
 #include "pipeline/watch/health_merge.h"
 #include "pipeline/watch/image_gate.h"
@@ -28,17 +29,9 @@ inline constexpr Span kPoll = Span::from_milliseconds(100);  // how soon an idle
 inline constexpr std::size_t kImuRing = 4096;                // 20 s at 200 Hz, 4 s at 1 kHz
 using ImuRing = SpscRing<ImuSample, kImuRing>;
 
-/// What the estimator knows after an image, for the tracking of the next one.
-struct Knowledge {
-  std::array<double, 3> gyroscope_bias_rad_s{};
-  double time_offset_s = 0;  ///< as handed out
-  Span imu_after_image{};    ///< readings are needed up to the image's stamp and this
-};
-
 /// An image on its way from the tracker to the estimator.
 struct Tracked {
   TrackedFrame frame;
-  HostStamp imu_needed;  ///< readings are needed up to here
   std::int64_t deadline_ns = 0;
   StageTime track;
 };
@@ -67,8 +60,6 @@ struct Heard {
 inline void bump(std::atomic<std::uint64_t>& counter) {
   counter.store(counter.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
 }
-
-Knowledge knowledge_of(const EstimateStage& stage);
 
 struct RealtimePipeline::Impl {
   /// A thread, where it parks, and what it cost.

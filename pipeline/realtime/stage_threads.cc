@@ -4,13 +4,6 @@
 
 namespace epiline {
 
-Knowledge knowledge_of(const EstimateStage& stage) {
-  const HostStamp zero{};
-  const Vec3 bias = stage.estimator().gyroscope_bias();
-  return {
-      {bias.x(), bias.y(), bias.z()}, stage.estimator().odometry().time_offset_s, stage.imu_needed_until(zero) - zero};
-}
-
 void RealtimePipeline::Impl::give(EstimateStage& stage, const ImuSample& sample) {
   stage.add_imu(sample);
   estimator_events.after_imu(sample, stage);
@@ -79,9 +72,10 @@ void RealtimePipeline::Impl::track_loop() {
   end(track, {&estimate});
 }
 
-/// Takes over what the estimator knew after the image before: the same lesson before the same image, as offline.
+/// Takes over what the estimator knew after the image before the previous one: the same lesson before the same image,
+/// as offline.
 void RealtimePipeline::Impl::learn() {
-  while (lessons < frames_tracked && !stopping()) {
+  while (lessons + kKnowledgeDelay <= frames_tracked && !stopping()) {
     wait(track, kPoll, [&] { return knowledge.front() != nullptr; });
     lessons += knowledge.pop(known) ? 1 : 0;
   }
@@ -89,12 +83,12 @@ void RealtimePipeline::Impl::learn() {
 
 void RealtimePipeline::Impl::track_frame(const Frame& frame) {
   learn();
+  if (stopping()) return;
   Tracked* const out = tracked.claim();
   EPILINE_EXPECTS(out != nullptr || stopping(), "the tracker is never more images ahead than the ring holds");
   if (out == nullptr) return;
-  out->imu_needed = frame.stamp + known.imu_after_image;
   if (track_stage) {
-    take_imu(track, imu_to_track, track_feed, out->imu_needed, *track_stage);
+    take_imu(track, imu_to_track, track_feed, frame.stamp + known.imu_after_image, *track_stage);
     const StageTime began = kThreadClocks.now();
     track_stage->set_knowledge(Vec3(known.gyroscope_bias_rad_s.data()), known.time_offset_s);
     track_stage->step(frame, out->frame);
@@ -151,7 +145,8 @@ void RealtimePipeline::Impl::take_wheel() {
 }
 
 void RealtimePipeline::Impl::estimate_frame(const Tracked& image) {
-  take_imu(estimate, imu_to_estimate, estimate_feed, image.imu_needed, estimate_stage);
+  take_imu(estimate, imu_to_estimate, estimate_feed, estimate_stage.imu_needed_until(image.frame.stamp),
+           estimate_stage);
   take_wheel();
   const StepResult result = estimate_stage.step(image.frame, image.deadline_ns);
   const std::uint64_t serial = frames_out.load(std::memory_order_relaxed);

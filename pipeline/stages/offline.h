@@ -5,11 +5,14 @@
 #include "pipeline/stages/estimate_stage.h"
 #include "pipeline/stages/estimator_events.h"
 #include "pipeline/stages/frame_outcome.h"
+#include "pipeline/stages/imu_feed.h"
+#include "pipeline/stages/knowledge.h"
 #include "pipeline/stages/recorded_tracks.h"
 #include "pipeline/stages/track_stage.h"
 #include "pipeline/watch/image_gate.h"
 #include "pipeline/watch/imu_gate.h"
 #include "pipeline/watch/input_events.h"
+#include "platform/concurrency/spsc_ring.h"
 
 namespace epiline {
 
@@ -34,7 +37,8 @@ class OfflinePipeline {
   /// Speeds of the wheels, in the order of time; no image waits for them.
   bool add_wheel(const WheelSample& sample) noexcept { return estimate_.add_wheel(sample); }
   /// Readings up to and including the first at or after this time must have been added before the step of an image.
-  HostStamp imu_needed_until(HostStamp image) const noexcept { return estimate_.imu_needed_until(image); }
+  /// Each stage takes those it needs, and the others before the next image.
+  HostStamp imu_needed_until(HostStamp image) const noexcept;
 
   void step(const Frame& image, FrameOutcome& out) noexcept;
   void step(const Frame& image, const TrackPoint* points, std::size_t count, FrameOutcome& out) noexcept;
@@ -48,6 +52,15 @@ class OfflinePipeline {
   const TrackerStats* tracker_stats() const noexcept { return track_ ? &track_->stats() : nullptr; }
 
  private:
+  using ImuRing = SpscRing<ImuSample, 256>;
+
+  HostStamp tracker_needs(HostStamp image) const noexcept { return image + known_.imu_after_image; }
+  void give(TrackStage& stage, const ImuSample& sample) noexcept { stage.add_imu(sample); }
+  void give(EstimateStage& stage, const ImuSample& sample) noexcept;
+  template <class Stage>
+  void queue(ImuRing& ring, const ImuSample& sample, ImuFeed& feed, Stage& stage) noexcept;
+  template <class Stage>
+  void take_imu(ImuRing& ring, ImuFeed& feed, HostStamp needed, Stage& stage) noexcept;
   void estimate(FrameOutcome& out) noexcept;
 
   StageClocks clocks_;
@@ -56,6 +69,9 @@ class OfflinePipeline {
   std::unique_ptr<TrackStage> track_;
   RecordedTracks recorded_;
   EstimateStage estimate_;
+  ImuRing imu_to_track_, imu_to_estimate_;
+  ImuFeed track_feed_, estimate_feed_;
+  Knowledge known_, known_next_;  ///< of this image, and of the next one
   EventRing events_;
   ImuEvents imu_events_{events_};
   ImageEvents image_events_{events_};

@@ -63,7 +63,7 @@ class FakeImu final : public ImuSource {
   std::normal_distribution<double> noise_{0, 1};
 };
 
-/// Images whose tracks are recorded: without pixels. The next one comes when the one before is done.
+/// Images whose tracks are recorded: without pixels. The next one comes when the one before is done, or `ahead` of it.
 class FakeCamera final : public CameraSource {
  public:
   FakeCamera(int images, const std::atomic<int>& done) : images_(images), done_(done) {}
@@ -75,20 +75,21 @@ class FakeCamera final : public CameraSource {
       return ReadOutcome::kFailed;
     }
     if (next_ == images_) return ReadOutcome::kEnd;
-    if (done_.load() < next_) {
+    if (next_ >= done_.load() + ahead) {
       nap();
       return ReadOutcome::kTimeout;
     }
     frame = {};
     frame.stamp = reading_stamp(kImageEvery * next_);
     frame.sequence = static_cast<std::uint64_t>(next_);
-    frame.slot = next_ % 8;
+    frame.slot = next_ % 128;
     ++next_;
     return ReadOutcome::kSample;
   }
   void give_back(const Frame&) noexcept override { ++returned; }
 
   std::atomic<int> failures{0}, returned{0};
+  int ahead = 1;  ///< images given before the first of them is done
 
  private:
   int images_, next_ = 0;
@@ -229,6 +230,24 @@ TEST_F(Realtime, EveryReadingBringsAnOdometryOfItsInstant) {
   EXPECT_EQ(report.publish_failed + report.predict_failed, 0u);
   EXPECT_EQ(pipeline_->estimator().odometry().health.state, HealthState::kTracking);
   EXPECT_NEAR(sink_.rates.back().p_WB_m[2], 0, 0.02);
+}
+
+/// The estimator waits for readings that do not come; the tracker has no use for them here. It gives the first image
+/// back when it has tracked the second one, and must not track the third one.
+TEST_F(Realtime, OneImageIsTrackedWhileTheOneBeforeIsEstimated) {
+  camera_.ahead = 3;
+  imu_.hold_at = 0;
+  start();
+  wait_until([&] { return camera_.returned >= 1; });
+  EXPECT_EQ(done_, 0);
+  for (int i = 0; i < 20; ++i) nap();  // a third one would be tracked now
+  pipeline_->stop();
+  pipeline_->join();
+  for (const auto& ring : pipeline_->report().rings) {
+    if (std::string(ring.name) == "tracked") {
+      EXPECT_EQ(ring.high_water, 2u);
+    }
+  }
 }
 
 TEST_F(Realtime, StopsInMidFlight) {

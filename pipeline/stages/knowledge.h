@@ -1,0 +1,28 @@
+#pragma once
+#include <array>
+#include <cstdint>
+
+#include "pipeline/stages/estimate_stage.h"
+
+namespace epiline {
+
+/// What the estimator knows after an image; plain data, it travels through rings. An image is tracked with the
+/// knowledge from after the image before the previous one, so that it can be tracked while the previous one is still
+/// being estimated. The first two images have what is known before any image.
+struct Knowledge {
+  std::array<double, 3> gyroscope_bias_rad_s{};
+  double time_offset_s = 0;  ///< as handed out
+  Span imu_after_image{};    ///< the tracker needs readings up to the image's stamp and this
+};
+
+/// How many images later than the one it comes from knowledge is used.
+inline constexpr std::uint64_t kKnowledgeDelay = 2;
+
+inline Knowledge knowledge_of(const EstimateStage& stage) noexcept {
+  const HostStamp zero{};
+  const Vec3 bias = stage.estimator().gyroscope_bias();
+  return {
+      {bias.x(), bias.y(), bias.z()}, stage.estimator().odometry().time_offset_s, stage.imu_needed_until(zero) - zero};
+}
+
+}  // namespace epiline
