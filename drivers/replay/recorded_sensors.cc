@@ -3,6 +3,8 @@
 #include <ctime>
 
 #include <algorithm>
+#include <system_error>
+#include <thread>
 
 namespace epiline {
 
@@ -17,7 +19,10 @@ void sleep_until(std::int64_t host_ns) noexcept {
 RecordedCamera::RecordedCamera(const AslDataset& dataset, const FlightPlan& plan) : dataset_(dataset), plan_(plan) {}
 
 Status RecordedCamera::open() {
-  decoder_thread_ = std::thread([this] { decode_all(); });
+  const auto decode = [](void* camera) { static_cast<RecordedCamera*>(camera)->decode_all(); };
+  constexpr std::size_t kStack = 256 * 1024;
+  if (!decoder_thread_.start({.name = "decode", .stack_bytes = kStack}, decode, this))
+    throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again), "no thread left");
   while (ready_.published() < kBuffers && !ended_.load(std::memory_order_acquire))
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   return Done{};
@@ -26,7 +31,7 @@ Status RecordedCamera::open() {
 void RecordedCamera::close() noexcept {
   closing_.store(true, std::memory_order_release);
   decoder_parking_.notify();
-  if (decoder_thread_.joinable()) decoder_thread_.join();
+  decoder_thread_.join();
 }
 
 void RecordedCamera::start(const Pace& pace) noexcept {

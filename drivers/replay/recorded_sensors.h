@@ -5,12 +5,12 @@
 #include <atomic>
 #include <cstdint>
 #include <optional>
-#include <thread>
 
 #include "drivers/replay/flight_plan.h"
 #include "drivers/replay/image_file.h"
 #include "platform/concurrency/parking.h"
 #include "platform/concurrency/slot_pool.h"
+#include "platform/linux/realtime.h"
 #include "platform/ports/ports.h"
 #include "platform/time/monotonic.h"
 
@@ -27,7 +27,8 @@ class RecordedCamera final : public CameraSource {
   RecordedCamera(const AslDataset& dataset, const FlightPlan& plan);
   ~RecordedCamera() override { close(); }
 
-  /// Begins to decode; returns when as many images are ready as there are buffers. Never fails: see error().
+  /// Begins to decode; returns when as many images are ready as there are buffers. Throws std::system_error if the
+  /// system has no thread left. Images that cannot be read: see error().
   Status open() override;
   void close() noexcept override;
   /// Once, before the first read().
@@ -54,7 +55,7 @@ class RecordedCamera final : public CameraSource {
   std::atomic<bool> started_{false}, closing_{false}, ended_{false};
   std::atomic<std::uint64_t> missed_{0};
   std::optional<Error> error_;
-  std::thread decoder_thread_;
+  RealtimeThread decoder_thread_;  ///< without priority: it stands for the camera, of which we are no part
 };
 
 /// A reading of a recording with its arrival.

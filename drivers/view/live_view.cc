@@ -52,7 +52,7 @@ bool LiveView::start(ViewSubject subject) {
   feed_.expect_images(subject.images);
   model_ = std::make_unique<ViewModel>(std::move(subject));
   last_asked_ns_ = monotonic_ns() - 1'000'000 * kMillisecond;
-  return thread_.start({"view", 0, -1, 64 * 1024}, serve, this);
+  return thread_.start({.name = "view", .stack_bytes = 512 * 1024}, serve, this);
 }
 
 void LiveView::serve(void* self) {

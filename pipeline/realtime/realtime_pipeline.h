@@ -54,6 +54,7 @@ struct RealtimeReport {
     int priority = 0;  ///< as asked for
     ThreadShortfall shortfall;
     ThreadCosts costs;  ///< since arm()
+    std::size_t stack_bytes = 0, stack_used = 0;
   };
   struct Ring {
     const char* name = "";

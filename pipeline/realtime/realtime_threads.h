@@ -66,6 +66,7 @@ struct RealtimePipeline::Impl {
   struct Worker {
     const char* name = "";
     int priority = 0, cpu = -1;
+    std::size_t stack_bytes = 0;
     void (Impl::*loop)() = nullptr;
     Impl* owner = nullptr;
     Parking parking;

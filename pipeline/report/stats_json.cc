@@ -206,7 +206,9 @@ Json realtime_json(const FlightRecord& r) {
                        {"lock_calls", r.lock_calls ? Json(t.costs.lock_calls) : Json(nullptr)},
                        {"page_faults", t.costs.page_faults},
                        {"switched_out", t.costs.switched_out},
-                       {"cpu_s", 1e-9 * static_cast<double>(t.costs.cpu_ns)}};
+                       {"cpu_s", 1e-9 * static_cast<double>(t.costs.cpu_ns)},
+                       {"stack_kib", t.stack_bytes / 1024},
+                       {"stack_used_kib", (t.stack_used + 1023) / 1024}};
   }
   for (const RealtimeReport::Ring& ring : report.rings) {
     rings[ring.name] = {{"capacity", ring.capacity},

@@ -6,25 +6,64 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <ctime>
 
 #include "platform/concurrency/lock_count.h"
 #include "platform/memory/allocation_count.h"
-#include "platform/time/monotonic.h"
 
 namespace epiline {
 
 namespace {
 
-constexpr std::size_t kMostPrefault = 1024 * 1024, kStack = 8 * 1024 * 1024;
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || !defined(__OPTIMIZE__)
+constexpr std::size_t kFrameGrowth =
+    8;  // frames of a build for debugging or with sanitizers are several times as large
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+constexpr std::size_t kFrameGrowth = 8;
+#else
+constexpr std::size_t kFrameGrowth = 1;
+#endif
+#else
+constexpr std::size_t kFrameGrowth = 1;
+#endif
+constexpr std::size_t kPage = 4096;
 
-/// Touches the stack below, so that no page of it has to be found later. Not inlined: its frame must be a deep one.
-[[gnu::noinline]] void prefault_stack(std::size_t bytes) {
-  constexpr std::size_t kPage = 4096;
-  char depth[kMostPrefault];
-  for (std::size_t i = 0; i < bytes && i < kMostPrefault; i += kPage) depth[kMostPrefault - 1 - i] = 0;
-  asm volatile("" : : "r"(depth) : "memory");  // the writes must not be optimised away
+/// The unused part of a thread's stack: from its lowest address up to near the current frame.
+struct FreeStack {
+  volatile std::uint64_t* begin = nullptr;
+  volatile std::uint64_t* end = nullptr;
+  std::uintptr_t top = 0;  ///< highest address of the stack
+};
+
+FreeStack free_stack() {
+  pthread_attr_t attributes;
+  void* lowest = nullptr;
+  std::size_t bytes = 0;
+  if (pthread_getattr_np(pthread_self(), &attributes) != 0) return {};
+  pthread_attr_getstack(&attributes, &lowest, &bytes);
+  pthread_attr_destroy(&attributes);
+  const auto begin = reinterpret_cast<std::uintptr_t>(lowest);
+  const auto here = reinterpret_cast<std::uintptr_t>(__builtin_frame_address(0)) & ~(kPage - 1);
+  return {reinterpret_cast<std::uint64_t*>(begin), reinterpret_cast<std::uint64_t*>(std::max(here - kPage, begin)),
+          begin + bytes};
+}
+
+constexpr std::uint64_t kUntouched = 0xA5A5A5A5A5A5A5A5;
+
+/// Writes to every page below, so that none has to be found later, and leaves marks for used_of().
+[[gnu::noinline, gnu::no_sanitize("address", "thread")]] void paint(const FreeStack& stack) {
+  for (volatile std::uint64_t* word = stack.begin; word < stack.end; ++word) *word = kUntouched;
+}
+
+/// How deep the stack was at its deepest, by the lowest mark that is gone.
+[[gnu::noinline, gnu::no_sanitize("address", "thread")]] std::size_t used_of(const FreeStack& stack) {
+  volatile std::uint64_t* word = stack.begin;
+  while (word < stack.end && *word == kUntouched) ++word;
+  return stack.top - reinterpret_cast<std::uintptr_t>(word);
 }
 
 bool set_priority(int priority) {
@@ -42,6 +81,12 @@ bool set_cpu(int cpu) {
 }
 
 }  // namespace
+
+std::int64_t thread_cpu_ns() noexcept {
+  timespec time{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return time.tv_sec * 1'000'000'000LL + time.tv_nsec;
+}
 
 ThreadCosts costs_of_this_thread() noexcept {
   rusage usage{};
@@ -63,7 +108,9 @@ bool RealtimeThread::start(const ThreadSettings& settings, Body body, void* cont
   context_ = context;
   pthread_attr_t attributes;
   pthread_attr_init(&attributes);
-  pthread_attr_setstacksize(&attributes, kStack);
+  stack_bytes_ = settings.stack_bytes * kFrameGrowth;
+  pthread_attr_setstacksize(&attributes, stack_bytes_);
+  pthread_attr_setguardsize(&attributes, kPage);
   running_ = pthread_create(&thread_, &attributes, run, this) == 0;
   pthread_attr_destroy(&attributes);
   return running_;
@@ -81,8 +128,10 @@ void* RealtimeThread::run(void* self) {
   pthread_setname_np(pthread_self(), name);
   thread.shortfall_.priority = !set_priority(thread.settings_.priority);
   thread.shortfall_.cpu = !set_cpu(thread.settings_.cpu);
-  prefault_stack(thread.settings_.prefault_bytes);
+  const FreeStack stack = free_stack();
+  paint(stack);
   thread.body_(thread.context_);
+  thread.stack_used_ = used_of(stack);
   return nullptr;
 }
 

@@ -1,6 +1,4 @@
 #pragma once
-#include <time.h>
-
 #include <chrono>
 #include <cstdint>
 
@@ -12,13 +10,6 @@ namespace epiline {
 inline std::int64_t monotonic_ns() noexcept {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
       .count();
-}
-
-/// Processor time of the calling thread: stands still while the thread waits. A system call: 0.4 us.
-inline std::int64_t thread_cpu_ns() noexcept {
-  timespec time{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return time.tv_sec * 1'000'000'000LL + time.tv_nsec;
 }
 
 /// How the stamps of samples lie on the computer's monotonic clock. Live they are its instants; a recording is moved to

@@ -55,10 +55,11 @@ TEST_F(Benchmark, ComparesFactorsOverDataSets) {
     EXPECT_EQ(cell["done"], 2);
     EXPECT_FALSE(cell["diverged"]);
     EXPECT_TRUE(cell["repetitions_identical"].get<bool>());
-    for (const char* key :
-         {"ate_4dof_m", "ate_se3_m", "rpe_1m_percent", "yaw_drift_abs_deg", "start_s", "coverage", "resets",
-          "nees_position", "nees_yaw", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max",
-          "estimate_ms_mean", "solve_cpu_ms_p50", "estimate_cpu_ms_mean", "iterations_mean", "residuals_mean", "state_size_mean", "peak_rss_mib"})
+    for (const char* key : {"ate_4dof_m",      "ate_se3_m",        "rpe_1m_percent",   "yaw_drift_abs_deg",
+                            "start_s",         "coverage",         "resets",           "nees_position",
+                            "nees_yaw",        "solve_ms_mean",    "solve_ms_p50",     "solve_ms_p99",
+                            "solve_ms_max",    "estimate_ms_mean", "solve_cpu_ms_p50", "estimate_cpu_ms_mean",
+                            "iterations_mean", "residuals_mean",   "state_size_mean",  "peak_rss_mib"})
       EXPECT_TRUE(cell["median"][key].is_number()) << key;
     EXPECT_TRUE(cell["median"]["track_ms_mean"].is_null());  // recorded tracks: nothing was tracked
     EXPECT_TRUE(cell["median"]["track_cpu_ms_mean"].is_null());
@@ -67,7 +68,8 @@ TEST_F(Benchmark, ComparesFactorsOverDataSets) {
   EXPECT_EQ(read(out / "benchmark.txt") + "\npage      " + (out / "benchmark.html").string() + "\n", r.out);
   const std::string page = read(out / "benchmark.html");
   EXPECT_EQ(page.find("http"), std::string::npos);  // stands alone
-  for (const char* part : {"Error and solve time: sim", "Processor time per image, ms", "Path from above", "median ", "ground truth"})
+  for (const char* part :
+       {"Error and solve time: sim", "Processor time per image, ms", "Path from above", "median ", "ground truth"})
     EXPECT_NE(page.find(part), std::string::npos) << part;
 }
 

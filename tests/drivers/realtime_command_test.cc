@@ -68,6 +68,8 @@ TEST_F(RealtimeCommand, IsTheReplayInOneThreadByteByByteAndTouchesNoHeapNoLockNo
     if (locked) {
       EXPECT_EQ(thread["page_faults"], 0) << name;
     }
+    EXPECT_GT(thread["stack_used_kib"], 0) << name;
+    EXPECT_LE(2 * thread["stack_used_kib"].get<int>(), thread["stack_kib"].get<int>()) << name;
   }
 #endif
   for (const auto& [name, ring] : s["realtime"]["rings"].items()) EXPECT_EQ(ring["dropped"], 0) << name;

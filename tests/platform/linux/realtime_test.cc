@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <sched.h>
+#include <csignal>
 
 #include <cstdlib>
 #include <cstring>
@@ -56,6 +57,58 @@ TEST(RealtimeThread, AProcessorThatIsNotThereIsAShortfall) {
   EXPECT_FALSE(thread.shortfall().priority);
   EXPECT_EQ(seen.policy, SCHED_OTHER);
 }
+
+struct Depth {
+  std::size_t bytes = 0;
+  ThreadCosts costs;
+};
+
+/// Uses so much of the stack.
+void dive(void* context) {
+  auto& depth = *static_cast<Depth*>(context);
+  const ThreadCosts before = costs_of_this_thread();
+  auto* const low = static_cast<volatile char*>(__builtin_alloca(depth.bytes));
+  for (std::size_t i = 0; i < depth.bytes; ++i) low[i] = 1;
+  depth.costs = costs_of_this_thread() - before;
+}
+
+#ifndef EPILINE_SANITIZED  // sanitizers have stacks of their own
+
+TEST(RealtimeThreadDeathTest, AStackThatIsTooSmallEndsTheProgram) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const auto overrun = [] {
+    Depth depth{1024 * 1024, {}};
+    RealtimeThread thread;
+    thread.start({.name = "test", .stack_bytes = 128 * 1024}, dive, &depth);
+    thread.join();
+  };
+  EXPECT_EXIT(overrun(), testing::KilledBySignal(SIGSEGV), "");
+}
+
+TEST(RealtimeThread, TellsHowMuchOfItsStackWasUsed) {
+  std::size_t before = 0;
+  for (const std::size_t bytes : {std::size_t{16} * 1024, std::size_t{100} * 1024}) {
+    Depth depth{bytes, {}};
+    RealtimeThread thread;
+    ASSERT_TRUE(thread.start({.name = "test", .stack_bytes = 256 * 1024}, dive, &depth));
+    thread.join();
+    EXPECT_GE(thread.stack_used(), bytes);
+    EXPECT_LT(thread.stack_used(), bytes + 32 * 1024);
+    EXPECT_GT(thread.stack_used(), before);
+    EXPECT_LE(thread.stack_used(), thread.stack_bytes());
+    before = thread.stack_used();
+  }
+}
+
+TEST(RealtimeThread, NoPageOfItsStackIsFoundLater) {
+  Depth depth{200 * 1024, {}};
+  RealtimeThread thread;
+  ASSERT_TRUE(thread.start({.name = "test", .stack_bytes = 256 * 1024}, dive, &depth));
+  thread.join();
+  EXPECT_EQ(depth.costs.page_faults, 0u);
+}
+
+#endif
 
 // The counters move when something happens, or a zero in a report would mean nothing.
 TEST(ThreadCosts, SeeHeapCallsAndPageFaults) {

@@ -1,8 +1,10 @@
-#include "platform/time/monotonic.h"
-
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <thread>
+
+#include "platform/linux/realtime.h"
+#include "platform/time/monotonic.h"
 
 namespace epiline {
 namespace {
