@@ -10,9 +10,9 @@
 #include <rosbag/view.h>
 
 #include <map>
-#include <opencv2/core.hpp>
 
-#include "drivers/replay/image_file.h"
+#include "drivers/replay/image_codecs.h"
+#include "drivers/replay/image_source.h"
 #include "drivers/replay/ros_message.h"
 #endif
 
@@ -185,7 +185,7 @@ class BagImages final : public ImageSource {
   BagImages(std::shared_ptr<const OpenBag> bag, const Topic& topic)
       : bag_(std::move(bag)), topic_(topic), messages_(*bag_, topic.name) {}
 
-  Status read(std::size_t index, cv::Mat& grey) override {
+  Status read(std::size_t index, GreyImage& grey) override {
     try {
       if (index < messages_.count()) messages_.rewind();
       while (messages_.count() < index) messages_.skip();
@@ -202,7 +202,7 @@ class BagImages final : public ImageSource {
   }
 
  private:
-  Status raw(std::size_t index, cv::Mat& grey) const {
+  Status raw(std::size_t index, GreyImage& grey) const {
     constexpr std::uint32_t kLargest = 1U << 15;
     const auto image = parse_image(message_);
     if (!image) return messages_.cut_short(message_.size());
@@ -216,17 +216,17 @@ class BagImages final : public ImageSource {
                        "has " + std::to_string(image->width) + "x" + std::to_string(image->height) +
                            " pixels in rows of " + std::to_string(image->step) + " bytes",
                        "rows that hold their pixels");
-    grey.create(static_cast<int>(image->height), static_cast<int>(image->width), CV_8U);
+    grey.resize(static_cast<int>(image->width), static_cast<int>(image->height));
     for (std::uint32_t y = 0; y < image->height; ++y)
-      to_grey(*image, image->data + std::size_t{y} * image->step, bytes, grey.ptr(static_cast<int>(y)));
+      to_grey(*image, image->data + std::size_t{y} * image->step, bytes, grey.row(static_cast<int>(y)));
     return Done{};
   }
 
-  Status compressed(std::size_t index, cv::Mat& grey) const {
+  Status compressed(std::size_t index, GreyImage& grey) const {
     const auto image = parse_compressed_image(message_);
     if (!image) return messages_.cut_short(message_.size());
-    grey = decode_image(image->data, image->size);
-    if (grey.empty()) return complaint(index, "cannot be decoded", "a complete PNG or JPEG");
+    if (!decode_image(image->data, image->size, grey))
+      return complaint(index, "cannot be decoded", "a complete PNG or JPEG");
     return Done{};
   }
 

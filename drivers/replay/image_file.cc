@@ -1,53 +1,21 @@
 #include "drivers/replay/image_file.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
+#include <fstream>
 #include <vector>
+
+#include "drivers/replay/image_codecs.h"
 
 namespace epiline {
 
 namespace {
 
-/// The image libraries print their complaints to stderr; ours is the only line there.
-class QuietStderr {
- public:
-  QuietStderr() : saved_(dup(STDERR_FILENO)), nowhere_(open("/dev/null", O_WRONLY | O_CLOEXEC)) {
-    if (saved_ >= 0 && nowhere_ >= 0) dup2(nowhere_, STDERR_FILENO);
-  }
-  ~QuietStderr() {
-    if (saved_ >= 0) {
-      dup2(saved_, STDERR_FILENO);
-      close(saved_);
-    }
-    if (nowhere_ >= 0) close(nowhere_);
-  }
-  QuietStderr(const QuietStderr&) = delete;
-  QuietStderr& operator=(const QuietStderr&) = delete;
-
- private:
-  int saved_, nowhere_;
-};
-
-template <class Decode>
-cv::Mat quietly(Decode decode) {
-  const QuietStderr quiet;
-  try {
-    return decode();
-  } catch (const cv::Exception&) {
-    return {};
-  }
-}
-
 class ImageFiles final : public ImageSource {
  public:
   ImageFiles(std::vector<ImageFile> files, std::filesystem::path list)
       : files_(std::move(files)), list_(std::move(list)) {}
-  Status read(std::size_t index, cv::Mat& grey) override {
-    grey = quietly([&] { return cv::imread(files_[index].path.string(), cv::IMREAD_GRAYSCALE); });
-    if (grey.empty()) return complaint(index, "cannot be read as an image", "a complete PNG, PGM, JPEG, ...");
+  Status read(std::size_t index, GreyImage& grey) override {
+    if (!read_bytes(files_[index].path) || !decode_image(bytes_.data(), bytes_.size(), grey))
+      return complaint(index, "cannot be read as an image", "a complete PNG, JPEG or binary PGM");
     return Done{};
   }
   Error complaint(std::size_t index, std::string found, std::string expected) const override {
@@ -57,8 +25,18 @@ class ImageFiles final : public ImageSource {
   }
 
  private:
+  bool read_bytes(const std::filesystem::path& path) {
+    std::ifstream file(path, std::ios::binary | std::ios::ate);
+    const std::streamoff size = file.tellg();
+    if (!file || size < 0) return false;
+    bytes_.resize(static_cast<std::size_t>(size));
+    file.seekg(0);
+    return static_cast<bool>(file.read(reinterpret_cast<char*>(bytes_.data()), size));
+  }
+
   std::vector<ImageFile> files_;
   std::filesystem::path list_;
+  std::vector<std::uint8_t> bytes_;  ///< of the file that was read last
 };
 
 std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
@@ -66,7 +44,7 @@ std::string size_text(int width, int height) { return std::to_string(width) + "x
 }  // namespace
 
 struct ImageDecoder::Buffers {
-  std::vector<cv::Mat> images;
+  std::vector<GreyImage> images;
   std::uint64_t count = 0;
 };
 
@@ -80,39 +58,19 @@ Result<Frame> ImageDecoder::read(std::size_t index, const AslDataset& dataset) {
 }
 
 Result<Frame> ImageDecoder::read(std::size_t index, const AslDataset& dataset, std::size_t buffer) {
-  cv::Mat& image = buffers_->images[buffer];
+  GreyImage& image = buffers_->images[buffer];
   if (const Status s = dataset.image_source->read(index, image); !s) return s.error();
   const CameraParameters& camera = dataset.camera.parameters;
-  if (image.cols != camera.width || image.rows != camera.height) {
-    return dataset.image_source->complaint(index, "has " + size_text(image.cols, image.rows) + " pixels",
+  if (image.width != camera.width || image.height != camera.height) {
+    return dataset.image_source->complaint(index, "has " + size_text(image.width, image.height) + " pixels",
                                            size_text(camera.width, camera.height) + " as in the calibration");
   }
-  return Frame{dataset.images[index].stamp, buffers_->count++, image.data, image.cols, image.rows,
-               static_cast<int>(image.step)};
+  return Frame{
+      dataset.images[index].stamp, buffers_->count++, image.pixels.data(), image.width, image.height, image.width};
 }
 
 std::shared_ptr<ImageSource> image_files(std::vector<ImageFile> files, std::filesystem::path list) {
   return std::make_shared<ImageFiles>(std::move(files), std::move(list));
-}
-
-std::string png_of(const cv::Mat& grey) {
-  // The fastest setting: noise does not compress.
-  const std::vector<int> how{cv::IMWRITE_PNG_COMPRESSION, 1, cv::IMWRITE_PNG_STRATEGY,
-                             cv::IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY};
-  std::vector<unsigned char> png;
-  cv::imencode(".png", grey, png, how);
-  return {png.begin(), png.end()};
-}
-
-std::string png_of(const Frame& frame) {
-  return png_of(cv::Mat(frame.height, frame.width, CV_8U, const_cast<std::uint8_t*>(frame.data),
-                        static_cast<std::size_t>(frame.stride)));
-}
-
-cv::Mat decode_image(const std::uint8_t* bytes, std::size_t size) {
-  if (size == 0 || size > (std::size_t{1} << 30)) return {};
-  const cv::Mat whole(1, static_cast<int>(size), CV_8U, const_cast<std::uint8_t*>(bytes));
-  return quietly([&] { return cv::imdecode(whole, cv::IMREAD_GRAYSCALE); });
 }
 
 }  // namespace epiline

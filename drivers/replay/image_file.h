@@ -13,13 +13,6 @@ namespace epiline {
 /// Images that are files; `list` is the file that names them.
 std::shared_ptr<ImageSource> image_files(std::vector<ImageFile> files, std::filesystem::path list);
 
-/// Decodes an image that is whole in memory, in one of the usual formats, as 8-bit grey; empty if that is impossible.
-cv::Mat decode_image(const std::uint8_t* bytes, std::size_t size);
-
-/// The image as the bytes of a PNG file.
-std::string png_of(const cv::Mat& grey);
-std::string png_of(const Frame& frame);
-
 /// Reads a data set's images into buffers of its own.
 class ImageDecoder {
  public:

@@ -1,11 +1,8 @@
 #pragma once
 #include <cstddef>
 
+#include "drivers/replay/grey_image.h"
 #include "platform/error/result.h"
-
-namespace cv {
-class Mat;
-}
 
 namespace epiline {
 
@@ -18,7 +15,7 @@ class ImageSource {
   ImageSource& operator=(const ImageSource&) = delete;
 
   /// Image `index` in the recording's order as 8-bit grey. Fails if and only if it cannot be read whole.
-  virtual Status read(std::size_t index, cv::Mat& grey) = 0;
+  virtual Status read(std::size_t index, GreyImage& grey) = 0;
   /// Where that image comes from, for a complaint: `found` and `expected` are put into an error about it.
   virtual Error complaint(std::size_t index, std::string found, std::string expected) const = 0;
 };

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "drivers/replay/image_file.h"
+#include "drivers/replay/image_codecs.h"
 #include "platform/concurrency/lock_count.h"
 #include "platform/memory/allocation_count.h"
 
@@ -10,7 +10,9 @@ namespace epiline {
 
 namespace {
 
-std::string png_of_frame(const Frame& frame) { return png_of(frame); }
+std::string png_of_frame(const Frame& frame) {
+  return png_of(GreyPixels{frame.data, frame.width, frame.height, frame.stride});
+}
 
 void count_costs(const RealtimeReport& report, FlightRecord& record) {
   std::uint64_t heap = 0, locks = 0;

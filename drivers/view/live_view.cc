@@ -5,9 +5,9 @@
 
 #include <array>
 #include <cstdio>
-#include <opencv2/imgcodecs.hpp>
 #include <random>
 
+#include "drivers/replay/image_codecs.h"
 #include "drivers/view/view_page.h"
 #include "platform/time/monotonic.h"
 
@@ -141,9 +141,7 @@ void LiveView::encode(const ViewedImage& image) {
   tracks_ = tracks_json(image);
   jpeg_.clear();
   if (image.width == 0) return;
-  const cv::Mat pixels(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data()));
-  std::vector<std::uint8_t> bytes;
-  if (cv::imencode(".jpg", pixels, bytes, {cv::IMWRITE_JPEG_QUALITY, 80})) jpeg_.assign(bytes.begin(), bytes.end());
+  jpeg_ = jpeg_of({image.pixels.data(), image.width, image.height, image.width}, 80);
 }
 
 }  // namespace epiline

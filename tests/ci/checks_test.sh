@@ -14,7 +14,7 @@ sound_tree() {
   printf '#include <sys/mman.h>\n' >"$tree/platform/linux/l.cc"
   printf '// Derivation: docs/derivations/e.md\n#include <Eigen/Core>\n#include <cmath>\n#include "platform/a.h"\n' >"$tree/estimator/e.h"
   printf '#include <hwy/highway.h>\n#include <vector>\n#include "estimator/e.h"\n' >"$tree/pipeline/p.cc"
-  printf '#include <opencv2/core.hpp>\n#include "pipeline/p.h"\n' >"$tree/drivers/d.cc"
+  printf '#include <png.h>\n#include "pipeline/p.h"\n' >"$tree/drivers/d.cc"
   printf '// docs/derivations/e.md\n' >"$tree/tests/e_test.cc"
   printf '# E\n\nCode: estimator/e.h\nTest: tests/e_test.cc\n\n[up](../index.md) [net](https://example.org) [part](#e)\n' >"$tree/docs/derivations/e.md"
   printf '# Index\n' >"$tree/docs/index.md"
@@ -47,6 +47,7 @@ expect_fault check_includes estimator/e.h '#include <chrono> // only here'
 expect_fault check_includes estimator/e.h '#include <opencv2/core.hpp>'
 expect_fault check_includes pipeline/p.cc '#include "drivers/d.h"'
 expect_fault check_includes pipeline/p.cc '#include <opencv2/core.hpp>'
+expect_fault check_includes drivers/d.cc '#include <opencv2/core.hpp>'
 expect_fault check_includes drivers/d.cc '#include "d.h"'
 expect_fault check_docs docs/index.md '[gone](nowhere.md)'
 expect_fault check_docs docs/derivations/e.md 'Code: estimator/missing.h'

@@ -4,11 +4,10 @@
 #include <atomic>
 #include <condition_variable>
 #include <mutex>
-#include <opencv2/core.hpp>
 #include <optional>
 #include <thread>
 
-#include "drivers/replay/image_file.h"
+#include "drivers/replay/image_codecs.h"
 #include "pipeline/text/table.h"
 
 namespace epiline {
@@ -27,10 +26,12 @@ struct Progress {
 
 void work(const Renderer& renderer, int width, int height, const std::vector<ImageTask>& tasks,
           const std::filesystem::path& folder, Progress& progress) {
-  cv::Mat image(height, width, CV_8U);
+  GreyImage image;
+  image.resize(width, height);
   for (std::size_t i = progress.next++; i < tasks.size(); i = progress.next++) {
-    renderer.render(tasks[i].image, image.data);
-    const Status written = write_text(folder / file_name(tasks[i].stamp), png_of(image));
+    renderer.render(tasks[i].image, image.pixels.data());
+    const Status written =
+        write_text(folder / file_name(tasks[i].stamp), png_of(GreyPixels{image.pixels.data(), width, height, width}));
     const std::lock_guard lock(progress.mutex);
     ++progress.done;
     if (!written) {
