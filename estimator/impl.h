@@ -18,6 +18,8 @@
 
 namespace epiline {
 
+inline constexpr double kMostPixelSigma = 2;  ///< px: more noise is a fault, not a property of the tracks
+
 /// A state with its covariance at an instant of the IMU. The only thing that survives a reset.
 struct KnownState {
   bool known = false;    ///< false before the first start
@@ -67,6 +69,7 @@ struct Estimator::Impl {
   void take_back_start();
   void start(const TrackedFrame& frame, const InitialState& state, StartKind kind);
   void began(StartKind kind);
+  void remember_origin();
   CalibrationTangent calibration_sigmas() const;
   StarterSettings starter_settings() const;
 

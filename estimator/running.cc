@@ -16,7 +16,7 @@ constexpr double kYoungWindow_s = 2;  // more solver steps until the window has 
 constexpr double kGateFree_s = 1;     // no gate until then: a young state may be further off than its tracks
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
-constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3, kSigmaMost = 2;         // px
+constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;                         // px
 }  // namespace
 
 /// One frame that is solved: its window is cut from the stream, predicted, given its measurements, solved, judged and
@@ -167,7 +167,8 @@ void Estimator::Impl::adapt_pixel_sigma(double dt_s) {
   if (!config.estimate_pixel_sigma) return;
   const double seen = visual->residual_sigma_px();
   if (seen > 0)
-    pixel_sigma += std::min(1.0, dt_s / kSigmaMemory_s) * (std::clamp(seen, kSigmaLeast, kSigmaMost) - pixel_sigma);
+    pixel_sigma +=
+        std::min(1.0, dt_s / kSigmaMemory_s) * (std::clamp(seen, kSigmaLeast, kMostPixelSigma) - pixel_sigma);
 }
 
 /// `e`: what the caller knows of the frame; the rest is filled in here.
@@ -182,6 +183,7 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, F
   e.steps_rejected = s.failed();
   e.deadline_missed = s.outcome == SolverOutcome::kOutOfTime;
   e.imu_gap = imu_gap_seen;
+  e.speed = x.v.norm();
   e.sigma_velocity = sigma_velocity(x, C);
   e.sigma_tilt = sigma_tilt(x, C);
   e.bias_accelerometer = x.b_a.norm();

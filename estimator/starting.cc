@@ -1,3 +1,4 @@
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -101,6 +102,8 @@ std::optional<StartRefusal> Estimator::Impl::posterior_refusal(const SolverSumma
 std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& frame, Supervisor& supervisor) {
   const StarterSettings at = starter_settings();
   if (const auto refusal = starter.start_moving(window, at)) return refusal;
+  const double given_sigma = pixel_sigma;
+  pixel_sigma = std::max(given_sigma, starter.guess().sigma_rad * config.extrinsics.focal_px);
   started_at = window.at(0).time;
   attach_wheel();
   reintegrate_moved_biases();
@@ -116,10 +119,12 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   const double seen = visual->residual_sigma_px();
   if (!refusal && seen > kStartResidual * pixel_sigma) refusal = StartRefusal::kResidualTooLarge;
   if (refusal) {
+    pixel_sigma = given_sigma;
     take_back_start();
     return refusal;
   }
   began(StartKind::kMoving);
+  remember_origin();
   const Slot& newest = window.newest();
   StateCovariance P = solver.covariance();
   if (at.sigma_p > 0) P += loosen_gauge(window, newest.x, at.sigma_p, at.sigma_yaw);
@@ -147,6 +152,14 @@ void Estimator::Impl::began(StartKind kind) {
   stats.start_kind = kind;
 }
 
+/// Frame 0 of a window just started.
+void Estimator::Impl::remember_origin() {
+  const NavState& x = window.prior.x0[0];
+  const Eigen::Quaterniond q(x.R);
+  stats.origins[odometry.reset_counter % stats.origins.size()] = {
+      true, odometry.reset_counter, window.at(0).time, {x.p.x(), x.p.y(), x.p.z()}, {q.w(), q.x(), q.y(), q.z()}};
+}
+
 /// From a state that is known, without any search.
 void Estimator::Impl::start(const TrackedFrame& frame, const InitialState& state, StartKind kind) {
   window.clear();
@@ -161,6 +174,7 @@ void Estimator::Impl::start(const TrackedFrame& frame, const InitialState& state
   s.x.b_g = state.b_g;
   set_initial_prior(window, state, calibration_sigmas());
   began(kind);
+  remember_origin();
   carried = {true, true, s.time, s.x, s.omega, covariance_of(state, config.time_offset_sigma_s)};
   publish(frame.stamp, carried);
   odometry.health = {};
@@ -177,6 +191,7 @@ CalibrationTangent Estimator::Impl::calibration_sigmas() const {
 StarterSettings Estimator::Impl::starter_settings() const {
   StarterSettings s;
   s.pixel_sigma = pixel_sigma;
+  s.most_pixel_sigma = config.estimate_pixel_sigma ? kMostPixelSigma : pixel_sigma;
   s.focal_px = config.extrinsics.focal_px;
   s.b_g_sigma = kBiasSigmaGyroscope;
   s.b_a_sigma = kBiasSigmaAccelerometer;

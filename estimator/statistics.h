@@ -1,6 +1,9 @@
 #pragma once
 // What the estimator counts, and why it refuses to start.
+#include <array>
 #include <cstdint>
+
+#include "platform/samples/samples.h"
 
 namespace epiline {
 
@@ -28,6 +31,16 @@ enum class StartRefusal : std::uint8_t {
 };
 const char* to_string(StartRefusal);
 
+/// The frame that gave the world its origin and heading at a start: its position and yaw have no error by definition,
+/// and the covariances published are relative to it. It is older than the first pose published.
+struct WorldOrigin {
+  bool known = false;
+  std::uint32_t reset_counter = 0;  ///< of the odometry that is relative to it
+  HostStamp stamp;                  ///< IMU's time
+  std::array<double, 3> p_WB_m{};
+  std::array<double, 4> q_WB{1, 0, 0, 0};  ///< Hamilton, w x y z
+};
+
 struct EstimatorStats {
   // frames = solved + predicted + without_pose + refused; predicted_for_time of the predicted ones were due for a solve
   std::uint64_t frames = 0, frames_solved = 0, frames_predicted = 0, frames_without_pose = 0, frames_refused = 0;
@@ -45,6 +58,7 @@ struct EstimatorStats {
   std::uint64_t start_refused[static_cast<int>(StartRefusal::kCount)] = {};
   StartKind start_kind = StartKind::kNone;
   double pixel_sigma = 0;
+  std::array<WorldOrigin, 8> origins;  ///< of the newest starts, at reset_counter modulo their number
 };
 
 }  // namespace epiline

@@ -1,6 +1,7 @@
 #include "estimator/factors/track.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -20,7 +21,7 @@ struct TrackFactor::Memory {
   struct Candidate {
     std::int16_t track;
     std::int8_t first, last;
-  } candidate[kMaxTracks];
+  } candidate[kMaxTracks], unsorted[kMaxTracks];
   double ratio[kMaxTracks];
   /// Where the points were found last: what to iterate from, never what is known of them. Two tracks may share a place;
   /// the one that lost it starts cold.
@@ -79,8 +80,37 @@ void TrackFactor::restart() noexcept {
   for (Memory::Remembered& r : memory_->remembered) r.valid = false;
 }
 
-/// Packs the tracks with at least two views among the first `frames`, those of `required_mask` only (0: all), sorted by
-/// the frames they span so that a batch spans few more than its tracks do.
+/// The tracks with at least two views among the first `frames`, those of `required_mask` only (0: all), sorted by the
+/// first and the last frame that saw them: so a batch spans few more frames than its tracks do.
+int TrackFactor::list_candidates(const Window& w, std::uint32_t required_mask, int frames) {
+  std::int16_t begin[kMaxFrames * kMaxFrames + 1] = {};
+  std::int8_t frame_of[32];
+  std::uint32_t among = 0;
+  for (int k = 0; k < frames; ++k) {
+    among |= w.bit(k);
+    frame_of[std::countr_zero(w.bit(k))] = static_cast<std::int8_t>(k);
+  }
+  int n = 0;
+  Memory::Candidate* found = memory_->unsorted;
+  for (int i = 0; i < w.track_count(); ++i) {
+    const TrackRecord& t = w.track(i);
+    const std::uint32_t seen = t.mask & among;
+    if (!t.in_use || std::popcount(seen) < 2 || (required_mask && !(t.mask & required_mask))) continue;
+    std::int8_t first = kMaxFrames, last = -1;
+    for (std::uint32_t mask = seen; mask != 0; mask &= mask - 1) {
+      const std::int8_t k = frame_of[std::countr_zero(mask)];
+      first = std::min(first, k);
+      last = std::max(last, k);
+    }
+    found[n++] = {static_cast<std::int16_t>(i), first, last};
+    ++begin[kMaxFrames * first + last + 1];
+  }
+  for (int c = 0; c < kMaxFrames * kMaxFrames; ++c) begin[c + 1] = static_cast<std::int16_t>(begin[c + 1] + begin[c]);
+  for (int i = 0; i < n; ++i) memory_->candidate[begin[kMaxFrames * found[i].first + found[i].last]++] = found[i];
+  return n;
+}
+
+/// Packs them eight to a batch.
 void TrackFactor::pack(const Window& w, const VisualSettings& s, std::uint32_t required_mask, int frames) {
   visual_ = s;
   const double inflation2 = s.sigma_inflation * s.sigma_inflation;
@@ -88,23 +118,7 @@ void TrackFactor::pack(const Window& w, const VisualSettings& s, std::uint32_t r
                s.warm_steps};
   remember_points();
   origin_ = w.newest().x.p;
-  int n = 0;
-  for (int i = 0; i < w.track_count(); ++i) {
-    const TrackRecord& t = w.track(i);
-    if (!t.in_use || (required_mask && !(t.mask & required_mask))) continue;
-    int first = -1, last = -1;
-    for (int k = 0; k < frames; ++k)
-      if (w.seen(t, k)) {
-        if (first < 0) first = k;
-        last = k;
-      }
-    if (last > first)
-      memory_->candidate[n++] = {static_cast<std::int16_t>(i), static_cast<std::int8_t>(first),
-                                 static_cast<std::int8_t>(last)};
-  }
-  std::sort(memory_->candidate, memory_->candidate + n, [](const auto& a, const auto& b) {
-    return a.first != b.first ? a.first < b.first : a.last != b.last ? a.last < b.last : a.track < b.track;
-  });
+  const int n = list_candidates(w, required_mask, frames);
   batches_ = (n + kBatchLanes - 1) / kBatchLanes;
   const double inverse_sigma = 1 / (s.pixel_sigma * s.sigma_inflation);
   for (int b = 0; b < batches_; ++b) {
@@ -113,6 +127,7 @@ void TrackFactor::pack(const Window& w, const VisualSettings& s, std::uint32_t r
     int last = 0;
     for (int i = begin; i < end; ++i) last = std::max<int>(last, memory_->candidate[i].last);
     clear(batch, memory_->candidate[begin].first, last);
+    for (int i = end; i < std::min(n, end + kBatchLanes); ++i) w.fetch(w.track(memory_->candidate[i].track));
     for (int i = begin; i < end; ++i) {
       const TrackRecord& t = w.track(memory_->candidate[i].track);
       fill_lane(w, t, frames, inverse_sigma, i - begin, batch);

@@ -26,6 +26,7 @@ class TrackFactor final : public VisualFactorModel {
   struct Memory;
   void pack(const Window&, const VisualSettings&, std::uint32_t required_mask, int frames);
   void run(const Window&, int frames, bool marginal, VisualSystem&);
+  int list_candidates(const Window&, std::uint32_t required_mask, int frames);
   void remember_points();
   void recall_point(std::uint32_t id, int batch, int lane);
 

@@ -18,19 +18,24 @@ struct Transition {
 };
 
 // M <- F M.
-void apply(const Transition& F, Mat15& M) {
-  using Rows = Eigen::Matrix<double, 3, 15>;
-  const Rows theta = M.middleRows<3>(kTheta), a = M.middleRows<3>(kA), g = M.middleRows<3>(kG);
-  M.middleRows<3>(kP) += F.T * M.middleRows<3>(kV) + F.p_theta * theta + F.p_a * a + F.p_g * g;
-  M.middleRows<3>(kTheta) = F.theta_theta * theta + F.theta_g * g;
-  M.middleRows<3>(kV) += F.v_theta * theta + F.v_a * a + F.v_g * g;
+template <int columns>
+void apply(const Transition& F, Eigen::Matrix<double, 15, columns>& M) {
+  using Rows = Eigen::Matrix<double, 3, columns>;
+  const Rows theta = M.template middleRows<3>(kTheta), a = M.template middleRows<3>(kA),
+             g = M.template middleRows<3>(kG);
+  M.template middleRows<3>(kP) += F.T * M.template middleRows<3>(kV) + F.p_theta * theta + F.p_a * a + F.p_g * g;
+  M.template middleRows<3>(kTheta) = F.theta_theta * theta + F.theta_g * g;
+  M.template middleRows<3>(kV) += F.v_theta * theta + F.v_a * a + F.v_g * g;
 }
 
-// C <- F C F^T of a symmetric C.
+// C <- F C F^T of a symmetric C. F leaves the biases, so only the nine upper rows of F C meet F^T; the rest is
+// symmetry.
 void apply_both_sides(const Transition& F, Mat15& C) {
   apply(F, C);
-  C.transposeInPlace();
-  apply(F, C);
+  Eigen::Matrix<double, 15, 9> M = C.topRows<9>().transpose();
+  apply(F, M);
+  C.topLeftCorner<9, 9>() = M.topRows<9>();
+  C.bottomLeftCorner<6, 9>() = C.topRightCorner<9, 6>().transpose();
 }
 
 }  // namespace

@@ -10,10 +10,15 @@
 namespace epiline {
 namespace {
 
+constexpr double kFarFromHover = 12;     // sigmas of parallax
+constexpr double kExplained = 1;         // cost over degrees of freedom, below which a state is not doubted
+constexpr int kApproachIterations = 20;  // of one try, over all states it begins from
+
 struct Candidate {
   bool valid = false;
   StartState state;
-  double cost = 0;
+  ApproachFigures figures;
+  bool explains() const { return valid && figures.cost < kExplained * figures.freedom; }
 };
 
 /// The cheapest of the states tried. Where the parallax is small, rotation alone spoils a good reference bias; where
@@ -22,16 +27,21 @@ class Search {
  public:
   Search(const StartProblem& problem, StartPath& path) : problem_(problem), path_(path) {}
 
-  void try_from(const StartState& state) {
-    Candidate c{false, state, 0};
-    c.valid = approach(problem_, c.state, path_, c.cost);
-    if (c.valid && (!best_.valid || c.cost < best_.cost)) best_ = c;
-  }
+  /// Finds the gyroscope bias, the parallax and where to begin.
+  void look(double& parallax_rad);
+  /// Tries states until one explains the images or the iterations are used up; `first`: which one to begin with.
+  void run(int first);
   const Candidate& best() const { return best_; }
 
  private:
+  void try_from(const StartState& state);
+  void try_reference();
+
   const StartProblem& problem_;
   StartPath& path_;
+  bool rotation_ = false, solved_ = false, far_ = false;
+  StartState linear_, hover_;
+  int left_ = kApproachIterations;
   Candidate best_;
 };
 
@@ -44,23 +54,53 @@ StartState hovering(const StartProblem& problem, const StartPath& path, const Ve
   return s;
 }
 
-Candidate search(const StartProblem& problem, StartPath& path, double& parallax_rad) {
-  Search search(problem, path);
-  Vec3 b_g = problem.b_g_ref;
-  const bool rotation = solve_gyroscope_bias(problem, b_g);
-  chain(problem, b_g, Vec3::Zero(), path);
-  const StartState hover = hovering(problem, path, b_g);
-  StartState linear = hover;
-  if (solve_velocity_gravity(problem, path, linear, parallax_rad)) search.try_from(linear);
-  search.try_from(hover);
-  if (rotation) {
-    chain(problem, problem.b_g_ref, Vec3::Zero(), path);
-    StartState reference;
-    reference.b_g = problem.b_g_ref;
-    double ignored;
-    if (solve_velocity_gravity(problem, path, reference, ignored)) search.try_from(reference);
+void Search::look(double& parallax_rad) {
+  Vec3 b_g = problem_.b_g_ref;
+  rotation_ = solve_gyroscope_bias(problem_, b_g);
+  chain(problem_, b_g, Vec3::Zero(), path_);
+  linear_ = hover_ = hovering(problem_, path_, b_g);
+  solved_ = solve_velocity_gravity(problem_, path_, linear_, parallax_rad);
+  far_ = parallax_rad >= kFarFromHover * problem_.sigma_rad;
+}
+
+void Search::try_from(const StartState& state) {
+  if (left_ <= 0 || best_.explains()) return;
+  Candidate c{false, state, {}};
+  c.valid = approach(problem_, c.state, path_, left_, c.figures);
+  left_ -= std::max(1, c.figures.iterations);
+  if (c.valid && (!best_.valid || c.figures.cost < best_.figures.cost)) best_ = c;
+}
+
+void Search::try_reference() {
+  if (!rotation_ || left_ <= 0 || best_.explains()) return;
+  chain(problem_, problem_.b_g_ref, Vec3::Zero(), path_);
+  StartState reference;
+  reference.b_g = problem_.b_g_ref;
+  double ignored;
+  if (solve_velocity_gravity(problem_, path_, reference, ignored)) try_from(reference);
+}
+
+/// At little parallax every state explains the images, and hovering comes first: the linear system would lead into a
+/// valley of wrong velocities.
+void Search::run(int first) {
+  for (int n = 0; n < 3; ++n) {
+    switch ((first + n) % 3) {
+      case 0:
+        if (!far_)
+          try_from(hover_);
+        else if (solved_)
+          try_from(linear_);
+        break;
+      case 1:
+        if (far_)
+          try_from(hover_);
+        else if (solved_)
+          try_from(linear_);
+        break;
+      default:
+        try_reference();
+    }
   }
-  return search.best();
 }
 
 int long_tracks(const StartProblem& problem) {
@@ -78,6 +118,8 @@ void fill(const StartProblem& problem, const StartState& state, const StartPath&
   }
   guess.tracks = figures.tracks;
   guess.residual = figures.residual;
+  guess.sigma_rad = problem.sigma_rad;
+  guess.pull = figures.pull / std::max(1e-6, figures.residual * figures.residual);
   guess.sigma_scale = figures.sigma_scale;
   guess.sigma_velocity = std::sqrt(figures.covariance.topLeftCorner<3, 3>().trace());
   guess.sigma_tilt = std::sqrt(figures.covariance(3, 3) + figures.covariance(4, 4));
@@ -95,10 +137,27 @@ std::optional<StartRefusal> uncertain(const StartLimits& limits, const StartGues
 
 std::optional<StartRefusal> judge(const StartProblem& problem, const StartLimits& limits, const StartGuess& guess) {
   if (!within(guess.residual, limits.residual)) return StartRefusal::kResidualTooLarge;
+  if (guess.sigma_rad > problem.sigma_rad && !within(guess.pull, limits.pull)) return StartRefusal::kResidualTooLarge;
   if (!within((guess.state.b_g - problem.b_g_ref).norm(), limits.bias_sigmas * problem.b_g_sigma) ||
       !within(guess.state.b_a.norm(), limits.bias_sigmas * problem.b_a_sigma))
     return StartRefusal::kBiasImplausible;
   return uncertain(limits, guess);
+}
+
+/// The state with the noise given, or, where the residuals show more, with that. Noise is told from a wrong model by
+/// its having no pattern: no frame's pose would like to leave the path.
+bool refine_with_noise(const StartProblem& problem, const StartLimits& limits, StartState& state, StartPath& path,
+                       StartGuess& guess) {
+  RefinementFigures figures;
+  if (!refine(problem, state, path, figures)) return false;
+  fill(problem, state, path, figures, guess);
+  if (within(guess.residual, limits.residual) || !within(guess.residual, limits.noise_most)) return true;
+  if (problem.frames < limits.noise_frames) return true;
+  StartProblem noisy = problem;
+  noisy.sigma_rad = problem.sigma_rad * guess.residual;
+  if (!refine(noisy, state, path, figures)) return false;
+  fill(noisy, state, path, figures, guess);
+  return true;
 }
 
 }  // namespace
@@ -108,12 +167,15 @@ std::optional<StartRefusal> solve_moving_start(const StartProblem& problem, cons
   if (problem.frames < limits.frames || problem.frames > kStartFrames) return StartRefusal::kTooFewFrames;
   if (long_tracks(problem) < limits.tracks) return StartRefusal::kTooFewTracks;
   StartPath path;
-  Candidate c = search(problem, path, guess.parallax_rad);
+  Search search(problem, path);
+  search.look(guess.parallax_rad);
+  if (!within(limits.least_parallax_sigmas * problem.sigma_rad, guess.parallax_rad)) return StartRefusal::kNoParallax;
+  search.run(guess.unexplained);
   const bool parallax = guess.parallax_rad >= limits.parallax_sigmas * problem.sigma_rad;
-  RefinementFigures figures;
-  if (!c.valid || !refine(problem, c.state, path, figures))
+  guess.unexplained = search.best().explains() ? 0 : guess.unexplained + 1;
+  StartState state = search.best().state;
+  if (!search.best().valid || !refine_with_noise(problem, limits, state, path, guess))
     return parallax ? StartRefusal::kSolverFailed : StartRefusal::kNoParallax;
-  fill(problem, c.state, path, figures, guess);
   const std::optional<StartRefusal> refusal = judge(problem, limits, guess);
   return refusal && !parallax ? StartRefusal::kNoParallax : refusal;
 }

@@ -7,15 +7,23 @@ namespace epiline {
 
 struct RefinementFigures {
   int tracks = 0;
-  double cost = 0;         ///< robust, prior included, in squared sigmas
-  double residual = 0;     ///< median length of a bearing's residual over that expected of Gaussian noise of one sigma
+  double cost = 0;      ///< robust, prior included, in squared sigmas
+  double residual = 0;  ///< median length of a bearing's residual over that expected of Gaussian noise of one sigma
+  double pull = 0;  ///< mean score of the frames' poses, each free by itself: at most 1 for independent bearing errors
   double sigma_scale = 0;  ///< relative standard deviation of the size of the path
   StartMatrix covariance = StartMatrix::Zero();
 };
 
-/// Pulls `state` towards the nearest minimum from afar: wide kernels, some of the tracks. `cost`: robust, comparable
-/// between states of one problem. False: the normal equations have no solution.
-[[nodiscard]] bool approach(const StartProblem& problem, StartState& state, StartPath& path, double& cost);
+struct ApproachFigures {
+  double cost = 0;  ///< robust, comparable between states of one problem; near `freedom` for Gaussian noise
+  int freedom = 0;
+  int iterations = 0;  ///< that it took
+};
+
+/// Pulls `state` towards the nearest minimum from afar: wide kernels, some of the tracks. False: the normal equations
+/// have no solution. `most`: iterations.
+[[nodiscard]] bool approach(const StartProblem& problem, StartState& state, StartPath& path, int most,
+                            ApproachFigures& figures);
 
 /// Improves `state` in place, from nearby; `path` is left at the result. False: the normal equations have no solution.
 [[nodiscard]] bool refine(const StartProblem& problem, StartState& state, StartPath& path, RefinementFigures& figures);

@@ -67,7 +67,9 @@ std::optional<StartRefusal> Starter::start_moving(Window& w, const StarterSettin
   problem.b_g_ref = s.b_g_reference;
   problem.b_g_sigma = s.b_g_sigma;
   problem.b_a_sigma = s.b_a_sigma;
-  if (const auto refusal = solve_moving_start(problem, StartLimits{}, m.guess)) return refusal;
+  StartLimits limits;
+  limits.noise_most = s.most_pixel_sigma / s.pixel_sigma;
+  if (const auto refusal = solve_moving_start(problem, limits, m.guess)) return refusal;
   const auto newest = static_cast<std::size_t>(w.size() - 1);
   Mat3 R_WB0 = levelled(-m.guess.state.g_0.normalized());
   const Vec3 ahead = R_WB0 * m.guess.R[newest].col(0);

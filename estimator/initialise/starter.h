@@ -10,8 +10,9 @@ namespace epiline {
 
 struct StarterSettings {
   double pixel_sigma = 0.5, focal_px = 458;
-  double b_g_sigma = 0.1;  ///< rad/s: what is known of the gyroscope bias before the first start
-  double b_a_sigma = 0.1;  ///< m/s^2
+  double most_pixel_sigma = 2;  ///< noise the start may assume where the residuals show more than pixel_sigma
+  double b_g_sigma = 0.1;       ///< rad/s: what is known of the gyroscope bias before the first start
+  double b_a_sigma = 0.1;       ///< m/s^2
   Vec3 b_g_reference = Vec3::Zero();
   Vec3 p_WB = Vec3::Zero();  ///< where the newest frame is put, m
   double yaw = 0;            ///< and which way its x axis points, rad

@@ -15,6 +15,8 @@ constexpr double kGatedShare = 0.4, kGatedTime_s = 1;
 constexpr int kRejectedFrames = 3;
 constexpr double kBiasAccelerometer = 1.5, kBiasGyroscope = 0.5;  // m/s^2, rad/s: no working sensor is that far off
 constexpr double kLostBeforeReset_s = 2;
+// a start that has not settled by then, or is that fast, is none
+constexpr double kLongestUnsettled_s = 10, kFastestUnsettled = 60;  // s, m/s
 constexpr double kPlentyOfTracks = 60, kPlentyOfParallax_px = 10;
 constexpr double kUsualInnovation = 2, kWorstInnovation = 4;
 constexpr double kQualityMemory_s = 0.5;
@@ -59,8 +61,10 @@ Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
   flag(h.reasons, !e.finite, HealthReason::kNotFinite);
 
   const bool lost = !e.finite || bias || e.sigma_velocity > kLostVelocity;
-  lost_s_ = lost && settled_ ? lost_s_ + dt_s : 0;
-  reset_wanted_ = !e.finite || bias || lost_s_ > kLostBeforeReset_s;
+  lost_s_ = lost ? lost_s_ + dt_s : 0;
+  unsettled_s_ = settled_ ? 0 : unsettled_s_ + dt_s;
+  const bool failed = unsettled_s_ > kLongestUnsettled_s || (!settled_ && e.speed > kFastestUnsettled);
+  reset_wanted_ = !e.finite || bias || failed || lost_s_ > kLostBeforeReset_s;
   h.state = !settled_        ? HealthState::kInitialising
             : lost           ? HealthState::kLost
             : h.reasons != 0 ? HealthState::kDegraded

@@ -15,6 +15,7 @@ struct FrameEvidence {
   bool deadline_missed = false;
   bool overloaded = false;  ///< solved with less than the configured effort
   bool imu_gap = false;
+  double speed = 0;                                   ///< m/s
   double sigma_velocity = 0;                          ///< m/s, largest axis
   double sigma_tilt = 0;                              ///< rad
   double bias_accelerometer = 0, bias_gyroscope = 0;  ///< norms, m/s^2, rad/s
@@ -33,7 +34,7 @@ class HealthMonitor {
 
  private:
   bool settled_ = false;  ///< the posterior has been tight once
-  double lost_s_ = 0, gated_s_ = 0;
+  double lost_s_ = 0, gated_s_ = 0, unsettled_s_ = 0;
   int rejected_frames_ = 0;
   double quality_ = 0;
   bool reset_wanted_ = false;

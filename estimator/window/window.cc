@@ -1,7 +1,9 @@
 #include "estimator/window/window.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <utility>
 
 #include "platform/error/contract.h"
 
@@ -23,6 +25,7 @@ void Window::clear() {
   size_ = tracks_ = 0;
   prior.frames = 0;
   for (std::size_t s = 0; s < order_.size(); ++s) order_[s] = static_cast<std::uint8_t>(s);
+  for (std::size_t i = 0; i < records_.size(); ++i) records_[i].place = static_cast<std::uint16_t>(i);
   index_.fill(-1);
 }
 
@@ -98,11 +101,19 @@ Window::Observed Window::observe(const TrackedFrame& frame) {
       insert_index(feature.id, i);
     }
     TrackRecord& t = records_[static_cast<std::size_t>(i)];
-    t.view[slot] = observation(feature);
+    views_[t.place][slot] = observation(feature);
     t.mask |= 1u << slot;
     t.cell = cell_of(feature.pixel);
   }
   return seen;
+}
+
+void Window::fetch(const TrackRecord& t) const {
+  for (std::uint32_t mask = t.mask; mask != 0; mask &= mask - 1) {
+    const Observation& o = views_[t.place][static_cast<std::size_t>(std::countr_zero(mask))];
+    __builtin_prefetch(&o);
+    __builtin_prefetch(reinterpret_cast<const char*>(&o + 1) - 1);  // it may end in the next line
+  }
 }
 
 void Window::prune() {
@@ -111,7 +122,7 @@ void Window::prune() {
     if (seen(t, size_ - 1) || views(t) >= 2)
       ++i;
     else
-      t = records_[static_cast<std::size_t>(--tracks_)];
+      std::swap(t, records_[static_cast<std::size_t>(--tracks_)]);  // its place is free for a new track
   }
   rebuild_index();
 }

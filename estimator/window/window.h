@@ -20,13 +20,14 @@ struct Observation {
 
 inline constexpr int kViewCells = 1024;  ///< 32 x 32 squares of 64 pixels; what is beyond shares the outermost
 
-/// A track: which slots saw it, and what they saw.
+/// A track: which slots saw it. What they saw lies apart (Window::view), since most of what walks over the tracks only
+/// asks who saw them.
 struct TrackRecord {
   std::uint32_t id = 0;
-  std::uint32_t mask = 0;  ///< bit s: slot s has a view
-  bool in_use = true;      ///< by the visual factors; see choose_tracks()
-  std::uint16_t cell = 0;  ///< below kViewCells: where in the image it was seen last
-  std::array<Observation, kMaxFrames> view;
+  std::uint32_t mask = 0;   ///< bit s: slot s has a view
+  bool in_use = true;       ///< by the visual factors; see choose_tracks()
+  std::uint16_t cell = 0;   ///< below kViewCells: where in the image it was seen last
+  std::uint16_t place = 0;  ///< of its observations
 };
 
 /// Camera against IMU; the estimated part of the calibration. Tangent order: (td, dphi of R_BC on the right, p_BC).
@@ -106,7 +107,12 @@ class Window {
   /// The bit of frame k in a track's mask.
   std::uint32_t bit(int k) const { return 1u << order_[static_cast<std::size_t>(k)]; }
   bool seen(const TrackRecord& t, int k) const { return t.mask & bit(k); }
-  const Observation& view(const TrackRecord& t, int k) const { return t.view[order_[static_cast<std::size_t>(k)]]; }
+  const Observation& view(const TrackRecord& t, int k) const {
+    return views_[t.place][order_[static_cast<std::size_t>(k)]];
+  }
+  Observation& view(const TrackRecord& t, int k) { return views_[t.place][order_[static_cast<std::size_t>(k)]]; }
+  /// Asks the memory for a track's observations, which are needed soon.
+  void fetch(const TrackRecord& t) const;
   int views(const TrackRecord& t) const { return __builtin_popcount(t.mask); }
   /// Track index by id; -1: unknown.
   int find(std::uint32_t id) const;
@@ -126,6 +132,7 @@ class Window {
   std::array<std::uint8_t, kMaxFrames> order_{};
   std::array<Slot, kMaxFrames> slots_;
   std::array<TrackRecord, kMaxTracks> records_;
+  std::array<std::array<Observation, kMaxFrames>, kMaxTracks> views_;
   std::array<std::int16_t, kBuckets> index_;
 };
 

@@ -10,15 +10,6 @@ namespace {
 
 constexpr double kDegree = 3.14159265358979323846 / 180;
 
-Span longest_gap(const Trajectory& reference) {
-  constexpr Span kUsual = Span::from_milliseconds(100);
-  std::vector<double> intervals_s;
-  for (std::size_t i = 1; i < reference.poses.size(); ++i) {
-    intervals_s.push_back((reference.poses[i].stamp - reference.poses[i - 1].stamp).seconds());
-  }
-  return std::max(kUsual, Span::from_seconds(2.5 * summarise(std::move(intervals_s)).median));
-}
-
 Summary position_errors(const std::vector<Vec3>& estimate, const std::vector<Vec3>& reference, const Similarity& T) {
   std::vector<double> errors;
   errors.reserve(estimate.size());
@@ -102,43 +93,9 @@ double yaw_drift(const std::vector<PosePair>& pairs) {
   return std::remainder(between + end - start, 360 * kDegree);
 }
 
-/// Normalised estimation error squared: 1 where the covariance tells the truth.
-void add_consistency(const std::vector<PosePair>& pairs, const std::vector<PoseUncertainty>& uncertainty,
-                     TrajectoryErrors& errors) {
-  double position_sum = 0, yaw_sum = 0;
-  std::size_t position_count = 0, yaw_count = 0;
-  const PosePair* origin = nullptr;
-  for (const PosePair& pair : pairs) {
-    const PoseUncertainty& u = uncertainty[pair.index];
-    if (!origin || uncertainty[origin->index].segment != u.segment) {
-      origin = &pair;  // errors are zero here by construction: it does not count
-      continue;
-    }
-    const double heading = yaw_error(*origin);
-    const Mat3 Rz = yaw_rotation(heading);
-    const Vec3 moved_e = pair.estimate.p_WB - origin->estimate.p_WB,
-               moved_r = pair.reference.p_WB - origin->reference.p_WB;
-    const Vec3 error_W = Rz.transpose() * moved_r - moved_e;  // in the estimate's world, as the covariance is
-    const Eigen::LDLT<Mat3> P(u.position);
-    if (P.info() == Eigen::Success && P.isPositive() && P.vectorD().minCoeff() > 0) {
-      position_sum += error_W.dot(P.solve(error_W)) / 3;
-      ++position_count;
-    }
-    if (u.yaw_variance > 0) {
-      const double yaw = std::remainder(yaw_error(pair) - heading, 360 * kDegree);
-      yaw_sum += yaw * yaw / u.yaw_variance;
-      ++yaw_count;
-    }
-  }
-  if (position_count > 0) errors.nees_position = position_sum / static_cast<double>(position_count);
-  if (yaw_count > 0) errors.nees_yaw = yaw_sum / static_cast<double>(yaw_count);
-}
-
 }  // namespace
 
-double yaw_error(const PosePair& pair) {
-  return yaw_of((pair.reference.q_WB * pair.estimate.q_WB.conjugate()).toRotationMatrix());
-}
+double yaw_error(const PosePair& pair) { return yaw_error(pair.estimate, pair.reference); }
 
 std::vector<PosePair> associate(const Trajectory& estimate, const Trajectory& reference) {
   const Span max_gap = longest_gap(reference);
@@ -182,8 +139,7 @@ const Summary& TrajectoryErrors::ate(Alignment alignment) const {
 
 bool has_diverged(double error_m, double path_length_m) { return !(error_m <= std::max(2.0, 0.1 * path_length_m)); }
 
-TrajectoryErrors evaluate(const Trajectory& estimate, const Trajectory& reference,
-                          const std::vector<PoseUncertainty>& uncertainty) {
+TrajectoryErrors evaluate(const Trajectory& estimate, const Trajectory& reference, const Claims& claims) {
   TrajectoryErrors errors;
   const std::vector<PosePair> pairs = associate(estimate, reference);
   errors.poses = pairs.size();
@@ -203,7 +159,7 @@ TrajectoryErrors evaluate(const Trajectory& estimate, const Trajectory& referenc
   const std::vector<double> length = path_lengths(pairs);
   errors.path_length_m = length.back();
   errors.rpe = relative_errors(pairs, length);
-  if (!uncertainty.empty()) add_consistency(pairs, uncertainty, errors);
+  if (!claims.poses.empty()) errors.nees = consistency(pairs, estimate, reference, claims);
   return errors;
 }
 

@@ -1,27 +1,13 @@
 #pragma once
 // How far an estimated trajectory is from the truth.
-#include <cstdint>
-#include <optional>
 #include <vector>
 
 #include "pipeline/evaluate/alignment.h"
+#include "pipeline/evaluate/consistency.h"
 #include "pipeline/evaluate/statistics.h"
 #include "pipeline/evaluate/trajectory.h"
 
 namespace epiline {
-
-/// What the estimator claims about one of its poses.
-struct PoseUncertainty {
-  Mat3 position = Mat3::Zero();  ///< covariance of p_WB in W, m^2
-  double yaw_variance = 0;       ///< of the rotation about W's z axis, rad^2
-  std::uint32_t segment = 0;     ///< grows when the estimator starts anew: another origin and heading
-};
-
-/// An estimated pose and the true one at its time.
-struct PosePair {
-  TimedPose estimate, reference;
-  std::size_t index = 0;  ///< of the estimate in its trajectory
-};
 
 /// Pairs every estimated pose with the interpolated reference; poses outside the reference or in its gaps have no pair.
 /// A gap is a hole of more than 0.1 s, or of 2.5 usual intervals where the reference is slower than that.
@@ -50,8 +36,7 @@ struct TrajectoryErrors {
   double scale_error = 0;                         ///< estimated over true length, minus 1
   double yaw_drift_deg = 0;                       ///< yaw error over the last second minus over the first
   std::vector<RelativeError> rpe;                 ///< over 1, 2, 5, 10, 20, ... m, as far as the path reaches
-  std::optional<double> nees_position,
-      nees_yaw;  ///< mean, per degree of freedom; aligned at the first pose of each segment
+  Consistency nees;                               ///< of what the estimator claimed; empty without claims
   const Summary& ate(Alignment alignment) const;
 };
 
@@ -59,12 +44,9 @@ struct TrajectoryErrors {
 /// the path, or not a number.
 bool has_diverged(double error_m, double path_length_m);
 
-/// `uncertainty` is empty or runs along with `estimate.poses`. Without a single pair `poses` is zero and so is
-/// everything else.
-TrajectoryErrors evaluate(const Trajectory& estimate, const Trajectory& reference,
-                          const std::vector<PoseUncertainty>& uncertainty = {});
+/// Without a single pair `poses` is zero and so is everything else.
+TrajectoryErrors evaluate(const Trajectory& estimate, const Trajectory& reference, const Claims& claims = {});
 
-/// Signed yaw (rad) that turns the estimate's heading into the reference's.
 double yaw_error(const PosePair& pair);
 
 }  // namespace epiline

@@ -30,8 +30,10 @@ Json to_json(const TrajectoryErrors& e) {
           {"scale_error", any ? Json(e.scale_error) : Json(nullptr)},
           {"yaw_drift_deg", any ? Json(e.yaw_drift_deg) : Json(nullptr)},
           {"rpe", std::move(rpe)},
-          {"nees_position", or_null(e.nees_position)},
-          {"nees_yaw", or_null(e.nees_yaw)}};
+          {"nees_position", or_null(e.nees.position)},
+          {"nees_yaw", or_null(e.nees.yaw)},
+          {"nees_velocity", or_null(e.nees.velocity)},
+          {"nees_tilt", or_null(e.nees.tilt)}};
 }
 
 }  // namespace epiline

@@ -29,8 +29,10 @@ void set_odometry(ImageRecord& record, const Odometry& o) {
   record.sigma_b_g_rad_s = sigma(12);
   record.time_offset_s = o.time_offset_s;
   record.sigma_time_offset_s = std::sqrt(std::max(0.0, P(15, 15)));
-  const Vec3 z_B = record.pose.q_WB.conjugate() * Vec3::UnitZ();  // yaw = z . R_WB dtheta
-  record.uncertainty = {P.topLeftCorner<3, 3>(), z_B.dot(P.block<3, 3>(3, 3) * z_B), o.reset_counter};
+  const Mat3 R = record.pose.q_WB.toRotationMatrix();
+  const Mat3 attitude_W = R * P.block<3, 3>(3, 3) * R.transpose();
+  record.uncertainty = {P.topLeftCorner<3, 3>(), attitude_W(2, 2), o.reset_counter, P.block<3, 3>(6, 6),
+                        attitude_W.topLeftCorner<2, 2>()};
 }
 
 ImageRecord image_record(const FrameOutcome& outcome) {
@@ -57,17 +59,24 @@ ImuLeftOut imu_left_out(const FlightRecord& r) {
 Trajectory trajectory_of(const FlightRecord& record) {
   Trajectory t;
   for (const ImageRecord& image : record.images) {
-    if (image.has_pose) t.poses.push_back(image.pose);
+    if (!image.has_pose) continue;
+    t.poses.push_back(image.pose);
+    t.v_WB_m_s.push_back(image.v_WB_m_s);
   }
   return t;
 }
 
-std::vector<PoseUncertainty> uncertainty_of(const FlightRecord& record) {
-  std::vector<PoseUncertainty> u;
+Claims claims_of(const FlightRecord& record) {
+  Claims claims;
   for (const ImageRecord& image : record.images) {
-    if (image.has_pose) u.push_back(image.uncertainty);
+    if (image.has_pose) claims.poses.push_back(image.uncertainty);
   }
-  return u;
+  for (const WorldOrigin& o : record.estimator.origins) {
+    if (o.known)
+      claims.origins.push_back(
+          {o.reset_counter, {o.stamp, vec3(o.p_WB_m), Eigen::Quaterniond(o.q_WB[0], o.q_WB[1], o.q_WB[2], o.q_WB[3])}});
+  }
+  return claims;
 }
 
 std::string events_text(const FlightRecord& record) {
@@ -83,7 +92,7 @@ std::string events_text(const FlightRecord& record) {
 
 std::optional<TrajectoryErrors> errors_of(const FlightRecord& record) {
   if (!record.truth) return std::nullopt;
-  return evaluate(trajectory_of(record), *record.truth, uncertainty_of(record));
+  return evaluate(trajectory_of(record), *record.truth, claims_of(record));
 }
 
 }  // namespace epiline

@@ -115,7 +115,7 @@ ImuLeftOut imu_left_out(const FlightRecord& record);
 
 /// The estimated poses, and what the estimator says of their errors.
 Trajectory trajectory_of(const FlightRecord& record);
-std::vector<PoseUncertainty> uncertainty_of(const FlightRecord& record);
+Claims claims_of(const FlightRecord& record);
 
 /// The events a line each, in the order of time; those of one instant in the order they came.
 std::string events_text(const FlightRecord& record);

@@ -1,5 +1,6 @@
 // Starts anywhere: a recorded flight begun every half second, six seconds each. How soon is there a pose, how good is
-// it, and does the health (docs/derivations/health.md) say so when it is not?
+// it, does the health (docs/derivations/health.md) tell when it is not, does the covariance claimed in the first five
+// seconds cover the errors (docs/derivations/consistency.md), and what does the start cost?
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -8,6 +9,7 @@
 #include <cstdio>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "drivers/replay/replay.h"
@@ -20,6 +22,7 @@ namespace epiline {
 namespace {
 
 constexpr double kGoodAte_m = 0.05, kGoodScale = 0.1;
+constexpr Span kJudged = Span::from_milliseconds(5000);  // of each start, for the covariance
 
 struct Options {
   ReplayOptions replay;
@@ -32,7 +35,9 @@ struct Start {
   std::optional<double> first_pose_s;  ///< after the first image
   double ate_m = 0;                    ///< rms after alignment in yaw and translation
   double scale_error = 0;
-  double claimed_wrongly_s = 0;  ///< health said tracking, and it was wrong
+  double claimed_wrongly_s = 0;              ///< health said tracking, and it was wrong
+  Consistency nees = {};                     ///< over the first seconds
+  double first_pose_ms = 0, refused_ms = 0;  ///< of the estimator: the frame that started, the slowest one before it
   bool good() const { return first_pose_s && ate_m < kGoodAte_m && std::abs(scale_error) < kGoodScale; }
 };
 
@@ -59,6 +64,25 @@ double claimed_wrongly_s(const FlightRecord& record, double scale_error) {
   return seconds;
 }
 
+/// The record up to five seconds after the first pose.
+Consistency first_seconds(FlightRecord record) {
+  auto& images = record.images;
+  const auto first = std::find_if(images.begin(), images.end(), [](const ImageRecord& i) { return i.has_pose; });
+  const HostStamp end = first->stamp + kJudged;
+  images.erase(std::find_if(first, images.end(), [&](const ImageRecord& i) { return i.stamp > end; }), images.end());
+  return errors_of(record)->nees;
+}
+
+void take_times(const FlightRecord& record, Start& start) {
+  for (const ImageRecord& image : record.images) {
+    if (image.has_pose) {
+      start.first_pose_ms = image.estimate_ms;
+      return;
+    }
+    start.refused_ms = std::max(start.refused_ms, image.estimate_ms);
+  }
+}
+
 Result<Start> start_at(const ReplayOptions& options) {
   const auto result = replay(options, [](std::size_t, std::size_t) {});
   if (!result) return result.error();
@@ -71,6 +95,8 @@ Result<Start> start_at(const ReplayOptions& options) {
   start.ate_m = errors->ate_4dof.rmse;
   start.scale_error = errors->scale_error;
   start.claimed_wrongly_s = claimed_wrongly_s(record, start.scale_error);
+  start.nees = first_seconds(record);
+  take_times(record, start);
   return start;
 }
 
@@ -79,8 +105,36 @@ void print_start(const Start& s) {
     fmt::print("{:>7.2f} {:>12} {:>9} {:>9} {:>17}  no\n", s.at_s, "never", "-", "-", "-");
     return;
   }
-  fmt::print("{:>7.2f} {:>12.2f} {:>9.4f} {:>+9.2f} {:>17.2f}  {}\n", s.at_s, *s.first_pose_s, s.ate_m,
-             100 * s.scale_error, s.claimed_wrongly_s, s.good() ? "yes" : "no");
+  const auto nees = [](const std::optional<double>& v) { return v ? fmt::format("{:.2f}", *v) : std::string("-"); };
+  fmt::print("{:>7.2f} {:>12.2f} {:>9.4f} {:>+9.2f} {:>17.2f} {:>6} {:>6} {:>6} {:>6} {:>7.2f} {:>7.2f}  {}\n", s.at_s,
+             *s.first_pose_s, s.ate_m, 100 * s.scale_error, s.claimed_wrongly_s, nees(s.nees.position),
+             nees(s.nees.velocity), nees(s.nees.tilt), nees(s.nees.yaw), s.first_pose_ms, s.refused_ms,
+             s.good() ? "yes" : "no");
+}
+
+void print_consistency(const std::vector<Start>& starts) {
+  using Figure = std::optional<double> Consistency::*;
+  constexpr std::pair<const char*, Figure> kFigures[] = {{"position", &Consistency::position},
+                                                         {"velocity", &Consistency::velocity},
+                                                         {"tilt", &Consistency::tilt},
+                                                         {"yaw", &Consistency::yaw}};
+  fmt::print("\nNEES over the first 5 s, mean/median/worst of the starts:");
+  for (const auto& [name, figure] : kFigures) {
+    std::vector<double> values;
+    for (const Start& s : starts)
+      if (s.nees.*figure) values.push_back(*(s.nees.*figure));
+    const Summary all = summarise(std::move(values));
+    fmt::print(" {} {:.2f}/{:.2f}/{:.2f}", name, all.mean, all.median, all.max);
+  }
+  std::vector<double> first, refused;
+  for (const Start& s : starts) {
+    if (!s.first_pose_s) continue;
+    first.push_back(s.first_pose_ms);
+    refused.push_back(s.refused_ms);
+  }
+  const Summary f = summarise(first), r = summarise(refused);
+  fmt::print("\nestimator, ms: frame that started, median/max {:.2f}/{:.2f}; slowest one before it {:.2f}/{:.2f}\n",
+             f.median, f.max, r.median, r.max);
 }
 
 /// One line of the comparison.
@@ -127,8 +181,8 @@ void print_comparison(const std::vector<Start>& starts) {
 
 int run(const Options& options) {
   std::vector<Start> starts;
-  fmt::print("{:>7} {:>12} {:>9} {:>9} {:>17}  good\n", "start s", "first pose s", "ATE m", "scale %",
-             "claimed wrongly s");
+  fmt::print("{:>7} {:>12} {:>9} {:>9} {:>17} {:>27} {:>7} {:>7}  good\n", "start s", "first pose s", "ATE m",
+             "scale %", "claimed wrongly s", "NEES pos    vel   tilt    yaw", "ms", "before");
   for (int i = 0; i < options.starts; ++i) {
     ReplayOptions replay_options = options.replay;
     replay_options.start_s += i * options.every_s;
@@ -142,6 +196,7 @@ int run(const Options& options) {
     std::fflush(stdout);
   }
   print_comparison(starts);
+  print_consistency(starts);
   return 0;
 }
 

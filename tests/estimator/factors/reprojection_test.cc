@@ -205,7 +205,9 @@ TEST(ReprojectionFactor, DoesNotCareWhichWayTheOpticalAxisPoints) {
   const Mat3 Q = so3_exp(Vec3(0.2, 2.5, 0.1));
   w.calibration.R_BC = w.calibration.R_BC * Q.transpose();
   for (int i = 0; i < w.track_count(); ++i)
-    for (Observation& o : w.track(i).view) {
+    for (int k = 0; k < w.size(); ++k) {
+      if (!w.seen(w.track(i), k)) continue;
+      Observation& o = w.view(w.track(i), k);
       o.f_C = Q * o.f_C;
       o.chart = o.chart * Q.transpose();
     }

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <string>
 
 #include "estimator/initialise/gyroscope_bias.h"
 #include "estimator/initialise/start_refinement.h"
@@ -206,6 +207,101 @@ TEST(MovingStart, RefusesTracksThatContradictTheImu) {
   const auto refusal = solve_moving_start(a.problem, {}, g);
   ASSERT_TRUE(refusal);
   EXPECT_EQ(*refusal, StartRefusal::kResidualTooLarge);
+}
+
+/// White noise of up to 2 px where 0.5 px is expected: found, and all deviations with it.
+TEST(MovingStart, FindsTheNoiseOfTheTracks) {
+  for (const double noise_px : {0.3, 0.9, 1.3, 2.0}) {
+    int accepted = 0;
+    for (unsigned seed = 1; seed <= 10; ++seed) {
+      FlightSettings s;
+      s.seed = seed;
+      s.frames = kStartFrames;
+      s.noise_rad = noise_px / 458;
+      Flight f;
+      testing::fly(testing::wandering(seed), s, f);
+      f.problem.sigma_rad = 0.5 / 458;
+      StartGuess g;
+      if (solve_moving_start(f.problem, {}, g)) continue;
+      ++accepted;
+      EXPECT_NEAR(458 * g.sigma_rad, std::max(0.5, noise_px), 0.1 + 0.1 * noise_px) << "seed " << seed;
+      EXPECT_NEAR(scale(f, g), 1, 3.5 * g.sigma_scale) << noise_px << " px, seed " << seed;
+      EXPECT_LT(angle(g.state.g_0, f.truth.g_0), 3.5 * g.sigma_tilt) << noise_px << " px, seed " << seed;
+    }
+    EXPECT_GE(accepted, noise_px < 2 ? 7 : 3) << noise_px << " px";
+  }
+}
+
+TEST(MovingStart, HoldsWithAQuarterOfAllBearingsWrong) {
+  int accepted = 0;
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    FlightSettings s;
+    s.seed = seed;
+    s.noise_rad = 0.5 / 458;
+    s.outliers = 0.25;
+    Flight f;
+    testing::fly(testing::wandering(seed), s, f);
+    StartGuess g;
+    if (solve_moving_start(f.problem, {}, g)) continue;
+    ++accepted;
+    EXPECT_NEAR(scale(f, g), 1, 0.3) << "seed " << seed;
+  }
+  EXPECT_GE(accepted, 6);
+}
+
+/// Readings that have nothing to do with the images leave residuals that look like noise in their size, but have a
+/// pattern: no noise may be assumed for them.
+class Nonsense : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(Nonsense, IsNotTakenForNoise) {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    FlightSettings s;
+    s.seed = seed;
+    s.noise_rad = 0.5 / 458;
+    Flight f;
+    testing::fly(testing::wandering(seed), s, f);
+    const std::string what = GetParam();
+    if (what == "g" || what == "sign")
+      for (Preintegration& p : f.interval) p.dp *= what == "g" ? 1 / 9.81 : -1, p.dv *= what == "g" ? 1 / 9.81 : -1;
+    if (what == "turned") f.problem.R_BC = f.problem.R_BC * so3_exp(Vec3(0, 0, 0.35));
+    if (what == "late") f.problem.interval = f.interval.data() + 2, f.problem.frames -= 2;
+    for (StartTrack& t : f.tracks)
+      while (t.count > 0 && t.frame[t.count - 1] >= f.problem.frames) --t.count;
+    StartGuess g;
+    const auto refusal = solve_moving_start(f.problem, {}, g);
+    EXPECT_TRUE(refusal || g.sigma_rad < 0.501 / 458) << "seed " << seed << ", noise " << 458 * g.sigma_rad << " px";
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Readings, Nonsense, ::testing::Values("g", "sign", "turned", "late"),
+                         [](const auto& test) { return test.param; });
+
+TEST(MovingStart, TakesNoMoreIterationsThanAllowed) {
+  FlightSettings s;
+  s.noise_rad = 0.5 / 458;
+  Flight a, b;
+  testing::fly(testing::wandering(1), s, a);
+  testing::fly(testing::wandering(2), s, b);
+  a.problem.tracks = b.tracks;
+  for (const int most : {1, 5, 12}) {
+    StartState x;
+    StartPath path;
+    ApproachFigures figures;
+    ASSERT_TRUE(approach(a.problem, x, path, most, figures));
+    EXPECT_GT(figures.iterations, 0);
+    EXPECT_LE(figures.iterations, most);
+  }
+}
+
+/// A hover leaves nothing to search for: no state is even tried.
+TEST(MovingStart, TriesNothingWithoutParallax) {
+  FlightSettings s;
+  s.noise_rad = 0.2 / 458.0;
+  Flight f;
+  testing::fly(testing::constant_velocity(Vec3::Zero()), s, f);
+  f.problem.sigma_rad = 0.5 / 458;
+  StartGuess g;
+  EXPECT_EQ(solve_moving_start(f.problem, {}, g), StartRefusal::kNoParallax);
+  EXPECT_EQ(g.tracks, 0);
 }
 
 TEST(MovingStart, HoldsWithTheMostFramesAndTracks) {

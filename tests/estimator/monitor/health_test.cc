@@ -46,6 +46,45 @@ TEST(Health, GivenAWidePosteriorWhenItTightensThenTracking) {
   EXPECT_EQ(show(m, good(), 3).quality, 100);
 }
 
+TEST(Health, GivenAStartThatDoesNotSettleThenAResetAfterTenSeconds) {
+  HealthMonitor m;
+  FrameEvidence wide = good();
+  wide.sigma_velocity = 0.2;
+  show(m, wide, 9.9);
+  EXPECT_FALSE(m.reset_wanted());
+  EXPECT_EQ(show(m, wide, 0.2).state, HealthState::kInitialising);
+  EXPECT_TRUE(m.reset_wanted());
+}
+
+TEST(Health, GivenAStartWhenItsVelocityIsUnknownThenAResetAfterTwoSeconds) {
+  HealthMonitor m;
+  FrameEvidence e = good();
+  e.sigma_velocity = 1.5;
+  const Health h = show(m, e, 1.9);
+  EXPECT_FALSE(m.reset_wanted());
+  EXPECT_EQ(h.state, HealthState::kInitialising);
+  show(m, e, 0.2);
+  EXPECT_TRUE(m.reset_wanted());
+}
+
+TEST(Health, GivenAStartWhenItIsFasterThanAnythingThatFliesSoThenAResetAtOnce) {
+  HealthMonitor m;
+  FrameEvidence e = good();
+  e.sigma_tilt = 0.03;
+  e.speed = 59;
+  show(m, e, 1);
+  EXPECT_FALSE(m.reset_wanted());
+  e.speed = 61;
+  show(m, e, kFrame_s);
+  EXPECT_TRUE(m.reset_wanted());
+  HealthMonitor settled;  // a settled state may be as fast as it says
+  show(settled, good(), 1);
+  FrameEvidence fast = good();
+  fast.speed = 61;
+  show(settled, fast, 1);
+  EXPECT_FALSE(settled.reset_wanted());
+}
+
 struct Trouble {
   const char* name;
   HealthReason reason;

@@ -151,34 +151,6 @@ TEST(Errors, YawDriftIsTheSlopeTimesTheTimeAlsoAcrossHalfATurn) {
   }
 }
 
-TEST(Errors, ConsistencyIsOneForHonestCovariances) {
-  std::mt19937 random(7);
-  std::normal_distribution<double> normal;
-  const Trajectory truth = flight(6, 3000);
-  Trajectory estimate = truth;
-  Mat3 L;
-  L << 0.05, 0, 0, 0.03, 0.02, 0, -0.01, 0.01, 0.1;
-  constexpr double kYawSigma = 0.02;
-  const Eigen::Quaterniond heading(Eigen::AngleAxisd(1.0, Vec3::UnitZ()));
-  std::vector<PoseUncertainty> uncertainty(3000, {L * L.transpose(), kYawSigma * kYawSigma, 0});
-  for (std::size_t i = 0; i < 3000; ++i) {
-    // Half way the estimator starts anew: another origin and heading, and another segment.
-    const Eigen::Quaterniond turn = i < 1500 ? heading : heading * heading;
-    const bool first = i == 0 || i == 1500;
-    const Vec3 noise = first ? Vec3::Zero() : Vec3(L * Vec3(normal(random), normal(random), normal(random)));
-    const double yaw = first ? 0 : kYawSigma * normal(random);
-    estimate.poses[i].p_WB = turn * truth.poses[i].p_WB + noise + Vec3(i < 1500 ? 3 : 30, 4, 5);
-    estimate.poses[i].q_WB = Eigen::AngleAxisd(yaw, Vec3::UnitZ()) * turn * truth.poses[i].q_WB;
-    uncertainty[i].segment = i < 1500 ? 0 : 1;
-  }
-  const TrajectoryErrors errors = evaluate(estimate, truth, uncertainty);
-  ASSERT_TRUE(errors.nees_position && errors.nees_yaw);
-  EXPECT_NEAR(*errors.nees_position, 1, 0.05);  // 2998 samples of chi^2: sigma 0.015 and 0.026
-  EXPECT_NEAR(*errors.nees_yaw, 1, 0.1);
-  for (PoseUncertainty& u : uncertainty) u.position /= 4;
-  EXPECT_NEAR(*evaluate(estimate, truth, uncertainty).nees_position, 4, 0.2);
-}
-
 TEST(Associate, InterpolatesAndLeavesOutGapsAndTheOutside) {
   Trajectory reference;
   for (const std::int64_t ms : {0, 10, 20, 30, 500, 510, 520}) {
