@@ -42,6 +42,7 @@ struct Estimator::Impl {
   // running.cc: one solved frame, and the images between two of them
   StepResult step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort);
   bool cut(const TrackedFrame& frame);
+  KnownState predicted_newest() const;
   void attach(const TrackedFrame& frame);
   void attach_rest(const TrackedFrame& frame);
   void attach_wheel();

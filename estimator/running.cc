@@ -6,6 +6,7 @@
 #include "estimator/factors/prior.h"
 #include "estimator/impl.h"
 #include "estimator/monitor/evidence.h"
+#include "estimator/predict/covariance.h"
 #include "estimator/window/choose_tracks.h"
 #include "estimator/window/keyframe.h"
 
@@ -23,8 +24,8 @@ constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;                        
 /// published; then the window slides.
 StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort) {
   const double dt_s = (frame.stamp - window.newest().image_stamp).seconds();
-  const KnownState predicted = carried_to(imu_time(frame.stamp));
   if (!cut(frame)) return start_anew(frame, supervisor);
+  const KnownState predicted = predicted_newest();
   attach(frame);
   const SolverSummary s = solve(supervisor, effort);
   // State and covariance leave together: the solver's, or the IMU's prediction.
@@ -45,6 +46,14 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   const std::uint64_t keyframes = stats.keyframes;
   slide(supervisor);
   return {true, true, stats.keyframes > keyframes};
+}
+
+/// The frame just cut, as the IMU predicts it.
+KnownState Estimator::Impl::predicted_newest() const {
+  const Slot& newest = window.newest();
+  const Mat3& R = carried.x.R;
+  return {true,     carried.trusted, newest.time,
+          newest.x, newest.omega,    carried_on(into_body(carried.P, R), R, newest.imu)};
 }
 
 /// Appends the frame, predicted by the IMU. False: there are no readings for it.

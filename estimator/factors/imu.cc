@@ -78,13 +78,24 @@ double add_interval(const Window& w, int k, const FactorKernels& kernels, Normal
     for (int j = 0; j < 30; ++j) J[i][j] = f.J(i, j);
   }
   const double cost = kernels.imu(L, J, f.r.data(), A, g);
-  const Eigen::Map<const Eigen::Matrix<double, 30, 30, Eigen::RowMajor>, 0, Eigen::OuterStride<32>> H(A[0]);
-  const Unknown unknown[] = {pose_of(k - 1), velocity_biases_of(k - 1), pose_of(k), velocity_biases_of(k)};
-  constexpr int kBegin[] = {0, 6, 15, 21}, kSize[] = {6, 9, 6, 9};
-  for (int i = 0; i < 4; ++i) {
-    out.add(unknown[i], Eigen::Map<const Eigen::VectorXd>(g + kBegin[i], kSize[i]));
-    for (int j = i; j < 4; ++j) out.add(unknown[i], unknown[j], H.block(kBegin[i], kBegin[j], kSize[i], kSize[j]));
-  }
+  using Rows = Eigen::Matrix<double, 30, 30, Eigen::RowMajor>;
+  const Eigen::Map<const Rows, 0, Eigen::OuterStride<32>> H(A[0]);
+  const Unknown pose_i = pose_of(k - 1), pose_j = pose_of(k), velocity_i = velocity_biases_of(k - 1),
+                velocity_j = velocity_biases_of(k);
+  out.add(pose_i, Eigen::Map<const Vec6>(g));
+  out.add(velocity_i, Eigen::Map<const Vec9>(g + 6));
+  out.add(pose_j, Eigen::Map<const Vec6>(g + 15));
+  out.add(velocity_j, Eigen::Map<const Vec9>(g + 21));
+  out.add(pose_i, pose_i, H.block<6, 6>(0, 0));
+  out.add(pose_i, velocity_i, H.block<6, 9>(0, 6));
+  out.add(pose_i, pose_j, H.block<6, 6>(0, 15));
+  out.add(pose_i, velocity_j, H.block<6, 9>(0, 21));
+  out.add(velocity_i, velocity_i, H.block<9, 9>(6, 6));
+  out.add(velocity_i, pose_j, H.block<9, 6>(6, 15));
+  out.add(velocity_i, velocity_j, H.block<9, 9>(6, 21));
+  out.add(pose_j, pose_j, H.block<6, 6>(15, 15));
+  out.add(pose_j, velocity_j, H.block<6, 9>(15, 21));
+  out.add(velocity_j, velocity_j, H.block<9, 9>(21, 21));
   return cost;
 }
 

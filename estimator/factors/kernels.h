@@ -33,7 +33,8 @@ struct TrackSettings {
   double kernel_c2;             ///< Cauchy scale squared, in units of the whitened residual
   double gate_chi2, gate_cost;  ///< a track is gated if chi2 > gate_chi2 (9 dof + 9) and cost > gate_cost (4 dof + 4)
   bool gate;
-  int cold_steps, warm_steps;  ///< inner steps from the closed form, and from where the point was found last
+  /// Inner steps: from the closed form, from where the point was found in an earlier frame, and in this one.
+  int cold_steps, warm_steps, trial_steps;
 };
 
 /// Normal equations of the visual factors, H delta = b; rotations perturbed in the world frame.

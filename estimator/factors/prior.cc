@@ -38,13 +38,13 @@ double add_prior(const Window& w, NormalEquations* out) {
   const Prior& p = w.prior;
   if (p.frames == 0) return 0;
   const int dim = p.dim();
-  double d[kPriorDim], g[kPriorDim], cost = 0;
+  double d[kPriorDim], Hd[kPriorDim] = {}, g[kPriorDim], cost = 0;
   prior_difference(w, d);
+  for (int j = 0; j < dim; ++j)  // H is symmetric: sums of rows, side by side
+    for (int i = 0; i < dim; ++i) Hd[i] += p.H[j][i] * d[j];
   for (int i = 0; i < dim; ++i) {
-    double Hd = 0;
-    for (int j = 0; j < dim; ++j) Hd += p.H[i][j] * d[j];
-    g[i] = p.b[i] - Hd;
-    cost += d[i] * (Hd - 2 * p.b[i]);
+    g[i] = p.b[i] - Hd[i];
+    cost += d[i] * (Hd[i] - 2 * p.b[i]);
   }
   if (!out) return cost;
   for (int k = 0; k < p.frames; ++k) out->add(pose_of(k), Eigen::Map<const Vec6>(g + 6 * k));

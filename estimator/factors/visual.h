@@ -15,7 +15,8 @@ struct VisualSettings {
   double focal_px = 458;
   bool extrinsics = false;  ///< fill the extrinsic columns
   int inner_steps = 4;      ///< of the point inside a track; fewer bias scale on straight flights
-  int warm_steps = 2;       ///< the same from where the point was found last
+  int warm_steps = 2;       ///< the same from where the point was found in the frame before
+  int trial_steps = 2;      ///< the same from where it was found in this frame
 };
 
 /// Turns the window's bearings into normal equations of poses and calibration.

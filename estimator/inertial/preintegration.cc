@@ -17,25 +17,59 @@ struct Transition {
   Mat3 p_theta, p_a, p_g, theta_theta, theta_g, v_theta, v_a, v_g;
 };
 
-// M <- F M.
-template <int columns>
-void apply(const Transition& F, Eigen::Matrix<double, 15, columns>& M) {
-  using Rows = Eigen::Matrix<double, 3, columns>;
-  const Rows theta = M.template middleRows<3>(kTheta), a = M.template middleRows<3>(kA),
-             g = M.template middleRows<3>(kG);
-  M.template middleRows<3>(kP) += F.T * M.template middleRows<3>(kV) + F.p_theta * theta + F.p_a * a + F.p_g * g;
-  M.template middleRows<3>(kTheta) = F.theta_theta * theta + F.theta_g * g;
-  M.template middleRows<3>(kV) += F.v_theta * theta + F.v_a * a + F.v_g * g;
+auto block(Mat15& M, int row, int column) { return M.block<3, 3>(row, column); }
+
+// J <- F J. The end's attitude does not depend on the accelerometer's bias, nor the end's position on the start's but
+// as it is: of the 25 blocks six need a product.
+void apply(const Transition& F, Mat15& J) {
+  const Mat3 theta = block(J, kTheta, kTheta), theta_g = block(J, kTheta, kG);
+  for (const int column : {kTheta, kV, kA, kG}) block(J, kP, column) += F.T * block(J, kV, column);
+  block(J, kP, kTheta) += F.p_theta * theta;
+  block(J, kP, kA) += F.p_a;
+  block(J, kP, kG) += F.p_theta * theta_g + F.p_g;
+  block(J, kV, kTheta) += F.v_theta * theta;
+  block(J, kV, kA) += F.v_a;
+  block(J, kV, kG) += F.v_theta * theta_g + F.v_g;
+  block(J, kTheta, kTheta) = F.theta_theta * theta;
+  block(J, kTheta, kG) = F.theta_theta * theta_g + F.theta_g;
 }
 
-// C <- F C F^T of a symmetric C. F leaves the biases, so only the nine upper rows of F C meet F^T; the rest is
-// symmetry.
+// C <- F C F^T of a symmetric C in which the biases know nothing of each other, the accelerometer's bias nothing of the
+// attitude, and the biases' own blocks are multiples of one.
 void apply_both_sides(const Transition& F, Mat15& C) {
-  apply(F, C);
-  Eigen::Matrix<double, 15, 9> M = C.topRows<9>().transpose();
-  apply(F, M);
-  C.topLeftCorner<9, 9>() = M.topRows<9>();
-  C.bottomLeftCorner<6, 9>() = C.topRightCorner<9, 6>().transpose();
+  const double a = C(kA, kA), g = C(kG, kG);
+  const Mat3 C_pt = block(C, kP, kTheta), C_tt = block(C, kTheta, kTheta), C_tv = block(C, kTheta, kV),
+             C_tg = block(C, kTheta, kG), C_pa = block(C, kP, kA), C_pg = block(C, kP, kG), C_va = block(C, kV, kA),
+             C_vg = block(C, kV, kG), C_pv = block(C, kP, kV), C_vv = block(C, kV, kV);
+  // G = F C, the blocks that are needed
+  const Mat3 G_pt = C_pt + F.T * C_tv.transpose() + F.p_theta * C_tt + F.p_g * C_tg.transpose();
+  const Mat3 G_pv = C_pv + F.T * C_vv + F.p_theta * C_tv + F.p_a * C_va.transpose() + F.p_g * C_vg.transpose();
+  const Mat3 G_pp = block(C, kP, kP) + F.T * C_pv.transpose() + F.p_theta * C_pt.transpose() +
+                    F.p_a * C_pa.transpose() + F.p_g * C_pg.transpose();
+  const Mat3 G_pa = C_pa + F.T * C_va + a * F.p_a;
+  const Mat3 G_pg = C_pg + F.T * C_vg + F.p_theta * C_tg + g * F.p_g;
+  const Mat3 G_tt = F.theta_theta * C_tt + F.theta_g * C_tg.transpose();
+  const Mat3 G_tv = F.theta_theta * C_tv + F.theta_g * C_vg.transpose();
+  const Mat3 G_tg = F.theta_theta * C_tg + g * F.theta_g;
+  const Mat3 G_vt = C_tv.transpose() + F.v_theta * C_tt + F.v_g * C_tg.transpose();
+  const Mat3 G_vv = C_vv + F.v_theta * C_tv + F.v_a * C_va.transpose() + F.v_g * C_vg.transpose();
+  const Mat3 G_va = C_va + a * F.v_a;
+  const Mat3 G_vg = C_vg + F.v_theta * C_tg + g * F.v_g;
+  const auto set = [&](int row, int column, const Mat3& B) {
+    block(C, row, column) = B;
+    if (row != column) block(C, column, row) = B.transpose();
+  };
+  set(kP, kP, G_pp + F.T * G_pv + G_pt * F.p_theta.transpose() + G_pa * F.p_a.transpose() + G_pg * F.p_g.transpose());
+  set(kP, kTheta, G_pt * F.theta_theta.transpose() + G_pg * F.theta_g.transpose());
+  set(kP, kV, G_pv + G_pt * F.v_theta.transpose() + G_pa * F.v_a.transpose() + G_pg * F.v_g.transpose());
+  set(kP, kA, G_pa);
+  set(kP, kG, G_pg);
+  set(kTheta, kTheta, G_tt * F.theta_theta.transpose() + G_tg * F.theta_g.transpose());
+  set(kTheta, kV, G_tv + G_tt * F.v_theta.transpose() + G_tg * F.v_g.transpose());
+  set(kTheta, kG, G_tg);
+  set(kV, kV, G_vv + G_vt * F.v_theta.transpose() + G_va * F.v_a.transpose() + G_vg * F.v_g.transpose());
+  set(kV, kA, G_va);
+  set(kV, kG, G_vg);
 }
 
 }  // namespace
