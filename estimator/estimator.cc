@@ -57,11 +57,20 @@ bool Estimator::Impl::add_imu(const ImuSample& sample) {
     case ImuHistory::Push::kNotFinite:
       ++stats.imu_not_finite;
       return false;
+    case ImuHistory::Push::kImpossible:
+      ++stats.imu_impossible;
+      return false;
+    case ImuHistory::Push::kFarAhead:
+      ++stats.imu_far_ahead;
+      return false;
     case ImuHistory::Push::kTaken:
       break;
   }
-  if ((sample.reasons & kDistrustReasons) == 0) stationary.add(sample);
-  const ImuHistory::Reading& r = history.newest();
+  stats.imu_suspect = history.counts().suspects;
+  stats.imu_bridged = history.counts().bridged;
+  if (history.spikes_persist()) imu_gap_seen = true;
+  if ((sample.reasons & kDistrustReasons) == 0 && !history.newest_is_suspect()) stationary.add(sample);
+  const ImuHistory::Reading r = history.newest();
   if (r.w.cwiseAbs().maxCoeff() >= config.saturation_gyroscope_rad_s ||
       r.a.cwiseAbs().maxCoeff() >= config.saturation_accelerometer_m_s2 ||
       (sample.reasons & bit(HealthReason::kImuSaturated)) != 0)

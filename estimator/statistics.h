@@ -48,6 +48,9 @@ struct EstimatorStats {
   std::uint64_t solves = 0;  ///< over which the next four are summed
   std::uint64_t imu_samples = 0, imu_out_of_order = 0, imu_duplicate = 0, imu_not_finite = 0, imu_saturated = 0,
                 imu_gaps = 0;
+  std::uint64_t imu_impossible = 0;                ///< values that no sensor measures: left out
+  std::uint64_t imu_far_ahead = 0;                 ///< stamps more than 0.25 s ahead, kept aside until the next reading
+  std::uint64_t imu_suspect = 0, imu_bridged = 0;  ///< unlike the reading before; of those, unlike the next one, too
   std::uint64_t iterations = 0, residuals = 0, state_size = 0, deadline_hits = 0;
   std::uint64_t linearisations = 0, tracks_offered = 0, tracks_used = 0;  ///< likewise
   std::uint64_t keyframes = 0, zero_motion_frames = 0, gated = 0, gate_suspended = 0, tracks_refused = 0;

@@ -177,6 +177,7 @@ Result<ReplayResult> replay(const ReplayOptions& options,
                                                             config.imu_calibration);
   if (!dataset) return dataset.error();
   fill_config(*dataset, file ? &*file : nullptr, options, config);
+  if (options.alter_imu) options.alter_imu(dataset->imu_samples);
   if (options.loop_s) loop_flight(*dataset, *options.loop_s);
   try {
     const FlightPlan plan = plan_flight(*dataset, options);

@@ -30,9 +30,10 @@ struct ReplayOptions {
   bool imu_rate = false;                 ///< in threads: keep the odometry of every IMU reading
   double shift_images_ms = 0;            ///< added to the images' stamps: a made-up time offset
   std::vector<Fault> faults;             ///< what goes wrong with the sensors on the way
-  OdometrySink* odometry = nullptr;      ///< gets what is published; in one thread the estimate of each image
-  LiveView* view = nullptr;              ///< shows a flight in threads while it goes on; open, not started
-  std::filesystem::path record_folder;   ///< of the flight recorder, in threads only; wins over the file; empty: none
+  std::function<void(std::vector<ImuSample>&)> alter_imu;  ///< changes the readings before the flight; empty: nothing
+  OdometrySink* odometry = nullptr;     ///< gets what is published; in one thread the estimate of each image
+  LiveView* view = nullptr;             ///< shows a flight in threads while it goes on; open, not started
+  std::filesystem::path record_folder;  ///< of the flight recorder, in threads only; wins over the file; empty: none
   bool record_images = false;
 };
 

@@ -5,6 +5,7 @@
 #include "estimator/geometry/types.h"
 #include "estimator/inertial/nav_state.h"
 #include "estimator/inertial/preintegration.h"
+#include "estimator/inertial/spike_judge.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {
@@ -12,11 +13,26 @@ namespace epiline {
 /// The last few seconds of IMU readings, and integration between any two instants of them.
 class ImuHistory {
  public:
-  enum class Push : std::uint8_t { kTaken, kOutOfOrder, kDuplicate, kNotFinite };
+  enum class Push : std::uint8_t {
+    kTaken,
+    kOutOfOrder,
+    kDuplicate,
+    kNotFinite,
+    kImpossible,  ///< no sensor measures that (is_impossible): left out
+    kFarAhead,    ///< kept aside: taken with the next reading if that confirms its stamp
+  };
   struct Reading {
     HostStamp stamp;
     Vec3 w, a;                ///< rad/s, m/s^2, in B
     bool distrusted = false;  ///< at a limit or stuck: as good as none
+    bool suspect = false;     ///< alone, as far as its neighbours are known: a value between them stands in its place
+    bool in_gap = false;      ///< one of too many suspects in a row: as good as none
+    SpikeJudge::Unknown unknown{};  ///< of a suspect
+  };
+  struct Counts {
+    std::uint64_t suspects = 0;  ///< readings that left what came before them
+    std::uint64_t bridged = 0;   ///< of those, the ones that stood alone: corrupt
+    std::uint64_t gaps = 0;      ///< bursts too long to bridge
   };
   struct Density {
     ImuNoise noise;               ///< as assumed by the estimator
@@ -25,13 +41,19 @@ class ImuHistory {
   };
 
   Push push(const ImuSample& sample);
-  void clear() { count_ = 0; }
+  void clear();
   bool empty() const { return count_ == 0; }
-  const Reading& newest() const { return at(count_ - 1); }
+  /// While the newest reading is a suspect, it has the values of the one before it.
+  Reading newest() const { return value(count_ - 1); }
+  bool newest_is_suspect() const { return count_ > 0 && at(count_ - 1).suspect; }
+  const Counts& counts() const { return counts_; }
+  /// Whether corrupt readings come several times a second.
+  bool spikes_persist() const { return judge_.persists(); }
   HostStamp oldest_stamp() const { return at(first()).stamp; }
   /// Typical distance of readings, s; 0 before the second one.
-  double period() const { return period_; }
-  /// Whether the newest reading came after a hole of more than 2.5 periods.
+  double period() const { return period_.seconds(); }
+  /// Whether the newest reading came after a hole of more than 2.5 periods, or ended a burst of suspects too long to
+  /// bridge.
   bool after_gap() const { return after_gap_; }
 
   /// The longest time between t0 and t1, or ending there, without a reading to be trusted; s.
@@ -51,13 +73,19 @@ class ImuHistory {
   template <class F>
   void each(HostStamp t0, HostStamp t1, F&& visit) const {
     for (std::uint64_t i = first(); i < count_; ++i)
-      if (at(i).stamp >= t0 && at(i).stamp <= t1) visit(at(i));
+      if (at(i).stamp >= t0 && at(i).stamp <= t1) visit(value(i));
   }
 
  private:
   static constexpr std::uint64_t kCapacity = 4096;  // 20 s at 200 Hz, 4 s at 1 kHz
   std::uint64_t first() const { return count_ > kCapacity ? count_ - kCapacity : 0; }
   const Reading& at(std::uint64_t i) const { return readings_[i % kCapacity]; }
+  Reading& at(std::uint64_t i) { return readings_[i % kCapacity]; }
+  /// A reading; in place of a suspect the line between its neighbours, or the one before it until there is another.
+  Reading value(std::uint64_t i) const;
+  HostStamp newest_stamp() const { return at(count_ - 1).stamp; }
+  void take(Reading reading);
+  void judge(Reading& reading);
   /// Index of the last reading at or before t, or the first one.
   std::uint64_t before(HostStamp t) const;
   Reading interpolated(std::uint64_t i, HostStamp t) const;
@@ -67,8 +95,12 @@ class ImuHistory {
 
   std::array<Reading, kCapacity> readings_;
   std::uint64_t count_ = 0;
-  double period_ = 0;
+  ReadingPeriod period_;
   bool after_gap_ = false;
+  SpikeJudge judge_;
+  Counts counts_;
+  bool has_aside_ = false;
+  Reading aside_;  // far ahead of the others, not confirmed
 };
 
 }  // namespace epiline

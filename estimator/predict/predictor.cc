@@ -46,13 +46,33 @@ ImuHistory::Push Predictor::add_imu(const ImuSample& sample) noexcept {
   stats_.imu_out_of_order += push == ImuHistory::Push::kOutOfOrder;
   stats_.imu_duplicate += push == ImuHistory::Push::kDuplicate;
   stats_.imu_not_finite += push == ImuHistory::Push::kNotFinite;
+  stats_.imu_impossible += push == ImuHistory::Push::kImpossible;
+  stats_.imu_far_ahead += push == ImuHistory::Push::kFarAhead;
   if (push != ImuHistory::Push::kTaken) return push;
-  if (started_) history_.integrate(before, sample.stamp, config_.density, interval_);
+  if (started_) extend(before);
   if (waiting_ && imu_time(waiting_for_readings_) <= sample.stamp) {
     waiting_ = false;
     apply(waiting_for_readings_, imu_time(waiting_for_readings_));
   }
   return push;
+}
+
+/// Over the newest reading. What was put in place of a suspect is integrated anew once the next reading tells what it
+/// was.
+void Predictor::extend(HostStamp before) noexcept {
+  const HostStamp newest = history_.newest().stamp;
+  if (history_.newest_is_suspect()) {
+    if (!has_sound_) {
+      sound_ = interval_;
+      sound_until_ = before;
+      has_sound_ = true;
+    }
+  } else if (has_sound_) {
+    interval_ = sound_;
+    before = sound_until_;
+    has_sound_ = false;
+  }
+  history_.integrate(before, newest, config_.density, interval_);
 }
 
 Predictor::Correction Predictor::correct(const Odometry& solved) noexcept {
@@ -111,6 +131,7 @@ void Predictor::set_base(const Odometry& solved, HostStamp time) noexcept {
 
   base_covariance_ = into_body(Eigen::Map<const OdometryCovariance>(solved.covariance.data()), base_.R);
   interval_.reset(base_.b_a, base_.b_g);
+  has_sound_ = false;
   history_.integrate(time, history_.newest().stamp, config_.density, interval_);
 }
 
@@ -153,7 +174,7 @@ Odometry Predictor::odometry() const noexcept {
   Odometry out = solved_;
   const NavState x = predicted();
   const Offset d = offset();
-  const ImuHistory::Reading& newest = history_.newest();
+  const ImuHistory::Reading newest = history_.newest();
   const Eigen::Quaterniond q(so3_exp(d.phi) * x.R);
   out.stamp = newest.stamp;
   Eigen::Map<Vec3>(out.p_WB_m.data()) = x.p + d.p;

@@ -28,6 +28,7 @@ PredictorConfig predictor_config(const EstimatorConfig& estimator) noexcept;
 
 struct PredictorStats {
   std::uint64_t imu_samples = 0, imu_out_of_order = 0, imu_duplicate = 0, imu_not_finite = 0;
+  std::uint64_t imu_impossible = 0, imu_far_ahead = 0;     ///< as in EstimatorStats
   std::uint64_t corrections = 0, jumps = 0;                ///< taken; and those of them that were not blended
   std::uint64_t deferred = 0;                              ///< came before the readings of their time
   std::uint64_t not_finite = 0, old = 0, no_readings = 0;  ///< left out
@@ -82,6 +83,7 @@ class Predictor {
     Vec3 p = Vec3::Zero(), phi = Vec3::Zero(), v = Vec3::Zero();  // phi in W: R_published = Exp(phi) R
   };
 
+  void extend(HostStamp before) noexcept;
   Correction apply(const Odometry& solved, HostStamp time) noexcept;
   void set_base(const Odometry& solved, HostStamp time) noexcept;
   NavState predicted() const noexcept;
@@ -99,6 +101,9 @@ class Predictor {
   NavState base_;        // at base_time_
   BodyCovariance base_covariance_;
   Preintegration interval_;  // from base_time_ to the newest reading
+  bool has_sound_ = false;   // the newest readings are suspects:
+  Preintegration sound_;     // the interval as it was before them ...
+  HostStamp sound_until_;    // ... and where it ended
   Offset offset_;            // as it was at offset_time_
   HostStamp offset_time_;
 };

@@ -53,7 +53,8 @@ ImageRecord image_record(const FrameOutcome& outcome) {
 ImuLeftOut imu_left_out(const FlightRecord& r) {
   const EstimatorStats& e = r.estimator;
   const ImuGateStats& w = r.imu_watch;
-  return {w.out_of_order + e.imu_out_of_order, w.duplicate + e.imu_duplicate, w.not_finite + e.imu_not_finite};
+  return {w.out_of_order + e.imu_out_of_order, w.duplicate + e.imu_duplicate, w.not_finite + e.imu_not_finite,
+          w.impossible + e.imu_impossible};
 }
 
 Trajectory trajectory_of(const FlightRecord& record) {

@@ -109,7 +109,7 @@ struct FlightRecord {
 
 /// Readings of the IMU that were left out, by the watch or by the estimator.
 struct ImuLeftOut {
-  std::uint64_t out_of_order = 0, duplicate = 0, not_finite = 0;
+  std::uint64_t out_of_order = 0, duplicate = 0, not_finite = 0, impossible = 0;
 };
 ImuLeftOut imu_left_out(const FlightRecord& record);
 

@@ -313,7 +313,8 @@ std::string count_table(const FlightRecord& r) {
              fmt::format("{} / {} / {} / {}", r.images_read, e.frames_solved, e.frames_predicted, skipped)) +
          row("IMU samples used / out of order / doubled / not finite",
              fmt::format("{} / {} / {} / {}", e.imu_samples, left_out.out_of_order, left_out.duplicate,
-                         left_out.not_finite)) +
+                         left_out.not_finite + left_out.impossible)) +
+         row("IMU readings bridged (corrupt)", fmt::format("{}", e.imu_bridged)) +
          row("IMU gaps / saturated", fmt::format("{} / {}", e.imu_gaps, e.imu_saturated)) +
          row("initialising / tracking / degraded / lost, s",
              fmt::format("{:.1f} / {:.1f} / {:.1f} / {:.1f}", seconds[0], seconds[1], seconds[2], seconds[3])) +

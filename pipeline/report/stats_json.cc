@@ -50,6 +50,10 @@ Json imu_json(const FlightRecord& r) {
           {"out_of_order", left_out.out_of_order},
           {"duplicate", left_out.duplicate},
           {"not_finite", left_out.not_finite},
+          {"impossible", left_out.impossible},
+          {"far_ahead", e.imu_far_ahead},
+          {"suspect", e.imu_suspect},
+          {"bridged", e.imu_bridged},
           {"gaps", e.imu_gaps},
           {"saturated", e.imu_saturated}};
 }

@@ -5,6 +5,8 @@
 namespace epiline {
 
 void EstimatorEvents::after_imu(const ImuSample& sample, const EstimateStage& stage) noexcept {
+  const std::uint64_t aside = stage.estimator().stats().imu_far_ahead;
+  if (std::exchange(aside_, aside) != aside) return;  // nothing is told of it until another reading confirms its stamp
   const std::uint64_t gaps = stage.estimator().stats().imu_gaps;
   if (std::exchange(gaps_, gaps) != gaps) tell(sample.stamp, EventId::kImuGap, (sample.stamp - last_imu_).ns);
   last_imu_ = sample.stamp;

@@ -22,7 +22,7 @@ class EstimatorEvents {
   }
 
   EventRing& out_;
-  std::uint64_t gaps_ = 0;
+  std::uint64_t gaps_ = 0, aside_ = 0;
   HostStamp last_imu_;
   HealthState state_ = HealthState::kInitialising;
   std::uint32_t resets_ = 0;

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 
+#include "estimator/inertial/spike_judge.h"
 #include "pipeline/watch/stamp_gate.h"
 #include "platform/samples/samples.h"
 
@@ -15,6 +16,8 @@ struct ImuLimits {
 
 struct ImuGateStats {
   std::uint64_t not_finite = 0, duplicate = 0, out_of_order = 0, suspect = 0, clock_steps = 0, saturated = 0, stuck = 0;
+  std::uint64_t impossible = 0;  ///< values that no sensor measures, or this one cannot
+  std::uint64_t spikes = 0;      ///< readings unlike their neighbours; taken: whoever integrates them bridges them
 };
 
 /// A pure object: no clock, no heap. The same readings give the same verdicts.
@@ -30,19 +33,30 @@ class ImuGate {
   Span correction() const noexcept { return clock_.correction(); }
 
  private:
+  struct Axis {
+    double limit = 0;  ///< readings of this size are no measurement
+    double last = 0;
+    int same = 0;           ///< readings in a row with this very value
+    double repeats = 0.9;   ///< share of readings that repeat the one before: what rounding does
+    double goes_on = 0.98;  ///< share of readings that go on along a line, level or not: what interpolation does
+    double step = 0;        ///< from the last value but one that differed to the last
+    double lines = 0;       ///< readings that goes_on was learnt from
+    bool on_line = false;   ///< the last reading did go on so
+  };
+
+  static bool is_limit(const Axis& axis) noexcept;
+  static void learn_rows(Axis& axis, double value) noexcept;
   bool refuse(std::uint64_t& counter) noexcept;
+  bool impossible(const ImuSample& reading) const noexcept;
+  bool spikes_persist(const ImuSample& reading) noexcept;
   bool in_order(ImuSample& reading) noexcept;
   bool saturated(const ImuSample& reading) noexcept;
   bool stuck(const ImuSample& reading) noexcept;
 
   StampGate clock_;
+  ReadingPeriod period_;
+  SpikeJudge judge_;
   ImuGateStats stats_;
-  struct Axis {
-    double limit = 0;  ///< readings of this size are no measurement
-    double last = 0;
-    int same = 0;          ///< readings in a row with this very value
-    double repeats = 0.9;  ///< share of readings that repeat the one before: what rounding does
-  };
   std::array<Axis, 6> axes_{};
   ImuSample last_;
   int same_ = 0;

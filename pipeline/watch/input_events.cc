@@ -27,7 +27,7 @@ void ImuEvents::after(bool taken, const ImuSample& reading, const ImuGate& gate)
   tell_clock(correction_, gate.correction(), EventSource::kImu, now_, out_);
   const ImuGateStats& s = gate.stats();
   saturated_.step(s.saturated, now_, out_);
-  const std::array<std::uint64_t, 4> refused = {s.out_of_order, s.duplicate, s.not_finite, s.suspect};
+  const std::array<std::uint64_t, 5> refused = {s.out_of_order, s.duplicate, s.not_finite, s.suspect, s.impossible};
   for (std::size_t i = 0; i < refused.size(); ++i) refused_[i].step(refused[i], now_, out_);
 }
 

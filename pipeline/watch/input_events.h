@@ -37,10 +37,11 @@ class ImuEvents {
   HostStamp now_;  ///< of the last reading taken: a refused one's stamp may be anything
   Span correction_{};
   Episode saturated_{EventId::kImuSaturated};
-  std::array<Episode, 4> refused_{Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kOutOfOrder)},
+  std::array<Episode, 5> refused_{Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kOutOfOrder)},
                                   Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kDuplicate)},
                                   Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kNotFinite)},
-                                  Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kOtherTime)}};
+                                  Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kOtherTime)},
+                                  Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kImpossible)}};
 };
 
 /// The same for a camera's images.

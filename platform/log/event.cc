@@ -17,7 +17,7 @@ constexpr const char* kStartKinds[] = {"none", "given", "stationary", "moving"};
 constexpr const char* kLoadLevels[] = {"full", "fewer_features", "fewer_iterations", "prediction_only"};
 constexpr const char* kSources[] = {"camera", "imu", "wheel", "odometry"};
 constexpr const char* kImageLosses[] = {"overtaken", "missed", "refused"};
-constexpr const char* kImuRefusals[] = {"out_of_order", "duplicate", "not_finite", "other_time"};
+constexpr const char* kImuRefusals[] = {"out_of_order", "duplicate", "not_finite", "other_time", "impossible"};
 constexpr const char* kRecordReasons[] = {"requested", "lost", "end"};
 constexpr const char* kRings[] = {"frames",        "imu_to_track", "imu_to_estimate",   "imu_to_publish", "tracked",
                                   "knowledge",     "outcomes",     "publications",      "tracks_to_log",  "imu_to_log",

@@ -36,7 +36,7 @@ enum class EventId : std::uint16_t {
 
 enum class EventSource : std::uint8_t { kCamera, kImu, kWheel, kOdometry };
 enum class ImageLoss : std::uint8_t { kOvertaken, kMissed, kRefused };
-enum class ImuRefusal : std::uint8_t { kOutOfOrder, kDuplicate, kNotFinite, kOtherTime };
+enum class ImuRefusal : std::uint8_t { kOutOfOrder, kDuplicate, kNotFinite, kOtherTime, kImpossible };
 enum class RecordReason : std::uint8_t { kRequested, kLost, kEnd };
 /// The rings between the threads of a real-time run.
 enum class RingName : std::uint8_t {

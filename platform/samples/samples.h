@@ -83,7 +83,7 @@ enum class HealthReason : std::uint32_t {
   kExposureStep = 1u << 17,     ///< brightness changed at once
   kImuSaturated = 1u << 18,     ///< readings at the sensor's limit
   kImuStuck = 1u << 19,         ///< the same reading again and again
-  kReadingsRefused = 1u << 20,  ///< readings not finite, doubled, out of order or of another time; left out
+  kReadingsRefused = 1u << 20,  ///< readings impossible, corrupt several times a second, doubled or old: left out
   kImuClockDrift = 1u << 21,    ///< the IMU's clock runs off the computer's
   kOverloaded = 1u << 22,       ///< too little time: fewer features, fewer solver steps, or prediction only
 };

@@ -14,6 +14,7 @@
 #include "estimator/geometry/so3.h"
 #include "pipeline/stages/imu_feed.h"
 #include "pipeline/stages/offline.h"
+#include "platform/linux/realtime.h"
 #include "platform/time/monotonic.h"
 #include "tests/support/recorded_data.h"
 
@@ -44,7 +45,7 @@ TEST(PredictedFlight, TheNextSolveLiesWhereThePredictionSays) {
   settings.estimator.imu = dataset->imu.noise;
   settings.estimator.extrinsics = {dataset->camera.R_BC, dataset->camera.p_BC,
                                    Camera(dataset->camera.parameters).focal_px(), dataset->camera.time_offset_s};
-  settings.now = monotonic_ns;
+  settings.clocks = {monotonic_ns, thread_cpu_ns};
   OfflinePipeline pipeline(settings);
   PredictorConfig config = predictor_config(settings.estimator);
   config.blend_s = 0;  // the solve itself, carried on to the same reading

@@ -76,10 +76,10 @@ Consistency first_seconds(FlightRecord record) {
 void take_times(const FlightRecord& record, Start& start) {
   for (const ImageRecord& image : record.images) {
     if (image.has_pose) {
-      start.first_pose_ms = image.estimate_ms;
+      start.first_pose_ms = image.cpu_ms.estimate;
       return;
     }
-    start.refused_ms = std::max(start.refused_ms, image.estimate_ms);
+    start.refused_ms = std::max(start.refused_ms, image.cpu_ms.estimate);
   }
 }
 

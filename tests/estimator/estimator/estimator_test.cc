@@ -238,7 +238,8 @@ TEST(EstimatorFeatures, TwoSecondsWithoutThemAreDegradedAndTheCovarianceCoversTh
 }
 
 TEST(EstimatorImu, BadSamplesAreCountedAndHarmless) {
-  // GIVEN two estimators on the same flight, one of which gets not-a-numbers, doubles and old samples as well
+  // GIVEN two estimators on the same flight, one of which gets not-a-numbers, impossible values, doubles, old samples
+  // and stamps far in the future as well
   const Flight flight{.moving_from = 1.5};
   Rig clean(flight, {}), spoilt(flight, {});
   std::uint64_t n = 0, refused = 0;
@@ -258,6 +259,13 @@ TEST(EstimatorImu, BadSamplesAreCountedAndHarmless) {
       case 7:
         bad.stamp = bad.stamp - Span{42'000'000};
         break;
+      case 8:
+        bad.stamp = bad.stamp + Span{1'000'000};
+        bad.specific_force_m_s2[n % 3] = -1e6;
+        break;
+      case 9:
+        bad.stamp = bad.stamp + Span{100'000'000'000};
+        break;
       default:
         return;
     }
@@ -269,9 +277,12 @@ TEST(EstimatorImu, BadSamplesAreCountedAndHarmless) {
   // THEN every bad sample is counted, and the estimates are the same to the last bit
   EXPECT_GT(refused, 300u);
   const EstimatorStats& s = spoilt.stats();
-  EXPECT_EQ(s.imu_not_finite + s.imu_duplicate + s.imu_out_of_order, refused);
-  EXPECT_NEAR(static_cast<double>(s.imu_not_finite), 0.5 * static_cast<double>(refused), 2);
-  EXPECT_NEAR(static_cast<double>(s.imu_duplicate), 0.25 * static_cast<double>(refused), 2);
+  EXPECT_EQ(s.imu_not_finite + s.imu_duplicate + s.imu_out_of_order + s.imu_impossible + s.imu_far_ahead, refused);
+  const double sixth = static_cast<double>(refused) / 6;
+  EXPECT_NEAR(static_cast<double>(s.imu_not_finite), 2 * sixth, 2);
+  EXPECT_NEAR(static_cast<double>(s.imu_duplicate), sixth, 2);
+  EXPECT_NEAR(static_cast<double>(s.imu_impossible), sixth, 2);
+  EXPECT_NEAR(static_cast<double>(s.imu_far_ahead), sixth, 2);
   EXPECT_EQ(s.imu_samples, clean.stats().imu_samples + refused);
   EXPECT_EQ(s.imu_gaps, 0u);
   ASSERT_TRUE(clean.last().has_pose);

@@ -163,6 +163,110 @@ TEST(ImuHistory, RefusesOldDoubleAndBrokenReadings) {
   EXPECT_EQ(h->push(sample(0.105)), ImuHistory::Push::kTaken);
 }
 
+/// Most that may be off with one reading bridged: the signal's curve over two periods.
+constexpr double kBridged_m_s = 1e-3;
+
+TEST(ImuHistory, ACorruptReadingIsBridgedAndItsSizeIsUnknown) {
+  for (const bool of_rate : {true, false}) {
+    const auto good = history(0, 1), bad = std::make_unique<ImuHistory>();
+    for (int i = 0; i <= 200; ++i) {
+      ImuSample s = sample(0.005 * i);
+      if (i == 150) (of_rate ? s.angular_velocity_rad_s : s.specific_force_m_s2)[1] += of_rate ? 35 : 400;
+      EXPECT_EQ(bad->push(s), ImuHistory::Push::kTaken);
+    }
+    EXPECT_EQ(bad->counts().suspects, 1U);
+    EXPECT_EQ(bad->counts().bridged, 1U);
+    const Preintegration expected = integrated(*good, 0.7, 0.8), z = integrated(*bad, 0.7, 0.8);
+    EXPECT_LT((z.dv - expected.dv).norm(), kBridged_m_s);
+    EXPECT_LT(so3_log(expected.dR.transpose() * z.dR).norm(), 1e-4);
+    const int at_v = 6, at_theta = 3;
+    EXPECT_GT(z.C(of_rate ? at_theta : at_v, of_rate ? at_theta : at_v),
+              2 * expected.C(of_rate ? at_theta : at_v, of_rate ? at_theta : at_v));
+    EXPECT_LT(std::sqrt(z.C(at_v, at_v)), 0.3) << "as much as a spike of 60 m/s^2 might be";
+    EXPECT_LT(std::sqrt(z.C(at_theta, at_theta)), 0.05);
+    EXPECT_EQ(difference(integrated(*good, 0.8, 0.9), integrated(*bad, 0.8, 0.9)), 0);
+    EXPECT_EQ(bad->longest_unknown_s(at(0.7), at(0.8)), good->longest_unknown_s(at(0.7), at(0.8)));
+  }
+}
+
+/// An interval that ends at a suspect goes on with the reading before; what the suspect would have added is in the
+/// covariance. With the next reading all of it counts.
+TEST(ImuHistory, ASuspectThatWasRealCountsOnceTheNextReadingAgrees) {
+  const auto h = std::make_unique<ImuHistory>();
+  const auto stepped = [](double t) {
+    ImuSample s = sample(t);
+    if (t > 0.4999) s.angular_velocity_rad_s[0] += 3;
+    if (t > 0.4999) s.specific_force_m_s2[2] += 30;
+    return s;
+  };
+  for (int i = 0; i <= 100; ++i) h->push(stepped(0.005 * i));
+  ASSERT_TRUE(h->newest_is_suspect());
+  const Preintegration doubted = integrated(*h, 0.45, 0.5);
+  EXPECT_LT((h->newest().w - rate(0.495)).norm(), 1e-12);
+  h->push(stepped(0.505));
+  EXPECT_FALSE(h->newest_is_suspect());
+  EXPECT_EQ(h->counts().bridged, 0U);
+  const Preintegration certain = integrated(*h, 0.45, 0.5);
+  const Vec3 missed = certain.dv - doubted.dv, turned = so3_log(doubted.dR.transpose() * certain.dR);
+  EXPECT_GT(missed.norm(), 0.05);
+  EXPECT_LT(missed.norm(), 2 * std::sqrt(doubted.C(8, 8)));
+  EXPECT_GT(turned.norm(), 0.005);
+  EXPECT_LT(turned.norm(), 2 * std::sqrt(doubted.C(3, 3)));
+  EXPECT_LT(std::sqrt(certain.C(8, 8)), 0.1 * std::sqrt(doubted.C(8, 8)));
+}
+
+TEST(ImuHistory, ABurstOfCorruptReadingsIsAGap) {
+  const auto h = std::make_unique<ImuHistory>();
+  int gaps = 0;
+  for (int i = 0; i <= 400; ++i) {
+    ImuSample s = sample(0.005 * i);
+    if (i >= 200 && i < 300) s.angular_velocity_rad_s[static_cast<std::size_t>(i % 3)] += i % 2 == 0 ? 40 : -30;
+    h->push(s);
+    gaps += h->after_gap();
+  }
+  EXPECT_GE(gaps, 10);
+  EXPECT_EQ(h->counts().gaps, static_cast<std::uint64_t>(gaps));
+  EXPECT_GT(h->longest_unknown_s(at(0.9), at(1.6)), 0.4);
+  EXPECT_LT(h->longest_unknown_s(at(1.6), at(1.9)), 0.01);
+}
+
+TEST(ImuHistory, RefusesWhatNoSensorMeasures) {
+  const auto h = history(0, 0.1);
+  ImuSample s = sample(0.105);
+  s.specific_force_m_s2[0] = 1e6;
+  EXPECT_EQ(h->push(s), ImuHistory::Push::kImpossible);
+  s = sample(0.105);
+  s.angular_velocity_rad_s[0] = 1e4;
+  EXPECT_EQ(h->push(s), ImuHistory::Push::kImpossible);
+  s.angular_velocity_rad_s = s.specific_force_m_s2 = {};
+  EXPECT_EQ(h->push(s), ImuHistory::Push::kImpossible);
+  EXPECT_EQ(h->newest().stamp, at(0.1));
+}
+
+TEST(ImuHistory, AStampFarAheadNeedsASecondOneThatConfirmsIt) {
+  const auto h = history(0, 0.1);
+  EXPECT_EQ(h->push(sample(100)), ImuHistory::Push::kFarAhead);
+  EXPECT_EQ(h->push(sample(0.105)), ImuHistory::Push::kTaken);
+  EXPECT_FALSE(h->after_gap());
+  EXPECT_EQ(h->push(sample(0.8)), ImuHistory::Push::kFarAhead);
+  EXPECT_EQ(h->push(sample(200)), ImuHistory::Push::kFarAhead);
+  EXPECT_EQ(h->push(sample(0.9)), ImuHistory::Push::kFarAhead);
+  EXPECT_EQ(h->push(sample(0.905)), ImuHistory::Push::kTaken);
+  EXPECT_TRUE(h->after_gap());
+  EXPECT_EQ(h->newest().stamp, at(0.905));
+  EXPECT_EQ(h->push(sample(0.91)), ImuHistory::Push::kTaken);
+  EXPECT_FALSE(h->after_gap());
+}
+
+TEST(ImuHistory, AFirstStampFarAheadDoesNotHideWhatFollows) {
+  const auto h = std::make_unique<ImuHistory>();
+  EXPECT_EQ(h->push(sample(100)), ImuHistory::Push::kTaken);
+  EXPECT_EQ(h->push(sample(0)), ImuHistory::Push::kTaken);
+  EXPECT_EQ(h->push(sample(0.005)), ImuHistory::Push::kTaken);
+  EXPECT_EQ(h->newest().stamp, at(0.005));
+  EXPECT_EQ(h->oldest_stamp(), at(0));
+}
+
 /// A first pair of readings that came in one packet, a microsecond apart, must not make gaps of all that follow.
 TEST(ImuHistory, LearnsThePeriodWhateverTheFirstOneWas) {
   const auto h = std::make_unique<ImuHistory>();

@@ -529,6 +529,35 @@ TEST(Predictor, CountsAndLeavesOutBadReadings) {
   EXPECT_EQ(dirty.stats().imu_samples, 130u);
 }
 
+/// A reading unlike those before it, corrupt or not, is doubted while it is the newest. With the next one the
+/// prediction is that of a predictor that integrates all readings at once.
+TEST(Predictor, RevisesWhatItDoubted) {
+  const Vec3 up(0, 0, 9.81), turn(3, 0, 0);
+  for (const bool is_real : {false, true}) {
+    const auto reading = [&](int k) {
+      const bool turned = k == 50 || (is_real && k > 50);
+      return sample(at(0.005 * k), turned ? turn : Vec3(0.1, 0, 0), up);
+    };
+    Predictor early{PredictorConfig{}}, late{PredictorConfig{}};
+    const Odometry base = solved(NavState{}, at(0), Vec3(0.1, 0, 0), 1e-4 * Mat16::Identity());
+    for (int k = 0; k <= 60; ++k) {
+      early.add_imu(reading(k));
+      late.add_imu(reading(k));
+      if (k == 0) early.correct(base);
+      if (k == 50) {
+        const Odometry doubted = early.odometry();
+        EXPECT_NEAR(doubted.omega_B_rad_s[0], 0.1, 1e-9);
+        EXPECT_LT(so3_log(state_of(doubted).R).norm(), 0.0251);
+        EXPECT_GT(std::sqrt(covariance_of(doubted)(3, 3)), 0.01);
+      }
+    }
+    late.correct(base);
+    EXPECT_LT(difference(state_of(early.odometry()), state_of(late.odometry())).norm(), 1e-12);
+    EXPECT_LT((covariance_of(early.odometry()) - covariance_of(late.odometry())).norm(), 1e-12);
+    EXPECT_NEAR(so3_log(state_of(early.odometry()).R).norm(), is_real ? 0.025 + 1.45 * 0.005 + 0.15 : 0.03, 1e-3);
+  }
+}
+
 TEST(Predictor, SaysWhenNoSolveCame) {
   Predictor predictor{PredictorConfig{}};
   EXPECT_EQ(predictor.state(), Predictor::State::kWaiting);

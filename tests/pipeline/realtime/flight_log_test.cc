@@ -185,11 +185,13 @@ TEST(EstimatorEvents, TellOfAGapInTheReadings) {
   for (std::int64_t ms = 0; ms <= 1000; ms += 5) add(ms);
   Event event;
   EXPECT_FALSE(ring->pop(event));
-  add(1600);
+  add(1600);  // so far ahead that the next one must confirm it
+  EXPECT_FALSE(ring->pop(event));
+  add(1605);
   ASSERT_TRUE(ring->pop(event));
   EXPECT_EQ(event.id, EventId::kImuGap) << to_string(event.id);
-  EXPECT_EQ(event.stamp.ns, 1'600'000'000);
-  EXPECT_EQ(event.args[0], 600'000'000);
+  EXPECT_EQ(event.stamp.ns, 1'605'000'000);
+  EXPECT_EQ(event.args[0], 605'000'000);
   EXPECT_FALSE(ring->pop(event));
 }
 

@@ -57,6 +57,24 @@ TEST(GyroRotation, LeavesOutBadReadingsAndKeepsTheNewest) {
   EXPECT_LT((gyro.between(at(end + 0.0002), at(end + 0.0004), Vec3::Zero()) - so3_exp(0.0002 * w)).norm(), 1e-7);
 }
 
+TEST(GyroRotation, ACorruptReadingTurnsNothing) {
+  const Vec3 w(0.2, 0, 1);
+  for (const bool known : {false, true}) {  // whether the reading after the corrupt one is there
+    GyroRotation gyro;
+    for (int i = 0; i <= (known ? 101 : 100); ++i) gyro.add(reading(0.005 * i, i == 100 ? Vec3(30, 0, 0) : w));
+    EXPECT_LT((gyro.between(at(0.45), at(0.499), Vec3::Zero()) - so3_exp(0.049 * w)).norm(), 1e-9) << known;
+    EXPECT_LT((gyro.between(at(0.45), at(0.5), Vec3::Zero()) - so3_exp(0.05 * w)).norm(), 1e-9) << known;
+  }
+}
+
+/// A turn that begins at once: doubted while its first reading is the newest, then taken whole.
+TEST(GyroRotation, ATurnThatBeginsAtOnceIsTaken) {
+  GyroRotation gyro;
+  for (int i = 0; i <= 120; ++i) gyro.add(reading(0.005 * i, i >= 100 ? Vec3(3, 0, 0) : Vec3(0.1, 0, 0)));
+  const double angle = 0.1 * 0.045 + 1.55 * 0.005 + 3 * 0.05;
+  EXPECT_LT((gyro.between(at(0.45), at(0.55), Vec3::Zero()) - so3_exp(Vec3(angle, 0, 0))).norm(), 1e-9);
+}
+
 Camera camera() {
   return Camera({CameraModel::kPinholeRadialTangential, 752, 480, {458, 457, 367, 248}, {-0.28, 0.07, 2e-4, 2e-5, 0}});
 }

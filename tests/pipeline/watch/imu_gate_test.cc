@@ -34,6 +34,54 @@ TEST(ImuGate, RoundedReadingsAtRestAreWell) {
   }
 }
 
+/// Four values between each two of the sensor's: where two of its readings are equal, six values are.
+TEST(ImuGate, ReadingsInterpolatedToAHigherRateAreWell) {
+  for (const double step : {1e-6, 0.002, 0.01}) {
+    ImuGate gate(kNoLimits);
+    ImuSample a = reading(0, step);
+    for (int i = 1; i < 10'000; ++i) {
+      const ImuSample b = reading(i, step);
+      for (int k = 0; k < 5; ++k) {
+        ImuSample r = a;
+        r.stamp = r.arrival = HostStamp{kStart_ns + i * kPeriod_ns + k * kPeriod_ns / 5};
+        for (std::size_t j = 0; j < 3; ++j) {
+          r.angular_velocity_rad_s[j] += 0.2 * k * (b.angular_velocity_rad_s[j] - a.angular_velocity_rad_s[j]);
+          r.specific_force_m_s2[j] += 0.2 * k * (b.specific_force_m_s2[j] - a.specific_force_m_s2[j]);
+        }
+        ASSERT_EQ(says(gate, r), 0U) << i << " rounded to " << step;
+      }
+      a = b;
+    }
+  }
+}
+
+TEST(ImuGate, WhatNoSensorMeasuresIsLeftOutAndToldWithTheNext) {
+  ImuGate gate({4, 80});
+  for (int i = 0; i < 50; ++i) says(gate, reading(i));
+  ImuSample zeros = reading(50), beyond = reading(51);
+  zeros.angular_velocity_rad_s = zeros.specific_force_m_s2 = {};
+  beyond.angular_velocity_rad_s[2] = -7;
+  EXPECT_FALSE(gate.step(zeros));
+  EXPECT_FALSE(gate.step(beyond));
+  EXPECT_EQ(says(gate, reading(52)), bit(HealthReason::kReadingsRefused));
+  EXPECT_EQ(says(gate, reading(53)), 0U);
+  EXPECT_EQ(gate.stats().impossible, 2U);
+}
+
+TEST(ImuGate, ASpikeASecondIsCountedAndSeveralAreNamed) {
+  for (const int readings_apart : {200, 25}) {
+    ImuGate gate(kNoLimits);
+    std::uint32_t said = 0;
+    for (int i = 0; i < 2000; ++i) {
+      ImuSample r = reading(i, 1e-6);
+      if (i % readings_apart == 20) r.angular_velocity_rad_s[1] += 20;
+      said |= says(gate, r);
+    }
+    EXPECT_EQ(gate.stats().spikes, 2000U / readings_apart);
+    EXPECT_EQ(said, readings_apart < 100 ? bit(HealthReason::kReadingsRefused) : 0U);
+  }
+}
+
 TEST(ImuGate, NotANumberIsLeftOutAndToldWithTheNext) {
   ImuGate gate(kNoLimits);
   for (int i = 0; i < 50; ++i) says(gate, reading(i));

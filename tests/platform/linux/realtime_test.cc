@@ -102,9 +102,11 @@ TEST(RealtimeThread, TellsHowMuchOfItsStackWasUsed) {
 
 TEST(RealtimeThread, NoPageOfItsStackIsFoundLater) {
   Depth depth{200 * 1024, {}};
-  RealtimeThread thread;
-  ASSERT_TRUE(thread.start({.name = "test", .stack_bytes = 256 * 1024}, dive, &depth));
-  thread.join();
+  for (int run = 0; run < 2; ++run) {  // the first one finds the pages of the program
+    RealtimeThread thread;
+    ASSERT_TRUE(thread.start({.name = "test", .stack_bytes = 256 * 1024}, dive, &depth));
+    thread.join();
+  }
   EXPECT_EQ(depth.costs.page_faults, 0u);
 }
 

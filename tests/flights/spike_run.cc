@@ -1,0 +1,83 @@
+#include "tests/flights/spike_run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "pipeline/evaluate/alignment.h"
+#include "pipeline/evaluate/errors.h"
+#include "pipeline/report/stats_json.h"
+
+namespace epiline::test {
+
+void corrupt(std::vector<ImuSample>& readings, HostStamp first_image, const std::vector<Spike>& spikes,
+             std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  for (const Spike& spike : spikes) {
+    const HostStamp at = first_image + Span::from_seconds(spike.at_s);
+    const auto hit = std::find_if(readings.begin(), readings.end(), [&](const ImuSample& r) { return r.stamp >= at; });
+    const std::size_t axis = random() % 3;
+    const double size = random() % 2 == 0 ? spike.size : -spike.size;
+    if (hit == readings.end()) continue;
+    switch (spike.kind) {
+      case SpikeKind::kRate:
+        hit->angular_velocity_rad_s[axis] += size;
+        break;
+      case SpikeKind::kForce:
+        hit->specific_force_m_s2[axis] += size;
+        break;
+      case SpikeKind::kZeros:
+        hit->angular_velocity_rad_s = hit->specific_force_m_s2 = {};
+        break;
+      case SpikeKind::kStuck:
+        for (auto r = hit; r != readings.end() && (r->stamp - hit->stamp).seconds() < spike.stuck_s; ++r) {
+          r->angular_velocity_rad_s = hit->angular_velocity_rad_s;
+          r->specific_force_m_s2 = hit->specific_force_m_s2;
+        }
+        break;
+    }
+  }
+}
+
+SpikeVerdict fly_with_spikes(ReplayOptions options, const std::vector<Spike>& spikes, std::uint64_t seed) {
+  SpikeVerdict v;
+  const auto dataset = open_asl_dataset(options.dataset, options.camera, {}, {});
+  if (!dataset || dataset->instants_count() == 0) return v;
+  const HostStamp first = dataset->instant(0) + Span::from_seconds(options.start_s);
+  options.alter_imu = [&](std::vector<ImuSample>& readings) { corrupt(readings, first, spikes, seed); };
+  const auto result = replay(options, [](std::size_t, std::size_t) {});
+  if (!result || !result->record.truth) return v;
+  const FlightRecord& record = result->record;
+  v.ran = true;
+  v.resets = record.estimator.resets;
+  v.suspects = record.estimator.imu_suspect;
+  v.bridged = record.estimator.imu_bridged;
+  v.gaps = record.estimator.imu_gaps;
+  v.first_pose_s = start_seconds(record).value_or(-1);
+  const auto pairs = associate(trajectory_of(record), *record.truth);
+  std::vector<Vec3> estimate, truth;
+  for (const PosePair& pair : pairs) {
+    estimate.push_back(pair.estimate.p_WB);
+    truth.push_back(pair.reference.p_WB);
+  }
+  if (pairs.size() < 3) return v;
+  const Similarity aligned = align(Alignment::k4Dof, estimate, truth);
+  std::vector<const ImageRecord*> with_pose;
+  for (const ImageRecord& image : record.images)
+    if (image.has_pose) with_pose.push_back(&image);
+  double sum = 0, tracking_sum = 0;
+  std::size_t tracking = 0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const double square = (aligned(estimate[i]) - truth[i]).squaredNorm();
+    sum += square;
+    if (with_pose[pairs[i].index]->health.state != HealthState::kTracking) continue;
+    tracking_sum += square;
+    ++tracking;
+  }
+  v.ate_m = std::sqrt(sum / static_cast<double>(pairs.size()));
+  v.tracking_ate_m = std::sqrt(tracking_sum / static_cast<double>(std::max<std::size_t>(1, tracking)));
+  v.tracking_share = static_cast<double>(tracking) / static_cast<double>(pairs.size());
+  return v;
+}
+
+}  // namespace epiline::test
