@@ -33,8 +33,8 @@ struct TrackSettings {
   double kernel_c2;             ///< Cauchy scale squared, in units of the whitened residual
   double gate_chi2, gate_cost;  ///< a track is gated if chi2 > gate_chi2 (9 dof + 9) and cost > gate_cost (4 dof + 4)
   bool gate;
-  /// Inner steps: from the closed form, from where the point was found in an earlier frame, and in this one.
-  int cold_steps, warm_steps, trial_steps;
+  int inner_steps;   ///< at most
+  double converged;  ///< rad, and relative depth: the inner steps end when the points of all lanes move by less
 };
 
 /// Normal equations of the visual factors, H delta = b; rotations perturbed in the world frame.

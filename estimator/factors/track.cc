@@ -114,10 +114,8 @@ int TrackFactor::list_candidates(const Window& w, std::uint32_t required_mask, i
 void TrackFactor::pack(const Window& w, const VisualSettings& s, std::uint32_t required_mask, int frames) {
   visual_ = s;
   const double inflation2 = s.sigma_inflation * s.sigma_inflation;
-  settings_ = {kDepthDamping,  s.cauchy * s.cauchy / inflation2,
-               1 / inflation2, 1 / inflation2,
-               s.gate,         s.inner_steps,
-               s.warm_steps,   s.trial_steps};
+  settings_ = {kDepthDamping, s.cauchy * s.cauchy / inflation2, 1 / inflation2, 1 / inflation2, s.gate, s.inner_steps,
+               s.converged};
   remember_points();
   origin_ = w.newest().x.p;
   const int n = list_candidates(w, required_mask, frames);

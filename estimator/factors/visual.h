@@ -14,9 +14,9 @@ struct VisualSettings {
   double gate_cap = 0.4;
   double focal_px = 458;
   bool extrinsics = false;  ///< fill the extrinsic columns
-  int inner_steps = 4;      ///< of the point inside a track; fewer bias scale on straight flights
-  int warm_steps = 2;       ///< the same from where the point was found in the frame before
-  int trial_steps = 2;      ///< the same from where it was found in this frame
+  int inner_steps = 4;      ///< of the point inside a track, at most; fewer bias scale on straight flights
+  double converged =
+      1e-5;  ///< rad, and relative depth: a smaller inner step is the last; the next would be far smaller
 };
 
 /// Turns the window's bearings into normal equations of poses and calibration.

@@ -14,9 +14,9 @@ namespace {
 // No damping at first: relative to the information of an IMU interval (1e9 1/m^2) even 1e-9 would pin down the position
 // to a few decimetres, which vision and IMU cannot know.
 constexpr double kFirstDamping = 0, kAfterRejection = 1e-4;
-constexpr double kRounding = 1e-6;      // of the cost: a step that loses so little is accepted
-constexpr double kNoGain = 1e-3;        // of the cost
-constexpr double kInsignificant = 1.0;  // squared sigmas of the whole step, so that it moves nothing by more than one
+constexpr double kRounding = 1e-6;       // of the cost: a step that loses so little is accepted
+constexpr double kNoGain = 1e-3;         // of the cost
+constexpr double kInsignificant = 0.05;  // squared sigmas an unknown, on the mean
 }  // namespace
 
 struct Solver::Memory {
@@ -165,6 +165,18 @@ void Solver::read_covariance(const Window& w, const SolverSettings& settings) {
   m.covariance(15, 15) = m.calibration_covariance(0, 0);
 }
 
+/// Whether the step is far below what is known of the window, and moves no number of the newest state, which is
+/// published, by more than its standard deviation.
+bool Solver::insignificant(const Window& w) const {
+  const Memory& m = *memory_;
+  if (!(m.expected_gain < kInsignificant * 15 * w.size())) return false;
+  for (int i = 0; i < 15; ++i) {
+    const double step = i < 6 ? m.columns.step_s[i] : m.columns.step_v[w.size() - 1][i - 6];
+    if (!(step * step < m.covariance(i, i))) return false;
+  }
+  return true;
+}
+
 /// The cost after the step that solves the system, infinite if there is none. The window is left there.
 double Solver::try_step(Window& w, VisualFactorModel& visual, const SolverSettings& settings, double cost) {
   if (!step(w, visual, settings)) return std::numeric_limits<double>::infinity();
@@ -203,8 +215,7 @@ void Solver::iterate(Window& w, VisualFactorModel& visual, const SolverSettings&
     visual.restore();
     // Without parallax the depths jump and the cost with them; there the quadratic model tells when a step is far below
     // what is known of the state.
-    const bool nothing_to_gain =
-        trial < cost + kNoGain * scale || (std::isfinite(trial) && memory_->expected_gain < kInsignificant);
+    const bool nothing_to_gain = trial < cost + kNoGain * scale || (std::isfinite(trial) && insignificant(w));
     if (nothing_to_gain) {
       r.outcome = SolverOutcome::kConverged;
       return;

@@ -20,7 +20,8 @@ VisualSettings smooth_settings() {
   s.cauchy = 10;
   s.gate = false;
   s.extrinsics = true;
-  s.inner_steps = s.warm_steps = s.trial_steps = 12;  // converged: the point is a function of the poses
+  s.inner_steps = 12;
+  s.converged = 0;  // converged: the point is a function of the poses
   return s;
 }
 

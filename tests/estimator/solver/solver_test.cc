@@ -31,7 +31,8 @@ VisualSettings quadratic(bool extrinsics) {
   s.cauchy = 1e6;
   s.gate = false;
   s.extrinsics = extrinsics;
-  s.inner_steps = s.warm_steps = s.trial_steps = 12;
+  s.inner_steps = 12;
+  s.converged = 0;
   return s;
 }
 
