@@ -9,7 +9,7 @@ failed=0
 
 sound_tree() {
   rm -rf "${tree:?}"/*
-  mkdir -p "$tree"/{platform/linux,estimator,pipeline,drivers,tests,docs/derivations}
+  mkdir -p "$tree"/{platform/linux,estimator/{geometry,window,factors,solver,monitor},pipeline,drivers,tests,docs/derivations}
   printf '#include <vector>\n#include "platform/a.h"\n' >"$tree/platform/a.cc"
   printf '#include <sys/mman.h>\n' >"$tree/platform/linux/l.cc"
   printf '// Derivation: docs/derivations/e.md\n#include <Eigen/Core>\n#include <cmath>\n#include "platform/a.h"\n' >"$tree/estimator/e.h"
@@ -45,6 +45,11 @@ expect_fault check_includes estimator/e.h '  #  include <vector>'
 expect_fault check_includes estimator/e.h '#include <thread>'
 expect_fault check_includes estimator/e.h '#include <chrono> // only here'
 expect_fault check_includes estimator/e.h '#include <opencv2/core.hpp>'
+expect_fault check_includes estimator/window/w.h '#include "estimator/factors/f.h"'
+expect_fault check_includes estimator/factors/f.h '#include "estimator/solver/s.h"'
+expect_fault check_includes estimator/monitor/m.h '#include "estimator/predict/p.h"'
+expect_fault check_includes estimator/solver/s.h '#include "estimator/estimator.h"'
+expect_fault check_includes estimator/geometry/g.h '#include "estimator/config.h"'
 expect_fault check_includes pipeline/p.cc '#include "drivers/d.h"'
 expect_fault check_includes pipeline/p.cc '#include <opencv2/core.hpp>'
 expect_fault check_includes drivers/d.cc '#include <opencv2/core.hpp>'

@@ -468,5 +468,73 @@ TEST(Solver, ReportsACostThatIsNotANumber) {
   EXPECT_EQ(solver.optimise(*s.window, factor, {3, true, false}, supervisor).outcome, SolverOutcome::kNotFinite);
 }
 
+/// In a window whose velocity is off by 0.3 m/s, every step being refused: nothing of the solver's may be taken for
+/// knowledge.
+TEST(Solver, HandsOutNoCovarianceWhenItGivesUp) {
+  SyntheticWindow s = make_window({});
+  Window& w = *s.window;
+  set_initial_prior(w, {}, calibration_sigmas());
+  for (int k = 0; k < w.size(); ++k) w.at(k).x.v += Vec3(0.3, 0, 0);
+  Failing factor(Failing::At::kTrial, 1e12);
+  Solver solver(best_instruction_set());
+  Supervisor supervisor;
+  factor.collect(w, quadratic(false));
+  const SolverSummary r = solver.optimise(w, factor, {3, true, false}, supervisor);
+  EXPECT_EQ(r.outcome, SolverOutcome::kGaveUp);
+  EXPECT_TRUE(r.failed());
+  EXPECT_EQ(r.rejected, Solver::kMostAttempts);
+}
+
+/// Half of the tracks jump to and fro; the gate stands back and none is dropped, but they are counted, and the trial
+/// step must not forget them.
+TEST(Solver, CountsTheTracksThatContradictTheMotionWhenNoneIsDropped) {
+  SyntheticWindow s = make_window({.frames = 8, .tracks = 120});
+  Window& w = *s.window;
+  set_initial_prior(w, {}, calibration_sigmas());
+  for (int i = 0; i < w.track_count(); i += 2)
+    for (int k = 0; k < w.size(); ++k)
+      if (w.seen(w.track(i), k)) {
+        Observation& o = w.view(w.track(i), k);
+        const Mat3 Q = so3_exp(0.05 * (k % 2 ? 1 : -1) * o.f_C.unitOrthogonal());
+        o.f_C = Q * o.f_C;
+        o.chart = o.chart * Q.transpose();
+      }
+  TrackFactor factor(best_instruction_set());
+  VisualSettings settings;
+  factor.collect(w, settings);
+  Solver solver(best_instruction_set());
+  Supervisor supervisor;
+  const SolverSummary r = solver.optimise(w, factor, {1, true, false}, supervisor);
+  EXPECT_TRUE(factor.gate_suspended());
+  EXPECT_GT(r.gated, 0.4 * r.tracks);
+}
+
+/// Where the points start from is no part of what is found.
+TEST(Solver, TheStepDoesNotDependOnWhereThePointsWereFoundBefore) {
+  SyntheticWindow cold = make_window({.frames = 8, .tracks = 80}), warm = make_window({.frames = 8, .tracks = 80});
+  VisualSettings settings = quadratic(false);
+  settings.inner_steps = 30;
+  TrackFactor from_afar(best_instruction_set()), from_nearby(best_instruction_set());
+  // the second one has found its points before, with all poses off by centimetres
+  std::vector<NavState> keep;
+  for (int k = 0; k < warm.window->size(); ++k) {
+    keep.push_back(warm.window->at(k).x);
+    warm.window->at(k).x.p += 0.02 * Vec3(std::sin(k), std::cos(2 * k), 0.3 * k);
+  }
+  Solver solver(best_instruction_set());
+  from_nearby.collect(*warm.window, settings);
+  solver.linearise(*warm.window, from_nearby, kEverything);
+  for (int k = 0; k < warm.window->size(); ++k) warm.window->at(k).x = keep[static_cast<std::size_t>(k)];
+  DenseSolution step[2];
+  for (SyntheticWindow* s : {&cold, &warm}) {
+    TrackFactor& factor = s == &cold ? from_afar : from_nearby;
+    set_initial_prior(*s->window, {}, calibration_sigmas());
+    factor.collect(*s->window, settings);
+    solver.linearise(*s->window, factor, kEverything);
+    step[s == &warm] = solve_dense(dense(solver.system()));
+  }
+  EXPECT_LT(relative_difference(step[1].step, step[0].step, step[0].unit), 1e-6);
+}
+
 }  // namespace
 }  // namespace epiline
