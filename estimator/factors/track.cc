@@ -10,10 +10,6 @@
 
 namespace epiline {
 
-namespace {
-constexpr std::uint32_t kRemembered = 4096;  // ids follow one another: those of a window hardly ever share a place
-}  // namespace
-
 struct TrackFactor::Memory {
   TrackBatch batch[kMaxBatches];
   TrackScratch scratch;
@@ -23,14 +19,15 @@ struct TrackFactor::Memory {
     std::int8_t first, last;
   } candidate[kMaxTracks], unsorted[kMaxTracks];
   double ratio[kMaxTracks];
-  /// Where the points were found last: what to iterate from, never what is known of them. Two tracks may share a place;
-  /// the one that lost it starts cold.
+  /// Where the points were found last, by the tracks' places in the window: what to iterate from, never what is known
+  /// of them.
   struct Remembered {
     std::uint32_t id;
     bool valid = false;
     double point[4];
-  } remembered[kRemembered];
+  } remembered[kMaxTracks];
   std::uint32_t id_of[kMaxBatches][kBatchLanes];
+  std::uint16_t place_of[kMaxBatches][kBatchLanes];
 };
 
 TrackFactor::TrackFactor(InstructionSet set) : kernels_(factor_kernels(set)), memory_(new Memory) {}
@@ -56,7 +53,7 @@ void TrackFactor::remember_points() {
     for (int lane = 0; lane < kBatchLanes; ++lane) {
       const TrackBatch& batch = memory_->batch[b];
       if (batch.views[lane] < 2 || batch.warm[lane] == 0) continue;
-      Memory::Remembered& r = memory_->remembered[memory_->id_of[b][lane] % kRemembered];
+      Memory::Remembered& r = memory_->remembered[memory_->place_of[b][lane]];
       r = {memory_->id_of[b][lane], true, {}};
       const double rho = batch.point[3][lane];
       for (int i = 0; i < 3; ++i) r.point[i] = batch.point[i][lane] + rho * origin_[i];
@@ -65,10 +62,11 @@ void TrackFactor::remember_points() {
     }
 }
 
-void TrackFactor::recall_point(std::uint32_t id, int b, int lane) {
-  memory_->id_of[b][lane] = id;
-  const Memory::Remembered& r = memory_->remembered[id % kRemembered];
-  if (!r.valid || r.id != id) return;
+void TrackFactor::recall_point(const TrackRecord& t, int b, int lane) {
+  memory_->id_of[b][lane] = t.id;
+  memory_->place_of[b][lane] = t.place;
+  const Memory::Remembered& r = memory_->remembered[t.place];
+  if (!r.valid || r.id != t.id) return;
   TrackBatch& batch = memory_->batch[b];
   batch.warm[lane] = 1;
   for (int i = 0; i < 3; ++i) batch.point[i][lane] = r.point[i] - r.point[3] * origin_[i];
@@ -131,7 +129,7 @@ void TrackFactor::pack(const Window& w, const VisualSettings& s, std::uint32_t r
     for (int i = begin; i < end; ++i) {
       const TrackRecord& t = w.track(memory_->candidate[i].track);
       fill_lane(w, t, frames, inverse_sigma, i - begin, batch);
-      recall_point(t.id, b, i - begin);
+      recall_point(t, b, i - begin);
     }
   }
 }

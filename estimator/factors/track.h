@@ -28,7 +28,7 @@ class TrackFactor final : public VisualFactorModel {
   void run(const Window&, int frames, bool marginal, VisualSystem&);
   int list_candidates(const Window&, std::uint32_t required_mask, int frames);
   void remember_points();
-  void recall_point(std::uint32_t id, int batch, int lane);
+  void recall_point(const TrackRecord& track, int batch, int lane);
 
   const FactorKernels& kernels_;
   std::unique_ptr<Memory> memory_;

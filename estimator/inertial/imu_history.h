@@ -72,8 +72,9 @@ class ImuHistory {
   /// Calls visit(reading) for the readings in [t0, t1].
   template <class F>
   void each(HostStamp t0, HostStamp t1, F&& visit) const {
-    for (std::uint64_t i = first(); i < count_; ++i)
-      if (at(i).stamp >= t0 && at(i).stamp <= t1) visit(value(i));
+    if (count_ == 0) return;
+    for (std::uint64_t i = before(t0); i < count_ && at(i).stamp <= t1; ++i)
+      if (at(i).stamp >= t0) visit(value(i));
   }
 
  private:

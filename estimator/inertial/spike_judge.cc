@@ -14,7 +14,7 @@ constexpr double kUnusual = 8;                        // times the mean departur
 constexpr double kWildRate = 5, kWildForce = 100;     // departures for which one neighbour is no confirmation
 constexpr double kLearnt = 1.0 / 64, kLearntFast = 1.0 / 8, kMostLearnt = 4;
 constexpr double kManySuspects = 0.25, kShareMemory = 1.0 / 8;  // of the last readings
-constexpr double kMostUnknown = 4;  // times the limit: a larger spike is surely none of the motion
+constexpr double kMostUnknown = 4, kSurelyCorrupt = 8;          // times the limit: a larger lone departure is no motion
 constexpr Span kLongestBurst = Span::from_milliseconds(20);
 constexpr int kShortestBurst = 3;  // readings, at low rates
 constexpr double kForgotten_s = 1;
@@ -38,12 +38,17 @@ bool ReadingPeriod::step(HostStamp stamp) noexcept {
   return after_hole;
 }
 
-double SpikeJudge::rate_limit() const noexcept { return std::clamp(kUnusual * rate_scale_, kLeastRate, kWildRate); }
-double SpikeJudge::force_limit() const noexcept { return std::clamp(kUnusual * force_scale_, kLeastForce, kWildForce); }
+Vec3 SpikeJudge::rate_limit() const noexcept {
+  return (kUnusual * rate_scale_).cwiseMax(kLeastRate).cwiseMin(kWildRate);
+}
+Vec3 SpikeJudge::force_limit() const noexcept {
+  return (kUnusual * force_scale_).cwiseMax(kLeastForce).cwiseMin(kWildForce);
+}
 
-/// In units of the limits.
+/// In units of the limits: the largest of the six values.
 double SpikeJudge::distance(const Point& x, const Point& y) const noexcept {
-  return std::max((x.w - y.w).norm() / rate_limit(), (x.a - y.a).norm() / force_limit());
+  return std::max((x.w - y.w).cwiseAbs().cwiseQuotient(rate_limit()).maxCoeff(),
+                  (x.a - y.a).cwiseAbs().cwiseQuotient(force_limit()).maxCoeff());
 }
 
 SpikeJudge::Point SpikeJudge::on_line(const Point& from, const Point& to, HostStamp t) const noexcept {
@@ -76,13 +81,16 @@ SpikeJudge::Past SpikeJudge::past(const Point& r) const noexcept {
   return suspects_ >= kShortestBurst && r.stamp - base_.stamp > kLongestBurst ? Past::kGap : Past::kOpen;
 }
 
-/// The mean departure, in which a single one counts for no more than a few usual ones.
+/// The mean departure of each axis, in which a single one counts for no more than a few usual ones.
 void SpikeJudge::learn(const Point& r, double share) noexcept {
-  const double rate = (r.w - base_.w).norm(), force = (r.a - base_.a).norm();
   const Point line = has_before_ ? on_line(before_base_, base_, r.stamp) : base_;
-  const double rate_seen = std::min(rate, (r.w - line.w).norm()), force_seen = std::min(force, (r.a - line.a).norm());
-  rate_scale_ += share * (std::min(rate_seen, kMostLearnt * rate_scale_ + 1e-3) - rate_scale_);
-  force_scale_ += share * (std::min(force_seen, kMostLearnt * force_scale_ + 1e-2) - force_scale_);
+  const auto toward = [share](Vec3& scale, const Vec3& held, const Vec3& extrapolated, double most, double least) {
+    const Vec3 seen = held.cwiseAbs().cwiseMin(extrapolated.cwiseAbs()).cwiseMin(most);
+    const Vec3 clipped = seen.cwiseMin(kMostLearnt * scale + Vec3::Constant(least));
+    scale += share * (clipped - scale);
+  };
+  toward(rate_scale_, r.w - base_.w, r.w - line.w, kWildRate, 1e-3);
+  toward(force_scale_, r.a - base_.a, r.a - line.a, kWildForce, 1e-2);
 }
 
 void SpikeJudge::believe(const Point& r) noexcept {
@@ -94,10 +102,14 @@ void SpikeJudge::believe(const Point& r) noexcept {
   worst_rate_ = worst_force_ = 0;
 }
 
-SpikeJudge::Unknown SpikeJudge::unknown(double most) const noexcept {
+SpikeJudge::Unknown SpikeJudge::unknown(bool alone) const noexcept {
   const double in_a_row = std::sqrt(std::max(1, suspects_));  // neighbours are off together
-  return {static_cast<float>(in_a_row * std::clamp(worst_rate_, rate_scale_, most * rate_limit())),
-          static_cast<float>(in_a_row * std::clamp(worst_force_, force_scale_, most * force_limit()))};
+  const auto size = [&](double worst, double usual, double limit) {
+    if (alone && worst > kSurelyCorrupt * limit) return static_cast<float>(in_a_row * usual);
+    return static_cast<float>(in_a_row * std::clamp(worst, usual, kMostUnknown * limit));
+  };
+  return {size(worst_rate_, rate_scale_.maxCoeff(), rate_limit().maxCoeff()),
+          size(worst_force_, force_scale_.maxCoeff(), force_limit().maxCoeff())};
 }
 
 void SpikeJudge::forget(HostStamp now) noexcept {
@@ -128,7 +140,7 @@ SpikeJudge::Verdict SpikeJudge::step(HostStamp stamp, const Vec3& w, const Vec3&
   Verdict v;
   forget(stamp);
   if (!any_ || after_gap) {
-    if (suspects_ > 0) v = {false, Past::kSpikes, suspects_, false, unknown(kMostUnknown)};
+    if (suspects_ > 0) v = {false, Past::kSpikes, suspects_, false, unknown(true)};
     any_ = false;
     believe(r);
     base_alone_ = true;
@@ -146,7 +158,7 @@ SpikeJudge::Verdict SpikeJudge::step(HostStamp stamp, const Vec3& w, const Vec3&
   if (suspects_ > 0) {
     v.past = past(r);
     v.past_count = suspects_;
-    v.unknown = unknown(kMostUnknown);
+    v.unknown = unknown(v.past == Past::kSpikes);
   }
   if (v.past != Past::kOpen) {
     v.base_is_spike = v.past == Past::kReal && base_alone_;
@@ -160,9 +172,9 @@ SpikeJudge::Verdict SpikeJudge::step(HostStamp stamp, const Vec3& w, const Vec3&
   }
   suspect(r);
   v.suspect = true;
-  v.unknown = unknown(1e9);
-  v.unknown.rate_rad_s = std::min(v.unknown.rate_rad_s, static_cast<float>(kWildRate));
-  v.unknown.force_m_s2 = std::min(v.unknown.force_m_s2, static_cast<float>(kWildForce));
+  const double in_a_row = std::sqrt(suspects_);
+  v.unknown.rate_rad_s = static_cast<float>(in_a_row * std::clamp(worst_rate_, rate_scale_.maxCoeff(), kWildRate));
+  v.unknown.force_m_s2 = static_cast<float>(in_a_row * std::clamp(worst_force_, force_scale_.maxCoeff(), kWildForce));
   return v;
 }
 

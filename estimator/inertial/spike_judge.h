@@ -61,8 +61,8 @@ class SpikeJudge {
     Vec3 w = Vec3::Zero(), a = Vec3::Zero();
   };
 
-  double rate_limit() const noexcept;
-  double force_limit() const noexcept;
+  Vec3 rate_limit() const noexcept;
+  Vec3 force_limit() const noexcept;
   double distance(const Point& x, const Point& y) const noexcept;
   double departure(const Point& r) const noexcept;
   Point on_line(const Point& from, const Point& to, HostStamp t) const noexcept;
@@ -72,17 +72,18 @@ class SpikeJudge {
   void believe(const Point& r) noexcept;
   void suspect(const Point& r) noexcept;
   Verdict begin_anew(const Point& r, Verdict v) noexcept;
-  Unknown unknown(double most) const noexcept;
+  Unknown unknown(bool alone) const noexcept;
   void forget(HostStamp now) noexcept;
 
   Point base_, before_base_;  // the last readings believed
   bool any_ = false, has_before_ = false;
-  bool base_alone_ = true;                     // nothing has confirmed the base yet
-  Point suspect_;                              // the newest suspect
-  int suspects_ = 0;                           // in a row
-  double worst_rate_ = 0, worst_force_ = 0;    // how far they depart from the base
-  double rate_scale_ = 0.2, force_scale_ = 2;  // usual departures, rad/s and m/s^2
-  double suspect_share_ = 0;                   // of the last few readings
+  bool base_alone_ = true;                   // nothing has confirmed the base yet
+  Point suspect_;                            // the newest suspect
+  int suspects_ = 0;                         // in a row
+  double worst_rate_ = 0, worst_force_ = 0;  // how far they depart from the base
+  // usual departures of each axis, rad/s and m/s^2
+  Vec3 rate_scale_ = Vec3::Constant(0.2), force_scale_ = Vec3::Constant(2);
+  double suspect_share_ = 0;  // of the last few readings
   double recent_ = 0;
   HostStamp recent_at_;
 };

@@ -20,6 +20,7 @@ struct Options {
   int times = 40;                      ///< single spikes, each in a flight of its own
   std::vector<double> rates = {1, 5};  ///< spikes a second
   double from_s = 3, to_s = 28;
+  std::string only;
 };
 
 struct Case {
@@ -60,7 +61,10 @@ int run(const Options& o) {
       "|---|---|---|---|---|---|---|---|---|\n");
   print("undisturbed", clean, clean.ate_m);
   std::uint64_t seed = 1;
-  for (const Case& c : cases()) {
+  std::vector<Case> list = cases();
+  std::erase_if(list, [&](const Case& c) { return name_of(c).find(o.only) == std::string::npos; });
+  if (list.empty()) return 0;
+  for (const Case& c : list) {
     for (const double rate : o.rates) {
       std::vector<test::Spike> spikes;
       // not at the same time of every image's interval
@@ -71,7 +75,6 @@ int run(const Options& o) {
   }
   std::mt19937_64 random(7);
   std::uniform_real_distribution<double> time(o.from_s, o.to_s);
-  const std::vector<Case> list = cases();
   for (int i = 0; i < o.times; ++i) {
     const Case& c = list[static_cast<std::size_t>(i) % list.size()];
     const double at_s = time(random);
@@ -92,6 +95,7 @@ int main(int argc, char** argv) {
   app.add_option("--rates", options.rates, "spikes a second")->capture_default_str();
   app.add_option("--from", options.from_s, "s after the first image")->capture_default_str();
   app.add_option("--to", options.to_s, "s after the first image")->capture_default_str();
+  app.add_option("--only", options.only, "kinds and sizes with this in their name");
   app.add_option("--duration", options.replay.duration_s, "s of the flight");
   CLI11_PARSE(app, argc, argv);
   return epiline::run(options);
