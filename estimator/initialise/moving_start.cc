@@ -129,8 +129,8 @@ void fill(const StartProblem& problem, const StartState& state, const StartPath&
 bool within(double value, double limit) { return value <= limit; }  // false for NaN
 
 std::optional<StartRefusal> uncertain(const StartLimits& limits, const StartGuess& guess) {
-  if (!within(guess.sigma_tilt, limits.sigma_tilt)) return StartRefusal::kTiltUncertain;
   if (!within(guess.sigma_scale, limits.sigma_scale)) return StartRefusal::kScaleUncertain;
+  if (!within(guess.sigma_tilt, limits.sigma_tilt)) return StartRefusal::kTiltUncertain;
   if (!within(guess.sigma_velocity, limits.sigma_velocity)) return StartRefusal::kVelocityUncertain;
   return std::nullopt;
 }

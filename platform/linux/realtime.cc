@@ -55,12 +55,12 @@ FreeStack free_stack() {
 constexpr std::uint64_t kUntouched = 0xA5A5A5A5A5A5A5A5;
 
 /// Writes to every page below, so that none has to be found later, and leaves marks for used_of().
-[[gnu::noinline, gnu::no_sanitize("address", "thread")]] void paint(const FreeStack& stack) {
+__attribute__((noinline, no_sanitize("address", "thread"))) void paint(const FreeStack& stack) {
   for (volatile std::uint64_t* word = stack.begin; word < stack.end; ++word) *word = kUntouched;
 }
 
 /// How deep the stack was at its deepest, by the lowest mark that is gone.
-[[gnu::noinline, gnu::no_sanitize("address", "thread")]] std::size_t used_of(const FreeStack& stack) {
+__attribute__((noinline, no_sanitize("address", "thread"))) std::size_t used_of(const FreeStack& stack) {
   volatile std::uint64_t* word = stack.begin;
   while (word < stack.end && *word == kUntouched) ++word;
   return stack.top - reinterpret_cast<std::uintptr_t>(word);
