@@ -1,5 +1,5 @@
 #pragma once
-// What an estimator is told at its construction, and states it may be started from.
+// The settings of an estimator, and the states it may be started from.
 #include <array>
 #include <cstddef>
 #include <cstdint>

@@ -19,7 +19,7 @@ class Supervisor {
   virtual Effort effort() noexcept { return {}; }
   /// Asked between solver steps; true: there is no time for another, return the best accepted iterate now.
   virtual bool time_is_up() noexcept { return false; }
-  /// The phase that begins now (kNone: bookkeeping), for whoever measures time.
+  /// The phase that begins now (kNone: bookkeeping), for a caller that measures time.
   virtual void phase(Phase) noexcept {}
 };
 
