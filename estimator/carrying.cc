@@ -64,10 +64,9 @@ void Estimator::Impl::go_on_from_carried(const TrackedFrame& frame) {
   odometry.health.reasons = bit(HealthReason::kPosteriorWide);
 }
 
-/// Forgets all but the carried state.
+/// Forgets all but the carried state and the calibration, on whose clock it stands.
 void Estimator::Impl::forget() {
   window.clear();
-  window.calibration = {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC};
   visual->restart();
   rest.clear();
   monitor.restart();
@@ -78,6 +77,7 @@ void Estimator::Impl::forget() {
 }
 
 void Estimator::Impl::reset() {
+  window.calibration = {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC};
   if (started) {
     ++stats.resets;
     ++odometry.reset_counter;

@@ -20,10 +20,17 @@ constexpr double kTimeOffsetWalk = 1e-5;                                        
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;                         // px
 }  // namespace
 
+namespace {
+bool is_finite(const KnownState& s) {
+  return s.x.p.allFinite() && s.x.v.allFinite() && s.x.R.allFinite() && s.x.b_g.allFinite() && s.P.allFinite();
+}
+}  // namespace
+
 /// One frame that is solved: its window is cut from the stream, predicted, given its measurements, solved, judged and
 /// published; then the window slides.
 StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort) {
   const double dt_s = (frame.stamp - window.newest().image_stamp).seconds();
+  const KnownState last = carried;
   if (!cut(frame)) return start_anew(frame, supervisor);
   const KnownState predicted = predicted_newest();
   attach(frame);
@@ -37,6 +44,10 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   evidence.innovation = innovation(predicted.x, predicted.P, carried.x);
   judge(frame, s, evidence, dt_s);
   if (monitor.reset_wanted()) {
+    if (!is_finite(carried)) {  // a new start must have a place to be put
+      carried = last;
+      carried.trusted = false;
+    }
     reset();
     return {};
   }
