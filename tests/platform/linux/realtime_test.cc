@@ -75,7 +75,6 @@ void dive(void* context) {
 #ifndef EPILINE_SANITIZED  // sanitizers have stacks of their own
 
 TEST(RealtimeThreadDeathTest, AStackThatIsTooSmallEndsTheProgram) {
-  GTEST_FLAG_SET(death_test_style, "threadsafe");
   const auto overrun = [] {
     Depth depth{1024 * 1024, {}};
     RealtimeThread thread;
