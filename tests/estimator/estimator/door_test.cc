@@ -1,0 +1,128 @@
+// What the estimator does not let in: corrupt readings, frames out of order or far ahead, impossible features.
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "tests/estimator/estimator/rig.h"
+
+namespace epiline {
+namespace {
+
+using test::Flight;
+using test::Rig;
+
+TEST(EstimatorImu, BadSamplesAreCountedAndHarmless) {
+  // GIVEN two estimators on the same flight, one of which gets not-a-numbers, impossible values, doubles, old samples
+  // and stamps far in the future as well
+  const Flight flight{.moving_from = 1.5};
+  Rig clean(flight, {}), spoilt(flight, {});
+  std::uint64_t n = 0, refused = 0;
+  spoilt.before_imu = [&](const ImuSample& good) {
+    ImuSample bad = good;
+    switch (++n % 10) {
+      case 1:
+        bad.stamp = bad.stamp + Span{1'000'000};
+        bad.angular_velocity_rad_s[n % 3] = std::nan("");
+        break;
+      case 3:
+        bad.specific_force_m_s2[n % 3] = std::numeric_limits<double>::infinity();
+        break;
+      case 5:
+        bad.stamp = bad.stamp - Span{5'000'000};  // the last one again, with other contents
+        break;
+      case 7:
+        bad.stamp = bad.stamp - Span{42'000'000};
+        break;
+      case 8:
+        bad.stamp = bad.stamp + Span{1'000'000};
+        bad.specific_force_m_s2[n % 3] = -1e6;
+        break;
+      case 9:
+        bad.stamp = bad.stamp + Span{100'000'000'000};
+        break;
+      default:
+        return;
+    }
+    if (n > 10 && !spoilt.estimator().add_imu(bad)) ++refused;
+  };
+  // WHEN both fly
+  clean.run_to(4);
+  spoilt.run_to(4);
+  // THEN every bad sample is counted, and the estimates are the same to the last bit
+  EXPECT_GT(refused, 300u);
+  const EstimatorStats& s = spoilt.stats();
+  EXPECT_EQ(s.imu_not_finite + s.imu_duplicate + s.imu_out_of_order + s.imu_impossible + s.imu_far_ahead, refused);
+  const double sixth = static_cast<double>(refused) / 6;
+  EXPECT_NEAR(static_cast<double>(s.imu_not_finite), 2 * sixth, 2);
+  EXPECT_NEAR(static_cast<double>(s.imu_duplicate), sixth, 2);
+  EXPECT_NEAR(static_cast<double>(s.imu_impossible), sixth, 2);
+  EXPECT_NEAR(static_cast<double>(s.imu_far_ahead), sixth, 2);
+  EXPECT_EQ(s.imu_samples, clean.stats().imu_samples + refused);
+  EXPECT_EQ(s.imu_gaps, 0u);
+  ASSERT_TRUE(clean.last().has_pose);
+  EXPECT_EQ(spoilt.odometry().p_WB_m, clean.odometry().p_WB_m);
+  EXPECT_EQ(spoilt.odometry().q_WB, clean.odometry().q_WB);
+  EXPECT_EQ(spoilt.odometry().covariance, clean.odometry().covariance);
+}
+
+TEST(EstimatorFrames, OutOfOrderAreRefused) {
+  Rig rig({}, {});
+  rig.run_to(2);
+  if (rig.last().solved) rig.run_to(2.05);
+  ASSERT_TRUE(rig.last().has_pose && !rig.last().solved);  // a frame that was only predicted counts as well
+  const double now = rig.now();
+  const Odometry before = rig.odometry();
+  Supervisor supervisor;
+  std::uint64_t refused = rig.stats().frames_refused;
+  for (const double t : {now, now - 0.01, 1.5, -50.0}) {  // the same again, since the last solved one or not, long ago
+    const StepResult r = rig.estimator().process(rig.image(t), supervisor);
+    EXPECT_FALSE(r.has_pose) << t;
+    EXPECT_EQ(rig.stats().frames_refused, ++refused) << t;
+    EXPECT_EQ(rig.odometry().stamp, before.stamp) << t;
+  }
+  EXPECT_EQ(rig.stats().resets, 0u);
+  rig.run_to(3);
+  EXPECT_TRUE(rig.last().has_pose);
+}
+
+/// One frame stamped far in the future costs itself only.
+TEST(EstimatorDoor, AFrameStampedFarAheadCostsItselfOnly) {
+  const Flight flight{.moving_from = 2};
+  Rig rig(flight, {});
+  rig.run_to(5);
+  ASSERT_TRUE(rig.last().has_pose);
+  const std::uint64_t refused = rig.stats().frames_refused;
+  TrackedFrame ahead = rig.image(5);
+  ahead.stamp = ahead.stamp + Span::from_seconds(100);
+  Supervisor supervisor;
+  EXPECT_FALSE(rig.estimator().process(ahead, supervisor).has_pose);
+  EXPECT_EQ(rig.stats().frames_refused, refused + 1);
+  int poses = 0;
+  rig.run_to(7, [&] { poses += rig.last().has_pose; });
+  EXPECT_EQ(poses, 40);
+  EXPECT_EQ(rig.stats().resets, 0u);
+}
+
+/// One bad number in one feature of every image, for ten seconds: left out, and nothing else changes.
+TEST(EstimatorDoor, ImpossibleFeaturesAreLeftOutAndCounted) {
+  const Flight flight{.moving_from = 2};
+  Rig rig(flight, {}), clean(flight, {});
+  rig.spoil = [](TrackedFrame& frame) {
+    if (frame.features.size() > 2) {
+      frame.features[0].bearing[0] = std::numeric_limits<double>::quiet_NaN();
+      frame.features[1].pixel_jacobian[2] = std::numeric_limits<double>::infinity();
+    }
+  };
+  rig.run_to(12);
+  clean.run_to(12);
+  EXPECT_GT(rig.stats().features_refused, 100u);
+  EXPECT_EQ(clean.stats().features_refused, 0u);
+  EXPECT_EQ(rig.stats().resets, 0u);
+  EXPECT_EQ(rig.stats().solver_failures, 0u);
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking);
+  EXPECT_LT((rig.p() - clean.p()).norm(), 0.1);
+  EXPECT_LT(rig.velocity_error(), 0.05);
+}
+
+}  // namespace
+}  // namespace epiline

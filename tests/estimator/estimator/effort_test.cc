@@ -1,0 +1,130 @@
+// The estimator with little time: deadlines, less effort, none at all.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/estimator/estimator/rig.h"
+
+namespace epiline {
+namespace {
+
+using test::Rig;
+
+class Late final : public Supervisor {
+ public:
+  bool time_is_up() noexcept override { return true; }
+  void phase(Phase p) noexcept override { ++seen[static_cast<int>(p)]; }
+  int seen[3] = {};
+};
+
+TEST(EstimatorDeadline, IsCountedSaidAndSurvived) {
+  // GIVEN an estimator that wants two steps a frame and is always late, so that it takes one
+  Late late;
+  EstimatorConfig config;
+  config.steps = 2;
+  Rig rig({.moving_from = 2}, config);
+  rig.supervisor = &late;
+  // WHEN it flies
+  rig.run_to(6);
+  // THEN the misses are counted and said, and one step a frame is enough to fly on
+  EXPECT_GT(rig.stats().deadline_hits, 20u);
+  EXPECT_LE(rig.stats().deadline_hits, rig.stats().frames_solved);
+  EXPECT_TRUE(rig.has(HealthReason::kDeadlineMissed));
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kDegraded);
+  EXPECT_LT(rig.velocity_error(), 0.1);
+  EXPECT_GT(late.seen[static_cast<int>(Supervisor::Phase::kSolve)], 20);
+  EXPECT_GT(late.seen[static_cast<int>(Supervisor::Phase::kMarginalise)], 5);
+}
+
+/// Gives every frame the same effort.
+class Frugal final : public Supervisor {
+ public:
+  Effort effort() noexcept override { return given; }
+  Effort given;
+};
+
+struct Frugality {
+  const char* name;
+  VisualFactor factor;
+  Supervisor::Effort effort;
+};
+void PrintTo(const Frugality& f, std::ostream* out) { *out << f.name; }
+
+class EstimatorEffort : public testing::TestWithParam<Frugality> {};
+
+TEST_P(EstimatorEffort, LittleOfItIsSaidAndSufficesAndIsTakenBack) {
+  // GIVEN an estimator that flies with all it has, then with fewer tracks or one untried step
+  Frugal frugal;
+  EstimatorConfig config;
+  config.visual_factor = GetParam().factor;
+  Rig rig({.moving_from = 2}, config);
+  rig.supervisor = &frugal;
+  rig.run_to(5);
+  ASSERT_EQ(rig.odometry().health.state, HealthState::kTracking);
+  const EstimatorStats before = rig.stats();
+  Rig full({.moving_from = 2}, config);
+  full.run_to(8);
+  frugal.given = GetParam().effort;
+  rig.run_to(8);
+  // THEN that is what it spends, it says so, it is less certain than with all it has, and its state is as good as it
+  // says
+  const double solves = static_cast<double>(rig.stats().solves - before.solves);
+  ASSERT_GT(solves, 20);
+  if (frugal.given.most_tracks > 0) {
+    EXPECT_EQ(static_cast<double>(rig.stats().tracks_used - before.tracks_used), frugal.given.most_tracks * solves);
+    EXPECT_GT(rig.stats().tracks_offered - before.tracks_offered, 2 * (rig.stats().tracks_used - before.tracks_used));
+    EXPECT_GT(rig.sigma_velocity(), full.sigma_velocity());
+  }
+  if (frugal.given.most_steps == 1) {
+    EXPECT_EQ(static_cast<double>(rig.stats().linearisations - before.linearisations), solves);
+  }
+  EXPECT_TRUE(rig.has(HealthReason::kOverloaded));
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kDegraded);
+  EXPECT_LT(rig.velocity_error(), 0.1);
+  EXPECT_EQ(rig.stats().resets, 0u);
+  // AND with full effort it says so no more
+  frugal.given = {};
+  rig.run_to(9);
+  EXPECT_FALSE(rig.has(HealthReason::kOverloaded));
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, EstimatorEffort,
+                         testing::Values(Frugality{"tracks", VisualFactor::kTrack, {true, 60, 0}},
+                                         Frugality{"one_step", VisualFactor::kTrack, {true, 0, 1}},
+                                         Frugality{"both", VisualFactor::kTrack, {true, 60, 1}},
+                                         Frugality{"reprojection", VisualFactor::kReprojection, {true, 60, 0}}),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+TEST(EstimatorWithoutTime, PredictionAloneGrowsItsCovarianceAndSaysSo) {
+  // GIVEN an estimator that may not solve for a second
+  Frugal frugal;
+  Rig rig({.moving_from = 2}, EstimatorConfig{});
+  rig.supervisor = &frugal;
+  rig.run_to(5);
+  const std::uint64_t solved = rig.stats().frames_solved;
+  frugal.given.solve = false;
+  double sigma = rig.sigma_position();
+  // THEN every frame has a pose whose uncertainty is larger than that of the one before, and it lies within it
+  rig.run_to(6, [&] {
+    EXPECT_TRUE(rig.last().has_pose);
+    EXPECT_FALSE(rig.last().solved);
+    EXPECT_GT(rig.sigma_position(), sigma);
+    sigma = rig.sigma_position();
+  });
+  EXPECT_EQ(rig.stats().frames_solved, solved);
+  EXPECT_GE(rig.stats().frames_predicted_for_time, 19u);
+  EXPECT_TRUE(rig.has(HealthReason::kOverloaded));
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kDegraded);
+  EXPECT_LT(rig.velocity_error(), 4 * rig.sigma_velocity());
+  // AND flies on when it may solve again
+  frugal.given = {};
+  rig.run_to(7);
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking);
+  EXPECT_EQ(rig.stats().resets, 0u);
+  const EstimatorStats& s = rig.stats();
+  EXPECT_EQ(s.frames, s.frames_solved + s.frames_predicted + s.frames_without_pose + s.frames_refused);
+}
+
+}  // namespace
+}  // namespace epiline

@@ -1,0 +1,104 @@
+// The estimator without features, without images and without readings.
+#include <gtest/gtest.h>
+
+#include "tests/estimator/estimator/rig.h"
+
+namespace epiline {
+namespace {
+
+using test::Displaced;
+using test::error_since;
+using test::Flight;
+using test::Rig;
+
+TEST(EstimatorFeatures, TwoSecondsWithoutThemAreDegradedAndTheCovarianceCoversTheDrift) {
+  // GIVEN a flight that is going well
+  const Flight flight{.moving_from = 2};
+  Rig rig(flight, {});
+  rig.run_to(8);
+  ASSERT_EQ(rig.odometry().health.state, HealthState::kTracking);
+  const double sigma_before = rig.sigma_position();
+  const Mat3 align = rig.R() * flight.R(rig.now()).transpose();
+  const Vec3 p0 = rig.p(), truth0 = flight.p(rig.now());
+  // WHEN two seconds of images show nothing
+  rig.features = false;
+  rig.run_to(10, [&] {
+    ASSERT_TRUE(rig.last().has_pose);
+    // THEN poses go on and the health says so
+    EXPECT_NE(rig.odometry().health.state, HealthState::kLost) << rig.now();
+    if (rig.last().solved) {
+      EXPECT_EQ(rig.odometry().health.state, HealthState::kDegraded) << rig.now();
+      EXPECT_TRUE(rig.has(HealthReason::kFewTracks));
+    }
+  });
+  // AND the covariance has grown and covers the drift
+  const double drift = (rig.p() - p0 - align * (flight.p(rig.now()) - truth0)).norm();
+  EXPECT_LT(drift, 4 * rig.sigma_position());
+  EXPECT_GT(rig.sigma_position(), 1.5 * sigma_before);
+  EXPECT_EQ(rig.stats().resets, 0u);
+  // AND when they come back, it is tracking again
+  rig.features = true;
+  rig.run_to(13);
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking);
+  EXPECT_LT(rig.velocity_error(), 0.05);
+}
+
+/// However long the camera is silent, and also when the readings of that time no longer fit the memory: the IMU carries
+/// position, heading and velocity on, and the window that begins after it claims what that is worth.
+TEST(EstimatorSilence, TheImuCarriesTheStateToTheNextImage) {
+  for (const double silence : {1.0, 3.0, 6.0, 12.0}) {
+    const Flight flight{.moving_from = 2};
+    Rig rig(flight, {});
+    rig.run_to(7);
+    ASSERT_TRUE(rig.last().has_pose);
+    const Vec3 p_then = rig.p();
+    const Mat3 R_then = rig.R();
+    rig.camera = false;
+    rig.run_to(7 + silence);
+    rig.camera = true;
+    rig.run_to(7 + silence + 0.05);
+    ASSERT_TRUE(rig.last().has_pose) << silence << " s";
+    const Displaced e = error_since(rig, flight, 7, p_then, R_then);
+    EXPECT_LT(e.p.norm(), 3.5 * rig.sigma_position() + 0.02) << silence << " s";
+    EXPECT_LT(e.p.norm(), 0.06 * silence * silence) << silence << " s";
+    EXPECT_LT(std::abs(e.yaw_deg), 0.3 * silence) << silence << " s";
+    EXPECT_GT(rig.sigma_position(), 0.004 * silence) << "claims what it cannot know after " << silence << " s";
+    EXPECT_EQ(rig.odometry().reset_counter, 0u);
+    EXPECT_EQ(rig.stats().resets, 0u);
+    rig.run_to(7 + silence + 5);
+    EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking) << silence << " s";
+    EXPECT_LT(rig.velocity_error(), 0.1);
+    EXPECT_LT(rig.gyroscope_bias_error(), 5e-3);
+  }
+}
+
+/// Without readings nothing carries it: the new start is where the old one ended as far as anybody can tell, and says
+/// how little that is.
+TEST(EstimatorReset, AfterASilentImuTheNewStartClaimsNoMoreThanItKnows) {
+  const Flight flight{.moving_from = 2};
+  Rig rig(flight, {});
+  rig.run_to(7);
+  const Vec3 p_then = rig.p();
+  const Mat3 R_then = rig.R();
+  rig.imu = false;
+  rig.run_to(9);
+  rig.imu = true;
+  double restarted = -1;
+  Displaced e{};
+  double sigma = 0;
+  rig.run_to(16, [&] {
+    if (restarted > 0 || rig.odometry().reset_counter == 0 || !rig.last().has_pose) return;
+    restarted = rig.now();
+    e = error_since(rig, flight, 7, p_then, R_then);
+    sigma = rig.sigma_position();
+  });
+  ASSERT_GT(restarted, 0);
+  EXPECT_LT(restarted, 13);
+  EXPECT_EQ(rig.odometry().reset_counter, 1u);
+  EXPECT_GT(sigma, 1) << "two seconds without readings";
+  EXPECT_LT(e.p.norm(), 3 * sigma);
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking) << rig.odometry().health.reasons;
+}
+
+}  // namespace
+}  // namespace epiline
