@@ -66,6 +66,10 @@ class Rig {
 
   std::function<void(const ImuSample&)> before_imu;  ///< may add others through estimator()
   bool camera = true, features = true, imu = true;
+  double pixel_noise = 0.3;    ///< px, of every bearing
+  double wandering_share = 0;  ///< of the tracks: they leave the point they began at, 5 px an image
+  double time_offset = 0;      ///< s: the camera's stamps are early by so much
+  std::size_t most_features = 900;
   std::function<void(TrackedFrame&)> spoil;
   Supervisor* supervisor = &patient_;
 
@@ -84,13 +88,14 @@ class Rig {
   }
 
   const TrackedFrame& image(double t) {
-    image_.stamp = at(t);
+    image_.stamp = at(t - time_offset);
     image_.features.clear();
-    std::normal_distribution<double> normal(0, 0.3);  // px
-    for (std::size_t i = 0; features && i < points_.size(); ++i) {
+    std::normal_distribution<double> normal(0, pixel_noise);
+    for (std::size_t i = 0; features && i < points_.size() && image_.features.size() < most_features; ++i) {
       const Vec3 X = in_camera(points_[i], t);
       if (X.z() < 0.5 || std::abs(X.x()) > 0.8 * X.z() || std::abs(X.y()) > 0.6 * X.z()) continue;
-      const Vec2 noise(normal(random_), normal(random_));
+      Vec2 noise(normal(random_), normal(random_));
+      if (wanders(i)) noise += wander(i);
       image_.features.push_back(make_feature(static_cast<std::uint32_t>(i), X, noise));
     }
     return image_;
@@ -118,6 +123,15 @@ class Rig {
   bool has(HealthReason r) const { return odometry().health.reasons & static_cast<std::uint32_t>(r); }
 
  private:
+  /// Evenly among the points.
+  bool wanders(std::size_t i) const {
+    const auto wandering = [&](std::size_t n) { return std::floor(static_cast<double>(n) * wandering_share); };
+    return wandering(i + 1) > wandering(i);
+  }
+  const Vec2& wander(std::size_t i) {
+    std::normal_distribution<double> step(0, 5);  // px
+    return wandered_[i] += Vec2(step(random_), step(random_));
+  }
   Vec3 in_camera(const Vec3& P, double t) const {
     return calibration_.R_BC.transpose() * (flight_.R(t).transpose() * (P - flight_.p(t)) - calibration_.p_BC);
   }
@@ -142,6 +156,7 @@ class Rig {
   Supervisor patient_;
   std::mt19937_64 random_{7};
   std::vector<Vec3> points_;
+  std::vector<Vec2> wandered_ = std::vector<Vec2>(900, Vec2::Zero());
   TrackedFrame image_;
   StepResult last_;
   int frame_ = 0, imu_ = 0;
