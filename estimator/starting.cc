@@ -105,7 +105,7 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   const StarterSettings at = starter_settings();
   if (const auto refusal = starter.start_moving(window, at)) return refusal;
   const double given_sigma = pixel_sigma;
-  pixel_sigma = std::max(given_sigma, starter.guess().sigma_rad * config.extrinsics.focal_px);
+  pixel_sigma = std::max(given_sigma, starter.guess().noise_rad * config.extrinsics.focal_px);
   started_at = window.at(0).time;
   attach_wheel();
   reintegrate_moved_biases();

@@ -118,7 +118,7 @@ void fill(const StartProblem& problem, const StartState& state, const StartPath&
   }
   guess.tracks = figures.tracks;
   guess.residual = figures.residual;
-  guess.sigma_rad = problem.sigma_rad;
+  guess.sigma_rad = guess.noise_rad = problem.sigma_rad;
   guess.pull = figures.pull / std::max(1e-6, figures.residual * figures.residual);
   guess.sigma_scale = figures.sigma_scale;
   guess.sigma_velocity = std::sqrt(figures.covariance.topLeftCorner<3, 3>().trace());
@@ -151,8 +151,11 @@ bool refine_with_noise(const StartProblem& problem, const StartLimits& limits, S
   RefinementFigures figures;
   if (!refine(problem, state, path, figures)) return false;
   fill(problem, state, path, figures, guess);
-  if (within(guess.residual, limits.residual) || !within(guess.residual, limits.noise_most)) return true;
-  if (problem.frames < limits.noise_frames) return true;
+  if (problem.frames < limits.noise_frames || !within(guess.residual, limits.noise_most)) return true;
+  if (within(guess.residual, limits.residual)) {
+    if (within(guess.pull, limits.pull)) guess.noise_rad *= std::max(1.0, guess.residual);
+    return true;
+  }
   StartProblem noisy = problem;
   noisy.sigma_rad = problem.sigma_rad * guess.residual;
   if (!refine(noisy, state, path, figures)) return false;

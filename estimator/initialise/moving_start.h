@@ -36,6 +36,7 @@ struct StartGuess {
   double parallax_rad = 0;  ///< median over the tracks of the widest angle between two bearings, rotation removed
   double residual = 0;      ///< typical bearing residual over sigma_rad; 1 for Gaussian noise of that size
   double sigma_rad = 0;     ///< bearing noise assumed in the end: the one given, or more where the residuals show it
+  double noise_rad = 0;     ///< bearing noise for what comes after: also where the residuals show a little more
   double pull = 0;          ///< RefinementFigures::pull over the squared residual: of errors that have a pattern
   int unexplained = 0;      ///< tries in a row in which no state explained the images; kept from try to try
   double sigma_velocity = 0, sigma_tilt = 0, sigma_scale = 0, sigma_b_g = 0;  ///< m/s, rad, relative, rad/s

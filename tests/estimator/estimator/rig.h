@@ -46,13 +46,14 @@ inline HostStamp at(double seconds) { return HostStamp{} + Span::from_seconds(10
 /// Feeds an estimator with a flight: IMU at 200 Hz, images at 20 Hz, points on a shell around the start.
 class Rig {
  public:
-  Rig(const Flight& flight, EstimatorConfig config) : flight_(flight), calibration_(synthetic_calibration()) {
+  Rig(const Flight& flight, EstimatorConfig config, std::size_t points = 900)
+      : flight_(flight), calibration_(synthetic_calibration()) {
     config.extrinsics.R_BC = calibration_.R_BC;
     config.extrinsics.p_BC = calibration_.p_BC;
     config.extrinsics.focal_px = kFocal;
     estimator_ = std::make_unique<Estimator>(config);
     std::uniform_real_distribution<double> u(-1, 1);
-    while (points_.size() < 900) {
+    while (points_.size() < points) {
       const Vec3 d(u(random_), u(random_), u(random_));
       if (d.norm() < 1 && d.norm() > 0.1) points_.push_back(d.normalized() * (5 + 2.5 * u(random_)));
     }
@@ -69,7 +70,7 @@ class Rig {
   double pixel_noise = 0.3;    ///< px, of every bearing
   double wandering_share = 0;  ///< of the tracks: they leave the point they began at, 5 px an image
   double time_offset = 0;      ///< s: the camera's stamps are early by so much
-  std::size_t most_features = 900;
+  std::size_t most_features = 10'000;
   std::function<void(TrackedFrame&)> spoil;
   Supervisor* supervisor = &patient_;
 
@@ -130,6 +131,7 @@ class Rig {
   }
   const Vec2& wander(std::size_t i) {
     std::normal_distribution<double> step(0, 5);  // px
+    wandered_.resize(points_.size(), Vec2::Zero());
     return wandered_[i] += Vec2(step(random_), step(random_));
   }
   Vec3 in_camera(const Vec3& P, double t) const {
@@ -156,7 +158,7 @@ class Rig {
   Supervisor patient_;
   std::mt19937_64 random_{7};
   std::vector<Vec3> points_;
-  std::vector<Vec2> wandered_ = std::vector<Vec2>(900, Vec2::Zero());
+  std::vector<Vec2> wandered_;
   TrackedFrame image_;
   StepResult last_;
   int frame_ = 0, imu_ = 0;
