@@ -1,7 +1,7 @@
 #pragma once
 // Time offset and extrinsics in any visual factor: whatever they do to a camera, some motion of its body does too, so
 // their columns follow from the pose blocks. Derivation: docs/derivations/calibration.md; test:
-// tests/estimator/factors/visual_test.cc.
+// tests/estimator/factors/gradient_test.cc.
 #include "estimator/factors/kernels.h"
 #include "estimator/window/window.h"
 

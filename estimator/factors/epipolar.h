@@ -1,6 +1,6 @@
 #pragma once
 // The paper's epipolar residual. Derivation: docs/derivations/epipolar.md; test:
-// tests/estimator/factors/visual_test.cc.
+// tests/estimator/factors/gradient_test.cc.
 #include "estimator/factors/visual.h"
 
 namespace epiline {

@@ -9,31 +9,17 @@
 namespace epiline {
 namespace {
 
+using test::displaced;
 using test::Random;
+using test::random_state;
 using Mat15x30 = Eigen::Matrix<double, 15, 30>;
 
 const ImuNoise kNoise{};
-
-NavState displaced(NavState x, const Vec15& d) {
-  retract_pose(x, d.head<6>());
-  retract_velocity_biases(x, d.tail<9>());
-  return x;
-}
 
 Vec15 residual(const Preintegration& interval, const NavState& i, const NavState& j) {
   ImuResidual out;
   evaluate_imu(interval, i, j, i, j, out);
   return out.r;
-}
-
-NavState random_state(Random& random) {
-  NavState x;
-  x.p = random.gaussian(5);
-  x.v = random.gaussian(2);
-  x.b_a = random.gaussian(0.1);
-  x.b_g = random.gaussian(0.05);
-  x.R = so3_exp(random.gaussian(1.5));
-  return x;
 }
 
 // A body that turns at a constant rate and accelerates constantly in W.

@@ -1,12 +1,9 @@
-// Gradients of the visual factors, of calibration and of the whole window against central differences of the cost; the
-// unobservable directions. Derivations: docs/derivations/track.md, docs/derivations/epipolar.md,
-// docs/derivations/reprojection.md, docs/derivations/calibration.md.
+// The track factor's unobservable directions, and its instruction sets against each other. Its gradient:
+// gradient_test.cc. Derivation: docs/derivations/track.md.
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
 
-#include "estimator/factors/epipolar.h"
-#include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
 #include "tests/estimator/synthetic_window.h"
 
@@ -25,24 +22,6 @@ VisualSettings smooth_settings() {
   return s;
 }
 
-/// Reprojection with its depths converged: a function of the poses alone, as the other factors are.
-class ConvergedReprojection final : public VisualFactorModel {
- public:
-  void collect(const Window& w, const VisualSettings& s) noexcept override { factor_.collect(w, s); }
-  void linearise(const Window& w, VisualSystem& out) noexcept override {
-    for (int i = 0; i < 12; ++i) {
-      factor_.linearise(w, out);
-      factor_.step(w);  // no camera moves: the depths alone
-    }
-    factor_.linearise(w, out);
-  }
-  double cost(const Window& w) noexcept override { return factor_.cost(w); }
-  void marginalise_oldest(const Window&, const VisualSettings&, VisualSystem&) noexcept override {}
-
- private:
-  ReprojectionFactor factor_{best_instruction_set()};
-};
-
 /// The instruction sets that this machine runs.
 std::vector<InstructionSet> sets_here() {
   std::vector<InstructionSet> sets;
@@ -50,75 +29,6 @@ std::vector<InstructionSet> sets_here() {
     if (runs_here(set)) sets.push_back(set);
   return sets;
 }
-
-std::vector<std::string> factors_here() {
-  std::vector<std::string> names = {"epipolar", "reprojection"};
-  for (const InstructionSet set : sets_here()) names.push_back(name_of(set));
-  return names;
-}
-
-class Gradient : public testing::TestWithParam<std::string> {
- protected:
-  std::unique_ptr<VisualFactorModel> make() {
-    if (GetParam() == "epipolar") return std::make_unique<EpipolarFactor>();
-    if (GetParam() == "reprojection") return std::make_unique<ConvergedReprojection>();
-    for (const InstructionSet set : sets_here())
-      if (GetParam() == name_of(set)) return std::make_unique<TrackFactor>(set);
-    return nullptr;
-  }
-};
-
-TEST_P(Gradient, MatchesCentralDifferencesOfTheCost) {
-  SyntheticWindow s = make_window({});
-  Window& w = *s.window;
-  w.calibration.time_offset = 2e-3;
-  auto factor = make();
-  auto system = std::make_unique<VisualSystem>();
-  factor->collect(w, smooth_settings());
-  auto cost = [&] {
-    factor->linearise(w, *system);
-    return system->cost;
-  };
-  cost();
-  const auto at = std::make_unique<VisualSystem>(*system);
-  const double h = 1e-6;
-  auto check = [&](double analytic, double plus, double minus, double scale, const std::string& what) {
-    EXPECT_NEAR(analytic, -0.25 * (plus - minus) / h, 2e-5 * scale) << what;  // cost = r'r, b = -J'r
-  };
-  for (int k = 0; k < w.size(); ++k) {
-    double scale = 0;
-    for (int i = 0; i < 6; ++i) scale = std::max(scale, std::abs(at->b[k][i]));
-    for (int i = 0; i < 6; ++i) {
-      const NavState keep = w.at(k).x;
-      double c[2];
-      for (int side = 0; side < 2; ++side) {
-        Vec3 d = Vec3::Zero();
-        d[i % 3] = side ? -h : h;
-        if (i < 3)
-          w.at(k).x.p += d;
-        else
-          w.at(k).x.R = so3_exp(d) * keep.R;  // rotations perturbed in the world
-        c[side] = cost();
-        w.at(k).x = keep;
-      }
-      check(at->b[k][i], c[0], c[1], scale, "frame " + std::to_string(k) + " row " + std::to_string(i));
-    }
-  }
-  for (int i = 0; i < kCalibration; ++i) {
-    const Calibration keep = w.calibration;
-    double c[2];
-    for (int side = 0; side < 2; ++side) {
-      CalibrationTangent d = CalibrationTangent::Zero();
-      d[i] = side ? -h : h;
-      retract(w.calibration, d);
-      c[side] = cost();
-      w.calibration = keep;
-    }
-    check(at->b_c[i], c[0], c[1], std::abs(at->b_c[i]) + 1, "calibration " + std::to_string(i));
-  }
-}
-
-INSTANTIATE_TEST_SUITE_P(Factors, Gradient, testing::ValuesIn(factors_here()));
 
 TEST(TrackFactor, LeavesTranslationAndYawUnobservable) {
   SyntheticWindow s = make_window({.pixel_noise = 1});

@@ -13,28 +13,15 @@
 namespace epiline {
 namespace {
 
+using test::displaced;
 using test::Random;
-using Vec15d = Eigen::Matrix<double, 15, 1>;
+using test::random_state;
 
-NavState random_state(Random& random) {
-  NavState x;
-  x.p = random.gaussian(5);
-  x.v = random.gaussian(2);
-  x.b_a = random.gaussian(0.1);
-  x.b_g = random.gaussian(0.05);
-  x.R = so3_exp(random.gaussian(1.5));
-  return x;
-}
 WheelModel random_wheel(Random& random) {
   WheelModel wheel;
   wheel.forward_B = random.gaussian(1).normalized();
   wheel.p_BV = random.gaussian(0.5);
   return wheel;
-}
-NavState displaced(NavState x, const Vec15d& d) {
-  retract_pose(x, d.head<6>());
-  retract_velocity_biases(x, d.tail<9>());
-  return x;
 }
 WheelResidual residual(const WheelModel& wheel, double speed, const Vec3& omega, const NavState& x) {
   WheelResidual out;
@@ -73,7 +60,7 @@ RC_GTEST_PROP(WheelFactor, JacobianEqualsNumericalDerivative, (std::uint32_t see
   const WheelResidual at = residual(wheel, 1.3, omega, x);
   constexpr double h = 1e-3;
   for (int column = 0; column < 15; ++column) {
-    const auto r = [&](double by) { return residual(wheel, 1.3, omega, displaced(x, by * Vec15d::Unit(column))).r; };
+    const auto r = [&](double by) { return residual(wheel, 1.3, omega, displaced(x, by * Vec15::Unit(column))).r; };
     const double numeric = (8 * (r(h) - r(-h)) - (r(2 * h) - r(-2 * h))) / (12 * h);
     RC_ASSERT(std::abs(at.J[column] - numeric) < 1e-9 * (1 + std::abs(numeric)));
   }
@@ -110,7 +97,7 @@ RC_GTEST_PROP(WheelFactor, FirstEstimatesKeepPositionAndYawUnobservable, (std::u
   WheelResidual out;
   evaluate_wheel(wheel, 1, random.gaussian(1), x, l, out);
   const Vec3 z = Vec3::UnitZ();
-  Vec15d yaw = Vec15d::Zero();
+  Vec15 yaw = Vec15::Zero();
   yaw.head<3>() = z.cross(l.p);
   yaw.segment<3>(3) = l.R.transpose() * z;
   yaw.segment<3>(6) = z.cross(l.v);

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <random>
 
+#include "estimator/inertial/nav_state.h"
 #include "estimator/inertial/preintegration.h"
 
 namespace epiline::test {
@@ -26,6 +27,23 @@ class Random {
   std::mt19937 engine_;
   std::normal_distribution<double> normal_;
 };
+
+inline NavState random_state(Random& random) {
+  NavState x;
+  x.p = random.gaussian(5);
+  x.v = random.gaussian(2);
+  x.b_a = random.gaussian(0.1);
+  x.b_g = random.gaussian(0.05);
+  x.R = so3_exp(random.gaussian(1.5));
+  return x;
+}
+
+/// x [+] d.
+inline NavState displaced(NavState x, const Vec15& d) {
+  retract_pose(x, d.head<6>());
+  retract_velocity_biases(x, d.tail<9>());
+  return x;
+}
 
 /// Readings of an agile flight: smooth rates of some rad/s, specific force around 1 g, one phase per axis.
 inline Readings agile_readings(int count, double dt, Random& random) {

@@ -12,10 +12,10 @@ namespace {
 using test::at;
 using test::covariance_of;
 using test::difference;
+using test::displaced;
 using test::feed;
 using test::kTimeOffset;
 using test::Mat16;
-using test::moved;
 using test::Random;
 using test::Readings;
 using test::sample;
@@ -35,7 +35,8 @@ struct Corrected {
     first.correct(solved(x0, at(0), s.w[0] - x0.b_g, 1e-4 * Mat16::Identity()));
     Vec15 d = Vec15::Zero();
     d.head<9>() << 0.03, -0.05, 0.02, 0.01, -0.02, 0.04, 0.1, -0.1, 0.05;
-    better = solved(moved(state_of(first.odometry()), size * d), at(0.2), s.w[40] - x0.b_g, 1e-5 * Mat16::Identity());
+    better =
+        solved(displaced(state_of(first.odometry()), size * d), at(0.2), s.w[40] - x0.b_g, 1e-5 * Mat16::Identity());
     feed(predictor, s, 0, 61);
     predictor.correct(solved(x0, at(0), s.w[0] - x0.b_g, 1e-4 * Mat16::Identity()));
     feed(unblended, s, 0, 61);

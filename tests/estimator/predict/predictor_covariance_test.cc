@@ -14,9 +14,9 @@ namespace {
 using test::at;
 using test::covariance_of;
 using test::difference;
+using test::displaced;
 using test::feed;
 using test::Mat16;
-using test::moved;
 using test::noisy;
 using test::Random;
 using test::Readings;
@@ -42,7 +42,7 @@ TEST(PredictorCovariance, EqualsNumericalJacobiansAndPreintegratedNoise) {
   Mat16 F = Mat16::Identity();
   for (int i = 0; i < 15; ++i) {
     const Vec15 d = h * Vec15::Unit(i);
-    F.col(i).head<15>() = difference(state_of(end(moved(x0, -d))), state_of(end(moved(x0, d)))) / (2 * h);
+    F.col(i).head<15>() = difference(state_of(end(displaced(x0, -d))), state_of(end(displaced(x0, d)))) / (2 * h);
   }
   const Preintegration interval = test::integrated(s, x0.b_a, x0.b_g, noisy().density.noise);
   Mat15 B = Mat15::Identity();
@@ -98,7 +98,7 @@ TEST(PredictorCovariance, HoldsInMonteCarlo) {
     const NavState x0 = some_state(random);
     const Mat16 P0 = some_covariance(random, 0.003, 0.002, 0.01, 0.05, 0.005);
     const Vec16 error = drawn(P0, random);
-    const NoisyFlight flight(s, moved(x0, error.head<15>()), noisy().density.noise, random);
+    const NoisyFlight flight(s, displaced(x0, error.head<15>()), noisy().density.noise, random);
     Predictor predictor(noisy());
     feed(predictor, flight.measured, 0, 20);
     predictor.correct(solved(x0, at(0), flight.measured.w[0] - x0.b_g, P0));
@@ -125,7 +125,7 @@ TEST(PredictorCovariance, HoldsWhileACorrectionFades) {
       const Readings s = test::agile_readings(kLater + 1, 0.005, random);
       const NavState x0 = some_state(random);
       const Mat16 P0 = some_covariance(random, 0.02, 0.005, 0.03, 0.02, 0.002);
-      const NoisyFlight flight(s, moved(x0, drawn(P0, random).head<15>()), noisy().density.noise, random);
+      const NoisyFlight flight(s, displaced(x0, drawn(P0, random).head<15>()), noisy().density.noise, random);
       Predictor blended(noisy()), unblended(without_blending(noisy()));
       feed(blended, flight.measured, 0, kImage + 1);
       feed(unblended, flight.measured, 0, kImage + 1);
@@ -136,7 +136,7 @@ TEST(PredictorCovariance, HoldsWhileACorrectionFades) {
       const Vec3 innovation = flight.states[kImage].p + random.gaussian(kSigma) - state_of(prior).p;
       const Mat3 S = P.topLeftCorner<3, 3>() + kSigma * kSigma * Mat3::Identity();
       const Eigen::Matrix<double, 16, 3> K = P.leftCols<3>() * S.inverse();
-      const NavState x = moved(state_of(prior), (K * innovation).head<15>());
+      const NavState x = displaced(state_of(prior), (K * innovation).head<15>());
       const Odometry posterior = solved(x, at(kImage * s.dt), Vec3(prior.omega_B_rad_s.data()), P - K * P.topRows<3>());
       ASSERT_EQ(blended.correct(posterior), Predictor::Correction::kBlended);
       unblended.correct(posterior);

@@ -54,12 +54,6 @@ inline NavState state_of(const Odometry& o) {
 
 inline Mat16 covariance_of(const Odometry& o) { return Eigen::Map<const Mat16>(o.covariance.data()); }
 
-inline NavState moved(NavState x, const Vec15& d) {
-  retract_pose(x, d.head<6>());
-  retract_velocity_biases(x, d.tail<9>());
-  return x;
-}
-
 inline Vec15 difference(const NavState& from, const NavState& to) {
   Vec15 d;
   d << local_pose(from, to), local_velocity_biases(from, to);

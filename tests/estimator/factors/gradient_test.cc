@@ -1,0 +1,261 @@
+// The right-hand side of every factor against the slope of its own cost, on every instruction set of this machine.
+// Derivations: docs/derivations/track.md, docs/derivations/epipolar.md, docs/derivations/reprojection.md,
+// docs/derivations/calibration.md, docs/derivations/imu.md, docs/derivations/wheel.md, docs/derivations/zero_motion.md,
+// docs/derivations/marginalisation.md.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "estimator/factors/epipolar.h"
+#include "estimator/factors/imu.h"
+#include "estimator/factors/prior.h"
+#include "estimator/factors/reprojection.h"
+#include "estimator/factors/track.h"
+#include "estimator/factors/wheel.h"
+#include "estimator/factors/zero_motion.h"
+#include "estimator/solver/marginalise.h"
+#include "tests/estimator/factors/named_blocks.h"
+#include "tests/estimator/slope.h"
+#include "tests/estimator/synthetic_window.h"
+
+namespace epiline {
+namespace {
+
+using test::NamedBlocks;
+using test::slope;
+
+/// Every point converged: a function of the poses.
+VisualSettings smooth_settings() {
+  VisualSettings s;
+  s.pixel_sigma = 1;
+  s.sigma_inflation = 1;
+  s.cauchy = 10;
+  s.gate = false;
+  s.extrinsics = true;
+  s.inner_steps = 40;
+  s.converged = 0;
+  return s;
+}
+
+/// A factor as a function of the window. Its cost is that of residuals in sigmas.
+struct Subject {
+  std::string name;
+  std::function<double(const Window&, NormalEquations*)> cost;
+  double step;                  ///< of the differences, in sigmas of the unknown
+  bool velocity_biases = true;  ///< has columns of them
+};
+
+/// Reprojection with its depths converged, as the points of the track factor are.
+class ConvergedReprojection final : public VisualFactorModel {
+ public:
+  explicit ConvergedReprojection(InstructionSet set) : factor_(set) {}
+  void collect(const Window& w, const VisualSettings& s) noexcept override { factor_.collect(w, s); }
+  void linearise(const Window& w, VisualSystem& out) noexcept override {
+    for (int i = 0; i < 40; ++i) {
+      factor_.linearise(w, out);
+      factor_.step(w);  // no camera moves: the depths alone
+    }
+    factor_.linearise(w, out);
+  }
+  double cost(const Window& w) noexcept override { return factor_.cost(w); }
+  void marginalise_oldest(const Window&, const VisualSettings&, VisualSystem&) noexcept override {}
+
+ private:
+  ReprojectionFactor factor_;
+};
+
+/// Differences so small that no residual crosses the corner of Huber's kernel, where the slope bends.
+constexpr double kWithinACorner = 1e-4;
+
+Subject visual(const std::string& name, const Window& w, std::shared_ptr<VisualFactorModel> factor, double step) {
+  factor->collect(w, smooth_settings());
+  const auto system = std::make_shared<VisualSystem>();
+  return {name,
+          [factor, system](const Window& at, NormalEquations* out) {
+            factor->linearise(at, *system);
+            if (out) add_visual(at, *system, at.size(), *out);
+            return system->cost;
+          },
+          step, false};
+}
+
+std::vector<std::string> on_every_set(const std::vector<std::string>& vectorised,
+                                      std::vector<std::string> others = {}) {
+  for (const std::string& name : vectorised)
+    for (const InstructionSet set : kInstructionSets) others.push_back(name + "_" + name_of(set));
+  return others;
+}
+
+/// All there is to a window: rest, wheels, and a prior that a frame left behind.
+SyntheticWindow furnished_window() {
+  SyntheticWindow s = make_window({});
+  Window& w = *s.window;
+  w.first_estimates = false;
+  CalibrationTangent sigmas;
+  sigmas << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01);
+  set_initial_prior(w, {}, sigmas);
+  TrackFactor factor(best_instruction_set());
+  factor.collect(w, smooth_settings());
+  Marginaliser(best_instruction_set()).marginalise_oldest(w, factor, smooth_settings());
+  w.calibration.time_offset = 2e-3;
+  w.wheel.forward_B = Vec3(0.8, 0.6, 0);
+  w.wheel.p_BV = Vec3(-0.3, 0.2, -0.1);
+  for (int k = 0; k < w.size(); ++k) {
+    Slot& slot = w.at(k);
+    slot.x.p += Vec3(1e-3, -2e-3, 5e-4) * std::sin(k);  // off the prior's centre
+    slot.has_wheel = slot.at_rest = k % 3 != 2;
+    slot.rest_link = w.at(k / 2).id;
+    slot.wheel_speed_m_s = w.wheel.forward_B.dot(slot.x.R.transpose() * slot.x.v) + 0.02 * k;
+    slot.omega = Vec3(0.1, 0.2, 0.3);
+  }
+  return s;
+}
+
+class Gradient : public testing::TestWithParam<std::string> {
+ protected:
+  /// Without a cost: not on this machine.
+  Subject make(const Window& w) {
+    const std::string& name = GetParam();
+    if (name == "epipolar") return visual(name, w, std::make_shared<EpipolarFactor>(), kWithinACorner);
+    if (name == "prior") return {name, add_prior, 1};
+    if (name == "wheel")
+      return {name, [](const Window& at, NormalEquations* out) { return add_wheel(at, {at.size(), false}, out); }, 0.1};
+    if (name == "zero_motion")
+      return {name,
+              [](const Window& at, NormalEquations* out) {
+                return add_zero_motion(at, {at.size(), false}, out);
+              },
+              1};
+    for (const InstructionSet set : kInstructionSets) {
+      if (!runs_here(set)) continue;
+      if (name == std::string("track_") + name_of(set))
+        return visual(name, w, std::make_shared<TrackFactor>(set), 0.02);
+      if (name == std::string("reprojection_") + name_of(set))
+        return visual(name, w, std::make_shared<ConvergedReprojection>(set), kWithinACorner);
+      if (name == std::string("imu_") + name_of(set))
+        return {name,
+                [set](const Window& at, NormalEquations* out) {
+                  return add_imu(at, {at.size(), false}, factor_kernels(set), out);
+                },
+                1};
+    }
+    return {};
+  }
+};
+
+/// All unknowns. The error is relative to the right-hand side or, if that is larger, to the square root of the
+/// curvature: the right-hand side of a residual of one sigma. Reached: 1e-9, and 4e-8 with Huber's kernels for their
+/// small step.
+void check_gradient(const Subject& subject, Window& w) {
+  NamedBlocks at;
+  const double cost = subject.cost(w, &at);
+  EXPECT_NEAR(subject.cost(w, nullptr), cost, 1e-9 * (1 + std::abs(cost)));
+  const auto check = [&](Unknown a, int i, const std::function<void(double)>& move, const std::string& what) {
+    const auto cost_at = [&](double d) {
+      move(d);
+      return subject.cost(w, nullptr);
+    };
+    const double sigma = 1 / std::sqrt(at.curvature(a, i));
+    if (!std::isfinite(sigma)) {  // says nothing of it
+      EXPECT_EQ(at.slope(a, i), 0) << what;
+      EXPECT_NEAR(cost_at(1e-3), cost, 1e-9 * (1 + std::abs(cost))) << what;
+      return;
+    }
+    const double expected = -0.5 * slope(cost_at, subject.step * sigma);  // cost = r'r, b = -J'r
+    const double error = std::abs(at.slope(a, i) - expected) / std::max(std::abs(expected), 1 / sigma);
+    EXPECT_LT(error, 1e-7) << what << ": " << at.slope(a, i) << " for " << expected;
+  };
+  for (int k = 0; k < w.size(); ++k) {
+    const NavState keep = w.at(k).x;
+    const std::string frame = "frame " + std::to_string(k) + ", ";
+    for (int i = 0; i < 6; ++i)
+      check(
+          pose_of(k), i,
+          [&](double d) {
+            w.at(k).x = keep;
+            retract_pose(w.at(k).x, d * Vec6::Unit(i));
+          },
+          frame + "pose " + std::to_string(i));
+    for (int i = 0; i < 9 && subject.velocity_biases; ++i)
+      check(
+          velocity_biases_of(k), i,
+          [&](double d) {
+            w.at(k).x = keep;
+            retract_velocity_biases(w.at(k).x, d * Vec9::Unit(i));
+          },
+          frame + "velocity and biases " + std::to_string(i));
+    w.at(k).x = keep;
+  }
+  const Calibration keep = w.calibration;
+  for (int i = 0; i < kCalibration; ++i)
+    check(
+        calibration_of_camera(), i,
+        [&](double d) {
+          w.calibration = keep;
+          retract(w.calibration, d * CalibrationTangent::Unit(i));
+        },
+        "calibration " + std::to_string(i));
+  w.calibration = keep;
+}
+
+TEST_P(Gradient, IsTheSlopeOfTheCost) {
+  SyntheticWindow s = furnished_window();
+  const Subject subject = make(*s.window);
+  if (!subject.cost) GTEST_SKIP() << "not on this machine";
+  check_gradient(subject, *s.window);
+}
+
+/// Where two rays pass each other.
+Vec3 nearest_point(const Window& w, const TrackRecord& t, int i, int j) {
+  Mat3 A = Mat3::Zero();
+  Vec3 b = Vec3::Zero();
+  for (const int k : {i, j}) {
+    const NavState& x = w.at(k).x;
+    const Vec3 f = x.R * w.calibration.R_BC * w.view(t, k).f_C;
+    const Mat3 across = Mat3::Identity() - f * f.transpose();
+    A += across;
+    b += across * (x.p + x.R * w.calibration.p_BC);
+  }
+  return A.inverse() * b;
+}
+
+class HeldDepth : public Gradient {};
+
+/// The last camera all but touches the point it sees: a fiftieth of the first one's distance is left. There the depth
+/// along the bearing is held, and has no slope.
+TEST_P(HeldDepth, HasNoSlope) {
+  SyntheticWindow s = make_window({.frames = 6, .tracks = 12, .state_error = 0});
+  Window& w = *s.window;
+  const int last = w.size() - 1;
+  int chosen = 0;
+  for (int i = 0; i < w.track_count(); ++i) {
+    const TrackRecord& t = w.track(i);
+    if (w.seen(t, 0) && w.seen(t, last - 1) && w.seen(t, last)) chosen = i;
+    w.track(i).in_use = false;
+  }
+  TrackRecord& t = w.track(chosen);
+  t.in_use = true;
+  const Vec3 P = nearest_point(w, t, 0, last - 1);
+  NavState& x = w.at(last).x;
+  const Vec3 f = x.R * w.calibration.R_BC * w.view(t, last).f_C;
+  const double distance = (P - w.at(0).x.p).norm();
+  x.p = P - distance * (0.02 * f + 0.002 * f.unitOrthogonal()) - x.R * w.calibration.p_BC;
+  const Subject subject = make(w);
+  if (!subject.cost) GTEST_SKIP() << "not on this machine";
+  check_gradient(subject, w);
+}
+
+const auto name_of_subject = [](const testing::TestParamInfo<std::string>& test) { return test.param; };
+INSTANTIATE_TEST_SUITE_P(Factors, Gradient,
+                         testing::ValuesIn(on_every_set({"track", "reprojection", "imu"},
+                                                        {"epipolar", "prior", "wheel", "zero_motion"})),
+                         name_of_subject);
+INSTANTIATE_TEST_SUITE_P(Factors, HeldDepth, testing::ValuesIn(on_every_set({"track"})), name_of_subject);
+
+}  // namespace
+}  // namespace epiline
