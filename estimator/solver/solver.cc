@@ -245,7 +245,11 @@ SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const Solve
     if (!factorise_and_solve(w, settings, kFirstDamping)) r.outcome = SolverOutcome::kGaveUp;
   }
   if (r.solved() && !memory_->covariance.allFinite()) r.outcome = SolverOutcome::kNotFinite;
-  if (!r.solved()) restore(memory_->first, w);
+  if (!r.solved()) {  // nothing of a step that was not taken may pass for knowledge
+    restore(memory_->first, w);
+    memory_->covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+    memory_->calibration_covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+  }
   return r;
 }
 

@@ -51,9 +51,9 @@ class Solver {
   /// Improves the window's states and calibration in place, or leaves them exactly as they were.
   SolverSummary optimise(Window& window, VisualFactorModel& visual, const SolverSettings& settings,
                          Supervisor& supervisor);
-  /// Of the newest frame's state and the time offset; of the last solved optimise().
+  /// Of the newest frame's state and the time offset, by the last optimise(); no numbers if that solved nothing.
   const StateCovariance& covariance() const;
-  /// Covariance of the seven calibration parameters (zero rows where not estimated).
+  /// The same of the seven calibration parameters (zero rows where not estimated).
   const Eigen::Matrix<double, kCalibration, kCalibration>& calibration_covariance() const;
 
   // The pieces, for tests.

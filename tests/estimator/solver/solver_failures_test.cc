@@ -2,16 +2,17 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <vector>
 
+#include "tests/estimator/dense_system.h"
 #include "tests/estimator/solver/solver_fixture.h"
 
 namespace epiline {
 namespace {
 
 using test::calibration_sigmas;
-using test::kEverything;
 using test::quadratic;
 
 class AlwaysLate final : public Supervisor {
@@ -43,79 +44,151 @@ TEST(Solver, StopsAfterTheFirstAcceptedStepWhenTimeIsUp) {
   EXPECT_NEAR(solver.linearise(*hurried.window, factor, {10, true, false}), r.cost, 1e-9 * r.cost);
 }
 
-/// Works as the track factor does, but that its first linearisation or its trials cost `bad`.
+/// Works as the track factor does, but that linearisations from `first` on, or all trials, cost `bad`.
 class Failing final : public VisualFactorModel {
  public:
   enum class At { kLinearisation, kTrial };
-  Failing(At at, double bad) : track_(best_instruction_set()), at_(at), bad_(bad) {}
+  Failing(At at, double bad, int first = 0) : track_(best_instruction_set()), at_(at), bad_(bad), first_(first) {}
   void collect(const Window& w, const VisualSettings& s) noexcept override { track_.collect(w, s); }
   void linearise(const Window& w, VisualSystem& out) noexcept override {
     track_.linearise(w, out);
-    if (at_ == At::kLinearisation) out.cost = bad_;
+    if (at_ == At::kLinearisation && count_++ >= first_) out.cost = bad_;
   }
-  double cost(const Window& w) noexcept override { return at_ == At::kTrial ? bad_ : track_.cost(w); }
+  double cost(const Window& w) noexcept override {
+    return at_ == At::kTrial && count_++ < first_trials ? bad_ : track_.cost(w);
+  }
   void marginalise_oldest(const Window& w, const VisualSettings& s, VisualSystem& out) noexcept override {
     track_.marginalise_oldest(w, s, out);
   }
+  int first_trials = 1000;  ///< so many trials are bad
 
  private:
   TrackFactor track_;
   At at_;
   double bad_;
+  int first_, count_ = 0;
 };
 
-TEST(Solver, PutsTheStateBackExactlyWhenAStepIsRejected) {
-  for (const double bad : {1e12, std::nan(""), std::numeric_limits<double>::infinity()}) {
-    SyntheticWindow s = make_window({});
-    Window& w = *s.window;
+/// A window with a prior whose velocities are off by 0.3 m/s, and what it held before.
+struct Attempt {
+  Attempt() {
     set_initial_prior(w, {}, calibration_sigmas());
-    std::vector<NavState> before;
+    for (int k = 0; k < w.size(); ++k) w.at(k).x.v += Vec3(0.3, 0, 0);
+    keep();
+  }
+  void keep() {
+    before.clear();
     for (int k = 0; k < w.size(); ++k) before.push_back(w.at(k).x);
-    const Calibration calibration = w.calibration;
-    Failing factor(Failing::At::kTrial, bad);
-    Solver solver(best_instruction_set());
-    Supervisor supervisor;
+    calibration = w.calibration;
+  }
+  SolverSummary solve(VisualFactorModel& factor, const SolverSettings& settings) {
     factor.collect(w, quadratic(true));
-    const SolverSummary r = solver.optimise(w, factor, kEverything, supervisor);
-    EXPECT_EQ(r.outcome, SolverOutcome::kGaveUp);
-    EXPECT_FALSE(r.solved());
-    EXPECT_EQ(r.accepted, 0);
-    EXPECT_GT(r.rejected, 1);
+    return solver.optimise(w, factor, settings, *supervisor);
+  }
+  /// State and covariance leave together: here neither does.
+  void expect_nothing_left() const {
     for (int k = 0; k < w.size(); ++k) {
       const NavState& x = w.at(k).x;
       const NavState& y = before[static_cast<std::size_t>(k)];
-      EXPECT_TRUE(x.p == y.p && x.R == y.R && x.v == y.v && x.b_a == y.b_a && x.b_g == y.b_g) << "frame " << k;
+      const auto same = [](const auto& a, const auto& b) { return std::memcmp(a.data(), b.data(), sizeof a) == 0; };
+      EXPECT_TRUE(same(x.p, y.p) && same(x.R, y.R) && same(x.v, y.v) && same(x.b_a, y.b_a) && same(x.b_g, y.b_g))
+          << "frame " << k;
     }
-    EXPECT_TRUE(w.calibration.time_offset == calibration.time_offset && w.calibration.R_BC == calibration.R_BC &&
-                w.calibration.p_BC == calibration.p_BC);
+    EXPECT_TRUE(local(calibration, w.calibration).isZero(0));
+    EXPECT_TRUE(solver.covariance().array().isNaN().all()) << "taken for knowledge";
+    EXPECT_TRUE(solver.calibration_covariance().array().isNaN().all());
+  }
+
+  SyntheticWindow s = make_window({});
+  Window& w = *s.window;
+  Solver solver{best_instruction_set()};
+  Supervisor patient;
+  Supervisor* supervisor = &patient;
+  std::vector<NavState> before;
+  Calibration calibration;
+};
+
+TEST(Solver, GivesUpWhenEveryStepIsRejectedAndLeavesNothing) {
+  for (const double bad : {1e12, std::nan(""), std::numeric_limits<double>::infinity()}) {
+    Attempt a;
+    Failing factor(Failing::At::kTrial, bad);
+    const SolverSummary r = a.solve(factor, {3, true, true});
+    EXPECT_EQ(r.outcome, SolverOutcome::kGaveUp);
+    EXPECT_TRUE(r.failed() && !r.solved());
+    EXPECT_EQ(r.accepted, 0);
+    EXPECT_EQ(r.rejected, Solver::kMostAttempts);
+    a.expect_nothing_left();
   }
 }
 
-TEST(Solver, ReportsACostThatIsNotANumber) {
-  SyntheticWindow s = make_window({});
-  set_initial_prior(*s.window, {}, calibration_sigmas());
-  Failing factor(Failing::At::kLinearisation, std::nan(""));
-  Solver solver(best_instruction_set());
-  Supervisor supervisor;
-  factor.collect(*s.window, quadratic(false));
-  EXPECT_EQ(solver.optimise(*s.window, factor, {3, true, false}, supervisor).outcome, SolverOutcome::kNotFinite);
+TEST(Solver, IsOutOfTimeWithoutAnyStepWhenTheFirstIsRejectedLate) {
+  Attempt a;
+  AlwaysLate late;
+  a.supervisor = &late;
+  Failing factor(Failing::At::kTrial, 1e12);
+  const SolverSummary r = a.solve(factor, {3, true, true});
+  EXPECT_EQ(r.outcome, SolverOutcome::kOutOfTime);
+  EXPECT_EQ(r.rejected, 1);
+  EXPECT_FALSE(r.solved());
+  EXPECT_FALSE(r.failed()) << "want of time is no fault";
+  a.expect_nothing_left();
 }
 
-/// In a window whose velocity is off by 0.3 m/s, every step being refused: nothing of the solver's may be taken for
-/// knowledge.
-TEST(Solver, HandsOutNoCovarianceWhenItGivesUp) {
-  SyntheticWindow s = make_window({});
-  Window& w = *s.window;
-  set_initial_prior(w, {}, calibration_sigmas());
-  for (int k = 0; k < w.size(); ++k) w.at(k).x.v += Vec3(0.3, 0, 0);
+/// Also where a step had been accepted before.
+TEST(Solver, TakesEverythingBackWhenACostIsNotANumber) {
+  for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity()})
+    for (const int accepted : {0, 1, 2}) {
+      Attempt a;
+      Failing factor(Failing::At::kLinearisation, bad, accepted);
+      const SolverSummary r = a.solve(factor, {10, true, true});
+      EXPECT_EQ(r.outcome, SolverOutcome::kNotFinite);
+      EXPECT_EQ(r.accepted, accepted);
+      EXPECT_TRUE(r.failed() && !r.solved());
+      a.expect_nothing_left();
+    }
+}
+
+TEST(Solver, LeavesAWindowAloneInWhichANumberIsNone) {
+  for (const int number : {0, 1, 2, 3, 4}) {
+    Attempt a;
+    NavState& x = a.w.at(3).x;
+    double* const spoilt[] = {&x.p[1], &x.v[0], &x.R(2, 0), &x.b_a[2], &x.b_g[1]};
+    *spoilt[number] = std::nan("");
+    a.keep();
+    TrackFactor factor(best_instruction_set());
+    const SolverSummary r = a.solve(factor, {3, true, true});
+    EXPECT_TRUE(r.failed()) << number;
+    a.expect_nothing_left();
+  }
+}
+
+/// Without a prior nothing holds position and heading: the normal equations have no solution.
+TEST(Solver, EndsWithoutAStepWherePositionIsFree) {
+  Attempt a;
+  a.w.prior.frames = 0;
+  for (int k = 1; k < a.w.size(); ++k) a.w.at(k).L_inverse.setZero();  // and nothing ties velocities and biases
+  TrackFactor factor(best_instruction_set());
+  const SolverSummary r = a.solve(factor, {3, true, true, 0, true});
+  EXPECT_FALSE(r.solved());
+  EXPECT_EQ(r.accepted, 0);
+  a.expect_nothing_left();
+}
+
+/// The damping that made the step acceptable must not pass for knowledge.
+TEST(Solver, HandsOutTheUndampedCovarianceAfterARejection) {
+  Attempt a;
   Failing factor(Failing::At::kTrial, 1e12);
-  Solver solver(best_instruction_set());
-  Supervisor supervisor;
-  factor.collect(w, quadratic(false));
-  const SolverSummary r = solver.optimise(w, factor, {3, true, false}, supervisor);
-  EXPECT_EQ(r.outcome, SolverOutcome::kGaveUp);
-  EXPECT_TRUE(r.failed());
-  EXPECT_EQ(r.rejected, Solver::kMostAttempts);
+  factor.first_trials = 2;
+  const SolverSummary r = a.solve(factor, {1, true, true});
+  ASSERT_TRUE(r.solved());
+  EXPECT_EQ(r.rejected, 2);
+  a.solver.linearise(a.w, factor, {1, true, true});
+  const DenseSolution reference = solve_dense(dense(a.solver.system()));
+  const int n = a.w.size();
+  for (int i = 0; i < 15; ++i) {
+    const int row = i < 6 ? pose_column(n, n - 1) + i : velocity_row(n, n - 1) + i - 6;
+    EXPECT_NEAR(a.solver.covariance()(i, i) / reference.covariance(row, row), 1, 1e-6) << i;
+  }
 }
 
 /// Half of the tracks jump to and fro; the gate stands back and none is dropped, but they are counted, and the trial
