@@ -34,7 +34,7 @@ struct TrackSettings {
   double gate_chi2, gate_cost;  ///< a track is gated if chi2 > gate_chi2 (9 dof + 9) and cost > gate_cost (4 dof + 4)
   bool gate;
   int inner_steps;   ///< at most
-  double converged;  ///< rad, and relative depth: the inner steps end when the points of all lanes move by less
+  double converged;  ///< rad, and relative depth: the inner steps end where the points of all lanes would move by less
 };
 
 /// Normal equations of the visual factors, H delta = b; rotations perturbed in the world frame.
@@ -48,12 +48,25 @@ struct VisualSystem {
   int residuals, tracks, gated;
 };
 
-/// Work space of the track factor: Q_k = C W_k [-rho I, [l]x] for each view, and sums per lane.
+/// Rows of so many batches wait for their products: no more than the innermost caches keep.
+inline constexpr int kBatchesAtOnce = 8;
+
+/// Work space of the track factor.
 struct alignas(64) TrackScratch {
-  double Q[2][kMaxFrames][kMaxBatches][18][kBatchLanes];  ///< [1]: without the oldest view (marginalisation)
+  double rows[kMaxFrames][kBatchesAtOnce][18][kBatchLanes];  ///< Q_k = C W_k [-rho I, [l]x]
   double D[kMaxFrames][27][kBatchLanes];
-  double chi2[kMaxBatches][kBatchLanes];      ///< per track, of the last evaluation
-  double accepted[kMaxBatches][kBatchLanes];  ///< 1, or 0 for gated and empty lanes
+};
+
+/// Work space of what the oldest view adds.
+struct alignas(64) NewsScratch {
+  double rows[kMaxFrames][kBatchesAtOnce][12][kBatchLanes];
+  double b[kMaxFrames][6][kBatchLanes];
+};
+
+/// Per track of a batch, of the last evaluation.
+struct alignas(64) TrackVerdicts {
+  double chi2[kBatchLanes];
+  double accepted[kBatchLanes];  ///< 1, or 0 for gated and empty lanes
 };
 
 /// Landmarks come in batches of one host each; every host may leave a batch that is not full.
@@ -61,21 +74,23 @@ inline constexpr int kLandmarkBatches = kMaxBatches + kMaxFrames;
 
 /// Work space of the reprojection factor, and what its depths' own step needs.
 struct alignas(64) LandmarkScratch {
-  double q[kMaxFrames][kLandmarkBatches][6][kBatchLanes];  ///< H_rho,k over the root of H_rho,rho, host included
-  double e[kMaxFrames][kLandmarkBatches][3][kBatchLanes];  ///< W_k d_k
+  double rows[kMaxFrames][kBatchesAtOnce][6][kBatchLanes];  ///< H_rho,k over the root of H_rho,rho, host included
+  double e[kMaxFrames][kLandmarkBatches][3][kBatchLanes];   ///< W_k d_k
   double D[kMaxFrames][27][kBatchLanes];
   double gradient[kLandmarkBatches][kBatchLanes];   ///< of the depth: the right-hand side of its own equation
   double curvature[kLandmarkBatches][kBatchLanes];  ///< H_rho,rho
 };
 
 struct FactorKernels {
-  /// Linearises the track factors and leaves their points in the batches. `marginal`: the information view 0 adds given
-  /// the others, and nothing else.
+  /// Linearises the track factors and leaves their points in the batches.
   void (*track)(TrackBatch* batches, int count, const FrameGeometry* frames, int frame_count, const TrackSettings&,
-                bool marginal, TrackScratch&, VisualSystem&);
+                TrackScratch&, TrackVerdicts*, VisualSystem&);
+  /// What frame 0's views add to the others among the first `frame_count` frames.
+  void (*track_news)(TrackBatch* batches, int count, const FrameGeometry* frames, int frame_count, const TrackSettings&,
+                     NewsScratch&, TrackVerdicts*, VisualSystem&);
   /// Their cost alone.
-  double (*track_cost)(TrackBatch* batches, int count, const FrameGeometry* frames, const TrackSettings&,
-                       TrackScratch&);
+  double (*track_cost)(TrackBatch* batches, int count, const FrameGeometry* frames, int frame_count,
+                       const TrackSettings&, TrackVerdicts*);
   /// Linearises landmarks at the inverse distances `rho` along their hosts' bearings (each batch's `first` frame) and
   /// eliminates them. Rotations and positions are perturbed about the common origin: q(dp, dphi) = (dp + p x dphi,
   /// dphi). Curvatures of rho below `damping` are raised to it.
@@ -89,8 +104,8 @@ struct FactorKernels {
   void (*landmark_step)(const TrackBatch* batches, const double (*rho)[kBatchLanes], int count,
                         const FrameGeometry* frames, const double (*motion)[6], const LandmarkScratch&,
                         double (*change)[kBatchLanes]);
-  /// A = (L J)'(L J), g = -(L J)' L r for a 15x30 IMU Jacobian (rows padded to 32) and lower L (rows of 16); returns |L
-  /// r|^2.
+  /// A = (L J)'(L J), upper triangle, g = -(L J)' L r for a 15x30 IMU Jacobian (rows padded to 32) and lower L (rows of
+  /// 16); returns |L r|^2.
   double (*imu)(const double (*L)[16], const double (*J)[32], const double* r, double (*A)[32], double* g);
 };
 

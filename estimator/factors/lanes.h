@@ -15,6 +15,11 @@ inline void put_view(const Observation& o, double inverse_sigma, int frame, int 
   }
 }
 
+/// An absent view.
+inline void put_nothing(int frame, int lane, TrackBatch& batch) {
+  for (double(&numbers)[kBatchLanes] : batch.observation[frame]) numbers[lane] = 0;
+}
+
 /// No views from frame `first` to `last`, no tracks.
 void clear(TrackBatch& batch, int first, int last);
 

@@ -17,7 +17,7 @@ constexpr Unknown calibration_of_camera() { return {Unknown::Kind::kCamera, 0}; 
 /// H delta = b. Only the upper triangle of H in its own order counts; the lower half of a diagonal block is ignored.
 class NormalEquations {
  public:
-  /// A block inside H: element (i, j) at `at[i * row + j * column]`.
+  /// A block inside H: element (i, j) at `at[i * row + j * column]`. One of the two strides is 1.
   struct Block {
     double* at;
     int row, column;
@@ -30,8 +30,12 @@ class NormalEquations {
   template <class Matrix>
   void add(Unknown a, Unknown b, const Matrix& H) noexcept {
     const Block to = block(a, b);
-    for (int i = 0; i < H.rows(); ++i)
-      for (int j = 0; j < H.cols(); ++j) to.at[i * to.row + j * to.column] += H(i, j);
+    if (to.column == 1)
+      for (int i = 0; i < H.rows(); ++i)
+        for (int j = 0; j < H.cols(); ++j) to.at[i * to.row + j] += H(i, j);
+    else
+      for (int j = 0; j < H.cols(); ++j)
+        for (int i = 0; i < H.rows(); ++i) to.at[i + j * to.column] += H(i, j);
   }
   template <class Vector>
   void add(Unknown a, const Vector& b) noexcept {

@@ -24,7 +24,7 @@ auto block_of(const Prior& p, int row, int column) {
 void add_information(const Prior& p, NormalEquations& out) {
   const int n = p.frames, v = 6 * n, c = p.calibration_row();
   for (int k = 0; k < n; ++k) {
-    for (int l = k; l < n; ++l) out.add(pose_of(k), pose_of(l), block_of<6, 6>(p, 6 * k, 6 * l));
+    for (int l = k; l < n; ++l) out.add(pose_of(l), pose_of(k), block_of<6, 6>(p, 6 * l, 6 * k));
     out.add(pose_of(k), velocity_biases_of(0), block_of<6, 9>(p, 6 * k, v));
     out.add(pose_of(k), calibration_of_camera(), block_of<6, kCalibration>(p, 6 * k, c));
   }

@@ -12,7 +12,9 @@ namespace epiline {
 
 struct TrackFactor::Memory {
   TrackBatch batch[kMaxBatches];
+  TrackVerdicts verdicts[kMaxBatches];
   TrackScratch scratch;
+  NewsScratch news;
   FrameGeometry frame[kMaxFrames];
   struct Candidate {
     std::int16_t track;
@@ -36,14 +38,22 @@ TrackFactor::~TrackFactor() = default;
 namespace {
 constexpr double kDepthDamping = 0.04;  // 1/(1/m)^2: a standard deviation of 5 1/m on the change of inverse depth
 
-void fill_lane(const Window& w, const TrackRecord& t, int frames, double inverse_sigma, int lane, TrackBatch& batch) {
+void fill_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int lane, TrackBatch& batch) {
   double n = 0;
-  for (int k = 0; k < frames; ++k) {
-    if (!w.seen(t, k)) continue;
-    put_view(w.view(t, k), inverse_sigma, k, lane, batch);
-    ++n;
+  for (int k = batch.first; k <= batch.last; ++k) {
+    if (w.seen(t, k)) {
+      put_view(w.view(t, k), inverse_sigma, k, lane, batch);
+      ++n;
+    } else {
+      put_nothing(k, lane, batch);
+    }
   }
   batch.views[lane] = n;
+}
+
+void empty_lane(int lane, TrackBatch& batch) {
+  for (int k = batch.first; k <= batch.last; ++k) put_nothing(k, lane, batch);
+  batch.views[lane] = batch.warm[lane] = 0;
 }
 }  // namespace
 
@@ -66,36 +76,33 @@ void TrackFactor::recall_point(const TrackRecord& t, int b, int lane) {
   memory_->id_of[b][lane] = t.id;
   memory_->place_of[b][lane] = t.place;
   const Memory::Remembered& r = memory_->remembered[t.place];
-  if (!r.valid || r.id != t.id) return;
   TrackBatch& batch = memory_->batch[b];
-  batch.warm[lane] = 1;
+  const bool known = r.valid && r.id == t.id;
+  batch.warm[lane] = known;
+  if (!known) return;
   for (int i = 0; i < 3; ++i) batch.point[i][lane] = r.point[i] - r.point[3] * origin_[i];
   batch.point[3][lane] = r.point[3];
 }
 
 void TrackFactor::restart() noexcept {
   batches_ = 0;
+  collected_ = {};
   for (Memory::Remembered& r : memory_->remembered) r.valid = false;
 }
 
-/// The tracks with at least two views among the first `frames`, those of `required_mask` only (0: all), sorted by the
-/// first and the last frame that saw them: so a batch spans few more frames than its tracks do.
-int TrackFactor::list_candidates(const Window& w, std::uint32_t required_mask, int frames) {
+/// The tracks with at least two views, sorted by the first and the last frame that saw them: so a batch spans few more
+/// frames than its tracks do.
+int TrackFactor::list_candidates(const Window& w) {
   std::int16_t begin[kMaxFrames * kMaxFrames + 1] = {};
   std::int8_t frame_of[32];
-  std::uint32_t among = 0;
-  for (int k = 0; k < frames; ++k) {
-    among |= w.bit(k);
-    frame_of[std::countr_zero(w.bit(k))] = static_cast<std::int8_t>(k);
-  }
+  for (int k = 0; k < w.size(); ++k) frame_of[std::countr_zero(w.bit(k))] = static_cast<std::int8_t>(k);
   int n = 0;
   Memory::Candidate* found = memory_->unsorted;
   for (int i = 0; i < w.track_count(); ++i) {
     const TrackRecord& t = w.track(i);
-    const std::uint32_t seen = t.mask & among;
-    if (!t.in_use || std::popcount(seen) < 2 || (required_mask && !(t.mask & required_mask))) continue;
+    if (!t.in_use || std::popcount(t.mask) < 2) continue;
     std::int8_t first = kMaxFrames, last = -1;
-    for (std::uint32_t mask = seen; mask != 0; mask &= mask - 1) {
+    for (std::uint32_t mask = t.mask; mask != 0; mask &= mask - 1) {
       const std::int8_t k = frame_of[std::countr_zero(mask)];
       first = std::min(first, k);
       last = std::max(last, k);
@@ -108,69 +115,76 @@ int TrackFactor::list_candidates(const Window& w, std::uint32_t required_mask, i
   return n;
 }
 
-/// Packs them eight to a batch.
-void TrackFactor::pack(const Window& w, const VisualSettings& s, std::uint32_t required_mask, int frames) {
-  visual_ = s;
+/// Eight to a batch.
+void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
+  constexpr int kAhead = 8;  // tracks whose memory is asked for before they are copied
   const double inflation2 = s.sigma_inflation * s.sigma_inflation;
+  visual_ = s;
   settings_ = {kDepthDamping, s.cauchy * s.cauchy / inflation2, 1 / inflation2, 1 / inflation2, s.gate, s.inner_steps,
                s.converged};
+  gate_suspended_ = false;
   remember_points();
   origin_ = w.newest().x.p;
-  const int n = list_candidates(w, required_mask, frames);
+  collected_ = {w.newest().id, w.size()};
+  const int n = list_candidates(w);
+  const Memory::Candidate* candidate = memory_->candidate;
   batches_ = (n + kBatchLanes - 1) / kBatchLanes;
   const double inverse_sigma = 1 / (s.pixel_sigma * s.sigma_inflation);
   for (int b = 0; b < batches_; ++b) {
-    TrackBatch& batch = memory_->batch[b];
     const int begin = b * kBatchLanes, end = std::min(n, begin + kBatchLanes);
     int last = 0;
-    for (int i = begin; i < end; ++i) last = std::max<int>(last, memory_->candidate[i].last);
-    clear(batch, memory_->candidate[begin].first, last);
-    for (int i = end; i < std::min(n, end + kBatchLanes); ++i) w.fetch(w.track(memory_->candidate[i].track));
+    for (int i = begin; i < end; ++i) last = std::max<int>(last, candidate[i].last);
+    memory_->batch[b].first = candidate[begin].first;
+    memory_->batch[b].last = last;
     for (int i = begin; i < end; ++i) {
-      const TrackRecord& t = w.track(memory_->candidate[i].track);
-      fill_lane(w, t, frames, inverse_sigma, i - begin, batch);
+      if (i + kAhead < n) fetch(w, w.track(candidate[i + kAhead].track));
+      const TrackRecord& t = w.track(candidate[i].track);
+      fill_lane(w, t, inverse_sigma, i - begin, memory_->batch[b]);
       recall_point(t, b, i - begin);
     }
+    for (int i = end; i < begin + kBatchLanes; ++i) empty_lane(i - begin, memory_->batch[b]);
   }
 }
 
-void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
-  pack(w, s, 0, w.size());
-  gate_suspended_ = false;
+void TrackFactor::fetch(const Window& w, const TrackRecord& t) const {
+  w.fetch(t);
+  __builtin_prefetch(&memory_->remembered[t.place]);
 }
 
-void TrackFactor::run(const Window& w, int frames, bool marginal, VisualSystem& out) {
-  fill_geometry(w, frames, origin_, memory_->frame);
-  kernels_.track(memory_->batch, batches_, memory_->frame, frames, settings_, marginal, memory_->scratch, out);
-  add_calibration(w, frames, visual_.extrinsics, out);
+void TrackFactor::run(const Window& w, VisualSystem& out) {
+  fill_geometry(w, w.size(), origin_, memory_->frame);
+  kernels_.track(memory_->batch, batches_, memory_->frame, w.size(), settings_, memory_->scratch, memory_->verdicts,
+                 out);
+  add_calibration(w, w.size(), visual_.extrinsics, out);
 }
 
 double TrackFactor::cost(const Window& w) noexcept {
   fill_geometry(w, w.size(), origin_, memory_->frame);
-  return kernels_.track_cost(memory_->batch, batches_, memory_->frame, settings_, memory_->scratch);
+  return kernels_.track_cost(memory_->batch, batches_, memory_->frame, w.size(), settings_, memory_->verdicts);
 }
 
 void TrackFactor::linearise(const Window& w, VisualSystem& out) noexcept {
-  run(w, w.size(), false, out);
+  run(w, out);
   if (settings_.gate && out.gated > visual_.gate_cap * out.tracks) {
     // So many at once are not outliers: the stamps, the calibration or the state are off, and dropping them would hide
     // it.
     settings_.gate = false;
     gate_suspended_ = true;
     const int gated = out.gated;
-    run(w, w.size(), false, out);
+    run(w, out);
     out.gated = gated;
   }
 }
 
+/// Of the window as it was collected: the batches that hold frame 0's tracks lead.
 void TrackFactor::marginalise_oldest(const Window& w, const VisualSettings& s, VisualSystem& out) noexcept {
+  if (collected_ != Collected{w.newest().id, w.size()}) collect(w, s);
   const int frames = w.size() - 1;
-  VisualSettings own = s;
-  own.gate = settings_.gate;  // as decided for this frame
-  const VisualSettings keep = visual_;
-  pack(w, own, w.bit(0), frames);
-  run(w, frames, true, out);
-  visual_ = keep;
+  int count = 0;
+  while (count < batches_ && memory_->batch[count].first == 0) ++count;
+  fill_geometry(w, frames, origin_, memory_->frame);
+  kernels_.track_news(memory_->batch, count, memory_->frame, frames, settings_, memory_->news, memory_->verdicts, out);
+  add_calibration(w, frames, visual_.extrinsics, out);
 }
 
 double TrackFactor::residual_sigma_px() noexcept {
@@ -178,9 +192,9 @@ double TrackFactor::residual_sigma_px() noexcept {
   for (int b = 0; b < batches_; ++b)
     for (int lane = 0; lane < kBatchLanes; ++lane) {
       const double views = memory_->batch[b].views[lane];
-      if (views < 3 || memory_->scratch.accepted[b][lane] == 0) continue;
+      if (views < 3 || memory_->verdicts[b].accepted[lane] == 0) continue;
       const double dof = 2 * views - 3, median = 1 - 2 / (9 * dof);  // Wilson-Hilferty: median of chi2/dof
-      memory_->ratio[n++] = memory_->scratch.chi2[b][lane] / (dof * median * median * median);
+      memory_->ratio[n++] = memory_->verdicts[b].chi2[lane] / (dof * median * median * median);
     }
   if (n < 20) return 0;
   std::nth_element(memory_->ratio, memory_->ratio + n / 2, memory_->ratio + n);

@@ -16,7 +16,7 @@ struct VisualSettings {
   bool extrinsics = false;  ///< fill the extrinsic columns
   int inner_steps = 4;      ///< of the point inside a track, at most; fewer bias scale on straight flights
   double converged =
-      1e-5;  ///< rad, and relative depth: a smaller inner step is the last; the next would be far smaller
+      1e-3;  ///< rad, and relative depth: a smaller inner step is the last; the next would be far smaller
 };
 
 /// Turns the window's bearings into normal equations of poses and calibration.

@@ -200,8 +200,15 @@ void Solver::iterate(Window& w, VisualFactorModel& visual, const SolverSettings&
     }
     save(w, memory_->last);
     visual.save();
-    double trial = std::numeric_limits<double>::infinity();
-    if (factorise_and_solve(w, settings, damping)) trial = try_step(w, visual, settings, cost);
+    const bool has_step = factorise_and_solve(w, settings, damping);
+    // A step far below what is known of the window follows the quadratic model: it needs no trial.
+    if (has_step && damping == kFirstDamping && insignificant(w) && step(w, visual, settings)) {
+      ++r.accepted;
+      r.cost = cost - memory_->expected_gain;
+      r.outcome = SolverOutcome::kConverged;
+      return;
+    }
+    const double trial = has_step ? try_step(w, visual, settings, cost) : std::numeric_limits<double>::infinity();
     const double scale = std::abs(cost) + 1;
     if (trial <= cost + kRounding * scale) {
       ++r.accepted;
