@@ -67,6 +67,41 @@ TEST(TrackFactor, LeavesTranslationAndYawUnobservable) {
   EXPECT_GT(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(H).eigenvalues().minCoeff(), -1e-9 * H.norm());
 }
 
+/// The last step of a point is not taken but eliminated with the poses, and what it would gain is counted: the same
+/// cost and equations as with points that have converged.
+TEST(TrackFactor, EliminatesTheLastStepOfAPointInsteadOfTakingIt) {
+  SyntheticWindow s = make_window({.pixel_noise = 0.5});
+  Window& w = *s.window;
+  VisualSettings settings = smooth_settings();
+  settings.cauchy = 1000;  // weights that bend are taken where the point was, as the slopes are
+  TrackFactor converged(best_instruction_set());
+  const auto reference = std::make_unique<VisualSystem>(), system = std::make_unique<VisualSystem>();
+  converged.collect(w, settings);
+  converged.linearise(w, *reference);
+  // GIVEN a factor whose points are where they were found before the poses moved a little
+  settings.converged = VisualSettings{}.converged;
+  TrackFactor factor(best_instruction_set());
+  const std::vector<NavState> states = [&] {
+    std::vector<NavState> all;
+    for (int k = 0; k < w.size(); ++k) all.push_back(w.at(k).x);
+    return all;
+  }();
+  for (int k = 0; k < w.size(); ++k) w.at(k).x.p += Vec3(1e-3, -5e-4, 5e-4) * std::cos(2.0 * k);
+  factor.collect(w, settings);
+  factor.linearise(w, *system);
+  for (int k = 0; k < w.size(); ++k) w.at(k).x = states[static_cast<std::size_t>(k)];
+  // WHEN it is linearised with the points as they are
+  factor.linearise(w, *system);
+  // THEN
+  EXPECT_NEAR(system->cost, reference->cost, 1e-7 * reference->cost);
+  EXPECT_NEAR(factor.cost(w), reference->cost, 1e-7 * reference->cost);
+  for (int k = 0; k < w.size(); ++k)
+    for (int i = 0; i < 6; ++i) {
+      const double unit = std::sqrt(reference->H[k][k][7 * i]);  // in sigmas of this number given all others
+      EXPECT_NEAR(system->b[k][i] / unit, reference->b[k][i] / unit, 1e-3) << "frame " << k << ", row " << i;
+    }
+}
+
 /// Every number of the normal equations, marginalisation included, must not depend on the instruction set.
 TEST(TrackFactor, InstructionSetsAgree) {
   SyntheticWindow s = make_window({.pixel_noise = 1});
