@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "estimator/factors/prior.h"
 #include "estimator/impl.h"
 #include "estimator/monitor/evidence.h"
@@ -9,7 +11,53 @@ namespace {
 constexpr double kCarriedStep_s = 1;  // without a solved frame the IMU carries the state on in steps of this length
 // A carried state is worth going on from while a few seconds of images can mend it; beyond, a start searches anew.
 constexpr double kMostVelocity = 1, kMostTilt = 0.1;  // m/s, rad
+constexpr double kLeastUnknown_s = 1;                 // how long an unknown acceleration lasts, at least
+// Without images that long, errors add up that images otherwise hold down: scale and axes of the sensors, and what the
+// window's covariance claims too little. Both as factors of standard deviations (docs/decisions/2026-11-22-silence.md).
+constexpr double kSilence_s = 0.5, kSilentState = 1.6, kSilentReadings = 1.6;
+constexpr int kSeenAgain = 20;  // tracks that tie the image to the window before the silence
+
+/// Makes tilt, velocity and biases less certain by an independent error. Place and heading, which the world's origin
+/// defines and nothing in a silence changes, stay as certain as they were; so they are taken out first.
+void widen(const NavState& x, StateCovariance& P) {
+  const Vec3 up = Vec3::UnitZ(), up_B = x.R.transpose() * up;
+  StateCovariance without = StateCovariance::Identity();
+  without.topRows<3>().setZero();
+  without.block<3, 3>(3, 3) -= up_B * up_B.transpose();
+  without.block<3, 3>(6, 3) = -up.cross(x.v) * up_B.transpose();
+  without(15, 15) = 0;
+  P += (kSilentState * kSilentState - 1) * (without * P * without.transpose()).eval();
+}
+
+ImuHistory::Density widened(ImuHistory::Density density) {
+  density.noise.accelerometer_density *= kSilentReadings;
+  density.noise.accelerometer_random_walk *= kSilentReadings;
+  return density;
+}
+
+/// Makes an interval one whose forces are unknown: the velocity stays as it is but for `acceleration` (m/s^2) for as
+/// long as the interval lasts. Rotation and biases go on as integrated.
+void forget_forces(double acceleration, Preintegration& interval) {
+  const double T = interval.T, q = acceleration * acceleration * std::max(T, kLeastUnknown_s);
+  for (const int row : {0, 6}) {
+    interval.J.middleRows<3>(row).setZero();
+    interval.J.block<3, 3>(row, row).setIdentity();
+    interval.C.middleRows<3>(row).setZero();
+    interval.C.middleCols<3>(row).setZero();
+  }
+  interval.J.block<3, 3>(0, 6) = T * Mat3::Identity();
+  interval.C.block<3, 3>(0, 0) = q * T * T * T / 3 * Mat3::Identity();
+  interval.C.block<3, 3>(0, 6) = interval.C.block<3, 3>(6, 0) = q * T * T / 2 * Mat3::Identity();
+  interval.C.block<3, 3>(6, 6) = q * T * Mat3::Identity();
+}
 }  // namespace
+
+/// Whether forces tell nothing of the motion since the carried state: readings are missing, or nobody knows how much of
+/// them is gravity.
+bool Estimator::Impl::forces_are_unknown(HostStamp until) const {
+  if (history.longest_unknown_s(carried.time, until) > kLongestUnknown_s) return true;
+  return !started && sigma_tilt(carried.x, carried.P) > kMostTilt;
+}
 
 /// The newest state known, moved on to `time` by the readings. Without readings it stays where it is.
 KnownState Estimator::Impl::carried_to(HostStamp time) const {
@@ -17,9 +65,17 @@ KnownState Estimator::Impl::carried_to(HostStamp time) const {
   if (!s.known || time <= s.time) return s;
   Preintegration interval;
   interval.reset(s.x.b_a, s.x.b_g);
-  if (!history.integrate(s.time, time, density, interval)) return s;
-  s.P = carried_on(into_body(carried.P, carried.x.R), carried.x.R, interval);
+  const bool silent = s.silent || (time - s.time).seconds() > kSilence_s;
+  if (!history.integrate(s.time, time, silent ? widened(density) : density, interval)) return s;
+  if (silent && !s.silent) widen(s.x, s.P);
+  s.silent = silent;
   history.propagate(carried.time, time, s.x, s.omega);
+  if (forces_are_unknown(time)) {
+    forget_forces(density.gap_acceleration, interval);
+    s.x.p = carried.x.p + interval.T * carried.x.v;
+    s.x.v = carried.x.v;
+  }
+  s.P = carried_on(into_body(s.P, carried.x.R), carried.x.R, interval);
   s.time = time;
   return s;
 }
@@ -35,17 +91,38 @@ bool Estimator::Impl::may_go_on(const KnownState& s) const {
   return sigma_velocity(s.x, s.P) < kMostVelocity && sigma_tilt(s.x, s.P) < kMostTilt;
 }
 
+/// Begins a new window at this frame with the carried state. False, and nothing happens, if that is not good enough.
+bool Estimator::Impl::go_on(const TrackedFrame& frame) {
+  const KnownState s = carried_to(imu_time(frame.stamp));
+  if (!started || s.time != imu_time(frame.stamp) || !may_go_on(s)) return false;
+  const double noise = pixel_sigma;
+  forget();
+  pixel_sigma = noise;
+  carried = s;
+  carried.silent = false;
+  go_on_from_carried(frame);
+  return true;
+}
+
+/// Whether the first image after a silence shows what the window has seen.
+bool Estimator::Impl::sees_again(const TrackedFrame& frame) const {
+  const auto known = [this](const TrackedFeature& f) { return window.find(f.id) >= 0; };
+  return std::count_if(frame.features.begin(), frame.features.end(), known) >= kSeenAgain;
+}
+
+/// After a silence of the camera the old window has nothing to say to what the images show now, but for the state that
+/// the IMU has carried on, and that claims too little in the window.
+bool Estimator::Impl::go_on_after_silence(const TrackedFrame& frame) {
+  const double silent_s = (frame.stamp - window.newest().image_stamp).seconds();
+  return silent_s > kSilence_s && !sees_again(frame) && go_on(frame);
+}
+
 /// The window cannot be continued to this frame: a new one begins with it, from the carried state if that is good
 /// enough, else by a search.
 StepResult Estimator::Impl::start_anew(const TrackedFrame& frame, Supervisor& supervisor) {
   const bool running = started;
+  if (go_on(frame)) return {true, true, false};
   const KnownState s = carried_to(imu_time(frame.stamp));
-  if (running && s.time == imu_time(frame.stamp) && may_go_on(s)) {
-    forget();
-    carried = s;
-    go_on_from_carried(frame);
-    return {true, true, false};
-  }
   reset();
   carried = s;
   return running ? StepResult{} : initialise(frame, supervisor);

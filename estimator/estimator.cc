@@ -11,9 +11,8 @@
 namespace epiline {
 
 namespace {
-constexpr double kHeldShare = 0.2;  // of an IMU interval: the last reading may be held so long up to a frame's time
-constexpr double kLongestUnknown_s = 0.25;  // without a reading to be trusted: too far to go on from (health.md)
-constexpr double kLongestStep_s = 5;        // a longer silence of the camera is a new start
+constexpr double kHeldShare = 0.2;    // of an IMU interval: the last reading may be held so long up to a frame's time
+constexpr double kLongestStep_s = 5;  // a longer silence of the camera is a new start
 
 std::unique_ptr<VisualFactorModel> make_visual_factor(VisualFactor factor, InstructionSet set) {
   switch (factor) {
@@ -110,6 +109,7 @@ StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& super
     const double since_s = (frame.stamp - window.newest().image_stamp).seconds();
     if (since_s > kLongestStep_s || history.longest_unknown_s(window.newest().time, time) > kLongestUnknown_s)
       return start_anew(frame, supervisor);
+    if (started && go_on_after_silence(frame)) return {true, true, false};
     if (since_s < 0.75 * config.solve_interval_s) return started ? predict(frame) : StepResult{};
   }
   if (!started) return initialise(frame, supervisor);

@@ -19,6 +19,8 @@
 namespace epiline {
 
 inline constexpr double kMostPixelSigma = 2;  ///< px: more noise is a fault, not a property of the tracks
+/// Without a reading to be trusted: too far to go on from (docs/derivations/health.md).
+inline constexpr double kLongestUnknown_s = 0.25;
 
 /// A state with its covariance at an instant of the IMU. The only thing that survives a reset.
 struct KnownState {
@@ -28,6 +30,7 @@ struct KnownState {
   NavState x;
   Vec3 omega = Vec3::Zero();  ///< rad/s, bias included
   StateCovariance P = StateCovariance::Zero();
+  bool silent = false;  ///< carried on without images: the covariance is widened
 };
 
 struct Estimator::Impl {
@@ -73,11 +76,16 @@ struct Estimator::Impl {
   void remember_origin();
   CalibrationTangent calibration_sigmas() const;
   StarterSettings starter_settings() const;
+  Vec3 known_gyroscope_bias() const;
 
   // carrying.cc
   KnownState carried_to(HostStamp time) const;
+  bool forces_are_unknown(HostStamp until) const;
   void carry_while_silent();
   bool may_go_on(const KnownState& s) const;
+  bool go_on(const TrackedFrame& frame);
+  bool sees_again(const TrackedFrame& frame) const;
+  bool go_on_after_silence(const TrackedFrame& frame);
   StepResult start_anew(const TrackedFrame& frame, Supervisor& supervisor);
   void go_on_from_carried(const TrackedFrame& frame);
   void reset();

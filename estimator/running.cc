@@ -38,6 +38,7 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   // State and covariance leave together: the solver's, or the IMU's prediction.
   carried = predicted;
   carried.x = window.newest().x;
+  carried.silent = false;
   if (s.solved()) carried.P = solver.covariance();
   FrameEvidence evidence;
   evidence.overloaded = effort.reduced();
@@ -62,6 +63,8 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
 /// The frame just cut, as the IMU predicts it.
 KnownState Estimator::Impl::predicted_newest() const {
   const Slot& newest = window.newest();
+  if (carried.time != window.at(window.size() - 2).time)  // an IMU that outlasts the camera
+    return carried_to(newest.time);
   const Mat3& R = carried.x.R;
   return {true,     carried.trusted, newest.time,
           newest.x, newest.omega,    carried_on(into_body(carried.P, R), R, newest.imu)};

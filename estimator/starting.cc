@@ -52,7 +52,7 @@ StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& su
     ++stats.start_refused[static_cast<int>(StartRefusal::kNoImu)];
     return {};
   }
-  if (window.size() == 1) window.newest().x.b_g = starter_settings().b_g_reference;
+  if (window.size() == 1) window.newest().x.b_g = known_gyroscope_bias();
   if (const auto refusal = try_start(frame, supervisor)) {
     ++stats.start_refused[static_cast<int>(*refusal)];
     window.prune();
@@ -77,7 +77,7 @@ std::optional<StartRefusal> Estimator::Impl::start_at_rest(const TrackedFrame& f
   const RestReadings mean{readings.mean_specific_force, readings.mean_rate, readings.duration_s};
   if (const auto refusal = solve_stationary_start(mean, config.imu, kBiasSigmaAccelerometer, state)) return refusal;
   const StarterSettings at = starter_settings();
-  state.R_WB = so3_exp(Vec3(0, 0, at.yaw)) * state.R_WB;
+  if (at.R_WB) state.R_WB = so3_exp(Vec3(0, 0, heading_from(state.R_WB, *at.R_WB))) * state.R_WB;
   state.p_WB = at.p_WB;
   state.sigma_p = std::max(state.sigma_p, at.sigma_p);
   state.sigma_yaw = std::max(state.sigma_yaw, at.sigma_yaw);
@@ -139,7 +139,7 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
 /// The window as it was before the start, without states.
 void Estimator::Impl::take_back_start() {
   window.prior.frames = 0;
-  const Vec3 b_g = starter_settings().b_g_reference;
+  const Vec3 b_g = known_gyroscope_bias();
   for (int k = 0; k < window.size(); ++k) window.at(k).x = NavState{.b_g = b_g};
   reintegrate_moved_biases();
   window.calibration = {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC};
@@ -190,6 +190,11 @@ CalibrationTangent Estimator::Impl::calibration_sigmas() const {
   return s;
 }
 
+Vec3 Estimator::Impl::known_gyroscope_bias() const {
+  return carried.known && carried.trusted ? carried.x.b_g : Vec3(Vec3::Zero());
+}
+
+/// For a start at the window's newest frame.
 StarterSettings Estimator::Impl::starter_settings() const {
   StarterSettings s;
   s.pixel_sigma = pixel_sigma;
@@ -199,14 +204,13 @@ StarterSettings Estimator::Impl::starter_settings() const {
   s.b_a_sigma = kBiasSigmaAccelerometer;
   s.calibration_sigmas = calibration_sigmas();
   if (!carried.known) return s;
-  if (carried.trusted) {
-    s.b_g_sigma = kBiasSigmaGyroscopeKnown;
-    s.b_g_reference = carried.x.b_g;
-  }
-  s.p_WB = carried.x.p;
-  s.yaw = std::atan2(carried.x.R(1, 0), carried.x.R(0, 0));
-  s.sigma_p = std::sqrt(carried.P.diagonal().head<3>().maxCoeff());
-  const Mat3 attitude = carried.x.R * carried.P.block<3, 3>(3, 3) * carried.x.R.transpose();
+  if (carried.trusted) s.b_g_sigma = kBiasSigmaGyroscopeKnown;
+  s.b_g_reference = known_gyroscope_bias();
+  const KnownState now = carried_to(window.newest().time);
+  s.p_WB = now.x.p;
+  s.R_WB = now.x.R;
+  s.sigma_p = std::sqrt(now.P.diagonal().head<3>().maxCoeff());
+  const Mat3 attitude = now.x.R * now.P.block<3, 3>(3, 3) * now.x.R.transpose();
   s.sigma_yaw = std::sqrt(attitude(2, 2));
   return s;
 }

@@ -72,8 +72,9 @@ std::optional<StartRefusal> Starter::start_moving(Window& w, const StarterSettin
   if (const auto refusal = solve_moving_start(problem, limits, m.guess)) return refusal;
   const auto newest = static_cast<std::size_t>(w.size() - 1);
   Mat3 R_WB0 = levelled(-m.guess.state.g_0.normalized());
-  const Vec3 ahead = R_WB0 * m.guess.R[newest].col(0);
-  R_WB0 = so3_exp(Vec3(0, 0, s.yaw - std::atan2(ahead.y(), ahead.x()))) * R_WB0;
+  const Mat3 R_WB = R_WB0 * m.guess.R[newest];
+  const double turn = s.R_WB ? heading_from(R_WB, *s.R_WB) : -std::atan2(R_WB(1, 0), R_WB(0, 0));
+  R_WB0 = so3_exp(Vec3(0, 0, turn)) * R_WB0;
   const Vec3 p_WB0 = s.p_WB - R_WB0 * m.guess.p[newest];
   for (int k = 0; k < w.size(); ++k) {
     const auto i = static_cast<std::size_t>(k);

@@ -15,9 +15,10 @@ struct StarterSettings {
   double b_a_sigma = 0.1;       ///< m/s^2
   Vec3 b_g_reference = Vec3::Zero();
   Vec3 p_WB = Vec3::Zero();  ///< where the newest frame is put, m
-  double yaw = 0;            ///< and which way its x axis points, rad
-  double sigma_p = 0;        ///< how well that place is known, m; 0: it is so by definition
-  double sigma_yaw = 0;      ///< rad
+  /// Its heading comes as close to this attitude as it can; none: its x axis points along the world's.
+  std::optional<Mat3> R_WB;
+  double sigma_p = 0;    ///< how well that place is known, m; 0: it is so by definition
+  double sigma_yaw = 0;  ///< rad
   CalibrationTangent calibration_sigmas = CalibrationTangent::Zero();
 };
 

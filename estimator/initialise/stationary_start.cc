@@ -23,6 +23,11 @@ Mat3 levelled(const Vec3& up_B) {
   return R_WB;
 }
 
+double heading_from(const Mat3& R_WB, const Mat3& reference) {
+  const Mat3 turn = reference * R_WB.transpose();
+  return std::atan2(turn(1, 0) - turn(0, 1), turn(0, 0) + turn(1, 1));
+}
+
 std::optional<StartRefusal> solve_stationary_start(const RestReadings& rest, const ImuNoise& noise, double b_a_sigma,
                                                    InitialState& state, double force_tolerance) {
   if (!(rest.duration_s > 0) || !rest.specific_force.allFinite() || !rest.rate.allFinite()) return StartRefusal::kNoImu;

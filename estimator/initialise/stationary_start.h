@@ -18,6 +18,10 @@ struct RestReadings {
 /// without yaw.
 Mat3 levelled(const Vec3& up_B);
 
+/// The turn about the vertical (rad) that brings `R_WB` closest to `reference`. The heading of one axis of the body
+/// would be nothing to go by where that axis is upright.
+double heading_from(const Mat3& R_WB, const Mat3& reference);
+
 /// Empty: `state` (R_WB with zero yaw, b_g, deviations) is good. kBiasImplausible: the mean force is not gravity within
 /// `force_tolerance` (m/s^2), so either the body accelerates or the accelerometer is broken.
 [[nodiscard]] std::optional<StartRefusal> solve_stationary_start(const RestReadings& rest, const ImuNoise& noise,

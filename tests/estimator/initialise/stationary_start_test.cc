@@ -34,6 +34,20 @@ TEST(StationaryStart, HasNoYaw) {
   EXPECT_NEAR(std::atan2(x.R_WB(1, 0), x.R_WB(0, 0)), 0, 1e-12);
 }
 
+/// However the body is mounted: with its x axis upright, a tilt of half a degree turns that axis' own heading by
+/// anything.
+TEST(HeadingFrom, IsTheTurnAboutTheVerticalWhateverAxisIsUpright) {
+  const Mat3 mounts[] = {Mat3::Identity(), so3_exp(Vec3(0, -1.5707963, 0)), so3_exp(Vec3(1.5707963, 0, 0))};
+  for (const Mat3& mount : mounts) {
+    for (const double turn : {0.0, 0.7, -3.0}) {
+      const Mat3 reference = so3_exp(Vec3(0.01, -0.005, 0.4)) * mount;
+      EXPECT_NEAR(heading_from(so3_exp(Vec3(0, 0, -turn)) * reference, reference), turn, 1e-12);
+      const Mat3 tilted = so3_exp(Vec3(0, 0, -turn)) * so3_exp(Vec3(-0.009, 0.009, 0)) * reference;
+      EXPECT_NEAR(std::remainder(heading_from(tilted, reference) - turn, 2 * M_PI), 0, 1e-3);
+    }
+  }
+}
+
 TEST(StationaryStart, TiltIsKnownAsWellAsTheAccelerometer) {
   RestReadings rest{Vec3(0, 0, kGravity), Vec3::Zero(), 0.5};
   InitialState x;
