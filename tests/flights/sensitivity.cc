@@ -1,0 +1,159 @@
+// How much hangs on the constants that were tuned: flights with truth, flown with each of them smaller and larger.
+// docs/constants.md has the table and tells which flights it was made of.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "drivers/replay/replay.h"
+#include "pipeline/config/config.h"
+#include "pipeline/evaluate/statistics.h"
+#include "pipeline/report/flight_record.h"
+#include "pipeline/text/table.h"
+
+namespace epiline {
+namespace {
+
+struct Options {
+  ReplayOptions replay;
+  std::vector<std::filesystem::path> flights;
+  std::vector<double> factors = {0.5, 1 / std::sqrt(2.), std::sqrt(2.), 2};
+  std::string only;
+};
+
+/// A setting, as it is called in a configuration file, and its default.
+struct Constant {
+  const char* section;
+  const char* name;
+  double value;
+  bool whole = false;
+};
+
+std::vector<Constant> constants() {
+  const EstimatorConfig e;
+  const TrackerConfig t;
+  return {
+      {"estimator", "keyframes", static_cast<double>(e.keyframes), true},
+      {"estimator", "solve_interval_s", e.solve_interval_s},
+      {"estimator", "sigma_inflation", e.sigma_inflation},
+      {"estimator", "cauchy", e.cauchy},
+      {"estimator", "gate_cap", e.gate_cap},
+      {"estimator", "gyroscope_density_factor", e.gyroscope_density_factor},
+      {"estimator", "accelerometer_density_factor", e.accelerometer_density_factor},
+      {"estimator", "keyframe_parallax_px", e.keyframe_parallax_px},
+      {"estimator", "time_offset_sigma_s", e.time_offset_sigma_s},
+      {"tracker", "max_features", static_cast<double>(t.max_features), true},
+      {"tracker", "iterations", static_cast<double>(t.iterations), true},
+      {"tracker", "step_px", t.step_px},
+      {"tracker", "coarse_step_px", t.coarse_step_px},
+      {"tracker", "max_step_px", t.max_step_px},
+      {"tracker", "min_eigenvalue", t.min_eigenvalue},
+      {"tracker", "start_level_1_px", t.start_level_1_px},
+      {"tracker", "start_level_2_px", t.start_level_2_px},
+      {"tracker", "min_correlation", t.min_correlation},
+      {"tracker", "max_backward_px", t.max_backward_px},
+      {"tracker", "hypotheses", static_cast<double>(t.hypotheses), true},
+      {"tracker", "near_limit_px", t.near_limit_px},
+      {"tracker", "wide_limit_px", t.wide_limit_px},
+      {"tracker", "min_distance_px", t.min_distance_px},
+      {"tracker", "min_score", t.min_score},
+  };
+}
+
+struct Outcome {
+  double ate_m = 0, tracking_s = 0;
+};
+
+/// Empty: it does not replay, as with a value out of its range, or gives no trajectory.
+std::optional<Outcome> fly(ReplayOptions options, const std::filesystem::path& flight) {
+  options.dataset = flight;
+  const auto result = replay(options, [](std::size_t, std::size_t) {});
+  if (!result) return std::nullopt;
+  const FlightRecord& record = result->record;
+  const auto errors = errors_of(record);
+  if (!errors || !(errors->ate_4dof.rmse > 0)) return std::nullopt;
+  Outcome o{errors->ate_4dof.rmse, 0};
+  for (std::size_t i = 1; i < record.images.size(); ++i)
+    if (record.images[i].has_pose && record.images[i].health.state == HealthState::kTracking)
+      o.tracking_s += (record.images[i].stamp - record.images[i - 1].stamp).seconds();
+  return o;
+}
+
+void print(const Constant& c, double value, const std::vector<Outcome>& usual,
+           const std::vector<std::optional<Outcome>>& changed, const std::vector<std::filesystem::path>& flights) {
+  std::vector<double> ratios;
+  double worst = 0, usual_s = 0, changed_s = 0;
+  std::string worst_flight, failed;
+  for (std::size_t i = 0; i < flights.size(); ++i) {
+    usual_s += usual[i].tracking_s;
+    if (!changed[i]) {
+      failed += " " + flights[i].filename().string();
+      continue;
+    }
+    changed_s += changed[i]->tracking_s;
+    const double ratio = changed[i]->ate_m / usual[i].ate_m;
+    ratios.push_back(ratio);
+    if (ratio <= worst) continue;
+    worst = ratio;
+    worst_flight = flights[i].filename().string();
+  }
+  const std::string name = fmt::format("| {}.{} | {:.4g} | {:.4g} |", c.section, c.name, c.value, value);
+  if (ratios.empty())
+    fmt::print("{} not allowed, or no flight | | |\n", name);
+  else
+    fmt::print("{} {:.2f} | {:.2f} {} | {:+.1f} %{}{} |\n", name, summarise(ratios).median, worst, worst_flight,
+               100 * (changed_s / usual_s - 1), failed.empty() ? "" : ", fails:", failed);
+  std::fflush(stdout);
+}
+
+int run(Options& o) {
+  std::vector<Outcome> usual;
+  for (const auto& flight : o.flights) {
+    const auto outcome = fly(o.replay, flight);
+    if (!outcome) {
+      fmt::print(stderr, "no data set with ground truth, or no trajectory: {}\n", flight.string());
+      return 2;
+    }
+    fmt::print("{}: ATE {:.4f} m, tracking {:.1f} s\n", flight.filename().string(), outcome->ate_m,
+               outcome->tracking_s);
+    usual.push_back(*outcome);
+  }
+  fmt::print(
+      "\n| setting | default | tried | error, times the usual: median | worst flight | time tracking |\n"
+      "|---|---|---|---|---|---|\n");
+  o.replay.config_file = std::filesystem::temp_directory_path() / fmt::format("epiline_sensitivity_{}.toml", getpid());
+  for (const Constant& c : constants()) {
+    if (std::string(c.name).find(o.only) == std::string::npos) continue;
+    for (const double factor : o.factors) {
+      const double value = c.whole ? std::round(factor * c.value) : factor * c.value;
+      if (!write_text(o.replay.config_file, fmt::format("[{}]\n{} = {}\n", c.section, c.name, value))) return 2;
+      std::vector<std::optional<Outcome>> changed;
+      for (const auto& flight : o.flights) changed.push_back(fly(o.replay, flight));
+      print(c, value, usual, changed, o.flights);
+    }
+  }
+  std::filesystem::remove(o.replay.config_file);
+  return 0;
+}
+
+}  // namespace
+}  // namespace epiline
+
+int main(int argc, char** argv) {
+  epiline::Options options;
+  CLI::App app("What the tuned settings change in flights with ground truth");
+  app.add_option("DATASETS", options.flights)->required();
+  app.add_option("--factors", options.factors, "on each setting's default, one after the other");
+  app.add_option("--only", options.only, "settings with this in their name");
+  app.add_option("--start", options.replay.start_s, "s of each flight left out at the beginning");
+  app.add_option("--duration", options.replay.duration_s, "s of each flight");
+  CLI11_PARSE(app, argc, argv);
+  return epiline::run(options);
+}
