@@ -44,8 +44,6 @@ StateCovariance covariance_of(const InitialState& s, double sigma_td) {
 }  // namespace
 
 StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& supervisor) {
-  const HostStamp time = imu_time(frame.stamp);
-  if (history.reaches(time)) carried = carried_to(time);  // a start is put where the robot is by now
   if (window.full()) window.remove(0);
   if (!cut(frame)) {
     window.clear();
