@@ -98,7 +98,11 @@ StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& super
   ++stats.frames;
   const HostStamp time = imu_time(frame.stamp);
   if (any_frame && frame.stamp <= last_frame) return refuse();
-  if (started && !history.reaches(time)) {
+  if (!history.reaches(time)) {
+    if (!started) {
+      ++stats.start_refused[static_cast<int>(StartRefusal::kNoImu)];
+      return refuse();
+    }
     odometry.health.reasons |= bit(HealthReason::kImuSilent);
     if (odometry.health.state == HealthState::kTracking) odometry.health.state = HealthState::kDegraded;
     return refuse();

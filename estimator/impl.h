@@ -50,6 +50,7 @@ struct Estimator::Impl {
   void attach_rest(const TrackedFrame& frame);
   void attach_wheel();
   void reintegrate_moved_biases();
+  void reintegrate_revised();
   SolverSummary solve(Supervisor& supervisor, const Supervisor::Effort& effort);
   SolverSettings solver_settings(const Supervisor::Effort& effort) const;
   void count(const SolverSummary& s);

@@ -72,6 +72,7 @@ KnownState Estimator::Impl::predicted_newest() const {
 
 /// Appends the frame, predicted by the IMU. False: there are no readings for it.
 bool Estimator::Impl::cut(const TrackedFrame& frame) {
+  reintegrate_revised();
   const HostStamp time = imu_time(frame.stamp);
   Preintegration interval;
   NavState x;
@@ -143,6 +144,19 @@ void Estimator::Impl::reintegrate_moved_biases() {
     if (!moved || history.empty() || history.oldest_stamp() > window.at(k - 1).time) continue;
     Slot anew = s;
     anew.imu.reset(from.b_a, from.b_g);
+    if (history.integrate(window.at(k - 1).time, s.time, density, anew.imu) && whiten(anew)) s = anew;
+  }
+}
+
+/// Intervals that ended at a reading, or shortly after one, whose verdict was not final yet.
+void Estimator::Impl::reintegrate_revised() {
+  const auto revised = history.take_revised();
+  if (!revised) return;
+  for (int k = 1; k < window.size(); ++k) {
+    Slot& s = window.at(k);
+    if (s.time <= *revised || history.oldest_stamp() > window.at(k - 1).time) continue;
+    Slot anew = s;
+    anew.imu.reset(s.imu.b_a, s.imu.b_g);
     if (history.integrate(window.at(k - 1).time, s.time, density, anew.imu) && whiten(anew)) s = anew;
   }
 }

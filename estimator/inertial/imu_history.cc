@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace epiline {
 
@@ -9,6 +10,17 @@ namespace {
 constexpr double kDistrustedTime_s = 1;
 // A step ahead that only a second reading makes credible: in a longer silence the motion is lost anyway (health.md).
 constexpr Span kFarAhead = Span::from_milliseconds(250);
+// Departures from the four neighbours, in units of the usual one: those of a reading that is corrupt though the judge
+// let it pass, and of an axis of a corrupt reading that is corrupt itself.
+constexpr double kCorrupt = 6, kCorruptAxis = 4;
+constexpr double kUsual = 0.5;                       // of that limit
+constexpr double kLeastRate = 0.4, kLeastForce = 3;  // rad/s, m/s^2: less does little harm
+constexpr double kLongestStep = 1.5;                 // periods between neighbours
+constexpr std::uint64_t kReach = 2;                  // neighbours on each side
+
+Interpolator::Values values_of(const ImuHistory::Reading& r) {
+  return (Interpolator::Values() << r.w.array(), r.a.array()).finished();
+}
 
 SpikeJudge::Unknown unknown_of(const ImuHistory::Reading& r) { return r.suspect ? r.unknown : SpikeJudge::Unknown{}; }
 
@@ -25,7 +37,18 @@ void ImuHistory::clear() {
   count_ = 0;
   period_ = {};
   judge_.clear();
+  interpolator_ = {};
+  departures_ = {};
+  revised_.reset();
   has_aside_ = false;
+}
+
+std::optional<HostStamp> ImuHistory::take_revised() { return std::exchange(revised_, std::nullopt); }
+
+/// Integrals that reading i is part of begin to differ at the one before it.
+void ImuHistory::revise(std::uint64_t i) {
+  const HostStamp from = at(i > first() ? i - 1 : i).stamp;
+  if (!revised_ || from < *revised_) revised_ = from;
 }
 
 ImuHistory::Push ImuHistory::push(const ImuSample& s) {
@@ -61,6 +84,7 @@ void ImuHistory::take(Reading r) {
   after_gap_ = period_.step(r.stamp);
   judge(r);
   readings_[count_++ % kCapacity] = r;
+  look_back();
 }
 
 void ImuHistory::judge(Reading& r) {
@@ -81,7 +105,9 @@ void ImuHistory::judge(Reading& r) {
   if (v.past == SpikeJudge::Past::kSpikes) counts_.bridged += past;
   if (v.past == SpikeJudge::Past::kGap) ++counts_.gaps;
   after_gap_ = after_gap_ || v.past == SpikeJudge::Past::kGap;
+  revise(count_ - past);
   if (v.base_is_spike && count_ - past > first()) {
+    revise(count_ - past - 1);
     Reading& base = at(count_ - past - 1);
     base.suspect = true;
     base.unknown = v.unknown;
@@ -89,14 +115,85 @@ void ImuHistory::judge(Reading& r) {
   }
 }
 
+Interpolator::Neighbours ImuHistory::neighbours(std::uint64_t i) const {
+  return {values_of(at(i - 2)), values_of(at(i - 1)), values_of(at(i + 1)), values_of(at(i + 2))};
+}
+
+bool ImuHistory::has_neighbours(std::uint64_t i) const {
+  const Span longest = Span::from_seconds(kLongestStep * period());
+  for (std::uint64_t k = i - kReach; k <= i + kReach; ++k) {
+    if (at(k).distrusted || at(k).in_gap || (k != i && is_open(k))) return false;
+    if (k > i - kReach && at(k).stamp - at(k - 1).stamp > longest) return false;
+  }
+  return true;
+}
+
+Interpolator::Values ImuHistory::likely(std::uint64_t i) const { return interpolator_.between(neighbours(i)); }
+
+/// Of reading i from what is likely; 1: so far only if it is corrupt.
+double ImuHistory::departure(std::uint64_t i) const {
+  Interpolator::Values limit = kCorrupt * interpolator_.usual_error();
+  limit.head<3>() = limit.head<3>().max(kLeastRate);
+  limit.tail<3>() = limit.tail<3>().max(kLeastForce);
+  return ((values_of(at(i)) - likely(i)).abs() / limit).maxCoeff();
+}
+
+/// A reading that two others have followed. If it is corrupt a likelier value takes its place than the line that stood
+/// there. If not, it teaches what is usual.
+void ImuHistory::look_back() {
+  std::rotate(departures_.begin(), departures_.begin() + 1, departures_.end());
+  departures_.back() = -1;
+  if (count_ - first() < 2 * kReach + 1) return;
+  const std::uint64_t between = count_ - 1 - kReach;
+  if (!has_neighbours(between)) return;
+  if (at(between).suspect) {
+    replace(at(between), likely(between));
+    revise(between);
+    return;
+  }
+  departures_.back() = departure(between);
+  interpolator_.learn(neighbours(between), values_of(at(between)));
+  judge_again(between - kReach);
+}
+
+/// A spike below the limits of what may begin with one reading still departs from the four around it, more than any of
+/// them does, and without it they are as usual.
+void ImuHistory::judge_again(std::uint64_t i) {
+  const auto [least, most] = std::minmax_element(departures_.begin(), departures_.end());
+  if (*least < 0 || departures_[kReach] <= 1 || departures_[kReach] < *most) return;
+  const Reading before = at(i);
+  replace(at(i), likely(i));
+  for (std::uint64_t k = i - kReach; k <= i + kReach; ++k) {
+    if (k == i || departure(k) <= kUsual) continue;
+    at(i) = before;
+    return;
+  }
+  const Interpolator::Values off = (values_of(before) - values_of(at(i))).abs();
+  at(i).suspect = true;
+  at(i).unknown = {static_cast<float>(off.head<3>().maxCoeff()), static_cast<float>(off.tail<3>().maxCoeff())};
+  departures_[kReach] = 0;
+  ++counts_.bridged;
+  revise(i);
+}
+
+/// Only the axes that are corrupt: what the others measured is worth more than what is likely.
+void ImuHistory::replace(Reading& r, const Interpolator::Values& likely) {
+  const Interpolator::Values measured = values_of(r);
+  const Interpolator::Values v =
+      ((measured - likely).abs() > kCorruptAxis * interpolator_.usual_error()).select(likely, measured);
+  r.w = v.head<3>();
+  r.a = v.tail<3>();
+  r.replaced = true;
+}
+
 ImuHistory::Reading ImuHistory::value(std::uint64_t i) const {
   Reading r = at(i);
-  if (!r.suspect) return r;
+  if (!is_open(i)) return r;
   std::uint64_t before = i, after = i;
-  while (before > first() && at(before).suspect) --before;
-  while (after + 1 < count_ && at(after).suspect) ++after;
-  if (at(before).suspect) before = after;
-  if (at(after).suspect) after = before;
+  while (before > first() && is_open(before)) --before;
+  while (after + 1 < count_ && is_open(after)) ++after;
+  if (is_open(before)) before = after;
+  if (is_open(after)) after = before;
   const Reading &a = at(before), &b = at(after);
   const double u = before == after ? 0 : (r.stamp - a.stamp).seconds() / (b.stamp - a.stamp).seconds();
   r.w = a.w + u * (b.w - a.w);
@@ -161,8 +258,8 @@ bool ImuHistory::reaches(HostStamp t) const {
 }
 
 bool ImuHistory::integrate(HostStamp t0, HostStamp t1, const Density& density, Preintegration& out) const {
-  constexpr Span kReach{500'000'000};
-  if (count_ == 0 || newest_stamp() + kReach < t1 || t0 + kReach < oldest_stamp()) return false;
+  constexpr Span kHeld{500'000'000};
+  if (count_ == 0 || newest_stamp() + kHeld < t1 || t0 + kHeld < oldest_stamp()) return false;
   const double gap = period_.hole_s();
   pieces(t0, t1, [&](const Reading& a, const Reading& b, double dt) {
     ImuNoise noise = density.noise;

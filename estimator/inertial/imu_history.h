@@ -1,8 +1,10 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <optional>
 
 #include "estimator/geometry/types.h"
+#include "estimator/inertial/interpolator.h"
 #include "estimator/inertial/nav_state.h"
 #include "estimator/inertial/preintegration.h"
 #include "estimator/inertial/spike_judge.h"
@@ -26,12 +28,13 @@ class ImuHistory {
     Vec3 w, a;                ///< rad/s, m/s^2, in B
     bool distrusted = false;  ///< at a limit or stuck: as good as none
     bool suspect = false;     ///< alone, as far as its neighbours are known: a value between them stands in its place
+    bool replaced = false;    ///< of a suspect: the values of the corrupt axes have been replaced by likely ones
     bool in_gap = false;      ///< one of too many suspects in a row: as good as none
     SpikeJudge::Unknown unknown{};  ///< of a suspect
   };
   struct Counts {
     std::uint64_t suspects = 0;  ///< readings that left what came before them
-    std::uint64_t bridged = 0;   ///< of those, the ones that stood alone: corrupt
+    std::uint64_t bridged = 0;   ///< readings that stood alone: corrupt
     std::uint64_t gaps = 0;      ///< bursts too long to bridge
   };
   struct Density {
@@ -47,6 +50,9 @@ class ImuHistory {
   Reading newest() const { return value(count_ - 1); }
   bool newest_is_suspect() const { return count_ > 0 && at(count_ - 1).suspect; }
   const Counts& counts() const { return counts_; }
+  /// An instant after which integrals differ from those before the last call, because a verdict on readings became
+  /// final; none if none did.
+  std::optional<HostStamp> take_revised();
   /// Whether corrupt readings come several times a second.
   bool spikes_persist() const { return judge_.persists(); }
   HostStamp oldest_stamp() const { return at(first()).stamp; }
@@ -87,6 +93,15 @@ class ImuHistory {
   HostStamp newest_stamp() const { return at(count_ - 1).stamp; }
   void take(Reading reading);
   void judge(Reading& reading);
+  void look_back();
+  void judge_again(std::uint64_t i);
+  bool has_neighbours(std::uint64_t i) const;
+  Interpolator::Neighbours neighbours(std::uint64_t i) const;
+  Interpolator::Values likely(std::uint64_t i) const;
+  double departure(std::uint64_t i) const;
+  void replace(Reading& reading, const Interpolator::Values& likely);
+  void revise(std::uint64_t i);
+  bool is_open(std::uint64_t i) const { return at(i).suspect && !at(i).replaced; }
   /// Index of the last reading at or before t, or the first one.
   std::uint64_t before(HostStamp t) const;
   Reading interpolated(std::uint64_t i, HostStamp t) const;
@@ -99,6 +114,9 @@ class ImuHistory {
   ReadingPeriod period_;
   bool after_gap_ = false;
   SpikeJudge judge_;
+  Interpolator interpolator_;
+  std::array<double, 5> departures_{};  // of the last readings between four others, the newest last; negative: none
+  std::optional<HostStamp> revised_;
   Counts counts_;
   bool has_aside_ = false;
   Reading aside_;  // far ahead of the others, not confirmed

@@ -10,6 +10,17 @@
 
 namespace epiline::test {
 
+namespace {
+/// Far below any sensor's noise.
+void stir(std::vector<ImuSample>& readings, std::uint64_t seed) {
+  if (seed == 0) return;
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> noise(0, 1e-5);
+  for (ImuSample& r : readings)
+    for (double& w : r.angular_velocity_rad_s) w += noise(random);
+}
+}  // namespace
+
 void corrupt(std::vector<ImuSample>& readings, HostStamp first_image, const std::vector<Spike>& spikes,
              std::uint64_t seed) {
   std::mt19937_64 random(seed);
@@ -44,7 +55,10 @@ SpikeVerdict fly_with_spikes(ReplayOptions options, const std::vector<Spike>& sp
   const auto dataset = open_asl_dataset(options.dataset, options.camera, {}, {});
   if (!dataset || dataset->instants_count() == 0) return v;
   const HostStamp first = dataset->instant(0) + Span::from_seconds(options.start_s);
-  options.alter_imu = [&](std::vector<ImuSample>& readings) { corrupt(readings, first, spikes, seed); };
+  options.alter_imu = [&](std::vector<ImuSample>& readings) {
+    stir(readings, seed);
+    corrupt(readings, first, spikes, seed);
+  };
   const auto result = replay(options, [](std::size_t, std::size_t) {});
   if (!result || !result->record.truth) return v;
   const FlightRecord& record = result->record;

@@ -103,6 +103,31 @@ TEST(EstimatorDoor, AFrameStampedFarAheadCostsItselfOnly) {
   EXPECT_EQ(rig.stats().resets, 0u);
 }
 
+/// Readings that come 0.2 s late while the estimator is still starting: the frames that are ahead of them are left out,
+/// not joined by a guess that nothing would ever correct, and those gathered before are kept.
+TEST(EstimatorDoor, AStartLeavesOutFramesAheadOfTheReadings) {
+  const Flight flight{.moving_from = -1};
+  Rig rig(flight, {});
+  rig.run_to(0.3);
+  ASSERT_FALSE(rig.stats().solves > 0);
+  const double readings_come_in_time = rig.imu_delay_s;
+  rig.imu_delay_s = 0.2;
+  rig.run_to(0.45);
+  EXPECT_EQ(rig.stats().frames_refused, 3u);
+  rig.imu_delay_s = readings_come_in_time;
+  double first_pose = 0, velocity_error = 0;
+  rig.run_to(2, [&] {
+    if (first_pose > 0 || !rig.last().has_pose) return;
+    first_pose = rig.now();
+    velocity_error = rig.velocity_error();
+  });
+  EXPECT_EQ(rig.stats().frames_refused, 3u);
+  EXPECT_GT(first_pose, 0.45);
+  EXPECT_LT(first_pose, 1);
+  EXPECT_LT(velocity_error, 0.15);
+  EXPECT_LT(rig.velocity_error(), 0.05);
+}
+
 /// One bad number in one feature of every image, for ten seconds: left out, and nothing else changes.
 TEST(EstimatorDoor, ImpossibleFeaturesAreLeftOutAndCounted) {
   const Flight flight{.moving_from = 2};

@@ -67,6 +67,7 @@ class Rig {
 
   std::function<void(const ImuSample&)> before_imu;  ///< may add others through estimator()
   bool camera = true, features = true, imu = true;
+  double imu_delay_s = -0.01;  ///< of the newest reading before a frame; negative: readings are ahead
   double pixel_noise = 0.3;    ///< px, of every bearing
   double wandering_share = 0;  ///< of the tracks: they leave the point they began at, 5 px an image
   double time_offset = 0;      ///< s: the camera's stamps are early by so much
@@ -78,7 +79,7 @@ class Rig {
   void run_to(double seconds, const std::function<void()>& each = {}) {
     while (now() < seconds - 1e-9) {
       ++frame_;
-      for (; imu_ * 0.005 <= now() + 0.01; ++imu_)
+      for (; imu_ * 0.005 <= now() - imu_delay_s; ++imu_)
         if (imu) push_imu(imu_ * 0.005);
       if (!camera) continue;
       image(now());
