@@ -171,7 +171,7 @@ void ImuHistory::judge_again(std::uint64_t i) {
   const Interpolator::Values off = (values_of(before) - values_of(at(i))).abs();
   at(i).suspect = true;
   at(i).unknown = {static_cast<float>(off.head<3>().maxCoeff()), static_cast<float>(off.tail<3>().maxCoeff())};
-  departures_[kReach] = 0;
+  departures_.fill(0);  // what the others departed was its doing
   ++counts_.bridged;
   revise(i);
 }
