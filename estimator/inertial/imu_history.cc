@@ -15,6 +15,7 @@ constexpr Span kFarAhead = Span::from_milliseconds(250);
 constexpr double kCorrupt = 6, kCorruptAxis = 4;
 constexpr double kUsual = 0.5;                       // of that limit
 constexpr double kLeastRate = 0.4, kLeastForce = 3;  // rad/s, m/s^2: less does little harm
+constexpr double kUnknown = 3;                       // times the usual error, of a value surely in the right place
 constexpr double kLongestStep = 1.5;                 // periods between neighbours
 constexpr std::uint64_t kReach = 2;                  // neighbours on each side
 
@@ -85,6 +86,7 @@ void ImuHistory::take(Reading r) {
   judge(r);
   readings_[count_++ % kCapacity] = r;
   look_back();
+  if (count_ - first() > 4 * kReach) confirm(count_ - 1 - 2 * kReach);
 }
 
 void ImuHistory::judge(Reading& r) {
@@ -173,6 +175,19 @@ void ImuHistory::judge_again(std::uint64_t i) {
   at(i).unknown = {static_cast<float>(off.head<3>().maxCoeff()), static_cast<float>(off.tail<3>().maxCoeff())};
   departures_.fill(0);  // what the others departed was its doing
   ++counts_.bridged;
+  revise(i);
+}
+
+/// A corrupt reading among four that are as usual was no motion: what is unknown is how well it is interpolated. In an
+/// impact the others depart, too, and a peak that was taken for corrupt may have been real.
+void ImuHistory::confirm(std::uint64_t i) {
+  Reading& r = at(i);
+  if (!r.suspect || !r.replaced) return;
+  for (std::uint64_t k = i - kReach; k <= i + kReach; ++k)
+    if (k != i && (!has_neighbours(k) || departure(k) > 1)) return;
+  const Interpolator::Values usual = kUnknown * interpolator_.usual_error();
+  r.unknown = {std::min(r.unknown.rate_rad_s, static_cast<float>(usual.head<3>().maxCoeff())),
+               std::min(r.unknown.force_m_s2, static_cast<float>(usual.tail<3>().maxCoeff()))};
   revise(i);
 }
 

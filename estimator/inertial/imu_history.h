@@ -95,6 +95,7 @@ class ImuHistory {
   void judge(Reading& reading);
   void look_back();
   void judge_again(std::uint64_t i);
+  void confirm(std::uint64_t i);
   bool has_neighbours(std::uint64_t i) const;
   Interpolator::Neighbours neighbours(std::uint64_t i) const;
   Interpolator::Values likely(std::uint64_t i) const;
