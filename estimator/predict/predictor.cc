@@ -12,6 +12,7 @@ namespace {
 using OdometryCovariance = Eigen::Matrix<double, 16, 16, Eigen::RowMajor>;
 
 constexpr double kQuaternionTolerance = 1e-3;
+constexpr Span kLongestRevised{1'000'000'000};
 
 template <class Array>
 bool finite(const Array& numbers) {
@@ -57,20 +58,14 @@ ImuHistory::Push Predictor::add_imu(const ImuSample& sample) noexcept {
   return push;
 }
 
-/// Over the newest reading. What was put in place of a suspect is integrated anew once the next reading tells what it
-/// was.
+/// Over the newest reading. Once a verdict on readings is final, all since the base are integrated anew, unless they
+/// are so many that the covariance has long outgrown what one reading may have done.
 void Predictor::extend(HostStamp before) noexcept {
   const HostStamp newest = history_.newest().stamp;
-  if (history_.newest_is_suspect()) {
-    if (!has_sound_) {
-      sound_ = interval_;
-      sound_until_ = before;
-      has_sound_ = true;
-    }
-  } else if (has_sound_) {
-    interval_ = sound_;
-    before = sound_until_;
-    has_sound_ = false;
+  const auto revised = history_.take_revised();
+  if (revised && newest - base_time_ < kLongestRevised) {
+    interval_.reset(base_.b_a, base_.b_g);
+    before = base_time_;
   }
   history_.integrate(before, newest, config_.density, interval_);
 }
@@ -131,7 +126,6 @@ void Predictor::set_base(const Odometry& solved, HostStamp time) noexcept {
 
   base_covariance_ = into_body(Eigen::Map<const OdometryCovariance>(solved.covariance.data()), base_.R);
   interval_.reset(base_.b_a, base_.b_g);
-  has_sound_ = false;
   history_.integrate(time, history_.newest().stamp, config_.density, interval_);
 }
 

@@ -101,9 +101,6 @@ class Predictor {
   NavState base_;        // at base_time_
   BodyCovariance base_covariance_;
   Preintegration interval_;  // from base_time_ to the newest reading
-  bool has_sound_ = false;   // the newest readings are suspects:
-  Preintegration sound_;     // the interval as it was before them ...
-  HostStamp sound_until_;    // ... and where it ended
   Offset offset_;            // as it was at offset_time_
   HostStamp offset_time_;
 };
