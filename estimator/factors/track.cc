@@ -1,12 +1,12 @@
 #include "estimator/factors/track.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstring>
 
 #include "estimator/factors/calibration.h"
 #include "estimator/factors/lanes.h"
+#include "estimator/factors/sorted_tracks.h"
 
 namespace epiline {
 
@@ -16,10 +16,7 @@ struct TrackFactor::Memory {
   TrackScratch scratch;
   NewsScratch news;
   FrameGeometry frame[kMaxFrames];
-  struct Candidate {
-    std::int16_t track;
-    std::int8_t first, last;
-  } candidate[kMaxTracks], unsorted[kMaxTracks];
+  SortedTracks sorted;
   double ratio[kMaxTracks];
   /// Where the points were found last, by the tracks' places in the window: what to iterate from, never what is known
   /// of them.
@@ -86,38 +83,12 @@ void TrackFactor::recall_point(const TrackRecord& t, int b, int lane) {
 
 void TrackFactor::restart() noexcept {
   batches_ = 0;
-  collected_ = {};
+  memory_->sorted.forget();
   for (Memory::Remembered& r : memory_->remembered) r.valid = false;
-}
-
-/// The tracks with at least two views, sorted by the first and the last frame that saw them: so a batch spans few more
-/// frames than its tracks do.
-int TrackFactor::list_candidates(const Window& w) {
-  std::int16_t begin[kMaxFrames * kMaxFrames + 1] = {};
-  std::int8_t frame_of[32];
-  for (int k = 0; k < w.size(); ++k) frame_of[std::countr_zero(w.bit(k))] = static_cast<std::int8_t>(k);
-  int n = 0;
-  Memory::Candidate* found = memory_->unsorted;
-  for (int i = 0; i < w.track_count(); ++i) {
-    const TrackRecord& t = w.track(i);
-    if (!t.in_use || std::popcount(t.mask) < 2) continue;
-    std::int8_t first = kMaxFrames, last = -1;
-    for (std::uint32_t mask = t.mask; mask != 0; mask &= mask - 1) {
-      const std::int8_t k = frame_of[std::countr_zero(mask)];
-      first = std::min(first, k);
-      last = std::max(last, k);
-    }
-    found[n++] = {static_cast<std::int16_t>(i), first, last};
-    ++begin[kMaxFrames * first + last + 1];
-  }
-  for (int c = 0; c < kMaxFrames * kMaxFrames; ++c) begin[c + 1] = static_cast<std::int16_t>(begin[c + 1] + begin[c]);
-  for (int i = 0; i < n; ++i) memory_->candidate[begin[kMaxFrames * found[i].first + found[i].last]++] = found[i];
-  return n;
 }
 
 /// Eight to a batch.
 void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
-  constexpr int kAhead = 8;  // tracks whose memory is asked for before they are copied
   const double inflation2 = s.sigma_inflation * s.sigma_inflation;
   visual_ = s;
   settings_ = {kDepthDamping, s.cauchy * s.cauchy / inflation2, 1 / inflation2, 1 / inflation2, s.gate, s.inner_steps,
@@ -125,24 +96,21 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
   gate_suspended_ = false;
   remember_points();
   origin_ = w.newest().x.p;
-  collected_ = {w.newest().id, w.size()};
-  const int n = list_candidates(w);
-  const Memory::Candidate* candidate = memory_->candidate;
-  batches_ = (n + kBatchLanes - 1) / kBatchLanes;
+  SortedTracks& sorted = memory_->sorted;
+  sorted.sort(w);
+  batches_ = sorted.batches();
   const double inverse_sigma = 1 / (s.pixel_sigma * s.sigma_inflation);
   for (int b = 0; b < batches_; ++b) {
-    const int begin = b * kBatchLanes, end = std::min(n, begin + kBatchLanes);
-    int last = 0;
-    for (int i = begin; i < end; ++i) last = std::max<int>(last, candidate[i].last);
-    memory_->batch[b].first = candidate[begin].first;
+    const auto [begin, end, first, last] = sorted.batch(b);
+    memory_->batch[b].first = first;
     memory_->batch[b].last = last;
     for (int i = begin; i < end; ++i) {
-      if (i + kAhead < n) fetch(w, w.track(candidate[i + kAhead].track));
-      const TrackRecord& t = w.track(candidate[i].track);
+      if (i + SortedTracks::kAhead < sorted.size()) fetch(w, w.track(sorted.track(i + SortedTracks::kAhead)));
+      const TrackRecord& t = w.track(sorted.track(i));
       fill_lane(w, t, inverse_sigma, i - begin, memory_->batch[b]);
       recall_point(t, b, i - begin);
     }
-    for (int i = end; i < begin + kBatchLanes; ++i) empty_lane(i - begin, memory_->batch[b]);
+    for (int lane = end - begin; lane < kBatchLanes; ++lane) empty_lane(lane, memory_->batch[b]);
   }
 }
 
@@ -178,7 +146,7 @@ void TrackFactor::linearise(const Window& w, VisualSystem& out) noexcept {
 
 /// Of the window as it was collected: the batches that hold frame 0's tracks lead.
 void TrackFactor::marginalise_oldest(const Window& w, const VisualSettings& s, VisualSystem& out) noexcept {
-  if (collected_ != Collected{w.newest().id, w.size()}) collect(w, s);
+  if (!memory_->sorted.is_of(w)) collect(w, s);
   const int frames = w.size() - 1;
   int count = 0;
   while (count < batches_ && memory_->batch[count].first == 0) ++count;

@@ -25,7 +25,6 @@ class TrackFactor final : public VisualFactorModel {
  private:
   struct Memory;
   void run(const Window&, VisualSystem&);
-  int list_candidates(const Window&);
   void fetch(const Window&, const TrackRecord&) const;
   void remember_points();
   void recall_point(const TrackRecord& track, int batch, int lane);
@@ -35,11 +34,6 @@ class TrackFactor final : public VisualFactorModel {
   TrackSettings settings_{};
   VisualSettings visual_;
   Vec3 origin_ = Vec3::Zero();  ///< of the positions handed to the kernels
-  struct Collected {
-    std::uint64_t newest = 0;  ///< the window's newest frame
-    int frames = 0;
-    bool operator==(const Collected&) const = default;
-  } collected_;  ///< what the batches hold
   int batches_ = 0;
   bool gate_suspended_ = false;
 };
