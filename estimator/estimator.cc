@@ -17,7 +17,7 @@ constexpr double kLongestStep_s = 5;  // a longer silence of the camera is a new
 std::unique_ptr<VisualFactorModel> make_visual_factor(VisualFactor factor, InstructionSet set) {
   switch (factor) {
     case VisualFactor::kEpipolar:
-      return std::make_unique<EpipolarFactor>();
+      return std::make_unique<EpipolarFactor>(set);
     case VisualFactor::kReprojection:
       return std::make_unique<ReprojectionFactor>(set);
     case VisualFactor::kTrack:

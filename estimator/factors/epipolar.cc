@@ -1,94 +1,83 @@
 #include "estimator/factors/epipolar.h"
 
-#include <cmath>
-
 #include "estimator/factors/calibration.h"
+#include "estimator/factors/lanes.h"
+#include "estimator/factors/sorted_tracks.h"
 
 namespace epiline {
 
 namespace {
-constexpr double kPaperSigmaPx = 1.5;  // VINS-Mono's, kept by the paper
+constexpr double kPaperSigmaPx = 1.5;     // VINS-Mono's, kept by the paper
+constexpr double kLeastAlongAxis = 0.05;  // f_z of a bearing: z has no meaning sideways and behind
 
-EpipolarView make_view(const ExposedFrame& f, const Observation& o) {
-  return {f.R_WC * (o.f_C / o.f_C.z()), f.c, f.c - f.p};
-}
-
-void huber(double s, double& rho, double& weight) {
-  rho = s <= 1 ? s : 2 * std::sqrt(s) - 1;
-  weight = s <= 1 ? 1 : 1 / std::sqrt(s);
-}
-
-void add_outer(double* H, const Vec6& a, const Vec6& b, double w) {
-  Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(H).noalias() += w * a * b.transpose();
-}
-
-void add_pair(int i, int j, double r, const EpipolarJacobians& J, VisualSystem& out) {
-  double rho = 0, w = 0;
-  huber(r * r, rho, w);
-  out.cost += rho;
-  ++out.residuals;
-  Eigen::Map<Vec6>(out.b[i]) -= w * r * J.i;
-  Eigen::Map<Vec6>(out.b[j]) -= w * r * J.j;
-  add_outer(out.H[i][i], J.i, J.i, w);
-  add_outer(out.H[j][j], J.j, J.j, w);
-  add_outer(out.H[i][j], J.i, J.j, w);
-}
-
-/// All pairs among the first `frames`; with `oldest_only` those that contain frame 0.
-void add_pairs(const Window& w, const VisualSettings& s, int frames, bool oldest_only, VisualSystem& out) {
-  clear(out, frames);
-  EpipolarView view[kMaxFrames];
-  ExposedFrame exposed[kMaxFrames];
-  for (int k = 0; k < frames; ++k) exposed[k] = exposed_frame(w, k);
-  int frame[kMaxFrames];
-  for (int i = 0; i < w.track_count(); ++i) {
-    const TrackRecord& t = w.track(i);
-    if (!t.in_use || (oldest_only && !w.seen(t, 0))) continue;
-    int n = 0;
-    for (int k = 0; k < frames; ++k)
-      if (w.seen(t, k) && w.view(t, k).f_C.z() > 0.05) {  // z has no meaning sideways and behind
-        view[n] = make_view(exposed[k], w.view(t, k));
-        frame[n++] = k;
-      }
-    if (n < 2) continue;
-    ++out.tracks;
-    for (int a = 0; a < (oldest_only ? 1 : n - 1); ++a)
-      for (int b = a + 1; b < n; ++b) {
-        EpipolarJacobians J;
-        const double r = epipolar_residual(view[a], view[b], s.focal_px, &J);
-        add_pair(frame[a], frame[b], r, J, out);
-      }
-  }
-  add_calibration(w, frames, s.extrinsics, out);
-}
+double scale(const VisualSettings& s) { return s.focal_px / kPaperSigmaPx; }
 }  // namespace
 
-double epipolar_residual(const EpipolarView& i, const EpipolarView& j, double focal_px, EpipolarJacobians* J) {
-  const double scale = focal_px / kPaperSigmaPx;
-  const Vec3 t = i.c - j.c;
-  const double length = std::max(t.norm(), 1e-9);
-  const Vec3 n = t / length, x = i.z_W.cross(j.z_W);
-  const double r = scale * n.dot(x);
-  if (J) {
-    const Vec3 q = scale * (x - n * n.dot(x)) / length;                     // dr/dt
-    const Vec3 g_i = scale * j.z_W.cross(n), g_j = scale * n.cross(i.z_W);  // dr/dz_i, dr/dz_j
-    J->i << q, i.z_W.cross(g_i) + i.lever.cross(q);
-    J->j << -q, j.z_W.cross(g_j) - j.lever.cross(q);
+struct EpipolarFactor::Memory {
+  SortedTracks sorted;
+  EpipolarViews views;
+  FrameGeometry frame[kMaxFrames];
+};
+
+EpipolarFactor::EpipolarFactor(InstructionSet set) : kernels_(factor_kernels(set)), memory_(new Memory) {}
+EpipolarFactor::~EpipolarFactor() = default;
+
+void EpipolarFactor::restart() noexcept { memory_->sorted.forget(); }
+
+void EpipolarFactor::put_track(const Window& w, const TrackRecord& t, int b, int lane) {
+  EpipolarViews& views = memory_->views;
+  int n = 0;
+  for (int k = views.first[b]; k <= views.last[b]; ++k) {
+    const bool counts = w.seen(t, k) && w.view(t, k).f_C.z() > kLeastAlongAxis;
+    const Vec3 z = counts ? Vec3(w.view(t, k).f_C / w.view(t, k).f_C.z()) : Vec3(Vec3::Zero());
+    for (int i = 0; i < 3; ++i) views.z[k][b][i][lane] = z[i];
+    n += counts;
   }
-  return r;
+  tracks_ += n >= 2;
+  pairs_ += n * (n - 1) / 2;
 }
 
-double EpipolarFactor::cost(const Window& w) noexcept {
-  linearise(w, trial_);
-  return trial_.cost;
+void EpipolarFactor::collect(const Window& w, const VisualSettings& s) noexcept {
+  settings_ = s;
+  tracks_ = pairs_ = 0;
+  SortedTracks& sorted = memory_->sorted;
+  EpipolarViews& views = memory_->views;
+  sorted.sort(w);
+  for (int b = 0; b < sorted.batches(); ++b) {
+    const SortedTracks::Batch batch = sorted.batch(b);
+    views.first[b] = batch.first;
+    views.last[b] = batch.last;
+    for (int i = batch.begin; i < batch.end; ++i) {
+      if (i + SortedTracks::kAhead < sorted.size()) w.fetch(w.track(sorted.track(i + SortedTracks::kAhead)));
+      put_track(w, w.track(sorted.track(i)), b, i - batch.begin);
+    }
+    for (int lane = batch.end - batch.begin; lane < kBatchLanes; ++lane) put_track(w, {}, b, lane);
+  }
+}
+
+void EpipolarFactor::run(const Window& w, int frames, bool oldest_only, VisualSystem& out) {
+  clear(out, frames);
+  fill_geometry(w, frames, w.newest().x.p, memory_->frame);
+  kernels_.epipolar(memory_->views, memory_->sorted.batches(), memory_->frame, frames, scale(settings_), oldest_only,
+                    out);
+  move_to_bodies(memory_->frame, frames, out);
+  add_calibration(w, frames, settings_.extrinsics, out);
 }
 
 void EpipolarFactor::linearise(const Window& w, VisualSystem& out) noexcept {
-  add_pairs(w, settings_, w.size(), false, out);
+  run(w, w.size(), false, out);
+  out.tracks = tracks_;
+  out.residuals = pairs_;
+}
+
+double EpipolarFactor::cost(const Window& w) noexcept {
+  fill_geometry(w, w.size(), w.newest().x.p, memory_->frame);
+  return kernels_.epipolar_cost(memory_->views, memory_->sorted.batches(), memory_->frame, w.size(), scale(settings_));
 }
 
 void EpipolarFactor::marginalise_oldest(const Window& w, const VisualSettings& s, VisualSystem& out) noexcept {
-  add_pairs(w, s, w.size() - 1, true, out);
+  if (!memory_->sorted.is_of(w)) collect(w, s);
+  run(w, w.size() - 1, true, out);
 }
 
 }  // namespace epiline

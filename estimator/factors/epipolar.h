@@ -1,37 +1,35 @@
 #pragma once
 // The paper's epipolar residual. Derivation: docs/derivations/epipolar.md; test:
-// tests/estimator/factors/gradient_test.cc.
+// tests/estimator/factors/epipolar_test.cc.
+#include <memory>
+
 #include "estimator/factors/visual.h"
 
 namespace epiline {
 
 /// r = (f/1.5) z_j' R_j' [t/|t|]x R_i z_i for every pair of frames that sees a track (Song and Olivares-Mendez,
 /// "Structureless VIO"), Huber(1), no first-estimate Jacobians: exactly as printed. z are normalised image coordinates,
-/// not unit bearings.
+/// not unit bearings. Two cameras in one place say nothing.
 class EpipolarFactor final : public VisualFactorModel {
  public:
-  void collect(const Window&, const VisualSettings& s) noexcept override { settings_ = s; }
+  explicit EpipolarFactor(InstructionSet set);
+  ~EpipolarFactor() override;
+  void collect(const Window&, const VisualSettings&) noexcept override;
   void linearise(const Window&, VisualSystem&) noexcept override;
   double cost(const Window&) noexcept override;
   void marginalise_oldest(const Window&, const VisualSettings&, VisualSystem&) noexcept override;
+  void restart() noexcept override;
 
  private:
+  struct Memory;
+  void put_track(const Window&, const TrackRecord&, int batch, int lane);
+  /// The pairs among the first `frames`; with `oldest_only` those that contain frame 0.
+  void run(const Window&, int frames, bool oldest_only, VisualSystem&);
+
+  const FactorKernels& kernels_;
+  std::unique_ptr<Memory> memory_;
   VisualSettings settings_;
-  VisualSystem trial_;
+  int tracks_ = 0, pairs_ = 0;  ///< collected: with two views or more, and their pairs of views
 };
-
-/// One view as the epipolar residual uses it, all in the world.
-struct EpipolarView {
-  Vec3 z_W;    ///< R_WC (x, y, 1)
-  Vec3 c;      ///< camera centre
-  Vec3 lever;  ///< camera centre from the body
-};
-
-struct EpipolarJacobians {
-  Vec6 i, j;  ///< (dp, dphi), rotation perturbed in the world
-};
-
-/// Residual in units of 1.5 px and its Jacobians. A zero baseline gives a zero direction and zero residual.
-double epipolar_residual(const EpipolarView& i, const EpipolarView& j, double focal_px, EpipolarJacobians* J);
 
 }  // namespace epiline

@@ -1,8 +1,8 @@
 #pragma once
 // The arithmetic of the factors that runs over SIMD lanes: compiled once per instruction set from track.inc,
-// reprojection.inc and imu.inc, and chosen at run time. Therefore nothing but plain data here, so that no inline
-// function can be emitted with instructions the machine lacks. Derivations: docs/derivations/track.md,
-// docs/derivations/reprojection.md, docs/derivations/imu.md.
+// epipolar.inc, reprojection.inc and imu.inc, and chosen at run time. Therefore nothing but plain data here, so that no
+// inline function can be emitted with instructions the machine lacks. Derivations: docs/derivations/track.md,
+// docs/derivations/epipolar.md, docs/derivations/reprojection.md, docs/derivations/imu.md.
 #include "estimator/simd/instruction_set.h"
 #include "estimator/window/capacity.h"
 
@@ -19,6 +19,13 @@ struct alignas(64) TrackBatch {
   double point[4][kBatchLanes];  ///< where the point was found last, P and w: seen from c in the direction P - w c
   double warm[kBatchLanes];      ///< 2: `point` is of this frame, 1: of an earlier one, 0: there is none
   int first, last;               ///< frames spanned
+};
+
+/// Tracks of the epipolar factor, eight to a batch, frame by frame: normalised image coordinates (x, y, 1). An absent
+/// view is all zeros and drops out of every sum by itself.
+struct alignas(64) EpipolarViews {
+  double z[kMaxFrames][kMaxBatches][3][kBatchLanes];
+  int first[kMaxBatches], last[kMaxBatches];  ///< frames spanned; sorted by the first
 };
 
 /// Pose of a frame as the track factor needs it; positions relative to one common origin.
@@ -91,6 +98,12 @@ struct FactorKernels {
   /// Their cost alone.
   double (*track_cost)(TrackBatch* batches, int count, const FrameGeometry* frames, int frame_count,
                        const TrackSettings&, TrackVerdicts*);
+  /// Adds the epipolar residuals of all pairs among the first `frame_count` frames, or of those that contain frame 0,
+  /// to zeros. `scale`: pixels over sigma. Perturbed about the common origin, as landmarks are.
+  void (*epipolar)(const EpipolarViews&, int count, const FrameGeometry* frames, int frame_count, double scale,
+                   bool oldest_only, VisualSystem&);
+  /// Their cost alone.
+  double (*epipolar_cost)(const EpipolarViews&, int count, const FrameGeometry* frames, int frame_count, double scale);
   /// Linearises landmarks at the inverse distances `rho` along their hosts' bearings (each batch's `first` frame) and
   /// eliminates them. Rotations and positions are perturbed about the common origin: q(dp, dphi) = (dp + p x dphi,
   /// dphi). Curvatures of rho below `damping` are raised to it.

@@ -23,4 +23,20 @@ void fill_geometry(const Window& w, int frames, const Vec3& origin, FrameGeometr
   }
 }
 
+using Row6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+
+void move_to_bodies(const FrameGeometry* frame, int frames, VisualSystem& s) {
+  Mat3 P[kMaxFrames];
+  for (int k = 0; k < frames; ++k) P[k] = skew(Eigen::Map<const Vec3>(frame[k].p));
+  for (int k = 0; k < frames; ++k) {
+    for (int l = k; l < frames; ++l) {
+      Eigen::Map<Row6> H(s.H[k][l]);
+      H.rightCols<3>() += H.leftCols<3>().lazyProduct(P[l]).eval();
+      H.bottomRows<3>() -= P[k].lazyProduct(H.topRows<3>()).eval();
+    }
+    Eigen::Map<Vec6> b(s.b[k]);
+    b.tail<3>() -= P[k].lazyProduct(b.head<3>()).eval();
+  }
+}
+
 }  // namespace epiline

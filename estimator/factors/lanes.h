@@ -27,4 +27,7 @@ void clear(TrackBatch& batch, int first, int last);
 /// moment ago, differences of positions stay small far from the start.
 void fill_geometry(const Window& window, int frames, const Vec3& origin, FrameGeometry* out);
 
+/// From displacements about the common origin to those about the bodies: H <- T' H T, T_k = [I, [p_k]x; 0, I].
+void move_to_bodies(const FrameGeometry* frame, int frames, VisualSystem& system);
+
 }  // namespace epiline

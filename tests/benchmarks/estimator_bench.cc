@@ -44,12 +44,15 @@ void linearise_tracks(benchmark::State& state, int index) {
   state.counters["constraints"] = system->residuals;
 }
 
-void linearise_epipolar(benchmark::State& state) {
+void linearise_epipolar(benchmark::State& state, int index) {
+  InstructionSet set;
+  if (!set_here(index, set)) return state.SkipWithError("not on this machine");
   SyntheticWindow s = usual_window();
-  EpipolarFactor factor;
+  EpipolarFactor factor(set);
   const auto system = std::make_unique<VisualSystem>();
   factor.collect(*s.window, {});
   for (auto _ : state) factor.linearise(*s.window, *system);
+  state.counters["pairs"] = system->residuals;
 }
 
 void linearise_reprojection(benchmark::State& state, int index) {
@@ -122,7 +125,7 @@ void preintegrate_interval(benchmark::State& state) {
   BENCHMARK_CAPTURE(f, third, 2)->Unit(benchmark::kMicrosecond)
 
 EPILINE_EACH_SET(linearise_tracks);
-BENCHMARK(linearise_epipolar)->Unit(benchmark::kMicrosecond);
+EPILINE_EACH_SET(linearise_epipolar);
 EPILINE_EACH_SET(linearise_reprojection);
 EPILINE_EACH_SET(factorise);
 EPILINE_EACH_SET(solve_window);

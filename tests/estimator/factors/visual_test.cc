@@ -1,9 +1,10 @@
-// The track factor's unobservable directions, and its instruction sets against each other. Its gradient:
+// The track factor's unobservable directions; the instruction sets of the factors against each other. Their gradients:
 // gradient_test.cc. Derivation: docs/derivations/track.md.
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
 
+#include "estimator/factors/epipolar.h"
 #include "estimator/factors/track.h"
 #include "tests/estimator/synthetic_window.h"
 
@@ -102,8 +103,13 @@ TEST(TrackFactor, EliminatesTheLastStepOfAPointInsteadOfTakingIt) {
     }
 }
 
+template <class Factor>
+class VectorisedFactor : public testing::Test {};
+using VectorisedFactors = testing::Types<TrackFactor, EpipolarFactor>;
+TYPED_TEST_SUITE(VectorisedFactor, VectorisedFactors);
+
 /// Every number of the normal equations, marginalisation included, must not depend on the instruction set.
-TEST(TrackFactor, InstructionSetsAgree) {
+TYPED_TEST(VectorisedFactor, InstructionSetsAgree) {
   SyntheticWindow s = make_window({.pixel_noise = 1});
   VisualSettings settings = smooth_settings();
   settings.cauchy = 2;
@@ -112,7 +118,7 @@ TEST(TrackFactor, InstructionSetsAgree) {
   const auto reference = std::make_unique<VisualSystem>(), other = std::make_unique<VisualSystem>();
   for (const bool marginal : {false, true}) {
     auto run = [&](InstructionSet set, VisualSystem& out) {
-      TrackFactor factor(set);
+      TypeParam factor(set);
       factor.collect(*s.window, settings);
       if (marginal)
         factor.marginalise_oldest(*s.window, settings, out);

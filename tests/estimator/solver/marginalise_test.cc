@@ -309,7 +309,7 @@ TEST_P(Models, PriorStaysPositive) {
   set_initial_prior(w, {}, calibration_sigmas());
   w.first_estimates = GetParam() == VisualFactor::kTrack;
   std::unique_ptr<VisualFactorModel> factor = std::make_unique<TrackFactor>(best_instruction_set());
-  if (GetParam() == VisualFactor::kEpipolar) factor = std::make_unique<EpipolarFactor>();
+  if (GetParam() == VisualFactor::kEpipolar) factor = std::make_unique<EpipolarFactor>(best_instruction_set());
   if (GetParam() == VisualFactor::kReprojection) factor = std::make_unique<ReprojectionFactor>(best_instruction_set());
   Marginaliser marginaliser(best_instruction_set());
   for (int round = 0; round < 15; ++round) {

@@ -1,0 +1,145 @@
+// The epipolar factor against its residuals written down one by one, their Jacobians numerical. Derivation:
+// docs/derivations/epipolar.md.
+#include "estimator/factors/epipolar.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/estimator/factors/explicit_residuals.h"
+
+namespace epiline {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using test::Camera;
+using test::camera;
+using test::dense;
+using test::dense_rhs;
+using test::scaled_difference;
+
+VisualSettings settings() {
+  VisualSettings s;
+  s.focal_px = kFocal;
+  s.extrinsics = true;
+  return s;
+}
+
+/// Every pair of views as the paper prints it.
+class Printed {
+ public:
+  /// `oldest_only`: the pairs that contain frame 0.
+  Printed(Window& w, int frames, bool oldest_only) : w_(w) {
+    const int unknowns = 6 * frames + kCalibration;
+    H = MatrixXd::Zero(unknowns, unknowns);
+    b = VectorXd::Zero(unknowns);
+    for (int i = 0; i < w.track_count(); ++i) {
+      const TrackRecord& t = w.track(i);
+      const int before = pairs;
+      for (int k = 0; k < (oldest_only ? 1 : frames); ++k)
+        for (int l = k + 1; l < frames; ++l)
+          if (counts(t, k) && counts(t, l)) add(t, k, l, frames);
+      tracks += pairs > before;
+    }
+  }
+
+  MatrixXd H;
+  VectorXd b;
+  double cost = 0;
+  int tracks = 0, pairs = 0;
+
+ private:
+  bool counts(const TrackRecord& t, int k) const { return t.in_use && w_.seen(t, k) && w_.view(t, k).f_C.z() > 0.05; }
+
+  void add(const TrackRecord& t, int i, int j, int frames) {
+    ++pairs;
+    if ((camera(w_, i).c - camera(w_, j).c).norm() == 0) return;
+    const auto residual = [&] {
+      const Camera from = camera(w_, i), to = camera(w_, j);
+      const Vec3 z_i = w_.view(t, i).f_C / w_.view(t, i).f_C.z(), z_j = w_.view(t, j).f_C / w_.view(t, j).f_C.z();
+      const Vec3 n = (from.c - to.c).normalized();
+      return Eigen::Matrix<double, 1, 1>(kFocal / 1.5 * z_j.dot(to.R.transpose() * n.cross(from.R * z_i)));
+    };
+    test::add_huber(test::slopes<1>(w_, frames, {i, j}, residual), residual(), H, b, cost);
+  }
+
+  Window& w_;
+};
+
+/// Tracks that begin and end anywhere, a few of them not in use; some bearings sideways, in frame 0 too.
+SyntheticWindow ragged_window(double noise) {
+  SyntheticWindow s = make_window({.frames = 7, .tracks = 60, .pixel_noise = noise, .state_error = 0.01});
+  Window& w = *s.window;
+  for (int i = 0; i < w.track_count(); ++i) {
+    TrackRecord& t = w.track(i);
+    for (int k = 0; k < i % 4; ++k) t.mask &= ~w.bit(k);
+    for (int k = w.size() - i % 3; k < w.size(); ++k) t.mask &= ~w.bit(k);
+    t.in_use = i % 10 != 7;
+    if (i % 8 == 0) w.view(t, i % w.size()).f_C = Vec3(0.999, 0, 0.04).normalized();
+  }
+  return s;
+}
+
+class EpipolarFactorOn : public testing::TestWithParam<InstructionSet> {
+ protected:
+  void SetUp() override {
+    if (!runs_here(GetParam())) GTEST_SKIP() << name_of(GetParam()) << " is not on this machine";
+  }
+  const std::unique_ptr<VisualSystem> system_ = std::make_unique<VisualSystem>();
+};
+
+void expect_same(const VisualSystem& system, const Printed& printed, int frames) {
+  EXPECT_NEAR(system.cost, printed.cost, 1e-10 * printed.cost);
+  EXPECT_LT(scaled_difference(dense(system, frames), printed.H), 1e-6);
+  const VectorXd unit = printed.H.diagonal().cwiseSqrt().cwiseInverse();
+  EXPECT_LT((unit.asDiagonal() * (dense_rhs(system, frames) - printed.b)).norm(),
+            1e-7 * (unit.asDiagonal() * printed.b).norm());
+}
+
+/// Good and wild bearings (Huber's weights), the clock off.
+TEST_P(EpipolarFactorOn, TheSumsAreThoseOfEveryPairAsPrinted) {
+  for (const double noise : {0.5, 4.0}) {
+    SyntheticWindow s = ragged_window(noise);
+    Window& w = *s.window;
+    w.calibration.time_offset = 2e-3;
+    EpipolarFactor factor(GetParam());
+    factor.collect(w, settings());
+    factor.linearise(w, *system_);
+    const Printed all(w, w.size(), false);
+    expect_same(*system_, all, w.size());
+    EXPECT_EQ(system_->tracks, all.tracks);
+    EXPECT_EQ(system_->residuals, all.pairs);
+    EXPECT_NEAR(factor.cost(w), all.cost, 1e-10 * all.cost);
+  }
+}
+
+/// Of the window as it was collected, and of one that has lost a frame since.
+TEST_P(EpipolarFactorOn, TheOldestFrameLeavesItsPairs) {
+  SyntheticWindow s = ragged_window(1);
+  Window& w = *s.window;
+  EpipolarFactor factor(GetParam());
+  factor.collect(w, settings());
+  factor.marginalise_oldest(w, settings(), *system_);
+  expect_same(*system_, Printed(w, w.size() - 1, true), w.size() - 1);
+  w.remove(1);
+  factor.marginalise_oldest(w, settings(), *system_);
+  expect_same(*system_, Printed(w, w.size() - 1, true), w.size() - 1);
+}
+
+TEST_P(EpipolarFactorOn, TwoCamerasInOnePlaceSayNothing) {
+  SyntheticWindow s = ragged_window(1);
+  Window& w = *s.window;
+  w.at(3).x = w.at(2).x;
+  EpipolarFactor factor(GetParam());
+  factor.collect(w, settings());
+  factor.linearise(w, *system_);
+  const Printed all(w, w.size(), false);
+  expect_same(*system_, all, w.size());
+  EXPECT_NEAR(factor.cost(w), all.cost, 1e-10 * all.cost);
+  EXPECT_TRUE((Eigen::Map<Eigen::Matrix<double, 6, 6>>(system_->H[2][3]).isZero(0)));
+}
+
+INSTANTIATE_TEST_SUITE_P(InstructionSets, EpipolarFactorOn, testing::ValuesIn(kInstructionSets),
+                         [](const auto& set) { return name_of(set.param); });
+
+}  // namespace
+}  // namespace epiline
