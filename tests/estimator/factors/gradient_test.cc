@@ -260,8 +260,9 @@ TEST_P(HeldDepth, HasNoSlope) {
     return found;
   };
   ASSERT_LT(std::abs(slope_along(f)), 1e-6 * std::abs(slope_along(f.unitOrthogonal()))) << "it is not held";
-  // A depth that is held depends on the scale of the homogeneous point, which the elimination takes for free: 2e-5.
-  check_gradient(subject, w, 5e-5);
+  // A depth that is held depends on the scale of the homogeneous point, which the elimination takes for free: 2e-5 to
+  // 6e-5 in two draws of the window. With a slope it would be 3e-4.
+  check_gradient(subject, w, 1e-4);
 }
 
 const auto name_of_subject = [](const testing::TestParamInfo<std::string>& test) { return test.param; };

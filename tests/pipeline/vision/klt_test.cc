@@ -7,8 +7,7 @@
 #include <limits>
 #include <opencv2/video/tracking.hpp>
 
-#include "pipeline/vision/pyramid.h"
-#include "tests/pipeline/vision/support.h"
+#include "tests/pipeline/vision/klt_tracks.h"
 
 namespace epiline {
 namespace {
@@ -78,30 +77,6 @@ TrackerConfig one_step_config() {
   config.max_step_px = 1e9f;
   config.min_eigenvalue = 0;
   return config;
-}
-
-void track(const TrackerConfig& config, const TestImage& before, const TestImage& now, std::vector<KltTrack>& tracks) {
-  Pyramid a(before.width, before.height, config.levels), b(before.width, before.height, config.levels);
-  a.build(before.view());
-  b.build(now.view());
-  std::vector<KltTemplate> patches(tracks.size());
-  for (std::size_t k = 0; k < tracks.size(); ++k) tracks[k].patch = &patches[k];
-  track_klt(config, a.view(), b.view(), tracks.data(), static_cast<int>(tracks.size()));
-}
-
-KltTrack at(double x, double y) {
-  KltTrack t;
-  t.x = t.found_x = static_cast<float>(x);
-  t.y = t.found_y = static_cast<float>(y);
-  return t;
-}
-
-std::vector<KltTrack> grid_of_tracks(int width, int height, int border, int step) {
-  std::vector<KltTrack> tracks;
-  for (int y = border; y < height - border; y += step) {
-    for (int x = border; x < width - border; x += step) tracks.push_back(at(x + 0.37, y + 0.81));
-  }
-  return tracks;
 }
 
 /// Root mean square distance per coordinate from where the features went; fails if more than 2 % were not found.
