@@ -49,6 +49,7 @@ struct Estimator::Impl {
   void attach(const TrackedFrame& frame);
   void attach_rest(const TrackedFrame& frame);
   void attach_wheel();
+  void integrate_again(int k, const Vec3& b_a, const Vec3& b_g);
   void reintegrate_moved_biases();
   void reintegrate_revised();
   SolverSummary solve(Supervisor& supervisor, const Supervisor::Effort& effort);

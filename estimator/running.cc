@@ -18,11 +18,11 @@ constexpr double kGateFree_s = 1;     // no gate until then: a young state may b
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;                         // px
-}  // namespace
 
-namespace {
 bool is_finite(const KnownState& s) {
-  return s.x.p.allFinite() && s.x.v.allFinite() && s.x.R.allFinite() && s.x.b_g.allFinite() && s.P.allFinite();
+  const NavState& x = s.x;
+  return x.p.allFinite() && x.v.allFinite() && x.R.allFinite() && x.b_a.allFinite() && x.b_g.allFinite() &&
+         s.P.allFinite();
 }
 }  // namespace
 
@@ -133,18 +133,22 @@ void Estimator::Impl::attach_wheel() {
   }
 }
 
-/// Intervals whose bias moved far from their linearisation point are integrated again, as far back as the readings
-/// reach.
+/// Integrates the interval that ends at frame k anew, if the readings reach back to its beginning.
+void Estimator::Impl::integrate_again(int k, const Vec3& b_a, const Vec3& b_g) {
+  const HostStamp begin = window.at(k - 1).time;
+  if (history.empty() || history.oldest_stamp() > begin) return;
+  Slot anew = window.at(k);
+  anew.imu.reset(b_a, b_g);
+  if (history.integrate(begin, anew.time, density, anew.imu) && whiten(anew)) window.at(k) = anew;
+}
+
+/// Intervals whose bias moved far from their linearisation point.
 void Estimator::Impl::reintegrate_moved_biases() {
   for (int k = 1; k < window.size(); ++k) {
-    Slot& s = window.at(k);
+    const Preintegration& imu = window.at(k).imu;
     const NavState& from = window.at(k - 1).x;
-    const bool moved = (s.imu.b_a - from.b_a).norm() > kReintegrateAccelerometer ||
-                       (s.imu.b_g - from.b_g).norm() > kReintegrateGyroscope;
-    if (!moved || history.empty() || history.oldest_stamp() > window.at(k - 1).time) continue;
-    Slot anew = s;
-    anew.imu.reset(from.b_a, from.b_g);
-    if (history.integrate(window.at(k - 1).time, s.time, density, anew.imu) && whiten(anew)) s = anew;
+    if ((imu.b_a - from.b_a).norm() > kReintegrateAccelerometer || (imu.b_g - from.b_g).norm() > kReintegrateGyroscope)
+      integrate_again(k, from.b_a, from.b_g);
   }
 }
 
@@ -153,11 +157,8 @@ void Estimator::Impl::reintegrate_revised() {
   const auto revised = history.take_revised();
   if (!revised) return;
   for (int k = 1; k < window.size(); ++k) {
-    Slot& s = window.at(k);
-    if (s.time <= *revised || history.oldest_stamp() > window.at(k - 1).time) continue;
-    Slot anew = s;
-    anew.imu.reset(s.imu.b_a, s.imu.b_g);
-    if (history.integrate(window.at(k - 1).time, s.time, density, anew.imu) && whiten(anew)) s = anew;
+    const Slot& s = window.at(k);
+    if (s.time > *revised) integrate_again(k, s.imu.b_a, s.imu.b_g);
   }
 }
 
@@ -213,8 +214,7 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, F
   const StateCovariance& C = carried.P;
   const NavState& x = carried.x;
   e.solved = true;
-  e.finite =
-      x.p.allFinite() && x.v.allFinite() && x.R.allFinite() && x.b_a.allFinite() && x.b_g.allFinite() && C.allFinite();
+  e.finite = is_finite(carried);
   e.tracks = static_cast<int>(frame.features.size());
   e.gated_share = s.tracks > 0 ? static_cast<double>(s.gated) / s.tracks : 0;
   e.steps_rejected = s.failed();

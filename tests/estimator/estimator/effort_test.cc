@@ -71,8 +71,8 @@ TEST_P(EstimatorEffort, LittleOfItIsSaidAndSufficesAndIsTakenBack) {
   full.run_to(8);
   frugal.given = GetParam().effort;
   rig.run_to(8);
-  // THEN that is what it spends, it says so, it is less certain than with all it has, and its state is as good as it
-  // says
+  // THEN that is what it spends, its health tells it, it is less certain than with all it has, and its state is as good
+  // as it says
   const double solves = static_cast<double>(rig.stats().solves - before.solves);
   ASSERT_GT(solves, 20);
   if (frugal.given.most_tracks > 0) {
@@ -87,7 +87,7 @@ TEST_P(EstimatorEffort, LittleOfItIsSaidAndSufficesAndIsTakenBack) {
   EXPECT_EQ(rig.odometry().health.state, HealthState::kDegraded);
   EXPECT_LT(rig.velocity_error(), 0.1);
   EXPECT_EQ(rig.stats().resets, 0u);
-  // AND with full effort it says so no more
+  // AND with full effort its health no longer tells it
   frugal.given = {};
   rig.run_to(9);
   EXPECT_FALSE(rig.has(HealthReason::kOverloaded));

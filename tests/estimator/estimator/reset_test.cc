@@ -99,7 +99,7 @@ TEST(EstimatorNotFinite, ABiasInFlightCostsTheWindowOnly) {
   }
 }
 
-/// What no solve can mend: the IMU goes on alone, and says so, until the state is no longer worth having.
+/// What no solve can mend: the IMU goes on alone, and the health names the rejected steps.
 TEST(EstimatorNotFinite, APriorLeavesTheImuAloneAndTheCovarianceGrows) {
   const Flight flight{.moving_from = 2};
   Rig rig(flight, {});

@@ -24,7 +24,7 @@ TEST(EstimatorFeatures, TwoSecondsWithoutThemAreDegradedAndTheCovarianceCoversTh
   rig.features = false;
   rig.run_to(10, [&] {
     ASSERT_TRUE(rig.last().has_pose);
-    // THEN poses go on and the health says so
+    // THEN poses go on and the health names the silence
     EXPECT_NE(rig.odometry().health.state, HealthState::kLost) << rig.now();
     if (rig.last().solved) {
       EXPECT_EQ(rig.odometry().health.state, HealthState::kDegraded) << rig.now();

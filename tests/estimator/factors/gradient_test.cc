@@ -20,6 +20,7 @@
 #include "estimator/factors/zero_motion.h"
 #include "estimator/solver/marginalise.h"
 #include "tests/estimator/factors/named_blocks.h"
+#include "tests/estimator/factors/smooth_settings.h"
 #include "tests/estimator/slope.h"
 #include "tests/estimator/synthetic_window.h"
 
@@ -28,19 +29,7 @@ namespace {
 
 using test::NamedBlocks;
 using test::slope;
-
-/// Every point converged: a function of the poses.
-VisualSettings smooth_settings() {
-  VisualSettings s;
-  s.pixel_sigma = 1;
-  s.sigma_inflation = 1;
-  s.cauchy = 10;
-  s.gate = false;
-  s.extrinsics = true;
-  s.inner_steps = 40;
-  s.converged = 0;
-  return s;
-}
+using test::smooth_settings;
 
 /// A factor as a function of the window. Its cost is that of residuals in sigmas.
 struct Subject {

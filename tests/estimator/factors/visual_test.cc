@@ -6,22 +6,13 @@
 
 #include "estimator/factors/epipolar.h"
 #include "estimator/factors/track.h"
+#include "tests/estimator/factors/smooth_settings.h"
 #include "tests/estimator/synthetic_window.h"
 
 namespace epiline {
 namespace {
 
-VisualSettings smooth_settings() {
-  VisualSettings s;
-  s.pixel_sigma = 1;
-  s.sigma_inflation = 1;
-  s.cauchy = 10;
-  s.gate = false;
-  s.extrinsics = true;
-  s.inner_steps = 12;
-  s.converged = 0;  // converged: the point is a function of the poses
-  return s;
-}
+using test::smooth_settings;
 
 /// The instruction sets that this machine runs.
 std::vector<InstructionSet> sets_here() {

@@ -11,6 +11,7 @@
 #include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
 #include "tests/estimator/dense_system.h"
+#include "tests/estimator/solver/solver_fixture.h"
 #include "tests/estimator/synthetic_window.h"
 
 namespace epiline {
@@ -203,17 +204,6 @@ Steps steps_before_and_after(Window& w, VisualFactorModel& visual, const VisualS
   return s;
 }
 
-/// The visual factor that says nothing.
-class NoVision final : public VisualFactorModel {
- public:
-  void collect(const Window&, const VisualSettings&) noexcept override {}
-  void linearise(const Window& w, VisualSystem& out) noexcept override { clear(out, w.size()); }
-  double cost(const Window&) noexcept override { return 0; }
-  void marginalise_oldest(const Window& w, const VisualSettings&, VisualSystem& out) noexcept override {
-    clear(out, w.size());
-  }
-};
-
 TEST(Marginalisation, LosesNothingOfImuPriorRestAndWheels) {
   SyntheticWindow s = make_window({.state_error = 0.01});
   Window& w = *s.window;
@@ -226,7 +216,7 @@ TEST(Marginalisation, LosesNothingOfImuPriorRestAndWheels) {
     w.at(k).has_wheel = true;
     w.at(k).wheel_speed_m_s = w.at(k).x.v.norm();
   }
-  NoVision none;
+  test::NoVision none;
   for (int round = 0; round < 3; ++round) {  // from the second on, the prior is one that marginalisation made
     const Steps steps = steps_before_and_after(w, none, settings());
     EXPECT_GT((steps.unit.asDiagonal() * steps.full).norm(), 1e-3);
