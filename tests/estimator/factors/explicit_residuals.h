@@ -68,6 +68,7 @@ void add_huber(const Slopes& J, const Length& r, Eigen::MatrixXd& H, Eigen::Vect
   b -= weight * J.transpose() * r;
 }
 
+/// Poses of frames 0..frames-1 (world perturbations), then the calibration.
 inline Eigen::MatrixXd dense(const VisualSystem& v, int frames) {
   const int c = 6 * frames;
   Eigen::MatrixXd H = Eigen::MatrixXd::Zero(c + kCalibration, c + kCalibration);

@@ -11,6 +11,7 @@
 #include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
 #include "tests/estimator/dense_system.h"
+#include "tests/estimator/factors/explicit_residuals.h"
 #include "tests/estimator/solver/solver_fixture.h"
 #include "tests/estimator/synthetic_window.h"
 
@@ -19,32 +20,13 @@ namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+using test::calibration_sigmas;
 
 VisualSettings settings() {
   VisualSettings s;
   s.gate = false;
   s.extrinsics = true;
   return s;
-}
-
-CalibrationTangent calibration_sigmas() {
-  CalibrationTangent s;
-  s << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01);
-  return s;
-}
-
-/// Poses of frames 0..frames-1 (world perturbations), then the calibration.
-MatrixXd dense_information(const VisualSystem& v, int frames) {
-  const int c = 6 * frames;
-  MatrixXd H = MatrixXd::Zero(c + kCalibration, c + kCalibration);
-  for (int k = 0; k < frames; ++k) {
-    for (int l = k; l < frames; ++l)
-      H.block<6, 6>(6 * k, 6 * l) = Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(v.H[k][l]);
-    for (int j = 0; j < kCalibration; ++j) H.block<6, 1>(6 * k, c + j) = Eigen::Map<const Vec6>(v.H_ck[k] + 6 * j);
-  }
-  H.bottomRightCorner<kCalibration, kCalibration>() =
-      Eigen::Map<const Eigen::Matrix<double, kCalibration, kCalibration, Eigen::RowMajor>>(v.H_cc);
-  return H.selfadjointView<Eigen::Upper>();
 }
 
 MatrixXd dense_prior(const Prior& p) {
@@ -79,7 +61,7 @@ TEST_P(AddedInformation, IsNeverNegative) {
       const auto added = std::make_unique<VisualSystem>();
       factor.collect(*s.window, settings());
       factor.marginalise_oldest(*s.window, settings(), *added);
-      const MatrixXd H = dense_information(*added, s.window->size() - 1);
+      const MatrixXd H = test::dense(*added, s.window->size() - 1);
       ASSERT_TRUE(H.allFinite());
       EXPECT_GT(H.norm(), 1);
       EXPECT_GE(least_eigenvalue(H), -1e-9 * H.norm()) << "noise " << noise << " px, state error " << state_error;
@@ -104,13 +86,13 @@ TEST(AddedInformation, IsTheDifferenceOfWithAndWithoutFrameZero) {
   w.remove(w.size() - 1);  // the newest takes no part
   factor.collect(w, settings());
   factor.linearise(w, *system);
-  const MatrixXd with = dense_information(*system, frames);
+  const MatrixXd with = test::dense(*system, frames);
   for (int i = 0; i < w.track_count(); ++i) w.track(i).mask &= ~w.bit(0);
   factor.collect(w, settings());
   factor.linearise(w, *system);
-  const MatrixXd without = dense_information(*system, frames);
+  const MatrixXd without = test::dense(*system, frames);
 
-  const MatrixXd H = dense_information(*added, frames);
+  const MatrixXd H = test::dense(*added, frames);
   EXPECT_LT((H - (with - without)).norm(), 1e-6 * H.norm());
 }
 
@@ -121,7 +103,7 @@ TEST(AddedInformation, OfThreeTracksHasRankSix) {
   const auto added = std::make_unique<VisualSystem>();
   factor.collect(*s.window, settings());
   factor.marginalise_oldest(*s.window, settings(), *added);
-  const MatrixXd H = dense_information(*added, s.window->size() - 1);
+  const MatrixXd H = test::dense(*added, s.window->size() - 1);
   const VectorXd e = Eigen::SelfAdjointEigenSolver<MatrixXd>(H, Eigen::EigenvaluesOnly).eigenvalues().reverse();
   EXPECT_GT(e[5], 1e-7 * e[0]);
   EXPECT_LT(std::abs(e[6]), 1e-10 * e[0]);
