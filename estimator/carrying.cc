@@ -104,17 +104,17 @@ bool Estimator::Impl::go_on(const TrackedFrame& frame) {
   return true;
 }
 
-/// Whether the first image after a silence shows what the window has seen.
-bool Estimator::Impl::sees_again(const TrackedFrame& frame) const {
+/// How much of what the window has seen an image shows, tracks.
+int Estimator::Impl::seen_again(const TrackedFrame& frame) const {
   const auto known = [this](const TrackedFeature& f) { return window.find(f.id) >= 0; };
-  return std::count_if(frame.features.begin(), frame.features.end(), known) >= kSeenAgain;
+  return static_cast<int>(std::count_if(frame.features.begin(), frame.features.end(), known));
 }
 
 /// After a silence of the camera the old window has nothing to say to what the images show now, but for the state that
 /// the IMU has carried on, and that claims too little in the window.
 bool Estimator::Impl::go_on_after_silence(const TrackedFrame& frame) {
   const double silent_s = (frame.stamp - window.newest().image_stamp).seconds();
-  return silent_s > kSilence_s && !sees_again(frame) && go_on(frame);
+  return silent_s > kSilence_s && seen_again(frame) < kSeenAgain && go_on(frame);
 }
 
 /// The window cannot be continued to this frame: a new one begins with it, from the carried state if that is good

@@ -86,7 +86,7 @@ struct Estimator::Impl {
   void carry_while_silent();
   bool may_go_on(const KnownState& s) const;
   bool go_on(const TrackedFrame& frame);
-  bool sees_again(const TrackedFrame& frame) const;
+  int seen_again(const TrackedFrame& frame) const;
   bool go_on_after_silence(const TrackedFrame& frame);
   StepResult start_anew(const TrackedFrame& frame, Supervisor& supervisor);
   void go_on_from_carried(const TrackedFrame& frame);

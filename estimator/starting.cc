@@ -4,6 +4,7 @@
 
 #include "estimator/factors/prior.h"
 #include "estimator/impl.h"
+#include "estimator/initialise/moving_start.h"
 #include "estimator/initialise/stationary_start.h"
 #include "estimator/monitor/evidence.h"
 #include "estimator/window/choose_tracks.h"
@@ -44,6 +45,8 @@ StateCovariance covariance_of(const InitialState& s, double sigma_td) {
 }  // namespace
 
 StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& supervisor) {
+  // a frame that is tied to the others by fewer tracks than a start needs would hang on the IMU and on false matches
+  if (seen_again(frame) < StartLimits{}.tracks) window.clear();
   if (window.full()) window.remove(0);
   if (!cut(frame)) {
     window.clear();

@@ -73,6 +73,8 @@ RealtimePipeline::RealtimePipeline(const RealtimeSettings& settings, const Realt
     join();
     throw;
   }
+  // here, not in arm(): on a busy machine it takes seconds, and whoever calls arm() has just set the samples' clock
+  impl_->memory_not_locked = settings.realtime.lock_memory ? lock_memory() : "not asked for";
 }
 
 RealtimePipeline::~RealtimePipeline() {
@@ -83,7 +85,6 @@ RealtimePipeline::~RealtimePipeline() {
 void RealtimePipeline::arm(const Pace& pace) {
   Impl& m = *impl_;
   m.pace = pace;
-  m.memory_not_locked = m.settings.realtime.lock_memory ? lock_memory() : "not asked for";
   m.armed.store(true, std::memory_order_release);
   m.each([](Impl::Worker& worker) { worker.parking.notify(); });
 }

@@ -88,7 +88,7 @@ class RealtimePipeline {
  public:
   static constexpr int kMostSlots = 256;  ///< of a camera: Frame::slot is below
 
-  /// Builds everything and starts the threads, which wait. Throws std::invalid_argument for a tracker that cannot be
+  /// Builds everything, starts the threads, which wait, and locks the memory. Throws std::invalid_argument for a tracker that cannot be
   /// built, std::system_error if the system has no thread left.
   RealtimePipeline(const RealtimeSettings& settings, const RealtimePorts& ports);
   /// Stops the threads if they are still running.
@@ -96,7 +96,7 @@ class RealtimePipeline {
   RealtimePipeline(const RealtimePipeline&) = delete;
   RealtimePipeline& operator=(const RealtimePipeline&) = delete;
 
-  /// Locks the memory and lets the threads go. From now on they start no thread, use no heap and no lock, and wait
+  /// Lets the threads go. From now on they start no thread, use no heap and no lock, and wait
   /// nowhere but at their inputs. `pace`: where the samples' stamps lie on the computer's clock.
   void arm(const Pace& pace);
 

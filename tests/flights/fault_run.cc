@@ -108,18 +108,20 @@ Ratio worst_ratio(const Compared& c, const Frame4& f) {
 
 }  // namespace
 
-FaultVerdict fly_with(ReplayOptions options, const Trajectory& truth, const std::vector<Fault>& faults,
-                      const FaultTimes& times) {
+FaultVerdict fly_with(ReplayOptions options, const std::vector<Fault>& faults, const FaultTimes& times) {
   const double from_s = times.from_s, to_s = times.to_s;
   constexpr double kLasting_s = 1;
   FaultVerdict verdict;
+  const auto dataset = open_asl_dataset(options.dataset, options.camera, {}, {});
+  if (!dataset || !dataset->ground_truth) return verdict;
+  const Trajectory& truth = *dataset->ground_truth;
+  const HostStamp zero = dataset->instant(0);  // not the first that was tracked: a busy machine may lose that one
   PublishedOdometry published(200'000);
   options.faults = faults;
   options.odometry = &published;
   const auto result = replay(options, [](std::size_t, std::size_t) {});
   if (!result || result->record.images.empty()) return verdict;
   verdict.ran = true;
-  const HostStamp zero = result->record.images.front().stamp;
 
   std::vector<Compared> quiet;
   std::optional<Frame4> frame;
@@ -139,7 +141,7 @@ FaultVerdict fly_with(ReplayOptions options, const Trajectory& truth, const std:
       if (t > from_s - 0.02) verdict.reasons |= o.health.reasons & bit(HealthReason::kImuSilent);
       continue;
     }
-    if (!frame) frame = frame_of(quiet);
+    if (!frame && !quiet.empty()) frame = frame_of(quiet);
     ++verdict.published;
     if (t < times.said_until_s) {
       verdict.reasons |= o.health.reasons;
@@ -154,6 +156,7 @@ FaultVerdict fly_with(ReplayOptions options, const Trajectory& truth, const std:
     if (verdict.recovered_s < 0 && tracking_since >= 0 && t >= to_s && t - tracking_since >= kLasting_s)
       verdict.recovered_s = std::max(0.0, tracking_since - to_s);
     if (!c) continue;
+    if (!frame) frame = frame_at(*c);
     if (o.reset_counter != segment) {
       verdict.resets += o.reset_counter - segment;
       segment = o.reset_counter;

@@ -33,7 +33,7 @@ struct FaultVerdict {
   bool degraded = false, lost = false, initialising = false;  ///< in the same time
   double recovered_s = -1;               ///< from the end of the fault until tracking lasts 1 s; negative: never
   double not_tracking_s = 0;             ///< between the beginning of the fault and the end of the flight
-  double final_error_m = 0;              ///< position, aligned before the fault (after a reset: at its first pose)
+  double final_error_m = 0;              ///< position, aligned before the fault (without poses then, and after a reset: at the first)
   double worst_ratio = 0;                ///< error over sigma where the health was tracking: position, velocity, tilt
   double worst_at_s = 0;                 ///< after the first image
   char worst_what = ' ';                 ///< p, v or t
@@ -46,9 +46,8 @@ struct FaultTimes {
   double from_s = 0, to_s = 0, said_until_s = 0;
 };
 
-/// Replays `options` with the faults and compares what is published with the truth.
-FaultVerdict fly_with(ReplayOptions options, const Trajectory& truth, const std::vector<Fault>& faults,
-                      const FaultTimes& times);
+/// Replays `options`, of a data set with truth, with the faults and compares what is published with the truth.
+FaultVerdict fly_with(ReplayOptions options, const std::vector<Fault>& faults, const FaultTimes& times);
 
 /// Names of the reasons, with commas; "nothing" if there are none.
 std::string reason_names(std::uint32_t reasons);

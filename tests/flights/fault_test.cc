@@ -65,10 +65,6 @@ class Faults : public testing::Test {
         render_flight(flight, {.world = usual_world(FlightKind::kAgile), .effects = *effects, .seed = 1, .jobs = jobs},
                       folder_, [](std::size_t, std::size_t) {});
     ASSERT_TRUE(rendered) << rendered.error().text();
-    const auto dataset = open_asl_dataset(folder_, "cam0", {}, {});
-    ASSERT_TRUE(dataset) << dataset.error().text();
-    ASSERT_TRUE(dataset->ground_truth.has_value());
-    truth_ = *dataset->ground_truth;
   }
   static void TearDownTestSuite() { std::filesystem::remove_all(folder_); }
 
@@ -78,8 +74,8 @@ class Faults : public testing::Test {
     options.dataset = folder_;
     options.realtime_speed = speed;
     const double to_s = ends ? kFaultAt_s + c.duration_s : kFaultAt_s;
-    const auto v = test::fly_with(options, truth_, {{c.kind, kFaultAt_s, c.duration_s}},
-                                  {kFaultAt_s, to_s, ends ? to_s + 2 : kFlight_s});
+    const auto v =
+        test::fly_with(options, {{c.kind, kFaultAt_s, c.duration_s}}, {kFaultAt_s, to_s, ends ? to_s + 2 : kFlight_s});
     std::cout << to_string(c.kind) << " " << c.duration_s << " s: " << test::reason_names(v.reasons)
               << "; recovered after " << v.recovered_s << " s, error " << v.final_error_m << " m, worst "
               << v.worst_ratio << " sigma (" << v.worst_what << "), wrong " << v.wrong << " of " << v.published
@@ -88,10 +84,8 @@ class Faults : public testing::Test {
   }
 
   static std::filesystem::path folder_;
-  static Trajectory truth_;
 };
 std::filesystem::path Faults::folder_;
-Trajectory Faults::truth_;
 
 TEST_F(Faults, InOneThreadEachIsNamedAndSurvivedAndNothingWrongIsCalledGood) {
   for (const Case& c : kCases) {
@@ -104,6 +98,22 @@ TEST_F(Faults, InOneThreadEachIsNamedAndSurvivedAndNothingWrongIsCalledGood) {
       EXPECT_GE(v.recovered_s, 0);
       EXPECT_LT(v.recovered_s, 5);
     }
+  }
+}
+
+/// Images before the gap and after it share nothing but false matches: the start must not rest on them. (Held together
+/// by the IMU alone, starts of this flight were 0.2 to 480 m off while called good.)
+TEST_F(Faults, AGapWhileStartingLeavesTheStartAsGoodAsAnother) {
+  for (const int images : {8, 20, 24, 36, 39}) {
+    SCOPED_TRACE(images);
+    ReplayOptions options;
+    options.dataset = folder_;
+    const test::FaultVerdict v =
+        test::fly_with(options, {{FaultKind::kCameraSilent, 0.02, 0.05 * images}}, {kFaultAt_s, kFaultAt_s, 10});
+    ASSERT_TRUE(v.ran);
+    EXPECT_EQ(v.wrong, 0U) << "at worst " << v.worst_ratio << " sigma at " << v.worst_at_s << " s";
+    EXPECT_LT(v.final_error_m, 0.12);
+    EXPECT_EQ(v.not_tracking_s, 0);
   }
 }
 

@@ -68,7 +68,7 @@ int run(Options& o) {
       "sigma called tracking | wrong |\n");
   for (const Case& c : cases(o.at_s)) {
     if (!o.only.empty() && c.name.find(o.only) == std::string::npos) continue;
-    print(c, test::fly_with(o.replay, *dataset->ground_truth, c.faults, {o.at_s, c.to_s, c.said_until_s}));
+    print(c, test::fly_with(o.replay, c.faults, {o.at_s, c.to_s, c.said_until_s}));
   }
   return 0;
 }

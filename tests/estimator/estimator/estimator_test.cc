@@ -63,6 +63,22 @@ TEST(EstimatorStart, InMotionFindsScaleVelocityAndTilt) {
   EXPECT_EQ(rig.stats().resets, 0u);
 }
 
+/// What three false matches and the IMU tie to the others is no part of a start.
+TEST(EstimatorStart, BeginsAnewAtAnImageThatShowsNothingOfTheOnesBefore) {
+  Rig rig({.moving_from = -2}, {});
+  rig.run_to(0.05);
+  rig.camera = false;
+  rig.run_to(1);
+  rig.camera = true;
+  rig.spoil = [](TrackedFrame& frame) {
+    for (std::size_t i = 3; i < frame.features.size(); ++i) frame.features[i].id += 100'000;
+  };
+  rig.run_to(8);
+  ASSERT_TRUE(rig.last().has_pose);
+  EXPECT_GE(rig.stats().origins[0].stamp, test::at(1));
+  EXPECT_LT(rig.velocity_error(), 0.06);
+}
+
 TEST(EstimatorMemory, NeverAsksForMoreAfterConstruction) {
   if (!allocation_counting_available()) GTEST_SKIP() << "heap calls are not counted in this build";
   for (const VisualFactor factor : {VisualFactor::kTrack, VisualFactor::kEpipolar, VisualFactor::kReprojection})
