@@ -31,12 +31,13 @@ struct FaultVerdict {
   std::uint32_t reasons = 0;                                  ///< said of the fault
   std::uint32_t reasons_before = 0;                           ///< said in the second before the fault
   bool degraded = false, lost = false, initialising = false;  ///< in the same time
-  double recovered_s = -1;               ///< from the end of the fault until tracking lasts 1 s; negative: never
-  double not_tracking_s = 0;             ///< between the beginning of the fault and the end of the flight
-  double final_error_m = 0;              ///< position, aligned before the fault (without poses then, and after a reset: at the first)
-  double worst_ratio = 0;                ///< error over sigma where the health was tracking: position, velocity, tilt
-  double worst_at_s = 0;                 ///< after the first image
-  char worst_what = ' ';                 ///< p, v or t
+  double recovered_s = -1;    ///< from the end of the fault until tracking lasts 1 s; negative: never
+  double not_tracking_s = 0;  ///< between the beginning of the fault and the end of the flight
+  double final_error_m =
+      0;                   ///< position, aligned before the fault (without poses then, and after a reset: at the first)
+  double worst_ratio = 0;  ///< error over sigma where the health was tracking: position, velocity, tilt
+  double worst_at_s = 0;   ///< after the first image
+  char worst_what = ' ';   ///< p, v or t
   std::size_t wrong = 0, published = 0;  ///< odometry called tracking beyond 3.5 sigma; all since the fault
   std::uint32_t resets = 0;
 };
