@@ -9,9 +9,9 @@
 
 #include "estimator/estimator.h"
 #include "pipeline/config/devices.h"
-#include "pipeline/realtime/realtime_config.h"
-#include "pipeline/recorder/recorder_config.h"
-#include "pipeline/vision/tracker.h"
+#include "pipeline/config/realtime_config.h"
+#include "pipeline/config/recorder_config.h"
+#include "pipeline/vision/tracker_config.h"
 #include "platform/error/result.h"
 
 namespace epiline {

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "estimator/predict/predictor.h"
+#include "pipeline/config/realtime_config.h"
 #include "pipeline/realtime/flight_observer.h"
-#include "pipeline/realtime/realtime_config.h"
 #include "pipeline/stages/frame_outcome.h"
 #include "pipeline/stages/recorded_tracks.h"
 #include "pipeline/vision/tracker.h"
@@ -88,8 +88,8 @@ class RealtimePipeline {
  public:
   static constexpr int kMostSlots = 256;  ///< of a camera: Frame::slot is below
 
-  /// Builds everything, starts the threads, which wait, and locks the memory. Throws std::invalid_argument for a tracker that cannot be
-  /// built, std::system_error if the system has no thread left.
+  /// Builds everything, starts the threads, which wait, and locks the memory. Throws std::invalid_argument for a
+  /// tracker that cannot be built, std::system_error if the system has no thread left.
   RealtimePipeline(const RealtimeSettings& settings, const RealtimePorts& ports);
   /// Stops the threads if they are still running.
   ~RealtimePipeline();

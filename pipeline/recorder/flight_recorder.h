@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "pipeline/config/calibration.h"
+#include "pipeline/config/recorder_config.h"
 #include "pipeline/realtime/flight_observer.h"
-#include "pipeline/recorder/recorder_config.h"
 
 namespace epiline {
 

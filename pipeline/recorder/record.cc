@@ -6,11 +6,11 @@
 #include <optional>
 #include <vector>
 
-#include "pipeline/evaluate/trajectory.h"
-#include "pipeline/text/asl.h"
+#include "pipeline/config/asl.h"
 #include "pipeline/text/output_files.h"
 #include "pipeline/text/table.h"
 #include "pipeline/text/text.h"
+#include "pipeline/text/trajectory.h"
 
 namespace epiline {
 namespace fs = std::filesystem;

@@ -70,4 +70,7 @@ class RealtimeThread {
 /// it worked, otherwise why not. Not attempted where a limit would make later allocations fail.
 std::string lock_memory();
 
+/// The most physical memory that the process has had so far.
+double peak_rss_mib();
+
 }  // namespace epiline

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <optional>
 
-#include "pipeline/evaluate/errors.h"
+#include "drivers/study/evaluate/errors.h"
 
 namespace epiline::test {
 

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "drivers/replay/replay.h"
-#include "pipeline/evaluate/trajectory.h"
+#include "drivers/study/replay/replay.h"
+#include "pipeline/text/trajectory.h"
 
 namespace epiline::test {
 

@@ -7,7 +7,7 @@
 #include <iostream>
 #include <thread>
 
-#include "drivers/simulate/rendered_flight.h"
+#include "drivers/flights/simulate/rendered_flight.h"
 #include "tests/flights/fault_run.h"
 
 namespace epiline {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "drivers/montecarlo/simulated_run.h"
+#include "drivers/study/montecarlo/simulated_run.h"
 
 namespace epiline {
 namespace {

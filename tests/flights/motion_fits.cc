@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "drivers/replay/asl_dataset.h"
-#include "drivers/simulate/motion_fit.h"
+#include "drivers/flights/recordings/asl_dataset.h"
+#include "drivers/flights/simulate/motion_fit.h"
 
 namespace epiline {
 namespace {

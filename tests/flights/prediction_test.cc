@@ -9,8 +9,8 @@
 #include <cstdio>
 #include <memory>
 
-#include "drivers/replay/asl_dataset.h"
-#include "drivers/replay/image_file.h"
+#include "drivers/flights/recordings/asl_dataset.h"
+#include "drivers/flights/recordings/image_file.h"
 #include "estimator/geometry/so3.h"
 #include "pipeline/stages/imu_feed.h"
 #include "pipeline/stages/offline.h"

@@ -5,9 +5,9 @@
 #include <iostream>
 #include <thread>
 
-#include "drivers/replay/replay.h"
-#include "drivers/simulate/hybrid_flight.h"
-#include "pipeline/report/stats_json.h"
+#include "drivers/flights/simulate/hybrid_flight.h"
+#include "drivers/study/replay/replay.h"
+#include "drivers/study/report/stats_json.h"
 #include "tests/support/recorded_data.h"
 
 namespace epiline {

@@ -1,6 +1,7 @@
 // Recorded flights through the whole pipeline. The bands are what the estimator has to reach, not what it happened to
 // do.
-#include "drivers/replay/replay.h"
+#include "drivers/study/replay/replay.h"
+#include "drivers/study/report/outputs.h"
 
 #include <gtest/gtest.h>
 
@@ -14,8 +15,8 @@
 #include <optional>
 #include <string>
 
-#include "pipeline/report/flight_record.h"
-#include "pipeline/report/stats_json.h"
+#include "drivers/study/report/flight_record.h"
+#include "drivers/study/report/stats_json.h"
 #include "tests/support/recorded_data.h"
 
 namespace epiline {

@@ -12,11 +12,11 @@
 #include <string>
 #include <vector>
 
-#include "drivers/replay/replay.h"
+#include "drivers/study/replay/replay.h"
+#include "drivers/study/report/flight_record.h"
 #include "pipeline/config/config.h"
-#include "pipeline/evaluate/statistics.h"
-#include "pipeline/report/flight_record.h"
 #include "pipeline/text/table.h"
+#include "platform/math/statistics.h"
 
 namespace epiline {
 namespace {

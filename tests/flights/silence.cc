@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/evaluate/statistics.h"
+#include "platform/math/statistics.h"
 #include "tests/flights/silence_run.h"
 
 namespace epiline {

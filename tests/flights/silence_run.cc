@@ -9,10 +9,10 @@
 #include <numbers>
 #include <optional>
 
+#include "drivers/study/evaluate/alignment.h"
+#include "drivers/study/evaluate/consistency.h"
 #include "estimator/inertial/imu_history.h"
 #include "estimator/inertial/nav_state.h"
-#include "pipeline/evaluate/alignment.h"
-#include "pipeline/evaluate/consistency.h"
 #include "tests/flights/fault_run.h"
 
 namespace epiline::test {

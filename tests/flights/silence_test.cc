@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "drivers/simulate/asl_writer.h"
-#include "drivers/simulate/track_simulator.h"
+#include "drivers/flights/simulate/asl_writer.h"
+#include "drivers/flights/simulate/track_simulator.h"
 #include "tests/flights/silence_run.h"
 
 namespace epiline {

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <random>
 
-#include "pipeline/evaluate/alignment.h"
-#include "pipeline/evaluate/errors.h"
-#include "pipeline/report/stats_json.h"
+#include "drivers/study/evaluate/alignment.h"
+#include "drivers/study/evaluate/errors.h"
+#include "drivers/study/report/stats_json.h"
 
 namespace epiline::test {
 

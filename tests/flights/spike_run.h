@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/replay/replay.h"
+#include "drivers/study/replay/replay.h"
 
 namespace epiline::test {
 

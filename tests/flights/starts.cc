@@ -12,11 +12,11 @@
 #include <utility>
 #include <vector>
 
-#include "drivers/replay/replay.h"
-#include "pipeline/evaluate/alignment.h"
-#include "pipeline/evaluate/errors.h"
-#include "pipeline/report/flight_record.h"
-#include "pipeline/report/stats_json.h"
+#include "drivers/study/evaluate/alignment.h"
+#include "drivers/study/evaluate/errors.h"
+#include "drivers/study/replay/replay.h"
+#include "drivers/study/report/flight_record.h"
+#include "drivers/study/report/stats_json.h"
 
 namespace epiline {
 namespace {

@@ -6,10 +6,10 @@
 #include <optional>
 #include <string>
 
-#include "drivers/replay/replay.h"
-#include "drivers/simulate/asl_writer.h"
-#include "drivers/simulate/wheel_simulator.h"
-#include "pipeline/report/flight_record.h"
+#include "drivers/flights/simulate/asl_writer.h"
+#include "drivers/flights/simulate/wheel_simulator.h"
+#include "drivers/study/replay/replay.h"
+#include "drivers/study/report/flight_record.h"
 #include "pipeline/text/table.h"
 
 namespace epiline {

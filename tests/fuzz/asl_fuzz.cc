@@ -9,7 +9,7 @@
 #include <string>
 #include <string_view>
 
-#include "drivers/replay/asl_dataset.h"
+#include "drivers/flights/recordings/asl_dataset.h"
 #include "tests/fuzz/scratch_folder.h"
 
 namespace fs = std::filesystem;

@@ -9,7 +9,7 @@
 #include <cstring>
 #include <vector>
 
-#include "drivers/wheel/can_wheel_source.h"
+#include "drivers/sensors/wheel/can_wheel_source.h"
 #include "platform/time/monotonic.h"
 
 using namespace epiline;

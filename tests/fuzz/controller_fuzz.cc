@@ -6,7 +6,7 @@
 #include <optional>
 #include <span>
 
-#include "drivers/hil/controller_model.h"
+#include "drivers/program/hil/controller_model.h"
 
 namespace {
 

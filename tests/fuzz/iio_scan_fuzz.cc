@@ -6,8 +6,8 @@
 #include <span>
 #include <string>
 
-#include "drivers/imu/iio_device.h"
-#include "drivers/imu/iio_scan.h"
+#include "drivers/sensors/imu/iio_device.h"
+#include "drivers/sensors/imu/iio_scan.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace epiline;

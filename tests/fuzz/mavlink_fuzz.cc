@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <span>
 
-#include "drivers/output/mavlink/packet.h"
+#include "drivers/links/mavlink/packet.h"
 
 using namespace epiline::mavlink;
 

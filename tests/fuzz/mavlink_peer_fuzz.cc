@@ -6,10 +6,10 @@
 #include <cstdlib>
 #include <span>
 
-#include "drivers/output/mavlink/controller_imu.h"
-#include "drivers/output/mavlink/imu_request.h"
-#include "drivers/output/mavlink/packet.h"
-#include "drivers/output/mavlink/timesync.h"
+#include "drivers/links/mavlink/controller_imu.h"
+#include "drivers/links/mavlink/imu_request.h"
+#include "drivers/links/mavlink/packet.h"
+#include "drivers/links/mavlink/timesync.h"
 
 using namespace epiline;
 using namespace epiline::mavlink;

@@ -3,7 +3,7 @@
 #include <cstdlib>
 #include <vector>
 
-#include "drivers/replay/ros_message.h"
+#include "drivers/flights/recordings/ros_message.h"
 
 using namespace epiline;
 

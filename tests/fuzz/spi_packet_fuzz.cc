@@ -7,10 +7,10 @@
 #include <memory>
 #include <span>
 
-#include "drivers/imu/adis16470.h"
-#include "drivers/imu/bmi088.h"
-#include "drivers/imu/icm42688p.h"
-#include "drivers/imu/spi_imu.h"
+#include "drivers/sensors/imu/adis16470.h"
+#include "drivers/sensors/imu/bmi088.h"
+#include "drivers/sensors/imu/icm42688p.h"
+#include "drivers/sensors/imu/spi_imu.h"
 
 using namespace epiline;
 

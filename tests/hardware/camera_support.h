@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/camera/v4l2_camera.h"
+#include "drivers/sensors/camera/v4l2_camera.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline {

@@ -3,11 +3,11 @@
 #include <map>
 #include <set>
 
-#include "drivers/output/can/can_output.h"
-#include "drivers/output/can/dbc.h"
-#include "drivers/wheel/can_wheel_source.h"
+#include "drivers/links/can/can_output.h"
+#include "drivers/links/can/dbc.h"
+#include "drivers/sensors/wheel/can_wheel_source.h"
 #include "platform/memory/allocation_count.h"
-#include "tests/drivers/output/can/dbc_reader.h"
+#include "tests/drivers/links/can/dbc_reader.h"
 #include "tests/hardware/can_support.h"
 
 namespace epiline {

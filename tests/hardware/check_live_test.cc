@@ -1,6 +1,6 @@
 // `epiline check` on devices that give something: v4l2loopback with a writer, an IMU of the kernel's HID drivers, a
 // flight controller on a pseudo terminal, another node on a vcan. What it finds has to be what is there.
-#include "drivers/check/check.h"
+#include "drivers/program/check/check.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -22,8 +22,8 @@
 #include <thread>
 #include <vector>
 
-#include "drivers/hil/loopback_writer.h"
-#include "tests/drivers/output/mavlink/link_peer.h"
+#include "drivers/program/hil/loopback_writer.h"
+#include "tests/drivers/links/mavlink/link_peer.h"
 #include "tests/hardware/can_support.h"
 #include "tests/hardware/resting_imu.h"
 

@@ -1,5 +1,5 @@
 // `check` on kernel drivers: a bus on which somebody talks, or only we; lines with edges; a camera.
-#include "drivers/check/check.h"
+#include "drivers/program/check/check.h"
 
 #include <chrono>
 #include <cstdio>

@@ -5,7 +5,7 @@
 #include <thread>
 #include <vector>
 
-#include "drivers/gpio/gpio_line.h"
+#include "drivers/sensors/gpio/gpio_line.h"
 #include "platform/concurrency/lock_count.h"
 #include "platform/memory/allocation_count.h"
 #include "tests/hardware/gpio_support.h"

@@ -9,8 +9,8 @@
 #include <thread>
 #include <vector>
 
-#include "drivers/hil/uhid_imu.h"
-#include "drivers/imu/iio_imu.h"
+#include "drivers/program/hil/uhid_imu.h"
+#include "drivers/sensors/imu/iio_imu.h"
 #include "platform/concurrency/lock_count.h"
 #include "platform/memory/allocation_count.h"
 #include "tests/hardware/gpio_support.h"

@@ -1,6 +1,6 @@
 // A live flight on kernel drivers, from an ordinary configuration file, while its devices are unplugged: what comes
 // back, how soon, and what is said meanwhile.
-#include "drivers/live/live_run.h"
+#include "drivers/program/live/live_run.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@
 #include <thread>
 #include <vector>
 
-#include "drivers/output/mavlink/packet.h"
+#include "drivers/links/mavlink/packet.h"
 #include "tests/hardware/camera_support.h"
 #include "tests/hardware/resting_imu.h"
 #include "tests/hardware/usb_serial_support.h"

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <thread>
 
-#include "drivers/hil/loopback_writer.h"
+#include "drivers/program/hil/loopback_writer.h"
 #include "tests/hardware/camera_support.h"
 
 namespace epiline {

@@ -7,7 +7,7 @@
 #include <random>
 #include <thread>
 
-#include "drivers/hil/uhid_imu.h"
+#include "drivers/program/hil/uhid_imu.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline {

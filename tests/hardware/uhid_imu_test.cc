@@ -1,5 +1,5 @@
 // The virtual IMU against what the kernel makes of it, read with nothing but files.
-#include "drivers/hil/uhid_imu.h"
+#include "drivers/program/hil/uhid_imu.h"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 
 #include "platform/concurrency/lock_count.h"
 #include "platform/memory/allocation_count.h"
-#include "tests/drivers/output/mavlink/link_peer.h"
+#include "tests/drivers/links/mavlink/link_peer.h"
 #include "tests/hardware/usb_serial_support.h"
 
 namespace epiline::mavlink {

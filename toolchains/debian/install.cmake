@@ -3,7 +3,7 @@
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
-set(libraries epiline_options epiline_platform epiline_estimator epiline_devices)
+set(libraries epiline_options epiline_platform epiline_estimator epiline_links epiline_sensors)
 foreach(library ${libraries})
   string(REPLACE "epiline_" "" name ${library})
   set_target_properties(${library} PROPERTIES EXPORT_NAME ${name})
@@ -13,11 +13,9 @@ target_compile_definitions(epiline_estimator INTERFACE $<INSTALL_INTERFACE:EIGEN
 install(TARGETS ${libraries} EXPORT epiline-targets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
 install(DIRECTORY platform estimator DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/epiline COMPONENT development
   FILES_MATCHING PATTERN "*.h")
-foreach(folder camera gpio imu output wheel)
-  if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/drivers/${folder})
-    install(DIRECTORY drivers/${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/epiline/drivers COMPONENT development
-      FILES_MATCHING PATTERN "*.h")
-  endif()
+foreach(room links sensors)
+  install(DIRECTORY drivers/${room} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/epiline/drivers COMPONENT development
+    FILES_MATCHING PATTERN "*.h")
 endforeach()
 install(FILES pipeline/config/devices.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/epiline/pipeline/config COMPONENT development)
 set(cmake_folder ${CMAKE_INSTALL_LIBDIR}/cmake/epiline)
@@ -62,7 +60,7 @@ foreach(package epiline libepiline-dev)
 endforeach()
 
 # All that the packages hold, and nothing else: what must be built before cpack.
-add_custom_target(packaged DEPENDS ${manual} ${changelogs} epiline epiline_platform epiline_estimator epiline_devices)
+add_custom_target(packaged DEPENDS ${manual} ${changelogs} epiline epiline_platform epiline_estimator epiline_links epiline_sensors)
 set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON)
 
 set(CPACK_GENERATOR DEB)

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <cstdio>
 
-#include "drivers/output/can/can_output.h"
-#include "drivers/output/mavlink/link.h"
-#include "drivers/output/mavlink/odometry.h"
-#include "drivers/output/mavlink/packet.h"
+#include "drivers/links/can/can_output.h"
+#include "drivers/links/mavlink/link.h"
+#include "drivers/links/mavlink/odometry.h"
+#include "drivers/links/mavlink/packet.h"
 #include "estimator/estimator.h"
 #include "estimator/geometry/camera.h"
 

@@ -1,0 +1,201 @@
+#include "drivers/flights/recordings/asl_dataset.h"
+
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "drivers/flights/recordings/image_file.h"
+#include "pipeline/text/table.h"
+
+namespace epiline {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+Error missing(const fs::path& path, std::string expected) {
+  return {ErrorKind::kUsage, path.string(), 0, "does not exist", std::move(expected)};
+}
+
+Result<fs::path> find_root(const fs::path& folder) {
+  std::error_code ignored;
+  if (!fs::exists(folder, ignored)) return missing(folder, "a data set: an ASL folder, or a ROS 1 bag (*.bag)");
+  if (!fs::is_directory(folder, ignored)) {
+    return Error{ErrorKind::kUsage, folder.string(), 0, "is no folder",
+                 "a data set: an ASL folder, or a ROS 1 bag (*.bag)"};
+  }
+  const fs::path root = fs::is_directory(folder / "mav0", ignored) ? folder / "mav0" : folder;
+  if (!fs::is_directory(root / "imu0", ignored)) {
+    return Error{ErrorKind::kUsage, folder.string(), 0, "no mav0/imu0 or imu0 inside",
+                 "a data set: an ASL folder, or a ROS 1 bag (*.bag)"};
+  }
+  return root;
+}
+
+Status read_image_list(AslDataset& d) {
+  const auto text = read_text(d.image_list);
+  if (!text) return text.error();
+  const fs::path folder = d.image_list.parent_path() / "data";
+  LineReader lines(*text);
+  for (std::string_view line; lines.next(line);) {
+    const auto fail = [&](std::string found, std::string expected) {
+      return Error{ErrorKind::kUsage, d.image_list.string(), lines.number(), std::move(found), std::move(expected)};
+    };
+    std::string_view time, name, more;
+    std::int64_t ns = 0;
+    if (!take_field(line, time) || !parse_number(time, ns)) return fail("no time", "integer nanoseconds, image file");
+    if (!take_field(line, name) || name.empty()) return fail("no image file", "integer nanoseconds, image file");
+    if (take_field(line, more)) return fail("more than two values", "integer nanoseconds, image file");
+    d.images.push_back({HostStamp{ns}, folder / std::string(name), lines.number()});
+  }
+  if (d.images.empty())
+    return Error{ErrorKind::kUsage, d.image_list.string(), 0, "no image", "integer nanoseconds, image file"};
+  d.image_source = image_files(d.images, d.image_list);
+  return Done{};
+}
+
+Status read_tracks(AslDataset& d) {
+  const auto text = read_text(d.image_list);
+  if (!text) return text.error();
+  const auto table =
+      parse_table(*text, d.image_list.string(), TimeColumn::kNanoseconds, {4}, "track point (time, id, u, v)");
+  if (!table) return table.error();
+  for (std::size_t i = 0; i < table->rows(); ++i) {
+    const double* row = table->row(i);
+    const bool good_id =
+        row[0] >= 0 && row[0] <= std::numeric_limits<std::uint32_t>::max() && row[0] == std::floor(row[0]);
+    if (!good_id) {
+      return Error{ErrorKind::kUsage, d.image_list.string(), 0, "a track id of " + std::to_string(row[0]),
+                   "integers from 0 to 2^32-1"};
+    }
+    const HostStamp stamp{table->time_ns[i]};
+    if (d.instants.empty() || d.instants.back().stamp != stamp) d.instants.push_back({stamp, d.points.size(), 0});
+    if (!std::isfinite(row[1]) || !std::isfinite(row[2])) continue;  // a point that is none; its instant stays
+    d.points.push_back({static_cast<std::uint32_t>(row[0]), static_cast<float>(row[1]), static_cast<float>(row[2])});
+    ++d.instants.back().count;
+  }
+  if (d.instants.empty()) return Error{ErrorKind::kUsage, d.image_list.string(), 0, "no track point", "time, id, u, v"};
+  return Done{};
+}
+
+/// Where a sensor's calibration is: the file asked for, the sensor's own, or the one TUM-VI puts beside `mav0` for all.
+fs::path calibration_path(const fs::path& root, const fs::path& sensor, const char* shared, const fs::path& asked_for) {
+  if (!asked_for.empty()) return asked_for;
+  std::error_code ignored;
+  const fs::path own = root / sensor / "sensor.yaml", beside = root / ".." / "dso" / shared;
+  return !fs::exists(own, ignored) && fs::exists(beside, ignored) ? beside.lexically_normal() : own;
+}
+
+Status read_camera(AslDataset& d, const std::string& camera, const fs::path& calibration_file) {
+  const fs::path folder = d.root / camera;
+  std::error_code ignored;
+  if (!fs::is_directory(folder, ignored)) return missing(folder, "the folder of the camera");
+  const fs::path calibration = calibration_path(d.root, camera, "camchain.yaml", calibration_file);
+  if (!fs::exists(calibration, ignored)) return missing(calibration, "the camera's calibration");
+  const auto parameters = read_camera_calibration(calibration, camera);
+  if (!parameters) return parameters.error();
+  d.camera = *parameters;
+  d.image_list = find_table(folder, "data.csv");
+  if (!d.image_list.empty()) return read_image_list(d);
+  d.image_list = find_table(folder, "tracks.csv");
+  if (!d.image_list.empty()) return read_tracks(d);
+  return missing(folder / "data.csv", "the list of images, or tracks.csv");
+}
+
+Status read_imu(AslMotion& d, const fs::path& calibration_file) {
+  const fs::path folder = d.root / "imu0";
+  const fs::path calibration = calibration_path(d.root, "imu0", "imu_config.yaml", calibration_file);
+  std::error_code ignored;
+  if (fs::exists(calibration, ignored)) {
+    const auto imu = read_imu_calibration(calibration);
+    if (!imu) return imu.error();
+    d.imu = *imu;
+  } else if (!calibration_file.empty()) {
+    return missing(calibration, "the IMU's calibration");
+  } else {
+    d.notes.push_back(calibration.string() + " does not exist: noise densities of EuRoC's ADIS16448 assumed");
+  }
+  const fs::path path = find_table(folder, "data.csv");
+  if (path.empty()) return missing(folder / "data.csv", "the IMU's samples");
+  d.imu_file = path;
+  const auto text = read_text(path);
+  if (!text) return text.error();
+  const auto table =
+      parse_table(*text, path.string(), TimeColumn::kNanoseconds, {7}, "IMU sample (time, 3 rates, 3 forces)");
+  if (!table) return table.error();
+  if (table->rows() == 0) return Error{ErrorKind::kUsage, path.string(), 0, "no IMU sample", "time, 3 rates, 3 forces"};
+  d.imu_samples.reserve(table->rows());
+  for (std::size_t i = 0; i < table->rows(); ++i) {
+    const double* r = table->row(i);
+    d.imu_samples.push_back({HostStamp{table->time_ns[i]}, {r[0], r[1], r[2]}, {r[3], r[4], r[5]}});
+  }
+  return Done{};
+}
+
+Status read_wheel(AslMotion& d) {
+  const fs::path path = find_table(d.root / "wheel0", "data.csv");
+  if (path.empty()) return Done{};
+  const auto text = read_text(path);
+  if (!text) return text.error();
+  const auto table = parse_table(*text, path.string(), TimeColumn::kNanoseconds, {2}, "speed (time, m/s)");
+  if (!table) return table.error();
+  for (std::size_t i = 0; i < table->rows(); ++i)
+    d.wheel_samples.push_back(
+        {HostStamp{table->time_ns[i]}, table->row(i)[0], std::numeric_limits<double>::quiet_NaN()});
+  return Done{};
+}
+
+/// Empty if there is none.
+fs::path truth_file(const fs::path& root) {
+  const fs::path path = find_table(root / "state_groundtruth_estimate0", "data.csv");
+  return path.empty() ? find_table(root / "mocap0", "data.csv") : path;  // mocap0: TUM-VI
+}
+
+Result<std::optional<Trajectory>> read_ground_truth(const fs::path& path) {
+  if (path.empty()) return std::optional<Trajectory>{};
+  auto truth = read_trajectory(path);
+  if (!truth) return truth.error();
+  return std::optional<Trajectory>{std::move(*truth)};
+}
+
+Status read_ground_truth(AslMotion& d) {
+  d.truth_file = truth_file(d.root);
+  auto truth = read_ground_truth(d.truth_file);
+  if (!truth) return truth.error();
+  d.ground_truth = std::move(*truth);
+  return Done{};
+}
+
+}  // namespace
+
+Result<std::optional<Trajectory>> read_asl_ground_truth(const fs::path& folder) {
+  const auto root = find_root(folder);
+  if (!root) return root.error();
+  return read_ground_truth(truth_file(*root));
+}
+
+Result<AslMotion> open_asl_motion(const fs::path& folder, const fs::path& imu_file) {
+  const auto root = find_root(folder);
+  if (!root) return root.error();
+  AslMotion d;
+  d.root = *root;
+  if (const Status s = read_imu(d, imu_file); !s) return s.error();
+  if (const Status s = read_wheel(d); !s) return s.error();
+  if (const Status s = read_ground_truth(d); !s) return s.error();
+  return d;
+}
+
+Result<AslDataset> open_asl_dataset(const fs::path& folder, const std::string& camera, const fs::path& camera_file,
+                                    const fs::path& imu_file) {
+  const auto root = find_root(folder);
+  if (!root) return root.error();
+  AslDataset d;
+  d.root = *root;
+  if (const Status s = read_imu(d, imu_file); !s) return s.error();
+  if (const Status s = read_wheel(d); !s) return s.error();
+  if (const Status s = read_camera(d, camera, camera_file); !s) return s.error();
+  if (const Status s = read_ground_truth(d); !s) return s.error();
+  return d;
+}
+
+}  // namespace epiline

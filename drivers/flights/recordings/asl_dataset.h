@@ -1,0 +1,73 @@
+#pragma once
+// A recorded flight in the layout of ASL (EuRoC): `mav0/{cam0,imu0,state_groundtruth_estimate0}`. TUM-VI's differs a
+// little: `mav0/{cam0,imu0,mocap0}` with the calibration in `dso/{camchain,imu_config}.yaml` beside.
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/config/calibration.h"
+#include "pipeline/stages/recorded_tracks.h"
+#include "pipeline/text/trajectory.h"
+#include "platform/error/result.h"
+#include "platform/samples/samples.h"
+
+namespace epiline {
+
+class ImageSource;
+
+/// An image that is still a file, or a message.
+struct ImageFile {
+  HostStamp stamp;
+  std::filesystem::path path;
+  int line = 0;  ///< of the list it comes from; 0: from none
+};
+
+/// The points of one instant: points[first, first + count).
+struct TrackInstant {
+  HostStamp stamp;
+  std::size_t first = 0, count = 0;
+};
+
+/// What a flight's folder says about its motion.
+struct AslMotion {
+  std::filesystem::path root;  ///< the folder that holds cam0 and imu0
+  ImuCalibration imu;
+  std::vector<std::string> notes;          ///< remarks for the user, one line each
+  std::filesystem::path imu_file;          ///< data.csv[.gz]
+  std::filesystem::path truth_file;        ///< empty if there is none
+  std::vector<ImuSample> imu_samples;      ///< in the file's order, whatever it is: the estimator counts the bad ones
+  std::vector<WheelSample> wheel_samples;  ///< of wheel0/data.csv: time, forward speed in m/s; empty if there is none
+  std::optional<Trajectory> ground_truth;
+};
+
+struct AslDataset : AslMotion {
+  std::filesystem::path image_list;  ///< data.csv or tracks.csv[.gz] of the camera
+  CameraCalibration camera;
+  std::vector<ImageFile> images;              ///< in the file's order; empty when there are tracks
+  std::shared_ptr<ImageSource> image_source;  ///< of `images`
+  std::vector<TrackInstant> instants;         ///< in the file's order; empty when there are images
+  std::vector<TrackPoint> points;
+  std::size_t instants_count() const { return images.empty() ? instants.size() : images.size(); }
+  HostStamp instant(std::size_t i) const { return images.empty() ? instants[i].stamp : images[i].stamp; }
+};
+
+/// Reads IMU and ground truth of the folder (or its `mav0`), which needs no camera. `imu_file`: a calibration to use
+/// instead of the data set's. Fails as open_asl_dataset() does.
+Result<AslMotion> open_asl_motion(const std::filesystem::path& folder, const std::filesystem::path& imu_file = {});
+
+/// Opens the folder (or its `mav0`) and reads everything but the images. `camera`: cam0, cam1. Calibration comes from
+/// the files named in `camera_file` and `imu_file` instead of the data set's if they are not empty. Fails if and only
+/// if a file is missing that a replay needs (calibration, image list, IMU), one does not parse, or images or IMU are
+/// empty. No `imu0/sensor.yaml` and no ground truth are no errors.
+Result<AslDataset> open_asl_dataset(const std::filesystem::path& folder, const std::string& camera,
+                                    const std::filesystem::path& camera_file = {},
+                                    const std::filesystem::path& imu_file = {});
+
+/// The ground truth alone; none where the folder has none. Fails if and only if there is no such data set, or the truth
+/// does not parse.
+Result<std::optional<Trajectory>> read_asl_ground_truth(const std::filesystem::path& folder);
+
+}  // namespace epiline

@@ -1,0 +1,32 @@
+#pragma once
+// A recorded flight in a ROS 1 bag.
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "drivers/flights/recordings/asl_dataset.h"
+
+namespace epiline {
+
+/// Which topics of a bag are read; empty: found by their type, the first by name.
+struct BagTopics {
+  std::string image;  ///< sensor_msgs/Image or CompressedImage
+  std::string imu;    ///< sensor_msgs/Imu
+  std::string truth;  ///< geometry_msgs/PoseStamped, geometry_msgs/TransformStamped or nav_msgs/Odometry
+};
+
+/// A file whose name ends in `.bag`.
+bool is_bag(const std::filesystem::path& path);
+
+/// Opens the bag and reads everything but the pixels; stamps are those of the messages' headers. A bag has no
+/// calibration: `camera_file` (looked up as `camera` in a Kalibr chain) and `imu_file` must be given. Fails if and only
+/// if the program was built without bags, a calibration is missing or wrong, the file is no bag, damaged, or was never
+/// closed, a topic is missing or has the wrong type, or a message is cut short.
+Result<AslDataset> open_bag_dataset(const std::filesystem::path& bag, const BagTopics& topics,
+                                    const std::string& camera, const std::filesystem::path& camera_file,
+                                    const std::filesystem::path& imu_file);
+
+/// The ground truth alone; none where the bag has none. Fails as open_bag_dataset() does.
+Result<std::optional<Trajectory>> read_bag_ground_truth(const std::filesystem::path& bag, const std::string& topic);
+
+}  // namespace epiline

@@ -1,0 +1,76 @@
+#include "drivers/flights/recordings/image_file.h"
+
+#include <fstream>
+#include <vector>
+
+#include "drivers/flights/recordings/image_codecs.h"
+
+namespace epiline {
+
+namespace {
+
+class ImageFiles final : public ImageSource {
+ public:
+  ImageFiles(std::vector<ImageFile> files, std::filesystem::path list)
+      : files_(std::move(files)), list_(std::move(list)) {}
+  Status read(std::size_t index, GreyImage& grey) override {
+    if (!read_bytes(files_[index].path) || !decode_image(bytes_.data(), bytes_.size(), grey))
+      return complaint(index, "cannot be read as an image", "a complete PNG, JPEG or binary PGM");
+    return Done{};
+  }
+  Error complaint(std::size_t index, std::string found, std::string expected) const override {
+    const ImageFile& file = files_[index];
+    return {ErrorKind::kUsage, list_.string(), file.line, file.path.string() + " " + std::move(found),
+            std::move(expected)};
+  }
+
+ private:
+  bool read_bytes(const std::filesystem::path& path) {
+    std::ifstream file(path, std::ios::binary | std::ios::ate);
+    const std::streamoff size = file.tellg();
+    if (!file || size < 0) return false;
+    bytes_.resize(static_cast<std::size_t>(size));
+    file.seekg(0);
+    return static_cast<bool>(file.read(reinterpret_cast<char*>(bytes_.data()), size));
+  }
+
+  std::vector<ImageFile> files_;
+  std::filesystem::path list_;
+  std::vector<std::uint8_t> bytes_;  ///< of the file that was read last
+};
+
+std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+}  // namespace
+
+struct ImageDecoder::Buffers {
+  std::vector<GreyImage> images;
+  std::uint64_t count = 0;
+};
+
+ImageDecoder::ImageDecoder(std::size_t buffers) : buffers_(std::make_unique<Buffers>()) {
+  buffers_->images.resize(buffers);
+}
+ImageDecoder::~ImageDecoder() = default;
+
+Result<Frame> ImageDecoder::read(std::size_t index, const AslDataset& dataset) {
+  return read(index, dataset, buffers_->count % buffers_->images.size());
+}
+
+Result<Frame> ImageDecoder::read(std::size_t index, const AslDataset& dataset, std::size_t buffer) {
+  GreyImage& image = buffers_->images[buffer];
+  if (const Status s = dataset.image_source->read(index, image); !s) return s.error();
+  const CameraParameters& camera = dataset.camera.parameters;
+  if (image.width != camera.width || image.height != camera.height) {
+    return dataset.image_source->complaint(index, "has " + size_text(image.width, image.height) + " pixels",
+                                           size_text(camera.width, camera.height) + " as in the calibration");
+  }
+  return Frame{
+      dataset.images[index].stamp, buffers_->count++, image.pixels.data(), image.width, image.height, image.width};
+}
+
+std::shared_ptr<ImageSource> image_files(std::vector<ImageFile> files, std::filesystem::path list) {
+  return std::make_shared<ImageFiles>(std::move(files), std::move(list));
+}
+
+}  // namespace epiline

@@ -1,0 +1,34 @@
+#pragma once
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "drivers/flights/recordings/asl_dataset.h"
+#include "drivers/flights/recordings/image_source.h"
+#include "platform/samples/samples.h"
+
+namespace epiline {
+
+/// Images that are files; `list` is the file that names them.
+std::shared_ptr<ImageSource> image_files(std::vector<ImageFile> files, std::filesystem::path list);
+
+/// Reads a data set's images into buffers of its own.
+class ImageDecoder {
+ public:
+  static constexpr std::size_t kBuffers = 2;  ///< suffice a tracker that is called image by image
+  explicit ImageDecoder(std::size_t buffers = kBuffers);
+  ~ImageDecoder();
+
+  /// Image `index` as 8-bit grey, in the next buffer: valid until that one's turn comes again. Fails if and only if it
+  /// cannot be read whole, or has another size than the calibration.
+  Result<Frame> read(std::size_t index, const AslDataset& dataset);
+  /// The same in the buffer of that number.
+  Result<Frame> read(std::size_t index, const AslDataset& dataset, std::size_t buffer);
+
+ private:
+  struct Buffers;
+  std::unique_ptr<Buffers> buffers_;
+};
+
+}  // namespace epiline

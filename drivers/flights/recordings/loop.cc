@@ -1,0 +1,70 @@
+#include "drivers/flights/recordings/loop.h"
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+
+#include "drivers/flights/recordings/image_source.h"
+
+namespace epiline {
+
+namespace {
+
+constexpr Span kGap = Span::from_milliseconds(6000);
+constexpr Span kAround = Span::from_milliseconds(1000);  // readings before the first and after the last image
+
+/// The images of the recording as often as there are rounds.
+class LoopedImages final : public ImageSource {
+ public:
+  LoopedImages(std::shared_ptr<ImageSource> images, std::size_t count) : images_(std::move(images)), count_(count) {}
+  Status read(std::size_t index, GreyImage& grey) override { return images_->read(index % count_, grey); }
+  Error complaint(std::size_t index, std::string found, std::string expected) const override {
+    return images_->complaint(index % count_, std::move(found), std::move(expected));
+  }
+
+ private:
+  std::shared_ptr<ImageSource> images_;
+  std::size_t count_;
+};
+
+/// Appends what is there once more for every later round, moved in time, as long as it begins before `end`.
+template <class Sample>
+void repeat(std::vector<Sample>& samples, Span period, HostStamp end) {
+  const std::size_t once = samples.size();
+  for (Span shift = period; samples.front().stamp + shift < end; shift = shift + period) {
+    for (std::size_t i = 0; i < once; ++i) {
+      samples.push_back(samples[i]);
+      samples.back().stamp = samples[i].stamp + shift;
+    }
+  }
+  samples.erase(std::find_if(samples.begin(), samples.end(), [&](const Sample& s) { return s.stamp > end; }),
+                samples.end());
+}
+
+}  // namespace
+
+void loop_flight(AslDataset& d, double seconds) {
+  HostStamp first = d.instant(0), last = first;
+  for (std::size_t i = 0; i < d.instants_count(); ++i) {
+    first = std::min(first, d.instant(i));
+    last = std::max(last, d.instant(i));
+  }
+  const Span period = last - first + kGap;
+  const HostStamp end = first + Span::from_seconds(seconds);
+  auto& imu = d.imu_samples;
+  const auto outside = [&](const ImuSample& s) { return s.stamp < first - kAround || s.stamp > last + kAround; };
+  imu.erase(std::remove_if(imu.begin(), imu.end(), outside), imu.end());
+  if (!imu.empty()) repeat(imu, period, end + kAround);
+  auto& wheel = d.wheel_samples;
+  const auto unused = [&](const WheelSample& s) { return s.stamp < first - kAround || s.stamp > last + kAround; };
+  wheel.erase(std::remove_if(wheel.begin(), wheel.end(), unused), wheel.end());
+  if (!wheel.empty()) repeat(wheel, period, end + kAround);
+  if (!d.images.empty()) {
+    d.image_source = std::make_shared<LoopedImages>(d.image_source, d.images.size());
+    repeat(d.images, period, end);
+  } else if (!d.instants.empty()) {
+    repeat(d.instants, period, end);
+  }
+}
+
+}  // namespace epiline

@@ -1,0 +1,132 @@
+#include "drivers/flights/recordings/recorded_sensors.h"
+
+#include <ctime>
+
+#include <algorithm>
+#include <system_error>
+#include <thread>
+
+namespace epiline {
+
+namespace {
+void sleep_until(std::int64_t host_ns) noexcept {
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  const timespec until{static_cast<time_t>(host_ns / kSecond), static_cast<long>(host_ns % kSecond)};
+  clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr);
+}
+}  // namespace
+
+RecordedCamera::RecordedCamera(const AslDataset& dataset, const FlightPlan& plan) : dataset_(dataset), plan_(plan) {}
+
+Status RecordedCamera::open() {
+  const auto decode = [](void* camera) { static_cast<RecordedCamera*>(camera)->decode_all(); };
+  constexpr std::size_t kStack = 256 * 1024;
+  if (!decoder_thread_.start({.name = "decode", .stack_bytes = kStack}, decode, this))
+    throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again), "no thread left");
+  while (ready_.published() < kBuffers && !ended_.load(std::memory_order_acquire))
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  return Done{};
+}
+
+void RecordedCamera::close() noexcept {
+  closing_.store(true, std::memory_order_release);
+  decoder_parking_.notify();
+  decoder_thread_.join();
+}
+
+void RecordedCamera::start(const Pace& pace) noexcept {
+  pace_ = pace;
+  started_.store(true, std::memory_order_release);
+}
+
+bool RecordedCamera::is_overdue(std::size_t i) const noexcept {
+  return started_.load(std::memory_order_acquire) && monotonic_ns() > pace_.host_of(plan_.images[i].stamp);
+}
+
+int RecordedCamera::wait_for_slot() noexcept {
+  constexpr std::int64_t kPoll_ns = 20'000'000;
+  int slot = pool_.kNone;
+  while (slot == pool_.kNone && !closing_.load(std::memory_order_acquire)) {
+    decoder_parking_.wait_until(monotonic_ns() + kPoll_ns, [&] {
+      if (slot == pool_.kNone) slot = pool_.take();
+      return slot != pool_.kNone || closing_.load(std::memory_order_acquire);
+    });
+  }
+  return slot;
+}
+
+void RecordedCamera::decode_all() {
+  int slot = pool_.kNone;
+  for (std::size_t i = 0; i < plan_.images.size(); ++i) {
+    if (slot == pool_.kNone) slot = wait_for_slot();
+    if (slot == pool_.kNone) break;  // closing
+    if (is_overdue(i)) {
+      missed_.fetch_add(1, std::memory_order_relaxed);
+      continue;
+    }
+    Frame frame;
+    if (!dataset_.images.empty()) {
+      const auto image = decoder_.read(plan_.images[i].index, dataset_, static_cast<std::size_t>(slot));
+      if (!image) {
+        error_ = image.error();
+        break;
+      }
+      frame = *image;
+    }
+    frame.stamp = frame.arrival = plan_.images[i].stamp;
+    frame.sequence = i;
+    frame.slot = slot;
+    slot = pool_.kNone;
+    ready_.push(frame);  // there is room: as many places as buffers
+    reader_parking_.notify();
+  }
+  ended_.store(true, std::memory_order_release);
+  reader_parking_.notify();
+}
+
+ReadOutcome RecordedCamera::read(Frame& frame, Span timeout) noexcept {
+  const std::int64_t deadline_ns = monotonic_ns() + timeout.ns;
+  bool ended = false;
+  reader_parking_.wait_until(deadline_ns, [&] {
+    ended = ended_.load(std::memory_order_acquire);
+    return ready_.front() != nullptr || ended;
+  });
+  if (ready_.front() == nullptr) return ended ? ReadOutcome::kEnd : ReadOutcome::kTimeout;
+  const std::int64_t due_ns = pace_.host_of(ready_.front()->stamp);
+  sleep_until(std::min(due_ns, deadline_ns));
+  if (due_ns > deadline_ns) return ReadOutcome::kTimeout;
+  ready_.pop(frame);
+  return ReadOutcome::kSample;
+}
+
+void RecordedCamera::give_back(const Frame& frame) noexcept {
+  pool_.give_back(frame.slot);
+  decoder_parking_.notify();
+}
+
+ReadOutcome RecordedImu::read(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept {
+  count = 0;
+  if (next_ == samples_.size()) return ReadOutcome::kEnd;
+  const std::int64_t deadline_ns = monotonic_ns() + timeout.ns, due_ns = pace_.host_of(samples_[next_].stamp);
+  sleep_until(std::min(due_ns, deadline_ns));
+  const std::int64_t now_ns = monotonic_ns();
+  while (count < samples.size() && next_ < samples_.size() && pace_.host_of(samples_[next_].stamp) <= now_ns)
+    samples[count++] = arrived(samples_[next_++]);
+  return count > 0 ? ReadOutcome::kSample : ReadOutcome::kTimeout;
+}
+
+void RecordedWheel::start(const Pace& pace) noexcept {
+  pace_ = pace;
+  while (next_ < samples_.size() && samples_[next_].stamp < pace.stamp) ++next_;
+}
+
+ReadOutcome RecordedWheel::read(WheelSample& sample, Span timeout) noexcept {
+  if (next_ == samples_.size()) return ReadOutcome::kEnd;
+  const std::int64_t deadline_ns = monotonic_ns() + timeout.ns, due_ns = pace_.host_of(samples_[next_].stamp);
+  sleep_until(std::min(due_ns, deadline_ns));
+  if (due_ns > deadline_ns) return ReadOutcome::kTimeout;
+  sample = samples_[next_++];
+  return ReadOutcome::kSample;
+}
+
+}  // namespace epiline

@@ -1,0 +1,102 @@
+#pragma once
+// A recorded flight as a camera and an IMU: each sample comes at its time on the computer's clock. Its arrival is its
+// stamp: the recording does not know better.
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <optional>
+
+#include "drivers/flights/recordings/flight_plan.h"
+#include "drivers/flights/recordings/image_file.h"
+#include "platform/concurrency/parking.h"
+#include "platform/concurrency/slot_pool.h"
+#include "platform/linux/realtime.h"
+#include "platform/ports/ports.h"
+#include "platform/time/monotonic.h"
+
+namespace epiline {
+
+/// The images, decoded ahead of time by a thread of its own. It does not wait for the pipeline, as no camera does: an
+/// image that could not be decoded before its time, or for which no buffer was free, is missed, and `sequence` shows
+/// it.
+class RecordedCamera final : public CameraSource {
+ public:
+  static constexpr int kImagesToLog = 8;  ///< of the 32 buffers; see RealtimeSettings
+  static constexpr std::size_t kBuffers = 32;
+
+  RecordedCamera(const AslDataset& dataset, const FlightPlan& plan);
+  ~RecordedCamera() override { close(); }
+
+  /// Begins to decode; returns when as many images are ready as there are buffers. Throws std::system_error if the
+  /// system has no thread left. Images that cannot be read: see error().
+  Status open() override;
+  void close() noexcept override;
+  /// Once, before the first read().
+  void start(const Pace& pace) noexcept;
+  ReadOutcome read(Frame& frame, Span timeout) noexcept override;
+  void give_back(const Frame& frame) noexcept override;
+
+  std::uint64_t missed() const noexcept { return missed_.load(std::memory_order_relaxed); }
+  /// After the end: the image that could not be read, if the recording ended for that.
+  const std::optional<Error>& error() const noexcept { return error_; }
+
+ private:
+  void decode_all();
+  bool is_overdue(std::size_t i) const noexcept;
+  int wait_for_slot() noexcept;
+
+  const AslDataset& dataset_;
+  const FlightPlan& plan_;
+  ImageDecoder decoder_{kBuffers};
+  SlotPool<kBuffers> pool_;
+  SpscRing<Frame, kBuffers> ready_;
+  Parking reader_parking_, decoder_parking_;
+  Pace pace_;
+  std::atomic<bool> started_{false}, closing_{false}, ended_{false};
+  std::atomic<std::uint64_t> missed_{0};
+  std::optional<Error> error_;
+  RealtimeThread decoder_thread_;  ///< without priority: it stands for the camera, of which we are no part
+};
+
+/// A reading of a recording with its arrival.
+inline ImuSample arrived(ImuSample reading) noexcept {
+  reading.arrival = reading.stamp;
+  return reading;
+}
+
+/// The readings, in the recording's order.
+class RecordedImu final : public ImuSource {
+ public:
+  RecordedImu(const AslDataset& dataset, const FlightPlan& plan)
+      : samples_(dataset.imu_samples), next_(plan.first_imu) {}
+
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
+  /// Once, before the first read().
+  void start(const Pace& pace) noexcept { pace_ = pace; }
+  ReadOutcome read(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept override;
+
+ private:
+  const std::vector<ImuSample>& samples_;
+  std::size_t next_;
+  Pace pace_;
+};
+
+/// The speeds of the wheels, in the recording's order.
+class RecordedWheel final : public WheelSource {
+ public:
+  explicit RecordedWheel(const AslDataset& dataset) : samples_(dataset.wheel_samples) {}
+
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
+  /// Once, before the first read(). Speeds from before that time are left out.
+  void start(const Pace& pace) noexcept;
+  ReadOutcome read(WheelSample& sample, Span timeout) noexcept override;
+
+ private:
+  const std::vector<WheelSample>& samples_;
+  std::size_t next_ = 0;
+  Pace pace_;
+};
+
+}  // namespace epiline

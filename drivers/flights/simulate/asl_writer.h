@@ -1,0 +1,50 @@
+#pragma once
+// A made-up flight as a folder that a replay reads: ASL layout.
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "drivers/flights/simulate/track_simulator.h"
+#include "pipeline/config/calibration.h"
+#include "pipeline/text/output_files.h"
+#include "platform/error/result.h"
+
+namespace epiline {
+
+/// `folder`/mav0 in the making, with cam0/data, imu0 and state_groundtruth_estimate0 inside. Fails if and only if a
+/// folder cannot be made.
+Result<PartialFolder> make_asl_folder(const std::filesystem::path& folder);
+
+/// Where the body was, and what its IMU added.
+struct TruthRow {
+  HostStamp stamp;
+  BodyState state;
+};
+
+/// All of a flight but its images.
+struct FlightTables {
+  std::string comment;  ///< for the camera's sensor.yaml: where the flight comes from
+  CameraCalibration camera;
+  double image_rate_hz = 20;
+  ImuCalibration imu;
+  std::vector<ImuSample> imu_samples;
+  std::vector<WheelSample> wheel_samples;  ///< none: no such file
+  std::vector<TruthRow> truth;
+};
+
+/// Writes cam0/sensor.yaml, imu0/{sensor.yaml,data.csv}, wheel0/data.csv and the truth. Fails if and only if a file
+/// cannot be written whole.
+Status write_tables(const FlightTables& tables, const std::filesystem::path& root);
+
+/// One image's place in cam0/data.csv.
+struct ImageRow {
+  HostStamp stamp;
+  std::string file;
+};
+Status write_image_list(const std::vector<ImageRow>& rows, const std::filesystem::path& root);
+
+/// A flight of perfect tracks in place of images: `folder`/mav0, whole or not at all.
+Status write_asl(const TrackSimulation& simulation, const SimulatedFlight& flight, const std::filesystem::path& folder,
+                 const std::vector<WheelSample>& wheel_samples = {});
+
+}  // namespace epiline

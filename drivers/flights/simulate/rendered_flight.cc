@@ -1,0 +1,112 @@
+#include "drivers/flights/simulate/rendered_flight.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "drivers/flights/simulate/render/image_writer.h"
+
+namespace epiline {
+namespace {
+
+enum Stream : std::uint64_t { kFlightStream = 700, kImuStream, kDropStream, kImuErrorStream };
+
+/// The camera's places over the whole motion.
+std::vector<Vec3> camera_path(const FlightToRender& flight) {
+  constexpr double kStep_s = 0.1;
+  std::vector<Vec3> path;
+  for (double t = 0; t <= flight.motion->duration_s(); t += kStep_s) {
+    const Motion m = flight.motion->at(t);
+    path.push_back(m.p_WB + m.R_WB * flight.tables.camera.p_BC);
+  }
+  return path;
+}
+
+std::vector<ImageTask> tasks_of(const FlightToRender& flight, const std::vector<double>& times_s,
+                                const RenderChoice& choice) {
+  Random random(choice.seed, kDropStream);
+  const Span shift = Span::from_seconds(flight.tables.camera.time_offset_s);
+  std::vector<ImageTask> tasks;
+  for (std::size_t i = 0; i < times_s.size(); ++i) {
+    if (random.chance(choice.effects.dropped_share)) continue;
+    tasks.push_back({i, flight.begin + Span::from_seconds(times_s[i]) - shift});
+  }
+  return tasks;
+}
+
+}  // namespace
+
+FlightToRender built_in_flight(FlightKind kind, const ImuEffects& imu_effects, const CameraCalibration& camera,
+                               double rate_hz, std::uint64_t seed) {
+  const ImuModel imu = imu_model_with(imu_effects, ImuNoise{}, ImuModel{}.rate_hz, Random(seed, kImuErrorStream));
+  Random random(seed, kFlightStream);
+  const Flight flight = make_flight(kind, random);
+  FlightToRender result;
+  result.begin = kFlightBegin;
+  // The IMU runs a little before the first and after the last image.
+  result.from_s = 0.1;
+  result.to_s = flight.duration_s() - 0.1;
+  FlightTables& tables = result.tables;
+  tables.comment = fmt::format("rendered, flight {}, seed {}", to_string(kind), seed);
+  tables.camera = camera;
+  const Extrinsics looking_ahead = true_extrinsics({});
+  tables.camera.R_BC = looking_ahead.R_BC;
+  tables.camera.p_BC = looking_ahead.p_BC;
+  tables.image_rate_hz = rate_hz;
+  tables.imu.noise = ImuNoise{};  // what its data sheet would say
+  ImuSimulator simulator(imu, Random(seed, kImuStream));
+  const int samples = static_cast<int>(flight.duration_s() * imu.rate_hz) + 1;
+  for (int k = 0; k < samples; ++k) {
+    const double t = k / imu.rate_hz;
+    const Motion m = flight.at(t);
+    const HostStamp stamp = kFlightBegin + Span::from_seconds(t);
+    tables.truth.push_back(
+        {stamp, {m.p_WB, m.v_WB, m.R_WB, simulator.accelerometer_bias(), simulator.gyroscope_bias()}});
+    tables.imu_samples.push_back(simulator.read(stamp, m));
+  }
+  result.motion = std::make_unique<Flight>(flight);
+  return result;
+}
+
+WorldKind usual_world(FlightKind kind) {
+  switch (kind) {
+    case FlightKind::kHall:
+    case FlightKind::kStraight:
+      return WorldKind::kHall;
+    case FlightKind::kCorridor:
+      return WorldKind::kCorridor;
+    case FlightKind::kRover:
+      return WorldKind::kOutdoor;
+    case FlightKind::kAgile:
+    case FlightKind::kHover:
+    case FlightKind::kStill:
+    case FlightKind::kPureRotation:
+    case FlightKind::kStandstill:
+      return WorldKind::kRoom;
+  }
+  return WorldKind::kRoom;
+}
+
+Status render_flight(const FlightToRender& flight, const RenderChoice& choice, const std::filesystem::path& folder,
+                     const std::function<void(std::size_t, std::size_t)>& progress) {
+  auto made = make_asl_folder(folder);
+  if (!made) return made.error();
+  if (Status s = write_tables(flight.tables, made->root()); !s) return s;
+  const CameraCalibration& camera = flight.tables.camera;
+  const World world = make_world(choice.world, camera_path(flight), choice.effects.movers, choice.seed);
+  const TextureAtlas atlas(choice.seed);
+  std::vector<double> times_s;
+  const int images = static_cast<int>((flight.to_s - flight.from_s) * flight.tables.image_rate_hz) + 1;
+  for (int i = 0; i < images; ++i) times_s.push_back(flight.from_s + i / flight.tables.image_rate_hz);
+  const RenderSettings settings{camera.parameters, camera.R_BC, camera.p_BC, choice.effects.camera, choice.seed};
+  const Renderer renderer(world, atlas, *flight.motion, settings, times_s);
+  if (Status s = write_images(renderer, camera.parameters.width, camera.parameters.height,
+                              tasks_of(flight, times_s, choice), choice.jobs, made->root(), progress);
+      !s) {
+    return s;
+  }
+  return made->finish();
+}
+
+}  // namespace epiline

@@ -1,0 +1,41 @@
+#pragma once
+// A flight from motion to folder: world, images, IMU, truth.
+#include <filesystem>
+#include <functional>
+#include <memory>
+
+#include "drivers/flights/simulate/asl_writer.h"
+#include "drivers/flights/simulate/motion.h"
+#include "drivers/flights/simulate/render/effects.h"
+#include "drivers/flights/simulate/render/world.h"
+
+namespace epiline {
+
+/// What flies, and what is to be written about it. The camera images from `from_s` to `to_s` of the motion's time.
+struct FlightToRender {
+  std::unique_ptr<MotionModel> motion;
+  HostStamp begin;  ///< the IMU's time at the motion's time zero
+  double from_s = 0, to_s = 0;
+  FlightTables tables;
+};
+
+struct RenderChoice {
+  WorldKind world = WorldKind::kHall;
+  FlightEffects effects;
+  std::uint64_t seed = 1;
+  int jobs = 1;
+};
+
+/// A built-in flight with a simulated IMU. The camera looks along the body's x axis: of `camera` only the lens is used.
+FlightToRender built_in_flight(FlightKind kind, const ImuEffects& imu_effects, const CameraCalibration& camera,
+                               double rate_hz, std::uint64_t seed);
+
+/// The world that fits a built-in flight.
+WorldKind usual_world(FlightKind kind);
+
+/// Writes `folder`/mav0, whole or not at all. `progress` as write_images() calls it. Fails if and only if a folder
+/// cannot be made or a file cannot be written whole.
+Status render_flight(const FlightToRender& flight, const RenderChoice& choice, const std::filesystem::path& folder,
+                     const std::function<void(std::size_t, std::size_t)>& progress);
+
+}  // namespace epiline

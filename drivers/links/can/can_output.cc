@@ -1,0 +1,283 @@
+#include "drivers/links/can/can_output.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "drivers/links/mavlink/odometry.h"
+#include "platform/time/monotonic.h"
+
+namespace epiline {
+
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000;
+constexpr std::int64_t kStatusPeriod_ns = 200 * kMs;
+constexpr std::int64_t kFullQueue_ns = 1 * kMs;   // until another attempt
+constexpr std::int64_t kBusOff_ns = 1'000 * kMs;  // until another attempt, if nobody says that the bus is back
+constexpr double kDeviations_hz = 5;
+constexpr int kPriority = 65;
+constexpr int kMostIdentifier = 0x7ff, kMessageIdentifiers = static_cast<int>(can::kMessages.size());
+
+void bump(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) noexcept {
+  counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
+}
+
+}  // namespace
+
+CanOutput::CanOutput(CanConfig config, const Mat3& R_VB, mavlink::Address address)
+    : config_(std::move(config)),
+      R_VB_(R_VB),
+      address_(address),
+      stream_(config_.rate_hz),
+      writer_(config_.base_id, config_.fd),
+      deviations_every_(std::max(1, static_cast<int>(std::lround(config_.rate_hz / kDeviations_hz)))) {}
+
+// ---- start and end ----
+
+Status CanOutput::check_settings() const {
+  const auto error = [](std::string found, std::string expected) {
+    return Error{ErrorKind::kUsage, "[can]", 0, std::move(found), std::move(expected)};
+  };
+  const int last = config_.base_id + kMessageIdentifiers - 1;
+  if (config_.interface.empty()) return error("no interface", "can.interface, as `ip -br link` shows it");
+  if (config_.base_id < 1 || last > kMostIdentifier)
+    return error("base_id " + std::to_string(config_.base_id),
+                 "1 to " + std::to_string(kMostIdentifier - kMessageIdentifiers + 1));
+  if (!(config_.rate_hz > 0)) return error("rate_hz " + std::to_string(config_.rate_hz), "more than 0");
+  const int send = config_.isotp_send_id, receive = config_.isotp_receive_id;
+  if (send == 0 && receive == 0) return Done{};
+  const auto is_ours = [&](int id) { return id >= config_.base_id && id <= last; };
+  const auto is_good = [&](int id) { return id > 0 && id <= kMostIdentifier && !is_ours(id); };
+  if (!is_good(send) || !is_good(receive) || send == receive)
+    return error(
+        "isotp_send_id " + std::to_string(send) + ", isotp_receive_id " + std::to_string(receive),
+        "two different identifiers outside " + std::to_string(config_.base_id) + " to " + std::to_string(last));
+  return Done{};
+}
+
+Status CanOutput::open() {
+  if (const Status settings = check_settings(); !settings) return settings;
+  if (const can::OpenFault fault = open_sockets()) return can::error_of(fault, config_.interface);
+  bus_.store(BusState::kActive, std::memory_order_relaxed);
+  stop_.store(false, std::memory_order_release);
+  if (!thread_.start({"can", kPriority}, run, this)) {
+    close();
+    return Error{ErrorKind::kRun, config_.interface, 0, "the system has no thread left", ""};
+  }
+  return Done{};
+}
+
+void CanOutput::close() noexcept {
+  stop_.store(true, std::memory_order_release);
+  parking_.notify();
+  thread_.join();
+  isotp_.close();
+  socket_.close();
+}
+
+void CanOutput::run(void* self) {
+  auto& output = *static_cast<CanOutput*>(self);
+  const ThreadCosts before = costs_of_this_thread();
+  output.loop();
+  output.costs_ = costs_of_this_thread() - before;
+}
+
+bool CanOutput::publish(const Odometry& odometry) noexcept {
+  stream_.offer(odometry, monotonic_ns());
+  parking_.notify();
+  return bus() != BusState::kLost;
+}
+
+bool CanOutput::publish_image(const Odometry& odometry) noexcept {
+  stream_.offer_image(odometry);
+  return bus() != BusState::kLost;
+}
+
+// ---- the thread ----
+
+void CanOutput::loop() noexcept {
+  for (bool usable = true; !stopping();) {
+    parking_.wait_until(next_event_ns(usable), [this] { return stopping() || stream_.has_news(); });
+    const std::int64_t now_ns = monotonic_ns();
+    usable = is_usable(now_ns);
+    stream_.look(now_ns, usable);
+    stream_.count_dropped(now_ns, !usable);
+    dropped_.store(stream_.dropped(), std::memory_order_relaxed);
+    note_status();
+    if (!usable || now_ns > pending_until_ns_) drop_pending();
+    if (usable && now_ns >= stream_.due_ns()) begin_epoch(now_ns);
+    send_pending();
+    if (status_wanted_ || now_ns >= status_due_ns_) send_status(now_ns);
+  }
+}
+
+/// When to go on if nothing new is offered.
+std::int64_t CanOutput::next_event_ns(bool usable) const noexcept {
+  if (has_pending()) return monotonic_ns() + kFullQueue_ns;
+  if (!socket_.is_open()) return retry_.due_ns();
+  return usable ? std::min(status_due_ns_, stream_.due_ns()) : status_due_ns_;
+}
+
+/// Reopens a lost interface, listens to it, and says whether it is worth while to send.
+bool CanOutput::is_usable(std::int64_t now_ns) noexcept {
+  if (!socket_.is_open()) {
+    if (now_ns < retry_.due_ns()) return false;
+    if (const can::OpenFault fault = open_sockets()) {
+      bump(retries_);
+      last_error_.store(fault.error, std::memory_order_relaxed);
+      retry_.failed(now_ns);
+      return false;
+    }
+    bus_.store(BusState::kActive, std::memory_order_relaxed);
+    silent_until_ns_ = 0;
+    status_wanted_ = true;
+  }
+  listen(now_ns);
+  return socket_.is_open() && now_ns >= silent_until_ns_;
+}
+
+can::OpenFault CanOutput::open_sockets() noexcept {
+  const char* const name = config_.interface.c_str();
+  if (const can::OpenFault fault = socket_.open_to_send(name, config_.fd)) return fault;
+  if (config_.isotp_send_id == 0) return {};
+  const can::OpenFault fault = isotp_.open_isotp(name, static_cast<std::uint32_t>(config_.isotp_send_id),
+                                                 static_cast<std::uint32_t>(config_.isotp_receive_id), config_.fd);
+  if (fault) socket_.close();
+  return fault;
+}
+
+void CanOutput::lose(int error) noexcept {
+  bump(disconnected_);
+  last_error_.store(error, std::memory_order_relaxed);
+  bus_.store(BusState::kLost, std::memory_order_relaxed);
+  drop_pending();
+  isotp_.close();
+  socket_.close();
+  retry_.begin(monotonic_ns());
+  retry_.failed(monotonic_ns());
+}
+
+void CanOutput::listen(std::int64_t now_ns) noexcept {
+  const can::BusNews news = socket_.news();
+  bump(error_frames_, news.error_frames);
+  if (news.restarted) {
+    bump(restarts_);
+    silent_until_ns_ = 0;
+    status_wanted_ = true;
+  }
+  if (news.bus_off) {
+    bump(bus_off_);
+    silent_until_ns_ = now_ns + kBusOff_ns;
+    bus_.store(BusState::kOff, std::memory_order_relaxed);
+  } else if (news.error_passive) {
+    bus_.store(BusState::kPassive, std::memory_order_relaxed);
+  } else if (news.restarted || (bus() == BusState::kOff && now_ns >= silent_until_ns_)) {
+    bus_.store(BusState::kActive, std::memory_order_relaxed);
+  }
+  if (isotp_.is_open() && isotp_.discard_messages() != 0) bump(messages_failed_);
+  if (news.error != 0) lose(news.error);
+}
+
+// ---- what goes out ----
+
+void CanOutput::note_status() noexcept {
+  const can::Values before = status_;
+  const bool is_silent = stream_.condition() == mavlink::Condition::kSilent;
+  status_ = can::values_of(stream_.health(), stream_.reset_counter());
+  if (is_silent) {
+    status_[can::Quantity::kState] = can::kSilent;
+    status_[can::Quantity::kQuality] = std::numeric_limits<double>::quiet_NaN();
+  }
+  for (const auto q : {can::Quantity::kState, can::Quantity::kReasons, can::Quantity::kResetCounter})
+    status_wanted_ = status_wanted_ || status_[q] != before[q];
+}
+
+/// What is left of the epoch before is given up.
+void CanOutput::begin_epoch(std::int64_t now_ns) noexcept {
+  const Offer& offer = stream_.next();
+  mavlink::Odometry message = mavlink::odometry_message(offer.odometry, R_VB_);
+  message.reset_counter = stream_.reset_counter();
+  drop_pending();
+  pending_ = writer_.odometry(can::values_of(offer.odometry, message, HostStamp{now_ns}),
+                              epochs_begun_++ % static_cast<unsigned>(deviations_every_) == 0);
+  pending_until_ns_ = offer.offered_ns + OdometryStream::kTooOld_ns;
+  stream_.begun(now_ns);
+  if (isotp_.is_open()) send_message(message);
+}
+
+void CanOutput::send_message(const mavlink::Odometry& message) noexcept {
+  const mavlink::FrameBytes frame = mavlink::frame_of(mavlink::pack(message, address_, message_sequence_));
+  const int error = isotp_.send(frame.bytes());
+  if (error == 0) {
+    bump(messages_);
+    ++message_sequence_;
+  } else {
+    bump(error == EAGAIN ? messages_busy_ : messages_failed_);
+  }
+}
+
+/// As many of the epoch's frames as find room; the rest waits for the next turn, or for a newer epoch to replace it.
+void CanOutput::send_pending() noexcept {
+  while (has_pending() && hand_over(pending_[next_pending_])) {
+    ++next_pending_;
+    if (has_pending()) continue;
+    bump(epochs_);
+    stream_.finished(monotonic_ns());
+  }
+}
+
+void CanOutput::drop_pending() noexcept {
+  if (has_pending()) bump(epochs_given_up_);
+  bump(frames_dropped_, pending_.size() - next_pending_);
+  pending_.clear();
+  next_pending_ = 0;
+}
+
+void CanOutput::send_status(std::int64_t now_ns) noexcept {
+  status_due_ns_ = now_ns + kStatusPeriod_ns;
+  if (!socket_.is_open() || now_ns < silent_until_ns_) return;
+  if (!hand_over(writer_.status(status_))) return;
+  status_wanted_ = false;
+  bump(status_frames_);
+}
+
+/// False: no room now, or the interface is lost.
+bool CanOutput::hand_over(const can::Frame& frame) noexcept {
+  const int error = socket_.send(frame);
+  if (error == 0) {
+    bump(frames_);
+    return true;
+  }
+  if (error == EAGAIN || error == ENOBUFS) {
+    bump(queue_full_);
+  } else {
+    lose(error);
+  }
+  return false;
+}
+
+CanOutputCounts CanOutput::counts() const noexcept {
+  const auto value = [](const Counter& counter) { return counter.load(std::memory_order_relaxed); };
+  CanOutputCounts c;
+  c.epochs = value(epochs_);
+  c.dropped = value(dropped_) + value(epochs_given_up_);
+  c.frames = value(frames_);
+  c.status_frames = value(status_frames_);
+  c.queue_full = value(queue_full_);
+  c.frames_dropped = value(frames_dropped_);
+  c.messages = value(messages_);
+  c.messages_busy = value(messages_busy_);
+  c.messages_failed = value(messages_failed_);
+  c.error_frames = value(error_frames_);
+  c.bus_off = value(bus_off_);
+  c.restarts = value(restarts_);
+  c.disconnected = value(disconnected_);
+  c.retries = value(retries_);
+  c.last_error = last_error_.load(std::memory_order_relaxed);
+  return c;
+}
+
+}  // namespace epiline

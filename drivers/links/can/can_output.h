@@ -1,0 +1,121 @@
+#pragma once
+// Odometry on a CAN bus, from a thread of its own. Page: docs/can.md.
+#include <atomic>
+#include <cstdint>
+#include <string>
+
+#include "drivers/links/can/can_socket.h"
+#include "drivers/links/can/frames.h"
+#include "drivers/links/mavlink/packet.h"
+#include "drivers/links/stream/odometry_stream.h"
+#include "estimator/geometry/types.h"
+#include "pipeline/config/devices.h"
+#include "platform/concurrency/parking.h"
+#include "platform/linux/realtime.h"
+#include "platform/ports/ports.h"
+#include "platform/time/backoff.h"
+#include "platform/time/latency_bins.h"
+
+namespace epiline {
+
+/// What became of odometry and of the bus.
+struct CanOutputCounts {
+  std::uint64_t epochs = 0;           ///< odometry sent, all its frames
+  std::uint64_t dropped = 0;          ///< odometry that was due and found the bus busy or gone
+  std::uint64_t frames = 0;           ///< handed to the kernel, status among them
+  std::uint64_t status_frames = 0;    ///< of those
+  std::uint64_t queue_full = 0;       ///< attempts that found no room in the kernel's queue
+  std::uint64_t frames_dropped = 0;   ///< of epochs begun: given up for newer ones, for their age, or with the bus
+  std::uint64_t messages = 0;         ///< MAVLink frames begun by ISO-TP
+  std::uint64_t messages_busy = 0;    ///< not begun: the one before was still on its way
+  std::uint64_t messages_failed = 0;  ///< the peer did not answer, or the kernel refused
+  std::uint64_t error_frames = 0, bus_off = 0, restarts = 0;
+  std::uint64_t disconnected = 0;  ///< the interface went down or away
+  std::uint64_t retries = 0;       ///< attempts to get it back that failed
+  int last_error = 0;              ///< errno of the last loss or failed attempt
+};
+enum class BusState : std::uint8_t { kActive, kPassive, kOff, kLost };
+
+/// publish() is wait-free but for the waking of our thread; it may be called for every reading of the IMU. The thread
+/// sends odometry as long as it is tracking or degraded, never the same or an old one again, and a status frame five
+/// times a second whatever happens. After open() there is no heap call, no lock and no exception.
+class CanOutput final : public OdometrySink {
+ public:
+  /// `R_VB` turns vectors of the IMU's axes into the vehicle's: forward, left, up. `address`: who we are in MAVLink's
+  /// frames.
+  CanOutput(CanConfig config, const Mat3& R_VB, mavlink::Address address = {});
+  ~CanOutput() override { close(); }
+
+  /// Says what is wrong with the interface or the settings. Starts the thread.
+  Status open() override;
+  void close() noexcept override;
+  bool publish(const Odometry& odometry) noexcept override;
+  bool publish_image(const Odometry& odometry) noexcept override;
+
+  // Any thread.
+
+  CanOutputCounts counts() const noexcept;
+  BusState bus() const noexcept { return bus_.load(std::memory_order_relaxed); }
+
+  // After close().
+
+  /// From an image's stamp until the last frame of the first epoch with that image in it was handed to the kernel.
+  const LatencyBins& latency() const noexcept { return stream_.latency(); }
+  const ThreadCosts& costs() const noexcept { return costs_; }
+
+ private:
+  using Counter = std::atomic<std::uint64_t>;
+
+  Status check_settings() const;
+  static void run(void* self);
+  void loop() noexcept;
+  std::int64_t next_event_ns(bool usable) const noexcept;
+  bool stopping() const noexcept { return stop_.load(std::memory_order_acquire); }
+
+  // The bus.
+  can::OpenFault open_sockets() noexcept;
+  bool is_usable(std::int64_t now_ns) noexcept;
+  void lose(int error) noexcept;
+  void listen(std::int64_t now_ns) noexcept;
+
+  // What goes out.
+  void note_status() noexcept;
+  void begin_epoch(std::int64_t now_ns) noexcept;
+  void send_message(const mavlink::Odometry& message) noexcept;
+  void send_pending() noexcept;
+  void drop_pending() noexcept;
+  void send_status(std::int64_t now_ns) noexcept;
+  bool has_pending() const noexcept { return next_pending_ < pending_.size(); }
+  bool hand_over(const can::Frame& frame) noexcept;
+
+  CanConfig config_;
+  Mat3 R_VB_;
+  mavlink::Address address_;
+  OdometryStream stream_;  ///< from the publishing thread
+  Parking parking_;
+  can::FrameWriter writer_;
+  int deviations_every_ = 1;
+
+  // Of our thread, once it runs.
+  can::CanSocket socket_, isotp_;
+  can::Frames pending_;
+  std::size_t next_pending_ = 0;
+  std::uint64_t epochs_begun_ = 0;
+  can::Values status_;  ///< as it is now
+  std::int64_t pending_until_ns_ = 0, status_due_ns_ = 0, silent_until_ns_ = 0;
+  Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(1'000)};
+  std::uint8_t message_sequence_ = 0;
+  bool status_wanted_ = false;
+  ThreadCosts costs_;
+
+  std::atomic<BusState> bus_{BusState::kLost};
+  Counter epochs_{0}, dropped_{0}, epochs_given_up_{0}, frames_{0}, status_frames_{0}, queue_full_{0},
+      frames_dropped_{0}, messages_{0}, messages_busy_{0}, messages_failed_{0}, error_frames_{0}, bus_off_{0},
+      restarts_{0}, disconnected_{0}, retries_{0};
+  std::atomic<int> last_error_{0};
+
+  std::atomic<bool> stop_{false};
+  RealtimeThread thread_;
+};
+
+}  // namespace epiline

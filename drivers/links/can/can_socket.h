@@ -1,0 +1,78 @@
+#pragma once
+// A socket on a CAN interface. Nothing here allocates or waits: it is used to reopen a lost bus in the middle of a
+// flight. Page: docs/can.md.
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "drivers/links/can/frames.h"
+#include "platform/error/result.h"
+
+namespace epiline::can {
+
+enum class Trouble : std::uint8_t {
+  kNone,
+  kNoProtocol,   ///< the kernel does not speak CAN, or ISO-TP
+  kNoInterface,  ///< there is none of that name
+  kNotCan,       ///< it is no CAN interface
+  kDown,         ///< it is down
+  kClassicOnly,  ///< it carries no frames of CAN FD
+  kRefused,      ///< the kernel refused; see the error number
+};
+
+/// Why a socket is not open.
+struct OpenFault {
+  Trouble trouble = Trouble::kNone;
+  int error = 0;  ///< errno, where there was one
+  explicit operator bool() const noexcept { return trouble != Trouble::kNone; }
+};
+/// In words, with the remedy.
+Error error_of(const OpenFault& fault, const std::string& interface);
+
+/// What an interface told of its bus.
+struct BusNews {
+  unsigned error_frames = 0;
+  bool bus_off = false, restarted = false, error_passive = false;
+  int error = 0;  ///< errno: the interface went down or was removed
+};
+
+class CanSocket {
+ public:
+  CanSocket() = default;
+  ~CanSocket() { close(); }
+  CanSocket(const CanSocket&) = delete;
+  CanSocket& operator=(const CanSocket&) = delete;
+
+  /// To send, classic frames or both kinds. It receives nothing but news of the bus.
+  OpenFault open_to_send(const char* interface, bool fd) noexcept;
+  /// To receive the frames of one identifier, of both kinds, with the times of their arrival.
+  OpenFault open_to_receive(const char* interface, std::uint32_t id, bool extended) noexcept;
+  /// To receive all frames of both kinds, those of this computer's other sockets too.
+  OpenFault open_to_listen(const char* interface) noexcept;
+  /// To exchange long messages (ISO 15765-2), in frames of CAN FD or classic ones.
+  OpenFault open_isotp(const char* interface, std::uint32_t send_id, std::uint32_t receive_id, bool fd) noexcept;
+  void close() noexcept;
+  bool is_open() const noexcept { return fd_ >= 0; }
+  int fd() const noexcept { return fd_; }
+
+  /// 0, or errno. EAGAIN, ENOBUFS: the queue is full, now.
+  int send(const Frame& frame) noexcept;
+  /// A whole message by ISO-TP; 0, or errno. EAGAIN: the one before is still on its way.
+  int send(std::span<const std::uint8_t> message) noexcept;
+  /// Takes a bounded number of the error frames that wait.
+  BusNews news() noexcept;
+  /// Takes what a peer sent by ISO-TP, and forgets it. 0, or errno of a transfer of ours that failed, or of the
+  /// interface.
+  int discard_messages() noexcept;
+
+ private:
+  OpenFault open(const char* interface, int type, int protocol, bool fd, int& index) noexcept;
+  OpenFault bind(int index, std::uint32_t send_id, std::uint32_t receive_id) noexcept;
+  OpenFault fail(Trouble trouble, int error) noexcept;
+
+  int fd_ = -1;
+};
+
+}  // namespace epiline::can

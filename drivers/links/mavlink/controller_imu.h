@@ -1,0 +1,53 @@
+#pragma once
+// The flight controller's IMU: which of its messages become readings of ours.
+#include <cstdint>
+
+#include "drivers/links/mavlink/message.h"
+#include "platform/samples/samples.h"
+#include "platform/time/clock.h"
+#include "platform/time/interval_tracker.h"
+#include "platform/time/two_way_sync.h"
+
+namespace epiline::mavlink {
+
+struct ControllerImuCounts {
+  std::uint64_t readings = 0;        ///< handed on
+  std::uint64_t lost = 0;            ///< missing, by the gaps between the others
+  std::uint64_t duplicates = 0;      ///< a time that had been before, or an earlier one
+  std::uint64_t refused_values = 0;  ///< that no sensor of this kind gives, or without both sensors
+  std::uint64_t refused_times = 0;   ///< not of the time just past, by the clocks' model; or closer than any sensor's
+  std::uint64_t no_clock = 0;        ///< before the clocks' model was good
+  std::uint64_t others = 0;          ///< of another sensor, or in a lesser message than what comes besides
+  std::uint64_t overrun = 0;         ///< nobody took them
+};
+
+/// Nothing here believes what it is told: values have bounds, and times must fit the clock model, which is learnt from
+/// answers to our own questions only.
+class ControllerImu {
+ public:
+  /// `delay`: from the instant of a reading to the time in its message.
+  explicit ControllerImu(Span delay) noexcept : delay_(delay) {}
+
+  /// True: `sample` is a reading, stamps in a row rise. HIGHRES_IMU is preferred: while it comes, others are left out.
+  bool take(const HighresImu& message, const TwoWaySync& clock, HostStamp now, ImuSample& sample) noexcept;
+  /// `message` as ArduPilot fills it; other flight controllers' units are anybody's guess.
+  bool take(const RawImu& message, const TwoWaySync& clock, HostStamp now, ImuSample& sample) noexcept;
+
+  const ControllerImuCounts& counts() const noexcept { return counts_; }
+  void count_overrun() noexcept { ++counts_.overrun; }
+
+ private:
+  bool is_preferred(bool is_highres, std::uint8_t id, HostStamp now) noexcept;
+  bool accept(std::uint64_t time_us, const TwoWaySync& clock, HostStamp now, ImuSample& sample) noexcept;
+
+  Span delay_;
+  ControllerImuCounts counts_;
+  IntervalTracker interval_;
+  std::uint64_t last_time_us_ = 0;
+  HostStamp last_stamp_;
+  bool is_highres_ = false;  ///< what the sensor in use comes in
+  std::uint8_t id_ = 0;
+  HostStamp last_of_sensor_;
+};
+
+}  // namespace epiline::mavlink

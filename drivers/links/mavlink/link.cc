@@ -1,0 +1,422 @@
+#include "drivers/links/mavlink/link.h"
+
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <ctime>
+#include <limits>
+#include <string>
+
+#include "drivers/links/mavlink/odometry.h"
+#include "drivers/links/mavlink/serial_port.h"
+#include "drivers/links/mavlink/udp_port.h"
+#include "platform/error/contract.h"
+#include "platform/time/monotonic.h"
+
+namespace epiline::mavlink {
+
+namespace {
+
+constexpr std::int64_t kSecond_ns = 1'000'000'000, kMillisecond_ns = 1'000'000;
+constexpr std::int64_t kFar_ns = std::numeric_limits<std::int64_t>::max();
+// 3 Mbaud bring 300 kB/s. More is an attack or a fault, and must not take a processor at this priority.
+constexpr double kInputPerSecond = 500'000, kInputAtOnce = 32'768;
+constexpr std::size_t kReadAtOnce = 4096;
+constexpr double kReadCost = 32;  // bytes that a read counts for besides its own: datagrams may be empty
+constexpr std::int64_t kPeerGone_ns = 5 * kSecond_ns;  // another flight controller may take its place
+constexpr std::int64_t kOrigins_ns = 5 * kSecond_ns;   // one that was started anew has forgotten
+constexpr std::int64_t kQuestions_ns = kSecond_ns, kQuestionsForImu_ns = 100 * kMillisecond_ns;
+constexpr std::int64_t kLineCheck_ns = kMillisecond_ns;             // how soon to look at a full line again
+constexpr std::size_t kOdometryBehind = 64, kAnythingBehind = 512;  // bytes in the kernel that a frame may wait for
+constexpr double kOdometryFrame = 10 + 233 + 2, kOtherBytesPerSecond = 1500;
+
+constexpr std::uint8_t kArduPilot = 3;  // MAV_AUTOPILOT
+
+bool is_serial(const MavlinkConfig& config) { return !config.serial.empty(); }
+
+SetGpsGlobalOrigin origin_message(const MavlinkConfig& config) {
+  SetGpsGlobalOrigin message;
+  message.latitude = static_cast<std::int32_t>(std::lround(1e7 * config.origin_latitude_deg));
+  message.longitude = static_cast<std::int32_t>(std::lround(1e7 * config.origin_longitude_deg));
+  message.altitude = static_cast<std::int32_t>(std::lround(1e3 * config.origin_altitude_m));
+  message.target_system = static_cast<std::uint8_t>(config.system);
+  message.time_usec = static_cast<std::uint64_t>(monotonic_ns() / 1000);
+  return message;
+}
+
+}  // namespace
+
+MavlinkLink::MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, const std::optional<ImuDeviceConfig>& imu,
+                         int priority)
+    : config_(config),
+      R_VB_(R_VB),
+      priority_(priority),
+      stream_(config.rate_hz),
+      own_(address_of(config)),
+      question_period_ns_(imu ? kQuestionsForImu_ns : kQuestions_ns),
+      timesync_(own_),
+      input_(kInputPerSecond, kInputAtOnce) {
+  if (!imu) return;
+  imu_.emplace(Span::from_seconds(1e-3 * imu->delay_ms));
+  imu_request_.emplace(imu->rate_hz);
+}
+
+// ---- opening and closing ----
+
+Status MavlinkLink::check() const {
+  if (config_.serial.empty() == config_.udp.empty())
+    return Error{ErrorKind::kUsage, "[mavlink]", 0,
+                 config_.serial.empty() ? "neither serial nor udp" : "serial and udp", "one of them"};
+  const double bytes = config_.rate_hz * kOdometryFrame + kOtherBytesPerSecond;
+  if (is_serial(config_) && 10 * bytes > config_.baud)
+    return Error{ErrorKind::kUsage, "mavlink.baud", 0,
+                 std::to_string(config_.baud) + " for " + std::to_string(static_cast<int>(config_.rate_hz)) +
+                     " odometry messages per second",
+                 "at least " + std::to_string(static_cast<int>(10 * bytes)) + ", or a lower mavlink.rate_hz"};
+  if (imu_ && !R_VB_.isIdentity(1e-9))
+    return Error{ErrorKind::kUsage, "[body]", 0, "turned axes with imu.driver = \"mavlink\"",
+                 "none: the flight controller turns its IMU itself"};
+  return Done{};
+}
+
+Result<std::unique_ptr<Port>> MavlinkLink::make_port() const {
+  if (is_serial(config_)) return std::unique_ptr<Port>(std::make_unique<SerialPort>(config_.serial, config_.baud));
+  const auto peer = udp_address(config_.udp, "mavlink.udp");
+  if (!peer) return peer.error();
+  sockaddr_in own{};
+  if (!config_.udp_listen.empty()) {
+    const auto given = udp_address(config_.udp_listen, "mavlink.udp_listen");
+    if (!given) return given.error();
+    own = *given;
+  }
+  return std::unique_ptr<Port>(std::make_unique<UdpPort>(config_.udp, *peer, own));
+}
+
+Status MavlinkLink::open() {
+  EPILINE_EXPECTS(wake_fd_ < 0, "open() once");
+  if (Status status = check(); !status) return status;
+  auto port = make_port();
+  if (!port) return port.error();
+  port_ = std::move(*port);
+  if (const PortTrouble trouble = port_->open()) {
+    std::string found = trouble.step;
+    if (trouble.error != 0) found.append(": ").append(std::strerror(trouble.error));
+    return Error{ErrorKind::kRun, port_->name(), 0, found, trouble.expected};
+  }
+  wake_fd_ = ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+  if (wake_fd_ < 0) return Error{ErrorKind::kRun, "eventfd", 0, std::strerror(errno), ""};
+  opened_ns_ = monotonic_ns();
+  state_.is_open = true;
+  is_open_.store(true, std::memory_order_relaxed);
+  stop_.store(false, std::memory_order_relaxed);
+  told_.write(state_);
+  if (!thread_.start({"mavlink", priority_}, run, this)) {
+    close();
+    return Error{ErrorKind::kRun, "mavlink", 0, "no thread", ""};
+  }
+  return Done{};
+}
+
+void MavlinkLink::close() noexcept {
+  if (wake_fd_ < 0) return;
+  stop_.store(true, std::memory_order_relaxed);
+  wake();
+  thread_.join();
+  port_->close();
+  ::close(wake_fd_);
+  wake_fd_ = -1;
+  is_open_.store(false, std::memory_order_relaxed);
+}
+
+// ---- the publishing thread ----
+
+void MavlinkLink::wake() noexcept {
+  const std::uint64_t one = 1;
+  // fails only if the counter is full of wake-ups nobody has looked at
+  [[maybe_unused]] const ssize_t written = ::write(wake_fd_, &one, sizeof one);
+}
+
+bool MavlinkLink::publish(const epiline::Odometry& odometry) noexcept {
+  stream_.offer(odometry, monotonic_ns());
+  wake();
+  return is_open_.load(std::memory_order_relaxed);
+}
+
+bool MavlinkLink::publish_image(const epiline::Odometry& odometry) noexcept {
+  stream_.offer_image(odometry);
+  return is_open_.load(std::memory_order_relaxed);
+}
+
+// ---- the thread that reads the IMU ----
+
+ReadOutcome MavlinkLink::read_imu(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept {
+  count = 0;
+  has_reader_.store(true, std::memory_order_relaxed);
+  readings_parking_.wait_until(monotonic_ns() + timeout.ns, [&] { return readings_.front() != nullptr; });
+  while (count < samples.size() && readings_.pop(samples[count])) ++count;
+  if (count > 0) return ReadOutcome::kSample;
+  return is_open_.load(std::memory_order_relaxed) ? ReadOutcome::kTimeout : ReadOutcome::kFailed;
+}
+
+// ---- the link's thread ----
+
+void MavlinkLink::run(void* self) {
+  auto& link = *static_cast<MavlinkLink*>(self);
+  link.costs_at_start_ = costs_of_this_thread();
+  link.loop();
+}
+
+void MavlinkLink::loop() noexcept {
+  while (!stop_.load(std::memory_order_relaxed)) {
+    const std::int64_t now_ns = monotonic_ns();
+    keep_port(now_ns);
+    if (state_.is_open) read_port(now_ns);
+    look_at_estimate(now_ns);
+    if (state_.is_open) write_port();
+    tell(now_ns);
+    wait();
+  }
+  next_latency_ns_ = 0;
+  tell(monotonic_ns());
+}
+
+void MavlinkLink::wait() noexcept {
+  const std::int64_t now_ns = monotonic_ns();
+  const std::int64_t span_ns = std::clamp<std::int64_t>(next_event_ns(now_ns) - now_ns, 0, kSecond_ns);
+  const timespec time{static_cast<time_t>(span_ns / kSecond_ns), static_cast<long>(span_ns % kSecond_ns)};
+  const bool reads = input_.available(now_ns) >= 1;
+  const auto events = static_cast<short>((reads ? POLLIN : 0) | (is_frame_waiting() ? POLLOUT : 0));
+  std::array<pollfd, 2> fds{{{wake_fd_, POLLIN, 0}, {port_->fd(), events, 0}}};
+  // a port that hung up would end every wait at once: it is asked only if somebody hears what it says
+  ::ppoll(fds.data(), state_.is_open && reads ? 2 : 1, &time, nullptr);
+  std::uint64_t times = 0;
+  [[maybe_unused]] const ssize_t got = fds[0].revents != 0 ? ::read(wake_fd_, &times, sizeof times) : 0;
+}
+
+std::int64_t MavlinkLink::next_event_ns(std::int64_t now_ns) const noexcept {
+  if (!state_.is_open) return retry_.due_ns();
+  const std::int64_t input_ns = input_.ready_ns(1);
+  const std::int64_t next_ns = std::min(input_ns > now_ns ? input_ns : kFar_ns, stream_.silent_ns());
+  if (is_frame_waiting()) return next_ns;  // nothing else can be sent
+  std::int64_t send_ns = std::min({next_heartbeat_ns_, news_.due_ns(), stream_.due_ns()});
+  if (timesync_.owes_answer()) send_ns = now_ns;  // one the line had no room for
+  if (state_.peer.is_known) send_ns = std::min(send_ns, next_question_ns_);
+  if (state_.peer.is_known && imu_request_) send_ns = std::min(send_ns, imu_request_->due_ns());
+  if (wants_origin()) send_ns = std::min(send_ns, next_origin_ns_);
+  if (backlog_ > kOdometryBehind) send_ns = std::max(send_ns, now_ns + kLineCheck_ns);
+  return std::min(next_ns, send_ns);
+}
+
+void MavlinkLink::tell(std::int64_t now_ns) noexcept {
+  LinkCounts& counts = state_.counts;
+  counts.packets = parser_.packets();
+  counts.bad_checksums = parser_.bad_checksums();
+  counts.skipped_bytes = parser_.skipped_bytes();
+  counts.refused_questions = timesync_.refused_questions();
+  counts.refused_answers = timesync_.refused_answers();
+  counts.dropped = stream_.dropped();
+  state_.clock = timesync_.clock().state();
+  if (imu_) {
+    state_.imu = imu_->counts();
+    state_.imu_request = imu_request_->state();
+  }
+  if (now_ns >= next_latency_ns_) {
+    next_latency_ns_ = now_ns + kSecond_ns;
+    state_.costs = costs_of_this_thread() - costs_at_start_;
+    told_latency_.write(stream_.latency());
+  }
+  told_.write(state_);
+}
+
+// ---- the port ----
+
+void MavlinkLink::keep_port(std::int64_t now_ns) noexcept {
+  if (state_.is_open || now_ns < retry_.due_ns()) return;
+  if (const PortTrouble trouble = port_->open()) {
+    ++state_.counts.retries;
+    state_.counts.last_error = trouble.error;
+    retry_.failed(now_ns);
+    return;
+  }
+  opened_ns_ = now_ns;
+  state_.is_open = true;
+  is_open_.store(true, std::memory_order_relaxed);
+  next_heartbeat_ns_ = now_ns;
+}
+
+void MavlinkLink::lose(std::int64_t now_ns, int error) noexcept {
+  port_->close();
+  ++state_.counts.disconnected;
+  state_.counts.last_error = error;
+  state_.is_open = false;
+  is_open_.store(false, std::memory_order_relaxed);
+  frame_.size = frame_sent_ = 0;
+  backlog_ = 0;
+  // one that opens and fails at once is not tried in a hurry
+  if (now_ns - opened_ns_ > kSecond_ns) retry_.begin(now_ns);
+  retry_.failed(now_ns);
+}
+
+/// One piece at a time, so that what is to be sent never waits for a flood to end.
+void MavlinkLink::read_port(std::int64_t now_ns) noexcept {
+  if (input_.available(now_ns) < 1) return;
+  std::array<std::uint8_t, kReadAtOnce> piece;
+  const PortResult result = port_->read(piece);
+  if (result.is_lost) return lose(now_ns, result.error);
+  ++state_.counts.pieces;
+  input_.spend(kReadCost + static_cast<double>(result.bytes));
+  std::span<const std::uint8_t> bytes(piece.data(), result.bytes);
+  while (const Packet* const packet = parser_.next(bytes)) receive(*packet, now_ns);
+}
+
+void MavlinkLink::receive(const Packet& packet, std::int64_t now_ns) noexcept {
+  if (packet.from.system == own_.system && packet.from.component == own_.component) return;  // our echo
+  const LinkPeer& peer = state_.peer;
+  const bool is_autopilot =
+      peer.is_known && packet.from.system == peer.address.system && packet.from.component == peer.address.component;
+  if (packet.id == Heartbeat::kId) return receive_heartbeat(packet, now_ns);
+  Timesync timesync;
+  if (unpack(packet, timesync)) return timesync_.receive(timesync, packet.from, is_autopilot, now_ns);
+  HighresImu highres;
+  RawImu raw;
+  CommandAck answer;
+  const bool is_highres = unpack(packet, highres), is_raw = unpack(packet, raw), is_answer = unpack(packet, answer);
+  if (!imu_ || !(is_highres || is_raw || is_answer)) return;
+  if (!is_autopilot) {
+    ++state_.counts.strangers;
+  } else if (is_answer) {
+    imu_request_->receive(answer, own_, now_ns);
+  } else if (is_highres) {
+    receive_reading(highres, now_ns);
+  } else if (peer.autopilot == kArduPilot) {
+    receive_reading(raw, now_ns);
+  }
+}
+
+template <class Message>
+void MavlinkLink::receive_reading(const Message& message, std::int64_t now_ns) noexcept {
+  ImuSample sample;
+  if (!imu_->take(message, timesync_.clock(), HostStamp{now_ns}, sample)) return;
+  imu_request_->reading(now_ns);
+  if (!has_reader_.load(std::memory_order_relaxed)) return;
+  if (!readings_.push(sample)) imu_->count_overrun();
+  readings_parking_.notify();
+}
+
+void MavlinkLink::receive_heartbeat(const Packet& packet, std::int64_t now_ns) noexcept {
+  constexpr std::uint8_t kNoAutopilot = 8, kGroundStation = 6;
+  Heartbeat heartbeat;
+  unpack(packet, heartbeat);
+  if (packet.from.system != own_.system || heartbeat.autopilot == kNoAutopilot || heartbeat.type == kGroundStation)
+    return;
+  LinkPeer& peer = state_.peer;
+  const bool is_other = packet.from.component != peer.address.component;
+  if (peer.is_known && is_other && now_ns - peer.last_heard.ns < kPeerGone_ns) {
+    ++state_.counts.strangers;
+    return;
+  }
+  peer = {true, packet.from, heartbeat.autopilot, heartbeat.type, HostStamp{now_ns}};
+}
+
+// ---- what is to be sent ----
+
+/// PX4 would move its origin in flight; ArduPilot takes the first one and leaves it at that.
+bool MavlinkLink::wants_origin() const noexcept {
+  return config_.has_origin() && state_.peer.is_known && state_.peer.autopilot == kArduPilot;
+}
+
+void MavlinkLink::look_at_estimate(std::int64_t now_ns) noexcept {
+  stream_.look(now_ns, state_.is_open);
+  state_.condition = stream_.condition();
+  news_.update(now_ns, state_.condition, stream_.reasons());
+  stream_.count_dropped(now_ns, !state_.is_open || is_frame_waiting() || backlog_ > kOdometryBehind);
+}
+
+/// Frames are made at the last moment, one at a time: what waits is always the newest.
+void MavlinkLink::write_port() noexcept {
+  while (flush() && state_.is_open) {
+    backlog_ = port_->backlog();
+    if (!compose(monotonic_ns())) return;
+  }
+}
+
+/// True: nothing is left of the last frame.
+bool MavlinkLink::flush() noexcept {
+  if (!is_frame_waiting()) return true;
+  const PortResult result = port_->write(frame_.bytes().subspan(frame_sent_));
+  const std::int64_t now_ns = monotonic_ns();
+  frame_sent_ += result.bytes;
+  if (result.error != 0) {
+    ++state_.counts.write_errors;
+    state_.counts.last_error = result.error;
+    frame_.size = frame_sent_ = 0;  // a datagram nobody took; and a port that is lost takes nothing
+    if (result.is_lost) lose(now_ns, result.error);
+  } else if (is_frame_waiting()) {
+    return false;
+  } else if (is_frame_odometry_) {
+    stream_.finished(now_ns);
+  }
+  return true;
+}
+
+template <class Message>
+void MavlinkLink::put(const Message& message, std::uint64_t& count) noexcept {
+  frame_ = frame_of(pack(message, own_, sequence_++));
+  frame_sent_ = 0;
+  is_frame_odometry_ = false;
+  ++count;
+}
+
+/// The next frame, if there is something to send and the line has room: answers first, for they are timed; then
+/// odometry.
+bool MavlinkLink::compose(std::int64_t now_ns) noexcept {
+  if (backlog_ > kAnythingBehind) return false;
+  LinkCounts& counts = state_.counts;
+  if (const auto answer = timesync_.answer(now_ns)) {
+    put(*answer, counts.timesync_answers);
+  } else if (now_ns >= stream_.due_ns() && backlog_ <= kOdometryBehind) {
+    put_odometry(now_ns);
+  } else if (now_ns >= next_heartbeat_ns_) {
+    Heartbeat heartbeat;
+    heartbeat.system_status = system_state_of(state_.condition);
+    put(heartbeat, counts.heartbeats);
+    next_heartbeat_ns_ = now_ns + kSecond_ns;
+  } else if (const auto text = news_.take(now_ns)) {
+    StatusText message;
+    message.severity = text->severity;
+    std::copy_n(text->text, message.text.size(), message.text.begin());
+    put(message, counts.texts);
+  } else if (state_.peer.is_known && now_ns >= next_question_ns_) {
+    put(timesync_.question(state_.peer.address, now_ns), counts.timesync_questions);
+    next_question_ns_ = now_ns + question_period_ns_;
+  } else if (state_.peer.is_known && imu_request_ && now_ns >= imu_request_->due_ns()) {
+    put(imu_request_->question(state_.peer.address, now_ns), counts.requests);
+  } else if (wants_origin() && now_ns >= next_origin_ns_) {
+    put(origin_message(config_), counts.origins);
+    next_origin_ns_ = now_ns + kOrigins_ns;
+  } else {
+    return false;
+  }
+  return true;
+}
+
+void MavlinkLink::put_odometry(std::int64_t now_ns) noexcept {
+  const auto send = [&](auto message) {
+    message.reset_counter = stream_.reset_counter();
+    put(message, state_.counts.odometry);
+  };
+  if (config_.message == 0) {
+    send(odometry_message(stream_.next().odometry, R_VB_));
+  } else {
+    send(vision_position_message(stream_.next().odometry, R_VB_));
+  }
+  is_frame_odometry_ = true;
+  stream_.begun(now_ns);
+}
+
+}  // namespace epiline::mavlink

@@ -1,0 +1,173 @@
+#pragma once
+// The line to a flight controller. Page: docs/mavlink.md.
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "drivers/links/mavlink/controller_imu.h"
+#include "drivers/links/mavlink/imu_request.h"
+#include "drivers/links/mavlink/message.h"
+#include "drivers/links/mavlink/packet.h"
+#include "drivers/links/mavlink/port.h"
+#include "drivers/links/mavlink/timesync.h"
+#include "drivers/links/stream/odometry_gate.h"
+#include "drivers/links/stream/odometry_stream.h"
+#include "drivers/links/stream/token_bucket.h"
+#include "estimator/geometry/types.h"
+#include "pipeline/config/devices.h"
+#include "platform/concurrency/parking.h"
+#include "platform/concurrency/snapshot.h"
+#include "platform/concurrency/spsc_ring.h"
+#include "platform/linux/realtime.h"
+#include "platform/ports/ports.h"
+#include "platform/time/backoff.h"
+#include "platform/time/clock_state.h"
+#include "platform/time/latency_bins.h"
+
+namespace epiline::mavlink {
+
+struct LinkCounts {
+  // sent
+  std::uint64_t odometry = 0;
+  std::uint64_t dropped = 0;  ///< odometry that was due and found the line busy or gone
+  std::uint64_t heartbeats = 0, texts = 0, timesync_questions = 0, timesync_answers = 0, requests = 0, origins = 0;
+  // received
+  std::uint64_t pieces = 0;  ///< datagrams, or what a line had each time it was asked
+  std::uint64_t packets = 0, bad_checksums = 0;
+  std::uint64_t skipped_bytes = 0;      ///< noise, and messages we do not know
+  std::uint64_t strangers = 0;          ///< packets that only our flight controller may send, from somebody else
+  std::uint64_t refused_questions = 0;  ///< TIMESYNC beyond any sensible rate
+  std::uint64_t refused_answers = 0;    ///< TIMESYNC answers to nothing we asked
+  // the port
+  std::uint64_t disconnected = 0;  ///< times it was lost
+  std::uint64_t retries = 0;       ///< attempts to get it back that failed
+  std::uint64_t write_errors = 0;
+  int last_error = 0;  ///< errno of the last of these
+};
+
+/// The flight controller: who says in its heartbeat that it flies the vehicle with our system number.
+struct LinkPeer {
+  bool is_known = false;
+  Address address;
+  std::uint8_t autopilot = 0;  ///< MAV_AUTOPILOT: 3 ArduPilot, 12 PX4
+  std::uint8_t type = 0;       ///< MAV_TYPE
+  HostStamp last_heard;
+};
+
+struct LinkState {
+  bool is_open = false;  ///< false: the port is lost; the link opens it again by itself
+  Condition condition = Condition::kWaiting;
+  LinkCounts counts;
+  LinkPeer peer;
+  ControllerImuCounts imu;
+  RequestState imu_request = RequestState::kNone;
+  ClockState clock;   ///< of the flight controller, against ours
+  ThreadCosts costs;  ///< of the link's thread since open()
+};
+
+/// Sends odometry, answers, and keeps the port. One thread of its own does all that; publish() hands over and returns.
+/// After open() there is no heap call and no lock in either, also when the port is lost and comes back.
+class MavlinkLink final : public OdometrySink {
+ public:
+  /// `R_VB` turns vectors of the IMU's axes into the vehicle's: forward, left, up. `priority` of the thread:
+  /// SCHED_FIFO, where it is allowed.
+  ///
+  /// With `imu` the flight controller is asked for its IMU's readings, for MavlinkImu. They are in the vehicle's axes
+  /// already, so R_VB must be the identity then.
+  MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, const std::optional<ImuDeviceConfig>& imu = std::nullopt,
+              int priority = 65);
+  ~MavlinkLink() override { close(); }
+
+  /// Says what is wrong with the settings or the port.
+  Status open() override;
+  void close() noexcept override;
+  bool publish(const epiline::Odometry& odometry) noexcept override;
+  bool publish_image(const epiline::Odometry& odometry) noexcept override;
+
+  /// One thread: what ImuSource::read() promises, of readings since the first call. kFailed: the port is lost.
+  ReadOutcome read_imu(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept;
+
+  /// The port, as the configuration names it.
+  const std::string& name() const noexcept { return config_.serial.empty() ? config_.udp : config_.serial; }
+  /// From any thread; at most a second old for the latency, else as of the last thing that happened.
+  LinkState state() const noexcept { return told_.read(); }
+  LinkCounts counts() const noexcept { return state().counts; }
+  ClockState clock_state() const noexcept { return state().clock; }
+  /// From an image's stamp until the first odometry with that image in it was taken by the kernel, to its last byte.
+  LatencyBins latency() const noexcept { return told_latency_.read(); }
+
+ private:
+  static constexpr std::size_t kReadings = 1024;
+
+  Status check() const;
+  Result<std::unique_ptr<Port>> make_port() const;
+  void wake() noexcept;
+
+  // The thread's.
+  static void run(void* self);
+  void loop() noexcept;
+  void wait() noexcept;
+  std::int64_t next_event_ns(std::int64_t now_ns) const noexcept;
+  void keep_port(std::int64_t now_ns) noexcept;
+  void lose(std::int64_t now_ns, int error) noexcept;
+  void read_port(std::int64_t now_ns) noexcept;
+  void receive(const Packet& packet, std::int64_t now_ns) noexcept;
+  template <class Message>
+  void receive_reading(const Message& message, std::int64_t now_ns) noexcept;
+  void receive_heartbeat(const Packet& packet, std::int64_t now_ns) noexcept;
+  void look_at_estimate(std::int64_t now_ns) noexcept;
+  void write_port() noexcept;
+  bool flush() noexcept;
+  bool compose(std::int64_t now_ns) noexcept;
+  template <class Message>
+  void put(const Message& message, std::uint64_t& count) noexcept;
+  void put_odometry(std::int64_t now_ns) noexcept;
+  bool is_frame_waiting() const noexcept { return frame_sent_ < frame_.size; }
+  bool wants_origin() const noexcept;
+  void tell(std::int64_t now_ns) noexcept;
+
+  MavlinkConfig config_;
+  Mat3 R_VB_;
+  int priority_;
+  std::unique_ptr<Port> port_;
+  int wake_fd_ = -1;
+  RealtimeThread thread_;
+  std::atomic<bool> stop_{false}, is_open_{false};
+
+  OdometryStream stream_;  ///< from the publishing thread
+
+  // To the thread that reads the IMU.
+  std::atomic<bool> has_reader_{false};
+  SpscRing<ImuSample, kReadings> readings_;
+  Parking readings_parking_;
+
+  // The thread's own.
+  Address own_;
+  Parser parser_;
+  std::int64_t question_period_ns_;
+  TimesyncExchange timesync_;
+  TokenBucket input_;
+  std::optional<ControllerImu> imu_;
+  std::optional<ImuRequest> imu_request_;
+  PilotNews news_;
+  LinkState state_;
+  ThreadCosts costs_at_start_;
+  FrameBytes frame_;            ///< on its way into the port
+  std::size_t frame_sent_ = 0;  ///< of it
+  bool is_frame_odometry_ = false;
+  std::uint8_t sequence_ = 0;
+  std::int64_t next_heartbeat_ns_ = 0, next_question_ns_ = 0, next_origin_ns_ = 0, next_latency_ns_ = 0;
+  std::int64_t opened_ns_ = 0;
+  Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(500)};
+  std::size_t backlog_ = 0;  ///< bytes the kernel has and the line has not
+
+  Snapshot<LinkState> told_;
+  Snapshot<LatencyBins> told_latency_;
+};
+
+}  // namespace epiline::mavlink

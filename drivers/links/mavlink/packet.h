@@ -1,0 +1,103 @@
+#pragma once
+// Frames of MAVLink 2 on a line of bytes: written, and found again among noise. Nothing here allocates, waits or
+// throws. Page: docs/mavlink.md.
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+
+#include "drivers/links/mavlink/message.h"
+#include "pipeline/config/devices.h"
+
+namespace epiline::mavlink {
+
+inline constexpr std::size_t kMaxPayload = 255;
+inline constexpr std::size_t kMaxFrame = 10 + kMaxPayload + 2 + 13;  ///< header, payload, checksum, signature
+
+struct Address {
+  std::uint8_t system = 1;
+  std::uint8_t component = 197;  ///< MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
+};
+
+inline Address address_of(const MavlinkConfig& config) noexcept {
+  return {static_cast<std::uint8_t>(config.system), static_cast<std::uint8_t>(config.component)};
+}
+
+/// What a frame carries.
+struct Packet {
+  std::uint32_t id = 0;
+  Address from;
+  std::uint8_t sequence = 0;
+  std::array<std::uint8_t, kMaxPayload> payload{};  ///< zero beyond what was sent
+};
+
+template <class Message>
+Packet pack(const Message& message, Address from, std::uint8_t sequence) noexcept {
+  Packet packet{Message::kId, from, sequence, {}};
+  std::size_t at = 0;
+  for_each_field<Message>([&](const auto& f) {
+    const auto& value = message.*f.member;
+    std::memcpy(packet.payload.data() + at, &value, sizeof value);
+    at += sizeof value;
+  });
+  return packet;
+}
+
+/// False, with the message as it was, if and only if the packet holds another one. Extensions that were not sent are 0.
+template <class Message>
+bool unpack(const Packet& packet, Message& message) noexcept {
+  if (packet.id != Message::kId) return false;
+  std::size_t at = 0;
+  for_each_field<Message>([&](const auto& f) {
+    auto& value = message.*f.member;
+    std::memcpy(&value, packet.payload.data() + at, sizeof value);
+    at += sizeof value;
+  });
+  return true;
+}
+
+struct FrameBytes {
+  std::array<std::uint8_t, kMaxFrame> data;
+  std::size_t size = 0;
+  std::span<const std::uint8_t> bytes() const { return {data.data(), size}; }
+};
+
+/// The frame of a packet, unsigned. `packet.id` is one of kMessages.
+FrameBytes frame_of(const Packet& packet) noexcept;
+
+/// Finds the frames of kMessages among whatever bytes come in. Takes version 2, signed or not (signatures are not
+/// checked), and version 1, in which flight controllers speak until they have been spoken to.
+///
+/// What looks like a frame and is none costs its first byte only: the search goes on behind it, so no sound frame is
+/// lost, whatever stands before it.
+class Parser {
+ public:
+  /// The next packet, valid until the next call; null if and only if `bytes` are used up. Takes what it reads from the
+  /// front of `bytes`: call it until it returns null.
+  const Packet* next(std::span<const std::uint8_t>& bytes) noexcept;
+
+  std::uint64_t packets() const noexcept { return packets_; }
+  std::uint64_t bad_checksums() const noexcept { return bad_checksums_; }
+  /// Bytes that belong to no packet handed out, frames of other messages among them.
+  std::uint64_t skipped_bytes() const noexcept { return skipped_; }
+
+ private:
+  enum class Found { kPacket, kNothing, kPart };
+  struct Shape {
+    std::size_t header, payload, signature;
+    const MessageInfo* message;
+    std::size_t size() const { return header + payload + 2 + signature; }
+  };
+
+  Found look() noexcept;
+  Found shape_of_front(Shape& shape) const noexcept;
+  bool read(const Shape& shape) noexcept;
+
+  std::array<std::uint8_t, 2 * kMaxFrame> buffer_{};
+  std::size_t begin_ = 0, end_ = 0;  ///< what is in the buffer and not decided yet
+  Packet packet_;
+  std::uint64_t packets_ = 0, bad_checksums_ = 0, skipped_ = 0;
+};
+
+}  // namespace epiline::mavlink

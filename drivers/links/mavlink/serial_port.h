@@ -1,0 +1,31 @@
+#pragma once
+// A serial line, or a pseudo terminal that plays one.
+#include <string>
+
+#include "drivers/links/mavlink/port.h"
+
+namespace epiline::mavlink {
+
+/// Eight bits, no parity, no flow control, any speed the driver can do. Nobody else may have it open.
+class SerialPort final : public Port {
+ public:
+  SerialPort(std::string path, int baud);
+  ~SerialPort() override { close(); }
+
+  PortTrouble open() noexcept override;
+  void close() noexcept override;
+  int fd() const noexcept override { return fd_; }
+  PortResult read(std::span<std::uint8_t> into) noexcept override;
+  PortResult write(std::span<const std::uint8_t> bytes) noexcept override;
+  std::size_t backlog() const noexcept override;
+  const std::string& name() const noexcept override { return path_; }
+
+ private:
+  PortTrouble set_up() noexcept;
+
+  std::string path_;
+  int baud_ = 0;
+  int fd_ = -1;
+};
+
+}  // namespace epiline::mavlink

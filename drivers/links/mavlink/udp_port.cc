@@ -1,0 +1,79 @@
+#include "drivers/links/mavlink/udp_port.h"
+
+#include <arpa/inet.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <charconv>
+#include <utility>
+
+namespace epiline::mavlink {
+
+namespace {
+
+/// A peer that is not there yet is no reason to open anew; nor is a full queue.
+bool is_loss(int error) noexcept {
+  return error != EAGAIN && error != EINTR && error != ECONNREFUSED && error != ENOBUFS;
+}
+bool is_nothing(int error) noexcept { return error == EAGAIN || error == EINTR; }
+
+PortResult failed(int error) noexcept { return {0, is_nothing(error) ? 0 : error, is_loss(error)}; }
+
+const sockaddr* plain(const sockaddr_in& address) noexcept {
+  return reinterpret_cast<const sockaddr*>(&address);  // NOLINT: the interface of sockets
+}
+
+}  // namespace
+
+Result<sockaddr_in> udp_address(const std::string& text, const char* key) {
+  const Error error{ErrorKind::kUsage, key, 0, "'" + text + "'", "ADDRESS:PORT in numbers, e.g. 192.168.1.10:14580"};
+  const std::size_t colon = text.rfind(':');
+  if (colon == std::string::npos) return error;
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  unsigned port = 0;
+  const char* const end = text.data() + text.size();
+  const auto [rest, trouble] = std::from_chars(text.data() + colon + 1, end, port);
+  if (trouble != std::errc{} || rest != end || port == 0 || port > 65535) return error;
+  if (::inet_pton(AF_INET, text.substr(0, colon).c_str(), &address.sin_addr) != 1) return error;
+  address.sin_port = htons(static_cast<std::uint16_t>(port));
+  return address;
+}
+
+UdpPort::UdpPort(std::string name, const sockaddr_in& peer, const sockaddr_in& own)
+    : name_(std::move(name)), peer_(peer), own_(own) {}
+
+PortTrouble UdpPort::open() noexcept {
+  close();
+  fd_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+  if (fd_ < 0) return {"socket", errno, ""};
+  PortTrouble trouble;
+  if (own_.sin_port != 0 && ::bind(fd_, plain(own_), sizeof own_) != 0)
+    trouble = {"bind to mavlink.udp_listen", errno, "an address of this computer and a port nobody uses"};
+  else if (::connect(fd_, plain(peer_), sizeof peer_) != 0)
+    trouble = {"connect", errno, "an address a network of this computer reaches"};
+  if (trouble) close();
+  // what came from others between bind and connect is still there
+  std::uint8_t byte = 0;
+  for (int i = 0; i < 10'000 && fd_ >= 0 && ::recv(fd_, &byte, 1, 0) >= 0; ++i) {
+  }
+  return trouble;
+}
+
+void UdpPort::close() noexcept {
+  if (fd_ >= 0) ::close(fd_);
+  fd_ = -1;
+}
+
+PortResult UdpPort::read(std::span<std::uint8_t> into) noexcept {
+  const ssize_t count = ::recv(fd_, into.data(), into.size(), 0);
+  return count >= 0 ? PortResult{static_cast<std::size_t>(count), 0, false} : failed(errno);
+}
+
+PortResult UdpPort::write(std::span<const std::uint8_t> bytes) noexcept {
+  const ssize_t count = ::send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+  return count >= 0 ? PortResult{static_cast<std::size_t>(count), 0, false} : failed(errno);
+}
+
+}  // namespace epiline::mavlink

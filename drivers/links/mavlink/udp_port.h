@@ -1,0 +1,37 @@
+#pragma once
+// Datagrams to and from one peer.
+#include <netinet/in.h>
+
+#include <string>
+
+#include "drivers/links/mavlink/port.h"
+#include "platform/error/result.h"
+
+namespace epiline::mavlink {
+
+/// `ADDRESS:PORT`, the address in numbers (IPv4). `key` names the setting in errors.
+Result<sockaddr_in> udp_address(const std::string& text, const char* key);
+
+/// A connected socket: the kernel drops what does not come from the peer. Bound to `own`, or to whatever address
+/// reaches the peer, so with a peer on this computer nobody else can reach it.
+class UdpPort final : public Port {
+ public:
+  /// `own` with port 0 and address 0: any.
+  UdpPort(std::string name, const sockaddr_in& peer, const sockaddr_in& own);
+  ~UdpPort() override { close(); }
+
+  PortTrouble open() noexcept override;
+  void close() noexcept override;
+  int fd() const noexcept override { return fd_; }
+  PortResult read(std::span<std::uint8_t> into) noexcept override;
+  PortResult write(std::span<const std::uint8_t> bytes) noexcept override;
+  std::size_t backlog() const noexcept override { return 0; }
+  const std::string& name() const noexcept override { return name_; }
+
+ private:
+  std::string name_;
+  sockaddr_in peer_, own_;
+  int fd_ = -1;
+};
+
+}  // namespace epiline::mavlink

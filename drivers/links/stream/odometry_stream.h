@@ -1,0 +1,100 @@
+#pragma once
+// From the thread that hands odometry out to one that sends it: what of it a receiver may see, and when it is due.
+#include <cstdint>
+
+#include "drivers/links/stream/odometry_gate.h"
+#include "drivers/links/stream/send_schedule.h"
+#include "platform/concurrency/latest_value.h"
+#include "platform/concurrency/spsc_ring.h"
+#include "platform/samples/samples.h"
+#include "platform/time/latency_bins.h"
+
+namespace epiline {
+
+/// Odometry on its way to a receiver.
+struct Offer {
+  Odometry odometry;
+  std::uint64_t images = 0;     ///< so many are in it
+  std::int64_t offered_ns = 0;  ///< monotonic_ns()
+};
+
+/// An image whose way is measured.
+struct ImageMark {
+  std::uint64_t number = 0;
+  HostStamp stamp;
+};
+
+/// One thread offers, another sends. Nothing here waits, allocates or wakes: a sender that sleeps is woken by who
+/// offers, after it has. Times are monotonic_ns().
+class OdometryStream {
+ public:
+  static constexpr std::int64_t kTooOld_ns = 100'000'000;   ///< what waited so long is not sent any more
+  static constexpr std::int64_t kSilence_ns = 500'000'000;  ///< nothing offered for so long: the estimator has stopped
+
+  /// The reset counter begins with another number than that of a run that ended lately: a restarted program has jumped.
+  explicit OdometryStream(double rate_hz) noexcept;
+
+  // The offering thread.
+
+  void offer(const Odometry& odometry, std::int64_t now_ns) noexcept;
+  /// The next offer has this image in it.
+  void offer_image(const Odometry& odometry) noexcept;
+
+  // The sending thread.
+
+  /// There is an offer that look() has not seen.
+  bool has_news() noexcept;
+  /// Looks at the newest offer. `is_open`: what is due could go; if not, the images that wait are not measured.
+  void look(std::int64_t now_ns, bool is_open) noexcept;
+  mavlink::Condition condition() const noexcept { return condition_; }
+  /// Of the newest offer; before the first: initialising, of no quality.
+  const Health& health() const noexcept { return health_; }
+  /// HealthReason bits; 0 if there is nobody to have any.
+  std::uint32_t reasons() const noexcept;
+  /// When look() would find that nothing is offered any more; far away if it has, or nothing was.
+  std::int64_t silent_ns() const noexcept;
+
+  /// When the odometry that waits is due; far away if none does.
+  std::int64_t due_ns() const noexcept;
+  /// What is to be sent next, if something is due, with its reset counter.
+  const Offer& next() const noexcept { return next_; }
+  std::uint8_t reset_counter() const noexcept { return gate_.reset_counter(); }
+  /// next() is on its way.
+  void begun(std::int64_t now_ns) noexcept;
+  /// Its last byte is with the kernel.
+  void finished(std::int64_t now_ns) noexcept;
+
+  /// One for each period in which odometry was due and could not go. To be called after each look().
+  void count_dropped(std::int64_t now_ns, bool is_held_up) noexcept;
+  std::uint64_t dropped() const noexcept { return dropped_; }
+  /// From an image's stamp until the first odometry with that image in it had gone.
+  const LatencyBins& latency() const noexcept { return latency_; }
+
+ private:
+  static constexpr std::size_t kImages = 64;
+
+  bool may_send() const noexcept;
+  /// visit(mark) for each image up to `number` whose way was not over yet. Now it is.
+  template <class Visit>
+  void take_images(std::uint64_t number, Visit visit) noexcept;
+
+  // From the offering thread.
+  LatestValue<Offer> newest_;
+  SpscRing<ImageMark, kImages> image_marks_;
+  std::uint64_t images_ = 0;
+
+  // The sending thread's.
+  mavlink::SendSchedule schedule_;
+  mavlink::OdometryGate gate_;
+  LatencyBins latency_;
+  mavlink::Condition condition_ = mavlink::Condition::kWaiting;
+  Health health_{HealthState::kInitialising, 0, -1};
+  Offer next_;  ///< the newest that may be sent
+  bool has_unsent_ = false;
+  std::int64_t seen_ns_ = 0;  ///< when the newest that was looked at was offered; 0: none
+  std::uint64_t images_seen_ = 0, images_begun_ = 0;
+  std::int64_t held_up_since_ns_ = 0;  ///< odometry was due and could not go: not counted as dropped yet. 0: none
+  std::uint64_t dropped_ = 0;
+};
+
+}  // namespace epiline

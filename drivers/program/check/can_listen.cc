@@ -1,0 +1,40 @@
+#include "drivers/program/check/can_listen.h"
+
+#include <linux/can.h>
+#include <poll.h>
+#include <sys/socket.h>
+
+namespace epiline {
+
+namespace {
+
+constexpr int kWait_ms = 100;
+constexpr int kFramesAtOnce = 256;  // then it looks whether it is to stop: a full bus must not hold it
+
+}  // namespace
+
+Status CanListener::open(const std::string& interface) {
+  if (const can::OpenFault fault = socket_.open_to_listen(interface.c_str())) return can::error_of(fault, interface);
+  thread_.emplace([this] { return listen(); });
+  return Done{};
+}
+
+bool CanListener::listen() {
+  pollfd ready{socket_.fd(), POLLIN, 0};
+  if (::poll(&ready, 1, kWait_ms) <= 0) return true;
+  canfd_frame frame{};
+  for (int i = 0; i < kFramesAtOnce; ++i) {
+    // an interface that goes down is told once as an error; what comes after it is up again is heard
+    const ssize_t size = ::recv(socket_.fd(), &frame, sizeof(frame), MSG_DONTWAIT);
+    if (size < static_cast<ssize_t>(CAN_MTU)) return true;
+    ++counts_[frame.can_id & (CAN_EFF_FLAG | CAN_EFF_MASK)];
+  }
+  return true;
+}
+
+const CanListener::Counts& CanListener::heard() {
+  thread_.reset();
+  return counts_;
+}
+
+}  // namespace epiline

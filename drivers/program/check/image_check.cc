@@ -1,0 +1,173 @@
+#include "drivers/program/check/image_check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include "platform/math/statistics.h"
+
+namespace epiline {
+
+namespace {
+
+constexpr int kHalfEdge = 6;     // px, looked at on both sides of a place
+constexpr int kStrongEdge = 40;  // grey values across it
+constexpr int kRowStep = 6, kColumnStep = 3;
+constexpr std::size_t kFewEdges = 20;
+
+double median_of(std::vector<double> values) {
+  if (values.empty()) return 0;
+  std::sort(values.begin(), values.end());
+  return quantile(values, 0.5);
+}
+
+}  // namespace
+
+double edge_width(const Frame& image) {
+  std::vector<double> widths;
+  for (int y = kHalfEdge; y < image.height; y += kRowStep) {
+    const std::uint8_t* row = image.data + static_cast<std::ptrdiff_t>(y) * image.stride;
+    for (int x = kHalfEdge; x + kHalfEdge + 1 < image.width; x += kColumnStep) {
+      const int rise = row[x + kHalfEdge] - row[x - kHalfEdge];
+      if (std::abs(rise) < kStrongEdge) continue;
+      // a single edge: it rises all the way, and is steepest here
+      int steepest = 0, back = 0, here = 0;
+      for (int k = -kHalfEdge; k < kHalfEdge; ++k) {
+        const int step = (row[x + k + 1] - row[x + k]) * (rise > 0 ? 1 : -1);
+        back += std::max(0, -step);
+        steepest = std::max(steepest, step);
+        if (k >= -1 && k <= 0) here = std::max(here, step);
+      }
+      if (back * 4 > std::abs(rise) || here < steepest) continue;
+      widths.push_back(static_cast<double>(std::abs(rise)) / steepest);
+    }
+  }
+  return widths.size() < kFewEdges ? 0 : median_of(std::move(widths));
+}
+
+ImageCheck::ImageCheck(const Camera& camera, const TrackerConfig& config) : tracker_(camera, config) {}
+
+const TrackedFrame& ImageCheck::step(const Frame& image) {
+  pacing_.step(image.stamp, image.arrival);
+  if (images_++ > 0 && image.sequence > last_sequence_) lost_ += image.sequence - last_sequence_ - 1;
+  last_sequence_ = image.sequence;
+  const ImageStatistics s = statistics_of(image.data, image.width, image.height, image.stride);
+  brightness_.push_back(s.mean);
+  dark_.push_back(s.dark_share);
+  clipped_.push_back(s.clipped_share);
+  if (const double width = edge_width(image); width > 0) widths_.push_back(width);
+  tracker_.step(image, Mat3::Identity(), tracked_);
+  features_.push_back(static_cast<double>(tracked_.features.size()));
+  return tracked_;
+}
+
+ImageResult ImageCheck::result() const {
+  ImageResult r;
+  r.pacing = pacing_.result();
+  r.lost = lost_;
+  r.brightness = median_of(brightness_);
+  r.dark_share = median_of(dark_);
+  r.clipped_share = median_of(clipped_);
+  r.edge_width_px = median_of(widths_);
+  r.features = median_of(features_);
+  const TrackerStats& t = tracker_.stats();
+  r.kept_share = t.tried > 0 ? static_cast<double>(t.tracked) / static_cast<double>(t.tried) : 0;
+  return r;
+}
+
+// ---- in words ----
+
+namespace {
+
+Finding said(Grade grade, std::string text, std::string remedy = {}) {
+  return {grade, "camera", std::move(text), std::move(remedy)};
+}
+
+void say_pace(const ImageResult& r, double rate_hz, Findings& out) {
+  const PacingResult& p = r.pacing;
+  const std::string text = fmt::format(
+      "{:.2f} images a second, jitter {:.2f} ms, {:.1f} ms old when they come (at most "
+      "{:.1f})",
+      p.rate_hz(), 1e3 * p.jitter_s, 1e3 * p.delay_s, 1e3 * p.delay_most_s);
+  if (p.rate_hz() < 8)
+    out.push_back(said(Grade::kError, text, "15 to 60 are needed: shorter exposure, camera.rate_hz, or a faster bus"));
+  else if (rate_hz > 0 && std::abs(p.rate_hz() / rate_hz - 1) > 0.05)
+    out.push_back(
+        said(Grade::kWarning, text,
+             fmt::format("{:.4g} are configured: an exposure longer than the period? a slow USB port?", rate_hz)));
+  else if (p.jitter_s > 0.1 * p.period_s)
+    out.push_back(said(Grade::kWarning, text,
+                       "stamps are irregular: the driver stamps arrivals, not exposures? Use camera.stamp_line"));
+  else if (p.delay_s < -1e-3)
+    out.push_back(said(Grade::kWarning, text, "stamps lie in the future: readout_ms or the exposure time is wrong"));
+  else
+    out.push_back(said(Grade::kOk, text));
+  const std::uint64_t lost = std::max(r.lost, p.missing);
+  if (lost + p.backwards > 0)
+    out.push_back(said((lost + p.backwards) * 50 > p.samples ? Grade::kError : Grade::kWarning,
+                       fmt::format("{} of {} images lost, {} with a stamp not later than the one before", lost,
+                                   p.samples + lost, p.backwards),
+                       "another USB port or cable, fewer pixels, a lower rate; nothing else on that hub"));
+}
+
+void say_light(const ImageResult& r, Findings& out) {
+  const std::string text = fmt::format("mean brightness {:.0f} of 255, {:.0f} % black, {:.0f} % white", r.brightness,
+                                       100 * r.dark_share, 100 * r.clipped_share);
+  if (r.brightness < 8 || r.dark_share > 0.9)
+    out.push_back(said(Grade::kError, text, "is there a cap on the lens? is there light? longer exposure, more gain"));
+  else if (r.brightness < 35 || r.dark_share > 0.5)
+    out.push_back(said(Grade::kWarning, text, "dark: longer exposure (blur!), more gain, or exposure.automatic"));
+  else if (r.clipped_share > 0.25)
+    out.push_back(said(r.clipped_share > 0.7 ? Grade::kError : Grade::kWarning, text,
+                       "overexposed: shorter exposure, less gain, or exposure.automatic"));
+  else
+    out.push_back(said(Grade::kOk, text));
+}
+
+void say_sharpness(const ImageResult& r, Findings& out) {
+  if (r.edge_width_px <= 0) {
+    out.push_back(
+        said(Grade::kWarning, "no strong edges: sharpness not judged", "point it at something with contrast"));
+    return;
+  }
+  const std::string text = fmt::format("edges are {:.1f} px wide", r.edge_width_px);
+  if (r.edge_width_px > 6)
+    out.push_back(said(Grade::kError, text, "out of focus, or a dirty lens: a sharp image has 2 to 3; turn the lens"));
+  else if (r.edge_width_px > 4.2)
+    out.push_back(said(Grade::kWarning, text, "soft: focus the lens (a sharp image has 2 to 3), shorten the exposure"));
+  else
+    out.push_back(said(Grade::kOk, text));
+}
+
+void say_features(const ImageResult& r, int wanted, Findings& out) {
+  const std::string text = fmt::format("{:.0f} corners of {} wanted, {:.0f} % found again in the next image",
+                                       r.features, wanted, 100 * r.kept_share);
+  if (r.features < 15)
+    out.push_back(
+        said(Grade::kError, text, "nothing to track: texture, light, focus, or the calibration's image size"));
+  else if (r.features < 0.4 * wanted || (r.kept_share > 0 && r.kept_share < 0.8))
+    out.push_back(
+        said(Grade::kWarning, text, "little to track: more light, a sharper image, a wider lens, more texture"));
+  else
+    out.push_back(said(Grade::kOk, text));
+}
+
+}  // namespace
+
+Findings findings_of(const ImageResult& r, double rate_hz, int wanted_features) {
+  Findings out;
+  if (r.pacing.samples < 3) {
+    out.push_back(said(Grade::kError, fmt::format("{} images", r.pacing.samples),
+                       "it is there but gives none: external trigger off? sensor pipeline linked? cable?"));
+    return out;
+  }
+  say_pace(r, rate_hz, out);
+  say_light(r, out);
+  say_sharpness(r, out);
+  say_features(r, wanted_features, out);
+  return out;
+}
+
+}  // namespace epiline

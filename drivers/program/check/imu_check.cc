@@ -1,0 +1,234 @@
+#include "drivers/program/check/imu_check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace epiline {
+
+namespace {
+
+constexpr double kStillGyroscope = 0.03, kStillAccelerometer = 0.3;  // rad/s, m/s^2: deviation in a window at rest
+constexpr double kStillRate = 0.35;                                  // rad/s: more is a turn, not a bias
+constexpr double kNoiseShort = 0.5;                                  // s: averages up to here show white noise
+constexpr std::uint64_t kFewDifferences = 20, kFewAtTheEnd = 9;
+constexpr double kInstabilityNeeds = 60;  // s at rest
+constexpr double kGravity = 9.81;
+
+std::array<double, 6> axes_of(const ImuSample& r) {
+  const auto& w = r.angular_velocity_rad_s;
+  const auto& a = r.specific_force_m_s2;
+  return {w[0], w[1], w[2], a[0], a[1], a[2]};
+}
+
+double most_of(const std::array<double, 3>& values) { return *std::max_element(values.begin(), values.end()); }
+
+}  // namespace
+
+// ---- AllanDeviation ----
+
+void AllanDeviation::step(double value) noexcept {
+  for (Octave& o : octaves_) {
+    // `value` is an average over as many samples as this octave is long
+    if (o.has_last) {
+      o.squares += (value - o.last) * (value - o.last);
+      ++o.count;
+    }
+    o.last = value;
+    o.has_last = true;
+    o.sum += value;
+    if (++o.filled < 2) return;
+    value = o.sum / 2;
+    o.sum = 0;
+    o.filled = 0;
+  }
+}
+
+void AllanDeviation::interrupt() noexcept {
+  for (Octave& o : octaves_) {
+    o.has_last = false;
+    o.sum = 0;
+    o.filled = 0;
+  }
+}
+
+double AllanDeviation::at(std::size_t octave) const noexcept {
+  const Octave& o = octaves_[octave];
+  return o.count > 0 ? std::sqrt(o.squares / (2 * static_cast<double>(o.count))) : 0;
+}
+
+// ---- ImuCheck ----
+
+void ImuCheck::step(const ImuSample& reading) {
+  pacing_.step(reading.stamp, reading.arrival);
+  const auto axes = axes_of(reading);
+  if (!std::all_of(axes.begin(), axes.end(), [](double v) { return std::isfinite(v); })) {
+    ++not_finite_;
+    return;
+  }
+  for (std::size_t i = 0; i < 6; ++i) {
+    least_[i] = finite_ == 0 ? axes[i] : std::min(least_[i], axes[i]);
+    most_[i] = finite_ == 0 ? axes[i] : std::max(most_[i], axes[i]);
+  }
+  ++finite_;
+  most_rate_ = std::max(most_rate_, std::hypot(axes[0], axes[1], axes[2]));
+  if (!window_.empty() && reading.stamp - window_.front().stamp >= kWindow) end_window();
+  window_.push_back(reading);
+}
+
+/// Was it still all the time? Then it is measured by.
+void ImuCheck::end_window() {
+  std::array<double, 6> mean{}, deviation{};
+  const auto n = static_cast<double>(window_.size());
+  for (const ImuSample& r : window_)
+    for (std::size_t i = 0; i < 6; ++i) mean[i] += axes_of(r)[i] / n;
+  for (const ImuSample& r : window_)
+    for (std::size_t i = 0; i < 6; ++i) deviation[i] += (axes_of(r)[i] - mean[i]) * (axes_of(r)[i] - mean[i]) / n;
+  bool is_still = std::hypot(mean[0], mean[1], mean[2]) < kStillRate && window_.size() > 3;
+  for (std::size_t i = 0; i < 6; ++i)
+    is_still = is_still && std::sqrt(deviation[i]) < (i < 3 ? kStillGyroscope : kStillAccelerometer);
+  if (is_still) {
+    rest_s_ += (window_.back().stamp - window_.front().stamp).seconds();
+    for (const ImuSample& r : window_)
+      for (std::size_t i = 0; i < 6; ++i) {
+        allan_[i].step(axes_of(r)[i]);
+        rest_sum_[i] += axes_of(r)[i];
+      }
+    rest_samples_ += window_.size();
+  } else {
+    for (AllanDeviation& a : allan_) a.interrupt();
+  }
+  window_.clear();
+}
+
+ImuResult ImuCheck::result() const {
+  ImuResult r;
+  r.pacing = pacing_.result();
+  r.rest_s = rest_s_;
+  r.not_finite = not_finite_;
+  r.most_rate_rad_s = most_rate_;
+  for (std::size_t i = 0; i < 6; ++i) r.dead_axes += finite_ > 10 && least_[i] == most_[i] ? 1 : 0;
+  if (rest_samples_ == 0) return r;
+  for (std::size_t i = 0; i < 6; ++i) {
+    auto& mean = i < 3 ? r.gyroscope_rest_rad_s : r.accelerometer_rest_m_s2;
+    auto& density = i < 3 ? r.gyroscope_density : r.accelerometer_density;
+    auto& instability = i < 3 ? r.gyroscope_instability : r.accelerometer_instability;
+    mean[i % 3] = rest_sum_[i] / static_cast<double>(rest_samples_);
+    for (std::size_t k = 0; k < AllanDeviation::kOctaves; ++k) {
+      const double tau = r.pacing.period_s * std::exp2(static_cast<double>(k));
+      const double deviation = allan_[i].at(k);
+      // the longest of the short times: filters and hum are averaged out, the bias does not walk yet
+      if (tau <= kNoiseShort && allan_[i].differences(k) >= kFewDifferences)
+        density[i % 3] = deviation * std::sqrt(tau);
+      if (rest_s_ >= kInstabilityNeeds && allan_[i].differences(k) >= kFewAtTheEnd)
+        instability[i % 3] = instability[i % 3] > 0 ? std::min(instability[i % 3], deviation) : deviation;
+    }
+  }
+  const auto& a = r.accelerometer_rest_m_s2;
+  r.gravity_m_s2 = std::hypot(a[0], a[1], a[2]);
+  return r;
+}
+
+// ---- in words ----
+
+namespace {
+
+Finding said(Grade grade, std::string text, std::string remedy = {}) {
+  return {grade, "imu", std::move(text), std::move(remedy)};
+}
+
+void say_pace(const ImuResult& r, const ImuExpectation& expected, Findings& out) {
+  const PacingResult& p = r.pacing;
+  const std::string text = fmt::format("{:.1f} readings a second, jitter {:.2f} ms, longest pause {:.1f} ms",
+                                       p.rate_hz(), 1e3 * p.jitter_s, 1e3 * p.longest_s);
+  if (p.rate_hz() < 50)
+    out.push_back(said(Grade::kError, text, "100 to 1000 are needed: set imu.rate_hz, or the stream's rate"));
+  else if (expected.rate_hz > 0 && std::abs(p.rate_hz() / expected.rate_hz - 1) > 0.05)
+    out.push_back(said(Grade::kWarning, text, fmt::format("{:.0f} were asked for (imu.rate_hz)", expected.rate_hz)));
+  else if (p.jitter_s > 0.25 * p.period_s)
+    out.push_back(said(Grade::kWarning, text, "stamps are irregular: use the data-ready line or the chip's own clock"));
+  else
+    out.push_back(said(Grade::kOk, text));
+  if (p.missing + p.backwards + r.not_finite > 0) {
+    const bool is_bad = p.missing + r.not_finite + p.backwards > p.samples / 100;
+    out.push_back(
+        said(is_bad ? Grade::kError : Grade::kWarning,
+             fmt::format("{} readings missing in {} pauses, {} with a stamp not later than the one before, {} "
+                         "not finite",
+                         p.missing, p.gaps, p.backwards, r.not_finite),
+             "look at the bus speed, at other load of the computer, at the cable"));
+  }
+}
+
+void say_noise(const ImuResult& r, const ImuExpectation& expected, Findings& out) {
+  const auto judge = [&](const char* name, const std::array<double, 3>& density, double configured, const char* unit,
+                         const char* key) {
+    if (most_of(density) <= 0) return;
+    const std::string text = fmt::format("{} noise {:.2e} {:.2e} {:.2e} {} at rest, configured {:.2e}", name,
+                                         density[0], density[1], density[2], unit, configured);
+    if (configured > 0 && most_of(density) > 3 * configured)
+      out.push_back(said(
+          Grade::kWarning, text,
+          fmt::format("motors or fans off? else mount it softer, or set {} to {:.1e}", key, 1.5 * most_of(density))));
+    else
+      out.push_back(said(Grade::kOk, text));
+  };
+  judge("gyroscope", r.gyroscope_density, expected.gyroscope_density, "rad/s/sqrt(Hz)", "imu.gyroscope_noise_density");
+  judge("accelerometer", r.accelerometer_density, expected.accelerometer_density, "m/s^2/sqrt(Hz)",
+        "imu.accelerometer_noise_density");
+  if (most_of(r.gyroscope_instability) > 0)
+    out.push_back(said(Grade::kOk,
+                       fmt::format("least Allan deviation in {:.0f} s at rest: gyroscope {:.2g} rad/s, "
+                                   "accelerometer {:.2g} m/s^2",
+                                   r.rest_s, most_of(r.gyroscope_instability), most_of(r.accelerometer_instability))));
+}
+
+void say_gravity(const ImuResult& r, Findings& out) {
+  const double g = r.gravity_m_s2;
+  const std::string text = fmt::format("{:.3f} m/s^2 at rest", g);
+  const auto& a = r.accelerometer_rest_m_s2;
+  if (std::abs(g - 1) < 0.1)
+    out.push_back(said(Grade::kError, text, "readings are in g, 9.81 times too small: look at the device's scale"));
+  else if (std::abs(g - kGravity) > 1)
+    out.push_back(said(Grade::kError, text, "gravity is 9.81: wrong scale or measuring range, or a broken axis"));
+  else if (std::abs(g - kGravity) > 0.3)
+    out.push_back(said(Grade::kWarning, text, "gravity is 9.81: calibrate the accelerometer (offset, scale)"));
+  else
+    out.push_back(said(Grade::kOk, fmt::format("gravity {:.3f} m/s^2, up is ({:+.2f}, {:+.2f}, {:+.2f}) of its axes", g,
+                                               a[0] / g, a[1] / g, a[2] / g)));
+  const auto& w = r.gyroscope_rest_rad_s;
+  const double bias = std::hypot(w[0], w[1], w[2]);
+  const std::string turn = fmt::format("gyroscope reads {:.4f} rad/s at rest", bias);
+  if (bias > 0.1)
+    out.push_back(
+        said(Grade::kWarning, turn, "much for a bias: warm it up, or let it be calibrated; did it stand still?"));
+  else
+    out.push_back(said(Grade::kOk, turn));
+}
+
+}  // namespace
+
+Findings findings_of(const ImuResult& r, const ImuExpectation& expected) {
+  Findings out;
+  if (r.pacing.samples < 10) {
+    out.push_back(said(Grade::kError, fmt::format("{} readings", r.pacing.samples),
+                       "it is there but gives none: look at its data-ready line, trigger and power"));
+    return out;
+  }
+  say_pace(r, expected, out);
+  if (r.dead_axes > 0)
+    out.push_back(said(Grade::kError, fmt::format("{} of 6 axes never change", r.dead_axes),
+                       "an axis is not enabled, or the sensor is broken"));
+  if (r.rest_s < 1) {
+    out.push_back(said(Grade::kWarning,
+                       fmt::format("at rest for {:.1f} s only: noise and gravity not judged", r.rest_s),
+                       "let it lie still for some seconds while this runs"));
+    return out;
+  }
+  say_noise(r, expected, out);
+  say_gravity(r, out);
+  return out;
+}
+
+}  // namespace epiline

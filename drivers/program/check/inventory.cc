@@ -1,0 +1,103 @@
+#include "drivers/program/check/inventory.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <grp.h>
+#include <linux/gpio.h>
+#include <sys/ioctl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+
+namespace epiline {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string first_line(const fs::path& file) {
+  std::ifstream in(file);
+  std::string line;
+  std::getline(in, line);
+  return line;
+}
+
+/// What is in a folder, in the order of names; nothing if there is none.
+std::vector<fs::path> entries(const fs::path& folder, const std::string& prefix) {
+  std::vector<fs::path> found;
+  std::error_code none;
+  for (fs::directory_iterator it(folder, none), end; !none && it != end; it.increment(none))
+    if (it->path().filename().string().rfind(prefix, 0) == 0) found.push_back(it->path());
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+/// Devices of a class with their names, `/dev` and the name of the entry.
+std::vector<ListedDevice> of_class(const fs::path& folder, const char* prefix, const char* name_file) {
+  std::vector<ListedDevice> devices;
+  for (const fs::path& entry : entries(folder, prefix))
+    devices.push_back({"/dev/" + entry.filename().string(), first_line(entry / name_file)});
+  return devices;
+}
+
+/// What its driver calls a chip; the kernel has that in no file. Empty: it may not be opened.
+std::string label_of(const fs::path& chip) {
+  gpiochip_info info{};
+  const int fd = ::open(chip.c_str(), O_RDWR | O_CLOEXEC);
+  if (fd < 0) return {};
+  const bool is_told = ::ioctl(fd, GPIO_GET_CHIPINFO_IOCTL, &info) == 0;
+  ::close(fd);
+  return is_told ? std::string(info.label, ::strnlen(info.label, sizeof(info.label))) : std::string();
+}
+
+}  // namespace
+
+Inventory list_devices(const fs::path& root) {
+  Inventory all;
+  const fs::path sys = root / "sys";
+  all.cameras = of_class(sys / "class/video4linux", "video", "name");
+  all.iio = of_class(sys / "bus/iio/devices", "iio:device", "name");
+  for (const fs::path& file : entries(root / "dev", "gpiochip"))
+    all.gpio.push_back({"/dev/" + file.filename().string(), label_of(file)});
+  for (const fs::path& file : entries(root / "dev", "spidev"))
+    all.spi.push_back({"/dev/" + file.filename().string(), {}});
+  for (const char* prefix : {"ttyACM", "ttyUSB", "ttyAMA", "ttyTHS"})
+    for (const fs::path& file : entries(root / "dev", prefix))
+      all.serial.push_back({"/dev/" + file.filename().string(), {}});
+  constexpr const char* kCanType = "280";  // ARPHRD_CAN
+  for (const fs::path& entry : entries(sys / "class/net", ""))
+    if (first_line(entry / "type") == kCanType)
+      all.can.push_back({entry.filename().string(), first_line(entry / "operstate")});
+  return all;
+}
+
+std::string to_text(const std::vector<ListedDevice>& devices) {
+  std::string text;
+  for (const ListedDevice& d : devices) {
+    text += fmt::format("{}{}", text.empty() ? "" : ", ", d.path);
+    if (!d.name.empty()) text += fmt::format(" ({})", d.name);
+  }
+  return text.empty() ? "none" : text;
+}
+
+std::optional<std::string> permission_remedy(const fs::path& device) {
+  if (::access(device.c_str(), R_OK | W_OK) == 0 || errno != EACCES) return std::nullopt;
+  struct stat status {};
+  if (::stat(device.c_str(), &status) != 0) return "run as a user who may look into the folder of " + device.string();
+  std::array<char, 4096> text{};
+  group entry{};
+  group* found = nullptr;
+  const bool group_may = (status.st_mode & (S_IRGRP | S_IWGRP)) == (S_IRGRP | S_IWGRP);
+  if (group_may && status.st_gid != 0 && ::getgrgid_r(status.st_gid, &entry, text.data(), text.size(), &found) == 0 &&
+      found != nullptr) {
+    return fmt::format("join its group: sudo usermod -aG {} $USER, then log in again", found->gr_name);
+  }
+  return fmt::format("add a udev rule that gives {} to a group of yours", device.string());
+}
+
+}  // namespace epiline

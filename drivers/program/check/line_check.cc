@@ -1,0 +1,74 @@
+#include "drivers/program/check/line_check.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <chrono>
+#include <cmath>
+
+namespace epiline {
+
+namespace {
+
+constexpr Span kWait = Span::from_milliseconds(100);
+constexpr double kLargeLag = 0.35;      // of a period; from half of it on an image takes its neighbour's edge
+constexpr std::uint64_t kOddMost = 50;  // of so many edges one may be missing or too soon
+constexpr const char* kNoEdges = "is its sender on? wired to this line (gpioinfo)? at the board's voltage?";
+
+std::string rate_and_line(double period_s, const std::string& line) {
+  return fmt::format("{:.2f} edges a second on {}", period_s > 0 ? 1 / period_s : 0, line);
+}
+
+}  // namespace
+
+bool LineCheck::look() {
+  std::array<HostStamp, 64> edges;
+  std::size_t count = 0;
+  if (line_.read(edges, count, kWait) == ReadOutcome::kFailed)
+    std::this_thread::sleep_for(std::chrono::nanoseconds(kWait.ns));
+  for (std::size_t i = 0; i < count; ++i) pacing_.step(edges[i], {});
+  return true;
+}
+
+PacingResult LineCheck::result() {
+  thread_.stop();
+  return pacing_.result();
+}
+
+Findings findings_of(const PacingResult& edges, const std::string& device, const std::string& line) {
+  if (edges.samples < 2)
+    return {{Grade::kWarning, device, fmt::format("{} edges on {}", edges.samples, line), kNoEdges}};
+  return {{Grade::kOk, device,
+           fmt::format("{}, jitter {:.3f} ms", rate_and_line(edges.period_s, line), 1e3 * edges.jitter_s), ""}};
+}
+
+Findings findings_of(const EdgeCounts& e, const GpioCounts& counts, const std::string& line) {
+  Findings out;
+  const auto say = [&out](Grade grade, std::string text, std::string remedy = {}) {
+    out.push_back({grade, "camera", std::move(text), std::move(remedy)});
+  };
+  if (counts.disconnected > 0)
+    say(Grade::kError, fmt::format("the chip of {} went away{}", line, counts.last_error == 0 ? ", and came back" : ""),
+        "its cable, its supply, its driver");
+  if (e.edges == 0) {
+    say(Grade::kError, fmt::format("no edges on {}: no image is stamped", line), kNoEdges);
+    return out;
+  }
+  const std::uint64_t judged = e.matched + e.without_edge + e.mismatched;
+  const std::string text =
+      fmt::format("{}, those of {} of {} images; the driver's stamps are {:.2f} ms later",
+                  rate_and_line(e.period.seconds(), line), e.matched, judged + e.unsure, 1e3 * e.lag.seconds());
+  if (judged == 0 || 2 * e.matched < judged)
+    say(Grade::kError, text, "one edge for each exposure is needed: the trigger's rate, camera.stamp_edge, bounces");
+  else if (std::abs(e.lag.seconds()) > kLargeLag * e.period.seconds())
+    say(Grade::kWarning, text,
+        "near half a period an image takes its neighbour's edge: camera.readout_ms, exposure_ms, stamp_point");
+  else
+    say(Grade::kOk, text);
+  if ((e.missing + e.extra) * kOddMost > e.edges)
+    say(Grade::kWarning, fmt::format("{} edges missing on {}, {} too soon after another", e.missing, line, e.extra),
+        "a steady trigger, a shorter wire, a pull-up; no bouncing contact");
+  return out;
+}
+
+}  // namespace epiline

@@ -1,0 +1,49 @@
+#include "drivers/program/check/wheel_check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+
+namespace epiline {
+
+namespace {
+
+constexpr Span kWait = Span::from_milliseconds(100);
+constexpr double kFastest_m_s = 60;  // of anything that this is for
+
+}  // namespace
+
+bool WheelCheck::look() {
+  WheelSample sample;
+  const ReadOutcome outcome = wheel_.read(sample, kWait);
+  if (outcome == ReadOutcome::kFailed) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  if (outcome != ReadOutcome::kSample) return outcome != ReadOutcome::kEnd;
+  const bool is_first = pacing_.samples() == 0;
+  const double speed = sample.forward_speed_m_s;
+  least_m_s_ = is_first ? speed : std::min(least_m_s_, speed);
+  most_m_s_ = is_first ? speed : std::max(most_m_s_, speed);
+  pacing_.step(sample.stamp, {});
+  return true;
+}
+
+WheelResult WheelCheck::result() {
+  thread_.stop();
+  return {pacing_.result(), least_m_s_, most_m_s_};
+}
+
+Findings findings_of(const WheelResult& r) {
+  const auto said = [](Grade grade, std::string text, std::string remedy = {}) {
+    return Finding{grade, "wheel", std::move(text), std::move(remedy)};
+  };
+  if (r.pacing.samples == 0)
+    return {said(Grade::kError, "no speed",
+                 "does its frame come (see below)? wheel.start_bit, length, byte order; a sender may say \"unknown\"")};
+  const std::string text = fmt::format("{:.1f} speeds a second, jitter {:.1f} ms, from {:.2f} to {:.2f} m/s",
+                                       r.pacing.rate_hz(), 1e3 * r.pacing.jitter_s, r.least_m_s, r.most_m_s);
+  if (std::max(-r.least_m_s, r.most_m_s) > kFastest_m_s)
+    return {said(Grade::kWarning, text, "faster than any vehicle: wheel.scale_m_s, is_signed, start_bit, byte order")};
+  return {said(Grade::kOk, text)};
+}
+
+}  // namespace epiline

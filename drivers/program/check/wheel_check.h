@@ -1,0 +1,37 @@
+#pragma once
+// What a vehicle's wheels say.
+#include <cstdint>
+#include <optional>
+
+#include "drivers/program/check/finding.h"
+#include "drivers/program/check/pacing.h"
+#include "drivers/program/check/watcher.h"
+#include "platform/ports/ports.h"
+
+namespace epiline {
+
+struct WheelResult {
+  PacingResult pacing;
+  double least_m_s = 0, most_m_s = 0;  ///< speeds
+};
+
+/// Reads wheels from construction on, in a thread of its own.
+class WheelCheck {
+ public:
+  /// `wheel` is open, and outlives this.
+  explicit WheelCheck(WheelSource& wheel) : wheel_(wheel), thread_([this] { return look(); }) {}
+  /// Ends it.
+  WheelResult result();
+
+ private:
+  bool look();
+
+  WheelSource& wheel_;
+  Pacing pacing_;
+  double least_m_s_ = 0, most_m_s_ = 0;
+  Watcher thread_;  // last: it uses the others
+};
+
+Findings findings_of(const WheelResult& result);
+
+}  // namespace epiline

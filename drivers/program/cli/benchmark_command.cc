@@ -1,0 +1,53 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <thread>
+
+#include "drivers/program/cli/commands.h"
+#include "drivers/program/cli/progress_bar.h"
+#include "drivers/study/benchmark/benchmark.h"
+#include "pipeline/config/config.h"
+
+namespace epiline {
+
+namespace {
+
+int benchmark_command(const BenchmarkOptions& options) {
+  ProgressBar bar(false, "runs");
+  const auto record = run_benchmark(options, [&](std::size_t done, std::size_t all) { bar(done, all); });
+  if (!record) return report(record.error());
+  const auto text = write_benchmark(*record, options.out);
+  if (!text) return report(text.error());
+  fmt::print("{}\npage      {}\n", *text, (options.out / "benchmark.html").string());
+  const auto done = [](const BenchmarkRun& run) { return run.outcome == RunOutcome::kDone; };
+  if (std::any_of(record->runs.begin(), record->runs.end(), done)) return kExitDone;
+  return report({ErrorKind::kRun, "", 0, fmt::format("none of {} runs gave a trajectory", record->runs.size()),
+                 "at least one; benchmark.txt says what each of them lacked"});
+}
+
+}  // namespace
+
+void add_benchmark(CLI::App& app, int& exit_code) {
+  const auto o = std::make_shared<BenchmarkOptions>();
+  o->factors.assign(kVisualFactorNames.begin(), kVisualFactorNames.end());
+  o->jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  CLI::App* command = app.add_subcommand("benchmark", "Every visual factor over every data set: errors, times, tables");
+  command->add_option("DATASET", o->datasets, "ASL folders or ROS 1 bags")->required();
+  command->add_option("--factors", o->factors, "visual factors to compare")
+      ->delimiter(',')
+      ->check(CLI::IsMember(kVisualFactorNames))
+      ->capture_default_str();
+  command->add_option("--repeat", o->repeat, "runs of each")->check(CLI::Range(1, 10000))->capture_default_str();
+  command->add_option("--jobs", o->jobs, "runs side by side; 1 gives the cleanest times")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  command->add_option("--config", o->config_file, "settings (TOML) of every run; see epiline config");
+  command->add_option("--camera", o->camera, "which camera")
+      ->check(CLI::IsMember({"cam0", "cam1"}))
+      ->capture_default_str();
+  command->add_option("--out", o->out, "folder for the results")->required();
+  command->callback([o, &exit_code] { exit_code = benchmark_command(*o); });
+}
+
+}  // namespace epiline

@@ -1,0 +1,103 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "drivers/program/check/check.h"
+#include "drivers/program/cli/commands.h"
+#include "pipeline/config/config.h"
+
+namespace epiline {
+
+namespace {
+
+struct Options {
+  std::string config;
+  double seconds = 10;
+  bool json = false;
+};
+
+void print_lines(const Findings& findings, const Inventory& inventory) {
+  for (const Finding& f : findings) {
+    fmt::print("{:7}  {}: {}{}{}\n", kGradeNames[static_cast<std::size_t>(f.grade)], f.device, f.text,
+               f.remedy.empty() ? "" : "; ", f.remedy);
+  }
+  fmt::print("there    cameras: {}\n", to_text(inventory.cameras));
+  fmt::print("there    iio: {}\n", to_text(inventory.iio));
+  fmt::print("there    spi: {}\n", to_text(inventory.spi));
+  fmt::print("there    gpio: {}\n", to_text(inventory.gpio));
+  fmt::print("there    serial: {}\n", to_text(inventory.serial));
+  fmt::print("there    can: {}\n", to_text(inventory.can));
+}
+
+void print_json(const Findings& findings, const Inventory& inventory) {
+  nlohmann::ordered_json root;
+  root["schema"] = 1;
+  root["findings"] = nlohmann::ordered_json::array();
+  for (const Finding& f : findings) {
+    nlohmann::ordered_json entry;
+    entry["grade"] = kGradeNames[static_cast<std::size_t>(f.grade)];
+    entry["device"] = f.device;
+    entry["text"] = f.text;
+    entry["remedy"] = f.remedy;
+    root["findings"].push_back(entry);
+  }
+  const auto list = [](const std::vector<ListedDevice>& devices) {
+    auto all = nlohmann::ordered_json::array();
+    for (const ListedDevice& d : devices) all.push_back({{"path", d.path}, {"name", d.name}});
+    return all;
+  };
+  root["there"]["cameras"] = list(inventory.cameras);
+  root["there"]["iio"] = list(inventory.iio);
+  root["there"]["spi"] = list(inventory.spi);
+  root["there"]["gpio"] = list(inventory.gpio);
+  root["there"]["serial"] = list(inventory.serial);
+  root["there"]["can"] = list(inventory.can);
+  // names come from devices: whatever bytes they hold
+  fmt::print("{}\n", root.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
+}
+
+int check(const Options& options) {
+  // a file that says nonsense is wrong input, not a finding about devices
+  if (const auto file = ConfigFile::read(options.config); !file) return report(file.error());
+  CheckOptions how;
+  how.seconds = options.seconds;
+  const bool shows = isatty(STDERR_FILENO) == 1;
+  how.watch = [&](double seconds) {
+    if (shows) {
+      const bool first_half = seconds < options.seconds / 2;
+      fmt::print(stderr, "\r\x1b[K{:3.0f} of {:.0f} s: {}", seconds, options.seconds,
+                 first_half ? "let it lie still" : "turn it by hand, about all axes");
+    }
+    return true;
+  };
+  const Findings findings = check_devices(options.config, how);
+  if (shows) fmt::print(stderr, "\r\x1b[K");
+  const Inventory inventory = list_devices();
+  if (options.json)
+    print_json(findings, inventory);
+  else
+    print_lines(findings, inventory);
+  const bool is_bad =
+      std::any_of(findings.begin(), findings.end(), [](const Finding& f) { return f.grade == Grade::kError; });
+  return is_bad ? kExitRunFailed : kExitDone;
+}
+
+}  // namespace
+
+void add_check(CLI::App& app, int& exit_code) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("check", "Looks at the configured devices and says what is wrong with them");
+  command->add_option("--config", options->config, "configuration, a TOML file")->required();
+  command
+      ->add_option("--seconds", options->seconds,
+                   "to look at live data; an hour gives the Allan deviation (default 10)")
+      ->check(CLI::Range(1.0, 86400.0));
+  command->add_flag("--json", options->json, "machine-readable");
+  command->callback([options, &exit_code] { exit_code = check(*options); });
+}
+
+}  // namespace epiline

@@ -1,0 +1,69 @@
+#include <fmt/format.h>
+
+#include <memory>
+#include <string>
+
+#include "drivers/program/cli/commands.h"
+#include "drivers/study/evaluate/errors.h"
+#include "drivers/study/report/errors_json.h"
+
+namespace epiline {
+
+namespace {
+
+struct Options {
+  std::string estimate, reference, align = "4dof";
+  bool json = false;
+};
+
+void print_summary(const std::string& label, const Summary& s) {
+  fmt::print("{:<10} {:9.4f} {:9.4f} {:9.4f} {:9.4f} {:9.4f}\n", label, s.rmse, s.mean, s.median, s.p95, s.max);
+}
+
+void print_text(const TrajectoryErrors& e, const std::string& align, std::size_t all) {
+  fmt::print("poses      {} of {} with a reference, true path {:.2f} m\n", e.poses, all, e.path_length_m);
+  fmt::print("error, m        rmse      mean    median       p95       max\n");
+  print_summary("ATE " + align, e.ate(*alignment_from(align)));
+  fmt::print("scale      {:+.3f} %\nyaw drift  {:+.3f} deg\n", 100 * e.scale_error, e.yaw_drift_deg);
+  for (const RelativeError& r : e.rpe) {
+    fmt::print("over {:>4.0f} m {:8.3f} % {:8.3f} deg  ({} pieces)\n", r.distance_m, r.translation_percent,
+               r.rotation_deg, r.pairs);
+  }
+}
+
+int evaluate_files(const Options& options) {
+  const auto estimate = read_trajectory(options.estimate);
+  if (!estimate) return report(estimate.error());
+  const auto reference = read_trajectory(options.reference);
+  if (!reference) return report(reference.error());
+  const TrajectoryErrors errors = evaluate(*estimate, *reference);
+  if (errors.poses == 0) {
+    return report(
+        {ErrorKind::kUsage, options.estimate, 0, "no pose at a time of the reference", "stamps of one clock"});
+  }
+  if (options.json) {
+    auto json = to_json(errors);
+    json["align"] = options.align;
+    json["ate_m"] = to_json(errors.ate(*alignment_from(options.align)));
+    fmt::print("{}\n", json.dump(2));
+  } else {
+    print_text(errors, options.align, estimate->poses.size());
+  }
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_evaluate(CLI::App& app, int& exit_code) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("evaluate", "Errors of a trajectory against a reference");
+  command->add_option("ESTIMATE", options->estimate, "TUM trajectory or ASL ground truth, also gzipped")->required();
+  command->add_option("REFERENCE", options->reference, "the truth, in either format")->required();
+  command->add_option("--align", options->align, "what is laid over the reference first")
+      ->check(CLI::IsMember({"4dof", "se3", "sim3", "none"}))
+      ->capture_default_str();
+  command->add_flag("--json", options->json, "all figures as JSON");
+  command->callback([options, &exit_code] { exit_code = evaluate_files(*options); });
+}
+
+}  // namespace epiline

@@ -1,0 +1,75 @@
+// The program `epiline`: it wires things up and holds no logic of its own.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <exception>
+#include <string>
+
+#include "drivers/program/cli/commands.h"
+
+namespace epiline {
+
+int report(const Error& error) {
+  fmt::print(stderr, "epiline: error: {}\n", error.text());
+  return error.kind == ErrorKind::kUsage ? kExitUsage : kExitRunFailed;
+}
+
+Result<std::unique_ptr<LiveView>> open_view(const std::string& text) {
+  if (text.empty()) return std::unique_ptr<LiveView>();
+  const auto address = parse_view_address(text);
+  if (!address) return address.error();
+  auto view = LiveView::open(*address);
+  if (!view) return view.error();
+  fmt::print("view      {}\n", url_of((*view)->address()));
+  std::fflush(stdout);
+  return view;
+}
+
+namespace {
+
+std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
+
+int run(int argc, char** argv) {
+  int exit_code = kExitDone;
+  CLI::App app(
+      "Visual-inertial odometry without a map: a camera and an IMU in, pose, velocity and their covariance out.",
+      "epiline");
+  app.require_subcommand(1);
+  app.set_version_flag("--version", EPILINE_VERSION);
+  add_run(app, exit_code);
+  add_hil(app, exit_code);
+  add_check(app, exit_code);
+  add_replay(app, exit_code);
+  add_evaluate(app, exit_code);
+  add_benchmark(app, exit_code);
+  add_montecarlo(app, exit_code);
+  add_simulate(app, exit_code);
+  add_config(app, exit_code);
+  add_dbc(app, exit_code);
+  const auto commands = app.get_subcommands([](const CLI::App*) { return true; });
+  const auto is_named = [&](const CLI::App* command) { return argc > 1 && command->check_name(argv[1]); };
+  if (argc > 1 && argv[1][0] != '-' && std::none_of(commands.begin(), commands.end(), is_named)) {
+    return report({ErrorKind::kUsage, "", 0, "unknown command \"" + std::string(argv[1]) + "\"",
+                   "one that epiline --help lists"});
+  }
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) return app.exit(e);  // --help, --version
+    return report({ErrorKind::kUsage, "", 0, first_line(e.what()), "what epiline --help lists"});
+  }
+  return exit_code;
+}
+
+}  // namespace
+}  // namespace epiline
+
+int main(int argc, char** argv) {
+  try {
+    return epiline::run(argc, argv);
+  } catch (const std::exception& e) {
+    return epiline::report({epiline::ErrorKind::kRun, "", 0, e.what(), ""});
+  }
+}

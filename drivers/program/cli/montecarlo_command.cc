@@ -1,0 +1,91 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <thread>
+
+#include "drivers/program/cli/commands.h"
+#include "drivers/program/cli/progress_bar.h"
+#include "drivers/study/montecarlo/study.h"
+#include "drivers/study/montecarlo/study_report.h"
+#include "pipeline/text/table.h"
+
+namespace epiline {
+
+namespace {
+
+struct Options {
+  StudyOptions study;
+  std::vector<std::string> flights, factors;
+  std::filesystem::path out;
+};
+
+int montecarlo_command(Options& o) {
+  o.study.flights.clear();
+  for (const std::string& name : o.flights) o.study.flights.push_back(*flight_from(name));
+  for (const std::string& text : o.factors) {
+    auto variant = parse_variant(text);
+    if (!variant) return report(variant.error());
+    o.study.variants.push_back(std::move(*variant));
+  }
+  if (const Status s = make_folder(o.out); !s) return report(s.error());
+  ProgressBar bar(false, "flights");
+  const auto cells = run_study(o.study, [&](std::size_t done, std::size_t all) { bar(done, all); });
+  const std::string text = study_text(cells, o.study);
+  fmt::print("{}", text);
+  if (const Status s = write_text(o.out / "montecarlo.txt", text); !s) return report(s.error());
+  const Status s = write_text(o.out / "montecarlo.json", study_json(cells, o.study).dump(1) + "\n");
+  return s ? kExitDone : report(s.error());
+}
+
+void add_noise(CLI::App& command, StudyOptions& study) {
+  command.add_option("--pixel-noise", study.noise.pixel_sigma, "white noise of the tracks, px")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command.add_option("--outliers", study.noise.outlier_share, "share of outliers")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  command.add_option("--drift", study.noise.drift_px, "random walk of the tracks, px per root of an image")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command.add_option("--correlated-noise", study.correlated.sigma_px, "noise that lasts over some images, px")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command.add_option("--correlation-images", study.correlated.images, "after so many it is forgotten to 1/e")
+      ->check(CLI::Range(0.01, 1e6))
+      ->capture_default_str();
+  command.add_option("--assumed-sigma", study.assumed_sigma_px, "noise the estimator is told instead of the white, px")
+      ->check(CLI::PositiveNumber);
+  command.add_option("--time-offset", study.time_offset_s,
+                     "image stamps are too early by this, s; the estimator has to find it");
+}
+
+}  // namespace
+
+void add_montecarlo(CLI::App& app, int& exit_code) {
+  const auto o = std::make_shared<Options>();
+  for (const FlightKind kind : kAllFlights) o->flights.emplace_back(to_string(kind));
+  o->factors.assign(kVisualFactorNames.begin(), kVisualFactorNames.end());
+  o->study.jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  CLI::App* command =
+      app.add_subcommand("montecarlo", "Many made-up flights: errors, and whether the covariance tells the truth");
+  command->add_option("--flight", o->flights, "what is flown")
+      ->delimiter(',')
+      ->check(CLI::IsMember(o->flights))
+      ->capture_default_str();
+  command
+      ->add_option("--factors", o->factors,
+                   std::string("visual factors, each with changes behind colons: ") + kVariantChanges)
+      ->delimiter(',')
+      ->capture_default_str();
+  command->add_option("--runs", o->study.runs, "of each flight")
+      ->check(CLI::Range(1, 1'000'000))
+      ->capture_default_str();
+  add_noise(*command, o->study);
+  command->add_option("--seed", o->study.seed, "of the first run")->capture_default_str();
+  command->add_option("--jobs", o->study.jobs, "threads")->check(CLI::Range(1, 1024))->capture_default_str();
+  command->add_option("--out", o->out, "folder for montecarlo.txt and montecarlo.json")->required();
+  command->callback([o, &exit_code] { exit_code = montecarlo_command(*o); });
+}
+
+}  // namespace epiline

@@ -1,0 +1,145 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "drivers/program/cli/commands.h"
+#include "drivers/program/live/live_run.h"
+#include "drivers/program/view/live_view.h"
+#include "drivers/study/replay/replay.h"
+#include "drivers/study/report/outputs.h"
+#include "drivers/study/report/stats_json.h"
+
+namespace epiline {
+
+namespace {
+
+struct Options {
+  LiveOptions live;
+  std::string config, view, record_folder;
+  bool record_images = false, quiet = false;
+};
+
+std::string reasons_text(std::uint32_t reasons) {
+  std::string s;
+  for (int i = 0; i < kHealthReasons; ++i) {
+    if ((reasons >> i & 1u) != 0) s += fmt::format("{}{}", s.empty() ? "" : ", ", kHealthReasonNames[i]);
+  }
+  return s;
+}
+
+/// A line when the state changes, or a line to a receiver is lost or back; on a terminal also one that is written over,
+/// twice a second.
+class StateLines {
+ public:
+  explicit StateLines(bool quiet) : quiet_(quiet), terminal_(!quiet && isatty(STDERR_FILENO) == 1) {}
+  ~StateLines() {
+    if (shown_) fmt::print(stderr, "\n");
+  }
+  StateLines(const StateLines&) = delete;
+  StateLines& operator=(const StateLines&) = delete;
+
+  void operator()(const LiveState& state) {
+    if (quiet_) return;
+    const HealthState now = state.has_pose ? state.odometry.health.state : HealthState::kInitialising;
+    if (!known_ || now != state_ || state.lost_outputs != lost_) {
+      clear();
+      const std::string why = state.has_pose ? reasons_text(state.odometry.health.reasons) : "";
+      fmt::print("{:9.2f} s  {}{}{}{}{}\n", state.since_start.seconds(),
+                 kHealthStateNames[static_cast<std::size_t>(now)], why.empty() ? "" : ": ", why,
+                 state.lost_outputs.empty() ? "" : "; lost: ", state.lost_outputs);
+      std::fflush(stdout);
+      known_ = true;
+      state_ = now;
+      lost_ = state.lost_outputs;
+    }
+    if (terminal_ && ++rounds_ % 10 == 0) show(state);
+  }
+
+ private:
+  void clear() {
+    if (shown_) fmt::print(stderr, "\r\x1b[K");
+    shown_ = false;
+  }
+  void show(const LiveState& state) {
+    clear();
+    const Odometry& o = state.odometry;
+    if (state.has_pose) {
+      fmt::print(stderr, "{:9.2f} s  quality {:3}  p {:7.2f} {:7.2f} {:7.2f} m  v {:6.2f} {:6.2f} {:6.2f} m/s",
+                 state.since_start.seconds(), o.health.quality, o.p_WB_m[0], o.p_WB_m[1], o.p_WB_m[2], o.v_WB_m_s[0],
+                 o.v_WB_m_s[1], o.v_WB_m_s[2]);
+    } else {
+      fmt::print(stderr, "{:9.2f} s  {} images, {} readings of the IMU", state.since_start.seconds(), state.images,
+                 state.readings);
+    }
+    std::fflush(stderr);
+    shown_ = true;
+  }
+
+  bool quiet_, terminal_, known_ = false, shown_ = false;
+  HealthState state_ = HealthState::kInitialising;
+  std::string lost_;
+  unsigned rounds_ = 0;
+};
+
+void print_summary(const FlightRecord& r) {
+  const RealtimeReport& report = r.realtime->report;
+  fmt::print("images    {} in, {} estimated, {} overtaken\n", report.frames_in, report.frames_out,
+             report.frames_overtaken);
+  fmt::print("readings  {} in, {} odometry made of them\n", report.imu_in, report.predicted);
+  for (const OutputRecord& o : r.realtime->outputs) {
+    const auto ms = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
+    fmt::print("output    {}: {} sent, {} not sent, reopened {} times", o.name, o.sent, o.not_sent, o.reopened);
+    if (o.latency.count() > 0) {
+      fmt::print("; {:.2f} ms median, {:.2f} ms 99 %, {:.2f} ms at most, from image stamp to last byte",
+                 ms(o.latency.quantile_ns(0.5)), ms(o.latency.quantile_ns(0.99)), ms(o.latency.most_ns()));
+    }
+    fmt::print("\n");
+  }
+  for (const std::string& line : r.realtime->shortfalls) fmt::print("note      {}\n", line);
+}
+
+int run_command(Options& options) {
+  auto settings = read_live_settings(options.config);
+  if (!settings) return report(settings.error());
+  if (!options.record_folder.empty()) settings->config.recorder.folder = options.record_folder;
+  settings->config.recorder.images |= options.record_images;
+  const auto view = open_view(options.view);
+  if (!view) return report(view.error());
+  options.live.view = view->get();
+  auto devices = make_devices(*settings);
+  if (!devices) return report(devices.error());
+  StateLines lines(options.quiet);
+  const auto record = fly(*settings, *devices, options.live, [&](const LiveState& state) {
+    lines(state);
+    return true;
+  });
+  if (!record) return report(record.error());
+  if (!options.live.out.empty()) {
+    if (const auto errors = write_report(*record, options.live.out); !errors) return report(errors.error());
+  }
+  if (!options.quiet) print_summary(*record);
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_run(CLI::App& app, int& exit_code) {
+  const auto o = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("run", "Odometry from a live camera and IMU, to flight controllers and buses");
+  command->add_option("--config", o->config, "devices, calibration and settings (TOML); see epiline config")
+      ->required();
+  command->add_option("--out", o->live.out, "folder for trajectory, events, figures and report");
+  command->add_option("--duration", o->live.duration_s, "ends after that many seconds")->check(CLI::PositiveNumber);
+  command->add_option("--view", o->view, "[ADDRESS:]PORT: a page that shows the flight; 0: any port")
+      ->type_name("[ADDRESS:]PORT");
+  CLI::Option* const record =
+      command->add_option("--record", o->record_folder, "flight recorder: records go into this folder");
+  command->add_flag("--record-images", o->record_images, "images are recorded too")->needs(record);
+  command->add_flag("--quiet", o->quiet, "prints nothing but errors");
+  command->callback([o, &exit_code] { exit_code = run_command(*o); });
+}
+
+}  // namespace epiline

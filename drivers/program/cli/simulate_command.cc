@@ -1,0 +1,161 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "drivers/flights/simulate/hybrid_flight.h"
+#include "drivers/flights/simulate/wheel_simulator.h"
+#include "drivers/program/cli/commands.h"
+#include "drivers/program/cli/progress_bar.h"
+#include "pipeline/text/table.h"
+
+namespace epiline {
+
+namespace {
+
+struct Options {
+  std::string flight = to_string(FlightKind::kHall), from, imu = "recorded", imu_calibration, world,
+              effects = kUsualEffects, camera, out;
+  bool tracks = false, quiet = false;
+  std::uint64_t seed = 1;
+  bool wheels = false;
+  WheelSimulation wheel;
+  double duration_s = 0, rate_hz = 20;
+  int jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  TrackSimulation simulation;
+};
+
+// The images of the first seconds only; the truth and the IMU samples beyond do no harm.
+void shorten(SimulatedFlight& flight, double duration_s) {
+  const HostStamp end = flight.images.front().stamp + Span::from_seconds(duration_s);
+  const auto beyond = std::partition_point(flight.images.begin(), flight.images.end(),
+                                           [&](const SimulatedImage& image) { return image.stamp < end; });
+  flight.images.erase(beyond, flight.images.end());
+}
+
+int simulate_track_flight(Options& o) {
+  o.simulation.flight = *flight_from(o.flight);
+  o.simulation.seed = o.seed;
+  SimulatedFlight flight = simulate_tracks(o.simulation);
+  if (o.duration_s > 0) shorten(flight, o.duration_s);
+  std::vector<WheelSample> wheel;
+  if (o.wheels) wheel = simulate_wheel(flight.flight, kFlightBegin, o.wheel, o.seed);
+  const Status written = write_asl(o.simulation, flight, o.out, wheel);
+  return written ? kExitDone : report(written.error());
+}
+
+/// A global-shutter camera like those of EuRoC.
+CameraCalibration usual_camera() {
+  CameraCalibration c;
+  c.parameters = {.model = CameraModel::kPinholeRadialTangential,
+                  .width = 752,
+                  .height = 480,
+                  .intrinsics = {458, 458, 375.5, 239.5},
+                  .distortion = {-0.28, 0.07, 0.0002, 0, 0}};
+  return c;
+}
+
+int render(const Options& o, const FlightEffects& effects, FlightToRender flight, WorldKind usual_world) {
+  if (o.wheels) flight.tables.wheel_samples = simulate_wheel(*flight.motion, flight.begin, o.wheel, o.seed);
+  if (o.duration_s > 0) flight.to_s = std::min(flight.to_s, flight.from_s + o.duration_s);
+  const RenderChoice choice{o.world.empty() ? usual_world : *world_from(o.world), effects, o.seed, o.jobs};
+  ProgressBar bar(o.quiet);
+  const Status written =
+      render_flight(flight, choice, o.out, [&](std::size_t done, std::size_t all) { bar(done, all); });
+  return written ? kExitDone : report(written.error());
+}
+
+int render_built_in(const Options& o, const FlightEffects& effects) {
+  CameraCalibration camera = usual_camera();
+  if (!o.camera.empty()) {
+    const auto calibration = read_camera_calibration(o.camera, "cam0");
+    if (!calibration) return report(calibration.error());
+    camera = *calibration;
+  }
+  const FlightKind kind = *flight_from(o.flight);
+  return render(o, effects, built_in_flight(kind, effects.imu, camera, o.rate_hz, o.seed), usual_world(kind));
+}
+
+int render_recorded(const Options& o, const FlightEffects& effects) {
+  auto hybrid = hybrid_flight({.dataset = o.from,
+                               .camera_file = o.camera,
+                               .imu_calibration = o.imu_calibration,
+                               .simulated_imu = o.imu == "simulated",
+                               .imu_effects = effects.imu,
+                               .image_rate_hz = o.rate_hz,
+                               .seed = o.seed});
+  if (!hybrid) return report(hybrid.error());
+  if (!o.quiet) fmt::print("{}", text_of(hybrid->fit));
+  const int code = render(o, effects, std::move(hybrid->flight), hybrid->usual_world);
+  if (code != kExitDone) return code;
+  const Status written = write_text(std::filesystem::path(o.out) / "fit.json", json_of(hybrid->fit));
+  return written ? kExitDone : report(written.error());
+}
+
+int simulate(Options& o) {
+  if (o.tracks) return simulate_track_flight(o);
+  const auto effects = parse_effects(o.effects);
+  if (!effects) return report(effects.error());
+  return o.from.empty() ? render_built_in(o, *effects) : render_recorded(o, *effects);
+}
+
+template <class All>
+std::vector<std::string> names(const All& all) {
+  std::vector<std::string> list;
+  for (const auto kind : all) list.emplace_back(to_string(kind));
+  return list;
+}
+
+}  // namespace
+
+void add_simulate(CLI::App& app, int& exit_code) {
+  const auto o = std::make_shared<Options>();
+  CLI::App* command =
+      app.add_subcommand("simulate", "A made-up flight as a folder to replay: images or tracks, IMU and the truth");
+  command->add_option("--flight", o->flight, "what is flown")
+      ->check(CLI::IsMember(names(kAllFlights)))
+      ->capture_default_str();
+  CLI::Option* from = command->add_option("--from", o->from, "a recorded flight (ASL folder): renders along its truth")
+                          ->excludes("--flight");
+  command->add_option("--imu", o->imu, "with --from: its readings, or simulated ones")
+      ->check(CLI::IsMember({"recorded", "simulated"}))
+      ->needs(from)
+      ->capture_default_str();
+  command->add_option("--imu-calibration", o->imu_calibration, "with --from: noise of the IMU, instead of its own file")
+      ->needs(from);
+  command->add_option("--world", o->world, "what there is to see (default: what fits the flight)")
+      ->check(CLI::IsMember(names(kAllWorlds)));
+  command->add_option("--effects", o->effects, "what camera and simulated IMU do: " + effects_help())
+      ->capture_default_str();
+  command->add_option("--camera", o->camera,
+                      "calibration (sensor.yaml) of the camera to render with; of the lens alone without --from");
+  command->add_option("--rate", o->rate_hz, "images per second")->check(CLI::Range(1.0, 500.0))->capture_default_str();
+  command->add_option("--seed", o->seed, "of every random number")->capture_default_str();
+  command->add_option("--duration", o->duration_s, "ends after that many seconds")->check(CLI::PositiveNumber);
+  command->add_option("--jobs", o->jobs, "images rendered at a time")->check(CLI::Range(1, 256))->capture_default_str();
+  CLI::Option* tracks =
+      command->add_flag("--tracks", o->tracks, "perfect tracks with noise in place of images")->excludes(from);
+  command->add_option("--pixel-noise", o->simulation.noise.pixel_sigma, "of the tracks, standard deviation, px")
+      ->check(CLI::NonNegativeNumber)
+      ->needs(tracks)
+      ->capture_default_str();
+  CLI::Option* wheels = command->add_flag("--wheel", o->wheels, "the forward speed as wheels tell it, in wheel0");
+  command->add_option("--wheel-noise", o->wheel.sigma_m_s, "of that speed, standard deviation, m/s")
+      ->check(CLI::NonNegativeNumber)
+      ->needs(wheels)
+      ->capture_default_str();
+  command->add_option("--wheel-scale-error", o->wheel.scale_error, "0.01: tells one per cent too much")
+      ->check(CLI::Range(-0.5, 0.5))
+      ->needs(wheels)
+      ->capture_default_str();
+  command->add_option("--out", o->out, "folder to write")->required();
+  command->add_flag("--quiet", o->quiet, "no progress");
+  command->callback([o, &exit_code] { exit_code = simulate(*o); });
+}
+
+}  // namespace epiline

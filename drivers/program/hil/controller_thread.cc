@@ -1,0 +1,50 @@
+#include "drivers/program/hil/controller_thread.h"
+
+#include <poll.h>
+
+#include "platform/time/monotonic.h"
+
+namespace epiline::hil {
+
+namespace {
+// Above everything that is judged: an arrival must not be stamped late because the judge had to wait.
+constexpr int kPriority = 85;
+constexpr int kLook_ms = 2;
+}  // namespace
+
+bool ControllerThread::start() { return thread_.start({.name = "controller", .priority = kPriority}, run, this); }
+
+void ControllerThread::stop() noexcept {
+  stop_.store(true, std::memory_order_relaxed);
+  thread_.join();
+}
+
+void ControllerThread::run(void* self) { static_cast<ControllerThread*>(self)->loop(); }
+
+void ControllerThread::loop() {
+  while (!stop_.load(std::memory_order_relaxed)) {
+    pollfd ready{line_.fd(), POLLIN, 0};
+    ::poll(&ready, 1, kLook_ms);
+    read_line();
+    answer();
+  }
+}
+
+void ControllerThread::read_line() {
+  while (const std::size_t got = line_.read(bytes_)) {
+    const HostStamp arrival{monotonic_ns()};
+    std::span<const std::uint8_t> bytes{bytes_.data(), got};
+    while (const mavlink::Packet* packet = parser_.next(bytes)) model_.receive(*packet, arrival);
+    answer();
+    if (stop_.load(std::memory_order_relaxed)) return;  // also if somebody never stops talking
+  }
+}
+
+void ControllerThread::answer() {
+  while (const mavlink::Packet* packet = model_.next(HostStamp{monotonic_ns()})) {
+    const mavlink::FrameBytes frame = mavlink::frame_of(*packet);
+    line_.write(frame.bytes());
+  }
+}
+
+}  // namespace epiline::hil

@@ -1,0 +1,129 @@
+#include "drivers/program/hil/fusion_model.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/study/evaluate/alignment.h"
+
+namespace epiline::hil {
+
+namespace {
+constexpr double kPositionGate = 5, kVelocityGate = 3;              // EKF2_EVP_GATE, EKF2_EVV_GATE, SD
+constexpr double kPositionNoise_m = 0.1, kVelocityNoise_m_s = 0.1;  // EKF2_EVP_NOISE, EKF2_EVV_NOISE
+constexpr double kAccelerationNoise_m_s2 = 0.35;                    // EKF2_ACC_NOISE
+constexpr Span kStop = Span::from_milliseconds(400), kRefusedFor = Span::from_milliseconds(1000);
+constexpr int kResetsMost = 5;
+
+Vec3 flipped(const Vec3& a) { return {a.x(), -a.y(), -a.z()}; }
+}  // namespace
+
+/// `moved`, `gained`: by the acceleration within dt, in position and velocity.
+void FusionModel::Axis::predict(double dt, double moved, double gained) {
+  p += v * dt + moved;
+  v += gained;
+  const double q = std::pow(kAccelerationNoise_m_s2 * dt, 2);
+  pp += 2 * dt * pv + dt * dt * vv;
+  pv += dt * vv;
+  vv += q;
+}
+
+void FusionModel::Axis::fuse(double innovation, double noise_variance, bool of_velocity) {
+  const double own = of_velocity ? vv : pp, total = own + noise_variance;
+  const double gain_p = (of_velocity ? pv : pp) / total, gain_v = (of_velocity ? vv : pv) / total;
+  p += gain_p * innovation;
+  v += gain_v * innovation;
+  const double pp_now = pp - gain_p * gain_p * total, pv_now = pv - gain_p * gain_v * total;
+  vv -= gain_v * gain_v * total;
+  pp = pp_now;
+  pv = pv_now;
+}
+
+FusionModel::Measurement FusionModel::measurement_of(const VisionSample& s, const TruthState& truth) const {
+  const auto variance = [](const Vec3& sigma, double least) { return sigma.cwiseMax(least).cwiseAbs2().eval(); };
+  const TimedPose pose = pose_of(s, R_VB_);
+  Measurement m;
+  m.p = pose.p_WB;
+  m.has_velocity = s.v_L.has_value();
+  m.v = flipped(s.v_L.value_or(Vec3::Zero()));
+  m.variance_p = variance(s.sigma_p, kPositionNoise_m);
+  m.variance_v = variance(s.sigma_v, kVelocityNoise_m_s);
+  m.heading_rad = yaw_of(pose.q_WB.toRotationMatrix() * truth.R_WB.transpose());
+  if (!m.has_velocity) m.v = yaw_rotation(m.heading_rad) * truth.v_WB;  // to begin with
+  return m;
+}
+
+void FusionModel::take(const VisionSample& sample, const std::optional<TruthState>& truth, RuleBook& book) {
+  if (!truth) {
+    newest_.reset();
+    return;
+  }
+  const Measurement m = measurement_of(sample, *truth);
+  const bool stopped = !newest_ || sample.stamp - newest_->stamp >= kStop;
+  if (stopped || sample.reset_counter != newest_->reset_counter) {
+    start(m);
+  } else {
+    predict(m, *truth, (sample.stamp - newest_->stamp).seconds());
+    if (passes(m, sample.arrival, book)) {
+      fuse(m);
+      refused_since_.reset();
+    } else {
+      refuse(m, sample, book);
+    }
+  }
+  newest_ = sample;
+  newest_truth_ = truth;
+}
+
+void FusionModel::start(const Measurement& m) {
+  for (int i = 0; i < 3; ++i) {
+    const double velocity_variance = m.has_velocity ? m.variance_v[i] : std::pow(kVelocityNoise_m_s, 2);
+    axes_[static_cast<std::size_t>(i)] = {m.p[i], m.v[i], m.variance_p[i], 0, velocity_variance};
+  }
+  refused_since_.reset();
+}
+
+void FusionModel::predict(const Measurement& m, const TruthState& truth, double dt) {
+  const Mat3 R = yaw_rotation(m.heading_rad);
+  const Vec3 gained = R * (truth.v_WB - newest_truth_->v_WB);
+  const Vec3 moved = R * (truth.p_WB - newest_truth_->p_WB - newest_truth_->v_WB * dt);
+  for (int i = 0; i < 3; ++i) axes_[static_cast<std::size_t>(i)].predict(dt, moved[i], gained[i]);
+}
+
+bool FusionModel::passes(const Measurement& m, HostStamp at, RuleBook& book) {
+  double position = 0, velocity = 0;  // innovation over gate, the worst axis
+  for (int i = 0; i < 3; ++i) {
+    const Axis& a = axes_[static_cast<std::size_t>(i)];
+    position = std::max(position, std::abs(m.p[i] - a.p) / (kPositionGate * std::sqrt(a.pp + m.variance_p[i])));
+    if (!m.has_velocity) continue;
+    velocity = std::max(velocity, std::abs(m.v[i] - a.v) / (kVelocityGate * std::sqrt(a.vv + m.variance_v[i])));
+  }
+  worst_position_ = std::max(worst_position_, position);
+  worst_velocity_ = std::max(worst_velocity_, velocity);
+  book.figure(Rule::kInnovation, fmt::format("at most {:.2f} of the position's gate, {:.2f} of the velocity's",
+                                             worst_position_, worst_velocity_));
+  return book.judge(Rule::kInnovation, position <= 1 && velocity <= 1, at, [&] {
+    return fmt::format("position at {:.2f} of its gate, velocity at {:.2f}", position, velocity);
+  });
+}
+
+void FusionModel::fuse(const Measurement& m) {
+  for (int i = 0; i < 3; ++i) {
+    Axis& a = axes_[static_cast<std::size_t>(i)];
+    a.fuse(m.p[i] - a.p, m.variance_p[i], false);
+    if (m.has_velocity) a.fuse(m.v[i] - a.v, m.variance_v[i], true);
+  }
+}
+
+/// After a second of refusals the filter takes vision's word, five times in a flight; then it stops.
+void FusionModel::refuse(const Measurement& m, const VisionSample& sample, RuleBook& book) {
+  if (!refused_since_) refused_since_ = sample.stamp;
+  if (sample.stamp - *refused_since_ < kRefusedFor) return;
+  ++resets_to_vision_;
+  book.judge(Rule::kFusion, resets_to_vision_ <= kResetsMost, sample.arrival,
+             [] { return std::string("refused for a second for the sixth time: fusion stops for good"); });
+  start(m);
+}
+
+}  // namespace epiline::hil

@@ -1,0 +1,58 @@
+#pragma once
+// What PX4's filter does with odometry: expects the next sample from its own state and a good IMU, and refuses what
+// lies outside of its gates. The IMU is the recorded truth's acceleration. Page: docs/hil.md.
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "drivers/program/hil/rules.h"
+#include "drivers/program/hil/vision_sample.h"
+
+namespace epiline::hil {
+
+/// The vehicle at an instant, in the recording's world (z up); B: the IMU.
+struct TruthState {
+  Vec3 p_WB = Vec3::Zero(), v_WB = Vec3::Zero();
+  Mat3 R_WB = Mat3::Identity();
+};
+
+/// Three filters of position and velocity, one for each axis of the odometry's world. Its heading comes from the
+/// odometry, as with yaw fusion on.
+class FusionModel {
+ public:
+  explicit FusionModel(const Mat3& R_VB) : R_VB_(R_VB) {}
+
+  /// Stamps rise. Without truth the sample is left out, and the filter begins anew with the next that has one.
+  void take(const VisionSample& sample, const std::optional<TruthState>& truth, RuleBook& book);
+
+ private:
+  struct Axis {
+    double p = 0, v = 0;
+    double pp = 0, pv = 0, vv = 0;  ///< covariance
+    void predict(double dt, double moved, double gained);
+    void fuse(double innovation, double noise_variance, bool of_velocity);
+  };
+  /// A sample in the odometry's world with z up.
+  struct Measurement {
+    Vec3 p, v, variance_p, variance_v;
+    double heading_rad = 0;  ///< of that world against the truth's
+    bool has_velocity = false;
+  };
+
+  Measurement measurement_of(const VisionSample& sample, const TruthState& truth) const;
+  void predict(const Measurement& m, const TruthState& truth, double dt);
+  void start(const Measurement& m);
+  bool passes(const Measurement& m, HostStamp at, RuleBook& book);
+  void fuse(const Measurement& m);
+  void refuse(const Measurement& m, const VisionSample& sample, RuleBook& book);
+
+  Mat3 R_VB_;
+  std::array<Axis, 3> axes_;
+  std::optional<VisionSample> newest_;
+  std::optional<TruthState> newest_truth_;
+  std::optional<HostStamp> refused_since_;
+  int resets_to_vision_ = 0;
+  double worst_position_ = 0, worst_velocity_ = 0;  ///< innovation over gate
+};
+
+}  // namespace epiline::hil

@@ -1,0 +1,355 @@
+#include "drivers/program/hil/hil_run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <cstdlib>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string_view>
+
+#include "drivers/program/hil/can_thread.h"
+#include "drivers/program/hil/controller_thread.h"
+#include "drivers/program/hil/loopback_writer.h"
+#include "drivers/program/hil/played_truth.h"
+#include "drivers/program/hil/pump.h"
+#include "drivers/program/hil/uhid_imu.h"
+#include "drivers/study/replay/replay.h"
+#include "drivers/study/report/outputs.h"
+#include "pipeline/config/vehicle.h"
+#include "pipeline/text/table.h"
+#include "platform/linux/signals.h"
+
+namespace epiline::hil {
+
+namespace {
+
+constexpr Span kTail = Span::from_milliseconds(100);  // of readings after the last image
+constexpr Span kLead = Span::from_milliseconds(500);  // before the first sample
+constexpr Span kDrain = Span::from_milliseconds(500);
+constexpr Span kRound = Span::from_milliseconds(50);  // between looks at a flight of another process
+constexpr std::string_view kLoopback = "v4l2loopback:", kPty = "pty:", kUdp = "udp:";
+
+/// What follows the prefix; none: it begins with something else.
+std::optional<std::string> after(std::string_view prefix, const std::string& text) {
+  return text.rfind(prefix, 0) == 0 ? std::optional(text.substr(prefix.size())) : std::nullopt;
+}
+
+/// With the calibration that the configuration names.
+Result<AslDataset> open_dataset(const HilOptions& o, const Config& c) {
+  return is_bag(o.dataset) ? open_bag_dataset(o.dataset, {}, "cam0", c.camera_calibration, c.imu_calibration)
+                           : open_asl_dataset(o.dataset, "cam0", c.camera_calibration, c.imu_calibration);
+}
+
+Result<FlightPlan> plan_of(const AslDataset& dataset, const HilOptions& o) {
+  if (dataset.images.empty())
+    return Error{ErrorKind::kUsage, o.dataset.string(), 0, "tracks in place of images", "a recording with images"};
+  ReplayOptions replay;
+  replay.start_s = o.start_s;
+  replay.duration_s = o.duration_s;
+  FlightPlan plan = plan_flight(dataset, replay);
+  if (plan.images.empty()) {
+    return Error{ErrorKind::kUsage, o.dataset.string(), 0, "no image in the time asked for",
+                 "a shorter --start or a longer --duration"};
+  }
+  return plan;
+}
+
+/// 0: a single image. To a tenth, as cameras are configured.
+double image_rate_hz(const FlightPlan& plan) {
+  if (plan.images.size() < 2) return 0;
+  const Span all = plan.images.back().stamp - plan.images.front().stamp;
+  return std::round(10 * static_cast<double>(plan.images.size() - 1) / all.seconds()) / 10;
+}
+
+bool is_mavlink_line(const std::string& controller) {
+  return controller == "pty" || controller == "udp" || controller.front() == '/' || after(kPty, controller) ||
+         after(kUdp, controller);
+}
+bool is_bus(const std::string& controller) {
+  return !is_mavlink_line(controller) && controller.find("can") != std::string::npos;
+}
+
+/// Whether another process, with that configuration, would find what is played here.
+Status check_beside(const HilOptions& o, const LiveSettings& settings) {
+  const DevicesConfig& d = settings.config.devices;
+  const auto differs = [&](const char* key, const std::string& value, const std::string& played) {
+    return Error{ErrorKind::kUsage, settings.source, 0, std::string(key) + " = \"" + value + "\"",
+                 "\"" + played + "\", where it is played"};
+  };
+  const auto not_found = [](const char* option, const std::string& value, const char* expected) {
+    return Error{ErrorKind::kUsage, std::string("--beside with ") + option, 0, value, expected};
+  };
+  if (o.camera == "file") return not_found("--camera", o.camera, "v4l2loopback:DEVICE: the other process opens it");
+  if (o.imu == "file") return not_found("--imu", o.imu, "uhid or mavlink: the other process opens it");
+  if (o.controller == "pty" || o.controller == "udp")
+    return not_found("--controller", o.controller, "pty:PATH, udp:PORT, a CAN interface or a serial port");
+  const std::string& camera = d.camera.device;
+  if (const auto device = after(kLoopback, o.camera); camera.rfind("/dev/video", 0) == 0 && camera != device)
+    return differs("camera.device", camera, *device);
+  if (is_bus(o.controller) && d.can.interface != o.controller)
+    return differs("can.interface", d.can.interface, o.controller);
+  if (const auto path = after(kPty, o.controller); path && d.mavlink.serial != path)
+    return differs("mavlink.serial", d.mavlink.serial, *path);
+  return Done{};
+}
+
+/// One flight: who plays, into what, and who listens. Everything that is pointed to stays where it is.
+class Flight {
+ public:
+  Flight(const HilOptions& options, LiveSettings settings, AslDataset dataset, FlightPlan plan)
+      : options_(options),
+        settings_(std::move(settings)),
+        dataset_(std::move(dataset)),
+        plan_(std::move(plan)),
+        truth_(dataset_.ground_truth ? &*dataset_.ground_truth : nullptr),
+        camera_(std::make_unique<PlayedCamera>(dataset_, plan_, clock_, options_.disturbance)),
+        imu_(std::make_unique<PlayedImu>(dataset_, plan_, clock_, options_.disturbance)) {
+    imu_->end_after(plan_.images.back().stamp + kTail);
+  }
+
+  Result<HilResult> run(const std::function<bool(const Progress&)>& watch);
+
+ private:
+  Status connect_controller();
+  Status connect_line();
+  Status connect_camera(LiveDevices& devices);
+  Status connect_imu(LiveDevices& devices);
+  void begin();
+  double share_played() const;
+  bool watch_flight();
+  Status stand_by(const SignalWait& signals, const std::function<bool(const Progress&)>& watch);
+  Result<HilResult> judge(std::optional<FlightRecord> record);
+  Status write(HilResult& result);
+
+  HilOptions options_;
+  LiveSettings settings_;
+  AslDataset dataset_;
+  FlightPlan plan_;
+  PlayClock clock_;
+  std::once_flag begun_;
+  PlayedTruth truth_;
+  std::unique_ptr<PlayedCamera> camera_;
+  std::unique_ptr<PlayedImu> imu_;
+  PlayedCamera* played_camera_ = camera_.get();  ///< whoever owns it
+  LoopbackWriter loopback_;
+  UhidImu uhid_;
+  std::unique_ptr<ControllerModel> model_;
+  std::unique_ptr<ControllerLine> line_;
+  std::optional<ControllerThread> controller_;
+  std::optional<CanThread> bus_;
+  Pump images_, readings_;
+  std::int64_t played_ns_ = 0;  ///< when everything had been played
+};
+
+/// The controller waits at its end; the configuration gets the name of ours.
+Status Flight::connect_controller() {
+  ControllerSettings s;
+  MavlinkConfig& m = settings_.config.devices.mavlink;
+  s.system = static_cast<std::uint8_t>(m.system);
+  s.companion = static_cast<std::uint8_t>(m.component);
+  s.skew_ppm = options_.controller_skew_ppm;
+  s.boot = Span{monotonic_ns()} - Span::from_milliseconds(60'000);
+  s.R_VB = R_VB_of(settings_.config.devices.body);
+  s.on_can = is_bus(options_.controller);
+  s.can_base_id = settings_.config.devices.can.base_id;
+  s.wants_origin = m.has_origin() && !s.on_can;
+  model_ = std::make_unique<ControllerModel>(s, [this](HostStamp stamp) {
+    return clock_.started() ? truth_.at(clock_.pace().stamp_of(stamp.ns)) : std::nullopt;
+  });
+  if (!s.on_can) return connect_line();
+  settings_.config.devices.can.interface = options_.controller;
+  bus_.emplace(*model_);
+  return bus_->start(options_.controller);
+}
+
+Status Flight::connect_line() {
+  MavlinkConfig& m = settings_.config.devices.mavlink;
+  const std::string& where = options_.controller;
+  const auto path = after(kPty, where), port = after(kUdp, where);
+  const bool is_pty = path || where == "pty", is_udp = port || where == "udp";
+  auto line = is_pty   ? open_pty_line(path.value_or(""))
+              : is_udp ? open_udp_line(std::atoi(port.value_or("0").c_str()))
+                       : open_serial_line(where, m.baud);
+  if (!line) return line.error();
+  line_ = std::move(*line);
+  if (is_pty) m.serial = line_->companion_end(), m.udp = "";
+  if (is_udp) m.udp = line_->companion_end(), m.serial = m.udp_listen = "";
+  controller_.emplace(*model_, *line_);
+  return Done{};
+}
+
+Status Flight::connect_camera(LiveDevices& devices) {
+  if (const Status s = camera_->open(); !s) return s;  // images ready before anything begins
+  if (options_.camera == "file") {
+    devices.camera = std::move(camera_);
+    devices.images_to_log = RecordedCamera::kImagesToLog;
+    return Done{};
+  }
+  const std::string device = *after(kLoopback, options_.camera);
+  CameraConfig& c = settings_.config.devices.camera;
+  const CameraParameters& lens = dataset_.camera.parameters;
+  if (const Status s = loopback_.open(device, lens.width, lens.height, image_rate_hz(plan_)); !s) return s;
+  // What a loopback has not: controls, an exposure, a clock that anybody vouches for. Recorded stamps are mid-exposure.
+  CameraConfig played;
+  played.device = device;
+  played.buffers = c.buffers;
+  played.silence_ms = c.silence_ms;
+  played.trust_stamps = true;
+  played.stamp_point = 1;  // the start of an exposure of no length
+  c = played;
+  images_.start(*camera_, [this](const Frame& frame) { return loopback_.write(frame); });
+  return Done{};
+}
+
+Status Flight::connect_imu(LiveDevices& devices) {
+  if (options_.imu == "file") {
+    devices.imu = std::move(imu_);
+    return Done{};
+  }
+  ImuDeviceConfig& i = settings_.config.devices.imu;
+  if (options_.imu == "mavlink") {
+    i.driver = static_cast<int>(ImuDriver::kMavlink);
+    model_->when_readings_are_wanted([this] { begin(); });  // a driver that opens only when readings come
+    readings_.start(*imu_, [this](const ImuSample& sample) { return model_->feed(sample); });
+    return Done{};
+  }
+  if (const Status s = uhid_.plug_in(); !s) return s;
+  i.driver = static_cast<int>(ImuDriver::kIio);
+  i.device = uhid_.gyroscope_device();
+  i.device_accel = uhid_.accelerometer_device();
+  readings_.start(*imu_, [this](const ImuSample& sample) {
+    const DeviceStamp hub{sample.stamp.ns};
+    return uhid_.send_gyroscope(hub, sample.angular_velocity_rad_s) &&
+           uhid_.send_accelerometer(hub, sample.specific_force_m_s2);
+  });
+  return Done{};
+}
+
+/// Plays from now on, unless it does already.
+void Flight::begin() {
+  std::call_once(begun_, [this] {
+    HostStamp first = plan_.images.front().stamp;
+    if (plan_.first_imu < dataset_.imu_samples.size())
+      first = std::min(first, dataset_.imu_samples[plan_.first_imu].stamp);
+    clock_.start(first, monotonic_ns() + kLead.ns);
+  });
+}
+
+double Flight::share_played() const {
+  if (!clock_.started()) return 0;
+  const Pace& pace = clock_.pace();
+  const Span played{monotonic_ns() - pace.host_ns}, all = plan_.images.back().stamp - pace.stamp;
+  return std::clamp(played.seconds() / std::max(all.seconds(), 1e-3), 0.0, 1.0);
+}
+
+/// Twenty times a second: begins when everything is open, ends when everything has been played and gone through.
+bool Flight::watch_flight() {
+  const std::int64_t now_ns = monotonic_ns();
+  begin();
+  if (images_.is_running() || readings_.is_running() || now_ns < clock_.pace().host_of(plan_.images.back().stamp)) {
+    played_ns_ = now_ns;
+    return true;
+  }
+  return now_ns < played_ns_ + kDrain.ns;
+}
+
+/// Another process flies: plays from when it has opened the IMU, the first of the two that it opens.
+Status Flight::stand_by(const SignalWait& signals, const std::function<bool(const Progress&)>& watch) {
+  for (bool goes_on = true; goes_on;) {
+    goes_on = signals.wait(kRound) == 0;
+    if (uhid_.is_on()) begin();
+    const bool begun = clock_.started();
+    goes_on = watch({share_played(), !begun}) && goes_on;
+    if (begun) goes_on = watch_flight() && goes_on;
+  }
+  if (clock_.started()) return Done{};
+  return Error{ErrorKind::kRun, "", 0, "nobody has opened the IMU", "epiline run with " + settings_.source};
+}
+
+Result<HilResult> Flight::run(const std::function<bool(const Progress&)>& watch) {
+  const SignalWait signals({SIGINT, SIGTERM});  // before any thread begins
+  if (const Status s = connect_controller(); !s) return s.error();
+  LiveDevices devices;  // to the end: the played camera may be one of them, and is asked when all is over
+  if (const Status s = connect_camera(devices); !s) return s.error();
+  if (const Status s = connect_imu(devices); !s) return s.error();
+  if (controller_ && !controller_->start()) return Error{ErrorKind::kRun, "", 0, "no thread for the controller", ""};
+  std::optional<FlightRecord> record;
+  Status flown = Done{};
+  if (options_.beside) {
+    flown = stand_by(signals, watch);
+  } else {
+    auto made = make_devices(settings_, std::move(devices));
+    if (!made) return made.error();
+    devices = std::move(*made);
+    LiveOptions live;
+    live.out = options_.out;
+    auto flight = fly(settings_, devices, live, [&](const LiveState& /*state*/) {
+      const bool goes_on = watch({share_played(), false});
+      return watch_flight() && goes_on;
+    });
+    if (flight) record = std::move(*flight);
+    if (!flight) flown = flight.error();
+  }
+  if (controller_) controller_->stop();
+  if (bus_) bus_->stop();
+  images_.stop();
+  readings_.stop();
+  if (!flown) return flown.error();
+  if (played_camera_->error()) return *played_camera_->error();
+  return judge(std::move(record));
+}
+
+Result<HilResult> Flight::judge(std::optional<FlightRecord> record) {
+  HilResult result;
+  result.begin = HostStamp{clock_.pace().host_ns};
+  // whoever was ended early owes nothing after that
+  const std::int64_t end_ns = std::min(clock_.pace().host_of(plan_.images.back().stamp), monotonic_ns());
+  result.verdict = model_->finish(HostStamp{end_ns});
+  result.estimates = model_->estimates();
+  result.images_played = plan_.images.size();
+  result.images_late = played_camera_->missed();
+  result.images_refused = images_.failed();
+  result.readings_refused = readings_.failed();
+  result.received = model_->received();
+  if (dataset_.ground_truth) result.truth = played(*dataset_.ground_truth, clock_.pace());
+  if (record) {
+    record->dataset_path = options_.dataset.string();
+    if (dataset_.ground_truth) record->truth = result.truth;
+  }
+  result.record = std::move(record);
+  if (!options_.out.empty()) {
+    if (const Status s = write(result); !s) return s.error();
+  }
+  return result;
+}
+
+Status Flight::write(HilResult& result) {
+  const std::filesystem::path& out = options_.out;
+  if (const Status s = make_folder(out); !s) return s;
+  if (const Status s = write_text(out / "verdict.txt", text_of(result.verdict, result.begin)); !s) return s;
+  if (const Status s = write_text(out / "received.tum", tum_text(result.received)); !s) return s;
+  if (const Status s = write_text(out / "truth.tum", tum_text(result.truth)); !s) return s;
+  if (!result.record) return Done{};
+  const auto errors = write_report(*result.record, out);
+  return errors ? Status(Done{}) : Status(errors.error());
+}
+
+}  // namespace
+
+Result<HilResult> run_hil(const HilOptions& options, const std::function<bool(const Progress&)>& watch) {
+  auto settings = read_live_settings(options.config_file);
+  if (!settings) return settings.error();
+  if (options.beside) {
+    if (const Status s = check_beside(options, *settings); !s) return s.error();
+  }
+  auto dataset = open_dataset(options, settings->config);
+  if (!dataset) return dataset.error();
+  auto plan = plan_of(*dataset, options);
+  if (!plan) return plan.error();
+  Flight flight(options, std::move(*settings), std::move(*dataset), std::move(*plan));
+  return flight.run(watch);
+}
+
+}  // namespace epiline::hil

@@ -1,0 +1,36 @@
+#pragma once
+// One estimate as a flight controller receives it, and the rules on what is in a single message.
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <optional>
+
+#include "drivers/links/mavlink/message.h"
+#include "drivers/program/hil/rules.h"
+#include "estimator/geometry/types.h"
+#include "pipeline/text/trajectory.h"
+
+namespace epiline::hil {
+
+/// From ODOMETRY or VISION_POSITION_ESTIMATE. L: the local frame (forward, right, down), F: the vehicle's body.
+struct VisionSample {
+  HostStamp arrival;  ///< of the last byte
+  HostStamp stamp;    ///< time_usec, of the sender's clock
+  Vec3 p_L = Vec3::Zero();
+  Eigen::Quaterniond q_LF = Eigen::Quaterniond::Identity();
+  std::optional<Vec3> v_L;
+  Vec3 omega_F = Vec3::Zero();
+  Vec3 sigma_p = Vec3::Zero(), sigma_angle = Vec3::Zero(), sigma_v = Vec3::Zero();  ///< 0: not known
+  std::uint8_t reset_counter = 0;
+};
+
+/// The IMU's pose that it tells of, in a world whose z axis points up. `R_VB`: the IMU in the vehicle (forward, left,
+/// up).
+TimedPose pose_of(const VisionSample& sample, const Mat3& R_VB);
+
+/// Judges the rules on frames, type, numbers, covariance and quality. None: no controller could use it, for its numbers
+/// or its stamp.
+std::optional<VisionSample> judge_message(const mavlink::Odometry& message, HostStamp arrival, RuleBook& book);
+std::optional<VisionSample> judge_message(const mavlink::VisionPositionEstimate& message, HostStamp arrival,
+                                          RuleBook& book);
+
+}  // namespace epiline::hil

@@ -1,0 +1,293 @@
+#include "drivers/program/live/devices.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "drivers/links/can/can_output.h"
+#include "drivers/links/mavlink/link.h"
+#include "drivers/sensors/camera/v4l2_camera.h"
+#include "drivers/sensors/imu/iio_imu.h"
+#include "drivers/sensors/imu/mavlink_imu.h"
+#include "drivers/sensors/imu/spi_imu_device.h"
+#include "drivers/sensors/wheel/can_wheel_source.h"
+#include "pipeline/config/vehicle.h"
+
+namespace epiline {
+
+namespace {
+
+Error missing(const LiveSettings& settings, const char* found, const char* expected) {
+  return {ErrorKind::kUsage, settings.source, 0, found, expected};
+}
+
+Result<V4l2Settings> v4l2_settings(const LiveSettings& settings) {
+  CameraConfig c = settings.config.devices.camera;
+  if (c.width == 0) c.width = settings.camera.width;
+  if (c.height == 0) c.height = settings.camera.height;
+  if (c.width != settings.camera.width || c.height != settings.camera.height) {
+    return Error{
+        ErrorKind::kUsage, settings.source, 0, fmt::format("camera.width = {}, camera.height = {}", c.width, c.height),
+        fmt::format("{} x {}, the size the camera was calibrated with", settings.camera.width, settings.camera.height)};
+  }
+  auto s = v4l2_settings_of(c);
+  if (!s) {
+    const Error& e = s.error();
+    return Error{e.kind, settings.source, 0, e.file + ": " + e.found, e.expected};
+  }
+  s->focal_px = settings.config.estimator.extrinsics.focal_px;
+  return s;
+}
+
+DeviceRecord record_of(const V4l2Camera& camera) {
+  const CameraCounts c = camera.counts();
+  return {"camera",
+          {{"images", c.frames},
+           {"lost", c.lost},
+           {"damaged", c.damaged},
+           {"incomplete", c.incomplete},
+           {"bad_stamps", c.bad_stamps},
+           {"no_edge", c.no_edge},
+           {"no_slot", c.no_slot},
+           {"overwritten", c.overwritten},
+           {"disconnected", c.disconnected},
+           {"retries", c.retries}},
+          std::nullopt};
+}
+
+DeviceRecord record_of(const IioImu& imu) {
+  const IioCounts c = imu.counts();
+  const bool own_clock = imu.clock() == IioClock::kDevice;
+  return {"imu",
+          {{"readings", c.samples},
+           {"gaps", c.gaps},
+           {"lost", c.lost},
+           {"disordered", c.disordered},
+           {"bad_stamps", c.bad_stamps},
+           {"without_accel", c.without_accel},
+           {"disconnected", c.disconnected},
+           {"retries", c.retries}},
+          own_clock ? std::optional(imu.clock_state()) : std::nullopt};
+}
+
+DeviceRecord record_of(const SpiImu& imu) {
+  const SpiImuCounts c = imu.counts();
+  return {"imu",
+          {{"readings", c.samples},
+           {"lost", c.lost},
+           {"overflows", c.overflows},
+           {"damaged", c.damaged},
+           {"resets", c.resets},
+           {"not_rising", c.not_rising},
+           {"unmerged", c.unmerged},
+           {"registers_checked", c.checked},
+           {"disconnected", c.disconnected},
+           {"retries", c.retries}},
+          imu.clock_state()};
+}
+
+DeviceRecord record_of(const MavlinkImu& imu) {
+  const mavlink::ControllerImuCounts c = imu.counts();
+  return {"imu",
+          {{"readings", c.readings},
+           {"lost", c.lost},
+           {"duplicates", c.duplicates},
+           {"refused_values", c.refused_values},
+           {"refused_times", c.refused_times},
+           {"no_clock", c.no_clock},
+           {"others", c.others},
+           {"overrun", c.overrun}},
+          imu.clock_state()};
+}
+
+OutputRecord record_of(const mavlink::MavlinkLink& link, const std::string& name) {
+  const mavlink::LinkCounts c = link.counts();
+  return {name, c.odometry, c.dropped, c.disconnected, link.latency()};
+}
+
+DeviceRecord device_of(const mavlink::MavlinkLink& link) {
+  const mavlink::LinkState s = link.state();
+  const mavlink::LinkCounts& c = s.counts;
+  return {"mavlink",
+          {{"packets", c.packets},
+           {"bad_checksums", c.bad_checksums},
+           {"skipped_bytes", c.skipped_bytes},
+           {"strangers", c.strangers},
+           {"refused_questions", c.refused_questions},
+           {"refused_answers", c.refused_answers},
+           {"timesync_answers", c.timesync_answers},
+           {"disconnected", c.disconnected},
+           {"retries", c.retries},
+           {"write_errors", c.write_errors},
+           {"heap_calls", s.costs.heap_calls},
+           {"lock_calls", s.costs.lock_calls}},
+          s.clock};
+}
+
+OutputRecord record_of(const CanOutput& can, const std::string& name) {
+  const CanOutputCounts c = can.counts();
+  return {name, c.epochs, c.dropped, c.disconnected, can.latency()};
+}
+
+DeviceRecord device_of(const CanOutput& can) {
+  const CanOutputCounts c = can.counts();
+  return {"can",
+          {{"frames", c.frames},
+           {"status_frames", c.status_frames},
+           {"queue_full", c.queue_full},
+           {"frames_dropped", c.frames_dropped},
+           {"messages", c.messages},
+           {"messages_busy", c.messages_busy},
+           {"messages_failed", c.messages_failed},
+           {"error_frames", c.error_frames},
+           {"bus_off", c.bus_off},
+           {"restarts", c.restarts},
+           {"disconnected", c.disconnected},
+           {"retries", c.retries}},
+          std::nullopt};
+}
+
+DeviceRecord record_of(const CanWheelSource& wheel) {
+  const WheelCounts c = wheel.counts();
+  const ClockState clock = wheel.hardware_clock();
+  return {"wheel",
+          {{"samples", c.samples},
+           {"too_short", c.too_short},
+           {"not_finite", c.not_finite},
+           {"bad_stamps", c.bad_stamps},
+           {"gaps", c.gaps},
+           {"overruns", c.overruns},
+           {"disconnected", c.disconnected},
+           {"retries", c.retries}},
+          clock.status == ClockStatus::kEmpty ? std::nullopt : std::optional(clock)};
+}
+
+}  // namespace
+
+Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file) {
+  const auto file = ConfigFile::read(config_file);
+  if (!file) return file.error();
+  LiveSettings settings;
+  settings.source = config_file.string();
+  Config& config = settings.config;
+  file->apply(config);  // for the names of calibration files
+  if (config.camera_calibration.empty()) {
+    return missing(settings, "no camera.calibration",
+                   "a file with the camera's lens and place, as Kalibr writes it (camchain-imucam.yaml)");
+  }
+  const auto camera = read_camera_calibration(config.camera_calibration, "cam0");
+  if (!camera) return camera.error();
+  settings.camera = camera->parameters;
+  config.estimator.extrinsics = {camera->R_BC, camera->p_BC, Camera(camera->parameters).focal_px(),
+                                 camera->time_offset_s};
+  if (!config.imu_calibration.empty()) {
+    const auto imu = read_imu_calibration(config.imu_calibration);
+    if (!imu) return imu.error();
+    EstimatorConfig& e = config.estimator;
+    e.imu = imu->noise;
+    if (imu->saturation_gyroscope_rad_s) e.saturation_gyroscope_rad_s = *imu->saturation_gyroscope_rad_s;
+    if (imu->saturation_accelerometer_m_s2) e.saturation_accelerometer_m_s2 = *imu->saturation_accelerometer_m_s2;
+  }
+  file->apply(config);  // the file wins
+  set_vehicle(config.estimator.wheel, config.devices.wheel, R_VB_of(config.devices.body));
+  return settings;
+}
+
+namespace {
+
+Status add_camera(const LiveSettings& settings, LiveDevices& devices) {
+  if (settings.config.devices.camera.device.empty())
+    return missing(settings, "no camera.device", "the camera's path, name or bus");
+  auto camera = v4l2_settings(settings);
+  if (!camera) return camera.error();
+  constexpr int kForTracking = 4;
+  devices.images_to_log = std::clamp(camera->buffers - kForTracking, 0, 4);
+  auto v4l2 = std::make_unique<V4l2Camera>(std::move(*camera));
+  devices.records.emplace_back([c = v4l2.get()] { return record_of(*c); });
+  devices.turns = [c = v4l2.get()](double rad_s) { c->set_turn_rate(rad_s); };
+  devices.camera = std::move(v4l2);
+  return Done{};
+}
+
+/// Null if the configuration names no flight controller.
+mavlink::MavlinkLink* add_link(const DevicesConfig& d, bool takes_imu, LiveDevices& devices) {
+  const MavlinkConfig& m = d.mavlink;
+  const std::string& where = m.serial.empty() ? m.udp : m.serial;
+  if (where.empty()) return nullptr;
+  auto link =
+      std::make_unique<mavlink::MavlinkLink>(m, R_VB_of(d.body), takes_imu ? std::optional(d.imu) : std::nullopt);
+  mavlink::MavlinkLink* const l = link.get();
+  const std::string name = "mavlink " + where;
+  devices.outputs.push_back(
+      {std::move(link), [l, name] { return record_of(*l, name); }, name, [l] { return l->state().is_open; }});
+  devices.records.emplace_back([l] { return device_of(*l); });
+  return l;
+}
+
+void add_can(const DevicesConfig& d, LiveDevices& devices) {
+  if (d.can.interface.empty()) return;
+  auto can = std::make_unique<CanOutput>(d.can, R_VB_of(d.body), mavlink::address_of(d.mavlink));
+  const CanOutput* const c = can.get();
+  const std::string name = "can " + d.can.interface;
+  devices.outputs.push_back({std::move(can), [c, name] { return record_of(*c, name); }, name,
+                             [c] { return c->bus() != BusState::kLost && c->bus() != BusState::kOff; }});
+  devices.records.emplace_back([c] { return device_of(*c); });
+}
+
+void add_wheel(const DevicesConfig& d, LiveDevices& devices) {
+  if (d.wheel.interface.empty()) return;
+  auto wheel = std::make_unique<CanWheelSource>(d.wheel);
+  devices.records.emplace_back([w = wheel.get()] { return record_of(*w); });
+  devices.wheel = std::move(wheel);
+}
+
+template <class Imu>
+void take_imu(std::unique_ptr<Imu> imu, LiveDevices& devices) {
+  devices.records.emplace_back([i = imu.get()] { return record_of(*i); });
+  devices.imu = std::move(imu);
+}
+
+Status add_imu(const LiveSettings& settings, mavlink::MavlinkLink* link, LiveDevices& devices) {
+  const DevicesConfig& d = settings.config.devices;
+  const auto driver = static_cast<ImuDriver>(d.imu.driver);
+  if (driver == ImuDriver::kMavlink) {
+    if (link == nullptr) {
+      return missing(settings, "imu.driver = \"mavlink\" without a flight controller",
+                     "mavlink.serial or mavlink.udp, where it is");
+    }
+    if (!R_VB_of(d.body).isIdentity()) {
+      return missing(settings, "a turn in [body] with imu.driver = \"mavlink\"",
+                     "none: a flight controller gives its readings in the vehicle's axes");
+    }
+    take_imu(std::make_unique<MavlinkImu>(*link), devices);
+    return Done{};
+  }
+  if (d.imu.device.empty())
+    return missing(settings, "no imu.device", "the IMU's name or path, or imu.driver = \"mavlink\"");
+  if (driver == ImuDriver::kIio) {
+    take_imu(std::make_unique<IioImu>(d.imu), devices);
+  } else {
+    take_imu(make_spi_imu(d.imu), devices);
+  }
+  return Done{};
+}
+
+}  // namespace
+
+Result<LiveDevices> make_devices(const LiveSettings& settings, LiveDevices devices) {
+  if (!devices.camera) {
+    if (const Status s = add_camera(settings, devices); !s) return s.error();
+  }
+  const DevicesConfig& d = settings.config.devices;
+  const bool imu_given = devices.imu != nullptr;
+  mavlink::MavlinkLink* const link =
+      add_link(d, !imu_given && static_cast<ImuDriver>(d.imu.driver) == ImuDriver::kMavlink, devices);
+  add_can(d, devices);
+  add_wheel(d, devices);
+  if (!imu_given) {
+    if (const Status s = add_imu(settings, link, devices); !s) return s.error();
+  }
+  return devices;
+}
+
+}  // namespace epiline

@@ -1,0 +1,52 @@
+#pragma once
+// What a live flight leaves behind: files that grow while it goes on, and its last hour for the report.
+#include <atomic>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "drivers/study/report/flight_record.h"
+#include "pipeline/realtime/flight_log.h"
+#include "pipeline/text/output_files.h"
+#include "platform/concurrency/spsc_ring.h"
+
+namespace epiline {
+
+/// The log thread only puts things into rings; whoever calls drain(), a thread without priority, does the rest.
+class LiveLog final : public FlightObserver {
+ public:
+  /// `folder`: of trajectory.tum and events.txt; empty: no files.
+  explicit LiveLog(const std::filesystem::path& folder);
+
+  void take(const FrameOutcome& outcome) noexcept override { outcomes_.push(outcome); }
+  void published(std::uint64_t serial, std::int64_t latency_ns) noexcept override {
+    publications_.push({serial, latency_ns});
+  }
+  void event(const Event& event) noexcept override { events_.push(event); }
+  void pass(HostStamp /*now*/) noexcept override { passes_.fetch_add(1, std::memory_order_relaxed); }
+  std::uint64_t passes() const noexcept { return passes_.load(std::memory_order_relaxed); }
+
+  /// Takes everything that has come into the record and, a line each, into the files. One thread; twice a second or
+  /// more often.
+  void drain(FlightRecord& record);
+  /// After the last drain(). Fails if and only if something could not be written.
+  Status close(FlightRecord& record);
+
+ private:
+  static constexpr std::size_t kMostImages = 1 << 17, kMostEvents = 1 << 16;  // more than an hour at 30 Hz
+  void take_outcomes(FlightRecord& record);
+  void take_publications(FlightRecord& record);
+  void take_events(FlightRecord& record);
+
+  SpscRing<FrameOutcome, 256> outcomes_;
+  SpscRing<Publication, 256> publications_;
+  SpscRing<Event, 1024> events_;
+  std::atomic<std::uint64_t> passes_{0};
+
+  // Of the thread that drains.
+  std::unique_ptr<OutputFile> trajectory_, event_lines_;
+  std::uint64_t first_serial_ = 0;  ///< of the record's images
+};
+
+}  // namespace epiline

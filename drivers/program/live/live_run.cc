@@ -1,0 +1,256 @@
+#include "drivers/program/live/live_run.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <csignal>
+#include <memory>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+#include "drivers/program/live/live_log.h"
+#include "drivers/program/live/service.h"
+#include "drivers/program/view/live_view.h"
+#include "drivers/study/replay/recorded_run.h"
+#include "drivers/study/report/page.h"
+#include "pipeline/text/table.h"
+#include "platform/concurrency/latest_value.h"
+#include "platform/linux/signals.h"
+
+namespace epiline {
+
+namespace {
+
+constexpr Span kRound = Span::from_milliseconds(50);  // between looks at a flight
+
+/// Hands the odometry to all receivers, and keeps the newest for whoever watches.
+class Receivers final : public OdometrySink {
+ public:
+  explicit Receivers(const std::vector<LiveOutput>& outputs) : outputs_(outputs) {}
+
+  Status open() override {
+    for (const LiveOutput& output : outputs_) {
+      if (const Status s = output.sink->open(); !s) return s;
+    }
+    return Done{};
+  }
+  void close() noexcept override {
+    for (const LiveOutput& output : outputs_) output.sink->close();
+  }
+  bool publish(const Odometry& odometry) noexcept override {
+    newest_.write(odometry);
+    bool all = true;
+    for (const LiveOutput& output : outputs_) all &= output.sink->publish(odometry);
+    return all;
+  }
+  bool publish_image(const Odometry& odometry) noexcept override {
+    bool all = true;
+    for (const LiveOutput& output : outputs_) all &= output.sink->publish_image(odometry);
+    return all;
+  }
+  const Odometry* newest() noexcept { return newest_.read(); }
+  std::string names_of_lost() const {
+    std::string names;
+    for (const LiveOutput& o : outputs_)
+      if (o.is_open && !o.is_open()) names += (names.empty() ? "" : ", ") + o.name;
+    return names;
+  }
+
+ private:
+  const std::vector<LiveOutput>& outputs_;
+  LatestValue<Odometry> newest_;
+};
+
+/// Tells a device how fast the body turns.
+class Turns final : public FlightObserver {
+ public:
+  explicit Turns(const std::function<void(double)>& tell) : tell_(tell) {}
+  void imu(const ImuSample& sample) noexcept override {
+    const auto& w = sample.angular_velocity_rad_s;
+    if (tell_) tell_(std::hypot(w[0], w[1], w[2]));
+  }
+
+ private:
+  const std::function<void(double)>& tell_;
+};
+
+/// Closes what was opened, whichever way the flight ends.
+class OpenDevices {
+ public:
+  OpenDevices(LiveDevices& devices, Receivers& receivers) : devices_(devices), receivers_(receivers) {}
+  ~OpenDevices() { close(); }
+  OpenDevices(const OpenDevices&) = delete;
+  OpenDevices& operator=(const OpenDevices&) = delete;
+
+  void close() noexcept {
+    if (std::exchange(closed_, true)) return;
+    devices_.camera->close();
+    devices_.imu->close();
+    if (devices_.wheel) devices_.wheel->close();
+    receivers_.close();
+  }
+  /// The camera last: its buffers fill from then on.
+  Status open() {
+    if (const Status s = receivers_.open(); !s) return s;
+    if (const Status s = devices_.imu->open(); !s) return s;
+    if (devices_.wheel) {
+      if (const Status s = devices_.wheel->open(); !s) return s;
+    }
+    return devices_.camera->open();
+  }
+
+ private:
+  LiveDevices& devices_;
+  Receivers& receivers_;
+  bool closed_ = false;
+};
+
+FlightRecord begin_record(const LiveSettings& settings) {
+  FlightRecord record;
+  record.dataset_path = settings.source;
+  record.visual_factor = to_string(settings.config.estimator.visual_factor);
+  record.keyframes = settings.config.estimator.keyframes;
+  record.max_features = settings.config.tracker.max_features;
+  if (settings.config.deadline_ms > 0) record.deadline_ms = settings.config.deadline_ms;
+  return record;
+}
+
+RealtimeSettings pipeline_settings(const LiveSettings& settings, const LiveDevices& devices) {
+  const Config& c = settings.config;
+  return {settings.camera, c.tracker, c.estimator, c.deadline_ms, c.realtime, true, {}, devices.images_to_log};
+}
+
+std::string status_line(const LiveState& state) {
+  const std::string lost = state.lost_outputs.empty() ? "" : "; lost: " + state.lost_outputs;
+  if (!state.has_pose) return fmt::format("initialising: {} images, {} readings{}", state.images, state.readings, lost);
+  const Odometry& o = state.odometry;
+  const char* const health = kHealthStateNames[static_cast<std::size_t>(o.health.state)];
+  return fmt::format("{}, quality {}{}", health, o.health.quality, lost);
+}
+
+/// What the service manager is told of a flight that goes on.
+class ServiceTalk {
+ public:
+  ServiceTalk() { manager_.ready(); }
+  void stopping() { manager_.stopping(); }
+
+  void round(const LiveState& state, const RealtimePipeline::Progress& progress, std::uint64_t log_passes) {
+    if (!manager_.is_listening()) return;
+    constexpr Span kStatus = Span::from_seconds(1);  // whoever watches the bus is told of each
+    if (state.since_start - told_status_ >= kStatus) {
+      manager_.status(status_line(state));
+      told_status_ = state.since_start;
+    }
+    // a third of the time it allows, so that one late round is no reason to be ended
+    if (state.since_start - told_alive_ > Span{manager_.watchdog().ns / 3} &&
+        liveness_.moved({progress.frames_taken, progress.frames_out, progress.published, log_passes})) {
+      manager_.alive();
+      told_alive_ = state.since_start;
+    }
+  }
+
+ private:
+  ServiceManager manager_;
+  Liveness liveness_;
+  Span told_status_, told_alive_;  ///< when, since the start
+};
+
+void watch_with(LiveView& view, const LiveSettings& settings, RealtimePorts& ports) {
+  const ViewSubject subject{settings.source, program_text(program_info()), settings.config.estimator.extrinsics.R_BC,
+                            true};
+  if (!view.start(subject))
+    throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again), "no thread left");
+  ports.observers.push_back(&view.observer());
+}
+
+/// Null if none is configured.
+std::unique_ptr<FlightRecorder> add_recorder(const LiveSettings& settings, RealtimePorts& ports) {
+  if (settings.config.recorder.folder.empty()) return nullptr;
+  constexpr double kUsualRate_hz = 30;
+  const double rate_hz = settings.config.devices.camera.rate_hz;
+  auto recorder = std::make_unique<FlightRecorder>(
+      settings.config.recorder, recorded_run(settings.camera, rate_hz > 0 ? rate_hz : kUsualRate_hz, settings.config));
+  ports.observers.push_back(recorder.get());
+  ports.event_rings.push_back(&recorder->events());
+  return recorder;
+}
+
+LiveState state_of(const RealtimePipeline::Progress& progress, Receivers& receivers, Span since_start) {
+  LiveState state{false, {}, progress.frames_out, progress.imu_in, since_start, receivers.names_of_lost()};
+  if (const Odometry* const newest = receivers.newest()) {
+    state.has_pose = true;
+    state.odometry = *newest;
+  }
+  return state;
+}
+
+void complete(FlightRecord& record, const RealtimePipeline& pipeline, double speed, const LiveDevices& devices) {
+  take_report(pipeline, speed, record);
+  record.images_read = record.dataset_images = record.realtime->report.frames_in;
+  record.dataset_imu_samples = record.imu_read;
+  for (const LiveOutput& output : devices.outputs) record.realtime->outputs.push_back(output.record());
+  for (const auto& device : devices.records) record.realtime->devices.push_back(device());
+}
+
+/// fly(), with what the system's lack of threads and settings that do not go together throw.
+Result<FlightRecord> fly_or_throw(const LiveSettings& settings, LiveDevices& devices, const LiveOptions& options,
+                                  const std::function<bool(const LiveState&)>& watch) {
+  const SignalWait signals({SIGINT, SIGTERM, SIGUSR1});  // before any thread begins
+  Receivers receivers(devices.outputs);
+  LiveLog log(options.out);
+  Turns turns(devices.turns);
+  RealtimePorts ports{devices.camera.get(), devices.imu.get(), &receivers, {&log, &turns}, {}, devices.wheel.get()};
+  if (options.view != nullptr) watch_with(*options.view, settings, ports);
+  const std::unique_ptr<FlightRecorder> recorder = add_recorder(settings, ports);
+  OpenDevices open_devices(devices, receivers);
+  RealtimePipeline pipeline(pipeline_settings(settings, devices), ports);
+  if (const Status s = open_devices.open(); !s) return s.error();
+
+  const std::int64_t start_ns = monotonic_ns();
+  const auto since_start = [&] { return Span{monotonic_ns() - start_ns}; };
+  const Pace pace = options.pace.value_or(Pace{HostStamp{start_ns}, start_ns, 1});
+  pipeline.arm(pace);
+  ServiceTalk service;
+  FlightRecord record = begin_record(settings);
+  for (bool goes_on = true; goes_on && !pipeline.finished();) {
+    const int signal = signals.wait(kRound);
+    if (signal == SIGUSR1 && recorder) recorder->request();
+    log.drain(record);
+    const RealtimePipeline::Progress progress = pipeline.progress();
+    const LiveState state = state_of(progress, receivers, since_start());
+    service.round(state, progress, log.passes());
+    goes_on = watch(state) && signal != SIGINT && signal != SIGTERM && state.since_start.seconds() < options.duration_s;
+  }
+  service.stopping();
+  pipeline.stop();
+  pipeline.join();
+  open_devices.close();
+  if (options.view != nullptr) options.view->finish();
+  log.drain(record);
+  if (const Status s = log.close(record); !s) return s.error();
+  record.dataset_duration_s = since_start().seconds();
+  complete(record, pipeline, pace.speed, devices);
+  if (recorder) finish(*recorder, record);
+  return record;
+}
+
+}  // namespace
+
+Result<FlightRecord> fly(const LiveSettings& settings, LiveDevices& devices, const LiveOptions& options,
+                         const std::function<bool(const LiveState&)>& watch) {
+  if (!options.out.empty()) {
+    if (const Status s = make_folder(options.out); !s) return s.error();
+  }
+  try {
+    auto record = fly_or_throw(settings, devices, options, watch);
+    if (record) record->peak_rss_mib = peak_rss_mib();
+    return record;
+  } catch (const std::system_error& e) {
+    return Error{ErrorKind::kRun, settings.source, 0, e.what(), "a system that can start its threads"};
+  } catch (const std::invalid_argument& e) {
+    return Error{ErrorKind::kUsage, settings.source, 0, e.what(), "settings that go together"};
+  }
+}
+
+}  // namespace epiline

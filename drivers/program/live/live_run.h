@@ -1,0 +1,41 @@
+#pragma once
+// A flight with live devices, from opening them to the files it leaves behind.
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <string>
+
+#include "drivers/program/live/devices.h"
+#include "drivers/study/report/flight_record.h"
+#include "platform/time/monotonic.h"
+
+namespace epiline {
+
+class LiveView;
+
+struct LiveOptions {
+  std::filesystem::path out;                                    ///< of the files; empty: none are written
+  double duration_s = std::numeric_limits<double>::infinity();  ///< ends after that many
+  LiveView* view = nullptr;                                     ///< open, not started
+  /// Where the samples' stamps lie on the computer's clock; none: they are its instants.
+  std::optional<Pace> pace;
+};
+
+/// What is told of a flight that goes on.
+struct LiveState {
+  bool has_pose = false;
+  Odometry odometry;  ///< newest, with the health of now; only with a pose
+  std::uint64_t images = 0, readings = 0;
+  Span since_start;
+  std::string lost_outputs;  ///< names of those whose line is lost at present; empty: none is
+};
+
+/// Opens the devices, flies until SIGINT, SIGTERM, the end of the sources, the time asked for, or until `watch`, called
+/// twenty times a second, returns false. SIGUSR1 asks the flight recorder for a record. Tells the service manager.
+/// Fails if and only if a device cannot be opened, settings do not go together, the system has no thread left, or a
+/// file cannot be written.
+Result<FlightRecord> fly(const LiveSettings& settings, LiveDevices& devices, const LiveOptions& options,
+                         const std::function<bool(const LiveState&)>& watch);
+
+}  // namespace epiline

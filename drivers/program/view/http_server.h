@@ -1,0 +1,56 @@
+#pragma once
+// HTTP for a handful of readers, in one thread and bounded memory: libmicrohttpd, driven by the thread that calls
+// step(). No connection can hold up another; docs/live-view.md has the limits.
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "drivers/program/view/view_address.h"
+#include "platform/time/clock.h"
+
+namespace epiline {
+
+struct HttpResponse {
+  int status = 200;
+  std::string type, body;
+  std::string security_policy;  ///< Content-Security-Policy; empty: nothing may be loaded or run
+};
+
+/// A GET. HEAD is asked as GET, the body is then left out.
+class HttpRequest {
+ public:
+  explicit HttpRequest(void* connection, std::string_view path) : connection_(connection), path_(path) {}
+  std::string_view path() const { return path_; }
+  /// `?name=` of the address as a number from 0; `fallback` where it is missing or none.
+  std::uint64_t number(const char* name, std::uint64_t fallback) const;
+
+ private:
+  void* connection_;
+  std::string_view path_;
+};
+
+class HttpServer {
+ public:
+  using Handler = std::function<HttpResponse(const HttpRequest&)>;
+
+  /// Listens. Fails if and only if the address cannot be had: in use, not this computer's, not permitted.
+  static Result<std::unique_ptr<HttpServer>> listen(const ViewAddress& address, Handler handler);
+  ~HttpServer();
+  HttpServer(const HttpServer&) = delete;
+  HttpServer& operator=(const HttpServer&) = delete;
+
+  /// With the port that was really taken.
+  const ViewAddress& address() const;
+  /// Waits for something to do, `at_most` so long, and does it. By one thread.
+  void step(Span at_most);
+  /// Open now. Same thread as step().
+  int connections() const;
+
+ private:
+  struct Impl;
+  explicit HttpServer(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace epiline

@@ -1,0 +1,54 @@
+#pragma once
+// A flight to be watched in a browser while it goes on: docs/live-view.md.
+#include <atomic>
+#include <memory>
+#include <string>
+
+#include "drivers/program/view/http_server.h"
+#include "drivers/program/view/view_feed.h"
+#include "drivers/program/view/view_model.h"
+#include "platform/linux/realtime.h"
+
+namespace epiline {
+
+/// Serves one page. One thread without priority does all of it; what it knows comes through observer().
+class LiveView final : public FlightView {
+ public:
+  /// Listens; browsers may connect, and are answered from start() on. Fails if and only if the address cannot be had.
+  static Result<std::unique_ptr<LiveView>> open(const ViewAddress& address);
+  /// Ends the thread; if somebody looks, he is given a moment (1.5 s at most) to see that the flight is over.
+  ~LiveView() override;
+  LiveView(const LiveView&) = delete;
+  LiveView& operator=(const LiveView&) = delete;
+
+  /// With the port that was really taken.
+  const ViewAddress& address() const { return server_->address(); }
+  bool start(ViewSubject subject) override;
+  FlightObserver& observer() override { return feed_; }
+  void finish() override { finished_.store(true, std::memory_order_release); }  // pairs with the acquire in fold()
+
+ private:
+  LiveView() = default;
+  static void serve(void* self);
+  void fold();
+  bool may_close() const;
+  HttpResponse answer(const HttpRequest& request);
+  HttpResponse page() const;
+  HttpResponse state(const HttpRequest& request);
+  HttpResponse frame();
+  void encode(const ViewedImage& image);
+
+  std::unique_ptr<HttpServer> server_;
+  ViewFeed feed_;
+  RealtimeThread thread_;
+  std::atomic<bool> finished_{false}, closing_{false};
+
+  // The serving thread's own.
+  std::unique_ptr<ViewModel> model_;
+  std::string jpeg_, tracks_;           ///< of the image shown
+  const ViewedImage* image_ = nullptr;  ///< newest; lent by the feed
+  bool encoded_ = false;
+  std::int64_t last_asked_ns_ = 0, told_end_ns_ = 0, closing_since_ns_ = 0;
+};
+
+}  // namespace epiline

@@ -1,0 +1,83 @@
+#include "drivers/program/view/view_address.h"
+
+#include <arpa/inet.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
+
+namespace epiline {
+
+namespace {
+
+bool is_numeric(int family, std::string_view host) {
+  std::array<unsigned char, 16> bytes{};
+  return inet_pton(family, std::string(host).c_str(), bytes.data()) == 1;
+}
+
+bool equal_names(std::string_view a, std::string_view b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](unsigned char x, unsigned char y) { return std::tolower(x) == std::tolower(y); });
+}
+
+bool parse_port(std::string_view text, std::uint16_t& port) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), port);
+  return error == std::errc{} && end == text.data() + text.size();
+}
+
+/// Splits `host`, `host:port`, `[v6]` and `[v6]:port`; false if brackets or port are wrong. No port: empty.
+bool split(std::string_view text, std::string_view& host, std::string_view& port, bool& brackets) {
+  brackets = !text.empty() && text.front() == '[';
+  const std::size_t end = brackets ? text.find(']') : text.rfind(':');
+  if (brackets && end == std::string_view::npos) return false;
+  host = text.substr(brackets ? 1 : 0, brackets ? end - 1 : end);
+  port = {};
+  const std::size_t colon = brackets ? end + 1 : end;
+  if (colon >= text.size()) return true;
+  if (text[colon] != ':') return false;
+  port = text.substr(colon + 1);
+  return true;
+}
+
+}  // namespace
+
+bool ViewAddress::is_loopback() const { return host.starts_with("127.") || host == "::1"; }
+
+Result<ViewAddress> parse_view_address(std::string_view text) {
+  const auto wrong = [&](const char* what, const char* expected) {
+    return Error{ErrorKind::kUsage, "", 0, "--view " + std::string(text) + ": " + what, expected};
+  };
+  ViewAddress address;
+  std::string_view host, port = text;
+  bool brackets = false;
+  if (text.find(':') != std::string_view::npos) {
+    if (!split(text, host, port, brackets)) return wrong("no address and port", "[ADDRESS:]PORT, or [IPV6]:PORT");
+    address.host = equal_names(host, "localhost") ? "127.0.0.1" : std::string(host);
+    if (!is_numeric(brackets ? AF_INET6 : AF_INET, address.host)) {
+      return wrong("no numeric address", "one of this computer's, 0.0.0.0 for all; IPv6 in brackets");
+    }
+  }
+  if (!parse_port(port, address.port)) return wrong("no port", "a number from 0 (any that is free) to 65535");
+  return address;
+}
+
+std::string url_of(const ViewAddress& address) {
+  std::string host = address.host;
+  if (host == "0.0.0.0") host = "127.0.0.1";
+  if (host == "::") host = "::1";
+  const bool v6 = host.find(':') != std::string::npos;
+  return "http://" + (v6 ? "[" + host + "]" : host) + ":" + std::to_string(address.port) + "/";
+}
+
+bool is_own_host(std::string_view text, std::string_view own_name, bool loopback_only) {
+  std::string_view host, port;
+  bool brackets = false;
+  std::uint16_t number = 0;
+  if (!split(text, host, port, brackets) || (!port.empty() && !parse_port(port, number))) return false;
+  if (is_numeric(brackets ? AF_INET6 : AF_INET, host) || equal_names(host, "localhost")) return true;
+  return !loopback_only && !own_name.empty() &&
+         (equal_names(host, own_name) || equal_names(host, std::string(own_name) + ".local"));
+}
+
+}  // namespace epiline

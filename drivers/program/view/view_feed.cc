@@ -1,0 +1,124 @@
+#include "drivers/program/view/view_feed.h"
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+
+#include "platform/time/monotonic.h"
+
+namespace epiline {
+
+namespace {
+
+constexpr std::int64_t kMillisecond = 1'000'000;
+constexpr std::int64_t kInterval_ns = 45 * kMillisecond, kIntervalUnseen_ns = 1000 * kMillisecond;
+constexpr std::int64_t kViewerGone_ns = 2000 * kMillisecond;
+constexpr std::int64_t kLongAgo_ns = std::numeric_limits<std::int64_t>::min() / 2;
+
+void copy_pixels(const Frame& frame, ViewedImage& out) {
+  int step = 1;
+  const auto pixels = [&] { return std::size_t(frame.width / step) * std::size_t(frame.height / step); };
+  while (pixels() > ViewedImage::kMostPixels) ++step;
+  out.camera_width = frame.width;
+  out.camera_height = frame.height;
+  out.width = frame.width / step;
+  out.height = frame.height / step;
+  std::uint8_t* to = out.pixels.data();
+  for (int y = 0; y < out.height; ++y, to += out.width) {
+    const std::uint8_t* const from = frame.data + std::ptrdiff_t{y} * step * frame.stride;
+    if (step == 1) {
+      std::memcpy(to, from, static_cast<std::size_t>(out.width));
+    } else {
+      for (int x = 0; x < out.width; ++x) to[x] = from[x * step];
+    }
+  }
+}
+
+}  // namespace
+
+ViewFeed::ViewFeed() : seen_ns_(kLongAgo_ns), last_draft_ns_(kLongAgo_ns) {
+  for (int i = 0; i < static_cast<int>(buffers_.size()); ++i) empty_.push(i);
+}
+
+void ViewFeed::take(const FrameOutcome& outcome) noexcept {
+  if (ViewedOutcome* const out = outcomes_.claim()) {
+    out->outcome = outcome;
+    out->imu_samples = imu_samples_;
+    out->newest_imu = newest_imu_;
+    out->images_lost = images_lost_;
+    outcomes_.publish();
+  }
+}
+
+void ViewFeed::published(std::uint64_t serial, std::int64_t latency_ns) noexcept {
+  latencies_.push({serial, latency_ns});
+}
+
+void ViewFeed::imu(const ImuSample& sample) noexcept {
+  ++imu_samples_;
+  newest_imu_ = sample.stamp;
+}
+
+void ViewFeed::event(const Event& event) noexcept { events_.push(event); }
+
+/// The buffer for this image; null if none is wanted or free now.
+ViewedImage* ViewFeed::draft_for(std::uint64_t sequence, HostStamp stamp) noexcept {
+  if (draft_ != kNone && sequence <= draft_sequence_) {
+    return sequence == draft_sequence_ ? &buffers_[static_cast<std::size_t>(draft_)] : nullptr;
+  }
+  const std::int64_t now_ns = monotonic_ns();
+  if (draft_ == kNone) {
+    const bool seen = now_ns - seen_ns_.load(std::memory_order_relaxed) < kViewerGone_ns;  // a hint, orders nothing
+    if (now_ns - last_draft_ns_ < (seen ? kInterval_ns : kIntervalUnseen_ns) || !empty_.pop(draft_)) return nullptr;
+  }  // else: the rest of the image before never came, its buffer is free
+  last_draft_ns_ = now_ns;
+  draft_sequence_ = sequence;
+  ViewedImage& draft = buffers_[static_cast<std::size_t>(draft_)];
+  draft.stamp = stamp;
+  draft.sequence = sequence;
+  draft.camera_width = draft.camera_height = draft.width = draft.height = 0;
+  draft.has_tracks = false;
+  draft.tracks.clear();
+  return &draft;
+}
+
+bool ViewFeed::draft_is_whole() const noexcept {
+  const ViewedImage& draft = buffers_[static_cast<std::size_t>(draft_)];
+  return draft.has_tracks && (draft.width > 0 || !images_expected_);
+}
+
+void ViewFeed::hand_over() noexcept {
+  filled_.push(draft_);  // holds all there are
+  draft_ = kNone;
+}
+
+void ViewFeed::tracks(const LoggedTracks& tracks) noexcept {
+  if (sequence_known_ && tracks.sequence > newest_sequence_) images_lost_ += tracks.sequence - newest_sequence_ - 1;
+  sequence_known_ = true;
+  newest_sequence_ = std::max(newest_sequence_, tracks.sequence);
+  ViewedImage* const draft = draft_for(tracks.sequence, tracks.stamp);
+  if (draft == nullptr) return;
+  draft->tracks = tracks.points;
+  draft->has_tracks = true;
+  if (draft_is_whole()) hand_over();
+}
+
+void ViewFeed::image(const Frame& frame) noexcept {
+  if (frame.data == nullptr || frame.width <= 0 || frame.height <= 0) return;
+  ViewedImage* const draft = draft_for(frame.sequence, frame.stamp);
+  if (draft == nullptr) return;
+  copy_pixels(frame, *draft);
+  if (draft_is_whole()) hand_over();
+}
+
+const ViewedImage* ViewFeed::newest_image() noexcept {
+  bool fresh = false;
+  for (int i = kNone; filled_.pop(i);) {
+    if (shown_ != kNone) empty_.push(shown_);
+    shown_ = i;
+    fresh = true;
+  }
+  return fresh ? &buffers_[static_cast<std::size_t>(shown_)] : nullptr;
+}
+
+}  // namespace epiline

@@ -1,0 +1,158 @@
+#include "drivers/sensors/camera/camera_exposure.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "platform/time/monotonic.h"
+
+namespace epiline {
+
+namespace {
+
+constexpr int kChangesAtOnce = 8;  // told of by the device; the rest waits for the next image
+
+Span span_of_ms(double ms) noexcept { return Span::from_seconds(ms * 1e-3); }
+
+void bump(std::atomic<std::uint64_t>& counter) noexcept {
+  counter.store(counter.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+}
+
+}  // namespace
+
+CameraExposure::CameraExposure(const V4l2Settings& settings)
+    : settings_(settings),
+      timeline_(settings.control_of_exposure.delay_images),
+      automatic_(settings.control_of_exposure.automatic) {}
+
+// ---- values of controls and what they mean ----
+
+double CameraExposure::gain_of(std::int64_t value) const noexcept {
+  if (gain_control_.id == 0) return 1;
+  const double amount = static_cast<double>(value) * settings_.control_of_exposure.gain_unit;
+  return settings_.control_of_exposure.gain_scale == 0 ? std::max(amount, 1e-3) : std::pow(10, amount / 20);
+}
+
+std::int64_t CameraExposure::value_of_gain(double gain) const noexcept {
+  const double amount = settings_.control_of_exposure.gain_scale == 0 ? gain : 20 * std::log10(gain);
+  return std::clamp<std::int64_t>(std::llround(amount / settings_.control_of_exposure.gain_unit), gain_control_.least,
+                                  gain_control_.most);
+}
+
+std::int64_t CameraExposure::value_of_time(Span time) const noexcept {
+  const std::int64_t unit = std::max<std::int64_t>(settings_.exposure.ns, 1);
+  return std::clamp((time.ns + unit / 2) / unit, time_control_.least, time_control_.most);
+}
+
+ExposureState CameraExposure::state() const noexcept {
+  return {Span{time_control_.id == 0 ? settings_.exposure.ns : time_value_ * settings_.exposure.ns},
+          gain_of(gain_value_)};
+}
+
+// ---- setting up ----
+
+DeviceTrouble CameraExposure::set_up(V4l2Device& device) noexcept {
+  const ExposureConfig& config = settings_.control_of_exposure;
+  const auto find = [&device](const std::string& name, ControlFacts& facts, std::int64_t& value) {
+    facts = {};
+    if (name.empty()) return DeviceTrouble{};
+    if (const DeviceTrouble trouble = device.find_control(name.c_str(), facts)) return trouble;
+    device.watch_control(facts);
+    return device.control(name.c_str(), value);
+  };
+  if (const DeviceTrouble trouble = find(settings_.exposure_control, time_control_, time_value_)) return trouble;
+  if (const DeviceTrouble trouble = find(config.gain_control, gain_control_, gain_value_)) return trouble;
+  timeline_.begin(state());
+  of_image_.state = state();
+  shown_time_ns_.store(of_image_.state.time.ns, std::memory_order_relaxed);
+  wanted_.reset();
+  if (time_control_.id == 0) return {};
+  ExposureLimits limits;
+  limits.shortest = Span{value_of_time(span_of_ms(config.shortest_ms)) * settings_.exposure.ns};
+  limits.longest = Span{value_of_time(span_of_ms(config.longest_ms)) * settings_.exposure.ns};
+  if (gain_control_.id != 0) {
+    // amplification below 1 is none; who measures gain in other units has their least value as 1
+    limits.gain_least = gain_of(value_of_gain(1));
+    limits.gain_most = std::max(limits.gain_least, gain_of(value_of_gain(config.gain_most)));
+  }
+  limits.blur_px = config.blur_px;
+  limits.focal_px = settings_.focal_px;
+  limits.brightness = config.brightness;
+  limits.flicker_hz = config.flicker_hz;
+  controller_.emplace(limits);
+  return {};
+}
+
+// ---- changes ----
+
+void CameraExposure::serve(V4l2Device& device) noexcept {
+  if (!wanted_ || !device.is_open()) return;
+  const ExposureState wanted = *wanted_;
+  wanted_.reset();
+  std::array<ControlValue, 2> values;
+  std::size_t count = 0;
+  const std::int64_t time = value_of_time(wanted.time);
+  if (time != time_value_) values[count++] = {&time_control_, settings_.exposure_control.c_str(), time};
+  const std::int64_t gain = gain_control_.id != 0 ? value_of_gain(wanted.gain) : gain_value_;
+  if (gain != gain_value_) values[count++] = {&gain_control_, settings_.control_of_exposure.gain_control.c_str(), gain};
+  if (count == 0) return;
+  if (device.change_controls({values.data(), count})) {
+    bump(refused_);
+    return;  // a device that is lost shows it with the next image
+  }
+  for (std::size_t i = 0; i < count; ++i)
+    (values[i].facts == &time_control_ ? time_value_ : gain_value_) = values[i].value;
+  timeline_.change({monotonic_ns()}, state());
+  bump(changes_);
+}
+
+void CameraExposure::note_changes(V4l2Device& device) noexcept {
+  std::uint32_t id = 0;
+  std::int64_t value = 0;
+  HostStamp at;
+  for (int i = 0; i < kChangesAtOnce && device.next_change(id, value, at); ++i) changed(id, value, at);
+}
+
+void CameraExposure::changed(std::uint32_t id, std::int64_t value, HostStamp at) noexcept {
+  if (id == 0 || (id != time_control_.id && id != gain_control_.id)) return;
+  std::int64_t& ours = id == time_control_.id ? time_value_ : gain_value_;
+  if (ours == value) return;
+  ours = value;
+  timeline_.change(at, state());
+}
+
+// ---- images ----
+
+Span CameraExposure::time_of(HostStamp given, std::uint64_t sequence) noexcept {
+  of_image_ = timeline_.image(given, sequence);
+  shown_time_ns_.store(of_image_.state.time.ns, std::memory_order_relaxed);
+  shown_gain_.store(of_image_.state.gain, std::memory_order_relaxed);
+  return of_image_.state.time;
+}
+
+void CameraExposure::look(const Frame& frame) noexcept {
+  if (!controller_ || !automatic_.load(std::memory_order_relaxed)) return;
+  const ImageStatistics image = statistics_of(frame.data, frame.width, frame.height, frame.stride);
+  timeline_.brightness(image.mean);
+  wanted_ = controller_->step(image, of_image_, turn_rate_.load(std::memory_order_relaxed));
+  brightness_.store(image.mean, std::memory_order_relaxed);
+  dark_share_.store(image.dark_share, std::memory_order_relaxed);
+  clipped_share_.store(image.clipped_share, std::memory_order_relaxed);
+  delay_.store(timeline_.delay(), std::memory_order_relaxed);
+  is_delay_known_.store(timeline_.is_delay_known(), std::memory_order_relaxed);
+}
+
+ExposureReport CameraExposure::report() const noexcept {
+  const auto value = [](const auto& atom) { return atom.load(std::memory_order_relaxed); };
+  return {.time = Span{value(shown_time_ns_)},
+          .gain = value(shown_gain_),
+          .brightness = value(brightness_),
+          .dark_share = value(dark_share_),
+          .clipped_share = value(clipped_share_),
+          .delay_images = value(delay_),
+          .is_delay_known = value(is_delay_known_),
+          .is_automatic = value(automatic_),
+          .changes = value(changes_),
+          .refused = value(refused_)};
+}
+
+}  // namespace epiline

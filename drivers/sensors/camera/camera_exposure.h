@@ -1,0 +1,75 @@
+#pragma once
+// Exposure of a V4L2 camera while it streams: which one each image had, and which one the next should have.
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <optional>
+
+#include "drivers/sensors/camera/exposure_controller.h"
+#include "drivers/sensors/camera/exposure_timeline.h"
+#include "drivers/sensors/camera/v4l2_device.h"
+#include "platform/samples/samples.h"
+
+namespace epiline {
+
+/// For `check`, health and display.
+struct ExposureReport {
+  Span time;                                                 ///< of the newest image
+  double gain = 1;                                           ///< likewise
+  double brightness = 0, dark_share = 0, clipped_share = 0;  ///< of the newest image that was looked at
+  int delay_images = 0;                                      ///< images after a change that do not show it yet
+  bool is_delay_known = false;                               ///< configured, or learned
+  bool is_automatic = false;
+  std::uint64_t changes = 0, refused = 0;  ///< by the controller; by the device
+};
+
+/// Belongs to the thread that reads the camera, but for what says otherwise. No heap after construction.
+class CameraExposure {
+ public:
+  explicit CameraExposure(const V4l2Settings& settings);
+
+  /// With the device's controls as configured. Again when a lost device has come back.
+  DeviceTrouble set_up(V4l2Device& device) noexcept;
+  /// Makes the change the controller wants, if any. It takes as long as the device needs to be told.
+  void serve(V4l2Device& device) noexcept;
+  /// Asks whether another program changed something.
+  void note_changes(V4l2Device& device) noexcept;
+  /// A control was changed for somebody else, at this instant.
+  void changed(std::uint32_t id, std::int64_t value, HostStamp at) noexcept;
+
+  /// The exposure time of the next image, by the driver's own stamp.
+  Span time_of(HostStamp given, std::uint64_t sequence) noexcept;
+  /// Lets the controller look at the image time_of() was asked about.
+  void look(const Frame& frame) noexcept;
+
+  // Any thread.
+  void set_automatic(bool on) noexcept { automatic_.store(on, std::memory_order_relaxed); }
+  /// How fast the camera turns, rad/s, for the limit against blur.
+  void set_turn_rate(double rad_s) noexcept { turn_rate_.store(rad_s, std::memory_order_relaxed); }
+  ExposureReport report() const noexcept;
+
+ private:
+  double gain_of(std::int64_t value) const noexcept;
+  std::int64_t value_of_gain(double gain) const noexcept;
+  std::int64_t value_of_time(Span time) const noexcept;
+  ExposureState state() const noexcept;
+
+  const V4l2Settings& settings_;
+  ExposureTimeline timeline_;
+  std::optional<ExposureController> controller_;
+  std::optional<ExposureState> wanted_;
+  ControlFacts time_control_, gain_control_;
+  std::int64_t time_value_ = 0, gain_value_ = 0;
+  ExposureTimeline::OfImage of_image_;
+
+  std::atomic<bool> automatic_{false};
+  std::atomic<double> turn_rate_{0};
+  // of the report
+  std::atomic<std::int64_t> shown_time_ns_{0};
+  std::atomic<double> shown_gain_{1}, brightness_{0}, dark_share_{0}, clipped_share_{0};
+  std::atomic<int> delay_{0};
+  std::atomic<bool> is_delay_known_{false};
+  std::atomic<std::uint64_t> changes_{0}, refused_{0};
+};
+
+}  // namespace epiline

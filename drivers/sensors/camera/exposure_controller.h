@@ -1,0 +1,57 @@
+#pragma once
+// Which exposure the next images should have, so that there is much to track in them. docs/camera.md.
+#include <array>
+#include <cstddef>
+#include <optional>
+
+#include "drivers/sensors/camera/exposure_timeline.h"
+#include "drivers/sensors/camera/image_statistics.h"
+
+namespace epiline {
+
+/// What a camera can do, and what its user wants.
+struct ExposureLimits {
+  Span shortest{20'000}, longest{10'000'000};
+  double gain_least = 1, gain_most = 1;
+  double blur_px = 0;       ///< an image may be smeared so far by turning; 0: not looked at
+  double focal_px = 0;      ///< pixels per radian; 0: unknown
+  double brightness = 100;  ///< mean grey value, where the picture has no texture
+  double flicker_hz = 0;    ///< of the lamps; exposures longer than a period become whole periods. 0: no lamps
+};
+
+/// By which factor the light on the sensor should change, natural logarithm, from -log(4) to log(4): where the image
+/// would have the most information. An edge is worth the logarithm of its height, nothing if it is clipped; a picture
+/// without edges is judged by its mean. `brightness`: as in ExposureLimits.
+double wanted_log_factor(const ImageStatistics& image, double brightness) noexcept;
+
+/// A pure object: no clock, no heap. It looks only at images that show its last change, takes the mean of a few, and
+/// moves when they are off by more than a band, in steps that a tracker follows. So it cannot chase its own delay.
+class ExposureController {
+ public:
+  explicit ExposureController(const ExposureLimits& limits) noexcept;
+
+  /// One image: which exposure it had, and whether it shows every change that was made for sure. `turn_rate_rad_s`: of
+  /// the camera, zero if nobody knows. The exposure to change to, if it is to be changed.
+  std::optional<ExposureState> step(const ImageStatistics& image, const ExposureTimeline::OfImage& exposure,
+                                    double turn_rate_rad_s) noexcept;
+
+  /// Exposure time and gain that together are `total` (seconds times gain), or as near as the limits allow. Time first,
+  /// for gain is noise.
+  ExposureState split(double total) const noexcept;
+  /// The longest exposure time at the turn rate of late.
+  Span longest() const noexcept;
+
+ private:
+  double step_of(double wanted) noexcept;
+
+  ExposureLimits limits_;
+  double turn_rate_ = 0;  ///< the highest of late, rad/s
+  double sum_ = 0;        ///< of wanted factors, logarithms
+  int images_ = 0;
+  bool is_moving_ = false;
+  int turns_ = 0;  ///< changes of direction since it was at rest
+  // logarithms: the last change, how far the next may go, and what is near enough
+  double last_step_ = 0, reach_ = 2, band_ = 0;
+};
+
+}  // namespace epiline

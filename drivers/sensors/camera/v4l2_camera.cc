@@ -1,0 +1,449 @@
+#include "drivers/sensors/camera/v4l2_camera.h"
+
+#include <linux/videodev2.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <ctime>
+#include <string>
+#include <utility>
+
+#include "platform/error/contract.h"
+#include "platform/time/monotonic.h"
+
+namespace epiline {
+
+namespace {
+
+constexpr int kRowAlignment = 64;  // of copies: a cache line
+
+void bump(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) noexcept {
+  counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
+}
+
+timespec timespec_of(Span span) noexcept {
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  const std::int64_t ns = std::max<std::int64_t>(span.ns, 0);
+  return {static_cast<time_t>(ns / kSecond), static_cast<long>(ns % kSecond)};
+}
+
+}  // namespace
+
+V4l2Camera::V4l2Camera(V4l2Settings settings)
+    : settings_(std::move(settings)), stamp_line_(settings_.stamp_line, settings_.stamp_edge) {}
+
+// ---- setting up ----
+
+Status V4l2Camera::open() {
+  if (settings_.buffers < 2 || settings_.buffers > static_cast<int>(kMostBuffers))
+    return Error{ErrorKind::kUsage, settings_.device, 0, std::to_string(settings_.buffers) + " buffers", "2 to 16"};
+  if (Status line = stamp_line_.open(); !line) return line;
+  wake_fd_ = ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+  if (wake_fd_ < 0) return Error{ErrorKind::kRun, "eventfd", 0, std::strerror(errno), ""};
+  if (const DeviceTrouble trouble = set_up()) {
+    const Error error = error_of(trouble);
+    close();
+    return error;
+  }
+  std::snprintf(bus_.data(), bus_.size(), "%s", device_.bus());
+  opened_ = true;
+  return Done{};
+}
+
+/// Called again for a lost device, which must come back with the same image: readers know its size.
+DeviceTrouble V4l2Camera::set_up() noexcept {
+  if (const DeviceTrouble trouble = device_.open(settings_.device.c_str())) {
+    // Plugged in again while images of before were lent, a device gets another number: /dev/video0 is no more.
+    if (!opened_ || bus_[0] == '\0' || device_.open(bus_.data())) return trouble;
+  }
+  DeviceFormat format;
+  if (const DeviceTrouble trouble = device_.set_format(settings_, format)) return trouble;
+  const bool copies = !is_grey_in_place(format.format) || device_.is_loopback();
+  if (!opened_) {
+    copies_ = copies;
+    if (copies_) {
+      const int stride = (format.width + kRowAlignment - 1) / kRowAlignment * kRowAlignment;
+      const std::size_t bytes = static_cast<std::size_t>(stride) * static_cast<std::size_t>(format.height);
+      copies_memory_.resize(bytes * static_cast<std::size_t>(settings_.buffers));
+      for (std::size_t i = 0; i < static_cast<std::size_t>(settings_.buffers); ++i)
+        slots_[i].memory = {copies_memory_.data() + i * bytes, bytes};
+    }
+  } else if (format.width != format_.width || format.height != format_.height || copies != copies_) {
+    DeviceTrouble trouble;
+    trouble.step = "the camera came back different";
+    return trouble;
+  }
+  format_ = format;
+  if (const DeviceTrouble trouble = device_.set_controls(settings_)) return trouble;
+  if (const DeviceTrouble trouble = repeat_changes()) return trouble;
+  if (const DeviceTrouble trouble = exposure_.set_up(device_)) return trouble;
+  if (const DeviceTrouble trouble = map_buffers()) return trouble;
+  if (const DeviceTrouble trouble = device_.start()) return trouble;
+  is_first_of_stream_ = true;
+  stamp_line_.restart();
+  last_image_ns_ = monotonic_ns();
+  streaming_.store(true, std::memory_order_relaxed);
+  return {};
+}
+
+// ---- controls, while it streams ----
+
+bool V4l2Camera::request_control(std::string_view name, std::int64_t value) noexcept {
+  ControlChange change;
+  if (name.size() >= change.name.size()) return false;
+  std::copy(name.begin(), name.end(), change.name.begin());
+  change.value = value;
+  return requests_.push(change);
+}
+
+void V4l2Camera::serve_requests() noexcept {
+  ControlChange change;
+  while (requests_.pop(change)) {
+    const ControlChange wanted = change;
+    change.is_set = !change_control(change);
+    answers_.push(change);
+    if (!change.is_set) continue;
+    ControlChange* known =
+        std::find_if(changes_.begin(), changes_.end(), [&](const ControlChange& c) { return c.name == wanted.name; });
+    if (known != changes_.end())
+      *known = wanted;
+    else
+      changes_.push_back(wanted);
+  }
+  exposure_.serve(device_);
+}
+
+DeviceTrouble V4l2Camera::change_control(ControlChange& change) noexcept {
+  ControlFacts facts;
+  if (const DeviceTrouble trouble = device_.find_control(change.name.data(), facts)) return trouble;
+  ControlValue one{&facts, change.name.data(), change.value};
+  const DeviceTrouble trouble = device_.change_controls({&one, 1});
+  if (trouble) return trouble;
+  change.value = one.value;
+  exposure_.changed(facts.id, one.value, {monotonic_ns()});
+  return {};
+}
+
+DeviceTrouble V4l2Camera::repeat_changes() noexcept {
+  for (ControlChange change : changes_)
+    if (const DeviceTrouble trouble = change_control(change)) return trouble;
+  return {};
+}
+
+// ---- buffers ----
+
+DeviceTrouble V4l2Camera::map_buffers() noexcept {
+  unsigned count = copies_ ? kBuffersWhenCopying : static_cast<unsigned>(settings_.buffers);
+  if (const DeviceTrouble trouble = device_.request_buffers(count)) return trouble;
+  buffer_count_ = 0;
+  for (unsigned i = 0; i < std::min<unsigned>(count, kMostBuffers); ++i) {
+    const int slot = copies_ ? 0 : free_slot();
+    if (slot < 0) break;  // images of the stream before are still lent: fewer buffers for this one
+    Memory memory;
+    if (const DeviceTrouble trouble = device_.map(i, memory.data, memory.length, stamp_flags_)) return trouble;
+    buffer_count_ = i + 1;
+    if (copies_) {
+      buffers_[i] = memory;
+    } else {
+      slot_of_[i] = slot;
+      Slot& s = slots_[static_cast<std::size_t>(slot)];
+      s.memory = memory;
+      s.buffer = i;
+      s.is_stale = false;
+      s.state.store(SlotState::kWithDriver, std::memory_order_relaxed);
+    }
+    if (memory.length < image_bytes(format_.format, format_.width, format_.height, format_.stride)) {
+      DeviceTrouble trouble;
+      trouble.step = "a buffer is smaller than an image";
+      return trouble;
+    }
+    if (const DeviceTrouble trouble = device_.queue(i)) return trouble;
+  }
+  DeviceTrouble trouble;
+  if (buffer_count_ < 2) {
+    trouble.step = "fewer than 2 buffers";
+  } else if ((stamp_flags_ & V4L2_BUF_FLAG_TIMESTAMP_MASK) != V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC &&
+             !settings_.trust_stamps) {
+    trouble.step = "stamps of an unknown clock";
+    std::snprintf(trouble.expected, sizeof(trouble.expected), "monotonic stamps, or trust_stamps in the configuration");
+  }
+  return trouble;
+}
+
+Error V4l2Camera::error_of(const DeviceTrouble& trouble) const { return epiline::error_of(trouble, device_.path()); }
+
+// ---- losing it, and getting it back ----
+
+/// Ends the stream. Images that are lent stay mapped until they are given back.
+void V4l2Camera::tear_down() noexcept {
+  streaming_.store(false, std::memory_order_relaxed);
+  if (device_.is_open()) device_.stop();
+  for (std::size_t i = 0; i < buffer_count_ && copies_; ++i) {
+    if (buffers_[i].data != nullptr) ::munmap(buffers_[i].data, buffers_[i].length);
+    buffers_[i] = {};
+  }
+  for (Slot& slot : slots_) {
+    if (copies_ || slot.memory.data == nullptr) continue;
+    slot.is_stale = true;
+    if (slot.state.load(std::memory_order_relaxed) == SlotState::kWithDriver)
+      slot.state.store(SlotState::kReturned, std::memory_order_relaxed);
+  }
+  collect_returned();
+  buffer_count_ = 0;
+  device_.close();
+}
+
+void V4l2Camera::lose(int error) noexcept {
+  tear_down();
+  bump(disconnected_);
+  last_error_.store(error, std::memory_order_relaxed);
+  retry_.begin(monotonic_ns());
+}
+
+bool V4l2Camera::reopen() noexcept {
+  collect_returned();
+  const DeviceTrouble trouble = set_up();
+  if (!trouble) return true;
+  tear_down();
+  bump(retries_);
+  last_error_.store(trouble.error, std::memory_order_relaxed);
+  retry_.failed(monotonic_ns());
+  return false;
+}
+
+void V4l2Camera::close() noexcept {
+  stamp_line_.close();
+  if (wake_fd_ < 0) return;
+  for (Slot& slot : slots_)
+    if (slot.state.load(std::memory_order_acquire) == SlotState::kLent)
+      slot.state.store(SlotState::kReturned, std::memory_order_relaxed);
+  tear_down();
+  ::close(wake_fd_);
+  wake_fd_ = -1;
+  opened_ = false;
+  copies_memory_ = {};
+  for (Slot& slot : slots_) slot.memory = {};
+}
+
+// ---- images ----
+
+ReadOutcome V4l2Camera::read(Frame& frame, Span timeout) noexcept {
+  EPILINE_EXPECTS(opened_, "open() before read()");
+  const std::int64_t deadline_ns = monotonic_ns() + timeout.ns;
+  if (!is_streaming()) {
+    const std::int64_t now_ns = monotonic_ns();
+    if (now_ns < retry_.due_ns()) {
+      wait({std::min(retry_.due_ns(), deadline_ns) - now_ns});
+      if (monotonic_ns() < retry_.due_ns()) return ReadOutcome::kFailed;
+    }
+    if (!reopen()) return ReadOutcome::kFailed;
+  }
+  serve_requests();
+  for (bool is_well = true;;) {
+    const ReadOutcome outcome = collect_returned() ? take(frame) : ReadOutcome::kFailed;
+    const std::int64_t now_ns = monotonic_ns();
+    if (outcome == ReadOutcome::kTimeout && (!is_well || is_silent(now_ns))) {
+      lose(is_well ? 0 : EIO);
+      return ReadOutcome::kFailed;
+    }
+    if (outcome != ReadOutcome::kTimeout || now_ns >= deadline_ns) return outcome;
+    is_well = wait({deadline_ns - now_ns});
+  }
+}
+
+bool V4l2Camera::is_silent(std::int64_t now_ns) const noexcept {
+  return settings_.silence_most.ns > 0 && now_ns - last_image_ns_ > settings_.silence_most.ns;
+}
+
+/// Until an image is ready, one was given back, or the time is over. False: the device reports an error, which the next
+/// take() will name.
+bool V4l2Camera::wait(Span at_most) noexcept {
+  std::size_t with_driver = copies_ ? buffer_count_ : 0;
+  for (const Slot& slot : slots_)
+    with_driver += slot.state.load(std::memory_order_relaxed) == SlotState::kWithDriver ? 1 : 0;
+  // without a buffer the driver reports an error that is none
+  const bool asks_device = device_.is_open() && with_driver > 0;
+  std::array<pollfd, 2> fds{{{wake_fd_, POLLIN, 0}, {device_.fd(), POLLIN, 0}}};
+  const timespec time = timespec_of(at_most);
+  ::ppoll(fds.data(), asks_device ? 2 : 1, &time, nullptr);
+  std::uint64_t times = 0;
+  if (fds[0].revents != 0 && ::read(wake_fd_, &times, sizeof(times)) < 0) return true;
+  return (fds[1].revents & (POLLERR | POLLHUP | POLLNVAL)) == 0;
+}
+
+void V4l2Camera::give_back(const Frame& frame) noexcept {
+  EPILINE_EXPECTS(frame.slot >= 0 && frame.slot < static_cast<int>(kSlots), "an image of this camera");
+  Slot& slot = slots_[static_cast<std::size_t>(frame.slot)];
+  // release, pairs with the acquire in collect_returned(): the last look at the pixels comes before the driver writes
+  const SlotState before = slot.state.exchange(SlotState::kReturned, std::memory_order_release);
+  EPILINE_EXPECTS(before == SlotState::kLent, "an image is given back once");
+  const std::uint64_t one = 1;
+  // fails only if the counter is full of wake-ups nobody has looked at
+  [[maybe_unused]] const ssize_t written = ::write(wake_fd_, &one, sizeof(one));
+}
+
+/// False: the device is lost.
+bool V4l2Camera::collect_returned() noexcept {
+  for (Slot& slot : slots_) {
+    if (slot.state.load(std::memory_order_acquire) != SlotState::kReturned) continue;  // pairs with give_back()
+    if (copies_) {
+      slot.state.store(SlotState::kFree, std::memory_order_relaxed);
+    } else if (slot.is_stale) {
+      ::munmap(slot.memory.data, slot.memory.length);
+      slot.memory = {};
+      slot.state.store(SlotState::kFree, std::memory_order_relaxed);
+    } else {
+      slot.state.store(SlotState::kWithDriver, std::memory_order_relaxed);
+      if (const DeviceTrouble trouble = device_.queue(slot.buffer)) {
+        lose(trouble.error);
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
+ReadOutcome V4l2Camera::take(Frame& frame) noexcept {
+  exposure_.note_changes(device_);
+  // a bad image is as long on the way as a good one: the next is not there yet, so this ends
+  for (;;) {
+    v4l2_buffer buffer;
+    const int error = device_.dequeue(buffer);
+    if (error == EAGAIN) return ReadOutcome::kTimeout;
+    if (error != 0 || buffer.index >= buffer_count_) {
+      lose(error);
+      return ReadOutcome::kFailed;
+    }
+    last_image_ns_ = monotonic_ns();
+    Slot* lending = copies_ ? nullptr : &slots_[static_cast<std::size_t>(slot_of_[buffer.index])];
+    if (lending != nullptr && lending->state.load(std::memory_order_relaxed) != SlotState::kWithDriver) {
+      bump(overwritten_);
+      continue;
+    }
+    number(frame, buffer.sequence);
+    const bool is_good = is_sound(buffer) && stamp(frame, buffer) && fill(frame, buffer);
+    if (is_good && lending != nullptr) {
+      lending->state.store(SlotState::kLent, std::memory_order_relaxed);  // whoever gets it is told by this thread
+    } else if (const DeviceTrouble trouble = device_.queue(buffer.index)) {
+      lose(trouble.error);
+      if (!is_good) return ReadOutcome::kFailed;
+    }
+    if (!is_good) continue;
+    exposure_.look(frame);
+    bump(frames_);
+    return ReadOutcome::kSample;
+  }
+}
+
+bool V4l2Camera::is_sound(const v4l2_buffer& buffer) noexcept {
+  if ((buffer.flags & V4L2_BUF_FLAG_ERROR) != 0) {
+    bump(damaged_);
+    return false;
+  }
+  if (buffer.bytesused < image_bytes(format_.format, format_.width, format_.height, format_.stride)) {
+    bump(incomplete_);
+    return false;
+  }
+  return true;
+}
+
+bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
+  const bool is_monotonic = (buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+  const HostStamp given{static_cast<std::int64_t>(buffer.timestamp.tv_sec) * 1'000'000'000 +
+                        static_cast<std::int64_t>(buffer.timestamp.tv_usec) * 1'000};
+  frame.arrival = HostStamp{monotonic_ns()};
+  const std::int64_t age_ns = (frame.arrival - given).ns;
+  // also ahead of now: drivers compute the end of a frame, and hand the image out before it
+  const bool is_recent = settings_.trust_stamps || std::abs(age_ns) < settings_.stamp_age_most.ns;
+  if ((!is_monotonic && !settings_.trust_stamps) || !is_recent || given <= last_stamp_) {
+    bump(bad_stamps_);
+    return false;
+  }
+  last_stamp_ = given;
+  const bool is_start = (buffer.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) == V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
+  const StampPoint point =
+      settings_.stamp_point.value_or(is_start ? StampPoint::kStartOfExposure : StampPoint::kEndOfFrame);
+  const Span exposure = exposure_.time_of(given, frame.sequence);
+  HostStamp start = point == StampPoint::kStartOfExposure ? given : given - exposure - settings_.readout;
+  if (!stamp_line_.stamp(frame.sequence, start)) {
+    bump(no_edge_);
+    return false;
+  }
+  frame.stamp = start + to_mid_exposure(StampPoint::kStartOfExposure, settings_.shutter, exposure, settings_.readout);
+  return true;
+}
+
+/// The driver's number counts 32 bits, begins anew with each stream, and with some drivers does not move at all.
+void V4l2Camera::number(Frame& frame, std::uint32_t sequence) noexcept {
+  std::uint64_t step = 1;
+  if (is_first_of_stream_) {
+    step = frames_.load(std::memory_order_relaxed) > 0 ? 2 : 0;  // nobody knows how many were lost between
+    is_first_of_stream_ = false;
+  } else {
+    const std::uint32_t passed = sequence - driver_sequence_;
+    if (passed > 1 && passed < 0x80000000u) {
+      step = passed;
+      bump(lost_, passed - 1);
+    }
+  }
+  driver_sequence_ = sequence;
+  sequence_ += step;
+  frame.sequence = sequence_;
+}
+
+bool V4l2Camera::fill(Frame& frame, const v4l2_buffer& buffer) noexcept {
+  frame.width = format_.width;
+  frame.height = format_.height;
+  if (!copies_) {
+    frame.slot = slot_of_[buffer.index];
+    frame.data = slots_[static_cast<std::size_t>(frame.slot)].memory.data;
+    frame.stride = format_.stride;
+    return true;
+  }
+  const int slot = free_slot();
+  if (slot < 0) {
+    bump(no_slot_);
+    return false;
+  }
+  Slot& s = slots_[static_cast<std::size_t>(slot)];
+  frame.slot = slot;
+  frame.stride = static_cast<int>(s.memory.length / static_cast<std::size_t>(format_.height));
+  to_grey(format_.format, buffers_[buffer.index].data, format_.stride, format_.width, format_.height, s.memory.data,
+          frame.stride);
+  frame.data = s.memory.data;
+  s.state.store(SlotState::kLent, std::memory_order_relaxed);
+  return true;
+}
+
+int V4l2Camera::free_slot() const noexcept {
+  const std::size_t count = copies_ ? static_cast<std::size_t>(settings_.buffers) : kSlots;
+  for (std::size_t i = 0; i < count; ++i)
+    if (slots_[i].state.load(std::memory_order_relaxed) == SlotState::kFree) return static_cast<int>(i);
+  return -1;
+}
+
+CameraCounts V4l2Camera::counts() const noexcept {
+  const auto value = [](const Counter& counter) { return counter.load(std::memory_order_relaxed); };
+  CameraCounts counts;
+  counts.frames = value(frames_);
+  counts.lost = value(lost_);
+  counts.damaged = value(damaged_);
+  counts.incomplete = value(incomplete_);
+  counts.bad_stamps = value(bad_stamps_);
+  counts.no_edge = value(no_edge_);
+  counts.no_slot = value(no_slot_);
+  counts.overwritten = value(overwritten_);
+  counts.disconnected = value(disconnected_);
+  counts.retries = value(retries_);
+  counts.last_error = last_error_.load(std::memory_order_relaxed);
+  return counts;
+}
+
+}  // namespace epiline

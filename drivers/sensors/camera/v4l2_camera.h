@@ -1,0 +1,158 @@
+#pragma once
+// A camera behind Linux' V4L2. Images stay in the driver's buffers where their format allows; docs/camera.md.
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include "drivers/sensors/camera/camera_exposure.h"
+#include "drivers/sensors/camera/stamp_line.h"
+#include "drivers/sensors/camera/v4l2_device.h"
+#include "drivers/sensors/camera/v4l2_settings.h"
+#include "platform/concurrency/spsc_ring.h"
+#include "platform/ports/ports.h"
+#include "platform/time/backoff.h"
+
+namespace epiline {
+
+/// What happened to images and to the device, for `check` and for health.
+struct CameraCounts {
+  std::uint64_t frames = 0;        ///< handed out
+  std::uint64_t lost = 0;          ///< gaps of the driver's sequence numbers
+  std::uint64_t damaged = 0;       ///< marked as damaged by the driver
+  std::uint64_t incomplete = 0;    ///< shorter than an image
+  std::uint64_t bad_stamps = 0;    ///< of an unknown clock, not rising, or not of the time just past
+  std::uint64_t no_edge = 0;       ///< with a stamp line: which edge is the image's was not sure
+  std::uint64_t no_slot = 0;       ///< all images were lent
+  std::uint64_t overwritten = 0;   ///< a driver that gave a buffer that was lent
+  std::uint64_t disconnected = 0;  ///< the device was lost
+  std::uint64_t retries = 0;       ///< attempts to get it back that failed
+  int last_error = 0;              ///< errno of the last loss or failed attempt; 0: it was silent, or not as before
+};
+
+/// A control to be set while the camera streams, and what became of it.
+struct ControlChange {
+  std::array<char, 48> name{};
+  std::int64_t value = 0;  ///< wanted; in an answer: as read back
+  bool is_set = false;     ///< false in an answer: the device refused, or has no such control
+};
+
+/// One thread calls open(), read() and close(); any thread may give back and ask for counts. After open() there is no
+/// heap call, also when the device is lost and comes back; a read() that reopens it takes as long as the kernel needs.
+class V4l2Camera final : public CameraSource {
+ public:
+  explicit V4l2Camera(V4l2Settings settings);
+  ~V4l2Camera() override { close(); }
+
+  /// Says what is wrong with the device or the settings.
+  Status open() override;
+  void close() noexcept override;
+  /// An image that was lent when the device was lost can still be read until it is given back.
+  ReadOutcome read(Frame& frame, Span timeout) noexcept override;
+  void give_back(const Frame& frame) noexcept override;
+
+  /// As the device was set by open().
+  const DeviceFormat& format() const noexcept { return format_; }
+  bool copies() const noexcept { return copies_; }
+  Span exposure() const noexcept { return exposure_.report().time; }  ///< of the newest image
+  ExposureReport exposure_report() const noexcept { return exposure_.report(); }
+  CameraCounts counts() const noexcept;
+  /// Of the stamp line, if there is one.
+  EdgeCounts edge_counts() const noexcept { return stamp_line_.counts(); }
+  GpioCounts line_counts() const noexcept { return stamp_line_.line_counts(); }
+  bool is_streaming() const noexcept { return streaming_.load(std::memory_order_relaxed); }
+
+  // While it streams; any one thread.
+
+  /// Sets a control, by the name v4l2-ctl shows, before the next image is waited for; again when a lost device has come
+  /// back. False: the name is too long, or kChanges of them are still waiting.
+  bool request_control(std::string_view name, std::int64_t value) noexcept;
+  /// What became of the oldest request not yet told of. False: nothing new.
+  bool control_answer(ControlChange& answer) noexcept { return answers_.pop(answer); }
+  /// The exposure controller; needs `exposure_control`.
+  void set_automatic_exposure(bool on) noexcept { exposure_.set_automatic(on); }
+  /// How fast the camera turns, rad/s: exposure times are limited so that images stay sharp.
+  void set_turn_rate(double rad_s) noexcept { exposure_.set_turn_rate(rad_s); }
+
+ private:
+  static constexpr std::size_t kMostBuffers = 16,
+                               kSlots = 32;  ///< images lent when the device was lost keep their slots
+  static constexpr unsigned kBuffersWhenCopying = 4;
+  static constexpr std::size_t kChanges = 8;
+
+  enum class SlotState : std::uint8_t {
+    kFree,
+    kWithDriver,
+    kLent,
+    kReturned,  ///< given back, not yet seen by the reading thread
+  };
+  struct Memory {
+    std::uint8_t* data = nullptr;
+    std::size_t length = 0;
+  };
+  struct Slot {
+    Memory memory;
+    unsigned buffer = 0;    ///< the driver's number
+    bool is_stale = false;  ///< of a stream that has ended: to be unmapped, not queued
+    std::atomic<SlotState> state{SlotState::kFree};
+  };
+  using Counter = std::atomic<std::uint64_t>;
+
+  // Setting up: open() and reopen().
+  DeviceTrouble set_up() noexcept;
+  DeviceTrouble map_buffers() noexcept;
+  DeviceTrouble repeat_changes() noexcept;
+  Error error_of(const DeviceTrouble& trouble) const;
+  void lose(int error) noexcept;
+  bool reopen() noexcept;
+  void tear_down() noexcept;
+
+  void serve_requests() noexcept;
+  DeviceTrouble change_control(ControlChange& change) noexcept;
+
+  // An image.
+  bool collect_returned() noexcept;
+  /// kTimeout: none is ready.
+  ReadOutcome take(Frame& frame) noexcept;
+  bool is_sound(const v4l2_buffer& buffer) noexcept;
+  bool fill(Frame& frame, const v4l2_buffer& buffer) noexcept;
+  bool stamp(Frame& frame, const v4l2_buffer& buffer) noexcept;
+  void number(Frame& frame, std::uint32_t sequence) noexcept;
+  int free_slot() const noexcept;
+  bool is_silent(std::int64_t now_ns) const noexcept;
+  bool wait(Span at_most) noexcept;
+
+  V4l2Settings settings_;
+  V4l2Device device_;
+  DeviceFormat format_;
+  bool copies_ = false, opened_ = false;
+  std::array<char, 64> bus_{};  ///< of the device that open() found
+  std::uint32_t stamp_flags_ = 0;
+  CameraExposure exposure_{settings_};
+  SpscRing<ControlChange, kChanges> requests_, answers_;
+  FixedVector<ControlChange, kChanges> changes_;  ///< to be repeated when a lost device is back
+  int wake_fd_ = -1;                              ///< an eventfd: an image was given back
+
+  std::array<Memory, kMostBuffers> buffers_{};  ///< when copying
+  std::array<int, kMostBuffers> slot_of_{};     ///< when lending
+  std::size_t buffer_count_ = 0;
+  std::array<Slot, kSlots> slots_;
+  std::vector<std::uint8_t> copies_memory_;
+
+  std::atomic<bool> streaming_{false};
+  std::int64_t last_image_ns_ = 0;
+  Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(1'000)};
+  HostStamp last_stamp_;
+  StampLine stamp_line_;
+  std::uint64_t sequence_ = 0;         ///< of the newest image, ours
+  std::uint32_t driver_sequence_ = 0;  ///< the driver's
+  bool is_first_of_stream_ = true;
+
+  Counter frames_{0}, lost_{0}, damaged_{0}, incomplete_{0}, bad_stamps_{0}, no_edge_{0}, no_slot_{0}, overwritten_{0},
+      disconnected_{0}, retries_{0};
+  std::atomic<int> last_error_{0};
+};
+
+}  // namespace epiline

@@ -1,0 +1,349 @@
+#include "drivers/sensors/camera/v4l2_device.h"
+
+#include <fcntl.h>
+#include <linux/videodev2.h>
+#include <sys/ioctl.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+#include <cstring>
+
+namespace epiline {
+
+namespace {
+
+constexpr std::uint32_t kCapture = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+constexpr int kMostDevices = 64;
+constexpr double kRateTolerance = 0.02;  // 29.97 Hz is what a camera means by 30
+
+DeviceTrouble refused(const char* step, int error) noexcept {
+  DeviceTrouble trouble;
+  if (error == 0) return trouble;
+  trouble.step = step;
+  trouble.error = error;
+  return trouble;
+}
+
+[[gnu::format(printf, 3, 4)]] DeviceTrouble unexpected(const char* step, const char* expected, const char* format,
+                                                       ...) noexcept {
+  DeviceTrouble trouble;
+  trouble.step = step;
+  std::va_list found;
+  va_start(found, format);
+  std::vsnprintf(trouble.found, sizeof(trouble.found), format, found);
+  va_end(found);
+  std::snprintf(trouble.expected, sizeof(trouble.expected), "%s", expected);
+  return trouble;
+}
+
+/// As v4l2-ctl writes names: "Exposure Time, Absolute" becomes exposure_time_absolute.
+bool is_named(const char* shown, const char* name) noexcept {
+  bool gap = false, begun = false;
+  for (; *shown != '\0'; ++shown) {
+    const auto c = static_cast<unsigned char>(*shown);
+    if (std::isalnum(c) == 0) {
+      gap = true;
+      continue;
+    }
+    if (gap && begun && *name++ != '_') return false;
+    gap = false;
+    begun = true;
+    if (*name++ != static_cast<char>(std::tolower(c))) return false;
+  }
+  return *name == '\0';
+}
+
+bool is_settable(std::uint32_t type) noexcept {
+  return type == V4L2_CTRL_TYPE_INTEGER || type == V4L2_CTRL_TYPE_BOOLEAN || type == V4L2_CTRL_TYPE_MENU ||
+         type == V4L2_CTRL_TYPE_INTEGER_MENU || type == V4L2_CTRL_TYPE_BITMASK || type == V4L2_CTRL_TYPE_INTEGER64 ||
+         type == V4L2_CTRL_TYPE_BUTTON;
+}
+
+void write_fourcc(std::uint32_t fourcc, char (&text)[5]) noexcept {
+  for (int i = 0; i < 4; ++i) {
+    const auto c = static_cast<unsigned char>(fourcc >> (8 * i) & 0x7f);
+    text[i] = std::isprint(c) != 0 ? static_cast<char>(c) : ' ';
+  }
+  text[4] = '\0';
+}
+
+}  // namespace
+
+int V4l2Device::call(unsigned long request, void* argument) const noexcept {
+  int result = 0;
+  do result = ::ioctl(fd_, request, argument);
+  while (result < 0 && errno == EINTR);
+  return result < 0 ? errno : 0;
+}
+
+void V4l2Device::close() noexcept {
+  if (fd_ >= 0) ::close(fd_);
+  fd_ = -1;
+  watches_ = false;
+}
+
+DeviceTrouble V4l2Device::open(const char* wanted) noexcept {
+  if (wanted[0] == '/') return open_path(wanted);
+  for (int i = 0; i < kMostDevices; ++i) {
+    char path[32];
+    std::snprintf(path, sizeof(path), "/dev/video%d", i);
+    if (open_path(path)) continue;
+    if (std::strcmp(card_.data(), wanted) == 0 || std::strcmp(bus_.data(), wanted) == 0) return {};
+    close();
+  }
+  std::snprintf(path_.data(), path_.size(), "/dev/video*");
+  return unexpected("looking for the camera", "the name or the bus of a camera", "none is called '%.60s'", wanted);
+}
+
+DeviceTrouble V4l2Device::open_path(const char* path) noexcept {
+  close();
+  std::snprintf(path_.data(), path_.size(), "%s", path);
+  fd_ = ::open(path, O_RDWR | O_NONBLOCK | O_CLOEXEC);
+  if (fd_ < 0) return refused("open", errno);
+  v4l2_capability capability{};
+  const int error = call(VIDIOC_QUERYCAP, &capability);
+  const bool has_own = (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0;
+  const std::uint32_t caps = has_own ? capability.device_caps : capability.capabilities;
+  DeviceTrouble trouble;
+  if (error != 0)
+    trouble = unexpected("VIDIOC_QUERYCAP", "a V4L2 device", "not a V4L2 device");
+  else if ((caps & V4L2_CAP_VIDEO_CAPTURE) == 0 || (caps & V4L2_CAP_STREAMING) == 0)
+    trouble = unexpected("VIDIOC_QUERYCAP", "single-planar capture and streaming", "capabilities 0x%08x", caps);
+  if (trouble) {
+    close();
+    return trouble;
+  }
+  std::snprintf(card_.data(), card_.size(), "%s", reinterpret_cast<const char*>(capability.card));
+  std::snprintf(bus_.data(), bus_.size(), "%s", reinterpret_cast<const char*>(capability.bus_info));
+  is_loopback_ = std::strcmp(reinterpret_cast<const char*>(capability.driver), "v4l2 loopback") == 0;
+  return {};
+}
+
+DeviceTrouble V4l2Device::set_format(const V4l2Settings& settings, DeviceFormat& format) noexcept {
+  v4l2_format current{};
+  current.type = kCapture;
+  if (const int error = call(VIDIOC_G_FMT, &current); error != 0) return refused("VIDIOC_G_FMT", error);
+  DeviceTrouble trouble = unexpected("VIDIOC_S_FMT", "a list of formats", "no format is wanted");
+  for (const PixelFormat wanted : settings.formats) {
+    v4l2_format set = current;
+    set.fmt.pix.pixelformat = fourcc_of(wanted);
+    if (settings.width > 0) set.fmt.pix.width = static_cast<std::uint32_t>(settings.width);
+    if (settings.height > 0) set.fmt.pix.height = static_cast<std::uint32_t>(settings.height);
+    set.fmt.pix.field = V4L2_FIELD_NONE;
+    set.fmt.pix.bytesperline = 0;
+    set.fmt.pix.sizeimage = 0;
+    const std::uint32_t width = set.fmt.pix.width, height = set.fmt.pix.height;
+    if (const int error = call(VIDIOC_S_FMT, &set); error != 0) {
+      trouble = refused("VIDIOC_S_FMT", error);
+      continue;
+    }
+    const v4l2_pix_format& pix = set.fmt.pix;
+    if (pix.pixelformat == fourcc_of(wanted) && pix.width == width && pix.height == height) {
+      format.format = wanted;
+      format.width = static_cast<int>(pix.width);
+      format.height = static_cast<int>(pix.height);
+      // some drivers leave it empty for formats without padding
+      const auto least = static_cast<std::uint32_t>(row_bytes(wanted, format.width));
+      format.stride = static_cast<int>(pix.bytesperline > least ? pix.bytesperline : least);
+      return set_rate(settings.rate_hz, format.rate_hz);
+    }
+    char name[5];
+    write_fourcc(pix.pixelformat, name);
+    trouble = unexpected("VIDIOC_S_FMT", "", "%s %ux%u", name, pix.width, pix.height);
+    std::snprintf(trouble.expected, sizeof(trouble.expected), "%s %ux%u", to_string(wanted), width, height);
+  }
+  return trouble;
+}
+
+DeviceTrouble V4l2Device::set_rate(double wanted_hz, double& rate_hz) noexcept {
+  v4l2_streamparm parameters{};
+  parameters.type = kCapture;
+  rate_hz = 0;
+  const int error = call(VIDIOC_G_PARM, &parameters);
+  v4l2_fract& interval = parameters.parm.capture.timeperframe;
+  const bool is_settable = (parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) != 0;
+  if (error != 0 || !is_settable) {
+    // raw sensors: the rate follows from blanking controls, among those of the configuration
+    if (error == 0 && interval.numerator > 0) rate_hz = static_cast<double>(interval.denominator) / interval.numerator;
+  } else if (wanted_hz > 0) {
+    interval.numerator = 1000;
+    interval.denominator = static_cast<std::uint32_t>(std::lround(wanted_hz * 1000));
+    if (const int set_error = call(VIDIOC_S_PARM, &parameters); set_error != 0)
+      return refused("VIDIOC_S_PARM", set_error);
+  }
+  if (error == 0 && interval.numerator > 0)
+    rate_hz = static_cast<double>(interval.denominator) / static_cast<double>(interval.numerator);
+  if (wanted_hz > 0 && rate_hz > 0 && std::abs(rate_hz - wanted_hz) > kRateTolerance * wanted_hz) {
+    DeviceTrouble trouble = unexpected("VIDIOC_S_PARM", "", "%.6g images a second", rate_hz);
+    std::snprintf(trouble.expected, sizeof(trouble.expected), "%.6g", wanted_hz);
+    return trouble;
+  }
+  return {};
+}
+
+DeviceTrouble V4l2Device::find_control(const char* name, ControlFacts& facts) noexcept {
+  constexpr std::uint32_t kNext = V4L2_CTRL_FLAG_NEXT_CTRL | V4L2_CTRL_FLAG_NEXT_COMPOUND;
+  v4l2_query_ext_ctrl query{};
+  query.id = kNext;
+  while (call(VIDIOC_QUERY_EXT_CTRL, &query) == 0) {
+    if (is_named(query.name, name)) {
+      facts.id = query.id;
+      facts.type = query.type;
+      facts.is_readable = (query.flags & V4L2_CTRL_FLAG_WRITE_ONLY) == 0;
+      facts.least = query.minimum;
+      facts.most = query.maximum;
+      if (is_settable(query.type)) return {};
+      return unexpected("VIDIOC_QUERY_EXT_CTRL", "a number", "control '%.60s' is no number", name);
+    }
+    query.id |= kNext;
+  }
+  return unexpected("VIDIOC_QUERY_EXT_CTRL", "one of v4l2-ctl --list-ctrls", "no control '%.60s'", name);
+}
+
+DeviceTrouble V4l2Device::read_control(const char* name, const ControlFacts& facts, std::int64_t& value) noexcept {
+  v4l2_ext_control control{};
+  v4l2_ext_controls controls{};
+  control.id = facts.id;
+  controls.which = V4L2_CTRL_WHICH_CUR_VAL;
+  controls.count = 1;
+  controls.controls = &control;
+  DeviceTrouble trouble = refused("VIDIOC_G_EXT_CTRLS", call(VIDIOC_G_EXT_CTRLS, &controls));
+  std::snprintf(trouble.found, sizeof(trouble.found), "%s", name);
+  value = facts.type == V4L2_CTRL_TYPE_INTEGER64 ? control.value64 : control.value;
+  return trouble;
+}
+
+DeviceTrouble V4l2Device::control(const char* name, std::int64_t& value) noexcept {
+  ControlFacts facts;
+  if (const DeviceTrouble trouble = find_control(name, facts)) return trouble;
+  return read_control(name, facts, value);
+}
+
+DeviceTrouble V4l2Device::write_controls(std::span<const ControlValue> values) noexcept {
+  std::array<v4l2_ext_control, kTogether> control{};
+  v4l2_ext_controls controls{};
+  controls.which = V4L2_CTRL_WHICH_CUR_VAL;
+  controls.controls = control.data();
+  for (const ControlValue& wanted : values) {
+    v4l2_ext_control& one = control[controls.count++];
+    one.id = wanted.facts->id;
+    if (wanted.facts->type == V4L2_CTRL_TYPE_INTEGER64)
+      one.value64 = wanted.value;
+    else
+      one.value = static_cast<std::int32_t>(wanted.value);
+  }
+  DeviceTrouble trouble = refused("VIDIOC_S_EXT_CTRLS", call(VIDIOC_S_EXT_CTRLS, &controls));
+  const ControlValue& told = values[std::min<std::size_t>(controls.error_idx, values.size() - 1)];
+  std::snprintf(trouble.found, sizeof(trouble.found), "%.60s = %lld", told.name, static_cast<long long>(told.value));
+  return trouble;
+}
+
+DeviceTrouble V4l2Device::change_controls(std::span<ControlValue> values) noexcept {
+  if (const DeviceTrouble trouble = write_controls(values)) return trouble;
+  for (ControlValue& v : values) {
+    if (!v.facts->is_readable) continue;
+    if (const DeviceTrouble trouble = read_control(v.name, *v.facts, v.value)) return trouble;
+  }
+  return {};
+}
+
+void V4l2Device::watch_control(const ControlFacts& facts) noexcept {
+  v4l2_event_subscription wish{};
+  wish.type = V4L2_EVENT_CTRL;
+  wish.id = facts.id;
+  if (call(VIDIOC_SUBSCRIBE_EVENT, &wish) == 0) watches_ = true;
+}
+
+bool V4l2Device::next_change(std::uint32_t& id, std::int64_t& value, HostStamp& at) noexcept {
+  if (!watches_) return false;
+  v4l2_event event{};
+  if (call(VIDIOC_DQEVENT, &event) != 0 || event.type != V4L2_EVENT_CTRL) return false;
+  id = event.id;
+  value = event.u.ctrl.type == V4L2_CTRL_TYPE_INTEGER64 ? event.u.ctrl.value64 : event.u.ctrl.value;
+  at = {static_cast<std::int64_t>(event.timestamp.tv_sec) * 1'000'000'000 + event.timestamp.tv_nsec};
+  return true;
+}
+
+DeviceTrouble V4l2Device::set_controls(const V4l2Settings& settings) noexcept {
+  for (const CameraControl& wanted : settings.controls) {
+    ControlFacts facts;
+    if (const DeviceTrouble trouble = find_control(wanted.name.c_str(), facts)) return trouble;
+    const ControlValue one{&facts, wanted.name.c_str(), wanted.value};
+    if (const DeviceTrouble trouble = write_controls({&one, 1})) return trouble;
+  }
+  // afterwards, for one control can change another
+  for (const CameraControl& wanted : settings.controls) {
+    ControlFacts facts;
+    if (const DeviceTrouble trouble = find_control(wanted.name.c_str(), facts)) return trouble;
+    if (!facts.is_readable) continue;
+    std::int64_t value = 0;
+    if (const DeviceTrouble trouble = read_control(wanted.name.c_str(), facts, value)) return trouble;
+    if (value == wanted.value) continue;
+    DeviceTrouble trouble =
+        unexpected("reading controls back", "", "%.60s = %lld", wanted.name.c_str(), static_cast<long long>(value));
+    std::snprintf(trouble.expected, sizeof(trouble.expected), "%lld", static_cast<long long>(wanted.value));
+    return trouble;
+  }
+  return {};
+}
+
+DeviceTrouble V4l2Device::request_buffers(unsigned& count) noexcept {
+  v4l2_requestbuffers request{};
+  request.count = count;
+  request.type = kCapture;
+  request.memory = V4L2_MEMORY_MMAP;
+  if (const int error = call(VIDIOC_REQBUFS, &request); error != 0) return refused("VIDIOC_REQBUFS", error);
+  count = request.count;
+  return {};
+}
+
+DeviceTrouble V4l2Device::map(unsigned index, std::uint8_t*& data, std::size_t& length, std::uint32_t& flags) noexcept {
+  v4l2_buffer buffer{};
+  buffer.index = index;
+  buffer.type = kCapture;
+  buffer.memory = V4L2_MEMORY_MMAP;
+  if (const int error = call(VIDIOC_QUERYBUF, &buffer); error != 0) return refused("VIDIOC_QUERYBUF", error);
+  // populated now, so that the first image meets no page faults
+  void* memory =
+      ::mmap(nullptr, buffer.length, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, fd_, buffer.m.offset);
+  if (memory == MAP_FAILED) return refused("mmap", errno);
+  data = static_cast<std::uint8_t*>(memory);
+  length = buffer.length;
+  flags = buffer.flags & (V4L2_BUF_FLAG_TIMESTAMP_MASK | V4L2_BUF_FLAG_TSTAMP_SRC_MASK);
+  return {};
+}
+
+DeviceTrouble V4l2Device::queue(unsigned index) noexcept {
+  v4l2_buffer buffer{};
+  buffer.index = index;
+  buffer.type = kCapture;
+  buffer.memory = V4L2_MEMORY_MMAP;
+  return refused("VIDIOC_QBUF", call(VIDIOC_QBUF, &buffer));
+}
+
+int V4l2Device::dequeue(v4l2_buffer& buffer) noexcept {
+  buffer = {};
+  buffer.type = kCapture;
+  buffer.memory = V4L2_MEMORY_MMAP;
+  return call(VIDIOC_DQBUF, &buffer);
+}
+
+DeviceTrouble V4l2Device::start() noexcept {
+  int type = static_cast<int>(kCapture);
+  return refused("VIDIOC_STREAMON", call(VIDIOC_STREAMON, &type));
+}
+
+void V4l2Device::stop() noexcept {
+  int type = static_cast<int>(kCapture);
+  call(VIDIOC_STREAMOFF, &type);
+  unsigned none = 0;
+  request_buffers(none);
+}
+
+}  // namespace epiline

@@ -1,0 +1,92 @@
+#pragma once
+// One open V4L2 device: what can be asked of it and set. No heap, no exceptions: it is used to reopen a lost camera in
+// the middle of a flight.
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "drivers/sensors/camera/v4l2_settings.h"
+#include "platform/error/device_trouble.h"
+
+struct v4l2_buffer;
+
+namespace epiline {
+
+/// The image as the device was set to give it.
+struct DeviceFormat {
+  PixelFormat format = PixelFormat::kGrey;
+  int width = 0, height = 0, stride = 0;
+  double rate_hz = 0;  ///< 0: the device does not say
+};
+
+/// A control that holds a number, as the device describes it.
+struct ControlFacts {
+  std::uint32_t id = 0, type = 0;  ///< id 0: none
+  bool is_readable = false;
+  std::int64_t least = 0, most = 0;
+};
+
+struct ControlValue {
+  const ControlFacts* facts = nullptr;
+  const char* name = "";
+  std::int64_t value = 0;
+};
+
+class V4l2Device {
+ public:
+  V4l2Device() = default;
+  V4l2Device(const V4l2Device&) = delete;
+  V4l2Device& operator=(const V4l2Device&) = delete;
+  ~V4l2Device() { close(); }
+
+  /// Opens a capture device that streams. `wanted`: V4l2Settings::device.
+  DeviceTrouble open(const char* wanted) noexcept;
+  void close() noexcept;
+  bool is_open() const noexcept { return fd_ >= 0; }
+  int fd() const noexcept { return fd_; }
+  const char* path() const noexcept { return path_.data(); }
+  /// Where it is plugged in, as the driver says it: a name for open() that outlasts the number of its file.
+  const char* bus() const noexcept { return bus_.data(); }
+  /// v4l2loopback: its buffers are written while we read them.
+  bool is_loopback() const noexcept { return is_loopback_; }
+
+  /// Sets the first of the formats that is to be had, size and rate.
+  DeviceTrouble set_format(const V4l2Settings& settings, DeviceFormat& format) noexcept;
+  /// Sets all, then reads all back.
+  DeviceTrouble set_controls(const V4l2Settings& settings) noexcept;
+  DeviceTrouble find_control(const char* name, ControlFacts& facts) noexcept;
+  /// Sets some (kTogether at most) in one call, then reads them back: each value becomes what the device made of it.
+  static constexpr std::size_t kTogether = 4;
+  DeviceTrouble change_controls(std::span<ControlValue> values) noexcept;
+  DeviceTrouble control(const char* name, std::int64_t& value) noexcept;
+  /// From now on next_change() tells when another program changes the control. A device may not offer that.
+  void watch_control(const ControlFacts& facts) noexcept;
+  /// The oldest change not yet told: of which control, to what, when. False: there is none.
+  bool next_change(std::uint32_t& id, std::int64_t& value, HostStamp& at) noexcept;
+
+  /// `count` becomes the number of buffers the driver gives.
+  DeviceTrouble request_buffers(unsigned& count) noexcept;
+  /// Maps buffer `index`; `flags` are those that tell about stamps.
+  DeviceTrouble map(unsigned index, std::uint8_t*& data, std::size_t& length, std::uint32_t& flags) noexcept;
+  DeviceTrouble queue(unsigned index) noexcept;
+  /// 0; EAGAIN: none is ready; else the device is lost.
+  int dequeue(v4l2_buffer& buffer) noexcept;
+  DeviceTrouble start() noexcept;
+  void stop() noexcept;  ///< also lets go of the buffers; mappings stay
+
+ private:
+  DeviceTrouble open_path(const char* path) noexcept;
+  DeviceTrouble set_rate(double wanted_hz, double& rate_hz) noexcept;
+  DeviceTrouble write_controls(std::span<const ControlValue> values) noexcept;
+  DeviceTrouble read_control(const char* name, const ControlFacts& facts, std::int64_t& value) noexcept;
+  /// 0 or errno; begins again when a signal came in between.
+  int call(unsigned long request, void* argument) const noexcept;
+
+  int fd_ = -1;
+  std::array<char, 64> path_{};
+  std::array<char, 64> card_{}, bus_{};
+  bool is_loopback_ = false, watches_ = false;
+};
+
+}  // namespace epiline

@@ -1,0 +1,52 @@
+#pragma once
+// What the configuration says of a V4L2 camera.
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "drivers/sensors/camera/mid_exposure.h"
+#include "drivers/sensors/camera/pixel_format.h"
+#include "drivers/sensors/gpio/gpio_line.h"
+#include "pipeline/config/devices.h"
+#include "platform/error/result.h"
+#include "platform/time/clock.h"
+
+namespace epiline {
+
+using CameraControl = NamedValue;  ///< the name as `v4l2-ctl --list-ctrls` writes it: exposure_time_absolute
+
+struct V4l2Settings {
+  /// A path (/dev/video0, /dev/v4l/by-id/...), or the name or bus of a device as `v4l2-ctl --list-devices` shows them.
+  std::string device;
+  int width = 0, height = 0;  ///< 0: as the device is set
+  double rate_hz = 0;         ///< 0: as the device is set
+  /// The first of them that the device gives is taken. Those that are grey in place are not copied.
+  std::vector<PixelFormat> formats{PixelFormat::kGrey, PixelFormat::kNv12, PixelFormat::kYu12, PixelFormat::kY10P,
+                                   PixelFormat::kY10,  PixelFormat::kY12,  PixelFormat::kY16,  PixelFormat::kYuyv};
+  int buffers = 8;  ///< 2 to 16; the tracker and the ring before it hold up to 6 of them when there is no time
+  std::vector<CameraControl> controls{};  ///< set in this order, then read back
+
+  Shutter shutter = Shutter::kGlobal;
+  Span readout{};  ///< from the first row's arrival to the last one's
+  /// The exposure time: `exposure` if there is no control that tells it, else that control's value times `exposure`.
+  std::string exposure_control{};
+  Span exposure{};
+  ExposureConfig control_of_exposure{};
+  double focal_px = 0;                      ///< pixels per radian, for the limit against blur; 0: unknown
+  std::optional<StampPoint> stamp_point{};  ///< instead of what the driver says
+  /// Stamps are monotonic though the driver does not say so: v4l2loopback, and whatever else copies its writer's
+  /// stamps.
+  bool trust_stamps = false;
+  /// A GPIO line with an edge at the start of each exposure, see GpioLine; then that edge is the image's stamp.
+  std::string stamp_line{};
+  Edge stamp_edge = Edge::kRising;
+
+  Span stamp_age_most = Span::from_milliseconds(1'000);  ///< a stamp further from now is not of the monotonic clock
+  Span silence_most = Span::from_milliseconds(2'000);    ///< without an image so long, the device is reopened. 0: never
+};
+
+/// Of sections [camera] and [exposure]; says which entry makes no sense.
+Result<V4l2Settings> v4l2_settings_of(const CameraConfig& config);
+
+}  // namespace epiline

@@ -1,0 +1,346 @@
+#include "drivers/sensors/imu/bmi088.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <numbers>
+
+#include "drivers/sensors/imu/spi_chip.h"
+
+namespace epiline {
+
+namespace {
+
+constexpr int kSpiMode = 0, kSpiMost_hz = 10'000'000;
+constexpr std::uint8_t kRead = 0x80;
+constexpr std::int64_t kTick_ns_2 = 78'125;  // two counts of the accelerometer's clock: 39.0625 us each
+constexpr Span kAccelQuiet = Span::from_milliseconds(50), kTimeSlack = Span::from_milliseconds(5);
+constexpr int kStrangeTimesMost = 5;
+
+// Gyroscope.
+constexpr std::uint8_t kGyroId = 0x00, kGyroIdentity = 0x0F, kFifoStatus = 0x0E, kGyroRange = 0x0F, kBandwidth = 0x10,
+                       kGyroSoftReset = 0x14, kGyroFifoConfig0 = 0x3D, kGyroFifoConfig1 = 0x3E, kGyroFifoData = 0x3F;
+constexpr std::uint8_t kOverrun = 0x80, kFrameCount = 0x7F, kGyroFifoStops = 0x40, kBandwidthBits = 0x0F;
+// Accelerometer.
+constexpr std::uint8_t kAccelId = 0x00, kAccelIdentity = 0x1E, kFifoLength = 0x24, kAccelFifoData = 0x26,
+                       kPowerConf = 0x7C, kPowerControl = 0x7D, kAccelCommand = 0x7E;
+constexpr std::uint8_t kSoftReset = 0xB6, kFifoReset = 0xB0, kAccelOn = 0x04;
+
+/// Rates of the gyroscope with the bandwidth that goes with them (section 5.5.5), and of the accelerometer the
+/// setting whose bandwidth is next to that and whose rate is not below (section 4.4.1).
+struct Rate {
+  double hz;
+  std::uint8_t bandwidth_code;
+  double bandwidth_hz;
+  double accel_hz;
+  std::uint8_t accel_conf;
+  double accel_bandwidth_hz;
+  int accel_ticks;
+};
+constexpr Rate kRates[] = {
+    {100, 0x07, 32, 200, 0x99, 38, 128},     // OSR2
+    {200, 0x06, 64, 400, 0x9A, 75, 64},      // OSR2
+    {400, 0x03, 47, 800, 0x8B, 75, 32},      // OSR4
+    {1000, 0x02, 116, 1600, 0x8C, 145, 16},  // OSR4
+    {2000, 0x01, 230, 1600, 0xAC, 280, 16},  // normal
+};
+
+constexpr double kGyroscopeRanges_deg_s[] = {2000, 1000, 500, 250, 125};
+constexpr double kAccelerometerRanges_g[] = {24, 12, 6, 3};  // by 3 - code
+
+/// The data sheet gives bandwidths and no delays: that of a Butterworth filter of second order at low frequencies.
+Span delay_of(double bandwidth_hz) noexcept {
+  return Span::from_seconds(std::numbers::sqrt2 / (2 * std::numbers::pi * bandwidth_hz));
+}
+
+}  // namespace
+
+Bmi088::Bmi088(const ImuDeviceConfig& config, std::unique_ptr<SpiBus> gyroscope, std::unique_ptr<SpiBus> accelerometer,
+               SpiTiming& timing)
+    : gyroscope_(std::move(gyroscope)),
+      accelerometer_(std::move(accelerometer)),
+      timing_(&timing),
+      spi_hz_(config.spi_hz > 0 ? config.spi_hz : kSpiMost_hz) {
+  choose(config);
+  fill_table(config.ready_edge == 0);
+}
+
+void Bmi088::choose(const ImuDeviceConfig& config) noexcept {
+  facts_.name = "BMI088";
+  const Rate* rate = std::begin(kRates);
+  while (rate + 1 != std::end(kRates) && rate->hz < config.rate_hz * 0.99) ++rate;
+  const int gyroscope = smallest_range(kGyroscopeRanges_deg_s, config.gyroscope_range_deg_s);
+  const int accelerometer = smallest_range(kAccelerometerRanges_g, config.accelerometer_range_m_s2 / kGravity_m_s2);
+  if (gyroscope < 0 || accelerometer < 0 || rate->hz < config.rate_hz * 0.99 || spi_hz_ > kSpiMost_hz) {
+    unfit_.step = "a range, a rate or a clock this chip does not have";
+    std::snprintf(unfit_.expected, sizeof(unfit_.expected),
+                  "at most 2000 deg/s, 235 m/s^2, rate_hz = 2000, spi_hz = 10000000");
+  }
+  gyroscope_code_ = static_cast<std::uint8_t>(std::max(gyroscope, 0));
+  accelerometer_code_ = static_cast<std::uint8_t>(3 - std::max(accelerometer, 0));
+  bandwidth_code_ = rate->bandwidth_code;
+  accel_conf_ = rate->accel_conf;
+  accel_ticks_ = rate->accel_ticks;
+  facts_.gyroscope_range_deg_s = kGyroscopeRanges_deg_s[gyroscope_code_];
+  facts_.accelerometer_range_g = kAccelerometerRanges_g[3 - accelerometer_code_];
+  rad_s_per_count_ = facts_.gyroscope_range_deg_s / 32768 * kRadPerDeg;
+  m_s2_per_count_ = facts_.accelerometer_range_g / 32768 * kGravity_m_s2;
+  facts_.rate_hz = rate->hz;
+  facts_.period = Span::from_seconds(1 / rate->hz);
+  facts_.accelerometer_period = Span::from_seconds(1 / rate->accel_hz);
+  facts_.gyroscope_delay = delay_of(rate->bandwidth_hz);
+  facts_.accelerometer_delay = delay_of(rate->accel_bandwidth_hz);
+  facts_.settle = Span{4 * facts_.gyroscope_delay.ns} + Span::from_milliseconds(10);
+  facts_.two_clocks = true;
+}
+
+/// In the order in which they are written; the accelerometer is on by then.
+void Bmi088::fill_table(bool rising) noexcept {
+  const std::uint8_t level = rising ? 0x01 : 0x00;
+  const Register table[] = {
+      {Half::kAccelerometer, kPowerConf, 0x00, 0xFF},
+      {Half::kAccelerometer, kPowerControl, kAccelOn, 0xFF},
+      {Half::kAccelerometer, 0x40, accel_conf_, 0xFF},
+      {Half::kAccelerometer, 0x41, accelerometer_code_, 0x03},
+      {Half::kAccelerometer, 0x48, 0x02, 0x03},  // FIFO: the newest stay; bit 1 is always 1
+      {Half::kAccelerometer, 0x49, 0x50, 0x5C},  // acceleration into the FIFO, interrupt inputs not; bit 4 is always 1
+      {Half::kGyroscope, kGyroRange, gyroscope_code_, 0xFF},
+      {Half::kGyroscope, kBandwidth, bandwidth_code_, kBandwidthBits},
+      {Half::kGyroscope, 0x11, 0x00, 0xA0},   // normal power
+      {Half::kGyroscope, 0x16, level, 0x03},  // INT3: push-pull, active high or low
+      {Half::kGyroscope, 0x18, 0x01, 0x85},   // INT3: new data
+      {Half::kGyroscope, 0x15, 0x80, 0xC0},   // interrupt on new data
+      {Half::kGyroscope, 0x1E, 0x08, 0x88},   // no interrupt on the FIFO's level
+      {Half::kGyroscope, kGyroFifoConfig1, kGyroFifoStops, 0xC0},
+  };
+  static_assert(std::size(table) == kRegisters);
+  for (const Register& entry : table) table_.push_back(entry);
+}
+
+// ---- registers ----
+
+bool Bmi088::read(Half half, std::uint8_t address, std::span<std::uint8_t> bytes) noexcept {
+  // the accelerometer sends a byte without meaning first
+  const bool is_accel = half == Half::kAccelerometer;
+  const std::uint8_t command[] = {static_cast<std::uint8_t>(address | kRead), 0};
+  const SpiPart parts[] = {{.send = command, .size = is_accel ? 2U : 1U},
+                           {.receive = bytes.data(), .size = bytes.size()}};
+  bus_error_ = (is_accel ? accelerometer_ : gyroscope_)->transfer(parts);
+  return bus_error_ == 0;
+}
+
+bool Bmi088::write(Half half, std::uint8_t address, std::uint8_t value) noexcept {
+  const std::uint8_t bytes[] = {address, value};
+  const SpiPart parts[] = {{.send = bytes, .size = 2}};
+  bus_error_ = (half == Half::kAccelerometer ? accelerometer_ : gyroscope_)->transfer(parts);
+  // between writes the chip wants 2 us; the system call takes longer
+  return bus_error_ == 0;
+}
+
+SpiTrouble Bmi088::open() noexcept {
+  if (const SpiTrouble trouble = gyroscope_->open(kSpiMode, spi_hz_)) return trouble;
+  if (const SpiTrouble trouble = accelerometer_->open(kSpiMode, spi_hz_)) return trouble;
+  return identify();
+}
+
+void Bmi088::close() noexcept {
+  gyroscope_->close();
+  accelerometer_->close();
+}
+
+SpiTrouble Bmi088::identify() noexcept {
+  std::array<std::uint8_t, 2> gyro{};
+  std::array<std::uint8_t, 1> accel{};
+  // after power on the accelerometer speaks I2C, until its chip select has risen once; and it may be either's
+  const bool is_read = read(Half::kAccelerometer, kAccelId, accel) && read(Half::kGyroscope, kGyroId, gyro) &&
+                       read(Half::kAccelerometer, kAccelId, accel) && read(Half::kGyroscope, kGyroId, gyro);
+  if (!is_read) return bus_trouble("CHIP_ID", bus_error_);
+  // as seen by somebody who expects no byte without meaning
+  if (gyro[0] != kGyroIdentity && gyro[1] == kAccelIdentity) {
+    SpiTrouble trouble = bus_trouble("another identity", 0);
+    std::snprintf(trouble.found, sizeof(trouble.found), "the accelerometer answers for the gyroscope");
+    std::snprintf(trouble.expected, sizeof(trouble.expected), "device and device_accel the other way round");
+    return trouble;
+  }
+  SpiTrouble trouble;
+  if (gyro[0] != kGyroIdentity) {
+    trouble = wrong_identity(gyro[0], kGyroIdentity);
+    trouble.step = "gyroscope: another identity";
+  } else if (accel[0] != kAccelIdentity) {
+    trouble = wrong_identity(accel[0], kAccelIdentity);
+    trouble.step = "accelerometer: another identity";
+  }
+  return trouble;
+}
+
+ImuChip::Step Bmi088::start(int step) noexcept {
+  switch (step) {
+    case 0:
+      if (!write(Half::kGyroscope, kGyroSoftReset, kSoftReset) ||
+          !write(Half::kAccelerometer, kAccelCommand, kSoftReset))
+        return {.trouble = bus_trouble("reset", bus_error_)};
+      return {.wait = Span::from_milliseconds(35)};  // the gyroscope takes 30 ms, the accelerometer 1 ms
+    case 1:
+      if (const SpiTrouble trouble = identify()) return {.trouble = trouble};
+      if (!write(Half::kAccelerometer, kPowerConf, 0)) return {.trouble = bus_trouble("power", bus_error_)};
+      return {.wait = Span::from_milliseconds(5)};
+    case 2:
+      if (!write(Half::kAccelerometer, kPowerControl, kAccelOn)) return {.trouble = bus_trouble("power", bus_error_)};
+      return {.wait = Span::from_milliseconds(5)};  // 0.45 ms by the data sheet
+    case 3:
+      return {.trouble = configure(), .wait = Span::from_milliseconds(2)};
+    default:
+      if (flush(FetchOutcome::kOk) != FetchOutcome::kOk) return {.trouble = bus_trouble("FIFO", bus_error_)};
+      next_check_ = 0;
+      counter_.restart();
+      strange_times_ = 0;
+      last_accel_ = timing_->now();
+      return {.done = true};
+  }
+}
+
+SpiTrouble Bmi088::configure() noexcept {
+  for (const Register& entry : table_) {
+    std::uint8_t value = 0;
+    const bool is_done =
+        read(entry.half, entry.address, {&value, 1}) &&
+        write(entry.half, entry.address, static_cast<std::uint8_t>((value & ~entry.mask) | entry.value));
+    if (!is_done) return bus_trouble("settings", bus_error_);
+  }
+  for (const Register& entry : table_)
+    if (const SpiTrouble trouble = compare(entry)) return trouble;
+  return {};
+}
+
+SpiTrouble Bmi088::compare(const Register& wanted) noexcept {
+  const char* const half = wanted.half == Half::kAccelerometer ? "accelerometer" : "gyroscope";
+  return read_back(
+      wanted.value, wanted.mask, bus_error_,
+      [&](std::uint8_t& value) {
+        return read(wanted.half, wanted.address, {&value, 1});
+      },
+      [&](unsigned found) { return wrong_register(half, 0, wanted.address, found, wanted.value); });
+}
+
+SpiTrouble Bmi088::check_next() noexcept {
+  const std::size_t n = next_check_;
+  next_check_ = (next_check_ + 1) % (table_.size() + 1);
+  return n == 0 ? identify() : compare(table_[n - 1]);
+}
+
+// ---- samples ----
+
+bool Bmi088::flush_gyroscope() noexcept {
+  gyro_samples_ = 0;
+  // writing either clears it; the second one its overrun as well
+  return write(Half::kGyroscope, kGyroFifoConfig0, 0) && write(Half::kGyroscope, kGyroFifoConfig1, kGyroFifoStops);
+}
+
+bool Bmi088::flush_accelerometer() noexcept {
+  next_accel_count_ = -1;
+  return write(Half::kAccelerometer, kAccelCommand, kFifoReset);
+}
+
+FetchOutcome Bmi088::flush(FetchOutcome outcome) noexcept {
+  return flush_accelerometer() && flush_gyroscope() ? outcome : FetchOutcome::kBusFailed;
+}
+
+FetchOutcome Bmi088::fetch(ChipBatch& batch) noexcept {
+  const FetchOutcome outcome = fetch_gyroscope(batch);
+  if (outcome != FetchOutcome::kOk || batch.samples.empty()) return outcome;
+  const FetchOutcome of_accelerometer = fetch_accelerometer(batch);
+  const HostStamp now = timing_->now();
+  if (!batch.accels.empty()) last_accel_ = now;
+  const bool is_quiet = now - last_accel_ > kAccelQuiet + Span{8 * facts_.accelerometer_period.ns};
+  return of_accelerometer == FetchOutcome::kOk && is_quiet ? FetchOutcome::kReset : of_accelerometer;
+}
+
+FetchOutcome Bmi088::fetch_gyroscope(ChipBatch& batch) noexcept {
+  std::array<std::uint8_t, 3> head{};  // FIFO_STATUS, and by the way GYRO_RANGE and GYRO_BANDWIDTH
+  if (!read(Half::kGyroscope, kFifoStatus, head)) return FetchOutcome::kBusFailed;
+  batch.latched = timing_->now();
+  if (head[1] != gyroscope_code_ || (head[2] & kBandwidthBits) != bandwidth_code_) {
+    ++batch.damaged;  // if those two are well when they are read alone
+    const bool is_reset = compare({Half::kGyroscope, kGyroRange, gyroscope_code_, 0xFF}) ||
+                          compare({Half::kGyroscope, kBandwidth, bandwidth_code_, kBandwidthBits});
+    return bus_error_ != 0 ? FetchOutcome::kBusFailed : is_reset ? FetchOutcome::kReset : FetchOutcome::kOk;
+  }
+  const std::size_t count = head[0] & kFrameCount;
+  if ((head[0] & kOverrun) != 0 || count * kBmiGyroFrame >= kGyroFifoBytes) {
+    batch.lost += static_cast<std::uint32_t>(count);
+    return flush(FetchOutcome::kOverflow);
+  }
+  if (count == 0) return FetchOutcome::kOk;
+  const std::span<std::uint8_t> bytes(received_.data(), count * kBmiGyroFrame);
+  if (!read(Half::kGyroscope, kGyroFifoData, bytes)) return FetchOutcome::kBusFailed;
+  for (std::size_t i = 0; i < count; ++i) {
+    const BmiVector value = parse_bmi_gyro(bytes.subspan(i * kBmiGyroFrame));
+    ChipSample sample;
+    sample.device = {gyro_samples_++ * facts_.period.ns};
+    for (std::size_t k = 0; k < 3; ++k) sample.angular_velocity_rad_s[k] = value[k] * rad_s_per_count_;
+    batch.samples.push_back(sample);
+  }
+  return FetchOutcome::kOk;
+}
+
+FetchOutcome Bmi088::fetch_accelerometer(ChipBatch& batch) noexcept {
+  std::array<std::uint8_t, 2> length{};
+  if (!read(Half::kAccelerometer, kFifoLength, length)) return FetchOutcome::kBusFailed;
+  const std::size_t bytes = static_cast<std::size_t>(length[0] | (length[1] & 0x3F) << 8);
+  if (bytes > kAccelFifoBytes) {  // a dead line
+    ++batch.damaged;
+    return flush_accelerometer() ? FetchOutcome::kOk : FetchOutcome::kBusFailed;
+  }
+  if (bytes == 0) return FetchOutcome::kOk;
+  const std::span<std::uint8_t> received(received_.data(), bytes + kMoreBytes);
+  if (!read(Half::kAccelerometer, kAccelFifoData, received)) return FetchOutcome::kBusFailed;
+  batch.accel_latched = timing_->now();
+  if (!parse_bmi_accel(received, frames_)) {
+    ++batch.damaged;
+    return flush_accelerometer() ? FetchOutcome::kOk : FetchOutcome::kBusFailed;
+  }
+  batch.lost += frames_.skipped;
+  if (frames_.has_time && !is_plausible(frames_.time, batch.accel_latched)) {
+    ++batch.damaged;
+    frames_.has_time = false;
+    if (++strange_times_ > kStrangeTimesMost) return FetchOutcome::kReset;
+  }
+  place_accels(batch);
+  return FetchOutcome::kOk;
+}
+
+/// The counter went on as the time did; otherwise it was garbled on the bus.
+bool Bmi088::is_plausible(std::uint32_t time, HostStamp latched) noexcept {
+  const Span elapsed = latched - last_time_;
+  const std::int64_t step_ns = counter_.step_to(time) * kTick_ns_2 / 2;
+  const bool is_strange = counter_.started() && std::abs(step_ns - elapsed.ns) > elapsed.ns / 16 + kTimeSlack.ns;
+  if (is_strange) return false;
+  strange_times_ = 0;
+  last_time_ = latched;
+  return true;
+}
+
+/// The accelerometer takes a sample whenever the low bits of its counter are 0. So the newest sample's time is the
+/// counter's without them; and as long as none is lost each is one period after the one before.
+void Bmi088::place_accels(ChipBatch& batch) noexcept {
+  const auto n = static_cast<std::int64_t>(frames_.values.size());
+  if (frames_.has_time) {
+    if (!counter_.started()) count_offset_ = frames_.time;
+    const std::int64_t count = counter_.advance(frames_.time) + count_offset_;
+    batch.accel_now = {count * kTick_ns_2 / 2};
+    batch.has_accel_now = true;
+    const std::int64_t newest = count - count % accel_ticks_;
+    next_accel_count_ = newest - (n - 1) * accel_ticks_;
+  }
+  if (frames_.skipped > 0 && !frames_.has_time) next_accel_count_ = -1;
+  if (next_accel_count_ < 0) return;  // nobody knows
+  for (const BmiVector& value : frames_.values) {
+    ChipAccel accel;
+    accel.device = {next_accel_count_ * kTick_ns_2 / 2};
+    next_accel_count_ += accel_ticks_;
+    for (std::size_t k = 0; k < 3; ++k) accel.specific_force_m_s2[k] = value[k] * m_s2_per_count_;
+    batch.accels.push_back(accel);
+  }
+}
+
+}  // namespace epiline

@@ -1,0 +1,287 @@
+#include "drivers/sensors/imu/icm42688p.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <numbers>
+
+#include "drivers/sensors/imu/spi_chip.h"
+
+namespace epiline {
+
+namespace {
+
+constexpr int kSpiMode = 0, kSpiMost_hz = 24'000'000;
+constexpr std::uint8_t kIdentity = 0x47;
+constexpr std::uint8_t kRead = 0x80;
+
+// Registers of bank 0 that are used by name.
+constexpr std::uint8_t kDeviceConfig = 0x11, kIntStatus = 0x2D, kFifoData = 0x30, kSignalPathReset = 0x4B,
+                       kPowerManagement = 0x4E, kWhoAmI = 0x75, kBankSelect = 0x76;
+constexpr std::uint8_t kStatusReset = 0x10, kStatusFull = 0x02;
+constexpr std::uint8_t kSoftReset = 0x01, kFlush = 0x02, kBothLowNoise = 0x0F;
+
+/// Rates in low-noise mode, and what section 5.5 says of the UI filter of second order with a bandwidth of half the
+/// rate: its group delay.
+struct Rate {
+  double hz;
+  std::uint8_t code;
+  double delay_ms;
+};
+constexpr Rate kRates[] = {{12.5, 11, 25.7}, {25, 10, 25.7}, {50, 9, 12.9},  {100, 8, 6.5},  {200, 7, 3.3},
+                           {500, 15, 1.3},   {1000, 6, 0.7}, {2000, 5, 0.8}, {4000, 4, 0.4}, {8000, 3, 0.2}};
+
+/// Some rows of the table in section 5.3. A filter of second order: its delay is sqrt(2) / (2 pi bandwidth).
+struct AntiAlias {
+  double hz;
+  std::uint8_t delta;
+  std::uint16_t delta_squared;
+  std::uint8_t shift;
+};
+constexpr AntiAlias kAntiAlias[] = {{213, 5, 25, 10},   {258, 6, 36, 10},    {536, 12, 144, 8},
+                                    {1051, 22, 488, 6}, {2029, 38, 1440, 4}, {3979, 63, 3968, 3}};
+
+constexpr double kGyroscopeRanges_deg_s[] = {2000, 1000, 500, 250, 125, 62.5, 31.25, 15.625};  // by code
+constexpr double kAccelerometerRanges_g[] = {16, 8, 4, 2};
+
+}  // namespace
+
+Icm42688p::Icm42688p(const ImuDeviceConfig& config, std::unique_ptr<SpiBus> bus, SpiTiming& timing)
+    : bus_(std::move(bus)), timing_(&timing), spi_hz_(config.spi_hz > 0 ? config.spi_hz : kSpiMost_hz) {
+  choose(config);
+  fill_table(config.ready_edge == 0);
+}
+
+void Icm42688p::choose(const ImuDeviceConfig& config) noexcept {
+  facts_.name = "ICM-42688-P";
+  const Rate* rate = std::begin(kRates);
+  while (rate + 1 != std::end(kRates) && rate->hz < config.rate_hz * 0.99) ++rate;
+  const AntiAlias* filter = std::begin(kAntiAlias);
+  while (filter + 1 != std::end(kAntiAlias) && filter->hz < rate->hz / 2) ++filter;
+  anti_alias_ = static_cast<int>(filter - std::begin(kAntiAlias));
+  const int gyroscope = smallest_range(kGyroscopeRanges_deg_s, config.gyroscope_range_deg_s);
+  const int accelerometer = smallest_range(kAccelerometerRanges_g, config.accelerometer_range_m_s2 / kGravity_m_s2);
+  if (gyroscope < 0 || accelerometer < 0 || rate->hz < config.rate_hz * 0.99 || spi_hz_ > kSpiMost_hz) {
+    unfit_.step = "a range, a rate or a clock this chip does not have";
+    std::snprintf(unfit_.expected, sizeof(unfit_.expected),
+                  "at most 2000 deg/s, 157 m/s^2, rate_hz = 8000, spi_hz = 24000000");
+  }
+  rate_code_ = rate->code;
+  gyroscope_code_ = static_cast<std::uint8_t>(std::max(gyroscope, 0));
+  accelerometer_code_ = static_cast<std::uint8_t>(std::max(accelerometer, 0));
+  // packets of 20 bit have the full ranges, whatever the range registers say
+  const bool is_long = gyroscope_code_ == 0 && accelerometer_code_ == 0;
+  kind_ = is_long ? IcmPacketKind::kLong : IcmPacketKind::kShort;
+  facts_.gyroscope_range_deg_s = kGyroscopeRanges_deg_s[gyroscope_code_];
+  facts_.accelerometer_range_g = kAccelerometerRanges_g[accelerometer_code_];
+  const double full = is_long ? 524288 : 32768;
+  rad_s_per_count_ = facts_.gyroscope_range_deg_s / full * kRadPerDeg;
+  m_s2_per_count_ = facts_.accelerometer_range_g / full * kGravity_m_s2;
+
+  facts_.rate_hz = rate->hz;
+  facts_.period = Span::from_seconds(1 / rate->hz);
+  facts_.settle = Span::from_milliseconds(60);  // the gyroscope starts within 30 ms, typically; its filters settle
+  count_ns_ = rate->hz >= 50 ? 1'000 : 16'000;  // 65 ms, or 1 s, until the stamp wraps
+  counts_per_sample_ = static_cast<int>(facts_.period.ns / count_ns_);
+  const double anti_alias_s = std::numbers::sqrt2 / (2 * std::numbers::pi * filter->hz);
+  facts_.gyroscope_delay = facts_.accelerometer_delay = Span::from_seconds(rate->delay_ms * 1e-3 + anti_alias_s);
+}
+
+/// In the order in which they are written. Masks leave out bits the data sheet calls reserved.
+void Icm42688p::fill_table(bool rising) noexcept {
+  const AntiAlias& filter = kAntiAlias[anti_alias_];
+  const bool is_fast = facts_.rate_hz >= 4000;
+  const auto byte = [](int value) { return static_cast<std::uint8_t>(value); };
+  const std::uint8_t squared_low = byte(filter.delta_squared & 0xff);
+  const std::uint8_t squared_high = byte(filter.shift << 4 | filter.delta_squared >> 8);
+  const Register table[] = {
+      {1, 0x0B, 0x00, 0x03},                           // gyroscope: notch and anti-alias filter are on
+      {1, 0x0C, filter.delta, 0x3F},                   //
+      {1, 0x0D, squared_low, 0xFF},                    //
+      {1, 0x0E, squared_high, 0xFF},                   //
+      {2, 0x03, byte(filter.delta << 1), 0x7F},        // accelerometer: anti-alias filter is on
+      {2, 0x04, squared_low, 0xFF},                    //
+      {2, 0x05, squared_high, 0xFF},                   //
+      {0, 0x14, byte(0x02 | (rising ? 1 : 0)), 0x07},  // INT1: pulses, push-pull, active high or low
+      {0, 0x4C, 0x70 | 0x03, 0xF3},  // FIFO count in packets, big endian; invalid samples are marked; SPI only
+      {0, 0x4D, 0x01, 0x07},         // clock: PLL when it is there
+      {0, 0x4F, byte(gyroscope_code_ << 5 | rate_code_), 0xEF},
+      {0, 0x50, byte(accelerometer_code_ << 5 | rate_code_), 0xEF},
+      {0, 0x51, 0x06, 0x0F},                                         // gyroscope UI filter of second order
+      {0, 0x52, 0x00, 0xFF},                                         // bandwidth of both: half the rate
+      {0, 0x53, 0x0C, 0x1E},                                         // accelerometer UI filter of second order
+      {0, 0x54, byte(0x01 | (count_ns_ > 1'000 ? 0x08 : 0)), 0x1F},  // time stamps of 1 or 16 us, no FSYNC
+      {0, 0x60, 0x01, 0xFF},                                         // FIFO threshold: one packet
+      {0, 0x61, 0x00, 0x0F},                                         //
+      {0, 0x5F, byte(0x27 | (kind_ == IcmPacketKind::kLong ? 0x10 : 0)), 0x7F},  // both, temperature; at each packet
+      {0, 0x63, 0x00, 0x3F},
+      {0, 0x64, byte(is_fast ? 0x60 : 0x00), 0x70},  // pulses of 100 or 8 us; "user should" clear INT_ASYNC_RESET
+      {0, 0x65, 0x04, 0x7F},                         // INT1: FIFO threshold
+      {0, 0x16, 0x80, 0xC0},                         // the FIFO stops when full
+      {0, kPowerManagement, kBothLowNoise, 0x3F},    // last: both sensors on
+  };
+  static_assert(std::size(table) == kRegisters);
+  for (const Register& entry : table) table_.push_back(entry);
+}
+
+// ---- registers ----
+
+bool Icm42688p::read(std::uint8_t address, std::span<std::uint8_t> bytes) noexcept {
+  const std::uint8_t command = address | kRead;
+  const SpiPart parts[] = {{.send = &command, .size = 1}, {.receive = bytes.data(), .size = bytes.size()}};
+  bus_error_ = bus_->transfer(parts);
+  return bus_error_ == 0;
+}
+
+bool Icm42688p::write(std::uint8_t address, std::uint8_t value) noexcept {
+  const std::uint8_t bytes[] = {address, value};
+  const SpiPart parts[] = {{.send = bytes, .size = 2}};
+  bus_error_ = bus_->transfer(parts);
+  return bus_error_ == 0;
+}
+
+bool Icm42688p::select_bank(std::uint8_t bank) noexcept { return write(kBankSelect, bank); }
+
+SpiTrouble Icm42688p::identify() noexcept {
+  std::uint8_t identity = 0;
+  if (!select_bank(0) || !read(kWhoAmI, {&identity, 1})) return bus_trouble("WHO_AM_I", bus_error_);
+  return identity == kIdentity ? SpiTrouble{} : wrong_identity(identity, kIdentity);
+}
+
+SpiTrouble Icm42688p::open() noexcept {
+  if (const SpiTrouble trouble = bus_->open(kSpiMode, spi_hz_)) return trouble;
+  return identify();
+}
+
+ImuChip::Step Icm42688p::start(int step) noexcept {
+  switch (step) {
+    case 0:  // the chip may be in any state: reset it
+      if (!select_bank(0) || !write(kDeviceConfig, kSoftReset)) return {.trouble = bus_trouble("reset", bus_error_)};
+      return {.wait = Span::from_milliseconds(2)};  // 1 ms by the data sheet
+    case 1: {
+      if (const SpiTrouble trouble = identify()) return {.trouble = trouble};
+      std::uint8_t status = 0;  // reading it clears what it says
+      if (!read(kIntStatus, {&status, 1})) return {.trouble = bus_trouble("status", bus_error_)};
+      if ((status & kStatusReset) == 0)
+        return {.trouble = wrong_register("the chip did not reset", 0, kIntStatus, status, kStatusReset)};
+      return {.trouble = configure(), .wait = Span::from_milliseconds(1)};  // 0.2 ms without writing after power on
+    }
+    default:
+      if (flush(FetchOutcome::kOk) != FetchOutcome::kOk) return {.trouble = bus_trouble("FIFO", bus_error_)};
+      next_check_ = 0;
+      return {.done = true};
+  }
+}
+
+SpiTrouble Icm42688p::configure() noexcept {
+  for (const Register& entry : table_) {
+    std::uint8_t value = 0;
+    const bool is_done = select_bank(entry.bank) && read(entry.address, {&value, 1}) &&
+                         write(entry.address, static_cast<std::uint8_t>((value & ~entry.mask) | entry.value)) &&
+                         select_bank(0);
+    if (!is_done) return bus_trouble("settings", bus_error_);
+  }
+  timing_->sleep_until(timing_->now() + Span{300'000});  // nothing is written within 0.2 ms of power on
+  for (const Register& entry : table_)
+    if (const SpiTrouble trouble = compare(entry)) return trouble;
+  return {};
+}
+
+SpiTrouble Icm42688p::compare(const Register& wanted) noexcept {
+  const auto read_in_bank = [&](std::uint8_t& value) {
+    return (wanted.bank == 0 || select_bank(wanted.bank)) && read(wanted.address, {&value, 1}) &&
+           (wanted.bank == 0 || select_bank(0));
+  };
+  return read_back(wanted.value, wanted.mask, bus_error_, read_in_bank, [&](unsigned found) {
+    return wrong_register("settings", wanted.bank, wanted.address, found, wanted.value);
+  });
+}
+
+/// Before the table's first register: which bank is selected, and who is there.
+SpiTrouble Icm42688p::check_next() noexcept {
+  const std::size_t n = next_check_;
+  next_check_ = (next_check_ + 1) % (table_.size() + 2);
+  if (n == 0) return compare({0, kBankSelect, 0, 0x07});
+  if (n > 1) return compare(table_[n - 2]);
+  std::uint8_t identity = 0;
+  if (!read(kWhoAmI, {&identity, 1})) return bus_trouble("WHO_AM_I", bus_error_);
+  return identity == kIdentity ? SpiTrouble{} : wrong_identity(identity, kIdentity);
+}
+
+// ---- samples ----
+
+FetchOutcome Icm42688p::flush(FetchOutcome outcome) noexcept {
+  counter_.restart();
+  strange_times_ = 0;
+  return write(kSignalPathReset, kFlush) ? outcome : FetchOutcome::kBusFailed;
+}
+
+FetchOutcome Icm42688p::fetch(ChipBatch& batch) noexcept {
+  std::array<std::uint8_t, 3> head{};  // INT_STATUS, FIFO_COUNTH, FIFO_COUNTL
+  if (!read(kIntStatus, head)) return FetchOutcome::kBusFailed;
+  batch.latched = timing_->now();
+  const std::size_t count = static_cast<std::size_t>(head[1] << 8 | head[2]);
+  const std::size_t bytes = count * icm_packet_bytes(kind_);
+  if (bytes > kFifoBytes) {  // a dead line, or the count is of another meaning since a reset
+    ++batch.damaged;
+    return flush(FetchOutcome::kDamaged);
+  }
+  if ((head[0] & kStatusReset) != 0) {
+    ++batch.damaged;  // if the sensors are still on
+    const bool is_reset = static_cast<bool>(compare({0, kPowerManagement, kBothLowNoise, 0x3F}));
+    return bus_error_ != 0 ? FetchOutcome::kBusFailed : is_reset ? FetchOutcome::kReset : FetchOutcome::kOk;
+  }
+  if ((head[0] & kStatusFull) != 0) {
+    batch.lost += static_cast<std::uint32_t>(count);
+    return flush(FetchOutcome::kOverflow);
+  }
+  if (count == 0) return FetchOutcome::kOk;
+  // one transfer, for the FIFO must not be left in the middle of a packet
+  sent_[0] = kFifoData | kRead;
+  const SpiPart parts[] = {{.send = sent_.data(), .receive = received_.data(), .size = bytes + 1}};
+  bus_error_ = bus_->transfer(parts);
+  if (bus_error_ != 0) return FetchOutcome::kBusFailed;
+  return parse({received_.data() + 1, bytes}, batch);
+}
+
+FetchOutcome Icm42688p::parse(std::span<const std::uint8_t> bytes, ChipBatch& batch) noexcept {
+  const std::size_t size = icm_packet_bytes(kind_);
+  for (std::size_t at = 0; at + size <= bytes.size(); at += size) {
+    IcmPacket packet;
+    const IcmParse outcome = parse_icm_packet(bytes.subspan(at, size), kind_, packet);
+    if (outcome == IcmParse::kEmpty) break;
+    ChipSample sample;
+    if (outcome == IcmParse::kDamaged || !time_of(packet.timestamp, sample.device)) {
+      ++batch.damaged;
+      return flush(FetchOutcome::kDamaged);
+    }
+    batch.temperature_c = packet.temperature_c;
+    batch.has_temperature = true;
+    if (!packet.is_valid) continue;  // a sensor that is starting
+    for (std::size_t i = 0; i < 3; ++i) {
+      sample.angular_velocity_rad_s[i] = packet.gyro[i] * rad_s_per_count_;
+      sample.specific_force_m_s2[i] = packet.accel[i] * m_s2_per_count_;
+    }
+    batch.samples.push_back(sample);
+  }
+  return FetchOutcome::kOk;
+}
+
+/// Packets follow each other by one period of the chip's own clock. A stamp that says otherwise was garbled on the bus:
+/// there is no checksum. False: several in a row were.
+bool Icm42688p::time_of(std::uint16_t timestamp, DeviceStamp& device) noexcept {
+  const int step = static_cast<int>(counter_.step_to(timestamp));
+  const bool is_strange = counter_.started() && std::abs(step - counts_per_sample_) > counts_per_sample_ / 8 + 2;
+  if (is_strange) {
+    if (++strange_times_ > 2) return false;
+    timestamp = static_cast<std::uint16_t>(counter_.last() + static_cast<std::uint32_t>(counts_per_sample_));
+  } else {
+    strange_times_ = 0;
+  }
+  device = {counter_.advance(timestamp) * count_ns_};
+  return true;
+}
+
+}  // namespace epiline

@@ -1,0 +1,118 @@
+#pragma once
+// An IMU behind Linux' industrial I/O (IIO): one device with both sensors, or one for each. docs/imu-iio.md
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+
+#include "drivers/sensors/imu/accel_merge.h"
+#include "drivers/sensors/imu/iio_device.h"
+#include "pipeline/config/devices.h"
+#include "platform/concurrency/snapshot.h"
+#include "platform/ports/ports.h"
+#include "platform/time/backoff.h"
+#include "platform/time/interval_tracker.h"
+#include "platform/time/one_way_sync.h"
+
+namespace epiline {
+
+/// What happened to readings and to the device, for `check` and for health.
+struct IioCounts {
+  std::uint64_t samples = 0;        ///< handed out
+  std::uint64_t gaps = 0;           ///< times that readings were missing ...
+  std::uint64_t lost = 0;           ///< ... and how many, as their times say
+  std::uint64_t disordered = 0;     ///< not later than the one before: left out
+  std::uint64_t bad_stamps = 0;     ///< of no clock, of another time, or contradicting the device's clock: left out
+  std::uint64_t without_accel = 0;  ///< of the gyroscope, while the accelerometer gave nothing: left out
+  std::uint64_t disconnected = 0;   ///< the device was lost
+  std::uint64_t retries = 0;        ///< attempts to get it back that failed
+  int last_error = 0;               ///< errno of the last loss or failed attempt; 0: it was silent, or not as before
+};
+
+/// Whose times the readings carry.
+enum class IioClock : std::uint8_t {
+  kUnknown,  ///< no reading yet
+  kHost,     ///< the kernel's: CLOCK_MONOTONIC
+  kDevice,   ///< the sensor's own (HID sensors with a sample time): translated, see clock_state()
+};
+
+/// One thread calls open(), read() and close(); any thread may ask for counts. After open() there is no heap call, also
+/// when the device is lost and comes back; a read() that reopens it takes as long as the kernel needs.
+class IioImu final : public ImuSource {
+ public:
+  explicit IioImu(ImuDeviceConfig config, IioRoots roots = {});
+  ~IioImu() override { close(); }
+
+  /// Says what is wrong with the device or the settings.
+  Status open() override;
+  void close() noexcept override;
+  /// The accelerometer of a device of its own is interpolated to the gyroscope's times.
+  ReadOutcome read(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept override;
+
+  IioCounts counts() const noexcept { return shown_counts_.read(); }
+  bool is_streaming() const noexcept { return streaming_.load(std::memory_order_relaxed); }
+  IioClock clock() const noexcept { return clock_.load(std::memory_order_relaxed); }
+  /// kEmpty unless clock() is kDevice.
+  ClockState clock_state() const noexcept { return shown_clock_state_.read(); }
+  /// Readings per second, as the device says; 0: it does not.
+  double rate_hz() const noexcept { return rate_hz_.load(std::memory_order_relaxed); }
+
+ private:
+  /// A reading of the gyroscope that waits for the accelerometer's. Times are the device's own or the host's, for both
+  /// sensors the same.
+  struct Gyro {
+    DeviceStamp stamp;
+    HostStamp arrival;
+    std::array<double, 3> angular_velocity_rad_s{}, specific_force_m_s2{};
+  };
+  /// What is known of one sensor's stream since the device was opened.
+  struct Stream {
+    DeviceStamp newest;
+    bool has_newest = false;
+    IntervalTracker interval;
+    int wrong_in_row = 0;
+    std::int64_t last_ns = 0;  ///< when it last gave something
+  };
+  static constexpr std::size_t kPending = 512;
+  static_assert(kPending / 2 >= IioDevice::kMostReadings, "room for what one look gives");
+
+  /// For another look at the gyroscope. Without, its readings stay in the kernel until the accelerometer's come.
+  bool has_room() const noexcept { return pending_count_ < kPending / 2; }
+  bool has_two() const noexcept { return !config_.device_accel.empty() && config_.device_accel != config_.device; }
+  DeviceTrouble set_up() noexcept;
+  void lose(int error) noexcept;
+  bool reopen() noexcept;
+
+  ReadOutcome read_some(std::span<ImuSample> samples, std::size_t& count, HostStamp deadline) noexcept;
+  int take(IioDevice& device, Stream& stream) noexcept;
+  bool knows_time(std::span<const IioReading> readings, HostStamp arrival) noexcept;
+  bool is_next(DeviceStamp stamp, HostStamp arrival, Stream& stream) noexcept;
+  void keep(const IioReading& reading, HostStamp arrival) noexcept;
+  void drop_oldest() noexcept;
+  bool next(ImuSample& sample) noexcept;
+  bool wait(Span at_most) noexcept;
+  bool is_silent() const noexcept;
+
+  ImuDeviceConfig config_;
+  IioRoots roots_;
+  IioDevice gyro_, accel_;
+  bool opened_ = false;
+  std::array<IioReading, IioDevice::kMostReadings> readings_{};
+  Stream gyro_stream_, accel_stream_;
+  std::array<Gyro, kPending> pending_{};
+  std::size_t first_ = 0, pending_count_ = 0;
+  AccelMerge<DeviceClock> merge_{Span{0}};
+  OneWaySync sync_{{}};
+  int undecided_ = 0;
+  HostStamp last_out_;
+  Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(500)};
+  IioCounts counts_;
+
+  Snapshot<IioCounts> shown_counts_;
+  Snapshot<ClockState> shown_clock_state_;
+  std::atomic<bool> streaming_{false};
+  std::atomic<IioClock> clock_{IioClock::kUnknown};
+  std::atomic<double> rate_hz_{0};
+};
+
+}  // namespace epiline

@@ -1,0 +1,35 @@
+#pragma once
+// What the drivers of chips share: units of data sheets, ranges, registers that are read back.
+#include <cstddef>
+#include <numbers>
+#include <span>
+
+#include "drivers/sensors/imu/spi_bus.h"
+#include "drivers/sensors/imu/spi_identity.h"
+
+namespace epiline {
+
+inline constexpr double kGravity_m_s2 = 9.80665, kRadPerDeg = std::numbers::pi / 180;
+
+/// The place of the smallest range that is enough, in a list from the largest to the smallest; a hundredth is given
+/// away for rounded figures. -1: none is.
+constexpr int smallest_range(std::span<const double> ranges, double wanted) noexcept {
+  int place = -1;
+  for (std::size_t i = 0; i < ranges.size(); ++i)
+    if (ranges[i] * 1.01 >= wanted) place = static_cast<int>(i);
+  return place;
+}
+
+/// `read(value)` gives a register's value; false: the bus failed with `bus_error`. It is read again if it is not
+/// `wanted` where `mask` has ones, for it may have been garbled on the bus. Then `trouble_of(found)` says so.
+template <class Value, class Read, class TroubleOf>
+SpiTrouble read_back(Value wanted, Value mask, const int& bus_error, Read read, TroubleOf trouble_of) noexcept {
+  Value value = 0;
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    if (!read(value)) return bus_trouble("read back", bus_error);
+    if ((value & mask) == wanted) return {};
+  }
+  return trouble_of(static_cast<unsigned>(value & mask));
+}
+
+}  // namespace epiline

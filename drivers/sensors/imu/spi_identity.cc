@@ -1,0 +1,84 @@
+#include "drivers/sensors/imu/spi_identity.h"
+
+#include <cstdio>
+
+namespace epiline {
+
+namespace {
+
+struct KnownChip {
+  unsigned identity;
+  const char* name;
+};
+
+// WHO_AM_I or CHIP_ID of chips that sit on the same kinds of boards.
+constexpr KnownChip kKnownChips[] = {
+    {0x47, "an ICM-42688-P"},
+    {0x44, "an ICM-42686-P"},
+    {0x42, "an ICM-42605"},
+    {0x40, "an ICM-42600"},
+    {0x41, "an ICM-42602"},
+    {0x46, "an ICM-42622"},
+    {0x6f, "an IIM-42652"},
+    {0xdb, "an ICM-42688-V"},
+    {0x12, "an ICM-20602"},
+    {0x98, "an ICM-20689"},
+    {0xaf, "an ICM-20608"},
+    {0xea, "an ICM-20948"},
+    {0x71, "an MPU-9250"},
+    {0x68, "an MPU-6000"},
+    {0x1e, "the accelerometer of a BMI088"},
+    {0x0f, "the gyroscope of a BMI088"},
+    {0x1a, "the accelerometer of a BMI090L"},
+    {0xd1, "a BMI160"},
+    {0x24, "a BMI270"},
+    {0x6c, "an LSM6DSO"},
+};
+
+const char* name_of(unsigned identity) noexcept {
+  for (const KnownChip& chip : kKnownChips)
+    if (chip.identity == identity) return chip.name;
+  return nullptr;
+}
+
+}  // namespace
+
+SpiTrouble wrong_identity(unsigned found, unsigned wanted) noexcept {
+  SpiTrouble trouble;
+  trouble.step = "another identity";
+  const unsigned all = wanted > 0xff ? 0xffff : 0xff;
+  const char* likely = "a sound connection: is the clock (spi_hz) too fast, or another chip there?";
+  const char* name = found <= 0xff ? name_of(found) : nullptr;
+  if (found == 0) {
+    likely = "an answer: wrong chip select, MISO not connected, or no supply";
+  } else if (found == all) {
+    likely = "an answer: wrong chip select, chip not supplied, or MISO open";
+  } else if (name != nullptr) {
+    likely = "this chip: wrong chip select, or wrong driver in the configuration?";
+  } else if (found == wanted >> 1 || found == (wanted >> 1 | (all + 1) >> 1) || found == ((wanted << 1) & all) ||
+             found == (((wanted << 1) | 1) & all)) {
+    likely = "the same bits, not shifted by one: wrong SPI mode, or a clock (spi_hz) too fast for the wires";
+  }
+  std::snprintf(trouble.found, sizeof(trouble.found), "0x%02x%s%s", found, name != nullptr ? ", " : "",
+                name != nullptr ? name : "");
+  std::snprintf(trouble.expected, sizeof(trouble.expected), "0x%02x, %s", wanted, likely);
+  return trouble;
+}
+
+SpiTrouble wrong_register(const char* step, unsigned bank, unsigned address, unsigned found, unsigned wanted) noexcept {
+  SpiTrouble trouble;
+  trouble.step = step;
+  std::snprintf(trouble.found, sizeof(trouble.found), "register 0x%02x of bank %u is 0x%02x", address, bank, found);
+  std::snprintf(trouble.expected, sizeof(trouble.expected),
+                "0x%02x as written: a supply that dips, or a clock (spi_hz) too fast for the wires", wanted);
+  return trouble;
+}
+
+SpiTrouble bus_trouble(const char* step, int error) noexcept {
+  SpiTrouble trouble;
+  trouble.step = step;
+  trouble.error = error;
+  return trouble;
+}
+
+}  // namespace epiline

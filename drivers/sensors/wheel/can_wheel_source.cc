@@ -1,0 +1,204 @@
+#include "drivers/sensors/wheel/can_wheel_source.h"
+
+#include <linux/can.h>
+#include <linux/errqueue.h>
+#include <poll.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "platform/time/monotonic.h"
+
+namespace epiline {
+
+namespace {
+
+constexpr std::uint32_t kMostStandard = 0x7ff, kMostExtended = 0x1fffffff;
+
+void bump(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) noexcept {
+  counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
+}
+
+timespec timespec_until(std::int64_t until_ns) noexcept {
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  const std::int64_t ns = std::max<std::int64_t>(until_ns - monotonic_ns(), 0);
+  return {static_cast<time_t>(ns / kSecond), static_cast<long>(ns % kSecond)};
+}
+
+/// What the kernel says beside a frame.
+struct Side {
+  ArrivalStamps stamps;
+  std::uint32_t overruns = 0;  ///< since the socket was opened
+};
+Side side_of(msghdr& header) noexcept {
+  Side side;
+  const auto ns = [](const timespec& t) { return t.tv_sec * 1'000'000'000LL + t.tv_nsec; };
+  for (cmsghdr* c = CMSG_FIRSTHDR(&header); c != nullptr; c = CMSG_NXTHDR(&header, c)) {
+    if (c->cmsg_level != SOL_SOCKET) continue;
+    if (c->cmsg_type == SCM_TIMESTAMPING && c->cmsg_len >= CMSG_LEN(sizeof(scm_timestamping))) {
+      scm_timestamping stamps;
+      std::memcpy(&stamps, CMSG_DATA(c), sizeof stamps);
+      side.stamps = {ns(stamps.ts[0]), ns(stamps.ts[2])};
+    } else if (c->cmsg_type == SO_RXQ_OVFL && c->cmsg_len >= CMSG_LEN(sizeof side.overruns)) {
+      std::memcpy(&side.overruns, CMSG_DATA(c), sizeof side.overruns);
+    }
+  }
+  return side;
+}
+
+}  // namespace
+
+bool GapWatch::is_after_gap(HostStamp stamp) noexcept {
+  constexpr int kEnough = 10;
+  const double interval_s = (stamp - last_).seconds();
+  const bool known = seen_ > kEnough, gap = known && interval_s > 3 * usual_s_;
+  // one long interval must not become the usual one; many in a row do
+  if (seen_ > 0) usual_s_ += (std::min(interval_s, known ? 4 * usual_s_ : interval_s) - usual_s_) / std::min(seen_, 20);
+  last_ = stamp;
+  if (seen_ <= kEnough + 20) ++seen_;
+  return gap;
+}
+
+CanWheelSource::CanWheelSource(WheelConfig config)
+    : config_(std::move(config)), signal_{config_.start_bit, config_.length,    config_.big_endian,
+                                          config_.is_signed, config_.scale_m_s, config_.offset_m_s} {}
+
+Status CanWheelSource::check_settings() const {
+  const auto error = [](std::string found, std::string expected) {
+    return Error{ErrorKind::kUsage, "[wheel]", 0, std::move(found), std::move(expected)};
+  };
+  const std::uint32_t most = config_.extended ? kMostExtended : kMostStandard;
+  if (config_.interface.empty()) return error("no interface", "wheel.interface, as `ip -br link` shows it");
+  if (config_.id < 0 || static_cast<std::uint32_t>(config_.id) > most)
+    return error("id " + std::to_string(config_.id),
+                 "0 to " + std::to_string(most) + (config_.extended ? "" : ", or wheel.extended = true"));
+  if (signal_.bytes() == 0)
+    return error(
+        "a signal of " + std::to_string(config_.length) + " bits from bit " + std::to_string(config_.start_bit),
+        "one of 1 to 64 bits within 64 bytes");
+  if (!std::isfinite(config_.scale_m_s) || config_.scale_m_s == 0 || !std::isfinite(config_.offset_m_s))
+    return error(
+        "scale_m_s " + std::to_string(config_.scale_m_s) + ", offset_m_s " + std::to_string(config_.offset_m_s),
+        "finite numbers, the scale not 0");
+  return Done{};
+}
+
+Status CanWheelSource::open() {
+  if (const Status settings = check_settings(); !settings) return settings;
+  if (const can::OpenFault fault = open_socket()) return can::error_of(fault, config_.interface);
+  opened_ = true;
+  return Done{};
+}
+
+can::OpenFault CanWheelSource::open_socket() noexcept {
+  gap_watch_.forget();
+  overruns_seen_ = 0;
+  return socket_.open_to_receive(config_.interface.c_str(), static_cast<std::uint32_t>(config_.id), config_.extended);
+}
+
+void CanWheelSource::close() noexcept {
+  socket_.close();
+  opened_ = false;
+}
+
+void CanWheelSource::lose(int error) noexcept {
+  bump(disconnected_);
+  last_error_.store(error, std::memory_order_relaxed);
+  socket_.close();
+  retry_.begin(monotonic_ns());
+  retry_.failed(monotonic_ns());
+}
+
+/// Waits for the next attempt as long as there is time. False: still lost.
+bool CanWheelSource::reopen(std::int64_t until_ns) noexcept {
+  const timespec pause = timespec_until(std::min(retry_.due_ns(), until_ns));
+  ::nanosleep(&pause, nullptr);
+  if (monotonic_ns() < retry_.due_ns()) return false;
+  const can::OpenFault fault = open_socket();
+  if (!fault) return true;
+  bump(retries_);
+  last_error_.store(fault.error, std::memory_order_relaxed);
+  retry_.failed(monotonic_ns());
+  return false;
+}
+
+bool CanWheelSource::wait(std::int64_t until_ns) noexcept {
+  pollfd ready{socket_.fd(), POLLIN, 0};
+  const timespec most = timespec_until(until_ns);
+  return ::ppoll(&ready, 1, &most, nullptr) > 0;
+}
+
+ReadOutcome CanWheelSource::read(WheelSample& sample, Span timeout) noexcept {
+  if (!opened_) return ReadOutcome::kFailed;
+  const std::int64_t until_ns = monotonic_ns() + timeout.ns;
+  if (!socket_.is_open() && !reopen(until_ns)) return ReadOutcome::kFailed;
+  do {  // frames of no use are left out as long as there is time
+    const ReadOutcome outcome = take(sample);
+    if (outcome != ReadOutcome::kTimeout) return outcome;
+  } while (wait(until_ns) && monotonic_ns() <= until_ns);
+  return ReadOutcome::kTimeout;
+}
+
+ReadOutcome CanWheelSource::take(WheelSample& sample) noexcept {
+  canfd_frame frame{};
+  alignas(cmsghdr) char side_data[CMSG_SPACE(sizeof(scm_timestamping)) + CMSG_SPACE(sizeof(std::uint32_t))];
+  iovec buffer{&frame, sizeof frame};
+  msghdr header{};
+  header.msg_iov = &buffer;
+  header.msg_iovlen = 1;
+  header.msg_control = side_data;
+  header.msg_controllen = sizeof side_data;
+  const ssize_t size = ::recvmsg(socket_.fd(), &header, MSG_DONTWAIT);
+  if (size < 0) {
+    if (errno == EAGAIN || errno == EINTR) return ReadOutcome::kTimeout;
+    lose(errno);
+    return ReadOutcome::kFailed;
+  }
+  const Side side = side_of(header);
+  bump(overruns_, side.overruns - overruns_seen_);
+  overruns_seen_ = side.overruns;
+  return decode({reinterpret_cast<const std::uint8_t*>(&frame), static_cast<std::size_t>(size)}, side.stamps, sample)
+             ? ReadOutcome::kSample
+             : ReadOutcome::kTimeout;
+}
+
+bool CanWheelSource::decode(std::span<const std::uint8_t> bytes, const ArrivalStamps& stamps,
+                            WheelSample& sample) noexcept {
+  canfd_frame frame{};
+  if (bytes.size() != CAN_MTU && bytes.size() != CANFD_MTU) {
+    bump(too_short_);
+    return false;
+  }
+  std::memcpy(&frame, bytes.data(), bytes.size());
+  const std::uint32_t wanted = static_cast<std::uint32_t>(config_.id) | (config_.extended ? CAN_EFF_FLAG : 0);
+  if (frame.can_id != wanted) return false;  // the kernel's filter lets none through
+  const std::size_t room = bytes.size() - offsetof(canfd_frame, data);
+  const auto value = signal_.value({frame.data, std::min<std::size_t>(frame.len, room)});
+  if (!value) {
+    bump(frame.len < signal_.bytes() ? too_short_ : not_finite_);
+    return false;
+  }
+  const HostStamp arrival = clock_.arrival(stamps, ClockPair::now());
+  sample.stamp = arrival - Span::from_seconds(1e-3 * config_.delay_ms);
+  sample.forward_speed_m_s = *value;
+  sample.yaw_rate_rad_s = std::numeric_limits<double>::quiet_NaN();
+  bad_stamps_.store(clock_.bad_stamps(), std::memory_order_relaxed);
+  bump(gaps_, gap_watch_.is_after_gap(sample.stamp) ? 1 : 0);
+  bump(samples_);
+  return true;
+}
+
+WheelCounts CanWheelSource::counts() const noexcept {
+  const auto value = [](const Counter& counter) { return counter.load(std::memory_order_relaxed); };
+  return {value(samples_),      value(too_short_), value(not_finite_),
+          value(bad_stamps_),   value(gaps_),      value(overruns_),
+          value(disconnected_), value(retries_),   last_error_.load(std::memory_order_relaxed)};
+}
+
+}  // namespace epiline

@@ -1,0 +1,225 @@
+#include "drivers/study/montecarlo/simulated_run.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <numbers>
+
+#include "drivers/flights/simulate/random.h"
+#include "drivers/study/evaluate/alignment.h"
+#include "drivers/study/evaluate/errors.h"
+#include "estimator/geometry/so3.h"
+#include "pipeline/stages/imu_feed.h"
+
+namespace epiline {
+namespace {
+
+constexpr std::uint64_t kStartStream = 100;
+constexpr std::size_t kImagesPerFrame = 2;
+
+using Clock = std::chrono::steady_clock;
+double milliseconds(Clock::duration d) { return std::chrono::duration<double, std::milli>(d).count(); }
+
+/// Adds up the time of each phase; never says that time is up.
+class StopWatch final : public Supervisor {
+ public:
+  void restart() { solve_ = marginalise_ = Clock::duration::zero(); }
+  void phase(Phase next) noexcept override {
+    const Clock::time_point now = Clock::now();
+    if (phase_ == Phase::kSolve) solve_ += now - since_;
+    if (phase_ == Phase::kMarginalise) marginalise_ += now - since_;
+    phase_ = next;
+    since_ = now;
+  }
+  double solve_ms() const { return milliseconds(solve_); }
+  double marginalise_ms() const { return milliseconds(marginalise_); }
+
+ private:
+  Phase phase_ = Phase::kNone;
+  Clock::time_point since_ = Clock::now();
+  Clock::duration solve_{}, marginalise_{};
+};
+
+struct Pose {
+  Vec3 p;
+  Mat3 R;
+};
+
+Pose pose_of(const Odometry& o) {
+  return {Vec3(o.p_WB_m.data()), Eigen::Quaterniond(o.q_WB[0], o.q_WB[1], o.q_WB[2], o.q_WB[3]).toRotationMatrix()};
+}
+
+/// The truth, moved by one draw of the errors the estimator is told to expect.
+InitialState wrong_start(const BodyState& truth, std::uint64_t seed) {
+  Random random(seed, kStartStream);
+  InitialState x;
+  x.p_WB = truth.p_WB + random.normal3(x.sigma_p);
+  const Vec3 rotation_W = random.normal3(1).cwiseProduct(Vec3(x.sigma_tilt, x.sigma_tilt, x.sigma_yaw));
+  x.R_WB = so3_exp(rotation_W) * truth.R_WB;
+  x.v_WB = truth.v_WB + random.normal3(x.sigma_v);
+  x.b_a = truth.b_a + random.normal3(x.sigma_b_a);
+  x.b_g = truth.b_g + random.normal3(x.sigma_b_g);
+  return x;
+}
+
+/// Gives the estimator the flight's IMU readings, as far as each frame needs them.
+class SimulatedImu {
+ public:
+  SimulatedImu(const SimulatedFlight& flight, Estimator& estimator) : flight_(flight), estimator_(estimator) {}
+  /// False: the flight's readings end before.
+  bool up_to(HostStamp needed) {
+    while (feed_.wants_more(needed)) {
+      if (next_ == flight_.imu.size()) return false;
+      const ImuSample& sample = flight_.imu[next_++];
+      estimator_.add_imu(sample);
+      feed_.took(sample);
+    }
+    return true;
+  }
+
+ private:
+  const SimulatedFlight& flight_;
+  Estimator& estimator_;
+  ImuFeed feed_;
+  std::size_t next_ = 0;
+};
+
+/// Normalised estimation error squared of three coordinates, per degree of freedom. `first`: their place in
+/// Odometry::covariance.
+double nees(const Odometry& odometry, int first, const Vec3& error) {
+  const Eigen::Map<const Eigen::Matrix<double, 16, 16, Eigen::RowMajor>> covariance(odometry.covariance.data());
+  const Mat3 C = covariance.block<3, 3>(first, first);
+  return error.dot(C.ldlt().solve(error)) / 3;
+}
+
+/// Estimates and truths of one run, and what they say.
+class Record {
+ public:
+  /// False: the run has diverged.
+  bool add(const Odometry& odometry, const Pose& truth) {
+    if (!truths_.empty()) path_m_ += (truth.p - truths_.back().p).norm();
+    estimates_.push_back(pose_of(odometry));
+    truths_.push_back(truth);
+    return !has_diverged((estimates_.back().p - truth.p).norm(), path_m_);
+  }
+
+  void judge_covariance(const Odometry& odometry) {
+    const Pose &estimate = estimates_.back(), &truth = truths_.back();
+    nees_position_ += nees(odometry, 0, truth.p - estimate.p);
+    nees_rotation_ += nees(odometry, 3, so3_log(estimate.R.transpose() * truth.R));
+    ++judged_;
+  }
+
+  void finish(RunFigures& figures) const {
+    if (estimates_.empty()) return;
+    absolute(figures);
+    figures.rpe_5s_m = relative();
+    const Vec3 rotation_W = so3_log(estimates_.back().R * truths_.back().R.transpose());
+    figures.yaw_end_deg = std::abs(rotation_W.z()) * 180 / std::numbers::pi;
+    figures.nees_position = nees_position_ / std::max(1, judged_);
+    figures.nees_rotation = nees_rotation_ / std::max(1, judged_);
+  }
+
+ private:
+  void absolute(RunFigures& figures) const {
+    std::vector<Vec3> estimate, truth;
+    for (std::size_t i = 0; i < estimates_.size(); ++i) {
+      estimate.push_back(estimates_[i].p);
+      truth.push_back(truths_[i].p);
+    }
+    const Similarity aligned = align(Alignment::k4Dof, estimate, truth);
+    Vec3 mean = Vec3::Zero();
+    for (const Vec3& p : truth) mean += p / static_cast<double>(truth.size());
+    double squares = 0, product = 0, reference = 0;
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+      const Vec3 a = aligned(estimate[i]) - mean, b = truth[i] - mean;
+      squares += (a - b).squaredNorm();
+      product += a.dot(b);
+      reference += b.squaredNorm();
+    }
+    figures.ate_m = std::sqrt(squares / static_cast<double>(truth.size()));
+    figures.scale_error = reference > 0 ? product / reference - 1 : 0;
+  }
+
+  double relative() const {
+    constexpr std::size_t kSpan = 50, kStride = 5;  // frames of 0.1 s
+    double squares = 0;
+    int n = 0;
+    for (std::size_t i = 0; i + kSpan < estimates_.size(); i += kStride, ++n) {
+      const auto motion = [&](const std::vector<Pose>& x) -> Vec3 {
+        return x[i].R.transpose() * (x[i + kSpan].p - x[i].p);
+      };
+      squares += (motion(estimates_) - motion(truths_)).squaredNorm();
+    }
+    return n ? std::sqrt(squares / n) : 0;
+  }
+
+  std::vector<Pose> estimates_, truths_;
+  double path_m_ = 0, nees_position_ = 0, nees_rotation_ = 0;
+  int judged_ = 0;
+};
+
+}  // namespace
+
+EstimatorConfig comparison_config(VisualFactor factor, const TrackSimulation& simulation) {
+  EstimatorConfig config;
+  config.visual_factor = factor;
+  config.solve_interval_s = 0.05;
+  config.pixel_sigma = std::max(0.3, simulation.noise.pixel_sigma);
+  config.estimate_pixel_sigma = false;
+  config.sigma_inflation = 1;
+  config.imu = simulation.imu.noise;
+  config.gyroscope_density_factor = config.accelerometer_density_factor = 1;
+  config.extrinsics = true_extrinsics(simulation);
+  config.estimate_time_offset = false;
+  if (factor != VisualFactor::kTrack) {
+    config.keyframe_rule = KeyframeRule::kRawParallax;
+    config.zero_motion = false;
+    config.gate = false;
+  }
+  return config;
+}
+
+RunFigures run_simulated(const SimulatedFlight& flight, const EstimatorConfig& config, std::uint64_t seed) {
+  constexpr std::size_t kImagesPerJudgement = 20;
+  constexpr double kJudgeAfter_s = 5;
+  Estimator estimator(config);
+  StopWatch watch;
+  SimulatedImu imu(flight, estimator);
+  const auto frame = std::make_unique<TrackedFrame>();
+  RunFigures figures;
+  Record record;
+
+  flight.fill(0, *frame);
+  imu.up_to(estimator.imu_needed_until(frame->stamp));
+  estimator.start(*frame, wrong_start(flight.images[0].truth, seed));
+  for (std::size_t k = kImagesPerFrame; k < flight.images.size(); k += kImagesPerFrame) {
+    flight.fill(k, *frame);
+    if (!imu.up_to(estimator.imu_needed_until(frame->stamp))) break;
+    watch.restart();
+    const Clock::time_point begin = Clock::now();
+    const StepResult step = estimator.process(*frame, watch);
+    figures.estimate_ms.push_back(milliseconds(Clock::now() - begin));
+    figures.solve_ms.push_back(watch.solve_ms());
+    figures.marginalise_ms.push_back(watch.marginalise_ms());
+
+    const Odometry& odometry = estimator.odometry();
+    const Motion truth = flight.truth_at(odometry.stamp);
+    const bool alive = step.has_pose && estimator.stats().resets == 0 && record.add(odometry, {truth.p_WB, truth.R_WB});
+    const double seconds = (flight.images[k].stamp_true - kFlightBegin).seconds();
+    if (!alive) {
+      figures.diverged = true;
+      figures.diverged_at_s = seconds;
+      break;
+    }
+    figures.time_offset_error_s = odometry.time_offset_s - flight.extrinsics.time_offset_s;
+    if (k % kImagesPerJudgement == 0 && seconds > kJudgeAfter_s) record.judge_covariance(odometry);
+  }
+  record.finish(figures);
+  return figures;
+}
+
+}  // namespace epiline

@@ -1,0 +1,60 @@
+#pragma once
+// Many simulated flights: the errors of each visual factor, and whether its covariance tells the truth about them.
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "drivers/study/montecarlo/correlated_noise.h"
+#include "drivers/study/montecarlo/simulated_run.h"
+#include "platform/error/result.h"
+#include "platform/math/statistics.h"
+
+namespace epiline {
+
+/// A visual factor and what is changed about it: `track`, `epipolar:gate:zero-motion`, `track:steps=5`.
+struct FactorVariant {
+  std::string name;
+  VisualFactor factor = VisualFactor::kTrack;
+  std::vector<std::string> changes;
+};
+/// The changes that parse_variant() understands, for a help text.
+extern const char* const kVariantChanges;
+/// Fails if and only if the factor or a change is unknown.
+Result<FactorVariant> parse_variant(const std::string& text);
+
+struct StudyOptions {
+  std::vector<FlightKind> flights;
+  std::vector<FactorVariant> variants;
+  int runs = 20;  ///< of each flight, with the seeds `seed`, `seed` + 1, ...
+  int jobs = 1;   ///< threads
+  std::uint64_t seed = 1;
+  TrackNoise noise{.pixel_sigma = 1, .outlier_share = 0.02, .drift_px = 0};
+  CorrelatedNoise correlated;
+  std::optional<double> assumed_sigma_px;  ///< what the estimator is told instead of the white noise's
+  double time_offset_s = 0;                ///< of the images' stamps; if not zero, the estimator has to find it
+};
+
+/// All runs of one flight with one variant, in the order of the seeds.
+struct StudyCell {
+  FlightKind flight;
+  std::string variant;
+  std::vector<RunFigures> runs;
+};
+
+/// Simulates each flight once and gives it to every variant: the factors see the very same noise. The figures but for
+/// the times depend on nothing but the options. Cells in the order flight, variant. `progress` is called with flights
+/// done and flights in all, from one thread at a time.
+std::vector<StudyCell> run_study(const StudyOptions& options,
+                                 const std::function<void(std::size_t, std::size_t)>& progress);
+
+/// The figures of a cell; but for the times, of the runs that did not diverge.
+struct StudySummary {
+  int diverged = 0, runs = 0;
+  Summary ate, rpe, scale_abs, yaw, nees_position, nees_rotation, time_offset;
+  double scale_mean = 0;
+  Summary solve_ms, marginalise_ms, estimate_ms;
+};
+StudySummary summary_of(const StudyCell& cell);
+
+}  // namespace epiline

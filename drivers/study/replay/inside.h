@@ -1,0 +1,17 @@
+#pragma once
+// What replays in one thread and in several have in common.
+#include "drivers/study/replay/replay.h"
+#include "pipeline/config/config.h"
+
+namespace epiline {
+
+/// A record with everything that is known before the flight.
+FlightRecord begin_record(const AslDataset& dataset, const FlightPlan& plan, const Config& config,
+                          const ReplayOptions& options);
+
+/// The flight in real time, in threads. Fails if and only if an image is wrong, or there is no thread left.
+Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const FlightPlan& plan, const Config& config,
+                                         const ReplayOptions& options,
+                                         const std::function<void(std::size_t, std::size_t)>& progress);
+
+}  // namespace epiline

@@ -1,0 +1,214 @@
+#include "drivers/study/replay/replay.h"
+
+#include <fmt/format.h>
+
+#include <stdexcept>
+
+#include "drivers/flights/recordings/asl_dataset.h"
+#include "drivers/flights/recordings/flight_plan.h"
+#include "drivers/flights/recordings/image_file.h"
+#include "drivers/flights/recordings/loop.h"
+#include "drivers/flights/recordings/recorded_sensors.h"
+#include "drivers/study/replay/inside.h"
+#include "pipeline/config/config.h"
+#include "pipeline/config/vehicle.h"
+#include "pipeline/stages/imu_feed.h"
+#include "pipeline/stages/offline.h"
+#include "pipeline/text/table.h"
+#include "platform/linux/realtime.h"
+#include "platform/memory/allocation_count.h"
+#include "platform/time/monotonic.h"
+
+namespace epiline {
+
+FlightRecord begin_record(const AslDataset& dataset, const FlightPlan& plan, const Config& config,
+                          const ReplayOptions& options) {
+  FlightRecord record;
+  record.dataset_path = options.dataset.string();
+  record.dataset_duration_s = plan.duration_s;
+  record.dataset_images = dataset.instants_count();
+  record.dataset_imu_samples = dataset.imu_samples.size();
+  record.truth = dataset.ground_truth;
+  record.visual_factor = to_string(config.estimator.visual_factor);
+  record.keyframes = config.estimator.keyframes;
+  if (!dataset.images.empty()) record.max_features = config.tracker.max_features;
+  if (config.deadline_ms > 0) record.deadline_ms = config.deadline_ms;
+  record.images_read = plan.chosen;
+  record.skipped = plan.skipped;
+  record.images.reserve(plan.images.size());
+  return record;
+}
+
+namespace {
+
+/// Defaults, then what the data set says, then the configuration file, then the command line.
+void fill_config(const AslDataset& dataset, const ConfigFile* file, const ReplayOptions& options, Config& config) {
+  EstimatorConfig& e = config.estimator;
+  e.imu = dataset.imu.noise;
+  if (dataset.imu.saturation_gyroscope_rad_s) e.saturation_gyroscope_rad_s = *dataset.imu.saturation_gyroscope_rad_s;
+  if (dataset.imu.saturation_accelerometer_m_s2)
+    e.saturation_accelerometer_m_s2 = *dataset.imu.saturation_accelerometer_m_s2;
+  e.extrinsics = {dataset.camera.R_BC, dataset.camera.p_BC, Camera(dataset.camera.parameters).focal_px(),
+                  dataset.camera.time_offset_s};
+  if (file) file->apply(config);
+  set_vehicle(e.wheel, config.devices.wheel, R_VB_of(config.devices.body));
+  if (options.visual_factor) e.visual_factor = *options.visual_factor;
+  if (options.deadline_ms) config.deadline_ms = *options.deadline_ms;
+  if (!options.record_folder.empty()) config.recorder.folder = options.record_folder.string();
+  config.recorder.images |= options.record_images;
+}
+
+/// One flight on its way through the pipeline, in this thread.
+class Flight {
+ public:
+  Flight(const AslDataset& dataset, const FlightPlan& plan, const Config& config, const ReplayOptions& options)
+      : dataset_(dataset),
+        pipeline_(settings(dataset, config)),
+        counts_heap_(allocation_counting_available()),
+        next_imu_(plan.first_imu),
+        imu_faults_(options.faults, plan.images.front().stamp),
+        camera_faults_(options.faults, plan.images.front().stamp, dataset.camera.parameters.width,
+                       dataset.camera.parameters.height, ImageDecoder::kBuffers),
+        record_(begin_record(dataset, plan, config, options)),
+        odometry_(options.odometry) {}
+
+  Status step(const PlannedImage& planned) {
+    Frame frame;
+    if (!dataset_.images.empty()) {
+      // not over the image the tracker was shown last: it needs that one on
+      const auto image = decoder_.read(planned.index, dataset_, static_cast<std::size_t>(1 - shown_buffer_));
+      if (!image) return image.error();
+      frame = *image;
+      frame.slot = 1 - shown_buffer_;
+    }
+    frame.stamp = frame.arrival = planned.stamp;
+    if (!camera_faults_.apply(frame)) return Done{};
+    if (!pipeline_.admit(frame)) {
+      ++record_.skipped["refused_by_watch"];
+      return Done{};
+    }
+    feed_imu(frame.stamp);
+    feed_wheel(frame.stamp);
+    const ThreadCosts before = costs_of_this_thread();
+    const HeapCallScope heap;
+    if (dataset_.images.empty()) {
+      const TrackInstant& instant = dataset_.instants[planned.index];
+      pipeline_.step(frame, dataset_.points.data() + instant.first, instant.count, outcome_);
+    } else {
+      pipeline_.step(frame, outcome_);
+      if (!is_blind(frame.reasons)) shown_buffer_ = frame.slot;
+    }
+    heap_calls_ += heap.calls();
+    record_.page_faults += (costs_of_this_thread() - before).page_faults;
+    record_.images.push_back(image_record(outcome_));
+    if (odometry_ != nullptr && outcome_.result.has_pose) odometry_->publish_image(outcome_.odometry);
+    for (Event event; pipeline_.events().pop(event);) record_.events.push_back(event);
+    return Done{};
+  }
+
+  FlightRecord finish() {
+    record_.events_lost = pipeline_.events().dropped();
+    record_.estimator = pipeline_.estimator().stats();
+    record_.load = pipeline_.load();
+    record_.imu_watch = pipeline_.imu_watch();
+    record_.image_watch = pipeline_.image_watch();
+    if (const TrackerStats* tracker = pipeline_.tracker_stats()) record_.tracker = *tracker;
+    record_.skipped["refused_by_estimator"] = record_.estimator.frames_refused;
+    if (counts_heap_) record_.heap_calls = heap_calls_;
+    record_.peak_rss_mib = peak_rss_mib();
+    return std::move(record_);
+  }
+
+ private:
+  static OfflineSettings settings(const AslDataset& dataset, const Config& config) {
+    return {dataset.camera.parameters, config.tracker,          config.estimator,
+            config.deadline_ms,        !dataset.images.empty(), {monotonic_ns, thread_cpu_ns}};
+  }
+
+  void feed_imu(HostStamp image) {
+    const HostStamp needed = pipeline_.imu_needed_until(image);
+    while (feed_.wants_more(needed)) {
+      if (next_delivered_ == delivered_count_) {
+        if (next_imu_ == dataset_.imu_samples.size()) return;
+        delivered_count_ = imu_faults_.apply(arrived(dataset_.imu_samples[next_imu_++]), delivered_);
+        next_delivered_ = 0;
+        continue;
+      }
+      ImuSample& sample = delivered_[next_delivered_++];
+      ++record_.imu_read;
+      if (pipeline_.add_imu(sample)) feed_.took(sample);
+    }
+  }
+
+  /// As far as readings of the IMU, and one beyond: as a bus would have brought them by the time the image is tracked.
+  void feed_wheel(HostStamp image) {
+    const HostStamp needed = pipeline_.imu_needed_until(image);
+    const auto& wheel = dataset_.wheel_samples;
+    while (next_wheel_ < wheel.size() && (next_wheel_ == 0 || wheel[next_wheel_ - 1].stamp < needed))
+      pipeline_.add_wheel(wheel[next_wheel_++]);
+  }
+
+  const AslDataset& dataset_;
+  OfflinePipeline pipeline_;
+  ImageDecoder decoder_;
+  int shown_buffer_ = 1;  ///< of the decoder: the image the tracker keeps
+  bool counts_heap_;
+  std::size_t next_imu_, next_wheel_ = 0;
+  ImuFaults imu_faults_;
+  CameraFaults camera_faults_;
+  std::array<ImuSample, ImuFaults::kMost> delivered_;     ///< what came of the last reading ...
+  std::size_t delivered_count_ = 0, next_delivered_ = 0;  ///< ... and how much of it has been used
+  ImuFeed feed_;
+  FrameOutcome outcome_;
+  std::uint64_t heap_calls_ = 0;
+  FlightRecord record_;
+  OdometrySink* odometry_;
+};
+
+Result<FlightRecord> replay_in_one_thread(const AslDataset& dataset, const FlightPlan& plan, const Config& config,
+                                          const ReplayOptions& options,
+                                          const std::function<void(std::size_t, std::size_t)>& progress) {
+  Flight flight(dataset, plan, config, options);
+  for (std::size_t k = 0; k < plan.images.size(); ++k) {
+    if (const Status status = flight.step(plan.images[k]); !status) return status.error();
+    progress(k + 1, plan.images.size());
+  }
+  return flight.finish();
+}
+
+}  // namespace
+
+Result<ReplayResult> replay(const ReplayOptions& options,
+                            const std::function<void(std::size_t, std::size_t)>& progress) {
+  Config config;
+  std::optional<ConfigFile> file;
+  if (!options.config_file.empty()) {
+    auto read = ConfigFile::read(options.config_file);
+    if (!read) return read.error();
+    file = std::move(*read);
+    file->apply(config);  // for the names of calibration files; what the data set says comes before the rest
+  }
+  auto dataset = is_bag(options.dataset) ? open_bag_dataset(options.dataset, options.topics, options.camera,
+                                                            config.camera_calibration, config.imu_calibration)
+                                         : open_asl_dataset(options.dataset, options.camera, config.camera_calibration,
+                                                            config.imu_calibration);
+  if (!dataset) return dataset.error();
+  fill_config(*dataset, file ? &*file : nullptr, options, config);
+  if (options.alter_imu) options.alter_imu(dataset->imu_samples);
+  if (options.loop_s) loop_flight(*dataset, *options.loop_s);
+  try {
+    const FlightPlan plan = plan_flight(*dataset, options);
+    if (plan.images.empty()) {
+      return Error{ErrorKind::kUsage, options.dataset.string(), 0, "no image in the time asked for",
+                   "a shorter --start or a longer --duration"};
+    }
+    auto record = options.realtime_speed ? replay_in_real_time(*dataset, plan, config, options, progress)
+                                         : replay_in_one_thread(*dataset, plan, config, options, progress);
+    if (!record) return record.error();
+    return ReplayResult{std::move(*record), dataset->notes};
+  } catch (const std::invalid_argument& e) {
+    return Error{ErrorKind::kUsage, options.config_file.string(), 0, e.what(), "settings that go together"};
+  }
+}
+
+}  // namespace epiline

@@ -1,0 +1,39 @@
+#include "drivers/study/report/errors_json.h"
+
+namespace epiline {
+
+namespace {
+Json or_null(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
+}  // namespace
+
+Json to_json(const Summary& s) {
+  if (s.count == 0)
+    return {{"rmse", nullptr}, {"mean", nullptr}, {"median", nullptr}, {"p95", nullptr}, {"max", nullptr}};
+  return {{"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median}, {"p95", s.p95}, {"max", s.max}};
+}
+
+Json to_json(const TrajectoryErrors& e) {
+  const bool any = e.poses > 0;
+  Json rpe = Json::array();
+  for (const RelativeError& r : e.rpe) {
+    rpe.push_back({{"distance_m", r.distance_m},
+                   {"translation_percent", r.translation_percent},
+                   {"rotation_deg", r.rotation_deg},
+                   {"pairs", r.pairs}});
+  }
+  return {{"poses", e.poses},
+          {"coverage", nullptr},
+          {"path_length_m", any ? Json(e.path_length_m) : Json(nullptr)},
+          {"ate_4dof_m", to_json(e.ate_4dof)},
+          {"ate_se3_m", to_json(e.ate_se3)},
+          {"ate_sim3_m", to_json(e.ate_sim3)},
+          {"scale_error", any ? Json(e.scale_error) : Json(nullptr)},
+          {"yaw_drift_deg", any ? Json(e.yaw_drift_deg) : Json(nullptr)},
+          {"rpe", std::move(rpe)},
+          {"nees_position", or_null(e.nees.position)},
+          {"nees_yaw", or_null(e.nees.yaw)},
+          {"nees_velocity", or_null(e.nees.velocity)},
+          {"nees_tilt", or_null(e.nees.tilt)}};
+}
+
+}  // namespace epiline

@@ -1,0 +1,19 @@
+#pragma once
+// The files that a flight leaves behind.
+#include <filesystem>
+#include <optional>
+
+#include "drivers/study/report/flight_record.h"
+#include "platform/error/result.h"
+
+namespace epiline {
+
+/// Writes stats.json and report.html into the folder; returns the errors for a summary. Fails if and only if one of
+/// them cannot be written.
+Result<std::optional<TrajectoryErrors>> write_report(const FlightRecord& record, const std::filesystem::path& folder);
+
+/// Writes trajectory.tum, events.txt, stats.json and report.html into the folder, made if need be; returns the errors
+/// for a summary. Fails if and only if one of them cannot be written.
+Result<std::optional<TrajectoryErrors>> write_outputs(const FlightRecord& record, const std::filesystem::path& folder);
+
+}  // namespace epiline

@@ -1,0 +1,52 @@
+#include "drivers/flights/simulate/profile_matrix.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <vector>
+
+#include "drivers/flights/simulate/random.h"
+#include "estimator/geometry/types.h"
+
+namespace epiline {
+namespace {
+
+/// A random matrix of that profile, diagonally dominant, and the same as a dense one.
+struct Both {
+  ProfileMatrix profile;
+  Eigen::MatrixXd dense;
+
+  explicit Both(const std::vector<int>& first) : profile(first) {
+    const int n = static_cast<int>(first.size());
+    dense = Eigen::MatrixXd::Zero(n, n);
+    Random random(7, 0);
+    for (int i = 0; i < n; ++i)
+      for (int j = first[static_cast<std::size_t>(i)]; j <= i; ++j) {
+        const double value = i == j ? 20 : random.normal();
+        profile.at(i, j) = value;
+        dense(i, j) = dense(j, i) = value;
+      }
+  }
+};
+
+TEST(ProfileMatrixTest, SolvesAsADenseCholeskyDoes) {
+  std::vector<int> first;
+  for (int i = 0; i < 60; ++i) first.push_back(i % 11 == 10 ? i / 2 : std::max(0, i - 4));  // a band and some long rows
+  for (int i = 0; i < 3; ++i) first.push_back(0);
+  Both both(first);
+  const Eigen::VectorXd b = Eigen::VectorXd::LinSpaced(63, -1, 3);
+  std::vector<double> x(b.data(), b.data() + b.size());
+  ASSERT_TRUE(both.profile.factorise());
+  both.profile.solve(x);
+  const Eigen::VectorXd expected = both.dense.ldlt().solve(b);
+  EXPECT_LT((Eigen::Map<Eigen::VectorXd>(x.data(), 63) - expected).norm(), 1e-12 * expected.norm());
+}
+
+TEST(ProfileMatrixTest, RefusesWhatIsNotPositiveDefinite) {
+  Both both({0, 0, 1, 2});
+  both.profile.at(2, 2) = -1;
+  EXPECT_FALSE(both.profile.factorise());
+}
+
+}  // namespace
+}  // namespace epiline

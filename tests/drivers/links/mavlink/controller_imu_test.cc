@@ -1,0 +1,157 @@
+#include "drivers/links/mavlink/controller_imu.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "drivers/links/mavlink/odometry.h"
+
+namespace epiline::mavlink {
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000, kSecond = 1'000'000'000;
+constexpr std::int64_t kBoot_ns = 1000 * kSecond;  ///< of the flight controller, on our clock
+
+/// A clock model after `exchanges` good ones, the last at kBoot_ns + 100 s.
+TwoWaySync clock_after(int exchanges) {
+  TwoWaySync clock{TwoWaySettings{}};
+  for (int i = exchanges; i > 0; --i) {
+    const HostStamp sent{kBoot_ns + 100 * kSecond - i * 100 * kMs};
+    clock.update(sent, DeviceStamp{sent.ns + kMs - kBoot_ns}, sent + Span{2 * kMs});
+  }
+  return clock;
+}
+
+HighresImu reading(std::uint64_t time_us) {
+  return {.time_usec = time_us, .zacc = -9.81F, .zgyro = 0.5F, .fields_updated = 0x3f};
+}
+
+class MavlinkControllerImu : public ::testing::Test {
+ protected:
+  /// At `at_us` of the flight controller, `late` after that.
+  bool take(HighresImu message, Span late = Span{2 * kMs}) {
+    const HostStamp now = HostStamp{kBoot_ns + static_cast<std::int64_t>(message.time_usec) * 1000} + late;
+    return imu.take(message, clock, now, sample);
+  }
+  TwoWaySync clock = clock_after(50);
+  ControllerImu imu{Span{}};
+  ImuSample sample;
+};
+
+TEST_F(MavlinkControllerImu, TurnsAxesAndStampsByTheModel) {
+  ASSERT_TRUE(take(reading(100'000'000)));
+  EXPECT_NEAR(static_cast<double>(sample.stamp.ns), static_cast<double>(kBoot_ns + 100 * kSecond), 1e3);
+  EXPECT_EQ(sample.arrival.ns, kBoot_ns + 100 * kSecond + 2 * kMs);
+  EXPECT_NEAR(sample.specific_force_m_s2[2], 9.81, 1e-6);  // at rest, up
+  EXPECT_EQ(sample.angular_velocity_rad_s[2], -0.5);       // to the right
+}
+
+TEST_F(MavlinkControllerImu, TakesTheDelayOff) {
+  imu = ControllerImu{Span{3 * kMs}};
+  ASSERT_TRUE(take(reading(100'000'000)));
+  EXPECT_NEAR(static_cast<double>(sample.stamp.ns), static_cast<double>(kBoot_ns + 100 * kSecond - 3 * kMs), 1e3);
+}
+
+TEST_F(MavlinkControllerImu, WaitsForTheClock) {
+  clock = clock_after(9);
+  EXPECT_FALSE(take(reading(100'000'000)));
+  EXPECT_EQ(imu.counts().no_clock, 1U);
+  clock = clock_after(10);
+  EXPECT_TRUE(take(reading(100'005'000)));
+}
+
+TEST_F(MavlinkControllerImu, RefusesValuesNoSensorGives) {
+  std::uint64_t time_us = 100'000'000;
+  for (const float wrong :
+       {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), -1e30F, 500.0F}) {
+    for (float HighresImu::*field : {&HighresImu::xacc, &HighresImu::zacc, &HighresImu::xgyro, &HighresImu::zgyro}) {
+      HighresImu message = reading(time_us += 5000);
+      message.*field = wrong;
+      EXPECT_FALSE(take(message));
+    }
+  }
+  EXPECT_EQ(imu.counts().refused_values, 16U);
+  HighresImu half = reading(time_us += 5000);
+  half.fields_updated = 0x38;  // no accelerometer
+  EXPECT_FALSE(take(half));
+  EXPECT_EQ(imu.counts().readings, 0U);
+}
+
+TEST_F(MavlinkControllerImu, RefusesTimesThatCannotBe) {
+  ASSERT_TRUE(take(reading(100'000'000)));
+  const HostStamp now{kBoot_ns + 100 * kSecond + 10 * kMs};
+  for (const std::uint64_t wrong :
+       {std::uint64_t{0}, std::uint64_t{1}, std::uint64_t{100'100'000}, std::uint64_t{99'000'000},
+        std::uint64_t{1'763'000'000'000'000}, std::numeric_limits<std::uint64_t>::max()}) {
+    EXPECT_FALSE(imu.take(reading(wrong), clock, now, sample)) << wrong;
+  }
+  EXPECT_EQ(imu.counts().refused_times, 6U);
+  EXPECT_TRUE(take(reading(100'005'000)));   // and none of them is remembered
+  EXPECT_FALSE(take(reading(100'005'100)));  // 10 kHz
+}
+
+TEST_F(MavlinkControllerImu, CountsDuplicatesAndGaps) {
+  std::uint64_t time_us = 100'000'000;
+  for (int i = 0; i < 20; ++i) ASSERT_TRUE(take(reading(time_us += 5000)));
+  EXPECT_FALSE(take(reading(time_us)));
+  EXPECT_FALSE(take(reading(time_us - 5000), Span{7 * kMs}));
+  EXPECT_EQ(imu.counts().duplicates, 2U);
+  EXPECT_EQ(imu.counts().lost, 0U);
+  ASSERT_TRUE(take(reading(time_us += 20'000)));
+  EXPECT_EQ(imu.counts().lost, 3U);
+}
+
+TEST_F(MavlinkControllerImu, KeepsToOneSensor) {
+  std::uint64_t time_us = 100'000'000;
+  HighresImu second = reading(0);
+  second.id = 1;
+  for (int i = 0; i < 10; ++i) {
+    ASSERT_TRUE(take(reading(time_us += 5000)));
+    second.time_usec = time_us + 1000;
+    EXPECT_FALSE(take(second));
+  }
+  EXPECT_EQ(imu.counts().others, 10U);
+  second.time_usec = time_us + 2'500'000;  // the first has failed
+  EXPECT_TRUE(take(second));
+}
+
+TEST_F(MavlinkControllerImu, PrefersTheBetterMessage) {
+  RawImu raw{.time_usec = 100'000'000, .zacc = -1000, .zgyro = 500};
+  const auto take_raw = [&] {
+    return imu.take(raw, clock, HostStamp{kBoot_ns + static_cast<std::int64_t>(raw.time_usec) * 1000 + kMs}, sample);
+  };
+  ASSERT_TRUE(take_raw());
+  EXPECT_NEAR(sample.specific_force_m_s2[2], 9.80665, 1e-9);
+  EXPECT_NEAR(sample.angular_velocity_rad_s[2], -0.5, 1e-9);
+  ASSERT_TRUE(take(reading(100'005'000)));
+  raw.time_usec = 100'010'000;
+  EXPECT_FALSE(take_raw());
+  EXPECT_EQ(imu.counts().others, 1U);
+}
+
+// Older ArduPilots fill RAW_IMU with the lower 32 bits of their microseconds: 71 minutes.
+TEST_F(MavlinkControllerImu, UnwrapsThirtyTwoBits) {
+  constexpr std::int64_t kUp_us = (std::int64_t{3} << 32) + 5'000'000;
+  TwoWaySync old{TwoWaySettings{}};
+  for (int i = 0; i < 20; ++i) {
+    const HostStamp sent{kBoot_ns + kUp_us * 1000 + i * 100 * kMs};
+    old.update(sent, DeviceStamp{sent.ns + kMs - kBoot_ns}, sent + Span{2 * kMs});
+  }
+  const RawImu raw{.time_usec = 5'000'000 + 1'900'000, .zacc = -1000};
+  const HostStamp now{kBoot_ns + (kUp_us + 1'902'000) * 1000};
+  ASSERT_TRUE(imu.take(raw, old, now, sample));
+  EXPECT_NEAR(static_cast<double>((now - sample.stamp).ns), 2e6, 1e3);
+}
+
+TEST(MavlinkOdometry, ReadingsAreTurnedLikeOdometry) {
+  // the rates that ODOMETRY gives for an IMU mounted straight come back as they were
+  epiline::Odometry o;
+  o.omega_B_rad_s = {0.25, -0.5, 1};
+  const Odometry message = odometry_message(o, Mat3::Identity());
+  const HighresImu reading{.xgyro = message.rollspeed, .ygyro = message.pitchspeed, .zgyro = message.yawspeed};
+  EXPECT_EQ(imu_sample(reading).angular_velocity_rad_s, o.omega_B_rad_s);
+}
+
+}  // namespace
+}  // namespace epiline::mavlink

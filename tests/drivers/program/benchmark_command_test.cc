@@ -1,0 +1,183 @@
+// The benchmark as a user meets it: tiny made-up flights, one of them broken, and what the tables say of them.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "tests/drivers/program/program.h"
+
+namespace epiline {
+namespace {
+
+std::string quoted(const fs::path& path) { return std::string("'").append(path.string()).append("'"); }
+
+class Benchmark : public testing::Test {
+ protected:
+  void SetUp() override {
+    fs::remove_all(scratch());
+    for (const fs::path& flight : {agile, hover}) {
+      const Outcome made = run("simulate --tracks --flight " + flight.filename().string() +
+                               " --duration 4 --pixel-noise 0.5 --out " + quoted(flight));
+      ASSERT_EQ(made.exit_code, 0) << made.err;
+    }
+  }
+  Outcome benchmark(const std::string& arguments, const fs::path& folder) {
+    return run("benchmark " + arguments + " --factors track,epipolar --out " + quoted(folder));
+  }
+  static Json json(const fs::path& folder) { return Json::parse(read(folder / "benchmark.json")); }
+  static Json result(const Json& json, const std::string& dataset, const std::string& factor) {
+    for (const Json& r : json["results"])
+      if (r["dataset"] == dataset && r["factor"] == factor) return r;
+    ADD_FAILURE() << "no result of " << dataset << ", " << factor;
+    return {};
+  }
+
+  fs::path agile = scratch() / "sim/agile", hover = scratch() / "sim/hover", out = scratch() / "out";
+};
+
+TEST_F(Benchmark, ComparesFactorsOverDataSets) {
+  const Outcome r = benchmark(quoted(agile) + " " + quoted(hover) + " --repeat 2", out);
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_TRUE(r.err.empty()) << r.err;  // no progress where there is no terminal
+  const Json b = json(out);
+  EXPECT_EQ(b["schema"], 1);
+  EXPECT_EQ(b["settings"]["factors"], Json({"track", "epipolar"}));
+  ASSERT_EQ(b["runs"].size(), 8u);
+  ASSERT_EQ(b["results"].size(), 4u);
+  for (const Json& one : b["runs"]) {
+    EXPECT_EQ(one["outcome"], "done");
+    EXPECT_EQ(one["stats"], Json::parse(read(out / one["folder"].get<std::string>() / "stats.json")));
+    EXPECT_EQ(one["stats"]["settings"]["visual_factor"], one["factor"]);
+  }
+  for (const Json& cell : b["results"]) {
+    EXPECT_EQ(cell["done"], 2);
+    EXPECT_FALSE(cell["diverged"]);
+    EXPECT_TRUE(cell["repetitions_identical"].get<bool>());
+    for (const char* key : {"ate_4dof_m",      "ate_se3_m",        "rpe_1m_percent",   "yaw_drift_abs_deg",
+                            "start_s",         "coverage",         "resets",           "nees_position",
+                            "nees_yaw",        "solve_ms_mean",    "solve_ms_p50",     "solve_ms_p99",
+                            "solve_ms_max",    "estimate_ms_mean", "solve_cpu_ms_p50", "estimate_cpu_ms_mean",
+                            "iterations_mean", "residuals_mean",   "state_size_mean",  "peak_rss_mib"})
+      EXPECT_TRUE(cell["median"][key].is_number()) << key;
+    EXPECT_TRUE(cell["median"]["track_ms_mean"].is_null());  // recorded tracks: nothing was tracked
+    EXPECT_TRUE(cell["median"]["track_cpu_ms_mean"].is_null());
+    EXPECT_LT(cell["median"]["ate_4dof_m"], 0.1);
+  }
+  EXPECT_EQ(read(out / "benchmark.txt") + "\npage      " + (out / "benchmark.html").string() + "\n", r.out);
+  const std::string page = read(out / "benchmark.html");
+  EXPECT_EQ(page.find("http"), std::string::npos);  // stands alone
+  for (const char* part :
+       {"Error and solve time: sim", "Processor time per image, ms", "Path from above", "median ", "ground truth"})
+    EXPECT_NE(page.find(part), std::string::npos) << part;
+}
+
+// Independent of the program's own arithmetic: from the figures of the single runs.
+TEST_F(Benchmark, RatiosAreMediansOfTheDataSets) {
+  ASSERT_EQ(benchmark(quoted(agile) + " " + quoted(hover), out).exit_code, 0);
+  const Json b = json(out);
+  const auto ratio = [&](const char* dataset, const char* key) {
+    return result(b, dataset, "epipolar")["median"][key].get<double>() /
+           result(b, dataset, "track")["median"][key].get<double>();
+  };
+  ASSERT_EQ(b["ratios"].size(), 1u);
+  EXPECT_EQ(b["ratios"][0]["factor"], "epipolar");
+  EXPECT_EQ(b["ratios"][0]["to"], "track");
+  for (const char* key : {"ate_4dof_m", "solve_ms_mean", "residuals_mean"}) {
+    const Json& r = b["ratios"][0]["ratio"][key];
+    const double first = ratio("agile", key), second = ratio("hover", key);
+    EXPECT_NEAR(r["median"], 0.5 * (first + second), 1e-12) << key;
+    EXPECT_NEAR(r["min"], std::min(first, second), 1e-12) << key;
+    EXPECT_NEAR(r["max"], std::max(first, second), 1e-12) << key;
+    EXPECT_EQ(r["datasets"], 2) << key;
+  }
+}
+
+TEST_F(Benchmark, SideBySideGivesTheSameFigures) {
+  ASSERT_EQ(benchmark(quoted(agile) + " " + quoted(hover) + " --jobs 1", scratch() / "one").exit_code, 0);
+  ASSERT_EQ(benchmark(quoted(agile) + " " + quoted(hover) + " --jobs 2", scratch() / "two").exit_code, 0);
+  const Json one = json(scratch() / "one"), two = json(scratch() / "two");
+  ASSERT_EQ(one["results"].size(), two["results"].size());
+  for (std::size_t i = 0; i < one["results"].size(); ++i) {
+    const Json &a = one["results"][i]["median"], &b = two["results"][i]["median"];
+    for (const auto& [key, value] : a.items()) {
+      if (key.find("_ms_") != std::string::npos || key == "peak_rss_mib") continue;
+      EXPECT_EQ(value, b[key]) << key;
+    }
+  }
+}
+
+TEST_F(Benchmark, WhatFailsIsARowThatSaysSo) {
+  const fs::path blind = scratch() / "sim/blind", cut = scratch() / "sim/cut";
+  fs::copy(agile, cut, fs::copy_options::recursive);
+  write(cut / "mav0/imu0/data.csv", "#timestamp\n1,2,3\n");
+  fs::copy(agile, blind, fs::copy_options::recursive);  // points that stand still in a flight that does not
+  std::string tracks;
+  for (int image = 0; image < 40; ++image) {
+    for (int point = 0; point < 40; ++point)
+      tracks += std::to_string(100'000'000'000 + image * 50'000'000LL) + "," + std::to_string(point) + "," +
+                std::to_string(100 + 10 * point) + "," + std::to_string(100 + (37 * point) % 250) + "\n";
+  }
+  write(blind / "mav0/cam0/tracks.csv", tracks);
+  const Outcome r = benchmark(quoted(agile) + " " + quoted(cut) + " " + quoted(blind) + " /nonexistent", out);
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  const Json b = json(out);
+  EXPECT_EQ(result(b, "agile", "track")["outcome"], "done");
+  EXPECT_EQ(result(b, "cut", "track")["outcome"], "refused");
+  EXPECT_EQ(result(b, "blind", "track")["outcome"], "never started");
+  EXPECT_EQ(result(b, "nonexistent", "epipolar")["outcome"], "refused");
+  EXPECT_TRUE(result(b, "cut", "track")["median"]["ate_4dof_m"].is_null());
+  EXPECT_EQ(b["ratios"][0]["ratio"]["ate_4dof_m"]["datasets"], 1);
+  for (const char* part :
+       {"imu0/data.csv:2: 3 values; expected 7", "never initialised in 40 images", "/nonexistent: does not exist"})
+    EXPECT_NE(r.out.find(part), std::string::npos) << part << " not in " << r.out;
+}
+
+TEST_F(Benchmark, NothingDoneIsAFailure) {
+  expect_one_line(benchmark("/nonexistent", out), 1, {"none of 2 runs gave a trajectory"});
+  EXPECT_TRUE(fs::exists(out / "benchmark.txt"));
+}
+
+TEST_F(Benchmark, WrongUsageIsExitCodeTwo) {
+  expect_one_line(run("benchmark " + quoted(agile) + " --factors guess --out " + quoted(out)), 2, {"guess"});
+  expect_one_line(run("benchmark --out " + quoted(out)), 2, {"DATASET"});
+  write(scratch() / "bad.toml", "[estimator]\nkeyframes = 40\n");
+  expect_one_line(benchmark(quoted(agile) + " --config " + quoted(scratch() / "bad.toml"), out), 2, {"bad.toml:2: "});
+}
+
+TEST_F(Benchmark, FiguresOfAnEarlierBenchmarkDoNotComeBack) {
+  ASSERT_EQ(benchmark(quoted(agile), out).exit_code, 0);
+  fs::remove(agile / "mav0/imu0/data.csv");
+  EXPECT_EQ(benchmark(quoted(agile), out).exit_code, 1);
+  EXPECT_TRUE(json(out)["runs"][0]["stats"].is_null());
+  EXPECT_FALSE(fs::exists(out / "runs/agile/track/1/stats.json"));
+}
+
+/// Processes whose command line holds the text.
+int processes_with(const std::string& text) {
+  int count = 0;
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator("/proc", ignored)) {
+    const std::string line = read(entry.path() / "cmdline");
+    count += line.find("replay") != std::string::npos && line.find(text) != std::string::npos;
+  }
+  return count;
+}
+
+TEST_F(Benchmark, InterruptedItLeavesNoChildren) {
+  const fs::path err = scratch() / "interrupted";
+  // --foreground: the signal goes to the benchmark alone, which has to pass it on
+  const std::string command = "timeout --foreground --preserve-status -s INT 1 " + std::string(EPILINE_PROGRAM) +
+                              " benchmark " + quoted(agile) + " --repeat 5000 --out " + quoted(out) + " 2> " +
+                              quoted(err);
+  const int status = std::system(command.c_str());
+  ASSERT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 1);
+  EXPECT_NE(read(err).find("epiline: error: interrupted after "), std::string::npos) << read(err);
+  EXPECT_EQ(processes_with(out.string()), 0);
+  EXPECT_FALSE(fs::exists(out / "benchmark.json"));
+}
+
+}  // namespace
+}  // namespace epiline

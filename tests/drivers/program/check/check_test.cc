@@ -1,0 +1,240 @@
+#include "drivers/program/check/check.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <filesystem>
+#include <fstream>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <thread>
+
+#include "drivers/program/check/image_check.h"
+#include "drivers/program/check/inventory.h"
+#include "drivers/program/check/line_check.h"
+#include "drivers/program/check/wheel_check.h"
+
+namespace epiline {
+namespace {
+
+namespace fs = std::filesystem;
+
+CameraParameters lens(int width, int height) {
+  CameraParameters p;
+  p.width = width;
+  p.height = height;
+  p.intrinsics = {300, 300, width / 2., height / 2.};
+  return p;
+}
+
+/// Boxes of random grey that move a little, blurred.
+cv::Mat boxes(int frame, double blur_px, double light = 1) {
+  cv::RNG random(3);
+  cv::Mat image(240, 320, CV_8U, cv::Scalar(110 * light));
+  for (int i = 0; i < 150; ++i) {
+    const cv::Point at(random.uniform(-10, 320) + frame, random.uniform(-10, 240));
+    cv::rectangle(image, cv::Rect(at, cv::Size(random.uniform(8, 30), random.uniform(8, 30))),
+                  cv::Scalar(std::min(255., light * random.uniform(0, 256))), cv::FILLED);
+  }
+  cv::GaussianBlur(image, image, cv::Size(), blur_px);
+  return image;
+}
+
+ImageResult look(double blur_px, double light = 1, int lose = 0) {
+  ImageCheck check(Camera(lens(320, 240)), {});
+  std::vector<cv::Mat> kept;
+  for (int i = 0; i < 40; ++i) kept.push_back(boxes(i, blur_px, light));
+  for (int i = 0; i < 40; ++i) {
+    if (lose > 0 && i % lose == lose - 1) continue;
+    Frame f;
+    f.stamp = {1'000'000'000 + i * std::int64_t{50'000'000}};
+    f.arrival = f.stamp + Span{12'000'000};
+    f.sequence = static_cast<std::uint64_t>(i);
+    f.data = kept[static_cast<std::size_t>(i)].data;
+    f.width = 320;
+    f.height = 240;
+    f.stride = static_cast<int>(kept[static_cast<std::size_t>(i)].step);
+    check.step(f);
+  }
+  return check.result();
+}
+
+const Finding* find(const Findings& findings, const char* part) {
+  for (const Finding& f : findings)
+    if (f.text.find(part) != std::string::npos) return &f;
+  return nullptr;
+}
+
+TEST(ImageCheck, KnowsASharpImageFromABlurredOne) {
+  // a Gaussian edge of deviation s rises to its height within s sqrt(2 pi) at its steepest
+  for (const double blur : {0.8, 1.2, 2.})
+    EXPECT_NEAR(look(blur).edge_width_px, blur * 2.507, 0.2 * blur * 2.507) << blur;
+  const auto grade = [](const ImageResult& r, const char* part) {
+    const Findings all = findings_of(r, 20, 60);
+    const Finding* f = find(all, part);
+    return f == nullptr ? Grade::kError : f->grade;
+  };
+  EXPECT_EQ(grade(look(0.9), "edges are"), Grade::kOk);
+  EXPECT_EQ(grade(look(2.), "edges are"), Grade::kWarning);
+  EXPECT_EQ(grade(look(0.9), "corners of"), Grade::kOk);
+  EXPECT_EQ(grade(look(0.9), "mean brightness"), Grade::kOk);
+  EXPECT_EQ(grade(look(0.9, 0.02), "mean brightness"), Grade::kError);
+  EXPECT_EQ(grade(look(0.9, 6), "mean brightness"), Grade::kError);
+}
+
+TEST(ImageCheck, CountsWhatWasLost) {
+  const ImageResult r = look(1, 1, 8);
+  EXPECT_EQ(r.lost, 4u);
+  EXPECT_NEAR(r.pacing.rate_hz(), 20, 1e-6);
+  EXPECT_NEAR(r.pacing.delay_s, 0.012, 1e-9);
+  const Findings all = findings_of(r, 20, 60);
+  const Finding* lost = find(all, "images lost");
+  ASSERT_NE(lost, nullptr);
+  EXPECT_EQ(lost->grade, Grade::kError);
+  EXPECT_EQ(find(findings_of(r, 30, 60), "images a second")->grade, Grade::kWarning) << "30 were configured";
+}
+
+// ---- what is there ----
+
+class FakeRoot {
+ public:
+  FakeRoot() : root_(fs::temp_directory_path() / ("epiline-check-" + std::to_string(::getpid()))) {
+    write("sys/class/video4linux/video0/name", "HD USB Camera: HD USB Camera");
+    write("sys/bus/iio/devices/iio:device0/name", "icm42600-gyro");
+    write("dev/gpiochip0", "");
+    write("sys/class/net/can0/type", "280");
+    write("sys/class/net/can0/operstate", "down");
+    write("sys/class/net/eth0/type", "1");
+    write("dev/ttyACM0", "");
+    write("dev/spidev0.0", "");
+  }
+  ~FakeRoot() { fs::remove_all(root_); }
+  const fs::path& path() const { return root_; }
+
+ private:
+  void write(const char* file, const char* text) const {
+    fs::create_directories((root_ / file).parent_path());
+    std::ofstream(root_ / file) << text << "\n";
+  }
+  fs::path root_;
+};
+
+TEST(Inventory, ListsWhatTheKernelLists) {
+  const FakeRoot root;
+  const Inventory all = list_devices(root.path());
+  EXPECT_EQ(to_text(all.cameras), "/dev/video0 (HD USB Camera: HD USB Camera)");
+  EXPECT_EQ(to_text(all.iio), "/dev/iio:device0 (icm42600-gyro)");
+  EXPECT_EQ(to_text(all.gpio), "/dev/gpiochip0") << "its label only a real chip tells: tests/hardware";
+  EXPECT_EQ(to_text(all.serial), "/dev/ttyACM0");
+  EXPECT_EQ(to_text(all.spi), "/dev/spidev0.0");
+  EXPECT_EQ(to_text(all.can), "can0 (down)") << "no Ethernet";
+  EXPECT_EQ(to_text(list_devices(root.path() / "nothing").cameras), "none");
+}
+
+TEST(Check, NamesWhatIsMissingAndWhatIsThere) {
+  const FakeRoot root;
+  const Inventory there = list_devices(root.path());
+  DevicesConfig d;
+  d.camera.device = "/dev/video7-that-is-not-there";
+  d.imu.device = "bmi088";
+  d.mavlink.serial = "/dev/ttyACM9-that-is-not-there";
+  d.can.interface = "can7";
+  const Findings missing = check_presence(d, there);
+  ASSERT_EQ(missing.size(), 4u);
+  for (const Finding& f : missing) {
+    EXPECT_EQ(f.grade, Grade::kError) << f.text;
+    EXPECT_FALSE(f.remedy.empty()) << f.text;
+  }
+  EXPECT_EQ(missing[0].text, "no /dev/video7-that-is-not-there");
+  EXPECT_NE(missing[0].remedy.find("HD USB Camera"), std::string::npos);
+  EXPECT_NE(missing[2].remedy.find("/dev/ttyACM0"), std::string::npos);
+  EXPECT_NE(missing[3].remedy.find("can0 (down)"), std::string::npos);
+  const Findings nothing = check_presence({}, {});
+  ASSERT_EQ(nothing.size(), 2u);
+  EXPECT_EQ(nothing[0].text, "camera.device is not set");
+  EXPECT_EQ(nothing[1].text, "imu.device is not set");
+}
+
+TEST(Check, DeviceRecordsBecomeFindings) {
+  DeviceRecord record{"mavlink", {{"packets", 0}, {"bad_checksums", 3}}, ClockState{}};
+  Findings all = findings_of(record);
+  EXPECT_EQ(find(all, "bad_checksums 3")->grade, Grade::kWarning);
+  EXPECT_EQ(find(all, "no flight controller heard")->grade, Grade::kError);
+  EXPECT_EQ(find(all, "clock: no sample")->grade, Grade::kWarning);
+  record.counts = {{"packets", 100}};
+  record.clock->status = ClockStatus::kLocked;
+  all = findings_of(record);
+  EXPECT_TRUE(std::all_of(all.begin(), all.end(), [](const Finding& f) { return f.grade == Grade::kOk; }));
+  record.clock->status = ClockStatus::kUnusable;
+  EXPECT_EQ(find(findings_of(record), "clock:")->grade, Grade::kError);
+}
+
+// ---- edges, wheels ----
+
+TEST(LineFindings, SayWhetherEdgesAndImagesAgree) {
+  EdgeCounts e;
+  e.edges = 300;
+  e.matched = 280;
+  e.unsure = 20;
+  e.period = Span{33'333'333};
+  e.lag = Span{2'000'000};
+  const auto grade = [&e](const char* part) {
+    const Findings all = findings_of(e, {}, "cam-trigger");
+    const Finding* const f = find(all, part);
+    return f == nullptr ? std::string("nothing") : std::string(kGradeNames[static_cast<std::size_t>(f->grade)]);
+  };
+  EXPECT_EQ(grade("30.00 edges a second on cam-trigger, those of 280 of 300 images"), "ok");
+  EXPECT_EQ(grade("missing"), "nothing");
+  e.lag = Span{-13'000'000};
+  EXPECT_EQ(grade("30.00 edges"), "warning") << "an image may take its neighbour's edge";
+  e.missing = 7;
+  EXPECT_EQ(grade("7 edges missing on cam-trigger, 0 too soon"), "warning");
+  e.matched = 3;
+  e.mismatched = 100;
+  EXPECT_EQ(grade("30.00 edges"), "error");
+  e = {};
+  e.edges = 300;
+  e.unsure = 300;
+  EXPECT_EQ(grade("0.00 edges"), "error") << "never sure which is whose";
+  e = {};
+  EXPECT_EQ(grade("no edges on cam-trigger"), "error");
+  EXPECT_EQ(findings_of(e, GpioCounts{10, 0, 1, ENODEV}, "cam-trigger")[0].text, "the chip of cam-trigger went away");
+}
+
+/// Speeds as they are given, then the end.
+class ListedSpeeds final : public WheelSource {
+ public:
+  explicit ListedSpeeds(std::vector<double> speeds) : speeds_(std::move(speeds)) {}
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
+  ReadOutcome read(WheelSample& sample, Span /*timeout*/) noexcept override {
+    if (next_ == speeds_.size()) return ended_ = true, ReadOutcome::kEnd;
+    sample.stamp = {static_cast<std::int64_t>(next_) * 20'000'000};
+    sample.forward_speed_m_s = speeds_[next_++];
+    return ReadOutcome::kSample;
+  }
+  Findings findings() {
+    WheelCheck check(*this);
+    while (!ended_) std::this_thread::yield();
+    return findings_of(check.result());
+  }
+
+ private:
+  std::vector<double> speeds_;
+  std::size_t next_ = 0;
+  std::atomic<bool> ended_{false};
+};
+
+TEST(WheelCheck, SaysRateAndRange) {
+  const auto first = [](std::vector<double> speeds) { return ListedSpeeds(std::move(speeds)).findings().at(0); };
+  EXPECT_EQ(first({0.5, -0.25, 1}).text, "50.0 speeds a second, jitter 0.0 ms, from -0.25 to 1.00 m/s");
+  EXPECT_EQ(first({0.5, 1}).grade, Grade::kOk);
+  EXPECT_EQ(first({0, 0, 655.35}).grade, Grade::kWarning) << "an unsigned reading of a small step back";
+  EXPECT_EQ(first({}).grade, Grade::kError);
+}
+
+}  // namespace
+}  // namespace epiline

@@ -1,0 +1,42 @@
+// `epiline check` as a user meets it, on a computer without the devices.
+#include "tests/drivers/program/program.h"
+
+namespace epiline {
+namespace {
+
+class CheckCommand : public testing::Test {
+ protected:
+  void SetUp() override { fs::remove_all(scratch()); }
+  void TearDown() override { fs::remove_all(scratch()); }
+  static std::string config(const std::string& text) {
+    write(scratch() / "f.toml", text);
+    return "--config '" + (scratch() / "f.toml").string() + "'";
+  }
+};
+
+TEST_F(CheckCommand, WithoutDevicesNamesWhatIsMissing) {
+  const std::string file = config(
+      "[camera]\ndevice = \"/dev/no-such-camera\"\n[imu]\ndevice = \"no-such-imu\"\n[mavlink]\nserial = "
+      "\"/dev/no-such-line\"\n[can]\ninterface = \"nocan9\"\n");
+  const Outcome r = run("check " + file);
+  EXPECT_EQ(r.exit_code, 1);
+  for (const char* part :
+       {"error    camera: no /dev/no-such-camera; ", "error    imu: none is called \"no-such-imu\"; ",
+        "error    mavlink: no /dev/no-such-line; ", "error    can: no CAN interface nocan9; ", "\nthere    cameras: "})
+    EXPECT_NE(r.out.find(part), std::string::npos) << part << " not in\n" << r.out;
+  EXPECT_EQ(r.err, "");
+  const Outcome json = run("check --json " + file);
+  EXPECT_EQ(json.exit_code, 1);
+  const Json all = Json::parse(json.out);
+  EXPECT_EQ(all["findings"][0]["grade"], "error");
+  EXPECT_EQ(all["findings"][0]["device"], "camera");
+  EXPECT_TRUE(all["there"]["cameras"].is_array());
+}
+
+TEST_F(CheckCommand, AWrongFileIsWrongInput) {
+  expect_one_line(run("check " + config("[camera]\ndevice = 3\n")), 2, {"f.toml:2: camera.device = 3"});
+  EXPECT_EQ(run("check --config /no/such/file.toml").exit_code, 2);
+}
+
+}  // namespace
+}  // namespace epiline

@@ -1,0 +1,132 @@
+// `epiline hil` as a user meets it, over a rendered flight and a pty.
+#include <gmock/gmock.h>
+
+#include <sstream>
+
+#include <cstdio>
+
+#include "tests/drivers/program/program.h"
+
+namespace epiline {
+namespace {
+
+using testing::ElementsAre;
+
+class HilCommand : public OverARenderedFlight {
+ protected:
+  void SetUp() override {
+    OverARenderedFlight::SetUp();
+    write(config(), "[camera]\ncalibration = \"" + (flight_ / "mav0/cam0/sensor.yaml").string() +
+                        "\"\n[imu]\ncalibration = \"" + (flight_ / "mav0/imu0/sensor.yaml").string() +
+                        "\"\nrate_hz = 200\n");
+  }
+
+  static fs::path config() { return scratch() / "flight.toml"; }
+  static Outcome hil(const std::string& more) {
+    return run("hil '" + flight_.string() + "' --config '" + config().string() + "' --out '" +
+               (scratch() / "out").string() + "' " + more);
+  }
+  /// The rules that had no occasion, of a summary.
+  static std::vector<std::string> not_seen(const std::string& summary) {
+    const std::string begin = "not seen  ";
+    const std::size_t name = begin.size() + std::string("ArduPilot  ").size();
+    std::vector<std::string> rules;
+    std::istringstream lines(summary);
+    for (std::string line; std::getline(lines, line);)
+      if (line.rfind(begin, 0) == 0) rules.push_back(line.substr(name, line.find(':') - name));
+    return rules;
+  }
+};
+
+TEST_F(HilCommand, AFlightIsAccepted) {
+  Outcome r;
+  for (int i = 0; i < 3; ++i) {  // a computer that had no time for us for a while gets another chance
+    r = hil("");
+    if (r.exit_code == 0) break;
+  }
+  ASSERT_EQ(r.exit_code, 0) << r.out << r.err;
+  EXPECT_THAT(not_seen(r.out), ElementsAre("timesync converges", "origin", "CAN frames", "CAN status"));
+  EXPECT_NE(r.out.find("PX4 accepts the odometry\nArduPilot accepts the odometry\n"), std::string::npos) << r.out;
+  EXPECT_NE(r.out.find("latency   image stamp to last byte"), std::string::npos) << r.out;
+  EXPECT_EQ(r.out.compare(0, read(scratch() / "out/verdict.txt").size(), read(scratch() / "out/verdict.txt")), 0);
+  const Json s = stats("out");
+  EXPECT_LT(s["error"]["ate_4dof_m"]["rmse"].get<double>(), 0.05);
+  EXPECT_GT(s["error"]["poses"].get<int>(), 40);
+  EXPECT_TRUE(fs::exists(scratch() / "out/report.html"));
+  EXPECT_TRUE(fs::exists(scratch() / "out/trajectory.tum"));
+  // What the controller got, laid over the truth at its times.
+  const Outcome evaluated = run("evaluate '" + (scratch() / "out/received.tum").string() + "' '" +
+                                (scratch() / "out/truth.tum").string() + "' --json");
+  ASSERT_EQ(evaluated.exit_code, 0) << evaluated.err;
+  const Json received = Json::parse(evaluated.out);
+  EXPECT_LT(received["ate_m"]["rmse"].get<double>(), 0.05);
+  EXPECT_GT(received["poses"].get<int>(), 60);
+  char line[64];
+  std::snprintf(line, sizeof line, ", %.4f m rms off over", received["ate_m"]["rmse"].get<double>());
+  EXPECT_NE(r.out.find(line), std::string::npos) << r.out;
+}
+
+TEST_F(HilCommand, TheControllersOwnImuFliesToo) {
+  Outcome r;
+  for (int i = 0; i < 3; ++i) {
+    r = hil("--imu mavlink --controller udp");
+    if (r.exit_code == 0) break;
+  }
+  ASSERT_EQ(r.exit_code, 0) << r.out << r.err;
+  EXPECT_THAT(not_seen(r.out), ElementsAre("timesync converges", "origin", "CAN frames", "CAN status"));
+  EXPECT_LT(stats("out")["error"]["ate_4dof_m"]["rmse"].get<double>(), 0.05);
+}
+
+// Who names a place meets an ArduPilot without satellites, which wants to know it.
+TEST_F(HilCommand, AnArduPilotIsToldWhereItIs) {
+  write(config(), read(config()) + "[mavlink]\norigin_latitude_deg = 47.4\norigin_longitude_deg = 8.5\n");
+  const Outcome r = hil("--duration 2");
+  EXPECT_NE(r.out.find("\nkept      ArduPilot  origin\n"), std::string::npos) << r.out << r.err;
+}
+
+// Too short for a first pose: a controller gets nothing to fuse.
+TEST_F(HilCommand, AFlightThatIsRefusedFails) {
+  const Outcome r = hil("--duration 0.2");
+  expect_one_line(r, 1, {"rules are broken", "fusion"});
+  EXPECT_NE(r.out.find("PX4 REFUSES"), std::string::npos) << r.out;
+  EXPECT_NE(r.out.find("rule: odometry comes"), std::string::npos) << r.out;
+}
+
+TEST_F(HilCommand, LossesComeThrough) {
+  const Outcome r = hil("--loss 0.3 --jitter-ms 5 --burst --skew-ppm 100");
+  const Json s = stats("out");
+  const int in = s["realtime"]["frames_in"].get<int>();
+  EXPECT_GT(in, 30) << r.out << r.err;
+  EXPECT_LT(in, 90) << "of 101";
+}
+
+TEST_F(HilCommand, SaysWhatIsWrong) {
+  expect_one_line(run("hil nowhere --config '" + config().string() + "'"), 2, {"nowhere"});
+  expect_one_line(hil("--camera vivid"), 2, {"camera vivid"});
+  expect_one_line(hil("--camera v4l2loopback:/dev/there_is_none"), 2, {"/dev/there_is_none", "modprobe v4l2loopback"});
+  expect_one_line(hil("--controller /dev/there_is_none"), 2, {"/dev/there_is_none"});
+  expect_one_line(hil("--controller nocan7"), 2, {"nocan7", "ip link add"});
+  expect_one_line(hil("--start 100"), 2, {"no image in the time asked for"});
+  expect_one_line(hil("--controller ''"), 2, {"no controller"});
+  expect_one_line(hil("--controller udp:0"), 2, {"udp:PORT"});
+  expect_one_line(hil("--controller pty:" + config().string()), 2, {"flight.toml", "a path at which nothing is yet"});
+  write(config(), "[camera]\n");
+  expect_one_line(hil(""), 2, {"no camera.calibration"});
+}
+
+// Another process opens what is played: it has to be where its configuration looks for it.
+TEST_F(HilCommand, SaysWhatNobodyBesideWouldFind) {
+  const std::string camera = "--beside --camera v4l2loopback:/dev/video42 ", imu = camera + "--imu uhid ";
+  expect_one_line(hil("--beside"), 2, {"--beside with --camera: file"});
+  expect_one_line(hil(camera), 2, {"--beside with --imu: file"});
+  expect_one_line(hil(imu), 2, {"--beside with --controller: pty"});
+  expect_one_line(hil(imu + "--controller pty:/run/controller"), 2, {"mavlink.serial = \"\"", "\"/run/controller\""});
+  expect_one_line(hil(imu + "--controller vcan0"), 2, {"can.interface = \"\"", "\"vcan0\""});
+  std::string text = read(config());
+  text.insert(text.find('\n') + 1, "device = \"/dev/video7\"\n");
+  write(config(), text);
+  expect_one_line(hil(imu + "--controller vcan0"), 2, {"camera.device = \"/dev/video7\"", "\"/dev/video42\""});
+}
+
+}  // namespace
+}  // namespace epiline

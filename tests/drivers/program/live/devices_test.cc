@@ -1,0 +1,103 @@
+#include "drivers/program/live/devices.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+namespace epiline {
+namespace {
+
+/// A configuration file beside calibration files.
+class Files {
+ public:
+  Files() : folder_(std::filesystem::path(testing::TempDir()) / ("devices_" + std::to_string(getpid()))) {
+    std::filesystem::create_directories(folder_);
+    write("camera.yaml",
+          "T_BS:\n  data: [1, 0, 0, 0.1, 0, 1, 0, 0.2, 0, 0, 1, 0.3, 0, 0, 0, 1]\nresolution: [640, 480]\n"
+          "camera_model: pinhole\nintrinsics: [400, 400, 320, 240]\ndistortion_model: none\n"
+          "distortion_coefficients: []\ntimeshift_cam_imu: 0.004\n");
+    write("imu.yaml",
+          "gyroscope_noise_density: 1.0e-03\ngyroscope_random_walk: 1.0e-05\naccelerometer_noise_density: 1.0e-2\n"
+          "accelerometer_random_walk: 1.0e-4\n");
+  }
+  ~Files() { std::filesystem::remove_all(folder_); }
+  std::filesystem::path write(const std::string& name, const std::string& text) const {
+    std::ofstream(folder_ / name) << text;
+    return folder_ / name;
+  }
+  std::string config(const std::string& camera, const std::string& more) const {
+    return write("flight.toml",
+                 "[camera]\ncalibration = \"" + (folder_ / "camera.yaml").string() + "\"\n" + camera + more);
+  }
+  std::string folder() const { return folder_.string(); }
+
+ private:
+  std::filesystem::path folder_;
+};
+
+TEST(Devices, SettingsAreTheFileOverCalibrationOverDefaults) {
+  const Files files;
+  const auto settings = read_live_settings(
+      files.config("", "[imu]\ncalibration = \"" + files.folder() + "/imu.yaml\"\ngyroscope_random_walk = 3e-5\n"));
+  ASSERT_TRUE(settings) << settings.error().text();
+  EXPECT_EQ(settings->camera.width, 640);
+  const EstimatorConfig& e = settings->config.estimator;
+  EXPECT_DOUBLE_EQ(e.extrinsics.p_BC.x(), 0.1);
+  EXPECT_DOUBLE_EQ(e.extrinsics.time_offset_s, 0.004);
+  EXPECT_NEAR(e.extrinsics.focal_px, 400, 1);
+  EXPECT_DOUBLE_EQ(e.imu.gyroscope_density, 1e-3);
+  EXPECT_DOUBLE_EQ(e.imu.gyroscope_random_walk, 3e-5);
+}
+
+TEST(Devices, WhatIsMissingIsNamedWithWhatWouldDo) {
+  const Files files;
+  const auto error_of = [&](const std::string& camera, const std::string& more) {
+    const auto settings = read_live_settings(files.config(camera, more));
+    if (!settings) return settings.error().text();
+    const auto devices = make_devices(*settings);
+    return devices ? std::string() : devices.error().text();
+  };
+  const std::string file = files.folder() + "/flight.toml: ";
+  EXPECT_EQ(error_of("", ""), file + "no camera.device; expected the camera's path, name or bus");
+  EXPECT_EQ(error_of("device = \"a\"\n", ""),
+            file + "no imu.device; expected the IMU's name or path, or imu.driver = \"mavlink\"");
+  EXPECT_EQ(
+      error_of("device = \"a\"\nwidth = 320\n", "[imu]\ndevice = \"b\"\n"),
+      file + "camera.width = 320, camera.height = 480; expected 640 x 480, the size the camera was calibrated with");
+  EXPECT_EQ(error_of("device = \"a\"\nformat = \"MJPG\"\n", "[imu]\ndevice = \"b\"\n"),
+            file + "camera.format: \"MJPG\"; expected GREY, Y10, Y12, Y16, Y10P, YUYV, NV12, YU12");
+  EXPECT_EQ(
+      error_of("device = \"a\"\n", "[imu]\ndriver = \"mavlink\"\n"),
+      file +
+          "imu.driver = \"mavlink\" without a flight controller; expected mavlink.serial or mavlink.udp, where it is");
+  EXPECT_EQ(error_of("device = \"a\"\n",
+                     "[imu]\ndriver = \"mavlink\"\n[mavlink]\nudp = \"127.0.0.1:14550\"\n[body]\nyaw_deg = 90\n"),
+            file +
+                "a turn in [body] with imu.driver = \"mavlink\"; expected none: a flight controller gives its readings "
+                "in the vehicle's axes");
+  const auto none = read_live_settings(files.write("none.toml", "[camera]\ndevice = \"a\"\n"));
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.error().text().rfind(files.folder() + "/none.toml: no camera.calibration; expected", 0), 0u);
+}
+
+TEST(Devices, EveryDriverOfAnImuIsAtHand) {
+  const Files files;
+  for (const char* const driver : {"iio", "icm42688p", "bmi088", "adis16470", "mavlink"}) {
+    const auto settings = read_live_settings(
+        files.config("device = \"a\"\n", std::string("[imu]\ndevice = \"b\"\ndevice_accel = \"c\"\ndriver = \"") +
+                                             driver + "\"\n[mavlink]\nudp = \"127.0.0.1:14550\"\n"));
+    ASSERT_TRUE(settings) << settings.error().text();
+    const auto devices = make_devices(*settings);
+    ASSERT_TRUE(devices) << driver << ": " << devices.error().text();
+    EXPECT_NE(devices->imu, nullptr);
+    EXPECT_EQ(devices->outputs.size(), 1u);
+    EXPECT_EQ(devices->records.size(), 3u) << "camera, IMU, flight controller";
+    for (const auto& record : devices->records) EXPECT_FALSE(record().counts.empty());
+  }
+}
+
+}  // namespace
+}  // namespace epiline

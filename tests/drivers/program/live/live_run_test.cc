@@ -1,0 +1,241 @@
+#include "drivers/program/live/live_run.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <fstream>
+#include <random>
+#include <thread>
+#include <vector>
+
+#include "drivers/study/report/report.h"
+#include "drivers/study/report/stats_json.h"
+#include "pipeline/text/trajectory.h"
+
+namespace epiline {
+namespace {
+
+/// A camera that stands before a wall of random texture, with noise.
+class StandingCamera final : public CameraSource {
+ public:
+  static constexpr int kWidth = 320, kHeight = 240, kSlots = 8;
+  Status open() override {
+    std::mt19937 random(1);
+    wall_.resize(kWidth * kHeight);
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        // blocks of 6 x 6 pixels
+        std::minstd_rand block(static_cast<unsigned>(1 + (y / 6) * 1000 + x / 6));
+        block.discard(3);
+        wall_[static_cast<std::size_t>(y * kWidth + x)] = static_cast<std::uint8_t>(40 + block() % 160);
+      }
+    }
+    next_ns_ = monotonic_ns();
+    ++opened;
+    return Done{};
+  }
+  void close() noexcept override { ++closed; }
+  ReadOutcome read(Frame& frame, Span timeout) noexcept override {
+    const std::int64_t wait_ns = std::min(next_ns_ - monotonic_ns(), timeout.ns);
+    if (wait_ns > 0) std::this_thread::sleep_for(std::chrono::nanoseconds(wait_ns));
+    if (monotonic_ns() < next_ns_) return ReadOutcome::kTimeout;
+    std::vector<std::uint8_t>& image = images_[sequence_ % kSlots];
+    image = wall_;
+    for (std::size_t i = 0; i < image.size(); i += 3) image[i] = static_cast<std::uint8_t>(image[i] + random_() % 5);
+    frame = {};
+    frame.stamp = frame.arrival = HostStamp{next_ns_};
+    frame.slot = static_cast<int>(sequence_ % kSlots);
+    frame.sequence = sequence_++;
+    frame.data = image.data();
+    frame.width = frame.stride = kWidth;
+    frame.height = kHeight;
+    next_ns_ += 50'000'000;
+    return ReadOutcome::kSample;
+  }
+  void give_back(const Frame& /*frame*/) noexcept override {}
+  int opened = 0, closed = 0;
+
+ private:
+  std::vector<std::uint8_t> wall_;
+  std::array<std::vector<std::uint8_t>, kSlots> images_;
+  std::minstd_rand random_;
+  std::uint64_t sequence_ = 0;
+  std::int64_t next_ns_ = 0;
+};
+
+class StandingImu final : public ImuSource {
+ public:
+  Status open() override {
+    next_ns_ = monotonic_ns();
+    return Done{};
+  }
+  void close() noexcept override { ++closed; }
+  ReadOutcome read(std::span<ImuSample> samples, std::size_t& count, Span /*timeout*/) noexcept override {
+    std::this_thread::sleep_for(std::chrono::nanoseconds(std::max<std::int64_t>(next_ns_ - monotonic_ns(), 0)));
+    ImuSample& s = samples[0];
+    s = {};
+    s.stamp = s.arrival = HostStamp{next_ns_};
+    for (double& w : s.angular_velocity_rad_s) w = 2e-3 * noise_(random_);
+    s.specific_force_m_s2 = {2e-2 * noise_(random_), 2e-2 * noise_(random_), 9.81 + 2e-2 * noise_(random_)};
+    next_ns_ += 5'000'000;
+    count = 1;
+    return ReadOutcome::kSample;
+  }
+  int closed = 0;
+
+ private:
+  std::minstd_rand random_;
+  std::normal_distribution<double> noise_;
+  std::int64_t next_ns_ = 0;
+};
+
+class CountingSink final : public OdometrySink {
+ public:
+  Status open() override { return status; }
+  void close() noexcept override { ++closed; }
+  bool publish(const Odometry& odometry) noexcept override {
+    ++published;
+    last = odometry;
+    return true;
+  }
+  Status status = Done{};
+  std::uint64_t published = 0;
+  int closed = 0;
+  Odometry last;
+};
+
+struct Stand {
+  Stand() {
+    settings.source = "stand.toml";
+    settings.camera.width = StandingCamera::kWidth;
+    settings.camera.height = StandingCamera::kHeight;
+    settings.camera.intrinsics = {250, 250, 160, 120};
+    settings.config.estimator.extrinsics.focal_px = 250;
+    settings.config.realtime.lock_memory = false;
+    auto c = std::make_unique<StandingCamera>();
+    auto i = std::make_unique<StandingImu>();
+    auto s = std::make_unique<CountingSink>();
+    camera = c.get();
+    imu = i.get();
+    sink = s.get();
+    devices.camera = std::move(c);
+    devices.imu = std::move(i);
+    devices.outputs.push_back({std::move(s),
+                               [this] {
+                                 return OutputRecord{"counter", sink->published, 0, 0, {}};
+                               },
+                               "counter", [this] { return !line_is_lost; }});
+    options.out = std::filesystem::path(testing::TempDir()) /
+                  ("live_" + std::to_string(getpid()) + testing::UnitTest::GetInstance()->current_test_info()->name());
+  }
+  ~Stand() { std::filesystem::remove_all(options.out); }
+
+  LiveSettings settings;
+  LiveDevices devices;
+  LiveOptions options;
+  StandingCamera* camera;
+  StandingImu* imu;
+  CountingSink* sink;
+  std::atomic<bool> line_is_lost{false};
+};
+
+TEST(LiveRun, FliesUntilItIsToldToEndAndLeavesFilesBehind) {
+  Stand stand;
+  double fastest_rad_s = 0;
+  stand.devices.turns = [&](double rad_s) { fastest_rad_s = std::max(fastest_rad_s, rad_s); };
+  const pthread_t flying = pthread_self();
+  bool asked = false;
+  std::uint64_t lines_before = 0;
+  const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+    if (state.has_pose && state.images > 50 && !asked) {
+      std::ifstream file(stand.options.out / "trajectory.tum");
+      for (std::string line; std::getline(file, line);) ++lines_before;
+      asked = true;
+      pthread_kill(flying, SIGTERM);
+    }
+    return state.since_start.seconds() < 60;
+  });
+  ASSERT_TRUE(record) << record.error().text();
+  ASSERT_TRUE(asked) << "no pose within a minute";
+  EXPECT_GT(lines_before, 10u) << "the file grows while the flight goes on";
+  EXPECT_LT(record->dataset_duration_s, 59) << "the signal ended it";
+  const auto trajectory = read_trajectory(stand.options.out / "trajectory.tum");
+  ASSERT_TRUE(trajectory) << trajectory.error().text();
+  EXPECT_EQ(trajectory->poses.size(), trajectory_of(*record).poses.size());
+  for (const TimedPose& pose : trajectory->poses) EXPECT_LT(pose.p_WB.norm(), 0.05);
+  EXPECT_TRUE(std::filesystem::exists(stand.options.out / "events.txt"));
+  EXPECT_GT(stand.sink->published, 100u);
+  EXPECT_LT(std::abs(stand.sink->last.p_WB_m[0]), 0.05);
+  ASSERT_EQ(record->realtime->outputs.size(), 1u);
+  EXPECT_EQ(record->realtime->outputs[0].sent, stand.sink->published);
+  EXPECT_NEAR(fastest_rad_s, 2e-3 * 3.5, 2e-3 * 2) << "the largest norm of three times 2e-3 rad/s of noise";
+  EXPECT_EQ(stand.camera->closed, 1);
+  EXPECT_EQ(stand.imu->closed, 1);
+  EXPECT_EQ(stand.sink->closed, 1);
+  std::size_t with_latency = 0;
+  for (const ImageRecord& image : record->images) with_latency += image.latency_ms.has_value();
+  EXPECT_GT(with_latency, trajectory->poses.size() / 2);
+}
+
+TEST(LiveRun, SaysWhichLineIsLostWhileItIs) {
+  Stand stand;
+  int round = 0;
+  bool told = false, told_back = false;
+  const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+    ++round;
+    EXPECT_EQ(round < 3 ? state.lost_outputs : "", "");
+    if (round == 3) stand.line_is_lost = true;
+    told |= state.lost_outputs == "counter";
+    if (told && round > 5) stand.line_is_lost = false;
+    told_back |= told && state.lost_outputs.empty();
+    return !told_back && state.since_start.seconds() < 60;
+  });
+  ASSERT_TRUE(record) << record.error().text();
+  EXPECT_TRUE(told);
+  EXPECT_TRUE(told_back);
+}
+
+TEST(LiveRun, FiguresAndReportTellWhatOutputsAndDevicesSay) {
+  Stand stand;
+  stand.devices.outputs[0].record = [] {
+    OutputRecord output{"<serial>", 7, 2, 1, {}};
+    output.latency.add(3'000'000);
+    return output;
+  };
+  stand.devices.records.emplace_back([] {
+    ClockState clock;
+    clock.status = ClockStatus::kLocked;
+    clock.skew_ppm = 12.5;
+    return DeviceRecord{"imu", {{"gaps", 3}}, clock};
+  });
+  const auto record = fly(stand.settings, stand.devices, stand.options,
+                          [](const LiveState& state) { return state.images < 3 && state.since_start.seconds() < 60; });
+  ASSERT_TRUE(record) << record.error().text();
+  const Json figures = stats_json(*record, std::nullopt, program_info());
+  EXPECT_EQ(figures["realtime"]["outputs"]["<serial>"]["sent"], 7);
+  EXPECT_EQ(figures["realtime"]["outputs"]["<serial>"]["latency_ms"]["max"], 3.0);
+  EXPECT_EQ(figures["realtime"]["devices"]["imu"]["gaps"], 3);
+  EXPECT_EQ(figures["realtime"]["devices"]["imu"]["clock"]["status"], "locked");
+  EXPECT_EQ(figures["realtime"]["devices"]["imu"]["clock"]["skew_ppm"], 12.5);
+  const std::string page = report_html(*record, std::nullopt, program_info());
+  EXPECT_NE(page.find("<td>&lt;serial&gt;</td><td>7</td><td>2</td><td>1</td>"), std::string::npos);
+  EXPECT_NE(page.find("gaps 3"), std::string::npos);
+  EXPECT_NE(page.find("locked, +12.5 ppm"), std::string::npos);
+}
+
+TEST(LiveRun, ADeviceThatCannotBeOpenedIsAnErrorAndTheOthersAreClosed) {
+  Stand stand;
+  stand.sink->status = Error{ErrorKind::kRun, "/dev/ttyX", 0, "no such device", "a flight controller"};
+  const auto record = fly(stand.settings, stand.devices, stand.options, [](const LiveState&) { return true; });
+  ASSERT_FALSE(record);
+  EXPECT_EQ(record.error().text(), "/dev/ttyX: no such device; expected a flight controller");
+  EXPECT_EQ(stand.camera->opened, 0);
+  EXPECT_EQ(stand.sink->closed, 1);
+}
+
+}  // namespace
+}  // namespace epiline

@@ -1,0 +1,47 @@
+// `epiline run` as a user meets it where something is missing. Whole flights of it: tests/hardware.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/drivers/program/program.h"
+
+namespace epiline {
+namespace {
+
+constexpr const char* kCalibration =
+    "T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [640, 480]\ncamera_model: pinhole\n"
+    "intrinsics: [400, 400, 320, 240]\ndistortion_model: none\n";
+
+class RunCommand : public testing::Test {
+ protected:
+  void TearDown() override { fs::remove_all(scratch()); }
+  /// With this configuration; `camera`: keys of its section besides the calibration.
+  static Outcome run_with(const std::string& camera, const std::string& rest = "", const std::string& options = "") {
+    write(scratch() / "camera.yaml", kCalibration);
+    write(scratch() / "flight.toml",
+          "[camera]\ncalibration = \"" + (scratch() / "camera.yaml").string() + "\"\n" + camera + rest);
+    return run("run --config '" + (scratch() / "flight.toml").string() + "' " + options);
+  }
+};
+
+TEST_F(RunCommand, SaysWhatTheConfigurationLacks) {
+  expect_one_line(run("run --config /does/not/exist.toml"), 2, {"/does/not/exist.toml"});
+  expect_one_line(run_with(""), 2, {"flight.toml: no camera.device"});
+  expect_one_line(run_with("device = \"/dev/video77\"\n"), 2, {"flight.toml: no imu.device"});
+  expect_one_line(run_with("device = \"/dev/video77\"\n", "[imu]\ndriver = \"mavlink\"\n"), 2,
+                  {"without a flight controller", "mavlink.serial or mavlink.udp"});
+  expect_one_line(run_with("device = \"/dev/video77\"\nwidth = 320\nheight = 240\n", "[imu]\ndevice = \"none\"\n"), 2,
+                  {"camera.width = 320", "640 x 480"});
+  expect_one_line(run_with("", "[camera]\n"), 2, {"flight.toml:"});
+  expect_one_line(run_with("divice = \"/dev/video77\"\n"), 2, {"flight.toml:3: ", "camera.divice"});
+}
+
+TEST_F(RunCommand, SaysWhichDeviceIsNotThere) {
+  const std::string imu = "[imu]\ndevice = \"/sys/bus/iio/devices/iio:device77\"\n";
+  const Outcome r = run_with("device = \"/dev/video77\"\n", imu, "--quiet --duration 1");
+  expect_one_line(r, 1, {"iio:device77"});
+  EXPECT_TRUE(r.out.empty()) << r.out;
+}
+
+}  // namespace
+}  // namespace epiline

@@ -1,0 +1,154 @@
+// `epiline simulate` as a user meets it: the folder it leaves, its errors, and what a replay makes of it.
+#include <functional>
+#include <sstream>
+
+#include "tests/drivers/program/program.h"
+
+namespace epiline {
+namespace {
+
+class SimulateCommand : public testing::Test {
+ protected:
+  void SetUp() override { fs::remove_all(scratch()); }
+  void TearDown() override { fs::remove_all(scratch()); }
+
+  std::string in(const std::string& name) const { return (scratch() / name).string(); }
+  std::vector<fs::path> images(const std::string& name) const {
+    std::vector<fs::path> list;
+    for (const auto& entry : fs::directory_iterator(scratch() / name / "mav0/cam0/data"))
+      list.push_back(entry.path().filename());
+    std::sort(list.begin(), list.end());
+    return list;
+  }
+};
+
+TEST_F(SimulateCommand, RendersAFlightThatAReplayTracks) {
+  ASSERT_EQ(run("simulate --flight agile --duration 5 --out " + in("flight")).exit_code, 0);
+  EXPECT_EQ(images("flight").size(), 101U);
+  EXPECT_FALSE(fs::exists(scratch() / "flight/mav0.partial"));
+  const Outcome replayed = run("replay " + in("flight") + " --out " + in("results"));
+  ASSERT_EQ(replayed.exit_code, 0) << replayed.err;
+  EXPECT_NE(replayed.out.find("coverage 100.0 %"), std::string::npos) << replayed.out;
+}
+
+// The same seed gives the same bytes, whatever the number of threads; another seed does not.
+TEST_F(SimulateCommand, IsReproducible) {
+  const std::string flight = "simulate --flight corridor --duration 0.4 --effects blur,noise,moving ";
+  ASSERT_EQ(run(flight + "--jobs 1 --out " + in("a")).exit_code, 0);
+  ASSERT_EQ(run(flight + "--jobs 3 --out " + in("b")).exit_code, 0);
+  ASSERT_EQ(run(flight + "--seed 2 --out " + in("c")).exit_code, 0);
+  const auto names = images("a");
+  ASSERT_EQ(names, images("b"));
+  ASSERT_EQ(names.size(), 9U);
+  for (const fs::path& name : names) {
+    EXPECT_EQ(read(scratch() / "a/mav0/cam0/data" / name), read(scratch() / "b/mav0/cam0/data" / name));
+    EXPECT_NE(read(scratch() / "a/mav0/cam0/data" / name), read(scratch() / "c/mav0/cam0/data" / name));
+  }
+  EXPECT_EQ(read(scratch() / "a/mav0/imu0/data.csv"), read(scratch() / "b/mav0/imu0/data.csv"));
+}
+
+TEST_F(SimulateCommand, DropsImages) {
+  ASSERT_EQ(run("simulate --flight still --duration 3 --effects drops=0.5 --out " + in("a")).exit_code, 0);
+  EXPECT_GT(images("a").size(), 15U);
+  EXPECT_LT(images("a").size(), 46U);
+}
+
+TEST_F(SimulateCommand, SaysWhatIsWrongInOneLine) {
+  const std::vector<std::string> wrong = {
+      "simulate --world moon --out " + in("x"),    "simulate --flight nowhere --out " + in("x"),
+      "simulate --effects fog --out " + in("x"),   "simulate --camera " + in("missing.yaml") + " --out " + in("x"),
+      "simulate --pixel-noise 1 --out " + in("x"), "simulate --flight hall"};
+  for (const std::string& arguments : wrong) {
+    expect_one_line(run(arguments), 2, {});
+    EXPECT_FALSE(fs::exists(scratch() / "x")) << arguments;
+  }
+}
+
+/// A recorded flight, in effect: 12 s of IMU and truth, and a camera's calibration.
+class SimulateFromRecording : public SimulateCommand {
+ protected:
+  void SetUp() override {
+    SimulateCommand::SetUp();
+    ASSERT_EQ(run("simulate --tracks --flight agile --out " + in("recorded")).exit_code, 0);
+  }
+  std::string render(const std::string& more = "") {
+    return "simulate --from " + in("recorded") + " --duration 3 --out " + in("x") + more;
+  }
+  fs::path truth() const { return scratch() / "recorded/mav0/state_groundtruth_estimate0/data.csv"; }
+  /// Replaces the lines of a table but its first by what `f` makes of them; an empty line is left out.
+  static void edit(const fs::path& table, const std::function<std::string(int, std::string)>& f) {
+    std::istringstream in(read(table));
+    std::string out, line;
+    std::getline(in, line);
+    out = line + "\n";
+    for (int i = 0; std::getline(in, line); ++i) {
+      const std::string edited = f(i, line);
+      if (!edited.empty()) out += edited + "\n";
+    }
+    write(table, out);
+  }
+};
+
+// The recorded readings are handed on as they are; the images follow the recorded motion, as a replay finds.
+TEST_F(SimulateFromRecording, KeepsTheImuAndFollowsTheMotion) {
+  const Outcome made = run(render());
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_NE(made.out.find("NEES"), std::string::npos) << made.out;
+  EXPECT_EQ(read(scratch() / "x/mav0/imu0/data.csv"), read(scratch() / "recorded/mav0/imu0/data.csv"));
+  EXPECT_TRUE(Json::parse(read(scratch() / "x/fit.json")).contains("integrated"));
+  ASSERT_EQ(run("replay " + in("x") + " --out " + in("results")).exit_code, 0);
+  const Outcome compared = run("evaluate " + in("results/trajectory.tum") + " " + truth().string() + " --json");
+  ASSERT_EQ(compared.exit_code, 0) << compared.err;
+  EXPECT_LT(Json::parse(compared.out)["ate_4dof_m"]["rmse"].get<double>(), 0.05) << compared.out;
+}
+
+TEST_F(SimulateFromRecording, SimulatesAnImuIfAsked) {
+  ASSERT_EQ(run(render(" --imu simulated")).exit_code, 0);
+  EXPECT_NE(read(scratch() / "x/mav0/imu0/data.csv"), read(scratch() / "recorded/mav0/imu0/data.csv"));
+}
+
+TEST_F(SimulateFromRecording, RefusesATruthWithAGap) {
+  edit(truth(), [](int i, const std::string& line) { return i > 100 && i < 200 ? "" : line; });
+  expect_one_line(run(render()), 2, {truth().string(), "gap"});
+  EXPECT_FALSE(fs::exists(scratch() / "x"));
+}
+
+TEST_F(SimulateFromRecording, RefusesQuaternionsThatAreNone) {
+  edit(truth(), [](int i, const std::string& line) {
+    if (i != 50) return line;
+    std::vector<std::string> fields;
+    std::istringstream in(line);
+    for (std::string field; std::getline(in, field, ',');) fields.push_back(field);
+    for (int k = 4; k < 8; ++k) fields[k] = "0.9";
+    std::string out = fields[0];
+    for (std::size_t k = 1; k < fields.size(); ++k) out += "," + fields[k];
+    return out;
+  });
+  expect_one_line(run(render()), 2, {truth().string(), "quaternion"});
+  EXPECT_FALSE(fs::exists(scratch() / "x"));
+}
+
+TEST_F(SimulateFromRecording, RefusesAnImuOfAnotherTime) {
+  edit(scratch() / "recorded/mav0/imu0/data.csv",
+       [](int, const std::string& line) { return "9" + line; });  // years later
+  expect_one_line(run(render()), 2, {"recorded/mav0"});
+  EXPECT_FALSE(fs::exists(scratch() / "x"));
+}
+
+TEST_F(SimulateFromRecording, RefusesAFolderWithoutTruthOrCamera) {
+  fs::remove_all(truth().parent_path());
+  expect_one_line(run(render()), 2, {"state_groundtruth_estimate0", "ground truth"});
+  fs::remove(scratch() / "recorded/mav0/cam0/sensor.yaml");
+  expect_one_line(run(render()), 2, {"sensor.yaml", "--camera"});
+}
+
+// A disk that fills up is an error, and leaves nothing that looks like a flight. (A limit on file size stands for it.)
+TEST_F(SimulateCommand, LeavesNothingWhenTheDiskIsFull) {
+  expect_one_line(run("simulate --flight hall --duration 1 --out " + in("x"), "trap '' XFSZ; ulimit -f 60; "), 2,
+                  {"x/mav0"});
+  EXPECT_FALSE(fs::exists(scratch() / "x/mav0"));
+  EXPECT_FALSE(fs::exists(scratch() / "x/mav0.partial"));
+}
+
+}  // namespace
+}  // namespace epiline

@@ -1,0 +1,129 @@
+// The page in a browser, looked at as a picture: headless Chromium, where it is installed.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <opencv2/imgcodecs.hpp>
+#include <optional>
+
+#include "drivers/program/view/live_view.h"
+#include "tests/drivers/program/view/flight_of_view.h"
+
+namespace epiline {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Browser : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (std::system("command -v chromium >/dev/null 2>&1") != 0) GTEST_SKIP() << "chromium is not installed";
+    auto view = LiveView::open({"127.0.0.1", 0});
+    if (!view) GTEST_SKIP() << view.error().text();
+    view_ = std::move(*view);
+    folder_ = fs::path(testing::TempDir()) / ("epiline_browser_" + std::to_string(getpid()) +
+                                              testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::create_directories(folder_);
+  }
+  void TearDown() override {
+    view_.reset();
+    std::error_code ignored;
+    fs::remove_all(folder_, ignored);
+  }
+
+  /// The page after four seconds of its own time; what it writes with `option`, and what the browser
+  /// complained of.
+  struct Look {
+    std::string out, complaints;
+  };
+  /// None if the computer had no time for a browser.
+  std::optional<Look> look(const std::string& option) const {
+    const std::string command =
+        "timeout 300 chromium --headless=new --no-sandbox --disable-gpu --hide-scrollbars "
+        "--enable-logging=stderr --user-data-dir='" +
+        (folder_ / "profile").string() + "' --window-size=1440,1600 --virtual-time-budget=4000 " + option + " " +
+        url_of(view_->address()) + " >'" + (folder_ / "out").string() + "' 2>'" + (folder_ / "err").string() + "'";
+    const int status = std::system(command.c_str());
+    if (WIFEXITED(status) && WEXITSTATUS(status) == kTimeOut) return std::nullopt;
+    EXPECT_EQ(status, 0) << text("err");
+    Look look{text("out"), ""};
+    std::ifstream err(folder_ / "err");
+    for (std::string line; std::getline(err, line);) {
+      if (line.find("CONSOLE") != std::string::npos) look.complaints += line + "\n";
+    }
+    return look;
+  }
+  std::string text(const char* name) const {
+    std::ifstream in(folder_ / name, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  static int count(const cv::Mat& picture, const cv::Vec3b& bgr, int tolerance) {
+    int n = 0;
+    for (const cv::Vec3b& p : cv::Mat_<cv::Vec3b>(picture)) {
+      n += std::abs(p[0] - bgr[0]) <= tolerance && std::abs(p[1] - bgr[1]) <= tolerance &&
+           std::abs(p[2] - bgr[2]) <= tolerance;
+    }
+    return n;
+  }
+
+  static constexpr int kTimeOut = 124;  // of timeout(1)
+  static constexpr const char* kTooBusy = "the browser was not done in five minutes";
+  std::unique_ptr<LiveView> view_;
+  fs::path folder_;
+};
+
+TEST_F(Browser, ShowsStateAndImageAndComplainsOfNothing) {
+  ASSERT_TRUE(view_->start({"a <b>made up</b> flight", "epiline test", Mat3::Identity(), true}));
+  // the flight stands while it is looked at: on a busy computer a browser may never be done with one that goes on
+  ViewedFlight flight(view_->observer());
+  for (int i = 0; i < 100; ++i) flight.fly();
+  const std::optional<Look> page = look("--dump-dom");
+  const std::optional<Look> picture = look("--screenshot='" + (folder_ / "page.png").string() + "'");
+  if (!page || !picture) GTEST_SKIP() << kTooBusy;
+  EXPECT_EQ(page->complaints + picture->complaints, "");
+  EXPECT_NE(page->out.find(">Tracking<"), std::string::npos);
+  EXPECT_NE(page->out.find(">live<"), std::string::npos);
+  EXPECT_NE(page->out.find("88 %"), std::string::npos);
+  EXPECT_NE(page->out.find("20.0 Hz"), std::string::npos);
+  EXPECT_NE(page->out.find("200 Hz"), std::string::npos);
+  EXPECT_NE(page->out.find("a &lt;b&gt;made up&lt;/b&gt; flight"), std::string::npos);
+  const cv::Mat shot = cv::imread((folder_ / "page.png").string());
+  ASSERT_FALSE(shot.empty());
+  const int grey = ViewedFlight::kGrey;
+  EXPECT_GT(count(shot, cv::Vec3b(grey, grey, grey), 1), 50'000);  // the image ...
+  EXPECT_GT(count(shot, cv::Vec3b(54, 90, 255), 12), 300);         // ... with its new tracks
+  EXPECT_GT(count(shot, cv::Vec3b(0xb7, 0x67, 0x16), 12), 500);    // the path
+  EXPECT_GT(count(shot, cv::Vec3b(0x5a, 0x91, 0x23), 6), 3'000);   // the badge, green
+}
+
+TEST_F(Browser, SaysThatTheStateIsLostAndWhy) {
+  ASSERT_TRUE(view_->start({"trouble", "epiline test", {}, true}));
+  ViewedFlight flight(view_->observer());
+  flight.next_outcome().odometry.health = {HealthState::kLost, 512 | 32, -1};
+  for (int i = 0; i < 3; ++i) flight.fly();
+  const std::optional<Look> page = look("--dump-dom");
+  if (!page) GTEST_SKIP() << kTooBusy;
+  EXPECT_EQ(page->complaints, "");
+  EXPECT_NE(page->out.find(">Lost<"), std::string::npos);
+  EXPECT_NE(page->out.find("A number of the state is not finite."), std::string::npos);
+  EXPECT_NE(page->out.find("A bias is larger than a working sensor has."), std::string::npos);
+}
+
+TEST_F(Browser, IsWholeBeforeTheFirstImageAndAfterTheLast) {
+  ASSERT_TRUE(view_->start({"nothing yet", "epiline test", {}, true}));
+  const std::optional<Look> before = look("--dump-dom");
+  if (!before) GTEST_SKIP() << kTooBusy;
+  EXPECT_EQ(before->complaints, "");
+  EXPECT_NE(before->out.find("No image yet."), std::string::npos);
+  view_->finish();
+  const std::optional<Look> after = look("--dump-dom");
+  if (!after) GTEST_SKIP() << kTooBusy;
+  EXPECT_EQ(after->complaints, "");
+  EXPECT_NE(after->out.find(">finished<"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace epiline

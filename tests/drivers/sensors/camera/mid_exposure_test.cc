@@ -1,0 +1,32 @@
+#include "drivers/sensors/camera/mid_exposure.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <cstdlib>
+
+namespace epiline {
+namespace {
+
+// A sensor played row by row: where its stamps and its middle are, whatever the formula says.
+RC_GTEST_PROP(MidExposure, IsTheMiddleOfAPlayedSensor, ()) {
+  const auto shutter = *rc::gen::element(Shutter::kGlobal, Shutter::kRolling);
+  const std::int64_t begin = *rc::gen::inRange<std::int64_t>(0, 1'000'000'000'000);
+  const std::int64_t exposure = 2 * *rc::gen::inRange<std::int64_t>(0, 20'000'000);
+  const std::int64_t row = 2 * *rc::gen::inRange<std::int64_t>(0, 30'000);
+  const int rows = 481;  // row 240 is the middle one
+  std::int64_t arrived = 0, middle = 0;
+  for (int r = 0; r < rows; ++r) {
+    const std::int64_t exposed_from = begin + (shutter == Shutter::kRolling ? r * row : 0);
+    const std::int64_t read_at = begin + exposure + r * row;  // one row after the other, in either
+    if (r == 240) middle = exposed_from + exposure / 2;
+    arrived = read_at;
+  }
+  const Span readout{(rows - 1) * row};
+  const HostStamp start{begin}, end{arrived};
+  RC_ASSERT((start + to_mid_exposure(StampPoint::kStartOfExposure, shutter, Span{exposure}, readout)).ns == middle);
+  RC_ASSERT((end + to_mid_exposure(StampPoint::kEndOfFrame, shutter, Span{exposure}, readout)).ns == middle);
+}
+
+}  // namespace
+}  // namespace epiline
