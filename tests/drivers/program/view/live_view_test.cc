@@ -179,10 +179,9 @@ TEST_F(LiveViewTest, APortInUseIsOneLine) {
 
 TEST_F(LiveViewTest, WhoLooksIsToldTheEnd) {
   flight_->fly();
-  std::thread closing;
+  const std::uint16_t to = port();  // while there is a view to ask
   EXPECT_FALSE(state()["finished"]);
-  closing = std::thread([&] { view_.reset(); });
-  const std::uint16_t to = port();
+  std::thread closing([&] { view_.reset(); });
   bool told = false;
   while (!told) {
     const Answer answer = get(to, "/state");
