@@ -11,9 +11,18 @@ namespace epiline {
 struct DeviceTrouble {
   const char* step = nullptr;  ///< nullptr: nothing went wrong
   int error = 0;               ///< errno; 0: the device did not refuse, but `found` is not what was wanted
-  char found[96] = "", expected[96] = "";
+  char found[160] = "", expected[160] = "";
   explicit operator bool() const noexcept { return step != nullptr; }
 };
+
+/// The system said no. `error`: errno; 0: it did not say why.
+inline DeviceTrouble device_refusal(const char* step, int error, const char* expected = "") noexcept {
+  DeviceTrouble trouble;
+  trouble.step = step;
+  trouble.error = error;
+  std::strncpy(trouble.expected, expected, sizeof trouble.expected - 1);
+  return trouble;
+}
 
 /// What a builder would have to see to, where the driver knows nothing better to say; may be empty.
 inline const char* usual_remedy(int error) noexcept {

@@ -28,7 +28,7 @@ class Timing final : public SpiTiming {
 class Bus : public SpiBus {
  public:
   explicit Bus(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
-  SpiTrouble open(int, int) noexcept override { return {}; }
+  DeviceTrouble open(int, int) noexcept override { return {}; }
   void close() noexcept override {}
   const char* name() const noexcept override { return "fuzz"; }
 

@@ -103,11 +103,7 @@ Status MavlinkLink::open() {
   auto port = make_port();
   if (!port) return port.error();
   port_ = std::move(*port);
-  if (const PortTrouble trouble = port_->open()) {
-    std::string found = trouble.step;
-    if (trouble.error != 0) found.append(": ").append(std::strerror(trouble.error));
-    return Error{ErrorKind::kRun, port_->name(), 0, found, trouble.expected};
-  }
+  if (const DeviceTrouble trouble = port_->open()) return error_of(trouble, port_->name());
   wake_fd_ = ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
   if (wake_fd_ < 0) return Error{ErrorKind::kRun, "eventfd", 0, std::strerror(errno), ""};
   opened_ns_ = monotonic_ns();
@@ -237,7 +233,7 @@ void MavlinkLink::tell(std::int64_t now_ns) noexcept {
 
 void MavlinkLink::keep_port(std::int64_t now_ns) noexcept {
   if (state_.is_open || now_ns < retry_.due_ns()) return;
-  if (const PortTrouble trouble = port_->open()) {
+  if (const DeviceTrouble trouble = port_->open()) {
     ++state_.counts.retries;
     state_.counts.last_error = trouble.error;
     retry_.failed(now_ns);

@@ -5,15 +5,9 @@
 #include <span>
 #include <string>
 
-namespace epiline::mavlink {
+#include "platform/error/device_trouble.h"
 
-/// What kept a port from being opened; no text on the heap, for it is also met in flight.
-struct PortTrouble {
-  const char* step = nullptr;  ///< null: none
-  int error = 0;               ///< errno; 0: the system has no complaint
-  const char* expected = "";
-  explicit operator bool() const noexcept { return step != nullptr; }
-};
+namespace epiline::mavlink {
 
 struct PortResult {
   std::size_t bytes = 0;  ///< 0: nothing there, or no room now
@@ -29,7 +23,7 @@ class Port {
   Port(const Port&) = delete;
   Port& operator=(const Port&) = delete;
 
-  virtual PortTrouble open() noexcept = 0;
+  virtual DeviceTrouble open() noexcept = 0;
   virtual void close() noexcept = 0;
   /// -1: not open.
   virtual int fd() const noexcept = 0;

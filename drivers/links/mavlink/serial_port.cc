@@ -36,27 +36,28 @@ bool is_loss(int error) noexcept { return error != EAGAIN && error != EINTR; }
 
 SerialPort::SerialPort(std::string path, int baud) : path_(std::move(path)), baud_(baud) {}
 
-PortTrouble SerialPort::open() noexcept {
+DeviceTrouble SerialPort::open() noexcept {
   close();
   // without O_NONBLOCK the driver may wait for a carrier
   fd_ = ::open(path_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
   if (fd_ < 0) {
     const int error = errno;
-    if (error == EACCES) return {"open", error, "a user in the group of the device, often dialout"};
-    if (error == EBUSY) return {"open", error, "a port no other program has open (ModemManager?)"};
-    return {"open", error, "a serial device that is plugged in"};
+    if (error == EACCES) return device_refusal("open", error, "a user in the group of the device, often dialout");
+    if (error == EBUSY) return device_refusal("open", error, "a port no other program has open (ModemManager?)");
+    return device_refusal("open", error, "a serial device that is plugged in");
   }
-  const PortTrouble trouble = set_up();
+  const DeviceTrouble trouble = set_up();
   if (trouble) close();
   return trouble;
 }
 
-PortTrouble SerialPort::set_up() noexcept {
+DeviceTrouble SerialPort::set_up() noexcept {
   termios2 line{};
-  if (::ioctl(fd_, TCGETS2, &line) != 0) return {"read the settings of the line", errno, "a serial device"};
+  if (::ioctl(fd_, TCGETS2, &line) != 0)
+    return device_refusal("read the settings of the line", errno, "a serial device");
   // root may open what is exclusive, so both
   if (::flock(fd_, LOCK_EX | LOCK_NB) != 0 || ::ioctl(fd_, TIOCEXCL) != 0)
-    return {"have it alone", errno, "a port no other program has open (ModemManager?)"};
+    return device_refusal("have it alone", errno, "a port no other program has open (ModemManager?)");
   line.c_iflag = 0;
   line.c_oflag = 0;
   line.c_lflag = 0;
@@ -64,9 +65,10 @@ PortTrouble SerialPort::set_up() noexcept {
   line.c_cc[VMIN] = 1;  // so that a read of nothing is an error of its own, and 0 means hung up
   line.c_cc[VTIME] = 0;
   line.c_ispeed = line.c_ospeed = static_cast<speed_t>(baud_);
-  if (::ioctl(fd_, TCSETS2, &line) != 0) return {"set the speed", errno, "a mavlink.baud the port can do"};
+  if (::ioctl(fd_, TCSETS2, &line) != 0)
+    return device_refusal("set the speed", errno, "a mavlink.baud the port can do");
   if (::ioctl(fd_, TCGETS2, &line) != 0 || !is_near(line.c_ospeed, baud_))
-    return {"set the speed", 0, "a mavlink.baud the port can do: it took another one"};
+    return device_refusal("set the speed", 0, "a mavlink.baud the port can do: it took another one");
   ask_for_low_latency(fd_);
   ::ioctl(fd_, TCFLSH, TCIOFLUSH);  // what waited there is old
   return {};

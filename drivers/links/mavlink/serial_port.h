@@ -12,7 +12,7 @@ class SerialPort final : public Port {
   SerialPort(std::string path, int baud);
   ~SerialPort() override { close(); }
 
-  PortTrouble open() noexcept override;
+  DeviceTrouble open() noexcept override;
   void close() noexcept override;
   int fd() const noexcept override { return fd_; }
   PortResult read(std::span<std::uint8_t> into) noexcept override;
@@ -21,7 +21,7 @@ class SerialPort final : public Port {
   const std::string& name() const noexcept override { return path_; }
 
  private:
-  PortTrouble set_up() noexcept;
+  DeviceTrouble set_up() noexcept;
 
   std::string path_;
   int baud_ = 0;

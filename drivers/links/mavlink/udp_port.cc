@@ -44,15 +44,15 @@ Result<sockaddr_in> udp_address(const std::string& text, const char* key) {
 UdpPort::UdpPort(std::string name, const sockaddr_in& peer, const sockaddr_in& own)
     : name_(std::move(name)), peer_(peer), own_(own) {}
 
-PortTrouble UdpPort::open() noexcept {
+DeviceTrouble UdpPort::open() noexcept {
   close();
   fd_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-  if (fd_ < 0) return {"socket", errno, ""};
-  PortTrouble trouble;
+  if (fd_ < 0) return device_refusal("socket", errno);
+  DeviceTrouble trouble;
   if (own_.sin_port != 0 && ::bind(fd_, plain(own_), sizeof own_) != 0)
-    trouble = {"bind to mavlink.udp_listen", errno, "an address of this computer and a port nobody uses"};
+    trouble = device_refusal("bind to mavlink.udp_listen", errno, "an address of this computer and a port nobody uses");
   else if (::connect(fd_, plain(peer_), sizeof peer_) != 0)
-    trouble = {"connect", errno, "an address a network of this computer reaches"};
+    trouble = device_refusal("connect", errno, "an address a network of this computer reaches");
   if (trouble) close();
   // what came from others between bind and connect is still there
   std::uint8_t byte = 0;

@@ -20,7 +20,7 @@ class UdpPort final : public Port {
   UdpPort(std::string name, const sockaddr_in& peer, const sockaddr_in& own);
   ~UdpPort() override { close(); }
 
-  PortTrouble open() noexcept override;
+  DeviceTrouble open() noexcept override;
   void close() noexcept override;
   int fd() const noexcept override { return fd_; }
   PortResult read(std::span<std::uint8_t> into) noexcept override;

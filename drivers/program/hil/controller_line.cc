@@ -15,6 +15,9 @@
 #include <system_error>
 #include <utility>
 
+#include "drivers/links/mavlink/serial_port.h"
+#include "platform/error/device_trouble.h"
+
 namespace epiline::hil {
 
 namespace {
@@ -58,7 +61,7 @@ bool is_left_behind(const std::string& path) {
   return target.rfind("/dev/pts/", 0) == 0;
 }
 
-/// A terminal, ours or a wire's.
+/// A pseudo terminal.
 class Terminal final : public ControllerLine {
  public:
   /// `other`: of a pair, kept open.
@@ -81,6 +84,20 @@ class Terminal final : public ControllerLine {
   File file_, other_;
   std::string companion_end_;
   Link link_;
+};
+
+/// A serial port of this computer.
+class Wire final : public ControllerLine {
+ public:
+  explicit Wire(std::unique_ptr<mavlink::SerialPort> port) : port_(std::move(port)) {}
+  int fd() const noexcept override { return port_->fd(); }
+  std::size_t read(std::span<std::uint8_t> into) noexcept override { return port_->read(into).bytes; }
+  void write(std::span<const std::uint8_t> bytes) noexcept override { port_->write(bytes); }
+  const std::string& companion_end() const noexcept override { return unknown_; }
+
+ private:
+  std::unique_ptr<mavlink::SerialPort> port_;
+  std::string unknown_;  ///< whatever is wired to it
 };
 
 class Datagrams final : public ControllerLine {
@@ -111,31 +128,13 @@ class Datagrams final : public ControllerLine {
 };
 
 /// Bytes as they are. False: errno.
-bool set_raw(int fd, speed_t speed) {
+bool set_raw(int fd) {
   termios t{};
   if (::tcgetattr(fd, &t) != 0) return false;
   ::cfmakeraw(&t);
   t.c_cflag |= CLOCAL | CREAD;
   t.c_cflag &= ~static_cast<tcflag_t>(CRTSCTS);
-  if (speed != B0) ::cfsetspeed(&t, speed);
   return ::tcsetattr(fd, TCSANOW, &t) == 0;
-}
-
-speed_t speed_of(int baud) {
-  constexpr std::array<std::pair<int, speed_t>, 11> kSpeeds = {{{57'600, B57600},
-                                                                {115'200, B115200},
-                                                                {230'400, B230400},
-                                                                {460'800, B460800},
-                                                                {500'000, B500000},
-                                                                {921'600, B921600},
-                                                                {1'000'000, B1000000},
-                                                                {1'500'000, B1500000},
-                                                                {2'000'000, B2000000},
-                                                                {2'500'000, B2500000},
-                                                                {3'000'000, B3000000}}};
-  for (const auto& [rate, speed] : kSpeeds)
-    if (rate == baud) return speed;
-  return B0;
 }
 
 }  // namespace
@@ -147,7 +146,7 @@ Result<std::unique_ptr<ControllerLine>> open_pty_line(const std::string& name) {
   std::array<char, 128> pts{};
   if (::ptsname_r(controller.get(), pts.data(), pts.size()) != 0) return failed("pty", "no name");
   File companion(::open(pts.data(), O_RDWR | O_NOCTTY | O_CLOEXEC));
-  if (companion.get() < 0 || !set_raw(companion.get(), B0)) return failed(pts.data(), "cannot be made raw");
+  if (companion.get() < 0 || !set_raw(companion.get())) return failed(pts.data(), "cannot be made raw");
   if (!name.empty()) {
     if (is_left_behind(name)) ::unlink(name.c_str());
     if (::symlink(pts.data(), name.c_str()) != 0) {
@@ -163,21 +162,14 @@ Result<std::unique_ptr<ControllerLine>> open_pty_line(const std::string& name) {
 }
 
 Result<std::unique_ptr<ControllerLine>> open_serial_line(const std::string& device, int baud) {
-  const speed_t speed = speed_of(baud);
-  if (speed == B0) {
-    return Error{ErrorKind::kUsage, device, 0, "a speed of " + std::to_string(baud) + " baud",
-                 "one that serial ports have a name for: 57600, 115200, 921600, 1000000, ... 3000000"};
-  }
-  File port(::open(device.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK));
-  const auto unusable = [&](const char* step) {
-    Error error = failed(device, step);
+  auto port = std::make_unique<mavlink::SerialPort>(device, baud);
+  if (const DeviceTrouble trouble = port->open()) {
+    Error error = error_of(trouble, device);
     error.kind = ErrorKind::kUsage;
-    error.expected = "a serial port that is wired to the configuration's, or pty, udp, a CAN interface";
+    error.expected += "; one that is wired to the configuration's, or pty, udp, a CAN interface";
     return error;
-  };
-  if (port.get() < 0) return unusable("cannot be opened");
-  if (!set_raw(port.get(), speed)) return unusable("is no serial port");
-  return std::unique_ptr<ControllerLine>(std::make_unique<Terminal>(std::move(port), File(), ""));
+  }
+  return std::unique_ptr<ControllerLine>(std::make_unique<Wire>(std::move(port)));
 }
 
 Result<std::unique_ptr<ControllerLine>> open_udp_line(int port) {

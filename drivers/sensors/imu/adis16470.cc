@@ -87,16 +87,16 @@ bool Adis16470::write(std::uint8_t address, std::uint16_t value) noexcept {
   return half(0, value) && half(1, value >> 8);
 }
 
-SpiTrouble Adis16470::open() noexcept {
-  if (const SpiTrouble trouble = bus_->open(kSpiMode, register_hz_)) return trouble;
+DeviceTrouble Adis16470::open() noexcept {
+  if (const DeviceTrouble trouble = bus_->open(kSpiMode, register_hz_)) return trouble;
   return identify();
 }
 
-SpiTrouble Adis16470::identify() noexcept {
+DeviceTrouble Adis16470::identify() noexcept {
   std::uint16_t product = 0;
-  if (!read(kProductId, product)) return bus_trouble("PROD_ID", bus_error_);
+  if (!read(kProductId, product)) return device_refusal("PROD_ID", bus_error_);
   if (product == kProduct) return {};
-  SpiTrouble trouble = wrong_identity(product, kProduct);
+  DeviceTrouble trouble = wrong_identity(product, kProduct);
   if (product > 16000 && product < 17000)  // the number is the name
     std::snprintf(trouble.found, sizeof(trouble.found), "0x%04x, an ADIS%u", product, product);
   return trouble;
@@ -105,10 +105,10 @@ SpiTrouble Adis16470::identify() noexcept {
 ImuChip::Step Adis16470::start(int step) noexcept {
   switch (step) {
     case 0:
-      if (!write(kGlobalCommand, kSoftwareReset)) return {.trouble = bus_trouble("reset", bus_error_)};
+      if (!write(kGlobalCommand, kSoftwareReset)) return {.trouble = device_refusal("reset", bus_error_)};
       return {.wait = Span::from_milliseconds(250)};  // 193 ms by the data sheet
     case 1:
-      if (const SpiTrouble trouble = identify()) return {.trouble = trouble};
+      if (const DeviceTrouble trouble = identify()) return {.trouble = trouble};
       return {.trouble = configure(), .wait = Span::from_milliseconds(5)};
     default:
       next_check_ = 0;
@@ -117,28 +117,28 @@ ImuChip::Step Adis16470::start(int step) noexcept {
   }
 }
 
-SpiTrouble Adis16470::configure() noexcept {
+DeviceTrouble Adis16470::configure() noexcept {
   std::uint16_t status = 0;  // reading it clears what it says
-  if (!read(kDiagStat, status)) return bus_trouble("DIAG_STAT", bus_error_);
+  if (!read(kDiagStat, status)) return device_refusal("DIAG_STAT", bus_error_);
   if ((status & ~kStatusSpi) != 0) return wrong_register("the chip's test of itself failed", 0, kDiagStat, status, 0);
   for (const Register& entry : table_) {
     std::uint16_t value = 0;
     const bool is_done = read(entry.address, value) &&
                          write(entry.address, static_cast<std::uint16_t>((value & ~entry.mask) | entry.value));
-    if (!is_done) return bus_trouble("settings", bus_error_);
+    if (!is_done) return device_refusal("settings", bus_error_);
   }
   for (const Register& entry : table_)
-    if (const SpiTrouble trouble = compare(entry)) return trouble;
+    if (const DeviceTrouble trouble = compare(entry)) return trouble;
   return {};
 }
 
-SpiTrouble Adis16470::compare(const Register& wanted) noexcept {
+DeviceTrouble Adis16470::compare(const Register& wanted) noexcept {
   return read_back(
       wanted.value, wanted.mask, bus_error_, [&](std::uint16_t& value) { return read(wanted.address, value); },
       [&](unsigned found) { return wrong_register("settings", 0, wanted.address, found, wanted.value); });
 }
 
-SpiTrouble Adis16470::check_next() noexcept {
+DeviceTrouble Adis16470::check_next() noexcept {
   const std::size_t n = next_check_;
   next_check_ = (next_check_ + 1) % (table_.size() + 1);
   return n == 0 ? compare({kProductId, kProduct, 0xFFFF}) : compare(table_[n - 1]);
@@ -197,7 +197,7 @@ FetchOutcome Adis16470::judge_counter(std::uint16_t counter, ChipBatch& batch) n
   counter_.restart();
   ++batch.damaged;
   for (const Register& entry : table_) {
-    const SpiTrouble trouble = compare(entry);
+    const DeviceTrouble trouble = compare(entry);
     if (trouble) return trouble.error != 0 ? FetchOutcome::kBusFailed : FetchOutcome::kReset;
   }
   return FetchOutcome::kDamaged;

@@ -14,11 +14,11 @@ class Adis16470 final : public ImuChip {
   /// `timing` outlives it.
   Adis16470(const ImuDeviceConfig& config, std::unique_ptr<SpiBus> bus, SpiTiming& timing);
 
-  SpiTrouble open() noexcept override;
+  DeviceTrouble open() noexcept override;
   void close() noexcept override { bus_->close(); }
   Step start(int step) noexcept override;
   FetchOutcome fetch(ChipBatch& batch) noexcept override;
-  SpiTrouble check_next() noexcept override;
+  DeviceTrouble check_next() noexcept override;
   const char* bus_name() const noexcept override { return bus_->name(); }
 
  private:
@@ -31,9 +31,9 @@ class Adis16470 final : public ImuChip {
   bool exchange(std::uint16_t word, std::uint16_t& answer) noexcept;
   bool read(std::uint8_t address, std::uint16_t& value) noexcept;
   bool write(std::uint8_t address, std::uint16_t value) noexcept;
-  SpiTrouble identify() noexcept;
-  SpiTrouble configure() noexcept;
-  SpiTrouble compare(const Register& wanted) noexcept;
+  DeviceTrouble identify() noexcept;
+  DeviceTrouble configure() noexcept;
+  DeviceTrouble compare(const Register& wanted) noexcept;
   FetchOutcome judge_status(std::uint16_t status, ChipBatch& batch) noexcept;
   FetchOutcome judge_counter(std::uint16_t counter, ChipBatch& batch) noexcept;
 

@@ -137,9 +137,9 @@ bool Bmi088::write(Half half, std::uint8_t address, std::uint8_t value) noexcept
   return bus_error_ == 0;
 }
 
-SpiTrouble Bmi088::open() noexcept {
-  if (const SpiTrouble trouble = gyroscope_->open(kSpiMode, spi_hz_)) return trouble;
-  if (const SpiTrouble trouble = accelerometer_->open(kSpiMode, spi_hz_)) return trouble;
+DeviceTrouble Bmi088::open() noexcept {
+  if (const DeviceTrouble trouble = gyroscope_->open(kSpiMode, spi_hz_)) return trouble;
+  if (const DeviceTrouble trouble = accelerometer_->open(kSpiMode, spi_hz_)) return trouble;
   return identify();
 }
 
@@ -148,21 +148,21 @@ void Bmi088::close() noexcept {
   accelerometer_->close();
 }
 
-SpiTrouble Bmi088::identify() noexcept {
+DeviceTrouble Bmi088::identify() noexcept {
   std::array<std::uint8_t, 2> gyro{};
   std::array<std::uint8_t, 1> accel{};
   // after power on the accelerometer speaks I2C, until its chip select has risen once; and it may be either's
   const bool is_read = read(Half::kAccelerometer, kAccelId, accel) && read(Half::kGyroscope, kGyroId, gyro) &&
                        read(Half::kAccelerometer, kAccelId, accel) && read(Half::kGyroscope, kGyroId, gyro);
-  if (!is_read) return bus_trouble("CHIP_ID", bus_error_);
+  if (!is_read) return device_refusal("CHIP_ID", bus_error_);
   // as seen by somebody who expects no byte without meaning
   if (gyro[0] != kGyroIdentity && gyro[1] == kAccelIdentity) {
-    SpiTrouble trouble = bus_trouble("another identity", 0);
+    DeviceTrouble trouble = device_refusal("another identity", 0);
     std::snprintf(trouble.found, sizeof(trouble.found), "the accelerometer answers for the gyroscope");
     std::snprintf(trouble.expected, sizeof(trouble.expected), "device and device_accel the other way round");
     return trouble;
   }
-  SpiTrouble trouble;
+  DeviceTrouble trouble;
   if (gyro[0] != kGyroIdentity) {
     trouble = wrong_identity(gyro[0], kGyroIdentity);
     trouble.step = "gyroscope: another identity";
@@ -178,19 +178,20 @@ ImuChip::Step Bmi088::start(int step) noexcept {
     case 0:
       if (!write(Half::kGyroscope, kGyroSoftReset, kSoftReset) ||
           !write(Half::kAccelerometer, kAccelCommand, kSoftReset))
-        return {.trouble = bus_trouble("reset", bus_error_)};
+        return {.trouble = device_refusal("reset", bus_error_)};
       return {.wait = Span::from_milliseconds(35)};  // the gyroscope takes 30 ms, the accelerometer 1 ms
     case 1:
-      if (const SpiTrouble trouble = identify()) return {.trouble = trouble};
-      if (!write(Half::kAccelerometer, kPowerConf, 0)) return {.trouble = bus_trouble("power", bus_error_)};
+      if (const DeviceTrouble trouble = identify()) return {.trouble = trouble};
+      if (!write(Half::kAccelerometer, kPowerConf, 0)) return {.trouble = device_refusal("power", bus_error_)};
       return {.wait = Span::from_milliseconds(5)};
     case 2:
-      if (!write(Half::kAccelerometer, kPowerControl, kAccelOn)) return {.trouble = bus_trouble("power", bus_error_)};
+      if (!write(Half::kAccelerometer, kPowerControl, kAccelOn))
+        return {.trouble = device_refusal("power", bus_error_)};
       return {.wait = Span::from_milliseconds(5)};  // 0.45 ms by the data sheet
     case 3:
       return {.trouble = configure(), .wait = Span::from_milliseconds(2)};
     default:
-      if (flush(FetchOutcome::kOk) != FetchOutcome::kOk) return {.trouble = bus_trouble("FIFO", bus_error_)};
+      if (flush(FetchOutcome::kOk) != FetchOutcome::kOk) return {.trouble = device_refusal("FIFO", bus_error_)};
       next_check_ = 0;
       counter_.restart();
       strange_times_ = 0;
@@ -199,20 +200,20 @@ ImuChip::Step Bmi088::start(int step) noexcept {
   }
 }
 
-SpiTrouble Bmi088::configure() noexcept {
+DeviceTrouble Bmi088::configure() noexcept {
   for (const Register& entry : table_) {
     std::uint8_t value = 0;
     const bool is_done =
         read(entry.half, entry.address, {&value, 1}) &&
         write(entry.half, entry.address, static_cast<std::uint8_t>((value & ~entry.mask) | entry.value));
-    if (!is_done) return bus_trouble("settings", bus_error_);
+    if (!is_done) return device_refusal("settings", bus_error_);
   }
   for (const Register& entry : table_)
-    if (const SpiTrouble trouble = compare(entry)) return trouble;
+    if (const DeviceTrouble trouble = compare(entry)) return trouble;
   return {};
 }
 
-SpiTrouble Bmi088::compare(const Register& wanted) noexcept {
+DeviceTrouble Bmi088::compare(const Register& wanted) noexcept {
   const char* const half = wanted.half == Half::kAccelerometer ? "accelerometer" : "gyroscope";
   return read_back(
       wanted.value, wanted.mask, bus_error_,
@@ -222,7 +223,7 @@ SpiTrouble Bmi088::compare(const Register& wanted) noexcept {
       [&](unsigned found) { return wrong_register(half, 0, wanted.address, found, wanted.value); });
 }
 
-SpiTrouble Bmi088::check_next() noexcept {
+DeviceTrouble Bmi088::check_next() noexcept {
   const std::size_t n = next_check_;
   next_check_ = (next_check_ + 1) % (table_.size() + 1);
   return n == 0 ? identify() : compare(table_[n - 1]);

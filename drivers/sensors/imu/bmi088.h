@@ -16,11 +16,11 @@ class Bmi088 final : public ImuChip {
   Bmi088(const ImuDeviceConfig& config, std::unique_ptr<SpiBus> gyroscope, std::unique_ptr<SpiBus> accelerometer,
          SpiTiming& timing);
 
-  SpiTrouble open() noexcept override;
+  DeviceTrouble open() noexcept override;
   void close() noexcept override;
   Step start(int step) noexcept override;
   FetchOutcome fetch(ChipBatch& batch) noexcept override;
-  SpiTrouble check_next() noexcept override;
+  DeviceTrouble check_next() noexcept override;
   const char* bus_name() const noexcept override { return gyroscope_->name(); }
 
  private:
@@ -36,9 +36,9 @@ class Bmi088 final : public ImuChip {
 
   void choose(const ImuDeviceConfig& config) noexcept;
   void fill_table(bool rising) noexcept;
-  SpiTrouble identify() noexcept;
-  SpiTrouble configure() noexcept;
-  SpiTrouble compare(const Register& wanted) noexcept;
+  DeviceTrouble identify() noexcept;
+  DeviceTrouble configure() noexcept;
+  DeviceTrouble compare(const Register& wanted) noexcept;
   bool read(Half half, std::uint8_t address, std::span<std::uint8_t> bytes) noexcept;
   bool write(Half half, std::uint8_t address, std::uint8_t value) noexcept;
   bool flush_gyroscope() noexcept;

@@ -144,52 +144,52 @@ bool Icm42688p::write(std::uint8_t address, std::uint8_t value) noexcept {
 
 bool Icm42688p::select_bank(std::uint8_t bank) noexcept { return write(kBankSelect, bank); }
 
-SpiTrouble Icm42688p::identify() noexcept {
+DeviceTrouble Icm42688p::identify() noexcept {
   std::uint8_t identity = 0;
-  if (!select_bank(0) || !read(kWhoAmI, {&identity, 1})) return bus_trouble("WHO_AM_I", bus_error_);
-  return identity == kIdentity ? SpiTrouble{} : wrong_identity(identity, kIdentity);
+  if (!select_bank(0) || !read(kWhoAmI, {&identity, 1})) return device_refusal("WHO_AM_I", bus_error_);
+  return identity == kIdentity ? DeviceTrouble{} : wrong_identity(identity, kIdentity);
 }
 
-SpiTrouble Icm42688p::open() noexcept {
-  if (const SpiTrouble trouble = bus_->open(kSpiMode, spi_hz_)) return trouble;
+DeviceTrouble Icm42688p::open() noexcept {
+  if (const DeviceTrouble trouble = bus_->open(kSpiMode, spi_hz_)) return trouble;
   return identify();
 }
 
 ImuChip::Step Icm42688p::start(int step) noexcept {
   switch (step) {
     case 0:  // the chip may be in any state: reset it
-      if (!select_bank(0) || !write(kDeviceConfig, kSoftReset)) return {.trouble = bus_trouble("reset", bus_error_)};
+      if (!select_bank(0) || !write(kDeviceConfig, kSoftReset)) return {.trouble = device_refusal("reset", bus_error_)};
       return {.wait = Span::from_milliseconds(2)};  // 1 ms by the data sheet
     case 1: {
-      if (const SpiTrouble trouble = identify()) return {.trouble = trouble};
+      if (const DeviceTrouble trouble = identify()) return {.trouble = trouble};
       std::uint8_t status = 0;  // reading it clears what it says
-      if (!read(kIntStatus, {&status, 1})) return {.trouble = bus_trouble("status", bus_error_)};
+      if (!read(kIntStatus, {&status, 1})) return {.trouble = device_refusal("status", bus_error_)};
       if ((status & kStatusReset) == 0)
         return {.trouble = wrong_register("the chip did not reset", 0, kIntStatus, status, kStatusReset)};
       return {.trouble = configure(), .wait = Span::from_milliseconds(1)};  // 0.2 ms without writing after power on
     }
     default:
-      if (flush(FetchOutcome::kOk) != FetchOutcome::kOk) return {.trouble = bus_trouble("FIFO", bus_error_)};
+      if (flush(FetchOutcome::kOk) != FetchOutcome::kOk) return {.trouble = device_refusal("FIFO", bus_error_)};
       next_check_ = 0;
       return {.done = true};
   }
 }
 
-SpiTrouble Icm42688p::configure() noexcept {
+DeviceTrouble Icm42688p::configure() noexcept {
   for (const Register& entry : table_) {
     std::uint8_t value = 0;
     const bool is_done = select_bank(entry.bank) && read(entry.address, {&value, 1}) &&
                          write(entry.address, static_cast<std::uint8_t>((value & ~entry.mask) | entry.value)) &&
                          select_bank(0);
-    if (!is_done) return bus_trouble("settings", bus_error_);
+    if (!is_done) return device_refusal("settings", bus_error_);
   }
   timing_->sleep_until(timing_->now() + Span{300'000});  // nothing is written within 0.2 ms of power on
   for (const Register& entry : table_)
-    if (const SpiTrouble trouble = compare(entry)) return trouble;
+    if (const DeviceTrouble trouble = compare(entry)) return trouble;
   return {};
 }
 
-SpiTrouble Icm42688p::compare(const Register& wanted) noexcept {
+DeviceTrouble Icm42688p::compare(const Register& wanted) noexcept {
   const auto read_in_bank = [&](std::uint8_t& value) {
     return (wanted.bank == 0 || select_bank(wanted.bank)) && read(wanted.address, {&value, 1}) &&
            (wanted.bank == 0 || select_bank(0));
@@ -200,14 +200,14 @@ SpiTrouble Icm42688p::compare(const Register& wanted) noexcept {
 }
 
 /// Before the table's first register: which bank is selected, and who is there.
-SpiTrouble Icm42688p::check_next() noexcept {
+DeviceTrouble Icm42688p::check_next() noexcept {
   const std::size_t n = next_check_;
   next_check_ = (next_check_ + 1) % (table_.size() + 2);
   if (n == 0) return compare({0, kBankSelect, 0, 0x07});
   if (n > 1) return compare(table_[n - 2]);
   std::uint8_t identity = 0;
-  if (!read(kWhoAmI, {&identity, 1})) return bus_trouble("WHO_AM_I", bus_error_);
-  return identity == kIdentity ? SpiTrouble{} : wrong_identity(identity, kIdentity);
+  if (!read(kWhoAmI, {&identity, 1})) return device_refusal("WHO_AM_I", bus_error_);
+  return identity == kIdentity ? DeviceTrouble{} : wrong_identity(identity, kIdentity);
 }
 
 // ---- samples ----

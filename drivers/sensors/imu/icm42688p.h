@@ -14,11 +14,11 @@ class Icm42688p final : public ImuChip {
   /// `timing` outlives it.
   Icm42688p(const ImuDeviceConfig& config, std::unique_ptr<SpiBus> bus, SpiTiming& timing);
 
-  SpiTrouble open() noexcept override;
+  DeviceTrouble open() noexcept override;
   void close() noexcept override { bus_->close(); }
   Step start(int step) noexcept override;
   FetchOutcome fetch(ChipBatch& batch) noexcept override;
-  SpiTrouble check_next() noexcept override;
+  DeviceTrouble check_next() noexcept override;
   const char* bus_name() const noexcept override { return bus_->name(); }
 
  private:
@@ -30,9 +30,9 @@ class Icm42688p final : public ImuChip {
 
   void choose(const ImuDeviceConfig& config) noexcept;
   void fill_table(bool rising) noexcept;
-  SpiTrouble identify() noexcept;
-  SpiTrouble configure() noexcept;
-  SpiTrouble compare(const Register& wanted) noexcept;
+  DeviceTrouble identify() noexcept;
+  DeviceTrouble configure() noexcept;
+  DeviceTrouble compare(const Register& wanted) noexcept;
   bool read(std::uint8_t address, std::span<std::uint8_t> bytes) noexcept;
   bool write(std::uint8_t address, std::uint8_t value) noexcept;
   bool select_bank(std::uint8_t bank) noexcept;

@@ -42,8 +42,8 @@ void list_spidevs(std::span<char> text) noexcept {
     std::snprintf(text.data(), text.size(), "a spidev file; there is none: SPI is off (Raspberry Pi: dtparam=spi=on)");
 }
 
-SpiTrouble trouble_of(const char* step, int error) noexcept {
-  SpiTrouble trouble;
+DeviceTrouble trouble_of(const char* step, int error) noexcept {
+  DeviceTrouble trouble;
   trouble.step = step;
   trouble.error = error;
   if (error == ENOENT || error == ENODEV || error == ENXIO) list_spidevs(trouble.expected);
@@ -55,13 +55,13 @@ SpiTrouble trouble_of(const char* step, int error) noexcept {
 
 }  // namespace
 
-SpiTrouble SpidevBus::open(int mode, int hz) noexcept {
+DeviceTrouble SpidevBus::open(int mode, int hz) noexcept {
   close();
   fd_ = ::open(path_.c_str(), O_RDWR | O_CLOEXEC);
   if (fd_ < 0) return trouble_of("open", errno);
   std::uint8_t spi_mode = static_cast<std::uint8_t>(mode), bits = 8;
   std::uint32_t speed = static_cast<std::uint32_t>(hz);
-  SpiTrouble trouble;
+  DeviceTrouble trouble;
   if (::ioctl(fd_, SPI_IOC_WR_MODE, &spi_mode) < 0) {
     trouble = trouble_of("SPI mode", errno);
   } else if (::ioctl(fd_, SPI_IOC_WR_BITS_PER_WORD, &bits) < 0) {

@@ -5,17 +5,10 @@
 #include <span>
 #include <string>
 
+#include "platform/error/device_trouble.h"
 #include "platform/time/clock.h"
 
 namespace epiline {
-
-/// What went wrong, and where.
-struct SpiTrouble {
-  const char* step = nullptr;  ///< nullptr: nothing went wrong
-  int error = 0;               ///< errno; 0: the bus worked, but `found` is not what was wanted
-  char found[160] = "", expected[160] = "";
-  explicit operator bool() const noexcept { return step != nullptr; }
-};
 
 /// A part of a transfer. All parts of one are sent with the chip selected, unless one ends it.
 struct SpiPart {
@@ -32,7 +25,7 @@ class SpiBus {
  public:
   virtual ~SpiBus() = default;
   /// `mode`: SPI mode 0 to 3. `hz`: the fastest clock.
-  virtual SpiTrouble open(int mode, int hz) noexcept = 0;
+  virtual DeviceTrouble open(int mode, int hz) noexcept = 0;
   virtual void close() noexcept = 0;
   /// At most 4 parts, at most 4096 bytes together (the usual limit of spidev). 0 or errno.
   virtual int transfer(std::span<const SpiPart> parts) noexcept = 0;
@@ -47,7 +40,7 @@ class SpidevBus final : public SpiBus {
   SpidevBus(const SpidevBus&) = delete;
   SpidevBus& operator=(const SpidevBus&) = delete;
 
-  SpiTrouble open(int mode, int hz) noexcept override;
+  DeviceTrouble open(int mode, int hz) noexcept override;
   void close() noexcept override;
   int transfer(std::span<const SpiPart> parts) noexcept override;
   const char* name() const noexcept override { return path_.c_str(); }

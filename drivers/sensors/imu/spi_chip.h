@@ -23,10 +23,10 @@ constexpr int smallest_range(std::span<const double> ranges, double wanted) noex
 /// `read(value)` gives a register's value; false: the bus failed with `bus_error`. It is read again if it is not
 /// `wanted` where `mask` has ones, for it may have been garbled on the bus. Then `trouble_of(found)` says so.
 template <class Value, class Read, class TroubleOf>
-SpiTrouble read_back(Value wanted, Value mask, const int& bus_error, Read read, TroubleOf trouble_of) noexcept {
+DeviceTrouble read_back(Value wanted, Value mask, const int& bus_error, Read read, TroubleOf trouble_of) noexcept {
   Value value = 0;
   for (int attempt = 0; attempt < 2; ++attempt) {
-    if (!read(value)) return bus_trouble("read back", bus_error);
+    if (!read(value)) return device_refusal("read back", bus_error);
     if ((value & mask) == wanted) return {};
   }
   return trouble_of(static_cast<unsigned>(value & mask));

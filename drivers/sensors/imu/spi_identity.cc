@@ -43,8 +43,8 @@ const char* name_of(unsigned identity) noexcept {
 
 }  // namespace
 
-SpiTrouble wrong_identity(unsigned found, unsigned wanted) noexcept {
-  SpiTrouble trouble;
+DeviceTrouble wrong_identity(unsigned found, unsigned wanted) noexcept {
+  DeviceTrouble trouble;
   trouble.step = "another identity";
   const unsigned all = wanted > 0xff ? 0xffff : 0xff;
   const char* likely = "a sound connection: is the clock (spi_hz) too fast, or another chip there?";
@@ -65,19 +65,13 @@ SpiTrouble wrong_identity(unsigned found, unsigned wanted) noexcept {
   return trouble;
 }
 
-SpiTrouble wrong_register(const char* step, unsigned bank, unsigned address, unsigned found, unsigned wanted) noexcept {
-  SpiTrouble trouble;
+DeviceTrouble wrong_register(const char* step, unsigned bank, unsigned address, unsigned found,
+                             unsigned wanted) noexcept {
+  DeviceTrouble trouble;
   trouble.step = step;
   std::snprintf(trouble.found, sizeof(trouble.found), "register 0x%02x of bank %u is 0x%02x", address, bank, found);
   std::snprintf(trouble.expected, sizeof(trouble.expected),
                 "0x%02x as written: a supply that dips, or a clock (spi_hz) too fast for the wires", wanted);
-  return trouble;
-}
-
-SpiTrouble bus_trouble(const char* step, int error) noexcept {
-  SpiTrouble trouble;
-  trouble.step = step;
-  trouble.error = error;
   return trouble;
 }
 

@@ -7,11 +7,10 @@
 namespace epiline {
 
 /// What it most likely means that a chip's identity register reads `found` instead of `wanted`.
-SpiTrouble wrong_identity(unsigned found, unsigned wanted) noexcept;
+DeviceTrouble wrong_identity(unsigned found, unsigned wanted) noexcept;
 
 /// A register that does not hold what was written; banks and addresses as in the data sheet.
-SpiTrouble wrong_register(const char* step, unsigned bank, unsigned address, unsigned found, unsigned wanted) noexcept;
-
-SpiTrouble bus_trouble(const char* step, int error) noexcept;
+DeviceTrouble wrong_register(const char* step, unsigned bank, unsigned address, unsigned found,
+                             unsigned wanted) noexcept;
 
 }  // namespace epiline

@@ -61,12 +61,12 @@ SpiImu::SpiImu(const ImuDeviceConfig& config, std::unique_ptr<ImuChip> chip, std
 // ---- getting it to run, and losing it ----
 
 Status SpiImu::open() {
-  if (const SpiTrouble trouble = chip_->unfit()) {
+  if (const DeviceTrouble trouble = chip_->unfit()) {
     Error error = error_of(trouble);
     error.kind = ErrorKind::kUsage;
     return error;
   }
-  if (const SpiTrouble trouble = connect()) {
+  if (const DeviceTrouble trouble = connect()) {
     chip_->close();
     return error_of(trouble);
   }
@@ -85,8 +85,8 @@ Status SpiImu::open() {
   return status;
 }
 
-SpiTrouble SpiImu::connect() noexcept {
-  if (const SpiTrouble trouble = chip_->open()) return trouble;
+DeviceTrouble SpiImu::connect() noexcept {
+  if (const DeviceTrouble trouble = chip_->open()) return trouble;
   start_again();
   return {};
 }
@@ -115,7 +115,7 @@ Status SpiImu::wait_for_first() {
   }
   const bool edges_missing = ready_ && !edge_seen_;
   if (!pending_.empty() && !edges_missing) return Done{};
-  SpiTrouble trouble;
+  DeviceTrouble trouble;
   trouble.step = "no sample within 3 s";
   if (edges_missing) {
     trouble.step = "no data-ready edge within 3 s";
@@ -125,11 +125,10 @@ Status SpiImu::wait_for_first() {
   return error_of(trouble);
 }
 
-Error SpiImu::error_of(const SpiTrouble& trouble) const {
-  std::string found = std::string(chip_->facts().name) + ": " + (trouble.step != nullptr ? trouble.step : "lost");
-  if (trouble.found[0] != '\0') found.append(": ").append(trouble.found);
-  if (trouble.error != 0) found.append(": ").append(std::strerror(trouble.error));
-  return {ErrorKind::kRun, chip_->bus_name(), 0, found, trouble.expected};
+Error SpiImu::error_of(const DeviceTrouble& trouble) const {
+  Error error = epiline::error_of(trouble ? trouble : device_refusal("lost", trouble.error), chip_->bus_name());
+  error.found = std::string(chip_->facts().name) + ": " + error.found;
+  return error;
 }
 
 void SpiImu::close() noexcept {
@@ -320,7 +319,7 @@ void SpiImu::schedule_poll(bool was_empty, HostStamp now) noexcept {
 bool SpiImu::registers_are_well(HostStamp now) noexcept {
   if (now - last_check_ < kCheckEvery) return true;
   last_check_ = now;
-  const SpiTrouble trouble = chip_->check_next();
+  const DeviceTrouble trouble = chip_->check_next();
   ++counts_.checked;
   if (!trouble) return true;
   trouble_ = trouble;

@@ -91,13 +91,13 @@ class ImuChip {
   virtual ~ImuChip() = default;
   const ChipFacts& facts() const noexcept { return facts_; }
   /// What of the settings this chip cannot do; said before anything is opened.
-  const SpiTrouble& unfit() const noexcept { return unfit_; }
+  const DeviceTrouble& unfit() const noexcept { return unfit_; }
   int bus_error() const noexcept { return bus_error_; }  ///< errno of the last transfer; 0: it worked
-  virtual SpiTrouble open() noexcept = 0;                ///< the bus, and who is there
+  virtual DeviceTrouble open() noexcept = 0;             ///< the bus, and who is there
   virtual void close() noexcept = 0;
 
   struct Step {
-    SpiTrouble trouble{};
+    DeviceTrouble trouble{};
     Span wait{};  ///< before the next step
     bool done = false;
   };
@@ -105,12 +105,12 @@ class ImuChip {
   virtual Step start(int step) noexcept = 0;
   virtual FetchOutcome fetch(ChipBatch& batch) noexcept = 0;
   /// The next of the registers, compared with what was written.
-  virtual SpiTrouble check_next() noexcept = 0;
+  virtual DeviceTrouble check_next() noexcept = 0;
   virtual const char* bus_name() const noexcept = 0;
 
  protected:
   ChipFacts facts_;
-  SpiTrouble unfit_;
+  DeviceTrouble unfit_;
   int bus_error_ = 0;
 };
 
@@ -161,9 +161,9 @@ class SpiImu final : public ImuSource {
   static constexpr std::size_t kPending = 2 * ChipBatch::kMost;
 
   // Getting it to run, and losing it.
-  Error error_of(const SpiTrouble& trouble) const;
+  Error error_of(const DeviceTrouble& trouble) const;
   Status wait_for_first();
-  SpiTrouble connect() noexcept;
+  DeviceTrouble connect() noexcept;
   bool bring_up(HostStamp deadline) noexcept;
   void start_again() noexcept;
   void begin_run(HostStamp now) noexcept;
@@ -194,7 +194,7 @@ class SpiImu final : public ImuSource {
   State state_ = State::kLost;
   bool opened_ = false;
   int step_ = 0;
-  SpiTrouble trouble_;  ///< the last
+  DeviceTrouble trouble_;  ///< the last
   HostStamp step_at_, good_from_, last_data_, last_check_, last_look_, next_poll_;
   Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(1'000)};
   int damaged_in_a_row_ = 0, empty_looks_ = 0;

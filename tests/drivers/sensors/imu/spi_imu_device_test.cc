@@ -34,7 +34,7 @@ TEST(SpiImuDevice, OpeningWhatIsNotThereNeedsNoHeap) {
   if (!allocation_counting_available()) GTEST_SKIP() << "heap calls are not counted in this build";
   SpidevBus bus("/dev/spidev-that-is-not-there");
   const HeapCallScope heap;
-  const SpiTrouble trouble = bus.open(0, 1'000'000);
+  const DeviceTrouble trouble = bus.open(0, 1'000'000);
   EXPECT_EQ(heap.calls(), 0U);
   EXPECT_EQ(trouble.error, ENOENT);
 }

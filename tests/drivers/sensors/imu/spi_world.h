@@ -135,8 +135,8 @@ class ModelBus : public SpiBus {
  public:
   explicit ModelBus(ChipModel& chip) : chip_(chip) {}
 
-  SpiTrouble open(int mode, int hz) noexcept override {
-    SpiTrouble trouble;
+  DeviceTrouble open(int mode, int hz) noexcept override {
+    DeviceTrouble trouble;
     if (open_error != 0) {
       trouble.step = "open";
       trouble.error = open_error;
