@@ -1,5 +1,6 @@
 #pragma once
 // Odometry on a CAN bus, from a thread of its own. Page: docs/can.md.
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <string>
@@ -12,6 +13,7 @@
 #include "pipeline/config/devices.h"
 #include "platform/concurrency/parking.h"
 #include "platform/linux/realtime.h"
+#include "platform/ports/counter.h"
 #include "platform/ports/ports.h"
 #include "platform/time/backoff.h"
 #include "platform/time/latency_bins.h"
@@ -34,6 +36,20 @@ struct CanOutputCounts {
   std::uint64_t retries = 0;       ///< attempts to get it back that failed
   int last_error = 0;              ///< errno of the last loss or failed attempt
 };
+inline constexpr auto kCanCounters = std::to_array<Counter<CanOutputCounts>>({
+    {"frames", &CanOutputCounts::frames},
+    {"status_frames", &CanOutputCounts::status_frames},
+    {"queue_full", &CanOutputCounts::queue_full, true},
+    {"frames_dropped", &CanOutputCounts::frames_dropped},
+    {"messages", &CanOutputCounts::messages},
+    {"messages_busy", &CanOutputCounts::messages_busy},
+    {"messages_failed", &CanOutputCounts::messages_failed},
+    {"error_frames", &CanOutputCounts::error_frames},
+    {"bus_off", &CanOutputCounts::bus_off, true},
+    {"restarts", &CanOutputCounts::restarts},
+    {"disconnected", &CanOutputCounts::disconnected, true},
+    {"retries", &CanOutputCounts::retries},
+});
 enum class BusState : std::uint8_t { kActive, kPassive, kOff, kLost };
 
 /// publish() is wait-free but for the waking of our thread; it may be called for every reading of the IMU. The thread

@@ -1,8 +1,10 @@
 #pragma once
 // The flight controller's IMU: which of its messages become readings of ours.
+#include <array>
 #include <cstdint>
 
 #include "drivers/links/mavlink/message.h"
+#include "platform/ports/counter.h"
 #include "platform/samples/samples.h"
 #include "platform/time/clock.h"
 #include "platform/time/interval_tracker.h"
@@ -20,6 +22,16 @@ struct ControllerImuCounts {
   std::uint64_t others = 0;          ///< of another sensor, or in a lesser message than what comes besides
   std::uint64_t overrun = 0;         ///< nobody took them
 };
+inline constexpr auto kControllerImuCounters = std::to_array<Counter<ControllerImuCounts>>({
+    {"readings", &ControllerImuCounts::readings},
+    {"lost", &ControllerImuCounts::lost, true},
+    {"duplicates", &ControllerImuCounts::duplicates, true},
+    {"refused_values", &ControllerImuCounts::refused_values, true},
+    {"refused_times", &ControllerImuCounts::refused_times, true},
+    {"no_clock", &ControllerImuCounts::no_clock},
+    {"others", &ControllerImuCounts::others},
+    {"overrun", &ControllerImuCounts::overrun, true},
+});
 
 /// Nothing here believes what it is told: values have bounds, and times must fit the clock model, which is learnt from
 /// answers to our own questions only.

@@ -24,6 +24,7 @@
 #include "platform/concurrency/snapshot.h"
 #include "platform/concurrency/spsc_ring.h"
 #include "platform/linux/realtime.h"
+#include "platform/ports/counter.h"
 #include "platform/ports/ports.h"
 #include "platform/time/backoff.h"
 #include "platform/time/clock_state.h"
@@ -49,6 +50,18 @@ struct LinkCounts {
   std::uint64_t write_errors = 0;
   int last_error = 0;  ///< errno of the last of these
 };
+inline constexpr auto kLinkCounters = std::to_array<Counter<LinkCounts>>({
+    {"packets", &LinkCounts::packets},
+    {"bad_checksums", &LinkCounts::bad_checksums, true},
+    {"skipped_bytes", &LinkCounts::skipped_bytes},
+    {"strangers", &LinkCounts::strangers, true},
+    {"refused_questions", &LinkCounts::refused_questions, true},
+    {"refused_answers", &LinkCounts::refused_answers, true},
+    {"timesync_answers", &LinkCounts::timesync_answers},
+    {"disconnected", &LinkCounts::disconnected, true},
+    {"retries", &LinkCounts::retries},
+    {"write_errors", &LinkCounts::write_errors, true},
+});
 
 /// The flight controller: who says in its heartbeat that it flies the vehicle with our system number.
 struct LinkPeer {

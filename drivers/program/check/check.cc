@@ -242,28 +242,20 @@ Findings check_presence(const DevicesConfig& d, const Inventory& inventory) {
 
 Findings findings_of(const DeviceRecord& record) {
   Findings out;
-  // what drivers count that should not have happened
-  constexpr std::array kBad = {"damaged",       "incomplete",    "bad_stamps", "no_slot",           "overwritten",
-                               "disconnected",  "gaps",          "lost",       "disordered",        "overflows",
-                               "resets",        "not_rising",    "duplicates", "overrun",           "refused_values",
-                               "refused_times", "bad_checksums", "strangers",  "refused_questions", "refused_answers",
-                               "write_errors",  "too_short",     "not_finite", "overruns",          "bus_off",
-                               "queue_full"};
   std::string text;
-  for (const auto& [name, count] : record.counts)
-    if (count > 0 && std::find(kBad.begin(), kBad.end(), name) != kBad.end())
-      text += fmt::format("{}{} {}", text.empty() ? "" : ", ", name, count);
+  for (const DeviceCount& c : record.counts)
+    if (c.is_fault && c.value > 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", c.name, c.value);
   if (!text.empty())
     out.push_back(found(Grade::kWarning, record.name, "its driver counted: " + text,
                         "cables, supply, other load on the bus; docs of the driver name each"));
-  const auto packets =
-      std::find_if(record.counts.begin(), record.counts.end(), [](const auto& c) { return c.first == "packets"; });
+  const auto packets = std::find_if(record.counts.begin(), record.counts.end(),
+                                    [](const DeviceCount& c) { return c.name == "packets"; });
   if (packets != record.counts.end()) {
-    if (packets->second == 0)
+    if (packets->value == 0)
       out.push_back(found(Grade::kError, record.name, "no flight controller heard",
                           "TX and RX crossed? same baud rate? MAVLink on that port of the controller?"));
     else
-      out.push_back(found(Grade::kOk, record.name, fmt::format("{} packets heard", packets->second)));
+      out.push_back(found(Grade::kOk, record.name, fmt::format("{} packets heard", packets->value)));
   }
   if (!record.clock) return out;
   const ClockState& c = *record.clock;

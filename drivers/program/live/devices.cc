@@ -39,65 +39,29 @@ Result<V4l2Settings> v4l2_settings(const LiveSettings& settings) {
   return s;
 }
 
+template <class Counts, std::size_t N>
+DeviceRecord device_record(const char* device, const std::array<Counter<Counts>, N>& counters, const Counts& counts,
+                           std::optional<ClockState> clock) {
+  DeviceRecord record{device, {}, std::move(clock)};
+  for (const Counter<Counts>& c : counters) record.counts.push_back({c.name, counts.*c.value, c.is_fault});
+  return record;
+}
+
 DeviceRecord record_of(const V4l2Camera& camera) {
-  const CameraCounts c = camera.counts();
-  return {"camera",
-          {{"images", c.frames},
-           {"lost", c.lost},
-           {"damaged", c.damaged},
-           {"incomplete", c.incomplete},
-           {"bad_stamps", c.bad_stamps},
-           {"no_edge", c.no_edge},
-           {"no_slot", c.no_slot},
-           {"overwritten", c.overwritten},
-           {"disconnected", c.disconnected},
-           {"retries", c.retries}},
-          std::nullopt};
+  return device_record("camera", kCameraCounters, camera.counts(), std::nullopt);
 }
 
 DeviceRecord record_of(const IioImu& imu) {
-  const IioCounts c = imu.counts();
   const bool own_clock = imu.clock() == IioClock::kDevice;
-  return {"imu",
-          {{"readings", c.samples},
-           {"gaps", c.gaps},
-           {"lost", c.lost},
-           {"disordered", c.disordered},
-           {"bad_stamps", c.bad_stamps},
-           {"without_accel", c.without_accel},
-           {"disconnected", c.disconnected},
-           {"retries", c.retries}},
-          own_clock ? std::optional(imu.clock_state()) : std::nullopt};
+  return device_record("imu", kIioCounters, imu.counts(), own_clock ? std::optional(imu.clock_state()) : std::nullopt);
 }
 
 DeviceRecord record_of(const SpiImu& imu) {
-  const SpiImuCounts c = imu.counts();
-  return {"imu",
-          {{"readings", c.samples},
-           {"lost", c.lost},
-           {"overflows", c.overflows},
-           {"damaged", c.damaged},
-           {"resets", c.resets},
-           {"not_rising", c.not_rising},
-           {"unmerged", c.unmerged},
-           {"registers_checked", c.checked},
-           {"disconnected", c.disconnected},
-           {"retries", c.retries}},
-          imu.clock_state()};
+  return device_record("imu", kSpiImuCounters, imu.counts(), imu.clock_state());
 }
 
 DeviceRecord record_of(const MavlinkImu& imu) {
-  const mavlink::ControllerImuCounts c = imu.counts();
-  return {"imu",
-          {{"readings", c.readings},
-           {"lost", c.lost},
-           {"duplicates", c.duplicates},
-           {"refused_values", c.refused_values},
-           {"refused_times", c.refused_times},
-           {"no_clock", c.no_clock},
-           {"others", c.others},
-           {"overrun", c.overrun}},
-          imu.clock_state()};
+  return device_record("imu", mavlink::kControllerImuCounters, imu.counts(), imu.clock_state());
 }
 
 OutputRecord record_of(const mavlink::MavlinkLink& link, const std::string& name) {
@@ -107,21 +71,10 @@ OutputRecord record_of(const mavlink::MavlinkLink& link, const std::string& name
 
 DeviceRecord device_of(const mavlink::MavlinkLink& link) {
   const mavlink::LinkState s = link.state();
-  const mavlink::LinkCounts& c = s.counts;
-  return {"mavlink",
-          {{"packets", c.packets},
-           {"bad_checksums", c.bad_checksums},
-           {"skipped_bytes", c.skipped_bytes},
-           {"strangers", c.strangers},
-           {"refused_questions", c.refused_questions},
-           {"refused_answers", c.refused_answers},
-           {"timesync_answers", c.timesync_answers},
-           {"disconnected", c.disconnected},
-           {"retries", c.retries},
-           {"write_errors", c.write_errors},
-           {"heap_calls", s.costs.heap_calls},
-           {"lock_calls", s.costs.lock_calls}},
-          s.clock};
+  DeviceRecord record = device_record("mavlink", mavlink::kLinkCounters, s.counts, s.clock);
+  record.counts.push_back({"heap_calls", s.costs.heap_calls});
+  record.counts.push_back({"lock_calls", s.costs.lock_calls});
+  return record;
 }
 
 OutputRecord record_of(const CanOutput& can, const std::string& name) {
@@ -129,37 +82,12 @@ OutputRecord record_of(const CanOutput& can, const std::string& name) {
   return {name, c.epochs, c.dropped, c.disconnected, can.latency()};
 }
 
-DeviceRecord device_of(const CanOutput& can) {
-  const CanOutputCounts c = can.counts();
-  return {"can",
-          {{"frames", c.frames},
-           {"status_frames", c.status_frames},
-           {"queue_full", c.queue_full},
-           {"frames_dropped", c.frames_dropped},
-           {"messages", c.messages},
-           {"messages_busy", c.messages_busy},
-           {"messages_failed", c.messages_failed},
-           {"error_frames", c.error_frames},
-           {"bus_off", c.bus_off},
-           {"restarts", c.restarts},
-           {"disconnected", c.disconnected},
-           {"retries", c.retries}},
-          std::nullopt};
-}
+DeviceRecord device_of(const CanOutput& can) { return device_record("can", kCanCounters, can.counts(), std::nullopt); }
 
 DeviceRecord record_of(const CanWheelSource& wheel) {
-  const WheelCounts c = wheel.counts();
   const ClockState clock = wheel.hardware_clock();
-  return {"wheel",
-          {{"samples", c.samples},
-           {"too_short", c.too_short},
-           {"not_finite", c.not_finite},
-           {"bad_stamps", c.bad_stamps},
-           {"gaps", c.gaps},
-           {"overruns", c.overruns},
-           {"disconnected", c.disconnected},
-           {"retries", c.retries}},
-          clock.status == ClockStatus::kEmpty ? std::nullopt : std::optional(clock)};
+  return device_record("wheel", kWheelCounters, wheel.counts(),
+                       clock.status == ClockStatus::kEmpty ? std::nullopt : std::optional(clock));
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "drivers/sensors/camera/v4l2_device.h"
 #include "drivers/sensors/camera/v4l2_settings.h"
 #include "platform/concurrency/spsc_ring.h"
+#include "platform/ports/counter.h"
 #include "platform/ports/ports.h"
 #include "platform/time/backoff.h"
 
@@ -31,6 +32,18 @@ struct CameraCounts {
   std::uint64_t retries = 0;       ///< attempts to get it back that failed
   int last_error = 0;              ///< errno of the last loss or failed attempt; 0: it was silent, or not as before
 };
+inline constexpr auto kCameraCounters = std::to_array<Counter<CameraCounts>>({
+    {"images", &CameraCounts::frames},
+    {"lost", &CameraCounts::lost, true},
+    {"damaged", &CameraCounts::damaged, true},
+    {"incomplete", &CameraCounts::incomplete, true},
+    {"bad_stamps", &CameraCounts::bad_stamps, true},
+    {"no_edge", &CameraCounts::no_edge},
+    {"no_slot", &CameraCounts::no_slot, true},
+    {"overwritten", &CameraCounts::overwritten, true},
+    {"disconnected", &CameraCounts::disconnected, true},
+    {"retries", &CameraCounts::retries},
+});
 
 /// A control to be set while the camera streams, and what became of it.
 struct ControlChange {

@@ -9,6 +9,7 @@
 #include "drivers/sensors/imu/iio_device.h"
 #include "pipeline/config/devices.h"
 #include "platform/concurrency/snapshot.h"
+#include "platform/ports/counter.h"
 #include "platform/ports/ports.h"
 #include "platform/time/backoff.h"
 #include "platform/time/interval_tracker.h"
@@ -28,6 +29,16 @@ struct IioCounts {
   std::uint64_t retries = 0;        ///< attempts to get it back that failed
   int last_error = 0;               ///< errno of the last loss or failed attempt; 0: it was silent, or not as before
 };
+inline constexpr auto kIioCounters = std::to_array<Counter<IioCounts>>({
+    {"readings", &IioCounts::samples},
+    {"gaps", &IioCounts::gaps, true},
+    {"lost", &IioCounts::lost, true},
+    {"disordered", &IioCounts::disordered, true},
+    {"bad_stamps", &IioCounts::bad_stamps, true},
+    {"without_accel", &IioCounts::without_accel},
+    {"disconnected", &IioCounts::disconnected, true},
+    {"retries", &IioCounts::retries},
+});
 
 /// Whose times the readings carry.
 enum class IioClock : std::uint8_t {

@@ -13,6 +13,7 @@
 #include "pipeline/config/devices.h"
 #include "platform/concurrency/snapshot.h"
 #include "platform/memory/fixed_vector.h"
+#include "platform/ports/counter.h"
 #include "platform/ports/ports.h"
 #include "platform/time/backoff.h"
 
@@ -129,6 +130,18 @@ struct SpiImuCounts {
   double temperature_c = 0;
   SampleClockCounts clock;
 };
+inline constexpr auto kSpiImuCounters = std::to_array<Counter<SpiImuCounts>>({
+    {"readings", &SpiImuCounts::samples},
+    {"lost", &SpiImuCounts::lost, true},
+    {"overflows", &SpiImuCounts::overflows, true},
+    {"damaged", &SpiImuCounts::damaged, true},
+    {"resets", &SpiImuCounts::resets, true},
+    {"not_rising", &SpiImuCounts::not_rising, true},
+    {"unmerged", &SpiImuCounts::unmerged},
+    {"registers_checked", &SpiImuCounts::checked},
+    {"disconnected", &SpiImuCounts::disconnected, true},
+    {"retries", &SpiImuCounts::retries},
+});
 
 /// One thread calls open(), read() and close(); any thread may ask for counts. After open() there is no heap call, also
 /// when the device is lost and comes back.

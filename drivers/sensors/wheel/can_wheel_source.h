@@ -1,5 +1,6 @@
 #pragma once
 // A ground vehicle's speed from its CAN bus. Page: docs/can.md.
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <span>
@@ -8,6 +9,7 @@
 #include "drivers/sensors/wheel/arrival_clock.h"
 #include "drivers/sensors/wheel/bus_signal.h"
 #include "pipeline/config/devices.h"
+#include "platform/ports/counter.h"
 #include "platform/ports/ports.h"
 #include "platform/time/backoff.h"
 
@@ -24,6 +26,16 @@ struct WheelCounts {
   std::uint64_t retries = 0;       ///< attempts to get it back that failed
   int last_error = 0;              ///< errno of the last loss or failed attempt
 };
+inline constexpr auto kWheelCounters = std::to_array<Counter<WheelCounts>>({
+    {"samples", &WheelCounts::samples},
+    {"too_short", &WheelCounts::too_short, true},
+    {"not_finite", &WheelCounts::not_finite, true},
+    {"bad_stamps", &WheelCounts::bad_stamps, true},
+    {"gaps", &WheelCounts::gaps, true},
+    {"overruns", &WheelCounts::overruns, true},
+    {"disconnected", &WheelCounts::disconnected, true},
+    {"retries", &WheelCounts::retries},
+});
 
 /// How long it takes from one frame to the next, and when one is missing.
 class GapWatch {

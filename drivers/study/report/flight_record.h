@@ -54,10 +54,17 @@ struct OutputRecord {
   LatencyBins latency;  ///< from an image's stamp to the last byte of the first message that knew of it
 };
 
+/// One of the figures that a device's driver counts.
+struct DeviceCount {
+  std::string name;
+  std::uint64_t value = 0;
+  bool is_fault = false;  ///< should be 0
+};
+
 /// What a device's driver counted.
 struct DeviceRecord {
   std::string name;  ///< camera, imu, ...
-  std::vector<std::pair<std::string, std::uint64_t>> counts;
+  std::vector<DeviceCount> counts;
   std::optional<ClockState> clock;  ///< of a device with a clock of its own
 };
 

@@ -364,8 +364,8 @@ std::string device_table(const RealtimeRecord& r) {
   std::string s = "<table><tr><th>device</th><th>counted</th><th>clock</th></tr>";
   for (const DeviceRecord& device : r.devices) {
     std::string counts, clock = "the computer's";
-    for (const auto& [name, count] : device.counts)
-      counts += fmt::format("{}{} {}", counts.empty() ? "" : ", ", escaped(name), count);
+    for (const DeviceCount& c : device.counts)
+      counts += fmt::format("{}{} {}", counts.empty() ? "" : ", ", escaped(c.name), c.value);
     if (const auto& c = device.clock) {
       clock = fmt::format("{}, {:+.1f} ppm, {:.0f} us rms", kClockStatusNames[static_cast<std::size_t>(c->status)],
                           c->skew_ppm, 1e-3 * static_cast<double>(c->residual_rms.ns));

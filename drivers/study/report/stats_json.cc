@@ -178,7 +178,7 @@ Json devices_json(const RealtimeRecord& r) {
   Json devices = Json::object();
   for (const DeviceRecord& device : r.devices) {
     Json& json = devices[device.name] = Json::object();
-    for (const auto& [name, count] : device.counts) json[name] = count;
+    for (const DeviceCount& c : device.counts) json[c.name] = c.value;
     json["clock"] = device.clock ? clock_json(*device.clock) : Json(nullptr);
   }
   return devices;

@@ -159,9 +159,10 @@ TEST(Check, NamesWhatIsMissingAndWhatIsThere) {
 }
 
 TEST(Check, DeviceRecordsBecomeFindings) {
-  DeviceRecord record{"mavlink", {{"packets", 0}, {"bad_checksums", 3}}, ClockState{}};
+  DeviceRecord record{"mavlink", {{"packets", 0}, {"bad_checksums", 3, true}, {"pieces", 7}}, ClockState{}};
   Findings all = findings_of(record);
   EXPECT_EQ(find(all, "bad_checksums 3")->grade, Grade::kWarning);
+  EXPECT_EQ(find(all, "pieces"), nullptr);
   EXPECT_EQ(find(all, "no flight controller heard")->grade, Grade::kError);
   EXPECT_EQ(find(all, "clock: no sample")->grade, Grade::kWarning);
   record.counts = {{"packets", 100}};

@@ -5,7 +5,15 @@
 
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <string>
+
+#include "drivers/links/can/can_output.h"
+#include "drivers/links/mavlink/link.h"
+#include "drivers/sensors/camera/v4l2_camera.h"
+#include "drivers/sensors/imu/iio_imu.h"
+#include "drivers/sensors/imu/spi_imu.h"
+#include "drivers/sensors/wheel/can_wheel_source.h"
 
 namespace epiline {
 namespace {
@@ -97,6 +105,26 @@ TEST(Devices, EveryDriverOfAnImuIsAtHand) {
     EXPECT_EQ(devices->records.size(), 3u) << "camera, IMU, flight controller";
     for (const auto& record : devices->records) EXPECT_FALSE(record().counts.empty());
   }
+}
+
+template <class Counters>
+void expect_told_in(const char* page, const Counters& counters) {
+  std::ifstream file(std::string(EPILINE_SOURCE "/docs/") + page);
+  const std::string text(std::istreambuf_iterator<char>(file), {});
+  for (const auto& c : counters) {
+    const std::string name = std::string("`").append(c.name).append("`");
+    EXPECT_NE(text.find(name), std::string::npos) << page << " does not explain " << name;
+  }
+}
+
+TEST(Devices, WhatTheyCountIsExplainedInTheirPages) {
+  expect_told_in("camera.md", kCameraCounters);
+  expect_told_in("imu-iio.md", kIioCounters);
+  expect_told_in("imu-spi.md", kSpiImuCounters);
+  expect_told_in("mavlink.md", mavlink::kLinkCounters);
+  expect_told_in("mavlink.md", mavlink::kControllerImuCounters);
+  expect_told_in("can.md", kCanCounters);
+  expect_told_in("can.md", kWheelCounters);
 }
 
 }  // namespace
