@@ -95,21 +95,6 @@ Finding of_error(const std::string& device, const Error& error) {
   return found(Grade::kError, device, plain.text(), error.expected.empty() ? "" : "expected " + error.expected);
 }
 
-// Takes a place, so that the others can be made.
-class NoCamera final : public CameraSource {
-  Status open() override { return Done{}; }
-  void close() noexcept override {}
-  ReadOutcome read(Frame& /*frame*/, Span /*timeout*/) noexcept override { return ReadOutcome::kEnd; }
-  void give_back(const Frame& /*frame*/) noexcept override {}
-};
-class NoImu final : public ImuSource {
-  Status open() override { return Done{}; }
-  void close() noexcept override {}
-  ReadOutcome read(std::span<ImuSample> /*samples*/, std::size_t& /*count*/, Span /*timeout*/) noexcept override {
-    return ReadOutcome::kEnd;
-  }
-};
-
 /// The buses that are configured, and what is heard on them.
 class Buses {
  public:
@@ -363,22 +348,18 @@ void wait(const CheckOptions& options, const std::function<bool()>& is_over) {
   }
 }
 
-/// Camera and the rest apart, so that what one lacks does not keep the other from being looked at.
+/// All that can be made and opened: what one lacks does not keep the others from being looked at.
 class Devices {
  public:
   Devices(const LiveSettings& settings, Findings& out) {
-    LiveDevices others;
-    others.imu = std::make_unique<NoImu>();
-    if (!has_error(out, "camera")) camera_ = made(settings, std::move(others), "camera", out);
-    others = {};
-    others.camera = std::make_unique<NoCamera>();
-    const bool wants_imu = !has_error(out, "imu");
-    if (!wants_imu) others.imu = std::make_unique<NoImu>();
-    rest_ = made(settings, std::move(others), "imu", out);
+    MadeDevices made = make_each_device(settings);
+    say_unless_said("camera", made.camera, out);
+    say_unless_said("imu", made.imu, out);
+    devices_ = std::move(made.devices);
     open_outputs(out);
-    opened_.camera = opened(camera_.camera.get(), "camera", out);
-    if (wants_imu) opened_.imu = opened(rest_.imu.get(), "imu", out);
-    opened_.wheel = opened(rest_.wheel.get(), "wheel", out);
+    opened_.camera = opened(devices_.camera.get(), "camera", out);
+    opened_.imu = opened(devices_.imu.get(), "imu", out);
+    opened_.wheel = opened(devices_.wheel.get(), "wheel", out);
     for (const Finding& f : out)
       if (f.grade == Grade::kError) not_open_.push_back(f.device);
   }
@@ -386,30 +367,26 @@ class Devices {
     if (opened_.camera != nullptr) opened_.camera->close();
     if (opened_.imu != nullptr) opened_.imu->close();
     if (opened_.wheel != nullptr) opened_.wheel->close();
-    for (LiveOutput& output : rest_.outputs) output.sink->close();
+    for (LiveOutput& output : devices_.outputs) output.sink->close();
   }
   Devices(const Devices&) = delete;
   Devices& operator=(const Devices&) = delete;
 
   const Opened& are_open() const { return opened_; }
-  bool has_outputs() const { return !rest_.outputs.empty(); }
+  bool has_outputs() const { return !devices_.outputs.empty(); }
   /// What drivers counted; nothing of a device that could not be opened.
   void tell(const CameraConfig& config, Findings& out) const {
-    if (opened_.camera != nullptr) tell_records(camera_, "camera", out);
+    tell_records(out);
     if (const auto* v4l2 = dynamic_cast<const V4l2Camera*>(opened_.camera)) {
       say_exposure(v4l2->exposure_report(), config, out);
       if (!config.stamp_line.empty())
         add_all(out, findings_of(v4l2->edge_counts(), v4l2->line_counts(), config.stamp_line));
     }
-    tell_records(rest_, "", out);
   }
 
  private:
-  static LiveDevices made(const LiveSettings& settings, LiveDevices others, const char* device, Findings& out) {
-    auto devices = make_devices(settings, std::move(others));
-    if (devices) return std::move(*devices);
-    out.push_back(of_error(device, devices.error()));
-    return {};
+  static void say_unless_said(const char* device, const Status& status, Findings& out) {
+    if (!status && !has_error(out, device)) out.push_back(of_error(device, status.error()));
   }
   template <class Source>
   static Source* opened(Source* source, const char* device, Findings& out) {
@@ -419,21 +396,21 @@ class Devices {
     return status ? source : nullptr;
   }
   void open_outputs(Findings& out) {
-    for (LiveOutput& output : rest_.outputs) {
+    for (LiveOutput& output : devices_.outputs) {
       const std::string device = output.name.substr(0, output.name.find(' '));
       if (has_error(out, device)) continue;
       if (const Status status = output.sink->open(); !status) out.push_back(of_error(device, status.error()));
     }
   }
-  void tell_records(const LiveDevices& devices, const std::string& only, Findings& out) const {
-    for (const auto& record : devices.records) {
+  void tell_records(Findings& out) const {
+    for (const auto& record : devices_.records) {
       const DeviceRecord r = record();
       const bool is_open = std::find(not_open_.begin(), not_open_.end(), r.name) == not_open_.end();
-      if ((only.empty() || r.name == only) && is_open) add_all(out, findings_of(r));
+      if (is_open) add_all(out, findings_of(r));
     }
   }
 
-  LiveDevices camera_, rest_;
+  LiveDevices devices_;
   Opened opened_;
   std::vector<std::string> not_open_;
 };

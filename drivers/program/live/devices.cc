@@ -202,20 +202,25 @@ Status add_imu(const LiveSettings& settings, mavlink::MavlinkLink* link, LiveDev
 
 }  // namespace
 
-Result<LiveDevices> make_devices(const LiveSettings& settings, LiveDevices devices) {
-  if (!devices.camera) {
-    if (const Status s = add_camera(settings, devices); !s) return s.error();
-  }
+MadeDevices make_each_device(const LiveSettings& settings, LiveDevices given) {
+  MadeDevices made{std::move(given), Done{}, Done{}};
+  LiveDevices& devices = made.devices;
+  if (!devices.camera) made.camera = add_camera(settings, devices);
   const DevicesConfig& d = settings.config.devices;
   const bool imu_given = devices.imu != nullptr;
   mavlink::MavlinkLink* const link =
       add_link(d, !imu_given && static_cast<ImuDriver>(d.imu.driver) == ImuDriver::kMavlink, devices);
   add_can(d, devices);
   add_wheel(d, devices);
-  if (!imu_given) {
-    if (const Status s = add_imu(settings, link, devices); !s) return s.error();
-  }
-  return devices;
+  if (!imu_given) made.imu = add_imu(settings, link, devices);
+  return made;
+}
+
+Result<LiveDevices> make_devices(const LiveSettings& settings, LiveDevices devices) {
+  MadeDevices made = make_each_device(settings, std::move(devices));
+  if (!made.camera) return made.camera.error();
+  if (!made.imu) return made.imu.error();
+  return std::move(made.devices);
 }
 
 }  // namespace epiline

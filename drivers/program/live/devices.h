@@ -41,8 +41,15 @@ struct LiveDevices {
   /// Told how fast the body turns, rad/s, by the log thread: a camera limits its exposure by it. May be empty.
   std::function<void(double)> turns;
 };
-/// A camera or an IMU that `devices` has already takes the place of the configuration's. Fails if and only if the
-/// configuration names no camera or no IMU, or something that was not built in.
+/// The configured devices, and why camera or IMU is not among them.
+struct MadeDevices {
+  LiveDevices devices;
+  Status camera, imu;
+};
+/// A camera or an IMU that `devices` has already takes the place of the configuration's. Camera or IMU fail if and only
+/// if the configuration names none, or something that was not built in; the others are made all the same.
+MadeDevices make_each_device(const LiveSettings& settings, LiveDevices devices = {});
+/// All of them. Fails where camera or IMU fail.
 Result<LiveDevices> make_devices(const LiveSettings& settings, LiveDevices devices = {});
 
 }  // namespace epiline
