@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "estimator/geometry/tracked_feature.h"
+
 namespace epiline {
 
 namespace {
@@ -16,17 +18,8 @@ const TrackedFeature* RecordedTracks::find_previous(std::uint32_t id) const noex
 }
 
 bool RecordedTracks::describe(const TrackPoint& point, double dt_s, TrackedFeature& feature) const noexcept {
-  Vec3 f_C;
-  Mat23 J;
-  if (!camera_.bearing({point.u, point.v}, f_C, J)) return false;  // as the tracker does it, bit by bit
+  if (!set_pixel(camera_, {point.u, point.v}, feature)) return false;  // as the tracker does it, bit by bit
   feature.id = point.id;
-  feature.pixel = {point.u, point.v};
-  for (int i = 0; i < 3; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    feature.bearing[k] = f_C[i];
-    feature.pixel_jacobian[k] = J(0, i);
-    feature.pixel_jacobian[k + 3] = J(1, i);
-  }
   const TrackedFeature* before = find_previous(point.id);
   if (before && dt_s > 0) {
     feature.age = before->age + 1;

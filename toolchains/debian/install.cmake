@@ -38,6 +38,7 @@ install(TARGETS epiline RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT pr
 install(FILES ${manual} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT program)
 install(DIRECTORY docs/examples/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT program FILES_MATCHING PATTERN "*.toml"
   PATTERN "*.yaml")
+install(DIRECTORY docs/examples/library DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libepiline-dev/examples COMPONENT development)
 install(FILES toolchains/debian/epiline.service DESTINATION lib/systemd/system COMPONENT program)
 install(FILES toolchains/debian/70-epiline.rules DESTINATION lib/udev/rules.d COMPONENT program)
 install(FILES toolchains/debian/epiline.bash-completion DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME epiline

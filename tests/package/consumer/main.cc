@@ -9,29 +9,22 @@
 #include "drivers/links/mavlink/odometry.h"
 #include "drivers/links/mavlink/packet.h"
 #include "estimator/estimator.h"
-#include "estimator/geometry/camera.h"
+#include "estimator/geometry/tracked_feature.h"
 
 using namespace epiline;
 
 namespace {
 
-// Tracks are raw pixels; the camera says their bearings, and how sure those are.
 TrackedFrame wall(const Camera& camera, std::int64_t time_ns, std::uint64_t sequence) {
   TrackedFrame frame;
   frame.stamp = {time_ns};
   frame.sequence = sequence;
   for (std::uint32_t i = 0; i < 60; ++i) {
     const Vec2 pixel(50.0 + 60.0 * (i % 10), 50.0 + 70.0 * (i / 10));
-    Vec3 bearing;
-    Mat23 jacobian;
-    if (!camera.bearing(pixel, bearing, jacobian)) continue;
     TrackedFeature feature;
     feature.id = i;
     feature.age = static_cast<std::uint32_t>(sequence);
-    feature.pixel = {static_cast<float>(pixel.x()), static_cast<float>(pixel.y())};
-    Vec3::Map(feature.bearing.data()) = bearing;
-    Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(feature.pixel_jacobian.data()) = jacobian;
-    frame.features.push_back(feature);
+    if (set_pixel(camera, pixel, feature)) frame.features.push_back(feature);
   }
   return frame;
 }
