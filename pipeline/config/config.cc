@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "pipeline/text/nearest.h"
 #include "pipeline/text/table.h"
 
 namespace epiline {
@@ -87,9 +88,24 @@ const Parameter* find_parameter(const std::string& name) {
   return nullptr;
 }
 
+/// What to write in place of a setting that there is not.
+std::string listed_name(const std::string& wrong) {
+  std::vector<std::string> names;
+  for (const Parameter& p : parameters()) names.push_back(p.name);
+  const std::string meant = nearest(wrong, names);
+  return (meant.empty() ? "" : "\"" + meant + "\", or ") + "one that `epiline config` lists";
+}
+
 bool is_section(const std::string& name) {
   return std::any_of(parameters().begin(), parameters().end(),
                      [&](const Parameter& p) { return p.name.rfind(name + ".", 0) == 0; });
+}
+
+std::string listed_section(const std::string& wrong) {
+  std::vector<std::string> names;
+  for (const Parameter& p : parameters()) names.push_back(p.name.substr(0, p.name.find('.')));
+  const std::string meant = nearest(wrong, names);
+  return (meant.empty() ? "" : "[" + meant + "], or ") + "one that `epiline config` lists";
 }
 
 std::string shown(const toml::node& node) {
@@ -135,10 +151,43 @@ std::string toml_value(const Parameter& p, const Config& config) {
 
 }  // namespace
 
-Result<ConfigFile> ConfigFile::read(const std::filesystem::path& path) {
-  const auto text = read_text(path);
-  if (!text) return text.error();
-  return parse(*text, path.string());
+Result<ConfigFile> ConfigFile::read(const std::filesystem::path& path, const std::vector<std::string>& sets) {
+  ConfigFile file;
+  if (!path.empty()) {
+    const auto text = read_text(path);
+    if (!text) return text.error();
+    auto parsed = parse(*text, path.string());
+    if (!parsed) return parsed;
+    file = std::move(*parsed);
+  }
+  for (const std::string& set : sets) {
+    if (const Status s = file.set(set); !s) return s.error();
+  }
+  return file;
+}
+
+Status ConfigFile::set(const std::string& text) {
+  const auto fail = [&](std::string found, std::string expected) {
+    return Error{ErrorKind::kUsage, "--set " + text, 0, std::move(found), std::move(expected)};
+  };
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos) return fail("no value", "section.key=value");
+  const std::string name = text.substr(0, equals), value = text.substr(equals + 1);
+  const Parameter* const p = find_parameter(name);
+  if (p == nullptr) return fail("unknown setting \"" + name + "\"", listed_name(name));
+  const auto as_toml = [&](const std::string& v) -> std::optional<Value> {
+    try {
+      const toml::table table = toml::parse("value = " + v);
+      return table.size() == 1 ? checked_value(*p, *table.get("value")) : std::nullopt;
+    } catch (const toml::parse_error&) {
+      return std::nullopt;
+    }
+  };
+  auto checked = as_toml(value);
+  if (!checked) checked = as_toml(toml_text(value));
+  if (!checked) return fail("\"" + value + "\"", range_of(*p));
+  settings_.emplace_back(p, std::move(*checked));
+  return Done{};
 }
 
 Result<ConfigFile> ConfigFile::parse(std::string_view text, const std::string& name) {
@@ -155,16 +204,14 @@ Result<ConfigFile> ConfigFile::parse(std::string_view text, const std::string& n
   for (const auto& [section, entry] : root) {
     const std::string section_name(section.str());
     if (!is_section(section_name)) {
-      return fail(section.source(), "unknown section \"" + section_name + "\"",
-                  "one that `epiline config --print-defaults` lists");
+      return fail(section.source(), "unknown section \"" + section_name + "\"", listed_section(section_name));
     }
     if (!entry.is_table())
       return fail(section.source(), "\"" + section_name + "\" is no section", "[" + section_name + "]");
     for (const auto& [key, node] : *entry.as_table()) {
       const std::string full = section_name + "." + std::string(key.str());
       const Parameter* p = find_parameter(full);
-      if (!p)
-        return fail(key.source(), "unknown key \"" + full + "\"", "one that `epiline config --print-defaults` lists");
+      if (!p) return fail(key.source(), "unknown key \"" + full + "\"", listed_name(full));
       const auto value = checked_value(*p, node);
       if (!value) return fail(node.source(), full + " = " + shown(node), range_of(*p));
       file.settings_.emplace_back(p, *value);

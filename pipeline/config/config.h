@@ -58,8 +58,12 @@ class ConfigFile {
 
   /// Fails if and only if the file cannot be read, is no TOML, names an unknown section or key, or holds a value of the
   /// wrong type or outside its range.
-  static Result<ConfigFile> read(const std::filesystem::path& path);
+  /// `sets`: further settings as set() takes them, which win. Without a path they are all there is.
+  static Result<ConfigFile> read(const std::filesystem::path& path, const std::vector<std::string>& sets = {});
   static Result<ConfigFile> parse(std::string_view text, const std::string& name);
+  /// One more setting, `section.key=value`, which wins over what was set before. A text needs no quotes. Fails if and
+  /// only if there is no such setting, or the value has the wrong type or lies outside its range.
+  Status set(const std::string& text);
 
   /// Writes what the file sets, and nothing else, into `config`.
   void apply(Config& config) const;

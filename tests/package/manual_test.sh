@@ -9,7 +9,7 @@ trap 'rm -rf "$work"' EXIT
 zcat "$work/epiline.1.gz" >"$work/epiline.1"
 text=$(sed 's/\\-/-/g; s/\\e/\\/g' "$work/epiline.1")
 
-mapfile -t commands < <("$program" --help | sed -n '/^Subcommands:/,$p' | grep -oP '^  \K[a-z]+')
+mapfile -t commands < <("$program" --help | grep -oP '^  \K[a-z]+')
 ((${#commands[@]} >= 6)) || { echo "only ${#commands[@]} commands in --help"; failed=1; }
 for command in "${commands[@]}"; do
   section=$(sed -n "/^\.SS epiline $command\$/,/^\.S[SH] /p" <<<"$text")

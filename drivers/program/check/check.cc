@@ -418,14 +418,14 @@ class Devices {
 }  // namespace
 
 Findings check_devices(const std::filesystem::path& config_file, const CheckOptions& options) {
-  const auto file = ConfigFile::read(config_file);
+  const auto file = ConfigFile::read(config_file, options.set);
   if (!file) return {of_error("configuration", file.error())};
   Config config;
   file->apply(config);
   const DevicesConfig& d = config.devices;
   Findings out = check_presence(d, list_devices());
   Buses buses(d, out);
-  const auto settings = read_live_settings(config_file);
+  const auto settings = read_live_settings(config_file, options.set);
   if (!settings) {
     out.push_back(of_error("configuration", settings.error()));
     return out;

@@ -11,7 +11,8 @@
 namespace epiline {
 
 struct CheckOptions {
-  double seconds = 10;  ///< of looking at live data
+  double seconds = 10;           ///< of looking at live data
+  std::vector<std::string> set;  ///< settings as ConfigFile::set() takes them; they win over the file
   /// Called about four times a second meanwhile; false ends it early.
   std::function<bool(double seconds)> watch;
 };

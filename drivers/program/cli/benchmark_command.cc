@@ -33,6 +33,7 @@ void add_benchmark(CLI::App& app, int& exit_code) {
   o->factors.assign(kVisualFactorNames.begin(), kVisualFactorNames.end());
   o->jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   CLI::App* command = app.add_subcommand("benchmark", "Every visual factor over every data set: errors, times, tables");
+  command->group(kStudy);
   command->add_option("DATASET", o->datasets, "ASL folders or ROS 1 bags")->required();
   command->add_option("--factors", o->factors, "visual factors to compare")
       ->delimiter(',')

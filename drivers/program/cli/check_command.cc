@@ -15,7 +15,8 @@ namespace epiline {
 namespace {
 
 struct Options {
-  std::string config;
+  std::filesystem::path config;
+  std::vector<std::string> set;
   double seconds = 10;
   bool json = false;
 };
@@ -61,9 +62,12 @@ void print_json(const Findings& findings, const Inventory& inventory) {
 }
 
 int check(const Options& options) {
+  const auto config = find_config(options.config);
+  if (!config) return report(config.error());
   // a file that says nonsense is wrong input, not a finding about devices
-  if (const auto file = ConfigFile::read(options.config); !file) return report(file.error());
+  if (const auto file = ConfigFile::read(*config, options.set); !file) return report(file.error());
   CheckOptions how;
+  how.set = options.set;
   how.seconds = options.seconds;
   const bool shows = isatty(STDERR_FILENO) == 1;
   how.watch = [&](double seconds) {
@@ -74,7 +78,7 @@ int check(const Options& options) {
     }
     return true;
   };
-  const Findings findings = check_devices(options.config, how);
+  const Findings findings = check_devices(*config, how);
   if (shows) fmt::print(stderr, "\r\x1b[K");
   const Inventory inventory = list_devices();
   if (options.json)
@@ -91,7 +95,9 @@ int check(const Options& options) {
 void add_check(CLI::App& app, int& exit_code) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("check", "Looks at the configured devices and says what is wrong with them");
-  command->add_option("--config", options->config, "configuration, a TOML file")->required();
+  command->group(kFly);
+  add_settings(*command, options->config, options->set,
+               "the configuration of epiline run (TOML); default: /etc/epiline/epiline.toml, else ./epiline.toml");
   command
       ->add_option("--seconds", options->seconds,
                    "to look at live data; an hour gives the Allan deviation (default 10)")

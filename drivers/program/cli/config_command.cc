@@ -32,6 +32,7 @@ void add_config(CLI::App& app, int& exit_code) {
   const auto options = std::make_shared<Options>();
   CLI::App* command =
       app.add_subcommand("config", "Every setting with its unit, range and meaning, as a configuration file");
+  command->group(kFly);
   CLI::Option* defaults = command->add_flag("--print-defaults", options->print_defaults, "the defaults (the default)");
   command->add_option("--check", options->check, "checks a file and prints the settings it leads to")
       ->excludes(defaults);

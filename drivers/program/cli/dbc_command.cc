@@ -27,6 +27,7 @@ int dbc_command(const std::string& path) {
 void add_dbc(CLI::App& app, int& exit_code) {
   const auto path = std::make_shared<std::string>();
   CLI::App* command = app.add_subcommand("dbc", "What the CAN frames of odometry hold, as a DBC file");
+  command->group(kFly);
   command->add_option("--config", *path, "settings: can.base_id is the first identifier");
   command->callback([path, &exit_code] { exit_code = dbc_command(*path); });
 }

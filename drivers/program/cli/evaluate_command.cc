@@ -57,6 +57,7 @@ int evaluate_files(const Options& options) {
 void add_evaluate(CLI::App& app, int& exit_code) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("evaluate", "Errors of a trajectory against a reference");
+  command->group(kAnalyse);
   command->add_option("ESTIMATE", options->estimate, "TUM trajectory or ASL ground truth, also gzipped")->required();
   command->add_option("REFERENCE", options->reference, "the truth, in either format")->required();
   command->add_option("--align", options->align, "what is laid over the reference first")

@@ -63,7 +63,10 @@ void say_ready(const hil::HilOptions& options) {
   std::fflush(stdout);
 }
 
-int hil_command(const Options& options) {
+int hil_command(Options& options) {
+  const auto config = find_config(options.hil.config_file);
+  if (!config) return report(config.error());
+  options.hil.config_file = *config;
   ProgressBar bar(options.quiet);
   constexpr std::size_t kSteps = 1000;
   bool said_ready = options.quiet;
@@ -107,9 +110,10 @@ void add_hil(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand(
       "hil", "Plays a recorded flight through the real interfaces, and judges the odometry as flight controllers do");
   command->add_option("DATASET", h.dataset, "ASL folder or ROS 1 bag, with images")->required();
-  command
-      ->add_option("--config", h.config_file, "the configuration of epiline run; what is played replaces its devices")
-      ->required();
+  command->group(kFly);
+  add_settings(*command, h.config_file, h.set,
+               "the configuration of epiline run (TOML), whose devices are replaced by what is played; default: "
+               "/etc/epiline/epiline.toml, else ./epiline.toml");
   command->add_option("--camera", h.camera, "file, or v4l2loopback:DEVICE: through the kernel")
       ->check(camera_fault)
       ->capture_default_str();

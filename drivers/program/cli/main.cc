@@ -8,6 +8,7 @@
 #include <string>
 
 #include "drivers/program/cli/commands.h"
+#include "pipeline/text/nearest.h"
 
 namespace epiline {
 
@@ -27,6 +28,25 @@ Result<std::unique_ptr<LiveView>> open_view(const std::string& text) {
   return view;
 }
 
+void add_settings(CLI::App& command, std::filesystem::path& file, std::vector<std::string>& set,
+                  const std::string& what) {
+  command.add_option("--config", file, what);
+  command.add_option("--set", set, "SECTION.KEY=VALUE: a setting that wins over the file; may be repeated")
+      ->type_name("SECTION.KEY=VALUE")
+      ->allow_extra_args(false);
+}
+
+Result<std::filesystem::path> find_config(const std::filesystem::path& given) {
+  if (!given.empty()) return given;
+  for (const char* const path : {"/etc/epiline/epiline.toml", "epiline.toml"}) {
+    std::error_code ignored;
+    if (std::filesystem::exists(path, ignored)) return std::filesystem::path(path);
+  }
+  return Error{
+      ErrorKind::kUsage, "", 0, "no configuration",
+      "--config FILE, or a file /etc/epiline/epiline.toml or ./epiline.toml (epiline config prints one to begin from)"};
+}
+
 namespace {
 
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
@@ -39,20 +59,23 @@ int run(int argc, char** argv) {
   app.require_subcommand(1);
   app.set_version_flag("--version", EPILINE_VERSION);
   add_run(app, exit_code);
-  add_hil(app, exit_code);
   add_check(app, exit_code);
-  add_replay(app, exit_code);
-  add_evaluate(app, exit_code);
-  add_benchmark(app, exit_code);
-  add_montecarlo(app, exit_code);
-  add_simulate(app, exit_code);
+  add_hil(app, exit_code);
   add_config(app, exit_code);
   add_dbc(app, exit_code);
+  add_replay(app, exit_code);
+  add_evaluate(app, exit_code);
+  add_simulate(app, exit_code);
+  add_benchmark(app, exit_code);
+  add_montecarlo(app, exit_code);
   const auto commands = app.get_subcommands([](const CLI::App*) { return true; });
   const auto is_named = [&](const CLI::App* command) { return argc > 1 && command->check_name(argv[1]); };
   if (argc > 1 && argv[1][0] != '-' && std::none_of(commands.begin(), commands.end(), is_named)) {
+    std::vector<std::string> names;
+    for (const CLI::App* command : commands) names.push_back(command->get_name());
+    const std::string meant = nearest(argv[1], names);
     return report({ErrorKind::kUsage, "", 0, "unknown command \"" + std::string(argv[1]) + "\"",
-                   "one that epiline --help lists"});
+                   (meant.empty() ? "" : "\"" + meant + "\", or ") + "one that epiline --help lists"});
   }
   try {
     app.parse(argc, argv);

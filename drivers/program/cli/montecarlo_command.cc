@@ -69,6 +69,7 @@ void add_montecarlo(CLI::App& app, int& exit_code) {
   o->study.jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   CLI::App* command =
       app.add_subcommand("montecarlo", "Many made-up flights: errors, and whether the covariance tells the truth");
+  command->group(kStudy);
   command->add_option("--flight", o->flights, "what is flown")
       ->delimiter(',')
       ->check(CLI::IsMember(o->flights))

@@ -122,7 +122,8 @@ void add_replay(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("replay", "Odometry from a recorded flight: trajectory, figures, report");
   command->add_option("DATASET", o->replay.dataset, "ASL folder (mav0/{cam0,imu0,...}) or ROS 1 bag")->required();
   command->add_option("--out", o->out, "folder for the results")->capture_default_str();
-  command->add_option("--config", o->replay.config_file, "settings (TOML); see epiline config");
+  command->group(kAnalyse);
+  add_settings(*command, o->replay.config_file, o->replay.set, "settings (TOML); see epiline config");
   command->add_option("--visual-factor", o->visual_factor, "residual of a track")
       ->check(CLI::IsMember(kVisualFactorNames));
   command->add_option("--camera", o->replay.camera, "which camera")

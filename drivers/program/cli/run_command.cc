@@ -18,7 +18,9 @@ namespace {
 
 struct Options {
   LiveOptions live;
-  std::string config, view, record_folder;
+  std::filesystem::path config;
+  std::vector<std::string> set;
+  std::string view, record_folder;
   bool record_images = false, quiet = false;
 };
 
@@ -102,7 +104,9 @@ void print_summary(const FlightRecord& r) {
 }
 
 int run_command(Options& options) {
-  auto settings = read_live_settings(options.config);
+  const auto config = find_config(options.config);
+  if (!config) return report(config.error());
+  auto settings = read_live_settings(*config, options.set);
   if (!settings) return report(settings.error());
   if (!options.record_folder.empty()) settings->config.recorder.folder = options.record_folder;
   settings->config.recorder.images |= options.record_images;
@@ -129,8 +133,9 @@ int run_command(Options& options) {
 void add_run(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("run", "Odometry from a live camera and IMU, to flight controllers and buses");
-  command->add_option("--config", o->config, "devices, calibration and settings (TOML); see epiline config")
-      ->required();
+  command->group(kFly);
+  add_settings(*command, o->config, o->set,
+               "devices, calibration and settings (TOML); default: /etc/epiline/epiline.toml, else ./epiline.toml");
   command->add_option("--out", o->live.out, "folder for trajectory, events, figures and report");
   command->add_option("--duration", o->live.duration_s, "ends after that many seconds")->check(CLI::PositiveNumber);
   command->add_option("--view", o->view, "[ADDRESS:]PORT: a page that shows the flight; 0: any port")

@@ -117,6 +117,7 @@ void add_simulate(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<Options>();
   CLI::App* command =
       app.add_subcommand("simulate", "A made-up flight as a folder to replay: images or tracks, IMU and the truth");
+  command->group(kStudy);
   command->add_option("--flight", o->flight, "what is flown")
       ->check(CLI::IsMember(names(kAllFlights)))
       ->capture_default_str();

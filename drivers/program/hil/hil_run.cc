@@ -339,7 +339,7 @@ Status Flight::write(HilResult& result) {
 }  // namespace
 
 Result<HilResult> run_hil(const HilOptions& options, const std::function<bool(const Progress&)>& watch) {
-  auto settings = read_live_settings(options.config_file);
+  auto settings = read_live_settings(options.config_file, options.set);
   if (!settings) return settings.error();
   if (options.beside) {
     if (const Status s = check_beside(options, *settings); !s) return s.error();

@@ -16,9 +16,10 @@ namespace epiline::hil {
 
 struct HilOptions {
   std::filesystem::path dataset, config_file;
-  std::filesystem::path out;    ///< folder of a live run's files and the verdict; empty: none
-  std::string camera = "file";  ///< or v4l2loopback:DEVICE
-  std::string imu = "file";     ///< or uhid, mavlink
+  std::vector<std::string> set;  ///< as read_live_settings() takes it
+  std::filesystem::path out;     ///< folder of a live run's files and the verdict; empty: none
+  std::string camera = "file";   ///< or v4l2loopback:DEVICE
+  std::string imu = "file";      ///< or uhid, mavlink
   /// Or pty:PATH, udp, udp:PORT, a CAN interface, a serial port wired to that of the configuration.
   std::string controller = "pty";
   /// Another process flies, with the same configuration file: plays as soon as that one has opened the IMU.

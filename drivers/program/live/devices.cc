@@ -92,8 +92,8 @@ DeviceRecord record_of(const CanWheelSource& wheel) {
 
 }  // namespace
 
-Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file) {
-  const auto file = ConfigFile::read(config_file);
+Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file, const std::vector<std::string>& set) {
+  const auto file = ConfigFile::read(config_file, set);
   if (!file) return file.error();
   LiveSettings settings;
   settings.source = config_file.string();

@@ -18,9 +18,10 @@ struct LiveSettings {
   CameraParameters camera;
   std::string source;  ///< the configuration file, for errors
 };
-/// Defaults, then the calibration files, then the configuration file. Fails if and only if one of them is wrong, or no
-/// calibration of the camera is named.
-Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file);
+/// Precedence: `set` (as ConfigFile::set() takes it), configuration file, calibration files, defaults. Fails if and
+/// only if one of them is wrong, or no calibration of the camera is named.
+Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file,
+                                        const std::vector<std::string>& set = {});
 
 /// Somebody who gets the odometry, and what he says of it afterwards.
 struct LiveOutput {

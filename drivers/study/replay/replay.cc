@@ -182,8 +182,8 @@ Result<ReplayResult> replay(const ReplayOptions& options,
                             const std::function<void(std::size_t, std::size_t)>& progress) {
   Config config;
   std::optional<ConfigFile> file;
-  if (!options.config_file.empty()) {
-    auto read = ConfigFile::read(options.config_file);
+  if (!options.config_file.empty() || !options.set.empty()) {
+    auto read = ConfigFile::read(options.config_file, options.set);
     if (!read) return read.error();
     file = std::move(*read);
     file->apply(config);  // for the names of calibration files; what the data set says comes before the rest

@@ -20,6 +20,7 @@ struct ReplayOptions : FlightPart {
   std::string camera = "cam0";
   BagTopics topics;
   std::filesystem::path config_file;          ///< empty: defaults
+  std::vector<std::string> set;               ///< settings as ConfigFile::set() takes them; they win over the file
   std::optional<VisualFactor> visual_factor;  ///< wins over the file
   std::optional<double> deadline_ms;          ///< wins over the file
   std::optional<double> loop_s;               ///< the flight again and again until it has lasted so long

@@ -266,6 +266,8 @@ INSTANTIATE_TEST_SUITE_P(All, DamagedFlight, testing::ValuesIn(kDamages),
 TEST_F(MadeUpFlight, WrongUsageIsExitCodeTwo) {
   expect_one_line(run(""), 2, {});
   expect_one_line(run("fly"), 2, {"fly"});
+  expect_one_line(run("replya"), 2, {"unknown command \"replya\"", "expected \"replay\""});
+  expect_one_line(replay("--set tracker.max_features=0"), 2, {"--set tracker.max_features=0", "1 to 400"});
   expect_one_line(replay("--sideways"), 2, {"--sideways"});
   expect_one_line(replay("--visual-factor guess"), 2, {"guess"});
   expect_one_line(replay("--config /nonexistent.toml"), 2, {"/nonexistent.toml"});

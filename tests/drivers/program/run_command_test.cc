@@ -33,6 +33,8 @@ TEST_F(RunCommand, SaysWhatTheConfigurationLacks) {
   expect_one_line(run_with("device = \"/dev/video77\"\nwidth = 320\nheight = 240\n", "[imu]\ndevice = \"none\"\n"), 2,
                   {"camera.width = 320", "640 x 480"});
   expect_one_line(run_with("", "[camera]\n"), 2, {"flight.toml:"});
+  expect_one_line(run_with("device = \"/dev/video77\"\n", "", "--set imu.device=a --set imu.drver=iio"), 2,
+                  {"--set imu.drver=iio", "expected \"imu.driver\""});
   expect_one_line(run_with("divice = \"/dev/video77\"\n"), 2, {"flight.toml:3: ", "camera.divice"});
 }
 

@@ -60,6 +60,39 @@ TEST(Config, SetsWhatTheFileSaysAndNothingElse) {
   EXPECT_EQ(config.estimator.steps, 9);
 }
 
+TEST(Config, SingleSettingsWinOverTheFile) {
+  auto file = ConfigFile::parse("[tracker]\nmax_features = 70\n[estimator]\nkeyframes = 7\n", "f.toml");
+  ASSERT_TRUE(file);
+  for (const char* const set : {"tracker.max_features=90", "estimator.visual_factor=epipolar", "camera.device=a=b",
+                                "realtime.lock_memory=false"})
+    EXPECT_TRUE(file->set(set)) << set;
+  Config config;
+  file->apply(config);
+  EXPECT_EQ(config.tracker.max_features, 90);
+  EXPECT_EQ(config.estimator.keyframes, 7);
+  EXPECT_EQ(config.estimator.visual_factor, VisualFactor::kEpipolar);
+  EXPECT_EQ(config.devices.camera.device, "a=b");
+  EXPECT_FALSE(config.realtime.lock_memory);
+}
+
+TEST(Config, ASingleSettingThatIsWrongIsExplained) {
+  ConfigFile file;
+  const auto why = [&](const char* set) {
+    const Status status = file.set(set);
+    return status ? std::string("taken") : status.error().text();
+  };
+  EXPECT_EQ(why("tracker.max_features"), "--set tracker.max_features: no value; expected section.key=value");
+  EXPECT_EQ(
+      why("tracker.max_feature=3"),
+      "--set tracker.max_feature=3: unknown setting \"tracker.max_feature\"; expected \"tracker.max_features\", or "
+      "one that `epiline config` lists");
+  EXPECT_EQ(why("tracker.max_features=many"),
+            "--set tracker.max_features=many: \"many\"; expected an integer from 1 to 400");
+  EXPECT_NE(why("tracker.max_features=3\n[camera]"), "taken");
+  EXPECT_NE(why("tracker.max_features=3\nother=4"), "taken");
+  EXPECT_NE(why("=3"), "taken");
+}
+
 TEST(Config, NamedValuesKeepTheirOrderHoweverTheyAreWritten) {
   for (const char* const text : {"[camera]\ncontrols = { zoom = 3, auto_exposure = 1, \"a b\" = -7 }\n",
                                  "[camera.controls]\nzoom = 3\nauto_exposure = 1\n\"a b\" = -7\n"}) {
