@@ -7,6 +7,7 @@
 #include "estimator/impl.h"
 #include "estimator/monitor/evidence.h"
 #include "estimator/predict/covariance.h"
+#include "estimator/predict/velocity_gained.h"
 #include "estimator/window/choose_tracks.h"
 #include "estimator/window/keyframe.h"
 
@@ -287,7 +288,8 @@ StepResult Estimator::Impl::predict_for_time(const TrackedFrame& frame) {
 
 /// `s` is of the image's exposure on the IMU's clock.
 void Estimator::Impl::publish(HostStamp image, const KnownState& s) {
-  // The pose is that of the printed stamp, read as a time of the IMU's clock: taken back (or on) by the offset.
+  // Pose and velocity are those of the printed stamp, read as a time of the IMU's clock: taken back (or on) by the
+  // offset.
   const double dt = (image - s.time).seconds();
   const NavState& x = s.x;
   const Vec3 omega = s.omega - x.b_g;
@@ -295,7 +297,7 @@ void Estimator::Impl::publish(HostStamp image, const KnownState& s) {
   odometry.stamp = image;
   Eigen::Map<Vec3>(odometry.p_WB_m.data()) = x.p + x.v * dt;
   odometry.q_WB = {q.w(), q.x(), q.y(), q.z()};
-  Eigen::Map<Vec3>(odometry.v_WB_m_s.data()) = x.v;
+  Eigen::Map<Vec3>(odometry.v_WB_m_s.data()) = x.v + velocity_gained(history, x, omega, s.time, image);
   Eigen::Map<Vec3>(odometry.omega_B_rad_s.data()) = omega;
   Eigen::Map<Vec3>(odometry.accelerometer_bias_m_s2.data()) = x.b_a;
   Eigen::Map<Vec3>(odometry.gyroscope_bias_rad_s.data()) = x.b_g;

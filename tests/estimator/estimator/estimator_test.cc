@@ -9,6 +9,7 @@
 namespace epiline {
 namespace {
 
+using test::Flight;
 using test::Rig;
 
 TEST(EstimatorStart, AtRestGivesAttitudeAndBiasWithinASecond) {
@@ -99,6 +100,32 @@ TEST(EstimatorMemory, NeverAsksForMoreAfterConstruction) {
       EXPECT_EQ(scope.calls(), 0u);
       EXPECT_GT(rig.stats().frames_solved, 10u);
     }
+}
+
+/// A pose is published with the image's stamp, as a time of the IMU's clock; so is the velocity, however late or early
+/// the camera's clock is.
+TEST(EstimatorOutput, VelocityIsThatOfTheStamp) {
+  const Flight flight{.moving_from = 1};
+  for (const double offset : {-0.02, 0.02}) {
+    EstimatorConfig config;
+    config.estimate_time_offset = false;
+    config.extrinsics.time_offset_s = offset;
+    Rig rig(flight, config);
+    rig.time_offset = offset;
+    rig.pixel_noise = 0.05;
+    double square_error = 0, square_change = 0;
+    int frames = 0;
+    rig.run_to(12, [&] {
+      if (rig.now() < 4) return;
+      const double stamp = rig.now() - offset;
+      const Vec3 truth = flight.R(stamp).transpose() * flight.v(stamp);
+      square_error += (rig.R().transpose() * rig.v() - truth).squaredNorm();
+      square_change += (flight.v(rig.now()) - flight.v(stamp)).squaredNorm();
+      ++frames;
+    });
+    EXPECT_LT(std::sqrt(square_error / frames), 0.006) << offset;
+    EXPECT_GT(std::sqrt(square_change / frames), 0.012) << offset;  // what is at stake
+  }
 }
 
 }  // namespace

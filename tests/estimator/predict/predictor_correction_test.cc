@@ -14,7 +14,6 @@ using test::covariance_of;
 using test::difference;
 using test::displaced;
 using test::feed;
-using test::kTimeOffset;
 using test::Mat16;
 using test::Random;
 using test::Readings;
@@ -150,7 +149,7 @@ TEST(PredictorCorrection, LeavesOutWhatItCannotUse) {
   bad.q_WB = {0, 0, 0, 0};
   EXPECT_EQ(c.predictor.correct(bad), Predictor::Correction::kNotFinite);
   bad = c.better;
-  bad.stamp = at(0) - Span::from_seconds(kTimeOffset);
+  bad.stamp = at(0);
   EXPECT_EQ(c.predictor.correct(bad), Predictor::Correction::kOld);
   bad.stamp = at(-1);
   c.predictor.clear();

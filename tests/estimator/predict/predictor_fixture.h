@@ -13,7 +13,6 @@ namespace epiline::test {
 using Mat16 = Eigen::Matrix<double, 16, 16, Eigen::RowMajor>;
 using Vec16 = Eigen::Matrix<double, 16, 1>;
 
-inline constexpr double kTimeOffset = 0.004;
 inline constexpr HostStamp kStart{7'000'000'000};
 
 inline HostStamp at(double seconds) { return kStart + Span::from_seconds(seconds); }
@@ -22,9 +21,10 @@ inline ImuSample sample(HostStamp t, const Vec3& w, const Vec3& a) {
   return {t, {w.x(), w.y(), w.z()}, {a.x(), a.y(), a.z()}};
 }
 
-/// What the estimator would publish for the state `x` at the IMU's time `t`: its pose moved back to the image's stamp.
+/// What the estimator would publish for the state `x` at the IMU's time `t`: its pose and velocity moved back to the
+/// image's stamp. `acceleration`: in W, about `t`.
 inline Odometry solved(const NavState& x, HostStamp t, const Vec3& omega, const Mat16& P = Mat16::Identity(),
-                       double time_offset = kTimeOffset) {
+                       double time_offset = 0, const Vec3& acceleration = Vec3::Zero()) {
   Odometry o;
   o.time_offset_s = time_offset;
   o.stamp = t - Span::from_seconds(time_offset);
@@ -32,7 +32,7 @@ inline Odometry solved(const NavState& x, HostStamp t, const Vec3& omega, const 
   const Eigen::Quaterniond q(x.R * so3_exp(omega * dt));
   Eigen::Map<Vec3>(o.p_WB_m.data()) = x.p + x.v * dt;
   o.q_WB = {q.w(), q.x(), q.y(), q.z()};
-  Eigen::Map<Vec3>(o.v_WB_m_s.data()) = x.v;
+  Eigen::Map<Vec3>(o.v_WB_m_s.data()) = x.v + acceleration * dt;
   Eigen::Map<Vec3>(o.omega_B_rad_s.data()) = omega;
   Eigen::Map<Vec3>(o.accelerometer_bias_m_s2.data()) = x.b_a;
   Eigen::Map<Vec3>(o.gyroscope_bias_rad_s.data()) = x.b_g;

@@ -18,7 +18,6 @@ using test::at;
 using test::covariance_of;
 using test::difference;
 using test::feed;
-using test::kTimeOffset;
 using test::Mat16;
 using test::noisy;
 using test::Random;
@@ -51,7 +50,30 @@ TEST(Predictor, IsExactForConstantRateAndConstantAcceleration) {
     EXPECT_LT((Vec3(o.omega_B_rad_s.data()) - w).norm(), 1e-12);
     EXPECT_EQ(x.b_a, x0.b_a);
     EXPECT_EQ(o.reset_counter, 3u);
-    EXPECT_EQ(o.time_offset_s, kTimeOffset);
+    EXPECT_EQ(o.time_offset_s, 0);
+  }
+}
+
+// A camera's clock that is off: pose and velocity come as those of the stamp, the base lies at the stamp plus the
+// offset.
+TEST(Predictor, TakesAStateBackToTheInstantOfTheFrame) {
+  Random random(12);
+  const Vec3 w(0.4, -1.2, 0.7), a(1, -2, 0.5);
+  for (const double time_offset : {-0.008, -0.001, 0.001, 0.008}) {
+    const NavState x0 = some_state(random);
+    Predictor predictor{PredictorConfig{}};
+    for (int k = 0; k <= 40; ++k) {
+      const Mat3 R = x0.R * so3_exp(w * (k * 0.005 - 0.1));
+      predictor.add_imu(sample(at(k * 0.005), w + x0.b_g, R.transpose() * (a - kGravity_W) + x0.b_a));
+    }
+    predictor.correct(solved(x0, at(0.1), w, Mat16::Identity(), time_offset, a));
+    const Odometry o = predictor.odometry();
+    const NavState x = state_of(o);
+    EXPECT_EQ(o.time_offset_s, time_offset);
+    EXPECT_NEAR(predictor.age_s(), 0.1, 1e-12);
+    EXPECT_LT((x.v - (x0.v + a * 0.1)).norm(), 1e-5);  // a stamp's velocity taken for the frame's: 2 to 20 mm/s
+    EXPECT_LT((x.p - (x0.p + x0.v * 0.1 + 0.5 * a * 0.01)).norm(), 1e-4);
+    EXPECT_LT((x.R - x0.R * so3_exp(w * 0.1)).norm(), 1e-11);
   }
 }
 
@@ -133,6 +155,10 @@ TEST(Predictor, AgreesWithTheEstimatorsOwnPrediction) {
     ASSERT_TRUE(step.has_pose && !step.solved);
     const Odometry o = estimator->odometry();
     NavState expected = state_of(o);
+    const Mat3 R0 = expected.R;
+    const Mat3 R1 = R0 * so3_exp(s.dt * (0.5 * (s.w[end - 1] + s.w[end]) - x0.b_g));
+    const Vec3 force = 0.5 * (R0 * (s.a[end - 1] - x0.b_a) + R1 * (s.a[end] - x0.b_a));
+    expected.v += s.dt * (force + kGravity_W);
     expected.p += 0.005 * expected.v;
     expected.R = expected.R * so3_exp(0.005 * Vec3(o.omega_B_rad_s.data()));
     const Odometry predicted = predictor.odometry();
