@@ -27,7 +27,8 @@ bool usable(const Odometry& o) {
   return std::abs(norm - 1) < kQuaternionTolerance && std::abs(o.time_offset_s) < 1;
 }
 
-// The instant of the state behind a solved odometry; `set_base` undoes the move of the pose to the image's stamp.
+// The instant of the state behind a solved odometry; `set_base` undoes the move of pose and velocity to the image's
+// stamp.
 HostStamp imu_time(const Odometry& solved) { return solved.stamp + Span::from_seconds(solved.time_offset_s); }
 
 }  // namespace
