@@ -32,6 +32,9 @@ class VisualFactorModel {
   /// What frame 0's bearings add given the frames 1..n-2 (the newest may still be dropped), over frames 0..n-2; over
   /// all of them if prior_reaches_newest().
   virtual void marginalise_oldest(const Window& window, const VisualSettings& settings, VisualSystem& out) noexcept = 0;
+  /// Whether the solver may take a step far below what is known of the window without a trial. That asks for a cost
+  /// that depends on the window's states alone and is close to its quadratic model there.
+  virtual bool may_step_untried() const noexcept { return false; }
   /// Robust noise estimate from the last linearisation: the bearing noise, px, that its residuals show; 0: too few
   /// tracks.
   virtual double residual_sigma_px() noexcept { return 0; }

@@ -202,7 +202,8 @@ void Solver::iterate(Window& w, VisualFactorModel& visual, const SolverSettings&
     visual.save();
     const bool has_step = factorise_and_solve(w, settings, damping);
     // A step far below what is known of the window follows the quadratic model: it needs no trial.
-    if (has_step && damping == kFirstDamping && insignificant(w) && step(w, visual, settings)) {
+    const bool untried = visual.may_step_untried() && damping == kFirstDamping;
+    if (has_step && untried && insignificant(w) && step(w, visual, settings)) {
       ++r.accepted;
       r.cost = cost - memory_->expected_gain;
       r.outcome = SolverOutcome::kConverged;

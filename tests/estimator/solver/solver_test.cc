@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "estimator/factors/epipolar.h"
+#include "estimator/factors/reprojection.h"
 #include "tests/estimator/dense_system.h"
 #include "tests/estimator/solver/solver_fixture.h"
 
@@ -219,6 +221,46 @@ TEST(Solver, TheStepDoesNotDependOnWhereThePointsWereFoundBefore) {
     step[s == &warm] = solve_dense(dense(solver.system()));
   }
   EXPECT_LT(relative_difference(step[1].step, step[0].step, step[0].unit), 1e-6);
+}
+
+/// The track factor, with its trials counted; whether it may do without them is the test's.
+class Counted final : public VisualFactorModel {
+ public:
+  explicit Counted(bool may_step_untried) : may_(may_step_untried) {}
+  void collect(const Window& w, const VisualSettings& settings) noexcept override { track_.collect(w, settings); }
+  void linearise(const Window& w, VisualSystem& out) noexcept override { track_.linearise(w, out); }
+  double cost(const Window& w) noexcept override {
+    ++trials;
+    return track_.cost(w);
+  }
+  void marginalise_oldest(const Window& w, const VisualSettings& settings, VisualSystem& out) noexcept override {
+    track_.marginalise_oldest(w, settings, out);
+  }
+  bool may_step_untried() const noexcept override { return may_; }
+  int trials = 0;
+
+ private:
+  TrackFactor track_{best_instruction_set()};
+  bool may_;
+};
+
+/// A short step may cost trials that nobody needs; a factor whose cost does not keep to its quadratic model needs them.
+TEST(Solver, TriesShortStepsUnlessTheFactorDoesWithout) {
+  for (const bool may : {false, true}) {
+    SyntheticWindow s = make_window({.frames = 8, .tracks = 80, .pixel_noise = 0, .state_error = 0.01});
+    set_initial_prior(*s.window, {}, calibration_sigmas());
+    Counted factor(may);
+    Solver solver(best_instruction_set());
+    Supervisor patient;
+    factor.collect(*s.window, quadratic(false));
+    ASSERT_TRUE(solver.optimise(*s.window, factor, {20, true, false}, patient).solved());
+    factor.trials = 0;
+    ASSERT_TRUE(solver.optimise(*s.window, factor, {20, true, false}, patient).solved());  // nothing is left to gain
+    EXPECT_EQ(factor.trials > 0, !may);
+  }
+  EXPECT_TRUE(TrackFactor(best_instruction_set()).may_step_untried());
+  EXPECT_FALSE(EpipolarFactor(best_instruction_set()).may_step_untried());
+  EXPECT_FALSE(ReprojectionFactor(best_instruction_set()).may_step_untried());
 }
 
 }  // namespace
