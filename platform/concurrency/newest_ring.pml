@@ -1,226 +1,265 @@
-/* NewestRing of newest_ring.h, with the names used there. The producer pushes the serials 1 to PUSHES; their values
- * are the numbers of BUFFERS buffers that it fills before pushing. A buffer that was evicted is its own again at
- * once; one that the consumer is done with comes back through a release and an acquire, as in a SlotPool. Runs have
- * an end, since a consumer may fall behind by any number of serials; the runs here overrun the ring more than twice,
- * and leave values behind if N > 2. Memory: see weak_memory.pml. Cells are only exchanged; the relaxed looks at a
- * cell before that may find it empty still, unless the consumer has acquired a push that came after it was filled.
+/* NewestRing of newest_ring.h, with the names used there. The values are the numbers of BUFFERS buffers that the
+ * producer fills before pushing. A buffer that was evicted is its own again at once; the consumer keeps the buffer it
+ * popped last until it is done with the next one, as the tracker does, and buffers it is done with come back through a
+ * release and an acquire. The producer waits for a buffer when none is free, and pauses now and then until all have
+ * come back but the one the consumer keeps. Runs are endless. Memory: see weak_memory.pml; a load of the word, also
+ * that of a replacement that fails, may return any value since the thread's last access.
  *
- * Checked: each value leaves the ring once and into one hand, as popped, evicted or overtaken; no access to a
- * buffer is a race; popped serials grow; nothing that is still in the ring is skipped without being reported: a
- * serial is passed over only when it was evicted or overtaken; whoever fell behind gets a value at least as new as
- * any pushed before that pop; the last value pushed is popped; what is left behind after that is at most N - 1
- * values.
+ * Checked: each value leaves the ring once and into one hand, as popped, evicted or overtaken; no access to a buffer
+ * is a race; values come in order, and when one was evicted the next pop gives the newest at once and leaves none
+ * behind; a side fails at most N times to replace the word; the producer always gets a buffer again, and all
+ * buffers but one in a pause (the camera does not starve).
  * Left out: the counters. */
 #ifndef N
 #define N 2
 #endif
-#ifndef PUSHES
-#define PUSHES 6
-#endif
 #ifndef BUFFERS
-#define BUFFERS (N + 3) /* in the ring; one with the producer; two, for a moment, with a consumer that sweeps */
+#define BUFFERS 4
 #endif
 #define THREADS 2
 #define SLOTS BUFFERS
-#define MESSAGES (N + BUFFERS) /* one in each cell; one for each buffer's way back */
+#define MESSAGES (BUFFERS + 1) /* one for each buffer's way back; one in the word */
 #include "weak_memory.pml"
 
-#ifndef kSwap
-#define kSwap ACQ_REL
+#ifndef kPublish
+#define kPublish RELEASE
 #endif
-#ifndef kSwapInPush /* the two exchanges, to be weakened one at a time */
-#define kSwapInPush kSwap
+#ifndef kObserve
+#define kObserve ACQUIRE
 #endif
-#ifndef kSwapInTake
-#define kSwapInTake kSwap
+#ifndef COMPARE /* 0: the consumer replaces the word without comparing it */
+#define COMPARE 1
 #endif
-#ifndef SWEEP /* 0: a consumer that fell behind takes what it finds */
-#define SWEEP 1
+#ifndef TAKE_ALL /* 0: after an overflow the consumer takes the newest value only */
+#define TAKE_ALL 1
+#endif
+#ifndef VISIT /* 0: the visitor is not called: overtaken buffers do not come back */
+#define VISIT 1
 #endif
 
 #define kProducer 0
 #define kConsumer 1
 #define kNone 255
-#define message_of_return(buffer) (N + (buffer))
+#define kMessageOfWord BUFFERS
+#define message_of_return(buffer) (buffer)
 
-#define kEvicted 1
-#define kOvertaken 2
+#define forget(views, buffer) views = views & ~(access_of(kProducer, buffer) | access_of(kConsumer, buffer))
+
+#define kLaneBits 4
+#define kLane ((1 << kLaneBits) - 1)
+#define kOverflow (1 << (N * kLaneBits))
+#define lane(word, i) (((word) >> ((i) * kLaneBits)) & kLane)
+#define oldest(word) (lane(word, 0) - 1)
+#define is_full(word) (lane(word, N - 1) != 0)
 
 #define kFree 0 /* where a buffer is */
 #define kWithProducer 1
 #define kInRing 2
 #define kWithConsumer 3
 
-byte serial_in[N], value_in[N]; /* the cells; serial 0: empty */
-byte filled_at[N];              /* the first serial pushed into a cell since it was empty */
-byte carried[N];                /* the newest serial that happened before whoever acquires the cell's message */
-byte known;                     /* the newest serial that happened before the consumer's next step */
-byte pushed, tail;
-byte place[BUFFERS] = kFree;
-byte content[BUFFERS];          /* the serial it was filled for */
-byte gone[PUSHES + 1];          /* how a serial left without being popped */
-bit finished;                   /* the producer is, and everything it did is visible */
+int word;
+int seen[THREADS];       /* what a load of the word returns to a thread */
+byte place[BUFFERS];
+byte number_free = BUFFERS;
+byte line[N], waiting;   /* what must be in the ring, the oldest first */
+bit behind;              /* a value was evicted since the last pop */
+hidden byte place_in_line, free_one, fill;
 
-active proctype producer() {
-  byte serial, value, before;
+active [THREADS] proctype memory() {
   do
-  :: serial < PUSHES ->
-     serial++;
-     /* a free buffer: there always is one */
-     atomic {
-       value = 0;
-       do
-       :: place[value] != kFree -> value++; assert(value < BUFFERS)
-       :: else -> break
-       od;
-       place[value] = kWithProducer;
-       loading(kProducer, message_of_return(value), ACQUIRE)
-     };
-     atomic { access(kProducer, value, access_of(kConsumer, value)); content[value] = 0 };
-     atomic { access(kProducer, value, access_of(kConsumer, value)); content[value] = serial };
-     /* push() */
-     atomic {
-       modifying(kProducer, serial % N, kSwapInPush);
-#if kSwapInPush & RELEASE
-       carried[serial % N] = serial;
-#endif
-       if
-       :: serial_in[serial % N] == 0 -> before = kNone; filled_at[serial % N] = serial
-       :: else ->
-          before = value_in[serial % N];
-          assert(place[before] == kInRing && !gone[serial_in[serial % N]]);
-          gone[serial_in[serial % N]] = kEvicted;
-          place[before] = kWithProducer
-       fi;
-       serial_in[serial % N] = serial;
-       value_in[serial % N] = value;
-       place[value] = kInRing;
-       pushed = serial
-     };
-     if
-     :: before != kNone ->
-        /* it may be written again at once */
-        atomic {
-          access(kProducer, before, access_of(kConsumer, before));
-          storing(kProducer, message_of_return(before), RELEASE);
-          place[before] = kFree;
-          before = 0
-        }
-     :: else
-     fi
-  :: else -> break
-  od;
-  finished = 1
+  :: atomic { seen[_pid] != word -> seen[_pid] = word }
+  od
 }
 
-/* The consumer is done with a buffer. */
-inline give_back(buffer) {
-  atomic {
-    assert(place[buffer] == kWithConsumer);
-    storing(kConsumer, message_of_return(buffer), RELEASE);
-    place[buffer] = kFree
-  }
-}
-
-#define seems_empty(cell) (serial_in[cell] == 0 || (filled_at[cell] > known && !finished))
-
-/* take(): what was in the cell goes to taken and taken_value; 0 if the cell is, or seems, empty. In a sweep none
- * does: whoever found a later serial has acquired N pushes since the one it expected, one into each cell. */
-inline take(cell, may_seem_empty) {
-  atomic {
-    assert(may_seem_empty || serial_in[cell] == 0 || !seems_empty(cell));
-    if
-    :: seems_empty(cell) -> taken = 0
-    :: serial_in[cell] != 0 -> taken = kNone
-    fi
-  };
+/* What a replacement that fails returns: the newest word, or an older one that differs from the expected. */
+inline failing(me) {
+  failures++;
+  assert(failures <= N);
   if
-  :: taken != 0 ->
-     atomic {
-       assert(serial_in[cell] != 0);
-       modifying(kConsumer, cell, kSwapInTake);
-       if
-       :: (kSwapInTake & ACQUIRE) && carried[cell] > known -> known = carried[cell]
-       :: else
-       fi;
-       taken = serial_in[cell];
-       taken_value = value_in[cell];
-       serial_in[cell] = 0;
-       value_in[cell] = 0;
-       filled_at[cell] = 0;
-       assert(place[taken_value] == kInRing && !gone[taken]);
-       place[taken_value] = kWithConsumer
-     }
-  :: else
+  :: expected = word; seen[me] = word
+  :: seen[me] != expected -> expected = seen[me]
   fi
 }
 
-inline drop(serial, value) {
-  gone[serial] = kOvertaken;
-  give_back(value)
+inline first_leaves_line() {
+  d_step {
+    place_in_line = 1;
+    do
+    :: place_in_line < waiting -> line[place_in_line - 1] = line[place_in_line]; place_in_line++
+    :: else -> break
+    od;
+    waiting--;
+    line[waiting] = 0;
+    place_in_line = 0
+  }
+}
+
+/* Of all that the release carries only what concerns this buffer is kept, and nothing else is remembered of it: fewer
+ * states, and at most more races. */
+inline frees(me, buffer) {
+  storing(me, message_of_return(buffer), RELEASE);
+  released[message_of_return(buffer)] = released[message_of_return(buffer)] & access_of(kConsumer, buffer);
+  forget(view[kProducer], buffer);
+  forget(view[kConsumer], buffer);
+  forget(released[kMessageOfWord], buffer);
+  place[buffer] = kFree;
+  number_free++
+}
+
+active proctype producer() {
+  int expected;
+  byte value, evicted, failures;
+  do
+  :: if
+     :: true -> number_free > 0
+     :: true -> number_free >= BUFFERS - 1
+     fi;
+     atomic {
+       free_one = 0;
+       do
+       :: place[free_one] != kFree -> free_one++
+       :: else -> break
+       od;
+       value = free_one;
+       place[value] = kWithProducer;
+       number_free--;
+       loading(kProducer, message_of_return(value), ACQUIRE);
+       released[message_of_return(value)] = 0
+     };
+has_buffer:
+     atomic { access(kProducer, value, access_of(kConsumer, value)); expected = seen[kProducer] };
+     /* push() */
+     do
+     :: atomic {
+          if
+          :: word == expected ->
+             modifying(kProducer, kMessageOfWord, kPublish);
+             if
+             :: is_full(expected) ->
+                evicted = oldest(expected);
+                word = ((expected & (kOverflow - 1)) >> kLaneBits) | ((value + 1) << ((N - 1) * kLaneBits)) | kOverflow
+             :: else ->
+                evicted = kNone;
+                fill = 0;
+                do
+                :: lane(expected, fill) != 0 -> fill++
+                :: else -> break
+                od;
+                word = expected | ((value + 1) << (fill * kLaneBits));
+                fill = 0
+             fi;
+             seen[kProducer] = word;
+             if
+             :: waiting == N ->
+                assert(evicted == line[0] && place[evicted] == kInRing);
+                first_leaves_line();
+                place[evicted] = kWithProducer;
+                behind = 1
+             :: else -> assert(evicted == kNone)
+             fi;
+             line[waiting] = value;
+             waiting++;
+             place[value] = kInRing;
+             break
+          :: else -> failing(kProducer)
+          fi
+        }
+     od;
+     /* what was evicted may be written again at once */
+     atomic {
+       if
+       :: evicted != kNone -> access(kProducer, evicted, access_of(kConsumer, evicted)); frees(kProducer, evicted)
+       :: else
+       fi;
+       expected = 0;
+       value = 0;
+       evicted = 0;
+       failures = 0
+     }
+  od
+}
+
+inline leaves_for_consumer(buffer) {
+  assert(place[buffer] == kInRing);
+  place[buffer] = kWithConsumer
 }
 
 active proctype consumer() {
-  byte best, best_value, taken, taken_value, k, pushed_before;
+  int expected;
+  byte value, previous = kNone, failures;
   do
-  :: tail == PUSHES -> break
-  :: tail < PUSHES ->
-     /* ready(), or parked until there is something */
-     serial_in[(tail + 1) % N] != 0;
-     /* pop() */
-     pushed_before = pushed;
-     take((tail + 1) % N, true);
-     atomic { best = taken; best_value = taken_value };
-     if
-     :: best == 0 -> goto none
-     :: best > 0 && best < tail + 1 -> drop(best, best_value); goto none
-#if SWEEP
-     :: best > tail + 1 ->
-        k = 1;
-        do
-        :: k < N ->
-           take((tail + 1 + k) % N, false);
-           if
-           :: taken > best -> drop(best, best_value); best = taken; best_value = taken_value
-           :: taken != 0 && taken < best -> drop(taken, taken_value)
-           :: else
-           fi;
-           k++
-        :: else -> break
-        od
+  :: /* pop() */
+     expected = seen[kConsumer];
+     do
+     :: expected == 0 -> break
+     :: expected != 0 && !(expected & kOverflow) ->
+        atomic {
+          if
+          :: word == expected || !COMPARE ->
+             modifying(kConsumer, kMessageOfWord, kObserve);
+             value = oldest(expected);
+             word = expected >> kLaneBits;
+             seen[kConsumer] = word;
+             assert(!behind && value == line[0]);
+             leaves_for_consumer(value);
+             first_leaves_line();
+             goto popped
+          :: else -> failing(kConsumer)
+          fi
+        }
+     :: expected & kOverflow ->
+        atomic {
+          modifying(kConsumer, kMessageOfWord, kObserve);
+          expected = word & (kOverflow - 1);
+#if TAKE_ALL
+          word = 0;
+#else
+          word = word & ((1 << ((N - 1) * kLaneBits)) - 1);
 #endif
-     :: else
-     fi;
-     /* what is passed over was evicted or overtaken, or is left behind for later; and it began with an eviction */
+          seen[kConsumer] = word;
+          assert(behind && waiting == N);
+          behind = 0;
+          do
+          :: waiting > 0 ->
+             assert(oldest(expected >> ((N - waiting) * kLaneBits)) == line[0]);
+             leaves_for_consumer(line[0]);
+             first_leaves_line()
+          :: else -> break
+          od
+        };
+        do
+        :: atomic {
+             N > 1 && lane(expected, 1) != 0 ->
+#if VISIT
+             assert(place[oldest(expected)] == kWithConsumer);
+             frees(kConsumer, oldest(expected));
+#endif
+             expected = expected >> kLaneBits
+           }
+        :: N == 1 || lane(expected, 1) == 0 -> break
+        od;
+        value = oldest(expected);
+        goto popped
+     od;
+     /* kNone: parked until there is something */
+     seen[kConsumer] != 0;
+     goto next;
+popped:
+     /* the tracker compares it with the one before, which it has kept */
      atomic {
-       assert(best > tail && place[best_value] == kWithConsumer);
-       assert(best == tail + 1 || gone[tail + 1] == kEvicted);
-       assert(best == tail + 1 || best >= pushed_before);
-       k = tail + 1;
-       do
-       :: k < best -> assert(gone[k] || serial_in[k % N] == k); k++
-       :: else -> break
-       od;
-       tail = best
+       access(kConsumer, value, access_of(kProducer, value));
+       if
+       :: previous != kNone ->
+          access(kConsumer, previous, access_of(kProducer, previous));
+          assert(place[previous] == kWithConsumer && place[value] == kWithConsumer);
+          frees(kConsumer, previous)
+       :: else
+       fi;
+       previous = value
      };
-     /* the buffer is looked at twice */
-     atomic { access(kConsumer, best_value, access_of(kProducer, best_value)); assert(content[best_value] == best) };
-     atomic { access(kConsumer, best_value, access_of(kProducer, best_value)); assert(content[best_value] == best) };
-     give_back(best_value);
-none:
-     atomic { best = 0; best_value = 0; taken = 0; taken_value = 0; k = 0; pushed_before = 0 }
-  od;
-  /* every buffer is free or, N - 1 of them at most, left behind in the ring */
-  finished;
-  atomic {
-    k = 0;
-    do
-    :: k < BUFFERS ->
-       assert(place[k] == kFree || place[k] == kInRing);
-       taken = taken + (place[k] == kInRing -> 1 : 0);
-       k++
-    :: else -> break
-    od;
-    assert(taken <= N - 1)
-  }
+next:
+     atomic { expected = 0; value = 0; failures = 0 }
+  od
 }
+
+ltl does_not_starve { [] <> (producer@has_buffer) }

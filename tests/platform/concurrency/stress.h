@@ -102,10 +102,21 @@ struct SlotOutcome {
   std::uint64_t wrong = 0;     ///< payloads that were torn, or older than one seen before
   std::uint64_t received = 0;  ///< slots the consumer took
   std::uint64_t late = 0;      ///< sleeps of the consumer that ended at their deadline though something was there
+  std::uint64_t starved = 0;   ///< waits of the producer for slots that did not come back
 };
 
+/// True as soon as `ready()` is; false if it is not for so long that it never will be.
+template <class Ready>
+bool comes_true(Ready&& ready) {
+  constexpr std::int64_t kNever_ns = 10'000'000'000;
+  for (const std::int64_t deadline_ns = monotonic_ns() + kNever_ns; !ready(); std::this_thread::yield())
+    if (monotonic_ns() > deadline_ns) return false;
+  return true;
+}
+
 /// Sends `count` numbered payloads in slots of a pool through a ring whose newest element wins. The consumer parks, as
-/// the tracker does, and holds the payload before as well. Whoever takes a slot out of the ring gives it back.
+/// the tracker does, and holds the payload before as well. The thread that takes a slot out of the ring gives it back.
+/// The producer waits when no slot is free, and pauses now and then until all are but the one that the consumer holds.
 template <class Ring, class Pool>
 SlotOutcome through_slots(Ring& ring, Pool& pool, std::uint64_t count) {
   constexpr std::int64_t kDeadline_ns = 2'000'000'000;
@@ -141,21 +152,27 @@ SlotOutcome through_slots(Ring& ring, Pool& pool, std::uint64_t count) {
     }
     if (previous != Pool::kNone) pool.give_back(previous);
   });
-  for (std::uint64_t serial = 1; serial <= count;) {
-    const int slot = pool.take();
-    if (slot == Pool::kNone) {
-      std::this_thread::yield();
-      continue;
-    }
+  const auto in_use = [&] {
+    std::size_t sum = 0;
+    for (std::size_t slot = 0; slot < pool.size(); ++slot) sum += pool.users(static_cast<int>(slot)) > 0 ? 1 : 0;
+    return sum;
+  };
+  std::uint64_t starved = 0;
+  for (std::uint64_t serial = 1; serial <= count && starved == 0;) {
+    int slot = Pool::kNone;
+    starved += comes_true([&] { return (slot = pool.take()) != Pool::kNone; }) ? 0 : 1;
+    if (slot == Pool::kNone) break;
     payload[static_cast<std::size_t>(slot)].fill(serial++);
     const typename Ring::Value evicted = ring.push(static_cast<typename Ring::Value>(slot));
     parking.notify();
     if (evicted != Ring::kNone) pool.give_back(evicted);
     if (serial % 16 == 0) std::this_thread::yield();
+    if (serial % 64 == 0) starved += comes_true([&] { return in_use() <= 1; }) ? 0 : 1;
   }
   ended.store(true);
   parking.notify();
   consumer.join();
+  outcome.starved = starved;
   return outcome;
 }
 

@@ -36,14 +36,19 @@ TEST(LatestValueStress, ValuesAreWholeAndNeverOlder) {
   EXPECT_EQ(outcome.last, kCount);
 }
 
-// A ring that overflows all the time, with hardly more slots than both sides hold.
-TEST(SlotStress, PayloadsAreWholeAndEverySlotComesBack) {
+class SlotStress : public ::testing::TestWithParam<std::size_t> {};
+
+// From the fewest slots with which anything moves to as many as let the ring overflow all the time.
+INSTANTIATE_TEST_SUITE_P(Slots, SlotStress, ::testing::Values(2, 3, 4, 6, 8));
+
+TEST_P(SlotStress, PayloadsAreWholeAndTheProducerNeverStarves) {
   NewestRing<4> ring;
-  SlotPool<8> pool;
-  constexpr std::uint64_t kCount = 50000;
+  SlotPool<8> pool(GetParam());
+  constexpr std::uint64_t kCount = 20000;
   const stress::SlotOutcome outcome = stress::through_slots(ring, pool, kCount);
   EXPECT_EQ(outcome.wrong, 0);
   EXPECT_EQ(outcome.late, 0) << "a wake-up was lost";
+  EXPECT_EQ(outcome.starved, 0) << "the consumer had caught up and slots did not come back";
   EXPECT_EQ(ring.pushed(), kCount);
   EXPECT_EQ(ring.popped(), outcome.received);
   EXPECT_EQ(ring.popped() + ring.evicted() + ring.overtaken(), kCount);

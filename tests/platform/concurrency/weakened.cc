@@ -43,18 +43,14 @@ void box() {
   stress::through_box(weakened, kCount);
 }
 
+// Without the orders of the ring only the notification would order the payload, and it does when the reader has slept; a
+// busy reader finds the race.
 template <class RingOrders, class PoolOrders>
 void slots() {
   NewestRing<4, RingOrders> ring;
   SlotPool<8, PoolOrders> pool;
   stress::through_slots(ring, pool, kCount);
 }
-
-// Without the producer's half of the swap only the notification would order the payload, and it does when the reader
-// has slept; a busy reader finds the race.
-struct NoSwap : SoundOrders {
-  static constexpr std::memory_order kSwap = std::memory_order_relaxed;
-};
 
 }  // namespace
 
@@ -71,7 +67,8 @@ int main(int argc, char** argv) {
       {"box.acquire", box<OnlyAcquire>},
       {"box.release", box<OnlyRelease>},
       {"box.sound", box<SoundOrders>},
-      {"slots.swap", slots<NoSwap, SoundOrders>},
+      {"slots.publish", slots<NoPublish, SoundOrders>},
+      {"slots.observe", slots<NoObserve, SoundOrders>},
       {"slots.give_back", slots<SoundOrders, NoRelease>},
       {"slots.take", slots<SoundOrders, NoReclaim>},
       {"slots.sound", slots<SoundOrders, SoundOrders>},
