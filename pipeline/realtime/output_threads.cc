@@ -94,7 +94,7 @@ void RealtimePipeline::Impl::publish_prediction(const ImuSample& reading) {
 void RealtimePipeline::Impl::log_loop() {
   bool over = false;
   while (!over) {
-    const auto all_done = [&] { return has_ended(estimate) && has_ended(publish); };
+    const auto all_done = [&] { return has_ended(track) && has_ended(estimate) && has_ended(publish); };
     // not stopping(): what the others hand over before they end is still logged
     log.parking.wait_until(monotonic_ns() + kPoll.ns, [&] { return !flight_log.empty() || all_done(); });
     over = all_done();  // before the look at the rings: what came before the end is found

@@ -108,6 +108,7 @@ void RealtimePipeline::stop() noexcept {
 
 void RealtimePipeline::join() noexcept {
   impl_->each([](Impl::Worker& worker) { worker.thread.join(); });
+  impl_->give_back_rest();
 }
 
 RealtimeReport RealtimePipeline::report() const {

@@ -115,7 +115,8 @@ class RealtimePipeline {
 
   /// Tells the threads to end. From any thread.
   void stop() noexcept;
-  /// Waits for the threads to end: by themselves when the sources have ended, or after stop().
+  /// Waits for the threads to end: by themselves when the sources have ended, or after stop(). Afterwards the camera
+  /// has every image back.
   void join() noexcept;
 
   // After join().

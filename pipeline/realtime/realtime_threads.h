@@ -19,6 +19,7 @@
 #include "pipeline/watch/imu_gate.h"
 #include "pipeline/watch/input_events.h"
 #include "platform/concurrency/latest_value.h"
+#include "platform/concurrency/loans.h"
 #include "platform/concurrency/newest_ring.h"
 #include "platform/concurrency/parking.h"
 
@@ -115,9 +116,9 @@ struct RealtimePipeline::Impl {
   void relieve(ImuRing& ring, ImuFeed& feed, Stage& stage);
   /// One user of the image less; the last one gives it back to the camera.
   void give_back(std::size_t slot) {
-    // acq_rel: the last user has seen the others' last look, and hands that on to the camera
-    if (users[slot].fetch_sub(1, std::memory_order_acq_rel) == 1) ports.camera->give_back(slots[slot]);
+    if (loans.give_back(slot)) ports.camera->give_back(slots[slot]);
   }
+  void give_back_rest();
   void overtaken(NewestRing<4>::Value slot, FlightLog::Speaker speaker);
   void tell(FlightLog::Speaker speaker, HostStamp stamp, EventId id, std::int64_t a = 0, std::int64_t b = 0,
             std::int64_t c = 0) {
@@ -151,8 +152,8 @@ struct RealtimePipeline::Impl {
   ImuFeed track_feed, estimate_feed;
 
   // What lies between the threads.
-  std::array<Frame, kMostSlots> slots{};                      ///< written by capture, read by whoever holds the slot
-  std::array<std::atomic<std::uint8_t>, kMostSlots> users{};  ///< who holds the slot: tracker, log
+  std::array<Frame, kMostSlots> slots{};  ///< written by capture, read by whoever holds the slot
+  Loans<kMostSlots> loans;                ///< who holds the slot: tracker, log
   NewestRing<4> frames;
   ImuRing imu_to_track, imu_to_estimate, imu_to_publish;
   SpscRing<WheelSample, 256> wheel_to_estimate;

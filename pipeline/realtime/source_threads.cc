@@ -62,7 +62,7 @@ void RealtimePipeline::Impl::capture_loop() {
     camera_times.heard_image(frame.arrival.ns != 0 ? frame.arrival : frame.stamp);
     heard_camera.tell(camera_times.camera, camera_times.camera_period);
     slots[static_cast<std::size_t>(frame.slot)] = frame;
-    users[static_cast<std::size_t>(frame.slot)].store(1, std::memory_order_relaxed);  // the ring hands it over
+    loans.lend(static_cast<std::size_t>(frame.slot));
     const auto evicted = frames.push(static_cast<NewestRing<4>::Value>(frame.slot));
     track.parking.notify();
     if (evicted != NewestRing<4>::kNone) overtaken(evicted, FlightLog::Speaker::kCapture);

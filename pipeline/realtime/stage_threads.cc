@@ -1,4 +1,6 @@
 // The threads of the stages: track and estimate.
+#include <utility>
+
 #include "pipeline/realtime/realtime_threads.h"
 #include "platform/error/contract.h"
 
@@ -69,7 +71,14 @@ void RealtimePipeline::Impl::track_loop() {
       relieve(imu_to_track, track_feed, *track_stage);
     }
   }
-  end(track, {&estimate});
+  end(track, {&estimate, &log});
+}
+
+/// After the threads have ended: what none of them needs any more goes back to the camera.
+void RealtimePipeline::Impl::give_back_rest() {
+  const auto back = [&](NewestRing<4>::Value slot) { give_back(slot); };
+  while (frames.ready()) back(frames.pop(back));
+  if (previous_slot >= 0) give_back(static_cast<std::size_t>(std::exchange(previous_slot, -1)));
 }
 
 /// Takes over what the estimator knew after the image before the previous one: the same lesson before the same image,
@@ -109,9 +118,9 @@ void RealtimePipeline::Impl::track_frame(const Frame& frame) {
 /// Lends the image to the log as well.
 void RealtimePipeline::Impl::log_image(const Frame& frame) {
   if (!flight_log.wants_image()) return;
-  auto& holders = users[static_cast<std::size_t>(frame.slot)];
-  holders.fetch_add(1, std::memory_order_relaxed);  // we hold it: it cannot fall to zero
-  if (!flight_log.image(frame)) holders.fetch_sub(1, std::memory_order_relaxed);
+  const auto slot = static_cast<std::size_t>(frame.slot);
+  loans.share(slot);
+  if (!flight_log.image(frame)) give_back(slot);
 }
 
 std::int64_t RealtimePipeline::Impl::deadline_of(HostStamp image) const {

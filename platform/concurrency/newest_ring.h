@@ -14,15 +14,15 @@ namespace epiline {
 /// out at once, returns the newest value and hands the others, which are overtaken, to its visitor. So nothing stays
 /// behind: a consumer that has popped until kNone has taken out every value pushed before.
 ///
-/// All of the ring is one word: a lane for each value, the oldest in the lowest one, and a bit that tells of an overflow.
-/// Both sides replace the whole word, so each value leaves the ring exactly once and into one hand: popped, evicted
-/// (returned by push) or overtaken. What a value names was written before push and belongs to the thread that took the
-/// value out.
+/// All of the ring is one word: a lane for each value, the oldest in the lowest one, and a bit that tells of an
+/// overflow. Both sides replace the whole word, so each value leaves the ring exactly once and into one hand: popped,
+/// evicted (returned by push) or overtaken. What a value names was written before push and belongs to the thread that
+/// took the value out.
 ///
 /// Both sides are wait-free. A push fails to replace the word only when a pop came between, and those end when the ring
 /// is empty: at most N failures. A pop fails only when a push came between, and N of those overflow the ring, which is
-/// then taken by an exchange that cannot fail: at most N failures. A word never comes back between a side's look and its
-/// replacement: pops only shorten it, pushes only lengthen it or set the bit, which only a pop clears.
+/// then taken by an exchange that cannot fail: at most N failures. A word never comes back between a side's look and
+/// its replacement: pops only shorten it, pushes only lengthen it or set the bit, which only a pop clears.
 template <std::size_t N, class Orders = SoundOrders>
 class NewestRing {
   static constexpr int kLaneBits = 15;
@@ -57,8 +57,8 @@ class NewestRing {
   /// Consumer thread only: false means that pop() would find nothing.
   bool ready() const noexcept { return word_.load(std::memory_order_relaxed) != 0; }  // a hint
 
-  /// Consumer thread only. The next value, or kNone if there is none. `overtaken(value)` is called for the values that a
-  /// newer one has made pointless, the oldest first.
+  /// Consumer thread only. The next value, or kNone if there is none. `overtaken(value)` is called for the values that
+  /// a newer one has made pointless, the oldest first.
   template <class Visitor>
   Value pop(Visitor overtaken) noexcept {
     std::uint64_t before = word_.load(std::memory_order_relaxed);

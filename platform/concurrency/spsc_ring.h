@@ -18,7 +18,7 @@ struct SoundOrders {
   static constexpr std::memory_order kObserve = std::memory_order_acquire;
   static constexpr std::memory_order kRelease = std::memory_order_release;
   static constexpr std::memory_order kReclaim = std::memory_order_acquire;
-  static constexpr std::memory_order kSwap = std::memory_order_acq_rel;  // of LatestValue
+  static constexpr std::memory_order kSwap = std::memory_order_acq_rel;  // of LatestValue and Loans
 };
 
 /// `N` elements, a power of two. A full ring refuses the newest element and counts it as dropped.

@@ -43,23 +43,33 @@ bool RecordedCamera::is_overdue(std::size_t i) const noexcept {
   return started_.load(std::memory_order_acquire) && monotonic_ns() > pace_.host_of(plan_.images[i].stamp);
 }
 
+/// -1: all are in use.
+int RecordedCamera::free_slot() const noexcept {
+  for (std::size_t i = 0; i < kBuffers; ++i) {
+    // acquire, pairs with the release in give_back(): the last look at the pixels comes before they are written
+    if (!in_use_[i].load(std::memory_order_acquire)) return static_cast<int>(i);
+  }
+  return -1;
+}
+
 int RecordedCamera::wait_for_slot() noexcept {
   constexpr std::int64_t kPoll_ns = 20'000'000;
-  int slot = pool_.kNone;
-  while (slot == pool_.kNone && !closing_.load(std::memory_order_acquire)) {
+  int slot = -1;
+  while (slot < 0 && !closing_.load(std::memory_order_acquire)) {
     decoder_parking_.wait_until(monotonic_ns() + kPoll_ns, [&] {
-      if (slot == pool_.kNone) slot = pool_.take();
-      return slot != pool_.kNone || closing_.load(std::memory_order_acquire);
+      slot = free_slot();
+      return slot >= 0 || closing_.load(std::memory_order_acquire);
     });
   }
+  if (slot >= 0) in_use_[static_cast<std::size_t>(slot)].store(true, std::memory_order_relaxed);
   return slot;
 }
 
 void RecordedCamera::decode_all() {
-  int slot = pool_.kNone;
+  int slot = -1;
   for (std::size_t i = 0; i < plan_.images.size(); ++i) {
-    if (slot == pool_.kNone) slot = wait_for_slot();
-    if (slot == pool_.kNone) break;  // closing
+    if (slot < 0) slot = wait_for_slot();
+    if (slot < 0) break;  // closing
     if (is_overdue(i)) {
       missed_.fetch_add(1, std::memory_order_relaxed);
       continue;
@@ -76,7 +86,7 @@ void RecordedCamera::decode_all() {
     frame.stamp = frame.arrival = plan_.images[i].stamp;
     frame.sequence = i;
     frame.slot = slot;
-    slot = pool_.kNone;
+    slot = -1;
     ready_.push(frame);  // there is room: as many places as buffers
     reader_parking_.notify();
   }
@@ -100,7 +110,7 @@ ReadOutcome RecordedCamera::read(Frame& frame, Span timeout) noexcept {
 }
 
 void RecordedCamera::give_back(const Frame& frame) noexcept {
-  pool_.give_back(frame.slot);
+  in_use_[static_cast<std::size_t>(frame.slot)].store(false, std::memory_order_release);
   decoder_parking_.notify();
 }
 

@@ -9,7 +9,7 @@
 #include "drivers/flights/recordings/flight_plan.h"
 #include "drivers/flights/recordings/image_file.h"
 #include "platform/concurrency/parking.h"
-#include "platform/concurrency/slot_pool.h"
+#include "platform/concurrency/spsc_ring.h"
 #include "platform/linux/realtime.h"
 #include "platform/ports/ports.h"
 #include "platform/time/monotonic.h"
@@ -43,12 +43,13 @@ class RecordedCamera final : public CameraSource {
  private:
   void decode_all();
   bool is_overdue(std::size_t i) const noexcept;
+  int free_slot() const noexcept;
   int wait_for_slot() noexcept;
 
   const AslDataset& dataset_;
   const FlightPlan& plan_;
   ImageDecoder decoder_{kBuffers};
-  SlotPool<kBuffers> pool_;
+  std::array<std::atomic<bool>, kBuffers> in_use_{};  ///< from wait_for_slot() to give_back()
   SpscRing<Frame, kBuffers> ready_;
   Parking reader_parking_, decoder_parking_;
   Pace pace_;

@@ -3,13 +3,14 @@
 // control, on weakened ones.
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <thread>
 
 #include "platform/concurrency/latest_value.h"
+#include "platform/concurrency/loans.h"
 #include "platform/concurrency/newest_ring.h"
 #include "platform/concurrency/parking.h"
-#include "platform/concurrency/slot_pool.h"
 #include "platform/concurrency/spsc_ring.h"
 #include "platform/time/monotonic.h"
 
@@ -109,71 +110,140 @@ struct SlotOutcome {
 template <class Ready>
 bool comes_true(Ready&& ready) {
   constexpr std::int64_t kNever_ns = 10'000'000'000;
-  for (const std::int64_t deadline_ns = monotonic_ns() + kNever_ns; !ready(); std::this_thread::yield())
+  for (const std::int64_t deadline_ns = monotonic_ns() + kNever_ns; !ready();) {
     if (monotonic_ns() > deadline_ns) return false;
+    std::this_thread::sleep_for(std::chrono::microseconds(10));  // a yield would keep the others from a processor
+  }
   return true;
 }
 
-/// Sends `count` numbered payloads in slots of a pool through a ring whose newest element wins. The consumer parks, as
-/// the tracker does, and holds the payload before as well. The thread that takes a slot out of the ring gives it back.
-/// The producer waits when no slot is free, and pauses now and then until all are but the one that the consumer holds.
-template <class Ring, class Pool>
-SlotOutcome through_slots(Ring& ring, Pool& pool, std::uint64_t count) {
-  constexpr std::int64_t kDeadline_ns = 2'000'000'000;
-  std::array<Numbered, 64> payload{};
-  SlotOutcome outcome;
-  Parking parking;
-  std::atomic<bool> ended{false};
-  const auto give_back = [&](typename Ring::Value slot) { pool.give_back(slot); };
-  std::thread consumer([&] {
+/// Numbered payloads in slots that are lent and come back, as a camera's images do.
+template <std::size_t N, class Orders>
+struct Lender {
+  explicit Lender(std::size_t slots) : size(slots) {}
+
+  /// Producer thread only: a slot that is not lent, or `size`.
+  std::size_t free_slot() const {
+    std::size_t slot = 0;
+    while (slot < size && is_lent[slot].load(std::memory_order_acquire)) ++slot;
+    return slot;
+  }
+  std::size_t number_lent() const {
+    std::size_t sum = 0;
+    for (const auto& lent : is_lent) sum += lent.load(std::memory_order_acquire) ? 1 : 0;
+    return sum;
+  }
+  void lend(std::size_t slot) {
+    is_lent[slot].store(true, std::memory_order_relaxed);
+    loans.lend(slot);
+  }
+  void give_back(std::size_t slot) {
+    if (loans.give_back(slot)) is_lent[slot].store(false, std::memory_order_release);
+  }
+
+  std::size_t size;
+  Loans<N, Orders> loans;
+  std::array<std::atomic<bool>, N> is_lent{};
+  std::array<Numbered, N> payload{};
+};
+
+/// Sends `count` numbered payloads in lent slots through a ring whose newest element wins. The consumer parks, as the
+/// tracker does, and holds the payload before as well; it shares some with a third thread, as the tracker does with the
+/// log. The producer waits when no slot is free, and pauses now and then until all have come back but the one that
+/// the consumer holds.
+template <class Ring, std::size_t N, class Orders>
+class SlotTraffic {
+ public:
+  SlotTraffic(Ring& ring, Lender<N, Orders>& lender, std::uint64_t count)
+      : ring_(ring), lender_(lender), count_(count) {}
+
+  SlotOutcome run() {
+    std::thread log([&] { read_shared(); });
+    std::thread consumer([&] { consume(); });
+    produce();
+    ended_.store(true);
+    parking_.notify();
+    consumer.join();
+    consumed_.store(true);
+    log_parking_.notify();
+    log.join();
+    outcome_.starved = starved_;
+    outcome_.wrong += wrong_in_log_;
+    return outcome_;
+  }
+
+ private:
+  struct Shared {
+    std::size_t slot = 0;
+    std::uint64_t serial = 0;
+  };
+
+  void produce() {
+    for (std::uint64_t serial = 1; serial <= count_ && starved_ == 0; ++serial) {
+      std::size_t slot = lender_.size;
+      starved_ += comes_true([&] { return (slot = lender_.free_slot()) < lender_.size; }) ? 0 : 1;
+      if (slot == lender_.size) return;
+      lender_.payload[slot].fill(serial);
+      lender_.lend(slot);
+      const auto evicted = ring_.push(static_cast<typename Ring::Value>(slot));
+      parking_.notify();
+      if (evicted != Ring::kNone) lender_.give_back(evicted);
+      if (serial % 16 == 0) std::this_thread::yield();
+      if (serial % 64 == 0) starved_ += comes_true([&] { return lender_.number_lent() <= 1; }) ? 0 : 1;
+    }
+  }
+
+  void consume() {
+    const auto give_back = [&](typename Ring::Value slot) { lender_.give_back(slot); };
+    std::size_t previous = N;
     std::uint64_t last = 0;
-    int previous = Pool::kNone;
     while (true) {
       const bool woken =
-          parking.wait_until(monotonic_ns() + kDeadline_ns, [&] { return ring.ready() || ended.load(); });
-      if (!woken) {
-        ++outcome.late;
-        continue;
-      }
-      const typename Ring::Value slot = ring.pop(give_back);
+          parking_.wait_until(monotonic_ns() + kDeadline_ns, [&] { return ring_.ready() || ended_.load(); });
+      if (!woken && ring_.ready()) ++outcome_.late;
+      const typename Ring::Value slot = ring_.pop(give_back);
       if (slot == Ring::kNone) {
-        if (ended.load() && !ring.ready()) break;
+        if (ended_.load() && !ring_.ready()) break;
         continue;
       }
-      const std::uint64_t serial = payload[slot].serial();
-      outcome.wrong += payload[slot].is(serial) && serial > last ? 0 : 1;
-      if (previous != Pool::kNone) {
-        outcome.wrong += payload[static_cast<std::size_t>(previous)].is(last) ? 0 : 1;  // still ours
-        pool.give_back(previous);
+      const std::uint64_t serial = lender_.payload[slot].serial();
+      outcome_.wrong += lender_.payload[slot].is(serial) && serial > last ? 0 : 1;
+      lender_.loans.share(slot);
+      if (!shared_.push({slot, serial})) lender_.give_back(slot);
+      log_parking_.notify();
+      if (previous != N) {
+        outcome_.wrong += lender_.payload[previous].is(last) ? 0 : 1;  // still ours
+        lender_.give_back(previous);
       }
       previous = slot;
       last = serial;
-      ++outcome.received;
+      ++outcome_.received;
     }
-    if (previous != Pool::kNone) pool.give_back(previous);
-  });
-  const auto in_use = [&] {
-    std::size_t sum = 0;
-    for (std::size_t slot = 0; slot < pool.size(); ++slot) sum += pool.users(static_cast<int>(slot)) > 0 ? 1 : 0;
-    return sum;
-  };
-  std::uint64_t starved = 0;
-  for (std::uint64_t serial = 1; serial <= count && starved == 0;) {
-    int slot = Pool::kNone;
-    starved += comes_true([&] { return (slot = pool.take()) != Pool::kNone; }) ? 0 : 1;
-    if (slot == Pool::kNone) break;
-    payload[static_cast<std::size_t>(slot)].fill(serial++);
-    const typename Ring::Value evicted = ring.push(static_cast<typename Ring::Value>(slot));
-    parking.notify();
-    if (evicted != Ring::kNone) pool.give_back(evicted);
-    if (serial % 16 == 0) std::this_thread::yield();
-    if (serial % 64 == 0) starved += comes_true([&] { return in_use() <= 1; }) ? 0 : 1;
+    if (previous != N) lender_.give_back(previous);
   }
-  ended.store(true);
-  parking.notify();
-  consumer.join();
-  outcome.starved = starved;
-  return outcome;
-}
+
+  void read_shared() {
+    bool over = false;
+    while (!over) {
+      log_parking_.wait_until(monotonic_ns() + kDeadline_ns, [&] {
+        over = consumed_.load();  // before the look at the ring: what came before is found
+        return shared_.front() != nullptr || over;
+      });
+      for (Shared next; shared_.pop(next);) {
+        wrong_in_log_ += lender_.payload[next.slot].is(next.serial) ? 0 : 1;
+        lender_.give_back(next.slot);
+      }
+    }
+  }
+
+  static constexpr std::int64_t kDeadline_ns = 2'000'000'000;
+  Ring& ring_;
+  Lender<N, Orders>& lender_;
+  std::uint64_t count_, starved_ = 0, wrong_in_log_ = 0;
+  SlotOutcome outcome_;
+  Parking parking_, log_parking_;
+  SpscRing<Shared, 1> shared_;
+  std::atomic<bool> ended_{false}, consumed_{false};
+};
 
 }  // namespace epiline::stress

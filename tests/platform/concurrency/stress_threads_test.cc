@@ -43,16 +43,17 @@ INSTANTIATE_TEST_SUITE_P(Slots, SlotStress, ::testing::Values(2, 3, 4, 6, 8));
 
 TEST_P(SlotStress, PayloadsAreWholeAndTheProducerNeverStarves) {
   NewestRing<4> ring;
-  SlotPool<8> pool(GetParam());
-  constexpr std::uint64_t kCount = 20000;
-  const stress::SlotOutcome outcome = stress::through_slots(ring, pool, kCount);
+  stress::Lender<8, SoundOrders> lender(GetParam());
+  constexpr std::uint64_t kCount = 5000;
+  const stress::SlotOutcome outcome = stress::SlotTraffic(ring, lender, kCount).run();
   EXPECT_EQ(outcome.wrong, 0);
   EXPECT_EQ(outcome.late, 0) << "a wake-up was lost";
   EXPECT_EQ(outcome.starved, 0) << "the consumer had caught up and slots did not come back";
   EXPECT_EQ(ring.pushed(), kCount);
   EXPECT_EQ(ring.popped(), outcome.received);
   EXPECT_EQ(ring.popped() + ring.evicted() + ring.overtaken(), kCount);
-  for (int slot = 0; slot < 8; ++slot) EXPECT_EQ(pool.users(slot), 0);
+  EXPECT_EQ(lender.number_lent(), 0);
+  for (std::size_t slot = 0; slot < 8; ++slot) EXPECT_EQ(lender.loans.users(slot), 0);
 }
 
 // One element at a time, both sides asleep in turn: every wait depends on a wake-up.

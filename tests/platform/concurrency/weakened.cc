@@ -43,13 +43,13 @@ void box() {
   stress::through_box(weakened, kCount);
 }
 
-// Without the orders of the ring only the notification would order the payload, and it does when the reader has slept; a
-// busy reader finds the race.
-template <class RingOrders, class PoolOrders>
+// Without the orders of the ring only the notification would order the payload, and it does when the reader has slept;
+// a busy reader finds the race.
+template <class RingOrders, class LoanOrders>
 void slots() {
   NewestRing<4, RingOrders> ring;
-  SlotPool<8, PoolOrders> pool;
-  stress::through_slots(ring, pool, kCount);
+  stress::Lender<8, LoanOrders> lender(8);
+  stress::SlotTraffic(ring, lender, kCount).run();
 }
 
 }  // namespace
@@ -69,8 +69,8 @@ int main(int argc, char** argv) {
       {"box.sound", box<SoundOrders>},
       {"slots.publish", slots<NoPublish, SoundOrders>},
       {"slots.observe", slots<NoObserve, SoundOrders>},
-      {"slots.give_back", slots<SoundOrders, NoRelease>},
-      {"slots.take", slots<SoundOrders, NoReclaim>},
+      {"slots.give_back_acquire", slots<SoundOrders, OnlyAcquire>},
+      {"slots.give_back_release", slots<SoundOrders, OnlyRelease>},
       {"slots.sound", slots<SoundOrders, SoundOrders>},
   };
   for (const auto& c : cases) {
