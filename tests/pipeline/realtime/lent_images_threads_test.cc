@@ -248,8 +248,9 @@ TEST(LentImages, ComeBackFromObserversThatHoldThem) {
   flight.onlooker.held = false;
   const RealtimeReport report = flight.land();
   flight.expect_all_back();
-  EXPECT_EQ(flight.onlooker.images, 2);
-  EXPECT_EQ(report.images_not_logged, report.frames_out - 2);
+  EXPECT_GE(flight.onlooker.images, 2);
+  EXPECT_GE(report.images_not_logged, 1u);
+  EXPECT_EQ(report.images_not_logged + static_cast<std::uint64_t>(flight.onlooker.images), report.frames_out);
 }
 
 TEST(LentImages, ComeBackFromObserversWhenTheFlightIsStopped) {
