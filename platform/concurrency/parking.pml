@@ -107,6 +107,7 @@ inline look() {
 /* Stores reach the reader some time. */
 active [PRODUCERS] proctype memory() {
   byte me = _pid - PRODUCERS;
+end_nothing_new:
   do
   :: atomic { visible[me] < published[me] -> visible[me]++ }
   od
