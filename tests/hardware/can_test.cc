@@ -5,6 +5,7 @@
 
 #include "drivers/links/can/can_output.h"
 #include "drivers/links/can/dbc.h"
+#include "drivers/links/mavlink/odometry_encoder.h"
 #include "drivers/sensors/wheel/can_wheel_source.h"
 #include "platform/memory/allocation_count.h"
 #include "tests/drivers/links/can/dbc_reader.h"
@@ -353,13 +354,17 @@ class IsotpPeer {
   int fd_ = -1;
 };
 
+std::unique_ptr<OdometryEncoder> encoder(mavlink::Address address) {
+  return std::make_unique<mavlink::FrameEncoder>(Mat3::Identity(), address);
+}
+
 TEST_F(CanBus, MavlinkFramesTravelWhole) {
   for (const bool fd : {false, true}) {
     CanConfig config = config_of(fd, 10);
     config.isotp_send_id = 0x400;
     config.isotp_receive_id = 0x401;
     IsotpPeer peer(config);
-    CanOutput output(config, Mat3::Identity(), {42, 191});
+    CanOutput output(config, Mat3::Identity(), encoder({42, 191}));
     ASSERT_OPENS(output);
     Flight flight(output);
     mavlink::Parser parser;
@@ -391,7 +396,7 @@ TEST_F(CanBus, NobodyAnswersIsotp) {
   config.isotp_send_id = 0x400;
   config.isotp_receive_id = 0x401;
   Peer peer;
-  CanOutput output(config, Mat3::Identity());
+  CanOutput output(config, Mat3::Identity(), encoder({}));
   ASSERT_OPENS(output);
   Flight flight(output);
   EXPECT_TRUE(within(30, [&] { return output.counts().messages_failed > 0 && output.counts().messages_busy > 0; }));

@@ -6,7 +6,6 @@
 #include <limits>
 #include <utility>
 
-#include "drivers/links/mavlink/odometry.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline {
@@ -27,10 +26,10 @@ void bump(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) noexcept {
 
 }  // namespace
 
-CanOutput::CanOutput(CanConfig config, const Mat3& R_VB, mavlink::Address address)
+CanOutput::CanOutput(CanConfig config, const Mat3& R_VB, std::unique_ptr<OdometryEncoder> encoder)
     : config_(std::move(config)),
       R_VB_(R_VB),
-      address_(address),
+      encoder_(std::move(encoder)),
       stream_(config_.rate_hz),
       writer_(config_.base_id, config_.fd),
       deviations_every_(std::max(1, static_cast<int>(std::lround(config_.rate_hz / kDeviations_hz)))) {}
@@ -55,6 +54,7 @@ Status CanOutput::check_settings() const {
     return error(
         "isotp_send_id " + std::to_string(send) + ", isotp_receive_id " + std::to_string(receive),
         "two different identifiers outside " + std::to_string(config_.base_id) + " to " + std::to_string(last));
+  if (!encoder_) return error("isotp_send_id " + std::to_string(send), "a program that makes messages for it");
   return Done{};
 }
 
@@ -185,7 +185,7 @@ void CanOutput::listen(std::int64_t now_ns) noexcept {
 
 void CanOutput::note_status() noexcept {
   const can::Values before = status_;
-  const bool is_silent = stream_.condition() == mavlink::Condition::kSilent;
+  const bool is_silent = stream_.condition() == Condition::kSilent;
   status_ = can::values_of(stream_.health(), stream_.reset_counter());
   if (is_silent) {
     status_[can::Quantity::kState] = can::kSilent;
@@ -198,19 +198,16 @@ void CanOutput::note_status() noexcept {
 /// What is left of the epoch before is given up.
 void CanOutput::begin_epoch(std::int64_t now_ns) noexcept {
   const Offer& offer = stream_.next();
-  mavlink::Odometry message = mavlink::odometry_message(offer.odometry, R_VB_);
-  message.reset_counter = stream_.reset_counter();
   drop_pending();
-  pending_ = writer_.odometry(can::values_of(offer.odometry, message, HostStamp{now_ns}),
+  pending_ = writer_.odometry(can::values_of(offer.odometry, R_VB_, stream_.reset_counter(), HostStamp{now_ns}),
                               epochs_begun_++ % static_cast<unsigned>(deviations_every_) == 0);
   pending_until_ns_ = offer.offered_ns + OdometryStream::kTooOld_ns;
   stream_.begun(now_ns);
-  if (isotp_.is_open()) send_message(message);
+  if (isotp_.is_open()) send_message(offer.odometry);
 }
 
-void CanOutput::send_message(const mavlink::Odometry& message) noexcept {
-  const mavlink::FrameBytes frame = mavlink::frame_of(mavlink::pack(message, address_, message_sequence_));
-  const int error = isotp_.send(frame.bytes());
+void CanOutput::send_message(const Odometry& odometry) noexcept {
+  const int error = isotp_.send(encoder_->encode(odometry, stream_.reset_counter(), message_sequence_));
   if (error == 0) {
     bump(messages_);
     ++message_sequence_;

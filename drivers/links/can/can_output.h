@@ -3,11 +3,12 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <memory>
 #include <string>
 
 #include "drivers/links/can/can_socket.h"
 #include "drivers/links/can/frames.h"
-#include "drivers/links/mavlink/packet.h"
+#include "drivers/links/stream/odometry_encoder.h"
 #include "drivers/links/stream/odometry_stream.h"
 #include "estimator/geometry/types.h"
 #include "pipeline/config/devices.h"
@@ -28,7 +29,7 @@ struct CanOutputCounts {
   std::uint64_t status_frames = 0;    ///< of those
   std::uint64_t queue_full = 0;       ///< attempts that found no room in the kernel's queue
   std::uint64_t frames_dropped = 0;   ///< of epochs begun: given up for newer ones, for their age, or with the bus
-  std::uint64_t messages = 0;         ///< MAVLink frames begun by ISO-TP
+  std::uint64_t messages = 0;         ///< whole messages begun by ISO-TP
   std::uint64_t messages_busy = 0;    ///< not begun: the one before was still on its way
   std::uint64_t messages_failed = 0;  ///< the peer did not answer, or the kernel refused
   std::uint64_t error_frames = 0, bus_off = 0, restarts = 0;
@@ -57,9 +58,9 @@ enum class BusState : std::uint8_t { kActive, kPassive, kOff, kLost };
 /// times a second whatever happens. After open() there is no heap call, no lock and no exception.
 class CanOutput final : public OdometrySink {
  public:
-  /// `R_VB` turns vectors of the IMU's axes into the vehicle's: forward, left, up. `address`: who we are in MAVLink's
-  /// frames.
-  CanOutput(CanConfig config, const Mat3& R_VB, mavlink::Address address = {});
+  /// `R_VB` turns vectors of the IMU's axes into the vehicle's: forward, left, up. `encoder` makes the messages that
+  /// travel by ISO-TP; it is needed if and only if the settings have identifiers for them.
+  CanOutput(CanConfig config, const Mat3& R_VB, std::unique_ptr<OdometryEncoder> encoder = nullptr);
   ~CanOutput() override { close(); }
 
   /// Says what is wrong with the interface or the settings. Starts the thread.
@@ -97,7 +98,7 @@ class CanOutput final : public OdometrySink {
   // What goes out.
   void note_status() noexcept;
   void begin_epoch(std::int64_t now_ns) noexcept;
-  void send_message(const mavlink::Odometry& message) noexcept;
+  void send_message(const Odometry& odometry) noexcept;
   void send_pending() noexcept;
   void drop_pending() noexcept;
   void send_status(std::int64_t now_ns) noexcept;
@@ -106,7 +107,7 @@ class CanOutput final : public OdometrySink {
 
   CanConfig config_;
   Mat3 R_VB_;
-  mavlink::Address address_;
+  std::unique_ptr<OdometryEncoder> encoder_;
   OdometryStream stream_;  ///< from the publishing thread
   Parking parking_;
   can::FrameWriter writer_;

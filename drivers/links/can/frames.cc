@@ -1,7 +1,10 @@
 #include "drivers/links/can/frames.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "drivers/links/stream/vehicle_odometry.h"
 
 namespace epiline::can {
 
@@ -36,7 +39,7 @@ void set_smallest_three(Values& values, const std::array<double, 4>& q) {
 }
 
 /// Square roots of the diagonal of a 6x6 upper triangle. An unknown one begins with something that is no number.
-void set_deviations(Values& values, Quantity first, const std::array<float, 21>& triangle, std::size_t from) {
+void set_deviations(Values& values, Quantity first, const Covariance6& triangle, std::size_t from) {
   constexpr std::array<std::size_t, 6> kDiagonal = {0, 6, 11, 15, 18, 20};
   for (std::size_t i = 0; i < 3; ++i) {
     const double variance = std::isnan(triangle[0]) ? kUnknown : static_cast<double>(triangle[kDiagonal[from + i]]);
@@ -63,25 +66,25 @@ Values values_of(const Health& health, std::uint8_t reset_counter) noexcept {
   return values;
 }
 
-Values values_of(const Odometry& o, const mavlink::Odometry& m, HostStamp now) noexcept {
-  Values values = values_of(o.health, m.reset_counter);
+Values values_of(const Odometry& o, const Mat3& R_VB, std::uint8_t reset_counter, HostStamp now) noexcept {
+  const VehicleOdometry vehicle = in_vehicle_axes(o, R_VB);
+  Values values = values_of(o.health, reset_counter);
   const std::int64_t whole_us = o.stamp.ns / 1000;
   values[Quantity::kTime] = static_cast<double>(whole_us);
   values[Quantity::kAge] = (now - o.stamp).seconds();
-  for (std::size_t i = 0; i < 3; ++i) values[after(Quantity::kPositionX, i)] = o.p_WB_m[i];
-  // a turn of half a circle about x: right and down become left and up, on both sides of the quaternion
-  const std::array<double, 4> q = {m.q[0], m.q[1], -m.q[2], -m.q[3]};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto axis = static_cast<Eigen::Index>(i);
+    values[after(Quantity::kPositionX, i)] = o.p_WB_m[i];
+    values[after(Quantity::kVelocityX, i)] = static_cast<double>(vehicle.v_V_m_s[axis]);
+    values[after(Quantity::kRateX, i)] = static_cast<double>(vehicle.omega_V_rad_s[axis]);
+  }
+  std::array<double, 4> q{};
+  std::copy(vehicle.q_WV.begin(), vehicle.q_WV.end(), q.begin());
   for (std::size_t i = 0; i < 4; ++i) values[after(Quantity::kQuaternionW, i)] = q[i];
   set_smallest_three(values, q);
-  values[Quantity::kVelocityX] = m.vx;
-  values[Quantity::kVelocityY] = -m.vy;
-  values[Quantity::kVelocityZ] = -m.vz;
-  values[Quantity::kRateX] = m.rollspeed;
-  values[Quantity::kRateY] = -m.pitchspeed;
-  values[Quantity::kRateZ] = -m.yawspeed;
-  set_deviations(values, Quantity::kPositionSdX, m.pose_covariance, 0);
-  set_deviations(values, Quantity::kAttitudeSdX, m.pose_covariance, 3);
-  set_deviations(values, Quantity::kVelocitySdX, m.velocity_covariance, 0);
+  set_deviations(values, Quantity::kPositionSdX, vehicle.pose_covariance, 0);
+  set_deviations(values, Quantity::kAttitudeSdX, vehicle.pose_covariance, 3);
+  set_deviations(values, Quantity::kVelocitySdX, vehicle.velocity_covariance, 0);
   return values;
 }
 

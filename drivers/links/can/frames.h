@@ -6,7 +6,7 @@
 #include <span>
 
 #include "drivers/links/can/messages.h"
-#include "drivers/links/mavlink/message.h"
+#include "estimator/geometry/types.h"
 #include "platform/memory/fixed_vector.h"
 #include "platform/samples/samples.h"
 
@@ -28,10 +28,9 @@ std::uint8_t crc_of(std::uint16_t id, std::span<const std::uint8_t> data) noexce
 /// What a status says of an estimate.
 Values values_of(const Health& health, std::uint8_t reset_counter) noexcept;
 
-/// What `message`, which is odometry_message(odometry, R_VB), says in our units and axes. Its axes are forward, right,
-/// down; those on the bus forward, left, up. Of `odometry` come position, time and health, where they are more exact;
-/// the reset counter is the message's. `now`: for the age.
-Values values_of(const Odometry& odometry, const mavlink::Odometry& message, HostStamp now) noexcept;
+/// What an epoch says of an estimate, in the vehicle's axes: forward, left, up. `R_VB` turns vectors of the IMU's axes
+/// into these. `reset_counter` is the sender's, not that of the estimate. `now`: for the age.
+Values values_of(const Odometry& odometry, const Mat3& R_VB, std::uint8_t reset_counter, HostStamp now) noexcept;
 
 /// The number of kStateNames that says that nothing comes from the estimator.
 inline constexpr int kSilent = static_cast<int>(kStateNames.size()) - 1;

@@ -13,6 +13,7 @@
 #include "drivers/links/mavlink/imu_request.h"
 #include "drivers/links/mavlink/message.h"
 #include "drivers/links/mavlink/packet.h"
+#include "drivers/links/mavlink/pilot_news.h"
 #include "drivers/links/mavlink/port.h"
 #include "drivers/links/mavlink/timesync.h"
 #include "drivers/links/stream/odometry_gate.h"

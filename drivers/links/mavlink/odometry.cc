@@ -1,57 +1,25 @@
 #include "drivers/links/mavlink/odometry.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
-#include "estimator/geometry/so3.h"
+#include "drivers/links/stream/vehicle_odometry.h"
 
 namespace epiline::mavlink {
 
 namespace {
 
-using Mat6 = Eigen::Matrix<double, 6, 6>;
-using Map16 = Eigen::Matrix<double, 6, 16>;
-using Covariance = Eigen::Matrix<double, 16, 16, Eigen::RowMajor>;
-
 /// Up to down: y and z negated. Its own inverse.
 Mat3 flip() { return Vec3(1, -1, -1).asDiagonal(); }
 
-Mat3 R_WB_of(const epiline::Odometry& o) {
-  return Eigen::Quaterniond(o.q_WB[0], o.q_WB[1], o.q_WB[2], o.q_WB[3]).toRotationMatrix();
+/// The same for three numbers and three more.
+Covariance6 flipped(const Covariance6& upper_triangle) {
+  constexpr std::array<float, 6> kSigns = {1, -1, -1, 1, -1, -1};
+  Covariance6 flipped{};
+  for (std::size_t i = 0, at = 0; i < 6; ++i)
+    for (std::size_t j = i; j < 6; ++j, ++at) flipped[at] = kSigns[i] * kSigns[j] * upper_triangle[at];
+  return flipped;
 }
-
-std::array<float, 21> upper_triangle(const Map16& J, const epiline::Odometry& o) {
-  const Mat6 C = J * Eigen::Map<const Covariance>(o.covariance.data()) * J.transpose();
-  std::array<float, 21> triangle{};
-  std::size_t at = 0;
-  for (int i = 0; i < 6; ++i)
-    for (int j = i; j < 6; ++j) triangle[at++] = static_cast<float>(C(i, j));
-  const bool known = std::all_of(triangle.begin(), triangle.end(), [](float c) { return std::isfinite(c); });
-  if (!known) triangle[0] = std::numeric_limits<float>::quiet_NaN();
-  return triangle;
-}
-
-/// (position, rotation) in L by the errors of the estimate: R <- R Exp(dtheta) turns by R dtheta in the world.
-std::array<float, 21> pose_covariance(const epiline::Odometry& o) {
-  Map16 J = Map16::Zero();
-  J.block<3, 3>(0, 0) = flip();
-  J.block<3, 3>(3, 3) = flip() * R_WB_of(o);
-  return upper_triangle(J, o);
-}
-
-/// (velocity, rates) in F: v_B = R' v changes by [v_B]x dtheta + R' dv, the rate by -db_g.
-std::array<float, 21> velocity_covariance(const epiline::Odometry& o, const Mat3& R_FB) {
-  const Mat3 R_BW = R_WB_of(o).transpose();
-  Map16 J = Map16::Zero();
-  J.block<3, 3>(0, 3) = R_FB * skew(R_BW * Vec3(o.v_WB_m_s.data()));
-  J.block<3, 3>(0, 6) = R_FB * R_BW;
-  J.block<3, 3>(3, 12) = -R_FB;
-  return upper_triangle(J, o);
-}
-
-Mat3 R_LF_of(const epiline::Odometry& o, const Mat3& R_VB) { return flip() * R_WB_of(o) * R_VB.transpose() * flip(); }
 
 template <class Message>
 void set_position(Message& message, const epiline::Odometry& o) {
@@ -72,35 +40,34 @@ std::int8_t quality_of(const Health& health) {
 }  // namespace
 
 Odometry odometry_message(const epiline::Odometry& odometry, const Mat3& R_VB) {
-  const Mat3 R_FB = flip() * R_VB;
-  const Vec3 v_F = R_FB * (R_WB_of(odometry).transpose() * Vec3(odometry.v_WB_m_s.data()));
-  const Vec3 omega_F = R_FB * Vec3(odometry.omega_B_rad_s.data());
-  const Eigen::Quaternionf q(Eigen::Quaterniond(R_LF_of(odometry, R_VB)).normalized().cast<float>());
+  const VehicleOdometry vehicle = in_vehicle_axes(odometry, R_VB);
+  const std::array<float, 4>& q = vehicle.q_WV;
   Odometry message;
   message.time_usec = microseconds(odometry.stamp);
   set_position(message, odometry);
-  message.q = {q.w(), q.x(), q.y(), q.z()};
-  message.vx = static_cast<float>(v_F.x());
-  message.vy = static_cast<float>(v_F.y());
-  message.vz = static_cast<float>(v_F.z());
-  message.rollspeed = static_cast<float>(omega_F.x());
-  message.pitchspeed = static_cast<float>(omega_F.y());
-  message.yawspeed = static_cast<float>(omega_F.z());
-  message.pose_covariance = pose_covariance(odometry);
-  message.velocity_covariance = velocity_covariance(odometry, R_FB);
+  message.q = {q[0], q[1], -q[2], -q[3]};
+  message.vx = vehicle.v_V_m_s.x();
+  message.vy = -vehicle.v_V_m_s.y();
+  message.vz = -vehicle.v_V_m_s.z();
+  message.rollspeed = vehicle.omega_V_rad_s.x();
+  message.pitchspeed = -vehicle.omega_V_rad_s.y();
+  message.yawspeed = -vehicle.omega_V_rad_s.z();
+  message.pose_covariance = flipped(vehicle.pose_covariance);
+  message.velocity_covariance = flipped(vehicle.velocity_covariance);
   message.quality = quality_of(odometry.health);
   return message;
 }
 
 VisionPositionEstimate vision_position_message(const epiline::Odometry& odometry, const Mat3& R_VB) {
-  const Mat3 R_LF = R_LF_of(odometry, R_VB);
+  const VehicleOdometry vehicle = in_vehicle_axes(odometry, R_VB);
+  const Mat3 R_LF = flip() * vehicle.R_WV * flip();
   VisionPositionEstimate message;
   message.usec = microseconds(odometry.stamp);
   set_position(message, odometry);
   message.roll = static_cast<float>(std::atan2(R_LF(2, 1), R_LF(2, 2)));
   message.pitch = static_cast<float>(std::asin(std::clamp(-R_LF(2, 0), -1.0, 1.0)));
   message.yaw = static_cast<float>(std::atan2(R_LF(1, 0), R_LF(0, 0)));
-  message.covariance = pose_covariance(odometry);
+  message.covariance = flipped(vehicle.pose_covariance);
   return message;
 }
 

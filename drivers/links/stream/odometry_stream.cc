@@ -8,8 +8,6 @@ namespace epiline {
 
 namespace {
 
-using mavlink::Condition;
-
 constexpr std::int64_t kFar_ns = std::numeric_limits<std::int64_t>::max();
 
 std::uint8_t first_reset_counter() { return static_cast<std::uint8_t>(monotonic_ns() / 1'000'000'000); }
@@ -55,7 +53,7 @@ void OdometryStream::look(std::int64_t now_ns, bool is_open) noexcept {
     const Offer& newest = *newest_.read();
     seen_ns_ = newest.offered_ns;
     health_ = newest.odometry.health;
-    condition_ = mavlink::condition_of(health_);
+    condition_ = condition_of(health_);
     if (newest.images > images_seen_) schedule_.image(now_ns);
     images_seen_ = newest.images;
     if (gate_.admits(newest.odometry)) {

@@ -46,7 +46,7 @@ class OdometryStream {
   bool has_news() noexcept;
   /// Looks at the newest offer. `is_open`: what is due could go; if not, the images that wait are not measured.
   void look(std::int64_t now_ns, bool is_open) noexcept;
-  mavlink::Condition condition() const noexcept { return condition_; }
+  Condition condition() const noexcept { return condition_; }
   /// Of the newest offer; before the first: initialising, of no quality.
   const Health& health() const noexcept { return health_; }
   /// HealthReason bits; 0 if there is nobody to have any.
@@ -84,10 +84,10 @@ class OdometryStream {
   std::uint64_t images_ = 0;
 
   // The sending thread's.
-  mavlink::SendSchedule schedule_;
-  mavlink::OdometryGate gate_;
+  SendSchedule schedule_;
+  OdometryGate gate_;
   LatencyBins latency_;
-  mavlink::Condition condition_ = mavlink::Condition::kWaiting;
+  Condition condition_ = Condition::kWaiting;
   Health health_{HealthState::kInitialising, 0, -1};
   Offer next_;  ///< the newest that may be sent
   bool has_unsent_ = false;

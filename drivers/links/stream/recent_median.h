@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace epiline::mavlink {
+namespace epiline {
 
 template <std::size_t N>
 class RecentMedian {
@@ -25,4 +25,4 @@ class RecentMedian {
   std::size_t count_ = 0;
 };
 
-}  // namespace epiline::mavlink
+}  // namespace epiline

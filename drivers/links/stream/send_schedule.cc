@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace epiline::mavlink {
+namespace epiline {
 
 SendSchedule::SendSchedule(double rate_hz) noexcept
     : period_ns_(static_cast<std::int64_t>(1e9 / rate_hz)),
@@ -32,4 +32,4 @@ std::int64_t SendSchedule::due_ns(bool has_image) const noexcept {
   return piece <= longest_ns_ ? last_sent_ns_ + piece : plain;
 }
 
-}  // namespace epiline::mavlink
+}  // namespace epiline

@@ -4,7 +4,7 @@
 
 #include "drivers/links/stream/recent_median.h"
 
-namespace epiline::mavlink {
+namespace epiline {
 
 /// A receiver wants a steady stream; a vehicle wants what the camera just saw at once. So a message that is the first
 /// with an image in it leaves as soon as the rate allows, and those between are laid so that the next image finds
@@ -31,4 +31,4 @@ class SendSchedule {
   RecentMedian<5> intervals_ns_;  ///< of images
 };
 
-}  // namespace epiline::mavlink
+}  // namespace epiline

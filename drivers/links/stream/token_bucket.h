@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 
-namespace epiline::mavlink {
+namespace epiline {
 
 /// `per_second` on average, `at_once` in a burst. Times are monotonic_ns().
 class TokenBucket {
@@ -36,4 +36,4 @@ class TokenBucket {
   std::int64_t last_ns_ = 0;
 };
 
-}  // namespace epiline::mavlink
+}  // namespace epiline

@@ -6,6 +6,7 @@
 
 #include "drivers/links/can/can_output.h"
 #include "drivers/links/mavlink/link.h"
+#include "drivers/links/mavlink/odometry_encoder.h"
 #include "drivers/sensors/camera/v4l2_camera.h"
 #include "drivers/sensors/imu/iio_imu.h"
 #include "drivers/sensors/imu/mavlink_imu.h"
@@ -154,7 +155,10 @@ mavlink::MavlinkLink* add_link(const DevicesConfig& d, bool takes_imu, LiveDevic
 
 void add_can(const DevicesConfig& d, LiveDevices& devices) {
   if (d.can.interface.empty()) return;
-  auto can = std::make_unique<CanOutput>(d.can, R_VB_of(d.body), mavlink::address_of(d.mavlink));
+  const Mat3 R_VB = R_VB_of(d.body);
+  std::unique_ptr<OdometryEncoder> encoder;
+  if (d.can.isotp_send_id != 0) encoder = std::make_unique<mavlink::FrameEncoder>(R_VB, mavlink::address_of(d.mavlink));
+  auto can = std::make_unique<CanOutput>(d.can, R_VB, std::move(encoder));
   const CanOutput* const c = can.get();
   const std::string name = "can " + d.can.interface;
   devices.outputs.push_back({std::move(can), [c, name] { return record_of(*c, name); }, name,

@@ -11,7 +11,6 @@
 #include <string_view>
 
 #include "drivers/links/can/dbc.h"
-#include "drivers/links/mavlink/odometry.h"
 #include "estimator/geometry/so3.h"
 #include "tests/drivers/links/can/dbc_reader.h"
 
@@ -168,9 +167,7 @@ Odometry odometry(const Vec3& p_WB, const Mat3& R_WB, const Vec3& v_WB, const Ve
 }
 Frames frames_of(const Odometry& o, const Mat3& R_VB, bool fd) {
   const HostStamp now = o.stamp + Span{3'210'000};
-  mavlink::Odometry message = mavlink::odometry_message(o, R_VB);
-  message.reset_counter = 7;
-  return FrameWriter(kBase, fd).odometry(values_of(o, message, now), true);
+  return FrameWriter(kBase, fd).odometry(values_of(o, R_VB, 7, now), true);
 }
 Vec3 read3(const Frames& frames, const std::string& name) {
   return {read(frames, name + "X").value, read(frames, name + "Y").value, read(frames, name + "Z").value};

@@ -56,7 +56,7 @@ TEST(OdometryStream, SaysHowItIsBeforeTheFirstOffer) {
   OdometryStream stream(40);
   EXPECT_FALSE(stream.has_news());
   stream.look(kMs, true);
-  EXPECT_EQ(stream.condition(), mavlink::Condition::kWaiting);
+  EXPECT_EQ(stream.condition(), Condition::kWaiting);
   EXPECT_EQ(stream.health().quality, -1);
   EXPECT_GT(stream.due_ns(), 1'000'000 * kMs);
   EXPECT_GT(stream.silent_ns(), 1'000'000 * kMs);
@@ -67,7 +67,7 @@ TEST(OdometryStream, NothingLostOldOrSeenBeforeIsDue) {
   ASSERT_TRUE(flight.step());
   flight.o.health.state = HealthState::kLost;
   for (int i = 0; i < 50; ++i) EXPECT_FALSE(flight.step());
-  EXPECT_EQ(flight.stream.condition(), mavlink::Condition::kLost);
+  EXPECT_EQ(flight.stream.condition(), Condition::kLost);
   const int resets = flight.stream.reset_counter();
   flight.o.health.state = HealthState::kDegraded;
   EXPECT_TRUE(flight.step());
@@ -89,11 +89,11 @@ TEST(OdometryStream, SilenceIsToldAndEnds) {
   EXPECT_NE(flight.stream.reasons(), 0U);
   flight.now_ns = flight.stream.silent_ns() + 1;
   flight.look();
-  EXPECT_EQ(flight.stream.condition(), mavlink::Condition::kSilent);
+  EXPECT_EQ(flight.stream.condition(), Condition::kSilent);
   EXPECT_EQ(flight.stream.reasons(), 0U);
   const int resets = flight.stream.reset_counter();
   EXPECT_TRUE(flight.step());
-  EXPECT_EQ(flight.stream.condition(), mavlink::Condition::kGood);
+  EXPECT_EQ(flight.stream.condition(), Condition::kGood);
   EXPECT_EQ(flight.stream.reset_counter(), (resets + 1) % 256);
 }
 

@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <vector>
 
-namespace epiline::mavlink {
+namespace epiline {
 namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
@@ -63,14 +63,14 @@ void expect_promises(const Sent& run, double rate_hz) {
   }
 }
 
-TEST(MavlinkSchedule, WithoutImagesMessagesAreEven) {
+TEST(SendSchedules, WithoutImagesMessagesAreEven) {
   const Sent run = simulate(40, 5 * kMs, 0, 0, 10'000 * kMs);
   expect_promises(run, 40);
   EXPECT_NEAR(rate_of(run), 40, 0.1);
 }
 
 // Images that leave room for the rate go at once; messages between are laid around them.
-TEST(MavlinkSchedule, ImagesGoAtOnceWhereTheRateAllows) {
+TEST(SendSchedules, ImagesGoAtOnceWhereTheRateAllows) {
   struct Case {
     double rate_hz;
     std::int64_t image_ns;
@@ -88,7 +88,7 @@ TEST(MavlinkSchedule, ImagesGoAtOnceWhereTheRateAllows) {
 }
 
 // Images that come a few milliseconds late find room all the same: what would fill the gap waits for them a little.
-TEST(MavlinkSchedule, LateImagesGoAtOnce) {
+TEST(SendSchedules, LateImagesGoAtOnce) {
   for (const std::int64_t image_ns : {50 * kMs, 30 * kMs}) {
     const Sent run = simulate(40, 1 * kMs, image_ns, 4 * kMs, 10'000 * kMs);
     expect_promises(run, 40);
@@ -99,7 +99,7 @@ TEST(MavlinkSchedule, LateImagesGoAtOnce) {
 }
 
 // Whatever the rates and the jitter.
-RC_GTEST_PROP(MavlinkSchedule, KeepsItsPromises, ()) {
+RC_GTEST_PROP(SendSchedules, KeepsItsPromises, ()) {
   const int rate_hz = *rc::gen::inRange(10, 101);
   const auto imu_ns = *rc::gen::inRange<std::int64_t>(1, 6) * kMs;
   const auto image_ns = *rc::gen::inRange<std::int64_t>(5, 200) * kMs;
@@ -116,4 +116,4 @@ RC_GTEST_PROP(MavlinkSchedule, KeepsItsPromises, ()) {
 }
 
 }  // namespace
-}  // namespace epiline::mavlink
+}  // namespace epiline

@@ -36,9 +36,7 @@ struct Bus {
   explicit Bus(bool fd) : writer(kBaseId, fd) {}
   std::vector<can::Frame> at(HostStamp t, bool deviations) {
     const Odometry o = odometry_at(t);
-    mavlink::Odometry message = mavlink::odometry_message(o, Mat3::Identity());
-    message.reset_counter = 3;
-    const can::Values values = can::values_of(o, message, t);
+    const can::Values values = can::values_of(o, Mat3::Identity(), 3, t);
     std::vector<can::Frame> frames;
     for (const can::Frame& f : writer.odometry(values, deviations)) frames.push_back(f);
     frames.push_back(writer.status(values));
