@@ -9,7 +9,7 @@ failed=0
 
 sound_tree() {
   rm -rf "${tree:?}"/*
-  mkdir -p "$tree"/{platform/linux,estimator/{geometry,window,factors,solver,monitor},pipeline/{text,config,stages},drivers/{links,sensors,flights,study},tests,docs/derivations}
+  mkdir -p "$tree"/{platform/linux,estimator/{geometry,window,factors,solver,monitor},pipeline/{text,config,stages},drivers/{links/{stream,can},sensors,flights,study},tests,docs/derivations}
   printf '#include <vector>\n#include "platform/a.h"\n' >"$tree/platform/a.cc"
   printf '#include <sys/mman.h>\n' >"$tree/platform/linux/l.cc"
   printf '// Derivation: docs/derivations/e.md\n#include <Eigen/Core>\n#include <cmath>\n#include "platform/a.h"\n' >"$tree/estimator/e.h"
@@ -55,6 +55,8 @@ expect_fault check_includes pipeline/p.cc '#include <opencv2/core.hpp>'
 expect_fault check_includes pipeline/text/t.h '#include "pipeline/config/c.h"'
 expect_fault check_includes pipeline/config/c.h '#include "pipeline/stages/s.h"'
 expect_fault check_includes drivers/links/l.h '#include "drivers/sensors/s.h"'
+expect_fault check_includes drivers/links/stream/o.h '#include "drivers/links/mavlink/m.h"'
+expect_fault check_includes drivers/links/can/c.h '#include "drivers/links/mavlink/m.h"'
 expect_fault check_includes drivers/sensors/s.h '#include "drivers/flights/f.h"'
 expect_fault check_includes drivers/sensors/s.h '#include "pipeline/stages/s.h"'
 expect_fault check_includes drivers/flights/f.h '#include "drivers/study/s.h"'

@@ -1,5 +1,6 @@
 #pragma once
-// Our odometry in MAVLink's frames, its IMU in ours: the one place where axes are turned. Page: docs/mavlink.md.
+// Our odometry in MAVLink's frames, its IMU in ours: the one place where left and up become right and down. Page:
+// docs/mavlink.md.
 #include "drivers/links/mavlink/message.h"
 #include "estimator/geometry/types.h"
 #include "platform/samples/samples.h"

@@ -47,8 +47,8 @@ Covariance6 velocity_covariance(const Odometry& o, const Mat3& R_WB, const Mat3&
 /// Of the two quaternions of an attitude, receivers have always got the one that follows from axes x forward, y right,
 /// z down: its sign is part of what goes over the wire.
 std::array<float, 4> quaternion_of(const Mat3& R_WV) {
-  const Vec3 down(1, -1, -1);
-  const Mat3 R_down = R_WV.cwiseProduct(down * down.transpose());
+  const Mat3 flip = Vec3(1, -1, -1).asDiagonal();  // up to down
+  const Mat3 R_down = flip * R_WV * flip;
   const Eigen::Quaternionf q(Eigen::Quaterniond(R_down).normalized().cast<float>());
   return {q.w(), q.x(), -q.y(), -q.z()};
 }
