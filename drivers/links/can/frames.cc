@@ -97,7 +97,7 @@ Frame FrameWriter::pack(const Message& message, Values& values) noexcept {
   values[Quantity::kAlive] = alive_[message.id_offset]++;
   values[Quantity::kVersion] = kLayoutVersion;
   for (const Signal& s : message.signals)
-    if (s.quantity != Quantity::kCrc) put_bits(data, s.start, s.length, raw_of(s, values[s.quantity]));
+    if (s.quantity != Quantity::kCrc) put_bits(data, s.bits(), raw_of(s, values[s.quantity]));
   data[0] = crc_of(frame.id, data);
   return frame;
 }

@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <span>
 
+#include "drivers/links/can/bits.h"
+
 namespace epiline::can {
 
 inline constexpr std::size_t kClassicBytes = 8, kFdBytes = 64;  ///< the most one frame carries
@@ -82,6 +84,7 @@ struct Signal {
   const char* unit;
   const char* comment;
 
+  constexpr BitField bits() const { return {start, length}; }
   constexpr bool has_gap_value() const { return coding != Coding::kCounter; }
   /// The raw number that means "not available"; of a counter, none.
   constexpr std::int64_t not_available() const {
@@ -112,18 +115,6 @@ inline std::int64_t raw_of(const Signal& s, double value) noexcept {
   }
   const double low = static_cast<double>(s.least()), high = static_cast<double>(s.most());
   return std::llround(std::clamp(scaled, low, high));
-}
-
-/// Writes the lowest `length` bits of `raw` at `start`; they are zero there.
-inline void put_bits(std::span<std::uint8_t> data, unsigned start, unsigned length, std::int64_t raw) noexcept {
-  auto rest = static_cast<std::uint64_t>(raw);
-  for (unsigned done = 0; done < length;) {
-    const unsigned bit = start + done, offset = bit % 8, here = std::min(8 - offset, length - done);
-    const std::uint64_t mask = (std::uint64_t{1} << here) - 1;
-    data[bit / 8] = static_cast<std::uint8_t>(data[bit / 8] | (rest & mask) << offset);
-    rest >>= here;
-    done += here;
-  }
 }
 
 /// No signal leaves the message or lies on another one, and all fit a double.

@@ -18,6 +18,8 @@ constexpr std::size_t kFirstClassic = 1, kLastClassic = 6, kLastDeviation = 9, k
 constexpr std::uint32_t kWholeEpoch = (1U << (kLastClassic + 1)) - (1U << kFirstClassic);
 constexpr int kTracking = 1, kDegraded = 2;
 
+/// This reader judges frames that drivers/links/can/bits.h packed, so it unpacks them by itself: a mistake in shared
+/// code would undo itself.
 std::uint64_t bits_of(const can::Frame& frame, const can::Signal& signal) {
   std::uint64_t raw = 0;
   for (int i = signal.length - 1; i >= 0; --i) {

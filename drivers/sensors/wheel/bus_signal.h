@@ -7,9 +7,7 @@
 
 namespace epiline {
 
-/// `start_bit` counts as DBC files do: bit 0 is the lowest of byte 0, bit 15 the highest of byte 1. Little-endian: it
-/// is the signal's lowest bit. Big-endian: its highest, and the next lower ones follow downwards, then in the next
-/// byte.
+/// `start_bit` counts as in can::BitField.
 struct BusSignal {
   int start_bit = 0, length = 16;  ///< bits; 1 to 64
   bool big_endian = false, is_signed = true;
