@@ -13,8 +13,6 @@ namespace {
 constexpr double kSigmaPx = 1.5;
 constexpr double kNearestTriangulated = 0.1, kDistanceUnknown = 5;  // m
 
-constexpr double kDepthDamping = 0.04;  // 1/(1/m)^2, as in the track factor: where nothing is seen of it, depth is held
-
 struct Candidate {
   std::int16_t track;
   std::int8_t host, last;

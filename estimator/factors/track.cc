@@ -33,8 +33,6 @@ TrackFactor::TrackFactor(InstructionSet set) : kernels_(factor_kernels(set)), me
 TrackFactor::~TrackFactor() = default;
 
 namespace {
-constexpr double kDepthDamping = 0.04;  // 1/(1/m)^2: a standard deviation of 5 1/m on the change of inverse depth
-
 void fill_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int lane, TrackBatch& batch) {
   double n = 0;
   for (int k = batch.first; k <= batch.last; ++k) {

@@ -13,10 +13,10 @@ Mat3 skew(const Vec3& a) {
 
 namespace {
 // sin(t)/t, (1-cos t)/t^2, (t-sin t)/t^3; series below, where the closed forms cancel.
-struct Coefficients {
+struct ExponentialCoefficients {
   double a, b, c;
 };
-Coefficients coefficients(double t2) {
+ExponentialCoefficients coefficients(double t2) {
   if (t2 < 1e-4)
     return {1 - t2 / 6 + t2 * t2 / 120, 0.5 - t2 / 24 + t2 * t2 / 720, 1.0 / 6 - t2 / 120 + t2 * t2 / 5040};
   const double t = std::sqrt(t2);
@@ -25,7 +25,7 @@ Coefficients coefficients(double t2) {
 }  // namespace
 
 Mat3 so3_exp(const Vec3& theta) {
-  const Coefficients k = coefficients(theta.squaredNorm());
+  const ExponentialCoefficients k = coefficients(theta.squaredNorm());
   const Mat3 W = skew(theta);
   return Mat3::Identity() + k.a * W + k.b * (W * W);
 }
@@ -44,7 +44,7 @@ Vec3 so3_log(const Mat3& R) {
 }
 
 Mat3 so3_right_jacobian(const Vec3& theta) {
-  const Coefficients k = coefficients(theta.squaredNorm());
+  const ExponentialCoefficients k = coefficients(theta.squaredNorm());
   const Mat3 W = skew(theta);
   return Mat3::Identity() - k.b * W + k.c * (W * W);
 }

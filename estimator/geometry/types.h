@@ -1,6 +1,7 @@
 #pragma once
 #include <Eigen/Core>
 #include <Eigen/Geometry>  // cross products, wherever a vector is used
+#include <array>
 
 namespace epiline {
 
@@ -12,5 +13,7 @@ using Vec6 = Eigen::Matrix<double, 6, 1>;
 using Vec9 = Eigen::Matrix<double, 9, 1>;
 using Vec15 = Eigen::Matrix<double, 15, 1>;
 using Mat15 = Eigen::Matrix<double, 15, 15>;
+
+inline Vec3 vec3(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
 
 }  // namespace epiline

@@ -13,11 +13,10 @@ constexpr Span kFarAhead = Span::from_milliseconds(250);
 // Departures from the four neighbours, in units of the usual one: those of a reading that is corrupt though the judge
 // let it pass, and of an axis of a corrupt reading that is corrupt itself.
 constexpr double kCorrupt = 6, kCorruptAxis = 4;
-constexpr double kUsual = 0.5;                       // of that limit
-constexpr double kLeastRate = 0.4, kLeastForce = 3;  // rad/s, m/s^2: less does little harm
-constexpr double kUnknown = 3;                       // times the usual error, of a value surely in the right place
-constexpr double kLongestStep = 1.5;                 // periods between neighbours
-constexpr std::uint64_t kReach = 2;                  // neighbours on each side
+constexpr double kUsual = 0.5;        // of that limit
+constexpr double kUnknown = 3;        // times the usual error, of a value surely in the right place
+constexpr double kLongestStep = 1.5;  // periods between neighbours
+constexpr std::uint64_t kReach = 2;   // neighbours on each side
 
 Interpolator::Values values_of(const ImuHistory::Reading& r) {
   return (Interpolator::Values() << r.w.array(), r.a.array()).finished();
@@ -135,8 +134,8 @@ Interpolator::Values ImuHistory::likely(std::uint64_t i) const { return interpol
 /// Of reading i from what is likely; 1: so far only if it is corrupt.
 double ImuHistory::departure(std::uint64_t i) const {
   Interpolator::Values limit = kCorrupt * interpolator_.usual_error();
-  limit.head<3>() = limit.head<3>().max(kLeastRate);
-  limit.tail<3>() = limit.tail<3>().max(kLeastForce);
+  limit.head<3>() = limit.head<3>().max(SpikeJudge::kLeastRate);
+  limit.tail<3>() = limit.tail<3>().max(SpikeJudge::kLeastForce);
   return ((values_of(at(i)) - likely(i)).abs() / limit).maxCoeff();
 }
 

@@ -4,7 +4,7 @@ namespace epiline {
 
 namespace {
 constexpr double kLearntWeight = 1.0 / 256, kLearntError = 1.0 / 64;
-constexpr double kMostLearnt = 4;                        // times the usual error: more is an impact, or corrupt
+constexpr double kMostLearntError = 4;                   // times the usual error: more is an impact, or corrupt
 constexpr double kMostWeight = 1, kLeastWeight = -0.75;  // from a smooth curve to a change of sign
 
 Interpolator::Values mean(const Interpolator::Neighbours& n) {
@@ -21,7 +21,7 @@ Interpolator::Values Interpolator::between(const Neighbours& n) const {
 }
 
 void Interpolator::learn(const Neighbours& n, const Values& measured) {
-  const Values error = (measured - between(n)).abs(), most = kMostLearnt * error_ + 1e-3;
+  const Values error = (measured - between(n)).abs(), most = kMostLearntError * error_ + 1e-3;
   error_ += kLearntError * (error.min(most) - error_);
   const Values beside = bend(n), share = (error <= most).cast<double>() * kLearntWeight;
   square_ += share * (beside.square() + 1e-12 - square_);

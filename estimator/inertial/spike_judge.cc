@@ -9,7 +9,6 @@ namespace epiline {
 namespace {
 constexpr double kHolePeriods = 2.5, kNeverAHole_s = 0.004;  // jitter of fast sensors
 constexpr double kMostRate = 100, kMostForce = 1000;  // rad/s, m/s^2: beyond the range of any inertial sensor in use
-constexpr double kLeastRate = 0.4, kLeastForce = 3;   // departures that do little harm, whatever is usual
 constexpr double kUnusual = 8;                        // times the mean departure
 constexpr double kWildRate = 5, kWildForce = 100;     // departures for which one neighbour is no confirmation
 constexpr double kLearnt = 1.0 / 64, kLearntFast = 1.0 / 8, kMostLearnt = 4;

@@ -28,6 +28,9 @@ class ReadingPeriod {
 /// no heap, the same work for every reading.
 class SpikeJudge {
  public:
+  /// Departures that do little harm, whatever is usual, rad/s and m/s^2.
+  static constexpr double kLeastRate = 0.4, kLeastForce = 3;
+
   /// What a new reading shows about the suspects before it.
   enum class Past : std::uint8_t {
     kOpen,    ///< nothing yet; or there are none

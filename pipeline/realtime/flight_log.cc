@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "platform/concurrency/counter.h"
+
 namespace epiline {
 
 FlightLog::FlightLog(std::vector<FlightObserver*> observers, std::vector<EventRing*> more, int images)
@@ -16,7 +18,7 @@ bool FlightLog::image(const Frame& frame) noexcept {
   if (!wants_image() || frame.data == nullptr) return false;
   if (images_.published() - images_.popped() >= images_at_once_) {
     // written by this thread only, as the ring's own counter of drops
-    images_skipped_.store(images_skipped_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+    bump(images_skipped_);
     return false;
   }
   return images_.push(frame);

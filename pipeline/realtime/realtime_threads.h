@@ -18,6 +18,7 @@
 #include "pipeline/watch/image_gate.h"
 #include "pipeline/watch/imu_gate.h"
 #include "pipeline/watch/input_events.h"
+#include "platform/concurrency/counter.h"
 #include "platform/concurrency/latest_value.h"
 #include "platform/concurrency/loans.h"
 #include "platform/concurrency/newest_ring.h"
@@ -56,11 +57,6 @@ struct Heard {
     period_ns.store(period.ns, std::memory_order_relaxed);
   }
 };
-
-/// Of a counter with one writer.
-inline void bump(std::atomic<std::uint64_t>& counter) {
-  counter.store(counter.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
-}
 
 struct RealtimePipeline::Impl {
   /// A thread, where it parks, and what it cost.

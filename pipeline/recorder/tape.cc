@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "platform/concurrency/counter.h"
 #include "platform/error/contract.h"
 
 namespace epiline {
@@ -25,7 +26,7 @@ std::byte* Tape::claim(std::uint32_t kind, std::size_t bytes) noexcept {
   const std::size_t wanted = bytes_of_record(bytes);
   const bool fits = wanted <= segment_bytes_;
   if (!fits || (used_[current_ % used_.size()] + wanted > segment_bytes_ && !next_segment())) {
-    lost_.store(lost_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);  // the one writer
+    bump(lost_);
     return nullptr;
   }
   const std::size_t slot = current_ % used_.size();

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "platform/concurrency/counter.h"
 #include "platform/concurrency/spsc_ring.h"
 
 namespace epiline {
@@ -102,10 +103,6 @@ class NewestRing {
     if (fill(word) < N) return word | lane << kLaneBits * fill(word);
     return (word & ~kOverflow) >> kLaneBits | lane << kLaneBits * (N - 1) | kOverflow;
   }
-  static void bump(std::atomic<std::uint64_t>& counter) noexcept {
-    counter.store(counter.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
-  }
-
   alignas(kCacheLine) std::atomic<std::uint64_t> pushed_{0};  // this line is written by the producer ...
   std::atomic<std::uint64_t> evicted_{0};
   std::atomic<std::size_t> high_water_{0};

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdint>
 
+#include "platform/concurrency/counter.h"
 #include "platform/concurrency/spsc_ring.h"
 #include "platform/linux/futex.h"
 
@@ -62,10 +63,6 @@ class Parking {
 
  private:
   static constexpr std::uint32_t kParked = 1, kCount = 2;
-
-  static void bump(std::atomic<std::uint64_t>& counter) noexcept {
-    counter.store(counter.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
-  }
 
   alignas(kCacheLine) std::atomic<std::uint32_t> word_{0};
   alignas(kCacheLine) std::atomic<std::uint64_t> slept_{0};  // one writer: the reader thread

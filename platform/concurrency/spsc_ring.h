@@ -8,6 +8,8 @@
 #include <cstdint>
 #include <type_traits>
 
+#include "platform/concurrency/counter.h"
+
 namespace epiline {
 
 inline constexpr std::size_t kCacheLine = 64;  ///< bytes; x86-64 and the aarch64 cores we know
@@ -128,10 +130,6 @@ class SpscRing {
   static_assert(sizeof(Producer) == kCacheLine && sizeof(Consumer) == kCacheLine,
                 "one line a side, shared with nobody");
   static_assert(std::atomic<std::uint64_t>::is_always_lock_free);
-
-  static void bump(std::atomic<std::uint64_t>& counter) noexcept {
-    counter.store(counter.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
-  }
 
   // `tail_seen` may be old, and the fill it suggests too large. Only a would-be record is worth another look.
   void note_fill(std::uint64_t head) noexcept {

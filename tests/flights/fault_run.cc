@@ -22,10 +22,6 @@ struct Compared {
   Vec3 velocity_truth = Vec3::Zero();
 };
 
-TimedPose pose_of(const Odometry& o) {
-  return {o.stamp, Vec3(o.p_WB_m.data()), Eigen::Quaterniond(o.q_WB[0], o.q_WB[1], o.q_WB[2], o.q_WB[3])};
-}
-
 std::optional<Compared> compare(const Odometry& o, const Trajectory& truth, std::size_t& hint) {
   constexpr Span kGap = Span::from_milliseconds(100), kHalf = Span::from_milliseconds(5);
   Compared c{&o, pose_of(o), {}, Vec3::Zero()};
@@ -173,6 +169,10 @@ FaultVerdict fly_with(ReplayOptions options, const std::vector<Fault>& faults, c
     }
   }
   return verdict;
+}
+
+TimedPose pose_of(const Odometry& o) {
+  return {o.stamp, Vec3(o.p_WB_m.data()), Eigen::Quaterniond(o.q_WB[0], o.q_WB[1], o.q_WB[2], o.q_WB[3])};
 }
 
 std::string reason_names(std::uint32_t reasons) {

@@ -50,6 +50,9 @@ struct FaultTimes {
 /// Replays `options`, of a data set with truth, with the faults and compares what is published with the truth.
 FaultVerdict fly_with(ReplayOptions options, const std::vector<Fault>& faults, const FaultTimes& times);
 
+/// Where an odometry is.
+TimedPose pose_of(const Odometry& odometry);
+
 /// Names of the reasons, with commas; "nothing" if there are none.
 std::string reason_names(std::uint32_t reasons);
 

@@ -24,10 +24,6 @@ constexpr double kLatestPose_s = 8;
 using Covariance = Eigen::Matrix<double, 16, 16, Eigen::RowMajor>;
 using PoseChange = Eigen::Matrix<double, 4, 15>;  ///< of the states' errors; rows: position, heading
 
-TimedPose pose_of(const Odometry& o) {
-  return {o.stamp, Vec3(o.p_WB_m.data()), Eigen::Quaterniond(o.q_WB[0], o.q_WB[1], o.q_WB[2], o.q_WB[3])};
-}
-
 Mat15 states_of(const Odometry& o) { return Eigen::Map<const Covariance>(o.covariance.data()).topLeftCorner<15, 15>(); }
 
 /// How an error of a state becomes one of a later state, and what is added; position and velocity in W.

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Outcome {
+struct WheelOutcome {
   TrajectoryErrors errors;
   EstimatorStats stats;
   std::string path;  ///< as the trajectory file has it
@@ -36,8 +36,8 @@ class Wheels : public testing::Test {
   }
   void TearDown() override { fs::remove_all(folder_); }
 
-  Outcome replayed(const std::string& settings, std::optional<double> speed = std::nullopt,
-                   double duration_s = std::numeric_limits<double>::infinity()) {
+  WheelOutcome replayed(const std::string& settings, std::optional<double> speed = std::nullopt,
+                        double duration_s = std::numeric_limits<double>::infinity()) {
     const fs::path config = folder_ / "config.toml";
     EXPECT_TRUE(write_text(config, settings));
     ReplayOptions options;
@@ -63,12 +63,12 @@ class Wheels : public testing::Test {
 constexpr const char* kWith = "[wheel]\nsigma_m_s = 0.05\n";
 constexpr const char* kWithout = "[wheel]\nuse = false\n";
 
-double ate(const Outcome& o) { return o.errors.ate_4dof.rmse; }
+double ate(const WheelOutcome& o) { return o.errors.ate_4dof.rmse; }
 
 // A vehicle at a constant speed: the accelerometer has nothing to say about the scale.
 TEST_F(Wheels, HoldTheScaleOfAStraightWay) {
   fly(FlightKind::kStraight);
-  const Outcome with = replayed("[wheel]\nsigma_m_s = 0.02\n"), without = replayed(kWithout);
+  const WheelOutcome with = replayed("[wheel]\nsigma_m_s = 0.02\n"), without = replayed(kWithout);
   EXPECT_GT(with.stats.wheel_frames, 300u);
   EXPECT_EQ(without.stats.wheel_frames, 0u);
   EXPECT_LT(ate(with), 0.8 * ate(without));
@@ -76,7 +76,7 @@ TEST_F(Wheels, HoldTheScaleOfAStraightWay) {
 
 TEST_F(Wheels, DoNoHarmOnARoverWithVision) {
   fly(FlightKind::kRover);
-  const Outcome with = replayed(kWith), without = replayed(kWithout);
+  const WheelOutcome with = replayed(kWith), without = replayed(kWithout);
   EXPECT_LT(ate(with), 1.1 * ate(without));
   EXPECT_LT(ate(with), 0.03);
 }
@@ -89,16 +89,16 @@ TEST_F(Wheels, ThatAreLockedAreNotBelieved) {
 
 TEST_F(Wheels, ThatAreLeftOutChangeNotABit) {
   fly(FlightKind::kRover);
-  const Outcome left_out = replayed(kWithout);
+  const WheelOutcome left_out = replayed(kWithout);
   fs::remove_all(folder_ / "mav0/wheel0");
-  const Outcome none = replayed(kWith);
+  const WheelOutcome none = replayed(kWith);
   EXPECT_FALSE(none.path.empty());
   EXPECT_EQ(none.path, left_out.path);
 }
 
 TEST_F(Wheels, ReachTheEstimatorInThreads) {
   fly(FlightKind::kRover);
-  const Outcome threads = replayed(kWith, 2.0, 10);
+  const WheelOutcome threads = replayed(kWith, 2.0, 10);
   EXPECT_GT(threads.stats.wheel_samples, 300u);
   EXPECT_GT(threads.stats.wheel_frames, 30u);
 }
@@ -106,7 +106,7 @@ TEST_F(Wheels, ReachTheEstimatorInThreads) {
 TEST_F(Wheels, AreInTheFlightRecordersRecordAndReplayedFromIt) {
   fly(FlightKind::kRover);
   records_ = folder_ / "records";
-  const Outcome flown = replayed(kWith, 2.0, 10);
+  const WheelOutcome flown = replayed(kWith, 2.0, 10);
   const fs::path record = records_ / "record-001-end";
   ReplayOptions options;
   options.dataset = record;

@@ -14,8 +14,6 @@ namespace {
 using Vec9 = Eigen::Matrix<double, 9, 1>;
 using Mat9 = Eigen::Matrix<double, 9, 9>;
 
-Vec3 vec(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
-
 bool inside(const FittedMotion& motion, const ImuSample& s) {
   const double t = motion.seconds(s.stamp);
   return t >= 0 && t <= motion.duration_s();
@@ -28,8 +26,8 @@ Preintegration integrated(const ImuSample* first, const ImuSample* last, const V
   piece.reset(b_a, b_g);
   for (; first != last; ++first) {
     const ImuSample& next = *(first + 1);
-    piece.integrate(vec(first->angular_velocity_rad_s), vec(first->specific_force_m_s2),
-                    vec(next.angular_velocity_rad_s), vec(next.specific_force_m_s2),
+    piece.integrate(vec3(first->angular_velocity_rad_s), vec3(first->specific_force_m_s2),
+                    vec3(next.angular_velocity_rad_s), vec3(next.specific_force_m_s2),
                     (next.stamp - first->stamp).seconds(), noise);
   }
   return piece;
@@ -57,8 +55,8 @@ SampleAgreement sample_agreement(const FittedMotion& motion, const std::vector<I
     last = s.stamp;
     const double t = motion.seconds(s.stamp);
     const Motion m = motion.at(t);
-    const Vec3 e_w = vec(s.angular_velocity_rad_s) - motion.gyroscope_bias(t) - m.omega_B;
-    const Vec3 e_a = vec(s.specific_force_m_s2) - motion.accelerometer_bias(t) - m.specific_force_B();
+    const Vec3 e_w = vec3(s.angular_velocity_rad_s) - motion.gyroscope_bias(t) - m.omega_B;
+    const Vec3 e_a = vec3(s.specific_force_m_s2) - motion.accelerometer_bias(t) - m.specific_force_B();
     for (int k = 0; k < 3; ++k) {
       w.push_back(std::abs(e_w[k]));
       a.push_back(std::abs(e_a[k]));

@@ -15,8 +15,6 @@
 namespace epiline {
 namespace {
 
-Vec3 vec(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
-
 /// A measurement with its time since the beginning.
 struct Reading {
   double t_s;
@@ -51,7 +49,7 @@ class Fitter {
          const FitSettings& settings)
       : settings_(settings), noise_(noise), begin_(imu.front().stamp) {
     for (const ImuSample& s : imu)
-      readings_.push_back({(s.stamp - begin_).seconds(), vec(s.angular_velocity_rad_s), vec(s.specific_force_m_s2)});
+      readings_.push_back({(s.stamp - begin_).seconds(), vec3(s.angular_velocity_rad_s), vec3(s.specific_force_m_s2)});
     for (const TimedPose& pose : truth)
       poses_.push_back({(pose.stamp - begin_).seconds(), pose.p_WB, pose.q_WB.toRotationMatrix()});
     const double imu_rate = 1 / median_period(imu), truth_rate = 1 / median_period(truth);

@@ -9,7 +9,7 @@
 namespace epiline {
 namespace {
 
-enum Stream : std::uint64_t { kFlightStream, kImuStream, kTrackStream };
+enum TrackStream : std::uint64_t { kTrackFlightStream, kTrackImuStream, kTrackStream };
 
 struct CameraPose {
   Vec3 p_WC;
@@ -133,11 +133,11 @@ Extrinsics true_extrinsics(const TrackSimulation& simulation) {
 }
 
 SimulatedFlight simulate_tracks(const TrackSimulation& simulation) {
-  Random flight_random(simulation.seed, kFlightStream);
+  Random flight_random(simulation.seed, kTrackFlightStream);
   SimulatedFlight result;
   result.flight = make_flight(simulation.flight, flight_random);
   const Flight& flight = result.flight;
-  ImuSimulator imu(simulation.imu, Random(simulation.seed, kImuStream));
+  ImuSimulator imu(simulation.imu, Random(simulation.seed, kTrackImuStream));
   TrackSource tracks(simulation, flight.room(), Random(simulation.seed, kTrackStream));
 
   result.width = simulation.width;

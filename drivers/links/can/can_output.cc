@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "platform/concurrency/counter.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline {
@@ -19,10 +20,6 @@ constexpr std::int64_t kBusOff_ns = 1'000 * kMs;  // until another attempt, if n
 constexpr double kDeviations_hz = 5;
 constexpr int kPriority = 65;
 constexpr int kMostIdentifier = 0x7ff, kMessageIdentifiers = static_cast<int>(can::kMessages.size());
-
-void bump(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) noexcept {
-  counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
-}
 
 }  // namespace
 

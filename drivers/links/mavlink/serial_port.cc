@@ -30,7 +30,7 @@ void ask_for_low_latency(int fd) noexcept {
 }
 
 /// False for errors that pass by themselves.
-bool is_loss(int error) noexcept { return error != EAGAIN && error != EINTR; }
+bool is_line_lost(int error) noexcept { return error != EAGAIN && error != EINTR; }
 
 }  // namespace
 
@@ -86,13 +86,13 @@ PortResult SerialPort::read(std::span<std::uint8_t> into) noexcept {
   const ssize_t count = ::read(fd_, into.data(), into.size());
   if (count > 0) return {static_cast<std::size_t>(count), 0, false};
   if (count == 0) return {0, EIO, true};
-  return {0, is_loss(errno) ? errno : 0, is_loss(errno)};
+  return {0, is_line_lost(errno) ? errno : 0, is_line_lost(errno)};
 }
 
 PortResult SerialPort::write(std::span<const std::uint8_t> bytes) noexcept {
   const ssize_t count = ::write(fd_, bytes.data(), bytes.size());
   if (count >= 0) return {static_cast<std::size_t>(count), 0, false};
-  return {0, is_loss(errno) ? errno : 0, is_loss(errno)};
+  return {0, is_line_lost(errno) ? errno : 0, is_line_lost(errno)};
 }
 
 std::size_t SerialPort::backlog() const noexcept {

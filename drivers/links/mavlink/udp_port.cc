@@ -13,12 +13,12 @@ namespace epiline::mavlink {
 namespace {
 
 /// A peer that is not there yet is no reason to open anew; nor is a full queue.
-bool is_loss(int error) noexcept {
+bool is_socket_lost(int error) noexcept {
   return error != EAGAIN && error != EINTR && error != ECONNREFUSED && error != ENOBUFS;
 }
 bool is_nothing(int error) noexcept { return error == EAGAIN || error == EINTR; }
 
-PortResult failed(int error) noexcept { return {0, is_nothing(error) ? 0 : error, is_loss(error)}; }
+PortResult failed(int error) noexcept { return {0, is_nothing(error) ? 0 : error, is_socket_lost(error)}; }
 
 const sockaddr* plain(const sockaddr_in& address) noexcept {
   return reinterpret_cast<const sockaddr*>(&address);  // NOLINT: the interface of sockets

@@ -134,7 +134,7 @@ ImuResult ImuCheck::result() const {
 
 namespace {
 
-Finding said(Grade grade, std::string text, std::string remedy = {}) {
+Finding imu_finding(Grade grade, std::string text, std::string remedy = {}) {
   return {grade, "imu", std::move(text), std::move(remedy)};
 }
 
@@ -143,21 +143,23 @@ void say_pace(const ImuResult& r, const ImuExpectation& expected, Findings& out)
   const std::string text = fmt::format("{:.1f} readings a second, jitter {:.2f} ms, longest pause {:.1f} ms",
                                        p.rate_hz(), 1e3 * p.jitter_s, 1e3 * p.longest_s);
   if (p.rate_hz() < 50)
-    out.push_back(said(Grade::kError, text, "100 to 1000 are needed: set imu.rate_hz, or the stream's rate"));
+    out.push_back(imu_finding(Grade::kError, text, "100 to 1000 are needed: set imu.rate_hz, or the stream's rate"));
   else if (expected.rate_hz > 0 && std::abs(p.rate_hz() / expected.rate_hz - 1) > 0.05)
-    out.push_back(said(Grade::kWarning, text, fmt::format("{:.0f} were asked for (imu.rate_hz)", expected.rate_hz)));
+    out.push_back(
+        imu_finding(Grade::kWarning, text, fmt::format("{:.0f} were asked for (imu.rate_hz)", expected.rate_hz)));
   else if (p.jitter_s > 0.25 * p.period_s)
-    out.push_back(said(Grade::kWarning, text, "stamps are irregular: use the data-ready line or the chip's own clock"));
+    out.push_back(
+        imu_finding(Grade::kWarning, text, "stamps are irregular: use the data-ready line or the chip's own clock"));
   else
-    out.push_back(said(Grade::kOk, text));
+    out.push_back(imu_finding(Grade::kOk, text));
   if (p.missing + p.backwards + r.not_finite > 0) {
     const bool is_bad = p.missing + r.not_finite + p.backwards > p.samples / 100;
     out.push_back(
-        said(is_bad ? Grade::kError : Grade::kWarning,
-             fmt::format("{} readings missing in {} pauses, {} with a stamp not later than the one before, {} "
-                         "not finite",
-                         p.missing, p.gaps, p.backwards, r.not_finite),
-             "look at the bus speed, at other load of the computer, at the cable"));
+        imu_finding(is_bad ? Grade::kError : Grade::kWarning,
+                    fmt::format("{} readings missing in {} pauses, {} with a stamp not later than the one before, {} "
+                                "not finite",
+                                p.missing, p.gaps, p.backwards, r.not_finite),
+                    "look at the bus speed, at other load of the computer, at the cable"));
   }
 }
 
@@ -168,20 +170,20 @@ void say_noise(const ImuResult& r, const ImuExpectation& expected, Findings& out
     const std::string text = fmt::format("{} noise {:.2e} {:.2e} {:.2e} {} at rest, configured {:.2e}", name,
                                          density[0], density[1], density[2], unit, configured);
     if (configured > 0 && most_of(density) > 3 * configured)
-      out.push_back(said(
+      out.push_back(imu_finding(
           Grade::kWarning, text,
           fmt::format("motors or fans off? else mount it softer, or set {} to {:.1e}", key, 1.5 * most_of(density))));
     else
-      out.push_back(said(Grade::kOk, text));
+      out.push_back(imu_finding(Grade::kOk, text));
   };
   judge("gyroscope", r.gyroscope_density, expected.gyroscope_density, "rad/s/sqrt(Hz)", "imu.gyroscope_noise_density");
   judge("accelerometer", r.accelerometer_density, expected.accelerometer_density, "m/s^2/sqrt(Hz)",
         "imu.accelerometer_noise_density");
   if (most_of(r.gyroscope_instability) > 0)
-    out.push_back(said(Grade::kOk,
-                       fmt::format("least Allan deviation in {:.0f} s at rest: gyroscope {:.2g} rad/s, "
-                                   "accelerometer {:.2g} m/s^2",
-                                   r.rest_s, most_of(r.gyroscope_instability), most_of(r.accelerometer_instability))));
+    out.push_back(imu_finding(
+        Grade::kOk, fmt::format("least Allan deviation in {:.0f} s at rest: gyroscope {:.2g} rad/s, "
+                                "accelerometer {:.2g} m/s^2",
+                                r.rest_s, most_of(r.gyroscope_instability), most_of(r.accelerometer_instability))));
 }
 
 void say_gravity(const ImuResult& r, Findings& out) {
@@ -189,22 +191,25 @@ void say_gravity(const ImuResult& r, Findings& out) {
   const std::string text = fmt::format("{:.3f} m/s^2 at rest", g);
   const auto& a = r.accelerometer_rest_m_s2;
   if (std::abs(g - 1) < 0.1)
-    out.push_back(said(Grade::kError, text, "readings are in g, 9.81 times too small: look at the device's scale"));
+    out.push_back(
+        imu_finding(Grade::kError, text, "readings are in g, 9.81 times too small: look at the device's scale"));
   else if (std::abs(g - kGravity) > 1)
-    out.push_back(said(Grade::kError, text, "gravity is 9.81: wrong scale or measuring range, or a broken axis"));
+    out.push_back(
+        imu_finding(Grade::kError, text, "gravity is 9.81: wrong scale or measuring range, or a broken axis"));
   else if (std::abs(g - kGravity) > 0.3)
-    out.push_back(said(Grade::kWarning, text, "gravity is 9.81: calibrate the accelerometer (offset, scale)"));
+    out.push_back(imu_finding(Grade::kWarning, text, "gravity is 9.81: calibrate the accelerometer (offset, scale)"));
   else
-    out.push_back(said(Grade::kOk, fmt::format("gravity {:.3f} m/s^2, up is ({:+.2f}, {:+.2f}, {:+.2f}) of its axes", g,
-                                               a[0] / g, a[1] / g, a[2] / g)));
+    out.push_back(
+        imu_finding(Grade::kOk, fmt::format("gravity {:.3f} m/s^2, up is ({:+.2f}, {:+.2f}, {:+.2f}) of its axes", g,
+                                            a[0] / g, a[1] / g, a[2] / g)));
   const auto& w = r.gyroscope_rest_rad_s;
   const double bias = std::hypot(w[0], w[1], w[2]);
   const std::string turn = fmt::format("gyroscope reads {:.4f} rad/s at rest", bias);
   if (bias > 0.1)
-    out.push_back(
-        said(Grade::kWarning, turn, "much for a bias: warm it up, or let it be calibrated; did it stand still?"));
+    out.push_back(imu_finding(Grade::kWarning, turn,
+                              "much for a bias: warm it up, or let it be calibrated; did it stand still?"));
   else
-    out.push_back(said(Grade::kOk, turn));
+    out.push_back(imu_finding(Grade::kOk, turn));
 }
 
 }  // namespace
@@ -212,18 +217,18 @@ void say_gravity(const ImuResult& r, Findings& out) {
 Findings findings_of(const ImuResult& r, const ImuExpectation& expected) {
   Findings out;
   if (r.pacing.samples < 10) {
-    out.push_back(said(Grade::kError, fmt::format("{} readings", r.pacing.samples),
-                       "it is there but gives none: look at its data-ready line, trigger and power"));
+    out.push_back(imu_finding(Grade::kError, fmt::format("{} readings", r.pacing.samples),
+                              "it is there but gives none: look at its data-ready line, trigger and power"));
     return out;
   }
   say_pace(r, expected, out);
   if (r.dead_axes > 0)
-    out.push_back(said(Grade::kError, fmt::format("{} of 6 axes never change", r.dead_axes),
-                       "an axis is not enabled, or the sensor is broken"));
+    out.push_back(imu_finding(Grade::kError, fmt::format("{} of 6 axes never change", r.dead_axes),
+                              "an axis is not enabled, or the sensor is broken"));
   if (r.rest_s < 1) {
-    out.push_back(said(Grade::kWarning,
-                       fmt::format("at rest for {:.1f} s only: noise and gravity not judged", r.rest_s),
-                       "let it lie still for some seconds while this runs"));
+    out.push_back(imu_finding(Grade::kWarning,
+                              fmt::format("at rest for {:.1f} s only: noise and gravity not judged", r.rest_s),
+                              "let it lie still for some seconds while this runs"));
     return out;
   }
   say_noise(r, expected, out);

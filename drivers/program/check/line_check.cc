@@ -10,7 +10,7 @@ namespace epiline {
 
 namespace {
 
-constexpr Span kWait = Span::from_milliseconds(100);
+constexpr Span kLineWait = Span::from_milliseconds(100);
 constexpr double kLargeLag = 0.35;      // of a period; from half of it on an image takes its neighbour's edge
 constexpr std::uint64_t kOddMost = 50;  // of so many edges one may be missing or too soon
 constexpr const char* kNoEdges = "is its sender on? wired to this line (gpioinfo)? at the board's voltage?";
@@ -24,8 +24,8 @@ std::string rate_and_line(double period_s, const std::string& line) {
 bool LineCheck::look() {
   std::array<HostStamp, 64> edges;
   std::size_t count = 0;
-  if (line_.read(edges, count, kWait) == ReadOutcome::kFailed)
-    std::this_thread::sleep_for(std::chrono::nanoseconds(kWait.ns));
+  if (line_.read(edges, count, kLineWait) == ReadOutcome::kFailed)
+    std::this_thread::sleep_for(std::chrono::nanoseconds(kLineWait.ns));
   for (std::size_t i = 0; i < count; ++i) pacing_.step(edges[i], {});
   return true;
 }

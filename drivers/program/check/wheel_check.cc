@@ -9,14 +9,14 @@ namespace epiline {
 
 namespace {
 
-constexpr Span kWait = Span::from_milliseconds(100);
+constexpr Span kWheelWait = Span::from_milliseconds(100);
 constexpr double kFastest_m_s = 60;  // of anything that this is for
 
 }  // namespace
 
 bool WheelCheck::look() {
   WheelSample sample;
-  const ReadOutcome outcome = wheel_.read(sample, kWait);
+  const ReadOutcome outcome = wheel_.read(sample, kWheelWait);
   if (outcome == ReadOutcome::kFailed) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   if (outcome != ReadOutcome::kSample) return outcome != ReadOutcome::kEnd;
   const bool is_first = pacing_.samples() == 0;

@@ -14,7 +14,7 @@ namespace epiline {
 
 namespace {
 
-struct Options {
+struct CheckArguments {
   std::filesystem::path config;
   std::vector<std::string> set;
   double seconds = 10;
@@ -61,7 +61,7 @@ void print_json(const Findings& findings, const Inventory& inventory) {
   fmt::print("{}\n", root.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
-int check(const Options& options) {
+int check(const CheckArguments& options) {
   const auto config = find_config(options.config);
   if (!config) return report(config.error());
   // a file that says nonsense is wrong input, not a finding about devices
@@ -93,7 +93,7 @@ int check(const Options& options) {
 }  // namespace
 
 void add_check(CLI::App& app, int& exit_code) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<CheckArguments>();
   CLI::App* command = app.add_subcommand("check", "Looks at the configured devices and says what is wrong with them");
   command->group(kFly);
   add_settings(*command, options->config, options->set,

@@ -10,12 +10,12 @@ namespace epiline {
 
 namespace {
 
-struct Options {
+struct ConfigArguments {
   std::string check;
   bool print_defaults = false;
 };
 
-int config_command(const Options& options) {
+int config_command(const ConfigArguments& options) {
   Config config;
   if (!options.check.empty()) {
     const auto file = ConfigFile::read(options.check);
@@ -29,7 +29,7 @@ int config_command(const Options& options) {
 }  // namespace
 
 void add_config(CLI::App& app, int& exit_code) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<ConfigArguments>();
   CLI::App* command =
       app.add_subcommand("config", "Every setting with its unit, range and meaning, as a configuration file");
   command->group(kFly);

@@ -11,7 +11,7 @@ namespace epiline {
 
 namespace {
 
-struct Options {
+struct EvaluateArguments {
   std::string estimate, reference, align = "4dof";
   bool json = false;
 };
@@ -31,7 +31,7 @@ void print_text(const TrajectoryErrors& e, const std::string& align, std::size_t
   }
 }
 
-int evaluate_files(const Options& options) {
+int evaluate_files(const EvaluateArguments& options) {
   const auto estimate = read_trajectory(options.estimate);
   if (!estimate) return report(estimate.error());
   const auto reference = read_trajectory(options.reference);
@@ -55,7 +55,7 @@ int evaluate_files(const Options& options) {
 }  // namespace
 
 void add_evaluate(CLI::App& app, int& exit_code) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<EvaluateArguments>();
   CLI::App* command = app.add_subcommand("evaluate", "Errors of a trajectory against a reference");
   command->group(kAnalyse);
   command->add_option("ESTIMATE", options->estimate, "TUM trajectory or ASL ground truth, also gzipped")->required();

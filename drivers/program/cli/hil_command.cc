@@ -16,7 +16,7 @@ namespace epiline {
 
 namespace {
 
-struct Options {
+struct HilArguments {
   hil::HilOptions hil;
   bool quiet = false;
 };
@@ -63,7 +63,7 @@ void say_ready(const hil::HilOptions& options) {
   std::fflush(stdout);
 }
 
-int hil_command(Options& options) {
+int hil_command(HilArguments& options) {
   const auto config = find_config(options.hil.config_file);
   if (!config) return report(config.error());
   options.hil.config_file = *config;
@@ -105,7 +105,7 @@ std::string controller_fault(const std::string& text) {
 }  // namespace
 
 void add_hil(CLI::App& app, int& exit_code) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<HilArguments>();
   hil::HilOptions& h = o->hil;
   CLI::App* command = app.add_subcommand(
       "hil", "Plays a recorded flight through the real interfaces, and judges the odometry as flight controllers do");

@@ -14,13 +14,13 @@ namespace epiline {
 
 namespace {
 
-struct Options {
+struct MontecarloArguments {
   StudyOptions study;
   std::vector<std::string> flights, factors;
   std::filesystem::path out;
 };
 
-int montecarlo_command(Options& o) {
+int montecarlo_command(MontecarloArguments& o) {
   o.study.flights.clear();
   for (const std::string& name : o.flights) o.study.flights.push_back(*flight_from(name));
   for (const std::string& text : o.factors) {
@@ -63,7 +63,7 @@ void add_noise(CLI::App& command, StudyOptions& study) {
 }  // namespace
 
 void add_montecarlo(CLI::App& app, int& exit_code) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<MontecarloArguments>();
   for (const FlightKind kind : kAllFlights) o->flights.emplace_back(to_string(kind));
   o->factors.assign(kVisualFactorNames.begin(), kVisualFactorNames.end());
   o->study.jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));

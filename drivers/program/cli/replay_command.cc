@@ -18,7 +18,7 @@ namespace epiline {
 
 namespace {
 
-struct Options {
+struct ReplayArguments {
   ReplayOptions replay;
   std::string out = "epiline-out", visual_factor;
   std::vector<std::string> faults;
@@ -82,7 +82,7 @@ std::string fault_help() {
   return s;
 }
 
-int replay_command(Options& options) {
+int replay_command(ReplayArguments& options) {
   for (const std::string& text : options.faults) {
     const auto fault = fault_from(text);
     if (!fault) return report(fault.error());
@@ -118,7 +118,7 @@ int replay_command(Options& options) {
 }  // namespace
 
 void add_replay(CLI::App& app, int& exit_code) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<ReplayArguments>();
   CLI::App* command = app.add_subcommand("replay", "Odometry from a recorded flight: trajectory, figures, report");
   command->add_option("DATASET", o->replay.dataset, "ASL folder (mav0/{cam0,imu0,...}) or ROS 1 bag")->required();
   command->add_option("--out", o->out, "folder for the results")->capture_default_str();

@@ -16,7 +16,7 @@ namespace epiline {
 
 namespace {
 
-struct Options {
+struct RunArguments {
   LiveOptions live;
   std::filesystem::path config;
   std::vector<std::string> set;
@@ -103,7 +103,7 @@ void print_summary(const FlightRecord& r) {
   for (const std::string& line : r.realtime->shortfalls) fmt::print("note      {}\n", line);
 }
 
-int run_command(Options& options) {
+int run_command(RunArguments& options) {
   const auto config = find_config(options.config);
   if (!config) return report(config.error());
   auto settings = read_live_settings(*config, options.set);
@@ -131,7 +131,7 @@ int run_command(Options& options) {
 }  // namespace
 
 void add_run(CLI::App& app, int& exit_code) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<RunArguments>();
   CLI::App* command = app.add_subcommand("run", "Odometry from a live camera and IMU, to flight controllers and buses");
   command->group(kFly);
   add_settings(*command, o->config, o->set,

@@ -18,7 +18,7 @@ namespace epiline {
 
 namespace {
 
-struct Options {
+struct SimulateArguments {
   std::string flight = to_string(FlightKind::kHall), from, imu = "recorded", imu_calibration, world,
               effects = kUsualEffects, camera, out;
   bool tracks = false, quiet = false;
@@ -38,7 +38,7 @@ void shorten(SimulatedFlight& flight, double duration_s) {
   flight.images.erase(beyond, flight.images.end());
 }
 
-int simulate_track_flight(Options& o) {
+int simulate_track_flight(SimulateArguments& o) {
   o.simulation.flight = *flight_from(o.flight);
   o.simulation.seed = o.seed;
   SimulatedFlight flight = simulate_tracks(o.simulation);
@@ -60,7 +60,7 @@ CameraCalibration usual_camera() {
   return c;
 }
 
-int render(const Options& o, const FlightEffects& effects, FlightToRender flight, WorldKind usual_world) {
+int render(const SimulateArguments& o, const FlightEffects& effects, FlightToRender flight, WorldKind usual_world) {
   if (o.wheels) flight.tables.wheel_samples = simulate_wheel(*flight.motion, flight.begin, o.wheel, o.seed);
   if (o.duration_s > 0) flight.to_s = std::min(flight.to_s, flight.from_s + o.duration_s);
   const RenderChoice choice{o.world.empty() ? usual_world : *world_from(o.world), effects, o.seed, o.jobs};
@@ -70,7 +70,7 @@ int render(const Options& o, const FlightEffects& effects, FlightToRender flight
   return written ? kExitDone : report(written.error());
 }
 
-int render_built_in(const Options& o, const FlightEffects& effects) {
+int render_built_in(const SimulateArguments& o, const FlightEffects& effects) {
   CameraCalibration camera = usual_camera();
   if (!o.camera.empty()) {
     const auto calibration = read_camera_calibration(o.camera, "cam0");
@@ -81,7 +81,7 @@ int render_built_in(const Options& o, const FlightEffects& effects) {
   return render(o, effects, built_in_flight(kind, effects.imu, camera, o.rate_hz, o.seed), usual_world(kind));
 }
 
-int render_recorded(const Options& o, const FlightEffects& effects) {
+int render_recorded(const SimulateArguments& o, const FlightEffects& effects) {
   auto hybrid = hybrid_flight({.dataset = o.from,
                                .camera_file = o.camera,
                                .imu_calibration = o.imu_calibration,
@@ -97,7 +97,7 @@ int render_recorded(const Options& o, const FlightEffects& effects) {
   return written ? kExitDone : report(written.error());
 }
 
-int simulate(Options& o) {
+int simulate(SimulateArguments& o) {
   if (o.tracks) return simulate_track_flight(o);
   const auto effects = parse_effects(o.effects);
   if (!effects) return report(effects.error());
@@ -114,7 +114,7 @@ std::vector<std::string> names(const All& all) {
 }  // namespace
 
 void add_simulate(CLI::App& app, int& exit_code) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<SimulateArguments>();
   CLI::App* command =
       app.add_subcommand("simulate", "A made-up flight as a folder to replay: images or tracks, IMU and the truth");
   command->group(kStudy);

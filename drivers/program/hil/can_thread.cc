@@ -11,14 +11,10 @@
 #include <cerrno>
 #include <system_error>
 
+#include "drivers/program/hil/controller_thread.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline::hil {
-
-namespace {
-constexpr int kPriority = 85;  // as ControllerThread
-constexpr int kLook_ms = 2;
-}  // namespace
 
 Status CanThread::start(const std::string& interface) {
   const auto fail = [&](const char* step, const char* expected) {
@@ -37,7 +33,7 @@ Status CanThread::start(const std::string& interface) {
   if (::setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &both, sizeof both) != 0 ||
       ::bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
     return fail("cannot listen", kExpected);
-  if (!thread_.start({.name = "controller", .priority = kPriority}, run, this))
+  if (!thread_.start({.name = "controller", .priority = ControllerThread::kPriority}, run, this))
     return Error{ErrorKind::kRun, interface, 0, "no thread for the controller", ""};
   return Done{};
 }
@@ -54,7 +50,7 @@ void CanThread::run(void* self) { static_cast<CanThread*>(self)->loop(); }
 void CanThread::loop() {
   while (!stop_.load(std::memory_order_relaxed)) {
     pollfd ready{fd_, POLLIN, 0};
-    ::poll(&ready, 1, kLook_ms);
+    ::poll(&ready, 1, ControllerThread::kLook_ms);
     canfd_frame raw{};
     const ssize_t got = ::read(fd_, &raw, sizeof raw);
     if (got != CAN_MTU && got != CANFD_MTU) continue;

@@ -6,12 +6,6 @@
 
 namespace epiline::hil {
 
-namespace {
-// Above everything that is judged: an arrival must not be stamped late because the judge had to wait.
-constexpr int kPriority = 85;
-constexpr int kLook_ms = 2;
-}  // namespace
-
 bool ControllerThread::start() { return thread_.start({.name = "controller", .priority = kPriority}, run, this); }
 
 void ControllerThread::stop() noexcept {

@@ -13,6 +13,9 @@ namespace epiline::hil {
 
 class ControllerThread {
  public:
+  /// Above everything that is judged: an arrival must not be stamped late because the judge had to wait.
+  static constexpr int kPriority = 85, kLook_ms = 2;
+
   /// Both outlive it; the model belongs to the thread until stop().
   ControllerThread(ControllerModel& model, ControllerLine& line) : model_(model), line_(line) {}
   ~ControllerThread() { stop(); }

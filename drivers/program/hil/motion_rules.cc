@@ -10,7 +10,7 @@ namespace epiline::hil {
 namespace {
 constexpr Span kPause = Span::from_milliseconds(200), kWindow = Span::from_milliseconds(500);
 // PX4's least noise of position, attitude and velocity: a step below one of them is no jump to it.
-constexpr double kPositionNoise_m = 0.1, kAngleNoise_rad = 0.1, kVelocityNoise_m_s = 0.1;
+constexpr double kLeastPosition_m = 0.1, kLeastAngle_rad = 0.1, kLeastVelocity_m_s = 0.1;
 constexpr double kSdMost = 3;
 // What a vehicle may do within a step that its velocity and rates at both ends do not tell.
 constexpr double kAcceleration_m_s2 = 40, kAngularAcceleration_rad_s2 = 100;
@@ -40,13 +40,13 @@ MotionRules::Step MotionRules::step_to(const VisionSample& s) const {
   if (s.v_L && before.v_L) speed = 0.5 * (*s.v_L + *before.v_L);
   Step step;
   step.position_m = (s.p_L - before.p_L - speed * dt).norm();
-  step.position_most_m = std::max(kPositionNoise_m, s.sigma_p.maxCoeff()) + kSdMost * s.sigma_v.maxCoeff() * dt +
+  step.position_most_m = std::max(kLeastPosition_m, s.sigma_p.maxCoeff()) + kSdMost * s.sigma_v.maxCoeff() * dt +
                          0.5 * kAcceleration_m_s2 * dt * dt;
   if (!s.v_L && !newest_speed_) step.position_most_m += 30 * dt;
   const double turned = before.q_LF.angularDistance(s.q_LF);
   step.angle_rad = std::max(0.0, turned - 0.5 * (before.omega_F + s.omega_F).norm() * dt);
   step.angle_most_rad =
-      std::max(kAngleNoise_rad, s.sigma_angle.maxCoeff()) + 0.5 * kAngularAcceleration_rad_s2 * dt * dt;
+      std::max(kLeastAngle_rad, s.sigma_angle.maxCoeff()) + 0.5 * kAngularAcceleration_rad_s2 * dt * dt;
   if (!s.v_L) step.angle_most_rad += 20 * dt;  // and no rates
   return step;
 }
@@ -80,7 +80,7 @@ void MotionRules::follow_velocity(const VisionSample& s, RuleBook& book) {
   const double seconds = window_.length.seconds();
   const double error_m = (window_.moved - window_.integral).norm();
   const double most_m =
-      std::max(kPositionNoise_m, window_.sigma_p) + kSdMost * std::max(kVelocityNoise_m_s, window_.sigma_v) * seconds;
+      std::max(kLeastPosition_m, window_.sigma_p) + kSdMost * std::max(kLeastVelocity_m_s, window_.sigma_v) * seconds;
   book.judge(Rule::kVelocity, error_m <= most_m, s.arrival, [&] {
     const Vec3 m = window_.moved, v = window_.integral;
     return fmt::format(

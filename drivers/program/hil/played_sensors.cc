@@ -8,7 +8,7 @@ namespace epiline::hil {
 
 namespace {
 
-constexpr std::int64_t kBurst_ns = 80'000'000, kSecond_ns = 1'000'000'000;
+constexpr std::int64_t kBurst_ns = 80'000'000, kNsPerSecond = 1'000'000'000;
 
 void sleep_until(std::int64_t host_ns) {
   std::this_thread::sleep_until(std::chrono::steady_clock::time_point(std::chrono::nanoseconds(host_ns)));
@@ -32,7 +32,7 @@ std::int64_t Delivery::instant_ns(std::int64_t due_ns, std::int64_t begin_ns) {
   if (disturbance_.jitter_ms > 0)
     instant_ns += static_cast<std::int64_t>(1e6 * random_.uniform(0, disturbance_.jitter_ms));
   if (disturbance_.bursts) {
-    const std::int64_t phase_ns = (instant_ns - begin_ns) % kSecond_ns;
+    const std::int64_t phase_ns = (instant_ns - begin_ns) % kNsPerSecond;
     if (phase_ns >= 0 && phase_ns < kBurst_ns) instant_ns += kBurst_ns - phase_ns;
   }
   newest_ns_ = std::max(newest_ns_, instant_ns);

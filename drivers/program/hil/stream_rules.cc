@@ -5,8 +5,8 @@
 namespace epiline::hil {
 
 namespace {
-constexpr Span kStart = Span::from_milliseconds(200), kStop = Span::from_milliseconds(400);
-constexpr Span kArdupilot = Span::from_milliseconds(300), kAnnounced = Span::from_milliseconds(1000);
+constexpr Span kStart = Span::from_milliseconds(200), kPx4Stop = Span::from_milliseconds(400);
+constexpr Span kArdupilotStop = Span::from_milliseconds(300), kAnnounced = Span::from_milliseconds(1000);
 constexpr double kRateLeast_hz = 30, kRateMost_hz = 50, kTolerance = 0.05;
 constexpr std::uint64_t kFlood = 100, kArdupilotLeast = 4;
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
@@ -44,8 +44,8 @@ void StreamRules::judge_pause(HostStamp until, RuleBook& book) const {
                [&] { return fmt::format("{:.0f} ms without odometry", 1e3 * pause.seconds()); });
   };
   judge(Rule::kGapStart, kStart);
-  judge(Rule::kGapStop, kStop);
-  judge(Rule::kGapArdupilot, kArdupilot);
+  judge(Rule::kGapStop, kPx4Stop);
+  judge(Rule::kGapArdupilot, kArdupilotStop);
 }
 
 /// Judges the second that has gone by, if it was a whole one without an announced pause.

@@ -10,9 +10,8 @@ namespace epiline {
 
 namespace {
 
-constexpr std::int64_t kMillisecond = 1'000'000;
-constexpr std::int64_t kInterval_ns = 45 * kMillisecond, kIntervalUnseen_ns = 1000 * kMillisecond;
-constexpr std::int64_t kViewerGone_ns = 2000 * kMillisecond;
+constexpr std::int64_t kInterval_ns = 45'000'000, kIntervalUnseen_ns = 1'000'000'000;
+constexpr std::int64_t kViewerGone_ns = 2'000'000'000;
 constexpr std::int64_t kLongAgo_ns = std::numeric_limits<std::int64_t>::min() / 2;
 
 void copy_pixels(const Frame& frame, ViewedImage& out) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "platform/concurrency/counter.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline {
@@ -10,12 +11,6 @@ namespace epiline {
 namespace {
 
 constexpr int kChangesAtOnce = 8;  // told of by the device; the rest waits for the next image
-
-Span span_of_ms(double ms) noexcept { return Span::from_seconds(ms * 1e-3); }
-
-void bump(std::atomic<std::uint64_t>& counter) noexcept {
-  counter.store(counter.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
-}
 
 }  // namespace
 
@@ -67,8 +62,8 @@ DeviceTrouble CameraExposure::set_up(V4l2Device& device) noexcept {
   wanted_.reset();
   if (time_control_.id == 0) return {};
   ExposureLimits limits;
-  limits.shortest = Span{value_of_time(span_of_ms(config.shortest_ms)) * settings_.exposure.ns};
-  limits.longest = Span{value_of_time(span_of_ms(config.longest_ms)) * settings_.exposure.ns};
+  limits.shortest = Span{value_of_time(Span::from_seconds(1e-3 * config.shortest_ms)) * settings_.exposure.ns};
+  limits.longest = Span{value_of_time(Span::from_seconds(1e-3 * config.longest_ms)) * settings_.exposure.ns};
   if (gain_control_.id != 0) {
     // amplification below 1 is none; who measures gain in other units has their least value as 1
     limits.gain_least = gain_of(value_of_gain(1));

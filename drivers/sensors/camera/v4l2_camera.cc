@@ -15,6 +15,7 @@
 #include <string>
 #include <utility>
 
+#include "platform/concurrency/counter.h"
 #include "platform/error/contract.h"
 #include "platform/time/monotonic.h"
 
@@ -23,10 +24,6 @@ namespace epiline {
 namespace {
 
 constexpr int kRowAlignment = 64;  // of copies: a cache line
-
-void bump(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) noexcept {
-  counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
-}
 
 timespec timespec_of(Span span) noexcept {
   constexpr std::int64_t kSecond = 1'000'000'000;

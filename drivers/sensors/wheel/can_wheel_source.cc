@@ -13,6 +13,7 @@
 #include <string>
 #include <utility>
 
+#include "platform/concurrency/counter.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline {
@@ -20,10 +21,6 @@ namespace epiline {
 namespace {
 
 constexpr std::uint32_t kMostStandard = 0x7ff, kMostExtended = 0x1fffffff;
-
-void bump(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) noexcept {
-  counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
-}
 
 timespec timespec_until(std::int64_t until_ns) noexcept {
   constexpr std::int64_t kSecond = 1'000'000'000;

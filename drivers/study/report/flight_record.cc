@@ -6,8 +6,6 @@
 namespace epiline {
 
 namespace {
-Vec3 vec3(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
-
 /// On one of the two clocks.
 StageMilliseconds milliseconds(const FrameOutcome& outcome, std::int64_t StageTime::*clock) {
   const auto ms = [&](const StageTime& time) { return 1e-6 * static_cast<double>(time.*clock); };

@@ -85,8 +85,8 @@ TEST_F(RealtimeCommand, ARecordIsReplayedToTheSameTrajectory) {
   for (const std::string images : {"", " --record-images"}) {
     const fs::path records = scratch() / ("records" + images.substr(0, 4));
     Json s;
-    bool complete = false;  // images may be lost on their way to the tracker: the record has those that were tracked
-    for (const char* speed : {"2", "1", "0.5"}) {
+    bool complete = false;  // on a busy computer images are lost on their way to the record: then once more, slower
+    for (const char* speed : {"2", "0.5", "0.1"}) {
       fs::remove_all(records);
       const std::string signal = " & p=$!; until [ -d '" + records.string() +
                                  "' ] || ! kill -0 $p; do sleep 0.05; done; sleep 1; kill -USR1 $p; wait $p";
@@ -100,7 +100,7 @@ TEST_F(RealtimeCommand, ARecordIsReplayedToTheSameTrajectory) {
                  s["realtime"]["recorder"]["lost"] == 0;
       if (complete) break;
     }
-    if (!complete) GTEST_SKIP() << "this computer is too busy to record a flight whole";
+    ASSERT_TRUE(complete) << "not even at a tenth of the flight's speed";
     const Json& recorder = s["realtime"]["recorder"];
     EXPECT_TRUE(recorder["failed"].empty());
     ASSERT_GE(recorder["written"].size(), 1u);  // two, unless the signal came after the flight

@@ -17,7 +17,7 @@ using test::dense;
 using test::dense_rhs;
 using test::scaled_difference;
 
-VisualSettings settings() {
+VisualSettings epipolar_settings() {
   VisualSettings s;
   s.focal_px = kFocal;
   s.extrinsics = true;
@@ -102,7 +102,7 @@ TEST_P(EpipolarFactorOn, TheSumsAreThoseOfEveryPairAsPrinted) {
     Window& w = *s.window;
     w.calibration.time_offset = 2e-3;
     EpipolarFactor factor(GetParam());
-    factor.collect(w, settings());
+    factor.collect(w, epipolar_settings());
     factor.linearise(w, *system_);
     const Printed all(w, w.size(), false);
     expect_same(*system_, all, w.size());
@@ -117,11 +117,11 @@ TEST_P(EpipolarFactorOn, TheOldestFrameLeavesItsPairs) {
   SyntheticWindow s = ragged_window(1);
   Window& w = *s.window;
   EpipolarFactor factor(GetParam());
-  factor.collect(w, settings());
-  factor.marginalise_oldest(w, settings(), *system_);
+  factor.collect(w, epipolar_settings());
+  factor.marginalise_oldest(w, epipolar_settings(), *system_);
   expect_same(*system_, Printed(w, w.size() - 1, true), w.size() - 1);
   w.remove(1);
-  factor.marginalise_oldest(w, settings(), *system_);
+  factor.marginalise_oldest(w, epipolar_settings(), *system_);
   expect_same(*system_, Printed(w, w.size() - 1, true), w.size() - 1);
 }
 
@@ -130,7 +130,7 @@ TEST_P(EpipolarFactorOn, TwoCamerasInOnePlaceSayNothing) {
   Window& w = *s.window;
   w.at(3).x = w.at(2).x;
   EpipolarFactor factor(GetParam());
-  factor.collect(w, settings());
+  factor.collect(w, epipolar_settings());
   factor.linearise(w, *system_);
   const Printed all(w, w.size(), false);
   expect_same(*system_, all, w.size());

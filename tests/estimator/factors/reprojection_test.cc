@@ -25,7 +25,7 @@ using test::dense_rhs;
 using test::Explicit;
 using test::scaled_difference;
 
-VisualSettings settings() {
+VisualSettings reprojection_settings() {
   VisualSettings s;
   s.extrinsics = true;
   return s;
@@ -43,7 +43,7 @@ TEST_P(Sets, LinearisationIsTheSchurComplementOfExplicitDepths) {
     w.calibration.time_offset = 2e-3;
     ReprojectionFactor factor(set);
     const auto system = std::make_unique<VisualSystem>();
-    factor.collect(w, settings());
+    factor.collect(w, reprojection_settings());
     for (int i = 0; i < w.track_count(); ++i) factor.landmark(i).inverse_distance *= 1 + 0.05 * std::sin(i);
     factor.linearise(w, *system);
     const Explicit reference(w, factor, w.size());
@@ -94,7 +94,7 @@ TEST(ReprojectionFactor, StepOfPosesAndDepthsIsThatOfTheJointProblem) {
   set_initial_prior(w, {}, sigmas);
   const SolverSettings everything{.steps = 1, .estimate_time_offset = true, .estimate_extrinsics = true};
   ReprojectionFactor factor(best_instruction_set());
-  factor.collect(w, settings());
+  factor.collect(w, reprojection_settings());
   Solver solver(best_instruction_set());
   solver.linearise(w, factor, everything);
   const DenseSystem reduced = dense(solver.system());
@@ -143,7 +143,7 @@ TEST(ReprojectionFactor, ARejectedStepTakesTheDepthsBack) {
   Window& w = *s.window;
   ReprojectionFactor factor(best_instruction_set());
   const auto system = std::make_unique<VisualSystem>();
-  factor.collect(w, settings());
+  factor.collect(w, reprojection_settings());
   factor.linearise(w, *system);
   const double cost = system->cost, rho = factor.landmark(3).inverse_distance;
   const NavState keep = w.at(2).x;
@@ -164,15 +164,15 @@ TEST(ReprojectionFactor, ANewLandmarkIsTriangulatedAndThenKept) {
   SyntheticWindow s = make_window({.pixel_noise = 0, .state_error = 0});
   Window& w = *s.window;
   ReprojectionFactor factor(best_instruction_set());
-  factor.collect(w, settings());
+  factor.collect(w, reprojection_settings());
   const auto system = std::make_unique<VisualSystem>();
   factor.linearise(w, *system);
   EXPECT_LT(system->cost, 1e-9);  // perfect bearings, perfect poses: perfect depths
   factor.landmark(5).inverse_distance = 0.123;
-  factor.collect(w, settings());
+  factor.collect(w, reprojection_settings());
   EXPECT_EQ(factor.landmark(5).inverse_distance, 0.123);
   factor.restart();
-  factor.collect(w, settings());
+  factor.collect(w, reprojection_settings());
   EXPECT_NE(factor.landmark(5).inverse_distance, 0.123);
 }
 
@@ -181,7 +181,7 @@ TEST(ReprojectionFactor, LandmarksOfALeavingHostStayWhereTheyAre) {
   Window& w = *s.window;
   set_initial_prior(w, {}, CalibrationTangent::Constant(0.01));
   ReprojectionFactor factor(best_instruction_set());
-  factor.collect(w, settings());
+  factor.collect(w, reprojection_settings());
   std::vector<Vec3> points;
   for (int i = 0; i < w.track_count(); ++i) {
     factor.landmark(i).inverse_distance *= 1.1;  // as if estimated: no triangulation would give it
@@ -191,8 +191,8 @@ TEST(ReprojectionFactor, LandmarksOfALeavingHostStayWhereTheyAre) {
     const Camera c = camera(w, h);
     points.push_back(c.c + c.R * w.view(w.track(i), h).f_C / factor.landmark(i).inverse_distance);
   }
-  Marginaliser(best_instruction_set()).marginalise_oldest(w, factor, settings());
-  factor.collect(w, settings());
+  Marginaliser(best_instruction_set()).marginalise_oldest(w, factor, reprojection_settings());
+  factor.collect(w, reprojection_settings());
   for (int i = 0; i < w.track_count(); ++i) {
     int h = 0;
     while (!w.seen(w.track(i), h)) ++h;
@@ -207,12 +207,12 @@ TEST(ReprojectionFactor, ALandmarkBehindItsHostBeginsAnewWithTheNewestView) {
   SyntheticWindow s = make_window({.frames = 8});
   Window& w = *s.window;
   ReprojectionFactor factor(best_instruction_set());
-  factor.collect(w, settings());
+  factor.collect(w, reprojection_settings());
   const int used = factor.unknowns();
   int i = 0;
   while (!w.seen(w.track(i), w.size() - 1)) ++i;
   factor.landmark(i).inverse_distance = -0.1;
-  factor.collect(w, settings());
+  factor.collect(w, reprojection_settings());
   EXPECT_EQ(factor.unknowns(), used - 1);
   EXPECT_EQ(factor.landmark(i).host, 0u);
   const TrackRecord seen = w.track(i);
@@ -230,7 +230,7 @@ TEST(ReprojectionFactor, ALandmarkBehindItsHostBeginsAnewWithTheNewestView) {
   for (std::size_t q = 0; q < 6; ++q) f.pixel_jacobian[q] = o.chart(static_cast<int>(q / 3), static_cast<int>(q % 3));
   frame.features.push_back(f);
   w.observe(frame);
-  factor.collect(w, settings());
+  factor.collect(w, reprojection_settings());
   EXPECT_EQ(factor.unknowns(), used);
   EXPECT_EQ(factor.landmark(i).host, w.at(w.size() - 2).id);
 }
@@ -244,7 +244,7 @@ TEST(ReprojectionFactor, YoungHostsOfAFullWindowAreLeftOut) {
     t.mask = w.bit(w.size() - 1) | w.bit(i % 2 ? w.size() - 3 : w.size() - 4);
   }
   ReprojectionFactor factor(best_instruction_set());
-  factor.collect(w, settings());
+  factor.collect(w, reprojection_settings());
   EXPECT_EQ(factor.unknowns(), (w.track_count() + 1) / 2);
 }
 
@@ -255,10 +255,10 @@ TEST(ReprojectionFactor, HandsOverEveryBearingOfTheLandmarksOfFrameZero) {
   SyntheticWindow s = make_window({.frames = 7, .tracks = 40, .pixel_noise = 1});
   Window& w = *s.window;
   ReprojectionFactor factor(best_instruction_set());
-  factor.collect(w, settings());
+  factor.collect(w, reprojection_settings());
   const Explicit reference(w, factor, w.size(), true);
   const auto system = std::make_unique<VisualSystem>();
-  factor.marginalise_oldest(w, settings(), *system);
+  factor.marginalise_oldest(w, reprojection_settings(), *system);
   const MatrixXd H = dense(*system, w.size());
   EXPECT_NEAR(system->cost, reference.cost, 1e-10 * reference.cost);
   EXPECT_LT(scaled_difference(H, reference.reduced_H()), 1e-7);
@@ -271,7 +271,7 @@ TEST(ReprojectionFactor, SurvivesZeroParallax) {
     SyntheticWindow s = make_window({.motion = 0, .lever = lever, .state_error = 0});
     ReprojectionFactor factor(best_instruction_set());
     const auto system = std::make_unique<VisualSystem>();
-    factor.collect(*s.window, settings());
+    factor.collect(*s.window, reprojection_settings());
     factor.linearise(*s.window, *system);
     const MatrixXd H = dense(*system, s.window->size());
     ASSERT_TRUE(H.allFinite());

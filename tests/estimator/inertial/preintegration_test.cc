@@ -16,7 +16,7 @@ namespace {
 using test::Random;
 using test::Readings;
 
-const ImuNoise kNoise{};
+const ImuNoise kDefaultNoise{};
 
 // Rotation at constant rate, constant acceleration of the origin: the midpoint rule is exact for it.
 TEST(Preintegration, IsExactForConstantRateAndConstantAcceleration) {
@@ -26,7 +26,7 @@ TEST(Preintegration, IsExactForConstantRateAndConstantAcceleration) {
   interval.reset(b_a, b_g);
   const auto specific_force = [&](int k) -> Vec3 { return so3_exp(w * (k * dt)).transpose() * a + b_a; };
   for (int k = 0; k < 200; ++k)
-    interval.integrate(w + b_g, specific_force(k), w + b_g, specific_force(k + 1), dt, kNoise);
+    interval.integrate(w + b_g, specific_force(k), w + b_g, specific_force(k + 1), dt, kDefaultNoise);
   EXPECT_NEAR(interval.T, 1, 1e-12);
   EXPECT_LT((interval.dp - 0.5 * a).norm(), 1e-12);
   EXPECT_LT((interval.dv - a).norm(), 1e-12);
@@ -43,7 +43,7 @@ TEST(Preintegration, ConvergesWithTheSquareOfTheStep) {
     const int steps = n == 0 ? 50 : 100;
     Preintegration interval;
     interval.reset(Vec3::Zero(), Vec3::Zero());
-    for (int k = 0; k < steps; ++k) interval.integrate(w, a, w, a, 1.0 / steps, kNoise);
+    for (int k = 0; k < steps; ++k) interval.integrate(w, a, w, a, 1.0 / steps, kDefaultNoise);
     error[n] = (interval.dv - dv).norm();
   }
   EXPECT_LT(error[0], 1e-3);
@@ -54,7 +54,7 @@ RC_GTEST_PROP(PreintegrationProperty, MeanEqualsAnIndependentIntegrator, (std::u
   Random random(seed);
   const Readings s = test::agile_readings(2 + *rc::gen::inRange(0, 60), random.uniform(0.001, 0.01), random);
   const Vec3 b_a = random.gaussian(0.3), b_g = random.gaussian(0.1);
-  const Preintegration interval = test::integrated(s, b_a, b_g, kNoise);
+  const Preintegration interval = test::integrated(s, b_a, b_g, kDefaultNoise);
   test::Motion m;
   for (int k = 0; k + 1 < s.count; ++k)
     test::step(m, s.w[k] - b_g, s.a[k] - b_a, s.w[k + 1] - b_g, s.a[k + 1] - b_a, s.dt);
@@ -68,14 +68,14 @@ RC_GTEST_PROP(PreintegrationProperty, MeanEqualsAnIndependentIntegrator, (std::u
 RC_GTEST_PROP(PreintegrationProperty, JacobianPredictsReintegrationWithOtherBiases, (std::uint32_t seed)) {
   Random random(seed);
   const Readings s = test::agile_readings(21, 0.005, random);
-  const Preintegration at = test::integrated(s, Vec3::Zero(), Vec3::Zero(), kNoise);
+  const Preintegration at = test::integrated(s, Vec3::Zero(), Vec3::Zero(), kDefaultNoise);
   const double h = 1e-5;
   for (int bias = 0; bias < 2; ++bias) {
     Eigen::Matrix<double, 9, 3> numeric;
     for (int axis = 0; axis < 3; ++axis) {
       const Vec3 d = h * Vec3::Unit(axis), zero = Vec3::Zero();
-      const Preintegration plus = test::integrated(s, bias == 0 ? d : zero, bias == 1 ? d : zero, kNoise);
-      const Preintegration minus = test::integrated(s, bias == 0 ? -d : zero, bias == 1 ? -d : zero, kNoise);
+      const Preintegration plus = test::integrated(s, bias == 0 ? d : zero, bias == 1 ? d : zero, kDefaultNoise);
+      const Preintegration minus = test::integrated(s, bias == 0 ? -d : zero, bias == 1 ? -d : zero, kDefaultNoise);
       numeric.col(axis) << plus.dp - minus.dp,
           so3_log(at.dR.transpose() * plus.dR) - so3_log(at.dR.transpose() * minus.dR), plus.dv - minus.dv;
     }
@@ -90,9 +90,9 @@ RC_GTEST_PROP(PreintegrationProperty, JacobianPredictsReintegrationWithOtherBias
 RC_GTEST_PROP(PreintegrationProperty, CorrectedEqualsReintegrationToSecondOrder, (std::uint32_t seed)) {
   Random random(seed);
   const Readings s = test::agile_readings(21, 0.005, random);
-  const Preintegration at = test::integrated(s, Vec3::Zero(), Vec3::Zero(), kNoise);
+  const Preintegration at = test::integrated(s, Vec3::Zero(), Vec3::Zero(), kDefaultNoise);
   const Vec3 b_a = random.gaussian(0.05), b_g = random.gaussian(0.005);
-  const Preintegration moved = test::integrated(s, b_a, b_g, kNoise);
+  const Preintegration moved = test::integrated(s, b_a, b_g, kDefaultNoise);
   Vec3 p, v;
   Mat3 R;
   at.corrected(b_a, b_g, p, v, R);
@@ -153,11 +153,11 @@ RC_GTEST_PROP(PreintegrationProperty, JoinEqualsDirectIntegration, (std::uint32_
   const Vec3 b_a = random.gaussian(0.1), b_g = random.gaussian(0.05);
   Preintegration joined, second;
   joined.reset(b_a, b_g);
-  test::integrate(s, 0, cut, kNoise, joined);
+  test::integrate(s, 0, cut, kDefaultNoise, joined);
   second.reset(b_a, b_g);
-  test::integrate(s, cut, s.count - 1, kNoise, second);
+  test::integrate(s, cut, s.count - 1, kDefaultNoise, second);
   joined.join(second);
-  const Preintegration direct = test::integrated(s, b_a, b_g, kNoise);
+  const Preintegration direct = test::integrated(s, b_a, b_g, kDefaultNoise);
   RC_ASSERT(std::abs(joined.T - direct.T) < 1e-12);
   RC_ASSERT((joined.dp - direct.dp).norm() < 1e-9);
   RC_ASSERT((joined.dv - direct.dv).norm() < 1e-9);
@@ -175,11 +175,11 @@ RC_GTEST_PROP(PreintegrationProperty, JoinMovesTheSecondIntervalToTheBiasesOfThe
              d_g = random.gaussian(0.002);
   Preintegration joined, second;
   joined.reset(b_a, b_g);
-  test::integrate(s, 0, 20, kNoise, joined);
+  test::integrate(s, 0, 20, kDefaultNoise, joined);
   second.reset(b_a + d_a, b_g + d_g);
-  test::integrate(s, 20, 40, kNoise, second);
+  test::integrate(s, 20, 40, kDefaultNoise, second);
   joined.join(second);
-  const Preintegration direct = test::integrated(s, b_a, b_g, kNoise);
+  const Preintegration direct = test::integrated(s, b_a, b_g, kDefaultNoise);
   RC_ASSERT((joined.b_a - b_a).norm() == 0 && (joined.b_g - b_g).norm() == 0);
   RC_ASSERT((joined.dp - direct.dp).norm() < 2e-5);  // the shift itself is 1e-4 and more
   RC_ASSERT((joined.dv - direct.dv).norm() < 2e-4);

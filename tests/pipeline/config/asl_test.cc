@@ -13,7 +13,7 @@
 namespace epiline {
 namespace {
 
-std::filesystem::path file(const std::string& name, const std::string& text) {
+std::filesystem::path asl_file(const std::string& name, const std::string& text) {
   const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / ("epiline_asl_" + name);
   EXPECT_TRUE(write_text(path, text));
   return path;
@@ -44,7 +44,8 @@ TEST(Asl, CalibrationIsReadAsItWasWritten) {
     for (double& d : p.distortion) d = 0.1 * number(random);
     if (p.model == CameraModel::kDoubleSphere) p.distortion = {number(random), std::abs(number(random))};
     if (p.model == CameraModel::kPinholeEquidistant || i % 6 == 0) p.distortion[4] = 0;
-    const auto read = read_camera_calibration(file("camera.yaml", asl_camera(camera, 20, "made up: numbers")), "cam0");
+    const auto read =
+        read_camera_calibration(asl_file("camera.yaml", asl_camera(camera, 20, "made up: numbers")), "cam0");
     ASSERT_TRUE(read) << read.error().text();
     ASSERT_TRUE(same_bits(read->R_BC, camera.R_BC)) << i;
     ASSERT_TRUE(same_bits(read->p_BC, camera.p_BC)) << i;
@@ -60,7 +61,7 @@ TEST(Asl, ImuIsReadAsItWasWritten) {
   ImuCalibration imu;
   imu.noise = {1.0 / 3, 2e-5 / 3, 1e-3 / 7, 1e-4 / 9};
   imu.saturation_accelerometer_m_s2 = 100.0 / 3;
-  const auto read = read_imu_calibration(file("imu.yaml", asl_imu(imu)));
+  const auto read = read_imu_calibration(asl_file("imu.yaml", asl_imu(imu)));
   ASSERT_TRUE(read) << read.error().text();
   EXPECT_EQ(read->noise.gyroscope_density, imu.noise.gyroscope_density);
   EXPECT_EQ(read->noise.gyroscope_random_walk, imu.noise.gyroscope_random_walk);

@@ -9,7 +9,7 @@
 namespace epiline {
 namespace {
 
-std::filesystem::path file(const std::string& name, const std::string& text) {
+std::filesystem::path calibration_file(const std::string& name, const std::string& text) {
   const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / ("epiline_calibration_" + name);
   std::ofstream(path) << text;
   return path;
@@ -17,7 +17,7 @@ std::filesystem::path file(const std::string& name, const std::string& text) {
 
 TEST(CameraCalibration, KalibrAndAslSayTheSame) {
   // A quarter turn about z and a shift; Kalibr writes the inverse, IMU to camera.
-  const auto asl = read_camera_calibration(file("asl.yaml", R"(
+  const auto asl = read_camera_calibration(calibration_file("asl.yaml", R"(
 T_BS: {cols: 4, rows: 4, data: [0, -1, 0, 0.1, 1, 0, 0, 0.2, 0, 0, 1, 0.3, 0, 0, 0, 1]}
 resolution: [752, 480]
 camera_model: pinhole
@@ -27,7 +27,7 @@ distortion_coefficients: [0.1, 0.2, 0.3, 0.4]
 timeshift_cam_imu: -0.005
 )"),
                                            "cam1");
-  const auto kalibr = read_camera_calibration(file("kalibr.yaml", R"(
+  const auto kalibr = read_camera_calibration(calibration_file("kalibr.yaml", R"(
 cam0: {camera_model: omni}
 cam1:
   T_cam_imu:
@@ -60,15 +60,17 @@ TEST(CameraCalibration, DoubleSphereAndNoDistortion) {
   const std::string head =
       "%YAML:1.0\nT_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [512, 512]\n";
   const auto sphere = read_camera_calibration(
-      file("sphere.yaml",
-           head + "camera_model: ds\nintrinsics: [-0.2, 0.6, 190, 191, 255, 256]\ndistortion_model: none\n"),
+      calibration_file(
+          "sphere.yaml",
+          head + "camera_model: ds\nintrinsics: [-0.2, 0.6, 190, 191, 255, 256]\ndistortion_model: none\n"),
       "cam0");
   ASSERT_TRUE(sphere) << sphere.error().text();
   EXPECT_EQ(sphere->parameters.model, CameraModel::kDoubleSphere);
   EXPECT_EQ(sphere->parameters.intrinsics, (std::array<double, 4>{190, 191, 255, 256}));
   EXPECT_EQ(sphere->parameters.distortion, (std::array<double, 5>{-0.2, 0.6, 0, 0, 0}));
   const auto none = read_camera_calibration(
-      file("none.yaml", head + "camera_model: pinhole\nintrinsics: [190, 191, 255, 256]\ndistortion_model: none\n"),
+      calibration_file("none.yaml",
+                       head + "camera_model: pinhole\nintrinsics: [190, 191, 255, 256]\ndistortion_model: none\n"),
       "cam0");
   ASSERT_TRUE(none) << none.error().text();
   EXPECT_EQ(none->parameters.model, CameraModel::kPinholeRadialTangential);
@@ -79,7 +81,7 @@ TEST(ImuCalibration, ReadsDensitiesAndRefusesAnImuThatIsNotTheBody) {
   const std::string densities =
       "gyroscope_noise_density: 1e-4\ngyroscope_random_walk: 2e-5\naccelerometer_noise_density: "
       "3e-3\naccelerometer_random_walk: 4e-3\n";
-  const auto imu = read_imu_calibration(file("imu.yaml", densities + "gyroscope_saturation: 34\n"));
+  const auto imu = read_imu_calibration(calibration_file("imu.yaml", densities + "gyroscope_saturation: 34\n"));
   ASSERT_TRUE(imu) << imu.error().text();
   EXPECT_DOUBLE_EQ(imu->noise.gyroscope_density, 1e-4);
   EXPECT_DOUBLE_EQ(imu->noise.gyroscope_random_walk, 2e-5);
@@ -88,10 +90,10 @@ TEST(ImuCalibration, ReadsDensitiesAndRefusesAnImuThatIsNotTheBody) {
   EXPECT_DOUBLE_EQ(*imu->saturation_gyroscope_rad_s, 34);
   EXPECT_FALSE(imu->saturation_accelerometer_m_s2);
   const auto turned = read_imu_calibration(
-      file("turned.yaml", densities + "T_BS: [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"));
+      calibration_file("turned.yaml", densities + "T_BS: [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"));
   ASSERT_FALSE(turned);
   EXPECT_NE(turned.error().text().find(":5: an IMU that is not the body"), std::string::npos) << turned.error().text();
-  EXPECT_FALSE(read_imu_calibration(file("negative.yaml", "gyroscope_noise_density: -1\n")));
+  EXPECT_FALSE(read_imu_calibration(calibration_file("negative.yaml", "gyroscope_noise_density: -1\n")));
 }
 
 TEST(ImuCalibration, ReadsWhatKalibrWrites) {
@@ -110,7 +112,7 @@ TEST(ImuCalibration, ReadsWhatKalibrWrites) {
   time_offset: 0.0
   update_rate: 200.0
 )";
-  const auto imu = read_imu_calibration(file("kalibr_imu.yaml", written));
+  const auto imu = read_imu_calibration(calibration_file("kalibr_imu.yaml", written));
   ASSERT_TRUE(imu) << imu.error().text();
   EXPECT_DOUBLE_EQ(imu->noise.gyroscope_density, 0.005);
   EXPECT_DOUBLE_EQ(imu->noise.gyroscope_random_walk, 4e-6);
@@ -118,7 +120,7 @@ TEST(ImuCalibration, ReadsWhatKalibrWrites) {
   EXPECT_DOUBLE_EQ(imu->noise.accelerometer_random_walk, 2e-4);
   std::string second = written;
   second.replace(second.find("- [1.0"), 6, "- [1.1");
-  EXPECT_FALSE(read_imu_calibration(file("kalibr_second_imu.yaml", second)));
+  EXPECT_FALSE(read_imu_calibration(calibration_file("kalibr_second_imu.yaml", second)));
 }
 
 // With anchors a list can hold itself, or a few lines can say millions of numbers.
@@ -126,14 +128,14 @@ TEST(CameraCalibration, RefusesListsWithoutEnd) {
   const std::string head =
       "T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [512, 512]\ncamera_model: pinhole\n"
       "distortion_model: none\n";
-  const auto itself = read_camera_calibration(file("itself.yaml", head + "intrinsics: &a [*a]\n"), "cam0");
+  const auto itself = read_camera_calibration(calibration_file("itself.yaml", head + "intrinsics: &a [*a]\n"), "cam0");
   ASSERT_FALSE(itself);
   EXPECT_NE(itself.error().text().find(":5: "), std::string::npos) << itself.error().text();
   std::string wide = "many: &a [1";
   for (int i = 0; i < 3000; ++i) wide += ", 1";
   wide += "]\nintrinsics: [*a";
   for (int i = 0; i < 3000; ++i) wide += ", *a";
-  EXPECT_FALSE(read_camera_calibration(file("wide.yaml", head + wide + "]\n"), "cam0"));
+  EXPECT_FALSE(read_camera_calibration(calibration_file("wide.yaml", head + wide + "]\n"), "cam0"));
 }
 
 }  // namespace

@@ -15,12 +15,12 @@
 namespace epiline {
 namespace {
 
-constexpr int kRate = 200, kImageEvery = 10, kImages = 200, kReadings = kImages * kImageEvery + 2;
+constexpr int kReadingRate = 200, kImageEach = 10, kImages = 200, kReadings = kImages * kImageEach + 2;
 constexpr int kWidth = 160, kHeight = 120;
-constexpr HostStamp kStart{50'000'000'000};
+constexpr HostStamp kBegin{50'000'000'000};
 
-HostStamp reading_stamp(int i) { return kStart + Span{1'000'000'000LL * i / kRate}; }
-void nap() { std::this_thread::sleep_for(std::chrono::milliseconds(1)); }
+HostStamp stamp_of(int i) { return kBegin + Span{1'000'000'000LL * i / kReadingRate}; }
+void doze() { std::this_thread::sleep_for(std::chrono::milliseconds(1)); }
 
 using Pixels = std::array<std::uint8_t, static_cast<std::size_t>(kWidth* kHeight)>;
 
@@ -43,12 +43,12 @@ class RestingImu final : public ImuSource {
     count = 0;
     if (next_ == kReadings) return ReadOutcome::kEnd;
     if (held) {
-      nap();
+      doze();
       return ReadOutcome::kTimeout;
     }
     for (; count < samples.size() && next_ < kReadings; ++count) {
       samples[count] = {};
-      samples[count].stamp = reading_stamp(next_++);
+      samples[count].stamp = stamp_of(next_++);
       samples[count].specific_force_m_s2 = {0, 0.01 * (next_ % 3), 9.81};
     }
     return ReadOutcome::kSample;
@@ -72,7 +72,7 @@ class LendingCamera final : public CameraSource {
     const std::int64_t began_ns = monotonic_ns();
     while (lent() > most_lent || given >= hold_at) {
       if (monotonic_ns() - began_ns > timeout.ns) return tell_of_nothing(began_ns);
-      nap();
+      doze();
     }
     waiting_since_ns_ = 0;
     const auto slot =
@@ -80,13 +80,9 @@ class LendingCamera final : public CameraSource {
                                               [](const Buffer& b) { return !b.lent.load(std::memory_order_acquire); }) -
                                  buffers_.begin());
     Buffer& buffer = buffers_[slot];
-    frame = {reading_stamp(kImageEvery * given),
-             static_cast<std::uint64_t>(given),
-             buffer.pixels.data(),
-             kWidth,
-             kHeight,
-             kWidth,
-             static_cast<int>(slot)};
+    frame = {
+        stamp_of(kImageEach * given), static_cast<std::uint64_t>(given), buffer.pixels.data(), kWidth, kHeight, kWidth,
+        static_cast<int>(slot)};
     draw(frame.sequence, buffer.pixels);
     buffer.lent.store(true, std::memory_order_relaxed);
     ++given;
@@ -134,7 +130,7 @@ class Onlooker final : public FlightObserver {
     do {
       draw(frame.sequence, expected_);
       if (!std::equal(expected_.begin(), expected_.end(), frame.data)) ++spoilt;
-      if (held) nap();
+      if (held) doze();
     } while (held);
   }
 
@@ -159,11 +155,11 @@ struct Flight {
   }
   void start() {
     pipeline = std::make_unique<RealtimePipeline>(settings, RealtimePorts{&camera, &imu, nullptr, {&onlooker}, {}});
-    pipeline->arm({kStart, monotonic_ns(), 1});
+    pipeline->arm({kBegin, monotonic_ns(), 1});
   }
   template <class What>
   void wait_until(What&& what) {
-    while (!what() && !pipeline->finished()) nap();
+    while (!what() && !pipeline->finished()) doze();
   }
   RealtimeReport land() {
     wait_until([] { return false; });

@@ -17,13 +17,12 @@
 #include <vector>
 
 #include "platform/memory/allocation_count.h"
+#include "tests/support/times.h"
 
 namespace epiline {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
 /// First column of a table, comments left out; rows of one time count once.
 std::vector<std::int64_t> times(const fs::path& path) {
@@ -69,7 +68,7 @@ class FlightRecorderTest : public testing::Test {
     for (int i = 0; i < 10; ++i) {
       recorder.imu({HostStamp{now_}, {0.1, 0.2, 0.3}, {0, 0, 9.81}});
       if (wheels_) recorder.wheel({HostStamp{now_}, 1.0 / 3, 0});
-      now_ += kSecond_ns / 200;
+      now_ += kSecond / 200;
     }
     const HostStamp stamp{now_};
     FrameOutcome outcome;
@@ -123,8 +122,8 @@ class FlightRecorderTest : public testing::Test {
     const auto imu = times(record / "mav0/imu0/data.csv"), tracks = times(record / "mav0/cam0/tracks.csv"),
                states = times(record / "states.csv");
     ASSERT_GT(imu.size(), 10u);
-    step(imu, kSecond_ns / 200);
-    step(tracks, kSecond_ns / 20);
+    step(imu, kSecond / 200);
+    step(tracks, kSecond / 20);
     EXPECT_EQ(tracks, states);
     EXPECT_NEAR(1e-9 * static_cast<double>(imu.back() - imu.front()), seconds, 0.06);
     EXPECT_NEAR(1e-9 * static_cast<double>(tracks.back() - tracks.front()), seconds, 0.06);
@@ -140,7 +139,7 @@ class FlightRecorderTest : public testing::Test {
   fs::path folder_;
   RecorderConfig config_;
   RecordedRun run_;
-  std::int64_t now_ = 1000 * kSecond_ns;
+  std::int64_t now_ = 1000 * kSecond;
   std::uint64_t serial_ = 0;
   std::uint32_t resets_ = 0;
   bool wheels_ = false;
@@ -155,7 +154,7 @@ TEST_F(FlightRecorderTest, HoldsTheLastSecondsAndNoMore) {
   recorder.finish(true);
   ASSERT_EQ(recorder.report().written, (std::vector<std::string>{config_.folder + "/record-001-end"}));
   expect_whole(records().at(0), 4);
-  EXPECT_EQ(times(records().at(0) / "mav0/imu0/data.csv").back(), now_ - kSecond_ns / 200);
+  EXPECT_EQ(times(records().at(0) / "mav0/imu0/data.csv").back(), now_ - kSecond / 200);
   EXPECT_EQ(recorder.report().lost, 0u);
   Event event;
   ASSERT_TRUE(recorder.events().pop(event));
@@ -274,7 +273,7 @@ TEST_F(FlightRecorderTest, ImagesAreKeptAsFarAsTheirMemoryGoes) {
   EXPECT_EQ(listed.back(), tracks.back());
   for (std::size_t i = 0; i < listed.size(); ++i) {
     EXPECT_EQ(listed[i], tracks[tracks.size() - listed.size() + i]);
-    const auto serial = static_cast<int>((listed[i] - 1000 * kSecond_ns) / (kSecond_ns / 20) - 1);
+    const auto serial = static_cast<int>((listed[i] - 1000 * kSecond) / (kSecond / 20) - 1);
     EXPECT_EQ(text_of(cam / "data" / (std::to_string(listed[i]) + ".png")),
               "image " + std::to_string(serial % 256) + " 64");
   }

@@ -1,4 +1,5 @@
 #include "pipeline/watch/image_gate.h"
+#include "tests/support/times.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +11,6 @@ namespace epiline {
 namespace {
 
 constexpr int kWidth = 320, kHeight = 240;
-constexpr std::int64_t kStart_ns = 1'000'000'000'000;
-
 /// A camera that sees a random texture through noise.
 class Camera {
  public:

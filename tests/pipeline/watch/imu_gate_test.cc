@@ -1,4 +1,5 @@
 #include "pipeline/watch/imu_gate.h"
+#include "tests/support/times.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +12,7 @@ namespace epiline {
 namespace {
 
 constexpr ImuLimits kNoLimits;
-constexpr std::int64_t kStart_ns = 1'000'000'000'000, kPeriod_ns = 5'000'000;
+constexpr std::int64_t kPeriod_ns = 5'000'000;
 
 /// Readings with noise, rounded as a sensor rounds them.
 ImuSample reading(int i, double step = 0.002) {

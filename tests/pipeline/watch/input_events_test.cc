@@ -9,11 +9,10 @@
 #include <vector>
 
 #include "platform/memory/allocation_count.h"
+#include "tests/support/times.h"
 
 namespace epiline {
 namespace {
-
-constexpr std::int64_t kStart_ns = 1'000'000'000'000, kMs = 1'000'000;
 
 /// What was told, as lines of events.txt with the time in ms since the start.
 std::vector<std::string> told(EventRing& ring) {

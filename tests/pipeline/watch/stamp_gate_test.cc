@@ -1,4 +1,5 @@
 #include "pipeline/watch/stamp_gate.h"
+#include "tests/support/times.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +10,6 @@ namespace epiline {
 namespace {
 
 using Verdict = StampGate::Verdict;
-constexpr std::int64_t kStart_ns = 1'000'000'000'000;
 constexpr Span kPeriod = Span::from_milliseconds(50);
 
 /// A sensor of 20 Hz whose stamps are true, and whose driver is late by some jitter.

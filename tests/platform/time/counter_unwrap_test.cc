@@ -8,11 +8,10 @@
 #include <vector>
 
 #include "tests/platform/time/clock_fixture.h"
+#include "tests/support/times.h"
 
 namespace epiline {
 namespace {
-
-constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
 TEST(CounterUnwrap, TicksThatAreNoWholeNanosecondsAddUp) {
   CounterUnwrap<24> unwrap({78'125, 2});  // 39.0625 us, 655 s a turn
@@ -24,8 +23,8 @@ TEST(CounterUnwrap, TicksThatAreNoWholeNanosecondsAddUp) {
 
 TEST(CounterUnwrap, GapsOfManyTurnsAreBridged) {
   CounterUnwrap<16> unwrap({1000, 1});  // 65.536 ms a turn
-  ASSERT_EQ(unwrap.unwrap(100, HostStamp{5 * kSecond_ns}).ns, 100'000);
-  EXPECT_EQ(unwrap.unwrap((100 + 10'000'000) & 0xffff, HostStamp{15 * kSecond_ns}).ns, 100'000 + 10 * kSecond_ns);
+  ASSERT_EQ(unwrap.unwrap(100, HostStamp{5 * kSecond}).ns, 100'000);
+  EXPECT_EQ(unwrap.unwrap((100 + 10'000'000) & 0xffff, HostStamp{15 * kSecond}).ns, 100'000 + 10 * kSecond);
 }
 
 TEST(CounterUnwrap, ABurstAfterAStallKeepsItsTimes) {

@@ -11,11 +11,10 @@
 
 #include "platform/memory/allocation_count.h"
 #include "tests/platform/time/clock_fixture.h"
+#include "tests/support/times.h"
 
 namespace epiline {
 namespace {
-
-constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
 double error_ns(const OneWaySync& sync, const Arrival& a) {
   return static_cast<double>((sync.translate(a.device) - a.host).ns);
@@ -43,7 +42,7 @@ RC_GTEST_PROP(OneWaySync, ErrsNoMoreThanTheDelaysAllow, ()) {
   OneWaySettings settings;
   settings.min_delay = Span{*rc::gen::inRange(0, 5'000'000)};
   OneWaySync sync(settings);
-  const auto samples = traffic.make(clock, 0, 75 * kSecond_ns, random);
+  const auto samples = traffic.make(clock, 0, 75 * kSecond, random);
   for (std::size_t i = 0; i < samples.size(); ++i) {
     const ClockOutcome outcome = sync.update(samples[i].device, samples[i].arrival() + settings.min_delay);
     RC_ASSERT(outcome == ClockOutcome::kUsed || outcome == ClockOutcome::kLate);
@@ -70,14 +69,14 @@ TEST(OneWaySync, MeetsTheFiguresOfTheDocument) {
   OneWaySync sync({});
   Traffic traffic;  // 0.3 ms mean delay, stalls
   double worst_settling_ns = 0, worst_locked_ns = 0, worst_full_ns = 0;
-  for (const Arrival& a : traffic.make(clock, 0, 120 * kSecond_ns, random)) {
+  for (const Arrival& a : traffic.make(clock, 0, 120 * kSecond, random)) {
     sync.update(a.device, a.arrival());
     const double error = std::abs(error_ns(sync, a));
-    if (a.device.ns < 5 * kSecond_ns) {
-      if (a.device.ns > kSecond_ns) worst_settling_ns = std::max(worst_settling_ns, error);
+    if (a.device.ns < 5 * kSecond) {
+      if (a.device.ns > kSecond) worst_settling_ns = std::max(worst_settling_ns, error);
     } else {
       worst_locked_ns = std::max(worst_locked_ns, error);
-      if (a.device.ns > 30 * kSecond_ns) worst_full_ns = std::max(worst_full_ns, error);
+      if (a.device.ns > 30 * kSecond) worst_full_ns = std::max(worst_full_ns, error);
     }
   }
   std::printf("worst error: 1 to 5 s %.1f us, 5 to 30 s and later %.1f us, from 30 s %.1f us\n",
@@ -96,13 +95,13 @@ RC_GTEST_PROP(OneWaySync, ADeviceThatStartsAnewIsFollowedWithinASecond, ()) {
   traffic.stalls_per_s = 0;
   const TrueClock before = any_clock(),
                   after{before.offset_ns + *rc::gen::inRange<std::int64_t>(30'000'000, 1'000'000'000'000), before.skew};
-  const std::int64_t reset_ns = *rc::gen::inRange<std::int64_t>(2 * kSecond_ns, 70 * kSecond_ns);
+  const std::int64_t reset_ns = *rc::gen::inRange<std::int64_t>(2 * kSecond, 70 * kSecond);
   // the new clock shows less at the same host time
   const std::int64_t set_back_ns = after.offset_ns - before.offset_ns;
   OneWaySync sync({});
   for (const Arrival& a : traffic.make(before, 0, reset_ns, random)) sync.update(a.device, a.arrival());
   RC_ASSERT(sync.state().jumps == 0u);
-  const auto later = traffic.make(after, reset_ns - set_back_ns, reset_ns - set_back_ns + 20 * kSecond_ns, random);
+  const auto later = traffic.make(after, reset_ns - set_back_ns, reset_ns - set_back_ns + 20 * kSecond, random);
   std::int64_t followed_after_ns = -1;
   for (const Arrival& a : later) {
     const ClockOutcome outcome = sync.update(a.device, a.arrival());
@@ -110,7 +109,7 @@ RC_GTEST_PROP(OneWaySync, ADeviceThatStartsAnewIsFollowedWithinASecond, ()) {
     if (followed_after_ns >= 0) RC_ASSERT(std::abs(error_ns(sync, a)) < 500e3);
   }
   RC_ASSERT(followed_after_ns >= 0);
-  RC_ASSERT(followed_after_ns < kSecond_ns * 11 / 10);
+  RC_ASSERT(followed_after_ns < kSecond * 11 / 10);
   RC_ASSERT(sync.state().jumps == 1u);
   RC_ASSERT(std::abs(error_ns(sync, later.back())) < 50e3);
 }
@@ -118,12 +117,12 @@ RC_GTEST_PROP(OneWaySync, ADeviceThatStartsAnewIsFollowedWithinASecond, ()) {
 TEST(OneWaySync, AStallOfSecondsIsNoJump) {
   const TrueClock clock{1'000'000, 10e-6};
   OneWaySync sync({});
-  for (std::int64_t t = 0; t < 20 * kSecond_ns; t += 5'000'000) {
+  for (std::int64_t t = 0; t < 20 * kSecond; t += 5'000'000) {
     const HostStamp host = clock.host_of({t});
     // everything of 10 s to 12.5 s comes at its end, at once
-    const bool stalled = t >= 10 * kSecond_ns && t < 12'500'000'000;
+    const bool stalled = t >= 10 * kSecond && t < 12'500'000'000;
     sync.update({t}, stalled ? clock.host_of({12'500'000'000}) : host);
-    if (t > 6 * kSecond_ns) {
+    if (t > 6 * kSecond) {
       EXPECT_LT(std::abs((sync.translate({t}) - host).ns), 10);
     }
   }
@@ -138,8 +137,8 @@ RC_GTEST_PROP(OneWaySync, AClockThatLeapsAheadIsFollowedAfterThreeSamples, ()) {
   const std::int64_t leap_ns = *rc::gen::inRange<std::int64_t>(10'000'000, 1'000'000'000'000);
   const TrueClock before = any_clock(180), after{before.offset_ns - leap_ns, before.skew};
   OneWaySync sync({});
-  for (const Arrival& a : traffic.make(before, 0, 40 * kSecond_ns, random)) sync.update(a.device, a.arrival());
-  const auto later = traffic.make(after, 40 * kSecond_ns + leap_ns, 60 * kSecond_ns + leap_ns, random);
+  for (const Arrival& a : traffic.make(before, 0, 40 * kSecond, random)) sync.update(a.device, a.arrival());
+  const auto later = traffic.make(after, 40 * kSecond + leap_ns, 60 * kSecond + leap_ns, random);
   for (std::size_t i = 0; i < later.size(); ++i) {
     const ClockOutcome outcome = sync.update(later[i].device, later[i].arrival());
     if (i < 2) RC_ASSERT(outcome == ClockOutcome::kContradicts);
@@ -156,9 +155,9 @@ RC_GTEST_PROP(OneWaySync, GarbledStampsDoNotMoveIt, ()) {
   OneWaySync sync({}), undisturbed({});
   std::uniform_real_distribution<double> uniform(0, 1);
   int garbled = 0;
-  for (const Arrival& a : Traffic{}.make(clock, 0, 40 * kSecond_ns, random)) {
+  for (const Arrival& a : Traffic{}.make(clock, 0, 40 * kSecond, random)) {
     // (a stamp ahead by as much as its sample is delayed cannot be told from a good one)
-    if (a.device.ns > 10 * kSecond_ns && a.delay_ns < 5'000'000 && uniform(random) < 0.05) {
+    if (a.device.ns > 10 * kSecond && a.delay_ns < 5'000'000 && uniform(random) < 0.05) {
       const std::int64_t bit = std::int64_t{1} << (24 + static_cast<int>(uniform(random) * 39));  // 17 ms and more
       sync.update({a.device.ns ^ bit}, a.arrival());
       ++garbled;
@@ -174,12 +173,12 @@ RC_GTEST_PROP(OneWaySync, GarbledStampsDoNotMoveIt, ()) {
 }
 
 TEST(OneWaySync, AGarbledFirstStampIsOvercome) {
-  for (const std::int64_t garbage : {std::int64_t{-1} << 59, -kSecond_ns, kSecond_ns, std::int64_t{1} << 60}) {
+  for (const std::int64_t garbage : {std::int64_t{-1} << 59, -kSecond, kSecond, std::int64_t{1} << 60}) {
     std::mt19937 random(2);
     const TrueClock clock{5'000, 20e-6};
     OneWaySync sync({});
     sync.update({garbage}, HostStamp{5'000});
-    const auto samples = Traffic{}.make(clock, 0, 3 * kSecond_ns, random);
+    const auto samples = Traffic{}.make(clock, 0, 3 * kSecond, random);
     for (const Arrival& a : samples) sync.update(a.device, a.arrival());
     EXPECT_LT(std::abs(error_ns(sync, samples.back())), 200e3) << garbage;
   }
@@ -190,7 +189,7 @@ RC_GTEST_PROP(OneWaySync, DuplicatesAndDisorderChangeNothing, ()) {
   const TrueClock clock = any_clock();
   OneWaySync sync({}), in_order({});
   std::uniform_real_distribution<double> uniform(0, 1);
-  const auto samples = Traffic{}.make(clock, 0, 12 * kSecond_ns, random);
+  const auto samples = Traffic{}.make(clock, 0, 12 * kSecond, random);
   std::uint64_t twice = 0, late_ones = 0;
   for (std::size_t i = 10; i < samples.size(); ++i) {
     sync.update(samples[i].device, samples[i].arrival());
@@ -218,8 +217,8 @@ RC_GTEST_PROP(OneWaySync, RefusesAClockThatIsNoCrystal, ()) {
   OneWaySync refused({}), locked({});
   Traffic traffic;
   traffic.rate_hz = 50;
-  for (const Arrival& a : traffic.make(wrong, 0, 60 * kSecond_ns, random)) refused.update(a.device, a.arrival());
-  for (const Arrival& a : traffic.make(right, 0, 60 * kSecond_ns, random)) {
+  for (const Arrival& a : traffic.make(wrong, 0, 60 * kSecond, random)) refused.update(a.device, a.arrival());
+  for (const Arrival& a : traffic.make(right, 0, 60 * kSecond, random)) {
     locked.update(a.device, a.arrival());
     RC_ASSERT(locked.state().status != ClockStatus::kUnusable);
   }
@@ -247,7 +246,7 @@ RC_GTEST_PROP(OneWaySync, SurvivesAnything, ()) {
 TEST(OneWaySync, UsesNoHeap) {
   if (!allocation_counting_available()) GTEST_SKIP() << "heap calls are not counted here";
   std::mt19937 random(3);
-  const auto samples = Traffic{}.make({1, 1e-5}, 0, 70 * kSecond_ns, random);
+  const auto samples = Traffic{}.make({1, 1e-5}, 0, 70 * kSecond, random);
   const HeapCallScope scope;
   OneWaySync sync({});
   for (const Arrival& a : samples) sync.update(a.device, a.arrival());

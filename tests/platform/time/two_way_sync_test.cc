@@ -8,11 +8,10 @@
 #include <vector>
 
 #include "tests/platform/time/clock_fixture.h"
+#include "tests/support/times.h"
 
 namespace epiline {
 namespace {
-
-constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
 /// The answers are samples with delays; the questions were sent another delay before.
 struct Exchange {
@@ -54,7 +53,7 @@ TEST(TwoWaySync, OneExchangeGivesTheFormula) {
 RC_GTEST_PROP(TwoWaySync, ErrsNoMoreThanTheDelaysAllow, ()) {
   const TrueClock clock = any_clock();
   std::mt19937 random = any_random();
-  const auto all = exchanges(clock, 0, 90 * kSecond_ns, *rc::gen::inRange(10'000, 2'000'000), random);
+  const auto all = exchanges(clock, 0, 90 * kSecond, *rc::gen::inRange(10'000, 2'000'000), random);
   TwoWaySync sync({});
   std::vector<Arrival> in, out;
   for (const Exchange& e : all) {
@@ -81,9 +80,9 @@ TEST(TwoWaySync, MeetsTheFiguresOfTheDocument) {
   const TrueClock clock{987'654'321, -21e-6};
   TwoWaySync sync({});
   double worst_ns = 0;
-  for (const Exchange& e : exchanges(clock, 0, 120 * kSecond_ns, 1e6, random)) {
+  for (const Exchange& e : exchanges(clock, 0, 120 * kSecond, 1e6, random)) {
     sync.update(e.sent(), e.answer.device, e.received());
-    if (e.answer.device.ns > 30 * kSecond_ns) worst_ns = std::max(worst_ns, std::abs(error_ns(sync, e)));
+    if (e.answer.device.ns > 30 * kSecond) worst_ns = std::max(worst_ns, std::abs(error_ns(sync, e)));
   }
   std::printf("worst error from 30 s: %.1f us, skew %.2f ppm\n", worst_ns / 1e3, sync.state().skew_ppm);
   EXPECT_LT(worst_ns, 60e3);
@@ -95,7 +94,7 @@ TEST(TwoWaySync, WaysOfUnequalLengthCostHalfTheirDifference) {
   const TrueClock clock{-77, 10e-6};
   TwoWaySync sync({});
   Exchange e;
-  for (std::int64_t t = 0; t < 20 * kSecond_ns; t += kSecond_ns / 10) {
+  for (std::int64_t t = 0; t < 20 * kSecond; t += kSecond / 10) {
     e.answer.device = {t};
     e.answer.host = clock.host_of(e.answer.device);
     e.answer.delay_ns = 600'000;
@@ -111,12 +110,12 @@ RC_GTEST_PROP(TwoWaySync, AJumpIsFollowedAfterThreeExchanges, ()) {
       *rc::gen::element(-1, 1) * *rc::gen::inRange<std::int64_t>(15'000'000, 1'000'000'000'000);
   const TrueClock before = any_clock(), after{before.offset_ns - jump_ns, before.skew};
   TwoWaySync sync({});
-  const std::int64_t at_ns = *rc::gen::inRange<std::int64_t>(1 * kSecond_ns, 70 * kSecond_ns);
+  const std::int64_t at_ns = *rc::gen::inRange<std::int64_t>(1 * kSecond, 70 * kSecond);
   for (const Exchange& e : exchanges(before, 0, at_ns, 3e5, random))
     sync.update(e.sent(), e.answer.device, e.received());
   RC_ASSERT(sync.state().jumps == 0u);
   int used = 0;
-  for (const Exchange& e : exchanges(after, at_ns + jump_ns, at_ns + jump_ns + 20 * kSecond_ns, 3e5, random)) {
+  for (const Exchange& e : exchanges(after, at_ns + jump_ns, at_ns + jump_ns + 20 * kSecond, 3e5, random)) {
     const ClockOutcome outcome = sync.update(e.sent(), e.answer.device, e.received());
     if (outcome == ClockOutcome::kSlow) continue;
     ++used;

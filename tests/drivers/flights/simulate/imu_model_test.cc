@@ -28,8 +28,6 @@ Motion resting() {
   return m;
 }
 
-Vec3 vec(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
-
 /// Dead reckoning from the readings alone; midpoint rule.
 TEST(ImuSimulatorTest, PerfectReadingsIntegrateBackToTheTrajectory) {
   constexpr double kRate_hz = 1000, kSeconds = 20;
@@ -45,9 +43,10 @@ TEST(ImuSimulatorTest, PerfectReadingsIntegrateBackToTheTrajectory) {
     for (int k = 1; k <= steps; ++k) {
       const ImuSample now = imu.read({}, flight.at(k / kRate_hz));
       const double dt = 1 / kRate_hz;
-      const Mat3 R_next = R * so3_exp(0.5 * dt * (vec(last.angular_velocity_rad_s) + vec(now.angular_velocity_rad_s)));
+      const Mat3 R_next =
+          R * so3_exp(0.5 * dt * (vec3(last.angular_velocity_rad_s) + vec3(now.angular_velocity_rad_s)));
       const Vec3 a =
-          0.5 * (R * vec(last.specific_force_m_s2) + R_next * vec(now.specific_force_m_s2)) + Vec3(0, 0, -9.81);
+          0.5 * (R * vec3(last.specific_force_m_s2) + R_next * vec3(now.specific_force_m_s2)) + Vec3(0, 0, -9.81);
       p += dt * v + 0.5 * dt * dt * a;
       v += dt * a;
       R = R_next;
@@ -72,7 +71,7 @@ TEST(ImuSimulatorTest, WhiteNoiseHasItsDensity) {
     Vec3 mean = Vec3::Zero();
     for (int k = 0; k < 200; ++k) {
       const ImuSample sample = imu.read({}, resting());
-      const Vec3 w = vec(sample.angular_velocity_rad_s), a = vec(sample.specific_force_m_s2) - Vec3(0, 0, 9.81);
+      const Vec3 w = vec3(sample.angular_velocity_rad_s), a = vec3(sample.specific_force_m_s2) - Vec3(0, 0, 9.81);
       w2 += w.squaredNorm() / (3 * 200.0 * kSeconds);
       a2 += a.squaredNorm() / (3 * 200.0 * kSeconds);
       mean += w / 200;
@@ -96,8 +95,8 @@ TEST(ImuSimulatorTest, BiasesStartAndWalkAsTold) {
     ImuSimulator imu(model, Random(static_cast<std::uint64_t>(run), 1));
     const Vec3 b_g = imu.gyroscope_bias(), b_a = imu.accelerometer_bias();
     const ImuSample first = imu.read({}, resting());
-    EXPECT_LT((vec(first.angular_velocity_rad_s) - b_g).norm(), 1e-15);
-    EXPECT_LT((vec(first.specific_force_m_s2) - Vec3(0, 0, 9.81) - b_a).norm(), 1e-14);
+    EXPECT_LT((vec3(first.angular_velocity_rad_s) - b_g).norm(), 1e-15);
+    EXPECT_LT((vec3(first.specific_force_m_s2) - Vec3(0, 0, 9.81) - b_a).norm(), 1e-14);
     for (int k = 1; k < 800; ++k) imu.read({}, resting());  // 4 s in all
     g0 += b_g.squaredNorm() / (3 * kRuns);
     a0 += b_a.squaredNorm() / (3 * kRuns);
@@ -121,8 +120,8 @@ TEST(ImuSimulatorTest, ScaleMisalignmentAndLimits) {
   m.omega_B = Vec3(1, 2, -3);
   const ImuSample s = imu.read(HostStamp{17}, m);
   EXPECT_EQ(s.stamp.ns, 17);
-  EXPECT_LT((vec(s.angular_velocity_rad_s) - Vec3(1.2, 2, -2.5)).norm(), 1e-14);
-  EXPECT_LT((vec(s.specific_force_m_s2) - Vec3(0, 0, 14)).norm(), 1e-14);
+  EXPECT_LT((vec3(s.angular_velocity_rad_s) - Vec3(1.2, 2, -2.5)).norm(), 1e-14);
+  EXPECT_LT((vec3(s.specific_force_m_s2) - Vec3(0, 0, 14)).norm(), 1e-14);
 }
 
 TEST(ImuSimulatorTest, ReadingsAreMultiplesOfTheStep) {
@@ -133,8 +132,8 @@ TEST(ImuSimulatorTest, ReadingsAreMultiplesOfTheStep) {
   Motion m = resting();
   m.omega_B = Vec3(0.014, 0.016, -0.016);
   const ImuSample s = imu.read({}, m);
-  EXPECT_LT((vec(s.angular_velocity_rad_s) - Vec3(0.01, 0.02, -0.02)).norm(), 1e-15);
-  EXPECT_LT((vec(s.specific_force_m_s2) - Vec3(0, 0, 9.75)).norm(), 1e-15);
+  EXPECT_LT((vec3(s.angular_velocity_rad_s) - Vec3(0.01, 0.02, -0.02)).norm(), 1e-15);
+  EXPECT_LT((vec3(s.specific_force_m_s2) - Vec3(0, 0, 9.75)).norm(), 1e-15);
 }
 
 /// Amplitude of the sine of that frequency (Goertzel's filter); `values` span whole periods.

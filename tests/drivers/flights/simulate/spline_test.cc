@@ -42,17 +42,17 @@ TEST(RotationSplineTest, TurnsAtAConstantRateIfItsControlsDo) {
 }
 
 TEST(RotationSplineTest, RateIsTheDerivativeAndHasNoJumps) {
-  constexpr double kStep = 1e-5, kInterval_s = 0.2;
+  constexpr double kStep = 1e-5, kKnotInterval_s = 0.2;
   Random random(3, 0);
   std::vector<Mat3> controls{Mat3::Identity()};
   for (int i = 0; i < 20; ++i) controls.push_back(controls.back() * so3_exp(random.normal3(0.5)));
-  const RotationSpline spline(kInterval_s, controls);
+  const RotationSpline spline(kKnotInterval_s, controls);
   for (int i = 0; i < 300; ++i) {
     const double t = random.uniform(kStep, spline.end_s() - kStep);
     const Mat3 turn = spline.at(t - kStep).R_WB.transpose() * spline.at(t + kStep).R_WB;
     EXPECT_LT((so3_log(turn) / (2 * kStep) - spline.at(t).omega_B).norm(), 1e-6) << t;
   }
-  for (double knot = kInterval_s; knot < spline.end_s() - 0.1; knot += kInterval_s) {
+  for (double knot = kKnotInterval_s; knot < spline.end_s() - 0.1; knot += kKnotInterval_s) {
     const RotationSpline::Value a = spline.at(knot - 1e-9), b = spline.at(knot + 1e-9);
     EXPECT_LT((a.R_WB - b.R_WB).norm(), 1e-7);
     EXPECT_LT((a.omega_B - b.omega_B).norm(), 1e-6);

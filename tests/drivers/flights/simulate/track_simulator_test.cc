@@ -24,8 +24,6 @@ TrackSimulation setup(FlightKind kind, std::uint64_t seed = 1) {
   return s;
 }
 
-Vec3 vec(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
-
 class EveryTrackedFlight : public testing::TestWithParam<FlightKind> {};
 
 INSTANTIATE_TEST_SUITE_P(Flights, EveryTrackedFlight, testing::ValuesIn(kAllFlights),
@@ -68,7 +66,7 @@ TEST_P(EveryTrackedFlight, NoiselessBearingsMeetInOnePoint) {
     const BodyState& x = flight.images[k].truth;
     for (const TrackedFeature& f : frame.features) {
       const Vec3 centre = x.p_WB + x.R_WB * flight.extrinsics.p_BC;
-      const Vec3 ray = x.R_WB * flight.extrinsics.R_BC * vec(f.bearing);
+      const Vec3 ray = x.R_WB * flight.extrinsics.R_BC * vec3(f.bearing);
       Rays& r = tracks[f.id];
       const Mat3 P = Mat3::Identity() - ray * ray.transpose();
       r.A += P;
@@ -105,7 +103,7 @@ TEST(TrackSimulatorTest, FeaturesCarryTheCamera) {
   ASSERT_EQ(frame.features.size(), 150u);
   const auto project = [](const Vec3& p) { return Vec2(375.5 + 458 * p.x() / p.z(), 239.5 + 458 * p.y() / p.z()); };
   for (const TrackedFeature& f : frame.features) {
-    const Vec3 b = vec(f.bearing);
+    const Vec3 b = vec3(f.bearing);
     EXPECT_NEAR(b.norm(), 1, 1e-14);
     EXPECT_LT((project(b) - Vec2(f.pixel[0], f.pixel[1])).norm(), 1e-4);
     const Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> J(f.pixel_jacobian.data());

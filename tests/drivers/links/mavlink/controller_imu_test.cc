@@ -6,11 +6,11 @@
 #include <limits>
 
 #include "drivers/links/mavlink/odometry.h"
+#include "tests/support/times.h"
 
 namespace epiline::mavlink {
 namespace {
 
-constexpr std::int64_t kMs = 1'000'000, kSecond = 1'000'000'000;
 constexpr std::int64_t kBoot_ns = 1000 * kSecond;  ///< of the flight controller, on our clock
 
 /// A clock model after `exchanges` good ones, the last at kBoot_ns + 100 s.

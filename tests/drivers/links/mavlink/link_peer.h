@@ -17,10 +17,10 @@
 #include "drivers/links/mavlink/link.h"
 #include "drivers/links/mavlink/packet.h"
 #include "platform/time/monotonic.h"
+#include "tests/support/times.h"
 
 namespace epiline::mavlink {
 
-inline constexpr std::int64_t kMs = 1'000'000;
 inline constexpr Address kController{1, 1};
 
 inline void set_nonblocking(int fd) { ::fcntl(fd, F_SETFL, ::fcntl(fd, F_GETFL) | O_NONBLOCK); }

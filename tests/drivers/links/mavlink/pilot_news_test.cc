@@ -1,4 +1,5 @@
 #include "drivers/links/mavlink/pilot_news.h"
+#include "tests/support/times.h"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +10,6 @@
 
 namespace epiline::mavlink {
 namespace {
-
-constexpr std::int64_t kSecond = 1'000'000'000;
 
 TEST(MavlinkNews, TextsFitAndNameTheReason) {
   std::set<std::string> texts;

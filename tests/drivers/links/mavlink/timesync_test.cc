@@ -1,11 +1,11 @@
 #include "drivers/links/mavlink/timesync.h"
+#include "tests/support/times.h"
 
 #include <gtest/gtest.h>
 
 namespace epiline::mavlink {
 namespace {
 
-constexpr std::int64_t kMs = 1'000'000, kSecond = 1'000'000'000;
 constexpr Address kOwn{1, 197}, kAutopilot{1, 1};
 
 TEST(MavlinkTimesync, AnswersWithOurClock) {

@@ -1,11 +1,10 @@
 #include "drivers/links/stream/odometry_stream.h"
+#include "tests/support/times.h"
 
 #include <gtest/gtest.h>
 
 namespace epiline {
 namespace {
-
-constexpr std::int64_t kMs = 1'000'000;
 
 /// Readings 5 ms apart over made-up time; what is due goes at once.
 struct Flight {

@@ -1,6 +1,7 @@
 // The promise of SendSchedule, over made-up time: no gap above 1.5 periods, no rate above 1.1, images at once where
 // their rate leaves room for it.
 #include "drivers/links/stream/send_schedule.h"
+#include "tests/support/times.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
@@ -10,8 +11,6 @@
 
 namespace epiline {
 namespace {
-
-constexpr std::int64_t kMs = 1'000'000;
 
 struct Sent {
   std::vector<std::int64_t> sent_ns;

@@ -16,11 +16,11 @@ namespace {
 using testing::ElementsAre;
 
 constexpr int kBaseId = 0x300;
-constexpr HostStamp kBegin{5'000'000'000'000};
+constexpr HostStamp kBusBegin{5'000'000'000'000};
 
 /// A flight straight ahead and up, nose 0.5 rad to the left, rolled by 0.2 rad; in the axes of our estimator.
-Odometry odometry_at(HostStamp t) {
-  const double s = (t - kBegin).seconds();
+Odometry true_odometry_at(HostStamp t) {
+  const double s = (t - kBusBegin).seconds();
   Odometry o;
   o.stamp = t;
   o.p_WB_m = {2 * s, 1 * s, 0.5 * s};
@@ -35,7 +35,7 @@ Odometry odometry_at(HostStamp t) {
 struct Bus {
   explicit Bus(bool fd) : writer(kBaseId, fd) {}
   std::vector<can::Frame> at(HostStamp t, bool deviations) {
-    const Odometry o = odometry_at(t);
+    const Odometry o = true_odometry_at(t);
     const can::Values values = can::values_of(o, Mat3::Identity(), 3, t);
     std::vector<can::Frame> frames;
     for (const can::Frame& f : writer.odometry(values, deviations)) frames.push_back(f);
@@ -55,11 +55,11 @@ TEST_P(CanReaders, SaysWhatTheMessageOfMavlinkSays) {
   RuleBook book;
   std::optional<mavlink::Odometry> got;
   for (int i = 0; i < 3; ++i)
-    for (const can::Frame& f : bus.at(kBegin + Span::from_milliseconds(1'000 + 20 * i), i == 0))
-      if (const auto m = reader.take(f, kBegin, book)) got = m;
+    for (const can::Frame& f : bus.at(kBusBegin + Span::from_milliseconds(1'000 + 20 * i), i == 0))
+      if (const auto m = reader.take(f, kBusBegin, book)) got = m;
   ASSERT_TRUE(got);
   const mavlink::Odometry expected =
-      mavlink::odometry_message(odometry_at(kBegin + Span::from_milliseconds(1'040)), Mat3::Identity());
+      mavlink::odometry_message(true_odometry_at(kBusBegin + Span::from_milliseconds(1'040)), Mat3::Identity());
   EXPECT_EQ(got->time_usec, expected.time_usec);
   EXPECT_NEAR(got->x, expected.x, 1e-3);
   EXPECT_NEAR(got->y, expected.y, 1e-3);
@@ -74,7 +74,7 @@ TEST_P(CanReaders, SaysWhatTheMessageOfMavlinkSays) {
   EXPECT_NEAR(got->pose_covariance[0], 1e-4, 1e-5);
   EXPECT_EQ(got->quality, 70);
   EXPECT_EQ(got->reset_counter, 3);
-  EXPECT_TRUE(book.verdict().accepted()) << text_of(book.verdict(), kBegin);
+  EXPECT_TRUE(book.verdict().accepted()) << text_of(book.verdict(), kBusBegin);
 }
 
 /// 4 s of a bus, each frame as `spoil` leaves it; false: it is lost.
@@ -85,16 +85,16 @@ Verdict verdict_of(bool fd, const std::function<bool(can::Frame&, int epoch)>& s
   ControllerModel model(settings);
   Bus bus(fd);
   for (int i = 0; i < 160; ++i) {
-    const HostStamp t = kBegin + Span::from_milliseconds(25 * i);
+    const HostStamp t = kBusBegin + Span::from_milliseconds(25 * i);
     for (can::Frame f : bus.at(t, i % 8 == 0))
       if (spoil(f, i)) model.receive(f, t + Span::from_milliseconds(2));
   }
-  return model.finish(kBegin + Span::from_milliseconds(4'000));
+  return model.finish(kBusBegin + Span::from_milliseconds(4'000));
 }
 
 TEST_P(CanReaders, ASoundBusIsAccepted) {
   const Verdict verdict = verdict_of(GetParam(), [](can::Frame&, int) { return true; });
-  EXPECT_TRUE(verdict.accepted()) << text_of(verdict, kBegin);
+  EXPECT_TRUE(verdict.accepted()) << text_of(verdict, kBusBegin);
   for (const Rule rule : {Rule::kFusion, Rule::kCanFrames, Rule::kCanStatus, Rule::kVelocity, Rule::kLatencyPx4})
     EXPECT_EQ(verdict.of(rule).state, RuleState::kKept) << info_of(rule).name;
   EXPECT_EQ(verdict.of(Rule::kHeartbeat).state, RuleState::kNotSeen);
@@ -130,7 +130,7 @@ TEST(CanReader, SurvivesAnyFrame) {
     f.id = static_cast<std::uint16_t>(kBaseId + i % 12);
     f.size = i % 2 == 0 ? f.data[5] % 65 : f.id == kBaseId + 10 ? 64 : 8;
     if (i % 3 == 0 && f.size > 1) f.data[0] = can::crc_of(f.id, {f.data.data(), f.size});
-    if (const auto m = reader.take(f, kBegin, book)) judge_message(*m, kBegin, book);
+    if (const auto m = reader.take(f, kBusBegin, book)) judge_message(*m, kBusBegin, book);
   }
   EXPECT_GT(book.verdict().of(Rule::kCanFrames).broken, 0u);
 }

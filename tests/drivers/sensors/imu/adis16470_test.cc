@@ -12,8 +12,8 @@ namespace {
 
 using namespace epiline::test;
 
-struct Rig : ChipRig<AdisModel> {
-  explicit Rig(const ImuDeviceConfig& settings, bool has_line = true, const WorldSettings& world_settings = {})
+struct AdisRig : ChipRig<AdisModel> {
+  explicit AdisRig(const ImuDeviceConfig& settings, bool has_line = true, const WorldSettings& world_settings = {})
       : ChipRig(settings, world_settings) {
     world->now_ns += 1'000'000'000;  // the chip has been on for a while
     model.run(world->now_ns);
@@ -29,7 +29,7 @@ struct Rig : ChipRig<AdisModel> {
 TEST(Adis16470, GivesEverySampleOnceWithTheTimeOfItsEdge) {
   WorldSettings exact;
   exact.edge_jitter_us = 0;
-  Rig rig(at_rate(200), true, exact);
+  AdisRig rig(at_rate(200), true, exact);
   rig.model.clock_error = 0.004;
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(10);
@@ -49,7 +49,7 @@ TEST(Adis16470, SamplesThatNobodyReadAreCountedAndShiftNothing) {
   late.edge_jitter_us = 0;
   late.stall_share = 0.1;
   late.stall_most_ms = 20;
-  Rig rig(at_rate(400), true, late);
+  AdisRig rig(at_rate(400), true, late);
   rig.model.clock_error = -0.01;
   ASSERT_EQ(text(rig.imu->open()), "well");
   const std::uint64_t lost_before = rig.imu->counts().lost;
@@ -75,7 +75,7 @@ TEST(Adis16470, RatesAndEdgesAreAnyOfTheChips) {
     settings.wake_up_us = *rc::gen::inRange(5, 60);
     settings.stall_share = *rc::gen::element(0.0, 0.02);
     settings.stall_most_ms = *rc::gen::inRange(0, 15);
-    Rig rig(config, true, settings);
+    AdisRig rig(config, true, settings);
     rig.model.clock_error = *rc::gen::inRange(-15, 16) * 1e-3;
     RC_ASSERT(text(rig.imu->open()) == "well");
     rig.read_for(2);
@@ -91,7 +91,7 @@ TEST(Adis16470, RatesAndEdgesAreAnyOfTheChips) {
 }
 
 TEST(Adis16470, WithoutALineItIsPolledByItsCounter) {
-  Rig rig(at_rate(200), false);
+  AdisRig rig(at_rate(200), false);
   rig.model.clock_error = 0.006;
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(10);
@@ -103,16 +103,16 @@ TEST(Adis16470, WithoutALineItIsPolledByItsCounter) {
 }
 
 TEST(Adis16470, DelayIsTheChipsAndTheDecimations) {
-  Rig rig(at_rate(200));
+  AdisRig rig(at_rate(200));
   EXPECT_EQ(rig.imu->facts().gyroscope_delay.ns, 1'440'000 + 2'250'000);
-  Rig fast(at_rate(2000));
+  AdisRig fast(at_rate(2000));
   EXPECT_EQ(fast.imu->facts().gyroscope_delay.ns, 1'440'000);
 }
 
 TEST(Adis16470, BurstsStayBelowTheirOwnLimit) {
   ImuDeviceConfig config = at_rate(200);
   config.spi_hz = 2'000'000;
-  Rig rig(config);
+  AdisRig rig(config);
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(1);
   EXPECT_EQ(rig.imu->counts().damaged, 0U);
@@ -120,18 +120,18 @@ TEST(Adis16470, BurstsStayBelowTheirOwnLimit) {
 }
 
 TEST(Adis16470, SaysWhoIsThereInstead) {
-  Rig other(at_rate(200));
+  AdisRig other(at_rate(200));
   other.model.reg(0x72) = 16475;
   std::string told = text(other.imu->open());
   EXPECT_NE(told.find("an ADIS16475; expected 0x4056"), std::string::npos) << told;
-  Rig dead(at_rate(200));
+  AdisRig dead(at_rate(200));
   dead.bus->stuck = 0xff;
   told = text(dead.imu->open());
   EXPECT_NE(told.find("0xffff; expected 0x4056, an answer: wrong chip select"), std::string::npos) << told;
 }
 
 TEST(Adis16470, AWrongChecksumIsLeftOut) {
-  Rig rig(at_rate(200));
+  AdisRig rig(at_rate(200));
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(0.5);
   rig.model.spoil_checksum = true;
@@ -147,7 +147,7 @@ TEST(Adis16470, AWrongChecksumIsLeftOut) {
 }
 
 TEST(Adis16470, ABrownOutIsFoundAndMendedAndNothingWrongIsHandedOut) {
-  Rig rig(at_rate(200));
+  AdisRig rig(at_rate(200));
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(1);
   rig.model.power_on();
@@ -163,7 +163,7 @@ TEST(Adis16470, ABrownOutIsFoundAndMendedAndNothingWrongIsHandedOut) {
 }
 
 TEST(Adis16470, ABusThatFailsIsReopened) {
-  Rig rig(at_rate(200));
+  AdisRig rig(at_rate(200));
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(0.5);
   rig.bus->fail_next = 1;
@@ -184,7 +184,7 @@ TEST(Adis16470, ABusThatFailsIsReopened) {
 TEST(Adis16470, BitErrorsGoIntoTheChecksum) {
   WorldSettings settings;
   settings.edge_jitter_us = 0;
-  Rig rig(at_rate(200), true, settings);
+  AdisRig rig(at_rate(200), true, settings);
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.bus->bit_error_rate = 1e-3;
   rig.read_for(30);
@@ -197,7 +197,7 @@ TEST(Adis16470, BitErrorsGoIntoTheChecksum) {
 
 TEST(Adis16470, ReadingNeedsNoHeap) {
   if (!allocation_counting_available()) GTEST_SKIP() << "heap calls are not counted in this build";
-  Rig rig(at_rate(200));
+  AdisRig rig(at_rate(200));
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.model.heap_calls = 0;
   rig.read_for(0.5);

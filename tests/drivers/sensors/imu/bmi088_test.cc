@@ -15,9 +15,9 @@ namespace {
 
 using namespace epiline::test;
 
-struct Rig : ChipRig<BmiModel> {
-  explicit Rig(const ImuDeviceConfig& settings, bool has_line = true, const WorldSettings& world_settings = {},
-               bool is_swapped = false)
+struct BmiRig : ChipRig<BmiModel> {
+  explicit BmiRig(const ImuDeviceConfig& settings, bool has_line = true, const WorldSettings& world_settings = {},
+                  bool is_swapped = false)
       : ChipRig(settings, world_settings) {
     std::unique_ptr<ModelBus> gyro = std::make_unique<BmiGyroBus>(model), accel = std::make_unique<BmiAccelBus>(model);
     gyro_bus = gyro.get();
@@ -34,7 +34,7 @@ struct Rig : ChipRig<BmiModel> {
 TEST(Bmi088, MergesTwoClocks) {
   WorldSettings exact;
   exact.edge_jitter_us = 0;
-  Rig rig(at_rate(400), true, exact);
+  BmiRig rig(at_rate(400), true, exact);
   rig.model.clock_error = 0.009;
   rig.model.accel_clock_error = -0.006;
   ASSERT_EQ(text(rig.imu->open()), "well");
@@ -63,7 +63,7 @@ TEST(Bmi088, RangesRatesAndEdgesAreAnyOfTheChips) {
     settings.wake_up_us = *rc::gen::inRange(5, 100);
     settings.stall_share = *rc::gen::element(0.0, 0.02, 0.2);
     settings.stall_most_ms = *rc::gen::inRange(0, 15);
-    Rig rig(config, true, settings);
+    BmiRig rig(config, true, settings);
     rig.model.clock_error = *rc::gen::inRange(-15, 16) * 1e-3;
     rig.model.accel_clock_error = *rc::gen::inRange(-15, 16) * 1e-3;
     RC_ASSERT(text(rig.imu->open()) == "well");
@@ -79,7 +79,7 @@ TEST(Bmi088, RangesRatesAndEdgesAreAnyOfTheChips) {
 }
 
 TEST(Bmi088, WithoutALineItIsPolled) {
-  Rig rig(at_rate(400), false);
+  BmiRig rig(at_rate(400), false);
   rig.model.clock_error = 0.007;
   rig.model.accel_clock_error = 0.0052;
   ASSERT_EQ(text(rig.imu->open()), "well");
@@ -93,20 +93,20 @@ TEST(Bmi088, WithoutALineItIsPolled) {
 }
 
 TEST(Bmi088, DelayFollowsFromTheBandwidth) {
-  Rig rig(at_rate(400));
+  BmiRig rig(at_rate(400));
   EXPECT_NEAR(rig.imu->facts().gyroscope_delay.seconds(), std::sqrt(2.0) / (2 * std::numbers::pi * 47), 1e-6);
   EXPECT_NEAR(rig.imu->facts().accelerometer_delay.seconds(), std::sqrt(2.0) / (2 * std::numbers::pi * 75), 1e-6);
 }
 
 TEST(Bmi088, SaysWhoIsThereInstead) {
-  Rig swapped(at_rate(400), true, {}, true);
+  BmiRig swapped(at_rate(400), true, {}, true);
   std::string told = text(swapped.imu->open());
   EXPECT_NE(told.find("the other way round"), std::string::npos) << told;
-  Rig open_line(at_rate(400));
+  BmiRig open_line(at_rate(400));
   open_line.accel_bus->stuck = 0xff;
   told = text(open_line.imu->open());
   EXPECT_NE(told.find("accelerometer: another identity: 0xff; expected 0x1e"), std::string::npos) << told;
-  Rig dead(at_rate(400));
+  BmiRig dead(at_rate(400));
   dead.gyro_bus->stuck = 0;
   told = text(dead.imu->open());
   EXPECT_NE(told.find("gyroscope: another identity: 0x00"), std::string::npos) << told;
@@ -114,7 +114,7 @@ TEST(Bmi088, SaysWhoIsThereInstead) {
 
 TEST(Bmi088, ABrownOutOfEitherHalfIsFoundAndMended) {
   for (const bool both : {true, false}) {
-    Rig rig(at_rate(400));
+    BmiRig rig(at_rate(400));
     ASSERT_EQ(text(rig.imu->open()), "well");
     rig.read_for(1);
     for (int i = 0; i < 4; ++i) {
@@ -131,7 +131,7 @@ TEST(Bmi088, ABrownOutOfEitherHalfIsFoundAndMended) {
 }
 
 TEST(Bmi088, FifosThatRanOverAreEmptied) {
-  Rig rig(at_rate(400));
+  BmiRig rig(at_rate(400));
   ASSERT_EQ(text(rig.imu->open()), "well");
   for (const std::int64_t stall_ms : {150, 200, 400}) {  // the accelerometer's holds 146 frames of 1.25 ms
     rig.read_for(1);
@@ -150,7 +150,7 @@ TEST(Bmi088, FifosThatRanOverAreEmptied) {
 }
 
 TEST(Bmi088, ABusThatFailsIsReopened) {
-  Rig rig(at_rate(400));
+  BmiRig rig(at_rate(400));
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(0.5);
   rig.accel_bus->fail_next = 1;
@@ -165,7 +165,7 @@ TEST(Bmi088, ABusThatFailsIsReopened) {
 TEST(Bmi088, LinesThatGetStuckAreALoss) {
   for (const int level : {0x00, 0xff}) {
     for (const bool is_gyro : {true, false}) {
-      Rig rig(at_rate(400));
+      BmiRig rig(at_rate(400));
       ASSERT_EQ(text(rig.imu->open()), "well");
       rig.read_for(0.3);
       ModelBus* const bus = is_gyro ? rig.gyro_bus : rig.accel_bus;
@@ -183,7 +183,7 @@ TEST(Bmi088, LinesThatGetStuckAreALoss) {
 TEST(Bmi088, BitErrorsNeitherHangNorShiftTheTime) {
   WorldSettings settings;
   settings.edge_jitter_us = 0;
-  Rig rig(at_rate(400), true, settings);
+  BmiRig rig(at_rate(400), true, settings);
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.gyro_bus->bit_error_rate = rig.accel_bus->bit_error_rate = 1e-4;
   rig.read_for(20);
@@ -200,7 +200,7 @@ TEST(Bmi088, BitErrorsNeitherHangNorShiftTheTime) {
 
 TEST(Bmi088, ReadingNeedsNoHeap) {
   if (!allocation_counting_available()) GTEST_SKIP() << "heap calls are not counted in this build";
-  Rig rig(at_rate(400));
+  BmiRig rig(at_rate(400));
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.model.heap_calls = 0;
   rig.read_for(0.5);

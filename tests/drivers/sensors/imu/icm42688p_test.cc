@@ -15,8 +15,8 @@ namespace {
 
 using namespace epiline::test;
 
-struct Rig : ChipRig<IcmModel> {
-  explicit Rig(const ImuDeviceConfig& settings, bool has_line = true, const WorldSettings& world_settings = {})
+struct IcmRig : ChipRig<IcmModel> {
+  explicit IcmRig(const ImuDeviceConfig& settings, bool has_line = true, const WorldSettings& world_settings = {})
       : ChipRig(settings, world_settings) {
     auto wires = std::make_unique<IcmBus>(model);
     bus = wires.get();
@@ -28,7 +28,7 @@ struct Rig : ChipRig<IcmModel> {
 TEST(Icm42688p, GivesEverySampleOnceWithTheTimeOfItsEdge) {
   WorldSettings exact;
   exact.edge_jitter_us = 0;
-  Rig rig(at_rate(1000), true, exact);
+  IcmRig rig(at_rate(1000), true, exact);
   rig.model.clock_error = 0.008;
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(5);
@@ -48,7 +48,7 @@ TEST(Icm42688p, ALateReaderShiftsNoStamp) {
   late.edge_jitter_us = 0;
   late.stall_share = 0.2;
   late.stall_most_ms = 12;
-  Rig rig(at_rate(1000), true, late);
+  IcmRig rig(at_rate(1000), true, late);
   rig.model.clock_error = -0.01;
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(5);
@@ -65,7 +65,7 @@ TEST(Icm42688p, LostEdgesCostOnlyTheirOwnExactness) {
   lossy.edge_lost_share = 0.2;
   lossy.stall_share = 0.05;
   lossy.stall_most_ms = 6;
-  Rig rig(at_rate(1000), true, lossy);
+  IcmRig rig(at_rate(1000), true, lossy);
   rig.model.clock_error = 0.005;
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(5);
@@ -78,7 +78,7 @@ TEST(Icm42688p, LostEdgesCostOnlyTheirOwnExactness) {
 }
 
 TEST(Icm42688p, WithoutALineItIsPolledByItsOwnTime) {
-  Rig rig(at_rate(500), false);
+  IcmRig rig(at_rate(500), false);
   rig.model.clock_error = 0.007;
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(10);
@@ -105,7 +105,7 @@ TEST(Icm42688p, RangesRatesAndEdgesAreAnyOfTheChips) {
     settings.wake_up_us = *rc::gen::inRange(5, 150);
     settings.stall_share = *rc::gen::element(0.0, 0.02, 0.3);
     settings.stall_most_ms = *rc::gen::inRange(0, 20);
-    Rig rig(config, true, settings);
+    IcmRig rig(config, true, settings);
     rig.model.clock_error = *rc::gen::inRange(-15, 16) * 1e-3;
     RC_ASSERT(text(rig.imu->open()) == "well");
     rig.read_for(2);
@@ -122,26 +122,26 @@ TEST(Icm42688p, RangesRatesAndEdgesAreAnyOfTheChips) {
 
 TEST(Icm42688p, DelayIsThatOfTheFiltersAsSet) {
   // DS-000347: 3.3 ms of the UI filter at 200 Hz; anti-alias filter of second order at 213 Hz
-  Rig rig(at_rate(200));
+  IcmRig rig(at_rate(200));
   EXPECT_NEAR(rig.imu->facts().gyroscope_delay.seconds(), 3.3e-3 + std::sqrt(2.0) / (2 * std::numbers::pi * 213), 1e-6);
 }
 
 TEST(Icm42688p, SaysWhoIsThereInstead) {
   const auto told = [](auto&& fault) {
-    Rig rig(at_rate(1000));
+    IcmRig rig(at_rate(1000));
     fault(rig);
     return text(rig.imu->open());
   };
-  EXPECT_NE(told([](Rig& rig) { rig.bus->stuck = 0x00; }).find("MISO not connected"), std::string::npos);
-  EXPECT_NE(told([](Rig& rig) { rig.bus->stuck = 0xff; }).find("wrong chip select"), std::string::npos);
-  const std::string bmi = told([](Rig& rig) { rig.model.reg(0, 0x75) = 0x1e; });
+  EXPECT_NE(told([](IcmRig& rig) { rig.bus->stuck = 0x00; }).find("MISO not connected"), std::string::npos);
+  EXPECT_NE(told([](IcmRig& rig) { rig.bus->stuck = 0xff; }).find("wrong chip select"), std::string::npos);
+  const std::string bmi = told([](IcmRig& rig) { rig.model.reg(0, 0x75) = 0x1e; });
   EXPECT_NE(bmi.find("0x1e, the accelerometer of a BMI088; expected 0x47"), std::string::npos) << bmi;
-  EXPECT_NE(told([](Rig& rig) { rig.model.reg(0, 0x75) = 0x23; }).find("shifted by one"), std::string::npos);
-  EXPECT_NE(told([](Rig& rig) { rig.bus->open_error = ENOENT; }).find("No such file"), std::string::npos);
+  EXPECT_NE(told([](IcmRig& rig) { rig.model.reg(0, 0x75) = 0x23; }).find("shifted by one"), std::string::npos);
+  EXPECT_NE(told([](IcmRig& rig) { rig.bus->open_error = ENOENT; }).find("No such file"), std::string::npos);
 }
 
 TEST(Icm42688p, SaysThatNoEdgeComes) {
-  Rig rig(at_rate(1000));
+  IcmRig rig(at_rate(1000));
   rig.config.ready_line = "IMU_INT";
   rig.line->is_cut = true;
   const std::string told = text(rig.imu->open());
@@ -151,14 +151,14 @@ TEST(Icm42688p, SaysThatNoEdgeComes) {
 TEST(Icm42688p, SaysWhatItCannotDo) {
   ImuDeviceConfig config = at_rate(1000);
   config.accelerometer_range_m_s2 = 300;
-  Rig rig(config);
+  IcmRig rig(config);
   const std::string told = text(rig.imu->open());
   EXPECT_NE(told.find("at most 2000 deg/s, 157 m/s^2"), std::string::npos) << told;
   EXPECT_EQ(rig.bus->times_opened, 0);
 }
 
 TEST(Icm42688p, ABrownOutIsFoundAndMendedAndNothingWrongIsHandedOut) {
-  Rig rig(at_rate(1000));
+  IcmRig rig(at_rate(1000));
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(1);
   for (int i = 0; i < 5; ++i) {
@@ -173,7 +173,7 @@ TEST(Icm42688p, ABrownOutIsFoundAndMendedAndNothingWrongIsHandedOut) {
 }
 
 TEST(Icm42688p, ARegisterThatChangesIsFound) {
-  Rig rig(at_rate(1000));
+  IcmRig rig(at_rate(1000));
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(1);
   rig.model.reg(2, 0x04) ^= 0x08;  // of the anti-alias filter
@@ -184,7 +184,7 @@ TEST(Icm42688p, ARegisterThatChangesIsFound) {
 }
 
 TEST(Icm42688p, AFifoThatRanOverIsEmptied) {
-  Rig rig(at_rate(1000));
+  IcmRig rig(at_rate(1000));
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(1);
   rig.world->now_ns += 300'000'000;
@@ -200,7 +200,7 @@ TEST(Icm42688p, AFifoThatRanOverIsEmptied) {
 }
 
 TEST(Icm42688p, ABusThatFailsIsReopened) {
-  Rig rig(at_rate(1000));
+  IcmRig rig(at_rate(1000));
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(0.5);
   rig.bus->fail_next = 1;
@@ -225,7 +225,7 @@ TEST(Icm42688p, ABusThatFailsIsReopened) {
 
 TEST(Icm42688p, LinesThatGetStuckAreALoss) {
   for (const int level : {0x00, 0xff}) {
-    Rig rig(at_rate(1000));
+    IcmRig rig(at_rate(1000));
     ASSERT_EQ(text(rig.imu->open()), "well");
     rig.read_for(0.3);
     rig.bus->stuck = level;
@@ -240,7 +240,7 @@ TEST(Icm42688p, LinesThatGetStuckAreALoss) {
 }
 
 TEST(Icm42688p, ALineThatBreaksCostsExactnessOnly) {
-  Rig rig(at_rate(1000));
+  IcmRig rig(at_rate(1000));
   rig.model.clock_error = 0.01;
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.read_for(2);
@@ -256,7 +256,7 @@ TEST(Icm42688p, ALineThatBreaksCostsExactnessOnly) {
 TEST(Icm42688p, BitErrorsNeitherHangNorShiftTheTime) {
   WorldSettings settings;
   settings.edge_jitter_us = 0;
-  Rig rig(at_rate(1000), true, settings);
+  IcmRig rig(at_rate(1000), true, settings);
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.bus->bit_error_rate = 1e-4;
   rig.read_for(20);
@@ -273,7 +273,7 @@ TEST(Icm42688p, BitErrorsNeitherHangNorShiftTheTime) {
 TEST(Icm42688p, AGarbledTimeStampShiftsNothing) {
   WorldSettings settings;
   settings.edge_jitter_us = 0;
-  Rig rig(at_rate(1000), true, settings);
+  IcmRig rig(at_rate(1000), true, settings);
   ASSERT_EQ(text(rig.imu->open()), "well");
   for (int i = 0; i < 20; ++i) {
     rig.read_for(0.1);
@@ -290,7 +290,7 @@ TEST(Icm42688p, ReadingNeedsNoHeap) {
   if (!allocation_counting_available()) GTEST_SKIP() << "heap calls are not counted in this build";
   WorldSettings settings;
   settings.edge_lost_share = 0.1;
-  Rig rig(at_rate(1000), true, settings);
+  IcmRig rig(at_rate(1000), true, settings);
   ASSERT_EQ(text(rig.imu->open()), "well");
   rig.model.heap_calls = 0;
   rig.read_for(0.5);

@@ -10,11 +10,10 @@
 #include <vector>
 
 #include "platform/time/monotonic.h"
+#include "tests/support/times.h"
 
 namespace epiline {
 namespace {
-
-constexpr std::int64_t kMs = 1'000'000, kSecond = 1'000 * kMs;
 
 std::string error_of(const WheelConfig& config) {
   CanWheelSource source(config);
