@@ -1,5 +1,5 @@
 #pragma once
-// The settings of an estimator, and the states it may be started from.
+// Settings of the estimator, and a known state to start from. Ranges and units: pipeline/config/parameters.cc.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -10,7 +10,7 @@
 namespace epiline {
 
 enum class VisualFactor : std::uint8_t { kTrack, kEpipolar, kReprojection };
-/// What they are called outside, in the order of the enum: the one list of all visual factors.
+/// Names in configuration and results, in the order of the enum.
 inline constexpr std::array kVisualFactorNames = {"track", "epipolar", "reprojection"};
 constexpr const char* to_string(VisualFactor factor) noexcept {
   return kVisualFactorNames[static_cast<std::size_t>(factor)];
@@ -18,39 +18,39 @@ constexpr const char* to_string(VisualFactor factor) noexcept {
 
 enum class KeyframeRule : std::uint8_t { kCompensatedParallax, kRawParallax /* VINS-Mono's */ };
 
-/// Where the camera sits and how it is clocked.
+/// Pose of the camera on the IMU, and time offset of its images. x_B = R_BC x_C + p_BC.
 struct Extrinsics {
   Mat3 R_BC = Mat3::Identity();
   Vec3 p_BC = Vec3::Zero();
-  double focal_px = 458;     ///< pixels per radian: converts thresholds in pixels to angles
-  double time_offset_s = 0;  ///< first guess of t_IMU - t_image
+  double focal_px = 458;     ///< pixels per radian; converts thresholds from pixels to angles
+  double time_offset_s = 0;  ///< initial t_IMU - t_image
 };
 
-/// What the wheels of a ground vehicle measure: the speed of a point of it along its forward axis.
+/// The measurement of the wheels of a ground vehicle: the speed of a point of the vehicle along its forward axis.
 struct WheelModel {
-  bool use = true;                 ///< false: speeds are left out
-  Vec3 forward_B = Vec3::UnitX();  ///< that axis, in the IMU's
-  Vec3 p_BV = Vec3::Zero();        ///< that point, seen from the IMU: the middle of the axle that does not steer
-  double sigma_m_s = 0.05;
-  double cauchy = 2;  ///< kernel scale, in sigmas: a wheel that slips
+  bool use = true;                 ///< false: ignore speeds
+  Vec3 forward_B = Vec3::UnitX();  ///< unit vector of the forward axis
+  Vec3 p_BV = Vec3::Zero();        ///< the point, m: the middle of the non-steering axle
+  double sigma_m_s = 0.05;         ///< standard deviation of the speed
+  double cauchy = 2;               ///< scale of the Cauchy kernel against slip, in sigmas
 };
 
 struct EstimatorConfig {
   VisualFactor visual_factor = VisualFactor::kTrack;
-  int keyframes = 10;             ///< older frames in the window, 2 to 20
-  double solve_interval_s = 0.1;  ///< images in between are predicted only
-  int steps = 1;                  ///< accepted solver steps a frame at most
-  int steps_young = 3;            ///< the same while the window is young or after a rejected step
+  int keyframes = 10;             ///< number of older frames in the window, 2 to 20
+  double solve_interval_s = 0.1;  ///< images in between are predicted by the IMU
+  int steps = 1;                  ///< largest number of accepted solver steps per frame
+  int steps_young = 3;            ///< the same shortly after a start or after a rejected step
   // visual noise
-  double pixel_sigma = 0.5;          ///< first guess and, if not estimated, the value
-  bool estimate_pixel_sigma = true;  ///< from the residuals' median, 0.3 to 2 px
-  double sigma_inflation = 1.5;      ///< scale of the covariance over the scale of the kernel (correlated tracks)
-  double cauchy = 2;                 ///< kernel scale, in kernel sigmas
-  bool gate = true;
-  double gate_cap = 0.4;  ///< a frame that would gate a larger share gates nothing
+  double pixel_sigma = 0.5;          ///< initial value if estimated, else the value
+  bool estimate_pixel_sigma = true;  ///< from the median of the residuals, 0.3 to 2 px
+  double sigma_inflation = 1.5;      ///< ratio of the sigmas of covariance and kernel, because tracks are correlated
+  double cauchy = 2;                 ///< scale of the Cauchy kernel, in sigmas of the kernel
+  bool gate = true;                  ///< leave out tracks that contradict the motion
+  double gate_cap = 0.4;             ///< a frame of which the gate would leave out a larger share loses no tracks
   // inertial noise
   ImuNoise imu;
-  double gyroscope_density_factor = 3;  ///< covers scale and misalignment errors
+  double gyroscope_density_factor = 3;  ///< factor on the noise density, for scale and axis errors
   double accelerometer_density_factor = 1;
   double saturation_gyroscope_rad_s = 1e9, saturation_accelerometer_m_s2 = 1e9;
   // window policy
@@ -63,10 +63,10 @@ struct EstimatorConfig {
   bool estimate_extrinsics = false;
   double extrinsic_rotation_sigma_rad = 0.0087, extrinsic_translation_sigma_m = 5e-3;
   Extrinsics extrinsics;
-  WheelModel wheel;  ///< of speeds, if any come
+  WheelModel wheel;  ///< used if speeds arrive
 };
 
-/// A complete initial state with standard deviations, for starts from known conditions.
+/// A known initial state with standard deviations; SI units. W: z up, B: the IMU.
 struct InitialState {
   Vec3 p_WB = Vec3::Zero(), v_WB = Vec3::Zero(), b_a = Vec3::Zero(), b_g = Vec3::Zero();
   Mat3 R_WB = Mat3::Identity();

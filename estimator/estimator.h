@@ -1,6 +1,6 @@
 #pragma once
-// The estimator from outside: IMU samples and tracked frames in, odometry out. Mathematics only: no clock, thread, file
-// or, after construction, heap.
+// The interface of the estimator: IMU samples and tracked frames in, odometry out. It uses no clock, thread or file,
+// and no heap after construction. Not thread-safe: one thread calls it.
 #include <memory>
 
 #include "estimator/config.h"
@@ -11,37 +11,41 @@
 
 namespace epiline {
 
+/// What process() did with a frame.
 struct StepResult {
-  bool has_pose = false;  ///< `odometry()` holds an estimate for this frame
-  bool solved = false;    ///< otherwise predicted with the IMU
-  bool keyframe = false;
+  bool has_pose = false;  ///< odometry() holds an estimate for this frame
+  bool solved = false;    ///< true: by optimisation; false: predicted by the IMU
+  bool keyframe = false;  ///< the frame became a keyframe
 };
 
 class Estimator {
  public:
-  /// Allocates everything it will ever use.
+  /// Allocates all memory that the estimator will use.
   explicit Estimator(const EstimatorConfig& config);
   ~Estimator();
   Estimator(const Estimator&) = delete;
   Estimator& operator=(const Estimator&) = delete;
 
-  /// IMU readings in time order; bad ones (old, doubled, not finite) are counted and left out. False: left out.
+  /// Adds an IMU sample (body frame B), in time order. Bad samples (old, repeated, not finite) are counted and left
+  /// out; the result is then false.
   bool add_imu(const ImuSample& sample) noexcept;
-  /// A speed of the wheels, in time order; bad ones are left out: false. It serves the frames whose time lies between
-  /// this one and the one before, if they are still in the window: so a speed may come late, and none is waited for.
+  /// Adds a wheel speed, in time order; false: it was bad and is left out. The estimator interpolates it with the
+  /// previous speed at the frames between the two that are still in the window. A speed may therefore come late; no
+  /// frame waits for it.
   bool add_wheel(const WheelSample& sample) noexcept;
-  /// The IMU time up to which readings must have been added before a frame of this stamp is processed: the frame's,
-  /// less a fifth of an IMU interval. A frame just past a reading need not wait for the next one: the last one holds so
-  /// long.
+  /// The time of the IMU's clock up to which samples must have been added before process() of an image with this
+  /// timestamp: the image's time minus a fifth of an IMU interval. The last sample is held for that long, so an image
+  /// just after a sample need not wait for the next one.
   HostStamp imu_needed_until(HostStamp image) const noexcept;
-  /// One image's tracks, in time order.
+  /// Processes the tracks of one image; images in time order. `supervisor` limits the effort.
   StepResult process(const TrackedFrame& frame, Supervisor& supervisor) noexcept;
-  /// Starts (or starts anew) at this frame from a known state, without any search.
+  /// Starts, or restarts, at this frame from a known state, without initialisation.
   void start(const TrackedFrame& frame, const InitialState& state) noexcept;
 
+  /// The newest estimate; valid until the next call of process() or start().
   const Odometry& odometry() const noexcept;
   const EstimatorStats& stats() const noexcept;
-  /// Current bias estimate for the tracker's prediction; zero before the start.
+  /// Estimated gyroscope bias, rad/s in B, for the tracker's prediction; zero before the start.
   Vec3 gyroscope_bias() const noexcept;
 
  private:

@@ -3,23 +3,24 @@
 
 namespace epiline {
 
-/// What the estimator may ask of the outside while it works. Both calls must return at once.
+/// Limits the effort of the estimator. The caller implements it; the estimator calls it while it works. The calls must
+/// not block.
 class Supervisor {
  public:
   enum class Phase : std::uint8_t { kNone, kSolve, kMarginalise };
-  /// What a frame may cost.
+  /// The effort allowed for one frame.
   struct Effort {
     bool solve = true;    ///< false: the IMU predicts this frame
-    int most_tracks = 0;  ///< in the solve and in what leaves the window; 0: all
-    int most_steps = 0;   ///< 0: as configured; 1: one step, accepted without being tried
+    int most_tracks = 0;  ///< largest number of tracks in solve and marginalisation; 0: all
+    int most_steps = 0;   ///< largest number of solver steps; 0: as configured; 1: one step, accepted untested
     bool reduced() const { return !solve || most_tracks > 0 || most_steps > 0; }
   };
   virtual ~Supervisor() = default;
-  /// Asked once for each frame that is due to be solved. Starts are not asked for: they take what they need.
+  /// Called once per frame that is due for a solve. Not called for starts, which always run in full.
   virtual Effort effort() noexcept { return {}; }
-  /// Asked between solver steps; true: there is no time for another, return the best accepted iterate now.
+  /// Called between solver steps. True: no time for another step; the solver returns its best accepted iterate.
   virtual bool time_is_up() noexcept { return false; }
-  /// The phase that begins now (kNone: bookkeeping), for a caller that measures time.
+  /// Called when a phase begins, for callers that measure time. kNone: anything else.
   virtual void phase(Phase) noexcept {}
 };
 

@@ -22,7 +22,7 @@ struct CameraParameters {
   std::array<double, 5> distortion{};
 };
 
-/// What is wrong with a set of parameters.
+/// The first fault of a set of parameters.
 enum class CameraFault : std::uint8_t {
   kNone,
   kSize,        ///< width or height not positive
@@ -36,12 +36,12 @@ CameraFault fault_of(const CameraParameters& parameters) noexcept;
 class Camera {
  public:
   Camera() = default;
-  /// `fault_of(parameters)` is kNone.
+  /// Requires fault_of(parameters) == kNone.
   explicit Camera(const CameraParameters& parameters);
 
-  /// Pixel of a point or direction in C; it may lie outside the image. False where the model does not define one:
-  /// behind the camera, or past the angle where the distortion folds back. `d_px_d_p`: derivative of the pixel, 2x3, px
-  /// per unit of `p_C`.
+  /// Projects a point or direction in C to a pixel, which may lie outside the image. False where the model defines no
+  /// pixel: behind the camera, or beyond the angle where the distortion folds back. `d_px_d_p`: derivative of the
+  /// pixel, 2x3, px per unit of `p_C`.
   bool project(const Vec3& p_C, Vec2& px, Mat23* d_px_d_p = nullptr) const noexcept;
   /// Unit bearing of a pixel, to 1e-10 px in re-projection. False where the pixel has no bearing. Bounded work.
   bool unproject(const Vec2& px, Vec3& f_C) const noexcept;

@@ -4,8 +4,8 @@
 
 namespace epiline {
 
-/// Where a tracker found a point, as the estimator takes it: pixel, bearing and the bearing's noise. `px`: raw pixel.
-/// False, and nothing is written, where the pixel has no bearing (Camera::bearing).
+/// Converts a tracked point to the estimator's input: pixel, bearing, and Jacobian of the pixel. `px`: raw pixel.
+/// False, and nothing is written, if the pixel has no bearing (Camera::bearing).
 bool set_pixel(const Camera& camera, const Vec2& px, TrackedFeature& feature) noexcept;
 
 }  // namespace epiline

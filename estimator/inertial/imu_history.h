@@ -12,7 +12,7 @@
 
 namespace epiline {
 
-/// The last few seconds of IMU readings, and integration between any two instants of them.
+/// The last few seconds of IMU samples (B, SI units), and their integration between any two instants.
 class ImuHistory {
  public:
   enum class Push : std::uint8_t {
@@ -20,21 +20,21 @@ class ImuHistory {
     kOutOfOrder,
     kDuplicate,
     kNotFinite,
-    kImpossible,  ///< no sensor measures that (is_impossible): left out
-    kFarAhead,    ///< kept aside: taken with the next reading if that confirms its stamp
+    kImpossible,  ///< left out: a value that no sensor measures (is_impossible)
+    kFarAhead,    ///< held: used together with the next sample if that confirms its timestamp
   };
   struct Reading {
     HostStamp stamp;
-    Vec3 w, a;                ///< rad/s, m/s^2, in B
-    bool distrusted = false;  ///< at a limit or stuck: as good as none
-    bool suspect = false;     ///< alone, as far as its neighbours are known: a value between them stands in its place
-    bool replaced = false;    ///< of a suspect: the values of the corrupt axes have been replaced by likely ones
-    bool in_gap = false;      ///< one of too many suspects in a row: as good as none
+    Vec3 w, a;                      ///< rad/s, m/s^2, in B
+    bool distrusted = false;        ///< saturated or stuck: treated as missing
+    bool suspect = false;           ///< unlike its known neighbours: an interpolated value replaces it
+    bool replaced = false;          ///< a suspect whose corrupt axes were replaced by likely values
+    bool in_gap = false;            ///< one of too many suspects in a row: treated as missing
     SpikeJudge::Unknown unknown{};  ///< of a suspect
   };
   struct Counts {
-    std::uint64_t suspects = 0;  ///< readings that left what came before them
-    std::uint64_t bridged = 0;   ///< readings that stood alone: corrupt
+    std::uint64_t suspects = 0;  ///< samples unlike the previous ones
+    std::uint64_t bridged = 0;   ///< samples unlike both neighbours: corrupt, replaced
     std::uint64_t gaps = 0;      ///< bursts too long to bridge
   };
   struct Density {
@@ -46,34 +46,34 @@ class ImuHistory {
   Push push(const ImuSample& sample);
   void clear();
   bool empty() const { return count_ == 0; }
-  /// While the newest reading is a suspect, it has the values of the one before it.
+  /// While the newest sample is a suspect, it holds the values of the previous one.
   Reading newest() const { return value(count_ - 1); }
   bool newest_is_suspect() const { return count_ > 0 && at(count_ - 1).suspect; }
   const Counts& counts() const { return counts_; }
-  /// An instant after which integrals differ from those before the last call, because a verdict on readings became
-  /// final; none if none did.
+  /// The time after which integrals have changed since the last call, because a verdict on samples became final; empty
+  /// if none did.
   std::optional<HostStamp> take_revised();
-  /// Whether corrupt readings come several times a second.
+  /// True if corrupt samples come several times a second.
   bool spikes_persist() const { return judge_.persists(); }
   HostStamp oldest_stamp() const { return at(first()).stamp; }
-  /// Typical distance of readings, s; 0 before the second one.
+  /// Usual interval between samples, s; 0 before the second one.
   double period() const { return period_.seconds(); }
-  /// Whether the newest reading came after a hole of more than 2.5 periods, or ended a burst of suspects too long to
-  /// bridge.
+  /// True if the newest sample came after a gap of more than 2.5 periods, or ended a burst of suspects too long to
+  /// replace.
   bool after_gap() const { return after_gap_; }
 
-  /// The longest time between t0 and t1, or ending there, without a reading to be trusted; s.
+  /// Longest time without a trusted sample between t0 and t1, s.
   double longest_unknown_s(HostStamp t0, HostStamp t1) const;
-  /// Whether the readings go up to t, but for what is no gap.
+  /// True if the newest sample is at most one gap length before t.
   bool reaches(HostStamp t) const;
 
-  /// Preintegrates from t0 to t1 at the biases set in `out`; readings are interpolated at both ends, the newest one
-  /// holds beyond the end. Returns false, leaving `out` as it was, if and only if the readings end more than half a
-  /// second before t1 or begin as much after t0.
+  /// Preintegrates from t0 to t1 at the biases set in `out`. Samples are interpolated at both ends; beyond the newest
+  /// sample its values are held. False, with `out` unchanged, if and only if the samples end more than half a second
+  /// before t1 or begin more than half a second after t0.
   bool integrate(HostStamp t0, HostStamp t1, const Density& density, Preintegration& out) const;
-  /// State moved from t0 to t1 without covariances; `omega`: the rate at t1, bias included.
+  /// The state predicted from t0 to t1, without covariance; `omega`: angular rate at t1, rad/s, bias included.
   void propagate(HostStamp t0, HostStamp t1, NavState& x, Vec3& omega) const;
-  /// Mean of |w - b_g| over readings from t0 to t1.
+  /// Mean of |w - b_g| over the samples from t0 to t1, rad/s.
   double mean_rate(HostStamp t0, HostStamp t1, const Vec3& b_g) const;
   /// Calls visit(reading) for the readings in [t0, t1].
   template <class F>

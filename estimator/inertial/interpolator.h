@@ -1,5 +1,5 @@
 #pragma once
-// The value of a reading from the two before it and the two after it. docs/derivations/imu.md, "Corrupt readings".
+// Predicts an IMU sample from the two before and the two after it. docs/derivations/imu.md, "Corrupt readings".
 #include "estimator/geometry/types.h"
 
 namespace epiline {
@@ -14,11 +14,11 @@ class Interpolator {
     Values before2, before1, after1, after2;
   };
 
-  /// The likeliest value between the four.
+  /// The most likely value between the four.
   Values between(const Neighbours& n) const;
-  /// A reading that was measured between those four.
+  /// Learns from a sample that was measured between those four.
   void learn(const Neighbours& n, const Values& measured);
-  /// Mean distance of a measured reading from between(), so far.
+  /// Mean distance of the measured samples from between() so far.
   const Values& usual_error() const { return error_; }
 
  private:

@@ -1,21 +1,21 @@
 #pragma once
-// Is a reading of the IMU a measurement or a corrupt value? docs/derivations/imu.md, "Corrupt readings", has the rules.
+// Decides whether an IMU sample is a measurement or corrupt. The rules: docs/derivations/imu.md, "Corrupt readings".
 #include "estimator/geometry/types.h"
 #include "platform/time/clock.h"
 
 namespace epiline {
 
-/// Whether no inertial sensor can have measured this: not finite, all six values exactly zero, beyond 100 rad/s or
+/// True if no inertial sensor can measure this: not finite, all six values exactly zero, or beyond 100 rad/s or
 /// 1000 m/s^2.
 bool is_impossible(const Vec3& angular_velocity_rad_s, const Vec3& specific_force_m_s2) noexcept;
 
-/// Learns how often readings come.
+/// Learns the interval between samples.
 class ReadingPeriod {
  public:
-  /// A later stamp. True: after a hole.
+  /// Adds a later timestamp. True: after a gap.
   bool step(HostStamp stamp) noexcept;
   double seconds() const noexcept { return period_s_; }  ///< 0 before the second stamp
-  /// Readings further apart have a hole between them: 2.5 periods, 4 ms at least.
+  /// A longer interval is a gap: 2.5 periods, at least 4 ms.
   double hole_s() const noexcept;
 
  private:
@@ -24,21 +24,21 @@ class ReadingPeriod {
   double period_s_ = 0;
 };
 
-/// Judges each reading by its neighbours: at once by those before it, finally by the next one. A pure object: no clock,
-/// no heap, the same work for every reading.
+/// Judges each sample by its neighbours: provisionally by the previous ones, finally by the next one. No clock, no
+/// heap, the same work for every sample.
 class SpikeJudge {
  public:
   /// Departures that do little harm, whatever is usual, rad/s and m/s^2.
   static constexpr double kLeastRate = 0.4, kLeastForce = 3;
 
-  /// What a new reading shows about the suspects before it.
+  /// The verdict of a new sample on the suspects before it.
   enum class Past : std::uint8_t {
-    kOpen,    ///< nothing yet; or there are none
+    kOpen,    ///< no verdict yet, or no suspects
     kReal,    ///< they were measurements
-    kSpikes,  ///< they stand alone: bridge them
-    kGap,     ///< too many to bridge: a gap. The new reading is a suspect, too, until the next one agrees with it
+    kSpikes,  ///< they are corrupt: replace them
+    kGap,     ///< too many to replace: a gap. The new sample is a suspect too, until the next one agrees with it
   };
-  /// Standard deviations of a value put in place of a suspect.
+  /// Standard deviations of the value that replaces a suspect.
   struct Unknown {
     float rate_rad_s = 0, force_m_s2 = 0;
   };
@@ -50,10 +50,11 @@ class SpikeJudge {
     Unknown unknown;             ///< of the new reading if it is suspect, and of those before it after kSpikes and kGap
   };
 
-  /// One possible reading (see is_impossible), later than the last one. `after_gap`: readings are missing before it.
+  /// Judges a sample that is not is_impossible() and later than the last one. `after_gap`: samples are missing before
+  /// it.
   Verdict step(HostStamp stamp, const Vec3& w, const Vec3& a, bool after_gap) noexcept;
 
-  /// Whether spikes come several times a second.
+  /// True if spikes come several times a second.
   bool persists() const noexcept { return recent_ > kPersistent; }
   void clear() noexcept { *this = {}; }
 

@@ -17,17 +17,17 @@ struct ImuStatistics {
   double sigma_rate = 0, sigma_specific_force = 0;
 };
 
-/// Keeps the newest readings and says whether they vary no more than noise does. Rest and unaccelerated motion without
-/// rotation look alike to an IMU: who must tell them apart asks the camera as well.
+/// Keeps the newest IMU samples and tests whether they vary no more than noise does. An IMU cannot distinguish rest
+/// from unaccelerated motion without rotation; a caller that must distinguish them also needs the camera.
 class StationaryDetector {
  public:
   explicit StationaryDetector(const ImuNoise& noise, double window_s = 0.5) : noise_(noise), window_s_(window_s) {}
 
-  /// One reading; stamps rise. A gap of more than a fifth of the window starts the window anew.
+  /// Adds a sample, with a later timestamp. A gap of more than a fifth of the window restarts the window.
   void add(const ImuSample& sample) noexcept;
   void clear() noexcept { count_ = 0; }
   ImuStatistics statistics() const noexcept;
-  /// False while less than 90 % of the window is filled. The mean rate is not looked at: it may be a bias.
+  /// False while less than 90 % of the window is filled. Ignores the mean rate, because it may be a bias.
   bool is_stationary() const noexcept { return is_stationary(statistics()); }
   bool is_stationary(const ImuStatistics& s) const noexcept;
 

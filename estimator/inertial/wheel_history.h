@@ -6,13 +6,13 @@
 
 namespace epiline {
 
-/// Speeds in the order of time, and what they say of an instant between two of them.
+/// Wheel speeds in time order, and their interpolation.
 class WheelHistory {
  public:
-  /// False, and nothing is taken: not finite, or not later than the one before.
+  /// Adds a speed. False, and nothing is added: not finite, or not later than the previous one.
   bool push(const WheelSample& sample) noexcept;
-  /// The speed at `stamp`, on the line between the speeds before and after. False: there is none before or after, or
-  /// they are too far from each other.
+  /// The speed at `stamp`, interpolated linearly. False: no speed before or after, or the two are too far apart in
+  /// time.
   bool speed_at(HostStamp stamp, double& speed_m_s) const noexcept;
 
  private:

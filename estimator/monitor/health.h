@@ -1,11 +1,11 @@
 #pragma once
-// Health from what the estimator knows of itself: posterior, tracks, gate, steps. Never from wishes. What the states
-// and limits mean: docs/derivations/health.md.
+// Health of the estimate, from its posterior, tracks, gate and solver steps. States and limits:
+// docs/derivations/health.md.
 #include "platform/samples/samples.h"
 
 namespace epiline {
 
-/// What one frame showed.
+/// Evidence from one frame.
 struct FrameEvidence {
   bool solved = false;  ///< otherwise predicted only
   bool finite = true;
@@ -27,9 +27,9 @@ struct FrameEvidence {
 class HealthMonitor {
  public:
   void restart();
-  /// Folds one frame's evidence in and returns the health after it.
+  /// Adds one frame's evidence, and returns the new health.
   Health update(const FrameEvidence& e, double dt_s);
-  /// The state cannot be saved any more: start anew.
+  /// True if the state cannot recover: restart.
   bool reset_wanted() const { return reset_wanted_; }
 
  private:

@@ -1,5 +1,5 @@
 #pragma once
-// The state at the newest IMU reading, for receivers that cannot wait for images. Derivation:
+// Predicts the state to the newest IMU sample, for receivers that need odometry between images. Derivation:
 // docs/derivations/prediction.md.
 #include <cstdint>
 
@@ -15,12 +15,12 @@ namespace epiline {
 
 struct PredictorConfig {
   ImuHistory::Density density;    ///< the estimator's, its factors included: see predictor_config()
-  double blend_s = 0.1;           ///< a correction's difference falls to 1/e in this time; 0: every correction jumps
-  double blend_most_m = 0.5;      ///< a correction that moves position by more jumps
-  double blend_most_rad = 0.1;    ///< attitude
-  double blend_most_m_s = 1.0;    ///< velocity
-  double coasting_after_s = 0.5;  ///< age of the solved state from which the prediction is called coasting
-  double stale_after_s = 2.0;     ///< and from which it is called lost
+  double blend_s = 0.1;           ///< time constant with which a correction is blended in; 0: every correction jumps
+  double blend_most_m = 0.5;      ///< a correction of the position beyond this jumps
+  double blend_most_rad = 0.1;    ///< the same for the attitude
+  double blend_most_m_s = 1.0;    ///< the same for the velocity
+  double coasting_after_s = 0.5;  ///< the prediction is coasting if the solved state is older
+  double stale_after_s = 2.0;     ///< and lost if it is older than this
 };
 
 /// The defaults with the noise that this estimator assumes.
@@ -34,20 +34,20 @@ struct PredictorStats {
   std::uint64_t not_finite = 0, old = 0, no_readings = 0;  ///< left out
 };
 
-/// Carries the last solved state on over every IMU reading. One thread at a time; no clock, lock or heap. It holds its
-/// readings inside (240 kB): not for small stacks.
+/// Propagates the last solved state over every IMU sample. One thread at a time; no clock, lock or heap. It contains
+/// its samples (240 kB), so do not put it on a small stack.
 class Predictor {
  public:
   enum class State : std::uint8_t {
     kWaiting,   ///< no solved state yet: no pose
     kCurrent,   ///< the last solve is at most coasting_after_s old
-    kCoasting,  ///< older: readings alone, uncertainty grows
+    kCoasting,  ///< older: prediction by the IMU alone, with growing uncertainty
     kStale,     ///< older than stale_after_s: do not use
   };
   enum class Correction : std::uint8_t {
-    kBlended,     ///< taken; the output goes over to it smoothly
-    kJumped,      ///< taken at once: the first one, another reset counter, too large a difference, or blending is off
-    kDeferred,    ///< kept until the readings reach its time; a later correction replaces it
+    kBlended,     ///< used; the output moves to it smoothly
+    kJumped,      ///< used at once: first correction, new reset counter, too large a difference, or blending is off
+    kDeferred,    ///< held until the IMU samples reach its time; a later correction replaces it
     kNotFinite,   ///< left out: a number is not finite, or the quaternion not of unit length
     kOld,         ///< left out: not newer than the last one
     kNoReadings,  ///< left out: the readings held begin after its time
@@ -55,25 +55,25 @@ class Predictor {
 
   explicit Predictor(const PredictorConfig& config) noexcept : config_(config) {}
 
-  /// One reading, in time order; old, doubled and not finite ones are counted and left out. Work: one integration step,
-  /// and that of a deferred correction.
+  /// Adds an IMU sample, in time order; old, repeated and non-finite ones are counted and left out. Cost: one
+  /// integration step, and that of a deferred correction.
   ImuHistory::Push add_imu(const ImuSample& sample) noexcept;
 
-  /// A state the estimator has solved (StepResult::solved; never one it predicted, whose covariance is that of an older
-  /// frame, nor one of this class). Work: one step per reading since its image, the 4096 that are held at most.
+  /// Corrects with a solved state (StepResult::solved). Do not pass predicted states: their covariance is that of an
+  /// older frame. Cost: one step per IMU sample since its image, at most 4096.
   Correction correct(const Odometry& solved) noexcept;
 
-  /// Forgets the state, as before the first correction. Readings and counts stay.
+  /// Discards the state, as before the first correction. Samples and counters stay.
   void clear() noexcept;
 
   State state() const noexcept;
-  /// From the last solved state to the newest reading, in the IMU's time; 0 while waiting.
+  /// Time from the last solved state to the newest IMU sample; 0 while waiting.
   double age_s() const noexcept;
 
-  /// The state at the newest reading; `stamp` is that reading's, and all of it, covariance too, belongs to this
-  /// instant. Order and frames as in Odometry; biases, time offset and reset counter are the last solve's. Health is
-  /// the last solve's, except: coasting, tracking becomes degraded with the reason deadline_missed; stale, it is lost.
-  /// A default Odometry (initialising) while waiting.
+  /// The state at the newest IMU sample; `stamp` and covariance belong to that time. Order and frames as in Odometry.
+  /// Biases, time offset and reset counter are those of the last solve. Health too, except that tracking becomes
+  /// degraded with the reason deadline_missed while coasting, and lost when stale. A default Odometry (initialising)
+  /// while waiting.
   Odometry odometry() const noexcept;
 
   const PredictorStats& stats() const noexcept { return stats_; }

@@ -9,16 +9,16 @@ struct KeyframeSettings {
   double focal_px = 458;
 };
 
-/// Whether the second newest frame says enough against the frame before it to be kept
+/// True if the second newest frame differs enough from the frame before it to be kept as a keyframe
 /// (docs/derivations/marginalisation.md): mean parallax, lost overlap (compensated rule only), or fewer than 20 common
 /// tracks.
 bool is_keyframe(const Window& window, const KeyframeSettings& settings);
 
-/// Mean angle (in pixels at the focal length) between common bearings of frames j and k, rotation taken out. 0: nothing
-/// in common.
+/// Mean parallax of the tracks that frames j and k share, rotation removed, in pixels at the focal length. 0: no common
+/// tracks.
 double compensated_parallax_px(const Window& window, int j, int k, double focal_px, int* common = nullptr);
 
-/// The same between the newest frame and the oldest one with 20 tracks in common with it; 0: there is none.
+/// The same between the newest frame and the oldest one that shares 20 tracks with it; 0: no such frame.
 double widest_parallax_px(const Window& window, double focal_px);
 
 }  // namespace epiline

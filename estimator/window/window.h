@@ -1,6 +1,6 @@
 #pragma once
-// The sliding window: frames, tracks, calibration and the prior of what has left. Fixed capacity; frames are reordered
-// by index, never moved.
+// The sliding window: frames, tracks, calibration, and the prior from marginalised states. Fixed capacity; frames are
+// reordered by index, never moved.
 #include <array>
 #include <cstdint>
 
@@ -20,8 +20,8 @@ struct Observation {
 
 inline constexpr int kViewCells = 1024;  ///< 32 x 32 squares of 64 pixels; what is beyond shares the outermost
 
-/// A track: which slots saw it. What they saw lies apart (Window::view), since most of what walks over the tracks only
-/// asks who saw them.
+/// A track, and the slots of the frames that saw it. The views are stored separately (Window::view), because most loops
+/// over tracks need only the slots.
 struct TrackRecord {
   std::uint32_t id = 0;
   std::uint32_t mask = 0;   ///< bit s: slot s has a view
@@ -43,7 +43,7 @@ CalibrationTangent local(const Calibration& c0, const Calibration& c);
 /// A frame of the window.
 struct Slot {
   std::uint64_t id = 0;         ///< never reused
-  HostStamp image_stamp, time;  ///< as the camera said; the same instant on the IMU's clock, as cut
+  HostStamp image_stamp, time;  ///< by the camera; the same instant on the IMU's clock, as integrated
   double time_offset_used = 0;  ///< `time` - `image_stamp`
   NavState x;
   NavState first;  ///< first estimate, for the Jacobians, once the frame is in the prior
@@ -68,7 +68,7 @@ struct Prior {
   int calibration_row() const { return 6 * frames + 9; }
 };
 
-/// A unit bearing and a Jacobian that a camera can have. Anything else would poison what is solved with it.
+/// True for a unit bearing and a Jacobian that a camera can have. Others would corrupt the solve.
 bool is_possible(const TrackedFeature& feature) noexcept;
 
 class Window {
@@ -90,7 +90,7 @@ class Window {
 
   /// Appends an empty frame; the window must not be full.
   Slot& append();
-  /// Takes frame k and its bearings out. IMU intervals are the caller's business.
+  /// Removes frame k and its bearings. The caller joins the IMU intervals.
   void remove(int k);
   struct Observed {
     int without_room = 0;  ///< new tracks beyond kMaxTracks
@@ -98,7 +98,7 @@ class Window {
   };
   /// Adds the newest frame's bearings.
   Observed observe(const TrackedFrame& frame);
-  /// Forgets tracks that can no longer say anything: not seen by the newest frame and fewer than two views.
+  /// Removes tracks without further information: not seen by the newest frame, and fewer than two views.
   void prune();
 
   int track_count() const { return tracks_; }
@@ -111,7 +111,7 @@ class Window {
     return views_[t.place][order_[static_cast<std::size_t>(k)]];
   }
   Observation& view(const TrackRecord& t, int k) { return views_[t.place][order_[static_cast<std::size_t>(k)]]; }
-  /// Asks the memory for a track's observations, which are needed soon.
+  /// Prefetches a track's observations.
   void fetch(const TrackRecord& t) const;
   int views(const TrackRecord& t) const { return __builtin_popcount(t.mask); }
   /// Track index by id; -1: unknown.

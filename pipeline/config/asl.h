@@ -1,6 +1,5 @@
 #pragma once
-// The texts of a flight's folder in the layout of ASL, as drivers/study/replay reads them: for made-up flights and for
-// the flight recorder.
+// Text of the files of an ASL folder, for simulated flights and for the flight recorder.
 #include <string>
 
 #include "pipeline/config/calibration.h"

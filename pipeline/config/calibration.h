@@ -25,14 +25,14 @@ struct ImuCalibration {
 /// Keys: `T_BS` (or Kalibr's `T_cam_imu`), `resolution`, `camera_model` (pinhole, double-sphere), `intrinsics`,
 /// `distortion_model` (radial-tangential, equidistant, none), `distortion_coefficients`, optionally
 /// `timeshift_cam_imu`. In a Kalibr chain the camera is looked up as `name` (cam0, cam1). Fails if and only if the file
-/// cannot be read, is no YAML, lacks a key, names an unknown model, or holds a value that cannot be right: count of
-/// parameters, focal lengths, resolution, a rotation that is none.
+/// cannot be read, is not YAML, lacks a key, names an unknown model, or holds an impossible value: number of
+/// parameters, focal length, resolution, or a matrix that is not a rigid motion.
 Result<CameraCalibration> read_camera_calibration(const std::filesystem::path& path, const std::string& name);
 
 /// Keys: `gyroscope_noise_density`, `gyroscope_random_walk`, `accelerometer_noise_density`,
 /// `accelerometer_random_walk`, optionally `gyroscope_saturation` (rad/s) and `accelerometer_saturation` (m/s^2).
-/// `T_BS` (or Kalibr's `T_i_b`) must be the identity if given: the body is the IMU. In what Kalibr writes they stand
-/// below `imu0`. Fails as the camera's does.
+/// `T_BS` (or Kalibr's `T_i_b`) must be the identity if given, because the body is the IMU. In Kalibr's files the keys
+/// are below `imu0`. Fails like read_camera_calibration().
 Result<ImuCalibration> read_imu_calibration(const std::filesystem::path& path);
 
 }  // namespace epiline

@@ -1,5 +1,5 @@
 #pragma once
-// Everything that can be set, in one table: struct, TOML check, listing and manual come from it.
+// All settings, in one table (parameters.cc): struct, check of the TOML file, listing and manual are made from it.
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -19,7 +19,7 @@ namespace epiline {
 struct Config {
   EstimatorConfig estimator;
   TrackerConfig tracker;
-  double deadline_ms = 0;  ///< for the solve of one image; 0: as long as it takes
+  double deadline_ms = 0;  ///< longest time for the solve of one image; 0: no limit
   RealtimeConfig realtime;
   RecorderConfig recorder;
   DevicesConfig devices;
@@ -36,8 +36,8 @@ struct Choice {
   void (*set)(Config&, int);
 };
 
-/// One row of the table. The default is the value in a default-constructed Config; numbers outside [min, max] are
-/// refused. Named values are a table of integers, `section.key = { name = value, ... }`.
+/// One setting. Its default is the value in a default-constructed Config. Numbers outside [min, max] are errors. Named
+/// values are a table of integers, `section.key = { name = value, ... }`.
 struct Parameter {
   std::string name;  ///< `section.key`, as in the TOML file
   std::string unit;  ///< empty: none
@@ -50,22 +50,22 @@ struct Parameter {
 
 const std::vector<Parameter>& parameters();
 
-/// A checked configuration file: what it sets, to be laid over defaults and calibration.
+/// A checked configuration file; apply() overrides defaults and calibration with its settings.
 class ConfigFile {
  public:
   /// A float is held as double, a Choice as its index.
   using Value = std::variant<bool, int, double, std::string, std::vector<NamedValue>>;
 
-  /// Fails if and only if the file cannot be read, is no TOML, names an unknown section or key, or holds a value of the
-  /// wrong type or outside its range.
-  /// `sets`: further settings as set() takes them, which win. Without a path they are all there is.
+  /// Fails if and only if the file cannot be read, is not TOML, names an unknown section or key, or holds a value of
+  /// the wrong type or outside its range. `sets`: further settings in the syntax of set(), which override the file. An
+  /// empty path reads no file.
   static Result<ConfigFile> read(const std::filesystem::path& path, const std::vector<std::string>& sets = {});
   static Result<ConfigFile> parse(std::string_view text, const std::string& name);
-  /// One more setting, `section.key=value`, which wins over what was set before. A text needs no quotes. Fails if and
-  /// only if there is no such setting, or the value has the wrong type or lies outside its range.
+  /// Sets one setting, `section.key=value`, overriding earlier values. A text needs no quotes. Fails if and only if the
+  /// setting does not exist, or the value has the wrong type or is out of range.
   Status set(const std::string& text);
 
-  /// Writes what the file sets, and nothing else, into `config`.
+  /// Writes the settings of the file, and no others, into `config`.
   void apply(Config& config) const;
 
  private:

@@ -1,6 +1,6 @@
 #pragma once
-// What the configuration says of devices: plain data, checked by the table in parameters.cc and used by the drivers as
-// it is. An empty name of a device means: there is none.
+// Configuration of devices: plain data, checked by the table in parameters.cc, which also gives units and ranges. An
+// empty device name means that there is no such device.
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -17,14 +17,14 @@ struct NamedValue {
 struct ExposureConfig {
   bool automatic = false;
   double shortest_ms = 0.02, longest_ms = 10;
-  double blur_px = 2;       ///< as far as an image may be smeared by turning; 0: not looked at
-  double brightness = 100;  ///< mean grey value wanted where the picture has no texture
+  double blur_px = 2;       ///< largest motion blur by rotation; 0: no limit
+  double brightness = 100;  ///< mean grey value to aim at in images without texture
   std::string gain_control;
-  double gain_unit = 1;   ///< of 1 in that control
+  double gain_unit = 1;   ///< gain of a value of 1 in gain_control
   int gain_scale = 0;     ///< kGainScaleNames
-  double gain_most = 16;  ///< amplification
-  int delay_images = -1;  ///< images after a change that do not show it yet; -1: learned
-  double flicker_hz = 0;  ///< of the lamps, twice the mains frequency; 0: no lamps
+  double gain_most = 16;  ///< largest gain, as a factor
+  int delay_images = -1;  ///< number of images after a change that do not show it yet; -1: learn it
+  double flicker_hz = 0;  ///< flicker of the lamps, twice the mains frequency; 0: none
 };
 inline constexpr const char* kGainScaleNames[] = {"linear", "decibel"};
 
@@ -38,7 +38,7 @@ struct CameraConfig {
   std::vector<NamedValue> controls;
   int shutter = 0;  ///< kShutterNames
   double readout_ms = 0;
-  double exposure_ms = 0;  ///< if no control tells it
+  double exposure_ms = 0;  ///< exposure time, if no control gives it
   std::string exposure_control;
   double exposure_unit_ms = 0.1;  ///< of that control
   int stamp_point = 0;            ///< kStampPointNames
@@ -61,15 +61,15 @@ struct ImuDeviceConfig {
   double rate_hz = 200;
   std::string ready_line;  ///< GPIO line of the data-ready edge; see GpioLine
   int ready_edge = 0;      ///< kEdgeNames
-  double delay_ms = 0;     ///< from the instant of a reading to its stamp: filters, transport
+  double delay_ms = 0;     ///< delay from sampling to the timestamp: filters, transport
   int spi_hz = 0;          ///< 0: the chip's
   double gyroscope_range_deg_s = 2000, accelerometer_range_m_s2 = 157;  ///< the next larger one the chip has
 };
 enum class ImuDriver : std::uint8_t { kIio, kIcm42688p, kBmi088, kAdis16470, kMavlink };
 inline constexpr const char* kImuDriverNames[] = {"iio", "icm42688p", "bmi088", "adis16470", "mavlink"};
 
-/// Section [body]: how the IMU sits in the vehicle. Turns, about x after y after z, that take the vehicle's axes
-/// (forward, left, up) into the IMU's.
+/// Section [body]: mounting of the IMU in the vehicle. Rotations, first about z, then y, then x, from the vehicle's
+/// axes (forward, left, up) to the IMU's.
 struct BodyConfig {
   double roll_deg = 0, pitch_deg = 0, yaw_deg = 0;
 };

@@ -1,6 +1,6 @@
 #pragma once
-// The last seconds of a flight in fixed memory, written to disk when somebody asks or the estimate is lost, in a form
-// that a replay takes. docs/flight-recorder.md.
+// Keeps the last seconds of a flight in fixed memory, and writes them on request or when the estimate is lost, as a
+// folder that a replay reads. docs/flight-recorder.md.
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -13,7 +13,7 @@
 
 namespace epiline {
 
-/// What a record says of the run besides its samples.
+/// Information about the run that goes into each record.
 struct RecordedRun {
   CameraCalibration camera;
   double image_rate_hz = 20;
@@ -23,33 +23,32 @@ struct RecordedRun {
   std::string (*png)(const Frame& frame) = nullptr;
 };
 
-/// What became of the records.
+/// Records written and failed.
 struct RecorderReport {
   std::vector<std::string> written;  ///< folders
   std::vector<std::string> failed;   ///< why, a line each
-  std::uint64_t lost = 0;            ///< samples that came while a record was being written and found no room
+  std::uint64_t lost = 0;            ///< samples that found no room while a record was being written
   std::size_t memory_bytes = 0;
 };
 
-/// An observer of the flight. The log thread copies what comes into memory that was allocated at construction; a thread
-/// of the recorder's own, of ordinary priority, writes the files.
+/// An observer of the flight. The log thread copies samples into memory that is allocated at construction; a thread of
+/// the recorder, with ordinary priority, writes the files.
 class FlightRecorder final : public FlightObserver {
  public:
-  /// Allocates everything and starts the writing thread. Throws std::system_error if the system has no thread left.
+  /// Allocates everything and starts the writing thread. Throws std::system_error if the system cannot start a thread.
   FlightRecorder(const RecorderConfig& config, const RecordedRun& run);
   ~FlightRecorder() override;
   FlightRecorder(const FlightRecorder&) = delete;
   FlightRecorder& operator=(const FlightRecorder&) = delete;
 
-  /// From any thread, or a signal handler: write what you have. While a record is being written, one more is kept in
-  /// mind.
+  /// Requests a record, from any thread or a signal handler. One request is held while a record is being written.
   void request() noexcept { requested_.store(true, std::memory_order_relaxed); }
 
   /// For RealtimePorts::event_rings: records written and failed.
   EventRing& events() noexcept;
 
-  /// When the flight is over and the log thread has ended: writes a record that is still due or, if asked to, one of
-  /// what is there; waits until all is written. Once.
+  /// Call once, after the flight, when the log thread has ended. Writes a pending record or, if requested, a last one,
+  /// and waits until it is written.
   void finish(bool write_the_end);
   /// After finish().
   const RecorderReport& report() const noexcept;

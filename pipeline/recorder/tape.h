@@ -1,6 +1,6 @@
 #pragma once
-// The newest records of a flight in fixed memory: segments in a circle, the oldest written over. A reader may be lent
-// the segments that are there; recording goes on meanwhile in those that are not lent.
+// A circular buffer for the newest samples of a flight, in fixed memory. It consists of segments; a new one replaces
+// the oldest. A reader can borrow segments while recording continues in the others.
 #include <atomic>
 #include <cstddef>
 #include <cstdint>

@@ -1,13 +1,13 @@
 #pragma once
-// One health of everything: what the estimator says of itself, what the gates say of the sensors, and silence.
-// docs/derivations/health.md has the rules.
+// Combines the health of the estimator, the findings of the input watch, and silence of sensors. Rules:
+// docs/derivations/health.md.
 #include <cstdint>
 
 #include "platform/samples/samples.h"
 
 namespace epiline {
 
-/// When the sensors last gave something, and how often they do; zero: never, not known.
+/// Times of the last samples and usual intervals of the sensors; zero: none, unknown.
 struct LastHeard {
   HostStamp camera, imu;
   Span camera_period{}, imu_period{};
@@ -32,10 +32,10 @@ class HealthMerge {
   double quality_ = 0;
 };
 
-/// Which sensors should have given something by now: HealthReason bits.
+/// Silent sensors, as HealthReason bits.
 std::uint32_t silent_sensors(const LastHeard& heard, HostStamp now) noexcept;
 
-/// A verdict while sensors are silent: degraded, or lost after 2 s without images or half a second without readings.
+/// Health while sensors are silent: degraded, or lost after 2 s without images or half a second without IMU samples.
 Health with_silence(Health health, const LastHeard& heard, HostStamp now) noexcept;
 
 }  // namespace epiline

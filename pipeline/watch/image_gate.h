@@ -1,6 +1,5 @@
 #pragma once
-// Looks at every image before anybody uses it: its stamp, and whether it shows anything. docs/derivations/health.md has
-// the rules.
+// Checks the timestamp and the contents of every image before its use. Rules: docs/derivations/health.md.
 #include <array>
 #include <cstdint>
 
@@ -13,11 +12,11 @@ struct ImageGateStats {
   std::uint64_t suspect = 0, old = 0, clock_steps = 0, frozen = 0, covered = 0, obstructed = 0, exposure_steps = 0;
 };
 
-/// A pure object: no clock, no heap. The same images give the same verdicts.
+/// No clock, no heap. The same images give the same verdicts.
 class ImageGate {
  public:
-  /// Corrects the stamp and writes what is wrong into `image.reasons`. False: leave it out. An image without pixels
-  /// (recorded tracks) is judged by its stamp alone.
+  /// Corrects the timestamp and sets `image.reasons`. False: leave the image out. An image without pixels (recorded
+  /// tracks) is judged by its timestamp alone.
   bool step(Frame& image) noexcept;
 
   const ImageGateStats& stats() const noexcept { return stats_; }

@@ -1,5 +1,5 @@
 #pragma once
-// Looks at every reading of the IMU before anybody uses it. docs/derivations/health.md has the rules.
+// Checks every IMU sample before its use. Rules: docs/derivations/health.md.
 #include <array>
 #include <cstdint>
 
@@ -9,24 +9,24 @@
 
 namespace epiline {
 
-/// Limits of the sensor, as far as they are known. Readings at an unknown one show by not changing.
+/// Known limits of the sensor. Samples at an unknown limit are recognised because they do not change.
 struct ImuLimits {
   double gyroscope_rad_s = 1e9, accelerometer_m_s2 = 1e9;
 };
 
 struct ImuGateStats {
   std::uint64_t not_finite = 0, duplicate = 0, out_of_order = 0, suspect = 0, clock_steps = 0, saturated = 0, stuck = 0;
-  std::uint64_t impossible = 0;  ///< values that no sensor measures, or this one cannot
-  std::uint64_t spikes = 0;      ///< readings unlike their neighbours; taken: whoever integrates them bridges them
+  std::uint64_t impossible = 0;  ///< values that no sensor, or not this one, can measure
+  std::uint64_t spikes = 0;      ///< samples unlike their neighbours; passed on, and replaced when they are integrated
 };
 
-/// A pure object: no clock, no heap. The same readings give the same verdicts.
+/// No clock, no heap. The same samples give the same verdicts.
 class ImuGate {
  public:
   explicit ImuGate(const ImuLimits& limits) noexcept;
 
-  /// Corrects the stamp and writes what is wrong into `reading.reasons`. False: leave it out; what was wrong is told
-  /// with the next one.
+  /// Corrects the timestamp and sets `reading.reasons`. False: leave the sample out; its reasons are added to the next
+  /// one.
   bool step(ImuSample& reading) noexcept;
 
   const ImuGateStats& stats() const noexcept { return stats_; }

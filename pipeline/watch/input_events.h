@@ -1,5 +1,5 @@
 #pragma once
-// What the gates of the sensors find, as events: one place for the replay in one thread and for the threads.
+// Events from the findings of the input watch; used by replays in one thread and in real time.
 #include <array>
 #include <cstdint>
 
@@ -9,8 +9,8 @@
 
 namespace epiline {
 
-/// Tells when a kind of bad samples begins to come, and when there has been none for half a second: what flickers is
-/// told once. The event's arguments: 1 and samples so far, or 0 and samples in all; then `about`.
+/// Logs an event when a kind of bad samples begins, and one when there was none for half a second, so flickering is
+/// reported once. Arguments of the event: 1 and samples so far, or 0 and samples in total; then `about`.
 class Episode {
  public:
   explicit Episode(EventId id, std::int64_t about = 0) : id_(id), about_(about) {}

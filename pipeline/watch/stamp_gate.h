@@ -1,28 +1,28 @@
 #pragma once
-// Does a sensor's clock step? Stamps against arrivals. docs/derivations/health.md has the rules.
+// Detects jumps of a sensor's clock, by comparing timestamps with arrivals. Rules: docs/derivations/health.md.
 #include <cstdint>
 
 #include "platform/time/clock.h"
 
 namespace epiline {
 
-/// Follows the stamps of one sensor, whose driver delivers in order. No clock inside; no memory beyond a few numbers.
+/// Checks the timestamps of one sensor, whose driver delivers in order. No clock, no heap.
 class StampGate {
  public:
   enum class Verdict : std::uint8_t {
-    kUse,     ///< corrected() is the stamp to go on with
-    kOld,     ///< not later than the last one: doubled or out of order
-    kSuspect  ///< cannot be; the next one will tell whether the clock stepped or this one was wrong
+    kUse,     ///< use corrected()
+    kOld,     ///< not later than the last one: repeated or out of order
+    kSuspect  ///< implausible; the next one decides whether the clock jumped or this timestamp was wrong
   };
 
-  /// One stamp and when it came, by the computer's clock; zero: nobody knows, then only the order is watched.
+  /// Judges one timestamp. `arrival`: on the computer's clock; zero: unknown, then only the order is checked.
   Verdict step(HostStamp stamp, HostStamp arrival) noexcept;
 
   HostStamp corrected() const noexcept { return last_; }
-  /// Whether the clock stepped with the last stamp used; and by how much stamps are moved now.
+  /// Whether the clock jumped at the last used timestamp, and the current correction of timestamps.
   bool stepped() const noexcept { return stepped_; }
   Span correction() const noexcept { return correction_; }
-  /// Stamps' seconds per second of the computer minus 1; zero until some time has been seen.
+  /// Drift: seconds of timestamps per second of the computer, minus 1; zero at first.
   double drift() const noexcept { return drift_; }
 
  private:

@@ -1,6 +1,5 @@
 #pragma once
-// The newest value of something, from one writer thread to one reader thread. Older values that were not read in time
-// are gone: that is the point.
+// The newest value, from one writer thread to one reader thread. Values that were not read in time are overwritten.
 #include <array>
 #include <atomic>
 #include <cstdint>

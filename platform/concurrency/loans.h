@@ -1,6 +1,6 @@
 #pragma once
-// How many threads use each buffer that its owner has lent, so that pixels travel as a number and the last user gives
-// the buffer back. The buffers are elsewhere: this counts their users.
+// Counts the users of lent buffers. Threads pass the number of a buffer instead of its pixels, and the last user
+// returns it to the owner. This class does not hold the buffers.
 #include <array>
 #include <atomic>
 #include <cstddef>
@@ -18,19 +18,19 @@ class Loans {
   Loans(const Loans&) = delete;
   Loans& operator=(const Loans&) = delete;
 
-  /// The slot's first user, before it hands the slot on: the thread that has just got it from the owner.
+  /// Registers the slot's first user: the thread that received it from the owner, before it passes the slot on.
   void lend(std::size_t slot) noexcept {
     users_[slot].store(1, std::memory_order_relaxed);  // nobody else knows the slot; the hand-over orders this store
   }
 
-  /// One more user. Only by a thread that uses the slot, before it hands the slot on.
+  /// Adds a user. Only by a thread that uses the slot, before it passes the slot on.
   void share(std::size_t slot) noexcept {
     // relaxed: the count cannot fall to zero meanwhile, and the hand-over itself orders the buffer
     users_[slot].fetch_add(1, std::memory_order_relaxed);
   }
 
-  /// One user less: the caller must not touch the buffer afterwards. True: it was the last one, and everything that the
-  /// others did with the buffer lies before. Then the caller returns the buffer to its owner.
+  /// Removes a user, which must not touch the buffer afterwards. True: it was the last user, and all accesses of the
+  /// others happen before this call returns; the caller then returns the buffer to its owner.
   [[nodiscard]] bool give_back(std::size_t slot) noexcept {
     // release: hands this user's last look on to the last user; acquire: the last user has those of all others
     return users_[slot].fetch_sub(1, Orders::kSwap) == 1;

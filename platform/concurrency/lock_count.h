@@ -1,6 +1,6 @@
 #pragma once
-// How often the current thread has gone to a lock of the C library. As with heap calls: the counter is always linked,
-// and it moves in programs that link the CMake target `epiline_lock_count` (platform/linux/lock_interposer.cc).
+// Number of lock calls of the current thread into the C library. The counter is always linked; it counts in programs
+// that also link the CMake target `epiline_lock_count` (platform/linux/lock_interposer.cc).
 #include <cstdint>
 
 namespace epiline {

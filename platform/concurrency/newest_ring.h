@@ -1,6 +1,6 @@
 #pragma once
-// A ring of small numbers (handles of large things) between one producer and one consumer in which the newest always
-// finds room: a full ring gives the oldest one back to the producer.
+// A ring of small numbers, such as buffer numbers, between one producer and one consumer. The newest number always
+// finds room: a full ring returns the oldest one to the producer.
 #include <atomic>
 #include <bit>
 #include <cstddef>
@@ -58,8 +58,8 @@ class NewestRing {
   /// Consumer thread only: false means that pop() would find nothing.
   bool ready() const noexcept { return word_.load(std::memory_order_relaxed) != 0; }  // a hint
 
-  /// Consumer thread only. The next value, or kNone if there is none. `overtaken(value)` is called for the values that
-  /// a newer one has made pointless, the oldest first.
+  /// Consumer thread only. The next value, or kNone if the ring is empty. After an overflow, calls `overtaken(value)`
+  /// for each value older than the returned one, oldest first.
   template <class Visitor>
   Value pop(Visitor overtaken) noexcept {
     std::uint64_t before = word_.load(std::memory_order_relaxed);

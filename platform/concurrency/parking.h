@@ -1,6 +1,6 @@
 #pragma once
-// Where a thread sleeps while it has nothing to read: an event count. It stands beside rings and boxes, which know
-// nothing of it; one place to park serves all inputs of a thread.
+// Lets a thread sleep while it has nothing to read: an event count. It is independent of rings and boxes; one Parking
+// serves all inputs of a thread.
 #include <atomic>
 #include <cstdint>
 
@@ -12,9 +12,9 @@ namespace epiline {
 
 /// One thread waits, any number of threads notify.
 ///
-/// The word holds a count of notifications and, in its lowest bit, "somebody is about to sleep". The reader sets the
-/// bit, looks at its inputs once more, and only then sleeps as long as the word is the one it left. The producer
-/// publishes, then counts. Both changes are read-modify-writes of one word, so one of them comes first:
+/// The word holds a count of notifications and, in its lowest bit, whether the reader is about to sleep. The reader
+/// sets the bit, checks its inputs once more, and then sleeps while the word keeps that value. The producer publishes,
+/// then increments the count. Both changes are read-modify-writes of one word, so one of them comes first:
 ///
 ///     reader first:    the producer's addition returns the bit: it wakes. If the reader does not sleep yet, the kernel
 ///                      finds another word than the reader left, and it never will.

@@ -1,5 +1,5 @@
 #pragma once
-// What a thread says of itself, to whoever asks.
+// The state of a thread, readable by other threads.
 #include <array>
 #include <atomic>
 #include <bit>
@@ -10,9 +10,9 @@
 
 namespace epiline {
 
-/// The newest value from one writer thread to any number of readers: a sequence lock. The writer never waits; a reader
-/// copies again if it was written meanwhile, so a value should be written much less often than it takes to copy. For
-/// what is looked at now and then (counts, states), not for samples.
+/// The newest value, from one writer thread to any number of readers: a sequence lock. The writer never waits. A reader
+/// repeats its copy if the value was written meanwhile, so the time between writes should be much longer than a copy.
+/// Use it for counters and states that are read occasionally, not for samples.
 template <class T>
 class Snapshot {
   static_assert(std::is_trivially_copyable_v<T> && std::is_nothrow_default_constructible_v<T>);

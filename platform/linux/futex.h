@@ -1,12 +1,12 @@
 #pragma once
-// Sleeping on a word of memory, and waking whoever sleeps there.
+// Sleep on a word of memory, and wake the threads that sleep on it.
 #include <atomic>
 #include <cstdint>
 
 namespace epiline {
 
-/// Sleeps while `word` is `expected`, until a wake-up or until `deadline_ns` of monotonic_ns(). False if and only if
-/// the deadline has passed; it may return true for no reason.
+/// Sleeps while `word` equals `expected`, until woken or until `deadline_ns` of monotonic_ns(). False if and only if
+/// the deadline has passed; true may be a spurious wake-up.
 bool futex_wait_until(const std::atomic<std::uint32_t>& word, std::uint32_t expected,
                       std::int64_t deadline_ns) noexcept;
 

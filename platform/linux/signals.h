@@ -1,5 +1,5 @@
 #pragma once
-// Signals that are waited for instead of handled: a handler would run in whatever thread the kernel chooses.
+// Waits for signals instead of handling them, because a handler would run in a thread that the kernel chooses.
 #include <pthread.h>
 
 #include <csignal>
@@ -22,7 +22,7 @@ class SignalWait {
   SignalWait(const SignalWait&) = delete;
   SignalWait& operator=(const SignalWait&) = delete;
 
-  /// Sleeps, less than a second. The signal that came; 0: none.
+  /// Sleeps for less than a second. The signal that arrived, or 0.
   int wait(Span at_most) const {
     const timespec t{0, static_cast<long>(at_most.ns)};
     const int signal = sigtimedwait(&signals_, nullptr, &t);

@@ -10,21 +10,21 @@
 
 namespace epiline {
 
-/// What an event says besides its time; the arguments of each, and how they are shown, are in event.cc. New ones go
-/// before kCount, and get a line there.
+/// Kinds of events; the comment lists the arguments. event.cc defines their names and format: a new kind goes before
+/// kCount and needs a line there. docs/flight-recorder.md explains each to users.
 enum class EventId : std::uint16_t {
   kImageDropped,    ///< first sequence number, ImageLoss, how many
-  kImuLate,         ///< ms that an image waited in vain for this instant's reading
+  kImuLate,         ///< ms that an image waited for the IMU sample of this time, without success
   kImuGap,          ///< ns
   kImuRefused,      ///< 1 begins, 0 ends; readings; ImuRefusal
   kImuSaturated,    ///< 1 begins, 0 ends; readings
   kDeadlineMissed,  ///< sequence number, ns
   kStarted,         ///< StartKind
   kHealthChanged,   ///< HealthState before and now, HealthReason bits
-  kReset,           ///< how many so far
+  kReset,           ///< number of resets so far
   kSourceLost,      ///< EventSource
   kSourceFound,     ///< EventSource
-  kClockJump,       ///< EventSource, ns that its stamps are moved by from now on
+  kClockJump,       ///< EventSource, correction of its timestamps from now on, ns
   kImagesFrozen,    ///< 1 begins, 0 ends; images
   kLensCovered,     ///< 1 begins, 0 ends; images
   kLoadLevel,       ///< LoadLevel before and now
@@ -64,10 +64,10 @@ struct Event {
   std::array<std::int64_t, 3> args{};
 };
 
-/// One for each thread that has something to tell.
+/// One per thread that logs events.
 using EventRing = SpscRing<Event, 1024>;
 
-/// The name alone; "unknown" for a number that is none.
+/// The name alone; "unknown" for an invalid value.
 const char* to_string(EventId) noexcept;
 
 /// Writes `SECONDS name argument=value ...` with a final zero into `text`, cut to its size. Returns the characters

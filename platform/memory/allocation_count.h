@@ -1,6 +1,6 @@
 #pragma once
-// How often the current thread has asked for heap memory. The counter is always linked; whoever wants it to move links
-// the CMake target `epiline_allocation_count`, which interposes the malloc family (platform/linux/heap_interposer.cc).
+// Number of heap calls of the current thread. The counter is always linked; it counts in programs that also link the
+// CMake target `epiline_allocation_count`, which interposes the malloc family (platform/linux/heap_interposer.cc).
 #include <cstdint>
 
 namespace epiline {

@@ -1,7 +1,6 @@
 #pragma once
-// What a device must offer. Drivers implement these, stages use them, and neither knows the other. open() and close()
-// belong to start-up and shut-down; the rest is on the way of a sample: no heap, no exception, and no wait beyond the
-// time-out that was asked for.
+// Interfaces of devices. Drivers implement them, stages use them. open() and close() belong to start-up and shut-down.
+// All other calls are on the hot path: no heap, no exceptions, and no waiting beyond the given time-out.
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -12,10 +11,10 @@
 namespace epiline {
 
 enum class ReadOutcome : std::uint8_t {
-  kSample,   ///< there is something
-  kTimeout,  ///< nothing came in time; the device may still be well
-  kEnd,      ///< nothing will come any more: a recording is over
-  kFailed,   ///< the device is lost; the driver reopens it by itself, later reads may succeed
+  kSample,   ///< samples were read
+  kTimeout,  ///< no sample within the time-out; not an error
+  kEnd,      ///< no more samples: a recording has ended
+  kFailed,   ///< the device is lost; the driver tries to reopen it, so later calls may succeed
 };
 
 /// A camera. Images stay in the driver's buffers: read() lends one, give_back() returns it.
@@ -23,22 +22,23 @@ class CameraSource {
  public:
   virtual ~CameraSource() = default;
   virtual Status open() = 0;
-  /// Returns every lent image to the driver, also those not given back.
+  /// Returns all lent images to the driver, including those not given back.
   virtual void close() noexcept = 0;
-  /// The oldest image not yet read. `frame.data` is valid until give_back(); stamped at mid-exposure; `sequence` counts
-  /// the images the camera took, so a gap is a loss. `frame.slot` is the buffer's number, from 0.
+  /// The oldest unread image, stamped at mid-exposure. `frame.data` stays valid until give_back(). `frame.sequence`
+  /// counts all images that the camera took, so a gap means lost images. `frame.slot` is the number of the buffer, from
+  /// 0.
   virtual ReadOutcome read(Frame& frame, Span timeout) noexcept = 0;
-  /// From any thread, once per image read.
+  /// Returns an image. From any thread, once per image.
   virtual void give_back(const Frame& frame) noexcept = 0;
 };
 
-/// An inertial measurement unit, both sensors on one clock.
+/// An inertial measurement unit: gyroscope and accelerometer on one clock.
 class ImuSource {
  public:
   virtual ~ImuSource() = default;
   virtual Status open() = 0;
   virtual void close() noexcept = 0;
-  /// Fills `samples` from the front, in time order; `count` is how many. kSample: count > 0.
+  /// Writes up to samples.size() samples, in time order, and their number into `count`. kSample: count > 0.
   virtual ReadOutcome read(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept = 0;
 };
 
@@ -51,19 +51,19 @@ class WheelSource {
   virtual ReadOutcome read(WheelSample& sample, Span timeout) noexcept = 0;
 };
 
-/// Somebody who wants the estimate: a flight controller, a file. Both calls come from one thread, and the next reading
-/// waits for their return.
+/// A receiver of the odometry: a flight controller, a bus, a file. One thread makes all calls; the next IMU sample
+/// waits until they return.
 class OdometrySink {
  public:
   virtual ~OdometrySink() = default;
   virtual Status open() = 0;
   virtual void close() noexcept = 0;
-  /// The state at a reading of the IMU, predicted from the last solved image: one call for each reading since the first
-  /// pose, in the order of time. Who wants fewer leaves some out. It moves smoothly unless `reset_counter` changes.
-  /// False: not delivered. The caller counts it and goes on with the next.
+  /// The state at an IMU sample, predicted from the last solved image. Called for each sample since the first pose, in
+  /// time order; a sink that wants a lower rate drops some. The state moves smoothly unless `reset_counter` changes.
+  /// False: not delivered; the caller counts it and continues.
   virtual bool publish(const Odometry& odometry) noexcept = 0;
-  /// The state of an image, as the trajectory holds it, the moment it is known. Its instant is past: it lies before
-  /// those of earlier calls of publish(). For who wants images' poses; others need nothing of it.
+  /// The state at an image, as soon as it is known. Its time lies before that of earlier calls of publish(). Only for
+  /// sinks that want one pose per image; the default does nothing.
   virtual bool publish_image(const Odometry& /*odometry*/) noexcept { return true; }
 };
 

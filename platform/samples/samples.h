@@ -1,5 +1,6 @@
 #pragma once
-// The words all layers speak. Plain data, trivially copyable, no Eigen: they travel through rings and logs.
+// Data types that all layers share: samples, tracks, odometry, health. Plain, trivially copyable data without Eigen,
+// because it travels through rings and logs.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -11,42 +12,42 @@ namespace epiline {
 
 inline constexpr std::size_t kMaxFeatures = 400;  ///< tracks in one image
 
-/// One reading of the IMU, in the body frame B.
+/// One IMU sample, in the body frame B. The accelerometer measures specific force: +9.81 m/s^2 upwards at rest.
 struct ImuSample {
   HostStamp stamp;
   std::array<double, 3> angular_velocity_rad_s{};
   std::array<double, 3> specific_force_m_s2{};
   HostStamp arrival{};        ///< as Frame::arrival
-  std::uint32_t reasons = 0;  ///< HealthReason bits of the input watch, of this reading and those refused before it
+  std::uint32_t reasons = 0;  ///< HealthReason bits from the input watch, for this sample and those refused before it
 };
 
-/// One reading of wheel odometry: the motion of the wheel frame's origin over the ground.
+/// One sample of wheel odometry: the motion of the wheel frame's origin over the ground.
 struct WheelSample {
   HostStamp stamp;
   double forward_speed_m_s = 0;
   double yaw_rate_rad_s = 0;
 };
 
-/// An image somebody else owns. `stamp` is mid-exposure; 8-bit grey.
+/// A view of an 8-bit grey image; it does not own the pixels. `stamp` is mid-exposure.
 struct Frame {
   HostStamp stamp;
   std::uint64_t sequence = 0;
   const std::uint8_t* data = nullptr;
   int width = 0, height = 0, stride = 0;
-  int slot = -1;              ///< the owner's number of this memory; -1: it has none
-  HostStamp arrival{};        ///< when the driver had it, by the computer's own clock; zero: nobody knows
-  std::uint32_t reasons = 0;  ///< HealthReason bits of the input watch
+  int slot = -1;              ///< the owner's number of the buffer; -1: none
+  HostStamp arrival{};        ///< when the driver received it, on the computer's monotonic clock; zero: unknown
+  std::uint32_t reasons = 0;  ///< HealthReason bits from the input watch
 };
 
-/// One track in one image. Everything the estimator needs to know of the camera is in here.
+/// One track in one image. It contains everything that the estimator needs to know about the camera.
 struct TrackedFeature {
   std::uint32_t id = 0;
-  std::uint32_t age = 0;                 ///< images since the track began; 0 in its first image
-  std::array<float, 2> pixel{};          ///< raw (distorted) pixel, centre of the top left pixel is (0, 0)
-  std::array<float, 2> velocity_px_s{};  ///< of `pixel`, from the previous image; zero where age is 0. For display: its
-                                         ///< noise is the pixel's own, so the estimator must not use it
-  std::array<double, 3> bearing{};       ///< unit vector in the camera frame C
-  std::array<double, 6> pixel_jacobian{};  ///< d pixel / d bearing, 2x3 row-major, px; annihilates the bearing
+  std::uint32_t age = 0;                   ///< images since the track began; 0 in its first image
+  std::array<float, 2> pixel{};            ///< raw (distorted) pixel, centre of the top left pixel is (0, 0)
+  std::array<float, 2> velocity_px_s{};    ///< of `pixel`, from the previous image; zero if age is 0. For display only:
+                                           ///< its noise is that of `pixel`, so the estimator must not use it
+  std::array<double, 3> bearing{};         ///< unit vector in the camera frame C
+  std::array<double, 6> pixel_jacobian{};  ///< d pixel / d bearing, 2x3 row-major, px; its product with `bearing` is 0
 };
 
 /// All tracks of one image.
@@ -59,37 +60,37 @@ struct TrackedFrame {
 
 enum class HealthState : std::uint8_t { kInitialising, kTracking, kDegraded, kLost };
 
-/// Why the state is what it is; bits of Health::reasons.
+/// Reasons for the health state; bits of Health::reasons. docs/derivations/health.md.
 enum class HealthReason : std::uint32_t {
   kNone = 0,
   kNoInitialState = 1u << 0,  ///< not started yet
   kPosteriorWide = 1u << 1,   ///< started, but velocity, tilt or scale is not certain enough yet
   kFewTracks = 1u << 2,
-  kManyGated = 1u << 3,      ///< more than 40 % of the tracks contradict the motion: stamps or calibration?
-  kStepsRejected = 1u << 4,  ///< the solver found no better state in several frames
+  kManyGated = 1u << 3,      ///< more than 40 % of the tracks contradict the motion: wrong timestamps or calibration
+  kStepsRejected = 1u << 4,  ///< the solver failed in several frames in a row
   kBiasImplausible = 1u << 5,
   kVelocityUncertain = 1u << 6,
   kDeadlineMissed = 1u << 7,
   kImuGap = 1u << 8,
   kNotFinite = 1u << 9,
-  // Of the sensors, from the input watch.
-  kCameraSilent = 1u << 10,     ///< no image for much longer than usual
-  kImuSilent = 1u << 11,        ///< no reading for much longer than usual
-  kCameraClockJump = 1u << 12,  ///< stamps of images stepped against the computer's clock; taken back
-  kImuClockJump = 1u << 13,     ///< those of readings
-  kImagesFrozen = 1u << 14,     ///< the same picture again; left out
+  // From the input watch, about the sensors.
+  kCameraSilent = 1u << 10,     ///< no image for several usual intervals
+  kImuSilent = 1u << 11,        ///< no sample for several usual intervals
+  kCameraClockJump = 1u << 12,  ///< timestamps of images jumped against the computer's clock; corrected
+  kImuClockJump = 1u << 13,     ///< the same for IMU samples
+  kImagesFrozen = 1u << 14,     ///< the same image again; left out
   kLensCovered = 1u << 15,      ///< black, white or without any contrast; left out
-  kViewObstructed = 1u << 16,   ///< a large part of the picture lost its contrast at once
-  kExposureStep = 1u << 17,     ///< brightness changed at once
-  kImuSaturated = 1u << 18,     ///< readings at the sensor's limit
-  kImuStuck = 1u << 19,         ///< the same reading again and again
-  kReadingsRefused = 1u << 20,  ///< readings impossible, corrupt several times a second, doubled or old: left out
-  kImuClockDrift = 1u << 21,    ///< the IMU's clock runs off the computer's
-  kOverloaded = 1u << 22,       ///< too little time: fewer features, fewer solver steps, or prediction only
+  kViewObstructed = 1u << 16,   ///< a large part of the image suddenly lost its contrast
+  kExposureStep = 1u << 17,     ///< the brightness changed suddenly
+  kImuSaturated = 1u << 18,     ///< samples at the sensor's limit
+  kImuStuck = 1u << 19,         ///< the same sample again and again
+  kReadingsRefused = 1u << 20,  ///< left out: impossible, repeated or old samples, or several corrupt ones a second
+  kImuClockDrift = 1u << 21,    ///< the IMU's clock drifts against the computer's
+  kOverloaded = 1u << 22,       ///< too little time: fewer tracks, fewer solver steps, or prediction only
 };
 inline constexpr int kHealthReasons = 23;  ///< bits in use
 
-/// Names of states and reasons outside, in the order of the values and bits.
+/// Names of states and reasons in files and messages, in the order of the values and bits.
 inline constexpr std::array kHealthStateNames = {"initialising", "tracking", "degraded", "lost"};
 inline constexpr std::array<const char*, kHealthReasons> kHealthReasonNames = {
     "no_initial_state", "posterior_wide",     "few_tracks",        "many_gated",     "steps_rejected",
@@ -99,10 +100,10 @@ inline constexpr std::array<const char*, kHealthReasons> kHealthReasonNames = {
     "readings_refused", "imu_clock_drift",    "overloaded"};
 
 constexpr std::uint32_t bit(HealthReason reason) { return static_cast<std::uint32_t>(reason); }
-/// An image with one of these shows nothing of the world: it has no features, and says nothing of motion or rest.
+/// An image with one of these reasons does not show the scene: it has no features, and no evidence of motion or rest.
 inline constexpr std::uint32_t kBlindReasons = bit(HealthReason::kImagesFrozen) | bit(HealthReason::kLensCovered);
 constexpr bool is_blind(std::uint32_t reasons) { return (reasons & kBlindReasons) != 0; }
-/// A reading with one of these says little of the motion.
+/// An IMU sample with one of these reasons does not measure the motion.
 inline constexpr std::uint32_t kDistrustReasons = bit(HealthReason::kImuSaturated) | bit(HealthReason::kImuStuck);
 
 struct Health {
@@ -111,9 +112,9 @@ struct Health {
   int quality = 0;            ///< 0 to 100; -1 when lost
 };
 
-/// The estimate for the outside. World W: z up. Body B: the IMU.
+/// The published estimate. World W: z up. Body B: the IMU.
 struct Odometry {
-  HostStamp stamp;  ///< the image's stamp, read as a time of the IMU's clock
+  HostStamp stamp;  ///< timestamp of the image or IMU sample, as a time of the IMU's clock
   std::array<double, 3> p_WB_m{};
   std::array<double, 4> q_WB{1, 0, 0, 0};  ///< Hamilton, w x y z
   std::array<double, 3> v_WB_m_s{};

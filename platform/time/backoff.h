@@ -1,5 +1,5 @@
 #pragma once
-// When to try again to open a device that was lost.
+// Times of the attempts to reopen a lost device.
 #include <algorithm>
 #include <cstdint>
 
@@ -7,18 +7,18 @@
 
 namespace epiline {
 
-/// Attempts at growing intervals: each twice the one before, up to the longest. Instants are those of monotonic_ns().
+/// Attempts at growing intervals: each twice the previous one, up to a longest. Times are those of monotonic_ns().
 class Backoff {
  public:
   Backoff(Span first, Span longest) noexcept : first_(first), longest_(longest), next_(first) {}
 
-  /// Lost: an attempt is due at once, for a fault of a transfer needs no more than a new start. Who knows better says
-  /// failed() besides.
+  /// The device was lost: an attempt is due at once, which is enough after a transfer error. Call failed() as well if
+  /// it cannot succeed yet.
   void begin(std::int64_t now_ns) noexcept {
     due_ns_ = now_ns;
     next_ = first_;
   }
-  /// So did the attempt, or it did not last.
+  /// The attempt failed, or the device was lost again.
   void failed(std::int64_t now_ns) noexcept {
     due_ns_ = now_ns + next_.ns;
     next_ = std::min(Span{2 * next_.ns}, longest_);

@@ -1,11 +1,12 @@
 #pragma once
-// Instants and spans in integer nanoseconds. An instant belongs to a clock domain; instants of two domains do not mix.
+// Instants and durations in integer nanoseconds. An instant belongs to a clock; code that mixes two clocks does not
+// compile.
 #include <compare>
 #include <cstdint>
 
 namespace epiline {
 
-/// A signed length of time.
+/// A signed duration.
 struct Span {
   std::int64_t ns = 0;
   constexpr auto operator<=>(const Span&) const = default;

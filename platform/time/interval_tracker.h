@@ -5,16 +5,16 @@
 
 namespace epiline {
 
-/// The usual time between readings, and how many are missing when one takes longer. It follows the median, by a fixed
-/// share at a time, so missing and doubled readings do not move it far.
+/// The usual interval between samples, and the number of missing samples in a longer one. It follows the median in
+/// steps of a fixed ratio, so missing and repeated samples hardly change it.
 class IntervalTracker {
  public:
   IntervalTracker() = default;
   explicit IntervalTracker(double usual_ns) noexcept : usual_ns_(usual_ns) {}
 
-  double usual_ns() const noexcept { return usual_ns_; }  ///< 0: nothing known
+  double usual_ns() const noexcept { return usual_ns_; }  ///< 0: unknown
 
-  /// `passed_ns` > 0 since the reading before. Returns how many are missing between the two.
+  /// `passed_ns` > 0: time since the previous sample. Returns the number of samples missing in between.
   std::uint64_t note(std::int64_t passed_ns) noexcept {
     const auto passed = static_cast<double>(passed_ns);
     if (usual_ns_ <= 0) {

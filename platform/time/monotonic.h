@@ -6,14 +6,14 @@
 
 namespace epiline {
 
-/// The computer's monotonic clock. Not for stages: they are given their clock.
+/// The computer's monotonic clock, ns. Stages do not call it: the caller gives them their clock.
 inline std::int64_t monotonic_ns() noexcept {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
       .count();
 }
 
-/// How the stamps of samples lie on the computer's monotonic clock. Live they are its instants; a recording is moved to
-/// now, and may be played faster or slower.
+/// Maps timestamps of samples to the computer's monotonic clock. In a live flight they are equal; a recording is
+/// shifted to now, and may be played faster or slower.
 struct Pace {
   HostStamp stamp;           ///< this stamp ...
   std::int64_t host_ns = 0;  ///< ... is this instant of monotonic_ns()

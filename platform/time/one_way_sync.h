@@ -1,5 +1,5 @@
 #pragma once
-// The host time of a device's stamps, from stamped samples and the times at which they arrived.
+// Translates device times to host time, from samples with a device time and their arrival times.
 // Derivation: docs/derivations/clock_sync.md
 #include <cstdint>
 
@@ -10,7 +10,7 @@
 namespace epiline {
 
 struct OneWaySettings {
-  Span min_delay;  ///< the least time from the device's stamp to the arrival: transport, filters. Known, not measured
+  Span min_delay;  ///< smallest time from the device's timestamp to the arrival, from data sheets
   LowerEnvelope::Settings envelope;
   Span early = Span::from_milliseconds(2);         ///< so far ahead of a locked model a sample contradicts it ...
   std::uint64_t early_samples = 3;                 ///< ... and so many in a row that agree are a jump
@@ -18,17 +18,17 @@ struct OneWaySettings {
   Span late_for = Span::from_milliseconds(1'000);  ///< ... and if all are for so long, it is a jump
 };
 
-/// arrival = host time of the device's stamp + min_delay + something that is never negative. So the model is a line
-/// below all samples of the window, never an average. Fixed memory, no clock of its own; one thread.
+/// arrival = host time of the device's timestamp + min_delay + a delay that is never negative. The model is therefore a
+/// line below all samples of the window, not an average. Fixed memory, no clock; one thread.
 ///
-/// Times translated in a row need not rise: the model moves, mostly by microseconds, in a jump by any amount.
+/// Successive translated times may decrease: the model moves, usually by microseconds, at a clock jump by any amount.
 class OneWaySync {
  public:
   explicit OneWaySync(const OneWaySettings& settings) noexcept;
 
   ClockOutcome update(DeviceStamp device, HostStamp arrival) noexcept;
 
-  /// `device` is_clock_time(). Before the first sample there is nothing to go by: the number is taken as it is.
+  /// Requires is_clock_time(device). Before the first sample the number is returned unchanged.
   HostStamp translate(DeviceStamp device) const noexcept;
   ClockState state() const noexcept;
 

@@ -1,5 +1,5 @@
 #pragma once
-// The host time of a device's stamps, from questions and answers (MAVLink TIMESYNC).
+// Translates device times to host time, from requests and answers (MAVLink TIMESYNC).
 // Derivation: docs/derivations/clock_sync.md
 #include <array>
 #include <cstdint>
@@ -11,25 +11,25 @@
 namespace epiline {
 
 struct TwoWaySettings {
-  Span round_trip_most = Span::from_milliseconds(10);  ///< longer exchanges are not looked at
+  Span round_trip_most = Span::from_milliseconds(10);  ///< longer exchanges are ignored
   LowerEnvelope::Settings envelope;
   Span tolerance =
       Span::from_milliseconds(1);  ///< an exchange that contradicts the model by more counts towards a jump
 };
 
-/// The device read its clock between the question and the answer, so each exchange bounds the offset from both sides.
-/// The model is the middle between the lowest upper and the highest lower bound, both straight lines over the window:
-/// the best halves of all exchanges, (sent + received - 2 device) / 2 if a single one has both. Right if the least
-/// delays of both ways are equal; it errs by half their difference, which nobody can see. Fixed memory, no clock; one
-/// thread.
+/// The device reads its clock between request and answer, so each exchange bounds the offset from both sides. The model
+/// is the middle between the lowest upper and the highest lower bound, both straight lines over the window; for a
+/// single exchange this is (sent + received - 2 device) / 2. It is exact if the smallest delays of both directions are
+/// equal, and otherwise wrong by half their difference, which cannot be observed. Fixed memory, no clock; one thread.
 class TwoWaySync {
  public:
   explicit TwoWaySync(const TwoWaySettings& settings) noexcept;
 
-  /// `sent`: the question left; `device`: the device's clock in its answer; `received`: the answer came.
+  /// `sent`: when the request was sent; `device`: the device's clock in the answer; `received`: when the answer
+  /// arrived.
   ClockOutcome update(HostStamp sent, DeviceStamp device, HostStamp received) noexcept;
 
-  /// `device` is_clock_time(). Before the first exchange there is nothing to go by: the number is taken as it is.
+  /// Requires is_clock_time(device). Before the first exchange the number is returned unchanged.
   HostStamp translate(DeviceStamp device) const noexcept;
   ClockState state() const noexcept;
 

@@ -21,16 +21,17 @@
 
 namespace epiline {
 
-/// What became of odometry and of the bus.
+/// Counters of the odometry output and of the bus.
 struct CanOutputCounts {
-  std::uint64_t epochs = 0;           ///< odometry sent, all its frames
-  std::uint64_t dropped = 0;          ///< odometry that was due and found the bus busy or gone
-  std::uint64_t frames = 0;           ///< handed to the kernel, status among them
-  std::uint64_t status_frames = 0;    ///< of those
-  std::uint64_t queue_full = 0;       ///< attempts that found no room in the kernel's queue
-  std::uint64_t frames_dropped = 0;   ///< of epochs begun: given up for newer ones, for their age, or with the bus
+  std::uint64_t epochs = 0;         ///< odometry sent with all its frames
+  std::uint64_t dropped = 0;        ///< odometry that was due while the bus was busy or gone
+  std::uint64_t frames = 0;         ///< frames handed to the kernel, including status
+  std::uint64_t status_frames = 0;  ///< status frames among them
+  std::uint64_t queue_full = 0;     ///< attempts that found no room in the kernel's queue
+  std::uint64_t frames_dropped =
+      0;  ///< frames of begun epochs, given up for a newer epoch, for their age, or because of the bus
   std::uint64_t messages = 0;         ///< whole messages begun by ISO-TP
-  std::uint64_t messages_busy = 0;    ///< not begun: the one before was still on its way
+  std::uint64_t messages_busy = 0;    ///< not begun, because the previous one was still being sent
   std::uint64_t messages_failed = 0;  ///< the peer did not answer, or the kernel refused
   std::uint64_t error_frames = 0, bus_off = 0, restarts = 0;
   std::uint64_t disconnected = 0;  ///< the interface went down or away
@@ -53,17 +54,17 @@ inline constexpr auto kCanCounters = std::to_array<Counter<CanOutputCounts>>({
 });
 enum class BusState : std::uint8_t { kActive, kPassive, kOff, kLost };
 
-/// publish() is wait-free but for the waking of our thread; it may be called for every reading of the IMU. The thread
-/// sends odometry as long as it is tracking or degraded, never the same or an old one again, and a status frame five
-/// times a second whatever happens. After open() there is no heap call, no lock and no exception.
+/// publish() is wait-free except for waking the sending thread; it may be called for every IMU sample. The thread sends
+/// odometry while it is tracking or degraded, never the same or an older one again, and a status frame five times a
+/// second in any case. After open() there is no heap call, no lock and no exception.
 class CanOutput final : public OdometrySink {
  public:
-  /// `R_VB` turns vectors of the IMU's axes into the vehicle's: forward, left, up. `encoder` makes the messages that
-  /// travel by ISO-TP; it is needed if and only if the settings have identifiers for them.
+  /// `R_VB` rotates vectors from the IMU's axes to the vehicle's (forward, left, up). `encoder` makes the messages for
+  /// ISO-TP; it is required if and only if the settings have identifiers for them.
   CanOutput(CanConfig config, const Mat3& R_VB, std::unique_ptr<OdometryEncoder> encoder = nullptr);
   ~CanOutput() override { close(); }
 
-  /// Says what is wrong with the interface or the settings. Starts the thread.
+  /// Opens the bus and starts the thread. The error names the fault of the interface or the settings.
   Status open() override;
   void close() noexcept override;
   bool publish(const Odometry& odometry) noexcept override;
@@ -76,7 +77,7 @@ class CanOutput final : public OdometrySink {
 
   // After close().
 
-  /// From an image's stamp until the last frame of the first epoch with that image in it was handed to the kernel.
+  /// Latency from an image's timestamp until the kernel has the last frame of the first epoch that contains the image.
   const LatencyBins& latency() const noexcept { return stream_.latency(); }
   const ThreadCosts& costs() const noexcept { return costs_; }
 

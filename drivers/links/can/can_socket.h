@@ -1,6 +1,6 @@
 #pragma once
-// A socket on a CAN interface. Nothing here allocates or waits: it is used to reopen a lost bus in the middle of a
-// flight. Page: docs/can.md.
+// A socket on a CAN interface. It neither allocates nor waits, because it also reopens a lost bus during a flight.
+// Page: docs/can.md.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -14,24 +14,24 @@ namespace epiline::can {
 
 enum class Trouble : std::uint8_t {
   kNone,
-  kNoProtocol,   ///< the kernel does not speak CAN, or ISO-TP
-  kNoInterface,  ///< there is none of that name
-  kNotCan,       ///< it is no CAN interface
+  kNoProtocol,   ///< the kernel has no CAN or ISO-TP support
+  kNoInterface,  ///< no interface has that name
+  kNotCan,       ///< it is not a CAN interface
   kDown,         ///< it is down
   kClassicOnly,  ///< it carries no frames of CAN FD
   kRefused,      ///< the kernel refused; see the error number
 };
 
-/// Why a socket is not open.
+/// Why a socket could not be opened.
 struct OpenFault {
   Trouble trouble = Trouble::kNone;
   int error = 0;  ///< errno, where there was one
   explicit operator bool() const noexcept { return trouble != Trouble::kNone; }
 };
-/// In words, with the remedy.
+/// The error for the user, with the remedy.
 Error error_of(const OpenFault& fault, const std::string& interface);
 
-/// What an interface told of its bus.
+/// Events on the bus that the interface reported.
 struct BusNews {
   unsigned error_frames = 0;
   bool bus_off = false, restarted = false, error_passive = false;

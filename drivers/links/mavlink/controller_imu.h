@@ -1,5 +1,5 @@
 #pragma once
-// The flight controller's IMU: which of its messages become readings of ours.
+// The flight controller's IMU: converts its messages to IMU samples.
 #include <array>
 #include <cstdint>
 
@@ -13,14 +13,14 @@
 namespace epiline::mavlink {
 
 struct ControllerImuCounts {
-  std::uint64_t readings = 0;        ///< handed on
+  std::uint64_t readings = 0;        ///< delivered
   std::uint64_t lost = 0;            ///< missing, by the gaps between the others
-  std::uint64_t duplicates = 0;      ///< a time that had been before, or an earlier one
-  std::uint64_t refused_values = 0;  ///< that no sensor of this kind gives, or without both sensors
-  std::uint64_t refused_times = 0;   ///< not of the time just past, by the clocks' model; or closer than any sensor's
-  std::uint64_t no_clock = 0;        ///< before the clocks' model was good
-  std::uint64_t others = 0;          ///< of another sensor, or in a lesser message than what comes besides
-  std::uint64_t overrun = 0;         ///< nobody took them
+  std::uint64_t duplicates = 0;      ///< samples with a repeated or earlier time
+  std::uint64_t refused_values = 0;  ///< values that no IMU gives, or without both sensors
+  std::uint64_t refused_times = 0;   ///< times that do not fit the clock model, or intervals shorter than any sensor's
+  std::uint64_t no_clock = 0;        ///< before the clock model was ready
+  std::uint64_t others = 0;          ///< of another sensor, or in a less precise message than another that arrives
+  std::uint64_t overrun = 0;         ///< lost because the reader was too slow
 };
 inline constexpr auto kControllerImuCounters = std::to_array<Counter<ControllerImuCounts>>({
     {"readings", &ControllerImuCounts::readings},
@@ -33,16 +33,16 @@ inline constexpr auto kControllerImuCounters = std::to_array<Counter<ControllerI
     {"overrun", &ControllerImuCounts::overrun, true},
 });
 
-/// Nothing here believes what it is told: values have bounds, and times must fit the clock model, which is learnt from
-/// answers to our own questions only.
+/// Checks everything that it receives: values have bounds, and times must fit the clock model, which uses only answers
+/// to this link's own requests.
 class ControllerImu {
  public:
-  /// `delay`: from the instant of a reading to the time in its message.
+  /// `delay`: from sampling to the time in the message.
   explicit ControllerImu(Span delay) noexcept : delay_(delay) {}
 
   /// True: `sample` is a reading, stamps in a row rise. HIGHRES_IMU is preferred: while it comes, others are left out.
   bool take(const HighresImu& message, const TwoWaySync& clock, HostStamp now, ImuSample& sample) noexcept;
-  /// `message` as ArduPilot fills it; other flight controllers' units are anybody's guess.
+  /// `message` in ArduPilot's units; those of other flight controllers are unknown.
   bool take(const RawImu& message, const TwoWaySync& clock, HostStamp now, ImuSample& sample) noexcept;
 
   const ControllerImuCounts& counts() const noexcept { return counts_; }

@@ -1,5 +1,5 @@
 #pragma once
-// Asking a flight controller for its IMU, until it comes.
+// Requests the IMU messages from a flight controller until they arrive.
 #include <cstdint>
 
 #include "drivers/links/mavlink/message.h"

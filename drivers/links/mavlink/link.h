@@ -36,18 +36,18 @@ namespace epiline::mavlink {
 struct LinkCounts {
   // sent
   std::uint64_t odometry = 0;
-  std::uint64_t dropped = 0;  ///< odometry that was due and found the line busy or gone
+  std::uint64_t dropped = 0;  ///< odometry that was due while the line was busy or gone
   std::uint64_t heartbeats = 0, texts = 0, timesync_questions = 0, timesync_answers = 0, requests = 0, origins = 0;
   // received
-  std::uint64_t pieces = 0;  ///< datagrams, or what a line had each time it was asked
+  std::uint64_t pieces = 0;  ///< datagrams, or reads of a serial line
   std::uint64_t packets = 0, bad_checksums = 0;
-  std::uint64_t skipped_bytes = 0;      ///< noise, and messages we do not know
-  std::uint64_t strangers = 0;          ///< packets that only our flight controller may send, from somebody else
-  std::uint64_t refused_questions = 0;  ///< TIMESYNC beyond any sensible rate
-  std::uint64_t refused_answers = 0;    ///< TIMESYNC answers to nothing we asked
+  std::uint64_t skipped_bytes = 0;      ///< noise, and unknown messages
+  std::uint64_t strangers = 0;          ///< packets that only the flight controller may send, from another sender
+  std::uint64_t refused_questions = 0;  ///< TIMESYNC requests beyond any sensible rate
+  std::uint64_t refused_answers = 0;    ///< TIMESYNC answers to no request of this link
   // the port
-  std::uint64_t disconnected = 0;  ///< times it was lost
-  std::uint64_t retries = 0;       ///< attempts to get it back that failed
+  std::uint64_t disconnected = 0;  ///< times the port was lost
+  std::uint64_t retries = 0;       ///< failed attempts to reopen it
   std::uint64_t write_errors = 0;
   int last_error = 0;  ///< errno of the last of these
 };
@@ -64,7 +64,7 @@ inline constexpr auto kLinkCounters = std::to_array<Counter<LinkCounts>>({
     {"write_errors", &LinkCounts::write_errors, true},
 });
 
-/// The flight controller: who says in its heartbeat that it flies the vehicle with our system number.
+/// The flight controller: the first autopilot whose heartbeat carries the configured system id.
 struct LinkPeer {
   bool is_known = false;
   Address address;
@@ -74,7 +74,7 @@ struct LinkPeer {
 };
 
 struct LinkState {
-  bool is_open = false;  ///< false: the port is lost; the link opens it again by itself
+  bool is_open = false;  ///< false: the port is lost; the link tries to reopen it
   Condition condition = Condition::kWaiting;
   LinkCounts counts;
   LinkPeer peer;
@@ -84,35 +84,37 @@ struct LinkState {
   ThreadCosts costs;  ///< of the link's thread since open()
 };
 
-/// Sends odometry, answers, and keeps the port. One thread of its own does all that; publish() hands over and returns.
-/// After open() there is no heap call and no lock in either, also when the port is lost and comes back.
+/// The link to a flight controller. A thread of its own sends odometry, answers requests, and reopens a lost port;
+/// publish() hands the odometry over and returns. After open() there is no heap call and no lock in either, also while
+/// the port is lost.
 class MavlinkLink final : public OdometrySink {
  public:
-  /// `R_VB` turns vectors of the IMU's axes into the vehicle's: forward, left, up. `priority` of the thread:
-  /// SCHED_FIFO, where it is allowed.
+  /// `R_VB` rotates vectors from the IMU's axes to the vehicle's (forward, left, up). `priority`: SCHED_FIFO priority
+  /// of the thread, where permitted.
   ///
-  /// With `imu` the flight controller is asked for its IMU's readings, for MavlinkImu. They are in the vehicle's axes
-  /// already, so R_VB must be the identity then.
+  /// With `imu` the link also requests the flight controller's IMU samples, for MavlinkImu. They are in the vehicle's
+  /// axes, so R_VB must be the identity.
   MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, const std::optional<ImuDeviceConfig>& imu = std::nullopt,
               int priority = 65);
   ~MavlinkLink() override { close(); }
 
-  /// Says what is wrong with the settings or the port.
+  /// Opens the port and starts the thread. The error names the fault of the settings or the port.
   Status open() override;
   void close() noexcept override;
   bool publish(const epiline::Odometry& odometry) noexcept override;
   bool publish_image(const epiline::Odometry& odometry) noexcept override;
 
-  /// One thread: what ImuSource::read() promises, of readings since the first call. kFailed: the port is lost.
+  /// As ImuSource::read(), for samples since the first call; one thread. kFailed: the port is lost.
   ReadOutcome read_imu(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept;
 
   /// The port, as the configuration names it.
   const std::string& name() const noexcept { return config_.serial.empty() ? config_.udp : config_.serial; }
-  /// From any thread; at most a second old for the latency, else as of the last thing that happened.
+  /// From any thread. Latencies are at most one second old, other values current.
   LinkState state() const noexcept { return told_.read(); }
   LinkCounts counts() const noexcept { return state().counts; }
   ClockState clock_state() const noexcept { return state().clock; }
-  /// From an image's stamp until the first odometry with that image in it was taken by the kernel, to its last byte.
+  /// Latency from an image's timestamp until the kernel has the last byte of the first odometry that contains the
+  /// image.
   LatencyBins latency() const noexcept { return told_latency_.read(); }
 
  private:

@@ -1,6 +1,6 @@
 #pragma once
-// Frames of MAVLink 2 on a line of bytes: written, and found again among noise. Nothing here allocates, waits or
-// throws. Page: docs/mavlink.md.
+// Writes MAVLink 2 frames to a byte stream, and finds them in it, also among noise. Does not allocate, wait or throw.
+// Page: docs/mavlink.md.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -66,20 +66,20 @@ struct FrameBytes {
 /// The frame of a packet, unsigned. `packet.id` is one of kMessages.
 FrameBytes frame_of(const Packet& packet) noexcept;
 
-/// Finds the frames of kMessages among whatever bytes come in. Takes version 2, signed or not (signatures are not
-/// checked), and version 1, in which flight controllers speak until they have been spoken to.
+/// Finds the frames of kMessages in a byte stream. Accepts version 2, signed or not (signatures are not checked), and
+/// version 1, which flight controllers send until they receive version 2.
 ///
-/// What looks like a frame and is none costs its first byte only: the search goes on behind it, so no sound frame is
-/// lost, whatever stands before it.
+/// After bytes that look like a frame and are none, the search continues one byte later, so no valid frame is lost to
+/// what precedes it.
 class Parser {
  public:
-  /// The next packet, valid until the next call; null if and only if `bytes` are used up. Takes what it reads from the
-  /// front of `bytes`: call it until it returns null.
+  /// The next packet, valid until the next call; null if and only if `bytes` are used up. Removes what it reads from
+  /// the front of `bytes`: call it until it returns null.
   const Packet* next(std::span<const std::uint8_t>& bytes) noexcept;
 
   std::uint64_t packets() const noexcept { return packets_; }
   std::uint64_t bad_checksums() const noexcept { return bad_checksums_; }
-  /// Bytes that belong to no packet handed out, frames of other messages among them.
+  /// Bytes that belong to no returned packet, including frames of other messages.
   std::uint64_t skipped_bytes() const noexcept { return skipped_; }
 
  private:

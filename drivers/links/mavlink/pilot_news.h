@@ -1,5 +1,5 @@
 #pragma once
-// What the flight controller and the pilot learn about the estimate besides odometry.
+// Status of the estimate for the flight controller (heartbeat) and the pilot (STATUSTEXT).
 #include <cstdint>
 #include <optional>
 
@@ -16,24 +16,25 @@ struct PilotText {
   char text[51] = {};         ///< 50 characters, and a zero
 };
 
-/// Tells each change once, when it has lasted, and no more than one a second. What ends the odometry is told at once.
+/// Reports each change once, after it has lasted half a second, at most once a second. The end of the odometry is
+/// reported at once.
 class PilotNews {
  public:
   void update(std::int64_t now_ns, Condition condition, std::uint32_t reasons) noexcept;
-  /// When update() has something to tell, if nothing changes; far away if never.
+  /// When update() will have a text, if nothing changes; far in the future if never.
   std::int64_t due_ns() const noexcept;
-  /// What to tell now.
+  /// The text to send now, if any.
   std::optional<PilotText> take(std::int64_t now_ns) noexcept;
 
  private:
   Condition now_ = Condition::kWaiting;
   std::optional<Condition> told_;
-  bool was_lost_ = false;  ///< told so, and nothing else since
+  bool was_lost_ = false;  ///< the last text said so
   std::uint32_t reasons_ = 0;
   std::int64_t since_ns_ = 0, last_told_ns_ = -(std::int64_t{1} << 60);
 };
 
-/// In words; `resumed`: odometry had been stopped before.
+/// The text for a state; `resumed`: odometry was stopped before.
 PilotText pilot_text(Condition condition, std::uint32_t reasons, bool resumed) noexcept;
 
 }  // namespace epiline::mavlink

@@ -1,12 +1,12 @@
 #pragma once
-// A serial line, or a pseudo terminal that plays one.
+// A serial port, or a pseudo terminal.
 #include <string>
 
 #include "drivers/links/mavlink/port.h"
 
 namespace epiline::mavlink {
 
-/// Eight bits, no parity, no flow control, any speed the driver can do. Nobody else may have it open.
+/// Eight bits, no parity, no flow control, any rate that the driver supports. Opened exclusively.
 class SerialPort final : public Port {
  public:
   SerialPort(std::string path, int baud);

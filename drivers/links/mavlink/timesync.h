@@ -1,5 +1,5 @@
 #pragma once
-// TIMESYNC both ways: their questions answered, ours asked.
+// TIMESYNC in both directions: answers requests, and sends its own.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -13,24 +13,24 @@
 
 namespace epiline::mavlink {
 
-/// A clock is learnt only from answers to questions that were asked, each answered once and lately: what is replayed or
-/// made up moves nothing. Questions beyond what any flight controller asks are left unanswered, so they take neither
-/// the line nor the processor from odometry. Times are monotonic_ns().
+/// The clock model uses only recent answers to this link's own requests, each once, so replayed or forged messages have
+/// no effect. Requests beyond a sensible rate are not answered, so they cannot displace odometry. Times are
+/// monotonic_ns().
 class TimesyncExchange {
  public:
   explicit TimesyncExchange(Address own) noexcept : own_(own) {}
 
-  /// Any TIMESYNC that came; `is_autopilot`: from who is worth asking.
+  /// A received TIMESYNC message; `is_autopilot`: its sender is the flight controller.
   void receive(const Timesync& message, Address from, bool is_autopilot, std::int64_t now_ns) noexcept;
 
-  /// The answer to send now, if one is owed.
+  /// The answer to send now, if any.
   std::optional<Timesync> answer(std::int64_t now_ns) noexcept;
   bool owes_answer() const noexcept { return !owed_.empty(); }
-  /// A question that is sent now.
+  /// The request to send now.
   Timesync question(Address to, std::int64_t now_ns) noexcept;
 
   const TwoWaySync& clock() const noexcept { return clock_; }
-  /// Questions not answered, being too many; answers to nothing we asked.
+  /// Requests that were too many to answer; answers to no request.
   std::uint64_t refused_questions() const noexcept { return refused_questions_; }
   std::uint64_t refused_answers() const noexcept { return refused_answers_; }
 

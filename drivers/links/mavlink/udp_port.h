@@ -12,8 +12,8 @@ namespace epiline::mavlink {
 /// `ADDRESS:PORT`, the address in numbers (IPv4). `key` names the setting in errors.
 Result<sockaddr_in> udp_address(const std::string& text, const char* key);
 
-/// A connected socket: the kernel drops what does not come from the peer. Bound to `own`, or to whatever address
-/// reaches the peer, so with a peer on this computer nobody else can reach it.
+/// A connected socket: the kernel drops datagrams from other senders. Bound to `own`, or to the address that reaches
+/// the peer; with a peer on this computer, other computers cannot reach it.
 class UdpPort final : public Port {
  public:
   /// `own` with port 0 and address 0: any.

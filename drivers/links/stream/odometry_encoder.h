@@ -1,5 +1,5 @@
 #pragma once
-// For a link that carries whole messages of another protocol and does not know that protocol.
+// Encodes odometry as messages of another protocol, for links that do not know this protocol.
 #include <cstdint>
 #include <span>
 

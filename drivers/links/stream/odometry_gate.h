@@ -1,5 +1,5 @@
 #pragma once
-// Which odometry a receiver may see.
+// Decides which odometry a receiver may get.
 #include <cstdint>
 #include <optional>
 
@@ -7,30 +7,30 @@
 
 namespace epiline {
 
-/// State of the estimate, as far as a receiver of odometry cares.
+/// State of the estimate, for a receiver of odometry.
 enum class Condition : std::uint8_t {
   kWaiting,  ///< no estimate yet
   kGood,
   kDegraded,
   kLost,
-  kSilent,  ///< nobody hands out estimates any more
+  kSilent,  ///< the estimator no longer publishes estimates
 };
 Condition condition_of(const Health& health) noexcept;
 
-/// PX4 fuses whatever comes, also of quality -1, and ArduPilot likewise unless told otherwise: so an estimate that is
-/// lost is not sent at all. Nor is one whose stamp is not later than those before: a pose is never repeated. The reset
-/// counter of the messages is our own: it goes on by one when the estimate has jumped, and also when sending resumes
-/// after it had to stop, for what drifted in the meantime is a jump for who did not see it.
+/// PX4 and, by default, ArduPilot fuse whatever arrives, even with quality -1. A lost estimate is therefore not sent,
+/// nor one whose timestamp is not later than the previous ones. The gate has a reset counter of its own: it increases
+/// by one when the estimate jumps, and when sending resumes after a stop, because the drift in between is a jump for
+/// the receiver.
 class OdometryGate {
  public:
-  /// `first_counter` should differ from run to run: the receiver of a restarted program must see a jump.
+  /// `first_counter` should differ from run to run, so that a restart of the program is a jump for the receiver.
   explicit OdometryGate(std::uint8_t first_counter) noexcept : counter_(first_counter) {}
 
-  /// Whether it may be sent; to be asked for each in turn. Those admitted may be left out.
+  /// True if this odometry may be sent. Call it for each one in order; admitted ones need not be sent.
   bool admits(const Odometry& odometry) noexcept;
-  /// Sending stops, for there is nothing any more that could be asked for.
+  /// The estimator no longer publishes: sending stops.
   void stop() noexcept { has_stopped_ = estimator_counter_.has_value(); }
-  /// Goes with what was admitted last.
+  /// Reset counter of the last admitted odometry.
   std::uint8_t reset_counter() const noexcept { return counter_; }
 
  private:

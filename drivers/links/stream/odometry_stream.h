@@ -1,5 +1,5 @@
 #pragma once
-// From the thread that hands odometry out to one that sends it: what of it a receiver may see, and when it is due.
+// Passes odometry from the publishing thread to a sending thread, and decides what is sent and when.
 #include <cstdint>
 
 #include "drivers/links/stream/odometry_gate.h"
@@ -14,7 +14,7 @@ namespace epiline {
 /// Odometry on its way to a receiver.
 struct Offer {
   Odometry odometry;
-  std::uint64_t images = 0;     ///< so many are in it
+  std::uint64_t images = 0;     ///< number of images that it contains
   std::int64_t offered_ns = 0;  ///< monotonic_ns()
 };
 
@@ -24,12 +24,13 @@ struct ImageMark {
   HostStamp stamp;
 };
 
-/// One thread offers, another sends. Nothing here waits, allocates or wakes: a sender that sleeps is woken by who
-/// offers, after it has. Times are monotonic_ns().
+/// One thread offers odometry, another sends it. Does not wait or allocate, and does not wake the sender: the offering
+/// thread does that after an offer. Times are monotonic_ns().
 class OdometryStream {
  public:
-  static constexpr std::int64_t kTooOld_ns = 100'000'000;   ///< what waited so long is not sent any more
-  static constexpr std::int64_t kSilence_ns = 500'000'000;  ///< nothing offered for so long: the estimator has stopped
+  static constexpr std::int64_t kTooOld_ns = 100'000'000;  ///< odometry that waited longer is not sent
+  static constexpr std::int64_t kSilence_ns =
+      500'000'000;  ///< without an offer for this time, the estimator has stopped
 
   /// The reset counter begins with another number than that of a run that ended lately: a restarted program has jumped.
   explicit OdometryStream(double rate_hz) noexcept;
@@ -37,7 +38,7 @@ class OdometryStream {
   // The offering thread.
 
   void offer(const Odometry& odometry, std::int64_t now_ns) noexcept;
-  /// The next offer has this image in it.
+  /// The next offer contains this image.
   void offer_image(const Odometry& odometry) noexcept;
 
   // The sending thread.
@@ -49,7 +50,7 @@ class OdometryStream {
   Condition condition() const noexcept { return condition_; }
   /// Of the newest offer; before the first: initialising, of no quality.
   const Health& health() const noexcept { return health_; }
-  /// HealthReason bits; 0 if there is nobody to have any.
+  /// HealthReason bits; 0 without an estimate.
   std::uint32_t reasons() const noexcept;
   /// When look() would find that nothing is offered any more; far away if it has, or nothing was.
   std::int64_t silent_ns() const noexcept;
@@ -67,7 +68,7 @@ class OdometryStream {
   /// One for each period in which odometry was due and could not go. To be called after each look().
   void count_dropped(std::int64_t now_ns, bool is_held_up) noexcept;
   std::uint64_t dropped() const noexcept { return dropped_; }
-  /// From an image's stamp until the first odometry with that image in it had gone.
+  /// Latency from an image's timestamp until the first odometry that contains it was sent.
   const LatencyBins& latency() const noexcept { return latency_; }
 
  private:

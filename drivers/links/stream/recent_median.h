@@ -1,5 +1,5 @@
 #pragma once
-// The usual value of something that comes again and again, whatever happens once in a while.
+// The median of the last values.
 #include <algorithm>
 #include <array>
 #include <cstddef>
@@ -12,7 +12,7 @@ class RecentMedian {
  public:
   void add(std::int64_t value) noexcept { values_[count_++ % N] = value; }
   void clear() noexcept { count_ = 0; }
-  /// Of the last N; `otherwise` before there are so many.
+  /// Median of the last N values; `otherwise` while there are fewer.
   std::int64_t value_or(std::int64_t otherwise) const noexcept {
     if (count_ < N) return otherwise;
     auto sorted = values_;

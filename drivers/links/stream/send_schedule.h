@@ -6,20 +6,20 @@
 
 namespace epiline {
 
-/// A receiver wants a steady stream; a vehicle wants what the camera just saw at once. So a message that is the first
-/// with an image in it leaves as soon as the rate allows, and those between are laid so that the next image finds
-/// room: evenly, or left out where images come about as often as messages.
+/// Balances a steady rate with low latency of images. The first message that contains a new image is sent as soon as
+/// the rate allows. Messages between images are spaced evenly so that the next image finds room, or left out if images
+/// come about as often as messages.
 ///
-/// With T = 1 / rate: never less than T / 1.1 between two, and never more than 1.5 T as long as there is something to
-/// send. Times are monotonic_ns().
+/// With T = 1 / rate, two messages are at least T / 1.1 apart, and at most 1.5 T while there is something to send.
+/// Times are monotonic_ns().
 class SendSchedule {
  public:
   explicit SendSchedule(double rate_hz) noexcept;
 
-  /// The first prediction with another image in it is there.
+  /// The first prediction with a new image is available.
   void image(std::int64_t now_ns) noexcept;
   void sent(std::int64_t now_ns) noexcept;
-  /// The earliest time for the next message; `has_image`: it would be the first with an image in it.
+  /// The earliest time for the next message; `has_image`: it is the first one that contains a new image.
   std::int64_t due_ns(bool has_image) const noexcept;
   std::int64_t period_ns() const noexcept { return period_ns_; }
 

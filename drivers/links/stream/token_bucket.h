@@ -1,11 +1,11 @@
 #pragma once
-// A bound on how much of something there may be.
+// A rate limit.
 #include <algorithm>
 #include <cstdint>
 
 namespace epiline {
 
-/// `per_second` on average, `at_once` in a burst. Times are monotonic_ns().
+/// Token bucket: `per_second` on average, `at_once` in a burst. Times are monotonic_ns().
 class TokenBucket {
  public:
   TokenBucket(double per_second, double at_once) noexcept

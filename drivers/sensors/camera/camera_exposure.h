@@ -1,5 +1,5 @@
 #pragma once
-// Exposure of a V4L2 camera while it streams: which one each image had, and which one the next should have.
+// Exposure of a streaming V4L2 camera: tracks which exposure each image had, and controls the next one.
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -23,28 +23,28 @@ struct ExposureReport {
   std::uint64_t changes = 0, refused = 0;  ///< by the controller; by the device
 };
 
-/// Belongs to the thread that reads the camera, but for what says otherwise. No heap after construction.
+/// Camera thread only, unless noted. No heap after construction.
 class CameraExposure {
  public:
   explicit CameraExposure(const V4l2Settings& settings);
 
   /// With the device's controls as configured. Again when a lost device has come back.
   DeviceTrouble set_up(V4l2Device& device) noexcept;
-  /// Makes the change the controller wants, if any. It takes as long as the device needs to be told.
+  /// Applies the change that the controller requests, if any. Takes as long as the device needs.
   void serve(V4l2Device& device) noexcept;
-  /// Asks whether another program changed something.
+  /// Checks whether another program changed the exposure.
   void note_changes(V4l2Device& device) noexcept;
-  /// A control was changed for somebody else, at this instant.
+  /// A control was changed from outside, at this time.
   void changed(std::uint32_t id, std::int64_t value, HostStamp at) noexcept;
 
-  /// The exposure time of the next image, by the driver's own stamp.
+  /// The exposure time of the next image, which has this timestamp of the V4L2 driver.
   Span time_of(HostStamp given, std::uint64_t sequence) noexcept;
-  /// Lets the controller look at the image time_of() was asked about.
+  /// Passes the image of the last time_of() to the controller.
   void look(const Frame& frame) noexcept;
 
   // Any thread.
   void set_automatic(bool on) noexcept { automatic_.store(on, std::memory_order_relaxed); }
-  /// How fast the camera turns, rad/s, for the limit against blur.
+  /// Rotation rate of the camera, rad/s, for the blur limit.
   void set_turn_rate(double rad_s) noexcept { turn_rate_.store(rad_s, std::memory_order_relaxed); }
   ExposureReport report() const noexcept;
 

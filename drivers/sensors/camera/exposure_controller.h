@@ -1,5 +1,5 @@
 #pragma once
-// Which exposure the next images should have, so that there is much to track in them. docs/camera.md.
+// Controls exposure and gain so that images have much texture to track. docs/camera.md.
 #include <array>
 #include <cstddef>
 #include <optional>
@@ -9,11 +9,11 @@
 
 namespace epiline {
 
-/// What a camera can do, and what its user wants.
+/// Limits of the camera, and settings of the user.
 struct ExposureLimits {
   Span shortest{20'000}, longest{10'000'000};
   double gain_least = 1, gain_most = 1;
-  double blur_px = 0;       ///< an image may be smeared so far by turning; 0: not looked at
+  double blur_px = 0;       ///< largest motion blur by rotation; 0: no limit
   double focal_px = 0;      ///< pixels per radian; 0: unknown
   double brightness = 100;  ///< mean grey value, where the picture has no texture
   double flicker_hz = 0;    ///< of the lamps; exposures longer than a period become whole periods. 0: no lamps

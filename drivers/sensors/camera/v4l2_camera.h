@@ -1,5 +1,5 @@
 #pragma once
-// A camera behind Linux' V4L2. Images stay in the driver's buffers where their format allows; docs/camera.md.
+// A camera with a V4L2 driver. Images stay in the driver's buffers if their format allows. docs/camera.md.
 #include <array>
 #include <atomic>
 #include <cstddef>
@@ -18,18 +18,18 @@
 
 namespace epiline {
 
-/// What happened to images and to the device, for `check` and for health.
+/// Counters of images and of the device.
 struct CameraCounts {
-  std::uint64_t frames = 0;        ///< handed out
+  std::uint64_t frames = 0;        ///< images delivered
   std::uint64_t lost = 0;          ///< gaps of the driver's sequence numbers
   std::uint64_t damaged = 0;       ///< marked as damaged by the driver
   std::uint64_t incomplete = 0;    ///< shorter than an image
-  std::uint64_t bad_stamps = 0;    ///< of an unknown clock, not rising, or not of the time just past
-  std::uint64_t no_edge = 0;       ///< with a stamp line: which edge is the image's was not sure
+  std::uint64_t bad_stamps = 0;    ///< unknown clock, not rising, or not from the last second
+  std::uint64_t no_edge = 0;       ///< with a stamp line: the image's edge was uncertain
   std::uint64_t no_slot = 0;       ///< all images were lent
-  std::uint64_t overwritten = 0;   ///< a driver that gave a buffer that was lent
+  std::uint64_t overwritten = 0;   ///< the driver reused a buffer that was lent
   std::uint64_t disconnected = 0;  ///< the device was lost
-  std::uint64_t retries = 0;       ///< attempts to get it back that failed
+  std::uint64_t retries = 0;       ///< failed attempts to reopen it
   int last_error = 0;              ///< errno of the last loss or failed attempt; 0: it was silent, or not as before
 };
 inline constexpr auto kCameraCounters = std::to_array<Counter<CameraCounts>>({
@@ -45,21 +45,21 @@ inline constexpr auto kCameraCounters = std::to_array<Counter<CameraCounts>>({
     {"retries", &CameraCounts::retries},
 });
 
-/// A control to be set while the camera streams, and what became of it.
+/// A request to set a control while streaming, and its result.
 struct ControlChange {
   std::array<char, 48> name{};
-  std::int64_t value = 0;  ///< wanted; in an answer: as read back
+  std::int64_t value = 0;  ///< requested value; in an answer: as read back
   bool is_set = false;     ///< false in an answer: the device refused, or has no such control
 };
 
-/// One thread calls open(), read() and close(); any thread may give back and ask for counts. After open() there is no
-/// heap call, also when the device is lost and comes back; a read() that reopens it takes as long as the kernel needs.
+/// One thread calls open(), read() and close(); any thread may call give_back() and counts(). After open() there is no
+/// heap call, also while the device is lost; a read() that reopens it takes as long as the kernel needs.
 class V4l2Camera final : public CameraSource {
  public:
   explicit V4l2Camera(V4l2Settings settings);
   ~V4l2Camera() override { close(); }
 
-  /// Says what is wrong with the device or the settings.
+  /// The error names the fault of the device or the settings.
   Status open() override;
   void close() noexcept override;
   /// An image that was lent when the device was lost can still be read until it is given back.
@@ -79,14 +79,14 @@ class V4l2Camera final : public CameraSource {
 
   // While it streams; any one thread.
 
-  /// Sets a control, by the name v4l2-ctl shows, before the next image is waited for; again when a lost device has come
-  /// back. False: the name is too long, or kChanges of them are still waiting.
+  /// Requests to set a control, by the name that v4l2-ctl shows: applied before the driver waits for the next image,
+  /// and again when a lost device returns. False: the name is too long, or kChanges requests are pending.
   bool request_control(std::string_view name, std::int64_t value) noexcept;
-  /// What became of the oldest request not yet told of. False: nothing new.
+  /// The result of the oldest request that was not reported yet. False: none.
   bool control_answer(ControlChange& answer) noexcept { return answers_.pop(answer); }
   /// The exposure controller; needs `exposure_control`.
   void set_automatic_exposure(bool on) noexcept { exposure_.set_automatic(on); }
-  /// How fast the camera turns, rad/s: exposure times are limited so that images stay sharp.
+  /// Rotation rate of the camera, rad/s: limits exposure times so that images stay sharp.
   void set_turn_rate(double rad_s) noexcept { exposure_.set_turn_rate(rad_s); }
 
  private:

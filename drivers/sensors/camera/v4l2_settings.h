@@ -1,5 +1,5 @@
 #pragma once
-// What the configuration says of a V4L2 camera.
+// Settings of a V4L2 camera, from the configuration.
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -34,16 +34,16 @@ struct V4l2Settings {
   Span exposure{};
   ExposureConfig control_of_exposure{};
   double focal_px = 0;                      ///< pixels per radian, for the limit against blur; 0: unknown
-  std::optional<StampPoint> stamp_point{};  ///< instead of what the driver says
-  /// Stamps are monotonic though the driver does not say so: v4l2loopback, and whatever else copies its writer's
-  /// stamps.
+  std::optional<StampPoint> stamp_point{};  ///< overrides what the driver declares
+  /// Timestamps are monotonic although the driver does not declare it, as with v4l2loopback, which copies its writer's
+  /// timestamps.
   bool trust_stamps = false;
-  /// A GPIO line with an edge at the start of each exposure, see GpioLine; then that edge is the image's stamp.
+  /// A GPIO line with an edge at the start of each exposure (see GpioLine), which then gives the timestamps.
   std::string stamp_line{};
   Edge stamp_edge = Edge::kRising;
 
-  Span stamp_age_most = Span::from_milliseconds(1'000);  ///< a stamp further from now is not of the monotonic clock
-  Span silence_most = Span::from_milliseconds(2'000);    ///< without an image so long, the device is reopened. 0: never
+  Span stamp_age_most = Span::from_milliseconds(1'000);  ///< a timestamp farther from now is not on the monotonic clock
+  Span silence_most = Span::from_milliseconds(2'000);  ///< reopen the device after this time without an image; 0: never
 };
 
 /// Of sections [camera] and [exposure]; says which entry makes no sense.

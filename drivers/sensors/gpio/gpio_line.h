@@ -17,16 +17,16 @@ namespace epiline {
 
 enum class Edge : std::uint8_t { kRising, kFalling };  ///< as kEdgeNames
 
-/// For `check` and for health.
+/// Counters of a line.
 struct GpioCounts {
-  std::uint64_t edges = 0;         ///< handed out
-  std::uint64_t lost = 0;          ///< the kernel had no room for them. Only with libgpiod 2: before, nobody knows
-  std::uint64_t disconnected = 0;  ///< the chip went away
-  int last_error = 0;              ///< errno; 0: the line is well
+  std::uint64_t edges = 0;         ///< edges delivered
+  std::uint64_t lost = 0;          ///< edges that the kernel had no room for; counted with libgpiod 2 only
+  std::uint64_t disconnected = 0;  ///< times the chip disappeared
+  int last_error = 0;              ///< errno; 0: no error
 };
 
-/// One thread calls open(), read() and close(); any thread may ask for counts. After open() that thread makes no heap
-/// call. A chip that went away is looked for by a thread of the line's own, for libgpiod allocates and takes its time.
+/// One thread calls open(), read() and close(); any thread may call counts(). After open() that thread makes no heap
+/// call. A thread of the line looks for a chip that disappeared, because libgpiod allocates and takes time.
 class GpioLine {
  public:
   /// `line`: its name, or CHIP:OFFSET with the label or the name of a chip, as gpioinfo shows them.
@@ -35,13 +35,13 @@ class GpioLine {
   GpioLine(const GpioLine&) = delete;
   GpioLine& operator=(const GpioLine&) = delete;
 
-  /// Takes the line as an input. Says which lines there are, who uses this one, or which permission is missing.
+  /// Opens the line as an input. The error lists the lines, names the user of this one, or the missing permission.
   Status open();
   void close() noexcept;
 
   bool is_open() const noexcept { return opened_; }
-  /// The oldest edges not yet read, in order, as instants of the interrupt. kSample: count > 0; kFailed, without
-  /// waiting: the chip is gone, and not back yet.
+  /// The oldest unread edges, in order, with the time of their interrupt. kSample: count > 0. kFailed, without waiting:
+  /// the chip has disappeared and not returned yet.
   ReadOutcome read(std::span<HostStamp> edges, std::size_t& count, Span timeout) noexcept;
   GpioCounts counts() const noexcept;
 

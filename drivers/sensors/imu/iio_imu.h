@@ -1,5 +1,5 @@
 #pragma once
-// An IMU behind Linux' industrial I/O (IIO): one device with both sensors, or one for each. docs/imu-iio.md
+// An IMU with a driver of Linux' industrial I/O (IIO): one device with both sensors, or one for each. docs/imu-iio.md
 #include <array>
 #include <atomic>
 #include <cstddef>
@@ -17,16 +17,16 @@
 
 namespace epiline {
 
-/// What happened to readings and to the device, for `check` and for health.
+/// Counters of samples and of the device.
 struct IioCounts {
-  std::uint64_t samples = 0;        ///< handed out
-  std::uint64_t gaps = 0;           ///< times that readings were missing ...
-  std::uint64_t lost = 0;           ///< ... and how many, as their times say
-  std::uint64_t disordered = 0;     ///< not later than the one before: left out
-  std::uint64_t bad_stamps = 0;     ///< of no clock, of another time, or contradicting the device's clock: left out
-  std::uint64_t without_accel = 0;  ///< of the gyroscope, while the accelerometer gave nothing: left out
+  std::uint64_t samples = 0;        ///< samples delivered
+  std::uint64_t gaps = 0;           ///< gaps in the timestamps ...
+  std::uint64_t lost = 0;           ///< ... and the number of missing samples
+  std::uint64_t disordered = 0;     ///< left out: not later than the previous one
+  std::uint64_t bad_stamps = 0;     ///< left out: no clock, a wrong time, or contradicting the device's clock
+  std::uint64_t without_accel = 0;  ///< left out: gyroscope samples without accelerometer samples around them
   std::uint64_t disconnected = 0;   ///< the device was lost
-  std::uint64_t retries = 0;        ///< attempts to get it back that failed
+  std::uint64_t retries = 0;        ///< failed attempts to reopen it
   int last_error = 0;               ///< errno of the last loss or failed attempt; 0: it was silent, or not as before
 };
 inline constexpr auto kIioCounters = std::to_array<Counter<IioCounts>>({
@@ -40,24 +40,24 @@ inline constexpr auto kIioCounters = std::to_array<Counter<IioCounts>>({
     {"retries", &IioCounts::retries},
 });
 
-/// Whose times the readings carry.
+/// The clock of the timestamps.
 enum class IioClock : std::uint8_t {
   kUnknown,  ///< no reading yet
   kHost,     ///< the kernel's: CLOCK_MONOTONIC
   kDevice,   ///< the sensor's own (HID sensors with a sample time): translated, see clock_state()
 };
 
-/// One thread calls open(), read() and close(); any thread may ask for counts. After open() there is no heap call, also
-/// when the device is lost and comes back; a read() that reopens it takes as long as the kernel needs.
+/// One thread calls open(), read() and close(); any thread may call counts(). After open() there is no heap call, also
+/// while the device is lost; a read() that reopens it takes as long as the kernel needs.
 class IioImu final : public ImuSource {
  public:
   explicit IioImu(ImuDeviceConfig config, IioRoots roots = {});
   ~IioImu() override { close(); }
 
-  /// Says what is wrong with the device or the settings.
+  /// The error names the fault of the device or the settings.
   Status open() override;
   void close() noexcept override;
-  /// The accelerometer of a device of its own is interpolated to the gyroscope's times.
+  /// An accelerometer in a device of its own is interpolated at the gyroscope's times.
   ReadOutcome read(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept override;
 
   IioCounts counts() const noexcept { return shown_counts_.read(); }
@@ -65,7 +65,7 @@ class IioImu final : public ImuSource {
   IioClock clock() const noexcept { return clock_.load(std::memory_order_relaxed); }
   /// kEmpty unless clock() is kDevice.
   ClockState clock_state() const noexcept { return shown_clock_state_.read(); }
-  /// Readings per second, as the device says; 0: it does not.
+  /// Samples per second, as the device reports; 0: unknown.
   double rate_hz() const noexcept { return rate_hz_.load(std::memory_order_relaxed); }
 
  private:

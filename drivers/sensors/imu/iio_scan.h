@@ -26,7 +26,7 @@ enum class IioChannel : std::uint8_t {
   kAccelerometerY,
   kAccelerometerZ,
   kTimestamp,
-  kOther,  ///< takes room, nobody wants it
+  kOther,  ///< takes room, not used
 };
 inline constexpr std::size_t kIioAxes = 6;
 

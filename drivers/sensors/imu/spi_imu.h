@@ -60,7 +60,7 @@ struct ChipBatch {
   HostStamp accel_latched;               ///< ... not after this time
   bool has_accel_now = false;
   std::uint32_t damaged = 0;  ///< packets that cannot be right
-  std::uint32_t lost = 0;     ///< samples the chip took and nobody read in time
+  std::uint32_t lost = 0;     ///< samples that were not read in time
   double temperature_c = 0;
   bool has_temperature = false;
   void clear() noexcept;
@@ -80,7 +80,7 @@ struct ChipFacts {
   Span period;  ///< of samples, nominal
   double rate_hz = 0;
   Span gyroscope_delay, accelerometer_delay;  ///< from the motion to the sample, by the data sheet
-  Span settle;                                ///< after the start samples are no good for so long
+  Span settle;                                ///< time after the start during which samples are invalid
   double gyroscope_range_deg_s = 0, accelerometer_range_g = 0;
   bool two_clocks = false;  ///< the accelerometer has its own
   Span accelerometer_period;
@@ -94,7 +94,7 @@ class ImuChip {
   /// What of the settings this chip cannot do; said before anything is opened.
   const DeviceTrouble& unfit() const noexcept { return unfit_; }
   int bus_error() const noexcept { return bus_error_; }  ///< errno of the last transfer; 0: it worked
-  virtual DeviceTrouble open() noexcept = 0;             ///< the bus, and who is there
+  virtual DeviceTrouble open() noexcept = 0;             ///< opens the bus and checks the identity
   virtual void close() noexcept = 0;
 
   struct Step {

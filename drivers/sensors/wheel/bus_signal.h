@@ -1,5 +1,5 @@
 #pragma once
-// One number in the bits of somebody else's CAN frames, as a DBC file describes it.
+// A signal in the CAN frames of another device, as a DBC file describes it.
 #include <cstdint>
 #include <optional>
 #include <span>
