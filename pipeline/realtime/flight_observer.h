@@ -1,5 +1,5 @@
 #pragma once
-// What a flight tells to those who look on: a record, a flight recorder, a live view.
+// Interface of the observers of a flight: record, flight recorder, live view.
 #include <cstdint>
 
 #include "pipeline/stages/frame_outcome.h"
@@ -49,7 +49,7 @@ class FlightObserver {
   /// the samples' clock.
   virtual void pass(HostStamp /*now*/) noexcept {}
 
-  /// Asked once, before the flight: without anybody who wants them, images do not come at all.
+  /// Called once, before the flight: images are delivered only if an observer wants them.
   virtual bool wants_images() const noexcept { return false; }
 };
 

@@ -31,7 +31,7 @@ class PartialFolder {
   std::filesystem::path name_;
 };
 
-/// A file written piece by piece. The first failure is kept and told at the end.
+/// A file that is written in pieces. It keeps the first error and returns it at the end.
 class OutputFile {
  public:
   explicit OutputFile(std::filesystem::path path);
@@ -40,7 +40,7 @@ class OutputFile {
   OutputFile& operator=(const OutputFile&) = delete;
 
   void append(std::string_view text) noexcept;
-  /// What was appended so far can be read by others.
+  /// Flushes: other programs can read everything appended so far.
   void flush() noexcept;
   /// errno of the first failure; 0: none so far.
   int failure() const { return failure_; }

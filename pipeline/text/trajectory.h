@@ -25,7 +25,7 @@ struct Trajectory {
   std::vector<Vec3> v_WB_m_s;
   std::vector<Vec3> gyroscope_bias_rad_s;
   std::vector<Vec3> accelerometer_bias_m_s2;
-  /// Rows of the file that were left out: not finite or without a rotation; out of order or doubled.
+  /// Rows of the file that were left out: not finite or without a rotation; out of order or repeated.
   std::size_t not_finite = 0, out_of_order = 0;
   /// The file's quaternion that is furthest from unit length: by how much, and when. `poses` has it normalised.
   double worst_norm_error = 0;

@@ -4,7 +4,7 @@
 
 namespace epiline {
 
-/// 8-bit grey pixels somebody else owns. Row y starts at data + y * stride; stride >= width, in bytes.
+/// A view of 8-bit grey pixels; it does not own them. Row y starts at data + y * stride; stride >= width, in bytes.
 struct ImageView {
   const std::uint8_t* data = nullptr;
   int width = 0, height = 0, stride = 0;

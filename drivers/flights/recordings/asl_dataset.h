@@ -18,11 +18,11 @@ namespace epiline {
 
 class ImageSource;
 
-/// An image that is still a file, or a message.
+/// An image that has not been read yet: a file, or a message of a bag.
 struct ImageFile {
   HostStamp stamp;
   std::filesystem::path path;
-  int line = 0;  ///< of the list it comes from; 0: from none
+  int line = 0;  ///< line in the list that names it; 0: none
 };
 
 /// The points of one instant: points[first, first + count).
@@ -31,14 +31,14 @@ struct TrackInstant {
   std::size_t first = 0, count = 0;
 };
 
-/// What a flight's folder says about its motion.
+/// IMU samples, wheel speeds and ground truth of a flight.
 struct AslMotion {
-  std::filesystem::path root;  ///< the folder that holds cam0 and imu0
+  std::filesystem::path root;  ///< the folder that contains cam0 and imu0
   ImuCalibration imu;
   std::vector<std::string> notes;          ///< remarks for the user, one line each
   std::filesystem::path imu_file;          ///< data.csv[.gz]
   std::filesystem::path truth_file;        ///< empty if there is none
-  std::vector<ImuSample> imu_samples;      ///< in the file's order, whatever it is: the estimator counts the bad ones
+  std::vector<ImuSample> imu_samples;      ///< in the file's order; the estimator counts bad samples
   std::vector<WheelSample> wheel_samples;  ///< of wheel0/data.csv: time, forward speed in m/s; empty if there is none
   std::optional<Trajectory> ground_truth;
 };
@@ -54,20 +54,20 @@ struct AslDataset : AslMotion {
   HostStamp instant(std::size_t i) const { return images.empty() ? instants[i].stamp : images[i].stamp; }
 };
 
-/// Reads IMU and ground truth of the folder (or its `mav0`), which needs no camera. `imu_file`: a calibration to use
-/// instead of the data set's. Fails as open_asl_dataset() does.
+/// Reads IMU and ground truth of the folder (or its `mav0`), which may lack a camera. `imu_file`: a calibration that
+/// replaces the data set's. Fails like open_asl_dataset().
 Result<AslMotion> open_asl_motion(const std::filesystem::path& folder, const std::filesystem::path& imu_file = {});
 
 /// Opens the folder (or its `mav0`) and reads everything but the images. `camera`: cam0, cam1. Calibration comes from
 /// the files named in `camera_file` and `imu_file` instead of the data set's if they are not empty. Fails if and only
 /// if a file is missing that a replay needs (calibration, image list, IMU), one does not parse, or images or IMU are
-/// empty. No `imu0/sensor.yaml` and no ground truth are no errors.
+/// empty. A missing `imu0/sensor.yaml` or ground truth is not an error.
 Result<AslDataset> open_asl_dataset(const std::filesystem::path& folder, const std::string& camera,
                                     const std::filesystem::path& camera_file = {},
                                     const std::filesystem::path& imu_file = {});
 
-/// The ground truth alone; none where the folder has none. Fails if and only if there is no such data set, or the truth
-/// does not parse.
+/// The ground truth alone; empty if the folder has none. Fails if and only if the data set does not exist, or its
+/// ground truth does not parse.
 Result<std::optional<Trajectory>> read_asl_ground_truth(const std::filesystem::path& folder);
 
 }  // namespace epiline

@@ -8,7 +8,7 @@
 
 namespace epiline {
 
-/// Which topics of a bag are read; empty: found by their type, the first by name.
+/// Topics of a bag to read; empty: the first one by name of a fitting type.
 struct BagTopics {
   std::string image;  ///< sensor_msgs/Image or CompressedImage
   std::string imu;    ///< sensor_msgs/Imu
@@ -19,14 +19,14 @@ struct BagTopics {
 bool is_bag(const std::filesystem::path& path);
 
 /// Opens the bag and reads everything but the pixels; stamps are those of the messages' headers. A bag has no
-/// calibration: `camera_file` (looked up as `camera` in a Kalibr chain) and `imu_file` must be given. Fails if and only
-/// if the program was built without bags, a calibration is missing or wrong, the file is no bag, damaged, or was never
-/// closed, a topic is missing or has the wrong type, or a message is cut short.
+/// calibration: `camera_file` (looked up as `camera` in a Kalibr chain) and `imu_file` are required. Fails if and only
+/// if the program was built without bags, a calibration is missing or wrong, the file is not a bag, is damaged or has
+/// no index, a topic is missing or has the wrong type, or a message is truncated.
 Result<AslDataset> open_bag_dataset(const std::filesystem::path& bag, const BagTopics& topics,
                                     const std::string& camera, const std::filesystem::path& camera_file,
                                     const std::filesystem::path& imu_file);
 
-/// The ground truth alone; none where the bag has none. Fails as open_bag_dataset() does.
+/// The ground truth alone; empty if the bag has none. Fails like open_bag_dataset().
 Result<std::optional<Trajectory>> read_bag_ground_truth(const std::filesystem::path& bag, const std::string& topic);
 
 }  // namespace epiline

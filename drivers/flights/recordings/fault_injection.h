@@ -1,6 +1,6 @@
 #pragma once
-// Faults of sensors, put between a recording and whoever reads it: to see that each is noticed, named and survived.
-// docs/faults.md tells what comes of them.
+// Simulates sensor faults between a recording and the pipeline, to test that each is detected, reported and survived.
+// docs/faults.md.
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -41,12 +41,12 @@ struct FaultInfo {
   double usual_duration_s;
   const char* what;
 };
-/// All faults, in the order of the enum: the one list for command line, help and tests.
+/// All faults, in the order of the enum, for command line, help and tests.
 std::span<const FaultInfo> all_faults() noexcept;
 const char* to_string(FaultKind kind) noexcept;
 bool is_of_imu(FaultKind kind) noexcept;
 
-/// A fault and when it happens, in seconds after the first image; by `arrival`, for stamps may be what is wrong.
+/// A fault and its time, in seconds after the first image. It goes by `arrival`, because timestamps may be wrong.
 struct Fault {
   FaultKind kind = FaultKind::kCameraSilent;
   double from_s = 0, duration_s = 0;
@@ -55,14 +55,14 @@ struct Fault {
 /// NAME@SECONDS[:DURATION], as `imu-silent@10:0.1`.
 Result<Fault> fault_from(const std::string& text);
 
-/// What becomes of each reading of an IMU.
+/// Applies faults to each IMU sample.
 class ImuFaults {
  public:
-  static constexpr std::size_t kMost = 3;  ///< readings that come of one
+  static constexpr std::size_t kMost = 3;  ///< most samples that one sample turns into
 
-  /// `first_image`: the instant the faults' times count from. Those of cameras are left out.
+  /// `first_image`: the time from which the faults' times count. Ignores faults of cameras.
   ImuFaults(std::span<const Fault> faults, HostStamp first_image);
-  /// Fills `out` from the front with what is delivered now; returns how many. Readings in order of arrival.
+  /// Writes the samples to deliver now into `out`; returns their number. Samples in order of arrival.
   std::size_t apply(const ImuSample& reading, std::array<ImuSample, kMost>& out) noexcept;
 
  private:
@@ -75,18 +75,18 @@ class ImuFaults {
   std::optional<ImuSample> held_, stuck_;
 };
 
-/// What becomes of each image of a camera.
+/// Applies faults to each image.
 class CameraFaults {
  public:
   /// `buffers`: how many images may be lent at a time; their slots count from 0. Allocates a copy of each.
   CameraFaults(std::span<const Fault> faults, HostStamp first_image, int width, int height, std::size_t buffers);
-  /// Changes the image in place; its pixels then lie in memory of this object, until the slot comes again. False: it is
+  /// Changes the image. Its pixels then lie in memory of this object, until the slot is used again. False: the image is
   /// not delivered.
   bool apply(Frame& image) noexcept;
 
  private:
   const Fault* active(FaultKind kind, HostStamp arrival) const noexcept;
-  /// A copy of the image that may be painted.
+  /// A modifiable copy of the image.
   std::uint8_t* own(Frame& image) noexcept;
 
   std::vector<Fault> faults_;

@@ -1,5 +1,5 @@
 #pragma once
-// What of a recorded flight is flown.
+// The part of a recorded flight to replay.
 #include <cstdint>
 #include <limits>
 #include <map>
@@ -10,11 +10,11 @@
 
 namespace epiline {
 
-/// The part that somebody wants.
+/// The requested part.
 struct FlightPart {
   double start_s = 0;  ///< of images left out at the beginning
   double duration_s = std::numeric_limits<double>::infinity();
-  double shift_images_ms = 0;  ///< added to the images' stamps: a made-up time offset
+  double shift_images_ms = 0;  ///< added to the images' timestamps: a simulated time offset
 };
 
 struct PlannedImage {
@@ -24,8 +24,8 @@ struct PlannedImage {
 
 struct FlightPlan {
   std::vector<PlannedImage> images;              ///< in time order
-  std::size_t chosen = 0;                        ///< those and the ones left out
-  std::map<std::string, std::uint64_t> skipped;  ///< images of the chosen ones that do not advance in time
+  std::size_t chosen = 0;                        ///< number of images in the part, including those left out
+  std::map<std::string, std::uint64_t> skipped;  ///< images left out because their timestamps do not increase
   std::size_t first_imu = 0;                     ///< index in the data set's samples
   double duration_s = 0;                         ///< of the whole data set
 };

@@ -3,9 +3,8 @@
 
 namespace epiline {
 
-/// Makes the flight last `seconds` of images by flying it again and again. Between two rounds the stamps leave a gap of
-/// 6 s, so that each round is a new start: the body cannot have come back in no time. Ground truth is that of the first
-/// round.
+/// Repeats the flight until it has `seconds` of images. A gap of 6 s in the timestamps separates the rounds, so that
+/// each round is a new start. Ground truth covers the first round only.
 void loop_flight(AslDataset& dataset, double seconds);
 
 }  // namespace epiline

@@ -1,6 +1,6 @@
 #pragma once
-// A recorded flight as a camera and an IMU: each sample comes at its time on the computer's clock. Its arrival is its
-// stamp: the recording does not know better.
+// Plays a recorded flight as a camera and an IMU: each sample is delivered at its time on the computer's clock. Its
+// arrival time equals its timestamp, because recordings hold no arrival times.
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -16,9 +16,8 @@
 
 namespace epiline {
 
-/// The images, decoded ahead of time by a thread of its own. It does not wait for the pipeline, as no camera does: an
-/// image that could not be decoded before its time, or for which no buffer was free, is missed, and `sequence` shows
-/// it.
+/// The images, decoded ahead of time by a thread of its own. Like a camera, it does not wait for the pipeline: an image
+/// that was not decoded in time, or for which no buffer is free, is missed, which shows as a gap in `sequence`.
 class RecordedCamera final : public CameraSource {
  public:
   static constexpr int kImagesToLog = 8;  ///< of the 32 buffers; see RealtimeSettings
@@ -27,8 +26,8 @@ class RecordedCamera final : public CameraSource {
   RecordedCamera(const AslDataset& dataset, const FlightPlan& plan);
   ~RecordedCamera() override { close(); }
 
-  /// Begins to decode; returns when as many images are ready as there are buffers. Throws std::system_error if the
-  /// system has no thread left. Images that cannot be read: see error().
+  /// Starts decoding; returns when all buffers hold images. Throws std::system_error if the system cannot start a
+  /// thread. For images that cannot be read, see error().
   Status open() override;
   void close() noexcept override;
   /// Once, before the first read().
@@ -56,7 +55,7 @@ class RecordedCamera final : public CameraSource {
   std::atomic<bool> started_{false}, closing_{false}, ended_{false};
   std::atomic<std::uint64_t> missed_{0};
   std::optional<Error> error_;
-  RealtimeThread decoder_thread_;  ///< without priority: it stands for the camera, of which we are no part
+  RealtimeThread decoder_thread_;  ///< without priority: it stands for the camera
 };
 
 /// A reading of a recording with its arrival.

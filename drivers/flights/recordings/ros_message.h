@@ -1,6 +1,6 @@
 #pragma once
-// The ROS 1 messages that a flight is made of, out of their serialised bytes: little-endian numbers one after the
-// other, texts and arrays behind their length.
+// Reads the ROS 1 messages of a flight from their serialised bytes: consecutive little-endian numbers, texts and arrays
+// preceded by their length.
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -12,7 +12,7 @@
 
 namespace epiline {
 
-/// Takes values off the front of a message. Once something was missing, everything after it is missing as well.
+/// Reads values from the front of a message. After the first missing value, all further ones are missing too.
 class RosReader {
  public:
   RosReader(const std::uint8_t* bytes, std::size_t size) : next_(bytes), left_(size) {}
@@ -21,7 +21,7 @@ class RosReader {
   std::uint32_t u32() { return number<std::uint32_t>(); }
   double f64();
   std::string text();
-  /// A block of bytes behind its length; they stay where they are.
+  /// A block of bytes preceded by its length; not copied.
   std::pair<const std::uint8_t*, std::size_t> block();
   void skip(std::size_t bytes) { take(bytes); }
   /// std_msgs/Header; its stamp.

@@ -1,5 +1,5 @@
 #pragma once
-// A made-up flight as a folder that a replay reads: ASL layout.
+// Writes a simulated flight as an ASL folder, which a replay reads.
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -11,8 +11,8 @@
 
 namespace epiline {
 
-/// `folder`/mav0 in the making, with cam0/data, imu0 and state_groundtruth_estimate0 inside. Fails if and only if a
-/// folder cannot be made.
+/// Creates `folder`/mav0 under a temporary name, with cam0/data, imu0 and state_groundtruth_estimate0. Fails if and
+/// only if a folder cannot be created.
 Result<PartialFolder> make_asl_folder(const std::filesystem::path& folder);
 
 /// Where the body was, and what its IMU added.
@@ -43,7 +43,7 @@ struct ImageRow {
 };
 Status write_image_list(const std::vector<ImageRow>& rows, const std::filesystem::path& root);
 
-/// A flight of perfect tracks in place of images: `folder`/mav0, whole or not at all.
+/// Writes a flight with simulated tracks instead of images: `folder`/mav0, complete or not at all.
 Status write_asl(const TrackSimulation& simulation, const SimulatedFlight& flight, const std::filesystem::path& folder,
                  const std::vector<WheelSample>& wheel_samples = {});
 

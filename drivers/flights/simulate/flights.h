@@ -1,6 +1,6 @@
 #pragma once
-// Made-up flights: position and Euler angles as cubic B-splines, so that velocity, acceleration and angular rate are
-// known in closed form.
+// Built-in flights: position and Euler angles are cubic B-splines, so velocity, acceleration and angular rate have
+// closed forms.
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -33,7 +33,7 @@ std::optional<FlightKind> flight_from(std::string_view name);
 /// The box the flight takes place in, and how its walls are furnished.
 struct Room {
   Vec3 low{-5, -5, -1.5}, high{5, 5, 3};  ///< corners in W, m
-  double nearest_share = 0.4;             ///< things to see lie between this share of the way to the wall and the wall
+  double nearest_share = 0.4;             ///< objects lie between this share of the distance to the wall and the wall
 };
 
 class Flight final : public MotionModel {

@@ -1,5 +1,5 @@
 #pragma once
-// A recorded flight to be rendered: real IMU, real motion, made-up images. Method: docs/hybrid-flights.md.
+// A hybrid flight: real IMU samples and real motion of a recording, rendered images. docs/hybrid-flights.md.
 #include <filesystem>
 
 #include "drivers/flights/simulate/fit_report.h"

@@ -12,8 +12,8 @@
 
 namespace epiline {
 
-/// A vibration of the sensor that the body's motion does not know: a rotor, a motor. Above half the sampling rate it is
-/// read at the mirrored frequency, as with a real sensor.
+/// A vibration of the sensor that is not part of the body's motion, as from a rotor. Above half the sampling rate it is
+/// aliased, as with a real sensor.
 struct VibrationLine {
   double frequency_hz = 0;
   double acceleration_m_s2 = 0, rate_rad_s = 0;  ///< amplitudes, along and about the axis
@@ -26,7 +26,7 @@ struct ImuModel {
   ImuNoise noise;                      ///< set the four densities to zero for a perfect IMU
   double gyroscope_bias_sigma = 0.01;  ///< of the initial bias, each axis, rad/s
   double accelerometer_bias_sigma = 0.08;
-  /// Scale and misalignment: what a reading of the truth alone would be, per unit of truth.
+  /// Scale and misalignment: maps the true value to the measured one.
   Mat3 gyroscope_matrix = Mat3::Identity(), accelerometer_matrix = Mat3::Identity();
   double gyroscope_limit_rad_s = std::numeric_limits<double>::infinity();
   double accelerometer_limit_m_s2 = std::numeric_limits<double>::infinity();
@@ -38,7 +38,7 @@ struct ImuModel {
 /// A matrix of ImuModel with random errors: relative ones of each axis' scale, and the angles between the axes.
 Mat3 random_axes(double scale_sigma, double misalignment_sigma_rad, Random& random);
 
-/// Errors of a simulated IMU as a command line asks for them.
+/// Errors of a simulated IMU, as set on the command line.
 struct ImuEffects {
   double noise_factor = 1, bias_factor = 1;            ///< times what the densities say; times the usual first biases
   double scale_sigma = 0, misalignment_sigma_rad = 0;  ///< see random_axes()
@@ -53,7 +53,7 @@ ImuModel imu_model_with(const ImuEffects& effects, const ImuNoise& noise, double
 class ImuSimulator {
  public:
   ImuSimulator(const ImuModel& model, const Random& random);
-  /// The reading of this instant. Moves the biases on by one sampling interval afterwards.
+  /// The sample at this time. Then advances the biases by one sampling interval.
   ImuSample read(HostStamp stamp, const Motion& motion);
   /// What the next reading will contain.
   const Vec3& gyroscope_bias() const { return b_g_; }

@@ -1,11 +1,11 @@
 #pragma once
-// Where a body is at every instant, as a camera that renders and an IMU that is simulated need it.
+// The motion of a body as a function of time, for rendering and for simulating an IMU.
 #include "estimator/geometry/types.h"
 #include "estimator/inertial/nav_state.h"
 
 namespace epiline {
 
-/// What the body does at one instant.
+/// State of the body at one time.
 struct Motion {
   Vec3 p_WB, v_WB, a_WB;  ///< m, m/s, m/s^2
   Mat3 R_WB;

@@ -19,17 +19,17 @@ struct FitSettings {
   /// Distance of the splines' knots, s; 0: two readings of the IMU.
   double knot_interval_s = 0;
   double bias_interval_s = 1;  ///< distance of the biases' knots
-  /// How far the ground truth is trusted, as white noise of this density; per pose that is density * sqrt(rate). Much
-  /// looser than a motion capture system is: it has to hold the motion in place over many seconds only, where the IMU
-  /// knows no better.
+  /// Noise density assumed for the ground truth; the standard deviation per pose is density * sqrt(rate). It is much
+  /// larger than that of a motion capture system, because the ground truth only has to bound the drift over many
+  /// seconds.
   double position_density = 1e-2;  ///< m/sqrt(Hz)
   double rotation_density = 5e-3;  ///< rad/sqrt(Hz)
-  /// Standard deviations of what is unknown but constant, around nothing: the truth's world against gravity, the body
-  /// the truth is about against the IMU, its clock against the IMU's.
+  /// Standard deviations of unknown constants with zero mean: tilt of the truth's world, pose of its body on the IMU,
+  /// offset of its clock.
   double tilt_sigma_rad = 0.05, mount_sigma_rad = 0.1, lever_sigma_m = 0.05, time_offset_sigma_s = 0.02;
-  /// Without: the most probable motion, which takes the IMU's noise over short times for motion and so agrees with it
-  /// better than the true one would. With (a seed): a random one, drawn with the probability that the measurements give
-  /// it; it disagrees with the IMU as much as the true one.
+  /// Empty: fit the most probable motion, which contains the IMU's short-term noise as motion and agrees with the IMU
+  /// better than the true motion. A seed: draw a random motion from the posterior, which disagrees with the IMU as much
+  /// as the true one.
   std::optional<std::uint64_t> draw;
   double longest_gap_s = 3;  ///< of the ground truth
   double shortest_s = 5;     ///< of the time both IMU and truth cover

@@ -16,7 +16,7 @@ class ProfileMatrix {
   /// `column` in [first[row], row].
   double& at(int row, int column) { return values_[begin_[static_cast<std::size_t>(row)] + column]; }
   double at(int row, int column) const { return values_[begin_[static_cast<std::size_t>(row)] + column]; }
-  /// Replaces A by L with A = L L^T. False, leaving rubbish, if and only if A is not positive definite.
+  /// Replaces A by L with A = L L^T. False, with undefined contents, if and only if A is not positive definite.
   bool factorise();
   /// After factorise(): b <- A^-1 b.
   void solve(std::vector<double>& b) const;

@@ -1,5 +1,5 @@
 #pragma once
-// What a live flight leaves behind: files that grow while it goes on, and its last hour for the report.
+// Results of a live flight: files that grow during the flight, and the last hour for the report.
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
@@ -13,7 +13,7 @@
 
 namespace epiline {
 
-/// The log thread only puts things into rings; whoever calls drain(), a thread without priority, does the rest.
+/// The log thread only fills rings; the caller of drain(), a thread without priority, does the rest.
 class LiveLog final : public FlightObserver {
  public:
   /// `folder`: of trajectory.tum and events.txt; empty: no files.
@@ -27,8 +27,8 @@ class LiveLog final : public FlightObserver {
   void pass(HostStamp /*now*/) noexcept override { passes_.fetch_add(1, std::memory_order_relaxed); }
   std::uint64_t passes() const noexcept { return passes_.load(std::memory_order_relaxed); }
 
-  /// Takes everything that has come into the record and, a line each, into the files. One thread; twice a second or
-  /// more often.
+  /// Moves everything from the rings to the record and, one line each, to the files. One thread; call it at least twice
+  /// a second.
   void drain(FlightRecord& record);
   /// After the last drain(). Fails if and only if something could not be written.
   Status close(FlightRecord& record);

@@ -1,5 +1,5 @@
 #pragma once
-// A flight with live devices, from opening them to the files it leaves behind.
+// Runs a live flight, from opening the devices to writing the results.
 #include <filesystem>
 #include <functional>
 #include <limits>
@@ -22,7 +22,7 @@ struct LiveOptions {
   std::optional<Pace> pace;
 };
 
-/// What is told of a flight that goes on.
+/// State of a running flight, for the display.
 struct LiveState {
   bool has_pose = false;
   Odometry odometry;  ///< newest, with the health of now; only with a pose
@@ -31,9 +31,9 @@ struct LiveState {
   std::string lost_outputs;  ///< names of those whose line is lost at present; empty: none is
 };
 
-/// Opens the devices, flies until SIGINT, SIGTERM, the end of the sources, the time asked for, or until `watch`, called
-/// twenty times a second, returns false. SIGUSR1 asks the flight recorder for a record. Tells the service manager.
-/// Fails if and only if a device cannot be opened, settings do not go together, the system has no thread left, or a
+/// Opens the devices and flies until SIGINT, SIGTERM, the end of the sources, the end of the duration, or until
+/// `watch`, called twenty times a second, returns false. SIGUSR1 requests a record. Reports to the service manager.
+/// Fails if and only if a device cannot be opened, settings are inconsistent, the system cannot start a thread, or a
 /// file cannot be written.
 Result<FlightRecord> fly(const LiveSettings& settings, LiveDevices& devices, const LiveOptions& options,
                          const std::function<bool(const LiveState&)>& watch);

@@ -1,5 +1,5 @@
 #pragma once
-// What a service tells the service manager (sd_notify(3)): one datagram each, to the socket it was given.
+// Reports to the service manager (sd_notify(3)): one datagram per message, to the socket in NOTIFY_SOCKET.
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -8,7 +8,7 @@
 
 namespace epiline {
 
-/// Does nothing where nobody asked to be told. One thread.
+/// Does nothing without NOTIFY_SOCKET. One thread.
 class ServiceManager {
  public:
   /// Takes the socket's name from NOTIFY_SOCKET, the watchdog's time from WATCHDOG_USEC.
@@ -35,16 +35,15 @@ class ServiceManager {
   Span watchdog_;
 };
 
-/// Whether a flight goes on: fed with counters, it says that the service manager may be told so. A sensor that gives
-/// nothing is no reason to be ended (its driver opens it again, health says so); a stage that takes nothing of what
-/// comes, is.
+/// Decides from counters whether to feed the watchdog: while every stage with pending work makes progress. A silent
+/// sensor does not trip the watchdog, because its driver reopens it; a stuck stage does.
 class Liveness {
  public:
   struct Counters {
     std::uint64_t images_taken = 0, images_out = 0, published = 0;
-    std::uint64_t passes = 0;  ///< of the log thread, which looks around ten times a second
+    std::uint64_t passes = 0;  ///< passes of the log thread, ten times a second
   };
-  /// True: since the last call that returned true everything that had something to do has done something.
+  /// True: every stage with pending work has made progress since the last call that returned true.
   bool moved(const Counters& now) noexcept;
 
  private:

@@ -1,6 +1,6 @@
 #pragma once
-// HTTP for a handful of readers, in one thread and bounded memory: libmicrohttpd, driven by the thread that calls
-// step(). No connection can hold up another; docs/live-view.md has the limits.
+// An HTTP server for a few clients, in bounded memory and one thread: libmicrohttpd, driven by the caller of step(). No
+// connection can block another. Limits: docs/live-view.md.
 #include <functional>
 #include <memory>
 #include <string>
@@ -34,7 +34,7 @@ class HttpServer {
  public:
   using Handler = std::function<HttpResponse(const HttpRequest&)>;
 
-  /// Listens. Fails if and only if the address cannot be had: in use, not this computer's, not permitted.
+  /// Listens. Fails if and only if the address is in use, not this computer's, or not permitted.
   static Result<std::unique_ptr<HttpServer>> listen(const ViewAddress& address, Handler handler);
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;

@@ -1,5 +1,5 @@
 #pragma once
-// A flight to be watched in a browser while it goes on: docs/live-view.md.
+// Serves a page that shows a running flight in a browser: docs/live-view.md.
 #include <atomic>
 #include <memory>
 #include <string>
@@ -11,12 +11,12 @@
 
 namespace epiline {
 
-/// Serves one page. One thread without priority does all of it; what it knows comes through observer().
+/// One thread without priority serves the page; its data comes through observer().
 class LiveView final : public FlightView {
  public:
   /// Listens; browsers may connect, and are answered from start() on. Fails if and only if the address cannot be had.
   static Result<std::unique_ptr<LiveView>> open(const ViewAddress& address);
-  /// Ends the thread; if somebody looks, he is given a moment (1.5 s at most) to see that the flight is over.
+  /// Ends the thread; open pages get up to 1.5 s to show that the flight has ended.
   ~LiveView() override;
   LiveView(const LiveView&) = delete;
   LiveView& operator=(const LiveView&) = delete;

@@ -1,6 +1,6 @@
 #pragma once
-// From the log thread to the thread that serves the live view. Every hand-over is a wait-free ring of fixed size: what
-// finds it full is left out and counted, so that nothing a browser does can hold up the log thread.
+// Passes data from the log thread to the thread that serves the live view, through wait-free rings of fixed size. Data
+// that finds a ring full is left out and counted, so a browser cannot block the log thread.
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -55,7 +55,7 @@ class ViewFeed final : public FlightObserver {
 
   // Serving thread only.
 
-  /// Somebody looks, now.
+  /// A client requested data just now.
   void note_viewer(std::int64_t now_ns) noexcept { seen_ns_.store(now_ns, std::memory_order_relaxed); }
   bool next(ViewedOutcome& out) noexcept { return outcomes_.pop(out); }
   bool next(ViewedLatency& out) noexcept { return latencies_.pop(out); }

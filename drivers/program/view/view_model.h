@@ -1,5 +1,5 @@
 #pragma once
-// What the live view knows: folded from the feed and told as JSON. Fixed memory, one thread.
+// The state of the live view: collected from the feed, returned as JSON. Fixed memory, one thread.
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -14,7 +14,7 @@
 
 namespace epiline {
 
-/// What a page has already; it is sent what came since.
+/// The data that a page already has; it gets only newer data.
 struct ViewCursor {
   std::uint64_t path_generation = 0, path = 0, sample = 0, event = 0;
 };
