@@ -1,5 +1,5 @@
-// A robot rests for a second, then swings from side to side in front of a wall of points. Each second it prints where
-// it is and where the estimator believes it to be. Replace readings and points by those of your IMU and tracker.
+// A simulated robot rests for a second, then swings from side to side in front of a wall of points. Each second the program
+// prints the true and the estimated position. Replace samples and points by those of your IMU and tracker.
 #include <cmath>
 #include <cstdio>
 
@@ -10,11 +10,11 @@ using namespace epiline;
 
 constexpr HostStamp at(int milliseconds) { return {milliseconds * 1'000'000LL}; }
 
-/// Metres to the left, and its second derivative.
+/// Position to the left, m, and its second derivative.
 double left(double t) { return t < 1 ? 0 : 0.5 * std::pow(std::sin(t - 1), 2); }
 double acceleration(double t) { return t < 1 ? 0 : std::cos(2 * (t - 1)); }
 
-/// What a camera at `y` sees of 10 x 6 points on a wall 3 m ahead. A tracker would give raw pixels and lasting names.
+/// The tracks of a camera at `y` in front of 10 x 6 points on a wall 3 m ahead. A tracker would also give raw pixels.
 TrackedFrame tracks(const Camera& camera, const Mat3& R_BC, double y) {
   TrackedFrame frame;
   for (std::uint32_t i = 0; i < 60; ++i) {
@@ -30,10 +30,10 @@ TrackedFrame tracks(const Camera& camera, const Mat3& R_BC, double y) {
 int main() {
   const Camera camera({.width = 640, .height = 480, .intrinsics = {400, 400, 320, 240}});
   EstimatorConfig config;
-  config.extrinsics.R_BC << 0, 0, 1, -1, 0, 0, 0, -1, 0;  // the camera looks along the body's x, with y to the left
+  config.extrinsics.R_BC << 0, 0, 1, -1, 0, 0, 0, -1, 0;  // the camera looks along the body's x axis; y points left
   config.extrinsics.focal_px = camera.focal_px();
   Estimator estimator(config);
-  Supervisor supervisor;  // patient: it lets every solve take its time
+  Supervisor supervisor;  // the default: no limit of the effort
 
   double error = 1;
   for (int ms = 0; ms <= 10'000; ms += 5) {
