@@ -1,5 +1,5 @@
-// A simulated robot rests for a second, then swings from side to side in front of a wall of points. Each second the program
-// prints the true and the estimated position. Replace samples and points by those of your IMU and tracker.
+// A simulated robot rests for a second, then swings from side to side in front of a wall of points. Each second the
+// program prints the true and the estimated position. Replace samples and points by those of your IMU and tracker.
 #include <cmath>
 #include <cstdio>
 
@@ -14,7 +14,8 @@ constexpr HostStamp at(int milliseconds) { return {milliseconds * 1'000'000LL}; 
 double left(double t) { return t < 1 ? 0 : 0.5 * std::pow(std::sin(t - 1), 2); }
 double acceleration(double t) { return t < 1 ? 0 : std::cos(2 * (t - 1)); }
 
-/// The tracks of a camera at `y` in front of 10 x 6 points on a wall 3 m ahead. A tracker would also give raw pixels.
+/// What a camera at `y` sees of 10 x 6 points on a wall 3 m ahead. With a real tracker, raw pixels and ids come from
+/// it.
 TrackedFrame tracks(const Camera& camera, const Mat3& R_BC, double y) {
   TrackedFrame frame;
   for (std::uint32_t i = 0; i < 60; ++i) {
