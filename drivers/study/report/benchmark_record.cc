@@ -91,6 +91,8 @@ const std::vector<BenchmarkFigure>& benchmark_figures() {
                                                        {"yaw_drift_abs_deg", "/error/yaw_drift_deg", 0, true},
                                                        {"nees_position", "/error/nees_position"},
                                                        {"nees_yaw", "/error/nees_yaw"},
+                                                       {"nees_tilt", "/error/nees_tilt"},
+                                                       {"nees_velocity", "/error/nees_velocity"},
                                                        {"start_s", "/initialisation/seconds_after_first_image"},
                                                        {"coverage", "/error/coverage"},
                                                        {"resets", "/resets"},

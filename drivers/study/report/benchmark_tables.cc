@@ -209,8 +209,10 @@ FigureTable error_table(const BenchmarkRecord& record, const BenchmarkSummary& s
        {"scale, %", "scale_error_abs", "{:.2f}", 100},
        {"yaw drift, deg", "yaw_drift_abs_deg", "{:.2f}"},
        {"position", "nees_position", "{:.2f}"},
-       {"yaw", "nees_yaw", "{:.2f}"}});
-  t.groups = {{"", 1}, {"", 1}, {"ATE, m", 4}, {"drift over 1 m", 2}, {"over 10 m", 2}, {"", 1}, {"", 1}, {"NEES", 2}};
+       {"yaw", "nees_yaw", "{:.2f}"},
+       {"tilt", "nees_tilt", "{:.2f}"},
+       {"velocity", "nees_velocity", "{:.2f}"}});
+  t.groups = {{"", 1}, {"", 1}, {"ATE, m", 4}, {"drift over 1 m", 2}, {"over 10 m", 2}, {"", 1}, {"", 1}, {"NEES", 4}};
   return t;
 }
 

@@ -52,7 +52,10 @@ std::string tiles(const FlightRecord& record, const std::optional<TrajectoryErro
                    fmt::format("of the true path of {:.1f} m", errors->path_length_m));
     s += html_tile(fmt::format("{:+.2f} %", 100 * errors->scale_error), "scale error");
     s += html_tile(fmt::format("{:+.2f}°", errors->yaw_drift_deg), "yaw drift");
-    s += html_tile(or_dash(errors->nees.position, "{:.2f}"), "NEES of position, 1 = honest");
+    const Consistency& nees = errors->nees;
+    s += html_tile(or_dash(nees.position, "{:.2f}") + " / " + or_dash(nees.yaw, "{:.2f}") + " / " +
+                       or_dash(nees.tilt, "{:.2f}") + " / " + or_dash(nees.velocity, "{:.2f}"),
+                   "NEES of position / yaw / tilt / velocity, 1 = honest");
   }
   s += html_tile(or_dash(start_seconds(record), "{:.2f} s"), "from first image to first pose");
   const auto covered = coverage(record);

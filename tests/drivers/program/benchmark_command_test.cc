@@ -55,11 +55,12 @@ TEST_F(Benchmark, ComparesFactorsOverDataSets) {
     EXPECT_EQ(cell["done"], 2);
     EXPECT_FALSE(cell["diverged"]);
     EXPECT_TRUE(cell["repetitions_identical"].get<bool>());
-    for (const char* key : {"ate_4dof_m",      "ate_se3_m",        "rpe_1m_percent",   "yaw_drift_abs_deg",
-                            "start_s",         "coverage",         "resets",           "nees_position",
-                            "nees_yaw",        "solve_ms_mean",    "solve_ms_p50",     "solve_ms_p99",
-                            "solve_ms_max",    "estimate_ms_mean", "solve_cpu_ms_p50", "estimate_cpu_ms_mean",
-                            "iterations_mean", "residuals_mean",   "state_size_mean",  "peak_rss_mib"})
+    for (const char* key :
+         {"ate_4dof_m",       "ate_se3_m",        "rpe_1m_percent",       "yaw_drift_abs_deg", "start_s",
+          "coverage",         "resets",           "nees_position",        "nees_yaw",          "nees_tilt",
+          "nees_velocity",    "solve_ms_mean",    "solve_ms_p50",         "solve_ms_p99",      "solve_ms_max",
+          "estimate_ms_mean", "solve_cpu_ms_p50", "estimate_cpu_ms_mean", "iterations_mean",   "residuals_mean",
+          "state_size_mean",  "peak_rss_mib"})
       EXPECT_TRUE(cell["median"][key].is_number()) << key;
     EXPECT_TRUE(cell["median"]["track_ms_mean"].is_null());  // recorded tracks: nothing was tracked
     EXPECT_TRUE(cell["median"]["track_cpu_ms_mean"].is_null());

@@ -112,5 +112,59 @@ TEST_F(Drawn, VelocityIsJudgedOnlyAgainstTrueVelocities) {
   EXPECT_TRUE(result().tilt);
 }
 
+/// Odometry's own case: errors add up over the flight, on top of that of the first pose published, which is that of a
+/// start in motion and stays in all others. World and origin are those of Drawn's first segment.
+struct Walking {
+  Trajectory estimate;
+  Claims claims;
+
+  Walking(const Trajectory& truth, std::size_t begin, std::size_t poses, std::mt19937& random) {
+    std::normal_distribution<double> normal;
+    const auto draw = [&] { return Vec3(normal(random), normal(random), normal(random)); };
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(1.0, Vec3::UnitZ()));
+    const auto seen = [&](std::size_t k) {
+      return TimedPose{truth.poses[k].stamp, turn * truth.poses[k].p_WB + Vec3(3, 4, 5), turn * truth.poses[k].q_WB};
+    };
+    claims.origins.push_back({0, seen(begin)});
+    const Vec3 first(0.04, 0.03, 0.01), step(0.004, 0.002, 0.006);  // m; of position, ten times as much of velocity
+    const Vec3 first_turn(0.004, 0.003, 0.01), step_turn(4e-4, 2e-4, 1e-3);
+    Vec3 p = first.cwiseProduct(draw()), v = 10 * first.cwiseProduct(draw()), r = first_turn.cwiseProduct(draw());
+    Vec3 variance = first.cwiseAbs2(), turn_variance = first_turn.cwiseAbs2();
+    for (std::size_t k = begin + 10; k < begin + 10 + poses; ++k) {
+      TimedPose pose = seen(k);
+      pose.p_WB += p;
+      pose.q_WB = Eigen::AngleAxisd(r.norm(), r.normalized()) * pose.q_WB;
+      estimate.poses.push_back(pose);
+      estimate.v_WB_m_s.push_back(turn * truth.v_WB_m_s[k] + v);
+      claims.poses.push_back({variance.asDiagonal(), turn_variance.z(), 0, 100 * Mat3(variance.asDiagonal()),
+                              turn_variance.head<2>().asDiagonal()});
+      p += step.cwiseProduct(draw());
+      v += 10 * step.cwiseProduct(draw());
+      r += step_turn.cwiseProduct(draw());
+      variance += step.cwiseAbs2();
+      turn_variance += step_turn.cwiseAbs2();
+    }
+  }
+};
+
+TEST(ConsistencyOfDrift, NeesIsOneOverManyFlightsThatStartInMotion) {
+  constexpr int kFlights = 1000;
+  const Trajectory truth = circling();
+  std::mt19937 random(11);
+  Consistency mean{0, 0, 0, 0};
+  for (int flight = 0; flight < kFlights; ++flight) {
+    const Walking walking(truth, static_cast<std::size_t>(flight), 80, random);
+    const Consistency c = evaluate(walking.estimate, truth, walking.claims).nees;
+    for (const auto figure : {&Consistency::position, &Consistency::yaw, &Consistency::velocity, &Consistency::tilt})
+      *(mean.*figure) += (c.*figure).value() / kFlights;
+  }
+  // The poses of a flight share most of their error, so that a flight says little more than one pose: a variance of at
+  // most 2 over its degrees of freedom. Three standard deviations of 1000 such flights.
+  EXPECT_NEAR(*mean.position, 1, 0.077);
+  EXPECT_NEAR(*mean.velocity, 1, 0.077);
+  EXPECT_NEAR(*mean.tilt, 1, 0.095);
+  EXPECT_NEAR(*mean.yaw, 1, 0.134);
+}
+
 }  // namespace
 }  // namespace epiline
