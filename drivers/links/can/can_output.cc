@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <utility>
 
 #include "platform/concurrency/counter.h"
-#include "platform/time/monotonic.h"
 
 namespace epiline {
 
@@ -15,19 +15,21 @@ namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kStatusPeriod_ns = 200 * kMs;
-constexpr std::int64_t kFullQueue_ns = 1 * kMs;   // until another attempt
-constexpr std::int64_t kBusOff_ns = 1'000 * kMs;  // until another attempt, if nobody says that the bus is back
+constexpr std::int64_t kFullQueue_ns = 1 * kMs;    // until another attempt
+constexpr std::int64_t kBusOff_ns = 1'000 * kMs;   // until another attempt, if nobody says that the bus is back
+constexpr std::int64_t kLongest_ns = 1'000 * kMs;  // without a look
 constexpr double kDeviations_hz = 5;
 constexpr int kPriority = 65;
 constexpr int kMostIdentifier = 0x7ff, kMessageIdentifiers = static_cast<int>(can::kMessages.size());
 
 }  // namespace
 
-CanOutput::CanOutput(CanConfig config, const Mat3& R_VB, std::unique_ptr<OdometryEncoder> encoder)
+CanOutput::CanOutput(CanConfig config, const Mat3& R_VB, std::unique_ptr<OdometryEncoder> encoder, SystemCalls& system)
     : config_(std::move(config)),
       R_VB_(R_VB),
       encoder_(std::move(encoder)),
       stream_(config_.rate_hz),
+      system_(system),
       writer_(config_.base_id, config_.fd),
       deviations_every_(std::max(1, static_cast<int>(std::lround(config_.rate_hz / kDeviations_hz)))) {}
 
@@ -55,11 +57,18 @@ Status CanOutput::check_settings() const {
   return Done{};
 }
 
-Status CanOutput::open() {
+Status CanOutput::begin() {
   if (const Status settings = check_settings(); !settings) return settings;
   if (const can::OpenFault fault = open_sockets()) return can::error_of(fault, config_.interface);
+  if (!wake_up_.open()) return Error{ErrorKind::kRun, config_.interface, 0, std::strerror(errno), ""};
   bus_.store(BusState::kActive, std::memory_order_relaxed);
+  usable_ = true;
   stop_.store(false, std::memory_order_release);
+  return Done{};
+}
+
+Status CanOutput::open() {
+  if (Status status = begin(); !status) return status;
   if (!thread_.start({"can", kPriority}, run, this)) {
     close();
     return Error{ErrorKind::kRun, config_.interface, 0, "the system has no thread left", ""};
@@ -69,8 +78,9 @@ Status CanOutput::open() {
 
 void CanOutput::close() noexcept {
   stop_.store(true, std::memory_order_release);
-  parking_.notify();
+  wake_up_.notify();
   thread_.join();
+  wake_up_.close();
   isotp_.close();
   socket_.close();
 }
@@ -78,13 +88,13 @@ void CanOutput::close() noexcept {
 void CanOutput::run(void* self) {
   auto& output = *static_cast<CanOutput*>(self);
   const ThreadCosts before = costs_of_this_thread();
-  output.loop();
+  while (!output.stopping()) output.turn();
   output.costs_ = costs_of_this_thread() - before;
 }
 
 bool CanOutput::publish(const Odometry& odometry) noexcept {
-  stream_.offer(odometry, monotonic_ns());
-  parking_.notify();
+  stream_.offer(odometry, system_.now_ns());
+  wake_up_.notify();
   return bus() != BusState::kLost;
 }
 
@@ -95,27 +105,31 @@ bool CanOutput::publish_image(const Odometry& odometry) noexcept {
 
 // ---- the thread ----
 
-void CanOutput::loop() noexcept {
-  for (bool usable = true; !stopping();) {
-    parking_.wait_until(next_event_ns(usable), [this] { return stopping() || stream_.has_news(); });
-    const std::int64_t now_ns = monotonic_ns();
-    usable = is_usable(now_ns);
-    stream_.look(now_ns, usable);
-    stream_.count_dropped(now_ns, !usable);
-    dropped_.store(stream_.dropped(), std::memory_order_relaxed);
-    note_status();
-    if (!usable || now_ns > pending_until_ns_) drop_pending();
-    if (usable && now_ns >= stream_.due_ns()) begin_epoch(now_ns);
-    send_pending();
-    if (status_wanted_ || now_ns >= status_due_ns_) send_status(now_ns);
-  }
+void CanOutput::turn() noexcept {
+  wait();
+  const std::int64_t now_ns = system_.now_ns();
+  usable_ = is_usable(now_ns);
+  stream_.look(now_ns, usable_);
+  stream_.count_dropped(now_ns, !usable_);
+  dropped_.store(stream_.dropped(), std::memory_order_relaxed);
+  note_status();
+  if (!usable_ || now_ns > pending_until_ns_) drop_pending();
+  if (usable_ && now_ns >= stream_.due_ns()) begin_epoch(now_ns);
+  send_pending();
+  if (status_wanted_ || now_ns >= status_due_ns_) send_status(now_ns);
 }
 
-/// When to go on if nothing new is offered.
-std::int64_t CanOutput::next_event_ns(bool usable) const noexcept {
-  if (has_pending()) return monotonic_ns() + kFullQueue_ns;
+/// Until something is offered, or has to be done.
+void CanOutput::wait() noexcept {
+  const std::int64_t span_ns = std::clamp<std::int64_t>(next_event_ns() - system_.now_ns(), 0, kLongest_ns);
+  pollfd woken{wake_up_.fd(), POLLIN, 0};
+  if (system_.wait({&woken, 1}, Span{span_ns}) > 0) wake_up_.clear();
+}
+
+std::int64_t CanOutput::next_event_ns() const noexcept {
+  if (has_pending()) return system_.now_ns() + kFullQueue_ns;
   if (!socket_.is_open()) return retry_.due_ns();
-  return usable ? std::min(status_due_ns_, stream_.due_ns()) : status_due_ns_;
+  return usable_ ? std::min(status_due_ns_, stream_.due_ns()) : status_due_ns_;
 }
 
 /// Reopens a lost interface, listens to it, and says whether it is worth while to send.
@@ -153,8 +167,8 @@ void CanOutput::lose(int error) noexcept {
   drop_pending();
   isotp_.close();
   socket_.close();
-  retry_.begin(monotonic_ns());
-  retry_.failed(monotonic_ns());
+  retry_.begin(system_.now_ns());
+  retry_.failed(system_.now_ns());
 }
 
 void CanOutput::listen(std::int64_t now_ns) noexcept {
@@ -219,7 +233,7 @@ void CanOutput::send_pending() noexcept {
     ++next_pending_;
     if (has_pending()) continue;
     bump(epochs_);
-    stream_.finished(monotonic_ns());
+    stream_.finished(system_.now_ns());
   }
 }
 

@@ -12,8 +12,8 @@
 #include "drivers/links/stream/odometry_stream.h"
 #include "estimator/geometry/types.h"
 #include "pipeline/config/devices.h"
-#include "platform/concurrency/parking.h"
 #include "platform/linux/realtime.h"
+#include "platform/linux/system_calls.h"
 #include "platform/ports/counter.h"
 #include "platform/ports/ports.h"
 #include "platform/time/backoff.h"
@@ -61,7 +61,8 @@ class CanOutput final : public OdometrySink {
  public:
   /// `R_VB` rotates vectors from the IMU's axes to the vehicle's (forward, left, up). `encoder` makes the messages for
   /// ISO-TP; it is required if and only if the settings have identifiers for them.
-  CanOutput(CanConfig config, const Mat3& R_VB, std::unique_ptr<OdometryEncoder> encoder = nullptr);
+  CanOutput(CanConfig config, const Mat3& R_VB, std::unique_ptr<OdometryEncoder> encoder = nullptr,
+            SystemCalls& system = SystemCalls::of_this_computer());
   ~CanOutput() override { close(); }
 
   /// Opens the bus and starts the thread. The error names the fault of the interface or the settings.
@@ -69,6 +70,11 @@ class CanOutput final : public OdometrySink {
   void close() noexcept override;
   bool publish(const Odometry& odometry) noexcept override;
   bool publish_image(const Odometry& odometry) noexcept override;
+
+  /// For tests: open() without the thread. Then the caller does what the thread would do, turn() after turn().
+  Status begin();
+  /// Waits until there is something to do, at most a second, and does it.
+  void turn() noexcept;
 
   // Any thread.
 
@@ -86,8 +92,8 @@ class CanOutput final : public OdometrySink {
 
   Status check_settings() const;
   static void run(void* self);
-  void loop() noexcept;
-  std::int64_t next_event_ns(bool usable) const noexcept;
+  void wait() noexcept;
+  std::int64_t next_event_ns() const noexcept;
   bool stopping() const noexcept { return stop_.load(std::memory_order_acquire); }
 
   // The bus.
@@ -110,12 +116,13 @@ class CanOutput final : public OdometrySink {
   Mat3 R_VB_;
   std::unique_ptr<OdometryEncoder> encoder_;
   OdometryStream stream_;  ///< from the publishing thread
-  Parking parking_;
+  SystemCalls& system_;
+  WakeUp wake_up_{system_};
   can::FrameWriter writer_;
   int deviations_every_ = 1;
 
   // Of our thread, once it runs.
-  can::CanSocket socket_, isotp_;
+  can::CanSocket socket_{system_}, isotp_{system_};
   can::Frames pending_;
   std::size_t next_pending_ = 0;
   std::uint64_t epochs_begun_ = 0;
@@ -123,7 +130,7 @@ class CanOutput final : public OdometrySink {
   std::int64_t pending_until_ns_ = 0, status_due_ns_ = 0, silent_until_ns_ = 0;
   Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(1'000)};
   std::uint8_t message_sequence_ = 0;
-  bool status_wanted_ = false;
+  bool usable_ = true, status_wanted_ = false;
   ThreadCosts costs_;
 
   std::atomic<BusState> bus_{BusState::kLost};

@@ -9,7 +9,6 @@
 #include <net/if_arp.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -21,11 +20,6 @@ namespace {
 // Memory of frames that wait in the kernel: about one epoch. What waits longer is old, and cannot be taken back.
 constexpr int kSendMemory = 4096;
 constexpr int kNewsAtOnce = 64;
-
-template <class T>
-bool set(int fd, int level, int option, const T& value) noexcept {
-  return ::setsockopt(fd, level, option, &value, sizeof value) == 0;
-}
 
 ifreq request_for(const char* interface) noexcept {
   ifreq request{};
@@ -60,29 +54,34 @@ Error error_of(const OpenFault& fault, const std::string& interface) {
   return error("the socket was refused", "a CAN interface this user may open");
 }
 
+template <class T>
+bool CanSocket::set(int level, int option, const T& value) noexcept {
+  return system_.setsockopt(fd_, level, option, &value, sizeof value) == 0;
+}
+
 OpenFault CanSocket::fail(Trouble trouble, int error) noexcept {
   close();
   return {trouble, error};
 }
 
 void CanSocket::close() noexcept {
-  if (fd_ >= 0) ::close(fd_);
+  if (fd_ >= 0) system_.close(fd_);
   fd_ = -1;
 }
 
 OpenFault CanSocket::open(const char* interface, int type, int protocol, bool fd, int& index) noexcept {
   close();
-  fd_ = ::socket(PF_CAN, type | SOCK_NONBLOCK | SOCK_CLOEXEC, protocol);
+  fd_ = system_.socket(PF_CAN, type, protocol);
   if (fd_ < 0) return {Trouble::kNoProtocol, errno};
   ifreq request = request_for(interface);
-  if (std::strlen(interface) >= IFNAMSIZ || ::ioctl(fd_, SIOCGIFINDEX, &request) != 0)
+  if (std::strlen(interface) >= IFNAMSIZ || system_.ioctl(fd_, SIOCGIFINDEX, &request) != 0)
     return fail(Trouble::kNoInterface, ENODEV);
   index = request.ifr_ifindex;
-  if (::ioctl(fd_, SIOCGIFHWADDR, &request) != 0) return fail(Trouble::kRefused, errno);
+  if (system_.ioctl(fd_, SIOCGIFHWADDR, &request) != 0) return fail(Trouble::kRefused, errno);
   if (request.ifr_hwaddr.sa_family != ARPHRD_CAN) return fail(Trouble::kNotCan, 0);
-  if (::ioctl(fd_, SIOCGIFFLAGS, &request) != 0) return fail(Trouble::kRefused, errno);
+  if (system_.ioctl(fd_, SIOCGIFFLAGS, &request) != 0) return fail(Trouble::kRefused, errno);
   if ((request.ifr_flags & IFF_UP) == 0) return fail(Trouble::kDown, ENETDOWN);
-  if (::ioctl(fd_, SIOCGIFMTU, &request) != 0) return fail(Trouble::kRefused, errno);
+  if (system_.ioctl(fd_, SIOCGIFMTU, &request) != 0) return fail(Trouble::kRefused, errno);
   if (fd && request.ifr_mtu < static_cast<int>(CANFD_MTU)) return fail(Trouble::kClassicOnly, 0);
   return {};
 }
@@ -93,7 +92,7 @@ OpenFault CanSocket::bind(int index, std::uint32_t send_id, std::uint32_t receiv
   address.can_ifindex = index;
   address.can_addr.tp.tx_id = send_id;
   address.can_addr.tp.rx_id = receive_id;
-  if (::bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
+  if (system_.bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
     return fail(Trouble::kRefused, errno);
   return {};
 }
@@ -102,9 +101,9 @@ OpenFault CanSocket::open_to_send(const char* interface, bool fd) noexcept {
   int index = 0;
   if (const OpenFault fault = open(interface, SOCK_RAW, CAN_RAW, fd, index)) return fault;
   const can_err_mask_t news = CAN_ERR_TX_TIMEOUT | CAN_ERR_CRTL | CAN_ERR_BUSOFF | CAN_ERR_RESTARTED | CAN_ERR_ACK;
-  const bool good = ::setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_FILTER, nullptr, 0) == 0 &&  // no frames of others
-                    set(fd_, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, news) && set(fd_, SOL_SOCKET, SO_SNDBUF, kSendMemory) &&
-                    (!fd || set(fd_, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1));
+  const bool good = system_.setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_FILTER, nullptr, 0) == 0 &&  // no frames of others
+                    set(SOL_CAN_RAW, CAN_RAW_ERR_FILTER, news) && set(SOL_SOCKET, SO_SNDBUF, kSendMemory) &&
+                    (!fd || set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1));
   if (!good) return fail(Trouble::kRefused, errno);
   return bind(index, 0, 0);
 }
@@ -117,8 +116,8 @@ OpenFault CanSocket::open_to_receive(const char* interface, std::uint32_t id, bo
                              CAN_EFF_FLAG | CAN_RTR_FLAG | (extended ? CAN_EFF_MASK : CAN_SFF_MASK)};
   const int stamps = SOF_TIMESTAMPING_RX_HARDWARE | SOF_TIMESTAMPING_RAW_HARDWARE | SOF_TIMESTAMPING_RX_SOFTWARE |
                      SOF_TIMESTAMPING_SOFTWARE;
-  const bool good = set(fd_, SOL_CAN_RAW, CAN_RAW_FILTER, filter) && set(fd_, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1) &&
-                    set(fd_, SOL_SOCKET, SO_TIMESTAMPING, stamps) && set(fd_, SOL_SOCKET, SO_RXQ_OVFL, 1);
+  const bool good = set(SOL_CAN_RAW, CAN_RAW_FILTER, filter) && set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1) &&
+                    set(SOL_SOCKET, SO_TIMESTAMPING, stamps) && set(SOL_SOCKET, SO_RXQ_OVFL, 1);
   if (!good) return fail(Trouble::kRefused, errno);
   return bind(index, 0, 0);
 }
@@ -126,7 +125,7 @@ OpenFault CanSocket::open_to_receive(const char* interface, std::uint32_t id, bo
 OpenFault CanSocket::open_to_listen(const char* interface) noexcept {
   int index = 0;
   if (const OpenFault fault = open(interface, SOCK_RAW, CAN_RAW, false, index)) return fault;
-  if (!set(fd_, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1)) return fail(Trouble::kRefused, errno);
+  if (!set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1)) return fail(Trouble::kRefused, errno);
   return bind(index, 0, 0);
 }
 
@@ -136,7 +135,7 @@ OpenFault CanSocket::open_isotp(const char* interface, std::uint32_t send_id, st
   if (const OpenFault fault = open(interface, SOCK_DGRAM, CAN_ISOTP, fd, index)) return fault;
   if (fd) {
     const can_isotp_ll_options options = {CANFD_MTU, CANFD_MAX_DLEN, 0};
-    if (!set(fd_, SOL_CAN_ISOTP, CAN_ISOTP_LL_OPTS, options)) return fail(Trouble::kRefused, errno);
+    if (!set(SOL_CAN_ISOTP, CAN_ISOTP_LL_OPTS, options)) return fail(Trouble::kRefused, errno);
   }
   return bind(index, send_id, receive_id);
 }
@@ -148,12 +147,12 @@ int CanSocket::send(const Frame& frame) noexcept {
   raw.flags = frame.is_fd() ? CANFD_BRS : 0;
   std::memcpy(raw.data, frame.data.data(), frame.size);
   const std::size_t size = frame.is_fd() ? CANFD_MTU : CAN_MTU;
-  const ssize_t sent = ::send(fd_, &raw, size, MSG_DONTWAIT);
+  const ssize_t sent = system_.write(fd_, &raw, size);
   return sent == static_cast<ssize_t>(size) ? 0 : sent < 0 ? errno : EIO;
 }
 
 int CanSocket::send(std::span<const std::uint8_t> message) noexcept {
-  const ssize_t sent = ::send(fd_, message.data(), message.size(), MSG_DONTWAIT);
+  const ssize_t sent = system_.write(fd_, message.data(), message.size());
   return sent == static_cast<ssize_t>(message.size()) ? 0 : sent < 0 ? errno : EIO;
 }
 
@@ -161,7 +160,7 @@ BusNews CanSocket::news() noexcept {
   BusNews news;
   for (int i = 0; i < kNewsAtOnce; ++i) {
     canfd_frame frame{};
-    const ssize_t size = ::recv(fd_, &frame, sizeof frame, MSG_DONTWAIT);
+    const ssize_t size = system_.read(fd_, &frame, sizeof frame);
     if (size < 0) {
       if (errno != EAGAIN && errno != EINTR) news.error = errno;
       break;
@@ -183,8 +182,7 @@ BusNews CanSocket::news() noexcept {
 int CanSocket::discard_messages() noexcept {
   std::array<std::uint8_t, 4096> message;  // NOLINT: filled by the kernel, read by nobody
   for (int i = 0; i < kNewsAtOnce; ++i)
-    if (::recv(fd_, message.data(), message.size(), MSG_DONTWAIT) < 0)
-      return errno == EAGAIN || errno == EINTR ? 0 : errno;
+    if (system_.read(fd_, message.data(), message.size()) < 0) return errno == EAGAIN || errno == EINTR ? 0 : errno;
   return 0;
 }
 

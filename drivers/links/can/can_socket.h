@@ -9,6 +9,7 @@
 
 #include "drivers/links/can/frames.h"
 #include "platform/error/result.h"
+#include "platform/linux/system_calls.h"
 
 namespace epiline::can {
 
@@ -40,7 +41,7 @@ struct BusNews {
 
 class CanSocket {
  public:
-  CanSocket() = default;
+  explicit CanSocket(SystemCalls& system = SystemCalls::of_this_computer()) noexcept : system_(system) {}
   ~CanSocket() { close(); }
   CanSocket(const CanSocket&) = delete;
   CanSocket& operator=(const CanSocket&) = delete;
@@ -71,7 +72,10 @@ class CanSocket {
   OpenFault open(const char* interface, int type, int protocol, bool fd, int& index) noexcept;
   OpenFault bind(int index, std::uint32_t send_id, std::uint32_t receive_id) noexcept;
   OpenFault fail(Trouble trouble, int error) noexcept;
+  template <class T>
+  bool set(int level, int option, const T& value) noexcept;
 
+  SystemCalls& system_;
   int fd_ = -1;
 };
 

@@ -1,0 +1,81 @@
+#include "platform/linux/system_calls.h"
+
+#include <fcntl.h>
+#include <sys/eventfd.h>
+#include <sys/file.h>
+#include <sys/ioctl.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <ctime>
+
+#include "platform/time/monotonic.h"
+
+namespace epiline {
+
+SystemCalls& SystemCalls::of_this_computer() noexcept {
+  static SystemCalls kernel;
+  return kernel;
+}
+
+std::int64_t SystemCalls::now_ns() noexcept { return monotonic_ns(); }
+
+int SystemCalls::wait(std::span<pollfd> files, Span at_most) noexcept {
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  const std::int64_t ns = std::max<std::int64_t>(at_most.ns, 0);
+  const timespec time{static_cast<time_t>(ns / kSecond), static_cast<long>(ns % kSecond)};
+  return ::ppoll(files.data(), files.size(), &time, nullptr);
+}
+
+int SystemCalls::open(const char* path, int flags) noexcept { return ::open(path, flags | O_NONBLOCK | O_CLOEXEC); }
+int SystemCalls::close(int fd) noexcept { return ::close(fd); }
+ssize_t SystemCalls::read(int fd, void* into, std::size_t size) noexcept { return ::read(fd, into, size); }
+ssize_t SystemCalls::write(int fd, const void* from, std::size_t size) noexcept { return ::write(fd, from, size); }
+int SystemCalls::ioctl(int fd, unsigned long request, void* argument) noexcept {
+  return ::ioctl(fd, request, argument);
+}
+int SystemCalls::flock(int fd, int operation) noexcept { return ::flock(fd, operation); }
+void* SystemCalls::map(int fd, std::size_t length, off_t offset) noexcept {
+  return ::mmap(nullptr, length, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, fd, offset);
+}
+int SystemCalls::unmap(void* memory, std::size_t length) noexcept { return ::munmap(memory, length); }
+int SystemCalls::eventfd() noexcept { return ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC); }
+
+int SystemCalls::socket(int domain, int type, int protocol) noexcept {
+  return ::socket(domain, type | SOCK_NONBLOCK | SOCK_CLOEXEC, protocol);
+}
+int SystemCalls::bind(int fd, const sockaddr* address, socklen_t length) noexcept {
+  return ::bind(fd, address, length);
+}
+int SystemCalls::connect(int fd, const sockaddr* address, socklen_t length) noexcept {
+  return ::connect(fd, address, length);
+}
+int SystemCalls::setsockopt(int fd, int level, int option, const void* value, socklen_t length) noexcept {
+  return ::setsockopt(fd, level, option, value, length);
+}
+
+// ---- waking ----
+
+bool WakeUp::open() noexcept {
+  fd_ = system_.eventfd();
+  return fd_ >= 0;
+}
+
+void WakeUp::close() noexcept {
+  if (fd_ >= 0) system_.close(fd_);
+  fd_ = -1;
+}
+
+void WakeUp::notify() noexcept {
+  const std::uint64_t one = 1;
+  // fails only if the counter is full of wake-ups nobody has looked at
+  [[maybe_unused]] const ssize_t written = system_.write(fd_, &one, sizeof one);
+}
+
+void WakeUp::clear() noexcept {
+  std::uint64_t times = 0;
+  [[maybe_unused]] const ssize_t got = system_.read(fd_, &times, sizeof times);
+}
+
+}  // namespace epiline

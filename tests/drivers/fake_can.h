@@ -1,0 +1,120 @@
+#pragma once
+// A CAN interface and its sockets on a FakeKernel.
+#include <linux/can.h>
+#include <linux/can/error.h>
+#include <linux/can/isotp.h>
+#include <linux/can/raw.h>
+#include <net/if.h>
+#include <net/if_arp.h>
+#include <sys/ioctl.h>
+
+#include <cstring>
+#include <deque>
+#include <string>
+#include <vector>
+
+#include "tests/drivers/fake_kernel.h"
+
+namespace epiline::test {
+
+/// One interface, with what was sent on it and what its sockets are to hear of it.
+class FakeCanBus {
+ public:
+  struct Sent {
+    std::int64_t at_ns = 0;
+    canfd_frame frame{};
+    bool fd = false;
+  };
+
+  FakeCanBus(FakeKernel& in, std::string called) : kernel(in), name(std::move(called)) {
+    kernel.make_socket = [this](int domain, int /*type*/, int protocol) -> FakeKernel::File {
+      if (domain != PF_CAN || !speaks_can) return errno = EAFNOSUPPORT, nullptr;
+      return std::make_shared<Socket>(*this, protocol == CAN_ISOTP);
+    };
+  }
+
+  /// What a controller's driver tells of the bus.
+  void tell(std::uint32_t what, std::uint8_t controller = 0) {
+    canfd_frame frame{};
+    frame.can_id = CAN_ERR_FLAG | what;
+    frame.len = CAN_ERR_DLC;
+    frame.data[1] = controller;
+    news.push_back(frame);
+  }
+  void set_up(bool on) {
+    is_up = on;
+    if (!on) fault = ENETDOWN;
+  }
+  void remove() {
+    exists = is_up = false;
+    fault = ENODEV;
+  }
+  void plug_in() { exists = is_up = true; }
+
+  FakeKernel& kernel;
+  std::string name;
+  bool speaks_can = true, exists = true, is_can = true, is_up = true, has_fd = true;
+  std::size_t room = std::numeric_limits<std::size_t>::max();  ///< frames the queue takes; then it is full
+  int isotp_error = 0;                                         ///< of a peer that does not answer
+  bool isotp_busy = false;
+  std::vector<Sent> sent;
+  std::vector<std::vector<std::uint8_t>> messages;  ///< by ISO-TP
+  std::deque<canfd_frame> news;
+  int fault = 0;     ///< told once to who reads
+  int attempts = 0;  ///< to open a socket on it
+
+ private:
+  class Socket final : public FakeFile {
+   public:
+    Socket(FakeCanBus& bus, bool is_isotp) : bus_(bus), is_isotp_(is_isotp) {}
+    int ioctl(unsigned long request, void* argument) override {
+      auto& asked = *static_cast<ifreq*>(argument);
+      if (request == SIOCGIFINDEX) ++bus_.attempts;
+      if (!bus_.exists || bus_.name != asked.ifr_name) return refuse(ENODEV);
+      switch (request) {
+        case SIOCGIFINDEX:
+          return asked.ifr_ifindex = 7, 0;
+        case SIOCGIFHWADDR:
+          return asked.ifr_hwaddr.sa_family = bus_.is_can ? ARPHRD_CAN : ARPHRD_ETHER, 0;
+        case SIOCGIFFLAGS:
+          return asked.ifr_flags = bus_.is_up ? IFF_UP : 0, 0;
+        case SIOCGIFMTU:
+          return asked.ifr_mtu = bus_.has_fd ? static_cast<int>(CANFD_MTU) : static_cast<int>(CAN_MTU), 0;
+        default:
+          return refuse(ENOTTY);
+      }
+    }
+    ssize_t read(void* into, std::size_t size) override {
+      if (is_isotp_) return refuse(bus_.isotp_error != 0 ? std::exchange(bus_.isotp_error, 0) : EAGAIN);
+      if (bus_.fault != 0) return refuse(std::exchange(bus_.fault, 0));
+      if (bus_.news.empty() || size < sizeof(canfd_frame)) return refuse(EAGAIN);
+      std::memcpy(into, &bus_.news.front(), CAN_MTU);
+      bus_.news.pop_front();
+      return CAN_MTU;
+    }
+    ssize_t write(const void* from, std::size_t size) override {
+      if (!bus_.exists) return refuse(ENXIO);
+      if (!bus_.is_up) return refuse(ENETDOWN);
+      if (is_isotp_) {
+        if (bus_.isotp_busy) return refuse(EAGAIN);
+        const auto* const bytes = static_cast<const std::uint8_t*>(from);
+        bus_.messages.emplace_back(bytes, bytes + size);
+        return static_cast<ssize_t>(size);
+      }
+      if (bus_.room == 0) return refuse(ENOBUFS);
+      --bus_.room;
+      Sent one;
+      one.at_ns = bus_.kernel.clock_ns;
+      one.fd = size == CANFD_MTU;
+      std::memcpy(&one.frame, from, size);
+      bus_.sent.push_back(one);
+      return static_cast<ssize_t>(size);
+    }
+
+   private:
+    FakeCanBus& bus_;
+    bool is_isotp_;
+  };
+};
+
+}  // namespace epiline::test
