@@ -1,14 +1,9 @@
 #include "drivers/links/mavlink/link.h"
 
-#include <poll.h>
-#include <sys/eventfd.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
-#include <ctime>
 #include <limits>
 #include <string>
 
@@ -39,23 +34,24 @@ constexpr std::uint8_t kArduPilot = 3;  // MAV_AUTOPILOT
 
 bool is_serial(const MavlinkConfig& config) { return !config.serial.empty(); }
 
-SetGpsGlobalOrigin origin_message(const MavlinkConfig& config) {
+SetGpsGlobalOrigin origin_message(const MavlinkConfig& config, std::int64_t now_ns) {
   SetGpsGlobalOrigin message;
   message.latitude = static_cast<std::int32_t>(std::lround(1e7 * config.origin_latitude_deg));
   message.longitude = static_cast<std::int32_t>(std::lround(1e7 * config.origin_longitude_deg));
   message.altitude = static_cast<std::int32_t>(std::lround(1e3 * config.origin_altitude_m));
   message.target_system = static_cast<std::uint8_t>(config.system);
-  message.time_usec = static_cast<std::uint64_t>(monotonic_ns() / 1000);
+  message.time_usec = static_cast<std::uint64_t>(now_ns / 1000);
   return message;
 }
 
 }  // namespace
 
 MavlinkLink::MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, const std::optional<ImuDeviceConfig>& imu,
-                         int priority)
+                         int priority, SystemCalls& system)
     : config_(config),
       R_VB_(R_VB),
       priority_(priority),
+      system_(system),
       stream_(config.rate_hz),
       own_(address_of(config)),
       question_period_ns_(imu ? kQuestionsForImu_ns : kQuestions_ns),
@@ -85,7 +81,8 @@ Status MavlinkLink::check() const {
 }
 
 Result<std::unique_ptr<Port>> MavlinkLink::make_port() const {
-  if (is_serial(config_)) return std::unique_ptr<Port>(std::make_unique<SerialPort>(config_.serial, config_.baud));
+  if (is_serial(config_))
+    return std::unique_ptr<Port>(std::make_unique<SerialPort>(config_.serial, config_.baud, system_));
   const auto peer = udp_address(config_.udp, "mavlink.udp");
   if (!peer) return peer.error();
   sockaddr_in own{};
@@ -94,23 +91,27 @@ Result<std::unique_ptr<Port>> MavlinkLink::make_port() const {
     if (!given) return given.error();
     own = *given;
   }
-  return std::unique_ptr<Port>(std::make_unique<UdpPort>(config_.udp, *peer, own));
+  return std::unique_ptr<Port>(std::make_unique<UdpPort>(config_.udp, *peer, own, system_));
 }
 
-Status MavlinkLink::open() {
-  EPILINE_EXPECTS(wake_fd_ < 0, "open() once");
+Status MavlinkLink::begin() {
+  EPILINE_EXPECTS(!wake_up_.is_open(), "open() once");
   if (Status status = check(); !status) return status;
   auto port = make_port();
   if (!port) return port.error();
   port_ = std::move(*port);
   if (const DeviceTrouble trouble = port_->open()) return error_of(trouble, port_->name());
-  wake_fd_ = ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
-  if (wake_fd_ < 0) return Error{ErrorKind::kRun, "eventfd", 0, std::strerror(errno), ""};
-  opened_ns_ = monotonic_ns();
+  if (!wake_up_.open()) return Error{ErrorKind::kRun, "eventfd", 0, std::strerror(errno), ""};
+  opened_ns_ = system_.now_ns();
   state_.is_open = true;
   is_open_.store(true, std::memory_order_relaxed);
   stop_.store(false, std::memory_order_relaxed);
   told_.write(state_);
+  return Done{};
+}
+
+Status MavlinkLink::open() {
+  if (Status status = begin(); !status) return status;
   if (!thread_.start({"mavlink", priority_}, run, this)) {
     close();
     return Error{ErrorKind::kRun, "mavlink", 0, "no thread", ""};
@@ -119,27 +120,20 @@ Status MavlinkLink::open() {
 }
 
 void MavlinkLink::close() noexcept {
-  if (wake_fd_ < 0) return;
+  if (!wake_up_.is_open()) return;
   stop_.store(true, std::memory_order_relaxed);
-  wake();
+  wake_up_.notify();
   thread_.join();
   port_->close();
-  ::close(wake_fd_);
-  wake_fd_ = -1;
+  wake_up_.close();
   is_open_.store(false, std::memory_order_relaxed);
 }
 
 // ---- the publishing thread ----
 
-void MavlinkLink::wake() noexcept {
-  const std::uint64_t one = 1;
-  // fails only if the counter is full of wake-ups nobody has looked at
-  [[maybe_unused]] const ssize_t written = ::write(wake_fd_, &one, sizeof one);
-}
-
 bool MavlinkLink::publish(const epiline::Odometry& odometry) noexcept {
-  stream_.offer(odometry, monotonic_ns());
-  wake();
+  stream_.offer(odometry, system_.now_ns());
+  wake_up_.notify();
   return is_open_.load(std::memory_order_relaxed);
 }
 
@@ -164,34 +158,30 @@ ReadOutcome MavlinkLink::read_imu(std::span<ImuSample> samples, std::size_t& cou
 void MavlinkLink::run(void* self) {
   auto& link = *static_cast<MavlinkLink*>(self);
   link.costs_at_start_ = costs_of_this_thread();
-  link.loop();
+  while (!link.stop_.load(std::memory_order_relaxed)) link.turn();
+  link.next_latency_ns_ = 0;
+  link.tell(link.system_.now_ns());
 }
 
-void MavlinkLink::loop() noexcept {
-  while (!stop_.load(std::memory_order_relaxed)) {
-    const std::int64_t now_ns = monotonic_ns();
-    keep_port(now_ns);
-    if (state_.is_open) read_port(now_ns);
-    look_at_estimate(now_ns);
-    if (state_.is_open) write_port();
-    tell(now_ns);
-    wait();
-  }
-  next_latency_ns_ = 0;
-  tell(monotonic_ns());
+void MavlinkLink::turn() noexcept {
+  const std::int64_t now_ns = system_.now_ns();
+  keep_port(now_ns);
+  if (state_.is_open) read_port(now_ns);
+  look_at_estimate(now_ns);
+  if (state_.is_open) write_port();
+  tell(now_ns);
+  wait();
 }
 
 void MavlinkLink::wait() noexcept {
-  const std::int64_t now_ns = monotonic_ns();
+  const std::int64_t now_ns = system_.now_ns();
   const std::int64_t span_ns = std::clamp<std::int64_t>(next_event_ns(now_ns) - now_ns, 0, kSecond_ns);
-  const timespec time{static_cast<time_t>(span_ns / kSecond_ns), static_cast<long>(span_ns % kSecond_ns)};
   const bool reads = input_.available(now_ns) >= 1;
   const auto events = static_cast<short>((reads ? POLLIN : 0) | (is_frame_waiting() ? POLLOUT : 0));
-  std::array<pollfd, 2> fds{{{wake_fd_, POLLIN, 0}, {port_->fd(), events, 0}}};
+  std::array<pollfd, 2> files{{{wake_up_.fd(), POLLIN, 0}, {port_->fd(), events, 0}}};
   // a port that hung up would end every wait at once: it is asked only if somebody hears what it says
-  ::ppoll(fds.data(), state_.is_open && reads ? 2 : 1, &time, nullptr);
-  std::uint64_t times = 0;
-  [[maybe_unused]] const ssize_t got = fds[0].revents != 0 ? ::read(wake_fd_, &times, sizeof times) : 0;
+  system_.wait({files.data(), state_.is_open && reads ? 2U : 1U}, Span{span_ns});
+  if (files[0].revents != 0) wake_up_.clear();
 }
 
 std::int64_t MavlinkLink::next_event_ns(std::int64_t now_ns) const noexcept {
@@ -337,7 +327,7 @@ void MavlinkLink::look_at_estimate(std::int64_t now_ns) noexcept {
 void MavlinkLink::write_port() noexcept {
   while (flush() && state_.is_open) {
     backlog_ = port_->backlog();
-    if (!compose(monotonic_ns())) return;
+    if (!compose(system_.now_ns())) return;
   }
 }
 
@@ -345,7 +335,7 @@ void MavlinkLink::write_port() noexcept {
 bool MavlinkLink::flush() noexcept {
   if (!is_frame_waiting()) return true;
   const PortResult result = port_->write(frame_.bytes().subspan(frame_sent_));
-  const std::int64_t now_ns = monotonic_ns();
+  const std::int64_t now_ns = system_.now_ns();
   frame_sent_ += result.bytes;
   if (result.error != 0) {
     ++state_.counts.write_errors;
@@ -393,7 +383,7 @@ bool MavlinkLink::compose(std::int64_t now_ns) noexcept {
   } else if (state_.peer.is_known && imu_request_ && now_ns >= imu_request_->due_ns()) {
     put(imu_request_->question(state_.peer.address, now_ns), counts.requests);
   } else if (wants_origin() && now_ns >= next_origin_ns_) {
-    put(origin_message(config_), counts.origins);
+    put(origin_message(config_, now_ns), counts.origins);
     next_origin_ns_ = now_ns + kOrigins_ns;
   } else {
     return false;

@@ -25,6 +25,7 @@
 #include "platform/concurrency/snapshot.h"
 #include "platform/concurrency/spsc_ring.h"
 #include "platform/linux/realtime.h"
+#include "platform/linux/system_calls.h"
 #include "platform/ports/counter.h"
 #include "platform/ports/ports.h"
 #include "platform/time/backoff.h"
@@ -95,7 +96,7 @@ class MavlinkLink final : public OdometrySink {
   /// With `imu` the link also requests the flight controller's IMU samples, for MavlinkImu. They are in the vehicle's
   /// axes, so R_VB must be the identity.
   MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, const std::optional<ImuDeviceConfig>& imu = std::nullopt,
-              int priority = 65);
+              int priority = 65, SystemCalls& system = SystemCalls::of_this_computer());
   ~MavlinkLink() override { close(); }
 
   /// Opens the port and starts the thread. The error names the fault of the settings or the port.
@@ -103,6 +104,11 @@ class MavlinkLink final : public OdometrySink {
   void close() noexcept override;
   bool publish(const epiline::Odometry& odometry) noexcept override;
   bool publish_image(const epiline::Odometry& odometry) noexcept override;
+
+  /// For tests: open() without the thread. Then the caller does what the thread would do, turn() after turn().
+  Status begin();
+  /// Does what is to be done, then waits until there is more, at most a second.
+  void turn() noexcept;
 
   /// As ImuSource::read(), for samples since the first call; one thread. kFailed: the port is lost.
   ReadOutcome read_imu(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept;
@@ -122,11 +128,8 @@ class MavlinkLink final : public OdometrySink {
 
   Status check() const;
   Result<std::unique_ptr<Port>> make_port() const;
-  void wake() noexcept;
-
   // The thread's.
   static void run(void* self);
-  void loop() noexcept;
   void wait() noexcept;
   std::int64_t next_event_ns(std::int64_t now_ns) const noexcept;
   void keep_port(std::int64_t now_ns) noexcept;
@@ -150,8 +153,9 @@ class MavlinkLink final : public OdometrySink {
   MavlinkConfig config_;
   Mat3 R_VB_;
   int priority_;
+  SystemCalls& system_;
   std::unique_ptr<Port> port_;
-  int wake_fd_ = -1;
+  WakeUp wake_up_{system_};
   RealtimeThread thread_;
   std::atomic<bool> stop_{false}, is_open_{false};
 

@@ -6,7 +6,6 @@
 #include <linux/serial.h>
 #include <sys/file.h>
 #include <sys/ioctl.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <cstdlib>
@@ -21,12 +20,15 @@ bool is_near(unsigned found, int wanted) noexcept {
   return std::abs(static_cast<double>(found) - wanted) <= 0.015 * wanted;
 }
 
+/// Of a request that takes a number.
+void* as_argument(std::uintptr_t number) noexcept { return reinterpret_cast<void*>(number); }
+
 /// Some drivers wait up to 16 ms for more bytes unless told not to. Many know nothing of it, and need not.
-void ask_for_low_latency(int fd) noexcept {
+void ask_for_low_latency(SystemCalls& system, int fd) noexcept {
   serial_struct settings{};
-  if (::ioctl(fd, TIOCGSERIAL, &settings) != 0) return;
+  if (system.ioctl(fd, TIOCGSERIAL, &settings) != 0) return;
   settings.flags |= ASYNC_LOW_LATENCY;
-  ::ioctl(fd, TIOCSSERIAL, &settings);
+  system.ioctl(fd, TIOCSSERIAL, &settings);
 }
 
 /// False for errors that pass by themselves.
@@ -34,12 +36,13 @@ bool is_line_lost(int error) noexcept { return error != EAGAIN && error != EINTR
 
 }  // namespace
 
-SerialPort::SerialPort(std::string path, int baud) : path_(std::move(path)), baud_(baud) {}
+SerialPort::SerialPort(std::string path, int baud, SystemCalls& system)
+    : path_(std::move(path)), baud_(baud), system_(system) {}
 
 DeviceTrouble SerialPort::open() noexcept {
   close();
   // without O_NONBLOCK the driver may wait for a carrier
-  fd_ = ::open(path_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+  fd_ = system_.open(path_.c_str(), O_RDWR | O_NOCTTY);
   if (fd_ < 0) {
     const int error = errno;
     if (error == EACCES) return device_refusal("open", error, "a user in the group of the device, often dialout");
@@ -53,10 +56,10 @@ DeviceTrouble SerialPort::open() noexcept {
 
 DeviceTrouble SerialPort::set_up() noexcept {
   termios2 line{};
-  if (::ioctl(fd_, TCGETS2, &line) != 0)
+  if (system_.ioctl(fd_, TCGETS2, &line) != 0)
     return device_refusal("read the settings of the line", errno, "a serial device");
   // root may open what is exclusive, so both
-  if (::flock(fd_, LOCK_EX | LOCK_NB) != 0 || ::ioctl(fd_, TIOCEXCL) != 0)
+  if (system_.flock(fd_, LOCK_EX | LOCK_NB) != 0 || system_.ioctl(fd_, TIOCEXCL, nullptr) != 0)
     return device_refusal("have it alone", errno, "a port no other program has open (ModemManager?)");
   line.c_iflag = 0;
   line.c_oflag = 0;
@@ -65,39 +68,40 @@ DeviceTrouble SerialPort::set_up() noexcept {
   line.c_cc[VMIN] = 1;  // so that a read of nothing is an error of its own, and 0 means hung up
   line.c_cc[VTIME] = 0;
   line.c_ispeed = line.c_ospeed = static_cast<speed_t>(baud_);
-  if (::ioctl(fd_, TCSETS2, &line) != 0)
+  if (system_.ioctl(fd_, TCSETS2, &line) != 0)
     return device_refusal("set the speed", errno, "a mavlink.baud the port can do");
-  if (::ioctl(fd_, TCGETS2, &line) != 0 || !is_near(line.c_ospeed, baud_))
+  if (system_.ioctl(fd_, TCGETS2, &line) != 0 || !is_near(line.c_ospeed, baud_))
     return device_refusal("set the speed", 0, "a mavlink.baud the port can do: it took another one");
-  ask_for_low_latency(fd_);
-  ::ioctl(fd_, TCFLSH, TCIOFLUSH);  // what waited there is old
+  ask_for_low_latency(system_, fd_);
+  system_.ioctl(fd_, TCFLSH, as_argument(TCIOFLUSH));  // what waited there is old
   return {};
 }
 
 void SerialPort::close() noexcept {
   if (fd_ < 0) return;
-  if (backlog() > 0) ::ioctl(fd_, TCFLSH, TCOFLUSH);  // else closing waits up to 30 s for a line that takes nothing
-  ::ioctl(fd_, TIOCNXCL);
-  ::close(fd_);
+  if (backlog() > 0)
+    system_.ioctl(fd_, TCFLSH, as_argument(TCOFLUSH));  // else closing waits up to 30 s for a line that takes nothing
+  system_.ioctl(fd_, TIOCNXCL, nullptr);
+  system_.close(fd_);
   fd_ = -1;
 }
 
 PortResult SerialPort::read(std::span<std::uint8_t> into) noexcept {
-  const ssize_t count = ::read(fd_, into.data(), into.size());
+  const ssize_t count = system_.read(fd_, into.data(), into.size());
   if (count > 0) return {static_cast<std::size_t>(count), 0, false};
   if (count == 0) return {0, EIO, true};
   return {0, is_line_lost(errno) ? errno : 0, is_line_lost(errno)};
 }
 
 PortResult SerialPort::write(std::span<const std::uint8_t> bytes) noexcept {
-  const ssize_t count = ::write(fd_, bytes.data(), bytes.size());
+  const ssize_t count = system_.write(fd_, bytes.data(), bytes.size());
   if (count >= 0) return {static_cast<std::size_t>(count), 0, false};
   return {0, is_line_lost(errno) ? errno : 0, is_line_lost(errno)};
 }
 
 std::size_t SerialPort::backlog() const noexcept {
   int count = 0;
-  return ::ioctl(fd_, TIOCOUTQ, &count) == 0 && count > 0 ? static_cast<std::size_t>(count) : 0;
+  return system_.ioctl(fd_, TIOCOUTQ, &count) == 0 && count > 0 ? static_cast<std::size_t>(count) : 0;
 }
 
 }  // namespace epiline::mavlink

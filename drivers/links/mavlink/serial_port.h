@@ -3,13 +3,14 @@
 #include <string>
 
 #include "drivers/links/mavlink/port.h"
+#include "platform/linux/system_calls.h"
 
 namespace epiline::mavlink {
 
 /// Eight bits, no parity, no flow control, any rate that the driver supports. Opened exclusively.
 class SerialPort final : public Port {
  public:
-  SerialPort(std::string path, int baud);
+  SerialPort(std::string path, int baud, SystemCalls& system = SystemCalls::of_this_computer());
   ~SerialPort() override { close(); }
 
   DeviceTrouble open() noexcept override;
@@ -25,6 +26,7 @@ class SerialPort final : public Port {
 
   std::string path_;
   int baud_ = 0;
+  SystemCalls& system_;
   int fd_ = -1;
 };
 

@@ -2,7 +2,6 @@
 
 #include <arpa/inet.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <charconv>
@@ -41,38 +40,38 @@ Result<sockaddr_in> udp_address(const std::string& text, const char* key) {
   return address;
 }
 
-UdpPort::UdpPort(std::string name, const sockaddr_in& peer, const sockaddr_in& own)
-    : name_(std::move(name)), peer_(peer), own_(own) {}
+UdpPort::UdpPort(std::string name, const sockaddr_in& peer, const sockaddr_in& own, SystemCalls& system)
+    : name_(std::move(name)), peer_(peer), own_(own), system_(system) {}
 
 DeviceTrouble UdpPort::open() noexcept {
   close();
-  fd_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+  fd_ = system_.socket(AF_INET, SOCK_DGRAM, 0);
   if (fd_ < 0) return device_refusal("socket", errno);
   DeviceTrouble trouble;
-  if (own_.sin_port != 0 && ::bind(fd_, plain(own_), sizeof own_) != 0)
+  if (own_.sin_port != 0 && system_.bind(fd_, plain(own_), sizeof own_) != 0)
     trouble = device_refusal("bind to mavlink.udp_listen", errno, "an address of this computer and a port nobody uses");
-  else if (::connect(fd_, plain(peer_), sizeof peer_) != 0)
+  else if (system_.connect(fd_, plain(peer_), sizeof peer_) != 0)
     trouble = device_refusal("connect", errno, "an address a network of this computer reaches");
   if (trouble) close();
   // what came from others between bind and connect is still there
   std::uint8_t byte = 0;
-  for (int i = 0; i < 10'000 && fd_ >= 0 && ::recv(fd_, &byte, 1, 0) >= 0; ++i) {
+  for (int i = 0; i < 10'000 && fd_ >= 0 && system_.read(fd_, &byte, 1) >= 0; ++i) {
   }
   return trouble;
 }
 
 void UdpPort::close() noexcept {
-  if (fd_ >= 0) ::close(fd_);
+  if (fd_ >= 0) system_.close(fd_);
   fd_ = -1;
 }
 
 PortResult UdpPort::read(std::span<std::uint8_t> into) noexcept {
-  const ssize_t count = ::recv(fd_, into.data(), into.size(), 0);
+  const ssize_t count = system_.read(fd_, into.data(), into.size());
   return count >= 0 ? PortResult{static_cast<std::size_t>(count), 0, false} : failed(errno);
 }
 
 PortResult UdpPort::write(std::span<const std::uint8_t> bytes) noexcept {
-  const ssize_t count = ::send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+  const ssize_t count = system_.write(fd_, bytes.data(), bytes.size());
   return count >= 0 ? PortResult{static_cast<std::size_t>(count), 0, false} : failed(errno);
 }
 

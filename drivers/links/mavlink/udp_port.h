@@ -6,6 +6,7 @@
 
 #include "drivers/links/mavlink/port.h"
 #include "platform/error/result.h"
+#include "platform/linux/system_calls.h"
 
 namespace epiline::mavlink {
 
@@ -17,7 +18,8 @@ Result<sockaddr_in> udp_address(const std::string& text, const char* key);
 class UdpPort final : public Port {
  public:
   /// `own` with port 0 and address 0: any.
-  UdpPort(std::string name, const sockaddr_in& peer, const sockaddr_in& own);
+  UdpPort(std::string name, const sockaddr_in& peer, const sockaddr_in& own,
+          SystemCalls& system = SystemCalls::of_this_computer());
   ~UdpPort() override { close(); }
 
   DeviceTrouble open() noexcept override;
@@ -31,6 +33,7 @@ class UdpPort final : public Port {
  private:
   std::string name_;
   sockaddr_in peer_, own_;
+  SystemCalls& system_;
   int fd_ = -1;
 };
 

@@ -30,7 +30,7 @@ class Peer {
  public:
   Peer() = default;
   explicit Peer(int fd) : fd_(fd) { set_nonblocking(fd); }
-  ~Peer() { hang_up(); }
+  virtual ~Peer() { hang_up(); }
   Peer(const Peer&) = delete;
   Peer& operator=(const Peer&) = delete;
 
@@ -50,15 +50,17 @@ class Peer {
     const FrameBytes frame = frame_of(pack(message, from, sequence_++));
     send_bytes(frame.bytes());
   }
-  void send_bytes(std::span<const std::uint8_t> bytes) {
+  virtual void send_bytes(std::span<const std::uint8_t> bytes) {
     [[maybe_unused]] const ssize_t n = ::write(fd_, bytes.data(), bytes.size());
   }
+  /// What has come, as read() of a file that does not wait.
+  virtual ssize_t take_bytes(std::span<std::uint8_t> into) { return ::read(fd_, into.data(), into.size()); }
   void heartbeat(Address from = kController) { send(Heartbeat{.type = 2, .autopilot = 12}, from); }
 
   /// Takes what has come.
   void read() {
     std::array<std::uint8_t, 4096> piece;
-    for (ssize_t n = ::read(fd_, piece.data(), piece.size()); n > 0; n = ::read(fd_, piece.data(), piece.size())) {
+    for (ssize_t n = take_bytes(piece); n > 0; n = take_bytes(piece)) {
       std::span<const std::uint8_t> bytes(piece.data(), static_cast<std::size_t>(n));
       while (const Packet* const packet = parser_.next(bytes)) {
         packets.push_back(*packet);
@@ -127,8 +129,8 @@ class PseudoTerminal {
 class Estimates {
  public:
   /// One prediction, stamped now; every tenth has a new image in it.
-  void step(MavlinkLink& link) {
-    odometry.stamp = HostStamp{monotonic_ns()};
+  void step(MavlinkLink& link, std::int64_t now_ns = monotonic_ns()) {
+    odometry.stamp = HostStamp{now_ns};
     odometry.p_WB_m[0] = 1e-9 * static_cast<double>(odometry.stamp.ns % 1'000'000'000'000);
     if (++steps_ % 10 == 0) {
       epiline::Odometry image = odometry;

@@ -1,4 +1,5 @@
-// The link over pseudo terminals and sockets of this computer. Flight controllers' rules: docs/mavlink.md.
+// The link over a made-up line, in its own time; and over pseudo terminals and sockets of this computer, where these
+// are what is tested. Flight controllers' rules: docs/mavlink.md.
 #include "drivers/links/mavlink/link.h"
 
 #include <gtest/gtest.h>
@@ -8,7 +9,7 @@
 
 #include "platform/concurrency/lock_count.h"
 #include "platform/memory/allocation_count.h"
-#include "tests/drivers/links/mavlink/link_peer.h"
+#include "tests/drivers/links/mavlink/fake_line.h"
 
 namespace epiline::mavlink {
 namespace {
@@ -19,6 +20,14 @@ constexpr std::int64_t kLong = 20'000;  // ms: a busy computer
 void open(MavlinkLink& link) {
   const Status status = link.open();
   ASSERT_TRUE(status) << status.error().text();
+}
+/// On a made-up line there is no thread.
+void begin(MavlinkLink& link) {
+  const Status status = link.begin();
+  ASSERT_TRUE(status) << status.error().text();
+}
+MavlinkLink link_on(FakeLine& line, const MavlinkConfig& config = serial_config(FakeLine::path())) {
+  return {config, kForward, std::nullopt, 65, line.kernel};
 }
 
 std::string error_of(const MavlinkConfig& config) {
@@ -63,10 +72,10 @@ TEST(MavlinkLink, HasTheLineAlone) {
 }
 
 TEST(MavlinkLink, SendsHeartbeatsWithoutAnEstimate) {
-  PseudoTerminal line;
-  MavlinkLink link(serial_config(line.path()), kForward);
-  open(link);
-  ASSERT_TRUE(wait_for(line.peer, kLong, [&] { return line.peer.all<Heartbeat>().size() >= 2; }));
+  FakeLine line;
+  MavlinkLink link = link_on(line);
+  begin(link);
+  ASSERT_TRUE(wait_for(line, link, kLong, [&] { return line.peer.all<Heartbeat>().size() >= 2; }));
   const auto heartbeats = line.peer.all<Heartbeat>();
   EXPECT_EQ(heartbeats[0].type, 18);
   EXPECT_EQ(heartbeats[0].autopilot, 8);
@@ -84,14 +93,16 @@ void expect_rising(const std::vector<Odometry>& messages) {
 }
 
 TEST(MavlinkLink, SendsOdometryAtItsRate) {
-  PseudoTerminal line;
-  MavlinkLink link(serial_config(line.path()), kForward);
-  open(link);
+  FakeLine line;
+  MavlinkLink link = link_on(line);
+  begin(link);
   Estimates estimates;
-  const std::int64_t begin_ns = monotonic_ns();
-  ASSERT_TRUE(fly(link, estimates, line.peer, kLong, [&] { return line.peer.all<Odometry>().size() >= 80; }));
-  const double seconds = 1e-9 * static_cast<double>(monotonic_ns() - begin_ns);
-  link.close();
+  const std::int64_t begin_ns = line.now_ns();
+  ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<Odometry>().size() >= 80; }));
+  const double seconds = 1e-9 * static_cast<double>(line.now_ns() - begin_ns);
+  EXPECT_EQ(line.peer.all<Heartbeat>().back().system_status, 4);  // active
+  advance(line.kernel, link, 1'100 * kMs);                        // the latency is told each second
+  line.peer.read();
   const auto messages = line.peer.all<Odometry>();
   expect_rising(messages);
   EXPECT_LE(static_cast<double>(messages.size()), 1.1 * 40 * seconds + 1);
@@ -102,7 +113,6 @@ TEST(MavlinkLink, SendsOdometryAtItsRate) {
   EXPECT_EQ(last.quality, 90);
   EXPECT_FLOAT_EQ(last.pose_covariance[0], 1e-4F);
   EXPECT_NEAR(last.x, 1e-6 * static_cast<double>(last.time_usec % 1'000'000'000), 1e-2);
-  EXPECT_EQ(line.peer.all<Heartbeat>().back().system_status, 4);  // active
   const LinkState state = link.state();
   EXPECT_EQ(state.counts.odometry, messages.size());
   EXPECT_EQ(state.counts.disconnected, 0U);
@@ -114,27 +124,26 @@ TEST(MavlinkLink, SendsOdometryAtItsRate) {
 }
 
 TEST(MavlinkLink, SendsPositionsToThoseWhoTakeNoOdometry) {
-  PseudoTerminal line;
+  FakeLine line;
   MavlinkConfig config = serial_config(line.path());
   config.message = 1;
-  MavlinkLink link(config, kForward);
-  open(link);
+  MavlinkLink link = link_on(line, config);
+  begin(link);
   Estimates estimates;
-  ASSERT_TRUE(
-      fly(link, estimates, line.peer, kLong, [&] { return line.peer.all<VisionPositionEstimate>().size() >= 5; }));
+  ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<VisionPositionEstimate>().size() >= 5; }));
   EXPECT_TRUE(line.peer.all<Odometry>().empty());
 }
 
 // The publisher hands out the last prediction again while the IMU is silent: that is no new pose.
 TEST(MavlinkLink, NeverRepeatsAPose) {
-  PseudoTerminal line;
-  MavlinkLink link(serial_config(line.path()), kForward);
-  open(link);
+  FakeLine line;
+  MavlinkLink link = link_on(line);
+  begin(link);
   Estimates estimates;
-  ASSERT_TRUE(fly(link, estimates, line.peer, kLong, [&] { return line.peer.all<Odometry>().size() >= 5; }));
+  ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<Odometry>().size() >= 5; }));
   estimates.odometry.health = {HealthState::kDegraded, bit(HealthReason::kImuSilent), 10};
   const std::size_t before = line.peer.all<Odometry>().size();
-  ASSERT_TRUE(wait_for(line.peer, kLong, [&] {
+  ASSERT_TRUE(wait_for(line, link, kLong, [&] {
     link.publish(estimates.odometry);
     return line.peer.all<StatusText>().size() >= 2;
   }));
@@ -143,53 +152,52 @@ TEST(MavlinkLink, NeverRepeatsAPose) {
 }
 
 TEST(MavlinkLink, StopsWhenLostAndSaysSo) {
-  PseudoTerminal line;
-  MavlinkLink link(serial_config(line.path()), kForward);
-  open(link);
+  FakeLine line;
+  MavlinkLink link = link_on(line);
+  begin(link);
   Estimates estimates;
   const auto has_text = [&](const char* text) {
     const auto texts = line.peer.all<StatusText>();
     return std::any_of(texts.begin(), texts.end(),
                        [&](const StatusText& t) { return std::string(t.text.data()) == text; });
   };
-  ASSERT_TRUE(fly(link, estimates, line.peer, kLong, [&] { return has_text("VIO ok"); }));
+  ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return has_text("VIO ok"); }));
   const int counter = line.peer.all<Odometry>().back().reset_counter;
   estimates.odometry.health = {HealthState::kLost, bit(HealthReason::kCameraSilent), -1};
-  ASSERT_TRUE(fly(link, estimates, line.peer, kLong, [&] { return has_text("VIO lost, stopped: no camera images"); }));
+  ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return has_text("VIO lost, stopped: no camera images"); }));
   const std::size_t sent = line.peer.all<Odometry>().size();
-  ASSERT_TRUE(
-      fly(link, estimates, line.peer, kLong, [&] { return line.peer.all<Heartbeat>().back().system_status == 5; }));
+  ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<Heartbeat>().back().system_status == 5; }));
   EXPECT_EQ(line.peer.all<Odometry>().size(), sent);
   estimates.odometry.health = {HealthState::kTracking, 0, 70};
-  ASSERT_TRUE(fly(link, estimates, line.peer, kLong, [&] { return has_text("VIO ok again, position was reset"); }));
+  ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return has_text("VIO ok again, position was reset"); }));
   EXPECT_EQ(line.peer.all<Odometry>().back().reset_counter, (counter + 1) % 256);
   for (const Odometry& message : line.peer.all<Odometry>()) EXPECT_GE(message.quality, 1);
   // nobody publishes any more
-  ASSERT_TRUE(wait_for(line.peer, kLong, [&] { return has_text("VIO stopped: no estimate"); }));
+  ASSERT_TRUE(wait_for(line, link, kLong, [&] { return has_text("VIO stopped: no estimate"); }));
   // somebody does again: the pilot is told of a reset, and so is the flight controller
   const std::size_t before = line.peer.all<Odometry>().size();
-  ASSERT_TRUE(fly(link, estimates, line.peer, kLong, [&] { return line.peer.all<Odometry>().size() > before + 5; }));
+  ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<Odometry>().size() > before + 5; }));
   EXPECT_EQ(line.peer.all<Odometry>().back().reset_counter, (counter + 2) % 256);
 }
 
 TEST(MavlinkLink, AnswersTimesyncAndLearnsTheClock) {
-  PseudoTerminal line;
-  MavlinkLink link(serial_config(line.path()), kForward);
-  open(link);
+  FakeLine line;
+  MavlinkLink link = link_on(line);
+  begin(link);
   constexpr std::int64_t kAhead_ns = 1'000'000 * kMs;
   line.peer.on_packet = [&](const Packet& packet) {
     Timesync question;
     if (unpack(packet, question) && question.tc1 == 0)
-      line.peer.send(Timesync{.tc1 = monotonic_ns() + kAhead_ns, .ts1 = question.ts1});
+      line.peer.send(Timesync{.tc1 = line.now_ns() + kAhead_ns, .ts1 = question.ts1});
   };
   line.peer.heartbeat();
   line.peer.send(Timesync{.tc1 = 0, .ts1 = 424242});
-  ASSERT_TRUE(wait_for(line.peer, kLong, [&] { return link.clock_state().used >= 1; }));
+  ASSERT_TRUE(wait_for(line, link, kLong, [&] { return link.clock_state().used >= 1; }));
   const auto all = line.peer.all<Timesync>();
   const auto answer = std::find_if(all.begin(), all.end(), [](const Timesync& t) { return t.ts1 == 424242; });
   ASSERT_NE(answer, all.end());
-  EXPECT_GT(answer->tc1, monotonic_ns() - 60'000 * kMs);
-  EXPECT_LT(answer->tc1, monotonic_ns());
+  EXPECT_GT(answer->tc1, line.now_ns() - 60'000 * kMs);
+  EXPECT_LT(answer->tc1, line.now_ns());
   const LinkState state = link.state();
   EXPECT_LE(std::abs(state.clock.offset.ns + kAhead_ns), 5 * kMs);
   EXPECT_TRUE(state.peer.is_known);
@@ -197,15 +205,15 @@ TEST(MavlinkLink, AnswersTimesyncAndLearnsTheClock) {
 }
 
 TEST(MavlinkLink, TakesOnlyItsOwnVehicleForAController) {
-  PseudoTerminal line;
-  MavlinkLink link(serial_config(line.path()), kForward);
-  open(link);
+  FakeLine line;
+  MavlinkLink link = link_on(line);
+  begin(link);
   line.peer.heartbeat({2, 1});                                      // another vehicle
   line.peer.send(Heartbeat{.type = 6, .autopilot = 3}, {1, 190});   // a ground station
   line.peer.send(Heartbeat{.type = 18, .autopilot = 8}, {1, 191});  // another computer on board
   line.peer.heartbeat({1, 1});
   line.peer.heartbeat({1, 55});  // somebody who claims to be it
-  ASSERT_TRUE(wait_for(line.peer, kLong, [&] { return link.counts().packets >= 5; }));
+  ASSERT_TRUE(wait_for(line, link, kLong, [&] { return link.counts().packets >= 5; }));
   EXPECT_TRUE(link.state().peer.is_known);
   EXPECT_EQ(link.state().peer.address.component, 1);
   EXPECT_EQ(link.counts().strangers, 1U);
@@ -213,19 +221,19 @@ TEST(MavlinkLink, TakesOnlyItsOwnVehicleForAController) {
 
 // Until there is an answer nobody gives: ArduPilot leaves it at the first, and forgets it when it starts anew.
 TEST(MavlinkLink, TellsAnArduPilotWhereItIs) {
-  PseudoTerminal line;
+  FakeLine line;
   MavlinkConfig config = serial_config(line.path());
   config.origin_latitude_deg = 47.397742;
   config.origin_longitude_deg = -8.545594;
   config.origin_altitude_m = 488.1;
-  MavlinkLink link(config, kForward);
-  open(link);
+  MavlinkLink link = link_on(line, config);
+  begin(link);
   const auto origins = [&] { return line.peer.all<SetGpsGlobalOrigin>(); };
   line.peer.heartbeat();  // PX4
-  ASSERT_TRUE(wait_for(line.peer, kLong, [&] { return line.peer.all<Timesync>().size() >= 2; }));
+  ASSERT_TRUE(wait_for(line, link, kLong, [&] { return line.peer.all<Timesync>().size() >= 2; }));
   EXPECT_TRUE(origins().empty());
   line.peer.send(Heartbeat{.type = 2, .autopilot = 3});
-  ASSERT_TRUE(wait_for(line.peer, kLong, [&] { return origins().size() >= 2; }));
+  ASSERT_TRUE(wait_for(line, link, kLong, [&] { return origins().size() >= 2; }));
   EXPECT_EQ(origins()[0].latitude, 473977420);
   EXPECT_EQ(origins()[0].longitude, -85455940);
   EXPECT_EQ(origins()[0].altitude, 488100);
@@ -235,52 +243,73 @@ TEST(MavlinkLink, TellsAnArduPilotWhereItIs) {
 }
 
 TEST(MavlinkLink, TellsNobodyAnOriginThatIsNotSet) {
-  PseudoTerminal line;
-  MavlinkLink link(serial_config(line.path()), kForward);
-  open(link);
+  FakeLine line;
+  MavlinkLink link = link_on(line);
+  begin(link);
   line.peer.send(Heartbeat{.type = 2, .autopilot = 3});
-  ASSERT_TRUE(wait_for(line.peer, kLong, [&] { return line.peer.all<Timesync>().size() >= 2; }));
+  ASSERT_TRUE(wait_for(line, link, kLong, [&] { return line.peer.all<Timesync>().size() >= 2; }));
   EXPECT_TRUE(line.peer.all<SetGpsGlobalOrigin>().empty());
 }
 
 TEST(MavlinkLink, ComesBackAfterTheLineWasUnplugged) {
-  PseudoTerminal line;
-  MavlinkLink link(serial_config(line.path()), kForward);
-  open(link);
+  FakeLine line;
+  MavlinkLink link = link_on(line);
+  begin(link);
   Estimates estimates;
   for (int round = 0; round < 3; ++round) {
     SCOPED_TRACE(round);
     line.peer.packets.clear();
-    ASSERT_TRUE(fly(link, estimates, line.peer, kLong, [&] { return line.peer.all<Odometry>().size() >= 5; }));
+    ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<Odometry>().size() >= 5; }));
     line.unplug();
-    ASSERT_TRUE(fly(link, estimates, line.peer, kLong, [&] { return !link.state().is_open; }));
+    ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return !link.state().is_open; }));
     EXPECT_FALSE(link.publish(estimates.odometry));
     ASSERT_TRUE(
-        fly(link, estimates, line.peer, kLong, [&, n = link.counts().retries] { return link.counts().retries > n; }));
+        fly(line, link, estimates, kLong, [&, n = link.counts().retries] { return link.counts().retries > n; }));
     line.plug_in();
   }
   line.peer.packets.clear();
-  ASSERT_TRUE(fly(link, estimates, line.peer, kLong, [&] { return line.peer.all<Odometry>().size() >= 5; }));
+  ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<Odometry>().size() >= 5; }));
   EXPECT_EQ(link.counts().disconnected, 3U);
   EXPECT_GT(link.counts().dropped, 0U);
 }
 
+TEST(MavlinkLink, TriesALostLineAtGrowingIntervals) {
+  FakeLine line;
+  MavlinkLink link = link_on(line);
+  begin(link);
+  advance(line.kernel, link, 2'000 * kMs);
+  line.unplug();
+  advance(line.kernel, link, 5'000 * kMs);
+  // after 50, 100, 200, 400 ms, then each 500 ms
+  EXPECT_EQ(link.counts().retries, 12U);
+  EXPECT_EQ(link.counts().last_error, ENOENT);
+  EXPECT_EQ(line.kernel.open_files(), 1U) << "only what wakes the thread";
+  // one that opens and fails at once is not tried in a hurry
+  line.plug_in();
+  advance(line.kernel, link, 500 * kMs);
+  EXPECT_TRUE(link.state().is_open);
+  line.unplug();
+  advance(line.kernel, link, 450 * kMs);
+  EXPECT_EQ(link.counts().retries, 12U);
+  EXPECT_EQ(link.counts().disconnected, 2U);
+}
+
 // A reader that is too slow gets fewer messages, never older ones behind newer ones.
 TEST(MavlinkLink, AFullLineCostsMessagesNotOrder) {
-  PseudoTerminal line;
+  FakeLine line;
   MavlinkConfig config = serial_config(line.path());
   config.rate_hz = 100;
-  MavlinkLink link(config, kForward);
-  open(link);
+  MavlinkLink link = link_on(line, config);
+  begin(link);
   Estimates estimates;
-  const std::int64_t until_ns = monotonic_ns() + kLong * kMs;
-  while (link.counts().dropped == 0 && monotonic_ns() < until_ns) {  // nobody reads: the terminal fills
-    estimates.step(link);
-    ::usleep(1000);
+  const std::int64_t until_ns = line.now_ns() + kLong * kMs;
+  while (link.counts().dropped == 0 && line.now_ns() < until_ns) {  // nobody reads: the line fills
+    estimates.step(link, line.now_ns());
+    advance(line.kernel, link, kMs);
   }
   ASSERT_GT(link.counts().dropped, 0U);
-  ASSERT_TRUE(fly(link, estimates, line.peer, kLong,
-                  [&, n = link.counts().odometry] { return link.counts().odometry > n + 20; }));
+  ASSERT_TRUE(
+      fly(line, link, estimates, kLong, [&, n = link.counts().odometry] { return link.counts().odometry > n + 20; }));
   expect_rising(line.peer.all<Odometry>());
   EXPECT_EQ(line.peer.parser().bad_checksums(), 0U);
 }
