@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "platform/concurrency/counter.h"
-#include "platform/time/monotonic.h"
 
 namespace epiline {
 
@@ -14,8 +13,9 @@ constexpr int kChangesAtOnce = 8;  // told of by the device; the rest waits for 
 
 }  // namespace
 
-CameraExposure::CameraExposure(const V4l2Settings& settings)
+CameraExposure::CameraExposure(const V4l2Settings& settings, SystemCalls& system)
     : settings_(settings),
+      system_(system),
       timeline_(settings.control_of_exposure.delay_images),
       automatic_(settings.control_of_exposure.automatic) {}
 
@@ -96,7 +96,7 @@ void CameraExposure::serve(V4l2Device& device) noexcept {
   }
   for (std::size_t i = 0; i < count; ++i)
     (values[i].facts == &time_control_ ? time_value_ : gain_value_) = values[i].value;
-  timeline_.change({monotonic_ns()}, state());
+  timeline_.change({system_.now_ns()}, state());
   bump(changes_);
 }
 

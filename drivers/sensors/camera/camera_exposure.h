@@ -26,7 +26,7 @@ struct ExposureReport {
 /// Camera thread only, unless noted. No heap after construction.
 class CameraExposure {
  public:
-  explicit CameraExposure(const V4l2Settings& settings);
+  CameraExposure(const V4l2Settings& settings, SystemCalls& system);
 
   /// With the device's controls as configured. Again when a lost device has come back.
   DeviceTrouble set_up(V4l2Device& device) noexcept;
@@ -55,6 +55,7 @@ class CameraExposure {
   ExposureState state() const noexcept;
 
   const V4l2Settings& settings_;
+  SystemCalls& system_;
   ExposureTimeline timeline_;
   std::optional<ExposureController> controller_;
   std::optional<ExposureState> wanted_;

@@ -1,23 +1,17 @@
 #include "drivers/sensors/camera/v4l2_camera.h"
 
 #include <linux/videodev2.h>
-#include <poll.h>
-#include <sys/eventfd.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <ctime>
 #include <string>
 #include <utility>
 
 #include "platform/concurrency/counter.h"
 #include "platform/error/contract.h"
-#include "platform/time/monotonic.h"
 
 namespace epiline {
 
@@ -25,16 +19,10 @@ namespace {
 
 constexpr int kRowAlignment = 64;  // of copies: a cache line
 
-timespec timespec_of(Span span) noexcept {
-  constexpr std::int64_t kSecond = 1'000'000'000;
-  const std::int64_t ns = std::max<std::int64_t>(span.ns, 0);
-  return {static_cast<time_t>(ns / kSecond), static_cast<long>(ns % kSecond)};
-}
-
 }  // namespace
 
-V4l2Camera::V4l2Camera(V4l2Settings settings)
-    : settings_(std::move(settings)), stamp_line_(settings_.stamp_line, settings_.stamp_edge) {}
+V4l2Camera::V4l2Camera(V4l2Settings settings, SystemCalls& system)
+    : settings_(std::move(settings)), system_(system), stamp_line_(settings_.stamp_line, settings_.stamp_edge) {}
 
 // ---- setting up ----
 
@@ -42,8 +30,7 @@ Status V4l2Camera::open() {
   if (settings_.buffers < 2 || settings_.buffers > static_cast<int>(kMostBuffers))
     return Error{ErrorKind::kUsage, settings_.device, 0, std::to_string(settings_.buffers) + " buffers", "2 to 16"};
   if (Status line = stamp_line_.open(); !line) return line;
-  wake_fd_ = ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
-  if (wake_fd_ < 0) return Error{ErrorKind::kRun, "eventfd", 0, std::strerror(errno), ""};
+  if (!wake_up_.open()) return Error{ErrorKind::kRun, "eventfd", 0, std::strerror(errno), ""};
   if (const DeviceTrouble trouble = set_up()) {
     const Error error = error_of(trouble);
     close();
@@ -85,7 +72,7 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
   if (const DeviceTrouble trouble = device_.start()) return trouble;
   is_first_of_stream_ = true;
   stamp_line_.restart();
-  last_image_ns_ = monotonic_ns();
+  last_image_ns_ = system_.now_ns();
   streaming_.store(true, std::memory_order_relaxed);
   return {};
 }
@@ -124,7 +111,7 @@ DeviceTrouble V4l2Camera::change_control(ControlChange& change) noexcept {
   const DeviceTrouble trouble = device_.change_controls({&one, 1});
   if (trouble) return trouble;
   change.value = one.value;
-  exposure_.changed(facts.id, one.value, {monotonic_ns()});
+  exposure_.changed(facts.id, one.value, {system_.now_ns()});
   return {};
 }
 
@@ -183,7 +170,7 @@ void V4l2Camera::tear_down() noexcept {
   streaming_.store(false, std::memory_order_relaxed);
   if (device_.is_open()) device_.stop();
   for (std::size_t i = 0; i < buffer_count_ && copies_; ++i) {
-    if (buffers_[i].data != nullptr) ::munmap(buffers_[i].data, buffers_[i].length);
+    if (buffers_[i].data != nullptr) system_.unmap(buffers_[i].data, buffers_[i].length);
     buffers_[i] = {};
   }
   for (Slot& slot : slots_) {
@@ -201,7 +188,7 @@ void V4l2Camera::lose(int error) noexcept {
   tear_down();
   bump(disconnected_);
   last_error_.store(error, std::memory_order_relaxed);
-  retry_.begin(monotonic_ns());
+  retry_.begin(system_.now_ns());
 }
 
 bool V4l2Camera::reopen() noexcept {
@@ -211,19 +198,18 @@ bool V4l2Camera::reopen() noexcept {
   tear_down();
   bump(retries_);
   last_error_.store(trouble.error, std::memory_order_relaxed);
-  retry_.failed(monotonic_ns());
+  retry_.failed(system_.now_ns());
   return false;
 }
 
 void V4l2Camera::close() noexcept {
   stamp_line_.close();
-  if (wake_fd_ < 0) return;
+  if (!wake_up_.is_open()) return;
   for (Slot& slot : slots_)
     if (slot.state.load(std::memory_order_acquire) == SlotState::kLent)
       slot.state.store(SlotState::kReturned, std::memory_order_relaxed);
   tear_down();
-  ::close(wake_fd_);
-  wake_fd_ = -1;
+  wake_up_.close();
   opened_ = false;
   copies_memory_ = {};
   for (Slot& slot : slots_) slot.memory = {};
@@ -233,19 +219,19 @@ void V4l2Camera::close() noexcept {
 
 ReadOutcome V4l2Camera::read(Frame& frame, Span timeout) noexcept {
   EPILINE_EXPECTS(opened_, "open() before read()");
-  const std::int64_t deadline_ns = monotonic_ns() + timeout.ns;
+  const std::int64_t deadline_ns = system_.now_ns() + timeout.ns;
   if (!is_streaming()) {
-    const std::int64_t now_ns = monotonic_ns();
+    const std::int64_t now_ns = system_.now_ns();
     if (now_ns < retry_.due_ns()) {
       wait({std::min(retry_.due_ns(), deadline_ns) - now_ns});
-      if (monotonic_ns() < retry_.due_ns()) return ReadOutcome::kFailed;
+      if (system_.now_ns() < retry_.due_ns()) return ReadOutcome::kFailed;
     }
     if (!reopen()) return ReadOutcome::kFailed;
   }
   serve_requests();
   for (bool is_well = true;;) {
     const ReadOutcome outcome = collect_returned() ? take(frame) : ReadOutcome::kFailed;
-    const std::int64_t now_ns = monotonic_ns();
+    const std::int64_t now_ns = system_.now_ns();
     if (outcome == ReadOutcome::kTimeout && (!is_well || is_silent(now_ns))) {
       lose(is_well ? 0 : EIO);
       return ReadOutcome::kFailed;
@@ -267,12 +253,10 @@ bool V4l2Camera::wait(Span at_most) noexcept {
     with_driver += slot.state.load(std::memory_order_relaxed) == SlotState::kWithDriver ? 1 : 0;
   // without a buffer the driver reports an error that is none
   const bool asks_device = device_.is_open() && with_driver > 0;
-  std::array<pollfd, 2> fds{{{wake_fd_, POLLIN, 0}, {device_.fd(), POLLIN, 0}}};
-  const timespec time = timespec_of(at_most);
-  ::ppoll(fds.data(), asks_device ? 2 : 1, &time, nullptr);
-  std::uint64_t times = 0;
-  if (fds[0].revents != 0 && ::read(wake_fd_, &times, sizeof(times)) < 0) return true;
-  return (fds[1].revents & (POLLERR | POLLHUP | POLLNVAL)) == 0;
+  std::array<pollfd, 2> files{{{wake_up_.fd(), POLLIN, 0}, {device_.fd(), POLLIN, 0}}};
+  system_.wait({files.data(), asks_device ? 2U : 1U}, at_most);
+  if (files[0].revents != 0) wake_up_.clear();
+  return (files[1].revents & (POLLERR | POLLHUP | POLLNVAL)) == 0;
 }
 
 void V4l2Camera::give_back(const Frame& frame) noexcept {
@@ -281,9 +265,7 @@ void V4l2Camera::give_back(const Frame& frame) noexcept {
   // release, pairs with the acquire in collect_returned(): the last look at the pixels comes before the driver writes
   const SlotState before = slot.state.exchange(SlotState::kReturned, std::memory_order_release);
   EPILINE_EXPECTS(before == SlotState::kLent, "an image is given back once");
-  const std::uint64_t one = 1;
-  // fails only if the counter is full of wake-ups nobody has looked at
-  [[maybe_unused]] const ssize_t written = ::write(wake_fd_, &one, sizeof(one));
+  wake_up_.notify();
 }
 
 /// False: the device is lost.
@@ -293,7 +275,7 @@ bool V4l2Camera::collect_returned() noexcept {
     if (copies_) {
       slot.state.store(SlotState::kFree, std::memory_order_relaxed);
     } else if (slot.is_stale) {
-      ::munmap(slot.memory.data, slot.memory.length);
+      system_.unmap(slot.memory.data, slot.memory.length);
       slot.memory = {};
       slot.state.store(SlotState::kFree, std::memory_order_relaxed);
     } else {
@@ -318,7 +300,7 @@ ReadOutcome V4l2Camera::take(Frame& frame) noexcept {
       lose(error);
       return ReadOutcome::kFailed;
     }
-    last_image_ns_ = monotonic_ns();
+    last_image_ns_ = system_.now_ns();
     Slot* lending = copies_ ? nullptr : &slots_[static_cast<std::size_t>(slot_of_[buffer.index])];
     if (lending != nullptr && lending->state.load(std::memory_order_relaxed) != SlotState::kWithDriver) {
       bump(overwritten_);
@@ -355,7 +337,7 @@ bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
   const bool is_monotonic = (buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
   const HostStamp given{static_cast<std::int64_t>(buffer.timestamp.tv_sec) * 1'000'000'000 +
                         static_cast<std::int64_t>(buffer.timestamp.tv_usec) * 1'000};
-  frame.arrival = HostStamp{monotonic_ns()};
+  frame.arrival = HostStamp{system_.now_ns()};
   const std::int64_t age_ns = (frame.arrival - given).ns;
   // also ahead of now: drivers compute the end of a frame, and hand the image out before it
   const bool is_recent = settings_.trust_stamps || std::abs(age_ns) < settings_.stamp_age_most.ns;

@@ -12,6 +12,7 @@
 #include "drivers/sensors/camera/v4l2_device.h"
 #include "drivers/sensors/camera/v4l2_settings.h"
 #include "platform/concurrency/spsc_ring.h"
+#include "platform/linux/system_calls.h"
 #include "platform/ports/counter.h"
 #include "platform/ports/ports.h"
 #include "platform/time/backoff.h"
@@ -56,7 +57,7 @@ struct ControlChange {
 /// heap call, also while the device is lost; a read() that reopens it takes as long as the kernel needs.
 class V4l2Camera final : public CameraSource {
  public:
-  explicit V4l2Camera(V4l2Settings settings);
+  explicit V4l2Camera(V4l2Settings settings, SystemCalls& system = SystemCalls::of_this_computer());
   ~V4l2Camera() override { close(); }
 
   /// The error names the fault of the device or the settings.
@@ -138,15 +139,16 @@ class V4l2Camera final : public CameraSource {
   bool wait(Span at_most) noexcept;
 
   V4l2Settings settings_;
-  V4l2Device device_;
+  SystemCalls& system_;
+  V4l2Device device_{system_};
   DeviceFormat format_;
   bool copies_ = false, opened_ = false;
   std::array<char, 64> bus_{};  ///< of the device that open() found
   std::uint32_t stamp_flags_ = 0;
-  CameraExposure exposure_{settings_};
+  CameraExposure exposure_{settings_, system_};
   SpscRing<ControlChange, kChanges> requests_, answers_;
   FixedVector<ControlChange, kChanges> changes_;  ///< to be repeated when a lost device is back
-  int wake_fd_ = -1;                              ///< an eventfd: an image was given back
+  WakeUp wake_up_{system_};                       ///< an image was given back
 
   std::array<Memory, kMostBuffers> buffers_{};  ///< when copying
   std::array<int, kMostBuffers> slot_of_{};     ///< when lending

@@ -2,9 +2,7 @@
 
 #include <fcntl.h>
 #include <linux/videodev2.h>
-#include <sys/ioctl.h>
 #include <sys/mman.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cctype>
@@ -77,13 +75,13 @@ void write_fourcc(std::uint32_t fourcc, char (&text)[5]) noexcept {
 
 int V4l2Device::call(unsigned long request, void* argument) const noexcept {
   int result = 0;
-  do result = ::ioctl(fd_, request, argument);
+  do result = system_.ioctl(fd_, request, argument);
   while (result < 0 && errno == EINTR);
   return result < 0 ? errno : 0;
 }
 
 void V4l2Device::close() noexcept {
-  if (fd_ >= 0) ::close(fd_);
+  if (fd_ >= 0) system_.close(fd_);
   fd_ = -1;
   watches_ = false;
 }
@@ -104,7 +102,7 @@ DeviceTrouble V4l2Device::open(const char* wanted) noexcept {
 DeviceTrouble V4l2Device::open_path(const char* path) noexcept {
   close();
   std::snprintf(path_.data(), path_.size(), "%s", path);
-  fd_ = ::open(path, O_RDWR | O_NONBLOCK | O_CLOEXEC);
+  fd_ = system_.open(path, O_RDWR);
   if (fd_ < 0) return refused("open", errno);
   v4l2_capability capability{};
   const int error = call(VIDIOC_QUERYCAP, &capability);
@@ -310,8 +308,7 @@ DeviceTrouble V4l2Device::map(unsigned index, std::uint8_t*& data, std::size_t& 
   buffer.memory = V4L2_MEMORY_MMAP;
   if (const int error = call(VIDIOC_QUERYBUF, &buffer); error != 0) return refused("VIDIOC_QUERYBUF", error);
   // populated now, so that the first image meets no page faults
-  void* memory =
-      ::mmap(nullptr, buffer.length, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, fd_, buffer.m.offset);
+  void* memory = system_.map(fd_, buffer.length, buffer.m.offset);
   if (memory == MAP_FAILED) return refused("mmap", errno);
   data = static_cast<std::uint8_t*>(memory);
   length = buffer.length;

@@ -8,6 +8,7 @@
 
 #include "drivers/sensors/camera/v4l2_settings.h"
 #include "platform/error/device_trouble.h"
+#include "platform/linux/system_calls.h"
 
 struct v4l2_buffer;
 
@@ -35,7 +36,7 @@ struct ControlValue {
 
 class V4l2Device {
  public:
-  V4l2Device() = default;
+  explicit V4l2Device(SystemCalls& system = SystemCalls::of_this_computer()) noexcept : system_(system) {}
   V4l2Device(const V4l2Device&) = delete;
   V4l2Device& operator=(const V4l2Device&) = delete;
   ~V4l2Device() { close(); }
@@ -83,6 +84,7 @@ class V4l2Device {
   /// 0 or errno; begins again when a signal came in between.
   int call(unsigned long request, void* argument) const noexcept;
 
+  SystemCalls& system_;
   int fd_ = -1;
   std::array<char, 64> path_{};
   std::array<char, 64> card_{}, bus_{};

@@ -1,10 +1,14 @@
-// What needs no device. The rest is in tests/hardware, against the kernel's drivers.
+// Against a made-up camera, in its own time. tests/hardware has the kernel's drivers.
 #include "drivers/sensors/camera/v4l2_camera.h"
 
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <optional>
 #include <string>
+#include <vector>
+
+#include "tests/drivers/sensors/camera/camera_rig.h"
 
 namespace epiline {
 namespace {
@@ -36,6 +40,215 @@ TEST(V4l2Camera, AFailedOpenLeavesNothingBehind) {
   error_of({.device = "/dev/null"});
   error_of({.device = "/dev/no-such-camera"});
   EXPECT_EQ(open_files(), before);
+}
+
+// ---- a camera ----
+
+using test::CameraRig;
+using test::FakeCamera;
+using test::kMs;
+using test::kSecond_ns;
+
+TEST(V4l2Camera, LendsImagesOfTheDriverAsTheyCome) {
+  CameraRig rig;
+  rig.open();
+  std::optional<Frame> last;
+  const std::size_t count = rig.run(10, [&](const Frame& frame) {
+    ASSERT_EQ(frame.width, 320);
+    ASSERT_EQ(frame.height, 180);
+    ASSERT_EQ(frame.data[0], 77);
+    ASSERT_LE((frame.arrival - frame.stamp).ns, 1 * kMs);
+    if (last) {
+      ASSERT_EQ(frame.sequence, last->sequence + 1);
+      ASSERT_NEAR(static_cast<double>((frame.stamp - last->stamp).ns), 1e9 / 30, 2'000);
+    }
+    last = frame;
+  });
+  EXPECT_NEAR(static_cast<double>(count), 300, 1);
+  EXPECT_EQ(rig.failures, 0u);
+  EXPECT_EQ(rig.heap_calls, 0u);
+  EXPECT_EQ(rig.camera->counts().frames, count);
+  EXPECT_EQ(rig.camera->counts().lost + rig.camera->counts().bad_stamps, 0u);
+  EXPECT_FALSE(rig.camera->copies());
+  rig.camera->close();
+  EXPECT_EQ(rig.kernel.open_files(), 0u);
+  EXPECT_EQ(rig.kernel.mappings, 0);
+}
+
+TEST(V4l2Camera, CopiesWhatIsNotGreyInPlace) {
+  CameraRig rig;
+  rig.device->formats[0].fourcc = V4L2_PIX_FMT_YUYV;
+  rig.settings.formats = {PixelFormat::kGrey, PixelFormat::kYuyv};
+  rig.open();
+  EXPECT_TRUE(rig.camera->copies());
+  EXPECT_NEAR(static_cast<double>(rig.run(1)), 30, 1);
+  EXPECT_EQ(rig.heap_calls, 0u);
+}
+
+TEST(V4l2Camera, CountsWhatIsDamagedCutShortOrLost) {
+  CameraRig rig;
+  rig.open();
+  rig.run(1);
+  rig.device->change_image = [](FakeCamera::Image& image) {
+    if (image.sequence % 10 == 3) image.flags |= V4L2_BUF_FLAG_ERROR;
+    if (image.sequence % 10 == 7) image.missing_bytes = 1;
+    if (image.sequence >= 45) image.sequence += 5;
+  };
+  const std::size_t count = rig.run(1);
+  const CameraCounts counts = rig.camera->counts();
+  EXPECT_EQ(counts.damaged, 3u);
+  EXPECT_EQ(counts.incomplete, 3u);
+  EXPECT_EQ(counts.lost, 5u);
+  EXPECT_NEAR(static_cast<double>(count), 24, 1);
+  EXPECT_EQ(counts.disconnected, 0u);
+  EXPECT_EQ(rig.last.sequence, counts.frames - 1 + counts.damaged + counts.incomplete + counts.lost);
+}
+
+TEST(V4l2Camera, RefusesStampsOfAnotherClock) {
+  CameraRig rig;
+  rig.open();
+  rig.device->change_image = [](FakeCamera::Image& image) { image.stamp_ns -= 3'600 * kSecond_ns; };
+  EXPECT_EQ(rig.run(3), 0u);
+  EXPECT_NEAR(static_cast<double>(rig.camera->counts().bad_stamps), 90, 1);
+  EXPECT_EQ(rig.camera->counts().disconnected, 0u) << "the device is well";
+  CameraRig unknown;
+  unknown.device->stamp_flags = V4L2_BUF_FLAG_TIMESTAMP_UNKNOWN;
+  EXPECT_EQ(unknown.error(),
+            "/dev/video0: stamps of an unknown clock; expected monotonic stamps, or trust_stamps in the configuration");
+}
+
+TEST(V4l2Camera, AnErrorOfTheDeviceIsOvercomeAtOnce) {
+  for (const bool at_dequeue : {true, false}) {
+    CameraRig rig;
+    rig.open();
+    rig.run(1);
+    const std::size_t files = rig.kernel.open_files();
+    const int mappings = rig.kernel.mappings;
+    const std::uint64_t before = rig.last.sequence;
+    (at_dequeue ? rig.device->dequeue_error : rig.device->queue_error) = EIO;
+    EXPECT_NEAR(static_cast<double>(rig.run(1)), 29, 2);
+    EXPECT_EQ(rig.failures, 1u) << "told once";
+    EXPECT_EQ(rig.camera->counts().disconnected, 1u);
+    EXPECT_EQ(rig.camera->counts().retries, 0u);
+    EXPECT_EQ(rig.camera->counts().last_error, EIO);
+    EXPECT_GT(rig.first.sequence, before + 1) << "a gap: nobody knows how many were lost";
+    EXPECT_EQ(rig.kernel.open_files(), files);
+    EXPECT_EQ(rig.kernel.mappings, mappings);
+    EXPECT_EQ(rig.heap_calls, 0u);
+  }
+}
+
+TEST(V4l2Camera, AnUnpluggedCameraIsTriedAtGrowingIntervals) {
+  CameraRig rig;
+  rig.open();
+  rig.run(1);
+  rig.unplug();
+  EXPECT_EQ(rig.run(10.3), 0u);
+  EXPECT_FALSE(rig.camera->is_streaming());
+  // at once, after 50, 100, 200, 400, 800 ms, then each second
+  EXPECT_EQ(rig.camera->counts().retries, 14u);
+  EXPECT_EQ(rig.camera->counts().last_error, ENOENT);
+  EXPECT_EQ(rig.kernel.mappings, 0);
+  rig.plug_in();
+  EXPECT_GT(rig.run(1.5), 10u);
+  EXPECT_EQ(rig.camera->counts().disconnected, 1u);
+  EXPECT_EQ(rig.heap_calls, 0u);
+}
+
+TEST(V4l2Camera, ASilentCameraIsOpenedAgain) {
+  CameraRig rig;
+  rig.open();
+  rig.run(1);
+  rig.device->gives_images = false;
+  rig.run(1.9);
+  EXPECT_EQ(rig.camera->counts().disconnected, 0u);
+  rig.run(0.3);
+  EXPECT_EQ(rig.camera->counts().disconnected, 1u);
+  EXPECT_EQ(rig.camera->counts().last_error, 0);
+  rig.device->gives_images = true;
+  EXPECT_GT(rig.run(1), 20u);
+}
+
+TEST(V4l2Camera, WhatTheDeviceRefusesAtTheStartIsNamed) {
+  for (const auto& [request, step] :
+       {std::pair{VIDIOC_REQBUFS, "VIDIOC_REQBUFS"}, std::pair{VIDIOC_QUERYBUF, "VIDIOC_QUERYBUF"},
+        std::pair{VIDIOC_QBUF, "VIDIOC_QBUF"}, std::pair{VIDIOC_STREAMON, "VIDIOC_STREAMON"},
+        std::pair{VIDIOC_G_FMT, "VIDIOC_G_FMT"}}) {
+    CameraRig rig;
+    rig.device->refused_request = request;
+    EXPECT_EQ(rig.error(), std::string("/dev/video0: ") + step + ": Invalid argument");
+    EXPECT_EQ(rig.kernel.open_files(), 0u) << step;
+    EXPECT_EQ(rig.kernel.mappings, 0) << step;
+  }
+}
+
+TEST(V4l2Camera, AFailedAttemptToReopenIsRepeated) {
+  CameraRig rig;
+  rig.open();
+  rig.run(1);
+  rig.device->dequeue_error = EIO;
+  rig.device->refused_request = VIDIOC_STREAMON;
+  rig.run(0.1);
+  rig.device->refused_request = 0;
+  EXPECT_GT(rig.run(0.5), 5u);
+  EXPECT_EQ(rig.camera->counts().disconnected, 1u);
+  EXPECT_EQ(rig.camera->counts().retries, 2u) << "at once, and after 50 ms";
+}
+
+TEST(V4l2Camera, LentImagesOutliveTheDevice) {
+  CameraRig rig;
+  rig.open();
+  std::vector<Frame> lent(3);
+  for (Frame& frame : lent) ASSERT_EQ(rig.camera->read(frame, Span{kSecond_ns}), ReadOutcome::kSample);
+  const int mappings = rig.kernel.mappings;
+  rig.device->dequeue_error = ENODEV;
+  rig.run(0.5);
+  EXPECT_EQ(rig.kernel.mappings, mappings + 3);
+  for (const Frame& frame : lent) {
+    EXPECT_EQ(frame.data[0], 77);
+    EXPECT_NE(frame.slot, rig.last.slot);
+    rig.camera->give_back(frame);
+  }
+  rig.run(0.5);
+  EXPECT_EQ(rig.kernel.mappings, mappings) << "given back, then unmapped";
+}
+
+TEST(V4l2Camera, WithEverythingLentItWaitsUntilOneIsGivenBack) {
+  CameraRig rig;
+  rig.settings.buffers = 4;
+  rig.open();
+  std::vector<Frame> lent(4);
+  for (Frame& frame : lent) ASSERT_EQ(rig.camera->read(frame, Span{kSecond_ns}), ReadOutcome::kSample);
+  Frame frame;
+  ASSERT_EQ(rig.camera->read(frame, Span::from_milliseconds(100)), ReadOutcome::kTimeout) << "not failed";
+  rig.kernel.at(rig.kernel.clock_ns + 50 * kMs, [&] { rig.camera->give_back(lent[2]); });
+  ASSERT_EQ(rig.camera->read(frame, Span::from_milliseconds(100)), ReadOutcome::kSample);
+  EXPECT_EQ(frame.slot, lent[2].slot);
+  EXPECT_EQ(rig.camera->counts().disconnected, 0u);
+}
+
+TEST(V4l2Camera, ControlsAreSetWhileItStreamsAndAgainWhenItIsBack) {
+  CameraRig rig;
+  rig.open();
+  rig.run(0.1);
+  ASSERT_TRUE(rig.camera->request_control("brightness", 250));
+  ASSERT_TRUE(rig.camera->request_control("no_such_control", 1));
+  ASSERT_TRUE(rig.camera->request_control("exposure_time_absolute", 1'000));  // 255 is all it takes
+  rig.run(0.2);
+  EXPECT_EQ(rig.heap_calls, 0u);
+  ControlChange answer;
+  ASSERT_TRUE(rig.camera->control_answer(answer));
+  EXPECT_TRUE(answer.is_set);
+  EXPECT_EQ(answer.value, 250);
+  ASSERT_TRUE(rig.camera->control_answer(answer));
+  EXPECT_FALSE(answer.is_set);
+  ASSERT_TRUE(rig.camera->control_answer(answer));
+  EXPECT_EQ(answer.value, 255) << "as read back";
+  EXPECT_FALSE(rig.camera->control_answer(answer));
+  rig.device->control("Brightness").value = 10;
+  rig.device->dequeue_error = EIO;
+  rig.run(0.2);
+  EXPECT_EQ(rig.device->control("Brightness").value, 250);
 }
 
 }  // namespace
