@@ -104,6 +104,7 @@ class FakeCamera final : public FakeFile {
         return describe(*static_cast<v4l2_buffer*>(argument));
       case VIDIOC_QBUF:
         if (queue_error != 0) return refuse(std::exchange(queue_error, 0));
+        take_images(kernel.clock_ns);  // those of before did not have this one
         return queued_.push_back(static_cast<v4l2_buffer*>(argument)->index), 0;
       case VIDIOC_DQBUF:
         return dequeue(*static_cast<v4l2_buffer*>(argument));

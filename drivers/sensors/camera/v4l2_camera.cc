@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -17,7 +18,9 @@ namespace epiline {
 
 namespace {
 
-constexpr int kRowAlignment = 64;  // of copies: a cache line
+constexpr int kRowAlignment = 64;                             // of copies: a cache line
+constexpr int kBelieved = 5;                                  // doubtful stamps in a row
+constexpr Span kPeriodAtMost = Span::from_milliseconds(100);  // where the device does not tell its rate
 
 }  // namespace
 
@@ -71,6 +74,7 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
   if (const DeviceTrouble trouble = map_buffers()) return trouble;
   if (const DeviceTrouble trouble = device_.start()) return trouble;
   is_first_of_stream_ = true;
+  forget_stamps();
   stamp_line_.restart();
   last_image_ns_ = system_.now_ns();
   streaming_.store(true, std::memory_order_relaxed);
@@ -339,13 +343,11 @@ bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
                         static_cast<std::int64_t>(buffer.timestamp.tv_usec) * 1'000};
   frame.arrival = HostStamp{system_.now_ns()};
   const std::int64_t age_ns = (frame.arrival - given).ns;
-  // also ahead of now: drivers compute the end of a frame, and hand the image out before it
   const bool is_recent = settings_.trust_stamps || std::abs(age_ns) < settings_.stamp_age_most.ns;
-  if ((!is_monotonic && !settings_.trust_stamps) || !is_recent || given <= last_stamp_) {
+  if ((!is_monotonic && !settings_.trust_stamps) || !is_recent || !is_credible(given, frame.arrival)) {
     bump(bad_stamps_);
     return false;
   }
-  last_stamp_ = given;
   const bool is_start = (buffer.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) == V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
   const StampPoint point =
       settings_.stamp_point.value_or(is_start ? StampPoint::kStartOfExposure : StampPoint::kEndOfFrame);
@@ -357,6 +359,33 @@ bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
   }
   frame.stamp = start + to_mid_exposure(StampPoint::kStartOfExposure, settings_.shutter, exposure, settings_.readout);
   return true;
+}
+
+/// Later than the one before, and not earlier on its way than any by more than a period: drivers compute the end of a
+/// frame, and hand the image out before it. One stamp that is not so is wrong. Of several in a row, each later than the
+/// one before, it is the clock that was set.
+bool V4l2Camera::is_credible(HostStamp given, HostStamp arrival) noexcept {
+  const Span delay = arrival - given;
+  const Span period = format_.rate_hz > 0 ? Span::from_seconds(1 / format_.rate_hz) : kPeriodAtMost;
+  const bool is_ahead = least_delay_ && delay < *least_delay_ - period;
+  if (given > last_stamp_ && !is_ahead) {
+    least_delay_ = least_delay_ ? std::min(*least_delay_, delay) : delay;
+  } else {
+    doubted_ = doubted_ > 0 && given > last_doubted_ ? doubted_ + 1 : 1;
+    last_doubted_ = given;
+    if (doubted_ < kBelieved) return false;
+    least_delay_ = delay;
+  }
+  doubted_ = 0;
+  last_stamp_ = given;
+  return true;
+}
+
+void V4l2Camera::forget_stamps() noexcept {
+  last_stamp_ = {std::numeric_limits<std::int64_t>::min()};
+  doubted_ = 0;
+  // the kernel's clock is ours; of another one the first image tells
+  least_delay_ = settings_.trust_stamps ? std::nullopt : std::optional(Span{});
 }
 
 /// The driver's number counts 32 bits, begins anew with each stream, and with some drivers does not move at all.

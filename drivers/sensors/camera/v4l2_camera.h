@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -25,7 +26,7 @@ struct CameraCounts {
   std::uint64_t lost = 0;          ///< gaps of the driver's sequence numbers
   std::uint64_t damaged = 0;       ///< marked as damaged by the driver
   std::uint64_t incomplete = 0;    ///< shorter than an image
-  std::uint64_t bad_stamps = 0;    ///< unknown clock, not rising, or not from the last second
+  std::uint64_t bad_stamps = 0;    ///< unknown clock, or not credible after the previous ones
   std::uint64_t no_edge = 0;       ///< with a stamp line: the image's edge was uncertain
   std::uint64_t no_slot = 0;       ///< all images were lent
   std::uint64_t overwritten = 0;   ///< the driver reused a buffer that was lent
@@ -133,6 +134,8 @@ class V4l2Camera final : public CameraSource {
   bool is_sound(const v4l2_buffer& buffer) noexcept;
   bool fill(Frame& frame, const v4l2_buffer& buffer) noexcept;
   bool stamp(Frame& frame, const v4l2_buffer& buffer) noexcept;
+  bool is_credible(HostStamp given, HostStamp arrival) noexcept;
+  void forget_stamps() noexcept;
   void number(Frame& frame, std::uint32_t sequence) noexcept;
   int free_slot() const noexcept;
   bool is_silent(std::int64_t now_ns) const noexcept;
@@ -159,7 +162,10 @@ class V4l2Camera final : public CameraSource {
   std::atomic<bool> streaming_{false};
   std::int64_t last_image_ns_ = 0;
   Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(1'000)};
-  HostStamp last_stamp_;
+  HostStamp last_stamp_;             ///< of the driver, believed
+  HostStamp last_doubted_;           ///< and not believed
+  int doubted_ = 0;                  ///< in a row
+  std::optional<Span> least_delay_;  ///< from a stamp to the image's arrival; the kernel's clock: at most 0
   StampLine stamp_line_;
   std::uint64_t sequence_ = 0;         ///< of the newest image, ours
   std::uint32_t driver_sequence_ = 0;  ///< the driver's
