@@ -11,7 +11,7 @@ namespace epiline {
 struct DeviceTrouble {
   const char* step = nullptr;  ///< nullptr: nothing went wrong
   int error = 0;               ///< errno; 0: the device did not refuse, but `found` is not what was wanted
-  char found[160] = "", expected[160] = "";
+  char found[160] = "", expected[400] = "";
   explicit operator bool() const noexcept { return step != nullptr; }
 };
 

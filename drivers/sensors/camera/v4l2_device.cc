@@ -63,6 +63,8 @@ bool is_settable(std::uint32_t type) noexcept {
          type == V4L2_CTRL_TYPE_BUTTON;
 }
 
+}  // namespace
+
 void write_fourcc(std::uint32_t fourcc, char (&text)[5]) noexcept {
   for (int i = 0; i < 4; ++i) {
     const auto c = static_cast<unsigned char>(fourcc >> (8 * i) & 0x7f);
@@ -70,8 +72,6 @@ void write_fourcc(std::uint32_t fourcc, char (&text)[5]) noexcept {
   }
   text[4] = '\0';
 }
-
-}  // namespace
 
 int V4l2Device::call(unsigned long request, void* argument) const noexcept {
   int result = 0;
@@ -127,49 +127,47 @@ DeviceTrouble V4l2Device::set_format(const V4l2Settings& settings, DeviceFormat&
   v4l2_format current{};
   current.type = kCapture;
   if (const int error = call(VIDIOC_G_FMT, &current); error != 0) return refused("VIDIOC_G_FMT", error);
-  DeviceTrouble trouble = unexpected("VIDIOC_S_FMT", "a list of formats", "no format is wanted");
+  v4l2_format set = current;
+  if (settings.width > 0) set.fmt.pix.width = static_cast<std::uint32_t>(settings.width);
+  if (settings.height > 0) set.fmt.pix.height = static_cast<std::uint32_t>(settings.height);
+  const std::uint32_t width = set.fmt.pix.width, height = set.fmt.pix.height;
   for (const PixelFormat wanted : settings.formats) {
-    v4l2_format set = current;
-    set.fmt.pix.pixelformat = fourcc_of(wanted);
-    if (settings.width > 0) set.fmt.pix.width = static_cast<std::uint32_t>(settings.width);
-    if (settings.height > 0) set.fmt.pix.height = static_cast<std::uint32_t>(settings.height);
-    set.fmt.pix.field = V4L2_FIELD_NONE;
-    set.fmt.pix.bytesperline = 0;
-    set.fmt.pix.sizeimage = 0;
-    const std::uint32_t width = set.fmt.pix.width, height = set.fmt.pix.height;
-    if (const int error = call(VIDIOC_S_FMT, &set); error != 0) {
-      trouble = refused("VIDIOC_S_FMT", error);
-      continue;
-    }
-    const v4l2_pix_format& pix = set.fmt.pix;
-    if (pix.pixelformat == fourcc_of(wanted) && pix.width == width && pix.height == height) {
-      format.format = wanted;
-      format.width = static_cast<int>(pix.width);
-      format.height = static_cast<int>(pix.height);
-      // some drivers leave it empty for formats without padding
-      const auto least = static_cast<std::uint32_t>(row_bytes(wanted, format.width));
-      format.stride = static_cast<int>(pix.bytesperline > least ? pix.bytesperline : least);
-      return set_rate(settings.rate_hz, format.rate_hz);
-    }
-    char name[5];
-    write_fourcc(pix.pixelformat, name);
-    trouble = unexpected("VIDIOC_S_FMT", "", "%s %ux%u", name, pix.width, pix.height);
-    std::snprintf(trouble.expected, sizeof(trouble.expected), "%s %ux%u", to_string(wanted), width, height);
+    v4l2_pix_format& pix = set.fmt.pix;
+    pix.pixelformat = fourcc_of(wanted);
+    pix.width = width;
+    pix.height = height;
+    pix.field = V4L2_FIELD_NONE;
+    pix.bytesperline = 0;
+    pix.sizeimage = 0;
+    // some drivers take the nearest, some refuse what they have not
+    const int error = call(VIDIOC_S_FMT, &set);
+    if (error != 0 && error != EINVAL) return refused("VIDIOC_S_FMT", error);
+    if (error != 0 || pix.pixelformat != fourcc_of(wanted) || pix.width != width || pix.height != height) continue;
+    format.format = wanted;
+    format.width = static_cast<int>(pix.width);
+    format.height = static_cast<int>(pix.height);
+    // some drivers leave it empty for formats without padding
+    const auto least = static_cast<std::uint32_t>(row_bytes(wanted, format.width));
+    format.stride = static_cast<int>(pix.bytesperline > least ? pix.bytesperline : least);
+    return set_rate(settings.rate_hz, format);
   }
+  const char* const name = settings.formats.size() == 1 ? to_string(settings.formats[0]) : "any format epiline reads";
+  DeviceTrouble trouble = unexpected("camera.width, camera.height, camera.format", "",
+                                     "the camera does not offer %ux%u in %s", width, height, name);
+  list_offers(trouble.expected);
   return trouble;
 }
 
-DeviceTrouble V4l2Device::set_rate(double wanted_hz, double& rate_hz) noexcept {
+DeviceTrouble V4l2Device::set_rate(double wanted_hz, DeviceFormat& format) noexcept {
+  double& rate_hz = format.rate_hz;
   v4l2_streamparm parameters{};
   parameters.type = kCapture;
   rate_hz = 0;
   const int error = call(VIDIOC_G_PARM, &parameters);
   v4l2_fract& interval = parameters.parm.capture.timeperframe;
   const bool is_settable = (parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) != 0;
-  if (error != 0 || !is_settable) {
-    // raw sensors: the rate follows from blanking controls, among those of the configuration
-    if (error == 0 && interval.numerator > 0) rate_hz = static_cast<double>(interval.denominator) / interval.numerator;
-  } else if (wanted_hz > 0) {
+  // raw sensors: the rate follows from blanking controls, among those of the configuration
+  if (error == 0 && is_settable && wanted_hz > 0) {
     interval.numerator = 1000;
     interval.denominator = static_cast<std::uint32_t>(std::lround(wanted_hz * 1000));
     if (const int set_error = call(VIDIOC_S_PARM, &parameters); set_error != 0)
@@ -177,12 +175,14 @@ DeviceTrouble V4l2Device::set_rate(double wanted_hz, double& rate_hz) noexcept {
   }
   if (error == 0 && interval.numerator > 0)
     rate_hz = static_cast<double>(interval.denominator) / static_cast<double>(interval.numerator);
-  if (wanted_hz > 0 && rate_hz > 0 && std::abs(rate_hz - wanted_hz) > kRateTolerance * wanted_hz) {
-    DeviceTrouble trouble = unexpected("VIDIOC_S_PARM", "", "%.6g images a second", rate_hz);
-    std::snprintf(trouble.expected, sizeof(trouble.expected), "%.6g", wanted_hz);
-    return trouble;
-  }
-  return {};
+  if (wanted_hz <= 0 || rate_hz <= 0 || std::abs(rate_hz - wanted_hz) <= kRateTolerance * wanted_hz) return {};
+  DeviceTrouble trouble =
+      unexpected("camera.rate_hz", "", "the camera does not offer %.6g Hz at %s %dx%d, but takes %.6g", wanted_hz,
+                 to_string(format.format), format.width, format.height, rate_hz);
+  list_rates(fourcc_of(format.format), static_cast<unsigned>(format.width), static_cast<unsigned>(format.height),
+             trouble.expected);
+  if (trouble.expected[0] == '\0') std::snprintf(trouble.expected, sizeof(trouble.expected), "%.6g", rate_hz);
+  return trouble;
 }
 
 DeviceTrouble V4l2Device::find_control(const char* name, ControlFacts& facts) noexcept {

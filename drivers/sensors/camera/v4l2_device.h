@@ -34,6 +34,9 @@ struct ControlValue {
   std::int64_t value = 0;
 };
 
+/// A format's code as text.
+void write_fourcc(std::uint32_t fourcc, char (&text)[5]) noexcept;
+
 class V4l2Device {
  public:
   explicit V4l2Device(SystemCalls& system = SystemCalls::of_this_computer()) noexcept : system_(system) {}
@@ -54,6 +57,8 @@ class V4l2Device {
 
   /// Sets the first of the formats that is to be had, size and rate.
   DeviceTrouble set_format(const V4l2Settings& settings, DeviceFormat& format) noexcept;
+  /// Formats that we read with their sizes and rates, then the names of those that we do not; as much as fits.
+  void list_offers(std::span<char> text) noexcept;
   /// Sets all, then reads all back.
   DeviceTrouble set_controls(const V4l2Settings& settings) noexcept;
   DeviceTrouble find_control(const char* name, ControlFacts& facts) noexcept;
@@ -78,7 +83,9 @@ class V4l2Device {
 
  private:
   DeviceTrouble open_path(const char* path) noexcept;
-  DeviceTrouble set_rate(double wanted_hz, double& rate_hz) noexcept;
+  DeviceTrouble set_rate(double wanted_hz, DeviceFormat& format) noexcept;
+  void list_sizes(std::uint32_t fourcc, std::span<char> text) noexcept;
+  void list_rates(std::uint32_t fourcc, unsigned width, unsigned height, std::span<char> text) noexcept;
   DeviceTrouble write_controls(std::span<const ControlValue> values) noexcept;
   DeviceTrouble read_control(const char* name, const ControlFacts& facts, std::int64_t& value) noexcept;
   /// 0 or errno; begins again when a signal came in between.

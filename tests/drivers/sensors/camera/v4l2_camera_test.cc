@@ -251,6 +251,44 @@ TEST(V4l2Camera, ControlsAreSetWhileItStreamsAndAgainWhenItIsBack) {
   EXPECT_EQ(rig.device->control("Brightness").value, 250);
 }
 
+// ---- what it offers ----
+
+TEST(V4l2Camera, ListsSizesFormatsAndRatesToWhoAsksForOthers) {
+  const auto error = [](const std::function<void(CameraRig&)>& change) {
+    CameraRig rig;
+    rig.device->formats.push_back({V4L2_PIX_FMT_MJPEG, {{1280, 720, {30}}}});
+    rig.device->formats.push_back({V4L2_PIX_FMT_YUYV, {{640, 480, {10, 15}}}});
+    rig.device->formats.push_back({V4L2_PIX_FMT_H264, {}});
+    change(rig);
+    return rig.error();
+  };
+  const std::string what = "/dev/video0: camera.width, camera.height, camera.format: the camera does not offer ";
+  const std::string list =
+      "; expected GREY 320x180 (30, 60 Hz), 640x480 (30 Hz); YUYV 640x480 (10, 15 Hz); not read: "
+      "MJPG, H264";
+  EXPECT_EQ(error([](CameraRig& rig) { rig.settings.width = 333; }), what + "333x180 in GREY" + list);
+  EXPECT_EQ(error([](CameraRig& rig) { rig.settings.formats = {PixelFormat::kY10}; }), what + "320x180 in Y10" + list);
+  EXPECT_EQ(error([](CameraRig& rig) {
+              rig.settings.formats = V4l2Settings().formats;
+              rig.settings.width = 1920;
+              rig.settings.height = 1080;
+            }),
+            what + "1920x1080 in any format epiline reads" + list);
+  EXPECT_EQ(error([](CameraRig& rig) { rig.settings.rate_hz = 45; }),
+            "/dev/video0: camera.rate_hz: the camera does not offer 45 Hz at GREY 320x180, but takes 30; expected 30, "
+            "60");
+  EXPECT_EQ(error([](CameraRig& rig) { rig.device->refused_request = VIDIOC_S_FMT; }), what + "320x180 in GREY" + list);
+}
+
+TEST(V4l2Camera, ALongListOfOffersEndsInDots) {
+  CameraRig rig;
+  for (unsigned i = 1; i < 200; ++i) rig.device->formats[0].sizes.push_back({10 * i, 10 * i, {5, 10, 15, 20, 25, 30}});
+  rig.settings.width = 333;
+  const std::string error = rig.error();
+  EXPECT_EQ(error.substr(error.size() - 3), "...");
+  EXPECT_LT(error.size(), 700u);
+}
+
 // ---- stamps that cannot be ----
 
 TEST(V4l2Camera, OneStampInTheFutureCostsOneImage) {
