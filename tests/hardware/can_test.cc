@@ -527,13 +527,13 @@ TEST_F(CanBus, SaysWhatIsWrongWithTheInterface) {
   CanConfig config = config_of(true);
   const std::string bus = kBus;
   config.interface = "can99";
-  EXPECT_EQ(error(config), "can99: no such network interface; expected one that `ip -br link` shows");
+  EXPECT_EQ(error(config), "can99: open: No such device; expected a network interface that `ip -br link` shows");
   config.interface = "lo";
   EXPECT_EQ(error(config), "lo: not a CAN interface; expected one that `ip -br link show type can` shows");
   config.interface = bus;
   ASSERT_TRUE(set_bus("down"));
   EXPECT_EQ(error(config),
-            bus + ": the interface is down; expected it up: ip link set " + bus + " up type can bitrate BITRATE");
+            bus + ": open: Network is down; expected it up: ip link set " + bus + " up type can bitrate BITRATE");
   ASSERT_TRUE(set_bus("mtu 16 up"));
   EXPECT_EQ(error(config), bus +
                                ": carries classic frames only; expected can.fd = false, or an interface set up with "

@@ -59,7 +59,7 @@ Status CanOutput::check_settings() const {
 
 Status CanOutput::begin() {
   if (const Status settings = check_settings(); !settings) return settings;
-  if (const can::OpenFault fault = open_sockets()) return can::error_of(fault, config_.interface);
+  if (const DeviceTrouble trouble = open_sockets()) return error_of(trouble, config_.interface);
   if (!wake_up_.open()) return Error{ErrorKind::kRun, config_.interface, 0, std::strerror(errno), ""};
   bus_.store(BusState::kActive, std::memory_order_relaxed);
   usable_ = true;
@@ -136,9 +136,9 @@ std::int64_t CanOutput::next_event_ns() const noexcept {
 bool CanOutput::is_usable(std::int64_t now_ns) noexcept {
   if (!socket_.is_open()) {
     if (now_ns < retry_.due_ns()) return false;
-    if (const can::OpenFault fault = open_sockets()) {
+    if (const DeviceTrouble trouble = open_sockets()) {
       bump(retries_);
-      last_error_.store(fault.error, std::memory_order_relaxed);
+      last_error_.store(trouble.error, std::memory_order_relaxed);
       retry_.failed(now_ns);
       return false;
     }
@@ -150,14 +150,14 @@ bool CanOutput::is_usable(std::int64_t now_ns) noexcept {
   return socket_.is_open() && now_ns >= silent_until_ns_;
 }
 
-can::OpenFault CanOutput::open_sockets() noexcept {
+DeviceTrouble CanOutput::open_sockets() noexcept {
   const char* const name = config_.interface.c_str();
-  if (const can::OpenFault fault = socket_.open_to_send(name, config_.fd)) return fault;
+  if (const DeviceTrouble trouble = socket_.open_to_send(name, config_.fd)) return trouble;
   if (config_.isotp_send_id == 0) return {};
-  const can::OpenFault fault = isotp_.open_isotp(name, static_cast<std::uint32_t>(config_.isotp_send_id),
-                                                 static_cast<std::uint32_t>(config_.isotp_receive_id), config_.fd);
-  if (fault) socket_.close();
-  return fault;
+  const DeviceTrouble trouble = isotp_.open_isotp(name, static_cast<std::uint32_t>(config_.isotp_send_id),
+                                                  static_cast<std::uint32_t>(config_.isotp_receive_id), config_.fd);
+  if (trouble) socket_.close();
+  return trouble;
 }
 
 void CanOutput::lose(int error) noexcept {

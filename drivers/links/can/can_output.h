@@ -97,7 +97,7 @@ class CanOutput final : public OdometrySink {
   bool stopping() const noexcept { return stop_.load(std::memory_order_acquire); }
 
   // The bus.
-  can::OpenFault open_sockets() noexcept;
+  DeviceTrouble open_sockets() noexcept;
   bool is_usable(std::int64_t now_ns) noexcept;
   void lose(int error) noexcept;
   void listen(std::int64_t now_ns) noexcept;

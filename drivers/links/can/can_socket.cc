@@ -11,6 +11,7 @@
 #include <sys/socket.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 
 namespace epiline::can {
@@ -29,39 +30,18 @@ ifreq request_for(const char* interface) noexcept {
 
 }  // namespace
 
-Error error_of(const OpenFault& fault, const std::string& interface) {
-  const auto error = [&](std::string found, const std::string& expected) {
-    if (fault.trouble == Trouble::kRefused || fault.trouble == Trouble::kNoProtocol)
-      found.append(": ").append(std::strerror(fault.error));
-    return Error{ErrorKind::kRun, interface, 0, found, expected};
-  };
-  switch (fault.trouble) {
-    case Trouble::kNoProtocol:
-      return error("this kernel does not speak CAN",
-                   "the modules can-raw and, for ISO-TP, can-isotp: modprobe can-raw");
-    case Trouble::kNoInterface:
-      return error("no such network interface", "one that `ip -br link` shows");
-    case Trouble::kNotCan:
-      return error("not a CAN interface", "one that `ip -br link show type can` shows");
-    case Trouble::kDown:
-      return error("the interface is down", "it up: ip link set " + interface + " up type can bitrate BITRATE");
-    case Trouble::kClassicOnly:
-      return error("carries classic frames only", "can.fd = false, or an interface set up with dbitrate BITRATE fd on");
-    case Trouble::kRefused:
-    case Trouble::kNone:
-      break;
-  }
-  return error("the socket was refused", "a CAN interface this user may open");
-}
-
 template <class T>
 bool CanSocket::set(int level, int option, const T& value) noexcept {
   return system_.setsockopt(fd_, level, option, &value, sizeof value) == 0;
 }
 
-OpenFault CanSocket::fail(Trouble trouble, int error) noexcept {
+DeviceTrouble CanSocket::fail(const DeviceTrouble& trouble) noexcept {
   close();
-  return {trouble, error};
+  return trouble;
+}
+
+DeviceTrouble CanSocket::refused() noexcept {
+  return fail(device_refusal("the socket was refused", errno, "a CAN interface this user may open"));
 }
 
 void CanSocket::close() noexcept {
@@ -69,48 +49,56 @@ void CanSocket::close() noexcept {
   fd_ = -1;
 }
 
-OpenFault CanSocket::open(const char* interface, int type, int protocol, bool fd, int& index) noexcept {
+DeviceTrouble CanSocket::open(const char* interface, int type, int protocol, bool fd, int& index) noexcept {
   close();
   fd_ = system_.socket(PF_CAN, type, protocol);
-  if (fd_ < 0) return {Trouble::kNoProtocol, errno};
+  if (fd_ < 0)
+    return device_refusal("this kernel does not speak CAN", errno,
+                          "the modules can-raw and, for ISO-TP, can-isotp: modprobe can-raw");
   ifreq request = request_for(interface);
   if (std::strlen(interface) >= IFNAMSIZ || system_.ioctl(fd_, SIOCGIFINDEX, &request) != 0)
-    return fail(Trouble::kNoInterface, ENODEV);
+    return fail(device_refusal("open", ENODEV, "a network interface that `ip -br link` shows"));
   index = request.ifr_ifindex;
-  if (system_.ioctl(fd_, SIOCGIFHWADDR, &request) != 0) return fail(Trouble::kRefused, errno);
-  if (request.ifr_hwaddr.sa_family != ARPHRD_CAN) return fail(Trouble::kNotCan, 0);
-  if (system_.ioctl(fd_, SIOCGIFFLAGS, &request) != 0) return fail(Trouble::kRefused, errno);
-  if ((request.ifr_flags & IFF_UP) == 0) return fail(Trouble::kDown, ENETDOWN);
-  if (system_.ioctl(fd_, SIOCGIFMTU, &request) != 0) return fail(Trouble::kRefused, errno);
-  if (fd && request.ifr_mtu < static_cast<int>(CANFD_MTU)) return fail(Trouble::kClassicOnly, 0);
+  if (system_.ioctl(fd_, SIOCGIFHWADDR, &request) != 0) return refused();
+  if (request.ifr_hwaddr.sa_family != ARPHRD_CAN)
+    return fail(device_refusal("not a CAN interface", 0, "one that `ip -br link show type can` shows"));
+  if (system_.ioctl(fd_, SIOCGIFFLAGS, &request) != 0) return refused();
+  if ((request.ifr_flags & IFF_UP) == 0) {
+    DeviceTrouble down = device_refusal("open", ENETDOWN);
+    std::snprintf(down.expected, sizeof down.expected, "it up: ip link set %s up type can bitrate BITRATE", interface);
+    return fail(down);
+  }
+  if (system_.ioctl(fd_, SIOCGIFMTU, &request) != 0) return refused();
+  if (fd && request.ifr_mtu < static_cast<int>(CANFD_MTU))
+    return fail(device_refusal("carries classic frames only", 0,
+                               "can.fd = false, or an interface set up with dbitrate BITRATE fd on"));
   return {};
 }
 
-OpenFault CanSocket::bind(int index, std::uint32_t send_id, std::uint32_t receive_id) noexcept {
+DeviceTrouble CanSocket::bind(int index, std::uint32_t send_id, std::uint32_t receive_id) noexcept {
   sockaddr_can address{};
   address.can_family = AF_CAN;
   address.can_ifindex = index;
   address.can_addr.tp.tx_id = send_id;
   address.can_addr.tp.rx_id = receive_id;
-  if (system_.bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
-    return fail(Trouble::kRefused, errno);
+  if (system_.bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return refused();
   return {};
 }
 
-OpenFault CanSocket::open_to_send(const char* interface, bool fd) noexcept {
+DeviceTrouble CanSocket::open_to_send(const char* interface, bool fd) noexcept {
   int index = 0;
-  if (const OpenFault fault = open(interface, SOCK_RAW, CAN_RAW, fd, index)) return fault;
+  if (const DeviceTrouble trouble = open(interface, SOCK_RAW, CAN_RAW, fd, index)) return trouble;
   const can_err_mask_t news = CAN_ERR_TX_TIMEOUT | CAN_ERR_CRTL | CAN_ERR_BUSOFF | CAN_ERR_RESTARTED | CAN_ERR_ACK;
   const bool good = system_.setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_FILTER, nullptr, 0) == 0 &&  // no frames of others
                     set(SOL_CAN_RAW, CAN_RAW_ERR_FILTER, news) && set(SOL_SOCKET, SO_SNDBUF, kSendMemory) &&
                     (!fd || set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1));
-  if (!good) return fail(Trouble::kRefused, errno);
+  if (!good) return refused();
   return bind(index, 0, 0);
 }
 
-OpenFault CanSocket::open_to_receive(const char* interface, std::uint32_t id, bool extended) noexcept {
+DeviceTrouble CanSocket::open_to_receive(const char* interface, std::uint32_t id, bool extended) noexcept {
   int index = 0;
-  if (const OpenFault fault = open(interface, SOCK_RAW, CAN_RAW, false, index)) return fault;
+  if (const DeviceTrouble trouble = open(interface, SOCK_RAW, CAN_RAW, false, index)) return trouble;
   // exactly these frames: not those of the other format with the same number, and no requests for them
   const can_filter filter = {id | (extended ? CAN_EFF_FLAG : 0),
                              CAN_EFF_FLAG | CAN_RTR_FLAG | (extended ? CAN_EFF_MASK : CAN_SFF_MASK)};
@@ -118,24 +106,24 @@ OpenFault CanSocket::open_to_receive(const char* interface, std::uint32_t id, bo
                      SOF_TIMESTAMPING_SOFTWARE;
   const bool good = set(SOL_CAN_RAW, CAN_RAW_FILTER, filter) && set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1) &&
                     set(SOL_SOCKET, SO_TIMESTAMPING, stamps) && set(SOL_SOCKET, SO_RXQ_OVFL, 1);
-  if (!good) return fail(Trouble::kRefused, errno);
+  if (!good) return refused();
   return bind(index, 0, 0);
 }
 
-OpenFault CanSocket::open_to_listen(const char* interface) noexcept {
+DeviceTrouble CanSocket::open_to_listen(const char* interface) noexcept {
   int index = 0;
-  if (const OpenFault fault = open(interface, SOCK_RAW, CAN_RAW, false, index)) return fault;
-  if (!set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1)) return fail(Trouble::kRefused, errno);
+  if (const DeviceTrouble trouble = open(interface, SOCK_RAW, CAN_RAW, false, index)) return trouble;
+  if (!set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1)) return refused();
   return bind(index, 0, 0);
 }
 
-OpenFault CanSocket::open_isotp(const char* interface, std::uint32_t send_id, std::uint32_t receive_id,
-                                bool fd) noexcept {
+DeviceTrouble CanSocket::open_isotp(const char* interface, std::uint32_t send_id, std::uint32_t receive_id,
+                                    bool fd) noexcept {
   int index = 0;
-  if (const OpenFault fault = open(interface, SOCK_DGRAM, CAN_ISOTP, fd, index)) return fault;
+  if (const DeviceTrouble trouble = open(interface, SOCK_DGRAM, CAN_ISOTP, fd, index)) return trouble;
   if (fd) {
     const can_isotp_ll_options options = {CANFD_MTU, CANFD_MAX_DLEN, 0};
-    if (!set(SOL_CAN_ISOTP, CAN_ISOTP_LL_OPTS, options)) return fail(Trouble::kRefused, errno);
+    if (!set(SOL_CAN_ISOTP, CAN_ISOTP_LL_OPTS, options)) return refused();
   }
   return bind(index, send_id, receive_id);
 }

@@ -5,32 +5,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <string>
 
 #include "drivers/links/can/frames.h"
-#include "platform/error/result.h"
+#include "platform/error/device_trouble.h"
 #include "platform/linux/system_calls.h"
 
 namespace epiline::can {
-
-enum class Trouble : std::uint8_t {
-  kNone,
-  kNoProtocol,   ///< the kernel has no CAN or ISO-TP support
-  kNoInterface,  ///< no interface has that name
-  kNotCan,       ///< it is not a CAN interface
-  kDown,         ///< it is down
-  kClassicOnly,  ///< it carries no frames of CAN FD
-  kRefused,      ///< the kernel refused; see the error number
-};
-
-/// Why a socket could not be opened.
-struct OpenFault {
-  Trouble trouble = Trouble::kNone;
-  int error = 0;  ///< errno, where there was one
-  explicit operator bool() const noexcept { return trouble != Trouble::kNone; }
-};
-/// The error for the user, with the remedy.
-Error error_of(const OpenFault& fault, const std::string& interface);
 
 /// Events on the bus that the interface reported.
 struct BusNews {
@@ -47,13 +27,13 @@ class CanSocket {
   CanSocket& operator=(const CanSocket&) = delete;
 
   /// To send, classic frames or both kinds. It receives nothing but news of the bus.
-  OpenFault open_to_send(const char* interface, bool fd) noexcept;
+  DeviceTrouble open_to_send(const char* interface, bool fd) noexcept;
   /// To receive the frames of one identifier, of both kinds, with the times of their arrival.
-  OpenFault open_to_receive(const char* interface, std::uint32_t id, bool extended) noexcept;
+  DeviceTrouble open_to_receive(const char* interface, std::uint32_t id, bool extended) noexcept;
   /// To receive all frames of both kinds, those of this computer's other sockets too.
-  OpenFault open_to_listen(const char* interface) noexcept;
+  DeviceTrouble open_to_listen(const char* interface) noexcept;
   /// To exchange long messages (ISO 15765-2), in frames of CAN FD or classic ones.
-  OpenFault open_isotp(const char* interface, std::uint32_t send_id, std::uint32_t receive_id, bool fd) noexcept;
+  DeviceTrouble open_isotp(const char* interface, std::uint32_t send_id, std::uint32_t receive_id, bool fd) noexcept;
   void close() noexcept;
   bool is_open() const noexcept { return fd_ >= 0; }
   int fd() const noexcept { return fd_; }
@@ -69,9 +49,11 @@ class CanSocket {
   int discard_messages() noexcept;
 
  private:
-  OpenFault open(const char* interface, int type, int protocol, bool fd, int& index) noexcept;
-  OpenFault bind(int index, std::uint32_t send_id, std::uint32_t receive_id) noexcept;
-  OpenFault fail(Trouble trouble, int error) noexcept;
+  DeviceTrouble open(const char* interface, int type, int protocol, bool fd, int& index) noexcept;
+  DeviceTrouble bind(int index, std::uint32_t send_id, std::uint32_t receive_id) noexcept;
+  /// Closes it, and tells why.
+  DeviceTrouble fail(const DeviceTrouble& trouble) noexcept;
+  DeviceTrouble refused() noexcept;
   template <class T>
   bool set(int level, int option, const T& value) noexcept;
 

@@ -14,7 +14,7 @@ constexpr int kFramesAtOnce = 256;  // then it looks whether it is to stop: a fu
 }  // namespace
 
 Status CanListener::open(const std::string& interface) {
-  if (const can::OpenFault fault = socket_.open_to_listen(interface.c_str())) return can::error_of(fault, interface);
+  if (const DeviceTrouble trouble = socket_.open_to_listen(interface.c_str())) return error_of(trouble, interface);
   thread_.emplace([this] { return listen(); });
   return Done{};
 }

@@ -88,12 +88,12 @@ Status CanWheelSource::check_settings() const {
 
 Status CanWheelSource::open() {
   if (const Status settings = check_settings(); !settings) return settings;
-  if (const can::OpenFault fault = open_socket()) return can::error_of(fault, config_.interface);
+  if (const DeviceTrouble trouble = open_socket()) return error_of(trouble, config_.interface);
   opened_ = true;
   return Done{};
 }
 
-can::OpenFault CanWheelSource::open_socket() noexcept {
+DeviceTrouble CanWheelSource::open_socket() noexcept {
   gap_watch_.forget();
   overruns_seen_ = 0;
   return socket_.open_to_receive(config_.interface.c_str(), static_cast<std::uint32_t>(config_.id), config_.extended);
@@ -117,10 +117,10 @@ bool CanWheelSource::reopen(std::int64_t until_ns) noexcept {
   const timespec pause = timespec_until(std::min(retry_.due_ns(), until_ns));
   ::nanosleep(&pause, nullptr);
   if (monotonic_ns() < retry_.due_ns()) return false;
-  const can::OpenFault fault = open_socket();
-  if (!fault) return true;
+  const DeviceTrouble trouble = open_socket();
+  if (!trouble) return true;
   bump(retries_);
-  last_error_.store(fault.error, std::memory_order_relaxed);
+  last_error_.store(trouble.error, std::memory_order_relaxed);
   retry_.failed(monotonic_ns());
   return false;
 }

@@ -73,7 +73,7 @@ class CanWheelSource final : public WheelSource {
   using Counter = std::atomic<std::uint64_t>;
 
   Status check_settings() const;
-  can::OpenFault open_socket() noexcept;
+  DeviceTrouble open_socket() noexcept;
   bool reopen(std::int64_t until_ns) noexcept;
   void lose(int error) noexcept;
   bool wait(std::int64_t until_ns) noexcept;

@@ -150,11 +150,11 @@ TEST(CanOutput, SaysWhatIsWrongWithTheInterface) {
             "can0: this kernel does not speak CAN: Address family not supported by protocol; expected the modules "
             "can-raw and, for ISO-TP, can-isotp: modprobe can-raw");
   EXPECT_EQ(error(true, [](FakeCanBus& bus) { bus.exists = false; }),
-            "can0: no such network interface; expected one that `ip -br link` shows");
+            "can0: open: No such device; expected a network interface that `ip -br link` shows");
   EXPECT_EQ(error(true, [](FakeCanBus& bus) { bus.is_can = false; }),
             "can0: not a CAN interface; expected one that `ip -br link show type can` shows");
   EXPECT_EQ(error(true, [](FakeCanBus& bus) { bus.is_up = false; }),
-            "can0: the interface is down; expected it up: ip link set can0 up type can bitrate BITRATE");
+            "can0: open: Network is down; expected it up: ip link set can0 up type can bitrate BITRATE");
   EXPECT_EQ(error(true, [](FakeCanBus& bus) { bus.has_fd = false; }),
             "can0: carries classic frames only; expected can.fd = false, or an interface set up with dbitrate BITRATE "
             "fd on");
