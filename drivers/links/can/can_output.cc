@@ -185,7 +185,8 @@ void CanOutput::listen(std::int64_t now_ns) noexcept {
     bus_.store(BusState::kOff, std::memory_order_relaxed);
   } else if (news.error_passive) {
     bus_.store(BusState::kPassive, std::memory_order_relaxed);
-  } else if (news.restarted || (bus() == BusState::kOff && now_ns >= silent_until_ns_)) {
+  } else if (news.restarted || (news.error_active && bus() == BusState::kPassive) ||
+             (bus() == BusState::kOff && now_ns >= silent_until_ns_)) {
     bus_.store(BusState::kActive, std::memory_order_relaxed);
   }
   if (isotp_.is_open() && isotp_.discard_messages() != 0) bump(messages_failed_);

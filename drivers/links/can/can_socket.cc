@@ -160,9 +160,13 @@ BusNews CanSocket::news() noexcept {
       news.restarted = true;
       news.bus_off = false;  // an earlier one is over
     }
-    if ((frame.can_id & CAN_ERR_CRTL) != 0 &&
-        (frame.data[1] & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) != 0)
-      news.error_passive = true;
+    if ((frame.can_id & CAN_ERR_CRTL) == 0) continue;
+    const bool is_passive = (frame.data[1] & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) != 0;
+    const bool is_better =
+        (frame.data[1] & (CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING | CAN_ERR_CRTL_ACTIVE)) != 0;
+    if (!is_passive && !is_better) continue;
+    news.error_passive = is_passive;
+    news.error_active = !is_passive;
   }
   return news;
 }

@@ -15,8 +15,9 @@ namespace epiline::can {
 /// Events on the bus that the interface reported.
 struct BusNews {
   unsigned error_frames = 0;
-  bool bus_off = false, restarted = false, error_passive = false;
-  int error = 0;  ///< errno: the interface went down or was removed
+  bool bus_off = false, restarted = false;
+  bool error_passive = false, error_active = false;  ///< the newer of the two; neither: as before
+  int error = 0;                                     ///< errno: the interface went down or was removed
 };
 
 class CanSocket {

@@ -304,7 +304,7 @@ TEST(CanOutput, ABusThatNobodyRestartsIsTriedAfterASecond) {
   EXPECT_EQ(rig.output.counts().disconnected, 0u);
 }
 
-TEST(CanOutput, ErrorFramesAreCountedAndAPassiveBusIsTold) {
+TEST(CanOutput, ErrorFramesAreCountedAndAPassiveBusIsToldAsLongAsItIs) {
   Rig rig;
   rig.begin();
   rig.run(1);
@@ -316,6 +316,15 @@ TEST(CanOutput, ErrorFramesAreCountedAndAPassiveBusIsTold) {
   rig.run(0.3);
   EXPECT_EQ(rig.output.bus(), BusState::kPassive);
   EXPECT_FALSE(rig.all("EpilineOdometry").empty()) << "it still sends";
+  rig.bus.tell(CAN_ERR_CRTL, CAN_ERR_CRTL_ACTIVE);
+  rig.run(0.3);
+  EXPECT_EQ(rig.output.bus(), BusState::kActive);
+  rig.bus.tell(CAN_ERR_CRTL, CAN_ERR_CRTL_RX_PASSIVE);
+  rig.run(0.3);
+  EXPECT_EQ(rig.output.bus(), BusState::kPassive);
+  rig.bus.tell(CAN_ERR_CRTL, CAN_ERR_CRTL_RX_WARNING);
+  rig.run(0.3);
+  EXPECT_EQ(rig.output.bus(), BusState::kActive) << "its errors are fewer again";
 }
 
 TEST(CanOutput, WholeMessagesThatFindNoPeerAreCountedAndTheFramesGoOn) {
