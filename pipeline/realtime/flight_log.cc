@@ -25,7 +25,7 @@ bool FlightLog::image(const Frame& frame) noexcept {
 }
 
 bool FlightLog::image_done(std::uint64_t serial, const TrackedFrame& tracked, const StepResult& result,
-                           const StageTime& track, const EstimateStage& stage) noexcept {
+                           const StageTime& track, const BackEnd& stage) noexcept {
   FrameOutcome* const outcome = outcomes_.claim();
   if (outcome != nullptr) {
     describe(tracked, result, stage, *outcome);

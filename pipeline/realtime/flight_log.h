@@ -39,7 +39,7 @@ class FlightLog {
   bool image(const Frame& frame) noexcept;
   /// Thread estimate: what came of an image. False: no room.
   bool image_done(std::uint64_t serial, const TrackedFrame& tracked, const StepResult& result, const StageTime& track,
-                  const EstimateStage& stage) noexcept;
+                  const BackEnd& stage) noexcept;
   /// Thread publish.
   void published(std::uint64_t serial, std::int64_t latency_ns) noexcept { publications_.push({serial, latency_ns}); }
   /// Where the speaker's own thread puts its events.

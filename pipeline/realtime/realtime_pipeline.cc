@@ -16,11 +16,11 @@ RealtimePipeline::Impl::Impl(const RealtimeSettings& s, const RealtimePorts& p)
     : settings(s),
       ports(p),
       recorded(Camera(s.camera)),
-      estimate_stage(s.estimator, kThreadClocks, Span::from_seconds(1e-3 * s.deadline_ms).ns),
+      back_end(s.estimator, kThreadClocks, Span::from_seconds(1e-3 * s.deadline_ms).ns),
       flight_log(p.observers, p.event_rings, s.images_to_log),
       imu_gate({s.estimator.saturation_gyroscope_rad_s, s.estimator.saturation_accelerometer_m_s2}) {
-  if (s.images) track_stage.emplace(Camera(s.camera), s.tracker, s.estimator.extrinsics.R_BC);
-  known = knowledge_of(estimate_stage);
+  if (s.images) front_end.emplace(Camera(s.camera), s.tracker, s.estimator.extrinsics.R_BC);
+  known = knowledge_of(back_end);
   const RealtimeConfig& r = s.realtime;
   const auto set_up = [&](Worker& w, const char* name, int priority, int cpu, std::size_t stack, void (Impl::*loop)()) {
     w.name = name;
@@ -143,7 +143,7 @@ RealtimeReport RealtimePipeline::report() const {
   r.published = m.published.load();
   r.publish_failed = m.publish_failed.load();
   r.late = m.late.load();
-  r.load = m.estimate_stage.load();
+  r.load = m.back_end.load();
   r.predicted = m.predicted.load();
   r.predict_failed = m.predict_failed.load();
   r.prediction = m.predictor.stats();
@@ -153,10 +153,10 @@ RealtimeReport RealtimePipeline::report() const {
   return r;
 }
 
-const Estimator& RealtimePipeline::estimator() const noexcept { return impl_->estimate_stage.estimator(); }
+const Estimator& RealtimePipeline::estimator() const noexcept { return impl_->back_end.estimator(); }
 
 const TrackerStats* RealtimePipeline::tracker_stats() const noexcept {
-  return impl_->track_stage ? &impl_->track_stage->stats() : nullptr;
+  return impl_->front_end ? &impl_->front_end->stats() : nullptr;
 }
 
 }  // namespace epiline

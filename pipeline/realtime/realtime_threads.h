@@ -11,9 +11,9 @@
 #include "pipeline/realtime/flight_log.h"
 #include "pipeline/realtime/realtime_pipeline.h"
 #include "pipeline/stages/estimator_events.h"
+#include "pipeline/stages/front_end.h"
 #include "pipeline/stages/imu_feed.h"
 #include "pipeline/stages/knowledge.h"
-#include "pipeline/stages/track_stage.h"
 #include "pipeline/watch/health_merge.h"
 #include "pipeline/watch/image_gate.h"
 #include "pipeline/watch/imu_gate.h"
@@ -101,8 +101,8 @@ struct RealtimePipeline::Impl {
   Health health_now(const Health& health) const;
   void log_round(bool last);
   std::int64_t deadline_of(HostStamp image) const;
-  void give(TrackStage& stage, const ImuSample& sample) { stage.add_imu(sample); }
-  void give(EstimateStage& stage, const ImuSample& sample);
+  void give(FrontEnd& stage, const ImuSample& sample) { stage.add_imu(sample); }
+  void give(BackEnd& stage, const ImuSample& sample);
   void take_wheel();
   void imu_is_late(Worker& worker, HostStamp needed);
   void log_image(const Frame& frame);
@@ -142,9 +142,9 @@ struct RealtimePipeline::Impl {
   std::atomic<bool> armed{false}, stopped{false};
 
   // The stages; each belongs to its thread.
-  std::optional<TrackStage> track_stage;
+  std::optional<FrontEnd> front_end;
   RecordedTracks recorded;
-  EstimateStage estimate_stage;
+  BackEnd back_end;
   ImuFeed track_feed, estimate_feed;
 
   // What lies between the threads.

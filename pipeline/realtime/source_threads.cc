@@ -23,7 +23,7 @@ void RealtimePipeline::Impl::imu_loop() {
       imu_events.after(taken, samples[i], imu_gate);
       if (!taken) continue;
       imu_times.heard_imu(samples[i].arrival.ns != 0 ? samples[i].arrival : samples[i].stamp);
-      if (track_stage) imu_to_track.push(samples[i]);  // a full ring refuses, and counts
+      if (front_end) imu_to_track.push(samples[i]);  // a full ring refuses, and counts
       imu_to_estimate.push(samples[i]);
       imu_to_publish.push(samples[i]);
     }

@@ -6,7 +6,7 @@
 
 namespace epiline {
 
-void RealtimePipeline::Impl::give(EstimateStage& stage, const ImuSample& sample) {
+void RealtimePipeline::Impl::give(BackEnd& stage, const ImuSample& sample) {
   stage.add_imu(sample);
   estimator_events.after_imu(sample, stage);
 }
@@ -67,8 +67,8 @@ void RealtimePipeline::Impl::track_loop() {
       if (shown) previous_slot = slot;
     } else if (ended && !frames.ready()) {
       break;
-    } else if (track_stage) {
-      relieve(imu_to_track, track_feed, *track_stage);
+    } else if (front_end) {
+      relieve(imu_to_track, track_feed, *front_end);
     }
   }
   end(track, {&estimate, &log});
@@ -96,11 +96,11 @@ void RealtimePipeline::Impl::track_frame(const Frame& frame) {
   Tracked* const out = tracked.claim();
   EPILINE_EXPECTS(out != nullptr || stopping(), "the tracker is never more images ahead than the ring holds");
   if (out == nullptr) return;
-  if (track_stage) {
-    take_imu(track, imu_to_track, track_feed, frame.stamp + known.imu_after_image, *track_stage);
+  if (front_end) {
+    take_imu(track, imu_to_track, track_feed, frame.stamp + known.imu_after_image, *front_end);
     const StageTime began = kThreadClocks.now();
-    track_stage->set_knowledge(Vec3(known.gyroscope_bias_rad_s.data()), known.time_offset_s);
-    track_stage->step(frame, out->frame);
+    front_end->set_knowledge(Vec3(known.gyroscope_bias_rad_s.data()), known.time_offset_s);
+    front_end->step(frame, out->frame);
     out->track = kThreadClocks.now() - began;
     log_image(frame);
   } else {
@@ -125,7 +125,7 @@ void RealtimePipeline::Impl::log_image(const Frame& frame) {
 
 std::int64_t RealtimePipeline::Impl::deadline_of(HostStamp image) const {
   const double ms = settings.realtime.deadline_ms;
-  return ms > 0 ? pace.host_of(image) + Span::from_seconds(1e-3 * ms).ns : EstimateStage::kNoDeadline;
+  return ms > 0 ? pace.host_of(image) + Span::from_seconds(1e-3 * ms).ns : BackEnd::kNoDeadline;
 }
 
 void RealtimePipeline::Impl::estimate_loop() {
@@ -141,7 +141,7 @@ void RealtimePipeline::Impl::estimate_loop() {
     } else if (ended) {
       break;
     } else {
-      relieve(imu_to_estimate, estimate_feed, estimate_stage);
+      relieve(imu_to_estimate, estimate_feed, back_end);
       take_wheel();
     }
   }
@@ -150,20 +150,19 @@ void RealtimePipeline::Impl::estimate_loop() {
 
 /// Whatever has come. The estimator finds the frames it belongs to, also those before.
 void RealtimePipeline::Impl::take_wheel() {
-  for (WheelSample sample; wheel_to_estimate.pop(sample);) estimate_stage.add_wheel(sample);
+  for (WheelSample sample; wheel_to_estimate.pop(sample);) back_end.add_wheel(sample);
 }
 
 void RealtimePipeline::Impl::estimate_frame(const Tracked& image) {
-  take_imu(estimate, imu_to_estimate, estimate_feed, estimate_stage.imu_needed_until(image.frame.stamp),
-           estimate_stage);
+  take_imu(estimate, imu_to_estimate, estimate_feed, back_end.imu_needed_until(image.frame.stamp), back_end);
   take_wheel();
-  const StepResult result = estimate_stage.step(image.frame, image.deadline_ns);
+  const StepResult result = back_end.step(image.frame, image.deadline_ns);
   const std::uint64_t serial = frames_out.load(std::memory_order_relaxed);
   // first whoever waits for the odometry, then the next image, then the record
   Estimate& draft = newest.draft();
   draft.serial = serial + 1;
   draft.has_pose = result.has_pose;
-  draft.odometry = estimate_stage.odometry();
+  draft.odometry = back_end.odometry();
   if (result.solved) {
     solved_serial = serial + 1;
     solved = draft.odometry;
@@ -172,10 +171,10 @@ void RealtimePipeline::Impl::estimate_frame(const Tracked& image) {
   draft.solved = solved;
   newest.publish();
   publish.parking.notify();
-  knowledge.push(knowledge_of(estimate_stage));
+  knowledge.push(knowledge_of(back_end));
   track.parking.notify();
-  estimator_events.after_image(image.frame, estimate_stage);
-  flight_log.image_done(serial, image.frame, result, image.track, estimate_stage);
+  estimator_events.after_image(image.frame, back_end);
+  flight_log.image_done(serial, image.frame, result, image.track, back_end);
   log.parking.notify();
   bump(frames_out);
 }

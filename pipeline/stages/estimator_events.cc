@@ -4,25 +4,25 @@
 
 namespace epiline {
 
-void EstimatorEvents::after_imu(const ImuSample& sample, const EstimateStage& stage) noexcept {
-  const std::uint64_t aside = stage.estimator().stats().imu_far_ahead;
+void EstimatorEvents::after_imu(const ImuSample& sample, const BackEnd& back_end) noexcept {
+  const std::uint64_t aside = back_end.estimator().stats().imu_far_ahead;
   if (std::exchange(aside_, aside) != aside) return;  // nothing is told of it until another reading confirms its stamp
-  const std::uint64_t gaps = stage.estimator().stats().imu_gaps;
+  const std::uint64_t gaps = back_end.estimator().stats().imu_gaps;
   if (std::exchange(gaps_, gaps) != gaps) tell(sample.stamp, EventId::kImuGap, (sample.stamp - last_imu_).ns);
   last_imu_ = sample.stamp;
 }
 
-void EstimatorEvents::after_image(const TrackedFrame& frame, const EstimateStage& stage) noexcept {
-  const Odometry& o = stage.odometry();
-  if (stage.times().late_ns > 0)
-    tell(frame.stamp, EventId::kDeadlineMissed, static_cast<std::int64_t>(frame.sequence), stage.times().late_ns);
-  const LoadLevel level = std::exchange(level_, stage.times().load);
+void EstimatorEvents::after_image(const TrackedFrame& frame, const BackEnd& back_end) noexcept {
+  const Odometry& o = back_end.odometry();
+  if (back_end.times().late_ns > 0)
+    tell(frame.stamp, EventId::kDeadlineMissed, static_cast<std::int64_t>(frame.sequence), back_end.times().late_ns);
+  const LoadLevel level = std::exchange(level_, back_end.times().load);
   if (level != level_)
     tell(frame.stamp, EventId::kLoadLevel, static_cast<std::int64_t>(level), static_cast<std::int64_t>(level_));
   if (std::exchange(resets_, o.reset_counter) != o.reset_counter) tell(frame.stamp, EventId::kReset, o.reset_counter);
   const bool started = (o.health.reasons & static_cast<std::uint32_t>(HealthReason::kNoInitialState)) == 0;
   if (!std::exchange(started_, started) && started)
-    tell(frame.stamp, EventId::kStarted, static_cast<std::int64_t>(stage.estimator().stats().start_kind));
+    tell(frame.stamp, EventId::kStarted, static_cast<std::int64_t>(back_end.estimator().stats().start_kind));
   const HealthState before = std::exchange(state_, o.health.state);
   if (before != o.health.state) {
     tell(frame.stamp, EventId::kHealthChanged, static_cast<std::int64_t>(before),

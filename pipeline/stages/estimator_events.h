@@ -1,20 +1,21 @@
 #pragma once
 // What happened in the estimator, as events: one place for the replay in one thread and for the threads. What came in
 // is told by pipeline/watch/input_events.h.
-#include "pipeline/stages/estimate_stage.h"
+#include "pipeline/stages/back_end.h"
 #include "platform/log/event.h"
 
 namespace epiline {
 
-/// Compares what the estimator says after a step with what it said before. Belongs to the thread of the stage; no heap.
+/// Compares what the estimator says after a step with what it said before. Belongs to the thread of the back end; no
+/// heap.
 class EstimatorEvents {
  public:
   explicit EstimatorEvents(EventRing& out) : out_(out) {}
 
-  /// After each EstimateStage::add_imu(sample).
-  void after_imu(const ImuSample& sample, const EstimateStage& stage) noexcept;
-  /// After each EstimateStage::step(frame).
-  void after_image(const TrackedFrame& frame, const EstimateStage& stage) noexcept;
+  /// After each BackEnd::add_imu(sample).
+  void after_imu(const ImuSample& sample, const BackEnd& back_end) noexcept;
+  /// After each BackEnd::step(frame).
+  void after_image(const TrackedFrame& frame, const BackEnd& back_end) noexcept;
 
  private:
   void tell(HostStamp stamp, EventId id, std::int64_t a = 0, std::int64_t b = 0, std::int64_t c = 0) noexcept {

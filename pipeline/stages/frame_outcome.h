@@ -1,7 +1,7 @@
 #pragma once
 #include <cstdint>
 
-#include "pipeline/stages/estimate_stage.h"
+#include "pipeline/stages/back_end.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {
@@ -14,16 +14,16 @@ struct FrameOutcome {
   Odometry odometry;
   int tracks = 0, new_tracks = 0;
   StageTime track;  ///< 0 with recorded tracks
-  EstimateStage::Times times;
+  BackEnd::Times times;
 };
 
 /// Fills in the tracks of the image, and what the estimator made of them.
-inline void describe(const TrackedFrame& tracked, const StepResult& result, const EstimateStage& stage,
+inline void describe(const TrackedFrame& tracked, const StepResult& result, const BackEnd& back_end,
                      FrameOutcome& out) noexcept {
   out.stamp = tracked.stamp;
   out.result = result;
-  out.odometry = stage.odometry();
-  out.times = stage.times();
+  out.odometry = back_end.odometry();
+  out.times = back_end.times();
   out.tracks = static_cast<int>(tracked.features.size());
   out.new_tracks = 0;
   for (const TrackedFeature& feature : tracked.features) out.new_tracks += feature.age == 0;

@@ -2,7 +2,7 @@
 #include <array>
 #include <cstdint>
 
-#include "pipeline/stages/estimate_stage.h"
+#include "pipeline/stages/back_end.h"
 
 namespace epiline {
 
@@ -18,11 +18,12 @@ struct Knowledge {
 /// How many images later than the one it comes from knowledge is used.
 inline constexpr std::uint64_t kKnowledgeDelay = 2;
 
-inline Knowledge knowledge_of(const EstimateStage& stage) noexcept {
+inline Knowledge knowledge_of(const BackEnd& back_end) noexcept {
   const HostStamp zero{};
-  const Vec3 bias = stage.estimator().gyroscope_bias();
-  return {
-      {bias.x(), bias.y(), bias.z()}, stage.estimator().odometry().time_offset_s, stage.imu_needed_until(zero) - zero};
+  const Vec3 bias = back_end.estimator().gyroscope_bias();
+  return {{bias.x(), bias.y(), bias.z()},
+          back_end.estimator().odometry().time_offset_s,
+          back_end.imu_needed_until(zero) - zero};
 }
 
 }  // namespace epiline

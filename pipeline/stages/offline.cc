@@ -12,8 +12,7 @@ OfflinePipeline::OfflinePipeline(const OfflineSettings& settings)
       estimate_(settings.estimator, settings.clocks, Span::from_seconds(settings.deadline_ms * 1e-3).ns) {
   known_ = known_next_ = knowledge_of(estimate_);
   if (settings.images) {
-    track_ =
-        std::make_unique<TrackStage>(Camera(settings.camera), settings.tracker, settings.estimator.extrinsics.R_BC);
+    track_ = std::make_unique<FrontEnd>(Camera(settings.camera), settings.tracker, settings.estimator.extrinsics.R_BC);
   }
 }
 
@@ -31,7 +30,7 @@ HostStamp OfflinePipeline::imu_needed_until(HostStamp image) const noexcept {
   return track_ ? std::max(estimator_needs, tracker_needs(image)) : estimator_needs;
 }
 
-void OfflinePipeline::give(EstimateStage& stage, const ImuSample& sample) noexcept {
+void OfflinePipeline::give(BackEnd& stage, const ImuSample& sample) noexcept {
   stage.add_imu(sample);
   estimator_events_.after_imu(sample, stage);
 }
@@ -81,7 +80,7 @@ void OfflinePipeline::step(const Frame& image, const TrackPoint* points, std::si
 
 void OfflinePipeline::estimate(FrameOutcome& out) noexcept {
   take_imu(imu_to_estimate_, estimate_feed_, estimate_.imu_needed_until(tracked_->stamp), estimate_);
-  const StepResult result = estimate_.step(*tracked_, EstimateStage::kNoDeadline);
+  const StepResult result = estimate_.step(*tracked_, BackEnd::kNoDeadline);
   known_ = std::exchange(known_next_, knowledge_of(estimate_));
   estimator_events_.after_image(*tracked_, estimate_);
   describe(*tracked_, result, estimate_, out);

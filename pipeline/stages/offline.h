@@ -2,13 +2,13 @@
 // The stages one after the other in the calling thread: bit-identical from run to run as long as no deadline is set.
 #include <memory>
 
-#include "pipeline/stages/estimate_stage.h"
+#include "pipeline/stages/back_end.h"
 #include "pipeline/stages/estimator_events.h"
 #include "pipeline/stages/frame_outcome.h"
+#include "pipeline/stages/front_end.h"
 #include "pipeline/stages/imu_feed.h"
 #include "pipeline/stages/knowledge.h"
 #include "pipeline/stages/recorded_tracks.h"
-#include "pipeline/stages/track_stage.h"
 #include "pipeline/watch/image_gate.h"
 #include "pipeline/watch/imu_gate.h"
 #include "pipeline/watch/input_events.h"
@@ -55,8 +55,8 @@ class OfflinePipeline {
   using ImuRing = SpscRing<ImuSample, 256>;
 
   HostStamp tracker_needs(HostStamp image) const noexcept { return image + known_.imu_after_image; }
-  void give(TrackStage& stage, const ImuSample& sample) noexcept { stage.add_imu(sample); }
-  void give(EstimateStage& stage, const ImuSample& sample) noexcept;
+  void give(FrontEnd& stage, const ImuSample& sample) noexcept { stage.add_imu(sample); }
+  void give(BackEnd& stage, const ImuSample& sample) noexcept;
   template <class Stage>
   void queue(ImuRing& ring, const ImuSample& sample, ImuFeed& feed, Stage& stage) noexcept;
   template <class Stage>
@@ -66,9 +66,9 @@ class OfflinePipeline {
   StageClocks clocks_;
   ImuGate imu_gate_;
   ImageGate image_gate_;
-  std::unique_ptr<TrackStage> track_;
+  std::unique_ptr<FrontEnd> track_;
   RecordedTracks recorded_;
-  EstimateStage estimate_;
+  BackEnd estimate_;
   ImuRing imu_to_track_, imu_to_estimate_;
   ImuFeed track_feed_, estimate_feed_;
   Knowledge known_, known_next_;  ///< of this image, and of the next one

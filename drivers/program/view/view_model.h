@@ -108,7 +108,7 @@ class ViewModel {
   std::uint64_t run_;  ///< tells a page that another program answers now
   std::optional<HostStamp> began_;
   std::optional<ViewedOutcome> newest_;
-  EstimateStage::Times solved_times_;
+  BackEnd::Times solved_times_;
   PathHistory path_;
   LatencyBins latencies_;
   RateMeter images_, imu_;

@@ -9,7 +9,7 @@ namespace {
 /// On one of the two clocks.
 StageMilliseconds milliseconds(const FrameOutcome& outcome, std::int64_t StageTime::*clock) {
   const auto ms = [&](const StageTime& time) { return 1e-6 * static_cast<double>(time.*clock); };
-  const EstimateStage::Times& times = outcome.times;
+  const BackEnd::Times& times = outcome.times;
   return {ms(outcome.track), ms(times.solve), ms(times.marginalise), ms(times.estimate)};
 }
 }  // namespace

@@ -73,7 +73,7 @@ class FlightLogTest : public testing::Test {
 TEST_F(FlightLogTest, EachObserverGetsEveryStreamAndNoHeapIsUsed) {
   make(2);
   EstimatorConfig config;
-  const EstimateStage stage(config, {no_clock, no_clock}, 0);
+  const BackEnd stage(config, {no_clock, no_clock}, 0);
   TrackedFrame tracked;
   tracked.sequence = 12;
   tracked.features.push_back({3, 1, {1.5F, 2.5F}, {}, {}, {}});
@@ -174,7 +174,7 @@ TEST_F(FlightLogTest, AFullRingIsAnEventAndMoreEventsThanItCanHoldBackGoOnEarly)
 
 TEST(EstimatorEvents, TellOfAGapInTheReadings) {
   const EstimatorConfig config;
-  EstimateStage stage(config, {no_clock, no_clock}, 0);
+  BackEnd stage(config, {no_clock, no_clock}, 0);
   auto ring = std::make_unique<EventRing>();
   EstimatorEvents events(*ring);
   const auto add = [&](std::int64_t ms) {

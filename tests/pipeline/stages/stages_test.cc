@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "estimator/geometry/so3.h"
-#include "pipeline/stages/estimate_stage.h"
+#include "pipeline/stages/back_end.h"
 #include "pipeline/stages/gyro_rotation.h"
 #include "pipeline/stages/recorded_tracks.h"
 
@@ -131,12 +131,12 @@ std::int64_t wall_looks = 0, cpu_looks = 0;
 std::int64_t made_up_wall() noexcept { return 1000 * ++wall_looks; }
 std::int64_t made_up_cpu() noexcept { return 10 * ++cpu_looks; }
 
-TEST(EstimateStage, TimesAStepOnBothClocks) {
-  EstimateStage stage(EstimatorConfig{}, {made_up_wall, made_up_cpu}, 0);
+TEST(BackEnd, TimesAStepOnBothClocks) {
+  BackEnd stage(EstimatorConfig{}, {made_up_wall, made_up_cpu}, 0);
   TrackedFrame frame;
   frame.stamp = at(1);
-  stage.step(frame, EstimateStage::kNoDeadline);
-  const EstimateStage::Times& times = stage.times();
+  stage.step(frame, BackEnd::kNoDeadline);
+  const BackEnd::Times& times = stage.times();
   EXPECT_EQ(times.estimate.wall_ns, 1000 * (wall_looks - 1));
   EXPECT_EQ(times.estimate.cpu_ns, 10 * (cpu_looks - 1));
   EXPECT_GT(cpu_looks, 1);

@@ -1,13 +1,13 @@
-#include "pipeline/stages/track_stage.h"
+#include "pipeline/stages/front_end.h"
 
 namespace epiline {
 
-void TrackStage::set_knowledge(const Vec3& gyroscope_bias_rad_s, double time_offset_s) noexcept {
+void FrontEnd::set_knowledge(const Vec3& gyroscope_bias_rad_s, double time_offset_s) noexcept {
   bias_rad_s_ = gyroscope_bias_rad_s;
   time_offset_ = Span::from_seconds(time_offset_s);
 }
 
-void TrackStage::step(const Frame& image, TrackedFrame& out) noexcept {
+void FrontEnd::step(const Frame& image, TrackedFrame& out) noexcept {
   out.reasons = image.reasons;
   if (is_blind(image.reasons)) {
     out.stamp = image.stamp;

@@ -1,10 +1,10 @@
-#include "pipeline/stages/estimate_stage.h"
+#include "pipeline/stages/back_end.h"
 
 #include <algorithm>
 
 namespace epiline {
 
-void EstimateStage::Watch::begin(HostStamp frame, std::int64_t deadline) noexcept {
+void BackEnd::Watch::begin(HostStamp frame, std::int64_t deadline) noexcept {
   times = {};
   times.load = governor.level();
   current = Phase::kNone;
@@ -15,14 +15,14 @@ void EstimateStage::Watch::begin(HostStamp frame, std::int64_t deadline) noexcep
   step_began = phase_began = clocks.now();
 }
 
-void EstimateStage::Watch::end() noexcept {
+void BackEnd::Watch::end() noexcept {
   phase(Phase::kNone);
   times.estimate = phase_began - step_began;
   if (deadline_ns != kNoDeadline) times.late_ns = std::max<std::int64_t>(0, phase_began.wall_ns - deadline_ns);
 }
 
 /// The solve gets what is left until the deadline when all the rest is done, and no more than it may take anyway.
-Supervisor::Effort EstimateStage::Watch::effort() noexcept {
+Supervisor::Effort BackEnd::Watch::effort() noexcept {
   planned = true;
   planned_ns = clocks.wall();
   budget_ns = most_solve_ns > 0 ? most_solve_ns : kNoDeadline;
@@ -35,14 +35,14 @@ Supervisor::Effort EstimateStage::Watch::effort() noexcept {
 }
 
 /// Asked after each step of the solve: is there no time for one like those before?
-bool EstimateStage::Watch::time_is_up() noexcept {
+bool BackEnd::Watch::time_is_up() noexcept {
   ++steps;
   if (!planned || budget_ns == kNoDeadline) return false;
   const std::int64_t spent_ns = clocks.wall() - phase_began.wall_ns;
   return spent_ns + spent_ns / (steps + 1) > budget_ns;  // the first step linearises twice, the others once
 }
 
-void EstimateStage::Watch::phase(Phase next) noexcept {
+void BackEnd::Watch::phase(Phase next) noexcept {
   const StageTime now = clocks.now();
   if (current == Phase::kSolve) times.solve += now - phase_began;
   if (current == Phase::kMarginalise) times.marginalise += now - phase_began;
@@ -50,7 +50,7 @@ void EstimateStage::Watch::phase(Phase next) noexcept {
   phase_began = now;
 }
 
-void EstimateStage::Watch::learn(const EstimatorStats& before, const EstimatorStats& after) noexcept {
+void BackEnd::Watch::learn(const EstimatorStats& before, const EstimatorStats& after) noexcept {
   if (!planned || after.solves == before.solves) return;
   governor.took(times.solve.wall_ns, static_cast<int>(after.tracks_offered - before.tracks_offered),
                 static_cast<int>(after.tracks_used - before.tracks_used),
@@ -58,12 +58,12 @@ void EstimateStage::Watch::learn(const EstimatorStats& before, const EstimatorSt
   besides_ns.add(static_cast<double>(step_began.wall_ns + times.estimate.wall_ns - planned_ns - times.solve.wall_ns));
 }
 
-bool EstimateStage::add_imu(const ImuSample& sample) noexcept {
+bool BackEnd::add_imu(const ImuSample& sample) noexcept {
   imu_reasons_ |= sample.reasons;
   return estimator_.add_imu(sample);
 }
 
-StepResult EstimateStage::step(const TrackedFrame& frame, std::int64_t deadline_ns) noexcept {
+StepResult BackEnd::step(const TrackedFrame& frame, std::int64_t deadline_ns) noexcept {
   const EstimatorStats before = estimator_.stats();
   watch_.begin(frame.stamp, deadline_ns);
   const StepResult result = estimator_.process(frame, watch_);

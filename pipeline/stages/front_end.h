@@ -6,9 +6,9 @@
 
 namespace epiline {
 
-class TrackStage {
+class FrontEnd {
  public:
-  TrackStage(const Camera& camera, const TrackerConfig& config, const Mat3& R_BC)
+  FrontEnd(const Camera& camera, const TrackerConfig& config, const Mat3& R_BC)
       : tracker_(camera, config), R_BC_(R_BC) {}
 
   /// A reading of the IMU; all up to an image's time should be here before its step.

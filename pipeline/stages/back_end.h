@@ -1,6 +1,6 @@
 #pragma once
-// Tracked features in, odometry out with one health of everything; measures the estimator's phases and sees to it that
-// it ends in time.
+// Tracked features in, odometry out: the estimator, with one health of everything. Measures the estimator's phases and
+// keeps it to its deadline.
 #include <cstdint>
 #include <limits>
 
@@ -11,12 +11,12 @@
 
 namespace epiline {
 
-class EstimateStage {
+class BackEnd {
  public:
   static constexpr std::int64_t kNoDeadline = std::numeric_limits<std::int64_t>::max();
 
   /// `solve_ns`: a solve may take so long; 0: as long as it takes.
-  EstimateStage(const EstimatorConfig& config, const StageClocks& clocks, std::int64_t solve_ns)
+  BackEnd(const EstimatorConfig& config, const StageClocks& clocks, std::int64_t solve_ns)
       : estimator_(config), watch_(clocks, solve_ns), odometry_(estimator_.odometry()) {}
 
   /// How long the parts of one step took.
