@@ -2,47 +2,19 @@
 
 #include <algorithm>
 #include <limits>
-
-#include "platform/concurrency/counter.h"
+#include <utility>
 
 namespace epiline {
 
+namespace {
+int wanted_images(const std::vector<FlightObserver*>& observers, int images) {
+  const bool any = std::any_of(observers.begin(), observers.end(), [](const auto* o) { return o->wants_images(); });
+  return any ? images : 0;
+}
+}  // namespace
+
 FlightLog::FlightLog(std::vector<FlightObserver*> observers, std::vector<EventRing*> more, int images)
-    : observers_(std::move(observers)), more_(std::move(more)), images_at_once_(0) {
-  const bool wanted =
-      std::any_of(observers_.begin(), observers_.end(), [](const FlightObserver* o) { return o->wants_images(); });
-  if (wanted) images_at_once_ = static_cast<std::uint64_t>(std::clamp(images, 0, static_cast<int>(kMostImages)));
-}
-
-bool FlightLog::image(const Frame& frame) noexcept {
-  if (!wants_image() || frame.data == nullptr) return false;
-  if (images_.published() - images_.popped() >= images_at_once_) {
-    // written by this thread only, as the ring's own counter of drops
-    bump(images_skipped_);
-    return false;
-  }
-  return images_.push(frame);
-}
-
-bool FlightLog::image_done(std::uint64_t serial, const TrackedFrame& tracked, const StepResult& result,
-                           const StageTime& track, const BackEnd& stage) noexcept {
-  FrameOutcome* const outcome = outcomes_.claim();
-  if (outcome != nullptr) {
-    describe(tracked, result, stage, *outcome);
-    outcome->serial = serial;
-    outcome->track = track;
-    outcomes_.publish();
-  }
-  if (LoggedTracks* const t = tracks_.claim()) {
-    t->serial = serial;
-    t->sequence = tracked.sequence;
-    t->stamp = tracked.stamp;
-    t->points.clear();
-    for (const TrackedFeature& f : tracked.features) t->points.push_back({f.id, f.age, f.pixel[0], f.pixel[1]});
-    tracks_.publish();
-  }
-  return outcome != nullptr;
-}
+    : observers_(std::move(observers)), more_(std::move(more)), images_(wanted_images(observers_, images)) {}
 
 void FlightLog::drain_samples() noexcept {
   // Only what is here now: a producer that is faster than the observers must not keep a stream for itself.

@@ -3,25 +3,11 @@
 #include <cstdint>
 
 #include "pipeline/stages/frame_outcome.h"
+#include "pipeline/stages/hand_over.h"
 #include "platform/log/event.h"
-#include "platform/memory/fixed_vector.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {
-
-/// What of a TrackedFeature goes to the log.
-struct LoggedPoint {
-  std::uint32_t id = 0, age = 0;  ///< age: images since the track began
-  float u = 0, v = 0;             ///< raw pixels
-};
-
-/// What of a TrackedFrame goes to the log.
-struct LoggedTracks {
-  std::uint64_t serial = 0;    ///< of the FrameOutcome
-  std::uint64_t sequence = 0;  ///< of the camera's images
-  HostStamp stamp;
-  FixedVector<LoggedPoint, kMaxFeatures> points;  ///< in the order of their ids
-};
 
 /// Called by the log thread, one call at a time; it is not a real-time thread. An observer that takes long loses
 /// samples (they are counted), never the flight; still it should use no heap and no lock: the log thread is measured

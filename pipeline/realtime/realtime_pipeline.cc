@@ -1,8 +1,17 @@
 #include "pipeline/realtime/realtime_pipeline.h"
 
+#include <optional>
 #include <system_error>
 
-#include "pipeline/realtime/realtime_threads.h"
+#include "pipeline/realtime/flight_log.h"
+#include "pipeline/realtime/log_stage.h"
+#include "pipeline/realtime/stage_thread.h"
+#include "pipeline/stages/capture_stage.h"
+#include "pipeline/stages/estimate_stage.h"
+#include "pipeline/stages/imu_stage.h"
+#include "pipeline/stages/publish_stage.h"
+#include "pipeline/stages/track_stage.h"
+#include "pipeline/stages/wheel_stage.h"
 
 namespace epiline {
 
@@ -10,68 +19,122 @@ namespace {
 // Used at most 58 KiB by the estimator and 23 KiB by the others, on x86-64: with every visual factor, with faults, a
 // recorder and a view.
 constexpr std::size_t kEstimateStack = 256 * 1024, kStack = 128 * 1024;
+
+TrackSettings track_settings(const RealtimeSettings& s) {
+  return {s.camera, s.tracker,  s.estimator.extrinsics.R_BC,
+          s.images, s.recorded, Span::from_seconds(1e-3 * s.realtime.imu_wait_ms)};
+}
+
+EstimateSettings estimate_settings(const RealtimeSettings& s) {
+  return {s.estimator, s.deadline_ms, s.realtime.deadline_ms, Span::from_seconds(1e-3 * s.realtime.imu_wait_ms)};
+}
+
+ImuLimits limits_of(const EstimatorConfig& e) {
+  return {e.saturation_gyroscope_rad_s, e.saturation_accelerometer_m_s2};
+}
 }  // namespace
+
+/// The threads, what lies between them, and the stages that they carry.
+struct RealtimePipeline::Impl {
+  using Speaker = FlightLog::Speaker;
+
+  Impl(const RealtimeSettings& settings, const RealtimePorts& ports);
+
+  /// Calls `f(thread, stage)` for each.
+  template <class F>
+  void each(F&& f) {
+    f(imu_thread, imu);
+    f(capture_thread, capture);
+    f(track_thread, track);
+    f(estimate_thread, estimate);
+    f(publish_thread, publish);
+    f(log_thread, log);
+    if (has_wheel) f(wheel_thread, wheel);
+  }
+  std::vector<ImuStage::Reader> imu_readers() {
+    std::vector<ImuStage::Reader> readers;
+    if (settings.images) readers.push_back({&imu_to_track, &track_thread.parking()});
+    readers.push_back({&imu_to_estimate, &estimate_thread.parking()});
+    readers.push_back({&imu_to_publish, &publish_thread.parking()});
+    return readers;
+  }
+
+  RealtimeSettings settings;
+  bool has_wheel;
+  Pace pace;
+  FlightClock clock{{monotonic_ns, thread_cpu_ns}, &pace};
+  std::string memory_not_locked;
+
+  FlightSwitch flight;
+  StageThread imu_thread, capture_thread, track_thread, estimate_thread, publish_thread, log_thread, wheel_thread;
+
+  LentImages images;
+  FrameRing frames;
+  ImuRing imu_to_track, imu_to_estimate, imu_to_publish;
+  WheelRing wheel_to_estimate;
+  TrackedRing tracked;
+  KnowledgeRing knowledge;
+  LatestValue<Estimate> newest;
+  Heard imu_heard, camera_heard;
+  FlightLog flight_log;
+
+  ImuStage imu;
+  CaptureStage capture;
+  EstimateStage estimate;
+  TrackStage track;
+  PublishStage publish;
+  LogStage log;
+  WheelStage wheel;
+};
 
 RealtimePipeline::Impl::Impl(const RealtimeSettings& s, const RealtimePorts& p)
     : settings(s),
-      ports(p),
-      recorded(Camera(s.camera)),
-      back_end(s.estimator, kThreadClocks, Span::from_seconds(1e-3 * s.deadline_ms).ns),
+      has_wheel(p.wheel != nullptr),
+      imu_thread({"imu", s.realtime.priority_imu, s.realtime.cpu_imu, kStack}, flight),
+      capture_thread({"capture", s.realtime.priority_capture, s.realtime.cpu_capture, kStack}, flight),
+      track_thread({"track", s.realtime.priority_track, s.realtime.cpu_track, kStack}, flight),
+      estimate_thread({"estimate", s.realtime.priority_estimate, s.realtime.cpu_estimate, kEstimateStack}, flight),
+      publish_thread({"publish", s.realtime.priority_publish, s.realtime.cpu_publish, kStack}, flight),
+      // what the others hand over before they end is still logged
+      log_thread({"log", 0, -1, kStack}, flight, StageThread::AtStop::kGoOn),
+      // without priority: the stamps are the kernel's, and nobody waits for them
+      wheel_thread({"wheel", 0, -1, kStack}, flight),
+      images(p.camera),
       flight_log(p.observers, p.event_rings, s.images_to_log),
-      imu_gate({s.estimator.saturation_gyroscope_rad_s, s.estimator.saturation_accelerometer_m_s2}) {
-  if (s.images) front_end.emplace(Camera(s.camera), s.tracker, s.estimator.extrinsics.R_BC);
-  known = knowledge_of(back_end);
-  const RealtimeConfig& r = s.realtime;
-  const auto set_up = [&](Worker& w, const char* name, int priority, int cpu, std::size_t stack, void (Impl::*loop)()) {
-    w.name = name;
-    w.priority = priority;
-    w.cpu = cpu;
-    w.stack_bytes = stack;
-    w.loop = loop;
-    w.owner = this;
-  };
-  set_up(imu, "imu", r.priority_imu, r.cpu_imu, kStack, &Impl::imu_loop);
-  set_up(capture, "capture", r.priority_capture, r.cpu_capture, kStack, &Impl::capture_loop);
-  set_up(track, "track", r.priority_track, r.cpu_track, kStack, &Impl::track_loop);
-  set_up(estimate, "estimate", r.priority_estimate, r.cpu_estimate, kEstimateStack, &Impl::estimate_loop);
-  set_up(publish, "publish", r.priority_publish, r.cpu_publish, kStack, &Impl::publish_loop);
-  set_up(log, "log", 0, -1, kStack, &Impl::log_loop);
-  set_up(wheel, "wheel", 0, -1, kStack,
-         &Impl::wheel_loop);  // its stamps are the kernel's, and nobody waits for it
-}
-
-void RealtimePipeline::Impl::start(Worker& worker) {
-  if (!worker.thread.start({worker.name, worker.priority, worker.cpu, worker.stack_bytes}, run, &worker)) {
-    throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again), "no thread left");
-  }
-}
-
-void RealtimePipeline::Impl::run(void* context) {
-  Worker& worker = *static_cast<Worker*>(context);
-  Impl& m = *worker.owner;
-  const auto released = [&] { return m.armed.load(std::memory_order_acquire); };
-  while (!m.wait(worker, kPoll, released)) {
-  }
-  const ThreadCosts before = costs_of_this_thread();
-  (m.*worker.loop)();
-  worker.costs = costs_of_this_thread() - before;
-}
-
-/// The worker has handed over its last element.
-void RealtimePipeline::Impl::end(Worker& worker, std::initializer_list<Worker*> readers) {
-  // release, pairs with the acquire in has_ended(): who sees the end finds every element in the ring
-  worker.ended.store(true, std::memory_order_release);
-  for (Worker* reader : readers) reader->parking.notify();
-}
+      imu(p.imu, limits_of(s.estimator), clock,
+          {imu_readers(), imu_heard, flight_log.events_of(Speaker::kImu), &flight_log.imu()}),
+      capture(p.camera, clock,
+              {frames, images, track_thread.parking(), camera_heard, flight_log.events_of(Speaker::kCapture)}),
+      estimate(estimate_settings(s), clock,
+               {tracked, track_thread.ended(), imu_to_estimate, imu_thread.ended(), wheel_to_estimate},
+               {knowledge, track_thread.parking(), flight_log.events_of(Speaker::kEstimate), &newest,
+                &publish_thread.parking(),
+                EstimateStage::Log{flight_log.outcomes(), flight_log.tracks(), log_thread.parking()}}),
+      track(track_settings(settings), estimate.knowledge(), clock,
+            {frames, images, capture_thread.ended(), imu_to_track, imu_thread.ended(), knowledge},
+            {tracked, estimate_thread.parking(), flight_log.events_of(Speaker::kTrack), &flight_log.images()}),
+      publish(s.estimator, s.realtime.deadline_ms, clock,
+              {newest, estimate_thread.ended(), imu_to_publish, camera_heard, capture_thread.ended(), imu_heard,
+               imu_thread.ended()},
+              {p.odometry, flight_log.publications(), log_thread.parking()}),
+      log(clock, {flight_log,
+                  images,
+                  {&track_thread.ended(), &estimate_thread.ended(), &publish_thread.ended()},
+                  {{{RingName::kImuToTrack, &imu_to_track},
+                    {RingName::kImuToEstimate, &imu_to_estimate},
+                    {RingName::kImuToPublish, &imu_to_publish}}},
+                  wheel_to_estimate}),
+      wheel({p.wheel, imu_thread.ended(), capture_thread.ended()}, clock,
+            {wheel_to_estimate, flight_log.events_of(Speaker::kWheel), flight_log.wheel()}) {}
 
 RealtimePipeline::RealtimePipeline(const RealtimeSettings& settings, const RealtimePorts& ports)
     : impl_(std::make_unique<Impl>(settings, ports)) {
-  try {
-    impl_->each([&](Impl::Worker& worker) { impl_->start(worker); });
-  } catch (const std::system_error&) {
+  bool all_started = true;
+  impl_->each([&](StageThread& thread, Stage& stage) { all_started = all_started && thread.start(stage); });
+  if (!all_started) {
     stop();
     join();
-    throw;
+    throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again), "no thread left");
   }
   // here, not in arm(): on a busy machine it takes seconds, and whoever calls arm() has just set the samples' clock
   impl_->memory_not_locked = settings.realtime.lock_memory ? lock_memory() : "not asked for";
@@ -83,40 +146,36 @@ RealtimePipeline::~RealtimePipeline() {
 }
 
 void RealtimePipeline::arm(const Pace& pace) {
-  Impl& m = *impl_;
-  m.pace = pace;
-  m.armed.store(true, std::memory_order_release);
-  m.each([](Impl::Worker& worker) { worker.parking.notify(); });
+  impl_->pace = pace;
+  impl_->flight.arm();
 }
 
-bool RealtimePipeline::finished() const noexcept { return impl_->has_ended(impl_->log) || impl_->stopping(); }
-
-std::uint64_t RealtimePipeline::frames_out() const noexcept {
-  return impl_->frames_out.load(std::memory_order_relaxed);
+bool RealtimePipeline::finished() const noexcept {
+  return impl_->log_thread.ended().is_set() || impl_->flight.stopped();
 }
+
+std::uint64_t RealtimePipeline::frames_out() const noexcept { return impl_->estimate.images(); }
 
 RealtimePipeline::Progress RealtimePipeline::progress() const noexcept {
-  const auto now = [](const std::atomic<std::uint64_t>& counter) { return counter.load(std::memory_order_relaxed); };
-  const std::uint64_t refused = now(impl_->frames_refused);  // first: it never runs ahead of frames_in
-  return {now(impl_->frames_in) - refused, now(impl_->frames_out), now(impl_->published), now(impl_->imu_in)};
+  const Impl& m = *impl_;
+  const std::uint64_t refused = m.capture.refused();  // first: it never runs ahead of the images
+  return {m.capture.images() - refused, m.estimate.images(), m.publish.counts().published.get(), m.imu.readings()};
 }
 
-void RealtimePipeline::stop() noexcept {
-  impl_->stopped.store(true, std::memory_order_release);
-  impl_->each([](Impl::Worker& worker) { worker.parking.notify(); });
-}
+void RealtimePipeline::stop() noexcept { impl_->flight.stop(); }
 
 void RealtimePipeline::join() noexcept {
-  impl_->each([](Impl::Worker& worker) { worker.thread.join(); });
-  impl_->give_back_rest();
+  impl_->each([](StageThread& thread, Stage&) { thread.join(); });
+  impl_->track.give_back_all();
 }
 
 RealtimeReport RealtimePipeline::report() const {
   Impl& m = *impl_;
   RealtimeReport r;
-  m.each([&](const Impl::Worker& w) {
-    r.threads.push_back(
-        {w.name, w.priority, w.thread.shortfall(), w.costs, w.thread.stack_bytes(), w.thread.stack_used()});
+  m.each([&](const StageThread& thread, const Stage&) {
+    const ThreadSettings& s = thread.settings();
+    const RealtimeThread& t = thread.thread();
+    r.threads.push_back({s.name, s.priority, t.shortfall(), thread.costs(), t.stack_bytes(), t.stack_used()});
   });
   const auto ring = [&](const char* name, const auto& of) {
     r.rings.push_back({name, of.capacity(), of.high_water(), of.popped(), of.dropped()});
@@ -126,37 +185,36 @@ RealtimeReport RealtimePipeline::report() const {
   ring("imu_to_track", m.imu_to_track);
   ring("imu_to_estimate", m.imu_to_estimate);
   ring("imu_to_publish", m.imu_to_publish);
-  if (m.ports.wheel != nullptr) ring(to_string(RingName::kWheelToEstimate), m.wheel_to_estimate);
+  if (m.has_wheel) ring(to_string(RingName::kWheelToEstimate), m.wheel_to_estimate);
   ring("tracked", m.tracked);
   ring("knowledge", m.knowledge);
   m.flight_log.each_ring([&](RingName name, const auto& of) { ring(to_string(name), of); });
   r.events_dropped = m.flight_log.events_dropped();
   r.images_not_logged = m.flight_log.images_skipped();
-  r.frames_in = m.frames_in.load();
-  r.frames_refused = m.frames_refused.load();
-  r.imu_watch = m.imu_gate.stats();
-  r.image_watch = m.image_gate.stats();
-  r.frames_out = m.frames_out.load();
-  r.imu_in = m.imu_in.load();
-  r.wheel_in = m.wheel_in.load();
-  r.imu_late = m.track_imu_late.load() + m.estimate_imu_late.load();
-  r.published = m.published.load();
-  r.publish_failed = m.publish_failed.load();
-  r.late = m.late.load();
-  r.load = m.back_end.load();
-  r.predicted = m.predicted.load();
-  r.predict_failed = m.predict_failed.load();
-  r.prediction = m.predictor.stats();
-  r.prediction_latency = m.prediction_latency;
+  r.frames_in = m.capture.images();
+  r.frames_refused = m.capture.refused();
+  r.imu_watch = m.imu.watch();
+  r.image_watch = m.capture.watch();
+  r.frames_out = m.estimate.images();
+  r.imu_in = m.imu.readings();
+  r.wheel_in = m.wheel.speeds();
+  r.imu_late = m.track.imu_late() + m.estimate.imu_late();
+  const PublishStage::Counts& counts = m.publish.counts();
+  r.published = counts.published.get();
+  r.publish_failed = counts.publish_failed.get();
+  r.late = counts.late.get();
+  r.predicted = counts.predicted.get();
+  r.predict_failed = counts.predict_failed.get();
+  r.prediction = m.publish.prediction();
+  r.prediction_latency = m.publish.prediction_latency();
   r.superseded = r.frames_out - r.published;
+  r.load = m.estimate.back_end().load();
   r.memory_not_locked = m.memory_not_locked;
   return r;
 }
 
-const Estimator& RealtimePipeline::estimator() const noexcept { return impl_->back_end.estimator(); }
+const Estimator& RealtimePipeline::estimator() const noexcept { return impl_->estimate.back_end().estimator(); }
 
-const TrackerStats* RealtimePipeline::tracker_stats() const noexcept {
-  return impl_->front_end ? &impl_->front_end->stats() : nullptr;
-}
+const TrackerStats* RealtimePipeline::tracker_stats() const noexcept { return impl_->track.tracker_stats(); }
 
 }  // namespace epiline

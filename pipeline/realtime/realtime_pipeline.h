@@ -1,6 +1,6 @@
 #pragma once
-// The stages of a replay as threads: the same objects with the same step(), connected by rings. docs/realtime.md has
-// the picture, the policies and the measurements.
+// The stages, each carried by a thread of its own: the same stages that OfflinePipeline calls one after the other.
+// docs/realtime.md has the picture, the policies and the measurements.
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -86,8 +86,6 @@ struct RealtimeReport {
 
 class RealtimePipeline {
  public:
-  static constexpr int kMostSlots = 256;  ///< of a camera: Frame::slot is below
-
   /// Builds everything, starts the threads, which wait, and locks the memory. Throws std::invalid_argument for a
   /// tracker that cannot be built, std::system_error if the system has no thread left.
   RealtimePipeline(const RealtimeSettings& settings, const RealtimePorts& ports);

@@ -1,6 +1,8 @@
 #pragma once
 #include <cstdint>
 
+#include "platform/time/monotonic.h"
+
 namespace epiline {
 
 /// Nanoseconds of some clock, from outside: the stages hold no clock.
@@ -26,6 +28,15 @@ struct StageTime {
 struct StageClocks {
   NowNs wall = nullptr, cpu = nullptr;
   StageTime now() const noexcept { return {wall(), cpu()}; }
+};
+
+/// The stages' clocks, and where the samples' stamps lie on `clocks.wall`.
+struct FlightClock {
+  StageClocks clocks;
+  const Pace* pace = nullptr;  ///< complete before the first step
+
+  std::int64_t now_ns() const noexcept { return clocks.wall(); }
+  HostStamp stamp_now() const noexcept { return pace->stamp_of(now_ns()); }
 };
 
 }  // namespace epiline

@@ -43,4 +43,10 @@ void ImageEvents::after(bool taken, const Frame& image, const ImageGate& gate) n
   }
 }
 
+void SourceEvents::after(ReadOutcome outcome, HostStamp now) noexcept {
+  const bool lost = outcome == ReadOutcome::kFailed || (lost_ && outcome != ReadOutcome::kSample);
+  if (std::exchange(lost_, lost) == lost) return;
+  out_.push({now, lost ? EventId::kSourceLost : EventId::kSourceFound, {static_cast<std::int64_t>(source_)}});
+}
+
 }  // namespace epiline

@@ -6,6 +6,7 @@
 #include "pipeline/watch/image_gate.h"
 #include "pipeline/watch/imu_gate.h"
 #include "platform/log/event.h"
+#include "platform/ports/ports.h"
 
 namespace epiline {
 
@@ -56,6 +57,19 @@ class ImageEvents {
   HostStamp now_;
   Span correction_{};
   Episode frozen_{EventId::kImagesFrozen}, covered_{EventId::kLensCovered};
+};
+
+/// Tells when a device is lost and when it is back. Belongs to the thread that reads the device; no heap.
+class SourceEvents {
+ public:
+  SourceEvents(EventSource source, EventRing& out) : source_(source), out_(out) {}
+  /// After each read() of the device. `now`: of the samples' clock.
+  void after(ReadOutcome outcome, HostStamp now) noexcept;
+
+ private:
+  EventSource source_;
+  EventRing& out_;
+  bool lost_ = false;
 };
 
 }  // namespace epiline

@@ -1,5 +1,8 @@
 #pragma once
 // What replays in one thread and in several have in common.
+#include <span>
+#include <vector>
+
 #include "drivers/study/replay/replay.h"
 #include "pipeline/config/config.h"
 
@@ -8,6 +11,9 @@ namespace epiline {
 /// A record with everything that is known before the flight.
 FlightRecord begin_record(const AslDataset& dataset, const FlightPlan& plan, const Config& config,
                           const ReplayOptions& options);
+
+/// The recorded points of each image of the plan; none of a data set with images.
+std::vector<std::span<const TrackPoint>> recorded_points(const AslDataset& dataset, const FlightPlan& plan);
 
 /// The flight in real time, in threads. Fails if and only if an image is wrong, or there is no thread left.
 Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const FlightPlan& plan, const Config& config,

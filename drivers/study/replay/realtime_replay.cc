@@ -61,20 +61,14 @@ class Collector final : public FlightObserver {
 };
 
 RealtimeSettings settings_of(const AslDataset& dataset, const FlightPlan& plan, const Config& config) {
-  RealtimeSettings s{dataset.camera.parameters,
-                     config.tracker,
-                     config.estimator,
-                     config.deadline_ms,
-                     config.realtime,
-                     !dataset.images.empty(),
-                     {},
-                     RecordedCamera::kImagesToLog};
-  if (s.images) return s;
-  for (const PlannedImage& image : plan.images) {
-    const TrackInstant& instant = dataset.instants[image.index];
-    s.recorded.emplace_back(dataset.points.data() + instant.first, instant.count);
-  }
-  return s;
+  return {dataset.camera.parameters,
+          config.tracker,
+          config.estimator,
+          config.deadline_ms,
+          config.realtime,
+          !dataset.images.empty(),
+          recorded_points(dataset, plan),
+          RecordedCamera::kImagesToLog};
 }
 
 /// The instant of the computer's clock at which the recording begins: soon, with its first sample.

@@ -39,6 +39,16 @@ FlightRecord begin_record(const AslDataset& dataset, const FlightPlan& plan, con
   return record;
 }
 
+std::vector<std::span<const TrackPoint>> recorded_points(const AslDataset& dataset, const FlightPlan& plan) {
+  std::vector<std::span<const TrackPoint>> points;
+  if (!dataset.images.empty()) return points;
+  for (const PlannedImage& image : plan.images) {
+    const TrackInstant& instant = dataset.instants[image.index];
+    points.emplace_back(dataset.points.data() + instant.first, instant.count);
+  }
+  return points;
+}
+
 namespace {
 
 /// Defaults, then what the data set says, then the configuration file, then the command line.
@@ -63,7 +73,8 @@ class Flight {
  public:
   Flight(const AslDataset& dataset, const FlightPlan& plan, const Config& config, const ReplayOptions& options)
       : dataset_(dataset),
-        pipeline_(settings(dataset, config)),
+        plan_(plan),
+        pipeline_(settings(dataset, plan, config)),
         counts_heap_(allocation_counting_available()),
         next_imu_(plan.first_imu),
         imu_faults_(options.faults, plan.images.front().stamp),
@@ -72,7 +83,9 @@ class Flight {
         record_(begin_record(dataset, plan, config, options)),
         odometry_(options.odometry) {}
 
-  Status step(const PlannedImage& planned) {
+  /// Image `k` of the plan.
+  Status step(std::size_t k) {
+    const PlannedImage& planned = plan_.images[k];
     Frame frame;
     if (!dataset_.images.empty()) {
       // not over the image the tracker was shown last: it needs that one on
@@ -81,6 +94,7 @@ class Flight {
       frame = *image;
       frame.slot = 1 - shown_buffer_;
     }
+    frame.sequence = k;
     frame.stamp = frame.arrival = planned.stamp;
     if (!camera_faults_.apply(frame)) return Done{};
     if (!pipeline_.admit(frame)) {
@@ -91,13 +105,8 @@ class Flight {
     feed_wheel(frame.stamp);
     const ThreadCosts before = costs_of_this_thread();
     const HeapCallScope heap;
-    if (dataset_.images.empty()) {
-      const TrackInstant& instant = dataset_.instants[planned.index];
-      pipeline_.step(frame, dataset_.points.data() + instant.first, instant.count, outcome_);
-    } else {
-      pipeline_.step(frame, outcome_);
-      if (!is_blind(frame.reasons)) shown_buffer_ = frame.slot;
-    }
+    pipeline_.step(frame, outcome_);
+    if (!is_blind(frame.reasons)) shown_buffer_ = 1 - shown_buffer_;
     heap_calls_ += heap.calls();
     record_.page_faults += (costs_of_this_thread() - before).page_faults;
     record_.images.push_back(image_record(outcome_));
@@ -120,9 +129,10 @@ class Flight {
   }
 
  private:
-  static OfflineSettings settings(const AslDataset& dataset, const Config& config) {
-    return {dataset.camera.parameters, config.tracker,          config.estimator,
-            config.deadline_ms,        !dataset.images.empty(), {monotonic_ns, thread_cpu_ns}};
+  static OfflineSettings settings(const AslDataset& dataset, const FlightPlan& plan, const Config& config) {
+    return {dataset.camera.parameters,    config.tracker,          config.estimator,
+            config.deadline_ms,           !dataset.images.empty(), recorded_points(dataset, plan),
+            {monotonic_ns, thread_cpu_ns}};
   }
 
   void feed_imu(HostStamp image) {
@@ -149,6 +159,7 @@ class Flight {
   }
 
   const AslDataset& dataset_;
+  const FlightPlan& plan_;
   OfflinePipeline pipeline_;
   ImageDecoder decoder_;
   int shown_buffer_ = 1;  ///< of the decoder: the image the tracker keeps
@@ -170,7 +181,7 @@ Result<FlightRecord> replay_in_one_thread(const AslDataset& dataset, const Fligh
                                           const std::function<void(std::size_t, std::size_t)>& progress) {
   Flight flight(dataset, plan, config, options);
   for (std::size_t k = 0; k < plan.images.size(); ++k) {
-    if (const Status status = flight.step(plan.images[k]); !status) return status.error();
+    if (const Status status = flight.step(k); !status) return status.error();
     progress(k + 1, plan.images.size());
   }
   return flight.finish();

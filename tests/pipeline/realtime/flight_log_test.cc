@@ -72,20 +72,21 @@ class FlightLogTest : public testing::Test {
 
 TEST_F(FlightLogTest, EachObserverGetsEveryStreamAndNoHeapIsUsed) {
   make(2);
-  EstimatorConfig config;
-  const BackEnd stage(config, {no_clock, no_clock}, 0);
-  TrackedFrame tracked;
-  tracked.sequence = 12;
-  tracked.features.push_back({3, 1, {1.5F, 2.5F}, {}, {}, {}});
-  tracked.features.push_back({7, 4, {-3.25F, 8}, {}, {}, {}});
+  FrameOutcome outcome;
+  outcome.serial = 5;
+  LoggedTracks tracked;
+  tracked.serial = 5;
+  tracked.points.push_back({3, 1, 1.5F, 2.5F});
+  tracked.points.push_back({7, 4, -3.25F, 8});
   const std::uint8_t pixel = 77;
   const HeapCallScope heap;
-  for (std::int64_t i = 0; i < 100; ++i) log->imu({HostStamp{i}, {}, {}});
-  log->wheel({HostStamp{0}, 1.5, 0});
-  log->wheel({HostStamp{1}, 2, 0});
-  EXPECT_TRUE(log->image_done(5, tracked, {}, {}, stage));
-  log->published(5, 42);
-  EXPECT_TRUE(log->image({HostStamp{0}, 12, &pixel, 1, 1, 1, 0}));
+  for (std::int64_t i = 0; i < 100; ++i) log->imu().push({HostStamp{i}, {}, {}});
+  log->wheel().push({HostStamp{0}, 1.5, 0});
+  log->wheel().push({HostStamp{1}, 2, 0});
+  EXPECT_TRUE(log->outcomes().push(outcome));
+  EXPECT_TRUE(log->tracks().push(tracked));
+  log->publications().push({5, 42});
+  EXPECT_TRUE(log->images().push({HostStamp{0}, 12, &pixel, 1, 1, 1, 0}));
   EXPECT_FALSE(log->empty());
   log->drain(HostStamp{0}, HostStamp{0}, no_image);
   EXPECT_EQ(heap.calls(), 0);
@@ -111,21 +112,21 @@ TEST_F(FlightLogTest, HoldsNoMoreImagesThanItMay) {
   make(2);
   const std::uint8_t pixel = 0;
   const Frame frame{HostStamp{0}, 0, &pixel, 1, 1, 1, 0};
-  EXPECT_TRUE(log->image(frame));
-  EXPECT_TRUE(log->image(frame));
-  EXPECT_FALSE(log->image(frame));
+  EXPECT_TRUE(log->images().push(frame));
+  EXPECT_TRUE(log->images().push(frame));
+  EXPECT_FALSE(log->images().push(frame));
   int given_back = 0;
   log->drain(HostStamp{0}, kEnd, [&](const Frame&) { ++given_back; });
   EXPECT_EQ(given_back, 2);
-  EXPECT_TRUE(log->image(frame));
+  EXPECT_TRUE(log->images().push(frame));
   EXPECT_EQ(log->images_skipped(), 1u);
   ASSERT_EQ(one.events.size(), 1u);
   EXPECT_EQ(one.events[0].id, EventId::kRingOverflow);
   EXPECT_EQ(one.events[0].args[0], static_cast<std::int64_t>(RingName::kImagesToLog));
   two.wants = false;
   make(2);
-  EXPECT_FALSE(log->wants_image());
-  EXPECT_FALSE(log->image(frame)) << "nobody wants one";
+  EXPECT_FALSE(log->images().wanted());
+  EXPECT_FALSE(log->images().push(frame)) << "nobody wants one";
 }
 
 TEST_F(FlightLogTest, EventsOfSeveralThreadsComeInTheOrderOfTime) {
@@ -150,7 +151,7 @@ TEST_F(FlightLogTest, EventsOfSeveralThreadsComeInTheOrderOfTime) {
 TEST_F(FlightLogTest, AFullRingIsAnEventAndMoreEventsThanItCanHoldBackGoOnEarly) {
   make(0);
   for (std::int64_t i = 0; i < 1100; ++i) tell(Speaker::kImu, i);
-  for (std::int64_t i = 0; i < 5000; ++i) log->imu({HostStamp{i}, {}, {}});
+  for (std::int64_t i = 0; i < 5000; ++i) log->imu().push({HostStamp{i}, {}, {}});
   log->note_lost(RingName::kImuToTrack, 7, HostStamp{3});
   log->drain(HostStamp{3}, HostStamp{-1}, no_image);
   EXPECT_EQ(one.readings, 4096);
@@ -174,13 +175,13 @@ TEST_F(FlightLogTest, AFullRingIsAnEventAndMoreEventsThanItCanHoldBackGoOnEarly)
 
 TEST(EstimatorEvents, TellOfAGapInTheReadings) {
   const EstimatorConfig config;
-  BackEnd stage(config, {no_clock, no_clock}, 0);
+  BackEnd back_end(config, {no_clock, no_clock}, 0);
   auto ring = std::make_unique<EventRing>();
   EstimatorEvents events(*ring);
   const auto add = [&](std::int64_t ms) {
     const ImuSample sample{HostStamp{ms * 1'000'000}, {}, {0, 0, 9.81}};
-    stage.add_imu(sample);
-    events.after_imu(sample, stage);
+    back_end.add_imu(sample);
+    events.after_imu(sample, back_end);
   };
   for (std::int64_t ms = 0; ms <= 1000; ms += 5) add(ms);
   Event event;

@@ -1,0 +1,37 @@
+#pragma once
+// From the rings to the log to the observers of the flight.
+#include <array>
+#include <utility>
+
+#include "pipeline/realtime/flight_log.h"
+#include "pipeline/stages/lent_images.h"
+#include "pipeline/stages/stage.h"
+#include "pipeline/stages/stage_clocks.h"
+
+namespace epiline {
+
+/// Hands on everything that is here, a round a step. Ends when the last of those who write to the log has ended.
+class LogStage final : public Stage {
+ public:
+  struct Inputs {
+    FlightLog& log;
+    LentImages& images;
+    std::array<const EndMark*, 3> writers_ended{};
+    /// Rings elsewhere, whose losses are told.
+    std::array<std::pair<RingName, const ImuRing*>, 3> imu;
+    const WheelRing& speeds;
+  };
+
+  LogStage(const FlightClock& clock, const Inputs& in) : clock_(clock), in_(in) {}
+
+  Step step() noexcept override;
+  bool ready() noexcept override { return !in_.log.empty() || over(); }
+
+ private:
+  bool over() const noexcept;
+
+  FlightClock clock_;
+  Inputs in_;
+};
+
+}  // namespace epiline

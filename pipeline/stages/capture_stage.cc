@@ -1,0 +1,54 @@
+#include "pipeline/stages/capture_stage.h"
+
+#include "platform/error/contract.h"
+
+namespace epiline {
+
+namespace {
+void tell_lost(EventRing& events, HostStamp stamp, std::uint64_t first, ImageLoss why, std::uint64_t images) noexcept {
+  events.push({stamp,
+               EventId::kImageDropped,
+               {static_cast<std::int64_t>(first), static_cast<std::int64_t>(why), static_cast<std::int64_t>(images)}});
+}
+}  // namespace
+
+void leave_out_overtaken(FrameRing::Value slot, LentImages& images, EventRing& events) noexcept {
+  tell_lost(events, images[slot].stamp, images[slot].sequence, ImageLoss::kOvertaken, 1);
+  images.give_back(slot);
+}
+
+void CaptureStage::use() noexcept {
+  EPILINE_EXPECTS(image_.slot >= 0 && image_.slot < LentImages::kMostSlots,
+                  "a camera numbers its buffers from 0 to 255");
+  came_.bump();
+  look_for_missed();
+  if (admit(image_)) {
+    hand_on(image_);
+  } else {
+    camera_->give_back(image_);
+    refused_.bump();
+  }
+}
+
+void CaptureStage::look_for_missed() noexcept {
+  if (image_.sequence > expected_ && expected_ > 0)
+    tell_lost(out_.events, image_.stamp, expected_, ImageLoss::kMissed, image_.sequence - expected_);
+  expected_ = image_.sequence + 1;
+}
+
+bool CaptureStage::admit(Frame& image) noexcept {
+  const bool taken = gate_.step(image);
+  events_.after(taken, image, gate_);
+  return taken;
+}
+
+void CaptureStage::hand_on(const Frame& image) noexcept {
+  times_.heard_image(image.arrival.ns != 0 ? image.arrival : image.stamp);
+  out_.heard.tell(times_.camera, times_.camera_period);
+  out_.images.lend(image);
+  const FrameRing::Value evicted = out_.frames.push(static_cast<FrameRing::Value>(image.slot));
+  out_.tracker.notify();
+  if (evicted != FrameRing::kNone) leave_out_overtaken(evicted, out_.images, out_.events);
+}
+
+}  // namespace epiline

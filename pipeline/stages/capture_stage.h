@@ -1,0 +1,58 @@
+#pragma once
+// From the camera to the tracker.
+#include "pipeline/stages/hand_over.h"
+#include "pipeline/stages/lent_images.h"
+#include "pipeline/stages/source_stage.h"
+#include "pipeline/watch/health_merge.h"
+#include "pipeline/watch/image_gate.h"
+#include "platform/concurrency/parking.h"
+
+namespace epiline {
+
+/// Tells of an image that nobody will track, and gives it back.
+void leave_out_overtaken(FrameRing::Value slot, LentImages& images, EventRing& events) noexcept;
+
+/// Judges every image, and hands the number of its buffer to the tracker. What the newest image has pushed out of the
+/// ring goes back to the camera.
+class CaptureStage final : public SourceStage {
+ public:
+  struct Outputs {
+    FrameRing& frames;
+    LentImages& images;
+    Parking& tracker;
+    Heard& heard;
+    EventRing& events;
+  };
+
+  /// `camera` is null where only admit() and hand_on() are called.
+  CaptureStage(CameraSource* camera, const FlightClock& clock, const Outputs& out)
+      : SourceStage(EventSource::kCamera, clock, out.events), camera_(camera), out_(out), events_(out.events) {}
+
+  /// Through the gate, which may correct the stamp. False: leave the image out.
+  bool admit(Frame& image) noexcept;
+  /// An admitted image, with the number of its buffer.
+  void hand_on(const Frame& image) noexcept;
+
+  std::uint64_t images() const noexcept { return came_.get(); }      ///< that the camera gave
+  std::uint64_t refused() const noexcept { return refused_.get(); }  ///< of those: left out by the gate
+  const ImageGateStats& watch() const noexcept { return gate_.stats(); }
+
+ private:
+  ReadOutcome read() noexcept override {
+    image_ = {};
+    return camera_->read(image_, kIdle);
+  }
+  void use() noexcept override;
+  void look_for_missed() noexcept;
+
+  CameraSource* camera_;
+  Outputs out_;
+  Frame image_;
+  std::uint64_t expected_ = 0;  ///< sequence number
+  ImageGate gate_;
+  ImageEvents events_;
+  LastHeard times_;
+  StageCount came_, refused_;
+};
+
+}  // namespace epiline

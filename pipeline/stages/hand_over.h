@@ -1,0 +1,81 @@
+#pragma once
+// What stages hand over to each other, and through what.
+#include <atomic>
+#include <cstdint>
+
+#include "pipeline/stages/frame_outcome.h"
+#include "pipeline/stages/knowledge.h"
+#include "platform/concurrency/latest_value.h"
+#include "platform/concurrency/newest_ring.h"
+#include "platform/concurrency/spsc_ring.h"
+#include "platform/memory/fixed_vector.h"
+#include "platform/samples/samples.h"
+
+namespace epiline {
+
+inline constexpr std::size_t kImuRing = 4096;  ///< 20 s at 200 Hz, 4 s at 1 kHz
+using ImuRing = SpscRing<ImuSample, kImuRing>;
+using WheelRing = SpscRing<WheelSample, 256>;
+using KnowledgeRing = SpscRing<Knowledge, 4>;
+using FrameRing = NewestRing<4>;  ///< numbers of buffers: LentImages
+
+/// An image on its way from the tracker to the estimator.
+struct Tracked {
+  TrackedFrame frame;
+  StageTime track;  ///< 0 with recorded tracks
+};
+using TrackedRing = SpscRing<Tracked, 4>;
+
+/// The newest estimate, for the publisher.
+struct Estimate {
+  std::uint64_t serial = 0;  ///< from 1; 0: none yet
+  bool has_pose = false;
+  Odometry odometry;
+  // What the prediction is corrected with, once for each `solved_serial`. It is repeated in later estimates: one that
+  // was superseded is not lost.
+  std::uint64_t solved_serial = 0;  ///< 0: none yet
+  Odometry solved;
+};
+
+/// When a sensor last gave something, for the publisher. Each number stands for itself: no order is needed.
+class Heard {
+ public:
+  void tell(HostStamp last, Span period) noexcept {
+    last_ns_.store(last.ns, std::memory_order_relaxed);
+    period_ns_.store(period.ns, std::memory_order_relaxed);
+  }
+  HostStamp last() const noexcept { return HostStamp{last_ns_.load(std::memory_order_relaxed)}; }
+  Span period() const noexcept { return Span{period_ns_.load(std::memory_order_relaxed)}; }
+
+ private:
+  std::atomic<std::int64_t> last_ns_{0}, period_ns_{0};
+};
+
+/// Odometry that was handed out, for the log.
+struct Publication {
+  std::uint64_t serial = 0;     ///< of the FrameOutcome
+  std::int64_t latency_ns = 0;  ///< since the instant of the image's stamp
+};
+
+/// What of a TrackedFeature goes to the log.
+struct LoggedPoint {
+  std::uint32_t id = 0, age = 0;  ///< age: images since the track began
+  float u = 0, v = 0;             ///< raw pixels
+};
+
+/// What of a TrackedFrame goes to the log.
+struct LoggedTracks {
+  std::uint64_t serial = 0;    ///< of the FrameOutcome
+  std::uint64_t sequence = 0;  ///< of the camera's images
+  HostStamp stamp;
+  FixedVector<LoggedPoint, kMaxFeatures> points;  ///< in the order of their ids
+};
+
+// The rings to the log. A full one refuses and counts: no stage waits for the log.
+using ImuLogRing = SpscRing<ImuSample, 4096>;     ///< 4 s at 1 kHz: a log that gets no processor for so long loses some
+using WheelLogRing = SpscRing<WheelSample, 512>;  ///< as long at 100 Hz
+using OutcomeRing = SpscRing<FrameOutcome, 256>;
+using TracksLogRing = SpscRing<LoggedTracks, 64>;
+using PublicationRing = SpscRing<Publication, 256>;
+
+}  // namespace epiline

@@ -1,0 +1,52 @@
+#pragma once
+// From the IMU to those who use its readings.
+#include <array>
+#include <vector>
+
+#include "pipeline/stages/hand_over.h"
+#include "pipeline/stages/source_stage.h"
+#include "pipeline/watch/health_merge.h"
+#include "pipeline/watch/imu_gate.h"
+#include "platform/concurrency/parking.h"
+
+namespace epiline {
+
+/// Judges every reading, and hands those that it takes to every reader.
+class ImuStage final : public SourceStage {
+ public:
+  struct Reader {
+    ImuRing* ring = nullptr;  ///< a full one refuses, and counts
+    Parking* parking = nullptr;
+  };
+  struct Outputs {
+    std::vector<Reader> readers;
+    Heard& heard;
+    EventRing& events;
+    ImuLogRing* log = nullptr;  ///< or null; gets each reading as it came
+  };
+
+  /// `imu` is null where only take() is called.
+  ImuStage(ImuSource* imu, const ImuLimits& limits, const FlightClock& clock, const Outputs& out)
+      : SourceStage(EventSource::kImu, clock, out.events), imu_(imu), out_(out), gate_(limits), events_(out.events) {}
+
+  /// A reading that came: through the gate, which may correct its stamp, to the readers' rings. False: left out.
+  bool take(ImuSample& reading) noexcept;
+
+  std::uint64_t readings() const noexcept { return readings_.get(); }  ///< that came
+  const ImuGateStats& watch() const noexcept { return gate_.stats(); }
+
+ private:
+  ReadOutcome read() noexcept override { return imu_->read(batch_, count_, kIdle); }
+  void use() noexcept override;
+
+  ImuSource* imu_;
+  Outputs out_;
+  std::array<ImuSample, 64> batch_;
+  std::size_t count_ = 0;
+  ImuGate gate_;
+  ImuEvents events_;
+  LastHeard times_;
+  StageCount readings_;
+};
+
+}  // namespace epiline
