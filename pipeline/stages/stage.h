@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdint>
 
+#include "platform/concurrency/counter.h"
 #include "platform/time/clock.h"
 
 namespace epiline {
@@ -54,7 +55,7 @@ class EndMark {
 /// A counter with one writer; any thread may read a recent value.
 class StageCount {
  public:
-  void bump() noexcept { count_.store(count_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed); }
+  void bump() noexcept { epiline::bump(count_); }
   std::uint64_t get() const noexcept { return count_.load(std::memory_order_relaxed); }
 
  private:

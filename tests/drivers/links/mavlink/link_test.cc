@@ -184,11 +184,11 @@ TEST(MavlinkLink, AnswersTimesyncAndLearnsTheClock) {
   FakeLine line;
   MavlinkLink link = link_on(line);
   begin(link);
-  constexpr std::int64_t kAhead_ns = 1'000'000 * kMs;
+  constexpr std::int64_t kFutureBy_ns = 1'000'000 * kMs;
   line.peer.on_packet = [&](const Packet& packet) {
     Timesync question;
     if (unpack(packet, question) && question.tc1 == 0)
-      line.peer.send(Timesync{.tc1 = line.now_ns() + kAhead_ns, .ts1 = question.ts1});
+      line.peer.send(Timesync{.tc1 = line.now_ns() + kFutureBy_ns, .ts1 = question.ts1});
   };
   line.peer.heartbeat();
   line.peer.send(Timesync{.tc1 = 0, .ts1 = 424242});
@@ -199,7 +199,7 @@ TEST(MavlinkLink, AnswersTimesyncAndLearnsTheClock) {
   EXPECT_GT(answer->tc1, line.now_ns() - 60'000 * kMs);
   EXPECT_LT(answer->tc1, line.now_ns());
   const LinkState state = link.state();
-  EXPECT_LE(std::abs(state.clock.offset.ns + kAhead_ns), 5 * kMs);
+  EXPECT_LE(std::abs(state.clock.offset.ns + kFutureBy_ns), 5 * kMs);
   EXPECT_TRUE(state.peer.is_known);
   EXPECT_EQ(state.peer.autopilot, 12);
 }
