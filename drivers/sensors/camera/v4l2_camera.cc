@@ -39,17 +39,28 @@ Status V4l2Camera::open() {
     close();
     return error;
   }
-  std::snprintf(bus_.data(), bus_.size(), "%s", device_.bus());
+  identity_ = device_.identity();
   opened_ = true;
   return Done{};
 }
 
+/// The camera that was lost, and no other. It may have another number now: plugged in while images of before are lent,
+/// what was /dev/video0 comes back as another file.
+DeviceTrouble V4l2Camera::find_again() noexcept {
+  const DeviceTrouble trouble = device_.open(settings_.device.c_str());
+  // a path made of the serial number tells more than the place it is plugged in at
+  const bool is_known_by_path = settings_.device.rfind("/dev/v4l/by-id/", 0) == 0;
+  if (!trouble && (is_known_by_path ? device_.identity().card == identity_.card : device_.identity() == identity_))
+    return {};
+  const DeviceTrouble absent = device_.open(identity_);
+  if (!absent || trouble) return absent ? trouble : absent;
+  bump(other_camera_);
+  return absent;
+}
+
 /// Called again for a lost device, which must come back with the same image: readers know its size.
 DeviceTrouble V4l2Camera::set_up() noexcept {
-  if (const DeviceTrouble trouble = device_.open(settings_.device.c_str())) {
-    // Plugged in again while images of before were lent, a device gets another number: /dev/video0 is no more.
-    if (!opened_ || bus_[0] == '\0' || device_.open(bus_.data())) return trouble;
-  }
+  if (const DeviceTrouble trouble = opened_ ? find_again() : device_.open(settings_.device.c_str())) return trouble;
   DeviceFormat format;
   if (const DeviceTrouble trouble = device_.set_format(settings_, format)) return trouble;
   const bool copies = !is_grey_in_place(format.format) || device_.is_loopback();
@@ -450,6 +461,7 @@ CameraCounts V4l2Camera::counts() const noexcept {
   counts.overwritten = value(overwritten_);
   counts.disconnected = value(disconnected_);
   counts.retries = value(retries_);
+  counts.other_camera = value(other_camera_);
   counts.last_error = last_error_.load(std::memory_order_relaxed);
   return counts;
 }

@@ -32,6 +32,7 @@ struct CameraCounts {
   std::uint64_t overwritten = 0;   ///< the driver reused a buffer that was lent
   std::uint64_t disconnected = 0;  ///< the device was lost
   std::uint64_t retries = 0;       ///< failed attempts to reopen it
+  std::uint64_t other_camera = 0;  ///< of those: another camera was in its place
   int last_error = 0;              ///< errno of the last loss or failed attempt; 0: it was silent, or not as before
 };
 inline constexpr auto kCameraCounters = std::to_array<Counter<CameraCounts>>({
@@ -45,6 +46,7 @@ inline constexpr auto kCameraCounters = std::to_array<Counter<CameraCounts>>({
     {"overwritten", &CameraCounts::overwritten, true},
     {"disconnected", &CameraCounts::disconnected, true},
     {"retries", &CameraCounts::retries},
+    {"other_camera", &CameraCounts::other_camera, true},
 });
 
 /// A request to set a control while streaming, and its result.
@@ -117,6 +119,7 @@ class V4l2Camera final : public CameraSource {
 
   // Setting up: open() and reopen().
   DeviceTrouble set_up() noexcept;
+  DeviceTrouble find_again() noexcept;
   DeviceTrouble map_buffers() noexcept;
   DeviceTrouble repeat_changes() noexcept;
   Error error_of(const DeviceTrouble& trouble) const;
@@ -146,7 +149,7 @@ class V4l2Camera final : public CameraSource {
   V4l2Device device_{system_};
   DeviceFormat format_;
   bool copies_ = false, opened_ = false;
-  std::array<char, 64> bus_{};  ///< of the device that open() found
+  DeviceIdentity identity_;  ///< of the camera that open() found
   std::uint32_t stamp_flags_ = 0;
   CameraExposure exposure_{settings_, system_};
   SpscRing<ControlChange, kChanges> requests_, answers_;
@@ -172,7 +175,7 @@ class V4l2Camera final : public CameraSource {
   bool is_first_of_stream_ = true;
 
   Counter frames_{0}, lost_{0}, damaged_{0}, incomplete_{0}, bad_stamps_{0}, no_edge_{0}, no_slot_{0}, overwritten_{0},
-      disconnected_{0}, retries_{0};
+      disconnected_{0}, retries_{0}, other_camera_{0};
   std::atomic<int> last_error_{0};
 };
 

@@ -86,17 +86,30 @@ void V4l2Device::close() noexcept {
   watches_ = false;
 }
 
-DeviceTrouble V4l2Device::open(const char* wanted) noexcept {
-  if (wanted[0] == '/') return open_path(wanted);
+template <class IsWanted>
+bool V4l2Device::find(IsWanted is_wanted) noexcept {
   for (int i = 0; i < kMostDevices; ++i) {
     char path[32];
     std::snprintf(path, sizeof(path), "/dev/video%d", i);
     if (open_path(path)) continue;
-    if (std::strcmp(card_.data(), wanted) == 0 || std::strcmp(bus_.data(), wanted) == 0) return {};
+    if (is_wanted()) return true;
     close();
   }
   std::snprintf(path_.data(), path_.size(), "/dev/video*");
+  return false;
+}
+
+DeviceTrouble V4l2Device::open(const char* wanted) noexcept {
+  if (wanted[0] == '/') return open_path(wanted);
+  const auto is_called = [&](const std::array<char, 64>& name) { return std::strcmp(name.data(), wanted) == 0; };
+  if (find([&] { return is_called(identity_.card) || is_called(identity_.bus); })) return {};
   return unexpected("looking for the camera", "the name or the bus of a camera", "none is called '%.60s'", wanted);
+}
+
+DeviceTrouble V4l2Device::open(const DeviceIdentity& wanted) noexcept {
+  if (find([&] { return identity_ == wanted; })) return {};
+  return unexpected("looking for the camera that was lost", "", "%.60s is not on %.60s", wanted.card.data(),
+                    wanted.bus.data());
 }
 
 DeviceTrouble V4l2Device::open_path(const char* path) noexcept {
@@ -117,8 +130,9 @@ DeviceTrouble V4l2Device::open_path(const char* path) noexcept {
     close();
     return trouble;
   }
-  std::snprintf(card_.data(), card_.size(), "%s", reinterpret_cast<const char*>(capability.card));
-  std::snprintf(bus_.data(), bus_.size(), "%s", reinterpret_cast<const char*>(capability.bus_info));
+  identity_ = {};
+  std::snprintf(identity_.card.data(), identity_.card.size(), "%s", reinterpret_cast<const char*>(capability.card));
+  std::snprintf(identity_.bus.data(), identity_.bus.size(), "%s", reinterpret_cast<const char*>(capability.bus_info));
   is_loopback_ = std::strcmp(reinterpret_cast<const char*>(capability.driver), "v4l2 loopback") == 0;
   return {};
 }

@@ -21,6 +21,12 @@ struct DeviceFormat {
   double rate_hz = 0;  ///< 0: the device does not say
 };
 
+/// Which camera it is, as far as its driver tells.
+struct DeviceIdentity {
+  std::array<char, 64> card{}, bus{};  ///< its name; where it is plugged in
+  bool operator==(const DeviceIdentity&) const = default;
+};
+
 /// A control that holds a number, as the device describes it.
 struct ControlFacts {
   std::uint32_t id = 0, type = 0;  ///< id 0: none
@@ -46,12 +52,13 @@ class V4l2Device {
 
   /// Opens a capture device that streams. `wanted`: V4l2Settings::device.
   DeviceTrouble open(const char* wanted) noexcept;
+  /// Opens that camera, whatever the number of its file is now.
+  DeviceTrouble open(const DeviceIdentity& wanted) noexcept;
   void close() noexcept;
   bool is_open() const noexcept { return fd_ >= 0; }
   int fd() const noexcept { return fd_; }
   const char* path() const noexcept { return path_.data(); }
-  /// Where it is plugged in, as the driver says it: a name for open() that outlasts the number of its file.
-  const char* bus() const noexcept { return bus_.data(); }
+  const DeviceIdentity& identity() const noexcept { return identity_; }
   /// v4l2loopback: its buffers are written while we read them.
   bool is_loopback() const noexcept { return is_loopback_; }
 
@@ -83,6 +90,8 @@ class V4l2Device {
 
  private:
   DeviceTrouble open_path(const char* path) noexcept;
+  template <class IsWanted>
+  bool find(IsWanted is_wanted) noexcept;
   DeviceTrouble set_rate(double wanted_hz, DeviceFormat& format) noexcept;
   void list_sizes(std::uint32_t fourcc, std::span<char> text) noexcept;
   void list_rates(std::uint32_t fourcc, unsigned width, unsigned height, std::span<char> text) noexcept;
@@ -94,7 +103,7 @@ class V4l2Device {
   SystemCalls& system_;
   int fd_ = -1;
   std::array<char, 64> path_{};
-  std::array<char, 64> card_{}, bus_{};
+  DeviceIdentity identity_;
   bool is_loopback_ = false, watches_ = false;
 };
 

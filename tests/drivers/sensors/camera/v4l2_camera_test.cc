@@ -251,6 +251,62 @@ TEST(V4l2Camera, ControlsAreSetWhileItStreamsAndAgainWhenItIsBack) {
   EXPECT_EQ(rig.device->control("Brightness").value, 250);
 }
 
+// ---- which camera comes back ----
+
+TEST(V4l2Camera, AnotherCameraIsNotTakenForTheOneThatWasLost) {
+  for (const auto& [card, bus] :
+       {std::pair{"Other Cam", "usb-0000:00:14.0-1"}, std::pair{"Made-up Cam", "usb-0000:00:14.0-2"}}) {
+    SCOPED_TRACE(std::string(card) + ", " + bus);
+    CameraRig rig;
+    rig.open();
+    rig.run(1);
+    rig.unplug();
+    const auto other = std::make_shared<FakeCamera>(rig.kernel);
+    other->card = card;
+    other->bus = bus;
+    rig.kernel.devices["/dev/video0"] = other;
+    EXPECT_EQ(rig.run(5), 0u);
+    EXPECT_GE(rig.camera->counts().other_camera, 5u);
+    EXPECT_EQ(rig.camera->counts().last_error, 0);
+    rig.plug_in("/dev/video3");
+    EXPECT_GT(rig.run(2), 20u);
+    EXPECT_EQ(rig.camera->counts().disconnected, 1u);
+    EXPECT_EQ(rig.heap_calls, 0u);
+  }
+}
+
+TEST(V4l2Camera, OfSeveralNodesOnOneBusTheCamerasOwnIsTaken) {
+  CameraRig rig;
+  rig.settings.device = "Made-up Cam";
+  const auto infrared = std::make_shared<FakeCamera>(rig.kernel);
+  infrared->card = "Made-up Cam: Infrared";
+  rig.unplug();
+  rig.kernel.devices["/dev/video0"] = infrared;
+  rig.plug_in("/dev/video2");
+  rig.open();
+  rig.run(1);
+  rig.unplug("/dev/video2");
+  EXPECT_EQ(rig.run(3), 0u);
+  rig.plug_in("/dev/video4");
+  EXPECT_GT(rig.run(2), 20u);
+}
+
+// Its path has the serial number in it, so that it is known wherever it is plugged in.
+TEST(V4l2Camera, ACameraNamedByItsSerialNumberMayComeBackAnywhere) {
+  CameraRig rig;
+  rig.settings.device = "/dev/v4l/by-id/usb-Made-up_Cam_4711-video-index0";
+  rig.unplug();
+  rig.plug_in(rig.settings.device);
+  rig.open();
+  rig.run(1);
+  rig.unplug(rig.settings.device);
+  rig.run(1);
+  rig.device->bus = "usb-0000:00:14.0-7";
+  rig.plug_in(rig.settings.device);
+  EXPECT_GT(rig.run(2), 20u);
+  EXPECT_EQ(rig.camera->counts().other_camera, 0u);
+}
+
 // ---- what it offers ----
 
 TEST(V4l2Camera, ListsSizesFormatsAndRatesToWhoAsksForOthers) {
