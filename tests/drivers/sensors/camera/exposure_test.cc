@@ -69,7 +69,7 @@ RC_GTEST_PROP(ExposureController, SettlesFromAnyStart, ()) {
   for (int i = 0; i < 60; ++i) {
     const auto image = camera.step(scene);
     changes += image.is_changed ? 1 : 0;
-    wanted += image.wanted / 60;
+    wanted += image.wanted() / 60;
     last = image.shown;
   }
   // now and then it tries again whether a bright window can be had, and comes back; swinging would be 8
@@ -91,7 +91,7 @@ RC_GTEST_PROP(ExposureController, FollowsStepsOfLightWithoutSwinging, ()) {
     for (int i = 0; i < 130; ++i) {
       const auto image = camera.step(scene, light);
       if (i > 3) reversals.see(image.shown.total());
-      if (i >= 100) wanted += image.wanted / 30;
+      if (i >= 100) wanted += image.wanted() / 30;
     }
     RC_ASSERT(reversals.count() <= 1);
     RC_ASSERT(std::abs(wanted) < 0.32);

@@ -50,10 +50,13 @@ inline std::vector<std::uint8_t> picture(const PlayedScene& scene, const PlayedS
     for (double& v : values) v = normal(source);
     return values;
   }();
-  constexpr int kSteps = 8;  // of the response's table, to a grey value
-  std::array<double, 255 * kSteps + 1> response;
-  for (std::size_t i = 0; i < response.size(); ++i)
-    response[i] = 255 * std::pow(static_cast<double>(i) / (255 * kSteps), sensor.gamma);
+  constexpr int kSteps = 8;                              // of the response's table, to a grey value
+  static std::array<double, 255 * kSteps + 1> response;  // the last sensor's: it costs more than the rest of the image
+  static double gamma = 0;
+  if (gamma != sensor.gamma)
+    for (std::size_t i = 0; i < response.size(); ++i)
+      response[i] = 255 * std::pow(static_cast<double>(i) / (255 * kSteps), sensor.gamma);
+  gamma = sensor.gamma;
   std::vector<std::uint8_t> pixels(scene.light.size());
   std::size_t n = random();
   for (std::size_t i = 0; i < pixels.size(); ++i, ++n) {
@@ -76,7 +79,8 @@ class PlayedCamera {
   struct Image {
     ExposureState shown, believed;
     bool is_changed = false;  ///< the controller asked for another exposure after it
-    double wanted = 0;        ///< logarithm
+    ImageStatistics statistics;
+    double wanted() const { return wanted_log_factor(statistics, 100); }  ///< logarithm; costs as much as the rest
   };
   /// One image of the scene, made brighter by `light`.
   Image step(const PlayedScene& scene, double light = 1, double turn_rate = 0) {
@@ -93,7 +97,7 @@ class PlayedCamera {
     const auto of_image = timeline_.image(stamp, n);
     timeline_.brightness(statistics.mean);
     image.believed = of_image.state;
-    image.wanted = wanted_log_factor(statistics, 100);
+    image.statistics = statistics;
     if (const auto next = controller_.step(statistics, of_image, turn_rate)) {
       image.is_changed = true;
       told_.push_back({n + 1, *next});
