@@ -137,6 +137,8 @@ TEST_F(TrackStageTest, ADarkImageGoesBackAtOnceAndTheOneBeforeIsKept) {
   show(0);
   show(50, true);
   run(*stage);
+  EXPECT_EQ(images.users(0), 1u);
+  EXPECT_EQ(images.users(1), 0u) << "the dark one";
   EXPECT_EQ(camera.away(), 1);
   EXPECT_GT(estimate().features.size(), 0u);
   EXPECT_EQ(estimate().features.size(), 0u);
