@@ -95,9 +95,10 @@ bool Estimator::Impl::may_go_on(const KnownState& s) const {
 bool Estimator::Impl::go_on(const TrackedFrame& frame) {
   const KnownState s = carried_to(imu_time(frame.stamp));
   if (!started || s.time != imu_time(frame.stamp) || !may_go_on(s)) return false;
-  const double noise = pixel_sigma;
+  const double noise = pixel_sigma, drift = drift_sigma;
   forget();
   pixel_sigma = noise;
+  drift_sigma = drift;
   carried = s;
   carried.silent = false;
   go_on_from_carried(frame);
@@ -149,6 +150,7 @@ void Estimator::Impl::forget() {
   monitor.restart();
   started = resting = rejected_last = false;
   pixel_sigma = config.pixel_sigma;
+  drift_sigma = config.drift_sigma;
   rest_frame = forced_keyframe = 0;
   odometry.health = {HealthState::kInitialising, bit(HealthReason::kNoInitialState), 0};
 }

@@ -35,6 +35,11 @@ struct WheelModel {
   double cauchy = 2;               ///< scale of the Cauchy kernel against slip, in sigmas
 };
 
+/// How the views of a track err. White: each by itself, as where every image is searched for the point anew. Drift: by
+/// what the view before it erred and a step of a random walk, as where a tracker goes from image to image.
+enum class TrackNoiseModel : std::uint8_t { kWhite, kDrift };
+inline constexpr std::array kTrackNoiseNames = {"white", "drift"};
+
 struct EstimatorConfig {
   VisualFactor visual_factor = VisualFactor::kTrack;
   int keyframes = 10;             ///< number of older frames in the window, 2 to 20
@@ -46,8 +51,12 @@ struct EstimatorConfig {
   bool estimate_pixel_sigma = true;  ///< from the median of the residuals, 0.3 to 2 px
   double sigma_inflation = 1.5;      ///< ratio of the sigmas of covariance and kernel, because tracks are correlated
   double cauchy = 2;                 ///< scale of the Cauchy kernel, in sigmas of the kernel
-  bool gate = true;                  ///< leave out tracks that contradict the motion
-  double gate_cap = 0.4;             ///< a frame of which the gate would leave out a larger share loses no tracks
+  TrackNoiseModel track_noise = TrackNoiseModel::kWhite;  ///< of the factor `track`; a start assumes white noise
+  double drift_sigma = 0.15;   ///< px per root of an image: initial value if estimated, else the value
+  double drift_inflation = 2;  ///< ratio of the sigmas of covariance and weights, because tracks share errors
+  double drift_student = 2;    ///< degrees of freedom of a drifting track's weight
+  bool gate = true;            ///< leave out tracks that contradict the motion
+  double gate_cap = 0.4;       ///< a frame of which the gate would leave out a larger share loses no tracks
   // inertial noise
   ImuNoise imu;
   double gyroscope_density_factor = 3;  ///< factor on the noise density, for scale and axis errors

@@ -34,7 +34,8 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
       solver(best_instruction_set()),
       marginaliser(best_instruction_set()),
       stationary(c.imu),
-      pixel_sigma(c.pixel_sigma) {
+      pixel_sigma(c.pixel_sigma),
+      drift_sigma(c.drift_sigma) {
   density.noise = c.imu;
   density.noise.gyroscope_density *= c.gyroscope_density_factor;
   density.noise.accelerometer_density *= c.accelerometer_density_factor;

@@ -116,7 +116,7 @@ struct Estimator::Impl {
   // all of this is forgotten in a reset
   bool started = false;
   HostStamp started_at;
-  double pixel_sigma;
+  double pixel_sigma, drift_sigma;
   bool rejected_last = false;
   bool resting = false;          ///< the zero-motion test has held without interruption
   std::uint64_t rest_frame = 0;  ///< the frame that later ones at rest are linked to

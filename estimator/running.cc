@@ -19,6 +19,7 @@ constexpr double kGateFree_s = 1;     // no gate until then: a young state may b
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;                         // px
+constexpr double kDriftLeast = 0.02;                                             // px per root of an image
 
 bool is_finite(const KnownState& s) {
   const NavState& x = s.x;
@@ -201,13 +202,15 @@ void Estimator::Impl::count(const SolverSummary& s) {
   stats.solver_failures += s.failed() ? 1 : 0;
 }
 
-/// The kernel's scale follows what the residuals show, slowly.
+/// The scale of the residuals follows what they show, slowly. What is white in tracks that drift is of the size of a
+/// step: white noise of s shows as steps of s between solved images that are two apart.
 void Estimator::Impl::adapt_pixel_sigma(double dt_s) {
   if (!config.estimate_pixel_sigma) return;
   const double seen = visual->residual_sigma_px();
-  if (seen > 0)
-    pixel_sigma +=
-        std::min(1.0, dt_s / kSigmaMemory_s) * (std::clamp(seen, kSigmaLeast, kMostPixelSigma) - pixel_sigma);
+  if (!(seen > 0)) return;
+  const double share = std::min(1.0, dt_s / kSigmaMemory_s);
+  pixel_sigma += share * (std::clamp(seen, kSigmaLeast, kMostPixelSigma) - pixel_sigma);
+  drift_sigma += share * (std::clamp(seen, kDriftLeast, kMostPixelSigma) - drift_sigma);
 }
 
 /// `e`: what the caller knows of the frame; the rest is filled in here.
@@ -310,6 +313,10 @@ VisualSettings Estimator::Impl::visual_settings() const {
   s.pixel_sigma = pixel_sigma;
   s.sigma_inflation = config.sigma_inflation;
   s.cauchy = config.cauchy;
+  if (config.visual_factor == VisualFactor::kTrack) s.noise = config.track_noise;
+  s.drift_sigma = drift_sigma;
+  s.drift_inflation = config.drift_inflation;
+  s.student = config.drift_student;
   s.gate = config.gate && window_age_s(window.newest().time) > kGateFree_s;
   s.gate_cap = config.gate_cap;
   s.focal_px = config.extrinsics.focal_px;

@@ -114,7 +114,9 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   supervisor.phase(Supervisor::Phase::kSolve);
   visual->restart();
   choose_tracks(window, 0);
-  visual->collect(window, visual_settings());
+  VisualSettings white = visual_settings();
+  white.noise = TrackNoiseModel::kWhite;
+  visual->collect(window, white);
   Patient patient(supervisor);
   const SolverSummary s = solver.optimise(window, *visual, settings, patient);
   supervisor.phase(Supervisor::Phase::kNone);

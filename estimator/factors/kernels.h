@@ -15,7 +15,8 @@ inline constexpr double kNearest = 0.05;  ///< least depth along a bearing, rela
 struct alignas(64) TrackBatch {
   static constexpr int kBearing = 0, kChart = 3, kNumbers = 9;
   double observation[kMaxFrames][kNumbers][kBatchLanes];  ///< f (C), d(whitened pixel)/df row-major
-  double views[kBatchLanes];                              ///< how many; 0: an empty lane
+  double link[kMaxFrames][kBatchLanes];  ///< of a drifting track: images^-1 since the view before; 0: no view
+  double views[kBatchLanes];             ///< how many; 0: an empty lane
   double point[4][kBatchLanes];  ///< where the point was found last, P and w: seen from c in the direction P - w c
   double warm[kBatchLanes];      ///< 2: `point` is of this frame, 1: of an earlier one, 0: there is none
   int first, last;               ///< frames spanned
@@ -42,6 +43,9 @@ struct TrackSettings {
   bool gate;
   int inner_steps;   ///< at most
   double converged;  ///< rad, and relative depth: the inner steps end where the points of all lanes would move by less
+  bool drift;        ///< a track's error is a random walk; else its views err independently
+  double student;    ///< of a drifting track's weight, degrees of freedom ...
+  double unit;       ///< ... which counts chi2 in this
 };
 
 /// Normal equations of the visual factors, H delta = b; rotations perturbed in the world frame.
@@ -62,6 +66,7 @@ inline constexpr int kBatchesAtOnce = 8;
 struct alignas(64) TrackScratch {
   double rows[kMaxFrames][kBatchesAtOnce][18][kBatchLanes];  ///< Q_k = C W_k [-rho I, [l]x]
   double D[kMaxFrames][27][kBatchLanes];
+  double links[kMaxFrames][36][kBatchLanes];  ///< drifting tracks: block of a frame and the next
 };
 
 /// Work space of what the oldest view adds.
@@ -89,6 +94,8 @@ struct alignas(64) LandmarkScratch {
 };
 
 struct FactorKernels {
+  /// Turns the charts of drifting tracks about their bearings until their axes agree from view to view.
+  void (*turn_charts)(TrackBatch* batches, int count, const FrameGeometry* frames);
   /// Linearises the track factors and leaves their points in the batches.
   void (*track)(TrackBatch* batches, int count, const FrameGeometry* frames, int frame_count, const TrackSettings&,
                 TrackScratch&, TrackVerdicts*, VisualSystem&);

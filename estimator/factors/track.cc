@@ -33,6 +33,9 @@ TrackFactor::TrackFactor(InstructionSet set) : kernels_(factor_kernels(set)), me
 TrackFactor::~TrackFactor() = default;
 
 namespace {
+/// Tracks differ in their drift by far, and Student's weight sees to it: the gate is left to what it would keep 1 % of.
+constexpr double kDriftGate = 9;
+
 void fill_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int lane, TrackBatch& batch) {
   double n = 0;
   for (int k = batch.first; k <= batch.last; ++k) {
@@ -46,8 +49,32 @@ void fill_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int 
   batch.views[lane] = n;
 }
 
+/// Only the newest views that follow each other without a hole: a drift is known from view to view.
+void fill_drifting_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int lane, TrackBatch& batch) {
+  int end = batch.last;
+  while (!w.seen(t, end)) --end;
+  int begin = end;
+  while (begin > batch.first && w.seen(t, begin - 1)) --begin;
+  double age = -1;  // the first view errs as if by a step more than its age
+  for (int k = batch.first; k <= batch.last; ++k) {
+    if (k < begin || k > end) {
+      put_nothing(k, lane, batch);
+      batch.link[k][lane] = 0;
+      continue;
+    }
+    const Observation& view = w.view(t, k);
+    put_view(view, inverse_sigma, k, lane, batch);
+    batch.link[k][lane] = 1 / std::max(view.age - age, 1.0);
+    age = view.age;
+  }
+  batch.views[lane] = end - begin + 1;
+}
+
 void empty_lane(int lane, TrackBatch& batch) {
-  for (int k = batch.first; k <= batch.last; ++k) put_nothing(k, lane, batch);
+  for (int k = batch.first; k <= batch.last; ++k) {
+    put_nothing(k, lane, batch);
+    batch.link[k][lane] = 0;
+  }
   batch.views[lane] = batch.warm[lane] = 0;
 }
 }  // namespace
@@ -87,17 +114,21 @@ void TrackFactor::restart() noexcept {
 
 /// Eight to a batch.
 void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
-  const double inflation2 = s.sigma_inflation * s.sigma_inflation;
+  const bool drift = s.noise == TrackNoiseModel::kDrift;
+  const double inflation = drift ? s.drift_inflation : s.sigma_inflation, inflation2 = inflation * inflation;
+  sigma_ = (drift ? s.drift_sigma : s.pixel_sigma) * inflation;
   visual_ = s;
-  settings_ = {kDepthDamping, s.cauchy * s.cauchy / inflation2, 1 / inflation2, 1 / inflation2, s.gate, s.inner_steps,
-               s.converged};
+  const double unit = 1 / inflation2, gate_chi2 = drift ? kDriftGate * unit : unit;
+  settings_ = {
+      kDepthDamping, s.cauchy * s.cauchy * unit, gate_chi2, unit, s.gate, s.inner_steps, s.converged, drift, s.student,
+      unit};
   gate_suspended_ = false;
   remember_points();
   origin_ = w.newest().x.p;
   SortedTracks& sorted = memory_->sorted;
   sorted.sort(w);
   batches_ = sorted.batches();
-  const double inverse_sigma = 1 / (s.pixel_sigma * s.sigma_inflation);
+  const auto fill = drift ? fill_drifting_lane : fill_lane;
   for (int b = 0; b < batches_; ++b) {
     const auto [begin, end, first, last] = sorted.batch(b);
     memory_->batch[b].first = first;
@@ -105,11 +136,14 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
     for (int i = begin; i < end; ++i) {
       if (i + SortedTracks::kAhead < sorted.size()) fetch(w, w.track(sorted.track(i + SortedTracks::kAhead)));
       const TrackRecord& t = w.track(sorted.track(i));
-      fill_lane(w, t, inverse_sigma, i - begin, memory_->batch[b]);
+      fill(w, t, 1 / sigma_, i - begin, memory_->batch[b]);
       recall_point(t, b, i - begin);
     }
     for (int lane = end - begin; lane < kBatchLanes; ++lane) empty_lane(lane, memory_->batch[b]);
   }
+  if (!drift) return;
+  fill_geometry(w, w.size(), origin_, memory_->frame);
+  kernels_.turn_charts(memory_->batch, batches_, memory_->frame);
 }
 
 void TrackFactor::fetch(const Window& w, const TrackRecord& t) const {
@@ -164,7 +198,7 @@ double TrackFactor::residual_sigma_px() noexcept {
     }
   if (n < 20) return 0;
   std::nth_element(memory_->ratio, memory_->ratio + n / 2, memory_->ratio + n);
-  return std::sqrt(memory_->ratio[n / 2]) * visual_.pixel_sigma * visual_.sigma_inflation;
+  return std::sqrt(memory_->ratio[n / 2]) * sigma_;
 }
 
 }  // namespace epiline

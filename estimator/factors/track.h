@@ -35,6 +35,7 @@ class TrackFactor final : public VisualFactorModel {
   TrackSettings settings_{};
   VisualSettings visual_;
   Vec3 origin_ = Vec3::Zero();  ///< of the positions handed to the kernels
+  double sigma_ = 1;            ///< of a whitened number, px
   int batches_ = 0;
   bool gate_suspended_ = false;
 };

@@ -14,6 +14,10 @@ struct VisualSettings {
   double pixel_sigma = 0.5;      ///< noise of a bearing for kernel and gate, px
   double sigma_inflation = 1.5;  ///< its covariance is wider by this factor
   double cauchy = 2;             ///< kernel scale in pixel_sigma
+  TrackNoiseModel noise = TrackNoiseModel::kWhite;
+  double drift_sigma = 0.15;   ///< step of a drifting track's error, px per root of an image
+  double drift_inflation = 2;  ///< its covariance is wider by this factor
+  double student = 2;          ///< of its weight, degrees of freedom
   bool gate = true;
   double gate_cap = 0.4;
   double focal_px = 458;

@@ -63,7 +63,8 @@ void Window::remove(int k) {
 namespace {
 Observation observation(const TrackedFeature& f) {
   return {Vec3(f.bearing.data()),
-          Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data())};
+          Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data()),
+          static_cast<double>(f.age)};
 }
 
 std::uint16_t cell_of(const std::array<float, 2>& pixel) {

@@ -16,6 +16,7 @@ namespace epiline {
 struct Observation {
   Vec3 f_C;
   Mat23 chart;
+  double age;  ///< of its track, images
 };
 
 inline constexpr int kViewCells = 1024;  ///< 32 x 32 squares of 64 pixels; what is beyond shares the outermost

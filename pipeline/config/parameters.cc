@@ -14,6 +14,12 @@ Choice visual_factors() {
           [](Config& c, int i) { c.estimator.visual_factor = static_cast<VisualFactor>(i); }};
 }
 
+Choice track_noises() {
+  return {{kTrackNoiseNames.begin(), kTrackNoiseNames.end()},
+          [](const Config& c) { return static_cast<int>(c.estimator.track_noise); },
+          [](Config& c, int i) { c.estimator.track_noise = static_cast<TrackNoiseModel>(i); }};
+}
+
 Choice keyframe_rules() {
   return {{"compensated-parallax", "raw-parallax"},
           [](const Config& c) { return static_cast<int>(c.estimator.keyframe_rule); },
@@ -52,6 +58,14 @@ const std::vector<Parameter>& parameters() {
       {"estimator.sigma_inflation", "", 0.1, 10, "scale of the covariance over the scale of the robust kernel",
        EPILINE_AT(estimator.sigma_inflation)},
       {"estimator.cauchy", "", 0.1, 100, "scale of the robust kernel, in sigmas", EPILINE_AT(estimator.cauchy)},
+      {"estimator.track_noise", "", 0, 0, "how the views of a track err: each by itself, or adding up", track_noises()},
+      {"estimator.drift_sigma", "px", 0.01, 20,
+       "what a track drifts by from image to image: first guess, or the value if not estimated",
+       EPILINE_AT(estimator.drift_sigma)},
+      {"estimator.drift_inflation", "", 0.1, 10, "scale of the covariance over the scale of a drifting track's weight",
+       EPILINE_AT(estimator.drift_inflation)},
+      {"estimator.drift_student", "", 0.5, 1000, "degrees of freedom of a drifting track's weight",
+       EPILINE_AT(estimator.drift_student)},
       {"estimator.gate", "", 0, 0, "leave out tracks that contradict the motion", EPILINE_AT(estimator.gate)},
       {"estimator.gate_cap", "", 0, 1, "an image that would lose a larger share of its tracks loses none",
        EPILINE_AT(estimator.gate_cap)},

@@ -43,6 +43,8 @@ std::vector<Constant> constants() {
       {"estimator", "keyframes", static_cast<double>(e.keyframes), true},
       {"estimator", "solve_interval_s", e.solve_interval_s},
       {"estimator", "sigma_inflation", e.sigma_inflation},
+      {"estimator", "drift_inflation", e.drift_inflation},
+      {"estimator", "drift_student", e.drift_student},
       {"estimator", "cauchy", e.cauchy},
       {"estimator", "gate_cap", e.gate_cap},
       {"estimator", "gyroscope_density_factor", e.gyroscope_density_factor},

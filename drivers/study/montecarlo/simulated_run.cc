@@ -171,6 +171,7 @@ EstimatorConfig comparison_config(VisualFactor factor, const TrackSimulation& si
   config.pixel_sigma = std::max(0.3, simulation.noise.pixel_sigma);
   config.estimate_pixel_sigma = false;
   config.sigma_inflation = 1;
+  config.track_noise = TrackNoiseModel::kWhite;  // as the simulated tracks have it
   config.imu = simulation.imu.noise;
   config.gyroscope_density_factor = config.accelerometer_density_factor = 1;
   config.extrinsics = true_extrinsics(simulation);

@@ -35,6 +35,7 @@ bool change(const std::string& what, EstimatorConfig& config) {
   } else if (key == "shipped") {  // the defaults, which allow for an imperfect IMU and correlated tracks
     const EstimatorConfig defaults;
     config.sigma_inflation = defaults.sigma_inflation;
+    config.track_noise = defaults.track_noise;
     config.gyroscope_density_factor = defaults.gyroscope_density_factor;
     config.accelerometer_density_factor = defaults.accelerometer_density_factor;
     config.estimate_pixel_sigma = defaults.estimate_pixel_sigma;

@@ -18,6 +18,13 @@ struct Tracks {
 };
 void PrintTo(const Tracks& t, std::ostream* out) { *out << t.name; }
 
+/// The rig's tracks have it so.
+EstimatorConfig white() {
+  EstimatorConfig config;
+  config.track_noise = TrackNoiseModel::kWhite;
+  return config;
+}
+
 class EstimatorNoise : public testing::TestWithParam<Tracks> {
  protected:
   /// Starts in motion and flies for eight seconds.
@@ -35,7 +42,7 @@ class EstimatorNoise : public testing::TestWithParam<Tracks> {
       worst_sigmas = std::max(worst_sigmas, rig.velocity_error() / rig.sigma_velocity());
     });
   }
-  Rig rig{Flight{.moving_from = -2}, {}};
+  Rig rig{Flight{.moving_from = -2}, white()};
   double first_pose = -1, worst_velocity = 0, worst_sigmas = 0;
   int frames = 0, tracking = 0;
 };

@@ -1,7 +1,7 @@
 // The right-hand side of every factor against the slope of its own cost, on every instruction set of this machine.
-// Derivations: docs/derivations/track.md, docs/derivations/epipolar.md, docs/derivations/reprojection.md,
-// docs/derivations/calibration.md, docs/derivations/imu.md, docs/derivations/wheel.md, docs/derivations/zero_motion.md,
-// docs/derivations/marginalisation.md.
+// Derivations: docs/derivations/track.md, docs/derivations/drift.md, docs/derivations/epipolar.md,
+// docs/derivations/reprojection.md, docs/derivations/calibration.md, docs/derivations/imu.md,
+// docs/derivations/wheel.md, docs/derivations/zero_motion.md, docs/derivations/marginalisation.md.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -61,8 +61,12 @@ class ConvergedReprojection final : public VisualFactorModel {
 /// Differences so small that no residual crosses the corner of Huber's kernel, where the slope bends.
 constexpr double kWithinACorner = 1e-4;
 
-Subject visual(const std::string& name, const Window& w, std::shared_ptr<VisualFactorModel> factor, double step) {
-  factor->collect(w, smooth_settings());
+Subject visual(const std::string& name, const Window& w, std::shared_ptr<VisualFactorModel> factor, double step,
+               TrackNoiseModel noise = TrackNoiseModel::kWhite) {
+  VisualSettings settings = smooth_settings();
+  settings.noise = noise;
+  settings.drift_sigma = 0.5;
+  factor->collect(w, settings);
   const auto system = std::make_shared<VisualSystem>();
   return {name,
           [factor, system](const Window& at, NormalEquations* out) {
@@ -123,6 +127,8 @@ class Gradient : public testing::TestWithParam<std::string> {
       if (!runs_here(set)) continue;
       if (name == std::string("track_") + name_of(set))
         return visual(name, w, std::make_shared<TrackFactor>(set), 0.02);
+      if (name == std::string("drift_") + name_of(set))
+        return visual(name, w, std::make_shared<TrackFactor>(set), 0.02, TrackNoiseModel::kDrift);
       if (name == std::string("epipolar_") + name_of(set))
         return visual(name, w, std::make_shared<EpipolarFactor>(set), kWithinACorner);
       if (name == std::string("reprojection_") + name_of(set))
@@ -256,7 +262,7 @@ TEST_P(HeldDepth, HasNoSlope) {
 
 const auto name_of_subject = [](const testing::TestParamInfo<std::string>& test) { return test.param; };
 INSTANTIATE_TEST_SUITE_P(Factors, Gradient,
-                         testing::ValuesIn(on_every_set({"track", "epipolar", "reprojection", "imu"},
+                         testing::ValuesIn(on_every_set({"track", "drift", "epipolar", "reprojection", "imu"},
                                                         {"prior", "wheel", "zero_motion"})),
                          name_of_subject);
 INSTANTIATE_TEST_SUITE_P(Factors, HeldDepth, testing::ValuesIn(on_every_set({"track"})), name_of_subject);
