@@ -26,9 +26,9 @@ class YamlFile {
     try {
       root_ = YAML::Load(*text);
     } catch (const YAML::ParserException& e) {
-      throw Error{ErrorKind::kUsage, name_, e.mark.line + 1, "no YAML (" + e.msg + ")", "a calibration file"};
+      throw Error{ErrorKind::kUsage, name_, e.mark.line + 1, "not YAML (" + e.msg + ")", "a calibration file"};
     }
-    if (!root_.IsMap()) throw Error{ErrorKind::kUsage, name_, 0, "no keys", "a calibration file"};
+    if (!root_.IsMap()) throw Error{ErrorKind::kUsage, name_, 0, "holds no keys", "a calibration file"};
   }
 
   const YAML::Node& root() const { return root_; }
@@ -48,14 +48,14 @@ class YamlFile {
   }
   YAML::Node require(const YAML::Node& map, std::initializer_list<const char*> keys) const {
     const YAML::Node node = find(map, keys);
-    if (!node.IsDefined()) throw complaint(node, "no `" + std::string(*keys.begin()) + "`", "this key");
+    if (!node.IsDefined()) throw complaint(node, "the key `" + std::string(*keys.begin()) + "` is missing", "this key");
     return node;
   }
 
   double number(const YAML::Node& node) const {
     double value = 0;
     if (!node.IsScalar() || !parse_number(node.Scalar(), value) || !std::isfinite(value)) {
-      throw complaint(node, node.IsScalar() ? "\"" + node.Scalar() + "\"" : "no number", "a finite number");
+      throw complaint(node, node.IsScalar() ? "\"" + node.Scalar() + "\"" : "not a number", "a finite number");
     }
     return value;
   }
@@ -69,7 +69,7 @@ class YamlFile {
   /// millions: neither depth nor length is more than a calibration has.
   std::vector<double> numbers(const YAML::Node& node, int depth = 2) const {
     constexpr std::size_t kMost = 64;
-    if (!node.IsSequence() || depth == 0) throw complaint(node, "no list of numbers", "a list of numbers");
+    if (!node.IsSequence() || depth == 0) throw complaint(node, "not a list", "a list of numbers");
     std::vector<double> values;
     for (const YAML::Node& item : node) {
       if (item.IsSequence()) {
@@ -78,7 +78,7 @@ class YamlFile {
       } else {
         values.push_back(number(item));
       }
-      if (values.size() > kMost) throw complaint(node, "a list without end", "a list of numbers");
+      if (values.size() > kMost) throw complaint(node, "an endless list", "a list of numbers");
     }
     return values;
   }
@@ -115,7 +115,7 @@ RigidMotion rigid_motion(const YamlFile& file, const YAML::Node& node) {
   const bool last_row = m[12] == 0 && m[13] == 0 && m[14] == 0 && m[15] == 1;
   const double error = (T.R.transpose() * T.R - Mat3::Identity()).cwiseAbs().maxCoeff();
   if (!last_row || error > kRounding || T.R.determinant() < 0) {
-    throw file.complaint(data, "a matrix that is no rigid motion", "a rotation and a translation over (0 0 0 1)");
+    throw file.complaint(data, "not a rigid motion", "a rotation matrix and a translation, with the last row 0 0 0 1");
   }
   if (error > kExact) T.R = so3_normalised(T.R);
   return T;
@@ -178,7 +178,7 @@ CameraCalibration camera_from(const YamlFile& file, const std::string& name) {
   constexpr double kLargest = 16384;
   for (const double s : size) {
     if (!(s >= 1 && s <= kLargest && s == std::floor(s)))
-      throw file.complaint(resolution, "no image size", "width height in pixels");
+      throw file.complaint(resolution, "not an image size", "width height in pixels");
   }
   camera.parameters.width = static_cast<int>(size[0]);
   camera.parameters.height = static_cast<int>(size[1]);
@@ -197,7 +197,7 @@ ImuCalibration imu_from(const YamlFile& file) {
     const RigidMotion T = rigid_motion(file, T_BS);
     constexpr double kSame = 1e-6;
     if (!T.R.isIdentity(kSame) || T.p.norm() > kSame) {
-      throw file.complaint(T_BS, "an IMU that is not the body",
+      throw file.complaint(T_BS, "the IMU is not the body frame",
                            "the identity, with the camera's T_BS relative to the IMU");
     }
   }

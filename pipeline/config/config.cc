@@ -93,7 +93,7 @@ std::string listed_name(const std::string& wrong) {
   std::vector<std::string> names;
   for (const Parameter& p : parameters()) names.push_back(p.name);
   const std::string meant = nearest(wrong, names);
-  return (meant.empty() ? "" : "\"" + meant + "\", or ") + "one that `epiline config` lists";
+  return (meant.empty() ? "" : "\"" + meant + "\", or ") + "a name that `epiline config` lists";
 }
 
 bool is_section(const std::string& name) {
@@ -105,7 +105,7 @@ std::string listed_section(const std::string& wrong) {
   std::vector<std::string> names;
   for (const Parameter& p : parameters()) names.push_back(p.name.substr(0, p.name.find('.')));
   const std::string meant = nearest(wrong, names);
-  return (meant.empty() ? "" : "[" + meant + "], or ") + "one that `epiline config` lists";
+  return (meant.empty() ? "" : "[" + meant + "], or ") + "a name that `epiline config` lists";
 }
 
 std::string shown(const toml::node& node) {
@@ -171,7 +171,7 @@ Status ConfigFile::set(const std::string& text) {
     return Error{ErrorKind::kUsage, "--set " + text, 0, std::move(found), std::move(expected)};
   };
   const std::size_t equals = text.find('=');
-  if (equals == std::string::npos) return fail("no value", "section.key=value");
+  if (equals == std::string::npos) return fail("no value", "SECTION.KEY=VALUE");
   const std::string name = text.substr(0, equals), value = text.substr(equals + 1);
   const Parameter* const p = find_parameter(name);
   if (p == nullptr) return fail("unknown setting \"" + name + "\"", listed_name(name));
@@ -198,7 +198,7 @@ Result<ConfigFile> ConfigFile::parse(std::string_view text, const std::string& n
   try {
     root = toml::parse(text);
   } catch (const toml::parse_error& e) {
-    return fail(e.source(), std::string(e.description()), "TOML");
+    return fail(e.source(), std::string(e.description()), "a configuration in TOML");
   }
   ConfigFile file;
   for (const auto& [section, entry] : root) {
@@ -207,7 +207,7 @@ Result<ConfigFile> ConfigFile::parse(std::string_view text, const std::string& n
       return fail(section.source(), "unknown section \"" + section_name + "\"", listed_section(section_name));
     }
     if (!entry.is_table())
-      return fail(section.source(), "\"" + section_name + "\" is no section", "[" + section_name + "]");
+      return fail(section.source(), "\"" + section_name + "\" is not a section", "[" + section_name + "]");
     for (const auto& [key, node] : *entry.as_table()) {
       const std::string full = section_name + "." + std::string(key.str());
       const Parameter* p = find_parameter(full);

@@ -7,15 +7,15 @@
 
 namespace epiline {
 
-/// What went wrong with a device, and where. No heap: devices are reopened in the middle of a flight.
+/// What went wrong with a device, and in which step. No heap: drivers reopen lost devices during a flight.
 struct DeviceTrouble {
-  const char* step = nullptr;  ///< nullptr: nothing went wrong
-  int error = 0;               ///< errno; 0: the device did not refuse, but `found` is not what was wanted
+  const char* step = nullptr;  ///< system call, setting or register; a sentence if `found` is empty. Null: no error
+  int error = 0;               ///< errno; 0: the device accepted the step, but `found` is not what was expected
   char found[160] = "", expected[400] = "";
   explicit operator bool() const noexcept { return step != nullptr; }
 };
 
-/// The system said no. `error`: errno; 0: it did not say why.
+/// The system refused `step`. `error`: errno, or 0 if the cause is unknown.
 inline DeviceTrouble device_refusal(const char* step, int error, const char* expected = "") noexcept {
   DeviceTrouble trouble;
   trouble.step = step;
@@ -24,16 +24,16 @@ inline DeviceTrouble device_refusal(const char* step, int error, const char* exp
   return trouble;
 }
 
-/// What a builder would have to see to, where the driver knows nothing better to say; may be empty.
+/// What was expected, for an errno that the driver has no better text for; may be empty.
 inline const char* usual_remedy(int error) noexcept {
   switch (error) {
     case ENOENT:
     case ENODEV:
     case ENXIO:
-      return "a device that is there (epiline check lists them)";
+      return "a connected device (epiline check lists them)";
     case EACCES:
     case EPERM:
-      return "a device this user may open (groups: docs/install.md)";
+      return "permission: join the device's group (docs/install.md)";
     case EBUSY:
       return "a device that no other program uses";
     default:
@@ -41,11 +41,11 @@ inline const char* usual_remedy(int error) noexcept {
   }
 }
 
-/// In words, for start-up. `where`: the device.
+/// The error for the user, at start-up: `found: errno text [step]`. `where`: name of the device.
 inline Error error_of(const DeviceTrouble& trouble, std::string where) {
-  std::string found = trouble.step;
-  if (trouble.found[0] != '\0') found.append(": ").append(trouble.found);
-  if (trouble.error != 0) found.append(": ").append(std::strerror(trouble.error));
+  std::string found = trouble.found;
+  if (trouble.error != 0) found.append(found.empty() ? "" : ": ").append(std::strerror(trouble.error));
+  found = found.empty() ? trouble.step : found + " [" + trouble.step + "]";
   return {ErrorKind::kRun, std::move(where), 0, std::move(found),
           trouble.expected[0] != '\0' ? trouble.expected : usual_remedy(trouble.error)};
 }

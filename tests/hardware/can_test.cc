@@ -527,17 +527,20 @@ TEST_F(CanBus, SaysWhatIsWrongWithTheInterface) {
   CanConfig config = config_of(true);
   const std::string bus = kBus;
   config.interface = "can99";
-  EXPECT_EQ(error(config), "can99: open: No such device; expected a network interface that `ip -br link` shows");
+  EXPECT_EQ(error(config),
+            "can99: No such device [SIOCGIFINDEX]; expected a network interface that `ip -br link` shows");
   config.interface = "lo";
   EXPECT_EQ(error(config), "lo: not a CAN interface; expected one that `ip -br link show type can` shows");
   config.interface = bus;
   ASSERT_TRUE(set_bus("down"));
-  EXPECT_EQ(error(config),
-            bus + ": open: Network is down; expected it up: ip link set " + bus + " up type can bitrate BITRATE");
+  EXPECT_EQ(error(config), bus + ": Network is down [SIOCGIFFLAGS]; expected an interface that is up: ip link set " +
+                               bus + " up type can bitrate BITRATE");
   ASSERT_TRUE(set_bus("mtu 16 up"));
-  EXPECT_EQ(error(config), bus +
-                               ": carries classic frames only; expected can.fd = false, or an interface set up with "
-                               "dbitrate BITRATE fd on");
+  EXPECT_EQ(
+      error(config),
+      bus +
+          ": the interface carries classic frames only; expected can.fd = false, or an interface that is set up with "
+          "dbitrate BITRATE fd on");
   config.fd = false;
   EXPECT_EQ(error(config), "opened");
 }

@@ -168,22 +168,22 @@ TEST_F(CheckDevices, FindsNothingWrongWithWhatIsRight) {
     if (!has_errors(found)) break;
   }
   EXPECT_FALSE(has_errors(found));
-  EXPECT_TRUE(is_found(found, Grade::kOk, "camera", "/dev/video42 is there"));
-  EXPECT_TRUE(is_found(found, Grade::kOk, "camera", "10.00 images a second"));
+  EXPECT_TRUE(is_found(found, Grade::kOk, "camera", "/dev/video42 is present"));
+  EXPECT_TRUE(is_found(found, Grade::kOk, "camera", "10.00 images per second"));
   EXPECT_TRUE(is_found(found, Grade::kOk, "camera", "mean brightness"));
   EXPECT_TRUE(is_found(found, Grade::kOk, "camera", "edges are 1."));
   EXPECT_TRUE(is_found(found, Grade::kOk, "camera", "100 % found again"));
-  EXPECT_TRUE(is_found(found, Grade::kWarning, "camera", "the exposure time is not known")) << "a loopback has none";
-  EXPECT_TRUE(is_found(found, Grade::kOk, "imu", "gyro_3d is there"));
-  EXPECT_TRUE(is_found(found, Grade::kOk, "imu", "100.0 readings a second"));
+  EXPECT_TRUE(is_found(found, Grade::kWarning, "camera", "the exposure time is unknown")) << "a loopback has none";
+  EXPECT_TRUE(is_found(found, Grade::kOk, "imu", "gyro_3d is present"));
+  EXPECT_TRUE(is_found(found, Grade::kOk, "imu", "100.0 samples per second"));
   EXPECT_TRUE(is_found(found, Grade::kOk, "imu", "gyroscope noise "));
   const double density = RestingImu::kGyroscopeNoise_rad_s / std::sqrt(RestingImu::kRate_hz);
   EXPECT_NEAR(number_after(found, "gyroscope noise "), density, 0.4 * density);
   EXPECT_TRUE(is_found(found, Grade::kOk, "imu", "gravity 9.8"));
-  EXPECT_TRUE(is_found(found, Grade::kOk, "imu", "+1.00) of its axes"));
-  EXPECT_TRUE(is_found(found, Grade::kOk, "mavlink", "packets heard"));
-  EXPECT_TRUE(is_found(found, Grade::kOk, "can", " of 1 identifiers heard on vcan7"));
-  EXPECT_TRUE(is_found(found, Grade::kOk, "wheel", " of 1 identifiers heard on vcan7"));
+  EXPECT_TRUE(is_found(found, Grade::kOk, "imu", "+1.00) in its axes"));
+  EXPECT_TRUE(is_found(found, Grade::kOk, "mavlink", "packets received"));
+  EXPECT_TRUE(is_found(found, Grade::kOk, "can", " with 1 identifiers received on vcan7"));
+  EXPECT_TRUE(is_found(found, Grade::kOk, "wheel", " with 1 identifiers received on vcan7"));
 }
 
 TEST_F(CheckDevices, FindsWhatIsWrong) {
@@ -194,11 +194,11 @@ TEST_F(CheckDevices, FindsWhatIsWrong) {
   node_ = std::make_unique<Peer>(false);
   feed_bus(kWheel + 1);
   const Findings found = check(30);
-  EXPECT_TRUE(is_found(found, Grade::kWarning, "camera", "10.00 images a second")) << "30 were said and configured";
+  EXPECT_TRUE(is_found(found, Grade::kWarning, "camera", "10.00 images per second")) << "30 were said and configured";
   EXPECT_TRUE(is_found(found, Grade::kWarning, "camera", "30 are configured"));
-  EXPECT_TRUE(is_found(found, Grade::kError, "imu", "readings are in g"));
-  EXPECT_TRUE(is_found(found, Grade::kError, "mavlink", "no flight controller heard"));
-  EXPECT_TRUE(is_found(found, Grade::kError, "wheel", "none with 0x123"));
+  EXPECT_TRUE(is_found(found, Grade::kError, "imu", "samples are in g"));
+  EXPECT_TRUE(is_found(found, Grade::kError, "mavlink", "nothing received from a flight controller"));
+  EXPECT_TRUE(is_found(found, Grade::kError, "wheel", "none with wheel.id 0x123"));
 }
 
 TEST_F(CheckDevices, FindsDevicesThatGiveNothing) {
@@ -206,9 +206,10 @@ TEST_F(CheckDevices, FindsDevicesThatGiveNothing) {
   plug_in_imu();
   const Findings found = check(10);
   EXPECT_TRUE(is_found(found, Grade::kError, "camera", "0 images"));
-  EXPECT_TRUE(is_found(found, Grade::kError, "imu", "0 readings"));
-  EXPECT_TRUE(is_found(found, Grade::kWarning, "can", "nobody else talks")) << "what we send ourselves is nobody else";
-  EXPECT_TRUE(is_found(found, Grade::kError, "wheel", "none with 0x123"));
+  EXPECT_TRUE(is_found(found, Grade::kError, "imu", "0 samples"));
+  EXPECT_TRUE(is_found(found, Grade::kWarning, "can", "no other node sends"))
+      << "what we send ourselves is nobody else";
+  EXPECT_TRUE(is_found(found, Grade::kError, "wheel", "none with wheel.id 0x123"));
   ASSERT_TRUE(set_bus("down"));
   const Findings down = check(10);
   EXPECT_TRUE(is_found(down, Grade::kError, "can", "is down"));

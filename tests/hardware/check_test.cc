@@ -53,7 +53,7 @@ constexpr const char* kNoCamera = "device = \"/dev/no-such-camera\"\n";
 
 TEST_F(CheckOfTheKernel, WhatItSendsItselfIsNobodyElseTalking) {
   const Findings alone = check(kNoCamera, "[can]\ninterface = \"vcan7\"\n", 3);
-  EXPECT_EQ(grade(alone, "can", "0 frames of 0 identifiers heard on vcan7"), "warning");
+  EXPECT_EQ(grade(alone, "can", "0 frames with 0 identifiers received on vcan7"), "warning");
   Peer sender(false);
   std::atomic<bool> ends{false};
   std::thread hand([&] {
@@ -65,7 +65,7 @@ TEST_F(CheckOfTheKernel, WhatItSendsItselfIsNobodyElseTalking) {
   const Findings two = check(kNoCamera, "[can]\ninterface = \"vcan7\"\n", 3);
   ends = true;
   hand.join();
-  EXPECT_EQ(grade(two, "can", "frames of 1 identifiers heard on vcan7"), "ok");
+  EXPECT_EQ(grade(two, "can", "frames with 1 identifiers received on vcan7"), "ok");
 }
 
 // More frames than the kernel keeps come before the wheel's first one.
@@ -83,11 +83,11 @@ TEST_F(CheckOfTheKernel, WheelsAreHeardOnABusyBus) {
   const Findings heard = check(kNoCamera, kWheel, 10);
   ends = true;
   hand.join();
-  EXPECT_EQ(grade(heard, "wheel", "speeds a second"), "ok");
-  EXPECT_EQ(grade(heard, "wheel", "frames of 2 identifiers heard on vcan7"), "ok");
+  EXPECT_EQ(grade(heard, "wheel", "speeds per second"), "ok");
+  EXPECT_EQ(grade(heard, "wheel", "frames with 2 identifiers received on vcan7"), "ok");
   const Findings silent = check(kNoCamera, kWheel, 1);
-  EXPECT_EQ(grade(silent, "wheel", "no speed"), "error");
-  EXPECT_EQ(grade(silent, "wheel", "none with 0x123"), "error");
+  EXPECT_EQ(grade(silent, "wheel", "no speed received"), "error");
+  EXPECT_EQ(grade(silent, "wheel", "none with wheel.id 0x123"), "error");
 }
 
 // Lines are looked at though the devices that they belong to are not there.
@@ -103,10 +103,10 @@ TEST_F(CheckOfTheKernel, LinesOfMissingDevicesAreLookedAt) {
   });
   const std::string imu = "driver = \"icm42688p\"\nready_line = \"";
   Findings found = check(std::string(kNoCamera) + "stamp_line = \"strobe\"\n", imu + "quiet\"\n", 4);
-  EXPECT_EQ(grade(found, "camera", "edges a second on strobe"), "ok");
+  EXPECT_EQ(grade(found, "camera", "edges per second on strobe"), "ok");
   EXPECT_EQ(grade(found, "imu", "0 edges on quiet"), "warning");
   found = check(kNoCamera, imu + "flash\"\n", 1);
-  EXPECT_EQ(grade(found, "imu", "GPIO line flash: there is none of this name"), "error");
+  EXPECT_EQ(grade(found, "imu", "GPIO line flash: no line has this name"), "error");
   ends = true;
   hand.join();
 }
@@ -118,7 +118,7 @@ TEST_F(CheckOfTheKernel, ImagesAndTheirStampLineAreJudged) {
       "device = \"/dev/video0\"\nwidth = 320\nheight = 180\nrate_hz = 5\nformat = \"GREY\"\nstamp_line = \"strobe\"\n"
       "silence_ms = 60000\n",
       "", 6);
-  EXPECT_EQ(grade(found, "camera", "/dev/video0 is there"), "ok");
+  EXPECT_EQ(grade(found, "camera", "/dev/video0 is present"), "ok");
   EXPECT_EQ(grade(found, "camera", "no edges on strobe"), "error");
   EXPECT_EQ(grade(found, "camera", "0 images"), "error") << "none without an edge";
 }

@@ -101,12 +101,13 @@ TEST(GpioLineOfTheKernel, SaysWhichLinesThereAreAndWhoUsesOne) {
   const SimulatedGpio gpio("board", {"strobe", "", "pps"});
   GpioLine missing("flash", Edge::kRising);
   EXPECT_EQ(missing.open().error().text(),
-            "GPIO line flash: there is none of this name; expected one of strobe, pps; or CHIP:OFFSET with one of the "
+            "GPIO line flash: no line has this name; expected one of strobe, pps; or CHIP:OFFSET with one of the "
             "chips board (" +
                 gpio.chip() + ", 0 to 2)");
   GpioLine first("strobe", Edge::kRising), second("board:0", Edge::kFalling);
   open(first);
-  EXPECT_EQ(second.open().error().text(), "GPIO line board:0: in use by 'epiline'; expected a line nobody uses");
+  EXPECT_EQ(second.open().error().text(),
+            "GPIO line board:0: in use by 'epiline'; expected a line that no other program uses");
   first.close();
   open(second);
 }

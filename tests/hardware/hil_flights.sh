@@ -99,24 +99,24 @@ look() {
   echo "exit      $there with devices, $gone without" >>"$folder.gone.txt"
   [ $there -eq 0 ] && [ $gone -eq 1 ] || return
   says "$folder.run.txt" <<'LINES' 2>"$folder.err" && says "$folder.gone.txt" <<'GONE' 2>>"$folder.err"
-^ok +camera: /dev/video42 is there
-^ok +camera: (19.9|20.0). images a second
+^ok +camera: /dev/video42 is present
+^ok +camera: (19.9|20.0). images per second
 ^ok +camera: mean brightness
-^ok +camera: [0-9]+ corners of
-^warning +camera: the exposure time is not known
-^ok +imu: gyro_3d is there
-^ok +imu: accel_3d is there
-^ok +imu: (199.9|200.[01]) readings a second
+^ok +camera: [0-9]+ of [0-9]+ corners found
+^warning +camera: the exposure time is unknown
+^ok +imu: gyro_3d is present
+^ok +imu: accel_3d is present
+^ok +imu: (199.9|200.[01]) samples per second
 ^ok +camera and imu: time offset
 ^ok +camera and imu: rotation between them
-^ok +mavlink: /run/controller is there
-^ok +mavlink: [0-9]+ packets heard
+^ok +mavlink: /run/controller is present
+^ok +mavlink: [0-9]+ packets received
 ^(ok|warning) +mavlink: clock: skew [-+0-9.]+ ppm, residual 0[.][0-9]+ ms
 LINES
 ^error +camera:
-^error +imu: none is called "gyro_3d"
-^error +imu: none is called "accel_3d"
-^error +mavlink: no /run/controller
+^error +imu: no device is called "gyro_3d"
+^error +imu: no device is called "accel_3d"
+^error +mavlink: /run/controller does not exist
 GONE
 }
 

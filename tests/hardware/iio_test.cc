@@ -247,29 +247,31 @@ TEST(IioImuOfTheKernel, SaysWhatIsWrong) {
   };
   ImuDeviceConfig config = hub_config();
   config.device = "bmi160";
-  const std::string none = "imu.device bmi160: looking for the device: none is called 'bmi160'; expected one of ";
+  const std::string none = "imu.device bmi160: no IIO device is called 'bmi160' [open]; expected one of ";
   EXPECT_THAT(error_of_config(config), testing::AnyOf(none + "gyro_3d, accel_3d", none + "accel_3d, gyro_3d"));
   config = hub_config();
   config.device_accel = "";
-  EXPECT_EQ(
-      error_of_config(config),
-      "imu.device gyro_3d: channels: gyro_3d has no accelerometer; expected imu.device_accel: another device that "
-      "has one");
+  EXPECT_EQ(error_of_config(config),
+            "imu.device gyro_3d: gyro_3d has no accelerometer [channels]; expected an accelerometer, in imu.device or "
+            "in another "
+            "one (imu.device_accel)");
   config = hub_config();
   config.device_accel = "/dev/null";
   EXPECT_EQ(error_of_config(config),
-            "imu.device_accel /dev/null: looking for the device: /dev/null is none; expected an IIO device");
+            "imu.device_accel /dev/null: /dev/null is not an IIO device [open]; expected an IIO device");
   config = hub_config();
   config.rate_hz = 400;  // the hub counts whole milliseconds
   EXPECT_EQ(error_of_config(config),
-            "imu.device gyro_3d: rate: in_anglvel_sampling_frequency is 500 Hz after 400 was asked for; expected "
-            "imu.rate_hz that it has");
+            "imu.device gyro_3d: in_anglvel_sampling_frequency is 500 Hz after setting 400 [rate]; expected "
+            "a rate that it has in imu.rate_hz");
   config = hub_config();
   config.trigger = "hrtimer";
-  EXPECT_NE(error_of_config(config).find("trigger: none is called 'hrtimer'; expected one of"), std::string::npos);
+  EXPECT_NE(error_of_config(config).find("no trigger is called 'hrtimer' [trigger]; expected one of"),
+            std::string::npos);
   IioImu first(hub_config());
   open(first);
-  EXPECT_EQ(error_of_config(hub_config()), "imu.device gyro_3d: open: another program reads it; expected nobody else");
+  EXPECT_EQ(error_of_config(hub_config()),
+            "imu.device gyro_3d: another program reads it [open]; expected no other reader: the kernel allows one");
 }
 
 TEST(IioImuOfTheKernel, DevicesAreFoundByPathAndTheTriggerIsChosen) {

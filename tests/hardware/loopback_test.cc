@@ -85,9 +85,10 @@ TEST_F(Loopback, StampsNobodyVouchesForAreAnError) {
   V4l2Camera camera(settings);
   const Status status = camera.open();
   ASSERT_FALSE(status);
-  EXPECT_EQ(status.error().text(), std::string(kDevice) +
-                                       ": stamps of an unknown clock; expected monotonic stamps, or "
-                                       "trust_stamps in the configuration");
+  EXPECT_EQ(status.error().text(),
+            std::string(kDevice) +
+                ": its driver does not declare monotonic timestamps; expected monotonic timestamps; "
+                "camera.trust_stamps = true if they are");
 }
 
 TEST_F(Loopback, ShortImagesAndStampsThatStandStillAreLeftOut) {

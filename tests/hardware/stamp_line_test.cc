@@ -141,7 +141,7 @@ TEST_F(StampLineOfTheKernel, AMissingLineIsAnError) {
   V4l2Camera camera(settings);
   const Status status = camera.open();
   ASSERT_FALSE(status);
-  EXPECT_EQ(status.error().text().find("GPIO line flash: there is none of this name; expected one of strobe"), 0u);
+  EXPECT_EQ(status.error().text().find("GPIO line flash: no line has this name; expected one of strobe"), 0u);
 }
 
 }  // namespace

@@ -107,8 +107,8 @@ TEST_F(Vivid, SaysWhatTheDeviceGivesInstead) {
   V4l2Settings settings = small_settings();
   settings.width = 333;
   const std::string size = error(settings);
-  EXPECT_EQ(size.rfind("/dev/video0: camera.width, camera.height, camera.format: the camera does not offer 333x180 in "
-                       "GREY; expected ",
+  EXPECT_EQ(size.rfind("/dev/video0: the camera does not offer 333x180 in GREY [camera.width, camera.height, "
+                       "camera.format]; expected ",
                        0),
             0u)
       << size;
@@ -116,20 +116,26 @@ TEST_F(Vivid, SaysWhatTheDeviceGivesInstead) {
   settings = small_settings();
   settings.rate_hz = 1000;
   const std::string rate = error(settings);
-  EXPECT_EQ(rate.rfind("/dev/video0: camera.rate_hz: the camera does not offer 1000 Hz at GREY 320x180, but takes 60; "
+  EXPECT_EQ(rate.rfind("/dev/video0: the camera does not offer 1000 Hz at GREY 320x180, but takes 60 [camera.rate_hz]; "
                        "expected ",
                        0),
             0u)
       << rate;
   settings = small_settings();
   settings.controls = {{"shutter_of_doubt", 1}};
-  EXPECT_EQ(error(settings),
-            "/dev/video0: VIDIOC_QUERY_EXT_CTRL: no control 'shutter_of_doubt'; expected one of v4l2-ctl "
-            "--list-ctrls");
+  EXPECT_EQ(
+      error(settings),
+      "/dev/video0: the camera has no control 'shutter_of_doubt' [VIDIOC_QUERY_EXT_CTRL]; expected one that v4l2-ctl "
+      "--list-ctrls shows");
   settings.controls = {{"brightness", 300}};
-  EXPECT_EQ(error(settings), "/dev/video0: reading controls back: brightness = 255; expected 300");
+  EXPECT_EQ(
+      error(settings),
+      "/dev/video0: brightness = 255 after setting it [VIDIOC_G_EXT_CTRLS]; expected 300; is it overridden, as by "
+      "automatic exposure?");
   settings.controls = {{"string", 1}};
-  EXPECT_EQ(error(settings), "/dev/video0: VIDIOC_QUERY_EXT_CTRL: control 'string' is no number; expected a number");
+  EXPECT_EQ(
+      error(settings),
+      "/dev/video0: the control 'string' is not a number [VIDIOC_QUERY_EXT_CTRL]; expected a control with a number");
 }
 
 TEST_F(Vivid, ControlsAreSetByName) {

@@ -21,7 +21,7 @@ Result<fs::path> find_root(const fs::path& folder) {
   std::error_code ignored;
   if (!fs::exists(folder, ignored)) return missing(folder, "a data set: an ASL folder, or a ROS 1 bag (*.bag)");
   if (!fs::is_directory(folder, ignored)) {
-    return Error{ErrorKind::kUsage, folder.string(), 0, "is no folder",
+    return Error{ErrorKind::kUsage, folder.string(), 0, "is not a folder",
                  "a data set: an ASL folder, or a ROS 1 bag (*.bag)"};
   }
   const fs::path root = fs::is_directory(folder / "mav0", ignored) ? folder / "mav0" : folder;
@@ -43,13 +43,15 @@ Status read_image_list(AslDataset& d) {
     };
     std::string_view time, name, more;
     std::int64_t ns = 0;
-    if (!take_field(line, time) || !parse_number(time, ns)) return fail("no time", "integer nanoseconds, image file");
-    if (!take_field(line, name) || name.empty()) return fail("no image file", "integer nanoseconds, image file");
+    if (!take_field(line, time) || !parse_number(time, ns))
+      return fail("the line has no time", "integer nanoseconds, image file");
+    if (!take_field(line, name) || name.empty())
+      return fail("the line has no image file", "integer nanoseconds, image file");
     if (take_field(line, more)) return fail("more than two values", "integer nanoseconds, image file");
     d.images.push_back({HostStamp{ns}, folder / std::string(name), lines.number()});
   }
   if (d.images.empty())
-    return Error{ErrorKind::kUsage, d.image_list.string(), 0, "no image", "integer nanoseconds, image file"};
+    return Error{ErrorKind::kUsage, d.image_list.string(), 0, "lists no image", "integer nanoseconds, image file"};
   d.image_source = image_files(d.images, d.image_list);
   return Done{};
 }
@@ -74,7 +76,8 @@ Status read_tracks(AslDataset& d) {
     d.points.push_back({static_cast<std::uint32_t>(row[0]), static_cast<float>(row[1]), static_cast<float>(row[2])});
     ++d.instants.back().count;
   }
-  if (d.instants.empty()) return Error{ErrorKind::kUsage, d.image_list.string(), 0, "no track point", "time, id, u, v"};
+  if (d.instants.empty())
+    return Error{ErrorKind::kUsage, d.image_list.string(), 0, "lists no track point", "time, id, u, v"};
   return Done{};
 }
 
@@ -113,7 +116,7 @@ Status read_imu(AslMotion& d, const fs::path& calibration_file) {
   } else if (!calibration_file.empty()) {
     return missing(calibration, "the IMU's calibration");
   } else {
-    d.notes.push_back(calibration.string() + " does not exist: noise densities of EuRoC's ADIS16448 assumed");
+    d.notes.push_back(calibration.string() + " does not exist: assuming the noise densities of EuRoC's ADIS16448");
   }
   const fs::path path = find_table(folder, "data.csv");
   if (path.empty()) return missing(folder / "data.csv", "the IMU's samples");
@@ -123,7 +126,8 @@ Status read_imu(AslMotion& d, const fs::path& calibration_file) {
   const auto table =
       parse_table(*text, path.string(), TimeColumn::kNanoseconds, {7}, "IMU sample (time, 3 rates, 3 forces)");
   if (!table) return table.error();
-  if (table->rows() == 0) return Error{ErrorKind::kUsage, path.string(), 0, "no IMU sample", "time, 3 rates, 3 forces"};
+  if (table->rows() == 0)
+    return Error{ErrorKind::kUsage, path.string(), 0, "lists no IMU sample", "time, 3 rates, 3 forces"};
   d.imu_samples.reserve(table->rows());
   for (std::size_t i = 0; i < table->rows(); ++i) {
     const double* r = table->row(i);

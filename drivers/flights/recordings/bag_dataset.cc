@@ -26,8 +26,8 @@ bool is_bag(const fs::path& path) { return path.extension() == ".bag"; }
 
 namespace {
 Error built_without(const fs::path& bag) {
-  return {ErrorKind::kUsage, bag.string(), 0, "is a ROS bag, and the program was built without them",
-          "librosbag-storage-dev when the program is configured, or an ASL folder"};
+  return {ErrorKind::kUsage, bag.string(), 0, "is a ROS bag, which this program was built without",
+          "a build with librosbag-storage-dev installed, or an ASL folder"};
 }
 }  // namespace
 
@@ -94,12 +94,12 @@ class OpenBag {
       const auto found = types_.find(asked_for);
       if (found == types_.end()) return complaint("has no topic " + asked_for, "one of " + joined(fitting));
       if (!has(types, found->second))
-        return complaint("topic " + asked_for + " is of " + found->second, "a topic of " + joined(types));
+        return complaint("topic " + asked_for + " has the type " + found->second, "a topic of " + joined(types));
       return std::optional<Topic>({found->first, found->second});
     }
     if (fitting.empty()) return std::optional<Topic>{};
     if (fitting.size() > 1) {
-      notes.push_back(path_.string() + ": " + fitting[0] + " taken; the bag also has " +
+      notes.push_back(path_.string() + ": " + fitting[0] + " is used; the bag also has " +
                       joined({fitting.begin() + 1, fitting.end()}));
     }
     return std::optional<Topic>({fitting[0], types_.at(fitting[0])});
@@ -150,8 +150,8 @@ class Messages {
 
   Error cut_short(std::size_t size) const {
     return bag_.complaint(
-        "message " + std::to_string(count_) + " of " + topic_ + " breaks off after " + std::to_string(size) + " bytes",
-        "a whole message");
+        "message " + std::to_string(count_) + " of " + topic_ + " ends after " + std::to_string(size) + " bytes",
+        "a complete message");
   }
 
  private:
@@ -191,7 +191,7 @@ class BagImages final : public ImageSource {
       while (messages_.count() < index) messages_.skip();
       messages_.next(message_);
     } catch (const std::exception& e) {
-      return complaint(index, std::string("cannot be read: ") + e.what(), "a bag without damage");
+      return complaint(index, std::string("cannot be read: ") + e.what(), "an undamaged bag");
     }
     return topic_.type == "sensor_msgs/Image" ? raw(index, grey) : compressed(index, grey);
   }
@@ -215,7 +215,7 @@ class BagImages final : public ImageSource {
       return complaint(index,
                        "has " + std::to_string(image->width) + "x" + std::to_string(image->height) +
                            " pixels in rows of " + std::to_string(image->step) + " bytes",
-                       "rows that hold their pixels");
+                       "rows at least as long as their pixels");
     grey.resize(static_cast<int>(image->width), static_cast<int>(image->height));
     for (std::uint32_t y = 0; y < image->height; ++y)
       to_grey(*image, image->data + std::size_t{y} * image->step, bytes, grey.row(static_cast<int>(y)));
@@ -269,7 +269,7 @@ Result<std::optional<Trajectory>> read_truth(const OpenBag& bag, const std::stri
   const auto topic = bag.choose(asked_for, kTruthTypes, notes);
   if (!topic) return topic.error();
   for (const std::string& position : bag.topics_of({"geometry_msgs/PointStamped"}))
-    notes.push_back(bag.path().string() + ": " + position + " has positions only and is not compared with");
+    notes.push_back(bag.path().string() + ": " + position + " has positions only and is not used as ground truth");
   if (!*topic) return std::optional<Trajectory>{};
   Messages messages(bag, (*topic)->name);
   Trajectory truth;
@@ -290,13 +290,13 @@ auto with_bag(const fs::path& path, Use use) -> decltype(use(std::shared_ptr<con
   };
   std::error_code ignored;
   if (!fs::exists(path, ignored)) return fail("does not exist", "a data set: an ASL folder, or a ROS 1 bag (*.bag)");
-  if (fs::is_directory(path, ignored)) return fail("is a folder", "a ROS 1 bag, as its name says");
+  if (fs::is_directory(path, ignored)) return fail("is a folder", "a ROS 1 bag, because its name ends in .bag");
   try {
     return use(std::make_shared<const OpenBag>(path));
   } catch (const rosbag::BagUnindexedException&) {
-    return fail("has no index: it was never closed", "a closed bag; `rosbag reindex` mends it");
+    return fail("has no index, because it was not closed", "an indexed bag (`rosbag reindex` repairs it)");
   } catch (const std::exception& e) {
-    return fail(std::string("cannot be read as a bag (") + e.what() + ")", "a ROS 1 bag (format 2.0) without damage");
+    return fail(std::string("cannot be read as a bag (") + e.what() + ")", "an undamaged ROS 1 bag (format 2.0)");
   }
 }
 

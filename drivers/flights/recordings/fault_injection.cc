@@ -14,23 +14,23 @@ namespace {
 
 constexpr double kToTheEnd = 1e6;
 constexpr FaultInfo kFaults[] = {
-    {FaultKind::kCameraSilent, "camera-silent", 1, "no image comes"},
-    {FaultKind::kCameraAhead, "camera-ahead", 2, "image stamps lie 0.5 s in the future, then are right again"},
-    {FaultKind::kCameraBehind, "camera-behind", 2, "image stamps lie 0.5 s in the past, then are right again"},
-    {FaultKind::kCameraFrozen, "camera-frozen", 1, "the same picture again and again"},
-    {FaultKind::kCameraBlack, "camera-black", 1, "black with a little noise: a covered lens"},
-    {FaultKind::kCameraWhite, "camera-white", 1, "all pixels at their limit"},
-    {FaultKind::kCameraHalf, "camera-half", 5, "the left half is covered"},
-    {FaultKind::kCameraExposure, "camera-exposure", 2, "half as bright, at once"},
-    {FaultKind::kImuSilent, "imu-silent", 0.1, "readings are lost"},
-    {FaultKind::kImuDuplicates, "imu-duplicates", 1, "each reading comes twice"},
-    {FaultKind::kImuDisorder, "imu-disorder", 1, "every fifth reading comes after its successor"},
-    {FaultKind::kImuNan, "imu-nan", 0.1, "not-a-number in place of readings"},
-    {FaultKind::kImuSaturated, "imu-saturated", 1, "rates end at 0.3 rad/s and forces at 10 m/s^2"},
-    {FaultKind::kImuStuck, "imu-stuck", 1, "the same reading with new stamps"},
-    {FaultKind::kImuOutlier, "imu-outlier", 0, "one reading with a stamp 10 s in the future"},
-    {FaultKind::kImuAhead, "imu-ahead", 2, "IMU stamps lie 0.5 s in the future, then are right again"},
-    {FaultKind::kImuBehind, "imu-behind", 2, "IMU stamps lie 0.5 s in the past, then are right again"},
+    {FaultKind::kCameraSilent, "camera-silent", 1, "no images arrive"},
+    {FaultKind::kCameraAhead, "camera-ahead", 2, "image timestamps jump 0.5 s ahead, and back afterwards"},
+    {FaultKind::kCameraBehind, "camera-behind", 2, "image timestamps jump 0.5 s back, and ahead afterwards"},
+    {FaultKind::kCameraFrozen, "camera-frozen", 1, "the same image again and again"},
+    {FaultKind::kCameraBlack, "camera-black", 1, "black images with a little noise, as with a covered lens"},
+    {FaultKind::kCameraWhite, "camera-white", 1, "white images"},
+    {FaultKind::kCameraHalf, "camera-half", 5, "the left half of the image is covered"},
+    {FaultKind::kCameraExposure, "camera-exposure", 2, "images suddenly half as bright"},
+    {FaultKind::kImuSilent, "imu-silent", 0.1, "IMU samples are lost"},
+    {FaultKind::kImuDuplicates, "imu-duplicates", 1, "each IMU sample arrives twice"},
+    {FaultKind::kImuDisorder, "imu-disorder", 1, "every fifth IMU sample arrives after its successor"},
+    {FaultKind::kImuNan, "imu-nan", 0.1, "IMU samples are not-a-number"},
+    {FaultKind::kImuSaturated, "imu-saturated", 1, "rates are limited to 0.3 rad/s, specific forces to 10 m/s^2"},
+    {FaultKind::kImuStuck, "imu-stuck", 1, "the same IMU sample with new timestamps"},
+    {FaultKind::kImuOutlier, "imu-outlier", 0, "one IMU sample with a timestamp 10 s in the future"},
+    {FaultKind::kImuAhead, "imu-ahead", 2, "IMU timestamps jump 0.5 s ahead, and back afterwards"},
+    {FaultKind::kImuBehind, "imu-behind", 2, "IMU timestamps jump 0.5 s back, and ahead afterwards"},
     {FaultKind::kImuDrift, "imu-drift", kToTheEnd, "the IMU's clock runs fast by 200 ppm"},
 };
 constexpr Span kJump = Span::from_milliseconds(500);
@@ -59,7 +59,7 @@ bool is_of_imu(FaultKind kind) noexcept { return kind >= FaultKind::kImuSilent; 
 
 Result<Fault> fault_from(const std::string& text) {
   const Error error{ErrorKind::kUsage, "--fault", 0, "\"" + text + "\"",
-                    "NAME@SECONDS[:DURATION]; --help has the names"};
+                    "NAME@SECONDS[:DURATION] with a name that `epiline replay --help` lists"};
   const std::size_t at = text.find('@');
   if (at == std::string::npos) return error;
   const auto info = std::find_if(std::begin(kFaults), std::end(kFaults),

@@ -40,7 +40,7 @@ Status CanOutput::check_settings() const {
     return Error{ErrorKind::kUsage, "[can]", 0, std::move(found), std::move(expected)};
   };
   const int last = config_.base_id + kMessageIdentifiers - 1;
-  if (config_.interface.empty()) return error("no interface", "can.interface, as `ip -br link` shows it");
+  if (config_.interface.empty()) return error("interface is not set", "can.interface, as `ip -br link` shows it");
   if (config_.base_id < 1 || last > kMostIdentifier)
     return error("base_id " + std::to_string(config_.base_id),
                  "1 to " + std::to_string(kMostIdentifier - kMessageIdentifiers + 1));
@@ -71,7 +71,7 @@ Status CanOutput::open() {
   if (Status status = begin(); !status) return status;
   if (!thread_.start({"can", kPriority}, run, this)) {
     close();
-    return Error{ErrorKind::kRun, config_.interface, 0, "the system has no thread left", ""};
+    return Error{ErrorKind::kRun, config_.interface, 0, "cannot start a thread", "a free thread (ulimit -u)"};
   }
   return Done{};
 }

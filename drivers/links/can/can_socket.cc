@@ -40,8 +40,10 @@ DeviceTrouble CanSocket::fail(const DeviceTrouble& trouble) noexcept {
   return trouble;
 }
 
-DeviceTrouble CanSocket::refused() noexcept {
-  return fail(device_refusal("the socket was refused", errno, "a CAN interface this user may open"));
+DeviceTrouble CanSocket::refused(const char* step) noexcept {
+  DeviceTrouble trouble = device_refusal(step, errno, "a CAN interface that this user may use");
+  std::strncpy(trouble.found, "cannot open a socket", sizeof trouble.found - 1);
+  return fail(trouble);
 }
 
 void CanSocket::close() noexcept {
@@ -52,26 +54,30 @@ void CanSocket::close() noexcept {
 DeviceTrouble CanSocket::open(const char* interface, int type, int protocol, bool fd, int& index) noexcept {
   close();
   fd_ = system_.socket(PF_CAN, type, protocol);
-  if (fd_ < 0)
-    return device_refusal("this kernel does not speak CAN", errno,
-                          "the modules can-raw and, for ISO-TP, can-isotp: modprobe can-raw");
+  if (fd_ < 0) {
+    DeviceTrouble trouble =
+        device_refusal("socket", errno, "the kernel modules can-raw and, for ISO-TP, can-isotp (modprobe can-raw)");
+    std::strncpy(trouble.found, "the kernel has no CAN support", sizeof trouble.found - 1);
+    return trouble;
+  }
   ifreq request = request_for(interface);
   if (std::strlen(interface) >= IFNAMSIZ || system_.ioctl(fd_, SIOCGIFINDEX, &request) != 0)
-    return fail(device_refusal("open", ENODEV, "a network interface that `ip -br link` shows"));
+    return fail(device_refusal("SIOCGIFINDEX", ENODEV, "a network interface that `ip -br link` shows"));
   index = request.ifr_ifindex;
-  if (system_.ioctl(fd_, SIOCGIFHWADDR, &request) != 0) return refused();
+  if (system_.ioctl(fd_, SIOCGIFHWADDR, &request) != 0) return refused("SIOCGIFHWADDR");
   if (request.ifr_hwaddr.sa_family != ARPHRD_CAN)
     return fail(device_refusal("not a CAN interface", 0, "one that `ip -br link show type can` shows"));
-  if (system_.ioctl(fd_, SIOCGIFFLAGS, &request) != 0) return refused();
+  if (system_.ioctl(fd_, SIOCGIFFLAGS, &request) != 0) return refused("SIOCGIFFLAGS");
   if ((request.ifr_flags & IFF_UP) == 0) {
-    DeviceTrouble down = device_refusal("open", ENETDOWN);
-    std::snprintf(down.expected, sizeof down.expected, "it up: ip link set %s up type can bitrate BITRATE", interface);
+    DeviceTrouble down = device_refusal("SIOCGIFFLAGS", ENETDOWN);
+    std::snprintf(down.expected, sizeof down.expected,
+                  "an interface that is up: ip link set %s up type can bitrate BITRATE", interface);
     return fail(down);
   }
-  if (system_.ioctl(fd_, SIOCGIFMTU, &request) != 0) return refused();
+  if (system_.ioctl(fd_, SIOCGIFMTU, &request) != 0) return refused("SIOCGIFMTU");
   if (fd && request.ifr_mtu < static_cast<int>(CANFD_MTU))
-    return fail(device_refusal("carries classic frames only", 0,
-                               "can.fd = false, or an interface set up with dbitrate BITRATE fd on"));
+    return fail(device_refusal("the interface carries classic frames only", 0,
+                               "can.fd = false, or an interface that is set up with dbitrate BITRATE fd on"));
   return {};
 }
 
@@ -81,7 +87,7 @@ DeviceTrouble CanSocket::bind(int index, std::uint32_t send_id, std::uint32_t re
   address.can_ifindex = index;
   address.can_addr.tp.tx_id = send_id;
   address.can_addr.tp.rx_id = receive_id;
-  if (system_.bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return refused();
+  if (system_.bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return refused("bind");
   return {};
 }
 
@@ -92,7 +98,7 @@ DeviceTrouble CanSocket::open_to_send(const char* interface, bool fd) noexcept {
   const bool good = system_.setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_FILTER, nullptr, 0) == 0 &&  // no frames of others
                     set(SOL_CAN_RAW, CAN_RAW_ERR_FILTER, news) && set(SOL_SOCKET, SO_SNDBUF, kSendMemory) &&
                     (!fd || set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1));
-  if (!good) return refused();
+  if (!good) return refused("setsockopt");
   return bind(index, 0, 0);
 }
 
@@ -106,14 +112,14 @@ DeviceTrouble CanSocket::open_to_receive(const char* interface, std::uint32_t id
                      SOF_TIMESTAMPING_SOFTWARE;
   const bool good = set(SOL_CAN_RAW, CAN_RAW_FILTER, filter) && set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1) &&
                     set(SOL_SOCKET, SO_TIMESTAMPING, stamps) && set(SOL_SOCKET, SO_RXQ_OVFL, 1);
-  if (!good) return refused();
+  if (!good) return refused("setsockopt");
   return bind(index, 0, 0);
 }
 
 DeviceTrouble CanSocket::open_to_listen(const char* interface) noexcept {
   int index = 0;
   if (const DeviceTrouble trouble = open(interface, SOCK_RAW, CAN_RAW, false, index)) return trouble;
-  if (!set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1)) return refused();
+  if (!set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1)) return refused("setsockopt");
   return bind(index, 0, 0);
 }
 
@@ -123,7 +129,7 @@ DeviceTrouble CanSocket::open_isotp(const char* interface, std::uint32_t send_id
   if (const DeviceTrouble trouble = open(interface, SOCK_DGRAM, CAN_ISOTP, fd, index)) return trouble;
   if (fd) {
     const can_isotp_ll_options options = {CANFD_MTU, CANFD_MAX_DLEN, 0};
-    if (!set(SOL_CAN_ISOTP, CAN_ISOTP_LL_OPTS, options)) return refused();
+    if (!set(SOL_CAN_ISOTP, CAN_ISOTP_LL_OPTS, options)) return refused("setsockopt");
   }
   return bind(index, send_id, receive_id);
 }

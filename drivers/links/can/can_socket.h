@@ -54,7 +54,7 @@ class CanSocket {
   DeviceTrouble bind(int index, std::uint32_t send_id, std::uint32_t receive_id) noexcept;
   /// Closes it, and tells why.
   DeviceTrouble fail(const DeviceTrouble& trouble) noexcept;
-  DeviceTrouble refused() noexcept;
+  DeviceTrouble refused(const char* step) noexcept;
   template <class T>
   bool set(int level, int option, const T& value) noexcept;
 

@@ -67,7 +67,8 @@ MavlinkLink::MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, const st
 Status MavlinkLink::check() const {
   if (config_.serial.empty() == config_.udp.empty())
     return Error{ErrorKind::kUsage, "[mavlink]", 0,
-                 config_.serial.empty() ? "neither serial nor udp" : "serial and udp", "one of them"};
+                 config_.serial.empty() ? "neither serial nor udp is set" : "both serial and udp are set",
+                 "one of them"};
   const double bytes = config_.rate_hz * kOdometryFrame + kOtherBytesPerSecond;
   if (is_serial(config_) && 10 * bytes > config_.baud)
     return Error{ErrorKind::kUsage, "mavlink.baud", 0,
@@ -75,8 +76,8 @@ Status MavlinkLink::check() const {
                      " odometry messages per second",
                  "at least " + std::to_string(static_cast<int>(10 * bytes)) + ", or a lower mavlink.rate_hz"};
   if (imu_ && !R_VB_.isIdentity(1e-9))
-    return Error{ErrorKind::kUsage, "[body]", 0, "turned axes with imu.driver = \"mavlink\"",
-                 "none: the flight controller turns its IMU itself"};
+    return Error{ErrorKind::kUsage, "[body]", 0, "angles with imu.driver = \"mavlink\"",
+                 "angles of 0: a flight controller sends its samples in the vehicle's axes"};
   return Done{};
 }
 
@@ -114,7 +115,7 @@ Status MavlinkLink::open() {
   if (Status status = begin(); !status) return status;
   if (!thread_.start({"mavlink", priority_}, run, this)) {
     close();
-    return Error{ErrorKind::kRun, "mavlink", 0, "no thread", ""};
+    return Error{ErrorKind::kRun, "mavlink", 0, "cannot start a thread", "a free thread (ulimit -u)"};
   }
   return Done{};
 }

@@ -45,9 +45,9 @@ DeviceTrouble SerialPort::open() noexcept {
   fd_ = system_.open(path_.c_str(), O_RDWR | O_NOCTTY);
   if (fd_ < 0) {
     const int error = errno;
-    if (error == EACCES) return device_refusal("open", error, "a user in the group of the device, often dialout");
-    if (error == EBUSY) return device_refusal("open", error, "a port no other program has open (ModemManager?)");
-    return device_refusal("open", error, "a serial device that is plugged in");
+    if (error == EACCES) return device_refusal("open", error, "permission: join the device's group, often dialout");
+    if (error == EBUSY) return device_refusal("open", error, "a port that no other program has open (ModemManager?)");
+    return device_refusal("open", error, "a connected serial device (epiline check lists them)");
   }
   const DeviceTrouble trouble = set_up();
   if (trouble) close();
@@ -56,11 +56,10 @@ DeviceTrouble SerialPort::open() noexcept {
 
 DeviceTrouble SerialPort::set_up() noexcept {
   termios2 line{};
-  if (system_.ioctl(fd_, TCGETS2, &line) != 0)
-    return device_refusal("read the settings of the line", errno, "a serial device");
+  if (system_.ioctl(fd_, TCGETS2, &line) != 0) return device_refusal("TCGETS2", errno, "a serial device");
   // root may open what is exclusive, so both
   if (system_.flock(fd_, LOCK_EX | LOCK_NB) != 0 || system_.ioctl(fd_, TIOCEXCL, nullptr) != 0)
-    return device_refusal("have it alone", errno, "a port no other program has open (ModemManager?)");
+    return device_refusal("exclusive access", errno, "a port that no other program has open (ModemManager?)");
   line.c_iflag = 0;
   line.c_oflag = 0;
   line.c_lflag = 0;
@@ -69,9 +68,9 @@ DeviceTrouble SerialPort::set_up() noexcept {
   line.c_cc[VTIME] = 0;
   line.c_ispeed = line.c_ospeed = static_cast<speed_t>(baud_);
   if (system_.ioctl(fd_, TCSETS2, &line) != 0)
-    return device_refusal("set the speed", errno, "a mavlink.baud the port can do");
+    return device_refusal("TCSETS2", errno, "a baud rate in mavlink.baud that the port has");
   if (system_.ioctl(fd_, TCGETS2, &line) != 0 || !is_near(line.c_ospeed, baud_))
-    return device_refusal("set the speed", 0, "a mavlink.baud the port can do: it took another one");
+    return device_refusal("the port chose another baud rate", 0, "one in mavlink.baud that it has");
   ask_for_low_latency(system_, fd_);
   system_.ioctl(fd_, TCFLSH, as_argument(TCIOFLUSH));  // what waited there is old
   return {};

@@ -49,9 +49,9 @@ DeviceTrouble UdpPort::open() noexcept {
   if (fd_ < 0) return device_refusal("socket", errno);
   DeviceTrouble trouble;
   if (own_.sin_port != 0 && system_.bind(fd_, plain(own_), sizeof own_) != 0)
-    trouble = device_refusal("bind to mavlink.udp_listen", errno, "an address of this computer and a port nobody uses");
+    trouble = device_refusal("bind to mavlink.udp_listen", errno, "an address of this computer, and a free port");
   else if (system_.connect(fd_, plain(peer_), sizeof peer_) != 0)
-    trouble = device_refusal("connect", errno, "an address a network of this computer reaches");
+    trouble = device_refusal("connect", errno, "an address that this computer can reach");
   if (trouble) close();
   // what came from others between bind and connect is still there
   std::uint8_t byte = 0;

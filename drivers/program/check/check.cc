@@ -46,28 +46,28 @@ void check_file(const char* device, const char* key, const std::string& wanted, 
     if (named != listed.end()) path = named->path;
   }
   if (wanted.empty())
-    out.push_back(found(Grade::kError, device, fmt::format("{} is not set", key), "there are: " + to_text(listed)));
+    out.push_back(found(Grade::kError, device, fmt::format("{} is not set", key), "choose one of: " + to_text(listed)));
   else if (path[0] == '/' && !std::filesystem::exists(path))
-    out.push_back(
-        found(Grade::kError, device, fmt::format("no {}", wanted),
-              fmt::format("plugged in, powered, driver loaded? Correct {}; there are: {}", key, to_text(listed))));
+    out.push_back(found(Grade::kError, device, fmt::format("{} does not exist", wanted),
+                        fmt::format("is it plugged in, powered, its driver loaded? Else correct {}; present: {}", key,
+                                    to_text(listed))));
   else if (path[0] != '/' && has_other_names && !listed.empty())
     return;  // a bus: opening it will tell
   else if (path[0] != '/')
-    out.push_back(
-        found(Grade::kError, device, fmt::format("none is called \"{}\"", wanted),
-              fmt::format("plugged in, powered, driver loaded? Correct {}; there are: {}", key, to_text(listed))));
+    out.push_back(found(Grade::kError, device, fmt::format("no device is called \"{}\"", wanted),
+                        fmt::format("is it plugged in, powered, its driver loaded? Else correct {}; present: {}", key,
+                                    to_text(listed))));
   else if (const auto remedy = permission_remedy(path))
     out.push_back(found(Grade::kError, device, fmt::format("no permission to open {}", path), *remedy));
   else
-    out.push_back(found(Grade::kOk, device, fmt::format("{} is there", wanted)));
+    out.push_back(found(Grade::kOk, device, fmt::format("{} is present", wanted)));
 }
 
 void check_line(const char* device, const std::string& line, const Inventory& inventory, Findings& out) {
   if (line.empty()) return;
   if (inventory.gpio.empty()) {
     out.push_back(found(Grade::kError, device, fmt::format("no GPIO chip for the line {}", line),
-                        "is the driver of the pins loaded? gpiodetect shows chips"));
+                        "load the driver of the pins; gpiodetect lists the chips"));
     return;
   }
   for (const ListedDevice& chip : inventory.gpio)
@@ -80,7 +80,7 @@ void check_interface(const char* device, const char* key, const std::string& int
   if (interface.empty()) return;
   if (is_listed(inventory.can, interface)) return;  // opening it will tell
   out.push_back(found(Grade::kError, device, fmt::format("no CAN interface {}", interface),
-                      fmt::format("driver loaded? Correct {}; there are: {}", key, to_text(inventory.can))));
+                      fmt::format("is its driver loaded? Else correct {}; present: {}", key, to_text(inventory.can))));
 }
 
 bool has_error(const Findings& findings, const std::string& device) {
@@ -114,15 +114,16 @@ class Buses {
         frames += count;
         ++ids;
       }
-      const std::string text = fmt::format("{} frames of {} identifiers heard on {}", frames, ids, interface);
+      const std::string text = fmt::format("{} frames with {} identifiers received on {}", frames, ids, interface);
       const bool is_wheel = std::string_view(device) == "wheel";
       if (is_wheel && !has_wheel)
-        out.push_back(found(Grade::kError, device, fmt::format("{}, none with 0x{:x}", text, config_.wheel.id),
-                            "is the sender on? same bit rate? wheel.id, extended as candump shows it?"));
+        out.push_back(found(Grade::kError, device, fmt::format("{}, none with wheel.id 0x{:x}", text, config_.wheel.id),
+                            "switch the sender on; compare the bit rate, wheel.id and wheel.extended with candump"));
       else if (frames == 0)
-        out.push_back(found(Grade::kWarning, device, text,
-                            "nobody else talks: if somebody should, look at bit rate, termination (120 Ohm at both "
-                            "ends), wires"));
+        out.push_back(
+            found(Grade::kWarning, device, text,
+                  "no other node sends; if one should, check bit rate, termination (120 Ohm at both ends) and "
+                  "wires"));
       else
         out.push_back(found(Grade::kOk, device, text));
     }
@@ -190,15 +191,18 @@ void say_exposure(const ExposureReport& e, const CameraConfig& config, Findings&
   const std::string text =
       fmt::format("exposure {:.2f} ms, gain {:.2f}{}", ms, e.gain, e.is_automatic ? ", automatic" : "");
   if (e.time.ns == 0)
-    out.push_back(found(Grade::kWarning, "camera", "the exposure time is not known: stamps are off by half of it",
-                        "name camera.exposure_control, or set camera.exposure_ms"));
+    out.push_back(found(Grade::kWarning, "camera",
+                        "the exposure time is unknown, so timestamps are wrong by half of it",
+                        "set camera.exposure_control or camera.exposure_ms"));
   else if (ms > 15)
-    out.push_back(found(Grade::kWarning, "camera", text, "turns will smear images: below 10, more light or more gain"));
+    out.push_back(found(Grade::kWarning, "camera", text,
+                        "rotation will blur the images; stay below 10 ms with more light or gain"));
   else
     out.push_back(found(Grade::kOk, "camera", text));
   if (config.exposure.automatic && e.refused > 0)
-    out.push_back(found(Grade::kError, "camera", fmt::format("{} changes of exposure or gain refused", e.refused),
-                        "is the camera's own automatic exposure off (camera.controls)?"));
+    out.push_back(found(Grade::kError, "camera",
+                        fmt::format("the camera refused {} changes of exposure or gain", e.refused),
+                        "switch its own automatic exposure off (camera.controls)"));
 }
 
 }  // namespace
@@ -231,36 +235,38 @@ Findings findings_of(const DeviceRecord& record) {
   for (const DeviceCount& c : record.counts)
     if (c.is_fault && c.value > 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", c.name, c.value);
   if (!text.empty())
-    out.push_back(found(Grade::kWarning, record.name, "its driver counted: " + text,
-                        "cables, supply, other load on the bus; docs of the driver name each"));
+    out.push_back(
+        found(Grade::kWarning, record.name, "its driver counted faults: " + text,
+              "check cables, supply and other load on the bus; the page of the driver in docs explains each count"));
   const auto packets = std::find_if(record.counts.begin(), record.counts.end(),
                                     [](const DeviceCount& c) { return c.name == "packets"; });
   if (packets != record.counts.end()) {
     if (packets->value == 0)
-      out.push_back(found(Grade::kError, record.name, "no flight controller heard",
-                          "TX and RX crossed? same baud rate? MAVLink on that port of the controller?"));
+      out.push_back(found(Grade::kError, record.name, "nothing received from a flight controller",
+                          "cross TX and RX, set the same baud rate, switch MAVLink on at that port of the controller"));
     else
-      out.push_back(found(Grade::kOk, record.name, fmt::format("{} packets heard", packets->value)));
+      out.push_back(found(Grade::kOk, record.name, fmt::format("{} packets received", packets->value)));
   }
   if (!record.clock) return out;
   const ClockState& c = *record.clock;
   const std::string clock =
-      fmt::format("clock: skew {:+.1f} ppm, residual {:.3f} ms (most {:.3f}), {} jumps", c.skew_ppm,
+      fmt::format("clock: skew {:+.1f} ppm, residual {:.3f} ms (at most {:.3f} ms), {} jumps", c.skew_ppm,
                   1e3 * c.residual_rms.seconds(), 1e3 * c.residual_most.seconds(), c.jumps);
   switch (c.status) {
     case ClockStatus::kEmpty:
-      out.push_back(found(Grade::kWarning, record.name, "clock: no sample of it", "does the device answer?"));
+      out.push_back(found(Grade::kWarning, record.name, "clock: the device sent no time",
+                          "check that it answers; look longer (--seconds 20)"));
       break;
     case ClockStatus::kUnusable:
-      out.push_back(
-          found(Grade::kError, record.name, clock, "runs off by more than any crystal: wrong tick, wrong clock"));
+      out.push_back(found(Grade::kError, record.name, clock,
+                          "it drifts more than any crystal: the driver assumes a wrong tick or a wrong clock"));
       break;
     case ClockStatus::kSettling:
-      out.push_back(found(Grade::kWarning, record.name, clock, "not settled: look longer (--seconds 20)"));
+      out.push_back(found(Grade::kWarning, record.name, clock, "not settled yet; look longer (--seconds 20)"));
       break;
     case ClockStatus::kLocked:
       out.push_back(found(c.jumps > 0 ? Grade::kWarning : Grade::kOk, record.name, clock,
-                          c.jumps > 0 ? "does the device restart? its supply" : ""));
+                          c.jumps > 0 ? "the device may restart: check its supply" : ""));
   }
   return out;
 }

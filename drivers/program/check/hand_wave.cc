@@ -258,42 +258,42 @@ Findings findings_of(const HandWaveResult& r, const Mat3& R_BC, double time_offs
   const auto said = [](Grade grade, std::string text, std::string remedy = {}) {
     return Finding{grade, "camera and imu", std::move(text), std::move(remedy)};
   };
-  constexpr const char* kWave = "turn it by hand for some seconds, about all three axes, in view of texture";
+  constexpr const char* kWave = "turn the vehicle by hand for some seconds about all three axes, with texture in view";
   if (r.turned_s < 1 || r.rate_rad_s < 0.15)
-    return {said(Grade::kWarning, "not turned: time offset and rotation not judged", kWave)};
+    return {said(Grade::kWarning, "not turned: time offset and rotation not checked", kWave)};
   if (r.agreement < 0.5)
-    return {said(Grade::kError, fmt::format("their turns do not agree ({:.0f} %)", 100 * r.agreement),
-                 "are they fixed to each other? lens calibration, the gyroscope's scale and rate, stamps of both")};
+    return {said(Grade::kError, fmt::format("their rotations do not agree ({:.0f} %)", 100 * r.agreement),
+                 "fix them to each other; check the lens calibration, the gyroscope's scale, and both timestamps")};
   Findings out;
   if (r.agreement < 0.8) {
-    out.push_back(said(Grade::kWarning, fmt::format("their turns agree to {:.0f} % only", 100 * r.agreement),
-                       "turn more and move less; then look at the stamps' jitter and the lens calibration"));
+    out.push_back(said(Grade::kWarning, fmt::format("their rotations agree to {:.0f} % only", 100 * r.agreement),
+                       "turn more and move less; then check the jitter of the timestamps and the lens calibration"));
     return out;
   }
   const double off = r.time_offset_s - time_offset_s;
   const std::string time =
       fmt::format("time offset {:+.1f} ms (configured {:+.1f})", 1e3 * r.time_offset_s, 1e3 * time_offset_s);
   if (std::abs(off) > 0.02)
-    out.push_back(
-        said(Grade::kError, time,
-             fmt::format("set camera.time_offset_s = {:.4f}; or the stamps of one are wrong", r.time_offset_s)));
+    out.push_back(said(
+        Grade::kError, time,
+        fmt::format("set camera.time_offset_s = {:.4f}, unless the timestamps of one are wrong", r.time_offset_s)));
   else if (std::abs(off) > 0.006)
     out.push_back(said(Grade::kWarning, time, fmt::format("set camera.time_offset_s = {:.4f}", r.time_offset_s)));
   else
     out.push_back(said(Grade::kOk, time));
   if (r.weakest_axis < 0.15) {
-    out.push_back(said(Grade::kWarning, "turned about too few axes: rotation between them not judged", kWave));
+    out.push_back(said(Grade::kWarning, "turned about too few axes: rotation between them not checked", kWave));
     return out;
   }
   const double angle = so3_log(R_BC.transpose() * r.R_BC).norm() / kDegree;
-  const std::string text = fmt::format("rotation between them {:.1f} deg off the configured one", angle);
+  const std::string text = fmt::format("rotation between them is {:.1f} deg off the configured one", angle);
   if (angle > 20)
     out.push_back(said(Grade::kError, text,
                        fmt::format("axes are swapped, or T_BS is inverted: the camera looks along ({:+.2f}, {:+.2f}, "
-                                   "{:+.2f}) of the IMU's axes",
+                                   "{:+.2f}) in the IMU's axes",
                                    r.R_BC(0, 2), r.R_BC(1, 2), r.R_BC(2, 2))));
   else if (angle > 7)
-    out.push_back(said(Grade::kWarning, text, "calibrate again (Kalibr); has something been moved?"));
+    out.push_back(said(Grade::kWarning, text, "calibrate again (docs/wiring.md), as if something had moved"));
   else
     out.push_back(said(Grade::kOk, text));
   return out;

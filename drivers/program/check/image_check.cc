@@ -87,76 +87,76 @@ Finding image_finding(Grade grade, std::string text, std::string remedy = {}) {
 
 void say_pace(const ImageResult& r, double rate_hz, Findings& out) {
   const PacingResult& p = r.pacing;
-  const std::string text = fmt::format(
-      "{:.2f} images a second, jitter {:.2f} ms, {:.1f} ms old when they come (at most "
-      "{:.1f})",
-      p.rate_hz(), 1e3 * p.jitter_s, 1e3 * p.delay_s, 1e3 * p.delay_most_s);
+  const std::string text =
+      fmt::format("{:.2f} images per second, jitter {:.2f} ms, age on arrival {:.1f} ms (at most {:.1f} ms)",
+                  p.rate_hz(), 1e3 * p.jitter_s, 1e3 * p.delay_s, 1e3 * p.delay_most_s);
   if (p.rate_hz() < 8)
-    out.push_back(
-        image_finding(Grade::kError, text, "15 to 60 are needed: shorter exposure, camera.rate_hz, or a faster bus"));
-  else if (rate_hz > 0 && std::abs(p.rate_hz() / rate_hz - 1) > 0.05)
     out.push_back(image_finding(
-        Grade::kWarning, text,
-        fmt::format("{:.4g} are configured: an exposure longer than the period? a slow USB port?", rate_hz)));
-  else if (p.jitter_s > 0.1 * p.period_s)
+        Grade::kError, text, "it needs 15 to 60 Hz: shorten the exposure, raise camera.rate_hz, or use a faster bus"));
+  else if (rate_hz > 0 && std::abs(p.rate_hz() / rate_hz - 1) > 0.05)
     out.push_back(
         image_finding(Grade::kWarning, text,
-                      "stamps are irregular: the driver stamps arrivals, not exposures? Use camera.stamp_line"));
+                      fmt::format("{:.4g} are configured; shorten the exposure, or use a faster USB port", rate_hz)));
+  else if (p.jitter_s > 0.1 * p.period_s)
+    out.push_back(image_finding(Grade::kWarning, text,
+                                "timestamps are irregular, as if the driver stamped arrivals; use camera.stamp_line"));
   else if (p.delay_s < -1e-3)
-    out.push_back(
-        image_finding(Grade::kWarning, text, "stamps lie in the future: readout_ms or the exposure time is wrong"));
+    out.push_back(image_finding(Grade::kWarning, text,
+                                "timestamps lie in the future: correct camera.readout_ms or the exposure time"));
   else
     out.push_back(image_finding(Grade::kOk, text));
   const std::uint64_t lost = std::max(r.lost, p.missing);
   if (lost + p.backwards > 0)
-    out.push_back(image_finding((lost + p.backwards) * 50 > p.samples ? Grade::kError : Grade::kWarning,
-                                fmt::format("{} of {} images lost, {} with a stamp not later than the one before", lost,
-                                            p.samples + lost, p.backwards),
-                                "another USB port or cable, fewer pixels, a lower rate; nothing else on that hub"));
+    out.push_back(
+        image_finding((lost + p.backwards) * 50 > p.samples ? Grade::kError : Grade::kWarning,
+                      fmt::format("{} of {} images lost, {} with a timestamp not later than the previous one", lost,
+                                  p.samples + lost, p.backwards),
+                      "use another USB port or cable, fewer pixels or a lower rate; move other devices off that hub"));
 }
 
 void say_light(const ImageResult& r, Findings& out) {
   const std::string text = fmt::format("mean brightness {:.0f} of 255, {:.0f} % black, {:.0f} % white", r.brightness,
                                        100 * r.dark_share, 100 * r.clipped_share);
   if (r.brightness < 8 || r.dark_share > 0.9)
-    out.push_back(
-        image_finding(Grade::kError, text, "is there a cap on the lens? is there light? longer exposure, more gain"));
+    out.push_back(image_finding(Grade::kError, text, "remove the lens cap; add light, exposure or gain"));
   else if (r.brightness < 35 || r.dark_share > 0.5)
     out.push_back(
-        image_finding(Grade::kWarning, text, "dark: longer exposure (blur!), more gain, or exposure.automatic"));
+        image_finding(Grade::kWarning, text,
+                      "dark: add light or gain, lengthen the exposure (which blurs), or use exposure.automatic"));
   else if (r.clipped_share > 0.25)
     out.push_back(image_finding(r.clipped_share > 0.7 ? Grade::kError : Grade::kWarning, text,
-                                "overexposed: shorter exposure, less gain, or exposure.automatic"));
+                                "overexposed: shorten the exposure, lower the gain, or use exposure.automatic"));
   else
     out.push_back(image_finding(Grade::kOk, text));
 }
 
 void say_sharpness(const ImageResult& r, Findings& out) {
   if (r.edge_width_px <= 0) {
-    out.push_back(
-        image_finding(Grade::kWarning, "no strong edges: sharpness not judged", "point it at something with contrast"));
+    out.push_back(image_finding(Grade::kWarning, "no strong edges: sharpness not checked",
+                                "point the camera at something with contrast"));
     return;
   }
   const std::string text = fmt::format("edges are {:.1f} px wide", r.edge_width_px);
   if (r.edge_width_px > 6)
-    out.push_back(
-        image_finding(Grade::kError, text, "out of focus, or a dirty lens: a sharp image has 2 to 3; turn the lens"));
+    out.push_back(image_finding(Grade::kError, text,
+                                "out of focus, or a dirty lens: turn the lens until they are 2 to 3 px wide"));
   else if (r.edge_width_px > 4.2)
     out.push_back(
-        image_finding(Grade::kWarning, text, "soft: focus the lens (a sharp image has 2 to 3), shorten the exposure"));
+        image_finding(Grade::kWarning, text,
+                      "slightly out of focus: turn the lens until they are 2 to 3 px wide, or shorten the exposure"));
   else
     out.push_back(image_finding(Grade::kOk, text));
 }
 
 void say_features(const ImageResult& r, int wanted, Findings& out) {
-  const std::string text = fmt::format("{:.0f} corners of {} wanted, {:.0f} % found again in the next image",
-                                       r.features, wanted, 100 * r.kept_share);
+  const std::string text = fmt::format("{:.0f} of {} corners found, {:.0f} % found again in the next image", r.features,
+                                       wanted, 100 * r.kept_share);
   if (r.features < 15)
-    out.push_back(
-        image_finding(Grade::kError, text, "nothing to track: texture, light, focus, or the calibration's image size"));
+    out.push_back(image_finding(
+        Grade::kError, text, "nothing to track: check texture, light, focus, and the image size of the calibration"));
   else if (r.features < 0.4 * wanted || (r.kept_share > 0 && r.kept_share < 0.8))
     out.push_back(image_finding(Grade::kWarning, text,
-                                "little to track: more light, a sharper image, a wider lens, more texture"));
+                                "little to track: add light or texture, focus the lens, or use a wider one"));
   else
     out.push_back(image_finding(Grade::kOk, text));
 }
@@ -166,8 +166,9 @@ void say_features(const ImageResult& r, int wanted, Findings& out) {
 Findings findings_of(const ImageResult& r, double rate_hz, int wanted_features) {
   Findings out;
   if (r.pacing.samples < 3) {
-    out.push_back(image_finding(Grade::kError, fmt::format("{} images", r.pacing.samples),
-                                "it is there but gives none: external trigger off? sensor pipeline linked? cable?"));
+    out.push_back(image_finding(
+        Grade::kError, fmt::format("{} images", r.pacing.samples),
+        "it opened but delivers none: check the external trigger, the media links (docs/camera.md) and the cable"));
     return out;
   }
   say_pace(r, rate_hz, out);

@@ -140,26 +140,28 @@ Finding imu_finding(Grade grade, std::string text, std::string remedy = {}) {
 
 void say_pace(const ImuResult& r, const ImuExpectation& expected, Findings& out) {
   const PacingResult& p = r.pacing;
-  const std::string text = fmt::format("{:.1f} readings a second, jitter {:.2f} ms, longest pause {:.1f} ms",
+  const std::string text = fmt::format("{:.1f} samples per second, jitter {:.2f} ms, longest gap {:.1f} ms",
                                        p.rate_hz(), 1e3 * p.jitter_s, 1e3 * p.longest_s);
   if (p.rate_hz() < 50)
-    out.push_back(imu_finding(Grade::kError, text, "100 to 1000 are needed: set imu.rate_hz, or the stream's rate"));
+    out.push_back(
+        imu_finding(Grade::kError, text,
+                    "it needs 100 to 1000 Hz: raise imu.rate_hz, or the stream rate of the flight controller"));
   else if (expected.rate_hz > 0 && std::abs(p.rate_hz() / expected.rate_hz - 1) > 0.05)
     out.push_back(
-        imu_finding(Grade::kWarning, text, fmt::format("{:.0f} were asked for (imu.rate_hz)", expected.rate_hz)));
+        imu_finding(Grade::kWarning, text, fmt::format("{:.0f} are configured (imu.rate_hz)", expected.rate_hz)));
   else if (p.jitter_s > 0.25 * p.period_s)
-    out.push_back(
-        imu_finding(Grade::kWarning, text, "stamps are irregular: use the data-ready line or the chip's own clock"));
+    out.push_back(imu_finding(Grade::kWarning, text,
+                              "timestamps are irregular; use the data-ready line or the chip's own clock"));
   else
     out.push_back(imu_finding(Grade::kOk, text));
   if (p.missing + p.backwards + r.not_finite > 0) {
     const bool is_bad = p.missing + r.not_finite + p.backwards > p.samples / 100;
-    out.push_back(
-        imu_finding(is_bad ? Grade::kError : Grade::kWarning,
-                    fmt::format("{} readings missing in {} pauses, {} with a stamp not later than the one before, {} "
-                                "not finite",
-                                p.missing, p.gaps, p.backwards, r.not_finite),
-                    "look at the bus speed, at other load of the computer, at the cable"));
+    out.push_back(imu_finding(
+        is_bad ? Grade::kError : Grade::kWarning,
+        fmt::format("{} samples missing in {} gaps, {} with a timestamp not later than the previous one, {} "
+                    "not finite",
+                    p.missing, p.gaps, p.backwards, r.not_finite),
+        "check the bus speed, the cable, and other load on the computer"));
   }
 }
 
@@ -170,9 +172,10 @@ void say_noise(const ImuResult& r, const ImuExpectation& expected, Findings& out
     const std::string text = fmt::format("{} noise {:.2e} {:.2e} {:.2e} {} at rest, configured {:.2e}", name,
                                          density[0], density[1], density[2], unit, configured);
     if (configured > 0 && most_of(density) > 3 * configured)
-      out.push_back(imu_finding(
-          Grade::kWarning, text,
-          fmt::format("motors or fans off? else mount it softer, or set {} to {:.1e}", key, 1.5 * most_of(density))));
+      out.push_back(
+          imu_finding(Grade::kWarning, text,
+                      fmt::format("switch motors and fans off and repeat; else dampen the mount, or set {} to {:.1e}",
+                                  key, 1.5 * most_of(density))));
     else
       out.push_back(imu_finding(Grade::kOk, text));
   };
@@ -181,33 +184,34 @@ void say_noise(const ImuResult& r, const ImuExpectation& expected, Findings& out
         "imu.accelerometer_noise_density");
   if (most_of(r.gyroscope_instability) > 0)
     out.push_back(imu_finding(
-        Grade::kOk, fmt::format("least Allan deviation in {:.0f} s at rest: gyroscope {:.2g} rad/s, "
+        Grade::kOk, fmt::format("minimum of the Allan deviation in {:.0f} s at rest: gyroscope {:.2g} rad/s, "
                                 "accelerometer {:.2g} m/s^2",
                                 r.rest_s, most_of(r.gyroscope_instability), most_of(r.accelerometer_instability))));
 }
 
 void say_gravity(const ImuResult& r, Findings& out) {
   const double g = r.gravity_m_s2;
-  const std::string text = fmt::format("{:.3f} m/s^2 at rest", g);
+  const std::string text = fmt::format("the accelerometer measures {:.3f} m/s^2 at rest", g);
   const auto& a = r.accelerometer_rest_m_s2;
   if (std::abs(g - 1) < 0.1)
     out.push_back(
-        imu_finding(Grade::kError, text, "readings are in g, 9.81 times too small: look at the device's scale"));
+        imu_finding(Grade::kError, text, "samples are in g, 9.81 times too small; correct the device's scale"));
   else if (std::abs(g - kGravity) > 1)
     out.push_back(
-        imu_finding(Grade::kError, text, "gravity is 9.81: wrong scale or measuring range, or a broken axis"));
+        imu_finding(Grade::kError, text, "gravity is 9.81 m/s^2: wrong scale or measuring range, or a broken axis"));
   else if (std::abs(g - kGravity) > 0.3)
-    out.push_back(imu_finding(Grade::kWarning, text, "gravity is 9.81: calibrate the accelerometer (offset, scale)"));
+    out.push_back(
+        imu_finding(Grade::kWarning, text, "gravity is 9.81 m/s^2: calibrate the accelerometer (offset, scale)"));
   else
     out.push_back(
-        imu_finding(Grade::kOk, fmt::format("gravity {:.3f} m/s^2, up is ({:+.2f}, {:+.2f}, {:+.2f}) of its axes", g,
+        imu_finding(Grade::kOk, fmt::format("gravity {:.3f} m/s^2, up is ({:+.2f}, {:+.2f}, {:+.2f}) in its axes", g,
                                             a[0] / g, a[1] / g, a[2] / g)));
   const auto& w = r.gyroscope_rest_rad_s;
   const double bias = std::hypot(w[0], w[1], w[2]);
-  const std::string turn = fmt::format("gyroscope reads {:.4f} rad/s at rest", bias);
+  const std::string turn = fmt::format("the gyroscope measures {:.4f} rad/s at rest", bias);
   if (bias > 0.1)
-    out.push_back(imu_finding(Grade::kWarning, turn,
-                              "much for a bias: warm it up, or let it be calibrated; did it stand still?"));
+    out.push_back(
+        imu_finding(Grade::kWarning, turn, "large for a bias: keep it at rest, let it warm up, or calibrate it"));
   else
     out.push_back(imu_finding(Grade::kOk, turn));
 }
@@ -217,18 +221,18 @@ void say_gravity(const ImuResult& r, Findings& out) {
 Findings findings_of(const ImuResult& r, const ImuExpectation& expected) {
   Findings out;
   if (r.pacing.samples < 10) {
-    out.push_back(imu_finding(Grade::kError, fmt::format("{} readings", r.pacing.samples),
-                              "it is there but gives none: look at its data-ready line, trigger and power"));
+    out.push_back(imu_finding(Grade::kError, fmt::format("{} samples", r.pacing.samples),
+                              "it opened but delivers none: check its data-ready line, trigger and supply"));
     return out;
   }
   say_pace(r, expected, out);
   if (r.dead_axes > 0)
     out.push_back(imu_finding(Grade::kError, fmt::format("{} of 6 axes never change", r.dead_axes),
-                              "an axis is not enabled, or the sensor is broken"));
+                              "enable all axes; else the sensor is broken"));
   if (r.rest_s < 1) {
     out.push_back(imu_finding(Grade::kWarning,
-                              fmt::format("at rest for {:.1f} s only: noise and gravity not judged", r.rest_s),
-                              "let it lie still for some seconds while this runs"));
+                              fmt::format("at rest for {:.1f} s only: noise and gravity not checked", r.rest_s),
+                              "keep it at rest for some seconds during the check"));
     return out;
   }
   say_noise(r, expected, out);

@@ -88,7 +88,7 @@ std::string to_text(const std::vector<ListedDevice>& devices) {
 std::optional<std::string> permission_remedy(const fs::path& device) {
   if (::access(device.c_str(), R_OK | W_OK) == 0 || errno != EACCES) return std::nullopt;
   struct stat status {};
-  if (::stat(device.c_str(), &status) != 0) return "run as a user who may look into the folder of " + device.string();
+  if (::stat(device.c_str(), &status) != 0) return "run as a user with access to the folder of " + device.string();
   std::array<char, 4096> text{};
   group entry{};
   group* found = nullptr;
@@ -97,7 +97,7 @@ std::optional<std::string> permission_remedy(const fs::path& device) {
       found != nullptr) {
     return fmt::format("join its group: sudo usermod -aG {} $USER, then log in again", found->gr_name);
   }
-  return fmt::format("add a udev rule that gives {} to a group of yours", device.string());
+  return fmt::format("add a udev rule that gives {} to one of your groups", device.string());
 }
 
 }  // namespace epiline

@@ -13,10 +13,11 @@ namespace {
 constexpr Span kLineWait = Span::from_milliseconds(100);
 constexpr double kLargeLag = 0.35;      // of a period; from half of it on an image takes its neighbour's edge
 constexpr std::uint64_t kOddMost = 50;  // of so many edges one may be missing or too soon
-constexpr const char* kNoEdges = "is its sender on? wired to this line (gpioinfo)? at the board's voltage?";
+constexpr const char* kNoEdges =
+    "check that the sender is on, wired to this line (gpioinfo), and at the board's voltage";
 
 std::string rate_and_line(double period_s, const std::string& line) {
-  return fmt::format("{:.2f} edges a second on {}", period_s > 0 ? 1 / period_s : 0, line);
+  return fmt::format("{:.2f} edges per second on {}", period_s > 0 ? 1 / period_s : 0, line);
 }
 
 }  // namespace
@@ -48,26 +49,29 @@ Findings findings_of(const EdgeCounts& e, const GpioCounts& counts, const std::s
     out.push_back({grade, "camera", std::move(text), std::move(remedy)});
   };
   if (counts.disconnected > 0)
-    say(Grade::kError, fmt::format("the chip of {} went away{}", line, counts.last_error == 0 ? ", and came back" : ""),
-        "its cable, its supply, its driver");
+    say(Grade::kError,
+        fmt::format("the GPIO chip of {} disappeared{}", line, counts.last_error == 0 ? ", and returned" : ""),
+        "check its cable, supply and driver");
   if (e.edges == 0) {
-    say(Grade::kError, fmt::format("no edges on {}: no image is stamped", line), kNoEdges);
+    say(Grade::kError, fmt::format("no edges on {}: no image gets a timestamp", line), kNoEdges);
     return out;
   }
   const std::uint64_t judged = e.matched + e.without_edge + e.mismatched;
   const std::string text =
-      fmt::format("{}, those of {} of {} images; the driver's stamps are {:.2f} ms later",
+      fmt::format("{}, matched to {} of {} images; the driver's timestamps are {:.2f} ms later",
                   rate_and_line(e.period.seconds(), line), e.matched, judged + e.unsure, 1e3 * e.lag.seconds());
   if (judged == 0 || 2 * e.matched < judged)
-    say(Grade::kError, text, "one edge for each exposure is needed: the trigger's rate, camera.stamp_edge, bounces");
+    say(Grade::kError, text,
+        "it needs one edge per exposure: check the trigger's rate, camera.stamp_edge, and bouncing");
   else if (std::abs(e.lag.seconds()) > kLargeLag * e.period.seconds())
     say(Grade::kWarning, text,
-        "near half a period an image takes its neighbour's edge: camera.readout_ms, exposure_ms, stamp_point");
+        "near half a period an image takes its neighbour's edge: correct camera.readout_ms, exposure_ms or "
+        "stamp_point");
   else
     say(Grade::kOk, text);
   if ((e.missing + e.extra) * kOddMost > e.edges)
-    say(Grade::kWarning, fmt::format("{} edges missing on {}, {} too soon after another", e.missing, line, e.extra),
-        "a steady trigger, a shorter wire, a pull-up; no bouncing contact");
+    say(Grade::kWarning, fmt::format("{} edges missing on {}, {} too early", e.missing, line, e.extra),
+        "use a steady trigger, a shorter wire or a pull-up; avoid bouncing contacts");
   return out;
 }
 

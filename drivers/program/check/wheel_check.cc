@@ -37,12 +37,13 @@ Findings findings_of(const WheelResult& r) {
     return Finding{grade, "wheel", std::move(text), std::move(remedy)};
   };
   if (r.pacing.samples == 0)
-    return {said(Grade::kError, "no speed",
-                 "does its frame come (see below)? wheel.start_bit, length, byte order; a sender may say \"unknown\"")};
-  const std::string text = fmt::format("{:.1f} speeds a second, jitter {:.1f} ms, from {:.2f} to {:.2f} m/s",
+    return {said(Grade::kError, "no speed received",
+                 "see below whether its frame arrives; check wheel.start_bit, wheel.length and byte order")};
+  const std::string text = fmt::format("{:.1f} speeds per second, jitter {:.1f} ms, from {:.2f} to {:.2f} m/s",
                                        r.pacing.rate_hz(), 1e3 * r.pacing.jitter_s, r.least_m_s, r.most_m_s);
   if (std::max(-r.least_m_s, r.most_m_s) > kFastest_m_s)
-    return {said(Grade::kWarning, text, "faster than any vehicle: wheel.scale_m_s, is_signed, start_bit, byte order")};
+    return {said(Grade::kWarning, text,
+                 "faster than any vehicle: correct wheel.scale_m_s, is_signed, start_bit or byte order")};
   return {said(Grade::kOk, text)};
 }
 

@@ -23,7 +23,7 @@ int benchmark_command(const BenchmarkOptions& options) {
   const auto done = [](const BenchmarkRun& run) { return run.outcome == RunOutcome::kDone; };
   if (std::any_of(record->runs.begin(), record->runs.end(), done)) return kExitDone;
   return report({ErrorKind::kRun, "", 0, fmt::format("none of {} runs gave a trajectory", record->runs.size()),
-                 "at least one; benchmark.txt says what each of them lacked"});
+                 "at least one (benchmark.txt has the error of each run)"});
 }
 
 }  // namespace
@@ -32,19 +32,22 @@ void add_benchmark(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<BenchmarkOptions>();
   o->factors.assign(kVisualFactorNames.begin(), kVisualFactorNames.end());
   o->jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-  CLI::App* command = app.add_subcommand("benchmark", "Every visual factor over every data set: errors, times, tables");
+  CLI::App* command =
+      app.add_subcommand("benchmark", "Replay every data set with every visual factor, and compare errors and times");
   command->group(kStudy);
   command->add_option("DATASET", o->datasets, "ASL folders or ROS 1 bags")->required();
   command->add_option("--factors", o->factors, "visual factors to compare")
       ->delimiter(',')
       ->check(CLI::IsMember(kVisualFactorNames))
       ->capture_default_str();
-  command->add_option("--repeat", o->repeat, "runs of each")->check(CLI::Range(1, 10000))->capture_default_str();
-  command->add_option("--jobs", o->jobs, "runs side by side; 1 gives the cleanest times")
+  command->add_option("--repeat", o->repeat, "number of runs of each")
+      ->check(CLI::Range(1, 10000))
+      ->capture_default_str();
+  command->add_option("--jobs", o->jobs, "number of runs at the same time; 1 gives the cleanest times")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
-  command->add_option("--config", o->config_file, "settings (TOML) of every run; see epiline config");
-  command->add_option("--camera", o->camera, "which camera")
+  command->add_option("--config", o->config_file, "configuration file (TOML) of every run");
+  command->add_option("--camera", o->camera, "which camera of the data sets")
       ->check(CLI::IsMember({"cam0", "cam1"}))
       ->capture_default_str();
   command->add_option("--out", o->out, "folder for the results")->required();

@@ -26,12 +26,12 @@ void print_lines(const Findings& findings, const Inventory& inventory) {
     fmt::print("{:7}  {}: {}{}{}\n", kGradeNames[static_cast<std::size_t>(f.grade)], f.device, f.text,
                f.remedy.empty() ? "" : "; ", f.remedy);
   }
-  fmt::print("there    cameras: {}\n", to_text(inventory.cameras));
-  fmt::print("there    iio: {}\n", to_text(inventory.iio));
-  fmt::print("there    spi: {}\n", to_text(inventory.spi));
-  fmt::print("there    gpio: {}\n", to_text(inventory.gpio));
-  fmt::print("there    serial: {}\n", to_text(inventory.serial));
-  fmt::print("there    can: {}\n", to_text(inventory.can));
+  fmt::print("present  cameras: {}\n", to_text(inventory.cameras));
+  fmt::print("present  iio: {}\n", to_text(inventory.iio));
+  fmt::print("present  spi: {}\n", to_text(inventory.spi));
+  fmt::print("present  gpio: {}\n", to_text(inventory.gpio));
+  fmt::print("present  serial: {}\n", to_text(inventory.serial));
+  fmt::print("present  can: {}\n", to_text(inventory.can));
 }
 
 void print_json(const Findings& findings, const Inventory& inventory) {
@@ -51,20 +51,20 @@ void print_json(const Findings& findings, const Inventory& inventory) {
     for (const ListedDevice& d : devices) all.push_back({{"path", d.path}, {"name", d.name}});
     return all;
   };
-  root["there"]["cameras"] = list(inventory.cameras);
-  root["there"]["iio"] = list(inventory.iio);
-  root["there"]["spi"] = list(inventory.spi);
-  root["there"]["gpio"] = list(inventory.gpio);
-  root["there"]["serial"] = list(inventory.serial);
-  root["there"]["can"] = list(inventory.can);
-  // names come from devices: whatever bytes they hold
+  root["present"]["cameras"] = list(inventory.cameras);
+  root["present"]["iio"] = list(inventory.iio);
+  root["present"]["spi"] = list(inventory.spi);
+  root["present"]["gpio"] = list(inventory.gpio);
+  root["present"]["serial"] = list(inventory.serial);
+  root["present"]["can"] = list(inventory.can);
+  // device names may hold any bytes
   fmt::print("{}\n", root.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
 int check(const CheckArguments& options) {
   const auto config = find_config(options.config);
   if (!config) return report(config.error());
-  // a file that says nonsense is wrong input, not a finding about devices
+  // an error in the configuration is wrong input, not a finding about a device
   if (const auto file = ConfigFile::read(*config, options.set); !file) return report(file.error());
   CheckOptions how;
   how.set = options.set;
@@ -74,7 +74,7 @@ int check(const CheckArguments& options) {
     if (shows) {
       const bool first_half = seconds < options.seconds / 2;
       fmt::print(stderr, "\r\x1b[K{:3.0f} of {:.0f} s: {}", seconds, options.seconds,
-                 first_half ? "let it lie still" : "turn it by hand, about all axes");
+                 first_half ? "keep it at rest" : "turn it by hand about all three axes");
     }
     return true;
   };
@@ -94,15 +94,15 @@ int check(const CheckArguments& options) {
 
 void add_check(CLI::App& app, int& exit_code) {
   const auto options = std::make_shared<CheckArguments>();
-  CLI::App* command = app.add_subcommand("check", "Looks at the configured devices and says what is wrong with them");
+  CLI::App* command = app.add_subcommand("check", "Test the configured devices, and say what is wrong and what to do");
   command->group(kFly);
   add_settings(*command, options->config, options->set,
-               "the configuration of epiline run (TOML); default: /etc/epiline/epiline.toml, else ./epiline.toml");
+               "configuration file (TOML) of epiline run; default: /etc/epiline/epiline.toml, else ./epiline.toml");
   command
       ->add_option("--seconds", options->seconds,
-                   "to look at live data; an hour gives the Allan deviation (default 10)")
+                   "how long to watch the data (default 10); an hour at rest gives the Allan deviation")
       ->check(CLI::Range(1.0, 86400.0));
-  command->add_flag("--json", options->json, "machine-readable");
+  command->add_flag("--json", options->json, "print the findings as JSON");
   command->callback([options, &exit_code] { exit_code = check(*options); });
 }
 

@@ -1,5 +1,5 @@
 #pragma once
-// The commands of the program. Each function adds one to the command line; when it is chosen, its exit code lands in
+// The commands of the program. Each function adds one command to the command line; running the command sets
 // `exit_code`.
 #include <CLI/CLI.hpp>
 
@@ -15,20 +15,24 @@ namespace epiline {
 
 inline constexpr int kExitDone = 0, kExitRunFailed = 1, kExitUsage = 2;
 
-/// Writes the one line of an error to stderr; returns the exit code that belongs to it.
+/// Writes the error to stderr, on one line; returns its exit code. After a command line with --json, stdout gets it
+/// too, as
+/// {"schema": 1, "error": {"kind", "file", "line", "found", "expected"}}: `kind` is "usage" or "run", `line` may be
+/// null.
 int report(const Error& error);
+/// From now on errors are also written as JSON.
+void report_as_json();
 
-/// The page of --view; null if none is asked for. Its address is printed in any case: whoever asks for a port that is
-/// free has to know it.
+/// The page of --view; null without the option. Prints the address, because port 0 takes any free port.
 Result<std::unique_ptr<LiveView>> open_view(const std::string& text);
 
-/// What a command does for its user; the help lists the commands by it.
+/// Headings under which the help lists the commands.
 inline constexpr char kFly[] = "Fly", kAnalyse[] = "Analyse a flight", kStudy[] = "Study many flights";
 
-/// Adds --config and --set.
+/// Adds --config (with the help `what`) and --set.
 void add_settings(CLI::App& command, std::filesystem::path& file, std::vector<std::string>& set,
                   const std::string& what);
-/// The configuration of a live run: the one given, else /etc/epiline/epiline.toml, else ./epiline.toml.
+/// The configuration of a live flight: `given`, else /etc/epiline/epiline.toml, else ./epiline.toml.
 Result<std::filesystem::path> find_config(const std::filesystem::path& given);
 
 void add_evaluate(CLI::App& app, int& exit_code);

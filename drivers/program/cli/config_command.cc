@@ -30,11 +30,12 @@ int config_command(const ConfigArguments& options) {
 
 void add_config(CLI::App& app, int& exit_code) {
   const auto options = std::make_shared<ConfigArguments>();
-  CLI::App* command =
-      app.add_subcommand("config", "Every setting with its unit, range and meaning, as a configuration file");
+  CLI::App* command = app.add_subcommand(
+      "config", "Print every setting with its meaning, unit, range and default, as a configuration file");
   command->group(kFly);
-  CLI::Option* defaults = command->add_flag("--print-defaults", options->print_defaults, "the defaults (the default)");
-  command->add_option("--check", options->check, "checks a file and prints the settings it leads to")
+  CLI::Option* defaults = command->add_flag("--print-defaults", options->print_defaults,
+                                            "print all settings with their defaults, as without options");
+  command->add_option("--check", options->check, "check a configuration file, and print all settings with its values")
       ->excludes(defaults);
   command->callback([options, &exit_code] { exit_code = config_command(*options); });
 }

@@ -26,9 +26,9 @@ int dbc_command(const std::string& path) {
 
 void add_dbc(CLI::App& app, int& exit_code) {
   const auto path = std::make_shared<std::string>();
-  CLI::App* command = app.add_subcommand("dbc", "What the CAN frames of odometry hold, as a DBC file");
+  CLI::App* command = app.add_subcommand("dbc", "Print a DBC file that describes the CAN frames of odometry");
   command->group(kFly);
-  command->add_option("--config", *path, "settings: can.base_id is the first identifier");
+  command->add_option("--config", *path, "configuration file (TOML); can.base_id sets the identifiers");
   command->callback([path, &exit_code] { exit_code = dbc_command(*path); });
 }
 

@@ -21,7 +21,7 @@ void print_summary(const std::string& label, const Summary& s) {
 }
 
 void print_text(const TrajectoryErrors& e, const std::string& align, std::size_t all) {
-  fmt::print("poses      {} of {} with a reference, true path {:.2f} m\n", e.poses, all, e.path_length_m);
+  fmt::print("poses      {} of {} with a reference, path length {:.2f} m\n", e.poses, all, e.path_length_m);
   fmt::print("error, m        rmse      mean    median       p95       max\n");
   print_summary("ATE " + align, e.ate(*alignment_from(align)));
   fmt::print("scale      {:+.3f} %\nyaw drift  {:+.3f} deg\n", 100 * e.scale_error, e.yaw_drift_deg);
@@ -38,11 +38,12 @@ int evaluate_files(const EvaluateArguments& options) {
   if (!reference) return report(reference.error());
   const TrajectoryErrors errors = evaluate(*estimate, *reference);
   if (errors.poses == 0) {
-    return report(
-        {ErrorKind::kUsage, options.estimate, 0, "no pose at a time of the reference", "stamps of one clock"});
+    return report({ErrorKind::kUsage, options.estimate, 0, "no pose at a time that the reference covers",
+                   "timestamps of the same clock in both files"});
   }
   if (options.json) {
-    auto json = to_json(errors);
+    Json json = {{"schema", 1}};
+    json.update(to_json(errors));
     json["align"] = options.align;
     json["ate_m"] = to_json(errors.ate(*alignment_from(options.align)));
     fmt::print("{}\n", json.dump(2));
@@ -56,14 +57,14 @@ int evaluate_files(const EvaluateArguments& options) {
 
 void add_evaluate(CLI::App& app, int& exit_code) {
   const auto options = std::make_shared<EvaluateArguments>();
-  CLI::App* command = app.add_subcommand("evaluate", "Errors of a trajectory against a reference");
+  CLI::App* command = app.add_subcommand("evaluate", "Compare a trajectory with a reference, and print its errors");
   command->group(kAnalyse);
-  command->add_option("ESTIMATE", options->estimate, "TUM trajectory or ASL ground truth, also gzipped")->required();
-  command->add_option("REFERENCE", options->reference, "the truth, in either format")->required();
-  command->add_option("--align", options->align, "what is laid over the reference first")
+  command->add_option("ESTIMATE", options->estimate, "TUM trajectory or ASL ground truth, may be gzipped")->required();
+  command->add_option("REFERENCE", options->reference, "ground truth, in either format")->required();
+  command->add_option("--align", options->align, "how to align the estimate with the reference first")
       ->check(CLI::IsMember({"4dof", "se3", "sim3", "none"}))
       ->capture_default_str();
-  command->add_flag("--json", options->json, "all figures as JSON");
+  command->add_flag("--json", options->json, "print the errors as JSON");
   command->callback([options, &exit_code] { exit_code = evaluate_files(*options); });
 }
 

@@ -26,15 +26,15 @@ void print_latency(const OutputRecord& output) {
   fmt::print("output    {}: {} sent, {} not sent, reopened {} times\n", output.name, output.sent, output.not_sent,
              output.reopened);
   if (output.latency.count() == 0) return;
-  fmt::print("latency   image stamp to last byte, {} images: ", output.latency.count());
+  fmt::print("latency   image timestamp to last byte, {} images: ", output.latency.count());
   for (const double percent : {10.0, 50.0, 90.0, 99.0, 99.9})
     fmt::print("{:.2f} ms {:g} %, ", ms(percent / 100), percent);
-  fmt::print("{:.2f} ms at most\n", 1e-6 * static_cast<double>(output.latency.most_ns()));
+  fmt::print("{:.2f} ms max\n", 1e-6 * static_cast<double>(output.latency.most_ns()));
 }
 
 void print_flight(const FlightRecord& r) {
   const RealtimeReport& report = r.realtime->report;
-  fmt::print("flight    {} images in, {} overtaken, {} estimated; {} readings in\n", report.frames_in,
+  fmt::print("flight    {} images in, {} overtaken, {} estimated; {} IMU samples in\n", report.frames_in,
              report.frames_overtaken, report.frames_out, report.imu_in);
   for (const OutputRecord& output : r.realtime->outputs) print_latency(output);
   if (const auto errors = errors_of(r); errors && errors->poses > 0) {
@@ -46,7 +46,7 @@ void print_flight(const FlightRecord& r) {
 
 void print_summary(const hil::HilResult& result) {
   fmt::print("{}", hil::text_of(result.verdict, result.begin));
-  fmt::print("played    {} images, {} late, {} refused; {} readings refused\n", result.images_played,
+  fmt::print("played    {} images, {} late, {} refused; {} IMU samples refused\n", result.images_played,
              result.images_late, result.images_refused, result.readings_refused);
   if (result.record) print_flight(*result.record);
   const TrajectoryErrors errors = evaluate(result.received, result.truth);
@@ -56,9 +56,9 @@ void print_summary(const hil::HilResult& result) {
   fmt::print("\n");
 }
 
-/// Somebody starts the other process now, or waits for this line to do so.
+/// The user, or a script that waits for this line, starts the other process now.
 void say_ready(const hil::HilOptions& options) {
-  fmt::print("ready     {}, {}, {}; waits for epiline run --config {}\n", options.camera, options.imu,
+  fmt::print("ready     {}, {}, {}; waiting for epiline run --config {}\n", options.camera, options.imu,
              options.controller, options.config_file.string());
   std::fflush(stdout);
 }
@@ -81,7 +81,7 @@ int hil_command(HilArguments& options) {
   if (result->verdict.accepted()) return kExitDone;
   const hil::RuleVerdict& v = result->verdict.of(result->verdict.broken().front());
   return report({ErrorKind::kRun, options.hil.dataset.string(), 0,
-                 fmt::format("{} of the controllers' rules are broken, the first: {}: {}",
+                 fmt::format("the odometry breaks {} rules of the flight controllers, first of all {}: {}",
                              result->verdict.broken().size(), hil::info_of(v.rule).name, v.first),
                  hil::info_of(v.rule).demand});
 }
@@ -91,7 +91,7 @@ std::string camera_fault(const std::string& text) {
   return good ? "" : "camera " + text + "; expected file or v4l2loopback:/dev/videoN";
 }
 
-/// Of what cannot be left to whoever opens it.
+/// Only what opening the line would not report.
 std::string controller_fault(const std::string& text) {
   if (text.empty()) return "no controller; expected pty, udp, a CAN interface or a serial port";
   if (text.rfind("udp:", 0) != 0) return "";
@@ -108,37 +108,44 @@ void add_hil(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<HilArguments>();
   hil::HilOptions& h = o->hil;
   CLI::App* command = app.add_subcommand(
-      "hil", "Plays a recorded flight through the real interfaces, and judges the odometry as flight controllers do");
+      "hil",
+      "Play a recorded flight through the real interfaces, and judge the odometry by the rules of flight controllers");
   command->add_option("DATASET", h.dataset, "ASL folder or ROS 1 bag, with images")->required();
   command->group(kFly);
   add_settings(*command, h.config_file, h.set,
-               "the configuration of epiline run (TOML), whose devices are replaced by what is played; default: "
+               "configuration file (TOML) of epiline run; played devices replace its own; default: "
                "/etc/epiline/epiline.toml, else ./epiline.toml");
-  command->add_option("--camera", h.camera, "file, or v4l2loopback:DEVICE: through the kernel")
+  command
+      ->add_option("--camera", h.camera,
+                   "file: images directly from the recording; v4l2loopback:DEVICE: through the kernel")
       ->check(camera_fault)
       ->capture_default_str();
-  command->add_option("--imu", h.imu, "file; uhid: through the kernel's IIO; mavlink: that of the controller")
+  command
+      ->add_option("--imu", h.imu,
+                   "file: samples directly from the recording; uhid: through the kernel's IIO; mavlink: from the "
+                   "flight controller")
       ->check(CLI::IsMember({"file", "uhid", "mavlink"}))
       ->capture_default_str();
   command
-      ->add_option("--controller", h.controller,
-                   "where the flight controller is played: pty[:PATH], udp[:PORT], vcan..., or a serial port that is "
-                   "wired to the configuration's")
+      ->add_option(
+          "--controller", h.controller,
+          "where the simulated flight controller listens: pty[:PATH], udp[:PORT], a CAN interface, or a serial port "
+          "that is wired to the configured one")
       ->check(controller_fault)
       ->capture_default_str();
   command->add_flag("--beside", h.beside,
-                    "plays and judges only: an epiline run beside this flies, with the same configuration");
-  command->add_option("--jitter-ms", h.disturbance.jitter_ms, "samples come late by up to so much")
+                    "play and judge only, for an epiline run with the same configuration in another process");
+  command->add_option("--jitter-ms", h.disturbance.jitter_ms, "delay samples by up to this time")
       ->check(CLI::Range(0.0, 1000.0));
-  command->add_option("--loss", h.disturbance.loss, "share of samples that do not come")->check(CLI::Range(0.0, 1.0));
-  command->add_flag("--burst", h.disturbance.bursts, "each second nothing for 80 ms, then all of it at once");
-  command->add_option("--skew-ppm", h.disturbance.skew_ppm, "the IMU's clock runs so much faster")
+  command->add_option("--loss", h.disturbance.loss, "leave out this share of the samples")->check(CLI::Range(0.0, 1.0));
+  command->add_flag("--burst", h.disturbance.bursts,
+                    "each second, hold samples back for 80 ms and then play them at once");
+  command->add_option("--skew-ppm", h.disturbance.skew_ppm, "let the IMU's clock run faster by this")
       ->check(CLI::Range(-1000.0, 1000.0));
-  command->add_option("--start", h.start_s, "seconds of images left out at the beginning")
-      ->check(CLI::NonNegativeNumber);
-  command->add_option("--duration", h.duration_s, "ends after that many seconds")->check(CLI::PositiveNumber);
-  command->add_option("--out", h.out, "folder for trajectory, events, figures, report and verdict");
-  command->add_flag("--quiet", o->quiet, "no summary, no progress");
+  command->add_option("--start", h.start_s, "skip this many seconds at the beginning")->check(CLI::NonNegativeNumber);
+  command->add_option("--duration", h.duration_s, "end after this many seconds")->check(CLI::PositiveNumber);
+  command->add_option("--out", h.out, "write trajectory, events, figures, report and verdict into this folder");
+  command->add_flag("--quiet", o->quiet, "print errors only");
   command->callback([o, &exit_code] { exit_code = hil_command(*o); });
 }
 

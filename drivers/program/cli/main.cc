@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <exception>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "drivers/program/cli/commands.h"
@@ -12,8 +13,27 @@
 
 namespace epiline {
 
+namespace {
+
+bool is_json = false;
+
+}  // namespace
+
+void report_as_json() { is_json = true; }
+
 int report(const Error& error) {
   fmt::print(stderr, "epiline: error: {}\n", error.text());
+  if (is_json) {
+    nlohmann::ordered_json root;
+    root["schema"] = 1;
+    nlohmann::ordered_json& e = root["error"];
+    e["kind"] = error.kind == ErrorKind::kUsage ? "usage" : "run";
+    e["file"] = error.file;
+    e["line"] = error.line > 0 ? nlohmann::ordered_json(error.line) : nullptr;
+    e["found"] = error.found;
+    e["expected"] = error.expected;
+    fmt::print("{}\n", root.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
+  }
   return error.kind == ErrorKind::kUsage ? kExitUsage : kExitRunFailed;
 }
 
@@ -31,7 +51,7 @@ Result<std::unique_ptr<LiveView>> open_view(const std::string& text) {
 void add_settings(CLI::App& command, std::filesystem::path& file, std::vector<std::string>& set,
                   const std::string& what) {
   command.add_option("--config", file, what);
-  command.add_option("--set", set, "SECTION.KEY=VALUE: a setting that wins over the file; may be repeated")
+  command.add_option("--set", set, "override one setting, as in --set tracker.max_features=100; may be repeated")
       ->type_name("SECTION.KEY=VALUE")
       ->allow_extra_args(false);
 }
@@ -42,9 +62,9 @@ Result<std::filesystem::path> find_config(const std::filesystem::path& given) {
     std::error_code ignored;
     if (std::filesystem::exists(path, ignored)) return std::filesystem::path(path);
   }
-  return Error{
-      ErrorKind::kUsage, "", 0, "no configuration",
-      "--config FILE, or a file /etc/epiline/epiline.toml or ./epiline.toml (epiline config prints one to begin from)"};
+  return Error{ErrorKind::kUsage, "", 0, "no configuration",
+               "--config FILE, or a file /etc/epiline/epiline.toml or ./epiline.toml (`epiline config > epiline.toml` "
+               "writes one)"};
 }
 
 namespace {
@@ -54,7 +74,8 @@ std::string first_line(const std::string& text) { return text.substr(0, text.fin
 int run(int argc, char** argv) {
   int exit_code = kExitDone;
   CLI::App app(
-      "Visual-inertial odometry without a map: a camera and an IMU in, pose, velocity and their covariance out.",
+      "Visual-inertial odometry without a map: reads a camera and an IMU, estimates pose, velocity and their "
+      "covariance.",
       "epiline");
   app.require_subcommand(1);
   app.set_version_flag("--version", EPILINE_VERSION);
@@ -68,20 +89,24 @@ int run(int argc, char** argv) {
   add_simulate(app, exit_code);
   add_benchmark(app, exit_code);
   add_montecarlo(app, exit_code);
+  if (std::find(argv + 1, argv + std::max(argc, 1), std::string_view("--json")) != argv + std::max(argc, 1))
+    report_as_json();
   const auto commands = app.get_subcommands([](const CLI::App*) { return true; });
   const auto is_named = [&](const CLI::App* command) { return argc > 1 && command->check_name(argv[1]); };
-  if (argc > 1 && argv[1][0] != '-' && std::none_of(commands.begin(), commands.end(), is_named)) {
+  const bool is_known = std::any_of(commands.begin(), commands.end(), is_named);
+  if (argc > 1 && argv[1][0] != '-' && !is_known) {
     std::vector<std::string> names;
     for (const CLI::App* command : commands) names.push_back(command->get_name());
     const std::string meant = nearest(argv[1], names);
     return report({ErrorKind::kUsage, "", 0, "unknown command \"" + std::string(argv[1]) + "\"",
-                   (meant.empty() ? "" : "\"" + meant + "\", or ") + "one that epiline --help lists"});
+                   (meant.empty() ? "" : "\"" + meant + "\", or ") + "a command that `epiline --help` lists"});
   }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) return app.exit(e);  // --help, --version
-    return report({ErrorKind::kUsage, "", 0, first_line(e.what()), "what epiline --help lists"});
+    return report({ErrorKind::kUsage, "", 0, first_line(e.what()),
+                   "options as `epiline " + (is_known ? std::string(argv[1]) + " " : "") + "--help` lists them"});
   }
   return exit_code;
 }

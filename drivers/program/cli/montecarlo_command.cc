@@ -48,16 +48,18 @@ void add_noise(CLI::App& command, StudyOptions& study) {
   command.add_option("--drift", study.noise.drift_px, "random walk of the tracks, px per root of an image")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  command.add_option("--correlated-noise", study.correlated.sigma_px, "noise that lasts over some images, px")
+  command.add_option("--correlated-noise", study.correlated.sigma_px, "correlated noise of the tracks, px")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  command.add_option("--correlation-images", study.correlated.images, "after so many it is forgotten to 1/e")
+  command.add_option("--correlation-images", study.correlated.images, "correlation time of that noise, in images")
       ->check(CLI::Range(0.01, 1e6))
       ->capture_default_str();
-  command.add_option("--assumed-sigma", study.assumed_sigma_px, "noise the estimator is told instead of the white, px")
+  command
+      .add_option("--assumed-sigma", study.assumed_sigma_px,
+                  "noise that the estimator assumes, instead of the white noise, px")
       ->check(CLI::PositiveNumber);
   command.add_option("--time-offset", study.time_offset_s,
-                     "image stamps are too early by this, s; the estimator has to find it");
+                     "unknown time offset, s: image timestamps are too early by this");
 }
 
 }  // namespace
@@ -68,23 +70,23 @@ void add_montecarlo(CLI::App& app, int& exit_code) {
   o->factors.assign(kVisualFactorNames.begin(), kVisualFactorNames.end());
   o->study.jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   CLI::App* command =
-      app.add_subcommand("montecarlo", "Many made-up flights: errors, and whether the covariance tells the truth");
+      app.add_subcommand("montecarlo", "Simulate many flights, and compare the errors with the claimed covariance");
   command->group(kStudy);
-  command->add_option("--flight", o->flights, "what is flown")
+  command->add_option("--flight", o->flights, "built-in flights")
       ->delimiter(',')
       ->check(CLI::IsMember(o->flights))
       ->capture_default_str();
   command
       ->add_option("--factors", o->factors,
-                   std::string("visual factors, each with changes behind colons: ") + kVariantChanges)
+                   std::string("visual factors, each optionally with changes after colons: ") + kVariantChanges)
       ->delimiter(',')
       ->capture_default_str();
-  command->add_option("--runs", o->study.runs, "of each flight")
+  command->add_option("--runs", o->study.runs, "number of runs of each flight")
       ->check(CLI::Range(1, 1'000'000))
       ->capture_default_str();
   add_noise(*command, o->study);
-  command->add_option("--seed", o->study.seed, "of the first run")->capture_default_str();
-  command->add_option("--jobs", o->study.jobs, "threads")->check(CLI::Range(1, 1024))->capture_default_str();
+  command->add_option("--seed", o->study.seed, "seed of the first run")->capture_default_str();
+  command->add_option("--jobs", o->study.jobs, "number of threads")->check(CLI::Range(1, 1024))->capture_default_str();
   command->add_option("--out", o->out, "folder for montecarlo.txt and montecarlo.json")->required();
   command->callback([o, &exit_code] { exit_code = montecarlo_command(*o); });
 }

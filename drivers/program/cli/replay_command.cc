@@ -29,7 +29,7 @@ struct ReplayArguments {
 
 void print_realtime(const FlightRecord& r, const Timing& t) {
   const RealtimeReport& report = r.realtime->report;
-  fmt::print("latency   {:.2f} ms median, {:.2f} ms 99 %, {:.2f} ms at most, from image stamp to odometry\n",
+  fmt::print("latency   {:.2f} ms median, {:.2f} ms 99 %, {:.2f} ms max, from image timestamp to odometry\n",
              t.latency.median, t.latency.p99, t.latency.max);
   fmt::print("threads   {} images in, {} overtaken, {} missed by the camera; page faults {}, heap calls {}, locks {}\n",
              report.frames_in, report.frames_overtaken, r.skipped.at("missed_by_camera"), r.page_faults,
@@ -39,8 +39,8 @@ void print_realtime(const FlightRecord& r, const Timing& t) {
     for (const std::string& folder : recorder->written) fmt::print("record    {}\n", folder);
     for (const std::string& line : recorder->failed) fmt::print("note      record failed: {}\n", line);
   }
-  fmt::print("imu rate  {} predictions, {:.2f} ms 99 %, {:.2f} ms at most, from reading to odometry\n",
-             report.predicted, 1e-6 * static_cast<double>(report.prediction_latency.quantile_ns(0.99)),
+  fmt::print("imu rate  {} predictions, {:.2f} ms 99 %, {:.2f} ms max, from IMU sample to odometry\n", report.predicted,
+             1e-6 * static_cast<double>(report.prediction_latency.quantile_ns(0.99)),
              1e-6 * static_cast<double>(report.prediction_latency.most_ns()));
   for (const std::string& line : r.realtime->shortfalls) fmt::print("note      {}\n", line);
 }
@@ -73,11 +73,11 @@ std::string refusals(const EstimatorStats& stats) {
     if (stats.start_refused[i] == 0) continue;
     s += fmt::format("{}{} {}", s.empty() ? "" : ", ", to_string(static_cast<StartRefusal>(i)), stats.start_refused[i]);
   }
-  return s.empty() ? "no start tried" : "starts refused: " + s;
+  return s.empty() ? "no start attempted" : "refused starts: " + s;
 }
 
 std::string fault_help() {
-  std::string s = "what goes wrong with the sensors, NAME@SECONDS[:DURATION] after the first image:";
+  std::string s = "simulate a sensor fault, NAME@SECONDS[:DURATION] after the first image; may be repeated. Names:";
   for (const FaultInfo& info : all_faults()) s += fmt::format("\n{}: {}", info.name, info.what);
   return s;
 }
@@ -92,7 +92,7 @@ int replay_command(ReplayArguments& options) {
   if (options.deadline_ms > 0) options.replay.deadline_ms = options.deadline_ms;
   if (options.realtime) options.replay.realtime_speed = options.speed;
   if (std::filesystem::exists(options.out) && !std::filesystem::is_directory(options.out)) {
-    return report({ErrorKind::kUsage, options.out, 0, "is no folder", "a folder for the results"});
+    return report({ErrorKind::kUsage, options.out, 0, "is a file", "a folder for the results (--out)"});
   }
   const auto view = open_view(options.view);
   if (!view) return report(view.error());
@@ -108,9 +108,10 @@ int replay_command(ReplayArguments& options) {
     print_summary(record, *errors, options.out);
   }
   if (!start_seconds(record)) {
-    return report({ErrorKind::kRun, record.dataset_path, 0,
-                   fmt::format("never initialised in {} images ({})", record.images.size(), refusals(record.estimator)),
-                   "a stretch of standstill, or of motion with texture in view"});
+    return report(
+        {ErrorKind::kRun, record.dataset_path, 0,
+         fmt::format("the estimator did not start in {} images ({})", record.images.size(), refusals(record.estimator)),
+         "a second at rest, or motion with texture in view (docs/troubleshooting.md)"});
   }
   return kExitDone;
 }
@@ -119,46 +120,54 @@ int replay_command(ReplayArguments& options) {
 
 void add_replay(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<ReplayArguments>();
-  CLI::App* command = app.add_subcommand("replay", "Odometry from a recorded flight: trajectory, figures, report");
+  CLI::App* command =
+      app.add_subcommand("replay", "Estimate odometry from a recorded flight: trajectory, figures, report");
   command->add_option("DATASET", o->replay.dataset, "ASL folder (mav0/{cam0,imu0,...}) or ROS 1 bag")->required();
   command->add_option("--out", o->out, "folder for the results")->capture_default_str();
   command->group(kAnalyse);
-  add_settings(*command, o->replay.config_file, o->replay.set, "settings (TOML); see epiline config");
-  command->add_option("--visual-factor", o->visual_factor, "residual of a track")
+  add_settings(*command, o->replay.config_file, o->replay.set, "configuration file (TOML); epiline config prints one");
+  command->add_option("--visual-factor", o->visual_factor, "visual factor: which residual a track becomes")
       ->check(CLI::IsMember(kVisualFactorNames));
-  command->add_option("--camera", o->replay.camera, "which camera")
+  command->add_option("--camera", o->replay.camera, "which camera of the data set")
       ->check(CLI::IsMember({"cam0", "cam1"}))
       ->capture_default_str();
-  command->add_option("--image-topic", o->replay.topics.image, "of a bag; else the first with images");
-  command->add_option("--imu-topic", o->replay.topics.imu, "of a bag; else the first with IMU samples");
-  command->add_option("--truth-topic", o->replay.topics.truth, "of a bag; else the first with poses, if any");
-  command->add_option("--start", o->replay.start_s, "seconds of images left out at the beginning")
+  command->add_option("--image-topic", o->replay.topics.image, "image topic of a bag; default: the first by name");
+  command->add_option("--imu-topic", o->replay.topics.imu, "IMU topic of a bag; default: the first by name");
+  command->add_option("--truth-topic", o->replay.topics.truth,
+                      "ground-truth topic of a bag; default: the first with poses, if any");
+  command->add_option("--start", o->replay.start_s, "skip this many seconds at the beginning")
       ->check(CLI::NonNegativeNumber);
-  command->add_option("--duration", o->replay.duration_s, "ends after that many seconds")->check(CLI::PositiveNumber);
+  command->add_option("--duration", o->replay.duration_s, "end after this many seconds")->check(CLI::PositiveNumber);
   command
       ->add_option("--deadline-ms", o->deadline_ms,
-                   "time for the solve of one image; the result then depends on the computer")
+                   "longest time for the solve of one image; makes the result depend on the computer")
       ->check(CLI::PositiveNumber);
   CLI::Option* const realtime =
-      command->add_flag("--realtime", o->realtime, "in threads, each sample at its time, as a live run does it");
-  command->add_option("--speed", o->speed, "of the recording's clock in a real-time run")
+      command->add_flag("--realtime", o->realtime, "replay in threads, each sample at its time, like a live flight");
+  command->add_option("--speed", o->speed, "with --realtime: play this many times as fast")
       ->check(CLI::Range(0.01, 1000.0))
       ->needs(realtime);
-  command->add_option("--view", o->view, "[ADDRESS:]PORT: a page that shows the flight while it goes on; 0: any port")
+  command
+      ->add_option("--view", o->view, "with --realtime: serve a page that shows the flight; port 0 takes any free port")
       ->type_name("[ADDRESS:]PORT")
       ->needs(realtime);
-  CLI::Option* const record =
-      command->add_option("--record", o->replay.record_folder, "flight recorder: records go into this folder")
-          ->needs(realtime);
-  command->add_flag("--record-images", o->replay.record_images, "images are recorded too")->needs(record);
+  CLI::Option* const record = command
+                                  ->add_option("--record", o->replay.record_folder,
+                                               "with --realtime: flight recorder, writes records into this folder")
+                                  ->needs(realtime);
+  command->add_flag("--record-images", o->replay.record_images, "record images too")->needs(record);
   command
-      ->add_option("--loop", o->replay.loop_s, "fly it again and again, each round a new start, for that many seconds")
+      ->add_option("--loop", o->replay.loop_s,
+                   "repeat the recording for this many seconds, with a new start in each round")
       ->check(CLI::PositiveNumber);
-  command->add_flag("--imu-rate", o->replay.imu_rate, "write odometry_imu_rate.tum: the odometry at every IMU reading")
+  command
+      ->add_flag("--imu-rate", o->replay.imu_rate,
+                 "with --realtime: write odometry_imu_rate.tum, the odometry at every IMU sample")
       ->needs(realtime);
-  command->add_option("--shift-images", o->replay.shift_images_ms, "ms added to the images' stamps, to test with");
+  command->add_option("--shift-images", o->replay.shift_images_ms,
+                      "ms to add to the timestamps of the images, for tests");
   command->add_option("--fault", o->faults, fault_help());
-  command->add_flag("--quiet", o->quiet, "no summary, no progress");
+  command->add_flag("--quiet", o->quiet, "print errors only");
   command->callback([o, &exit_code] { exit_code = replay_command(*o); });
 }
 

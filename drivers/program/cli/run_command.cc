@@ -32,8 +32,8 @@ std::string reasons_text(std::uint32_t reasons) {
   return s;
 }
 
-/// A line when the state changes, or a line to a receiver is lost or back; on a terminal also one that is written over,
-/// twice a second.
+/// Prints a line when the health state changes, or a receiver is lost or found again. On a terminal, another line is
+/// overwritten twice a second with position and velocity.
 class StateLines {
  public:
   explicit StateLines(bool quiet) : quiet_(quiet), terminal_(!quiet && isatty(STDERR_FILENO) == 1) {}
@@ -73,7 +73,7 @@ class StateLines {
                  state.since_start.seconds(), o.health.quality, o.p_WB_m[0], o.p_WB_m[1], o.p_WB_m[2], o.v_WB_m_s[0],
                  o.v_WB_m_s[1], o.v_WB_m_s[2]);
     } else {
-      fmt::print(stderr, "{:9.2f} s  {} images, {} readings of the IMU", state.since_start.seconds(), state.images,
+      fmt::print(stderr, "{:9.2f} s  {} images, {} IMU samples", state.since_start.seconds(), state.images,
                  state.readings);
     }
     std::fflush(stderr);
@@ -90,12 +90,12 @@ void print_summary(const FlightRecord& r) {
   const RealtimeReport& report = r.realtime->report;
   fmt::print("images    {} in, {} estimated, {} overtaken\n", report.frames_in, report.frames_out,
              report.frames_overtaken);
-  fmt::print("readings  {} in, {} odometry made of them\n", report.imu_in, report.predicted);
+  fmt::print("samples   {} IMU samples in, {} predictions published\n", report.imu_in, report.predicted);
   for (const OutputRecord& o : r.realtime->outputs) {
     const auto ms = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
     fmt::print("output    {}: {} sent, {} not sent, reopened {} times", o.name, o.sent, o.not_sent, o.reopened);
     if (o.latency.count() > 0) {
-      fmt::print("; {:.2f} ms median, {:.2f} ms 99 %, {:.2f} ms at most, from image stamp to last byte",
+      fmt::print("; {:.2f} ms median, {:.2f} ms 99 %, {:.2f} ms max, from image timestamp to last byte",
                  ms(o.latency.quantile_ns(0.5)), ms(o.latency.quantile_ns(0.99)), ms(o.latency.most_ns()));
     }
     fmt::print("\n");
@@ -132,18 +132,20 @@ int run_command(RunArguments& options) {
 
 void add_run(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<RunArguments>();
-  CLI::App* command = app.add_subcommand("run", "Odometry from a live camera and IMU, to flight controllers and buses");
+  CLI::App* command = app.add_subcommand(
+      "run", "Estimate odometry from a live camera and IMU, and send it to flight controllers and buses");
   command->group(kFly);
   add_settings(*command, o->config, o->set,
-               "devices, calibration and settings (TOML); default: /etc/epiline/epiline.toml, else ./epiline.toml");
-  command->add_option("--out", o->live.out, "folder for trajectory, events, figures and report");
-  command->add_option("--duration", o->live.duration_s, "ends after that many seconds")->check(CLI::PositiveNumber);
-  command->add_option("--view", o->view, "[ADDRESS:]PORT: a page that shows the flight; 0: any port")
+               "configuration file (TOML) with devices, calibration and settings; default: /etc/epiline/epiline.toml, "
+               "else ./epiline.toml");
+  command->add_option("--out", o->live.out, "write trajectory, events, figures and report into this folder");
+  command->add_option("--duration", o->live.duration_s, "end after this many seconds")->check(CLI::PositiveNumber);
+  command->add_option("--view", o->view, "serve a page that shows the flight; port 0 takes any free port")
       ->type_name("[ADDRESS:]PORT");
   CLI::Option* const record =
-      command->add_option("--record", o->record_folder, "flight recorder: records go into this folder");
-  command->add_flag("--record-images", o->record_images, "images are recorded too")->needs(record);
-  command->add_flag("--quiet", o->quiet, "prints nothing but errors");
+      command->add_option("--record", o->record_folder, "flight recorder: write records into this folder");
+  command->add_flag("--record-images", o->record_images, "record images too")->needs(record);
+  command->add_flag("--quiet", o->quiet, "print errors only");
   command->callback([o, &exit_code] { exit_code = run_command(*o); });
 }
 

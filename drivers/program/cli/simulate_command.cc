@@ -115,47 +115,59 @@ std::vector<std::string> names(const All& all) {
 
 void add_simulate(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<SimulateArguments>();
-  CLI::App* command =
-      app.add_subcommand("simulate", "A made-up flight as a folder to replay: images or tracks, IMU and the truth");
+  CLI::App* command = app.add_subcommand(
+      "simulate", "Simulate a flight, as a folder to replay: images or tracks, IMU samples and ground truth");
   command->group(kStudy);
-  command->add_option("--flight", o->flight, "what is flown")
+  command->add_option("--flight", o->flight, "built-in flight")
       ->check(CLI::IsMember(names(kAllFlights)))
       ->capture_default_str();
-  CLI::Option* from = command->add_option("--from", o->from, "a recorded flight (ASL folder): renders along its truth")
-                          ->excludes("--flight");
-  command->add_option("--imu", o->imu, "with --from: its readings, or simulated ones")
+  CLI::Option* from =
+      command->add_option("--from", o->from, "render along the ground truth of this recorded flight (ASL folder)")
+          ->excludes("--flight");
+  command->add_option("--imu", o->imu, "with --from: its recorded IMU samples, or simulated ones")
       ->check(CLI::IsMember({"recorded", "simulated"}))
       ->needs(from)
       ->capture_default_str();
-  command->add_option("--imu-calibration", o->imu_calibration, "with --from: noise of the IMU, instead of its own file")
+  command
+      ->add_option("--imu-calibration", o->imu_calibration,
+                   "with --from: calibration file with the noise of the IMU, instead of its own")
       ->needs(from);
-  command->add_option("--world", o->world, "what there is to see (default: what fits the flight)")
+  command->add_option("--world", o->world, "scene to render (default: one that fits the flight)")
       ->check(CLI::IsMember(names(kAllWorlds)));
-  command->add_option("--effects", o->effects, "what camera and simulated IMU do: " + effects_help())
+  command
+      ->add_option("--effects", o->effects,
+                   "imperfections of camera and simulated IMU, separated by commas: " + effects_help())
       ->capture_default_str();
   command->add_option("--camera", o->camera,
-                      "calibration (sensor.yaml) of the camera to render with; of the lens alone without --from");
+                      "calibration (sensor.yaml) of the rendered camera; without --from, only its lens is used");
   command->add_option("--rate", o->rate_hz, "images per second")->check(CLI::Range(1.0, 500.0))->capture_default_str();
-  command->add_option("--seed", o->seed, "of every random number")->capture_default_str();
-  command->add_option("--duration", o->duration_s, "ends after that many seconds")->check(CLI::PositiveNumber);
-  command->add_option("--jobs", o->jobs, "images rendered at a time")->check(CLI::Range(1, 256))->capture_default_str();
+  command->add_option("--seed", o->seed, "seed of all random numbers")->capture_default_str();
+  command->add_option("--duration", o->duration_s, "end after this many seconds")->check(CLI::PositiveNumber);
+  command->add_option("--jobs", o->jobs, "number of images to render at the same time")
+      ->check(CLI::Range(1, 256))
+      ->capture_default_str();
   CLI::Option* tracks =
-      command->add_flag("--tracks", o->tracks, "perfect tracks with noise in place of images")->excludes(from);
-  command->add_option("--pixel-noise", o->simulation.noise.pixel_sigma, "of the tracks, standard deviation, px")
+      command->add_flag("--tracks", o->tracks, "write simulated tracks with noise instead of images")->excludes(from);
+  command
+      ->add_option("--pixel-noise", o->simulation.noise.pixel_sigma,
+                   "with --tracks: standard deviation of their noise, px")
       ->check(CLI::NonNegativeNumber)
       ->needs(tracks)
       ->capture_default_str();
-  CLI::Option* wheels = command->add_flag("--wheel", o->wheels, "the forward speed as wheels tell it, in wheel0");
-  command->add_option("--wheel-noise", o->wheel.sigma_m_s, "of that speed, standard deviation, m/s")
+  CLI::Option* wheels =
+      command->add_flag("--wheel", o->wheels, "also write the forward speed that wheels would measure (wheel0)");
+  command->add_option("--wheel-noise", o->wheel.sigma_m_s, "with --wheel: standard deviation of the speed, m/s")
       ->check(CLI::NonNegativeNumber)
       ->needs(wheels)
       ->capture_default_str();
-  command->add_option("--wheel-scale-error", o->wheel.scale_error, "0.01: tells one per cent too much")
+  command
+      ->add_option("--wheel-scale-error", o->wheel.scale_error,
+                   "with --wheel: scale error of the speed; 0.01 is one per cent too fast")
       ->check(CLI::Range(-0.5, 0.5))
       ->needs(wheels)
       ->capture_default_str();
   command->add_option("--out", o->out, "folder to write")->required();
-  command->add_flag("--quiet", o->quiet, "no progress");
+  command->add_flag("--quiet", o->quiet, "print errors only");
   command->callback([o, &exit_code] { exit_code = simulate(*o); });
 }
 

@@ -24,15 +24,15 @@ Status CanThread::start(const std::string& interface) {
   constexpr const char* kExpected =
       "a CAN interface that is up (ip link add vcan0 type vcan; ip link set vcan0 mtu 72 up)";
   fd_ = ::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, CAN_RAW);
-  if (fd_ < 0) return fail("no CAN in this kernel", kExpected);
+  if (fd_ < 0) return fail("the kernel has no CAN support", kExpected);
   const int both = 1;
   sockaddr_can address{};
   address.can_family = AF_CAN;
   address.can_ifindex = static_cast<int>(::if_nametoindex(interface.c_str()));
-  if (address.can_ifindex == 0) return fail("no such interface", kExpected);
+  if (address.can_ifindex == 0) return fail("no such network interface", kExpected);
   if (::setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &both, sizeof both) != 0 ||
       ::bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
-    return fail("cannot listen", kExpected);
+    return fail("cannot listen on it", kExpected);
   if (!thread_.start({.name = "controller", .priority = ControllerThread::kPriority}, run, this))
     return Error{ErrorKind::kRun, interface, 0, "no thread for the controller", ""};
   return Done{};

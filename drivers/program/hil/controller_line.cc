@@ -152,7 +152,7 @@ Result<std::unique_ptr<ControllerLine>> open_pty_line(const std::string& name) {
     if (::symlink(pts.data(), name.c_str()) != 0) {
       Error error = failed(name, "cannot be made a name of the pseudo terminal");
       error.kind = ErrorKind::kUsage;
-      error.expected = "a path at which nothing is yet, in a folder that may be written to";
+      error.expected = "an unused path in a writable folder";
       return error;
     }
   }
@@ -166,7 +166,7 @@ Result<std::unique_ptr<ControllerLine>> open_serial_line(const std::string& devi
   if (const DeviceTrouble trouble = port->open()) {
     Error error = error_of(trouble, device);
     error.kind = ErrorKind::kUsage;
-    error.expected += "; one that is wired to the configuration's, or pty, udp, a CAN interface";
+    error.expected += " that is wired to the configured one, or pty, udp or a CAN interface";
     return error;
   }
   return std::unique_ptr<ControllerLine>(std::make_unique<Wire>(std::move(port)));

@@ -44,13 +44,13 @@ Result<AslDataset> open_dataset(const HilOptions& o, const Config& c) {
 
 Result<FlightPlan> plan_of(const AslDataset& dataset, const HilOptions& o) {
   if (dataset.images.empty())
-    return Error{ErrorKind::kUsage, o.dataset.string(), 0, "tracks in place of images", "a recording with images"};
+    return Error{ErrorKind::kUsage, o.dataset.string(), 0, "holds tracks instead of images", "a recording with images"};
   ReplayOptions replay;
   replay.start_s = o.start_s;
   replay.duration_s = o.duration_s;
   FlightPlan plan = plan_flight(dataset, replay);
   if (plan.images.empty()) {
-    return Error{ErrorKind::kUsage, o.dataset.string(), 0, "no image in the time asked for",
+    return Error{ErrorKind::kUsage, o.dataset.string(), 0, "no image between --start and --duration",
                  "a shorter --start or a longer --duration"};
   }
   return plan;
@@ -76,13 +76,14 @@ Status check_beside(const HilOptions& o, const LiveSettings& settings) {
   const DevicesConfig& d = settings.config.devices;
   const auto differs = [&](const char* key, const std::string& value, const std::string& played) {
     return Error{ErrorKind::kUsage, settings.source, 0, std::string(key) + " = \"" + value + "\"",
-                 "\"" + played + "\", where it is played"};
+                 "\"" + played + "\", to which epiline hil plays"};
   };
   const auto not_found = [](const char* option, const std::string& value, const char* expected) {
     return Error{ErrorKind::kUsage, std::string("--beside with ") + option, 0, value, expected};
   };
-  if (o.camera == "file") return not_found("--camera", o.camera, "v4l2loopback:DEVICE: the other process opens it");
-  if (o.imu == "file") return not_found("--imu", o.imu, "uhid or mavlink: the other process opens it");
+  if (o.camera == "file")
+    return not_found("--camera", o.camera, "v4l2loopback:DEVICE, which the other process can open");
+  if (o.imu == "file") return not_found("--imu", o.imu, "uhid or mavlink, which the other process can open");
   if (o.controller == "pty" || o.controller == "udp")
     return not_found("--controller", o.controller, "pty:PATH, udp:PORT, a CAN interface or a serial port");
   const std::string& camera = d.camera.device;
@@ -265,7 +266,8 @@ Status Flight::stand_by(const SignalWait& signals, const std::function<bool(cons
     if (begun) goes_on = watch_flight() && goes_on;
   }
   if (clock_.started()) return Done{};
-  return Error{ErrorKind::kRun, "", 0, "nobody has opened the IMU", "epiline run with " + settings_.source};
+  return Error{ErrorKind::kRun, "", 0, "no program opened the IMU",
+               "epiline run with " + settings_.source + " in another terminal"};
 }
 
 Result<HilResult> Flight::run(const std::function<bool(const Progress&)>& watch) {

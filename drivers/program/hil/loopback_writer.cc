@@ -46,7 +46,7 @@ Status LoopbackWriter::open(const std::string& device, int width, int height, do
   width_ = width;
   height_ = height;
   fd_ = ::open(device.c_str(), O_RDWR | O_CLOEXEC);
-  if (fd_ < 0) return fail(device, "cannot be opened");
+  if (fd_ < 0) return fail(device, "cannot open it");
   v4l2_format format{};
   format.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
   format.fmt.pix.width = static_cast<std::uint32_t>(width);
@@ -74,7 +74,7 @@ Status LoopbackWriter::open(const std::string& device, int width, int height, do
   }
   if (length_ < stride_ * static_cast<std::size_t>(height)) {
     errno = ENOMEM;
-    return fail(device, "buffers smaller than an image");
+    return fail(device, "its buffers are smaller than an image");
   }
   int type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
   if (::ioctl(fd_, VIDIOC_STREAMON, &type) != 0) return fail(device, "VIDIOC_STREAMON");

@@ -117,8 +117,9 @@ bool contains(const fs::path& file, const std::string& wanted) {
 Status UhidImu::open() {
   fd_ = ::open("/dev/uhid", O_RDWR | O_CLOEXEC | O_NONBLOCK);
   if (fd_ < 0)
-    return Error{ErrorKind::kRun, "/dev/uhid", 0, std::strerror(errno),
-                 errno == ENOENT ? "the module uhid to be loaded (modprobe uhid)" : "root, or write access to it"};
+    return Error{
+        ErrorKind::kRun, "/dev/uhid", 0, std::strerror(errno),
+        errno == ENOENT ? "the kernel module uhid (modprobe uhid)" : "write access to it (root, or a udev rule)"};
   answering_ = std::thread([this] { answer(); });
   return Done{};
 }
@@ -160,8 +161,8 @@ Status UhidImu::plug_in(Span at_most) {
   for (const std::int64_t until_ns = monotonic_ns() + at_most.ns; !find_devices();) {
     if (monotonic_ns() > until_ns) {
       unplug();
-      return Error{ErrorKind::kRun, "virtual IMU", 0, "no IIO devices for it",
-                   "the modules hid-sensor-gyro-3d and hid-sensor-accel-3d to be loaded"};
+      return Error{ErrorKind::kRun, "virtual IMU", 0, "the kernel made no IIO devices of it",
+                   "the kernel modules hid-sensor-gyro-3d and hid-sensor-accel-3d (modprobe)"};
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }

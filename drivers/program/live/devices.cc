@@ -29,7 +29,7 @@ Result<V4l2Settings> v4l2_settings(const LiveSettings& settings) {
   if (c.width != settings.camera.width || c.height != settings.camera.height) {
     return Error{
         ErrorKind::kUsage, settings.source, 0, fmt::format("camera.width = {}, camera.height = {}", c.width, c.height),
-        fmt::format("{} x {}, the size the camera was calibrated with", settings.camera.width, settings.camera.height)};
+        fmt::format("{} x {}, the image size in camera.calibration", settings.camera.width, settings.camera.height)};
   }
   auto s = v4l2_settings_of(c);
   if (!s) {
@@ -101,8 +101,8 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
   Config& config = settings.config;
   file->apply(config);  // for the names of calibration files
   if (config.camera_calibration.empty()) {
-    return missing(settings, "no camera.calibration",
-                   "a file with the camera's lens and place, as Kalibr writes it (camchain-imucam.yaml)");
+    return missing(settings, "camera.calibration is not set",
+                   "a calibration file of the camera, for instance Kalibr's camchain-imucam.yaml (docs/wiring.md)");
   }
   const auto camera = read_camera_calibration(config.camera_calibration, "cam0");
   if (!camera) return camera.error();
@@ -126,7 +126,8 @@ namespace {
 
 Status add_camera(const LiveSettings& settings, LiveDevices& devices) {
   if (settings.config.devices.camera.device.empty())
-    return missing(settings, "no camera.device", "the camera's path, name or bus");
+    return missing(settings, "camera.device is not set",
+                   "the camera's path, name or bus (epiline check lists cameras)");
   auto camera = v4l2_settings(settings);
   if (!camera) return camera.error();
   constexpr int kForTracking = 4;
@@ -185,17 +186,17 @@ Status add_imu(const LiveSettings& settings, mavlink::MavlinkLink* link, LiveDev
   if (driver == ImuDriver::kMavlink) {
     if (link == nullptr) {
       return missing(settings, "imu.driver = \"mavlink\" without a flight controller",
-                     "mavlink.serial or mavlink.udp, where it is");
+                     "its port in mavlink.serial or mavlink.udp");
     }
     if (!R_VB_of(d.body).isIdentity()) {
-      return missing(settings, "a turn in [body] with imu.driver = \"mavlink\"",
-                     "none: a flight controller gives its readings in the vehicle's axes");
+      return missing(settings, "angles in [body] with imu.driver = \"mavlink\"",
+                     "angles of 0: a flight controller sends its samples in the vehicle's axes");
     }
     take_imu(std::make_unique<MavlinkImu>(*link), devices);
     return Done{};
   }
   if (d.imu.device.empty())
-    return missing(settings, "no imu.device", "the IMU's name or path, or imu.driver = \"mavlink\"");
+    return missing(settings, "imu.device is not set", "the IMU's name or path, or imu.driver = \"mavlink\"");
   if (driver == ImuDriver::kIio) {
     take_imu(std::make_unique<IioImu>(d.imu), devices);
   } else {

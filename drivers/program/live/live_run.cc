@@ -247,9 +247,9 @@ Result<FlightRecord> fly(const LiveSettings& settings, LiveDevices& devices, con
     if (record) record->peak_rss_mib = peak_rss_mib();
     return record;
   } catch (const std::system_error& e) {
-    return Error{ErrorKind::kRun, settings.source, 0, e.what(), "a system that can start its threads"};
+    return Error{ErrorKind::kRun, settings.source, 0, e.what(), "free threads and memory (ulimit -u, ulimit -l)"};
   } catch (const std::invalid_argument& e) {
-    return Error{ErrorKind::kUsage, settings.source, 0, e.what(), "settings that go together"};
+    return Error{ErrorKind::kUsage, settings.source, 0, e.what(), "settings that are consistent with each other"};
   }
 }
 

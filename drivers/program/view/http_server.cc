@@ -28,7 +28,7 @@ struct HttpServer::Impl {
 
 Result<std::unique_ptr<HttpServer>> HttpServer::listen(const ViewAddress&, Handler) {
   return Error{ErrorKind::kUsage, "", 0, "--view: this program was built without the live view",
-               "one configured with libmicrohttpd-dev"};
+               "a build with libmicrohttpd-dev installed"};
 }
 std::uint64_t HttpRequest::number(const char*, std::uint64_t fallback) const { return fallback; }
 void HttpServer::step(Span) {}
@@ -60,18 +60,18 @@ Result<int> open_socket(const ViewAddress& address, std::uint16_t& port) {
   hints.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV | AI_PASSIVE;
   hints.ai_socktype = SOCK_STREAM;
   if (getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(), &hints, &found) != 0) {
-    return failed("no address");
+    return failed("not a valid address");
   }
   const std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> info(found, freeaddrinfo);
   const int s = socket(info->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-  if (s < 0) return failed("no socket");
+  if (s < 0) return failed("cannot open a socket");
   const int on = 1;
   setsockopt(s, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);  // not while another listens; only after a restart
   sockaddr_storage bound{};
   socklen_t size = sizeof bound;
   if (bind(s, info->ai_addr, info->ai_addrlen) != 0 || ::listen(s, 64) != 0 ||
       getsockname(s, reinterpret_cast<sockaddr*>(&bound), &size) != 0) {
-    const Error error = failed("cannot be listened on");
+    const Error error = failed("cannot listen there");
     close(s);
     return error;
   }
@@ -127,7 +127,7 @@ HttpResponse HttpServer::Impl::refuse(MHD_Connection* connection, const char* me
   if (std::strcmp(method, "GET") != 0 && std::strcmp(method, "HEAD") != 0) return refusal(405, "only GET and HEAD\n");
   const char* const length = header("Content-Length");
   if (header("Transfer-Encoding") != nullptr || (length != nullptr && std::strcmp(length, "0") != 0)) {
-    return refusal(413, "a request has no body here\n");
+    return refusal(413, "requests with a body are refused\n");
   }
   const char* const host = header("Host");
   if (host == nullptr || !is_own_host(host, own_name, address.is_loopback())) {

@@ -52,13 +52,13 @@ Result<ViewAddress> parse_view_address(std::string_view text) {
   std::string_view host, port = text;
   bool brackets = false;
   if (text.find(':') != std::string_view::npos) {
-    if (!split(text, host, port, brackets)) return wrong("no address and port", "[ADDRESS:]PORT, or [IPV6]:PORT");
+    if (!split(text, host, port, brackets)) return wrong("not an address and a port", "[ADDRESS:]PORT, or [IPV6]:PORT");
     address.host = equal_names(host, "localhost") ? "127.0.0.1" : std::string(host);
     if (!is_numeric(brackets ? AF_INET6 : AF_INET, address.host)) {
-      return wrong("no numeric address", "one of this computer's, 0.0.0.0 for all; IPv6 in brackets");
+      return wrong("not a numeric address", "an address of this computer, or 0.0.0.0 for all; IPv6 in brackets");
     }
   }
-  if (!parse_port(port, address.port)) return wrong("no port", "a number from 0 (any that is free) to 65535");
+  if (!parse_port(port, address.port)) return wrong("not a port", "a number from 1 to 65535, or 0 for any free port");
   return address;
 }
 

@@ -31,7 +31,8 @@ V4l2Camera::V4l2Camera(V4l2Settings settings, SystemCalls& system)
 
 Status V4l2Camera::open() {
   if (settings_.buffers < 2 || settings_.buffers > static_cast<int>(kMostBuffers))
-    return Error{ErrorKind::kUsage, settings_.device, 0, std::to_string(settings_.buffers) + " buffers", "2 to 16"};
+    return Error{ErrorKind::kUsage, settings_.device, 0, "camera.buffers = " + std::to_string(settings_.buffers),
+                 "2 to 16"};
   if (Status line = stamp_line_.open(); !line) return line;
   if (!wake_up_.open()) return Error{ErrorKind::kRun, "eventfd", 0, std::strerror(errno), ""};
   if (const DeviceTrouble trouble = set_up()) {
@@ -75,7 +76,7 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
     }
   } else if (format.width != format_.width || format.height != format_.height || copies != copies_) {
     DeviceTrouble trouble;
-    trouble.step = "the camera came back different";
+    trouble.step = "the camera returned with another image size or format";
     return trouble;
   }
   format_ = format;
@@ -160,18 +161,19 @@ DeviceTrouble V4l2Camera::map_buffers() noexcept {
     }
     if (memory.length < image_bytes(format_.format, format_.width, format_.height, format_.stride)) {
       DeviceTrouble trouble;
-      trouble.step = "a buffer is smaller than an image";
+      trouble.step = "the driver's buffers are smaller than an image";
       return trouble;
     }
     if (const DeviceTrouble trouble = device_.queue(i)) return trouble;
   }
   DeviceTrouble trouble;
   if (buffer_count_ < 2) {
-    trouble.step = "fewer than 2 buffers";
+    trouble.step = "the driver has fewer than 2 buffers";
   } else if ((stamp_flags_ & V4L2_BUF_FLAG_TIMESTAMP_MASK) != V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC &&
              !settings_.trust_stamps) {
-    trouble.step = "stamps of an unknown clock";
-    std::snprintf(trouble.expected, sizeof(trouble.expected), "monotonic stamps, or trust_stamps in the configuration");
+    trouble.step = "its driver does not declare monotonic timestamps";
+    std::snprintf(trouble.expected, sizeof(trouble.expected),
+                  "monotonic timestamps; camera.trust_stamps = true if they are");
   }
   return trouble;
 }

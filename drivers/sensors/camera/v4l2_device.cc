@@ -103,7 +103,8 @@ DeviceTrouble V4l2Device::open(const char* wanted) noexcept {
   if (wanted[0] == '/') return open_path(wanted);
   const auto is_called = [&](const std::array<char, 64>& name) { return std::strcmp(name.data(), wanted) == 0; };
   if (find([&] { return is_called(identity_.card) || is_called(identity_.bus); })) return {};
-  return unexpected("looking for the camera", "the name or the bus of a camera", "none is called '%.60s'", wanted);
+  return unexpected("open", "a camera's path, name or bus (epiline check lists them)", "no camera is called '%.60s'",
+                    wanted);
 }
 
 DeviceTrouble V4l2Device::open(const DeviceIdentity& wanted) noexcept {
@@ -125,7 +126,8 @@ DeviceTrouble V4l2Device::open_path(const char* path) noexcept {
   if (error != 0)
     trouble = unexpected("VIDIOC_QUERYCAP", "a V4L2 device", "not a V4L2 device");
   else if ((caps & V4L2_CAP_VIDEO_CAPTURE) == 0 || (caps & V4L2_CAP_STREAMING) == 0)
-    trouble = unexpected("VIDIOC_QUERYCAP", "single-planar capture and streaming", "capabilities 0x%08x", caps);
+    trouble = unexpected("VIDIOC_QUERYCAP", "a capture node: one camera may have several /dev/video files",
+                         "it does not capture single-planar images (capabilities 0x%08x)", caps);
   if (trouble) {
     close();
     return trouble;
@@ -165,7 +167,8 @@ DeviceTrouble V4l2Device::set_format(const V4l2Settings& settings, DeviceFormat&
     format.stride = static_cast<int>(pix.bytesperline > least ? pix.bytesperline : least);
     return set_rate(settings.rate_hz, format);
   }
-  const char* const name = settings.formats.size() == 1 ? to_string(settings.formats[0]) : "any format epiline reads";
+  const char* const name =
+      settings.formats.size() == 1 ? to_string(settings.formats[0]) : "any format that epiline reads";
   DeviceTrouble trouble = unexpected("camera.width, camera.height, camera.format", "",
                                      "the camera does not offer %ux%u in %s", width, height, name);
   list_offers(trouble.expected);
@@ -211,11 +214,13 @@ DeviceTrouble V4l2Device::find_control(const char* name, ControlFacts& facts) no
       facts.least = query.minimum;
       facts.most = query.maximum;
       if (is_settable(query.type)) return {};
-      return unexpected("VIDIOC_QUERY_EXT_CTRL", "a number", "control '%.60s' is no number", name);
+      return unexpected("VIDIOC_QUERY_EXT_CTRL", "a control with a number", "the control '%.60s' is not a number",
+                        name);
     }
     query.id |= kNext;
   }
-  return unexpected("VIDIOC_QUERY_EXT_CTRL", "one of v4l2-ctl --list-ctrls", "no control '%.60s'", name);
+  return unexpected("VIDIOC_QUERY_EXT_CTRL", "one that v4l2-ctl --list-ctrls shows",
+                    "the camera has no control '%.60s'", name);
 }
 
 DeviceTrouble V4l2Device::read_control(const char* name, const ControlFacts& facts, std::int64_t& value) noexcept {
@@ -297,9 +302,10 @@ DeviceTrouble V4l2Device::set_controls(const V4l2Settings& settings) noexcept {
     std::int64_t value = 0;
     if (const DeviceTrouble trouble = read_control(wanted.name.c_str(), facts, value)) return trouble;
     if (value == wanted.value) continue;
-    DeviceTrouble trouble =
-        unexpected("reading controls back", "", "%.60s = %lld", wanted.name.c_str(), static_cast<long long>(value));
-    std::snprintf(trouble.expected, sizeof(trouble.expected), "%lld", static_cast<long long>(wanted.value));
+    DeviceTrouble trouble = unexpected("VIDIOC_G_EXT_CTRLS", "", "%.60s = %lld after setting it", wanted.name.c_str(),
+                                       static_cast<long long>(value));
+    std::snprintf(trouble.expected, sizeof(trouble.expected), "%lld; is it overridden, as by automatic exposure?",
+                  static_cast<long long>(wanted.value));
     return trouble;
   }
   return {};

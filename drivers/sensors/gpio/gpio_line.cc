@@ -62,7 +62,7 @@ std::string list_of_chips(std::span<const GpioChipFacts> chips) {
 Error not_found(std::span<const GpioChipFacts> chips, const std::string& wanted) {
   const std::string names = list_of_names(chips);
   return {
-      ErrorKind::kRun, "GPIO line " + wanted, 0, "there is none of this name",
+      ErrorKind::kRun, "GPIO line " + wanted, 0, "no line has this name",
       (names.empty() ? "" : "one of " + names + "; or ") + "CHIP:OFFSET with one of the chips " + list_of_chips(chips)};
 }
 
@@ -93,7 +93,7 @@ Result<GpioChoice> choose_line(std::span<const GpioChipFacts> chips, const std::
     if (!found.empty() && offset >= found.front().chip->lines.size())
       return Error{ErrorKind::kRun, "GPIO line " + wanted, 0,
                    "the chip has " + std::to_string(found.front().chip->lines.size()) + " lines",
-                   "an offset below that"};
+                   "an offset less than that"};
   }
   if (found.empty()) return not_found(chips, wanted);
   if (found.size() > 1) {
@@ -103,7 +103,7 @@ Result<GpioChoice> choose_line(std::span<const GpioChipFacts> chips, const std::
           .append(choice.chip->name)
           .append(":")
           .append(std::to_string(choice.offset));
-    return Error{ErrorKind::kRun, "GPIO line " + wanted, 0, std::to_string(found.size()) + " are called so",
+    return Error{ErrorKind::kRun, "GPIO line " + wanted, 0, std::to_string(found.size()) + " lines have this name",
                  "one of " + where};
   }
   return found.front();
@@ -117,7 +117,7 @@ Status GpioLine::open() {
   if (Status status = connect(); !status) return status;
   if (!keeper_.start({.name = "gpio"}, keep, this)) {
     request_.reset();
-    return Error{ErrorKind::kRun, "GPIO line " + line_, 0, "the system has no thread left", ""};
+    return Error{ErrorKind::kRun, "GPIO line " + line_, 0, "cannot start a thread", "a free thread (ulimit -u)"};
   }
   opened_ = true;
   return Done{};
@@ -126,8 +126,8 @@ Status GpioLine::open() {
 Status GpioLine::connect() {
   const std::string where = "GPIO line " + line_;
   if (!kGpioBuiltIn)
-    return Error{ErrorKind::kRun, where, 0, "built without libgpiod",
-                 "a build with it (Debian: libgpiod-dev, before cmake)"};
+    return Error{ErrorKind::kRun, where, 0, "this program was built without libgpiod",
+                 "a build with libgpiod-dev installed"};
   std::vector<GpioChipFacts> chips;
   std::string refused;
   int error = 0;
@@ -139,12 +139,14 @@ Status GpioLine::connect() {
       error = errno, refused = path;
   }
   if (chips.empty() && error == 0)
-    return Error{ErrorKind::kRun, where, 0, "there is no GPIO chip (/dev/gpiochip*)", "a board or adapter with GPIO"};
+    return Error{ErrorKind::kRun, where, 0, "this computer has no GPIO chip (/dev/gpiochip*)",
+                 "a board or adapter with GPIO, and its driver"};
   const Result<GpioChoice> choice = choose_line(chips, line_);
   if (!choice) {
     if (error == 0) return choice.error();
-    return Error{ErrorKind::kRun, refused, 0, std::strerror(error),
-                 error == EACCES ? "read and write access (group gpio, or the udev rules)" : choice.error().expected};
+    return Error{
+        ErrorKind::kRun, refused, 0, std::strerror(error),
+        error == EACCES ? "permission: join the group gpio, or install the udev rules" : choice.error().expected};
   }
   const GpioChipFacts& chip = *choice->chip;
   const GpioLineFacts& line = chip.lines[choice->offset];
@@ -154,7 +156,7 @@ Status GpioLine::connect() {
     request_.reset();
     const std::string user = line.consumer.empty() ? "the kernel or another program" : "'" + line.consumer + "'";
     return Error{ErrorKind::kRun, where, 0, why == EBUSY ? "in use by " + user : std::strerror(why),
-                 why == EBUSY                    ? "a line nobody uses"
+                 why == EBUSY                    ? "a line that no other program uses"
                  : why == ENXIO || why == EINVAL ? "a line that can raise interrupts"
                                                  : ""};
   }

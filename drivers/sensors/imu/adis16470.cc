@@ -98,7 +98,7 @@ DeviceTrouble Adis16470::identify() noexcept {
   if (product == kProduct) return {};
   DeviceTrouble trouble = wrong_identity(product, kProduct);
   if (product > 16000 && product < 17000)  // the number is the name
-    std::snprintf(trouble.found, sizeof(trouble.found), "0x%04x, an ADIS%u", product, product);
+    std::snprintf(trouble.found, sizeof(trouble.found), "wrong identity 0x%04x, an ADIS%u", product, product);
   return trouble;
 }
 

@@ -157,18 +157,18 @@ DeviceTrouble Bmi088::identify() noexcept {
   if (!is_read) return device_refusal("CHIP_ID", bus_error_);
   // as seen by somebody who expects no byte without meaning
   if (gyro[0] != kGyroIdentity && gyro[1] == kAccelIdentity) {
-    DeviceTrouble trouble = device_refusal("another identity", 0);
-    std::snprintf(trouble.found, sizeof(trouble.found), "the accelerometer answers for the gyroscope");
-    std::snprintf(trouble.expected, sizeof(trouble.expected), "device and device_accel the other way round");
+    DeviceTrouble trouble = device_refusal("identity register", 0);
+    std::snprintf(trouble.found, sizeof(trouble.found), "the accelerometer answers instead of the gyroscope");
+    std::snprintf(trouble.expected, sizeof(trouble.expected), "imu.device and imu.device_accel swapped");
     return trouble;
   }
   DeviceTrouble trouble;
   if (gyro[0] != kGyroIdentity) {
     trouble = wrong_identity(gyro[0], kGyroIdentity);
-    trouble.step = "gyroscope: another identity";
+    trouble.step = "identity register of the gyroscope";
   } else if (accel[0] != kAccelIdentity) {
     trouble = wrong_identity(accel[0], kAccelIdentity);
-    trouble.step = "accelerometer: another identity";
+    trouble.step = "identity register of the accelerometer";
   }
   return trouble;
 }

@@ -116,9 +116,9 @@ DeviceTrouble IioDevice::find(const IioRoots& roots, const char* wanted) noexcep
   };
   if (wanted[0] == '/') {
     std::array<char, PATH_MAX> path;
-    if (::realpath(wanted, path.data()) == nullptr) return refused("looking for the device", errno);
+    if (::realpath(wanted, path.data()) == nullptr) return refused("open", errno);
     const char* const last = std::strrchr(path.data(), '/') + 1;
-    if (!begins(last, "iio:device")) return trouble_of("looking for the device", "an IIO device", "%s is none", wanted);
+    if (!begins(last, "iio:device")) return trouble_of("open", "an IIO device", "%s is not an IIO device", wanted);
     note(last);
   } else {
     const int error = for_each_entry(roots.attributes, [&](const char* entry) {
@@ -135,20 +135,19 @@ DeviceTrouble IioDevice::find(const IioRoots& roots, const char* wanted) noexcep
       return true;
     });
     if (error == ENOENT)
-      return trouble_of("looking for the device", "an IMU whose kernel driver is loaded", "%s",
-                        "there are no IIO devices");
-    if (error != 0) return refused("looking for the device", error);
+      return trouble_of("open", "an IMU whose kernel driver is loaded", "%s", "there are no IIO devices");
+    if (error != 0) return refused("open", error);
   }
   if (found == 0) {
     const Text names = names_of(roots, "iio:device");
-    DeviceTrouble trouble = trouble_of("looking for the device", "", "none is called '%s'", wanted);
+    DeviceTrouble trouble = trouble_of("open", "", "no IIO device is called '%s'", wanted);
     if (names.empty())
       std::snprintf(trouble.expected, sizeof(trouble.expected), "an IMU whose kernel driver is loaded");
     else
       std::snprintf(trouble.expected, sizeof(trouble.expected), "one of %.88s", names.c_str());
     return trouble;
   }
-  if (found > 1) return trouble_of("looking for the device", all.data(), "%d are called '%s'", found, wanted);
+  if (found > 1) return trouble_of("open", all.data(), "%d devices are called '%s'", found, wanted);
   std::array<char, 256> folder;
   attributes_.set_folder(print(folder, "%s/%s", roots.attributes, folder_name_.c_str()));
   Text name;
@@ -174,7 +173,8 @@ DeviceTrouble IioDevice::take(const IioRoots& roots) noexcept {
   std::array<char, 256> path;
   fd_ = ::open(print(path, "%s/%s", roots.files, folder_name_.c_str()), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
   if (fd_ >= 0) return {};
-  if (errno == EBUSY) return trouble_of("open", "nobody else", "%s", "another program reads it");
+  if (errno == EBUSY)
+    return trouble_of("open", "no other reader: the kernel allows one", "%s", "another program reads it");
   DeviceTrouble trouble = refused("open", errno);
   if (trouble.error == EACCES)
     std::snprintf(trouble.expected, sizeof(trouble.expected), "read access to %.70s", path.data());
@@ -240,7 +240,7 @@ DeviceTrouble IioDevice::choose_channels(const IioRequest& request) noexcept {
     print(folder, "scan_elements/%s", entry);
     if (is_wanted || attributes_.read(folder.data(), value) != 0 || std::strcmp(value.c_str(), "0") == 0) return true;
     if (const int refusal = attributes_.write(folder.data(), "0"); refusal != 0)
-      trouble = refused("switching channels off", refusal);
+      trouble = refused("disabling channels", refusal);
     return !trouble;
   });
   if (error != 0) return trouble_of("scan_elements", "a device with a buffer", "%s", std::strerror(error));
@@ -249,9 +249,10 @@ DeviceTrouble IioDevice::choose_channels(const IioRequest& request) noexcept {
       const int refusal = attributes_.write(print(name, "scan_elements/in_%s_%c_en", kTypes[i], kAxes[axis]), "1");
       if (refusal == ENOENT)
         return trouble_of("channels",
-                          i == 0 ? "imu.device to have a gyroscope" : "imu.device_accel: another device that has one",
+                          i == 0 ? "a gyroscope in imu.device"
+                                 : "an accelerometer, in imu.device or in another one (imu.device_accel)",
                           "%s has no %s", name_.c_str(), i == 0 ? "gyroscope" : "accelerometer");
-      if (refusal != 0) trouble = refused("switching channels on", refusal);
+      if (refusal != 0) trouble = refused("enabling channels", refusal);
     }
   if (trouble) return trouble;
   const int refusal = attributes_.write("scan_elements/in_timestamp_en", "1");
@@ -263,7 +264,7 @@ DeviceTrouble IioDevice::choose_trigger(const IioRoots& roots, const char* wante
   trigger_.set_folder("");
   if (attributes_.read("trigger/current_trigger", current) != 0)  // the device needs none
     return wanted[0] == '\0' ? DeviceTrouble{}
-                             : trouble_of("trigger", "no imu.trigger", "%s takes none", name_.c_str());
+                             : trouble_of("trigger", "imu.trigger not to be set", "%s has no trigger", name_.c_str());
   std::array<char, 96> own;
   print(own, "%s-dev%s", name_.c_str(), folder_name_.c_str() + std::strlen("iio:device"));
   const char* const name = wanted[0] != '\0' ? wanted : current.empty() ? own.data() : current.c_str();
@@ -280,7 +281,7 @@ DeviceTrouble IioDevice::choose_trigger(const IioRoots& roots, const char* wante
     return false;
   });
   if (!is_there && wanted[0] != '\0') {
-    DeviceTrouble trouble = trouble_of("trigger", "", "none is called '%s'", wanted);
+    DeviceTrouble trouble = trouble_of("trigger", "", "no trigger is called '%s'", wanted);
     std::snprintf(trouble.expected, sizeof(trouble.expected), "one of %.88s", names_of(roots, "trigger").c_str());
     return trouble;
   }
@@ -311,8 +312,8 @@ DeviceTrouble IioDevice::set_rate(double wanted_hz) noexcept {
     Text available;
     std::array<char, 64> list;
     attributes.read(print(list, "%s_available", name), available);
-    DeviceTrouble trouble = trouble_of("rate", "", "%s is %g Hz after %s was asked for", name, found_hz, wanted.data());
-    std::snprintf(trouble.expected, sizeof(trouble.expected), "imu.rate_hz that it has%s%.70s",
+    DeviceTrouble trouble = trouble_of("rate", "", "%s is %g Hz after setting %s", name, found_hz, wanted.data());
+    std::snprintf(trouble.expected, sizeof(trouble.expected), "a rate that it has in imu.rate_hz%s%.70s",
                   available.empty() ? "" : ": ", available.c_str());
     return trouble;
   }
@@ -359,7 +360,7 @@ DeviceTrouble IioDevice::read_layout() noexcept {
     return !trouble;
   });
   if (!trouble && !layout_.finish())
-    trouble = trouble_of("layout of a scan", "a time of 64 bits in each", "%s", "no time");
+    trouble = trouble_of("layout of a scan", "a 64-bit timestamp in each scan", "%s", "a scan has no timestamp");
   return trouble;
 }
 
@@ -370,7 +371,7 @@ DeviceTrouble IioDevice::read_sensor(const char* type, Sensor& sensor) noexcept 
     // of the axis, or of all three
     if (attributes_.read(print(name, "in_%s_%c_scale", type, kAxes[axis]), sensor.scale[axis]) != 0 &&
         attributes_.read(print(name, "in_%s_scale", type), sensor.scale[axis]) != 0)
-      return trouble_of("scale", "a number", "%s has none", name.data());
+      return trouble_of("scale", "a number", "%s has no number", name.data());
     if (attributes_.read(print(name, "in_%s_%c_offset", type, kAxes[axis]), sensor.offset[axis]) != 0 &&
         attributes_.read(print(name, "in_%s_offset", type), sensor.offset[axis]) != 0)
       sensor.offset[axis] = 0;

@@ -70,9 +70,10 @@ DeviceTrouble IioImu::set_up() noexcept {
     if (std::strcmp(gyro_.hub().c_str(), accel_.hub().c_str()) != 0) {
       accel_.close();
       DeviceTrouble trouble;
-      trouble.step = "two clocks";
-      std::snprintf(trouble.found, sizeof(trouble.found), "it is of another sensor hub than the gyroscope");
-      std::snprintf(trouble.expected, sizeof(trouble.expected), "two sensors of one hub");
+      trouble.step = "two devices";
+      std::snprintf(trouble.found, sizeof(trouble.found),
+                    "the accelerometer belongs to another sensor hub than the gyroscope");
+      std::snprintf(trouble.expected, sizeof(trouble.expected), "both sensors of one hub, because they need one clock");
       return trouble;
     }
   }

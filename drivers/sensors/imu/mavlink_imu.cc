@@ -16,19 +16,24 @@ Error missing(const mavlink::LinkState& state, const std::string& line) {
     return Error{ErrorKind::kRun, line, 0, found, expected};
   };
   const mavlink::ControllerImuCounts& imu = state.imu;
-  if (!state.is_open) return error("lost", "a line that stays");
+  if (!state.is_open) return error("the line was lost", "a line that stays connected");
   if (!state.peer.is_known) {
     if (state.counts.packets > 0)
-      return error("MAVLink, but no autopilot's heartbeat", "one of the system that mavlink.system names");
-    if (state.counts.skipped_bytes > 0) return error("bytes that are not MAVLink", "mavlink.baud as the peer has it");
-    return error("nothing came", "a flight controller that speaks MAVLink, RX and TX crossed");
+      return error("MAVLink arrives, but no heartbeat of an autopilot", "one with the system id of mavlink.system");
+    if (state.counts.skipped_bytes > 0)
+      return error("bytes arrive that are not MAVLink", "the baud rate of the flight controller in mavlink.baud");
+    return error("no bytes arrived", "a flight controller that sends MAVLink on this port, with RX and TX crossed");
   }
-  if (state.clock.used == 0) return error("no answer to TIMESYNC in 10 ms", "a quick line: a higher mavlink.baud");
-  if (imu.refused_values > 0) return error("readings no IMU gives", "HIGHRES_IMU or RAW_IMU of both sensors");
-  if (imu.refused_times > 0) return error("readings of another time", "their times on the clock of TIMESYNC");
-  const char* const request =
-      state.imu_request == mavlink::RequestState::kRefused ? "it refuses to send IMU readings" : "no IMU readings";
-  return error(request, "HIGHRES_IMU, or RAW_IMU of an ArduPilot (set its stream rates by hand)");
+  if (state.clock.used == 0)
+    return error("no answer to TIMESYNC within 10 ms", "a faster line: a higher mavlink.baud, or USB");
+  if (imu.refused_values > 0)
+    return error("the IMU samples have impossible values", "HIGHRES_IMU or RAW_IMU with both sensors");
+  if (imu.refused_times > 0)
+    return error("the IMU samples have wrong times", "times on the clock that answers TIMESYNC");
+  const char* const request = state.imu_request == mavlink::RequestState::kRefused
+                                  ? "the flight controller refuses to send IMU samples"
+                                  : "no IMU samples arrived";
+  return error(request, "HIGHRES_IMU, or RAW_IMU from ArduPilot (set its stream rate there)");
 }
 
 }  // namespace

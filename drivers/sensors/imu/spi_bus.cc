@@ -27,7 +27,7 @@ static_assert(message_request(1) == SPI_IOC_MESSAGE(1) && message_request(kMostP
 
 /// The spidev files there are, for the message; as many as fit.
 void list_spidevs(std::span<char> text) noexcept {
-  int used = std::snprintf(text.data(), text.size(), "one of those there are:");
+  int used = std::snprintf(text.data(), text.size(), "one of the existing devices:");
   bool any = false;
   for_each_entry("/dev", [&](const char* entry) {
     if (std::strncmp(entry, "spidev", 6) != 0) return true;
@@ -39,7 +39,8 @@ void list_spidevs(std::span<char> text) noexcept {
     return true;
   });
   if (!any)
-    std::snprintf(text.data(), text.size(), "a spidev file; there is none: SPI is off (Raspberry Pi: dtparam=spi=on)");
+    std::snprintf(text.data(), text.size(),
+                  "a spidev device; there is none, so SPI is off (Raspberry Pi: dtparam=spi=on)");
 }
 
 DeviceTrouble trouble_of(const char* step, int error) noexcept {
@@ -48,7 +49,8 @@ DeviceTrouble trouble_of(const char* step, int error) noexcept {
   trouble.error = error;
   if (error == ENOENT || error == ENODEV || error == ENXIO) list_spidevs(trouble.expected);
   if (error == EACCES || error == EPERM)
-    std::snprintf(trouble.expected, sizeof(trouble.expected), "a user of the group that owns the file (often spi)");
+    std::snprintf(trouble.expected, sizeof(trouble.expected),
+                  "permission: join the group that owns the file (often spi)");
   if (error == ENOTTY) std::snprintf(trouble.expected, sizeof(trouble.expected), "an SPI device, /dev/spidevB.C");
   return trouble;
 }

@@ -45,23 +45,23 @@ const char* name_of(unsigned identity) noexcept {
 
 DeviceTrouble wrong_identity(unsigned found, unsigned wanted) noexcept {
   DeviceTrouble trouble;
-  trouble.step = "another identity";
+  trouble.step = "identity register";
   const unsigned all = wanted > 0xff ? 0xffff : 0xff;
-  const char* likely = "a sound connection: is the clock (spi_hz) too fast, or another chip there?";
+  const char* likely = "Is the clock too fast (imu.spi_hz), or is it another chip?";
   const char* name = found <= 0xff ? name_of(found) : nullptr;
   if (found == 0) {
-    likely = "an answer: wrong chip select, MISO not connected, or no supply";
+    likely = "Wrong chip select, MISO not connected, or no supply?";
   } else if (found == all) {
-    likely = "an answer: wrong chip select, chip not supplied, or MISO open";
+    likely = "Wrong chip select, no supply, or MISO open?";
   } else if (name != nullptr) {
-    likely = "this chip: wrong chip select, or wrong driver in the configuration?";
+    likely = "Wrong chip select, or wrong imu.driver?";
   } else if (found == wanted >> 1 || found == (wanted >> 1 | (all + 1) >> 1) || found == ((wanted << 1) & all) ||
              found == (((wanted << 1) | 1) & all)) {
-    likely = "the same bits, not shifted by one: wrong SPI mode, or a clock (spi_hz) too fast for the wires";
+    likely = "The bits are shifted by one: wrong SPI mode, or a clock too fast for the wires (imu.spi_hz)?";
   }
-  std::snprintf(trouble.found, sizeof(trouble.found), "0x%02x%s%s", found, name != nullptr ? ", " : "",
+  std::snprintf(trouble.found, sizeof(trouble.found), "wrong identity 0x%02x%s%s", found, name != nullptr ? ", " : "",
                 name != nullptr ? name : "");
-  std::snprintf(trouble.expected, sizeof(trouble.expected), "0x%02x, %s", wanted, likely);
+  std::snprintf(trouble.expected, sizeof(trouble.expected), "0x%02x. %s", wanted, likely);
   return trouble;
 }
 
@@ -69,9 +69,9 @@ DeviceTrouble wrong_register(const char* step, unsigned bank, unsigned address, 
                              unsigned wanted) noexcept {
   DeviceTrouble trouble;
   trouble.step = step;
-  std::snprintf(trouble.found, sizeof(trouble.found), "register 0x%02x of bank %u is 0x%02x", address, bank, found);
+  std::snprintf(trouble.found, sizeof(trouble.found), "register 0x%02x of bank %u reads 0x%02x", address, bank, found);
   std::snprintf(trouble.expected, sizeof(trouble.expected),
-                "0x%02x as written: a supply that dips, or a clock (spi_hz) too fast for the wires", wanted);
+                "0x%02x, as written. Does the supply dip, or is the clock too fast (imu.spi_hz)?", wanted);
   return trouble;
 }
 

@@ -119,14 +119,15 @@ Status SpiImu::wait_for_first() {
   trouble.step = "no sample within 3 s";
   if (edges_missing) {
     trouble.step = "no data-ready edge within 3 s";
-    std::snprintf(trouble.expected, sizeof(trouble.expected), "edges on line %.64s: is it the chip's interrupt pin?",
-                  config_.ready_line.c_str());
+    std::snprintf(trouble.expected, sizeof(trouble.expected),
+                  "edges on line %.64s. Is it wired to the chip's interrupt pin?", config_.ready_line.c_str());
   }
   return error_of(trouble);
 }
 
 Error SpiImu::error_of(const DeviceTrouble& trouble) const {
-  Error error = epiline::error_of(trouble ? trouble : device_refusal("lost", trouble.error), chip_->bus_name());
+  Error error =
+      epiline::error_of(trouble ? trouble : device_refusal("the chip was lost", trouble.error), chip_->bus_name());
   error.found = std::string(chip_->facts().name) + ": " + error.found;
   return error;
 }

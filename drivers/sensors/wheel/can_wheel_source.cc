@@ -71,7 +71,7 @@ Status CanWheelSource::check_settings() const {
     return Error{ErrorKind::kUsage, "[wheel]", 0, std::move(found), std::move(expected)};
   };
   const std::uint32_t most = config_.extended ? kMostExtended : kMostStandard;
-  if (config_.interface.empty()) return error("no interface", "wheel.interface, as `ip -br link` shows it");
+  if (config_.interface.empty()) return error("interface is not set", "wheel.interface, as `ip -br link` shows it");
   if (config_.id < 0 || static_cast<std::uint32_t>(config_.id) > most)
     return error("id " + std::to_string(config_.id),
                  "0 to " + std::to_string(most) + (config_.extended ? "" : ", or wheel.extended = true"));

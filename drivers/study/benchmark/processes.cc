@@ -76,7 +76,7 @@ class Children {
     posix_spawn_file_actions_destroy(&files);
     if (error != 0) {
       return Error{ErrorKind::kRun, log, 0, std::string("a process cannot be started (") + std::strerror(error) + ")",
-                   "memory, a writable log"};
+                   "free memory, and a writable log file"};
     }
     jobs_[pid] = index;
     return Done{};

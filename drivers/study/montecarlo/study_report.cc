@@ -62,7 +62,7 @@ FigureTable error_table(const std::vector<StudyCell>& cells) {
 FigureTable consistency_table(const std::vector<StudyCell>& cells) {
   FigureTable t = table_of(
       cells, "Consistency",
-      "NEES per degree of freedom, means over each run: 1 is honest, 4 means errors twice as large "
+      "NEES per degree of freedom, means over each run: 1 is consistent, 4 means errors twice as large "
       "as claimed.",
       {"mean", "median", "95 %", "mean", "median", "95 %"}, [](const StudySummary& s, std::vector<TableCell>& row) {
         for (const Summary* nees : {&s.nees_position, &s.nees_rotation}) {

@@ -83,7 +83,7 @@ FlightObserver& start_view(FlightView& view, const AslDataset& dataset, const Re
   const std::filesystem::path path = std::filesystem::absolute(options.dataset).lexically_normal();
   const std::string name = (path.has_filename() ? path : path.parent_path()).filename().string();
   if (!view.start({name, program_text(program_info()), dataset.camera.R_BC, !dataset.images.empty()})) {
-    throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again), "no thread left");
+    throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again), "cannot start a thread");
   }
   return view.observer();
 }
@@ -144,7 +144,8 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     if (predicted) record.realtime->predicted = predicted->path();
     if (recorder) finish(*recorder, record);
   } catch (const std::system_error& e) {
-    return Error{ErrorKind::kRun, options.dataset.string(), 0, e.what(), "a system that can start 6 threads"};
+    return Error{ErrorKind::kRun, options.dataset.string(), 0, e.what(),
+                 "free threads and memory (ulimit -u, ulimit -l)"};
   }
   record.peak_rss_mib = peak_rss_mib();
   return record;

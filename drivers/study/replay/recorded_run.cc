@@ -45,12 +45,15 @@ std::vector<std::string> shortfalls_of(const RealtimeReport& report) {
   std::string without;
   for (const RealtimeReport::Thread& t : report.threads) {
     if (t.shortfall.priority) without += fmt::format("{}{}", without.empty() ? "" : ", ", t.name);
-    if (t.shortfall.cpu) lines.push_back(fmt::format("the thread {} is not on the processor asked for", t.name));
+    if (t.shortfall.cpu)
+      lines.push_back(fmt::format("the thread {0} could not be bound to its processor (realtime.cpu_{0})", t.name));
   }
   if (!without.empty())
-    lines.push_back("no real-time priority for " + without + ": not permitted (LimitRTPRIO, or root)");
+    lines.push_back("no real-time priority for " + without +
+                    ": not permitted (run as root, or raise LimitRTPRIO or ulimit -r)");
   if (!report.memory_not_locked.empty())
-    lines.push_back("memory is not locked: " + report.memory_not_locked + " (LimitMEMLOCK=infinity, or root)");
+    lines.push_back("memory is not locked: " + report.memory_not_locked +
+                    " (run as root, or raise LimitMEMLOCK or ulimit -l)");
   return lines;
 }
 

@@ -210,7 +210,7 @@ Result<ReplayResult> replay(const ReplayOptions& options,
   try {
     const FlightPlan plan = plan_flight(*dataset, options);
     if (plan.images.empty()) {
-      return Error{ErrorKind::kUsage, options.dataset.string(), 0, "no image in the time asked for",
+      return Error{ErrorKind::kUsage, options.dataset.string(), 0, "no image between --start and --duration",
                    "a shorter --start or a longer --duration"};
     }
     auto record = options.realtime_speed ? replay_in_real_time(*dataset, plan, config, options, progress)
@@ -218,7 +218,8 @@ Result<ReplayResult> replay(const ReplayOptions& options,
     if (!record) return record.error();
     return ReplayResult{std::move(*record), dataset->notes};
   } catch (const std::invalid_argument& e) {
-    return Error{ErrorKind::kUsage, options.config_file.string(), 0, e.what(), "settings that go together"};
+    return Error{ErrorKind::kUsage, options.config_file.string(), 0, e.what(),
+                 "settings that are consistent with each other"};
   }
 }
 

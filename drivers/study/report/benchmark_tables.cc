@@ -73,7 +73,7 @@ FigureTable error_and_solve_table(const BenchmarkRecord& record, const Benchmark
   t.title = "Error and solve time: " + group;
   t.note =
       "ATE: rms position error, causal, after alignment by origin and heading. Solve: the optimisation alone, mean "
-      "over the solved images. Summary over the data sets where every factor has the figure.";
+      "over the solved images. Mean and median: over the data sets where every factor has the figure.";
   t.groups = {{"", 1}, {"ATE, m", factors}, {"mean solve time, ms", factors}};
   t.columns = {"data set"};
   for (int block = 0; block < 2; ++block)
@@ -119,8 +119,8 @@ FigureTable work_table(const BenchmarkRecord& record, const BenchmarkSummary& su
   FigureTable t;
   t.title = "Time and work per image";
   t.note =
-      "Means over the images of a run; of these the median over the data sets where every factor has the figure. CPU: "
-      "processor time of the stage's thread, which other programs on the computer stretch least.";
+      "Mean over the images of a run, then median over the data sets where every factor has the figure. CPU: processor "
+      "time of the stage's thread, which depends least on other programs.";
   t.groups = {{"", 1}, {"track, ms", 2}, {"solve, ms", 2}, {"marginalise, ms", 2}, {"estimate, ms", 2}, {"", 4}};
   t.columns = {"factor"};
   t.left = {true};
@@ -149,8 +149,8 @@ FigureTable ratio_table(const BenchmarkRecord& record, const BenchmarkSummary& s
   FigureTable t;
   t.title = "Ratios to " + record.factors[summary.baseline()];
   t.note =
-      "Each data set gives one ratio; here their median (least–largest). A data set where one of the two has no "
-      "figure gives none.";
+      "Median of the ratios of the data sets (smallest–largest). Data sets where one of the two has no figure are left "
+      "out.";
   t.columns = {"factor"};
   t.left = {true};
   for (const Column& c : columns) t.columns.emplace_back(c.name);
@@ -197,7 +197,7 @@ FigureTable error_table(const BenchmarkRecord& record, const BenchmarkSummary& s
   FigureTable t = detail_table(
       record, summary, "Errors",
       "Medians over the repetitions. ATE: rms position error after alignment of that kind. Drift: mean error of the "
-      "motion over pieces of that length. NEES: per degree of freedom; 1 is honest, above is over-confident.",
+      "motion over segments of that length. NEES: per degree of freedom; 1 is consistent, above is over-confident.",
       {{"4-DoF", "ate_4dof_m", "{:.4f}"},
        {"its max", "ate_4dof_max_m", "{:.4f}"},
        {"SE(3)", "ate_se3_m", "{:.4f}"},
@@ -217,14 +217,15 @@ FigureTable error_table(const BenchmarkRecord& record, const BenchmarkSummary& s
 }
 
 FigureTable survival_table(const BenchmarkRecord& record, const BenchmarkSummary& summary) {
-  FigureTable t = detail_table(record, summary, "Start and survival",
-                               "Medians over the repetitions. Coverage: poses over images since the first pose.",
-                               {{"start, s", "start_s", "{:.2f}"},
-                                {"coverage, %", "coverage", "{:.1f}", 100},
-                                {"resets", "resets", "{:.0f}"},
-                                {"degraded, s", "degraded_s", "{:.1f}"},
-                                {"lost, s", "lost_s", "{:.1f}"}},
-                               true);
+  FigureTable t =
+      detail_table(record, summary, "Start and survival",
+                   "Medians over the repetitions. Coverage: share of images with a pose, since the first pose.",
+                   {{"start, s", "start_s", "{:.2f}"},
+                    {"coverage, %", "coverage", "{:.1f}", 100},
+                    {"resets", "resets", "{:.0f}"},
+                    {"degraded, s", "degraded_s", "{:.1f}"},
+                    {"lost, s", "lost_s", "{:.1f}"}},
+                   true);
   t.columns.insert(t.columns.end(), {"runs done", "repeats agree", "outcome"});
   t.left.resize(t.columns.size(), false);
   t.left.back() = true;
@@ -272,8 +273,8 @@ std::vector<FigureTable> benchmark_tables(const BenchmarkRecord& record, const B
   tables.push_back(time_table(record, summary, "Processor time per image, ms",
                               "Medians over the repetitions. Processor time of the stage's thread.", "cpu_ms"));
   tables.push_back(time_table(record, summary, "Wall time per image, ms",
-                              fmt::format("Medians over the repetitions. {} runs side by side on this computer, and "
-                                          "whatever else it did, stretch these times.",
+                              fmt::format("Medians over the repetitions. {} runs at the same time, and other programs "
+                                          "on this computer, lengthen these times.",
                                           record.jobs),
                               "ms"));
   tables.push_back(detail_table(record, summary, "Work and memory", "Means over the solved images.",

@@ -49,19 +49,19 @@ std::string tiles(const FlightRecord& record, const std::optional<TrajectoryErro
   if (errors && errors->poses > 0) {
     s += html_tile(fmt::format("{:.3f} m", errors->ate_4dof.rmse), "position error, rms after 4-DoF alignment");
     s += html_tile(fmt::format("{:.2f} %", 100 * errors->ate_4dof.rmse / std::max(errors->path_length_m, 1e-9)),
-                   fmt::format("of the true path of {:.1f} m", errors->path_length_m));
+                   fmt::format("of the path length of {:.1f} m", errors->path_length_m));
     s += html_tile(fmt::format("{:+.2f} %", 100 * errors->scale_error), "scale error");
     s += html_tile(fmt::format("{:+.2f}°", errors->yaw_drift_deg), "yaw drift");
     const Consistency& nees = errors->nees;
     s += html_tile(or_dash(nees.position, "{:.2f}") + " / " + or_dash(nees.yaw, "{:.2f}") + " / " +
                        or_dash(nees.tilt, "{:.2f}") + " / " + or_dash(nees.velocity, "{:.2f}"),
-                   "NEES of position / yaw / tilt / velocity, 1 = honest");
+                   "NEES of position / yaw / tilt / velocity (1: consistent)");
   }
-  s += html_tile(or_dash(start_seconds(record), "{:.2f} s"), "from first image to first pose");
+  s += html_tile(or_dash(start_seconds(record), "{:.2f} s"), "from the first image to the first pose");
   const auto covered = coverage(record);
-  s += html_tile(covered ? fmt::format("{:.1f} %", 100 * *covered) : "–", "of images with a pose since then");
+  s += html_tile(covered ? fmt::format("{:.1f} %", 100 * *covered) : "–", "of the images since then have a pose");
   s += html_tile(fmt::format("{:.2f} ms", timing.frame.mean),
-                 fmt::format("per image; 99 % below {:.2f} ms", timing.frame.p99));
+                 fmt::format("per image (mean); 99 % below {:.2f} ms", timing.frame.p99));
   return R"(<div class="tiles">)" + s + "</div>";
 }
 
@@ -115,7 +115,7 @@ Plot position_error_plot(const FlightRecord& record, const Columns& columns, con
   plot.bands = {{"c1", columns.t, std::vector<double>(sigma3.size(), 0), sigma3}};
   const auto error =
       over_images(record, c, [&](const PosePair& p) { return (p.reference.p_WB - c.T(p.estimate.p_WB)).norm(); });
-  plot.lines = {{"3 sigma claimed", "c1 dashed", columns.t, sigma3}};
+  plot.lines = {{"claimed 3 sigma", "c1 dashed", columns.t, sigma3}};
   if (!c.pairs.empty()) {
     plot.lines.push_back({"error", "c2", columns.t, error});
     double largest = 0;  // a band far wider than the error must not flatten the error
@@ -132,7 +132,7 @@ Plot yaw_error_plot(const FlightRecord& record, const Columns& columns, const Ov
   const auto sigma3 = columns.of_poses(
       [](const ImageRecord& i) { return 3 * std::sqrt(std::max(0.0, i.uncertainty.yaw_variance)) / kDegree; });
   plot.bands = {{"c1", columns.t, negated(sigma3), sigma3}};
-  plot.lines = {{"3 sigma claimed", "c1 dashed", columns.t, sigma3}, {"", "c1 dashed", columns.t, negated(sigma3)}};
+  plot.lines = {{"claimed 3 sigma", "c1 dashed", columns.t, sigma3}, {"", "c1 dashed", columns.t, negated(sigma3)}};
   if (!c.pairs.empty()) {
     const auto error = over_images(record, c, [&](const PosePair& p) {
       return std::remainder(yaw_error(p) - c.heading_rad, 360 * kDegree) / kDegree;
@@ -184,7 +184,7 @@ std::vector<Vec3> truth_velocity(const FlightRecord& record, const Overlay& c) {
 
 /// Of the way to the outside every single image counts: its axis reaches to the slowest.
 std::string latency_histogram(const Summary& summary, std::vector<double> values) {
-  if (values.empty()) return "<div><h3>latency: stamp to odometry</h3><p>nothing was handed out</p></div>";
+  if (values.empty()) return "<div><h3>latency: image timestamp to odometry</h3><p>no odometry was published</p></div>";
   Histogram h;
   h.x_label = "ms, logarithmic";
   h.style = "c1";
@@ -194,7 +194,8 @@ std::string latency_histogram(const Summary& summary, std::vector<double> values
   h.marks = {{fmt::format("median {:.3g} ms", summary.median), "", summary.median, 0},
              {fmt::format("99 % {:.3g} ms", summary.p99), "", summary.p99, 0},
              {fmt::format("max {:.3g} ms", summary.max), "", summary.max, 0}};
-  return fmt::format("<div><h3>latency: stamp to odometry, {} images</h3>{}</div>", summary.count, svg(h, {380, 210}));
+  return fmt::format("<div><h3>latency: image timestamp to odometry, {} images</h3>{}</div>", summary.count,
+                     svg(h, {380, 210}));
 }
 
 std::string histogram(const char* title, const char* style, const Summary& summary, std::vector<double> values) {
@@ -272,14 +273,14 @@ std::string summary_row(const char* name, const Summary& s, const char* format) 
 std::string error_table(const TrajectoryErrors& e) {
   std::string s =
       "<table><tr><th>position error, m</th><th>rms</th><th>mean</th><th>median</th><th>95 %</th><th>max</th></tr>";
-  const std::pair<const char*, const Summary*> rows[] = {{"4 DoF: origin and heading", &e.ate_4dof},
-                                                         {"SE(3): also tilt", &e.ate_se3},
-                                                         {"Sim(3): also scale", &e.ate_sim3}};
+  const std::pair<const char*, const Summary*> rows[] = {{"aligned in position and heading (4 DoF)", &e.ate_4dof},
+                                                         {"also in tilt, SE(3)", &e.ate_se3},
+                                                         {"also in scale, Sim(3)", &e.ate_sim3}};
   for (const auto& [name, a] : rows) {
     s += fmt::format("<tr><td>{}</td><td>{:.4f}</td><td>{:.4f}</td><td>{:.4f}</td><td>{:.4f}</td><td>{:.4f}</td></tr>",
                      name, a->rmse, a->mean, a->median, a->p95, a->max);
   }
-  s += "</table><table><tr><th>drift over</th><th>translation</th><th>rotation</th><th>pieces</th></tr>";
+  s += "</table><table><tr><th>drift over</th><th>translation</th><th>rotation</th><th>segments</th></tr>";
   for (const RelativeError& r : e.rpe) {
     s += fmt::format("<tr><td>{:.0f} m</td><td>{:.2f} %</td><td>{:.2f}°</td><td>{}</td></tr>", r.distance_m,
                      r.translation_percent, r.rotation_deg, r.pairs);
@@ -291,11 +292,11 @@ std::string timing_table(const FlightRecord& record) {
   const Timing t = timing_of(record);
   return "<table><tr><th>time, ms</th><th>mean</th><th>median</th><th>95 %</th><th>99 %</th><th>max</th></tr>" +
          summary_row("track: image to tracked features", t.track, "{:.3f}") +
-         summary_row("solve: the optimisation", t.solve, "{:.3f}") +
-         summary_row("marginalise", t.marginalise, "{:.3f}") +
-         summary_row("estimate: the estimator's whole step", t.estimate, "{:.3f}") +
+         summary_row("solve: the optimisation alone", t.solve, "{:.3f}") +
+         summary_row("marginalise: states that leave the window", t.marginalise, "{:.3f}") +
+         summary_row("estimate: the whole step of the estimator", t.estimate, "{:.3f}") +
          summary_row("frame: track + estimate", t.frame, "{:.3f}") +
-         summary_row("latency: image stamp to odometry", t.latency, "{:.3f}") +
+         summary_row("latency: image timestamp to odometry", t.latency, "{:.3f}") +
          "<tr><th>processor time, ms</th><th>mean</th><th>median</th><th>95 %</th><th>99 %</th><th>max</th></tr>" +
          summary_row("track", t.cpu.track, "{:.3f}") + summary_row("solve", t.cpu.solve, "{:.3f}") +
          summary_row("marginalise", t.cpu.marginalise, "{:.3f}") + summary_row("estimate", t.cpu.estimate, "{:.3f}") +
@@ -314,25 +315,24 @@ std::string count_table(const FlightRecord& r) {
   return "<table>" +
          row("images read / solved / predicted / skipped",
              fmt::format("{} / {} / {} / {}", r.images_read, e.frames_solved, e.frames_predicted, skipped)) +
-         row("IMU samples used / out of order / doubled / not finite",
+         row("IMU samples used / out of order / repeated / not finite",
              fmt::format("{} / {} / {} / {}", e.imu_samples, left_out.out_of_order, left_out.duplicate,
                          left_out.not_finite + left_out.impossible)) +
-         row("IMU readings bridged (corrupt)", fmt::format("{}", e.imu_bridged)) +
-         row("IMU gaps / saturated", fmt::format("{} / {}", e.imu_gaps, e.imu_saturated)) +
-         row("initialising / tracking / degraded / lost, s",
+         row("corrupt IMU samples replaced", fmt::format("{}", e.imu_bridged)) +
+         row("IMU gaps / saturated samples", fmt::format("{} / {}", e.imu_gaps, e.imu_saturated)) +
+         row("time initialising / tracking / degraded / lost, s",
              fmt::format("{:.1f} / {:.1f} / {:.1f} / {:.1f}", seconds[0], seconds[1], seconds[2], seconds[3])) +
-         row("starts tried / resets", fmt::format("{} / {}", e.start_attempts, e.resets)) +
+         row("attempted starts / resets", fmt::format("{} / {}", e.start_attempts, e.resets)) +
          row("noise of a track, px", fmt::format("{:.2f}", e.pixel_sigma)) +
          row("peak memory, MiB", fmt::format("{:.0f}", r.peak_rss_mib)) +
-         row("heap calls inside the stages",
-             r.heap_calls ? std::to_string(*r.heap_calls) : "not counted in this build") +
+         row("heap calls of the stages", r.heap_calls ? std::to_string(*r.heap_calls) : "not counted in this build") +
          "</table>";
 }
 
 std::string thread_table(const FlightRecord& r) {
   std::string s =
       "<table><tr><th>thread</th><th>priority</th><th>heap calls</th><th>locks</th><th>page faults</th>"
-      "<th>switched out</th><th>processor, s</th></tr>";
+      "<th>preempted</th><th>processor time, s</th></tr>";
   for (const RealtimeReport::Thread& t : r.realtime->report.threads) {
     s += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.2f}</td></tr>",
                      t.name, t.shortfall.priority ? 0 : t.priority,
@@ -340,7 +340,7 @@ std::string thread_table(const FlightRecord& r) {
                      r.lock_calls ? std::to_string(t.costs.lock_calls) : "–", t.costs.page_faults, t.costs.switched_out,
                      1e-9 * static_cast<double>(t.costs.cpu_ns));
   }
-  s += "</table><table><tr><th>ring</th><th>capacity</th><th>most at once</th><th>passed</th><th>dropped</th></tr>";
+  s += "</table><table><tr><th>ring</th><th>capacity</th><th>largest fill</th><th>passed</th><th>dropped</th></tr>";
   for (const RealtimeReport::Ring& ring : r.realtime->report.rings) {
     s += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>", ring.name, ring.capacity,
                      ring.high_water, ring.passed, ring.dropped);
@@ -351,8 +351,8 @@ std::string thread_table(const FlightRecord& r) {
 std::string output_table(const RealtimeRecord& r) {
   const auto ms = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
   std::string s =
-      "<table><tr><th>to</th><th>sent</th><th>not sent</th><th>reopened</th><th>images</th><th>median, ms</th>"
-      "<th>99 %, ms</th><th>at most, ms</th></tr>";
+      "<table><tr><th>receiver</th><th>sent</th><th>not sent</th><th>reopened</th><th>images</th><th>median, ms</th>"
+      "<th>99 %, ms</th><th>max, ms</th></tr>";
   for (const OutputRecord& o : r.outputs) {
     s += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>", escaped(o.name), o.sent, o.not_sent,
                      o.reopened, o.latency.count());
@@ -364,7 +364,7 @@ std::string output_table(const RealtimeRecord& r) {
 }
 
 std::string device_table(const RealtimeRecord& r) {
-  std::string s = "<table><tr><th>device</th><th>counted</th><th>clock</th></tr>";
+  std::string s = "<table><tr><th>device</th><th>counters</th><th>clock</th></tr>";
   for (const DeviceRecord& device : r.devices) {
     std::string counts, clock = "the computer's";
     for (const DeviceCount& c : device.counts)
@@ -397,16 +397,18 @@ std::string report_html(const FlightRecord& record, const std::optional<Trajecto
       truth && !record.truth->gyroscope_bias_rad_s.empty() ? &record.truth->gyroscope_bias_rad_s : nullptr;
   const auto* truth_ba =
       truth && !record.truth->accelerometer_bias_m_s2.empty() ? &record.truth->accelerometer_bias_m_s2 : nullptr;
-  const std::string truth_note = "bands: 3 sigma";
+  const std::string truth_note = "bands: claimed 3 sigma";
   const std::string aligned =
-      truth ? "estimate as known at each instant, laid over the truth by origin and heading" : "no ground truth";
+      truth ? "estimate at the time of each image, aligned with the ground truth in position and heading"
+            : "no ground truth";
   std::string s = tiles(record, errors) + R"(<div class="grid2">)";
   s += html_card("Path from above", aligned, svg(path_plot(record, c, 0, 1), {560, 380}));
   s += html_card("Path from the side", aligned, svg(path_plot(record, c, 0, 2), {560, 380}));
-  s += html_card("Position error",
-                 "against what the estimator claimed at that instant; its claim counts from the start, so it grows",
-                 svg(position_error_plot(record, columns, c)));
-  s += html_card("Yaw error", "the mean is taken out: the heading of the start is not known",
+  s += html_card(
+      "Position error",
+      "with the uncertainty that the estimator claimed at that time; it is relative to the start, so it grows",
+      svg(position_error_plot(record, columns, c)));
+  s += html_card("Yaw error", "without its mean, because the initial heading is arbitrary",
                  svg(yaw_error_plot(record, columns, c)));
   s += html_card("Velocity", truth_note + (truth_v ? "; dashed: ground truth" : ""),
                  svg(vector_plot(
@@ -420,20 +422,23 @@ std::string report_html(const FlightRecord& record, const std::optional<Trajecto
                  svg(vector_plot(
                      columns, "m/s²", 1, [](const ImageRecord& i) { return i.b_a_m_s2; },
                      [](const ImageRecord& i) { return i.sigma_b_a_m_s2; }, record, truth_ba)));
-  s += html_card("Tracks per image", "followed from image to image", svg(tracks_plot(columns)));
+  s += html_card("Tracks per image", "features followed from the previous image, and new ones",
+                 svg(tracks_plot(columns)));
   s += html_card("Health", kHealthKey, svg(health_plot(record, columns), {1140, 200}), true);
   s += html_card("Time per image",
-                 "what is slower than the axis reaches is in the last bar. Decoding files is in none of them",
+                 "wall time; the last bar holds all longer times. No time includes the decoding of files",
                  histograms(record) + timing_table(record), true);
-  if (errors && errors->poses > 0) s += html_card("Errors", "against the ground truth", error_table(*errors));
-  if (record.realtime) s += html_card("Threads", "from arming to the end", thread_table(record));
+  if (errors && errors->poses > 0) s += html_card("Errors", "compared with the ground truth", error_table(*errors));
+  if (record.realtime)
+    s += html_card("Threads", "costs from the start of the threads to the end of the run", thread_table(record));
   if (record.realtime && !record.realtime->outputs.empty()) {
-    s += html_card("Outputs", "latency: from an image's stamp to the last byte of the first message that knew of it",
+    s += html_card("Outputs",
+                   "latency: from an image's timestamp to the last byte of the first message that contains it",
                    output_table(*record.realtime), true);
   }
   if (record.realtime && !record.realtime->devices.empty())
-    s += html_card("Devices", "what their drivers counted", device_table(*record.realtime), true);
-  s += html_card("Counts", "of this run", count_table(record));
+    s += html_card("Devices", "counters of their drivers", device_table(*record.realtime), true);
+  s += html_card("Counters", "of this run", count_table(record));
   return html_page(record.dataset_path, subtitle, s + "</div>");
 }
 

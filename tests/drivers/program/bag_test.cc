@@ -270,12 +270,12 @@ TEST_F(Bag, TopicsAreFoundOrChosen) {
   }
   const Outcome r = replay();
   ASSERT_EQ(r.exit_code, 0) << r.err;
-  EXPECT_NE(r.out.find("/cam0/image_raw taken; the bag also has /cam1/image_raw"), std::string::npos) << r.out;
+  EXPECT_NE(r.out.find("/cam0/image_raw is used; the bag also has /cam1/image_raw"), std::string::npos) << r.out;
   EXPECT_NE(r.out.find("/leica/position has positions only"), std::string::npos) << r.out;
   EXPECT_FALSE(Json::parse(read(out / "stats.json"))["dataset"]["has_ground_truth"]);
   EXPECT_EQ(replay("--image-topic /cam1/image_raw --imu-topic /imu0").exit_code, 0);
   expect_one_line(replay("--image-topic /cam7"), 2, {"no topic /cam7", "/cam0/image_raw, /cam1/image_raw"});
-  expect_one_line(replay("--imu-topic /cam0/image_raw"), 2, {"is of sensor_msgs/Image", "sensor_msgs/Imu"});
+  expect_one_line(replay("--imu-topic /cam0/image_raw"), 2, {"has the type sensor_msgs/Image", "sensor_msgs/Imu"});
   expect_one_line(replay("--truth-topic /leica/position"), 2, {"geometry_msgs/PointStamped", "nav_msgs/Odometry"});
 }
 
@@ -312,7 +312,7 @@ TEST_F(Bag, DamageIsOneClearLine) {
   ASSERT_NE(at, std::string::npos);
   unindexed.replace(at + 10, 8, std::string(8, '\0'));
   write(bag, unindexed);
-  expect_one_line(replay(), 2, {"never closed", "rosbag reindex"});
+  expect_one_line(replay(), 2, {"not closed", "rosbag reindex"});
   std::string codec = whole;
   for (std::size_t found = 0; (found = codec.find("compression=none", found)) != std::string::npos;)
     codec.replace(found, 16, "compression=rar!");
@@ -339,19 +339,19 @@ TEST_F(Bag, MessagesCutShortAreOneClearLine) {
     RawMessage cut = imu;
     cut.bytes.resize(left);
     only(image, cut);
-    expect_one_line(replay(), 2, {"message 1 of /imu breaks off after " + std::to_string(left) + " bytes"});
+    expect_one_line(replay(), 2, {"message 1 of /imu ends after " + std::to_string(left) + " bytes"});
   }
   for (const std::size_t left : {kShortest, std::size_t{10}, std::size_t{30}, image.bytes.size() - 1}) {
     RawMessage cut = image;
     cut.bytes.resize(left);
     only(cut, imu);
-    expect_one_line(replay(), 2, {"message 1 of /image breaks off after " + std::to_string(left) + " bytes"});
+    expect_one_line(replay(), 2, {"message 1 of /image ends after " + std::to_string(left) + " bytes"});
   }
   RawMessage liar = image;  // 2^32 - 1 rows in the same data
   const std::size_t rows = 4 + 4 + 4 + 4 + 5;
   for (std::size_t i = 0; i < 4; ++i) liar.bytes[rows + i] = 0xff;
   only(liar, imu);
-  expect_one_line(replay(), 2, {"/image breaks off"});
+  expect_one_line(replay(), 2, {"/image ends"});
   only(image_message(100'000'000'000, pixels, "bayer_rggb8"), imu);
   expect_one_line(replay(), 2, {"bayer_rggb8", "mono8"});
   only(image_message(100'000'000'000, cv::Mat(48, 75, CV_8U, cv::Scalar(1)), "mono8"), imu);

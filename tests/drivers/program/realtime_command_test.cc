@@ -73,7 +73,7 @@ TEST_F(RealtimeCommand, IsTheReplayInOneThreadByteByByteAndTouchesNoHeapNoLockNo
   }
 #endif
   for (const auto& [name, ring] : s["realtime"]["rings"].items()) EXPECT_EQ(ring["dropped"], 0) << name;
-  EXPECT_NE(read(scratch() / "threads/report.html").find("latency: stamp to odometry"), std::string::npos);
+  EXPECT_NE(read(scratch() / "threads/report.html").find("latency: image timestamp to odometry"), std::string::npos);
   if (!locked) GTEST_SKIP() << "memory may not be locked here: page faults were not looked at";
 }
 

@@ -59,7 +59,7 @@ class MadeUpFlight : public testing::Test {
 
 TEST_F(MadeUpFlight, WithoutTextureTheRunFailsButLeavesItsFiles) {
   const Outcome r = replay();
-  expect_one_line(r, 1, {"never initialised in 20 images"});
+  expect_one_line(r, 1, {"the estimator did not start in 20 images"});
   EXPECT_TRUE(fs::exists(out / "trajectory.tum"));
   EXPECT_TRUE(fs::exists(out / "report.html"));
   const Json s = stats();
@@ -69,7 +69,7 @@ TEST_F(MadeUpFlight, WithoutTextureTheRunFailsButLeavesItsFiles) {
   EXPECT_TRUE(s["initialisation"]["seconds_after_first_image"].is_null());
   EXPECT_FALSE(s["dataset"]["has_ground_truth"]);
   EXPECT_TRUE(s["error"]["ate_4dof_m"]["rmse"].is_null());
-  EXPECT_NE(r.out.find("sensor.yaml does not exist: noise densities"), std::string::npos) << r.out;
+  EXPECT_NE(r.out.find("sensor.yaml does not exist: assuming the noise densities"), std::string::npos) << r.out;
 }
 
 TEST_F(MadeUpFlight, EveryPromisedFieldIsThere) {
@@ -154,7 +154,7 @@ TEST_F(MadeUpFlight, StartAndDurationChooseImages) {
   replay("--start 0.2 --duration 0.5");
   EXPECT_EQ(stats()["images"]["read"], 11);
   EXPECT_EQ(stats()["dataset"]["images"], 20);
-  expect_one_line(replay("--start 100"), 2, {"no image in the time asked for"});
+  expect_one_line(replay("--start 100"), 2, {"no image between --start and --duration"});
 }
 
 TEST_F(MadeUpFlight, TheLayoutOfTumViIsReadAsItComes) {
@@ -243,13 +243,13 @@ const Damage kDamages[] = {
      {"sensor.yaml:8: unknown distortion model \"fancy\"", "equidistant"}},
     {"NoRotation",
      [](const fs::path& mav) { replace_in(mav / "cam0/sensor.yaml", "data: [1,", "data: [2,"); },
-     {"sensor.yaml:4: ", "no rigid motion"}},
+     {"sensor.yaml:4: ", "not a rigid motion"}},
     {"NotYaml",
      [](const fs::path& mav) { write(mav / "cam0/sensor.yaml", "a: [1, 2\nb: 3\n"); },
-     {"sensor.yaml:2: no YAML"}},
+     {"sensor.yaml:2: not YAML"}},
     {"EmptyImu",
      [](const fs::path& mav) { write(mav / "imu0/data.csv", "#timestamp\n"); },
-     {"imu0/data.csv: no IMU sample"}},
+     {"imu0/data.csv: lists no IMU sample"}},
     {"NoImu", [](const fs::path& mav) { fs::remove(mav / "imu0/data.csv"); }, {"imu0/data.csv: does not exist"}},
 };
 

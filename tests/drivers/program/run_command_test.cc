@@ -26,8 +26,8 @@ class RunCommand : public testing::Test {
 
 TEST_F(RunCommand, SaysWhatTheConfigurationLacks) {
   expect_one_line(run("run --config /does/not/exist.toml"), 2, {"/does/not/exist.toml"});
-  expect_one_line(run_with(""), 2, {"flight.toml: no camera.device"});
-  expect_one_line(run_with("device = \"/dev/video77\"\n"), 2, {"flight.toml: no imu.device"});
+  expect_one_line(run_with(""), 2, {"flight.toml: camera.device is not set"});
+  expect_one_line(run_with("device = \"/dev/video77\"\n"), 2, {"flight.toml: imu.device is not set"});
   expect_one_line(run_with("device = \"/dev/video77\"\n", "[imu]\ndriver = \"mavlink\"\n"), 2,
                   {"without a flight controller", "mavlink.serial or mavlink.udp"});
   expect_one_line(run_with("device = \"/dev/video77\"\nwidth = 320\nheight = 240\n", "[imu]\ndevice = \"none\"\n"), 2,

@@ -81,11 +81,11 @@ TEST(Config, ASingleSettingThatIsWrongIsExplained) {
     const Status status = file.set(set);
     return status ? std::string("taken") : status.error().text();
   };
-  EXPECT_EQ(why("tracker.max_features"), "--set tracker.max_features: no value; expected section.key=value");
+  EXPECT_EQ(why("tracker.max_features"), "--set tracker.max_features: no value; expected SECTION.KEY=VALUE");
   EXPECT_EQ(
       why("tracker.max_feature=3"),
       "--set tracker.max_feature=3: unknown setting \"tracker.max_feature\"; expected \"tracker.max_features\", or "
-      "one that `epiline config` lists");
+      "a name that `epiline config` lists");
   EXPECT_EQ(why("tracker.max_features=many"),
             "--set tracker.max_features=many: \"many\"; expected an integer from 1 to 400");
   EXPECT_NE(why("tracker.max_features=3\n[camera]"), "taken");
@@ -155,7 +155,7 @@ INSTANTIATE_TEST_SUITE_P(
                 "f.toml:2: estimator.visual_factor = \"none\"; expected \"track\" or \"epipolar\" or \"reprojection\""},
         BadFile{"[estimator]\nkeyframe = 7\n", "f.toml:2: unknown key \"estimator.keyframe\""},
         BadFile{"[estimatr]\nkeyframes = 7\n", "f.toml:1: unknown section \"estimatr\""},
-        BadFile{"estimator = 3\n", "f.toml:1: \"estimator\" is no section"},
+        BadFile{"estimator = 3\n", "f.toml:1: \"estimator\" is not a section"},
         BadFile{"[estimator]\nkeyframes = \n", "f.toml:2: "}));
 
 }  // namespace

@@ -24,7 +24,7 @@ std::string error_of(const CanConfig& config) {
 }
 
 TEST(CanOutput, SaysWhatIsWrongWithTheSettings) {
-  EXPECT_EQ(error_of({}), "[can]: no interface; expected can.interface, as `ip -br link` shows it");
+  EXPECT_EQ(error_of({}), "[can]: interface is not set; expected can.interface, as `ip -br link` shows it");
   EXPECT_EQ(error_of({.interface = "can0", .base_id = 0x7fe}), "[can]: base_id 2046; expected 1 to 2037");
   EXPECT_EQ(error_of({.interface = "can0", .isotp_send_id = 0x305, .isotp_receive_id = 0x400}),
             "[can]: isotp_send_id 773, isotp_receive_id 1024; expected two different identifiers outside 768 to 778");
@@ -146,18 +146,21 @@ TEST(CanOutput, SaysWhatIsWrongWithTheInterface) {
     EXPECT_EQ(rig.kernel.open_files(), status ? 2u : 0u);
     return status ? "opened" : status.error().text();
   };
-  EXPECT_EQ(error(true, [](FakeCanBus& bus) { bus.speaks_can = false; }),
-            "can0: this kernel does not speak CAN: Address family not supported by protocol; expected the modules "
-            "can-raw and, for ISO-TP, can-isotp: modprobe can-raw");
+  EXPECT_EQ(
+      error(true, [](FakeCanBus& bus) { bus.speaks_can = false; }),
+      "can0: the kernel has no CAN support: Address family not supported by protocol [socket]; expected the kernel "
+      "modules can-raw and, for ISO-TP, can-isotp (modprobe can-raw)");
   EXPECT_EQ(error(true, [](FakeCanBus& bus) { bus.exists = false; }),
-            "can0: open: No such device; expected a network interface that `ip -br link` shows");
+            "can0: No such device [SIOCGIFINDEX]; expected a network interface that `ip -br link` shows");
   EXPECT_EQ(error(true, [](FakeCanBus& bus) { bus.is_can = false; }),
             "can0: not a CAN interface; expected one that `ip -br link show type can` shows");
-  EXPECT_EQ(error(true, [](FakeCanBus& bus) { bus.is_up = false; }),
-            "can0: open: Network is down; expected it up: ip link set can0 up type can bitrate BITRATE");
+  EXPECT_EQ(
+      error(true, [](FakeCanBus& bus) { bus.is_up = false; }),
+      "can0: Network is down [SIOCGIFFLAGS]; expected an interface that is up: ip link set can0 up type can bitrate "
+      "BITRATE");
   EXPECT_EQ(error(true, [](FakeCanBus& bus) { bus.has_fd = false; }),
-            "can0: carries classic frames only; expected can.fd = false, or an interface set up with dbitrate BITRATE "
-            "fd on");
+            "can0: the interface carries classic frames only; expected can.fd = false, or an interface that is set up "
+            "with dbitrate BITRATE fd on");
   EXPECT_EQ(error(false, [](FakeCanBus& bus) { bus.has_fd = false; }), "opened");
 }
 

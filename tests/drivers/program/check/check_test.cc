@@ -79,7 +79,7 @@ TEST(ImageCheck, KnowsASharpImageFromABlurredOne) {
   };
   EXPECT_EQ(grade(look(0.9), "edges are"), Grade::kOk);
   EXPECT_EQ(grade(look(2.), "edges are"), Grade::kWarning);
-  EXPECT_EQ(grade(look(0.9), "corners of"), Grade::kOk);
+  EXPECT_EQ(grade(look(0.9), "corners found"), Grade::kOk);
   EXPECT_EQ(grade(look(0.9), "mean brightness"), Grade::kOk);
   EXPECT_EQ(grade(look(0.9, 0.02), "mean brightness"), Grade::kError);
   EXPECT_EQ(grade(look(0.9, 6), "mean brightness"), Grade::kError);
@@ -94,7 +94,7 @@ TEST(ImageCheck, CountsWhatWasLost) {
   const Finding* lost = find(all, "images lost");
   ASSERT_NE(lost, nullptr);
   EXPECT_EQ(lost->grade, Grade::kError);
-  EXPECT_EQ(find(findings_of(r, 30, 60), "images a second")->grade, Grade::kWarning) << "30 were configured";
+  EXPECT_EQ(find(findings_of(r, 30, 60), "images per second")->grade, Grade::kWarning) << "30 were configured";
 }
 
 // ---- what is there ----
@@ -148,7 +148,7 @@ TEST(Check, NamesWhatIsMissingAndWhatIsThere) {
     EXPECT_EQ(f.grade, Grade::kError) << f.text;
     EXPECT_FALSE(f.remedy.empty()) << f.text;
   }
-  EXPECT_EQ(missing[0].text, "no /dev/video7-that-is-not-there");
+  EXPECT_EQ(missing[0].text, "/dev/video7-that-is-not-there does not exist");
   EXPECT_NE(missing[0].remedy.find("HD USB Camera"), std::string::npos);
   EXPECT_NE(missing[2].remedy.find("/dev/ttyACM0"), std::string::npos);
   EXPECT_NE(missing[3].remedy.find("can0 (down)"), std::string::npos);
@@ -163,8 +163,8 @@ TEST(Check, DeviceRecordsBecomeFindings) {
   Findings all = findings_of(record);
   EXPECT_EQ(find(all, "bad_checksums 3")->grade, Grade::kWarning);
   EXPECT_EQ(find(all, "pieces"), nullptr);
-  EXPECT_EQ(find(all, "no flight controller heard")->grade, Grade::kError);
-  EXPECT_EQ(find(all, "clock: no sample")->grade, Grade::kWarning);
+  EXPECT_EQ(find(all, "nothing received from a flight controller")->grade, Grade::kError);
+  EXPECT_EQ(find(all, "clock: the device sent no time")->grade, Grade::kWarning);
   record.counts = {{"packets", 100}};
   record.clock->status = ClockStatus::kLocked;
   all = findings_of(record);
@@ -187,12 +187,12 @@ TEST(LineFindings, SayWhetherEdgesAndImagesAgree) {
     const Finding* const f = find(all, part);
     return f == nullptr ? std::string("nothing") : std::string(kGradeNames[static_cast<std::size_t>(f->grade)]);
   };
-  EXPECT_EQ(grade("30.00 edges a second on cam-trigger, those of 280 of 300 images"), "ok");
+  EXPECT_EQ(grade("30.00 edges per second on cam-trigger, matched to 280 of 300 images"), "ok");
   EXPECT_EQ(grade("missing"), "nothing");
   e.lag = Span{-13'000'000};
   EXPECT_EQ(grade("30.00 edges"), "warning") << "an image may take its neighbour's edge";
   e.missing = 7;
-  EXPECT_EQ(grade("7 edges missing on cam-trigger, 0 too soon"), "warning");
+  EXPECT_EQ(grade("7 edges missing on cam-trigger, 0 too early"), "warning");
   e.matched = 3;
   e.mismatched = 100;
   EXPECT_EQ(grade("30.00 edges"), "error");
@@ -202,7 +202,8 @@ TEST(LineFindings, SayWhetherEdgesAndImagesAgree) {
   EXPECT_EQ(grade("0.00 edges"), "error") << "never sure which is whose";
   e = {};
   EXPECT_EQ(grade("no edges on cam-trigger"), "error");
-  EXPECT_EQ(findings_of(e, GpioCounts{10, 0, 1, ENODEV}, "cam-trigger")[0].text, "the chip of cam-trigger went away");
+  EXPECT_EQ(findings_of(e, GpioCounts{10, 0, 1, ENODEV}, "cam-trigger")[0].text,
+            "the GPIO chip of cam-trigger disappeared");
 }
 
 /// Speeds as they are given, then the end.
@@ -231,7 +232,7 @@ class ListedSpeeds final : public WheelSource {
 
 TEST(WheelCheck, SaysRateAndRange) {
   const auto first = [](std::vector<double> speeds) { return ListedSpeeds(std::move(speeds)).findings().at(0); };
-  EXPECT_EQ(first({0.5, -0.25, 1}).text, "50.0 speeds a second, jitter 0.0 ms, from -0.25 to 1.00 m/s");
+  EXPECT_EQ(first({0.5, -0.25, 1}).text, "50.0 speeds per second, jitter 0.0 ms, from -0.25 to 1.00 m/s");
   EXPECT_EQ(first({0.5, 1}).grade, Grade::kOk);
   EXPECT_EQ(first({0, 0, 655.35}).grade, Grade::kWarning) << "an unsigned reading of a small step back";
   EXPECT_EQ(first({}).grade, Grade::kError);

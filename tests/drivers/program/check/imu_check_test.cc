@@ -94,15 +94,15 @@ TEST(ImuCheck, NamesFaults) {
   const auto says = [](const std::string& text, const char* part) {
     EXPECT_NE(text.find(part), std::string::npos) << text;
   };
-  says(verdict({}, 3), "error: 3 readings");
+  says(verdict({}, 3), "error: 3 samples");
   says(verdict({.gyroscope_density = 2e-3}), "warning: gyroscope noise");
   says(verdict({.accelerometer_density = 1e-2}), "warning: accelerometer noise");
-  says(verdict({}, 4000, 1 / 9.81), "error: 1.000 m/s^2 at rest; readings are in g");
+  says(verdict({}, 4000, 1 / 9.81), "error: the accelerometer measures 1.000 m/s^2 at rest; samples are in g");
   says(verdict({.gravity = 10.3}), "calibrate the accelerometer");
-  says(verdict({.gravity = 19.62}), "error: 19.620 m/s^2 at rest");
-  says(verdict({.bias = 0.2}), "much for a bias");
-  says(verdict({.rate_hz = 30}, 600), "error: 30.0 readings a second");
-  says(verdict({.rate_hz = 100}, 2000), "200 were asked for");
+  says(verdict({.gravity = 19.62}), "error: the accelerometer measures 19.620 m/s^2 at rest");
+  says(verdict({.bias = 0.2}), "large for a bias");
+  says(verdict({.rate_hz = 30}, 600), "error: 30.0 samples per second");
+  says(verdict({.rate_hz = 100}, 2000), "200 are configured");
   says(verdict({.accelerometer_density = 0}), "error: 3 of 6 axes never change");
 }
 

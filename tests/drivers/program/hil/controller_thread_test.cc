@@ -111,10 +111,9 @@ TEST(ControllerThread, TalksThroughUdp) {
 }
 
 TEST(ControllerLine, ASerialPortHasAWordForItsFaults) {
-  EXPECT_EQ(
-      open_serial_line("/dev/null", 921'600).error().text(),
-      "/dev/null: read the settings of the line: Inappropriate ioctl for device; expected a serial device; one that "
-      "is wired to the configuration's, or pty, udp, a CAN interface");
+  EXPECT_EQ(open_serial_line("/dev/null", 921'600).error().text(),
+            "/dev/null: Inappropriate ioctl for device [TCGETS2]; expected a serial device that is wired to "
+            "the configured one, or pty, udp or a CAN interface");
   EXPECT_FALSE(open_serial_line("/dev/there_is_none", 921'600));
 }
 

@@ -47,7 +47,7 @@ TEST_F(HilCommand, AFlightIsAccepted) {
   ASSERT_EQ(r.exit_code, 0) << r.out << r.err;
   EXPECT_THAT(not_seen(r.out), ElementsAre("timesync converges", "origin", "CAN frames", "CAN status"));
   EXPECT_NE(r.out.find("PX4 accepts the odometry\nArduPilot accepts the odometry\n"), std::string::npos) << r.out;
-  EXPECT_NE(r.out.find("latency   image stamp to last byte"), std::string::npos) << r.out;
+  EXPECT_NE(r.out.find("latency   image timestamp to last byte"), std::string::npos) << r.out;
   EXPECT_EQ(r.out.compare(0, read(scratch() / "out/verdict.txt").size(), read(scratch() / "out/verdict.txt")), 0);
   const Json s = stats("out");
   EXPECT_LT(s["error"]["ate_4dof_m"]["rmse"].get<double>(), 0.05);
@@ -87,7 +87,7 @@ TEST_F(HilCommand, AnArduPilotIsToldWhereItIs) {
 // Too short for a first pose: a controller gets nothing to fuse.
 TEST_F(HilCommand, AFlightThatIsRefusedFails) {
   const Outcome r = hil("--duration 0.2");
-  expect_one_line(r, 1, {"rules are broken", "fusion"});
+  expect_one_line(r, 1, {"breaks", "rules of the flight controllers", "fusion"});
   EXPECT_NE(r.out.find("PX4 REFUSES"), std::string::npos) << r.out;
   EXPECT_NE(r.out.find("rule: odometry comes"), std::string::npos) << r.out;
 }
@@ -106,12 +106,12 @@ TEST_F(HilCommand, SaysWhatIsWrong) {
   expect_one_line(hil("--camera v4l2loopback:/dev/there_is_none"), 2, {"/dev/there_is_none", "modprobe v4l2loopback"});
   expect_one_line(hil("--controller /dev/there_is_none"), 2, {"/dev/there_is_none"});
   expect_one_line(hil("--controller nocan7"), 2, {"nocan7", "ip link add"});
-  expect_one_line(hil("--start 100"), 2, {"no image in the time asked for"});
+  expect_one_line(hil("--start 100"), 2, {"no image between --start and --duration"});
   expect_one_line(hil("--controller ''"), 2, {"no controller"});
   expect_one_line(hil("--controller udp:0"), 2, {"udp:PORT"});
-  expect_one_line(hil("--controller pty:" + config().string()), 2, {"flight.toml", "a path at which nothing is yet"});
+  expect_one_line(hil("--controller pty:" + config().string()), 2, {"flight.toml", "an unused path"});
   write(config(), "[camera]\n");
-  expect_one_line(hil(""), 2, {"no camera.calibration"});
+  expect_one_line(hil(""), 2, {"camera.calibration is not set"});
 }
 
 // Another process opens what is played: it has to be where its configuration looks for it.

@@ -69,26 +69,26 @@ TEST(Devices, WhatIsMissingIsNamedWithWhatWouldDo) {
     return devices ? std::string() : devices.error().text();
   };
   const std::string file = files.folder() + "/flight.toml: ";
-  EXPECT_EQ(error_of("", ""), file + "no camera.device; expected the camera's path, name or bus");
+  EXPECT_EQ(error_of("", ""),
+            file + "camera.device is not set; expected the camera's path, name or bus (epiline check lists cameras)");
   EXPECT_EQ(error_of("device = \"a\"\n", ""),
-            file + "no imu.device; expected the IMU's name or path, or imu.driver = \"mavlink\"");
-  EXPECT_EQ(
-      error_of("device = \"a\"\nwidth = 320\n", "[imu]\ndevice = \"b\"\n"),
-      file + "camera.width = 320, camera.height = 480; expected 640 x 480, the size the camera was calibrated with");
+            file + "imu.device is not set; expected the IMU's name or path, or imu.driver = \"mavlink\"");
+  EXPECT_EQ(error_of("device = \"a\"\nwidth = 320\n", "[imu]\ndevice = \"b\"\n"),
+            file + "camera.width = 320, camera.height = 480; expected 640 x 480, the image size in camera.calibration");
   EXPECT_EQ(error_of("device = \"a\"\nformat = \"MJPG\"\n", "[imu]\ndevice = \"b\"\n"),
             file + "camera.format: \"MJPG\"; expected GREY, Y10, Y12, Y16, Y10P, YUYV, NV12, YU12");
   EXPECT_EQ(
       error_of("device = \"a\"\n", "[imu]\ndriver = \"mavlink\"\n"),
       file +
-          "imu.driver = \"mavlink\" without a flight controller; expected mavlink.serial or mavlink.udp, where it is");
+          "imu.driver = \"mavlink\" without a flight controller; expected its port in mavlink.serial or mavlink.udp");
   EXPECT_EQ(error_of("device = \"a\"\n",
                      "[imu]\ndriver = \"mavlink\"\n[mavlink]\nudp = \"127.0.0.1:14550\"\n[body]\nyaw_deg = 90\n"),
             file +
-                "a turn in [body] with imu.driver = \"mavlink\"; expected none: a flight controller gives its readings "
-                "in the vehicle's axes");
+                "angles in [body] with imu.driver = \"mavlink\"; expected angles of 0: a flight controller sends its "
+                "samples in the vehicle's axes");
   const auto none = read_live_settings(files.write("none.toml", "[camera]\ndevice = \"a\"\n"));
   ASSERT_FALSE(none);
-  EXPECT_EQ(none.error().text().rfind(files.folder() + "/none.toml: no camera.calibration; expected", 0), 0u);
+  EXPECT_EQ(none.error().text().rfind(files.folder() + "/none.toml: camera.calibration is not set; expected", 0), 0u);
 }
 
 TEST(Devices, EveryDriverOfAnImuIsAtHand) {

@@ -100,8 +100,8 @@ TEST_F(Browser, SaysThatTheStateIsLostAndWhy) {
   const Look page = look("--dump-dom");
   EXPECT_EQ(page.complaints, "");
   EXPECT_NE(page.out.find(">Lost<"), std::string::npos);
-  EXPECT_NE(page.out.find("A number of the state is not finite."), std::string::npos);
-  EXPECT_NE(page.out.find("A bias is larger than a working sensor has."), std::string::npos);
+  EXPECT_NE(page.out.find("A value of the state is not finite."), std::string::npos);
+  EXPECT_NE(page.out.find("A bias is larger than that of any working sensor."), std::string::npos);
 }
 
 TEST_F(Browser, IsWholeBeforeTheFirstImageAndAfterTheLast) {

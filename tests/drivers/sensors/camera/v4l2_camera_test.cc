@@ -20,14 +20,16 @@ std::string error_of(V4l2Settings settings) {
 }
 
 TEST(V4l2Camera, SaysWhatIsWrongWithTheDevice) {
-  EXPECT_EQ(error_of({.device = "/dev/no-such-camera"}),
-            "/dev/no-such-camera: open: No such file or directory; expected a device that is there (epiline check "
-            "lists them)");
-  EXPECT_EQ(error_of({.device = "/dev/null"}), "/dev/null: VIDIOC_QUERYCAP: not a V4L2 device; expected a V4L2 device");
   EXPECT_EQ(
-      error_of({.device = "Wonder Cam"}),
-      "/dev/video*: looking for the camera: none is called 'Wonder Cam'; expected the name or the bus of a camera");
-  EXPECT_EQ(error_of({.device = "/dev/null", .buffers = 1}), "/dev/null: 1 buffers; expected 2 to 16");
+      error_of({.device = "/dev/no-such-camera"}),
+      "/dev/no-such-camera: No such file or directory [open]; expected a connected device (epiline check lists them)");
+  EXPECT_EQ(error_of({.device = "/dev/null"}),
+            "/dev/null: not a V4L2 device [VIDIOC_QUERYCAP]; expected a V4L2 device");
+  EXPECT_EQ(error_of({.device = "Wonder Cam"}),
+            "/dev/video*: no camera is called 'Wonder Cam' [open]; expected a camera's path, name or bus (epiline "
+            "check lists "
+            "them)");
+  EXPECT_EQ(error_of({.device = "/dev/null", .buffers = 1}), "/dev/null: camera.buffers = 1; expected 2 to 16");
 }
 
 TEST(V4l2Camera, AFailedOpenLeavesNothingBehind) {
@@ -318,9 +320,10 @@ TEST(V4l2Camera, ListsSizesFormatsAndRatesToWhoAsksForOthers) {
     change(rig);
     return rig.error();
   };
-  const std::string what = "/dev/video0: camera.width, camera.height, camera.format: the camera does not offer ";
+  const std::string what = "/dev/video0: the camera does not offer ";
   const std::string list =
-      "; expected GREY 320x180 (30, 60 Hz), 640x480 (30 Hz); YUYV 640x480 (10, 15 Hz); not read: "
+      " [camera.width, camera.height, camera.format]; expected GREY 320x180 (30, 60 Hz), 640x480 (30 Hz); YUYV 640x480 "
+      "(10, 15 Hz); not read: "
       "MJPG, H264";
   EXPECT_EQ(error([](CameraRig& rig) { rig.settings.width = 333; }), what + "333x180 in GREY" + list);
   EXPECT_EQ(error([](CameraRig& rig) { rig.settings.formats = {PixelFormat::kY10}; }), what + "320x180 in Y10" + list);
@@ -329,9 +332,9 @@ TEST(V4l2Camera, ListsSizesFormatsAndRatesToWhoAsksForOthers) {
               rig.settings.width = 1920;
               rig.settings.height = 1080;
             }),
-            what + "1920x1080 in any format epiline reads" + list);
+            what + "1920x1080 in any format that epiline reads" + list);
   EXPECT_EQ(error([](CameraRig& rig) { rig.settings.rate_hz = 45; }),
-            "/dev/video0: camera.rate_hz: the camera does not offer 45 Hz at GREY 320x180, but takes 30; expected 30, "
+            "/dev/video0: the camera does not offer 45 Hz at GREY 320x180, but takes 30 [camera.rate_hz]; expected 30, "
             "60");
   EXPECT_EQ(error([](CameraRig& rig) { rig.device->refused_request = VIDIOC_S_FMT; }), what + "320x180 in GREY" + list);
 }

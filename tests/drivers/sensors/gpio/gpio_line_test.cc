@@ -31,14 +31,16 @@ TEST(GpioLine, IsFoundByNameThenByLabelThenByNameOfItsChip) {
 }
 
 TEST(GpioLine, SaysWhatIsWrongWithItsName) {
-  EXPECT_EQ(chosen("twice"), "GPIO line twice: 2 are called so; expected one of gpiochip1:2, gpiochip2:0");
-  EXPECT_EQ(chosen("adapter:0"), "GPIO line adapter:0: 2 are called so; expected one of gpiochip1:0, gpiochip2:0");
-  EXPECT_EQ(chosen("pinctrl-rp1:3"), "GPIO line pinctrl-rp1:3: the chip has 3 lines; expected an offset below that");
+  EXPECT_EQ(chosen("twice"), "GPIO line twice: 2 lines have this name; expected one of gpiochip1:2, gpiochip2:0");
+  EXPECT_EQ(chosen("adapter:0"),
+            "GPIO line adapter:0: 2 lines have this name; expected one of gpiochip1:0, gpiochip2:0");
+  EXPECT_EQ(chosen("pinctrl-rp1:3"),
+            "GPIO line pinctrl-rp1:3: the chip has 3 lines; expected an offset less than that");
   const std::string list =
       "one of ID_SDA, GPIO4, strobe, a:1, twice, twice; or CHIP:OFFSET with one of the chips pinctrl-rp1 (gpiochip0, 0 "
       "to 2), adapter (gpiochip1, 0 to 2), adapter (gpiochip2, 0 to 0), gpiochip0 (gpiochip3, 0 to 1)";
   for (const char* wanted : {"GPIO5", "", ":", "adapter:", "adapter:x", "adapter:-1", "adapter:1 ", "nobody:0"})
-    EXPECT_EQ(chosen(wanted), std::string("GPIO line ") + wanted + ": there is none of this name; expected " + list);
+    EXPECT_EQ(chosen(wanted), std::string("GPIO line ") + wanted + ": no line has this name; expected " + list);
 }
 
 TEST(GpioLine, AFailedOpenLeavesItClosed) {

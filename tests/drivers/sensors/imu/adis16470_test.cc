@@ -123,11 +123,11 @@ TEST(Adis16470, SaysWhoIsThereInstead) {
   AdisRig other(at_rate(200));
   other.model.reg(0x72) = 16475;
   std::string told = text(other.imu->open());
-  EXPECT_NE(told.find("an ADIS16475; expected 0x4056"), std::string::npos) << told;
+  EXPECT_NE(told.find("an ADIS16475 [identity register]; expected 0x4056"), std::string::npos) << told;
   AdisRig dead(at_rate(200));
   dead.bus->stuck = 0xff;
   told = text(dead.imu->open());
-  EXPECT_NE(told.find("0xffff; expected 0x4056, an answer: wrong chip select"), std::string::npos) << told;
+  EXPECT_NE(told.find("0xffff [identity register]; expected 0x4056. Wrong chip select"), std::string::npos) << told;
 }
 
 TEST(Adis16470, AWrongChecksumIsLeftOut) {

@@ -101,15 +101,16 @@ TEST(Bmi088, DelayFollowsFromTheBandwidth) {
 TEST(Bmi088, SaysWhoIsThereInstead) {
   BmiRig swapped(at_rate(400), true, {}, true);
   std::string told = text(swapped.imu->open());
-  EXPECT_NE(told.find("the other way round"), std::string::npos) << told;
+  EXPECT_NE(told.find("imu.device and imu.device_accel swapped"), std::string::npos) << told;
   BmiRig open_line(at_rate(400));
   open_line.accel_bus->stuck = 0xff;
   told = text(open_line.imu->open());
-  EXPECT_NE(told.find("accelerometer: another identity: 0xff; expected 0x1e"), std::string::npos) << told;
+  EXPECT_NE(told.find("wrong identity 0xff [identity register of the accelerometer]; expected 0x1e"), std::string::npos)
+      << told;
   BmiRig dead(at_rate(400));
   dead.gyro_bus->stuck = 0;
   told = text(dead.imu->open());
-  EXPECT_NE(told.find("gyroscope: another identity: 0x00"), std::string::npos) << told;
+  EXPECT_NE(told.find("wrong identity 0x00 [identity register of the gyroscope]"), std::string::npos) << told;
 }
 
 TEST(Bmi088, ABrownOutOfEitherHalfIsFoundAndMended) {

@@ -133,9 +133,10 @@ TEST(Icm42688p, SaysWhoIsThereInstead) {
     return text(rig.imu->open());
   };
   EXPECT_NE(told([](IcmRig& rig) { rig.bus->stuck = 0x00; }).find("MISO not connected"), std::string::npos);
-  EXPECT_NE(told([](IcmRig& rig) { rig.bus->stuck = 0xff; }).find("wrong chip select"), std::string::npos);
+  EXPECT_NE(told([](IcmRig& rig) { rig.bus->stuck = 0xff; }).find("Wrong chip select"), std::string::npos);
   const std::string bmi = told([](IcmRig& rig) { rig.model.reg(0, 0x75) = 0x1e; });
-  EXPECT_NE(bmi.find("0x1e, the accelerometer of a BMI088; expected 0x47"), std::string::npos) << bmi;
+  EXPECT_NE(bmi.find("0x1e, the accelerometer of a BMI088 [identity register]; expected 0x47"), std::string::npos)
+      << bmi;
   EXPECT_NE(told([](IcmRig& rig) { rig.model.reg(0, 0x75) = 0x23; }).find("shifted by one"), std::string::npos);
   EXPECT_NE(told([](IcmRig& rig) { rig.bus->open_error = ENOENT; }).find("No such file"), std::string::npos);
 }

@@ -164,23 +164,24 @@ TEST_F(FakeSysfs, TheRateIsSetWhereItIs) {
 TEST_F(FakeSysfs, SaysWhatIsWrong) {
   IioRequest request = request_;
   request.device = "bmi160";
-  EXPECT_EQ(trouble_of(request), "it: looking for the device: none is called 'bmi160'; expected one of adis16470");
+  EXPECT_EQ(trouble_of(request), "it: no IIO device is called 'bmi160' [open]; expected one of adis16470");
   put("scan_elements/in_accel_y_type", "le:s16/16\n");
-  EXPECT_EQ(trouble_of(request_), "it: layout of a scan: in_accel_y_en: le:s16/16; expected a type like le:s16/16>>0");
+  EXPECT_EQ(trouble_of(request_), "it: in_accel_y_en: le:s16/16 [layout of a scan]; expected a type like le:s16/16>>0");
   put("scan_elements/in_accel_y_type", "be:s16/16>>0\n");
   put("in_accel_mount_matrix", "1, 0, 0; 0, 1, 0; 0, 0, 0\n");
   EXPECT_EQ(
       trouble_of(request_),
-      "it: mount matrix: in_accel_mount_matrix: 1, 0, 0; 0, 1, 0; 0, 0, 0; expected a rotation: 1, 0, 0; 0, 1, 0; "
+      "it: in_accel_mount_matrix: 1, 0, 0; 0, 1, 0; 0, 0, 0 [mount matrix]; expected a rotation: 1, 0, 0; 0, 1, 0; "
       "0, 0, 1");
   fs::remove(device_ + "/in_accel_mount_matrix");
   put("in_anglvel_scale", "nan\n");
-  EXPECT_EQ(trouble_of(request_), "it: scale: in_anglvel_scale has none; expected a number");
+  EXPECT_EQ(trouble_of(request_), "it: in_anglvel_scale has no number [scale]; expected a number");
   fs::remove(device_ + "/scan_elements/in_anglvel_x_en");
-  EXPECT_EQ(trouble_of(request_), "it: channels: adis16470 has no gyroscope; expected imu.device to have a gyroscope");
+  EXPECT_EQ(trouble_of(request_), "it: adis16470 has no gyroscope [channels]; expected a gyroscope in imu.device");
   fs::create_directories(root_names_[0] + "/iio:device11");
   put("../iio:device11/name", "adis16470\n");
-  EXPECT_NE(trouble_of(request_).find("2 are called 'adis16470'; expected iio:device"), std::string::npos);
+  EXPECT_NE(trouble_of(request_).find("2 devices are called 'adis16470' [open]; expected iio:device"),
+            std::string::npos);
   EXPECT_EQ(get("buffer/enable"), "0");
 }
 

@@ -112,8 +112,8 @@ TEST(MavlinkImu, MustNotBeTurnedAgain) {
   const Status status = link.open();
   ASSERT_FALSE(status);
   EXPECT_EQ(status.error().text(),
-            "[body]: turned axes with imu.driver = \"mavlink\"; expected none: the flight controller turns its IMU "
-            "itself");
+            "[body]: angles with imu.driver = \"mavlink\"; expected angles of 0: a flight controller sends its samples "
+            "in the vehicle's axes");
 }
 
 TEST(MavlinkImu, FailsWhileTheLineIsLost) {
