@@ -89,7 +89,7 @@ TEST_F(HilCommand, AFlightThatIsRefusedFails) {
   const Outcome r = hil("--duration 0.2");
   expect_one_line(r, 1, {"breaks", "rules of the flight controllers", "fusion"});
   EXPECT_NE(r.out.find("PX4 REFUSES"), std::string::npos) << r.out;
-  EXPECT_NE(r.out.find("rule: odometry comes"), std::string::npos) << r.out;
+  EXPECT_NE(r.out.find("rule: odometry that arrives"), std::string::npos) << r.out;
 }
 
 TEST_F(HilCommand, LossesComeThrough) {
