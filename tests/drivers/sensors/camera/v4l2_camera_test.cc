@@ -116,7 +116,8 @@ TEST(V4l2Camera, RefusesStampsOfAnotherClock) {
   CameraRig unknown;
   unknown.device->stamp_flags = V4L2_BUF_FLAG_TIMESTAMP_UNKNOWN;
   EXPECT_EQ(unknown.error(),
-            "/dev/video0: stamps of an unknown clock; expected monotonic stamps, or trust_stamps in the configuration");
+            "/dev/video0: its driver does not declare monotonic timestamps; expected monotonic timestamps; "
+            "camera.trust_stamps = true if they are");
 }
 
 TEST(V4l2Camera, AnErrorOfTheDeviceIsOvercomeAtOnce) {

@@ -22,7 +22,7 @@ std::string error_of(const WheelConfig& config) {
 }
 
 TEST(CanWheelSource, SaysWhatIsWrongWithTheSettings) {
-  EXPECT_EQ(error_of({}), "[wheel]: no interface; expected wheel.interface, as `ip -br link` shows it");
+  EXPECT_EQ(error_of({}), "[wheel]: interface is not set; expected wheel.interface, as `ip -br link` shows it");
   EXPECT_EQ(error_of({.interface = "can0", .id = 0x800}),
             "[wheel]: id 2048; expected 0 to 2047, or wheel.extended = true");
   EXPECT_EQ(error_of({.interface = "can0", .id = 0x20000000, .extended = true}),
