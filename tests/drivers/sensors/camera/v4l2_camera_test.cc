@@ -179,7 +179,7 @@ TEST(V4l2Camera, WhatTheDeviceRefusesAtTheStartIsNamed) {
         std::pair{VIDIOC_G_FMT, "VIDIOC_G_FMT"}}) {
     CameraRig rig;
     rig.device->refused_request = request;
-    EXPECT_EQ(rig.error(), std::string("/dev/video0: ") + step + ": Invalid argument");
+    EXPECT_EQ(rig.error(), std::string("/dev/video0: Invalid argument [") + step + "]");
     EXPECT_EQ(rig.kernel.open_files(), 0u) << step;
     EXPECT_EQ(rig.kernel.mappings, 0) << step;
   }
