@@ -92,7 +92,8 @@ TEST(ImuCalibration, ReadsDensitiesAndRefusesAnImuThatIsNotTheBody) {
   const auto turned = read_imu_calibration(
       calibration_file("turned.yaml", densities + "T_BS: [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"));
   ASSERT_FALSE(turned);
-  EXPECT_NE(turned.error().text().find(":5: the IMU is not the body frame"), std::string::npos) << turned.error().text();
+  EXPECT_NE(turned.error().text().find(":5: the IMU is not the body frame"), std::string::npos)
+      << turned.error().text();
   EXPECT_FALSE(read_imu_calibration(calibration_file("negative.yaml", "gyroscope_noise_density: -1\n")));
 }
 
