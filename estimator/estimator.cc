@@ -152,6 +152,7 @@ StepResult Estimator::process(const TrackedFrame& frame, Supervisor& supervisor)
 }
 
 void Estimator::start(const TrackedFrame& frame, const InitialState& state) noexcept {
+  impl_->world = {};
   impl_->start(frame, state, StartKind::kGiven);
 }
 

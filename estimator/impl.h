@@ -12,6 +12,7 @@
 #include "estimator/initialise/starter.h"
 #include "estimator/monitor/health.h"
 #include "estimator/monitor/rest_detector.h"
+#include "estimator/predict/covariance.h"
 #include "estimator/solver/marginalise.h"
 #include "estimator/solver/solver.h"
 #include "estimator/window/window.h"
@@ -28,9 +29,9 @@ struct KnownState {
   bool trusted = false;  ///< the estimator was healthy there: attitude and velocity are worth going on from
   HostStamp time;
   NavState x;
-  Vec3 omega = Vec3::Zero();  ///< rad/s, bias included
-  StateCovariance P = StateCovariance::Zero();
-  bool silent = false;  ///< carried on without images: the covariance is widened
+  Vec3 omega = Vec3::Zero();                    ///< rad/s, bias included
+  StateCovariance P = StateCovariance::Zero();  ///< in the window's world
+  bool silent = false;                          ///< carried on without images: the covariance is widened
 };
 
 struct Estimator::Impl {
@@ -111,7 +112,8 @@ struct Estimator::Impl {
   bool any_frame = false;
   HostStamp last_frame;  ///< stamp of the last image let in
   bool imu_gap_seen = false;
-  KnownState carried;  ///< the newest frame solved, or carried on from there by the IMU
+  KnownState carried;      ///< the newest frame solved, or carried on from there by the IMU
+  WorldUncertainty world;  ///< what the last start did not know of its own place and heading; zero in the first one
 
   // all of this is forgotten in a reset
   bool started = false;

@@ -305,7 +305,7 @@ void Estimator::Impl::publish(HostStamp image, const KnownState& s) {
   Eigen::Map<Vec3>(odometry.accelerometer_bias_m_s2.data()) = x.b_a;
   Eigen::Map<Vec3>(odometry.gyroscope_bias_rad_s.data()) = x.b_g;
   odometry.time_offset_s = window.calibration.time_offset;
-  Eigen::Map<StateCovariance>(odometry.covariance.data()) = s.P;
+  Eigen::Map<StateCovariance>(odometry.covariance.data()) = s.P + covariance_added(world, x);
 }
 
 VisualSettings Estimator::Impl::visual_settings() const {

@@ -80,8 +80,7 @@ std::optional<StartRefusal> Estimator::Impl::start_at_rest(const TrackedFrame& f
   const StarterSettings at = starter_settings();
   if (at.R_WB) state.R_WB = so3_exp(Vec3(0, 0, heading_from(state.R_WB, *at.R_WB))) * state.R_WB;
   state.p_WB = at.p_WB;
-  state.sigma_p = std::max(state.sigma_p, at.sigma_p);
-  state.sigma_yaw = std::max(state.sigma_yaw, at.sigma_yaw);
+  world = {at.p_WB, at.sigma_p, at.sigma_yaw};
   start(frame, state, StartKind::kStationary);
   return std::nullopt;
 }
@@ -131,9 +130,8 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   began(StartKind::kMoving);
   remember_origin();
   const Slot& newest = window.newest();
-  StateCovariance P = solver.covariance();
-  if (at.sigma_p > 0) P += loosen_gauge(window, newest.x, at.sigma_p, at.sigma_yaw);
-  carried = {true, true, newest.time, newest.x, newest.omega, P};
+  world = {window.prior.x0[0].p, at.sigma_p, at.sigma_yaw};
+  carried = {true, true, newest.time, newest.x, newest.omega, solver.covariance()};
   judge(frame, s, {}, config.solve_interval_s);
   publish(frame.stamp, carried);
   return std::nullopt;
@@ -212,8 +210,9 @@ StarterSettings Estimator::Impl::starter_settings() const {
   const KnownState now = carried_to(window.newest().time);
   s.p_WB = now.x.p;
   s.R_WB = now.x.R;
-  s.sigma_p = std::sqrt(now.P.diagonal().head<3>().maxCoeff());
-  const Mat3 attitude = now.x.R * now.P.block<3, 3>(3, 3) * now.x.R.transpose();
+  const StateCovariance P = now.P + covariance_added(world, now.x);
+  s.sigma_p = std::sqrt(P.diagonal().head<3>().maxCoeff());
+  const Mat3 attitude = now.x.R * P.block<3, 3>(3, 3) * now.x.R.transpose();
   s.sigma_yaw = std::sqrt(attitude(2, 2));
   return s;
 }

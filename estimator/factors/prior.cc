@@ -88,27 +88,6 @@ void set_prior(Window& w, const StateCovariance& P, const CalibrationTangent& ca
   p.c0 = w.calibration;
 }
 
-StateCovariance loosen_gauge(Window& w, const NavState& x, double sigma_p, double sigma_yaw) {
-  Prior& p = w.prior;
-  const NavState& x0 = p.x0[0];
-  const Vec3 up = Vec3::UnitZ(), up_B = x0.R.transpose() * up;
-  const double yaw_before =
-      up_B.dot(Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>, 0, Eigen::OuterStride<kMarginalStride>>(
-                   &p.H[3][3]) *
-               up_B);
-  const Mat3 yaw = (1 / (sigma_yaw * sigma_yaw) - yaw_before) * up_B * up_B.transpose();
-  for (int i = 0; i < 3; ++i) {
-    p.H[i][i] = 1 / (sigma_p * sigma_p);
-    for (int j = 0; j < 3; ++j) p.H[3 + i][3 + j] += yaw(i, j);
-  }
-  // a turn of the world about frame 0 moves x with it
-  Eigen::Matrix<double, 16, 1> turn = Eigen::Matrix<double, 16, 1>::Zero();
-  turn << up.cross(x.p - x0.p), x.R.transpose() * up, up.cross(x.v), Vec3::Zero(), Vec3::Zero(), 0;
-  StateCovariance added = sigma_yaw * sigma_yaw * turn * turn.transpose();
-  added.diagonal().head<3>().array() += sigma_p * sigma_p;
-  return added;
-}
-
 void set_initial_prior(Window& w, const InitialState& s, const CalibrationTangent& calibration_sigmas) {
   Prior& p = w.prior;
   p.frames = 1;

@@ -20,10 +20,6 @@ void inflate_calibration(Prior& prior, int parameter, double variance);
 /// A prior for a lone first frame at its present state, of covariance `P` (that of the time offset is not used).
 void set_prior(Window& window, const StateCovariance& P, const CalibrationTangent& calibration_sigmas);
 
-/// How well the world's place and heading are known at a lone first frame, in place of what the prior says of them; the
-/// rest of it stays. Returns what that adds to the covariance of a state `x` relative to that frame.
-StateCovariance loosen_gauge(Window& window, const NavState& x, double sigma_p, double sigma_yaw);
-
 /// The same as set_prior() from standard deviations in tangent order, tilt and yaw given separately.
 void set_initial_prior(Window& window, const InitialState& sigmas, const CalibrationTangent& calibration_sigmas);
 

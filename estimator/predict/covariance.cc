@@ -47,4 +47,13 @@ StateCovariance carried_on(const BodyCovariance& from, const Mat3& R_WB, const P
   return C;
 }
 
+StateCovariance covariance_added(const WorldUncertainty& world, const NavState& x) noexcept {
+  const Vec3 up = Vec3::UnitZ();
+  Eigen::Matrix<double, 16, 1> turn;
+  turn << up.cross(x.p - world.p), x.R.transpose() * up, up.cross(x.v), Vec3::Zero(), Vec3::Zero(), 0;
+  StateCovariance C = world.sigma_yaw * world.sigma_yaw * turn * turn.transpose();
+  C.diagonal().head<3>().array() += world.sigma_p * world.sigma_p;
+  return C;
+}
+
 }  // namespace epiline

@@ -121,6 +121,10 @@ class Rig {
   double gyroscope_bias_error() const { return (Vec3(odometry().gyroscope_bias_rad_s.data()) - flight_.b_g).norm(); }
   double sigma(int row) const { return std::sqrt(odometry().covariance[static_cast<std::size_t>(17 * row)]); }
   double sigma_velocity() const { return std::max({sigma(6), sigma(7), sigma(8)}); }
+  double sigma_yaw() const {
+    const Mat3 attitude = Eigen::Map<const StateCovariance>(odometry().covariance.data()).block<3, 3>(3, 3);
+    return std::sqrt((R() * attitude * R().transpose())(2, 2));
+  }
   double sigma_position() const { return std::max({sigma(0), sigma(1), sigma(2)}); }
   bool has(HealthReason r) const { return odometry().health.reasons & static_cast<std::uint32_t>(r); }
 

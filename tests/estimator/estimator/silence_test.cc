@@ -1,6 +1,9 @@
 // The estimator without features, without images and without readings.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "tests/estimator/estimator/rig.h"
 
 namespace epiline {
@@ -85,12 +88,15 @@ TEST(EstimatorReset, AfterASilentImuTheNewStartClaimsNoMoreThanItKnows) {
   rig.imu = true;
   double restarted = -1;
   Displaced e{};
-  double sigma = 0;
+  double sigma = 0, sigma_yaw = 0, worst_offset_s = 0;
   rig.run_to(16, [&] {
-    if (restarted > 0 || rig.odometry().reset_counter == 0 || !rig.last().has_pose) return;
+    if (rig.odometry().reset_counter == 0 || !rig.last().has_pose) return;
+    worst_offset_s = std::max(worst_offset_s, std::abs(rig.odometry().time_offset_s));
+    if (restarted > 0) return;
     restarted = rig.now();
     e = error_since(rig, flight, 7, p_then, R_then);
     sigma = rig.sigma_position();
+    sigma_yaw = rig.sigma_yaw();
   });
   ASSERT_GT(restarted, 0);
   EXPECT_LT(restarted, 13);
@@ -98,6 +104,11 @@ TEST(EstimatorReset, AfterASilentImuTheNewStartClaimsNoMoreThanItKnows) {
   EXPECT_GT(sigma, 1) << "two seconds without readings";
   EXPECT_LT(e.p.norm(), 3 * sigma);
   EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking) << rig.odometry().health.reasons;
+  // AND nothing that it sees afterwards tells where north is: the world stays as it was put, and as little known
+  EXPECT_GT(sigma_yaw, 0.5) << "two seconds without readings";
+  EXPECT_GT(rig.sigma_yaw(), 0.99 * sigma_yaw);
+  EXPECT_LT(std::abs(error_since(rig, flight, 7, p_then, R_then).yaw_deg - e.yaw_deg), 1.5);
+  EXPECT_LT(worst_offset_s, 5e-3) << "the camera is on time";
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The prior as a factor: slope and curvature of its cost, a prior from a covariance, and a gauge that is loosened.
+// The prior as a factor: slope and curvature of its cost, and a prior from a covariance.
 // Derivation: docs/derivations/marginalisation.md.
 #include "estimator/factors/prior.h"
 
@@ -99,40 +99,6 @@ TEST(Prior, FromACovarianceHoldsThatCovariance) {
         EXPECT_NEAR(static_cast<double>(C(i, j)), P(i, j) / std::sqrt(P(i, i) * P(j, j)), 1e-6)
             << seed << ": " << i << ", " << j;
   }
-}
-
-/// What loosening adds to a later state's covariance is what drawing worlds says: everything turned about the first
-/// frame and shifted.
-TEST(Prior, ALooseGaugeMovesTheWholeWorld) {
-  SyntheticWindow s = make_window({.frames = 5, .state_error = 0});
-  Window& w = *s.window;
-  set_initial_prior(w, {}, calibration_sigmas());
-  const NavState x = w.at(4).x, x0 = w.at(0).x;
-  constexpr double kSigmaP = 0.5, kSigmaYaw = 0.05;
-  const StateCovariance added = loosen_gauge(w, x, kSigmaP, kSigmaYaw);
-  std::mt19937_64 random(5);
-  std::normal_distribution<double> normal;
-  Eigen::Matrix<double, 9, 9> drawn = Eigen::Matrix<double, 9, 9>::Zero();
-  constexpr int kDraws = 40'000;
-  for (int n = 0; n < kDraws; ++n) {
-    const Mat3 turn = so3_exp(Vec3(0, 0, kSigmaYaw * normal(random)));
-    const Vec3 shift = kSigmaP * Vec3(normal(random), normal(random), normal(random));
-    Eigen::Matrix<double, 9, 1> d;
-    d << x0.p + shift + turn * (x.p - x0.p) - x.p, so3_log(x.R.transpose() * turn * x.R), turn * x.v - x.v;
-    drawn += d * d.transpose() / kDraws;
-  }
-  for (int i = 0; i < 9; ++i)
-    for (int j = 0; j < 9; ++j)
-      EXPECT_NEAR(added(i, j), drawn(i, j), 0.05 * std::sqrt(drawn(i, i) * drawn(j, j)) + 1e-9) << i << ", " << j;
-  // and the prior on the first frame knows just that of place and heading, and of tilt what it knew
-  const DenseSystem d = system_of(w);
-  const int p = pose_column(5, 0);
-  const Vec3 up_B = x0.R.transpose() * Vec3::UnitZ();
-  EXPECT_NEAR(d.H(p, p), 1 / (kSigmaP * kSigmaP), 1e-9);
-  EXPECT_NEAR(up_B.dot(d.H.block<3, 3>(p + 3, p + 3) * up_B), 1 / (kSigmaYaw * kSigmaYaw),
-              1e-6 / (kSigmaYaw * kSigmaYaw));
-  const Vec3 across = up_B.unitOrthogonal();
-  EXPECT_NEAR(across.dot(d.H.block<3, 3>(p + 3, p + 3) * across), 1 / (0.01 * 0.01), 1e-3);
 }
 
 TEST(Prior, OfNoFramesCostsNothingAndSaysNothing) {

@@ -451,7 +451,7 @@ void Picture::view_panels(int y) {
   for (std::size_t i = 0; i < sampling.size(); ++i) {
     const Sampling& s = sampling[i];
     const PoseF& pose = poses[i];
-    PanelInView* out = &views[in_tile.size() * rays.size()];
+    PanelInView* out = views.data() + in_tile.size() * rays.size();
     for (std::size_t k = 0; k < in_tile.size(); ++k) out[k] = panel_in_view(*in_tile[k].panel, pose.R_CW, pose.p);
     const Vec3f lamp = pose.R_CW * kLamp_W.cast<float>();
     rays.push_back({lens * s.dx, lens * s.dy, out, {lamp.x(), lamp.y(), lamp.z()}});
