@@ -51,7 +51,7 @@ struct EstimatorConfig {
   bool estimate_pixel_sigma = true;  ///< from the median of the residuals, 0.3 to 2 px
   double sigma_inflation = 1.5;      ///< ratio of the sigmas of covariance and kernel, because tracks are correlated
   double cauchy = 2;                 ///< scale of the Cauchy kernel, in sigmas of the kernel
-  TrackNoiseModel track_noise = TrackNoiseModel::kWhite;  ///< of the factor `track`; a start assumes white noise
+  TrackNoiseModel track_noise = TrackNoiseModel::kDrift;  ///< of the factor `track`; a start assumes white noise
   double drift_sigma = 0.15;   ///< px per root of an image: initial value if estimated, else the value
   double drift_inflation = 2;  ///< ratio of the sigmas of covariance and weights, because tracks share errors
   double drift_student = 2;    ///< degrees of freedom of a drifting track's weight
