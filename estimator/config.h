@@ -35,8 +35,8 @@ struct WheelModel {
   double cauchy = 2;               ///< scale of the Cauchy kernel against slip, in sigmas
 };
 
-/// How the views of a track err. White: each by itself, as where every image is searched for the point anew. Drift: by
-/// what the view before it erred and a step of a random walk, as where a tracker goes from image to image.
+/// Error model of a track's views. White: independent errors, as from a detector that searches each image anew. Drift:
+/// a random walk, as from a tracker that works from image to image (docs/derivations/drift.md).
 enum class TrackNoiseModel : std::uint8_t { kWhite, kDrift };
 inline constexpr std::array kTrackNoiseNames = {"white", "drift"};
 

@@ -202,8 +202,8 @@ void Estimator::Impl::count(const SolverSummary& s) {
   stats.solver_failures += s.failed() ? 1 : 0;
 }
 
-/// The scale of the residuals follows what they show, slowly. What is white in tracks that drift is of the size of a
-/// step: white noise of s shows as steps of s between solved images that are two apart.
+/// The scales follow the residuals slowly. Both follow the same figure: white noise of s looks like a drift with steps
+/// of s between solved images that are two images apart.
 void Estimator::Impl::adapt_pixel_sigma(double dt_s) {
   if (!config.estimate_pixel_sigma) return;
   const double seen = visual->residual_sigma_px();

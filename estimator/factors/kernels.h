@@ -15,7 +15,7 @@ inline constexpr double kNearest = 0.05;  ///< least depth along a bearing, rela
 struct alignas(64) TrackBatch {
   static constexpr int kBearing = 0, kChart = 3, kNumbers = 9;
   double observation[kMaxFrames][kNumbers][kBatchLanes];  ///< f (C), d(whitened pixel)/df row-major
-  double link[kMaxFrames][kBatchLanes];  ///< of a drifting track: images^-1 since the view before; 0: no view
+  double link[kMaxFrames][kBatchLanes];  ///< of a drifting track: 1 / (images since its previous view); 0: no view
   double views[kBatchLanes];             ///< how many; 0: an empty lane
   double point[4][kBatchLanes];  ///< where the point was found last, P and w: seen from c in the direction P - w c
   double warm[kBatchLanes];      ///< 2: `point` is of this frame, 1: of an earlier one, 0: there is none

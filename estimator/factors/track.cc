@@ -33,7 +33,8 @@ TrackFactor::TrackFactor(InstructionSet set) : kernels_(factor_kernels(set)), me
 TrackFactor::~TrackFactor() = default;
 
 namespace {
-/// Tracks differ in their drift by far, and Student's weight sees to it: the gate is left to what it would keep 1 % of.
+/// Student's weight already reduces a drifting track with large steps, so the gate has nine times the limit of chi^2.
+/// With it, 1 % of the tracks are gated (docs/derivations/drift.md).
 constexpr double kDriftGate = 9;
 
 void fill_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int lane, TrackBatch& batch) {

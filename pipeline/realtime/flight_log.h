@@ -15,7 +15,7 @@ namespace epiline {
 class FlightLog {
  public:
   /// The threads that have a ring for their events.
-  enum class Speaker : std::uint8_t { kImu, kCapture, kTrack, kEstimate, kPublish, kWheel, kCount };
+  enum class Speaker : std::uint8_t { kImu, kCapture, kTrack, kEstimate, kWheel, kCount };
   static constexpr Span kEventWindow = Span::from_milliseconds(500);  ///< how late an event may come and find its place
 
   /// `more`: events of other threads, for instance of watchdogs. `images`: buffers of the camera that the log may hold

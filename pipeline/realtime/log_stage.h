@@ -17,7 +17,7 @@ class LogStage final : public Stage {
     FlightLog& log;
     LentImages& images;
     std::array<const EndMark*, 3> writers_ended{};
-    /// Rings elsewhere, whose losses are told.
+    /// Rings between other stages. An event reports each of their losses.
     std::array<std::pair<RingName, const ImuRing*>, 3> imu;
     const WheelRing& speeds;
   };

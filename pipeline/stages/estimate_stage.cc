@@ -2,7 +2,7 @@
 
 namespace epiline {
 
-EstimateStage::EstimateStage(const EstimateSettings& settings, const FlightClock& clock, const Inputs& in,
+EstimateStage::EstimateStage(const EstimateStageSettings& settings, const FlightClock& clock, const Inputs& in,
                              const Outputs& out)
     : clock_(clock),
       deadline_ms_(settings.deadline_ms),
@@ -51,7 +51,7 @@ std::int64_t EstimateStage::deadline_of(HostStamp image) const noexcept {
   return clock_.pace->host_of(image) + Span::from_seconds(1e-3 * deadline_ms_).ns;
 }
 
-/// First whoever waits for the odometry, then the next image, then the record.
+/// Serves the publisher first, because it waits for the odometry; then the tracker, then the log.
 void EstimateStage::estimate(const Tracked& image) noexcept {
   const StepResult result = back_end_.step(image.frame, deadline_of(image.frame.stamp));
   hand_to_publisher(result);

@@ -10,7 +10,7 @@
 
 namespace epiline {
 
-struct EstimateSettings {
+struct EstimateStageSettings {
   EstimatorConfig estimator;
   double solve_ms = 0;     ///< for the solve of one image; 0: as long as it takes
   double deadline_ms = 0;  ///< from an image's stamp to its odometry; 0: as long as it takes
@@ -42,7 +42,7 @@ class EstimateStage final : public Stage {
     std::optional<Log> log = std::nullopt;
   };
 
-  EstimateStage(const EstimateSettings& settings, const FlightClock& clock, const Inputs& in, const Outputs& out);
+  EstimateStage(const EstimateStageSettings& settings, const FlightClock& clock, const Inputs& in, const Outputs& out);
 
   Step step() noexcept override;
   bool ready() noexcept override;

@@ -9,7 +9,7 @@
 
 namespace epiline {
 
-/// What came of one call of Stage::step().
+/// The result of one call of Stage::step().
 struct Step {
   enum class Did : std::uint8_t {
     kNothing,  ///< it lacks an input: call it again when ready() is true, or at `sleep_until_ns`
@@ -41,7 +41,7 @@ class Stage {
   static constexpr Span kIdle = Span::from_milliseconds(100);  ///< an idle stage is called again so soon
 };
 
-/// Set once, by whoever carries a stage: nothing more will come from it.
+/// The end of a stage's output. The thread or loop that runs the stage sets it once.
 class EndMark {
  public:
   // release, pairs with the acquire in is_set(): a reader that sees the end finds every element in the ring

@@ -7,7 +7,7 @@
 
 namespace epiline {
 
-TrackStage::TrackStage(const TrackSettings& settings, const Knowledge& known, const FlightClock& clock,
+TrackStage::TrackStage(const TrackStageSettings& settings, const Knowledge& known, const FlightClock& clock,
                        const Inputs& in, const Outputs& out)
     : recorded_(Camera(settings.camera)),
       points_(settings.recorded),

@@ -12,7 +12,7 @@
 
 namespace epiline {
 
-struct TrackSettings {
+struct TrackStageSettings {
   CameraParameters camera;
   TrackerConfig tracker;
   Mat3 R_BC = Mat3::Identity();
@@ -42,7 +42,7 @@ class TrackStage final : public Stage {
   };
 
   /// `known`: before any image. Throws std::invalid_argument for a tracker that cannot be built.
-  TrackStage(const TrackSettings& settings, const Knowledge& known, const FlightClock& clock, const Inputs& in,
+  TrackStage(const TrackStageSettings& settings, const Knowledge& known, const FlightClock& clock, const Inputs& in,
              const Outputs& out);
 
   Step step() noexcept override;

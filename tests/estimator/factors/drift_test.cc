@@ -8,6 +8,7 @@
 
 #include "estimator/factors/track.h"
 #include "tests/estimator/factors/explicit_residuals.h"
+#include "tests/estimator/factors/smooth_settings.h"
 #include "tests/estimator/synthetic_window.h"
 
 namespace epiline {
@@ -19,14 +20,12 @@ using Eigen::VectorXd;
 constexpr double kAlike = 1e9;  // degrees of freedom at which all weights are one
 
 VisualSettings settings(double student) {
-  VisualSettings s;
+  VisualSettings s = test::smooth_settings();
+  s.extrinsics = false;
   s.noise = TrackNoiseModel::kDrift;
   s.drift_sigma = 0.2;
   s.drift_inflation = 1.5;
   s.student = student;
-  s.gate = false;
-  s.inner_steps = 40;
-  s.converged = 0;
   return s;
 }
 

@@ -12,7 +12,7 @@ class EstimateStageTest : public StageTest {
   EstimateStageTest() { make(EstimateStage::Log{*outcomes, *tracks, log}); }
   void make(std::optional<EstimateStage::Log> to_log) {
     stage = std::make_unique<EstimateStage>(
-        EstimateSettings{{}, 0, 0, Span::from_milliseconds(20)}, clock,
+        EstimateStageSettings{{}, 0, 0, Span::from_milliseconds(20)}, clock,
         EstimateStage::Inputs{*tracked, tracker_ended, *imu, imu_ended, speeds},
         EstimateStage::Outputs{knowledge, tracker, *events, &newest, &publisher, to_log});
   }
@@ -149,7 +149,7 @@ TEST_F(EstimateStageTest, EndsWhenTheLastImageIsDone) {
 }
 
 TEST_F(EstimateStageTest, InALoopNobodyPublishesAndTheLoopAsksForTheOutcome) {
-  stage = std::make_unique<EstimateStage>(EstimateSettings{}, clock,
+  stage = std::make_unique<EstimateStage>(EstimateStageSettings{}, clock,
                                           EstimateStage::Inputs{*tracked, tracker_ended, *imu, imu_ended, speeds},
                                           EstimateStage::Outputs{knowledge, tracker, *events});
   imu_ended.set();

@@ -41,7 +41,7 @@ class TrackStageTest : public StageTest {
   bool tracks() { return tracked->front() != nullptr; }
   std::array<std::span<const TrackPoint>, 16> points;
   std::span<const std::span<const TrackPoint>> recorded{(points.fill(kPoints), points)};
-  TrackSettings settings;
+  TrackStageSettings settings;
   MadeUpCamera camera;
   LentImages images{&camera};
   FrameRing frames;
