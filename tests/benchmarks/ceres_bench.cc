@@ -13,9 +13,11 @@
 #include <cstdio>
 #include <vector>
 
+#include "estimator/factors/prior.h"
 #include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
 #include "estimator/solver/marginalise.h"
+#include "estimator/solver/solver.h"
 #include "tests/estimator/synthetic_window.h"
 
 namespace epiline {
@@ -279,13 +281,6 @@ ceres::Solver::Summary solve(ceres::Problem& problem) {
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
   return summary;
-}
-
-/// The index-th of the sets compiled, the widest first. False: it does not run here.
-bool set_here(int index, InstructionSet& set) {
-  if (index >= static_cast<int>(std::size(kInstructionSets))) return false;
-  set = kInstructionSets[index];
-  return runs_here(set);
 }
 
 SyntheticWindow usual_window() {

@@ -34,7 +34,7 @@ class CheckOfTheKernel : public CanBus {
         << "[camera]\ncalibration = \"" << (folder_ / "camera.yaml").string() << "\"\n"
         << camera << "[imu]\ndevice = \"no-such-imu\"\n"
         << rest;
-    const Findings findings = check_devices(folder_ / "check.toml", {seconds, {}});
+    const Findings findings = check_devices(folder_ / "check.toml", {.seconds = seconds, .set = {}, .watch = {}});
     for (const Finding& f : findings)
       std::printf("%-8s %s: %s\n", kGradeNames[static_cast<std::size_t>(f.grade)], f.device.c_str(), f.text.c_str());
     return findings;
