@@ -95,9 +95,9 @@ bool Estimator::Impl::may_go_on(const KnownState& s) const {
 bool Estimator::Impl::go_on(const TrackedFrame& frame) {
   const KnownState s = carried_to(imu_time(frame.stamp));
   if (!started || s.time != imu_time(frame.stamp) || !may_go_on(s)) return false;
-  const double noise = pixel_sigma, drift = drift_sigma;
+  const double pixels = pixel_sigma, drift = drift_sigma;
   forget();
-  pixel_sigma = noise;
+  pixel_sigma = pixels;
   drift_sigma = drift;
   carried = s;
   carried.silent = false;
@@ -134,7 +134,10 @@ void Estimator::Impl::go_on_from_carried(const TrackedFrame& frame) {
   Slot& slot = window.newest();
   slot.x = carried.x;
   slot.omega = carried.omega;
-  set_prior(window, carried.P, calibration_sigmas());
+  CalibrationTangent sigmas = calibration_sigmas();
+  if (config.estimate_extrinsics)  // what the flight has found out so far
+    sigmas.tail<6>() = calibration_variances.cwiseSqrt();
+  set_prior(window, carried.P, sigmas);
   began(StartKind::kCarried);
   ++stats.carried_starts;
   publish(frame.stamp, carried);
@@ -151,11 +154,13 @@ void Estimator::Impl::forget() {
   started = resting = rejected_last = false;
   pixel_sigma = config.pixel_sigma;
   drift_sigma = config.drift_sigma;
+  misfit_px = 0;
   rest_frame = forced_keyframe = 0;
   odometry.health = {HealthState::kInitialising, bit(HealthReason::kNoInitialState), 0};
 }
 
 void Estimator::Impl::reset() {
+  calibration_variances.setZero();
   window.calibration = {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC};
   if (started) {
     ++stats.resets;

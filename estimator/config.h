@@ -69,8 +69,8 @@ struct EstimatorConfig {
   // online calibration
   bool estimate_time_offset = true;
   double time_offset_sigma_s = 5e-3;
-  bool estimate_extrinsics = false;
-  double extrinsic_rotation_sigma_rad = 0.0087, extrinsic_translation_sigma_m = 5e-3;
+  bool estimate_extrinsics = true;
+  double extrinsic_rotation_sigma_rad = 0.9e-3, extrinsic_translation_sigma_m = 5e-4;
   Extrinsics extrinsics;
   WheelModel wheel;  ///< used if speeds arrive
 };

@@ -1,6 +1,7 @@
 #include "estimator/estimator.h"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "estimator/factors/epipolar.h"
@@ -11,7 +12,10 @@
 namespace epiline {
 
 namespace {
-constexpr double kHeldShare = 0.2;    // of an IMU interval: the last reading may be held so long up to a frame's time
+constexpr double kHeldShare = 0.2;     // of an IMU interval: the last reading may be held so long up to a frame's time
+constexpr double kWatchMemory_s = 30;  // turns seen by camera and gyroscope
+constexpr double kNoiseMoved = 0.1;    // of a density: not worth weighing the window anew
+constexpr double kJudgeNumbers_s = 0.5;
 constexpr double kLongestStep_s = 5;  // a longer silence of the camera is a new start
 
 std::unique_ptr<VisualFactorModel> make_visual_factor(VisualFactor factor, InstructionSet set) {
@@ -34,15 +38,36 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
       solver(best_instruction_set()),
       marginaliser(best_instruction_set()),
       stationary(c.imu),
+      turns(c.extrinsics.time_offset_s, kWatchMemory_s),
       pixel_sigma(c.pixel_sigma),
       drift_sigma(c.drift_sigma) {
-  density.noise = c.imu;
-  density.noise.gyroscope_density *= c.gyroscope_density_factor;
-  density.noise.accelerometer_density *= c.accelerometer_density_factor;
+  use_noise(c.imu);
   window.calibration = {c.extrinsics.time_offset_s, c.extrinsics.R_BC, c.extrinsics.p_BC};
+  window.calibration_prior = {c.estimate_extrinsics, window.calibration, c.extrinsic_rotation_sigma_rad,
+                              c.extrinsic_translation_sigma_m};
   window.wheel = c.wheel;
   window.first_estimates = c.visual_factor == VisualFactor::kTrack;
   odometry.health.reasons = static_cast<std::uint32_t>(HealthReason::kNoInitialState);
+}
+
+void Estimator::Impl::use_noise(const ImuNoise& n) {
+  noise = n;
+  density.noise = n;
+  density.noise.gyroscope_density *= config.gyroscope_density_factor;
+  density.noise.accelerometer_density *= config.accelerometer_density_factor;
+  stationary.assume(n);
+}
+
+/// The configured densities within what the readings allow. Where that moves them, the window's intervals are weighed
+/// anew.
+void Estimator::Impl::hold_noise() {
+  const ImuNoise held = noise_bounds.hold(config.imu);
+  const auto moved = [](double from, double to) { return std::abs(to - from) > kNoiseMoved * from; };
+  if (!moved(noise.gyroscope_density, held.gyroscope_density) &&
+      !moved(noise.accelerometer_density, held.accelerometer_density))
+    return;
+  use_noise(held);
+  for (int k = 1; k < window.size(); ++k) integrate_again(k, window.at(k).imu.b_a, window.at(k).imu.b_g);
 }
 
 bool Estimator::Impl::add_imu(const ImuSample& sample) {
@@ -69,7 +94,12 @@ bool Estimator::Impl::add_imu(const ImuSample& sample) {
   stats.imu_suspect = history.counts().suspects;
   stats.imu_bridged = history.counts().bridged;
   if (history.spikes_persist()) imu_gap_seen = true;
-  if ((sample.reasons & kDistrustReasons) == 0 && !history.newest_is_suspect()) stationary.add(sample);
+  if ((sample.reasons & kDistrustReasons) == 0) {
+    noise_bounds.add(sample);
+    turns.add_reading(sample);
+    units.add(sample);
+    if (!history.newest_is_suspect()) stationary.add(sample);
+  }
   const ImuHistory::Reading r = history.newest();
   if (r.w.cwiseAbs().maxCoeff() >= config.saturation_gyroscope_rad_s ||
       r.a.cwiseAbs().maxCoeff() >= config.saturation_accelerometer_m_s2 ||
@@ -95,6 +125,30 @@ StepResult Estimator::Impl::refuse() {
   return {};
 }
 
+/// Whether the user's numbers can be true (docs/derivations/turns.md); of every image that is due for a solve. What the
+/// flight corrects for is named and no reason to distrust it.
+void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
+  turns.add_images(frame);
+  if ((frame.stamp - numbers_judged_at).seconds() < kJudgeNumbers_s) return;
+  numbers_judged_at = frame.stamp;
+  const TurnAgreement seen = turns.agreement();
+  Suspicions said = suspicions_of(seen, config.extrinsics.R_BC, config.extrinsics.time_offset_s);
+  Suspicions left = suspicions_of(seen, window.calibration.R_BC, window.calibration.time_offset);
+  add_suspicions(units, said);
+  add_suspicions(units, left);
+  const double pair_px = turns.noise_rad() * config.extrinsics.focal_px;
+  add_misfit(misfit_px, pair_px, said);
+  add_misfit(misfit_px, pair_px, left);
+  add_suspicions(config.imu, noise, said);
+  numbers_wrong = Severity::kNone;
+  for (std::size_t i = 0; i < said.size(); ++i) {
+    numbers_wrong = std::max(numbers_wrong, left[i].severity);
+    if (said[i].severity > Severity::kNote && left[i].severity == Severity::kNone) said[i].severity = Severity::kNote;
+    if (said[i].severity != Severity::kNone && said[i].severity >= stats.suspicions[i].severity)
+      stats.suspicions[i] = said[i];
+  }
+}
+
 StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& supervisor) {
   ++stats.frames;
   const HostStamp time = imu_time(frame.stamp);
@@ -117,6 +171,8 @@ StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& super
     if (started && go_on_after_silence(frame)) return {true, true, false};
     if (since_s < 0.75 * config.solve_interval_s) return started ? predict(frame) : StepResult{};
   }
+  hold_noise();
+  if (!is_blind(frame.reasons)) watch_numbers(frame);
   if (!started) return initialise(frame, supervisor);
   const Supervisor::Effort effort = supervisor.effort();
   return effort.solve ? step(frame, supervisor, effort) : predict_for_time(frame);
@@ -134,7 +190,9 @@ bool Estimator::add_wheel(const WheelSample& sample) noexcept {
 }
 
 HostStamp Estimator::imu_needed_until(HostStamp image) const noexcept {
-  return image + Span::from_seconds(impl_->window.calibration.time_offset - kHeldShare * impl_->history.period());
+  // up to the exposure, and to the printed stamp, to which the odometry is taken on
+  const double offset_s = std::max(0.0, impl_->window.calibration.time_offset);
+  return image + Span::from_seconds(offset_s - kHeldShare * impl_->history.period());
 }
 
 StepResult Estimator::process(const TrackedFrame& frame, Supervisor& supervisor) noexcept {

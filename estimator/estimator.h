@@ -34,8 +34,8 @@ class Estimator {
   /// frame waits for it.
   bool add_wheel(const WheelSample& sample) noexcept;
   /// The time of the IMU's clock up to which samples must have been added before process() of an image with this
-  /// timestamp: the image's time minus a fifth of an IMU interval. The last sample is held for that long, so an image
-  /// just after a sample need not wait for the next one.
+  /// timestamp: its exposure, or its printed stamp if that is later, minus a fifth of an IMU interval. The last sample
+  /// is held for that long, so an image just after a sample need not wait for the next one.
   HostStamp imu_needed_until(HostStamp image) const noexcept;
   /// Processes the tracks of one image; images in time order. `supervisor` limits the effort.
   StepResult process(const TrackedFrame& frame, Supervisor& supervisor) noexcept;

@@ -7,11 +7,14 @@
 #include "estimator/estimator.h"
 #include "estimator/factors/visual.h"
 #include "estimator/inertial/imu_history.h"
+#include "estimator/inertial/noise_bounds.h"
 #include "estimator/inertial/stationary.h"
 #include "estimator/inertial/wheel_history.h"
 #include "estimator/initialise/starter.h"
 #include "estimator/monitor/health.h"
 #include "estimator/monitor/rest_detector.h"
+#include "estimator/monitor/suspicion.h"
+#include "estimator/monitor/turn_watch.h"
 #include "estimator/predict/covariance.h"
 #include "estimator/solver/marginalise.h"
 #include "estimator/solver/solver.h"
@@ -42,6 +45,9 @@ struct Estimator::Impl {
   bool add_imu(const ImuSample& sample);
   StepResult refuse();
   HostStamp imu_time(HostStamp image) const;
+  void watch_numbers(const TrackedFrame& frame);
+  void use_noise(const ImuNoise& n);
+  void hold_noise();
 
   // running.cc: one solved frame, and the images between two of them
   StepResult step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort);
@@ -95,7 +101,9 @@ struct Estimator::Impl {
   void forget();
 
   EstimatorConfig config;
-  ImuHistory::Density density;
+  NoiseBounds noise_bounds;
+  ImuNoise noise;               ///< configured, within the bounds
+  ImuHistory::Density density;  ///< the same with its factors
   Window window;
   ImuHistory history;
   WheelHistory wheel;
@@ -106,19 +114,25 @@ struct Estimator::Impl {
   StationaryDetector stationary;
   Starter starter;
   HealthMonitor monitor;
+  TurnWatch turns;
+  UnitsWatch units;
   Odometry odometry;
   EstimatorStats stats;
 
   bool any_frame = false;
   HostStamp last_frame;  ///< stamp of the last image let in
   bool imu_gap_seen = false;
-  KnownState carried;      ///< the newest frame solved, or carried on from there by the IMU
+  KnownState carried;                         ///< the newest frame solved, or carried on from there by the IMU
+  Vec6 calibration_variances = Vec6::Zero();  ///< of the camera's pose on the IMU, by the last solve; 0: none yet
+  HostStamp numbers_judged_at;
+  Severity numbers_wrong = Severity::kNone;  ///< by the watches' present verdict
   WorldUncertainty world;  ///< what the last start did not know of its own place and heading; zero in the first one
 
   // all of this is forgotten in a reset
   bool started = false;
   HostStamp started_at;
   double pixel_sigma, drift_sigma;
+  double misfit_px = 0;  ///< what the tracks' residuals show, over the last second
   bool rejected_last = false;
   bool resting = false;          ///< the zero-motion test has held without interruption
   std::uint64_t rest_frame = 0;  ///< the frame that later ones at rest are linked to

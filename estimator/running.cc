@@ -19,6 +19,7 @@ constexpr double kGateFree_s = 1;     // no gate until then: a young state may b
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;                         // px
+constexpr double kMisfitMemory_s = 1, kMostMisfit = 10;                          // px
 constexpr double kDriftLeast = 0.02;                                             // px per root of an image
 
 bool is_finite(const KnownState& s) {
@@ -41,7 +42,10 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   carried = predicted;
   carried.x = window.newest().x;
   carried.silent = false;
-  if (s.solved()) carried.P = solver.covariance();
+  if (s.solved()) {
+    carried.P = solver.covariance();
+    calibration_variances = solver.calibration_covariance().diagonal().tail<6>();
+  }
   FrameEvidence evidence;
   evidence.overloaded = effort.reduced();
   evidence.innovation = innovation(predicted.x, predicted.P, carried.x);
@@ -205,9 +209,10 @@ void Estimator::Impl::count(const SolverSummary& s) {
 /// The scales follow the residuals slowly. Both follow the same figure: white noise of s looks like a drift with steps
 /// of s between solved images that are two images apart.
 void Estimator::Impl::adapt_pixel_sigma(double dt_s) {
-  if (!config.estimate_pixel_sigma) return;
   const double seen = visual->residual_sigma_px();
   if (!(seen > 0)) return;
+  misfit_px += std::min(1.0, dt_s / kMisfitMemory_s) * (std::min(seen, kMostMisfit) - misfit_px);
+  if (!config.estimate_pixel_sigma) return;
   const double share = std::min(1.0, dt_s / kSigmaMemory_s);
   pixel_sigma += share * (std::clamp(seen, kSigmaLeast, kMostPixelSigma) - pixel_sigma);
   drift_sigma += share * (std::clamp(seen, kDriftLeast, kMostPixelSigma) - drift_sigma);
@@ -229,6 +234,7 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, F
   e.sigma_tilt = sigma_tilt(x, C);
   e.bias_accelerometer = x.b_a.norm();
   e.bias_gyroscope = x.b_g.norm();
+  e.numbers_wrong = numbers_wrong;
   e.at_rest = window.newest().at_rest;
   e.parallax_px = widest_parallax_px(window, config.extrinsics.focal_px);
   imu_gap_seen = false;

@@ -64,6 +64,7 @@ StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& su
 }
 
 std::optional<StartRefusal> Estimator::Impl::try_start(const TrackedFrame& frame, Supervisor& supervisor) {
+  if (numbers_wrong == Severity::kGross) return StartRefusal::kNumbersWrong;
   ++stats.start_attempts;
   rest.update(frame, pixel_sigma, 0);
   if (!start_at_rest(frame)) return std::nullopt;
@@ -74,9 +75,14 @@ std::optional<StartRefusal> Estimator::Impl::try_start(const TrackedFrame& frame
 std::optional<StartRefusal> Estimator::Impl::start_at_rest(const TrackedFrame& frame) {
   const ImuStatistics readings = stationary.statistics();
   if (!rest.images_still() || !stationary.is_stationary(readings)) return StartRefusal::kNoParallax;
+  if (const double force = readings.mean_specific_force.norm(); !can_be_gravity(force)) {
+    numbers_wrong = Severity::kGross;
+    stats.suspicions[static_cast<std::size_t>(Suspect::kAccelerometerUnits)] = {Severity::kGross, force, {}};
+    return StartRefusal::kNumbersWrong;
+  }
   InitialState state;
   const RestReadings mean{readings.mean_specific_force, readings.mean_rate, readings.duration_s};
-  if (const auto refusal = solve_stationary_start(mean, config.imu, kBiasSigmaAccelerometer, state)) return refusal;
+  if (const auto refusal = solve_stationary_start(mean, noise, kBiasSigmaAccelerometer, state)) return refusal;
   const StarterSettings at = starter_settings();
   if (at.R_WB) state.R_WB = so3_exp(Vec3(0, 0, heading_from(state.R_WB, *at.R_WB))) * state.R_WB;
   state.p_WB = at.p_WB;
@@ -184,10 +190,10 @@ void Estimator::Impl::start(const TrackedFrame& frame, const InitialState& state
   odometry.health.reasons = bit(HealthReason::kPosteriorWide);
 }
 
+/// Of a window that begins knowing nothing; the camera's pose on the IMU has a prior of its own (calibration_prior.h).
 CalibrationTangent Estimator::Impl::calibration_sigmas() const {
-  CalibrationTangent s;
-  s << config.time_offset_sigma_s, Vec3::Constant(config.extrinsic_rotation_sigma_rad),
-      Vec3::Constant(config.extrinsic_translation_sigma_m);
+  CalibrationTangent s = CalibrationTangent::Zero();
+  s[0] = config.time_offset_sigma_s;
   return s;
 }
 

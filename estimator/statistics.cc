@@ -24,6 +24,8 @@ const char* to_string(StartRefusal r) {
       return "scale_uncertain";
     case StartRefusal::kBiasImplausible:
       return "bias_implausible";
+    case StartRefusal::kNumbersWrong:
+      return "numbers_wrong";
     case StartRefusal::kCount:
       break;
   }

@@ -27,9 +27,40 @@ enum class StartRefusal : std::uint8_t {
   kVelocityUncertain,
   kScaleUncertain,
   kBiasImplausible,
+  kNumbersWrong,  ///< a gross suspicion: see Suspicions
   kCount
 };
 const char* to_string(StartRefusal);
+
+/// Numbers of the user that the flight can contradict; the index of Suspicions.
+enum class Suspect : std::uint8_t {
+  kRotation,            ///< of the camera on the IMU; figure: rad between the configured and the seen one
+  kInverted,            ///< its inverse would agree instead; figure: rad that would remain
+  kMirrored,            ///< an axis has the wrong sign, or two are swapped; figure: agreement after that is put right
+  kTimeOffset,          ///< figure: s to add to the configured t_IMU - t_image
+  kGyroscopeUnits,      ///< figure: the gyroscope's rates over the camera's; negative: minus their mean, rad/s
+  kScale,               ///< of the gyroscope, or the focal length; figure: the gyroscope's rates over the camera's
+  kUnrelated,           ///< camera and gyroscope do not turn together; figure: agreement, 1 is perfect
+  kAccelerometerUnits,  ///< figure: mean length of the specific force, m/s^2
+  kMisfit,  ///< images and IMU contradict each other in the window; figure: tracks' error, px per root of an image
+  kGyroscopeNoise,      ///< figure: density that the readings allow, over the configured one
+  kAccelerometerNoise,  ///< the same
+  kCount
+};
+enum class Severity : std::uint8_t {
+  kNone,
+  kNote,     ///< the configuration is wrong, and the flight corrects for it
+  kSuspect,  ///< the estimate may be worse than it claims
+  kGross,    ///< no estimate with this number is worth anything
+};
+/// Of the three axes k of a sensor: along which of its axes 1, 2, 3 they should point; negative: the other way.
+using TurnedAxes = std::array<std::int8_t, 3>;
+struct Suspicion {
+  Severity severity = Severity::kNone;
+  double figure = 0;
+  TurnedAxes axes{};  ///< of kMirrored
+};
+using Suspicions = std::array<Suspicion, static_cast<int>(Suspect::kCount)>;
 
 /// The frame that defines origin and heading of the world at a start. Its position and yaw have no error by definition;
 /// published covariances are relative to it. It is older than the first published pose.
@@ -62,6 +93,7 @@ struct EstimatorStats {
   std::uint64_t start_refused[static_cast<int>(StartRefusal::kCount)] = {};
   StartKind start_kind = StartKind::kNone;
   double pixel_sigma = 0;
+  Suspicions suspicions;               ///< each as severe as it ever was
   std::array<WorldOrigin, 8> origins;  ///< of the newest starts, at index reset_counter % 8
 };
 

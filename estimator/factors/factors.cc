@@ -1,5 +1,6 @@
 #include "estimator/factors/factors.h"
 
+#include "estimator/factors/calibration_prior.h"
 #include "estimator/factors/imu.h"
 #include "estimator/factors/prior.h"
 #include "estimator/factors/wheel.h"
@@ -10,6 +11,7 @@ namespace epiline {
 namespace {
 double add_all(const Window& w, const Share& share, const FactorKernels& kernels, NormalEquations* out) {
   double cost = add_prior(w, out);
+  cost += add_calibration_prior(w, share, out);
   cost += add_zero_motion(w, share, out);
   cost += add_wheel(w, share, out);
   cost += add_imu(w, share, kernels, out);

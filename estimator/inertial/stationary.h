@@ -23,6 +23,7 @@ class StationaryDetector {
  public:
   explicit StationaryDetector(const ImuNoise& noise, double window_s = 0.5) : noise_(noise), window_s_(window_s) {}
 
+  void assume(const ImuNoise& noise) noexcept { noise_ = noise; }
   /// Adds a sample, with a later timestamp. A gap of more than a fifth of the window restarts the window.
   void add(const ImuSample& sample) noexcept;
   void clear() noexcept { count_ = 0; }

@@ -59,8 +59,9 @@ Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
   flag(h.reasons, e.overloaded, HealthReason::kOverloaded);
   flag(h.reasons, e.imu_gap, HealthReason::kImuGap);
   flag(h.reasons, !e.finite, HealthReason::kNotFinite);
+  flag(h.reasons, e.numbers_wrong > Severity::kNote, HealthReason::kNumbersWrong);
 
-  const bool lost = !e.finite || bias || e.sigma_velocity > kLostVelocity;
+  const bool lost = !e.finite || bias || e.sigma_velocity > kLostVelocity || e.numbers_wrong == Severity::kGross;
   lost_s_ = lost ? lost_s_ + dt_s : 0;
   unsettled_s_ = settled_ ? 0 : unsettled_s_ + dt_s;
   const bool failed = unsettled_s_ > kLongestUnsettled_s || (!settled_ && e.speed > kFastestUnsettled);

@@ -1,6 +1,7 @@
 #pragma once
 // Health of the estimate, from its posterior, tracks, gate and solver steps. States and limits:
 // docs/derivations/health.md.
+#include "estimator/statistics.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {
@@ -15,6 +16,7 @@ struct FrameEvidence {
   bool deadline_missed = false;
   bool overloaded = false;  ///< solved with less than the configured effort
   bool imu_gap = false;
+  Severity numbers_wrong = Severity::kNone;           ///< calibration, units or time offset: suspicion.h
   double speed = 0;                                   ///< m/s
   double sigma_velocity = 0;                          ///< m/s, largest axis
   double sigma_tilt = 0;                              ///< rad

@@ -41,6 +41,13 @@ using CalibrationTangent = Eigen::Matrix<double, kCalibration, 1>;
 void retract(Calibration& c, const CalibrationTangent& d);
 CalibrationTangent local(const Calibration& c0, const Calibration& c);
 
+/// What the user knows of the camera's pose on the IMU: standard deviations near the configured values, rad and m.
+struct CalibrationPrior {
+  bool in_use = false;
+  Calibration configured;
+  double sigma_rotation = 1, sigma_translation = 1;
+};
+
 /// A frame of the window.
 struct Slot {
   std::uint64_t id = 0;         ///< never reused
@@ -119,6 +126,7 @@ class Window {
   int find(std::uint32_t id) const;
 
   Calibration calibration;
+  CalibrationPrior calibration_prior;
   WheelModel wheel;
   Prior prior;
   bool first_estimates = true;  ///< off: Jacobians at the current state everywhere, as VINS-Mono and the paper have it

@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "pipeline/text/suspicion_text.h"
+
 namespace epiline {
 
 void EstimatorEvents::after_imu(const ImuSample& sample, const BackEnd& back_end) noexcept {
@@ -23,6 +25,11 @@ void EstimatorEvents::after_image(const TrackedFrame& frame, const BackEnd& back
   const bool started = (o.health.reasons & static_cast<std::uint32_t>(HealthReason::kNoInitialState)) == 0;
   if (!std::exchange(started_, started) && started)
     tell(frame.stamp, EventId::kStarted, static_cast<std::int64_t>(back_end.estimator().stats().start_kind));
+  const Suspicions& suspicions = back_end.estimator().stats().suspicions;
+  for (std::size_t i = 0; i < suspicions.size(); ++i) {
+    if (std::exchange(severity_[i], suspicions[i].severity) == suspicions[i].severity) continue;
+    out_.push(event_of(frame.stamp, static_cast<Suspect>(i), suspicions[i]));
+  }
   const HealthState before = std::exchange(state_, o.health.state);
   if (before != o.health.state) {
     tell(frame.stamp, EventId::kHealthChanged, static_cast<std::int64_t>(before),

@@ -1,6 +1,9 @@
 #pragma once
 // What happened in the estimator, as events: one place for the replay in one thread and for the threads. What came in
 // is told by pipeline/watch/input_events.h.
+#include <array>
+
+#include "estimator/statistics.h"
 #include "pipeline/stages/back_end.h"
 #include "platform/log/event.h"
 
@@ -29,6 +32,7 @@ class EstimatorEvents {
   std::uint32_t resets_ = 0;
   LoadLevel level_ = LoadLevel::kFull;
   bool started_ = false;
+  std::array<Severity, static_cast<std::size_t>(Suspect::kCount)> severity_{};
 };
 
 }  // namespace epiline

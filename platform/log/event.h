@@ -31,6 +31,7 @@ enum class EventId : std::uint16_t {
   kRingOverflow,    ///< RingName, elements lost
   kRecordWritten,   ///< number of the record, RecordReason
   kRecordFailed,    ///< number of the record, RecordReason, errno if known
+  kNumberWrong,     ///< Suspect, Severity, figure (pipeline/text/suspicion_text.h)
   kCount
 };
 

@@ -87,8 +87,9 @@ enum class HealthReason : std::uint32_t {
   kReadingsRefused = 1u << 20,  ///< left out: impossible, repeated or old samples, or several corrupt ones a second
   kImuClockDrift = 1u << 21,    ///< the IMU's clock drifts against the computer's
   kOverloaded = 1u << 22,       ///< too little time: fewer tracks, fewer solver steps, or prediction only
+  kNumbersWrong = 1u << 23,     ///< a calibration, unit or time offset contradicts what camera and IMU measure
 };
-inline constexpr int kHealthReasons = 23;  ///< bits in use
+inline constexpr int kHealthReasons = 24;  ///< bits in use
 
 /// Names of states and reasons in files and messages, in the order of the values and bits.
 inline constexpr std::array kHealthStateNames = {"initialising", "tracking", "degraded", "lost"};
@@ -97,7 +98,7 @@ inline constexpr std::array<const char*, kHealthReasons> kHealthReasonNames = {
     "bias_implausible", "velocity_uncertain", "deadline_missed",   "imu_gap",        "not_finite",
     "camera_silent",    "imu_silent",         "camera_clock_jump", "imu_clock_jump", "images_frozen",
     "lens_covered",     "view_obstructed",    "exposure_step",     "imu_saturated",  "imu_stuck",
-    "readings_refused", "imu_clock_drift",    "overloaded"};
+    "readings_refused", "imu_clock_drift",    "overloaded",        "numbers_wrong"};
 
 constexpr std::uint32_t bit(HealthReason reason) { return static_cast<std::uint32_t>(reason); }
 /// An image with one of these reasons does not show the scene: it has no features, and no evidence of motion or rest.

@@ -105,28 +105,31 @@ Ratio worst_ratio(const Compared& c, const Frame4& f) {
 }  // namespace
 
 FaultVerdict fly_with(ReplayOptions options, const std::vector<Fault>& faults, const FaultTimes& times) {
-  const double from_s = times.from_s, to_s = times.to_s;
-  constexpr double kLasting_s = 1;
-  FaultVerdict verdict;
   const auto dataset = open_asl_dataset(options.dataset, options.camera, {}, {});
-  if (!dataset || !dataset->ground_truth) return verdict;
-  const Trajectory& truth = *dataset->ground_truth;
-  const HostStamp zero = dataset->instant(0);  // not the first that was tracked: a busy machine may lose that one
+  if (!dataset || !dataset->ground_truth) return {};
   PublishedOdometry published(200'000);
   options.faults = faults;
   options.odometry = &published;
   const auto result = replay(options, [](std::size_t, std::size_t) {});
-  if (!result || result->record.images.empty()) return verdict;
-  verdict.ran = true;
+  if (!result || result->record.images.empty()) return {};
+  const HostStamp zero = dataset->instant(0);  // not the first that was tracked: a busy machine may lose that one
+  return judge(published.all(), *dataset->ground_truth, zero, times);
+}
 
+FaultVerdict judge(const std::vector<Odometry>& published, const Trajectory& truth, HostStamp zero,
+                   const FaultTimes& times) {
+  const double from_s = times.from_s, to_s = times.to_s;
+  constexpr double kLasting_s = 1;
+  FaultVerdict verdict;
+  verdict.ran = true;
   std::vector<Compared> quiet;
   std::optional<Frame4> frame;
   std::uint32_t segment = 0;
   std::size_t hint = 0;
   double tracking_since = -1, last_s = from_s;
-  for (const Odometry& o : published.all()) {
+  for (const Odometry& o : published) {
     const double t = (o.stamp - zero).seconds();
-    if (&o != published.all().data() && o.stamp < (&o)[-1].stamp) hint = 0;
+    if (&o != published.data() && o.stamp < (&o)[-1].stamp) hint = 0;
     const bool tracking = o.health.state == HealthState::kTracking;
     const auto c = compare(o, truth, hint);
     if (t < from_s) {

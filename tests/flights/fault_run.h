@@ -50,6 +50,10 @@ struct FaultTimes {
 /// Replays `options`, of a data set with truth, with the faults and compares what is published with the truth.
 FaultVerdict fly_with(ReplayOptions options, const std::vector<Fault>& faults, const FaultTimes& times);
 
+/// What was published of a flight, compared with the truth. `zero`: the instant that `times` count from.
+FaultVerdict judge(const std::vector<Odometry>& published, const Trajectory& truth, HostStamp zero,
+                   const FaultTimes& times);
+
 /// Where an odometry is.
 TimedPose pose_of(const Odometry& odometry);
 

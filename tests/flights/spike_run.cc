@@ -55,9 +55,9 @@ SpikeVerdict fly_with_spikes(ReplayOptions options, const std::vector<Spike>& sp
   const auto dataset = open_asl_dataset(options.dataset, options.camera, {}, {});
   if (!dataset || dataset->instants_count() == 0) return v;
   const HostStamp first = dataset->instant(0) + Span::from_seconds(options.start_s);
-  options.alter_imu = [&](std::vector<ImuSample>& readings) {
-    stir(readings, seed);
-    corrupt(readings, first, spikes, seed);
+  options.alter = [&](AslDataset& altered) {
+    stir(altered.imu_samples, seed);
+    corrupt(altered.imu_samples, first, spikes, seed);
   };
   const auto result = replay(options, [](std::size_t, std::size_t) {});
   if (!result || !result->record.truth) return v;

@@ -22,6 +22,7 @@ constexpr Words kWords[] = {
     {HealthReason::kImagesFrozen, "camera image frozen"},
     {HealthReason::kImuStuck, "IMU stuck"},
     {HealthReason::kImuSaturated, "IMU at its limit"},
+    {HealthReason::kNumbersWrong, "calibration or units wrong"},
     {HealthReason::kOverloaded, "computer overloaded"},
     {HealthReason::kDeadlineMissed, "computer overloaded"},
     {HealthReason::kViewObstructed, "view blocked"},

@@ -284,7 +284,10 @@ struct Opened {
 class Samples {
  public:
   Samples(const Opened& opened, const LiveSettings& settings)
-      : opened_(opened), config_(settings.config), images_(Camera(settings.camera), settings.config.tracker) {
+      : opened_(opened),
+        config_(settings.config),
+        images_(Camera(settings.camera), settings.config.tracker),
+        wave_(settings.config.estimator.extrinsics.time_offset_s) {
     if (opened.camera != nullptr) camera_thread_.emplace([this] { return look_at_camera(); });
     if (opened.imu != nullptr) imu_thread_.emplace([this] { return look_at_imu(); });
   }
@@ -304,7 +307,7 @@ class Samples {
               findings_of(readings_.result(), {config_.devices.imu.rate_hz, config_.estimator.imu.gyroscope_density,
                                                config_.estimator.imu.accelerometer_density}));
     if (opened_.camera != nullptr && opened_.imu != nullptr)
-      add_all(out, findings_of(wave_.result(), config_.estimator.extrinsics.R_BC,
+      add_all(out, findings_of(wave_.agreement(), config_.estimator.extrinsics.R_BC,
                                config_.estimator.extrinsics.time_offset_s));
   }
 

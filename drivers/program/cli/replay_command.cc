@@ -13,6 +13,7 @@
 #include "drivers/program/view/live_view.h"
 #include "drivers/study/report/stats_json.h"
 #include "pipeline/config/config.h"
+#include "pipeline/text/suspicion_text.h"
 
 namespace epiline {
 
@@ -61,6 +62,7 @@ void print_summary(const FlightRecord& r, const std::optional<TrajectoryErrors>&
   fmt::print("solve     {:.3f} ms mean, {:.3f} ms 99 %\n", t.solve.mean, t.solve.p99);
   fmt::print("estimate  {:.3f} ms mean, {:.3f} ms 99 %\n", t.estimate.mean, t.estimate.p99);
   if (r.realtime) print_realtime(r, t);
+  for (const std::string& text : texts_of(r.estimator.suspicions)) fmt::print("number    {}\n", text);
   if (const auto& f = r.load.frames; f[1] + f[2] + f[3] > 0)
     fmt::print("load      {} images in full, {} with fewer features, {} with fewer iterations, {} predicted only\n",
                f[0], f[1], f[2], f[3] - r.load.let_through);
@@ -73,7 +75,9 @@ std::string refusals(const EstimatorStats& stats) {
     if (stats.start_refused[i] == 0) continue;
     s += fmt::format("{}{} {}", s.empty() ? "" : ", ", to_string(static_cast<StartRefusal>(i)), stats.start_refused[i]);
   }
-  return s.empty() ? "no start attempted" : "refused starts: " + s;
+  s = s.empty() ? "no start attempted" : "refused starts: " + s;
+  for (const std::string& text : texts_of(stats.suspicions)) s += "; " + text;
+  return s;
 }
 
 std::string fault_help() {

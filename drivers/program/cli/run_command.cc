@@ -45,6 +45,11 @@ class StateLines {
 
   void operator()(const LiveState& state) {
     if (quiet_) return;
+    for (const std::string& text : state.numbers_wrong) {
+      clear();
+      fmt::print("{:9.2f} s  number wrong: {}\n", state.since_start.seconds(), text);
+      std::fflush(stdout);
+    }
     const HealthState now = state.has_pose ? state.odometry.health.state : HealthState::kInitialising;
     if (!known_ || now != state_ || state.lost_outputs != lost_) {
       clear();

@@ -14,6 +14,7 @@
 #include "drivers/program/view/live_view.h"
 #include "drivers/study/replay/recorded_run.h"
 #include "drivers/study/report/page.h"
+#include "pipeline/text/suspicion_text.h"
 #include "pipeline/text/table.h"
 #include "platform/concurrency/latest_value.h"
 #include "platform/linux/signals.h"
@@ -177,7 +178,7 @@ std::unique_ptr<FlightRecorder> add_recorder(const LiveSettings& settings, Realt
 }
 
 LiveState state_of(const RealtimePipeline::Progress& progress, Receivers& receivers, Span since_start) {
-  LiveState state{false, {}, progress.frames_out, progress.imu_in, since_start, receivers.names_of_lost()};
+  LiveState state{false, {}, progress.frames_out, progress.imu_in, since_start, {}, receivers.names_of_lost()};
   if (const Odometry* const newest = receivers.newest()) {
     state.has_pose = true;
     state.odometry = *newest;
@@ -213,12 +214,17 @@ Result<FlightRecord> fly_or_throw(const LiveSettings& settings, LiveDevices& dev
   pipeline.arm(pace);
   ServiceTalk service;
   FlightRecord record = begin_record(settings);
+  std::uint64_t told = 0;  // events looked at
   for (bool goes_on = true; goes_on && !pipeline.finished();) {
     const int signal = signals.wait(kRound);
     if (signal == SIGUSR1 && recorder) recorder->request();
     log.drain(record);
     const RealtimePipeline::Progress progress = pipeline.progress();
-    const LiveState state = state_of(progress, receivers, since_start());
+    LiveState state = state_of(progress, receivers, since_start());
+    for (; told < record.events_lost + record.events.size(); ++told) {
+      const Event& event = record.events[told - record.events_lost];
+      if (event.id == EventId::kNumberWrong) state.numbers_wrong.push_back(text_of(event));
+    }
     service.round(state, progress, log.passes());
     goes_on = watch(state) && signal != SIGINT && signal != SIGTERM && state.since_start.seconds() < options.duration_s;
   }

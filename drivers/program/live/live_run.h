@@ -5,6 +5,7 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "drivers/program/live/devices.h"
 #include "drivers/study/report/flight_record.h"
@@ -28,7 +29,8 @@ struct LiveState {
   Odometry odometry;  ///< newest, with the health of now; only with a pose
   std::uint64_t images = 0, readings = 0;
   Span since_start;
-  std::string lost_outputs;  ///< names of those whose line is lost at present; empty: none is
+  std::vector<std::string> numbers_wrong;  ///< said since the last call: numbers of the user that cannot be true
+  std::string lost_outputs;                ///< names of those whose line is lost at present; empty: none is
 };
 
 /// Opens the devices and flies until SIGINT, SIGTERM, the end of the sources, the end of the duration, or until

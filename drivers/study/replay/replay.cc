@@ -204,8 +204,8 @@ Result<ReplayResult> replay(const ReplayOptions& options,
                                          : open_asl_dataset(options.dataset, options.camera, config.camera_calibration,
                                                             config.imu_calibration);
   if (!dataset) return dataset.error();
+  if (options.alter) options.alter(*dataset);
   fill_config(*dataset, file ? &*file : nullptr, options, config);
-  if (options.alter_imu) options.alter_imu(dataset->imu_samples);
   if (options.loop_s) loop_flight(*dataset, *options.loop_s);
   try {
     const FlightPlan plan = plan_flight(*dataset, options);

@@ -24,13 +24,13 @@ struct ReplayOptions : FlightPart {
   std::optional<VisualFactor> visual_factor;  ///< wins over the file
   std::optional<double> deadline_ms;          ///< wins over the file
   std::optional<double> loop_s;               ///< the flight again and again until it has lasted so long
-  std::optional<double> realtime_speed;  ///< in threads, seconds of the recording in one second; none: in one thread
-  bool imu_rate = false;                 ///< in threads: keep the odometry of every IMU reading
-  std::vector<Fault> faults;             ///< what goes wrong with the sensors on the way
-  std::function<void(std::vector<ImuSample>&)> alter_imu;  ///< changes the readings before the flight; empty: nothing
-  OdometrySink* odometry = nullptr;     ///< gets what is published; in one thread the estimate of each image
-  FlightView* view = nullptr;           ///< shows a flight in threads while it goes on; open, not started
-  std::filesystem::path record_folder;  ///< of the flight recorder, in threads only; wins over the file; empty: none
+  std::optional<double> realtime_speed;    ///< in threads, seconds of the recording in one second; none: in one thread
+  bool imu_rate = false;                   ///< in threads: keep the odometry of every IMU reading
+  std::vector<Fault> faults;               ///< what goes wrong with the sensors on the way
+  std::function<void(AslDataset&)> alter;  ///< changes readings, stamps or calibration before the flight; may be empty
+  OdometrySink* odometry = nullptr;        ///< gets what is published; in one thread the estimate of each image
+  FlightView* view = nullptr;              ///< shows a flight in threads while it goes on; open, not started
+  std::filesystem::path record_folder;     ///< of the flight recorder, in threads only; wins over the file; empty: none
   bool record_images = false;
 };
 

@@ -9,6 +9,7 @@
 #include "drivers/study/report/page.h"
 #include "drivers/study/report/stats_json.h"
 #include "drivers/study/report/svg_plot.h"
+#include "pipeline/text/suspicion_text.h"
 
 namespace epiline {
 
@@ -57,6 +58,7 @@ std::string tiles(const FlightRecord& record, const std::optional<TrajectoryErro
                        or_dash(nees.tilt, "{:.2f}") + " / " + or_dash(nees.velocity, "{:.2f}"),
                    "NEES of position / yaw / tilt / velocity (1: consistent)");
   }
+  for (const std::string& text : texts_of(record.estimator.suspicions)) s += html_tile("!", text);
   s += html_tile(or_dash(start_seconds(record), "{:.2f} s"), "from the first image to the first pose");
   const auto covered = coverage(record);
   s += html_tile(covered ? fmt::format("{:.1f} %", 100 * *covered) : "–", "of the images since then have a pose");

@@ -2,6 +2,8 @@
 
 #include <numeric>
 
+#include "pipeline/text/suspicion_text.h"
+
 namespace epiline {
 
 namespace {
@@ -90,6 +92,20 @@ Json initialisation_json(const FlightRecord& r) {
           {"kind", kind ? Json(kind) : Json(nullptr)},
           {"attempts", r.estimator.start_attempts},
           {"refused_by_reason", reasons}};
+}
+
+/// Numbers of the user that the flight contradicts.
+Json numbers_json(const FlightRecord& r) {
+  Json numbers = Json::array();
+  for (std::size_t i = 0; i < r.estimator.suspicions.size(); ++i) {
+    const Suspicion& s = r.estimator.suspicions[i];
+    if (s.severity == Severity::kNone) continue;
+    constexpr const char* kSeverities[] = {"none", "corrected", "suspect", "gross"};
+    numbers.push_back({{"severity", kSeverities[static_cast<std::size_t>(s.severity)]},
+                       {"figure", s.figure},
+                       {"text", text_of(static_cast<Suspect>(i), s)}});
+  }
+  return numbers;
 }
 
 Json tracks_json(const FlightRecord& r) {
@@ -338,6 +354,7 @@ Json stats_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& er
   json["imu"] = imu_json(r);
   json["watch"] = watch_json(r);
   json["initialisation"] = initialisation_json(r);
+  json["numbers_wrong"] = numbers_json(r);
   json["resets"] = e.resets;
   json["state_seconds"] = {
       {"initialising", seconds[0]}, {"tracking", seconds[1]}, {"degraded", seconds[2]}, {"lost", seconds[3]}};

@@ -216,6 +216,7 @@ TEST(EstimatorEvents, StartKindsHaveTheirNames) {
   EXPECT_EQ(shown(StartKind::kGiven), "0.000000000 started kind=given");
   EXPECT_EQ(shown(StartKind::kStationary), "0.000000000 started kind=stationary");
   EXPECT_EQ(shown(StartKind::kMoving), "0.000000000 started kind=moving");
+  EXPECT_EQ(shown(StartKind::kCarried), "0.000000000 started kind=carried");
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ TEST(Samples, EveryReasonHasANameOfItsOwn) {
                "not_finite");
   EXPECT_STREQ(kHealthReasonNames[static_cast<std::size_t>(std::countr_zero(bit(HealthReason::kOverloaded)))],
                "overloaded");
-  EXPECT_EQ(bit(HealthReason::kOverloaded), 1U << (kHealthReasons - 1)) << "a bit without a name";
+  EXPECT_EQ(bit(HealthReason::kNumbersWrong), 1U << (kHealthReasons - 1)) << "a bit without a name";
   EXPECT_STREQ(kHealthStateNames[static_cast<std::size_t>(HealthState::kLost)], "lost");
 }
 

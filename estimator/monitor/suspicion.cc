@@ -1,0 +1,122 @@
+#include "estimator/monitor/suspicion.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "estimator/geometry/so3.h"
+
+namespace epiline {
+
+namespace {
+constexpr double kRate = 0.15;        // rad/s: slower turns say little
+constexpr double kAgree = 0.95;       // of the camera's and the gyroscope's turns, once all is fitted
+constexpr double kMirrorGain = 0.15;  // by which a reflection must agree better than any rotation
+constexpr double kAgreeOnScale = 0.985, kScale = 0.07, kGrossScale = 0.13;
+constexpr double kUnits = 8;  // degrees make it 57
+constexpr double kUnrelated = 0.35;
+constexpr double kManyTurns = 60;
+constexpr double kRotation = 0.15, kGrossRotation = 0.35;  // rad
+constexpr double kSigmas = 6, kAgreeOnRotation = 0.97;
+constexpr double kOffset_s = 0.02, kGrossOffset_s = 0.04;
+constexpr double kOffsetLoss = 0.002;  // of agreement, at the configured offset: turns change fast enough to tell
+constexpr double kWeakestAxis = 0.15;
+// Of right flights it is 0.06 to 0.17 on the mean and 0.32 at most; with a lens not undistorted 1.5, with a wrong sign
+// of the accelerometer 6.
+constexpr double kMisfit_px = 0.8, kGrossMisfit_px = 2;
+constexpr double kMisfitRatio = 2;  // over the error between two images: noisy tracks contradict nobody
+constexpr Span kUnitsSpan = Span::from_milliseconds(5000);
+constexpr double kLeastForce = 7.5, kMostForce = 12.5;  // m/s^2: a mean over five seconds that a flight can have
+constexpr double kMostRate = 6;                         // rad/s, likewise: one turn a second for five seconds
+constexpr double kNoiseFactor = 3;                      // users widen and vibration adds: worth a word beyond
+
+/// The signed axes of the gyroscope that would make it agree: column k is where its axis k points.
+TurnedAxes axes_of(const Mat3& M) {
+  TurnedAxes axes{};
+  for (int k = 0; k < 3; ++k) {
+    int row = 0;
+    M.col(k).cwiseAbs().maxCoeff(&row);
+    axes[static_cast<std::size_t>(k)] = static_cast<std::int8_t>(M(row, k) < 0 ? -(row + 1) : row + 1);
+  }
+  return axes;
+}
+}  // namespace
+
+Suspicions suspicions_of(const TurnAgreement& t, const Mat3& R_BC, double time_offset_s) noexcept {
+  Suspicions s;
+  const auto raise = [&](Suspect what, bool gross, double figure) {
+    s[static_cast<std::size_t>(what)] = {gross ? Severity::kGross : Severity::kSuspect, figure, {}};
+  };
+  if (!(t.turns > 0) || t.rate_rad_s < kRate) return s;
+  const double best = std::max(t.agreement, t.agreement_mirrored);
+  if (best > 0.5 && (t.rate_ratio > kUnits || t.rate_ratio < 1 / kUnits)) {
+    raise(Suspect::kGyroscopeUnits, true, t.rate_ratio);
+    return s;
+  }
+  if (t.turns > kManyTurns && best < kUnrelated) raise(Suspect::kUnrelated, true, best);
+  if (t.agreement_mirrored > kAgree && t.agreement_mirrored > t.agreement + kMirrorGain) {
+    raise(Suspect::kMirrored, true, t.agreement_mirrored);
+    // b = mirrored_BC c, where a right gyroscope would say R_BC c
+    s[static_cast<std::size_t>(Suspect::kMirrored)].axes = axes_of(t.mirrored_BC * R_BC.transpose());
+    return s;
+  }
+  if (t.agreement < kAgree) return s;
+  // the noise of either may have made its rates look larger
+  const double least = t.rate_ratio * t.agreement, most = t.rate_ratio / t.agreement;
+  if (t.turns > kManyTurns && t.agreement > kAgreeOnScale && (least > 1 + kScale || most < 1 - kScale))
+    raise(Suspect::kScale, t.rate_ratio > 1 + kGrossScale || t.rate_ratio < 1 - kGrossScale, t.rate_ratio);
+  const double offset_s = t.time_offset_s - time_offset_s;
+  const double loss = t.offset_sharpness * (offset_s / 0.01) * (offset_s / 0.01);
+  if (std::abs(offset_s) > kOffset_s && loss > kOffsetLoss)
+    raise(Suspect::kTimeOffset, std::abs(offset_s) > kGrossOffset_s, offset_s);
+  const Vec3 off = so3_log(t.R_BC.transpose() * R_BC);
+  const double sigma = std::sqrt(std::max(0.0, off.normalized().dot(t.R_BC_covariance * off.normalized())));
+  if (t.turns < kManyTurns || t.agreement < kAgreeOnRotation || t.weakest_axis < kWeakestAxis ||
+      off.norm() < std::max(kRotation, kSigmas * sigma))
+    return s;
+  const bool gross = off.norm() > kGrossRotation;
+  const double inverted = so3_log(R_BC * t.R_BC).norm();
+  if (gross && inverted < kGrossRotation / 2)
+    raise(Suspect::kInverted, true, inverted);
+  else
+    raise(Suspect::kRotation, gross, off.norm());
+  return s;
+}
+
+void add_suspicions(const ImuNoise& configured, const ImuNoise& used, Suspicions& s) noexcept {
+  const auto add = [&](Suspect what, double factor) {
+    if (factor > kNoiseFactor || factor < 1 / kNoiseFactor)
+      s[static_cast<std::size_t>(what)] = {Severity::kNote, factor, {}};
+  };
+  add(Suspect::kGyroscopeNoise, used.gyroscope_density / configured.gyroscope_density);
+  add(Suspect::kAccelerometerNoise, used.accelerometer_density / configured.accelerometer_density);
+}
+
+void add_misfit(double residual_px, double pair_px, Suspicions& s) noexcept {
+  if (residual_px > kMisfit_px && residual_px > kMisfitRatio * pair_px)
+    s[static_cast<std::size_t>(Suspect::kMisfit)] = {
+        residual_px > kGrossMisfit_px ? Severity::kGross : Severity::kSuspect, residual_px, {}};
+}
+
+bool can_be_gravity(double force_m_s2) noexcept { return force_m_s2 > kLeastForce && force_m_s2 < kMostForce; }
+
+void add_suspicions(const UnitsWatch& units, Suspicions& s) noexcept {
+  const double force = units.force_m_s2(), rate = units.rate_rad_s();
+  if (force > 0 && !can_be_gravity(force))
+    s[static_cast<std::size_t>(Suspect::kAccelerometerUnits)] = {Severity::kGross, force, {}};
+  Suspicion& gyroscope = s[static_cast<std::size_t>(Suspect::kGyroscopeUnits)];
+  if (rate > kMostRate && gyroscope.severity == Severity::kNone) gyroscope = {Severity::kGross, -rate, {}};
+}
+
+void UnitsWatch::add(const ImuSample& reading) noexcept {
+  if (count_ == 0) begin_ = reading.stamp;
+  force_sum_ += Vec3::Map(reading.specific_force_m_s2.data()).norm();
+  rate_sum_ += Vec3::Map(reading.angular_velocity_rad_s.data()).norm();
+  ++count_;
+  if (reading.stamp - begin_ < kUnitsSpan) return;
+  force_ = force_sum_ / count_;
+  rate_ = rate_sum_ / count_;
+  force_sum_ = rate_sum_ = 0;
+  count_ = 0;
+}
+
+}  // namespace epiline

@@ -1,0 +1,121 @@
+#include "estimator/monitor/turn_between.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+
+#include "estimator/geometry/so3.h"
+
+namespace epiline {
+
+namespace {
+
+constexpr double kFarBearing = 0.003;  // rad: residuals of bearings beyond count less
+constexpr int kFarRounds = 5, kSteps = 10;
+constexpr double kGoodCost = 0.35;  // log(1 + e^2) of a mean angle of 0.65 mrad: other directions would not do better
+
+/// As if everything were far away.
+Mat3 turn_of_far_points(const SharedBearings& s) {
+  Mat3 R_CC0 = Mat3::Identity();
+  std::array<double, SharedBearings::kMost> weights;
+  weights.fill(1);
+  for (int round = 0; round < kFarRounds; ++round) {
+    Mat3 sum = Mat3::Zero();
+    for (int i = 0; i < s.count; ++i) sum += weights[i] * s.now[i] * s.before[i].transpose();
+    R_CC0 = rotation_from(sum);
+    for (int i = 0; i < s.count; ++i) {
+      const double off = (s.now[i] - R_CC0 * s.before[i]).norm() / kFarBearing;
+      weights[i] = 1 / (1 + off * off);
+    }
+  }
+  return R_CC0;
+}
+
+/// Turn and direction of travel, improved together: Gauss-Newton on the angles to epipolar planes.
+class Travel {
+ public:
+  Travel(const SharedBearings& s, const Mat3& R_CC0, const Vec3& direction) : s_(s), R_(R_CC0), t_(direction) {
+    cost_ = cost(R_, t_);
+    for (int i = 0; i < kSteps && step(); ++i) {
+    }
+  }
+  CameraTurn result() const { return {R_, t_, cost_ / s_.count}; }
+
+ private:
+  using Vec5 = Eigen::Matrix<double, 5, 1>;
+  using Mat5 = Eigen::Matrix<double, 5, 5>;
+
+  /// From the bearing before, turned, to the plane of the bearing now and the direction.
+  static double angle(const Vec3& turned, const Vec3& now, const Vec3& t, double& scale) {
+    scale = 1 / std::max(t.cross(now).norm(), 0.1);
+    return scale * t.dot(turned.cross(now));
+  }
+  double cost(const Mat3& R, const Vec3& t) const {
+    double sum = 0, scale = 0;
+    for (int i = 0; i < s_.count; ++i) {
+      const double off = angle(R * s_.before[i], s_.now[i], t, scale) / kCostScale_rad;
+      sum += std::log1p(off * off);
+    }
+    return sum;
+  }
+  bool step() {
+    const Vec3 other = std::abs(t_.x()) < 0.6 ? Vec3::UnitX() : Vec3::UnitY();
+    Eigen::Matrix<double, 3, 2> across;  // of the direction
+    across.col(0) = t_.cross(other).normalized();
+    across.col(1) = t_.cross(across.col(0));
+    Mat5 H = Mat5::Zero();
+    Vec5 b = Vec5::Zero();
+    for (int i = 0; i < s_.count; ++i) {
+      const Vec3 g = R_ * s_.before[i];
+      const Vec3& f = s_.now[i];
+      double scale = 0;
+      const double e = angle(g, f, t_, scale);
+      Vec5 J;
+      J.head<3>() = scale * (t_.dot(g) * f - g.dot(f) * t_);
+      J.tail<2>() = scale * (across.transpose() * g.cross(f));
+      const double weight = 1 / (1 + e * e / (kCostScale_rad * kCostScale_rad));
+      H.selfadjointView<Eigen::Lower>().rankUpdate(J, weight);
+      b -= weight * e * J;
+    }
+    H.diagonal().array() += 1e-6 * s_.count;  // a direction nobody sees stays
+    const Vec5 d = H.selfadjointView<Eigen::Lower>().ldlt().solve(b);
+    const Mat3 R = so3_exp(d.head<3>()) * R_;
+    const Vec3 t = (t_ + across * d.tail<2>()).normalized();
+    const double next = cost(R, t);
+    if (!(next < cost_)) return false;
+    const bool goes_on = cost_ - next > 1e-3 * cost_;
+    R_ = R;
+    t_ = t;
+    cost_ = next;
+    return goes_on;
+  }
+
+  const SharedBearings& s_;
+  Mat3 R_;
+  Vec3 t_;
+  double cost_ = 0;
+};
+
+}  // namespace
+
+Mat3 rotation_from(const Mat3& sum) noexcept {
+  const Eigen::JacobiSVD<Mat3> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
+  return svd.matrixU() * Vec3(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
+}
+
+bool turn_between(const SharedBearings& bearings, const Vec3& hint, CameraTurn& out) noexcept {
+  if (bearings.count < SharedBearings::kFewest) return false;
+  const Mat3 far = turn_of_far_points(bearings);
+  out = Travel(bearings, far, hint).result();
+  if (out.cost < kGoodCost) return true;
+  for (const Vec3& direction : {Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), Vec3(1, 1, 1).normalized().eval(),
+                                Vec3(1, -1, 1).normalized().eval()}) {
+    const CameraTurn turn = Travel(bearings, far, direction).result();
+    if (turn.cost < out.cost) out = turn;
+  }
+  return true;
+}
+
+}  // namespace epiline

@@ -1,0 +1,33 @@
+#pragma once
+// The turn of a camera between two images, from bearings alone. Derivation: docs/derivations/turns.md; test:
+// tests/estimator/monitor/turn_watch_test.cc.
+#include <array>
+
+#include "estimator/geometry/types.h"
+
+namespace epiline {
+
+/// Bearings of the points that two images share, unit vectors in C.
+struct SharedBearings {
+  static constexpr int kMost = 64, kFewest = 12;
+  int count = 0;
+  std::array<Vec3, kMost> before, now;
+};
+
+inline constexpr double kCostScale_rad = 0.001;
+
+/// How the camera moved: f_now ~ R_CC0 f_before but for parallax along `direction`.
+struct CameraTurn {
+  Mat3 R_CC0 = Mat3::Identity();
+  Vec3 direction = Vec3::UnitX();  ///< of the translation, unit vector in C; its sign means nothing
+  double cost = 0;                 ///< mean of log(1 + (angle to the epipolar plane/kCostScale_rad)^2)
+};
+
+/// Robust fit of turn and direction of travel. `hint`: a direction to try first; the others are tried only if the fit
+/// from there is poor. Bounded work, no heap. False: too few bearings.
+bool turn_between(const SharedBearings& bearings, const Vec3& hint, CameraTurn& out) noexcept;
+
+/// The rotation R that maximises tr(R^T sum): takes a to b best, for `sum` = sum of b a^T (Kabsch).
+Mat3 rotation_from(const Mat3& sum) noexcept;
+
+}  // namespace epiline

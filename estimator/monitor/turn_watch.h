@@ -1,0 +1,107 @@
+#pragma once
+// Do camera and gyroscope agree? From the turns both saw, whatever the estimate is: time offset, rotation between them,
+// units and axes. Derivation: docs/derivations/turns.md; test: tests/estimator/monitor/turn_watch_test.cc.
+#include <array>
+#include <cstdint>
+
+#include "estimator/geometry/types.h"
+#include "estimator/monitor/turn_between.h"
+#include "platform/samples/samples.h"
+
+namespace epiline {
+
+struct TurnAgreement {
+  double turned_s = 0;          ///< time during which images were compared; fades with the watch's memory
+  double turns = 0;             ///< number of pairs of images; fades
+  double rate_rad_s = 0;        ///< root mean square of the camera's turns
+  double agreement = 0;         ///< correlation of both, after all is fitted: 1 is perfect, 0 is chance
+  double time_offset_s = 0;     ///< t_IMU = t_image + time_offset
+  double offset_sharpness = 0;  ///< loss of agreement 10 ms beside
+  Mat3 R_BC = Mat3::Identity();
+  Mat3 R_BC_covariance = Mat3::Zero();  ///< of its perturbation on the right, rad^2, axes of C
+  double weakest_axis = 0;  ///< how much it was turned about the axis it was turned about least, against the most
+  double rate_ratio = 1;    ///< the gyroscope's rates over the camera's
+  // of a reflection instead of a rotation: an axis with a wrong sign, or two axes swapped
+  double agreement_mirrored = 0;
+  Mat3 mirrored_BC = Mat3::Identity();  ///< orthogonal, determinant -1
+};
+
+class TurnWatch {
+ public:
+  /// `memory_s`: turns older than that count 1/e; `reach_s`: offsets looked at, either way of `time_offset_s`.
+  TurnWatch(double time_offset_s, double memory_s);
+
+  /// Images with an image within 0.5 s before are compared with it. Features in the order of their ids.
+  void add_images(const TrackedFrame& frame) noexcept;
+  /// In time order.
+  void add_reading(const ImuSample& reading) noexcept;
+  /// Some ten microseconds of work. Without 30 turns all is zero.
+  TurnAgreement agreement() const noexcept;
+  /// How far bearings lie from the epipolar planes of the best motion between two images, typically, over the last
+  /// seconds; what the tracks err by, as the camera alone can tell.
+  double noise_rad() const noexcept;
+
+ private:
+  static constexpr int kOffsets = 63, kMiddle = kOffsets / 2;
+  static constexpr double kStep_s = 0.008;  ///< between two offsets looked at
+  static constexpr Span kReach = Span::from_milliseconds(248);
+  static constexpr std::uint32_t kIntegrals = 1024, kPending = 32;
+
+  struct Seen {
+    std::uint32_t id;
+    Vec3 f_C;
+  };
+  struct Turn {
+    HostStamp from, to;  ///< by the image's clock
+    Vec3 rate_C;         ///< mean, rad/s
+  };
+  struct Integral {
+    HostStamp stamp;
+    Vec3 angle_B;  ///< integral of the rates since the first reading
+  };
+  /// Weighted sums over the turns, for one offset; the gyroscope's mean rate is b, the camera's c.
+  struct Sums {
+    Vec3 b = Vec3::Zero();
+    Mat3 bc = Mat3::Zero();
+    double bb = 0;
+  };
+  struct Fit {
+    double agreement = -1;
+    Mat3 sum = Mat3::Zero();  ///< of b c^T about the means
+    double bb = 0, cc = 0;    ///< about the means
+  };
+
+  void integrate(const ImuSample& reading) noexcept;
+  void use_turns() noexcept;
+  void use(const Turn& turn) noexcept;
+  bool angle_at(HostStamp stamp, Vec3& angle_B) const noexcept;
+  Fit fit_at(int offset) const noexcept;
+
+  Span offset_;
+  double memory_s_;
+
+  SharedBearings shared_;
+  Vec3 direction_ = Vec3::UnitX();
+  HostStamp last_stamp_;
+  int seen_count_ = 0;
+  std::array<Seen, kMaxFeatures> seen_;
+
+  std::array<Turn, kPending> pending_;  ///< until the readings reach beyond them
+  std::uint32_t pending_first_ = 0, pending_end_ = 0;
+
+  std::array<ImuSample, 3> newest_;  ///< of the readings: their median is integrated
+  int readings_ = 0;
+  HostStamp integrated_to_;
+  Vec3 rate_ = Vec3::Zero(), angle_ = Vec3::Zero();
+  std::array<Integral, kIntegrals> integral_;
+  std::uint32_t integral_end_ = 0;
+
+  double cost_ = 0;  ///< of a pair of images, over the last ones
+  // faded sums
+  HostStamp faded_to_;
+  double turned_s_ = 0, turns_ = 0, cc_ = 0;
+  Vec3 c_ = Vec3::Zero();
+  std::array<Sums, kOffsets> sums_;
+};
+
+}  // namespace epiline

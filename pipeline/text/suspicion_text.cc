@@ -1,0 +1,117 @@
+#include "pipeline/text/suspicion_text.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <numbers>
+
+namespace epiline {
+
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr std::int8_t kAxisShift = 4;  // -3 to 3 become digits
+
+/// Which axes of the sensor are wrong: "x and y are swapped", "z has the wrong sign".
+std::string axes_text(const TurnedAxes& axes) {
+  constexpr std::array kNames = {"x", "y", "z"};
+  std::string flipped, moved;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto to = static_cast<std::size_t>(std::abs(axes[k]));
+    if (to != k + 1) {
+      moved += (moved.empty() ? "" : " and ") + std::string(kNames[k]);
+    } else if (axes[k] < 0) {
+      flipped += (flipped.empty() ? "" : ", ") + std::string(kNames[k]);
+    }
+  }
+  if (!moved.empty()) return fmt::format("its axes {} look swapped", moved);
+  if (flipped == "x, y, z") return "the image looks mirrored, or all its signs are wrong";
+  return fmt::format("the sign of its {} axis looks wrong", flipped);
+}
+
+}  // namespace
+
+namespace {
+std::string found(Suspect suspect, const Suspicion& s) {
+  switch (suspect) {
+    case Suspect::kRotation:
+      return fmt::format(
+          "the camera's rotation disagrees with the gyroscope by {:.0f} degrees: T_BS of the camera (or the mounting) "
+          "is wrong",
+          s.figure / kDegree);
+    case Suspect::kInverted:
+      return "the inverse of the camera's rotation would agree with the gyroscope: T_BS (T_cam_imu) is inverted";
+    case Suspect::kMirrored:
+      return fmt::format("gyroscope and camera turn as in a mirror: {}", axes_text(s.axes));
+    case Suspect::kTimeOffset:
+      return fmt::format("image timestamps are {} by {:.0f} ms: set camera.time_offset_s, or mend the timestamps",
+                         s.figure > 0 ? "early" : "late", 1e3 * std::abs(s.figure));
+    case Suspect::kGyroscopeUnits:
+      if (s.figure < 0) return fmt::format("the gyroscope's rates average {:.0f} rad/s: in degrees?", -s.figure);
+      return fmt::format("the gyroscope's rates are {:.2g} times those of the camera: {}", s.figure,
+                         s.figure > 20 && s.figure < 160 ? "in degrees instead of radians?" : "wrong units?");
+    case Suspect::kScale:
+      return fmt::format(
+          "the gyroscope's rates are {:.2f} times those of the camera: focal length (or image size) or the gyroscope's "
+          "scale is wrong",
+          s.figure);
+    case Suspect::kUnrelated:
+      return "camera and gyroscope do not turn together: not fixed to each other, wrong axes or timestamps, or not of "
+             "one flight";
+    case Suspect::kAccelerometerUnits:
+      return fmt::format("accelerometer readings average {:.1f} m/s^2 instead of 9.8: {}", s.figure,
+                         s.figure > 0.8 && s.figure < 1.25 ? "in g?" : "wrong units or scale?");
+    case Suspect::kMisfit:
+      return fmt::format(
+          "images and IMU contradict each other by {:.1f} px: lens calibration (distortion), mounting, timestamps, or "
+          "axes of the accelerometer",
+          s.figure);
+    case Suspect::kGyroscopeNoise:
+    case Suspect::kAccelerometerNoise:
+      return fmt::format("the {} readings scatter {} the configured noise density allows: it is off by {:.2g}",
+                         suspect == Suspect::kGyroscopeNoise ? "gyroscope's" : "accelerometer's",
+                         s.figure > 1 ? "more than" : "less than", s.figure > 1 ? s.figure : 1 / s.figure);
+    case Suspect::kCount:
+      break;
+  }
+  return "unknown";
+}
+
+}  // namespace
+
+std::string text_of(Suspect suspect, const Suspicion& s) {
+  return found(suspect, s) + (s.severity == Severity::kNote ? " (the flight corrects for it)" : "");
+}
+
+Event event_of(HostStamp stamp, Suspect suspect, const Suspicion& s) noexcept {
+  std::int64_t figure = std::llround(1e6 * s.figure);
+  if (suspect == Suspect::kMirrored) {
+    figure = 0;
+    for (const std::int8_t axis : s.axes) figure = 10 * figure + axis + kAxisShift;
+  }
+  return {stamp,
+          EventId::kNumberWrong,
+          {static_cast<std::int64_t>(suspect), static_cast<std::int64_t>(s.severity), figure}};
+}
+
+std::string text_of(const Event& event) {
+  const auto suspect = static_cast<Suspect>(event.args[0]);
+  Suspicion s{static_cast<Severity>(event.args[1]), 1e-6 * static_cast<double>(event.args[2]), {}};
+  if (suspect == Suspect::kMirrored) {
+    std::int64_t packed = event.args[2];
+    for (std::size_t k = 3; k-- > 0; packed /= 10) s.axes[k] = static_cast<std::int8_t>(packed % 10 - kAxisShift);
+  }
+  return text_of(suspect, s);
+}
+
+std::vector<std::string> texts_of(const Suspicions& suspicions) {
+  std::vector<std::string> texts;
+  for (const Severity severity : {Severity::kGross, Severity::kSuspect, Severity::kNote})
+    for (std::size_t i = 0; i < suspicions.size(); ++i)
+      if (suspicions[i].severity == severity) texts.push_back(text_of(static_cast<Suspect>(i), suspicions[i]));
+  return texts;
+}
+
+}  // namespace epiline

@@ -1,0 +1,188 @@
+// What camera and gyroscope say of each other, against a rig whose numbers are known.
+#include "estimator/monitor/turn_watch.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "estimator/geometry/so3.h"
+#include "estimator/monitor/suspicion.h"
+#include "tests/support/made_up_wave.h"
+
+namespace epiline {
+namespace {
+
+using test::MadeUpWave;
+
+constexpr double kNothingFades_s = 1e9;
+
+TurnAgreement agreement_of(const MadeUpWave& made) {
+  auto watch = std::make_unique<TurnWatch>(0, kNothingFades_s);
+  made.play(*watch);
+  return watch->agreement();
+}
+
+/// Names of those raised, for comparison.
+std::vector<Suspect> raised(const Suspicions& suspicions) {
+  std::vector<Suspect> list;
+  for (std::size_t i = 0; i < suspicions.size(); ++i)
+    if (suspicions[i].severity != Severity::kNone) list.push_back(static_cast<Suspect>(i));
+  return list;
+}
+
+Suspicion one(const Suspicions& suspicions, Suspect suspect) { return suspicions[static_cast<std::size_t>(suspect)]; }
+
+TEST(TurnBetween, FindsTheTurnBesideAnyTranslation) {
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> depth(2, 8);
+  for (int trial = 0; trial < 40; ++trial) {
+    const Mat3 R_CC0 = so3_exp(0.1 * Vec3(normal(random), normal(random), normal(random)));
+    const Vec3 t = 0.15 * Vec3(normal(random), normal(random), normal(random));
+    SharedBearings s;
+    s.count = SharedBearings::kMost;
+    for (int i = 0; i < s.count; ++i) {
+      const Vec3 p = depth(random) * Vec3(0.7 * normal(random), 0.7 * normal(random), 1);
+      const auto k = static_cast<std::size_t>(i);
+      s.before[k] = p.normalized();
+      s.now[k] = (R_CC0 * p + t).normalized();
+      if (i % 8 == 0)
+        s.now[k] = (s.now[k] + 0.05 * Vec3(normal(random), normal(random), 0)).normalized();  // false match
+    }
+    CameraTurn turn;
+    ASSERT_TRUE(turn_between(s, Vec3::UnitX(), turn));
+    if (turn.cost > 1) continue;  // no fit, and TurnWatch leaves it out
+    EXPECT_LT(so3_log(R_CC0.transpose() * turn.R_CC0).norm(), 0.01) << trial << " cost " << turn.cost;
+  }
+}
+
+TEST(TurnBetween, TooFewBearingsGiveNone) {
+  SharedBearings s;
+  s.count = SharedBearings::kFewest - 1;
+  CameraTurn turn;
+  EXPECT_FALSE(turn_between(s, Vec3::UnitX(), turn));
+}
+
+TEST(TurnWatch, SaysHowSureItIsOfTheRotation) {
+  MadeUpWave made;
+  const TurnAgreement t = agreement_of(made);
+  const Vec3 off = so3_log(made.R_BC.transpose() * t.R_BC);
+  // chi^2 of three numbers is beyond 16 once in a thousand times; and not all of the error may be claimed
+  EXPECT_LT(off.dot(t.R_BC_covariance.inverse() * off), 16);
+  EXPECT_LT(std::sqrt(t.R_BC_covariance.trace()), 0.01);
+  EXPECT_NEAR(t.rate_ratio, 1, 0.01);
+}
+
+TEST(TurnWatch, CorruptReadingsAndImagesOfOtherScenesChangeLittle) {
+  MadeUpWave made;
+  int n = 0;
+  made.alter = [&](ImuSample& s) {
+    if (++n % 150 == 0) s.angular_velocity_rad_s[0] = 35;
+  };
+  const TurnAgreement t = agreement_of(made);
+  EXPECT_GT(t.agreement, 0.99);
+  EXPECT_LT(so3_log(made.R_BC.transpose() * t.R_BC).norm(), 0.02);
+}
+
+TEST(TurnWatch, ForgetsWhatIsOld) {
+  const MadeUpWave made;
+  auto watch = std::make_unique<TurnWatch>(0, 2.);
+  made.play(*watch);
+  EXPECT_NEAR(watch->agreement().turns, 2 / 0.05, 3) << "memory over the time between two images";
+}
+
+TEST(Suspicions, RightNumbersRaiseNone) {
+  const MadeUpWave made;
+  EXPECT_TRUE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s)).empty());
+  EXPECT_TRUE(raised(suspicions_of(TurnAgreement{}, Mat3::Identity(), 0)).empty()) << "before anything turned";
+}
+
+TEST(Suspicions, EachWrongNumberIsNamed) {
+  MadeUpWave made;
+  made.offset_s = 0.005;
+  const TurnAgreement t = agreement_of(made);
+  const auto turned = [&](double angle) { return Mat3(made.R_BC * so3_exp(angle * Vec3(0.6, 0, 0.8))); };
+  EXPECT_TRUE(raised(suspicions_of(t, turned(0.05), made.offset_s)).empty()) << "the estimator finds that out";
+  for (const double angle : {0.17, 0.5, 1.5}) {
+    const Suspicions s = suspicions_of(t, turned(angle), made.offset_s);
+    EXPECT_EQ(raised(s), std::vector{Suspect::kRotation});
+    EXPECT_NEAR(one(s, Suspect::kRotation).figure, angle, 0.02);
+    EXPECT_EQ(one(s, Suspect::kRotation).severity, angle > 0.4 ? Severity::kGross : Severity::kSuspect);
+  }
+  const auto inverted = raised(suspicions_of(t, made.R_BC.transpose(), made.offset_s));
+  EXPECT_EQ(inverted, std::vector{Suspect::kInverted});
+  const Suspicions late = suspicions_of(t, made.R_BC, made.offset_s + 0.06);
+  EXPECT_EQ(raised(late), std::vector{Suspect::kTimeOffset});
+  EXPECT_NEAR(one(late, Suspect::kTimeOffset).figure, -0.06, 0.002);
+}
+
+TEST(Suspicions, WrongUnitsAndAxesAreNamed) {
+  MadeUpWave degrees, swapped, flipped;
+  degrees.alter = [](ImuSample& s) {
+    for (double& w : s.angular_velocity_rad_s) w *= 57.29578;
+  };
+  swapped.alter = [](ImuSample& s) { std::swap(s.angular_velocity_rad_s[0], s.angular_velocity_rad_s[1]); };
+  flipped.alter = [](ImuSample& s) { s.angular_velocity_rad_s[2] *= -1; };
+  Suspicions s = suspicions_of(agreement_of(degrees), degrees.R_BC, degrees.offset_s);
+  EXPECT_EQ(raised(s), std::vector{Suspect::kGyroscopeUnits});
+  EXPECT_NEAR(one(s, Suspect::kGyroscopeUnits).figure, 57.3, 1);
+  s = suspicions_of(agreement_of(swapped), swapped.R_BC, swapped.offset_s);
+  EXPECT_EQ(raised(s), std::vector{Suspect::kMirrored});
+  EXPECT_EQ(one(s, Suspect::kMirrored).axes, (TurnedAxes{2, 1, 3}));
+  s = suspicions_of(agreement_of(flipped), flipped.R_BC, flipped.offset_s);
+  EXPECT_EQ(raised(s), std::vector{Suspect::kMirrored});
+  EXPECT_EQ(one(s, Suspect::kMirrored).axes, (TurnedAxes{1, 2, -3}));
+}
+
+TEST(Suspicions, ReadingsOfAnotherFlightAreUnrelated) {
+  MadeUpWave made;
+  std::mt19937 random(9);
+  std::normal_distribution<double> normal;
+  Vec3 w = Vec3::Zero();
+  made.alter = [&](ImuSample& s) {
+    w = 0.99 * w + 0.14 * Vec3(normal(random), normal(random), normal(random));
+    Vec3::Map(s.angular_velocity_rad_s.data()) = w;
+  };
+  const Suspicions s = suspicions_of(agreement_of(made), made.R_BC, made.offset_s);
+  EXPECT_EQ(raised(s), std::vector{Suspect::kUnrelated});
+}
+
+TEST(Suspicions, AScaleIsNamed) {
+  MadeUpWave made;
+  made.alter = [](ImuSample& s) {
+    for (double& w : s.angular_velocity_rad_s) w *= 1.1;
+  };
+  const Suspicions s = suspicions_of(agreement_of(made), made.R_BC, made.offset_s);
+  EXPECT_EQ(raised(s), std::vector{Suspect::kScale});
+  EXPECT_NEAR(one(s, Suspect::kScale).figure, 1.1, 0.01);
+}
+
+TEST(UnitsWatch, KnowsReadingsInGAndInDegrees) {
+  struct Case {
+    double force, rate;
+    bool force_wrong, rate_wrong;
+  };
+  for (const Case& c :
+       {Case{1, 0.2, true, false}, {9.5, 3, false, false}, {11.5, 20, false, true}, {32, 0, true, false}}) {
+    UnitsWatch watch;
+    for (int i = 0; i < 1201; ++i) {
+      Suspicions early;
+      add_suspicions(watch, early);
+      EXPECT_TRUE(i > 1000 || raised(early).empty()) << "less than five seconds";
+      ImuSample reading;
+      reading.stamp = {1'000'000'000 + 5'000'000LL * i};
+      reading.specific_force_m_s2 = {0, 0.6 * c.force, 0.8 * c.force};
+      reading.angular_velocity_rad_s = {0, 0, c.rate};
+      watch.add(reading);
+    }
+    Suspicions s;
+    add_suspicions(watch, s);
+    EXPECT_EQ(one(s, Suspect::kAccelerometerUnits).severity == Severity::kGross, c.force_wrong) << c.force;
+    EXPECT_EQ(one(s, Suspect::kGyroscopeUnits).severity == Severity::kGross, c.rate_wrong) << c.rate;
+    EXPECT_NEAR(watch.force_m_s2(), c.force, 1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace epiline

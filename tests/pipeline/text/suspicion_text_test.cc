@@ -1,0 +1,49 @@
+// The words for numbers that cannot be true.
+#include "pipeline/text/suspicion_text.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace epiline {
+namespace {
+
+bool says(const std::string& text, const char* what) { return text.find(what) != std::string::npos; }
+
+TEST(SuspicionText, NamesTheNumberAndTheFigure) {
+  EXPECT_TRUE(says(text_of(Suspect::kRotation, {Severity::kSuspect, 0.157, {}}), "by 9 degrees"));
+  EXPECT_TRUE(says(text_of(Suspect::kInverted, {Severity::kGross, 0, {}}), "T_cam_imu) is inverted"));
+  EXPECT_TRUE(says(text_of(Suspect::kTimeOffset, {Severity::kGross, -0.048, {}}), "late by 48 ms"));
+  EXPECT_TRUE(says(text_of(Suspect::kGyroscopeUnits, {Severity::kGross, 57.3, {}}), "in degrees"));
+  EXPECT_TRUE(says(text_of(Suspect::kAccelerometerUnits, {Severity::kGross, 1.0, {}}), "in g?"));
+  EXPECT_TRUE(says(text_of(Suspect::kMirrored, {Severity::kGross, 1, {2, 1, 3}}), "axes x and y look swapped"));
+  EXPECT_TRUE(says(text_of(Suspect::kMirrored, {Severity::kGross, 1, {1, 2, -3}}), "sign of its z axis"));
+  EXPECT_TRUE(says(text_of(Suspect::kMirrored, {Severity::kGross, 1, {-1, -2, -3}}), "mirrored"));
+  EXPECT_TRUE(says(text_of(Suspect::kGyroscopeNoise, {Severity::kNote, 40, {}}), "off by 40"));
+  EXPECT_TRUE(says(text_of(Suspect::kGyroscopeNoise, {Severity::kNote, 40, {}}), "corrects for it"));
+}
+
+TEST(SuspicionText, GrossOnesComeFirst) {
+  Suspicions s;
+  EXPECT_TRUE(texts_of(s).empty());
+  s[static_cast<std::size_t>(Suspect::kRotation)] = {Severity::kNote, 0.1, {}};
+  s[static_cast<std::size_t>(Suspect::kAccelerometerUnits)] = {Severity::kGross, 1, {}};
+  ASSERT_EQ(texts_of(s).size(), 2U);
+  EXPECT_TRUE(says(texts_of(s)[0], "in g?"));
+}
+
+TEST(SuspicionText, AnEventSaysTheSame) {
+  for (int i = 0; i < static_cast<int>(Suspect::kCount); ++i) {
+    const auto suspect = static_cast<Suspect>(i);
+    for (const Severity severity : {Severity::kNote, Severity::kSuspect, Severity::kGross}) {
+      const Suspicion s{severity, 0.75, {3, -2, 1}};
+      EXPECT_EQ(text_of(event_of({}, suspect, s)), text_of(suspect, s)) << i;
+      char text[128];
+      const std::string event(text, format_event(event_of({}, suspect, s), text));
+      EXPECT_FALSE(says(event, ("what=" + std::to_string(i)).c_str())) << "a suspect without a name: " << event;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace epiline
