@@ -18,7 +18,8 @@ constexpr double kManyTurns = 60;
 constexpr double kRotation = 0.15, kGrossRotation = 0.35;  // rad
 constexpr double kSigmas = 6, kAgreeOnRotation = 0.97;
 constexpr double kOffset_s = 0.02, kGrossOffset_s = 0.04;
-constexpr double kOffsetLoss = 0.002;  // of agreement, at the configured offset: turns change fast enough to tell
+// The configured offset must agree worse by so much, or by so much of what even the best one leaves.
+constexpr double kOffsetLoss = 0.002, kOffsetLossOfRest = 0.5;
 constexpr double kWeakestAxis = 0.15;
 // Of right flights it is 0.06 to 0.17 on the mean and 0.32 at most; with a lens not undistorted 1.5, with a wrong sign
 // of the accelerometer 6.
@@ -65,8 +66,8 @@ Suspicions suspicions_of(const TurnAgreement& t, const Mat3& R_BC, double time_o
   if (t.turns > kManyTurns && t.agreement > kAgreeOnScale && (least > 1 + kScale || most < 1 - kScale))
     raise(Suspect::kScale, t.rate_ratio > 1 + kGrossScale || t.rate_ratio < 1 - kGrossScale, t.rate_ratio);
   const double offset_s = t.time_offset_s - time_offset_s;
-  const double loss = t.offset_sharpness * (offset_s / 0.01) * (offset_s / 0.01);
-  if (std::abs(offset_s) > kOffset_s && loss > kOffsetLoss)
+  const double clear = std::max(kOffsetLoss, kOffsetLossOfRest * (1 - t.agreement));
+  if (std::abs(offset_s) > kOffset_s && t.offset_loss > clear)
     raise(Suspect::kTimeOffset, std::abs(offset_s) > kGrossOffset_s, offset_s);
   const Vec3 off = so3_log(t.R_BC.transpose() * R_BC);
   const double sigma = std::sqrt(std::max(0.0, off.normalized().dot(t.R_BC_covariance * off.normalized())));

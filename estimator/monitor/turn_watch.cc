@@ -181,7 +181,7 @@ TurnAgreement TurnWatch::agreement() const noexcept {
   const double left = at(best - 1), right = at(best + 1), bend = left - 2 * at(best) + right;
   const double top = bend < 0 ? std::clamp(0.5 * (left - right) / bend, -1., 1.) : 0;
   r.time_offset_s = offset_.seconds() + (best - kMiddle + top) * kStep_s;
-  r.offset_sharpness = -bend / 2 * (0.01 / kStep_s) * (0.01 / kStep_s);
+  r.offset_loss = at(best) - at(kMiddle);
   r.agreement = fit.agreement;
   r.R_BC = rotation_from(fit.sum);
   const Vec3 spread = fit.sum.jacobiSvd().singularValues();

@@ -11,12 +11,12 @@
 namespace epiline {
 
 struct TurnAgreement {
-  double turned_s = 0;          ///< time during which images were compared; fades with the watch's memory
-  double turns = 0;             ///< number of pairs of images; fades
-  double rate_rad_s = 0;        ///< root mean square of the camera's turns
-  double agreement = 0;         ///< correlation of both, after all is fitted: 1 is perfect, 0 is chance
-  double time_offset_s = 0;     ///< t_IMU = t_image + time_offset
-  double offset_sharpness = 0;  ///< loss of agreement 10 ms beside
+  double turned_s = 0;       ///< time during which images were compared; fades with the watch's memory
+  double turns = 0;          ///< number of pairs of images; fades
+  double rate_rad_s = 0;     ///< root mean square of the camera's turns
+  double agreement = 0;      ///< correlation of both, after all is fitted: 1 is perfect, 0 is chance
+  double time_offset_s = 0;  ///< t_IMU = t_image + time_offset
+  double offset_loss = 0;    ///< of agreement, at the offset in the middle of those looked at
   Mat3 R_BC = Mat3::Identity();
   Mat3 R_BC_covariance = Mat3::Zero();  ///< of its perturbation on the right, rad^2, axes of C
   double weakest_axis = 0;  ///< how much it was turned about the axis it was turned about least, against the most

@@ -54,6 +54,8 @@ TEST_P(EstimatorNoise, StartsInMotionAndFliesAsWellAsItSays) {
   EXPECT_LT(first_pose, 1.5);
   EXPECT_LT(worst_velocity, 0.02 + 0.04 * GetParam().noise_px);
   EXPECT_LT(worst_sigmas, 3);
+  for (const Suspicion& s : rig.stats().suspicions)
+    EXPECT_EQ(s.severity, Severity::kNone) << &s - rig.stats().suspicions.data() << ": " << s.figure;
   EXPECT_GT(tracking, 0.9 * frames);
   EXPECT_EQ(rig.stats().resets, 0u);
   if (GetParam().wandering == 0) {

@@ -112,7 +112,9 @@ TEST(Suspicions, EachWrongNumberIsNamed) {
   }
   const auto inverted = raised(suspicions_of(t, made.R_BC.transpose(), made.offset_s));
   EXPECT_EQ(inverted, std::vector{Suspect::kInverted});
-  const Suspicions late = suspicions_of(t, made.R_BC, made.offset_s + 0.06);
+  MadeUpWave early;
+  early.offset_s = -0.06;
+  const Suspicions late = suspicions_of(agreement_of(early), early.R_BC, 0);
   EXPECT_EQ(raised(late), std::vector{Suspect::kTimeOffset});
   EXPECT_NEAR(one(late, Suspect::kTimeOffset).figure, -0.06, 0.002);
 }
