@@ -34,8 +34,10 @@ F next(F& known, const char* name) {
 int (*mutex_lock)(pthread_mutex_t*);
 int (*mutex_trylock)(pthread_mutex_t*);
 int (*mutex_timedlock)(pthread_mutex_t*, const timespec*);
+int (*mutex_clocklock)(pthread_mutex_t*, clockid_t, const timespec*);
 int (*cond_wait)(pthread_cond_t*, pthread_mutex_t*);
 int (*cond_timedwait)(pthread_cond_t*, pthread_mutex_t*, const timespec*);
+int (*cond_clockwait)(pthread_cond_t*, pthread_mutex_t*, clockid_t, const timespec*);
 
 }  // namespace
 
@@ -56,6 +58,12 @@ int pthread_mutex_timedlock(pthread_mutex_t* mutex, const timespec* deadline) no
   return next(mutex_timedlock, "pthread_mutex_timedlock")(mutex, deadline);
 }
 
+// What the standard library calls for a time on its steady clock.
+int pthread_mutex_clocklock(pthread_mutex_t* mutex, clockid_t clock, const timespec* deadline) noexcept {
+  ++epiline::detail::lock_calls;
+  return next(mutex_clocklock, "pthread_mutex_clocklock")(mutex, clock, deadline);
+}
+
 int pthread_cond_wait(pthread_cond_t* condition, pthread_mutex_t* mutex) {
   ++epiline::detail::lock_calls;
   return next(cond_wait, "pthread_cond_wait")(condition, mutex);
@@ -64,6 +72,12 @@ int pthread_cond_wait(pthread_cond_t* condition, pthread_mutex_t* mutex) {
 int pthread_cond_timedwait(pthread_cond_t* condition, pthread_mutex_t* mutex, const timespec* deadline) {
   ++epiline::detail::lock_calls;
   return next(cond_timedwait, "pthread_cond_timedwait")(condition, mutex, deadline);
+}
+
+int pthread_cond_clockwait(pthread_cond_t* condition, pthread_mutex_t* mutex, clockid_t clock,
+                           const timespec* deadline) {
+  ++epiline::detail::lock_calls;
+  return next(cond_clockwait, "pthread_cond_clockwait")(condition, mutex, clock, deadline);
 }
 
 }  // extern "C"
