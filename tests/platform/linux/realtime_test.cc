@@ -48,6 +48,22 @@ TEST(RealtimeThread, IsWhatWasAskedForOrSaysWhatIsMissing) {
   }
 }
 
+// No right is needed for it.
+TEST(RealtimeThread, RunsOnTheProcessorAskedFor) {
+  cpu_set_t allowed;
+  ASSERT_EQ(sched_getaffinity(0, sizeof allowed, &allowed), 0);
+  for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
+    if (!CPU_ISSET(cpu, &allowed)) continue;
+    Seen seen;
+    RealtimeThread thread;
+    ASSERT_TRUE(thread.start({"test", 0, cpu}, look, &seen));
+    thread.join();
+    EXPECT_FALSE(thread.shortfall().cpu) << cpu;
+    EXPECT_EQ(seen.cpus, 1);
+    EXPECT_EQ(seen.cpu, cpu);
+  }
+}
+
 TEST(RealtimeThread, AProcessorThatIsNotThereIsAShortfall) {
   Seen seen;
   RealtimeThread thread;

@@ -126,6 +126,27 @@ RC_GTEST_PROP(TwoWaySync, AJumpIsFollowedAfterThreeExchanges, ()) {
   RC_ASSERT(sync.state().jumps == 1u);
 }
 
+// Two in a row that contradict the model are no jump; each is counted once, when the next exchange dismisses it.
+TEST(TwoWaySync, WhatContradictsTheModelIsCountedAsOutlier) {
+  TwoWaySync sync({});
+  std::int64_t device_ns = kSecond;
+  const auto exchange = [&](std::int64_t offset_ms) {
+    device_ns += kSecond / 10;
+    const std::int64_t host_ns = device_ns + offset_ms * 1'000'000;
+    return sync.update(HostStamp{host_ns - 500'000}, {device_ns}, HostStamp{host_ns + 500'000});
+  };
+  for (int i = 0; i < 20; ++i) ASSERT_EQ(exchange(0), ClockOutcome::kUsed);
+  std::uint64_t outliers = 0;
+  for (const std::vector<std::int64_t>& wrong :
+       std::vector<std::vector<std::int64_t>>{{50}, {50, -50}, {50, 50}, {-50, 50, -50, 50}}) {
+    for (const std::int64_t offset_ms : wrong) EXPECT_EQ(exchange(offset_ms), ClockOutcome::kContradicts);
+    EXPECT_EQ(exchange(0), ClockOutcome::kUsed);
+    EXPECT_EQ(sync.state().outliers, outliers += wrong.size());
+  }
+  EXPECT_EQ(sync.state().jumps, 0u);
+  EXPECT_NEAR(static_cast<double>(sync.state().offset.ns), 0, 1'000);
+}
+
 RC_GTEST_PROP(TwoWaySync, SurvivesAnything, ()) {
   TwoWaySync sync({});
   std::mt19937_64 random(*rc::gen::arbitrary<unsigned>());
