@@ -247,6 +247,26 @@ TEST(CanOutput, AnInterfaceThatIsLostIsTriedAtGrowingIntervals) {
   }
 }
 
+// The kernel tells a reader of the loss once; a frame may meet it earlier.
+TEST(CanOutput, AFrameThatTheInterfaceRefusesMeansItIsLost) {
+  for (const bool is_removed : {false, true}) {
+    Rig rig;
+    rig.begin();
+    rig.run(1);
+    (is_removed ? rig.bus.exists : rig.bus.is_up) = false;
+    rig.run(0.3);
+    EXPECT_EQ(rig.output.bus(), BusState::kLost);
+    EXPECT_EQ(rig.output.counts().disconnected, 1u);
+    EXPECT_EQ(rig.output.counts().queue_full, 0u);
+    EXPECT_EQ(rig.output.counts().last_error, is_removed ? ENODEV : ENETDOWN) << "of the newest attempt to open it";
+    EXPECT_EQ(rig.kernel.open_files(), 1u) << "only what wakes the thread";
+    rig.bus.plug_in();
+    rig.run(1);
+    EXPECT_EQ(rig.output.bus(), BusState::kActive);
+    EXPECT_FALSE(rig.all("EpilineOdometry").empty());
+  }
+}
+
 // The queue takes some frames each 100 ms; six classic ones, 20 times a second, are more.
 TEST(CanOutput, AFullQueueDropsWhatIsOld) {
   Rig rig(false);

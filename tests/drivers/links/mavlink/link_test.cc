@@ -260,13 +260,17 @@ TEST(MavlinkLink, ComesBackAfterTheLineWasUnplugged) {
   for (int round = 0; round < 3; ++round) {
     SCOPED_TRACE(round);
     line.peer.packets.clear();
+    EXPECT_TRUE(link.publish_image(estimates.odometry));
+    EXPECT_TRUE(link.publish(estimates.odometry));
     ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<Odometry>().size() >= 5; }));
     line.unplug();
     ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return !link.state().is_open; }));
+    EXPECT_FALSE(link.publish_image(estimates.odometry));
     EXPECT_FALSE(link.publish(estimates.odometry));
     ASSERT_TRUE(
         fly(line, link, estimates, kLong, [&, n = link.counts().retries] { return link.counts().retries > n; }));
     line.plug_in();
+    ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return link.state().is_open; }));
   }
   line.peer.packets.clear();
   ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<Odometry>().size() >= 5; }));

@@ -68,6 +68,22 @@ TEST(SendSchedules, WithoutImagesMessagesAreEven) {
   EXPECT_NEAR(rate_of(run), 40, 0.1);
 }
 
+// One image tells nothing about when the next one comes: after the first, and after the first of a pause.
+TEST(SendSchedules, AfterASingleImageMessagesAreEven) {
+  SendSchedule schedule(40);
+  std::int64_t now_ns = 1'000'000 * kMs;
+  for (const std::int64_t pause_ns : {0 * kMs, 2'000 * kMs}) {
+    now_ns += pause_ns;
+    schedule.sent(now_ns);
+    schedule.image(now_ns + 10 * kMs);
+    EXPECT_EQ(schedule.due_ns(false), now_ns + 25 * kMs) << pause_ns;
+    for (int i = 1; i < 7; ++i) schedule.image(now_ns + (10 + 40 * i) * kMs);
+    now_ns += 260 * kMs;
+    schedule.sent(now_ns);
+    EXPECT_GT(schedule.due_ns(false), now_ns + 30 * kMs) << "when the next image is expected";
+  }
+}
+
 // Images that leave room for the rate go at once; messages between are laid around them.
 TEST(SendSchedules, ImagesGoAtOnceWhereTheRateAllows) {
   struct Case {
