@@ -91,7 +91,7 @@ TEST_F(Loopback, StampsNobodyVouchesForAreAnError) {
                 "camera.trust_stamps = true if they are");
 }
 
-TEST_F(Loopback, ShortImagesAndStampsThatStandStillAreLeftOut) {
+TEST_F(Loopback, ShortImagesAndStampsThatStandStillOrJumpAreLeftOut) {
   Writer writer;
   V4l2Camera camera(loopback_settings());
   ASSERT_TRUE(camera.open());
@@ -107,14 +107,19 @@ TEST_F(Loopback, ShortImagesAndStampsThatStandStillAreLeftOut) {
   };
   writer.write(1, HostStamp{1'000'000'000});
   expect_image(1);
-  writer.write(2, HostStamp{2'000'000'000}, kBytes - 1);
+  writer.write(2, HostStamp{1'010'000'000}, kBytes - 1);
   expect_none();
   writer.write(3, HostStamp{1'000'000'000});
   expect_none();
-  writer.write(4, HostStamp{3'000'000'000});
-  expect_image(4);
-  EXPECT_EQ(camera.counts().incomplete, 1u);
   EXPECT_EQ(camera.counts().bad_stamps, 1u);
+  writer.write(4, HostStamp{1'020'000'000});
+  expect_image(4);
+  writer.write(5, HostStamp{1'000'000'000'000});  // a quarter of an hour ahead
+  expect_none();
+  writer.write(6, HostStamp{1'030'000'000});
+  expect_image(6);
+  EXPECT_EQ(camera.counts().incomplete, 1u);
+  EXPECT_EQ(camera.counts().bad_stamps, 2u);
 }
 
 // The closest a loopback comes to being unplugged: its writer ends, the driver goes and comes back.

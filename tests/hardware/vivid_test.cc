@@ -217,12 +217,13 @@ TEST_F(Vivid, AWrappingSequenceIsNoLoss) {
   settings.rate_hz = 60;
   V4l2Camera camera(settings);
   open(camera);
-  std::uint64_t last = 0, steps = 0;
+  std::optional<std::uint64_t> first;
+  std::uint64_t last = 0;
   watch(camera, 200, [&](const Frame& frame) {
-    if (last > 0) steps += frame.sequence - last;
+    if (!first) first = frame.sequence;
     last = frame.sequence;
   });
-  EXPECT_EQ(steps, 198u + camera.counts().lost) << "the first image has sequence 0";
+  EXPECT_EQ(last - *first, 199u + camera.counts().lost);
   EXPECT_LT(camera.counts().lost, 1u << 20) << "a busy emulator loses some, not 2^32";
 }
 
@@ -282,7 +283,7 @@ TEST_F(Vivid, WhatFailsAtTheStartIsAnError) {
     const int files = open_files();
     const Status status = camera.open();
     ASSERT_FALSE(status) << control;
-    EXPECT_EQ(status.error().text(), std::string("/dev/video0: ") + step + ": Invalid argument") << control;
+    EXPECT_EQ(status.error().text(), std::string("/dev/video0: Invalid argument [") + step + "]") << control;
     EXPECT_EQ(open_files(), files - 0);
     EXPECT_TRUE(device_mappings().empty());
   }
