@@ -85,6 +85,15 @@ TEST(V4l2Camera, CopiesWhatIsNotGreyInPlace) {
   EXPECT_TRUE(rig.camera->copies());
   EXPECT_NEAR(static_cast<double>(rig.run(1)), 30, 1);
   EXPECT_EQ(rig.heap_calls, 0u);
+  const int mappings = rig.kernel.mappings;
+  EXPECT_GE(mappings, 2);
+  rig.device->dequeue_error = EIO;
+  EXPECT_NEAR(static_cast<double>(rig.run(1)), 29, 2);
+  EXPECT_EQ(rig.camera->counts().disconnected, 1u);
+  EXPECT_EQ(rig.kernel.mappings, mappings) << "those of the lost device are undone";
+  rig.camera->close();
+  EXPECT_EQ(rig.kernel.open_files(), 0u);
+  EXPECT_EQ(rig.kernel.mappings, 0);
 }
 
 TEST(V4l2Camera, CountsWhatIsDamagedCutShortOrLost) {

@@ -162,6 +162,21 @@ TEST(Adis16470, ABrownOutIsFoundAndMendedAndNothingWrongIsHandedOut) {
   EXPECT_GT(result.samples, 700U);
 }
 
+TEST(Adis16470, WhicheverRegisterChangesIsFoundAndSetAgain) {
+  for (const auto& [address, bit] : {std::pair{0x5C, 1}, {0x60, 0x40}, {0x64, 1}}) {
+    SCOPED_TRACE(address);
+    AdisRig rig(at_rate(200));
+    ASSERT_EQ(text(rig.imu->open()), "well");
+    rig.read_for(0.3);
+    auto& changed = rig.model.reg(static_cast<std::uint8_t>(address));
+    const auto before = changed;
+    changed ^= static_cast<std::uint16_t>(bit);
+    rig.read_for(4);
+    EXPECT_EQ(rig.imu->counts().resets + rig.imu->counts().disconnected, 1U) << "it may be silence that tells";
+    EXPECT_EQ(changed, before);
+  }
+}
+
 TEST(Adis16470, ABusThatFailsIsReopened) {
   AdisRig rig(at_rate(200));
   ASSERT_EQ(text(rig.imu->open()), "well");

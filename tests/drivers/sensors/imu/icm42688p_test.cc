@@ -184,6 +184,29 @@ TEST(Icm42688p, ARegisterThatChangesIsFound) {
   EXPECT_EQ(rig.compared().unknown, 0U);
 }
 
+// Each register that it set, and which bank is selected; one bit of each, by the data sheet.
+TEST(Icm42688p, WhicheverRegisterChangesIsFoundAndSetAgain) {
+  struct Bit {
+    int bank, address, bit;
+  };
+  for (const Bit& b :
+       {Bit{1, 0x0B, 0x01}, {1, 0x0C, 0x01}, {1, 0x0D, 0x01}, {1, 0x0E, 0x01}, {2, 0x03, 0x02}, {2, 0x04, 0x01},
+        {2, 0x05, 0x01},    {0, 0x14, 0x02}, {0, 0x4C, 0x40}, {0, 0x4D, 0x01}, {0, 0x4F, 0x20}, {0, 0x50, 0x20},
+        {0, 0x51, 0x02},    {0, 0x52, 0x01}, {0, 0x53, 0x04}, {0, 0x54, 0x08}, {0, 0x60, 0x01}, {0, 0x61, 0x01},
+        {0, 0x5F, 0x01},    {0, 0x63, 0x01}, {0, 0x64, 0x10}, {0, 0x65, 0x01}, {0, 0x16, 0x40}}) {
+    SCOPED_TRACE(testing::Message() << "bank " << b.bank << ", register " << b.address);
+    IcmRig rig(at_rate(200));
+    ASSERT_EQ(text(rig.imu->open()), "well");
+    rig.read_for(0.3);
+    auto& changed = rig.model.reg(b.bank, static_cast<std::uint8_t>(b.address));
+    const auto before = changed;
+    changed ^= static_cast<std::uint8_t>(b.bit);
+    rig.read_for(4);
+    EXPECT_EQ(rig.imu->counts().resets + rig.imu->counts().disconnected, 1U) << "it may be silence that tells";
+    EXPECT_EQ(changed, before);
+  }
+}
+
 TEST(Icm42688p, AFifoThatRanOverIsEmptied) {
   IcmRig rig(at_rate(1000));
   ASSERT_EQ(text(rig.imu->open()), "well");
@@ -216,6 +239,15 @@ TEST(Icm42688p, ABusThatFailsIsReopened) {
   EXPECT_GE(rig.imu->counts().retries, 4U);
   EXPECT_LE(rig.imu->counts().retries, 12U);  // with longer and longer pauses
   EXPECT_EQ(rig.imu->counts().last_error, ENODEV);
+  rig.bus->open_error = 0;
+  rig.read_for(2);
+  EXPECT_TRUE(rig.imu->is_running());
+  // the pauses of a new loss begin short
+  rig.bus->open_error = ENODEV;
+  rig.bus->fail_next = 1;
+  const std::uint64_t before = rig.imu->counts().retries;
+  rig.read_for(0.5);
+  EXPECT_GE(rig.imu->counts().retries, before + 3);
   rig.bus->open_error = 0;
   rig.read_for(2);
   EXPECT_TRUE(rig.imu->is_running());

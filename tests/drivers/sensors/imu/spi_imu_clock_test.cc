@@ -97,6 +97,28 @@ TEST(SampleClock, AStormOfEdgesIsBounded) {
   EXPECT_GT(s.clock.counts().edges_unused, 90'000U);
 }
 
+// Without a line the model is all there is; after a reset the chip counts from zero.
+TEST(SampleClock, ARestartForgetsTheModelOfPolledSamples) {
+  SampleClock clock({Span{kPeriod_ns}, false});
+  std::vector<HostStamp> stamps(1);
+  const auto look = [&](std::int64_t i, std::int64_t counted) {
+    const std::vector<DeviceStamp> devices{Stream::device(counted)};
+    return clock.stamp(devices, Stream::taken(i) + Span{50'000}, stamps);
+  };
+  std::int64_t i = 0;
+  while (i < 20'000 && !look(i, i)) ++i;
+  ASSERT_LT(i, 20'000);
+  EXPECT_EQ(stamps[0], Stream::taken(i) + Span{50'000});
+  const std::int64_t settling = i;
+  clock.restart();
+  EXPECT_EQ(clock.state().status, ClockStatus::kEmpty);
+  std::int64_t k = 0;
+  while (k < 20'000 && !look(i + k, k)) ++k;
+  EXPECT_EQ(k, settling) << "it is as unknown as at the beginning";
+  EXPECT_EQ(stamps[0], Stream::taken(i + k) + Span{50'000});
+  EXPECT_EQ(clock.state().jumps, 0U);
+}
+
 TEST(ChipCounter, CountsOnAcrossItsTurn) {
   ChipCounter<16> counter;
   EXPECT_EQ(counter.advance(65'000), 0);
