@@ -1,4 +1,4 @@
-// What camera and gyroscope say of each other, against a rig whose numbers are known.
+// What camera and gyroscope say of each other, against a rig whose numbers are known: docs/derivations/turns.md.
 #include "estimator/monitor/turn_watch.h"
 
 #include <gtest/gtest.h>

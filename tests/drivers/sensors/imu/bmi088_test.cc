@@ -131,7 +131,7 @@ TEST(Bmi088, ABrownOutOfEitherHalfIsFoundAndMended) {
   }
 }
 
-// Each register that it set; one bit of each, by the data sheet.
+// Registers that it set, all but three; one bit of each, by the data sheet.
 TEST(Bmi088, WhicheverRegisterChangesIsFoundAndSetAgain) {
   struct Bit {
     bool is_gyro;

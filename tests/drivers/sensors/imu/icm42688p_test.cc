@@ -184,7 +184,7 @@ TEST(Icm42688p, ARegisterThatChangesIsFound) {
   EXPECT_EQ(rig.compared().unknown, 0U);
 }
 
-// Each register that it set, and which bank is selected; one bit of each, by the data sheet.
+// Each register that it set but power management and the bank; one bit of each, by the data sheet.
 TEST(Icm42688p, WhicheverRegisterChangesIsFoundAndSetAgain) {
   struct Bit {
     int bank, address, bit;
