@@ -83,6 +83,34 @@ TEST_F(ImageGateTest, HalfOfThePictureGoneIsObstructedUntilItIsUsual) {
   EXPECT_LT(said, 300);
 }
 
+TEST(ImageGate, WhicheverHalfOfThePictureIsGoneIsSeen) {
+  const auto gone = [](const char* half, int x, int y) {
+    switch (half[0]) {
+      case 'l':
+        return x < kWidth / 2;
+      case 'r':
+        return x >= kWidth / 2;
+      case 't':
+        return y < kHeight / 2;
+      default:
+        return y >= kHeight / 2;
+    }
+  };
+  for (const char* half : {"left", "right", "top", "bottom"}) {
+    Camera camera;
+    ImageGate gate;
+    for (int i = 0; i < 30; ++i) {
+      camera.expose();
+      ASSERT_EQ(says(gate, camera.frame()), 0U);
+    }
+    auto& pixels = camera.expose();
+    for (int y = 0; y < kHeight; ++y)
+      for (int x = 0; x < kWidth; ++x)
+        if (gone(half, x, y)) pixels[static_cast<std::size_t>(y * kWidth + x)] = 100;
+    EXPECT_EQ(says(gate, camera.frame()), bit(HealthReason::kViewObstructed)) << half;
+  }
+}
+
 TEST_F(ImageGateTest, BrightnessThatStepsIsToldOnce) {
   int said = 0;
   for (int i = 0; i < 20; ++i) {
