@@ -8,9 +8,9 @@
 namespace epiline {
 
 namespace {
-constexpr double kRate = 0.15;        // rad/s: slower turns say little
-constexpr double kAgree = 0.95;       // of the camera's and the gyroscope's turns, once all is fitted
-constexpr double kMirrorGain = 0.15;  // by which a reflection must agree better than any rotation
+constexpr double kRate = 0.15;   // rad/s: slower turns say little
+constexpr double kAgree = 0.95;  // of the camera's and the gyroscope's turns, once all is fitted
+constexpr double kAgreeMirrored = 0.8, kLeftByMirror = 0.4;  // of what the best rotation leaves
 constexpr double kAgreeOnScale = 0.985, kScale = 0.07, kGrossScale = 0.13;
 constexpr double kUnits = 8;  // degrees make it 57
 constexpr double kUnrelated = 0.35;
@@ -54,7 +54,7 @@ Suspicions suspicions_of(const TurnAgreement& t, const Mat3& R_BC, double time_o
     return s;
   }
   if (t.turns > kManyTurns && best < kUnrelated) raise(Suspect::kUnrelated, true, best);
-  if (t.agreement_mirrored > kAgree && t.agreement_mirrored > t.agreement + kMirrorGain) {
+  if (t.agreement_mirrored > kAgreeMirrored && 1 - t.agreement_mirrored < kLeftByMirror * (1 - t.agreement)) {
     raise(Suspect::kMirrored, true, t.agreement_mirrored);
     // b = mirrored_BC c, where a right gyroscope would say R_BC c
     s[static_cast<std::size_t>(Suspect::kMirrored)].axes = axes_of(t.mirrored_BC * R_BC.transpose());

@@ -17,6 +17,7 @@ constexpr double kFewTurns = 30;
 // Of a fit to the bearings. Of 1100 pairs of two flights 99 in 100 are below 0.65 (0.03 on the median), and those with
 // a wrong turn between 2.4 and 4.1.
 constexpr double kWorstCost = 1;
+constexpr double kStill = 0.05;     // rad/s: standing says nothing, and a verdict must outlast it
 constexpr double kCostShare = 0.1;  // of a pair in their mean
 
 Vec3 rate_of(const ImuSample& reading) { return Vec3::Map(reading.angular_velocity_rad_s.data()); }
@@ -129,6 +130,7 @@ void TurnWatch::use_turns() noexcept {
 }
 
 void TurnWatch::use(const Turn& turn) noexcept {
+  if (turn.rate_C.norm() < kStill) return;
   const double dt_s = (turn.to - turn.from).seconds();
   Vec3 angle;
   if (!angle_at(turn.from + offset_ - kReach, angle)) return;  // before the first reading
