@@ -35,7 +35,7 @@ class TurnWatch {
   void add_images(const TrackedFrame& frame) noexcept;
   /// In time order.
   void add_reading(const ImuSample& reading) noexcept;
-  /// Some ten microseconds of work. Without 30 turns all is zero.
+  /// Bounded work, no heap. Before 30 turns only their number and time are known.
   TurnAgreement agreement() const noexcept;
   /// How far bearings lie from the epipolar planes of the best motion between two images, typically, over the last
   /// seconds; what the tracks err by, as the camera alone can tell.

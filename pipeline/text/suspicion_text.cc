@@ -31,9 +31,6 @@ std::string axes_text(const TurnedAxes& axes) {
   return fmt::format("the sign of its {} axis looks wrong", flipped);
 }
 
-}  // namespace
-
-namespace {
 std::string found(Suspect suspect, const Suspicion& s) {
   switch (suspect) {
     case Suspect::kRotation:
