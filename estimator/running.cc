@@ -7,7 +7,7 @@
 #include "estimator/impl.h"
 #include "estimator/monitor/evidence.h"
 #include "estimator/predict/covariance.h"
-#include "estimator/predict/velocity_gained.h"
+#include "estimator/predict/moved_in_time.h"
 #include "estimator/window/choose_tracks.h"
 #include "estimator/window/keyframe.h"
 
@@ -299,15 +299,13 @@ StepResult Estimator::Impl::predict_for_time(const TrackedFrame& frame) {
 void Estimator::Impl::publish(HostStamp image, const KnownState& s) {
   // Pose and velocity are those of the printed stamp, read as a time of the IMU's clock: taken back (or on) by the
   // offset.
-  const double dt = (image - s.time).seconds();
-  const NavState& x = s.x;
-  const Vec3 omega = s.omega - x.b_g;
-  const Eigen::Quaterniond q(x.R * so3_exp(omega * dt));
+  const NavState x = moved_in_time(history, s.x, s.time, image);
+  const Eigen::Quaterniond q(x.R);
   odometry.stamp = image;
-  Eigen::Map<Vec3>(odometry.p_WB_m.data()) = x.p + x.v * dt;
+  Eigen::Map<Vec3>(odometry.p_WB_m.data()) = x.p;
   odometry.q_WB = {q.w(), q.x(), q.y(), q.z()};
-  Eigen::Map<Vec3>(odometry.v_WB_m_s.data()) = x.v + velocity_gained(history, x, omega, s.time, image);
-  Eigen::Map<Vec3>(odometry.omega_B_rad_s.data()) = omega;
+  Eigen::Map<Vec3>(odometry.v_WB_m_s.data()) = x.v;
+  Eigen::Map<Vec3>(odometry.omega_B_rad_s.data()) = s.omega - x.b_g;
   Eigen::Map<Vec3>(odometry.accelerometer_bias_m_s2.data()) = x.b_a;
   Eigen::Map<Vec3>(odometry.gyroscope_bias_rad_s.data()) = x.b_g;
   odometry.time_offset_s = window.calibration.time_offset;

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "estimator/geometry/so3.h"
-#include "estimator/predict/velocity_gained.h"
+#include "estimator/predict/moved_in_time.h"
 
 namespace epiline {
 
@@ -118,14 +118,14 @@ Predictor::Correction Predictor::apply(const Odometry& solved, HostStamp time) n
 void Predictor::set_base(const Odometry& solved, HostStamp time) noexcept {
   solved_ = solved;
   base_time_ = time;
-  const double dt = (time - solved.stamp).seconds();
   const Eigen::Quaterniond q(solved.q_WB[0], solved.q_WB[1], solved.q_WB[2], solved.q_WB[3]);
-  const Vec3 omega(solved.omega_B_rad_s.data());
-  base_.R = q.normalized().toRotationMatrix() * so3_exp(omega * dt);
-  base_.b_a = Vec3(solved.accelerometer_bias_m_s2.data());
-  base_.b_g = Vec3(solved.gyroscope_bias_rad_s.data());
-  base_.v = Vec3(solved.v_WB_m_s.data()) - velocity_gained(history_, base_, omega, time, solved.stamp);
-  base_.p = Vec3(solved.p_WB_m.data()) + base_.v * dt;
+  NavState x;
+  x.p = Vec3(solved.p_WB_m.data());
+  x.v = Vec3(solved.v_WB_m_s.data());
+  x.R = q.normalized().toRotationMatrix();
+  x.b_a = Vec3(solved.accelerometer_bias_m_s2.data());
+  x.b_g = Vec3(solved.gyroscope_bias_rad_s.data());
+  base_ = moved_in_time(history_, x, solved.stamp, time);
 
   base_covariance_ = into_body(Eigen::Map<const OdometryCovariance>(solved.covariance.data()), base_.R);
   interval_.reset(base_.b_a, base_.b_g);

@@ -156,11 +156,10 @@ TEST(Predictor, AgreesWithTheEstimatorsOwnPrediction) {
     const Odometry o = estimator->odometry();
     NavState expected = state_of(o);
     const Mat3 R0 = expected.R;
-    const Mat3 R1 = R0 * so3_exp(s.dt * (0.5 * (s.w[end - 1] + s.w[end]) - x0.b_g));
-    const Vec3 force = 0.5 * (R0 * (s.a[end - 1] - x0.b_a) + R1 * (s.a[end] - x0.b_a));
-    expected.v += s.dt * (force + kGravity_W);
-    expected.p += 0.005 * expected.v;
-    expected.R = expected.R * so3_exp(0.005 * Vec3(o.omega_B_rad_s.data()));
+    expected.R = R0 * so3_exp(s.dt * (0.5 * (s.w[end - 1] + s.w[end]) - x0.b_g));
+    const Vec3 acceleration = 0.5 * (R0 * (s.a[end - 1] - x0.b_a) + expected.R * (s.a[end] - x0.b_a)) + kGravity_W;
+    expected.p += s.dt * expected.v + 0.5 * s.dt * s.dt * acceleration;
+    expected.v += s.dt * acceleration;
     const Odometry predicted = predictor.odometry();
     EXPECT_EQ(predicted.stamp, frame.stamp + Span::from_milliseconds(5));
     EXPECT_LT(difference(expected, state_of(predicted)).norm(), 1e-9);

@@ -1,0 +1,28 @@
+#pragma once
+// A state at another instant: between a frame's exposure and the stamp that its pose is published with.
+#include "estimator/inertial/imu_history.h"
+#include "estimator/inertial/nav_state.h"
+
+namespace epiline {
+
+/// The state `x` of `from` as it is at `to`, before or after it, by the readings between. Moved there and back it is
+/// the same to rounding, so that who reads an odometry can undo what its publisher did.
+inline NavState moved_in_time(const ImuHistory& history, const NavState& x, HostStamp from, HostStamp to) {
+  Vec3 rate;
+  NavState later = x;
+  if (to >= from) {
+    history.propagate(from, to, later, rate);
+    return later;
+  }
+  const double T = (from - to).seconds();
+  history.propagate(to, from, later, rate);  // of a state that turns from x.R on
+  NavState earlier = x;
+  earlier.R = x.R * later.R.transpose() * x.R;
+  later = earlier;
+  history.propagate(to, from, later, rate);
+  earlier.v -= later.v - x.v;
+  earlier.p -= later.p - x.p + (earlier.v - x.v) * T;
+  return earlier;
+}
+
+}  // namespace epiline
