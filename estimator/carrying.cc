@@ -135,8 +135,8 @@ void Estimator::Impl::go_on_from_carried(const TrackedFrame& frame) {
   slot.x = carried.x;
   slot.omega = carried.omega;
   CalibrationTangent sigmas = calibration_sigmas();
-  if (config.estimate_extrinsics)  // what the flight has found out so far
-    sigmas.tail<6>() = calibration_variances.cwiseSqrt();
+  // what the flight has found out so far
+  sigmas.tail<kCalibration - 1>() = calibration_variances.tail<kCalibration - 1>().cwiseSqrt();
   set_prior(window, carried.P, sigmas);
   began(StartKind::kCarried);
   ++stats.carried_starts;
@@ -161,7 +161,7 @@ void Estimator::Impl::forget() {
 
 void Estimator::Impl::reset() {
   calibration_variances.setZero();
-  window.calibration = {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC};
+  window.calibration = configured_calibration();
   if (started) {
     ++stats.resets;
     ++odometry.reset_counter;

@@ -59,6 +59,7 @@ struct Estimator::Impl {
   void integrate_again(int k, const Vec3& b_a, const Vec3& b_g);
   void reintegrate_moved_biases();
   void reintegrate_revised();
+  bool mount_is_elsewhere() const;
   SolverSummary solve(Supervisor& supervisor, const Supervisor::Effort& effort);
   SolverSettings solver_settings(const Supervisor::Effort& effort) const;
   void count(const SolverSummary& s);
@@ -83,6 +84,9 @@ struct Estimator::Impl {
   void start(const TrackedFrame& frame, const InitialState& state, StartKind kind);
   void began(StartKind kind);
   void remember_origin();
+  bool estimates_focal_length() const;
+  SolverSettings solver_settings(int steps) const;
+  Calibration configured_calibration() const;
   CalibrationTangent calibration_sigmas() const;
   StarterSettings starter_settings() const;
   Vec3 known_gyroscope_bias() const;
@@ -122,8 +126,8 @@ struct Estimator::Impl {
   bool any_frame = false;
   HostStamp last_frame;  ///< stamp of the last image let in
   bool imu_gap_seen = false;
-  KnownState carried;                         ///< the newest frame solved, or carried on from there by the IMU
-  Vec6 calibration_variances = Vec6::Zero();  ///< of the camera's pose on the IMU, by the last solve; 0: none yet
+  KnownState carried;  ///< the newest frame solved, or carried on from there by the IMU
+  CalibrationTangent calibration_variances = CalibrationTangent::Zero();  ///< by the last solve; 0: none yet
   HostStamp numbers_judged_at;
   Severity numbers_wrong = Severity::kNone;  ///< by the watches' present verdict
   WorldUncertainty world;  ///< what the last start did not know of its own place and heading; zero in the first one
@@ -131,6 +135,7 @@ struct Estimator::Impl {
   // all of this is forgotten in a reset
   bool started = false;
   HostStamp started_at;
+  Mat3 began_R_BC = Mat3::Identity();  ///< then
   double pixel_sigma, drift_sigma;
   double misfit_px = 0;  ///< what the tracks' residuals show, over the last second
   bool rejected_last = false;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "estimator/factors/calibration_prior.h"
 #include "estimator/factors/imu.h"
 #include "estimator/factors/prior.h"
 #include "estimator/impl.h"
@@ -14,6 +15,7 @@
 namespace epiline {
 
 namespace {
+constexpr double kMountElsewhere = 0.17;  // rad
 constexpr double kYoungWindow_s = 2;  // more solver steps until the window has seen this much
 constexpr double kGateFree_s = 1;     // no gate until then: a young state may be further off than its tracks
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
@@ -27,7 +29,19 @@ bool is_finite(const KnownState& s) {
   return x.p.allFinite() && x.v.allFinite() && x.R.allFinite() && x.b_a.allFinite() && x.b_g.allFinite() &&
          s.P.allFinite();
 }
+FoundCalibration found(const Calibration& c, const CalibrationTangent& variances) {
+  const Eigen::Quaterniond q(c.R_BC);
+  FoundCalibration f{
+      true, c.time_offset, {q.w(), q.x(), q.y(), q.z()}, {c.p_BC.x(), c.p_BC.y(), c.p_BC.z()}, c.focal_ratio(), {}};
+  Eigen::Map<CalibrationTangent>(f.sigmas.data()) = variances.cwiseSqrt();
+  return f;
+}
 }  // namespace
+
+/// What the window knows was concluded under a rotation of the camera that is now known to be far off.
+bool Estimator::Impl::mount_is_elsewhere() const {
+  return so3_log(began_R_BC.transpose() * window.calibration.R_BC).norm() > kMountElsewhere;
+}
 
 /// One frame that is solved: its window is cut from the stream, predicted, given its measurements, solved, judged and
 /// published; then the window slides.
@@ -44,12 +58,20 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   carried.silent = false;
   if (s.solved()) {
     carried.P = solver.covariance();
-    calibration_variances = solver.calibration_covariance().diagonal().tail<6>();
+    calibration_variances = solver.calibration_covariance().diagonal();
+    look_far(solver.calibration_covariance(), solver.linearised_at(), window.calibration, window.calibration_prior);
+    stats.calibration = found(window.calibration, calibration_variances);
   }
   FrameEvidence evidence;
   evidence.overloaded = effort.reduced();
   evidence.innovation = innovation(predicted.x, predicted.P, carried.x);
   judge(frame, s, evidence, dt_s);
+  if (mount_is_elsewhere()) {
+    const Calibration found = window.calibration;
+    reset();
+    window.calibration = found;
+    return {};
+  }
   if (monitor.reset_wanted()) {
     if (!is_finite(carried)) {  // a new start must have a place to be put
       carried = last;
@@ -170,8 +192,7 @@ void Estimator::Impl::reintegrate_revised() {
 
 SolverSettings Estimator::Impl::solver_settings(const Supervisor::Effort& effort) const {
   const bool young = window_age_s(window.newest().time) < kYoungWindow_s || rejected_last;
-  SolverSettings settings{young ? config.steps_young : config.steps, config.estimate_time_offset,
-                          config.estimate_extrinsics};
+  SolverSettings settings = solver_settings(young ? config.steps_young : config.steps);
   if (effort.most_steps > 0) {
     settings.steps = std::min(settings.steps, effort.most_steps);
     settings.attempts = effort.most_steps;
@@ -194,7 +215,8 @@ SolverSummary Estimator::Impl::solve(Supervisor& supervisor, const Supervisor::E
 }
 
 void Estimator::Impl::count(const SolverSummary& s) {
-  const int calibration = (config.estimate_time_offset ? 1 : 0) + (config.estimate_extrinsics ? 6 : 0);
+  const int calibration =
+      (config.estimate_time_offset ? 1 : 0) + (config.estimate_extrinsics ? 6 : 0) + (estimates_focal_length() ? 1 : 0);
   ++stats.solves;
   stats.linearisations += static_cast<std::uint64_t>(s.linearisations);
   stats.iterations += static_cast<std::uint64_t>(s.accepted + s.rejected);
@@ -325,6 +347,7 @@ VisualSettings Estimator::Impl::visual_settings() const {
   s.gate_cap = config.gate_cap;
   s.focal_px = config.extrinsics.focal_px;
   s.extrinsics = config.estimate_extrinsics;
+  s.focal = estimates_focal_length();
   return s;
 }
 

@@ -115,7 +115,6 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   started_at = window.at(0).time;
   attach_wheel();
   reintegrate_moved_biases();
-  const SolverSettings settings{kStartSteps, config.estimate_time_offset, config.estimate_extrinsics};
   supervisor.phase(Supervisor::Phase::kSolve);
   visual->restart();
   choose_tracks(window, 0);
@@ -123,7 +122,7 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   white.noise = TrackNoiseModel::kWhite;
   visual->collect(window, white);
   Patient patient(supervisor);
-  const SolverSummary s = solver.optimise(window, *visual, settings, patient);
+  const SolverSummary s = solver.optimise(window, *visual, solver_settings(kStartSteps), patient);
   supervisor.phase(Supervisor::Phase::kNone);
   auto refusal = posterior_refusal(s);
   const double seen = visual->residual_sigma_px();
@@ -149,13 +148,14 @@ void Estimator::Impl::take_back_start() {
   const Vec3 b_g = known_gyroscope_bias();
   for (int k = 0; k < window.size(); ++k) window.at(k).x = NavState{.b_g = b_g};
   reintegrate_moved_biases();
-  window.calibration = {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC};
+  window.calibration = configured_calibration();
 }
 
 /// The window has states from its oldest frame on.
 void Estimator::Impl::began(StartKind kind) {
   monitor.restart();
   started = true;
+  began_R_BC = window.calibration.R_BC;
   resting = rejected_last = false;
   started_at = last_marginalised = window.at(0).time;
   stats.start_kind = kind;
@@ -190,7 +190,20 @@ void Estimator::Impl::start(const TrackedFrame& frame, const InitialState& state
   odometry.health.reasons = bit(HealthReason::kPosteriorWide);
 }
 
-/// Of a window that begins knowing nothing; the camera's pose on the IMU has a prior of its own (calibration_prior.h).
+bool Estimator::Impl::estimates_focal_length() const {
+  return config.estimate_focal_length && config.visual_factor == VisualFactor::kTrack &&
+         config.extrinsics.centre_px.allFinite();
+}
+
+SolverSettings Estimator::Impl::solver_settings(int steps) const {
+  return {steps, config.estimate_time_offset, config.estimate_extrinsics, estimates_focal_length()};
+}
+
+Calibration Estimator::Impl::configured_calibration() const {
+  return {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC};
+}
+
+/// Of a window that begins knowing nothing; all but the time offset has a prior of its own (calibration_prior.h).
 CalibrationTangent Estimator::Impl::calibration_sigmas() const {
   CalibrationTangent s = CalibrationTangent::Zero();
   s[0] = config.time_offset_sigma_s;

@@ -34,17 +34,19 @@ const char* to_string(StartRefusal);
 
 /// Numbers of the user that the flight can contradict; the index of Suspicions.
 enum class Suspect : std::uint8_t {
-  kRotation,            ///< of the camera on the IMU; figure: rad between the configured and the seen one
-  kInverted,            ///< its inverse would agree instead; figure: rad that would remain
-  kMirrored,            ///< an axis has the wrong sign, or two are swapped; figure: agreement after that is put right
-  kTimeOffset,          ///< figure: s to add to the configured t_IMU - t_image
-  kGyroscopeUnits,      ///< figure: the gyroscope's rates over the camera's; negative: minus their mean, rad/s
-  kScale,               ///< of the gyroscope, or the focal length; figure: the gyroscope's rates over the camera's
+  kRotation,        ///< of the camera on the IMU; figure: rad between the configured and the seen one
+  kInverted,        ///< its inverse would agree instead; figure: rad that would remain
+  kMirrored,        ///< an axis has the wrong sign, or two are swapped; figure: agreement after that is put right
+  kTimeOffset,      ///< figure: s to add to the configured t_IMU - t_image
+  kGyroscopeUnits,  ///< figure: the gyroscope's rates over the camera's; negative: minus their mean, rad/s
+  kScale,  ///< of the gyroscope, or the focal length, beyond what was found of it; figure: the gyroscope's rates over
+           ///< the camera's
   kUnrelated,           ///< camera and gyroscope do not turn together; figure: agreement, 1 is perfect
   kAccelerometerUnits,  ///< figure: mean length of the specific force, m/s^2
   kMisfit,  ///< images and IMU contradict each other in the window; figure: tracks' error, px per root of an image
   kGyroscopeNoise,      ///< figure: density that the readings allow, over the configured one
   kAccelerometerNoise,  ///< the same
+  kFocalLength,         ///< figure: the one found, over the configured one
   kCount
 };
 enum class Severity : std::uint8_t {
@@ -61,6 +63,16 @@ struct Suspicion {
   TurnedAxes axes{};  ///< of kMirrored
 };
 using Suspicions = std::array<Suspicion, static_cast<int>(Suspect::kCount)>;
+
+/// The calibration as the flight has found it; zero sigmas: not estimated.
+struct FoundCalibration {
+  bool known = false;
+  double time_offset_s = 0;                ///< t_IMU - t_image
+  std::array<double, 4> q_BC{1, 0, 0, 0};  ///< Hamilton, w x y z
+  std::array<double, 3> p_BC_m{};
+  double focal_ratio = 1;          ///< over the configured focal length
+  std::array<double, 8> sigmas{};  ///< time offset, s; rotation about the axes of C, rad; p_BC, m; focal_ratio
+};
 
 /// The frame that defines origin and heading of the world at a start. Its position and yaw have no error by definition;
 /// published covariances are relative to it. It is older than the first published pose.
@@ -93,7 +105,8 @@ struct EstimatorStats {
   std::uint64_t start_refused[static_cast<int>(StartRefusal::kCount)] = {};
   StartKind start_kind = StartKind::kNone;
   double pixel_sigma = 0;
-  Suspicions suspicions;               ///< each as severe as it ever was
+  Suspicions suspicions;  ///< each as severe as it ever was
+  FoundCalibration calibration;
   std::array<WorldOrigin, 8> origins;  ///< of the newest starts, at index reset_counter % 8
 };
 

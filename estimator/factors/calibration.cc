@@ -23,7 +23,7 @@ ExposedFrame exposed_frame(const Window& w, int k) {
 }
 
 namespace {
-using Motions = Eigen::Matrix<double, 6, kCalibration>;
+using Motions = Eigen::Matrix<double, 6, kFocalColumn>;
 
 /// The motion (dp, dphi) of the body that moves the camera as each calibration parameter does.
 Motions equivalent_motions(const ExposedFrame& f) {
@@ -36,15 +36,15 @@ Motions equivalent_motions(const ExposedFrame& f) {
   Motions m;
   m.col(0) = motion(f.v + f.omega_W.cross(f.c - f.p), f.omega_W);
   for (int i = 0; i < 3; ++i) {
-    m.col(1 + i) = motion(Vec3::Zero(), f.R_WC.col(i));
-    m.col(4 + i) = motion(f.R_WB.col(i), Vec3::Zero());
+    m.col(kRotationColumn + i) = motion(Vec3::Zero(), f.R_WC.col(i));
+    m.col(kTranslationColumn + i) = motion(f.R_WB.col(i), Vec3::Zero());
   }
   return m;
 }
 }  // namespace
 
-void add_calibration(const Window& w, int frames, bool extrinsics, VisualSystem& s) {
-  const int columns = extrinsics ? kCalibration : 1;
+void add_calibration(const Window& w, int frames, bool extrinsics, bool focal, VisualSystem& s) {
+  const int columns = extrinsics ? kFocalColumn : 1;
   Motions motion[kMaxFrames];
   for (int k = 0; k < frames; ++k) motion[k] = equivalent_motions(exposed_frame(w, k));
   std::memset(s.H_cc, 0, sizeof s.H_cc);
@@ -64,6 +64,16 @@ void add_calibration(const Window& w, int frames, bool extrinsics, VisualSystem&
       for (int d = 0; d < columns; ++d)
         s.H_cc[kCalibration * c + d] += motion[k].col(c).dot(Eigen::Map<const Vec6>(s.H_ck[k] + 6 * d));
     }
+  if (!focal) return;
+  Eigen::Map<Eigen::Matrix<double, kCalibration, kCalibration>> H_cc(s.H_cc);
+  for (int k = 0; k < frames; ++k) {
+    const Eigen::Map<const Vec6> H_lens(s.H_lens[k]);
+    Eigen::Map<Vec6>(s.H_ck[k] + 6 * kFocalColumn) = H_lens;
+    for (int c = 0; c < columns; ++c) H_cc(c, kFocalColumn) += motion[k].col(c).dot(H_lens);
+  }
+  for (int c = 0; c < columns; ++c) H_cc(kFocalColumn, c) = H_cc(c, kFocalColumn);
+  H_cc(kFocalColumn, kFocalColumn) = s.H_lens_lens;
+  s.b_c[kFocalColumn] = s.b_lens;
 }
 
 }  // namespace epiline

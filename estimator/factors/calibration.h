@@ -1,7 +1,7 @@
 #pragma once
 // Time offset and extrinsics in any visual factor: whatever they do to a camera, some motion of its body does too, so
-// their columns follow from the pose blocks. Derivation: docs/derivations/calibration.md; test:
-// tests/estimator/factors/gradient_test.cc.
+// their columns follow from the pose blocks. That of the focal length is the factor's own. Derivation:
+// docs/derivations/calibration.md; test: tests/estimator/factors/gradient_test.cc.
 #include "estimator/factors/kernels.h"
 #include "estimator/window/window.h"
 
@@ -18,7 +18,8 @@ struct ExposedFrame {
 ExposedFrame exposed_frame(const Window& window, int k);
 
 /// Fills H_ck, H_cc and b_c from the pose blocks H and b of the first `frames` frames. Columns: time offset, rotation
-/// of R_BC on the right, p_BC; the extrinsic ones only if asked for, else zero.
-void add_calibration(const Window& window, int frames, bool extrinsics, VisualSystem& system);
+/// of R_BC on the right, p_BC, focal length (from H_lens, H_lens_lens and b_lens); all but the first only if asked for,
+/// else zero.
+void add_calibration(const Window& window, int frames, bool extrinsics, bool focal, VisualSystem& system);
 
 }  // namespace epiline

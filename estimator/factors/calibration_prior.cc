@@ -1,34 +1,97 @@
 #include "estimator/factors/calibration_prior.h"
 
+#include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 
 namespace epiline {
 
 namespace {
-constexpr double kFreedom = 1, kNumbers = 3;  // of the Student distribution: degrees of freedom; numbers it is of
-/// The scale s for a standard deviation sigma near the centre, where the information is (nu + 3)/(nu s^2).
-double scale_squared(double sigma) { return sigma * sigma * (kFreedom + kNumbers) / kFreedom; }
+constexpr double kFreedom = 1;   // of the Student distributions
+constexpr int kRounds = 20;      // of a search for a maximum
+constexpr double kSeen = 1e-3;   // of the prior's information: less is rounding, and what a solve left undone
+constexpr double kEnough = 0.01;  // of the most information that is believed
+constexpr double kFarthest = 1;  // rad, m, relative: where the search for one that is far begins
+
+double square(double x) { return x * x; }
+double freedom_and_numbers(const CalibrationPart& p) { return kFreedom + p.numbers; }
+/// The scale s for a standard deviation sigma near the centre, where the information is (nu + n)/(nu s^2).
+double scale_squared(const CalibrationPart& p) { return square(p.sigma) * freedom_and_numbers(p) / kFreedom; }
+double weight(const CalibrationPart& p, double distance_squared) {
+  return freedom_and_numbers(p) / (kFreedom * scale_squared(p) + distance_squared);
+}
+double cost(const CalibrationPart& p, double distance_squared) {
+  return freedom_and_numbers(p) * std::log1p(distance_squared / (kFreedom * scale_squared(p)));
+}
+
+/// Where the prior's weight is taken, squared.
+double distance_squared(const CalibrationPart& p, const CalibrationTangent& d) {
+  return std::max(d.segment(p.at, p.numbers).squaredNorm(), square(p.found));
+}
+
+using Numbers = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 3, 1>;
+using Block = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 3, 3>;
+
+/// What is measured of a part without its prior, chi^2 = d'H d - 2 b'd + a constant, along the axes of H.
+struct Measured {
+  Numbers h, b;
+
+  Numbers at_weight(double w) const { return b.array() / (h.array() + w); }
+  double chi2(const Numbers& d) const { return (h.array() * d.array() - 2 * b.array()).matrix().dot(d); }
+};
+
+/// The maximum of both that is reached from a weight of the prior.
+Numbers maximum(const CalibrationPart& p, const Measured& m, double w) {
+  Numbers d = m.at_weight(w);
+  for (int i = 0; i < kRounds; ++i) d = m.at_weight(weight(p, d.squaredNorm()));
+  return d;
+}
+
+void look_far(const CalibrationCovariance& covariance, const CalibrationTangent& linearised,
+              const CalibrationTangent& solved, CalibrationPart& p) {
+  if (!(p.sigma > 0)) return;
+  const Numbers d = solved.segment(p.at, p.numbers);
+  const Block I = covariance.block(p.at, p.at, p.numbers, p.numbers).inverse();
+  const Eigen::SelfAdjointEigenSolver<Block> axes(I);
+  const double held = weight(p, distance_squared(p, linearised));
+  Measured m{axes.eigenvalues().array() - held, axes.eigenvectors().transpose() * (I * d)};
+  for (int i = 0; i < p.numbers; ++i) {
+    const double most = 1 / square(p.least), enough = p.least > 0 ? kEnough * most : kSeen * weight(p, 0);
+    const double seen = m.h[i] > enough ? std::min(1.0, most / m.h[i]) : 0;
+    m.h[i] *= seen;
+    m.b[i] *= seen;
+  }
+  const Numbers near = maximum(p, m, weight(p, 0)), far = maximum(p, m, weight(p, square(kFarthest)));
+  const auto both = [&](const Numbers& x) { return m.chi2(x) + cost(p, x.squaredNorm()); };
+  p.found = both(far) < both(near) ? far.norm() : near.norm();
+}
 }  // namespace
 
 double add_calibration_prior(const Window& w, const Share& share, NormalEquations* out) {
-  const CalibrationPrior& p = w.calibration_prior;
-  if (!p.in_use || share.oldest_only) return 0;
-  const CalibrationTangent d = local(p.configured, w.calibration);
+  const CalibrationPrior& prior = w.calibration_prior;
+  if (share.oldest_only) return 0;
+  const CalibrationTangent d = local(prior.configured, w.calibration);
   CalibrationTangent g = CalibrationTangent::Zero(), information = CalibrationTangent::Zero();
-  double cost = 0;
-  for (const auto& [at, sigma] : {std::pair{1, p.sigma_rotation}, std::pair{4, p.sigma_translation}}) {
-    const double s2 = scale_squared(sigma), q = d.segment<3>(at).squaredNorm() / s2;
-    const double weight = (kFreedom + kNumbers) / (kFreedom + q) / s2;
-    cost += (kFreedom + kNumbers) * std::log1p(q / kFreedom);
+  double sum = 0;
+  for (const CalibrationPart& p : {prior.rotation, prior.translation, prior.focal}) {
+    if (!(p.sigma > 0)) continue;
+    const double d2 = d.segment(p.at, p.numbers).squaredNorm(), at2 = distance_squared(p, d);
+    const double held = weight(p, at2);
+    sum += cost(p, at2) + held * (d2 - at2);  // within what was found, the parabola that touches the cost there
     // Of the rotation, too: J_r^-T(d) d = d.
-    g.segment<3>(at) = -weight * d.segment<3>(at);
-    information.segment<3>(at).setConstant(weight);
+    g.segment(p.at, p.numbers) = -held * d.segment(p.at, p.numbers);
+    information.segment(p.at, p.numbers).setConstant(held);
   }
-  if (!out) return cost;
+  if (!out) return sum;
   out->add(calibration_of_camera(), g);
-  out->add(calibration_of_camera(), calibration_of_camera(),
-           Eigen::Matrix<double, kCalibration, kCalibration>(information.asDiagonal()));
-  return cost;
+  out->add(calibration_of_camera(), calibration_of_camera(), CalibrationCovariance(information.asDiagonal()));
+  return sum;
+}
+
+void look_far(const CalibrationCovariance& covariance, const Calibration& linearised, const Calibration& solved,
+              CalibrationPrior& prior) noexcept {
+  const CalibrationTangent d0 = local(prior.configured, linearised), d = local(prior.configured, solved);
+  for (CalibrationPart* p : {&prior.rotation, &prior.translation, &prior.focal}) look_far(covariance, d0, d, *p);
 }
 
 }  // namespace epiline

@@ -1,14 +1,20 @@
 #pragma once
-// What the user knows of the camera's pose on the IMU. Derivation: docs/derivations/calibration.md#prior; test:
-// tests/estimator/factors/calibration_prior_test.cc.
+// What the user knows of the camera's pose on the IMU and of its focal length. Derivation:
+// docs/derivations/calibration.md#prior; test: tests/estimator/factors/calibration_prior_test.cc.
 #include "estimator/factors/normal_equations.h"
 #include "estimator/window/window.h"
 
 namespace epiline {
 
-/// Rotation and place each have a Student distribution about the configured value: a good calibration is held, and one
-/// that is wrong lets go. Belongs to the calibration, so a frame that goes takes nothing of it along. Returns the cost;
-/// null: the cost alone.
+/// Rotation, place and focal length each have a Student distribution about the configured value: a good calibration is
+/// held, and one that is wrong lets go. Belongs to the calibration, so a frame that goes takes nothing of it along.
+/// Returns the cost; null: the cost alone.
 double add_calibration_prior(const Window& window, const Share& share, NormalEquations* out);
+
+/// Looks for a truth far from the configured values that all measurements so far make likelier. `covariance`, `solved`:
+/// the calibration by a solve that was linearised at `linearised` under this prior; the next solve holds the
+/// calibration as little as one that far away.
+void look_far(const CalibrationCovariance& covariance, const Calibration& linearised, const Calibration& solved,
+              CalibrationPrior& prior) noexcept;
 
 }  // namespace epiline

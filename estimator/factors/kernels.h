@@ -13,8 +13,9 @@ inline constexpr double kNearest = 0.05;  ///< least depth along a bearing, rela
 
 /// Eight tracks as a structure of arrays. An absent view is all zeros and drops out of every sum by itself.
 struct alignas(64) TrackBatch {
-  static constexpr int kBearing = 0, kChart = 3, kNumbers = 9;
-  double observation[kMaxFrames][kNumbers][kBatchLanes];  ///< f (C), d(whitened pixel)/df row-major
+  static constexpr int kBearing = 0, kChart = 3, kOffset = 9, kNumbers = 11;
+  /// f (C), d(whitened pixel)/df row-major, the whitened pixel's offset from the principal point
+  double observation[kMaxFrames][kNumbers][kBatchLanes];
   double link[kMaxFrames][kBatchLanes];  ///< of a drifting track: 1 / (images since its previous view); 0: no view
   double views[kBatchLanes];             ///< how many; 0: an empty lane
   double point[4][kBatchLanes];  ///< where the point was found last, P and w: seen from c in the direction P - w c
@@ -46,6 +47,8 @@ struct TrackSettings {
   bool drift;        ///< a track's error is a random walk; else its views err independently
   double student;    ///< of a drifting track's weight, degrees of freedom ...
   double unit;       ///< ... which counts chi2 in this
+  bool lens;         ///< fill the column of the focal length
+  double focal;      ///< its estimate, as Calibration::focal
 };
 
 /// Normal equations of the visual factors, H delta = b; rotations perturbed in the world frame.
@@ -55,6 +58,8 @@ struct VisualSystem {
   double H_ck[kMaxFrames][kCalibration * 6];  ///< calibration against frame k
   double H_cc[kCalibration * kCalibration];   ///< symmetric, full
   double b_c[kCalibration];
+  double H_lens[kMaxFrames][6];  ///< focal length against frame k, of factors that have its column
+  double H_lens_lens, b_lens;
   double cost;  ///< sum of the robust costs
   int residuals, tracks, gated;
 };
@@ -62,17 +67,25 @@ struct VisualSystem {
 /// Rows of so many batches wait for their products: no more than the innermost caches keep.
 inline constexpr int kBatchesAtOnce = 8;
 
+/// Column of the focal length: against each frame, and its own H and b.
+struct alignas(64) LensScratch {
+  double with[kMaxFrames][6][kBatchLanes];
+  double self[2][kBatchLanes];
+};
+
 /// Work space of the track factor.
 struct alignas(64) TrackScratch {
   double rows[kMaxFrames][kBatchesAtOnce][18][kBatchLanes];  ///< Q_k = C W_k [-rho I, [l]x]
   double D[kMaxFrames][27][kBatchLanes];
   double links[kMaxFrames][36][kBatchLanes];  ///< drifting tracks: block of a frame and the next
+  LensScratch lens;
 };
 
 /// Work space of what the oldest view adds.
 struct alignas(64) NewsScratch {
   double rows[kMaxFrames][kBatchesAtOnce][12][kBatchLanes];
   double b[kMaxFrames][6][kBatchLanes];
+  LensScratch lens;
 };
 
 /// Per track of a batch, of the last evaluation.

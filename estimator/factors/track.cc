@@ -56,7 +56,7 @@ void fill_drifting_lane(const Window& w, const TrackRecord& t, double inverse_si
   while (!w.seen(t, end)) --end;
   int begin = end;
   while (begin > batch.first && w.seen(t, begin - 1)) --begin;
-  double age = -1;  // the first view errs as if by a step more than its age
+  float age = -1;  // the first view errs as if by a step more than its age
   for (int k = batch.first; k <= batch.last; ++k) {
     if (k < begin || k > end) {
       put_nothing(k, lane, batch);
@@ -65,7 +65,7 @@ void fill_drifting_lane(const Window& w, const TrackRecord& t, double inverse_si
     }
     const Observation& view = w.view(t, k);
     put_view(view, inverse_sigma, k, lane, batch);
-    batch.link[k][lane] = 1 / std::max(view.age - age, 1.0);
+    batch.link[k][lane] = 1 / std::max(static_cast<double>(view.age - age), 1.0);
     age = view.age;
   }
   batch.views[lane] = end - begin + 1;
@@ -120,9 +120,12 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
   sigma_ = (drift ? s.drift_sigma : s.pixel_sigma) * inflation;
   visual_ = s;
   const double unit = 1 / inflation2, gate_chi2 = drift ? kDriftGate * unit : unit;
-  settings_ = {
-      kDepthDamping, s.cauchy * s.cauchy * unit, gate_chi2, unit, s.gate, s.inner_steps, s.converged, drift, s.student,
-      unit};
+  settings_ = {kDepthDamping, s.cauchy * s.cauchy * unit,
+               gate_chi2,     unit,
+               s.gate,        s.inner_steps,
+               s.converged,   drift,
+               s.student,     unit,
+               s.focal,       w.calibration.focal};
   gate_suspended_ = false;
   remember_points();
   origin_ = w.newest().x.p;
@@ -154,13 +157,15 @@ void TrackFactor::fetch(const Window& w, const TrackRecord& t) const {
 
 void TrackFactor::run(const Window& w, VisualSystem& out) {
   fill_geometry(w, w.size(), origin_, memory_->frame);
+  settings_.focal = w.calibration.focal;
   kernels_.track(memory_->batch, batches_, memory_->frame, w.size(), settings_, memory_->scratch, memory_->verdicts,
                  out);
-  add_calibration(w, w.size(), visual_.extrinsics, out);
+  add_calibration(w, w.size(), visual_.extrinsics, visual_.focal, out);
 }
 
 double TrackFactor::cost(const Window& w) noexcept {
   fill_geometry(w, w.size(), origin_, memory_->frame);
+  settings_.focal = w.calibration.focal;
   return kernels_.track_cost(memory_->batch, batches_, memory_->frame, w.size(), settings_, memory_->verdicts);
 }
 
@@ -184,8 +189,9 @@ void TrackFactor::marginalise_oldest(const Window& w, const VisualSettings& s, V
   int count = 0;
   while (count < batches_ && memory_->batch[count].first == 0) ++count;
   fill_geometry(w, frames, origin_, memory_->frame);
+  settings_.focal = w.calibration.focal;
   kernels_.track_news(memory_->batch, count, memory_->frame, frames, settings_, memory_->news, memory_->verdicts, out);
-  add_calibration(w, frames, visual_.extrinsics, out);
+  add_calibration(w, frames, visual_.extrinsics, visual_.focal, out);
 }
 
 double TrackFactor::residual_sigma_px() noexcept {

@@ -26,9 +26,10 @@ constexpr double kWeakestAxis = 0.15;
 constexpr double kMisfit_px = 0.8, kGrossMisfit_px = 2;
 constexpr double kMisfitRatio = 2;  // over the error between two images: noisy tracks contradict nobody
 constexpr Span kUnitsSpan = Span::from_milliseconds(5000);
-constexpr double kLeastForce = 7.5, kMostForce = 12.5;  // m/s^2: a mean over five seconds that a flight can have
-constexpr double kMostRate = 6;                         // rad/s, likewise: one turn a second for five seconds
-constexpr double kNoiseFactor = 3;                      // users widen and vibration adds: worth a word beyond
+constexpr double kLeastForce = 7.5, kMostForce = 12.5;   // m/s^2: a mean over five seconds that a flight can have
+constexpr double kMostRate = 6;                          // rad/s, likewise: one turn a second for five seconds
+constexpr double kFocalLength = 0.01, kFocalSigmas = 6;  // relative: worth a word beyond
+constexpr double kNoiseFactor = 3;                       // users widen and vibration adds: worth a word beyond
 
 /// The signed axes of the gyroscope that would make it agree: column k is where its axis k points.
 TurnedAxes axes_of(const Mat3& M) {
@@ -42,7 +43,7 @@ TurnedAxes axes_of(const Mat3& M) {
 }
 }  // namespace
 
-Suspicions suspicions_of(const TurnAgreement& t, const Mat3& R_BC, double time_offset_s) noexcept {
+Suspicions suspicions_of(const TurnAgreement& t, const Mat3& R_BC, double time_offset_s, double focal_ratio) noexcept {
   Suspicions s;
   const auto raise = [&](Suspect what, bool gross, double figure) {
     s[static_cast<std::size_t>(what)] = {gross ? Severity::kGross : Severity::kSuspect, figure, {}};
@@ -61,10 +62,12 @@ Suspicions suspicions_of(const TurnAgreement& t, const Mat3& R_BC, double time_o
     return s;
   }
   if (t.agreement < kAgree) return s;
+  // Of a focal length that is found shorter, turns across the axis are seen larger by as much, those about it are not.
+  const double low = std::min(1.0, focal_ratio), high = std::max(1.0, focal_ratio);
   // the noise of either may have made its rates look larger
   const double least = t.rate_ratio * t.agreement, most = t.rate_ratio / t.agreement;
-  if (t.turns > kManyTurns && t.agreement > kAgreeOnScale && (least > 1 + kScale || most < 1 - kScale))
-    raise(Suspect::kScale, t.rate_ratio > 1 + kGrossScale || t.rate_ratio < 1 - kGrossScale, t.rate_ratio);
+  if (t.turns > kManyTurns && t.agreement > kAgreeOnScale && (least > high + kScale || most < low - kScale))
+    raise(Suspect::kScale, t.rate_ratio > high + kGrossScale || t.rate_ratio < low - kGrossScale, t.rate_ratio);
   const double offset_s = t.time_offset_s - time_offset_s;
   const double clear = std::max(kOffsetLoss, kOffsetLossOfRest * (1 - t.agreement));
   if (std::abs(offset_s) > kOffset_s && t.offset_loss > clear)
@@ -90,6 +93,12 @@ void add_suspicions(const ImuNoise& configured, const ImuNoise& used, Suspicions
   };
   add(Suspect::kGyroscopeNoise, used.gyroscope_density / configured.gyroscope_density);
   add(Suspect::kAccelerometerNoise, used.accelerometer_density / configured.accelerometer_density);
+}
+
+void add_focal_length(double ratio, double sigma, Suspicions& s) noexcept {
+  const double off = std::abs(ratio - 1);
+  if (sigma > 0 && off > std::max(kFocalLength, kFocalSigmas * sigma))
+    s[static_cast<std::size_t>(Suspect::kFocalLength)] = {Severity::kNote, ratio, {}};
 }
 
 void add_misfit(double residual_px, double pair_px, Suspicions& s) noexcept {

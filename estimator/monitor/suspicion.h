@@ -11,8 +11,13 @@
 namespace epiline {
 
 /// What camera and gyroscope say of the configured rotation and time offset, and of the gyroscope's units and axes.
-/// Rows of other suspects are clear. `R_BC`, `time_offset_s`: configured.
-Suspicions suspicions_of(const TurnAgreement& turns, const Mat3& R_BC, double time_offset_s) noexcept;
+/// Rows of other suspects are clear. `R_BC`, `time_offset_s`: configured. `focal_ratio`: what was found of the focal
+/// length, over the configured one: a ratio of rates that it explains is none.
+Suspicions suspicions_of(const TurnAgreement& turns, const Mat3& R_BC, double time_offset_s,
+                         double focal_ratio = 1) noexcept;
+
+/// A focal length that the flight found to be another. A note only.
+void add_focal_length(double ratio, double sigma, Suspicions& suspicions) noexcept;
 
 /// Densities that the readings do not allow: `used` is what was made of the configured ones. Notes only.
 void add_suspicions(const ImuNoise& configured, const ImuNoise& used, Suspicions& suspicions) noexcept;

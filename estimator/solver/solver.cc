@@ -30,7 +30,7 @@ struct Solver::Memory {
   double expected_gain;  ///< of the solved step, were the cost quadratic: its squared length in sigmas
   Iterate first, last;   ///< as optimise() found the window; before the step that is tried
   StateCovariance covariance;
-  Eigen::Matrix<double, kCalibration, kCalibration> calibration_covariance;
+  CalibrationCovariance calibration_covariance;
 };
 
 Solver::Solver(InstructionSet set)
@@ -43,14 +43,14 @@ Solver::~Solver() = default;
 LinearSystem& Solver::system() { return memory_->system; }
 const VisualSystem& Solver::visual_system() const { return memory_->visual; }
 const StateCovariance& Solver::covariance() const { return memory_->covariance; }
-const Eigen::Matrix<double, kCalibration, kCalibration>& Solver::calibration_covariance() const {
-  return memory_->calibration_covariance;
-}
+const CalibrationCovariance& Solver::calibration_covariance() const { return memory_->calibration_covariance; }
+const Calibration& Solver::linearised_at() const { return memory_->last.calibration; }
 
 namespace {
 
 bool estimated(const SolverSettings& s, int calibration) {
-  return calibration == 0 ? s.estimate_time_offset : s.estimate_extrinsics;
+  if (calibration == kTimeOffsetColumn) return s.estimate_time_offset;
+  return calibration == kFocalColumn ? s.estimate_focal_length : s.estimate_extrinsics;
 }
 
 void clear(LinearSystem& s, int frames) {
@@ -144,10 +144,10 @@ bool Solver::step(Window& w, VisualFactorModel& visual, const SolverSettings& se
 void Solver::read_covariance(const Window& w, const SolverSettings& settings) {
   Memory& m = *memory_;
   const int n = w.size();
-  Eigen::Matrix<double, kCalibration, kCalibration> U = Eigen::Matrix<double, kCalibration, kCalibration>::Zero();
+  CalibrationCovariance U = CalibrationCovariance::Zero();
   for (int i = 0; i < kCalibration; ++i)
     for (int j = i; j < kCalibration; ++j) U(i, j) = m.system.S[6 * n + i][6 * n + j];
-  Eigen::Matrix<double, kCalibration, kCalibration> V = Eigen::Matrix<double, kCalibration, kCalibration>::Identity();
+  CalibrationCovariance V = CalibrationCovariance::Identity();
   U.triangularView<Eigen::Upper>().solveInPlace(V);
   m.calibration_covariance.noalias() = V.lazyProduct(V.transpose());
   for (int c = 0; c < kCalibration; ++c)
@@ -249,6 +249,7 @@ SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const Solve
   // Every factorisation but the first was damped after a rejection: its covariance is still to be had.
   if (r.solved() && r.rejected > 0) {
     linearise(w, visual, settings);
+    save(w, memory_->last);
     ++r.linearisations;
     if (!factorise_and_solve(w, settings, kFirstDamping)) r.outcome = SolverOutcome::kGaveUp;
   }

@@ -15,6 +15,7 @@ struct SolverSettings {
   int steps = 2;  ///< accepted steps at most
   bool estimate_time_offset = true;
   bool estimate_extrinsics = false;
+  bool estimate_focal_length = false;
   int attempts = 4;   ///< steps that may be rejected, at most kMostAttempts
   bool tried = true;  ///< false: a step is accepted as it is, which saves its trial
 };
@@ -54,7 +55,9 @@ class Solver {
   /// Of the newest frame's state and the time offset, by the last optimise(); no numbers if that solved nothing.
   const StateCovariance& covariance() const;
   /// The same of the seven calibration parameters (zero rows where not estimated).
-  const Eigen::Matrix<double, kCalibration, kCalibration>& calibration_covariance() const;
+  const CalibrationCovariance& calibration_covariance() const;
+  /// The calibration at which the system of these covariances was linearised.
+  const Calibration& linearised_at() const;
 
   // The pieces, for tests.
   /// Normal equations at the current state into system(); returns the cost.

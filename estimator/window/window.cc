@@ -11,13 +11,14 @@ namespace epiline {
 
 void retract(Calibration& c, const CalibrationTangent& d) {
   c.time_offset += d[0];
-  c.R_BC = so3_normalised(c.R_BC * so3_exp(d.segment<3>(1)));
-  c.p_BC += d.tail<3>();
+  c.R_BC = so3_normalised(c.R_BC * so3_exp(d.segment<3>(kRotationColumn)));
+  c.p_BC += d.segment<3>(kTranslationColumn);
+  c.focal += d[kFocalColumn];
 }
 
 CalibrationTangent local(const Calibration& c0, const Calibration& c) {
   CalibrationTangent d;
-  d << c.time_offset - c0.time_offset, so3_log(c0.R_BC.transpose() * c.R_BC), c.p_BC - c0.p_BC;
+  d << c.time_offset - c0.time_offset, so3_log(c0.R_BC.transpose() * c.R_BC), c.p_BC - c0.p_BC, c.focal - c0.focal;
   return d;
 }
 
@@ -61,10 +62,13 @@ void Window::remove(int k) {
 }
 
 namespace {
-Observation observation(const TrackedFeature& f) {
+Observation observation(const TrackedFeature& f, const Vec2& centre_px) {
+  const std::array offset_px = {f.pixel[0] - static_cast<float>(centre_px.x()),
+                                f.pixel[1] - static_cast<float>(centre_px.y())};
+  const bool known = std::isfinite(offset_px[0]) && std::isfinite(offset_px[1]);
   return {Vec3(f.bearing.data()),
           Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data()),
-          static_cast<double>(f.age)};
+          known ? offset_px : std::array{0.0F, 0.0F}, static_cast<float>(f.age)};
 }
 
 std::uint16_t cell_of(const std::array<float, 2>& pixel) {
@@ -75,7 +79,7 @@ std::uint16_t cell_of(const std::array<float, 2>& pixel) {
 
 bool is_possible(const TrackedFeature& f) noexcept {
   constexpr double kUnit = 1e-3, kMostPixels = 1e5;  // px/rad: a lens of a kilometre in pixels
-  const Observation o = observation(f);
+  const Observation o = observation(f, Vec2::Zero());
   const double length = o.f_C.norm(), slope = o.chart.norm();
   // written so that a NaN fails
   return std::abs(length - 1) < kUnit && slope > 0 && slope < kMostPixels;
@@ -102,7 +106,7 @@ Window::Observed Window::observe(const TrackedFrame& frame) {
       insert_index(feature.id, i);
     }
     TrackRecord& t = records_[static_cast<std::size_t>(i)];
-    views_[t.place][slot] = observation(feature);
+    views_[t.place][slot] = observation(feature, centre_px);
     t.mask |= 1u << slot;
     t.cell = cell_of(feature.pixel);
   }

@@ -3,6 +3,7 @@
 // reordered by index, never moved.
 #include <array>
 #include <cstdint>
+#include <limits>
 
 #include "estimator/config.h"
 #include "estimator/inertial/nav_state.h"
@@ -16,7 +17,8 @@ namespace epiline {
 struct Observation {
   Vec3 f_C;
   Mat23 chart;
-  double age;  ///< of its track, images
+  std::array<float, 2> offset_px;  ///< of the pixel from the principal point; zero: not known
+  float age;                       ///< of its track, images
 };
 
 inline constexpr int kViewCells = 1024;  ///< 32 x 32 squares of 64 pixels; what is beyond shares the outermost
@@ -31,21 +33,33 @@ struct TrackRecord {
   std::uint16_t place = 0;  ///< of its observations
 };
 
-/// Camera against IMU; the estimated part of the calibration. Tangent order: (td, dphi of R_BC on the right, p_BC).
+/// Camera against IMU, and its focal length; the estimated part of the calibration. Tangent order: (td, dphi of R_BC on
+/// the right, p_BC, focal).
 struct Calibration {
   double time_offset = 0;  ///< t_IMU = t_image + time_offset, s
   Mat3 R_BC = Mat3::Identity();
   Vec3 p_BC = Vec3::Zero();
+  double focal = 0;  ///< 1 - configured over true focal length
+  double focal_ratio() const { return 1 / (1 - focal); }
 };
+/// Columns of the tangent.
+inline constexpr int kTimeOffsetColumn = 0, kRotationColumn = 1, kTranslationColumn = 4, kFocalColumn = 7;
 using CalibrationTangent = Eigen::Matrix<double, kCalibration, 1>;
+using CalibrationCovariance = Eigen::Matrix<double, kCalibration, kCalibration>;
 void retract(Calibration& c, const CalibrationTangent& d);
 CalibrationTangent local(const Calibration& c0, const Calibration& c);
 
-/// What the user knows of the camera's pose on the IMU: standard deviations near the configured values, rad and m.
+/// What the user knows of some numbers of the calibration, from column `at` on. Standard deviations in rad, m,
+/// relative.
+struct CalibrationPart {
+  int at, numbers;
+  double sigma = 0;  ///< near the configured values; 0: not estimated
+  double least = 0;  ///< that can be measured, at best
+  double found = 0;  ///< how far from the configured values the truth most likely is
+};
 struct CalibrationPrior {
-  bool in_use = false;
   Calibration configured;
-  double sigma_rotation = 1, sigma_translation = 1;
+  CalibrationPart rotation{kRotationColumn, 3}, translation{kTranslationColumn, 3}, focal{kFocalColumn, 1};
 };
 
 /// A frame of the window.
@@ -126,6 +140,7 @@ class Window {
   int find(std::uint32_t id) const;
 
   Calibration calibration;
+  Vec2 centre_px = Vec2::Constant(std::numeric_limits<double>::quiet_NaN());  ///< principal point; NaN: not known
   CalibrationPrior calibration_prior;
   WheelModel wheel;
   Prior prior;

@@ -89,6 +89,10 @@ const std::vector<Parameter>& parameters() {
        EPILINE_AT(estimator.extrinsic_rotation_sigma_rad)},
       {"estimator.extrinsic_translation_sigma_m", "m", 1e-6, 1, "standard deviation of the calibrated translation",
        EPILINE_AT(estimator.extrinsic_translation_sigma_m)},
+      {"estimator.estimate_focal_length", "", 0, 0, "estimate the focal length",
+       EPILINE_AT(estimator.estimate_focal_length)},
+      {"estimator.focal_length_sigma", "", 1e-6, 1, "relative standard deviation of the calibrated focal length",
+       EPILINE_AT(estimator.focal_length_sigma)},
       {"estimator.deadline_ms", "ms", 0, 1e4, "longest time for the solve of one image; 0: no limit",
        EPILINE_AT(deadline_ms)},
       // tracker

@@ -70,6 +70,9 @@ std::string found(Suspect suspect, const Suspicion& s) {
       return fmt::format("the {} readings scatter {} the configured noise density allows: it is off by {:.2g}",
                          suspect == Suspect::kGyroscopeNoise ? "gyroscope's" : "accelerometer's",
                          s.figure > 1 ? "more than" : "less than", s.figure > 1 ? s.figure : 1 / s.figure);
+    case Suspect::kFocalLength:
+      return fmt::format("the focal length is {:.1f} % {} than configured", 100 * std::abs(s.figure - 1),
+                         s.figure > 1 ? "longer" : "shorter");
     case Suspect::kCount:
       break;
   }

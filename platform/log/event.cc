@@ -17,7 +17,7 @@ constexpr const char* kStartKinds[] = {"none", "given", "stationary", "moving", 
 constexpr const char* kSuspects[] = {"camera_rotation", "camera_rotation_inverted", "axes_mirrored",
                                      "time_offset",     "gyroscope_units",          "rotation_scale",
                                      "turns_unrelated", "accelerometer_units",      "misfit",
-                                     "gyroscope_noise", "accelerometer_noise"};
+                                     "gyroscope_noise", "accelerometer_noise",      "focal_length"};
 constexpr const char* kSeverities[] = {"none", "corrected", "suspect", "gross"};
 constexpr const char* kLoadLevels[] = {"full", "fewer_features", "fewer_iterations", "prediction_only"};
 constexpr const char* kSources[] = {"camera", "imu", "wheel", "odometry"};

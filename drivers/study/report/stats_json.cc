@@ -94,6 +94,21 @@ Json initialisation_json(const FlightRecord& r) {
           {"refused_by_reason", reasons}};
 }
 
+Json calibration_json(const FlightRecord& r) {
+  const FoundCalibration& c = r.estimator.calibration;
+  if (!c.known) return nullptr;
+  const auto& s = c.sigmas;
+  return {{"time_offset_s", c.time_offset_s},
+          {"q_BC", c.q_BC},
+          {"p_BC_m", c.p_BC_m},
+          {"focal_ratio", c.focal_ratio},
+          {"sigma",
+           {{"time_offset_s", s[0]},
+            {"rotation_rad", {s[1], s[2], s[3]}},
+            {"p_BC_m", {s[4], s[5], s[6]}},
+            {"focal_ratio", s[7]}}}};
+}
+
 /// Numbers of the user that the flight contradicts.
 Json numbers_json(const FlightRecord& r) {
   Json numbers = Json::array();
@@ -354,6 +369,7 @@ Json stats_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& er
   json["imu"] = imu_json(r);
   json["watch"] = watch_json(r);
   json["initialisation"] = initialisation_json(r);
+  json["calibration"] = calibration_json(r);
   json["numbers_wrong"] = numbers_json(r);
   json["resets"] = e.resets;
   json["state_seconds"] = {

@@ -1,4 +1,5 @@
-// The prior of the camera's pose on the IMU: slope of its cost, and how it lets go of a calibration that is wrong.
+// The prior of the camera's pose on the IMU and of its focal length: slope of its cost, and how it lets go of a
+// calibration that is wrong.
 #include "estimator/factors/calibration_prior.h"
 
 #include <gtest/gtest.h>
@@ -13,17 +14,22 @@ namespace {
 
 using test::NamedBlocks;
 
+double square(double x) { return x * x; }
+
 SyntheticWindow window_off_by(const CalibrationTangent& d) {
   SyntheticWindow s = make_window({.frames = 3});
   Window& w = *s.window;
-  w.calibration_prior = {true, w.calibration, 1e-3, 2e-3};
+  w.calibration_prior.configured = w.calibration;
+  w.calibration_prior.rotation.sigma = 1e-3;
+  w.calibration_prior.translation.sigma = 2e-3;
+  w.calibration_prior.focal.sigma = 4e-3;
   retract(w.calibration, d);
   return s;
 }
 
 TEST(CalibrationPrior, ItsRightHandSideIsTheSlopeOfItsCost) {
   CalibrationTangent d;
-  d << 0.003, 0.02, -0.05, 0.03, 0.004, 0.001, -0.01;
+  d << 0.003, 0.02, -0.05, 0.03, 0.004, 0.001, -0.01, 0.03;
   SyntheticWindow s = window_off_by(d);
   Window& w = *s.window;
   NamedBlocks blocks;
@@ -46,23 +52,109 @@ TEST(CalibrationPrior, ItsRightHandSideIsTheSlopeOfItsCost) {
 }
 
 TEST(CalibrationPrior, HoldsWhatIsNearAndLetsGoOfWhatIsFar) {
-  const auto information = [](double off_rad) {
+  const auto information = [](int column, double off) {
     CalibrationTangent d = CalibrationTangent::Zero();
-    d[2] = off_rad;
+    d[column] = off;
     SyntheticWindow s = window_off_by(d);
     NamedBlocks blocks;
     add_calibration_prior(*s.window, {s.window->size(), false}, &blocks);
-    return blocks.curvature(calibration_of_camera(), 2);
+    return blocks.curvature(calibration_of_camera(), column);
   };
-  EXPECT_NEAR(information(0), 1 / (1e-3 * 1e-3), 1) << "the standard deviation configured";
-  EXPECT_LT(information(0.35), 1 / (0.15 * 0.15)) << "20 degrees off, it knows it to 9 degrees only";
+  EXPECT_NEAR(information(kRotationColumn + 1, 0), 1 / (1e-3 * 1e-3), 1) << "the standard deviation configured";
+  EXPECT_NEAR(information(kFocalColumn, 0), 1 / (4e-3 * 4e-3), 1);
+  EXPECT_LT(information(kRotationColumn + 1, 0.35), 1 / (0.15 * 0.15))
+      << "20 degrees off, it knows it to 9 degrees only";
+  EXPECT_LT(information(kFocalColumn, 0.1), 1 / (0.06 * 0.06));
+}
+
+/// What a solve under the prior leaves where the measurements alone say `measured` with a standard deviation `sigma`.
+struct Solved {
+  CalibrationCovariance covariance = CalibrationCovariance::Identity();
+  Calibration calibration;
+};
+Solved solved_under(const CalibrationPrior& prior, const CalibrationPart& part, double measured, double sigma) {
+  const double held = (1 + part.numbers) / (square(part.sigma) * (1 + part.numbers) + square(part.found));
+  Solved s;
+  s.calibration = prior.configured;
+  CalibrationTangent d = CalibrationTangent::Zero();
+  const double information = 1 / square(sigma);
+  for (int i = 0; i < part.numbers; ++i) s.covariance(part.at + i, part.at + i) = 1 / (information + held);
+  d[part.at] = information * measured / (information + held);
+  retract(s.calibration, d);
+  return s;
+}
+
+/// The likeliest distance, by trying them all.
+double likeliest(const CalibrationPart& p, double measured, double sigma) {
+  const auto chi2 = [&](double d) {
+    const double n = 1 + p.numbers;
+    return square((d - measured) / sigma) + n * std::log1p(square(d) / (square(p.sigma) * n));
+  };
+  double best = 0;
+  for (double d = 0; d < 1; d += 1e-5)
+    if (chi2(d) < chi2(best)) best = d;
+  return best;
+}
+
+/// A local search from the configured values would stay there until the measurements outweigh them.
+TEST(CalibrationPrior, FindsATruthThatIsFarAsSoonAsItIsLikelier) {
+  CalibrationPrior prior;
+  prior.translation.sigma = 5e-4;
+  prior.focal.sigma = 3e-5;
+  for (CalibrationPart* part : {&prior.translation, &prior.focal}) {
+    int far = 0, near = 0;
+    for (const double in_sigmas : {2.0, 4.0, 6.0, 9.0, 12.0, 40.0})
+      for (const double sigma : {0.0006, 0.0003}) {
+        const double measured = in_sigmas * sigma, expected = likeliest(*part, measured, sigma);
+        part->found = 0;
+        const Solved s = solved_under(prior, *part, measured, sigma);
+        look_far(s.covariance, prior.configured, s.calibration, prior);
+        if (expected > 3 * part->sigma) {
+          EXPECT_NEAR(part->found, expected, 0.02 * expected) << in_sigmas << " of " << sigma;
+          ++far;
+        } else {
+          EXPECT_LT(part->found, 3 * part->sigma) << in_sigmas << " of " << sigma;
+          ++near;
+        }
+        const double found = part->found;
+        const Solved again = solved_under(prior, *part, measured, sigma);
+        look_far(again.covariance, prior.configured, again.calibration, prior);
+        EXPECT_NEAR(part->found, found, 1e-6) << "found again from where it led";
+      }
+    EXPECT_GT(far, 2);
+    EXPECT_GT(near, 1);
+    part->found = 0;
+  }
+}
+
+TEST(CalibrationPrior, BelievesNoMeasurementBeyondWhatTracksErrInCommon) {
+  CalibrationPrior prior;
+  prior.focal.sigma = 3e-5;
+  const auto found = [&](double measured) {
+    prior.focal.found = 0;
+    const Solved s = solved_under(prior, prior.focal, measured, 1e-4);
+    look_far(s.covariance, prior.configured, s.calibration, prior);
+    return prior.focal.found;
+  };
+  EXPECT_GT(found(0.003), 0.002);
+  prior.focal.least = 1e-3;
+  EXPECT_LT(found(0.003), 1e-5);
+  EXPECT_GT(found(0.006), 0.005);
+}
+
+TEST(CalibrationPrior, ConcludesNothingFromNextToNothing) {
+  CalibrationPrior prior;
+  prior.focal.sigma = 3e-5;
+  const Solved s = solved_under(prior, prior.focal, 1, 0.05);  // 20 sigmas, but of a measurement that is rounding
+  look_far(s.covariance, prior.configured, s.calibration, prior);
+  EXPECT_EQ(prior.focal.found, 0);
 }
 
 TEST(CalibrationPrior, GoesWithNoFrameAndOnlyWhereItIsEstimated) {
   SyntheticWindow s = window_off_by(CalibrationTangent::Constant(0.01));
   EXPECT_GT(add_calibration_prior(*s.window, {3, false}, nullptr), 0);
   EXPECT_EQ(add_calibration_prior(*s.window, {3, true}, nullptr), 0);
-  s.window->calibration_prior.in_use = false;
+  s.window->calibration_prior = {};
   EXPECT_EQ(add_calibration_prior(*s.window, {3, false}, nullptr), 0);
 }
 

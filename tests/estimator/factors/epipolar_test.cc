@@ -90,7 +90,7 @@ class EpipolarFactorOn : public testing::TestWithParam<InstructionSet> {
 void expect_same(const VisualSystem& system, const Printed& printed, int frames) {
   EXPECT_NEAR(system.cost, printed.cost, 1e-10 * printed.cost);
   EXPECT_LT(scaled_difference(dense(system, frames), printed.H), 1e-6);
-  const VectorXd unit = printed.H.diagonal().cwiseSqrt().cwiseInverse();
+  const VectorXd unit = test::units(printed.H);
   EXPECT_LT((unit.asDiagonal() * (dense_rhs(system, frames) - printed.b)).norm(),
             1e-7 * (unit.asDiagonal() * printed.b).norm());
 }

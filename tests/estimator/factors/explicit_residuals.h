@@ -1,6 +1,7 @@
 #pragma once
 // Visual factors written down directly, their Jacobians numerical.
 #include <Eigen/Dense>
+#include <cmath>
 #include <initializer_list>
 
 #include "estimator/factors/visual.h"
@@ -89,9 +90,14 @@ inline Eigen::VectorXd dense_rhs(const VisualSystem& v, int frames) {
   return b;
 }
 
+/// 1 over what is known of each unknown; 1 where nothing is said of it.
+inline Eigen::VectorXd units(const Eigen::MatrixXd& H) {
+  return H.diagonal().unaryExpr([](double h) { return h > 0 ? 1 / std::sqrt(h) : 1; });
+}
+
 /// Largest difference of two matrices whose unknowns differ in unit, relative to the diagonal of the second.
 inline double scaled_difference(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
-  const Eigen::VectorXd unit = b.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::VectorXd unit = units(b);
   return (unit.asDiagonal() * (a - b) * unit.asDiagonal()).cwiseAbs().maxCoeff();
 }
 

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <random>
+#include <tuple>
 
 #include "estimator/geometry/so3.h"
 #include "estimator/monitor/suspicion.h"
@@ -161,6 +162,22 @@ TEST(Suspicions, AScaleIsNamed) {
   const Suspicions s = suspicions_of(agreement_of(made), made.R_BC, made.offset_s);
   EXPECT_EQ(raised(s), std::vector{Suspect::kScale});
   EXPECT_NEAR(one(s, Suspect::kScale).figure, 1.1, 0.01);
+  EXPECT_TRUE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s, 1.1)).empty())
+      << "the focal length found explains it";
+  EXPECT_FALSE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s, 0.9)).empty());
+}
+
+TEST(Suspicions, AFocalLengthThatIsAnotherIsARemark) {
+  for (const auto& [ratio, sigma, said] : {std::tuple{1.02, 1e-3, true},
+                                           {0.95, 1e-3, true},
+                                           {1.005, 1e-4, false},
+                                           {1.05, 0.02, false},
+                                           {1.05, 0.0, false}}) {
+    Suspicions s;
+    add_focal_length(ratio, sigma, s);
+    EXPECT_EQ(one(s, Suspect::kFocalLength).severity, said ? Severity::kNote : Severity::kNone)
+        << ratio << " " << sigma;
+  }
 }
 
 TEST(UnitsWatch, KnowsReadingsInGAndInDegrees) {

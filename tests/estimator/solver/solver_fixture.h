@@ -8,11 +8,12 @@
 
 namespace epiline::test {
 
-inline constexpr SolverSettings kEverything{.steps = 1, .estimate_time_offset = true, .estimate_extrinsics = true};
+inline constexpr SolverSettings kEverything{
+    .steps = 1, .estimate_time_offset = true, .estimate_extrinsics = true, .estimate_focal_length = true};
 
 inline CalibrationTangent calibration_sigmas() {
   CalibrationTangent s;
-  s << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01);
+  s << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01), 0.01;
   return s;
 }
 
@@ -23,7 +24,7 @@ inline VisualSettings quadratic(bool extrinsics) {
   s.sigma_inflation = 1;
   s.cauchy = 1e6;
   s.gate = false;
-  s.extrinsics = extrinsics;
+  s.extrinsics = s.focal = extrinsics;
   s.inner_steps = 12;
   s.converged = 0;
   return s;
