@@ -67,7 +67,10 @@ class LendingCamera final : public CameraSource {
   Status open() override { return Done{}; }
   void close() noexcept override {}
   ReadOutcome read(Frame& frame, Span timeout) noexcept override {
-    if (given == kImages || starved) return ReadOutcome::kEnd;
+    if (given == kImages || starved) {
+      over = true;
+      return ReadOutcome::kEnd;
+    }
     const std::size_t most_lent = given % pause_every == 0 ? 1 : buffers_.size() - 1;
     const std::int64_t began_ns = monotonic_ns();
     while (lent() > most_lent || given >= hold_at) {
@@ -100,7 +103,7 @@ class LendingCamera final : public CameraSource {
   }
 
   std::atomic<int> given{0}, returned{0}, returned_twice{0}, hold_at{kImages};
-  std::atomic<bool> starved{false};
+  std::atomic<bool> starved{false}, over{false};  ///< over: the last image was handed on
   int pause_every = 1 << 30;
 
  private:
@@ -110,7 +113,7 @@ class LendingCamera final : public CameraSource {
   };
 
   ReadOutcome tell_of_nothing(std::int64_t began_ns) {
-    constexpr std::int64_t kNever_ns = 20'000'000'000;
+    constexpr std::int64_t kNever_ns = 60'000'000'000;
     if (waiting_since_ns_ == 0) waiting_since_ns_ = began_ns;
     if (given >= hold_at || monotonic_ns() - waiting_since_ns_ < kNever_ns) return ReadOutcome::kTimeout;
     starved = true;
@@ -124,6 +127,7 @@ class LendingCamera final : public CameraSource {
 /// Looks at the pixels of every image it gets, for as long as it is made to.
 class Onlooker final : public FlightObserver {
  public:
+  void take(const FrameOutcome& outcome) noexcept override { newest = outcome.stamp; }
   bool wants_images() const noexcept override { return true; }
   void image(const Frame& frame) noexcept override {
     ++images;
@@ -136,6 +140,7 @@ class Onlooker final : public FlightObserver {
 
   std::atomic<bool> held{false};
   std::atomic<int> images{0}, spoilt{0};
+  HostStamp newest;  ///< of the images estimated
 
  private:
   Pixels expected_{};
@@ -146,7 +151,7 @@ struct Flight {
   explicit Flight(std::size_t buffers) : camera(buffers) {
     settings.camera = {CameraModel::kPinholeRadialTangential, kWidth, kHeight, {100, 100, 80, 60}, {}};
     settings.images_to_log = std::clamp(static_cast<int>(buffers) - 4, 0, 4);
-    settings.realtime.imu_wait_ms = 60'000;
+    settings.realtime.imu_wait_ms = 3.6e6;  // longer than any machine is busy
     settings.realtime.lock_memory = false;
     for (int* priority :
          {&settings.realtime.priority_imu, &settings.realtime.priority_capture, &settings.realtime.priority_publish,
@@ -208,18 +213,21 @@ TEST_P(LentImages, ComeBackFromAFlightStoppedInTheMiddle) {
   EXPECT_LT(flight.camera.given, kImages);
 }
 
-// The tracker waits for readings with one image in hand; four wait for it, the others leave for newer ones.
+// The tracker waits for readings with one image in hand; four wait for it, the others leave for newer ones. Which one
+// it has in hand is up to the machine: the first, a later one, or none if the tracker had no processor all the time.
 TEST(LentImages, OvertakenOnesComeBack) {
   Flight flight(6);
   flight.imu.held = true;
   flight.start();
-  flight.wait_until([&] { return flight.camera.given == kImages; });
-  EXPECT_GE(flight.camera.returned, kImages - 6);
+  flight.wait_until([&] { return flight.camera.over.load(); });
+  EXPECT_GE(flight.camera.returned, kImages - 5);
   flight.imu.held = false;
   const RealtimeReport report = flight.land();
   flight.expect_all_back();
-  EXPECT_EQ(report.frames_out, 2u) << "the first and the newest";
-  EXPECT_EQ(report.frames_overtaken, static_cast<std::uint64_t>(kImages) - 2);
+  EXPECT_GE(report.frames_out, 1u);
+  EXPECT_LE(report.frames_out, 5u);
+  EXPECT_EQ(flight.onlooker.newest, stamp_of(kImageEach * (kImages - 1)));
+  EXPECT_EQ(report.frames_out + report.frames_overtaken, static_cast<std::uint64_t>(kImages));
 }
 
 TEST(LentImages, ComeBackFromTheRingWhenTheTrackerIsStopped) {
@@ -237,15 +245,22 @@ TEST(LentImages, ComeBackFromTheRingWhenTheTrackerIsStopped) {
 TEST(LentImages, ComeBackFromObserversThatHoldThem) {
   Flight flight(6);
   ASSERT_EQ(flight.settings.images_to_log, 2);
+  constexpr int kEstimated = 20;  // one by one: none of them is overtaken
   flight.onlooker.held = true;
+  flight.camera.hold_at = 0;
   flight.start();
+  for (int k = 1; k <= kEstimated; ++k) {
+    flight.camera.hold_at = k;
+    flight.wait_until([&] { return flight.pipeline->frames_out() == static_cast<std::uint64_t>(k); });
+  }
+  flight.camera.hold_at = kImages;
   flight.wait_until([&] { return flight.onlooker.images == 1 && flight.camera.given == kImages; });
   EXPECT_FALSE(flight.camera.starved);
   flight.onlooker.held = false;
   const RealtimeReport report = flight.land();
   flight.expect_all_back();
   EXPECT_GE(flight.onlooker.images, 2);
-  EXPECT_GE(report.images_not_logged, 1u);
+  EXPECT_GE(report.images_not_logged, static_cast<std::uint64_t>(kEstimated) - 2);
   EXPECT_EQ(report.images_not_logged + static_cast<std::uint64_t>(flight.onlooker.images), report.frames_out);
 }
 

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -50,8 +51,8 @@ std::string hex_of(const Frame& frame) {
 class FlightRecorderTest : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::path(testing::TempDir()) /
-              ("epiline_recorder_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
+    folder_ = fs::path(testing::TempDir()) / ("epiline_recorder_" + std::to_string(getpid()) + "_" +
+                                              testing::UnitTest::GetInstance()->current_test_info()->name());
     fs::remove_all(folder_);
     config_.folder = folder_ / "records";
     config_.seconds = 4;
@@ -94,12 +95,18 @@ class FlightRecorderTest : public testing::Test {
   void fly_seconds(FlightRecorder& recorder, double seconds, HealthState state = HealthState::kTracking) {
     for (int i = 0; i < static_cast<int>(20 * seconds); ++i) fly(recorder, state);
   }
-  /// Until a record more is there, flying on.
-  void fly_until_written(FlightRecorder& recorder, std::size_t records) {
-    for (int i = 0; i < 10000 && count() < records; ++i) {
-      fly(recorder);
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  /// Until one more record is written or has failed, flying on for at most 5 s: the tape has no room for more while a
+  /// writer without a processor holds the record.
+  EventId fly_until_done(FlightRecorder& recorder) {
+    Event event;
+    for (int i = 0; !recorder.events().pop(event); ++i) {
+      if (i < 100)
+        fly(recorder);
+      else
+        recorder.pass(HostStamp{now_});
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
+    return event.id;
   }
   std::vector<fs::path> records() const {
     std::vector<fs::path> found;
@@ -186,7 +193,7 @@ TEST_F(FlightRecorderTest, RequestsInFlightAreWrittenWhileRecordingGoesOn) {
   fly_seconds(recorder, 10);
   for (std::size_t n = 1; n <= 5; ++n) {
     recorder.request();
-    fly_until_written(recorder, n);
+    ASSERT_EQ(fly_until_done(recorder), EventId::kRecordWritten);
     ASSERT_EQ(count(), n);
     fly_seconds(recorder, 0.3 * static_cast<double>(n));
   }
@@ -214,7 +221,7 @@ TEST_F(FlightRecorderTest, LostMakesARecordAfterAWhileAndNotTooOften) {
   fly(recorder, HealthState::kLost);
   fly_seconds(recorder, 0.9, HealthState::kLost);
   EXPECT_EQ(count(), 0u);
-  fly_until_written(recorder, 1);
+  ASSERT_EQ(fly_until_done(recorder), EventId::kRecordWritten);
   ASSERT_EQ(count(), 1u);
   const auto written = times(records().at(0) / "states.csv");
   EXPECT_EQ(records().at(0).filename(), "record-001-lost");
@@ -228,7 +235,7 @@ TEST_F(FlightRecorderTest, LostMakesARecordAfterAWhileAndNotTooOften) {
   EXPECT_EQ(count(), 1u);
   fly_seconds(recorder, 20);
   lose_and_fly(5);
-  fly_until_written(recorder, 2);
+  ASSERT_EQ(fly_until_done(recorder), EventId::kRecordWritten);
   fly_seconds(recorder, 50);
   lose_and_fly(5);  // the third
   recorder.finish(false);
@@ -279,7 +286,7 @@ TEST_F(FlightRecorderTest, ImagesAreKeptAsFarAsTheirMemoryGoes) {
   }
 }
 
-std::atomic<bool> disk_is_stuck{false};
+std::atomic<bool> disk_is_stuck{false}, disk_is_asked{false};
 
 // A disk that takes forever holds up the writing thread alone: the samples go on, images are lost once their spare room
 // is full, and the next record has what came meanwhile.
@@ -287,6 +294,7 @@ TEST_F(FlightRecorderTest, AStuckDiskCostsImagesAtMost) {
   config_.images = true;
   config_.image_memory_mib = 1;
   run_.png = [](const Frame&) {
+    disk_is_asked = true;
     while (disk_is_stuck) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     return std::string("image");
   };
@@ -294,12 +302,14 @@ TEST_F(FlightRecorderTest, AStuckDiskCostsImagesAtMost) {
   FlightRecorder recorder(config_, run_);
   fly_seconds(recorder, 30);
   recorder.request();
+  fly(recorder);
+  while (!disk_is_asked) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   fly_seconds(recorder, 30);
   recorder.request();  // kept in mind
   fly_seconds(recorder, 1);
   EXPECT_EQ(count(), 0u);
   disk_is_stuck = false;
-  fly_until_written(recorder, 2);
+  for (int i = 0; i < 2; ++i) ASSERT_EQ(fly_until_done(recorder), EventId::kRecordWritten);
   recorder.finish(false);
   ASSERT_EQ(recorder.report().written.size(), 2u);
   EXPECT_GT(recorder.report().lost, 0u);
@@ -312,8 +322,7 @@ TEST_F(FlightRecorderTest, WhereItCannotWriteItSaysSoAndFliesOn) {
   FlightRecorder recorder(config_, run_);
   fly_seconds(recorder, 5);
   recorder.request();
-  fly(recorder);
-  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  EXPECT_EQ(fly_until_done(recorder), EventId::kRecordFailed);
   fly_seconds(recorder, 5);
   fs::remove(config_.folder);  // and when it can again, it does
   recorder.finish(true);
@@ -322,9 +331,6 @@ TEST_F(FlightRecorderTest, WhereItCannotWriteItSaysSoAndFliesOn) {
   EXPECT_NE(recorder.report().failed[0].find("; expected a folder to write to"), std::string::npos);
   ASSERT_EQ(count(), 1u);
   expect_whole(records().at(0), 4);
-  Event event;
-  ASSERT_TRUE(recorder.events().pop(event));
-  EXPECT_EQ(event.id, EventId::kRecordFailed);
 }
 
 TEST_F(FlightRecorderTest, AFullDiskLeavesNoHalfARecord) {
