@@ -18,7 +18,7 @@ void BackEnd::Watch::begin(HostStamp frame, std::int64_t deadline) noexcept {
 void BackEnd::Watch::end() noexcept {
   phase(Phase::kNone);
   times.estimate = phase_began - step_began;
-  if (deadline_ns != kNoDeadline) times.late_ns = std::max<std::int64_t>(0, phase_began.wall_ns - deadline_ns);
+  times.late_ns = std::max<std::int64_t>(0, phase_began.wall_ns - deadline_ns);  // no clock goes past kNoDeadline
 }
 
 /// The solve gets what is left until the deadline when all the rest is done, and no more than it may take anyway.

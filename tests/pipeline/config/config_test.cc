@@ -93,6 +93,39 @@ TEST(Config, ASingleSettingThatIsWrongIsExplained) {
   EXPECT_NE(why("=3"), "taken");
 }
 
+// Limits that mean something: a full turn, the numbers that MAVLink and the kernel have, none at all.
+TEST(Config, LimitsThatTheFieldSetsAreTaken) {
+  struct Limit {
+    const char *name, *taken, *refused;
+  };
+  for (const Limit& l : {Limit{"body.roll_deg", "180", "180.001"},
+                         {"body.roll_deg", "-180", "-180.001"},
+                         {"body.pitch_deg", "180", "180.001"},
+                         {"body.pitch_deg", "-180", "-180.001"},
+                         {"body.yaw_deg", "180", "180.001"},
+                         {"body.yaw_deg", "-180", "-180.001"},
+                         {"mavlink.origin_latitude_deg", "90", "90.001"},
+                         {"mavlink.origin_latitude_deg", "-90", "-90.001"},
+                         {"mavlink.origin_longitude_deg", "180", "180.001"},
+                         {"mavlink.origin_longitude_deg", "-180", "-180.001"},
+                         {"mavlink.system", "255", "256"},
+                         {"mavlink.system", "1", "0"},
+                         {"mavlink.component", "255", "256"},
+                         {"mavlink.component", "1", "0"},
+                         {"tracker.min_correlation", "1", "1.001"},
+                         {"tracker.min_correlation", "-1", "-1.001"},
+                         {"realtime.priority_imu", "99", "100"},
+                         {"realtime.priority_imu", "0", "-1"},
+                         {"realtime.cpu_imu", "-1", "-2"},
+                         {"recorder.most", "0", "-1"},
+                         {"recorder.pause_s", "0", "-0.001"},
+                         {"recorder.after_lost_s", "0", "-0.001"}}) {
+    ConfigFile file;
+    EXPECT_TRUE(file.set(std::string(l.name) + "=" + l.taken)) << l.name << " = " << l.taken;
+    EXPECT_FALSE(file.set(std::string(l.name) + "=" + l.refused)) << l.name << " = " << l.refused;
+  }
+}
+
 TEST(Config, NamedValuesKeepTheirOrderHoweverTheyAreWritten) {
   for (const char* const text : {"[camera]\ncontrols = { zoom = 3, auto_exposure = 1, \"a b\" = -7 }\n",
                                  "[camera.controls]\nzoom = 3\nauto_exposure = 1\n\"a b\" = -7\n"}) {

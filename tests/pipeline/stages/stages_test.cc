@@ -144,5 +144,20 @@ TEST(BackEnd, TimesAStepOnBothClocks) {
   EXPECT_EQ(times.solve.cpu_ns + times.marginalise.cpu_ns, 0);
 }
 
+TEST(BackEnd, SaysHowLateAStepEnded) {
+  BackEnd stage(EstimatorConfig{}, {made_up_wall, made_up_cpu}, 0);
+  const auto late_ns = [&](double seconds, std::int64_t deadline_ns) {
+    TrackedFrame frame;
+    frame.stamp = at(seconds);
+    stage.step(frame, deadline_ns);
+    return stage.times().late_ns;
+  };
+  const std::int64_t deadline_ns = 1000 * wall_looks, late = late_ns(1, deadline_ns);
+  EXPECT_GT(late, 0);
+  EXPECT_EQ(late, 1000 * wall_looks - deadline_ns);
+  EXPECT_EQ(late_ns(2, 1000 * wall_looks + 1'000'000), 0);
+  EXPECT_EQ(late_ns(3, BackEnd::kNoDeadline), 0);
+}
+
 }  // namespace
 }  // namespace epiline

@@ -191,6 +191,18 @@ TEST(Tracker, ABlankImageEndsAllTracksAndALaterOneBeginsAgain) {
   for (const TrackedFeature& f : again.features) EXPECT_GE(f.id, count);
 }
 
+TEST(Tracker, EveryTrackThatWasTriedIsCountedOnce) {
+  Slide slide(320, 240);
+  const TrackerStats& s = slide.tracker.stats();
+  for (int k = 0; k < 10; ++k) slide.show(5, 3);
+  EXPECT_EQ(s.lost_flat, 0u) << "every feature of this world has texture";
+  for (double gain = 1; gain > 0.01; gain *= 0.7) slide.show(1, 1, gain, 100 * (1 - gain));
+  EXPECT_GT(s.lost_flat, 0u) << "until it fades";
+  slide.show(TestImage(320, 240));
+  EXPECT_EQ(s.tried, s.tracked + s.lost_border + s.lost_flat + s.lost_diverged + s.lost_correlation + s.lost_backward +
+                         s.rejected_near + s.rejected_wide);
+}
+
 TEST(Tracker, RefusesImagesThatAreNotTheCameras) {
   Slide slide(320, 240);
   slide.show(0, 0);

@@ -67,6 +67,16 @@ TEST(Silence, IsCountedInUsualPeriods) {
   EXPECT_EQ(silent_sensors(heard, at(1160)), bit(HealthReason::kImuSilent) | bit(HealthReason::kCameraSilent));
 }
 
+TEST(Silence, OfAFastSensorIsNotCountedBeforeABusyComputerCouldHaveHeardIt) {
+  LastHeard heard;
+  heard.heard_image(at(1000));
+  heard.heard_imu(at(1000));
+  EXPECT_EQ(silent_sensors(heard, at(1050)), 0U);
+  EXPECT_EQ(silent_sensors(heard, at(1051)), bit(HealthReason::kImuSilent));
+  EXPECT_EQ(silent_sensors(heard, at(1120)), bit(HealthReason::kImuSilent));
+  EXPECT_EQ(silent_sensors(heard, at(1121)), bit(HealthReason::kImuSilent) | bit(HealthReason::kCameraSilent));
+}
+
 TEST(Silence, DegradesAndThenLoses) {
   LastHeard heard;
   heard.heard_image(at(1000));
@@ -76,11 +86,16 @@ TEST(Silence, DegradesAndThenLoses) {
   EXPECT_EQ(h.state, HealthState::kDegraded);
   EXPECT_LE(h.quality, 50);
   EXPECT_EQ(h.reasons, bit(HealthReason::kImuSilent) | bit(HealthReason::kCameraSilent));
+  EXPECT_EQ(with_silence(kGood, heard, at(1500)).state, HealthState::kDegraded);
+  EXPECT_EQ(with_silence(kGood, heard, at(1501)).state, HealthState::kLost);
   h = with_silence(kGood, heard, at(1600));
   EXPECT_EQ(h.state, HealthState::kLost) << "without an IMU nothing can be said";
   EXPECT_EQ(h.quality, -1);
   heard.heard_imu(at(2900));
   EXPECT_EQ(with_silence(kGood, heard, at(2900)).state, HealthState::kDegraded) << "the IMU carries it";
+  heard.heard_imu(at(3000));
+  EXPECT_EQ(with_silence(kGood, heard, at(3000)).state, HealthState::kDegraded);
+  EXPECT_EQ(with_silence(kGood, heard, at(3001)).state, HealthState::kLost);
   heard.heard_imu(at(3100));
   EXPECT_EQ(with_silence(kGood, heard, at(3100)).state, HealthState::kLost);
   EXPECT_EQ(with_silence({}, heard, at(3100)).state, HealthState::kInitialising);

@@ -142,6 +142,37 @@ TEST(ImuGate, TheSameReadingAgainAndAgainIsStuck) {
   EXPECT_EQ(says(gate, reading(60)), 0U);
 }
 
+// Five in a row, and 20 ms: a slow sensor is stuck at the fifth, a fast one after the time.
+TEST(ImuGate, StuckTakesFiveReadingsAndTwentyMilliseconds) {
+  struct Case {
+    std::int64_t period_ms;
+    int well;  ///< readings before the first that is called stuck
+  };
+  for (const Case c : {Case{10, 4}, Case{5, 4}, Case{1, 20}}) {
+    ImuGate gate(kNoLimits);
+    for (int i = 0; i < 50; ++i) says(gate, reading(i));
+    const ImuSample first = reading(50);
+    for (int i = 0; i <= c.well; ++i) {
+      ImuSample r = first;
+      r.stamp = r.arrival = first.stamp + Span::from_milliseconds(i * c.period_ms);
+      EXPECT_EQ((says(gate, r) & bit(HealthReason::kImuStuck)) != 0, i == c.well) << c.period_ms << " ms, " << i;
+    }
+  }
+}
+
+TEST(ImuGate, AClockThatDriftsByMoreThanAHundredMillionthsIsNamed) {
+  for (const double ppm : {-110.0, -90.0, 90.0, 110.0}) {
+    ImuGate gate(kNoLimits);
+    std::uint32_t said = 0;
+    for (int i = 0; i < 4000; ++i) {
+      ImuSample r = reading(i, 1e-6);
+      r.stamp = r.arrival + Span{static_cast<std::int64_t>(1e-6 * ppm * static_cast<double>(i * kPeriod_ns))};
+      said |= says(gate, r);
+    }
+    EXPECT_EQ(said, std::abs(ppm) > 100 ? bit(HealthReason::kImuClockDrift) : 0U) << ppm;
+  }
+}
+
 TEST(ImuGate, AClockThatStepsIsTakenBackAndNamed) {
   ImuGate gate(kNoLimits);
   for (int i = 0; i < 200; ++i) {
