@@ -5,11 +5,17 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
+#include <iterator>
 #include <numbers>
+
+#include "platform/log/suspicion_names.h"
 
 namespace epiline {
 
 namespace {
+
+static_assert(std::size(kSuspectNames) == static_cast<std::size_t>(Suspect::kCount));
+static_assert(std::size(kSeverityNames) == static_cast<std::size_t>(Severity::kGross) + 1);
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr std::int8_t kAxisShift = 4;  // -3 to 3 become digits
@@ -80,6 +86,9 @@ std::string found(Suspect suspect, const Suspicion& s) {
 }
 
 }  // namespace
+
+const char* to_string(Suspect suspect) noexcept { return kSuspectNames[static_cast<std::size_t>(suspect)]; }
+const char* to_string(Severity severity) noexcept { return kSeverityNames[static_cast<std::size_t>(severity)]; }
 
 std::string text_of(Suspect suspect, const Suspicion& s) {
   return found(suspect, s) + (s.severity == Severity::kNote ? " (the flight corrects for it)" : "");

@@ -8,6 +8,10 @@
 
 namespace epiline {
 
+/// One word, the same in events.txt and stats.json.
+const char* to_string(Suspect suspect) noexcept;
+const char* to_string(Severity severity) noexcept;
+
 /// One sentence without a full stop: what was seen, and which number to look at.
 std::string text_of(Suspect suspect, const Suspicion& suspicion);
 

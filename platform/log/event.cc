@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <iterator>
 
+#include "platform/log/suspicion_names.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {
@@ -14,11 +15,6 @@ namespace {
 // The names of an enumeration's values, in its order. Those of the estimator's words are compared with it by a test.
 using Names = std::span<const char* const>;
 constexpr const char* kStartKinds[] = {"none", "given", "stationary", "moving", "carried"};
-constexpr const char* kSuspects[] = {"camera_rotation", "camera_rotation_inverted", "axes_mirrored",
-                                     "time_offset",     "gyroscope_units",          "rotation_scale",
-                                     "turns_unrelated", "accelerometer_units",      "misfit",
-                                     "gyroscope_noise", "accelerometer_noise",      "focal_length"};
-constexpr const char* kSeverities[] = {"none", "corrected", "suspect", "gross"};
 constexpr const char* kLoadLevels[] = {"full", "fewer_features", "fewer_iterations", "prediction_only"};
 constexpr const char* kSources[] = {"camera", "imu", "wheel", "odometry"};
 constexpr const char* kImageLosses[] = {"overtaken", "missed", "refused"};
@@ -65,7 +61,7 @@ constexpr Description kDescriptions[] = {
     {"ring_overflow", {one_of("ring", kRings), number("lost")}},
     {"record_written", {number("number"), one_of("reason", kRecordReasons)}},
     {"record_failed", {number("number"), one_of("reason", kRecordReasons), number("errno")}},
-    {"number_wrong", {one_of("what", kSuspects), one_of("severity", kSeverities), number("figure")}},
+    {"number_wrong", {one_of("what", kSuspectNames), one_of("severity", kSeverityNames), number("figure")}},
 };
 static_assert(std::size(kDescriptions) == static_cast<std::size_t>(EventId::kCount));
 

@@ -115,10 +115,11 @@ Json numbers_json(const FlightRecord& r) {
   for (std::size_t i = 0; i < r.estimator.suspicions.size(); ++i) {
     const Suspicion& s = r.estimator.suspicions[i];
     if (s.severity == Severity::kNone) continue;
-    constexpr const char* kSeverities[] = {"none", "corrected", "suspect", "gross"};
-    numbers.push_back({{"severity", kSeverities[static_cast<std::size_t>(s.severity)]},
+    const auto suspect = static_cast<Suspect>(i);
+    numbers.push_back({{"what", to_string(suspect)},
+                       {"severity", to_string(s.severity)},
                        {"figure", s.figure},
-                       {"text", text_of(static_cast<Suspect>(i), s)}});
+                       {"text", text_of(suspect, s)}});
   }
   return numbers;
 }

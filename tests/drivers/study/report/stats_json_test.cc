@@ -1,0 +1,26 @@
+// stats.json of made-up flights. What real flights write is looked at in tests/drivers/program.
+#include "drivers/study/report/stats_json.h"
+
+#include <gtest/gtest.h>
+
+namespace epiline {
+namespace {
+
+TEST(StatsJson, NamesEachWrongNumberWithAWordAndASentence) {
+  FlightRecord record;
+  EXPECT_EQ(stats_json(record, std::nullopt, {})["numbers_wrong"], Json::array());
+  Suspicions& suspicions = record.estimator.suspicions;
+  suspicions[static_cast<std::size_t>(Suspect::kTimeOffset)] = {Severity::kGross, -0.048, {}};
+  suspicions[static_cast<std::size_t>(Suspect::kGyroscopeNoise)] = {Severity::kNote, 40, {}};
+  const Json numbers = stats_json(record, std::nullopt, {})["numbers_wrong"];
+  ASSERT_EQ(numbers.size(), 2u);
+  EXPECT_EQ(numbers[0]["what"], "time_offset");
+  EXPECT_EQ(numbers[0]["severity"], "gross");
+  EXPECT_EQ(numbers[0]["figure"], -0.048);
+  EXPECT_NE(numbers[0]["text"].get<std::string>().find("late by 48 ms"), std::string::npos);
+  EXPECT_EQ(numbers[1]["what"], "gyroscope_noise");
+  EXPECT_EQ(numbers[1]["severity"], "corrected");
+}
+
+}  // namespace
+}  // namespace epiline
