@@ -362,7 +362,7 @@ TEST(Renderer, ExposureFollowsTheScene) {
   World world;
   world.panels.push_back(card({0, 0, 5}, 100, 100, 1));  // ahead
   world.panels.push_back(
-      {{0, 0, -5}, Vec3::UnitX(), Vec3::UnitY(), 100, 100, Material::kPaint, 1, {}, 0.25});  // behind
+      {{0, 0, -5}, Vec3::UnitX(), Vec3::UnitY(), 100, 100, Material::kPaint, 1, Vec2::Zero(), 0.25});  // behind
   UniformMotion m;
   m.omega_B = Vec3(0, 3.1415926, 0);
   m.R = so3_exp(Vec3(0, 1.5707963, 0));  // from ahead to behind in a second
