@@ -10,9 +10,9 @@ using namespace test;
 class EstimateStageTest : public StageTest {
  protected:
   EstimateStageTest() { make(EstimateStage::Log{*outcomes, *tracks, log}); }
-  void make(std::optional<EstimateStage::Log> to_log) {
+  void make(std::optional<EstimateStage::Log> to_log, double deadline_ms = 0) {
     stage = std::make_unique<EstimateStage>(
-        EstimateStageSettings{{}, 0, 0, Span::from_milliseconds(20)}, clock,
+        EstimateStageSettings{{}, 0, deadline_ms, Span::from_milliseconds(20)}, clock,
         EstimateStage::Inputs{*tracked, tracker_ended, *imu, imu_ended, speeds},
         EstimateStage::Outputs{knowledge, tracker, *events, &newest, &publisher, to_log});
   }
@@ -89,6 +89,19 @@ TEST_F(EstimateStageTest, ASilentImuIsWaitedForOnceAndItsEndNotAtAll) {
   run(*stage);
   EXPECT_EQ(stage->images(), 2u);
   EXPECT_EQ(stage->imu_late(), 1u);
+}
+
+TEST_F(EstimateStageTest, AnImageAfterItsDeadlineIsTold) {
+  make({}, 30);
+  feed(0, 200);
+  show(0);
+  to_ms(30);
+  run(*stage);
+  EXPECT_EQ(told(), Lines{}) << "just in time";
+  show(50);
+  to_ms(95);
+  run(*stage);
+  EXPECT_EQ(told(), Lines{"50 deadline_missed sequence=41 late_ns=15000000"});
 }
 
 TEST_F(EstimateStageTest, AnImageThatWaitsStaysInItsRing) {
