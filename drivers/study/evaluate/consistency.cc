@@ -13,25 +13,27 @@ namespace epiline {
 
 namespace {
 
-class Mean {
+/// The errors of one quantity with n degrees of freedom.
+template <int n>
+class Judgement {
  public:
-  void add(double value) {
-    sum_ += value;
-    ++count_;
-  }
-  /// Error squared over its covariance, per degree of freedom. A covariance that is none is left out.
-  template <int n>
+  /// A covariance that is none is left out.
   void add(const Eigen::Matrix<double, n, 1>& error, const Eigen::Matrix<double, n, n>& covariance) {
     const Eigen::LDLT<Eigen::Matrix<double, n, n>> P(covariance);
-    if (P.info() == Eigen::Success && P.isPositive() && P.vectorD().minCoeff() > 0) add(error.dot(P.solve(error)) / n);
+    if (P.info() != Eigen::Success || !P.isPositive() || !(P.vectorD().minCoeff() > 0)) return;
+    const double normalised_squared = error.dot(P.solve(error));
+    sum_ += normalised_squared / n;
+    counter_.add(normalised_squared);
   }
-  std::optional<double> value() const {
-    return count_ > 0 ? std::optional(sum_ / static_cast<double>(count_)) : std::nullopt;
+  CalibrationCurve curve() const { return counter_.curve(); }
+  std::optional<double> nees() const {
+    const std::size_t errors = curve().errors;
+    return errors > 0 ? std::optional(sum_ / static_cast<double>(errors)) : std::nullopt;
   }
 
  private:
   double sum_ = 0;
-  std::size_t count_ = 0;
+  CurveCounter counter_{n};
 };
 
 /// Turns the reference into the estimate's world.
@@ -69,6 +71,10 @@ Vec3 velocity_at(const Trajectory& reference, HostStamp stamp) {
 
 }  // namespace
 
+CalibrationCurves pooled(const CalibrationCurves& a, const CalibrationCurves& b) {
+  return {pooled(a.position, b.position), pooled(a.yaw, b.yaw), pooled(a.velocity, b.velocity), pooled(a.tilt, b.tilt)};
+}
+
 double yaw_error(const TimedPose& estimate, const TimedPose& reference) {
   return yaw_of((reference.q_WB * estimate.q_WB.conjugate()).toRotationMatrix());
 }
@@ -87,7 +93,9 @@ Consistency consistency(const std::vector<PosePair>& pairs, const Trajectory& es
   const Span max_gap = longest_gap(reference);
   const bool velocities =
       estimate.v_WB_m_s.size() == estimate.poses.size() && reference.v_WB_m_s.size() == reference.poses.size();
-  Mean position, yaw, velocity, tilt;
+  Judgement<3> position, velocity;
+  Judgement<2> tilt;
+  Judgement<1> yaw;
   std::optional<Gauge> gauge;
   const PoseUncertainty* last = nullptr;
   for (const PosePair& pair : pairs) {
@@ -96,15 +104,19 @@ Consistency consistency(const std::vector<PosePair>& pairs, const Trajectory& es
     last = &u;
     if (!gauge || pair.estimate.stamp == gauge->estimate.stamp) continue;  // no error by definition: does not count
     const TimedPose &e = pair.estimate, &r = pair.reference;
-    position.add<3>(gauge->position(r.p_WB) - e.p_WB, u.position);
+    position.add(gauge->position(r.p_WB) - e.p_WB, u.position);
     if (velocities)
-      velocity.add<3>(gauge->R * velocity_at(reference, e.stamp) - estimate.v_WB_m_s[pair.index], u.velocity);
+      velocity.add(gauge->R * velocity_at(reference, e.stamp) - estimate.v_WB_m_s[pair.index], u.velocity);
     const Vec3 turn = so3_log(gauge->R * r.q_WB.toRotationMatrix() * e.q_WB.toRotationMatrix().transpose());
-    tilt.add<2>(turn.head<2>(), u.tilt);
+    tilt.add(turn.head<2>(), u.tilt);
     const double heading = std::remainder(yaw_error(e, r) - gauge->heading, 2 * std::numbers::pi);
-    if (u.yaw_variance > 0) yaw.add(heading * heading / u.yaw_variance);
+    yaw.add(Eigen::Matrix<double, 1, 1>(heading), Eigen::Matrix<double, 1, 1>(u.yaw_variance));
   }
-  return {position.value(), yaw.value(), velocity.value(), tilt.value()};
+  return {position.nees(),
+          yaw.nees(),
+          velocity.nees(),
+          tilt.nees(),
+          {position.curve(), yaw.curve(), velocity.curve(), tilt.curve()}};
 }
 
 }  // namespace epiline

@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "drivers/study/evaluate/calibration_curve.h"
 #include "pipeline/text/trajectory.h"
 
 namespace epiline {
@@ -35,10 +36,16 @@ struct PosePair {
   std::size_t index = 0;  ///< of the estimate in its trajectory
 };
 
-/// Normalised estimation errors squared: means over the poses, per degree of freedom; 1 where the covariance tells the
-/// truth.
+struct CalibrationCurves {
+  CalibrationCurve position, yaw, velocity, tilt;
+};
+CalibrationCurves pooled(const CalibrationCurves& a, const CalibrationCurves& b);
+
+/// Normalised estimation errors squared: means over the poses, per degree of freedom, 1 where the covariance tells the
+/// truth; and how they are distributed.
 struct Consistency {
   std::optional<double> position, yaw, velocity, tilt;
+  CalibrationCurves curves;
 };
 
 /// Poses of segments without an origin, or with an origin outside the reference, are not judged. Velocities are judged

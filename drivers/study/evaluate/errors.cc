@@ -26,7 +26,7 @@ std::vector<double> path_lengths(const std::vector<PosePair>& pairs) {
   return length;
 }
 
-/// Error of the motion from pair `a` to pair `b`, in the body frame at `b`.
+/// Error of the motion from pair `a` to pair `b`, seen from the body at `a`.
 void relative_error(const PosePair& a, const PosePair& b, double& translation_m, double& rotation_rad) {
   const auto motion = [](const TimedPose& from, const TimedPose& to, Vec3& p, Eigen::Quaterniond& q) {
     p = from.q_WB.conjugate() * (to.p_WB - from.p_WB);
@@ -70,6 +70,33 @@ std::vector<RelativeError> relative_errors(const std::vector<PosePair>& pairs, c
       list.push_back(e);
     }
   }
+}
+
+/// Each pair with the first one that is `seconds` later; none where that is more than a twentieth too late.
+MotionError motion_error(double seconds, const std::vector<PosePair>& pairs) {
+  constexpr double kJitter_s = 0.01;
+  std::vector<double> translations_m, rotations_deg;
+  std::size_t j = 0;
+  for (const PosePair& from : pairs) {
+    const auto age = [&](const PosePair& to) { return (to.estimate.stamp - from.estimate.stamp).seconds(); };
+    while (j < pairs.size() && age(pairs[j]) < seconds - kJitter_s) ++j;
+    if (j == pairs.size()) break;
+    if (age(pairs[j]) > 1.05 * seconds) continue;
+    double translation_m = 0, rotation_rad = 0;
+    relative_error(from, pairs[j], translation_m, rotation_rad);
+    translations_m.push_back(translation_m);
+    rotations_deg.push_back(rotation_rad / kDegree);
+  }
+  return {seconds, summarise(std::move(translations_m)), summarise(std::move(rotations_deg))};
+}
+
+std::vector<MotionError> motion_errors(const std::vector<PosePair>& pairs) {
+  std::vector<MotionError> list;
+  for (const double seconds : {1.0, 5.0, 20.0}) {
+    MotionError e = motion_error(seconds, pairs);
+    if (e.translation_m.count > 0) list.push_back(e);
+  }
+  return list;
 }
 
 /// Mean yaw error of the pairs between two times, as a change against `zero`, so that angles near pi do not cancel.
@@ -159,6 +186,7 @@ TrajectoryErrors evaluate(const Trajectory& estimate, const Trajectory& referenc
   const std::vector<double> length = path_lengths(pairs);
   errors.path_length_m = length.back();
   errors.rpe = relative_errors(pairs, length);
+  errors.motion = motion_errors(pairs);
   if (!claims.poses.empty()) errors.nees = consistency(pairs, estimate, reference, claims);
   return errors;
 }

@@ -29,6 +29,12 @@ struct RelativeError {
   std::size_t pairs = 0;
 };
 
+/// Errors of the motion over one length of time, seen from the body at its beginning. They depend on no alignment.
+struct MotionError {
+  double seconds = 0;
+  Summary translation_m, rotation_deg;
+};
+
 struct TrajectoryErrors {
   std::size_t poses = 0;                          ///< estimated poses with a reference
   double path_length_m = 0;                       ///< of the reference over these poses
@@ -36,6 +42,7 @@ struct TrajectoryErrors {
   double scale_error = 0;                         ///< estimated over true length, minus 1
   double yaw_drift_deg = 0;                       ///< yaw error over the last second minus over the first
   std::vector<RelativeError> rpe;                 ///< over 1, 2, 5, 10, 20, ... m, as far as the path reaches
+  std::vector<MotionError> motion;                ///< over 1, 5 and 20 s, as far as the flight reaches
   Consistency nees;                               ///< of what the estimator claimed; empty without claims
   const Summary& ate(Alignment alignment) const;
 };

@@ -4,12 +4,49 @@ namespace epiline {
 
 namespace {
 Json or_null(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
+
+Json motion_json(const std::vector<MotionError>& motion) {
+  Json list = Json::array();
+  for (const MotionError& m : motion) {
+    list.push_back({{"seconds", m.seconds},
+                    {"translation_m", to_json(m.translation_m)},
+                    {"rotation_deg", to_json(m.rotation_deg)},
+                    {"pairs", m.translation_m.count}});
+  }
+  return list;
+}
+
+CalibrationCurve curve_at(const Json& stats, const std::string& quantity) {
+  const Json::json_pointer at("/error/calibration_curve/" + quantity);
+  CalibrationCurve curve;
+  if (!stats.contains(at) || !stats.at(at).is_object()) return curve;
+  curve.errors = stats.at(at).value("errors", curve.errors);
+  curve.share = stats.at(at).value("share", curve.share);
+  return curve;
+}
 }  // namespace
+
+CalibrationCurves curves_of(const Json& stats) {
+  return {curve_at(stats, "position"), curve_at(stats, "yaw"), curve_at(stats, "velocity"), curve_at(stats, "tilt")};
+}
 
 Json to_json(const Summary& s) {
   if (s.count == 0)
     return {{"rmse", nullptr}, {"mean", nullptr}, {"median", nullptr}, {"p95", nullptr}, {"max", nullptr}};
   return {{"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median}, {"p95", s.p95}, {"max", s.max}};
+}
+
+Json to_json(const CalibrationCurve& curve) {
+  if (curve.errors == 0) return nullptr;
+  return {{"errors", curve.errors}, {"share", curve.share}};
+}
+
+Json to_json(const CalibrationCurves& curves) {
+  return {{"probability", kClaimedProbabilities},
+          {"position", to_json(curves.position)},
+          {"yaw", to_json(curves.yaw)},
+          {"velocity", to_json(curves.velocity)},
+          {"tilt", to_json(curves.tilt)}};
 }
 
 Json to_json(const TrajectoryErrors& e) {
@@ -30,10 +67,12 @@ Json to_json(const TrajectoryErrors& e) {
           {"scale_error", any ? Json(e.scale_error) : Json(nullptr)},
           {"yaw_drift_deg", any ? Json(e.yaw_drift_deg) : Json(nullptr)},
           {"rpe", std::move(rpe)},
+          {"motion", motion_json(e.motion)},
           {"nees_position", or_null(e.nees.position)},
           {"nees_yaw", or_null(e.nees.yaw)},
           {"nees_velocity", or_null(e.nees.velocity)},
-          {"nees_tilt", or_null(e.nees.tilt)}};
+          {"nees_tilt", or_null(e.nees.tilt)},
+          {"calibration_curve", to_json(e.nees.curves)}};
 }
 
 }  // namespace epiline

@@ -302,6 +302,7 @@ Json errors_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& e
   if (!errors) {
     json["poses"] = nullptr;
     json["rpe"] = nullptr;
+    json["motion"] = nullptr;
   } else {
     json["coverage"] = or_null(coverage(r));
   }

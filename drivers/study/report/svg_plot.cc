@@ -65,7 +65,7 @@ std::string tick_text(double v, double step) {
 std::string y_axis(const Frame2& f, const std::string& label) {
   std::string s;
   const double bottom = f.size.height - kBottom, right = f.size.width - kRight;
-  const double y_step = tick_step(f.y.length(), 5);
+  const double y_step = tick_step(f.y.length(), static_cast<int>(f.size.height / 50));
   for (double v = std::ceil(f.y.low / y_step) * y_step; v <= f.y.high; v += y_step) {
     s += fmt::format(
         R"(<path class="grid" d="M{0} {1:.1f}H{2}"/><text class="tick" x="{3}" y="{4:.1f}" text-anchor="end">{5}</text>)",
@@ -188,7 +188,7 @@ std::string legend(const std::vector<PlotLine>& lines, PlotSize size) {
     if (line->label.empty()) continue;
     s += fmt::format(R"(<text class="legend" x="{:.0f}" y="{}" text-anchor="end">{}</text>)", x, kTop - 9,
                      escaped(line->label));
-    x -= 6.3 * static_cast<double>(line->label.size()) + 4;
+    x -= 6 * static_cast<double>(line->label.size()) + 12;
     s += fmt::format(R"(<path class="line {}" d="M{:.0f} {}h-16"/>)", line->style, x, kTop - 13);
     x -= 28;
   }

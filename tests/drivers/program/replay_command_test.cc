@@ -90,8 +90,8 @@ TEST_F(MadeUpFlight, EveryPromisedFieldIsThere) {
       {"tracks", {"per_image_mean", "length_mean", "rejected_share"}},
       {"memory", {"peak_rss_mib", "heap_allocations_after_start", "page_faults_after_start"}},
       {"error",
-       {"poses", "coverage", "ate_4dof_m", "ate_se3_m", "ate_sim3_m", "scale_error", "yaw_drift_deg", "rpe",
-        "nees_position", "nees_yaw", "nees_tilt", "nees_velocity"}}};
+       {"poses", "coverage", "ate_4dof_m", "ate_se3_m", "ate_sim3_m", "scale_error", "yaw_drift_deg", "rpe", "motion",
+        "nees_position", "nees_yaw", "nees_tilt", "nees_velocity", "calibration_curve"}}};
   EXPECT_EQ(s["schema"], 1);
   EXPECT_TRUE(s.contains("resets"));
   EXPECT_TRUE(s.contains("realtime"));

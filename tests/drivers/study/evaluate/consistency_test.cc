@@ -87,6 +87,55 @@ TEST_F(Drawn, NeesIsFourWhereErrorsAreTwiceWhatIsClaimed) {
   EXPECT_NEAR(*c.tilt, 4, 0.28);
 }
 
+/// Share of errors within the region of probability `claimed` if their standard deviations are `ratio` times the
+/// claimed ones: from the chi distribution's density y^(n-1) exp(-y^2/2), summed over small steps.
+double expected_share(int n, double claimed, double ratio) {
+  constexpr double kStep = 1e-4;
+  const auto density = [&](double y) { return std::pow(y, n - 1) * std::exp(-y * y / 2); };
+  double whole = 0, sum = 0, edge = 0;
+  for (double y = kStep / 2; y < 12; y += kStep) whole += density(y);
+  for (; sum < claimed * whole; edge += kStep) sum += density(edge + kStep / 2);
+  double inside = 0;
+  for (double y = kStep / 2; y < edge / ratio; y += kStep) inside += density(y);
+  return inside / whole;
+}
+
+/// Within four standard deviations of what so many independent draws give.
+void expect_curve(const CalibrationCurve& curve, int n, double ratio) {
+  ASSERT_GT(curve.errors, 2900u);
+  for (std::size_t i = 0; i < curve.share.size(); ++i) {
+    const double share = expected_share(n, kClaimedProbabilities[i], ratio);
+    const double sigma = std::sqrt(share * (1 - share) / static_cast<double>(curve.errors));
+    EXPECT_NEAR(curve.share[i], share, 4 * sigma) << n << " degrees of freedom, " << kClaimedProbabilities[i];
+  }
+}
+
+void expect_curves(const Consistency& c, double ratio) {
+  expect_curve(c.curves.position, 3, ratio);
+  expect_curve(c.curves.velocity, 3, ratio);
+  expect_curve(c.curves.tilt, 2, ratio);
+  expect_curve(c.curves.yaw, 1, ratio);
+}
+
+TEST_F(Drawn, CalibrationCurveIsTheDiagonal) {
+  EXPECT_NEAR(expected_share(3, 0.3, 1), 0.3, 1e-3);
+  expect_curves(result(), 1);
+}
+
+TEST_F(Drawn, CalibrationCurveShiftsAsTheChiSquareDistributionSays) {
+  const std::vector<PoseUncertainty> honest = claims.poses;
+  for (const double ratio : {2.0, 0.5}) {  // errors over claimed standard deviations
+    claims.poses = honest;
+    for (PoseUncertainty& u : claims.poses) {
+      u.position /= ratio * ratio;
+      u.yaw_variance /= ratio * ratio;
+      u.velocity /= ratio * ratio;
+      u.tilt /= ratio * ratio;
+    }
+    expect_curves(result(), ratio);
+  }
+}
+
 TEST_F(Drawn, AnOriginMayLieBetweenReferences) {
   const HostStamp between = truth.poses[kOriginIndex].stamp + Span::from_milliseconds(25);
   TimedPose origin;
@@ -151,7 +200,7 @@ TEST(ConsistencyOfDrift, NeesIsOneOverManyFlightsThatStartInMotion) {
   constexpr int kFlights = 1000;
   const Trajectory truth = circling();
   std::mt19937 random(11);
-  Consistency mean{0, 0, 0, 0};
+  Consistency mean{0, 0, 0, 0, {}};
   for (int flight = 0; flight < kFlights; ++flight) {
     const Walking walking(truth, static_cast<std::size_t>(flight), 80, random);
     const Consistency c = evaluate(walking.estimate, truth, walking.claims).nees;

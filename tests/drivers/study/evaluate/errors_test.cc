@@ -136,6 +136,24 @@ TEST_P(ErrorsOfSeed, RelativeErrorsAgreeWithADoubleLoopOverMatrices) {
   }
 }
 
+TEST_P(ErrorsOfSeed, MotionErrorsAgreeWithADoubleLoopOverMatrices) {
+  ASSERT_EQ(errors.motion.size(), 3u);
+  for (const auto& [e, images] : {std::pair{errors.motion[0], 20}, {errors.motion[1], 100}, {errors.motion[2], 400}}) {
+    EXPECT_EQ(e.seconds, 0.05 * images);
+    std::vector<double> translations, rotations;
+    for (std::size_t i = 0, j = static_cast<std::size_t>(images); j < truth.poses.size(); ++i, ++j) {
+      const Eigen::Matrix4d motion = matrix(estimate.poses[i]).inverse() * matrix(estimate.poses[j]);
+      const Eigen::Matrix4d true_motion = matrix(truth.poses[i]).inverse() * matrix(truth.poses[j]);
+      translations.push_back((motion - true_motion).topRightCorner<3, 1>().norm());
+      const Eigen::Matrix3d R = true_motion.topLeftCorner<3, 3>().transpose() * motion.topLeftCorner<3, 3>();
+      rotations.push_back(Eigen::AngleAxisd(R).angle() * 180 / kPi);
+    }
+    ASSERT_EQ(e.translation_m.count, translations.size());
+    expect_summary(e.translation_m, translations);
+    expect_summary(e.rotation_deg, rotations);
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Seeds, ErrorsOfSeed, testing::Range(1u, 9u));
 
 TEST(Errors, YawDriftIsTheSlopeTimesTheTimeAlsoAcrossHalfATurn) {
@@ -149,6 +167,18 @@ TEST(Errors, YawDriftIsTheSlopeTimesTheTimeAlsoAcrossHalfATurn) {
     EXPECT_NEAR(evaluate(estimate, truth).yaw_drift_deg, -0.01 * 19 * 180 / kPi,
                 1e-6);  // means of the first and last second
   }
+}
+
+TEST(Errors, MotionIsJudgedOverLengthsThatTheEstimateHas) {
+  const Trajectory truth = flight(5, 801);  // 40 s
+  const Trajectory whole = drifted(truth, 6);
+  Trajectory sparse;  // every 0.7 s: nothing is about 1 s or 5 s later, but 20.3 s
+  for (std::size_t i = 0; i < whole.poses.size(); i += 14) sparse.poses.push_back(whole.poses[i]);
+  const TrajectoryErrors e = evaluate(sparse, truth);
+  ASSERT_EQ(e.motion.size(), 1u);
+  EXPECT_EQ(e.motion[0].seconds, 20);
+  EXPECT_EQ(e.motion[0].translation_m.count, sparse.poses.size() - 29);
+  EXPECT_TRUE(evaluate(flight(5, 10), truth).motion.empty());
 }
 
 TEST(Associate, InterpolatesAndLeavesOutGapsAndTheOutside) {

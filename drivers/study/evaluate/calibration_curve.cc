@@ -1,0 +1,36 @@
+#include "drivers/study/evaluate/calibration_curve.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace epiline {
+
+CalibrationCurve pooled(const CalibrationCurve& a, const CalibrationCurve& b) {
+  CalibrationCurve sum{a.errors + b.errors, {}};
+  for (std::size_t i = 0; i < sum.share.size() && sum.errors > 0; ++i) {
+    sum.share[i] = (a.share[i] * static_cast<double>(a.errors) + b.share[i] * static_cast<double>(b.errors)) /
+                   static_cast<double>(sum.errors);
+  }
+  return sum;
+}
+
+double chi_square_probability(int degrees_of_freedom, double x) {
+  if (degrees_of_freedom == 2) return -std::expm1(-x / 2);
+  const double one = std::erf(std::sqrt(x / 2));
+  return degrees_of_freedom == 1 ? one : one - std::sqrt(2 * x / std::numbers::pi) * std::exp(-x / 2);
+}
+
+void CurveCounter::add(double normalised_squared) {
+  ++errors_;
+  const double claimed = chi_square_probability(degrees_of_freedom_, normalised_squared);
+  for (std::size_t i = 0; i < inside_.size(); ++i) inside_[i] += claimed <= kClaimedProbabilities[i];
+}
+
+CalibrationCurve CurveCounter::curve() const {
+  CalibrationCurve curve{errors_, {}};
+  for (std::size_t i = 0; i < inside_.size() && errors_ > 0; ++i)
+    curve.share[i] = static_cast<double>(inside_[i]) / static_cast<double>(errors_);
+  return curve;
+}
+
+}  // namespace epiline
