@@ -1,5 +1,6 @@
 #include "drivers/study/report/outputs.h"
 
+#include "drivers/study/evaluate/odometry_file.h"
 #include "drivers/study/report/report.h"
 #include "drivers/study/report/stats_json.h"
 #include "pipeline/text/table.h"
@@ -17,7 +18,9 @@ Result<std::optional<TrajectoryErrors>> write_report(const FlightRecord& record,
 
 Result<std::optional<TrajectoryErrors>> write_outputs(const FlightRecord& record, const std::filesystem::path& folder) {
   if (const Status s = make_folder(folder); !s) return s.error();
-  if (const Status s = write_text(folder / "trajectory.tum", tum_text(trajectory_of(record))); !s) return s.error();
+  const ClaimedTrajectory odometry{trajectory_of(record), claims_of(record)};
+  if (const Status s = write_text(folder / "trajectory.tum", tum_text(odometry.trajectory)); !s) return s.error();
+  if (const Status s = write_text(folder / "odometry.csv", odometry_text(odometry)); !s) return s.error();
   if (record.realtime && record.realtime->predicted) {
     const std::string text = tum_text(record.realtime->predicted->trajectory);
     if (const Status s = write_text(folder / "odometry_imu_rate.tum", text); !s) return s.error();

@@ -308,6 +308,18 @@ TEST_F(RecordedFlight, TwoReplaysOfImagesAgreeBitByBitAndAreAccurate) {
                                  (data / "euroc_MH_01/mav0/state_groundtruth_estimate0/data.csv").string() + "'");
   ASSERT_EQ(evaluation.exit_code, 0) << evaluation.err;
   EXPECT_NEAR(Json::parse(evaluation.out)["ate_4dof_m"]["rmse"], s["error"]["ate_4dof_m"]["rmse"], 1e-6);
+  // What the estimator claims is in odometry.csv.
+  EXPECT_TRUE(Json::parse(evaluation.out)["nees_position"].is_null());
+  const std::string files = " '" + (scratch() / "a/odometry.csv").string() + "' '" +
+                            (data / "euroc_MH_01/mav0/state_groundtruth_estimate0/data.csv").string() + "'";
+  const Json judged = Json::parse(run("evaluate --json" + files).out);
+  for (const char* key : {"nees_position", "nees_yaw", "nees_tilt", "nees_velocity"})
+    EXPECT_NEAR(judged[key], s["error"][key], 1e-5 * s["error"][key].get<double>()) << key;
+  const Json &curve = judged["calibration_curve"]["yaw"], &wanted = s["error"]["calibration_curve"]["yaw"];
+  EXPECT_EQ(curve["errors"], wanted["errors"]);
+  EXPECT_NEAR(curve["share"][4], wanted["share"][4], 0.02);  // rounding may move a pose or two over the edge
+  const std::string text = run("evaluate" + files).out;
+  EXPECT_NE(text.find("\nclaimed        NEES  10  20 "), std::string::npos) << text;
 }
 
 TEST_F(RecordedFlight, RecordedTracksNeedNoImages) {
