@@ -40,9 +40,15 @@ void add_benchmark(CLI::App& app, int& exit_code) {
       ->delimiter(',')
       ->check(CLI::IsMember(kVisualFactorNames))
       ->capture_default_str();
-  command->add_option("--repeat", o->repeat, "number of runs of each")
-      ->check(CLI::Range(1, 10000))
-      ->capture_default_str();
+  CLI::Option* const repeat = command->add_option("--repeat", o->repeat, "number of runs of each")
+                                  ->check(CLI::Range(1, 10000))
+                                  ->capture_default_str();
+  command
+      ->add_option("--ensemble", o->ensemble,
+                   "number of runs of each that differ by nothing that matters: each starts one image later; prints "
+                   "medians with spreads, and whether the covariance covers the errors")
+      ->check(CLI::Range(2, 1000))
+      ->excludes(repeat);
   command->add_option("--jobs", o->jobs, "number of runs at the same time; 1 gives the cleanest times")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();

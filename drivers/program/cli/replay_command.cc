@@ -170,6 +170,11 @@ void add_replay(CLI::App& app, int& exit_code) {
       ->needs(realtime);
   command->add_option("--shift-images", o->replay.shift_images_ms,
                       "ms to add to the timestamps of the images, for tests");
+  command
+      ->add_option("--perturb", o->replay.perturb,
+                   "leave out this many images at the beginning and let the accelerometer measure as many times 1e-7 "
+                   "more; nothing that matters, so the change of the errors is chance (benchmark --ensemble)")
+      ->check(CLI::Range(0, 1000));
   command->add_option("--fault", o->faults, fault_help());
   command->add_flag("--quiet", o->quiet, "print errors only");
   command->callback([o, &exit_code] { exit_code = replay_command(*o); });

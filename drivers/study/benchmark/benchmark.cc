@@ -49,7 +49,8 @@ void make_unique(std::vector<BenchmarkDataset>& datasets) {
 /// Repetitions outermost and factors innermost: what is compared runs close together in time.
 std::vector<BenchmarkRun> plan(const BenchmarkOptions& options, const std::vector<BenchmarkDataset>& datasets) {
   std::vector<BenchmarkRun> runs;
-  for (int repetition = 1; repetition <= options.repeat; ++repetition) {
+  const int repetitions = options.ensemble > 0 ? options.ensemble : options.repeat;
+  for (int repetition = 1; repetition <= repetitions; ++repetition) {
     for (std::size_t d = 0; d < datasets.size(); ++d) {
       for (std::size_t f = 0; f < options.factors.size(); ++f) {
         BenchmarkRun run;
@@ -69,6 +70,8 @@ ProcessJob job_of(const BenchmarkOptions& options, const BenchmarkRun& run) {
   ProcessJob job{{"replay", options.datasets[run.dataset].string(), "--visual-factor", options.factors[run.factor],
                   "--camera", options.camera, "--out", folder.string(), "--quiet"},
                  folder};
+  if (options.ensemble > 0)
+    job.arguments.insert(job.arguments.end(), {"--perturb", std::to_string(run.repetition - 1)});
   if (!options.config_file.empty())
     job.arguments.insert(job.arguments.end(), {"--config", options.config_file.string()});
   return job;
@@ -127,6 +130,7 @@ Result<BenchmarkRecord> run_benchmark(const BenchmarkOptions& options,
   record.camera = options.camera;
   record.config = options.config_file.string();
   record.repeat = options.repeat;
+  record.ensemble = options.ensemble;
   record.jobs = options.jobs;
   record.factors = options.factors;
   for (const fs::path& path : options.datasets) record.datasets.push_back(named(path));

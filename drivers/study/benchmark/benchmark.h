@@ -14,6 +14,7 @@ struct BenchmarkOptions {
   std::vector<std::filesystem::path> datasets;
   std::vector<std::string> factors;
   int repeat = 1, jobs = 1;           ///< jobs: replays side by side
+  int ensemble = 0;                   ///< if above zero: so many runs, perturbed by 0, 1, ..., in place of `repeat`
   std::filesystem::path config_file;  ///< empty: defaults
   std::string camera = "cam0";
   std::filesystem::path out;  ///< the runs leave their files in `out/runs`

@@ -188,6 +188,14 @@ Result<FlightRecord> replay_in_one_thread(const AslDataset& dataset, const Fligh
   return flight.finish();
 }
 
+void perturb(int times, AslDataset& dataset, FlightPlan& plan) {
+  const std::size_t out = std::min(static_cast<std::size_t>(times), plan.images.size());
+  plan.images.erase(plan.images.begin(), plan.images.begin() + static_cast<std::ptrdiff_t>(out));
+  plan.chosen -= out;
+  for (ImuSample& sample : dataset.imu_samples)
+    for (double& f : sample.specific_force_m_s2) f *= 1 + 1e-7 * times;
+}
+
 }  // namespace
 
 Result<ReplayResult> replay(const ReplayOptions& options,
@@ -209,7 +217,8 @@ Result<ReplayResult> replay(const ReplayOptions& options,
   fill_config(*dataset, file ? &*file : nullptr, options, config);
   if (options.loop_s) loop_flight(*dataset, *options.loop_s);
   try {
-    const FlightPlan plan = plan_flight(*dataset, options);
+    FlightPlan plan = plan_flight(*dataset, options);
+    perturb(options.perturb, *dataset, plan);
     if (plan.images.empty()) {
       return Error{ErrorKind::kUsage, options.dataset.string(), 0, "no image between --start and --duration",
                    "a shorter --start or a longer --duration"};

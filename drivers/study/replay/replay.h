@@ -28,9 +28,12 @@ struct ReplayOptions : FlightPart {
   bool imu_rate = false;                   ///< in threads: keep the odometry of every IMU reading
   std::vector<Fault> faults;               ///< what goes wrong with the sensors on the way
   std::function<void(AslDataset&)> alter;  ///< changes readings, stamps or calibration before the flight; may be empty
-  OdometrySink* odometry = nullptr;        ///< gets what is published; in one thread the estimate of each image
-  FlightView* view = nullptr;              ///< shows a flight in threads while it goes on; open, not started
-  std::filesystem::path record_folder;     ///< of the flight recorder, in threads only; wins over the file; empty: none
+  /// A change that does not matter, for the spread of errors that chance makes: so many images are left out at the
+  /// beginning, and the accelerometer measures so many times 1e-7 more, gravity's seventh digit.
+  int perturb = 0;
+  OdometrySink* odometry = nullptr;     ///< gets what is published; in one thread the estimate of each image
+  FlightView* view = nullptr;           ///< shows a flight in threads while it goes on; open, not started
+  std::filesystem::path record_folder;  ///< of the flight recorder, in threads only; wins over the file; empty: none
   bool record_images = false;
 };
 

@@ -21,18 +21,23 @@ std::optional<double> number_at(const Json& stats, const std::string& pointer) {
   return stats.contains(at) ? number(stats.at(at)) : std::nullopt;
 }
 
-std::optional<double> value_of(const BenchmarkFigure& figure, const Json& stats) {
-  std::optional<double> value;
-  const Json::json_pointer list("/error/rpe");
-  if (figure.rpe_distance_m == 0) {
-    value = number_at(stats, figure.pointer);
-  } else if (stats.contains(list) && stats.at(list).is_array()) {
-    for (const Json& entry : stats.at(list)) {
-      if (number_at(entry, "/distance_m") == figure.rpe_distance_m) value = number_at(entry, figure.pointer);
-    }
+/// From the entry of a list that has this length.
+std::optional<double> value_in(const Json& stats, const char* list, const char* length, double wanted,
+                               const char* pointer) {
+  const Json::json_pointer at(list);
+  if (!stats.contains(at) || !stats.at(at).is_array()) return std::nullopt;
+  for (const Json& entry : stats.at(at)) {
+    if (number_at(entry, length) == wanted) return number_at(entry, pointer);
   }
-  if (value && figure.magnitude) value = std::abs(*value);
-  return value;
+  return std::nullopt;
+}
+
+std::optional<double> value_of(const BenchmarkFigure& figure, const Json& stats) {
+  if (figure.rpe_distance_m > 0)
+    return value_in(stats, "/error/rpe", "/distance_m", figure.rpe_distance_m, figure.pointer);
+  if (figure.motion_s > 0) return value_in(stats, "/error/motion", "/seconds", figure.motion_s, figure.pointer);
+  const std::optional<double> value = number_at(stats, figure.pointer);
+  return value && figure.magnitude ? std::abs(*value) : value;
 }
 
 /// The measure of has_diverged(), on what stats.json tells.
@@ -60,6 +65,7 @@ void add_run(const BenchmarkRun& run, BenchmarkCell& cell) {
   if (cell.done++ == 0) cell.estimate = &run.estimate;
   cell.diverged = cell.diverged || run_diverged(run.stats);
   cell.identical = cell.identical && same_poses(*cell.estimate, run.estimate);
+  cell.curves = pooled(cell.curves, curves_of(run.stats));
 }
 
 }  // namespace
@@ -88,6 +94,12 @@ const std::vector<BenchmarkFigure>& benchmark_figures() {
                                                        {"rpe_1m_deg", "/rotation_deg", 1},
                                                        {"rpe_10m_percent", "/translation_percent", 10},
                                                        {"rpe_10m_deg", "/rotation_deg", 10},
+                                                       {"motion_1s_m", "/translation_m/rmse", 0, false, 1},
+                                                       {"motion_1s_deg", "/rotation_deg/rmse", 0, false, 1},
+                                                       {"motion_5s_m", "/translation_m/rmse", 0, false, 5},
+                                                       {"motion_5s_deg", "/rotation_deg/rmse", 0, false, 5},
+                                                       {"motion_20s_m", "/translation_m/rmse", 0, false, 20},
+                                                       {"motion_20s_deg", "/rotation_deg/rmse", 0, false, 20},
                                                        {"yaw_drift_abs_deg", "/error/yaw_drift_deg", 0, true},
                                                        {"nees_position", "/error/nees_position"},
                                                        {"nees_yaw", "/error/nees_yaw"},
@@ -132,10 +144,15 @@ const std::vector<BenchmarkFigure>& benchmark_figures() {
   return figures;
 }
 
+FigureSpread spread_of(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return {quantile(values, 0.5), quantile(values, 0.25), quantile(values, 0.75), values.front(), values.back()};
+}
+
 std::optional<double> BenchmarkCell::figure(const std::string& key) const {
-  const auto found = median.find(key);
-  if (found == median.end()) return std::nullopt;
-  return found->second;
+  const auto found = spreads.find(key);
+  if (found == spreads.end()) return std::nullopt;
+  return found->second.median;
 }
 
 std::vector<BenchmarkCell> cells_of(const BenchmarkRecord& record) {
@@ -151,7 +168,7 @@ std::vector<BenchmarkCell> cells_of(const BenchmarkRecord& record) {
     }
   }
   for (std::size_t at = 0; at < cells.size(); ++at) {
-    for (auto& [key, list] : values[at]) cells[at].median[key] = summarise(std::move(list)).median;
+    for (auto& [key, list] : values[at]) cells[at].spreads[key] = spread_of(std::move(list));
   }
   return cells;
 }
@@ -170,6 +187,12 @@ BenchmarkRatio BenchmarkSummary::ratio(std::size_t factor, const std::string& ke
   if (ratios.empty()) return {};
   std::sort(ratios.begin(), ratios.end());
   return {ratios.size(), quantile(ratios, 0.5), ratios.front(), ratios.back()};
+}
+
+CalibrationCurves BenchmarkSummary::curves(std::size_t factor) const {
+  CalibrationCurves curves;
+  for (std::size_t d = 0; d < record_.datasets.size(); ++d) curves = pooled(curves, cell(d, factor).curves);
+  return curves;
 }
 
 std::vector<double> BenchmarkSummary::shared_values(const std::vector<std::size_t>& datasets, std::size_t factor,

@@ -41,6 +41,7 @@ struct BenchmarkRecord {
   ProgramInfo program;
   std::string processor, camera, config;
   int repeat = 1, jobs = 1;
+  int ensemble = 0;  ///< above zero: the repetitions are perturbed, each in another way
   std::vector<std::string> factors;
   std::vector<BenchmarkDataset> datasets;
   std::vector<BenchmarkRun> runs;
@@ -52,19 +53,28 @@ struct BenchmarkFigure {
   const char* pointer;        ///< where stats.json has it; with a distance, where the entry of /error/rpe has it
   double rpe_distance_m = 0;  ///< 0: not one of the list
   bool magnitude = false;     ///< the sign is left out
+  double motion_s = 0;        ///< as rpe_distance_m, of the list /error/motion
 };
 const std::vector<BenchmarkFigure>& benchmark_figures();
+
+/// A figure over the runs that have it.
+struct FigureSpread {
+  double median = 0, lower_quartile = 0, upper_quartile = 0, least = 0, largest = 0;
+};
+FigureSpread spread_of(std::vector<double> values);  ///< at least one
 
 /// One factor on one data set: the repetitions taken together.
 struct BenchmarkCell {
   int runs = 0, done = 0;
   RunOutcome outcome = RunOutcome::kDone;  ///< of the first run that is not done, else done
   std::string message;
-  bool diverged = false;                 ///< has_diverged() by some run's largest error
-  bool identical = true;                 ///< all trajectories are the same to the last digit
-  std::string folder;                    ///< of the first run
-  const Trajectory* estimate = nullptr;  ///< of the first run that is done
-  std::map<std::string, double> median;  ///< by key, over the runs that are done; a figure that none has is missing
+  bool diverged = false;                        ///< has_diverged() by some run's largest error
+  bool identical = true;                        ///< all trajectories are the same to the last digit
+  std::string folder;                           ///< of the first run
+  const Trajectory* estimate = nullptr;         ///< of the first run that is done
+  std::map<std::string, FigureSpread> spreads;  ///< by key; a figure that no run has is missing
+  CalibrationCurves curves;                     ///< of all runs' poses
+  /// The median.
   std::optional<double> figure(const std::string& key) const;
 };
 
@@ -89,6 +99,8 @@ class BenchmarkSummary {
   /// The factor that the others are compared with: `track`, or the first.
   std::size_t baseline() const { return baseline_; }
   BenchmarkRatio ratio(std::size_t factor, const std::string& key) const;
+  /// Of a factor's poses on all data sets.
+  CalibrationCurves curves(std::size_t factor) const;
   /// A factor's figure on those of the data sets where every factor has it: only then means can be compared.
   std::vector<double> shared_values(const std::vector<std::size_t>& datasets, std::size_t factor,
                                     const std::string& key) const;

@@ -4,6 +4,7 @@
 
 #include "drivers/study/evaluate/errors.h"
 #include "drivers/study/report/benchmark_tables.h"
+#include "drivers/study/report/calibration_plot.h"
 #include "drivers/study/report/page.h"
 #include "drivers/study/report/stats_json.h"
 #include "drivers/study/report/svg_plot.h"
@@ -36,19 +37,37 @@ Json medians_json(const BenchmarkCell& cell) {
   return medians;
 }
 
+/// Quartiles and extremes over an ensemble.
+Json spreads_json(const BenchmarkCell& cell) {
+  Json spreads = Json::object();
+  for (const BenchmarkFigure& figure : benchmark_figures()) {
+    const auto found = cell.spreads.find(figure.key);
+    if (found == cell.spreads.end()) {
+      spreads[figure.key] = nullptr;
+      continue;
+    }
+    const FigureSpread& s = found->second;
+    spreads[figure.key] = {{"q25", s.lower_quartile}, {"q75", s.upper_quartile}, {"min", s.least}, {"max", s.largest}};
+  }
+  return spreads;
+}
+
 Json results_json(const BenchmarkRecord& record, const BenchmarkSummary& summary) {
   Json results = Json::array();
   for (std::size_t d = 0; d < record.datasets.size(); ++d) {
     for (std::size_t f = 0; f < record.factors.size(); ++f) {
       const BenchmarkCell& cell = summary.cell(d, f);
-      results.push_back({{"dataset", record.datasets[d].name},
-                         {"factor", record.factors[f]},
-                         {"runs", cell.runs},
-                         {"done", cell.done},
-                         {"outcome", to_string(cell.outcome)},
-                         {"diverged", cell.diverged},
-                         {"repetitions_identical", cell.done > 1 ? Json(cell.identical) : Json(nullptr)},
-                         {"median", medians_json(cell)}});
+      results.push_back(
+          {{"dataset", record.datasets[d].name},
+           {"factor", record.factors[f]},
+           {"runs", cell.runs},
+           {"done", cell.done},
+           {"outcome", to_string(cell.outcome)},
+           {"diverged", cell.diverged},
+           {"repetitions_identical", cell.done > 1 && record.ensemble == 0 ? Json(cell.identical) : Json()},
+           {"median", medians_json(cell)},
+           {"spread", record.ensemble > 0 ? spreads_json(cell) : Json()},
+           {"calibration_curve", to_json(cell.curves)}});
     }
   }
   return results;
@@ -71,8 +90,10 @@ Json ratios_json(const BenchmarkRecord& record, const BenchmarkSummary& summary)
 }
 
 std::string subtitle(const BenchmarkRecord& record) {
-  return fmt::format("{} data sets, {} factors; repetitions: {}, side by side: {}; {}; {}", record.datasets.size(),
-                     record.factors.size(), record.repeat, record.jobs, record.processor, program_text(record.program));
+  const std::string runs = record.ensemble > 0 ? fmt::format("ensemble of {}", record.ensemble)
+                                               : fmt::format("repetitions: {}", record.repeat);
+  return fmt::format("{} data sets, {} factors; {}, side by side: {}; {}; {}", record.datasets.size(),
+                     record.factors.size(), runs, record.jobs, record.processor, program_text(record.program));
 }
 
 /// c1 to c4, then again.
@@ -143,6 +164,19 @@ std::string dataset_card(const BenchmarkRecord& record, const BenchmarkSummary& 
   return html_card(escaped(d.name), note, content + "</div>", true);
 }
 
+/// One plot for each factor, of the poses of all data sets.
+std::string calibration_card(const BenchmarkRecord& record, const BenchmarkSummary& summary) {
+  std::string plots;
+  for (std::size_t f = 0; f < record.factors.size(); ++f) {
+    const std::string plot = calibration_svg(summary.curves(f));
+    if (!plot.empty()) plots += fmt::format("<div><h3>{}</h3>{}</div>", record.factors[f], plot);
+  }
+  if (plots.empty()) return "";
+  if (record.factors.size() == 1) plots += "<div></div>";  // one plot must not grow to the page's width
+  return html_card("Claimed and actual error, all data sets", kCalibrationNote,
+                   fmt::format(R"(<div class="two">{}</div>)", plots), true);
+}
+
 std::string ratio_tiles(const BenchmarkRecord& record, const BenchmarkSummary& summary) {
   std::string s;
   const std::string& baseline = record.factors[summary.baseline()];
@@ -175,6 +209,7 @@ Json benchmark_json(const BenchmarkRecord& record, const BenchmarkSummary& summa
           {"settings",
            {{"factors", record.factors},
             {"repeat", record.repeat},
+            {"ensemble", record.ensemble > 0 ? Json(record.ensemble) : Json()},
             {"jobs", record.jobs},
             {"camera", record.camera},
             {"config", record.config.empty() ? Json(nullptr) : Json(record.config)}}},
@@ -194,6 +229,7 @@ std::string benchmark_html(const BenchmarkRecord& record, const BenchmarkSummary
   std::string body = fmt::format(R"({}<div class="grid2">)", ratio_tiles(record, summary));
   for (const FigureTable& table : benchmark_tables(record, summary))
     body += html_card(escaped(table.title), escaped(table.note), to_html(table), true);
+  body += calibration_card(record, summary);
   for (std::size_t d = 0; d < record.datasets.size(); ++d) body += dataset_card(record, summary, d);
   return html_page("Benchmark of visual factors", subtitle(record), body + "</div>");
 }

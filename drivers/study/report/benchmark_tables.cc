@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 
+#include "drivers/study/report/ensemble_tables.h"
 #include "platform/math/statistics.h"
 
 namespace epiline {
@@ -235,7 +236,10 @@ FigureTable survival_table(const BenchmarkRecord& record, const BenchmarkSummary
     if (!cell.message.empty()) outcome += ": " + cell.message;
     const bool good = cell.done == cell.runs && !cell.diverged;
     t.rows[i].push_back({fmt::format("{}/{}", cell.done, cell.runs), false, cell.done < cell.runs, ""});
-    t.rows[i].push_back({cell.done < 2 ? kNone : cell.identical ? "yes" : "NO", false, !cell.identical, ""});
+    t.rows[i].push_back({cell.done < 2 || record.ensemble > 0 ? kNone
+                         : cell.identical                     ? "yes"
+                                                              : "NO",
+                         false, !cell.identical && record.ensemble == 0, ""});
     t.rows[i].push_back({outcome, false, !good, cell.done > 0 ? cell.folder + "/report.html" : ""});
   }
   return t;
@@ -269,6 +273,10 @@ std::vector<FigureTable> benchmark_tables(const BenchmarkRecord& record, const B
   tables.push_back(work_table(record, summary));
   if (record.factors.size() > 1) tables.push_back(ratio_table(record, summary));
   tables.push_back(error_table(record, summary));
+  if (record.ensemble > 0) {
+    tables.push_back(ensemble_table(record, summary));
+    tables.push_back(calibration_table(record, summary));
+  }
   tables.push_back(survival_table(record, summary));
   tables.push_back(time_table(record, summary, "Processor time per image, ms",
                               "Medians over the repetitions. Processor time of the stage's thread.", "cpu_ms"));

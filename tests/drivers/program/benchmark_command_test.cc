@@ -95,6 +95,53 @@ TEST_F(Benchmark, RatiosAreMediansOfTheDataSets) {
   }
 }
 
+// Independent of the program's own arithmetic: from the figures of the single runs.
+TEST_F(Benchmark, AnEnsembleShowsMediansAndSpreads) {
+  const Outcome r = benchmark(quoted(agile) + " " + quoted(hover) + " --ensemble 3", out);
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  const Json b = json(out);
+  EXPECT_EQ(b["settings"]["ensemble"], 3);
+  ASSERT_EQ(b["runs"].size(), 12u);
+  for (const char* key : {"ate_4dof_m", "nees_position", "nees_yaw", "nees_tilt", "nees_velocity"}) {
+    std::vector<double> values;
+    for (const Json& one : b["runs"]) {
+      if (one["dataset"] != "agile" || one["factor"] != "track") continue;
+      EXPECT_EQ(one["stats"]["images"]["read"], 81 - one["repetition"].get<int>());  // starts later each
+      const Json& error = one["stats"]["error"];
+      values.push_back(std::string(key) == "ate_4dof_m" ? error[key]["rmse"].get<double>() : error[key].get<double>());
+    }
+    ASSERT_EQ(values.size(), 3u);
+    std::sort(values.begin(), values.end());
+    EXPECT_LT(values[0], values[2]) << key;
+    const Json cell = result(b, "agile", "track");
+    EXPECT_NEAR(cell["median"][key], values[1], 1e-12) << key;
+    EXPECT_NEAR(cell["spread"][key]["min"], values[0], 1e-12) << key;
+    EXPECT_NEAR(cell["spread"][key]["max"], values[2], 1e-12) << key;
+    EXPECT_NEAR(cell["spread"][key]["q25"], 0.5 * (values[0] + values[1]), 1e-12) << key;
+  }
+  double inside = 0, errors = 0;
+  for (const Json& one : b["runs"]) {
+    if (one["dataset"] != "agile" || one["factor"] != "track") continue;
+    const Json& curve = one["stats"]["error"]["calibration_curve"]["velocity"];
+    inside += curve["errors"].get<double>() * curve["share"][4].get<double>();
+    errors += curve["errors"].get<double>();
+  }
+  const Json pooled = result(b, "agile", "track")["calibration_curve"]["velocity"];
+  EXPECT_EQ(pooled["errors"], errors);
+  EXPECT_NEAR(pooled["share"][4], inside / errors, 1e-12);
+  for (const char* part : {"\nEnsemble\n", "\nCalibration curve\n", "3/3"})
+    EXPECT_NE(r.out.find(part), std::string::npos) << part;
+  EXPECT_NE(read(out / "benchmark.html").find("Claimed and actual error, all data sets"), std::string::npos);
+  // The first run is the flight as it is; the second differs from one that starts as late by gravity's seventh digit.
+  ASSERT_EQ(run("replay " + quoted(agile) + " --quiet --out " + quoted(scratch() / "plain")).exit_code, 0);
+  EXPECT_EQ(read(scratch() / "plain/trajectory.tum"), read(out / "runs/agile/track/1/trajectory.tum"));
+  ASSERT_EQ(run("replay " + quoted(agile) + " --start 0.03 --quiet --out " + quoted(scratch() / "late")).exit_code, 0);
+  const std::string late = read(scratch() / "late/trajectory.tum"),
+                    second = read(out / "runs/agile/track/2/trajectory.tum");
+  EXPECT_EQ(std::count(late.begin(), late.end(), '\n'), std::count(second.begin(), second.end(), '\n'));
+  EXPECT_NE(late, second);
+}
+
 TEST_F(Benchmark, SideBySideGivesTheSameFigures) {
   ASSERT_EQ(benchmark(quoted(agile) + " " + quoted(hover) + " --jobs 1", scratch() / "one").exit_code, 0);
   ASSERT_EQ(benchmark(quoted(agile) + " " + quoted(hover) + " --jobs 2", scratch() / "two").exit_code, 0);
@@ -143,6 +190,8 @@ TEST_F(Benchmark, NothingDoneIsAFailure) {
 TEST_F(Benchmark, WrongUsageIsExitCodeTwo) {
   expect_one_line(run("benchmark " + quoted(agile) + " --factors guess --out " + quoted(out)), 2, {"guess"});
   expect_one_line(run("benchmark --out " + quoted(out)), 2, {"DATASET"});
+  expect_one_line(benchmark(quoted(agile) + " --ensemble 1", out), 2, {"--ensemble"});
+  expect_one_line(benchmark(quoted(agile) + " --ensemble 2 --repeat 2", out), 2, {"--ensemble", "--repeat"});
   write(scratch() / "bad.toml", "[estimator]\nkeyframes = 40\n");
   expect_one_line(benchmark(quoted(agile) + " --config " + quoted(scratch() / "bad.toml"), out), 2, {"bad.toml:2: "});
 }
