@@ -3,7 +3,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 
 #include "estimator/geometry/types.h"
 #include "estimator/inertial/imu_noise.h"
@@ -25,8 +24,6 @@ struct Extrinsics {
   Vec3 p_BC = Vec3::Zero();
   double focal_px = 458;     ///< pixels per radian; converts thresholds from pixels to angles
   double time_offset_s = 0;  ///< initial t_IMU - t_image
-  /// Principal point. NaN: not known, and the focal length is not estimated.
-  Vec2 centre_px = Vec2::Constant(std::numeric_limits<double>::quiet_NaN());
 };
 
 /// The measurement of the wheels of a ground vehicle: the speed of a point of the vehicle along its forward axis.
@@ -75,7 +72,7 @@ struct EstimatorConfig {
   bool estimate_extrinsics = true;
   double extrinsic_rotation_sigma_rad = 0.9e-3, extrinsic_translation_sigma_m = 5e-4;
   bool estimate_focal_length = true;  ///< with the factor `track` only
-  double focal_length_sigma = 1e-3;   ///< relative
+  double focal_length_sigma = 3e-4;   ///< relative
   Extrinsics extrinsics;
   WheelModel wheel;  ///< used if speeds arrive
 };

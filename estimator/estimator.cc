@@ -16,9 +16,6 @@ constexpr double kHeldShare = 0.2;     // of an IMU interval: the last reading m
 constexpr double kWatchMemory_s = 30;  // turns seen by camera and gyroscope
 constexpr double kNoiseMoved = 0.1;    // of a density: not worth weighing the window anew
 constexpr double kJudgeNumbers_s = 0.5;
-// Of its standard deviation, to which a focal length is held until the flight shows another: what tracks err in common
-// looks like up to 0.3 % of it (docs/derivations/calibration.md).
-constexpr double kHeldFocal = 0.01;
 constexpr double kLongestStep_s = 5;  // a longer silence of the camera is a new start
 
 std::unique_ptr<VisualFactorModel> make_visual_factor(VisualFactor factor, InstructionSet set) {
@@ -45,17 +42,13 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
       pixel_sigma(c.pixel_sigma),
       drift_sigma(c.drift_sigma) {
   use_noise(c.imu);
-  window.centre_px = c.extrinsics.centre_px;
   window.calibration = configured_calibration();
   window.calibration_prior.configured = window.calibration;
   if (c.estimate_extrinsics) {
     window.calibration_prior.rotation.sigma = c.extrinsic_rotation_sigma_rad;
     window.calibration_prior.translation.sigma = c.extrinsic_translation_sigma_m;
   }
-  if (estimates_focal_length()) {
-    window.calibration_prior.focal.sigma = kHeldFocal * c.focal_length_sigma;
-    window.calibration_prior.focal.least = c.focal_length_sigma;
-  }
+  if (estimates_focal_length()) window.calibration_prior.focal.sigma = c.focal_length_sigma;
   window.wheel = c.wheel;
   window.first_estimates = c.visual_factor == VisualFactor::kTrack;
   odometry.health.reasons = static_cast<std::uint32_t>(HealthReason::kNoInitialState);
@@ -152,7 +145,8 @@ void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
   add_misfit(misfit_px, pair_px, said);
   add_misfit(misfit_px, pair_px, left);
   add_suspicions(config.imu, noise, said);
-  add_focal_length(focal_ratio, std::sqrt(calibration_variances[kFocalColumn]), said);
+  for (Suspicions* s : {&said, &left})
+    add_focal_length(focal_ratio, std::sqrt(calibration_variances[kFocalColumn]), *s);
   numbers_wrong = Severity::kNone;
   for (std::size_t i = 0; i < said.size(); ++i) {
     numbers_wrong = std::max(numbers_wrong, left[i].severity);

@@ -16,8 +16,8 @@ namespace epiline {
 
 namespace {
 constexpr double kMountElsewhere = 0.17;  // rad
-constexpr double kYoungWindow_s = 2;  // more solver steps until the window has seen this much
-constexpr double kGateFree_s = 1;     // no gate until then: a young state may be further off than its tracks
+constexpr double kYoungWindow_s = 2;      // more solver steps until the window has seen this much
+constexpr double kGateFree_s = 1;         // no gate until then: a young state may be further off than its tracks
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;                         // px

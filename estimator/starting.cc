@@ -191,8 +191,7 @@ void Estimator::Impl::start(const TrackedFrame& frame, const InitialState& state
 }
 
 bool Estimator::Impl::estimates_focal_length() const {
-  return config.estimate_focal_length && config.visual_factor == VisualFactor::kTrack &&
-         config.extrinsics.centre_px.allFinite();
+  return config.estimate_focal_length && config.visual_factor == VisualFactor::kTrack;
 }
 
 SolverSettings Estimator::Impl::solver_settings(int steps) const {

@@ -7,10 +7,12 @@
 namespace epiline {
 
 namespace {
-constexpr double kFreedom = 1;   // of the Student distributions
-constexpr int kRounds = 20;      // of a search for a maximum
-constexpr double kSeen = 1e-3;   // of the prior's information: less is rounding, and what a solve left undone
-constexpr double kEnough = 0.01;  // of the most information that is believed
+constexpr double kFreedom = 1;  // of the Student distributions
+constexpr int kRounds = 20;     // of a search for a maximum
+constexpr double kSeen = 1e-3;  // of the prior's information: less is rounding, and what a solve left undone
+// What a solve concludes from is not quite Gaussian, and it concludes often: so much must speak for a calibration that
+// is far off.
+constexpr double kClear = 30, kNear = 25;
 constexpr double kFarthest = 1;  // rad, m, relative: where the search for one that is far begins
 
 double square(double x) { return x * x; }
@@ -55,15 +57,12 @@ void look_far(const CalibrationCovariance& covariance, const CalibrationTangent&
   const Eigen::SelfAdjointEigenSolver<Block> axes(I);
   const double held = weight(p, distance_squared(p, linearised));
   Measured m{axes.eigenvalues().array() - held, axes.eigenvectors().transpose() * (I * d)};
-  for (int i = 0; i < p.numbers; ++i) {
-    const double most = 1 / square(p.least), enough = p.least > 0 ? kEnough * most : kSeen * weight(p, 0);
-    const double seen = m.h[i] > enough ? std::min(1.0, most / m.h[i]) : 0;
-    m.h[i] *= seen;
-    m.b[i] *= seen;
-  }
+  for (int i = 0; i < p.numbers; ++i)
+    if (m.h[i] < kSeen * weight(p, 0)) m.h[i] = m.b[i] = 0;
   const Numbers near = maximum(p, m, weight(p, 0)), far = maximum(p, m, weight(p, square(kFarthest)));
   const auto both = [&](const Numbers& x) { return m.chi2(x) + cost(p, x.squaredNorm()); };
-  p.found = both(far) < both(near) ? far.norm() : near.norm();
+  const bool held_near = square(p.found) < kNear * scale_squared(p);
+  p.found = both(far) < both(near) - (held_near ? kClear : 0) ? far.norm() : near.norm();
 }
 }  // namespace
 

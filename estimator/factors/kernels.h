@@ -13,8 +13,8 @@ inline constexpr double kNearest = 0.05;  ///< least depth along a bearing, rela
 
 /// Eight tracks as a structure of arrays. An absent view is all zeros and drops out of every sum by itself.
 struct alignas(64) TrackBatch {
-  static constexpr int kBearing = 0, kChart = 3, kOffset = 9, kNumbers = 11;
-  /// f (C), d(whitened pixel)/df row-major, the whitened pixel's offset from the principal point
+  static constexpr int kBearing = 0, kChart = 3, kStretch = 9, kNumbers = 10;
+  /// f (C), d(whitened pixel)/df row-major, stretch of the lens
   double observation[kMaxFrames][kNumbers][kBatchLanes];
   double link[kMaxFrames][kBatchLanes];  ///< of a drifting track: 1 / (images since its previous view); 0: no view
   double views[kBatchLanes];             ///< how many; 0: an empty lane

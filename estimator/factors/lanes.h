@@ -5,7 +5,7 @@
 
 namespace epiline {
 
-/// Writes one view into a lane; `inverse_sigma` whitens its chart and offset.
+/// Writes one view into a lane; `inverse_sigma` whitens its chart.
 inline void put_view(const Observation& o, double inverse_sigma, int frame, int lane, TrackBatch& batch) {
   double(*d)[kBatchLanes] = batch.observation[frame];
   for (int i = 0; i < 3; ++i) {
@@ -13,8 +13,7 @@ inline void put_view(const Observation& o, double inverse_sigma, int frame, int 
     d[TrackBatch::kChart + i][lane] = inverse_sigma * o.chart(0, i);
     d[TrackBatch::kChart + 3 + i][lane] = inverse_sigma * o.chart(1, i);
   }
-  for (std::size_t i = 0; i < 2; ++i)
-    d[TrackBatch::kOffset + static_cast<int>(i)][lane] = inverse_sigma * static_cast<double>(o.offset_px[i]);
+  d[TrackBatch::kStretch][lane] = static_cast<double>(o.stretch);
 }
 
 /// An absent view.

@@ -53,7 +53,6 @@ class Camera {
   int height() const { return c_.height; }
   /// Pixels per radian near the axis.
   double focal_px() const;
-  Vec2 centre_px() const { return {c_.intrinsics[2], c_.intrinsics[3]}; }
   const CameraParameters& parameters() const { return c_; }
 
  private:

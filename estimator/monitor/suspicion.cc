@@ -29,6 +29,7 @@ constexpr Span kUnitsSpan = Span::from_milliseconds(5000);
 constexpr double kLeastForce = 7.5, kMostForce = 12.5;   // m/s^2: a mean over five seconds that a flight can have
 constexpr double kMostRate = 6;                          // rad/s, likewise: one turn a second for five seconds
 constexpr double kFocalLength = 0.01, kFocalSigmas = 6;  // relative: worth a word beyond
+constexpr double kFarFocalLength = 0.1;                  // the distortion does not fit such a lens, either
 constexpr double kNoiseFactor = 3;                       // users widen and vibration adds: worth a word beyond
 
 /// The signed axes of the gyroscope that would make it agree: column k is where its axis k points.
@@ -98,7 +99,8 @@ void add_suspicions(const ImuNoise& configured, const ImuNoise& used, Suspicions
 void add_focal_length(double ratio, double sigma, Suspicions& s) noexcept {
   const double off = std::abs(ratio - 1);
   if (sigma > 0 && off > std::max(kFocalLength, kFocalSigmas * sigma))
-    s[static_cast<std::size_t>(Suspect::kFocalLength)] = {Severity::kNote, ratio, {}};
+    s[static_cast<std::size_t>(Suspect::kFocalLength)] = {
+        off > kFarFocalLength ? Severity::kSuspect : Severity::kNote, ratio, {}};
 }
 
 void add_misfit(double residual_px, double pair_px, Suspicions& s) noexcept {

@@ -16,7 +16,7 @@ namespace epiline {
 Suspicions suspicions_of(const TurnAgreement& turns, const Mat3& R_BC, double time_offset_s,
                          double focal_ratio = 1) noexcept;
 
-/// A focal length that the flight found to be another. A note only.
+/// A focal length that the flight found to be another; far off, it is more than a note.
 void add_focal_length(double ratio, double sigma, Suspicions& suspicions) noexcept;
 
 /// Densities that the readings do not allow: `used` is what was made of the configured ones. Notes only.

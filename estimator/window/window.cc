@@ -62,13 +62,23 @@ void Window::remove(int k) {
 }
 
 namespace {
-Observation observation(const TrackedFeature& f, const Vec2& centre_px) {
-  const std::array offset_px = {f.pixel[0] - static_cast<float>(centre_px.x()),
-                                f.pixel[1] - static_cast<float>(centre_px.y())};
-  const bool known = std::isfinite(offset_px[0]) && std::isfinite(offset_px[1]);
-  return {Vec3(f.bearing.data()),
-          Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data()),
-          known ? offset_px : std::array{0.0F, 0.0F}, static_cast<float>(f.age)};
+/// From the chart alone: across the meridian it shows the pixel's distance from the centre, along it how that grows.
+float stretch_of(const Vec3& f_C, const Mat23& chart) {
+  constexpr double kOnAxis = 1e-3, kAside = 0.17;  // 80 degrees off the axis a pinhole ends
+  const double sine = f_C.head<2>().norm(), cosine = f_C.z();
+  if (cosine < kAside) return 0;
+  if (sine < kOnAxis) return 1;
+  const Vec2 out = f_C.head<2>() / sine;
+  const double across = (chart * Vec3(-out.y(), out.x(), 0)).norm();
+  const double along = (chart * Vec3(cosine * out.x(), cosine * out.y(), -sine)).norm();
+  const double stretch = across / (along * cosine);
+  return std::isfinite(stretch) ? static_cast<float>(stretch) : 0;
+}
+
+Observation observation(const TrackedFeature& f) {
+  const Vec3 f_C(f.bearing.data());
+  const Mat23 chart = Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data());
+  return {f_C, chart, stretch_of(f_C, chart), static_cast<float>(f.age)};
 }
 
 std::uint16_t cell_of(const std::array<float, 2>& pixel) {
@@ -79,8 +89,7 @@ std::uint16_t cell_of(const std::array<float, 2>& pixel) {
 
 bool is_possible(const TrackedFeature& f) noexcept {
   constexpr double kUnit = 1e-3, kMostPixels = 1e5;  // px/rad: a lens of a kilometre in pixels
-  const Observation o = observation(f, Vec2::Zero());
-  const double length = o.f_C.norm(), slope = o.chart.norm();
+  const double length = Vec3(f.bearing.data()).norm(), slope = Eigen::Map<const Vec6>(f.pixel_jacobian.data()).norm();
   // written so that a NaN fails
   return std::abs(length - 1) < kUnit && slope > 0 && slope < kMostPixels;
 }
@@ -106,7 +115,7 @@ Window::Observed Window::observe(const TrackedFrame& frame) {
       insert_index(feature.id, i);
     }
     TrackRecord& t = records_[static_cast<std::size_t>(i)];
-    views_[t.place][slot] = observation(feature, centre_px);
+    views_[t.place][slot] = observation(feature);
     t.mask |= 1u << slot;
     t.cell = cell_of(feature.pixel);
   }

@@ -3,7 +3,6 @@
 // reordered by index, never moved.
 #include <array>
 #include <cstdint>
-#include <limits>
 
 #include "estimator/config.h"
 #include "estimator/inertial/nav_state.h"
@@ -17,8 +16,8 @@ namespace epiline {
 struct Observation {
   Vec3 f_C;
   Mat23 chart;
-  std::array<float, 2> offset_px;  ///< of the pixel from the principal point; zero: not known
-  float age;                       ///< of its track, images
+  float stretch;  ///< of the lens there: how much a longer focal length moves the pixel outwards, over a pinhole's
+  float age;      ///< of its track, images
 };
 
 inline constexpr int kViewCells = 1024;  ///< 32 x 32 squares of 64 pixels; what is beyond shares the outermost
@@ -54,7 +53,6 @@ CalibrationTangent local(const Calibration& c0, const Calibration& c);
 struct CalibrationPart {
   int at, numbers;
   double sigma = 0;  ///< near the configured values; 0: not estimated
-  double least = 0;  ///< that can be measured, at best
   double found = 0;  ///< how far from the configured values the truth most likely is
 };
 struct CalibrationPrior {
@@ -140,7 +138,6 @@ class Window {
   int find(std::uint32_t id) const;
 
   Calibration calibration;
-  Vec2 centre_px = Vec2::Constant(std::numeric_limits<double>::quiet_NaN());  ///< principal point; NaN: not known
   CalibrationPrior calibration_prior;
   WheelModel wheel;
   Prior prior;

@@ -50,7 +50,6 @@ inline TrackedFeature make_feature(std::uint32_t id, const Vec3& p_C, const Vec2
   const Vec2 z = p_C.head<2>() / p_C.z() + noise_px / kFocal;
   const Vec3 b = Vec3(z.x(), z.y(), 1).normalized();
   f.bearing = {b.x(), b.y(), b.z()};
-  f.pixel = {static_cast<float>(kFocal * z.x()), static_cast<float>(kFocal * z.y())};  // the centre is (0, 0)
   const double k = kFocal / b.z();
   f.pixel_jacobian = {k, 0, -k * z.x(), 0, k, -k * z.y()};
   return f;
@@ -73,7 +72,6 @@ inline SyntheticWindow make_window(const SyntheticOptions& o) {
   s.window = std::make_unique<Window>(kMaxFrames);
   Window& w = *s.window;
   w.calibration = synthetic_calibration(o.lever);
-  w.centre_px.setZero();
   std::mt19937_64 random(o.seed);
   std::normal_distribution<double> normal;
   auto noise3 = [&](double sigma) {

@@ -43,9 +43,8 @@ TEST(PredictedFlight, TheNextSolveLiesWhereThePredictionSays) {
   OfflineSettings settings;
   settings.camera = dataset->camera.parameters;
   settings.estimator.imu = dataset->imu.noise;
-  const Camera camera(dataset->camera.parameters);
-  settings.estimator.extrinsics = {dataset->camera.R_BC, dataset->camera.p_BC, camera.focal_px(),
-                                   dataset->camera.time_offset_s, camera.centre_px()};
+  settings.estimator.extrinsics = {dataset->camera.R_BC, dataset->camera.p_BC,
+                                   Camera(dataset->camera.parameters).focal_px(), dataset->camera.time_offset_s};
   settings.clocks = {monotonic_ns, thread_cpu_ns};
   OfflinePipeline pipeline(settings);
   PredictorConfig config = predictor_config(settings.estimator);

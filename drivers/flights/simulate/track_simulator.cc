@@ -128,7 +128,6 @@ Extrinsics true_extrinsics(const TrackSimulation& simulation) {
   e.R_BC << 0, 0, 1, -1, 0, 0, 0, -1, 0;  // the camera's x, y, z are the body's -y, -z, x
   e.p_BC = simulation.p_BC;
   e.focal_px = simulation.focal_px;
-  e.centre_px = Vec2(0.5 * (simulation.width - 1), 0.5 * (simulation.height - 1));
   e.time_offset_s = simulation.time_offset_s;
   return e;
 }

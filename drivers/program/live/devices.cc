@@ -107,8 +107,8 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
   const auto camera = read_camera_calibration(config.camera_calibration, "cam0");
   if (!camera) return camera.error();
   settings.camera = camera->parameters;
-  const Camera lens(camera->parameters);
-  config.estimator.extrinsics = {camera->R_BC, camera->p_BC, lens.focal_px(), camera->time_offset_s, lens.centre_px()};
+  config.estimator.extrinsics = {camera->R_BC, camera->p_BC, Camera(camera->parameters).focal_px(),
+                                 camera->time_offset_s};
   if (!config.imu_calibration.empty()) {
     const auto imu = read_imu_calibration(config.imu_calibration);
     if (!imu) return imu.error();

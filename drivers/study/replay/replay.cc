@@ -58,9 +58,8 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
   if (dataset.imu.saturation_gyroscope_rad_s) e.saturation_gyroscope_rad_s = *dataset.imu.saturation_gyroscope_rad_s;
   if (dataset.imu.saturation_accelerometer_m_s2)
     e.saturation_accelerometer_m_s2 = *dataset.imu.saturation_accelerometer_m_s2;
-  const Camera camera(dataset.camera.parameters);
-  e.extrinsics = {dataset.camera.R_BC, dataset.camera.p_BC, camera.focal_px(), dataset.camera.time_offset_s,
-                  camera.centre_px()};
+  e.extrinsics = {dataset.camera.R_BC, dataset.camera.p_BC, Camera(dataset.camera.parameters).focal_px(),
+                  dataset.camera.time_offset_s};
   if (file) file->apply(config);
   set_vehicle(e.wheel, config.devices.wheel, R_VB_of(config.devices.body));
   if (options.visual_factor) e.visual_factor = *options.visual_factor;

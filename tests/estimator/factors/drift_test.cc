@@ -41,25 +41,21 @@ struct Explicit {
   const TrackRecord& t;
   std::vector<int> at;  ///< the frames that saw it
   std::vector<Mat23> chart;
-  std::vector<Vec2> offset;  ///< of the pixel from the principal point, in the turned axes
 
   Explicit(const Window& window, const TrackRecord& track) : w(window), t(track) {
     Mat23 before;
     for (int k = 0; k < w.size(); ++k) {
       if (!w.seen(t, k)) continue;
       Mat23 J = w.view(t, k).chart;
-      Vec2 from_centre(w.view(t, k).offset_px[0], w.view(t, k).offset_px[1]);
       const Mat3 R = test::camera(w, k).R;
       if (!at.empty()) {
         const Eigen::Matrix2d product = J * R.transpose() * before.transpose();
         const double c = product(0, 0) + product(1, 1), s = product(0, 1) - product(1, 0), n = std::hypot(c, s);
         const Eigen::Matrix2d turn = (Eigen::Matrix2d() << c / n, -s / n, s / n, c / n).finished();
         J = turn * J;
-        from_centre = turn * from_centre;
       }
       before = J * R.transpose();
       chart.push_back(J);
-      offset.push_back(from_centre);
       at.push_back(k);
     }
   }
@@ -68,7 +64,8 @@ struct Explicit {
     const std::size_t n = static_cast<std::size_t>(i);
     const test::Camera camera = test::camera(w, at[n]);
     const Vec3 X = camera.R.transpose() * (P - camera.c);
-    return -chart[n] * X / w.view(t, at[n]).f_C.dot(X) - w.calibration.focal * offset[n];
+    const Vec3 by_lens(X.x(), X.y(), (1 - w.calibration.focal) * X.z());
+    return -chart[n] * by_lens / w.view(t, at[n]).f_C.dot(by_lens);
   }
   /// A random walk from the track's first image on; the first view errs by one step more than its age.
   MatrixXd covariance(double sigma) const {

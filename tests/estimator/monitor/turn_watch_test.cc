@@ -168,6 +168,9 @@ TEST(Suspicions, AScaleIsNamed) {
 }
 
 TEST(Suspicions, AFocalLengthThatIsAnotherIsARemark) {
+  Suspicions far;
+  add_focal_length(1.2, 1e-3, far);
+  EXPECT_EQ(one(far, Suspect::kFocalLength).severity, Severity::kSuspect);
   for (const auto& [ratio, sigma, said] : {std::tuple{1.02, 1e-3, true},
                                            {0.95, 1e-3, true},
                                            {1.005, 1e-4, false},

@@ -21,8 +21,8 @@ Vec2 bearing_residual(const Observation& o, double inverse_sigma, const NavState
   const double dt = c.time_offset - time_offset_used;
   const Mat3 R = x.R * so3_exp(omega_B * dt);
   const Vec3 X_C = c.R_BC.transpose() * (R.transpose() * (X - x.p - v * dt) - c.p_BC);
-  const Vec2 from_centre(o.offset_px[0], o.offset_px[1]);
-  return inverse_sigma * (o.chart * X_C / o.f_C.dot(X_C) + c.focal * from_centre);
+  const Vec3 by_lens(X_C.x(), X_C.y(), (1 - c.focal) * X_C.z());
+  return inverse_sigma * (o.chart * by_lens / o.f_C.dot(by_lens));
 }
 
 /// Central differences of a residual along `dims` directions.

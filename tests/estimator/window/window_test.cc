@@ -4,12 +4,15 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <map>
 #include <memory>
 #include <set>
 #include <vector>
+
+#include "estimator/geometry/tracked_feature.h"
 
 namespace epiline {
 namespace {
@@ -222,6 +225,39 @@ TEST(Window, LeavesOutFeaturesThatNoCameraGives) {
     EXPECT_EQ(seen.impossible, 1);
     EXPECT_EQ(w->track_count(), 2);
     EXPECT_EQ(w->find(2), -1);
+  }
+}
+
+/// What a longer focal length does to what a camera sees, found by projecting with it.
+TEST(Window, KnowsHowALensStretches) {
+  const CameraParameters lenses[] = {
+      {CameraModel::kPinholeRadialTangential, 752, 480, {458, 458, 367, 248}, {-0.28, 0.07, 2e-4, 2e-5}},
+      {CameraModel::kPinholeRadialTangential, 752, 480, {458, 458, 367, 248}, {}},
+      {CameraModel::kPinholeEquidistant, 512, 512, {190, 190, 255, 256}, {3e-3, 7e-4, -2e-3, 2e-4}},
+      {CameraModel::kDoubleSphere, 512, 512, {157, 157, 255, 256}, {-0.18, 0.59}}};
+  constexpr double kLonger = 1e-4;
+  for (const CameraParameters& lens : lenses) {
+    CameraParameters longer = lens;
+    for (int i = 0; i < 2; ++i) longer.intrinsics[static_cast<std::size_t>(i)] /= 1 - kLonger;
+    const Camera configured(lens), real(longer);
+    for (const double angle : {0.0, 0.1, 0.4, 0.6, 1.1})
+      for (const double turned : {0.3, 2.0, 5.0}) {
+        const Vec3 X(std::sin(angle) * std::cos(turned), std::sin(angle) * std::sin(turned), std::cos(angle));
+        Vec2 pixel;
+        Vec3 seen;
+        TrackedFrame frame;
+        frame.features.push_back(TrackedFeature{});
+        if (!configured.project(X, pixel) || !set_pixel(configured, pixel, frame.features[0])) continue;
+        if (!real.project(X, pixel) || !configured.unproject(pixel, seen)) continue;
+        Window w(3);
+        w.append();
+        w.observe(frame);
+        const double stretch = static_cast<double>(w.view(w.track(0), 0).stretch);
+        const Vec3 taken_for = X - kLonger * stretch * X.z() * Vec3::UnitZ();
+        // of the angle by which it moves: tangential distortion is no part of the stretch
+        EXPECT_LT(seen.cross(taken_for.normalized()).norm(), 0.01 * kLonger * std::sin(angle) + 1e-8)
+            << static_cast<int>(lens.model) << " at " << angle;
+      }
   }
 }
 
