@@ -4,7 +4,7 @@
 #include <functional>
 
 #include "drivers/program/check/finding.h"
-#include "drivers/program/check/inventory.h"
+#include "drivers/program/inventory/inventory.h"
 #include "drivers/study/report/flight_record.h"
 #include "pipeline/config/devices.h"
 

@@ -80,6 +80,7 @@ int run(int argc, char** argv) {
   app.require_subcommand(1);
   app.set_version_flag("--version", EPILINE_VERSION);
   add_run(app, exit_code);
+  add_devices(app, exit_code);
   add_check(app, exit_code);
   add_hil(app, exit_code);
   add_config(app, exit_code);

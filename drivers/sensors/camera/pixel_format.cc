@@ -2,6 +2,7 @@
 
 #include <linux/videodev2.h>
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 
@@ -67,6 +68,9 @@ void row_to_grey(PixelFormat format, const std::uint8_t* from, int width, std::u
 
 const char* to_string(PixelFormat format) noexcept { return facts(format).name; }
 std::uint32_t fourcc_of(PixelFormat format) noexcept { return facts(format).fourcc; }
+bool is_read(std::uint32_t fourcc) noexcept {
+  return std::any_of(kFormats.begin(), kFormats.end(), [&](const auto& format) { return format.fourcc == fourcc; });
+}
 
 std::optional<PixelFormat> pixel_format_named(std::string_view name) noexcept {
   for (std::size_t i = 0; i < kFormats.size(); ++i)

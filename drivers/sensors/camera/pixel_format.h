@@ -24,6 +24,8 @@ const char* to_string(PixelFormat format) noexcept;
 std::optional<PixelFormat> pixel_format_named(std::string_view name) noexcept;
 /// The kernel's four-character code.
 std::uint32_t fourcc_of(PixelFormat format) noexcept;
+/// One of ours has this code.
+bool is_read(std::uint32_t fourcc) noexcept;
 
 /// The image begins with a plane of 8-bit brightness: it can be read where it is.
 bool is_grey_in_place(PixelFormat format) noexcept;

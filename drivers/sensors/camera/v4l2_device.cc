@@ -12,6 +12,8 @@
 #include <cstdio>
 #include <cstring>
 
+#include "drivers/sensors/camera/v4l2_lists.h"
+
 namespace epiline {
 
 namespace {
@@ -40,23 +42,6 @@ DeviceTrouble refused(const char* step, int error) noexcept {
   return trouble;
 }
 
-/// As v4l2-ctl writes names: "Exposure Time, Absolute" becomes exposure_time_absolute.
-bool is_named(const char* shown, const char* name) noexcept {
-  bool gap = false, begun = false;
-  for (; *shown != '\0'; ++shown) {
-    const auto c = static_cast<unsigned char>(*shown);
-    if (std::isalnum(c) == 0) {
-      gap = true;
-      continue;
-    }
-    if (gap && begun && *name++ != '_') return false;
-    gap = false;
-    begun = true;
-    if (*name++ != static_cast<char>(std::tolower(c))) return false;
-  }
-  return *name == '\0';
-}
-
 bool is_settable(std::uint32_t type) noexcept {
   return type == V4L2_CTRL_TYPE_INTEGER || type == V4L2_CTRL_TYPE_BOOLEAN || type == V4L2_CTRL_TYPE_MENU ||
          type == V4L2_CTRL_TYPE_INTEGER_MENU || type == V4L2_CTRL_TYPE_BITMASK || type == V4L2_CTRL_TYPE_INTEGER64 ||
@@ -71,6 +56,22 @@ void write_fourcc(std::uint32_t fourcc, char (&text)[5]) noexcept {
     text[i] = std::isprint(c) != 0 ? static_cast<char>(c) : ' ';
   }
   text[4] = '\0';
+}
+
+void write_control_name(const char* shown, std::span<char> name) noexcept {
+  std::size_t used = 0;
+  bool gap = false;
+  for (; *shown != '\0' && used + 2 < name.size(); ++shown) {
+    const auto c = static_cast<unsigned char>(*shown);
+    if (std::isalnum(c) == 0) {
+      gap = used > 0;
+      continue;
+    }
+    if (gap) name[used++] = '_';
+    gap = false;
+    name[used++] = static_cast<char>(std::tolower(c));
+  }
+  name[used] = '\0';
 }
 
 int V4l2Device::call(unsigned long request, void* argument) const noexcept {
@@ -203,24 +204,24 @@ DeviceTrouble V4l2Device::set_rate(double wanted_hz, DeviceFormat& format) noexc
 }
 
 DeviceTrouble V4l2Device::find_control(const char* name, ControlFacts& facts) noexcept {
-  constexpr std::uint32_t kNext = V4L2_CTRL_FLAG_NEXT_CTRL | V4L2_CTRL_FLAG_NEXT_COMPOUND;
-  v4l2_query_ext_ctrl query{};
-  query.id = kNext;
-  while (call(VIDIOC_QUERY_EXT_CTRL, &query) == 0) {
-    if (is_named(query.name, name)) {
-      facts.id = query.id;
-      facts.type = query.type;
-      facts.is_readable = (query.flags & V4L2_CTRL_FLAG_WRITE_ONLY) == 0;
-      facts.least = query.minimum;
-      facts.most = query.maximum;
-      if (is_settable(query.type)) return {};
-      return unexpected("VIDIOC_QUERY_EXT_CTRL", "a control with a number", "the control '%.60s' is not a number",
-                        name);
-    }
-    query.id |= kNext;
-  }
-  return unexpected("VIDIOC_QUERY_EXT_CTRL", "one that v4l2-ctl --list-ctrls shows",
-                    "the camera has no control '%.60s'", name);
+  bool is_found = false;
+  each_control(*this, [&](const v4l2_query_ext_ctrl& query) {
+    char shown[2 * sizeof(query.name)];
+    write_control_name(query.name, shown);
+    is_found = std::strcmp(shown, name) == 0;
+    if (!is_found) return true;
+    facts.id = query.id;
+    facts.type = query.type;
+    facts.is_readable = (query.flags & V4L2_CTRL_FLAG_WRITE_ONLY) == 0;
+    facts.least = query.minimum;
+    facts.most = query.maximum;
+    return false;
+  });
+  if (!is_found)
+    return unexpected("VIDIOC_QUERY_EXT_CTRL", "one that v4l2-ctl --list-ctrls shows",
+                      "the camera has no control '%.60s'", name);
+  if (is_settable(facts.type)) return {};
+  return unexpected("VIDIOC_QUERY_EXT_CTRL", "a control with a number", "the control '%.60s' is not a number", name);
 }
 
 DeviceTrouble V4l2Device::read_control(const char* name, const ControlFacts& facts, std::int64_t& value) noexcept {

@@ -42,6 +42,8 @@ struct ControlValue {
 
 /// A format's code as text.
 void write_fourcc(std::uint32_t fourcc, char (&text)[5]) noexcept;
+/// As v4l2-ctl writes names: "Exposure Time, Absolute" becomes exposure_time_absolute; as much as fits.
+void write_control_name(const char* shown, std::span<char> name) noexcept;
 
 class V4l2Device {
  public:
@@ -61,6 +63,9 @@ class V4l2Device {
   const DeviceIdentity& identity() const noexcept { return identity_; }
   /// v4l2loopback: its buffers are written while we read them.
   bool is_loopback() const noexcept { return is_loopback_; }
+
+  /// ioctl() on the device: 0 or errno; begins again when a signal came in between.
+  int call(unsigned long request, void* argument) const noexcept;
 
   /// Sets the first of the formats that is to be had, size and rate.
   DeviceTrouble set_format(const V4l2Settings& settings, DeviceFormat& format) noexcept;
@@ -97,8 +102,6 @@ class V4l2Device {
   void list_rates(std::uint32_t fourcc, unsigned width, unsigned height, std::span<char> text) noexcept;
   DeviceTrouble write_controls(std::span<const ControlValue> values) noexcept;
   DeviceTrouble read_control(const char* name, const ControlFacts& facts, std::int64_t& value) noexcept;
-  /// 0 or errno; begins again when a signal came in between.
-  int call(unsigned long request, void* argument) const noexcept;
 
   SystemCalls& system_;
   int fd_ = -1;

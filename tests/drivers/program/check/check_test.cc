@@ -13,9 +13,9 @@
 #include <thread>
 
 #include "drivers/program/check/image_check.h"
-#include "drivers/program/check/inventory.h"
 #include "drivers/program/check/line_check.h"
 #include "drivers/program/check/wheel_check.h"
+#include "drivers/program/inventory/inventory.h"
 
 namespace epiline {
 namespace {

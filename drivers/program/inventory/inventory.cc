@@ -1,10 +1,9 @@
-#include "drivers/program/check/inventory.h"
+#include "drivers/program/inventory/inventory.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <grp.h>
 #include <linux/gpio.h>
-#include <sys/ioctl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -14,9 +13,9 @@
 #include <cstring>
 #include <fstream>
 
-namespace epiline {
+#include "drivers/program/inventory/sysfs.h"
 
-namespace {
+namespace epiline {
 
 namespace fs = std::filesystem;
 
@@ -27,7 +26,6 @@ std::string first_line(const fs::path& file) {
   return line;
 }
 
-/// What is in a folder, in the order of names; nothing if there is none.
 std::vector<fs::path> entries(const fs::path& folder, const std::string& prefix) {
   std::vector<fs::path> found;
   std::error_code none;
@@ -36,6 +34,18 @@ std::vector<fs::path> entries(const fs::path& folder, const std::string& prefix)
   std::sort(found.begin(), found.end());
   return found;
 }
+
+bool read_chip(const fs::path& chip, gpiochip_info& info, SystemCalls& system) {
+  const int fd = system.open(chip.c_str(), O_RDWR);
+  if (fd < 0) return false;
+  const bool is_told = system.ioctl(fd, GPIO_GET_CHIPINFO_IOCTL, &info) == 0;
+  const int error = errno;
+  system.close(fd);
+  errno = error;
+  return is_told;
+}
+
+namespace {
 
 /// Devices of a class with their names, `/dev` and the name of the entry.
 std::vector<ListedDevice> of_class(const fs::path& folder, const char* prefix, const char* name_file) {
@@ -46,24 +56,21 @@ std::vector<ListedDevice> of_class(const fs::path& folder, const char* prefix, c
 }
 
 /// What its driver calls a chip; the kernel has that in no file. Empty: it may not be opened.
-std::string label_of(const fs::path& chip) {
+std::string label_of(const fs::path& chip, SystemCalls& system) {
   gpiochip_info info{};
-  const int fd = ::open(chip.c_str(), O_RDWR | O_CLOEXEC);
-  if (fd < 0) return {};
-  const bool is_told = ::ioctl(fd, GPIO_GET_CHIPINFO_IOCTL, &info) == 0;
-  ::close(fd);
-  return is_told ? std::string(info.label, ::strnlen(info.label, sizeof(info.label))) : std::string();
+  if (!read_chip(chip, info, system)) return {};
+  return {info.label, ::strnlen(info.label, sizeof(info.label))};
 }
 
 }  // namespace
 
-Inventory list_devices(const fs::path& root) {
+Inventory list_devices(const fs::path& root, SystemCalls& system) {
   Inventory all;
   const fs::path sys = root / "sys";
   all.cameras = of_class(sys / "class/video4linux", "video", "name");
   all.iio = of_class(sys / "bus/iio/devices", "iio:device", "name");
   for (const fs::path& file : entries(root / "dev", "gpiochip"))
-    all.gpio.push_back({"/dev/" + file.filename().string(), label_of(file)});
+    all.gpio.push_back({"/dev/" + file.filename().string(), label_of(file, system)});
   for (const fs::path& file : entries(root / "dev", "spidev"))
     all.spi.push_back({"/dev/" + file.filename().string(), {}});
   for (const char* prefix : {"ttyACM", "ttyUSB", "ttyAMA", "ttyTHS"})

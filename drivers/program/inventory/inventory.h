@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "platform/linux/system_calls.h"
+
 namespace epiline {
 
 struct ListedDevice {
@@ -17,7 +19,7 @@ struct Inventory {
 };
 
 /// `root`: "/", or a folder with `sys` and `dev` in it.
-Inventory list_devices(const std::filesystem::path& root = "/");
+Inventory list_devices(const std::filesystem::path& root = "/", SystemCalls& system = SystemCalls::of_this_computer());
 
 /// "/dev/video0 (HD USB Camera), /dev/video2 (...)", or "none".
 std::string to_text(const std::vector<ListedDevice>& devices);

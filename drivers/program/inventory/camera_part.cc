@@ -1,0 +1,89 @@
+#include <algorithm>
+
+#include "drivers/program/inventory/find.h"
+#include "drivers/sensors/camera/v4l2_lists.h"
+
+namespace epiline {
+
+namespace {
+
+template <std::size_t N>
+std::string text_of(const __u8 (&field)[N]) {
+  return {field, std::find(field, field + N, 0)};
+}
+
+void add_rates(const V4l2Device& device, std::uint32_t fourcc, CameraSize& size) {
+  each_rate(device, fourcc, size.width, size.height, [&](const v4l2_frmivalenum& rate) {
+    size.has_any_rate_between = rate.type != V4L2_FRMIVAL_TYPE_DISCRETE;
+    if (size.has_any_rate_between)
+      size.rates_hz = {rate_hz_of(rate.stepwise.max), rate_hz_of(rate.stepwise.min)};
+    else
+      size.rates_hz.push_back(rate_hz_of(rate.discrete));
+  });
+}
+
+std::vector<CameraFormat> formats_of(const V4l2Device& device) {
+  std::vector<CameraFormat> formats;
+  each_format(device, [&](const v4l2_fmtdesc& listed) {
+    const std::uint32_t fourcc = listed.pixelformat;
+    char name[5];
+    write_fourcc(fourcc, name);
+    CameraFormat format{name, is_read(fourcc), {}};
+    while (!format.name.empty() && format.name.back() == ' ') format.name.pop_back();  // "Y10 "
+    each_size(device, fourcc, [&](const v4l2_frmsizeenum& one) {
+      CameraSize size{one.discrete.width, one.discrete.height, one.discrete.width, one.discrete.height, {}, false};
+      if (one.type != V4L2_FRMSIZE_TYPE_DISCRETE) {
+        const v4l2_frmsize_stepwise& range = one.stepwise;
+        size = {range.min_width, range.min_height, range.max_width, range.max_height, {}, false};
+      }
+      add_rates(device, fourcc, size);
+      format.sizes.push_back(std::move(size));
+    });
+    formats.push_back(std::move(format));
+  });
+  return formats;
+}
+
+std::vector<CameraControlRange> controls_of(const V4l2Device& device) {
+  std::vector<CameraControlRange> controls;
+  each_control(device, [&](const v4l2_query_ext_ctrl& query) {
+    char name[2 * sizeof(query.name)];
+    write_control_name(query.name, name);
+    CameraControlRange control{name, query.minimum, query.maximum, static_cast<std::int64_t>(query.step),
+                               query.default_value};
+    const bool is_one = control.name.find("exposure") != std::string::npos ||  //
+                        control.name.find("gain") != std::string::npos;
+    if (is_one && query.type != V4L2_CTRL_TYPE_CTRL_CLASS) controls.push_back(std::move(control));
+    return controls.size() < kMostListed;
+  });
+  return controls;
+}
+
+}  // namespace
+
+std::optional<CameraPart> find_camera(const std::filesystem::path& root, const ListedDevice& listed,
+                                      SystemCalls& system) {
+  CameraPart part;
+  part.path = listed.path;
+  part.name = listed.name;
+  part.trouble = no_permission(root, listed.path);
+  if (!part.trouble.empty()) return part;
+  V4l2Device device(system);
+  if (const DeviceTrouble trouble = device.open(below(root, listed.path).c_str())) {
+    if (trouble.error == 0) return std::nullopt;
+    part.trouble = error_of(trouble, part.path).text();
+    return part;
+  }
+  v4l2_capability capability{};
+  device.call(VIDIOC_QUERYCAP, &capability);
+  part.name = text_of(capability.card);
+  part.bus = text_of(capability.bus_info);
+  part.driver = text_of(capability.driver);
+  part.formats = formats_of(device);
+  part.controls = controls_of(device);
+  if (std::none_of(part.formats.begin(), part.formats.end(), [](const CameraFormat& f) { return f.is_read; }))
+    part.trouble = "epiline reads none of its formats; docs/camera.md lists those it reads";
+  return part;
+}
+
+}  // namespace epiline

@@ -1,0 +1,77 @@
+#include <array>
+#include <string_view>
+
+#include "drivers/program/inventory/find.h"
+#include "drivers/program/inventory/sysfs.h"
+
+namespace epiline {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct KnownUsb {
+  std::string_view vendor, product;  ///< product empty: any
+  std::string_view name;
+};
+/// Flight controllers. Identifiers: QGroundControl, src/comm/USBBoardInfo.json.
+constexpr std::array<KnownUsb, 12> kAutopilots{{
+    {"26ac", "0015", ""},  // a PX4Flow camera
+    {"26ac", "", "PX4 flight controller"},
+    {"3185", "", "PX4 flight controller"},
+    {"3643", "001d", "PX4 flight controller"},
+    {"1b8c", "0036", "PX4 flight controller"},
+    {"1209", "5740", "ArduPilot flight controller"},
+    {"1209", "5741", "ArduPilot flight controller"},
+    {"3162", "", "Holybro flight controller"},
+    {"3163", "", "CUAV flight controller"},
+    {"2dae", "", "CubePilot flight controller"},
+    {"35a7", "", "ThePeach flight controller"},
+    // the vendor's example: older ArduPilots have it, and many other boards
+    {"0483", "5740", "perhaps a flight controller"},
+}};
+
+std::string autopilot_of(const std::string& vendor, const std::string& product) {
+  for (const KnownUsb& known : kAutopilots)
+    if (vendor == known.vendor && (known.product.empty() || product == known.product)) return std::string(known.name);
+  return {};
+}
+
+/// The folder of the USB device that the port is a part of; empty: it is on no USB.
+fs::path usb_device_of(const fs::path& port) {
+  std::error_code none;
+  fs::path folder = fs::canonical(port / "device", none);
+  for (; !none && folder.has_relative_path(); folder = folder.parent_path())
+    if (fs::exists(folder / "idVendor", none)) return folder;
+  return {};
+}
+
+/// The name under /dev/serial/by-id, which stays whatever is plugged in first; empty: none.
+std::string lasting_name(const fs::path& root, const fs::path& file_name) {
+  for (const fs::path& link : entries(root / "dev/serial/by-id", "")) {
+    std::error_code none;
+    if (fs::read_symlink(link, none).filename() == file_name) return "/dev/serial/by-id/" + link.filename().string();
+  }
+  return {};
+}
+
+}  // namespace
+
+SerialPart find_serial(const fs::path& root, const ListedDevice& listed) {
+  const fs::path file_name = fs::path(listed.path).filename();
+  SerialPart part;
+  part.path = listed.path;
+  part.trouble = no_permission(root, listed.path);
+  if (const fs::path usb = usb_device_of(root / "sys/class/tty" / file_name); !usb.empty()) {
+    part.vendor = first_line(usb / "idVendor");
+    part.product = first_line(usb / "idProduct");
+    const std::string maker = first_line(usb / "manufacturer");
+    part.name = maker + (maker.empty() ? "" : " ") + first_line(usb / "product");
+    part.autopilot = autopilot_of(part.vendor, part.product);
+  }
+  const std::string lasting = lasting_name(root, file_name);
+  part.settings = {{"mavlink.serial", lasting.empty() ? part.path : lasting}};
+  return part;
+}
+
+}  // namespace epiline
