@@ -25,8 +25,8 @@ Mat3 turn_of_far_points(const SharedBearings& s) {
     for (int i = 0; i < s.count; ++i) sum += weights[i] * s.now[i] * s.before[i].transpose();
     R_CC0 = rotation_from(sum);
     for (int i = 0; i < s.count; ++i) {
-      const double off = (s.now[i] - R_CC0 * s.before[i]).norm() / kFarBearing;
-      weights[i] = 1 / (1 + off * off);
+      const double off2 = (s.now[i] - R_CC0 * s.before[i]).squaredNorm() / (kFarBearing * kFarBearing);
+      weights[i] = 1 / (1 + off2);
     }
   }
   return R_CC0;
@@ -51,11 +51,18 @@ class Travel {
     scale = 1 / std::max(t.cross(now).norm(), 0.1);
     return scale * t.dot(turned.cross(now));
   }
+  /// Sum of log(1 + off^2). One logarithm for many bearings: an angle is at most 1 rad, so the product of kFactors is
+  /// below 1e193.
   double cost(const Mat3& R, const Vec3& t) const {
+    constexpr int kFactors = 32;
     double sum = 0, scale = 0;
-    for (int i = 0; i < s_.count; ++i) {
-      const double off = angle(R * s_.before[i], s_.now[i], t, scale) / kCostScale_rad;
-      sum += std::log1p(off * off);
+    for (int first = 0; first < s_.count; first += kFactors) {
+      double product = 1;
+      for (int i = first; i < std::min(first + kFactors, s_.count); ++i) {
+        const double off = angle(R * s_.before[i], s_.now[i], t, scale) / kCostScale_rad;
+        product *= 1 + off * off;
+      }
+      sum += std::log(product);
     }
     return sum;
   }
@@ -75,7 +82,7 @@ class Travel {
       J.head<3>() = scale * (t_.dot(g) * f - g.dot(f) * t_);
       J.tail<2>() = scale * (across.transpose() * g.cross(f));
       const double weight = 1 / (1 + e * e / (kCostScale_rad * kCostScale_rad));
-      H.selfadjointView<Eigen::Lower>().rankUpdate(J, weight);
+      H.noalias() += weight * J * J.transpose();
       b -= weight * e * J;
     }
     H.diagonal().array() += 1e-6 * s_.count;  // a direction nobody sees stays

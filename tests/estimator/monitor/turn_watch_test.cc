@@ -61,6 +61,19 @@ TEST(TurnBetween, FindsTheTurnBesideAnyTranslation) {
   EXPECT_GE(fitted, 30);
 }
 
+TEST(TurnBetween, UnrelatedBearingsCostMuchButNotInfinitely) {
+  std::mt19937 random(4);
+  std::normal_distribution<double> normal;
+  SharedBearings s;
+  s.count = SharedBearings::kMost;
+  for (auto* bearings : {&s.before, &s.now})
+    for (Vec3& f : *bearings) f = Vec3(normal(random), normal(random), normal(random)).normalized();
+  CameraTurn turn;
+  ASSERT_TRUE(turn_between(s, Vec3::UnitX(), turn));
+  EXPECT_GT(turn.cost, 5);
+  EXPECT_LE(turn.cost, std::log1p(1e6));  // an angle of 1 rad, everywhere
+}
+
 TEST(TurnBetween, TooFewBearingsGiveNone) {
   SharedBearings s;
   s.count = SharedBearings::kFewest - 1;
