@@ -29,6 +29,7 @@ bool is_finite(const KnownState& s) {
   return x.p.allFinite() && x.v.allFinite() && x.R.allFinite() && x.b_a.allFinite() && x.b_g.allFinite() &&
          s.P.allFinite();
 }
+
 FoundCalibration found(const Calibration& c, const CalibrationTangent& variances) {
   const Eigen::Quaterniond q(c.R_BC);
   FoundCalibration f{
