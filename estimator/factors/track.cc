@@ -125,7 +125,7 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
                s.gate,        s.inner_steps,
                s.converged,   drift,
                s.student,     unit,
-               s.focal,       w.calibration.focal};
+               s.focal,       0};
   gate_suspended_ = false;
   remember_points();
   origin_ = w.newest().x.p;
@@ -146,7 +146,7 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
     for (int lane = end - begin; lane < kBatchLanes; ++lane) empty_lane(lane, memory_->batch[b]);
   }
   if (!drift) return;
-  fill_geometry(w, w.size(), origin_, memory_->frame);
+  place(w, w.size());
   kernels_.turn_charts(memory_->batch, batches_, memory_->frame);
 }
 
@@ -155,17 +155,21 @@ void TrackFactor::fetch(const Window& w, const TrackRecord& t) const {
   __builtin_prefetch(&memory_->remembered[t.place]);
 }
 
-void TrackFactor::run(const Window& w, VisualSystem& out) {
-  fill_geometry(w, w.size(), origin_, memory_->frame);
+/// The first `frames` frames and the lens, as the window has them now.
+void TrackFactor::place(const Window& w, int frames) {
+  fill_geometry(w, frames, origin_, memory_->frame);
   settings_.focal = w.calibration.focal;
+}
+
+void TrackFactor::run(const Window& w, VisualSystem& out) {
+  place(w, w.size());
   kernels_.track(memory_->batch, batches_, memory_->frame, w.size(), settings_, memory_->scratch, memory_->verdicts,
                  out);
   add_calibration(w, w.size(), visual_.extrinsics, visual_.focal, out);
 }
 
 double TrackFactor::cost(const Window& w) noexcept {
-  fill_geometry(w, w.size(), origin_, memory_->frame);
-  settings_.focal = w.calibration.focal;
+  place(w, w.size());
   return kernels_.track_cost(memory_->batch, batches_, memory_->frame, w.size(), settings_, memory_->verdicts);
 }
 
@@ -188,8 +192,7 @@ void TrackFactor::marginalise_oldest(const Window& w, const VisualSettings& s, V
   const int frames = w.size() - 1;
   int count = 0;
   while (count < batches_ && memory_->batch[count].first == 0) ++count;
-  fill_geometry(w, frames, origin_, memory_->frame);
-  settings_.focal = w.calibration.focal;
+  place(w, frames);
   kernels_.track_news(memory_->batch, count, memory_->frame, frames, settings_, memory_->news, memory_->verdicts, out);
   add_calibration(w, frames, visual_.extrinsics, visual_.focal, out);
 }

@@ -25,6 +25,7 @@ class TrackFactor final : public VisualFactorModel {
 
  private:
   struct Memory;
+  void place(const Window&, int frames);
   void run(const Window&, VisualSystem&);
   void fetch(const Window&, const TrackRecord&) const;
   void remember_points();

@@ -54,7 +54,7 @@ class Solver {
                          Supervisor& supervisor);
   /// Of the newest frame's state and the time offset, by the last optimise(); no numbers if that solved nothing.
   const StateCovariance& covariance() const;
-  /// The same of the seven calibration parameters (zero rows where not estimated).
+  /// The same of the calibration (zero rows where not estimated).
   const CalibrationCovariance& calibration_covariance() const;
   /// The calibration at which the system of these covariances was linearised.
   const Calibration& linearised_at() const;
