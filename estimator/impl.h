@@ -80,7 +80,7 @@ struct Estimator::Impl {
   std::optional<StartRefusal> start_at_rest(const TrackedFrame& frame);
   std::optional<StartRefusal> start_moving(const TrackedFrame& frame, Supervisor& supervisor);
   std::optional<StartRefusal> posterior_refusal(const SolverSummary& s) const;
-  void take_back_start();
+  void take_back_start(const Calibration& before);
   void start(const TrackedFrame& frame, const InitialState& state, StartKind kind);
   void began(StartKind kind);
   void remember_origin();

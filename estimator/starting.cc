@@ -109,6 +109,7 @@ std::optional<StartRefusal> Estimator::Impl::posterior_refusal(const SolverSumma
 
 std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& frame, Supervisor& supervisor) {
   const StarterSettings at = starter_settings();
+  const Calibration before = window.calibration;
   if (const auto refusal = starter.start_moving(window, at)) return refusal;
   const double given_sigma = pixel_sigma;
   pixel_sigma = std::max(given_sigma, starter.guess().noise_rad * config.extrinsics.focal_px);
@@ -129,7 +130,7 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   if (!refusal && seen > kStartResidual * pixel_sigma) refusal = StartRefusal::kResidualTooLarge;
   if (refusal) {
     pixel_sigma = given_sigma;
-    take_back_start();
+    take_back_start(before);
     return refusal;
   }
   began(StartKind::kMoving);
@@ -143,12 +144,12 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
 }
 
 /// The window as it was before the start, without states.
-void Estimator::Impl::take_back_start() {
+void Estimator::Impl::take_back_start(const Calibration& before) {
   window.prior.frames = 0;
   const Vec3 b_g = known_gyroscope_bias();
   for (int k = 0; k < window.size(); ++k) window.at(k).x = NavState{.b_g = b_g};
   reintegrate_moved_biases();
-  window.calibration = configured_calibration();
+  window.calibration = before;
 }
 
 /// The window has states from its oldest frame on.
