@@ -89,15 +89,21 @@ fs::path calibration_path(const fs::path& root, const fs::path& sensor, const ch
   return !fs::exists(own, ignored) && fs::exists(beside, ignored) ? beside.lexically_normal() : own;
 }
 
-Status read_camera(AslDataset& d, const std::string& camera, const fs::path& calibration_file) {
-  const fs::path folder = d.root / camera;
-  std::error_code ignored;
-  if (!fs::is_directory(folder, ignored)) return missing(folder, "the folder of the camera");
+Status read_lens(AslDataset& d, const std::string& camera, const fs::path& calibration_file) {
   const fs::path calibration = calibration_path(d.root, camera, "camchain.yaml", calibration_file);
+  std::error_code ignored;
   if (!fs::exists(calibration, ignored)) return missing(calibration, "the camera's calibration");
   const auto parameters = read_camera_calibration(calibration, camera);
   if (!parameters) return parameters.error();
   d.camera = *parameters;
+  return Done{};
+}
+
+/// What the camera saw: images or tracks.
+Status read_camera(AslDataset& d, const std::string& camera) {
+  const fs::path folder = d.root / camera;
+  std::error_code ignored;
+  if (!fs::is_directory(folder, ignored)) return missing(folder, "the folder of the camera");
   d.image_list = find_table(folder, "data.csv");
   if (!d.image_list.empty()) return read_image_list(d);
   d.image_list = find_table(folder, "tracks.csv");
@@ -191,14 +197,22 @@ Result<AslMotion> open_asl_motion(const fs::path& folder, const fs::path& imu_fi
 
 Result<AslDataset> open_asl_dataset(const fs::path& folder, const std::string& camera, const fs::path& camera_file,
                                     const fs::path& imu_file) {
+  auto d = open_uncalibrated_asl_dataset(folder, camera, imu_file);
+  if (!d) return d.error();
+  if (const Status s = read_lens(*d, camera, camera_file); !s) return s.error();
+  if (const Status s = read_ground_truth(*d); !s) return s.error();
+  return d;
+}
+
+Result<AslDataset> open_uncalibrated_asl_dataset(const fs::path& folder, const std::string& camera,
+                                                 const fs::path& imu_file) {
   const auto root = find_root(folder);
   if (!root) return root.error();
   AslDataset d;
   d.root = *root;
   if (const Status s = read_imu(d, imu_file); !s) return s.error();
   if (const Status s = read_wheel(d); !s) return s.error();
-  if (const Status s = read_camera(d, camera, camera_file); !s) return s.error();
-  if (const Status s = read_ground_truth(d); !s) return s.error();
+  if (const Status s = read_camera(d, camera); !s) return s.error();
   return d;
 }
 

@@ -66,6 +66,10 @@ Result<AslDataset> open_asl_dataset(const std::filesystem::path& folder, const s
                                     const std::filesystem::path& camera_file = {},
                                     const std::filesystem::path& imu_file = {});
 
+/// The same without the camera's calibration, which is still to be found, and without ground truth.
+Result<AslDataset> open_uncalibrated_asl_dataset(const std::filesystem::path& folder, const std::string& camera,
+                                                 const std::filesystem::path& imu_file = {});
+
 /// The ground truth alone; empty if the folder has none. Fails if and only if the data set does not exist, or its
 /// ground truth does not parse.
 Result<std::optional<Trajectory>> read_asl_ground_truth(const std::filesystem::path& folder);

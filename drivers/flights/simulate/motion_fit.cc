@@ -43,6 +43,17 @@ Vec3 segment(const std::vector<double>& step, int column) { return Eigen::Map<co
 /// How far a distance from the truth counts (Cauchy), for a squared distance in standard deviations.
 double robust_weight(double squared) { return 1 / (1 + squared / 9); }
 
+/// With columns for those constants.
+struct Layout : FitLayout {
+  int tilt, mount, lever, time_offset;
+  Layout(int knots, int biases, double knots_per_bias)
+      : FitLayout(knots, biases, knots_per_bias),
+        tilt(add_constants(2)),
+        mount(add_constants(3)),
+        lever(add_constants(3)),
+        time_offset(add_constants(1)) {}
+};
+
 class Fitter {
  public:
   Fitter(const std::vector<ImuSample>& imu, const ImuNoise& noise, const std::vector<TimedPose>& truth,
@@ -70,8 +81,8 @@ class Fitter {
 
   /// False if the fit does not converge.
   bool run() {
-    const FitLayout layout(static_cast<int>(p_.size()), static_cast<int>(bias_g_.size()),
-                           settings_.bias_interval_s / interval_s_);
+    const Layout layout(static_cast<int>(p_.size()), static_cast<int>(bias_g_.size()),
+                        settings_.bias_interval_s / interval_s_);
     FitEquations equations(layout.first);
     std::vector<double> step;
     constexpr int kMost = 50;
@@ -192,7 +203,7 @@ class Fitter {
     return {at, cubic_weights(at.u), static_cast<std::size_t>(m), s - m};
   }
 
-  void linearise(const FitLayout& layout, FitEquations& equations) const {
+  void linearise(const Layout& layout, FitEquations& equations) const {
     equations.clear();
     const FittedMotion current = motion();
     for (const Reading& r : readings_) add_reading(layout, current, r, equations);
@@ -201,7 +212,7 @@ class Fitter {
   }
 
   /// Both residuals are turned into the world, where the derivatives by turns of the knots in the world are weights.
-  void add_reading(const FitLayout& layout, const FittedMotion& current, const Reading& reading,
+  void add_reading(const Layout& layout, const FittedMotion& current, const Reading& reading,
                    FitEquations& equations) const {
     const Place at = place(reading.t_s);
     const Motion m = current.at(reading.t_s);
@@ -232,7 +243,7 @@ class Fitter {
             so3_log(constants_.R_WT * pose.R * constants_.R_MB * m.R_WB.transpose())};
   }
 
-  void add_pose(const FitLayout& layout, const FittedMotion& current, const Pose& pose, FitEquations& equations) const {
+  void add_pose(const Layout& layout, const FittedMotion& current, const Pose& pose, FitEquations& equations) const {
     const double t = pose.t_s + constants_.time_offset_s;
     const Place at = place(t);
     const Motion m = current.at(t);
@@ -261,7 +272,7 @@ class Fitter {
   }
 
   /// What is known without measurements: biases stay about the same, constants are small.
-  void add_expectations(const FitLayout& layout, FitEquations& equations) const {
+  void add_expectations(const Layout& layout, FitEquations& equations) const {
     const Mat3 I = Mat3::Identity();
     const auto weight = [](double sigma) { return 1 / (sigma * sigma); };
     const double root = std::sqrt(settings_.bias_interval_s);
@@ -291,7 +302,7 @@ class Fitter {
   }
 
   /// Returns the largest move of a knot, m or rad.
-  double apply(const FitLayout& layout, const std::vector<double>& step) {
+  double apply(const Layout& layout, const std::vector<double>& step) {
     double most = 0;
     for (std::size_t k = 0; k < p_.size(); ++k) {
       const Vec3 dp = segment(step, layout.knot[k]), turn_W = segment(step, layout.knot[k] + 3);

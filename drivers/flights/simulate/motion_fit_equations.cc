@@ -18,10 +18,12 @@ FitLayout::FitLayout(int knots, int biases, double knots_per_bias) {
     for (int m = static_cast<int>(bias.size()); m < biases && (k == knots - 1 || knot_near(m + 1, 5) <= k); ++m)
       bias.push_back(push(6, knot[static_cast<std::size_t>(knot_near(m - 1, -1))]));
   }
-  tilt = push(2, 0);
-  mount = push(3, 0);
-  lever = push(3, 0);
-  time_offset = push(1, 0);
+}
+
+int FitLayout::add_constants(int count) {
+  const int column = static_cast<int>(first.size());
+  first.insert(first.end(), static_cast<std::size_t>(count), 0);
+  return column;
 }
 
 void FitEquations::clear() {
@@ -44,8 +46,21 @@ void FitEquations::add(const FitResidual& r) {
   }
 }
 
+void FitEquations::add_block(int row, int column, const Eigen::Ref<const Eigen::MatrixXd>& block) {
+  for (int k = 0; k < block.rows(); ++k)
+    for (int l = 0; l < (row == column ? k + 1 : block.cols()); ++l) H_.at(row + k, column + l) += block(k, l);
+}
+
+void FitEquations::add_to_b(int row, const Eigen::Ref<const Eigen::VectorXd>& values) {
+  for (int k = 0; k < values.size(); ++k) b_[static_cast<std::size_t>(row + k)] += values[k];
+}
+
 void FitEquations::damp(int column, int count, double weight) {
   for (int k = column; k < column + count; ++k) H_.at(k, k) += weight;
+}
+
+void FitEquations::damp_by_share(int column, int count, double share) {
+  for (int k = column; k < column + count; ++k) H_.at(k, k) *= 1 + share;
 }
 
 bool FitEquations::solve(std::vector<double>& step) {

@@ -1,0 +1,36 @@
+#include "drivers/study/calibrate/board_shape.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace epiline {
+
+namespace {
+constexpr double kUsualShare = 0.003;
+}
+
+BoardShape::BoardShape(const std::vector<CornerView>& views) {
+  Vec3 low = Vec3::Constant(1e9), high = -low;
+  for (const CornerView& view : views) {
+    for (const Corner& corner : view.corners) {
+      if (index_.try_emplace(corner.id, corners()).second) offsets_.push_back(Vec3::Zero());
+      low = low.cwiseMin(corner.p_T);
+      high = high.cwiseMax(corner.p_T);
+    }
+  }
+  if (!offsets_.empty()) sigma_m_ = kUsualShare * std::max((high - low).maxCoeff(), 1e-3);
+}
+
+double BoardShape::rms_m() const {
+  double sum = 0;
+  for (const Vec3& offset : offsets_) sum += offset.squaredNorm();
+  return offsets_.empty() ? 0 : std::sqrt(sum / corners());
+}
+
+double BoardShape::bend_rms_m() const {
+  double sum = 0;
+  for (const Vec3& offset : offsets_) sum += offset.z() * offset.z();
+  return offsets_.empty() ? 0 : std::sqrt(sum / corners());
+}
+
+}  // namespace epiline

@@ -1,0 +1,125 @@
+#include "drivers/study/calibrate/calibrate.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "drivers/study/calibrate/lens_columns.h"
+#include "drivers/study/calibrate/verdicts.h"
+#include "platform/math/statistics.h"
+
+namespace epiline {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+Result<std::optional<CameraCalibration>> read_guess(const CalibrateSettings& settings, const AslDataset& dataset) {
+  if (settings.guess == "none") return std::optional<CameraCalibration>{};
+  fs::path path = settings.guess;
+  if (path.empty()) {
+    path = dataset.root / settings.camera / "sensor.yaml";
+    std::error_code ignored;
+    if (!fs::exists(path, ignored)) return std::optional<CameraCalibration>{};
+  }
+  auto guess = read_camera_calibration(path, settings.camera);
+  if (!guess) return guess.error();
+  return std::optional<CameraCalibration>{std::move(*guess)};
+}
+
+Result<std::vector<CornerView>> read_views(const CalibrateSettings& settings, const AslDataset& dataset) {
+  const fs::path board = settings.board.empty() ? dataset.root / "target.csv" : settings.board;
+  const auto target = read_target(board);
+  if (!target) return target.error();
+  std::vector<CornerView> views = views_of(dataset, *target);
+  const HostStamp begin = views.front().stamp;
+  std::erase_if(views, [&](const CornerView& view) {
+    const double t = (view.stamp - begin).seconds();
+    return t < settings.start_s || t > settings.start_s + settings.duration_s;
+  });
+  return views;
+}
+
+double median_rate(const std::vector<double>& steps_s) { return steps_s.empty() ? 0 : 1 / summarise(steps_s).median; }
+
+double rate_of(const std::vector<CornerView>& views) {
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < views.size(); ++i) steps.push_back((views[i].stamp - views[i - 1].stamp).seconds());
+  return median_rate(steps);
+}
+
+double rate_of(const std::vector<ImuSample>& imu) {
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < imu.size(); ++i) steps.push_back((imu[i].stamp - imu[i - 1].stamp).seconds());
+  return median_rate(steps);
+}
+
+Result<LensFit> find_lens(const CalibrateSettings& settings, const std::vector<CornerView>& views,
+                          const std::optional<CameraCalibration>& guess) {
+  const int width = settings.width > 0 ? settings.width : guess ? guess->parameters.width : 0;
+  const int height = settings.height > 0 ? settings.height : guess ? guess->parameters.height : 0;
+  if (width <= 0 || height <= 0) {
+    return Error{ErrorKind::kUsage, "", 0, "the size of the images is not known",
+                 "--resolution WIDTHxHEIGHT, as these are corners without images and there is no guess"};
+  }
+  if (settings.hold_lens) {
+    if (!guess)
+      return Error{ErrorKind::kUsage, "", 0, "there is no lens to hold", "--guess FILE with a calibrated lens"};
+    return fit_board(views, guess->parameters);
+  }
+  const std::optional<CameraParameters> from = guess ? std::optional(guess->parameters) : std::nullopt;
+  if (settings.model) return fit_lens(views, *settings.model, width, height, from);
+  if (guess) return fit_lens(views, guess->parameters.model, width, height, from);
+  return choose_lens(views, width, height);
+}
+
+Result<TurnAlignment> find_turns(const std::vector<CornerView>& views, const LensFit& lens,
+                                 const std::vector<ImuSample>& imu) {
+  std::vector<CameraTurn> turns;
+  for (std::size_t i = 0; i < views.size(); ++i)
+    if (lens.poses[i]) turns.push_back({views[i].stamp, lens.poses[i]->R_CT.transpose()});
+  return align_turns(turns, imu);
+}
+
+}  // namespace
+
+bool Calibration::good() const {
+  return std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.good; });
+}
+
+Result<Calibration> calibrate(const CalibrateSettings& settings) {
+  auto dataset = open_uncalibrated_asl_dataset(settings.dataset, settings.camera, settings.imu_file);
+  if (!dataset) return dataset.error();
+  const auto guess = read_guess(settings, *dataset);
+  if (!guess) return guess.error();
+  const auto views = read_views(settings, *dataset);
+  if (!views) return views.error();
+  const auto named = [&](Error error) {
+    if (error.file.empty()) error.file = dataset->image_list.string();
+    return error;
+  };
+  const auto lens = find_lens(settings, *views, *guess);
+  if (!lens) return named(lens.error());
+  const auto turns = find_turns(*views, *lens, dataset->imu_samples);
+  if (!turns) return named(turns.error());
+  auto fit = fit_rig(*views, *lens, *turns, dataset->imu_samples,
+                     {.noise = dataset->imu.noise, .hold_lens = settings.hold_lens});
+  if (!fit) return named(fit.error());
+
+  Calibration c;
+  const RigConstants& found = fit->state.constants;
+  c.camera = {found.lens, found.R_BC, found.p_BC, found.time_offset_s};
+  c.imu = dataset->imu;
+  c.imu.noise.gyroscope_density = fit->noise.gyroscope_density;
+  c.imu.noise.accelerometer_density = fit->noise.accelerometer_density;
+  c.image_rate_hz = rate_of(*views);
+  c.imu_rate_hz = rate_of(dataset->imu_samples);
+  c.guess = *guess;
+  c.fit = std::move(*fit);
+  judge(c);
+  return c;
+}
+
+}  // namespace epiline

@@ -1,0 +1,101 @@
+#include "drivers/study/calibrate/rig_factors.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "estimator/geometry/so3.h"
+
+namespace epiline {
+
+RigLayout::RigLayout(const RigState& state)
+    : FitLayout(static_cast<int>(state.p_TB.size()), static_cast<int>(state.gyroscope_bias.size()),
+                state.bias_interval_s / state.interval_s),
+      columns(0, state.constants.lens.model) {
+  columns = RigColumns(add_constants(columns.count()), state.constants.lens.model);
+  corners = add_constants(3 * state.constants.shape.corners());
+}
+
+RigFactors::RigFactors(const RigState& state, const RigLayout& layout)
+    : state_(state), layout_(layout), motion_(state.motion()), lens_(state.constants.lens) {}
+
+RigFactors::Place RigFactors::place(double t_s) const {
+  const SplinePlace at = spline_place(t_s + state_.lead_s, state_.interval_s, state_.p_TB.size());
+  Place found{{}, cubic_weights(at.u), {}, {}};
+  for (std::size_t i = 0; i < 4; ++i) found.knot[i] = layout_.knot[static_cast<std::size_t>(at.piece) + i];
+  const double s = t_s / state_.bias_interval_s;
+  const double m = std::clamp(std::floor(s), 0.0, static_cast<double>(layout_.bias.size() - 2));
+  found.bias = {layout_.bias[static_cast<std::size_t>(m)], layout_.bias[static_cast<std::size_t>(m) + 1]};
+  found.bias_weight = {1 - (s - m), s - m};
+  return found;
+}
+
+void RigFactors::add_biases(const Place& at, int part, const Mat3& J, FitResidual& r) const {
+  for (std::size_t i = 0; i < 2; ++i) r.add(at.bias[i] + part, at.bias_weight[i] * J);
+}
+
+FitResidual RigFactors::gyroscope(const RigReading& reading, double weight) const {
+  const Place at = place(reading.t_s);
+  const Motion m = motion_.at(reading.t_s);
+  const Vec3 without_bias = reading.w - motion_.gyroscope_bias(reading.t_s);
+  const Mat3 gain = state_.constants.gyroscope_gain.asDiagonal();
+  FitResidual r(m.R_WB * (gain * without_bias - m.omega_B), weight);
+  for (std::size_t i = 0; i < 4; ++i)
+    r.add(at.knot[i] + 3, -at.weights.first[i] / state_.interval_s * Mat3::Identity());
+  add_biases(at, 0, -m.R_WB * gain, r);
+  r.add(layout_.columns.gyroscope_gain, m.R_WB * without_bias.asDiagonal());
+  return r;
+}
+
+FitResidual RigFactors::accelerometer(const RigReading& reading, double weight) const {
+  const Place at = place(reading.t_s);
+  const Motion m = motion_.at(reading.t_s);
+  const Vec3 without_bias = reading.a - motion_.accelerometer_bias(reading.t_s);
+  const Mat3 gain = state_.constants.accelerometer_gain.asDiagonal();
+  const Vec3 f_T = m.a_WB - state_.constants.g_T;
+  FitResidual r(m.R_WB * gain * without_bias - f_T, weight);
+  for (std::size_t i = 0; i < 4; ++i) {
+    r.add(at.knot[i], -at.weights.second[i] / (state_.interval_s * state_.interval_s) * Mat3::Identity());
+    r.add(at.knot[i] + 3, -at.weights.value[i] * skew(f_T));
+  }
+  add_biases(at, 3, -m.R_WB * gain, r);
+  Mat3 by_gravity = Mat3::Zero();
+  by_gravity.leftCols<2>() = state_.constants.g_T.norm() * state_.across_gravity();
+  r.add(layout_.columns.gravity, by_gravity, 2);
+  r.add(layout_.columns.accelerometer_gain, m.R_WB * without_bias.asDiagonal());
+  return r;
+}
+
+RigFactors::View RigFactors::look(double t_s) const {
+  const double t = t_s + state_.constants.time_offset_s;
+  const Place at = place(t);
+  return {at.knot, at.weights.value, motion_.at(t)};
+}
+
+int RigFactors::column(const Corner& corner) const {
+  return layout_.corners + 3 * state_.constants.shape.index(corner);
+}
+
+bool RigFactors::corner(const View& view, const Corner& corner, Vec2& e, CornerJacobian& J, Mat23& by_corner) const {
+  const Motion& m = view.motion;
+  const Mat3 R_CB = state_.constants.R_BC.transpose(), R_CT = R_CB * m.R_WB.transpose();
+  const Vec3 arm_T = state_.constants.shape.place(corner) - m.p_WB;
+  const Vec3 p_C = R_CT * arm_T - R_CB * state_.constants.p_BC;
+  Vec2 px;
+  Mat23 by_point;
+  LensJacobian by_lens;
+  if (!lens_.project(p_C, px, by_point, by_lens)) return false;
+  e = corner.px - px;
+  const auto lens_count = by_lens.cols();
+  J.resize(2, 6 + lens_count + 7);
+  J.leftCols<3>() = -by_point * R_CT;
+  J.middleCols<3>(3) = by_point * R_CT * skew(arm_T);
+  J.middleCols(6, lens_count) = by_lens;
+  J.middleCols<3>(6 + lens_count) = by_point * skew(p_C);
+  J.middleCols<3>(9 + lens_count) = -by_point * R_CB;
+  const Vec3 omega_T = m.R_WB * m.omega_B;
+  J.col(12 + lens_count) = -by_point * R_CT * (m.v_WB + omega_T.cross(arm_T));
+  by_corner = by_point * R_CT;
+  return true;
+}
+
+}  // namespace epiline

@@ -1,0 +1,55 @@
+#pragma once
+// Camera and IMU as one rig: the constants that explain corners and readings best, with what they are good to.
+// Method: docs/derivations/rig.md.
+#include <cmath>
+#include <vector>
+
+#include "drivers/study/calibrate/lens_fit.h"
+#include "drivers/study/calibrate/rig_state.h"
+#include "drivers/study/calibrate/turn_alignment.h"
+#include "platform/error/result.h"
+#include "platform/samples/samples.h"
+
+namespace epiline {
+
+/// What the measurements scatter about the fit.
+struct RigNoise {
+  double corner_px = 0.5;        ///< each image coordinate
+  double gyroscope = 0;          ///< of a reading, each axis, rad/s
+  double accelerometer = 0;      ///< m/s^2
+  double gyroscope_density = 0;  ///< the same as densities: what flies is told these
+  double accelerometer_density = 0;
+};
+
+/// A corner and how far it is from where the fit has it.
+struct CornerError {
+  double t_s;
+  std::uint32_t id;
+  Vec2 px, e_px;
+};
+
+struct RigFit {
+  RigState state;
+  RigNoise noise;
+  /// Of the constants in the order of RigColumns(0, model); rotations as right perturbations, gravity in rad across it.
+  Eigen::MatrixXd covariance;
+  std::vector<CornerError> corners;
+  double rms_px = 0;  ///< of the corners' distances, as calibrations are usually judged; outliers left out
+  std::size_t views = 0, outliers = 0;
+  int iterations = 0;
+  double sigma(int column) const { return std::sqrt(covariance(column, column)); }
+};
+
+struct RigFitSettings {
+  ImuNoise noise;  ///< its random walks are used; its densities are where the iteration starts
+  double bias_interval_s = 5;
+  bool hold_lens = false;
+};
+
+/// Fails if and only if less than kShortest_s of motion is seen by both, or the fit does not converge.
+Result<RigFit> fit_rig(const std::vector<CornerView>& views, const LensFit& lens, const TurnAlignment& turns,
+                       const std::vector<ImuSample>& imu, const RigFitSettings& settings);
+
+inline constexpr double kShortestRig_s = 5;
+
+}  // namespace epiline

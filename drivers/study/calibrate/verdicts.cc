@@ -1,0 +1,154 @@
+#include "drivers/study/calibrate/verdicts.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "drivers/study/calibrate/lens_columns.h"
+#include "estimator/geometry/so3.h"
+
+namespace epiline {
+
+namespace {
+
+constexpr double kDegree = 3.14159265358979323846 / 180;
+
+/// What flights need: the drifts of a track are about a tenth of a pixel, and the estimator finds the rest in flight
+/// under a prior of 0.05 degrees and 0.5 mm (docs/derivations/calibration.md).
+constexpr double kGoodLens_px = 0.2, kGoodRms_px = 0.8, kGoodCovered = 0.7, kGoodRotation = 0.1 * kDegree,
+                 kGoodPlace_m = 3e-3, kGoodOffset_s = 1e-3, kGoodGain = 0.005;
+
+constexpr int kPartsX = 8, kPartsY = 6;
+constexpr std::array<const char*, 3> kAxes = {"x", "y", "z"};
+
+/// How far pixels may be off over the image, apart from a turn of the camera, which its rotation on the IMU takes up.
+double lens_error_px(const RigFit& fit) {
+  const CameraParameters& lens = fit.state.constants.lens;
+  const LensProjection projection(lens);
+  const int columns = lens_columns(lens.model);
+  const Eigen::MatrixXd covariance = fit.covariance.topLeftCorner(columns, columns);
+  Eigen::MatrixXd by_lens_all(0, columns), by_turn(0, 3);
+  for (int y = 0; y < kPartsY; ++y) {
+    for (int x = 0; x < kPartsX; ++x) {
+      const Vec2 px((x + 0.5) * lens.width / kPartsX, (y + 0.5) * lens.height / kPartsY);
+      Vec3 f_C;
+      Vec2 same;
+      Mat23 by_point;
+      LensJacobian J;
+      if (!projection.camera().unproject(px, f_C) || !projection.project(f_C, same, by_point, J)) continue;
+      const auto rows = by_turn.rows();
+      by_lens_all.conservativeResize(rows + 2, Eigen::NoChange);
+      by_turn.conservativeResize(rows + 2, Eigen::NoChange);
+      by_lens_all.bottomRows<2>() = J;
+      by_turn.bottomRows<2>() = -by_point * skew(f_C);
+    }
+  }
+  if (by_turn.rows() < 6) return 0;
+  const Eigen::MatrixXd rest = by_lens_all - by_turn * by_turn.householderQr().solve(by_lens_all);
+  return std::sqrt(2 * (rest * covariance * rest.transpose()).trace() / static_cast<double>(rest.rows()));
+}
+
+/// Parts of the image with at least ten corners.
+std::array<int, kPartsX * kPartsY> corners_by_part(const RigFit& fit) {
+  const CameraParameters& lens = fit.state.constants.lens;
+  std::array<int, kPartsX * kPartsY> counts{};
+  for (const CornerError& corner : fit.corners) {
+    const int x = std::clamp(static_cast<int>(kPartsX * corner.px.x() / lens.width), 0, kPartsX - 1);
+    const int y = std::clamp(static_cast<int>(kPartsY * corner.px.y() / lens.height), 0, kPartsY - 1);
+    ++counts[static_cast<std::size_t>(kPartsX * y + x)];
+  }
+  return counts;
+}
+
+std::string empty_corner(const std::array<int, kPartsX * kPartsY>& counts) {
+  const auto count = [&](int from_x, int from_y) {
+    int sum = 0;
+    for (int y = from_y; y < from_y + kPartsY / 2; ++y)
+      for (int x = from_x; x < from_x + kPartsX / 2; ++x)
+        sum += counts[static_cast<std::size_t>(kPartsX * y + x)] >= 10;
+    return sum;
+  };
+  const std::array<int, 4> seen = {count(0, 0), count(kPartsX / 2, 0), count(0, kPartsY / 2),
+                                   count(kPartsX / 2, kPartsY / 2)};
+  static constexpr std::array<const char*, 4> kNames = {"upper left", "upper right", "lower left", "lower right"};
+  return kNames[static_cast<std::size_t>(std::min_element(seen.begin(), seen.end()) - seen.begin())];
+}
+
+double largest_sigma(const RigFit& fit, int column) {
+  return std::max({fit.sigma(column), fit.sigma(column + 1), fit.sigma(column + 2)});
+}
+
+/// The axis of the IMU about which the rig turned least.
+const char* least_turned(const RigFit& fit) {
+  const FittedMotion motion = fit.state.motion();
+  Vec3 sum = Vec3::Zero();
+  for (double t = 0; t < fit.state.duration_s; t += 0.05) sum += motion.at(t).omega_B.cwiseAbs2();
+  int axis = 0;
+  sum.minCoeff(&axis);
+  return kAxes[static_cast<std::size_t>(axis)];
+}
+
+Verdict verdict(bool good, const char* what, std::string found, std::string advice) {
+  return {good, what, std::move(found), good ? "" : std::move(advice)};
+}
+
+}  // namespace
+
+void judge(Calibration& c) {
+  const RigFit& fit = c.fit;
+  const RigColumns columns(0, c.camera.parameters.model);
+  const auto counts = corners_by_part(fit);
+  c.lens_px = lens_error_px(fit);
+  c.covered = static_cast<double>(std::count_if(counts.begin(), counts.end(), [](int n) { return n >= 10; })) /
+              static_cast<double>(counts.size());
+  const auto& [fx, fy, cx, cy] = c.camera.parameters.intrinsics;
+  const std::string turn_more =
+      fmt::format("turn the rig more and faster, about the IMU's {} axis most", least_turned(fit));
+  c.verdicts = {
+      verdict(fit.rms_px < kGoodRms_px, "corners",
+              fmt::format("{} in {} images, rms {:.3f} px, {} left out", fit.corners.size(), fit.views, fit.rms_px,
+                          fit.outliers),
+              "a flat board, sharp images (more light, shorter exposure), the board's true size"),
+      verdict(c.covered >= kGoodCovered, "image", fmt::format("{:.0f} % of it saw the board", 100 * c.covered),
+              fmt::format("bring the board into the {} corner of the image", empty_corner(counts))),
+      verdict(c.lens_px < kGoodLens_px, "lens",
+              fmt::format("{}, focal length {:.2f} {:.2f} +- {:.2f} px, centre {:.2f} {:.2f} +- {:.2f} px; good to "
+                          "{:.2f} px over the image",
+                          name_of(c.camera.parameters.model), fx, fy, std::max(fit.sigma(0), fit.sigma(1)), cx, cy,
+                          std::max(fit.sigma(2), fit.sigma(3)), c.lens_px),
+              "tilt the board by 30 to 45 degrees in all directions, and fill the image with it"),
+      verdict(
+          largest_sigma(fit, columns.R_BC) < kGoodRotation, "rotation",
+          fmt::format("of the camera on the IMU, good to {:.3f} degrees", largest_sigma(fit, columns.R_BC) / kDegree),
+          turn_more),
+      verdict(
+          largest_sigma(fit, columns.p_BC) < kGoodPlace_m, "place",
+          fmt::format("of the camera on the IMU: {:.1f} {:.1f} {:.1f} mm, good to {:.1f} mm", 1e3 * c.camera.p_BC.x(),
+                      1e3 * c.camera.p_BC.y(), 1e3 * c.camera.p_BC.z(), 1e3 * largest_sigma(fit, columns.p_BC)),
+          turn_more),
+      verdict(fit.sigma(columns.time_offset) < kGoodOffset_s, "time offset",
+              fmt::format("{:+.2f} ms, good to {:.2f} ms (time of the IMU = stamp of the image + offset)",
+                          1e3 * c.camera.time_offset_s, 1e3 * fit.sigma(columns.time_offset)),
+              turn_more),
+      verdict(true, "IMU noise",
+              fmt::format("gyroscope {:.2e} rad/s/sqrt(Hz), accelerometer {:.2e} m/s^2/sqrt(Hz), with what shook the "
+                          "hand that held it",
+                          fit.noise.gyroscope_density, fit.noise.accelerometer_density),
+              ""),
+  };
+  const auto gain = [&](const char* what, const Vec3& value, int column) {
+    const Vec3 off = 100 * (value - Vec3::Ones());
+    const bool right = ((value - Vec3::Ones()).cwiseAbs().array() < kGoodGain + 3 * largest_sigma(fit, column)).all();
+    return verdict(right, what,
+                   fmt::format("{:+.2f} {:+.2f} {:+.2f} % to be added, good to {:.2f} %", off.x(), off.y(), off.z(),
+                               100 * largest_sigma(fit, column)),
+                   "a range that is set right, and readings in SI units: the estimator does not correct a scale");
+  };
+  c.verdicts.push_back(gain("gyroscope scale", fit.state.constants.gyroscope_gain, columns.gyroscope_gain));
+  c.verdicts.push_back(gain("accelerometer scale", fit.state.constants.accelerometer_gain, columns.accelerometer_gain));
+}
+
+}  // namespace epiline

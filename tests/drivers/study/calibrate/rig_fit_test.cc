@@ -1,0 +1,79 @@
+// Derivation: docs/derivations/rig.md.
+#include "drivers/study/calibrate/rig_fit.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "drivers/study/calibrate/lens_columns.h"
+#include "estimator/geometry/so3.h"
+#include "tests/drivers/study/calibrate/waved_rig.h"
+
+namespace epiline {
+namespace {
+
+std::vector<CameraTurn> turns_of(const std::vector<CornerView>& views, const LensFit& lens) {
+  std::vector<CameraTurn> turns;
+  for (std::size_t i = 0; i < views.size(); ++i)
+    if (lens.poses[i]) turns.push_back({views[i].stamp, lens.poses[i]->R_CT.transpose()});
+  return turns;
+}
+
+class Rigs : public testing::TestWithParam<CameraModel> {
+ protected:
+  Rigs() {
+    rig_.lens = lens_of(GetParam());
+    if (GetParam() == CameraModel::kDoubleSphere) rig_.distance_m = 0.3;
+    if (GetParam() == CameraModel::kPinholeEquidistant) rig_.distance_m = 0.35;
+    rig_.bend_m = 1e-3;
+    rig_.imu.gyroscope_matrix = Vec3(1.004, 0.997, 1.002).asDiagonal();
+    rig_.imu.accelerometer_matrix = Vec3(0.996, 1.003, 1.005).asDiagonal();
+  }
+  WavedRig rig_;
+};
+
+TEST_P(Rigs, EveryFigureIsWithinWhatIsClaimed) {
+  const auto views = rig_.views();
+  const auto imu = rig_.readings();
+  const auto lens = fit_lens(views, GetParam(), rig_.lens.width, rig_.lens.height, std::nullopt);
+  ASSERT_TRUE(lens) << lens.error().text();
+  const auto turns = align_turns(turns_of(views, *lens), imu);
+  ASSERT_TRUE(turns) << turns.error().text();
+  EXPECT_LT(so3_log(turns->R_BC.transpose() * rig_.R_BC).norm(), 0.02);
+  EXPECT_NEAR(turns->time_offset_s, rig_.time_offset_s, 0.003);
+  const auto fit = fit_rig(views, *lens, *turns, imu, {rig_.imu.noise});
+  ASSERT_TRUE(fit) << fit.error().text();
+
+  const RigConstants& c = fit->state.constants;
+  const RigColumns columns(0, GetParam());
+  const auto expect = [&](int column, double error, const char* what) {
+    EXPECT_LT(std::abs(error), 4 * fit->sigma(column)) << what << ": sigma " << fit->sigma(column);
+  };
+  const LensStep off = lens_values(c.lens) - lens_values(rig_.lens);
+  for (int i = 0; i < off.size(); ++i) expect(i, off[i], lens_column_name(GetParam(), i));
+  const Vec3 turn = so3_log(rig_.R_BC.transpose() * c.R_BC), place = c.p_BC - rig_.p_BC;
+  for (int i = 0; i < 3; ++i) {
+    expect(columns.R_BC + i, turn[i], "rotation");
+    expect(columns.p_BC + i, place[i], "place");
+    expect(columns.gyroscope_gain + i, c.gyroscope_gain[i] - 1 / rig_.imu.gyroscope_matrix(i, i), "gyroscope");
+    expect(columns.accelerometer_gain + i, c.accelerometer_gain[i] - 1 / rig_.imu.accelerometer_matrix(i, i),
+           "accelerometer");
+  }
+  expect(columns.time_offset, c.time_offset_s - rig_.time_offset_s, "time offset");
+  EXPECT_LT(so3_log(Eigen::Quaterniond::FromTwoVectors(c.g_T, rig_.g_T()).toRotationMatrix()).norm(), 2e-3);
+  // and it is worth something
+  EXPECT_LT(fit->sigma(0), 0.005 * rig_.lens.intrinsics[0]);
+  EXPECT_LT(fit->sigma(columns.R_BC), 2e-3);
+  EXPECT_LT(fit->sigma(columns.p_BC), 5e-3);
+  EXPECT_LT(fit->sigma(columns.time_offset), 1e-3);
+  EXPECT_NEAR(fit->noise.corner_px, rig_.corner_px, 0.15 * rig_.corner_px);
+  EXPECT_NEAR(fit->noise.gyroscope_density / rig_.imu.noise.gyroscope_density, 1, 0.15);
+  EXPECT_NEAR(fit->noise.accelerometer_density / rig_.imu.noise.accelerometer_density, 1, 0.15);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Rigs,
+                         testing::Values(CameraModel::kPinholeRadialTangential, CameraModel::kPinholeEquidistant,
+                                         CameraModel::kDoubleSphere));
+
+}  // namespace
+}  // namespace epiline

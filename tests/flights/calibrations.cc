@@ -1,0 +1,113 @@
+// How often a calibration's figures are within what it claims: waved rigs of every lens model, twenty seeds each.
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "drivers/study/calibrate/lens_columns.h"
+#include "drivers/study/calibrate/rig_fit.h"
+#include "estimator/geometry/so3.h"
+#include "tests/drivers/study/calibrate/waved_rig.h"
+
+namespace epiline {
+namespace {
+
+WavedRig rig_with(CameraModel model, std::uint64_t seed) {
+  WavedRig rig;
+  rig.lens = lens_of(model);
+  rig.seed = seed;
+  rig.bend_m = 1e-3;
+  if (model == CameraModel::kDoubleSphere) rig.distance_m = 0.3;
+  if (model == CameraModel::kPinholeEquidistant) rig.distance_m = 0.35;
+  return rig;
+}
+
+struct Figure {
+  std::string name;
+  double error, sigma;
+};
+
+std::vector<Figure> figures_of(const WavedRig& rig, const RigFit& fit) {
+  const RigConstants& c = fit.state.constants;
+  const RigColumns columns(0, rig.lens.model);
+  std::vector<Figure> figures;
+  const LensStep off = lens_values(c.lens) - lens_values(rig.lens);
+  for (int i = 0; i < off.size(); ++i) figures.push_back({lens_column_name(rig.lens.model, i), off[i], fit.sigma(i)});
+  const Vec3 turn = so3_log(rig.R_BC.transpose() * c.R_BC), place = c.p_BC - rig.p_BC;
+  for (int i = 0; i < 3; ++i) {
+    figures.push_back({fmt::format("rotation {}", i), turn[i], fit.sigma(columns.R_BC + i)});
+    figures.push_back({fmt::format("place {}", i), place[i], fit.sigma(columns.p_BC + i)});
+    figures.push_back({fmt::format("gyroscope {}", i), c.gyroscope_gain[i] - 1, fit.sigma(columns.gyroscope_gain + i)});
+    figures.push_back(
+        {fmt::format("accelerometer {}", i), c.accelerometer_gain[i] - 1, fit.sigma(columns.accelerometer_gain + i)});
+  }
+  figures.push_back({"time offset", c.time_offset_s - rig.time_offset_s, fit.sigma(columns.time_offset)});
+  return figures;
+}
+
+Result<RigFit> calibrated(const WavedRig& rig) {
+  const auto views = rig.views();
+  const auto imu = rig.readings();
+  const auto lens = fit_lens(views, rig.lens.model, rig.lens.width, rig.lens.height, std::nullopt);
+  if (!lens) return lens.error();
+  std::vector<CameraTurn> turns;
+  for (std::size_t i = 0; i < views.size(); ++i)
+    if (lens->poses[i]) turns.push_back({views[i].stamp, lens->poses[i]->R_CT.transpose()});
+  const auto alignment = align_turns(turns, imu);
+  if (!alignment) return alignment.error();
+  return fit_rig(views, *lens, *alignment, imu, {rig.imu.noise});
+}
+
+void study(CameraModel model, int seeds, double pixels) {
+  std::vector<std::vector<double>> ratios;
+  std::vector<std::string> names;
+  int seeds_within = 0, done = 0;
+  for (int seed = 1; seed <= seeds; ++seed) {
+    WavedRig rig = rig_with(model, static_cast<std::uint64_t>(seed));
+    rig.corner_px = pixels;
+    const auto fit = calibrated(rig);
+    if (!fit) {
+      fmt::print("{} seed {}: {}\n", name_of(model), seed, fit.error().text());
+      continue;
+    }
+    ++done;
+    const auto figures = figures_of(rig, *fit);
+    ratios.resize(figures.size());
+    names.resize(figures.size());
+    double worst = 0;
+    for (std::size_t i = 0; i < figures.size(); ++i) {
+      names[i] = figures[i].name;
+      ratios[i].push_back(figures[i].error / figures[i].sigma);
+      worst = std::max(worst, std::abs(ratios[i].back()));
+    }
+    seeds_within += worst < 3;
+  }
+  fmt::print("{}: every figure within 3 sigma in {} of {} seeds ({} of {} fits done)\n", name_of(model), seeds_within,
+             seeds, done, seeds);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto within = std::count_if(ratios[i].begin(), ratios[i].end(), [](double r) { return std::abs(r) < 3; });
+    double sum = 0;
+    for (const double r : ratios[i]) sum += r * r;
+    fmt::print("  {:<16} within 3 sigma {:>3} of {}, rms {:.2f} sigma\n", names[i], within, ratios[i].size(),
+               std::sqrt(sum / static_cast<double>(std::max<std::size_t>(ratios[i].size(), 1))));
+  }
+}
+
+}  // namespace
+}  // namespace epiline
+
+int main(int argc, char** argv) {
+  CLI::App app("Calibrations of waved rigs, and how often their figures are within what they claim");
+  int seeds = 20;
+  double pixels = 0.15;
+  app.add_option("--seeds", seeds, "rigs of each lens model")->capture_default_str();
+  app.add_option("--pixels", pixels, "noise of a corner, px")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  for (const auto model : {epiline::CameraModel::kPinholeRadialTangential, epiline::CameraModel::kPinholeEquidistant,
+                           epiline::CameraModel::kDoubleSphere})
+    epiline::study(model, seeds, pixels);
+}
