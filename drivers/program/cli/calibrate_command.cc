@@ -68,8 +68,9 @@ void add_calibrate(CLI::App& app, int& exit_code) {
   command->group(kFly);
   command->add_option("DATASET", settings.dataset, "an ASL folder, as `epiline record` writes it")->required();
   command->add_option("--out", arguments->out, "folder for camera.yaml, imu.yaml, calibration.json and report.html");
-  command->add_option("--board", settings.board,
-                      "the board: target.csv with its corners; default: the data set's target.csv");
+  command->add_option(
+      "--board", settings.board,
+      "the board: Kalibr's description of an AprilGrid for images, target.csv for corners (default: the data set's)");
   command->add_option("--camera", settings.camera, "folder of the camera in the data set")->capture_default_str();
   command->add_option("--guess", settings.guess,
                       "camera calibration to start from; \"none\": nothing. Default: the data set's sensor.yaml");

@@ -6,6 +6,9 @@
 #include <cmath>
 #include <utility>
 
+#include "drivers/flights/recordings/image_source.h"
+#include "drivers/study/calibrate/april_detector.h"
+#include "drivers/study/calibrate/april_grid.h"
 #include "drivers/study/calibrate/lens_columns.h"
 #include "drivers/study/calibrate/verdicts.h"
 #include "platform/math/statistics.h"
@@ -29,11 +32,36 @@ Result<std::optional<CameraCalibration>> read_guess(const CalibrateSettings& set
   return std::optional<CameraCalibration>{std::move(*guess)};
 }
 
-Result<std::vector<CornerView>> read_views(const CalibrateSettings& settings, const AslDataset& dataset) {
-  const fs::path board = settings.board.empty() ? dataset.root / "target.csv" : settings.board;
-  const auto target = read_target(board);
+Result<std::vector<CornerView>> corners_of_tracks(const CalibrateSettings& settings, const AslDataset& dataset) {
+  const auto target = read_target(settings.board.empty() ? dataset.root / "target.csv" : settings.board);
   if (!target) return target.error();
-  std::vector<CornerView> views = views_of(dataset, *target);
+  return views_of(dataset, *target);
+}
+
+Result<std::vector<CornerView>> corners_of_images(const CalibrateSettings& settings, const AslDataset& dataset) {
+  if (settings.board.empty()) {
+    return Error{ErrorKind::kUsage, "", 0, "no board", "--board FILE, Kalibr's description of an AprilGrid"};
+  }
+  const auto grid = read_april_grid(settings.board);
+  if (!grid) return grid.error();
+  auto detector = AprilDetector::create(*grid);
+  if (!detector) return detector.error();
+  std::vector<CornerView> views;
+  GreyImage image;
+  for (std::size_t i = 0; i < dataset.images.size(); ++i) {
+    if (const Status s = dataset.image_source->read(i, image); !s) return s.error();
+    if (!views.empty() && dataset.images[i].stamp <= views.back().stamp) continue;
+    views.push_back(
+        {dataset.images[i].stamp, detector->find({image.pixels.data(), image.width, image.height, image.width})});
+  }
+  return views;
+}
+
+/// The part of the recording that was asked for.
+Result<std::vector<CornerView>> read_views(const CalibrateSettings& settings, const AslDataset& dataset) {
+  auto read = dataset.images.empty() ? corners_of_tracks(settings, dataset) : corners_of_images(settings, dataset);
+  if (!read) return read.error();
+  std::vector<CornerView> views = std::move(*read);
   const HostStamp begin = views.front().stamp;
   std::erase_if(views, [&](const CornerView& view) {
     const double t = (view.stamp - begin).seconds();
@@ -54,6 +82,16 @@ double rate_of(const std::vector<ImuSample>& imu) {
   std::vector<double> steps;
   for (std::size_t i = 1; i < imu.size(); ++i) steps.push_back((imu[i].stamp - imu[i - 1].stamp).seconds());
   return median_rate(steps);
+}
+
+/// Images tell their size themselves.
+Status read_size(const AslDataset& dataset, CalibrateSettings& settings) {
+  if (dataset.images.empty()) return Done{};
+  GreyImage image;
+  if (const Status s = dataset.image_source->read(0, image); !s) return s;
+  settings.width = image.width;
+  settings.height = image.height;
+  return Done{};
 }
 
 Result<LensFit> find_lens(const CalibrateSettings& settings, const std::vector<CornerView>& views,
@@ -94,13 +132,15 @@ Result<Calibration> calibrate(const CalibrateSettings& settings) {
   if (!dataset) return dataset.error();
   const auto guess = read_guess(settings, *dataset);
   if (!guess) return guess.error();
+  CalibrateSettings known = settings;
+  if (const Status s = read_size(*dataset, known); !s) return s.error();
   const auto views = read_views(settings, *dataset);
   if (!views) return views.error();
   const auto named = [&](Error error) {
     if (error.file.empty()) error.file = dataset->image_list.string();
     return error;
   };
-  const auto lens = find_lens(settings, *views, *guess);
+  const auto lens = find_lens(known, *views, *guess);
   if (!lens) return named(lens.error());
   const auto turns = find_turns(*views, *lens, dataset->imu_samples);
   if (!turns) return named(turns.error());

@@ -1,0 +1,12 @@
+# The target epiline_apriltag, if Debian's libapriltag-dev is there: `calibrate` finds boards in images with it.
+find_path(EPILINE_APRILTAG_INCLUDE apriltag/apriltag.h)
+find_library(EPILINE_APRILTAG_LIBRARY apriltag)
+mark_as_advanced(EPILINE_APRILTAG_INCLUDE EPILINE_APRILTAG_LIBRARY)
+if(EPILINE_APRILTAG_INCLUDE AND EPILINE_APRILTAG_LIBRARY)
+  add_library(epiline_apriltag INTERFACE)
+  target_include_directories(epiline_apriltag SYSTEM INTERFACE ${EPILINE_APRILTAG_INCLUDE})
+  target_link_libraries(epiline_apriltag INTERFACE ${EPILINE_APRILTAG_LIBRARY})
+  target_compile_definitions(epiline_apriltag INTERFACE EPILINE_APRILTAG)
+else()
+  message(STATUS "Built without boards in images: no libapriltag (Debian: libapriltag-dev)")
+endif()

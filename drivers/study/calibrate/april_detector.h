@@ -1,0 +1,28 @@
+#pragma once
+// Finds a board's corners in images, with libapriltag and a sub-pixel step of our own.
+#include <memory>
+#include <vector>
+
+#include "drivers/flights/recordings/grey_image.h"
+#include "drivers/study/calibrate/april_grid.h"
+
+namespace epiline {
+
+class AprilDetector {
+ public:
+  /// Fails if and only if the program was built without libapriltag.
+  static Result<AprilDetector> create(const AprilGrid& grid);
+  AprilDetector(AprilDetector&&) noexcept;
+  AprilDetector& operator=(AprilDetector&&) noexcept;
+  ~AprilDetector();
+
+  /// The corners of all tags of the board that are read without doubt, in the order of their ids.
+  std::vector<Corner> find(const GreyPixels& image);
+
+ private:
+  struct Parts;
+  explicit AprilDetector(std::unique_ptr<Parts> parts);
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace epiline
