@@ -52,7 +52,8 @@ AprilGrid grid_of(const YAML::Node& root, const std::filesystem::path& path) {
 Target AprilGrid::target() const {
   Target target;
   for (int tag = 0; tag < tags(); ++tag) {
-    const double x = step_m() * (tag % columns), y = step_m() * (tag / columns);
+    const int column = tag % columns, row = tag / columns;
+    const double x = step_m() * column, y = step_m() * row;
     const auto id = static_cast<std::uint32_t>(4 * tag);
     target[id] = {x, y, 0};
     target[id + 1] = {x + tag_m, y, 0};

@@ -38,7 +38,8 @@ void add_tag(const apriltag_family_t& family, int tag, const AprilGrid& grid, st
   const auto white = white_cells(family, tag);
   const int cells = family.width_at_border - 2 + 2 * kKalibrBorder;
   const double cell = grid.tag_m / cells;
-  const double x = grid.step_m() * (tag % grid.columns), y = grid.step_m() * (tag / grid.columns);
+  const int tag_column = tag % grid.columns, tag_row = tag / grid.columns;
+  const double x = grid.step_m() * tag_column, y = grid.step_m() * tag_row;
   for (int row = 0; row < cells; ++row) {
     int from = -1;
     for (int column = 0; column <= cells; ++column) {

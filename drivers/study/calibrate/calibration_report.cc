@@ -20,7 +20,7 @@ namespace epiline {
 
 namespace {
 
-constexpr double kDegree = 3.14159265358979323846 / 180;
+constexpr double kInDegrees = 180 / 3.14159265358979323846;
 constexpr int kPartsX = 12, kPartsY = 8;
 
 std::vector<TableCell> row_of(std::initializer_list<std::string> texts) {
@@ -67,7 +67,7 @@ std::string figure_rows(const Calibration& c) {
     const auto off = minus([&](const CameraCalibration& g) { return so3_log(g.R_BC.transpose() * c.camera.R_BC)[i]; });
     table.rows.push_back(
         figure_row(fmt::format("rotation of the camera on the IMU, {}", kAxes[static_cast<std::size_t>(i)]),
-                   so3_log(c.camera.R_BC)[i], c.fit.sigma(columns.R_BC + i), off, 1 / kDegree, 3, "degrees"));
+                   so3_log(c.camera.R_BC)[i], c.fit.sigma(columns.R_BC + i), off, kInDegrees, 3, "degrees"));
   }
   for (int i = 0; i < 3; ++i) {
     const auto off = minus([&](const CameraCalibration& g) { return c.camera.p_BC[i] - g.p_BC[i]; });
@@ -140,6 +140,7 @@ std::string errors_over_time(const Calibration& c) {
 std::string error_histogram(const Calibration& c) {
   Histogram histogram;
   histogram.x_label = "distance of a corner from where the fit has it, px";
+  histogram.y_label = "corners";
   histogram.style = "c1";
   for (const CornerError& corner : c.fit.corners) histogram.values.push_back(corner.e_px.norm());
   histogram.upper = 6 * c.fit.noise.corner_px;
@@ -156,11 +157,11 @@ std::string turn_plot(const Calibration& c) {
     PlotLine line{kNames[axis], kStyles[axis], {}, {}};
     for (double t = 0; t < c.fit.state.duration_s; t += 0.05) {
       line.x.push_back(t);
-      line.y.push_back(motion.at(t).omega_B[static_cast<int>(axis)] / kDegree);
+      line.y.push_back(motion.at(t).omega_B[static_cast<int>(axis)] * kInDegrees);
     }
     plot.lines.push_back(std::move(line));
   }
-  return svg(plot);
+  return svg(plot, {1180, 260});
 }
 
 }  // namespace

@@ -21,7 +21,7 @@ constexpr double kDegree = 3.14159265358979323846 / 180;
 constexpr double kGoodLens_px = 0.2, kGoodRms_px = 0.8, kGoodCovered = 0.7, kGoodRotation = 0.1 * kDegree,
                  kGoodPlace_m = 3e-3, kGoodOffset_s = 1e-3, kGoodGain = 0.005;
 
-constexpr int kPartsX = 8, kPartsY = 6;
+constexpr int kJudgedX = 8, kJudgedY = 6;
 constexpr std::array<const char*, 3> kAxes = {"x", "y", "z"};
 
 /// How far pixels may be off over the image, apart from a turn of the camera, which its rotation on the IMU takes up.
@@ -31,9 +31,9 @@ double lens_error_px(const RigFit& fit) {
   const int columns = lens_columns(lens.model);
   const Eigen::MatrixXd covariance = fit.covariance.topLeftCorner(columns, columns);
   Eigen::MatrixXd by_lens_all(0, columns), by_turn(0, 3);
-  for (int y = 0; y < kPartsY; ++y) {
-    for (int x = 0; x < kPartsX; ++x) {
-      const Vec2 px((x + 0.5) * lens.width / kPartsX, (y + 0.5) * lens.height / kPartsY);
+  for (int y = 0; y < kJudgedY; ++y) {
+    for (int x = 0; x < kJudgedX; ++x) {
+      const Vec2 px((x + 0.5) * lens.width / kJudgedX, (y + 0.5) * lens.height / kJudgedY);
       Vec3 f_C;
       Vec2 same;
       Mat23 by_point;
@@ -52,27 +52,27 @@ double lens_error_px(const RigFit& fit) {
 }
 
 /// Parts of the image with at least ten corners.
-std::array<int, kPartsX * kPartsY> corners_by_part(const RigFit& fit) {
+std::array<int, kJudgedX * kJudgedY> corners_by_part(const RigFit& fit) {
   const CameraParameters& lens = fit.state.constants.lens;
-  std::array<int, kPartsX * kPartsY> counts{};
+  std::array<int, kJudgedX * kJudgedY> counts{};
   for (const CornerError& corner : fit.corners) {
-    const int x = std::clamp(static_cast<int>(kPartsX * corner.px.x() / lens.width), 0, kPartsX - 1);
-    const int y = std::clamp(static_cast<int>(kPartsY * corner.px.y() / lens.height), 0, kPartsY - 1);
-    ++counts[static_cast<std::size_t>(kPartsX * y + x)];
+    const int x = std::clamp(static_cast<int>(kJudgedX * corner.px.x() / lens.width), 0, kJudgedX - 1);
+    const int y = std::clamp(static_cast<int>(kJudgedY * corner.px.y() / lens.height), 0, kJudgedY - 1);
+    ++counts[static_cast<std::size_t>(kJudgedX * y + x)];
   }
   return counts;
 }
 
-std::string empty_corner(const std::array<int, kPartsX * kPartsY>& counts) {
+std::string empty_corner(const std::array<int, kJudgedX * kJudgedY>& counts) {
   const auto count = [&](int from_x, int from_y) {
     int sum = 0;
-    for (int y = from_y; y < from_y + kPartsY / 2; ++y)
-      for (int x = from_x; x < from_x + kPartsX / 2; ++x)
-        sum += counts[static_cast<std::size_t>(kPartsX * y + x)] >= 10;
+    for (int y = from_y; y < from_y + kJudgedY / 2; ++y)
+      for (int x = from_x; x < from_x + kJudgedX / 2; ++x)
+        sum += counts[static_cast<std::size_t>(kJudgedX * y + x)] >= 10;
     return sum;
   };
-  const std::array<int, 4> seen = {count(0, 0), count(kPartsX / 2, 0), count(0, kPartsY / 2),
-                                   count(kPartsX / 2, kPartsY / 2)};
+  const std::array<int, 4> seen = {count(0, 0), count(kJudgedX / 2, 0), count(0, kJudgedY / 2),
+                                   count(kJudgedX / 2, kJudgedY / 2)};
   static constexpr std::array<const char*, 4> kNames = {"upper left", "upper right", "lower left", "lower right"};
   return kNames[static_cast<std::size_t>(std::min_element(seen.begin(), seen.end()) - seen.begin())];
 }

@@ -286,7 +286,7 @@ std::string svg(const Histogram& histogram, PlotSize size) {
         escaped(mark.label));
     label_y += 14;
   }
-  return drawing(f, "", axes(f, histogram.x_label, "images", histogram.logarithmic), s, "");
+  return drawing(f, "", axes(f, histogram.x_label, histogram.y_label, histogram.logarithmic), s, "");
 }
 
 namespace {

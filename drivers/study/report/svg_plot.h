@@ -49,6 +49,7 @@ std::string svg(const Plot& plot, PlotSize size = {});
 /// Bars of equal width over [0, upper], values above in the last one; vertical lines at the marks (x only).
 struct Histogram {
   std::string x_label, style;
+  std::string y_label = "images";  ///< what is counted
   std::vector<double> values;
   double upper = 1;
   std::vector<PlotMark> marks;
