@@ -231,4 +231,15 @@ Result<ImuCalibration> read_imu_calibration(const std::filesystem::path& path) {
   }
 }
 
+bool holds_no_calibration(const std::filesystem::path& path) {
+  try {
+    const YamlFile file(path);
+    const auto calibrated = {"T_BS", "camera_model", "intrinsics", "gyroscope_noise_density",
+                             "accelerometer_noise_density"};
+    return file.find(file.root(), {"sensor_type"}).IsDefined() && !file.find(file.root(), calibrated).IsDefined();
+  } catch (const Error&) {
+    return false;  // its reader will say what is wrong
+  }
+}
+
 }  // namespace epiline

@@ -35,4 +35,8 @@ Result<CameraCalibration> read_camera_calibration(const std::filesystem::path& p
 /// are below `imu0`. Fails like read_camera_calibration().
 Result<ImuCalibration> read_imu_calibration(const std::filesystem::path& path);
 
+/// True for the `sensor.yaml` of a sensor that was recorded before it was calibrated: `sensor_type`, and no key of a
+/// calibration. Such a file counts as none.
+bool holds_no_calibration(const std::filesystem::path& path);
+
 }  // namespace epiline

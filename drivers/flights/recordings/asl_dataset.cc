@@ -81,18 +81,28 @@ Status read_tracks(AslDataset& d) {
   return Done{};
 }
 
+bool is_calibration(const fs::path& path) {
+  std::error_code ignored;
+  return fs::exists(path, ignored) && !holds_no_calibration(path);
+}
+
 /// Where a sensor's calibration is: the file asked for, the sensor's own, or the one TUM-VI puts beside `mav0` for all.
 fs::path calibration_path(const fs::path& root, const fs::path& sensor, const char* shared, const fs::path& asked_for) {
   if (!asked_for.empty()) return asked_for;
   std::error_code ignored;
   const fs::path own = root / sensor / "sensor.yaml", beside = root / ".." / "dso" / shared;
-  return !fs::exists(own, ignored) && fs::exists(beside, ignored) ? beside.lexically_normal() : own;
+  return !is_calibration(own) && fs::exists(beside, ignored) ? beside.lexically_normal() : own;
 }
 
 Status read_lens(AslDataset& d, const std::string& camera, const fs::path& calibration_file) {
   const fs::path calibration = calibration_path(d.root, camera, "camchain.yaml", calibration_file);
   std::error_code ignored;
   if (!fs::exists(calibration, ignored)) return missing(calibration, "the camera's calibration");
+  if (holds_no_calibration(calibration)) {
+    return Error{ErrorKind::kUsage, calibration.string(), 0, "holds no calibration",
+                 "one in its place, or its file in camera.calibration; `epiline calibrate` finds it from a recording "
+                 "of a board"};
+  }
   const auto parameters = read_camera_calibration(calibration, camera);
   if (!parameters) return parameters.error();
   d.camera = *parameters;
@@ -115,14 +125,16 @@ Status read_imu(AslMotion& d, const fs::path& calibration_file) {
   const fs::path folder = d.root / "imu0";
   const fs::path calibration = calibration_path(d.root, "imu0", "imu_config.yaml", calibration_file);
   std::error_code ignored;
-  if (fs::exists(calibration, ignored)) {
+  if (calibration_file.empty() ? is_calibration(calibration) : fs::exists(calibration, ignored)) {
     const auto imu = read_imu_calibration(calibration);
     if (!imu) return imu.error();
     d.imu = *imu;
   } else if (!calibration_file.empty()) {
     return missing(calibration, "the IMU's calibration");
   } else {
-    d.notes.push_back(calibration.string() + " does not exist: assuming the noise densities of EuRoC's ADIS16448");
+    d.notes.push_back(calibration.string() +
+                      (fs::exists(calibration, ignored) ? " holds no calibration" : " does not exist") +
+                      ": assuming the noise densities of EuRoC's ADIS16448");
   }
   const fs::path path = find_table(folder, "data.csv");
   if (path.empty()) return missing(folder / "data.csv", "the IMU's samples");

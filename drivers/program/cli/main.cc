@@ -82,6 +82,7 @@ int run(int argc, char** argv) {
   add_run(app, exit_code);
   add_devices(app, exit_code);
   add_check(app, exit_code);
+  add_record(app, exit_code);
   add_board(app, exit_code);
   add_calibrate(app, exit_code);
   add_hil(app, exit_code);

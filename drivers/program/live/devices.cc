@@ -24,9 +24,10 @@ Error missing(const LiveSettings& settings, const char* found, const char* expec
 
 Result<V4l2Settings> v4l2_settings(const LiveSettings& settings) {
   CameraConfig c = settings.config.devices.camera;
+  const bool is_calibrated = settings.has_camera_calibration();
   if (c.width == 0) c.width = settings.camera.width;
   if (c.height == 0) c.height = settings.camera.height;
-  if (c.width != settings.camera.width || c.height != settings.camera.height) {
+  if (is_calibrated && (c.width != settings.camera.width || c.height != settings.camera.height)) {
     return Error{
         ErrorKind::kUsage, settings.source, 0, fmt::format("camera.width = {}, camera.height = {}", c.width, c.height),
         fmt::format("{} x {}, the image size in camera.calibration", settings.camera.width, settings.camera.height)};
@@ -36,7 +37,7 @@ Result<V4l2Settings> v4l2_settings(const LiveSettings& settings) {
     const Error& e = s.error();
     return Error{e.kind, settings.source, 0, e.file + ": " + e.found, e.expected};
   }
-  s->focal_px = settings.config.estimator.extrinsics.focal_px;
+  s->focal_px = is_calibrated ? settings.config.estimator.extrinsics.focal_px : 0;
   return s;
 }
 
@@ -93,22 +94,34 @@ DeviceRecord record_of(const CanWheelSource& wheel) {
 
 }  // namespace
 
-Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file, const std::vector<std::string>& set) {
+namespace {
+
+Status read_camera(LiveSettings& settings) {
+  Config& config = settings.config;
+  const auto camera = read_camera_calibration(config.camera_calibration, "cam0");
+  if (!camera) return camera.error();
+  settings.camera = camera->parameters;
+  config.estimator.extrinsics = {camera->R_BC, camera->p_BC, Camera(camera->parameters).focal_px(),
+                                 camera->time_offset_s};
+  return Done{};
+}
+
+}  // namespace
+
+Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file, const std::vector<std::string>& set,
+                                        CalibrationNeed need) {
   const auto file = ConfigFile::read(config_file, set);
   if (!file) return file.error();
   LiveSettings settings;
   settings.source = config_file.string();
   Config& config = settings.config;
   file->apply(config);  // for the names of calibration files
-  if (config.camera_calibration.empty()) {
+  if (!config.camera_calibration.empty()) {
+    if (const Status s = read_camera(settings); !s) return s.error();
+  } else if (need == CalibrationNeed::kRequired) {
     return missing(settings, "camera.calibration is not set",
                    "a calibration file of the camera, for instance Kalibr's camchain-imucam.yaml (docs/wiring.md)");
   }
-  const auto camera = read_camera_calibration(config.camera_calibration, "cam0");
-  if (!camera) return camera.error();
-  settings.camera = camera->parameters;
-  config.estimator.extrinsics = {camera->R_BC, camera->p_BC, Camera(camera->parameters).focal_px(),
-                                 camera->time_offset_s};
   if (!config.imu_calibration.empty()) {
     const auto imu = read_imu_calibration(config.imu_calibration);
     if (!imu) return imu.error();
@@ -226,6 +239,16 @@ Result<LiveDevices> make_devices(const LiveSettings& settings, LiveDevices devic
   if (!made.camera) return made.camera.error();
   if (!made.imu) return made.imu.error();
   return std::move(made.devices);
+}
+
+Result<LiveDevices> make_sensors(const LiveSettings& settings) {
+  LiveDevices devices;
+  if (const Status s = add_camera(settings, devices); !s) return s.error();
+  const DevicesConfig& d = settings.config.devices;
+  const bool over_link = static_cast<ImuDriver>(d.imu.driver) == ImuDriver::kMavlink;
+  mavlink::MavlinkLink* const link = over_link ? add_link(d, true, devices) : nullptr;
+  if (const Status s = add_imu(settings, link, devices); !s) return s.error();
+  return devices;
 }
 
 }  // namespace epiline

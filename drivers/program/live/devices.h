@@ -1,5 +1,6 @@
 #pragma once
 // Creates the devices of a live flight from the configuration.
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -15,13 +16,17 @@ namespace epiline {
 /// All settings of a live flight, from configuration and calibration files.
 struct LiveSettings {
   Config config;
-  CameraParameters camera;
-  std::string source;  ///< the configuration file, for errors
+  CameraParameters camera;  ///< width 0: not calibrated
+  std::string source;       ///< the configuration file, for errors
+  bool has_camera_calibration() const { return camera.width > 0; }
 };
+/// Whether the camera must be calibrated: a flight needs it, a recording does not.
+enum class CalibrationNeed : std::uint8_t { kRequired, kIfGiven };
 /// Precedence: `set` (as ConfigFile::set() takes it), configuration file, calibration files, defaults. Fails if and
-/// only if one of them is wrong, or camera.calibration is not set.
+/// only if one of them is wrong, or camera.calibration is required and not set.
 Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file,
-                                        const std::vector<std::string>& set = {});
+                                        const std::vector<std::string>& set = {},
+                                        CalibrationNeed need = CalibrationNeed::kRequired);
 
 /// A receiver of the odometry, and its counters.
 struct LiveOutput {
@@ -53,5 +58,8 @@ struct MadeDevices {
 MadeDevices make_each_device(const LiveSettings& settings, LiveDevices devices = {});
 /// Creates all devices. Fails if camera or IMU fail.
 Result<LiveDevices> make_devices(const LiveSettings& settings, LiveDevices devices = {});
+/// Creates camera and IMU alone. The only output is the link that a flight controller's IMU comes over. Fails like
+/// make_devices().
+Result<LiveDevices> make_sensors(const LiveSettings& settings);
 
 }  // namespace epiline

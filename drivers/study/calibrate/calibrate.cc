@@ -25,7 +25,7 @@ Result<std::optional<CameraCalibration>> read_guess(const CalibrateSettings& set
   if (path.empty()) {
     path = dataset.root / settings.camera / "sensor.yaml";
     std::error_code ignored;
-    if (!fs::exists(path, ignored)) return std::optional<CameraCalibration>{};
+    if (!fs::exists(path, ignored) || holds_no_calibration(path)) return std::optional<CameraCalibration>{};
   }
   auto guess = read_camera_calibration(path, settings.camera);
   if (!guess) return guess.error();

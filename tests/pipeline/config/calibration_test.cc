@@ -139,5 +139,20 @@ TEST(CameraCalibration, RefusesListsWithoutEnd) {
   EXPECT_FALSE(read_camera_calibration(calibration_file("wide.yaml", head + wide + "]\n"), "cam0"));
 }
 
+TEST(UncalibratedSensor, IsOneWithATypeAndNoKeyOfACalibration) {
+  const auto is_one = [](const std::string& text) {
+    return holds_no_calibration(calibration_file("uncalibrated.yaml", text));
+  };
+  EXPECT_TRUE(is_one("sensor_type: camera\nrate_hz: 20\nresolution: [752, 480]\n"));
+  EXPECT_TRUE(is_one("sensor_type: imu\nrate_hz: 200\n"));
+  // what is there in part is a mistake that its reader names
+  EXPECT_FALSE(is_one("sensor_type: camera\nintrinsics: [1, 2, 3, 4]\n"));
+  EXPECT_FALSE(is_one("sensor_type: imu\ngyroscope_noise_density: 1e-3\n"));
+  EXPECT_FALSE(is_one("resolution: [752, 480]\n"));
+  EXPECT_FALSE(is_one("cam0: {sensor_type: camera}\n"));
+  EXPECT_FALSE(is_one("sensor_type: [\n"));
+  EXPECT_FALSE(holds_no_calibration("/does/not/exist.yaml"));
+}
+
 }  // namespace
 }  // namespace epiline

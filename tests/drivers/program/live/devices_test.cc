@@ -107,6 +107,33 @@ TEST(Devices, EveryDriverOfAnImuIsAtHand) {
   }
 }
 
+TEST(Devices, ARecordingNeedsNoCalibrationAndNoReceiver) {
+  const Files files;
+  const std::string can = "[can]\ninterface = \"can0\"\n[mavlink]\nudp = \"127.0.0.1:14550\"\n";
+  const auto sensors_of = [&](const std::string& imu) {
+    return read_live_settings(files.write("plain.toml", "[camera]\ndevice = \"a\"\n" + imu + can), {},
+                              CalibrationNeed::kIfGiven);
+  };
+  const auto iio = sensors_of("[imu]\ndevice = \"b\"\n");
+  ASSERT_TRUE(iio) << iio.error().text();
+  EXPECT_FALSE(iio->has_camera_calibration());
+  const auto devices = make_sensors(*iio);
+  ASSERT_TRUE(devices) << devices.error().text();
+  EXPECT_NE(devices->camera, nullptr);
+  EXPECT_NE(devices->imu, nullptr);
+  EXPECT_TRUE(devices->outputs.empty());
+  const auto over_link = sensors_of("[imu]\ndriver = \"mavlink\"\n");
+  ASSERT_TRUE(over_link) << over_link.error().text();
+  const auto with_link = make_sensors(*over_link);
+  ASSERT_TRUE(with_link) << with_link.error().text();
+  ASSERT_EQ(with_link->outputs.size(), 1u) << "the samples come over it";
+  EXPECT_EQ(with_link->outputs[0].name, "mavlink 127.0.0.1:14550");
+
+  const auto wrong = read_live_settings(files.write("wrong.toml", "[camera]\ncalibration = \"none.yaml\"\n"), {},
+                                        CalibrationNeed::kIfGiven);
+  EXPECT_FALSE(wrong) << "one that is named must be there";
+}
+
 template <class Counters>
 void expect_told_in(const char* page, const Counters& counters) {
   std::ifstream file(std::string(EPILINE_SOURCE "/docs/") + page);

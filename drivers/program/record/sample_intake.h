@@ -1,0 +1,118 @@
+#pragma once
+// The threads that read camera and IMU for a recording. Neither waits for the disk: a full ring loses the newest
+// element, and counts it.
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "platform/concurrency/parking.h"
+#include "platform/concurrency/spsc_ring.h"
+#include "platform/linux/realtime.h"
+#include "platform/ports/ports.h"
+#include "platform/time/interval_tracker.h"
+
+namespace epiline {
+
+/// Runs a step on a thread of its own, until the step returns false or stop().
+class IntakeThread {
+ public:
+  ~IntakeThread() { stop(); }
+  /// False if and only if the system cannot start a thread.
+  bool start(const ThreadSettings& settings, std::function<bool()> step);
+  void stop() noexcept;
+  /// The source has ended.
+  bool has_ended() const noexcept { return ended_.load(std::memory_order_relaxed); }
+
+ private:
+  std::function<bool()> step_;
+  std::atomic<bool> stops_{false}, ended_{false};
+  RealtimeThread thread_;
+};
+
+/// An image that waits for the disk.
+struct WaitingImage {
+  HostStamp stamp;
+  std::uint16_t buffer = 0;
+};
+
+/// Copies images into buffers, so that the driver always has its own.
+class ImageIntake {
+ public:
+  /// `wakes`: the thread that writes.
+  ImageIntake(CameraSource& camera, std::size_t waiting_bytes, Parking& wakes)
+      : camera_(camera), waiting_bytes_(waiting_bytes), wakes_(wakes) {}
+
+  /// The reading thread: waits for one image. False: there will be none.
+  bool step() noexcept;
+
+  // The writing thread.
+  const WaitingImage* front() noexcept { return waiting_.front(); }
+  Frame image_of(const WaitingImage& waiting) const noexcept;
+  /// Gives the buffer of front() back.
+  void pop() noexcept;
+
+  // Any thread: recent values.
+  std::uint64_t missed() const noexcept { return missed_.load(std::memory_order_relaxed); }
+  std::uint64_t unwritten() const noexcept { return unwritten_.load(std::memory_order_relaxed); }
+  std::uint64_t old() const noexcept { return old_.load(std::memory_order_relaxed); }
+  std::uint64_t resized() const noexcept { return resized_.load(std::memory_order_relaxed); }
+  /// 0: no image yet. The height is known if the width is.
+  int width() const noexcept { return width_.load(std::memory_order_acquire); }
+  int height() const noexcept { return height_; }
+  std::int64_t newest_ns() const noexcept { return newest_ns_.load(std::memory_order_relaxed); }
+
+ private:
+  static constexpr std::size_t kFewest = 4, kMost = 64;
+
+  void take(const Frame& frame) noexcept;
+  void make_buffers(const Frame& first) noexcept;
+  bool find_buffer(std::uint16_t& buffer) noexcept;
+
+  CameraSource& camera_;
+  const std::size_t waiting_bytes_;
+  Parking& wakes_;
+
+  // Of the reading thread; the writing one sees them through the ring.
+  std::vector<std::uint8_t> pixels_;
+  std::size_t image_bytes_ = 0, buffers_ = 0, used_ = 0;
+  std::uint64_t sequence_ = 0;
+  HostStamp last_;
+  int height_ = 0;
+
+  std::atomic<int> width_{0};
+  SpscRing<WaitingImage, kMost> waiting_;
+  SpscRing<std::uint16_t, kMost> given_back_;
+  std::atomic<std::uint64_t> missed_{0}, unwritten_{0}, old_{0}, resized_{0};
+  std::atomic<std::int64_t> newest_ns_{0};  ///< monotonic_ns() of the newest image; 0: none
+};
+
+class ReadingIntake {
+ public:
+  /// `turns`: receives the rotation rate, rad/s; may be empty.
+  ReadingIntake(ImuSource& imu, const std::function<void(double)>& turns) : imu_(imu), turns_(turns) {}
+
+  /// As ImageIntake::step().
+  bool step() noexcept;
+
+  bool pop(ImuSample& sample) noexcept { return waiting_.pop(sample); }  ///< the writing thread
+
+  // Any thread: recent values.
+  std::uint64_t missed() const noexcept { return missed_.load(std::memory_order_relaxed); }
+  std::uint64_t unwritten() const noexcept { return waiting_.dropped(); }
+  std::int64_t newest_ns() const noexcept { return newest_ns_.load(std::memory_order_relaxed); }
+
+ private:
+  void take(const ImuSample& sample) noexcept;
+
+  ImuSource& imu_;
+  const std::function<void(double)>& turns_;
+  IntervalTracker interval_;
+  HostStamp last_;
+  SpscRing<ImuSample, 8192> waiting_;  // eight seconds at 1 kHz
+  std::atomic<std::uint64_t> missed_{0};
+  std::atomic<std::int64_t> newest_ns_{0};
+};
+
+}  // namespace epiline
