@@ -115,22 +115,6 @@ std::string shown(const toml::node& node) {
   return out.str();
 }
 
-/// toml++ would write a text that begins with a new line so that the line is lost when it is read again.
-std::string toml_text(const std::string& text) {
-  std::string s = "\"";
-  for (const char c : text) {
-    const auto code = static_cast<unsigned char>(c);
-    if (c == '"' || c == '\\') {
-      (s += '\\') += c;
-    } else if (code < 0x20 || code == 0x7f) {
-      s += fmt::format("\\u{:04x}", code);
-    } else {
-      s += c;
-    }
-  }
-  return s + "\"";
-}
-
 std::string toml_value(const Parameter& p, const Config& config) {
   Config copy = config;
   return std::visit(
@@ -150,6 +134,22 @@ std::string toml_value(const Parameter& p, const Config& config) {
 }
 
 }  // namespace
+
+// toml++ would write a text that begins with a new line so that the line is lost when it is read again.
+std::string toml_text(const std::string& text) {
+  std::string s = "\"";
+  for (const char c : text) {
+    const auto code = static_cast<unsigned char>(c);
+    if (c == '"' || c == '\\') {
+      (s += '\\') += c;
+    } else if (code < 0x20 || code == 0x7f) {
+      s += fmt::format("\\u{:04x}", code);
+    } else {
+      s += c;
+    }
+  }
+  return s + "\"";
+}
 
 Result<ConfigFile> ConfigFile::read(const std::filesystem::path& path, const std::vector<std::string>& sets) {
   ConfigFile file;

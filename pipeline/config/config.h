@@ -72,6 +72,8 @@ class ConfigFile {
   std::vector<std::pair<const Parameter*, Value>> settings_;
 };
 
+/// The text in quotes, as TOML writes it.
+std::string toml_text(const std::string& text);
 /// The configuration as a TOML file: each setting with text, unit and range above it.
 std::string to_toml(const Config& config);
 

@@ -43,6 +43,7 @@ void add_run(CLI::App& app, int& exit_code);
 void add_hil(CLI::App& app, int& exit_code);
 void add_devices(CLI::App& app, int& exit_code);
 void add_record(CLI::App& app, int& exit_code);
+void add_init(CLI::App& app, int& exit_code);
 void add_check(CLI::App& app, int& exit_code);
 void add_board(CLI::App& app, int& exit_code);
 void add_calibrate(CLI::App& app, int& exit_code);

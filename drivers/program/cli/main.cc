@@ -63,8 +63,7 @@ Result<std::filesystem::path> find_config(const std::filesystem::path& given) {
     if (std::filesystem::exists(path, ignored)) return std::filesystem::path(path);
   }
   return Error{ErrorKind::kUsage, "", 0, "no configuration",
-               "--config FILE, or a file /etc/epiline/epiline.toml or ./epiline.toml (`epiline config > epiline.toml` "
-               "writes one)"};
+               "--config FILE, or a file /etc/epiline/epiline.toml or ./epiline.toml (`epiline init` writes one)"};
 }
 
 namespace {
@@ -81,6 +80,7 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", EPILINE_VERSION);
   add_run(app, exit_code);
   add_devices(app, exit_code);
+  add_init(app, exit_code);
   add_check(app, exit_code);
   add_record(app, exit_code);
   add_board(app, exit_code);

@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "drivers/program/inventory/find.h"
+#include "drivers/program/inventory/sysfs.h"
 #include "drivers/sensors/camera/v4l2_lists.h"
 
 namespace epiline {
@@ -66,6 +67,9 @@ std::optional<CameraPart> find_camera(const std::filesystem::path& root, const L
   CameraPart part;
   part.path = listed.path;
   part.name = listed.name;
+  const std::filesystem::path file_name = std::filesystem::path(listed.path).filename();
+  for (const char* folder : {"dev/v4l/by-id", "dev/v4l/by-path"})
+    if (part.lasting_path.empty()) part.lasting_path = lasting_name(root, folder, file_name);
   part.trouble = no_permission(root, listed.path);
   if (!part.trouble.empty()) return part;
   V4l2Device device(system);

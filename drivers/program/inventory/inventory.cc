@@ -35,6 +35,15 @@ std::vector<fs::path> entries(const fs::path& folder, const std::string& prefix)
   return found;
 }
 
+std::string lasting_name(const fs::path& root, const char* folder, const fs::path& file_name) {
+  for (const fs::path& link : entries(root / folder, "")) {
+    std::error_code none;
+    if (fs::read_symlink(link, none).filename() == file_name)
+      return (fs::path("/") / folder / link.filename()).string();
+  }
+  return {};
+}
+
 bool read_chip(const fs::path& chip, gpiochip_info& info, SystemCalls& system) {
   const int fd = system.open(chip.c_str(), O_RDWR);
   if (fd < 0) return false;

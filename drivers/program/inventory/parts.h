@@ -43,6 +43,7 @@ struct CameraControlRange {
 
 struct CameraPart : Part {
   std::string bus, driver;
+  std::string lasting_path;  ///< below /dev/v4l, which stays whatever is plugged in first; empty: none
   std::vector<CameraFormat> formats;
   std::vector<CameraControlRange> controls;
 };

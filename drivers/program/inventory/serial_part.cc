@@ -46,15 +46,6 @@ fs::path usb_device_of(const fs::path& port) {
   return {};
 }
 
-/// The name under /dev/serial/by-id, which stays whatever is plugged in first; empty: none.
-std::string lasting_name(const fs::path& root, const fs::path& file_name) {
-  for (const fs::path& link : entries(root / "dev/serial/by-id", "")) {
-    std::error_code none;
-    if (fs::read_symlink(link, none).filename() == file_name) return "/dev/serial/by-id/" + link.filename().string();
-  }
-  return {};
-}
-
 }  // namespace
 
 SerialPart find_serial(const fs::path& root, const ListedDevice& listed) {
@@ -69,7 +60,7 @@ SerialPart find_serial(const fs::path& root, const ListedDevice& listed) {
     part.name = maker + (maker.empty() ? "" : " ") + first_line(usb / "product");
     part.autopilot = autopilot_of(part.vendor, part.product);
   }
-  const std::string lasting = lasting_name(root, file_name);
+  const std::string lasting = lasting_name(root, "dev/serial/by-id", file_name);
   part.settings = {{"mavlink.serial", lasting.empty() ? part.path : lasting}};
   return part;
 }

@@ -175,6 +175,16 @@ TEST_F(PartsOf, ACameraHasFormatsSizesRatesAndControls) {
   EXPECT_EQ(kernel_.open_files(), 0u);
 }
 
+TEST_F(PartsOf, ACameraHasALastingPath) {
+  add_camera("video0");
+  EXPECT_EQ(find().cameras.at(0).lasting_path, "");
+  for (const char* link : {"by-path/pci-0-video-index0", "by-id/usb-Made-up-video-index0"}) {
+    fs::create_directories((root_ / "dev/v4l" / link).parent_path());
+    fs::create_symlink("../../video0", root_ / "dev/v4l" / link);
+    EXPECT_EQ(find().cameras.at(0).lasting_path, std::string("/dev/v4l/") + link) << "by-id first";
+  }
+}
+
 TEST_F(PartsOf, NodesWithoutImagesAreLeftOut) {
   add_camera("video0");
   write("sys/class/video4linux/video1/name", "Made-up Cam");

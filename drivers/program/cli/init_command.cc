@@ -1,0 +1,48 @@
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "drivers/program/cli/commands.h"
+#include "drivers/program/inventory/draft.h"
+
+namespace epiline {
+
+namespace {
+
+struct InitArguments {
+  std::filesystem::path out = "epiline.toml";
+  bool force = false;
+};
+
+void print_result(const Draft& draft, const std::string& file) {
+  for (const std::string& line : draft.chosen) fmt::print("{}\n", line);
+  for (const std::string& line : draft.missing) fmt::print("missing   {}\n", line);
+  fmt::print("written   {}\n\nNext:\n", file);
+  fmt::print("  epiline record --config {} --out board        # wave the camera in front of a board\n", file);
+  fmt::print("  epiline calibrate board --out calibration     # then set both calibrations in {}\n", file);
+  fmt::print("  epiline check --config {}\n", file);
+}
+
+int init_command(const InitArguments& options) {
+  const auto draft = draft_configuration(find_parts());
+  if (!draft) return report(draft.error());
+  if (const Status s = write_draft(*draft, options.out, options.force); !s) return report(s.error());
+  print_result(*draft, options.out.string());
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_init(CLI::App& app, int& exit_code) {
+  const auto options = std::make_shared<InitArguments>();
+  CLI::App* command =
+      app.add_subcommand("init", "Write a configuration from what is plugged in, with a reason for each choice");
+  command->group(kFly);
+  command->add_option("--out", options->out, "file to write")->capture_default_str();
+  command->add_flag("--force", options->force, "replace the file if it is there; the old one is kept as FILE.bak");
+  command->callback([options, &exit_code] { exit_code = init_command(*options); });
+}
+
+}  // namespace epiline

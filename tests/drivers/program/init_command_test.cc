@@ -1,0 +1,34 @@
+// `epiline init` as a user meets it, on whatever computer this is. What it chooses: inventory/draft_test.cc.
+#include "tests/drivers/program/program.h"
+
+namespace epiline {
+namespace {
+
+class InitCommand : public testing::Test {
+ protected:
+  void SetUp() override {
+    fs::remove_all(scratch());
+    fs::create_directories(scratch());
+  }
+  void TearDown() override { fs::remove_all(scratch()); }
+  static fs::path file() { return scratch() / "flight.toml"; }
+  /// A computer without any device has nothing to write.
+  static bool has_nothing(const Outcome& r) {
+    if (r.err.find("is plugged in") == std::string::npos) return false;
+    expect_one_line(r, 1, {"neither a camera nor anything with an IMU is plugged in"});
+    EXPECT_FALSE(fs::exists(file()));
+    return true;
+  }
+};
+
+TEST_F(InitCommand, WritesAConfigurationAndSaysWhatIsNext) {
+  const Outcome r = run("init --out '" + file().string() + "'");
+  if (has_nothing(r)) return;
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  for (const char* next : {"epiline record --config ", "epiline calibrate ", "epiline check --config "})
+    EXPECT_NE(r.out.find(next), std::string::npos) << r.out;
+  EXPECT_EQ(run("config --check '" + file().string() + "'").exit_code, 0);
+}
+
+}  // namespace
+}  // namespace epiline
