@@ -37,6 +37,15 @@ FoundCalibration found(const Calibration& c, const CalibrationTangent& variances
   Eigen::Map<CalibrationTangent>(f.sigmas.data()) = variances.cwiseSqrt();
   return f;
 }
+
+/// What was called rest was none.
+void forget_rest(Window& window) {
+  for (int k = 0; k < window.size(); ++k) {
+    window.at(k).at_rest = false;
+    window.at(k).rest_link = 0;
+  }
+}
+
 }  // namespace
 
 /// What the window knows was concluded under a rotation of the camera that is now known to be far off.
@@ -141,6 +150,7 @@ void Estimator::Impl::attach_rest(const TrackedFrame& frame) {
   Slot& newest = window.newest();
   const double rate = n > 1 ? history.mean_rate(window.at(n - 2).time, newest.time, newest.x.b_g) : 0;
   const bool still = rest.update(frame, pixel_sigma, rate);
+  if (rest.was_drift()) forget_rest(window);
   if (!config.zero_motion || !still || n < 2 || is_blind(frame.reasons)) {
     resting = false;
     return;

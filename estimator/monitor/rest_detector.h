@@ -8,13 +8,17 @@
 
 namespace epiline {
 
-/// Compares each frame's bearings with a copy half a second old: a slow drift shows there and not from frame to frame.
+/// Compares each frame's bearings with a copy half a second old, and, while nothing moves, with those of the moment
+/// when that began: a drift too slow for half a second shows there. After such a drift, rest must have been seen for
+/// twice as long as the drift was overlooked, until something moves plainly.
 class RestDetector {
  public:
   void clear();
-  /// `mean_rate_rad_s`: mean |w - b_g| since the last frame. True while nothing moved for about half a second.
+  /// `mean_rate_rad_s`: mean |w - b_g| since the last frame. True while nothing moved for long enough.
   bool update(const TrackedFrame& frame, double pixel_sigma, double mean_rate_rad_s);
-  /// Only the camera's part of the last verdict.
+  /// The last frame shows that what was called rest was a slow drift.
+  bool was_drift() const { return was_drift_; }
+  /// Only the camera's part of the last verdict, over half a second.
   bool images_still() const { return images_still_; }
 
  private:
@@ -27,13 +31,18 @@ class RestDetector {
     int count = 0;
     std::array<Entry, kMaxFeatures> entry;  ///< sorted by id
   };
-  bool still_against(const Snapshot& old, const TrackedFrame& frame, double sigma) const;
+  struct Displacement;
+  static Displacement displacement(const Snapshot& old, const TrackedFrame& frame, double sigma);
+  const Snapshot* half_a_second_old(HostStamp now) const;
+  void compare_with_reference(const TrackedFrame& frame, double sigma);
   void remember(const TrackedFrame& frame);
 
   static constexpr int kSnapshots = 8;
   std::array<Snapshot, kSnapshots> snapshot_;
+  Snapshot reference_;  ///< when nothing began to move
   int stored_ = 0, next_ = 0;
-  bool images_still_ = false;
+  bool has_reference_ = false, is_rest_ = false, images_still_ = false, was_drift_ = false;
+  double needed_s_ = 0;  ///< how long nothing must have moved
 };
 
 }  // namespace epiline

@@ -24,8 +24,8 @@ struct Scene {
   int renewed_every = 1 << 30;  ///< images after which all tracks get new ids
 };
 
-/// Share of the frames called rest, of those from 1 s on, images at 10 Hz.
-double share_at_rest(const Scene& s, int frames = 400) {
+/// Share of the frames called rest, of those from 1 s on, images at 10 Hz. `drifts`: how often rest was taken back.
+double share_at_rest(const Scene& s, int frames = 400, int* drifts = nullptr) {
   const auto detector = std::make_unique<RestDetector>();
   std::mt19937_64 random(3);
   std::normal_distribution<double> normal(0, s.noise_px);
@@ -44,6 +44,7 @@ double share_at_rest(const Scene& s, int frames = 400) {
       frame.features.push_back(make_feature(static_cast<std::uint32_t>(id), X, Vec2(normal(random), normal(random))));
     }
     const bool still = detector->update(frame, s.sigma_px, s.rate);
+    if (drifts) *drifts += detector->was_drift();
     if (t < 1) continue;
     ++judged;
     rest += still;
@@ -58,7 +59,8 @@ TEST(RestDetector, SeesRestAtAnyNoiseItIsToldOf) {
   EXPECT_GT(share_at_rest({.noise_px = 1, .sigma_px = 1}), 0.98);
 }
 
-/// The tests of mean (3.5 sigma) and spread (5.4 for 4) are statistics: flicker. Few tracks make the spread uncertain.
+/// The tests of displacement (3.5 sigma) and spread (5.4 for 4) are statistics: flicker. Few tracks make the spread
+/// uncertain.
 TEST(RestDetector, MissesRestRarelyAndNotMuchMoreOftenWithFewTracks) {
   EXPECT_GT(share_at_rest({.tracks = 200}, 2000), 0.99);
   EXPECT_GT(share_at_rest({.tracks = 50}, 2000), 0.95);
@@ -70,6 +72,54 @@ TEST(RestDetector, IsNotFooledByADriftOfACentimetrePerSecondAtFiveMetres) {
   EXPECT_EQ(share_at_rest({.noise_px = 0.03, .velocity = Vec3(0, 0.01, 0)}), 0);
   EXPECT_LT(share_at_rest({.tracks = 150, .noise_px = 1, .sigma_px = 1, .velocity = Vec3(0.01, 0, 0)}), 0.3);
   EXPECT_EQ(share_at_rest({.velocity = Vec3(0, 0, 0.1)}), 0);  // ahead: the mean stays, the spread grows
+}
+
+/// Below what half a second shows: the bearings of the moment when rest began show it, and it is not believed again.
+TEST(RestDetector, FindsASlowDriftOutAndDoesNotBelieveItAgain) {
+  for (const Vec3& velocity : {Vec3(0.003, 0, 0), Vec3(0, -0.002, 0), Vec3(0, 0, 0.004)}) {
+    int drifts = 0;
+    const double share = share_at_rest({.velocity = velocity}, 190, &drifts);  // the camera jumps back every 20 s
+    EXPECT_LT(share, 0.3) << velocity.transpose();
+    EXPECT_GE(drifts, 1) << velocity.transpose();
+    EXPECT_LE(drifts, 2) << velocity.transpose();
+  }
+}
+
+TEST(RestDetector, TakesNothingBackWhileNothingMoves) {
+  int drifts = 0;
+  EXPECT_GT(share_at_rest({.noise_px = 0.3}, 3000, &drifts), 0.99);
+  EXPECT_EQ(drifts, 0);
+}
+
+/// A body that moved plainly has nothing to do with the drift before.
+TEST(RestDetector, BelievesInRestSoonAfterPlainMotion) {
+  const auto detector = std::make_unique<RestDetector>();
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal(0, 0.3);
+  const auto where = [](double t) {  // a slow drift, a jerk, rest
+    if (t < 15) return 0.003 * t;
+    return t < 16 ? 0.045 + 0.5 * (t - 15) : 0.545;
+  };
+  int taken_back = 0;
+  double rest_since = -1;
+  for (int k = 0; k < 200; ++k) {
+    const double t = 0.1 * k;
+    TrackedFrame frame;
+    frame.stamp = HostStamp{k * 100'000'000LL};
+    for (int i = 0; i < 100; ++i) {
+      const Vec3 X(0.3 * (i % 10) - 1.5 - where(t), 0.3 * (i / 10) - 1.5, 5);
+      frame.features.push_back(make_feature(static_cast<std::uint32_t>(i), X, Vec2(normal(random), normal(random))));
+    }
+    const bool rests = detector->update(frame, 0.3, 0);
+    taken_back += detector->was_drift();
+    if (t > 10 && t < 15) {
+      EXPECT_FALSE(rests) << t;
+    }
+    if (t > 16 && rests && rest_since < 0) rest_since = t;
+  }
+  EXPECT_GE(taken_back, 1);
+  EXPECT_GT(rest_since, 16);
+  EXPECT_LT(rest_since, 17.2);
 }
 
 TEST(RestDetector, WantsTheGyroscopeToAgree) {
