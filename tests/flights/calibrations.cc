@@ -8,9 +8,12 @@
 #include <string>
 #include <vector>
 
+#include "drivers/flights/simulate/random.h"
+#include "drivers/study/calibrate/april_detector.h"
 #include "drivers/study/calibrate/lens_columns.h"
 #include "drivers/study/calibrate/rig_fit.h"
 #include "estimator/geometry/so3.h"
+#include "tests/drivers/study/calibrate/photographer.h"
 #include "tests/drivers/study/calibrate/waved_rig.h"
 
 namespace epiline {
@@ -49,8 +52,28 @@ std::vector<Figure> figures_of(const WavedRig& rig, const RigFit& fit) {
   return figures;
 }
 
-Result<RigFit> calibrated(const WavedRig& rig) {
-  const auto views = rig.views();
+/// What the detector finds in pictures of a flat board, ten a second, with a noise of two grey levels.
+Result<std::vector<CornerView>> views_in_images(const WavedRig& rig) {
+  const AprilGrid grid{4, 4, 0.088, 0.3};  // where WavedRig looks
+  const auto boxes = black_boxes(grid);
+  if (!boxes) return boxes.error();
+  auto detector = AprilDetector::create(grid);
+  if (!detector) return detector.error();
+  const Photographer photographer(grid, *boxes, Camera(rig.lens));
+  Random noise(rig.seed, 9);
+  std::vector<CornerView> views;
+  for (double t = 0.3; t < rig.seconds - 0.3; t += 0.1) {
+    const WavedRig::Pose at = rig.pose(t);
+    GreyImage image = photographer.take(at.R_TB * rig.R_BC, at.p_TB + at.R_TB * rig.p_BC);
+    for (std::uint8_t& pixel : image.pixels)
+      pixel = static_cast<std::uint8_t>(std::lround(std::clamp(pixel + 2 * noise.normal(), 0.0, 255.0)));
+    views.push_back({WavedRig::kBegin + Span::from_seconds(t - rig.time_offset_s),
+                     detector->find({image.pixels.data(), image.width, image.height, image.width})});
+  }
+  return views;
+}
+
+Result<RigFit> calibrated(const WavedRig& rig, const std::vector<CornerView>& views) {
   const auto imu = rig.readings();
   const auto lens = fit_lens(views, rig.lens.model, rig.lens.width, rig.lens.height, std::nullopt);
   if (!lens) return lens.error();
@@ -62,14 +85,15 @@ Result<RigFit> calibrated(const WavedRig& rig) {
   return fit_rig(views, *lens, *alignment, imu, {rig.imu.noise});
 }
 
-void study(CameraModel model, int seeds, double pixels) {
+void study(CameraModel model, int seeds, double pixels, bool images) {
   std::vector<std::vector<double>> ratios;
   std::vector<std::string> names;
   int seeds_within = 0, done = 0;
   for (int seed = 1; seed <= seeds; ++seed) {
     WavedRig rig = rig_with(model, static_cast<std::uint64_t>(seed));
     rig.corner_px = pixels;
-    const auto fit = calibrated(rig);
+    const auto views = images ? views_in_images(rig) : rig.views();
+    const auto fit = views ? calibrated(rig, *views) : Result<RigFit>(views.error());
     if (!fit) {
       fmt::print("{} seed {}: {}\n", name_of(model), seed, fit.error().text());
       continue;
@@ -106,8 +130,10 @@ int main(int argc, char** argv) {
   double pixels = 0.15;
   app.add_option("--seeds", seeds, "rigs of each lens model")->capture_default_str();
   app.add_option("--pixels", pixels, "noise of a corner, px")->capture_default_str();
+  bool images = false;
+  app.add_flag("--images", images, "corners found in rendered images of a flat board, in place of simulated ones");
   CLI11_PARSE(app, argc, argv);
   for (const auto model : {epiline::CameraModel::kPinholeRadialTangential, epiline::CameraModel::kPinholeEquidistant,
                            epiline::CameraModel::kDoubleSphere})
-    epiline::study(model, seeds, pixels);
+    epiline::study(model, seeds, pixels, images);
 }

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "drivers/program/cli/commands.h"
+#include "drivers/program/inventory/config_edit.h"
 #include "drivers/study/calibrate/calibration_files.h"
 
 namespace epiline {
@@ -16,7 +17,7 @@ namespace {
 struct CalibrateArguments {
   CalibrateSettings settings;
   std::string model, resolution;
-  std::filesystem::path out;
+  std::filesystem::path out, config;
   bool json = false;
 };
 
@@ -39,21 +40,35 @@ void print_text(const Calibration& calibration, const std::filesystem::path& out
   if (!out.empty()) fmt::print("written to {}: camera.yaml imu.yaml calibration.json report.html\n", out.string());
 }
 
+/// Both files with their whole paths: a service has another current folder.
+Status set_calibrations(const std::filesystem::path& config, const std::filesystem::path& out) {
+  const std::filesystem::path folder = std::filesystem::absolute(out).lexically_normal();
+  return edit_config(config, {{"camera", "calibration", (folder / "camera.yaml").string()},
+                              {"imu", "calibration", (folder / "imu.yaml").string()}});
+}
+
 int run_calibration(CalibrateArguments arguments) {
   CalibrateSettings& settings = arguments.settings;
   if (!arguments.model.empty()) settings.model = kModels.at(arguments.model);
   if (!arguments.resolution.empty() && !parse_size(arguments.resolution, settings.width, settings.height)) {
     return report({ErrorKind::kUsage, "", 0, "--resolution " + arguments.resolution, "WIDTHxHEIGHT, as in 752x480"});
   }
+  if (!arguments.config.empty() && arguments.out.empty())
+    return report({ErrorKind::kUsage, "", 0, "--config without --out", "a folder for the files that it will name"});
   const auto calibration = calibrate(settings);
   if (!calibration) return report(calibration.error());
   if (!arguments.out.empty()) {
     if (const Status s = write_calibration(*calibration, settings, arguments.out); !s) return report(s.error());
   }
+  if (!arguments.config.empty()) {
+    if (const Status s = set_calibrations(arguments.config, arguments.out); !s) return report(s.error());
+  }
   if (arguments.json) {
     fmt::print("{}", calibration_json(*calibration, settings));
   } else {
     print_text(*calibration, arguments.out);
+    if (!arguments.config.empty())
+      fmt::print("set in {0}: camera.calibration imu.calibration (as it was: {0}.bak)\n", arguments.config.string());
   }
   return kExitDone;
 }
@@ -68,6 +83,7 @@ void add_calibrate(CLI::App& app, int& exit_code) {
   command->group(kFly);
   command->add_option("DATASET", settings.dataset, "an ASL folder, as `epiline record` writes it")->required();
   command->add_option("--out", arguments->out, "folder for camera.yaml, imu.yaml, calibration.json and report.html");
+  command->add_option("--config", arguments->config, "configuration to set both calibrations in");
   command->add_option(
       "--board", settings.board,
       "the board: Kalibr's description of an AprilGrid for images, target.csv for corners (default: the data set's)");

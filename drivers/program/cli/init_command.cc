@@ -21,7 +21,7 @@ void print_result(const Draft& draft, const std::string& file) {
   for (const std::string& line : draft.missing) fmt::print("missing   {}\n", line);
   fmt::print("written   {}\n\nNext:\n", file);
   fmt::print("  epiline record --config {} --out board        # wave the camera in front of a board\n", file);
-  fmt::print("  epiline calibrate board --out calibration     # then set both calibrations in {}\n", file);
+  fmt::print("  epiline calibrate board --board board.yaml --out calibration --config {}\n", file);
   fmt::print("  epiline check --config {}\n", file);
 }
 

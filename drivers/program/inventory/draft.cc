@@ -8,8 +8,8 @@
 #include <filesystem>
 
 #include "drivers/program/inventory/camera_mode.h"
+#include "drivers/program/inventory/config_edit.h"
 #include "pipeline/config/config.h"
-#include "pipeline/text/table.h"
 #include "pipeline/text/text.h"
 
 namespace epiline {
@@ -255,16 +255,12 @@ Result<Draft> draft_configuration(const Parts& parts) {
 
 Status write_draft(const Draft& draft, const std::filesystem::path& file, bool replaces) {
   if (const auto read = ConfigFile::parse(draft.toml, file.string()); !read) return read.error();
-  std::error_code failed;
-  const std::string kept = file.string() + ".bak";
-  const bool exists = std::filesystem::exists(file, failed);
-  if (exists && !replaces) {
+  std::error_code ignored;
+  if (!replaces && std::filesystem::exists(file, ignored)) {
     return Error{ErrorKind::kUsage, file.string(), 0, "exists already",
-                 "another name in --out, or --force, which keeps the old file as " + kept};
+                 "another name in --out, or --force, which keeps the old file as " + file.string() + ".bak"};
   }
-  if (exists) std::filesystem::rename(file, kept, failed);
-  if (exists && failed) return Error{ErrorKind::kUsage, file.string(), 0, failed.message(), "a file to replace"};
-  return write_text(file, draft.toml);
+  return replace_file(file, draft.toml);
 }
 
 }  // namespace epiline
