@@ -30,7 +30,7 @@ inline const char* usual_remedy(int error) noexcept {
     case ENOENT:
     case ENODEV:
     case ENXIO:
-      return "a connected device (epiline check lists them)";
+      return "a connected device (epiline devices lists them)";
     case EACCES:
     case EPERM:
       return "permission: join the device's group (docs/install.md)";

@@ -8,13 +8,12 @@
 #include <string>
 #include <vector>
 
-#include "drivers/flights/simulate/random.h"
 #include "drivers/study/calibrate/april_detector.h"
 #include "drivers/study/calibrate/lens_columns.h"
 #include "drivers/study/calibrate/rig_fit.h"
 #include "estimator/geometry/so3.h"
-#include "tests/drivers/study/calibrate/photographer.h"
-#include "tests/drivers/study/calibrate/waved_rig.h"
+#include "pipeline/config/calibration.h"
+#include "tests/drivers/study/calibrate/board_recording.h"
 
 namespace epiline {
 namespace {
@@ -52,9 +51,9 @@ std::vector<Figure> figures_of(const WavedRig& rig, const RigFit& fit) {
   return figures;
 }
 
-/// What the detector finds in pictures of a flat board, ten a second, with a noise of two grey levels.
+/// What the detector finds in pictures of a flat board, ten a second.
 Result<std::vector<CornerView>> views_in_images(const WavedRig& rig) {
-  const AprilGrid grid{4, 4, 0.088, 0.3};  // where WavedRig looks
+  const AprilGrid grid = waved_grid();
   const auto boxes = black_boxes(grid);
   if (!boxes) return boxes.error();
   auto detector = AprilDetector::create(grid);
@@ -65,12 +64,29 @@ Result<std::vector<CornerView>> views_in_images(const WavedRig& rig) {
   for (double t = 0.3; t < rig.seconds - 0.3; t += 0.1) {
     const WavedRig::Pose at = rig.pose(t);
     GreyImage image = photographer.take(at.R_TB * rig.R_BC, at.p_TB + at.R_TB * rig.p_BC);
-    for (std::uint8_t& pixel : image.pixels)
-      pixel = static_cast<std::uint8_t>(std::lround(std::clamp(pixel + 2 * noise.normal(), 0.0, 255.0)));
+    add_noise(image, noise);
     views.push_back({WavedRig::kBegin + Span::from_seconds(t - rig.time_offset_s),
                      detector->find({image.pixels.data(), image.width, image.height, image.width})});
   }
   return views;
+}
+
+/// What a user with EuRoC's camera would record, for trials of the whole way from parts to odometry.
+int write_recording(const std::filesystem::path& folder, const std::string& calibration, double seconds) {
+  const auto camera = read_camera_calibration(calibration, "cam0");
+  if (!camera) {
+    fmt::print(stderr, "{}\n", camera.error().text());
+    return 1;
+  }
+  WavedRig rig;
+  rig.lens = camera->parameters;
+  rig.R_BC = camera->R_BC;
+  rig.p_BC = camera->p_BC;
+  rig.time_offset_s = 0;
+  rig.seconds = seconds;
+  const Status written = write_board_recording(rig, folder);
+  if (!written) fmt::print(stderr, "{}\n", written.error().text());
+  return written ? 0 : 1;
 }
 
 Result<RigFit> calibrated(const WavedRig& rig, const std::vector<CornerView>& views) {
@@ -132,7 +148,13 @@ int main(int argc, char** argv) {
   app.add_option("--pixels", pixels, "noise of a corner, px")->capture_default_str();
   bool images = false;
   app.add_flag("--images", images, "corners found in rendered images of a flat board, in place of simulated ones");
+  std::string write, camera;
+  double seconds = 20;
+  app.add_option("--write", write, "write a recording of a waved board into this folder instead");
+  app.add_option("--camera", camera, "with --write: calibration of the camera");
+  app.add_option("--seconds", seconds, "with --write: of the recording");
   CLI11_PARSE(app, argc, argv);
+  if (!write.empty()) return epiline::write_recording(write, camera, seconds);
   for (const auto model : {epiline::CameraModel::kPinholeRadialTangential, epiline::CameraModel::kPinholeEquidistant,
                            epiline::CameraModel::kDoubleSphere})
     epiline::study(model, seeds, pixels, images);

@@ -47,7 +47,7 @@ DeviceTrouble SerialPort::open() noexcept {
     const int error = errno;
     if (error == EACCES) return device_refusal("open", error, "permission: join the device's group, often dialout");
     if (error == EBUSY) return device_refusal("open", error, "a port that no other program has open (ModemManager?)");
-    return device_refusal("open", error, "a connected serial device (epiline check lists them)");
+    return device_refusal("open", error, "a connected serial device (epiline devices lists them)");
   }
   const DeviceTrouble trouble = set_up();
   if (trouble) close();

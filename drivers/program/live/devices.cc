@@ -140,7 +140,7 @@ namespace {
 Status add_camera(const LiveSettings& settings, LiveDevices& devices) {
   if (settings.config.devices.camera.device.empty())
     return missing(settings, "camera.device is not set",
-                   "the camera's path, name or bus (epiline check lists cameras)");
+                   "the camera's path, name or bus (epiline devices lists cameras)");
   auto camera = v4l2_settings(settings);
   if (!camera) return camera.error();
   constexpr int kForTracking = 4;

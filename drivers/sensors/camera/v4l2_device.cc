@@ -104,7 +104,7 @@ DeviceTrouble V4l2Device::open(const char* wanted) noexcept {
   if (wanted[0] == '/') return open_path(wanted);
   const auto is_called = [&](const std::array<char, 64>& name) { return std::strcmp(name.data(), wanted) == 0; };
   if (find([&] { return is_called(identity_.card) || is_called(identity_.bus); })) return {};
-  return unexpected("open", "a camera's path, name or bus (epiline check lists them)", "no camera is called '%.60s'",
+  return unexpected("open", "a camera's path, name or bus (epiline devices lists them)", "no camera is called '%.60s'",
                     wanted);
 }
 

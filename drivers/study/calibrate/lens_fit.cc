@@ -87,6 +87,13 @@ class LensSolver {
     return std::max(std::sqrt(summarise(std::move(squared)).median / (2 * std::log(2.0))), 1e-3);
   }
 
+  /// How large the numbers of the distortion are.
+  double coefficients() const {
+    double sum = 0;
+    for (const double k : lens_.distortion) sum += k * k;
+    return std::sqrt(sum);
+  }
+
   const CameraParameters& lens() const { return lens_; }
   const BoardShape& shape() const { return shape_; }
 
@@ -243,6 +250,23 @@ LensFit with_poses(const LensSolver& solver, const std::vector<CornerView>& view
 /// Few images do not tell which is deeper, so fits this close to the best are settled on many.
 constexpr double kAsGood = 1.2;
 constexpr double kSameFocalLength = 0.05;
+/// Twins whose costs are closer than this are not told apart by many images either: 4 sigma of independent errors, and
+/// those of a corner in neighbouring images are alike. The costs of rendered boards differ by 4 to 11.
+constexpr double kUndecided = 16;
+
+/// The least cost; of twins, the one with the smaller coefficients: it is nearer to a lens of one sphere.
+const LensSolver& best_of(std::vector<LensSolver>& settled) {
+  const double sigma_px = settled.front().median_sigma();
+  std::vector<double> costs;
+  for (LensSolver& solver : settled) costs.push_back(solver.cost_at(sigma_px));
+  const double undecided = *std::min_element(costs.begin(), costs.end()) + kUndecided;
+  const LensSolver* best = nullptr;
+  for (std::size_t i = 0; i < settled.size(); ++i) {
+    if (costs[i] > undecided) continue;
+    if (!best || settled[i].coefficients() < best->coefficients()) best = &settled[i];
+  }
+  return *best;
+}
 
 Error too_few(std::size_t views) {
   return {ErrorKind::kRun, "", 0, fmt::format("{} images that show {} corners of the board", views, kCornersOfPose),
@@ -274,7 +298,6 @@ Result<LensFit> fit_lens(const std::vector<CornerView>& views, CameraModel model
                 "corners of the board that was described (its size, its ids), and the camera's model");
   }
   std::vector<LensSolver> settled;
-  std::size_t best = 0;
   for (const LensSolver& f : found) {
     const auto is_same = [&](const LensSolver& other) {
       return std::abs(other.lens().intrinsics[0] / f.lens().intrinsics[0] - 1) < kSameFocalLength;
@@ -282,10 +305,8 @@ Result<LensFit> fit_lens(const std::vector<CornerView>& views, CameraModel model
     if (f.median_sigma() > kAsGood * found.front().median_sigma()) break;
     if (std::any_of(settled.begin(), settled.end(), is_same)) continue;
     settled.emplace_back(f.lens(), f.shape(), place(f.lens(), f.shape(), many)).run(100, true);
-    const double sigma_px = settled.front().median_sigma();
-    if (settled.back().cost_at(sigma_px) < settled[best].cost_at(sigma_px)) best = settled.size() - 1;
   }
-  return with_poses(settled[best], views);
+  return with_poses(best_of(settled), views);
 }
 
 Result<LensFit> fit_board(const std::vector<CornerView>& views, const CameraParameters& lens) {

@@ -29,39 +29,40 @@ RigFactors::Place RigFactors::place(double t_s) const {
   return found;
 }
 
-void RigFactors::add_biases(const Place& at, int part, const Mat3& J, FitResidual& r) const {
-  for (std::size_t i = 0; i < 2; ++i) r.add(at.bias[i] + part, at.bias_weight[i] * J);
+void RigFactors::add_biases(const Place& at, int part, FitResidual& r) const {
+  for (std::size_t i = 0; i < 2; ++i) r.add(at.bias[i] + part, -at.bias_weight[i] * Mat3::Identity());
 }
 
 FitResidual RigFactors::gyroscope(const RigReading& reading, double weight) const {
   const Place at = place(reading.t_s);
   const Motion m = motion_.at(reading.t_s);
-  const Vec3 without_bias = reading.w - motion_.gyroscope_bias(reading.t_s);
-  const Mat3 gain = state_.constants.gyroscope_gain.asDiagonal();
-  FitResidual r(m.R_WB * (gain * without_bias - m.omega_B), weight);
-  for (std::size_t i = 0; i < 4; ++i)
-    r.add(at.knot[i] + 3, -at.weights.first[i] / state_.interval_s * Mat3::Identity());
-  add_biases(at, 0, -m.R_WB * gain, r);
-  r.add(layout_.columns.gyroscope_gain, m.R_WB * without_bias.asDiagonal());
+  const Vec3 inverse_gain = state_.constants.gyroscope_gain.cwiseInverse();
+  const Vec3 expected = inverse_gain.cwiseProduct(m.omega_B);
+  FitResidual r(reading.w - motion_.gyroscope_bias(reading.t_s) - expected, weight);
+  const Mat3 by_turn_rate = -(inverse_gain.asDiagonal() * m.R_WB.transpose());
+  for (std::size_t i = 0; i < 4; ++i) r.add(at.knot[i] + 3, at.weights.first[i] / state_.interval_s * by_turn_rate);
+  add_biases(at, 0, r);
+  r.add(layout_.columns.gyroscope_gain, inverse_gain.cwiseProduct(expected).asDiagonal());
   return r;
 }
 
 FitResidual RigFactors::accelerometer(const RigReading& reading, double weight) const {
   const Place at = place(reading.t_s);
   const Motion m = motion_.at(reading.t_s);
-  const Vec3 without_bias = reading.a - motion_.accelerometer_bias(reading.t_s);
-  const Mat3 gain = state_.constants.accelerometer_gain.asDiagonal();
+  const Vec3 inverse_gain = state_.constants.accelerometer_gain.cwiseInverse();
   const Vec3 f_T = m.a_WB - state_.constants.g_T;
-  FitResidual r(m.R_WB * gain * without_bias - f_T, weight);
+  const Mat3 by_f_T = -(inverse_gain.asDiagonal() * m.R_WB.transpose());
+  const Vec3 expected = -by_f_T * f_T;
+  FitResidual r(reading.a - motion_.accelerometer_bias(reading.t_s) - expected, weight);
   for (std::size_t i = 0; i < 4; ++i) {
-    r.add(at.knot[i], -at.weights.second[i] / (state_.interval_s * state_.interval_s) * Mat3::Identity());
-    r.add(at.knot[i] + 3, -at.weights.value[i] * skew(f_T));
+    r.add(at.knot[i], at.weights.second[i] / (state_.interval_s * state_.interval_s) * by_f_T);
+    r.add(at.knot[i] + 3, at.weights.value[i] * by_f_T * skew(f_T));
   }
-  add_biases(at, 3, -m.R_WB * gain, r);
+  add_biases(at, 3, r);
   Mat3 by_gravity = Mat3::Zero();
-  by_gravity.leftCols<2>() = state_.constants.g_T.norm() * state_.across_gravity();
+  by_gravity.leftCols<2>() = -state_.constants.g_T.norm() * by_f_T * state_.across_gravity();
   r.add(layout_.columns.gravity, by_gravity, 2);
-  r.add(layout_.columns.accelerometer_gain, m.R_WB * without_bias.asDiagonal());
+  r.add(layout_.columns.accelerometer_gain, inverse_gain.cwiseProduct(expected).asDiagonal());
   return r;
 }
 

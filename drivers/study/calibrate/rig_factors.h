@@ -32,7 +32,7 @@ class RigFactors {
   /// Both must outlive the factors and stay as they are.
   RigFactors(const RigState& state, const RigLayout& layout);
 
-  /// Measured minus true, in T; `weight` is that of the squared residual.
+  /// Measured minus expected, in B; `weight` is that of the squared residual.
   FitResidual gyroscope(const RigReading& reading, double weight) const;
   FitResidual accelerometer(const RigReading& reading, double weight) const;
 
@@ -58,7 +58,7 @@ class RigFactors {
     std::array<double, 2> bias_weight;
   };
   Place place(double t_s) const;
-  void add_biases(const Place& at, int part, const Mat3& J, FitResidual& r) const;
+  void add_biases(const Place& at, int part, FitResidual& r) const;
 
   const RigState& state_;
   const RigLayout& layout_;

@@ -70,7 +70,7 @@ TEST(Devices, WhatIsMissingIsNamedWithWhatWouldDo) {
   };
   const std::string file = files.folder() + "/flight.toml: ";
   EXPECT_EQ(error_of("", ""),
-            file + "camera.device is not set; expected the camera's path, name or bus (epiline check lists cameras)");
+            file + "camera.device is not set; expected the camera's path, name or bus (epiline devices lists cameras)");
   EXPECT_EQ(error_of("device = \"a\"\n", ""),
             file + "imu.device is not set; expected the IMU's name or path, or imu.driver = \"mavlink\"");
   EXPECT_EQ(error_of("device = \"a\"\nwidth = 320\n", "[imu]\ndevice = \"b\"\n"),

@@ -22,13 +22,12 @@ std::string error_of(V4l2Settings settings) {
 TEST(V4l2Camera, SaysWhatIsWrongWithTheDevice) {
   EXPECT_EQ(
       error_of({.device = "/dev/no-such-camera"}),
-      "/dev/no-such-camera: No such file or directory [open]; expected a connected device (epiline check lists them)");
+      "/dev/no-such-camera: No such file or directory [open]; expected a connected device (epiline devices lists them)");
   EXPECT_EQ(error_of({.device = "/dev/null"}),
             "/dev/null: not a V4L2 device [VIDIOC_QUERYCAP]; expected a V4L2 device");
   EXPECT_EQ(error_of({.device = "Wonder Cam"}),
             "/dev/video*: no camera is called 'Wonder Cam' [open]; expected a camera's path, name or bus (epiline "
-            "check lists "
-            "them)");
+            "devices lists them)");
   EXPECT_EQ(error_of({.device = "/dev/null", .buffers = 1}), "/dev/null: camera.buffers = 1; expected 2 to 16");
 }
 
