@@ -49,7 +49,7 @@ struct CameraConfig {
   ExposureConfig exposure;
 };
 inline constexpr const char* kShutterNames[] = {"global", "rolling"};
-inline constexpr const char* kStampPointNames[] = {"driver", "start-of-exposure", "end-of-frame"};
+inline constexpr const char* kStampPointNames[] = {"driver", "start-of-exposure", "end-of-frame", "first-row"};
 inline constexpr const char* kEdgeNames[] = {"rising", "falling"};
 
 /// Section [imu]: where its readings come from.

@@ -52,6 +52,7 @@ class FakeCamera final : public FakeFile {
   unsigned long refused_request = 0;       ///< always refused, with EINVAL
   std::vector<unsigned long> asked;        ///< in the order of the calls
   bool has_rate = true;                    ///< VIDIOC_G_PARM is there
+  std::vector<std::uint8_t> jpeg;          ///< of each image of MJPEG
 
   std::int64_t period_ns() const { return kSecond_ns / rate_hz_; }
   Control& control(const std::string& name) {
@@ -243,6 +244,7 @@ class FakeCamera final : public FakeFile {
     memory_.clear();
     for (unsigned i = 0; i < request.count; ++i) {
       ever_.push_back(std::make_shared<std::vector<std::uint8_t>>(image_bytes(), std::uint8_t{77}));
+      if (fourcc_ == V4L2_PIX_FMT_MJPEG) std::copy(jpeg.begin(), jpeg.end(), ever_.back()->begin());
       memory_.push_back(ever_.back());
     }
     return 0;
@@ -271,7 +273,8 @@ class FakeCamera final : public FakeFile {
     const Done done = done_.front();
     done_.pop_front();
     buffer.index = done.index;
-    buffer.bytesused = static_cast<std::uint32_t>(image_bytes()) - done.image.missing_bytes;
+    const std::size_t whole = fourcc_ == V4L2_PIX_FMT_MJPEG ? jpeg.size() : image_bytes();
+    buffer.bytesused = static_cast<std::uint32_t>(whole) - done.image.missing_bytes;
     buffer.sequence = done.image.sequence;
     buffer.flags = done.image.flags;
     buffer.timestamp = {done.image.stamp_ns / kSecond_ns, done.image.stamp_ns % kSecond_ns / 1000};

@@ -33,13 +33,14 @@ auto merit(const CameraMode& mode) {
   const bool fast = mode.rate_hz == 0 || mode.rate_hz >= kLeastRate_hz - 0.5;
   const bool sized = pixels >= kFewestPixels && pixels <= kMostPixels;
   const bool calm = mode.rate_hz <= kMostRate_hz + 0.5;
-  return std::tuple(fast, is_grey(*mode.format), sized, calm, -std::abs(std::log(pixels / kUsualPixels)));
+  const bool is_cheap = mode.format->name != "MJPG";
+  return std::tuple(fast, is_grey(*mode.format), is_cheap, sized, calm, -std::abs(std::log(pixels / kUsualPixels)));
 }
 
 }  // namespace
 
 bool is_grey(const CameraFormat& format) {
-  constexpr std::array<std::string_view, 5> kGreyFormats{"GREY", "Y10P", "Y10", "Y12", "Y16"};
+  constexpr std::array<std::string_view, 6> kGreyFormats{"GREY", "Y10P", "Y12P", "Y10", "Y12", "Y16"};
   return std::find(kGreyFormats.begin(), kGreyFormats.end(), format.name) != kGreyFormats.end();
 }
 

@@ -29,7 +29,7 @@ std::vector<CameraFormat> formats_of(const V4l2Device& device) {
     const std::uint32_t fourcc = listed.pixelformat;
     char name[5];
     write_fourcc(fourcc, name);
-    CameraFormat format{name, is_read(fourcc), {}};
+    CameraFormat format{name, is_read(fourcc), is_mosaic(fourcc), {}};
     while (!format.name.empty() && format.name.back() == ' ') format.name.pop_back();  // "Y10 "
     each_size(device, fourcc, [&](const v4l2_frmsizeenum& one) {
       CameraSize size{one.discrete.width, one.discrete.height, one.discrete.width, one.discrete.height, {}, false};
@@ -38,6 +38,8 @@ std::vector<CameraFormat> formats_of(const V4l2Device& device) {
         size = {range.min_width, range.min_height, range.max_width, range.max_height, {}, false};
       }
       add_rates(device, fourcc, size);
+      if (format.is_mosaic)
+        for (unsigned* side : {&size.width, &size.height, &size.width_most, &size.height_most}) *side /= 2;
       format.sizes.push_back(std::move(size));
     });
     formats.push_back(std::move(format));

@@ -95,6 +95,9 @@ class DraftText {
     comment(is_grey(*mode.format) ? "A grey format: such sensors mostly have a global shutter."
                                   : "The camera has no grey format in time. If its shutter is rolling, set "
                                     "camera.shutter and camera.readout_ms.");
+    if (mode.format->is_mosaic) comment("Four pixels of its colours become one grey one: sizes are half the camera's.");
+    if (mode.format->name == "MJPG")
+      comment("This size comes in time only as JPEG, whose decoding takes some ms an image.");
     comment("Formats: " + formats_of(camera));
     set("format", mode.format->name);
     comment("Odometry is best with 640x400 to 1280x800 pixels, 20 to 30 times a second. Sizes: " +

@@ -21,7 +21,7 @@ struct Part {
   std::string trouble;  ///< why it cannot be used as it is, and what to do; empty: nothing is known to be wrong
 };
 
-/// One image size, or a range of sizes.
+/// One image size, or a range of sizes, as camera.width and camera.height.
 struct CameraSize {
   unsigned width = 0, height = 0, width_most = 0, height_most = 0;
   std::vector<double> rates_hz;       ///< empty: the driver does not list them
@@ -30,8 +30,9 @@ struct CameraSize {
 };
 
 struct CameraFormat {
-  std::string name;      ///< four letters, as camera.format
-  bool is_read = false;  ///< epiline reads it
+  std::string name;        ///< four letters, as camera.format
+  bool is_read = false;    ///< epiline reads it
+  bool is_mosaic = false;  ///< of colours: the camera's image has twice the sizes below
   std::vector<CameraSize> sizes;
 };
 

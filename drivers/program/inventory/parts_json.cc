@@ -38,7 +38,10 @@ OrderedJson json_of(const CameraPart& camera) {
   json["driver"] = camera.driver;
   json["formats"] = OrderedJson::array();
   for (const CameraFormat& format : camera.formats) {
-    OrderedJson one{{"name", format.name}, {"is_read", format.is_read}, {"sizes", OrderedJson::array()}};
+    OrderedJson one{{"name", format.name},
+                    {"is_read", format.is_read},
+                    {"is_mosaic", format.is_mosaic},
+                    {"sizes", OrderedJson::array()}};
     for (const CameraSize& size : format.sizes) one["sizes"].push_back(size_json(size));
     json["formats"].push_back(one);
   }

@@ -51,7 +51,9 @@ void add(std::string& out, std::string_view& kind, const CameraPart& camera) {
     if (!format.is_read) continue;
     std::vector<std::string> sizes;
     for (const CameraSize& size : format.sizes) sizes.push_back(size_text(size));
-    add_line(out, format.name, fmt::format("{}", fmt::join(sizes, ", ")));
+    add_line(
+        out, format.name,
+        fmt::format("{}{}", fmt::join(sizes, ", "), format.is_mosaic ? "; half the camera's, of its colours" : ""));
   }
   add_line(out, "not read", fmt::format("{}", fmt::join(others, ", ")));
   for (const CameraControlRange& c : camera.controls)

@@ -10,57 +10,128 @@ namespace epiline {
 
 namespace {
 
+/// How the bytes of a row hold brightness.
+enum class Row : std::uint8_t { kBytes, kWords10, kWords12, kWords16, kPacked10, kPacked12, kYuyv, kJpeg };
+enum class Planes : std::uint8_t { kGrey, kGreyAndColours, kMosaic };
+
 struct FormatFacts {
   const char* name;
   std::uint32_t fourcc;
+  Row row;
+  Planes planes = Planes::kGrey;
 };
 constexpr std::array<FormatFacts, static_cast<std::size_t>(PixelFormat::kCount)> kFormats{{
-    {"GREY", V4L2_PIX_FMT_GREY},
-    {"Y10", V4L2_PIX_FMT_Y10},
-    {"Y12", V4L2_PIX_FMT_Y12},
-    {"Y16", V4L2_PIX_FMT_Y16},
-    {"Y10P", V4L2_PIX_FMT_Y10P},
-    {"YUYV", V4L2_PIX_FMT_YUYV},
-    {"NV12", V4L2_PIX_FMT_NV12},
-    {"YU12", V4L2_PIX_FMT_YUV420},
+    {"GREY", V4L2_PIX_FMT_GREY, Row::kBytes},
+    {"Y10", V4L2_PIX_FMT_Y10, Row::kWords10},
+    {"Y12", V4L2_PIX_FMT_Y12, Row::kWords12},
+    {"Y16", V4L2_PIX_FMT_Y16, Row::kWords16},
+    {"Y10P", V4L2_PIX_FMT_Y10P, Row::kPacked10},
+    {"Y12P", v4l2_fourcc('Y', '1', '2', 'P'), Row::kPacked12},
+    {"YUYV", V4L2_PIX_FMT_YUYV, Row::kYuyv},
+    {"NV12", V4L2_PIX_FMT_NV12, Row::kBytes, Planes::kGreyAndColours},
+    {"YU12", V4L2_PIX_FMT_YUV420, Row::kBytes, Planes::kGreyAndColours},
+    {"BA81", V4L2_PIX_FMT_SBGGR8, Row::kBytes, Planes::kMosaic},
+    {"GBRG", V4L2_PIX_FMT_SGBRG8, Row::kBytes, Planes::kMosaic},
+    {"GRBG", V4L2_PIX_FMT_SGRBG8, Row::kBytes, Planes::kMosaic},
+    {"RGGB", V4L2_PIX_FMT_SRGGB8, Row::kBytes, Planes::kMosaic},
+    {"BG10", V4L2_PIX_FMT_SBGGR10, Row::kWords10, Planes::kMosaic},
+    {"GB10", V4L2_PIX_FMT_SGBRG10, Row::kWords10, Planes::kMosaic},
+    {"BA10", V4L2_PIX_FMT_SGRBG10, Row::kWords10, Planes::kMosaic},
+    {"RG10", V4L2_PIX_FMT_SRGGB10, Row::kWords10, Planes::kMosaic},
+    {"pBAA", V4L2_PIX_FMT_SBGGR10P, Row::kPacked10, Planes::kMosaic},
+    {"pGAA", V4L2_PIX_FMT_SGBRG10P, Row::kPacked10, Planes::kMosaic},
+    {"pgAA", V4L2_PIX_FMT_SGRBG10P, Row::kPacked10, Planes::kMosaic},
+    {"pRAA", V4L2_PIX_FMT_SRGGB10P, Row::kPacked10, Planes::kMosaic},
+    {"BG12", V4L2_PIX_FMT_SBGGR12, Row::kWords12, Planes::kMosaic},
+    {"GB12", V4L2_PIX_FMT_SGBRG12, Row::kWords12, Planes::kMosaic},
+    {"BA12", V4L2_PIX_FMT_SGRBG12, Row::kWords12, Planes::kMosaic},
+    {"RG12", V4L2_PIX_FMT_SRGGB12, Row::kWords12, Planes::kMosaic},
+    {"pBCC", V4L2_PIX_FMT_SBGGR12P, Row::kPacked12, Planes::kMosaic},
+    {"pGCC", V4L2_PIX_FMT_SGBRG12P, Row::kPacked12, Planes::kMosaic},
+    {"pgCC", V4L2_PIX_FMT_SGRBG12P, Row::kPacked12, Planes::kMosaic},
+    {"pRCC", V4L2_PIX_FMT_SRGGB12P, Row::kPacked12, Planes::kMosaic},
+    {"MJPG", V4L2_PIX_FMT_MJPEG, Row::kJpeg},
 }};
 
 const FormatFacts& facts(PixelFormat format) noexcept { return kFormats[static_cast<std::size_t>(format)]; }
 
-// One row each; compilers make SIMD of the first two.
+// A row each; compilers make SIMD of all but the packed ones.
+
+unsigned word(const std::uint8_t* from) noexcept { return from[0] | static_cast<unsigned>(from[1]) << 8; }
 
 template <int Shift>
 void words_to_grey(const std::uint8_t* from, int width, std::uint8_t* to) noexcept {
-  for (int x = 0; x < width; ++x) {
-    const unsigned word = static_cast<unsigned>(from[2 * x]) | static_cast<unsigned>(from[2 * x + 1]) << 8;
-    to[x] = static_cast<std::uint8_t>(word >> Shift);
-  }
+  for (int x = 0; x < width; ++x) to[x] = static_cast<std::uint8_t>(word(from + 2 * x) >> Shift);
 }
 
 void yuyv_to_grey(const std::uint8_t* from, int width, std::uint8_t* to) noexcept {
   for (int x = 0; x < width; ++x) to[x] = from[2 * x];
 }
 
+/// Groups of that many high bytes and one of low bits.
+template <int Together>
 void packed_to_grey(const std::uint8_t* from, int width, std::uint8_t* to) noexcept {
   int x = 0;
-  for (; x + 4 <= width; x += 4, from += 5) std::memcpy(to + x, from, 4);
+  for (; x + Together <= width; x += Together, from += Together + 1) std::memcpy(to + x, from, Together);
   for (; x < width; ++x) to[x] = *from++;
 }
 
-void row_to_grey(PixelFormat format, const std::uint8_t* from, int width, std::uint8_t* to) noexcept {
-  switch (format) {
-    case PixelFormat::kY10:
+void row_to_grey(Row row, const std::uint8_t* from, int width, std::uint8_t* to) noexcept {
+  switch (row) {
+    case Row::kWords10:
       return words_to_grey<2>(from, width, to);
-    case PixelFormat::kY12:
+    case Row::kWords12:
       return words_to_grey<4>(from, width, to);
-    case PixelFormat::kY16:
+    case Row::kWords16:
       return words_to_grey<8>(from, width, to);
-    case PixelFormat::kY10P:
-      return packed_to_grey(from, width, to);
-    case PixelFormat::kYuyv:
+    case Row::kPacked10:
+      return packed_to_grey<4>(from, width, to);
+    case Row::kPacked12:
+      return packed_to_grey<2>(from, width, to);
+    case Row::kYuyv:
       return yuyv_to_grey(from, width, to);
     default:
       std::memcpy(to, from, static_cast<std::size_t>(width));
+  }
+}
+
+// Of mosaics: two rows to one, a mean of four pixels, rounded. `width`: of the grey row.
+
+void bytes_of_mosaic(const std::uint8_t* upper, const std::uint8_t* lower, int width, std::uint8_t* to) noexcept {
+  for (int x = 0; x < width; ++x)
+    to[x] = static_cast<std::uint8_t>((upper[2 * x] + upper[2 * x + 1] + lower[2 * x] + lower[2 * x + 1] + 2) >> 2);
+}
+
+template <int Bits>
+void words_of_mosaic(const std::uint8_t* upper, const std::uint8_t* lower, int width, std::uint8_t* to) noexcept {
+  constexpr int kShift = Bits - 8 + 2;
+  for (int x = 0; x < width; ++x) {
+    const unsigned sum = word(upper + 4 * x) + word(upper + 4 * x + 2) + word(lower + 4 * x) + word(lower + 4 * x + 2);
+    to[x] = static_cast<std::uint8_t>(std::min((sum + (1U << (kShift - 1))) >> kShift, 255U));
+  }
+}
+
+/// Of the high bytes: what the low bits would add is below the noise of four pixels.
+template <int Together>
+void packed_of_mosaic(const std::uint8_t* upper, const std::uint8_t* lower, int width, std::uint8_t* to) noexcept {
+  constexpr int kPairs = Together / 2;
+  for (int x = 0; x < width; x += kPairs, upper += Together + 1, lower += Together + 1)
+    bytes_of_mosaic(upper, lower, std::min(kPairs, width - x), to + x);
+}
+
+void rows_of_mosaic(Row row, const std::uint8_t* upper, const std::uint8_t* lower, int width,
+                    std::uint8_t* to) noexcept {
+  switch (row) {
+    case Row::kWords10:
+      return words_of_mosaic<10>(upper, lower, width, to);
+    case Row::kWords12:
+      return words_of_mosaic<12>(upper, lower, width, to);
+    case Row::kPacked10:
+      return packed_of_mosaic<4>(upper, lower, width, to);
+    case Row::kPacked12:
+      return packed_of_mosaic<2>(upper, lower, width, to);
+    default:
+      return bytes_of_mosaic(upper, lower, width, to);
   }
 }
 
@@ -71,6 +142,10 @@ std::uint32_t fourcc_of(PixelFormat format) noexcept { return facts(format).four
 bool is_read(std::uint32_t fourcc) noexcept {
   return std::any_of(kFormats.begin(), kFormats.end(), [&](const auto& format) { return format.fourcc == fourcc; });
 }
+bool is_mosaic(std::uint32_t fourcc) noexcept {
+  return std::any_of(kFormats.begin(), kFormats.end(),
+                     [&](const auto& format) { return format.fourcc == fourcc && format.planes == Planes::kMosaic; });
+}
 
 std::optional<PixelFormat> pixel_format_named(std::string_view name) noexcept {
   for (std::size_t i = 0; i < kFormats.size(); ++i)
@@ -79,27 +154,44 @@ std::optional<PixelFormat> pixel_format_named(std::string_view name) noexcept {
 }
 
 bool is_grey_in_place(PixelFormat format) noexcept {
-  return format == PixelFormat::kGrey || format == PixelFormat::kNv12 || format == PixelFormat::kYu12;
+  return facts(format).row == Row::kBytes && facts(format).planes != Planes::kMosaic;
 }
+
+bool is_mosaic(PixelFormat format) noexcept { return facts(format).planes == Planes::kMosaic; }
 
 std::size_t row_bytes(PixelFormat format, int width) noexcept {
   const auto w = static_cast<std::size_t>(width);
-  if (is_grey_in_place(format)) return w;
-  if (format == PixelFormat::kY10P) return (w + 3) / 4 * 5;
-  return 2 * w;
+  switch (facts(format).row) {
+    case Row::kBytes:
+      return w;
+    case Row::kPacked10:
+      return (w + 3) / 4 * 5;
+    case Row::kPacked12:
+      return (w + 1) / 2 * 3;
+    case Row::kJpeg:
+      return 0;
+    default:
+      return 2 * w;
+  }
 }
 
 std::size_t image_bytes(PixelFormat format, int width, int height, int stride) noexcept {
   const auto rows = static_cast<std::size_t>(height), pitch = static_cast<std::size_t>(stride);
-  const bool has_colour_planes = format == PixelFormat::kNv12 || format == PixelFormat::kYu12;
+  if (facts(format).row == Row::kJpeg) return 0;
+  const bool has_colour_planes = facts(format).planes == Planes::kGreyAndColours;
   return has_colour_planes ? pitch * rows + pitch * (rows / 2) : pitch * (rows - 1) + row_bytes(format, width);
 }
 
 void to_grey(PixelFormat format, const std::uint8_t* from, int from_stride, int width, int height, std::uint8_t* to,
              int to_stride) noexcept {
-  for (int y = 0; y < height; ++y)
-    row_to_grey(format, from + static_cast<std::ptrdiff_t>(y) * from_stride, width,
-                to + static_cast<std::ptrdiff_t>(y) * to_stride);
+  const Row row = facts(format).row;
+  const auto stride = static_cast<std::ptrdiff_t>(from_stride);
+  if (is_mosaic(format)) {
+    for (int y = 0; y < height / 2; ++y, from += 2 * stride, to += to_stride)
+      rows_of_mosaic(row, from, from + stride, width / 2, to);
+    return;
+  }
+  for (int y = 0; y < height; ++y, from += stride, to += to_stride) row_to_grey(row, from, width, to);
 }
 
 }  // namespace epiline

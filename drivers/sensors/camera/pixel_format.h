@@ -13,29 +13,57 @@ enum class PixelFormat : std::uint8_t {
   kY12,   ///< 12 bits, likewise
   kY16,   ///< 16 bits, likewise
   kY10P,  ///< 10 bits, packed: 4 pixels in 5 bytes, the last holds the low bits (MIPI CSI-2)
+  kY12P,  ///< 12 bits, packed: 2 pixels in 3 bytes, likewise
   kYuyv,  ///< brightness in every second byte
   kNv12,  ///< a plane of brightness, then one of colours at a quarter of the resolution
   kYu12,  ///< a plane of brightness, then two of colours
+  // Mosaics of colour (Bayer), each in four orders, named by the first row: 8 bits, then 10 and 12 as above.
+  kBggr8,
+  kGbrg8,
+  kGrbg8,
+  kRggb8,
+  kBggr10,
+  kGbrg10,
+  kGrbg10,
+  kRggb10,
+  kBggr10P,
+  kGbrg10P,
+  kGrbg10P,
+  kRggb10P,
+  kBggr12,
+  kGbrg12,
+  kGrbg12,
+  kRggb12,
+  kBggr12P,
+  kGbrg12P,
+  kGrbg12P,
+  kRggb12P,
+  kMjpeg,  ///< each image a JPEG: see jpeg_decoder.h
   kCount
 };
 
-/// As the kernel and v4l2-ctl call it: GREY, Y10, Y12, Y16, Y10P, YUYV, NV12, YU12.
+/// As v4l2-ctl shows the kernel's code: GREY, Y10, Y10P, YUYV, NV12, RGGB, BG10, pRAA, MJPG.
 const char* to_string(PixelFormat format) noexcept;
 std::optional<PixelFormat> pixel_format_named(std::string_view name) noexcept;
 /// The kernel's four-character code.
 std::uint32_t fourcc_of(PixelFormat format) noexcept;
 /// One of ours has this code.
 bool is_read(std::uint32_t fourcc) noexcept;
+bool is_mosaic(std::uint32_t fourcc) noexcept;
 
 /// The image begins with a plane of 8-bit brightness: it can be read where it is.
 bool is_grey_in_place(PixelFormat format) noexcept;
-/// Bytes of a row that hold brightness: the least stride.
+/// A mosaic of colours: four pixels become one, of their mean brightness, so the grey image has half the width and
+/// height.
+bool is_mosaic(PixelFormat format) noexcept;
+/// Bytes of a row that hold brightness: the least stride. Of kMjpeg 0, as of image_bytes().
 std::size_t row_bytes(PixelFormat format, int width) noexcept;
 /// Bytes up to the end of the last pixel, all planes.
 std::size_t image_bytes(PixelFormat format, int width, int height, int stride) noexcept;
 
-/// Writes the 8 most significant bits of each pixel's brightness. Rows of `from` begin `from_stride` bytes apart, those
-/// of `to` `to_stride`; a Y10P row has a whole number of groups of 5 bytes, its image may be narrower.
+/// Writes the 8 most significant bits of each pixel's brightness; not for kMjpeg. `width`, `height`: of the camera's
+/// image. Rows of `from` begin `from_stride` bytes apart, those of `to` `to_stride`; a packed row has a whole number of
+/// groups, its image may be narrower.
 void to_grey(PixelFormat format, const std::uint8_t* from, int from_stride, int width, int height, std::uint8_t* to,
              int to_stride) noexcept;
 

@@ -68,13 +68,15 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
   if (!opened_) {
     copies_ = copies;
     if (copies_) {
-      const int stride = (format.width + kRowAlignment - 1) / kRowAlignment * kRowAlignment;
-      const std::size_t bytes = static_cast<std::size_t>(stride) * static_cast<std::size_t>(format.height);
+      const int stride = (format.grey_width() + kRowAlignment - 1) / kRowAlignment * kRowAlignment;
+      const std::size_t bytes = static_cast<std::size_t>(stride) * static_cast<std::size_t>(format.grey_height());
       copies_memory_.resize(bytes * static_cast<std::size_t>(settings_.buffers));
       for (std::size_t i = 0; i < static_cast<std::size_t>(settings_.buffers); ++i)
         slots_[i].memory = {copies_memory_.data() + i * bytes, bytes};
+      if (format.format == PixelFormat::kMjpeg) jpeg_ = std::make_unique<JpegDecoder>(format.width, format.height);
     }
-  } else if (format.width != format_.width || format.height != format_.height || copies != copies_) {
+  } else if (format.grey_width() != format_.grey_width() || format.grey_height() != format_.grey_height() ||
+             copies != copies_ || (format.format == PixelFormat::kMjpeg) != (jpeg_ != nullptr)) {
     DeviceTrouble trouble;
     trouble.step = "the camera returned with another image size or format";
     return trouble;
@@ -229,6 +231,7 @@ void V4l2Camera::close() noexcept {
   wake_up_.close();
   opened_ = false;
   copies_memory_ = {};
+  jpeg_.reset();
   for (Slot& slot : slots_) slot.memory = {};
 }
 
@@ -362,10 +365,11 @@ bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
     return false;
   }
   const bool is_start = (buffer.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) == V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
-  const StampPoint point =
-      settings_.stamp_point.value_or(is_start ? StampPoint::kStartOfExposure : StampPoint::kEndOfFrame);
+  const StampPoint declared = is_start                     ? StampPoint::kStartOfExposure
+                              : device_.stamps_first_row() ? StampPoint::kFirstRow
+                                                           : StampPoint::kEndOfFrame;
   const Span exposure = exposure_.time_of(given, frame.sequence);
-  HostStamp start = point == StampPoint::kStartOfExposure ? given : given - exposure - settings_.readout;
+  HostStamp start = given + to_start_of_exposure(settings_.stamp_point.value_or(declared), exposure, settings_.readout);
   if (!stamp_line_.stamp(frame.sequence, start)) {
     bump(no_edge_);
     return false;
@@ -420,8 +424,8 @@ void V4l2Camera::number(Frame& frame, std::uint32_t sequence) noexcept {
 }
 
 bool V4l2Camera::fill(Frame& frame, const v4l2_buffer& buffer) noexcept {
-  frame.width = format_.width;
-  frame.height = format_.height;
+  frame.width = format_.grey_width();
+  frame.height = format_.grey_height();
   if (!copies_) {
     frame.slot = slot_of_[buffer.index];
     frame.data = slots_[static_cast<std::size_t>(frame.slot)].memory.data;
@@ -435,9 +439,15 @@ bool V4l2Camera::fill(Frame& frame, const v4l2_buffer& buffer) noexcept {
   }
   Slot& s = slots_[static_cast<std::size_t>(slot)];
   frame.slot = slot;
-  frame.stride = static_cast<int>(s.memory.length / static_cast<std::size_t>(format_.height));
-  to_grey(format_.format, buffers_[buffer.index].data, format_.stride, format_.width, format_.height, s.memory.data,
-          frame.stride);
+  frame.stride = static_cast<int>(s.memory.length / static_cast<std::size_t>(frame.height));
+  const std::uint8_t* const from = buffers_[buffer.index].data;
+  if (!jpeg_) {
+    to_grey(format_.format, from, format_.stride, format_.width, format_.height, s.memory.data, frame.stride);
+  } else if (!jpeg_->decode(from, std::min<std::size_t>(buffer.bytesused, buffers_[buffer.index].length), s.memory.data,
+                            frame.stride)) {
+    bump(damaged_);
+    return false;
+  }
   frame.data = s.memory.data;
   s.state.store(SlotState::kLent, std::memory_order_relaxed);
   return true;

@@ -4,11 +4,13 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string_view>
 #include <vector>
 
 #include "drivers/sensors/camera/camera_exposure.h"
+#include "drivers/sensors/camera/jpeg_decoder.h"
 #include "drivers/sensors/camera/stamp_line.h"
 #include "drivers/sensors/camera/v4l2_device.h"
 #include "drivers/sensors/camera/v4l2_settings.h"
@@ -24,7 +26,7 @@ namespace epiline {
 struct CameraCounts {
   std::uint64_t frames = 0;        ///< images delivered
   std::uint64_t lost = 0;          ///< gaps of the driver's sequence numbers
-  std::uint64_t damaged = 0;       ///< marked as damaged by the driver
+  std::uint64_t damaged = 0;       ///< marked as damaged by the driver, or no whole JPEG
   std::uint64_t incomplete = 0;    ///< shorter than an image
   std::uint64_t bad_stamps = 0;    ///< unknown clock, or not credible after the previous ones
   std::uint64_t no_edge = 0;       ///< with a stamp line: the image's edge was uncertain
@@ -161,6 +163,7 @@ class V4l2Camera final : public CameraSource {
   std::size_t buffer_count_ = 0;
   std::array<Slot, kSlots> slots_;
   std::vector<std::uint8_t> copies_memory_;
+  std::unique_ptr<JpegDecoder> jpeg_;  ///< of MJPEG
 
   std::atomic<bool> streaming_{false};
   std::int64_t last_image_ns_ = 0;

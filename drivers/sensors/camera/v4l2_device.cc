@@ -11,6 +11,8 @@
 #include <cstdarg>
 #include <cstdio>
 #include <cstring>
+#include <iterator>
+#include <string_view>
 
 #include "drivers/sensors/camera/v4l2_lists.h"
 
@@ -20,6 +22,8 @@ namespace {
 
 constexpr std::uint32_t kCapture = V4L2_BUF_TYPE_VIDEO_CAPTURE;
 constexpr int kMostDevices = 64;
+/// Raspberry Pi 5 and before: they take the time in the interrupt of the frame's start.
+constexpr std::string_view kFirstRowDrivers[] = {"rp1-cfe", "unicam"};
 constexpr double kRateTolerance = 0.02;  // 29.97 Hz is what a camera means by 30
 
 DeviceTrouble refused(const char* step, int error) noexcept {
@@ -136,7 +140,10 @@ DeviceTrouble V4l2Device::open_path(const char* path) noexcept {
   identity_ = {};
   std::snprintf(identity_.card.data(), identity_.card.size(), "%s", reinterpret_cast<const char*>(capability.card));
   std::snprintf(identity_.bus.data(), identity_.bus.size(), "%s", reinterpret_cast<const char*>(capability.bus_info));
-  is_loopback_ = std::strcmp(reinterpret_cast<const char*>(capability.driver), "v4l2 loopback") == 0;
+  const std::string_view driver(reinterpret_cast<const char*>(capability.driver));
+  is_loopback_ = driver == "v4l2 loopback";
+  stamps_first_row_ =
+      std::find(std::begin(kFirstRowDrivers), std::end(kFirstRowDrivers), driver) != std::end(kFirstRowDrivers);
   return {};
 }
 
@@ -145,11 +152,14 @@ DeviceTrouble V4l2Device::set_format(const V4l2Settings& settings, DeviceFormat&
   current.type = kCapture;
   if (const int error = call(VIDIOC_G_FMT, &current); error != 0) return refused("VIDIOC_G_FMT", error);
   v4l2_format set = current;
-  if (settings.width > 0) set.fmt.pix.width = static_cast<std::uint32_t>(settings.width);
-  if (settings.height > 0) set.fmt.pix.height = static_cast<std::uint32_t>(settings.height);
-  const std::uint32_t width = set.fmt.pix.width, height = set.fmt.pix.height;
+  DeviceTrouble too_slow;
   for (const PixelFormat wanted : settings.formats) {
     v4l2_pix_format& pix = set.fmt.pix;
+    const auto asked = [&](int grey, std::uint32_t now) {
+      return grey > 0 ? static_cast<std::uint32_t>(is_mosaic(wanted) ? 2 * grey : grey) : now;
+    };
+    const std::uint32_t width = asked(settings.width, current.fmt.pix.width),
+                        height = asked(settings.height, current.fmt.pix.height);
     pix.pixelformat = fourcc_of(wanted);
     pix.width = width;
     pix.height = height;
@@ -166,12 +176,18 @@ DeviceTrouble V4l2Device::set_format(const V4l2Settings& settings, DeviceFormat&
     // some drivers leave it empty for formats without padding
     const auto least = static_cast<std::uint32_t>(row_bytes(wanted, format.width));
     format.stride = static_cast<int>(pix.bytesperline > least ? pix.bytesperline : least);
-    return set_rate(settings.rate_hz, format);
+    // of a USB camera, large images come fast only as MJPEG
+    const DeviceTrouble trouble = set_rate(settings.rate_hz, format);
+    if (!trouble || trouble.error != 0) return trouble;
+    if (!too_slow) too_slow = trouble;
   }
+  if (too_slow) return too_slow;
   const char* const name =
       settings.formats.size() == 1 ? to_string(settings.formats[0]) : "any format that epiline reads";
-  DeviceTrouble trouble = unexpected("camera.width, camera.height, camera.format", "",
-                                     "the camera does not offer %ux%u in %s", width, height, name);
+  DeviceTrouble trouble =
+      unexpected("camera.width, camera.height, camera.format", "", "the camera does not offer %dx%d in %s",
+                 settings.width > 0 ? settings.width : static_cast<int>(current.fmt.pix.width),
+                 settings.height > 0 ? settings.height : static_cast<int>(current.fmt.pix.height), name);
   list_offers(trouble.expected);
   return trouble;
 }
@@ -196,7 +212,7 @@ DeviceTrouble V4l2Device::set_rate(double wanted_hz, DeviceFormat& format) noexc
   if (wanted_hz <= 0 || rate_hz <= 0 || std::abs(rate_hz - wanted_hz) <= kRateTolerance * wanted_hz) return {};
   DeviceTrouble trouble =
       unexpected("camera.rate_hz", "", "the camera does not offer %.6g Hz at %s %dx%d, but takes %.6g", wanted_hz,
-                 to_string(format.format), format.width, format.height, rate_hz);
+                 to_string(format.format), format.grey_width(), format.grey_height(), rate_hz);
   list_rates(fourcc_of(format.format), static_cast<unsigned>(format.width), static_cast<unsigned>(format.height),
              trouble.expected);
   if (trouble.expected[0] == '\0') std::snprintf(trouble.expected, sizeof(trouble.expected), "%.6g", rate_hz);

@@ -19,6 +19,8 @@ struct DeviceFormat {
   PixelFormat format = PixelFormat::kGrey;
   int width = 0, height = 0, stride = 0;
   double rate_hz = 0;  ///< 0: the device does not say
+  int grey_width() const noexcept { return is_mosaic(format) ? width / 2 : width; }
+  int grey_height() const noexcept { return is_mosaic(format) ? height / 2 : height; }
 };
 
 /// Which camera it is, as far as its driver tells.
@@ -63,6 +65,8 @@ class V4l2Device {
   const DeviceIdentity& identity() const noexcept { return identity_; }
   /// v4l2loopback: its buffers are written while we read them.
   bool is_loopback() const noexcept { return is_loopback_; }
+  /// A receiver of CSI known to stamp when the first row begins to arrive; it declares the end of the frame.
+  bool stamps_first_row() const noexcept { return stamps_first_row_; }
 
   /// ioctl() on the device: 0 or errno; begins again when a signal came in between.
   int call(unsigned long request, void* argument) const noexcept;
@@ -107,7 +111,7 @@ class V4l2Device {
   int fd_ = -1;
   std::array<char, 64> path_{};
   DeviceIdentity identity_;
-  bool is_loopback_ = false, watches_ = false;
+  bool is_loopback_ = false, stamps_first_row_ = false, watches_ = false;
 };
 
 }  // namespace epiline

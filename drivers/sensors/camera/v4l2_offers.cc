@@ -47,13 +47,15 @@ void V4l2Device::list_rates(std::uint32_t fourcc, unsigned width, unsigned heigh
 
 void V4l2Device::list_sizes(std::uint32_t fourcc, std::span<char> text) noexcept {
   Text list(text);
+  const unsigned parts = is_mosaic(fourcc) ? 2 : 1;
   each_size(*this, fourcc, [&](const v4l2_frmsizeenum& size) {
     if (size.type != V4L2_FRMSIZE_TYPE_DISCRETE) {
       const v4l2_frmsize_stepwise& range = size.stepwise;
-      list.add("%ux%u to %ux%u", range.min_width, range.min_height, range.max_width, range.max_height);
+      list.add("%ux%u to %ux%u", range.min_width / parts, range.min_height / parts, range.max_width / parts,
+               range.max_height / parts);
       return;
     }
-    list.add("%s%ux%u", list.is_empty() ? "" : ", ", size.discrete.width, size.discrete.height);
+    list.add("%s%ux%u", list.is_empty() ? "" : ", ", size.discrete.width / parts, size.discrete.height / parts);
     char rates[96];
     list_rates(fourcc, size.discrete.width, size.discrete.height, rates);
     if (rates[0] != '\0') list.add(" (%s Hz)", rates);
@@ -73,7 +75,7 @@ void V4l2Device::list_offers(std::span<char> text) noexcept {
     }
     char sizes[280];
     list_sizes(format.pixelformat, sizes);
-    list.add("%s%s %s", list.is_empty() ? "" : "; ", name, sizes);
+    list.add("%s%s%s %s", list.is_empty() ? "" : "; ", name, is_mosaic(format.pixelformat) ? ", halved:" : "", sizes);
   });
   if (!others.is_empty()) list.add("%snot read: %s", list.is_empty() ? "" : "; ", not_read);
 }

@@ -1,5 +1,7 @@
 #include "drivers/sensors/camera/v4l2_settings.h"
 
+#include <algorithm>
+
 namespace epiline {
 
 namespace {
@@ -38,6 +40,14 @@ Status check(const CameraConfig& config) {
 }
 
 }  // namespace
+
+std::vector<PixelFormat> all_by_cost() {
+  std::vector<PixelFormat> formats;
+  for (int i = 0; i < static_cast<int>(PixelFormat::kCount); ++i) formats.push_back(static_cast<PixelFormat>(i));
+  // what need not be copied; then grey before colour, whole images before halved ones, as they are numbered
+  std::stable_partition(formats.begin(), formats.end(), is_grey_in_place);
+  return formats;
+}
 
 Result<V4l2Settings> v4l2_settings_of(const CameraConfig& config) {
   if (const Status status = check(config); !status) return status.error();

@@ -16,14 +16,18 @@ namespace epiline {
 
 using CameraControl = NamedValue;  ///< the name as `v4l2-ctl --list-ctrls` writes it: exposure_time_absolute
 
+/// All formats, those first that cost least.
+std::vector<PixelFormat> all_by_cost();
+
 struct V4l2Settings {
   /// A path (/dev/video0, /dev/v4l/by-id/...), or the name or bus of a device as `v4l2-ctl --list-devices` shows them.
   std::string device;
-  int width = 0, height = 0;  ///< 0: as the device is set
-  double rate_hz = 0;         ///< 0: as the device is set
-  /// The first of them that the device gives is taken. Those that are grey in place are not copied.
-  std::vector<PixelFormat> formats{PixelFormat::kGrey, PixelFormat::kNv12, PixelFormat::kYu12, PixelFormat::kY10P,
-                                   PixelFormat::kY10,  PixelFormat::kY12,  PixelFormat::kY16,  PixelFormat::kYuyv};
+  /// Of the grey image; of a mosaic of colours the camera gives twice that. 0: as the device is set.
+  int width = 0, height = 0;
+  double rate_hz = 0;  ///< 0: as the device is set
+  /// The first of them that the device gives at that size and rate is taken. Those that are grey in place are not
+  /// copied.
+  std::vector<PixelFormat> formats = all_by_cost();
   int buffers = 8;  ///< 2 to 16; the tracker and the ring before it hold up to 6 of them when there is no time
   std::vector<CameraControl> controls{};  ///< set in this order, then read back
 

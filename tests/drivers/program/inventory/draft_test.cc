@@ -71,8 +71,9 @@ Draft draft_of(const Parts& parts) {
   return draft ? std::move(*draft) : Draft{};
 }
 
-const CameraFormat kYuyv640{"YUYV", true, {size(640, 480, {15, 30}), size(1280, 800, {10})}};
-const CameraFormat kMjpeg{"MJPG", false, {size(1280, 720, {60})}};
+const CameraFormat kYuyv640{"YUYV", true, false, {size(640, 480, {15, 30}), size(1280, 800, {10})}};
+const CameraFormat kMjpeg{"MJPG", true, false, {size(1280, 720, {60})}},
+    kH264{"H264", false, false, {size(1280, 720, {60})}};
 
 TEST(Draft, NothingPluggedInIsSaid) {
   const auto draft = draft_configuration({});
@@ -83,7 +84,7 @@ TEST(Draft, NothingPluggedInIsSaid) {
 
 TEST(Draft, WhatIsMissingIsACommentToFillIn) {
   Parts parts;
-  parts.cameras = {camera("/dev/video0", {kMjpeg})};
+  parts.cameras = {camera("/dev/video0", {kH264})};
   parts.cameras[0].trouble = "epiline reads none of its formats";
   parts.spi.resize(1);
   parts.spi[0].path = "/dev/spidev0.1";
@@ -105,7 +106,7 @@ TEST(Draft, WhatIsMissingIsACommentToFillIn) {
 TEST(Draft, AWholeRigIsChosen) {
   Parts parts;
   parts.cameras = {camera("/dev/video0", {kMjpeg, kYuyv640}),
-                   camera("/dev/video2", {{"GREY", true, {size(1280, 800, {120}), size(640, 400, {120, 30})}}})};
+                   camera("/dev/video2", {{"GREY", true, false, {size(1280, 800, {120}), size(640, 400, {120, 30})}}})};
   parts.cameras[1].lasting_path = "/dev/v4l/by-path/platform-csi";
   parts.imus = {imu("/dev/iio:device0", "gyro", true, false), imu("/dev/iio:device1", "accel", false, true)};
   parts.imus[0].rates_hz = {12.5, 50, 100, 208, 833};
@@ -212,14 +213,17 @@ TEST(CameraMode, WeighsRateFormatAndSize) {
                       std::to_string(std::lround(mode->rate_hz))
                 : "none";
   };
-  EXPECT_EQ(mode_of({kMjpeg}), "none");
+  EXPECT_EQ(mode_of({kH264}), "none");
+  EXPECT_EQ(mode_of({kMjpeg}), "MJPG 1280x720 60");
+  EXPECT_EQ(mode_of({kMjpeg, {"YUYV", true, false, {size(1280, 720, {10})}}}), "MJPG 1280x720 60") << "in time first";
+  EXPECT_EQ(mode_of({kMjpeg, {"RGGB", true, true, {size(1456, 1088, {60})}}}), "RGGB 1456x1088 60") << "not decoded";
   EXPECT_EQ(mode_of({kYuyv640, kMjpeg}), "YUYV 640x480 30") << "not 10 Hz";
-  EXPECT_EQ(mode_of({kYuyv640, {"Y10", true, {size(1280, 800, {25})}}}), "Y10 1280x800 25") << "grey first";
-  EXPECT_EQ(mode_of({kYuyv640, {"GREY", true, {size(640, 480, {7.5})}}}), "YUYV 640x480 30") << "in time first";
-  EXPECT_EQ(mode_of({{"GREY", true, {size(320, 240, {30}), size(1280, 720, {60}), size(1920, 1080, {30})}}}),
+  EXPECT_EQ(mode_of({kYuyv640, {"Y10", true, false, {size(1280, 800, {25})}}}), "Y10 1280x800 25") << "grey first";
+  EXPECT_EQ(mode_of({kYuyv640, {"GREY", true, false, {size(640, 480, {7.5})}}}), "YUYV 640x480 30") << "in time first";
+  EXPECT_EQ(mode_of({{"GREY", true, false, {size(320, 240, {30}), size(1280, 720, {60}), size(1920, 1080, {30})}}}),
             "GREY 1280x720 60");
-  EXPECT_EQ(mode_of({{"GREY", true, {{16, 16, 4056, 3040, {1, 120}, true}}}}), "GREY 640x480 30");
-  EXPECT_EQ(mode_of({{"GREY", true, {size(640, 480, {})}}}), "GREY 640x480 0");
+  EXPECT_EQ(mode_of({{"GREY", true, false, {{16, 16, 4056, 3040, {1, 120}, true}}}}), "GREY 640x480 30");
+  EXPECT_EQ(mode_of({{"GREY", true, false, {size(640, 480, {})}}}), "GREY 640x480 0");
 }
 
 }  // namespace

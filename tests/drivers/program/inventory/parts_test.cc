@@ -151,7 +151,8 @@ TEST_F(PartsOf, AnEmptyComputerHasNone) {
 
 TEST_F(PartsOf, ACameraHasFormatsSizesRatesAndControls) {
   const auto camera = add_camera("video0");
-  camera->formats.push_back({V4L2_PIX_FMT_MJPEG, {{1280, 800, {120}}}});
+  camera->formats.push_back({V4L2_PIX_FMT_H264, {{1280, 800, {120}}}});
+  camera->formats.push_back({V4L2_PIX_FMT_SRGGB10P, {{1456, 1088, {60}}}});
   camera->controls.push_back({3, "Gain", 0, 100});
   const Parts parts = find();
   ASSERT_EQ(parts.cameras.size(), 1u);
@@ -159,7 +160,7 @@ TEST_F(PartsOf, ACameraHasFormatsSizesRatesAndControls) {
   EXPECT_EQ(part.path, "/dev/video0");
   EXPECT_EQ(part.name, "Made-up Cam");
   EXPECT_EQ(part.driver, "uvcvideo");
-  ASSERT_EQ(part.formats.size(), 2u);
+  ASSERT_EQ(part.formats.size(), 3u);
   EXPECT_TRUE(part.formats[0].is_read);
   EXPECT_FALSE(part.formats[1].is_read);
   ASSERT_EQ(part.formats[0].sizes.size(), 2u);
@@ -169,7 +170,8 @@ TEST_F(PartsOf, ACameraHasFormatsSizesRatesAndControls) {
             "camera    /dev/video0  Made-up Cam  at usb-0000:00:14.0-1, driver uvcvideo\n"
             "          setting   camera.device = \"Made-up Cam\"\n"
             "          GREY      320x180 (30, 60 Hz), 640x480 (30 Hz)\n"
-            "          not read  MJPG\n"
+            "          pRAA      728x544 (60 Hz); half the camera's, of its colours\n"
+            "          not read  H264\n"
             "          control   exposure_time_absolute  0 to 255, default 0\n"
             "          control   gain  0 to 100, default 0\n");
   EXPECT_EQ(kernel_.open_files(), 0u);

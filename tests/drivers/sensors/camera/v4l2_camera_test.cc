@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,9 +21,9 @@ std::string error_of(V4l2Settings settings) {
 }
 
 TEST(V4l2Camera, SaysWhatIsWrongWithTheDevice) {
-  EXPECT_EQ(
-      error_of({.device = "/dev/no-such-camera"}),
-      "/dev/no-such-camera: No such file or directory [open]; expected a connected device (epiline devices lists them)");
+  EXPECT_EQ(error_of({.device = "/dev/no-such-camera"}),
+            "/dev/no-such-camera: No such file or directory [open]; expected a connected device (epiline devices lists "
+            "them)");
   EXPECT_EQ(error_of({.device = "/dev/null"}),
             "/dev/null: not a V4L2 device [VIDIOC_QUERYCAP]; expected a V4L2 device");
   EXPECT_EQ(error_of({.device = "Wonder Cam"}),
@@ -93,6 +94,78 @@ TEST(V4l2Camera, CopiesWhatIsNotGreyInPlace) {
   rig.camera->close();
   EXPECT_EQ(rig.kernel.open_files(), 0u);
   EXPECT_EQ(rig.kernel.mappings, 0);
+}
+
+TEST(V4l2Camera, DecodesJpegAndCountsThatWhichIsNotWhole) {
+  CameraRig rig;
+  rig.device->formats = {{V4L2_PIX_FMT_YUYV, {{320, 180, {10}}}}, {V4L2_PIX_FMT_MJPEG, {{320, 180, {30}}}}};
+  const cv::Mat half(180, 320, CV_8U, cv::Scalar(40));
+  half.colRange(160, 320).setTo(200);
+  cv::imencode(".jpg", half, rig.device->jpeg);
+  rig.settings.formats = V4l2Settings().formats;
+  rig.open();
+  EXPECT_EQ(rig.camera->format().format, PixelFormat::kMjpeg) << "YUYV comes at 10 Hz only";
+  rig.device->change_image = [](FakeCamera::Image& image) {
+    if (image.sequence % 10 == 7) image.missing_bytes = 20;
+  };
+  const std::size_t count = rig.run(1, [](const Frame& frame) {
+    ASSERT_EQ(frame.width, 320);
+    ASSERT_EQ(frame.height, 180);
+    const std::uint8_t* const row = frame.data + std::ptrdiff_t{90} * frame.stride;
+    ASSERT_NEAR(row[80], 40, 2);
+    ASSERT_NEAR(row[240], 200, 2);
+  });
+  EXPECT_EQ(rig.camera->counts().damaged, 3u);
+  EXPECT_NEAR(static_cast<double>(count), 27, 1);
+  EXPECT_EQ(rig.heap_calls, 0u);
+  rig.device->dequeue_error = EIO;
+  EXPECT_GT(rig.run(1), 20u) << "after it was lost";
+  EXPECT_EQ(rig.heap_calls, 0u);
+}
+
+TEST(V4l2Camera, OfAMosaicComesHalfTheSize) {
+  CameraRig rig;
+  rig.device->formats = {{V4L2_PIX_FMT_SRGGB8, {{640, 360, {30}}, {1456, 1088, {30}}}}};
+  rig.settings.formats = V4l2Settings().formats;
+  rig.open();
+  EXPECT_EQ(rig.camera->format().format, PixelFormat::kRggb8);
+  EXPECT_EQ(rig.camera->format().width, 640);
+  EXPECT_NEAR(static_cast<double>(rig.run(1,
+                                          [](const Frame& frame) {
+                                            ASSERT_EQ(frame.width, 320);
+                                            ASSERT_EQ(frame.height, 180);
+                                            ASSERT_EQ(frame.data[0], 77);
+                                          })),
+              30, 1);
+  EXPECT_EQ(rig.heap_calls, 0u);
+  rig.camera.reset();
+  rig.settings.width = 1456;
+  rig.settings.height = 1088;
+  EXPECT_EQ(rig.error(),
+            "/dev/video0: the camera does not offer 1456x1088 in any format that epiline reads [camera.width, "
+            "camera.height, camera.format]; expected RGGB, halved: 320x180 (30 Hz), 728x544 (30 Hz)");
+}
+
+// Their driver declares the end of a frame; see docs/camera.md.
+TEST(V4l2Camera, ReceiversOfCsiStampTheFirstRow) {
+  for (const char* driver : {"rp1-cfe", "unicam", "uvcvideo"}) {
+    SCOPED_TRACE(driver);
+    CameraRig rig;
+    rig.device->driver = driver;
+    rig.settings.exposure = Span::from_milliseconds(4);
+    rig.settings.readout = Span::from_milliseconds(10);
+    rig.settings.shutter = Shutter::kRolling;
+    rig.open();
+    rig.run(1);
+    // what was stamped in the middle of the made-up camera's life, to the middle row's middle
+    const double to_middle_ms = driver == std::string("uvcvideo") ? -10 + 5 - 2 : 5 - 2;
+    EXPECT_NEAR(1e-6 * static_cast<double>((rig.last.stamp - rig.last.arrival).ns), to_middle_ms, 1);
+    rig.camera.reset();
+    rig.settings.stamp_point = StampPoint::kStartOfExposure;
+    rig.open();
+    rig.run(1);
+    EXPECT_NEAR(1e-6 * static_cast<double>((rig.last.stamp - rig.last.arrival).ns), 2 + 5, 1) << "what is set wins";
+  }
 }
 
 TEST(V4l2Camera, CountsWhatIsDamagedCutShortOrLost) {
@@ -331,9 +404,10 @@ TEST(V4l2Camera, ListsSizesFormatsAndRatesToWhoAsksForOthers) {
   };
   const std::string what = "/dev/video0: the camera does not offer ";
   const std::string list =
-      " [camera.width, camera.height, camera.format]; expected GREY 320x180 (30, 60 Hz), 640x480 (30 Hz); YUYV 640x480 "
-      "(10, 15 Hz); not read: "
-      "MJPG, H264";
+      " [camera.width, camera.height, camera.format]; expected GREY 320x180 (30, 60 Hz), 640x480 (30 Hz); MJPG "
+      "1280x720 (30 Hz); YUYV "
+      "640x480 "
+      "(10, 15 Hz); not read: H264";
   EXPECT_EQ(error([](CameraRig& rig) { rig.settings.width = 333; }), what + "333x180 in GREY" + list);
   EXPECT_EQ(error([](CameraRig& rig) { rig.settings.formats = {PixelFormat::kY10}; }), what + "320x180 in Y10" + list);
   EXPECT_EQ(error([](CameraRig& rig) {

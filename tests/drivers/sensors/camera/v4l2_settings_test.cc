@@ -59,7 +59,9 @@ TEST(V4l2SettingsOf, WithoutAControlTheExposureIsTheConfiguredOne) {
   ASSERT_TRUE(settings);
   EXPECT_EQ(settings->exposure.ns, 4'000'000);
   EXPECT_EQ(settings->formats.front(), PixelFormat::kGrey);
-  EXPECT_EQ(settings->formats.size(), 8u);
+  EXPECT_EQ(settings->formats.size(), static_cast<std::size_t>(PixelFormat::kCount));
+  EXPECT_TRUE(is_grey_in_place(settings->formats[2])) << "NV12 and YU12 need no copy";
+  EXPECT_EQ(settings->formats.back(), PixelFormat::kMjpeg) << "what costs most";
   EXPECT_FALSE(settings->stamp_point);
 }
 
@@ -72,8 +74,10 @@ TEST(V4l2SettingsOf, SaysWhatMakesNoSense) {
   };
   EXPECT_EQ(error([](CameraConfig& c) { c.device = ""; }),
             "camera.device: no camera; expected a path, a name or a bus");
-  EXPECT_EQ(error([](CameraConfig& c) { c.format = "MJPG"; }),
-            "camera.format: \"MJPG\"; expected GREY, Y10, Y12, Y16, Y10P, YUYV, NV12, YU12");
+  EXPECT_EQ(
+      error([](CameraConfig& c) { c.format = "H264"; }),
+      "camera.format: \"H264\"; expected GREY, Y10, Y12, Y16, Y10P, Y12P, YUYV, NV12, YU12, BA81, GBRG, GRBG, RGGB, "
+      "BG10, GB10, BA10, RG10, pBAA, pGAA, pgAA, pRAA, BG12, GB12, BA12, RG12, pBCC, pGCC, pgCC, pRCC, MJPG");
   EXPECT_EQ(error([](CameraConfig& c) { c.readout_ms = 0; }),
             "camera.readout_ms: 0 with a rolling shutter; expected the sensor's, from its data sheet");
   EXPECT_EQ(error([](CameraConfig& c) {
