@@ -31,6 +31,7 @@ inline constexpr const char* kGainScaleNames[] = {"linear", "decibel"};
 /// Section [camera]. The fields of V4l2Settings say more.
 struct CameraConfig {
   std::string device;  ///< a path, or the name or bus that `v4l2-ctl --list-devices` shows
+  std::string sensor;  ///< in a media graph: part of the sensor's name
   int width = 0, height = 0;
   double rate_hz = 0;
   std::string format;  ///< four letters, as V4L2 writes it; empty: the best the device has

@@ -5,6 +5,7 @@
 #include <sys/file.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -34,6 +35,10 @@ ssize_t SystemCalls::read(int fd, void* into, std::size_t size) noexcept { retur
 ssize_t SystemCalls::write(int fd, const void* from, std::size_t size) noexcept { return ::write(fd, from, size); }
 int SystemCalls::ioctl(int fd, unsigned long request, void* argument) noexcept {
   return ::ioctl(fd, request, argument);
+}
+std::uint64_t SystemCalls::device_number(int fd) noexcept {
+  struct stat status {};
+  return ::fstat(fd, &status) == 0 ? status.st_rdev : 0;
 }
 int SystemCalls::flock(int fd, int operation) noexcept { return ::flock(fd, operation); }
 void* SystemCalls::map(int fd, std::size_t length, off_t offset) noexcept {

@@ -30,6 +30,8 @@ class SystemCalls {
   virtual ssize_t read(int fd, void* into, std::size_t size) noexcept;
   virtual ssize_t write(int fd, const void* from, std::size_t size) noexcept;
   virtual int ioctl(int fd, unsigned long request, void* argument) noexcept;
+  /// fstat()'s st_rdev; 0: none.
+  virtual std::uint64_t device_number(int fd) noexcept;
   virtual int flock(int fd, int operation) noexcept;
   /// mmap() of a device's memory, shared, for reading and writing, and with its pages present.
   virtual void* map(int fd, std::size_t length, off_t offset) noexcept;

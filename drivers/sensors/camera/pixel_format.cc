@@ -1,5 +1,6 @@
 #include "drivers/sensors/camera/pixel_format.h"
 
+#include <linux/media-bus-format.h>
 #include <linux/videodev2.h>
 
 #include <algorithm>
@@ -11,7 +12,7 @@ namespace epiline {
 namespace {
 
 /// How the bytes of a row hold brightness.
-enum class Row : std::uint8_t { kBytes, kWords10, kWords12, kWords16, kPacked10, kPacked12, kYuyv, kJpeg };
+enum class Row : std::uint8_t { kBytes, kWords10, kWords12, kWords16, kPacked10, kPacked12, kYuyv, kRgb, kBgr, kJpeg };
 enum class Planes : std::uint8_t { kGrey, kGreyAndColours, kMosaic };
 
 struct FormatFacts {
@@ -19,37 +20,40 @@ struct FormatFacts {
   std::uint32_t fourcc;
   Row row;
   Planes planes = Planes::kGrey;
+  std::uint32_t bus_code = 0;
 };
 constexpr std::array<FormatFacts, static_cast<std::size_t>(PixelFormat::kCount)> kFormats{{
-    {"GREY", V4L2_PIX_FMT_GREY, Row::kBytes},
-    {"Y10", V4L2_PIX_FMT_Y10, Row::kWords10},
-    {"Y12", V4L2_PIX_FMT_Y12, Row::kWords12},
+    {"GREY", V4L2_PIX_FMT_GREY, Row::kBytes, Planes::kGrey, MEDIA_BUS_FMT_Y8_1X8},
+    {"Y10", V4L2_PIX_FMT_Y10, Row::kWords10, Planes::kGrey, MEDIA_BUS_FMT_Y10_1X10},
+    {"Y12", V4L2_PIX_FMT_Y12, Row::kWords12, Planes::kGrey, MEDIA_BUS_FMT_Y12_1X12},
     {"Y16", V4L2_PIX_FMT_Y16, Row::kWords16},
-    {"Y10P", V4L2_PIX_FMT_Y10P, Row::kPacked10},
-    {"Y12P", v4l2_fourcc('Y', '1', '2', 'P'), Row::kPacked12},
-    {"YUYV", V4L2_PIX_FMT_YUYV, Row::kYuyv},
+    {"Y10P", V4L2_PIX_FMT_Y10P, Row::kPacked10, Planes::kGrey, MEDIA_BUS_FMT_Y10_1X10},
+    {"Y12P", v4l2_fourcc('Y', '1', '2', 'P'), Row::kPacked12, Planes::kGrey, MEDIA_BUS_FMT_Y12_1X12},
+    {"YUYV", V4L2_PIX_FMT_YUYV, Row::kYuyv, Planes::kGrey, MEDIA_BUS_FMT_YUYV8_1X16},
     {"NV12", V4L2_PIX_FMT_NV12, Row::kBytes, Planes::kGreyAndColours},
     {"YU12", V4L2_PIX_FMT_YUV420, Row::kBytes, Planes::kGreyAndColours},
-    {"BA81", V4L2_PIX_FMT_SBGGR8, Row::kBytes, Planes::kMosaic},
-    {"GBRG", V4L2_PIX_FMT_SGBRG8, Row::kBytes, Planes::kMosaic},
-    {"GRBG", V4L2_PIX_FMT_SGRBG8, Row::kBytes, Planes::kMosaic},
-    {"RGGB", V4L2_PIX_FMT_SRGGB8, Row::kBytes, Planes::kMosaic},
-    {"BG10", V4L2_PIX_FMT_SBGGR10, Row::kWords10, Planes::kMosaic},
-    {"GB10", V4L2_PIX_FMT_SGBRG10, Row::kWords10, Planes::kMosaic},
-    {"BA10", V4L2_PIX_FMT_SGRBG10, Row::kWords10, Planes::kMosaic},
-    {"RG10", V4L2_PIX_FMT_SRGGB10, Row::kWords10, Planes::kMosaic},
-    {"pBAA", V4L2_PIX_FMT_SBGGR10P, Row::kPacked10, Planes::kMosaic},
-    {"pGAA", V4L2_PIX_FMT_SGBRG10P, Row::kPacked10, Planes::kMosaic},
-    {"pgAA", V4L2_PIX_FMT_SGRBG10P, Row::kPacked10, Planes::kMosaic},
-    {"pRAA", V4L2_PIX_FMT_SRGGB10P, Row::kPacked10, Planes::kMosaic},
-    {"BG12", V4L2_PIX_FMT_SBGGR12, Row::kWords12, Planes::kMosaic},
-    {"GB12", V4L2_PIX_FMT_SGBRG12, Row::kWords12, Planes::kMosaic},
-    {"BA12", V4L2_PIX_FMT_SGRBG12, Row::kWords12, Planes::kMosaic},
-    {"RG12", V4L2_PIX_FMT_SRGGB12, Row::kWords12, Planes::kMosaic},
-    {"pBCC", V4L2_PIX_FMT_SBGGR12P, Row::kPacked12, Planes::kMosaic},
-    {"pGCC", V4L2_PIX_FMT_SGBRG12P, Row::kPacked12, Planes::kMosaic},
-    {"pgCC", V4L2_PIX_FMT_SGRBG12P, Row::kPacked12, Planes::kMosaic},
-    {"pRCC", V4L2_PIX_FMT_SRGGB12P, Row::kPacked12, Planes::kMosaic},
+    {"RGB3", V4L2_PIX_FMT_RGB24, Row::kRgb, Planes::kGrey, MEDIA_BUS_FMT_RGB888_1X24},
+    {"BGR3", V4L2_PIX_FMT_BGR24, Row::kBgr, Planes::kGrey, MEDIA_BUS_FMT_BGR888_1X24},
+    {"BA81", V4L2_PIX_FMT_SBGGR8, Row::kBytes, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR8_1X8},
+    {"GBRG", V4L2_PIX_FMT_SGBRG8, Row::kBytes, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG8_1X8},
+    {"GRBG", V4L2_PIX_FMT_SGRBG8, Row::kBytes, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG8_1X8},
+    {"RGGB", V4L2_PIX_FMT_SRGGB8, Row::kBytes, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB8_1X8},
+    {"BG10", V4L2_PIX_FMT_SBGGR10, Row::kWords10, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR10_1X10},
+    {"GB10", V4L2_PIX_FMT_SGBRG10, Row::kWords10, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG10_1X10},
+    {"BA10", V4L2_PIX_FMT_SGRBG10, Row::kWords10, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG10_1X10},
+    {"RG10", V4L2_PIX_FMT_SRGGB10, Row::kWords10, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB10_1X10},
+    {"pBAA", V4L2_PIX_FMT_SBGGR10P, Row::kPacked10, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR10_1X10},
+    {"pGAA", V4L2_PIX_FMT_SGBRG10P, Row::kPacked10, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG10_1X10},
+    {"pgAA", V4L2_PIX_FMT_SGRBG10P, Row::kPacked10, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG10_1X10},
+    {"pRAA", V4L2_PIX_FMT_SRGGB10P, Row::kPacked10, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB10_1X10},
+    {"BG12", V4L2_PIX_FMT_SBGGR12, Row::kWords12, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR12_1X12},
+    {"GB12", V4L2_PIX_FMT_SGBRG12, Row::kWords12, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG12_1X12},
+    {"BA12", V4L2_PIX_FMT_SGRBG12, Row::kWords12, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG12_1X12},
+    {"RG12", V4L2_PIX_FMT_SRGGB12, Row::kWords12, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB12_1X12},
+    {"pBCC", V4L2_PIX_FMT_SBGGR12P, Row::kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR12_1X12},
+    {"pGCC", V4L2_PIX_FMT_SGBRG12P, Row::kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG12_1X12},
+    {"pgCC", V4L2_PIX_FMT_SGRBG12P, Row::kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG12_1X12},
+    {"pRCC", V4L2_PIX_FMT_SRGGB12P, Row::kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB12_1X12},
     {"MJPG", V4L2_PIX_FMT_MJPEG, Row::kJpeg},
 }};
 
@@ -66,6 +70,13 @@ void words_to_grey(const std::uint8_t* from, int width, std::uint8_t* to) noexce
 
 void yuyv_to_grey(const std::uint8_t* from, int width, std::uint8_t* to) noexcept {
   for (int x = 0; x < width; ++x) to[x] = from[2 * x];
+}
+
+/// Luma of ITU-R BT.601, in 256ths.
+template <int Red, int Blue>
+void colours_to_grey(const std::uint8_t* from, int width, std::uint8_t* to) noexcept {
+  for (int x = 0; x < width; ++x, from += 3)
+    to[x] = static_cast<std::uint8_t>((77 * from[Red] + 150 * from[1] + 29 * from[Blue] + 128) >> 8);
 }
 
 /// Groups of that many high bytes and one of low bits.
@@ -90,6 +101,10 @@ void row_to_grey(Row row, const std::uint8_t* from, int width, std::uint8_t* to)
       return packed_to_grey<2>(from, width, to);
     case Row::kYuyv:
       return yuyv_to_grey(from, width, to);
+    case Row::kRgb:
+      return colours_to_grey<0, 2>(from, width, to);
+    case Row::kBgr:
+      return colours_to_grey<2, 0>(from, width, to);
     default:
       std::memcpy(to, from, static_cast<std::size_t>(width));
   }
@@ -146,6 +161,7 @@ bool is_mosaic(std::uint32_t fourcc) noexcept {
   return std::any_of(kFormats.begin(), kFormats.end(),
                      [&](const auto& format) { return format.fourcc == fourcc && format.planes == Planes::kMosaic; });
 }
+std::uint32_t bus_code_of(PixelFormat format) noexcept { return facts(format).bus_code; }
 
 std::optional<PixelFormat> pixel_format_named(std::string_view name) noexcept {
   for (std::size_t i = 0; i < kFormats.size(); ++i)
@@ -168,6 +184,9 @@ std::size_t row_bytes(PixelFormat format, int width) noexcept {
       return (w + 3) / 4 * 5;
     case Row::kPacked12:
       return (w + 1) / 2 * 3;
+    case Row::kRgb:
+    case Row::kBgr:
+      return 3 * w;
     case Row::kJpeg:
       return 0;
     default:

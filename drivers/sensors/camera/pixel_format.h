@@ -17,6 +17,8 @@ enum class PixelFormat : std::uint8_t {
   kYuyv,  ///< brightness in every second byte
   kNv12,  ///< a plane of brightness, then one of colours at a quarter of the resolution
   kYu12,  ///< a plane of brightness, then two of colours
+  kRgb,   ///< three bytes: red, green, blue
+  kBgr,
   // Mosaics of colour (Bayer), each in four orders, named by the first row: 8 bits, then 10 and 12 as above.
   kBggr8,
   kGbrg8,
@@ -50,6 +52,8 @@ std::uint32_t fourcc_of(PixelFormat format) noexcept;
 /// One of ours has this code.
 bool is_read(std::uint32_t fourcc) noexcept;
 bool is_mosaic(std::uint32_t fourcc) noexcept;
+/// What a sensor gives to a receiver that writes this format (MEDIA_BUS_FMT_...); 0: no sensor does.
+std::uint32_t bus_code_of(PixelFormat format) noexcept;
 
 /// The image begins with a plane of 8-bit brightness: it can be read where it is.
 bool is_grey_in_place(PixelFormat format) noexcept;

@@ -62,6 +62,7 @@ DeviceTrouble V4l2Camera::find_again() noexcept {
 /// Called again for a lost device, which must come back with the same image: readers know its size.
 DeviceTrouble V4l2Camera::set_up() noexcept {
   if (const DeviceTrouble trouble = opened_ ? find_again() : device_.open(settings_.device.c_str())) return trouble;
+  if (const DeviceTrouble trouble = device_.set_graph(settings_.sensor.c_str())) return trouble;
   DeviceFormat format;
   if (const DeviceTrouble trouble = device_.set_format(settings_, format)) return trouble;
   const bool copies = !is_grey_in_place(format.format) || device_.is_loopback();

@@ -78,14 +78,15 @@ void write_control_name(const char* shown, std::span<char> name) noexcept {
   name[used] = '\0';
 }
 
-int V4l2Device::call(unsigned long request, void* argument) const noexcept {
+int V4l2Device::call(int fd, unsigned long request, void* argument) const noexcept {
   int result = 0;
-  do result = system_.ioctl(fd_, request, argument);
+  do result = system_.ioctl(fd, request, argument);
   while (result < 0 && errno == EINTR);
   return result < 0 ? errno : 0;
 }
 
 void V4l2Device::close() noexcept {
+  graph_.close();
   if (fd_ >= 0) system_.close(fd_);
   fd_ = -1;
   watches_ = false;
@@ -107,7 +108,8 @@ bool V4l2Device::find(IsWanted is_wanted) noexcept {
 DeviceTrouble V4l2Device::open(const char* wanted) noexcept {
   if (wanted[0] == '/') return open_path(wanted);
   const auto is_called = [&](const std::array<char, 64>& name) { return std::strcmp(name.data(), wanted) == 0; };
-  if (find([&] { return is_called(identity_.card) || is_called(identity_.bus); })) return {};
+  if (find([&] { return is_called(identity_.card) || is_called(identity_.bus) || is_called(identity_.node); }))
+    return {};
   return unexpected("open", "a camera's path, name or bus (epiline devices lists them)", "no camera is called '%.60s'",
                     wanted);
 }
@@ -140,11 +142,35 @@ DeviceTrouble V4l2Device::open_path(const char* path) noexcept {
   identity_ = {};
   std::snprintf(identity_.card.data(), identity_.card.size(), "%s", reinterpret_cast<const char*>(capability.card));
   std::snprintf(identity_.bus.data(), identity_.bus.size(), "%s", reinterpret_cast<const char*>(capability.bus_info));
+  if (graph_.open(system_.device_number(fd_)))
+    std::snprintf(identity_.node.data(), identity_.node.size(), "%s", graph_.node_name());
   const std::string_view driver(reinterpret_cast<const char*>(capability.driver));
   is_loopback_ = driver == "v4l2 loopback";
   stamps_first_row_ =
       std::find(std::begin(kFirstRowDrivers), std::end(kFirstRowDrivers), driver) != std::end(kFirstRowDrivers);
   return {};
+}
+
+DeviceTrouble V4l2Device::set_graph(const char* sensor) noexcept {
+  if (DeviceTrouble trouble = graph_.find_way(sensor)) return trouble;
+  return graph_.has_way() ? graph_.link() : DeviceTrouble{};
+}
+
+/// The sensor and all behind it, so that the device gets this format. First as the sensor gives it; else something on
+/// the way may make it of another.
+bool V4l2Device::set_pads(PixelFormat format, int width, int height) noexcept {
+  const BusFormat wanted{bus_code_of(format), width, height};
+  if (wanted.code == 0) return false;
+  for (const bool is_own : {true, false}) {
+    for (unsigned i = 0; i < kMostListed; ++i) {
+      const std::uint32_t code = graph_.sensor_code(i);
+      if (code == 0) break;
+      BusFormat given;
+      if ((code == wanted.code) == is_own && !graph_.set_format({code, width, height}, given) && given == wanted)
+        return true;
+    }
+  }
+  return false;
 }
 
 DeviceTrouble V4l2Device::set_format(const V4l2Settings& settings, DeviceFormat& format) noexcept {
@@ -160,6 +186,7 @@ DeviceTrouble V4l2Device::set_format(const V4l2Settings& settings, DeviceFormat&
     };
     const std::uint32_t width = asked(settings.width, current.fmt.pix.width),
                         height = asked(settings.height, current.fmt.pix.height);
+    if (graph_.has_way() && !set_pads(wanted, static_cast<int>(width), static_cast<int>(height))) continue;
     pix.pixelformat = fourcc_of(wanted);
     pix.width = width;
     pix.height = height;
@@ -192,24 +219,31 @@ DeviceTrouble V4l2Device::set_format(const V4l2Settings& settings, DeviceFormat&
   return trouble;
 }
 
-DeviceTrouble V4l2Device::set_rate(double wanted_hz, DeviceFormat& format) noexcept {
-  double& rate_hz = format.rate_hz;
+DeviceTrouble V4l2Device::set_own_rate(double wanted_hz, double& rate_hz) noexcept {
   v4l2_streamparm parameters{};
   parameters.type = kCapture;
-  rate_hz = 0;
-  const int error = call(VIDIOC_G_PARM, &parameters);
+  if (call(VIDIOC_G_PARM, &parameters) != 0) return {};
   v4l2_fract& interval = parameters.parm.capture.timeperframe;
   const bool is_settable = (parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) != 0;
-  // raw sensors: the rate follows from blanking controls, among those of the configuration
-  if (error == 0 && is_settable && wanted_hz > 0) {
+  if (is_settable && wanted_hz > 0) {
     interval.numerator = 1000;
     interval.denominator = static_cast<std::uint32_t>(std::lround(wanted_hz * 1000));
-    if (const int set_error = call(VIDIOC_S_PARM, &parameters); set_error != 0)
-      return refused("VIDIOC_S_PARM", set_error);
+    if (const int error = call(VIDIOC_S_PARM, &parameters); error != 0) return refused("VIDIOC_S_PARM", error);
   }
-  if (error == 0 && interval.numerator > 0)
+  if (interval.numerator > 0)
     rate_hz = static_cast<double>(interval.denominator) / static_cast<double>(interval.numerator);
-  if (wanted_hz <= 0 || rate_hz <= 0 || std::abs(rate_hz - wanted_hz) <= kRateTolerance * wanted_hz) return {};
+  return {};
+}
+
+DeviceTrouble V4l2Device::set_rate(double wanted_hz, DeviceFormat& format) noexcept {
+  double& rate_hz = format.rate_hz;
+  rate_hz = graph_.has_way() ? graph_.set_rate(wanted_hz) : 0;
+  if (rate_hz <= 0)
+    if (const DeviceTrouble trouble = set_own_rate(wanted_hz, rate_hz)) return trouble;
+  if (wanted_hz <= 0 || std::abs(rate_hz - wanted_hz) <= kRateTolerance * wanted_hz) return {};
+  if (rate_hz <= 0)
+    return unexpected("camera.rate_hz", "0, which keeps the rate that the camera has",
+                      "the camera's rate cannot be set");
   DeviceTrouble trouble =
       unexpected("camera.rate_hz", "", "the camera does not offer %.6g Hz at %s %dx%d, but takes %.6g", wanted_hz,
                  to_string(format.format), format.grey_width(), format.grey_height(), rate_hz);
@@ -221,12 +255,13 @@ DeviceTrouble V4l2Device::set_rate(double wanted_hz, DeviceFormat& format) noexc
 
 DeviceTrouble V4l2Device::find_control(const char* name, ControlFacts& facts) noexcept {
   bool is_found = false;
-  each_control(*this, [&](const v4l2_query_ext_ctrl& query) {
+  each_control(*this, [&](const v4l2_query_ext_ctrl& query, int fd) {
     char shown[2 * sizeof(query.name)];
     write_control_name(query.name, shown);
     is_found = std::strcmp(shown, name) == 0;
     if (!is_found) return true;
     facts.id = query.id;
+    facts.fd = fd;
     facts.type = query.type;
     facts.is_readable = (query.flags & V4L2_CTRL_FLAG_WRITE_ONLY) == 0;
     facts.least = query.minimum;
@@ -247,7 +282,7 @@ DeviceTrouble V4l2Device::read_control(const char* name, const ControlFacts& fac
   controls.which = V4L2_CTRL_WHICH_CUR_VAL;
   controls.count = 1;
   controls.controls = &control;
-  DeviceTrouble trouble = refused("VIDIOC_G_EXT_CTRLS", call(VIDIOC_G_EXT_CTRLS, &controls));
+  DeviceTrouble trouble = refused("VIDIOC_G_EXT_CTRLS", call(facts.fd, VIDIOC_G_EXT_CTRLS, &controls));
   std::snprintf(trouble.found, sizeof(trouble.found), "%s", name);
   value = facts.type == V4L2_CTRL_TYPE_INTEGER64 ? control.value64 : control.value;
   return trouble;
@@ -272,14 +307,18 @@ DeviceTrouble V4l2Device::write_controls(std::span<const ControlValue> values) n
     else
       one.value = static_cast<std::int32_t>(wanted.value);
   }
-  DeviceTrouble trouble = refused("VIDIOC_S_EXT_CTRLS", call(VIDIOC_S_EXT_CTRLS, &controls));
+  DeviceTrouble trouble = refused("VIDIOC_S_EXT_CTRLS", call(values[0].facts->fd, VIDIOC_S_EXT_CTRLS, &controls));
   const ControlValue& told = values[std::min<std::size_t>(controls.error_idx, values.size() - 1)];
   std::snprintf(trouble.found, sizeof(trouble.found), "%.60s = %lld", told.name, static_cast<long long>(told.value));
   return trouble;
 }
 
 DeviceTrouble V4l2Device::change_controls(std::span<ControlValue> values) noexcept {
-  if (const DeviceTrouble trouble = write_controls(values)) return trouble;
+  // at once where one device has them all
+  const auto is_elsewhere = [&](const ControlValue& v) { return v.facts->fd != values[0].facts->fd; };
+  const std::size_t together = std::any_of(values.begin(), values.end(), is_elsewhere) ? 1 : values.size();
+  for (std::size_t i = 0; i < values.size(); i += together)
+    if (const DeviceTrouble trouble = write_controls(values.subspan(i, together))) return trouble;
   for (ControlValue& v : values) {
     if (!v.facts->is_readable) continue;
     if (const DeviceTrouble trouble = read_control(v.name, *v.facts, v.value)) return trouble;
@@ -291,17 +330,20 @@ void V4l2Device::watch_control(const ControlFacts& facts) noexcept {
   v4l2_event_subscription wish{};
   wish.type = V4L2_EVENT_CTRL;
   wish.id = facts.id;
-  if (call(VIDIOC_SUBSCRIBE_EVENT, &wish) == 0) watches_ = true;
+  if (call(facts.fd, VIDIOC_SUBSCRIBE_EVENT, &wish) == 0) watches_ = true;
 }
 
 bool V4l2Device::next_change(std::uint32_t& id, std::int64_t& value, HostStamp& at) noexcept {
   if (!watches_) return false;
-  v4l2_event event{};
-  if (call(VIDIOC_DQEVENT, &event) != 0 || event.type != V4L2_EVENT_CTRL) return false;
-  id = event.id;
-  value = event.u.ctrl.type == V4L2_CTRL_TYPE_INTEGER64 ? event.u.ctrl.value64 : event.u.ctrl.value;
-  at = {static_cast<std::int64_t>(event.timestamp.tv_sec) * 1'000'000'000 + event.timestamp.tv_nsec};
-  return true;
+  for (std::size_t i = 0; i < control_files(); ++i) {
+    v4l2_event event{};
+    if (call(control_file(i), VIDIOC_DQEVENT, &event) != 0 || event.type != V4L2_EVENT_CTRL) continue;
+    id = event.id;
+    value = event.u.ctrl.type == V4L2_CTRL_TYPE_INTEGER64 ? event.u.ctrl.value64 : event.u.ctrl.value;
+    at = {static_cast<std::int64_t>(event.timestamp.tv_sec) * 1'000'000'000 + event.timestamp.tv_nsec};
+    return true;
+  }
+  return false;
 }
 
 DeviceTrouble V4l2Device::set_controls(const V4l2Settings& settings) noexcept {

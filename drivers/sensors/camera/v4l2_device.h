@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <span>
 
+#include "drivers/sensors/camera/media_graph.h"
 #include "drivers/sensors/camera/v4l2_settings.h"
 #include "platform/error/device_trouble.h"
 #include "platform/linux/system_calls.h"
@@ -26,12 +27,14 @@ struct DeviceFormat {
 /// Which camera it is, as far as its driver tells.
 struct DeviceIdentity {
   std::array<char, 64> card{}, bus{};  ///< its name; where it is plugged in
+  std::array<char, 64> node{};         ///< its name in a media graph, whose nodes share card and bus; empty: none
   bool operator==(const DeviceIdentity&) const = default;
 };
 
 /// A control that holds a number, as the device describes it.
 struct ControlFacts {
   std::uint32_t id = 0, type = 0;  ///< id 0: none
+  int fd = -1;                     ///< of the device, or of the sub-device that has the control
   bool is_readable = false;
   std::int64_t least = 0, most = 0;
 };
@@ -49,7 +52,8 @@ void write_control_name(const char* shown, std::span<char> name) noexcept;
 
 class V4l2Device {
  public:
-  explicit V4l2Device(SystemCalls& system = SystemCalls::of_this_computer()) noexcept : system_(system) {}
+  explicit V4l2Device(SystemCalls& system = SystemCalls::of_this_computer()) noexcept
+      : system_(system), graph_(system) {}
   V4l2Device(const V4l2Device&) = delete;
   V4l2Device& operator=(const V4l2Device&) = delete;
   ~V4l2Device() { close(); }
@@ -69,8 +73,16 @@ class V4l2Device {
   bool stamps_first_row() const noexcept { return stamps_first_row_; }
 
   /// ioctl() on the device: 0 or errno; begins again when a signal came in between.
-  int call(unsigned long request, void* argument) const noexcept;
+  int call(unsigned long request, void* argument) const noexcept { return call(fd_, request, argument); }
+  int call(int fd, unsigned long request, void* argument) const noexcept;
+  /// Files that may have controls: the device's, then those of the sub-devices on the way from the sensor.
+  std::size_t control_files() const noexcept { return 1 + graph_.sub_devices(); }
+  int control_file(std::size_t i) const noexcept { return i == 0 ? fd_ : graph_.sub_device(i - 1); }
 
+  /// In a media graph: finds the way from the sensor and enables its links. Without one nothing.
+  DeviceTrouble set_graph(const char* sensor) noexcept;
+  /// Of the media graph, after set_graph(); empty: the device needs none.
+  const char* sensor_name() const noexcept { return graph_.sensor_name(); }
   /// Sets the first of the formats that is to be had, size and rate.
   DeviceTrouble set_format(const V4l2Settings& settings, DeviceFormat& format) noexcept;
   /// Formats that we read with their sizes and rates, then the names of those that we do not; as much as fits.
@@ -101,13 +113,16 @@ class V4l2Device {
   DeviceTrouble open_path(const char* path) noexcept;
   template <class IsWanted>
   bool find(IsWanted is_wanted) noexcept;
+  bool set_pads(PixelFormat format, int width, int height) noexcept;
   DeviceTrouble set_rate(double wanted_hz, DeviceFormat& format) noexcept;
+  DeviceTrouble set_own_rate(double wanted_hz, double& rate_hz) noexcept;
   void list_sizes(std::uint32_t fourcc, std::span<char> text) noexcept;
   void list_rates(std::uint32_t fourcc, unsigned width, unsigned height, std::span<char> text) noexcept;
   DeviceTrouble write_controls(std::span<const ControlValue> values) noexcept;
   DeviceTrouble read_control(const char* name, const ControlFacts& facts, std::int64_t& value) noexcept;
 
   SystemCalls& system_;
+  MediaGraph graph_;
   int fd_ = -1;
   std::array<char, 64> path_{};
   DeviceIdentity identity_;

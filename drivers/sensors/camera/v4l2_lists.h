@@ -43,13 +43,20 @@ void each_rate(const V4l2Device& device, std::uint32_t fourcc, unsigned width, u
   }
 }
 
-/// Until `use` returns false.
+/// With the file that has the control; until `use` returns false.
 template <class Use>
 void each_control(const V4l2Device& device, Use use) {
   constexpr std::uint32_t kNext = V4L2_CTRL_FLAG_NEXT_CTRL | V4L2_CTRL_FLAG_NEXT_COMPOUND;
-  v4l2_query_ext_ctrl query{};
-  query.id = kNext;
-  while (device.call(VIDIOC_QUERY_EXT_CTRL, &query) == 0 && use(query)) query.id |= kNext;
+  bool goes_on = true;
+  for (std::size_t i = 0; goes_on && i < device.control_files(); ++i) {
+    const int fd = device.control_file(i);
+    v4l2_query_ext_ctrl query{};
+    query.id = kNext;
+    while (goes_on && device.call(fd, VIDIOC_QUERY_EXT_CTRL, &query) == 0) {
+      goes_on = use(query, fd);
+      query.id |= kNext;
+    }
+  }
 }
 
 }  // namespace epiline

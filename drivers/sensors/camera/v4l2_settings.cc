@@ -53,6 +53,7 @@ Result<V4l2Settings> v4l2_settings_of(const CameraConfig& config) {
   if (const Status status = check(config); !status) return status.error();
   V4l2Settings settings;
   settings.device = config.device;
+  settings.sensor = config.sensor;
   settings.width = config.width;
   settings.height = config.height;
   settings.rate_hz = config.rate_hz;

@@ -22,6 +22,8 @@ std::vector<PixelFormat> all_by_cost();
 struct V4l2Settings {
   /// A path (/dev/video0, /dev/v4l/by-id/...), or the name or bus of a device as `v4l2-ctl --list-devices` shows them.
   std::string device;
+  /// In a media graph (CSI cameras of boards): part of the sensor's name; empty: the only one that leads to the device.
+  std::string sensor{};
   /// Of the grey image; of a mosaic of colours the camera gives twice that. 0: as the device is set.
   int width = 0, height = 0;
   double rate_hz = 0;  ///< 0: as the device is set

@@ -42,7 +42,7 @@ TEST(MavlinkLink, SaysWhatIsWrongWithTheSettings) {
   config.serial = "/dev/nothing_of_the_kind";
   EXPECT_EQ(
       error_of(config),
-      "/dev/nothing_of_the_kind: No such file or directory [open]; expected a connected serial device (epiline check "
+      "/dev/nothing_of_the_kind: No such file or directory [open]; expected a connected serial device (epiline devices "
       "lists them)");
   config.baud = 57'600;
   EXPECT_EQ(error_of(config),

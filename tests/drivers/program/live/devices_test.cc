@@ -77,7 +77,8 @@ TEST(Devices, WhatIsMissingIsNamedWithWhatWouldDo) {
             file + "camera.width = 320, camera.height = 480; expected 640 x 480, the image size in camera.calibration");
   EXPECT_EQ(error_of("device = \"a\"\nformat = \"H264\"\n", "[imu]\ndevice = \"b\"\n"),
             file +
-                "camera.format: \"H264\"; expected GREY, Y10, Y12, Y16, Y10P, Y12P, YUYV, NV12, YU12, BA81, GBRG, "
+                "camera.format: \"H264\"; expected GREY, Y10, Y12, Y16, Y10P, Y12P, YUYV, NV12, YU12, RGB3, BGR3, "
+                "BA81, GBRG, "
                 "GRBG, RGGB, "
                 "BG10, GB10, BA10, RG10, pBAA, pGAA, pgAA, pRAA, BG12, GB12, BA12, RG12, pBCC, pGCC, pgCC, pRCC, MJPG");
   EXPECT_EQ(

@@ -74,6 +74,20 @@ RC_GTEST_PROP(PixelFormat, YuyvIsOpenCvs, ()) {
   RC_ASSERT(converted(PixelFormat::kYuyv, from, image) == of(grey));
 }
 
+RC_GTEST_PROP(PixelFormat, ColoursBecomeOpenCvsLuma, ()) {
+  const auto [format, code] = *rc::gen::element(std::pair{PixelFormat::kRgb, cv::COLOR_RGB2GRAY},
+                                                std::pair{PixelFormat::kBgr, cv::COLOR_BGR2GRAY});
+  const Image image;
+  const int stride = image.stride(format);
+  const Bytes from = any_bytes(static_cast<std::size_t>(stride * image.height));
+  const cv::Mat colours(image.height, image.width, CV_8UC3, const_cast<std::uint8_t*>(from.data()),
+                        static_cast<std::size_t>(stride));
+  cv::Mat grey;
+  cv::cvtColor(colours, grey, code);
+  const Bytes ours = converted(format, from, image), theirs = of(grey);
+  for (std::size_t i = 0; i < theirs.size(); ++i) RC_ASSERT(std::abs(ours[i] - theirs[i]) <= 1);
+}
+
 RC_GTEST_PROP(PixelFormat, PlanesAreTakenAsTheyAre, ()) {
   const auto format = *rc::gen::element(PixelFormat::kGrey, PixelFormat::kNv12, PixelFormat::kYu12);
   const Image image;

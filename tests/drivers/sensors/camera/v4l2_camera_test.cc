@@ -422,6 +422,16 @@ TEST(V4l2Camera, ListsSizesFormatsAndRatesToWhoAsksForOthers) {
   EXPECT_EQ(error([](CameraRig& rig) { rig.device->refused_request = VIDIOC_S_FMT; }), what + "320x180 in GREY" + list);
 }
 
+TEST(V4l2Camera, ARateThatCannotBeSetIsAnError) {
+  CameraRig rig;
+  rig.device->has_rate = false;
+  EXPECT_EQ(rig.error(),
+            "/dev/video0: the camera's rate cannot be set [camera.rate_hz]; expected 0, which keeps the rate that the "
+            "camera has");
+  rig.settings.rate_hz = 0;
+  EXPECT_EQ(rig.error(), "opened");
+}
+
 TEST(V4l2Camera, ALongListOfOffersEndsInDots) {
   CameraRig rig;
   for (unsigned i = 1; i < 200; ++i) rig.device->formats[0].sizes.push_back({10 * i, 10 * i, {5, 10, 15, 20, 25, 30}});
