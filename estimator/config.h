@@ -24,6 +24,7 @@ struct Extrinsics {
   Vec3 p_BC = Vec3::Zero();
   double focal_px = 458;     ///< pixels per radian; converts thresholds from pixels to angles
   double time_offset_s = 0;  ///< initial t_IMU - t_image
+  double readout_s = 0;      ///< rolling shutter: exposure of the last row minus that of the first
 };
 
 /// The measurement of the wheels of a ground vehicle: the speed of a point of the vehicle along its forward axis.

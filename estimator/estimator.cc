@@ -7,6 +7,7 @@
 #include "estimator/factors/epipolar.h"
 #include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
+#include "estimator/geometry/row_turn.h"
 #include "estimator/impl.h"
 
 namespace epiline {
@@ -156,10 +157,35 @@ void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
   }
 }
 
-StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& supervisor) {
-  ++stats.frames;
+/// Bearings of a rolling shutter turn from their rows to the stamp; where the camera was then is left to the factor
+/// (docs/derivations/rolling_shutter.md).
+const TrackedFrame& Estimator::Impl::at_stamp(const TrackedFrame& frame) {
+  const double half_s = 0.5 * std::abs(config.extrinsics.readout_s);
+  if (half_s == 0) return frame;
   const HostStamp time = imu_time(frame.stamp);
-  if (any_frame && frame.stamp <= last_frame) return refuse();
+  const auto turn = [&](HostStamp from, HostStamp to) {
+    NavState x{.b_g = known_gyroscope_bias()};
+    Vec3 rate;
+    history.propagate(from, to, x, rate);
+    return x.R;
+  };
+  const Span half = Span::from_seconds(half_s);
+  const RowTurn rows = row_turn(turn(time - half, time), turn(time, time + half), half_s, window.calibration.R_BC);
+  turned = frame;
+  for (TrackedFeature& f : turned.features) {
+    const Mat3 R = rows.at(static_cast<double>(f.row_s));
+    Eigen::Map<Vec3> bearing(f.bearing.data());
+    Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> chart(f.pixel_jacobian.data());
+    bearing = (R * bearing).eval();
+    chart = (chart * R.transpose()).eval();
+  }
+  return turned;
+}
+
+StepResult Estimator::Impl::process(const TrackedFrame& given, Supervisor& supervisor) {
+  ++stats.frames;
+  const HostStamp time = imu_time(given.stamp);
+  if (any_frame && given.stamp <= last_frame) return refuse();
   if (!history.reaches(time)) {
     if (!started) {
       ++stats.start_refused[static_cast<int>(StartRefusal::kNoImu)];
@@ -169,6 +195,7 @@ StepResult Estimator::Impl::process(const TrackedFrame& frame, Supervisor& super
     if (odometry.health.state == HealthState::kTracking) odometry.health.state = HealthState::kDegraded;
     return refuse();
   }
+  const TrackedFrame& frame = at_stamp(given);
   any_frame = true;
   last_frame = frame.stamp;
   if (window.size() > 0) {
@@ -197,8 +224,9 @@ bool Estimator::add_wheel(const WheelSample& sample) noexcept {
 }
 
 HostStamp Estimator::imu_needed_until(HostStamp image) const noexcept {
-  // up to the exposure, and to the printed stamp, to which the odometry is taken on
-  const double offset_s = std::max(0.0, impl_->window.calibration.time_offset);
+  // up to the exposure of the last row, and to the printed stamp, to which the odometry is taken on
+  const double rows_s = 0.5 * std::abs(impl_->config.extrinsics.readout_s);
+  const double offset_s = std::max(0.0, impl_->window.calibration.time_offset + rows_s);
   return image + Span::from_seconds(offset_s - kHeldShare * impl_->history.period());
 }
 
@@ -218,7 +246,7 @@ StepResult Estimator::process(const TrackedFrame& frame, Supervisor& supervisor)
 
 void Estimator::start(const TrackedFrame& frame, const InitialState& state) noexcept {
   impl_->world = {};
-  impl_->start(frame, state, StartKind::kGiven);
+  impl_->start(impl_->at_stamp(frame), state, StartKind::kGiven);
 }
 
 const Odometry& Estimator::odometry() const noexcept { return impl_->odometry; }

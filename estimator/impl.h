@@ -46,6 +46,7 @@ struct Estimator::Impl {
   StepResult refuse();
   HostStamp imu_time(HostStamp image) const;
   void watch_numbers(const TrackedFrame& frame);
+  const TrackedFrame& at_stamp(const TrackedFrame& frame);
   void use_noise(const ImuNoise& n);
   void hold_noise();
 
@@ -123,6 +124,7 @@ struct Estimator::Impl {
   Odometry odometry;
   EstimatorStats stats;
 
+  TrackedFrame turned;  ///< the last frame of a rolling shutter, as if exposed at its stamp
   bool any_frame = false;
   HostStamp last_frame;  ///< stamp of the last image let in
   bool imu_gap_seen = false;

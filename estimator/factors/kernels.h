@@ -13,8 +13,8 @@ inline constexpr double kNearest = 0.05;  ///< least depth along a bearing, rela
 
 /// Eight tracks as a structure of arrays. An absent view is all zeros and drops out of every sum by itself.
 struct alignas(64) TrackBatch {
-  static constexpr int kBearing = 0, kChart = 3, kStretch = 9, kNumbers = 10;
-  /// f (C), d(whitened pixel)/df row-major, stretch of the lens
+  static constexpr int kBearing = 0, kChart = 3, kStretch = 9, kRow = 10, kNumbers = 11;
+  /// f (C), d(whitened pixel)/df row-major, stretch of the lens, time of the row
   double observation[kMaxFrames][kNumbers][kBatchLanes];
   double link[kMaxFrames][kBatchLanes];  ///< of a drifting track: 1 / (images since its previous view); 0: no view
   double views[kBatchLanes];             ///< how many; 0: an empty lane
@@ -34,6 +34,7 @@ struct alignas(64) EpipolarViews {
 struct FrameGeometry {
   double R_WC[9];  ///< row-major
   double c[3];     ///< camera centre
+  double v[3];     ///< its velocity; of rolling shutters only
   double p[3];     ///< IMU position at the linearisation point (first estimate if the frame is in the prior)
 };
 
@@ -47,6 +48,7 @@ struct TrackSettings {
   bool drift;        ///< a track's error is a random walk; else its views err independently
   double student;    ///< of a drifting track's weight, degrees of freedom ...
   double unit;       ///< ... which counts chi2 in this
+  bool rows;         ///< rolling shutter: views have times of their own
   bool lens;         ///< fill the column of the focal length
   double focal;      ///< its estimate, as Calibration::focal
 };

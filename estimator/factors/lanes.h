@@ -14,6 +14,7 @@ inline void put_view(const Observation& o, double inverse_sigma, int frame, int 
     d[TrackBatch::kChart + 3 + i][lane] = inverse_sigma * o.chart(1, i);
   }
   d[TrackBatch::kStretch][lane] = static_cast<double>(o.stretch);
+  d[TrackBatch::kRow][lane] = static_cast<double>(o.row_s);
 }
 
 /// An absent view.

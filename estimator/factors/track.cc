@@ -16,6 +16,7 @@ struct TrackFactor::Memory {
   TrackScratch scratch;
   NewsScratch news;
   FrameGeometry frame[kMaxFrames];
+  Vec3 velocity_C[kMaxFrames];  ///< of the camera, as collected
   SortedTracks sorted;
   double ratio[kMaxTracks];
   /// Where the points were found last, by the tracks' places in the window: what to iterate from, never what is known
@@ -120,15 +121,23 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
   sigma_ = (drift ? s.drift_sigma : s.pixel_sigma) * inflation;
   visual_ = s;
   const double unit = 1 / inflation2, gate_chi2 = drift ? kDriftGate * unit : unit;
-  settings_ = {kDepthDamping, s.cauchy * s.cauchy * unit,
-               gate_chi2,     unit,
-               s.gate,        s.inner_steps,
-               s.converged,   drift,
-               s.student,     unit,
-               s.focal,       0};
+  settings_ = {kDepthDamping,
+               s.cauchy * s.cauchy * unit,
+               gate_chi2,
+               unit,
+               s.gate,
+               s.inner_steps,
+               s.converged,
+               drift,
+               s.student,
+               unit,
+               s.rows,
+               s.focal,
+               0};
   gate_suspended_ = false;
   remember_points();
   origin_ = w.newest().x.p;
+  if (s.rows) hold_velocities(w);
   SortedTracks& sorted = memory_->sorted;
   sorted.sort(w);
   batches_ = sorted.batches();
@@ -155,9 +164,23 @@ void TrackFactor::fetch(const Window& w, const TrackRecord& t) const {
   __builtin_prefetch(&memory_->remembered[t.place]);
 }
 
+/// Of a rolling shutter: where the camera is in a row follows from its velocity, which is held in the camera's axes
+/// until the next collect(), so that a camera and its rows move as one (docs/derivations/rolling_shutter.md).
+void TrackFactor::hold_velocities(const Window& w) {
+  for (int k = 0; k < w.size(); ++k) {
+    const ExposedFrame f = exposed_frame(w, k);
+    memory_->velocity_C[k] = f.R_WC.transpose() * (f.v + f.omega_W.cross(f.c - f.p));
+  }
+}
+
 /// The first `frames` frames and the lens, as the window has them now.
 void TrackFactor::place(const Window& w, int frames) {
   fill_geometry(w, frames, origin_, memory_->frame);
+  for (int k = 0; k < frames && visual_.rows; ++k) {
+    FrameGeometry& f = memory_->frame[k];
+    Eigen::Map<Vec3>(f.v) =
+        Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(f.R_WC) * memory_->velocity_C[k];
+  }
   settings_.focal = w.calibration.focal;
 }
 

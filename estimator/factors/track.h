@@ -26,6 +26,7 @@ class TrackFactor final : public VisualFactorModel {
  private:
   struct Memory;
   void place(const Window&, int frames);
+  void hold_velocities(const Window&);
   void run(const Window&, VisualSystem&);
   void fetch(const Window&, const TrackRecord&) const;
   void remember_points();

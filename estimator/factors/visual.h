@@ -22,6 +22,7 @@ struct VisualSettings {
   double gate_cap = 0.4;
   double focal_px = 458;
   bool extrinsics = false;  ///< fill the extrinsic columns
+  bool rows = false;        ///< rolling shutter: views have times of their own
   bool focal = false;       ///< fill the column of the focal length, of factors that have one
   int inner_steps = 4;      ///< of the point inside a track, at most; fewer bias scale on straight flights
   double converged =

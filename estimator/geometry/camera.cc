@@ -177,7 +177,8 @@ CameraFault fault_of(const CameraParameters& c) noexcept {
   if (c.width <= 0 || c.height <= 0) return CameraFault::kSize;
   const auto finite = [](double x) { return std::isfinite(x); };
   if (!std::all_of(c.intrinsics.begin(), c.intrinsics.end(), finite)) return CameraFault::kNotFinite;
-  if (!std::all_of(c.distortion.begin(), c.distortion.end(), finite)) return CameraFault::kNotFinite;
+  if (!std::all_of(c.distortion.begin(), c.distortion.end(), finite) || !finite(c.readout_s))
+    return CameraFault::kNotFinite;
   const auto& [fx, fy, cx, cy] = c.intrinsics;
   if (fx <= 0 || fy <= 0) return CameraFault::kFocal;
   if (cx < 0 || cy < 0 || cx > c.width - 1 || cy > c.height - 1) return CameraFault::kCentre;

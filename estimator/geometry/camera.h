@@ -20,6 +20,7 @@ struct CameraParameters {
   int width = 0, height = 0;
   std::array<double, 4> intrinsics{};
   std::array<double, 5> distortion{};
+  double readout_s = 0;  ///< rolling shutter: exposure of the last row minus that of the first; 0: global
 };
 
 /// The first fault of a set of parameters.
@@ -53,6 +54,8 @@ class Camera {
   int height() const { return c_.height; }
   /// Pixels per radian near the axis.
   double focal_px() const;
+  /// When row `y` is exposed, against the middle row, which the image's stamp is of.
+  double row_s(double y) const { return c_.readout_s * (y / (c_.height - 1) - 0.5); }
   const CameraParameters& parameters() const { return c_; }
 
  private:

@@ -78,7 +78,7 @@ float stretch_of(const Vec3& f_C, const Mat23& chart) {
 Observation observation(const TrackedFeature& f) {
   const Vec3 f_C(f.bearing.data());
   const Mat23 chart = Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data());
-  return {f_C, chart, stretch_of(f_C, chart), static_cast<float>(f.age)};
+  return {f_C, chart, stretch_of(f_C, chart), static_cast<float>(f.age), f.row_s};
 }
 
 std::uint16_t cell_of(const std::array<float, 2>& pixel) {

@@ -12,12 +12,14 @@
 
 namespace epiline {
 
-/// One bearing of a track. `chart` maps a direction in C to pixels: d pixel / d f at f.
+/// One bearing of a track, of the camera's attitude at the frame's stamp. `chart` maps a direction in C to pixels:
+/// d pixel / d f at f.
 struct Observation {
   Vec3 f_C;
   Mat23 chart;
   float stretch;  ///< of the lens there: how much a longer focal length moves the pixel outwards, over a pinhole's
   float age;      ///< of its track, images
+  float row_s;    ///< rolling shutter: exposed so long after the stamp
 };
 
 inline constexpr int kViewCells = 1024;  ///< 32 x 32 squares of 64 pixels; what is beyond shares the outermost

@@ -46,6 +46,7 @@ std::string asl_camera(const CameraCalibration& c, double image_rate_hz, const s
   if (p.model != CameraModel::kDoubleSphere)
     out.print("distortion_coefficients: [{}]\n", fmt::join(d.begin(), d.begin() + (fifth ? 5 : 4), ", "));
   out.print("timeshift_cam_imu: {}\n", c.time_offset_s);
+  if (p.readout_s != 0) out.print("line_delay_nanoseconds: {}\n", 1e9 * p.readout_s / (p.height - 1));
   return out;
 }
 

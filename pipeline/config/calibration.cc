@@ -186,6 +186,8 @@ CameraCalibration camera_from(const YamlFile& file, const std::string& name) {
   read_distortion(file, map, camera.parameters);
   const YAML::Node shift = file.find(map, {"timeshift_cam_imu"});
   if (shift.IsDefined()) camera.time_offset_s = file.number(shift);
+  const YAML::Node line_delay = file.find(map, {"line_delay_nanoseconds"});
+  if (line_delay.IsDefined()) camera.parameters.readout_s = 1e-9 * file.number(line_delay) * (size[1] - 1);
   return camera;
 }
 
@@ -221,6 +223,11 @@ Result<CameraCalibration> read_camera_calibration(const std::filesystem::path& p
   } catch (const Error& e) {
     return e;
   }
+}
+
+void set_shutter(const CameraConfig& section, CameraParameters& camera) {
+  const bool is_rolling = section.shutter == 1;  // kShutterNames
+  if (is_rolling) camera.readout_s = 1e-3 * section.readout_ms;
 }
 
 Result<ImuCalibration> read_imu_calibration(const std::filesystem::path& path) {

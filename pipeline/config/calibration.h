@@ -6,6 +6,7 @@
 
 #include "estimator/geometry/camera.h"
 #include "estimator/inertial/preintegration.h"
+#include "pipeline/config/devices.h"
 #include "platform/error/result.h"
 
 namespace epiline {
@@ -24,10 +25,14 @@ struct ImuCalibration {
 
 /// Keys: `T_BS` (or Kalibr's `T_cam_imu`), `resolution`, `camera_model` (pinhole, double-sphere), `intrinsics`,
 /// `distortion_model` (radial-tangential, equidistant, none), `distortion_coefficients`, optionally
-/// `timeshift_cam_imu`. In a Kalibr chain the camera is looked up as `name` (cam0, cam1). Fails if and only if the file
-/// cannot be read, is not YAML, lacks a key, names an unknown model, or holds an impossible value: number of
-/// parameters, focal length, resolution, or a matrix that is not a rigid motion.
+/// `timeshift_cam_imu` and, of a rolling shutter, `line_delay_nanoseconds`. In a Kalibr chain the camera is looked up
+/// as `name` (cam0, cam1). Fails if and only if the file cannot be read, is not YAML, lacks a key, names an unknown
+/// model, or holds an impossible value: number of parameters, focal length, resolution, or a matrix that is not a rigid
+/// motion.
 Result<CameraCalibration> read_camera_calibration(const std::filesystem::path& path, const std::string& name);
+
+/// A rolling shutter of section [camera] wins over the calibration file's line delay.
+void set_shutter(const CameraConfig& section, CameraParameters& camera);
 
 /// Keys: `gyroscope_noise_density`, `gyroscope_random_walk`, `accelerometer_noise_density`,
 /// `accelerometer_random_walk`, optionally `gyroscope_saturation` (rad/s) and `accelerometer_saturation` (m/s^2).

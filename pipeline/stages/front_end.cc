@@ -7,6 +7,12 @@ void FrontEnd::set_knowledge(const Vec3& gyroscope_bias_rad_s, double time_offse
   time_offset_ = Span::from_seconds(time_offset_s);
 }
 
+RowTurn FrontEnd::rows_of(HostStamp exposure) const {
+  if (half_readout_ == Span{}) return {};
+  return row_turn(gyro_.between(exposure - half_readout_, exposure, bias_rad_s_),
+                  gyro_.between(exposure, exposure + half_readout_, bias_rad_s_), half_readout_.seconds(), R_BC_);
+}
+
 void FrontEnd::step(const Frame& image, TrackedFrame& out) noexcept {
   out.reasons = image.reasons;
   if (is_blind(image.reasons)) {
@@ -20,7 +26,7 @@ void FrontEnd::step(const Frame& image, TrackedFrame& out) noexcept {
     const Mat3 R_B0B = gyro_.between(previous_ + time_offset_, image.stamp + time_offset_, bias_rad_s_);
     R_CC0 = R_BC_.transpose() * R_B0B.transpose() * R_BC_;
   }
-  tracker_.step(image, R_CC0, out);
+  tracker_.step(image, R_CC0, out, rows_of(image.stamp + time_offset_));
   previous_ = image.stamp;
   has_previous_ = true;
 }

@@ -1,5 +1,7 @@
 #pragma once
 // Image in, tracked features out: the vision front end with its prediction from the gyroscope.
+#include <cmath>
+
 #include "estimator/estimator.h"
 #include "pipeline/stages/gyro_rotation.h"
 #include "pipeline/vision/tracker.h"
@@ -9,7 +11,9 @@ namespace epiline {
 class FrontEnd {
  public:
   FrontEnd(const Camera& camera, const TrackerConfig& config, const Mat3& R_BC)
-      : tracker_(camera, config), R_BC_(R_BC) {}
+      : tracker_(camera, config),
+        R_BC_(R_BC),
+        half_readout_(Span::from_seconds(0.5 * std::abs(camera.parameters().readout_s))) {}
 
   /// A reading of the IMU; all up to an image's time should be here before its step.
   void add_imu(const ImuSample& sample) noexcept { gyro_.add(sample); }
@@ -26,7 +30,10 @@ class FrontEnd {
  private:
   Tracker tracker_;
   GyroRotation gyro_;
+  RowTurn rows_of(HostStamp exposure) const;
+
   Mat3 R_BC_;
+  Span half_readout_;  ///< zero: global shutter
   Vec3 bias_rad_s_ = Vec3::Zero();
   Span time_offset_{};
   HostStamp previous_{};

@@ -47,13 +47,15 @@ struct Tracker::Impl {
     return image.data && image.width == camera.width() && image.height == camera.height() &&
            image.stride >= image.width;
   }
-  void start_image(const Frame& image, const Mat3& R_CC0);
+  void start_image(const Frame& image, const Mat3& R_CC0, const RowTurn& turn);
   void forget();
   void predict();
   void search();
   void count_end(KltEnd end);
   void update_track(int i);
   void take_bearing(int i);
+  bool project_turned(const Vec3& f_C, Vec2& px) const;
+  Vec3 at_stamp(int i, const RowTurn& turn) const;
   void reject(int span, float limit_px, std::uint64_t& rejected);
   void remember();
   void detect();
@@ -75,6 +77,7 @@ struct Tracker::Impl {
   double interval_s = 0;                            // to the previous image; 0: there is none, or time did not advance
   bool gap = false;                                 // the interval is longer than usual
   std::array<Mat3, TrackTable::kHistory> rotation;  // image n - 1 to n, at n % kHistory
+  RowTurn rows, rows_before;                        // of this image and the one before
 
   // Scratch of one image.
   std::array<KltTrack, TrackTable::kCapacity> wanted{};
@@ -92,8 +95,10 @@ void Tracker::Impl::forget() {
   stamp = {};
 }
 
-void Tracker::Impl::start_image(const Frame& image, const Mat3& R_CC0) {
+void Tracker::Impl::start_image(const Frame& image, const Mat3& R_CC0, const RowTurn& turn) {
   ++image_number;
+  rows_before = rows;
+  rows = turn;
   const double before_s = interval_s;
   interval_s = tracks.size > 0 && image.stamp > stamp ? (image.stamp - stamp).seconds() : 0;
   gap = interval_s > kGapIntervals * before_s;
@@ -101,6 +106,20 @@ void Tracker::Impl::start_image(const Frame& image, const Mat3& R_CC0) {
   stamp = image.stamp;
   rotation[image_number % TrackTable::kHistory] = R_CC0.allFinite() ? R_CC0 : Mat3(Mat3::Identity());
   pyramids[image_number % 2].build({image.data, image.width, image.height, image.stride});
+}
+
+// The bearing of track i, of a rolling shutter as if its row had been exposed at the image's stamp.
+Vec3 Tracker::Impl::at_stamp(int i, const RowTurn& turn) const {
+  const Vec3& f = tracks.bearing[i];
+  const double row_s = camera.row_s(static_cast<double>(tracks.y[i]));
+  return row_s == 0 ? f : Vec3(turn.at(row_s) * f);
+}
+
+// Where a direction at the stamp is seen, in the row that is exposed when it is there.
+bool Tracker::Impl::project_turned(const Vec3& f_C, Vec2& px) const {
+  if (!camera.project(f_C, px)) return false;
+  const double row_s = camera.row_s(px.y());
+  return row_s == 0 || camera.project(rows.at(row_s).transpose() * f_C, px);
 }
 
 // Where rotation alone, and rotation with the last parallax, put every track.
@@ -111,7 +130,7 @@ void Tracker::Impl::predict() {
     KltTrack& w = wanted[i];
     w = {.x = tracks.x[i], .y = tracks.y[i], .patch = &templates[tracks.patch[i]], .patch_known = tracks.age[i] > 0};
     Vec2 px;
-    const bool visible = camera.project(R * tracks.bearing[i], px);
+    const bool visible = project_turned(R * at_stamp(i, rows_before), px);
     rotated_x[i] = visible ? static_cast<float>(px.x()) : std::nanf("");
     rotated_y[i] = visible ? static_cast<float>(px.y()) : std::nanf("");
     w.found_x = predicted_x[i] = rotated_x[i] + tracks.parallax_x[i] * dt;
@@ -191,7 +210,7 @@ void Tracker::Impl::reject(int span, float limit_px, std::uint64_t& rejected) {
     pair_track[n] = i;
     const auto& old = tracks.history[i][slot];
     const Eigen::Vector3f before = Rf * Eigen::Vector3f(old[0], old[1], old[2]);
-    const Eigen::Vector3f now = tracks.bearing[i].cast<float>();
+    const Eigen::Vector3f now = at_stamp(i, rows).cast<float>();
     pairs.before_x[n] = before.x(), pairs.before_y[n] = before.y(), pairs.before_z[n] = before.z();
     pairs.now_x[n] = now.x(), pairs.now_y[n] = now.y(), pairs.now_z[n] = now.z();
   }
@@ -207,7 +226,7 @@ void Tracker::Impl::reject(int span, float limit_px, std::uint64_t& rejected) {
 void Tracker::Impl::remember() {
   const std::size_t slot = image_number % TrackTable::kHistory;
   for (int i = 0; i < tracks.size; ++i) {
-    const Vec3& f = tracks.bearing[i];
+    const Vec3 f = at_stamp(i, rows);
     tracks.history[i][slot] = {static_cast<float>(f.x()), static_cast<float>(f.y()), static_cast<float>(f.z())};
   }
 }
@@ -235,6 +254,7 @@ void Tracker::Impl::publish(TrackedFrame& out) const {
     feature.id = tracks.id[i];
     feature.age = tracks.age[i];
     feature.pixel = {tracks.x[i], tracks.y[i]};
+    feature.row_s = static_cast<float>(camera.row_s(static_cast<double>(tracks.y[i])));
     feature.velocity_px_s = {tracks.velocity_x[i], tracks.velocity_y[i]};
     feature.bearing = {f.x(), f.y(), f.z()};
     Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(feature.pixel_jacobian.data()) = tracks.pixel_jacobian[i];
@@ -249,7 +269,7 @@ Tracker::Tracker(const Camera& camera, const TrackerConfig& config) {
 
 Tracker::~Tracker() = default;
 
-void Tracker::step(const Frame& image, const Mat3& R_CC0, TrackedFrame& out) noexcept {
+void Tracker::step(const Frame& image, const Mat3& R_CC0, TrackedFrame& out, const RowTurn& rows) noexcept {
   Impl& t = *impl_;
   ++t.stats.images;
   out.stamp = image.stamp;
@@ -259,7 +279,7 @@ void Tracker::step(const Frame& image, const Mat3& R_CC0, TrackedFrame& out) noe
     ++t.stats.images_refused;
     return t.forget();
   }
-  t.start_image(image, R_CC0);
+  t.start_image(image, R_CC0, rows);
   if (t.tracks.size > 0) {
     t.predict();
     t.search();

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "estimator/geometry/camera.h"
+#include "estimator/geometry/row_turn.h"
 #include "estimator/geometry/types.h"
 #include "pipeline/vision/tracker_config.h"
 #include "platform/samples/samples.h"
@@ -22,7 +23,8 @@ class Tracker {
   /// `R_CC0` takes a bearing of the previous image's camera frame to this image's (from the gyroscope; identity if
   /// unknown). `out` holds all tracks of this image, new ones (age 0) included, old ones first. An image of the wrong
   /// size leaves it empty and ends all tracks. The pixels of `image` must stay valid until the next call returns.
-  void step(const Frame& image, const Mat3& R_CC0, TrackedFrame& out) noexcept;
+  /// `rows`: of a rolling shutter, how the camera turned during the image.
+  void step(const Frame& image, const Mat3& R_CC0, TrackedFrame& out, const RowTurn& rows = {}) noexcept;
 
   /// Ends all tracks; ids go on.
   void reset() noexcept;

@@ -44,6 +44,7 @@ struct TrackedFeature {
   std::uint32_t id = 0;
   std::uint32_t age = 0;                   ///< images since the track began; 0 in its first image
   std::array<float, 2> pixel{};            ///< raw (distorted) pixel, centre of the top left pixel is (0, 0)
+  float row_s = 0;                         ///< rolling shutter: exposure of its row minus the frame's stamp
   std::array<float, 2> velocity_px_s{};    ///< of `pixel`, from the previous image; zero if age is 0. For display only:
                                            ///< its noise is that of `pixel`, so the estimator must not use it
   std::array<double, 3> bearing{};         ///< unit vector in the camera frame C

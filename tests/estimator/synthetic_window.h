@@ -18,6 +18,7 @@ struct SyntheticOptions {
   double lever = 1;           ///< scales p_BC; with neither motion nor lever there is no parallax at all
   double state_error = 3e-3;  ///< random, added to the states after the window is built
   double time_offset = 0;     ///< the stamps are wrong by this much
+  double readout_s = 0;       ///< rolling shutter, of an image of 480 rows
   unsigned seed = 1;
 };
 
@@ -114,10 +115,20 @@ inline SyntheticWindow make_window(const SyntheticOptions& o) {
     };
     for (int i = 0; i < o.tracks; ++i) {
       if ((i + k) % 5 == 4 && i % 2) continue;  // holes in the tracks
-      const Vec3 X = in_camera(points[static_cast<std::size_t>(i)], t + o.time_offset);
+      const double exposed = t + o.time_offset;
+      double row_s = 0;
+      const auto seen = [&] { return in_camera(points[static_cast<std::size_t>(i)], exposed + row_s); };
+      Vec3 X = seen();
       if (X.z() < 0.3) continue;
+      for (int n = 0; n < 20 && o.readout_s != 0; ++n) {
+        row_s = o.readout_s / 480 * kFocal * X.y() / X.z();
+        X = seen();
+      }
+      // as if seen at the stamp, by the attitude alone
+      if (row_s != 0) X = c.R_BC.transpose() * path.R(exposed).transpose() * path.R(exposed + row_s) * c.R_BC * X;
       frame.features.push_back(make_feature(static_cast<std::uint32_t>(i), X,
                                             Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random))));
+      frame.features.back().row_s = static_cast<float>(row_s);
     }
     w.observe(frame);
   }

@@ -83,6 +83,7 @@ Status write_asl(const TrackSimulation& simulation, const SimulatedFlight& fligh
   camera.width = flight.width;
   camera.height = flight.height;
   camera.intrinsics = {flight.focal_px, flight.focal_px, 0.5 * (flight.width - 1), 0.5 * (flight.height - 1)};
+  camera.readout_s = flight.extrinsics.readout_s;
   tables.camera.R_BC = flight.extrinsics.R_BC;
   tables.camera.p_BC = flight.extrinsics.p_BC;
   tables.image_rate_hz = simulation.imu.rate_hz / simulation.imu_samples_per_image;

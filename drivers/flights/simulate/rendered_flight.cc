@@ -92,8 +92,10 @@ Status render_flight(const FlightToRender& flight, const RenderChoice& choice, c
                      const std::function<void(std::size_t, std::size_t)>& progress) {
   auto made = make_asl_folder(folder);
   if (!made) return made.error();
-  if (Status s = write_tables(flight.tables, made->root()); !s) return s;
-  const CameraCalibration& camera = flight.tables.camera;
+  FlightTables tables = flight.tables;
+  CameraCalibration& camera = tables.camera;
+  camera.parameters.readout_s = choice.effects.camera.row_time_s * (camera.parameters.height - 1);
+  if (Status s = write_tables(tables, made->root()); !s) return s;
   const World world = make_world(choice.world, camera_path(flight), choice.effects.movers, choice.seed);
   const TextureAtlas atlas(choice.seed);
   std::vector<double> times_s;

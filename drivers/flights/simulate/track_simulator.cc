@@ -16,6 +16,29 @@ struct CameraPose {
   Mat3 R_WC;
 };
 
+/// The camera while it takes an image: each row at its own time.
+class Exposure {
+ public:
+  Exposure(const Flight& flight, const TrackSimulation& s, double t_s)
+      : flight_(flight), e_(true_extrinsics(s)), row_s_(s.readout_s / (s.height - 1)), t_s_(t_s), middle_(at(t_s)) {}
+
+  bool is_rolling() const { return row_s_ != 0; }
+  const CameraPose& middle() const { return middle_; }
+  /// `y_px`: below the image's centre.
+  CameraPose at_row(double y_px) const { return is_rolling() ? at(t_s_ + row_s_ * y_px) : middle_; }
+
+ private:
+  CameraPose at(double t_s) const {
+    const Motion m = flight_.at(t_s);
+    return {m.p_WB + m.R_WB * e_.p_BC, m.R_WB * e_.R_BC};
+  }
+
+  const Flight& flight_;
+  Extrinsics e_;
+  double row_s_, t_s_;
+  CameraPose middle_;
+};
+
 struct Track {
   std::uint32_t id = 0, age = 0;
   Vec3 point_W;
@@ -31,7 +54,7 @@ class TrackSource {
   TrackSource(const TrackSimulation& simulation, const Room& room, const Random& random)
       : s_(simulation), room_(room), random_(random), centre_(0.5 * (s_.width - 1), 0.5 * (s_.height - 1)) {}
 
-  void next_image(const CameraPose& camera, double image_interval_s, std::vector<TrackObservation>& out) {
+  void next_image(const Exposure& camera, double image_interval_s, std::vector<TrackObservation>& out) {
     follow(camera);
     while (static_cast<int>(tracks_.size()) < s_.tracks) tracks_.push_back(begin_track(camera));
     for (Track& track : tracks_) out.push_back(observe(track, image_interval_s));
@@ -45,16 +68,25 @@ class TrackSource {
 
   Vec2 half_size(double margin_px) const { return Vec2(0.5 * s_.width - margin_px, 0.5 * s_.height - margin_px); }
 
-  bool project(const CameraPose& camera, const Vec3& point_W, Vec2& pixel) const {
+  bool project(const CameraPose& camera, const Vec3& point_W, Vec2& from_centre) const {
     const Vec3 p_C = camera.R_WC.transpose() * (point_W - camera.p_WC);
     if (p_C.z() < kNearest_m) return false;
-    const Vec2 from_centre = s_.focal_px * p_C.head<2>() / p_C.z();
+    from_centre = s_.focal_px * p_C.head<2>() / p_C.z();
+    return true;
+  }
+
+  bool project(const Exposure& camera, const Vec3& point_W, Vec2& pixel) const {
+    constexpr int kRounds = 6;  // each row's time follows from the row: a factor of about a hundredth a round
+    Vec2 from_centre = Vec2::Zero();
+    if (!project(camera.middle(), point_W, from_centre)) return false;
+    for (int n = 0; n < kRounds && camera.is_rolling(); ++n)
+      if (!project(camera.at_row(from_centre.y()), point_W, from_centre)) return false;
     pixel = centre_ + from_centre;
     return (from_centre.array().abs() < half_size(kMargin_px).array()).all();
   }
 
   /// Moves the tracks on to the next image; some are lost there.
-  void follow(const CameraPose& camera) {
+  void follow(const Exposure& camera) {
     const auto lost = [&](Track& track) {
       const Vec2 before = track.pixel;
       bool seen = project(camera, track.point_W, track.pixel) && !random_.chance(s_.loss_share);
@@ -81,11 +113,12 @@ class TrackSource {
     return depth;
   }
 
-  Track begin_track(const CameraPose& camera) {
+  Track begin_track(const Exposure& exposure) {
     constexpr double kNearestBirth_m = 0.3;
     const Vec2 half = half_size(kBirthMargin_px);
     Vec2 from_centre;
     for (int k = 0; k < 2; ++k) from_centre[k] = random_.uniform(-half[k], half[k]);
+    const CameraPose camera = exposure.at_row(from_centre.y());
     const Vec3 ray_W = camera.R_WC * (from_centre / s_.focal_px).homogeneous();
     const double depth = wall_depth(camera.p_WC, ray_W) * random_.uniform(room_.nearest_share, 1);
     Track track;
@@ -129,6 +162,7 @@ Extrinsics true_extrinsics(const TrackSimulation& simulation) {
   e.p_BC = simulation.p_BC;
   e.focal_px = simulation.focal_px;
   e.time_offset_s = simulation.time_offset_s;
+  e.readout_s = simulation.readout_s;
   return e;
 }
 
@@ -144,7 +178,6 @@ SimulatedFlight simulate_tracks(const TrackSimulation& simulation) {
   result.height = simulation.height;
   result.focal_px = simulation.focal_px;
   result.extrinsics = true_extrinsics(simulation);
-  const Extrinsics& e = result.extrinsics;
   const double interval_s = 1 / simulation.imu.rate_hz;
   const double image_interval_s = interval_s * simulation.imu_samples_per_image;
   const int samples = static_cast<int>(flight.duration_s() / interval_s) + 1;
@@ -158,7 +191,7 @@ SimulatedFlight simulate_tracks(const TrackSimulation& simulation) {
       image.stamp = stamp - Span::from_seconds(simulation.time_offset_s);
       image.truth = {m.p_WB, m.v_WB, m.R_WB, imu.accelerometer_bias(), imu.gyroscope_bias()};
       image.begin = result.observations.size();
-      tracks.next_image({m.p_WB + m.R_WB * e.p_BC, m.R_WB * e.R_BC}, image_interval_s, result.observations);
+      tracks.next_image({flight, simulation, t}, image_interval_s, result.observations);
       image.end = result.observations.size();
       result.images.push_back(image);
     }
@@ -190,6 +223,7 @@ void SimulatedFlight::fill(std::size_t image, TrackedFrame& frame) const {
     // pixel = centre + focal (X/Z, Y/Z) at (X, Y, Z) = bearing, where 1/Z = norm
     const double s = focal_px * norm;
     f.pixel_jacobian = {s, 0, -s * z.x(), 0, s, -s * z.y()};
+    f.row_s = static_cast<float>(extrinsics.readout_s * (o.pixel.y() - centre.y()) / (height - 1));
     frame.features.push_back(f);
   }
 }

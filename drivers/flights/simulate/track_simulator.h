@@ -36,6 +36,7 @@ struct TrackSimulation {
   double fast_px = 45,
          fast_loss_share = 0.3;  ///< a track that moves further than this in one image is lost with this probability
   double time_offset_s = 0;      ///< t_IMU - t_image: image stamps are too early by this much
+  double readout_s = 0;          ///< rolling shutter: exposure of the last row minus that of the first
   Vec3 p_BC{0.06, 0.02, -0.01};  ///< m; the camera looks along the body's x axis
 };
 

@@ -60,6 +60,9 @@ void add_noise(CLI::App& command, StudyOptions& study) {
       ->check(CLI::PositiveNumber);
   command.add_option("--time-offset", study.time_offset_s,
                      "unknown time offset, s: image timestamps are too early by this");
+  command
+      .add_option("--readout", study.readout_s, "rolling shutter: exposure of the last row minus that of the first, s")
+      ->check(CLI::Range(-0.1, 0.1));
 }
 
 }  // namespace

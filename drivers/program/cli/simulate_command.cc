@@ -154,6 +154,11 @@ void add_simulate(CLI::App& app, int& exit_code) {
       ->check(CLI::NonNegativeNumber)
       ->needs(tracks)
       ->capture_default_str();
+  command
+      ->add_option("--readout", o->simulation.readout_s,
+                   "with --tracks: rolling shutter, exposure of the last row minus that of the first, s")
+      ->check(CLI::Range(-0.1, 0.1))
+      ->needs(tracks);
   CLI::Option* wheels =
       command->add_flag("--wheel", o->wheels, "also write the forward speed that wheels would measure (wheel0)");
   command->add_option("--wheel-noise", o->wheel.sigma_m_s, "with --wheel: standard deviation of the speed, m/s")

@@ -101,8 +101,9 @@ Status read_camera(LiveSettings& settings) {
   const auto camera = read_camera_calibration(config.camera_calibration, "cam0");
   if (!camera) return camera.error();
   settings.camera = camera->parameters;
+  set_shutter(config.devices.camera, settings.camera);
   config.estimator.extrinsics = {camera->R_BC, camera->p_BC, Camera(camera->parameters).focal_px(),
-                                 camera->time_offset_s};
+                                 camera->time_offset_s, settings.camera.readout_s};
   return Done{};
 }
 

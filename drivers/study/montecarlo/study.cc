@@ -13,8 +13,9 @@
 namespace epiline {
 
 const char* const kVariantChanges =
-    "gate, no-gate, zero-motion, no-zero-motion, raw-parallax, compensated-parallax, estimate-sigma, shipped, steps=N, "
-    "keyframes=N";
+    "gate, no-gate, zero-motion, no-zero-motion, raw-parallax, compensated-parallax, middle-row, estimate-sigma, "
+    "shipped, "
+    "steps=N, keyframes=N";
 
 namespace {
 
@@ -30,6 +31,8 @@ bool change(const std::string& what, EstimatorConfig& config) {
     config.keyframe_rule = KeyframeRule::kRawParallax;
   } else if (key == "compensated-parallax") {
     config.keyframe_rule = KeyframeRule::kCompensatedParallax;
+  } else if (key == "middle-row") {  // every row of a rolling shutter is taken for the middle one
+    config.extrinsics.readout_s = 0;
   } else if (key == "estimate-sigma") {
     config.estimate_pixel_sigma = true;
   } else if (key == "shipped") {  // the defaults, which allow for an imperfect IMU and correlated tracks
@@ -95,6 +98,7 @@ class Study {
     simulation.seed = options_.seed + run;
     simulation.noise = options_.noise;
     simulation.time_offset_s = options_.time_offset_s;
+    simulation.readout_s = options_.readout_s;
     SimulatedFlight flight = simulate_tracks(simulation);
     add_correlated_noise(options_.correlated, simulation.seed, flight);
     for (std::size_t v = 0; v < options_.variants.size(); ++v) {

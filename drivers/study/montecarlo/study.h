@@ -33,6 +33,7 @@ struct StudyOptions {
   CorrelatedNoise correlated;
   std::optional<double> assumed_sigma_px;  ///< what the estimator is told instead of the white noise's
   double time_offset_s = 0;                ///< of the images' stamps; if not zero, the estimator has to find it
+  double readout_s = 0;                    ///< of a rolling shutter
 };
 
 /// All runs of one flight with one variant, in the order of the seeds.

@@ -138,9 +138,9 @@ std::string study_text(const std::vector<StudyCell>& cells, const StudyOptions& 
   std::string text = fmt::format(
       "{} runs of each flight, seeds from {}; {}\n"
       "noise of the tracks: {} px white, {} px correlated over {} images, {} px random walk per root of an image, {} % "
-      "outliers; time offset {} ms\n",
+      "outliers; time offset {} ms; readout {} ms\n",
       o.runs, o.seed, program_text(program_info()), o.noise.pixel_sigma, o.correlated.sigma_px, o.correlated.images,
-      o.noise.drift_px, 100 * o.noise.outlier_share, 1e3 * o.time_offset_s);
+      o.noise.drift_px, 100 * o.noise.outlier_share, 1e3 * o.time_offset_s, 1e3 * o.readout_s);
   for (const FigureTable& table : {error_table(cells), consistency_table(cells), time_table(cells, o.jobs)})
     text.append("\n").append(to_text(table));
   return text;
@@ -161,7 +161,8 @@ Json study_json(const std::vector<StudyCell>& cells, const StudyOptions& o) {
             {"drift_px", o.noise.drift_px},
             {"outlier_share", o.noise.outlier_share},
             {"assumed_sigma_px", o.assumed_sigma_px ? Json(*o.assumed_sigma_px) : Json(nullptr)},
-            {"time_offset_s", o.time_offset_s}}},
+            {"time_offset_s", o.time_offset_s},
+            {"readout_s", o.readout_s}}},
           {"results", results}};
 }
 

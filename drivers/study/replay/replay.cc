@@ -59,7 +59,7 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
   if (dataset.imu.saturation_accelerometer_m_s2)
     e.saturation_accelerometer_m_s2 = *dataset.imu.saturation_accelerometer_m_s2;
   e.extrinsics = {dataset.camera.R_BC, dataset.camera.p_BC, Camera(dataset.camera.parameters).focal_px(),
-                  dataset.camera.time_offset_s};
+                  dataset.camera.time_offset_s, dataset.camera.parameters.readout_s};
   if (file) file->apply(config);
   set_vehicle(e.wheel, config.devices.wheel, R_VB_of(config.devices.body));
   if (options.visual_factor) e.visual_factor = *options.visual_factor;
@@ -212,6 +212,7 @@ Result<ReplayResult> replay(const ReplayOptions& options,
                                          : open_asl_dataset(options.dataset, options.camera, config.camera_calibration,
                                                             config.imu_calibration);
   if (!dataset) return dataset.error();
+  set_shutter(config.devices.camera, dataset->camera.parameters);
   if (options.alter) options.alter(*dataset);
   fill_config(*dataset, file ? &*file : nullptr, options, config);
   if (options.loop_s) loop_flight(*dataset, *options.loop_s);

@@ -62,9 +62,10 @@ class ConvergedReprojection final : public VisualFactorModel {
 constexpr double kWithinACorner = 1e-4;
 
 Subject visual(const std::string& name, const Window& w, std::shared_ptr<VisualFactorModel> factor, double step,
-               TrackNoiseModel noise = TrackNoiseModel::kWhite) {
+               TrackNoiseModel noise = TrackNoiseModel::kWhite, bool rows = false) {
   VisualSettings settings = smooth_settings();
   settings.noise = noise;
+  settings.rows = rows;
   settings.drift_sigma = 0.5;
   factor->collect(w, settings);
   const auto system = std::make_shared<VisualSystem>();
@@ -85,8 +86,8 @@ std::vector<std::string> on_every_set(const std::vector<std::string>& vectorised
 }
 
 /// All there is to a window: rest, wheels, and a prior that a frame left behind.
-SyntheticWindow furnished_window() {
-  SyntheticWindow s = make_window({});
+SyntheticWindow furnished_window(double readout_s = 0) {
+  SyntheticWindow s = make_window({.readout_s = readout_s});
   Window& w = *s.window;
   w.first_estimates = false;
   CalibrationTangent sigmas;
@@ -130,6 +131,10 @@ class Gradient : public testing::TestWithParam<std::string> {
         return visual(name, w, std::make_shared<TrackFactor>(set), 0.02);
       if (name == std::string("drift_") + name_of(set))
         return visual(name, w, std::make_shared<TrackFactor>(set), 0.02, TrackNoiseModel::kDrift);
+      if (name == std::string("track_rows_") + name_of(set))
+        return visual(name, w, std::make_shared<TrackFactor>(set), 0.02, TrackNoiseModel::kWhite, true);
+      if (name == std::string("drift_rows_") + name_of(set))
+        return visual(name, w, std::make_shared<TrackFactor>(set), 0.02, TrackNoiseModel::kDrift, true);
       if (name == std::string("epipolar_") + name_of(set))
         return visual(name, w, std::make_shared<EpipolarFactor>(set), kWithinACorner);
       if (name == std::string("reprojection_") + name_of(set))
@@ -201,7 +206,8 @@ void check_gradient(const Subject& subject, Window& w, double tolerance = 1e-7) 
 }
 
 TEST_P(Gradient, IsTheSlopeOfTheCost) {
-  SyntheticWindow s = furnished_window();
+  const bool rows = GetParam().find("_rows_") != std::string::npos;
+  SyntheticWindow s = furnished_window(rows ? 0.05 : 0);
   const Subject subject = make(*s.window);
   if (!subject.cost) GTEST_SKIP() << "not on this machine";
   check_gradient(subject, *s.window);
@@ -263,7 +269,8 @@ TEST_P(HeldDepth, HasNoSlope) {
 
 const auto name_of_subject = [](const testing::TestParamInfo<std::string>& test) { return test.param; };
 INSTANTIATE_TEST_SUITE_P(Factors, Gradient,
-                         testing::ValuesIn(on_every_set({"track", "drift", "epipolar", "reprojection", "imu"},
+                         testing::ValuesIn(on_every_set({"track", "drift", "track_rows", "drift_rows", "epipolar",
+                                                         "reprojection", "imu"},
                                                         {"prior", "wheel", "zero_motion"})),
                          name_of_subject);
 INSTANTIATE_TEST_SUITE_P(Factors, HeldDepth, testing::ValuesIn(on_every_set({"track"})), name_of_subject);

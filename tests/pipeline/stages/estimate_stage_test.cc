@@ -22,8 +22,8 @@ class EstimateStageTest : public StageTest {
     *image = {};
     image->frame.stamp = at_ms(ms);
     image->frame.sequence = sequence++;
-    image->frame.features.push_back({3, 1, {1.5F, 2.5F}, {}, {0, 0, 1}, {}});
-    image->frame.features.push_back({7, 4, {-3.25F, 8}, {}, {0, 0.6, 0.8}, {}});
+    image->frame.features.push_back({.id = 3, .age = 1, .pixel = {1.5F, 2.5F}, .bearing = {0, 0, 1}});
+    image->frame.features.push_back({.id = 7, .age = 4, .pixel = {-3.25F, 8}, .bearing = {0, 0.6, 0.8}});
     image->track = {1234, 0};
     tracked->publish();
   }

@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <stdexcept>
+#include <vector>
 
 #include "platform/memory/allocation_count.h"
 #include "tests/pipeline/vision/support.h"
@@ -355,6 +356,47 @@ RC_GTEST_PROP(Tracker, KeepsItsPromisesOnAnyMotion, ()) {
       }
     }
   }
+}
+
+/// A camera that shakes, moves sideways along a wall and exposes its rows one after the other.
+/// Returns the share of tracks that the tracker rejects.
+double rejected_share(double readout_s, bool known) {
+  CameraParameters p;
+  p.width = 320;
+  p.height = 240;
+  p.intrinsics = {250, 250, 159.5, 119.5};
+  const Camera global(p);
+  p.readout_s = readout_s;
+  const Camera rolling(p);
+  const Waves waves(31, 5, 40);
+  const auto R_WC = [](double t) { return so3_exp({0.03 * std::sin(37 * t), 0.02 * std::sin(29 * t), 0}); };
+  Tracker tracker(known ? rolling : global, {});
+  TrackedFrame out;
+  std::vector<std::unique_ptr<TestImage>> images;
+  for (int n = 1; n <= 12; ++n) {
+    const double t = 0.05 * n, half_s = 0.5 * readout_s;
+    images.push_back(std::make_unique<TestImage>(p.width, p.height));
+    images.back()->fill([&](int x, int y) {
+      Vec3 f_C;
+      rolling.unproject(Vec2(x, y), f_C);
+      const double row_t = t + rolling.row_s(y);
+      const Vec3 f_W = R_WC(row_t) * f_C;
+      return waves(250 * (f_W.x() / f_W.z() + 0.3 * row_t), 250 * f_W.y() / f_W.z());
+    });
+    const Mat3 R_CC0 = R_WC(t).transpose() * R_WC(t - 0.05);
+    const RowTurn rows = known ? row_turn(R_WC(t - half_s).transpose() * R_WC(t),
+                                          R_WC(t).transpose() * R_WC(t + half_s), half_s, Mat3::Identity())
+                               : RowTurn{};
+    tracker.step(frame_of(*images.back(), n), R_CC0, out, rows);
+  }
+  const TrackerStats& stats = tracker.stats();
+  return static_cast<double>(stats.rejected_near + stats.rejected_wide) / static_cast<double>(stats.tried);
+}
+
+TEST(Tracker, RowsOfARollingShutterAreNoOutliers) {
+  const double known = rejected_share(0.03, true), unknown = rejected_share(0.03, false);
+  EXPECT_LT(known, 0.01);
+  EXPECT_GT(unknown, 0.05);
 }
 
 }  // namespace
