@@ -67,6 +67,17 @@ TEST(CanFrames, TheFileNamesEveryMessageOnce) {
   EXPECT_EQ(dbc_file().at(kBase).name, "EpilineStatus");
 }
 
+TEST(CanFrames, TheFileExplainsMessagesAndSignals) {
+  const std::string text = dbc_text(kBase);
+  for (const Message& m : kMessages) {
+    const std::string id = std::to_string(kBase + m.id_offset);
+    const std::string comment = "CM_ BO_ " + id + " \"" + m.comment + "\";\n";
+    EXPECT_EQ(text.find(comment) != std::string::npos, *m.comment != '\0') << m.name;
+    for (const Signal& s : m.signals)
+      EXPECT_EQ(text.find("CM_ SG_ " + id + " " + s.name + " \"") != std::string::npos, *s.comment != '\0') << s.name;
+  }
+}
+
 TEST(CanFrames, NothingIsTooLongForARealBus) {
   const std::string text = dbc_text(0x7f0);
   EXPECT_EQ(dbc::read(text).rbegin()->first, 0x7fa);

@@ -130,6 +130,17 @@ TEST_F(MavlinkControllerImu, PrefersTheBetterMessage) {
   EXPECT_EQ(imu.counts().others, 1U);
 }
 
+// Thousandths of rad/s and of 9.80665 m/s^2, about forward, right and down; ours are forward, left and up.
+TEST(MavlinkOdometry, RawReadingsAreInArduPilotsUnits) {
+  const ImuSample sample =
+      imu_sample(RawImu{.xacc = 100, .yacc = 200, .zacc = -1000, .xgyro = 300, .ygyro = -400, .zgyro = 500});
+  const std::array<double, 3> rate = {0.3, 0.4, -0.5}, force = {0.980665, -1.96133, 9.80665};
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(sample.angular_velocity_rad_s[i], rate[i], 1e-12) << i;
+    EXPECT_NEAR(sample.specific_force_m_s2[i], force[i], 1e-12) << i;
+  }
+}
+
 // Older ArduPilots fill RAW_IMU with the lower 32 bits of their microseconds: 71 minutes.
 TEST_F(MavlinkControllerImu, UnwrapsThirtyTwoBits) {
   constexpr std::int64_t kUp_us = (std::int64_t{3} << 32) + 5'000'000;

@@ -60,7 +60,7 @@ class FakeTerminal final : public test::FakeFile {
       case TCFLSH:
         return 0;
       case TIOCOUTQ:
-        return *static_cast<int*>(argument) = 0, 0;
+        return *static_cast<int*>(argument) = queued, 0;
       default:
         return test::refuse(ENOTTY);
     }
@@ -68,6 +68,7 @@ class FakeTerminal final : public test::FakeFile {
 
   std::deque<std::uint8_t> to_link, to_peer;
   bool is_hung_up = false, is_exclusive = false;
+  int queued = 0;  ///< bytes that the kernel has not sent yet
 
  private:
   LineSettings settings_{};

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <random>
 
+#include "drivers/links/mavlink/udp_port.h"
 #include "platform/concurrency/lock_count.h"
 #include "platform/memory/allocation_count.h"
 #include "tests/drivers/links/mavlink/fake_line.h"
@@ -319,6 +320,51 @@ TEST(MavlinkLink, AFullLineCostsMessagesNotOrder) {
   EXPECT_EQ(line.peer.parser().bad_checksums(), 0U);
 }
 
+// The kernel's queue would take seconds of odometry: it would arrive old.
+TEST(MavlinkLink, ASlowLineGetsNoOdometryThatWouldWait) {
+  FakeLine line;
+  MavlinkLink link = link_on(line);
+  begin(link);
+  Estimates estimates;
+  ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<Odometry>().size() >= 10; }));
+  EXPECT_EQ(link.counts().dropped, 0U);
+  line.peer.terminal->queued = 1'000;
+  fly(line, link, estimates, 100, [] { return false; });
+  const std::size_t before = line.peer.all<Odometry>().size();
+  fly(line, link, estimates, 1'000, [] { return false; });
+  EXPECT_EQ(line.peer.all<Odometry>().size(), before);
+  EXPECT_GT(link.counts().dropped, 20U) << "of 40 a second";
+  line.peer.terminal->queued = 0;
+  ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<Odometry>().size() >= before + 10; }));
+  expect_rising(line.peer.all<Odometry>());
+}
+
+/// Age of a flight controller's reading when it arrives, by its timestamp.
+Span age_of_reading(double delay_ms) {
+  FakeLine line;
+  ImuDeviceConfig imu;
+  imu.delay_ms = delay_ms;
+  MavlinkLink link(serial_config(line.path()), kForward, imu, 65, line.kernel);
+  begin(link);
+  line.peer.on_packet = [&](const Packet& packet) {
+    Timesync question;
+    if (unpack(packet, question) && question.tc1 == 0)
+      line.peer.send(Timesync{.tc1 = line.now_ns(), .ts1 = question.ts1});
+  };
+  line.peer.heartbeat();
+  EXPECT_TRUE(wait_for(line, link, kLong, [&] { return link.clock_state().used >= 20; }));
+  std::array<ImuSample, 1> sample;
+  std::size_t count = 0;
+  EXPECT_EQ(link.read_imu(sample, count, Span{}), ReadOutcome::kTimeout);
+  line.peer.send(HighresImu{
+      .time_usec = static_cast<std::uint64_t>(line.now_ns() / 1000), .zacc = -9.81F, .fields_updated = 0x3f});
+  advance(line.kernel, link, 5 * kMs);
+  EXPECT_EQ(link.read_imu(sample, count, Span{}), ReadOutcome::kSample);
+  return sample[0].arrival - sample[0].stamp;
+}
+
+TEST(MavlinkLink, TakesTheDelayOfReadingsOff) { EXPECT_EQ((age_of_reading(3) - age_of_reading(0)).ns, 3 * kMs); }
+
 // ---- sockets ----
 
 /// A socket on a port of the loopback, and the text of its address.
@@ -380,6 +426,39 @@ TEST(MavlinkLink, WaitsForAPeerThatIsNotThere) {
   Estimates estimates;
   ASSERT_TRUE(fly(link, estimates, peer, kLong, [&] { return link.counts().write_errors > 0; }));
   EXPECT_TRUE(link.state().is_open);
+}
+
+/// Refuses one of the two steps.
+class RefusedSocket final : public test::FakeFile {
+ public:
+  explicit RefusedSocket(int bind_error, int connect_error) : bind_error_(bind_error), connect_error_(connect_error) {}
+  int bind(const sockaddr* /*address*/, socklen_t /*length*/) override {
+    return bind_error_ != 0 ? test::refuse(bind_error_) : 0;
+  }
+  int connect(const sockaddr* /*address*/, socklen_t /*length*/) override {
+    return connect_error_ != 0 ? test::refuse(connect_error_) : 0;
+  }
+
+ private:
+  int bind_error_, connect_error_;
+};
+
+TEST(MavlinkLink, ASocketThatIsRefusedIsClosed) {
+  test::FakeKernel kernel;
+  std::shared_ptr<RefusedSocket> socket;
+  kernel.make_socket = [&](int, int, int) { return socket; };
+  UdpPort port("port", *udp_address("192.168.1.10:14580", "mavlink.udp"), *udp_address("0.0.0.0:14540", "udp_listen"),
+               kernel);
+  for (const auto& [in_use, unreachable] : {std::pair{EADDRINUSE, 0}, std::pair{0, ENETUNREACH}}) {
+    socket = std::make_shared<RefusedSocket>(in_use, unreachable);
+    const DeviceTrouble trouble = port.open();
+    EXPECT_EQ(trouble.error, in_use + unreachable);
+    EXPECT_LT(port.fd(), 0);
+    EXPECT_EQ(kernel.open_files(), 0U);
+  }
+  socket = std::make_shared<RefusedSocket>(0, 0);
+  EXPECT_FALSE(port.open());
+  EXPECT_EQ(kernel.open_files(), 1U);
 }
 
 // ---- costs ----

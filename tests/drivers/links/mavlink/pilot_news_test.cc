@@ -26,6 +26,16 @@ TEST(MavlinkNews, TextsFitAndNameTheReason) {
   EXPECT_STREQ(pilot_text(Condition::kLost, both, false).text, "VIO lost, stopped: no camera images");
 }
 
+// Ground stations show and speak texts by their MAV_SEVERITY.
+TEST(MavlinkNews, TheEndOfOdometryIsCritical) {
+  constexpr int kCritical = 2, kWarning = 4, kInfo = 6;
+  EXPECT_EQ(pilot_text(Condition::kLost, 0, false).severity, kCritical);
+  EXPECT_EQ(pilot_text(Condition::kSilent, 0, false).severity, kCritical);
+  EXPECT_EQ(pilot_text(Condition::kDegraded, 0, false).severity, kWarning);
+  EXPECT_EQ(pilot_text(Condition::kGood, 0, false).severity, kInfo);
+  EXPECT_EQ(pilot_text(Condition::kWaiting, 0, false).severity, kInfo);
+}
+
 std::string told(PilotNews& news, std::int64_t now_ns) {
   const auto text = news.take(now_ns);
   return text ? text->text : "";

@@ -21,6 +21,19 @@ TEST(MavlinkTimesync, AnswersWithOurClock) {
   EXPECT_FALSE(exchange.answer(5 * kSecond + 4));
 }
 
+TEST(MavlinkTimesync, AnswersSeveralQuestionsInTheirOrder) {
+  TimesyncExchange exchange(kOwn);
+  for (const std::int64_t ts1 : {11, 22, 33, 44})
+    exchange.receive({.tc1 = 0, .ts1 = ts1}, {1, static_cast<std::uint8_t>(ts1)}, false, kSecond);
+  for (const std::int64_t ts1 : {11, 22, 33, 44}) {
+    const auto answer = exchange.answer(kSecond);
+    ASSERT_TRUE(answer);
+    EXPECT_EQ(answer->ts1, ts1);
+    EXPECT_EQ(answer->target_component, ts1);
+  }
+  EXPECT_FALSE(exchange.owes_answer());
+}
+
 TEST(MavlinkTimesync, LeavesQuestionsToOthersAlone) {
   TimesyncExchange exchange(kOwn);
   exchange.receive({.tc1 = 0, .ts1 = 1, .target_system = 1, .target_component = 100}, kAutopilot, true, kSecond);
