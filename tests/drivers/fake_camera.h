@@ -49,6 +49,7 @@ class FakeCamera final : public FakeFile {
   bool is_gone = false;                      ///< unplugged
   bool gives_images = true;
   int dequeue_error = 0, queue_error = 0;  ///< of the next call
+  bool is_broken = false;                  ///< poll() reports an error, no call does; until the stream is stopped
   unsigned long refused_request = 0;       ///< always refused, with EINVAL
   std::vector<unsigned long> asked;        ///< in the order of the calls
   bool has_rate = true;                    ///< VIDIOC_G_PARM is there
@@ -62,7 +63,7 @@ class FakeCamera final : public FakeFile {
   int opened() override { return is_gone ? ENODEV : 0; }
   short ready(std::int64_t now_ns) override {
     if (is_gone) return POLLERR | POLLHUP;
-    if (!is_streaming_) return POLLERR;
+    if (!is_streaming_ || is_broken) return POLLERR;
     take_images(now_ns);
     return dequeue_error != 0 || !done_.empty() ? POLLIN : 0;
   }
@@ -115,7 +116,7 @@ class FakeCamera final : public FakeFile {
         next_image_ns_ = kernel.clock_ns + period_ns();
         return 0;
       case VIDIOC_STREAMOFF:
-        is_streaming_ = false;
+        is_streaming_ = is_broken = false;
         queued_.clear();
         done_.clear();
         return 0;

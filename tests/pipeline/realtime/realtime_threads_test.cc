@@ -268,6 +268,37 @@ TEST_F(Realtime, StopsInMidFlight) {
   EXPECT_GE(report.frames_out, static_cast<std::uint64_t>(images_ / 2 - 2));
 }
 
+/// A processor that no computer has is refused for the thread that is configured to run there, and for no other.
+TEST_F(Realtime, EachThreadHasItsOwnProcessorAndPriority) {
+  RealtimeConfig& realtime = settings_.realtime;
+  struct Setting {
+    const char* thread;
+    int *cpu, *priority;
+  };
+  const Setting settings[] = {{"imu", &realtime.cpu_imu, &realtime.priority_imu},
+                              {"capture", &realtime.cpu_capture, &realtime.priority_capture},
+                              {"track", &realtime.cpu_track, &realtime.priority_track},
+                              {"estimate", &realtime.cpu_estimate, &realtime.priority_estimate},
+                              {"publish", &realtime.cpu_publish, &realtime.priority_publish}};
+  for (const Setting& setting : settings) {
+    const RealtimeConfig before = realtime;
+    *setting.cpu = 1'000'000;
+    *setting.priority = 1;
+    RealtimePipeline pipeline(settings_, RealtimePorts{&camera_, &imu_, &sink_, {&counter_}, {}});
+    pipeline.stop();
+    pipeline.join();
+    std::size_t found = 0;
+    for (const RealtimeReport::Thread& thread : pipeline.report().threads) {
+      const bool is_it = std::string(thread.name) == setting.thread;
+      found += is_it ? 1 : 0;
+      EXPECT_EQ(thread.shortfall.cpu, is_it) << setting.thread << ": " << thread.name;
+      EXPECT_EQ(thread.priority, is_it ? 1 : 0) << setting.thread << ": " << thread.name;
+    }
+    EXPECT_EQ(found, 1u) << setting.thread;
+    realtime = before;
+  }
+}
+
 TEST_F(Realtime, DevicesThatFailForAWhileComeBack) {
   imu_.failures = 5;
   camera_.failures = 5;

@@ -163,6 +163,9 @@ TEST_F(FlightRecorderTest, HoldsTheLastSecondsAndNoMore) {
   expect_whole(records().at(0), 4);
   EXPECT_EQ(times(records().at(0) / "mav0/imu0/data.csv").back(), now_ - kSecond / 200);
   EXPECT_EQ(recorder.report().lost, 0u);
+  const std::string yaml = text_of(records().at(0) / "mav0/cam0/sensor.yaml"), said = "record 1, written at ";
+  ASSERT_NE(yaml.find(said), std::string::npos) << yaml;
+  EXPECT_NEAR(std::stod(yaml.substr(yaml.find(said) + said.size())), 1100, 0.1) << "s";
   Event event;
   ASSERT_TRUE(recorder.events().pop(event));
   EXPECT_EQ(event.id, EventId::kRecordWritten);

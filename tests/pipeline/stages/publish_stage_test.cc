@@ -39,7 +39,7 @@ class PublishStageTest : public StageTest {
     o.stamp = at_ms(ms);
     o.p_WB_m = {1, 2, 3};
     o.reset_counter = resets;
-    o.health = {HealthState::kTracking, 0, 90};
+    o.health = health;
     for (std::size_t i = 0; i < 16; ++i) o.covariance[17 * i] = 1e-4;
     Estimate& draft = newest.draft();
     draft.serial = ++serial;
@@ -83,6 +83,7 @@ class PublishStageTest : public StageTest {
   Parking log;
   std::uint64_t serial = 0, solved_serial = 0;
   Odometry last_solved;
+  Health health{HealthState::kTracking, 0, 90};  ///< of the next estimate
   PublishStage stage{{},
                      30,
                      clock,
@@ -184,6 +185,32 @@ TEST_F(PublishStageTest, ASilentCameraShowsInEveryPrediction) {
   feed(255, 2'200);
   run(stage);
   EXPECT_EQ(receiver.rates.back().health.state, HealthState::kLost);
+}
+
+// An image between two solves may be worse than the last solve.
+TEST_F(PublishStageTest, APredictionHasTheHealthOfTheNewestImage) {
+  fly();
+  health = {HealthState::kDegraded, bit(HealthReason::kFewTracks), 40};
+  estimate(100, false);
+  feed(105, 105);
+  to_ms(105);
+  run(stage);
+  ASSERT_EQ(receiver.rates.size(), 1u);
+  EXPECT_EQ(receiver.rates[0].health.state, HealthState::kDegraded);
+  EXPECT_TRUE(has(receiver.rates[0], HealthReason::kFewTracks));
+  EXPECT_EQ(receiver.rates[0].health.quality, 40);
+}
+
+// And the last solve must not vouch for a prediction that nothing has corrected for long.
+TEST_F(PublishStageTest, AnOldSolveDegradesThePredictionWhateverTheImagesSay) {
+  fly();
+  to_ms(900);
+  feed(105, 900);
+  see(900);
+  estimate(890, false);
+  run(stage);
+  EXPECT_EQ(receiver.rates.back().health.state, HealthState::kDegraded);
+  EXPECT_TRUE(has(receiver.rates.back(), HealthReason::kDeadlineMissed));
 }
 
 TEST_F(PublishStageTest, AReceiverThatRefusesIsCounted) {

@@ -146,6 +146,44 @@ TEST_F(CaptureStageTest, ASilentCameraIsAskedAgainAndALostOneLeftAlone) {
   EXPECT_EQ(run(stage).did, Step::Did::kEnd);
 }
 
+/// Numbers its only image's buffer as a test says.
+class NumberingCamera final : public CameraSource {
+ public:
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
+  ReadOutcome read(Frame& frame, Span) noexcept override {
+    if (slot == kNone) return ReadOutcome::kTimeout;
+    frame = {};
+    frame.stamp = frame.arrival = at_ms(0);
+    frame.slot = std::exchange(slot, kNone);
+    return ReadOutcome::kSample;
+  }
+  void give_back(const Frame& /*frame*/) noexcept override {}
+  static constexpr int kNone = -1000;
+  int slot = kNone;
+};
+
+class CaptureStageDeathTest : public StageTest {
+ protected:
+  void give(int slot) {
+    NumberingCamera camera;
+    LentImages images{&camera};
+    FrameRing frames;
+    Parking parking;
+    Heard heard;
+    CaptureStage stage{&camera, clock, {frames, images, parking, heard, *events}};
+    camera.slot = slot;
+    run(stage);
+    EXPECT_EQ(frames.pop([](FrameRing::Value) {}), static_cast<FrameRing::Value>(slot));
+  }
+};
+
+TEST_F(CaptureStageDeathTest, ABufferBeyondTheLastNumberIsABugOfTheCamera) {
+  give(0);
+  give(255);
+  for (const int slot : {-1, 256}) EXPECT_DEATH(give(slot), "a camera numbers its buffers from 0 to 255") << slot;
+}
+
 TEST(LentImagesTest, TheLastUserGivesTheImageBack) {
   MadeUpCamera camera;
   LentImages images(&camera);

@@ -73,6 +73,22 @@ TEST(Corner, BlackAndWhiteDoNotOverflow) {
   });
 }
 
+TEST(Corner, OfEqualCornersTheFirstIsTaken) {
+  on_every_target([&] {
+    for (const auto& [second_x, second_y] : {std::pair{40, 20}, std::pair{20, 40}, std::pair{10, 40}}) {
+      TestImage image(70, 70);
+      const auto in_spot = [](int x, int y, int left, int top) { return x / 2 == left / 2 && y / 2 == top / 2; };
+      image.fill([&, sx = second_x, sy = second_y](int x, int y) {
+        return in_spot(x, y, 20, 20) || in_spot(x, y, sx, sy) ? 200 : 50;
+      });
+      const Corner found = best_corner(image.view(), Cell{4, 4, 52, 52}, {});
+      EXPECT_GT(found.score, 0);
+      EXPECT_NEAR(found.x, 20.5, 4) << second_x << ", " << second_y;
+      EXPECT_NEAR(found.y, 20.5, 4) << second_x << ", " << second_y;
+    }
+  });
+}
+
 TEST(Corner, KeepsItsDistance) {
   std::mt19937 random(2);
   std::uniform_real_distribution<float> place(-10, 80);

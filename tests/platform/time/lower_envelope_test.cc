@@ -104,5 +104,18 @@ TEST(LowerEnvelope, TheSlopeIsHeldBackUntilTheWindowIsLongEnough) {
   EXPECT_FALSE(envelope.settled());
 }
 
+// A short window gives any slope; one of half its length does not.
+TEST(LowerEnvelope, IsTooSteepFromHalfAWindowOn) {
+  LowerEnvelope::Settings settings;
+  settings.window = Span::from_milliseconds(2'000);
+  settings.settle = Span::from_milliseconds(500);
+  LowerEnvelope envelope(settings);
+  for (std::int64_t ms = 0; ms <= 1'500; ms += 10) {
+    envelope.add(ms * 1'000'000, ms * 1'000, 0);  // 1000 ppm
+    EXPECT_EQ(envelope.too_steep(), ms >= 1'000) << ms;
+    EXPECT_EQ(envelope.unusable(), ms >= 1'000) << ms;
+  }
+}
+
 }  // namespace
 }  // namespace epiline

@@ -5,6 +5,7 @@
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <utility>
 #include <vector>
@@ -251,6 +252,21 @@ TEST(OneWaySync, UsesNoHeap) {
   OneWaySync sync({});
   for (const Arrival& a : samples) sync.update(a.device, a.arrival());
   EXPECT_EQ(scope.calls(), 0u);
+}
+
+// What `check` and the flight record say of a clock.
+TEST(OneWaySync, StatesHowFarItsSamplesLieFromTheLine) {
+  OneWaySync sync(OneWaySettings{});
+  for (std::int64_t i = 0; i <= 2'000; ++i) {
+    const std::int64_t delay_ns = i % 2 == 0 ? 0 : i == 1'001 ? 4'000'000 : 1'000'000;
+    const std::int64_t device_ns = kSecond + i * 10 * kMs;
+    sync.update(DeviceStamp{device_ns}, HostStamp{device_ns + 50 * kSecond + delay_ns});
+  }
+  const ClockState state = sync.state();
+  EXPECT_NEAR(static_cast<double>(state.offset.ns), 50e9, 1e3);
+  // half of them by 1 ms, one by 4 ms
+  EXPECT_NEAR(static_cast<double>(state.residual_rms.ns), std::sqrt((1'000 + 15) / 2'001.0) * 1e6, 5e3);
+  EXPECT_NEAR(static_cast<double>(state.residual_most.ns), 4e6, 1e4);
 }
 
 }  // namespace

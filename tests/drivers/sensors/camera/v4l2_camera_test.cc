@@ -222,6 +222,20 @@ TEST(V4l2Camera, AnErrorOfTheDeviceIsOvercomeAtOnce) {
   }
 }
 
+TEST(V4l2Camera, AStreamThatBreaksOffSilentlyIsOvercomeAtOnce) {
+  CameraRig rig;
+  rig.open();
+  rig.run(1);
+  rig.device->gives_images = false;
+  rig.device->is_broken = true;
+  rig.run(0.1);
+  EXPECT_EQ(rig.camera->counts().disconnected, 1u) << "before its silence is noticed";
+  EXPECT_EQ(rig.camera->counts().last_error, EIO);
+  rig.device->gives_images = true;
+  EXPECT_GT(rig.run(1), 20u);
+  EXPECT_EQ(rig.camera->counts().disconnected, 1u);
+}
+
 TEST(V4l2Camera, AnUnpluggedCameraIsTriedAtGrowingIntervals) {
   CameraRig rig;
   rig.open();

@@ -192,8 +192,10 @@ TEST_F(FakeSysfs, WildTimesDoNotComeThrough) {
   config.device = "adis16470";
   for (const bool of_host : {true, false}) {
     IioImu imu(config, roots());
+    EXPECT_EQ(imu.rate_hz(), 0) << "not open";
     const Status status = imu.open();
     ASSERT_TRUE(status) << status.error().text();
+    EXPECT_EQ(imu.rate_hz(), 200);
     const int writer = ::open((root_ + "/dev/iio:device3").c_str(), O_RDWR | O_NONBLOCK);
     ASSERT_GE(writer, 0);
     std::mt19937_64 random(of_host ? 1 : 2);
