@@ -1,7 +1,7 @@
 #pragma once
 // The arithmetic of the factors that runs over SIMD lanes: compiled once per instruction set from track.inc,
-// epipolar.inc, reprojection.inc and imu.inc, and chosen at run time. Therefore nothing but plain data here, so that no
-// inline function can be emitted with instructions the machine lacks. Derivations: docs/derivations/track.md,
+// epipolar.inc, reprojection.inc and imu.inc, and chosen at run time. This header contains plain data only, so that no
+// inline function is compiled to instructions that the machine lacks. Derivations: docs/derivations/track.md,
 // docs/derivations/epipolar.md, docs/derivations/reprojection.md, docs/derivations/imu.md.
 #include "estimator/simd/instruction_set.h"
 #include "estimator/window/capacity.h"
@@ -11,20 +11,20 @@ namespace epiline {
 inline constexpr int kMaxBatches = kMaxTracks / kBatchLanes;
 inline constexpr double kNearest = 0.05;  ///< least depth along a bearing, relative to the length of its direction
 
-/// Eight tracks as a structure of arrays. An absent view is all zeros and drops out of every sum by itself.
+/// Eight tracks as a structure of arrays. An absent view is all zeros and adds nothing to any sum.
 struct alignas(64) TrackBatch {
   static constexpr int kBearing = 0, kChart = 3, kStretch = 9, kRow = 10, kNumbers = 11;
   /// f (C), d(whitened pixel)/df row-major, stretch of the lens, time of the row
   double observation[kMaxFrames][kNumbers][kBatchLanes];
   double link[kMaxFrames][kBatchLanes];  ///< of a drifting track: 1 / (images since its previous view); 0: no view
   double views[kBatchLanes];             ///< how many; 0: an empty lane
-  double point[4][kBatchLanes];  ///< where the point was found last, P and w: seen from c in the direction P - w c
-  double warm[kBatchLanes];      ///< 2: `point` is of this frame, 1: of an earlier one, 0: there is none
-  int first, last;               ///< frames spanned
+  double point[4][kBatchLanes];          ///< the last point, P and w: its direction from c is P - w c
+  double warm[kBatchLanes];              ///< 2: `point` is of this frame, 1: of an earlier one, 0: none
+  int first, last;                       ///< frames spanned
 };
 
 /// Tracks of the epipolar factor, eight to a batch, frame by frame: normalised image coordinates (x, y, 1). An absent
-/// view is all zeros and drops out of every sum by itself.
+/// view is all zeros and adds nothing to any sum.
 struct alignas(64) EpipolarViews {
   double z[kMaxFrames][kMaxBatches][3][kBatchLanes];
   int first[kMaxBatches], last[kMaxBatches];  ///< frames spanned; sorted by the first
@@ -44,11 +44,11 @@ struct TrackSettings {
   double gate_chi2, gate_cost;  ///< a track is gated if chi2 > gate_chi2 (9 dof + 9) and cost > gate_cost (4 dof + 4)
   bool gate;
   int inner_steps;   ///< at most
-  double converged;  ///< rad, and relative depth: the inner steps end where the points of all lanes would move by less
+  double converged;  ///< rad, and relative depth: the inner steps end when the points of all lanes would move by less
   bool drift;        ///< a track's error is a random walk; else its views err independently
-  double student;    ///< of a drifting track's weight, degrees of freedom ...
-  double unit;       ///< ... which counts chi2 in this
-  bool rows;         ///< rolling shutter: views have times of their own
+  double student;    ///< degrees of freedom of a drifting track's weight ...
+  double unit;       ///< ... and the unit of its chi2
+  bool rows;         ///< rolling shutter: each view has its own time
   bool lens;         ///< fill the column of the focal length
   double focal;      ///< its estimate, as Calibration::focal
 };
@@ -66,10 +66,10 @@ struct VisualSystem {
   int residuals, tracks, gated;
 };
 
-/// Rows of so many batches wait for their products: no more than the innermost caches keep.
+/// The rows of this many batches wait for their products, which is what the innermost caches hold.
 inline constexpr int kBatchesAtOnce = 8;
 
-/// Column of the focal length: against each frame, and its own H and b.
+/// Column of the focal length: its blocks with each frame, and its own H and b.
 struct alignas(64) LensScratch {
   double with[kMaxFrames][6][kBatchLanes];
   double self[2][kBatchLanes];
@@ -83,7 +83,7 @@ struct alignas(64) TrackScratch {
   LensScratch lens;
 };
 
-/// Work space of what the oldest view adds.
+/// Work space for the information that the oldest view adds.
 struct alignas(64) NewsScratch {
   double rows[kMaxFrames][kBatchesAtOnce][12][kBatchLanes];
   double b[kMaxFrames][6][kBatchLanes];
@@ -96,10 +96,10 @@ struct alignas(64) TrackVerdicts {
   double accepted[kBatchLanes];  ///< 1, or 0 for gated and empty lanes
 };
 
-/// Landmarks come in batches of one host each; every host may leave a batch that is not full.
+/// Each batch of landmarks has one host; every host may have one batch that is not full.
 inline constexpr int kLandmarkBatches = kMaxBatches + kMaxFrames;
 
-/// Work space of the reprojection factor, and what its depths' own step needs.
+/// Work space of the reprojection factor and of its depths' own step.
 struct alignas(64) LandmarkScratch {
   double rows[kMaxFrames][kBatchesAtOnce][6][kBatchLanes];  ///< H_rho,k over the root of H_rho,rho, host included
   double e[kMaxFrames][kLandmarkBatches][3][kBatchLanes];   ///< W_k d_k
@@ -109,12 +109,12 @@ struct alignas(64) LandmarkScratch {
 };
 
 struct FactorKernels {
-  /// Turns the charts of drifting tracks about their bearings until their axes agree from view to view.
+  /// Rotates the tangent planes of drifting tracks about their bearings until their axes agree from view to view.
   void (*turn_charts)(TrackBatch* batches, int count, const FrameGeometry* frames);
   /// Linearises the track factors and leaves their points in the batches.
   void (*track)(TrackBatch* batches, int count, const FrameGeometry* frames, int frame_count, const TrackSettings&,
                 TrackScratch&, TrackVerdicts*, VisualSystem&);
-  /// What frame 0's views add to the others among the first `frame_count` frames.
+  /// The information that frame 0's views add to the other views of the first `frame_count` frames.
   void (*track_news)(TrackBatch* batches, int count, const FrameGeometry* frames, int frame_count, const TrackSettings&,
                      NewsScratch&, TrackVerdicts*, VisualSystem&);
   /// Their cost alone.
@@ -134,8 +134,8 @@ struct FactorKernels {
   /// Their cost alone.
   double (*landmark_cost)(const TrackBatch* batches, const double (*rho)[kBatchLanes], int count,
                           const FrameGeometry* frames);
-  /// The landmarks' part of a step: changes of rho for cameras moved by `motion` (dc, dphi) from where landmarks() saw
-  /// them.
+  /// The landmarks' part of a step: changes of rho for cameras displaced by `motion` (dc, dphi) from their poses in
+  /// landmarks().
   void (*landmark_step)(const TrackBatch* batches, const double (*rho)[kBatchLanes], int count,
                         const FrameGeometry* frames, const double (*motion)[6], const LandmarkScratch&,
                         double (*change)[kBatchLanes]);
@@ -144,7 +144,7 @@ struct FactorKernels {
   double (*imu)(const double (*L)[16], const double (*J)[32], const double* r, double (*A)[32], double* g);
 };
 
-/// Those of an instruction set that runs here.
+/// The kernels of an instruction set that this machine has.
 const FactorKernels& factor_kernels(InstructionSet set);
 
 }  // namespace epiline

@@ -1,11 +1,11 @@
 #pragma once
-// How frames and bearings are laid out for the kernels that take eight tracks at a time.
+// Layout of frames and bearings for the kernels that process eight tracks at a time.
 #include "estimator/factors/kernels.h"
 #include "estimator/window/window.h"
 
 namespace epiline {
 
-/// Writes one view into a lane; `inverse_sigma` whitens its chart.
+/// Writes one view into a lane; `inverse_sigma` whitens its Jacobian.
 inline void put_view(const Observation& o, double inverse_sigma, int frame, int lane, TrackBatch& batch) {
   double(*d)[kBatchLanes] = batch.observation[frame];
   for (int i = 0; i < 3; ++i) {
@@ -25,8 +25,8 @@ inline void put_nothing(int frame, int lane, TrackBatch& batch) {
 /// No views from frame `first` to `last`, no tracks.
 void clear(TrackBatch& batch, int first, int last);
 
-/// The first `frames` frames at their exposure, relative to `origin`: with the newest body's position, or one it had a
-/// moment ago, differences of positions stay small far from the start.
+/// The first `frames` frames at their exposure, relative to `origin`. If `origin` is the newest body's position, or a
+/// recent one, differences of positions stay small far from the start.
 void fill_geometry(const Window& window, int frames, const Vec3& origin, FrameGeometry* out);
 
 /// From displacements about the common origin to those about the bodies: H <- T' H T, T_k = [I, [p_k]x; 0, I].

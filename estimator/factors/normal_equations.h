@@ -1,6 +1,6 @@
 #pragma once
-// Where a factor puts what it says of the unknowns. The solver and the marginaliser keep H and b in different orders; a
-// factor names the unknowns and adds its blocks without knowing either order.
+// Where a factor adds its information about the unknowns. The solver and the marginaliser keep H and b in different
+// orders; a factor names the unknowns and adds its blocks without knowing either order.
 
 namespace epiline {
 
@@ -44,7 +44,7 @@ class NormalEquations {
   }
 };
 
-/// Which factors: those among the first `frames` frames of the window, or of these only those that tie frame 0.
+/// Which factors: those among the first `frames` frames of the window, or only those of them that contain frame 0.
 struct Share {
   int frames;
   bool oldest_only;

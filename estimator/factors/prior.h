@@ -1,5 +1,5 @@
 #pragma once
-// The Gaussian prior that frames leave when they go. Derivation: docs/derivations/marginalisation.md; test:
+// The Gaussian prior that remains of frames that have left. Derivation: docs/derivations/marginalisation.md; test:
 // tests/estimator/factors/prior_test.cc.
 #include "estimator/config.h"
 #include "estimator/factors/normal_equations.h"
@@ -13,11 +13,11 @@ void prior_difference(const Window& window, double* d);
 /// Returns d'H d - 2 b'd, which may be negative; null: the cost alone.
 double add_prior(const Window& window, NormalEquations* out);
 
-/// Lets a calibration parameter of the prior wander: adds `variance` to its prior covariance, leaving the estimate as
-/// it is.
+/// Random walk of a calibration parameter: adds `variance` to its prior covariance. The estimate does not
+/// change.
 void inflate_calibration(Prior& prior, int parameter, double variance);
 
-/// A prior for a lone first frame at its present state, of covariance `P` (that of the time offset is not used).
+/// A prior for a single first frame at its present state, with covariance `P` (that of the time offset is not used).
 void set_prior(Window& window, const StateCovariance& P, const CalibrationTangent& calibration_sigmas);
 
 /// The same as set_prior() from standard deviations in tangent order, tilt and yaw given separately.

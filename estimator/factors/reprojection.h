@@ -7,17 +7,17 @@
 
 namespace epiline {
 
-/// What an estimator with a map carries from frame to frame and a structureless one does not: where each point is.
+/// The position of a point, which an estimator with a map keeps from frame to frame and a structureless one does not.
 struct Landmark {
-  std::uint32_t track = 0;      ///< id
-  std::uint64_t host = 0;       ///< id of the frame on whose bearing it lies, exactly; 0: no depth yet
-  std::uint64_t since = 0;      ///< views of older frames do not count: the landmark failed then and began anew
+  std::uint32_t track = 0;  ///< id
+  std::uint64_t host = 0;   ///< id of the frame on whose bearing it lies, exactly; 0: no depth yet
+  std::uint64_t since = 0;  ///< views of older frames do not count, because the landmark failed then and began again
   double inverse_distance = 0;  ///< from the host's camera along that bearing, 1/m
 };
 
-/// The rival: each bearing but the host's against the projected landmark, 1.5 px, Huber(1). The inverse distances are
-/// unknowns of the joint problem: eliminated by Schur complement, moved with every step of the solver and taken back
-/// with it, handed from host to host. Rules, and the double use of bearings at marginalisation, are VINS-Mono's.
+/// For comparison: each bearing except the host's against the projected landmark, 1.5 px, Huber(1). The inverse
+/// distances are unknowns of the joint problem: eliminated by Schur complement, changed with every step of the solver
+/// and restored with it, passed from host to host. VINS-Mono's rules, with its double use at marginalisation.
 class ReprojectionFactor final : public VisualFactorModel {
  public:
   explicit ReprojectionFactor(InstructionSet set);

@@ -1,18 +1,18 @@
 #pragma once
-// The order in which the kernels take a window's tracks, eight at a time.
+// The order in which the kernels process a window's tracks, eight at a time.
 #include "estimator/window/window.h"
 
 namespace epiline {
 
-/// The tracks in use with at least two views, sorted by the first and the last frame that saw them: so a batch of eight
-/// spans few more frames than its tracks do.
+/// The tracks in use with at least two views, sorted by the first and the last frame that saw them, so that a batch of
+/// eight spans few more frames than its tracks do.
 class SortedTracks {
  public:
-  static constexpr int kAhead = 8;  ///< tracks whose memory is asked for before they are copied
+  static constexpr int kAhead = 8;  ///< tracks whose memory is prefetched before they are copied
 
   void sort(const Window&);
   void forget() { newest_ = 0; }
-  /// Whether it is this window's frames that were sorted.
+  /// True if the frames of this window were sorted.
   bool is_of(const Window& w) const { return newest_ == w.newest().id && frames_ == w.size(); }
 
   int size() const { return size_; }

@@ -7,9 +7,9 @@
 
 namespace epiline {
 
-/// One factor per feature track: the 2n-3 constraints that n bearings of one unknown point put on n poses, with their
+/// One factor per feature track: the 2n-3 constraints of n bearings of one unknown point on n poses, with their
 /// joint covariance (docs/derivations/track.md). The point is a function of poses and bearings inside the evaluation
-/// and is projected out.
+/// and is eliminated there.
 class TrackFactor final : public VisualFactorModel {
  public:
   explicit TrackFactor(InstructionSet set);
@@ -18,7 +18,7 @@ class TrackFactor final : public VisualFactorModel {
   void linearise(const Window&, VisualSystem&) noexcept override;
   double cost(const Window&) noexcept override;
   void marginalise_oldest(const Window&, const VisualSettings&, VisualSystem&) noexcept override;
-  bool may_step_untried() const noexcept override { return true; }  // the points are at their best at every state
+  bool may_step_untried() const noexcept override { return true; }  // the points are optimal at every state
   double residual_sigma_px() noexcept override;
   bool gate_suspended() const noexcept override { return gate_suspended_; }
   void restart() noexcept override;

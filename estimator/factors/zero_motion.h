@@ -1,6 +1,6 @@
 #pragma once
-// At rest: no velocity, and the position of the frame it rests with. Derivation: docs/derivations/zero_motion.md; test:
-// tests/estimator/factors/zero_motion_test.cc.
+// A frame at rest has no velocity, and the position of its rest frame. Derivation: docs/derivations/zero_motion.md;
+// test: tests/estimator/factors/zero_motion_test.cc.
 #include "estimator/factors/normal_equations.h"
 #include "estimator/window/window.h"
 

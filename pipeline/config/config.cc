@@ -88,7 +88,7 @@ const Parameter* find_parameter(const std::string& name) {
   return nullptr;
 }
 
-/// What to write in place of a setting that there is not.
+/// For a setting that does not exist: the existing ones to choose from.
 std::string listed_name(const std::string& wrong) {
   std::vector<std::string> names;
   for (const Parameter& p : parameters()) names.push_back(p.name);

@@ -135,7 +135,7 @@ RealtimePipeline::RealtimePipeline(const RealtimeSettings& settings, const Realt
     join();
     throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again), "no thread left");
   }
-  // here, not in arm(): on a busy machine it takes seconds, and whoever calls arm() has just set the samples' clock
+  // here, not in arm(): on a busy machine this takes seconds, and the caller of arm() has just set the samples' clock
   impl_->memory_not_locked = settings.realtime.lock_memory ? lock_memory() : "not asked for";
 }
 

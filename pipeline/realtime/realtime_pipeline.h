@@ -43,8 +43,8 @@ struct RealtimePorts {
   ImuSource* imu = nullptr;
   OdometrySink* odometry = nullptr;
   std::vector<FlightObserver*> observers;
-  std::vector<EventRing*> event_rings;  ///< events of threads that are none of the pipeline's, for the observers
-  WheelSource* wheel = nullptr;         ///< or null; what it says is used, and not waited for
+  std::vector<EventRing*> event_rings;  ///< events of threads outside the pipeline, for the observers
+  WheelSource* wheel = nullptr;         ///< may be null; speeds are used as they come, nothing waits for them
 };
 
 /// How the run went, thread by thread and ring by ring.

@@ -151,7 +151,7 @@ bool FlightRecorder::Impl::may_record_lost(HostStamp stamp) const {
 }
 
 void FlightRecorder::Impl::write_all() {
-  setpriority(PRIO_PROCESS, 0, 10);  // of this thread: who decodes or logs goes first
+  setpriority(PRIO_PROCESS, 0, 10);  // of this thread: decoding and logging go first
   for (bool over = false; !over;) {
     bool ends = false;
     parking.wait_until(monotonic_ns() + Span::from_milliseconds(500).ns, [&] {

@@ -43,7 +43,7 @@ Tape::Range Tape::lend() noexcept {
   const bool moved = next_segment();
   EPILINE_EXPECTS(moved, "the tape is lent once at a time");
   const Range range{current_ - std::min<std::uint64_t>(current_, kept_), current_};
-  // relaxed: whoever hands the range to the reader orders it, and only we look at the number until then
+  // relaxed: handing the range to the reader orders it, and until then only this thread reads the number
   needed_from_.store(range.from, std::memory_order_relaxed);
   return range;
 }

@@ -8,7 +8,7 @@ namespace epiline {
 
 void EstimatorEvents::after_imu(const ImuSample& sample, const BackEnd& back_end) noexcept {
   const std::uint64_t aside = back_end.estimator().stats().imu_far_ahead;
-  if (std::exchange(aside_, aside) != aside) return;  // nothing is told of it until another reading confirms its stamp
+  if (std::exchange(aside_, aside) != aside) return;  // no event until another sample confirms its timestamp
   const std::uint64_t gaps = back_end.estimator().stats().imu_gaps;
   if (std::exchange(gaps_, gaps) != gaps) tell(sample.stamp, EventId::kImuGap, (sample.stamp - last_imu_).ns);
   last_imu_ = sample.stamp;

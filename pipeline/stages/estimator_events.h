@@ -1,6 +1,6 @@
 #pragma once
-// What happened in the estimator, as events: one place for the replay in one thread and for the threads. What came in
-// is told by pipeline/watch/input_events.h.
+// Events of the estimator, for the replay in one thread and for the threads. Events of the input are in
+// pipeline/watch/input_events.h.
 #include <array>
 
 #include "estimator/statistics.h"
@@ -9,7 +9,7 @@
 
 namespace epiline {
 
-/// Compares what the estimator says after a step with what it said before. Belongs to the thread of the back end; no
+/// Compares the estimator's figures after a step with those before it. Belongs to the thread of the back end; no
 /// heap.
 class EstimatorEvents {
  public:

@@ -31,13 +31,13 @@ struct Estimate {
   std::uint64_t serial = 0;  ///< from 1; 0: none yet
   bool has_pose = false;
   Odometry odometry;
-  // What the prediction is corrected with, once for each `solved_serial`. It is repeated in later estimates: one that
-  // was superseded is not lost.
+  // Corrects the prediction, once for each `solved_serial`. Later estimates repeat it, so that it is not lost with an
+  // estimate that was superseded.
   std::uint64_t solved_serial = 0;  ///< 0: none yet
   Odometry solved;
 };
 
-/// When a sensor last gave something, for the publisher. Each number stands for itself: no order is needed.
+/// When a sensor last delivered something, for the publisher. The numbers are independent: no order is needed.
 class Heard {
  public:
   void tell(HostStamp last, Span period) noexcept {
@@ -51,7 +51,7 @@ class Heard {
   std::atomic<std::int64_t> last_ns_{0}, period_ns_{0};
 };
 
-/// Odometry that was handed out, for the log.
+/// Published odometry, for the log.
 struct Publication {
   std::uint64_t serial = 0;     ///< of the FrameOutcome
   std::int64_t latency_ns = 0;  ///< since the instant of the image's stamp

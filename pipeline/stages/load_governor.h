@@ -1,5 +1,5 @@
 #pragma once
-// What is given up when time is short, and when it is taken back. docs/realtime.md, "When time is short".
+// What to skip when time is short, and when to resume it. docs/realtime.md, "When time is short".
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -9,13 +9,13 @@
 
 namespace epiline {
 
-/// In the order in which things are given up.
+/// In the order in which work is skipped.
 enum class LoadLevel : std::uint8_t { kFull, kFewerFeatures, kFewerIterations, kPredictionOnly, kCount };
 constexpr std::size_t kLoadLevels = static_cast<std::size_t>(LoadLevel::kCount);
 inline constexpr std::array<const char*, kLoadLevels> kLoadLevelNames = {"full", "fewer_features", "fewer_iterations",
                                                                          "prediction_only"};
 
-/// What a few of the last measurements were at most, but for the largest: one stray value does not count.
+/// The second largest of the last few measurements, so that one stray value does not count.
 class RecentMost {
  public:
   void add(double value) noexcept {
@@ -30,11 +30,11 @@ class RecentMost {
   std::size_t next_ = 0, count_ = 0;
 };
 
-/// Chooses the effort of each solve so that it fits into the time there is. It holds no clock: times are told to it.
+/// Chooses the effort of each solve so that it fits into the available time. It has no clock; the caller passes times.
 ///
-/// What a solve costs is learnt: the time of one track in one linearisation, the fixed parts counted as so many tracks.
-/// The first rung that fits is taken at once when time is short, and a better one when it has fitted with room to spare
-/// at several frames in a row.
+/// It learns the cost of a solve as the time of one track in one linearisation; the fixed parts count as a number of
+/// tracks. When time is short it takes the first rung that fits, at once. It takes a better one after that one has
+/// fitted with room to spare at several frames in a row.
 class LoadGovernor {
  public:
   static constexpr std::int64_t kUnlimited = std::numeric_limits<std::int64_t>::max();
@@ -45,8 +45,8 @@ class LoadGovernor {
   };
   struct Counts {
     std::array<std::uint64_t, kLoadLevels> frames{};  ///< due for a solve, by the level they were planned at
-    std::uint64_t lowered = 0, raised = 0;            ///< how often effort was taken away and given back
-    std::uint64_t let_through = 0;  ///< of prediction only: solved all the same, so that the estimate survives
+    std::uint64_t lowered = 0, raised = 0;            ///< how often effort was lowered and raised
+    std::uint64_t let_through = 0;  ///< frames of prediction only that were solved, so that the estimate survives
     std::uint64_t over_budget = 0;  ///< solves that took longer than they should have
   };
 
@@ -70,7 +70,7 @@ class LoadGovernor {
   RecentMost unit_ns_;  ///< of a track in a linearisation
   int offered_ = 0;     ///< tracks in the window
   int rung_ = 0;
-  int calm_ = 0, calm_rung_ = 0;  ///< frames in a row that a better rung has fitted, and the best that fitted all
+  int calm_ = 0, calm_rung_ = 0;  ///< frames in a row that a better rung would fit, and the best rung that fits all
   bool any_solved_ = false;
   HostStamp last_solved_;
   std::int64_t budget_ns_ = kUnlimited;

@@ -57,8 +57,8 @@ class OfflinePipeline {
   FlightClock clock_;
   EventRing events_;
   Parking nobody_;     ///< parks here
-  Heard unheard_;      ///< without a publisher nobody tells of silence
-  EndMark imu_ended_;  ///< set: a reading that is not here when an image comes is not waited for
+  Heard unheard_;      ///< without a publisher there are no events of silence
+  EndMark imu_ended_;  ///< set: images do not wait for missing samples
   EndMark not_ended_;
   LentImages images_{nullptr};
   FrameRing frames_;

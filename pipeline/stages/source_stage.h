@@ -26,7 +26,7 @@ class SourceStage : public Stage {
       : clock_(clock), source_events_(source, events) {}
 
  private:
-  /// A lost device may say so at once: no real-time thread may ask it all the time.
+  /// A lost device may fail at once, and no real-time thread may ask it all the time.
   static constexpr Span kRest = Span::from_milliseconds(10);
 
   virtual ReadOutcome read() noexcept = 0;

@@ -23,7 +23,7 @@ Status make_folder(const std::filesystem::path& folder);
 /// `folder/name`, or `folder/name.gz` if only that exists; empty if neither does.
 std::filesystem::path find_table(const std::filesystem::path& folder, const std::string& name);
 
-/// The lines of a text that say something: no blank ones, no comments (`#`), no carriage returns.
+/// The lines of a text without blank ones, comments (`#`) and carriage returns.
 class LineReader {
  public:
   /// `text` must outlive the reader.

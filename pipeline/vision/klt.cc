@@ -69,8 +69,8 @@ struct Batch {
   HWY_INLINE void add(Search& s) { at[size++] = &s; }
 };
 
-// The template knows nothing of the contrast of the new image, and a step is wrong by that factor. A step compared with
-// the one before it tells the factor (a secant along the step).
+// The template does not contain the contrast of the new image, so a step is wrong by that factor. Comparing a step
+// with the previous one gives the factor (a secant along the step).
 HWY_INLINE float secant_gain(float gain, Move step, Move last) {
   const float length2 = last.x * last.x + last.y * last.y;
   constexpr float kTooShort = 0.05f;  // px: below it the ratio is noise
@@ -124,7 +124,7 @@ HWY_INLINE KltEnd start_level(const Images& images, int level, Search& s, Templa
   return KltEnd::kFound;
 }
 
-// One level forward: improves `found` of those to which the level says something.
+// One level forward: improves `found` of those that the level can improve.
 HWY_INLINE void track_level(const Images& images, int level, const Batch& batch) {
   Template scratch[kBatch];
   Batch going;

@@ -15,7 +15,7 @@ namespace epiline {
 /// out at once, returns the newest value and hands the others, which are overtaken, to its visitor. So nothing stays
 /// behind: a consumer that has popped until kNone has taken out every value pushed before.
 ///
-/// All of the ring is one word: a lane for each value, the oldest in the lowest one, and a bit that tells of an
+/// The whole ring is one word: a lane for each value, the oldest in the lowest one, and a bit that marks an
 /// overflow. Both sides replace the whole word, so each value leaves the ring exactly once and into one hand: popped,
 /// evicted (returned by push) or overtaken. What a value names was written before push and belongs to the thread that
 /// took the value out.

@@ -16,7 +16,7 @@ class ImageSource {
 
   /// Image `index` in the recording's order as 8-bit grey. Fails if and only if it cannot be read whole.
   virtual Status read(std::size_t index, GreyImage& grey) = 0;
-  /// Where that image comes from, for a complaint: `found` and `expected` are put into an error about it.
+  /// An error about that image, which names its file or message, with `found` and `expected`.
   virtual Error complaint(std::size_t index, std::string found, std::string expected) const = 0;
 };
 

@@ -23,7 +23,7 @@ constexpr auto kCrcTable = crc_table();
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
-/// w, x, y, z in place of which the three beside the largest are sent.
+/// Sends the three smallest of w, x, y, z; the receiver computes the largest.
 void set_smallest_three(Values& values, const std::array<double, 4>& q) {
   std::size_t largest = 0;
   double norm = 0;

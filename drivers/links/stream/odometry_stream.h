@@ -32,7 +32,7 @@ class OdometryStream {
   static constexpr std::int64_t kSilence_ns =
       500'000'000;  ///< without an offer for this time, the estimator has stopped
 
-  /// The reset counter begins with another number than that of a run that ended lately: a restarted program has jumped.
+  /// The reset counter begins with another number than in the previous run, because a restarted program has jumped.
   explicit OdometryStream(double rate_hz) noexcept;
 
   // The offering thread.

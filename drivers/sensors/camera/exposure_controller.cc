@@ -73,7 +73,7 @@ constexpr double kStepMost = 0.3;              // else steps below what health c
 constexpr double kBandMargin = 1.3, kBandMost = 0.9;  // a band that grows when it was left in vain ...
 constexpr double kBandDecay = 0.997;                  // ... and shrinks to the half in 700 images
 constexpr double kReachMost = 2;                      // logarithm: more than is ever wanted
-constexpr double kCalm = 0.97;                        // the turn rate of late falls so from image to image
+constexpr double kCalm = 0.97;                        // decay of the recent rotation rate per image
 constexpr double kWorthwhile = 1.5;                   // a longer exposure is taken up when it is longer by so much
 constexpr double kSameTotal = 0.02;                   // relative
 

@@ -38,14 +38,14 @@ class ExposureController {
   /// Exposure time and gain that together are `total` (seconds times gain), or as near as the limits allow. Time first,
   /// for gain is noise.
   ExposureState split(double total) const noexcept;
-  /// The longest exposure time at the turn rate of late.
+  /// The longest exposure time at the recent rotation rate.
   Span longest() const noexcept;
 
  private:
   double step_of(double wanted) noexcept;
 
   ExposureLimits limits_;
-  double turn_rate_ = 0;  ///< the highest of late, rad/s
+  double turn_rate_ = 0;  ///< the highest recent rotation rate, rad/s
   double sum_ = 0;        ///< of wanted factors, logarithms
   int images_ = 0;
   bool is_moving_ = false;

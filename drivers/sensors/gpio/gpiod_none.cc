@@ -1,4 +1,4 @@
-// Without libgpiod there are no lines, and GpioLine::open() says so.
+// Without libgpiod there are no lines; GpioLine::open() returns an error with this reason.
 #include <cerrno>
 
 #include "drivers/sensors/gpio/gpio_request.h"

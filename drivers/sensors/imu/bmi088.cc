@@ -151,11 +151,11 @@ void Bmi088::close() noexcept {
 DeviceTrouble Bmi088::identify() noexcept {
   std::array<std::uint8_t, 2> gyro{};
   std::array<std::uint8_t, 1> accel{};
-  // after power on the accelerometer speaks I2C, until its chip select has risen once; and it may be either's
+  // after power-on the accelerometer uses I2C until its chip select has risen once; and the devices may be swapped
   const bool is_read = read(Half::kAccelerometer, kAccelId, accel) && read(Half::kGyroscope, kGyroId, gyro) &&
                        read(Half::kAccelerometer, kAccelId, accel) && read(Half::kGyroscope, kGyroId, gyro);
   if (!is_read) return device_refusal("CHIP_ID", bus_error_);
-  // as seen by somebody who expects no byte without meaning
+  // the gyroscope sends no dummy byte, so the accelerometer's identity is in the second byte
   if (gyro[0] != kGyroIdentity && gyro[1] == kAccelIdentity) {
     DeviceTrouble trouble = device_refusal("identity register", 0);
     std::snprintf(trouble.found, sizeof(trouble.found), "the accelerometer answers instead of the gyroscope");

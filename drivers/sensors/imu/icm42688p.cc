@@ -199,7 +199,7 @@ DeviceTrouble Icm42688p::compare(const Register& wanted) noexcept {
   });
 }
 
-/// Before the table's first register: which bank is selected, and who is there.
+/// Two checks come before the table's first register: the selected bank, and the chip's identity.
 DeviceTrouble Icm42688p::check_next() noexcept {
   const std::size_t n = next_check_;
   next_check_ = (next_check_ + 1) % (table_.size() + 2);

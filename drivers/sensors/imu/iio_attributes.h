@@ -1,5 +1,5 @@
 #pragma once
-// A device's folder in sysfs: small text files. No heap and no exceptions, for a device is set up anew in flight.
+// A device's folder in sysfs: small text files. No heap and no exceptions, because a device is also set up in flight.
 #include <array>
 #include <cstddef>
 

@@ -16,12 +16,12 @@ namespace epiline {
 
 namespace {
 
-constexpr Span kSilence = Span::from_milliseconds(2'000);  // without a reading for so long, the device is opened anew
-constexpr Span kLook = Span::from_milliseconds(20);        // poll() does not tell of an unplugged device, read() does
-// The kernel stamps a reading before we get it, and not long before.
+constexpr Span kSilence = Span::from_milliseconds(2'000);  // after this time without a sample, the device is reopened
+constexpr Span kLook = Span::from_milliseconds(20);        // read() fails for an unplugged device, poll() does not
+// The kernel stamps a sample shortly before we get it.
 constexpr Span kAhead = Span::from_milliseconds(1), kFresh = Span::from_milliseconds(500);
 constexpr Span kOld = Span::from_milliseconds(2'000);
-constexpr int kDecide = 3;           // times in a row that are not the host's: the device has a clock of its own
+constexpr int kDecide = 3;           // timestamps in a row off the host's clock: the device has its own
 constexpr int kWrongMost = 20;       // readings in a row that cannot be used: begin anew
 constexpr double kGapOfAccel = 3.5;  // usual intervals without the accelerometer that are bridged
 

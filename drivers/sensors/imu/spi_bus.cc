@@ -25,7 +25,7 @@ constexpr unsigned long message_request(std::size_t parts) noexcept {
 }
 static_assert(message_request(1) == SPI_IOC_MESSAGE(1) && message_request(kMostParts) == SPI_IOC_MESSAGE(4));
 
-/// The spidev files there are, for the message; as many as fit.
+/// Lists the existing spidev files for the error message, as many as fit.
 void list_spidevs(std::span<char> text) noexcept {
   int used = std::snprintf(text.data(), text.size(), "one of the existing devices:");
   bool any = false;

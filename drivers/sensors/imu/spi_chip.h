@@ -20,8 +20,8 @@ constexpr int smallest_range(std::span<const double> ranges, double wanted) noex
   return place;
 }
 
-/// `read(value)` gives a register's value; false: the bus failed with `bus_error`. It is read again if it is not
-/// `wanted` where `mask` has ones, for it may have been garbled on the bus. Then `trouble_of(found)` says so.
+/// `read(value)` reads a register; false: the bus failed with `bus_error`. A value that is not `wanted` in the bits of
+/// `mask` may be garbled, so it is read once more. If it is still wrong, returns `trouble_of(found)`.
 template <class Value, class Read, class TroubleOf>
 DeviceTrouble read_back(Value wanted, Value mask, const int& bus_error, Read read, TroubleOf trouble_of) noexcept {
   Value value = 0;

@@ -25,12 +25,12 @@ class ArrivalClock {
  public:
   ArrivalClock() noexcept;
 
-  /// The frame's arrival, for a frame that is read at `now`. Never later than that, and not before the frame read
-  /// before; an arrival more than a second ago is not believed: then it is `now`, and one more in bad_stamps().
+  /// The arrival of a frame that is read at `now`. Never later than `now`, and not earlier than the previous frame's.
+  /// An arrival more than a second ago counts as wrong: the result is then `now`, and bad_stamps() increases by one.
   HostStamp arrival(const ArrivalStamps& stamps, const ClockPair& now) noexcept;
 
   std::uint64_t bad_stamps() const noexcept { return bad_stamps_; }
-  /// The clock of day was set while a frame waited: its stamp was read by the clock as it was before.
+  /// How often the clock of day was set while a frame waited; such a timestamp is read by the clock as it was before.
   std::uint64_t steps() const noexcept { return steps_; }
   /// Of the interface's clock; empty if there is none.
   ClockState hardware_state() const noexcept { return hardware_.state(); }

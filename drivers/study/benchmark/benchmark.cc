@@ -27,7 +27,7 @@ std::string processor_name() {
   return "unknown processor";
 }
 
-/// The data set's folder names it; `mav0` says nothing.
+/// A data set is named after its folder; `mav0` is the same for all.
 BenchmarkDataset named(const fs::path& path) {
   std::error_code ignored;
   fs::path folder = fs::absolute(path, ignored).lexically_normal();
@@ -36,7 +36,7 @@ BenchmarkDataset named(const fs::path& path) {
   return {folder.filename().string(), folder.parent_path().filename().string(), path.string(), {}};
 }
 
-/// Names appear in tables and as folders: no two are the same.
+/// Names appear in tables and as folders, so they must be unique.
 void make_unique(std::vector<BenchmarkDataset>& datasets) {
   for (std::size_t i = 0; i < datasets.size(); ++i) {
     const std::string name = datasets[i].name;
@@ -46,7 +46,7 @@ void make_unique(std::vector<BenchmarkDataset>& datasets) {
   }
 }
 
-/// Repetitions outermost and factors innermost: what is compared runs close together in time.
+/// Repetitions outermost and factors innermost, so that runs that are compared run close together in time.
 std::vector<BenchmarkRun> plan(const BenchmarkOptions& options, const std::vector<BenchmarkDataset>& datasets) {
   std::vector<BenchmarkRun> runs;
   const int repetitions = options.ensemble > 0 ? options.ensemble : options.repeat;
@@ -77,7 +77,7 @@ ProcessJob job_of(const BenchmarkOptions& options, const BenchmarkRun& run) {
   return job;
 }
 
-/// What the run said last, without the program's name.
+/// The last line that the run printed, without the program's name.
 std::string last_line(const fs::path& log) {
   std::ifstream in(log);
   std::string last;
@@ -88,7 +88,7 @@ std::string last_line(const fs::path& log) {
   return last.rfind(prefix, 0) == 0 ? last.substr(prefix.size()) : last;
 }
 
-/// Reads what the run left.
+/// Reads the files of the run.
 void collect(const ProcessJob& job, const ProcessEnd& end, BenchmarkRun& run) {
   if (end.signal == 0 && end.exit_code == 2) {
     run.outcome = RunOutcome::kRefused;
@@ -104,7 +104,7 @@ void collect(const ProcessJob& job, const ProcessEnd& end, BenchmarkRun& run) {
       run.outcome = RunOutcome::kDone;
       run.estimate = std::move(*estimate);
       std::error_code ignored;
-      fs::remove(job.log(), ignored);  // a run that is done has nothing to say
+      fs::remove(job.log(), ignored);  // the log of a successful run is of no interest
       return;
     }
     run.message = estimate.error().text();
@@ -144,7 +144,7 @@ Result<BenchmarkRecord> run_benchmark(const BenchmarkOptions& options,
   for (std::size_t d = 0; d < options.datasets.size(); ++d) {
     const fs::path& path = options.datasets[d];
     auto truth = is_bag(path) ? read_bag_ground_truth(path, "") : read_asl_ground_truth(path);
-    if (truth) record.datasets[d].truth = std::move(*truth);  // what is wrong with it the runs have said
+    if (truth) record.datasets[d].truth = std::move(*truth);  // the runs have reported what is wrong with it
   }
   return record;
 }

@@ -13,14 +13,14 @@ namespace epiline {
 struct BenchmarkOptions {
   std::vector<std::filesystem::path> datasets;
   std::vector<std::string> factors;
-  int repeat = 1, jobs = 1;           ///< jobs: replays side by side
-  int ensemble = 0;                   ///< if above zero: so many runs, perturbed by 0, 1, ..., in place of `repeat`
+  int repeat = 1, jobs = 1;           ///< jobs: replays at the same time
+  int ensemble = 0;                   ///< above zero: number of runs, perturbed by 0, 1, ..., instead of `repeat`
   std::filesystem::path config_file;  ///< empty: defaults
   std::string camera = "cam0";
-  std::filesystem::path out;  ///< the runs leave their files in `out/runs`
+  std::filesystem::path out;  ///< the runs write their files to `out/runs`
 };
 
-/// Runs all replays. A replay that fails is part of the result. `progress` is called with runs ended and runs in all.
+/// Runs all replays. A replay that fails is part of the result. Calls `progress` with ended and all runs.
 /// Fails if and only if the configuration file is wrong, a folder cannot be written, a process cannot be started, or
 /// the user interrupts.
 Result<BenchmarkRecord> run_benchmark(const BenchmarkOptions& options,

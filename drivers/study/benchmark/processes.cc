@@ -16,7 +16,7 @@ namespace epiline {
 
 namespace {
 
-/// Holds back the signals that this program waits for; they stay pending until asked for, so that none is missed.
+/// Blocks the signals that this program waits for; they stay pending until it asks for them, so that none is missed.
 class HeldSignals {
  public:
   HeldSignals() {
@@ -40,7 +40,7 @@ class HeldSignals {
   sigset_t held_{}, before_{};
 };
 
-/// The children at work. Those left when it goes out of scope are ended.
+/// The running children. The destructor ends those that are left.
 class Children {
  public:
   explicit Children(const HeldSignals& signals) : signals_(signals) {}
@@ -55,7 +55,7 @@ class Children {
 
   Status start(const ProcessJob& job, std::size_t index) {
     std::error_code ignored;
-    std::filesystem::remove_all(job.folder, ignored);  // what an earlier process left must not pass for its results
+    std::filesystem::remove_all(job.folder, ignored);  // files of an earlier process must not pass for its results
     if (Status made = make_folder(job.folder); !made) return made;
     const std::string log = job.log().string();
     std::vector<char*> arguments{const_cast<char*>("epiline")};
@@ -70,7 +70,7 @@ class Children {
     posix_spawnattr_setsigmask(&attributes, &signals_.before());
     posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK);
     pid_t pid = 0;
-    // The file that is running, even if a build puts another one in its place meanwhile.
+    // The running file, even if a build has replaced it meanwhile.
     const int error = posix_spawn(&pid, "/proc/self/exe", &files, &attributes, arguments.data(), environ);
     posix_spawnattr_destroy(&attributes);
     posix_spawn_file_actions_destroy(&files);

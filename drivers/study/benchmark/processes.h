@@ -9,7 +9,7 @@
 
 namespace epiline {
 
-/// This very program with other arguments. Its folder is empty when it begins, but for the log of what it prints.
+/// This program with other arguments. When it begins, its folder contains only the log of its output.
 struct ProcessJob {
   std::vector<std::string> arguments;
   std::filesystem::path folder;
@@ -21,10 +21,10 @@ struct ProcessEnd {
   int signal = 0;     ///< that ended it; 0: none
 };
 
-/// Runs all jobs, at most `side_by_side` of them at a time, in their order; `progress` is called with jobs ended and
-/// jobs in all. On SIGINT or SIGTERM the children are ended first. Fails if and only if interrupted in this way
-/// (ErrorKind::kRun) or if a folder cannot be made or a process not be started. Not to be called from two threads: it
-/// waits for every child.
+/// Runs all jobs in their order, at most `side_by_side` of them at a time; calls `progress` with the number of ended
+/// jobs and of all jobs. On SIGINT or SIGTERM it first ends the children. Fails if and only if interrupted in this way
+/// (ErrorKind::kRun), or if a folder cannot be made or a process cannot be started. Call it from one thread only,
+/// because it waits for every child.
 Result<std::vector<ProcessEnd>> run_processes(const std::vector<ProcessJob>& jobs, int side_by_side,
                                               const std::function<void(std::size_t, std::size_t)>& progress);
 

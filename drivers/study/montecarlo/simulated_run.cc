@@ -52,7 +52,7 @@ Pose pose_of(const Odometry& o) {
   return {Vec3(o.p_WB_m.data()), Eigen::Quaterniond(o.q_WB[0], o.q_WB[1], o.q_WB[2], o.q_WB[3]).toRotationMatrix()};
 }
 
-/// The truth, moved by one draw of the errors the estimator is told to expect.
+/// Ground truth plus a random error with the standard deviations that the estimator is configured for.
 InitialState wrong_start(const BodyState& truth, std::uint64_t seed) {
   Random random(seed, kStartStream);
   InitialState x;

@@ -26,8 +26,8 @@ struct RunFigures {
 /// paper's, the reprojection factor VINS-Mono's: with its keyframe rule, no zero-motion factor, no gate.
 EstimatorConfig comparison_config(VisualFactor factor, const TrackSimulation& simulation);
 
-/// Starts the estimator in the first image from the truth plus a random error (`seed`) of the standard deviations of
-/// InitialState, and gives it every second image.
+/// Starts the estimator in the first image from ground truth plus a random error (`seed`) with the standard deviations
+/// of InitialState, and passes it every second image.
 ///
 /// ATE: rms of the newest-frame positions after alignment in translation and yaw. RPE: rms error of the motion over 5
 /// s, in the body frame at its beginning. Scale error: regression of the aligned positions on the true ones, minus 1.

@@ -12,7 +12,7 @@
 
 namespace epiline {
 
-/// A visual factor and what is changed about it: `track`, `epipolar:gate:zero-motion`, `track:steps=5`.
+/// A visual factor and changes of its settings: `track`, `epipolar:gate:zero-motion`, `track:steps=5`.
 struct FactorVariant {
   std::string name;
   VisualFactor factor = VisualFactor::kTrack;
@@ -31,8 +31,8 @@ struct StudyOptions {
   std::uint64_t seed = 1;
   TrackNoise noise{.pixel_sigma = 1, .outlier_share = 0.02, .drift_px = 0};
   CorrelatedNoise correlated;
-  std::optional<double> assumed_sigma_px;  ///< what the estimator is told instead of the white noise's
-  double time_offset_s = 0;                ///< of the images' stamps; if not zero, the estimator has to find it
+  std::optional<double> assumed_sigma_px;  ///< the estimator's setting; none: the sigma of the white noise
+  double time_offset_s = 0;                ///< of the images' timestamps; if not zero, the estimator estimates it
   double readout_s = 0;                    ///< of a rolling shutter
 };
 
@@ -43,13 +43,13 @@ struct StudyCell {
   std::vector<RunFigures> runs;
 };
 
-/// Simulates each flight once and gives it to every variant: the factors see the very same noise. The figures but for
-/// the times depend on nothing but the options. Cells in the order flight, variant. `progress` is called with flights
-/// done and flights in all, from one thread at a time.
+/// Simulates each flight once for all variants, so that the factors get the same noise. All figures except the times
+/// depend on the options only. The cells are in the order flight, variant. Calls `progress` with finished and all
+/// flights, from one thread at a time.
 std::vector<StudyCell> run_study(const StudyOptions& options,
                                  const std::function<void(std::size_t, std::size_t)>& progress);
 
-/// The figures of a cell; but for the times, of the runs that did not diverge.
+/// The figures of a cell, over the runs that did not diverge; the times are over all runs.
 struct StudySummary {
   int diverged = 0, runs = 0;
   Summary ate, rpe, scale_abs, yaw, nees_position, nees_rotation, time_offset;

@@ -1,5 +1,5 @@
 #pragma once
-// Who shows a flight while it goes on, as a replay knows it.
+// The interface of a live view, as a replay uses it.
 #include <optional>
 #include <string>
 
@@ -8,7 +8,7 @@
 
 namespace epiline {
 
-/// What holds for the whole run.
+/// Facts about the whole run.
 struct ViewSubject {
   std::string title;         ///< of the page, for instance the recording's name
   std::string program;       ///< name and version
@@ -22,9 +22,9 @@ class FlightView {
 
   /// Once, before the threads of the flight are armed. False: the system has no thread left.
   virtual bool start(ViewSubject subject) = 0;
-  /// To be told of the flight.
+  /// Gets the events of the flight.
   virtual FlightObserver& observer() = 0;
-  /// The flight is over: what the observer was told is all. After the last call of the observer.
+  /// The flight is over. Called after the last call of the observer.
   virtual void finish() = 0;
 };
 

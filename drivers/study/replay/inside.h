@@ -1,5 +1,5 @@
 #pragma once
-// What replays in one thread and in several have in common.
+// Functions that replays in one thread and in several share.
 #include <span>
 #include <vector>
 
@@ -8,14 +8,14 @@
 
 namespace epiline {
 
-/// A record with everything that is known before the flight.
+/// A record with all facts that are known before the flight.
 FlightRecord begin_record(const AslDataset& dataset, const FlightPlan& plan, const Config& config,
                           const ReplayOptions& options);
 
-/// The recorded points of each image of the plan; none of a data set with images.
+/// The recorded points of each image of the plan; empty for a data set with images.
 std::vector<std::span<const TrackPoint>> recorded_points(const AslDataset& dataset, const FlightPlan& plan);
 
-/// The flight in real time, in threads. Fails if and only if an image is wrong, or there is no thread left.
+/// The flight in real time, in threads. Fails if and only if an image is wrong, or the system has no thread left.
 Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const FlightPlan& plan, const Config& config,
                                          const ReplayOptions& options,
                                          const std::function<void(std::size_t, std::size_t)>& progress);

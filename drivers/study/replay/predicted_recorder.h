@@ -1,5 +1,5 @@
 #pragma once
-// Keeps the odometry of every IMU reading of a flight, without heap or file on the way.
+// Keeps the odometry of every IMU sample of a flight in memory, without heap calls or files during the flight.
 #include <array>
 #include <vector>
 
@@ -10,7 +10,7 @@ namespace epiline {
 
 class PredictedRecorder final : public OdometrySink {
  public:
-  /// Room for so many; later ones are not kept. `next`: who gets all of it as well; may be null.
+  /// Keeps the odometry of the first `readings` samples. `next` gets all of it as well; may be null.
   PredictedRecorder(std::size_t readings, OdometrySink* next) : rows_(readings), next_(next) {}
 
   Status open() override { return Done{}; }
@@ -20,7 +20,7 @@ class PredictedRecorder final : public OdometrySink {
     return next_ == nullptr || next_->publish_image(odometry);
   }
 
-  /// What came, and how smooth it is.
+  /// The path of the kept odometry, and how smooth it is.
   PredictedPath path() const;
 
  private:
@@ -30,7 +30,7 @@ class PredictedRecorder final : public OdometrySink {
     std::array<double, 4> q{};
     std::uint32_t resets = 0;
   };
-  std::vector<Row> rows_;  // all written once at construction: no page is new later
+  std::vector<Row> rows_;  // written once at construction, so that no page fault comes later
   std::size_t count_ = 0;
   OdometrySink* next_;
 };

@@ -1,5 +1,5 @@
 #pragma once
-// What flights in threads have in common, whether their sensors are recorded or live.
+// Functions that flights in threads share, with recorded or live sensors.
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -10,16 +10,16 @@
 
 namespace epiline {
 
-/// What a record of this flight is replayed with: the settings of this run, whatever files they came from.
+/// The facts with which a record of this flight can be replayed: the settings of this run, from whatever files.
 RecordedRun recorded_run(const CameraParameters& camera, double image_rate_hz, Config config);
 
-/// What was asked of the system and not given, a line each.
+/// What the system refused (priorities, locked memory, processors), one line each.
 std::vector<std::string> shortfalls_of(const RealtimeReport& report);
 
-/// After join(): takes over what the pipeline says of the flight. `speed`: of the samples' clock.
+/// Copies the pipeline's report into `record`. Call it after join(). `speed`: of the samples' clock.
 void take_report(const RealtimePipeline& pipeline, double speed, FlightRecord& record);
 
-/// Writes what the recorder holds at the end, and takes over what it says of itself.
+/// Writes the recorder's last record, and copies its report into `record`.
 void finish(FlightRecorder& recorder, FlightRecord& record);
 
 }  // namespace epiline

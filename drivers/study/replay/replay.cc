@@ -51,7 +51,7 @@ std::vector<std::span<const TrackPoint>> recorded_points(const AslDataset& datas
 
 namespace {
 
-/// Defaults, then what the data set says, then the configuration file, then the command line.
+/// Precedence: command line, configuration file, data set, defaults.
 void fill_config(const AslDataset& dataset, const ConfigFile* file, const ReplayOptions& options, Config& config) {
   EstimatorConfig& e = config.estimator;
   e.imu = dataset.imu.noise;
@@ -68,7 +68,7 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
   config.recorder.images |= options.record_images;
 }
 
-/// One flight on its way through the pipeline, in this thread.
+/// One flight through the pipeline, in this thread.
 class Flight {
  public:
   Flight(const AslDataset& dataset, const FlightPlan& plan, const Config& config, const ReplayOptions& options)
@@ -88,7 +88,7 @@ class Flight {
     const PlannedImage& planned = plan_.images[k];
     Frame frame;
     if (!dataset_.images.empty()) {
-      // not over the image the tracker was shown last: it needs that one on
+      // not into the buffer of the last image, which the tracker still needs
       const auto image = decoder_.read(planned.index, dataset_, static_cast<std::size_t>(1 - shown_buffer_));
       if (!image) return image.error();
       frame = *image;
@@ -150,7 +150,7 @@ class Flight {
     }
   }
 
-  /// As far as readings of the IMU, and one beyond: as a bus would have brought them by the time the image is tracked.
+  /// Delivers IMU samples up to the image and one more, as a bus would have by the time the image is tracked.
   void feed_wheel(HostStamp image) {
     const HostStamp needed = pipeline_.imu_needed_until(image);
     const auto& wheel = dataset_.wheel_samples;
@@ -162,13 +162,13 @@ class Flight {
   const FlightPlan& plan_;
   OfflinePipeline pipeline_;
   ImageDecoder decoder_;
-  int shown_buffer_ = 1;  ///< of the decoder: the image the tracker keeps
+  int shown_buffer_ = 1;  ///< the decoder's buffer with the image that the tracker keeps
   bool counts_heap_;
   std::size_t next_imu_, next_wheel_ = 0;
   ImuFaults imu_faults_;
   CameraFaults camera_faults_;
-  std::array<ImuSample, ImuFaults::kMost> delivered_;     ///< what came of the last reading ...
-  std::size_t delivered_count_ = 0, next_delivered_ = 0;  ///< ... and how much of it has been used
+  std::array<ImuSample, ImuFaults::kMost> delivered_;     ///< the samples that the last reading became ...
+  std::size_t delivered_count_ = 0, next_delivered_ = 0;  ///< ... and how many of them have been used
   ImuFeed feed_;
   FrameOutcome outcome_;
   std::uint64_t heap_calls_ = 0;
@@ -205,7 +205,7 @@ Result<ReplayResult> replay(const ReplayOptions& options,
     auto read = ConfigFile::read(options.config_file, options.set);
     if (!read) return read.error();
     file = std::move(*read);
-    file->apply(config);  // for the names of calibration files; what the data set says comes before the rest
+    file->apply(config);  // for the names of calibration files; the data set's values come before the other settings
   }
   auto dataset = is_bag(options.dataset) ? open_bag_dataset(options.dataset, options.topics, options.camera,
                                                             config.camera_calibration, config.imu_calibration)

@@ -1,5 +1,5 @@
 #pragma once
-// A recorded flight through the pipeline: in one thread as fast as it goes, or in threads in real time.
+// A recorded flight through the pipeline: in one thread as fast as possible, or in threads in real time.
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -20,20 +20,20 @@ struct ReplayOptions : FlightPart {
   std::string camera = "cam0";
   BagTopics topics;
   std::filesystem::path config_file;          ///< empty: defaults
-  std::vector<std::string> set;               ///< settings as ConfigFile::set() takes them; they win over the file
-  std::optional<VisualFactor> visual_factor;  ///< wins over the file
+  std::vector<std::string> set;               ///< settings for ConfigFile::set(); override the file
+  std::optional<VisualFactor> visual_factor;  ///< overrides the file
   std::optional<double> deadline_ms;          ///< wins over the file
-  std::optional<double> loop_s;               ///< the flight again and again until it has lasted so long
-  std::optional<double> realtime_speed;    ///< in threads, seconds of the recording in one second; none: in one thread
-  bool imu_rate = false;                   ///< in threads: keep the odometry of every IMU reading
-  std::vector<Fault> faults;               ///< what goes wrong with the sensors on the way
-  std::function<void(AslDataset&)> alter;  ///< changes readings, stamps or calibration before the flight; may be empty
-  /// A change that does not matter, for the spread of errors that chance makes: so many images are left out at the
-  /// beginning, and the accelerometer measures so many times 1e-7 more, gravity's seventh digit.
+  std::optional<double> loop_s;               ///< repeats the flight until it has lasted this long
+  std::optional<double> realtime_speed;       ///< in threads, seconds of the recording per second; none: in one thread
+  bool imu_rate = false;                      ///< in threads: keep the odometry of every IMU reading
+  std::vector<Fault> faults;                  ///< faults of the sensors during the flight
+  std::function<void(AslDataset&)> alter;     ///< changes samples or calibration before the flight; may be empty
+  /// A tiny change of the input, to measure how much errors scatter by chance: skips this many images at the
+  /// beginning, and adds this many times 1e-7 of itself to each measured force, which is gravity's seventh digit.
   int perturb = 0;
-  OdometrySink* odometry = nullptr;     ///< gets what is published; in one thread the estimate of each image
-  FlightView* view = nullptr;           ///< shows a flight in threads while it goes on; open, not started
-  std::filesystem::path record_folder;  ///< of the flight recorder, in threads only; wins over the file; empty: none
+  OdometrySink* odometry = nullptr;     ///< gets the published odometry; in one thread the estimate of each image
+  FlightView* view = nullptr;           ///< shows a flight in threads; open, not started
+  std::filesystem::path record_folder;  ///< of the flight recorder, in threads only; overrides the file; empty: none
   bool record_images = false;
 };
 
@@ -42,8 +42,8 @@ struct ReplayResult {
   std::vector<std::string> notes;  ///< for the user, a line each
 };
 
-/// Replays the flight. `progress` is called with images done and images in all. Fails if and only if configuration,
-/// data set or an image is wrong (ErrorKind::kUsage); a flight without a single pose is a result.
+/// Replays the flight. Calls `progress` with the number of finished and of all images. Fails if and only if
+/// configuration, data set or an image is wrong (ErrorKind::kUsage); a flight without a single pose is a result.
 Result<ReplayResult> replay(const ReplayOptions& options,
                             const std::function<void(std::size_t, std::size_t)>& progress);
 
