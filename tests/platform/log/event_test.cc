@@ -26,6 +26,9 @@ TEST(Event, IsWrittenWithItsTimeNameAndArguments) {
   EXPECT_EQ(formatted({HostStamp{5}, EventId::kReset, {3, 99, 99}}), "0.000000005 reset count=3");
   EXPECT_EQ(formatted({HostStamp{-1}, EventId::kImuGap, {7, 0, 0}}), "-0.000000001 imu_gap length_ns=7");
   EXPECT_EQ(formatted({HostStamp{0}, static_cast<EventId>(1000), {}}), "0.000000000 unknown id=1000");
+  EXPECT_EQ(formatted({HostStamp{0}, EventId::kImagesFrozen, {0, 0, 0}}), "0.000000000 images_frozen on=0 images=0");
+  EXPECT_EQ(formatted({HostStamp{0}, EventId::kClockJump, {0, -3, 0}}),
+            "0.000000000 clock_jump source=camera correction_ns=-3");
 }
 
 TEST(Event, ShowsNamesWhereThereAreAnyAndNumbersWhereThereAreNone) {

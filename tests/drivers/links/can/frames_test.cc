@@ -5,6 +5,7 @@
 #include <rapidcheck/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -65,6 +66,36 @@ TEST(CanFrames, TheFileNamesEveryMessageOnce) {
     EXPECT_TRUE(message.fd || message.size == 8) << message.name;
   }
   EXPECT_EQ(dbc_file().at(kBase).name, "EpilineStatus");
+}
+
+// As docs/epiline.dbc has them: receivers were built for these, and no later version may change them.
+TEST(CanFrames, ResolutionsAndUnitsAreThePublishedOnes) {
+  struct Published {
+    const char *message, *signal;
+    double scale;
+    const char* unit;
+  };
+  constexpr Published kPublished[] = {{"EpilineTime", "Time", 1, "us"},
+                                      {"EpilinePositionXY", "PositionX", 1e-3, "m"},
+                                      {"EpilinePositionZ", "PositionZ", 1e-3, "m"},
+                                      {"EpilineVelocity", "VelocityX", 2e-3, "m/s"},
+                                      {"EpilineRates", "RateX", 1e-3, "rad/s"},
+                                      {"EpilinePositionSd", "PositionSdX", 1e-3, "m"},
+                                      {"EpilineAttitudeSd", "AttitudeSdX", 1e-4, "rad"},
+                                      {"EpilineVelocitySd", "VelocitySdX", 1e-3, "m/s"},
+                                      {"EpilineOdometry", "PositionX", 1e-4, "m"},
+                                      {"EpilineOdometry", "QuaternionW", 2e-7, ""},
+                                      {"EpilineOdometry", "VelocityX", 1e-4, "m/s"},
+                                      {"EpilineOdometry", "RateX", 1e-5, "rad/s"}};
+  for (const Published& p : kPublished) {
+    const auto message = std::find_if(dbc_file().begin(), dbc_file().end(),
+                                      [&](const auto& entry) { return entry.second.name == p.message; });
+    ASSERT_NE(message, dbc_file().end()) << p.message;
+    const dbc::SignalText& signal = message->second.signals.at(p.signal);
+    EXPECT_DOUBLE_EQ(signal.scale, p.scale) << p.message << " " << p.signal;
+    EXPECT_EQ(signal.offset, 0) << p.message << " " << p.signal;
+    EXPECT_EQ(signal.unit, p.unit) << p.message << " " << p.signal;
+  }
 }
 
 TEST(CanFrames, TheFileExplainsMessagesAndSignals) {
