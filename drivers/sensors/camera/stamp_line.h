@@ -1,5 +1,7 @@
 #pragma once
 // Images stamped by a camera's trigger or strobe on a GPIO line. docs/camera.md
+#include <array>
+#include <cstddef>
 #include <string>
 #include <utility>
 
@@ -8,6 +10,20 @@
 #include "platform/concurrency/snapshot.h"
 
 namespace epiline {
+
+/// Hands on the edges that `line` (as GpioLine) has ready, but of one image at most kEdgesOfImage: an input that floats
+/// brings new ones as fast as they are read, and the image must not wait for its end.
+inline constexpr std::size_t kEdgesOfImage = 256;  ///< all that the kernel keeps for us
+template <class Line>
+void take_edges(Line& line, EdgeStamps& stamps) noexcept {
+  std::array<HostStamp, 32> edges;
+  std::size_t count = 0;
+  // a line that has gone gives no edges until it is back: the driver's stamps go on, less their lag
+  for (std::size_t taken = 0; taken < kEdgesOfImage; taken += count) {
+    if (!line.is_open() || line.read(edges, count, Span{0}) != ReadOutcome::kSample) return;
+    for (std::size_t i = 0; i < count; ++i) stamps.add_edge(edges[i]);
+  }
+}
 
 /// One thread; any may ask for counts. After open() there is no heap call.
 class StampLine {
