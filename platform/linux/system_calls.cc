@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <ctime>
+#include <limits>
 
 #include "platform/time/monotonic.h"
 
@@ -31,6 +32,7 @@ int SystemCalls::wait(std::span<pollfd> files, Span at_most) noexcept {
 
 int SystemCalls::open(const char* path, int flags) noexcept { return ::open(path, flags | O_NONBLOCK | O_CLOEXEC); }
 int SystemCalls::close(int fd) noexcept { return ::close(fd); }
+int SystemCalls::duplicate(int fd) noexcept { return ::fcntl(fd, F_DUPFD_CLOEXEC, 0); }
 ssize_t SystemCalls::read(int fd, void* into, std::size_t size) noexcept { return ::read(fd, into, size); }
 ssize_t SystemCalls::write(int fd, const void* from, std::size_t size) noexcept { return ::write(fd, from, size); }
 int SystemCalls::ioctl(int fd, unsigned long request, void* argument) noexcept {
@@ -45,6 +47,17 @@ void* SystemCalls::map(int fd, std::size_t length, off_t offset) noexcept {
   return ::mmap(nullptr, length, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, fd, offset);
 }
 int SystemCalls::unmap(void* memory, std::size_t length) noexcept { return ::munmap(memory, length); }
+Span SystemCalls::read_time(const void* memory, std::size_t length) noexcept {
+  constexpr int kTimes = 5;
+  const auto* const words = static_cast<const volatile std::uint64_t*>(memory);
+  Span shortest{std::numeric_limits<std::int64_t>::max()};
+  for (int i = 0; i < kTimes; ++i) {
+    const std::int64_t begin_ns = now_ns();
+    for (std::size_t k = 0; k < length / sizeof(std::uint64_t); ++k) static_cast<void>(words[k]);
+    shortest = std::min(shortest, Span{now_ns() - begin_ns});
+  }
+  return shortest;
+}
 int SystemCalls::eventfd() noexcept { return ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC); }
 
 int SystemCalls::socket(int domain, int type, int protocol) noexcept {
@@ -58,6 +71,9 @@ int SystemCalls::connect(int fd, const sockaddr* address, socklen_t length) noex
 }
 int SystemCalls::setsockopt(int fd, int level, int option, const void* value, socklen_t length) noexcept {
   return ::setsockopt(fd, level, option, value, length);
+}
+std::unique_ptr<SideThread> SystemCalls::start_side_thread(const char* name, void (*work)(void*), void* context) {
+  return epiline::start_side_thread(name, work, context);
 }
 
 // ---- waking ----

@@ -7,8 +7,10 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 
+#include "platform/linux/side_thread.h"
 #include "platform/time/clock.h"
 
 namespace epiline {
@@ -27,6 +29,8 @@ class SystemCalls {
 
   virtual int open(const char* path, int flags) noexcept;
   virtual int close(int fd) noexcept;
+  /// Another descriptor of the same open file, close-on-exec.
+  virtual int duplicate(int fd) noexcept;
   virtual ssize_t read(int fd, void* into, std::size_t size) noexcept;
   virtual ssize_t write(int fd, const void* from, std::size_t size) noexcept;
   virtual int ioctl(int fd, unsigned long request, void* argument) noexcept;
@@ -36,12 +40,17 @@ class SystemCalls {
   /// mmap() of a device's memory, shared, for reading and writing, and with its pages present.
   virtual void* map(int fd, std::size_t length, off_t offset) noexcept;
   virtual int unmap(void* memory, std::size_t length) noexcept;
+  /// The time that reading this memory once takes: the shortest of some.
+  virtual Span read_time(const void* memory, std::size_t length) noexcept;
   virtual int eventfd() noexcept;
 
   virtual int socket(int domain, int type, int protocol) noexcept;
   virtual int bind(int fd, const sockaddr* address, socklen_t length) noexcept;
   virtual int connect(int fd, const sockaddr* address, socklen_t length) noexcept;
   virtual int setsockopt(int fd, int level, int option, const void* value, socklen_t length) noexcept;
+
+  /// As epiline::start_side_thread().
+  virtual std::unique_ptr<SideThread> start_side_thread(const char* name, void (*work)(void* context), void* context);
 };
 
 /// Wakes a thread that waits in SystemCalls::wait() with our fd() among its files.

@@ -1,5 +1,6 @@
 #pragma once
 // A V4L2 camera on a FakeKernel: formats, controls, buffers, images at a steady rate, and what goes wrong.
+#include <linux/dma-buf.h>
 #include <linux/videodev2.h>
 #include <sys/mman.h>
 
@@ -14,6 +15,24 @@
 #include "tests/drivers/fake_kernel.h"
 
 namespace epiline::test {
+
+/// A buffer of a camera as a file: counts the announcements of reading.
+class FakeDmaBuffer final : public FakeFile {
+ public:
+  explicit FakeDmaBuffer(int& begun) : begun_(begun) {}
+  int ioctl(unsigned long request, void* argument) override {
+    if (request != DMA_BUF_IOCTL_SYNC) return refuse(ENOTTY);
+    const bool begins = (static_cast<dma_buf_sync*>(argument)->flags & DMA_BUF_SYNC_END) == 0;
+    if (begins == is_read_) return refuse(EINVAL);
+    is_read_ = begins;
+    begun_ += begins ? 1 : 0;
+    return 0;
+  }
+
+ private:
+  int& begun_;
+  bool is_read_ = false;
+};
 
 class FakeCamera final : public FakeFile {
  public:
@@ -53,8 +72,14 @@ class FakeCamera final : public FakeFile {
   unsigned long refused_request = 0;       ///< always refused, with EINVAL
   std::vector<unsigned long> asked;        ///< in the order of the calls
   bool has_rate = true;                    ///< VIDIOC_G_PARM is there
+  bool exports = true;                     ///< VIDIOC_EXPBUF is there
+  int readings = 0;                        ///< of buffers, announced by DMA_BUF_IOCTL_SYNC
   std::vector<std::uint8_t> jpeg;          ///< of each image of MJPEG
 
+  /// Of one of its buffers.
+  bool owns(const void* memory) const {
+    return std::any_of(ever_.begin(), ever_.end(), [&](const auto& buffer) { return buffer->data() == memory; });
+  }
   std::int64_t period_ns() const { return kSecond_ns / rate_hz_; }
   Control& control(const std::string& name) {
     return *std::find_if(controls.begin(), controls.end(), [&](const Control& c) { return c.name == name; });
@@ -104,6 +129,10 @@ class FakeCamera final : public FakeFile {
         return give_buffers(*static_cast<v4l2_requestbuffers*>(argument));
       case VIDIOC_QUERYBUF:
         return describe(*static_cast<v4l2_buffer*>(argument));
+      case VIDIOC_EXPBUF:
+        if (!exports) return refuse(ENOTTY);
+        static_cast<v4l2_exportbuffer*>(argument)->fd = kernel.give(std::make_shared<FakeDmaBuffer>(readings));
+        return 0;
       case VIDIOC_QBUF:
         if (queue_error != 0) return refuse(std::exchange(queue_error, 0));
         take_images(kernel.clock_ns);  // those of before did not have this one
@@ -227,7 +256,7 @@ class FakeCamera final : public FakeFile {
     return 0;
   }
   int transfer(bool sets, v4l2_ext_controls& given) {
-    kernel.clock_ns += control_ns;
+    if (!kernel.is_beside) kernel.clock_ns += control_ns;
     if (on_transfer) on_transfer();
     for (std::uint32_t i = 0; i < given.count; ++i) {
       const auto known = std::find_if(controls.begin(), controls.end(),

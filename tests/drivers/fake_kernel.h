@@ -72,11 +72,16 @@ class FakeKernel final : public SystemCalls {
   std::map<std::string, File> devices;         ///< by path
   /// Of socket(); null: errno says why not.
   std::function<File(int domain, int type, int protocol)> make_socket;
+  std::function<Span(const void* memory)> read_time_of;  ///< none: 0.1 ms, whatever memory it is
+  std::int64_t side_ns = 0;                              ///< what a side thread is woken for is done after this time
+  bool is_beside = false;        ///< a side thread's work is under way: its time is not the driver's
   std::uint64_t heap_calls = 0;  ///< of this kernel, while the driver called it
 
   /// Something happens then, or as soon as somebody waits.
   void at(std::int64_t time_ns, std::function<void()> what) { plan_.emplace(time_ns, std::move(what)); }
   std::size_t open_files() const { return files_.size(); }
+  /// A file that a device gives.
+  int give(const File& file) { return add(file); }
 
   std::int64_t now_ns() noexcept override { return clock_ns += 1'000; }
 
@@ -117,6 +122,14 @@ class FakeKernel final : public SystemCalls {
     behind->closed();
     return 0;
   }
+  int duplicate(int fd) noexcept override {
+    const Scope scope(*this);
+    const auto file = files_.find(fd);
+    return file == files_.end() ? refuse(EBADF) : add(File(file->second));
+  }
+  std::unique_ptr<SideThread> start_side_thread(const char* /*name*/, void (*work)(void*), void* context) override {
+    return std::make_unique<FakeSideThread>(*this, work, context);
+  }
   ssize_t read(int fd, void* into, std::size_t size) noexcept override {
     return ask(fd, [&](FakeFile& file) { return file.read(into, size); });
   }
@@ -140,6 +153,9 @@ class FakeKernel final : public SystemCalls {
   int unmap(void* /*memory*/, std::size_t /*length*/) noexcept override {
     --mappings;
     return 0;
+  }
+  Span read_time(const void* memory, std::size_t /*length*/) noexcept override {
+    return read_time_of ? read_time_of(memory) : Span{100'000};
   }
   int eventfd() noexcept override {
     const Scope scope(*this);
@@ -177,6 +193,36 @@ class FakeKernel final : public SystemCalls {
    private:
     FakeKernel& kernel_;
     HeapCallScope heap_;
+  };
+
+  /// A thread of its own, but for the time: its work is done at one instant, side_ns after it was woken.
+  class FakeSideThread final : public SideThread {
+   public:
+    FakeSideThread(FakeKernel& kernel, void (*work)(void*), void* context)
+        : kernel_(kernel), work_(work), context_(context), woken_(std::make_shared<int>(0)) {}
+    ~FakeSideThread() override {
+      if (*woken_ > 0) run();
+    }
+    void wake() noexcept override {
+      const Scope scope(kernel_);
+      ++*woken_;
+      kernel_.at(kernel_.clock_ns + kernel_.side_ns, [this, woken = std::weak_ptr<int>(woken_)] {
+        if (!woken.expired()) run();
+      });
+    }
+
+   private:
+    void run() {
+      *woken_ = 0;
+      kernel_.is_beside = true;
+      work_(context_);
+      kernel_.is_beside = false;
+    }
+
+    FakeKernel& kernel_;
+    void (*work_)(void*);
+    void* context_;
+    std::shared_ptr<int> woken_;  ///< times, not done yet
   };
 
   int add(const File& file) {

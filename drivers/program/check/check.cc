@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "drivers/links/can/messages.h"
+#include "drivers/program/check/camera_findings.h"
 #include "drivers/program/check/can_listen.h"
 #include "drivers/program/check/hand_wave.h"
 #include "drivers/program/check/image_check.h"
@@ -185,25 +186,6 @@ class IdleLines {
   };
   std::vector<Line> lines_;
 };
-
-void say_exposure(const ExposureReport& e, const CameraConfig& config, Findings& out) {
-  const double ms = 1e3 * e.time.seconds();
-  const std::string text =
-      fmt::format("exposure {:.2f} ms, gain {:.2f}{}", ms, e.gain, e.is_automatic ? ", automatic" : "");
-  if (e.time.ns == 0)
-    out.push_back(found(Grade::kWarning, "camera",
-                        "the exposure time is unknown, so timestamps are wrong by half of it",
-                        "set camera.exposure_control or camera.exposure_ms"));
-  else if (ms > 15)
-    out.push_back(found(Grade::kWarning, "camera", text,
-                        "rotation will blur the images; stay below 10 ms with more light or gain"));
-  else
-    out.push_back(found(Grade::kOk, "camera", text));
-  if (config.exposure.automatic && e.refused > 0)
-    out.push_back(found(Grade::kError, "camera",
-                        fmt::format("the camera refused {} changes of exposure or gain", e.refused),
-                        "switch its own automatic exposure off (camera.controls)"));
-}
 
 }  // namespace
 
@@ -387,7 +369,8 @@ class Devices {
   void tell(const CameraConfig& config, Findings& out) const {
     tell_records(out);
     if (const auto* v4l2 = dynamic_cast<const V4l2Camera*>(opened_.camera)) {
-      say_exposure(v4l2->exposure_report(), config, out);
+      add_all(out, findings_of(v4l2->exposure_report(), config.exposure.automatic));
+      add_all(out, findings_of(v4l2->reading()));
       if (!config.stamp_line.empty())
         add_all(out, findings_of(v4l2->edge_counts(), v4l2->line_counts(), config.stamp_line));
     }

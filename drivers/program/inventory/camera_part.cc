@@ -49,7 +49,7 @@ std::vector<CameraFormat> formats_of(const V4l2Device& device) {
 
 std::vector<CameraControlRange> controls_of(const V4l2Device& device) {
   std::vector<CameraControlRange> controls;
-  each_control(device, [&](const v4l2_query_ext_ctrl& query, int /*file*/) {
+  each_control(device, [&](const v4l2_query_ext_ctrl& query, std::size_t /*file*/) {
     char name[2 * sizeof(query.name)];
     write_control_name(query.name, name);
     CameraControlRange control{name, query.minimum, query.maximum, static_cast<std::int64_t>(query.step),

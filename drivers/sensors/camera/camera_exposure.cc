@@ -13,9 +13,8 @@ constexpr int kChangesAtOnce = 8;  // told of by the device; the rest waits for 
 
 }  // namespace
 
-CameraExposure::CameraExposure(const V4l2Settings& settings, SystemCalls& system)
+CameraExposure::CameraExposure(const V4l2Settings& settings)
     : settings_(settings),
-      system_(system),
       timeline_(settings.control_of_exposure.delay_images),
       automatic_(settings.control_of_exposure.automatic) {}
 
@@ -50,9 +49,9 @@ DeviceTrouble CameraExposure::set_up(V4l2Device& device) noexcept {
   const auto find = [&device](const std::string& name, ControlFacts& facts, std::int64_t& value) {
     facts = {};
     if (name.empty()) return DeviceTrouble{};
-    if (const DeviceTrouble trouble = device.find_control(name.c_str(), facts)) return trouble;
+    if (const DeviceTrouble trouble = device.controls().find(name.c_str(), facts)) return trouble;
     device.watch_control(facts);
-    return device.control(name.c_str(), value);
+    return device.controls().read(name.c_str(), facts, value);
   };
   if (const DeviceTrouble trouble = find(settings_.exposure_control, time_control_, time_value_)) return trouble;
   if (const DeviceTrouble trouble = find(config.gain_control, gain_control_, gain_value_)) return trouble;
@@ -60,6 +59,7 @@ DeviceTrouble CameraExposure::set_up(V4l2Device& device) noexcept {
   of_image_.state = state();
   shown_time_ns_.store(of_image_.state.time.ns, std::memory_order_relaxed);
   wanted_.reset();
+  is_changing_ = false;
   if (time_control_.id == 0) return {};
   ExposureLimits limits;
   limits.shortest = Span{value_of_time(Span::from_seconds(1e-3 * config.shortest_ms)) * settings_.exposure.ns};
@@ -79,24 +79,33 @@ DeviceTrouble CameraExposure::set_up(V4l2Device& device) noexcept {
 
 // ---- changes ----
 
-void CameraExposure::serve(V4l2Device& device) noexcept {
-  if (!wanted_ || !device.is_open()) return;
+bool CameraExposure::next_change(ControlJob& job) noexcept {
+  if (!wanted_) return false;
   const ExposureState wanted = *wanted_;
   wanted_.reset();
-  std::array<ControlValue, 2> values;
-  std::size_t count = 0;
+  job = {};
+  const auto set = [&job](const ControlFacts& facts, std::int64_t value) {
+    ControlJob::Entry& entry = job.entries[job.count++];
+    entry.facts = facts;
+    entry.wanted = value;
+  };
   const std::int64_t time = value_of_time(wanted.time);
-  if (time != time_value_) values[count++] = {&time_control_, settings_.exposure_control.c_str(), time};
+  if (time != time_value_) set(time_control_, time);
   const std::int64_t gain = gain_control_.id != 0 ? value_of_gain(wanted.gain) : gain_value_;
-  if (gain != gain_value_) values[count++] = {&gain_control_, settings_.control_of_exposure.gain_control.c_str(), gain};
-  if (count == 0) return;
-  if (device.change_controls({values.data(), count})) {
+  if (gain != gain_value_) set(gain_control_, gain);
+  is_changing_ = job.count > 0;
+  return is_changing_;
+}
+
+void CameraExposure::ended(const ControlJob& job) noexcept {
+  is_changing_ = false;
+  if (!job.is_set) {
     bump(refused_);
     return;  // a device that is lost shows it with the next image
   }
-  for (std::size_t i = 0; i < count; ++i)
-    (values[i].facts == &time_control_ ? time_value_ : gain_value_) = values[i].value;
-  timeline_.change({system_.now_ns()}, state());
+  for (std::size_t i = 0; i < job.count; ++i)
+    (job.entries[i].facts.id == time_control_.id ? time_value_ : gain_value_) = job.entries[i].value;
+  timeline_.change(job.at, state());
   bump(changes_);
 }
 
@@ -119,6 +128,7 @@ void CameraExposure::changed(std::uint32_t id, std::int64_t value, HostStamp at)
 
 Span CameraExposure::time_of(HostStamp given, std::uint64_t sequence) noexcept {
   of_image_ = timeline_.image(given, sequence);
+  if (is_changing_) of_image_.is_settled = false;
   shown_time_ns_.store(of_image_.state.time.ns, std::memory_order_relaxed);
   shown_gain_.store(of_image_.state.gain, std::memory_order_relaxed);
   return of_image_.state.time;

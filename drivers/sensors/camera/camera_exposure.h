@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "drivers/sensors/camera/control_transfers.h"
 #include "drivers/sensors/camera/exposure_controller.h"
 #include "drivers/sensors/camera/exposure_timeline.h"
 #include "drivers/sensors/camera/v4l2_device.h"
@@ -26,12 +27,13 @@ struct ExposureReport {
 /// Camera thread only, unless noted. No heap after construction.
 class CameraExposure {
  public:
-  CameraExposure(const V4l2Settings& settings, SystemCalls& system);
+  explicit CameraExposure(const V4l2Settings& settings);
 
   /// With the device's controls as configured. Again when a lost device has come back.
   DeviceTrouble set_up(V4l2Device& device) noexcept;
-  /// Applies the change that the controller requests, if any. Takes as long as the device needs.
-  void serve(V4l2Device& device) noexcept;
+  /// The change that the controller wants, if any: to be handed to ended() when it was made.
+  bool next_change(ControlJob& job) noexcept;
+  void ended(const ControlJob& job) noexcept;
   /// Checks whether another program changed the exposure.
   void note_changes(V4l2Device& device) noexcept;
   /// A control was changed from outside, at this time.
@@ -55,13 +57,13 @@ class CameraExposure {
   ExposureState state() const noexcept;
 
   const V4l2Settings& settings_;
-  SystemCalls& system_;
   ExposureTimeline timeline_;
   std::optional<ExposureController> controller_;
   std::optional<ExposureState> wanted_;
   ControlFacts time_control_, gain_control_;
   std::int64_t time_value_ = 0, gain_value_ = 0;
   ExposureTimeline::OfImage of_image_;
+  bool is_changing_ = false;  ///< a change is on its way to the device
 
   std::atomic<bool> automatic_{false};
   std::atomic<double> turn_rate_{0};

@@ -1,5 +1,6 @@
 #include "drivers/sensors/camera/v4l2_camera.h"
 
+#include <linux/dma-buf.h>
 #include <linux/videodev2.h>
 
 #include <algorithm>
@@ -35,6 +36,10 @@ Status V4l2Camera::open() {
                  "2 to 16"};
   if (Status line = stamp_line_.open(); !line) return line;
   if (!wake_up_.open()) return Error{ErrorKind::kRun, "eventfd", 0, std::strerror(errno), ""};
+  if (!transfers_.start()) {
+    close();
+    return Error{ErrorKind::kRun, settings_.device, 0, "cannot start a thread", "a free thread (ulimit -u)"};
+  }
   if (const DeviceTrouble trouble = set_up()) {
     const Error error = error_of(trouble);
     close();
@@ -65,7 +70,10 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
   if (const DeviceTrouble trouble = device_.set_graph(settings_.sensor.c_str())) return trouble;
   DeviceFormat format;
   if (const DeviceTrouble trouble = device_.set_format(settings_, format)) return trouble;
-  const bool copies = !is_grey_in_place(format.format) || device_.is_loopback();
+  const bool is_lent = is_grey_in_place(format.format) && !device_.is_loopback();
+  if (is_lent && !opened_)
+    if (const DeviceTrouble trouble = measure_reading(format)) return trouble;
+  const bool copies = !is_lent || reading_.is_slow();
   if (!opened_) {
     copies_ = copies;
     if (copies_) {
@@ -88,6 +96,7 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
   if (const DeviceTrouble trouble = exposure_.set_up(device_)) return trouble;
   if (const DeviceTrouble trouble = map_buffers()) return trouble;
   if (const DeviceTrouble trouble = device_.start()) return trouble;
+  ++stream_;
   is_first_of_stream_ = true;
   forget_stamps();
   stamp_line_.restart();
@@ -106,41 +115,79 @@ bool V4l2Camera::request_control(std::string_view name, std::int64_t value) noex
   return requests_.push(change);
 }
 
-void V4l2Camera::serve_requests() noexcept {
+/// The next request, or what the exposure controller wants, if none is under way.
+void V4l2Camera::begin_transfer() noexcept {
+  if (!transfers_.is_idle() || !device_.is_open()) return;
+  ControlJob job;
   ControlChange change;
-  while (requests_.pop(change)) {
-    const ControlChange wanted = change;
-    change.is_set = !change_control(change);
-    answers_.push(change);
-    if (!change.is_set) continue;
-    ControlChange* known =
-        std::find_if(changes_.begin(), changes_.end(), [&](const ControlChange& c) { return c.name == wanted.name; });
-    if (known != changes_.end())
-      *known = wanted;
-    else
-      changes_.push_back(wanted);
+  if (again_) {
+    job = *std::exchange(again_, std::nullopt);
+  } else if (requests_.pop(change)) {
+    job.is_request = true;
+    job.entries[job.count++] = {.name = change.name, .facts = {}, .wanted = change.value};
+  } else if (!exposure_.next_change(job)) {
+    return;
   }
-  exposure_.serve(device_);
+  job.stream = stream_;
+  if (transfers_.begin(device_.controls(), job)) return;
+  job.is_request ? answer(job) : exposure_.ended(job);
 }
 
-DeviceTrouble V4l2Camera::change_control(ControlChange& change) noexcept {
-  ControlFacts facts;
-  if (const DeviceTrouble trouble = device_.find_control(change.name.data(), facts)) return trouble;
-  ControlValue one{&facts, change.name.data(), change.value};
-  const DeviceTrouble trouble = device_.change_controls({&one, 1});
-  if (trouble) return trouble;
-  change.value = one.value;
-  exposure_.changed(facts.id, one.value, {system_.now_ns()});
-  return {};
+void V4l2Camera::end_transfer() noexcept {
+  ControlJob job;
+  if (!transfers_.take(job)) return;
+  const bool is_of_this_stream = job.stream == stream_;
+  if (!job.is_request) {
+    if (is_of_this_stream) exposure_.ended(job);
+  } else if (is_of_this_stream) {
+    answer(job);
+  } else {  // the device that is back was set up without it
+    again_ = job;
+    again_->entries[0].facts = {};
+  }
+}
+
+void V4l2Camera::answer(const ControlJob& job) noexcept {
+  const ControlJob::Entry& entry = job.entries[0];
+  answers_.push({entry.name, entry.value, job.is_set});
+  if (!job.is_set) return;
+  exposure_.changed(entry.facts.id, entry.value, job.at);
+  // set again to what was asked for: a device may answer with something else
+  const ControlChange wanted{entry.name, entry.wanted, true};
+  ControlChange* known =
+      std::find_if(changes_.begin(), changes_.end(), [&](const ControlChange& c) { return c.name == wanted.name; });
+  if (known != changes_.end())
+    *known = wanted;
+  else
+    changes_.push_back(wanted);
 }
 
 DeviceTrouble V4l2Camera::repeat_changes() noexcept {
-  for (ControlChange change : changes_)
-    if (const DeviceTrouble trouble = change_control(change)) return trouble;
+  for (const ControlChange& change : changes_) {
+    ControlFacts facts;
+    if (const DeviceTrouble trouble = device_.controls().find(change.name.data(), facts)) return trouble;
+    const ControlValue one{&facts, change.name.data(), change.value};
+    if (const DeviceTrouble trouble = device_.controls().write({&one, 1})) return trouble;
+  }
   return {};
 }
 
 // ---- buffers ----
+
+DeviceTrouble V4l2Camera::measure_reading(const DeviceFormat& format) {
+  unsigned count = 1;
+  if (const DeviceTrouble trouble = device_.request_buffers(count)) return trouble;
+  Memory memory;
+  if (const DeviceTrouble trouble = device_.map(0, memory.data, memory.length, stamp_flags_)) return trouble;
+  const std::size_t bytes =
+      std::min(memory.length, image_bytes(format.format, format.width, format.height, format.stride));
+  const std::vector<std::uint8_t> ordinary(bytes, 1);
+  reading_.in_place = system_.read_time(memory.data, bytes);
+  reading_.ordinary = system_.read_time(ordinary.data(), bytes);
+  system_.unmap(memory.data, memory.length);
+  count = 0;
+  return device_.request_buffers(count);
+}
 
 DeviceTrouble V4l2Camera::map_buffers() noexcept {
   unsigned count = copies_ ? kBuffersWhenCopying : static_cast<unsigned>(settings_.buffers);
@@ -153,6 +200,7 @@ DeviceTrouble V4l2Camera::map_buffers() noexcept {
     if (const DeviceTrouble trouble = device_.map(i, memory.data, memory.length, stamp_flags_)) return trouble;
     buffer_count_ = i + 1;
     if (copies_) {
+      if (reading_.is_slow()) memory.file = device_.export_buffer(i);
       buffers_[i] = memory;
     } else {
       slot_of_[i] = slot;
@@ -191,6 +239,7 @@ void V4l2Camera::tear_down() noexcept {
   if (device_.is_open()) device_.stop();
   for (std::size_t i = 0; i < buffer_count_ && copies_; ++i) {
     if (buffers_[i].data != nullptr) system_.unmap(buffers_[i].data, buffers_[i].length);
+    if (buffers_[i].file >= 0) system_.close(buffers_[i].file);
     buffers_[i] = {};
   }
   for (Slot& slot : slots_) {
@@ -224,6 +273,8 @@ bool V4l2Camera::reopen() noexcept {
 
 void V4l2Camera::close() noexcept {
   stamp_line_.close();
+  transfers_.stop();
+  again_.reset();
   if (!wake_up_.is_open()) return;
   for (Slot& slot : slots_)
     if (slot.state.load(std::memory_order_acquire) == SlotState::kLent)
@@ -231,6 +282,7 @@ void V4l2Camera::close() noexcept {
   tear_down();
   wake_up_.close();
   opened_ = false;
+  reading_ = {};
   copies_memory_ = {};
   jpeg_.reset();
   for (Slot& slot : slots_) slot.memory = {};
@@ -249,7 +301,8 @@ ReadOutcome V4l2Camera::read(Frame& frame, Span timeout) noexcept {
     }
     if (!reopen()) return ReadOutcome::kFailed;
   }
-  serve_requests();
+  end_transfer();
+  begin_transfer();
   for (bool is_well = true;;) {
     const ReadOutcome outcome = collect_returned() ? take(frame) : ReadOutcome::kFailed;
     const std::int64_t now_ns = system_.now_ns();
@@ -327,6 +380,7 @@ ReadOutcome V4l2Camera::take(Frame& frame) noexcept {
       bump(overwritten_);
       continue;
     }
+    end_transfer();
     number(frame, buffer.sequence);
     const bool is_good = is_sound(buffer) && stamp(frame, buffer) && fill(frame, buffer);
     if (is_good && lending != nullptr) {
@@ -424,6 +478,15 @@ void V4l2Camera::number(Frame& frame, std::uint32_t sequence) noexcept {
   frame.sequence = sequence_;
 }
 
+/// Where caches must be brought up to date for reading, the kernel does it then.
+void V4l2Camera::announce_reading(const Memory& buffer, bool begins) const noexcept {
+  if (buffer.file < 0) return;
+  dma_buf_sync sync{};
+  sync.flags = DMA_BUF_SYNC_READ;
+  sync.flags |= begins ? DMA_BUF_SYNC_START : DMA_BUF_SYNC_END;
+  call_device(system_, buffer.file, DMA_BUF_IOCTL_SYNC, &sync);
+}
+
 bool V4l2Camera::fill(Frame& frame, const v4l2_buffer& buffer) noexcept {
   frame.width = format_.grey_width();
   frame.height = format_.grey_height();
@@ -443,7 +506,9 @@ bool V4l2Camera::fill(Frame& frame, const v4l2_buffer& buffer) noexcept {
   frame.stride = static_cast<int>(s.memory.length / static_cast<std::size_t>(frame.height));
   const std::uint8_t* const from = buffers_[buffer.index].data;
   if (!jpeg_) {
+    announce_reading(buffers_[buffer.index], true);
     to_grey(format_.format, from, format_.stride, format_.width, format_.height, s.memory.data, frame.stride);
+    announce_reading(buffers_[buffer.index], false);
   } else if (!jpeg_->decode(from, std::min<std::size_t>(buffer.bytesused, buffers_[buffer.index].length), s.memory.data,
                             frame.stride)) {
     bump(damaged_);

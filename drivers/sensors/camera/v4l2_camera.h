@@ -9,7 +9,9 @@
 #include <string_view>
 #include <vector>
 
+#include "drivers/sensors/camera/buffer_reading.h"
 #include "drivers/sensors/camera/camera_exposure.h"
+#include "drivers/sensors/camera/control_transfers.h"
 #include "drivers/sensors/camera/jpeg_decoder.h"
 #include "drivers/sensors/camera/stamp_line.h"
 #include "drivers/sensors/camera/v4l2_device.h"
@@ -75,6 +77,7 @@ class V4l2Camera final : public CameraSource {
   /// As the device was set by open().
   const DeviceFormat& format() const noexcept { return format_; }
   bool copies() const noexcept { return copies_; }
+  const BufferReading& reading() const noexcept { return reading_; }
   Span exposure() const noexcept { return exposure_.report().time; }  ///< of the newest image
   ExposureReport exposure_report() const noexcept { return exposure_.report(); }
   CameraCounts counts() const noexcept;
@@ -85,8 +88,8 @@ class V4l2Camera final : public CameraSource {
 
   // While it streams; any one thread.
 
-  /// Requests to set a control, by the name that v4l2-ctl shows: applied before the driver waits for the next image,
-  /// and again when a lost device returns. False: the name is too long, or kChanges requests are pending.
+  /// Requests to set a control, by the name that v4l2-ctl shows: one after the other, beside the images, and again when
+  /// a lost device returns. False: the name is too long, or kChanges requests are pending.
   bool request_control(std::string_view name, std::int64_t value) noexcept;
   /// The result of the oldest request that was not reported yet. False: none.
   bool control_answer(ControlChange& answer) noexcept { return answers_.pop(answer); }
@@ -110,6 +113,7 @@ class V4l2Camera final : public CameraSource {
   struct Memory {
     std::uint8_t* data = nullptr;
     std::size_t length = 0;
+    int file = -1;  ///< of the buffer, where reading it must be announced; else -1
   };
   struct Slot {
     Memory memory;
@@ -122,6 +126,7 @@ class V4l2Camera final : public CameraSource {
   // Setting up: open() and reopen().
   DeviceTrouble set_up() noexcept;
   DeviceTrouble find_again() noexcept;
+  DeviceTrouble measure_reading(const DeviceFormat& format);
   DeviceTrouble map_buffers() noexcept;
   DeviceTrouble repeat_changes() noexcept;
   Error error_of(const DeviceTrouble& trouble) const;
@@ -129,14 +134,16 @@ class V4l2Camera final : public CameraSource {
   bool reopen() noexcept;
   void tear_down() noexcept;
 
-  void serve_requests() noexcept;
-  DeviceTrouble change_control(ControlChange& change) noexcept;
+  void begin_transfer() noexcept;
+  void end_transfer() noexcept;
+  void answer(const ControlJob& job) noexcept;
 
   // An image.
   bool collect_returned() noexcept;
   /// kTimeout: none is ready.
   ReadOutcome take(Frame& frame) noexcept;
   bool is_sound(const v4l2_buffer& buffer) noexcept;
+  void announce_reading(const Memory& buffer, bool begins) const noexcept;
   bool fill(Frame& frame, const v4l2_buffer& buffer) noexcept;
   bool stamp(Frame& frame, const v4l2_buffer& buffer) noexcept;
   bool is_credible(HostStamp given, HostStamp arrival) noexcept;
@@ -151,10 +158,14 @@ class V4l2Camera final : public CameraSource {
   V4l2Device device_{system_};
   DeviceFormat format_;
   bool copies_ = false, opened_ = false;
+  BufferReading reading_;
   DeviceIdentity identity_;  ///< of the camera that open() found
   std::uint32_t stamp_flags_ = 0;
-  CameraExposure exposure_{settings_, system_};
+  CameraExposure exposure_{settings_};
   SpscRing<ControlChange, kChanges> requests_, answers_;
+  ControlTransfers transfers_{system_};
+  std::optional<ControlJob> again_;               ///< a request under way when the device was lost
+  std::uint64_t stream_ = 0;                      ///< counts streams
   FixedVector<ControlChange, kChanges> changes_;  ///< to be repeated when a lost device is back
   WakeUp wake_up_{system_};                       ///< an image was given back
 

@@ -15,6 +15,7 @@
 #include <string_view>
 
 #include "drivers/sensors/camera/v4l2_lists.h"
+#include "drivers/sensors/camera/v4l2_trouble.h"
 
 namespace epiline {
 
@@ -26,32 +27,6 @@ constexpr int kMostDevices = 64;
 constexpr std::string_view kFirstRowDrivers[] = {"rp1-cfe", "unicam"};
 constexpr double kRateTolerance = 0.02;  // 29.97 Hz is what a camera means by 30
 
-DeviceTrouble refused(const char* step, int error) noexcept {
-  DeviceTrouble trouble;
-  if (error == 0) return trouble;
-  trouble.step = step;
-  trouble.error = error;
-  return trouble;
-}
-
-[[gnu::format(printf, 3, 4)]] DeviceTrouble unexpected(const char* step, const char* expected, const char* format,
-                                                       ...) noexcept {
-  DeviceTrouble trouble;
-  trouble.step = step;
-  std::va_list found;
-  va_start(found, format);
-  std::vsnprintf(trouble.found, sizeof(trouble.found), format, found);
-  va_end(found);
-  std::snprintf(trouble.expected, sizeof(trouble.expected), "%s", expected);
-  return trouble;
-}
-
-bool is_settable(std::uint32_t type) noexcept {
-  return type == V4L2_CTRL_TYPE_INTEGER || type == V4L2_CTRL_TYPE_BOOLEAN || type == V4L2_CTRL_TYPE_MENU ||
-         type == V4L2_CTRL_TYPE_INTEGER_MENU || type == V4L2_CTRL_TYPE_BITMASK || type == V4L2_CTRL_TYPE_INTEGER64 ||
-         type == V4L2_CTRL_TYPE_BUTTON;
-}
-
 }  // namespace
 
 void write_fourcc(std::uint32_t fourcc, char (&text)[5]) noexcept {
@@ -62,27 +37,14 @@ void write_fourcc(std::uint32_t fourcc, char (&text)[5]) noexcept {
   text[4] = '\0';
 }
 
-void write_control_name(const char* shown, std::span<char> name) noexcept {
-  std::size_t used = 0;
-  bool gap = false;
-  for (; *shown != '\0' && used + 2 < name.size(); ++shown) {
-    const auto c = static_cast<unsigned char>(*shown);
-    if (std::isalnum(c) == 0) {
-      gap = used > 0;
-      continue;
-    }
-    if (gap) name[used++] = '_';
-    gap = false;
-    name[used++] = static_cast<char>(std::tolower(c));
-  }
-  name[used] = '\0';
+int V4l2Device::call(int fd, unsigned long request, void* argument) const noexcept {
+  return call_device(system_, fd, request, argument);
 }
 
-int V4l2Device::call(int fd, unsigned long request, void* argument) const noexcept {
-  int result = 0;
-  do result = system_.ioctl(fd, request, argument);
-  while (result < 0 && errno == EINTR);
-  return result < 0 ? errno : 0;
+V4l2Controls V4l2Device::controls() const noexcept {
+  V4l2Controls controls(system_);
+  for (std::size_t i = 0; i < control_files(); ++i) controls.add_file(control_file(i));
+  return controls;
 }
 
 void V4l2Device::close() noexcept {
@@ -149,6 +111,12 @@ DeviceTrouble V4l2Device::open_path(const char* path) noexcept {
   stamps_first_row_ =
       std::find(std::begin(kFirstRowDrivers), std::end(kFirstRowDrivers), driver) != std::end(kFirstRowDrivers);
   return {};
+}
+
+DeviceTrouble V4l2Device::control(const char* name, std::int64_t& value) noexcept {
+  ControlFacts facts;
+  if (const DeviceTrouble trouble = controls().find(name, facts)) return trouble;
+  return controls().read(name, facts, value);
 }
 
 DeviceTrouble V4l2Device::set_graph(const char* sensor) noexcept {
@@ -253,84 +221,11 @@ DeviceTrouble V4l2Device::set_rate(double wanted_hz, DeviceFormat& format) noexc
   return trouble;
 }
 
-DeviceTrouble V4l2Device::find_control(const char* name, ControlFacts& facts) noexcept {
-  bool is_found = false;
-  each_control(*this, [&](const v4l2_query_ext_ctrl& query, int fd) {
-    char shown[2 * sizeof(query.name)];
-    write_control_name(query.name, shown);
-    is_found = std::strcmp(shown, name) == 0;
-    if (!is_found) return true;
-    facts.id = query.id;
-    facts.fd = fd;
-    facts.type = query.type;
-    facts.is_readable = (query.flags & V4L2_CTRL_FLAG_WRITE_ONLY) == 0;
-    facts.least = query.minimum;
-    facts.most = query.maximum;
-    return false;
-  });
-  if (!is_found)
-    return unexpected("VIDIOC_QUERY_EXT_CTRL", "one that v4l2-ctl --list-ctrls shows",
-                      "the camera has no control '%.60s'", name);
-  if (is_settable(facts.type)) return {};
-  return unexpected("VIDIOC_QUERY_EXT_CTRL", "a control with a number", "the control '%.60s' is not a number", name);
-}
-
-DeviceTrouble V4l2Device::read_control(const char* name, const ControlFacts& facts, std::int64_t& value) noexcept {
-  v4l2_ext_control control{};
-  v4l2_ext_controls controls{};
-  control.id = facts.id;
-  controls.which = V4L2_CTRL_WHICH_CUR_VAL;
-  controls.count = 1;
-  controls.controls = &control;
-  DeviceTrouble trouble = refused("VIDIOC_G_EXT_CTRLS", call(facts.fd, VIDIOC_G_EXT_CTRLS, &controls));
-  std::snprintf(trouble.found, sizeof(trouble.found), "%s", name);
-  value = facts.type == V4L2_CTRL_TYPE_INTEGER64 ? control.value64 : control.value;
-  return trouble;
-}
-
-DeviceTrouble V4l2Device::control(const char* name, std::int64_t& value) noexcept {
-  ControlFacts facts;
-  if (const DeviceTrouble trouble = find_control(name, facts)) return trouble;
-  return read_control(name, facts, value);
-}
-
-DeviceTrouble V4l2Device::write_controls(std::span<const ControlValue> values) noexcept {
-  std::array<v4l2_ext_control, kTogether> control{};
-  v4l2_ext_controls controls{};
-  controls.which = V4L2_CTRL_WHICH_CUR_VAL;
-  controls.controls = control.data();
-  for (const ControlValue& wanted : values) {
-    v4l2_ext_control& one = control[controls.count++];
-    one.id = wanted.facts->id;
-    if (wanted.facts->type == V4L2_CTRL_TYPE_INTEGER64)
-      one.value64 = wanted.value;
-    else
-      one.value = static_cast<std::int32_t>(wanted.value);
-  }
-  DeviceTrouble trouble = refused("VIDIOC_S_EXT_CTRLS", call(values[0].facts->fd, VIDIOC_S_EXT_CTRLS, &controls));
-  const ControlValue& told = values[std::min<std::size_t>(controls.error_idx, values.size() - 1)];
-  std::snprintf(trouble.found, sizeof(trouble.found), "%.60s = %lld", told.name, static_cast<long long>(told.value));
-  return trouble;
-}
-
-DeviceTrouble V4l2Device::change_controls(std::span<ControlValue> values) noexcept {
-  // at once where one device has them all
-  const auto is_elsewhere = [&](const ControlValue& v) { return v.facts->fd != values[0].facts->fd; };
-  const std::size_t together = std::any_of(values.begin(), values.end(), is_elsewhere) ? 1 : values.size();
-  for (std::size_t i = 0; i < values.size(); i += together)
-    if (const DeviceTrouble trouble = write_controls(values.subspan(i, together))) return trouble;
-  for (ControlValue& v : values) {
-    if (!v.facts->is_readable) continue;
-    if (const DeviceTrouble trouble = read_control(v.name, *v.facts, v.value)) return trouble;
-  }
-  return {};
-}
-
 void V4l2Device::watch_control(const ControlFacts& facts) noexcept {
   v4l2_event_subscription wish{};
   wish.type = V4L2_EVENT_CTRL;
   wish.id = facts.id;
-  if (call(facts.fd, VIDIOC_SUBSCRIBE_EVENT, &wish) == 0) watches_ = true;
+  if (call(control_file(facts.file), VIDIOC_SUBSCRIBE_EVENT, &wish) == 0) watches_ = true;
 }
 
 bool V4l2Device::next_change(std::uint32_t& id, std::int64_t& value, HostStamp& at) noexcept {
@@ -349,17 +244,17 @@ bool V4l2Device::next_change(std::uint32_t& id, std::int64_t& value, HostStamp& 
 DeviceTrouble V4l2Device::set_controls(const V4l2Settings& settings) noexcept {
   for (const CameraControl& wanted : settings.controls) {
     ControlFacts facts;
-    if (const DeviceTrouble trouble = find_control(wanted.name.c_str(), facts)) return trouble;
+    if (const DeviceTrouble trouble = controls().find(wanted.name.c_str(), facts)) return trouble;
     const ControlValue one{&facts, wanted.name.c_str(), wanted.value};
-    if (const DeviceTrouble trouble = write_controls({&one, 1})) return trouble;
+    if (const DeviceTrouble trouble = controls().write({&one, 1})) return trouble;
   }
   // afterwards, for one control can change another
   for (const CameraControl& wanted : settings.controls) {
     ControlFacts facts;
-    if (const DeviceTrouble trouble = find_control(wanted.name.c_str(), facts)) return trouble;
+    if (const DeviceTrouble trouble = controls().find(wanted.name.c_str(), facts)) return trouble;
     if (!facts.is_readable) continue;
     std::int64_t value = 0;
-    if (const DeviceTrouble trouble = read_control(wanted.name.c_str(), facts, value)) return trouble;
+    if (const DeviceTrouble trouble = controls().read(wanted.name.c_str(), facts, value)) return trouble;
     if (value == wanted.value) continue;
     DeviceTrouble trouble = unexpected("VIDIOC_G_EXT_CTRLS", "", "%.60s = %lld after setting it", wanted.name.c_str(),
                                        static_cast<long long>(value));
@@ -393,6 +288,14 @@ DeviceTrouble V4l2Device::map(unsigned index, std::uint8_t*& data, std::size_t& 
   length = buffer.length;
   flags = buffer.flags & (V4L2_BUF_FLAG_TIMESTAMP_MASK | V4L2_BUF_FLAG_TSTAMP_SRC_MASK);
   return {};
+}
+
+int V4l2Device::export_buffer(unsigned index) noexcept {
+  v4l2_exportbuffer wish{};
+  wish.type = kCapture;
+  wish.index = index;
+  wish.flags = O_RDONLY | O_CLOEXEC;
+  return call(VIDIOC_EXPBUF, &wish) == 0 ? wish.fd : -1;
 }
 
 DeviceTrouble V4l2Device::queue(unsigned index) noexcept {

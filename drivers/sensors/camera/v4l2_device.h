@@ -7,6 +7,7 @@
 #include <span>
 
 #include "drivers/sensors/camera/media_graph.h"
+#include "drivers/sensors/camera/v4l2_controls.h"
 #include "drivers/sensors/camera/v4l2_settings.h"
 #include "platform/error/device_trouble.h"
 #include "platform/linux/system_calls.h"
@@ -31,24 +32,8 @@ struct DeviceIdentity {
   bool operator==(const DeviceIdentity&) const = default;
 };
 
-/// A control that holds a number, as the device describes it.
-struct ControlFacts {
-  std::uint32_t id = 0, type = 0;  ///< id 0: none
-  int fd = -1;                     ///< of the device, or of the sub-device that has the control
-  bool is_readable = false;
-  std::int64_t least = 0, most = 0;
-};
-
-struct ControlValue {
-  const ControlFacts* facts = nullptr;
-  const char* name = "";
-  std::int64_t value = 0;
-};
-
 /// A format's code as text.
 void write_fourcc(std::uint32_t fourcc, char (&text)[5]) noexcept;
-/// As v4l2-ctl writes names: "Exposure Time, Absolute" becomes exposure_time_absolute; as much as fits.
-void write_control_name(const char* shown, std::span<char> name) noexcept;
 
 class V4l2Device {
  public:
@@ -89,10 +74,8 @@ class V4l2Device {
   void list_offers(std::span<char> text) noexcept;
   /// Sets all, then reads all back.
   DeviceTrouble set_controls(const V4l2Settings& settings) noexcept;
-  DeviceTrouble find_control(const char* name, ControlFacts& facts) noexcept;
-  /// Sets some (kTogether at most) in one call, then reads them back: each value becomes what the device made of it.
-  static constexpr std::size_t kTogether = 4;
-  DeviceTrouble change_controls(std::span<ControlValue> values) noexcept;
+  /// Valid as long as the device stays open.
+  V4l2Controls controls() const noexcept;
   DeviceTrouble control(const char* name, std::int64_t& value) noexcept;
   /// From now on next_change() tells when another program changes the control. A device may not offer that.
   void watch_control(const ControlFacts& facts) noexcept;
@@ -103,6 +86,8 @@ class V4l2Device {
   DeviceTrouble request_buffers(unsigned& count) noexcept;
   /// Maps buffer `index`; `flags` are those that tell about stamps.
   DeviceTrouble map(unsigned index, std::uint8_t*& data, std::size_t& length, std::uint32_t& flags) noexcept;
+  /// A mapped buffer as a file of its own, to be closed by the caller; -1: the driver does not offer that.
+  int export_buffer(unsigned index) noexcept;
   DeviceTrouble queue(unsigned index) noexcept;
   /// 0; EAGAIN: none is ready; else the device is lost.
   int dequeue(v4l2_buffer& buffer) noexcept;
@@ -118,8 +103,6 @@ class V4l2Device {
   DeviceTrouble set_own_rate(double wanted_hz, double& rate_hz) noexcept;
   void list_sizes(std::uint32_t fourcc, std::span<char> text) noexcept;
   void list_rates(std::uint32_t fourcc, unsigned width, unsigned height, std::span<char> text) noexcept;
-  DeviceTrouble write_controls(std::span<const ControlValue> values) noexcept;
-  DeviceTrouble read_control(const char* name, const ControlFacts& facts, std::int64_t& value) noexcept;
 
   SystemCalls& system_;
   MediaGraph graph_;

@@ -43,9 +43,9 @@ void each_rate(const V4l2Device& device, std::uint32_t fourcc, unsigned width, u
   }
 }
 
-/// With the file that has the control; until `use` returns false.
-template <class Use>
-void each_control(const V4l2Device& device, Use use) {
+/// Of a V4l2Device or its V4l2Controls, with the number of the file that has the control; until `use` returns false.
+template <class Device, class Use>
+void each_control(const Device& device, Use use) {
   constexpr std::uint32_t kNext = V4L2_CTRL_FLAG_NEXT_CTRL | V4L2_CTRL_FLAG_NEXT_COMPOUND;
   bool goes_on = true;
   for (std::size_t i = 0; goes_on && i < device.control_files(); ++i) {
@@ -53,7 +53,7 @@ void each_control(const V4l2Device& device, Use use) {
     v4l2_query_ext_ctrl query{};
     query.id = kNext;
     while (goes_on && device.call(fd, VIDIOC_QUERY_EXT_CTRL, &query) == 0) {
-      goes_on = use(query, fd);
+      goes_on = use(query, i);
       query.id |= kNext;
     }
   }

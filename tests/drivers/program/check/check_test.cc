@@ -12,6 +12,7 @@
 #include <opencv2/imgproc.hpp>
 #include <thread>
 
+#include "drivers/program/check/camera_findings.h"
 #include "drivers/program/check/image_check.h"
 #include "drivers/program/check/line_check.h"
 #include "drivers/program/check/wheel_check.h"
@@ -174,6 +175,19 @@ TEST(Check, DeviceRecordsBecomeFindings) {
 }
 
 // ---- edges, wheels ----
+
+TEST(CameraFindings, SayWhereImagesAreRead) {
+  const auto text = [](const BufferReading& reading) {
+    const Findings findings = findings_of(reading);
+    return findings.empty() ? "" : findings[0].text;
+  };
+  EXPECT_EQ(text({}), "");
+  EXPECT_EQ(text({Span::from_milliseconds(1), Span::from_milliseconds(1)}),
+            "images are read in the driver's memory, 1.00 ms each time");
+  EXPECT_EQ(text({Span::from_milliseconds(20), Span::from_milliseconds(1)}),
+            "images are copied once, because reading the driver's memory takes 20.00 ms each time, 20 times as long as "
+            "ordinary memory");
+}
 
 TEST(LineFindings, SayWhetherEdgesAndImagesAgree) {
   EdgeCounts e;

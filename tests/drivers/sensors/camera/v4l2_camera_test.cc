@@ -96,6 +96,41 @@ TEST(V4l2Camera, CopiesWhatIsNotGreyInPlace) {
   EXPECT_EQ(rig.kernel.mappings, 0);
 }
 
+TEST(V4l2Camera, ImagesInMemoryThatIsSlowToReadAreCopiedOnce) {
+  for (const bool exports : {true, false}) {
+    CameraRig rig;
+    rig.device->exports = exports;
+    rig.kernel.read_time_of = [&rig](const void* memory) {
+      return Span::from_milliseconds(rig.device->owns(memory) ? 20 : 1);
+    };
+    rig.open();
+    EXPECT_TRUE(rig.camera->copies());
+    EXPECT_EQ(rig.camera->reading().in_place.ns, 20 * kMs);
+    EXPECT_EQ(rig.camera->reading().ordinary.ns, 1 * kMs);
+    const std::size_t images = rig.run(1, [&](const Frame& frame) {
+      ASSERT_FALSE(rig.device->owns(frame.data));
+      ASSERT_EQ(frame.data[0], 77);
+    });
+    EXPECT_NEAR(static_cast<double>(images), 30, 1);
+    EXPECT_EQ(rig.device->readings, exports ? static_cast<int>(images) : 0);
+    EXPECT_EQ(rig.heap_calls, 0u);
+    rig.device->dequeue_error = EIO;
+    EXPECT_NEAR(static_cast<double>(rig.run(1)), 29, 2) << "as before, when it was lost";
+    rig.camera->close();
+    EXPECT_EQ(rig.kernel.open_files(), 0u);
+    EXPECT_EQ(rig.kernel.mappings, 0);
+  }
+}
+
+TEST(V4l2Camera, ImagesInMemoryThatIsFastEnoughAreLent) {
+  CameraRig rig;
+  rig.kernel.read_time_of = [&rig](const void* memory) { return Span{rig.device->owns(memory) ? 190'000 : 100'000}; };
+  rig.open();
+  EXPECT_FALSE(rig.camera->copies());
+  rig.run(1, [&](const Frame& frame) { ASSERT_TRUE(rig.device->owns(frame.data)); });
+  EXPECT_EQ(rig.device->readings, 0);
+}
+
 TEST(V4l2Camera, DecodesJpegAndCountsThatWhichIsNotWhole) {
   CameraRig rig;
   rig.device->formats = {{V4L2_PIX_FMT_YUYV, {{320, 180, {10}}}}, {V4L2_PIX_FMT_MJPEG, {{320, 180, {30}}}}};
@@ -519,6 +554,77 @@ TEST(V4l2Camera, ANewStreamBeginsWithoutTheStampsOfTheOneBefore) {
   rig.device->change_image = [](FakeCamera::Image& image) { image.stamp_ns -= 3'600 * kSecond_ns; };
   EXPECT_NEAR(static_cast<double>(rig.run(2)), 59, 2);
   EXPECT_EQ(rig.camera->counts().bad_stamps, 0u);
+}
+
+// ---- slow controls ----
+
+// A USB camera that does not answer a control transfer holds its caller for 5 s.
+TEST(V4l2Camera, ASlowControlCostsNoImage) {
+  CameraRig rig;
+  rig.open();
+  rig.run(1);
+  rig.device->control_ns = rig.kernel.side_ns = 5 * kSecond_ns;
+  const std::size_t files = rig.kernel.open_files();
+  ASSERT_TRUE(rig.camera->request_control("brightness", 250));
+  EXPECT_NEAR(static_cast<double>(rig.run(6)), 180, 1);
+  EXPECT_EQ(rig.camera->counts().lost, 0u);
+  EXPECT_EQ(rig.heap_calls, 0u);
+  EXPECT_EQ(rig.kernel.open_files(), files) << "the transfer's own are closed";
+  ControlChange answer;
+  ASSERT_TRUE(rig.camera->control_answer(answer));
+  EXPECT_TRUE(answer.is_set);
+  EXPECT_EQ(rig.device->control("Brightness").value, 250);
+}
+
+TEST(V4l2Camera, ASlowChangeOfExposureCostsNoImage) {
+  CameraRig rig;
+  rig.settings.exposure_control = "exposure_time_absolute";
+  rig.settings.exposure = Span{100'000};
+  rig.settings.control_of_exposure.automatic = true;
+  rig.settings.control_of_exposure.longest_ms = 20;
+  rig.settings.control_of_exposure.brightness = 200;  // the made-up camera's images are darker
+  rig.open();
+  rig.device->control_ns = rig.kernel.side_ns = 2 * kSecond_ns;
+  EXPECT_NEAR(static_cast<double>(rig.run(10)), 300, 1);
+  EXPECT_EQ(rig.camera->counts().lost, 0u);
+  EXPECT_EQ(rig.heap_calls, 0u);
+  const std::uint64_t changes = rig.camera->exposure_report().changes;
+  EXPECT_GE(changes, 2u);
+  EXPECT_LE(changes, 5u) << "one at a time, each seen before the next";
+  EXPECT_GT(rig.device->control("Exposure Time, Absolute").value, 40);
+}
+
+TEST(V4l2Camera, AControlUnderWayWhenTheCameraIsLostIsSetAgain) {
+  CameraRig rig;
+  rig.open();
+  rig.run(1);
+  rig.kernel.side_ns = 2 * kSecond_ns;
+  ASSERT_TRUE(rig.camera->request_control("brightness", 250));
+  rig.run(0.1);
+  rig.device->dequeue_error = EIO;
+  rig.run(1);
+  EXPECT_EQ(rig.camera->counts().disconnected, 1u);
+  ControlChange answer;
+  EXPECT_FALSE(rig.camera->control_answer(answer)) << "still under way";
+  rig.device->control("Brightness").value = 3;
+  rig.run(4.5);
+  ASSERT_TRUE(rig.camera->control_answer(answer));
+  EXPECT_TRUE(answer.is_set);
+  EXPECT_FALSE(rig.camera->control_answer(answer)) << "answered once";
+  EXPECT_EQ(rig.device->control("Brightness").value, 250);
+  rig.camera->close();
+  EXPECT_EQ(rig.kernel.open_files(), 0u);
+}
+
+TEST(V4l2Camera, ClosedWithAControlUnderWayLeavesNothingBehind) {
+  CameraRig rig;
+  rig.open();
+  rig.kernel.side_ns = kSecond_ns;
+  ASSERT_TRUE(rig.camera->request_control("brightness", 250));
+  rig.run(0.1);
+  rig.camera->close();
+  EXPECT_EQ(rig.kernel.open_files(), 0u);
+  rig.run(0);
 }
 
 }  // namespace

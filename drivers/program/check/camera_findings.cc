@@ -1,0 +1,39 @@
+#include "drivers/program/check/camera_findings.h"
+
+#include <fmt/format.h>
+
+namespace epiline {
+
+Findings findings_of(const ExposureReport& e, bool is_automatic) {
+  Findings out;
+  const double ms = 1e3 * e.time.seconds();
+  const std::string text =
+      fmt::format("exposure {:.2f} ms, gain {:.2f}{}", ms, e.gain, e.is_automatic ? ", automatic" : "");
+  if (e.time.ns == 0)
+    out.push_back({Grade::kWarning, "camera", "the exposure time is unknown, so timestamps are wrong by half of it",
+                   "set camera.exposure_control or camera.exposure_ms"});
+  else if (ms > 15)
+    out.push_back(
+        {Grade::kWarning, "camera", text, "rotation will blur the images; stay below 10 ms with more light or gain"});
+  else
+    out.push_back({Grade::kOk, "camera", text, ""});
+  if (is_automatic && e.refused > 0)
+    out.push_back({Grade::kError, "camera", fmt::format("the camera refused {} changes of exposure or gain", e.refused),
+                   "switch its own automatic exposure off (camera.controls)"});
+  return out;
+}
+
+Findings findings_of(const BufferReading& reading) {
+  if (reading.ordinary.ns == 0) return {};
+  const double in_place_ms = 1e3 * reading.in_place.seconds(), ordinary_ms = 1e3 * reading.ordinary.seconds();
+  if (!reading.is_slow())
+    return {{Grade::kOk, "camera",
+             fmt::format("images are read in the driver's memory, {:.2f} ms each time", in_place_ms), ""}};
+  return {{Grade::kOk, "camera",
+           fmt::format("images are copied once, because reading the driver's memory takes {:.2f} ms each time, {:.0f} "
+                       "times as long as ordinary memory",
+                       in_place_ms, in_place_ms / ordinary_ms),
+           ""}};
+}
+
+}  // namespace epiline

@@ -1,0 +1,14 @@
+#pragma once
+// What the camera's driver tells of exposure and memory, for `epiline check`.
+#include "drivers/program/check/finding.h"
+#include "drivers/sensors/camera/buffer_reading.h"
+#include "drivers/sensors/camera/camera_exposure.h"
+
+namespace epiline {
+
+/// `is_automatic`: our controller is configured.
+Findings findings_of(const ExposureReport& exposure, bool is_automatic);
+/// None if it was not measured.
+Findings findings_of(const BufferReading& reading);
+
+}  // namespace epiline
