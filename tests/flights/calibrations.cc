@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/study/calibrate/april_detector.h"
+#include "drivers/study/calibrate/board_detector.h"
 #include "drivers/study/calibrate/lens_columns.h"
 #include "drivers/study/calibrate/rig_fit.h"
 #include "estimator/geometry/so3.h"
@@ -56,7 +56,7 @@ Result<std::vector<CornerView>> views_in_images(const WavedRig& rig) {
   const AprilGrid grid = waved_grid();
   const auto boxes = black_boxes(grid);
   if (!boxes) return boxes.error();
-  auto detector = AprilDetector::create(grid);
+  auto detector = BoardDetector::create(grid);
   if (!detector) return detector.error();
   const Photographer photographer(grid, *boxes, Camera(rig.lens));
   Random noise(rig.seed, 9);

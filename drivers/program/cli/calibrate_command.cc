@@ -2,12 +2,18 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+#include <cstdio>
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "drivers/program/cli/commands.h"
+#include "drivers/program/cli/record_lines.h"
 #include "drivers/program/inventory/config_edit.h"
+#include "drivers/study/calibrate/board_detector.h"
 #include "drivers/study/calibrate/calibration_files.h"
 
 namespace epiline {
@@ -18,7 +24,9 @@ struct CalibrateArguments {
   CalibrateSettings settings;
   std::string model, resolution;
   std::filesystem::path out, config;
+  std::vector<std::string> set;
   bool json = false;
+  bool is_live() const { return settings.dataset.empty(); }
 };
 
 const std::map<std::string, CameraModel> kModels = {{"radial-tangential", CameraModel::kPinholeRadialTangential},
@@ -47,14 +55,52 @@ Status set_calibrations(const std::filesystem::path& config, const std::filesyst
                               {"imu", "calibration", (folder / "imu.yaml").string()}});
 }
 
+Status check_arguments(const CalibrateArguments& a) {
+  const auto wrong = [](const char* found, const char* expected) {
+    return Error{ErrorKind::kUsage, "", 0, found, expected};
+  };
+  if (!a.config.empty() && a.out.empty())
+    return wrong("--config without --out", "a folder for the files that it will name");
+  if (!a.is_live()) {
+    if (!a.set.empty()) return wrong("--set with a recording", "--set where --config names devices to record from");
+    return Done{};
+  }
+  if (a.config.empty())
+    return wrong("nothing to calibrate from", "a recording, or --config FILE that names camera and IMU");
+  if (a.settings.board.empty())
+    return wrong("no board", "--board FILE, the description of the board (epiline board writes one)");
+  if (a.settings.start_s != 0) return wrong("--start without a recording", "--start where there is a recording");
+  // what is wrong with the board is said before it is waved
+  const auto board = read_board(a.settings.board);
+  if (!board) return board.error();
+  const auto detector = BoardDetector::create(*board);
+  return detector ? Status(Done{}) : Status(detector.error());
+}
+
+/// Waves go to disk first, as with `epiline record`: they can be calibrated again, with other options.
+Status record_waves(CalibrateArguments& a) {
+  a.settings.dataset = a.out / "recording";
+  RecordOptions options;
+  options.out = a.settings.dataset;
+  options.duration_s = std::exchange(a.settings.duration_s, CalibrateSettings().duration_s);
+  const bool says = !a.json;
+  if (says && !std::isfinite(options.duration_s))
+    fmt::print("record    until Ctrl-C: wave the rig before the board for a minute (docs/calibrate.md)\n");
+  if (says) std::fflush(stdout);
+  const auto summary = record_and_say(a.config, a.set, options, says);
+  return summary ? Status(Done{}) : Status(summary.error());
+}
+
 int run_calibration(CalibrateArguments arguments) {
   CalibrateSettings& settings = arguments.settings;
   if (!arguments.model.empty()) settings.model = kModels.at(arguments.model);
   if (!arguments.resolution.empty() && !parse_size(arguments.resolution, settings.width, settings.height)) {
     return report({ErrorKind::kUsage, "", 0, "--resolution " + arguments.resolution, "WIDTHxHEIGHT, as in 752x480"});
   }
-  if (!arguments.config.empty() && arguments.out.empty())
-    return report({ErrorKind::kUsage, "", 0, "--config without --out", "a folder for the files that it will name"});
+  if (const Status s = check_arguments(arguments); !s) return report(s.error());
+  if (arguments.is_live()) {
+    if (const Status s = record_waves(arguments); !s) return report(s.error());
+  }
   const auto calibration = calibrate(settings);
   if (!calibration) return report(calibration.error());
   if (!arguments.out.empty()) {
@@ -79,14 +125,22 @@ void add_calibrate(CLI::App& app, int& exit_code) {
   const auto arguments = std::make_shared<CalibrateArguments>();
   CalibrateSettings& settings = arguments->settings;
   CLI::App* command = app.add_subcommand(
-      "calibrate", "Find lens, camera-IMU pose, time offset and IMU noise from a recording of a calibration board");
+      "calibrate", "Find lens, camera-IMU pose, time offset and IMU noise from a waved calibration board");
   command->group(kFly);
-  command->add_option("DATASET", settings.dataset, "an ASL folder, as `epiline record` writes it")->required();
+  command->add_option(
+      "DATASET", settings.dataset,
+      "an ASL folder, as `epiline record` writes it. Without it, camera and IMU of --config are recorded into "
+      "the folder `recording` of --out first, until Ctrl-C or for --duration");
   command->add_option("--out", arguments->out, "folder for camera.yaml, imu.yaml, calibration.json and report.html");
   command->add_option("--config", arguments->config, "configuration to set both calibrations in");
+  command
+      ->add_option("--set", arguments->set,
+                   "without DATASET: SECTION.KEY=VALUE, overrides one setting; may be repeated")
+      ->type_name("SECTION.KEY=VALUE");
   command->add_option(
       "--board", settings.board,
-      "the board: Kalibr's description of an AprilGrid for images, target.csv for corners (default: the data set's)");
+      "the board: its description, as `epiline board` writes it, for images; target.csv for corners (default: the data "
+      "set's)");
   command->add_option("--camera", settings.camera, "folder of the camera in the data set")->capture_default_str();
   command->add_option("--guess", settings.guess,
                       "camera calibration to start from; \"none\": nothing. Default: the data set's sensor.yaml");
@@ -99,7 +153,10 @@ void add_calibrate(CLI::App& app, int& exit_code) {
   command->add_option("--imu", settings.imu_file, "the IMU's calibration; default: the data set's");
   command->add_flag("--hold-lens", settings.hold_lens, "keep the guess's lens, and find the rest");
   command->add_option("--start", settings.start_s, "leave out images before this time, s")->type_name("S");
-  command->add_option("--duration", settings.duration_s, "leave out images after this much time, s")->type_name("S");
+  command
+      ->add_option("--duration", settings.duration_s,
+                   "leave out images after this much time, s; without DATASET: record so long")
+      ->type_name("S");
   command->add_flag("--json", arguments->json, "print calibration.json instead of a summary");
   command->callback([arguments, &exit_code] { exit_code = run_calibration(*arguments); });
 }

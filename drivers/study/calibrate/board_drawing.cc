@@ -21,34 +21,65 @@ namespace {
 
 #ifdef EPILINE_APRILTAG
 
+/// A tag to draw: lower left corner and side, m; black cells around its bits; turned by half a turn?
+struct DrawnTag {
+  int id;
+  double x, y, side;
+  int border;
+  bool turned;
+};
+
 /// Cells of a tag that are white: one bit each, the first in the highest bit of the code.
-std::set<std::pair<int, int>> white_cells(const apriltag_family_t& family, int tag) {
+std::set<std::pair<int, int>> white_cells(const apriltag_family_t& family, const DrawnTag& tag) {
   std::set<std::pair<int, int>> cells;
+  const int last = family.width_at_border - 1;
   for (std::uint32_t i = 0; i < family.nbits; ++i) {
-    if ((family.codes[tag] >> (family.nbits - 1 - i) & 1) == 0) continue;
-    const int border = 1;  // of the library's family
-    cells.emplace(static_cast<int>(family.bit_x[i]) - border + kKalibrBorder,
-                  static_cast<int>(family.bit_y[i]) - border + kKalibrBorder);
+    if ((family.codes[tag.id] >> (family.nbits - 1 - i) & 1) == 0) continue;
+    const int wider = tag.border - kUsualBorder;  // than the library's family
+    const int x = static_cast<int>(family.bit_x[i]), y = static_cast<int>(family.bit_y[i]);
+    cells.emplace((tag.turned ? last - x : x) + wider, (tag.turned ? last - y : y) + wider);
   }
   return cells;
 }
 
-/// One tag, row by row from the top.
-void add_tag(const apriltag_family_t& family, int tag, const AprilGrid& grid, std::vector<BlackBox>& boxes) {
+/// Row by row from the top.
+void add_tag(const apriltag_family_t& family, const DrawnTag& tag, std::vector<BlackBox>& boxes) {
   const auto white = white_cells(family, tag);
-  const int cells = family.width_at_border - 2 + 2 * kKalibrBorder;
-  const double cell = grid.tag_m / cells;
-  const int tag_column = tag % grid.columns, tag_row = tag / grid.columns;
-  const double x = grid.step_m() * tag_column, y = grid.step_m() * tag_row;
+  const int cells = family.width_at_border + 2 * (tag.border - kUsualBorder);
+  const double cell = tag.side / cells;
   for (int row = 0; row < cells; ++row) {
     int from = -1;
     for (int column = 0; column <= cells; ++column) {
       const bool black = column < cells && white.count({column, row}) == 0;
       if (black && from < 0) from = column;
       if (black || from < 0) continue;
-      boxes.push_back({x + from * cell, y + (cells - 1 - row) * cell, (column - from) * cell, cell});
+      boxes.push_back({tag.x + from * cell, tag.y + (cells - 1 - row) * cell, (column - from) * cell, cell});
       from = -1;
     }
+  }
+}
+
+void add_board(const apriltag_family_t& family, const AprilGrid& grid, std::vector<BlackBox>& boxes) {
+  for (int tag = 0; tag < grid.tags(); ++tag) {
+    const int column = tag % grid.columns, row = tag / grid.columns;
+    add_tag(family, {tag, grid.step_m() * column, grid.step_m() * row, grid.tag_m, kKalibrBorder, false}, boxes);
+  }
+  const double gap = grid.spacing * grid.tag_m;
+  for (int row = 0; row <= grid.rows; ++row)
+    for (int column = 0; column <= grid.columns; ++column)
+      boxes.push_back({grid.step_m() * column - gap, grid.step_m() * row - gap, gap, gap});
+}
+
+void add_board(const apriltag_family_t& family, const CharucoBoard& charuco, std::vector<BlackBox>& boxes) {
+  const double side = charuco.square_m, margin = (charuco.square_m - charuco.tag_m) / 2;
+  const auto below = [&](int row) { return (charuco.rows - 1 - row) * side; };
+  for (int row = 0; row < charuco.rows; ++row)
+    for (int column = row % 2; column < charuco.columns; column += 2)
+      boxes.push_back({column * side, below(row), side, side});
+  for (int tag = 0; tag < charuco.tags(); ++tag) {
+    const CharucoBoard::Place square = charuco.place_of(tag);
+    add_tag(family, {tag, square.column * side + margin, below(square.row) + margin, charuco.tag_m, kUsualBorder, true},
+            boxes);
   }
 }
 
@@ -56,41 +87,59 @@ void add_tag(const apriltag_family_t& family, int tag, const AprilGrid& grid, st
 
 constexpr double kPointsPerMetre = 72 / 0.0254;
 
+/// What is printed below it, for a check with a ruler.
+std::string caption(const AprilGrid& grid) {
+  return fmt::format("AprilGrid 36h11, {} x {} tags of {:.2f} mm, {:.2f} mm from edge to edge. Print at 100 %.",
+                     grid.columns, grid.rows, 1e3 * grid.tag_m, 1e3 * grid.width_m());
+}
+std::string caption(const CharucoBoard& charuco) {
+  return fmt::format(
+      "ChArUco AprilTag 36h11, {} x {} squares of {:.2f} mm, tags of {:.2f} mm, {:.2f} mm from edge to edge. Print at "
+      "100 %.",
+      charuco.columns, charuco.rows, 1e3 * charuco.square_m, 1e3 * charuco.tag_m, 1e3 * charuco.width_m());
+}
+
+/// All of the page but its frame, in PDF's words; width and height in points.
+struct PageContent {
+  Text text;
+  double width = 0, height = 0;
+};
+
+template <class Kind>
+PageContent content_of(const Kind& board, const std::vector<BlackBox>& boxes) {
+  constexpr double kLeastMargin_m = 0.008;
+  const double margin = std::max(board.margin_m(), kLeastMargin_m);
+  PageContent page;
+  page.width = kPointsPerMetre * (board.width_m() + 2 * margin);
+  page.height = kPointsPerMetre * (board.height_m() + 2 * margin);
+  for (const BlackBox& box : boxes) {
+    page.text.print("{:.4f} {:.4f} {:.4f} {:.4f} re\n", kPointsPerMetre * (box.x + margin),
+                    kPointsPerMetre * (box.y + margin), kPointsPerMetre * box.width, kPointsPerMetre * box.height);
+  }
+  page.text.print("f\nBT /F1 7 Tf {:.2f} 6 Td ({}) Tj ET\n", kPointsPerMetre * margin, caption(board));
+  return page;
+}
+
 }  // namespace
 
-Result<std::vector<BlackBox>> black_boxes(const AprilGrid& grid) {
+Result<std::vector<BlackBox>> black_boxes(const Board& board) {
 #ifdef EPILINE_APRILTAG
   std::vector<BlackBox> boxes;
   apriltag_family_t* family = tag36h11_create();
-  for (int tag = 0; tag < grid.tags(); ++tag) add_tag(*family, tag, grid, boxes);
+  std::visit([&](const auto& kind) { add_board(*family, kind, boxes); }, board);
   tag36h11_destroy(family);
-  const double gap = grid.spacing * grid.tag_m;
-  for (int row = 0; row <= grid.rows; ++row)
-    for (int column = 0; column <= grid.columns; ++column)
-      boxes.push_back({grid.step_m() * column - gap, grid.step_m() * row - gap, gap, gap});
   return boxes;
 #else
-  static_cast<void>(grid);
+  static_cast<void>(board);
   return Error{ErrorKind::kUsage, "", 0, "this program cannot draw boards", "a build with libapriltag-dev installed"};
 #endif
 }
 
-Result<std::string> board_pdf(const AprilGrid& grid) {
-  const auto boxes = black_boxes(grid);
+Result<std::string> board_pdf(const Board& board) {
+  const auto boxes = black_boxes(board);
   if (!boxes) return boxes.error();
-  const double margin = std::max(2 * grid.spacing * grid.tag_m, 0.008);
-  const double width = kPointsPerMetre * (grid.width_m() + 2 * margin),
-               height = kPointsPerMetre * (grid.height_m() + 2 * margin);
-  Text page;
-  for (const BlackBox& box : *boxes) {
-    page.print("{:.4f} {:.4f} {:.4f} {:.4f} re\n", kPointsPerMetre * (box.x + margin),
-               kPointsPerMetre * (box.y + margin), kPointsPerMetre * box.width, kPointsPerMetre * box.height);
-  }
-  page.print(
-      "f\nBT /F1 7 Tf {:.2f} 6 Td (AprilGrid 36h11, {} x {} tags of {:.2f} mm, {:.2f} mm from edge to edge. Print at "
-      "100 %.) Tj ET\n",
-      kPointsPerMetre * margin, grid.columns, grid.rows, 1e3 * grid.tag_m, 1e3 * grid.width_m());
-  const std::string& content = page;
+  const PageContent page = std::visit([&](const auto& kind) { return content_of(kind, *boxes); }, board);
+  const std::string& content = page.text;
   std::string pdf = "%PDF-1.4\n";
   std::vector<std::size_t> places;
   const auto add = [&](const std::string& object) {
@@ -102,7 +151,7 @@ Result<std::string> board_pdf(const AprilGrid& grid) {
   add(
       fmt::format("<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {:.4f} {:.4f}] /Contents 4 0 R /Resources << /Font << "
                   "/F1 5 0 R >> >> >>",
-                  width, height));
+                  page.width, page.height));
   add(fmt::format("<< /Length {} >>\nstream\n{}endstream", content.size(), content));
   add("<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>");
   const std::size_t table = pdf.size();

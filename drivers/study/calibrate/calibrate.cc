@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "drivers/flights/recordings/image_source.h"
-#include "drivers/study/calibrate/april_detector.h"
-#include "drivers/study/calibrate/april_grid.h"
+#include "drivers/study/calibrate/board.h"
+#include "drivers/study/calibrate/board_detector.h"
 #include "drivers/study/calibrate/lens_columns.h"
 #include "drivers/study/calibrate/verdicts.h"
 #include "platform/math/statistics.h"
@@ -40,11 +40,12 @@ Result<std::vector<CornerView>> corners_of_tracks(const CalibrateSettings& setti
 
 Result<std::vector<CornerView>> corners_of_images(const CalibrateSettings& settings, const AslDataset& dataset) {
   if (settings.board.empty()) {
-    return Error{ErrorKind::kUsage, "", 0, "no board", "--board FILE, Kalibr's description of an AprilGrid"};
+    return Error{ErrorKind::kUsage, "", 0, "no board",
+                 "--board FILE, the description of an AprilGrid or a ChArUco board (epiline board writes one)"};
   }
-  const auto grid = read_april_grid(settings.board);
-  if (!grid) return grid.error();
-  auto detector = AprilDetector::create(*grid);
+  const auto board = read_board(settings.board);
+  if (!board) return board.error();
+  auto detector = BoardDetector::create(*board);
   if (!detector) return detector.error();
   std::vector<CornerView> views;
   GreyImage image;

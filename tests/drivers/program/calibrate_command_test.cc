@@ -22,6 +22,44 @@ TEST_F(CalibrateCommand, WantsAFolderForWhatAConfigurationWillName) {
   EXPECT_EQ(read(scratch() / "flight.toml"), "");
 }
 
+/// Each before a device is opened: nobody should have waved for nothing.
+TEST_F(CalibrateCommand, WithoutARecordingItNeedsDevicesAndABoard) {
+  const std::string config = "'" + (scratch() / "flight.toml").string() + "'",
+                    board = "'" + (scratch() / "board.yaml").string() + "'",
+                    out = " --out '" + (scratch() / "out").string() + "'";
+  write(scratch() / "flight.toml",
+        "[camera]\ndevice = \"/dev/video77\"\n[imu]\ndevice = \"/sys/bus/iio/devices/iio:device77\"\n");
+  write(scratch() / "board.yaml", "target_type: 'checkerboard'\n");
+  expect_one_line(run("calibrate --board " + board), 2, {"nothing to calibrate from", "--config FILE"});
+  expect_one_line(run("calibrate --config " + config), 2, {"--config without --out"});
+  expect_one_line(run("calibrate --config " + config + out), 2, {"no board", "--board FILE"});
+  expect_one_line(run("calibrate --config " + config + out + " --board " + board), 2, {"not a board of AprilTags"});
+  expect_one_line(run("calibrate nothing --set camera.rate_hz=20"), 2, {"--set with a recording"});
+  const Outcome drawn = run("board --kind charuco --out '" + (scratch() / "board.pdf").string() + "'");
+  if (drawn.exit_code != 0) GTEST_SKIP() << drawn.err;
+  const Outcome r = run("calibrate --json --config " + config + out + " --board " + board);
+  EXPECT_EQ(r.exit_code, 1);
+  EXPECT_NE(r.err.find("iio:device77"), std::string::npos) << r.err;
+  EXPECT_FALSE(fs::exists(scratch() / "out/recording/mav0"));
+}
+
+TEST_F(CalibrateCommand, BoardsOfEitherKindArePrintedWithTheirDescription) {
+  const fs::path pdf = scratch() / "board.pdf";
+  fs::create_directories(scratch());
+  const Outcome grid = run("board --out '" + pdf.string() + "'");
+  if (grid.exit_code != 0) GTEST_SKIP() << grid.err;
+  EXPECT_NE(grid.out.find("6 x 8 tags, 180.0 x 242.4 mm"), std::string::npos) << grid.out;
+  EXPECT_NE(read(scratch() / "board.yaml").find("'aprilgrid'"), std::string::npos);
+  const Outcome charuco = run("board --kind charuco --square-mm 30 --out '" + pdf.string() + "'");
+  EXPECT_NE(charuco.out.find("7 x 9 squares, 210.0 x 270.0 mm"), std::string::npos) << charuco.out;
+  EXPECT_NE(charuco.out.find("correct squareSize"), std::string::npos) << charuco.out;
+  EXPECT_NE(read(scratch() / "board.yaml").find("squareSize: 0.03"), std::string::npos);
+  EXPECT_EQ(read(pdf).substr(0, 8), "%PDF-1.4");
+  expect_one_line(run("board --kind charuco --spacing 0.3 --out '" + pdf.string() + "'"), 2, {"--spacing"});
+  expect_one_line(run("board --square-mm 30 --out '" + pdf.string() + "'"), 2, {"--square-mm"});
+  expect_one_line(run("board --kind charuco --tag-mm 25 --out '" + pdf.string() + "'"), 2, {"nine tenths"});
+}
+
 TEST_F(CalibrateCommand, SetsWhatItFoundInTheConfiguration) {
   const fs::path recording = test::recorded_data("imu_april_tracks");
   if (!fs::exists(recording)) GTEST_SKIP() << "no recording " << recording;

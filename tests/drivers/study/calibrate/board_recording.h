@@ -14,6 +14,7 @@ namespace epiline {
 
 /// Where WavedRig looks.
 inline AprilGrid waved_grid() { return {4, 4, 0.088, 0.3}; }
+inline CharucoBoard waved_charuco() { return {6, 6, 0.075, 0.056}; }
 
 /// A camera's noise: two grey levels.
 inline void add_noise(GreyImage& image, Random& random) {
@@ -22,16 +23,16 @@ inline void add_noise(GreyImage& image, Random& random) {
 }
 
 /// Into an empty folder. Fails if and only if a file cannot be written, or there is no libapriltag to draw tags with.
-inline Status write_board_recording(const WavedRig& rig, const std::filesystem::path& folder) {
-  const AprilGrid grid = waved_grid();
-  const auto boxes = black_boxes(grid);
+inline Status write_board_recording(const WavedRig& rig, const std::filesystem::path& folder,
+                                    const Board& board = waved_grid()) {
+  const auto boxes = black_boxes(board);
   if (!boxes) return boxes.error();
   const std::filesystem::path camera = folder / "mav0" / "cam0", inertial = folder / "mav0" / "imu0";
   std::filesystem::create_directories(camera / "data");
   std::filesystem::create_directories(inertial);
   std::string imu = kAslImuHeader, list = kAslImagesHeader;
   for (const ImuSample& sample : rig.readings()) append_asl_imu(imu, sample);
-  const Photographer photographer(grid, *boxes, Camera(rig.lens));
+  const Photographer photographer(board, *boxes, Camera(rig.lens));
   Random noise(rig.seed, 9);
   for (double t = 0.3; t < rig.seconds - 0.3; t += 1 / rig.image_rate_hz) {
     const HostStamp stamp = WavedRig::kBegin + Span::from_seconds(t - rig.time_offset_s);
@@ -46,7 +47,7 @@ inline Status write_board_recording(const WavedRig& rig, const std::filesystem::
   }
   if (const Status s = write_text(inertial / "data.csv", imu); !s) return s;
   if (const Status s = write_text(camera / "data.csv", list); !s) return s;
-  return write_text(folder / "board.yaml", april_grid_yaml(grid));
+  return write_text(folder / "board.yaml", board_yaml(board));
 }
 
 }  // namespace epiline

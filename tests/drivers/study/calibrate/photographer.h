@@ -13,10 +13,14 @@ namespace epiline {
 /// A printed board, in tenths of a millimetre, and a camera that takes its picture with 2 x 2 rays per pixel.
 class Photographer {
  public:
-  Photographer(const AprilGrid& grid, const std::vector<BlackBox>& boxes, const Camera& camera) : camera_(camera) {
-    margin_ = 2 * grid.spacing * grid.tag_m;
-    columns_ = static_cast<int>((grid.width_m() + 2 * margin_) / kDot_m);
-    rows_ = static_cast<int>((grid.height_m() + 2 * margin_) / kDot_m);
+  Photographer(const Board& board, const std::vector<BlackBox>& boxes, const Camera& camera) : camera_(camera) {
+    std::visit(
+        [this](const auto& kind) {
+          margin_ = kind.margin_m();
+          columns_ = static_cast<int>((kind.width_m() + 2 * margin_) / kDot_m);
+          rows_ = static_cast<int>((kind.height_m() + 2 * margin_) / kDot_m);
+        },
+        board);
     black_.assign(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_), 0);
     for (const BlackBox& box : boxes)
       for (int y = dot(box.y); y < dot(box.y + box.height); ++y)

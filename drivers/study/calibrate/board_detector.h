@@ -4,24 +4,24 @@
 #include <vector>
 
 #include "drivers/flights/recordings/grey_image.h"
-#include "drivers/study/calibrate/april_grid.h"
+#include "drivers/study/calibrate/board.h"
 
 namespace epiline {
 
-class AprilDetector {
+class BoardDetector {
  public:
   /// Fails if and only if the program was built without libapriltag.
-  static Result<AprilDetector> create(const AprilGrid& grid);
-  AprilDetector(AprilDetector&&) noexcept;
-  AprilDetector& operator=(AprilDetector&&) noexcept;
-  ~AprilDetector();
+  static Result<BoardDetector> create(const Board& board);
+  BoardDetector(BoardDetector&&) noexcept;
+  BoardDetector& operator=(BoardDetector&&) noexcept;
+  ~BoardDetector();
 
-  /// The corners of all tags of the board that are read without doubt, in the order of their ids.
+  /// The corners at all tags of the board that are read without doubt, in the order of their ids.
   std::vector<Corner> find(const GreyPixels& image);
 
  private:
   struct Parts;
-  explicit AprilDetector(std::unique_ptr<Parts> parts);
+  explicit BoardDetector(std::unique_ptr<Parts> parts);
   std::unique_ptr<Parts> parts_;
 };
 

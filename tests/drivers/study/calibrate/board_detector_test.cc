@@ -1,6 +1,6 @@
 // Boards drawn by us and found in images by libapriltag and our sub-pixel step; OpenCV's cornerSubPix is the other
 // opinion.
-#include "drivers/study/calibrate/april_detector.h"
+#include "drivers/study/calibrate/board_detector.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -44,9 +44,9 @@ GreyImage photograph(const std::vector<BlackBox>& boxes, const Camera& camera, c
 
 GreyPixels pixels_of(GreyImage& image) { return {image.pixels.data(), image.width, image.height, image.width}; }
 
-TEST(AprilDetector, FindsTheCornersOfATiltedBoardToATenthOfAPixel) {
+TEST(BoardDetector, FindsTheCornersOfATiltedBoardToATenthOfAPixel) {
   const AprilGrid grid{3, 2, 0.08, 0.3};
-  auto detector = AprilDetector::create(grid);
+  auto detector = BoardDetector::create(grid);
   if (!detector) GTEST_SKIP() << detector.error().text();
   const auto boxes = black_boxes(grid);
   ASSERT_TRUE(boxes);
@@ -65,8 +65,8 @@ TEST(AprilDetector, FindsTheCornersOfATiltedBoardToATenthOfAPixel) {
   }
 }
 
-TEST(AprilDetector, AnEmptyImageHasNoCorner) {
-  auto detector = AprilDetector::create({});
+TEST(BoardDetector, AnEmptyImageHasNoCorner) {
+  auto detector = BoardDetector::create(AprilGrid{});
   if (!detector) GTEST_SKIP() << detector.error().text();
   GreyImage image;
   image.resize(320, 240);
@@ -88,7 +88,7 @@ TEST(RefineCorner, AnEdgeIsNoCornerAndTheImagesRimIsLeftAlone) {
 
 TEST(AprilGrid, IsReadAsItIsWrittenAndComplaintsNameTheLine) {
   const auto file = std::filesystem::path(testing::TempDir()) / "board_of_april_grid_test.yaml";
-  ASSERT_TRUE(write_text(file, april_grid_yaml({5, 7, 0.0251, 0.29})));
+  ASSERT_TRUE(write_text(file, board_yaml(AprilGrid{5, 7, 0.0251, 0.29})));
   const auto grid = read_april_grid(file);
   ASSERT_TRUE(grid) << grid.error().text();
   EXPECT_EQ(grid->columns, 5);
