@@ -60,8 +60,9 @@ class FakeCanBus {
   std::vector<Sent> sent;
   std::vector<std::vector<std::uint8_t>> messages;  ///< by ISO-TP
   std::deque<canfd_frame> news;
-  int fault = 0;     ///< told once to who reads
-  int attempts = 0;  ///< to open a socket on it
+  int fault = 0;         ///< of the next read
+  int option_error = 0;  ///< of setsockopt()
+  int attempts = 0;      ///< to open a socket on it
 
  private:
   class Socket final : public FakeFile {
@@ -83,6 +84,9 @@ class FakeCanBus {
         default:
           return refuse(ENOTTY);
       }
+    }
+    int setsockopt(int /*level*/, int /*option*/, const void* /*value*/, socklen_t /*length*/) override {
+      return bus_.option_error != 0 ? refuse(bus_.option_error) : 0;
     }
     ssize_t read(void* into, std::size_t size) override {
       if (is_isotp_) return refuse(bus_.isotp_error != 0 ? std::exchange(bus_.isotp_error, 0) : EAGAIN);

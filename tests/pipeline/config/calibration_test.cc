@@ -77,6 +77,44 @@ TEST(CameraCalibration, DoubleSphereAndNoDistortion) {
   EXPECT_EQ(none->parameters.distortion, (std::array<double, 5>{}));
 }
 
+// Each with the line of the file, what stands there, and what was expected.
+TEST(CameraCalibration, SaysWhatIsWrongWithALens) {
+  const auto error = [](const std::string& resolution, const std::string& lens) {
+    const std::filesystem::path path = calibration_file(
+        "wrong.yaml",
+        "T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: " + resolution + "\n" + lens);
+    const auto camera = read_camera_calibration(path, "cam0");
+    if (camera) return std::string("read");
+    const std::string text = camera.error().text();
+    EXPECT_EQ(text.rfind(path.string(), 0), 0u) << text;
+    return text.substr(path.string().size());
+  };
+  const std::string size = "[512, 512]", none = "distortion_model: none\n", pinhole = "camera_model: pinhole\n",
+                    good = "intrinsics: [190, 191, 255, 256]\n";
+  EXPECT_EQ(error(size, pinhole + good + none), "read");
+  EXPECT_EQ(error(size, "camera_model: omni\n" + good + none),
+            ":3: unknown camera model \"omni\"; expected pinhole or double-sphere");
+  EXPECT_EQ(error(size, pinhole + "intrinsics: [190, 191, 255]\n" + none), ":4: 3 numbers; expected 4: fu fv cu cv");
+  EXPECT_EQ(error(size, pinhole + "intrinsics: [190, wide, 255, 256]\n" + none),
+            ":4: \"wide\"; expected a finite number");
+  EXPECT_EQ(error(size, pinhole + "intrinsics: [190, .nan, 255, 256]\n" + none),
+            ":4: \".nan\"; expected a finite number");
+  EXPECT_EQ(error(size, pinhole + "intrinsics: [190, 0, 255, 256]\n" + none),
+            ":4: a focal length that is not above zero; expected pixels");
+  const std::string sphere = "camera_model: ds\nintrinsics: [-0.2, 1.6, 190, 191, 255, 256]\n";
+  EXPECT_EQ(error(size, sphere + none), ":4: alpha outside 0 to 1; expected xi alpha fu fv cu cv");
+  EXPECT_EQ(error(size,
+                  "camera_model: ds\nintrinsics: [-0.2, 0.6, 190, 191, 255, 256]\ndistortion_model: radtan\n"
+                  "distortion_coeffs: [0, 0, 0, 0]\n"),
+            ":5: distortion model \"radtan\" with a double sphere; expected none");
+  EXPECT_EQ(error(size, pinhole + good + "distortion_model: fov\ndistortion_coeffs: [0.9]\n"),
+            ":5: unknown distortion model \"fov\"; expected radial-tangential, equidistant or none");
+  EXPECT_EQ(error(size, pinhole + good + "distortion_model: radtan\ndistortion_coeffs: [0.9]\n"),
+            ":6: 1 number; expected 4 or 5: k1 k2 p1 p2 [k3]");
+  for (const char* const wrong : {"[512.5, 512]", "[0, 512]", "[512, 99999]"})
+    EXPECT_EQ(error(wrong, pinhole + good + none), ":2: not an image size; expected width height in pixels");
+}
+
 TEST(ImuCalibration, ReadsDensitiesAndRefusesAnImuThatIsNotTheBody) {
   const std::string densities =
       "gyroscope_noise_density: 1e-4\ngyroscope_random_walk: 2e-5\naccelerometer_noise_density: "

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
 #include <set>
 
 namespace epiline {
@@ -73,6 +75,32 @@ TEST(Config, SingleSettingsWinOverTheFile) {
   EXPECT_EQ(config.estimator.visual_factor, VisualFactor::kEpipolar);
   EXPECT_EQ(config.devices.camera.device, "a=b");
   EXPECT_FALSE(config.realtime.lock_memory);
+}
+
+TEST(Config, AFileIsReadWithTheSettingsOfTheCommandLine) {
+  const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / "epiline_config_test.toml";
+  std::ofstream(path) << "[tracker]\nmax_features = 70\n[estimator]\nkeyframes = 7\n";
+  const auto file = ConfigFile::read(path, {"tracker.max_features=90"});
+  ASSERT_TRUE(file) << file.error().text();
+  Config config;
+  file->apply(config);
+  EXPECT_EQ(config.tracker.max_features, 90);
+  EXPECT_EQ(config.estimator.keyframes, 7);
+  const auto wrong = ConfigFile::read(path, {"tracker.max_features=0"});
+  ASSERT_FALSE(wrong);
+  EXPECT_EQ(wrong.error().text(), "--set tracker.max_features=0: \"0\"; expected an integer from 1 to 400");
+  std::ofstream(path) << "[tracker]\nmax_features = 0\n";
+  const auto named = ConfigFile::read(path, {});
+  ASSERT_FALSE(named);
+  EXPECT_EQ(named.error().text().rfind(path.string() + ":2: ", 0), 0u) << named.error().text();
+  std::filesystem::remove(path);
+  const auto missing = ConfigFile::read(path, {});
+  ASSERT_FALSE(missing);
+  EXPECT_NE(missing.error().text().find(path.string()), std::string::npos);
+  const auto none = ConfigFile::read({}, {"estimator.keyframes=5"});
+  ASSERT_TRUE(none);
+  none->apply(config);
+  EXPECT_EQ(config.estimator.keyframes, 5);
 }
 
 TEST(Config, ASingleSettingThatIsWrongIsExplained) {

@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 
+#include "drivers/links/can/can_socket.h"
 #include "drivers/links/can/dbc.h"
 #include "platform/memory/allocation_count.h"
 #include "tests/drivers/fake_can.h"
@@ -162,6 +163,31 @@ TEST(CanOutput, SaysWhatIsWrongWithTheInterface) {
             "can0: the interface carries classic frames only; expected can.fd = false, or an interface that is set up "
             "with dbitrate BITRATE fd on");
   EXPECT_EQ(error(false, [](FakeCanBus& bus) { bus.has_fd = false; }), "opened");
+  EXPECT_EQ(error(true, [](FakeCanBus& bus) { bus.option_error = EPERM; }),
+            "can0: cannot open a socket: Operation not permitted [setsockopt]; expected a CAN interface that this user "
+            "may use");
+}
+
+// The other two kinds of socket: for the wheels' frames, and for `epiline check`, which listens to all.
+TEST(CanSocket, WhatIsRefusedLeavesNoFileOpen) {
+  FakeKernel kernel;
+  FakeCanBus bus(kernel, "can0");
+  can::CanSocket socket(kernel);
+  const auto receive = [&] { return socket.open_to_receive("can0", 0x123, false); };
+  const auto listen = [&] { return socket.open_to_listen("can0"); };
+  EXPECT_FALSE(receive());
+  EXPECT_FALSE(listen());
+  EXPECT_EQ(kernel.open_files(), 1u) << "the one before is closed";
+  bus.option_error = EINVAL;
+  EXPECT_EQ(receive().error, EINVAL);
+  EXPECT_EQ(kernel.open_files(), 0u);
+  EXPECT_EQ(listen().error, EINVAL);
+  EXPECT_EQ(kernel.open_files(), 0u);
+  bus.option_error = 0;
+  bus.is_up = false;
+  EXPECT_EQ(receive().error, ENETDOWN);
+  EXPECT_EQ(listen().error, ENETDOWN);
+  EXPECT_EQ(kernel.open_files(), 0u);
 }
 
 TEST(CanOutput, SendsOdometryAtItsRateAndStatusFiveTimesASecond) {

@@ -58,6 +58,14 @@ TEST(MavlinkLink, SaysWhatIsWrongWithTheSettings) {
     EXPECT_EQ(error_of(config),
               std::string("mavlink.udp: '") + wrong + "'; expected ADDRESS:PORT in numbers, e.g. 192.168.1.10:14580");
   }
+  config.udp = "127.0.0.1:14550";
+  config.udp_listen = "14540";
+  EXPECT_EQ(error_of(config), "mavlink.udp_listen: '14540'; expected ADDRESS:PORT in numbers, e.g. 192.168.1.10:14580");
+  ImuDeviceConfig imu;
+  MavlinkLink turned(config, Mat3(Eigen::AngleAxisd(0.1, Vec3::UnitZ())), imu);
+  EXPECT_EQ(turned.open().error().text(),
+            "[body]: angles with imu.driver = \"mavlink\"; expected angles of 0: a flight controller sends its samples "
+            "in the vehicle's axes");
   config = {};
   config.serial = "/dev/null";
   EXPECT_EQ(error_of(config), "/dev/null: Inappropriate ioctl for device [TCGETS2]; expected a serial device");

@@ -186,6 +186,42 @@ TEST_F(FakeSysfs, SaysWhatIsWrong) {
   EXPECT_EQ(get("buffer/enable"), "0");
 }
 
+TEST_F(FakeSysfs, APathNamesTheDeviceToo) {
+  fs::create_symlink(root_ + "/dev/iio:device3", root_ + "/dev/imu");
+  IioRequest request = request_;
+  const std::string link = root_ + "/dev/imu", missing = root_ + "/dev/missing", other = root_ + "/dev/sound";
+  request.device = link.c_str();
+  EXPECT_EQ(trouble_of(request), "opened");
+  request.device = missing.c_str();
+  EXPECT_EQ(trouble_of(request).rfind("it: No such file or directory [open]; expected ", 0), 0u) << trouble_of(request);
+  std::ofstream(other) << "";
+  request.device = other.c_str();
+  EXPECT_EQ(trouble_of(request), "it: " + other + " is not an IIO device [open]; expected an IIO device");
+}
+
+TEST_F(FakeSysfs, SaysWhatIsMissing) {
+  IioRequest request = request_;
+  request.trigger = "sync";
+  EXPECT_EQ(trouble_of(request), "it: adis16470 has no trigger [trigger]; expected imu.trigger not to be set");
+  fs::create_directories(device_ + "/trigger");
+  put("trigger/current_trigger", "\n");
+  fs::create_directories(root_names_[0] + "/trigger0");
+  put("../trigger0/name", "adis16470-dev3\n");
+  EXPECT_EQ(trouble_of(request), "it: no trigger is called 'sync' [trigger]; expected one of adis16470-dev3");
+  fs::remove(device_ + "/scan_elements/in_timestamp_en");
+  EXPECT_EQ(trouble_of(request_).rfind("it: No such file or directory [scan_elements/in_timestamp_en]", 0), 0u);
+  put("scan_elements/in_timestamp_en", "0\n");
+  fs::remove(device_ + "/buffer/length");
+  EXPECT_EQ(trouble_of(request_).rfind("it: No such file or directory [buffer/length]", 0), 0u);
+  fs::remove(root_ + "/dev/iio:device3");
+  EXPECT_EQ(trouble_of(request_).rfind("it: No such file or directory [open]", 0), 0u);
+  fs::remove_all(root_names_[0]);
+  EXPECT_EQ(trouble_of(request_), "it: there are no IIO devices [open]; expected an IMU whose kernel driver is loaded");
+  fs::create_directories(root_names_[0]);
+  EXPECT_EQ(trouble_of(request_),
+            "it: no IIO device is called 'adis16470' [open]; expected an IMU whose kernel driver is loaded");
+}
+
 // A broken or hostile sensor may say what it likes: stamps handed out rise, and are not ahead of now.
 TEST_F(FakeSysfs, WildTimesDoNotComeThrough) {
   ImuDeviceConfig config;
