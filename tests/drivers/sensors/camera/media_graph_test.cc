@@ -183,11 +183,11 @@ class MediaGraphTest : public testing::Test {
                         other_id = board->add_entity("csi2_ch1", MEDIA_ENT_F_IO_V4L, 2);
     sensor_pad = board->add_pad(sensor_id, 0, true);
     receiver_in = board->add_pad(receiver_id, 0, false);
-    const std::uint32_t out = board->add_pad(receiver_id, 1, true), node = board->add_pad(node_id, 0, false),
-                        other = board->add_pad(other_id, 0, false);
+    receiver_out = board->add_pad(receiver_id, 1, true);
+    const std::uint32_t node = board->add_pad(node_id, 0, false), other = board->add_pad(other_id, 0, false);
     board->add_link(sensor_pad, receiver_in, kEnabled);
-    to_node = board->add_link(out, node, 0);
-    to_other = board->add_link(out, other, kEnabled);
+    to_node = board->add_link(receiver_out, node, 0);
+    to_other = board->add_link(receiver_out, other, kEnabled);
     add_sub_device(11, "v4l-subdev0", sensor);
     add_sub_device(12, "v4l-subdev1", receiver);
   }
@@ -212,7 +212,7 @@ class MediaGraphTest : public testing::Test {
   std::shared_ptr<FakeGraph> board = std::make_shared<FakeGraph>();
   std::shared_ptr<FakeSubDevice> sensor = std::make_shared<FakeSubDevice>(),
                                  receiver = std::make_shared<FakeSubDevice>();
-  std::uint32_t sensor_pad = 0, receiver_in = 0, to_node = 0, to_other = 0;
+  std::uint32_t sensor_pad = 0, receiver_in = 0, receiver_out = 0, to_node = 0, to_other = 0;
   MediaGraph graph{kernel};
 };
 
@@ -307,6 +307,31 @@ TEST_F(MediaGraphTest, EachPadGetsWhatTheOneBeforeItGives) {
   const DeviceTrouble trouble = graph.set_format(wanted, at_node);
   EXPECT_EQ(trouble.error, EBUSY);
   EXPECT_STREQ(trouble.found, "csi2");
+}
+
+// An output of the receiver also feeds a unit for statistics by a link that cannot be disabled. The kernel starts the
+// stream only if that one is set up alike; what it would give goes nowhere.
+TEST_F(MediaGraphTest, ABranchThatCannotBeCutIsSetUpAlike) {
+  const std::uint32_t statistics_id = board->add_entity("stats", MEDIA_ENT_F_PROC_VIDEO_STATISTICS, 13),
+                      file_id = board->add_entity("stats_file", MEDIA_ENT_F_IO_V4L, 3),
+                      in = board->add_pad(statistics_id, 0, false), out = board->add_pad(statistics_id, 1, true);
+  board->add_link(receiver_out, in, MEDIA_LNK_FL_ENABLED | MEDIA_LNK_FL_IMMUTABLE);
+  const std::uint32_t to_file = board->add_link(out, board->add_pad(file_id, 0, false), kEnabled);
+  const auto statistics = std::make_shared<FakeSubDevice>();
+  add_sub_device(13, "v4l-subdev2", statistics);
+  find("");
+  EXPECT_FALSE(graph.link());
+  EXPECT_FALSE(board->is_enabled(to_file));
+  BusFormat at_node;
+  const BusFormat wanted{MEDIA_BUS_FMT_Y10_1X10, 728, 544};
+  EXPECT_FALSE(graph.set_format(wanted, at_node));
+  EXPECT_EQ(at_node, wanted);
+  EXPECT_EQ(statistics->width, 728U);
+  EXPECT_EQ(statistics->height, 544U);
+  statistics->most_width = 640;
+  EXPECT_FALSE(graph.set_format(wanted, at_node));
+  EXPECT_EQ(at_node.code, 0U) << "the stream would not start";
+  EXPECT_EQ(kernel.open_files(), 3U) << "the branch's file is closed again";
 }
 
 TEST_F(MediaGraphTest, TheRateOfARawSensorIsItsBlanking) {
