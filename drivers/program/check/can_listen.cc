@@ -23,6 +23,7 @@ bool CanListener::listen() {
   pollfd ready{socket_.fd(), POLLIN, 0};
   if (::poll(&ready, 1, kWait_ms) <= 0) return true;
   canfd_frame frame{};
+  const std::lock_guard lock(mutex_);
   for (int i = 0; i < kFramesAtOnce; ++i) {
     // an interface that goes down is told once as an error; what comes after it is up again is heard
     const ssize_t size = ::recv(socket_.fd(), &frame, sizeof(frame), MSG_DONTWAIT);
@@ -32,8 +33,8 @@ bool CanListener::listen() {
   return true;
 }
 
-const CanListener::Counts& CanListener::heard() {
-  thread_.reset();
+CanListener::Counts CanListener::heard_so_far() {
+  const std::lock_guard lock(mutex_);
   return counts_;
 }
 

@@ -2,6 +2,7 @@
 // Who else talks on a CAN bus.
 #include <cstdint>
 #include <map>
+#include <mutex>
 #include <optional>
 #include <string>
 
@@ -17,13 +18,14 @@ class CanListener {
 
   /// Says whether the interface is missing, down, or not for this user.
   Status open(const std::string& interface);
-  /// Ends it. Identifiers heard and how often; those of 29 bits with CAN_EFF_FLAG.
-  const Counts& heard();
+  /// Identifiers heard and how often; those of 29 bits with CAN_EFF_FLAG.
+  Counts heard_so_far();
 
  private:
   bool listen();
 
   can::CanSocket socket_;
+  std::mutex mutex_;
   Counts counts_;
   std::optional<Watcher> thread_;  // last: it uses the others
 };

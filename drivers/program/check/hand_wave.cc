@@ -65,14 +65,15 @@ Findings findings_of(const TurnAgreement& t, const Mat3& R_BC, double time_offse
   const double off = t.time_offset_s - time_offset_s;
   const std::string time =
       fmt::format("time offset {:+.1f} ms (configured {:+.1f})", 1e3 * t.time_offset_s, 1e3 * time_offset_s);
-  if (raised(Suspect::kTimeOffset))
-    out.push_back(said(
-        Grade::kError, time,
-        fmt::format("set camera.time_offset_s = {:.4f}, unless the timestamps of one are wrong", t.time_offset_s)));
-  else if (std::abs(off) > kOffset_s)
-    out.push_back(said(Grade::kWarning, time, fmt::format("set camera.time_offset_s = {:.4f}", t.time_offset_s)));
-  else
+  if (raised(Suspect::kTimeOffset) || std::abs(off) > kOffset_s) {
+    const bool is_gross = raised(Suspect::kTimeOffset);
+    out.push_back(said(is_gross ? Grade::kError : Grade::kWarning, time,
+                       fmt::format("set camera.time_offset_s = {:.4f}{}", t.time_offset_s,
+                                   is_gross ? ", unless the timestamps of one are wrong" : "")));
+    out.back().hint = {"camera", "time_offset_s", 1e-4 * std::round(1e4 * t.time_offset_s)};
+  } else {
     out.push_back(said(Grade::kOk, time));
+  }
   if (t.weakest_axis < kWeakestAxis) {
     out.push_back(said(Grade::kWarning, "turned about too few axes: rotation between them not checked", kWave));
     return out;

@@ -12,11 +12,12 @@ namespace epiline {
 /// Images by one thread, readings by another.
 class HandWave {
  public:
-  explicit HandWave(double time_offset_s) : watch_(time_offset_s, kNothingFades_s) {}
+  /// What was seen `fades_s` ago counts for less.
+  explicit HandWave(double time_offset_s, double fades_s = kNothingFades_s) : watch_(time_offset_s, fades_s) {}
 
   void add_images(const TrackedFrame& tracked);
   void add_reading(const ImuSample& reading);
-  /// At the end.
+  /// Not while images are added.
   TurnAgreement agreement() const { return watch_.agreement(); }
 
  private:

@@ -57,7 +57,8 @@ const TrackedFrame& ImageCheck::step(const Frame& image) {
   brightness_.push_back(s.mean);
   dark_.push_back(s.dark_share);
   clipped_.push_back(s.clipped_share);
-  if (const double width = edge_width(image); width > 0) widths_.push_back(width);
+  newest_edge_px_ = edge_width(image);
+  if (newest_edge_px_ > 0) widths_.push_back(newest_edge_px_);
   tracker_.step(image, Mat3::Identity(), tracked_);
   features_.push_back(static_cast<double>(tracked_.features.size()));
   return tracked_;

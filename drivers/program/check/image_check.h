@@ -30,11 +30,13 @@ class ImageCheck {
   /// Image and what was tracked in it: valid until the next call; the pixels must be so, too.
   const TrackedFrame& step(const Frame& image);
   ImageResult result() const;
+  double newest_edge_px() const { return newest_edge_px_; }  ///< of the last image; 0: no strong edges
 
  private:
   Tracker tracker_;
   TrackedFrame tracked_;
   Pacing pacing_;
+  double newest_edge_px_ = 0;
   std::uint64_t images_ = 0, lost_ = 0, last_sequence_ = 0;
   std::vector<double> brightness_, dark_, clipped_, widths_, features_;
 };

@@ -171,17 +171,19 @@ void say_noise(const ImuResult& r, const ImuExpectation& expected, Findings& out
     if (most_of(density) <= 0) return;
     const std::string text = fmt::format("{} noise {:.2e} {:.2e} {:.2e} {} at rest, configured {:.2e}", name,
                                          density[0], density[1], density[2], unit, configured);
-    if (configured > 0 && most_of(density) > 3 * configured)
-      out.push_back(
-          imu_finding(Grade::kWarning, text,
-                      fmt::format("switch motors and fans off and repeat; else dampen the mount, or set {} to {:.1e}",
-                                  key, 1.5 * most_of(density))));
-    else
+    if (!(configured > 0 && most_of(density) > 3 * configured)) {
       out.push_back(imu_finding(Grade::kOk, text));
+      return;
+    }
+    const std::string better = fmt::format("{:.1e}", 1.5 * most_of(density));
+    out.push_back(imu_finding(
+        Grade::kWarning, text,
+        fmt::format("switch motors and fans off and repeat; else dampen the mount, or set imu.{} to {}", key, better)));
+    out.back().hint = {"imu", key, std::stod(better)};
   };
-  judge("gyroscope", r.gyroscope_density, expected.gyroscope_density, "rad/s/sqrt(Hz)", "imu.gyroscope_noise_density");
+  judge("gyroscope", r.gyroscope_density, expected.gyroscope_density, "rad/s/sqrt(Hz)", "gyroscope_noise_density");
   judge("accelerometer", r.accelerometer_density, expected.accelerometer_density, "m/s^2/sqrt(Hz)",
-        "imu.accelerometer_noise_density");
+        "accelerometer_noise_density");
   if (most_of(r.gyroscope_instability) > 0)
     out.push_back(imu_finding(
         Grade::kOk, fmt::format("minimum of the Allan deviation in {:.0f} s at rest: gyroscope {:.2g} rad/s, "

@@ -27,12 +27,13 @@ bool LineCheck::look() {
   std::size_t count = 0;
   if (line_.read(edges, count, kLineWait) == ReadOutcome::kFailed)
     std::this_thread::sleep_for(std::chrono::nanoseconds(kLineWait.ns));
+  const std::lock_guard lock(mutex_);
   for (std::size_t i = 0; i < count; ++i) pacing_.step(edges[i], {});
   return true;
 }
 
-PacingResult LineCheck::result() {
-  thread_.stop();
+PacingResult LineCheck::so_far() {
+  const std::lock_guard lock(mutex_);
   return pacing_.result();
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 // Edges of GPIO lines: those that stamp images, and those of a line whose device is not there.
+#include <mutex>
 #include <string>
 
 #include "drivers/program/check/finding.h"
@@ -15,13 +16,13 @@ class LineCheck {
  public:
   /// `line` is open, and outlives this.
   explicit LineCheck(GpioLine& line) : line_(line), thread_([this] { return look(); }) {}
-  /// Ends it.
-  PacingResult result();
+  PacingResult so_far();
 
  private:
   bool look();
 
   GpioLine& line_;
+  std::mutex mutex_;
   Pacing pacing_;
   Watcher thread_;  // last: it uses the others
 };

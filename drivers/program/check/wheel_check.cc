@@ -19,6 +19,7 @@ bool WheelCheck::look() {
   const ReadOutcome outcome = wheel_.read(sample, kWheelWait);
   if (outcome == ReadOutcome::kFailed) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   if (outcome != ReadOutcome::kSample) return outcome != ReadOutcome::kEnd;
+  const std::lock_guard lock(mutex_);
   const bool is_first = pacing_.samples() == 0;
   const double speed = sample.forward_speed_m_s;
   least_m_s_ = is_first ? speed : std::min(least_m_s_, speed);
@@ -27,8 +28,8 @@ bool WheelCheck::look() {
   return true;
 }
 
-WheelResult WheelCheck::result() {
-  thread_.stop();
+WheelResult WheelCheck::so_far() {
+  const std::lock_guard lock(mutex_);
   return {pacing_.result(), least_m_s_, most_m_s_};
 }
 

@@ -1,7 +1,7 @@
 #pragma once
 // What a vehicle's wheels say.
 #include <cstdint>
-#include <optional>
+#include <mutex>
 
 #include "drivers/program/check/finding.h"
 #include "drivers/program/check/pacing.h"
@@ -20,13 +20,13 @@ class WheelCheck {
  public:
   /// `wheel` is open, and outlives this.
   explicit WheelCheck(WheelSource& wheel) : wheel_(wheel), thread_([this] { return look(); }) {}
-  /// Ends it.
-  WheelResult result();
+  WheelResult so_far();
 
  private:
   bool look();
 
   WheelSource& wheel_;
+  std::mutex mutex_;
   Pacing pacing_;
   double least_m_s_ = 0, most_m_s_ = 0;
   Watcher thread_;  // last: it uses the others

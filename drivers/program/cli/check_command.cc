@@ -2,13 +2,22 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <csignal>
+#include <cstdio>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "drivers/program/check/check.h"
 #include "drivers/program/cli/commands.h"
+#include "drivers/program/inventory/config_edit.h"
+#include "drivers/program/live/devices.h"
+#include "drivers/program/view/check_view.h"
 #include "pipeline/config/config.h"
+#include "platform/linux/signals.h"
 
 namespace epiline {
 
@@ -17,7 +26,8 @@ namespace {
 struct CheckArguments {
   std::filesystem::path config;
   std::vector<std::string> set;
-  double seconds = 10;
+  std::optional<double> seconds;  ///< not given: ten, or as long as the page is served
+  std::string view;
   bool json = false;
 };
 
@@ -61,6 +71,37 @@ void print_json(const Findings& findings, const Inventory& inventory) {
   fmt::print("{}\n", root.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
+int print(const Findings& findings, bool json) {
+  const Inventory inventory = list_devices();
+  if (json)
+    print_json(findings, inventory);
+  else
+    print_lines(findings, inventory);
+  const bool is_bad =
+      std::any_of(findings.begin(), findings.end(), [](const Finding& f) { return f.grade == Grade::kError; });
+  return is_bad ? kExitRunFailed : kExitDone;
+}
+
+/// The page, which may write what it has found into the configuration.
+Result<std::unique_ptr<CheckView>> open_check_view(const std::string& address_text, const std::filesystem::path& config,
+                                                   const std::vector<std::string>& set) {
+  const auto address = parse_view_address(address_text);
+  if (!address) return address.error();
+  const auto settings = read_live_settings(config, set, CalibrationNeed::kIfGiven);
+  if (!settings) return settings.error();
+  const ImuNoise& noise = settings->config.estimator.imu;
+  auto view = CheckView::open(
+      *address,
+      {config.string(), "epiline " EPILINE_VERSION, noise.gyroscope_density, noise.accelerometer_density, false},
+      [config](const SettingHint& hint) {
+        return edit_config(config, {{hint.section, hint.key, fmt::format("{:.6g}", hint.value), true}});
+      });
+  if (!view) return view.error();
+  fmt::print("view      {}\n", url_of((*view)->address()));
+  std::fflush(stdout);
+  return view;
+}
+
 int check(const CheckArguments& options) {
   const auto config = find_config(options.config);
   if (!config) return report(config.error());
@@ -68,26 +109,29 @@ int check(const CheckArguments& options) {
   if (const auto file = ConfigFile::read(*config, options.set); !file) return report(file.error());
   CheckOptions how;
   how.set = options.set;
-  how.seconds = options.seconds;
-  const bool shows = isatty(STDERR_FILENO) == 1;
+  std::unique_ptr<CheckView> view;
+  std::optional<SignalWait> signals;
+  if (!options.view.empty()) {
+    if (options.json) return report({ErrorKind::kUsage, "", 0, "--json with --view", "one of them"});
+    signals.emplace(std::initializer_list<int>{SIGINT, SIGTERM});  // before any thread begins
+    auto opened = open_check_view(options.view, *config, options.set);
+    if (!opened) return report(opened.error());
+    view = std::move(*opened);
+    how.witness = view.get();
+  }
+  how.seconds = options.seconds.value_or(view != nullptr ? std::numeric_limits<double>::infinity() : 10);
+  const bool shows = view == nullptr && isatty(STDERR_FILENO) == 1;
   how.watch = [&](double seconds) {
     if (shows) {
-      const bool first_half = seconds < options.seconds / 2;
-      fmt::print(stderr, "\r\x1b[K{:3.0f} of {:.0f} s: {}", seconds, options.seconds,
+      const bool first_half = seconds < how.seconds / 2;
+      fmt::print(stderr, "\r\x1b[K{:3.0f} of {:.0f} s: {}", seconds, how.seconds,
                  first_half ? "keep it at rest" : "turn it by hand about all three axes");
     }
-    return true;
+    return !signals || signals->wait({}) == 0;
   };
   const Findings findings = check_devices(*config, how);
   if (shows) fmt::print(stderr, "\r\x1b[K");
-  const Inventory inventory = list_devices();
-  if (options.json)
-    print_json(findings, inventory);
-  else
-    print_lines(findings, inventory);
-  const bool is_bad =
-      std::any_of(findings.begin(), findings.end(), [](const Finding& f) { return f.grade == Grade::kError; });
-  return is_bad ? kExitRunFailed : kExitDone;
+  return print(findings, options.json);
 }
 
 }  // namespace
@@ -100,8 +144,13 @@ void add_check(CLI::App& app, int& exit_code) {
                "configuration file (TOML) of epiline run; default: /etc/epiline/epiline.toml, else ./epiline.toml");
   command
       ->add_option("--seconds", options->seconds,
-                   "how long to watch the data (default 10); an hour at rest gives the Allan deviation")
+                   "how long to watch the data (default 10, with --view until Ctrl-C); an hour at rest gives the Allan "
+                   "deviation")
       ->check(CLI::Range(1.0, 86400.0));
+  command
+      ->add_option("--view", options->view,
+                   "serve a page that shows camera, IMU and findings meanwhile; port 0 takes any free port")
+      ->type_name("[ADDRESS:]PORT");
   command->add_flag("--json", options->json, "print the findings as JSON");
   command->callback([options, &exit_code] { exit_code = check(*options); });
 }

@@ -44,7 +44,7 @@ std::vector<std::string> lines_of(const std::string& text) {
 }
 
 void edit(std::vector<std::string>& lines, const ConfigEdit& e) {
-  const std::string line = e.key + " = " + toml_text(e.value);
+  const std::string line = e.key + " = " + (e.is_number ? e.value : toml_text(e.value));
   std::size_t header = lines.size(), place = lines.size();
   Mention mention = Mention::kNone;
   std::string section;

@@ -10,7 +10,8 @@ namespace epiline {
 
 struct ConfigEdit {
   std::string section, key;
-  std::string value;  ///< a text, without quotes
+  std::string value;  ///< a text, without quotes; or a number
+  bool is_number = false;
 };
 
 /// `text` with the settings in it: in the place of the line that sets the key or, as a comment, shows it; else at the

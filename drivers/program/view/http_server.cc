@@ -26,11 +26,13 @@ struct HttpServer::Impl {
   ViewAddress address;
 };
 
-Result<std::unique_ptr<HttpServer>> HttpServer::listen(const ViewAddress&, Handler) {
+Result<std::unique_ptr<HttpServer>> HttpServer::listen(const ViewAddress&, Handler, HttpPosts) {
   return Error{ErrorKind::kUsage, "", 0, "--view: this program was built without the live view",
                "a build with libmicrohttpd-dev installed"};
 }
 std::uint64_t HttpRequest::number(const char*, std::uint64_t fallback) const { return fallback; }
+std::string_view HttpRequest::text(const char*) const { return {}; }
+std::string_view HttpRequest::header(const char*) const { return {}; }
 void HttpServer::step(Span) {}
 int HttpServer::connections() const { return 0; }
 
@@ -90,6 +92,7 @@ std::string name_of_this_computer() {
 struct HttpServer::Impl {
   ViewAddress address;
   Handler handler;
+  HttpPosts posts = HttpPosts::kRefused;
   std::string own_name = name_of_this_computer();
   MHD_Daemon* daemon = nullptr;
   std::array<Peer, kMostConnections> peers;
@@ -120,11 +123,25 @@ std::uint64_t HttpRequest::number(const char* name, std::uint64_t fallback) cons
   return error == std::errc{} && stop == end ? value : fallback;
 }
 
+std::string_view HttpRequest::text(const char* name) const {
+  const char* const value =
+      MHD_lookup_connection_value(static_cast<MHD_Connection*>(connection_), MHD_GET_ARGUMENT_KIND, name);
+  return value == nullptr ? std::string_view() : value;
+}
+
+std::string_view HttpRequest::header(const char* name) const {
+  const char* const value =
+      MHD_lookup_connection_value(static_cast<MHD_Connection*>(connection_), MHD_HEADER_KIND, name);
+  return value == nullptr ? std::string_view() : value;
+}
+
 /// What cannot be answered; status 200: it can.
 HttpResponse HttpServer::Impl::refuse(MHD_Connection* connection, const char* method) const {
   const auto header = [&](const char* name) { return MHD_lookup_connection_value(connection, MHD_HEADER_KIND, name); };
   const auto refusal = [](int status, const char* text) { return HttpResponse{status, "text/plain", text, ""}; };
-  if (std::strcmp(method, "GET") != 0 && std::strcmp(method, "HEAD") != 0) return refusal(405, "only GET and HEAD\n");
+  const bool is_post = posts == HttpPosts::kWithoutBody && std::strcmp(method, "POST") == 0;
+  if (!is_post && std::strcmp(method, "GET") != 0 && std::strcmp(method, "HEAD") != 0)
+    return refusal(405, posts == HttpPosts::kRefused ? "only GET and HEAD\n" : "only GET, HEAD and POST\n");
   const char* const length = header("Content-Length");
   if (header("Transfer-Encoding") != nullptr || (length != nullptr && std::strcmp(length, "0") != 0)) {
     return refusal(413, "requests with a body are refused\n");
@@ -171,7 +188,7 @@ MHD_Result HttpServer::Impl::on_request(void* self, MHD_Connection* connection, 
     return refusal.status == 200 ? MHD_YES : send(connection, refusal);
   }
   try {
-    return send(connection, m.handler(HttpRequest(connection, path)));
+    return send(connection, m.handler(HttpRequest(connection, path, std::strcmp(method, "POST") == 0)));
   } catch (const std::exception&) {  // out of memory, at worst; it must not pass through the library's C
     return MHD_NO;
   }
@@ -215,10 +232,11 @@ void HttpServer::Impl::drop_silent() {
   }
 }
 
-Result<std::unique_ptr<HttpServer>> HttpServer::listen(const ViewAddress& address, Handler handler) {
+Result<std::unique_ptr<HttpServer>> HttpServer::listen(const ViewAddress& address, Handler handler, HttpPosts posts) {
   auto impl = std::make_unique<Impl>();
   impl->address = address;
   impl->handler = std::move(handler);
+  impl->posts = posts;
   const Result<int> socket = open_socket(address, impl->address.port);
   if (!socket) return socket.error();
   impl->daemon = MHD_start_daemon(MHD_USE_EPOLL, 0, nullptr, nullptr, &Impl::on_request, impl.get(),

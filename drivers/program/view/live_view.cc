@@ -3,11 +3,6 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <array>
-#include <cstdio>
-#include <random>
-
-#include "drivers/flights/recordings/image_codecs.h"
 #include "drivers/program/view/view_page.h"
 #include "platform/time/monotonic.h"
 
@@ -18,18 +13,6 @@ namespace {
 constexpr Span kPoll = Span::from_milliseconds(25);
 constexpr std::int64_t kMillisecond = 1'000'000;
 constexpr int kNiceness = 10;  // where the flight has no priority either, it still goes before its picture
-
-/// A number that no page of others can know, so that only our own script runs in ours.
-std::string nonce() {
-  std::random_device random;
-  std::array<char, 40> text{};
-  std::snprintf(text.data(), text.size(), "%08x%08x%08x%08x", random(), random(), random(), random());
-  return text.data();
-}
-
-void append_u32(std::string& bytes, std::size_t value) {
-  for (int shift = 0; shift < 32; shift += 8) bytes.push_back(static_cast<char>(value >> shift & 0xff));
-}
 
 }  // namespace
 
@@ -71,11 +54,7 @@ void LiveView::fold() {
   for (ViewedLatency l; feed_.next(l);) model_->take(l);
   for (Event e; feed_.next(e);) model_->take(e);
   model_->set_left_out(feed_.left_out());
-  if (const ViewedImage* const image = feed_.newest_image()) {
-    image_ = image;
-    encoded_ = false;
-    model_->set_newest_image(image->sequence + 1);
-  }
+  if (image_.refresh()) model_->set_newest_image(image_.next_sequence());
   if (over) model_->finish();
   if (closing_since_ns_ == 0 && closing_.load(std::memory_order_relaxed)) closing_since_ns_ = monotonic_ns();
 }
@@ -89,26 +68,13 @@ bool LiveView::may_close() const {
 }
 
 HttpResponse LiveView::answer(const HttpRequest& request) {
-  if (request.path() == "/") return page();
+  if (request.path() == "/") return page_answer(kViewPage);
   if (request.path() == "/state") return state(request);
-  if (request.path() == "/frame") return frame();
-  if (request.path() == "/image") {
+  if (request.path() == "/frame" || request.path() == "/image") {
     fold();
-    if (image_ == nullptr || image_->width == 0) return {404, "text/plain", "no image yet\n", ""};
-    encode(*image_);
-    return {200, "image/jpeg", jpeg_, ""};
+    return request.path() == "/frame" ? image_.frame() : image_.jpeg();
   }
   return {404, "text/plain", "there are /, /state, /image and /frame\n", ""};
-}
-
-HttpResponse LiveView::page() const {
-  const std::string key = nonce();
-  std::string html(kViewPage);
-  for (std::size_t at = 0; (at = html.find("@NONCE@", at)) != std::string::npos;) html.replace(at, 7, key);
-  return {200, "text/html; charset=utf-8", std::move(html),
-          "default-src 'none'; script-src 'nonce-" + key + "'; style-src 'nonce-" + key +
-              "'; connect-src 'self'; img-src 'self' blob: data:; base-uri 'none'; form-action 'none'; frame-ancestors "
-              "'none'"};
 }
 
 HttpResponse LiveView::state(const HttpRequest& request) {
@@ -120,28 +86,6 @@ HttpResponse LiveView::state(const HttpRequest& request) {
           model_->state_json({request.number("generation", 0), request.number("path", 0), request.number("sample", 0),
                               request.number("event", 0)}),
           ""};
-}
-
-/// Length of the header (32 bit, least byte first), header in JSON, JPEG.
-HttpResponse LiveView::frame() {
-  fold();
-  if (image_ == nullptr) return {404, "text/plain", "no image yet\n", ""};
-  encode(*image_);
-  std::string body;
-  append_u32(body, tracks_.size());
-  body += tracks_;
-  body += jpeg_;
-  return {200, "application/octet-stream", std::move(body), ""};
-}
-
-/// Once an image, however many look.
-void LiveView::encode(const ViewedImage& image) {
-  if (encoded_) return;
-  encoded_ = true;
-  tracks_ = tracks_json(image);
-  jpeg_.clear();
-  if (image.width == 0) return;
-  jpeg_ = jpeg_of({image.pixels.data(), image.width, image.height, image.width}, 80);
 }
 
 }  // namespace epiline

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "drivers/program/view/http_server.h"
+#include "drivers/program/view/view_answers.h"
 #include "drivers/program/view/view_feed.h"
 #include "drivers/program/view/view_model.h"
 #include "platform/linux/realtime.h"
@@ -33,10 +34,7 @@ class LiveView final : public FlightView {
   void fold();
   bool may_close() const;
   HttpResponse answer(const HttpRequest& request);
-  HttpResponse page() const;
   HttpResponse state(const HttpRequest& request);
-  HttpResponse frame();
-  void encode(const ViewedImage& image);
 
   std::unique_ptr<HttpServer> server_;
   ViewFeed feed_;
@@ -45,9 +43,7 @@ class LiveView final : public FlightView {
 
   // The serving thread's own.
   std::unique_ptr<ViewModel> model_;
-  std::string jpeg_, tracks_;           ///< of the image shown
-  const ViewedImage* image_ = nullptr;  ///< newest; lent by the feed
-  bool encoded_ = false;
+  ServedImage image_{feed_};
   std::int64_t last_asked_ns_ = 0, told_end_ns_ = 0, closing_since_ns_ = 0;
 };
 

@@ -34,6 +34,26 @@ TEST_F(CheckCommand, WithoutDevicesNamesWhatIsMissing) {
   EXPECT_TRUE(all["present"]["cameras"].is_array());
 }
 
+TEST_F(CheckCommand, WithoutACalibrationOnlyWhatNeedsOneIsMissing) {
+  const Outcome r = run("check " + config("[camera]\ndevice = \"/dev/no-such-camera\"\n"));
+  EXPECT_EQ(r.exit_code, 1);
+  EXPECT_NE(r.out.find("camera.calibration is not set: lens, time offset and rotation not checked; calibrate: "),
+            std::string::npos)
+      << r.out;
+  EXPECT_NE(r.out.find("/dev/no-such-camera does not exist"), std::string::npos) << r.out;
+}
+
+TEST_F(CheckCommand, ItsPageIsServedMeanwhile) {
+  const std::string file = config("[camera]\ndevice = \"/dev/no-such-camera\"\n");
+  expect_one_line(run("check --json --view 0 " + file), 2, {"--json with --view"});
+#ifdef EPILINE_MICROHTTPD
+  const Outcome r = run("check --view 0 --seconds 1 " + file);
+  EXPECT_EQ(r.exit_code, 1);
+  EXPECT_NE(r.out.find("view      http://127.0.0.1:"), std::string::npos) << r.out;
+  EXPECT_NE(r.out.find("/dev/no-such-camera does not exist"), std::string::npos) << r.out;
+#endif
+}
+
 TEST_F(CheckCommand, AWrongFileIsWrongInput) {
   expect_one_line(run("check " + config("[camera]\ndevice = 3\n")), 2, {"f.toml:2: camera.device = 3"});
   EXPECT_EQ(run("check --config /no/such/file.toml").exit_code, 2);

@@ -235,7 +235,7 @@ class ListedSpeeds final : public WheelSource {
   Findings findings() {
     WheelCheck check(*this);
     while (!ended_) std::this_thread::yield();
-    return findings_of(check.result());
+    return findings_of(check.so_far());
   }
 
  private:

@@ -2,60 +2,29 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <opencv2/imgcodecs.hpp>
 
 #include "drivers/program/view/live_view.h"
+#include "tests/drivers/program/view/browser.h"
 #include "tests/drivers/program/view/flight_of_view.h"
 
 namespace epiline {
 namespace {
 
-namespace fs = std::filesystem;
-
-class Browser : public testing::Test {
+class Browser : public BrowserTest {
  protected:
   void SetUp() override {
-    if (std::system("command -v chromium >/dev/null 2>&1") != 0) GTEST_SKIP() << "chromium is not installed";
+    BrowserTest::SetUp();
+    if (IsSkipped()) return;
     auto view = LiveView::open({"127.0.0.1", 0});
     if (!view) GTEST_SKIP() << view.error().text();
     view_ = std::move(*view);
-    folder_ = fs::path(testing::TempDir()) / ("epiline_browser_" + std::to_string(getpid()) +
-                                              testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::create_directories(folder_);
   }
   void TearDown() override {
     view_.reset();
-    std::error_code ignored;
-    fs::remove_all(folder_, ignored);
+    BrowserTest::TearDown();
   }
 
-  /// The page after four seconds of its own time; what it writes with `option`, and what the browser
-  /// complained of.
-  struct Look {
-    std::string out, complaints;
-  };
-  Look look(const std::string& option) const {
-    const std::string command =
-        "timeout 300 chromium --headless=new --no-sandbox --disable-gpu --hide-scrollbars "
-        "--enable-logging=stderr --user-data-dir='" +
-        (folder_ / "profile").string() + "' --window-size=1440,1600 --virtual-time-budget=4000 " + option + " " +
-        url_of(view_->address()) + " >'" + (folder_ / "out").string() + "' 2>'" + (folder_ / "err").string() + "'";
-    const int status = std::system(command.c_str());
-    EXPECT_EQ(status, 0) << text("err");
-    Look look{text("out"), ""};
-    std::ifstream err(folder_ / "err");
-    for (std::string line; std::getline(err, line);) {
-      if (line.find("CONSOLE") != std::string::npos) look.complaints += line + "\n";
-    }
-    return look;
-  }
-  std::string text(const char* name) const {
-    std::ifstream in(folder_ / name, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
   static int count(const cv::Mat& picture, const cv::Vec3b& bgr, int tolerance) {
     int n = 0;
     for (const cv::Vec3b& p : cv::Mat_<cv::Vec3b>(picture)) {
@@ -65,8 +34,9 @@ class Browser : public testing::Test {
     return n;
   }
 
+  Look look(const std::string& option) const { return BrowserTest::look(url_of(view_->address()), option); }
+
   std::unique_ptr<LiveView> view_;
-  fs::path folder_;
 };
 
 TEST_F(Browser, ShowsStateAndImageAndComplainsOfNothing) {

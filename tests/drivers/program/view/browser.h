@@ -1,0 +1,57 @@
+#pragma once
+// A page in headless Chromium, where it is installed.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+namespace epiline {
+
+namespace fs = std::filesystem;
+
+class BrowserTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (std::system("command -v chromium >/dev/null 2>&1") != 0) GTEST_SKIP() << "chromium is not installed";
+    folder_ = fs::path(testing::TempDir()) / ("epiline_browser_" + std::to_string(getpid()) +
+                                              testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::create_directories(folder_);
+  }
+  void TearDown() override {
+    std::error_code ignored;
+    fs::remove_all(folder_, ignored);
+  }
+
+  /// The page after four seconds of its own time; what it writes with `option`, and what the browser
+  /// complained of.
+  struct Look {
+    std::string out, complaints;
+  };
+  Look look(const std::string& url, const std::string& option) const {
+    const std::string command =
+        "timeout 300 chromium --headless=new --no-sandbox --disable-gpu --hide-scrollbars "
+        "--enable-logging=stderr --user-data-dir='" +
+        (folder_ / "profile").string() + "' --window-size=1440,1600 --virtual-time-budget=4000 " + option + " " + url +
+        " >'" + (folder_ / "out").string() + "' 2>'" + (folder_ / "err").string() + "'";
+    const int status = std::system(command.c_str());
+    EXPECT_EQ(status, 0) << text("err");
+    Look look{text("out"), ""};
+    std::ifstream err(folder_ / "err");
+    for (std::string line; std::getline(err, line);) {
+      if (line.find("CONSOLE") != std::string::npos) look.complaints += line + "\n";
+    }
+    return look;
+  }
+  std::string text(const char* name) const {
+    std::ifstream in(folder_ / name, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+
+  fs::path folder_;
+};
+
+}  // namespace epiline
