@@ -25,7 +25,7 @@ bool CanListener::listen() {
   canfd_frame frame{};
   const std::lock_guard lock(mutex_);
   for (int i = 0; i < kFramesAtOnce; ++i) {
-    // an interface that goes down is told once as an error; what comes after it is up again is heard
+    // an interface that goes down is one error of read(); frames that come after it is up again are received
     const ssize_t size = ::recv(socket_.fd(), &frame, sizeof(frame), MSG_DONTWAIT);
     if (size < static_cast<ssize_t>(CAN_MTU)) return true;
     ++counts_[frame.can_id & (CAN_EFF_FLAG | CAN_EFF_MASK)];

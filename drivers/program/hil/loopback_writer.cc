@@ -33,7 +33,7 @@ Status LoopbackWriter::fail(const std::string& device, const char* step) {
                "a device of v4l2loopback (modprobe v4l2loopback video_nr=42) that no other program writes to"};
 }
 
-/// Readers are told it, and who is configured for another refuses the device. False: errno.
+/// Readers see this rate; a reader that is configured for another one refuses the device. False: errno.
 bool LoopbackWriter::set_rate(double rate_hz) noexcept {
   v4l2_streamparm parameters{};
   parameters.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;

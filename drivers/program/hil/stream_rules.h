@@ -9,7 +9,7 @@ namespace epiline::hil {
 
 class StreamRules {
  public:
-  /// An estimate, with numbers or not. False: its stamp does not rise; who looks at motion leaves it out.
+  /// An estimate, with numbers or not. False: its timestamp does not rise; the rules on motion must skip it.
   bool take(HostStamp arrival, HostStamp stamp, RuleBook& book);
   /// STATUSTEXT came: within 1 s of a pause's begin it announces the pause.
   void take_text(HostStamp arrival);

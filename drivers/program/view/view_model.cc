@@ -187,7 +187,7 @@ Json ViewModel::path_json(const ViewCursor& since) const {
   return {{"generation", path_.generation()}, {"from", from}, {"points", std::move(rows)}};
 }
 
-/// A row is told once, so only when its latency is known, or never will be.
+/// A row is sent once, so only when its latency is known or cannot be known any more.
 Json ViewModel::samples_json(const ViewCursor& since) const {
   std::uint64_t end = samples_end_;
   while (!finished_ && end > 0 && end + 8 > samples_end_) {

@@ -72,7 +72,7 @@ class ViewModel {
   void take(const Event& event);
   void set_left_out(std::uint64_t count) { left_out_ = count; }
   void set_newest_image(std::uint64_t sequence) { newest_image_ = sequence; }
-  /// The run is over; what is told is final.
+  /// The run is over; what the page shows is final.
   void finish() { finished_ = true; }
   bool finished() const { return finished_; }
 
