@@ -44,6 +44,8 @@ struct CameraConfig {
   double exposure_unit_ms = 0.1;  ///< of that control
   int stamp_point = 0;            ///< kStampPointNames
   bool trust_stamps = false;
+  int clock = 0;        ///< kCameraClockNames
+  double clock_hz = 0;  ///< ticks per second of the camera's own clock; 0: as its descriptors tell
   double silence_ms = 2000;
   std::string stamp_line;  ///< GPIO line with an edge at the start of each exposure; see GpioLine
   int stamp_edge = 0;      ///< kEdgeNames
@@ -51,6 +53,7 @@ struct CameraConfig {
 };
 inline constexpr const char* kShutterNames[] = {"global", "rolling"};
 inline constexpr const char* kStampPointNames[] = {"driver", "start-of-exposure", "end-of-frame", "first-row"};
+inline constexpr const char* kCameraClockNames[] = {"driver", "device"};
 inline constexpr const char* kEdgeNames[] = {"rising", "falling"};
 
 /// Section [imu]: where its readings come from.

@@ -85,6 +85,7 @@ class FakeCamera final : public FakeFile {
     return *std::find_if(controls.begin(), controls.end(), [&](const Control& c) { return c.name == name; });
   }
 
+  std::uint64_t number() override { return 0x5100; }  // 81:0
   int opened() override { return is_gone ? ENODEV : 0; }
   short ready(std::int64_t now_ns) override {
     if (is_gone) return POLLERR | POLLHUP;

@@ -39,6 +39,7 @@ class FakeFile {
   virtual ssize_t read(void* /*into*/, std::size_t /*size*/) { return refuse(EINVAL); }
   virtual ssize_t write(const void* /*from*/, std::size_t /*size*/) { return refuse(EINVAL); }
   virtual int ioctl(unsigned long /*request*/, void* /*argument*/) { return refuse(ENOTTY); }
+  virtual std::uint64_t number() { return 0; }  ///< of the device; 0: none
   virtual int flock(int /*operation*/) { return 0; }
   virtual void* map(std::size_t /*length*/, off_t /*offset*/) { return errno = ENODEV, reinterpret_cast<void*>(-1); }
   virtual int bind(const sockaddr* /*address*/, socklen_t /*length*/) { return 0; }
@@ -138,6 +139,9 @@ class FakeKernel final : public SystemCalls {
   }
   int ioctl(int fd, unsigned long request, void* argument) noexcept override {
     return ask(fd, [&](FakeFile& file) { return file.ioctl(request, argument); });
+  }
+  std::uint64_t device_number(int fd) noexcept override {
+    return ask(fd, [](FakeFile& file) { return static_cast<ssize_t>(file.number()); });
   }
   int flock(int fd, int operation) noexcept override {
     return ask(fd, [&](FakeFile& file) { return file.flock(operation); });

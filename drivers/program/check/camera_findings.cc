@@ -23,6 +23,13 @@ Findings findings_of(const ExposureReport& e, bool is_automatic) {
   return out;
 }
 
+Finding finding_of_stamps(const CameraConfig& config) {
+  const char* const text = !config.stamp_line.empty() ? "timestamps are those of the edges of camera.stamp_line"
+                           : config.clock != 0        ? "timestamps are by the camera's own clock"
+                                                      : "timestamps are the V4L2 driver's";
+  return {Grade::kOk, "camera", text, ""};
+}
+
 Findings findings_of(const BufferReading& reading) {
   if (reading.ordinary.ns == 0) return {};
   const double in_place_ms = 1e3 * reading.in_place.seconds(), ordinary_ms = 1e3 * reading.ordinary.seconds();

@@ -3,11 +3,14 @@
 #include "drivers/program/check/finding.h"
 #include "drivers/sensors/camera/buffer_reading.h"
 #include "drivers/sensors/camera/camera_exposure.h"
+#include "pipeline/config/devices.h"
 
 namespace epiline {
 
 /// `is_automatic`: our controller is configured.
 Findings findings_of(const ExposureReport& exposure, bool is_automatic);
+/// Which clock the timestamps are of.
+Finding finding_of_stamps(const CameraConfig& config);
 /// None if it was not measured.
 Findings findings_of(const BufferReading& reading);
 

@@ -50,7 +50,8 @@ DeviceRecord device_record(const char* device, const std::array<Counter<Counts>,
 }
 
 DeviceRecord record_of(const V4l2Camera& camera) {
-  return device_record("camera", kCameraCounters, camera.counts(), std::nullopt);
+  return device_record("camera", kCameraCounters, camera.counts(),
+                       camera.has_own_clock() ? std::optional(camera.clock_state()) : std::nullopt);
 }
 
 DeviceRecord record_of(const IioImu& imu) {

@@ -95,6 +95,7 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
   if (const DeviceTrouble trouble = repeat_changes()) return trouble;
   if (const DeviceTrouble trouble = exposure_.set_up(device_)) return trouble;
   if (const DeviceTrouble trouble = map_buffers()) return trouble;
+  if (const DeviceTrouble trouble = clock_.open(device_)) return trouble;
   if (const DeviceTrouble trouble = device_.start()) return trouble;
   ++stream_;
   is_first_of_stream_ = true;
@@ -237,6 +238,7 @@ Error V4l2Camera::error_of(const DeviceTrouble& trouble) const { return epiline:
 void V4l2Camera::tear_down() noexcept {
   streaming_.store(false, std::memory_order_relaxed);
   if (device_.is_open()) device_.stop();
+  clock_.close();
   for (std::size_t i = 0; i < buffer_count_ && copies_; ++i) {
     if (buffers_[i].data != nullptr) system_.unmap(buffers_[i].data, buffers_[i].length);
     if (buffers_[i].file >= 0) system_.close(buffers_[i].file);
@@ -419,12 +421,17 @@ bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
     bump(bad_stamps_);
     return false;
   }
+  HostStamp taken = given;
+  if (!clock_.stamp(buffer.sequence, taken)) {
+    bump(bad_stamps_);
+    return false;
+  }
   const bool is_start = (buffer.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) == V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
   const StampPoint declared = is_start                     ? StampPoint::kStartOfExposure
                               : device_.stamps_first_row() ? StampPoint::kFirstRow
                                                            : StampPoint::kEndOfFrame;
   const Span exposure = exposure_.time_of(given, frame.sequence);
-  HostStamp start = given + to_start_of_exposure(settings_.stamp_point.value_or(declared), exposure, settings_.readout);
+  HostStamp start = taken + to_start_of_exposure(settings_.stamp_point.value_or(declared), exposure, settings_.readout);
   if (!stamp_line_.stamp(frame.sequence, start)) {
     bump(no_edge_);
     return false;
@@ -535,6 +542,8 @@ CameraCounts V4l2Camera::counts() const noexcept {
   counts.incomplete = value(incomplete_);
   counts.bad_stamps = value(bad_stamps_);
   counts.no_edge = value(no_edge_);
+  counts.without_clock = clock_.without_clock();
+  counts.bad_metadata = clock_.bad_metadata();
   counts.no_slot = value(no_slot_);
   counts.overwritten = value(overwritten_);
   counts.disconnected = value(disconnected_);

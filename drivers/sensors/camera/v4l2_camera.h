@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "drivers/sensors/camera/buffer_reading.h"
+#include "drivers/sensors/camera/camera_clock.h"
 #include "drivers/sensors/camera/camera_exposure.h"
 #include "drivers/sensors/camera/control_transfers.h"
 #include "drivers/sensors/camera/jpeg_decoder.h"
@@ -26,18 +27,20 @@ namespace epiline {
 
 /// Counters of images and of the device.
 struct CameraCounts {
-  std::uint64_t frames = 0;        ///< images delivered
-  std::uint64_t lost = 0;          ///< gaps of the driver's sequence numbers
-  std::uint64_t damaged = 0;       ///< marked as damaged by the driver, or no whole JPEG
-  std::uint64_t incomplete = 0;    ///< shorter than an image
-  std::uint64_t bad_stamps = 0;    ///< unknown clock, or not credible after the previous ones
-  std::uint64_t no_edge = 0;       ///< with a stamp line: the image's edge was uncertain
-  std::uint64_t no_slot = 0;       ///< all images were lent
-  std::uint64_t overwritten = 0;   ///< the driver reused a buffer that was lent
-  std::uint64_t disconnected = 0;  ///< the device was lost
-  std::uint64_t retries = 0;       ///< failed attempts to reopen it
-  std::uint64_t other_camera = 0;  ///< of those: another camera was in its place
-  int last_error = 0;              ///< errno of the last loss or failed attempt; 0: it was silent, or not as before
+  std::uint64_t frames = 0;         ///< images delivered
+  std::uint64_t lost = 0;           ///< gaps of the driver's sequence numbers
+  std::uint64_t damaged = 0;        ///< marked as damaged by the driver, or no whole JPEG
+  std::uint64_t incomplete = 0;     ///< shorter than an image
+  std::uint64_t bad_stamps = 0;     ///< unknown clock, or not credible after the previous ones
+  std::uint64_t no_edge = 0;        ///< with a stamp line: the image's edge was uncertain
+  std::uint64_t without_clock = 0;  ///< with the camera's own clock: stamped by the driver's, less its usual lag
+  std::uint64_t bad_metadata = 0;   ///< metadata of an image that make no sense
+  std::uint64_t no_slot = 0;        ///< all images were lent
+  std::uint64_t overwritten = 0;    ///< the driver reused a buffer that was lent
+  std::uint64_t disconnected = 0;   ///< the device was lost
+  std::uint64_t retries = 0;        ///< failed attempts to reopen it
+  std::uint64_t other_camera = 0;   ///< of those: another camera was in its place
+  int last_error = 0;               ///< errno of the last loss or failed attempt; 0: it was silent, or not as before
 };
 inline constexpr auto kCameraCounters = std::to_array<Counter<CameraCounts>>({
     {"images", &CameraCounts::frames},
@@ -46,6 +49,8 @@ inline constexpr auto kCameraCounters = std::to_array<Counter<CameraCounts>>({
     {"incomplete", &CameraCounts::incomplete, true},
     {"bad_stamps", &CameraCounts::bad_stamps, true},
     {"no_edge", &CameraCounts::no_edge},
+    {"without_clock", &CameraCounts::without_clock, true},
+    {"bad_metadata", &CameraCounts::bad_metadata, true},
     {"no_slot", &CameraCounts::no_slot, true},
     {"overwritten", &CameraCounts::overwritten, true},
     {"disconnected", &CameraCounts::disconnected, true},
@@ -81,6 +86,9 @@ class V4l2Camera final : public CameraSource {
   Span exposure() const noexcept { return exposure_.report().time; }  ///< of the newest image
   ExposureReport exposure_report() const noexcept { return exposure_.report(); }
   CameraCounts counts() const noexcept;
+  /// Timestamps are those of the camera's own clock, see clock_state().
+  bool has_own_clock() const noexcept { return clock_.is_used(); }
+  ClockState clock_state() const noexcept { return clock_.state(); }
   /// Of the stamp line, if there is one.
   EdgeCounts edge_counts() const noexcept { return stamp_line_.counts(); }
   GpioCounts line_counts() const noexcept { return stamp_line_.line_counts(); }
@@ -183,6 +191,7 @@ class V4l2Camera final : public CameraSource {
   HostStamp last_doubted_;           ///< and not believed
   int doubted_ = 0;                  ///< in a row
   std::optional<Span> least_delay_;  ///< from a stamp to the image's arrival; the kernel's clock: at most 0
+  CameraClock clock_{settings_, system_};
   StampLine stamp_line_;
   std::uint64_t sequence_ = 0;         ///< of the newest image, ours
   std::uint32_t driver_sequence_ = 0;  ///< the driver's

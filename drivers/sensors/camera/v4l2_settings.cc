@@ -67,6 +67,8 @@ Result<V4l2Settings> v4l2_settings_of(const CameraConfig& config) {
   settings.control_of_exposure = config.exposure;
   if (config.stamp_point != 0) settings.stamp_point = static_cast<StampPoint>(config.stamp_point - 1);
   settings.trust_stamps = config.trust_stamps;
+  settings.uses_own_clock = config.clock != 0;
+  settings.clock_hz = static_cast<std::uint32_t>(config.clock_hz);
   settings.stamp_line = config.stamp_line;
   settings.stamp_edge = static_cast<Edge>(config.stamp_edge);
   settings.silence_most = span_of_ms(config.silence_ms);

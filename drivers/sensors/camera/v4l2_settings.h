@@ -44,6 +44,10 @@ struct V4l2Settings {
   /// Timestamps are monotonic although the driver does not declare it, as with v4l2loopback, which copies its writer's
   /// timestamps.
   bool trust_stamps = false;
+  /// Timestamps by the camera's own clock, of its metadata (USB cameras). `clock_hz`: its ticks per second; 0: as its
+  /// descriptors tell.
+  bool uses_own_clock = false;
+  std::uint32_t clock_hz = 0;
   /// A GPIO line with an edge at the start of each exposure (see GpioLine), which then gives the timestamps.
   std::string stamp_line{};
   Edge stamp_edge = Edge::kRising;

@@ -189,6 +189,15 @@ TEST(CameraFindings, SayWhereImagesAreRead) {
             "ordinary memory");
 }
 
+TEST(CameraFindings, SayWhichClockTheStampsAreOf) {
+  CameraConfig config;
+  EXPECT_EQ(finding_of_stamps(config).text, "timestamps are the V4L2 driver's");
+  config.clock = 1;
+  EXPECT_EQ(finding_of_stamps(config).text, "timestamps are by the camera's own clock");
+  config.stamp_line = "strobe";
+  EXPECT_EQ(finding_of_stamps(config).text, "timestamps are those of the edges of camera.stamp_line");
+}
+
 TEST(LineFindings, SayWhetherEdgesAndImagesAgree) {
   EdgeCounts e;
   e.edges = 300;

@@ -21,6 +21,8 @@ CameraConfig good() {
   config.stamp_point = 2;
   config.trust_stamps = true;
   config.silence_ms = 500;
+  config.clock = 1;
+  config.clock_hz = 48e6;
   config.exposure.automatic = true;
   config.exposure.gain_control = "gain";
   return config;
@@ -44,6 +46,8 @@ TEST(V4l2SettingsOf, TakesEveryEntryOver) {
   EXPECT_EQ(settings->exposure.ns, 100'000) << "of 1 in the control";
   EXPECT_EQ(settings->stamp_point, StampPoint::kEndOfFrame);
   EXPECT_TRUE(settings->trust_stamps);
+  EXPECT_TRUE(settings->uses_own_clock);
+  EXPECT_EQ(settings->clock_hz, 48'000'000u);
   EXPECT_EQ(settings->silence_most.ns, 500'000'000);
   EXPECT_TRUE(settings->control_of_exposure.automatic);
 }

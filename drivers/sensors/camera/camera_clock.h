@@ -1,0 +1,45 @@
+#pragma once
+// Timestamps by the camera's own clock instead of the V4L2 driver's, where the settings say so. docs/camera.md
+#include <atomic>
+#include <cstdint>
+#include <optional>
+
+#include "drivers/sensors/camera/metadata_node.h"
+#include "drivers/sensors/camera/uvc_clock.h"
+#include "drivers/sensors/camera/v4l2_device.h"
+#include "drivers/sensors/camera/v4l2_settings.h"
+#include "platform/concurrency/snapshot.h"
+
+namespace epiline {
+
+/// One thread, but for what says otherwise. No heap.
+class CameraClock {
+ public:
+  CameraClock(const V4l2Settings& settings, SystemCalls& system) noexcept
+      : settings_(settings), system_(system), node_(system) {}
+
+  bool is_used() const noexcept { return settings_.uses_own_clock; }
+  /// With each stream, before it begins. If the clock is not used, does nothing.
+  DeviceTrouble open(const V4l2Device& camera) noexcept;
+  void close() noexcept { node_.close(); }
+
+  /// `stamp`: the V4L2 driver's, of the image of this number of its own; becomes that of the camera's clock. False: it
+  /// would not be later than the one before.
+  bool stamp(std::uint32_t sequence, HostStamp& stamp) noexcept;
+
+  // Any thread.
+  std::uint64_t without_clock() const noexcept { return without_clock_.load(std::memory_order_relaxed); }
+  std::uint64_t bad_metadata() const noexcept { return bad_metadata_.load(std::memory_order_relaxed); }
+  ClockState state() const noexcept { return shown_.read(); }
+
+ private:
+  const V4l2Settings& settings_;
+  SystemCalls& system_;
+  MetadataNode node_;
+  std::optional<UvcClock> clock_;
+  HostStamp newest_;
+  std::atomic<std::uint64_t> without_clock_{0}, bad_metadata_{0};
+  Snapshot<ClockState> shown_;
+};
+
+}  // namespace epiline
