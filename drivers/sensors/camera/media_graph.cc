@@ -231,13 +231,16 @@ DeviceTrouble MediaGraph::link() noexcept {
     for (const media_v2_link& link : links()) {
       const bool is_wanted = is_ours(link), is_enabled = (link.flags & MEDIA_LNK_FL_ENABLED) != 0;
       const bool is_fixed = (link.flags & MEDIA_LNK_FL_IMMUTABLE) != 0;
+      const media_v2_pad *const source = pad(link.source_id), *const sink = pad(link.sink_id);
+      const media_v2_entity* const from = source != nullptr ? entity(source->entity_id) : nullptr;
+      const media_v2_entity* const to = sink != nullptr ? entity(sink->entity_id) : nullptr;
+      if (from == nullptr || to == nullptr) continue;  // no graph of the kernel's
       if (!is_data(link) || is_fixed || is_wanted != enabled || is_enabled == enabled) continue;
       if (!meets_ours(link) && !leaves_branch(link)) continue;
       if (set_link(link, enabled)) continue;
       DeviceTrouble trouble = device_refusal("MEDIA_IOC_SETUP_LINK", errno);
-      const media_v2_pad *const source = pad(link.source_id), *const sink = pad(link.sink_id);
       std::snprintf(trouble.found, sizeof(trouble.found), "cannot %s the link from %.50s to %.50s",
-                    enabled ? "enable" : "disable", entity(source->entity_id)->name, entity(sink->entity_id)->name);
+                    enabled ? "enable" : "disable", from->name, to->name);
       return trouble;
     }
   }
