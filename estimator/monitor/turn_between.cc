@@ -112,13 +112,14 @@ Mat3 rotation_from(const Mat3& sum) noexcept {
   return svd.matrixU() * Vec3(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
 }
 
-bool turn_between(const SharedBearings& bearings, const Vec3& hint, CameraTurn& out) noexcept {
+bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint, CameraTurn& out) noexcept {
   if (bearings.count < SharedBearings::kFewest) return false;
-  const Mat3 far = turn_of_far_points(bearings);
-  out = Travel(bearings, far, hint).result();
+  out = Travel(bearings, R_CC0, hint).result();
   if (out.cost < kGoodCost) return true;
-  for (const Vec3& direction : {Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), Vec3(1, 1, 1).normalized().eval(),
+  const Mat3 far = turn_of_far_points(bearings);
+  for (const Vec3& direction : {hint, Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), Vec3(1, 1, 1).normalized().eval(),
                                 Vec3(1, -1, 1).normalized().eval()}) {
+    if (out.cost < kGoodCost) break;
     const CameraTurn turn = Travel(bearings, far, direction).result();
     if (turn.cost < out.cost) out = turn;
   }

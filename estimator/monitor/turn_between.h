@@ -23,9 +23,9 @@ struct CameraTurn {
   double cost = 0;                 ///< mean of log(1 + (angle to the epipolar plane/kCostScale_rad)^2)
 };
 
-/// Robust fit of turn and direction of travel. `hint`: a direction to try first; the others are tried only if the fit
-/// from there is poor. Bounded work, no heap. False: too few bearings.
-bool turn_between(const SharedBearings& bearings, const Vec3& hint, CameraTurn& out) noexcept;
+/// Robust fit of turn and direction of travel. `R_CC0`, `hint`: where to begin, a turn and a direction; others are
+/// tried only if the fit from there is poor. Bounded work, no heap. False: too few bearings.
+bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint, CameraTurn& out) noexcept;
 
 /// The rotation R that maximises tr(R^T sum): takes a to b best, for `sum` = sum of b a^T (Kabsch).
 Mat3 rotation_from(const Mat3& sum) noexcept;

@@ -63,12 +63,13 @@ void TurnWatch::add_images(const TrackedFrame& frame) noexcept {
       shared_.now[i] = Vec3::Map(f.bearing.data());
     });
     CameraTurn turn;
-    const bool fitted = turn_between(shared_, direction_, turn);
+    const bool fitted = turn_between(shared_, so3_exp(-dt_s * rate_C_), direction_, turn);
     if (fitted) cost_ += (cost_ == 0 ? 1 : kCostShare) * (turn.cost - cost_);
     if (fitted && turn.cost < kWorstCost) {
       direction_ = turn.direction;
+      rate_C_ = so3_log(turn.R_CC0.transpose()) / dt_s;
       if (pending_end_ - pending_first_ == kPending) ++pending_first_;
-      pending_[pending_end_++ % kPending] = {last_stamp_, frame.stamp, so3_log(turn.R_CC0.transpose()) / dt_s};
+      pending_[pending_end_++ % kPending] = {last_stamp_, frame.stamp, rate_C_};
     }
   }
   last_stamp_ = frame.stamp;
@@ -101,21 +102,23 @@ void TurnWatch::integrate(const ImuSample& reading) noexcept {
   integral_[integral_end_++ % kIntegrals] = {reading.stamp, angle_};
 }
 
-/// Linear between the stored ones. False: not that far, or forgotten.
-bool TurnWatch::angle_at(HostStamp stamp, Vec3& angle_B) const noexcept {
+/// The last integral not after `stamp`, but for the newest. Empty: the stamp lies before the first one kept.
+std::optional<std::uint32_t> TurnWatch::integral_at(HostStamp stamp) const noexcept {
   const std::uint32_t first = integral_end_ > kIntegrals ? integral_end_ - kIntegrals : 0;
-  if (integral_end_ - first < 2 || stamp < integral_[first % kIntegrals].stamp ||
-      stamp > integral_[(integral_end_ - 1) % kIntegrals].stamp)
-    return false;
-  std::uint32_t low = first, high = integral_end_ - 1;  // the stamp lies between them
+  if (integral_end_ - first < 2 || stamp < integral_[first % kIntegrals].stamp) return {};
+  std::uint32_t low = first, high = integral_end_ - 1;
   while (high - low > 1) {
     const std::uint32_t middle = low + (high - low) / 2;
     (integral_[middle % kIntegrals].stamp <= stamp ? low : high) = middle;
   }
-  const Integral &a = integral_[low % kIntegrals], &b = integral_[high % kIntegrals];
-  const double part = (stamp - a.stamp).seconds() / (b.stamp - a.stamp).seconds();
-  angle_B = a.angle_B + part * (b.angle_B - a.angle_B);
-  return true;
+  return low;
+}
+
+/// Linear between the stored ones. `from`: an integral not after the stamp; it is moved on to the last one.
+Vec3 TurnWatch::angle_at(HostStamp stamp, std::uint32_t& from) const noexcept {
+  while (from + 2 < integral_end_ && integral_[(from + 1) % kIntegrals].stamp <= stamp) ++from;
+  const Integral &a = integral_[from % kIntegrals], &b = integral_[(from + 1) % kIntegrals];
+  return a.angle_B + (stamp - a.stamp).seconds() / (b.stamp - a.stamp).seconds() * (b.angle_B - a.angle_B);
 }
 
 /// Those for which all readings have come.
@@ -132,19 +135,18 @@ void TurnWatch::use_turns() noexcept {
 void TurnWatch::use(const Turn& turn) noexcept {
   if (turn.rate_C.norm() < kStill) return;
   const double dt_s = (turn.to - turn.from).seconds();
-  Vec3 angle;
-  if (!angle_at(turn.from + offset_ - kReach, angle)) return;  // before the first reading
+  const std::optional<std::uint32_t> first = integral_at(turn.from + offset_ - kReach);
+  if (!first) return;
   const double fade = turns_ > 0 ? std::exp(-std::max(0.0, (turn.to - faded_to_).seconds()) / memory_s_) : 0;
   faded_to_ = turn.to;
   turned_s_ = fade * turned_s_ + dt_s;
   turns_ = fade * turns_ + 1;
   c_ = fade * c_ + turn.rate_C;
   cc_ = fade * cc_ + turn.rate_C.squaredNorm();
+  std::uint32_t from = *first, to = from;
   for (int i = 0; i < kOffsets; ++i) {
     const Span by = offset_ + Span::from_seconds((i - kMiddle) * kStep_s);
-    Vec3 from, to;
-    if (!angle_at(turn.from + by, from) || !angle_at(turn.to + by, to)) from = to = Vec3::Zero();
-    const Vec3 b = (to - from) / dt_s;
+    const Vec3 b = (angle_at(turn.to + by, to) - angle_at(turn.from + by, from)) / dt_s;
     Sums& s = sums_[static_cast<std::size_t>(i)];
     s.b = fade * s.b + b;
     s.bb = fade * s.bb + b.squaredNorm();

@@ -3,6 +3,7 @@
 // units and axes. Derivation: docs/derivations/turns.md; test: tests/estimator/monitor/turn_watch_test.cc.
 #include <array>
 #include <cstdint>
+#include <optional>
 
 #include "estimator/geometry/types.h"
 #include "estimator/monitor/turn_between.h"
@@ -74,14 +75,15 @@ class TurnWatch {
   void integrate(const ImuSample& reading) noexcept;
   void use_turns() noexcept;
   void use(const Turn& turn) noexcept;
-  bool angle_at(HostStamp stamp, Vec3& angle_B) const noexcept;
+  std::optional<std::uint32_t> integral_at(HostStamp stamp) const noexcept;
+  Vec3 angle_at(HostStamp stamp, std::uint32_t& from) const noexcept;
   Fit fit_at(int offset) const noexcept;
 
   Span offset_;
   double memory_s_;
 
   SharedBearings shared_;
-  Vec3 direction_ = Vec3::UnitX();
+  Vec3 rate_C_ = Vec3::Zero(), direction_ = Vec3::UnitX();  ///< of the last pair that fitted, rad/s
   HostStamp last_stamp_;
   int seen_count_ = 0;
   std::array<Seen, kMaxFeatures> seen_;

@@ -107,6 +107,8 @@ const std::vector<Parameter>& parameters() {
        EPILINE_AT(tracker.max_step_px)},
       {"tracker.min_eigenvalue", "(grey/px)^2", 0, 1000, "least texture for tracking, per pixel (smaller eigenvalue)",
        EPILINE_AT(tracker.min_eigenvalue)},
+      {"tracker.start_level_0_px", "px", 0, 100, "search level 0 only if the last prediction was better than this",
+       EPILINE_AT(tracker.start_level_0_px)},
       {"tracker.start_level_1_px", "px", 0, 100,
        "start the search at level 1 if the last prediction was better than this", EPILINE_AT(tracker.start_level_1_px)},
       {"tracker.start_level_2_px", "px", 0, 100,

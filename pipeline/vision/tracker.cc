@@ -1,6 +1,7 @@
 #include "pipeline/vision/tracker.h"
 
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <vector>
 
@@ -49,6 +50,7 @@ struct Tracker::Impl {
   }
   void start_image(const Frame& image, const Mat3& R_CC0, const RowTurn& turn);
   void forget();
+  int start_level(float innovation_px) const;
   void predict();
   void search();
   void count_end(KltEnd end);
@@ -58,6 +60,7 @@ struct Tracker::Impl {
   Vec3 at_stamp(int i, const RowTurn& turn) const;
   void reject(int span, float limit_px, std::uint64_t& rejected);
   void remember();
+  void take_parallax(int i, int tracked);
   void detect();
   void publish(TrackedFrame& out) const;
 
@@ -122,6 +125,12 @@ bool Tracker::Impl::project_turned(const Vec3& f_C, Vec2& px) const {
   return row_s == 0 || camera.project(rows.at(row_s).transpose() * f_C, px);
 }
 
+// What was predicted well is looked for in the finest levels only.
+int Tracker::Impl::start_level(float innovation_px) const {
+  if (innovation_px < config.start_level_0_px) return 0;
+  return innovation_px < config.start_level_1_px ? 1 : 2;
+}
+
 // Where rotation alone, and rotation with the last parallax, put every track.
 void Tracker::Impl::predict() {
   const Mat3& R = rotation[image_number % TrackTable::kHistory];
@@ -136,7 +145,7 @@ void Tracker::Impl::predict() {
     w.found_x = predicted_x[i] = rotated_x[i] + tracks.parallax_x[i] * dt;
     w.found_y = predicted_y[i] = rotated_y[i] + tracks.parallax_y[i] * dt;
     const bool surprising = tracks.age[i] == 0 || gap || tracks.innovation[i] >= config.start_level_2_px;
-    if (!surprising) w.start_level = tracks.innovation[i] < config.start_level_1_px ? 1 : 2;
+    if (!surprising) w.start_level = start_level(tracks.innovation[i]);
   }
 }
 
@@ -231,6 +240,21 @@ void Tracker::Impl::remember() {
   }
 }
 
+// A new track is expected to move as the nearest of those that were tracked, the first `tracked` ones: what lies beside
+// it is mostly as far away.
+void Tracker::Impl::take_parallax(int i, int tracked) {
+  float nearest2 = std::numeric_limits<float>::infinity();
+  tracks.parallax_x[i] = tracks.parallax_y[i] = 0;
+  for (int k = 0; k < tracked; ++k) {
+    if (tracks.age[k] == 0) continue;
+    const float dx = tracks.x[k] - tracks.x[i], dy = tracks.y[k] - tracks.y[i], distance2 = dx * dx + dy * dy;
+    if (!(distance2 < nearest2)) continue;
+    nearest2 = distance2;
+    tracks.parallax_x[i] = tracks.parallax_x[k];
+    tracks.parallax_y[i] = tracks.parallax_y[k];
+  }
+}
+
 void Tracker::Impl::detect() {
   const int before = tracks.size;
   detector.detect(current().view().level[0], tracks);
@@ -238,8 +262,9 @@ void Tracker::Impl::detect() {
     alive[i] = true;
     if (i < before) continue;
     tracks.age[i] = 0;
-    tracks.velocity_x[i] = tracks.velocity_y[i] = tracks.parallax_x[i] = tracks.parallax_y[i] = 0;
+    tracks.velocity_x[i] = tracks.velocity_y[i] = 0;
     tracks.innovation[i] = 0;
+    take_parallax(i, before);
     take_bearing(i);
   }
   tracks.keep(alive);

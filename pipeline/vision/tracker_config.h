@@ -19,7 +19,8 @@ struct TrackerConfig {
   float coarse_step_px = 0.05f;   ///< the other levels (their px), and the way back
   float max_step_px = 10.f;       ///< a longer step is divergence
   float min_eigenvalue = 0.1f;    ///< of the template's matrix, a pixel, (grey/px)^2; below it a level says nothing
-  float start_level_1_px = 1.5f;  ///< last innovation below this: start at level 1 ...
+  float start_level_0_px = 0.5f;  ///< last innovation below this: start at level 0 ...
+  float start_level_1_px = 1.5f;  ///< ... below this: at level 1 ...
   float start_level_2_px = 4.f;   ///< ... below this: at level 2, otherwise at the coarsest
 
   // Checks of a track

@@ -57,6 +57,7 @@ std::vector<Constant> constants() {
       {"tracker", "coarse_step_px", t.coarse_step_px},
       {"tracker", "max_step_px", t.max_step_px},
       {"tracker", "min_eigenvalue", t.min_eigenvalue},
+      {"tracker", "start_level_0_px", t.start_level_0_px},
       {"tracker", "start_level_1_px", t.start_level_1_px},
       {"tracker", "start_level_2_px", t.start_level_2_px},
       {"tracker", "min_correlation", t.min_correlation},

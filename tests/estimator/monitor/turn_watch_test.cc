@@ -53,7 +53,7 @@ TEST(TurnBetween, FindsTheTurnBesideAnyTranslation) {
         s.now[k] = (s.now[k] + 0.05 * Vec3(normal(random), normal(random), 0)).normalized();  // false match
     }
     CameraTurn turn;
-    ASSERT_TRUE(turn_between(s, Vec3::UnitX(), turn));
+    ASSERT_TRUE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), turn));
     if (turn.cost > 1) continue;  // no fit, and TurnWatch leaves it out
     ++fitted;
     EXPECT_LT(so3_log(R_CC0.transpose() * turn.R_CC0).norm(), 0.01) << trial << " cost " << turn.cost;
@@ -69,7 +69,7 @@ TEST(TurnBetween, UnrelatedBearingsCostMuchButNotInfinitely) {
   for (auto* bearings : {&s.before, &s.now})
     for (Vec3& f : *bearings) f = Vec3(normal(random), normal(random), normal(random)).normalized();
   CameraTurn turn;
-  ASSERT_TRUE(turn_between(s, Vec3::UnitX(), turn));
+  ASSERT_TRUE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), turn));
   EXPECT_GT(turn.cost, 5);
   EXPECT_LE(turn.cost, std::log1p(1e6));  // an angle of 1 rad, everywhere
 }
@@ -78,7 +78,7 @@ TEST(TurnBetween, TooFewBearingsGiveNone) {
   SharedBearings s;
   s.count = SharedBearings::kFewest - 1;
   CameraTurn turn;
-  EXPECT_FALSE(turn_between(s, Vec3::UnitX(), turn));
+  EXPECT_FALSE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), turn));
 }
 
 TEST(TurnWatch, SaysHowSureItIsOfTheRotation) {

@@ -7,6 +7,7 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <set>
 #include <stdexcept>
 #include <vector>
 
@@ -178,6 +179,27 @@ TEST(Tracker, RotationPredictsLargeMotion) {
   EXPECT_GT(tracked(R), 0.6);
   EXPECT_LT(tracked(Mat3::Identity()), 0.2);
   EXPECT_LT(tracked(R.transpose()), 0.2);
+}
+
+// What begins in a world that is fast already has no history of its own.
+TEST(Tracker, NewTracksMoveAsTheirNeighbours) {
+  Slide slide(320, 240);
+  std::set<std::uint32_t> began;
+  double speed = 0;
+  int tried = 0, followed = 0;
+  for (int image = 0; image < 22; ++image) {
+    speed = std::min(speed + 2, 26.);  // px an image; a long way beyond the waves of 5 to 40 px
+    const TrackedFrame& frame = slide.show(speed, 0);
+    if (image > 14) tried += static_cast<int>(began.size());
+    std::set<std::uint32_t> begins;
+    for (const TrackedFeature& f : frame.features) {
+      if (f.age == 0) begins.insert(f.id);
+      if (image > 14 && began.count(f.id) > 0 && std::abs(f.velocity_px_s[0] / 20 - speed) < 0.5) ++followed;
+    }
+    began = begins;
+  }
+  ASSERT_GT(tried, 50);
+  EXPECT_GT(followed, 0.8 * tried) << followed << " of " << tried;
 }
 
 TEST(Tracker, ABlankImageEndsAllTracksAndALaterOneBeginsAgain) {
