@@ -85,6 +85,7 @@ struct MavlinkConfig {
   std::string udp;         ///< ADDRESS:PORT of the peer
   std::string udp_listen;  ///< ADDRESS:PORT of ours; empty: any free port of the address that reaches the peer
   int system = 1, component = 197;
+  std::string signing_key_file;  ///< empty: frames are neither signed nor must they be
   double rate_hz = 40;
   int message = 0;  ///< kMavlinkMessageNames
   /// Where on earth the local frame begins, for an ArduPilot without GPS; altitude above sea level. Latitude and

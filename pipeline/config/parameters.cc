@@ -294,6 +294,10 @@ const std::vector<Parameter>& parameters() {
       {"mavlink.component", "", 1, 255, "MAVLink component id of epiline", EPILINE_AT(devices.mavlink.component)},
       {"mavlink.rate_hz", "Hz", 4, 100, "odometry messages per second", EPILINE_AT(devices.mavlink.rate_hz)},
       {"mavlink.message", "", 0, 0, "message that carries the odometry",
+      {"mavlink.signing_key_file", "", 0, 0,
+       "file with the key of MAVLink 2 signing, 32 bytes or 64 hexadecimal digits: frames are signed, unsigned ones "
+       "ignored",
+       EPILINE_AT(devices.mavlink.signing_key_file)},
        EPILINE_CHOICE(devices.mavlink.message, kMavlinkMessageNames)},
       {"mavlink.origin_latitude_deg", "deg", -90, 90,
        "origin of the local frame, for an ArduPilot without GPS; latitude and longitude 0: not sent",

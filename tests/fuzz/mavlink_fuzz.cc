@@ -7,6 +7,7 @@
 #include <span>
 
 #include "drivers/links/mavlink/packet.h"
+#include "drivers/links/mavlink/signing.h"
 
 using namespace epiline::mavlink;
 
@@ -20,6 +21,29 @@ void expect_to_come_back(const Packet& packet) {
   if (!again || again->id != packet.id || again->sequence != packet.sequence) std::abort();
 }
 
+/// Bytes that were made without the key are never good, whatever they claim; a frame of a key's holder is, once.
+void expect_no_forgery(const std::uint8_t* data, std::size_t size) {
+  if (!can_sign()) return;
+  const SigningKey key{1, 2, 3};
+  Signing receiver(key), sender(key);
+  Parser parser;
+  const auto look = [&](std::span<const std::uint8_t> bytes, bool is_ours) {
+    for (int good = 0; const Packet* packet = parser.next(bytes);) {
+      const RawFrame raw = parser.raw();
+      if (raw.bytes.size() > kMaxFrame || raw.from.system != packet->from.system) std::abort();
+      if (receiver.check(raw, 0) == Signing::Verdict::kGood && (!is_ours || ++good > 1)) std::abort();
+    }
+  };
+  look({data, size}, false);
+  parser = {};
+  FrameBytes frame = frame_of(pack(Timesync{.tc1 = 1, .ts1 = 2}, Address{}, 42), true);
+  sender.sign(frame, 77);
+  std::array<std::uint8_t, 2 * kMaxFrame> twice{};
+  std::copy_n(frame.data.begin(), frame.size, twice.begin());
+  std::copy_n(frame.data.begin(), frame.size, twice.begin() + static_cast<std::ptrdiff_t>(frame.size));
+  look({twice.data(), 2 * frame.size}, true);
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -31,6 +55,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     while (const Packet* packet = parser.next(bytes)) expect_to_come_back(*packet);
   }
   if (parser.skipped_bytes() > size) std::abort();
+  expect_no_forgery(data + 1, size - 1);
   // what looks like a frame at the end of the data is decided before this one begins
   std::array<std::uint8_t, 2 * kMaxFrame> end{};
   const FrameBytes sound = frame_of(pack(Timesync{.tc1 = 1, .ts1 = 2}, Address{}, 42));

@@ -103,6 +103,9 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libeigen3-dev, libjpeg-dev")
 if(GPIOD_FOUND)
   string(APPEND CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS ", libgpiod-dev")
 endif()
+if(EPILINE_NETTLE_LIBRARY)
+  string(APPEND CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS ", nettle-dev")
+endif()
 set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "visual-inertial odometry as a library
 Headers, static libraries and CMake files of epiline's estimator, of the
 platform it stands on, and of its drivers of cameras, IMUs and outputs.")

@@ -69,7 +69,8 @@ Status MavlinkLink::check() const {
     return Error{ErrorKind::kUsage, "[mavlink]", 0,
                  config_.serial.empty() ? "neither serial nor udp is set" : "both serial and udp are set",
                  "one of them"};
-  const double bytes = config_.rate_hz * kOdometryFrame + kOtherBytesPerSecond;
+  const double signature = config_.signing_key_file.empty() ? 0 : static_cast<double>(kSignature);
+  const double bytes = config_.rate_hz * (kOdometryFrame + signature) + kOtherBytesPerSecond;
   if (is_serial(config_) && 10 * bytes > config_.baud)
     return Error{ErrorKind::kUsage, "mavlink.baud", 0,
                  std::to_string(config_.baud) + " for " + std::to_string(static_cast<int>(config_.rate_hz)) +
@@ -84,6 +85,11 @@ Status MavlinkLink::check() const {
 Result<std::unique_ptr<Port>> MavlinkLink::make_port() const {
   if (is_serial(config_))
     return std::unique_ptr<Port>(std::make_unique<SerialPort>(config_.serial, config_.baud, system_));
+  if (!config_.signing_key_file.empty()) {
+    const auto key = read_signing_key(config_.signing_key_file);
+    if (!key) return key.error();
+    signing_.emplace(*key);
+  }
   const auto peer = udp_address(config_.udp, "mavlink.udp");
   if (!peer) return peer.error();
   sockaddr_in own{};
@@ -258,7 +264,28 @@ void MavlinkLink::read_port(std::int64_t now_ns) noexcept {
   ++state_.counts.pieces;
   input_.spend(kReadCost + static_cast<double>(result.bytes));
   std::span<const std::uint8_t> bytes(piece.data(), result.bytes);
-  while (const Packet* const packet = parser_.next(bytes)) receive(*packet, now_ns);
+  while (const Packet* const packet = parser_.next(bytes))
+    if (is_authentic()) receive(*packet, now_ns);
+}
+
+/// Of the packet that was found last.
+bool MavlinkLink::is_authentic() noexcept {
+  if (!signing_) return true;
+  LinkCounts& counts = state_.counts;
+  switch (signing_->check(parser_.raw(), signing_time_now())) {
+    case Signing::Verdict::kGood:
+      return true;
+    case Signing::Verdict::kUnsigned:
+      ++counts.unsigned_packets;
+      break;
+    case Signing::Verdict::kWrong:
+      ++counts.wrong_signatures;
+      break;
+    case Signing::Verdict::kOld:
+      ++counts.replayed_packets;
+      break;
+  }
+  return false;
 }
 
 void MavlinkLink::receive(const Packet& packet, std::int64_t now_ns) noexcept {
@@ -353,7 +380,8 @@ bool MavlinkLink::flush() noexcept {
 
 template <class Message>
 void MavlinkLink::put(const Message& message, std::uint64_t& count) noexcept {
-  frame_ = frame_of(pack(message, own_, sequence_++));
+  frame_ = frame_of(pack(message, own_, sequence_++), signing_.has_value());
+  if (signing_) signing_->sign(frame_, signing_time_now());
   frame_sent_ = 0;
   is_frame_odometry_ = false;
   ++count;

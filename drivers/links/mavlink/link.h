@@ -17,6 +17,7 @@
 #include "drivers/links/mavlink/port.h"
 #include "drivers/links/mavlink/timesync.h"
 #include "drivers/links/stream/odometry_gate.h"
+#include "drivers/links/mavlink/signing.h"
 #include "drivers/links/stream/odometry_stream.h"
 #include "drivers/links/stream/token_bucket.h"
 #include "estimator/geometry/types.h"
@@ -45,6 +46,9 @@ struct LinkCounts {
   std::uint64_t skipped_bytes = 0;      ///< noise, and unknown messages
   std::uint64_t strangers = 0;          ///< packets that only the flight controller may send, from another sender
   std::uint64_t refused_questions = 0;  ///< TIMESYNC requests beyond any sensible rate
+  std::uint64_t unsigned_packets = 0;   ///< refused for want of a signature
+  std::uint64_t wrong_signatures = 0;   ///< signed with another key
+  std::uint64_t replayed_packets = 0;   ///< of an old signature
   std::uint64_t refused_answers = 0;    ///< TIMESYNC answers to no request of this link
   // the port
   std::uint64_t disconnected = 0;  ///< times the port was lost
@@ -58,6 +62,9 @@ inline constexpr auto kLinkCounters = std::to_array<Counter<LinkCounts>>({
     {"skipped_bytes", &LinkCounts::skipped_bytes},
     {"strangers", &LinkCounts::strangers, true},
     {"refused_questions", &LinkCounts::refused_questions, true},
+    {"unsigned_packets", &LinkCounts::unsigned_packets, true},
+    {"wrong_signatures", &LinkCounts::wrong_signatures, true},
+    {"replayed_packets", &LinkCounts::replayed_packets, true},
     {"refused_answers", &LinkCounts::refused_answers, true},
     {"timesync_answers", &LinkCounts::timesync_answers},
     {"disconnected", &LinkCounts::disconnected, true},
@@ -151,6 +158,7 @@ class MavlinkLink final : public OdometrySink {
   void tell(std::int64_t now_ns) noexcept;
 
   MavlinkConfig config_;
+  bool is_authentic() noexcept;
   Mat3 R_VB_;
   int priority_;
   SystemCalls& system_;
@@ -189,5 +197,6 @@ class MavlinkLink final : public OdometrySink {
   Snapshot<LinkState> told_;
   Snapshot<LatencyBins> told_latency_;
 };
+  std::optional<Signing> signing_;
 
 }  // namespace epiline::mavlink

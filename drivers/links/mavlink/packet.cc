@@ -9,7 +9,7 @@ namespace epiline::mavlink {
 namespace {
 
 constexpr std::uint8_t kMagic = 0xfd, kMagicV1 = 0xfe;
-constexpr std::size_t kHeader = 10, kHeaderV1 = 6, kSignature = 13;
+constexpr std::size_t kHeader = 10, kHeaderV1 = 6;
 constexpr std::uint8_t kSigned = 1;  // of the flags that a reader must understand
 
 const MessageInfo* info_of(std::uint32_t id) noexcept {
@@ -27,7 +27,7 @@ std::uint16_t checksum(std::span<const std::uint8_t> bytes, std::uint8_t extra) 
 
 }  // namespace
 
-FrameBytes frame_of(const Packet& packet) noexcept {
+FrameBytes frame_of(const Packet& packet, bool will_be_signed) noexcept {
   const MessageInfo* const known = info_of(packet.id);
   EPILINE_EXPECTS(known != nullptr, "a packet to send is one of kMessages");
   const MessageInfo& message = *known;
@@ -35,7 +35,9 @@ FrameBytes frame_of(const Packet& packet) noexcept {
   while (length > 1 && packet.payload[length - 1] == 0) --length;  // zeros at the end do not travel
   FrameBytes frame;
   const auto byte = [&](std::size_t value) { frame.data[frame.size++] = static_cast<std::uint8_t>(value); };
-  for (const std::size_t value : {std::size_t{kMagic}, length, std::size_t{0}, std::size_t{0}}) byte(value);
+  for (const std::size_t value :
+       {std::size_t{kMagic}, length, std::size_t{will_be_signed ? kSigned : 0U}, std::size_t{0}})
+    byte(value);
   for (const std::uint8_t value : {packet.sequence, packet.from.system, packet.from.component}) byte(value);
   for (const int shift : {0, 8, 16}) byte((packet.id >> shift) & 0xff);
   std::copy_n(packet.payload.begin(), length, frame.data.begin() + kHeader);
@@ -87,6 +89,8 @@ Parser::Found Parser::look() noexcept {
     if (end_ - begin_ < shape.size()) return Found::kPart;
     if (read(shape)) {
       begin_ += shape.size();
+      raw_size_ = shape.size();
+      raw_is_signed_ = shape.signature != 0;
       ++packets_;
       return Found::kPacket;
     }

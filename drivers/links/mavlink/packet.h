@@ -13,7 +13,8 @@
 namespace epiline::mavlink {
 
 inline constexpr std::size_t kMaxPayload = 255;
-inline constexpr std::size_t kMaxFrame = 10 + kMaxPayload + 2 + 13;  ///< header, payload, checksum, signature
+inline constexpr std::size_t kSignature = 13;                                ///< link, time, hash
+inline constexpr std::size_t kMaxFrame = 10 + kMaxPayload + 2 + kSignature;  ///< header, payload, checksum
 
 struct Address {
   std::uint8_t system = 1;
@@ -63,10 +64,17 @@ struct FrameBytes {
   std::span<const std::uint8_t> bytes() const { return {data.data(), size}; }
 };
 
-/// The frame of a packet, unsigned. `packet.id` is one of kMessages.
-FrameBytes frame_of(const Packet& packet) noexcept;
+/// The frame of a packet. `packet.id` is one of kMessages. With `will_be_signed`, its signature is still to be added.
+FrameBytes frame_of(const Packet& packet, bool will_be_signed = false) noexcept;
 
-/// Finds the frames of kMessages in a byte stream. Accepts version 2, signed or not (signatures are not checked), and
+/// A frame as it came, from its first byte to its last, the signature included.
+struct RawFrame {
+  std::span<const std::uint8_t> bytes;
+  Address from;
+  bool is_signed = false;
+};
+
+/// Finds the frames of kMessages in a byte stream. Accepts version 2, signed or not (Signing checks signatures), and
 /// version 1, which flight controllers send until they receive version 2.
 ///
 /// After bytes that look like a frame and are none, the search continues one byte later, so no valid frame is lost to
@@ -76,6 +84,11 @@ class Parser {
   /// The next packet, valid until the next call; null if and only if `bytes` are used up. Removes what it reads from
   /// the front of `bytes`: call it until it returns null.
   const Packet* next(std::span<const std::uint8_t>& bytes) noexcept;
+
+  /// Of the packet that next() returned, valid as long.
+  RawFrame raw() const noexcept {
+    return {{buffer_.data() + begin_ - raw_size_, raw_size_}, packet_.from, raw_is_signed_};
+  }
 
   std::uint64_t packets() const noexcept { return packets_; }
   std::uint64_t bad_checksums() const noexcept { return bad_checksums_; }
@@ -97,6 +110,8 @@ class Parser {
   std::array<std::uint8_t, 2 * kMaxFrame> buffer_{};
   std::size_t begin_ = 0, end_ = 0;  ///< what is in the buffer and not decided yet
   Packet packet_;
+  std::size_t raw_size_ = 0;  ///< of the last packet's frame, which ends at begin_
+  bool raw_is_signed_ = false;
   std::uint64_t packets_ = 0, bad_checksums_ = 0, skipped_ = 0;
 };
 

@@ -28,7 +28,12 @@ void ControllerThread::read_line() {
   while (const std::size_t got = line_.read(bytes_)) {
     const HostStamp arrival{monotonic_ns()};
     std::span<const std::uint8_t> bytes{bytes_.data(), got};
-    while (const mavlink::Packet* packet = parser_.next(bytes)) model_.receive(*packet, arrival);
+    while (const mavlink::Packet* packet = parser_.next(bytes)) {
+      using mavlink::Signing;
+      const bool is_good =
+          !signing_ || signing_->check(parser_.raw(), mavlink::signing_time_now()) == Signing::Verdict::kGood;
+      if (is_good) model_.receive(*packet, arrival);
+    }
     answer();
     if (stop_.load(std::memory_order_relaxed)) return;  // also if somebody never stops talking
   }
@@ -36,7 +41,8 @@ void ControllerThread::read_line() {
 
 void ControllerThread::answer() {
   while (const mavlink::Packet* packet = model_.next(HostStamp{monotonic_ns()})) {
-    const mavlink::FrameBytes frame = mavlink::frame_of(*packet);
+    mavlink::FrameBytes frame = mavlink::frame_of(*packet, signing_.has_value());
+    if (signing_) signing_->sign(frame, mavlink::signing_time_now());
     line_.write(frame.bytes());
   }
 }

@@ -3,7 +3,9 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <optional>
 
+#include "drivers/links/mavlink/signing.h"
 #include "drivers/program/hil/controller_line.h"
 #include "drivers/program/hil/controller_model.h"
 #include "platform/concurrency/spsc_ring.h"
@@ -17,7 +19,12 @@ class ControllerThread {
   static constexpr int kPriority = 85, kLook_ms = 2;
 
   /// Both outlive it; the model belongs to the thread until stop().
-  ControllerThread(ControllerModel& model, ControllerLine& line) : model_(model), line_(line) {}
+  /// With a key it signs, and hears nothing that is not signed with it.
+  ControllerThread(ControllerModel& model, ControllerLine& line,
+                   const std::optional<mavlink::SigningKey>& key = std::nullopt)
+      : model_(model), line_(line) {
+    if (key) signing_.emplace(*key);
+  }
   ~ControllerThread() { stop(); }
   ControllerThread(const ControllerThread&) = delete;
   ControllerThread& operator=(const ControllerThread&) = delete;
@@ -35,6 +42,7 @@ class ControllerThread {
   ControllerModel& model_;
   ControllerLine& line_;
   mavlink::Parser parser_;
+  std::optional<mavlink::Signing> signing_;
   std::array<std::uint8_t, 4096> bytes_{};
   std::atomic<bool> stop_{false};
   RealtimeThread thread_;

@@ -177,7 +177,13 @@ Status Flight::connect_line() {
   line_ = std::move(*line);
   if (is_pty) m.serial = line_->companion_end(), m.udp = "";
   if (is_udp) m.udp = line_->companion_end(), m.serial = m.udp_listen = "";
-  controller_.emplace(*model_, *line_);
+  std::optional<mavlink::SigningKey> key;
+  if (!m.signing_key_file.empty()) {
+    const auto read = mavlink::read_signing_key(m.signing_key_file);
+    if (!read) return read.error();
+    key = *read;
+  }
+  controller_.emplace(*model_, *line_, key);
   return Done{};
 }
 
