@@ -172,6 +172,8 @@ const std::vector<Parameter>& parameters() {
       {"recorder.after_lost_s", "s", 0, 60, "delay of that record", EPILINE_AT(recorder.after_lost_s)},
       {"recorder.pause_s", "s", 0, 1e6, "shortest time between two such records", EPILINE_AT(recorder.pause_s)},
       {"recorder.most", "", 0, 1000, "largest number of such records in a run", EPILINE_AT(recorder.most)},
+      {"recorder.keep", "", 0, 1e6, "largest number of records in the folder: the oldest are removed; 0: no limit",
+       EPILINE_AT(recorder.keep)},
       // camera; without these, what the data set says
       {"camera.calibration", "", 0, 0,
        "calibration file (ASL or Kalibr), instead of the data set's; relative to the current folder",

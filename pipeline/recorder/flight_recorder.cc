@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <system_error>
 #include <thread>
@@ -64,16 +65,34 @@ const char* to_string(RecordReason reason) {
   return "";
 }
 
-/// Of the records in the folder the highest number.
-std::uint64_t highest_number(const fs::path& folder) {
-  std::uint64_t highest = 0;
+/// The records in the folder by their numbers, and nothing else that may be there.
+std::map<std::uint64_t, fs::path> records_in(const fs::path& folder) {
+  std::map<std::uint64_t, fs::path> records;
   std::error_code ignored;
   for (fs::directory_iterator it(folder, ignored), end; !ignored && it != end; it.increment(ignored)) {
     unsigned long long number = 0;
-    if (std::sscanf(it->path().filename().c_str(), "record-%llu-", &number) == 1)
-      highest = std::max<std::uint64_t>(highest, number);
+    if (std::sscanf(it->path().filename().c_str(), "record-%llu-", &number) == 1 &&
+        it->symlink_status(ignored).type() == fs::file_type::directory)
+      records.emplace(number, it->path());
   }
-  return highest;
+  return records;
+}
+
+std::uint64_t highest_number(const fs::path& folder) {
+  const auto records = records_in(folder);
+  return records.empty() ? 0 : records.rbegin()->first;
+}
+
+/// Removes the oldest records but `keep`.
+std::uint64_t make_room(const fs::path& folder, std::size_t keep) {
+  auto records = records_in(folder);
+  std::uint64_t removed = 0;
+  for (auto it = records.begin(); records.size() > keep; it = records.erase(it)) {
+    std::error_code refused;
+    fs::remove_all(it->second, refused);
+    if (!refused) ++removed;
+  }
+  return removed;
 }
 
 }  // namespace
@@ -177,6 +196,7 @@ void FlightRecorder::Impl::write(const RecordOrder& asked) {
   if (written) {
     events.push({order.now, EventId::kRecordWritten, {number, reason}});
     report.written.push_back(name.string());
+    if (config.keep > 0) report.removed += make_room(config.folder, static_cast<std::size_t>(config.keep));
   } else {
     events.push({order.now, EventId::kRecordFailed, {number, reason, failure}});
     report.failed.push_back(written.error().text());

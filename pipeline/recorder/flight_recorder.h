@@ -27,6 +27,7 @@ struct RecordedRun {
 struct RecorderReport {
   std::vector<std::string> written;  ///< folders
   std::vector<std::string> failed;   ///< why, a line each
+  std::uint64_t removed = 0;         ///< older records, for recorder.keep
   std::uint64_t lost = 0;            ///< samples that found no room while a record was being written
   std::size_t memory_bytes = 0;
 };

@@ -37,6 +37,9 @@ class ImuSource {
  public:
   virtual ~ImuSource() = default;
   virtual Status open() = 0;
+  /// From any thread: an open() that waits for a sample fails within 0.1 s, until close() is called. The default is for
+  /// sources that do not wait.
+  virtual void give_up() noexcept {}
   virtual void close() noexcept = 0;
   /// Writes up to samples.size() samples, in time order, and their number into `count`. kSample: count > 0.
   virtual ReadOutcome read(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept = 0;

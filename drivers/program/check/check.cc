@@ -101,7 +101,9 @@ Findings findings_of(const DeviceRecord& record) {
   if (packets != record.counts.end()) {
     if (packets->value == 0)
       out.push_back(found(Grade::kError, record.name, "nothing received from a flight controller",
-                          "cross TX and RX, set the same baud rate, switch MAVLink on at that port of the controller"));
+                          "cross TX and RX, set the same baud rate, switch MAVLink on at that port of the controller; "
+                          "over UDP it must send "
+                          "from the very ADDRESS:PORT of mavlink.udp: others are not heard"));
     else
       out.push_back(found(Grade::kOk, record.name, fmt::format("{} packets received", packets->value)));
   }

@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <memory>
 #include <string>
 
@@ -45,6 +46,13 @@ class StateLines {
 
   void operator()(const LiveState& state) {
     if (quiet_) return;
+    if (state.waiting_for != waiting_for_) {
+      clear();
+      waiting_for_ = state.waiting_for;
+      if (!waiting_for_.empty()) fmt::print("{:9.2f} s  waiting for {}\n", state.since_start.seconds(), waiting_for_);
+      std::fflush(stdout);
+    }
+    if (!state.waiting_for.empty()) return;
     for (const std::string& text : state.numbers_wrong) {
       clear();
       fmt::print("{:9.2f} s  number wrong: {}\n", state.since_start.seconds(), text);
@@ -87,7 +95,7 @@ class StateLines {
 
   bool quiet_, terminal_, known_ = false, shown_ = false;
   HealthState state_ = HealthState::kInitialising;
-  std::string lost_;
+  std::string lost_, waiting_for_;
   unsigned rounds_ = 0;
 };
 
@@ -114,23 +122,41 @@ int run_command(RunArguments& options) {
   auto settings = read_live_settings(*config, options.set);
   if (!settings) return report(settings.error());
   if (!options.record_folder.empty()) settings->config.recorder.folder = options.record_folder;
+/// Why there never was a pose: the first thing that was missing.
+Error no_pose(const LiveState& last) {
+  const auto error = [&](const char* found, const char* expected) {
+    return Error{ErrorKind::kRun, "", 0, fmt::format("no pose in {:.1f} s: {}", last.since_start.seconds(), found),
+                 expected};
+  };
+  if (last.readings == 0) return error("no IMU samples arrived", "an IMU that delivers (epiline check)");
+  if (last.images == 0)
+    return error("no image was estimated",
+                 "a camera that delivers, with the clock of its images known (epiline check)");
+  return error("the estimator did not start", "texture in view and light, at rest or in motion (epiline check)");
+}
+
   settings->config.recorder.images |= options.record_images;
   const auto view = open_view(options.view);
   if (!view) return report(view.error());
   options.live.view = view->get();
   auto devices = make_devices(*settings);
   if (!devices) return report(devices.error());
-  StateLines lines(options.quiet);
-  const auto record = fly(*settings, *devices, options.live, [&](const LiveState& state) {
-    lines(state);
-    return true;
-  });
+  LiveState last;
+  const auto record = [&] {
+    StateLines lines(options.quiet);
+    return fly(*settings, *devices, options.live, [&](const LiveState& state) {
+      lines(state);
+      last = state;
+      return true;
+    });
+  }();
   if (!record) return report(record.error());
   if (!options.live.out.empty()) {
     if (const auto errors = write_report(*record, options.live.out); !errors) return report(errors.error());
   }
   if (!options.quiet) print_summary(*record);
-  return kExitDone;
+  // a service that was stopped has done what it was asked; its manager would take another code for a failure to stop
+  return last.has_pose || std::getenv("NOTIFY_SOCKET") != nullptr ? kExitDone : report(no_pose(last));
 }
 
 }  // namespace
@@ -143,6 +169,7 @@ void add_run(CLI::App& app, int& exit_code) {
   add_settings(*command, o->config, o->set,
                "configuration file (TOML) with devices, calibration and settings; default: /etc/epiline/epiline.toml, "
                "else ./epiline.toml");
+  o->live.waits_for_devices = true;
   command->add_option("--out", o->live.out, "write trajectory, events, figures and report into this folder");
   command->add_option("--duration", o->live.duration_s, "end after this many seconds")->check(CLI::PositiveNumber);
   command->add_option("--view", o->view, "serve a page that shows the flight; port 0 takes any free port")
@@ -155,3 +182,6 @@ void add_run(CLI::App& app, int& exit_code) {
 }
 
 }  // namespace epiline
+  command->add_flag_callback(
+      "--no-wait", [o] { o->live.waits_for_devices = false; },
+      "end with an error if a device is not there yet, instead of waiting for it");

@@ -277,7 +277,7 @@ Status Flight::stand_by(const SignalWait& signals, const std::function<bool(cons
 }
 
 Result<HilResult> Flight::run(const std::function<bool(const Progress&)>& watch) {
-  const SignalWait signals({SIGINT, SIGTERM});  // before any thread begins
+  const SignalWait signals({SIGINT, SIGTERM, SIGHUP});  // before any thread begins
   if (const Status s = connect_controller(); !s) return s.error();
   LiveDevices devices;  // to the end: the played camera may be one of them, and is asked when all is over
   if (const Status s = connect_camera(devices); !s) return s.error();
@@ -293,9 +293,9 @@ Result<HilResult> Flight::run(const std::function<bool(const Progress&)>& watch)
     devices = std::move(*made);
     LiveOptions live;
     live.out = options_.out;
-    auto flight = fly(settings_, devices, live, [&](const LiveState& /*state*/) {
+    auto flight = fly(settings_, devices, live, [&](const LiveState& state) {
       const bool goes_on = watch({share_played(), false});
-      return watch_flight() && goes_on;
+      return (!state.waiting_for.empty() || watch_flight()) && goes_on;
     });
     if (flight) record = std::move(*flight);
     if (!flight) flown = flight.error();

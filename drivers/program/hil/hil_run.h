@@ -47,7 +47,7 @@ struct Progress {
 
 /// Plays, flies (unless beside), judges. Fails if and only if data set, configuration or a device is wrong, the system
 /// has no thread left, or the process beside did not come; a flight that a controller would refuse is a result. `watch`
-/// is called twenty times a second, and ends it by returning false; so do SIGINT and SIGTERM.
+/// is called twenty times a second, and ends it by returning false; so do SIGINT, SIGTERM and SIGHUP.
 Result<HilResult> run_hil(const HilOptions& options, const std::function<bool(const Progress&)>& watch);
 
 }  // namespace epiline::hil

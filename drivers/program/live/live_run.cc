@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "drivers/program/live/live_log.h"
+#include "drivers/program/live/opener.h"
 #include "drivers/program/live/service.h"
 #include "drivers/program/view/live_view.h"
 #include "drivers/study/replay/recorded_run.h"
@@ -30,12 +31,7 @@ class Receivers final : public OdometrySink {
  public:
   explicit Receivers(const std::vector<LiveOutput>& outputs) : outputs_(outputs) {}
 
-  Status open() override {
-    for (const LiveOutput& output : outputs_) {
-      if (const Status s = output.sink->open(); !s) return s;
-    }
-    return Done{};
-  }
+  Status open() override { return Done{}; }  // each by itself: see OpenDevices
   void close() noexcept override {
     for (const LiveOutput& output : outputs_) output.sink->close();
   }
@@ -91,14 +87,19 @@ class OpenDevices {
     if (devices_.wheel) devices_.wheel->close();
     receivers_.close();
   }
-  /// The camera last: its buffers fill from then on.
-  Status open() {
-    if (const Status s = receivers_.open(); !s) return s;
-    if (const Status s = devices_.imu->open(); !s) return s;
-    if (devices_.wheel) {
-      if (const Status s = devices_.wheel->open(); !s) return s;
-    }
-    return devices_.camera->open();
+  /// In the order of opening. The camera last: its buffers fill from then on.
+  std::vector<Opener::Part> parts() const {
+    std::vector<Opener::Part> parts;
+    for (const LiveOutput& output : devices_.outputs)
+      parts.push_back(
+          {output.name, [s = output.sink.get()] { return s->open(); }, [s = output.sink.get()] { s->close(); }});
+    ImuSource* const imu = devices_.imu.get();
+    parts.push_back({"IMU", [imu] { return imu->open(); }, [imu] { imu->close(); }, [imu] { imu->give_up(); }});
+    if (WheelSource* const wheel = devices_.wheel.get())
+      parts.push_back({"wheel speed", [wheel] { return wheel->open(); }, [wheel] { wheel->close(); }});
+    CameraSource* const camera = devices_.camera.get();
+    parts.push_back({"camera", [camera] { return camera->open(); }, [camera] { camera->close(); }});
+    return parts;
   }
 
  private:
@@ -133,12 +134,17 @@ std::string status_line(const LiveState& state) {
 /// What the service manager is told of a flight that goes on.
 class ServiceTalk {
  public:
-  ServiceTalk() { manager_.ready(); }
+  void ready() { manager_.ready(); }
+  void waits(const std::string& waiting_for, Span since_start) {
+    if (!manager_.is_listening() || (told_waiting_ && since_start - *told_waiting_ < kStatus)) return;
+    told_waiting_ = since_start;
+    manager_.starting();
+    if (!waiting_for.empty()) manager_.status("waiting for " + waiting_for);
+  }
   void stopping() { manager_.stopping(); }
 
   void round(const LiveState& state, const RealtimePipeline::Progress& progress, std::uint64_t log_passes) {
     if (!manager_.is_listening()) return;
-    constexpr Span kStatus = Span::from_seconds(1);  // whoever watches the bus is told of each
     if (state.since_start - told_status_ >= kStatus) {
       manager_.status(status_line(state));
       told_status_ = state.since_start;
@@ -154,7 +160,9 @@ class ServiceTalk {
  private:
   ServiceManager manager_;
   Liveness liveness_;
-  Span told_status_, told_alive_;  ///< when, since the start
+  static constexpr Span kStatus = Span::from_seconds(1);  // whoever watches the bus is told of each
+  Span told_status_, told_alive_;                         ///< when, since the start
+  std::optional<Span> told_waiting_;                      ///< since the begin of opening
 };
 
 void watch_with(LiveView& view, const LiveSettings& settings, RealtimePorts& ports) {
@@ -178,7 +186,7 @@ std::unique_ptr<FlightRecorder> add_recorder(const LiveSettings& settings, Realt
 }
 
 LiveState state_of(const RealtimePipeline::Progress& progress, Receivers& receivers, Span since_start) {
-  LiveState state{false, {}, progress.frames_out, progress.imu_in, since_start, {}, receivers.names_of_lost()};
+  LiveState state{false, {}, progress.frames_out, progress.imu_in, since_start, {}, {}, receivers.names_of_lost()};
   if (const Odometry* const newest = receivers.newest()) {
     state.has_pose = true;
     state.odometry = *newest;
@@ -197,22 +205,47 @@ void complete(FlightRecord& record, const RealtimePipeline& pipeline, double spe
 /// fly(), with what the system's lack of threads and settings that do not go together throw.
 Result<FlightRecord> fly_or_throw(const LiveSettings& settings, LiveDevices& devices, const LiveOptions& options,
                                   const std::function<bool(const LiveState&)>& watch) {
-  const SignalWait signals({SIGINT, SIGTERM, SIGUSR1});  // before any thread begins
+  const SignalWait signals({SIGINT, SIGTERM, SIGHUP, SIGUSR1});  // before any thread begins
   Receivers receivers(devices.outputs);
   LiveLog log(options.out);
   Turns turns(devices.turns);
   RealtimePorts ports{devices.camera.get(), devices.imu.get(), &receivers, {&log, &turns}, {}, devices.wheel.get()};
   if (options.view != nullptr) watch_with(*options.view, settings, ports);
+bool ends_flight(int signal) { return signal == SIGINT || signal == SIGTERM || signal == SIGHUP; }
+
+/// Opens all devices, or says which one was missing at the end.
+Status open_all(const OpenDevices& devices, const SignalWait& signals, const LiveOptions& options, ServiceTalk& service,
+                const std::function<bool(const LiveState&)>& watch) {
+  Opener opener(devices.parts(), options.waits_for_devices);
+  const std::int64_t start_ns = monotonic_ns();
+  constexpr Span kLook = Span::from_milliseconds(20);
+  for (bool goes_on = true; goes_on && !opener.has_ended();) {
+    const int signal = signals.wait(kLook);
+    LiveState state;
+    state.since_start = Span{monotonic_ns() - start_ns};
+    state.waiting_for = opener.waiting_for();
+    service.waits(state.waiting_for, state.since_start);
+    goes_on = !ends_flight(signal) && state.since_start.seconds() < options.duration_s &&
+              (state.waiting_for.empty() || watch(state));
+    if (!goes_on) {
+      opener.give_up();
+      if (opener.result()) return Error{ErrorKind::kRun, "", 0, "ended before all devices were open", ""};
+    }
+  }
+  return opener.result();
+}
+
   const std::unique_ptr<FlightRecorder> recorder = add_recorder(settings, ports);
   OpenDevices open_devices(devices, receivers);
   RealtimePipeline pipeline(pipeline_settings(settings, devices), ports);
-  if (const Status s = open_devices.open(); !s) return s.error();
+  ServiceTalk service;
+  if (const Status s = open_all(open_devices, signals, options, service, watch); !s) return s.error();
 
   const std::int64_t start_ns = monotonic_ns();
   const auto since_start = [&] { return Span{monotonic_ns() - start_ns}; };
   const Pace pace = options.pace.value_or(Pace{HostStamp{start_ns}, start_ns, 1});
   pipeline.arm(pace);
-  ServiceTalk service;
+  service.ready();
   FlightRecord record = begin_record(settings);
   std::uint64_t told = 0;  // events looked at
   for (bool goes_on = true; goes_on && !pipeline.finished();) {
@@ -226,7 +259,7 @@ Result<FlightRecord> fly_or_throw(const LiveSettings& settings, LiveDevices& dev
       if (event.id == EventId::kNumberWrong) state.numbers_wrong.push_back(text_of(event));
     }
     service.round(state, progress, log.passes());
-    goes_on = watch(state) && signal != SIGINT && signal != SIGTERM && state.since_start.seconds() < options.duration_s;
+    goes_on = watch(state) && !ends_flight(signal) && state.since_start.seconds() < options.duration_s;
   }
   service.stopping();
   pipeline.stop();

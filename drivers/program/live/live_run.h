@@ -19,6 +19,7 @@ struct LiveOptions {
   std::filesystem::path out;                                    ///< of the files; empty: none are written
   double duration_s = std::numeric_limits<double>::infinity();  ///< ends after that many
   LiveView* view = nullptr;                                     ///< open, not started
+  bool waits_for_devices = false;                               ///< that are not there yet; else they are an error
   /// Where the samples' stamps lie on the computer's clock; none: they are its instants.
   std::optional<Pace> pace;
 };
@@ -29,14 +30,17 @@ struct LiveState {
   Odometry odometry;  ///< newest, with the health of now; only with a pose
   std::uint64_t images = 0, readings = 0;
   Span since_start;
+  std::string
+      waiting_for;  ///< device that is not open yet, and why; then nothing else is known. Empty: the flight goes on
   std::vector<std::string> numbers_wrong;  ///< said since the last call: numbers of the user that cannot be true
   std::string lost_outputs;                ///< names of those whose line is lost at present; empty: none is
 };
 
-/// Opens the devices and flies until SIGINT, SIGTERM, the end of the sources, the end of the duration, or until
+/// Opens the devices and flies until SIGINT, SIGTERM, SIGHUP, the end of the sources, the end of the duration, or until
 /// `watch`, called twenty times a second, returns false. SIGUSR1 requests a record. Reports to the service manager.
-/// Fails if and only if a device cannot be opened, settings are inconsistent, the system cannot start a thread, or a
-/// file cannot be written.
+/// Fails if and only if a device cannot be opened or did not come before the end, settings are inconsistent, the system
+/// cannot start a thread, or a file cannot be written. While it waits for a device, `watch` is called too, and duration
+/// and signals end it.
 Result<FlightRecord> fly(const LiveSettings& settings, LiveDevices& devices, const LiveOptions& options,
                          const std::function<bool(const LiveState&)>& watch);
 

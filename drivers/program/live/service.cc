@@ -12,6 +12,19 @@
 
 namespace epiline {
 
+namespace {
+
+/// The number in a variable of the environment; `missing` without it; 0 if it is none.
+std::int64_t number_in(const char* name, std::int64_t missing) {
+  const char* const text = std::getenv(name);
+  if (text == nullptr) return missing;
+  std::int64_t number = 0;
+  std::from_chars(text, text + std::strlen(text), number);
+  return number;
+}
+
+}  // namespace
+
 ServiceManager::ServiceManager() {
   const char* const name = std::getenv("NOTIFY_SOCKET");
   if (name == nullptr || (name[0] != '/' && name[0] != '@') || std::strlen(name) >= sizeof(sockaddr_un::sun_path))
@@ -19,12 +32,9 @@ ServiceManager::ServiceManager() {
   address_ = name;
   if (address_[0] == '@') address_[0] = '\0';  // an abstract socket
   socket_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  const char* const microseconds = std::getenv("WATCHDOG_USEC");
-  if (microseconds == nullptr) return;
-  std::int64_t us = 0;
-  std::from_chars(microseconds, microseconds + std::strlen(microseconds), us);
   constexpr std::int64_t kDay_us = 86'400'000'000;
-  watchdog_ = Span{std::clamp<std::int64_t>(us, 0, kDay_us) * 1000};
+  if (number_in("WATCHDOG_PID", ::getpid()) != ::getpid()) return;  // meant for a parent that started us
+  watchdog_ = Span{std::clamp<std::int64_t>(number_in("WATCHDOG_USEC", 0), 0, kDay_us) * 1000};
 }
 
 ServiceManager::~ServiceManager() {

@@ -11,7 +11,8 @@ namespace epiline {
 /// Does nothing without NOTIFY_SOCKET. One thread.
 class ServiceManager {
  public:
-  /// Takes the socket's name from NOTIFY_SOCKET, the watchdog's time from WATCHDOG_USEC.
+  /// Takes the socket's name from NOTIFY_SOCKET, the watchdog's time from WATCHDOG_USEC unless WATCHDOG_PID
+  /// names another process.
   ServiceManager();
   ~ServiceManager();
   ServiceManager(const ServiceManager&) = delete;
@@ -21,6 +22,8 @@ class ServiceManager {
   /// Zero: no watchdog.
   Span watchdog() const { return watchdog_; }
 
+  /// The start takes longer: another five seconds from now.
+  void starting() { send("EXTEND_TIMEOUT_USEC=5000000"); }
   void ready() { send("READY=1"); }
   void stopping() { send("STOPPING=1"); }
   void alive() { send("WATCHDOG=1"); }

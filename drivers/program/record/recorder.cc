@@ -235,7 +235,7 @@ Status enough_came(const RecordState& state, RecordEnd end) {
 /// record(), with what the system's lack of threads throws.
 Result<RecordSummary> record_or_throw(const LiveSettings& settings, LiveDevices& devices, const RecordOptions& options,
                                       const std::function<bool(const RecordState&)>& watch) {
-  const SignalWait signals({SIGINT, SIGTERM});  // before any thread begins
+  const SignalWait signals({SIGINT, SIGTERM, SIGHUP});  // before any thread begins
   const auto files = RecordingFiles::create(options.out, *options.disk);
   if (!files) return files.error();
   const auto free = options.disk->free_bytes(options.out);

@@ -57,10 +57,10 @@ struct RecordSummary {
   std::vector<DeviceRecord> devices;  ///< what the drivers counted
 };
 
-/// Opens the devices and records until SIGINT, SIGTERM, the end of the sources or of the duration, until the disk is
-/// full but for what is to be kept free, or until `watch`, called twenty times a second, returns false. Fails if and
-/// only if there is a recording already, a device cannot be opened, the system cannot start a thread, a file cannot be
-/// written, or no image or no sample came although there was time. What was recorded before stays.
+/// Opens the devices and records until SIGINT, SIGTERM, SIGHUP, the end of the sources or of the duration, until the
+/// disk is full but for what is to be kept free, or until `watch`, called twenty times a second, returns false. Fails
+/// if and only if there is a recording already, a device cannot be opened, the system cannot start a thread, a file
+/// cannot be written, or no image or no sample came although there was time. What was recorded before stays.
 Result<RecordSummary> record(const LiveSettings& settings, LiveDevices& devices, const RecordOptions& options,
                              const std::function<bool(const RecordState&)>& watch);
 

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <string_view>
 
+#include "drivers/program/view/view_address.h"
 #include "drivers/program/view/view_page.h"
 #include "platform/time/monotonic.h"
 
@@ -16,7 +17,7 @@ constexpr const char* kKeyHeader = "X-Epiline-Key";
 }  // namespace
 
 CheckView::CheckView(CheckSubject subject, Accept accept)
-    : accept_(std::move(accept)), key_(secret_key()), model_(std::move(subject)) {}
+    : accept_(std::move(accept)), key_(new_token()), model_(std::move(subject)) {}
 
 Result<std::unique_ptr<CheckView>> CheckView::open(const ViewAddress& address, CheckSubject subject, Accept accept) {
   subject.may_accept = address.is_loopback() && accept != nullptr;

@@ -150,6 +150,9 @@ HttpResponse HttpServer::Impl::refuse(MHD_Connection* connection, const char* me
   if (host == nullptr || !is_own_host(host, own_name, address.is_loopback())) {
     return refusal(403, "unknown host name; use the numeric address, or localhost\n");
   }
+  const char* const shown = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "token");
+  if (!address.token.empty() && !is_token(shown ? shown : "", address.token))
+    return refusal(403, "use the whole address that the program printed, with its token\n");
   return {};
 }
 
@@ -235,6 +238,7 @@ void HttpServer::Impl::drop_silent() {
 Result<std::unique_ptr<HttpServer>> HttpServer::listen(const ViewAddress& address, Handler handler, HttpPosts posts) {
   auto impl = std::make_unique<Impl>();
   impl->address = address;
+  if (!address.is_loopback() && address.token.empty()) impl->address.token = new_token();
   impl->handler = std::move(handler);
   impl->posts = posts;
   const Result<int> socket = open_socket(address, impl->address.port);

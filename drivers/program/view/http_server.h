@@ -45,14 +45,15 @@ class HttpServer {
  public:
   using Handler = std::function<HttpResponse(const HttpRequest&)>;
 
-  /// Listens. Fails if and only if the address is in use, not this computer's, or not permitted.
+  /// Listens. Fails if and only if the address is in use, not this computer's, or not permitted. Beyond this computer
+  /// each request must show a token, a new one if the address has none.
   static Result<std::unique_ptr<HttpServer>> listen(const ViewAddress& address, Handler handler,
                                                     HttpPosts posts = HttpPosts::kRefused);
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;
 
-  /// With the port that was really taken.
+  /// With the port that was really taken, and the token.
   const ViewAddress& address() const;
   /// Waits for something to do, `at_most` so long, and does it. By one thread.
   void step(Span at_most);

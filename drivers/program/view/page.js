@@ -11,8 +11,11 @@ const TAIL = 12;
 // ---------------------------------------------------------------- conversation
 const pause = ms => new Promise(done => setTimeout(done, ms));
 
+const token = new URLSearchParams(location.search).get("token");  // beyond this computer each request shows it
+
 async function ask(path) {
-  const answer = await fetch(path, {cache: "no-store", signal: AbortSignal.timeout(4000)});
+  const shown = token === null ? "" : (path.includes("?") ? "&" : "?") + "token=" + encodeURIComponent(token);
+  const answer = await fetch(path + shown, {cache: "no-store", signal: AbortSignal.timeout(4000)});
   if (!answer.ok && answer.status !== 404) throw new Error("status " + answer.status);
   return answer;
 }

@@ -6,6 +6,8 @@
 #include <array>
 #include <cctype>
 #include <charconv>
+#include <cstdio>
+#include <random>
 
 namespace epiline {
 
@@ -67,7 +69,22 @@ std::string url_of(const ViewAddress& address) {
   if (host == "0.0.0.0") host = "127.0.0.1";
   if (host == "::") host = "::1";
   const bool v6 = host.find(':') != std::string::npos;
-  return "http://" + (v6 ? "[" + host + "]" : host) + ":" + std::to_string(address.port) + "/";
+  return "http://" + (v6 ? "[" + host + "]" : host) + ":" + std::to_string(address.port) + "/" +
+         (address.token.empty() ? "" : "?token=" + address.token);
+}
+
+std::string new_token() {
+  std::random_device random;
+  std::array<char, 40> text{};
+  std::snprintf(text.data(), text.size(), "%08x%08x%08x%08x", random(), random(), random(), random());
+  return text.data();
+}
+
+bool is_token(std::string_view shown, std::string_view token) {
+  unsigned differences = shown.size() == token.size() ? 0 : 1;
+  for (std::size_t i = 0; i < token.size(); ++i)
+    differences |= static_cast<unsigned char>(token[i] ^ (i < shown.size() ? shown[i] : '\0'));
+  return differences == 0;
 }
 
 bool is_own_host(std::string_view text, std::string_view own_name, bool loopback_only) {

@@ -1,10 +1,7 @@
 #include "drivers/program/view/view_answers.h"
 
-#include <array>
-#include <cstdio>
-#include <random>
-
 #include "drivers/flights/recordings/image_codecs.h"
+#include "drivers/program/view/view_address.h"
 #include "drivers/program/view/view_model.h"
 
 namespace epiline {
@@ -19,15 +16,8 @@ HttpResponse no_image_yet() { return {404, "text/plain", "no image yet\n", ""}; 
 
 }  // namespace
 
-std::string secret_key() {
-  std::random_device random;
-  std::array<char, 40> text{};
-  std::snprintf(text.data(), text.size(), "%08x%08x%08x%08x", random(), random(), random(), random());
-  return text.data();
-}
-
 HttpResponse page_answer(std::string_view page) {
-  const std::string key = secret_key();
+  const std::string key = new_token();
   std::string html(page);
   for (std::size_t at = 0; (at = html.find("@NONCE@", at)) != std::string::npos;) html.replace(at, 7, key);
   return {200, "text/html; charset=utf-8", std::move(html),

@@ -8,9 +8,6 @@
 
 namespace epiline {
 
-/// A number that no page of others can know.
-std::string secret_key();
-
 /// A page with a key for its script and style, so that only these run; they may ask this server alone.
 HttpResponse page_answer(std::string_view html);
 

@@ -22,7 +22,10 @@ Error missing(const mavlink::LinkState& state, const std::string& line) {
       return error("MAVLink arrives, but no heartbeat of an autopilot", "one with the system id of mavlink.system");
     if (state.counts.skipped_bytes > 0)
       return error("bytes arrive that are not MAVLink", "the baud rate of the flight controller in mavlink.baud");
-    return error("no bytes arrived", "a flight controller that sends MAVLink on this port, with RX and TX crossed");
+    return error("no bytes arrived",
+                 "a flight controller that sends MAVLink on this port, with RX and TX crossed; over UDP, from the very "
+                 "ADDRESS:PORT of "
+                 "mavlink.udp");
   }
   if (state.clock.used == 0)
     return error("no answer to TIMESYNC within 10 ms", "a faster line: a higher mavlink.baud, or USB");
@@ -42,7 +45,8 @@ Status MavlinkImu::open() {
   constexpr std::int64_t kPatience_ns = 15'000'000'000;
   const std::int64_t until_ns = monotonic_ns() + kPatience_ns;
   while (link_.state().imu.readings == 0) {
-    if (monotonic_ns() > until_ns) return missing(link_.state(), link_.name());
+    if (monotonic_ns() > until_ns || gives_up_.load(std::memory_order_relaxed))
+      return missing(link_.state(), link_.name());
     ::usleep(10'000);
   }
   return Done{};

@@ -1,5 +1,7 @@
 #pragma once
 // The flight controller's IMU, over the link that also carries the odometry. Page: docs/mavlink.md.
+#include <atomic>
+
 #include "drivers/links/mavlink/link.h"
 #include "platform/ports/ports.h"
 
@@ -13,7 +15,8 @@ class MavlinkImu final : public ImuSource {
 
   /// Waits up to 15 s for the first sample. Fails if and only if none arrives; the error says what is missing.
   Status open() override;
-  void close() noexcept override {}
+  void give_up() noexcept override { gives_up_.store(true, std::memory_order_relaxed); }
+  void close() noexcept override { gives_up_.store(false, std::memory_order_relaxed); }
   ReadOutcome read(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept override {
     return link_.read_imu(samples, count, timeout);
   }
@@ -23,6 +26,7 @@ class MavlinkImu final : public ImuSource {
 
  private:
   mavlink::MavlinkLink& link_;
+  std::atomic<bool> gives_up_{false};
 };
 
 }  // namespace epiline

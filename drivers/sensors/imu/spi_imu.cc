@@ -107,8 +107,8 @@ Status SpiImu::wait_for_first() {
       started = true;
       until = now + kFirstSampleWithin;
     }
-    if (started && now >= until) break;
-    const HostStamp deadline = now + Span::from_milliseconds(500);
+    if ((started && now >= until) || gives_up_.load(std::memory_order_relaxed)) break;
+    const HostStamp deadline = now + Span::from_milliseconds(100);
     if (state_ == State::kLost || (state_ == State::kStarting && !bring_up(deadline) && state_ == State::kLost))
       return error_of(trouble_);
     if (state_ == State::kRunning && wait_for_data(deadline)) look();
@@ -133,6 +133,7 @@ Error SpiImu::error_of(const DeviceTrouble& trouble) const {
 }
 
 void SpiImu::close() noexcept {
+  gives_up_.store(false, std::memory_order_relaxed);
   chip_->close();
   if (ready_ && opened_) ready_->close();
   opened_ = false;

@@ -156,6 +156,7 @@ class SpiImu final : public ImuSource {
 
   /// Returns when the first sample with a sure stamp has come, at most 3 s after the chip has started.
   Status open() override;
+  void give_up() noexcept override { gives_up_.store(true, std::memory_order_relaxed); }
   void close() noexcept override;
   ReadOutcome read(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept override;
 
@@ -225,7 +226,7 @@ class SpiImu final : public ImuSource {
   HostStamp arrival_, last_stamp_;
 
   SpiImuCounts counts_;
-  std::atomic<bool> running_{false};
+  std::atomic<bool> running_{false}, gives_up_{false};
   Snapshot<SpiImuCounts> published_counts_;
   Snapshot<ClockState> published_clock_;
 };

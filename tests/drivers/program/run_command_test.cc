@@ -45,5 +45,17 @@ TEST_F(RunCommand, SaysWhichDeviceIsNotThere) {
   EXPECT_TRUE(r.out.empty()) << r.out;
 }
 
+// It may be plugged in at any time: until then it is said what is missing, and any signal ends that.
+TEST_F(RunCommand, WaitsForADeviceAndSaysSo) {
+  const std::string imu = "[imu]\ndevice = \"/sys/bus/iio/devices/iio:device77\"\n";
+  const Outcome waits = run_with("device = \"/dev/video77\"\n", imu, "--duration 2");
+  EXPECT_EQ(waits.exit_code, 1);
+  EXPECT_NE(waits.out.find("s  waiting for IMU: "), std::string::npos) << waits.out;
+  EXPECT_NE(waits.out.find("iio:device77"), std::string::npos) << waits.out;
+  const Outcome ends = run_with("device = \"/dev/video77\"\n", imu, "--no-wait");
+  expect_one_line(ends, 1, {"iio:device77"});
+  EXPECT_EQ(ends.out.find("waiting"), std::string::npos) << ends.out;
+}
+
 }  // namespace
 }  // namespace epiline

@@ -214,6 +214,27 @@ TEST_F(FlightRecorderTest, NumbersGoOnInAFolderThatHasRecords) {
   EXPECT_EQ(records().at(1).filename(), "record-042-end");
 }
 
+// The oldest go, and only what a recorder wrote.
+TEST_F(FlightRecorderTest, KeepsAsManyRecordsAsItIsTold) {
+  config_.keep = 3;
+  const fs::path folder = config_.folder;
+  for (const char* name : {"record-007-lost", "record-008-end", "record-040-lost", "records-of-mine"})
+    fs::create_directories(folder / name / "mav0");
+  std::ofstream(folder / "record-001-notes") << "a file";
+  fs::create_directory_symlink("/", folder / "record-002-link");
+  FlightRecorder recorder(config_, run_);
+  fly_seconds(recorder, 1);
+  recorder.request();
+  ASSERT_EQ(fly_until_done(recorder), EventId::kRecordWritten);
+  fly_seconds(recorder, 0.3);
+  recorder.finish(true);
+  std::vector<std::string> names;
+  for (const fs::path& path : records()) names.push_back(path.filename());
+  EXPECT_EQ(names, (std::vector<std::string>{"record-001-notes", "record-002-link", "record-040-lost",
+                                             "record-041-requested", "record-042-end", "records-of-mine"}));
+  EXPECT_EQ(recorder.report().removed, 2U);
+}
+
 TEST_F(FlightRecorderTest, LostMakesARecordAfterAWhileAndNotTooOften) {
   config_.after_lost_s = 1;
   config_.pause_s = 20;

@@ -21,7 +21,10 @@ using test::StandingImu;
 
 class CountingSink final : public OdometrySink {
  public:
-  Status open() override { return status; }
+  Status open() override {
+    ++opened;
+    return opened > absent ? status : Error{ErrorKind::kRun, "/dev/ttyX", 0, "not there", ""};
+  }
   void close() noexcept override { ++closed; }
   bool publish(const Odometry& odometry) noexcept override {
     ++published;
@@ -30,7 +33,8 @@ class CountingSink final : public OdometrySink {
   }
   Status status = Done{};
   std::uint64_t published = 0;
-  int closed = 0;
+  int opened = 0, closed = 0;
+  int absent = 0;  ///< attempts to open it that fail
   Odometry last;
 };
 
@@ -161,6 +165,74 @@ TEST(LiveRun, ADeviceThatCannotBeOpenedIsAnErrorAndTheOthersAreClosed) {
   EXPECT_EQ(record.error().text(), "/dev/ttyX: no such device; expected a flight controller");
   EXPECT_EQ(stand.camera->opened, 0);
   EXPECT_EQ(stand.sink->closed, 1);
+}
+
+TEST(LiveRun, WaitsForADeviceThatIsNotThereYet) {
+  Stand stand;
+  stand.sink->absent = 2;
+  stand.options.waits_for_devices = true;
+  std::vector<std::string> waited;
+  const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+    if (waited.empty() || waited.back() != state.waiting_for) waited.push_back(state.waiting_for);
+    return !state.waiting_for.empty() || state.images < 3;
+  });
+  ASSERT_TRUE(record) << record.error().text();
+  EXPECT_EQ(waited, (std::vector<std::string>{"counter: /dev/ttyX: not there", ""}));
+  EXPECT_EQ(stand.sink->opened, 3);
+  EXPECT_EQ(stand.camera->opened, 1);
+  EXPECT_GT(record->images_read, 0U);
+}
+
+// Each signal ends the wait; a mistake in the settings is not waited for.
+TEST(LiveRun, TheWaitForADeviceEnds) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    Stand stand;
+    stand.sink->absent = 1'000'000;
+    stand.options.waits_for_devices = true;
+    const pthread_t flying = pthread_self();
+    int calls = 0;
+    const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+      EXPECT_EQ(state.waiting_for, "counter: /dev/ttyX: not there");
+      if (calls++ == 0) pthread_kill(flying, signal);
+      return calls < 1000;
+    });
+    ASSERT_FALSE(record);
+    EXPECT_EQ(record.error().text(), "/dev/ttyX: not there");
+    EXPECT_LE(calls, 2);
+    EXPECT_EQ(stand.camera->opened, 0);
+  }
+  Stand stand;
+  stand.sink->status = Error{ErrorKind::kUsage, "mavlink.baud", 0, "too slow", ""};
+  stand.options.waits_for_devices = true;
+  const auto record = fly(stand.settings, stand.devices, stand.options, [](const LiveState&) { return true; });
+  ASSERT_FALSE(record);
+  EXPECT_EQ(record.error().text(), "mavlink.baud: too slow");
+}
+
+/// Opens only when it is told to give up.
+class PatientImu final : public ImuSource {
+ public:
+  Status open() override {
+    while (!gives_up) usleep(1000);
+    return Error{ErrorKind::kRun, "IMU", 0, "no samples", ""};
+  }
+  void give_up() noexcept override { gives_up = true; }
+  void close() noexcept override {}
+  ReadOutcome read(std::span<ImuSample>, std::size_t&, Span) noexcept override { return ReadOutcome::kEnd; }
+  std::atomic<bool> gives_up{false};
+};
+
+TEST(LiveRun, ADeviceThatTakesLongToOpenIsToldOfAndGivesUp) {
+  Stand stand;
+  stand.devices.imu = std::make_unique<PatientImu>();
+  std::string waited;
+  const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+    waited = state.waiting_for;
+    return false;
+  });
+  ASSERT_FALSE(record);
+  EXPECT_EQ(waited, "IMU: no answer yet");
+  EXPECT_EQ(record.error().text(), "IMU: no samples");
 }
 
 }  // namespace

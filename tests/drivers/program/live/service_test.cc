@@ -41,6 +41,20 @@ class Listener {
   std::string name_;
 };
 
+// A watchdog that is meant for the process that started us is none of ours.
+TEST(ServiceManager, HeedsWhoseWatchdogItIs) {
+  const Listener listener;
+  ::setenv("WATCHDOG_USEC", "2000000", 1);
+  for (const auto& [pid, is_ours] : {std::pair{std::to_string(::getpid()), true},
+                                     {std::to_string(::getppid()), false},
+                                     {std::string("1"), false},
+                                     {std::string("x"), false}}) {
+    ::setenv("WATCHDOG_PID", pid.c_str(), 1);
+    EXPECT_EQ(ServiceManager().watchdog().ns, is_ours ? 2'000'000'000 : 0) << pid;
+  }
+  ::unsetenv("WATCHDOG_PID");
+}
+
 TEST(ServiceManager, SaysWhatSystemdExpects) {
   const Listener listener;
   ::setenv("WATCHDOG_USEC", "2000000", 1);

@@ -145,10 +145,11 @@ TEST_F(CheckPage, NothingIsWrittenForOtherComputers) {
   ASSERT_TRUE(view) << view.error().text();
   (*view)->findings(1, kFindings);
   const std::uint16_t open_port = (*view)->address().port;
-  EXPECT_EQ(nlohmann::json::parse(get(open_port, "/state").body)["may_accept"], false);
-  EXPECT_EQ(ask(open_port,
-                "POST /accept?setting=camera.time_offset_s HTTP/1.1\r\nHost: localhost\r\nContent-Length: "
-                "0\r\nConnection: close\r\n\r\n")
+  const std::string token = "token=" + (*view)->address().token;
+  EXPECT_EQ(get(open_port, "/state").status, 403) << "without the token";
+  EXPECT_EQ(nlohmann::json::parse(get(open_port, "/state?" + token).body)["may_accept"], false);
+  EXPECT_EQ(ask(open_port, "POST /accept?setting=camera.time_offset_s&" + token +
+                               " HTTP/1.1\r\nHost: localhost\r\nContent-Length: 0\r\nConnection: close\r\n\r\n")
                 .status,
             405);
 }

@@ -106,6 +106,22 @@ TEST_F(LiveViewTest, PagesOfOthersGetNothingByANameOfTheirs) {
   EXPECT_EQ(get(port(), "/state", "localhost:9").status, 200);  // through a tunnel from another port
 }
 
+// Beyond this computer only those see it that know the address that was printed.
+TEST(LiveViewOfANetwork, AsksForItsToken) {
+  auto opened = LiveView::open({"0.0.0.0", 0});
+  ASSERT_TRUE(opened) << opened.error().text();
+  ASSERT_TRUE((*opened)->start({"made up", "", Mat3::Identity(), true}));
+  const std::uint16_t port = (*opened)->address().port;
+  const std::string url = url_of((*opened)->address()), token = url.substr(url.find("token=") + 6);
+  ASSERT_EQ(token.size(), 32U) << url;
+  for (const char* path : {"/", "/state", "/frame", "/image"}) {
+    EXPECT_EQ(get(port, path).status, 403) << path;
+    EXPECT_EQ(get(port, path + std::string("?token=") + token.substr(1)).status, 403) << path;
+    EXPECT_NE(get(port, path + std::string("?token=") + token).status, 403) << path;
+  }
+  EXPECT_NE(get(port, "/").body.find("with its token"), std::string::npos);
+}
+
 TEST_F(LiveViewTest, GarbageDoesNoHarm) {
   const std::string cases[] = {std::string(1, '\0'),
                                "\r\n\r\n\r\n",

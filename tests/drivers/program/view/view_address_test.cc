@@ -53,5 +53,15 @@ TEST(ViewAddress, NamesThatAreNotOursAreNoHost) {
   EXPECT_FALSE(is_own_host(".local", "", false));
 }
 
+TEST(ViewAddress, AServedNetworkNeedsAToken) {
+  const std::string token = new_token();
+  EXPECT_EQ(token.size(), 32U);
+  EXPECT_EQ(token.find_first_not_of("0123456789abcdef"), std::string::npos);
+  EXPECT_NE(new_token(), token);
+  EXPECT_EQ(url_of({"192.168.1.7", 80, "ab12"}), "http://192.168.1.7:80/?token=ab12");
+  EXPECT_TRUE(is_token("ab12", "ab12"));
+  for (const char* wrong : {"", "ab1", "ab13", "ab123", "AB12", "xb12"}) EXPECT_FALSE(is_token(wrong, "ab12")) << wrong;
+}
+
 }  // namespace
 }  // namespace epiline
