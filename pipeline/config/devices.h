@@ -88,12 +88,16 @@ struct MavlinkConfig {
   std::string signing_key_file;  ///< empty: frames are neither signed nor must they be
   double rate_hz = 40;
   int message = 0;  ///< kMavlinkMessageNames
+  int frame = 0;    ///< kMavlinkFrameNames
+  /// The vehicle's heading at the first pose, clockwise from true north. Negative: not known.
+  double heading_deg = -1;
   /// Where on earth the local frame begins, for an ArduPilot without GPS; altitude above sea level. Latitude and
   /// longitude 0: it is not told.
   double origin_latitude_deg = 0, origin_longitude_deg = 0, origin_altitude_m = 0;
   bool has_origin() const { return origin_latitude_deg != 0 || origin_longitude_deg != 0; }
 };
 inline constexpr const char* kMavlinkMessageNames[] = {"odometry", "vision-position"};
+inline constexpr const char* kMavlinkFrameNames[] = {"local-frd", "local-ned"};
 
 /// Section [can]: odometry on a CAN bus.
 struct CanConfig {

@@ -355,7 +355,10 @@ class IsotpPeer {
 };
 
 std::unique_ptr<OdometryEncoder> encoder(mavlink::Address address) {
-  return std::make_unique<mavlink::FrameEncoder>(Mat3::Identity(), address);
+  MavlinkConfig config;
+  config.system = address.system;
+  config.component = address.component;
+  return std::make_unique<mavlink::FrameEncoder>(Mat3::Identity(), config);
 }
 
 TEST_F(CanBus, MavlinkFramesTravelWhole) {

@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cmath>
 #include <cstring>
-#include <limits>
 #include <string>
 
 #include "drivers/links/mavlink/odometry.h"
@@ -17,32 +15,17 @@ namespace epiline::mavlink {
 
 namespace {
 
-constexpr std::int64_t kSecond_ns = 1'000'000'000, kMillisecond_ns = 1'000'000;
-constexpr std::int64_t kFar_ns = std::numeric_limits<std::int64_t>::max();
+constexpr std::int64_t kMillisecond_ns = 1'000'000;
 // 3 Mbaud bring 300 kB/s. More is an attack or a fault, and must not take a processor at this priority.
 constexpr double kInputPerSecond = 500'000, kInputAtOnce = 32'768;
 constexpr std::size_t kReadAtOnce = 4096;
 constexpr double kReadCost = 32;  // bytes that a read counts for besides its own: datagrams may be empty
-constexpr std::int64_t kPeerGone_ns = 5 * kSecond_ns;  // another flight controller may take its place
-constexpr std::int64_t kOrigins_ns = 5 * kSecond_ns;   // one that was started anew has forgotten
-constexpr std::int64_t kQuestions_ns = kSecond_ns, kQuestionsForImu_ns = 100 * kMillisecond_ns;
-constexpr std::int64_t kLineCheck_ns = kMillisecond_ns;             // how soon to look at a full line again
-constexpr std::size_t kOdometryBehind = 64, kAnythingBehind = 512;  // bytes in the kernel that a frame may wait for
+constexpr std::int64_t kPeerGone_ns = 5'000'000'000;  // another flight controller may take its place
+constexpr std::int64_t kQuestions_ns = 1'000'000'000, kQuestionsForImu_ns = 100 * kMillisecond_ns;
+constexpr std::int64_t kLineCheck_ns = kMillisecond_ns;  // how soon to look at a full line again
 constexpr double kOdometryFrame = 10 + 233 + 2, kOtherBytesPerSecond = 1500;
 
-constexpr std::uint8_t kArduPilot = 3;  // MAV_AUTOPILOT
-
 bool is_serial(const MavlinkConfig& config) { return !config.serial.empty(); }
-
-SetGpsGlobalOrigin origin_message(const MavlinkConfig& config, std::int64_t now_ns) {
-  SetGpsGlobalOrigin message;
-  message.latitude = static_cast<std::int32_t>(std::lround(1e7 * config.origin_latitude_deg));
-  message.longitude = static_cast<std::int32_t>(std::lround(1e7 * config.origin_longitude_deg));
-  message.altitude = static_cast<std::int32_t>(std::lround(1e3 * config.origin_altitude_m));
-  message.target_system = static_cast<std::uint8_t>(config.system);
-  message.time_usec = static_cast<std::uint64_t>(now_ns / 1000);
-  return message;
-}
 
 }  // namespace
 
@@ -53,6 +36,7 @@ MavlinkLink::MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, const st
       priority_(priority),
       system_(system),
       stream_(config.rate_hz),
+      local_frame_(config),
       own_(address_of(config)),
       question_period_ns_(imu ? kQuestionsForImu_ns : kQuestions_ns),
       timesync_(own_),
@@ -69,6 +53,7 @@ Status MavlinkLink::check() const {
     return Error{ErrorKind::kUsage, "[mavlink]", 0,
                  config_.serial.empty() ? "neither serial nor udp is set" : "both serial and udp are set",
                  "one of them"};
+  if (Status status = fault_of_frame(config_); !status) return status;
   const double signature = config_.signing_key_file.empty() ? 0 : static_cast<double>(kSignature);
   const double bytes = config_.rate_hz * (kOdometryFrame + signature) + kOtherBytesPerSecond;
   if (is_serial(config_) && 10 * bytes > config_.baud)
@@ -85,11 +70,6 @@ Status MavlinkLink::check() const {
 Result<std::unique_ptr<Port>> MavlinkLink::make_port() const {
   if (is_serial(config_))
     return std::unique_ptr<Port>(std::make_unique<SerialPort>(config_.serial, config_.baud, system_));
-  if (!config_.signing_key_file.empty()) {
-    const auto key = read_signing_key(config_.signing_key_file);
-    if (!key) return key.error();
-    signing_.emplace(*key);
-  }
   const auto peer = udp_address(config_.udp, "mavlink.udp");
   if (!peer) return peer.error();
   sockaddr_in own{};
@@ -104,6 +84,11 @@ Result<std::unique_ptr<Port>> MavlinkLink::make_port() const {
 Status MavlinkLink::begin() {
   EPILINE_EXPECTS(!wake_up_.is_open(), "open() once");
   if (Status status = check(); !status) return status;
+  if (!config_.signing_key_file.empty()) {
+    const auto key = read_signing_key(config_.signing_key_file);
+    if (!key) return key.error();
+    signing_.emplace(*key);
+  }
   auto port = make_port();
   if (!port) return port.error();
   port_ = std::move(*port);
@@ -196,7 +181,7 @@ std::int64_t MavlinkLink::next_event_ns(std::int64_t now_ns) const noexcept {
   const std::int64_t input_ns = input_.ready_ns(1);
   const std::int64_t next_ns = std::min(input_ns > now_ns ? input_ns : kFar_ns, stream_.silent_ns());
   if (is_frame_waiting()) return next_ns;  // nothing else can be sent
-  std::int64_t send_ns = std::min({next_heartbeat_ns_, news_.due_ns(), stream_.due_ns()});
+  std::int64_t send_ns = std::min({next_heartbeat_ns_, news_.due_ns(), odometry_due_ns()});
   if (timesync_.owes_answer()) send_ns = now_ns;  // one the line had no room for
   if (state_.peer.is_known) send_ns = std::min(send_ns, next_question_ns_);
   if (state_.peer.is_known && imu_request_) send_ns = std::min(send_ns, imu_request_->due_ns());
@@ -335,103 +320,6 @@ void MavlinkLink::receive_heartbeat(const Packet& packet, std::int64_t now_ns) n
     return;
   }
   peer = {true, packet.from, heartbeat.autopilot, heartbeat.type, HostStamp{now_ns}};
-}
-
-// ---- what is to be sent ----
-
-/// PX4 would move its origin in flight; ArduPilot takes the first one and leaves it at that.
-bool MavlinkLink::wants_origin() const noexcept {
-  return config_.has_origin() && state_.peer.is_known && state_.peer.autopilot == kArduPilot;
-}
-
-void MavlinkLink::look_at_estimate(std::int64_t now_ns) noexcept {
-  stream_.look(now_ns, state_.is_open);
-  state_.condition = stream_.condition();
-  news_.update(now_ns, state_.condition, stream_.reasons());
-  stream_.count_dropped(now_ns, !state_.is_open || is_frame_waiting() || backlog_ > kOdometryBehind);
-}
-
-/// Frames are made at the last moment, one at a time: what waits is always the newest.
-void MavlinkLink::write_port() noexcept {
-  while (flush() && state_.is_open) {
-    backlog_ = port_->backlog();
-    if (!compose(system_.now_ns())) return;
-  }
-}
-
-/// True: nothing is left of the last frame.
-bool MavlinkLink::flush() noexcept {
-  if (!is_frame_waiting()) return true;
-  const PortResult result = port_->write(frame_.bytes().subspan(frame_sent_));
-  const std::int64_t now_ns = system_.now_ns();
-  frame_sent_ += result.bytes;
-  if (result.error != 0) {
-    ++state_.counts.write_errors;
-    state_.counts.last_error = result.error;
-    frame_.size = frame_sent_ = 0;  // a datagram nobody took; and a port that is lost takes nothing
-    if (result.is_lost) lose(now_ns, result.error);
-  } else if (is_frame_waiting()) {
-    return false;
-  } else if (is_frame_odometry_) {
-    stream_.finished(now_ns);
-  }
-  return true;
-}
-
-template <class Message>
-void MavlinkLink::put(const Message& message, std::uint64_t& count) noexcept {
-  frame_ = frame_of(pack(message, own_, sequence_++), signing_.has_value());
-  if (signing_) signing_->sign(frame_, signing_time_now());
-  frame_sent_ = 0;
-  is_frame_odometry_ = false;
-  ++count;
-}
-
-/// The next frame, if there is something to send and the line has room: answers first, for they are timed; then
-/// odometry.
-bool MavlinkLink::compose(std::int64_t now_ns) noexcept {
-  if (backlog_ > kAnythingBehind) return false;
-  LinkCounts& counts = state_.counts;
-  if (const auto answer = timesync_.answer(now_ns)) {
-    put(*answer, counts.timesync_answers);
-  } else if (now_ns >= stream_.due_ns() && backlog_ <= kOdometryBehind) {
-    put_odometry(now_ns);
-  } else if (now_ns >= next_heartbeat_ns_) {
-    Heartbeat heartbeat;
-    heartbeat.system_status = system_state_of(state_.condition);
-    put(heartbeat, counts.heartbeats);
-    next_heartbeat_ns_ = now_ns + kSecond_ns;
-  } else if (const auto text = news_.take(now_ns)) {
-    StatusText message;
-    message.severity = text->severity;
-    std::copy_n(text->text, message.text.size(), message.text.begin());
-    put(message, counts.texts);
-  } else if (state_.peer.is_known && now_ns >= next_question_ns_) {
-    put(timesync_.question(state_.peer.address, now_ns), counts.timesync_questions);
-    next_question_ns_ = now_ns + question_period_ns_;
-  } else if (state_.peer.is_known && imu_request_ && now_ns >= imu_request_->due_ns()) {
-    put(imu_request_->question(state_.peer.address, now_ns), counts.requests);
-  } else if (wants_origin() && now_ns >= next_origin_ns_) {
-    put(origin_message(config_, now_ns), counts.origins);
-    next_origin_ns_ = now_ns + kOrigins_ns;
-  } else {
-    return false;
-  }
-  return true;
-}
-
-void MavlinkLink::put_odometry(std::int64_t now_ns) noexcept {
-  const auto send = [&](auto message) {
-    message.reset_counter = stream_.reset_counter();
-    put(message, state_.counts.odometry);
-  };
-  if (config_.message == 0) {
-    send(odometry_message(stream_.next().odometry, R_VB_));
-  } else {
-    send(vision_position_message(stream_.next().odometry, R_VB_));
-  }
-  is_frame_odometry_ = true;
-  stream_.begun(now_ns);
 }
 
 }  // namespace epiline::mavlink

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -12,12 +13,13 @@
 #include "drivers/links/mavlink/controller_imu.h"
 #include "drivers/links/mavlink/imu_request.h"
 #include "drivers/links/mavlink/message.h"
+#include "drivers/links/mavlink/odometry.h"
 #include "drivers/links/mavlink/packet.h"
 #include "drivers/links/mavlink/pilot_news.h"
 #include "drivers/links/mavlink/port.h"
+#include "drivers/links/mavlink/signing.h"
 #include "drivers/links/mavlink/timesync.h"
 #include "drivers/links/stream/odometry_gate.h"
-#include "drivers/links/mavlink/signing.h"
 #include "drivers/links/stream/odometry_stream.h"
 #include "drivers/links/stream/token_bucket.h"
 #include "estimator/geometry/types.h"
@@ -44,11 +46,11 @@ struct LinkCounts {
   std::uint64_t pieces = 0;  ///< datagrams, or reads of a serial line
   std::uint64_t packets = 0, bad_checksums = 0;
   std::uint64_t skipped_bytes = 0;      ///< noise, and unknown messages
-  std::uint64_t strangers = 0;          ///< packets that only the flight controller may send, from another sender
-  std::uint64_t refused_questions = 0;  ///< TIMESYNC requests beyond any sensible rate
   std::uint64_t unsigned_packets = 0;   ///< refused for want of a signature
   std::uint64_t wrong_signatures = 0;   ///< signed with another key
   std::uint64_t replayed_packets = 0;   ///< of an old signature
+  std::uint64_t strangers = 0;          ///< packets that only the flight controller may send, from another sender
+  std::uint64_t refused_questions = 0;  ///< TIMESYNC requests beyond any sensible rate
   std::uint64_t refused_answers = 0;    ///< TIMESYNC answers to no request of this link
   // the port
   std::uint64_t disconnected = 0;  ///< times the port was lost
@@ -60,11 +62,11 @@ inline constexpr auto kLinkCounters = std::to_array<Counter<LinkCounts>>({
     {"packets", &LinkCounts::packets},
     {"bad_checksums", &LinkCounts::bad_checksums, true},
     {"skipped_bytes", &LinkCounts::skipped_bytes},
-    {"strangers", &LinkCounts::strangers, true},
-    {"refused_questions", &LinkCounts::refused_questions, true},
     {"unsigned_packets", &LinkCounts::unsigned_packets, true},
     {"wrong_signatures", &LinkCounts::wrong_signatures, true},
     {"replayed_packets", &LinkCounts::replayed_packets, true},
+    {"strangers", &LinkCounts::strangers, true},
+    {"refused_questions", &LinkCounts::refused_questions, true},
     {"refused_answers", &LinkCounts::refused_answers, true},
     {"timesync_answers", &LinkCounts::timesync_answers},
     {"disconnected", &LinkCounts::disconnected, true},
@@ -81,9 +83,20 @@ struct LinkPeer {
   HostStamp last_heard;
 };
 
+/// Why the flight controller cannot use the odometry as configured, so that it is not sent.
+enum class Refusal : std::uint8_t {
+  kNone,
+  kNeedsHeading,  ///< PX4 takes the message for one that has a north
+  kTakesOnlyFrd,  ///< ArduPilot ignores other frames
+};
+/// What is wrong, and what to do, for the user; "" for kNone.
+const char* sentence_of(Refusal refusal) noexcept;
+const char* remedy_of(Refusal refusal) noexcept;
+
 struct LinkState {
   bool is_open = false;  ///< false: the port is lost; the link tries to reopen it
   Condition condition = Condition::kWaiting;
+  Refusal refusal = Refusal::kNone;
   LinkCounts counts;
   LinkPeer peer;
   ControllerImuCounts imu;
@@ -132,6 +145,9 @@ class MavlinkLink final : public OdometrySink {
 
  private:
   static constexpr std::size_t kReadings = 1024;
+  static constexpr std::size_t kOdometryBehind = 64;  ///< bytes in the kernel that odometry may wait for
+  static constexpr std::int64_t kSecond_ns = 1'000'000'000, kFar_ns = std::numeric_limits<std::int64_t>::max();
+  static constexpr std::uint8_t kArduPilot = 3, kPx4 = 12;  ///< MAV_AUTOPILOT
 
   Status check() const;
   Result<std::unique_ptr<Port>> make_port() const;
@@ -142,10 +158,14 @@ class MavlinkLink final : public OdometrySink {
   void keep_port(std::int64_t now_ns) noexcept;
   void lose(std::int64_t now_ns, int error) noexcept;
   void read_port(std::int64_t now_ns) noexcept;
+  bool is_authentic() noexcept;
   void receive(const Packet& packet, std::int64_t now_ns) noexcept;
   template <class Message>
   void receive_reading(const Message& message, std::int64_t now_ns) noexcept;
   void receive_heartbeat(const Packet& packet, std::int64_t now_ns) noexcept;
+  Refusal refusal() const noexcept;
+  bool is_odometry_held() const noexcept;
+  std::int64_t odometry_due_ns() const noexcept;
   void look_at_estimate(std::int64_t now_ns) noexcept;
   void write_port() noexcept;
   bool flush() noexcept;
@@ -158,7 +178,6 @@ class MavlinkLink final : public OdometrySink {
   void tell(std::int64_t now_ns) noexcept;
 
   MavlinkConfig config_;
-  bool is_authentic() noexcept;
   Mat3 R_VB_;
   int priority_;
   SystemCalls& system_;
@@ -175,8 +194,10 @@ class MavlinkLink final : public OdometrySink {
   Parking readings_parking_;
 
   // The thread's own.
+  LocalFrame local_frame_;
   Address own_;
   Parser parser_;
+  std::optional<Signing> signing_;
   std::int64_t question_period_ns_;
   TimesyncExchange timesync_;
   TokenBucket input_;
@@ -197,6 +218,5 @@ class MavlinkLink final : public OdometrySink {
   Snapshot<LinkState> told_;
   Snapshot<LatencyBins> told_latency_;
 };
-  std::optional<Signing> signing_;
 
 }  // namespace epiline::mavlink

@@ -54,7 +54,7 @@ bool is_stop(Condition condition) noexcept { return condition == Condition::kLos
 std::uint8_t system_state_of(Condition condition) noexcept {
   constexpr std::uint8_t kStandby = 3, kActive = 4, kCritical = 5;
   if (is_stop(condition)) return kCritical;
-  return condition == Condition::kWaiting ? kStandby : kActive;
+  return condition == Condition::kWaiting || condition == Condition::kRefused ? kStandby : kActive;
 }
 
 void PilotNews::update(std::int64_t now_ns, Condition condition, std::uint32_t reasons) noexcept {
@@ -101,6 +101,9 @@ PilotText pilot_text(Condition condition, std::uint32_t reasons, bool resumed) n
       break;
     case Condition::kSilent:
       say(kCritical, "VIO stopped: no estimate%s", "");
+      break;
+    case Condition::kRefused:
+      say(kCritical, "VIO not sent: %s", "see mavlink.frame of epiline");
       break;
   }
   return text;

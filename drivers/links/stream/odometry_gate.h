@@ -13,7 +13,8 @@ enum class Condition : std::uint8_t {
   kGood,
   kDegraded,
   kLost,
-  kSilent,  ///< the estimator no longer publishes estimates
+  kSilent,   ///< the estimator no longer publishes estimates
+  kRefused,  ///< of the receiver, not of the estimate: it cannot use what would be sent
 };
 Condition condition_of(const Health& health) noexcept;
 

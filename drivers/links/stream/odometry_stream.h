@@ -57,6 +57,8 @@ class OdometryStream {
 
   /// When the odometry that waits is due; far away if none does.
   std::int64_t due_ns() const noexcept;
+  /// There has been odometry that may be sent: next() is the newest.
+  bool has_admitted() const noexcept { return next_.offered_ns != 0; }
   /// What is to be sent next, if something is due, with its reset counter.
   const Offer& next() const noexcept { return next_; }
   std::uint8_t reset_counter() const noexcept { return gate_.reset_counter(); }

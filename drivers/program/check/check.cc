@@ -96,6 +96,7 @@ Findings findings_of(const DeviceRecord& record) {
     out.push_back(
         found(Grade::kWarning, record.name, "its driver counted faults: " + text,
               "check cables, supply and other load on the bus; the page of the driver in docs explains each count"));
+  if (!record.refusal.empty()) out.push_back(found(Grade::kError, record.name, record.refusal, record.remedy));
   const auto packets = std::find_if(record.counts.begin(), record.counts.end(),
                                     [](const DeviceCount& c) { return c.name == "packets"; });
   if (packets != record.counts.end()) {

@@ -44,16 +44,26 @@ void print_flight(const FlightRecord& r) {
   for (const std::string& line : r.realtime->shortfalls) fmt::print("note      {}\n", line);
 }
 
-void print_summary(const hil::HilResult& result) {
-  fmt::print("{}", hil::text_of(result.verdict, result.begin));
+/// Each part for itself: a reset may turn and move the frame.
+void print_received(const hil::HilResult& result) {
+  const std::size_t parts = result.received.size();
+  fmt::print("received  {} estimates{}\n", result.estimates,
+             parts > 1 ? fmt::format(", {} resets, each part compared with the truth alone", parts - 1) : "");
+  for (std::size_t i = 0; i < parts; ++i) {
+    const TrajectoryErrors errors = evaluate(result.received[i], result.truth);
+    if (errors.poses == 0) continue;
+    fmt::print("received  {}{} poses, {:.4f} m rms off over {:.1f} m (4-DoF alignment)\n",
+               parts > 1 ? fmt::format("part {}: ", i + 1) : "", errors.poses, errors.ate_4dof.rmse,
+               errors.path_length_m);
+  }
+}
+
+void print_summary(const hil::HilResult& result, hil::Releases judge) {
+  fmt::print("{}", hil::text_of(result.verdict, result.begin, judge));
   fmt::print("played    {} images, {} late, {} refused; {} IMU samples refused\n", result.images_played,
              result.images_late, result.images_refused, result.readings_refused);
   if (result.record) print_flight(*result.record);
-  const TrajectoryErrors errors = evaluate(result.received, result.truth);
-  fmt::print("received  {} estimates", result.estimates);
-  if (errors.poses > 0)
-    fmt::print(", {:.4f} m rms off over {:.1f} m (4-DoF alignment)", errors.ate_4dof.rmse, errors.path_length_m);
-  fmt::print("\n");
+  print_received(result);
 }
 
 /// The user, or a script that waits for this line, starts the other process now.
@@ -77,18 +87,24 @@ int hil_command(HilArguments& options) {
   });
   if (!result) return report(result.error());
   bar(kSteps, kSteps);
-  if (!options.quiet) print_summary(*result);
-  if (result->verdict.accepted()) return kExitDone;
-  const hil::RuleVerdict& v = result->verdict.of(result->verdict.broken().front());
+  if (!options.quiet) print_summary(*result, options.hil.judge);
+  const auto broken = result->verdict.broken(options.hil.judge);
+  if (broken.empty()) return kExitDone;
+  const hil::RuleVerdict& v = result->verdict.of(broken.front());
   return report({ErrorKind::kRun, options.hil.dataset.string(), 0,
                  fmt::format("the odometry breaks {} rules of the flight controllers, first of all {}: {}",
-                             result->verdict.broken().size(), hil::info_of(v.rule).name, v.first),
+                             broken.size(), hil::info_of(v.rule).name, v.first),
                  hil::info_of(v.rule).demand});
 }
 
 std::string camera_fault(const std::string& text) {
   const bool good = text == "file" || text.rfind("v4l2loopback:/", 0) == 0;
   return good ? "" : "camera " + text + "; expected file or v4l2loopback:/dev/videoN";
+}
+
+std::string judge_fault(const std::string& text) {
+  if (hil::releases_from(text)) return "";
+  return "judge " + text + "; expected px4, ardupilot, all or releases as --help lists them, separated by commas";
 }
 
 /// Only what opening the line would not report.
@@ -135,6 +151,12 @@ void add_hil(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   command->add_flag("--beside", h.beside,
                     "play and judge only, for an epiline run with the same configuration in another process");
+  command
+      ->add_option_function<std::string>(
+          "--judge", [o](const std::string& words) { o->hil.judge = hil::releases_from(words).value_or(0); },
+          "releases whose rules count, separated by commas: px4, ardupilot, all, or px4-1.14, px4-1.15, px4-1.16, "
+          "px4-main, px4-spring-2026, ardupilot-4.5, ardupilot-4.6, ardupilot-4.7; default: px4,ardupilot")
+      ->check(judge_fault);
   command->add_option("--jitter-ms", h.disturbance.jitter_ms, "delay samples by up to this time")
       ->check(CLI::Range(0.0, 1000.0));
   command->add_option("--loss", h.disturbance.loss, "leave out this share of the samples")->check(CLI::Range(0.0, 1.0));

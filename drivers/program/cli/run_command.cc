@@ -58,6 +58,12 @@ class StateLines {
       fmt::print("{:9.2f} s  number wrong: {}\n", state.since_start.seconds(), text);
       std::fflush(stdout);
     }
+    if (state.refusals != refusals_) {
+      clear();
+      refusals_ = state.refusals;
+      if (!refusals_.empty()) fmt::print("{:9.2f} s  {}\n", state.since_start.seconds(), refusals_);
+      std::fflush(stdout);
+    }
     const HealthState now = state.has_pose ? state.odometry.health.state : HealthState::kInitialising;
     if (!known_ || now != state_ || state.lost_outputs != lost_) {
       clear();
@@ -95,7 +101,7 @@ class StateLines {
 
   bool quiet_, terminal_, known_ = false, shown_ = false;
   HealthState state_ = HealthState::kInitialising;
-  std::string lost_, waiting_for_;
+  std::string lost_, refusals_, waiting_for_;
   unsigned rounds_ = 0;
 };
 
@@ -116,12 +122,6 @@ void print_summary(const FlightRecord& r) {
   for (const std::string& line : r.realtime->shortfalls) fmt::print("note      {}\n", line);
 }
 
-int run_command(RunArguments& options) {
-  const auto config = find_config(options.config);
-  if (!config) return report(config.error());
-  auto settings = read_live_settings(*config, options.set);
-  if (!settings) return report(settings.error());
-  if (!options.record_folder.empty()) settings->config.recorder.folder = options.record_folder;
 /// Why there never was a pose: the first thing that was missing.
 Error no_pose(const LiveState& last) {
   const auto error = [&](const char* found, const char* expected) {
@@ -135,6 +135,12 @@ Error no_pose(const LiveState& last) {
   return error("the estimator did not start", "texture in view and light, at rest or in motion (epiline check)");
 }
 
+int run_command(RunArguments& options) {
+  const auto config = find_config(options.config);
+  if (!config) return report(config.error());
+  auto settings = read_live_settings(*config, options.set);
+  if (!settings) return report(settings.error());
+  if (!options.record_folder.empty()) settings->config.recorder.folder = options.record_folder;
   settings->config.recorder.images |= options.record_images;
   const auto view = open_view(options.view);
   if (!view) return report(view.error());
@@ -163,13 +169,13 @@ Error no_pose(const LiveState& last) {
 
 void add_run(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<RunArguments>();
+  o->live.waits_for_devices = true;
   CLI::App* command = app.add_subcommand(
       "run", "Estimate odometry from a live camera and IMU, and send it to flight controllers and buses");
   command->group(kFly);
   add_settings(*command, o->config, o->set,
                "configuration file (TOML) with devices, calibration and settings; default: /etc/epiline/epiline.toml, "
                "else ./epiline.toml");
-  o->live.waits_for_devices = true;
   command->add_option("--out", o->live.out, "write trajectory, events, figures and report into this folder");
   command->add_option("--duration", o->live.duration_s, "end after this many seconds")->check(CLI::PositiveNumber);
   command->add_option("--view", o->view, "serve a page that shows the flight; port 0 takes any free port")
@@ -177,11 +183,11 @@ void add_run(CLI::App& app, int& exit_code) {
   CLI::Option* const record =
       command->add_option("--record", o->record_folder, "flight recorder: write records into this folder");
   command->add_flag("--record-images", o->record_images, "record images too")->needs(record);
+  command->add_flag_callback(
+      "--no-wait", [o] { o->live.waits_for_devices = false; },
+      "end with an error if a device is not there yet, instead of waiting for it");
   command->add_flag("--quiet", o->quiet, "print errors only");
   command->callback([o, &exit_code] { exit_code = run_command(*o); });
 }
 
 }  // namespace epiline
-  command->add_flag_callback(
-      "--no-wait", [o] { o->live.waits_for_devices = false; },
-      "end with an error if a device is not there yet, instead of waiting for it");

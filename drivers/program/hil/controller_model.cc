@@ -12,7 +12,7 @@ namespace epiline::hil {
 namespace {
 constexpr Span kHeartbeatEvery = Span::from_milliseconds(1000), kHeartbeatLost = Span::from_milliseconds(2500);
 constexpr double kHeartbeatLeast_hz = 0.8, kHeartbeatMost_hz = 1.25;
-constexpr Span kLatencyPx4 = Span::from_milliseconds(300), kLatencyArdupilot = Span::from_milliseconds(250);
+constexpr Span kLatencyPx4 = Span::from_milliseconds(200), kLatencyArdupilot = Span::from_milliseconds(250);
 constexpr Span kClockDoubt = Span::from_milliseconds(10);  // what an exchange of 10 ms leaves open
 constexpr int kExchangesToJudge = 10;                      // before, the clocks are not known
 constexpr int kFailuresMost = 5;
@@ -54,7 +54,7 @@ const mavlink::Packet* ControllerModel::next(HostStamp now) {
   if (!begin_) begin_ = next_heartbeat_ = next_question_ = now;
   if (now >= *next_heartbeat_) {
     next_heartbeat_ = now + kHeartbeatEvery;
-    send(mavlink::Heartbeat{0, kQuadrotor, settings_.wants_origin ? kArdupilot : kPx4, 0, kStandby, 3});
+    send(mavlink::Heartbeat{0, kQuadrotor, settings_.is_ardupilot ? kArdupilot : kPx4, 0, kStandby, 3});
   }
   if (now >= *next_question_) ask(now);
   for (ImuSample reading; waiting_.empty() && readings_.pop(reading);) send_reading(reading);
@@ -111,8 +111,11 @@ void ControllerModel::receive(const mavlink::VisionPositionEstimate& message, Ho
 void ControllerModel::take_estimate(const std::optional<VisionSample>& sample, HostStamp arrival) {
   ++estimates_;
   if (!sample || !stream_.take(arrival, sample->stamp, book_)) return;
-  add_pose(pose_of(*sample, settings_.R_VB), received_);
+  if (!newest_counter_ || *newest_counter_ != sample->reset_counter) received_.emplace_back();
+  newest_counter_ = sample->reset_counter;
+  add_pose(pose_of(*sample, settings_.R_VB), received_.back());
   judge_latency(*sample);
+  book_.judge(Rule::kArming, sample->is_north, arrival, [] { return std::string("poses in a frame without a north"); });
   motion_.take(*sample, book_);
   if (truth_) fusion_.take(*sample, truth_(sample->stamp), book_);
 }

@@ -7,6 +7,7 @@
 #include <deque>
 #include <functional>
 #include <optional>
+#include <vector>
 
 #include "drivers/links/mavlink/packet.h"
 #include "drivers/program/hil/can_reader.h"
@@ -29,7 +30,8 @@ struct ControllerSettings {
   bool on_can = false;                              ///< hears CAN frames, and has the host's clock
   int can_base_id = 0x300;
   double timesync_hz = 10;       ///< questions of its own
-  bool wants_origin = false;     ///< says that it is an ArduPilot, and has no satellite receiver
+  bool is_ardupilot = false;     ///< says so in its heartbeat
+  bool wants_origin = false;     ///< has no satellite receiver, as an ArduPilot
   Mat3 R_VB = Mat3::Identity();  ///< the recording's IMU in the vehicle (forward, left, up)
 };
 
@@ -58,8 +60,9 @@ class ControllerModel {
   /// Arrival less time_usec, while the clocks are known.
   const LatencyBins& latency() const { return latency_; }
   std::uint64_t estimates() const { return estimates_; }
-  /// What can be used of them: the recording's IMU, stamped as the companion says.
-  const Trajectory& received() const { return received_; }
+  /// What can be used of them: the recording's IMU, stamped as the companion says. A new part for each reset counter,
+  /// because a reset may turn and move the frame.
+  const std::vector<Trajectory>& received() const { return received_; }
   std::int64_t to_controller_ns(HostStamp host) const;
 
  private:
@@ -90,7 +93,8 @@ class ControllerModel {
   FusionModel fusion_;
   TimesyncFilter timesync_;
   LatencyBins latency_;
-  Trajectory received_;
+  std::vector<Trajectory> received_;
+  std::optional<std::uint8_t> newest_counter_;  ///< of its last part
 
   std::optional<HostStamp> begin_, newest_heartbeat_, first_packet_, first_heartbeat_;
   std::uint64_t heartbeats_ = 0, estimates_ = 0, texts_in_window_ = 0, exchanges_ = 0;

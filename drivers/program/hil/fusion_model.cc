@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <utility>
 
 #include "drivers/study/evaluate/alignment.h"
 
@@ -15,6 +17,11 @@ constexpr double kPositionNoise_m = 0.1, kVelocityNoise_m_s = 0.1;  // EKF2_EVP_
 constexpr double kAccelerationNoise_m_s2 = 0.35;                    // EKF2_ACC_NOISE
 constexpr Span kStop = Span::from_milliseconds(400), kRefusedFor = Span::from_milliseconds(1000);
 constexpr int kResetsMost = 5;
+// Of the heading: gates in SD and least SD. EKF2_HDG_GATE; EKF2_EVA_NOISE 0.05, a variance, and 0.1, no variance;
+// EK3_YAW_I_GATE, VISO_YAW_M_NSE.
+constexpr double kPx4HeadingGate = 2.6, kArdupilotHeadingGate = 3;
+const double kPx4HeadingBefore_rad = std::sqrt(0.05);
+constexpr double kPx4Heading_rad = 0.1, kArdupilotHeading_rad = 0.2;
 
 Vec3 flipped(const Vec3& a) { return {a.x(), -a.y(), -a.z()}; }
 }  // namespace
@@ -61,6 +68,7 @@ void FusionModel::take(const VisionSample& sample, const std::optional<TruthStat
   }
   const Measurement m = measurement_of(sample, *truth);
   const bool stopped = !newest_ || sample.stamp - newest_->stamp >= kStop;
+  judge_turn(m, sample, stopped, book);
   if (stopped || sample.reset_counter != newest_->reset_counter) {
     start(m);
   } else {
@@ -74,6 +82,28 @@ void FusionModel::take(const VisionSample& sample, const std::optional<TruthStat
   }
   newest_ = sample;
   newest_truth_ = truth;
+}
+
+/// How far the world has turned since the last sample, at a reset. PX4 resets its heading, unless it had stopped and
+/// the frame has a north.
+void FusionModel::judge_turn(const Measurement& m, const VisionSample& sample, bool stopped, RuleBook& book) {
+  const auto before = std::exchange(newest_in_truth_, sample);
+  const double turn_rad =
+      std::abs(std::remainder(m.heading_rad - std::exchange(newest_heading_rad_, m.heading_rad), 2 * std::numbers::pi));
+  if (!before || before->reset_counter == sample.reset_counter) return;
+  largest_turn_rad_ = std::max(largest_turn_rad_, turn_rad);
+  const auto judge = [&](Rule rule, double gate, double least_rad) {
+    const double most_rad = gate * std::max(least_rad, sample.sigma_angle.z());
+    const auto degrees = [](double rad) { return rad * 180 / std::numbers::pi; };
+    book.judge(rule, turn_rad <= most_rad, sample.arrival, [&] {
+      return fmt::format("the frame turned by {:.1f} degrees, at most {:.1f}", degrees(turn_rad), degrees(most_rad));
+    });
+    book.figure(rule, fmt::format("at most {:.1f} degrees at a reset", degrees(largest_turn_rad_)));
+  };
+  judge(Rule::kTurnArdupilot, kArdupilotHeadingGate, kArdupilotHeading_rad);
+  if (!stopped || !sample.is_north) return;
+  judge(Rule::kTurnPx4Before27342, kPx4HeadingGate, kPx4HeadingBefore_rad);
+  judge(Rule::kTurnPx4, kPx4HeadingGate, kPx4Heading_rad);
 }
 
 void FusionModel::start(const Measurement& m) {

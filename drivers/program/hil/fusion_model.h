@@ -45,11 +45,15 @@ class FusionModel {
   bool passes(const Measurement& m, HostStamp at, RuleBook& book);
   void fuse(const Measurement& m);
   void refuse(const Measurement& m, const VisionSample& sample, RuleBook& book);
+  void judge_turn(const Measurement& m, const VisionSample& sample, bool stopped, RuleBook& book);
 
   Mat3 R_VB_;
   std::array<Axis, 3> axes_;
   std::optional<VisionSample> newest_;
   std::optional<TruthState> newest_truth_;
+  std::optional<VisionSample> newest_in_truth_;  ///< the last sample with a truth
+  double newest_heading_rad_ = 0;                ///< of its world, as of Measurement
+  double largest_turn_rad_ = 0;
   std::optional<HostStamp> refused_since_;
   int resets_to_vision_ = 0;
   double worst_position_ = 0, worst_velocity_ = 0;  ///< innovation over gate

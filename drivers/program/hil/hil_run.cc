@@ -156,6 +156,7 @@ Status Flight::connect_controller() {
   s.on_can = is_bus(options_.controller);
   s.can_base_id = settings_.config.devices.can.base_id;
   s.wants_origin = m.has_origin() && !s.on_can;
+  s.is_ardupilot = s.wants_origin || (options_.judge & kEveryPx4) == 0;
   model_ = std::make_unique<ControllerModel>(s, [this](HostStamp stamp) {
     return clock_.started() ? truth_.at(clock_.pace().stamp_of(stamp.ns)) : std::nullopt;
   });
@@ -336,8 +337,11 @@ Result<HilResult> Flight::judge(std::optional<FlightRecord> record) {
 Status Flight::write(HilResult& result) {
   const std::filesystem::path& out = options_.out;
   if (const Status s = make_folder(out); !s) return s;
-  if (const Status s = write_text(out / "verdict.txt", text_of(result.verdict, result.begin)); !s) return s;
-  if (const Status s = write_text(out / "received.tum", tum_text(result.received)); !s) return s;
+  if (const Status s = write_text(out / "verdict.txt", text_of(result.verdict, result.begin, options_.judge)); !s)
+    return s;
+  std::string received;
+  for (const Trajectory& part : result.received) received += tum_text(part);
+  if (const Status s = write_text(out / "received.tum", received); !s) return s;
   if (const Status s = write_text(out / "truth.tum", tum_text(result.truth)); !s) return s;
   if (!result.record) return Done{};
   const auto errors = write_report(*result.record, out);

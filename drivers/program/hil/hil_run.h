@@ -6,6 +6,7 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "drivers/program/hil/played_sensors.h"
 #include "drivers/program/hil/rules.h"
@@ -24,6 +25,7 @@ struct HilOptions {
   std::string controller = "pty";
   /// Another process flies, with the same configuration file: plays as soon as that one has opened the IMU.
   bool beside = false;
+  Releases judge = kUsualReleases;  ///< whose rules count
   double start_s = 0, duration_s = std::numeric_limits<double>::infinity();
   Disturbance disturbance;
   double controller_skew_ppm = 40;
@@ -32,9 +34,10 @@ struct HilOptions {
 struct HilResult {
   std::optional<FlightRecord> record;  ///< none: another process flew
   Verdict verdict;
-  Trajectory received, truth;                                            ///< by the controller; empty: not known
-  HostStamp begin;                                                       ///< of the flight, for the verdict's times
-  std::uint64_t estimates = 0;                                           ///< that the controller got
+  std::vector<Trajectory> received;  ///< by the controller, a part for each reset counter
+  Trajectory truth;                  ///< empty: not known
+  HostStamp begin;                   ///< of the flight, for the verdict's times
+  std::uint64_t estimates = 0;       ///< that the controller got
   std::uint64_t images_played = 0, images_late = 0, images_refused = 0;  ///< late: decoded after their time
   std::uint64_t readings_refused = 0;                                    ///< by the kernel, as images
 };

@@ -4,7 +4,9 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -38,6 +40,10 @@ enum class Rule : std::uint8_t {
   kResetCounter,
   kVelocity,
   kInnovation,
+  kArming,
+  kTurnPx4Before27342,
+  kTurnPx4,
+  kTurnArdupilot,
   kStatusText,
   kOrigin,
   kCanFrames,
@@ -46,15 +52,36 @@ enum class Rule : std::uint8_t {
 };
 inline constexpr std::size_t kRules = static_cast<std::size_t>(Rule::kCount);
 
-enum class Controller : std::uint8_t { kPx4, kArdupilot };
-inline constexpr const char* kControllerNames[] = {"PX4", "ArduPilot"};
+/// A release of a flight controller's program, as the user names it.
+struct Release {
+  const char* option;  ///< of --judge
+  const char* name;
+};
+inline constexpr Release kReleases[] = {
+    {"px4-1.14", "PX4 1.14"},
+    {"px4-1.15", "PX4 1.15"},
+    {"px4-1.16", "PX4 1.16"},
+    {"px4-main", "PX4 main"},
+    {"px4-spring-2026", "PX4 main of 27 February to 18 May 2026"},
+    {"ardupilot-4.5", "ArduPilot 4.5"},
+    {"ardupilot-4.6", "ArduPilot 4.6"},
+    {"ardupilot-4.7", "ArduPilot 4.7"},
+};
+/// A set of them: bit i stands for kReleases[i].
+using Releases = unsigned;
+inline constexpr Releases kPx4Spring2026 = 0b0001'0000, kPx4Before27342 = 0b0001'0111, kPx4Since27342 = 0b0000'1000;
+inline constexpr Releases kEveryPx4 = 0b0001'1111, kEveryArdupilot = 0b1110'0000, kEveryRelease = 0b1111'1111;
+/// Those that are judged unless others are named: all but the builds of a spring.
+inline constexpr Releases kUsualReleases = kEveryRelease & ~kPx4Spring2026;
+/// What the words name, separated by commas: options of kReleases, `px4` and `ardupilot` for the usual ones of each,
+/// `all` for every one. None: a word is unknown, or there is none.
+std::optional<Releases> releases_from(std::string_view words);
 
 struct RuleInfo {
   const char* name;    ///< short, as in reports
   const char* demand;  ///< in words
   const char* source;  ///< where a controller's program says so
-  bool px4, ardupilot;
-  bool asks(Controller controller) const { return controller == Controller::kPx4 ? px4 : ardupilot; }
+  Releases releases;   ///< that ask for it
 };
 const RuleInfo& info_of(Rule rule);
 
@@ -77,10 +104,10 @@ struct RuleVerdict {
 struct Verdict {
   std::array<RuleVerdict, kRules> rules;
   const RuleVerdict& of(Rule rule) const { return rules[static_cast<std::size_t>(rule)]; }
-  bool accepted_by(Controller controller) const;
-  bool accepted() const { return accepted_by(Controller::kPx4) && accepted_by(Controller::kArdupilot); }
-  /// Those broken, in their order.
-  std::vector<Rule> broken() const;
+  /// By each of them.
+  bool accepted_by(Releases releases) const { return broken(releases).empty(); }
+  /// The rules of these releases that are broken, in their order.
+  std::vector<Rule> broken(Releases releases = kUsualReleases) const;
 };
 
 /// Counts what rules are asked and how often they are broken, and keeps the first instance. Fixed memory but for that.
@@ -103,7 +130,8 @@ class RuleBook {
   Verdict verdict_;
 };
 
-/// The verdict for people: a line for each rule, those broken first with what was found, times since `begin`.
-std::string text_of(const Verdict& verdict, HostStamp begin);
+/// The verdict for people: a line for each rule of these releases, those broken first with what was found, times since
+/// `begin`; and a line for each release.
+std::string text_of(const Verdict& verdict, HostStamp begin, Releases releases = kUsualReleases);
 
 }  // namespace epiline::hil

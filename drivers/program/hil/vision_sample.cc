@@ -135,6 +135,7 @@ std::optional<VisionSample> judge_message(const mavlink::Odometry& m, HostStamp 
   s.sigma_angle = sigmas(m.pose_covariance, 3);
   s.sigma_v = sigmas(m.velocity_covariance, 0);
   s.reset_counter = m.reset_counter;
+  s.is_north = m.frame_id == kLocalNed || m.frame_id == kLocalEnu;
   return s;
 }
 
@@ -154,6 +155,7 @@ std::optional<VisionSample> judge_message(const mavlink::VisionPositionEstimate&
   s.sigma_p = sigmas(m.covariance, 0);
   s.sigma_angle = sigmas(m.covariance, 3);
   s.reset_counter = m.reset_counter;
+  s.is_north = true;
   return s;
 }
 

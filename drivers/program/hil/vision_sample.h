@@ -21,6 +21,7 @@ struct VisionSample {
   Vec3 omega_F = Vec3::Zero();
   Vec3 sigma_p = Vec3::Zero(), sigma_angle = Vec3::Zero(), sigma_v = Vec3::Zero();  ///< 0: not known
   std::uint8_t reset_counter = 0;
+  bool is_north = false;  ///< PX4 takes its frame for one with x to the north
 };
 
 /// The IMU's pose that it tells of, in a world whose z axis points up. `R_VB`: the IMU in the vehicle (forward, left,

@@ -44,7 +44,7 @@ Result<V4l2Settings> v4l2_settings(const LiveSettings& settings) {
 template <class Counts, std::size_t N>
 DeviceRecord device_record(const char* device, const std::array<Counter<Counts>, N>& counters, const Counts& counts,
                            std::optional<ClockState> clock) {
-  DeviceRecord record{device, {}, std::move(clock)};
+  DeviceRecord record{device, {}, std::move(clock), {}, {}};
   for (const Counter<Counts>& c : counters) record.counts.push_back({c.name, counts.*c.value, c.is_fault});
   return record;
 }
@@ -77,6 +77,8 @@ DeviceRecord device_of(const mavlink::MavlinkLink& link) {
   DeviceRecord record = device_record("mavlink", mavlink::kLinkCounters, s.counts, s.clock);
   record.counts.push_back({"heap_calls", s.costs.heap_calls});
   record.counts.push_back({"lock_calls", s.costs.lock_calls});
+  record.refusal = sentence_of(s.refusal);
+  record.remedy = remedy_of(s.refusal);
   return record;
 }
 
@@ -133,6 +135,8 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
     if (imu->saturation_accelerometer_m_s2) e.saturation_accelerometer_m_s2 = *imu->saturation_accelerometer_m_s2;
   }
   file->apply(config);  // the file wins
+  if (const Status s = mavlink::fault_of_frame(config.devices.mavlink); !s)
+    return Error{s.error().kind, settings.source, 0, s.error().file + ": " + s.error().found, s.error().expected};
   set_vehicle(config.estimator.wheel, config.devices.wheel, R_VB_of(config.devices.body));
   return settings;
 }
@@ -163,8 +167,9 @@ mavlink::MavlinkLink* add_link(const DevicesConfig& d, bool takes_imu, LiveDevic
       std::make_unique<mavlink::MavlinkLink>(m, R_VB_of(d.body), takes_imu ? std::optional(d.imu) : std::nullopt);
   mavlink::MavlinkLink* const l = link.get();
   const std::string name = "mavlink " + where;
-  devices.outputs.push_back(
-      {std::move(link), [l, name] { return record_of(*l, name); }, name, [l] { return l->state().is_open; }});
+  devices.outputs.push_back({std::move(link), [l, name] { return record_of(*l, name); }, name,
+                             [l] { return l->state().is_open; },
+                             [l] { return mavlink::sentence_of(l->state().refusal); }});
   devices.records.emplace_back([l] { return device_of(*l); });
   return l;
 }
@@ -173,12 +178,12 @@ void add_can(const DevicesConfig& d, LiveDevices& devices) {
   if (d.can.interface.empty()) return;
   const Mat3 R_VB = R_VB_of(d.body);
   std::unique_ptr<OdometryEncoder> encoder;
-  if (d.can.isotp_send_id != 0) encoder = std::make_unique<mavlink::FrameEncoder>(R_VB, mavlink::address_of(d.mavlink));
+  if (d.can.isotp_send_id != 0) encoder = std::make_unique<mavlink::FrameEncoder>(R_VB, d.mavlink);
   auto can = std::make_unique<CanOutput>(d.can, R_VB, std::move(encoder));
   const CanOutput* const c = can.get();
   const std::string name = "can " + d.can.interface;
   devices.outputs.push_back({std::move(can), [c, name] { return record_of(*c, name); }, name,
-                             [c] { return c->bus() != BusState::kLost && c->bus() != BusState::kOff; }});
+                             [c] { return c->bus() != BusState::kLost && c->bus() != BusState::kOff; }, nullptr});
   devices.records.emplace_back([c] { return device_of(*c); });
 }
 

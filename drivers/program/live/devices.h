@@ -34,6 +34,7 @@ struct LiveOutput {
   std::function<OutputRecord()> record;  ///< after close()
   std::string name;                      ///< kind and destination, as in "mavlink /dev/ttyAMA0"
   std::function<bool()> is_open;         ///< false: the connection is lost; any thread. Empty: it cannot be lost
+  std::function<const char*()> refusal = nullptr;  ///< why the odometry is not sent as configured; "" or empty: it is
 };
 
 /// The devices, not opened yet.

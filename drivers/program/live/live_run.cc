@@ -53,6 +53,14 @@ class Receivers final : public OdometrySink {
       if (o.is_open && !o.is_open()) names += (names.empty() ? "" : ", ") + o.name;
     return names;
   }
+  std::string refusals() const {
+    std::string all;
+    for (const LiveOutput& o : outputs_) {
+      const std::string why = o.refusal ? o.refusal() : "";
+      if (!why.empty()) all += (all.empty() ? "" : "; ") + o.name + ": " + why;
+    }
+    return all;
+  }
 
  private:
   const std::vector<LiveOutput>& outputs_;
@@ -186,7 +194,8 @@ std::unique_ptr<FlightRecorder> add_recorder(const LiveSettings& settings, Realt
 }
 
 LiveState state_of(const RealtimePipeline::Progress& progress, Receivers& receivers, Span since_start) {
-  LiveState state{false, {}, progress.frames_out, progress.imu_in, since_start, {}, {}, receivers.names_of_lost()};
+  LiveState state{false, {}, progress.frames_out,       progress.imu_in,     since_start,
+                  {},    {}, receivers.names_of_lost(), receivers.refusals()};
   if (const Odometry* const newest = receivers.newest()) {
     state.has_pose = true;
     state.odometry = *newest;
@@ -202,15 +211,6 @@ void complete(FlightRecord& record, const RealtimePipeline& pipeline, double spe
   for (const auto& device : devices.records) record.realtime->devices.push_back(device());
 }
 
-/// fly(), with what the system's lack of threads and settings that do not go together throw.
-Result<FlightRecord> fly_or_throw(const LiveSettings& settings, LiveDevices& devices, const LiveOptions& options,
-                                  const std::function<bool(const LiveState&)>& watch) {
-  const SignalWait signals({SIGINT, SIGTERM, SIGHUP, SIGUSR1});  // before any thread begins
-  Receivers receivers(devices.outputs);
-  LiveLog log(options.out);
-  Turns turns(devices.turns);
-  RealtimePorts ports{devices.camera.get(), devices.imu.get(), &receivers, {&log, &turns}, {}, devices.wheel.get()};
-  if (options.view != nullptr) watch_with(*options.view, settings, ports);
 bool ends_flight(int signal) { return signal == SIGINT || signal == SIGTERM || signal == SIGHUP; }
 
 /// Opens all devices, or says which one was missing at the end.
@@ -235,6 +235,15 @@ Status open_all(const OpenDevices& devices, const SignalWait& signals, const Liv
   return opener.result();
 }
 
+/// fly(), with what the system's lack of threads and settings that do not go together throw.
+Result<FlightRecord> fly_or_throw(const LiveSettings& settings, LiveDevices& devices, const LiveOptions& options,
+                                  const std::function<bool(const LiveState&)>& watch) {
+  const SignalWait signals({SIGINT, SIGTERM, SIGHUP, SIGUSR1});  // before any thread begins
+  Receivers receivers(devices.outputs);
+  LiveLog log(options.out);
+  Turns turns(devices.turns);
+  RealtimePorts ports{devices.camera.get(), devices.imu.get(), &receivers, {&log, &turns}, {}, devices.wheel.get()};
+  if (options.view != nullptr) watch_with(*options.view, settings, ports);
   const std::unique_ptr<FlightRecorder> recorder = add_recorder(settings, ports);
   OpenDevices open_devices(devices, receivers);
   RealtimePipeline pipeline(pipeline_settings(settings, devices), ports);

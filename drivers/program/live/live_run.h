@@ -34,6 +34,7 @@ struct LiveState {
       waiting_for;  ///< device that is not open yet, and why; then nothing else is known. Empty: the flight goes on
   std::vector<std::string> numbers_wrong;  ///< said since the last call: numbers of the user that cannot be true
   std::string lost_outputs;                ///< names of those whose line is lost at present; empty: none is
+  std::string refusals;                    ///< of receivers that cannot use the odometry as configured; empty: none
 };
 
 /// Opens the devices and flies until SIGINT, SIGTERM, SIGHUP, the end of the sources, the end of the duration, or until

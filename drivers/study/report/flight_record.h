@@ -65,7 +65,8 @@ struct DeviceCount {
 struct DeviceRecord {
   std::string name;  ///< camera, imu, ...
   std::vector<DeviceCount> counts;
-  std::optional<ClockState> clock;  ///< of a device with a clock of its own
+  std::optional<ClockState> clock;        ///< of a device with a clock of its own
+  std::string refusal = {}, remedy = {};  ///< why a receiver does not get the odometry, and what to do; empty: it does
 };
 
 /// How the threads of a real-time run fared.

@@ -68,6 +68,9 @@ TEST(MavlinkLink, SaysWhatIsWrongWithTheSettings) {
             "in the vehicle's axes");
   config = {};
   config.serial = "/dev/null";
+  config.frame = 1;
+  EXPECT_NE(error_of(config).find("mavlink.frame: local-ned without mavlink.heading_deg"), std::string::npos);
+  config.frame = 0;
   EXPECT_EQ(error_of(config), "/dev/null: Inappropriate ioctl for device [TCGETS2]; expected a serial device");
 }
 
@@ -140,6 +143,9 @@ TEST(MavlinkLink, SendsPositionsToThoseWhoTakeNoOdometry) {
   MavlinkLink link = link_on(line, config);
   begin(link);
   Estimates estimates;
+  ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<Heartbeat>().size() >= 3; }));
+  EXPECT_TRUE(line.peer.all<VisionPositionEstimate>().empty()) << "it is not known yet who would take them for what";
+  line.peer.send(Heartbeat{.type = 2, .autopilot = 3});
   ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<VisionPositionEstimate>().size() >= 5; }));
   EXPECT_TRUE(line.peer.all<Odometry>().empty());
 }

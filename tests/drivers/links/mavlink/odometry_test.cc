@@ -101,9 +101,66 @@ Mat6 full(const std::array<float, 21>& triangle) {
   return C;
 }
 
+MavlinkConfig north(double heading_deg) {
+  MavlinkConfig config;
+  config.frame = 1;
+  config.heading_deg = heading_deg;
+  return config;
+}
+
+// The nose points south-east at the start, whatever the estimator calls it. The vehicle then flies to where it points.
+TEST(MavlinkOdometry, InLocalNedTheFirstHeadingIsTheGivenOne) {
+  const Vec3 south_east = Vec3(-1, 1, 0).normalized();
+  Mat3 R_VB;  // the IMU on its side, as above
+  R_VB << 0, 0, 1, 0, -1, 0, 1, 0, 0;
+  for (const double yaw : {0.0, 0.3, -2.5}) {
+    const Mat3 R_WV = so3_exp(Vec3(0, 0, yaw));
+    LocalFrame frame(north(135));
+    frame.see(odometry({1, 2, 0}, R_WV * R_VB, {0, 0, 0}, {0, 0, 0}), R_VB);
+    const Vec3 nose = R_WV * Vec3::UnitX();
+    const auto o = odometry(4 * nose + Vec3(0, 0, 3), R_WV * R_VB, 2 * nose, {0, 0, 0});
+    const Odometry m = odometry_message(o, R_VB, frame);
+    expect_near(position(m), 4 * south_east + Vec3(0, 0, -3));
+    expect_near(attitude(m) * Vec3::UnitX(), south_east);
+    expect_near(attitude(m) * Vec3::UnitZ(), Vec3::UnitZ());
+    expect_near(velocity(m), {2, 0, 0});
+    EXPECT_EQ(m.frame_id, 1);
+    EXPECT_EQ(m.child_frame_id, 12);
+    EXPECT_NEAR(vision_position_message(o, R_VB, frame).yaw, 3 * kQuarter / 2, 1e-6);
+  }
+}
+
+TEST(MavlinkOdometry, TheNorthIsFoundOnce) {
+  LocalFrame frame(north(90));
+  const auto first = odometry({0, 0, 0}, kLevel, {0, 0, 0}, {0, 0, 0});
+  frame.see(first, kLevel);
+  auto later = odometry({5, 0, 0}, so3_exp(Vec3(0, 0, kQuarter)), {0, 0, 0}, {0, 0, 0});
+  later.reset_counter = first.reset_counter + 1;
+  frame.see(later, kLevel);
+  const Odometry m = odometry_message(later, kLevel, frame);
+  expect_near(position(m), {0, 5, 0});                      // east
+  expect_near(attitude(m) * Vec3::UnitX(), Vec3::UnitX());  // turned to the left: north
+}
+
+TEST(MavlinkOdometry, SaysWhichFrameAndHeadingDoNotGoTogether) {
+  const auto fault = [](const MavlinkConfig& config) {
+    const Status status = fault_of_frame(config);
+    return status ? "" : status.error().text();
+  };
+  EXPECT_EQ(fault(MavlinkConfig{}), "");
+  EXPECT_EQ(fault(north(0)), "");
+  EXPECT_EQ(
+      fault(north(-1)),
+      "mavlink.frame: local-ned without mavlink.heading_deg; expected the vehicle's heading at the first pose, in "
+      "degrees clockwise from true north; or local-frd");
+  MavlinkConfig config = north(0);
+  config.frame = 0;
+  EXPECT_NE(fault(config), "");
+}
+
 // The covariances are those of what the message says, when the estimate is off by dx: column by column, by disturbing
 // it.
-TEST(MavlinkOdometry, CovariancesFollowSmallDisturbances) {
+void expect_covariances_of_small_disturbances(const LocalFrame& frame) {
   const Vec3 p(1, 2, 3), v(1.5, -2, 0.5), omega(0.3, -0.2, 0.1);
   const Mat3 R = so3_exp(Vec3(0.4, -0.9, 2)), R_VB = so3_exp(Vec3(1, -0.5, 0.3));
   constexpr double kStep = 1e-2;
@@ -111,7 +168,8 @@ TEST(MavlinkOdometry, CovariancesFollowSmallDisturbances) {
     Eigen::Matrix<double, 16, 1> d = Eigen::Matrix<double, 16, 1>::Zero();
     d[column] = by;
     return odometry_message(
-        odometry(p + d.head<3>(), R * so3_exp(d.segment<3>(3)), v + d.segment<3>(6), omega - d.segment<3>(12)), R_VB);
+        odometry(p + d.head<3>(), R * so3_exp(d.segment<3>(3)), v + d.segment<3>(6), omega - d.segment<3>(12)), R_VB,
+        frame);
   };
   Eigen::Matrix<double, 6, 16> J_pose, J_velocity;
   for (int k = 0; k < 16; ++k) {
@@ -127,11 +185,19 @@ TEST(MavlinkOdometry, CovariancesFollowSmallDisturbances) {
   const Covariance C = root * root.transpose();
   epiline::Odometry o = odometry(p, R, v, omega);
   Eigen::Map<Covariance>(o.covariance.data()) = C;
-  const Odometry m = odometry_message(o, R_VB);
+  const Odometry m = odometry_message(o, R_VB, frame);
   const Mat6 pose = J_pose * C * J_pose.transpose(), motion = J_velocity * C * J_velocity.transpose();
   EXPECT_LT((full(m.pose_covariance) - pose).norm(), 1e-3 * pose.norm());
   EXPECT_LT((full(m.velocity_covariance) - motion).norm(), 1e-3 * motion.norm());
-  EXPECT_EQ(vision_position_message(o, R_VB).covariance, m.pose_covariance);
+  EXPECT_EQ(vision_position_message(o, R_VB, frame).covariance, m.pose_covariance);
+}
+
+TEST(MavlinkOdometry, CovariancesFollowSmallDisturbances) { expect_covariances_of_small_disturbances({}); }
+
+TEST(MavlinkOdometry, CovariancesTurnWithTheWorld) {
+  LocalFrame frame(north(200));
+  frame.see(odometry({0, 0, 0}, so3_exp(Vec3(0.1, -0.2, 0.7)), {0, 0, 0}, {0, 0, 0}), kLevel);
+  expect_covariances_of_small_disturbances(frame);
 }
 
 TEST(MavlinkOdometry, AnUnknownCovarianceIsSaidToBe) {

@@ -74,7 +74,7 @@ TEST_P(CanReaders, SaysWhatTheMessageOfMavlinkSays) {
   EXPECT_NEAR(got->pose_covariance[0], 1e-4, 1e-5);
   EXPECT_EQ(got->quality, 70);
   EXPECT_EQ(got->reset_counter, 3);
-  EXPECT_TRUE(book.verdict().accepted()) << text_of(book.verdict(), kBusBegin);
+  EXPECT_TRUE(book.verdict().accepted_by(kUsualReleases)) << text_of(book.verdict(), kBusBegin);
 }
 
 /// 4 s of a bus, each frame as `spoil` leaves it; false: it is lost.
@@ -94,7 +94,7 @@ Verdict verdict_of(bool fd, const std::function<bool(can::Frame&, int epoch)>& s
 
 TEST_P(CanReaders, ASoundBusIsAccepted) {
   const Verdict verdict = verdict_of(GetParam(), [](can::Frame&, int) { return true; });
-  EXPECT_TRUE(verdict.accepted()) << text_of(verdict, kBusBegin);
+  EXPECT_TRUE(verdict.accepted_by(kUsualReleases)) << text_of(verdict, kBusBegin);
   for (const Rule rule : {Rule::kFusion, Rule::kCanFrames, Rule::kCanStatus, Rule::kVelocity, Rule::kLatencyPx4})
     EXPECT_EQ(verdict.of(rule).state, RuleState::kKept) << info_of(rule).name;
   EXPECT_EQ(verdict.of(Rule::kHeartbeat).state, RuleState::kNotSeen);
