@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <string>
 
 #include "pipeline/config/config.h"
 #include "pipeline/text/table.h"
@@ -51,6 +52,14 @@ TEST(ConfigEdit, KeepsEverythingElse) {
             "# about calibration = nothing\n");
   EXPECT_EQ(edited_config("[imu]\ndevice_accel = \"a\"\n", {{"imu", "device", "d"}}),
             "[imu]\ndevice = \"d\"\ndevice_accel = \"a\"\n");
+}
+
+TEST(ConfigEdit, ANumberIsWrittenAsOne) {
+  for (const char* value : {"0.0251", "-0.004", "1.8e-05", "0"}) {
+    const Config config =
+        read(edited_config("[camera]\n# time_offset_s = 0\n", {{"camera", "time_offset_s", value, true}}));
+    EXPECT_EQ(config.estimator.extrinsics.time_offset_s, std::stod(value));
+  }
 }
 
 class ConfigEditFile : public testing::Test {
