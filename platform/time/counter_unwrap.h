@@ -54,7 +54,8 @@ class CounterUnwrap {
   /// A little less than the host clock says, 244 ppm: then the reference follows a device clock that is slower.
   std::int64_t counts_within(Span elapsed) const noexcept {
     if (elapsed.ns <= 0) return 0;
-    const double ns = static_cast<double>(elapsed.ns - elapsed.ns / 4096);
+    const std::int64_t slack_ns = elapsed.ns / 4096;
+    const double ns = static_cast<double>(elapsed.ns - slack_ns);
     return static_cast<std::int64_t>(ns * static_cast<double>(tick_.per) / static_cast<double>(tick_.ns));
   }
   DeviceStamp stamp_of(std::int64_t count) const noexcept {

@@ -10,7 +10,7 @@ namespace {
 constexpr Span kOldest = Span::from_milliseconds(2'000);   // a payload that waited longer is of another clock
 constexpr Span kLongest = Span::from_milliseconds(1'000);  // from the image to its last payload
 constexpr Span kLagMost = Span::from_milliseconds(250);    // of the driver's stamp
-constexpr double kLagShare = 1.0 / 16;
+constexpr double kPacketLagShare = 1.0 / 16;
 
 Tick tick_of(std::uint32_t ticks_per_second) noexcept {
   const auto common = std::gcd<std::int64_t>(1'000'000'000, ticks_per_second);
@@ -60,7 +60,7 @@ bool UvcClock::stamp(std::uint32_t sequence, HostStamp& stamp) noexcept {
     stamp = stamp - Span{static_cast<std::int64_t>(lag_ns_)};
     return false;
   }
-  lag_ns_ += (has_lag_ ? kLagShare : 1) * (static_cast<double>(lag.ns) - lag_ns_);
+  lag_ns_ += (has_lag_ ? kPacketLagShare : 1) * (static_cast<double>(lag.ns) - lag_ns_);
   has_lag_ = true;
   stamp = *own;
   return true;
