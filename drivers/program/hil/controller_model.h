@@ -30,7 +30,7 @@ struct ControllerSettings {
   bool on_can = false;                              ///< hears CAN frames, and has the host's clock
   int can_base_id = 0x300;
   double timesync_hz = 10;       ///< questions of its own
-  bool is_ardupilot = false;     ///< says so in its heartbeat
+  bool is_ardupilot = false;     ///< by its heartbeat
   bool wants_origin = false;     ///< has no satellite receiver, as an ArduPilot
   Mat3 R_VB = Mat3::Identity();  ///< the recording's IMU in the vehicle (forward, left, up)
 };

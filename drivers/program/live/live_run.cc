@@ -168,7 +168,7 @@ class ServiceTalk {
  private:
   ServiceManager manager_;
   Liveness liveness_;
-  static constexpr Span kStatus = Span::from_seconds(1);  // whoever watches the bus is told of each
+  static constexpr Span kStatus = Span::from_seconds(1);  // between two statuses, which are messages on the bus
   Span told_status_, told_alive_;                         ///< when, since the start
   std::optional<Span> told_waiting_;                      ///< since the begin of opening
 };

@@ -6,7 +6,7 @@ namespace epiline {
 
 namespace {
 constexpr std::int64_t kBetweenTries_ns = 500'000'000;
-constexpr std::int64_t kPatience_ns = 1'000'000'000;  // what takes longer to open is told of
+constexpr std::int64_t kPatience_ns = 1'000'000'000;  // a device that takes longer to open is reported
 }  // namespace
 
 Opener::Opener(std::vector<Part> parts, bool waits)

@@ -1,5 +1,5 @@
 #pragma once
-// Opens devices in a thread of its own, so that whoever waits for one can still be ended by a signal.
+// Opens devices in a thread of its own, so that a signal can still end the wait for one.
 #include <atomic>
 #include <functional>
 #include <mutex>
