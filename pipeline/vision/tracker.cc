@@ -246,7 +246,6 @@ void Tracker::Impl::take_parallax(int i, int tracked) {
   float nearest2 = std::numeric_limits<float>::infinity();
   tracks.parallax_x[i] = tracks.parallax_y[i] = 0;
   for (int k = 0; k < tracked; ++k) {
-    if (tracks.age[k] == 0) continue;
     const float dx = tracks.x[k] - tracks.x[i], dy = tracks.y[k] - tracks.y[i], distance2 = dx * dx + dy * dy;
     if (!(distance2 < nearest2)) continue;
     nearest2 = distance2;
