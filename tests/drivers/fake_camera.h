@@ -80,6 +80,7 @@ class FakeCamera final : public FakeFile {
   bool owns(const void* memory) const {
     return std::any_of(ever_.begin(), ever_.end(), [&](const auto& buffer) { return buffer->data() == memory; });
   }
+  bool has_buffers() const { return !memory_.empty(); }
   std::int64_t period_ns() const { return kSecond_ns / rate_hz_; }
   Control& control(const std::string& name) {
     return *std::find_if(controls.begin(), controls.end(), [&](const Control& c) { return c.name == name; });

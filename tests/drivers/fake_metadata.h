@@ -63,6 +63,7 @@ class FakeMetadata final : public FakeFile {
         return 0;
       }
       case VIDIOC_S_FMT:
+        if (camera.has_buffers()) return refuse(EBUSY);  // as uvcvideo does
         static_cast<v4l2_format*>(argument)->fmt.meta.dataformat = format;
         return 0;
       case VIDIOC_REQBUFS:

@@ -26,6 +26,7 @@
 #include "tests/drivers/links/mavlink/link_peer.h"
 #include "tests/hardware/can_support.h"
 #include "tests/hardware/resting_imu.h"
+#include "tests/hardware/steady_thread.h"
 
 namespace epiline {
 namespace {
@@ -37,6 +38,7 @@ class Again {
  public:
   Again(double rate_hz, std::function<void(std::int64_t)> what)
       : thread_([this, what = std::move(what), period_ns = static_cast<std::int64_t>(1e9 / rate_hz)] {
+          go_before_programs();
           for (std::int64_t next_ns = monotonic_ns(); !ends_; next_ns += period_ns) {
             std::this_thread::sleep_for(std::chrono::nanoseconds(std::max<std::int64_t>(next_ns - monotonic_ns(), 0)));
             what(next_ns);

@@ -9,6 +9,7 @@
 
 #include "drivers/program/hil/uhid_imu.h"
 #include "platform/time/monotonic.h"
+#include "tests/hardware/steady_thread.h"
 
 namespace epiline {
 
@@ -35,6 +36,7 @@ class RestingImu {
  private:
   void send() {
     constexpr auto kPeriod_ns = static_cast<std::int64_t>(1e9 / kRate_hz);
+    go_before_programs();
     std::minstd_rand random;
     std::normal_distribution<double> noise;
     const auto n = [&](double sigma) { return sigma * noise(random); };

@@ -12,6 +12,7 @@
 #include "platform/memory/allocation_count.h"
 #include "tests/hardware/camera_support.h"
 #include "tests/hardware/gpio_support.h"
+#include "tests/hardware/steady_thread.h"
 
 namespace epiline {
 namespace {
@@ -49,6 +50,7 @@ class Strobe {
 
  private:
   void pulse(const SimulatedGpio& gpio, std::int64_t next_ns) {
+    go_before_programs();
     for (; !ends_; next_ns += kPeriod_ns) {
       std::this_thread::sleep_until(std::chrono::steady_clock::time_point(std::chrono::nanoseconds(next_ns)));
       if (skip_ > 0) {

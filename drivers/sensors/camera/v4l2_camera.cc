@@ -94,8 +94,9 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
   if (const DeviceTrouble trouble = device_.set_controls(settings_)) return trouble;
   if (const DeviceTrouble trouble = repeat_changes()) return trouble;
   if (const DeviceTrouble trouble = exposure_.set_up(device_)) return trouble;
-  if (const DeviceTrouble trouble = map_buffers()) return trouble;
+  // first: uvcvideo sets no format of metadata once the camera has buffers
   if (const DeviceTrouble trouble = clock_.open(device_)) return trouble;
+  if (const DeviceTrouble trouble = map_buffers()) return trouble;
   if (const DeviceTrouble trouble = device_.start()) return trouble;
   ++stream_;
   is_first_of_stream_ = true;
