@@ -107,7 +107,8 @@ Predictor::Correction Predictor::apply(const Odometry& solved, HostStamp time) n
   Offset difference{.p = before.p + left.p - x.p,
                     .phi = so3_log(so3_exp(left.phi) * before.R * x.R.transpose()),
                     .v = before.v + left.v - x.v};
-  const bool blended = !announced && blendable(difference);
+  const bool small = is_small(difference), blended = !announced && small && config_.blend_s > 0;
+  large_corrections_ += !announced && !small;
   offset_ = blended ? difference : Offset{};
   offset_time_ = history_.newest().stamp;
   ++stats_.corrections;
@@ -147,8 +148,8 @@ Predictor::Offset Predictor::offset() const noexcept {
   return {.p = k * offset_.p, .phi = k * offset_.phi, .v = k * offset_.v};
 }
 
-bool Predictor::blendable(const Offset& d) const noexcept {
-  return config_.blend_s > 0 && d.p.norm() <= config_.blend_most_m && d.phi.norm() <= config_.blend_most_rad &&
+bool Predictor::is_small(const Offset& d) const noexcept {
+  return d.p.norm() <= config_.blend_most_m && d.phi.norm() <= config_.blend_most_rad &&
          d.v.norm() <= config_.blend_most_m_s;
 }
 
@@ -169,6 +170,7 @@ Predictor::State Predictor::state() const noexcept {
 Odometry Predictor::odometry() const noexcept {
   if (!started_) return {};
   Odometry out = solved_;
+  out.reset_counter += large_corrections_;
   const NavState x = predicted();
   const Offset d = offset();
   const ImuHistory::Reading newest = history_.newest();

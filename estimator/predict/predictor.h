@@ -71,9 +71,10 @@ class Predictor {
   double age_s() const noexcept;
 
   /// The state at the newest IMU sample; `stamp` and covariance belong to that time. Order and frames as in Odometry.
-  /// Biases, time offset and reset counter are those of the last solve. Health too, except that tracking becomes
-  /// degraded with the reason deadline_missed while coasting, and lost when stale. A default Odometry (initialising)
-  /// while waiting.
+  /// Biases and time offset are those of the last solve; its reset counter is increased by one for each correction that
+  /// was too large to be blended in, since a receiver must not take that for motion. Health is that of the last solve,
+  /// except that tracking becomes degraded with the reason deadline_missed while coasting, and lost when stale. A
+  /// default Odometry (initialising) while waiting.
   Odometry odometry() const noexcept;
 
   const PredictorStats& stats() const noexcept { return stats_; }
@@ -88,7 +89,7 @@ class Predictor {
   void set_base(const Odometry& solved, HostStamp time) noexcept;
   NavState predicted() const noexcept;
   Offset offset() const noexcept;
-  bool blendable(const Offset& offset) const noexcept;
+  bool is_small(const Offset& offset) const noexcept;
 
   PredictorConfig config_;
   ImuHistory history_;
@@ -96,9 +97,10 @@ class Predictor {
 
   bool started_ = false, waiting_ = false;
   Odometry waiting_for_readings_;
-  Odometry solved_;      // the last correction
-  HostStamp base_time_;  // of the IMU
-  NavState base_;        // at base_time_
+  Odometry solved_;                      // the last correction
+  HostStamp base_time_;                  // of the IMU
+  std::uint32_t large_corrections_ = 0;  // that the solves' own reset counter does not tell of
+  NavState base_;                        // at base_time_
   BodyCovariance base_covariance_;
   Preintegration interval_;  // from base_time_ to the newest reading
   Offset offset_;            // as it was at offset_time_

@@ -119,6 +119,28 @@ TEST(PredictorCorrection, JumpsAtAResetIfTooLargeOrIfToldTo) {
   expect_jump(hard);
 }
 
+// A receiver that fuses a large correction takes it for motion, unless the reset counter says otherwise.
+TEST(PredictorCorrection, CountsWhatIsTooLargeToBeBlendedInAsAReset) {
+  Corrected near(PredictorConfig{});
+  near.predictor.correct(near.better);
+  EXPECT_EQ(near.predictor.odometry().reset_counter, 3u);
+
+  Corrected hard(without_blending(PredictorConfig{}));  // jumps by as little
+  hard.predictor.correct(hard.better);
+  EXPECT_EQ(hard.predictor.odometry().reset_counter, 3u);
+
+  Corrected far(PredictorConfig{}, 3);
+  far.predictor.correct(far.better);
+  EXPECT_EQ(far.predictor.odometry().reset_counter, 4u);
+  feed(far.predictor, far.s, 61, 63);
+  EXPECT_EQ(far.predictor.odometry().reset_counter, 4u);
+  Odometry next = far.better;
+  next.stamp = next.stamp + Span::from_milliseconds(1);
+  ++next.reset_counter;
+  far.predictor.correct(next);
+  EXPECT_EQ(far.predictor.odometry().reset_counter, 5u) << "a reset of the estimator's own";
+}
+
 TEST(PredictorCorrection, WaitsForTheReadingsOfItsTime) {
   Random random(9);
   const Readings s = test::agile_readings(40, 0.005, random);
