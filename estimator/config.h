@@ -6,6 +6,7 @@
 
 #include "estimator/geometry/types.h"
 #include "estimator/inertial/imu_noise.h"
+#include "platform/samples/samples.h"
 
 namespace epiline {
 
@@ -35,6 +36,29 @@ struct WheelModel {
   double sigma_m_s = 0.05;         ///< standard deviation of the speed
   double cauchy = 2;               ///< scale of the Cauchy kernel against slip, in sigmas
 };
+
+/// A height sensor. Its readings have white noise and an offset that walks: a barometer's with the weather and the
+/// wind, a range finder's with the ground below (docs/derivations/height.md).
+struct HeightModel {
+  bool use = true;                      ///< false: ignore its samples
+  double sigma_m = 0.2;                 ///< standard deviation of the white noise
+  double walk_per_root_s = 0;           ///< random walk of the offset, m per root of a second
+  double walk_per_root_m = 0;           ///< the same, m per root of a metre of horizontal way
+  double least_m = -1e5, most_m = 1e5;  ///< readings beyond are left out
+  Vec3 p_BS = Vec3::Zero();             ///< the sensor's place, m
+  Vec3 beam_B = Vec3::Zero();           ///< range finder: unit vector of the beam's direction
+};
+using HeightModels = std::array<HeightModel, kHeightKinds>;
+inline HeightModels usual_heights() {
+  HeightModel barometer, range;
+  barometer.walk_per_root_s = 0.1;
+  range.sigma_m = 0.1;
+  range.walk_per_root_m = 0.05;
+  range.least_m = 0.1;
+  range.most_m = 100;
+  range.beam_B = -Vec3::UnitZ();
+  return {barometer, range};
+}
 
 /// Error model of a track's views. White: independent errors, as from a detector that searches each image anew. Drift:
 /// a random walk, as from a tracker that works from image to image (docs/derivations/drift.md).
@@ -75,7 +99,8 @@ struct EstimatorConfig {
   bool estimate_focal_length = true;  ///< with the factor `track` only
   double focal_length_sigma = 3e-4;   ///< relative
   Extrinsics extrinsics;
-  WheelModel wheel;  ///< used if speeds arrive
+  WheelModel wheel;                        ///< used if speeds arrive
+  HeightModels heights = usual_heights();  ///< of each HeightKind; used if samples arrive
 };
 
 /// A known initial state with standard deviations; SI units. W: z up, B: the IMU.

@@ -51,6 +51,7 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
   }
   if (estimates_focal_length()) window.calibration_prior.focal.sigma = c.focal_length_sigma;
   window.wheel = c.wheel;
+  for (std::size_t i = 0; i < kHeightKinds; ++i) window.height_sigmas_m[i] = c.heights[i].sigma_m;
   window.first_estimates = c.visual_factor == VisualFactor::kTrack;
   odometry.health.reasons = static_cast<std::uint32_t>(HealthReason::kNoInitialState);
 }
@@ -218,10 +219,12 @@ Estimator::~Estimator() = default;
 bool Estimator::add_imu(const ImuSample& sample) noexcept { return impl_->add_imu(sample); }
 
 bool Estimator::add_wheel(const WheelSample& sample) noexcept {
-  const bool taken = impl_->config.wheel.use && impl_->wheel.push(sample);
+  const bool taken = impl_->config.wheel.use && impl_->wheel.push(sample.stamp, sample.forward_speed_m_s);
   ++(taken ? impl_->stats.wheel_samples : impl_->stats.wheel_refused);
   return taken;
 }
+
+bool Estimator::add_height(const HeightSample& sample) noexcept { return impl_->add_height(sample); }
 
 HostStamp Estimator::imu_needed_until(HostStamp image) const noexcept {
   // up to the exposure of the last row, and to the printed stamp, to which the odometry is taken on

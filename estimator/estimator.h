@@ -33,6 +33,9 @@ class Estimator {
   /// previous speed at the frames between the two that are still in the window. A speed may therefore come late; no
   /// frame waits for it.
   bool add_wheel(const WheelSample& sample) noexcept;
+  /// Adds a sample of a height sensor, in time order for each kind; false: it was bad or out of the sensor's range and
+  /// is left out. As with speeds, no frame waits for it.
+  bool add_height(const HeightSample& sample) noexcept;
   /// The time of the IMU's clock up to which samples must have been added before process() of an image with this
   /// timestamp: its exposure, or its printed stamp if that is later, minus a fifth of an IMU interval. The last sample
   /// is held for that long, so an image just after a sample need not wait for the next one.

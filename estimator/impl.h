@@ -1,6 +1,7 @@
 #pragma once
 // The estimator's parts, and the two lives it leads: starting (starting.cc) and running (running.cc), with what a reset
 // hands from one to the other (carrying.cc). Rules: docs/derivations/health.md.
+#include <array>
 #include <memory>
 #include <optional>
 
@@ -8,8 +9,8 @@
 #include "estimator/factors/visual.h"
 #include "estimator/inertial/imu_history.h"
 #include "estimator/inertial/noise_bounds.h"
+#include "estimator/inertial/scalar_history.h"
 #include "estimator/inertial/stationary.h"
-#include "estimator/inertial/wheel_history.h"
 #include "estimator/initialise/starter.h"
 #include "estimator/monitor/health.h"
 #include "estimator/monitor/rest_detector.h"
@@ -25,6 +26,8 @@ namespace epiline {
 inline constexpr double kMostPixelSigma = 2;  ///< px: more noise is a fault, not a property of the tracks
 /// Without a reading to be trusted: too far to go on from (docs/derivations/health.md).
 inline constexpr double kLongestUnknown_s = 0.25;
+/// Heights further apart in time are not interpolated.
+inline constexpr Span kHeightInterval = Span::from_milliseconds(500);
 
 /// A state with its covariance at an instant of the IMU. The only thing that survives a reset.
 struct KnownState {
@@ -75,6 +78,12 @@ struct Estimator::Impl {
   VisualSettings visual_settings() const;
   double window_age_s(HostStamp now) const { return (now - started_at).seconds(); }
 
+  // heights.cc: the sensors of height
+  bool add_height(const HeightSample& sample);
+  void attach_heights();
+  void measure_path();
+  std::uint32_t series_of(HeightKind kind, int frame) const;
+
   // starting.cc
   StepResult initialise(const TrackedFrame& frame, Supervisor& supervisor);
   std::optional<StartRefusal> try_start(const TrackedFrame& frame, Supervisor& supervisor);
@@ -111,7 +120,8 @@ struct Estimator::Impl {
   ImuHistory::Density density;  ///< the same with its factors
   Window window;
   ImuHistory history;
-  WheelHistory wheel;
+  ScalarHistory wheel{Span::from_milliseconds(250)};
+  std::array<ScalarHistory, kHeightKinds> heights{ScalarHistory{kHeightInterval}, ScalarHistory{kHeightInterval}};
   std::unique_ptr<VisualFactorModel> visual;
   Solver solver;
   Marginaliser marginaliser;
@@ -145,6 +155,7 @@ struct Estimator::Impl {
   std::uint64_t rest_frame = 0;  ///< the frame that later ones at rest are linked to
   std::uint64_t forced_keyframe = 0;
   HostStamp last_marginalised;
+  std::array<std::uint32_t, kHeightKinds> height_series{};  ///< the newest of each sensor
 };
 
 }  // namespace epiline

@@ -140,6 +140,7 @@ bool Estimator::Impl::cut(const TrackedFrame& frame) {
 void Estimator::Impl::attach(const TrackedFrame& frame) {
   attach_rest(frame);
   attach_wheel();
+  attach_heights();
   reintegrate_moved_biases();
 }
 
@@ -166,7 +167,7 @@ void Estimator::Impl::attach_rest(const TrackedFrame& frame) {
 void Estimator::Impl::attach_wheel() {
   for (int k = 0; k < window.size(); ++k) {
     Slot& s = window.at(k);
-    if (s.has_wheel || !wheel.speed_at(s.time, s.wheel_speed_m_s)) continue;
+    if (s.has_wheel || !wheel.at(s.time, s.wheel_speed_m_s)) continue;
     s.has_wheel = true;
     ++stats.wheel_frames;
   }

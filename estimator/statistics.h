@@ -99,6 +99,8 @@ struct EstimatorStats {
   std::uint64_t linearisations = 0, tracks_offered = 0, tracks_used = 0;
   std::uint64_t keyframes = 0, zero_motion_frames = 0, gated = 0, gate_suspended = 0, tracks_refused = 0;
   std::uint64_t wheel_samples = 0, wheel_refused = 0, wheel_frames = 0;  ///< wheel_frames: frames with a speed
+  // Of each HeightKind: samples taken and left out, frames with a height, jumps against the frames before.
+  std::array<std::uint64_t, kHeightKinds> height_samples{}, height_refused{}, height_frames{}, height_jumps{};
   std::uint64_t features_refused = 0;  ///< with a bearing or Jacobian that no camera gives
   std::uint64_t solver_failures = 0;   ///< solves that gave up, or met a non-finite value
   std::uint64_t resets = 0, carried_starts = 0, start_attempts = 0;

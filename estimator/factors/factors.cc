@@ -1,6 +1,7 @@
 #include "estimator/factors/factors.h"
 
 #include "estimator/factors/calibration_prior.h"
+#include "estimator/factors/height.h"
 #include "estimator/factors/imu.h"
 #include "estimator/factors/prior.h"
 #include "estimator/factors/wheel.h"
@@ -14,6 +15,7 @@ double add_all(const Window& w, const Share& share, const FactorKernels& kernels
   cost += add_calibration_prior(w, share, out);
   cost += add_zero_motion(w, share, out);
   cost += add_wheel(w, share, out);
+  cost += add_height(w, share, out);
   cost += add_imu(w, share, kernels, out);
   return cost;
 }

@@ -62,6 +62,15 @@ struct CalibrationPrior {
   CalibrationPart rotation{kRotationColumn, 3}, translation{kTranslationColumn, 3}, focal{kFocalColumn, 1};
 };
 
+/// What a height sensor says of a frame (docs/derivations/height.md).
+struct HeightReading {
+  bool has = false;
+  std::uint32_t series = 0;     ///< readings of one series have one offset, which walks
+  double metres = 0;            ///< barometer: the height; range finder: 0
+  Vec3 lever_B = Vec3::Zero();  ///< to the point whose height is measured: the barometer, or the end of the beam
+  double walked_m2 = 0;         ///< variance of the offset's walk up to here, since any beginning
+};
+
 /// A frame of the window.
 struct Slot {
   std::uint64_t id = 0;         ///< never reused
@@ -70,13 +79,15 @@ struct Slot {
   NavState x;
   NavState first;  ///< first estimate, for the Jacobians, once the frame is in the prior
   bool has_first = false;
-  Preintegration imu;               ///< from the frame before
-  Mat15 L_inverse = Mat15::Zero();  ///< square-root information of `imu`
-  Vec3 omega = Vec3::Zero();        ///< last angular rate, bias not removed, rad/s
-  bool at_rest = false;             ///< zero-motion factor attached
-  bool has_wheel = false;           ///< wheel factor attached
-  double wheel_speed_m_s = 0;       ///< measured, at `time`
-  std::uint64_t rest_link = 0;      ///< id of the frame whose position it shares; 0: none in the window
+  Preintegration imu;                               ///< from the frame before
+  Mat15 L_inverse = Mat15::Zero();                  ///< square-root information of `imu`
+  Vec3 omega = Vec3::Zero();                        ///< last angular rate, bias not removed, rad/s
+  bool at_rest = false;                             ///< zero-motion factor attached
+  bool has_wheel = false;                           ///< wheel factor attached
+  double wheel_speed_m_s = 0;                       ///< measured, at `time`
+  std::array<HeightReading, kHeightKinds> heights;  ///< factor attached to those that it has
+  double path_m = -1;           ///< horizontal way up to here, since any beginning; negative: not measured yet
+  std::uint64_t rest_link = 0;  ///< id of the frame whose position it shares; 0: none in the window
 };
 
 /// Gaussian prior 1/2 d'Hd - b'd with d = x [-] x0, over poses 0..frames-1, (v, b) of frame 0 and the calibration.
@@ -142,6 +153,7 @@ class Window {
   Calibration calibration;
   CalibrationPrior calibration_prior;
   WheelModel wheel;
+  std::array<double, kHeightKinds> height_sigmas_m{};  ///< of the white noise
   Prior prior;
   bool first_estimates = true;  ///< off: Jacobians at the current state everywhere, as VINS-Mono and the paper have it
 

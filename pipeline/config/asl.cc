@@ -74,6 +74,10 @@ void append_asl_wheel(std::string& text, const WheelSample& s) {
   fmt::format_to(std::back_inserter(text), "{},{}\n", s.stamp.ns, s.forward_speed_m_s);
 }
 
+void append_asl_height(std::string& text, const HeightSample& s) {
+  fmt::format_to(std::back_inserter(text), "{},{}\n", s.stamp.ns, s.metres);
+}
+
 void append_asl_image(std::string& text, HostStamp stamp, const std::string& file) {
   fmt::format_to(std::back_inserter(text), "{},{}\n", stamp.ns, file);
 }

@@ -120,6 +120,12 @@ struct WheelConfig {
   double x_m = 0, y_m = 0, z_m = 0;  ///< where the speed is measured, seen from the IMU: forward, left, up
 };
 
+/// Section [height]: how the height sensors sit in the vehicle.
+struct HeightConfig {
+  double range_x_m = 0, range_y_m = 0, range_z_m = 0;  ///< the range finder, seen from the IMU: forward, left, up
+  double range_forward_deg = 0, range_left_deg = 0;    ///< tilt of its beam from straight down
+};
+
 struct DevicesConfig {
   CameraConfig camera;
   ImuDeviceConfig imu;
@@ -127,6 +133,7 @@ struct DevicesConfig {
   MavlinkConfig mavlink;
   CanConfig can;
   WheelConfig wheel;
+  HeightConfig height;
 };
 
 }  // namespace epiline

@@ -344,6 +344,28 @@ const std::vector<Parameter>& parameters() {
       {"wheel.sigma_m_s", "m/s", 1e-4, 100, "standard deviation of the speed", EPILINE_AT(estimator.wheel.sigma_m_s)},
       {"wheel.cauchy", "", 0.1, 100, "scale of the Cauchy kernel against slip, in sigmas",
        EPILINE_AT(estimator.wheel.cauchy)},
+      // height sensors
+      {"height.barometer", "", 0, 0, "use the barometer, if there is one", EPILINE_AT(estimator.heights[0].use)},
+      {"height.barometer_sigma_m", "m", 1e-3, 100, "standard deviation of its heights: white noise",
+       EPILINE_AT(estimator.heights[0].sigma_m)},
+      {"height.barometer_walk", "m/sqrt(s)", 0, 10, "random walk of its offset, by weather and gusts",
+       EPILINE_AT(estimator.heights[0].walk_per_root_s)},
+      {"height.range", "", 0, 0, "use the range finder, if there is one", EPILINE_AT(estimator.heights[1].use)},
+      {"height.range_sigma_m", "m", 1e-3, 100, "standard deviation of its distances: white noise",
+       EPILINE_AT(estimator.heights[1].sigma_m)},
+      {"height.range_ground_walk", "m/sqrt(m)", 0, 10, "random walk of the ground's height along the way",
+       EPILINE_AT(estimator.heights[1].walk_per_root_m)},
+      {"height.range_least_m", "m", 0, 1e4, "shortest distance that it measures",
+       EPILINE_AT(estimator.heights[1].least_m)},
+      {"height.range_most_m", "m", 0, 1e4, "longest distance that it measures",
+       EPILINE_AT(estimator.heights[1].most_m)},
+      {"height.range_x_m", "m", -100, 100, "the range finder, relative to the IMU: forward",
+       EPILINE_AT(devices.height.range_x_m)},
+      {"height.range_y_m", "m", -100, 100, "the same: left", EPILINE_AT(devices.height.range_y_m)},
+      {"height.range_z_m", "m", -100, 100, "the same: up", EPILINE_AT(devices.height.range_z_m)},
+      {"height.range_forward_deg", "deg", -30, 30, "tilt of its beam from straight down: towards the front",
+       EPILINE_AT(devices.height.range_forward_deg)},
+      {"height.range_left_deg", "deg", -30, 30, "the same: to the left", EPILINE_AT(devices.height.range_left_deg)},
   };
   return table;
 }

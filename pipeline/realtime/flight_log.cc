@@ -26,6 +26,7 @@ void FlightLog::drain_samples() noexcept {
   };
   drain(imu_, [](FlightObserver& o, const ImuSample& s) { o.imu(s); });
   drain(wheel_, [](FlightObserver& o, const WheelSample& s) { o.wheel(s); });
+  drain(height_, [](FlightObserver& o, const HeightSample& s) { o.height(s); });
   drain(outcomes_, [](FlightObserver& o, const FrameOutcome& f) { o.take(f); });
   drain(tracks_, [](FlightObserver& o, const LoggedTracks& t) { o.tracks(t); });
   drain(publications_, [](FlightObserver& o, const Publication& p) { o.published(p.serial, p.latency_ns); });

@@ -15,7 +15,7 @@ namespace epiline {
 class FlightLog {
  public:
   /// The threads that have a ring for their events.
-  enum class Speaker : std::uint8_t { kImu, kCapture, kTrack, kEstimate, kWheel, kCount };
+  enum class Speaker : std::uint8_t { kImu, kCapture, kTrack, kEstimate, kWheel, kHeight, kCount };
   static constexpr Span kEventWindow = Span::from_milliseconds(500);  ///< how late an event may come and find its place
 
   /// `more`: events of other threads, for instance of watchdogs. `images`: buffers of the camera that the log may hold
@@ -26,6 +26,7 @@ class FlightLog {
 
   ImuLogRing& imu() noexcept { return imu_; }
   WheelLogRing& wheel() noexcept { return wheel_; }
+  HeightLogRing& height() noexcept { return height_; }
   LoggedImages& images() noexcept { return images_; }
   OutcomeRing& outcomes() noexcept { return outcomes_; }
   TracksLogRing& tracks() noexcept { return tracks_; }
@@ -65,6 +66,7 @@ class FlightLog {
     f(RingName::kImuToLog, imu_);
     f(RingName::kImagesToLog, images_.ring());
     f(RingName::kWheelToLog, wheel_);
+    f(RingName::kHeightToLog, height_);
   }
   /// Images that the log left out because it still held as many as it may.
   std::uint64_t images_skipped() const noexcept { return images_.skipped(); }
@@ -84,6 +86,7 @@ class FlightLog {
 
   ImuLogRing imu_;
   WheelLogRing wheel_;
+  HeightLogRing height_;
   OutcomeRing outcomes_;
   TracksLogRing tracks_;
   PublicationRing publications_;

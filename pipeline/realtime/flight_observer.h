@@ -25,6 +25,8 @@ class FlightObserver {
   virtual void imu(const ImuSample& /*sample*/) noexcept {}
   /// Every speed of the wheels.
   virtual void wheel(const WheelSample& /*sample*/) noexcept {}
+  /// Every sample of the height sensors.
+  virtual void height(const HeightSample& /*sample*/) noexcept {}
   /// The tracks of every image that went through the estimator.
   virtual void tracks(const LoggedTracks& /*tracks*/) noexcept {}
   /// An image that was tracked. The pixels are lent for this call.

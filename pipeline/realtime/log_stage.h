@@ -20,6 +20,7 @@ class LogStage final : public Stage {
     /// Rings between other stages. An event reports each of their losses.
     std::array<std::pair<RingName, const ImuRing*>, 3> imu;
     const WheelRing& speeds;
+    const HeightRing& heights;
   };
 
   LogStage(const FlightClock& clock, const Inputs& in) : clock_(clock), in_(in) {}

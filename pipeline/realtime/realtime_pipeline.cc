@@ -10,8 +10,8 @@
 #include "pipeline/stages/estimate_stage.h"
 #include "pipeline/stages/imu_stage.h"
 #include "pipeline/stages/publish_stage.h"
+#include "pipeline/stages/side_stage.h"
 #include "pipeline/stages/track_stage.h"
-#include "pipeline/stages/wheel_stage.h"
 
 namespace epiline {
 
@@ -49,6 +49,7 @@ struct RealtimePipeline::Impl {
     f(publish_thread, publish);
     f(log_thread, log);
     if (has_wheel) f(wheel_thread, wheel);
+    if (has_height) f(height_thread, height);
   }
   std::vector<ImuStage::Reader> imu_readers() {
     std::vector<ImuStage::Reader> readers;
@@ -59,18 +60,20 @@ struct RealtimePipeline::Impl {
   }
 
   RealtimeSettings settings;
-  bool has_wheel;
+  bool has_wheel, has_height;
   Pace pace;
   FlightClock clock{{monotonic_ns, thread_cpu_ns}, &pace};
   std::string memory_not_locked;
 
   FlightSwitch flight;
-  StageThread imu_thread, capture_thread, track_thread, estimate_thread, publish_thread, log_thread, wheel_thread;
+  StageThread imu_thread, capture_thread, track_thread, estimate_thread, publish_thread, log_thread, wheel_thread,
+      height_thread;
 
   LentImages images;
   FrameRing frames;
   ImuRing imu_to_track, imu_to_estimate, imu_to_publish;
   WheelRing wheel_to_estimate;
+  HeightRing height_to_estimate;
   TrackedRing tracked;
   KnowledgeRing knowledge;
   LatestValue<Estimate> newest;
@@ -83,12 +86,14 @@ struct RealtimePipeline::Impl {
   TrackStage track;
   PublishStage publish;
   LogStage log;
-  WheelStage wheel;
+  SideStage<WheelSample> wheel;
+  SideStage<HeightSample> height;
 };
 
 RealtimePipeline::Impl::Impl(const RealtimeSettings& s, const RealtimePorts& p)
     : settings(s),
       has_wheel(p.wheel != nullptr),
+      has_height(p.height != nullptr),
       imu_thread({"imu", s.realtime.priority_imu, s.realtime.cpu_imu, kStack}, flight),
       capture_thread({"capture", s.realtime.priority_capture, s.realtime.cpu_capture, kStack}, flight),
       track_thread({"track", s.realtime.priority_track, s.realtime.cpu_track, kStack}, flight),
@@ -98,17 +103,19 @@ RealtimePipeline::Impl::Impl(const RealtimeSettings& s, const RealtimePorts& p)
       log_thread({"log", 0, -1, kStack}, flight, StageThread::AtStop::kGoOn),
       // without priority: the stamps are the kernel's, and nobody waits for them
       wheel_thread({"wheel", 0, -1, kStack}, flight),
+      height_thread({"height", 0, -1, kStack}, flight),
       images(p.camera),
       flight_log(p.observers, p.event_rings, s.images_to_log),
       imu(p.imu, limits_of(s.estimator), clock,
           {imu_readers(), imu_heard, flight_log.events_of(Speaker::kImu), &flight_log.imu()}),
       capture(p.camera, clock,
               {frames, images, track_thread.parking(), camera_heard, flight_log.events_of(Speaker::kCapture)}),
-      estimate(estimate_settings(s), clock,
-               {tracked, track_thread.ended(), imu_to_estimate, imu_thread.ended(), wheel_to_estimate},
-               {knowledge, track_thread.parking(), flight_log.events_of(Speaker::kEstimate), &newest,
-                &publish_thread.parking(),
-                EstimateStage::Log{flight_log.outcomes(), flight_log.tracks(), log_thread.parking()}}),
+      estimate(
+          estimate_settings(s), clock,
+          {tracked, track_thread.ended(), imu_to_estimate, imu_thread.ended(), wheel_to_estimate, height_to_estimate},
+          {knowledge, track_thread.parking(), flight_log.events_of(Speaker::kEstimate), &newest,
+           &publish_thread.parking(),
+           EstimateStage::Log{flight_log.outcomes(), flight_log.tracks(), log_thread.parking()}}),
       track(track_settings(settings), estimate.knowledge(), clock,
             {frames, images, capture_thread.ended(), imu_to_track, imu_thread.ended(), knowledge},
             {tracked, estimate_thread.parking(), flight_log.events_of(Speaker::kTrack), &flight_log.images()}),
@@ -122,9 +129,12 @@ RealtimePipeline::Impl::Impl(const RealtimeSettings& s, const RealtimePorts& p)
                   {{{RingName::kImuToTrack, &imu_to_track},
                     {RingName::kImuToEstimate, &imu_to_estimate},
                     {RingName::kImuToPublish, &imu_to_publish}}},
-                  wheel_to_estimate}),
-      wheel({p.wheel, imu_thread.ended(), capture_thread.ended()}, clock,
-            {wheel_to_estimate, flight_log.events_of(Speaker::kWheel), flight_log.wheel()}) {}
+                  wheel_to_estimate,
+                  height_to_estimate}),
+      wheel(EventSource::kWheel, {p.wheel, imu_thread.ended(), capture_thread.ended()}, clock,
+            {wheel_to_estimate, flight_log.events_of(Speaker::kWheel), flight_log.wheel()}),
+      height(EventSource::kHeight, {p.height, imu_thread.ended(), capture_thread.ended()}, clock,
+             {height_to_estimate, flight_log.events_of(Speaker::kHeight), flight_log.height()}) {}
 
 RealtimePipeline::RealtimePipeline(const RealtimeSettings& settings, const RealtimePorts& ports)
     : impl_(std::make_unique<Impl>(settings, ports)) {
@@ -185,6 +195,7 @@ RealtimeReport RealtimePipeline::report() const {
   ring("imu_to_estimate", m.imu_to_estimate);
   ring("imu_to_publish", m.imu_to_publish);
   if (m.has_wheel) ring(to_string(RingName::kWheelToEstimate), m.wheel_to_estimate);
+  if (m.has_height) ring(to_string(RingName::kHeightToEstimate), m.height_to_estimate);
   ring("tracked", m.tracked);
   ring("knowledge", m.knowledge);
   m.flight_log.each_ring([&](RingName name, const auto& of) { ring(to_string(name), of); });
@@ -196,7 +207,8 @@ RealtimeReport RealtimePipeline::report() const {
   r.image_watch = m.capture.watch();
   r.frames_out = m.estimate.images();
   r.imu_in = m.imu.readings();
-  r.wheel_in = m.wheel.speeds();
+  r.wheel_in = m.wheel.samples();
+  r.height_in = m.height.samples();
   r.imu_late = m.track.imu_late() + m.estimate.imu_late();
   const PublishStage::Counts& counts = m.publish.counts();
   r.published = counts.published.get();

@@ -44,7 +44,9 @@ struct RealtimePorts {
   OdometrySink* odometry = nullptr;
   std::vector<FlightObserver*> observers;
   std::vector<EventRing*> event_rings;  ///< events of threads outside the pipeline, for the observers
-  WheelSource* wheel = nullptr;         ///< may be null; speeds are used as they come, nothing waits for them
+  // May be null; samples are used as they come, nothing waits for them.
+  WheelSource* wheel = nullptr;
+  HeightSource* height = nullptr;
 };
 
 /// How the run went, thread by thread and ring by ring.
@@ -72,6 +74,7 @@ struct RealtimeReport {
   std::uint64_t imu_in = 0;      ///< given by the IMU
   std::uint64_t imu_late = 0;    ///< images that did not wait any longer for their readings
   std::uint64_t wheel_in = 0;    ///< given by the wheels
+  std::uint64_t height_in = 0;   ///< given by the height sensors
   std::uint64_t published = 0, publish_failed = 0;
   std::uint64_t events_dropped = 0;
   std::uint64_t images_not_logged = 0;

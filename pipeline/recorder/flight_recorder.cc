@@ -26,12 +26,13 @@ namespace {
 // A tape has a quarter of room more than it lends: with that it goes on while a record is being written.
 constexpr std::size_t kSegments = 40, kKept = 32;
 constexpr std::size_t kTracksBytes = sizeof(RecordedTracksHeader) + kMaxFeatures * sizeof(RecordedPoint);
-/// There is room for an IMU of 1 kHz, wheels of 100 Hz and 60 images of 400 tracks a second; what comes faster makes a
-/// record shorter.
+/// There is room for an IMU of 1 kHz, wheels of 100 Hz, heights of 100 Hz and 60 images of 400 tracks a second; what
+/// comes faster makes a record shorter.
 constexpr std::size_t kBytesPerSecond =
     1000 * Tape::bytes_of_record(sizeof(ImuSample)) +
     60 * (Tape::bytes_of_record(kTracksBytes) + Tape::bytes_of_record(sizeof(RecordedState))) +
-    100 * (Tape::bytes_of_record(sizeof(Event)) + Tape::bytes_of_record(sizeof(WheelSample)));
+    100 * (Tape::bytes_of_record(sizeof(Event)) + Tape::bytes_of_record(sizeof(WheelSample)) +
+           Tape::bytes_of_record(sizeof(HeightSample)));
 
 std::size_t sample_segment(double seconds) {
   // one segment may have begun just now, and another holds what is a little too old
@@ -217,6 +218,10 @@ void FlightRecorder::imu(const ImuSample& sample) noexcept {
 
 void FlightRecorder::wheel(const WheelSample& sample) noexcept {
   impl_->samples.append(static_cast<std::uint32_t>(RecordKind::kWheel), sample);
+}
+
+void FlightRecorder::height(const HeightSample& sample) noexcept {
+  impl_->samples.append(static_cast<std::uint32_t>(RecordKind::kHeight), sample);
 }
 
 void FlightRecorder::event(const Event& event) noexcept {

@@ -57,6 +57,7 @@ class FlightRecorder final : public FlightObserver {
   void take(const FrameOutcome& outcome) noexcept override;
   void imu(const ImuSample& sample) noexcept override;
   void wheel(const WheelSample& sample) noexcept override;
+  void height(const HeightSample& sample) noexcept override;
   void tracks(const LoggedTracks& tracks) noexcept override;
   void image(const Frame& frame) noexcept override;
   void event(const Event& event) noexcept override;

@@ -62,6 +62,8 @@ class RecordFiles {
         return add_event(object_at<Event>(at));
       case RecordKind::kWheel:
         return append_asl_wheel(wheel_text_, object_at<WheelSample>(at));
+      case RecordKind::kHeight:
+        return add_height(object_at<HeightSample>(at));
     }
   }
 
@@ -86,10 +88,10 @@ class RecordFiles {
     if (!image_list_.empty()) {
       if (Status s = write(root_ / "mav0/cam0/data.csv", kAslImagesHeader + image_list_); !s) return s;
     }
-    if (!wheel_text_.empty()) {
-      if (Status s = make_folder(root_ / "mav0/wheel0"); !s) return s;
-      if (Status s = write(root_ / "mav0/wheel0/data.csv", kAslWheelHeader + wheel_text_); !s) return s;
-    }
+    if (Status s = write_table("wheel0", kAslWheelHeader, wheel_text_); !s) return s;
+    for (const AslHeightTable& table : kAslHeightTables)
+      if (Status s = write_table(table.folder, table.header, height_texts_[static_cast<std::size_t>(table.kind)]); !s)
+        return s;
     const std::string comment = fmt::format("flight recorder, record {}, written at {:.3f} s", order_.number,
                                             1e-9 * static_cast<double>(order_.now.ns));
     if (Status s = write(root_ / "mav0/cam0/sensor.yaml", asl_camera(run_.camera, run_.image_rate_hz, comment)); !s)
@@ -111,6 +113,18 @@ class RecordFiles {
     OutputFile file(path);
     file.append(text);
     return close(file);
+  }
+
+  /// Of a sensor that sent anything.
+  Status write_table(const char* folder, const char* header, const std::string& rows) {
+    if (rows.empty()) return Done{};
+    if (Status s = make_folder(root_ / "mav0" / folder); !s) return s;
+    return write(root_ / "mav0" / folder / "data.csv", header + rows);
+  }
+
+  void add_height(const HeightSample& s) {
+    if (const auto kind = static_cast<std::size_t>(s.kind); kind < kHeightKinds)
+      append_asl_height(height_texts_[kind], s);
   }
 
   void add_state(const RecordedState& s) {
@@ -168,6 +182,7 @@ class RecordFiles {
   const RecordedRun& run_;
   OutputFile imu_, tracks_, states_, events_;
   std::string imu_text_, tracks_text_, states_text_, events_text_, image_list_, wheel_text_;
+  std::array<std::string, kHeightKinds> height_texts_;
   Trajectory trajectory_;
   std::optional<Error> image_failure_;
   int failure_ = 0;

@@ -8,7 +8,7 @@
 
 namespace epiline {
 
-enum class RecordKind : std::uint32_t { kImu, kState, kTracks, kImage, kEvent, kWheel };
+enum class RecordKind : std::uint32_t { kImu, kState, kTracks, kImage, kEvent, kWheel, kHeight };
 
 /// One image's estimate.
 struct RecordedState {

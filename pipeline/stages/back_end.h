@@ -28,6 +28,7 @@ class BackEnd {
 
   bool add_imu(const ImuSample& sample) noexcept;
   bool add_wheel(const WheelSample& sample) noexcept { return estimator_.add_wheel(sample); }
+  bool add_height(const HeightSample& sample) noexcept { return estimator_.add_height(sample); }
   HostStamp imu_needed_until(HostStamp image) const noexcept { return estimator_.imu_needed_until(image); }
 
   /// `deadline_ns`: instant of the clock at which the odometry is wanted.

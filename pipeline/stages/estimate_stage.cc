@@ -23,7 +23,7 @@ Step EstimateStage::step() noexcept {
   if (!imu_.begun()) imu_.begin(back_end_.imu_needed_until(image->frame.stamp));
   const bool complete = imu_.take([&](const ImuSample& reading) { give(reading); });
   if (!complete) return Step::nothing_until(imu_.waits_until_ns());
-  take_speeds();
+  take_side_samples();
   estimate(*image);
   in_.tracked.pop();
   return Step::work();
@@ -32,7 +32,7 @@ Step EstimateStage::step() noexcept {
 Step EstimateStage::wait_for_image(bool over) noexcept {
   if (over) return Step::end();
   imu_.relieve([&](const ImuSample& reading) { give(reading); });
-  take_speeds();
+  take_side_samples();
   return Step::nothing_until(clock_.now_ns() + kIdle.ns);
 }
 
@@ -42,8 +42,9 @@ void EstimateStage::give(const ImuSample& reading) noexcept {
 }
 
 /// Whatever has come. The estimator finds the frames it belongs to, also those before.
-void EstimateStage::take_speeds() noexcept {
+void EstimateStage::take_side_samples() noexcept {
   for (WheelSample speed; in_.speeds.pop(speed);) back_end_.add_wheel(speed);
+  for (HeightSample height; in_.heights.pop(height);) back_end_.add_height(height);
 }
 
 std::int64_t EstimateStage::deadline_of(HostStamp image) const noexcept {

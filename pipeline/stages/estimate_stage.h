@@ -25,7 +25,8 @@ class EstimateStage final : public Stage {
     const EndMark& tracker_ended;
     ImuRing& imu;
     const EndMark& imu_ended;
-    WheelRing& speeds;  ///< nobody waits for them
+    WheelRing& speeds;  ///< nobody waits for them, or for heights
+    HeightRing& heights;
   };
   /// Where the log's things go.
   struct Log {
@@ -59,7 +60,7 @@ class EstimateStage final : public Stage {
 
  private:
   void give(const ImuSample& reading) noexcept;
-  void take_speeds() noexcept;
+  void take_side_samples() noexcept;
   Step wait_for_image(bool over) noexcept;
   void estimate(const Tracked& image) noexcept;
   void hand_to_publisher(const StepResult& result) noexcept;

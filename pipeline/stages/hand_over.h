@@ -15,7 +15,11 @@ namespace epiline {
 
 inline constexpr std::size_t kImuRing = 4096;  ///< 20 s at 200 Hz, 4 s at 1 kHz
 using ImuRing = SpscRing<ImuSample, kImuRing>;
-using WheelRing = SpscRing<WheelSample, 256>;
+/// Of a sensor that nobody waits for.
+template <class Sample>
+using SideRing = SpscRing<Sample, 256>;
+using WheelRing = SideRing<WheelSample>;
+using HeightRing = SideRing<HeightSample>;
 using KnowledgeRing = SpscRing<Knowledge, 4>;
 using FrameRing = NewestRing<4>;  ///< numbers of buffers: LentImages
 
@@ -72,8 +76,11 @@ struct LoggedTracks {
 };
 
 // The rings to the log. A full one refuses and counts: no stage waits for the log.
-using ImuLogRing = SpscRing<ImuSample, 4096>;     ///< 4 s at 1 kHz: a log that gets no processor for so long loses some
-using WheelLogRing = SpscRing<WheelSample, 512>;  ///< as long at 100 Hz
+using ImuLogRing = SpscRing<ImuSample, 4096>;  ///< 4 s at 1 kHz: a log that gets no processor for so long loses some
+template <class Sample>
+using SideLogRing = SpscRing<Sample, 512>;  ///< as long at 100 Hz
+using WheelLogRing = SideLogRing<WheelSample>;
+using HeightLogRing = SideLogRing<HeightSample>;
 using OutcomeRing = SpscRing<FrameOutcome, 256>;
 using TracksLogRing = SpscRing<LoggedTracks, 64>;
 using PublicationRing = SpscRing<Publication, 256>;

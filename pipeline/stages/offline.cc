@@ -12,7 +12,8 @@ OfflinePipeline::OfflinePipeline(const OfflineSettings& s)
                      : std::vector<ImuStage::Reader>{{&imu_to_estimate_, &nobody_}},
             unheard_, events_}),
       capture_(nullptr, clock_, {frames_, images_, nobody_, unheard_, events_}),
-      estimate_({s.estimator, s.deadline_ms}, clock_, {tracked_, not_ended_, imu_to_estimate_, imu_ended_, speeds_},
+      estimate_({s.estimator, s.deadline_ms}, clock_,
+                {tracked_, not_ended_, imu_to_estimate_, imu_ended_, speeds_, heights_},
                 {knowledge_, nobody_, events_}),
       track_({s.camera, s.tracker, s.estimator.extrinsics.R_BC, s.images, recorded_}, estimate_.knowledge(), clock_,
              {frames_, images_, not_ended_, imu_to_track_, imu_ended_, knowledge_}, {tracked_, nobody_, events_}) {
@@ -32,6 +33,11 @@ bool OfflinePipeline::add_imu(ImuSample& sample) noexcept {
 
 void OfflinePipeline::add_wheel(const WheelSample& sample) noexcept {
   speeds_.push(sample);
+  run();
+}
+
+void OfflinePipeline::add_height(const HeightSample& sample) noexcept {
+  heights_.push(sample);
   run();
 }
 

@@ -32,6 +32,8 @@ class OfflinePipeline {
   bool admit(Frame& image) noexcept { return capture_.admit(image); }
   /// Speeds of the wheels, in the order of time; no image waits for them.
   void add_wheel(const WheelSample& sample) noexcept;
+  /// The same for heights.
+  void add_height(const HeightSample& sample) noexcept;
   /// Readings up to and including the first at or after this time must have been added before the step of an image.
   /// Each stage takes those it needs, and the others before the next image.
   HostStamp imu_needed_until(HostStamp image) const noexcept;
@@ -64,6 +66,7 @@ class OfflinePipeline {
   FrameRing frames_;
   ImuRing imu_to_track_, imu_to_estimate_;
   WheelRing speeds_;
+  HeightRing heights_;
   TrackedRing tracked_;
   KnowledgeRing knowledge_;
   ImuStage imu_;

@@ -16,13 +16,15 @@ namespace {
 using Names = std::span<const char* const>;
 constexpr const char* kStartKinds[] = {"none", "given", "stationary", "moving", "carried"};
 constexpr const char* kLoadLevels[] = {"full", "fewer_features", "fewer_iterations", "prediction_only"};
-constexpr const char* kSources[] = {"camera", "imu", "wheel", "odometry"};
+constexpr const char* kSources[] = {"camera", "imu", "wheel", "height", "odometry"};
 constexpr const char* kImageLosses[] = {"overtaken", "missed", "refused"};
 constexpr const char* kImuRefusals[] = {"out_of_order", "duplicate", "not_finite", "other_time", "impossible"};
 constexpr const char* kRecordReasons[] = {"requested", "lost", "end"};
-constexpr const char* kRings[] = {"frames",        "imu_to_track", "imu_to_estimate",   "imu_to_publish", "tracked",
-                                  "knowledge",     "outcomes",     "publications",      "tracks_to_log",  "imu_to_log",
-                                  "images_to_log", "events",       "wheel_to_estimate", "wheel_to_log"};
+constexpr const char* kRings[] = {
+    "frames",        "imu_to_track", "imu_to_estimate",   "imu_to_publish", "tracked",
+    "knowledge",     "outcomes",     "publications",      "tracks_to_log",  "imu_to_log",
+    "images_to_log", "events",       "wheel_to_estimate", "wheel_to_log",   "height_to_estimate",
+    "height_to_log"};
 static_assert(std::size(kRings) == static_cast<std::size_t>(RingName::kCount));
 
 enum class Shown : std::uint8_t { kNumber, kName, kBits };

@@ -35,7 +35,7 @@ enum class EventId : std::uint16_t {
   kCount
 };
 
-enum class EventSource : std::uint8_t { kCamera, kImu, kWheel, kOdometry };
+enum class EventSource : std::uint8_t { kCamera, kImu, kWheel, kHeight, kOdometry };
 enum class ImageLoss : std::uint8_t { kOvertaken, kMissed, kRefused };
 enum class ImuRefusal : std::uint8_t { kOutOfOrder, kDuplicate, kNotFinite, kOtherTime, kImpossible };
 enum class RecordReason : std::uint8_t { kRequested, kLost, kEnd };
@@ -55,6 +55,8 @@ enum class RingName : std::uint8_t {
   kEvents,
   kWheelToEstimate,
   kWheelToLog,
+  kHeightToEstimate,
+  kHeightToLog,
   kCount
 };
 const char* to_string(RingName) noexcept;

@@ -45,14 +45,19 @@ class ImuSource {
   virtual ReadOutcome read(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept = 0;
 };
 
-/// Wheel odometry of a ground vehicle.
-class WheelSource {
+/// A sensor besides camera and IMU; its samples are used as they come.
+template <class Sample>
+class SampleSource {
  public:
-  virtual ~WheelSource() = default;
+  virtual ~SampleSource() = default;
   virtual Status open() = 0;
   virtual void close() noexcept = 0;
-  virtual ReadOutcome read(WheelSample& sample, Span timeout) noexcept = 0;
+  virtual ReadOutcome read(Sample& sample, Span timeout) noexcept = 0;
 };
+/// Wheel odometry of a ground vehicle.
+using WheelSource = SampleSource<WheelSample>;
+/// A barometer, a range finder, or both.
+using HeightSource = SampleSource<HeightSample>;
 
 /// A receiver of the odometry: a flight controller, a bus, a file. One thread makes all calls; the next IMU sample
 /// waits until they return.

@@ -28,6 +28,17 @@ struct WheelSample {
   double yaw_rate_rad_s = 0;
 };
 
+enum class HeightKind : std::uint8_t { kBarometer, kRangeFinder };
+inline constexpr std::size_t kHeightKinds = 2;
+
+/// One sample of a height sensor. A barometer's is a height above any level that changes slowly, a range finder's the
+/// distance to the ground along its beam.
+struct HeightSample {
+  HostStamp stamp;
+  HeightKind kind = HeightKind::kBarometer;
+  double metres = 0;
+};
+
 /// A view of an 8-bit grey image; it does not own the pixels. `stamp` is mid-exposure.
 struct Frame {
   HostStamp stamp;

@@ -1,10 +1,12 @@
 #include "drivers/flights/recordings/asl_dataset.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
 
 #include "drivers/flights/recordings/image_file.h"
+#include "pipeline/config/asl.h"
 #include "pipeline/text/table.h"
 
 namespace epiline {
@@ -167,6 +169,22 @@ Status read_wheel(AslMotion& d) {
   return Done{};
 }
 
+Status read_heights(AslMotion& d) {
+  for (const AslHeightTable& kind : kAslHeightTables) {
+    const fs::path path = find_table(d.root / kind.folder, "data.csv");
+    if (path.empty()) continue;
+    const auto text = read_text(path);
+    if (!text) return text.error();
+    const auto table = parse_table(*text, path.string(), TimeColumn::kNanoseconds, {2}, "height (time, m)");
+    if (!table) return table.error();
+    for (std::size_t i = 0; i < table->rows(); ++i)
+      d.height_samples.push_back({HostStamp{table->time_ns[i]}, kind.kind, table->row(i)[0]});
+  }
+  std::stable_sort(d.height_samples.begin(), d.height_samples.end(),
+                   [](const HeightSample& a, const HeightSample& b) { return a.stamp < b.stamp; });
+  return Done{};
+}
+
 /// Empty if there is none.
 fs::path truth_file(const fs::path& root) {
   const fs::path path = find_table(root / "state_groundtruth_estimate0", "data.csv");
@@ -203,6 +221,7 @@ Result<AslMotion> open_asl_motion(const fs::path& folder, const fs::path& imu_fi
   d.root = *root;
   if (const Status s = read_imu(d, imu_file); !s) return s.error();
   if (const Status s = read_wheel(d); !s) return s.error();
+  if (const Status s = read_heights(d); !s) return s.error();
   if (const Status s = read_ground_truth(d); !s) return s.error();
   return d;
 }
@@ -224,6 +243,7 @@ Result<AslDataset> open_uncalibrated_asl_dataset(const fs::path& folder, const s
   d.root = *root;
   if (const Status s = read_imu(d, imu_file); !s) return s.error();
   if (const Status s = read_wheel(d); !s) return s.error();
+  if (const Status s = read_heights(d); !s) return s.error();
   if (const Status s = read_camera(d, camera); !s) return s.error();
   return d;
 }

@@ -31,15 +31,16 @@ struct TrackInstant {
   std::size_t first = 0, count = 0;
 };
 
-/// IMU samples, wheel speeds and ground truth of a flight.
+/// IMU samples, wheel speeds, heights and ground truth of a flight.
 struct AslMotion {
   std::filesystem::path root;  ///< the folder that contains cam0 and imu0
   ImuCalibration imu;
-  std::vector<std::string> notes;          ///< remarks for the user, one line each
-  std::filesystem::path imu_file;          ///< data.csv[.gz]
-  std::filesystem::path truth_file;        ///< empty if there is none
-  std::vector<ImuSample> imu_samples;      ///< in the file's order; the estimator counts bad samples
-  std::vector<WheelSample> wheel_samples;  ///< of wheel0/data.csv: time, forward speed in m/s; empty if there is none
+  std::vector<std::string> notes;            ///< remarks for the user, one line each
+  std::filesystem::path imu_file;            ///< data.csv[.gz]
+  std::filesystem::path truth_file;          ///< empty if there is none
+  std::vector<ImuSample> imu_samples;        ///< in the file's order; the estimator counts bad samples
+  std::vector<WheelSample> wheel_samples;    ///< of wheel0/data.csv: time, forward speed in m/s; empty if there is none
+  std::vector<HeightSample> height_samples;  ///< of baro0/data.csv and range0/data.csv: time, m; in the order of time
   std::optional<Trajectory> ground_truth;
 };
 

@@ -51,14 +51,14 @@ void loop_flight(AslDataset& d, double seconds) {
   }
   const Span period = last - first + kGap;
   const HostStamp end = first + Span::from_seconds(seconds);
-  auto& imu = d.imu_samples;
-  const auto outside = [&](const ImuSample& s) { return s.stamp < first - kAround || s.stamp > last + kAround; };
-  imu.erase(std::remove_if(imu.begin(), imu.end(), outside), imu.end());
-  if (!imu.empty()) repeat(imu, period, end + kAround);
-  auto& wheel = d.wheel_samples;
-  const auto unused = [&](const WheelSample& s) { return s.stamp < first - kAround || s.stamp > last + kAround; };
-  wheel.erase(std::remove_if(wheel.begin(), wheel.end(), unused), wheel.end());
-  if (!wheel.empty()) repeat(wheel, period, end + kAround);
+  const auto repeat_around = [&](auto& samples) {
+    const auto outside = [&](const auto& s) { return s.stamp < first - kAround || s.stamp > last + kAround; };
+    samples.erase(std::remove_if(samples.begin(), samples.end(), outside), samples.end());
+    if (!samples.empty()) repeat(samples, period, end + kAround);
+  };
+  repeat_around(d.imu_samples);
+  repeat_around(d.wheel_samples);
+  repeat_around(d.height_samples);
   if (!d.images.empty()) {
     d.image_source = std::make_shared<LoopedImages>(d.image_source, d.images.size());
     repeat(d.images, period, end);

@@ -8,13 +8,11 @@
 
 namespace epiline {
 
-namespace {
 void sleep_until(std::int64_t host_ns) noexcept {
   constexpr std::int64_t kSecond = 1'000'000'000;
   const timespec until{static_cast<time_t>(host_ns / kSecond), static_cast<long>(host_ns % kSecond)};
   clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr);
 }
-}  // namespace
 
 RecordedCamera::RecordedCamera(const AslDataset& dataset, const FlightPlan& plan) : dataset_(dataset), plan_(plan) {}
 
@@ -123,20 +121,6 @@ ReadOutcome RecordedImu::read(std::span<ImuSample> samples, std::size_t& count, 
   while (count < samples.size() && next_ < samples_.size() && pace_.host_of(samples_[next_].stamp) <= now_ns)
     samples[count++] = arrived(samples_[next_++]);
   return count > 0 ? ReadOutcome::kSample : ReadOutcome::kTimeout;
-}
-
-void RecordedWheel::start(const Pace& pace) noexcept {
-  pace_ = pace;
-  while (next_ < samples_.size() && samples_[next_].stamp < pace.stamp) ++next_;
-}
-
-ReadOutcome RecordedWheel::read(WheelSample& sample, Span timeout) noexcept {
-  if (next_ == samples_.size()) return ReadOutcome::kEnd;
-  const std::int64_t deadline_ns = monotonic_ns() + timeout.ns, due_ns = pace_.host_of(samples_[next_].stamp);
-  sleep_until(std::min(due_ns, deadline_ns));
-  if (due_ns > deadline_ns) return ReadOutcome::kTimeout;
-  sample = samples_[next_++];
-  return ReadOutcome::kSample;
 }
 
 }  // namespace epiline

@@ -1,6 +1,7 @@
 #pragma once
 // Plays a recorded flight as a camera and an IMU: each sample is delivered at its time on the computer's clock. Its
 // arrival time equals its timestamp, because recordings hold no arrival times.
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -58,6 +59,9 @@ class RecordedCamera final : public CameraSource {
   RealtimeThread decoder_thread_;  ///< without priority: it stands for the camera
 };
 
+/// By monotonic_ns().
+void sleep_until(std::int64_t host_ns) noexcept;
+
 /// A reading of a recording with its arrival.
 inline ImuSample arrived(ImuSample reading) noexcept {
   reading.arrival = reading.stamp;
@@ -82,19 +86,30 @@ class RecordedImu final : public ImuSource {
   Pace pace_;
 };
 
-/// The speeds of the wheels, in the recording's order.
-class RecordedWheel final : public WheelSource {
+/// The samples of a sensor besides camera and IMU, in the recording's order.
+template <class Sample>
+class RecordedSamples final : public SampleSource<Sample> {
  public:
-  explicit RecordedWheel(const AslDataset& dataset) : samples_(dataset.wheel_samples) {}
+  explicit RecordedSamples(const std::vector<Sample>& samples) : samples_(samples) {}
 
   Status open() override { return Done{}; }
   void close() noexcept override {}
-  /// Once, before the first read(). Speeds from before that time are left out.
-  void start(const Pace& pace) noexcept;
-  ReadOutcome read(WheelSample& sample, Span timeout) noexcept override;
+  /// Once, before the first read(). Samples from before that time are left out.
+  void start(const Pace& pace) noexcept {
+    pace_ = pace;
+    while (next_ < samples_.size() && samples_[next_].stamp < pace.stamp) ++next_;
+  }
+  ReadOutcome read(Sample& sample, Span timeout) noexcept override {
+    if (next_ == samples_.size()) return ReadOutcome::kEnd;
+    const std::int64_t deadline_ns = monotonic_ns() + timeout.ns, due_ns = pace_.host_of(samples_[next_].stamp);
+    sleep_until(std::min(due_ns, deadline_ns));
+    if (due_ns > deadline_ns) return ReadOutcome::kTimeout;
+    sample = samples_[next_++];
+    return ReadOutcome::kSample;
+  }
 
  private:
-  const std::vector<WheelSample>& samples_;
+  const std::vector<Sample>& samples_;
   std::size_t next_ = 0;
   Pace pace_;
 };

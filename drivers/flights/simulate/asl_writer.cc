@@ -42,10 +42,24 @@ Text truth_text(const std::vector<TruthRow>& rows) {
   return out;
 }
 
-std::string wheel_text(const std::vector<WheelSample>& samples) {
-  std::string out = kAslWheelHeader;
+std::string wheel_rows(const std::vector<WheelSample>& samples) {
+  std::string out;
   for (const WheelSample& s : samples) append_asl_wheel(out, s);
   return out;
+}
+
+std::string height_rows(const std::vector<HeightSample>& samples, HeightKind kind) {
+  std::string out;
+  for (const HeightSample& s : samples)
+    if (s.kind == kind) append_asl_height(out, s);
+  return out;
+}
+
+/// No file without rows.
+Status write_side(const fs::path& folder, const char* header, const std::string& rows) {
+  if (rows.empty()) return Done{};
+  if (Status s = make_folder(folder); !s) return s;
+  return write_text(folder / "data.csv", header + rows);
 }
 
 }  // namespace
@@ -60,10 +74,10 @@ Status write_tables(const FlightTables& tables, const fs::path& root) {
     return s;
   if (Status s = write_text(root / "imu0/sensor.yaml", asl_imu(tables.imu)); !s) return s;
   if (Status s = write_text(root / "imu0/data.csv", imu_text(tables.imu_samples)); !s) return s;
-  if (!tables.wheel_samples.empty()) {
-    if (Status s = make_folder(root / "wheel0"); !s) return s;
-    if (Status s = write_text(root / "wheel0/data.csv", wheel_text(tables.wheel_samples)); !s) return s;
-  }
+  if (Status s = write_side(root / "wheel0", kAslWheelHeader, wheel_rows(tables.wheel_samples)); !s) return s;
+  for (const AslHeightTable& table : kAslHeightTables)
+    if (Status s = write_side(root / table.folder, table.header, height_rows(tables.height_samples, table.kind)); !s)
+      return s;
   return write_text(root / "state_groundtruth_estimate0/data.csv", truth_text(tables.truth));
 }
 
@@ -74,7 +88,7 @@ Status write_image_list(const std::vector<ImageRow>& rows, const fs::path& root)
 }
 
 Status write_asl(const TrackSimulation& simulation, const SimulatedFlight& flight, const fs::path& folder,
-                 const std::vector<WheelSample>& wheel_samples) {
+                 const std::vector<WheelSample>& wheel_samples, const std::vector<HeightSample>& height_samples) {
   auto made = make_asl_folder(folder);
   if (!made) return made.error();
   FlightTables tables;
@@ -90,6 +104,7 @@ Status write_asl(const TrackSimulation& simulation, const SimulatedFlight& fligh
   tables.imu.noise = simulation.imu.noise;
   tables.imu_samples = flight.imu;
   tables.wheel_samples = wheel_samples;
+  tables.height_samples = height_samples;
   for (const SimulatedImage& image : flight.images) tables.truth.push_back({image.stamp_true, image.truth});
   if (Status s = write_tables(tables, made->root()); !s) return s;
   if (Status s = write_text(made->root() / "cam0/tracks.csv", tracks_text(flight)); !s) return s;

@@ -28,12 +28,13 @@ struct FlightTables {
   double image_rate_hz = 20;
   ImuCalibration imu;
   std::vector<ImuSample> imu_samples;
-  std::vector<WheelSample> wheel_samples;  ///< none: no such file
+  std::vector<WheelSample> wheel_samples;    ///< none: no such file
+  std::vector<HeightSample> height_samples;  ///< the same, for each kind
   std::vector<TruthRow> truth;
 };
 
-/// Writes cam0/sensor.yaml, imu0/{sensor.yaml,data.csv}, wheel0/data.csv and the truth. Fails if and only if a file
-/// cannot be written whole.
+/// Writes cam0/sensor.yaml, imu0/{sensor.yaml,data.csv}, {wheel0,baro0,range0}/data.csv and the truth. Fails if and
+/// only if a file cannot be written whole.
 Status write_tables(const FlightTables& tables, const std::filesystem::path& root);
 
 /// One image's place in cam0/data.csv.
@@ -45,6 +46,7 @@ Status write_image_list(const std::vector<ImageRow>& rows, const std::filesystem
 
 /// Writes a flight with simulated tracks instead of images: `folder`/mav0, complete or not at all.
 Status write_asl(const TrackSimulation& simulation, const SimulatedFlight& flight, const std::filesystem::path& folder,
-                 const std::vector<WheelSample>& wheel_samples = {});
+                 const std::vector<WheelSample>& wheel_samples = {},
+                 const std::vector<HeightSample>& height_samples = {});
 
 }  // namespace epiline

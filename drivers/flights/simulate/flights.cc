@@ -258,8 +258,34 @@ Flight make_rover(Random& random) {
   return std::move(controls).finish(Room{.low = {-5, -5, -0.4}, .high = {5, 5, 2.6}});
 }
 
+/// In gusts, which push and tilt it, and move its height slowly.
+Flight make_survey(double height_m, Random& random) {
+  constexpr double kTakeOff_s = 5, kClimb_m_s = 3, kUpToSpeed_s = 6, kSpeed_m_s = 12, kLeg_m = 1000, kLead_s = 4;
+  const double climb_s = height_m / kClimb_m_s + kUpToSpeed_s, level_s = kTakeOff_s + climb_s + 2;
+  Controls controls(0.5, level_s + kLead_s + kLeg_m / kSpeed_m_s + kUpToSpeed_s);
+  double x = 0, height = 0, wander = 0;
+  const double yaw = random.uniform(-0.3, 0.3);
+  for (int i = 0; i < controls.count(); ++i) {
+    const double t = controls.time(i), climbing = t - kTakeOff_s, flying = t - level_s;
+    Vec3 position(x, 0, height), euler(0, 0, yaw);
+    if (climbing > 0) {
+      wander = 0.97 * wander + 0.08 * random.normal();
+      const double wind = std::min(1.0, climbing / 6);
+      position += wind * (random.normal3(0.03) + Vec3(0, 0, wander));
+      euler += wind * random.normal3(1).cwiseProduct(Vec3(0.02, 0.02, 0.02));
+    }
+    controls.push(position, euler);
+    // as fast as it may be, and no faster than to come to rest at its height
+    const double left = std::max(0.0, height_m - height);
+    height += controls.interval_s * kClimb_m_s * smooth_step(climbing / kUpToSpeed_s) * std::min(1.0, left / 6);
+    x += controls.interval_s * kSpeed_m_s * smooth_step(flying / kUpToSpeed_s);
+  }
+  return std::move(controls).finish(
+      Room{.low = {-500, -1000, kSurveyGround_m}, .high = {2000, 1000, height_m + 100}, .nearest_share = 1});
+}
+
 constexpr std::array<const char*, kAllFlights.size()> kNames{"agile",    "hall",    "hover",      "still", "straight",
-                                                             "corridor", "purerot", "standstill", "rover"};
+                                                             "corridor", "purerot", "standstill", "rover", "survey"};
 
 }  // namespace
 
@@ -288,7 +314,7 @@ Motion Flight::at(double t_s) const {
   return m;
 }
 
-Flight make_flight(FlightKind kind, Random& random) {
+Flight make_flight(FlightKind kind, Random& random, double height_m) {
   switch (kind) {
     case FlightKind::kAgile:
       return make_wandering(0.5, 40, {.step_m = 0.9, .limit_m = {2.5, 2.5, 1}, .yaw_step_rad = 0.5, .tilt_rad = 0.25},
@@ -308,6 +334,8 @@ Flight make_flight(FlightKind kind, Random& random) {
       return make_corridor(random);
     case FlightKind::kStandstill:
       return make_standstill(random);
+    case FlightKind::kSurvey:
+      return make_survey(height_m, random);
     case FlightKind::kRover:
       return make_rover(random);
   }

@@ -23,10 +23,12 @@ enum class FlightKind : std::uint8_t {
   kPureRotation,  ///< flight, 20 s of rotation about the IMU, flight
   kStandstill,    ///< 5 s exactly at rest, take-off, flight, landing, 5 s exactly at rest
   kRover,         ///< on wheels: forward and along gentle bends, stops, turns in place; begins at rest
+  kSurvey,        ///< rest, climb to a height, 1 km straight ahead at 12 m/s; the camera looks down
 };
 inline constexpr std::array kAllFlights{FlightKind::kAgile,        FlightKind::kHall,       FlightKind::kHover,
                                         FlightKind::kStill,        FlightKind::kStraight,   FlightKind::kCorridor,
-                                        FlightKind::kPureRotation, FlightKind::kStandstill, FlightKind::kRover};
+                                        FlightKind::kPureRotation, FlightKind::kStandstill, FlightKind::kRover,
+                                        FlightKind::kSurvey};
 const char* to_string(FlightKind kind);
 std::optional<FlightKind> flight_from(std::string_view name);
 
@@ -52,7 +54,13 @@ class Flight final : public MotionModel {
   Room room_;
 };
 
-/// A random flight of that kind.
-Flight make_flight(FlightKind kind, Random& random);
+inline constexpr double kUsualHeight_m = 100;
+/// Where the ground of a survey lies; the body begins at height 0.
+inline constexpr double kSurveyGround_m = -0.4;
+
+/// A random flight of that kind. `height_m`: of a survey.
+Flight make_flight(FlightKind kind, Random& random, double height_m = kUsualHeight_m);
+/// Whether its camera looks down, not ahead.
+constexpr bool looks_down(FlightKind kind) { return kind == FlightKind::kSurvey; }
 
 }  // namespace epiline

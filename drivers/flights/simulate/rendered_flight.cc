@@ -35,13 +35,23 @@ std::vector<ImageTask> tasks_of(const FlightToRender& flight, const std::vector<
   return tasks;
 }
 
+void add_range(const FlightToRender& flight, const World& world, const RenderChoice& choice,
+               std::vector<HeightSample>& samples) {
+  const GroundDistance ground = [&](const Vec3& from, const Vec3& along) -> std::optional<double> {
+    const auto hit = cast_ray(world, from, along);
+    return hit ? std::optional(hit->distance_m) : std::nullopt;
+  };
+  const auto range = simulate_range(*flight.motion, flight.begin, ground, *choice.range, choice.seed);
+  samples.insert(samples.end(), range.begin(), range.end());
+}
+
 }  // namespace
 
 FlightToRender built_in_flight(FlightKind kind, const ImuEffects& imu_effects, const CameraCalibration& camera,
-                               double rate_hz, std::uint64_t seed) {
+                               double rate_hz, std::uint64_t seed, double height_m) {
   const ImuModel imu = imu_model_with(imu_effects, ImuNoise{}, ImuModel{}.rate_hz, Random(seed, kImuErrorStream));
   Random random(seed, kFlightStream);
-  const Flight flight = make_flight(kind, random);
+  const Flight flight = make_flight(kind, random, height_m);
   FlightToRender result;
   result.begin = kFlightBegin;
   // The IMU runs a little before the first and after the last image.
@@ -50,9 +60,8 @@ FlightToRender built_in_flight(FlightKind kind, const ImuEffects& imu_effects, c
   FlightTables& tables = result.tables;
   tables.comment = fmt::format("rendered, flight {}, seed {}", to_string(kind), seed);
   tables.camera = camera;
-  const Extrinsics looking_ahead = true_extrinsics({});
-  tables.camera.R_BC = looking_ahead.R_BC;
-  tables.camera.p_BC = looking_ahead.p_BC;
+  tables.camera.R_BC = simulated_camera_axes(kind);
+  tables.camera.p_BC = TrackSimulation{}.p_BC;
   tables.image_rate_hz = rate_hz;
   tables.imu.noise = ImuNoise{};  // what its data sheet would say
   ImuSimulator simulator(imu, Random(seed, kImuStream));
@@ -78,6 +87,8 @@ WorldKind usual_world(FlightKind kind) {
       return WorldKind::kCorridor;
     case FlightKind::kRover:
       return WorldKind::kOutdoor;
+    case FlightKind::kSurvey:
+      return WorldKind::kFields;
     case FlightKind::kAgile:
     case FlightKind::kHover:
     case FlightKind::kStill:
@@ -95,8 +106,9 @@ Status render_flight(const FlightToRender& flight, const RenderChoice& choice, c
   FlightTables tables = flight.tables;
   CameraCalibration& camera = tables.camera;
   camera.parameters.readout_s = choice.effects.camera.row_time_s * (camera.parameters.height - 1);
-  if (Status s = write_tables(tables, made->root()); !s) return s;
   const World world = make_world(choice.world, camera_path(flight), choice.effects.movers, choice.seed);
+  if (choice.range) add_range(flight, world, choice, tables.height_samples);
+  if (Status s = write_tables(tables, made->root()); !s) return s;
   const TextureAtlas atlas(choice.seed);
   std::vector<double> times_s;
   const int images = static_cast<int>((flight.to_s - flight.from_s) * flight.tables.image_rate_hz) + 1;

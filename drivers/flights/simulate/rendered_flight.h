@@ -3,8 +3,10 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "drivers/flights/simulate/asl_writer.h"
+#include "drivers/flights/simulate/height_simulator.h"
 #include "drivers/flights/simulate/motion.h"
 #include "drivers/flights/simulate/render/effects.h"
 #include "drivers/flights/simulate/render/world.h"
@@ -24,11 +26,13 @@ struct RenderChoice {
   FlightEffects effects;
   std::uint64_t seed = 1;
   int jobs = 1;
+  std::optional<RangeSimulation> range{};  ///< of the world that is rendered, movers left out; its file is written too
 };
 
-/// A built-in flight with a simulated IMU. The camera looks along the body's x axis: of `camera` only the lens is used.
+/// A built-in flight with a simulated IMU. The camera looks along the body's x axis, or down: of `camera` only the lens
+/// is used. `height_m`: of a survey.
 FlightToRender built_in_flight(FlightKind kind, const ImuEffects& imu_effects, const CameraCalibration& camera,
-                               double rate_hz, std::uint64_t seed);
+                               double rate_hz, std::uint64_t seed, double height_m = kUsualHeight_m);
 
 /// The world that fits a built-in flight.
 WorldKind usual_world(FlightKind kind);

@@ -156,9 +156,19 @@ class TrackSource {
 
 }  // namespace
 
+Mat3 simulated_camera_axes(FlightKind flight) {
+  Mat3 R_BC;
+  if (looks_down(flight)) {
+    R_BC << 0, -1, 0, -1, 0, 0, 0, 0, -1;  // the camera's x, y, z are the body's -y, -x, -z
+  } else {
+    R_BC << 0, 0, 1, -1, 0, 0, 0, -1, 0;  // the camera's x, y, z are the body's -y, -z, x
+  }
+  return R_BC;
+}
+
 Extrinsics true_extrinsics(const TrackSimulation& simulation) {
   Extrinsics e;
-  e.R_BC << 0, 0, 1, -1, 0, 0, 0, -1, 0;  // the camera's x, y, z are the body's -y, -z, x
+  e.R_BC = simulated_camera_axes(simulation.flight);
   e.p_BC = simulation.p_BC;
   e.focal_px = simulation.focal_px;
   e.time_offset_s = simulation.time_offset_s;
@@ -169,7 +179,7 @@ Extrinsics true_extrinsics(const TrackSimulation& simulation) {
 SimulatedFlight simulate_tracks(const TrackSimulation& simulation) {
   Random flight_random(simulation.seed, kTrackFlightStream);
   SimulatedFlight result;
-  result.flight = make_flight(simulation.flight, flight_random);
+  result.flight = make_flight(simulation.flight, flight_random, simulation.height_m);
   const Flight& flight = result.flight;
   ImuSimulator imu(simulation.imu, Random(simulation.seed, kTrackImuStream));
   TrackSource tracks(simulation, flight.room(), Random(simulation.seed, kTrackStream));

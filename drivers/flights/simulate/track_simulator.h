@@ -36,8 +36,9 @@ struct TrackSimulation {
   double fast_px = 45,
          fast_loss_share = 0.3;  ///< a track that moves further than this in one image is lost with this probability
   double time_offset_s = 0;      ///< t_IMU - t_image: image stamps are too early by this much
-  double readout_s = 0;          ///< rolling shutter: exposure of the last row minus that of the first
-  Vec3 p_BC{0.06, 0.02, -0.01};  ///< m; the camera looks along the body's x axis
+  double height_m = kUsualHeight_m;  ///< of a survey
+  double readout_s = 0;              ///< rolling shutter: exposure of the last row minus that of the first
+  Vec3 p_BC{0.06, 0.02, -0.01};      ///< m; the camera looks along the body's x axis, or down
 };
 
 struct TrackObservation {
@@ -78,6 +79,8 @@ class SimulatedFlight {
   double focal_px = 0;
 };
 
+/// Axes of a camera that looks along the body's x axis, or down with the body's x axis up in the image.
+Mat3 simulated_camera_axes(FlightKind flight);
 /// Camera and clock as they are simulated.
 Extrinsics true_extrinsics(const TrackSimulation& simulation);
 

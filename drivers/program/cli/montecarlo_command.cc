@@ -69,7 +69,8 @@ void add_noise(CLI::App& command, StudyOptions& study) {
 
 void add_montecarlo(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<MontecarloArguments>();
-  for (const FlightKind kind : kAllFlights) o->flights.emplace_back(to_string(kind));
+  for (const FlightKind kind : kAllFlights)
+    if (kind != FlightKind::kSurvey) o->flights.emplace_back(to_string(kind));  // two minutes, a study of its own
   o->factors.assign(kVisualFactorNames.begin(), kVisualFactorNames.end());
   o->study.jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   CLI::App* command =

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "drivers/flights/simulate/height_simulator.h"
 #include "drivers/flights/simulate/hybrid_flight.h"
 #include "drivers/flights/simulate/wheel_simulator.h"
 #include "drivers/program/cli/commands.h"
@@ -23,8 +24,10 @@ struct SimulateArguments {
               effects = kUsualEffects, camera, out;
   bool tracks = false, quiet = false;
   std::uint64_t seed = 1;
-  bool wheels = false;
+  bool wheels = false, has_barometer = false, has_range = false;
   WheelSimulation wheel;
+  BarometerSimulation barometer;
+  RangeSimulation range;
   double duration_s = 0, rate_hz = 20;
   int jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   TrackSimulation simulation;
@@ -45,7 +48,14 @@ int simulate_track_flight(SimulateArguments& o) {
   if (o.duration_s > 0) shorten(flight, o.duration_s);
   std::vector<WheelSample> wheel;
   if (o.wheels) wheel = simulate_wheel(flight.flight, kFlightBegin, o.wheel, o.seed);
-  const Status written = write_asl(o.simulation, flight, o.out, wheel);
+  std::vector<HeightSample> heights;
+  if (o.has_barometer) heights = simulate_barometer(flight.flight, kFlightBegin, o.barometer, o.seed);
+  if (o.has_range) {
+    const GroundDistance ground = flat_ground(flight.flight.room().low.z());
+    const auto range = simulate_range(flight.flight, kFlightBegin, ground, o.range, o.seed);
+    heights.insert(heights.end(), range.begin(), range.end());
+  }
+  const Status written = write_asl(o.simulation, flight, o.out, wheel, heights);
   return written ? kExitDone : report(written.error());
 }
 
@@ -62,8 +72,11 @@ CameraCalibration usual_camera() {
 
 int render(const SimulateArguments& o, const FlightEffects& effects, FlightToRender flight, WorldKind usual_world) {
   if (o.wheels) flight.tables.wheel_samples = simulate_wheel(*flight.motion, flight.begin, o.wheel, o.seed);
+  if (o.has_barometer)
+    flight.tables.height_samples = simulate_barometer(*flight.motion, flight.begin, o.barometer, o.seed);
   if (o.duration_s > 0) flight.to_s = std::min(flight.to_s, flight.from_s + o.duration_s);
-  const RenderChoice choice{o.world.empty() ? usual_world : *world_from(o.world), effects, o.seed, o.jobs};
+  RenderChoice choice{o.world.empty() ? usual_world : *world_from(o.world), effects, o.seed, o.jobs, std::nullopt};
+  if (o.has_range) choice.range = o.range;
   ProgressBar bar(o.quiet);
   const Status written =
       render_flight(flight, choice, o.out, [&](std::size_t done, std::size_t all) { bar(done, all); });
@@ -78,7 +91,8 @@ int render_built_in(const SimulateArguments& o, const FlightEffects& effects) {
     camera = *calibration;
   }
   const FlightKind kind = *flight_from(o.flight);
-  return render(o, effects, built_in_flight(kind, effects.imu, camera, o.rate_hz, o.seed), usual_world(kind));
+  return render(o, effects, built_in_flight(kind, effects.imu, camera, o.rate_hz, o.seed, o.simulation.height_m),
+                usual_world(kind));
 }
 
 int render_recorded(const SimulateArguments& o, const FlightEffects& effects) {
@@ -109,6 +123,33 @@ std::vector<std::string> names(const All& all) {
   std::vector<std::string> list;
   for (const auto kind : all) list.emplace_back(to_string(kind));
   return list;
+}
+
+void add_heights(CLI::App& command, const std::shared_ptr<SimulateArguments>& o) {
+  command.add_option("--height", o->simulation.height_m, "of a survey, m")
+      ->check(CLI::Range(5.0, 500.0))
+      ->capture_default_str();
+  CLI::Option* barometer =
+      command.add_flag("--barometer", o->has_barometer, "also write the height that a barometer would measure (baro0)");
+  CLI::Option* range = command.add_flag(
+      "--range", o->has_range, "also write the distance that a range finder would measure, downwards (range0)");
+  const auto add = [&](CLI::Option* sensor, const char* name, double& value, const char* text, double most) {
+    command.add_option(name, value, text)->check(CLI::Range(-most, most))->needs(sensor)->capture_default_str();
+  };
+  constexpr double kMost = 1e6;
+  add(barometer, "--barometer-noise", o->barometer.sigma_m, "with --barometer: standard deviation of its noise, m",
+      kMost);
+  add(barometer, "--barometer-walk", o->barometer.walk, "with --barometer: random walk of its offset, m/sqrt(s)",
+      kMost);
+  add(barometer, "--barometer-gusts", o->barometer.gust_m,
+      "with --barometer: standard deviation of its error by gusts of 4 s, m", kMost);
+  add(barometer, "--barometer-jump", o->barometer.jump_m, "with --barometer-jump-at: by how much it jumps, m", kMost);
+  add(barometer, "--barometer-jump-at", o->barometer.jump_at_s, "with --barometer: when it jumps, s", 1e12);
+  add(range, "--range-noise", o->range.sigma_m, "with --range: standard deviation of its noise, m", kMost);
+  add(range, "--range-drops", o->range.drop_share, "with --range: share of the samples that are lost", 1);
+  add(range, "--range-most", o->range.most_m, "with --range: longest distance that it measures, m", kMost);
+  add(range, "--range-steps", o->range.step_m,
+      "with --range: height of every other stretch of 50 m of the ground below the beam, m", kMost);
 }
 
 }  // namespace
@@ -171,6 +212,7 @@ void add_simulate(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(-0.5, 0.5))
       ->needs(wheels)
       ->capture_default_str();
+  add_heights(*command, o);
   command->add_option("--out", o->out, "folder to write")->required();
   command->add_flag("--quiet", o->quiet, "print errors only");
   command->callback([o, &exit_code] { exit_code = simulate(*o); });

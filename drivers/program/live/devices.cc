@@ -137,7 +137,7 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
   file->apply(config);  // the file wins
   if (const Status s = mavlink::fault_of_frame(config.devices.mavlink); !s)
     return Error{s.error().kind, settings.source, 0, s.error().file + ": " + s.error().found, s.error().expected};
-  set_vehicle(config.estimator.wheel, config.devices.wheel, R_VB_of(config.devices.body));
+  set_vehicle(config);
   return settings;
 }
 

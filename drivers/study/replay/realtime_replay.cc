@@ -102,7 +102,8 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
   Collector collector(plan.images.size());
   RecordedCamera camera(dataset, plan);
   RecordedImu imu(dataset, plan);
-  RecordedWheel wheel(dataset);
+  RecordedSamples<WheelSample> wheel(dataset.wheel_samples);
+  RecordedSamples<HeightSample> height(dataset.height_samples);
   std::optional<PredictedRecorder> predicted;
   if (options.imu_rate) predicted.emplace(dataset.imu_samples.size() - plan.first_imu, options.odometry);
   try {
@@ -114,6 +115,7 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     const SignalWait signals({SIGUSR1});  // before any thread begins
     RealtimePorts ports{&faulty_camera, &faulty_imu, predicted ? &*predicted : options.odometry, {&collector}, {}};
     if (!dataset.wheel_samples.empty()) ports.wheel = &wheel;
+    if (!dataset.height_samples.empty()) ports.height = &height;
     if (options.view != nullptr) ports.observers.push_back(&start_view(*options.view, dataset, options));
     std::optional<FlightRecorder> recorder;
     if (!config.recorder.folder.empty()) {
@@ -127,6 +129,7 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     camera.start(pace);
     imu.start(pace);
     wheel.start(pace);
+    height.start(pace);
     pipeline.arm(pace);
     while (!pipeline.finished()) {
       if (signals.wait(Span::from_milliseconds(20)) != 0 && recorder) recorder->request();

@@ -61,7 +61,7 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
   e.extrinsics = {dataset.camera.R_BC, dataset.camera.p_BC, Camera(dataset.camera.parameters).focal_px(),
                   dataset.camera.time_offset_s, dataset.camera.parameters.readout_s};
   if (file) file->apply(config);
-  set_vehicle(e.wheel, config.devices.wheel, R_VB_of(config.devices.body));
+  set_vehicle(config);
   if (options.visual_factor) e.visual_factor = *options.visual_factor;
   if (options.deadline_ms) config.deadline_ms = *options.deadline_ms;
   if (!options.record_folder.empty()) config.recorder.folder = options.record_folder.string();
@@ -102,7 +102,7 @@ class Flight {
       return Done{};
     }
     feed_imu(frame.stamp);
-    feed_wheel(frame.stamp);
+    feed_sides(frame.stamp);
     const ThreadCosts before = costs_of_this_thread();
     const HeapCallScope heap;
     pipeline_.step(frame, outcome_);
@@ -150,12 +150,14 @@ class Flight {
     }
   }
 
-  /// Delivers IMU samples up to the image and one more, as a bus would have by the time the image is tracked.
-  void feed_wheel(HostStamp image) {
+  /// Delivers samples up to the image and one more, as a bus would have by the time the image is tracked.
+  void feed_sides(HostStamp image) {
     const HostStamp needed = pipeline_.imu_needed_until(image);
-    const auto& wheel = dataset_.wheel_samples;
-    while (next_wheel_ < wheel.size() && (next_wheel_ == 0 || wheel[next_wheel_ - 1].stamp < needed))
-      pipeline_.add_wheel(wheel[next_wheel_++]);
+    const auto feed = [&](const auto& samples, std::size_t& next, auto&& add) {
+      while (next < samples.size() && (next == 0 || samples[next - 1].stamp < needed)) add(samples[next++]);
+    };
+    feed(dataset_.wheel_samples, next_wheel_, [&](const WheelSample& s) { pipeline_.add_wheel(s); });
+    feed(dataset_.height_samples, next_height_, [&](const HeightSample& s) { pipeline_.add_height(s); });
   }
 
   const AslDataset& dataset_;
@@ -164,7 +166,7 @@ class Flight {
   ImageDecoder decoder_;
   int shown_buffer_ = 1;  ///< the decoder's buffer with the image that the tracker keeps
   bool counts_heap_;
-  std::size_t next_imu_, next_wheel_ = 0;
+  std::size_t next_imu_, next_wheel_ = 0, next_height_ = 0;
   ImuFaults imu_faults_;
   CameraFaults camera_faults_;
   std::array<ImuSample, ImuFaults::kMost> delivered_;     ///< the samples that the last reading became ...

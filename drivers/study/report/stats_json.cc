@@ -2,6 +2,7 @@
 
 #include <numeric>
 
+#include "drivers/study/report/heights_json.h"
 #include "pipeline/text/suspicion_text.h"
 
 namespace epiline {
@@ -81,11 +82,8 @@ Json initialisation_json(const FlightRecord& r) {
     if (r.estimator.start_refused[i] > 0)
       reasons[to_string(static_cast<StartRefusal>(i))] = r.estimator.start_refused[i];
   }
-  const char* kind = r.estimator.start_kind == StartKind::kStationary ? "stationary"
-                     : r.estimator.start_kind == StartKind::kMoving   ? "moving"
-                     : r.estimator.start_kind == StartKind::kGiven    ? "given"
-                     : r.estimator.start_kind == StartKind::kCarried  ? "carried"
-                                                                      : nullptr;
+  constexpr std::array<const char*, 5> kKinds{nullptr, "given", "stationary", "moving", "carried"};
+  const char* const kind = kKinds[static_cast<std::size_t>(r.estimator.start_kind)];
   const auto seconds = start_seconds(r);
   return {{"done", seconds.has_value()},
           {"seconds_after_first_image", or_null(seconds)},
@@ -369,6 +367,7 @@ Json stats_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& er
   json["settings"] = settings_json(r);
   json["images"] = images_json(r);
   json["imu"] = imu_json(r);
+  json["heights"] = heights_json(e);
   json["watch"] = watch_json(r);
   json["initialisation"] = initialisation_json(r);
   json["calibration"] = calibration_json(r);

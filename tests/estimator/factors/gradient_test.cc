@@ -1,7 +1,8 @@
 // The right-hand side of every factor against the slope of its own cost, on every instruction set of this machine.
 // Derivations: docs/derivations/track.md, docs/derivations/drift.md, docs/derivations/epipolar.md,
 // docs/derivations/reprojection.md, docs/derivations/calibration.md, docs/derivations/imu.md,
-// docs/derivations/wheel.md, docs/derivations/zero_motion.md, docs/derivations/marginalisation.md.
+// docs/derivations/wheel.md, docs/derivations/height.md, docs/derivations/zero_motion.md,
+// docs/derivations/marginalisation.md.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include <vector>
 
 #include "estimator/factors/epipolar.h"
+#include "estimator/factors/height.h"
 #include "estimator/factors/imu.h"
 #include "estimator/factors/prior.h"
 #include "estimator/factors/reprojection.h"
@@ -21,6 +23,7 @@
 #include "estimator/solver/marginalise.h"
 #include "tests/estimator/factors/named_blocks.h"
 #include "tests/estimator/factors/smooth_settings.h"
+#include "tests/estimator/height_readings.h"
 #include "tests/estimator/slope.h"
 #include "tests/estimator/synthetic_window.h"
 
@@ -85,7 +88,7 @@ std::vector<std::string> on_every_set(const std::vector<std::string>& vectorised
   return others;
 }
 
-/// All there is to a window: rest, wheels, and a prior that a frame left behind.
+/// All there is to a window: rest, wheels, heights, and a prior that a frame left behind.
 SyntheticWindow furnished_window(double readout_s = 0) {
   SyntheticWindow s = make_window({.readout_s = readout_s});
   Window& w = *s.window;
@@ -108,6 +111,7 @@ SyntheticWindow furnished_window(double readout_s = 0) {
     slot.wheel_speed_m_s = w.wheel.forward_B.dot(slot.x.R.transpose() * slot.x.v) + 0.02 * k;
     slot.omega = Vec3(0.1, 0.2, 0.3);
   }
+  test::furnish_heights(w);
   return s;
 }
 
@@ -119,6 +123,12 @@ class Gradient : public testing::TestWithParam<std::string> {
     if (name == "prior") return {name, add_prior, 1};
     if (name == "wheel")
       return {name, [](const Window& at, NormalEquations* out) { return add_wheel(at, {at.size(), false}, out); }, 0.1};
+    if (name == "height")
+      return {name,
+              [](const Window& at, NormalEquations* out) {
+                return add_height(at, {at.size(), false}, out);
+              },
+              0.01, false};
     if (name == "zero_motion")
       return {name,
               [](const Window& at, NormalEquations* out) {
@@ -271,7 +281,7 @@ const auto name_of_subject = [](const testing::TestParamInfo<std::string>& test)
 INSTANTIATE_TEST_SUITE_P(Factors, Gradient,
                          testing::ValuesIn(on_every_set({"track", "drift", "track_rows", "drift_rows", "epipolar",
                                                          "reprojection", "imu"},
-                                                        {"prior", "wheel", "zero_motion"})),
+                                                        {"prior", "wheel", "height", "zero_motion"})),
                          name_of_subject);
 INSTANTIATE_TEST_SUITE_P(Factors, HeldDepth, testing::ValuesIn(on_every_set({"track"})), name_of_subject);
 

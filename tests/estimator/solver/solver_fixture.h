@@ -4,6 +4,7 @@
 #include "estimator/factors/track.h"
 #include "estimator/solver/marginalise.h"
 #include "estimator/solver/solver.h"
+#include "tests/estimator/height_readings.h"
 #include "tests/estimator/synthetic_window.h"
 
 namespace epiline::test {
@@ -30,8 +31,8 @@ inline VisualSettings quadratic(bool extrinsics) {
   return s;
 }
 
-/// A window of `frames` with everything in it: a prior over all frames but the two newest, rest and wheel factors,
-/// calibration.
+/// A window of `frames` with everything in it: a prior over all frames but the two newest, rest, wheel and height
+/// factors, calibration.
 inline SyntheticWindow full_window(int frames) {
   const bool with_history = frames > 2;
   SyntheticWindow s = make_window({.frames = std::min(frames + (with_history ? 1 : 0), kMaxFrames)});
@@ -46,6 +47,7 @@ inline SyntheticWindow full_window(int frames) {
     w.at(k).wheel_speed_m_s = w.wheel.forward_B.dot(w.at(k).x.R.transpose() * w.at(k).x.v) + 0.02 * k;
     w.at(k).omega = Vec3(0.1, 0.2, 0.3);
   }
+  furnish_heights(w);
   if (with_history) {
     TrackFactor factor(best_instruction_set());
     const VisualSettings settings = quadratic(true);

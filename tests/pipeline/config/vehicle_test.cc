@@ -22,15 +22,29 @@ TEST(Vehicle, TheBodysTurnsAreThoseOfItsAxes) {
 }
 
 TEST(Vehicle, ThePointOfTheWheelsIsSeenFromTheImu) {
-  WheelConfig config;
-  config.x_m = 1;
-  config.y_m = 0.5;
-  config.z_m = -0.25;
-  WheelModel wheel;
+  Config config;
+  config.devices.wheel.x_m = 1;
+  config.devices.wheel.y_m = 0.5;
+  config.devices.wheel.z_m = -0.25;
   // the IMU's x points left, its y backwards: what is 1 m ahead is at y = -1 m
-  set_vehicle(wheel, config, R_VB_of({0, 0, 90}));
+  config.devices.body.yaw_deg = 90;
+  set_vehicle(config);
+  const WheelModel& wheel = config.estimator.wheel;
   EXPECT_TRUE(wheel.forward_B.isApprox(-Vec3::UnitY()));
   EXPECT_TRUE(wheel.p_BV.isApprox(Vec3(0.5, -1, -0.25)));
+}
+
+TEST(Vehicle, TheRangeFinderLooksDownUnlessTold) {
+  Config config;
+  const HeightModel& range = config.estimator.heights[1];
+  set_vehicle(config);
+  EXPECT_TRUE(range.beam_B.isApprox(-Vec3::UnitZ()));
+  // an IMU that lies upside down, x forward: y points right, z down
+  config.devices.body.roll_deg = 180;
+  config.devices.height = {0.1, 0.2, -0.3, 45, 0};
+  set_vehicle(config);
+  EXPECT_TRUE(range.p_BS.isApprox(Vec3(0.1, -0.2, 0.3)));
+  EXPECT_TRUE(range.beam_B.isApprox(Vec3(1, 0, 1).normalized())) << range.beam_B.transpose();
 }
 
 }  // namespace

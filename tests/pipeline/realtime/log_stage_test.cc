@@ -27,6 +27,7 @@ class LogStageTest : public StageTest {
   EndMark one, two, three;
   std::unique_ptr<ImuRing> imu = std::make_unique<ImuRing>();
   WheelRing speeds;
+  HeightRing heights;
   LogStage stage{clock,
                  {*log,
                   images,
@@ -34,7 +35,8 @@ class LogStageTest : public StageTest {
                   {{{RingName::kImuToTrack, imu.get()},
                     {RingName::kImuToEstimate, imu.get()},
                     {RingName::kImuToPublish, imu.get()}}},
-                  speeds}};
+                  speeds,
+                  heights}};
 };
 
 TEST_F(LogStageTest, HandsOnWhatHasComeAndGivesImagesBack) {

@@ -13,7 +13,7 @@ class EstimateStageTest : public StageTest {
   void make(std::optional<EstimateStage::Log> to_log, double deadline_ms = 0) {
     stage = std::make_unique<EstimateStage>(
         EstimateStageSettings{{}, 0, deadline_ms, Span::from_milliseconds(20)}, clock,
-        EstimateStage::Inputs{*tracked, tracker_ended, *imu, imu_ended, speeds},
+        EstimateStage::Inputs{*tracked, tracker_ended, *imu, imu_ended, speeds, heights},
         EstimateStage::Outputs{knowledge, tracker, *events, &newest, &publisher, to_log});
   }
   void show(std::int64_t ms) {
@@ -40,6 +40,7 @@ class EstimateStageTest : public StageTest {
   EndMark tracker_ended, imu_ended;
   std::unique_ptr<ImuRing> imu = std::make_unique<ImuRing>();
   WheelRing speeds;
+  HeightRing heights;
   KnowledgeRing knowledge;
   Parking tracker, publisher, log;
   LatestValue<Estimate> newest;
@@ -162,9 +163,9 @@ TEST_F(EstimateStageTest, EndsWhenTheLastImageIsDone) {
 }
 
 TEST_F(EstimateStageTest, InALoopNobodyPublishesAndTheLoopAsksForTheOutcome) {
-  stage = std::make_unique<EstimateStage>(EstimateStageSettings{}, clock,
-                                          EstimateStage::Inputs{*tracked, tracker_ended, *imu, imu_ended, speeds},
-                                          EstimateStage::Outputs{knowledge, tracker, *events});
+  stage = std::make_unique<EstimateStage>(
+      EstimateStageSettings{}, clock, EstimateStage::Inputs{*tracked, tracker_ended, *imu, imu_ended, speeds, heights},
+      EstimateStage::Outputs{knowledge, tracker, *events});
   imu_ended.set();
   show(50);
   run(*stage);

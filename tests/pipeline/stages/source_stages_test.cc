@@ -3,7 +3,7 @@
 
 #include "pipeline/stages/capture_stage.h"
 #include "pipeline/stages/imu_stage.h"
-#include "pipeline/stages/wheel_stage.h"
+#include "pipeline/stages/side_stage.h"
 #include "tests/pipeline/stages/stage_support.h"
 
 namespace epiline {
@@ -213,10 +213,10 @@ TEST_F(StageTest, WheelsEndWithTheOthersAndAFullRingRefusesTheirSpeeds) {
   EndMark imu_ended, camera_ended;
   auto speeds = std::make_unique<WheelRing>();
   auto log = std::make_unique<WheelLogRing>();
-  WheelStage stage({&wheel, imu_ended, camera_ended}, clock, {*speeds, *events, *log});
+  SideStage<WheelSample> stage(EventSource::kWheel, {&wheel, imu_ended, camera_ended}, clock, {*speeds, *events, *log});
   wheel.left = 300;
   run(stage);
-  EXPECT_EQ(stage.speeds(), 300u);
+  EXPECT_EQ(stage.samples(), 300u);
   EXPECT_EQ(speeds->published(), 256u);
   EXPECT_EQ(speeds->dropped(), 44u);
   EXPECT_EQ(log->published(), 300u);

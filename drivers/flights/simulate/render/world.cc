@@ -47,6 +47,7 @@ class Builder {
   Builder(const std::vector<Vec3>& path, std::uint64_t seed) : random_(seed, 77), path_(path) {}
 
   Random& random() { return random_; }
+  const Vec3& start() const { return path_.front(); }
   World take() && { return std::move(world_); }
   World& world() { return world_; }
 
@@ -395,7 +396,41 @@ Bounds outdoor(Builder& b, Bounds box) {
   return near;
 }
 
-constexpr std::array<const char*, kAllWorlds.size()> kNames{"hall", "room", "corridor", "outdoor"};
+constexpr Material kField[] = {Material::kGrass, Material::kGravel, Material::kLandscape, Material::kGrass};
+constexpr Material kHouse[] = {Material::kFacade, Material::kBrick};
+
+/// Ground whose texture suits the height it is seen from: finer patches lie a little above the coarser ones.
+Bounds fields(Builder& b, Bounds box) {
+  const double floor = box.low.z() - 0.55, height = box.high.z() - floor, margin = 30 + 1.3 * height;
+  const Vec3 x = Vec3::UnitX(), y = Vec3::UnitY();
+  Bounds land{box.low - Vec3(margin, margin, 0), box.high + Vec3(margin, margin, 0)};
+  land.low.z() = land.high.z() = floor;
+  b.wall(land.centre(), x, y, land.size().x(), land.size().y(), 35, kField, 8, 1.1);
+  struct Patch {
+    double half_m, texels_per_m, above_m;
+  };
+  for (const Patch& p : {Patch{60, 40, 0.03}, Patch{18, kUsual, 0.05}}) {
+    const Vec3 centre(b.start().x(), b.start().y(), floor + p.above_m);
+    b.wall(centre, x, y, 2 * p.half_m, 2 * p.half_m, p.half_m / 4, kGround, p.texels_per_m, 1.1);
+  }
+  const auto road = [&](const Vec3& centre, const Vec3& size) { b.box(centre, size, 0, Material::kConcrete, 8, 1.5); };
+  for (double at = land.low.x() + b.uniform(20, 60); at < land.high.x(); at += b.uniform(90, 160))
+    road({at, land.centre().y(), floor}, {5, land.size().y(), 0.02});
+  for (double at = land.low.y() + b.uniform(20, 60); at < land.high.y(); at += b.uniform(90, 160))
+    road({land.centre().x(), at, floor}, {land.size().x(), 5, 0.022});
+  const int houses = static_cast<int>(land.size().x() * land.size().y() / 6000);
+  for (int i = 0; i < houses; ++i) {
+    const Vec3 size(b.uniform(6, 12), b.uniform(6, 14), b.uniform(3, 7));
+    const Vec3 at(b.uniform(land.low.x(), land.high.x()), b.uniform(land.low.y(), land.high.y()), floor + size.z() / 2);
+    if ((at - b.start()).head<2>().norm() < 80) continue;  // not where the flight begins
+    b.clear_box(at, size, b.uniform(0, 1.5), b.any(kHouse), 20, b.uniform(0.6, 1.4));
+  }
+  b.world().sky = 200;
+  land.high.z() = floor + 2;
+  return land;
+}
+
+constexpr std::array<const char*, kAllWorlds.size()> kNames{"hall", "room", "corridor", "outdoor", "fields"};
 
 }  // namespace
 
@@ -454,6 +489,8 @@ World make_world(WorldKind kind, const std::vector<Vec3>& path, int movers, std:
         return room(b, box);
       case WorldKind::kCorridor:
         return corridor(b, box);
+      case WorldKind::kFields:
+        return fields(b, box);
       case WorldKind::kOutdoor:
         return outdoor(b, box);
     }

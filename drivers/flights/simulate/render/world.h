@@ -17,8 +17,10 @@ enum class WorldKind : std::uint8_t {
   kRoom,      ///< furnished room, 4 to 8 m
   kCorridor,  ///< narrow and long, with doors and blank stretches
   kOutdoor,   ///< a strip of ground with crates, posts, trees; hills far away
+  kFields,    ///< flat land from above: fields, roads, some houses; finer around the places near the ground
 };
-inline constexpr std::array kAllWorlds{WorldKind::kHall, WorldKind::kRoom, WorldKind::kCorridor, WorldKind::kOutdoor};
+inline constexpr std::array kAllWorlds{WorldKind::kHall, WorldKind::kRoom, WorldKind::kCorridor, WorldKind::kOutdoor,
+                                       WorldKind::kFields};
 const char* to_string(WorldKind kind);
 std::optional<WorldKind> world_from(std::string_view name);
 

@@ -22,5 +22,16 @@ TEST(StatsJson, NamesEachWrongNumberWithAWordAndASentence) {
   EXPECT_EQ(numbers[1]["severity"], "corrected");
 }
 
+TEST(StatsJson, CountsTheHeightsOfSensorsThatSentAny) {
+  FlightRecord record;
+  EXPECT_EQ(stats_json(record, std::nullopt, {})["heights"], Json::object());
+  record.estimator.height_samples[1] = 7;
+  record.estimator.height_refused[1] = 1;
+  record.estimator.height_frames[1] = 5;
+  record.estimator.height_jumps[1] = 2;
+  EXPECT_EQ(stats_json(record, std::nullopt, {})["heights"].dump(),
+            R"({"range_finder":{"samples":7,"refused":1,"frames":5,"jumps":2}})");
+}
+
 }  // namespace
 }  // namespace epiline

@@ -1,0 +1,78 @@
+#include <cmath>
+
+#include "estimator/factors/height.h"
+#include "estimator/impl.h"
+
+namespace epiline {
+
+namespace {
+constexpr double kJump = 5;         // sigmas: a difference of two offsets beyond is a jump, not noise and walk
+constexpr double kLeastDown = 0.8;  // of a beam's unit vector: within 37 degrees of the vertical
+constexpr std::size_t index_of(HeightKind kind) { return static_cast<std::size_t>(kind); }
+}  // namespace
+
+bool Estimator::Impl::add_height(const HeightSample& sample) {
+  const std::size_t i = index_of(sample.kind);
+  const HeightModel& model = config.heights[i];
+  const bool is_possible =
+      sample.metres >= model.least_m && sample.metres <= model.most_m;  // false for what is no number
+  const bool taken = model.use && is_possible && heights[i].push(sample.stamp, sample.metres);
+  ++(taken ? stats.height_samples : stats.height_refused)[i];
+  return taken;
+}
+
+void Estimator::Impl::measure_path() {
+  for (int k = 0; k < window.size(); ++k) {
+    Slot& s = window.at(k);
+    if (s.path_m >= 0) continue;
+    s.path_m = k == 0 ? 0 : window.at(k - 1).path_m + (s.x.p - window.at(k - 1).x.p).head<2>().norm();
+  }
+}
+
+/// The series of the nearest older frame whose offset the frame's reading agrees with, so that a single wrong reading
+/// does not end a series; a new one if there is none.
+std::uint32_t Estimator::Impl::series_of(HeightKind kind, int frame) const {
+  const Slot& s = window.at(frame);
+  const HeightReading& reading = s.heights[index_of(kind)];
+  const double sigma = config.heights[index_of(kind)].sigma_m, offset = height_offset(reading, s.x);
+  const double variance_v = carried.P(8, 8);
+  for (int k = frame - 1; k >= 0; --k) {
+    const Slot& older = window.at(k);
+    const HeightReading& other = older.heights[index_of(kind)];
+    if (!other.has) continue;
+    const double dt_s = (s.time - older.time).seconds();
+    const double variance =
+        2 * sigma * sigma + std::abs(reading.walked_m2 - other.walked_m2) + variance_v * dt_s * dt_s;
+    if (std::abs(offset - height_offset(other, older.x)) <= kJump * std::sqrt(variance)) return other.series;
+  }
+  return height_series[index_of(kind)] + 1;
+}
+
+/// As speeds are: frames between two samples get a height, once.
+void Estimator::Impl::attach_heights() {
+  measure_path();
+  for (const HeightKind kind : {HeightKind::kBarometer, HeightKind::kRangeFinder}) {
+    const std::size_t i = index_of(kind);
+    const HeightModel& model = config.heights[i];
+    for (int k = 0; k < window.size(); ++k) {
+      Slot& s = window.at(k);
+      HeightReading& reading = s.heights[i];
+      double metres = 0;
+      if (reading.has || !heights[i].at(s.time, metres)) continue;
+      const bool is_beam = kind == HeightKind::kRangeFinder;
+      if (is_beam && (s.x.R * model.beam_B).z() > -kLeastDown) continue;
+      reading.metres = is_beam ? 0 : metres;
+      reading.lever_B = model.p_BS + (is_beam ? metres : 0) * model.beam_B;
+      reading.walked_m2 = model.walk_per_root_s * model.walk_per_root_s * 1e-9 * static_cast<double>(s.time.ns) +
+                          model.walk_per_root_m * model.walk_per_root_m * s.path_m;
+      reading.series = series_of(kind, k);
+      reading.has = true;
+      ++stats.height_frames[i];
+      if (reading.series <= height_series[i]) continue;
+      if (height_series[i] > 0) ++stats.height_jumps[i];
+      height_series[i] = reading.series;
+    }
+  }
+}
+
+}  // namespace epiline
