@@ -1,6 +1,8 @@
 #pragma once
 // How fast the program reads a driver's buffer. On ARM many receivers give memory that the processor does not cache:
 // reading it is 10 to 50 times slower, and an image that is tracked is read several times.
+#include "drivers/sensors/camera/v4l2_device.h"
+#include "platform/linux/system_calls.h"
 #include "platform/time/clock.h"
 
 namespace epiline {
@@ -14,5 +16,9 @@ struct BufferReading {
   /// Copying it once is faster: an image is read about three times, so from twice the time on.
   bool is_slow() const noexcept { return in_place.ns > 2 * ordinary.ns; }
 };
+
+/// Asks the device for a buffer, of images of this format, and gives it back. Takes memory.
+DeviceTrouble measure_reading(V4l2Device& device, SystemCalls& system, const DeviceFormat& format,
+                              BufferReading& reading);
 
 }  // namespace epiline

@@ -1,6 +1,5 @@
 #include "drivers/sensors/camera/v4l2_camera.h"
 
-#include <linux/dma-buf.h>
 #include <linux/videodev2.h>
 
 #include <algorithm>
@@ -8,7 +7,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <limits>
 #include <string>
 #include <utility>
 
@@ -20,7 +18,6 @@ namespace epiline {
 namespace {
 
 constexpr int kRowAlignment = 64;                             // of copies: a cache line
-constexpr int kBelieved = 5;                                  // doubtful stamps in a row
 constexpr Span kPeriodAtMost = Span::from_milliseconds(100);  // where the device does not tell its rate
 
 }  // namespace
@@ -36,12 +33,12 @@ Status V4l2Camera::open() {
                  "2 to 16"};
   if (Status line = stamp_line_.open(); !line) return line;
   if (!wake_up_.open()) return Error{ErrorKind::kRun, "eventfd", 0, std::strerror(errno), ""};
-  if (!transfers_.start()) {
+  if (!requests_.start()) {
     close();
     return Error{ErrorKind::kRun, settings_.device, 0, "cannot start a thread", "a free thread (ulimit -u)"};
   }
   if (const DeviceTrouble trouble = set_up()) {
-    const Error error = error_of(trouble);
+    const Error error = error_of(trouble, device_.path());
     close();
     return error;
   }
@@ -50,18 +47,11 @@ Status V4l2Camera::open() {
   return Done{};
 }
 
-/// The camera that was lost, and no other. It may have another number now: plugged in while images of before are lent,
-/// what was /dev/video0 comes back as another file.
 DeviceTrouble V4l2Camera::find_again() noexcept {
-  const DeviceTrouble trouble = device_.open(settings_.device.c_str());
-  // a path made of the serial number tells more than the place it is plugged in at
-  const bool is_known_by_path = settings_.device.rfind("/dev/v4l/by-id/", 0) == 0;
-  if (!trouble && (is_known_by_path ? device_.identity().card == identity_.card : device_.identity() == identity_))
-    return {};
-  const DeviceTrouble absent = device_.open(identity_);
-  if (!absent || trouble) return absent ? trouble : absent;
-  bump(other_camera_);
-  return absent;
+  bool is_other = false;
+  const DeviceTrouble trouble = device_.open_again(settings_.device.c_str(), identity_, is_other);
+  if (is_other) bump(other_camera_);
+  return trouble;
 }
 
 /// Called again for a lost device, which must come back with the same image: readers know its size.
@@ -72,7 +62,7 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
   if (const DeviceTrouble trouble = device_.set_format(settings_, format)) return trouble;
   const bool is_lent = is_grey_in_place(format.format) && !device_.is_loopback();
   if (is_lent && !opened_)
-    if (const DeviceTrouble trouble = measure_reading(format)) return trouble;
+    if (const DeviceTrouble trouble = measure_reading(device_, system_, format, reading_)) return trouble;
   const bool copies = !is_lent || reading_.is_slow();
   if (!opened_) {
     copies_ = copies;
@@ -82,114 +72,30 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
       copies_memory_.resize(bytes * static_cast<std::size_t>(settings_.buffers));
       for (std::size_t i = 0; i < static_cast<std::size_t>(settings_.buffers); ++i)
         slots_[i].memory = {copies_memory_.data() + i * bytes, bytes};
-      if (format.format == PixelFormat::kMjpeg) jpeg_ = std::make_unique<JpegDecoder>(format.width, format.height);
+      grey_copies_.set_format(format);
     }
   } else if (format.grey_width() != format_.grey_width() || format.grey_height() != format_.grey_height() ||
-             copies != copies_ || (format.format == PixelFormat::kMjpeg) != (jpeg_ != nullptr)) {
+             copies != copies_ || !grey_copies_.can_copy(format)) {
     DeviceTrouble trouble;
     trouble.step = "the camera returned with another image size or format";
     return trouble;
   }
   format_ = format;
   if (const DeviceTrouble trouble = device_.set_controls(settings_)) return trouble;
-  if (const DeviceTrouble trouble = repeat_changes()) return trouble;
+  if (const DeviceTrouble trouble = requests_.begin_stream(device_)) return trouble;
   if (const DeviceTrouble trouble = exposure_.set_up(device_)) return trouble;
   // first: uvcvideo sets no format of metadata once the camera has buffers
   if (const DeviceTrouble trouble = clock_.open(device_)) return trouble;
   if (const DeviceTrouble trouble = map_buffers()) return trouble;
   if (const DeviceTrouble trouble = device_.start()) return trouble;
-  ++stream_;
-  is_first_of_stream_ = true;
-  forget_stamps();
+  driver_stamps_.restart(!settings_.trust_stamps);
   stamp_line_.restart();
   last_image_ns_ = system_.now_ns();
   streaming_.store(true, std::memory_order_relaxed);
   return {};
 }
 
-// ---- controls, while it streams ----
-
-bool V4l2Camera::request_control(std::string_view name, std::int64_t value) noexcept {
-  ControlChange change;
-  if (name.size() >= change.name.size()) return false;
-  std::copy(name.begin(), name.end(), change.name.begin());
-  change.value = value;
-  return requests_.push(change);
-}
-
-/// The next request, or what the exposure controller wants, if none is under way.
-void V4l2Camera::begin_transfer() noexcept {
-  if (!transfers_.is_idle() || !device_.is_open()) return;
-  ControlJob job;
-  ControlChange change;
-  if (again_) {
-    job = *std::exchange(again_, std::nullopt);
-  } else if (requests_.pop(change)) {
-    job.is_request = true;
-    job.entries[job.count++] = {.name = change.name, .facts = {}, .wanted = change.value};
-  } else if (!exposure_.next_change(job)) {
-    return;
-  }
-  job.stream = stream_;
-  if (transfers_.begin(device_.controls(), job)) return;
-  job.is_request ? answer(job) : exposure_.ended(job);
-}
-
-void V4l2Camera::end_transfer() noexcept {
-  ControlJob job;
-  if (!transfers_.take(job)) return;
-  const bool is_of_this_stream = job.stream == stream_;
-  if (!job.is_request) {
-    if (is_of_this_stream) exposure_.ended(job);
-  } else if (is_of_this_stream) {
-    answer(job);
-  } else {  // the device that is back was set up without it
-    again_ = job;
-    again_->entries[0].facts = {};
-  }
-}
-
-void V4l2Camera::answer(const ControlJob& job) noexcept {
-  const ControlJob::Entry& entry = job.entries[0];
-  answers_.push({entry.name, entry.value, job.is_set});
-  if (!job.is_set) return;
-  exposure_.changed(entry.facts.id, entry.value, job.at);
-  // set again to what was asked for: a device may answer with something else
-  const ControlChange wanted{entry.name, entry.wanted, true};
-  ControlChange* known =
-      std::find_if(changes_.begin(), changes_.end(), [&](const ControlChange& c) { return c.name == wanted.name; });
-  if (known != changes_.end())
-    *known = wanted;
-  else
-    changes_.push_back(wanted);
-}
-
-DeviceTrouble V4l2Camera::repeat_changes() noexcept {
-  for (const ControlChange& change : changes_) {
-    ControlFacts facts;
-    if (const DeviceTrouble trouble = device_.controls().find(change.name.data(), facts)) return trouble;
-    const ControlValue one{&facts, change.name.data(), change.value};
-    if (const DeviceTrouble trouble = device_.controls().write({&one, 1})) return trouble;
-  }
-  return {};
-}
-
 // ---- buffers ----
-
-DeviceTrouble V4l2Camera::measure_reading(const DeviceFormat& format) {
-  unsigned count = 1;
-  if (const DeviceTrouble trouble = device_.request_buffers(count)) return trouble;
-  Memory memory;
-  if (const DeviceTrouble trouble = device_.map(0, memory.data, memory.length, stamp_flags_)) return trouble;
-  const std::size_t bytes =
-      std::min(memory.length, image_bytes(format.format, format.width, format.height, format.stride));
-  const std::vector<std::uint8_t> ordinary(bytes, 1);
-  reading_.in_place = system_.read_time(memory.data, bytes);
-  reading_.ordinary = system_.read_time(ordinary.data(), bytes);
-  system_.unmap(memory.data, memory.length);
-  count = 0;
-  return device_.request_buffers(count);
-}
 
 DeviceTrouble V4l2Camera::map_buffers() noexcept {
   unsigned count = copies_ ? kBuffersWhenCopying : static_cast<unsigned>(settings_.buffers);
@@ -198,7 +104,7 @@ DeviceTrouble V4l2Camera::map_buffers() noexcept {
   for (unsigned i = 0; i < std::min<unsigned>(count, kMostBuffers); ++i) {
     const int slot = copies_ ? 0 : free_slot();
     if (slot < 0) break;  // images of the stream before are still lent: fewer buffers for this one
-    Memory memory;
+    DriverMemory memory;
     if (const DeviceTrouble trouble = device_.map(i, memory.data, memory.length, stamp_flags_)) return trouble;
     buffer_count_ = i + 1;
     if (copies_) {
@@ -230,8 +136,6 @@ DeviceTrouble V4l2Camera::map_buffers() noexcept {
   }
   return trouble;
 }
-
-Error V4l2Camera::error_of(const DeviceTrouble& trouble) const { return epiline::error_of(trouble, device_.path()); }
 
 // ---- losing it, and getting it back ----
 
@@ -276,8 +180,7 @@ bool V4l2Camera::reopen() noexcept {
 
 void V4l2Camera::close() noexcept {
   stamp_line_.close();
-  transfers_.stop();
-  again_.reset();
+  requests_.stop();
   if (!wake_up_.is_open()) return;
   for (Slot& slot : slots_)
     if (slot.state.load(std::memory_order_acquire) == SlotState::kLent)
@@ -287,7 +190,7 @@ void V4l2Camera::close() noexcept {
   opened_ = false;
   reading_ = {};
   copies_memory_ = {};
-  jpeg_.reset();
+  grey_copies_.clear();
   for (Slot& slot : slots_) slot.memory = {};
 }
 
@@ -304,8 +207,8 @@ ReadOutcome V4l2Camera::read(Frame& frame, Span timeout) noexcept {
     }
     if (!reopen()) return ReadOutcome::kFailed;
   }
-  end_transfer();
-  begin_transfer();
+  requests_.look();
+  requests_.begin_next(device_);
   for (bool is_well = true;;) {
     const ReadOutcome outcome = collect_returned() ? take(frame) : ReadOutcome::kFailed;
     const std::int64_t now_ns = system_.now_ns();
@@ -316,10 +219,6 @@ ReadOutcome V4l2Camera::read(Frame& frame, Span timeout) noexcept {
     if (outcome != ReadOutcome::kTimeout || now_ns >= deadline_ns) return outcome;
     is_well = wait({deadline_ns - now_ns});
   }
-}
-
-bool V4l2Camera::is_silent(std::int64_t now_ns) const noexcept {
-  return settings_.silence_most.ns > 0 && now_ns - last_image_ns_ > settings_.silence_most.ns;
 }
 
 /// Until an image is ready, one was given back, or the time is over. False: the device reports an error, which the next
@@ -383,8 +282,9 @@ ReadOutcome V4l2Camera::take(Frame& frame) noexcept {
       bump(overwritten_);
       continue;
     }
-    end_transfer();
-    number(frame, buffer.sequence);
+    requests_.look();
+    bump(lost_, driver_stamps_.count(buffer.sequence));
+    frame.sequence = driver_stamps_.sequence();
     const bool is_good = is_sound(buffer) && stamp(frame, buffer) && fill(frame, buffer);
     if (is_good && lending != nullptr) {
       lending->state.store(SlotState::kLent, std::memory_order_relaxed);  // whoever gets it is told by this thread
@@ -418,7 +318,9 @@ bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
   frame.arrival = HostStamp{system_.now_ns()};
   const std::int64_t age_ns = (frame.arrival - given).ns;
   const bool is_recent = settings_.trust_stamps || std::abs(age_ns) < settings_.stamp_age_most.ns;
-  if ((!is_monotonic && !settings_.trust_stamps) || !is_recent || !is_credible(given, frame.arrival)) {
+  const Span period = format_.rate_hz > 0 ? Span::from_seconds(1 / format_.rate_hz) : kPeriodAtMost;
+  if ((!is_monotonic && !settings_.trust_stamps) || !is_recent ||
+      !driver_stamps_.is_credible(given, frame.arrival, period)) {
     bump(bad_stamps_);
     return false;
   }
@@ -441,60 +343,6 @@ bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
   return true;
 }
 
-/// Later than the one before, and not earlier on its way than any by more than a period: drivers compute the end of a
-/// frame, and hand the image out before it. One stamp that is not so is wrong. Of several in a row, each later than the
-/// one before, it is the clock that was set.
-bool V4l2Camera::is_credible(HostStamp given, HostStamp arrival) noexcept {
-  const Span delay = arrival - given;
-  const Span period = format_.rate_hz > 0 ? Span::from_seconds(1 / format_.rate_hz) : kPeriodAtMost;
-  const bool is_ahead = least_delay_ && delay < *least_delay_ - period;
-  if (given > last_stamp_ && !is_ahead) {
-    least_delay_ = least_delay_ ? std::min(*least_delay_, delay) : delay;
-  } else {
-    doubted_ = doubted_ > 0 && given > last_doubted_ ? doubted_ + 1 : 1;
-    last_doubted_ = given;
-    if (doubted_ < kBelieved) return false;
-    least_delay_ = delay;
-  }
-  doubted_ = 0;
-  last_stamp_ = given;
-  return true;
-}
-
-void V4l2Camera::forget_stamps() noexcept {
-  last_stamp_ = {std::numeric_limits<std::int64_t>::min()};
-  doubted_ = 0;
-  // the kernel's clock is ours; of another one the first image tells
-  least_delay_ = settings_.trust_stamps ? std::nullopt : std::optional(Span{});
-}
-
-/// The driver's number counts 32 bits, begins anew with each stream, and with some drivers does not move at all.
-void V4l2Camera::number(Frame& frame, std::uint32_t sequence) noexcept {
-  std::uint64_t step = 1;
-  if (is_first_of_stream_) {
-    step = frames_.load(std::memory_order_relaxed) > 0 ? 2 : 0;  // nobody knows how many were lost between
-    is_first_of_stream_ = false;
-  } else {
-    const std::uint32_t passed = sequence - driver_sequence_;
-    if (passed > 1 && passed < 0x80000000u) {
-      step = passed;
-      bump(lost_, passed - 1);
-    }
-  }
-  driver_sequence_ = sequence;
-  sequence_ += step;
-  frame.sequence = sequence_;
-}
-
-/// Where caches must be brought up to date for reading, the kernel does it then.
-void V4l2Camera::announce_reading(const Memory& buffer, bool begins) const noexcept {
-  if (buffer.file < 0) return;
-  dma_buf_sync sync{};
-  sync.flags = DMA_BUF_SYNC_READ;
-  sync.flags |= begins ? DMA_BUF_SYNC_START : DMA_BUF_SYNC_END;
-  call_device(system_, buffer.file, DMA_BUF_IOCTL_SYNC, &sync);
-}
-
 bool V4l2Camera::fill(Frame& frame, const v4l2_buffer& buffer) noexcept {
   frame.width = format_.grey_width();
   frame.height = format_.grey_height();
@@ -512,13 +360,7 @@ bool V4l2Camera::fill(Frame& frame, const v4l2_buffer& buffer) noexcept {
   Slot& s = slots_[static_cast<std::size_t>(slot)];
   frame.slot = slot;
   frame.stride = static_cast<int>(s.memory.length / static_cast<std::size_t>(frame.height));
-  const std::uint8_t* const from = buffers_[buffer.index].data;
-  if (!jpeg_) {
-    announce_reading(buffers_[buffer.index], true);
-    to_grey(format_.format, from, format_.stride, format_.width, format_.height, s.memory.data, frame.stride);
-    announce_reading(buffers_[buffer.index], false);
-  } else if (!jpeg_->decode(from, std::min<std::size_t>(buffer.bytesused, buffers_[buffer.index].length), s.memory.data,
-                            frame.stride)) {
+  if (!grey_copies_.copy(format_, buffers_[buffer.index], buffer.bytesused, s.memory.data, frame.stride)) {
     bump(damaged_);
     return false;
   }

@@ -4,20 +4,18 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
-#include <optional>
 #include <string_view>
 #include <vector>
 
 #include "drivers/sensors/camera/buffer_reading.h"
 #include "drivers/sensors/camera/camera_clock.h"
 #include "drivers/sensors/camera/camera_exposure.h"
-#include "drivers/sensors/camera/control_transfers.h"
-#include "drivers/sensors/camera/jpeg_decoder.h"
+#include "drivers/sensors/camera/control_requests.h"
+#include "drivers/sensors/camera/driver_stamps.h"
+#include "drivers/sensors/camera/grey_copies.h"
 #include "drivers/sensors/camera/stamp_line.h"
 #include "drivers/sensors/camera/v4l2_device.h"
 #include "drivers/sensors/camera/v4l2_settings.h"
-#include "platform/concurrency/spsc_ring.h"
 #include "platform/linux/system_calls.h"
 #include "platform/ports/counter.h"
 #include "platform/ports/ports.h"
@@ -58,13 +56,6 @@ inline constexpr auto kCameraCounters = std::to_array<Counter<CameraCounts>>({
     {"other_camera", &CameraCounts::other_camera, true},
 });
 
-/// A request to set a control while streaming, and its result.
-struct ControlChange {
-  std::array<char, 48> name{};
-  std::int64_t value = 0;  ///< requested value; in an answer: as read back
-  bool is_set = false;     ///< false in an answer: the device refused, or has no such control
-};
-
 /// One thread calls open(), read() and close(); any thread may call give_back() and counts(). After open() there is no
 /// heap call, also while the device is lost; a read() that reopens it takes as long as the kernel needs.
 class V4l2Camera final : public CameraSource {
@@ -97,10 +88,10 @@ class V4l2Camera final : public CameraSource {
   // While it streams; any one thread.
 
   /// Requests to set a control, by the name that v4l2-ctl shows: one after the other, beside the images, and again when
-  /// a lost device returns. False: the name is too long, or kChanges requests are pending.
-  bool request_control(std::string_view name, std::int64_t value) noexcept;
+  /// a lost device returns. False: the name is too long, or too many requests are pending.
+  bool request_control(std::string_view name, std::int64_t value) noexcept { return requests_.request(name, value); }
   /// The result of the oldest request that was not reported yet. False: none.
-  bool control_answer(ControlChange& answer) noexcept { return answers_.pop(answer); }
+  bool control_answer(ControlChange& answer) noexcept { return requests_.take_answer(answer); }
   /// The exposure controller; needs `exposure_control`.
   void set_automatic_exposure(bool on) noexcept { exposure_.set_automatic(on); }
   /// Rotation rate of the camera, rad/s: limits exposure times so that images stay sharp.
@@ -110,7 +101,6 @@ class V4l2Camera final : public CameraSource {
   static constexpr std::size_t kMostBuffers = 16,
                                kSlots = 32;  ///< images lent when the device was lost keep their slots
   static constexpr unsigned kBuffersWhenCopying = 4;
-  static constexpr std::size_t kChanges = 8;
 
   enum class SlotState : std::uint8_t {
     kFree,
@@ -118,13 +108,8 @@ class V4l2Camera final : public CameraSource {
     kLent,
     kReturned,  ///< given back, not yet seen by the reading thread
   };
-  struct Memory {
-    std::uint8_t* data = nullptr;
-    std::size_t length = 0;
-    int file = -1;  ///< of the buffer, where reading it must be announced; else -1
-  };
   struct Slot {
-    Memory memory;
+    DriverMemory memory;
     unsigned buffer = 0;    ///< the driver's number
     bool is_stale = false;  ///< of a stream that has ended: to be unmapped, not queued
     std::atomic<SlotState> state{SlotState::kFree};
@@ -134,31 +119,22 @@ class V4l2Camera final : public CameraSource {
   // Setting up: open() and reopen().
   DeviceTrouble set_up() noexcept;
   DeviceTrouble find_again() noexcept;
-  DeviceTrouble measure_reading(const DeviceFormat& format);
   DeviceTrouble map_buffers() noexcept;
-  DeviceTrouble repeat_changes() noexcept;
-  Error error_of(const DeviceTrouble& trouble) const;
   void lose(int error) noexcept;
   bool reopen() noexcept;
   void tear_down() noexcept;
-
-  void begin_transfer() noexcept;
-  void end_transfer() noexcept;
-  void answer(const ControlJob& job) noexcept;
 
   // An image.
   bool collect_returned() noexcept;
   /// kTimeout: none is ready.
   ReadOutcome take(Frame& frame) noexcept;
   bool is_sound(const v4l2_buffer& buffer) noexcept;
-  void announce_reading(const Memory& buffer, bool begins) const noexcept;
   bool fill(Frame& frame, const v4l2_buffer& buffer) noexcept;
   bool stamp(Frame& frame, const v4l2_buffer& buffer) noexcept;
-  bool is_credible(HostStamp given, HostStamp arrival) noexcept;
-  void forget_stamps() noexcept;
-  void number(Frame& frame, std::uint32_t sequence) noexcept;
   int free_slot() const noexcept;
-  bool is_silent(std::int64_t now_ns) const noexcept;
+  bool is_silent(std::int64_t now_ns) const noexcept {
+    return settings_.silence_most.ns > 0 && now_ns - last_image_ns_ > settings_.silence_most.ns;
+  }
   bool wait(Span at_most) noexcept;
 
   V4l2Settings settings_;
@@ -170,32 +146,22 @@ class V4l2Camera final : public CameraSource {
   DeviceIdentity identity_;  ///< of the camera that open() found
   std::uint32_t stamp_flags_ = 0;
   CameraExposure exposure_{settings_};
-  SpscRing<ControlChange, kChanges> requests_, answers_;
-  ControlTransfers transfers_{system_};
-  std::optional<ControlJob> again_;               ///< a request under way when the device was lost
-  std::uint64_t stream_ = 0;                      ///< counts streams
-  FixedVector<ControlChange, kChanges> changes_;  ///< to be repeated when a lost device is back
-  WakeUp wake_up_{system_};                       ///< an image was given back
+  ControlRequests requests_{exposure_, system_};
+  WakeUp wake_up_{system_};  ///< an image was given back
 
-  std::array<Memory, kMostBuffers> buffers_{};  ///< when copying
-  std::array<int, kMostBuffers> slot_of_{};     ///< when lending
+  std::array<DriverMemory, kMostBuffers> buffers_{};  ///< when copying
+  std::array<int, kMostBuffers> slot_of_{};           ///< when lending
   std::size_t buffer_count_ = 0;
   std::array<Slot, kSlots> slots_;
   std::vector<std::uint8_t> copies_memory_;
-  std::unique_ptr<JpegDecoder> jpeg_;  ///< of MJPEG
+  GreyCopies grey_copies_{system_};
 
   std::atomic<bool> streaming_{false};
   std::int64_t last_image_ns_ = 0;
   Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(1'000)};
-  HostStamp last_stamp_;             ///< of the driver, believed
-  HostStamp last_doubted_;           ///< and not believed
-  int doubted_ = 0;                  ///< in a row
-  std::optional<Span> least_delay_;  ///< from a stamp to the image's arrival; the kernel's clock: at most 0
+  DriverStamps driver_stamps_;
   CameraClock clock_{settings_, system_};
   StampLine stamp_line_;
-  std::uint64_t sequence_ = 0;         ///< of the newest image, ours
-  std::uint32_t driver_sequence_ = 0;  ///< the driver's
-  bool is_first_of_stream_ = true;
 
   Counter frames_{0}, lost_{0}, damaged_{0}, incomplete_{0}, bad_stamps_{0}, no_edge_{0}, no_slot_{0}, overwritten_{0},
       disconnected_{0}, retries_{0}, other_camera_{0};

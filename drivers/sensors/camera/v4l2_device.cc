@@ -76,10 +76,17 @@ DeviceTrouble V4l2Device::open(const char* wanted) noexcept {
                     wanted);
 }
 
-DeviceTrouble V4l2Device::open(const DeviceIdentity& wanted) noexcept {
-  if (find([&] { return identity_ == wanted; })) return {};
-  return unexpected("looking for the camera that was lost", "", "%.60s is not on %.60s", wanted.card.data(),
-                    wanted.bus.data());
+DeviceTrouble V4l2Device::open_again(const char* wanted, const DeviceIdentity& lost, bool& is_other) noexcept {
+  is_other = false;
+  const DeviceTrouble trouble = open(wanted);
+  // a path made of the serial number tells more than the place it is plugged in at
+  const bool is_known_by_path = std::string_view(wanted).rfind("/dev/v4l/by-id/", 0) == 0;
+  if (!trouble && (is_known_by_path ? identity_.card == lost.card : identity_ == lost)) return {};
+  if (find([&] { return identity_ == lost; })) return {};
+  is_other = !trouble;
+  if (trouble) return trouble;
+  return unexpected("looking for the camera that was lost", "", "%.60s is not on %.60s", lost.card.data(),
+                    lost.bus.data());
 }
 
 DeviceTrouble V4l2Device::open_path(const char* path) noexcept {

@@ -45,8 +45,10 @@ class V4l2Device {
 
   /// Opens a capture device that streams. `wanted`: V4l2Settings::device.
   DeviceTrouble open(const char* wanted) noexcept;
-  /// Opens that camera, whatever the number of its file is now.
-  DeviceTrouble open(const DeviceIdentity& wanted) noexcept;
+  /// Opens the camera that was lost, and no other: `wanted` as above, it was that one. It may have another number now:
+  /// plugged in while images of before are lent, what was /dev/video0 comes back as another file. `is_other`: another
+  /// camera is where it was.
+  DeviceTrouble open_again(const char* wanted, const DeviceIdentity& lost, bool& is_other) noexcept;
   void close() noexcept;
   bool is_open() const noexcept { return fd_ >= 0; }
   int fd() const noexcept { return fd_; }
