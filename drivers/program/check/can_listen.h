@@ -1,5 +1,5 @@
 #pragma once
-// Who else talks on a CAN bus.
+// Which identifiers other nodes send on a CAN bus.
 #include <cstdint>
 #include <map>
 #include <mutex>
@@ -11,14 +11,14 @@
 
 namespace epiline {
 
-/// Listens from open() on, in a thread of its own: the kernel keeps only some hundred frames. Sends nothing.
+/// Listens from open() on and sends nothing. It has its own thread, because the kernel keeps only some hundred frames.
 class CanListener {
  public:
   using Counts = std::map<std::uint32_t, std::uint64_t>;
 
-  /// Says whether the interface is missing, down, or not for this user.
+  /// The error tells a missing interface, one that is down and one without permission apart.
   Status open(const std::string& interface);
-  /// Identifiers heard and how often; those of 29 bits with CAN_EFF_FLAG.
+  /// Number of frames for each identifier heard; 29-bit identifiers have CAN_EFF_FLAG set.
   Counts heard_so_far();
 
  private:

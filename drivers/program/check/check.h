@@ -1,5 +1,5 @@
 #pragma once
-// `epiline check`: looks at every configured device and says what is wrong with it. docs/check.md
+// `epiline check`: examines every configured device and reports what is wrong with it. docs/check.md
 #include <filesystem>
 #include <functional>
 
@@ -12,23 +12,23 @@
 namespace epiline {
 
 struct CheckOptions {
-  double seconds = 10;           ///< of looking at live data
-  std::vector<std::string> set;  ///< settings as ConfigFile::set() takes them; they win over the file
-  /// Called about four times a second meanwhile; false ends it early.
+  double seconds = 10;           ///< duration of the examination of live data
+  std::vector<std::string> set;  ///< settings as ConfigFile::set() takes them; they override the file
+  /// Called about four times a second with the elapsed time; the check ends early if it returns false.
   std::function<bool(double seconds)> watch;
-  /// Sees everything meanwhile; null: nobody does.
+  /// Receives the live data and findings during the check; may be null.
   CheckWitness* witness = nullptr;
 };
 
-/// What of the configured devices is there, and may be opened.
+/// Findings on which configured devices exist and which this user may open.
 Findings check_presence(const DevicesConfig& devices, const Inventory& inventory);
 
-/// Opens what is configured, looks at it, closes it. Never fails: what goes wrong is a finding. Needs no calibration,
-/// but without one of the camera its time offset and rotation cannot be checked, which is a finding too.
-/// `config_file` has been read before without an error.
+/// Opens the configured devices, examines them and closes them. Never fails: every problem is a finding. Works without
+/// a calibration, but time offset and rotation of a camera can only be checked with one; its absence is a finding as
+/// well. `config_file` must be readable without an error.
 Findings check_devices(const std::filesystem::path& config_file, const CheckOptions& options);
 
-/// What a driver counted and what it says of its clock.
+/// Findings from a driver's counters and from the state of its clock.
 Findings findings_of(const DeviceRecord& record);
 
 }  // namespace epiline

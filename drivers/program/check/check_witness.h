@@ -1,5 +1,5 @@
 #pragma once
-// Who sees what a check looks at while it goes on: its page.
+// Receives the data of a running check: the interface of its page.
 #include "drivers/program/check/finding.h"
 #include "platform/samples/samples.h"
 
@@ -9,14 +9,14 @@ class CheckWitness {
  public:
   virtual ~CheckWitness() = default;
 
-  /// The camera's thread: an image and what was tracked in it, lent for this call. `edge_px`: width of its strong
-  /// edges; 0: there are none.
+  /// Called by the camera's thread. Image and tracks are valid during this call only. `edge_px`: width of the image's
+  /// strong edges; 0: there are none.
   virtual void image(const Frame& frame, const TrackedFrame& tracked, double edge_px) = 0;
-  /// The IMU's thread.
+  /// Called by the IMU's thread.
   virtual void reading(const ImuSample& sample) = 0;
-  /// About once a second: what would be said if the check ended now.
+  /// Called about once a second with the findings so far.
   virtual void findings(double seconds, const Findings& findings) = 0;
-  /// True once after the wish to forget what was seen until now.
+  /// True once after each request to discard all data collected so far.
   virtual bool takes_new_start() = 0;
 };
 

@@ -1,5 +1,5 @@
 #pragma once
-// What `epiline check` has to say: one line each, in words of who built the thing. docs/check.md
+// Findings of `epiline check`: one line each, in the words of the vehicle's builder. docs/check.md
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -11,7 +11,7 @@ namespace epiline {
 enum class Grade : std::uint8_t { kOk, kWarning, kError };
 inline constexpr const char* kGradeNames[] = {"ok", "warning", "error"};
 
-/// A number in the configuration that a finding would have otherwise.
+/// A number that a finding proposes for a setting of the configuration.
 struct SettingHint {
   std::string section, key;  ///< "camera", "time_offset_s"; empty: none
   double value = 0;
@@ -28,7 +28,7 @@ using Findings = std::vector<Finding>;
 
 void add_all(Findings& out, const Findings& more);
 bool has_error(const Findings& findings, const std::string& device);
-/// What kept a device from being opened or read.
+/// Turns the error of opening or reading a device into a finding.
 Finding of_error(const std::string& device, const Error& error);
 
 }  // namespace epiline

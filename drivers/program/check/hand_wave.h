@@ -1,5 +1,5 @@
 #pragma once
-// The hand motion of `epiline check`: camera and gyroscope by the same watch that flies
+// The hand motion of `epiline check`: compares camera and gyroscope with the watch that also runs in flight
 // (estimator/monitor/turn_watch.h).
 #include <mutex>
 #include <vector>
@@ -9,15 +9,15 @@
 
 namespace epiline {
 
-/// Images by one thread, readings by another.
+/// One thread adds images, another one IMU samples.
 class HandWave {
  public:
-  /// What was seen `fades_s` ago counts for less.
+  /// `fades_s`: time constant with which older motion loses weight.
   explicit HandWave(double time_offset_s, double fades_s = kNothingFades_s) : watch_(time_offset_s, fades_s) {}
 
   void add_images(const TrackedFrame& tracked);
   void add_reading(const ImuSample& reading);
-  /// Not while images are added.
+  /// Do not call while another thread adds images.
   TurnAgreement agreement() const { return watch_.agreement(); }
 
  private:
@@ -27,7 +27,7 @@ class HandWave {
   TurnWatch watch_;
 };
 
-/// `R_BC`, `time_offset_s`: configured.
+/// `R_BC`, `time_offset_s`: the configured values.
 Findings findings_of(const TurnAgreement& agreement, const Mat3& R_BC, double time_offset_s);
 
 }  // namespace epiline

@@ -1,5 +1,5 @@
 #pragma once
-// What images say of the camera: pace, brightness, sharpness, and how much there is to track.
+// Judges a camera by its images: rate, brightness, sharpness and the number of tracks.
 #include <cstdint>
 #include <vector>
 
@@ -15,19 +15,18 @@ struct ImageResult {
   std::uint64_t lost = 0;                                    ///< gaps of the sequence
   double brightness = 0, dark_share = 0, clipped_share = 0;  ///< medians
   double edge_width_px = 0;                                  ///< of strong edges, median; 0: there are none
-  double features = 0;                                       ///< in an image, median
-  double kept_share = 0;                                     ///< of them found again in the next image, mean
+  double features = 0;                                       ///< median number in an image
+  double kept_share = 0;  ///< mean share of features that are found again in the next image
 };
 
-/// Width in pixels of the strong edges along rows, median over a sample: a step of a sharp image is 2 to 3 wide. 0: too
-/// few of them.
+/// Median width in pixels of a sample of the strong edges along rows; in a sharp image 2 to 3. 0: too few strong edges.
 double edge_width(const Frame& image);
 
-/// Images of one size; the tracker is run on them as they come.
+/// Runs the tracker on each image. All images must have the same size.
 class ImageCheck {
  public:
   ImageCheck(const Camera& camera, const TrackerConfig& config);
-  /// Image and what was tracked in it: valid until the next call; the pixels must be so, too.
+  /// Returns the image's tracks, valid until the next call. The caller must keep the pixels as long.
   const TrackedFrame& step(const Frame& image);
   ImageResult result() const;
   double newest_edge_px() const { return newest_edge_px_; }  ///< of the last image; 0: no strong edges
@@ -41,7 +40,7 @@ class ImageCheck {
   std::vector<double> brightness_, dark_, clipped_, widths_, features_;
 };
 
-/// `rate_hz`: configured; 0: any. `wanted_features`: TrackerConfig::max_features.
+/// `rate_hz`: configured rate; 0: any. `wanted_features`: TrackerConfig::max_features.
 Findings findings_of(const ImageResult& result, double rate_hz, int wanted_features);
 
 }  // namespace epiline

@@ -1,5 +1,5 @@
 #pragma once
-// What readings of an IMU say of it: pace, noise at rest, gravity.
+// Judges an IMU by its samples: rate, noise at rest, gravity.
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -15,9 +15,9 @@ class AllanDeviation {
  public:
   static constexpr std::size_t kOctaves = 26;
   void step(double value) noexcept;
-  /// What comes next does not follow on what came: a pause.
+  /// Marks a gap: the next value does not follow the previous one directly.
   void interrupt() noexcept;
-  /// Of averages over 2^octave samples; 0: too few of them.
+  /// The deviation of averages over 2^octave samples; 0: too few samples.
   double at(std::size_t octave) const noexcept;
   std::uint64_t differences(std::size_t octave) const noexcept { return octaves_[octave].count; }
 
@@ -30,7 +30,7 @@ class AllanDeviation {
   std::array<Octave, kOctaves> octaves_;
 };
 
-/// What the configuration says of the IMU; zero: nothing.
+/// The IMU's configured values; 0: not configured.
 struct ImuExpectation {
   double rate_hz = 0;
   double gyroscope_density = 0, accelerometer_density = 0;  ///< per sqrt(Hz)
@@ -38,14 +38,14 @@ struct ImuExpectation {
 
 struct ImuResult {
   PacingResult pacing;
-  double rest_s = 0;                                                        ///< during which it did not move
+  double rest_s = 0;                                                        ///< total duration of standstill
   std::array<double, 3> gyroscope_rest_rad_s{}, accelerometer_rest_m_s2{};  ///< means at rest
-  double gravity_m_s2 = 0;                                                  ///< length of the latter
+  double gravity_m_s2 = 0;                                                  ///< length of accelerometer_rest_m_s2
   std::array<double, 3> gyroscope_density{}, accelerometer_density{};  ///< white noise by axis, 1/sqrt(Hz); 0: unknown
   std::array<double, 3> gyroscope_instability{}, accelerometer_instability{};  ///< least Allan deviation; 0: too short
   double most_rate_rad_s = 0;
   std::uint64_t not_finite = 0;
-  int dead_axes = 0;  ///< that never changed
+  int dead_axes = 0;  ///< axes whose value never changed
 };
 
 class ImuCheck {

@@ -1,5 +1,5 @@
 #pragma once
-// Edges of GPIO lines: those that stamp images, and those of a line whose device is not there.
+// Checks the edges of GPIO lines that stamp images, and of lines whose device is missing.
 #include <mutex>
 #include <string>
 
@@ -11,10 +11,10 @@
 
 namespace epiline {
 
-/// Takes edges from construction on, in a thread of its own.
+/// Counts edges in a thread of its own, from construction on.
 class LineCheck {
  public:
-  /// `line` is open, and outlives this.
+  /// `line` must be open and outlive this object.
   explicit LineCheck(GpioLine& line) : line_(line), thread_([this] { return look(); }) {}
   PacingResult so_far();
 
@@ -27,9 +27,9 @@ class LineCheck {
   Watcher thread_;  // last: it uses the others
 };
 
-/// `device`: whose line it is.
+/// `device`: name of the device on the line.
 Findings findings_of(const PacingResult& edges, const std::string& device, const std::string& line);
-/// Of a camera that runs: do edges and images agree?
+/// For a running camera: whether edges and images agree.
 Findings findings_of(const EdgeCounts& edges, const GpioCounts& counts, const std::string& line);
 
 }  // namespace epiline

@@ -1,5 +1,5 @@
 #pragma once
-// How regularly samples come.
+// Statistics of the intervals and delays of samples.
 #include <cstdint>
 #include <vector>
 
@@ -11,10 +11,10 @@ struct PacingResult {
   std::uint64_t samples = 0;
   double seconds = 0;                    ///< from the first stamp to the last
   double period_s = 0;                   ///< median
-  double jitter_s = 0;                   ///< 99 % of the intervals are off the median by less; without the gaps
+  double jitter_s = 0;                   ///< 99 % of the intervals, gaps excluded, differ from the median by less
   double longest_s = 0;                  ///< interval
   std::uint64_t gaps = 0;                ///< intervals of more than one and a half periods
-  std::uint64_t missing = 0;             ///< samples that fit into them
+  std::uint64_t missing = 0;             ///< samples that are missing in the gaps
   std::uint64_t backwards = 0;           ///< stamps not later than the one before
   double delay_s = 0, delay_most_s = 0;  ///< from stamp to arrival: median, longest. Negative: stamps lie in the future
   double rate_hz() const { return period_s > 0 ? 1 / period_s : 0; }
@@ -22,7 +22,7 @@ struct PacingResult {
 
 class Pacing {
  public:
-  /// Stamp and arrival of a sample; arrival zero: not known.
+  /// Takes timestamp and arrival of a sample; arrival zero: not known.
   void step(HostStamp stamp, HostStamp arrival);
   PacingResult result() const;
   std::uint64_t samples() const { return samples_; }

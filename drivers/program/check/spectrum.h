@@ -1,5 +1,5 @@
 #pragma once
-// What an IMU shakes with: the spectrum of its newest readings.
+// Vibration of an IMU: the spectrum of its newest samples.
 #include <array>
 #include <cstddef>
 #include <vector>
@@ -8,12 +8,12 @@
 
 namespace epiline {
 
-/// Amplitude densities per sqrt(Hz), root of the three axes' sum of squares; element i is at (i + 1) * step_hz. Empty:
-/// too few readings.
+/// Amplitude spectral densities: root of the sum of squares over the three axes. Element i is at (i + 1) * step_hz.
+/// Empty: too few samples.
 struct ImuSpectrum {
   double step_hz = 0;
   std::vector<double> gyroscope, accelerometer;     ///< rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
-  double gyroscope_rms = 0, accelerometer_rms = 0;  ///< rad/s, m/s^2: of all that is faster than a hand
+  double gyroscope_rms = 0, accelerometer_rms = 0;  ///< rad/s, m/s^2, above kFasterThanAHand_hz
 };
 
 inline constexpr double kFasterThanAHand_hz = 8;

@@ -1,12 +1,12 @@
 #pragma once
-// A thread that looks at a device while others are looked at, too.
+// A thread that examines one device; several devices are examined at the same time.
 #include <atomic>
 #include <thread>
 #include <utility>
 
 namespace epiline {
 
-/// Calls `look` again and again, until it returns false or stop() is called. What `look` gathers may be read after
+/// Calls `look` repeatedly until it returns false or stop() is called. The data that `look` collects may be read after
 /// stop().
 class Watcher {
  public:
@@ -25,7 +25,7 @@ class Watcher {
     stop_ = true;
     if (thread_.joinable()) thread_.join();
   }
-  /// There is nothing more to see.
+  /// True once `look` will not be called again.
   bool has_ended() const { return ended_; }
 
  private:

@@ -1,5 +1,5 @@
 #pragma once
-// What a vehicle's wheels say.
+// Checks the wheel speeds of a vehicle.
 #include <cstdint>
 #include <mutex>
 
@@ -15,10 +15,10 @@ struct WheelResult {
   double least_m_s = 0, most_m_s = 0;  ///< speeds
 };
 
-/// Reads wheels from construction on, in a thread of its own.
+/// Reads wheel speeds in a thread of its own, from construction on.
 class WheelCheck {
  public:
-  /// `wheel` is open, and outlives this.
+  /// `wheel` must be open and outlive this object.
   explicit WheelCheck(WheelSource& wheel) : wheel_(wheel), thread_([this] { return look(); }) {}
   WheelResult so_far();
 

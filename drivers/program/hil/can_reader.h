@@ -1,6 +1,6 @@
 #pragma once
-// A flight controller's reading of our CAN frames: bits to numbers by the published table, frames to epochs, and the
-// rules of docs/can.md.
+// Decodes our CAN frames as a flight controller does: signals by the published table, frames grouped into epochs.
+// Checks them against the rules of docs/can.md.
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -15,10 +15,10 @@ class CanReader {
  public:
   explicit CanReader(int base_id) : base_id_(base_id) {}
 
-  /// A frame as it came, of whatever identifier. An estimate, in MAVLink's axes, when it completes one whose standard
-  /// deviations are known: those come a few times a second.
+  /// Takes a frame with any identifier. Returns an estimate, in MAVLink's axes, if the frame completes an epoch and the
+  /// standard deviations are known. Frames with standard deviations come a few times a second.
   std::optional<mavlink::Odometry> take(const can::Frame& frame, HostStamp arrival, RuleBook& book);
-  /// The newest status says that no odometry comes, and that this is meant.
+  /// True if the newest status frame announces that no odometry is sent, on purpose.
   bool says_silence() const { return says_silence_; }
   void finish(HostStamp end, RuleBook& book);
 
@@ -30,9 +30,9 @@ class CanReader {
   mavlink::Odometry odometry(bool fd) const;
 
   int base_id_;
-  can::Values values_;  ///< the newest of each
+  can::Values values_;  ///< newest value of each signal
   std::array<std::optional<std::uint8_t>, can::kMessages.size()> alive_;
-  std::optional<std::uint8_t> epoch_;  ///< of classic frames, and which of them have come
+  std::optional<std::uint8_t> epoch_;  ///< of classic frames; `have_` has a bit for each frame received
   std::uint32_t have_ = 0;
   bool deviations_known_ = false, says_silence_ = false;
   std::optional<HostStamp> newest_status_;

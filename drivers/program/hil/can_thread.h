@@ -11,13 +11,13 @@ namespace epiline::hil {
 
 class CanThread {
  public:
-  /// The model outlives it, and belongs to the thread until stop().
+  /// `model` must outlive this object. Only the thread may use it until stop() returns.
   explicit CanThread(ControllerModel& model) : model_(model) {}
   ~CanThread() { stop(); }
   CanThread(const CanThread&) = delete;
   CanThread& operator=(const CanThread&) = delete;
 
-  /// Listens to all frames of the interface, of both kinds.
+  /// Listens to all frames of the interface, classic and FD. Fails if the interface cannot be opened.
   Status start(const std::string& interface);
   void stop() noexcept;
 

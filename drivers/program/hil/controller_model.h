@@ -1,7 +1,7 @@
 #pragma once
-// The receiving side of a flight controller: answers as one, and judges what it is told by the rules of PX4 and
-// ArduPilot. It opens nothing and reads no clock: packets go in with their times of arrival. One thread. Page:
-// docs/hil.md.
+// Models the receiving side of a flight controller: answers like one, and judges the odometry by the rules of PX4 and
+// ArduPilot. It opens no device and reads no clock: the caller passes packets with their times of arrival. One thread.
+// Page: docs/hil.md.
 #include <array>
 #include <cstdint>
 #include <deque>
@@ -24,44 +24,46 @@ namespace epiline::hil {
 
 struct ControllerSettings {
   std::uint8_t system = 1;                          ///< of the vehicle, companion included
-  std::uint8_t companion = 197;                     ///< component that odometry has to come from
+  std::uint8_t companion = 197;                     ///< component that must send the odometry
   Span boot = Span::from_milliseconds(-3'600'000);  ///< instant of the host's clock at which the controller's was 0
-  double skew_ppm = 0;                              ///< its clock runs so much faster than the host's
+  double skew_ppm = 0;                              ///< by how much its clock runs faster than the host's
   bool on_can = false;                              ///< hears CAN frames, and has the host's clock
   int can_base_id = 0x300;
-  double timesync_hz = 10;       ///< questions of its own
+  double timesync_hz = 10;       ///< rate of its own TIMESYNC requests
   bool is_ardupilot = false;     ///< by its heartbeat
-  bool wants_origin = false;     ///< has no satellite receiver, as an ArduPilot
+  bool wants_origin = false;     ///< has no satellite receiver, so it needs the origin, as ArduPilot does
   Mat3 R_VB = Mat3::Identity();  ///< the recording's IMU in the vehicle (forward, left, up)
 };
 
 class ControllerModel {
  public:
-  /// The true state at a stamp of the odometry; none where it is not known.
+  /// Ground truth at a timestamp of the odometry; none where it is not known.
   using Truth = std::function<std::optional<TruthState>(HostStamp)>;
 
   explicit ControllerModel(const ControllerSettings& settings, Truth truth = {});
 
   void receive(const mavlink::Packet& packet, HostStamp arrival);
-  /// Of a bus.
+  /// The same for a frame from a CAN bus.
   void receive(const can::Frame& frame, HostStamp arrival);
-  /// The next packet to send, valid until the next call; null: none is due. Call until null, again every few ms.
+  /// The next packet to send, valid until the next call; null: none is due. Call every few ms, each time until null.
   const mavlink::Packet* next(HostStamp now);
 
-  /// A reading of the controller's own IMU, stamped by the host's clock; goes out as HIGHRES_IMU, as often as the
-  /// companion asked (SET_MESSAGE_INTERVAL; before, 50 Hz). One other thread may call this. False: there is no room.
+  /// Takes a sample of the controller's own IMU, stamped by the host's clock. It is sent as HIGHRES_IMU, at the rate
+  /// that the companion requested by SET_MESSAGE_INTERVAL, initially 50 Hz. One other thread may call this. False:
+  /// queue full.
   bool feed(const ImuSample& reading) { return readings_.push(reading); }
-  /// Called when the companion asks for these readings, from the thread that calls receive(). Before the first packet.
+  /// Sets the function that the thread of receive() calls when the companion requests these samples. Call before the
+  /// first packet.
   void when_readings_are_wanted(std::function<void()> call) { readings_wanted_ = std::move(call); }
 
-  /// Judges what can be judged at the end only. `end`: when the flight was over.
+  /// Judges the rules that need the whole flight. `end`: end of the flight.
   Verdict finish(HostStamp end);
 
-  /// Arrival less time_usec, while the clocks are known.
+  /// Arrival minus time_usec, counted once the clock offset is known.
   const LatencyBins& latency() const { return latency_; }
   std::uint64_t estimates() const { return estimates_; }
-  /// What can be used of them: the recording's IMU, stamped as the companion says. A new part for each reset counter,
-  /// because a reset may turn and move the frame.
+  /// The usable estimates as poses of the recording's IMU, with the companion's timestamps. Each reset counter begins a
+  /// new part, because a reset may rotate and shift the frame.
   const std::vector<Trajectory>& received() const { return received_; }
   std::int64_t to_controller_ns(HostStamp host) const;
 
@@ -94,7 +96,7 @@ class ControllerModel {
   TimesyncFilter timesync_;
   LatencyBins latency_;
   std::vector<Trajectory> received_;
-  std::optional<std::uint8_t> newest_counter_;  ///< of its last part
+  std::optional<std::uint8_t> newest_counter_;  ///< of the last part of received_
 
   std::optional<HostStamp> begin_, newest_heartbeat_, first_packet_, first_heartbeat_;
   std::uint64_t heartbeats_ = 0, estimates_ = 0, texts_in_window_ = 0, exchanges_ = 0;
@@ -102,11 +104,11 @@ class ControllerModel {
   std::optional<mavlink::SetGpsGlobalOrigin> origin_;  ///< the first
   std::optional<std::uint8_t> newest_sequence_;
   std::optional<HostStamp> next_heartbeat_, next_question_;
-  std::optional<std::int64_t> question_ns_;  ///< not answered yet, of the controller's clock
+  std::optional<std::int64_t> question_ns_;  ///< pending request, on the controller's clock
   int failed_in_a_row_ = 0;
   LatencyBins round_trip_;
 
-  static constexpr std::size_t kMostWaiting = 64;  ///< answers; who asks more gets none
+  static constexpr std::size_t kMostWaiting = 64;  ///< answers; further requests get none
   std::deque<mavlink::Packet> waiting_;
   mavlink::Packet sending_;
   SpscRing<ImuSample, 1024> readings_;

@@ -1,5 +1,5 @@
 #pragma once
-// The controller model on a line: a thread that reads, answers and stamps what arrives.
+// Runs the controller model on a line: a thread that reads, timestamps and answers packets.
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -15,11 +15,11 @@ namespace epiline::hil {
 
 class ControllerThread {
  public:
-  /// Above everything that is judged: an arrival must not be stamped late because the judge had to wait.
+  /// Above the priority of everything under test: arrivals must not be stamped late because this thread had to wait.
   static constexpr int kPriority = 85, kLook_ms = 2;
 
-  /// Both outlive it; the model belongs to the thread until stop().
-  /// With a key it signs, and hears nothing that is not signed with it.
+  /// `model` and `line` must outlive this object; only the thread may use the model until stop() returns. With a key it
+  /// signs its packets and ignores packets that are not signed with it.
   ControllerThread(ControllerModel& model, ControllerLine& line,
                    const std::optional<mavlink::SigningKey>& key = std::nullopt)
       : model_(model), line_(line) {

@@ -1,6 +1,6 @@
 #pragma once
-// What PX4's filter does with odometry: expects the next sample from its own state and a good IMU, and refuses what
-// lies outside of its gates. The IMU is the recorded truth's acceleration. Page: docs/hil.md.
+// Models how PX4's filter treats odometry: it predicts each sample from its own state and an IMU, and rejects samples
+// outside of its gates. The acceleration of the ground truth serves as the IMU. Page: docs/hil.md.
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -16,13 +16,14 @@ struct TruthState {
   Mat3 R_WB = Mat3::Identity();
 };
 
-/// Three filters of position and velocity, one for each axis of the odometry's world. Its heading comes from the
-/// odometry, as with yaw fusion on.
+/// Three filters of position and velocity, one for each axis of the odometry's world. The heading is taken from the
+/// odometry, as PX4 does with yaw fusion enabled.
 class FusionModel {
  public:
   explicit FusionModel(const Mat3& R_VB) : R_VB_(R_VB) {}
 
-  /// Stamps rise. Without truth the sample is left out, and the filter begins anew with the next that has one.
+  /// Timestamps must increase. A sample without ground truth is skipped; the filter restarts at the next one that has
+  /// it.
   void take(const VisionSample& sample, const std::optional<TruthState>& truth, RuleBook& book);
 
  private:
@@ -35,7 +36,7 @@ class FusionModel {
   /// A sample in the odometry's world with z up.
   struct Measurement {
     Vec3 p, v, variance_p, variance_v;
-    double heading_rad = 0;  ///< of that world against the truth's
+    double heading_rad = 0;  ///< of that world relative to the ground truth's
     bool has_velocity = false;
   };
 

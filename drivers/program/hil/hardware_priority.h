@@ -1,11 +1,11 @@
 #pragma once
-// What is played stands for hardware, which a busy computer does not slow down.
+// Priority for threads that stand for hardware, which a busy computer does not slow down.
 #include <sched.h>
 
 namespace epiline::hil {
 
-/// Gives this thread, and threads it starts meanwhile, the lowest real-time priority, where that is allowed: above all
-/// ordinary work, below everything that is judged.
+/// Gives this thread the lowest real-time priority, if permitted, and so the threads that it starts during this
+/// object's lifetime. That is above all ordinary threads and below everything under test.
 class HardwarePriority {
  public:
   HardwarePriority() noexcept {

@@ -1,6 +1,6 @@
 #pragma once
-// A recorded flight through the real interfaces, into a live run and out to the model of a flight controller. Page:
-// docs/hil.md.
+// Plays a recorded flight through the real interfaces into a live run, and sends its odometry to a model of a flight
+// controller. Page: docs/hil.md.
 #include <filesystem>
 #include <functional>
 #include <limits>
@@ -21,9 +21,10 @@ struct HilOptions {
   std::filesystem::path out;     ///< folder of a live run's files and the verdict; empty: none
   std::string camera = "file";   ///< or v4l2loopback:DEVICE
   std::string imu = "file";      ///< or uhid, mavlink
-  /// Or pty:PATH, udp, udp:PORT, a CAN interface, a serial port wired to that of the configuration.
+  /// Or pty:PATH, udp, udp:PORT, a CAN interface, or a serial port that is wired to the configured one.
   std::string controller = "pty";
-  /// Another process flies, with the same configuration file: plays as soon as that one has opened the IMU.
+  /// True: another process flies, with the same configuration file. Playing begins when that process has opened the
+  /// IMU.
   bool beside = false;
   Releases judge = kUsualReleases;  ///< whose rules count
   double start_s = 0, duration_s = std::numeric_limits<double>::infinity();
@@ -32,25 +33,26 @@ struct HilOptions {
 };
 
 struct HilResult {
-  std::optional<FlightRecord> record;  ///< none: another process flew
+  std::optional<FlightRecord> record;  ///< none if another process flew
   Verdict verdict;
-  std::vector<Trajectory> received;  ///< by the controller, a part for each reset counter
-  Trajectory truth;                  ///< empty: not known
-  HostStamp begin;                   ///< of the flight, for the verdict's times
-  std::uint64_t estimates = 0;       ///< that the controller got
+  std::vector<Trajectory> received;  ///< poses that the controller received, one part for each reset counter
+  Trajectory truth;                  ///< empty: no ground truth
+  HostStamp begin;                   ///< of the flight; the verdict's times count from here
+  std::uint64_t estimates = 0;       ///< that the controller received
   std::uint64_t images_played = 0, images_late = 0, images_refused = 0;  ///< late: decoded after their time
   std::uint64_t readings_refused = 0;                                    ///< by the kernel, as images
 };
 
-/// Of a flight that goes on.
+/// Progress of a running flight.
 struct Progress {
-  double share = 0;    ///< of what is to be played
-  bool waits = false;  ///< for the process that flies
+  double share = 0;    ///< played share of the recording, 0 to 1
+  bool waits = false;  ///< still waiting for the process that flies
 };
 
-/// Plays, flies (unless beside), judges. Fails if and only if data set, configuration or a device is wrong, the system
-/// has no thread left, or the process beside did not come; a flight that a controller would refuse is a result. `watch`
-/// is called twenty times a second, and ends it by returning false; so do SIGINT, SIGTERM and SIGHUP.
+/// Plays the recording, flies it (unless `beside`) and judges the odometry. Fails if and only if the data set, the
+/// configuration or a device is wrong, the system cannot start a thread, or the other process did not open the IMU. A
+/// flight that a controller would reject is a result, not a failure. `watch` is called twenty times a second; the run
+/// ends if it returns false, and on SIGINT, SIGTERM and SIGHUP.
 Result<HilResult> run_hil(const HilOptions& options, const std::function<bool(const Progress&)>& watch);
 
 }  // namespace epiline::hil

@@ -1,5 +1,5 @@
 #pragma once
-// The writing end of a v4l2loopback device: what is written comes out of the device as a camera's images.
+// The writing end of a v4l2loopback device: readers of the device get the written images as those of a camera.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace epiline {
 
-/// 8-bit grey images. One thread.
+/// Writes 8-bit grey images. One thread uses it.
 class LoopbackWriter {
  public:
   LoopbackWriter() = default;
@@ -18,11 +18,11 @@ class LoopbackWriter {
   LoopbackWriter(const LoopbackWriter&) = delete;
   LoopbackWriter& operator=(const LoopbackWriter&) = delete;
 
-  /// Sets the device's format and what it says of its rate (0: nothing); readers can open it from then on.
+  /// Sets the device's format and the rate that it reports (0: none). Readers can open the device after that.
   Status open(const std::string& device, int width, int height, double rate_hz = 0);
   void close() noexcept;
-  /// The reader gets the stamp as it is, to the microsecond. `bytes`: what is said to be in the buffer, for tests of
-  /// short images; 0: all of it. False: the kernel refused; errno says why.
+  /// Passes the timestamp on, cut to microseconds. `bytes`: reported number of bytes in the buffer, for
+  /// tests of short images; 0: the whole image. False: the kernel refused the buffer; errno holds the reason.
   bool write(const Frame& frame, std::size_t bytes = 0) noexcept;
 
  private:

@@ -1,5 +1,5 @@
 #pragma once
-// The rules on how one estimate follows from the one before: jumps, reset counter, velocity.
+// The rules that compare an estimate with the previous one: jumps, reset counter, velocity.
 #include <cstdint>
 #include <optional>
 
@@ -10,17 +10,17 @@ namespace epiline::hil {
 
 class MotionRules {
  public:
-  /// Stamps rise.
+  /// Timestamps must increase.
   void take(const VisionSample& sample, RuleBook& book);
 
  private:
-  /// What of a step its velocity and rates do not explain, and how much of that is no jump.
+  /// The part of a step that velocity and angular rates do not explain, and the limits below which it is no jump.
   struct Step {
     double position_m = 0, position_most_m = 0, angle_rad = 0, angle_most_rad = 0;
     bool is_jump() const { return position_m > position_most_m || angle_rad > angle_most_rad; }
     bool is_smooth() const { return position_m < 0.01 && angle_rad < 0.01; }
   };
-  /// Position and what the velocity says of it since the window's begin.
+  /// Change of the position since the window's begin, and the integral of the velocity over the same time.
   struct Window {
     Span length;
     Vec3 moved = Vec3::Zero(), integral = Vec3::Zero();
@@ -32,7 +32,7 @@ class MotionRules {
   void follow_velocity(const VisionSample& sample, RuleBook& book);
 
   std::optional<VisionSample> newest_;
-  std::optional<Vec3> newest_speed_;  ///< where messages have no velocity
+  std::optional<Vec3> newest_speed_;  ///< from positions, where messages have no velocity
   Window window_;
   std::uint64_t resets_ = 0;
   double largest_step_m_ = 0, largest_velocity_error_m_s_ = 0;

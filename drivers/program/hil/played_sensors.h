@@ -1,6 +1,6 @@
 #pragma once
-// A recorded flight as live sensors: the recording's samples, stamped by this computer's clock as if they were taken
-// now, delivered when they are due, and disturbed on demand. Page: docs/hil.md.
+// Plays a recorded flight as live sensors: each sample is stamped by this computer's clock as if it were taken now, and
+// delivered when it is due, with disturbances if requested. Page: docs/hil.md.
 #include <atomic>
 #include <cstdint>
 #include <optional>
@@ -12,20 +12,20 @@
 
 namespace epiline::hil {
 
-/// What a wire, a bus or a busy computer does to samples.
+/// Disturbances of samples on their way, as by a wire, a bus or a busy computer.
 struct Disturbance {
-  double jitter_ms = 0;  ///< each is delivered late by up to so much, evenly spread; in their order
-  double loss = 0;       ///< share of samples that do not come
-  bool bursts = false;   ///< at the begin of each second nothing comes for 80 ms, then all of that at once
-  double skew_ppm = 0;   ///< of the IMU: its clock runs so much faster than the computer's
+  double jitter_ms = 0;  ///< largest delay of a sample, evenly distributed; the order is kept
+  double loss = 0;       ///< share of samples that are lost
+  bool bursts = false;   ///< samples due in the first 80 ms of a second come together at the end of the 80 ms
+  double skew_ppm = 0;   ///< by how much the IMU's clock runs faster than the computer's
 };
 
-/// When each of a source's samples is delivered.
+/// Decides when each sample of a source is delivered.
 class Delivery {
  public:
   Delivery(const Disturbance& disturbance, std::uint64_t stream) : disturbance_(disturbance), random_(1, stream) {}
   bool loses() { return disturbance_.loss > 0 && random_.chance(disturbance_.loss); }
-  /// For a sample due at that instant of a flight that began at `begin_ns`; never before the sample before.
+  /// Time of delivery of a sample that is due at `due_ns`, in a flight that began at `begin_ns`. Never decreases.
   std::int64_t instant_ns(std::int64_t due_ns, std::int64_t begin_ns);
 
  private:
@@ -34,16 +34,16 @@ class Delivery {
   std::int64_t newest_ns_ = 0;
 };
 
-/// The instant at which a played flight begins; sources wait for it.
+/// The instant at which a played flight begins. Sources wait for it.
 class PlayClock {
  public:
-  /// Once. `first`: stamp of the recording's first sample.
+  /// Call once. `first`: timestamp of the recording's first sample.
   void start(HostStamp first, std::int64_t host_ns) noexcept {
     pace_ = {first, host_ns, 1};
     started_.store(true, std::memory_order_release);
   }
   bool started() const noexcept { return started_.load(std::memory_order_acquire); }
-  /// After the start.
+  /// Valid once started() is true.
   const Pace& pace() const noexcept { return pace_; }
 
  private:
@@ -51,7 +51,7 @@ class PlayClock {
   std::atomic<bool> started_{false};
 };
 
-/// The images, stamped as the recording says, on this computer's clock.
+/// The recording's images, with timestamps moved to this computer's clock.
 class PlayedCamera final : public CameraSource {
  public:
   PlayedCamera(const AslDataset& dataset, const FlightPlan& plan, const PlayClock& clock,
@@ -80,7 +80,7 @@ class PlayedCamera final : public CameraSource {
   std::int64_t held_until_ns_ = 0;
 };
 
-/// The readings.
+/// The recording's IMU samples.
 class PlayedImu final : public ImuSource {
  public:
   PlayedImu(const AslDataset& dataset, const FlightPlan& plan, const PlayClock& clock, const Disturbance& disturbance)
@@ -90,7 +90,7 @@ class PlayedImu final : public ImuSource {
         clock_(clock),
         delivery_(disturbance, 2),
         skew_(1e-6 * disturbance.skew_ppm) {}
-  /// Ends with the first reading after that stamp of the recording.
+  /// Ends before the first sample whose recorded timestamp is later than `last`.
   void end_after(HostStamp last) noexcept { last_ = last; }
   Status open() override { return Done{}; }
   void close() noexcept override {}

@@ -1,5 +1,5 @@
 #pragma once
-// The recorded truth of a played flight, at the time of this computer's clock.
+// Ground truth of a played flight.
 #include <optional>
 
 #include "drivers/program/hil/fusion_model.h"
@@ -10,16 +10,16 @@ namespace epiline::hil {
 
 class PlayedTruth {
  public:
-  /// `truth` outlives it, and may be null: then nothing is known.
+  /// `truth` must outlive this object; null: there is no ground truth.
   explicit PlayedTruth(const Trajectory* truth) : truth_(truth) {}
-  /// None outside the truth and in its gaps.
+  /// The state at a timestamp of the recording; none outside of the ground truth and in its gaps.
   std::optional<TruthState> at(HostStamp recorded) const;
 
  private:
   const Trajectory* truth_;
 };
 
-/// The poses at the times at which they were played.
+/// The same poses, with timestamps moved to the times at which they were played.
 Trajectory played(const Trajectory& truth, const Pace& pace);
 
 }  // namespace epiline::hil

@@ -1,5 +1,5 @@
 #pragma once
-// Carries samples from a played sensor into the kernel, by a thread of its own.
+// A thread that carries samples from a played sensor into the kernel.
 #include <atomic>
 #include <functional>
 #include <thread>
@@ -8,7 +8,7 @@
 
 namespace epiline::hil {
 
-/// Ends with its source, or when stopped.
+/// Ends when its source ends, or at stop().
 class Pump {
  public:
   Pump() = default;
@@ -16,7 +16,8 @@ class Pump {
   Pump(const Pump&) = delete;
   Pump& operator=(const Pump&) = delete;
 
-  /// Images of an open camera; `deliver` returns false for one that could not be delivered.
+  /// Starts the thread. The source must be open and outlive it. `deliver` returns false if it could not deliver a
+  /// sample.
   void start(CameraSource& camera, std::function<bool(const Frame&)> deliver);
   void start(ImuSource& imu, std::function<bool(const ImuSample&)> deliver);
   void stop();

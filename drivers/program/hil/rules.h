@@ -1,5 +1,5 @@
 #pragma once
-// What flight controllers ask of visual odometry, rule by rule, and what became of each rule in a run. Page:
+// The rules that flight controllers impose on visual odometry, and the outcome of each rule in a run. Page:
 // docs/hil.md.
 #include <array>
 #include <cstddef>
@@ -67,26 +67,26 @@ inline constexpr Release kReleases[] = {
     {"ardupilot-4.6", "ArduPilot 4.6"},
     {"ardupilot-4.7", "ArduPilot 4.7"},
 };
-/// A set of them: bit i stands for kReleases[i].
+/// A set of releases: bit i stands for kReleases[i].
 using Releases = unsigned;
 inline constexpr Releases kPx4Spring2026 = 0b0001'0000, kPx4Before27342 = 0b0001'0111, kPx4Since27342 = 0b0000'1000;
 inline constexpr Releases kEveryPx4 = 0b0001'1111, kEveryArdupilot = 0b1110'0000, kEveryRelease = 0b1111'1111;
-/// Those that are judged unless others are named: all but the builds of a spring.
+/// The releases that are judged by default: all except the development builds of spring 2026.
 inline constexpr Releases kUsualReleases = kEveryRelease & ~kPx4Spring2026;
-/// What the words name, separated by commas: options of kReleases, `px4` and `ardupilot` for the usual ones of each,
-/// `all` for every one. None: a word is unknown, or there is none.
+/// Parses a comma-separated list of release options. `px4` and `ardupilot` stand for the default releases of each,
+/// `all` for every release. None: the list is empty or holds an unknown word.
 std::optional<Releases> releases_from(std::string_view words);
 
 struct RuleInfo {
   const char* name;    ///< short, as in reports
   const char* demand;  ///< in words
-  const char* source;  ///< where a controller's program says so
-  Releases releases;   ///< that ask for it
+  const char* source;  ///< the place in the controller's source code
+  Releases releases;   ///< that impose it
 };
 const RuleInfo& info_of(Rule rule);
 
 enum class RuleState : std::uint8_t {
-  kNotSeen,  ///< nothing that the rule speaks of has happened
+  kNotSeen,  ///< the run gave no occasion to check the rule
   kKept,
   kBroken,
 };
@@ -104,17 +104,18 @@ struct RuleVerdict {
 struct Verdict {
   std::array<RuleVerdict, kRules> rules;
   const RuleVerdict& of(Rule rule) const { return rules[static_cast<std::size_t>(rule)]; }
-  /// By each of them.
+  /// True if none of these releases has a broken rule.
   bool accepted_by(Releases releases) const { return broken(releases).empty(); }
-  /// The rules of these releases that are broken, in their order.
+  /// The broken rules of these releases, in the order of Rule.
   std::vector<Rule> broken(Releases releases = kUsualReleases) const;
 };
 
-/// Counts what rules are asked and how often they are broken, and keeps the first instance. Fixed memory but for that.
+/// Counts how often each rule was checked and broken, and describes its first violation. Fixed memory except for texts.
 class RuleBook {
  public:
   RuleBook();
-  /// `what()` says what was found; called for the first instance only.
+  /// Counts one check at time `at` and returns `good`. `what()` describes a violation; called for a rule's first one
+  /// only.
   template <class What>
   bool judge(Rule rule, bool good, HostStamp at, What&& what) {
     RuleVerdict& v = verdict_.rules[static_cast<std::size_t>(rule)];
@@ -130,8 +131,8 @@ class RuleBook {
   Verdict verdict_;
 };
 
-/// The verdict for people: a line for each rule of these releases, those broken first with what was found, times since
-/// `begin`; and a line for each release.
+/// The verdict as text: a line for each rule of these releases, the broken ones first with their first violation, then
+/// a line for each release. Times count from `begin`.
 std::string text_of(const Verdict& verdict, HostStamp begin, Releases releases = kUsualReleases);
 
 }  // namespace epiline::hil

@@ -9,11 +9,11 @@ namespace epiline::hil {
 
 class StreamRules {
  public:
-  /// An estimate, with numbers or not. False: its timestamp does not rise; the rules on motion must skip it.
+  /// Takes an estimate, finite or not. False: its timestamp does not increase, so the rules on motion must skip it.
   bool take(HostStamp arrival, HostStamp stamp, RuleBook& book);
-  /// STATUSTEXT came: within 1 s of a pause's begin it announces the pause.
+  /// Takes the arrival of a STATUSTEXT. Within 1 s of the begin of a pause it counts as the pause's announcement.
   void take_text(HostStamp arrival);
-  /// The flight has ended: odometry should have come until then.
+  /// Ends the flight. Odometry was expected until `end`.
   void finish(HostStamp end, RuleBook& book);
 
  private:

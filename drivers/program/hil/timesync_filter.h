@@ -1,6 +1,5 @@
 #pragma once
-// How PX4 estimates a companion's clock from TIMESYNC: behaviour of mavlink_timesync.h, to see whether our answers
-// serve it.
+// Models how PX4 estimates the offset of a companion's clock from TIMESYNC (mavlink_timesync.h), to check our answers.
 #include <cstdint>
 
 namespace epiline::hil {
@@ -12,7 +11,8 @@ class TimesyncFilter {
 
   enum class Outcome : std::uint8_t { kUsed, kSlow, kDeviates, kReset };
 
-  /// All of the controller's clock but `other_ns`. The sixth deviation in a row beyond 100 ms starts the filter anew.
+  /// Takes one exchange. `other_ns` is on the companion's clock, the other two on the controller's. Six deviations in a
+  /// row beyond 100 ms reset the filter.
   Outcome update(std::int64_t sent_ns, std::int64_t other_ns, std::int64_t received_ns);
 
   bool converged() const { return count_ >= kConvergence; }

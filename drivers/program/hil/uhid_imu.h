@@ -1,5 +1,5 @@
 #pragma once
-// An IMU made of the kernel's own drivers: a HID sensor hub behind /dev/uhid, which hid-sensor-gyro-3d and
+// A simulated IMU behind real kernel drivers: a HID sensor hub on /dev/uhid, which hid-sensor-gyro-3d and
 // hid-sensor-accel-3d turn into two IIO devices, gyro_3d and accel_3d. Needs those modules and root.
 #include <array>
 #include <atomic>
@@ -12,7 +12,7 @@
 
 namespace epiline {
 
-/// Any thread may send; one plugs and unplugs.
+/// Any thread may send. One thread calls plug_in() and unplug().
 class UhidImu {
  public:
   UhidImu() = default;
@@ -20,23 +20,23 @@ class UhidImu {
   UhidImu(const UhidImu&) = delete;
   UhidImu& operator=(const UhidImu&) = delete;
 
-  /// Returns when both IIO devices are there, with their device files; at the latest after `at_most`.
+  /// Returns when both IIO devices and their device files exist. Fails if they do not appear within `at_most`.
   Status plug_in(Span at_most = Span::from_milliseconds(30'000));
-  /// The IIO devices go, also under a reader.
+  /// Removes the IIO devices, even while a program reads them.
   void unplug() noexcept;
 
   /// `iio:deviceN` of each; valid while plugged in.
   const std::string& gyroscope_device() const noexcept { return sensors_[0].device; }
   const std::string& accelerometer_device() const noexcept { return sensors_[1].device; }
 
-  /// Somebody has switched both sensors on. What is sent before that, nobody gets. The kernel switches a sensor off
-  /// some seconds after its last reader has gone.
+  /// True if a reader has switched both sensors on. Samples sent before that are lost. The kernel switches a sensor off
+  /// some seconds after its last reader has closed it.
   bool is_on() const noexcept { return sensors_[0].is_on && sensors_[1].is_on; }
-  /// The interval the kernel was asked for, in ms; 0: it was not asked.
+  /// The sampling interval that the kernel requested, in ms; 0: none yet.
   int interval_ms() const noexcept { return sensors_[0].interval_ms; }
 
-  /// One reading, in rad/s and m/s^2, to 10^-6. `time`: the hub's own clock, which comes out of IIO unchanged; 0: the
-  /// hub has none, and the kernel stamps the arrival. False: not plugged in.
+  /// Sends one sample, in rad/s or m/s^2, rounded to 10^-6. `time`: timestamp of the hub's own clock, which IIO passes
+  /// on unchanged; 0: none, so that the kernel stamps the arrival. False: not plugged in.
   bool send_gyroscope(DeviceStamp time, const std::array<double, 3>& rad_s) noexcept { return send(0, time, rad_s); }
   bool send_accelerometer(DeviceStamp time, const std::array<double, 3>& m_s2) noexcept { return send(1, time, m_s2); }
 

@@ -1,5 +1,5 @@
 #pragma once
-// One estimate as a flight controller receives it, and the rules on what is in a single message.
+// One estimate as a flight controller receives it, and the rules on the contents of a single message.
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <optional>
@@ -24,12 +24,12 @@ struct VisionSample {
   bool is_north = false;  ///< PX4 takes its frame for one with x to the north
 };
 
-/// The IMU's pose that it tells of, in a world whose z axis points up. `R_VB`: the IMU in the vehicle (forward, left,
-/// up).
+/// The pose of the IMU according to the sample, in a world whose z axis points up. `R_VB`: rotation from the IMU to the
+/// vehicle (forward, left, up).
 TimedPose pose_of(const VisionSample& sample, const Mat3& R_VB);
 
-/// Judges the rules on frames, type, numbers, covariance and quality. None: no controller could use it, for its numbers
-/// or its stamp.
+/// Judges the rules on frames, type, finite numbers, covariance and quality. None: numbers or timestamp are such that
+/// no controller could use the message.
 std::optional<VisionSample> judge_message(const mavlink::Odometry& message, HostStamp arrival, RuleBook& book);
 std::optional<VisionSample> judge_message(const mavlink::VisionPositionEstimate& message, HostStamp arrival,
                                           RuleBook& book);

@@ -22,8 +22,8 @@ struct LiveSettings {
 };
 /// Whether the camera must be calibrated: a flight needs it, a recording does not.
 enum class CalibrationNeed : std::uint8_t { kRequired, kIfGiven };
-/// Precedence: `set` (as ConfigFile::set() takes it), configuration file, calibration files, defaults. Fails if and
-/// only if one of them is wrong, or camera.calibration is required and not set.
+/// Reads all settings. Precedence: `set` (as ConfigFile::set() takes it), configuration file, calibration files,
+/// defaults. Fails if and only if one of them is wrong, or camera.calibration is required and not set.
 Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file,
                                         const std::vector<std::string>& set = {},
                                         CalibrationNeed need = CalibrationNeed::kRequired);
@@ -34,7 +34,7 @@ struct LiveOutput {
   std::function<OutputRecord()> record;  ///< after close()
   std::string name;                      ///< kind and destination, as in "mavlink /dev/ttyAMA0"
   std::function<bool()> is_open;         ///< false: the connection is lost; any thread. Empty: it cannot be lost
-  std::function<const char*()> refusal = nullptr;  ///< why the odometry is not sent as configured; "" or empty: it is
+  std::function<const char*()> refusal = nullptr;  ///< why it is not sent as configured; "" or empty: it is sent
 };
 
 /// The devices, not opened yet.
@@ -43,7 +43,7 @@ struct LiveDevices {
   std::unique_ptr<ImuSource> imu;
   std::unique_ptr<WheelSource> wheel;  ///< null: none
   std::vector<LiveOutput> outputs;
-  std::vector<std::function<DeviceRecord()>> records;  ///< what the drivers counted, from any thread
+  std::vector<std::function<DeviceRecord()>> records;  ///< the drivers' counters; any thread may call them
   int images_to_log = 0;                               ///< RealtimeSettings
   /// Receives the rotation rate of the body, rad/s, from the log thread; a camera limits its exposure with it. May be
   /// empty.

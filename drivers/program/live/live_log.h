@@ -16,7 +16,7 @@ namespace epiline {
 /// The log thread only fills rings; the caller of drain(), a thread without priority, does the rest.
 class LiveLog final : public FlightObserver {
  public:
-  /// `folder`: of trajectory.tum and events.txt; empty: no files.
+  /// `folder`: gets trajectory.tum and events.txt; empty: no files.
   explicit LiveLog(const std::filesystem::path& folder);
 
   void take(const FrameOutcome& outcome) noexcept override { outcomes_.push(outcome); }
@@ -44,7 +44,7 @@ class LiveLog final : public FlightObserver {
   SpscRing<Event, 1024> events_;
   std::atomic<std::uint64_t> passes_{0};
 
-  // Of the thread that drains.
+  // Used by the thread of drain() only.
   std::unique_ptr<OutputFile> trajectory_, event_lines_;
   std::uint64_t first_serial_ = 0;  ///< of the record's images
 };

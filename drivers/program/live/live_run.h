@@ -16,25 +16,25 @@ namespace epiline {
 class LiveView;
 
 struct LiveOptions {
-  std::filesystem::path out;                                    ///< of the files; empty: none are written
-  double duration_s = std::numeric_limits<double>::infinity();  ///< ends after that many
-  LiveView* view = nullptr;                                     ///< open, not started
-  bool waits_for_devices = false;                               ///< that are not there yet; else they are an error
-  /// Where the samples' stamps lie on the computer's clock; none: they are its instants.
+  std::filesystem::path out;                                    ///< folder of the result files; empty: none are written
+  double duration_s = std::numeric_limits<double>::infinity();  ///< the flight ends after this time
+  LiveView* view = nullptr;                                     ///< opened, not started; null: none
+  bool waits_for_devices = false;  ///< wait for missing devices; false: a missing device is an error
+  /// Maps the samples' timestamps to the computer's clock; none: they are of that clock.
   std::optional<Pace> pace;
 };
 
 /// State of a running flight, for the display.
 struct LiveState {
   bool has_pose = false;
-  Odometry odometry;  ///< newest, with the health of now; only with a pose
+  Odometry odometry;  ///< newest, with the present health; valid if has_pose
   std::uint64_t images = 0, readings = 0;
   Span since_start;
   std::string
       waiting_for;  ///< device that is not open yet, and why; then nothing else is known. Empty: the flight goes on
-  std::vector<std::string> numbers_wrong;  ///< said since the last call: numbers of the user that cannot be true
-  std::string lost_outputs;                ///< names of those whose line is lost at present; empty: none is
-  std::string refusals;                    ///< of receivers that cannot use the odometry as configured; empty: none
+  std::vector<std::string> numbers_wrong;  ///< configured numbers found to be wrong since the last call, as sentences
+  std::string lost_outputs;                ///< names of the outputs without a connection at present; empty: none
+  std::string refusals;                    ///< why receivers cannot use the odometry as configured; empty: they can
 };
 
 /// Opens the devices and flies until SIGINT, SIGTERM, SIGHUP, the end of the sources, the end of the duration, or until

@@ -15,27 +15,28 @@ namespace epiline {
 
 class Opener {
  public:
-  /// A device. After an open() that failed comes close(), then perhaps another open().
+  /// A device. After a failed open(), close() is called, and then perhaps open() again.
   struct Part {
     std::string name;  ///< for the user
     std::function<Status()> open;
     std::function<void()> close;
-    std::function<void()> give_up = [] {};  ///< from another thread: open() returns soon
+    std::function<void()> give_up = [] {};  ///< called by another thread; open() must then return soon
   };
 
-  /// Opens the parts one after the other. `waits`: a part that cannot be opened is tried again every half second;
-  /// otherwise its error ends it. The error of a setting (ErrorKind::kUsage) always does.
+  /// Starts a thread that opens the parts one after the other. `waits`: retry a part that cannot be opened every half
+  /// second; otherwise its error ends the work. The error of a setting (ErrorKind::kUsage) always ends it.
   Opener(std::vector<Part> parts, bool waits);
   ~Opener() { give_up(); }
   Opener(const Opener&) = delete;
   Opener& operator=(const Opener&) = delete;
 
   bool has_ended() const { return ended_.load(std::memory_order_acquire); }
-  /// What it waits for and why, as in "camera: /dev/video0: No such file or directory [open]"; empty: it does not wait.
+  /// The device it waits for and why, as in "camera: /dev/video0: No such file or directory [open]"; empty: none.
   std::string waiting_for() const;
-  /// Ends it, and returns when it has ended.
+  /// Aborts the work and waits until the thread has ended.
   void give_up();
-  /// After it has ended: all parts are open, or why one is not. Those before it are still open.
+  /// Call once has_ended() is true. Success: all parts are open. Otherwise the error of one part; the parts before it
+  /// are still open.
   Status result() const;
 
  private:

@@ -19,15 +19,15 @@ class ServiceManager {
   ServiceManager& operator=(const ServiceManager&) = delete;
 
   bool is_listening() const { return socket_ >= 0; }
-  /// Zero: no watchdog.
+  /// The watchdog's timeout; zero: no watchdog.
   Span watchdog() const { return watchdog_; }
 
-  /// The start takes longer: another five seconds from now.
+  /// Extends the time allowed for the start to five seconds from now.
   void starting() { send("EXTEND_TIMEOUT_USEC=5000000"); }
   void ready() { send("READY=1"); }
   void stopping() { send("STOPPING=1"); }
   void alive() { send("WATCHDOG=1"); }
-  /// Sent if it is new.
+  /// Sends the status line if it has changed.
   void status(const std::string& line);
 
  private:
