@@ -1,5 +1,5 @@
 #pragma once
-// What lies on the recorder's tapes, and the folder made of it.
+// The records on the recorder's tapes, and the folder that is written from them.
 #include <filesystem>
 #include <string>
 
@@ -10,7 +10,7 @@ namespace epiline {
 
 enum class RecordKind : std::uint32_t { kImu, kState, kTracks, kImage, kEvent, kWheel, kHeight };
 
-/// One image's estimate.
+/// The estimate of one image.
 struct RecordedState {
   HostStamp stamp;
   std::uint64_t serial = 0;
@@ -42,7 +42,7 @@ struct RecordedImageHeader {
   std::int32_t width = 0, height = 0;
 };
 
-/// What is to be written.
+/// A record to write: time span and lent segments.
 struct RecordOrder {
   std::uint64_t number = 0;
   RecordReason reason = RecordReason::kRequested;
@@ -50,8 +50,8 @@ struct RecordOrder {
   Tape::Range samples, images;
 };
 
-/// Writes the folder `name`: whole or not at all. Gives each segment back as soon as it has been read, all of them in
-/// any case. Fails if and only if a file cannot be written; `failure` is errno then if known.
+/// Writes the folder `name`, whole or not at all. Returns each segment to its tape as soon as it has been read, and all
+/// of them on failure. Fails if and only if a file cannot be written; `failure` is then errno, 0 if unknown.
 Status write_record(const RecordOrder& order, const RecordedRun& run, Tape& samples, Tape* images,
                     const std::filesystem::path& name, int& failure);
 

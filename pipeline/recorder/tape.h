@@ -10,10 +10,11 @@
 
 namespace epiline {
 
-/// Segments are numbered without end; number s lies at s % segments(). One thread writes, one reads what it was lent.
+/// Segments are numbered consecutively; number s is stored at s % segments(). One thread writes, another one reads the
+/// lent segments.
 class Tape {
  public:
-  /// A record: `kind` is the user's, `bytes` what was written.
+  /// A record: `kind` as the caller chose it, `bytes` as written.
   struct Record {
     std::uint32_t kind = 0;
     std::span<const std::byte> bytes;
@@ -23,8 +24,8 @@ class Tape {
     std::uint64_t from = 0, to = 0;
   };
 
-  /// Allocates and touches all memory. `kept` of the segments can be lent at once; the others are there to go on with.
-  /// A segment holds records of up to `segment_bytes` altogether, 8 bytes for each and rounding up to 8 included.
+  /// Allocates and touches all memory. `kept` of the segments can be lent at once; recording continues in the others. A
+  /// segment holds records of up to `segment_bytes` in total; each takes 8 bytes more and is rounded up to 8.
   Tape(std::size_t segments, std::size_t kept, std::size_t segment_bytes);
 
   static constexpr std::size_t bytes_of_record(std::size_t bytes) { return kHeader + (bytes + 7) / 8 * 8; }
@@ -32,8 +33,8 @@ class Tape {
 
   // Writer.
 
-  /// Room for a record of that many bytes, at an address divisible by 8; it is there once commit() was called. Null,
-  /// and one more in lost(): larger than a segment, or the reader still needs the segment that would be next.
+  /// Space for a record of that many bytes, 8-byte aligned; commit() completes the record. Null, and counted in lost(),
+  /// if it is larger than a segment or the reader still needs the next segment.
   std::byte* claim(std::uint32_t kind, std::size_t bytes) noexcept;
   void commit() noexcept;
   /// Appends a plain object.
@@ -46,13 +47,13 @@ class Tape {
     commit();
     return true;
   }
-  /// Ends the segment and lends the newest ones, this included. Only when nothing is lent.
+  /// Ends the current segment and lends the newest ones, including it. Call only while nothing is lent.
   Range lend() noexcept;
   std::uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
 
   // Reader.
 
-  /// Calls `f(Record)` for each record of a lent segment, in the order they were written.
+  /// Calls `f(Record)` for each record of a lent segment, in the order of writing.
   template <class F>
   void each(std::uint64_t segment, F&& f) const {
     const std::size_t slot = segment % used_.size();
@@ -64,12 +65,12 @@ class Tape {
       at += bytes_of_record(header.bytes);
     }
   }
-  /// The reader is through with all segments before this one.
+  /// Returns all lent segments before this one.
   void done_before(std::uint64_t segment) noexcept {
     // release, pairs with the acquire in claim(): our last look at a segment comes before it is written over
     needed_from_.store(segment, std::memory_order_release);
   }
-  /// The reader is through with all it was lent.
+  /// Returns all lent segments.
   void done() noexcept { done_before(kNothing); }
 
  private:

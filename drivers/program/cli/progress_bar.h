@@ -4,7 +4,7 @@
 
 namespace epiline {
 
-/// A bar on a terminal, nothing elsewhere: long work calls it with what is done and what is to do.
+/// A progress bar on a terminal; prints nothing elsewhere. Call it with the amount done and the total.
 class ProgressBar {
  public:
   /// `unit` names what is counted, for instance "images".

@@ -1,5 +1,5 @@
 #pragma once
-// Which camera, format, size and rate suit odometry best.
+// Chooses the camera, format, size and rate that suit odometry best.
 #include <optional>
 #include <vector>
 

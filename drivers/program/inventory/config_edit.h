@@ -1,5 +1,5 @@
 #pragma once
-// Settings that a command writes into a user's configuration, whose comments stay.
+// Writes settings into a user's configuration and keeps its comments.
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -14,15 +14,15 @@ struct ConfigEdit {
   bool is_number = false;
 };
 
-/// `text` with the settings in it: in the place of the line that sets the key or, as a comment, shows it; else at the
-/// beginning of the section, which is added at the end if need be.
+/// Returns `text` with the settings. Each replaces the line that sets its key, or the comment that shows it; otherwise
+/// it is inserted at the beginning of its section. A missing section is appended.
 std::string edited_config(const std::string& text, const std::vector<ConfigEdit>& edits);
 
-/// Edits the file; as it was it is kept as FILE.bak. Fails, and changes nothing, if and only if the file is no
-/// configuration before or after, or one of the two cannot be written.
+/// Edits the file and keeps the previous version as FILE.bak. Fails, and changes nothing, if and only if the file is
+/// not a valid configuration before or after, or one of the two files cannot be written.
 Status edit_config(const std::filesystem::path& file, const std::vector<ConfigEdit>& edits);
 
-/// Writes a file in the place of one that may be there, which is kept as FILE.bak.
+/// Writes a file. An existing one is kept as FILE.bak.
 Status replace_file(const std::filesystem::path& file, const std::string& text);
 
 }  // namespace epiline

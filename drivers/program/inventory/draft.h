@@ -1,5 +1,5 @@
 #pragma once
-// A configuration from what is plugged in: `epiline init`. docs/devices.md
+// Drafts a configuration from the connected devices: `epiline init`. docs/devices.md
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -10,16 +10,16 @@
 namespace epiline {
 
 struct Draft {
-  std::string toml;                  ///< each choice with its reason and what else there is
-  std::vector<std::string> chosen;   ///< for people, a line each
-  std::vector<std::string> missing;  ///< what has to be filled in, likewise
+  std::string toml;                  ///< with the reason and the alternatives of each choice as comments
+  std::vector<std::string> chosen;   ///< the choices as text, a line each
+  std::vector<std::string> missing;  ///< settings that the user must add, likewise
 };
 
-/// Fails if and only if nothing is plugged in that images or IMU samples could come from.
+/// Fails if and only if no connected device could deliver images or IMU samples.
 Result<Draft> draft_configuration(const Parts& parts);
 
-/// Fails if and only if the file is there and `replaces` is false, or it cannot be written. One that is replaced is
-/// kept as FILE.bak.
+/// Fails if and only if the file exists and `replaces` is false, or it cannot be written. A replaced file is kept as
+/// FILE.bak.
 Status write_draft(const Draft& draft, const std::filesystem::path& file, bool replaces);
 
 }  // namespace epiline

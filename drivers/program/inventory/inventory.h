@@ -1,5 +1,5 @@
 #pragma once
-// Which devices a computer has, as the kernel lists them.
+// The computer's devices as the kernel lists them.
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -24,7 +24,7 @@ Inventory list_devices(const std::filesystem::path& root = "/", SystemCalls& sys
 /// "/dev/video0 (HD USB Camera), /dev/video2 (...)", or "none".
 std::string to_text(const std::vector<ListedDevice>& devices);
 
-/// What to do if this user may not open the device file; nothing if he may, or if there is none.
+/// What to do if this user has no permission to open the device file; empty if permitted, or if there is no such file.
 std::optional<std::string> permission_remedy(const std::filesystem::path& device);
 
 }  // namespace epiline

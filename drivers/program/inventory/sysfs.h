@@ -1,5 +1,5 @@
 #pragma once
-// Small files and folders in which the kernel describes devices, and what it tells of a GPIO chip.
+// Reads the small files and folders in which the kernel describes devices, and the description of a GPIO chip.
 #include <linux/gpio.h>
 
 #include <filesystem>
@@ -12,11 +12,11 @@ namespace epiline {
 
 /// Empty if the file cannot be read.
 std::string first_line(const std::filesystem::path& file);
-/// What is in a folder, in the order of names; nothing if there is none.
+/// The entries of a folder in alphabetical order; empty if there is no such folder.
 std::vector<std::filesystem::path> entries(const std::filesystem::path& folder, const std::string& prefix);
-/// The link in a folder of links, such as "dev/serial/by-id", that leads to the device file; empty: none.
+/// The link to the device file in a folder of links such as "dev/serial/by-id"; empty: there is none.
 std::string lasting_name(const std::filesystem::path& root, const char* folder, const std::filesystem::path& file_name);
-/// False: errno says why not.
+/// False: failed; errno holds the reason.
 bool read_chip(const std::filesystem::path& chip, gpiochip_info& info, SystemCalls& system);
 
 }  // namespace epiline

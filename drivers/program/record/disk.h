@@ -1,5 +1,5 @@
 #pragma once
-// Files of a recording that are readable whenever the program is ended, and the disk below them.
+// Files of a recording, which stay readable whenever the program ends, and the disk that they are on.
 #include <sys/types.h>
 
 #include <cstddef>
@@ -12,20 +12,20 @@
 
 namespace epiline {
 
-/// The disk under a recording. Tests bring one that is full or slow.
+/// The disk of a recording. Tests replace it by one that is full or slow.
 class Disk {
  public:
   virtual ~Disk() = default;
   static Disk& of_this_computer() noexcept;
 
-  /// Bytes that this user can still write there; nothing if the file system does not say.
+  /// Bytes that this user can still write to the file system of `folder`; none if it does not report them.
   virtual std::optional<std::uint64_t> free_bytes(const std::filesystem::path& folder) noexcept;
-  /// write(2).
+  /// As write(2).
   virtual ssize_t write(int fd, const char* bytes, std::size_t count) noexcept;
 };
 
-/// A new file to which whole lines are appended. The kernel has them when append() returns, so they outlive the
-/// program; what it got of lines that it could not take whole is cut off again.
+/// A new file to which whole lines are appended. The kernel holds the lines when append() returns, so they survive the
+/// end of the program. If it takes a part of the lines only, the file is cut back to its previous length.
 class LineFile {
  public:
   LineFile(Disk& disk, const std::filesystem::path& path);
@@ -33,9 +33,9 @@ class LineFile {
   LineFile(const LineFile&) = delete;
   LineFile& operator=(const LineFile&) = delete;
 
-  /// False: failure() says why not. Nothing is appended after a failure.
+  /// False: the lines could not be appended; failure() holds the reason. Nothing is appended after a failure.
   bool append(std::string_view lines) noexcept;
-  /// errno of the first failure, which opening can be; 0: none so far.
+  /// errno of the first failure, that of opening included; 0: none so far.
   int failure() const { return failure_; }
   std::uint64_t bytes() const { return bytes_; }
   /// Waits until the file is on the disk.
@@ -47,10 +47,10 @@ class LineFile {
   std::uint64_t bytes_ = 0;
 };
 
-/// Writes a new file: whole or not at all. 0, or errno.
+/// Writes a new file, whole or not at all. Returns 0 or errno.
 int write_new_file(Disk& disk, const std::filesystem::path& path, std::string_view bytes) noexcept;
 
-/// The failure of a file as an error.
+/// Describes the failure of a file as an error; `error`: errno.
 Error cannot_be_written(const std::filesystem::path& path, int error);
 
 }  // namespace epiline

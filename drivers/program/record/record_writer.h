@@ -22,7 +22,7 @@ class RecordWriter {
 
   /// Throws std::system_error if the system cannot start a thread.
   void start();
-  /// After the intakes have stopped: writes what waits, but images no longer than `at_most`.
+  /// Call after the intakes have stopped. Writes all waiting samples, and waiting images for `at_most` this long.
   void stop(Span at_most);
 
   // Any thread: recent values.
@@ -33,10 +33,10 @@ class RecordWriter {
   double compress_ms() const noexcept { return compress_ms_.load(std::memory_order_relaxed); }
   double write_ms() const noexcept { return write_ms_.load(std::memory_order_relaxed); }
   bool has_failed() const noexcept { return failed_.load(std::memory_order_acquire); }
-  /// Once has_failed().
+  /// Valid once has_failed() is true.
   const Error& failure() const { return *failure_; }
 
-  /// After stop(): images that there was no time for.
+  /// Valid after stop(): number of images that were not written because the time was over.
   std::uint64_t left_over() const { return left_over_; }
 
  private:

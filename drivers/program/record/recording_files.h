@@ -1,6 +1,6 @@
 #pragma once
-// The folder of a recording: `mav0/{cam0,imu0}` in the layout of ASL. Whenever the program is ended, what lies there is
-// a recording up to then: an image is listed once its file is whole, and lists end with whole lines.
+// The folder of a recording: `mav0/{cam0,imu0}` in the ASL layout. It is a valid recording at any time, even if the
+// program is killed: an image is listed once its file is complete, and lists consist of whole lines.
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -14,7 +14,7 @@
 
 namespace epiline {
 
-/// What is known of the sensors, for their `sensor.yaml`.
+/// The known properties of the sensors, for their `sensor.yaml`.
 struct RecordedSensors {
   std::optional<CameraCalibration> camera;
   std::optional<ImuCalibration> imu;
@@ -23,20 +23,20 @@ struct RecordedSensors {
   std::string comment;
 };
 
-/// One thread, but for the destructor.
+/// One thread uses it; another one may destroy it.
 class RecordingFiles {
  public:
-  /// Makes the folders and the empty lists. Fails if and only if there is a recording already, or one cannot be made.
+  /// Creates the folders and empty lists. Fails if and only if `folder` holds a recording or cannot be written.
   static Result<std::unique_ptr<RecordingFiles>> create(const std::filesystem::path& folder, Disk& disk);
-  /// Removes a recording in which nothing lies.
+  /// Removes the recording if it is empty.
   ~RecordingFiles();
   RecordingFiles(const RecordingFiles&) = delete;
   RecordingFiles& operator=(const RecordingFiles&) = delete;
 
-  /// A PNG as png_of() makes it. Fails if and only if it could not be written, or not be listed.
+  /// Writes and lists an image; `png` as from png_of(). Fails if and only if the image or its line cannot be written.
   Status add_image(HostStamp stamp, const std::string& png);
   Status add_readings(std::span<const ImuSample> readings);
-  /// Replaces both `sensor.yaml`. A file without a calibration counts as none (holds_no_calibration()).
+  /// Replaces both files `sensor.yaml`. Readers ignore a file without a calibration (holds_no_calibration()).
   Status describe(const RecordedSensors& sensors) const;
   std::uint64_t bytes() const { return image_bytes_ + images_.bytes() + readings_.bytes(); }
   /// Waits until the lists are on the disk.
@@ -50,7 +50,7 @@ class RecordingFiles {
   LineFile images_, readings_;
   std::uint64_t image_bytes_ = 0;
   bool is_empty_ = true;
-  std::string lines_;  ///< in the making
+  std::string lines_;  ///< buffer for lines that are being formatted
 };
 
 }  // namespace epiline

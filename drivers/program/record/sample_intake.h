@@ -1,6 +1,6 @@
 #pragma once
-// The threads that read camera and IMU for a recording. Neither waits for the disk: a full ring loses the newest
-// element, and counts it.
+// The threads that read camera and IMU for a recording. Neither waits for the disk: if a ring is full, the newest
+// element is dropped and counted.
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
@@ -22,7 +22,7 @@ class IntakeThread {
   /// False if and only if the system cannot start a thread.
   bool start(const ThreadSettings& settings, std::function<bool()> step);
   void stop() noexcept;
-  /// The source has ended.
+  /// True if the source has ended.
   bool has_ended() const noexcept { return ended_.load(std::memory_order_relaxed); }
 
  private:
@@ -37,20 +37,20 @@ struct WaitingImage {
   std::uint16_t buffer = 0;
 };
 
-/// Copies images into buffers, so that the driver always has its own.
+/// Copies images into its own buffers, so that the driver gets its buffers back at once.
 class ImageIntake {
  public:
-  /// `wakes`: the thread that writes.
+  /// `wakes`: wakes the writing thread at each image.
   ImageIntake(CameraSource& camera, std::size_t waiting_bytes, Parking& wakes)
       : camera_(camera), waiting_bytes_(waiting_bytes), wakes_(wakes) {}
 
-  /// The reading thread: waits for one image. False: there will be none.
+  /// Called by the reading thread: waits for one image. False: the source has ended.
   bool step() noexcept;
 
-  // The writing thread.
+  // Writing thread only.
   const WaitingImage* front() noexcept { return waiting_.front(); }
   Frame image_of(const WaitingImage& waiting) const noexcept;
-  /// Gives the buffer of front() back.
+  /// Releases the buffer of front().
   void pop() noexcept;
 
   // Any thread: recent values.
@@ -74,7 +74,7 @@ class ImageIntake {
   const std::size_t waiting_bytes_;
   Parking& wakes_;
 
-  // Of the reading thread; the writing one sees them through the ring.
+  // Written by the reading thread; the writing thread sees them through the ring.
   std::vector<std::uint8_t> pixels_;
   std::size_t image_bytes_ = 0, buffers_ = 0, used_ = 0;
   std::uint64_t sequence_ = 0;

@@ -1,5 +1,5 @@
 #pragma once
-// What the page of `epiline check --view` shows: collected from a check, returned as JSON. One thread at a time.
+// The state of the page of `epiline check --view`: collected from a check, returned as JSON. One thread at a time.
 #include <array>
 #include <cstdint>
 #include <deque>
@@ -13,7 +13,7 @@
 
 namespace epiline {
 
-/// What does not change while the page is served.
+/// Properties that do not change while the page is served.
 struct CheckSubject {
   std::string title;                                        ///< the configuration's name
   std::string program;                                      ///< name and version
@@ -21,7 +21,7 @@ struct CheckSubject {
   bool may_accept = false;  ///< findings may be written into the configuration from the page
 };
 
-/// As in `--set`: "camera.time_offset_s".
+/// The setting's name as `--set` takes it: "camera.time_offset_s".
 inline std::string name_of(const SettingHint& hint) { return hint.section + "." + hint.key; }
 
 class CheckModel {
@@ -32,11 +32,11 @@ class CheckModel {
   void take(const ImuSample& sample);
   void take(double seconds, const Findings& findings);
   void set_newest_image(std::uint64_t next_sequence) { newest_image_ = next_sequence; }
-  /// A setting was written into the configuration, or could not be.
+  /// Notes that a setting was written into the configuration, or the error of writing it.
   void note_accepted(const SettingHint& hint, const Status& written);
   void finish() { finished_ = true; }
   bool finished() const { return finished_; }
-  /// Images and readings begin anew; what was accepted stays.
+  /// Discards images and samples; accepted settings stay.
   void forget();
 
   const Findings& findings() const { return findings_; }

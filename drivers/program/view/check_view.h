@@ -15,7 +15,7 @@
 
 namespace epiline {
 
-/// One thread serves the page; the threads of the check hand it what they see.
+/// One thread serves the page; the threads of the check pass their data to it.
 class CheckView final : public CheckWitness {
  public:
   /// Writes a setting into the configuration.

@@ -18,18 +18,18 @@ struct HttpResponse {
   std::string security_policy;  ///< Content-Security-Policy; empty: nothing may be loaded or run
 };
 
-/// A GET or, where the server takes them, a POST without a body. HEAD is asked as GET, the body is then left out.
+/// A GET or, if the server accepts them, a POST without a body. HEAD is handled as GET; the server omits the body.
 class HttpRequest {
  public:
   explicit HttpRequest(void* connection, std::string_view path, bool is_post = false)
       : connection_(connection), path_(path), is_post_(is_post) {}
   std::string_view path() const { return path_; }
   bool is_post() const { return is_post_; }
-  /// `?name=` of the address; empty where it is missing.
+  /// The query parameter `name`; empty if missing.
   std::string_view text(const char* name) const;
-  /// A header's value; empty where it is missing. Pages of other sites cannot send headers of our own making.
+  /// A header's value; empty if missing. Browsers do not let other sites' pages send headers with custom names.
   std::string_view header(const char* name) const;
-  /// `?name=` of the address as a number from 0; `fallback` where it is missing or none.
+  /// The query parameter `name` as a number from 0; `fallback` if it is missing or no number.
   std::uint64_t number(const char* name, std::uint64_t fallback) const;
 
  private:
@@ -45,19 +45,19 @@ class HttpServer {
  public:
   using Handler = std::function<HttpResponse(const HttpRequest&)>;
 
-  /// Listens. Fails if and only if the address is in use, not this computer's, or not permitted. Beyond this computer
-  /// each request must show a token, a new one if the address has none.
+  /// Listens. Fails if and only if the address is in use, not this computer's, or not permitted. Unless the address is
+  /// loopback, each request must carry the token; a new one is generated if `address` has none.
   static Result<std::unique_ptr<HttpServer>> listen(const ViewAddress& address, Handler handler,
                                                     HttpPosts posts = HttpPosts::kRefused);
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;
 
-  /// With the port that was really taken, and the token.
+  /// The address in use, with the actual port and the token.
   const ViewAddress& address() const;
-  /// Waits for something to do, `at_most` so long, and does it. By one thread.
+  /// Waits up to `at_most` for requests and answers them. Call from one thread only.
   void step(Span at_most);
-  /// Open now. Same thread as step().
+  /// Number of open connections. Same thread as step().
   int connections() const;
 
  private:

@@ -1,5 +1,5 @@
 #pragma once
-// Answers that every page of the program gives: itself, and the newest image with its tracks.
+// Answers common to all pages of the program: the page itself, and the newest image with its tracks.
 #include <string>
 #include <string_view>
 
@@ -8,18 +8,18 @@
 
 namespace epiline {
 
-/// A page with a key for its script and style, so that only these run; they may ask this server alone.
+/// Answers with a page. A new nonce permits its own script and style only, and these may contact this server only.
 HttpResponse page_answer(std::string_view html);
 
-/// The newest image of a feed. One thread.
+/// The newest image of a feed. One thread uses it.
 class ServedImage {
  public:
   explicit ServedImage(ViewFeed& feed) : feed_(feed) {}
-  /// Takes what the feed has. True: a new image.
+  /// Takes the newest image from the feed. True: it is a new one.
   bool refresh();
-  /// Of the newest image, plus one; 0: none came.
+  /// Sequence number of the newest image, plus one; 0: no image yet.
   std::uint64_t next_sequence() const { return image_ == nullptr ? 0 : image_->sequence + 1; }
-  /// Length of the header (32 bit, least byte first), header in JSON, JPEG.
+  /// Body: length of the header (32 bits, little-endian), header in JSON, image as JPEG.
   HttpResponse frame();
   HttpResponse jpeg();
 

@@ -24,7 +24,7 @@ struct ViewedImage {
   std::vector<std::uint8_t> pixels = std::vector<std::uint8_t>(kMostPixels);
 };
 
-/// An image's outcome, and what was counted until then.
+/// The outcome of an image, and the counters at that time.
 struct ViewedOutcome {
   FrameOutcome outcome;
   std::uint64_t imu_samples = 0;  ///< since the beginning
@@ -40,10 +40,10 @@ struct ViewedLatency {
 class ViewFeed final : public FlightObserver {
  public:
   ViewFeed();
-  /// Before the flight: false if tracks are all that comes of an image.
+  /// Call before the flight. False: only tracks will arrive, no images.
   void expect_images(bool expected) { images_expected_ = expected; }
 
-  // Log thread only. Bounded: at most one copy of an image, about 20 times a second while somebody looks, else once.
+  // Log thread only. Bounded: at most one copy of an image, about 20 times a second while a page is open, else once.
 
   void take(const FrameOutcome& outcome) noexcept override;
   void published(std::uint64_t serial, std::int64_t latency_ns) noexcept override;
@@ -55,14 +55,14 @@ class ViewFeed final : public FlightObserver {
 
   // Serving thread only.
 
-  /// A client requested data just now.
+  /// Notes that a client requested data at `now_ns`.
   void note_viewer(std::int64_t now_ns) noexcept { seen_ns_.store(now_ns, std::memory_order_relaxed); }
   bool next(ViewedOutcome& out) noexcept { return outcomes_.pop(out); }
   bool next(ViewedLatency& out) noexcept { return latencies_.pop(out); }
   bool next(Event& out) noexcept { return events_.pop(out); }
-  /// The newest image since the last call, lent until the next call; null if none came.
+  /// The newest image since the last call, valid until the next call; null if none came.
   const ViewedImage* newest_image() noexcept;
-  /// Hand-overs that found their ring full.
+  /// Number of elements dropped because a ring was full.
   std::uint64_t left_out() const noexcept { return outcomes_.dropped() + latencies_.dropped() + events_.dropped(); }
 
  private:
@@ -75,19 +75,19 @@ class ViewFeed final : public FlightObserver {
   SpscRing<ViewedOutcome, 128> outcomes_;
   SpscRing<ViewedLatency, 256> latencies_;
   SpscRing<Event, 256> events_;
-  // Three buffers go round: one is filled, one is shown, one is on its way.
+  // Three buffers circulate: one is being filled, one is shown, one is on its way.
   std::array<ViewedImage, 3> buffers_;
   SpscRing<int, 4> filled_, empty_;
   std::atomic<std::int64_t> seen_ns_;
 
-  // The log thread's own.
+  // Log thread only.
   int draft_ = kNone;
   std::uint64_t draft_sequence_ = 0;
   bool images_expected_ = true, sequence_known_ = false;
   std::uint64_t newest_sequence_ = 0, images_lost_ = 0, imu_samples_ = 0;
   HostStamp newest_imu_;
   std::int64_t last_draft_ns_;
-  // The serving thread's own.
+  // Serving thread only.
   int shown_ = kNone;
 };
 

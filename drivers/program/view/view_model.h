@@ -19,8 +19,7 @@ struct ViewCursor {
   std::uint64_t path_generation = 0, path = 0, sample = 0, event = 0;
 };
 
-/// The path in points that lie at least a step apart. When all are in use, every second is forgotten and the step
-/// doubles.
+/// The path as points at least one step apart. When it is full, every second point is dropped and the step doubles.
 class PathHistory {
  public:
   static constexpr std::size_t kMostPoints = 4096;
@@ -32,10 +31,10 @@ class PathHistory {
   PathHistory() { points_.reserve(kMostPoints); }
   void add(const std::array<double, 3>& p_W, HealthState state);
   const std::vector<Point>& points() const { return points_; }
-  /// Grows when points that had been told are forgotten.
+  /// Increases when points are dropped, so that pages must fetch the whole path again.
   std::uint64_t generation() const { return generation_; }
   double step_m() const { return step_m_; }
-  /// Of the points' path, m.
+  /// Length of the path along the points, m.
   double length_m() const { return length_m_; }
 
  private:
@@ -45,12 +44,12 @@ class PathHistory {
   std::optional<std::array<double, 3>> last_;
 };
 
-/// Events per second of the sensor's own clock, over the last two seconds.
+/// Events per second by their timestamps, over the last two seconds.
 class RateMeter {
  public:
-  /// `count` so far, the last of them at `stamp`.
+  /// Notes that the event number `count` was at `stamp`.
   void note(std::uint64_t count, HostStamp stamp);
-  /// Per second; 0 until there are two readings.
+  /// Events per second; 0 until there are two notes.
   double hz() const;
 
  private:
@@ -81,7 +80,7 @@ class ViewModel {
 
  private:
   static constexpr std::size_t kSamples = 2048, kEvents = 128;
-  /// What is drawn of each image over time.
+  /// Values of an image that the page draws over time.
   struct Sample {
     double t_s = 0, latency_ms = -1;  ///< negative: not known
     std::array<double, 3> v_W{};
