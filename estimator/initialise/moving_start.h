@@ -10,15 +10,15 @@
 
 namespace epiline {
 
-/// Beyond these a guess is refused. Deviations are those of image noise and biases; noise within the IMU readings is
-/// not in them.
+/// Limits beyond which a guess is refused. The deviations are due to image noise and biases; they do not include the
+/// noise of the IMU samples.
 struct StartLimits {
   int frames = 4;                    ///< fewer are refused
   int tracks = 15;                   ///< of at least three views
-  double least_parallax_sigmas = 2;  ///< with less nothing is tried: it is the bearings' noise
-  double parallax_sigmas = 4;        ///< with less StartGuess::parallax_rad a refusal is for want of parallax
-  double residual = 1.5;             ///< StartGuess::residual
-  double noise_most = 4;             ///< StartGuess::sigma_rad over StartProblem::sigma_rad
+  double least_parallax_sigmas = 2;  ///< with less no start is tried, because it is noise of the bearings
+  double parallax_sigmas = 4;   ///< with less StartGuess::parallax_rad, lack of parallax is the reason of a refusal
+  double residual = 1.5;        ///< StartGuess::residual
+  double noise_most = 4;        ///< StartGuess::sigma_rad over StartProblem::sigma_rad
   int noise_frames = 10;        ///< with fewer no more noise than given is assumed: a wrong model shows no pattern yet
   double pull = 1.3;            ///< StartGuess::pull, where more noise than given is assumed
   double sigma_scale = 0.12;    ///< relative
@@ -38,13 +38,13 @@ struct StartGuess {
   double sigma_rad = 0;     ///< bearing noise assumed in the end: the one given, or more where the residuals show it
   double noise_rad = 0;     ///< bearing noise for what comes after: also where the residuals show a little more
   double pull = 0;          ///< RefinementFigures::pull over the squared residual: of errors that have a pattern
-  int unexplained = 0;      ///< tries in a row in which no state explained the images; kept from try to try
+  int unexplained = 0;      ///< tries in a row in which no state explained the images; kept between tries
   double sigma_velocity = 0, sigma_tilt = 0, sigma_scale = 0, sigma_b_g = 0;  ///< m/s, rad, relative, rad/s
 };
 
 /// Fixed memory (about 160 kB of stack), bounded work: at most kApproachIterations with a third of the tracks and two
-/// refinements. Empty: `guess` is good; otherwise why not, and `guess` holds what was found so far. The same `guess`
-/// should be given to the next try.
+/// refinements. Empty: `guess` is good. Otherwise the reason of the refusal, and `guess` holds partial results; pass
+/// the same `guess` to the next try.
 [[nodiscard]] std::optional<StartRefusal> solve_moving_start(const StartProblem& problem, const StartLimits& limits,
                                                              StartGuess& guess);
 

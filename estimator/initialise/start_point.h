@@ -1,6 +1,6 @@
 #pragma once
-// One track's part of the joint least squares of a start: the point in front of the cameras, and what the track says of
-// them once the point is eliminated. Derivation: docs/derivations/initialisation.md.
+// One track's part of the joint least squares of a start: its point, and the constraint on the cameras that remains
+// when the point is eliminated. Derivation: docs/derivations/initialisation.md.
 #include "estimator/initialise/start_path.h"
 
 namespace epiline {
@@ -26,11 +26,11 @@ struct StartSums {
   /// H, b of each frame's pose (dp, dphi) with the points held, H its upper half only.
   std::array<Eigen::Matrix<double, 6, 6>, kStartFrames> H;
   std::array<Eigen::Matrix<double, 6, 1>, kStartFrames> b;
-  StartNormal total;  ///< what is already by the start's tangent
+  StartNormal total;  ///< terms that are already in the start's tangent
 
   explicit StartSums(int frames);
-  /// Mean over the frames of b' H^-1 b per degree of freedom, before finish(): by how much each pose would like to
-  /// leave the path, in squared sigmas.
+  /// Mean over the frames of b' H^-1 b per degree of freedom, before finish(): the squared distance in sigmas by which
+  /// each pose, free by itself, would leave the path.
   double mean_score(int frames) const;
   /// Moves the poses' part into `total`.
   void finish(const StartViews& view, int frames, const Eigen::Matrix<double, 3, 2>& gravity);
@@ -47,7 +47,7 @@ struct StartPoint {
 class PointElimination {
  public:
   PointElimination(const StartTrack& track, const StartViews& view, double sigma, double kernel);
-  /// Goes on from `start`, or from the closed form if that is unknown.
+  /// Iterates from `start`, or from the closed form if `start` is unknown.
   void solve(const StartPoint& start, int steps);
   const StartPoint& point() const { return x_; }
   /// Adds the track's normal equations, the point eliminated, and its robust cost.

@@ -1,6 +1,5 @@
 #pragma once
-// What a moving start is given and what it finds. Frame 0 is the oldest; everything found is in the body frame B_0 at
-// frame 0.
+// Input and result of a moving start. Frame 0 is the oldest; all results are in the body frame B_0 of frame 0.
 #include <array>
 #include <cstdint>
 #include <span>
@@ -29,11 +28,11 @@ struct StartProblem {
   Vec3 p_BC = Vec3::Zero();
   double sigma_rad = 1e-3;  ///< bearing noise, rad
   Vec3 b_g_ref = Vec3::Zero();
-  double b_g_sigma = 0.1;  ///< rad/s: what is known of the gyroscope bias around b_g_ref
-  double b_a_sigma = 0.1;  ///< m/s^2: what is known of the accelerometer bias around zero
+  double b_g_sigma = 0.1;  ///< rad/s: standard deviation of the gyroscope bias around b_g_ref
+  double b_a_sigma = 0.1;  ///< m/s^2: standard deviation of the accelerometer bias around zero
 };
 
-/// The state at frame 0, which with the IMU readings determines the whole path.
+/// The state at frame 0. Together with the IMU samples it determines the whole path.
 struct StartState {
   Vec3 v_0 = Vec3::Zero();           ///< m/s
   Vec3 g_0 = Vec3(0, 0, -kGravity);  ///< gravity, |g_0| = kGravity

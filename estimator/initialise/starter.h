@@ -1,5 +1,5 @@
 #pragma once
-// Turns a window of frames without states into a started one: at rest, or in motion.
+// Initialises the states of a window of frames, at standstill or in motion.
 #include <memory>
 #include <optional>
 
@@ -11,13 +11,13 @@ namespace epiline {
 struct StarterSettings {
   double pixel_sigma = 0.5, focal_px = 458;
   double most_pixel_sigma = 2;  ///< noise the start may assume where the residuals show more than pixel_sigma
-  double b_g_sigma = 0.1;       ///< rad/s: what is known of the gyroscope bias before the first start
+  double b_g_sigma = 0.1;       ///< rad/s: standard deviation of the gyroscope bias before the first start
   double b_a_sigma = 0.1;       ///< m/s^2
   Vec3 b_g_reference = Vec3::Zero();
-  Vec3 p_WB = Vec3::Zero();  ///< where the newest frame is put, m
-  /// Its heading comes as close to this attitude as it can; none: its x axis points along the world's.
+  Vec3 p_WB = Vec3::Zero();  ///< position of the newest frame after the start, m
+  /// The heading is chosen as close to this attitude as possible; none: the body's x axis points along the world's.
   std::optional<Mat3> R_WB;
-  double sigma_p = 0;    ///< how well that place is known, m; 0: it is so by definition
+  double sigma_p = 0;    ///< standard deviation of p_WB, m; 0: exact by definition
   double sigma_yaw = 0;  ///< rad
   CalibrationTangent calibration_sigmas = CalibrationTangent::Zero();
 };
@@ -26,9 +26,9 @@ class Starter {
  public:
   Starter();
   ~Starter();
-  /// Finds the states of all frames of the window from its tracks and IMU intervals and puts a weak prior on the oldest
-  /// frame: what is found is the point to linearise at, and the window weighs the same data properly. Empty: done;
-  /// otherwise why not, and the window is as it was.
+  /// Finds the states of all frames of the window from its tracks and IMU intervals, and puts a weak prior on the
+  /// oldest frame. The states serve as linearisation point only; the window then weighs the same data. Empty: done.
+  /// Otherwise the reason of the refusal, and the window is unchanged.
   std::optional<StartRefusal> start_moving(Window& window, const StarterSettings& settings);
   const StartGuess& guess() const;
 

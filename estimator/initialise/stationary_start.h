@@ -18,8 +18,8 @@ struct RestReadings {
 /// without yaw.
 Mat3 levelled(const Vec3& up_B);
 
-/// The turn about the vertical (rad) that brings `R_WB` closest to `reference`. The heading of one axis of the body
-/// would be nothing to go by where that axis is upright.
+/// The rotation about the vertical (rad) that brings `R_WB` closest to `reference`. It does not use the heading of a
+/// body axis, which is undefined where that axis is vertical.
 double heading_from(const Mat3& R_WB, const Mat3& reference);
 
 /// Empty: `state` (R_WB with zero yaw, b_g, deviations) is good. kBiasImplausible: the mean force is not gravity within

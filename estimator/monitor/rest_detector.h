@@ -1,5 +1,5 @@
 #pragma once
-// Zero motion seen by camera and gyroscope together. Derivation: docs/derivations/zero_motion.md.
+// Detects standstill from camera and gyroscope together. Derivation: docs/derivations/zero_motion.md.
 #include <array>
 #include <cstdint>
 
@@ -8,17 +8,17 @@
 
 namespace epiline {
 
-/// Compares each frame's bearings with a copy half a second old, and, while nothing moves, with those of the moment
-/// when that began: a drift too slow for half a second shows there. After such a drift, rest must have been seen for
-/// twice as long as the drift was overlooked, until something moves plainly.
+/// Compares each frame's bearings with a copy half a second old and, during standstill, with those of its beginning,
+/// which reveal a drift too slow for half a second. After such a drift, standstill must last twice as long as the drift
+/// was overlooked before it is reported, until a clear motion is seen.
 class RestDetector {
  public:
   void clear();
   /// `mean_rate_rad_s`: mean |w - b_g| since the last frame. True while nothing moved for long enough.
   bool update(const TrackedFrame& frame, double pixel_sigma, double mean_rate_rad_s);
-  /// The last frame shows that what was called rest was a slow drift.
+  /// True if the last frame shows that the reported standstill was a slow drift.
   bool was_drift() const { return was_drift_; }
-  /// Only the camera's part of the last verdict, over half a second.
+  /// The camera's part of the last verdict alone, over half a second.
   bool images_still() const { return images_still_; }
 
  private:
@@ -39,10 +39,10 @@ class RestDetector {
 
   static constexpr int kSnapshots = 8;
   std::array<Snapshot, kSnapshots> snapshot_;
-  Snapshot reference_;  ///< when nothing began to move
+  Snapshot reference_;  ///< at the beginning of the standstill
   int stored_ = 0, next_ = 0;
   bool has_reference_ = false, is_rest_ = false, images_still_ = false, was_drift_ = false;
-  double needed_s_ = 0;  ///< how long nothing must have moved
+  double needed_s_ = 0;  ///< required duration of standstill
 };
 
 }  // namespace epiline

@@ -1,5 +1,5 @@
 #pragma once
-// What of the user's numbers cannot be true, as the flight shows it. docs/derivations/turns.md; words:
+// Finds configured numbers that the flight contradicts. Derivation: docs/derivations/turns.md; texts:
 // pipeline/text/suspicion_text.h.
 #include <array>
 #include <cstdint>
@@ -10,28 +10,28 @@
 
 namespace epiline {
 
-/// What camera and gyroscope say of the configured rotation and time offset, and of the gyroscope's units and axes.
-/// Rows of other suspects are clear. `R_BC`, `time_offset_s`: configured. `focal_ratio`: what was found of the focal
-/// length, over the configured one: a ratio of rates that it explains is none.
+/// Suspicions from camera and gyroscope: of the configured rotation and time offset, and of the gyroscope's units and
+/// axes. The other rows are clear. `R_BC`, `time_offset_s`: the configured values. `focal_ratio`: estimated over
+/// configured focal length; a ratio of rates that it explains raises no suspicion.
 Suspicions suspicions_of(const TurnAgreement& turns, const Mat3& R_BC, double time_offset_s,
                          double focal_ratio = 1) noexcept;
 
-/// A focal length that the flight found to be another; far off, it is more than a note.
+/// Suspicion of the focal length: a note if the flight estimated another one, more than a note if it is far off.
 void add_focal_length(double ratio, double sigma, Suspicions& suspicions) noexcept;
 
-/// Densities that the readings do not allow: `used` is what was made of the configured ones. Notes only.
+/// Notes on noise densities that the samples contradict. `used`: the densities that replaced the configured ones.
 void add_suspicions(const ImuNoise& configured, const ImuNoise& used, Suspicions& suspicions) noexcept;
 
-/// `residual_px`: the tracks' error that the window's residuals show; `pair_px`: the one between two images, whatever
-/// the IMU says (TurnWatch::noise_rad()).
+/// `residual_px`: the tracks' error according to the window's residuals; `pair_px`: the error between two images, which
+/// does not depend on the IMU (TurnWatch::noise_rad()).
 void add_misfit(double residual_px, double pair_px, Suspicions& suspicions) noexcept;
 
-/// Mean lengths of specific force and angular rate over the last five seconds. However one flies, the first stays near
-/// 9.8 m/s^2, and the second far below what rates in degrees make of it.
+/// Mean lengths of specific force and angular rate over the last five seconds. In any flight the first stays near
+/// 9.8 m/s^2. The second stays far below the value that rates in degrees per second would give.
 class UnitsWatch {
  public:
   void add(const ImuSample& reading) noexcept;
-  double force_m_s2() const noexcept { return force_; }  ///< 0: not five seconds yet
+  double force_m_s2() const noexcept { return force_; }  ///< 0: less than five seconds of samples
   double rate_rad_s() const noexcept { return rate_; }
 
  private:
@@ -42,7 +42,7 @@ class UnitsWatch {
 
 void add_suspicions(const UnitsWatch& units, Suspicions& suspicions) noexcept;
 
-/// Whether a mean specific force at rest, m/s^2, can be gravity's and a bias.
+/// True if a mean specific force at rest, m/s^2, can be gravity plus a bias.
 bool can_be_gravity(double force_m_s2) noexcept;
 
 }  // namespace epiline

@@ -1,5 +1,5 @@
 #pragma once
-// The turn of a camera between two images, from bearings alone. Derivation: docs/derivations/turns.md; test:
+// The rotation of a camera between two images, from bearings alone. Derivation: docs/derivations/turns.md; test:
 // tests/estimator/monitor/turn_watch_test.cc.
 #include <array>
 
@@ -16,18 +16,18 @@ struct SharedBearings {
 
 inline constexpr double kCostScale_rad = 0.001;
 
-/// How the camera moved: f_now ~ R_CC0 f_before but for parallax along `direction`.
+/// The camera's motion: f_now ~ R_CC0 f_before, except for parallax along `direction`.
 struct CameraTurn {
   Mat3 R_CC0 = Mat3::Identity();
-  Vec3 direction = Vec3::UnitX();  ///< of the translation, unit vector in C; its sign means nothing
+  Vec3 direction = Vec3::UnitX();  ///< of the translation, unit vector in C; the sign is arbitrary
   double cost = 0;                 ///< mean of log(1 + (angle to the epipolar plane/kCostScale_rad)^2)
 };
 
-/// Robust fit of turn and direction of travel. `R_CC0`, `hint`: where to begin, a turn and a direction; others are
+/// Robust fit of rotation and direction of translation. `R_CC0`, `hint`: initial rotation and direction; others are
 /// tried only if the fit from there is poor. Bounded work, no heap. False: too few bearings.
 bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint, CameraTurn& out) noexcept;
 
-/// The rotation R that maximises tr(R^T sum): takes a to b best, for `sum` = sum of b a^T (Kabsch).
+/// The rotation R that maximises tr(R^T sum). With `sum` = sum of b a^T it rotates a to b best (Kabsch).
 Mat3 rotation_from(const Mat3& sum) noexcept;
 
 }  // namespace epiline

@@ -1,6 +1,6 @@
 #pragma once
-// Do camera and gyroscope agree? From the turns both saw, whatever the estimate is: time offset, rotation between them,
-// units and axes. Derivation: docs/derivations/turns.md; test: tests/estimator/monitor/turn_watch_test.cc.
+// Compares the rotations of camera and gyroscope, independently of the estimate, to check time offset, relative
+// rotation, units and axes. Derivation: docs/derivations/turns.md; test: tests/estimator/monitor/turn_watch_test.cc.
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -15,36 +15,36 @@ struct TurnAgreement {
   double turned_s = 0;       ///< time during which images were compared; fades with the watch's memory
   double turns = 0;          ///< number of pairs of images; fades
   double rate_rad_s = 0;     ///< root mean square of the camera's turns
-  double agreement = 0;      ///< correlation of both, after all is fitted: 1 is perfect, 0 is chance
+  double agreement = 0;      ///< correlation of both after the fit: 1 is perfect, 0 is chance
   double time_offset_s = 0;  ///< t_IMU = t_image + time_offset
-  double offset_loss = 0;    ///< of agreement, at the offset in the middle of those looked at
+  double offset_loss = 0;    ///< loss of agreement at the middle one of the offsets searched
   Mat3 R_BC = Mat3::Identity();
   Mat3 R_BC_covariance = Mat3::Zero();  ///< of its perturbation on the right, rad^2, axes of C
-  double weakest_axis = 0;  ///< how much it was turned about the axis it was turned about least, against the most
-  double rate_ratio = 1;    ///< the gyroscope's rates over the camera's
-  // of a reflection instead of a rotation: an axis with a wrong sign, or two axes swapped
+  double weakest_axis = 0;              ///< rotation about the least turned axis over that about the most turned one
+  double rate_ratio = 1;                ///< the gyroscope's rates over the camera's
+  // Fit of a reflection instead of a rotation: an axis with the wrong sign, or two axes swapped.
   double agreement_mirrored = 0;
   Mat3 mirrored_BC = Mat3::Identity();  ///< orthogonal, determinant -1
 };
 
 class TurnWatch {
  public:
-  /// `memory_s`: turns older than that count 1/e; `reach_s`: offsets looked at, either way of `time_offset_s`.
+  /// `memory_s`: age at which rotations have weight 1/e; `reach_s`: range of offsets searched around `time_offset_s`.
   TurnWatch(double time_offset_s, double memory_s);
 
-  /// Images with an image within 0.5 s before are compared with it. Features in the order of their ids.
+  /// Compares the image with the previous one if that is at most 0.5 s older. Features must be sorted by id.
   void add_images(const TrackedFrame& frame) noexcept;
-  /// In time order.
+  /// Adds a sample; call in time order.
   void add_reading(const ImuSample& reading) noexcept;
-  /// Bounded work, no heap. Before 30 turns only their number and time are known.
+  /// Bounded work, no heap. With fewer than 30 rotations only their number and duration are valid.
   TurnAgreement agreement() const noexcept;
-  /// How far bearings lie from the epipolar planes of the best motion between two images, typically, over the last
-  /// seconds; what the tracks err by, as the camera alone can tell.
+  /// Typical distance of bearings from the epipolar planes of the best motion between two images, rad, over the last
+  /// seconds. It is the tracks' error as far as the camera alone can observe it.
   double noise_rad() const noexcept;
 
  private:
   static constexpr int kOffsets = 63, kMiddle = kOffsets / 2;
-  static constexpr double kStep_s = 0.008;  ///< between two offsets looked at
+  static constexpr double kStep_s = 0.008;  ///< between two offsets searched
   static constexpr Span kReach = Span::from_milliseconds(248);
   static constexpr std::uint32_t kIntegrals = 1024, kPending = 32;
 
@@ -88,7 +88,7 @@ class TurnWatch {
   int seen_count_ = 0;
   std::array<Seen, kMaxFeatures> seen_;
 
-  std::array<Turn, kPending> pending_;  ///< until the readings reach beyond them
+  std::array<Turn, kPending> pending_;  ///< rotations that wait for later IMU samples
   std::uint32_t pending_first_ = 0, pending_end_ = 0;
 
   std::array<ImuSample, 3> newest_;  ///< of the readings: their median is integrated

@@ -5,8 +5,8 @@
 
 namespace epiline {
 
-/// The state `x` of `from` as it is at `to`, before or after it, by the readings between. Moved there and back, it is
-/// the same up to rounding.
+/// Moves the state `x` from the instant `from` to `to`, earlier or later, by the IMU samples between them. Moving it
+/// back gives the same state up to rounding.
 inline NavState moved_in_time(const ImuHistory& history, const NavState& x, HostStamp from, HostStamp to) {
   Vec3 rate;
   NavState later = x;

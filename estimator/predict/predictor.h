@@ -28,9 +28,9 @@ PredictorConfig predictor_config(const EstimatorConfig& estimator) noexcept;
 
 struct PredictorStats {
   std::uint64_t imu_samples = 0, imu_out_of_order = 0, imu_duplicate = 0, imu_not_finite = 0;
-  std::uint64_t imu_impossible = 0, imu_far_ahead = 0;     ///< as in EstimatorStats
-  std::uint64_t corrections = 0, jumps = 0;                ///< taken; and those of them that were not blended
-  std::uint64_t deferred = 0;                              ///< came before the readings of their time
+  std::uint64_t imu_impossible = 0, imu_far_ahead = 0;  ///< as in EstimatorStats
+  std::uint64_t corrections = 0, jumps = 0;             ///< corrections used, and those of them that were not blended
+  std::uint64_t deferred = 0;  ///< corrections held, because the IMU samples of their time had not arrived
   std::uint64_t not_finite = 0, old = 0, no_readings = 0;  ///< left out
 };
 
