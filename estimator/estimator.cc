@@ -13,7 +13,7 @@
 namespace epiline {
 
 namespace {
-constexpr double kHeldShare = 0.2;     // of an IMU interval: the last reading may be held so long up to a frame's time
+constexpr double kHeldShare = 0.2;     // share of an IMU interval for which the last sample may be held
 constexpr double kWatchMemory_s = 30;  // turns seen by camera and gyroscope
 constexpr double kNoiseMoved = 0.1;    // of a density: not worth weighing the window anew
 constexpr double kJudgeNumbers_s = 0.5;

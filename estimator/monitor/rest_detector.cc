@@ -15,7 +15,7 @@ constexpr double kMovedLimit = 3.5;      // of the displacement's own sigma, ove
 constexpr double kDriftedLimit = 5;      // the same since rest began, which is asked at every frame
 constexpr double kPlainly = 3;           // times kMovedLimit: no slow drift
 constexpr double kLeastSigma_px = 0.02;  // of a bearing
-constexpr double kCommon_px = 0.05;      // all bearings of an image may err by: what stands still shakes by so much
+constexpr double kCommon_px = 0.05;      // common error of all bearings of an image at standstill
 constexpr double kLongest_s = 20;
 constexpr double kRateLimit = 0.02;  // rad/s
 }  // namespace

@@ -23,11 +23,11 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// A tape has a quarter of room more than it lends: with that it goes on while a record is being written.
+// A tape has a quarter more segments than it lends. Recording continues in these while a record is being written.
 constexpr std::size_t kSegments = 40, kKept = 32;
 constexpr std::size_t kTracksBytes = sizeof(RecordedTracksHeader) + kMaxFeatures * sizeof(RecordedPoint);
-/// There is room for an IMU of 1 kHz, wheels of 100 Hz, heights of 100 Hz and 60 images of 400 tracks a second; what
-/// comes faster makes a record shorter.
+/// Enough for an IMU at 1 kHz, wheel speeds and heights at 100 Hz each, and 60 images with 400 tracks a second. Faster
+/// samples make a record shorter.
 constexpr std::size_t kBytesPerSecond =
     1000 * Tape::bytes_of_record(sizeof(ImuSample)) +
     60 * (Tape::bytes_of_record(kTracksBytes) + Tape::bytes_of_record(sizeof(RecordedState))) +

@@ -61,7 +61,7 @@ class IdleLines {
   std::vector<Line> lines_;
 };
 
-/// What is open; null: is not, or is not configured.
+/// The open devices; null: not open, or not configured.
 struct Opened {
   CameraSource* camera = nullptr;
   ImuSource* imu = nullptr;
@@ -106,7 +106,7 @@ class Samples {
     imu_thread_.reset();
     if (newest_.data != nullptr) opened_.camera->give_back(std::exchange(newest_, {}));
   }
-  /// What was gathered; images and readings begin anew.
+  /// Discards the data collected so far from images and IMU samples.
   void forget() {
     const std::scoped_lock lock(camera_mutex_, imu_mutex_);
     images_.reset();

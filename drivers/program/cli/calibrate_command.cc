@@ -70,7 +70,7 @@ Status check_arguments(const CalibrateArguments& a) {
   if (a.settings.board.empty())
     return wrong("no board", "--board FILE, the description of the board (epiline board writes one)");
   if (a.settings.start_s != 0) return wrong("--start without a recording", "--start where there is a recording");
-  // what is wrong with the board is said before it is waved
+  // check the board's description first, before the user waves the board
   const auto board = read_board(a.settings.board);
   if (!board) return board.error();
   const auto detector = BoardDetector::create(*board);

@@ -82,7 +82,7 @@ int print(const Findings& findings, bool json) {
   return is_bad ? kExitRunFailed : kExitDone;
 }
 
-/// The page, which may write what it has found into the configuration.
+/// Opens the page, which may write findings into the configuration.
 Result<std::unique_ptr<CheckView>> open_check_view(const std::string& address_text, const std::filesystem::path& config,
                                                    const std::vector<std::string>& set) {
   const auto address = parse_view_address(address_text);

@@ -54,7 +54,7 @@ class Link {
   std::string path_;
 };
 
-/// What a program that was killed left behind: any other link may be somebody's.
+/// True for a link that a killed run of this program left behind. Any other link may belong to the user.
 bool is_left_behind(const std::string& path) {
   std::error_code ignored;
   const std::string target = std::filesystem::read_symlink(path, ignored).string();

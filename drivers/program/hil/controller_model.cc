@@ -203,7 +203,7 @@ void ControllerModel::receive(const mavlink::SetGpsGlobalOrigin& m, HostStamp ar
 /// In the vehicle's axes: forward, right, down.
 void ControllerModel::send_reading(const ImuSample& reading) {
   if (next_reading_ && reading.stamp < *next_reading_) return;
-  // on a grid, but for gaps; a fifth early, for stamps are not exactly on it
+  // Send on a grid that restarts after a gap. A sample may be a fifth early, because timestamps jitter about the grid.
   const Span early{reading_every_.ns / 5};
   const bool steady = next_reading_ && reading.stamp - *next_reading_ < reading_every_;
   next_reading_ = (steady ? *next_reading_ + early : reading.stamp) + reading_every_ - early;
@@ -223,7 +223,7 @@ void ControllerModel::send_reading(const ImuSample& reading) {
 }
 
 void ControllerModel::ask(HostStamp now) {
-  // nobody answers before the companion is there
+  // a missing answer counts only after the companion has sent its first packet
   if (question_ns_ && first_packet_) judge_answer(false, now, "no answer before the next question");
   next_question_ = now + Span::from_seconds(1 / settings_.timesync_hz);
   question_ns_ = to_controller_ns(now);

@@ -71,7 +71,7 @@ bool is_bus(const std::string& controller) {
   return !is_mavlink_line(controller) && controller.find("can") != std::string::npos;
 }
 
-/// Whether another process, with that configuration, would find what is played here.
+/// Checks that the configuration leads another process to the devices that are played here.
 Status check_beside(const HilOptions& o, const LiveSettings& settings) {
   const DevicesConfig& d = settings.config.devices;
   const auto differs = [&](const char* key, const std::string& value, const std::string& played) {
@@ -96,7 +96,8 @@ Status check_beside(const HilOptions& o, const LiveSettings& settings) {
   return Done{};
 }
 
-/// One flight: who plays, into what, and who listens. Everything that is pointed to stays where it is.
+/// One flight: the players, the devices that they play into, and the controller. Not movable, because parts hold
+/// pointers.
 class Flight {
  public:
   Flight(const HilOptions& options, LiveSettings settings, AslDataset dataset, FlightPlan plan)
@@ -313,7 +314,7 @@ Result<HilResult> Flight::run(const std::function<bool(const Progress&)>& watch)
 Result<HilResult> Flight::judge(std::optional<FlightRecord> record) {
   HilResult result;
   result.begin = HostStamp{clock_.pace().host_ns};
-  // whoever was ended early owes nothing after that
+  // a flight that was ended early is judged up to its end only
   const std::int64_t end_ns = std::min(clock_.pace().host_of(plan_.images.back().stamp), monotonic_ns());
   result.verdict = model_->finish(HostStamp{end_ns});
   result.estimates = model_->estimates();

@@ -64,7 +64,7 @@ std::vector<ListedDevice> of_class(const fs::path& folder, const char* prefix, c
   return devices;
 }
 
-/// What its driver calls a chip; the kernel has that in no file. Empty: it may not be opened.
+/// The driver's name of a chip, which the kernel shows in no file. Empty: this user may not open the chip.
 std::string label_of(const fs::path& chip, SystemCalls& system) {
   gpiochip_info info{};
   if (!read_chip(chip, info, system)) return {};

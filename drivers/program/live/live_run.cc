@@ -26,7 +26,7 @@ namespace {
 
 constexpr Span kRound = Span::from_milliseconds(50);  // between looks at a flight
 
-/// Hands the odometry to all receivers, and keeps the newest for whoever watches.
+/// Passes the odometry to all receivers and keeps the newest for the display.
 class Receivers final : public OdometrySink {
  public:
   explicit Receivers(const std::vector<LiveOutput>& outputs) : outputs_(outputs) {}
@@ -139,7 +139,7 @@ std::string status_line(const LiveState& state) {
   return fmt::format("{}, quality {}{}", health, o.health.quality, lost);
 }
 
-/// What the service manager is told of a flight that goes on.
+/// Reports a running flight to the service manager.
 class ServiceTalk {
  public:
   void ready() { manager_.ready(); }

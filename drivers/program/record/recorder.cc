@@ -78,7 +78,7 @@ class SpaceWatch {
  public:
   explicit SpaceWatch(const RecordOptions& options) : options_(options) {}
 
-  /// False: the disk is full but for what is to be kept free.
+  /// False: only the reserve of the disk is left.
   bool step(RecordState& state) {
     if (begin_s_ == 0 && state.bytes > 0) {
       begin_s_ = state.seconds;
@@ -196,7 +196,7 @@ class Recorder {
   Status description_ = Done{};
 };
 
-/// What the service manager is told of a recording that goes on.
+/// Reports a running recording to the service manager.
 class RecordService {
  public:
   RecordService() { manager_.ready(); }

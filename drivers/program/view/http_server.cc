@@ -43,7 +43,8 @@ namespace {
 constexpr unsigned kMostConnections = 128, kSpareConnections = 16;
 constexpr std::size_t kMemoryOfConnection = 16 * 1024;  // a request's head must fit
 constexpr std::int64_t kSecond = 1'000'000'000;
-// A page asks many times a second. Who is silent for longer, or takes a response slower, is of no use.
+// A page sends requests many times a second. A connection that is silent for longer, or slower to take a response, is
+// closed.
 constexpr std::int64_t kPatienceWithNew_ns = 3 * kSecond, kPatience_ns = 10 * kSecond;
 
 /// An open connection.

@@ -59,7 +59,7 @@ void LiveView::fold() {
   if (closing_since_ns_ == 0 && closing_.load(std::memory_order_relaxed)) closing_since_ns_ = monotonic_ns();
 }
 
-/// Nobody looks, or who does has been told the end.
+/// True if no page is open, or all open pages have been told that the flight has ended.
 bool LiveView::may_close() const {
   if (closing_since_ns_ == 0) return false;
   const std::int64_t now_ns = monotonic_ns();
