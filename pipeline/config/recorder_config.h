@@ -10,7 +10,7 @@ struct RecorderConfig {
   bool images = false;
   int image_memory_mib = 256;
   bool on_lost = true;
-  double after_lost_s = 3;  ///< goes on for so long before it writes
+  double after_lost_s = 3;  ///< recording continues for this time before it writes
   double pause_s = 60;      ///< between two records it makes by itself
   int most = 20;            ///< records it makes by itself in a run
   int keep = 50;            ///< records in the folder: the oldest are removed; 0: all stay

@@ -1,5 +1,5 @@
 #pragma once
-// From the rings to the log to the observers of the flight.
+// Passes the contents of the log rings to the observers of the flight.
 #include <array>
 #include <utility>
 
@@ -10,7 +10,7 @@
 
 namespace epiline {
 
-/// Hands on everything that is here, a round a step. Ends when the last of those who write to the log has ended.
+/// Each step passes on all elements present. Ends when the last stage that writes to the log has ended.
 class LogStage final : public Stage {
  public:
   struct Inputs {

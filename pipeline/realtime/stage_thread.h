@@ -9,10 +9,10 @@
 
 namespace epiline {
 
-/// Lets the threads of a flight go, and stops them.
+/// Starts and stops the threads of a flight together.
 class FlightSwitch {
  public:
-  /// Before any thread is started.
+  /// Call before any thread is started.
   void add(Parking& parking) { parkings_.push_back(&parking); }
 
   // Any thread.
@@ -43,18 +43,18 @@ class StageThread {
     kGoOn  ///< the thread ends with its stage, which ends when those before it have
   };
 
-  /// `flight` outlives the thread.
+  /// `flight` must outlive the thread.
   StageThread(const ThreadSettings& settings, FlightSwitch& flight, AtStop at_stop = AtStop::kEnd);
   StageThread(const StageThread&) = delete;
   StageThread& operator=(const StageThread&) = delete;
 
-  /// False: the system has no thread left. `stage` outlives the thread.
+  /// False: the system cannot start a thread. `stage` must outlive the thread.
   bool start(Stage& stage);
   void join() noexcept { thread_.join(); }
 
-  /// Where the thread waits: notified by those who give its stage something.
+  /// The thread waits here. Producers of the stage's input notify it.
   Parking& parking() noexcept { return parking_; }
-  /// The stage has handed over its last element.
+  /// Set when the stage has passed on its last element.
   const EndMark& ended() const noexcept { return ended_; }
 
   // After join().

@@ -15,14 +15,14 @@ class BackEnd {
  public:
   static constexpr std::int64_t kNoDeadline = std::numeric_limits<std::int64_t>::max();
 
-  /// `solve_ns`: a solve may take so long; 0: as long as it takes.
+  /// `solve_ns`: longest time of a solve; 0: no limit.
   BackEnd(const EstimatorConfig& config, const StageClocks& clocks, std::int64_t solve_ns)
       : estimator_(config), watch_(clocks, solve_ns), odometry_(estimator_.odometry()) {}
 
-  /// How long the parts of one step took.
+  /// Durations of the parts of one step.
   struct Times {
     StageTime solve, marginalise, estimate;
-    std::int64_t late_ns = 0;  ///< ended so long after the deadline; 0: in time, or no deadline
+    std::int64_t late_ns = 0;  ///< end of the step minus the deadline; 0: in time, or no deadline
     LoadLevel load = LoadLevel::kFull;
   };
 
@@ -31,10 +31,10 @@ class BackEnd {
   bool add_height(const HeightSample& sample) noexcept { return estimator_.add_height(sample); }
   HostStamp imu_needed_until(HostStamp image) const noexcept { return estimator_.imu_needed_until(image); }
 
-  /// `deadline_ns`: instant of the clock at which the odometry is wanted.
+  /// `deadline_ns`: time of the clock at which the odometry should be ready.
   StepResult step(const TrackedFrame& frame, std::int64_t deadline_ns) noexcept;
 
-  /// The estimator's, its health merged with what the watch says of the samples.
+  /// The estimator's odometry, with its health merged with the watch's verdict on the samples.
   const Odometry& odometry() const noexcept { return odometry_; }
   const Times& times() const noexcept { return watch_.times; }  ///< of the last step
   const Estimator& estimator() const noexcept { return estimator_; }

@@ -1,5 +1,5 @@
 #pragma once
-// From the camera to the tracker.
+// Carries images from the camera to the tracker.
 #include "pipeline/stages/hand_over.h"
 #include "pipeline/stages/lent_images.h"
 #include "pipeline/stages/source_stage.h"
@@ -9,11 +9,11 @@
 
 namespace epiline {
 
-/// Tells of an image that nobody will track, and gives it back.
+/// Reports an image that will not be tracked, and returns it to the camera.
 void leave_out_overtaken(FrameRing::Value slot, LentImages& images, EventRing& events) noexcept;
 
-/// Judges every image, and hands the number of its buffer to the tracker. What the newest image has pushed out of the
-/// ring goes back to the camera.
+/// Judges every image and passes the number of its buffer to the tracker. Images that a newer one displaces from the
+/// ring return to the camera.
 class CaptureStage final : public SourceStage {
  public:
   struct Outputs {
@@ -28,7 +28,7 @@ class CaptureStage final : public SourceStage {
   CaptureStage(CameraSource* camera, const FlightClock& clock, const Outputs& out)
       : SourceStage(EventSource::kCamera, clock, out.events), camera_(camera), out_(out), events_(out.events) {}
 
-  /// Through the gate, which may correct the stamp. False: leave the image out.
+  /// Passes the image through the gate, which may correct its timestamp. False: drop the image.
   bool admit(Frame& image) noexcept;
   /// An admitted image, with the number of its buffer.
   void hand_on(const Frame& image) noexcept;

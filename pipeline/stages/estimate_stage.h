@@ -17,7 +17,7 @@ struct EstimateStageSettings {
   Span imu_patience{};     ///< ImuIntake
 };
 
-/// Estimates one image a step, as soon as the readings of the IMU up to it have come.
+/// Estimates one image a step, once the IMU samples up to its time have arrived.
 class EstimateStage final : public Stage {
  public:
   struct Inputs {
@@ -25,10 +25,10 @@ class EstimateStage final : public Stage {
     const EndMark& tracker_ended;
     ImuRing& imu;
     const EndMark& imu_ended;
-    WheelRing& speeds;  ///< nobody waits for them, or for heights
+    WheelRing& speeds;  ///< images do not wait for speeds or heights
     HeightRing& heights;
   };
-  /// Where the log's things go.
+  /// Rings to the log.
   struct Log {
     OutcomeRing& outcomes;
     TracksLogRing& tracks;
@@ -49,9 +49,9 @@ class EstimateStage final : public Stage {
   bool ready() noexcept override;
 
   HostStamp imu_needed_until(HostStamp image) const noexcept { return back_end_.imu_needed_until(image); }
-  /// What the estimator knows now; before any image: what the tracker begins with.
+  /// The estimator's present knowledge for the tracker; before any image, the initial one.
   Knowledge knowledge() const noexcept { return knowledge_of(back_end_); }
-  /// What came of the last image.
+  /// Outcome of the last image.
   const FrameOutcome& outcome() const noexcept { return outcome_; }
 
   std::uint64_t images() const noexcept { return images_.get(); }  ///< estimated

@@ -1,5 +1,5 @@
 #pragma once
-// What stages hand over to each other, and through what.
+// The data that stages pass to each other, and the rings that carry them.
 #include <atomic>
 #include <cstdint>
 
@@ -15,7 +15,7 @@ namespace epiline {
 
 inline constexpr std::size_t kImuRing = 4096;  ///< 20 s at 200 Hz, 4 s at 1 kHz
 using ImuRing = SpscRing<ImuSample, kImuRing>;
-/// Of a sensor that nobody waits for.
+/// Ring of a sensor for which images do not wait.
 template <class Sample>
 using SideRing = SpscRing<Sample, 256>;
 using WheelRing = SideRing<WheelSample>;
@@ -61,13 +61,13 @@ struct Publication {
   std::int64_t latency_ns = 0;  ///< since the instant of the image's stamp
 };
 
-/// What of a TrackedFeature goes to the log.
+/// The part of a TrackedFeature that is logged.
 struct LoggedPoint {
   std::uint32_t id = 0, age = 0;  ///< age: images since the track began
   float u = 0, v = 0;             ///< raw pixels
 };
 
-/// What of a TrackedFrame goes to the log.
+/// The part of a TrackedFrame that is logged.
 struct LoggedTracks {
   std::uint64_t serial = 0;    ///< of the FrameOutcome
   std::uint64_t sequence = 0;  ///< of the camera's images
@@ -76,7 +76,7 @@ struct LoggedTracks {
 };
 
 // The rings to the log. A full one refuses and counts: no stage waits for the log.
-using ImuLogRing = SpscRing<ImuSample, 4096>;  ///< 4 s at 1 kHz: a log that gets no processor for so long loses some
+using ImuLogRing = SpscRing<ImuSample, 4096>;  ///< 4 s at 1 kHz; a log thread that is delayed longer loses samples
 template <class Sample>
 using SideLogRing = SpscRing<Sample, 512>;  ///< as long at 100 Hz
 using WheelLogRing = SideLogRing<WheelSample>;

@@ -1,5 +1,5 @@
 #pragma once
-// How a stage takes its readings of the IMU: those that belong before an image, and how long it waits for them.
+// Gives a stage the IMU samples before each image, and limits the time that it waits for them.
 #include <cstdint>
 
 #include "pipeline/stages/hand_over.h"
@@ -13,8 +13,8 @@ namespace epiline {
 /// Begin an image, then call take() until it is true. Belongs to the thread of the stage; no heap.
 class ImuIntake {
  public:
-  /// `ended`: of the stage that fills the ring. An image that has waited for `patience` goes on without the reading,
-  /// which is counted and told; once no more can come, nobody waits.
+  /// `ended`: end mark of the stage that fills the ring. An image that has waited for `patience` continues without the
+  /// sample, which is counted and reported. After the end no image waits.
   ImuIntake(ImuRing& ring, const EndMark& ended, Span patience, NowNs now, EventRing& events) noexcept
       : ring_(ring), ended_(ended), patience_(patience), now_(now), events_(events) {}
 
@@ -35,7 +35,7 @@ class ImuIntake {
     return done_if(true);
   }
 
-  /// Whether take() has something to do, whatever the time.
+  /// True if take() has something to do, whatever the time.
   bool ready() noexcept { return ended_.is_set() || ring_.front() != nullptr; }
   std::int64_t waits_until_ns() const noexcept { return waits_until_ns_; }
 

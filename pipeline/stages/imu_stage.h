@@ -1,5 +1,5 @@
 #pragma once
-// From the IMU to those who use its readings.
+// Carries IMU samples to the stages that use them.
 #include <array>
 #include <vector>
 
@@ -11,7 +11,7 @@
 
 namespace epiline {
 
-/// Judges every reading, and hands those that it takes to every reader.
+/// Judges every sample, and passes accepted ones to every reader.
 class ImuStage final : public SourceStage {
  public:
   struct Reader {
@@ -29,7 +29,7 @@ class ImuStage final : public SourceStage {
   ImuStage(ImuSource* imu, const ImuLimits& limits, const FlightClock& clock, const Outputs& out)
       : SourceStage(EventSource::kImu, clock, out.events), imu_(imu), out_(out), gate_(limits), events_(out.events) {}
 
-  /// A reading that came: through the gate, which may correct its stamp, to the readers' rings. False: left out.
+  /// Passes a sample through the gate, which may correct its timestamp, to the readers' rings. False: dropped.
   bool take(ImuSample& reading) noexcept;
 
   std::uint64_t readings() const noexcept { return readings_.get(); }  ///< that came

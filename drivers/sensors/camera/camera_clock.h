@@ -12,19 +12,19 @@
 
 namespace epiline {
 
-/// One thread, but for what says otherwise. No heap.
+/// One thread, unless noted. No heap.
 class CameraClock {
  public:
   CameraClock(const V4l2Settings& settings, SystemCalls& system) noexcept
       : settings_(settings), system_(system), node_(system) {}
 
   bool is_used() const noexcept { return settings_.uses_own_clock; }
-  /// With each stream, before it begins. If the clock is not used, does nothing.
+  /// Call before each stream begins. Does nothing if the clock is not used.
   DeviceTrouble open(const V4l2Device& camera) noexcept;
   void close() noexcept { node_.close(); }
 
-  /// `stamp`: the V4L2 driver's, of the image of this number of its own; becomes that of the camera's clock. False: it
-  /// would not be later than the one before.
+  /// Replaces the driver's timestamp `stamp` of an image by that of the camera's clock. `sequence`: the driver's number
+  /// of the image. False: the new timestamp would not be later than the previous one.
   bool stamp(std::uint32_t sequence, HostStamp& stamp) noexcept;
 
   // Any thread.

@@ -1,5 +1,5 @@
 #pragma once
-// Controls of a camera that are set while it streams: on request, one after the other, and by the exposure controller.
+// Sets controls of a camera while it streams: on request, one after the other, and for the exposure controller.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -22,7 +22,7 @@ struct ControlChange {
   bool is_set = false;     ///< false in an answer: the device refused, or has no such control
 };
 
-/// The thread that takes the images calls, but for what says otherwise. After start() there is no heap call.
+/// Called by the camera's thread, unless noted. No heap after start().
 class ControlRequests {
  public:
   ControlRequests(CameraExposure& exposure, SystemCalls& system) noexcept : exposure_(exposure), transfers_(system) {}
@@ -31,11 +31,11 @@ class ControlRequests {
   bool start() { return transfers_.start(); }
   void stop() noexcept;
 
-  /// A stream begins, of a device that may be back: what was requested before is set again.
+  /// Call when a stream begins. If the device was lost before, all requested controls are set again.
   DeviceTrouble begin_stream(V4l2Device& device) noexcept;
-  /// The next request, or what the exposure controller wants, if none is under way.
+  /// Begins the next request, or a change by the exposure controller, unless a transfer is under way.
   void begin_next(const V4l2Device& device) noexcept;
-  /// Looks whether the one under way has ended.
+  /// Handles the end of the transfer under way, if it has ended.
   void look() noexcept;
 
   // Any one thread.

@@ -1,5 +1,5 @@
 #pragma once
-// Which timestamps of a V4L2 driver are believed, and which image its sequence numbers tell of. docs/camera.md
+// Judges the timestamps of a V4L2 driver, and counts lost images by its sequence numbers. docs/camera.md
 #include <cstdint>
 #include <optional>
 
@@ -10,7 +10,8 @@ namespace epiline {
 /// One thread, no heap, no clock.
 class DriverStamps {
  public:
-  /// A stream begins. `is_our_clock`: the driver stamps by the kernel's clock; of another one the first image tells.
+  /// Call when a stream begins. `is_our_clock`: the driver uses the kernel's monotonic clock; the offset of another
+  /// clock is learned from the first image.
   void restart(bool is_our_clock) noexcept;
 
   /// Later than the one before, and not earlier on its way than any by more than `period`, of the images: drivers
@@ -18,15 +19,15 @@ class DriverStamps {
   /// row, each later than the one before, it is the clock that was set.
   bool is_credible(HostStamp given, HostStamp arrival, Span period) noexcept;
 
-  /// The next image, by the driver's number of it, which counts 32 bits, begins anew with each stream, and with some
-  /// drivers does not move at all. Returns how many were lost before it.
+  /// Counts the next image and returns the number of images lost before it. `driver_sequence` has 32 bits and restarts
+  /// with each stream; some drivers never change it.
   std::uint32_t count(std::uint32_t driver_sequence) noexcept;
-  /// Of the newest image, over all streams.
+  /// Number of the newest image, counted over all streams.
   std::uint64_t sequence() const noexcept { return sequence_; }
 
  private:
   HostStamp last_;                   ///< believed
-  HostStamp last_doubted_;           ///< and not believed
+  HostStamp last_doubted_;           ///< newest one that was not believed
   int doubted_ = 0;                  ///< in a row
   std::optional<Span> least_delay_;  ///< from a stamp to the image's arrival; the kernel's clock: at most 0
 

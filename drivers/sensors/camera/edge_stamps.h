@@ -1,5 +1,5 @@
 #pragma once
-// Which edge of a trigger or strobe line belongs to which image. docs/camera.md
+// Assigns the edges of a trigger or strobe line to images. docs/camera.md
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace epiline {
 
-/// What became of an image's stamp.
+/// The outcome of match() for an image.
 enum class EdgeMatch : std::uint8_t {
   kEdge,      ///< that of its own edge: time and count agree
   kNoEdge,    ///< its edge was lost: from the edges around it, or the driver's stamp less its usual lag
@@ -31,12 +31,12 @@ struct EdgeCounts {
 /// stamp. Edges come at a steady rate, one for each exposure. One thread, no heap, no clock.
 class EdgeStamps {
  public:
-  /// In order of time; before the images that they belong to are asked for.
+  /// Adds an edge. Call in time order, and before match() for the image of the edge.
   void add_edge(HostStamp edge) noexcept;
   /// `start`: of the image's exposure by the driver's stamp; becomes the edge's time, for kEdge and kNoEdge.
   /// `sequence` counts what the camera took.
   EdgeMatch match(std::uint64_t sequence, HostStamp& start) noexcept;
-  /// The camera's stream begins anew: its count means nothing any more.
+  /// Call when the camera's stream restarts and its sequence numbers begin again.
   void restart() noexcept { anchored_ = false, agreeing_ = 0; }
 
   const EdgeCounts& counts() const noexcept { return counts_; }

@@ -30,13 +30,13 @@ class ExposureController {
  public:
   explicit ExposureController(const ExposureLimits& limits) noexcept;
 
-  /// One image: which exposure it had, and whether it shows every change that was made for sure. `turn_rate_rad_s`: of
-  /// the camera, zero if nobody knows. The exposure to change to, if it is to be changed.
+  /// Takes an image's statistics and exposure. `turn_rate_rad_s`: rotation rate of the camera, 0 if unknown. Returns
+  /// the exposure to set; none: no change.
   std::optional<ExposureState> step(const ImageStatistics& image, const ExposureTimeline::OfImage& exposure,
                                     double turn_rate_rad_s) noexcept;
 
-  /// Exposure time and gain that together are `total` (seconds times gain), or as near as the limits allow. Time first,
-  /// for gain is noise.
+  /// Splits `total` (seconds times gain) into exposure time and gain within the limits. The time is raised first,
+  /// because gain amplifies noise.
   ExposureState split(double total) const noexcept;
   /// The longest exposure time at the recent rotation rate.
   Span longest() const noexcept;

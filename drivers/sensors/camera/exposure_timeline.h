@@ -1,6 +1,6 @@
 #pragma once
-// Which exposure an image had. A camera shows a change of exposure or gain some images after it was asked for; this
-// says when, so that stamps stay at mid-exposure and the controller knows what it looks at. docs/camera.md.
+// Tracks the exposure of each image. A camera applies a change of exposure or gain some images after the request. The
+// delay must be known to keep timestamps at mid-exposure, and by the exposure controller. docs/camera.md.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -16,8 +16,7 @@ struct ExposureState {
   double total() const noexcept { return time.seconds() * gain; }
 };
 
-/// Learns how many images stamped after a change do not show it yet: from where brightness steps when exposure was
-/// made to.
+/// Learns how many images after a change do not show it yet, from the step of the brightness that the change causes.
 class ExposureDelay {
  public:
   static constexpr int kMost = 4;
@@ -26,7 +25,7 @@ class ExposureDelay {
   void begin(double ratio, double before) noexcept;
   /// Mean brightness of the image `index` after the change (0: the first stamped after it), in order.
   void see(std::uint64_t index, double mean) noexcept;
-  /// Another change came too early, or the light changed for another reason.
+  /// Abandons the measurement: another change came too early, or the light changed for another reason.
   void give_up() noexcept { log_ratio_ = 0; }
 
   /// Most votes; -1 as long as they do not agree.
@@ -60,10 +59,10 @@ class ExposureTimeline {
   };
   /// The next image, by the driver's own stamp and the number that counts lost ones.
   OfImage image(HostStamp stamp, std::uint64_t sequence) noexcept;
-  /// Its mean brightness, if somebody looked: for learning the delay.
+  /// The image's mean brightness, if it was computed; used to learn the delay.
   void brightness(double mean) noexcept;
 
-  /// What was asked for last.
+  /// The exposure requested last.
   const ExposureState& newest() const noexcept { return changes_.empty() ? current_ : changes_.back().state; }
   int delay() const noexcept;
   bool is_delay_known() const noexcept { return known_delay_ >= 0 || learned_.delay() >= 0; }

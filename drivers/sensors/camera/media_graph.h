@@ -1,6 +1,6 @@
 #pragma once
-// The media graph around a video node of a board: sensor, receiver and what is between them are devices of their own
-// (sub-devices), which somebody must link and set up alike before images flow. No heap, no exceptions.
+// The media graph around a video node of a board. Sensor, receiver and the devices between them are sub-devices, which
+// must be linked and set to the same format before images flow. No heap, no exceptions.
 #include <linux/media.h>
 
 #include <array>

@@ -1,5 +1,5 @@
 #pragma once
-// Images stamped by a camera's trigger or strobe on a GPIO line. docs/camera.md
+// Timestamps images by the camera's trigger or strobe on a GPIO line. docs/camera.md
 #include <array>
 #include <cstddef>
 #include <string>
@@ -11,8 +11,8 @@
 
 namespace epiline {
 
-/// Hands on the edges that `line` (as GpioLine) has ready, but of one image at most kEdgesOfImage: an input that floats
-/// brings new ones as fast as they are read, and the image must not wait for its end.
+/// Passes on the pending edges of `line` (as GpioLine), at most kEdgesOfImage for one image. A floating input delivers
+/// edges as fast as they are read, and the image must not wait for the last one.
 inline constexpr std::size_t kEdgesOfImage = 256;  ///< all that the kernel keeps for us
 template <class Line>
 void take_edges(Line& line, EdgeStamps& stamps) noexcept {
@@ -25,19 +25,19 @@ void take_edges(Line& line, EdgeStamps& stamps) noexcept {
   }
 }
 
-/// One thread; any may ask for counts. After open() there is no heap call.
+/// One thread; any thread may read the counters. No heap after open().
 class StampLine {
  public:
-  /// As GpioLine; without a name there is none, and the driver's stamps hold.
+  /// `line`: as GpioLine takes it; empty: no line, the driver's timestamps are used.
   StampLine(std::string line, Edge edge) : is_used_(!line.empty()), line_(std::move(line), edge) {}
 
   Status open() { return is_used_ ? line_.open() : Status{Done{}}; }
   void close() noexcept { line_.close(); }
-  /// The camera counts anew.
+  /// Call when the camera's sequence numbers restart.
   void restart() noexcept { stamps_.restart(); }
 
-  /// `start`: of the exposure by the driver's stamp; becomes that of the image's edge. False: the image is not to be
-  /// used.
+  /// Replaces `start`, the start of the exposure by the driver's timestamp, by the time of the image's edge. False: do
+  /// not use the image.
   bool stamp(std::uint64_t sequence, HostStamp& start) noexcept;
 
   EdgeCounts counts() const noexcept { return counts_.read(); }

@@ -12,12 +12,12 @@
 
 namespace epiline {
 
-/// What the measurements scatter about the fit.
+/// Standard deviations of the measurements about the fit.
 struct RigNoise {
   double corner_px = 0.5;        ///< each image coordinate
   double gyroscope = 0;          ///< of a reading, each axis, rad/s
   double accelerometer = 0;      ///< m/s^2
-  double gyroscope_density = 0;  ///< the same as densities: what flies is told these
+  double gyroscope_density = 0;  ///< the same as densities, which the estimator takes
   double accelerometer_density = 0;
 };
 

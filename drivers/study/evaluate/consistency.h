@@ -11,10 +11,10 @@ namespace epiline {
 
 /// What the estimator claims about one of its poses.
 struct PoseUncertainty {
-  Mat3 position = Mat3::Zero();                    ///< covariance of p_WB in W, m^2
-  double yaw_variance = 0;                         ///< of the rotation about W's z axis, rad^2
-  std::uint32_t segment = 0;                       ///< grows when the estimator starts anew: another origin and heading
-  Mat3 velocity = Mat3::Zero();                    ///< covariance of v_WB in W, m^2/s^2
+  Mat3 position = Mat3::Zero();  ///< covariance of p_WB in W, m^2
+  double yaw_variance = 0;       ///< of the rotation about W's z axis, rad^2
+  std::uint32_t segment = 0;     ///< increases when the estimator restarts with another origin and heading
+  Mat3 velocity = Mat3::Zero();  ///< covariance of v_WB in W, m^2/s^2
   Eigen::Matrix2d tilt = Eigen::Matrix2d::Zero();  ///< of the rotation about W's x and y axes, rad^2
 };
 
