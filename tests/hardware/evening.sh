@@ -1,9 +1,10 @@
 #!/bin/sh
-# usage: evening.sh PROGRAM record BOARD CAMERA SECONDS | evening.sh PROGRAM fly FLIGHT SECONDS. In the machine of
-# tests/hardware/vm: what a user does in an evening, with no file written by hand. `record`: devices, init and record, before a
+# usage: evening.sh PROGRAM record BOARD CAMERA SECONDS | evening.sh PROGRAM fly FLIGHT SECONDS |
+# evening.sh PROGRAM live BOARD CAMERA SECONDS. In the machine of tests/hardware/vm: what a user does in an evening, with no file written by hand. `record`: devices, init and record, before a
 # waved board (BOARD, made by the study `calibrations --write`, CAMERA the calibration it was made with). `epiline calibrate
 # --config` comes between the two, outside, where a processor has its full speed. `fly`: check, and a flight through the
-# kernel's interfaces, accepted by the controller's model and true to 5 cm.
+# kernel's interfaces, accepted by the controller's model and true to 5 cm. `live`: what also works on devices alone, the page
+# of `check` and a calibration without a recording made before.
 set -eu
 program=$1 phase=$2
 shift 2
@@ -46,8 +47,38 @@ record() {
   rm -f "$out/epiline.toml"
   user init --out "$out/epiline.toml"
   rm -rf "$out/board"
-  user record --config "$out/epiline.toml" $sets --out "$out/board" --duration "$(($3 + 1))"
+  user record --config "$out/epiline.toml" $sets --out "$out/board" --duration "$3"
   stop_playing
+}
+
+# page PATH FILE: of the check that is under way.
+page() { curl -fsS --max-time 20 "http://127.0.0.1:8080$1" >"$out/$2" 2>>"$out/page.err"; }
+
+live() {
+  play "$1" "$2" "$3"
+  echo "\$ epiline check --config $out/epiline.toml --view 8080"
+  "$program" check --config "$out/epiline.toml" $sets --view 8080 --seconds 9 >"$out/check.txt" 2>"$out/check.err" &
+  checker=$!
+  until page / page.html; do
+    kill -0 $checker 2>/dev/null || fail "the check ended without a page"
+    sleep 0.2
+  done
+  sleep 6
+  page /state state.json || fail "the page shows nothing"
+  page /image image.jpg || fail "the page has no picture"
+  found=0
+  wait $checker || found=$?
+  [ $found -le 1 ] || fail "epiline check ended with $found"
+  stop_playing
+  cat "$out/check.txt"
+  for part in '"tracks":[1-9]' '"turned_rad":\[[0-9.]*[1-9]' '"peak_hz":[1-9]' '"grade":"ok"'; do
+    grep -q "$part" "$out/state.json" || fail "the page lacks $part"
+  done
+  play "$1" "$2" "$3"
+  rm -rf "$out/live"
+  user calibrate --config "$out/epiline.toml" $sets --board "$1/board.yaml" --duration "$3" --out "$out/live"
+  stop_playing
+  grep -q "$out/live/camera.yaml" "$out/epiline.toml" || fail "the calibration is not in the configuration"
 }
 
 fly() {

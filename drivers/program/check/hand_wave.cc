@@ -54,7 +54,8 @@ Findings findings_of(const TurnAgreement& t, const Mat3& R_BC, double time_offse
   if (t.agreement < 0.5) {
     out.push_back(
         said(Grade::kError, fmt::format("their rotations do not agree ({:.0f} %)", 100 * t.agreement),
-             "fix them to each other; check the lens calibration, the gyroscope's scale, and both timestamps"));
+             "turn them with things some metres away in view, and move them less; fix them to each other; check the "
+             "lens calibration, the gyroscope's scale, and both timestamps"));
     return out;
   }
   if (t.agreement < 0.8) {
