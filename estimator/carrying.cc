@@ -64,12 +64,12 @@ KnownState Estimator::Impl::carried_to(HostStamp time) const {
   KnownState s = carried;
   if (!s.known || time <= s.time) return s;
   Preintegration interval;
-  interval.reset(s.x.b_a, s.x.b_g);
+  interval.reset(s.x.b_a, s.x.b_g, window.calibration.scale);
   const bool silent = s.silent || (time - s.time).seconds() > kSilence_s;
   if (!history.integrate(s.time, time, silent ? widened(density) : density, interval)) return s;
   if (silent && !s.silent) widen(s.x, s.P);
   s.silent = silent;
-  history.propagate(carried.time, time, s.x, s.omega);
+  history.propagate(carried.time, time, window.calibration.scale, s.x, s.omega);
   if (forces_are_unknown(time)) {
     forget_forces(density.gap_acceleration, interval);
     s.x.p = carried.x.p + interval.T * carried.x.v;

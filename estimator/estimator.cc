@@ -50,6 +50,10 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
     window.calibration_prior.translation.sigma = c.extrinsic_translation_sigma_m;
   }
   if (estimates_focal_length()) window.calibration_prior.focal.sigma = c.focal_length_sigma;
+  if (c.estimate_imu_scale) {
+    window.calibration_prior.accelerometer_scale.sigma = c.accelerometer_scale_sigma;
+    window.calibration_prior.gyroscope_scale.sigma = c.gyroscope_scale_sigma;
+  }
   window.wheel = c.wheel;
   for (std::size_t i = 0; i < kHeightKinds; ++i) window.height_sigmas_m[i] = c.heights[i].sigma_m;
   window.first_estimates = c.visual_factor == VisualFactor::kTrack;
@@ -139,16 +143,22 @@ void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
   numbers_judged_at = frame.stamp;
   const TurnAgreement seen = turns.agreement();
   const double focal_ratio = window.calibration.focal_ratio();
-  Suspicions said = suspicions_of(seen, config.extrinsics.R_BC, config.extrinsics.time_offset_s, focal_ratio);
-  Suspicions left = suspicions_of(seen, window.calibration.R_BC, window.calibration.time_offset, focal_ratio);
+  const ImuScale& scale = window.calibration.scale;
+  const double by_a = 1 + scale.accelerometer, by_g = 1 + scale.gyroscope;
+  Suspicions said = suspicions_of(seen, config.extrinsics.R_BC, config.extrinsics.time_offset_s, focal_ratio, by_g);
+  Suspicions left = suspicions_of(seen, window.calibration.R_BC, window.calibration.time_offset, focal_ratio, by_g);
   add_suspicions(units, said);
   add_suspicions(units, left);
   const double pair_px = turns.noise_rad() * config.extrinsics.focal_px;
   add_misfit(misfit_px, pair_px, said);
   add_misfit(misfit_px, pair_px, left);
   add_suspicions(config.imu, noise, said);
-  for (Suspicions* s : {&said, &left})
-    add_focal_length(focal_ratio, std::sqrt(calibration_variances[kFocalColumn]), *s);
+  const CalibrationTangent sigma = calibration_variances.cwiseSqrt();
+  for (Suspicions* s : {&said, &left}) {
+    add_focal_length(focal_ratio, sigma[kFocalColumn], *s);
+    add_imu_scale(Suspect::kAccelerometerScale, by_a, sigma[kAccelerometerScaleColumn], *s);
+    add_imu_scale(Suspect::kGyroscopeScale, by_g, sigma[kGyroscopeScaleColumn], *s);
+  }
   numbers_wrong = Severity::kNone;
   for (std::size_t i = 0; i < said.size(); ++i) {
     numbers_wrong = std::max(numbers_wrong, left[i].severity);
@@ -167,7 +177,7 @@ const TrackedFrame& Estimator::Impl::at_stamp(const TrackedFrame& frame) {
   const auto turn = [&](HostStamp from, HostStamp to) {
     NavState x{.b_g = known_gyroscope_bias()};
     Vec3 rate;
-    history.propagate(from, to, x, rate);
+    history.propagate(from, to, window.calibration.scale, x, rate);
     return x.R;
   };
   const Span half = Span::from_seconds(half_s);

@@ -19,6 +19,7 @@ constexpr double kMountElsewhere = 0.17;  // rad
 constexpr double kYoungWindow_s = 2;      // more solver steps until the window has seen this much
 constexpr double kGateFree_s = 1;         // no gate until then: a young state may be further off than its tracks
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
+constexpr double kReintegrateScale = 0.005;                                      // relative
 constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;                         // px
 constexpr double kMisfitMemory_s = 1, kMostMisfit = 10;                          // px
@@ -32,8 +33,14 @@ bool is_finite(const KnownState& s) {
 
 FoundCalibration found(const Calibration& c, const CalibrationTangent& variances) {
   const Eigen::Quaterniond q(c.R_BC);
-  FoundCalibration f{
-      true, c.time_offset, {q.w(), q.x(), q.y(), q.z()}, {c.p_BC.x(), c.p_BC.y(), c.p_BC.z()}, c.focal_ratio(), {}};
+  FoundCalibration f{true,
+                     c.time_offset,
+                     {q.w(), q.x(), q.y(), q.z()},
+                     {c.p_BC.x(), c.p_BC.y(), c.p_BC.z()},
+                     c.focal_ratio(),
+                     c.scale.accelerometer,
+                     c.scale.gyroscope,
+                     {}};
   Eigen::Map<CalibrationTangent>(f.sigmas.data()) = variances.cwiseSqrt();
   return f;
 }
@@ -115,13 +122,13 @@ bool Estimator::Impl::cut(const TrackedFrame& frame) {
   Preintegration interval;
   NavState x;
   Vec3 omega = Vec3::Zero();
-  history.propagate(time, time, x, omega);
+  history.propagate(time, time, window.calibration.scale, x, omega);
   if (window.size() > 0) {
     const Slot& last = window.newest();
     x = last.x;
-    interval.reset(x.b_a, x.b_g);
+    interval.reset(x.b_a, x.b_g, window.calibration.scale);
     if (!history.integrate(last.time, time, density, interval)) return false;
-    history.propagate(last.time, time, x, omega);
+    history.propagate(last.time, time, window.calibration.scale, x, omega);
   }
   Slot& s = window.append();
   s.image_stamp = frame.stamp;
@@ -178,7 +185,7 @@ void Estimator::Impl::integrate_again(int k, const Vec3& b_a, const Vec3& b_g) {
   const HostStamp begin = window.at(k - 1).time;
   if (history.empty() || history.oldest_stamp() > begin) return;
   Slot anew = window.at(k);
-  anew.imu.reset(b_a, b_g);
+  anew.imu.reset(b_a, b_g, window.calibration.scale);
   if (history.integrate(begin, anew.time, density, anew.imu) && whiten(anew)) window.at(k) = anew;
 }
 
@@ -187,7 +194,11 @@ void Estimator::Impl::reintegrate_moved_biases() {
   for (int k = 1; k < window.size(); ++k) {
     const Preintegration& imu = window.at(k).imu;
     const NavState& from = window.at(k - 1).x;
-    if ((imu.b_a - from.b_a).norm() > kReintegrateAccelerometer || (imu.b_g - from.b_g).norm() > kReintegrateGyroscope)
+    const ImuScale& scale = window.calibration.scale;
+    if ((imu.b_a - from.b_a).norm() > kReintegrateAccelerometer ||
+        (imu.b_g - from.b_g).norm() > kReintegrateGyroscope ||
+        std::abs(imu.scale.accelerometer - scale.accelerometer) > kReintegrateScale ||
+        std::abs(imu.scale.gyroscope - scale.gyroscope) > kReintegrateScale)
       integrate_again(k, from.b_a, from.b_g);
   }
 }
@@ -227,8 +238,8 @@ SolverSummary Estimator::Impl::solve(Supervisor& supervisor, const Supervisor::E
 }
 
 void Estimator::Impl::count(const SolverSummary& s) {
-  const int calibration =
-      (config.estimate_time_offset ? 1 : 0) + (config.estimate_extrinsics ? 6 : 0) + (estimates_focal_length() ? 1 : 0);
+  const int calibration = (config.estimate_time_offset ? 1 : 0) + (config.estimate_extrinsics ? 6 : 0) +
+                          (estimates_focal_length() ? 1 : 0) + (config.estimate_imu_scale ? kImuScales : 0);
   ++stats.solves;
   stats.linearisations += static_cast<std::uint64_t>(s.linearisations);
   stats.iterations += static_cast<std::uint64_t>(s.accepted + s.rejected);
@@ -333,7 +344,7 @@ StepResult Estimator::Impl::predict_for_time(const TrackedFrame& frame) {
 void Estimator::Impl::publish(HostStamp image, const KnownState& s) {
   // Pose and velocity are those of the printed stamp, read as a time of the IMU's clock: taken back (or on) by the
   // offset.
-  const NavState x = moved_in_time(history, s.x, s.time, image);
+  const NavState x = moved_in_time(history, window.calibration.scale, s.x, s.time, image);
   const Eigen::Quaterniond q(x.R);
   odometry.stamp = image;
   Eigen::Map<Vec3>(odometry.p_WB_m.data()) = x.p;
@@ -342,6 +353,7 @@ void Estimator::Impl::publish(HostStamp image, const KnownState& s) {
   Eigen::Map<Vec3>(odometry.omega_B_rad_s.data()) = s.omega - x.b_g;
   Eigen::Map<Vec3>(odometry.accelerometer_bias_m_s2.data()) = x.b_a;
   Eigen::Map<Vec3>(odometry.gyroscope_bias_rad_s.data()) = x.b_g;
+  odometry.imu_scale = {window.calibration.scale.accelerometer, window.calibration.scale.gyroscope};
   odometry.time_offset_s = window.calibration.time_offset;
   Eigen::Map<StateCovariance>(odometry.covariance.data()) = s.P + covariance_added(world, x);
 }

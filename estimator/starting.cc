@@ -196,11 +196,12 @@ bool Estimator::Impl::estimates_focal_length() const {
 }
 
 SolverSettings Estimator::Impl::solver_settings(int steps) const {
-  return {steps, config.estimate_time_offset, config.estimate_extrinsics, estimates_focal_length()};
+  return {steps, config.estimate_time_offset, config.estimate_extrinsics, estimates_focal_length(),
+          config.estimate_imu_scale};
 }
 
 Calibration Estimator::Impl::configured_calibration() const {
-  return {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC};
+  return {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC, 0, {}};
 }
 
 /// Of a window that begins knowing nothing; all but the time offset has a prior of its own (calibration_prior.h).

@@ -47,6 +47,8 @@ enum class Suspect : std::uint8_t {
   kGyroscopeNoise,      ///< figure: density that the readings allow, over the configured one
   kAccelerometerNoise,  ///< the same
   kFocalLength,         ///< figure: the one found, over the configured one
+  kAccelerometerScale,  ///< figure: what a true reading would be, over what is read
+  kGyroscopeScale,      ///< the same
   kCount
 };
 enum class Severity : std::uint8_t {
@@ -70,8 +72,9 @@ struct FoundCalibration {
   double time_offset_s = 0;                ///< t_IMU - t_image
   std::array<double, 4> q_BC{1, 0, 0, 0};  ///< Hamilton, w x y z
   std::array<double, 3> p_BC_m{};
-  double focal_ratio = 1;          ///< over the configured focal length
-  std::array<double, 8> sigmas{};  ///< time offset, s; rotation about the axes of C, rad; p_BC, m; focal_ratio
+  double focal_ratio = 1;                               ///< over the configured focal length
+  double accelerometer_scale = 0, gyroscope_scale = 0;  ///< true readings over measured ones, less 1
+  std::array<double, 10> sigmas{};  ///< time offset, s; rotation about the axes of C, rad; p_BC, m; the last three
 };
 
 /// The frame that defines origin and heading of the world at a start. Its position and yaw have no error by definition;

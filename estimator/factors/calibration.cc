@@ -62,10 +62,10 @@ void add_calibration(const Window& w, int frames, bool extrinsics, bool focal, V
     for (int c = 0; c < columns; ++c) {
       s.b_c[c] += motion[k].col(c).dot(Eigen::Map<const Vec6>(s.b[k]));
       for (int d = 0; d < columns; ++d)
-        s.H_cc[kCalibration * c + d] += motion[k].col(c).dot(Eigen::Map<const Vec6>(s.H_ck[k] + 6 * d));
+        s.H_cc[kCameraCalibration * c + d] += motion[k].col(c).dot(Eigen::Map<const Vec6>(s.H_ck[k] + 6 * d));
     }
   if (!focal) return;
-  Eigen::Map<Eigen::Matrix<double, kCalibration, kCalibration>> H_cc(s.H_cc);
+  Eigen::Map<Eigen::Matrix<double, kCameraCalibration, kCameraCalibration>> H_cc(s.H_cc);
   for (int k = 0; k < frames; ++k) {
     const Eigen::Map<const Vec6> H_lens(s.H_lens[k]);
     Eigen::Map<Vec6>(s.H_ck[k] + 6 * kFocalColumn) = H_lens;

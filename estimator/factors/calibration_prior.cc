@@ -72,7 +72,8 @@ double add_calibration_prior(const Window& w, const Share& share, NormalEquation
   const CalibrationTangent d = local(prior.configured, w.calibration);
   CalibrationTangent g = CalibrationTangent::Zero(), information = CalibrationTangent::Zero();
   double sum = 0;
-  for (const CalibrationPart& p : {prior.rotation, prior.translation, prior.focal}) {
+  for (const CalibrationPart* part : prior.parts()) {
+    const CalibrationPart& p = *part;
     if (!(p.sigma > 0)) continue;
     const double d2 = d.segment(p.at, p.numbers).squaredNorm(), at2 = distance_squared(p, d);
     const double held = weight(p, at2);
@@ -90,7 +91,7 @@ double add_calibration_prior(const Window& w, const Share& share, NormalEquation
 void look_far(const CalibrationCovariance& covariance, const Calibration& linearised, const Calibration& solved,
               CalibrationPrior& prior) noexcept {
   const CalibrationTangent d0 = local(prior.configured, linearised), d = local(prior.configured, solved);
-  for (CalibrationPart* p : {&prior.rotation, &prior.translation, &prior.focal}) look_far(covariance, d0, d, *p);
+  for (CalibrationPart* p : prior.parts()) look_far(covariance, d0, d, *p);
 }
 
 }  // namespace epiline

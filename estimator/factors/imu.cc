@@ -5,11 +5,11 @@
 
 namespace epiline {
 
-Vec15 imu_residual(const Preintegration& z, const NavState& x_i, const NavState& x_j) {
+Vec15 imu_residual(const Preintegration& z, const ImuScale& scale, const NavState& x_i, const NavState& x_j) {
   const double T = z.T;
   Vec3 dp, dv;
   Mat3 dR;
-  z.corrected(x_i.b_a, x_i.b_g, dp, dv, dR);
+  z.corrected(x_i.b_a, x_i.b_g, scale, dp, dv, dR);
   const Mat3 R_iT = x_i.R.transpose();
   Vec15 r;
   r << R_iT * (x_j.p - x_i.p - x_i.v * T - 0.5 * kGravity_W * T * T) - dp, so3_log(dR.transpose() * R_iT * x_j.R),
@@ -17,13 +17,13 @@ Vec15 imu_residual(const Preintegration& z, const NavState& x_i, const NavState&
   return r;
 }
 
-void evaluate_imu(const Preintegration& z, const NavState& x_i, const NavState& x_j, const NavState& l_i,
-                  const NavState& l_j, ImuResidual& out) {
+void evaluate_imu(const Preintegration& z, const ImuScale& scale, const NavState& x_i, const NavState& x_j,
+                  const NavState& l_i, const NavState& l_j, ImuResidual& out) {
   const double T = z.T;
-  out.r = imu_residual(z, x_i, x_j);
+  out.r = imu_residual(z, scale, x_i, x_j);
   const Vec3 r_theta = out.r.segment<3>(3);
 
-  constexpr int p = 0, th = 3, v = 6, ba = 9, bg = 12, j = 15;
+  constexpr int p = 0, th = 3, v = 6, ba = 9, bg = 12, j = 15, s_a = 30, s_g = 31;
   const Mat3 L_iT = l_i.R.transpose(), J_inv = so3_right_jacobian_inverse(r_theta);
   out.J.setZero();
   auto block = [&](int row, int col) { return out.J.block<3, 3>(row, col); };
@@ -36,12 +36,18 @@ void evaluate_imu(const Preintegration& z, const NavState& x_i, const NavState& 
   block(th, th) = -J_inv * l_j.R.transpose() * l_i.R;
   block(th, j + th) = J_inv;
   const Mat3 J_theta_g = z.J.block<3, 3>(th, bg);
-  block(th, bg) = -J_inv * so3_exp(r_theta).transpose() * so3_right_jacobian(J_theta_g * (x_i.b_g - z.b_g)) * J_theta_g;
+  const Vec3 J_theta_s = z.J_s_g.segment<3>(th);
+  const Vec3 moved = J_theta_g * (x_i.b_g - z.b_g) + J_theta_s * (scale.gyroscope - z.scale.gyroscope);
+  const Mat3 by_moved = J_inv * so3_exp(r_theta).transpose() * so3_right_jacobian(moved);
+  block(th, bg) = -by_moved * J_theta_g;
+  out.J.block<3, 1>(th, s_g) = -by_moved * J_theta_s;
   block(v, th) = skew(L_iT * (l_j.v - l_i.v - kGravity_W * T));
   block(v, v) = -L_iT;
   block(v, j + v) = L_iT;
   block(v, ba) = -z.J.block<3, 3>(v, ba);
   block(v, bg) = -z.J.block<3, 3>(v, bg);
+  const ScaleColumns by_scale = z.by_scale();
+  for (const int row : {p, v}) out.J.block<3, 2>(row, s_a) = -by_scale.middleRows<3>(row);
   block(ba, ba) = block(bg, bg) = -Mat3::Identity();
   block(ba, j + ba) = block(bg, j + bg) = Mat3::Identity();
 }
@@ -63,7 +69,7 @@ namespace {
 
 double interval_cost(const Window& w, int k) {
   const Slot& slot = w.at(k);
-  const Vec15 r = imu_residual(slot.imu, w.at(k - 1).x, slot.x);
+  const Vec15 r = imu_residual(slot.imu, w.calibration.scale, w.at(k - 1).x, slot.x);
   return (slot.L_inverse.triangularView<Eigen::Lower>() * r).squaredNorm();
 }
 
@@ -71,17 +77,18 @@ double interval_cost(const Window& w, int k) {
 double add_interval(const Window& w, int k, const FactorKernels& kernels, NormalEquations& out) {
   const Slot& slot = w.at(k);
   ImuResidual f;
-  evaluate_imu(slot.imu, w.at(k - 1).x, slot.x, w.linearisation_point(k - 1), w.linearisation_point(k), f);
-  alignas(64) double L[15][16] = {}, J[15][32] = {}, A[30][32], g[30];
+  evaluate_imu(slot.imu, w.calibration.scale, w.at(k - 1).x, slot.x, w.linearisation_point(k - 1),
+               w.linearisation_point(k), f);
+  alignas(64) double L[15][16] = {}, J[15][32], A[32][32], g[32];
   for (int i = 0; i < 15; ++i) {
     for (int j = 0; j <= i; ++j) L[i][j] = slot.L_inverse(i, j);
-    for (int j = 0; j < 30; ++j) J[i][j] = f.J(i, j);
+    for (int j = 0; j < 32; ++j) J[i][j] = f.J(i, j);
   }
   const double cost = kernels.imu(L, J, f.r.data(), A, g);
-  using Rows = Eigen::Matrix<double, 30, 30, Eigen::RowMajor>;
-  const Eigen::Map<const Rows, 0, Eigen::OuterStride<32>> H(A[0]);
+  using Rows = Eigen::Matrix<double, 32, 32, Eigen::RowMajor>;
+  const Eigen::Map<const Rows> H(A[0]);
   const Unknown pose_i = pose_of(k - 1), pose_j = pose_of(k), velocity_i = velocity_biases_of(k - 1),
-                velocity_j = velocity_biases_of(k);
+                velocity_j = velocity_biases_of(k), scales = imu_scales();
   out.add(pose_i, Eigen::Map<const Vec6>(g));
   out.add(velocity_i, Eigen::Map<const Vec9>(g + 6));
   out.add(pose_j, Eigen::Map<const Vec6>(g + 15));
@@ -96,6 +103,12 @@ double add_interval(const Window& w, int k, const FactorKernels& kernels, Normal
   out.add(pose_j, pose_j, H.block<6, 6>(15, 15));
   out.add(pose_j, velocity_j, H.block<6, 9>(15, 21));
   out.add(velocity_j, velocity_j, H.block<9, 9>(21, 21));
+  out.add(scales, Eigen::Map<const Eigen::Vector2d>(g + 30));
+  out.add(pose_i, scales, H.block<6, 2>(0, 30));
+  out.add(velocity_i, scales, H.block<9, 2>(6, 30));
+  out.add(pose_j, scales, H.block<6, 2>(15, 30));
+  out.add(velocity_j, scales, H.block<9, 2>(21, 30));
+  out.add(scales, scales, H.block<2, 2>(30, 30));
   return cost;
 }
 

@@ -8,20 +8,20 @@
 
 namespace epiline {
 
-/// r: (r_p, r_theta, r_v, r_ba, r_bg), not whitened; J: d r / d (delta_i, delta_j), tangent order (p, theta, v, b_a,
-/// b_g) each.
+/// r: (r_p, r_theta, r_v, r_ba, r_bg), not whitened; J: d r / d (delta_i, delta_j, s_a, s_g), tangent order (p, theta,
+/// v, b_a, b_g) of each frame.
 struct ImuResidual {
   Vec15 r;
-  Eigen::Matrix<double, 15, 30> J;
+  Eigen::Matrix<double, 15, 32> J;
 };
 
 /// Residual at (x_i, x_j). The Jacobian takes positions, rotations and velocities from the linearisation points l_i,
 /// l_j (first estimates, docs/derivations/imu.md); pass the states themselves for the plain Jacobian.
-void evaluate_imu(const Preintegration& z, const NavState& x_i, const NavState& x_j, const NavState& l_i,
-                  const NavState& l_j, ImuResidual& out);
+void evaluate_imu(const Preintegration& z, const ImuScale& scale, const NavState& x_i, const NavState& x_j,
+                  const NavState& l_i, const NavState& l_j, ImuResidual& out);
 
 /// The residual alone.
-Vec15 imu_residual(const Preintegration& z, const NavState& x_i, const NavState& x_j);
+Vec15 imu_residual(const Preintegration& z, const ImuScale& scale, const NavState& x_i, const NavState& x_j);
 
 /// L^-1 (lower) with L L^T = C: whitens the residual and its Jacobian; constant while the interval is. False if and
 /// only if C is not positive definite (an interval without samples); `L_inverse` is then unspecified.

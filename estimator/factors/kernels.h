@@ -57,9 +57,9 @@ struct TrackSettings {
 struct VisualSystem {
   double H[kMaxFrames][kMaxFrames][36];  ///< blocks k <= l, row-major, (dp, dphi)
   double b[kMaxFrames][6];
-  double H_ck[kMaxFrames][kCalibration * 6];  ///< calibration against frame k
-  double H_cc[kCalibration * kCalibration];   ///< symmetric, full
-  double b_c[kCalibration];
+  double H_ck[kMaxFrames][kCameraCalibration * 6];       ///< calibration against frame k
+  double H_cc[kCameraCalibration * kCameraCalibration];  ///< symmetric, full
+  double b_c[kCameraCalibration];
   double H_lens[kMaxFrames][6];  ///< focal length against frame k, of factors that have its column
   double H_lens_lens, b_lens;
   double cost;  ///< sum of the robust costs
@@ -139,8 +139,8 @@ struct FactorKernels {
   void (*landmark_step)(const TrackBatch* batches, const double (*rho)[kBatchLanes], int count,
                         const FrameGeometry* frames, const double (*motion)[6], const LandmarkScratch&,
                         double (*change)[kBatchLanes]);
-  /// A = (L J)'(L J), upper triangle, g = -(L J)' L r for a 15x30 IMU Jacobian (rows padded to 32) and lower L (rows of
-  /// 16); returns |L r|^2.
+  /// A = (L J)'(L J), upper triangle, g = -(L J)' L r for a 15x32 IMU Jacobian and lower L (rows of 16); returns
+  /// |L r|^2.
   double (*imu)(const double (*L)[16], const double (*J)[32], const double* r, double (*A)[32], double* g);
 };
 

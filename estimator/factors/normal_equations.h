@@ -4,15 +4,17 @@
 
 namespace epiline {
 
-/// One block of the window's unknowns: a pose (6), velocity and biases (9) of frame k, or the calibration (7).
+/// One block of the window's unknowns: a pose (6), velocity and biases (9) of frame k, the calibration of the camera
+/// (8) and, right after it, the scales of the IMU (2). A block that begins at the camera may hold both.
 struct Unknown {
-  enum class Kind : unsigned char { kPose, kVelocityBiases, kCamera };
+  enum class Kind : unsigned char { kPose, kVelocityBiases, kCamera, kScales };
   Kind kind;
   int frame;
 };
 constexpr Unknown pose_of(int k) { return {Unknown::Kind::kPose, k}; }
 constexpr Unknown velocity_biases_of(int k) { return {Unknown::Kind::kVelocityBiases, k}; }
 constexpr Unknown calibration_of_camera() { return {Unknown::Kind::kCamera, 0}; }
+constexpr Unknown imu_scales() { return {Unknown::Kind::kScales, 0}; }
 
 /// H delta = b. Only the upper triangle of H in its own order counts; the lower half of a diagonal block is ignored.
 class NormalEquations {

@@ -7,7 +7,7 @@ namespace epiline {
 namespace {
 using Row3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 using Row6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
-using CalibrationColumns = Eigen::Matrix<double, 6, kCalibration>;
+using CalibrationColumns = Eigen::Matrix<double, 6, kCameraCalibration>;
 
 /// A world-frame pair block turned into body tangents: delta phi = R delta theta.
 Row6 to_body(const double* block, const Mat3& R_k, const Mat3& R_l) {
@@ -52,9 +52,9 @@ void add_visual(const Window& w, const VisualSystem& v, int frames, NormalEquati
     turn_rows(R[k], H_ck);
     out.add(pose_of(k), calibration_of_camera(), H_ck);
   }
-  out.add(calibration_of_camera(), Eigen::Map<const CalibrationTangent>(v.b_c));
+  out.add(calibration_of_camera(), Eigen::Map<const Eigen::Matrix<double, kCameraCalibration, 1>>(v.b_c));
   out.add(calibration_of_camera(), calibration_of_camera(),
-          Eigen::Map<const Eigen::Matrix<double, kCalibration, kCalibration>>(v.H_cc));
+          Eigen::Map<const Eigen::Matrix<double, kCameraCalibration, kCameraCalibration>>(v.H_cc));
 }
 
 }  // namespace epiline

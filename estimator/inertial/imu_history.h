@@ -67,12 +67,12 @@ class ImuHistory {
   /// True if the newest sample is at most one gap length before t.
   bool reaches(HostStamp t) const;
 
-  /// Preintegrates from t0 to t1 at the biases set in `out`. Samples are interpolated at both ends; beyond the newest
-  /// sample its values are held. False, with `out` unchanged, if and only if the samples end more than half a second
-  /// before t1 or begin more than half a second after t0.
+  /// Preintegrates from t0 to t1 at the biases and scales set in `out`. Samples are interpolated at both ends; beyond
+  /// the newest sample its values are held. False, with `out` unchanged, if and only if the samples end more than half
+  /// a second before t1 or begin more than half a second after t0.
   bool integrate(HostStamp t0, HostStamp t1, const Density& density, Preintegration& out) const;
-  /// The state predicted from t0 to t1, without covariance; `omega`: angular rate at t1, rad/s, bias included.
-  void propagate(HostStamp t0, HostStamp t1, NavState& x, Vec3& omega) const;
+  /// The state predicted from t0 to t1, without covariance; `omega`: angular rate at t1, rad/s, scaled, bias included.
+  void propagate(HostStamp t0, HostStamp t1, const ImuScale& scale, NavState& x, Vec3& omega) const;
   /// Mean of |w - b_g| over the samples from t0 to t1, rad/s.
   double mean_rate(HostStamp t0, HostStamp t1, const Vec3& b_g) const;
   /// Calls visit(reading) for the readings in [t0, t1].

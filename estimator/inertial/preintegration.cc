@@ -34,6 +34,14 @@ void apply(const Transition& F, Mat15& J) {
   block(J, kTheta, kG) = F.theta_theta * theta_g + F.theta_g;
 }
 
+// J_s_g <- F J_s_g, where the scale also does what a bias of -w would.
+void apply(const Transition& F, const Vec3& w, Vec9& J_s_g) {
+  const Vec3 theta = J_s_g.segment<3>(kTheta);
+  J_s_g.segment<3>(kP) += F.T * J_s_g.segment<3>(kV) + F.p_theta * theta - F.p_g * w;
+  J_s_g.segment<3>(kV) += F.v_theta * theta - F.v_g * w;
+  J_s_g.segment<3>(kTheta) = F.theta_theta * theta - F.theta_g * w;
+}
+
 // C <- F C F^T of a symmetric C in which the biases know nothing of each other, the accelerometer's bias nothing of the
 // attitude, and the biases' own blocks are multiples of one.
 void apply_both_sides(const Transition& F, Mat15& C) {
@@ -74,16 +82,19 @@ void apply_both_sides(const Transition& F, Mat15& C) {
 
 }  // namespace
 
-void Preintegration::reset(const Vec3& b_a_hat, const Vec3& b_g_hat) {
+void Preintegration::reset(const Vec3& b_a_hat, const Vec3& b_g_hat, const ImuScale& scale_hat) {
   *this = {};
   b_a = b_a_hat;
   b_g = b_g_hat;
+  scale = scale_hat;
 }
 
 void Preintegration::integrate(const Vec3& w0, const Vec3& a0, const Vec3& w1, const Vec3& a1, double dt,
                                const ImuNoise& noise) {
-  const Vec3 w_dt = (0.5 * (w0 + w1) - b_g) * dt;
-  const Vec3 f0 = a0 - b_a, f1 = a1 - b_a;
+  const double by_a = 1 + scale.accelerometer, by_g = 1 + scale.gyroscope;
+  const Vec3 rate = 0.5 * (w0 + w1);
+  const Vec3 w_dt = (by_g * rate - b_g) * dt;
+  const Vec3 f0 = by_a * a0 - b_a, f1 = by_a * a1 - b_a;
   const Mat3 step = so3_exp(w_dt), J_r = so3_right_jacobian(w_dt);
   const Mat3 R_end = dR * step;
   const Vec3 a = 0.5 * (dR * f0 + R_end * f1);
@@ -100,6 +111,7 @@ void Preintegration::integrate(const Vec3& w0, const Vec3& a0, const Vec3& w1, c
                      .v_a = B,
                      .v_g = G};
   apply(F, J);
+  apply(F, rate, J_s_g);
   apply_both_sides(F, C);
 
   const double q_a = noise.accelerometer_density * noise.accelerometer_density * dt;
@@ -122,17 +134,29 @@ void Preintegration::integrate(const Vec3& w0, const Vec3& a0, const Vec3& w1, c
   T += dt;
 }
 
-void Preintegration::corrected(const Vec3& b_a_new, const Vec3& b_g_new, Vec3& p, Vec3& v, Mat3& R) const {
+// The readings' own sums are what is integrated less the biases' part.
+ScaleColumns Preintegration::by_scale() const {
+  ScaleColumns columns;
+  columns.col(0) << dp - J.block<3, 3>(kP, kA) * b_a, Vec3::Zero(), dv - J.block<3, 3>(kV, kA) * b_a;
+  columns.col(0) /= 1 + scale.accelerometer;
+  columns.col(1) = J_s_g;
+  return columns;
+}
+
+void Preintegration::corrected(const Vec3& b_a_new, const Vec3& b_g_new, const ImuScale& scale_new, Vec3& p, Vec3& v,
+                               Mat3& R) const {
   const Vec3 d_a = b_a_new - b_a, d_g = b_g_new - b_g;
-  p = dp + J.block<3, 3>(kP, kA) * d_a + J.block<3, 3>(kP, kG) * d_g;
-  v = dv + J.block<3, 3>(kV, kA) * d_a + J.block<3, 3>(kV, kG) * d_g;
-  R = dR * so3_exp(J.block<3, 3>(kTheta, kG) * d_g);
+  const Eigen::Vector2d d_s(scale_new.accelerometer - scale.accelerometer, scale_new.gyroscope - scale.gyroscope);
+  const Vec9 by_s = by_scale() * d_s;
+  p = dp + J.block<3, 3>(kP, kA) * d_a + J.block<3, 3>(kP, kG) * d_g + by_s.segment<3>(kP);
+  v = dv + J.block<3, 3>(kV, kA) * d_a + J.block<3, 3>(kV, kG) * d_g + by_s.segment<3>(kV);
+  R = dR * so3_exp(J.block<3, 3>(kTheta, kG) * d_g + by_s.segment<3>(kTheta));
 }
 
 void Preintegration::join(const Preintegration& next) {
   Vec3 p2, v2;
   Mat3 R2;
-  next.corrected(b_a, b_g, p2, v2, R2);
+  next.corrected(b_a, b_g, scale, p2, v2, R2);
   const Transition A{.T = next.T,
                      .p_theta = -dR * skew(p2),
                      .p_a = dR * next.J.block<3, 3>(kP, kA),
@@ -143,6 +167,11 @@ void Preintegration::join(const Preintegration& next) {
                      .v_a = dR * next.J.block<3, 3>(kV, kA),
                      .v_g = dR * next.J.block<3, 3>(kV, kG)};
   apply(A, J);
+  apply(A, Vec3::Zero(), J_s_g);
+  const Vec9 J2 = next.J_s_g;
+  J_s_g.segment<3>(kP) += dR * J2.segment<3>(kP);
+  J_s_g.segment<3>(kTheta) += J2.segment<3>(kTheta);
+  J_s_g.segment<3>(kV) += dR * J2.segment<3>(kV);
   apply_both_sides(A, C);
 
   // B C2 B^T: the second interval's p and v errors live in its own first body frame.

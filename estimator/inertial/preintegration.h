@@ -2,8 +2,11 @@
 // IMU preintegration on the manifold (Forster et al. 2017; midpoint rule). Derivation: docs/derivations/imu.md.
 #include "estimator/geometry/types.h"
 #include "estimator/inertial/imu_noise.h"
+#include "estimator/inertial/imu_scale.h"
 
 namespace epiline {
+
+using ScaleColumns = Eigen::Matrix<double, 9, 2>;  ///< of (p, theta, v) by (s_a, s_g)
 
 /// One IMU interval. Tangent order everywhere: (p, theta, v, b_a, b_g).
 struct Preintegration {
@@ -12,14 +15,19 @@ struct Preintegration {
   Vec3 dv = Vec3::Zero();
   Mat3 dR = Mat3::Identity();
   Vec3 b_a = Vec3::Zero(), b_g = Vec3::Zero();  ///< the linearisation point
+  ImuScale scale;                               ///< the same
   Mat15 J = Mat15::Identity();                  ///< d(state at the end) / d(state at the start)
   Mat15 C = Mat15::Zero();                      ///< covariance, bias walk included
+  /// d(p, theta, v at the end) / d s_g
+  Vec9 J_s_g = Vec9::Zero();
 
-  void reset(const Vec3& b_a_hat, const Vec3& b_g_hat);
+  void reset(const Vec3& b_a_hat, const Vec3& b_g_hat, const ImuScale& scale_hat = {});
   /// One midpoint step of `dt` seconds between the readings (w0, a0) and (w1, a1).
   void integrate(const Vec3& w0, const Vec3& a0, const Vec3& w1, const Vec3& a1, double dt, const ImuNoise& noise);
-  /// Delta p, v, R moved to other biases by the first-order Jacobians.
-  void corrected(const Vec3& b_a_new, const Vec3& b_g_new, Vec3& p, Vec3& v, Mat3& R) const;
+  /// d(p, theta, v at the end) / d(s_a, s_g), the rotation perturbed on the right.
+  ScaleColumns by_scale() const;
+  /// Delta p, v, R moved to other biases and scales by the first-order Jacobians.
+  void corrected(const Vec3& b_a_new, const Vec3& b_g_new, const ImuScale& scale_new, Vec3& p, Vec3& v, Mat3& R) const;
   /// Appends the interval that follows this one, in closed form (docs/derivations/imu.md).
   void join(const Preintegration& next);
 };

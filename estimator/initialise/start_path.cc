@@ -36,7 +36,7 @@ namespace {
 StartFrame next(const StartFrame& f, const Preintegration& interval, const Vec3& b_g, const Vec3& b_a) {
   Vec3 dp, dv;
   Mat3 dR;
-  interval.corrected(b_a, b_g, dp, dv, dR);
+  interval.corrected(b_a, b_g, interval.scale, dp, dv, dR);
   Eigen::Matrix<double, 3, 6> p_b, v_b;
   p_b << interval.J.block<3, 3>(0, 12), interval.J.block<3, 3>(0, 9);
   v_b << interval.J.block<3, 3>(6, 12), interval.J.block<3, 3>(6, 9);

@@ -26,11 +26,12 @@ constexpr double kWeakestAxis = 0.15;
 constexpr double kMisfit_px = 0.8, kGrossMisfit_px = 2;
 constexpr double kMisfitRatio = 2;  // over the error between two images: noisy tracks contradict nobody
 constexpr Span kUnitsSpan = Span::from_milliseconds(5000);
-constexpr double kLeastForce = 7.5, kMostForce = 12.5;   // m/s^2: a mean over five seconds that a flight can have
-constexpr double kMostRate = 6;                          // rad/s, likewise: one turn a second for five seconds
-constexpr double kFocalLength = 0.01, kFocalSigmas = 6;  // relative: worth a word beyond
-constexpr double kFarFocalLength = 0.1;                  // the distortion does not fit such a lens, either
-constexpr double kNoiseFactor = 3;                       // users widen and vibration adds: worth a word beyond
+constexpr double kLeastForce = 7.5, kMostForce = 14;      // m/s^2: a mean over five seconds that a flight can have
+constexpr double kMostRate = 6;                           // rad/s, likewise: one turn a second for five seconds
+constexpr double kFocalLength = 0.015, kFocalSigmas = 6;  // relative: worth a word beyond
+constexpr double kFarFocalLength = 0.1;                   // the distortion does not fit such a lens, either
+constexpr double kImuScale = 0.02, kFarImuScale = 0.15;   // sensors err by 1 %; none is as far off as that
+constexpr double kNoiseFactor = 3;                        // users widen and vibration adds: worth a word beyond
 
 /// The signed axes of the gyroscope that would make it agree: column k is where its axis k points.
 TurnedAxes axes_of(const Mat3& M) {
@@ -44,7 +45,8 @@ TurnedAxes axes_of(const Mat3& M) {
 }
 }  // namespace
 
-Suspicions suspicions_of(const TurnAgreement& t, const Mat3& R_BC, double time_offset_s, double focal_ratio) noexcept {
+Suspicions suspicions_of(const TurnAgreement& t, const Mat3& R_BC, double time_offset_s, double focal_ratio,
+                         double gyroscope_ratio) noexcept {
   Suspicions s;
   const auto raise = [&](Suspect what, bool gross, double figure) {
     s[static_cast<std::size_t>(what)] = {gross ? Severity::kGross : Severity::kSuspect, figure, {}};
@@ -64,7 +66,7 @@ Suspicions suspicions_of(const TurnAgreement& t, const Mat3& R_BC, double time_o
   }
   if (t.agreement < kAgree) return s;
   // Of a focal length that is found shorter, turns across the axis are seen larger by as much, those about it are not.
-  const double low = std::min(1.0, focal_ratio), high = std::max(1.0, focal_ratio);
+  const double low = std::min(1.0, focal_ratio) / gyroscope_ratio, high = std::max(1.0, focal_ratio) / gyroscope_ratio;
   // the noise of either may have made its rates look larger
   const double least = t.rate_ratio * t.agreement, most = t.rate_ratio / t.agreement;
   if (t.turns > kManyTurns && t.agreement > kAgreeOnScale && (least > high + kScale || most < low - kScale))
@@ -96,11 +98,21 @@ void add_suspicions(const ImuNoise& configured, const ImuNoise& used, Suspicions
   add(Suspect::kAccelerometerNoise, used.accelerometer_density / configured.accelerometer_density);
 }
 
-void add_focal_length(double ratio, double sigma, Suspicions& s) noexcept {
+namespace {
+/// A ratio that the flight found to be another than 1: worth a word beyond `least`, and more than a note beyond `far`.
+void add_ratio(Suspect suspect, double ratio, double sigma, double least, double far, Suspicions& s) {
   const double off = std::abs(ratio - 1);
-  if (sigma > 0 && off > std::max(kFocalLength, kFocalSigmas * sigma))
-    s[static_cast<std::size_t>(Suspect::kFocalLength)] = {
-        off > kFarFocalLength ? Severity::kSuspect : Severity::kNote, ratio, {}};
+  if (sigma > 0 && off > std::max(least, kFocalSigmas * sigma))
+    s[static_cast<std::size_t>(suspect)] = {off > far ? Severity::kSuspect : Severity::kNote, ratio, {}};
+}
+}  // namespace
+
+void add_focal_length(double ratio, double sigma, Suspicions& s) noexcept {
+  add_ratio(Suspect::kFocalLength, ratio, sigma, kFocalLength, kFarFocalLength, s);
+}
+
+void add_imu_scale(Suspect suspect, double ratio, double sigma, Suspicions& s) noexcept {
+  add_ratio(suspect, ratio, sigma, kImuScale, kFarImuScale, s);
 }
 
 void add_misfit(double residual_px, double pair_px, Suspicions& s) noexcept {

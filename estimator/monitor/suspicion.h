@@ -12,12 +12,16 @@ namespace epiline {
 
 /// Suspicions from camera and gyroscope: of the configured rotation and time offset, and of the gyroscope's units and
 /// axes. The other rows are clear. `R_BC`, `time_offset_s`: the configured values. `focal_ratio`: estimated over
-/// configured focal length; a ratio of rates that it explains raises no suspicion.
-Suspicions suspicions_of(const TurnAgreement& turns, const Mat3& R_BC, double time_offset_s,
-                         double focal_ratio = 1) noexcept;
+/// configured focal length; `gyroscope_ratio`: estimated rates over those read. A ratio of rates that they explain
+/// raises no suspicion.
+Suspicions suspicions_of(const TurnAgreement& turns, const Mat3& R_BC, double time_offset_s, double focal_ratio = 1,
+                         double gyroscope_ratio = 1) noexcept;
 
 /// Suspicion of the focal length: a note if the flight estimated another one, more than a note if it is far off.
 void add_focal_length(double ratio, double sigma, Suspicions& suspicions) noexcept;
+
+/// The same of a scale of the IMU. `suspect`: which one.
+void add_imu_scale(Suspect suspect, double ratio, double sigma, Suspicions& suspicions) noexcept;
 
 /// Notes on noise densities that the samples contradict. `used`: the densities that replaced the configured ones.
 void add_suspicions(const ImuNoise& configured, const ImuNoise& used, Suspicions& suspicions) noexcept;

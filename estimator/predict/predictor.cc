@@ -23,6 +23,7 @@ bool finite(const Array& numbers) {
 bool usable(const Odometry& o) {
   if (!finite(o.p_WB_m) || !finite(o.q_WB) || !finite(o.v_WB_m_s) || !finite(o.omega_B_rad_s)) return false;
   if (!finite(o.accelerometer_bias_m_s2) || !finite(o.gyroscope_bias_rad_s) || !finite(o.covariance)) return false;
+  if (!finite(o.imu_scale)) return false;
   const double norm = Eigen::Map<const Eigen::Vector4d>(o.q_WB.data()).norm();
   return std::abs(norm - 1) < kQuaternionTolerance && std::abs(o.time_offset_s) < 1;
 }
@@ -66,7 +67,7 @@ void Predictor::extend(HostStamp before) noexcept {
   const HostStamp newest = history_.newest().stamp;
   const auto revised = history_.take_revised();
   if (revised && newest - base_time_ < kLongestRevised) {
-    interval_.reset(base_.b_a, base_.b_g);
+    interval_.reset(base_.b_a, base_.b_g, scale());
     before = base_time_;
   }
   history_.integrate(before, newest, config_.density, interval_);
@@ -126,12 +127,14 @@ void Predictor::set_base(const Odometry& solved, HostStamp time) noexcept {
   x.R = q.normalized().toRotationMatrix();
   x.b_a = Vec3(solved.accelerometer_bias_m_s2.data());
   x.b_g = Vec3(solved.gyroscope_bias_rad_s.data());
-  base_ = moved_in_time(history_, x, solved.stamp, time);
+  base_ = moved_in_time(history_, scale(), x, solved.stamp, time);
 
   base_covariance_ = into_body(Eigen::Map<const OdometryCovariance>(solved.covariance.data()), base_.R);
-  interval_.reset(base_.b_a, base_.b_g);
+  interval_.reset(base_.b_a, base_.b_g, scale());
   history_.integrate(time, history_.newest().stamp, config_.density, interval_);
 }
+
+ImuScale Predictor::scale() const noexcept { return {solved_.imu_scale[0], solved_.imu_scale[1]}; }
 
 NavState Predictor::predicted() const noexcept {
   NavState x = base_;
@@ -179,7 +182,7 @@ Odometry Predictor::odometry() const noexcept {
   Eigen::Map<Vec3>(out.p_WB_m.data()) = x.p + d.p;
   out.q_WB = {q.w(), q.x(), q.y(), q.z()};
   Eigen::Map<Vec3>(out.v_WB_m_s.data()) = x.v + d.v;
-  Eigen::Map<Vec3>(out.omega_B_rad_s.data()) = newest.w - x.b_g;
+  Eigen::Map<Vec3>(out.omega_B_rad_s.data()) = (1 + scale().gyroscope) * newest.w - x.b_g;
 
   StateCovariance P = carried_on(base_covariance_, base_.R, interval_);
   // The published state is off the predicted one by a known e: its mean square error is P + e e^T.

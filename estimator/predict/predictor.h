@@ -87,6 +87,7 @@ class Predictor {
   void extend(HostStamp before) noexcept;
   Correction apply(const Odometry& solved, HostStamp time) noexcept;
   void set_base(const Odometry& solved, HostStamp time) noexcept;
+  ImuScale scale() const noexcept;
   NavState predicted() const noexcept;
   Offset offset() const noexcept;
   bool is_small(const Offset& offset) const noexcept;

@@ -27,7 +27,8 @@ class ChainEquations final : public NormalEquations {
   Block chain(int k, int l) { return k == l ? Block{s_.D[k][0], 16, 1} : Block{s_.C[k][0], 16, 1}; }
   static Block transposed(Block b) { return {b.at, b.column, b.row}; }
   int column(Unknown a) const {
-    return a.kind == Unknown::Kind::kPose ? pose_column(s_.frames, a.frame) : 6 * s_.frames;
+    if (a.kind == Unknown::Kind::kPose) return pose_column(s_.frames, a.frame);
+    return a.kind == Unknown::Kind::kCamera ? 6 * s_.frames : scale_column(s_.frames);
   }
 
   LinearSystem& s_;

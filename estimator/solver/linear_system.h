@@ -23,6 +23,8 @@ struct alignas(64) LinearSystem {
 
 /// Column of S where frame k's pose begins: newest first.
 constexpr int pose_column(int frames, int k) { return 6 * (frames - 1 - k); }
+/// Column of S where the scales of the IMU begin. Every (v, b)_k meets them.
+constexpr int scale_column(int frames) { return 6 * frames + kCameraCalibration; }
 
 /// Right-hand sides and solutions, rows in the order of LinearSystem.
 struct alignas(64) StepColumns {

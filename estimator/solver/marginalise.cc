@@ -43,6 +43,7 @@ class MarginalEquations final : public NormalEquations {
  private:
   int row(Unknown a) const {
     if (a.kind == Unknown::Kind::kCamera) return at_.calibration();
+    if (a.kind == Unknown::Kind::kScales) return at_.calibration() + kCameraCalibration;
     return a.kind == Unknown::Kind::kPose ? at_.pose(a.frame) : at_.velocity(a.frame);
   }
 

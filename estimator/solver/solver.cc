@@ -50,6 +50,7 @@ namespace {
 
 bool estimated(const SolverSettings& s, int calibration) {
   if (calibration == kTimeOffsetColumn) return s.estimate_time_offset;
+  if (calibration >= kCameraCalibration) return s.estimate_imu_scale;
   return calibration == kFocalColumn ? s.estimate_focal_length : s.estimate_extrinsics;
 }
 
@@ -75,7 +76,8 @@ void hold_calibration(const SolverSettings& settings, LinearSystem& s) {
     const int i = first + c;
     for (int j = 0; j < i; ++j) s.S[j][i] = 0;
     for (int j = i + 1; j < first + kCalibration; ++j) s.S[i][j] = 0;
-    for (int j = 0; j < 9; ++j) s.P[0][j][i] = 0;
+    for (int k = 0; k < s.frames; ++k)
+      for (int j = 0; j < 9; ++j) s.P[k][j][i] = 0;
     s.S[i][i] = 1;
     s.rhs_s[i] = 0;
   }

@@ -16,6 +16,7 @@ struct SolverSettings {
   bool estimate_time_offset = true;
   bool estimate_extrinsics = false;
   bool estimate_focal_length = false;
+  bool estimate_imu_scale = false;
   int attempts = 4;   ///< steps that may be rejected, at most kMostAttempts
   bool tried = true;  ///< false: a step is accepted as it is, which saves its trial
 };

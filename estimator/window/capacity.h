@@ -3,8 +3,10 @@
 
 namespace epiline {
 
-inline constexpr int kMaxFrames = 21;   ///< keyframes (at most 20) and the newest frame
-inline constexpr int kCalibration = 8;  ///< time offset, extrinsic rotation, extrinsic translation, focal length
+inline constexpr int kMaxFrames = 21;         ///< keyframes (at most 20) and the newest frame
+inline constexpr int kCameraCalibration = 8;  ///< time offset, extrinsic rotation, extrinsic translation, focal length
+inline constexpr int kImuScales = 2;          ///< accelerometer, gyroscope
+inline constexpr int kCalibration = kCameraCalibration + kImuScales;
 inline constexpr int kMaxTracks = 1024;
 inline constexpr int kPoseDim = 6 * kMaxFrames + kCalibration;
 inline constexpr int kPriorDim = 6 * kMaxFrames + 9 + kCalibration;

@@ -34,17 +34,19 @@ struct TrackRecord {
   std::uint16_t place = 0;  ///< of its observations
 };
 
-/// Camera against IMU, and its focal length; the estimated part of the calibration. Tangent order: (td, dphi of R_BC on
-/// the right, p_BC, focal).
+/// Camera against IMU, its focal length, and the scales of the IMU; the estimated part of the calibration. Tangent
+/// order: (td, dphi of R_BC on the right, p_BC, focal, s_a, s_g).
 struct Calibration {
   double time_offset = 0;  ///< t_IMU = t_image + time_offset, s
   Mat3 R_BC = Mat3::Identity();
   Vec3 p_BC = Vec3::Zero();
   double focal = 0;  ///< 1 - configured over true focal length
+  ImuScale scale;
   double focal_ratio() const { return 1 / (1 - focal); }
 };
 /// Columns of the tangent.
-inline constexpr int kTimeOffsetColumn = 0, kRotationColumn = 1, kTranslationColumn = 4, kFocalColumn = 7;
+inline constexpr int kTimeOffsetColumn = 0, kRotationColumn = 1, kTranslationColumn = 4, kFocalColumn = 7,
+                     kAccelerometerScaleColumn = 8, kGyroscopeScaleColumn = 9;
 using CalibrationTangent = Eigen::Matrix<double, kCalibration, 1>;
 using CalibrationCovariance = Eigen::Matrix<double, kCalibration, kCalibration>;
 void retract(Calibration& c, const CalibrationTangent& d);
@@ -59,7 +61,14 @@ struct CalibrationPart {
 };
 struct CalibrationPrior {
   Calibration configured;
-  CalibrationPart rotation{kRotationColumn, 3}, translation{kTranslationColumn, 3}, focal{kFocalColumn, 1};
+  CalibrationPart rotation{kRotationColumn, 3}, translation{kTranslationColumn, 3}, focal{kFocalColumn, 1},
+      accelerometer_scale{kAccelerometerScaleColumn, 1}, gyroscope_scale{kGyroscopeScaleColumn, 1};
+  std::array<CalibrationPart*, 5> parts() {
+    return {&rotation, &translation, &focal, &accelerometer_scale, &gyroscope_scale};
+  }
+  std::array<const CalibrationPart*, 5> parts() const {
+    return {&rotation, &translation, &focal, &accelerometer_scale, &gyroscope_scale};
+  }
 };
 
 /// What a height sensor says of a frame (docs/derivations/height.md).

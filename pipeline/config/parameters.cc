@@ -93,6 +93,12 @@ const std::vector<Parameter>& parameters() {
        EPILINE_AT(estimator.estimate_focal_length)},
       {"estimator.focal_length_sigma", "", 1e-6, 1, "relative standard deviation of the calibrated focal length",
        EPILINE_AT(estimator.focal_length_sigma)},
+      {"estimator.estimate_imu_scale", "", 0, 0, "estimate the scales of accelerometer and gyroscope",
+       EPILINE_AT(estimator.estimate_imu_scale)},
+      {"estimator.accelerometer_scale_sigma", "", 1e-6, 1, "relative standard deviation of the accelerometer's scale",
+       EPILINE_AT(estimator.accelerometer_scale_sigma)},
+      {"estimator.gyroscope_scale_sigma", "", 1e-6, 1, "relative standard deviation of the gyroscope's scale",
+       EPILINE_AT(estimator.gyroscope_scale_sigma)},
       {"estimator.deadline_ms", "ms", 0, 1e4, "longest time for the solve of one image; 0: no limit",
        EPILINE_AT(deadline_ms)},
       // tracker

@@ -79,6 +79,11 @@ std::string found(Suspect suspect, const Suspicion& s) {
     case Suspect::kFocalLength:
       return fmt::format("the focal length is {:.1f} % {} than configured", 100 * std::abs(s.figure - 1),
                          s.figure > 1 ? "longer" : "shorter");
+    case Suspect::kAccelerometerScale:
+    case Suspect::kGyroscopeScale:
+      return fmt::format("the {} readings are {:.1f} % too {}: its scale is wrong",
+                         suspect == Suspect::kGyroscopeScale ? "gyroscope's" : "accelerometer's",
+                         100 * std::abs(1 / s.figure - 1), s.figure < 1 ? "large" : "small");
     case Suspect::kCount:
       break;
   }

@@ -134,7 +134,8 @@ struct Odometry {
   std::array<double, 3> omega_B_rad_s{};  ///< bias removed
   std::array<double, 3> accelerometer_bias_m_s2{};
   std::array<double, 3> gyroscope_bias_rad_s{};
-  double time_offset_s = 0;  ///< t_IMU = t_image + time_offset
+  std::array<double, 2> imu_scale{};  ///< accelerometer, gyroscope: true readings over measured ones, less 1
+  double time_offset_s = 0;           ///< t_IMU = t_image + time_offset
   /// 16x16 row-major: dp (W), dtheta (B, right perturbation), dv, dba, dbg, dtd.
   std::array<double, 256> covariance{};
   std::uint32_t reset_counter = 0;

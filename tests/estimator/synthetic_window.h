@@ -19,6 +19,7 @@ struct SyntheticOptions {
   double state_error = 3e-3;  ///< random, added to the states after the window is built
   double time_offset = 0;     ///< the stamps are wrong by this much
   double readout_s = 0;       ///< rolling shutter, of an image of 480 rows
+  ImuScale imu_scale = {};    ///< true readings over measured ones, less 1
   unsigned seed = 1;
 };
 
@@ -102,7 +103,9 @@ inline SyntheticWindow make_window(const SyntheticOptions& o) {
       for (int i = 0; i < 20; ++i) {
         const double t0 = t - interval + i * imu_dt, t1 = t0 + imu_dt;
         auto force = [&](double q) { return Vec3(path.R(q).transpose() * (path.a(q) - kGravity_W)); };
-        slot.imu.integrate(path.w(t0), force(t0), path.w(t1), force(t1), imu_dt, ImuNoise{});
+        const double by_w = 1 / (1 + o.imu_scale.gyroscope), by_a = 1 / (1 + o.imu_scale.accelerometer);
+        slot.imu.integrate(by_w * path.w(t0), by_a * force(t0), by_w * path.w(t1), by_a * force(t1), imu_dt,
+                           ImuNoise{});
       }
       whiten(slot);
     }

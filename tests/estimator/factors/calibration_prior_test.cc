@@ -23,13 +23,15 @@ SyntheticWindow window_off_by(const CalibrationTangent& d) {
   w.calibration_prior.rotation.sigma = 1e-3;
   w.calibration_prior.translation.sigma = 2e-3;
   w.calibration_prior.focal.sigma = 4e-3;
+  w.calibration_prior.accelerometer_scale.sigma = 5e-3;
+  w.calibration_prior.gyroscope_scale.sigma = 6e-3;
   retract(w.calibration, d);
   return s;
 }
 
 TEST(CalibrationPrior, ItsRightHandSideIsTheSlopeOfItsCost) {
   CalibrationTangent d;
-  d << 0.003, 0.02, -0.05, 0.03, 0.004, 0.001, -0.01, 0.03;
+  d << 0.003, 0.02, -0.05, 0.03, 0.004, 0.001, -0.01, 0.03, -0.02, 0.01;
   SyntheticWindow s = window_off_by(d);
   Window& w = *s.window;
   NamedBlocks blocks;

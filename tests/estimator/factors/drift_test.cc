@@ -126,7 +126,7 @@ TEST(Drift, IsTheInverseOfTheViewsWholeCovariance) {
     }
     const MatrixXd K = slopes_by_point(e, P);
     const VectorXd r = residuals(e, P);
-    MatrixXd J = MatrixXd::Zero(r.size(), 6 * w.size() + kCalibration);
+    MatrixXd J = MatrixXd::Zero(r.size(), 6 * w.size() + kCameraCalibration);
     for (int i = 0; i < e.views(); ++i)
       J.middleRows<2>(2 * i) =
           test::slopes<2>(w, w.size(), {e.at[static_cast<std::size_t>(i)]}, [&] { return e.residual(i, P); });

@@ -29,7 +29,7 @@ class Printed {
  public:
   /// `oldest_only`: the pairs that contain frame 0.
   Printed(Window& w, int frames, bool oldest_only) : w_(w) {
-    const int unknowns = 6 * frames + kCalibration;
+    const int unknowns = 6 * frames + kCameraCalibration;
     H = MatrixXd::Zero(unknowns, unknowns);
     b = VectorXd::Zero(unknowns);
     for (int i = 0; i < w.track_count(); ++i) {

@@ -29,7 +29,7 @@ class Explicit {
       for (std::size_t v = 1; v < views_[i].size(); ++v) add(i, v);
   }
 
-  int states() const { return 6 * frames_ + kCalibration; }
+  int states() const { return 6 * frames_ + kCameraCalibration; }
   int landmarks() const { return static_cast<int>(rho.size()); }
   int track(int i) const { return tracks_[static_cast<std::size_t>(i)]; }
 

@@ -35,7 +35,7 @@ Residual<rows> central_difference(Function&& at) {
 template <int rows, class Function>
 Eigen::Matrix<double, rows, Eigen::Dynamic> slopes(Window& w, int frames, std::initializer_list<int> on,
                                                    Function&& residual) {
-  Eigen::Matrix<double, rows, Eigen::Dynamic> J = Eigen::MatrixXd::Zero(rows, 6 * frames + kCalibration);
+  Eigen::Matrix<double, rows, Eigen::Dynamic> J = Eigen::MatrixXd::Zero(rows, 6 * frames + kCameraCalibration);
   for (const int k : on)
     for (int c = 0; c < 6; ++c)
       J.col(6 * k + c) = central_difference<rows>([&](double d) {
@@ -49,7 +49,7 @@ Eigen::Matrix<double, rows, Eigen::Dynamic> slopes(Window& w, int frames, std::i
         x = keep;
         return r;
       });
-  for (int c = 0; c < kCalibration; ++c)
+  for (int c = 0; c < kCameraCalibration; ++c)
     J.col(6 * frames + c) = central_difference<rows>([&](double d) {
       const Calibration keep = w.calibration;
       retract(w.calibration, d * CalibrationTangent::Unit(c));
@@ -72,21 +72,22 @@ void add_huber(const Slopes& J, const Length& r, Eigen::MatrixXd& H, Eigen::Vect
 /// Poses of frames 0..frames-1 (world perturbations), then the calibration.
 inline Eigen::MatrixXd dense(const VisualSystem& v, int frames) {
   const int c = 6 * frames;
-  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(c + kCalibration, c + kCalibration);
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(c + kCameraCalibration, c + kCameraCalibration);
   for (int k = 0; k < frames; ++k) {
     for (int l = k; l < frames; ++l)
       H.block<6, 6>(6 * k, 6 * l) = Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(v.H[k][l]);
-    for (int j = 0; j < kCalibration; ++j) H.block<6, 1>(6 * k, c + j) = Eigen::Map<const Vec6>(v.H_ck[k] + 6 * j);
+    for (int j = 0; j < kCameraCalibration; ++j)
+      H.block<6, 1>(6 * k, c + j) = Eigen::Map<const Vec6>(v.H_ck[k] + 6 * j);
   }
-  H.bottomRightCorner<kCalibration, kCalibration>() =
-      Eigen::Map<const Eigen::Matrix<double, kCalibration, kCalibration, Eigen::RowMajor>>(v.H_cc);
+  H.bottomRightCorner<kCameraCalibration, kCameraCalibration>() =
+      Eigen::Map<const Eigen::Matrix<double, kCameraCalibration, kCameraCalibration, Eigen::RowMajor>>(v.H_cc);
   return H.selfadjointView<Eigen::Upper>();
 }
 
 inline Eigen::VectorXd dense_rhs(const VisualSystem& v, int frames) {
-  Eigen::VectorXd b(6 * frames + kCalibration);
+  Eigen::VectorXd b(6 * frames + kCameraCalibration);
   for (int k = 0; k < frames; ++k) b.segment<6>(6 * k) = Eigen::Map<const Vec6>(v.b[k]);
-  b.tail<kCalibration>() = Eigen::Map<const CalibrationTangent>(v.b_c);
+  b.tail<kCameraCalibration>() = Eigen::Map<const Eigen::Matrix<double, kCameraCalibration, 1>>(v.b_c);
   return b;
 }
 

@@ -94,13 +94,14 @@ SyntheticWindow furnished_window(double readout_s = 0) {
   Window& w = *s.window;
   w.first_estimates = false;
   CalibrationTangent sigmas;
-  sigmas << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01), 0.01;
+  sigmas << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01), 0.01, 0.01, 0.01;
   set_initial_prior(w, {}, sigmas);
   TrackFactor factor(best_instruction_set());
   factor.collect(w, smooth_settings());
   Marginaliser(best_instruction_set()).marginalise_oldest(w, factor, smooth_settings());
   w.calibration.time_offset = 2e-3;
   w.calibration.focal = 0.01;
+  w.calibration.scale = {0.004, -0.003};
   w.wheel.forward_B = Vec3(0.8, 0.6, 0);
   w.wheel.p_BV = Vec3(-0.3, 0.2, -0.1);
   for (int k = 0; k < w.size(); ++k) {

@@ -5,14 +5,23 @@
 #include <utility>
 
 #include "estimator/factors/normal_equations.h"
+#include "estimator/window/capacity.h"
 
 namespace epiline::test {
 
 class NamedBlocks final : public NormalEquations {
  public:
-  Block block(Unknown row, Unknown column) noexcept override { return {H[{key(row), key(column)}].data(), 9, 1}; }
-  double* rhs(Unknown a) noexcept override { return b[key(a)].data(); }
-  static int key(Unknown a) { return 100 * static_cast<int>(a.kind) + a.frame; }
+  static constexpr int kMost = kCalibration;  ///< numbers of one unknown
+  Block block(Unknown row, Unknown column) noexcept override {
+    return {H[{key(row), key(column)}].data() + kMost * first(row) + first(column), kMost, 1};
+  }
+  double* rhs(Unknown a) noexcept override { return b[key(a)].data() + first(a); }
+  /// The scales of the IMU stand behind the camera's calibration.
+  static int key(Unknown a) {
+    const auto kind = a.kind == Unknown::Kind::kScales ? Unknown::Kind::kCamera : a.kind;
+    return 100 * static_cast<int>(kind) + a.frame;
+  }
+  static int first(Unknown a) { return a.kind == Unknown::Kind::kScales ? kCameraCalibration : 0; }
 
   /// Zero where no factor has said anything.
   double slope(Unknown a, int i) const {
@@ -21,11 +30,11 @@ class NamedBlocks final : public NormalEquations {
   }
   double curvature(Unknown a, int i) const {
     const auto found = H.find({key(a), key(a)});
-    return found == H.end() ? 0 : found->second[static_cast<std::size_t>(10 * i)];
+    return found == H.end() ? 0 : found->second[static_cast<std::size_t>((kMost + 1) * i)];
   }
 
-  std::map<std::pair<int, int>, std::array<double, 81>> H;
-  std::map<int, std::array<double, 9>> b;
+  std::map<std::pair<int, int>, std::array<double, kMost * kMost>> H;
+  std::map<int, std::array<double, kMost>> b;
 };
 
 }  // namespace epiline::test

@@ -90,7 +90,7 @@ TEST(ReprojectionFactor, StepOfPosesAndDepthsIsThatOfTheJointProblem) {
   Window& w = *s.window;
   w.first_estimates = false;
   CalibrationTangent sigmas;
-  sigmas << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01), 0.01;
+  sigmas << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01), 0.01, 0.01, 0.01;
   set_initial_prior(w, {}, sigmas);
   const SolverSettings everything{.steps = 1, .estimate_time_offset = true, .estimate_extrinsics = true};
   ReprojectionFactor factor(best_instruction_set());
@@ -108,7 +108,7 @@ TEST(ReprojectionFactor, StepOfPosesAndDepthsIsThatOfTheJointProblem) {
     T.block<3, 3>(6 * k, pose_column(n, k)) = Mat3::Identity();
     T.block<3, 3>(6 * k + 3, pose_column(n, k) + 3) = w.at(k).x.R;
   }
-  T.block<kCalibration, kCalibration>(6 * n, 6 * n).setIdentity();
+  T.block<kCameraCalibration, kCameraCalibration>(6 * n, 6 * n).setIdentity();
   const int m = joint.landmarks();
   DenseSystem full{MatrixXd::Zero(states + m, states + m), VectorXd::Zero(states + m)};
   full.H.topLeftCorner(states, states) = reduced.H - T.transpose() * dense(*visual, n) * T +

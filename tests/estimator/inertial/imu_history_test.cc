@@ -89,7 +89,7 @@ TEST(ImuHistory, InterpolatesAtBothEnds) {
   const auto h = history(0, 1);
   NavState x;
   Vec3 omega;
-  h->propagate(at(0.4), at(0.5025), x, omega);
+  h->propagate(at(0.4), at(0.5025), {}, x, omega);
   EXPECT_TRUE(omega.isApprox(0.5 * (rate(0.5) + rate(0.505)), 1e-9));
   // a piece within one sampling period uses the readings there
   const Preintegration z = integrated(*h, 0.501, 0.502);
@@ -120,7 +120,7 @@ TEST(ImuHistory, PropagatesAsItIntegrates) {
   x.b_g = kBg;
   NavState moved = x;
   Vec3 omega;
-  h->propagate(at(0.3), at(0.8), moved, omega);
+  h->propagate(at(0.3), at(0.8), {}, moved, omega);
   const Preintegration z = integrated(*h, 0.3, 0.8);
   EXPECT_LT((moved.p - (x.p + x.v * z.T + 0.5 * kGravity_W * z.T * z.T + x.R * z.dp)).norm(), 1e-9);
   EXPECT_LT((moved.v - (x.v + kGravity_W * z.T + x.R * z.dv)).norm(), 1e-9);

@@ -54,10 +54,11 @@ RC_GTEST_PROP(PreintegrationProperty, MeanEqualsAnIndependentIntegrator, (std::u
   Random random(seed);
   const Readings s = test::agile_readings(2 + *rc::gen::inRange(0, 60), random.uniform(0.001, 0.01), random);
   const Vec3 b_a = random.gaussian(0.3), b_g = random.gaussian(0.1);
-  const Preintegration interval = test::integrated(s, b_a, b_g, kDefaultNoise);
+  const double by_a = random.uniform(0.9, 1.1), by_g = random.uniform(0.9, 1.1);
+  const Preintegration interval = test::integrated(s, b_a, b_g, kDefaultNoise, {by_a - 1, by_g - 1});
   test::Motion m;
   for (int k = 0; k + 1 < s.count; ++k)
-    test::step(m, s.w[k] - b_g, s.a[k] - b_a, s.w[k + 1] - b_g, s.a[k + 1] - b_a, s.dt);
+    test::step(m, by_g * s.w[k] - b_g, by_a * s.a[k] - b_a, by_g * s.w[k + 1] - b_g, by_a * s.a[k + 1] - b_a, s.dt);
   RC_ASSERT((interval.dp - m.p).norm() < 1e-12);
   RC_ASSERT((interval.dv - m.v).norm() < 1e-12);
   RC_ASSERT((interval.dR - m.q.toRotationMatrix()).norm() < 1e-12);
@@ -87,6 +88,52 @@ RC_GTEST_PROP(PreintegrationProperty, JacobianPredictsReintegrationWithOtherBias
   }
 }
 
+// Five-point differences of re-integration at other scales, for an interval as it is integrated and as it is joined.
+RC_GTEST_PROP(PreintegrationProperty, ScaleColumnsPredictReintegrationAtOtherScales, (std::uint32_t seed)) {
+  Random random(seed);
+  const Readings s = test::agile_readings(41, 0.005, random);
+  const Vec3 b_a = random.gaussian(0.1), b_g = random.gaussian(0.05);
+  const ImuScale scale{random.uniform(-0.05, 0.05), random.uniform(-0.05, 0.05)};
+  const Preintegration at = test::integrated(s, b_a, b_g, kDefaultNoise, scale);
+  const double h = 1e-3;
+  ScaleColumns numeric;
+  for (int column = 0; column < 2; ++column) {
+    const auto moved = [&](double x) -> Vec9 {
+      const ImuScale there{scale.accelerometer + (column == 0 ? x : 0), scale.gyroscope + (column == 1 ? x : 0)};
+      const Preintegration z = test::integrated(s, b_a, b_g, kDefaultNoise, there);
+      return (Vec9() << z.dp, so3_log(at.dR.transpose() * z.dR), z.dv).finished();
+    };
+    numeric.col(column) = (8 * (moved(h) - moved(-h)) - (moved(2 * h) - moved(-2 * h))) / (12 * h);
+  }
+  RC_ASSERT((at.by_scale() - numeric).norm() < 1e-7 * numeric.norm());
+
+  Preintegration joined, second;
+  joined.reset(b_a, b_g, scale);
+  test::integrate(s, 0, 17, kDefaultNoise, joined);
+  second.reset(b_a, b_g, scale);
+  test::integrate(s, 17, s.count - 1, kDefaultNoise, second);
+  joined.join(second);
+  RC_ASSERT((joined.by_scale() - numeric).norm() < 1e-7 * numeric.norm());
+}
+
+// The second interval was integrated at other scales: exact to first order.
+RC_GTEST_PROP(PreintegrationProperty, JoinMovesTheSecondIntervalToTheScalesOfTheFirst, (std::uint32_t seed)) {
+  Random random(seed);
+  const Readings s = test::agile_readings(41, 0.005, random);
+  const Vec3 b_a = random.gaussian(0.1), b_g = random.gaussian(0.05);
+  const ImuScale scale{0.03, -0.02}, other{0.032, -0.018};
+  Preintegration joined, second;
+  joined.reset(b_a, b_g, scale);
+  test::integrate(s, 0, 20, kDefaultNoise, joined);
+  second.reset(b_a, b_g, other);
+  test::integrate(s, 20, 40, kDefaultNoise, second);
+  joined.join(second);
+  const Preintegration direct = test::integrated(s, b_a, b_g, kDefaultNoise, scale);
+  RC_ASSERT((joined.dp - direct.dp).norm() < 2e-6);  // the shift itself is 2e-4 and more
+  RC_ASSERT((joined.dv - direct.dv).norm() < 2e-5);
+  RC_ASSERT((joined.dR - direct.dR).norm() < 2e-6);
+}
+
 RC_GTEST_PROP(PreintegrationProperty, CorrectedEqualsReintegrationToSecondOrder, (std::uint32_t seed)) {
   Random random(seed);
   const Readings s = test::agile_readings(21, 0.005, random);
@@ -95,7 +142,7 @@ RC_GTEST_PROP(PreintegrationProperty, CorrectedEqualsReintegrationToSecondOrder,
   const Preintegration moved = test::integrated(s, b_a, b_g, kDefaultNoise);
   Vec3 p, v;
   Mat3 R;
-  at.corrected(b_a, b_g, p, v, R);
+  at.corrected(b_a, b_g, {}, p, v, R);
   const double p_shift = (moved.dp - at.dp).norm(), v_shift = (moved.dv - at.dv).norm();
   RC_ASSERT((p - moved.dp).norm() < 0.01 * p_shift);
   RC_ASSERT((v - moved.dv).norm() < 0.01 * v_shift);

@@ -65,9 +65,10 @@ inline void integrate(const Readings& s, int from, int to, const ImuNoise& noise
   for (int k = from; k < to; ++k) interval.integrate(s.w[k], s.a[k], s.w[k + 1], s.a[k + 1], s.dt, noise);
 }
 
-inline Preintegration integrated(const Readings& s, const Vec3& b_a, const Vec3& b_g, const ImuNoise& noise) {
+inline Preintegration integrated(const Readings& s, const Vec3& b_a, const Vec3& b_g, const ImuNoise& noise,
+                                 const ImuScale& scale = {}) {
   Preintegration interval;
-  interval.reset(b_a, b_g);
+  interval.reset(b_a, b_g, scale);
   integrate(s, 0, s.count - 1, noise, interval);
   return interval;
 }

@@ -178,6 +178,9 @@ TEST(Suspicions, AScaleIsNamed) {
   EXPECT_TRUE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s, 1.1)).empty())
       << "the focal length found explains it";
   EXPECT_FALSE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s, 0.9)).empty());
+  EXPECT_TRUE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s, 1, 1 / 1.1)).empty())
+      << "the scale found explains it";
+  EXPECT_FALSE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s, 1, 1.1)).empty());
 }
 
 TEST(Suspicions, AFocalLengthThatIsAnotherIsARemark) {
@@ -196,13 +199,27 @@ TEST(Suspicions, AFocalLengthThatIsAnotherIsARemark) {
   }
 }
 
+TEST(Suspicions, AScaleOfTheImuThatIsAnotherIsARemark) {
+  for (const auto& [ratio, sigma, severity] : {std::tuple{1 / 1.03, 1e-3, Severity::kNote},
+                                               {1 / 1.1, 1e-3, Severity::kNote},
+                                               {1.2, 1e-3, Severity::kSuspect},
+                                               {0.988, 1e-3, Severity::kNone},
+                                               {0.97, 0.01, Severity::kNone},
+                                               {0.97, 0.0, Severity::kNone}}) {
+    Suspicions s;
+    add_imu_scale(Suspect::kAccelerometerScale, ratio, sigma, s);
+    EXPECT_EQ(one(s, Suspect::kAccelerometerScale).severity, severity) << ratio << " " << sigma;
+    EXPECT_EQ(one(s, Suspect::kGyroscopeScale).severity, Severity::kNone);
+  }
+}
+
 TEST(UnitsWatch, KnowsReadingsInGAndInDegrees) {
   struct Case {
     double force, rate;
     bool force_wrong, rate_wrong;
   };
   for (const Case& c :
-       {Case{1, 0.2, true, false}, {9.5, 3, false, false}, {11.5, 20, false, true}, {32, 0, true, false}}) {
+       {Case{1, 0.2, true, false}, {9.5, 3, false, false}, {13.5, 20, false, true}, {32, 0, true, false}}) {
     UnitsWatch watch;
     for (int i = 0; i < 1201; ++i) {
       Suspicions early;

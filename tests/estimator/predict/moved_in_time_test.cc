@@ -36,7 +36,7 @@ class MovedInTime : public testing::Test {
 
 TEST_F(MovedInTime, IsOnThePathBeforeAndAfter) {
   for (const double dt : {-0.1, -0.047, -0.002, 0.0, 0.003, 0.05, 0.1}) {
-    const NavState moved = moved_in_time(*history_, truth(0.5), at(0.5), at(0.5 + dt)), x = truth(0.5 + dt);
+    const NavState moved = moved_in_time(*history_, {}, truth(0.5), at(0.5), at(0.5 + dt)), x = truth(0.5 + dt);
     EXPECT_LT((moved.p - x.p).norm(), 1e-6) << dt;
     EXPECT_LT((moved.v - x.v).norm(), 1e-5) << dt;
     EXPECT_LT(so3_log(x.R.transpose() * moved.R).norm(), 1e-5) << dt;
@@ -46,8 +46,8 @@ TEST_F(MovedInTime, IsOnThePathBeforeAndAfter) {
 TEST_F(MovedInTime, ThereAndBackIsTheSame) {
   const NavState x = truth(0.5);
   for (const double dt : {-0.08, 0.0613}) {
-    const NavState there = moved_in_time(*history_, x, at(0.5), at(0.5 + dt));
-    const NavState back = moved_in_time(*history_, there, at(0.5 + dt), at(0.5));
+    const NavState there = moved_in_time(*history_, {}, x, at(0.5), at(0.5 + dt));
+    const NavState back = moved_in_time(*history_, {}, there, at(0.5 + dt), at(0.5));
     EXPECT_LT((back.p - x.p).norm() + (back.v - x.v).norm() + (back.R - x.R).norm(), 1e-12) << dt;
   }
 }

@@ -168,7 +168,7 @@ TEST(Solver, EndsWithoutAStepWherePositionIsFree) {
   a.w.prior.frames = 0;
   for (int k = 1; k < a.w.size(); ++k) a.w.at(k).L_inverse.setZero();  // and nothing ties velocities and biases
   TrackFactor factor(best_instruction_set());
-  const SolverSummary r = a.solve(factor, {3, true, true, 0, true});
+  const SolverSummary r = a.solve(factor, {3, true, true, false, false, 1});
   EXPECT_FALSE(r.solved());
   EXPECT_EQ(r.accepted, 0);
   a.expect_nothing_left();

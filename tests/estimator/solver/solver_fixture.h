@@ -9,12 +9,15 @@
 
 namespace epiline::test {
 
-inline constexpr SolverSettings kEverything{
-    .steps = 1, .estimate_time_offset = true, .estimate_extrinsics = true, .estimate_focal_length = true};
+inline constexpr SolverSettings kEverything{.steps = 1,
+                                            .estimate_time_offset = true,
+                                            .estimate_extrinsics = true,
+                                            .estimate_focal_length = true,
+                                            .estimate_imu_scale = true};
 
 inline CalibrationTangent calibration_sigmas() {
   CalibrationTangent s;
-  s << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01), 0.01;
+  s << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01), 0.01, 0.01, 0.01;
   return s;
 }
 

@@ -189,7 +189,7 @@ TEST(Solver, FindsWhereTheCameraReallyIs) {
   SyntheticWindow s = make_window({.frames = 20, .tracks = 120, .pixel_noise = 0});
   const Calibration truth = s.window->calibration;
   CalibrationTangent error = CalibrationTangent::Zero();
-  error << 0, 0.006, -0.008, 0.005, 0.01, -0.008, 0.006, 0;
+  error << 0, 0.006, -0.008, 0.005, 0.01, -0.008, 0.006, 0, 0, 0;
   retract(s.window->calibration, error);
   const Converged c = optimise_to_the_end(s, {30, true, true}, CalibrationTangent::Constant(1));
   const CalibrationTangent left = local(truth, c.calibration);
@@ -213,6 +213,17 @@ TEST(Solver, FindsTheFocalLength) {
   const Converged c = optimise_to_the_end(s, {30, true, false, true}, CalibrationTangent::Constant(1));
   EXPECT_NEAR(c.calibration.focal_ratio(), 1 / 0.97, 1e-4);
   EXPECT_LT(c.position, 2e-3);
+}
+
+/// Readings of a sensor that shows 3 % too much.
+TEST(Solver, FindsTheScalesOfTheImu) {
+  for (const ImuScale scale : {ImuScale{0.03, 0}, ImuScale{0, -0.03}}) {
+    SyntheticWindow s = make_window({.frames = 20, .tracks = 120, .pixel_noise = 0, .imu_scale = scale});
+    const Converged c = optimise_to_the_end(s, {30, true, false, false, true}, CalibrationTangent::Constant(1));
+    EXPECT_NEAR(c.calibration.scale.accelerometer, scale.accelerometer, 1e-3);
+    EXPECT_NEAR(c.calibration.scale.gyroscope, scale.gyroscope, 1e-4);
+    EXPECT_LT(c.position, 5e-3);
+  }
 }
 
 /// Where the points start from is no part of what is found.

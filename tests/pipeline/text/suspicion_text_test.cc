@@ -21,6 +21,9 @@ TEST(SuspicionText, NamesTheNumberAndTheFigure) {
   EXPECT_TRUE(says(text_of(Suspect::kMirrored, {Severity::kGross, 1, {-1, -2, -3}}), "mirrored"));
   EXPECT_TRUE(says(text_of(Suspect::kGyroscopeNoise, {Severity::kNote, 40, {}}), "off by 40"));
   EXPECT_TRUE(says(text_of(Suspect::kGyroscopeNoise, {Severity::kNote, 40, {}}), "corrects for it"));
+  EXPECT_TRUE(says(text_of(Suspect::kGyroscopeScale, {Severity::kNote, 1 / 1.03, {}}),
+                   "gyroscope's readings are 3.0 % too large"));
+  EXPECT_TRUE(says(text_of(Suspect::kAccelerometerScale, {Severity::kNote, 1.02, {}}), "2.0 % too small"));
 }
 
 TEST(SuspicionText, GrossOnesComeFirst) {
@@ -45,6 +48,8 @@ TEST(SuspicionText, TheWordsForProgramsStay) {
   EXPECT_STREQ(to_string(Suspect::kGyroscopeNoise), "gyroscope_noise");
   EXPECT_STREQ(to_string(Suspect::kAccelerometerNoise), "accelerometer_noise");
   EXPECT_STREQ(to_string(Suspect::kFocalLength), "focal_length");
+  EXPECT_STREQ(to_string(Suspect::kAccelerometerScale), "accelerometer_scale");
+  EXPECT_STREQ(to_string(Suspect::kGyroscopeScale), "gyroscope_scale");
   EXPECT_STREQ(to_string(Severity::kNone), "none");
   EXPECT_STREQ(to_string(Severity::kNote), "corrected");
   EXPECT_STREQ(to_string(Severity::kSuspect), "suspect");

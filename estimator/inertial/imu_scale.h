@@ -1,0 +1,10 @@
+#pragma once
+
+namespace epiline {
+
+/// What a reading has to be multiplied by, less 1: f = (1 + s_a) a - b_a, w = (1 + s_g) w_read - b_g.
+struct ImuScale {
+  double accelerometer = 0, gyroscope = 0;
+};
+
+}  // namespace epiline
