@@ -154,7 +154,6 @@ void Estimator::Impl::forget() {
   started = resting = rejected_last = false;
   pixel_sigma = config.pixel_sigma;
   drift_sigma = config.drift_sigma;
-  misfit_px = 0;
   rest_frame = forced_keyframe = 0;
   odometry.health = {HealthState::kInitialising, bit(HealthReason::kNoInitialState), 0};
 }
@@ -162,6 +161,7 @@ void Estimator::Impl::forget() {
 void Estimator::Impl::reset() {
   calibration_variances.setZero();
   window.calibration = configured_calibration();
+  misfit.restart();
   if (started) {
     ++stats.resets;
     ++odometry.reset_counter;

@@ -150,8 +150,8 @@ void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
   add_suspicions(units, said);
   add_suspicions(units, left);
   const double pair_px = turns.noise_rad() * config.extrinsics.focal_px;
-  add_misfit(misfit_px, pair_px, said);
-  add_misfit(misfit_px, pair_px, left);
+  add_misfit(misfit.px(), pair_px, said);
+  add_misfit(misfit.px(), pair_px, left);
   add_suspicions(config.imu, noise, said);
   const CalibrationTangent sigma = calibration_variances.cwiseSqrt();
   for (Suspicions* s : {&said, &left}) {

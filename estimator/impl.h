@@ -13,6 +13,7 @@
 #include "estimator/inertial/stationary.h"
 #include "estimator/initialise/starter.h"
 #include "estimator/monitor/health.h"
+#include "estimator/monitor/misfit_watch.h"
 #include "estimator/monitor/rest_detector.h"
 #include "estimator/monitor/suspicion.h"
 #include "estimator/monitor/turn_watch.h"
@@ -142,6 +143,7 @@ struct Estimator::Impl {
   CalibrationTangent calibration_variances = CalibrationTangent::Zero();  ///< by the last solve; 0: none yet
   HostStamp numbers_judged_at;
   Severity numbers_wrong = Severity::kNone;  ///< by the watches' present verdict
+  MisfitWatch misfit;                        ///< a reset does not forget it
   WorldUncertainty world;  ///< what the last start did not know of its own place and heading; zero in the first one
 
   // all of this is forgotten in a reset
@@ -149,7 +151,6 @@ struct Estimator::Impl {
   HostStamp started_at;
   Mat3 began_R_BC = Mat3::Identity();  ///< then
   double pixel_sigma, drift_sigma;
-  double misfit_px = 0;  ///< what the tracks' residuals show, over the last second
   bool rejected_last = false;
   bool resting = false;          ///< the zero-motion test has held without interruption
   std::uint64_t rest_frame = 0;  ///< the frame that later ones at rest are linked to

@@ -22,7 +22,6 @@ constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01; 
 constexpr double kReintegrateScale = 0.005;                                      // relative
 constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;                         // px
-constexpr double kMisfitMemory_s = 1, kMostMisfit = 10;                          // px
 constexpr double kDriftLeast = 0.02;                                             // px per root of an image
 
 bool is_finite(const KnownState& s) {
@@ -256,7 +255,7 @@ void Estimator::Impl::count(const SolverSummary& s) {
 void Estimator::Impl::adapt_pixel_sigma(double dt_s) {
   const double seen = visual->residual_sigma_px();
   if (!(seen > 0)) return;
-  misfit_px += std::min(1.0, dt_s / kMisfitMemory_s) * (std::min(seen, kMostMisfit) - misfit_px);
+  misfit.add(seen, dt_s, window.newest().at_rest);
   if (!config.estimate_pixel_sigma) return;
   const double share = std::min(1.0, dt_s / kSigmaMemory_s);
   pixel_sigma += share * (std::clamp(seen, kSigmaLeast, kMostPixelSigma) - pixel_sigma);

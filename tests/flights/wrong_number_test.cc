@@ -62,5 +62,27 @@ TEST_F(WrongNumbers, GrossOnesAreNamedAndNotFlown) {
   }
 }
 
+/// The contradiction shows in motion only, and leads to new starts, at rest too. None of them may be called good.
+TEST_F(WrongNumbers, AContradictionOutlivesNewStarts) {
+  options_.duration_s = 30;
+  for (const char* name : {"sign of accelerometer's x", "no distortion"}) {
+    const auto v = fly(name);
+    EXPECT_TRUE(named(v, "contradict")) << name;
+    EXPECT_GT(v.resets, 0U) << name;
+    EXPECT_EQ(v.wrong_share, 0) << name << ": " << v.worst_ratio << " sigma";
+  }
+}
+
+TEST_F(WrongNumbers, ScalesOfTheImuAreCorrectedInFlight) {
+  const double right = fly("nothing").ate_m;
+  for (const char* name : {"gyroscope + 3 %", "accelerometer + 3 %"}) {
+    const auto v = fly(name);
+    ASSERT_GT(v.ate_m, 0) << name;
+    EXPECT_LT(v.ate_m, 1.5 * right) << name;
+    EXPECT_EQ(v.wrong_share, 0) << name;
+    EXPECT_TRUE(named(v, "scale is wrong")) << name;
+  }
+}
+
 }  // namespace
 }  // namespace epiline

@@ -201,7 +201,7 @@ TEST(Suspicions, AFocalLengthThatIsAnotherIsARemark) {
 
 TEST(Suspicions, AScaleOfTheImuThatIsAnotherIsARemark) {
   for (const auto& [ratio, sigma, severity] : {std::tuple{1 / 1.03, 1e-3, Severity::kNote},
-                                               {1 / 1.1, 1e-3, Severity::kNote},
+                                               {1 / 1.1, 1e-3, Severity::kSuspect},
                                                {1.2, 1e-3, Severity::kSuspect},
                                                {0.988, 1e-3, Severity::kNone},
                                                {0.97, 0.01, Severity::kNone},

@@ -1,0 +1,67 @@
+#include "estimator/monitor/misfit_watch.h"
+
+#include <gtest/gtest.h>
+
+#include "estimator/monitor/suspicion.h"
+
+namespace epiline {
+namespace {
+
+constexpr double kStep_s = 0.1;
+
+void see(MisfitWatch& watch, double residual_px, double seconds, bool at_rest = false) {
+  for (double t = 0; t < seconds; t += kStep_s) watch.add(residual_px, kStep_s, at_rest);
+}
+
+Severity verdict(const MisfitWatch& watch) {
+  Suspicions s;
+  add_misfit(watch.px(), 0.1, s);
+  return s[static_cast<std::size_t>(Suspect::kMisfit)].severity;
+}
+
+TEST(MisfitWatch, BelievesAContradictionSoonerThanItsEnd) {
+  MisfitWatch watch;
+  see(watch, 5, 1);
+  EXPECT_EQ(verdict(watch), Severity::kGross);
+  see(watch, 0.1, 2);
+  EXPECT_NE(verdict(watch), Severity::kNone);
+  see(watch, 0.1, 20);
+  EXPECT_EQ(verdict(watch), Severity::kNone);
+}
+
+TEST(MisfitWatch, RestRefutesNothing) {
+  MisfitWatch watch;
+  see(watch, 5, 1);
+  const double before = watch.px();
+  see(watch, 0.1, 100, true);
+  EXPECT_EQ(watch.px(), before);
+  see(watch, 9, 1, true);
+  EXPECT_GT(watch.px(), before);
+}
+
+TEST(MisfitWatch, ANewStartMayTryButIsNotTrusted) {
+  MisfitWatch watch;
+  see(watch, 9, 10);
+  watch.restart();
+  EXPECT_EQ(verdict(watch), Severity::kSuspect);
+}
+
+TEST(MisfitWatch, ANewStartAfterAGoodFlightIsTrusted) {
+  MisfitWatch watch;
+  see(watch, 0.2, 10);
+  const double before = watch.px();
+  watch.restart();
+  EXPECT_EQ(watch.px(), before);
+  EXPECT_EQ(verdict(watch), Severity::kNone);
+}
+
+TEST(MisfitWatch, OneWildResidualCannotHoldForLong) {
+  MisfitWatch watch;
+  watch.add(1e6, 0.5, false);
+  EXPECT_LE(watch.px(), 5);
+  see(watch, 0.1, 20);
+  EXPECT_EQ(verdict(watch), Severity::kNone);
+}
+
+}  // namespace
+}  // namespace epiline
