@@ -154,6 +154,7 @@ void Estimator::Impl::forget() {
   started = resting = rejected_last = false;
   pixel_sigma = config.pixel_sigma;
   drift_sigma = config.drift_sigma;
+  rethinking_s = 0;
   rest_frame = forced_keyframe = 0;
   odometry.health = {HealthState::kInitialising, bit(HealthReason::kNoInitialState), 0};
 }

@@ -58,6 +58,7 @@ struct Estimator::Impl {
   StepResult step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort);
   bool cut(const TrackedFrame& frame);
   KnownState predicted_newest() const;
+  void doubt_origin(const NavState& predicted, double dt_s);
   void attach(const TrackedFrame& frame);
   void attach_rest(const TrackedFrame& frame);
   void attach_wheel();
@@ -152,6 +153,7 @@ struct Estimator::Impl {
   Mat3 began_R_BC = Mat3::Identity();  ///< then
   double pixel_sigma, drift_sigma;
   bool rejected_last = false;
+  double rethinking_s = 0;       ///< how long the window will still move to a calibration just found
   bool resting = false;          ///< the zero-motion test has held without interruption
   std::uint64_t rest_frame = 0;  ///< the frame that later ones at rest are linked to
   std::uint64_t forced_keyframe = 0;

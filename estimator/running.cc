@@ -21,8 +21,9 @@ constexpr double kGateFree_s = 1;         // no gate until then: a young state m
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kReintegrateScale = 0.005;                                      // relative
 constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
-constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;                         // px
-constexpr double kDriftLeast = 0.02;                                             // px per root of an image
+constexpr double kRethinking_s = 1;                       // until the window has moved to a calibration that is far off
+constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;  // px
+constexpr double kDriftLeast = 0.02;                      // px per root of an image
 
 bool is_finite(const KnownState& s) {
   const NavState& x = s.x;
@@ -75,7 +76,9 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   if (s.solved()) {
     carried.P = solver.covariance();
     calibration_variances = solver.calibration_covariance().diagonal();
-    look_far(solver.calibration_covariance(), solver.linearised_at(), window.calibration, window.calibration_prior);
+    doubt_origin(predicted.x, dt_s);
+    if (look_far(solver.calibration_covariance(), solver.linearised_at(), window.calibration, window.calibration_prior))
+      rethinking_s = kRethinking_s;
     stats.calibration = found(window.calibration, calibration_variances);
   }
   FrameEvidence evidence;
@@ -102,6 +105,16 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   const std::uint64_t keyframes = stats.keyframes;
   slide(supervisor);
   return {true, true, stats.keyframes > keyframes};
+}
+
+/// A window that finds its calibration far off moves: by as much was the origin wrong, which the start called exact.
+void Estimator::Impl::doubt_origin(const NavState& predicted, double dt_s) {
+  if (rethinking_s <= 0) return;
+  rethinking_s -= dt_s;
+  const NavState& x = carried.x;
+  const double moved = (x.p - predicted.p).norm(), yaw = so3_log(x.R * predicted.R.transpose()).z();
+  world.sigma_p = std::hypot(world.sigma_p, moved / std::sqrt(3));
+  world.sigma_yaw = std::hypot(world.sigma_yaw, yaw);
 }
 
 /// The frame just cut, as the IMU predicts it.

@@ -49,9 +49,9 @@ Numbers maximum(const CalibrationPart& p, const Measured& m, double w) {
   return d;
 }
 
-void look_far(const CalibrationCovariance& covariance, const CalibrationTangent& linearised,
+bool look_far(const CalibrationCovariance& covariance, const CalibrationTangent& linearised,
               const CalibrationTangent& solved, CalibrationPart& p) {
-  if (!(p.sigma > 0)) return;
+  if (!(p.sigma > 0)) return false;
   const Numbers d = solved.segment(p.at, p.numbers);
   const Block I = covariance.block(p.at, p.at, p.numbers, p.numbers).inverse();
   const Eigen::SelfAdjointEigenSolver<Block> axes(I);
@@ -63,6 +63,7 @@ void look_far(const CalibrationCovariance& covariance, const CalibrationTangent&
   const auto both = [&](const Numbers& x) { return m.chi2(x) + cost(p, x.squaredNorm()); };
   const bool held_near = square(p.found) < kNear * scale_squared(p);
   p.found = both(far) < both(near) - (held_near ? kClear : 0) ? far.norm() : near.norm();
+  return held_near && square(p.found) >= kNear * scale_squared(p);
 }
 }  // namespace
 
@@ -88,10 +89,12 @@ double add_calibration_prior(const Window& w, const Share& share, NormalEquation
   return sum;
 }
 
-void look_far(const CalibrationCovariance& covariance, const Calibration& linearised, const Calibration& solved,
+bool look_far(const CalibrationCovariance& covariance, const Calibration& linearised, const Calibration& solved,
               CalibrationPrior& prior) noexcept {
   const CalibrationTangent d0 = local(prior.configured, linearised), d = local(prior.configured, solved);
-  for (CalibrationPart* p : prior.parts()) look_far(covariance, d0, d, *p);
+  bool found = false;
+  for (CalibrationPart* p : prior.parts()) found |= look_far(covariance, d0, d, *p);
+  return found;
 }
 
 }  // namespace epiline

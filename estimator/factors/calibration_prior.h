@@ -13,8 +13,8 @@ double add_calibration_prior(const Window& window, const Share& share, NormalEqu
 
 /// Looks for a truth far from the configured values that all measurements so far make likelier. `covariance`, `solved`:
 /// the calibration by a solve that was linearised at `linearised` under this prior; the next solve holds the
-/// calibration as little as one that far away.
-void look_far(const CalibrationCovariance& covariance, const Calibration& linearised, const Calibration& solved,
+/// calibration as little as one that far away. Returns whether one was found that is farther off than what was held to.
+bool look_far(const CalibrationCovariance& covariance, const Calibration& linearised, const Calibration& solved,
               CalibrationPrior& prior) noexcept;
 
 }  // namespace epiline

@@ -3,6 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
 #include "platform/memory/allocation_count.h"
 #include "tests/estimator/estimator/rig.h"
 
@@ -100,6 +104,35 @@ TEST(EstimatorMemory, NeverAsksForMoreAfterConstruction) {
       EXPECT_EQ(scope.calls(), 0u);
       EXPECT_GT(rig.stats().frames_solved, 10u);
     }
+}
+
+/// The start called its place exact. What the window learns of the camera's place later, it has to take back.
+TEST(EstimatorOutput, AnOriginFoundUnderAWrongCalibrationIsNoLongerCalledExact) {
+  Flight flight{.moving_from = -2};
+  flight.pace = 3;
+  for (const double error_m : {0.0, 0.2}) {
+    Rig rig(flight, {}, 900, Vec3(error_m, 0, 0));
+    std::optional<double> then;
+    double sigma_then = 0, worst = 0, widest = 0;
+    Vec3 p_then;
+    Mat3 R_then;
+    rig.run_to(6.5, [&] {
+      if (!rig.last().has_pose) return;
+      if (!then) {
+        then = rig.now();
+        sigma_then = rig.sigma_position();
+        p_then = rig.p();
+        R_then = rig.R();
+      }
+      if (rig.now() < *then + 3) return;
+      const double error = error_since(rig, flight, *then, p_then, R_then).p.norm();
+      worst = std::max(worst, error / std::hypot(rig.sigma_position(), sigma_then));
+      widest = std::max(widest, rig.sigma_position());
+    });
+    ASSERT_TRUE(then);
+    EXPECT_LT(worst, 3.5) << error_m;
+    EXPECT_EQ(widest < 0.03, error_m == 0) << "only wrong numbers are doubted: " << widest;
+  }
 }
 
 /// A pose is published with the image's stamp, as a time of the IMU's clock; so is the velocity, however late or early

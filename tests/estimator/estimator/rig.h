@@ -17,12 +17,13 @@ struct Flight {
   double moving_from = 1e9;
   Vec3 b_g = Vec3(0.02, -0.015, 0.03), b_a = Vec3(0.05, -0.04, 0.03);
   SyntheticPath path{1};
+  double pace = 1;  ///< along the path
 
   double warped(double t) const {
     const double s = t - moving_from;
     if (s <= 0) return 0;
     // the integral of a smooth step from 0 to 1
-    return s < 1 ? s * s * s * s * (2.5 - 3 * s + s * s) : s - 0.5;
+    return pace * (s < 1 ? s * s * s * s * (2.5 - 3 * s + s * s) : s - 0.5);
   }
   Vec3 p(double t) const { return path.p(warped(t)); }
   Mat3 R(double t) const { return so3_exp(Vec3(0.1, -0.15, 0)) * path.R(warped(t)); }
@@ -46,10 +47,12 @@ inline HostStamp at(double seconds) { return HostStamp{} + Span::from_seconds(10
 /// Feeds an estimator with a flight: IMU at 200 Hz, images at 20 Hz, points on a shell around the start.
 class Rig {
  public:
-  Rig(const Flight& flight, EstimatorConfig config, std::size_t points = 900)
+  /// `lever_arm_error`: of the configured place of the camera, m.
+  Rig(const Flight& flight, EstimatorConfig config, std::size_t points = 900,
+      const Vec3& lever_arm_error = Vec3::Zero())
       : flight_(flight), calibration_(synthetic_calibration()) {
     config.extrinsics.R_BC = calibration_.R_BC;
-    config.extrinsics.p_BC = calibration_.p_BC;
+    config.extrinsics.p_BC = calibration_.p_BC + lever_arm_error;
     config.extrinsics.focal_px = kFocal;
     estimator_ = std::make_unique<Estimator>(config);
     std::uniform_real_distribution<double> u(-1, 1);

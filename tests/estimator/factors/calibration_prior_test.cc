@@ -113,15 +113,18 @@ TEST(CalibrationPrior, FindsATruthThatIsFarOnceItIsClearlyLikelier) {
         const double measured = in_sigmas * sigma, expected = expected_distance(*part, measured, sigma);
         part->found = 0;
         const Solved s = solved_under(prior, *part, measured, sigma);
-        look_far(s.covariance, prior.configured, s.calibration, prior);
+        const bool farther = look_far(s.covariance, prior.configured, s.calibration, prior);
         EXPECT_NEAR(part->found, expected, 0.02 * expected + 1e-6) << in_sigmas << " of " << sigma;
         const double held_at = std::abs(local(prior.configured, s.calibration)[part->at]);
+        EXPECT_EQ(farther, part->found > 5 * part->sigma * std::sqrt(1 + part->numbers))
+            << in_sigmas << " of " << sigma;
         jumps += part->found > 2 * held_at;
         stays += part->found < 1.1 * held_at;
         const double found = part->found;
         const Solved again = solved_under(prior, *part, measured, sigma);
-        look_far(again.covariance, prior.configured, again.calibration, prior);
+        const bool news = look_far(again.covariance, prior.configured, again.calibration, prior);
         EXPECT_NEAR(part->found, found, 1e-3 * found) << "found again from where it led";
+        EXPECT_FALSE(news && farther) << "it was held to that already";
       }
     EXPECT_GT(jumps, 2);
     EXPECT_GT(stays, 2);
@@ -133,7 +136,7 @@ TEST(CalibrationPrior, ConcludesNothingFromNextToNothing) {
   CalibrationPrior prior;
   prior.focal.sigma = 3e-5;
   const Solved s = solved_under(prior, prior.focal, 1, 0.05);  // 20 sigmas, but of a measurement that is rounding
-  look_far(s.covariance, prior.configured, s.calibration, prior);
+  EXPECT_FALSE(look_far(s.covariance, prior.configured, s.calibration, prior));
   EXPECT_EQ(prior.focal.found, 0);
 }
 
