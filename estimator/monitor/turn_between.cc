@@ -13,6 +13,9 @@ namespace {
 
 constexpr double kFarBearing = 0.003;  // rad: residuals of bearings beyond count less
 constexpr int kFarRounds = 5, kSteps = 10;
+constexpr int kPlaneRounds = 4;
+constexpr double kPlaneCost = 1.5, kPlaneCostLeast = 0.05;  // a plane must explain the bearings nearly as well
+constexpr double kLeastMoved = 1e-3;                        // sine: a bearing along the travel shows no parallax
 constexpr double kGoodCost = 0.35;  // log(1 + e^2) of a mean angle of 0.65 mrad: other directions would not do better
 
 /// As if everything were far away.
@@ -104,6 +107,47 @@ class Travel {
   double cost_ = 0;
 };
 
+CameraTurn best_travel(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint) {
+  CameraTurn out = Travel(bearings, R_CC0, hint).result();
+  if (out.cost < kGoodCost) return out;
+  const Mat3 far = turn_of_far_points(bearings);
+  for (const Vec3& direction : {hint, Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), Vec3(1, 1, 1).normalized().eval(),
+                                Vec3(1, -1, 1).normalized().eval()}) {
+    if (out.cost < kGoodCost) break;
+    const CameraTurn turn = Travel(bearings, far, direction).result();
+    if (turn.cost < out.cost) out = turn;
+  }
+  return out;
+}
+
+/// Of points in a plane, n'X = 1 in the camera before, the images are a homography R + t n'. R + n t' explains them as
+/// well after a turn by t x n more, which are two rotations to choose from. |t| is 1 here, so n in units of the travel.
+double ambiguity_of(const SharedBearings& s, const CameraTurn& turn) {
+  std::array<double, SharedBearings::kMost> weights;
+  weights.fill(1);
+  Vec3 n = Vec3::Zero();
+  double off_plane = 0;
+  for (int round = 0; round < kPlaneRounds; ++round) {
+    Mat3 H = Mat3::Zero();
+    Vec3 b = Vec3::Zero();
+    off_plane = 0;
+    for (int i = 0; i < s.count; ++i) {
+      // along the epipolar line, f_now x (R f + t (n'f)) = 0 is linear in n
+      const Vec3 turned = turn.R_CC0 * s.before[i], along = turn.direction.cross(s.now[i]);
+      const double moved = along.norm(), seen = s.now[i].cross(turned).dot(along) / std::max(moved, kLeastMoved);
+      const double e = (seen - moved * n.dot(s.before[i])) / kCostScale_rad;
+      off_plane += std::log1p(e * e);
+      if (round > 0) weights[i] = 1 / (1 + e * e);
+      H += weights[i] * moved * moved * s.before[i] * s.before[i].transpose();
+      b += weights[i] * moved * seen * s.before[i];
+    }
+    H.diagonal().array() += kLeastMoved * kLeastMoved;
+    n = H.ldlt().solve(b);
+  }
+  const bool is_plane = off_plane / s.count < kPlaneCost * turn.cost + kPlaneCostLeast;
+  return is_plane ? (turn.R_CC0.transpose() * turn.direction).cross(n).norm() : 0;
+}
+
 }  // namespace
 
 Mat3 rotation_from(const Mat3& sum) noexcept {
@@ -114,15 +158,8 @@ Mat3 rotation_from(const Mat3& sum) noexcept {
 
 bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint, CameraTurn& out) noexcept {
   if (bearings.count < SharedBearings::kFewest) return false;
-  out = Travel(bearings, R_CC0, hint).result();
-  if (out.cost < kGoodCost) return true;
-  const Mat3 far = turn_of_far_points(bearings);
-  for (const Vec3& direction : {hint, Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), Vec3(1, 1, 1).normalized().eval(),
-                                Vec3(1, -1, 1).normalized().eval()}) {
-    if (out.cost < kGoodCost) break;
-    const CameraTurn turn = Travel(bearings, far, direction).result();
-    if (turn.cost < out.cost) out = turn;
-  }
+  out = best_travel(bearings, R_CC0, hint);
+  out.ambiguity = ambiguity_of(bearings, out);
   return true;
 }
 

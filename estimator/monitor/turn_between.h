@@ -21,6 +21,8 @@ struct CameraTurn {
   Mat3 R_CC0 = Mat3::Identity();
   Vec3 direction = Vec3::UnitX();  ///< of the translation, unit vector in C; the sign is arbitrary
   double cost = 0;                 ///< mean of log(1 + (angle to the epipolar plane/kCostScale_rad)^2)
+  /// rad: how far off the other rotation is that explains the bearings as well, if all points lie in one plane; 0: none
+  double ambiguity = 0;
 };
 
 /// Robust fit of rotation and direction of translation. `R_CC0`, `hint`: initial rotation and direction; others are

@@ -17,8 +17,9 @@ constexpr double kFewTurns = 30;
 // Of a fit to the bearings. Of 1100 pairs of MH_01 and V1_02 about 99 in 100 are below 0.65 (median 0.03 and 0.14), and
 // those of MH_01 with a wrong turn between 2.4 and 4.1.
 constexpr double kWorstCost = 1;
-constexpr double kStill = 0.05;     // rad/s: standing says nothing, and a verdict must outlast it
-constexpr double kCostShare = 0.1;  // of a pair in their mean
+constexpr double kMostAmbiguous = 0.05;  // rad/s: over a plane, a third of the slowest turns that are judged
+constexpr double kStill = 0.05;          // rad/s: standing says nothing, and a verdict must outlast it
+constexpr double kCostShare = 0.1;       // of a pair in their mean
 
 Vec3 rate_of(const ImuSample& reading) { return Vec3::Map(reading.angular_velocity_rad_s.data()); }
 
@@ -65,7 +66,7 @@ void TurnWatch::add_images(const TrackedFrame& frame) noexcept {
     CameraTurn turn;
     const bool fitted = turn_between(shared_, so3_exp(-dt_s * rate_C_), direction_, turn);
     if (fitted) cost_ += (cost_ == 0 ? 1 : kCostShare) * (turn.cost - cost_);
-    if (fitted && turn.cost < kWorstCost) {
+    if (fitted && turn.cost < kWorstCost && turn.ambiguity < kMostAmbiguous * dt_s) {
       direction_ = turn.direction;
       rate_C_ = so3_log(turn.R_CC0.transpose()) / dt_s;
       if (pending_end_ - pending_first_ == kPending) ++pending_first_;

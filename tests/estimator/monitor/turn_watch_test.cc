@@ -61,6 +61,45 @@ TEST(TurnBetween, FindsTheTurnBesideAnyTranslation) {
   EXPECT_GE(fitted, 30);
 }
 
+/// A homography R + t n' is nearly one of the rotation beside it, R + n t'.
+TEST(TurnBetween, SaysHowFarOffTheOtherTurnOverAPlaneIs) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  int planes = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    const Mat3 R_CC0 = so3_exp(0.02 * Vec3(normal(random), normal(random), normal(random)));
+    const Vec3 t = 0.05 * Vec3(normal(random), normal(random), 0.3 * normal(random));
+    const Vec3 n = Vec3(0.2 * normal(random), 0.2 * normal(random), 1);
+    for (const double relief : {0.0, 0.4}) {
+      SharedBearings s;
+      s.count = SharedBearings::kMost;
+      for (int i = 0; i < s.count; ++i) {
+        const Vec3 f = Vec3(0.5 * normal(random), 0.5 * normal(random), 1).normalized();
+        const Vec3 p = f / n.dot(f) * (1 + relief * std::abs(normal(random)));
+        const auto k = static_cast<std::size_t>(i);
+        s.before[k] = f;
+        s.now[k] = (R_CC0 * p + t + 2e-4 * Vec3(normal(random), normal(random), 0)).normalized();
+      }
+      CameraTurn turn;
+      ASSERT_TRUE(turn_between(s, R_CC0, t.normalized(), turn));
+      const double other = (R_CC0.transpose() * t).cross(n).norm();
+      if (relief > 0) {
+        EXPECT_TRUE(turn.ambiguity == 0 || t.norm() < 0.04) << trial;
+        continue;
+      }
+      if (turn.cost > 0.35 || so3_log(R_CC0.transpose() * turn.R_CC0).norm() > 2e-3) continue;
+      ++planes;
+      EXPECT_NEAR(turn.ambiguity, other, 0.2 * other + 2e-3) << trial;
+      // and so it is: the other turn, with n for the direction, leaves as little
+      const Mat3 R_other = so3_exp(t.cross(R_CC0 * n)) * R_CC0;
+      CameraTurn there;
+      ASSERT_TRUE(turn_between(s, R_other, (R_CC0 * n).normalized(), there));
+      EXPECT_LT(there.cost, turn.cost + 0.1) << trial;
+    }
+  }
+  EXPECT_GE(planes, 20);
+}
+
 TEST(TurnBetween, UnrelatedBearingsCostMuchButNotInfinitely) {
   std::mt19937 random(4);
   std::normal_distribution<double> normal;
