@@ -20,9 +20,9 @@ void add(const HeightInnovation& i, const std::array<double, kMaxFrames>& offset
   double r = 0;
   for (int j = i.frame; j < frames; ++j)
     r += i.share[static_cast<std::size_t>(j)] * offsets[static_cast<std::size_t>(j)];
-  constexpr double c2 = kCauchy * kCauchy;
-  const double s = r * r / (i.variance * c2);
-  out.cost += c2 * std::log1p(s);
+  constexpr double kCauchySquared = kCauchy * kCauchy;
+  const double s = r * r / (i.variance * kCauchySquared);
+  out.cost += kCauchySquared * std::log1p(s);
   if (!with_slopes) return;
   const double weight = 1 / (i.variance * (1 + s));
   for (std::size_t j = 0; j < static_cast<std::size_t>(frames); ++j) {

@@ -23,7 +23,7 @@ void evaluate_imu(const Preintegration& z, const ImuScale& scale, const NavState
   out.r = imu_residual(z, scale, x_i, x_j);
   const Vec3 r_theta = out.r.segment<3>(3);
 
-  constexpr int p = 0, th = 3, v = 6, ba = 9, bg = 12, j = 15, s_a = 30, s_g = 31;
+  constexpr int p = 0, th = 3, v = 6, ba = 9, bg = 12, j = 15, sa = 30, sg = 31;
   const Mat3 L_iT = l_i.R.transpose(), J_inv = so3_right_jacobian_inverse(r_theta);
   out.J.setZero();
   auto block = [&](int row, int col) { return out.J.block<3, 3>(row, col); };
@@ -40,14 +40,14 @@ void evaluate_imu(const Preintegration& z, const ImuScale& scale, const NavState
   const Vec3 moved = J_theta_g * (x_i.b_g - z.b_g) + J_theta_s * (scale.gyroscope - z.scale.gyroscope);
   const Mat3 by_moved = J_inv * so3_exp(r_theta).transpose() * so3_right_jacobian(moved);
   block(th, bg) = -by_moved * J_theta_g;
-  out.J.block<3, 1>(th, s_g) = -by_moved * J_theta_s;
+  out.J.block<3, 1>(th, sg) = -by_moved * J_theta_s;
   block(v, th) = skew(L_iT * (l_j.v - l_i.v - kGravity_W * T));
   block(v, v) = -L_iT;
   block(v, j + v) = L_iT;
   block(v, ba) = -z.J.block<3, 3>(v, ba);
   block(v, bg) = -z.J.block<3, 3>(v, bg);
   const ScaleColumns by_scale = z.by_scale();
-  for (const int row : {p, v}) out.J.block<3, 2>(row, s_a) = -by_scale.middleRows<3>(row);
+  for (const int row : {p, v}) out.J.block<3, 2>(row, sa) = -by_scale.middleRows<3>(row);
   block(ba, ba) = block(bg, bg) = -Mat3::Identity();
   block(ba, j + ba) = block(bg, j + bg) = Mat3::Identity();
 }

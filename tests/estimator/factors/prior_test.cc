@@ -17,7 +17,7 @@ namespace {
 
 CalibrationTangent calibration_sigmas() {
   CalibrationTangent s;
-  s << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.02), 0.005;
+  s << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.02), 0.005, 2e-3, 1e-3;
   return s;
 }
 
