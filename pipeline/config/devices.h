@@ -120,11 +120,16 @@ struct WheelConfig {
   double x_m = 0, y_m = 0, z_m = 0;  ///< where the speed is measured, seen from the IMU: forward, left, up
 };
 
-/// Section [height]: how the height sensors sit in the vehicle.
+/// Section [height]: where a live flight's heights come from, and how the sensors sit in the vehicle.
 struct HeightConfig {
+  int source = 0;       ///< kHeightSourceNames
+  double air_deg = 15;  ///< temperature of the air at the ground, deg C: for heights from pressures
   double range_x_m = 0, range_y_m = 0, range_z_m = 0;  ///< the range finder, seen from the IMU: forward, left, up
   double range_forward_deg = 0, range_left_deg = 0;    ///< tilt of its beam from straight down
 };
+
+enum class HeightOrigin : std::uint8_t { kNone, kMavlink };
+inline constexpr const char* kHeightSourceNames[] = {"none", "mavlink"};
 
 struct DevicesConfig {
   CameraConfig camera;

@@ -351,6 +351,10 @@ const std::vector<Parameter>& parameters() {
       {"wheel.cauchy", "", 0.1, 100, "scale of the Cauchy kernel against slip, in sigmas",
        EPILINE_AT(estimator.wheel.cauchy)},
       // height sensors
+      {"height.source", "", 0, 0, "source of the heights in a live flight; mavlink: the flight controller",
+       EPILINE_CHOICE(devices.height.source, kHeightSourceNames)},
+      {"height.air_deg", "deg C", -60, 60, "temperature of the air at the ground: 3 degrees are 1 % of a height",
+       EPILINE_AT(devices.height.air_deg)},
       {"height.barometer", "", 0, 0, "use the barometer, if there is one", EPILINE_AT(estimator.heights[0].use)},
       {"height.barometer_sigma_m", "m", 1e-3, 100, "standard deviation of its heights: white noise",
        EPILINE_AT(estimator.heights[0].sigma_m)},

@@ -1,11 +1,13 @@
 // Any bytes from a flight controller whose clock is known: no reading that no sensor gives or that is not of the time
 // just past, stamps rise, answers are bounded, and the clock's model stays where honest exchanges put it.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <span>
 
+#include "drivers/links/mavlink/controller_height.h"
 #include "drivers/links/mavlink/controller_imu.h"
 #include "drivers/links/mavlink/imu_request.h"
 #include "drivers/links/mavlink/packet.h"
@@ -29,6 +31,8 @@ struct Session {
   ControllerImu imu{Span{}};
   ImuRequest request{200};
   HostStamp last;
+  ControllerHeight heights{15};
+  std::array<HostStamp, kHeightKinds> last_heights;
 
   Session() {
     for (int i = 0; i < 20; ++i) {
@@ -43,6 +47,12 @@ struct Session {
     expect(sample.stamp > last && sample.stamp.ns > now_ns - 1'000 * kMs && sample.stamp.ns < now_ns + 10 * kMs);
     last = sample.stamp;
   }
+  void check(const HeightSample& sample) {
+    expect(std::abs(sample.metres) < 1e5);
+    HostStamp& before = last_heights[static_cast<std::size_t>(sample.kind)];
+    expect(sample.stamp > before && sample.stamp.ns > now_ns - 1'000 * kMs && sample.stamp.ns < now_ns + 10 * kMs);
+    before = sample.stamp;
+  }
   void receive(const Packet& packet) {
     now_ns += kMs / 10;
     Timesync t;
@@ -53,6 +63,9 @@ struct Session {
     if (unpack(packet, t)) timesync.receive(t, packet.from, true, now_ns);
     if (unpack(packet, highres) && imu.take(highres, timesync.clock(), HostStamp{now_ns}, sample)) check(sample);
     if (unpack(packet, raw) && imu.take(raw, timesync.clock(), HostStamp{now_ns}, sample)) check(sample);
+    HeightSample height;
+    if (ControllerHeight::is_mine(packet) && heights.take(packet, timesync.clock(), HostStamp{now_ns}, height))
+      check(height);
     if (unpack(packet, answer)) request.receive(answer, kOwn, now_ns);
     while (const auto owed = timesync.answer(now_ns)) expect(owed->tc1 == now_ns);
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "drivers/links/mavlink/controller_clock.h"
 #include "drivers/links/mavlink/odometry.h"
 
 namespace epiline::mavlink {
@@ -10,11 +11,8 @@ namespace epiline::mavlink {
 namespace {
 
 constexpr double kRateMost_rad_s = 70, kForceMost_m_s2 = 400;  // twice what the largest ranges give
-constexpr std::uint64_t kExchanges = 10;                       // so many make a clock model
-constexpr Span kOldest = Span::from_milliseconds(500), kAhead = Span::from_milliseconds(5);
-constexpr Span kClosest{200'000};                            // no flight controller sends 5000 a second
-constexpr Span kForgotten = Span::from_milliseconds(2'000);  // a sensor silent so long makes room for another
-constexpr std::uint16_t kBothSensors = 0x3f;                 // of HIGHRES_IMU's fields_updated
+constexpr Span kClosest{200'000};                              // no flight controller sends 5000 a second
+constexpr std::uint16_t kBothSensors = 0x3f;                   // of HIGHRES_IMU's fields_updated
 
 bool is_plausible(const std::array<double, 3>& v, double most) noexcept {
   return std::all_of(v.begin(), v.end(), [&](double x) { return std::abs(x) <= most; });  // false for what is no number
@@ -35,7 +33,7 @@ std::uint64_t unwrapped(std::uint64_t time_us, const TwoWaySync& clock, HostStam
 bool ControllerImu::is_preferred(bool is_highres, std::uint8_t id, HostStamp now) noexcept {
   const bool is_same = is_highres == is_highres_ && id == id_;
   const bool is_better = is_highres && !is_highres_;
-  const bool is_free = last_of_sensor_.ns == 0 || now - last_of_sensor_ > kForgotten;
+  const bool is_free = last_of_sensor_.ns == 0 || now - last_of_sensor_ > kSensorForgotten;
   if (!is_same && !is_better && !is_free) {
     ++counts_.others;
     return false;
@@ -71,14 +69,11 @@ bool ControllerImu::accept(std::uint64_t time_us, const TwoWaySync& clock, HostS
   if (!is_plausible(sample.angular_velocity_rad_s, kRateMost_rad_s) ||
       !is_plausible(sample.specific_force_m_s2, kForceMost_m_s2))
     return refuse(counts_.refused_values);
-  const ClockState state = clock.state();
-  const bool is_known = state.status == ClockStatus::kSettling || state.status == ClockStatus::kLocked;
-  if (!is_known || state.used < kExchanges) return refuse(counts_.no_clock);
+  if (!is_usable(clock)) return refuse(counts_.no_clock);
   if (time_us > (std::uint64_t{1} << 50U)) return refuse(counts_.refused_times);  // 36 years
   if (time_us == last_time_us_) return refuse(counts_.duplicates);
   const HostStamp given = clock.translate(DeviceStamp{static_cast<std::int64_t>(time_us) * 1000});
-  const Span age = now - given;
-  if (age > kOldest || age < -kAhead) return refuse(counts_.refused_times);
+  if (!is_recent(given, now)) return refuse(counts_.refused_times);
   const HostStamp stamp = given - delay_;
   const Span interval = stamp - last_stamp_;
   if (interval <= Span{}) return refuse(counts_.duplicates);

@@ -46,6 +46,12 @@ MavlinkLink::MavlinkLink(const MavlinkConfig& config, const Mat3& R_VB, const st
   imu_request_.emplace(imu->rate_hz);
 }
 
+void MavlinkLink::want_heights(const std::array<bool, kHeightKinds>& kinds, double air_deg) {
+  heights_.emplace(air_deg);
+  height_request_.emplace(kinds);
+  question_period_ns_ = kQuestionsForImu_ns;
+}
+
 // ---- opening and closing ----
 
 Status MavlinkLink::check() const {
@@ -145,6 +151,13 @@ ReadOutcome MavlinkLink::read_imu(std::span<ImuSample> samples, std::size_t& cou
   return is_open_.load(std::memory_order_relaxed) ? ReadOutcome::kTimeout : ReadOutcome::kFailed;
 }
 
+ReadOutcome MavlinkLink::read_height(HeightSample& sample, Span timeout) noexcept {
+  has_height_reader_.store(true, std::memory_order_relaxed);
+  heights_parking_.wait_until(monotonic_ns() + timeout.ns, [&] { return heights_read_.front() != nullptr; });
+  if (heights_read_.pop(sample)) return ReadOutcome::kSample;
+  return is_open_.load(std::memory_order_relaxed) ? ReadOutcome::kTimeout : ReadOutcome::kFailed;
+}
+
 // ---- the link's thread ----
 
 void MavlinkLink::run(void* self) {
@@ -185,6 +198,7 @@ std::int64_t MavlinkLink::next_event_ns(std::int64_t now_ns) const noexcept {
   if (timesync_.owes_answer()) send_ns = now_ns;  // one the line had no room for
   if (state_.peer.is_known) send_ns = std::min(send_ns, next_question_ns_);
   if (state_.peer.is_known && imu_request_) send_ns = std::min(send_ns, imu_request_->due_ns());
+  send_ns = std::min(send_ns, heights_due_ns());
   if (wants_origin()) send_ns = std::min(send_ns, next_origin_ns_);
   if (backlog_ > kOdometryBehind) send_ns = std::max(send_ns, now_ns + kLineCheck_ns);
   return std::min(next_ns, send_ns);
@@ -203,6 +217,7 @@ void MavlinkLink::tell(std::int64_t now_ns) noexcept {
     state_.imu = imu_->counts();
     state_.imu_request = imu_request_->state();
   }
+  if (heights_) state_.heights = heights_->counts();
   if (now_ns >= next_latency_ns_) {
     next_latency_ns_ = now_ns + kSecond_ns;
     state_.costs = costs_of_this_thread() - costs_at_start_;
@@ -281,6 +296,11 @@ void MavlinkLink::receive(const Packet& packet, std::int64_t now_ns) noexcept {
   if (packet.id == Heartbeat::kId) return receive_heartbeat(packet, now_ns);
   Timesync timesync;
   if (unpack(packet, timesync)) return timesync_.receive(timesync, packet.from, is_autopilot, now_ns);
+  if (ControllerHeight::is_mine(packet)) {
+    if (!heights_) return;
+    if (!is_autopilot) return static_cast<void>(++state_.counts.strangers);
+    return receive_height(packet, now_ns);
+  }
   HighresImu highres;
   RawImu raw;
   CommandAck answer;
@@ -305,6 +325,21 @@ void MavlinkLink::receive_reading(const Message& message, std::int64_t now_ns) n
   if (!has_reader_.load(std::memory_order_relaxed)) return;
   if (!readings_.push(sample)) imu_->count_overrun();
   readings_parking_.notify();
+}
+
+void MavlinkLink::receive_height(const Packet& packet, std::int64_t now_ns) noexcept {
+  HeightSample sample;
+  if (!heights_->take(packet, timesync_.clock(), HostStamp{now_ns}, sample)) return;
+  if (!has_height_reader_.load(std::memory_order_relaxed)) return;
+  if (!heights_read_.push(sample)) heights_->count_overrun();
+  heights_parking_.notify();
+}
+
+/// When to ask for heights. An answer does not say to which question: those of the IMU come first.
+std::int64_t MavlinkLink::heights_due_ns() const noexcept {
+  if (!state_.peer.is_known || !height_request_) return kFar_ns;
+  const bool waits = imu_request_ && imu_request_->state() != RequestState::kAccepted;
+  return waits ? kFar_ns : height_request_->due_ns();
 }
 
 void MavlinkLink::receive_heartbeat(const Packet& packet, std::int64_t now_ns) noexcept {

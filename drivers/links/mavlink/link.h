@@ -10,6 +10,7 @@
 #include <span>
 #include <string>
 
+#include "drivers/links/mavlink/controller_height.h"
 #include "drivers/links/mavlink/controller_imu.h"
 #include "drivers/links/mavlink/imu_request.h"
 #include "drivers/links/mavlink/message.h"
@@ -101,6 +102,7 @@ struct LinkState {
   LinkPeer peer;
   ControllerImuCounts imu;
   RequestState imu_request = RequestState::kNone;
+  ControllerHeightCounts heights;
   ClockState clock;   ///< of the flight controller, against ours
   ThreadCosts costs;  ///< of the link's thread since open()
 };
@@ -119,6 +121,10 @@ class MavlinkLink final : public OdometrySink {
               int priority = 65, SystemCalls& system = SystemCalls::of_this_computer());
   ~MavlinkLink() override { close(); }
 
+  /// Before open(): also requests the flight controller's heights of these kinds, for MavlinkHeight. `air_deg`: the
+  /// air's temperature at the ground.
+  void want_heights(const std::array<bool, kHeightKinds>& kinds, double air_deg);
+
   /// Opens the port and starts the thread. The error names the fault of the settings or the port.
   Status open() override;
   void close() noexcept override;
@@ -133,6 +139,9 @@ class MavlinkLink final : public OdometrySink {
   /// As ImuSource::read(), for samples since the first call; one thread. kFailed: the port is lost.
   ReadOutcome read_imu(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept;
 
+  /// The same for heights.
+  ReadOutcome read_height(HeightSample& sample, Span timeout) noexcept;
+
   /// The port, as the configuration names it.
   const std::string& name() const noexcept { return config_.serial.empty() ? config_.udp : config_.serial; }
   /// From any thread. Latencies are at most one second old, other values current.
@@ -144,7 +153,7 @@ class MavlinkLink final : public OdometrySink {
   LatencyBins latency() const noexcept { return told_latency_.read(); }
 
  private:
-  static constexpr std::size_t kReadings = 1024;
+  static constexpr std::size_t kReadings = 1024, kHeights = 64;
   static constexpr std::size_t kOdometryBehind = 64;  ///< bytes in the kernel that odometry may wait for
   static constexpr std::int64_t kSecond_ns = 1'000'000'000, kFar_ns = std::numeric_limits<std::int64_t>::max();
   static constexpr std::uint8_t kArduPilot = 3, kPx4 = 12;  ///< MAV_AUTOPILOT
@@ -162,6 +171,8 @@ class MavlinkLink final : public OdometrySink {
   void receive(const Packet& packet, std::int64_t now_ns) noexcept;
   template <class Message>
   void receive_reading(const Message& message, std::int64_t now_ns) noexcept;
+  void receive_height(const Packet& packet, std::int64_t now_ns) noexcept;
+  std::int64_t heights_due_ns() const noexcept;
   void receive_heartbeat(const Packet& packet, std::int64_t now_ns) noexcept;
   Refusal refusal() const noexcept;
   bool is_odometry_held() const noexcept;
@@ -173,6 +184,7 @@ class MavlinkLink final : public OdometrySink {
   template <class Message>
   void put(const Message& message, std::uint64_t& count) noexcept;
   void put_odometry(std::int64_t now_ns) noexcept;
+  std::optional<CommandLong> height_question(std::int64_t now_ns) noexcept;
   bool is_frame_waiting() const noexcept { return frame_sent_ < frame_.size; }
   bool wants_origin() const noexcept;
   void tell(std::int64_t now_ns) noexcept;
@@ -192,6 +204,10 @@ class MavlinkLink final : public OdometrySink {
   std::atomic<bool> has_reader_{false};
   SpscRing<ImuSample, kReadings> readings_;
   Parking readings_parking_;
+  // The same for heights.
+  std::atomic<bool> has_height_reader_{false};
+  SpscRing<HeightSample, kHeights> heights_read_;
+  Parking heights_parking_;
 
   // The thread's own.
   LocalFrame local_frame_;
@@ -203,6 +219,8 @@ class MavlinkLink final : public OdometrySink {
   TokenBucket input_;
   std::optional<ControllerImu> imu_;
   std::optional<ImuRequest> imu_request_;
+  std::optional<ControllerHeight> heights_;
+  std::optional<HeightRequest> height_request_;
   PilotNews news_;
   LinkState state_;
   ThreadCosts costs_at_start_;

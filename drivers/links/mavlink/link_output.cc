@@ -117,6 +117,11 @@ void MavlinkLink::put(const Message& message, std::uint64_t& count) noexcept {
   ++count;
 }
 
+std::optional<CommandLong> MavlinkLink::height_question(std::int64_t now_ns) noexcept {
+  if (now_ns < heights_due_ns()) return std::nullopt;
+  return height_request_->question(*heights_, state_.peer.address, now_ns);
+}
+
 /// The next frame, if there is something to send and the line has room: answers first, for they are timed; then
 /// odometry.
 bool MavlinkLink::compose(std::int64_t now_ns) noexcept {
@@ -141,6 +146,8 @@ bool MavlinkLink::compose(std::int64_t now_ns) noexcept {
     next_question_ns_ = now_ns + question_period_ns_;
   } else if (state_.peer.is_known && imu_request_ && now_ns >= imu_request_->due_ns()) {
     put(imu_request_->question(state_.peer.address, now_ns), counts.requests);
+  } else if (const auto question = height_question(now_ns)) {
+    put(*question, counts.requests);
   } else if (wants_origin() && now_ns >= next_origin_ns_) {
     put(origin_message(config_, now_ns), counts.origins);
     next_origin_ns_ = now_ns + kOrigins_ns;

@@ -79,6 +79,79 @@ struct RawImu {
   }
 };
 
+/// Of a barometer; the three messages differ in their name alone.
+template <class Message>
+constexpr auto pressure_fields() {
+  using M = Message;
+  return std::make_tuple(field("time_boot_ms", &M::time_boot_ms), field("press_abs", &M::press_abs),
+                         field("press_diff", &M::press_diff), field("temperature", &M::temperature),
+                         extension("temperature_press_diff", &M::temperature_press_diff));
+}
+struct ScaledPressure {
+  static constexpr std::uint32_t kId = 29;
+  static constexpr std::string_view kName = "SCALED_PRESSURE";
+  std::uint32_t time_boot_ms = 0;
+  float press_abs = 0, press_diff = 0;                       ///< hPa
+  std::int16_t temperature = 0, temperature_press_diff = 0;  ///< 0.01 deg C, of the sensors
+  static constexpr auto fields() { return pressure_fields<ScaledPressure>(); }
+};
+struct ScaledPressure2 {
+  static constexpr std::uint32_t kId = 137;
+  static constexpr std::string_view kName = "SCALED_PRESSURE2";
+  std::uint32_t time_boot_ms = 0;
+  float press_abs = 0, press_diff = 0;
+  std::int16_t temperature = 0, temperature_press_diff = 0;
+  static constexpr auto fields() { return pressure_fields<ScaledPressure2>(); }
+};
+struct ScaledPressure3 {
+  static constexpr std::uint32_t kId = 143;
+  static constexpr std::string_view kName = "SCALED_PRESSURE3";
+  std::uint32_t time_boot_ms = 0;
+  float press_abs = 0, press_diff = 0;
+  std::int16_t temperature = 0, temperature_press_diff = 0;
+  static constexpr auto fields() { return pressure_fields<ScaledPressure3>(); }
+};
+
+/// Of a range finder.
+struct DistanceSensor {
+  static constexpr std::uint32_t kId = 132;
+  static constexpr std::string_view kName = "DISTANCE_SENSOR";
+  std::uint32_t time_boot_ms = 0;
+  std::uint16_t min_distance = 0, max_distance = 0, current_distance = 0;  ///< cm
+  std::uint8_t type = 0, id = 0;
+  std::uint8_t orientation = 0;  ///< MAV_SENSOR_ORIENTATION: 25 looks down
+  std::uint8_t covariance = 0;   ///< cm^2; 255: unknown
+  float horizontal_fov = 0, vertical_fov = 0;
+  std::array<float, 4> quaternion{};
+  std::uint8_t signal_quality = 0;  ///< 0 unknown, 1 no signal, 100 perfect
+  static constexpr auto fields() {
+    using M = DistanceSensor;
+    return std::make_tuple(field("time_boot_ms", &M::time_boot_ms), field("min_distance", &M::min_distance),
+                           field("max_distance", &M::max_distance), field("current_distance", &M::current_distance),
+                           field("type", &M::type), field("id", &M::id), field("orientation", &M::orientation),
+                           field("covariance", &M::covariance), extension("horizontal_fov", &M::horizontal_fov),
+                           extension("vertical_fov", &M::vertical_fov), extension("quaternion", &M::quaternion),
+                           extension("signal_quality", &M::signal_quality));
+  }
+};
+
+/// Heights, m. The first is that of the barometer alone, and is never set anew.
+struct Altitude {
+  static constexpr std::uint32_t kId = 141;
+  static constexpr std::string_view kName = "ALTITUDE";
+  std::uint64_t time_usec = 0;
+  float altitude_monotonic = 0, altitude_amsl = 0, altitude_local = 0, altitude_relative = 0, altitude_terrain = 0,
+        bottom_clearance = 0;
+  static constexpr auto fields() {
+    using M = Altitude;
+    return std::make_tuple(field("time_usec", &M::time_usec), field("altitude_monotonic", &M::altitude_monotonic),
+                           field("altitude_amsl", &M::altitude_amsl), field("altitude_local", &M::altitude_local),
+                           field("altitude_relative", &M::altitude_relative),
+                           field("altitude_terrain", &M::altitude_terrain),
+                           field("bottom_clearance", &M::bottom_clearance));
+  }
+};
+
 /// A command to a system. What the parameters hold depends on the command.
 struct CommandLong {
   static constexpr std::uint32_t kId = 76;
@@ -313,6 +386,11 @@ constexpr bool is_published(std::size_t length, std::size_t base_length, std::ui
 static_assert(is_published<Heartbeat>(9, 9, 50));
 static_assert(is_published<SystemTime>(12, 12, 137));
 static_assert(is_published<RawImu>(29, 26, 144));
+static_assert(is_published<ScaledPressure>(16, 14, 115));
+static_assert(is_published<ScaledPressure2>(16, 14, 195));
+static_assert(is_published<ScaledPressure3>(16, 14, 131));
+static_assert(is_published<DistanceSensor>(39, 14, 85));
+static_assert(is_published<Altitude>(32, 32, 47));
 static_assert(is_published<SetGpsGlobalOrigin>(21, 13, 41));
 static_assert(is_published<CommandLong>(33, 33, 152));
 static_assert(is_published<CommandAck>(10, 3, 143));
@@ -332,7 +410,9 @@ constexpr auto table_of() {
   return std::array{MessageInfo{Message::kId, static_cast<std::uint8_t>(length_of<Message>()),
                                 static_cast<std::uint8_t>(length_of<Message>(false)), crc_extra<Message>()}...};
 }
-inline constexpr auto kMessages = table_of<Heartbeat, SystemTime, RawImu, SetGpsGlobalOrigin, CommandLong, CommandAck,
-                                           VisionPositionEstimate, HighresImu, Timesync, StatusText, Odometry>();
+inline constexpr auto kMessages =
+    table_of<Heartbeat, SystemTime, RawImu, ScaledPressure, ScaledPressure2, ScaledPressure3, DistanceSensor, Altitude,
+             SetGpsGlobalOrigin, CommandLong, CommandAck, VisionPositionEstimate, HighresImu, Timesync, StatusText,
+             Odometry>();
 
 }  // namespace epiline::mavlink

@@ -12,6 +12,7 @@
 #include "drivers/program/check/camera_findings.h"
 #include "drivers/program/check/check.h"
 #include "drivers/program/check/hand_wave.h"
+#include "drivers/program/check/height_check.h"
 #include "drivers/program/check/image_check.h"
 #include "drivers/program/check/imu_check.h"
 #include "drivers/program/check/line_check.h"
@@ -66,6 +67,7 @@ struct Opened {
   CameraSource* camera = nullptr;
   ImuSource* imu = nullptr;
   WheelSource* wheel = nullptr;
+  HeightSource* height = nullptr;
 };
 
 /// The configured lens, or for the time before there is one a made-up one: corners are found and followed with any.
@@ -198,11 +200,13 @@ class Devices {
     MadeDevices made = make_each_device(settings);
     say_unless_said("camera", made.camera, out);
     say_unless_said("imu", made.imu, out);
+    say_unless_said("height", made.height, out);
     devices_ = std::move(made.devices);
     open_outputs(out);
     opened_.camera = opened(devices_.camera.get(), "camera", out);
     opened_.imu = opened(devices_.imu.get(), "imu", out);
     opened_.wheel = opened(devices_.wheel.get(), "wheel", out);
+    opened_.height = opened(devices_.height.get(), "height", out);
     for (const Finding& f : out)
       if (f.grade == Grade::kError) not_open_.push_back(f.device);
   }
@@ -210,6 +214,7 @@ class Devices {
     if (opened_.camera != nullptr) opened_.camera->close();
     if (opened_.imu != nullptr) opened_.imu->close();
     if (opened_.wheel != nullptr) opened_.wheel->close();
+    if (opened_.height != nullptr) opened_.height->close();
     for (LiveOutput& output : devices_.outputs) output.sink->close();
   }
   Devices(const Devices&) = delete;
@@ -264,7 +269,10 @@ class Look {
     if (open.imu == nullptr) lines_.add("imu", d.imu.ready_line, d.imu.ready_edge, found_);
     samples_.emplace(open, settings, options.witness);
     if (open.wheel != nullptr) wheel_.emplace(*open.wheel);
-    is_worth_it_ = open.camera != nullptr || open.imu != nullptr || wheel_ || !lines_.empty() ||
+    if (open.height != nullptr) height_.emplace(*open.height);
+    const HeightModels& heights = settings.config.estimator.heights;
+    wanted_heights_ = {heights[0].use, heights[1].use};
+    is_worth_it_ = open.camera != nullptr || open.imu != nullptr || wheel_ || height_ || !lines_.empty() ||
                    devices_.has_outputs() || options.witness != nullptr;
   }
 
@@ -273,7 +281,7 @@ class Look {
     const std::int64_t begin_ns = monotonic_ns();
     for (int round = 0;; ++round) {
       const double passed = 1e-9 * static_cast<double>(monotonic_ns() - begin_ns);
-      const bool is_over = samples_->have_ended() && !wheel_ && lines_.empty();
+      const bool is_over = samples_->have_ended() && !wheel_ && !height_ && lines_.empty();
       if (passed >= options_.seconds || is_over || (options_.watch && !options_.watch(passed))) return;
       if (options_.witness != nullptr && round % 4 == 3) show(passed);
       std::this_thread::sleep_for(std::chrono::milliseconds(250));
@@ -285,6 +293,7 @@ class Look {
     samples_->tell(out);
     lines_.tell(out);
     if (wheel_) add_all(out, findings_of(wheel_->so_far()));
+    if (height_) add_all(out, findings_of(height_->so_far(), wanted_heights_));
     devices_.tell(out);
     buses_.tell(out);
     return out;
@@ -307,6 +316,8 @@ class Look {
   IdleLines lines_;
   std::optional<Samples> samples_;
   std::optional<WheelCheck> wheel_;
+  std::optional<HeightCheck> height_;
+  std::array<bool, kHeightKinds> wanted_heights_{};
   bool is_worth_it_ = false;
 };
 

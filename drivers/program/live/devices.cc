@@ -8,6 +8,7 @@
 #include "drivers/links/mavlink/link.h"
 #include "drivers/links/mavlink/odometry_encoder.h"
 #include "drivers/sensors/camera/v4l2_camera.h"
+#include "drivers/sensors/height/mavlink_height.h"
 #include "drivers/sensors/imu/iio_imu.h"
 #include "drivers/sensors/imu/mavlink_imu.h"
 #include "drivers/sensors/imu/spi_imu_device.h"
@@ -65,6 +66,10 @@ DeviceRecord record_of(const SpiImu& imu) {
 
 DeviceRecord record_of(const MavlinkImu& imu) {
   return device_record("imu", mavlink::kControllerImuCounters, imu.counts(), imu.clock_state());
+}
+
+DeviceRecord record_of(const MavlinkHeight& height) {
+  return device_record("height", mavlink::kControllerHeightCounters, height.counts(), height.clock_state());
 }
 
 OutputRecord record_of(const mavlink::MavlinkLink& link, const std::string& name) {
@@ -194,6 +199,21 @@ void add_wheel(const DevicesConfig& d, LiveDevices& devices) {
   devices.wheel = std::move(wheel);
 }
 
+Status add_height(const LiveSettings& settings, mavlink::MavlinkLink* link, LiveDevices& devices) {
+  const HeightConfig& h = settings.config.devices.height;
+  if (static_cast<HeightOrigin>(h.source) == HeightOrigin::kNone) return Done{};
+  if (link == nullptr) {
+    return missing(settings, "height.source = \"mavlink\" without a flight controller",
+                   "its port in mavlink.serial or mavlink.udp");
+  }
+  const HeightModels& models = settings.config.estimator.heights;
+  link->want_heights({models[0].use, models[1].use}, h.air_deg);
+  auto height = std::make_unique<MavlinkHeight>(*link);
+  devices.records.emplace_back([height_ = height.get()] { return record_of(*height_); });
+  devices.height = std::move(height);
+  return Done{};
+}
+
 template <class Imu>
 void take_imu(std::unique_ptr<Imu> imu, LiveDevices& devices) {
   devices.records.emplace_back([i = imu.get()] { return record_of(*i); });
@@ -228,7 +248,7 @@ Status add_imu(const LiveSettings& settings, mavlink::MavlinkLink* link, LiveDev
 }  // namespace
 
 MadeDevices make_each_device(const LiveSettings& settings, LiveDevices given) {
-  MadeDevices made{std::move(given), Done{}, Done{}};
+  MadeDevices made{std::move(given), Done{}, Done{}, Done{}};
   LiveDevices& devices = made.devices;
   if (!devices.camera) made.camera = add_camera(settings, devices);
   const DevicesConfig& d = settings.config.devices;
@@ -237,6 +257,7 @@ MadeDevices make_each_device(const LiveSettings& settings, LiveDevices given) {
       add_link(d, !imu_given && static_cast<ImuDriver>(d.imu.driver) == ImuDriver::kMavlink, devices);
   add_can(d, devices);
   add_wheel(d, devices);
+  made.height = add_height(settings, link, devices);
   if (!imu_given) made.imu = add_imu(settings, link, devices);
   return made;
 }
@@ -245,6 +266,7 @@ Result<LiveDevices> make_devices(const LiveSettings& settings, LiveDevices devic
   MadeDevices made = make_each_device(settings, std::move(devices));
   if (!made.camera) return made.camera.error();
   if (!made.imu) return made.imu.error();
+  if (!made.height) return made.height.error();
   return std::move(made.devices);
 }
 

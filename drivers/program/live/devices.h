@@ -41,7 +41,8 @@ struct LiveOutput {
 struct LiveDevices {
   std::unique_ptr<CameraSource> camera;
   std::unique_ptr<ImuSource> imu;
-  std::unique_ptr<WheelSource> wheel;  ///< null: none
+  std::unique_ptr<WheelSource> wheel;    ///< null: none
+  std::unique_ptr<HeightSource> height;  ///< null: none
   std::vector<LiveOutput> outputs;
   std::vector<std::function<DeviceRecord()>> records;  ///< the drivers' counters; any thread may call them
   int images_to_log = 0;                               ///< RealtimeSettings
@@ -52,12 +53,13 @@ struct LiveDevices {
 /// The configured devices, and the errors of camera and IMU.
 struct MadeDevices {
   LiveDevices devices;
-  Status camera, imu;
+  Status camera, imu, height;
 };
-/// A camera or IMU in `devices` replaces the configured one. Camera or IMU fail if and only if the configuration names
-/// none, or one that was not built in; the other devices are created all the same.
+/// A camera or IMU in `devices` replaces the configured one. Heights fail without a flight controller to send them.
+/// Camera or IMU fail if and only if the configuration names none, or one that was not built in; the other devices are
+/// created all the same.
 MadeDevices make_each_device(const LiveSettings& settings, LiveDevices devices = {});
-/// Creates all devices. Fails if camera or IMU fail.
+/// Creates all devices. Fails if camera, IMU or heights fail.
 Result<LiveDevices> make_devices(const LiveSettings& settings, LiveDevices devices = {});
 /// Creates camera and IMU alone. The only output is the link that a flight controller's IMU comes over. Fails like
 /// make_devices().

@@ -93,6 +93,7 @@ class OpenDevices {
     devices_.camera->close();
     devices_.imu->close();
     if (devices_.wheel) devices_.wheel->close();
+    if (devices_.height) devices_.height->close();
     receivers_.close();
   }
   /// In the order of opening. The camera last: its buffers fill from then on.
@@ -105,6 +106,8 @@ class OpenDevices {
     parts.push_back({"IMU", [imu] { return imu->open(); }, [imu] { imu->close(); }, [imu] { imu->give_up(); }});
     if (WheelSource* const wheel = devices_.wheel.get())
       parts.push_back({"wheel speed", [wheel] { return wheel->open(); }, [wheel] { wheel->close(); }});
+    if (HeightSource* const height = devices_.height.get())
+      parts.push_back({"height", [height] { return height->open(); }, [height] { height->close(); }});
     CameraSource* const camera = devices_.camera.get();
     parts.push_back({"camera", [camera] { return camera->open(); }, [camera] { camera->close(); }});
     return parts;
@@ -242,7 +245,8 @@ Result<FlightRecord> fly_or_throw(const LiveSettings& settings, LiveDevices& dev
   Receivers receivers(devices.outputs);
   LiveLog log(options.out);
   Turns turns(devices.turns);
-  RealtimePorts ports{devices.camera.get(), devices.imu.get(), &receivers, {&log, &turns}, {}, devices.wheel.get()};
+  RealtimePorts ports{devices.camera.get(), devices.imu.get(),   &receivers, {&log, &turns}, {},
+                      devices.wheel.get(),  devices.height.get()};
   if (options.view != nullptr) watch_with(*options.view, settings, ports);
   const std::unique_ptr<FlightRecorder> recorder = add_recorder(settings, ports);
   OpenDevices open_devices(devices, receivers);

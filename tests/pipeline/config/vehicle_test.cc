@@ -41,7 +41,7 @@ TEST(Vehicle, TheRangeFinderLooksDownUnlessTold) {
   EXPECT_TRUE(range.beam_B.isApprox(-Vec3::UnitZ()));
   // an IMU that lies upside down, x forward: y points right, z down
   config.devices.body.roll_deg = 180;
-  config.devices.height = {0.1, 0.2, -0.3, 45, 0};
+  config.devices.height = {0, 15, 0.1, 0.2, -0.3, 45, 0};
   set_vehicle(config);
   EXPECT_TRUE(range.p_BS.isApprox(Vec3(0.1, -0.2, 0.3)));
   EXPECT_TRUE(range.beam_B.isApprox(Vec3(1, 0, 1).normalized())) << range.beam_B.transpose();

@@ -69,6 +69,10 @@ TEST(Devices, WhatIsMissingIsNamedWithWhatWouldDo) {
     return devices ? std::string() : devices.error().text();
   };
   const std::string file = files.folder() + "/flight.toml: ";
+  EXPECT_EQ(error_of("device = \"a\"\n", "[imu]\ndevice = \"b\"\n[height]\nsource = \"mavlink\"\n"),
+            file +
+                "height.source = \"mavlink\" without a flight controller; expected its port in mavlink.serial or "
+                "mavlink.udp");
   EXPECT_EQ(error_of("", ""),
             file + "camera.device is not set; expected the camera's path, name or bus (epiline devices lists cameras)");
   EXPECT_EQ(error_of("device = \"a\"\n", ""),

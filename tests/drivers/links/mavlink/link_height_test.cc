@@ -1,0 +1,79 @@
+// The flight controller's heights over the link.
+#include <gtest/gtest.h>
+
+#include "tests/drivers/links/mavlink/fake_line.h"
+
+namespace epiline::mavlink {
+namespace {
+
+constexpr std::int64_t kPatience_ms = 20'000;  // a busy computer
+
+/// A link that wants heights, and a flight controller that answers its questions of time.
+class HeightLink : public testing::Test {
+ protected:
+  void begin(const std::array<bool, kHeightKinds>& kinds) {
+    link.want_heights(kinds, 15);
+    ASSERT_TRUE(link.begin());
+    line.peer.on_packet = [&](const Packet& packet) {
+      Timesync question;
+      if (unpack(packet, question) && question.tc1 == 0)
+        line.peer.send(Timesync{.tc1 = line.now_ns(), .ts1 = question.ts1});
+    };
+    line.peer.heartbeat();
+    ASSERT_TRUE(wait_for(line, link, kPatience_ms, [&] { return link.clock_state().used >= 20; }));
+    HeightSample none;
+    EXPECT_EQ(link.read_height(none, Span{}), ReadOutcome::kTimeout);
+  }
+  ScaledPressure pressure(float hpa) const {
+    return {.time_boot_ms = static_cast<std::uint32_t>(line.now_ns() / kMs), .press_abs = hpa};
+  }
+  std::vector<int> asked_for() const {
+    std::vector<int> messages;
+    for (const CommandLong& command : line.peer.all<CommandLong>()) {
+      EXPECT_EQ(command.command, 511);
+      messages.push_back(static_cast<int>(command.param1));
+    }
+    return messages;
+  }
+  FakeLine line;
+  MavlinkLink link{serial_config(FakeLine::path()), Mat3::Identity(), std::nullopt, 65, line.kernel};
+};
+
+TEST_F(HeightLink, HandsOnHeightsAndAsksForWhatDoesNotCome) {
+  begin({true, true});
+  ASSERT_TRUE(wait_for(line, link, kPatience_ms, [&] { return asked_for().size() >= 3; }));
+  EXPECT_EQ(asked_for()[0], 29);
+  EXPECT_EQ(asked_for()[1], 132);
+  EXPECT_EQ(asked_for()[2], 141);
+  line.peer.send(pressure(1001.29F));
+  advance(line.kernel, link, 5 * kMs);
+  HeightSample sample;
+  ASSERT_EQ(link.read_height(sample, Span{}), ReadOutcome::kSample);
+  EXPECT_NEAR(sample.metres, 100, 0.3);
+  EXPECT_EQ(link.state().heights.heights, 1u);
+  line.peer.send(pressure(1000), Address{1, 50});
+  advance(line.kernel, link, 5 * kMs);
+  EXPECT_EQ(link.read_height(sample, Span{}), ReadOutcome::kTimeout) << "of no autopilot";
+  EXPECT_EQ(link.counts().strangers, 1u);
+}
+
+TEST_F(HeightLink, AsksForNothingThatIsNotWanted) {
+  begin({false, true});
+  ASSERT_TRUE(wait_for(line, link, kPatience_ms, [&] { return asked_for().size() >= 2; }));
+  for (const int message : asked_for()) EXPECT_EQ(message, 132);
+}
+
+TEST(MavlinkLinkWithoutHeights, IgnoresThem) {
+  FakeLine line;
+  MavlinkLink link(serial_config(FakeLine::path()), Mat3::Identity(), std::nullopt, 65, line.kernel);
+  ASSERT_TRUE(link.begin());
+  line.peer.heartbeat();
+  line.peer.send(ScaledPressure{.time_boot_ms = 5, .press_abs = 1000});
+  ASSERT_TRUE(wait_for(line, link, kPatience_ms, [&] { return link.counts().packets >= 2; }));
+  HeightSample sample;
+  EXPECT_EQ(link.read_height(sample, Span{}), ReadOutcome::kTimeout);
+  EXPECT_TRUE(line.peer.all<CommandLong>().empty());
+}
+
+}  // namespace
+}  // namespace epiline::mavlink
