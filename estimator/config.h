@@ -47,6 +47,7 @@ struct HeightModel {
   double least_m = -1e5, most_m = 1e5;  ///< readings beyond are left out
   Vec3 p_BS = Vec3::Zero();             ///< the sensor's place, m
   Vec3 beam_B = Vec3::Zero();           ///< range finder: unit vector of the beam's direction
+  bool with_tracks = true;              ///< range finder: also compare it with the depth of tracks near the beam
 };
 using HeightModels = std::array<HeightModel, kHeightKinds>;
 inline HeightModels usual_heights() {

@@ -85,6 +85,9 @@ struct Estimator::Impl {
   void attach_heights();
   void measure_path();
   std::uint32_t series_of(HeightKind kind, int frame) const;
+  void note_ground_step(int frame);
+  void attach_beam_tracks();
+  void remember_beam_tracks();
 
   // starting.cc
   StepResult initialise(const TrackedFrame& frame, Supervisor& supervisor);
@@ -123,6 +126,9 @@ struct Estimator::Impl {
   Window window;
   ImuHistory history;
   ScalarHistory wheel{Span::from_milliseconds(250)};
+  std::array<std::uint32_t, 256> beam_tracks{};  ///< that have served frames that have left
+  std::size_t beam_tracks_served = 0;
+  double ground_step_m = 0, ground_step_at_m = 0;  ///< the last jump of the range finder, and the way up to there
   std::array<ScalarHistory, kHeightKinds> heights{ScalarHistory{kHeightInterval}, ScalarHistory{kHeightInterval}};
   std::unique_ptr<VisualFactorModel> visual;
   Solver solver;

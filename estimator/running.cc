@@ -319,6 +319,7 @@ void Estimator::Impl::marginalise(Supervisor& supervisor) {
     inflate_calibration(window.prior, 0,
                         kTimeOffsetWalk * kTimeOffsetWalk * (window.at(1).time - last_marginalised).seconds());
   last_marginalised = window.at(1).time;
+  remember_beam_tracks();
   marginaliser.marginalise_oldest(window, *visual, visual_settings());
   supervisor.phase(Supervisor::Phase::kNone);
 }

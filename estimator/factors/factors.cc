@@ -1,5 +1,6 @@
 #include "estimator/factors/factors.h"
 
+#include "estimator/factors/beam.h"
 #include "estimator/factors/calibration_prior.h"
 #include "estimator/factors/height.h"
 #include "estimator/factors/imu.h"
@@ -16,6 +17,7 @@ double add_all(const Window& w, const Share& share, const FactorKernels& kernels
   cost += add_zero_motion(w, share, out);
   cost += add_wheel(w, share, out);
   cost += add_height(w, share, out);
+  cost += add_beam(w, share, out);
   cost += add_imu(w, share, kernels, out);
   return cost;
 }

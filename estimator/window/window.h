@@ -80,6 +80,14 @@ struct HeightReading {
   double walked_m2 = 0;         ///< variance of the offset's walk up to here, since any beginning
 };
 
+/// Tracks near the end of a frame's beam (docs/derivations/height.md#tracks-near-a-beam).
+struct BeamTracks {
+  int count = 0;
+  std::array<std::uint32_t, 4> ids{};
+  std::array<double, 4> shares{};  ///< of the height of the ground; 0: not used in this solve
+  double variance = 0;             ///< of that height minus the height of the beam's end, m^2; 0: nothing is known
+};
+
 /// A frame of the window.
 struct Slot {
   std::uint64_t id = 0;         ///< never reused
@@ -95,6 +103,7 @@ struct Slot {
   bool has_wheel = false;                           ///< wheel factor attached
   double wheel_speed_m_s = 0;                       ///< measured, at `time`
   std::array<HeightReading, kHeightKinds> heights;  ///< factor attached to those that it has
+  BeamTracks beam;
   double path_m = -1;           ///< horizontal way up to here, since any beginning; negative: not measured yet
   std::uint64_t rest_link = 0;  ///< id of the frame whose position it shares; 0: none in the window
 };

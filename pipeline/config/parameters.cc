@@ -365,6 +365,8 @@ const std::vector<Parameter>& parameters() {
        EPILINE_AT(estimator.heights[1].sigma_m)},
       {"height.range_ground_walk", "m/sqrt(m)", 0, 10, "random walk of the ground's height along the way",
        EPILINE_AT(estimator.heights[1].walk_per_root_m)},
+      {"height.range_tracks", "", 0, 0, "compare the distances with the depth of tracks near the beam: gives the scale",
+       EPILINE_AT(estimator.heights[1].with_tracks)},
       {"height.range_least_m", "m", 0, 1e4, "shortest distance that it measures",
        EPILINE_AT(estimator.heights[1].least_m)},
       {"height.range_most_m", "m", 0, 1e4, "longest distance that it measures",
