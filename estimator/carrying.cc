@@ -155,6 +155,7 @@ void Estimator::Impl::forget() {
   pixel_sigma = config.pixel_sigma;
   drift_sigma = config.drift_sigma;
   rethinking_s = 0;
+  height_memory = {};
   rest_frame = forced_keyframe = 0;
   odometry.health = {HealthState::kInitialising, bit(HealthReason::kNoInitialState), 0};
 }

@@ -8,10 +8,9 @@
 namespace epiline {
 
 namespace {
-constexpr double kJump = 5;         // sigmas: a difference of two offsets beyond is a jump, not noise and walk
-constexpr double kLeastDown = 0.8;  // of a beam's unit vector: within 37 degrees of the vertical
-constexpr double kStepMemory_m = 200,
-                 kStretch_m = 50;  // of way: after a step of the ground more may come; ground of one error
+constexpr double kJump = 5;            // sigmas: a difference of two offsets beyond is a jump, not noise and walk
+constexpr double kLeastDown = 0.8;     // of a beam's unit vector: within 37 degrees of the vertical
+constexpr double kStepMemory_m = 200;  // of way: after a step of the ground more may come
 constexpr std::size_t index_of(HeightKind kind) { return static_cast<std::size_t>(kind); }
 }  // namespace
 
@@ -49,7 +48,7 @@ std::uint32_t Estimator::Impl::series_of(HeightKind kind, int frame) const {
         2 * sigma * sigma + std::abs(reading.walked_m2 - other.walked_m2) + variance_v * dt_s * dt_s;
     if (std::abs(offset - height_offset(other, older.x)) <= kJump * std::sqrt(variance)) return other.series;
   }
-  return height_series[index_of(kind)] + 1;
+  return height_memory.series[index_of(kind)] + 1;
 }
 
 void Estimator::Impl::attach_beam_tracks() {
@@ -57,10 +56,11 @@ void Estimator::Impl::attach_beam_tracks() {
   if (!range.with_tracks) return;
   const double sigma_px = config.sigma_inflation * pixel_sigma;
   BeamSettings settings{sigma_px / config.extrinsics.focal_px, range.sigma_m, range.walk_per_root_m,
-                        range.walk_per_root_m * std::sqrt(kStretch_m)};
-  if (window.newest().path_m - ground_step_at_m < kStepMemory_m)
-    settings.ground_m = std::max(settings.ground_m, ground_step_m);
-  choose_beam_tracks(window, settings, {beam_tracks.data(), std::min(beam_tracks_served, beam_tracks.size())});
+                        range.walk_per_root_m * std::sqrt(kGroundStretch_m)};
+  if (window.newest().path_m - height_memory.ground_step_at_m < kStepMemory_m)
+    settings.ground_m = std::max(settings.ground_m, height_memory.ground_step_m);
+  const auto& used = height_memory.beam_tracks;
+  choose_beam_tracks(window, settings, {used.data(), std::min(height_memory.beam_tracks_served, used.size())});
 }
 
 /// Where the ground has steps, what is below the beam need not be what the tracks beside it lie on.
@@ -70,8 +70,8 @@ void Estimator::Impl::note_ground_step(int frame) {
   };
   for (int k = frame - 1; k >= 0; --k) {
     if (!window.at(k).heights[index_of(HeightKind::kRangeFinder)].has) continue;
-    ground_step_m = std::abs(offset(frame) - offset(k));
-    ground_step_at_m = window.at(frame).path_m;
+    height_memory.ground_step_m = std::abs(offset(frame) - offset(k));
+    height_memory.ground_step_at_m = window.at(frame).path_m;
     return;
   }
 }
@@ -79,8 +79,9 @@ void Estimator::Impl::note_ground_step(int frame) {
 /// Those of the frame that is about to leave: each track serves once.
 void Estimator::Impl::remember_beam_tracks() {
   const BeamTracks& leaving = window.at(0).beam;
+  HeightMemory& m = height_memory;
   for (int i = 0; i < leaving.count; ++i)
-    beam_tracks[beam_tracks_served++ % beam_tracks.size()] = leaving.ids[static_cast<std::size_t>(i)];
+    m.beam_tracks[m.beam_tracks_served++ % m.beam_tracks.size()] = leaving.ids[static_cast<std::size_t>(i)];
 }
 
 /// As speeds are: frames between two samples get a height, once.
@@ -103,10 +104,10 @@ void Estimator::Impl::attach_heights() {
       reading.series = series_of(kind, k);
       reading.has = true;
       ++stats.height_frames[i];
-      if (reading.series <= height_series[i]) continue;
-      if (height_series[i] > 0) ++stats.height_jumps[i];
+      if (reading.series <= height_memory.series[i]) continue;
+      if (height_memory.series[i] > 0) ++stats.height_jumps[i];
       if (is_beam) note_ground_step(k);
-      height_series[i] = reading.series;
+      height_memory.series[i] = reading.series;
     }
   }
   attach_beam_tracks();

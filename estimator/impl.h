@@ -41,6 +41,14 @@ struct KnownState {
   bool silent = false;                          ///< carried on without images: the covariance is widened
 };
 
+/// What the sensors of height have shown of offsets and ground, in this world.
+struct HeightMemory {
+  std::array<std::uint32_t, kHeightKinds> series{};  ///< the newest of each sensor
+  std::array<std::uint32_t, 256> beam_tracks{};      ///< that have served frames that have left
+  std::size_t beam_tracks_served = 0;
+  double ground_step_m = 0, ground_step_at_m = 0;  ///< the last jump of the range finder, and the way up to there
+};
+
 struct Estimator::Impl {
   explicit Impl(const EstimatorConfig& c);
 
@@ -126,9 +134,6 @@ struct Estimator::Impl {
   Window window;
   ImuHistory history;
   ScalarHistory wheel{Span::from_milliseconds(250)};
-  std::array<std::uint32_t, 256> beam_tracks{};  ///< that have served frames that have left
-  std::size_t beam_tracks_served = 0;
-  double ground_step_m = 0, ground_step_at_m = 0;  ///< the last jump of the range finder, and the way up to there
   std::array<ScalarHistory, kHeightKinds> heights{ScalarHistory{kHeightInterval}, ScalarHistory{kHeightInterval}};
   std::unique_ptr<VisualFactorModel> visual;
   Solver solver;
@@ -151,7 +156,9 @@ struct Estimator::Impl {
   HostStamp numbers_judged_at;
   Severity numbers_wrong = Severity::kNone;  ///< by the watches' present verdict
   MisfitWatch misfit;                        ///< a reset does not forget it
-  WorldUncertainty world;  ///< what the last start did not know of its own place and heading; zero in the first one
+  /// What the last start did not know of its own place and heading (nothing in the first one), and how wrong it was
+  /// where the calibration turned out to be far off.
+  WorldUncertainty world;
 
   // all of this is forgotten in a reset
   bool started = false;
@@ -164,7 +171,7 @@ struct Estimator::Impl {
   std::uint64_t rest_frame = 0;  ///< the frame that later ones at rest are linked to
   std::uint64_t forced_keyframe = 0;
   HostStamp last_marginalised;
-  std::array<std::uint32_t, kHeightKinds> height_series{};  ///< the newest of each sensor
+  HeightMemory height_memory;
 };
 
 }  // namespace epiline

@@ -77,8 +77,9 @@ struct FoundCalibration {
   std::array<double, 10> sigmas{};  ///< time offset, s; rotation about the axes of C, rad; p_BC, m; the last three
 };
 
-/// The frame that defines origin and heading of the world at a start. Its position and yaw have no error by definition;
-/// published covariances are relative to it. It is older than the first published pose.
+/// The frame that defines origin and heading of the world at a start. Its position and yaw have no error by definition,
+/// and published covariances are relative to it; they grow where a calibration that is found later shows that it was
+/// wrong. It is older than the first published pose.
 struct WorldOrigin {
   bool known = false;
   std::uint32_t reset_counter = 0;  ///< Odometry::reset_counter of the poses relative to it

@@ -81,11 +81,11 @@ void look_for_tracks(const Window& w, int k, const HeightReading& reading, std::
   }
 }
 
-/// The ground below the beam differs from that around for a stretch at a time: so many frames share one error.
+/// So many frames share one error of the ground.
 double frames_per_stretch(const Window& w) {
-  constexpr double kStretch_m = 50, kMost = 100;
+  constexpr double kMost = 100;
   const double spacing_m = (w.newest().path_m - w.at(0).path_m) / std::max(1, w.size() - 1);
-  return std::clamp(kStretch_m / std::max(spacing_m, kStretch_m / kMost), 1.0, kMost);
+  return std::clamp(kGroundStretch_m / std::max(spacing_m, kGroundStretch_m / kMost), 1.0, kMost);
 }
 
 /// Shares by what each track knows of its height at the present states.

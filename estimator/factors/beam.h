@@ -8,11 +8,14 @@
 
 namespace epiline {
 
+/// The ground below the beam differs from that around it for this way at a time.
+inline constexpr double kGroundStretch_m = 50;
+
 struct BeamSettings {
   double sigma_rad = 0;        ///< of a bearing
   double range_sigma_m = 0.1;  ///< of a distance
   double ground_walk = 0.05;   ///< of the ground's height between beam and track, m per root of a metre
-  double ground_m = 0;         ///< how far the ground below the beam is off that of the tracks, for 50 m on end
+  double ground_m = 0;         ///< how far the ground below the beam is off that of the tracks, for kGroundStretch_m
 };
 
 /// Looks for tracks near the beams of frames that have a range reading and no tracks, and weighs those of all frames at

@@ -35,6 +35,23 @@ Mat3 turn_of_far_points(const SharedBearings& s) {
   return R_CC0;
 }
 
+/// Mean of log(1 + off^2) over `count` bearings. One logarithm for many: an angle is at most 1 rad, so the product of
+/// kFactors is below 1e193.
+template <class Off>
+double mean_cost(int count, Off&& off) {
+  constexpr int kFactors = 32;
+  double sum = 0;
+  for (int first = 0; first < count; first += kFactors) {
+    double product = 1;
+    for (int i = first; i < std::min(first + kFactors, count); ++i) {
+      const double e = off(i);
+      product *= 1 + e * e;
+    }
+    sum += std::log(product);
+  }
+  return sum / count;
+}
+
 /// Turn and direction of travel, improved together: Gauss-Newton on the angles to epipolar planes.
 class Travel {
  public:
@@ -43,7 +60,7 @@ class Travel {
     for (int i = 0; i < kSteps && step(); ++i) {
     }
   }
-  CameraTurn result() const { return {R_, t_, cost_ / s_.count}; }
+  CameraTurn result() const { return {R_, t_, cost_}; }
 
  private:
   using Vec5 = Eigen::Matrix<double, 5, 1>;
@@ -54,20 +71,11 @@ class Travel {
     scale = 1 / std::max(t.cross(now).norm(), 0.1);
     return scale * t.dot(turned.cross(now));
   }
-  /// Sum of log(1 + off^2). One logarithm for many bearings: an angle is at most 1 rad, so the product of kFactors is
-  /// below 1e193.
   double cost(const Mat3& R, const Vec3& t) const {
-    constexpr int kFactors = 32;
-    double sum = 0, scale = 0;
-    for (int first = 0; first < s_.count; first += kFactors) {
-      double product = 1;
-      for (int i = first; i < std::min(first + kFactors, s_.count); ++i) {
-        const double off = angle(R * s_.before[i], s_.now[i], t, scale) / kCostScale_rad;
-        product *= 1 + off * off;
-      }
-      sum += std::log(product);
-    }
-    return sum;
+    return mean_cost(s_.count, [&](int i) {
+      double scale = 0;
+      return angle(R * s_.before[i], s_.now[i], t, scale) / kCostScale_rad;
+    });
   }
   bool step() {
     const Vec3 other = std::abs(t_.x()) < 0.6 ? Vec3::UnitX() : Vec3::UnitY();
@@ -107,47 +115,6 @@ class Travel {
   double cost_ = 0;
 };
 
-CameraTurn best_travel(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint) {
-  CameraTurn out = Travel(bearings, R_CC0, hint).result();
-  if (out.cost < kGoodCost) return out;
-  const Mat3 far = turn_of_far_points(bearings);
-  for (const Vec3& direction : {hint, Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), Vec3(1, 1, 1).normalized().eval(),
-                                Vec3(1, -1, 1).normalized().eval()}) {
-    if (out.cost < kGoodCost) break;
-    const CameraTurn turn = Travel(bearings, far, direction).result();
-    if (turn.cost < out.cost) out = turn;
-  }
-  return out;
-}
-
-/// Of points in a plane, n'X = 1 in the camera before, the images are a homography R + t n'. R + n t' explains them as
-/// well after a turn by t x n more, which are two rotations to choose from. |t| is 1 here, so n in units of the travel.
-double ambiguity_of(const SharedBearings& s, const CameraTurn& turn) {
-  std::array<double, SharedBearings::kMost> weights;
-  weights.fill(1);
-  Vec3 n = Vec3::Zero();
-  double off_plane = 0;
-  for (int round = 0; round < kPlaneRounds; ++round) {
-    Mat3 H = Mat3::Zero();
-    Vec3 b = Vec3::Zero();
-    off_plane = 0;
-    for (int i = 0; i < s.count; ++i) {
-      // along the epipolar line, f_now x (R f + t (n'f)) = 0 is linear in n
-      const Vec3 turned = turn.R_CC0 * s.before[i], along = turn.direction.cross(s.now[i]);
-      const double moved = along.norm(), seen = s.now[i].cross(turned).dot(along) / std::max(moved, kLeastMoved);
-      const double e = (seen - moved * n.dot(s.before[i])) / kCostScale_rad;
-      off_plane += std::log1p(e * e);
-      if (round > 0) weights[i] = 1 / (1 + e * e);
-      H += weights[i] * moved * moved * s.before[i] * s.before[i].transpose();
-      b += weights[i] * moved * seen * s.before[i];
-    }
-    H.diagonal().array() += kLeastMoved * kLeastMoved;
-    n = H.ldlt().solve(b);
-  }
-  const bool is_plane = off_plane / s.count < kPlaneCost * turn.cost + kPlaneCostLeast;
-  return is_plane ? (turn.R_CC0.transpose() * turn.direction).cross(n).norm() : 0;
-}
-
 }  // namespace
 
 Mat3 rotation_from(const Mat3& sum) noexcept {
@@ -158,9 +125,49 @@ Mat3 rotation_from(const Mat3& sum) noexcept {
 
 bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint, CameraTurn& out) noexcept {
   if (bearings.count < SharedBearings::kFewest) return false;
-  out = best_travel(bearings, R_CC0, hint);
-  out.ambiguity = ambiguity_of(bearings, out);
+  out = Travel(bearings, R_CC0, hint).result();
+  if (out.cost < kGoodCost) return true;
+  const Mat3 far = turn_of_far_points(bearings);
+  for (const Vec3& direction : {hint, Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), Vec3(1, 1, 1).normalized().eval(),
+                                Vec3(1, -1, 1).normalized().eval()}) {
+    if (out.cost < kGoodCost) break;
+    const CameraTurn turn = Travel(bearings, far, direction).result();
+    if (turn.cost < out.cost) out = turn;
+  }
   return true;
+}
+
+// Along the epipolar line f_now x (R f + t (n'f)) = 0 is linear in n, robustly so.
+double plane_ambiguity(const SharedBearings& s, const CameraTurn& turn) noexcept {
+  struct Parallax {
+    double moved, seen;  // sine by which a point at distance 1 moves; by which this one did
+  };
+  std::array<Parallax, SharedBearings::kMost> parallax;
+  for (int i = 0; i < s.count; ++i) {
+    const Vec3 along = turn.direction.cross(s.now[i]);
+    const double moved = along.norm();
+    const double seen = s.now[i].cross(turn.R_CC0 * s.before[i]).dot(along) / std::max(moved, kLeastMoved);
+    parallax[static_cast<std::size_t>(i)] = {moved, seen};
+  }
+  Vec3 n = Vec3::Zero();
+  const auto off_plane = [&](int i) {
+    const Parallax& p = parallax[static_cast<std::size_t>(i)];
+    return (p.seen - p.moved * n.dot(s.before[i])) / kCostScale_rad;
+  };
+  for (int round = 0; round < kPlaneRounds; ++round) {
+    Mat3 H = kLeastMoved * kLeastMoved * Mat3::Identity();
+    Vec3 b = Vec3::Zero();
+    for (int i = 0; i < s.count; ++i) {
+      const Parallax& p = parallax[static_cast<std::size_t>(i)];
+      const double e = off_plane(i), weight = round == 0 ? 1 : 1 / (1 + e * e);
+      H += weight * p.moved * p.moved * s.before[i] * s.before[i].transpose();
+      b += weight * p.moved * p.seen * s.before[i];
+    }
+    n = H.ldlt().solve(b);
+  }
+  const double cost = mean_cost(s.count, off_plane);
+  return cost < kPlaneCost * turn.cost + kPlaneCostLeast ? (turn.R_CC0.transpose() * turn.direction).cross(n).norm()
+                                                         : 0;
 }
 
 }  // namespace epiline

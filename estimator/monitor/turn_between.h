@@ -21,13 +21,16 @@ struct CameraTurn {
   Mat3 R_CC0 = Mat3::Identity();
   Vec3 direction = Vec3::UnitX();  ///< of the translation, unit vector in C; the sign is arbitrary
   double cost = 0;                 ///< mean of log(1 + (angle to the epipolar plane/kCostScale_rad)^2)
-  /// rad: how far off the other rotation is that explains the bearings as well, if all points lie in one plane; 0: none
-  double ambiguity = 0;
 };
 
 /// Robust fit of rotation and direction of translation. `R_CC0`, `hint`: initial rotation and direction; others are
 /// tried only if the fit from there is poor. Bounded work, no heap. False: too few bearings.
 bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint, CameraTurn& out) noexcept;
+
+/// If all points lie in one plane, n'X = 1 in the camera before and |t| = 1, the images are a homography R + t n', and
+/// R + n t' explains them as well after a turn by t x n more: how far off that other rotation is, rad. 0: no plane.
+/// `turn`: of these bearings.
+double plane_ambiguity(const SharedBearings& bearings, const CameraTurn& turn) noexcept;
 
 /// The rotation R that maximises tr(R^T sum). With `sum` = sum of b a^T it rotates a to b best (Kabsch).
 Mat3 rotation_from(const Mat3& sum) noexcept;

@@ -66,7 +66,7 @@ void TurnWatch::add_images(const TrackedFrame& frame) noexcept {
     CameraTurn turn;
     const bool fitted = turn_between(shared_, so3_exp(-dt_s * rate_C_), direction_, turn);
     if (fitted) cost_ += (cost_ == 0 ? 1 : kCostShare) * (turn.cost - cost_);
-    if (fitted && turn.cost < kWorstCost && turn.ambiguity < kMostAmbiguous * dt_s) {
+    if (fitted && turn.cost < kWorstCost && plane_ambiguity(shared_, turn) < kMostAmbiguous * dt_s) {
       direction_ = turn.direction;
       rate_C_ = so3_log(turn.R_CC0.transpose()) / dt_s;
       if (pending_end_ - pending_first_ == kPending) ++pending_first_;

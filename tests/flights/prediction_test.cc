@@ -37,12 +37,16 @@ Eigen::Matrix<double, 15, 1> difference(const Odometry& a, const Odometry& b) {
   return d;
 }
 
-TEST(PredictedFlight, TheNextSolveLiesWhereThePredictionSays) {
+class PredictedFlight : public ::testing::TestWithParam<bool> {};
+
+/// Parameter: whether the IMU's scales are estimated.
+TEST_P(PredictedFlight, TheNextSolveLiesWhereThePredictionSays) {
   auto dataset = open_asl_dataset(test::recorded_data("euroc_MH_01"), "cam0");
   if (!dataset) GTEST_SKIP() << dataset.error().text();
   OfflineSettings settings;
   settings.camera = dataset->camera.parameters;
   settings.estimator.imu = dataset->imu.noise;
+  settings.estimator.estimate_imu_scale = GetParam();
   settings.estimator.extrinsics = {dataset->camera.R_BC, dataset->camera.p_BC,
                                    Camera(dataset->camera.parameters).focal_px(), dataset->camera.time_offset_s};
   settings.clocks = {monotonic_ns, thread_cpu_ns};
@@ -81,9 +85,10 @@ TEST(PredictedFlight, TheNextSolveLiesWhereThePredictionSays) {
     const Eigen::LLT<Mat15> llt(P);
     ASSERT_EQ(llt.info(), Eigen::Success);
     nees += d.dot(llt.solve(d)) / 15;
-    // Of an optimal solve the covariance of the difference is what it takes off the prediction's. Each number by
-    // itself: the prediction does not carry what the solve knows of the IMU's scales together with the biases.
-    expected += 1 - (P_after.diagonal().array() / P.diagonal().array()).mean();
+    // Of an optimal solve the covariance of the difference is what it takes off the prediction's. With scales each
+    // number by itself: the prediction does not carry what the solve knows of scales and biases together.
+    expected += GetParam() ? 1 - (P_after.diagonal().array() / P.diagonal().array()).mean()
+                           : llt.solve(P - P_after).trace() / 15;
     position += d.head<3>().squaredNorm();
     velocity += d.segment<3>(6).squaredNorm();
     ++n;
@@ -98,6 +103,8 @@ TEST(PredictedFlight, TheNextSolveLiesWhereThePredictionSays) {
   EXPECT_LT(nees, 4 * expected);
   EXPECT_GT(nees, expected / 10);
 }
+
+INSTANTIATE_TEST_SUITE_P(Scales, PredictedFlight, testing::Bool());
 
 }  // namespace
 }  // namespace epiline

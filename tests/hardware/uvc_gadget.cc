@@ -77,7 +77,7 @@ Bytes configuration(std::uint16_t packet) {
   return d;
 }
 
-/// What gadgetfs is told: the device at full speed, at high speed, itself.
+/// Descriptors in the order of gadgetfs: configuration at full speed, configuration at high speed, device.
 Bytes description() {
   Bytes d;
   put(d, 0, 4);

@@ -79,38 +79,26 @@ struct RawImu {
   }
 };
 
-/// Of a barometer; the three messages differ in their name alone.
-template <class Message>
-constexpr auto pressure_fields() {
-  using M = Message;
-  return std::make_tuple(field("time_boot_ms", &M::time_boot_ms), field("press_abs", &M::press_abs),
-                         field("press_diff", &M::press_diff), field("temperature", &M::temperature),
-                         extension("temperature_press_diff", &M::temperature_press_diff));
-}
-struct ScaledPressure {
-  static constexpr std::uint32_t kId = 29;
-  static constexpr std::string_view kName = "SCALED_PRESSURE";
+/// Of a barometer. The three messages differ in number and name.
+template <std::uint32_t id>
+struct PressureMessage {
+  static constexpr std::uint32_t kId = id;
+  static constexpr std::string_view kName = id == 29    ? "SCALED_PRESSURE"
+                                            : id == 137 ? "SCALED_PRESSURE2"
+                                                        : "SCALED_PRESSURE3";
   std::uint32_t time_boot_ms = 0;
   float press_abs = 0, press_diff = 0;                       ///< hPa
   std::int16_t temperature = 0, temperature_press_diff = 0;  ///< 0.01 deg C, of the sensors
-  static constexpr auto fields() { return pressure_fields<ScaledPressure>(); }
+  static constexpr auto fields() {
+    using M = PressureMessage;
+    return std::make_tuple(field("time_boot_ms", &M::time_boot_ms), field("press_abs", &M::press_abs),
+                           field("press_diff", &M::press_diff), field("temperature", &M::temperature),
+                           extension("temperature_press_diff", &M::temperature_press_diff));
+  }
 };
-struct ScaledPressure2 {
-  static constexpr std::uint32_t kId = 137;
-  static constexpr std::string_view kName = "SCALED_PRESSURE2";
-  std::uint32_t time_boot_ms = 0;
-  float press_abs = 0, press_diff = 0;
-  std::int16_t temperature = 0, temperature_press_diff = 0;
-  static constexpr auto fields() { return pressure_fields<ScaledPressure2>(); }
-};
-struct ScaledPressure3 {
-  static constexpr std::uint32_t kId = 143;
-  static constexpr std::string_view kName = "SCALED_PRESSURE3";
-  std::uint32_t time_boot_ms = 0;
-  float press_abs = 0, press_diff = 0;
-  std::int16_t temperature = 0, temperature_press_diff = 0;
-  static constexpr auto fields() { return pressure_fields<ScaledPressure3>(); }
-};
+using ScaledPressure = PressureMessage<29>;
+using ScaledPressure2 = PressureMessage<137>;
+using ScaledPressure3 = PressureMessage<143>;
 
 /// Of a range finder.
 struct DistanceSensor {

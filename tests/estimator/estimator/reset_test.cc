@@ -75,6 +75,23 @@ TEST_P(EstimatorNotFinite, AStateInFlightEndsInAStartWhereItWasLast) {
   EXPECT_LT(rig.velocity_error(), 0.1);
 }
 
+/// The offset of a height sensor belongs to the world, and its first reading in a new one is no jump.
+TEST(EstimatorReset, ForgetsTheOffsetsOfHeightSensors) {
+  const Flight flight{.moving_from = 2};
+  Rig rig(flight, {});
+  int readings = 0;
+  rig.before_imu = [&](const ImuSample& s) {
+    if (++readings % 10 != 0) return;
+    const double t = (s.stamp - test::at(0)).seconds();
+    rig.estimator().add_height({s.stamp, HeightKind::kBarometer, 100 + flight.p(t).z()});
+  };
+  const Broken broken(rig, flight, 7.05, [&] { opened(rig.estimator()).window.newest().x.p[1] = kNone; });
+  ASSERT_GT(broken.restarted_s, 0);
+  EXPECT_EQ(rig.stats().resets, 1u);
+  EXPECT_GT(rig.stats().height_frames[0], 100u);
+  EXPECT_EQ(rig.stats().height_jumps[0], 0u);
+}
+
 INSTANTIATE_TEST_SUITE_P(
     Numbers, EstimatorNotFinite,
     testing::Values(Spoiling{"position", [](NavState& x) { x.p[1] = kNone; }},
