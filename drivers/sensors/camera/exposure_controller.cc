@@ -73,6 +73,7 @@ constexpr double kStepMost = 0.3;              // else steps below what health c
 constexpr double kBandMargin = 1.3, kBandMost = 0.9;  // a band that grows when it was left in vain ...
 constexpr double kBandDecay = 0.997;                  // ... and shrinks to the half in 700 images
 constexpr double kReachMost = 2;                      // logarithm: more than is ever wanted
+constexpr int kLongCalm = 10;                         // decisions: longer than a step of its own takes to show
 constexpr double kCalm = 0.97;                        // decay of the recent rotation rate per image
 constexpr double kWorthwhile = 1.5;                   // a longer exposure is taken up when it is longer by so much
 constexpr double kSameTotal = 0.02;                   // relative
@@ -118,6 +119,8 @@ ExposureState ExposureController::split(double total) const noexcept {
 /// The part of the wanted change that is made now; 0: none.
 double ExposureController::step_of(double wanted) noexcept {
   band_ = std::max(kStart, kBandDecay * band_);
+  // What it wants after a long calm is the light's doing, not an answer to its own last step.
+  if (!is_moving_ && ++calm_ >= kLongCalm) last_step_ = 0;
   const bool is_back = last_step_ * wanted < 0;
   // Back where it came from, again: what the clipped part was thought to hide is not there. Better stay.
   if (is_back && is_moving_ && ++turns_ > 1)
@@ -127,6 +130,8 @@ double ExposureController::step_of(double wanted) noexcept {
     if (band_ <= kStart) turns_ = 0;
     return 0;
   }
+  if (last_step_ == 0) reach_ = kReachMost;
+  calm_ = 0;
   reach_ = is_back ? std::abs(last_step_) / 2 : std::min(2 * reach_, kReachMost);
   const double most = std::min(reach_, std::abs(wanted) > kFar ? kReachMost : kStepMost);
   last_step_ = std::clamp(kDamping * wanted, -most, most);

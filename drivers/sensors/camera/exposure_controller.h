@@ -49,6 +49,7 @@ class ExposureController {
   double sum_ = 0;        ///< of wanted factors, logarithms
   int images_ = 0;
   bool is_moving_ = false;
+  int calm_ = 0;   ///< decisions since it moved
   int turns_ = 0;  ///< changes of direction since it was at rest
   // logarithms: the last change, how far the next may go, and what is near enough
   double last_step_ = 0, reach_ = 2, band_ = 0;
