@@ -28,6 +28,13 @@ struct Extrinsics {
   double readout_s = 0;      ///< rolling shutter: exposure of the last row minus that of the first
 };
 
+/// A second camera that exposes at the same time, rigidly mounted beside the first one. x_B = R_BC x_C + p_BC.
+struct SecondCamera {
+  bool use = false;  ///< false: its views are ignored
+  Mat3 R_BC = Mat3::Identity();
+  Vec3 p_BC = Vec3::Zero();
+};
+
 /// The measurement of the wheels of a ground vehicle: the speed of a point of the vehicle along its forward axis.
 struct WheelModel {
   bool use = true;                 ///< false: ignore speeds
@@ -102,6 +109,7 @@ struct EstimatorConfig {
   bool estimate_imu_scale = true;                                         ///< one factor for all axes of a sensor
   double accelerometer_scale_sigma = 1e-3, gyroscope_scale_sigma = 1e-3;  ///< relative
   Extrinsics extrinsics;
+  SecondCamera second;
   WheelModel wheel;                        ///< used if speeds arrive
   HeightModels heights = usual_heights();  ///< of each HeightKind; used if samples arrive
 };

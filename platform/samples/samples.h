@@ -62,12 +62,22 @@ struct TrackedFeature {
   std::array<double, 6> pixel_jacobian{};  ///< d pixel / d bearing, 2x3 row-major, px; its product with `bearing` is 0
 };
 
+/// The same track in the image that a second camera took at the same time.
+struct SecondView {
+  std::uint32_t id = 0;                    ///< of its TrackedFeature
+  std::uint32_t age = 0;                   ///< of that track; the second camera may have found it later
+  std::array<float, 2> pixel{};            ///< raw, in the second image
+  std::array<double, 3> bearing{};         ///< unit vector in the second camera's frame
+  std::array<double, 6> pixel_jacobian{};  ///< d pixel / d bearing, as of TrackedFeature
+};
+
 /// All tracks of one image.
 struct TrackedFrame {
   HostStamp stamp;
   std::uint64_t sequence = 0;
   std::uint32_t reasons = 0;  ///< as Frame::reasons
   FixedVector<TrackedFeature, kMaxFeatures> features;
+  FixedVector<SecondView, kMaxFeatures> second;  ///< of tracks in `features`, sorted by id; one camera: none
 };
 
 enum class HealthState : std::uint8_t { kInitialising, kTracking, kDegraded, kLost };
