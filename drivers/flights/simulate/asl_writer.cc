@@ -64,14 +64,19 @@ Status write_side(const fs::path& folder, const char* header, const std::string&
 
 }  // namespace
 
-Result<PartialFolder> make_asl_folder(const fs::path& folder) {
-  return PartialFolder::create(folder / "mav0", {"cam0/data", "imu0", "state_groundtruth_estimate0"});
+Result<PartialFolder> make_asl_folder(const fs::path& folder, bool second_camera) {
+  const fs::path root = folder / "mav0";
+  return second_camera ? PartialFolder::create(root, {"cam0/data", "cam1/data", "imu0", "state_groundtruth_estimate0"})
+                       : PartialFolder::create(root, {"cam0/data", "imu0", "state_groundtruth_estimate0"});
 }
 
 Status write_tables(const FlightTables& tables, const fs::path& root) {
-  if (Status s = write_text(root / "cam0/sensor.yaml", asl_camera(tables.camera, tables.image_rate_hz, tables.comment));
-      !s)
-    return s;
+  const auto write_camera = [&](const char* name, const CameraCalibration& camera) {
+    return write_text(root / name / "sensor.yaml", asl_camera(camera, tables.image_rate_hz, tables.comment));
+  };
+  if (Status s = write_camera("cam0", tables.camera); !s) return s;
+  if (tables.second_camera)
+    if (Status s = write_camera("cam1", *tables.second_camera); !s) return s;
   if (Status s = write_text(root / "imu0/sensor.yaml", asl_imu(tables.imu)); !s) return s;
   if (Status s = write_text(root / "imu0/data.csv", imu_text(tables.imu_samples)); !s) return s;
   if (Status s = write_side(root / "wheel0", kAslWheelHeader, wheel_rows(tables.wheel_samples)); !s) return s;
@@ -81,10 +86,10 @@ Status write_tables(const FlightTables& tables, const fs::path& root) {
   return write_text(root / "state_groundtruth_estimate0/data.csv", truth_text(tables.truth));
 }
 
-Status write_image_list(const std::vector<ImageRow>& rows, const fs::path& root) {
+Status write_image_list(const std::vector<ImageRow>& rows, const fs::path& camera) {
   std::string out = kAslImagesHeader;
   for (const ImageRow& row : rows) append_asl_image(out, row.stamp, row.file);
-  return write_text(root / "cam0/data.csv", out);
+  return write_text(camera / "data.csv", out);
 }
 
 Status write_asl(const TrackSimulation& simulation, const SimulatedFlight& flight, const fs::path& folder,

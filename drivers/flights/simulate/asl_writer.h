@@ -1,6 +1,7 @@
 #pragma once
 // Writes a simulated flight as an ASL folder, which a replay reads.
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,9 +12,9 @@
 
 namespace epiline {
 
-/// Creates `folder`/mav0 under a temporary name, with cam0/data, imu0 and state_groundtruth_estimate0. Fails if and
-/// only if a folder cannot be created.
-Result<PartialFolder> make_asl_folder(const std::filesystem::path& folder);
+/// Creates `folder`/mav0 under a temporary name, with cam0/data, imu0 and state_groundtruth_estimate0, for a second
+/// camera also cam1/data. Fails if and only if a folder cannot be created.
+Result<PartialFolder> make_asl_folder(const std::filesystem::path& folder, bool second_camera = false);
 
 /// Where the body was, and what its IMU added.
 struct TruthRow {
@@ -25,6 +26,7 @@ struct TruthRow {
 struct FlightTables {
   std::string comment;  ///< for the camera's sensor.yaml: where the flight comes from
   CameraCalibration camera;
+  std::optional<CameraCalibration> second_camera;  ///< takes its images at the same time
   double image_rate_hz = 20;
   ImuCalibration imu;
   std::vector<ImuSample> imu_samples;
@@ -33,16 +35,17 @@ struct FlightTables {
   std::vector<TruthRow> truth;
 };
 
-/// Writes cam0/sensor.yaml, imu0/{sensor.yaml,data.csv}, {wheel0,baro0,range0}/data.csv and the truth. Fails if and
-/// only if a file cannot be written whole.
+/// Writes sensor.yaml of the cameras, imu0/{sensor.yaml,data.csv}, {wheel0,baro0,range0}/data.csv and the truth. Fails
+/// if and only if a file cannot be written whole.
 Status write_tables(const FlightTables& tables, const std::filesystem::path& root);
 
-/// One image's place in cam0/data.csv.
+/// One image's place in a camera's data.csv.
 struct ImageRow {
   HostStamp stamp;
   std::string file;
 };
-Status write_image_list(const std::vector<ImageRow>& rows, const std::filesystem::path& root);
+/// `camera`: the folder of a camera, that of cam0 for instance.
+Status write_image_list(const std::vector<ImageRow>& rows, const std::filesystem::path& camera);
 
 /// Writes a flight with simulated tracks instead of images: `folder`/mav0, complete or not at all.
 Status write_asl(const TrackSimulation& simulation, const SimulatedFlight& flight, const std::filesystem::path& folder,

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <string>
 #include <utility>
 
 #include "drivers/flights/simulate/render/image_writer.h"
@@ -11,6 +12,7 @@ namespace epiline {
 namespace {
 
 enum Stream : std::uint64_t { kFlightStream = 700, kImuStream, kDropStream, kImuErrorStream };
+constexpr std::uint64_t kSecondCameraSeed = 0x5eed'0000'0000;  ///< its noise is not that of the first camera
 
 /// The camera's places over the whole motion.
 std::vector<Vec3> camera_path(const FlightToRender& flight) {
@@ -99,13 +101,27 @@ WorldKind usual_world(FlightKind kind) {
   return WorldKind::kRoom;
 }
 
+CameraCalibration beside(const CameraCalibration& first, const CameraCalibration& rig_first,
+                         const CameraCalibration& rig_second) {
+  CameraCalibration second = rig_second;
+  const Mat3 turn = first.R_BC * rig_first.R_BC.transpose();
+  second.R_BC = turn * rig_second.R_BC;
+  second.p_BC = first.p_BC + turn * (rig_second.p_BC - rig_first.p_BC);
+  return second;
+}
+
+CameraCalibration to_the_right(const CameraCalibration& first, double baseline_m) {
+  CameraCalibration second = first;
+  second.p_BC = first.p_BC + baseline_m * first.R_BC.col(0);
+  return second;
+}
+
 Status render_flight(const FlightToRender& flight, const RenderChoice& choice, const std::filesystem::path& folder,
                      const std::function<void(std::size_t, std::size_t)>& progress) {
-  auto made = make_asl_folder(folder);
-  if (!made) return made.error();
   FlightTables tables = flight.tables;
-  CameraCalibration& camera = tables.camera;
-  camera.parameters.readout_s = choice.effects.camera.row_time_s * (camera.parameters.height - 1);
+  auto made = make_asl_folder(folder, tables.second_camera.has_value());
+  if (!made) return made.error();
+  tables.camera.parameters.readout_s = choice.effects.camera.row_time_s * (tables.camera.parameters.height - 1);
   const World world = make_world(choice.world, camera_path(flight), choice.effects.movers, choice.seed);
   if (choice.range) add_range(flight, world, choice, tables.height_samples);
   if (Status s = write_tables(tables, made->root()); !s) return s;
@@ -113,13 +129,18 @@ Status render_flight(const FlightToRender& flight, const RenderChoice& choice, c
   std::vector<double> times_s;
   const int images = static_cast<int>((flight.to_s - flight.from_s) * flight.tables.image_rate_hz) + 1;
   for (int i = 0; i < images; ++i) times_s.push_back(flight.from_s + i / flight.tables.image_rate_hz);
-  const RenderSettings settings{camera.parameters, camera.R_BC, camera.p_BC, choice.effects.camera, choice.seed};
-  const Renderer renderer(world, atlas, *flight.motion, settings, times_s);
-  if (Status s = write_images(renderer, camera.parameters.width, camera.parameters.height,
-                              tasks_of(flight, times_s, choice), choice.jobs, made->root(), progress);
-      !s) {
-    return s;
-  }
+  const std::vector<ImageTask> tasks = tasks_of(flight, times_s, choice);
+  const std::size_t cameras = tables.second_camera ? 2 : 1;
+  const auto render = [&](const CameraCalibration& camera, std::uint64_t seed, std::size_t number) {
+    const RenderSettings settings{camera.parameters, camera.R_BC, camera.p_BC, choice.effects.camera, seed};
+    const Renderer renderer(world, atlas, *flight.motion, settings, times_s);
+    return write_images(renderer, camera.parameters.width, camera.parameters.height, tasks, choice.jobs,
+                        made->root() / ("cam" + std::to_string(number)),
+                        [&](std::size_t done, std::size_t all) { progress(number * all + done, cameras * all); });
+  };
+  if (Status s = render(tables.camera, choice.seed, 0); !s) return s;
+  if (tables.second_camera)
+    if (Status s = render(*tables.second_camera, choice.seed ^ kSecondCameraSeed, 1); !s) return s;
   return made->finish();
 }
 

@@ -34,6 +34,12 @@ struct RenderChoice {
 FlightToRender built_in_flight(FlightKind kind, const ImuEffects& imu_effects, const CameraCalibration& camera,
                                double rate_hz, std::uint64_t seed, double height_m = kUsualHeight_m);
 
+/// The second camera beside the first one, as in a rig with these calibrations of both.
+CameraCalibration beside(const CameraCalibration& first, const CameraCalibration& rig_first,
+                         const CameraCalibration& rig_second);
+/// A second camera of the same lens, parallel to the first one, `baseline_m` to its right.
+CameraCalibration to_the_right(const CameraCalibration& first, double baseline_m);
+
 /// The world that fits a built-in flight.
 WorldKind usual_world(FlightKind kind);
 

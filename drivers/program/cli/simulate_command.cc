@@ -21,14 +21,14 @@ namespace {
 
 struct SimulateArguments {
   std::string flight = to_string(FlightKind::kHall), from, imu = "recorded", imu_calibration, world,
-              effects = kUsualEffects, camera, out;
+              effects = kUsualEffects, camera, second_camera, out;
   bool tracks = false, quiet = false;
   std::uint64_t seed = 1;
   bool wheels = false, has_barometer = false, has_range = false;
   WheelSimulation wheel;
   BarometerSimulation barometer;
   RangeSimulation range;
-  double duration_s = 0, rate_hz = 20;
+  double duration_s = 0, rate_hz = 20, baseline_m = 0;
   int jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   TrackSimulation simulation;
 };
@@ -70,6 +70,29 @@ CameraCalibration usual_camera() {
   return c;
 }
 
+Error without_first_camera(const SimulateArguments& o) {
+  return {ErrorKind::kUsage, o.second_camera, 0, "a second camera without a first one",
+          "the rig's first camera as well (--camera), or --baseline"};
+}
+
+/// Gives the flight its second camera. `rig_first`: the first camera in the rig of --second-camera.
+Status add_second_camera(const SimulateArguments& o, const CameraCalibration& rig_first, const FlightEffects& effects,
+                         FlightTables& tables) {
+  if (o.second_camera.empty() && o.baseline_m == 0) return Done{};
+  if (effects.camera.row_time_s != 0)
+    return Error{ErrorKind::kUsage, "", 0, "a rolling shutter with two cameras", "global shutters"};
+  if (o.second_camera.empty()) {
+    tables.second_camera = to_the_right(tables.camera, o.baseline_m);
+  } else {
+    const auto rig_second = read_camera_calibration(o.second_camera, "cam1");
+    if (!rig_second) return rig_second.error();
+    tables.second_camera = beside(tables.camera, rig_first, *rig_second);
+  }
+  tables.second_camera->parameters.readout_s = 0;
+  tables.second_camera->time_offset_s = tables.camera.time_offset_s;
+  return Done{};
+}
+
 int render(const SimulateArguments& o, const FlightEffects& effects, FlightToRender flight, WorldKind usual_world) {
   if (o.wheels) flight.tables.wheel_samples = simulate_wheel(*flight.motion, flight.begin, o.wheel, o.seed);
   if (o.has_barometer)
@@ -90,9 +113,11 @@ int render_built_in(const SimulateArguments& o, const FlightEffects& effects) {
     if (!calibration) return report(calibration.error());
     camera = *calibration;
   }
+  if (o.camera.empty() && !o.second_camera.empty()) return report(without_first_camera(o));
   const FlightKind kind = *flight_from(o.flight);
-  return render(o, effects, built_in_flight(kind, effects.imu, camera, o.rate_hz, o.seed, o.simulation.height_m),
-                usual_world(kind));
+  FlightToRender flight = built_in_flight(kind, effects.imu, camera, o.rate_hz, o.seed, o.simulation.height_m);
+  if (const Status s = add_second_camera(o, camera, effects, flight.tables); !s) return report(s.error());
+  return render(o, effects, std::move(flight), usual_world(kind));
 }
 
 int render_recorded(const SimulateArguments& o, const FlightEffects& effects) {
@@ -104,6 +129,8 @@ int render_recorded(const SimulateArguments& o, const FlightEffects& effects) {
                                .image_rate_hz = o.rate_hz,
                                .seed = o.seed});
   if (!hybrid) return report(hybrid.error());
+  FlightTables& tables = hybrid->flight.tables;
+  if (const Status s = add_second_camera(o, tables.camera, effects, tables); !s) return report(s.error());
   if (!o.quiet) fmt::print("{}", text_of(hybrid->fit));
   const int code = render(o, effects, std::move(hybrid->flight), hybrid->usual_world);
   if (code != kExitDone) return code;
@@ -123,6 +150,20 @@ std::vector<std::string> names(const All& all) {
   std::vector<std::string> list;
   for (const auto kind : all) list.emplace_back(to_string(kind));
   return list;
+}
+
+void add_second_camera(CLI::App& command, const std::shared_ptr<SimulateArguments>& o, CLI::Option* tracks) {
+  CLI::Option* file = command
+                          .add_option("--second-camera", o->second_camera,
+                                      "calibration (sensor.yaml) of a second camera that takes its images at the same "
+                                      "time (cam1); together with that of --camera it gives the rig")
+                          ->excludes(tracks);
+  command
+      .add_option("--baseline", o->baseline_m,
+                  "a second camera of the same lens, parallel to the first one, this far to its right, m")
+      ->check(CLI::Range(-0.4, 0.4))
+      ->excludes(tracks)
+      ->excludes(file);
 }
 
 void add_heights(CLI::App& command, const std::shared_ptr<SimulateArguments>& o) {
@@ -189,6 +230,7 @@ void add_simulate(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   CLI::Option* tracks =
       command->add_flag("--tracks", o->tracks, "write simulated tracks with noise instead of images")->excludes(from);
+  add_second_camera(*command, o, tracks);
   command
       ->add_option("--pixel-noise", o->simulation.noise.pixel_sigma,
                    "with --tracks: standard deviation of their noise, px")

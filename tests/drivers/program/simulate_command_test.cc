@@ -2,6 +2,7 @@
 #include <functional>
 #include <sstream>
 
+#include "pipeline/config/calibration.h"
 #include "tests/drivers/program/program.h"
 
 namespace epiline {
@@ -45,6 +46,45 @@ TEST_F(SimulateCommand, IsReproducible) {
     EXPECT_NE(read(scratch() / "a/mav0/cam0/data" / name), read(scratch() / "c/mav0/cam0/data" / name));
   }
   EXPECT_EQ(read(scratch() / "a/mav0/imu0/data.csv"), read(scratch() / "b/mav0/imu0/data.csv"));
+}
+
+// A second camera leaves the bytes of the first one as they are, and has an image for each of its images.
+TEST_F(SimulateCommand, RendersASecondCameraBesideTheFirst) {
+  const std::string flight = "simulate --flight hall --duration 0.3 --effects noise,blur,drops=0.3 ";
+  ASSERT_EQ(run(flight + "--out " + in("one")).exit_code, 0);
+  ASSERT_EQ(run(flight + "--baseline 0.11 --out " + in("two")).exit_code, 0);
+  const auto names = images("one");
+  ASSERT_EQ(names, images("two"));
+  ASSERT_GE(names.size(), 2U);
+  for (const fs::path& name : names) {
+    const std::string first = read(scratch() / "two/mav0/cam0/data" / name);
+    EXPECT_EQ(first, read(scratch() / "one/mav0/cam0/data" / name));
+    EXPECT_NE(first, read(scratch() / "two/mav0/cam1/data" / name));
+  }
+  EXPECT_EQ(read(scratch() / "two/mav0/cam0/data.csv"), read(scratch() / "two/mav0/cam1/data.csv"));
+  EXPECT_FALSE(fs::exists(scratch() / "one/mav0/cam1"));
+  const auto first = read_camera_calibration(scratch() / "two/mav0/cam0/sensor.yaml", "cam0");
+  const auto second = read_camera_calibration(scratch() / "two/mav0/cam1/sensor.yaml", "cam1");
+  ASSERT_TRUE(first && second);
+  EXPECT_LT((first->R_BC.transpose() * (second->p_BC - first->p_BC) - Vec3(0.11, 0, 0)).norm(), 1e-12);
+}
+
+// Two calibrations give a rig; a built-in flight turns it as a whole.
+TEST_F(SimulateCommand, KeepsTheRigOfTwoCalibrations) {
+  ASSERT_EQ(run("simulate --flight hall --duration 0.1 --baseline 0.2 --out " + in("a")).exit_code, 0);
+  const std::string a = in("a/mav0/"),
+                    rig = " --camera " + a + "cam0/sensor.yaml --second-camera " + a + "cam1/sensor.yaml";
+  ASSERT_EQ(run("simulate --flight survey --duration 0.1" + rig + " --out " + in("b")).exit_code, 0);
+  const auto first = read_camera_calibration(scratch() / "b/mav0/cam0/sensor.yaml", "cam0");
+  const auto second = read_camera_calibration(scratch() / "b/mav0/cam1/sensor.yaml", "cam1");
+  ASSERT_TRUE(first && second);
+  EXPECT_LT((first->R_BC.transpose() * (second->p_BC - first->p_BC) - Vec3(0.2, 0, 0)).norm(), 1e-12);
+  EXPECT_LT((first->R_BC - second->R_BC).norm(), 1e-12);
+  expect_one_line(run("simulate --flight hall --second-camera " + a + "cam1/sensor.yaml --out " + in("x")), 2,
+                  {"--camera"});
+  expect_one_line(run("simulate --flight hall --baseline 0.1 --effects rolling-shutter=30 --out " + in("x")), 2,
+                  {"rolling shutter"});
+  EXPECT_FALSE(fs::exists(scratch() / "x"));
 }
 
 TEST_F(SimulateCommand, DropsImages) {

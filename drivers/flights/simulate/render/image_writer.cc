@@ -48,13 +48,14 @@ void work(const Renderer& renderer, int width, int height, const std::vector<Ima
 }  // namespace
 
 Status write_images(const Renderer& renderer, int width, int height, const std::vector<ImageTask>& tasks, int jobs,
-                    const std::filesystem::path& root, const std::function<void(std::size_t, std::size_t)>& progress) {
+                    const std::filesystem::path& camera,
+                    const std::function<void(std::size_t, std::size_t)>& progress) {
   Progress shared;
   shared.working = static_cast<std::size_t>(std::max(1, jobs));
   {
     std::vector<std::jthread> threads;
     for (int i = 0; i < std::max(1, jobs); ++i)
-      threads.emplace_back([&] { work(renderer, width, height, tasks, root / "cam0/data", shared); });
+      threads.emplace_back([&] { work(renderer, width, height, tasks, camera / "data", shared); });
     std::unique_lock lock(shared.mutex);
     while (shared.working > 0) {
       shared.changed.wait(lock);
@@ -65,7 +66,7 @@ Status write_images(const Renderer& renderer, int width, int height, const std::
   if (shared.error) return *shared.error;
   std::vector<ImageRow> rows;
   for (const ImageTask& task : tasks) rows.push_back({task.stamp, file_name(task.stamp)});
-  return write_image_list(rows, root);
+  return write_image_list(rows, camera);
 }
 
 }  // namespace epiline

@@ -15,9 +15,9 @@ struct ImageTask {
   HostStamp stamp;
 };
 
-/// Renders into `root`/cam0/data as PNG, with `jobs` threads, and writes the list. `progress` is called from the
-/// calling thread with images done and images in all. Fails if and only if a file cannot be written whole.
+/// Renders into `camera`/data as PNG, with `jobs` threads, and writes the list `camera`/data.csv. `progress` is called
+/// from the calling thread with images done and images in all. Fails if and only if a file cannot be written whole.
 Status write_images(const Renderer& renderer, int width, int height, const std::vector<ImageTask>& tasks, int jobs,
-                    const std::filesystem::path& root, const std::function<void(std::size_t, std::size_t)>& progress);
+                    const std::filesystem::path& camera, const std::function<void(std::size_t, std::size_t)>& progress);
 
 }  // namespace epiline
