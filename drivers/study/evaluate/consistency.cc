@@ -58,17 +58,6 @@ std::optional<Gauge> gauge_of(std::uint32_t segment, const Trajectory& reference
   return Gauge(origin->pose, truth);
 }
 
-/// The reference's velocity at a time it reaches.
-Vec3 velocity_at(const Trajectory& reference, HostStamp stamp) {
-  const auto& poses = reference.poses;
-  const auto after =
-      std::upper_bound(poses.begin(), poses.end(), stamp, [](HostStamp t, const TimedPose& p) { return t < p.stamp; });
-  const auto a = static_cast<std::size_t>(after - poses.begin()) - 1, b = std::min(a + 1, poses.size() - 1);
-  const double gap = (poses[b].stamp - poses[a].stamp).seconds();
-  const double u = gap > 0 ? (stamp - poses[a].stamp).seconds() / gap : 0;
-  return (1 - u) * reference.v_WB_m_s[a] + u * reference.v_WB_m_s[b];
-}
-
 }  // namespace
 
 CalibrationCurves pooled(const CalibrationCurves& a, const CalibrationCurves& b) {
@@ -77,6 +66,16 @@ CalibrationCurves pooled(const CalibrationCurves& a, const CalibrationCurves& b)
 
 double yaw_error(const TimedPose& estimate, const TimedPose& reference) {
   return yaw_of((reference.q_WB * estimate.q_WB.conjugate()).toRotationMatrix());
+}
+
+Vec3 velocity_at(const Trajectory& reference, HostStamp stamp) {
+  const auto& poses = reference.poses;
+  const auto after =
+      std::upper_bound(poses.begin(), poses.end(), stamp, [](HostStamp t, const TimedPose& p) { return t < p.stamp; });
+  const auto a = static_cast<std::size_t>(after - poses.begin()) - 1, b = std::min(a + 1, poses.size() - 1);
+  const double gap = (poses[b].stamp - poses[a].stamp).seconds();
+  const double u = gap > 0 ? (stamp - poses[a].stamp).seconds() / gap : 0;
+  return (1 - u) * reference.v_WB_m_s[a] + u * reference.v_WB_m_s[b];
 }
 
 Span longest_gap(const Trajectory& reference) {

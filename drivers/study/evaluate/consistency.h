@@ -56,6 +56,9 @@ Consistency consistency(const std::vector<PosePair>& pairs, const Trajectory& es
 /// Signed yaw (rad) that turns the estimate's heading into the reference's.
 double yaw_error(const TimedPose& estimate, const TimedPose& reference);
 
+/// The velocity (W, m/s) of a reference that has velocities, at a time that it reaches.
+Vec3 velocity_at(const Trajectory& reference, HostStamp stamp);
+
 /// The longest hole in the reference that may be interpolated over: 0.1 s, or 2.5 usual intervals where the reference
 /// is slower than that.
 Span longest_gap(const Trajectory& reference);
