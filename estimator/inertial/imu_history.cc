@@ -17,6 +17,7 @@ constexpr double kUsual = 0.5;        // of that limit
 constexpr double kUnknown = 3;        // times the usual error, of a value surely in the right place
 constexpr double kLongestStep = 1.5;  // periods between neighbours
 constexpr std::uint64_t kReach = 2;   // neighbours on each side
+constexpr int kMostLost = 3;          // in a row, below the length of a gap
 
 Interpolator::Values values_of(const ImuHistory::Reading& r) {
   return (Interpolator::Values() << r.w.array(), r.a.array()).finished();
@@ -82,10 +83,33 @@ ImuHistory::Push ImuHistory::push(const ImuSample& s) {
 void ImuHistory::take(Reading r) {
   has_aside_ = false;
   after_gap_ = period_.step(r.stamp);
+  if (count_ > 0 && !after_gap_) keep_places(r.stamp);
   judge(r);
+  append(r);
+}
+
+void ImuHistory::append(const Reading& r) {
   readings_[count_++ % kCapacity] = r;
   look_back();
   if (count_ - first() > 4 * kReach) confirm(count_ - 1 - 2 * kReach);
+}
+
+/// A straight line over a lost reading leaves out what the vehicle did there, and claims to know it. So each lost one
+/// has a place of its own, where it is interpolated as a corrupt one is.
+void ImuHistory::keep_places(HostStamp next) {
+  if (period() <= 0) return;
+  const HostStamp last = newest_stamp();
+  const double step_s = (next - last).seconds();
+  const int lost = static_cast<int>(std::lround(step_s / period())) - 1;
+  if (lost < 1 || lost > kMostLost) return;
+  Reading r = value(count_ - 1);
+  r.distrusted = r.replaced = false;
+  r.suspect = r.lost = true;
+  r.unknown = judge_.unknown_of_lost(lost);
+  for (int k = 1; k <= lost; ++k) {
+    r.stamp = last + Span::from_seconds(step_s * k / (lost + 1));
+    append(r);
+  }
 }
 
 void ImuHistory::judge(Reading& r) {
@@ -94,22 +118,25 @@ void ImuHistory::judge(Reading& r) {
   r.unknown = v.unknown;
   if (v.suspect) ++counts_.suspects;
   if (v.past == SpikeJudge::Past::kOpen) return;
-  const auto past = std::min(static_cast<std::uint64_t>(v.past_count), count_ - first());
-  for (std::uint64_t i = count_ - past; i < count_; ++i) {
-    Reading& suspect = at(i);
+  std::uint64_t i = count_;
+  for (int left = v.past_count; left > 0 && i > first();) {
+    Reading& suspect = at(--i);
+    if (suspect.lost) continue;
+    --left;
     suspect.suspect = v.past != SpikeJudge::Past::kReal;
     suspect.in_gap = v.past == SpikeJudge::Past::kGap;
     suspect.unknown = v.unknown;
     // what the watch said of a value that is not used
     if (v.past == SpikeJudge::Past::kSpikes) suspect.distrusted = false;
   }
-  if (v.past == SpikeJudge::Past::kSpikes) counts_.bridged += past;
+  if (v.past == SpikeJudge::Past::kSpikes) counts_.bridged += static_cast<std::uint64_t>(v.past_count);
   if (v.past == SpikeJudge::Past::kGap) ++counts_.gaps;
   after_gap_ = after_gap_ || v.past == SpikeJudge::Past::kGap;
-  revise(count_ - past);
-  if (v.base_is_spike && count_ - past > first()) {
-    revise(count_ - past - 1);
-    Reading& base = at(count_ - past - 1);
+  revise(i);
+  while (i > first() && at(i - 1).lost) --i;
+  if (v.base_is_spike && i > first()) {
+    revise(i - 1);
+    Reading& base = at(i - 1);
     base.suspect = true;
     base.unknown = v.unknown;
     ++counts_.bridged;
@@ -193,8 +220,9 @@ void ImuHistory::confirm(std::uint64_t i) {
 /// Only the axes that are corrupt: what the others measured is worth more than what is likely.
 void ImuHistory::replace(Reading& r, const Interpolator::Values& likely) {
   const Interpolator::Values measured = values_of(r);
+  const double limit = r.lost ? 0 : kCorruptAxis;
   const Interpolator::Values v =
-      ((measured - likely).abs() > kCorruptAxis * interpolator_.usual_error()).select(likely, measured);
+      ((measured - likely).abs() > limit * interpolator_.usual_error()).select(likely, measured);
   r.w = v.head<3>();
   r.a = v.tail<3>();
   r.replaced = true;

@@ -30,6 +30,7 @@ class ImuHistory {
     bool suspect = false;           ///< unlike its known neighbours: an interpolated value replaces it
     bool replaced = false;          ///< a suspect whose corrupt axes were replaced by likely values
     bool in_gap = false;            ///< one of too many suspects in a row: treated as missing
+    bool lost = false;              ///< a suspect that stands for a sample that did not come or was refused
     SpikeJudge::Unknown unknown{};  ///< of a suspect
   };
   struct Counts {
@@ -92,6 +93,8 @@ class ImuHistory {
   Reading value(std::uint64_t i) const;
   HostStamp newest_stamp() const { return at(count_ - 1).stamp; }
   void take(Reading reading);
+  void keep_places(HostStamp next);
+  void append(const Reading& reading);
   void judge(Reading& reading);
   void look_back();
   void judge_again(std::uint64_t i);

@@ -111,6 +111,11 @@ SpikeJudge::Unknown SpikeJudge::unknown(bool alone) const noexcept {
           size(worst_force_, force_scale_.maxCoeff(), force_limit().maxCoeff())};
 }
 
+SpikeJudge::Unknown SpikeJudge::unknown_of_lost(int in_a_row) const noexcept {
+  const double root = std::sqrt(in_a_row);  // neighbours are off together
+  return {static_cast<float>(root * rate_scale_.maxCoeff()), static_cast<float>(root * force_scale_.maxCoeff())};
+}
+
 void SpikeJudge::forget(HostStamp now) noexcept {
   recent_ *= std::exp(-std::max(0.0, (now - recent_at_).seconds()) / kForgotten_s);
   recent_at_ = now;

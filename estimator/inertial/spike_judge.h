@@ -54,6 +54,9 @@ class SpikeJudge {
   /// it.
   Verdict step(HostStamp stamp, const Vec3& w, const Vec3& a, bool after_gap) noexcept;
 
+  /// Of the values put in the places of readings that did not come, so many in a row.
+  Unknown unknown_of_lost(int in_a_row) const noexcept;
+
   /// True if spikes come several times a second.
   bool persists() const noexcept { return recent_ > kPersistent; }
   void clear() noexcept { *this = {}; }

@@ -244,6 +244,42 @@ TEST(ImuHistory, OnlyTheCorruptAxisOfAReadingIsReplaced) {
   EXPECT_EQ(seen, 1);
 }
 
+/// A straight line over a place in a vibration leaves out a whole peak, and claims to know it.
+TEST(ImuHistory, AReadingThatDidNotComeHasAPlaceAndItsSizeIsUnknown) {
+  const auto good = vibrating_history(800, [](int, ImuSample&) {});
+  for (const bool refused : {true, false}) {
+    const auto bad = std::make_unique<ImuHistory>();
+    for (int i = 0; i < 800; ++i) {
+      ImuSample s = vibrating(i);
+      if (i == 600 && !refused) continue;
+      if (i == 600) s.angular_velocity_rad_s[0] = std::nan("");
+      bad->push(s);
+    }
+    const Preintegration expected = integrated(*good, 2.9, 3.1), z = integrated(*bad, 2.9, 3.1);
+    EXPECT_LT((z.dv - expected.dv).norm(), 2 * kBridged_m_s) << "the line over it: 0.0138 m/s";
+    EXPECT_GT(z.C(6, 6), 2 * expected.C(6, 6));
+    EXPECT_LT(std::sqrt(z.C(6, 6)), 0.03) << "the peak of a vibration, for a period";
+    EXPECT_EQ(bad->counts().bridged + bad->counts().suspects + bad->counts().gaps, 0U) << "it was not corrupt";
+    EXPECT_EQ(difference(integrated(*good, 3.1, 3.2), integrated(*bad, 3.1, 3.2)), 0);
+  }
+}
+
+/// Before a lost reading, and after it, what corrupt readings say is still of the readings that came.
+TEST(ImuHistory, ACorruptReadingBesideALostOneIsStillBridged) {
+  for (const int lost : {598, 599, 601, 602}) {
+    const auto h = std::make_unique<ImuHistory>();
+    for (int i = 0; i < 800; ++i) {
+      ImuSample s = vibrating(i);
+      if (i == lost) continue;
+      if (i == 600) s.specific_force_m_s2[2] += 200;
+      h->push(s);
+    }
+    EXPECT_EQ(h->counts().bridged, 1U);
+    const Vec3 true_dv = integrated(*vibrating_history(800, [](int, ImuSample&) {}), 2.9, 3.1).dv;
+    EXPECT_LT((integrated(*h, 2.9, 3.1).dv - true_dv).norm(), 0.03) << "two in a row are unknown; the spike is 1 m/s";
+  }
+}
+
 TEST(ImuHistory, TellsFromWhereOnIntegralsHaveChanged) {
   const auto h = std::make_unique<ImuHistory>();
   for (int i = 0; i <= 600; ++i) {
