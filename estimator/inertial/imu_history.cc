@@ -17,7 +17,8 @@ constexpr double kUsual = 0.5;        // of that limit
 constexpr double kUnknown = 3;        // times the usual error, of a value surely in the right place
 constexpr double kLongestStep = 1.5;  // periods between neighbours
 constexpr std::uint64_t kReach = 2;   // neighbours on each side
-constexpr int kMostLost = 3;          // in a row, below the length of a gap
+constexpr int kMostLost = 3;          // in a row
+constexpr int kNeverRepeated = 100;   // readings in a row of which none repeats its predecessor
 
 Interpolator::Values values_of(const ImuHistory::Reading& r) {
   return (Interpolator::Values() << r.w.array(), r.a.array()).finished();
@@ -40,6 +41,7 @@ void ImuHistory::clear() {
   judge_.clear();
   interpolator_ = {};
   departures_ = {};
+  all_differed_ = repeated_ = 0;
   revised_.reset();
   has_aside_ = false;
 }
@@ -83,7 +85,8 @@ ImuHistory::Push ImuHistory::push(const ImuSample& s) {
 void ImuHistory::take(Reading r) {
   has_aside_ = false;
   after_gap_ = period_.step(r.stamp);
-  if (count_ > 0 && !after_gap_) keep_places(r.stamp);
+  if (count_ > 0 && keep_places(r.stamp)) after_gap_ = false;
+  if (count_ > 0 && repeats(r)) return keep_place(r.stamp, repeated_);
   judge(r);
   append(r);
 }
@@ -94,22 +97,41 @@ void ImuHistory::append(const Reading& r) {
   if (count_ - first() > 4 * kReach) confirm(count_ - 1 - 2 * kReach);
 }
 
-/// A straight line over a lost reading leaves out what the vehicle did there, and claims to know it. So each lost one
-/// has a place of its own, where it is interpolated as a corrupt one is.
-void ImuHistory::keep_places(HostStamp next) {
-  if (period() <= 0) return;
+/// A straight line over lost readings leaves out what the vehicle did there, and claims to know it. So each has a place
+/// of its own, where it is interpolated as a corrupt one is.
+void ImuHistory::keep_place(HostStamp stamp, int in_a_row) {
+  Reading r = value(count_ - 1);
+  r.stamp = stamp;
+  r.distrusted = r.replaced = false;
+  r.suspect = r.lost = true;
+  r.unknown = judge_.unknown_of_lost(in_a_row);
+  append(r);
+}
+
+/// False: none was lost, or too many.
+bool ImuHistory::keep_places(HostStamp next) {
+  if (period() <= 0) return false;
   const HostStamp last = newest_stamp();
   const double step_s = (next - last).seconds();
   const int lost = static_cast<int>(std::lround(step_s / period())) - 1;
-  if (lost < 1 || lost > kMostLost) return;
-  Reading r = value(count_ - 1);
-  r.distrusted = r.replaced = false;
-  r.suspect = r.lost = true;
-  r.unknown = judge_.unknown_of_lost(lost);
-  for (int k = 1; k <= lost; ++k) {
-    r.stamp = last + Span::from_seconds(step_s * k / (lost + 1));
-    append(r);
+  if (lost < 1 || lost > kMostLost) return false;
+  for (int k = 1; k <= lost; ++k) keep_place(last + Span::from_seconds(step_s * k / (lost + 1)), lost);
+  return true;
+}
+
+/// A sensor that hangs sends its last reading again. Noise hardly ever repeats in six values, so where none did before,
+/// a few that do are as good as lost. More in a row are for the watch to tell, or a sensor without noise.
+bool ImuHistory::repeats(const Reading& r) {
+  const bool same = r.w == last_w_ && r.a == last_a_;
+  last_w_ = r.w;
+  last_a_ = r.a;
+  if (same && all_differed_ >= kNeverRepeated && ++repeated_ <= kMostLost) {
+    counts_.bridged += repeated_ == 1 ? 0U : repeated_ == 2 ? 2U : 1U;  // a single one may be chance
+    return true;
   }
+  all_differed_ = same ? 0 : all_differed_ + 1;
+  repeated_ = 0;
+  return false;
 }
 
 void ImuHistory::judge(Reading& r) {

@@ -18,7 +18,7 @@ class ImuHistory {
   enum class Push : std::uint8_t {
     kTaken,
     kOutOfOrder,
-    kDuplicate,
+    kDuplicate,  ///< the stamp of the newest one, or a new stamp and the same six values though others never repeat
     kNotFinite,
     kImpossible,  ///< left out: a value that no sensor measures (is_impossible)
     kFarAhead,    ///< held: used together with the next sample if that confirms its timestamp
@@ -30,12 +30,12 @@ class ImuHistory {
     bool suspect = false;           ///< unlike its known neighbours: an interpolated value replaces it
     bool replaced = false;          ///< a suspect whose corrupt axes were replaced by likely values
     bool in_gap = false;            ///< one of too many suspects in a row: treated as missing
-    bool lost = false;              ///< a suspect that stands for a sample that did not come or was refused
+    bool lost = false;              ///< a suspect that stands for a sample that did not come, was refused, or repeated
     SpikeJudge::Unknown unknown{};  ///< of a suspect
   };
   struct Counts {
     std::uint64_t suspects = 0;  ///< samples unlike the previous ones
-    std::uint64_t bridged = 0;   ///< samples unlike both neighbours: corrupt, replaced
+    std::uint64_t bridged = 0;   ///< samples unlike both neighbours, or repeated several times: corrupt, replaced
     std::uint64_t gaps = 0;      ///< bursts too long to bridge
   };
   struct Density {
@@ -93,7 +93,9 @@ class ImuHistory {
   Reading value(std::uint64_t i) const;
   HostStamp newest_stamp() const { return at(count_ - 1).stamp; }
   void take(Reading reading);
-  void keep_places(HostStamp next);
+  void keep_place(HostStamp stamp, int in_a_row);
+  bool keep_places(HostStamp next);
+  bool repeats(const Reading& reading);
   void append(const Reading& reading);
   void judge(Reading& reading);
   void look_back();
@@ -122,6 +124,8 @@ class ImuHistory {
   std::array<double, 5> departures_{};  // of the last readings between four others, the newest last; negative: none
   std::optional<HostStamp> revised_;
   Counts counts_;
+  Vec3 last_w_ = Vec3::Zero(), last_a_ = Vec3::Zero();
+  int all_differed_ = 0, repeated_ = 0;  // readings in a row
   bool has_aside_ = false;
   Reading aside_;  // far ahead of the others, not confirmed
 };

@@ -264,6 +264,36 @@ TEST(ImuHistory, AReadingThatDidNotComeHasAPlaceAndItsSizeIsUnknown) {
   }
 }
 
+TEST(ImuHistory, AFewRepeatedReadingsAreAsGoodAsLost) {
+  const auto good = vibrating_history(800, [](int, ImuSample&) {});
+  for (const int repeats : {1, 3}) {
+    const auto stuck = vibrating_history(800, [&](int i, ImuSample& s) {
+      if (i <= 600 || i > 600 + repeats) return;
+      s.angular_velocity_rad_s = vibrating(600).angular_velocity_rad_s;
+      s.specific_force_m_s2 = vibrating(600).specific_force_m_s2;
+    });
+    EXPECT_EQ(stuck->counts().bridged, repeats == 1 ? 0U : 3U) << "a single one may be chance";
+    EXPECT_EQ(stuck->counts().gaps, 0U);
+    const Preintegration expected = integrated(*good, 2.9, 3.1), z = integrated(*stuck, 2.9, 3.1);
+    EXPECT_LT((z.dv - expected.dv).norm(), 3 * std::sqrt(z.C.block<3, 3>(6, 6).trace()));
+    EXPECT_GT(z.C(6, 6), 2 * expected.C(6, 6));
+  }
+}
+
+/// A simulated sensor without noise, or one that the watch calls stuck.
+TEST(ImuHistory, ReadingsThatOftenRepeatAreTaken) {
+  const auto h = std::make_unique<ImuHistory>();
+  for (int i = 0; i < 300; ++i) {
+    ImuSample s = sample(0.5);
+    s.stamp = at(0.005 * i);
+    h->push(s);
+  }
+  const Preintegration z = integrated(*h, 0, 1);
+  EXPECT_NEAR((z.dv - integrated(*h, 0.2, 1.2).dv).norm(), 0, 1e-12);
+  EXPECT_EQ(h->counts().bridged, 0U);
+  EXPECT_NEAR(z.C(6, 6), integrated(*history(0, 2), 0, 1).C(6, 6), 1e-7);
+}
+
 /// Before a lost reading, and after it, what corrupt readings say is still of the readings that came.
 TEST(ImuHistory, ACorruptReadingBesideALostOneIsStillBridged) {
   for (const int lost : {598, 599, 601, 602}) {
