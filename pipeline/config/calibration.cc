@@ -225,6 +225,16 @@ Result<CameraCalibration> read_camera_calibration(const std::filesystem::path& p
   }
 }
 
+bool is_chain_with(const std::filesystem::path& path, const std::string& name) {
+  try {
+    const YamlFile file(path);
+    const YAML::Node camera = file.root()[name];
+    return camera.IsDefined() && camera.IsMap();
+  } catch (const Error&) {
+    return false;  // its reader will say what is wrong
+  }
+}
+
 void set_shutter(const CameraConfig& section, CameraParameters& camera) {
   const bool is_rolling = section.shutter == 1;  // kShutterNames
   if (is_rolling) camera.readout_s = 1e-3 * section.readout_ms;

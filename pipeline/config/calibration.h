@@ -31,6 +31,9 @@ struct ImuCalibration {
 /// motion.
 Result<CameraCalibration> read_camera_calibration(const std::filesystem::path& path, const std::string& name);
 
+/// Whether the file is a chain of cameras (Kalibr) and contains this one.
+bool is_chain_with(const std::filesystem::path& path, const std::string& name);
+
 /// A rolling shutter of section [camera] wins over the calibration file's line delay.
 void set_shutter(const CameraConfig& section, CameraParameters& camera);
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "pipeline/realtime/flight_observer.h"
 #include "pipeline/stages/frame_outcome.h"
 #include "pipeline/stages/recorded_tracks.h"
+#include "pipeline/vision/second_tracker.h"
 #include "pipeline/vision/tracker.h"
 #include "pipeline/watch/image_gate.h"
 #include "pipeline/watch/imu_gate.h"
@@ -35,6 +37,7 @@ struct RealtimeSettings {
   /// Buffers of the camera that observers may hold at a time: at least four (two for the tracker, one that is filled,
   /// one that waits) must remain. 0: they get no images.
   int images_to_log = 1;
+  std::optional<CameraParameters> second{};  ///< lens of a second camera, which is where `estimator.second` says
 };
 
 /// What the pipeline is connected to. All outlive it; the odometry's receiver may be null.
@@ -124,7 +127,8 @@ class RealtimePipeline {
 
   RealtimeReport report() const;
   const Estimator& estimator() const noexcept;
-  const TrackerStats* tracker_stats() const noexcept;  ///< null with recorded tracks
+  const TrackerStats* tracker_stats() const noexcept;
+  const SecondStats* second_stats() const noexcept;  ///< likewise; null with one camera  ///< null with recorded tracks
 
  private:
   struct Impl;

@@ -23,7 +23,7 @@ void CaptureStage::use() noexcept {
   came_.bump();
   look_for_missed();
   if (admit(image_)) {
-    hand_on(image_);
+    hand_on(image_, camera_->second(image_));
   } else {
     camera_->give_back(image_);
     refused_.bump();
@@ -42,10 +42,10 @@ bool CaptureStage::admit(Frame& image) noexcept {
   return taken;
 }
 
-void CaptureStage::hand_on(const Frame& image) noexcept {
+void CaptureStage::hand_on(const Frame& image, const Frame& second) noexcept {
   times_.heard_image(image.arrival.ns != 0 ? image.arrival : image.stamp);
   out_.heard.tell(times_.camera, times_.camera_period);
-  out_.images.lend(image);
+  out_.images.lend(image, second);
   const FrameRing::Value evicted = out_.frames.push(static_cast<FrameRing::Value>(image.slot));
   out_.tracker.notify();
   if (evicted != FrameRing::kNone) leave_out_overtaken(evicted, out_.images, out_.events);

@@ -30,8 +30,8 @@ class CaptureStage final : public SourceStage {
 
   /// Passes the image through the gate, which may correct its timestamp. False: drop the image.
   bool admit(Frame& image) noexcept;
-  /// An admitted image, with the number of its buffer.
-  void hand_on(const Frame& image) noexcept;
+  /// An admitted image, with the number of its buffer, and that of a second camera.
+  void hand_on(const Frame& image, const Frame& second = {}) noexcept;
 
   std::uint64_t images() const noexcept { return came_.get(); }      ///< that the camera gave
   std::uint64_t refused() const noexcept { return refused_.get(); }  ///< of those: left out by the gate

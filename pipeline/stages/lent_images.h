@@ -21,10 +21,12 @@ class LentImages {
   /// `camera`: gets its images back; null: the caller knows by users() when it may have an image's memory again.
   explicit LentImages(CameraSource* camera) noexcept : camera_(camera) {}
 
-  /// The image's first user, before it hands the number of the buffer on.
-  void lend(const Frame& image) noexcept {
+  /// The image's first user, before it hands the number of the buffer on. `second`: what a second camera took at the
+  /// same time; it is lent and given back together with the image.
+  void lend(const Frame& image, const Frame& second = {}) noexcept {
     const auto slot = static_cast<std::size_t>(image.slot);
     images_[slot] = image;
+    seconds_[slot] = second;
     loans_.lend(slot);
   }
   /// One more user. Only by a user, before it hands the number on.
@@ -35,12 +37,14 @@ class LentImages {
   }
   /// Only by a user.
   const Frame& operator[](std::size_t slot) const noexcept { return images_[slot]; }
+  /// The same of the second camera; it has no data if there is none.
+  const Frame& second(std::size_t slot) const noexcept { return seconds_[slot]; }
   /// Any thread: a recent value.
   std::uint32_t users(std::size_t slot) const noexcept { return loans_.users(slot); }
 
  private:
   CameraSource* camera_;
-  std::array<Frame, kMostSlots> images_{};
+  std::array<Frame, kMostSlots> images_{}, seconds_{};
   Loans<kMostSlots> loans_;
 };
 

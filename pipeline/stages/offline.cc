@@ -15,8 +15,9 @@ OfflinePipeline::OfflinePipeline(const OfflineSettings& s)
       estimate_({s.estimator, s.deadline_ms}, clock_,
                 {tracked_, not_ended_, imu_to_estimate_, imu_ended_, speeds_, heights_},
                 {knowledge_, nobody_, events_}),
-      track_({s.camera, s.tracker, s.estimator.extrinsics.R_BC, s.images, recorded_}, estimate_.knowledge(), clock_,
-             {frames_, images_, not_ended_, imu_to_track_, imu_ended_, knowledge_}, {tracked_, nobody_, events_}) {
+      track_({s.camera, s.tracker, s.estimator.extrinsics.R_BC, s.images, recorded_, {}, rig_of(s.second, s.estimator)},
+             estimate_.knowledge(), clock_, {frames_, images_, not_ended_, imu_to_track_, imu_ended_, knowledge_},
+             {tracked_, nobody_, events_}) {
   imu_ended_.set();
 }
 
@@ -46,10 +47,10 @@ HostStamp OfflinePipeline::imu_needed_until(HostStamp image) const noexcept {
   return track_.wants_imu() ? std::max(estimator_needs, track_.imu_needed_until(image)) : estimator_needs;
 }
 
-void OfflinePipeline::step(const Frame& image, FrameOutcome& out) noexcept {
+void OfflinePipeline::step(const Frame& image, const Frame& second, FrameOutcome& out) noexcept {
   Frame numbered = image;
   numbered.slot = images_.users(0) == 0 ? 0 : 1;  // the tracker may still keep one
-  capture_.hand_on(numbered);
+  capture_.hand_on(numbered, second);
   run();
   out = estimate_.outcome();
 }

@@ -1,5 +1,6 @@
 #pragma once
 // The stages one after the other in the calling thread: bit-identical from run to run as long as no deadline is set.
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -19,6 +20,7 @@ struct OfflineSettings {
   /// Recorded tracks: the points of each image, by Frame::sequence. They outlive the pipeline.
   std::vector<std::span<const TrackPoint>> recorded;
   StageClocks clocks;
+  std::optional<CameraParameters> second{};  ///< lens of a second camera, which is where `estimator.second` says
 };
 
 class OfflinePipeline {
@@ -39,8 +41,9 @@ class OfflinePipeline {
   HostStamp imu_needed_until(HostStamp image) const noexcept;
 
   /// Tracks and estimates the image. Its pixels must stay valid until the step of the next one that is not blind
-  /// (is_blind) returns; its slot does not matter.
-  void step(const Frame& image, FrameOutcome& out) noexcept;
+  /// (is_blind) returns; its slot does not matter. `second`: as FrontEnd::step.
+  void step(const Frame& image, const Frame& second, FrameOutcome& out) noexcept;
+  void step(const Frame& image, FrameOutcome& out) noexcept { step(image, {}, out); }
 
   const Estimator& estimator() const noexcept { return estimate_.back_end().estimator(); }
   const ImuGateStats& imu_watch() const noexcept { return imu_.watch(); }
@@ -49,6 +52,7 @@ class OfflinePipeline {
   EventRing& events() noexcept { return events_; }
   const LoadGovernor::Counts& load() const noexcept { return estimate_.back_end().load(); }
   const TrackerStats* tracker_stats() const noexcept { return track_.tracker_stats(); }
+  const SecondStats* second_stats() const noexcept { return track_.second_stats(); }
 
  private:
   /// Calls the stages until none has anything to do.

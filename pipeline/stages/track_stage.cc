@@ -16,7 +16,7 @@ TrackStage::TrackStage(const TrackStageSettings& settings, const Knowledge& know
       out_(out),
       imu_(in.imu, in.imu_ended, settings.imu_patience, clock.clocks.wall, out.events),
       known_(known) {
-  if (settings.images) front_end_.emplace(Camera(settings.camera), settings.tracker, settings.R_BC);
+  if (settings.images) front_end_.emplace(Camera(settings.camera), settings.tracker, settings.R_BC, settings.second);
 }
 
 bool TrackStage::ready() noexcept {
@@ -30,7 +30,7 @@ Step TrackStage::step() noexcept {
   if (image_ == kNone) return take_next();
   const auto give = [&](const ImuSample& reading) { front_end_->add_imu(reading); };
   if (front_end_ && !imu_.take(give)) return Step::nothing_until(imu_.waits_until_ns());
-  track(in_.images[image_]);
+  track(in_.images[image_], in_.images.second(image_));
   done_with_image();
   return Step::work();
 }
@@ -54,13 +54,13 @@ Step TrackStage::take_next() noexcept {
   return Step::nothing_until(clock_.now_ns() + kIdle.ns);
 }
 
-void TrackStage::track(const Frame& image) noexcept {
+void TrackStage::track(const Frame& image, const Frame& second) noexcept {
   Tracked* const out = out_.tracked.claim();
   EPILINE_EXPECTS(out != nullptr, "the tracker is never more images ahead than the ring holds");
   if (front_end_) {
     const StageTime began = clock_.clocks.now();
     front_end_->set_knowledge(Vec3(known_.gyroscope_bias_rad_s.data()), known_.time_offset_s);
-    front_end_->step(image, out->frame);
+    front_end_->step(image, second, out->frame);
     out->track = clock_.clocks.now() - began;
     lend_to_log(image_);
   } else {

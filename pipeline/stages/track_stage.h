@@ -20,6 +20,7 @@ struct TrackStageSettings {
   /// Recorded tracks: the points of each image, by Frame::sequence. They outlive the stage.
   std::span<const std::span<const TrackPoint>> recorded;
   Span imu_patience{};  ///< ImuIntake
+  std::optional<SecondRig> second{};
 };
 
 /// Tracks one image a step: as soon as the estimator has taught what it knew after the image before the previous one,
@@ -57,6 +58,8 @@ class TrackStage final : public Stage {
 
   std::uint64_t imu_late() const noexcept { return imu_.late(); }
   const TrackerStats* tracker_stats() const noexcept { return front_end_ ? &front_end_->stats() : nullptr; }
+  /// Null with one camera.
+  const SecondStats* second_stats() const noexcept { return front_end_ ? front_end_->second_stats() : nullptr; }
 
  private:
   static constexpr FrameRing::Value kNone = FrameRing::kNone;
@@ -64,7 +67,7 @@ class TrackStage final : public Stage {
   bool lesson_is_due() const noexcept { return lessons_ + kKnowledgeDelay <= tracked_; }
   Step learn() noexcept;
   Step take_next() noexcept;
-  void track(const Frame& image) noexcept;
+  void track(const Frame& image, const Frame& second) noexcept;
   void lend_to_log(std::size_t slot) noexcept;
   void done_with_image() noexcept;
 

@@ -240,7 +240,7 @@ HWY_INLINE void eliminate_gain_and_bias(const Moments& m, Template& t) {
 }
 
 // `at` must fit, (cx, cy) is the centre it was quantised from.
-HWY_NOINLINE void build_template(const ImageView& image, const Place& at, float cx, float cy, Template& t) {
+inline HWY_NOINLINE void build_template(const ImageView& image, const Place& at, float cx, float cy, Template& t) {
   eliminate_gain_and_bias(sample(image, at, t), t);
   t.offset_x = at.cx - cx;
   t.offset_y = at.cy - cy;

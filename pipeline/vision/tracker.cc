@@ -318,5 +318,6 @@ void Tracker::step(const Frame& image, const Mat3& R_CC0, TrackedFrame& out, con
 
 void Tracker::reset() noexcept { impl_->forget(); }
 const TrackerStats& Tracker::stats() const noexcept { return impl_->stats; }
+const PyramidView& Tracker::pyramid() const noexcept { return impl_->current().view(); }
 
 }  // namespace epiline

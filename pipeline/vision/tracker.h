@@ -5,6 +5,7 @@
 #include "estimator/geometry/camera.h"
 #include "estimator/geometry/row_turn.h"
 #include "estimator/geometry/types.h"
+#include "pipeline/vision/image_view.h"
 #include "pipeline/vision/tracker_config.h"
 #include "platform/samples/samples.h"
 
@@ -30,6 +31,8 @@ class Tracker {
   void reset() noexcept;
 
   const TrackerStats& stats() const noexcept;
+  /// Of the last image that was tracked; valid as long as its pixels.
+  const PyramidView& pyramid() const noexcept;
 
  private:
   struct Impl;

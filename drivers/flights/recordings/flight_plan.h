@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,8 +19,9 @@ struct FlightPart {
 };
 
 struct PlannedImage {
-  std::size_t index = 0;  ///< in the data set
-  HostStamp stamp;        ///< shift included
+  std::size_t index = 0;                ///< in the data set
+  HostStamp stamp;                      ///< shift included
+  std::optional<std::size_t> second{};  ///< the image of the second camera at the same time, if there is one
 };
 
 struct FlightPlan {

@@ -60,8 +60,11 @@ void loop_flight(AslDataset& d, double seconds) {
   repeat_around(d.wheel_samples);
   repeat_around(d.height_samples);
   if (!d.images.empty()) {
-    d.image_source = std::make_shared<LoopedImages>(d.image_source, d.images.size());
-    repeat(d.images, period, end);
+    for (AslDataset* const camera : {&d, d.second.get()}) {
+      if (camera == nullptr) continue;
+      camera->image_source = std::make_shared<LoopedImages>(camera->image_source, camera->images.size());
+      repeat(camera->images, period, end);
+    }
   } else if (!d.instants.empty()) {
     repeat(d.instants, period, end);
   }

@@ -63,6 +63,20 @@ int RecordedCamera::wait_for_slot() noexcept {
   return slot;
 }
 
+/// Image `i` of the plan, and that of the second camera.
+Status RecordedCamera::decode(std::size_t i, std::size_t slot, Frame& frame) {
+  const PlannedImage& planned = plan_.images[i];
+  const auto image = decoder_.read(planned.index, dataset_, slot);
+  if (!image) return image.error();
+  frame = *image;
+  seconds_[slot] = {};
+  if (!planned.second) return Done{};
+  const auto second = second_decoder_.read(*planned.second, *dataset_.second, slot);
+  if (!second) return second.error();
+  seconds_[slot] = *second;
+  return Done{};
+}
+
 void RecordedCamera::decode_all() {
   int slot = -1;
   for (std::size_t i = 0; i < plan_.images.size(); ++i) {
@@ -74,12 +88,10 @@ void RecordedCamera::decode_all() {
     }
     Frame frame;
     if (!dataset_.images.empty()) {
-      const auto image = decoder_.read(plan_.images[i].index, dataset_, static_cast<std::size_t>(slot));
-      if (!image) {
-        error_ = image.error();
+      if (const Status s = decode(i, static_cast<std::size_t>(slot), frame); !s) {
+        error_ = s.error();
         break;
       }
-      frame = *image;
     }
     frame.stamp = frame.arrival = plan_.images[i].stamp;
     frame.sequence = i;
@@ -105,6 +117,11 @@ ReadOutcome RecordedCamera::read(Frame& frame, Span timeout) noexcept {
   if (due_ns > deadline_ns) return ReadOutcome::kTimeout;
   ready_.pop(frame);
   return ReadOutcome::kSample;
+}
+
+Frame RecordedCamera::second(const Frame& frame) const noexcept {
+  return seconds_[static_cast<std::size_t>(
+      frame.slot)];  // the ring has passed the frame on, and what was written before
 }
 
 void RecordedCamera::give_back(const Frame& frame) noexcept {

@@ -34,6 +34,7 @@ class RecordedCamera final : public CameraSource {
   /// Once, before the first read().
   void start(const Pace& pace) noexcept;
   ReadOutcome read(Frame& frame, Span timeout) noexcept override;
+  Frame second(const Frame& frame) const noexcept override;
   void give_back(const Frame& frame) noexcept override;
 
   std::uint64_t missed() const noexcept { return missed_.load(std::memory_order_relaxed); }
@@ -42,13 +43,15 @@ class RecordedCamera final : public CameraSource {
 
  private:
   void decode_all();
+  Status decode(std::size_t i, std::size_t slot, Frame& frame);
   bool is_overdue(std::size_t i) const noexcept;
   int free_slot() const noexcept;
   int wait_for_slot() noexcept;
 
   const AslDataset& dataset_;
   const FlightPlan& plan_;
-  ImageDecoder decoder_{kBuffers};
+  ImageDecoder decoder_{kBuffers}, second_decoder_{kBuffers};
+  std::array<Frame, kBuffers> seconds_{};             ///< of the second camera, by buffer
   std::array<std::atomic<bool>, kBuffers> in_use_{};  ///< from wait_for_slot() to give_back()
   SpscRing<Frame, kBuffers> ready_;
   Parking reader_parking_, decoder_parking_;

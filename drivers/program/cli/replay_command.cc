@@ -59,6 +59,10 @@ void print_summary(const FlightRecord& r, const std::optional<TrajectoryErrors>&
                errors->ate_4dof.rmse, errors->path_length_m, 100 * errors->scale_error, errors->yaw_drift_deg);
   }
   if (t.track.count > 0) fmt::print("track     {:.3f} ms mean, {:.3f} ms 99 %\n", t.track.mean, t.track.p99);
+  if (const auto& second = r.second; second && second->tracks > 0) {
+    fmt::print("second    {:.1f} % of the tracks seen by the second camera, {} images without one\n",
+               100 * static_cast<double>(second->views) / static_cast<double>(second->tracks), second->images_missing);
+  }
   fmt::print("solve     {:.3f} ms mean, {:.3f} ms 99 %\n", t.solve.mean, t.solve.p99);
   fmt::print("estimate  {:.3f} ms mean, {:.3f} ms 99 %\n", t.estimate.mean, t.estimate.p99);
   if (r.realtime) print_realtime(r, t);
@@ -132,8 +136,10 @@ void add_replay(CLI::App& app, int& exit_code) {
   add_settings(*command, o->replay.config_file, o->replay.set, "configuration file (TOML); epiline config prints one");
   command->add_option("--visual-factor", o->visual_factor, "visual factor: which residual a track becomes")
       ->check(CLI::IsMember(kVisualFactorNames));
-  command->add_option("--camera", o->replay.camera, "which camera of the data set")
-      ->check(CLI::IsMember({"cam0", "cam1"}))
+  command
+      ->add_option("--camera", o->replay.camera,
+                   "which camera of the data set; both: cam0, with cam1 as its second camera")
+      ->check(CLI::IsMember({"cam0", "cam1", kBothCameras}))
       ->capture_default_str();
   command->add_option("--image-topic", o->replay.topics.image, "image topic of a bag; default: the first by name");
   command->add_option("--imu-topic", o->replay.topics.imu, "IMU topic of a bag; default: the first by name");

@@ -15,6 +15,9 @@ FlightRecord begin_record(const AslDataset& dataset, const FlightPlan& plan, con
 /// The recorded points of each image of the plan; empty for a data set with images.
 std::vector<std::span<const TrackPoint>> recorded_points(const AslDataset& dataset, const FlightPlan& plan);
 
+/// None of a flight with one camera.
+std::optional<CameraParameters> second_lens(const AslDataset& dataset);
+
 /// The flight in real time, in threads. Fails if and only if an image is wrong, or the system has no thread left.
 Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const FlightPlan& plan, const Config& config,
                                          const ReplayOptions& options,

@@ -68,7 +68,8 @@ RealtimeSettings settings_of(const AslDataset& dataset, const FlightPlan& plan, 
           config.realtime,
           !dataset.images.empty(),
           recorded_points(dataset, plan),
-          RecordedCamera::kImagesToLog};
+          RecordedCamera::kImagesToLog,
+          second_lens(dataset)};
 }
 
 /// The instant of the computer's clock at which the recording begins: soon, with its first sample.

@@ -63,6 +63,7 @@ void take_report(const RealtimePipeline& pipeline, double speed, FlightRecord& r
   record.threads = static_cast<int>(report.threads.size());
   record.estimator = pipeline.estimator().stats();
   if (const TrackerStats* tracker = pipeline.tracker_stats()) record.tracker = *tracker;
+  if (const SecondStats* second = pipeline.second_stats()) record.second = *second;
   record.imu_read = report.imu_in;
   record.imu_watch = report.imu_watch;
   record.image_watch = report.image_watch;

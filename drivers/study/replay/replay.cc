@@ -49,7 +49,25 @@ std::vector<std::span<const TrackPoint>> recorded_points(const AslDataset& datas
   return points;
 }
 
+std::optional<CameraParameters> second_lens(const AslDataset& dataset) {
+  return dataset.second ? std::optional(dataset.second->camera.parameters) : std::nullopt;
+}
+
 namespace {
+
+Result<AslDataset> open_dataset(const ReplayOptions& options, const Config& config) {
+  const bool both = options.camera == kBothCameras;
+  const std::string camera = both ? "cam0" : options.camera;
+  if (!is_bag(options.dataset)) {
+    auto dataset = open_asl_dataset(options.dataset, camera, config.camera_calibration, config.imu_calibration);
+    if (!dataset || !both) return dataset;
+    if (const Status s = open_second_camera(*dataset, "cam1", config.camera_calibration); !s) return s.error();
+    return dataset;
+  }
+  if (both)
+    return Error{ErrorKind::kUsage, options.dataset.string(), 0, "--camera both with a ROS bag", "an ASL folder"};
+  return open_bag_dataset(options.dataset, options.topics, camera, config.camera_calibration, config.imu_calibration);
+}
 
 /// Precedence: command line, configuration file, data set, defaults.
 void fill_config(const AslDataset& dataset, const ConfigFile* file, const ReplayOptions& options, Config& config) {
@@ -60,6 +78,7 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
     e.saturation_accelerometer_m_s2 = *dataset.imu.saturation_accelerometer_m_s2;
   e.extrinsics = {dataset.camera.R_BC, dataset.camera.p_BC, Camera(dataset.camera.parameters).focal_px(),
                   dataset.camera.time_offset_s, dataset.camera.parameters.readout_s};
+  if (dataset.second) e.second = {true, dataset.second->camera.R_BC, dataset.second->camera.p_BC};
   if (file) file->apply(config);
   set_vehicle(config);
   if (options.visual_factor) e.visual_factor = *options.visual_factor;
@@ -94,6 +113,13 @@ class Flight {
       frame = *image;
       frame.slot = 1 - shown_buffer_;
     }
+    Frame second;
+    if (planned.second) {
+      const auto image =
+          second_decoder_.read(*planned.second, *dataset_.second, static_cast<std::size_t>(1 - shown_buffer_));
+      if (!image) return image.error();
+      second = *image;
+    }
     frame.sequence = k;
     frame.stamp = frame.arrival = planned.stamp;
     if (!camera_faults_.apply(frame)) return Done{};
@@ -105,7 +131,7 @@ class Flight {
     feed_sides(frame.stamp);
     const ThreadCosts before = costs_of_this_thread();
     const HeapCallScope heap;
-    pipeline_.step(frame, outcome_);
+    pipeline_.step(frame, second, outcome_);
     if (!is_blind(frame.reasons)) shown_buffer_ = 1 - shown_buffer_;
     heap_calls_ += heap.calls();
     record_.page_faults += (costs_of_this_thread() - before).page_faults;
@@ -122,6 +148,7 @@ class Flight {
     record_.imu_watch = pipeline_.imu_watch();
     record_.image_watch = pipeline_.image_watch();
     if (const TrackerStats* tracker = pipeline_.tracker_stats()) record_.tracker = *tracker;
+    if (const SecondStats* second = pipeline_.second_stats()) record_.second = *second;
     record_.skipped["refused_by_estimator"] = record_.estimator.frames_refused;
     if (counts_heap_) record_.heap_calls = heap_calls_;
     record_.peak_rss_mib = peak_rss_mib();
@@ -130,9 +157,14 @@ class Flight {
 
  private:
   static OfflineSettings settings(const AslDataset& dataset, const FlightPlan& plan, const Config& config) {
-    return {dataset.camera.parameters,    config.tracker,          config.estimator,
-            config.deadline_ms,           !dataset.images.empty(), recorded_points(dataset, plan),
-            {monotonic_ns, thread_cpu_ns}};
+    return {dataset.camera.parameters,
+            config.tracker,
+            config.estimator,
+            config.deadline_ms,
+            !dataset.images.empty(),
+            recorded_points(dataset, plan),
+            {monotonic_ns, thread_cpu_ns},
+            second_lens(dataset)};
   }
 
   void feed_imu(HostStamp image) {
@@ -163,8 +195,8 @@ class Flight {
   const AslDataset& dataset_;
   const FlightPlan& plan_;
   OfflinePipeline pipeline_;
-  ImageDecoder decoder_;
-  int shown_buffer_ = 1;  ///< the decoder's buffer with the image that the tracker keeps
+  ImageDecoder decoder_, second_decoder_;
+  int shown_buffer_ = 1;  ///< the decoders' buffer with the image that the tracker keeps
   bool counts_heap_;
   std::size_t next_imu_, next_wheel_ = 0, next_height_ = 0;
   ImuFaults imu_faults_;
@@ -209,10 +241,7 @@ Result<ReplayResult> replay(const ReplayOptions& options,
     file = std::move(*read);
     file->apply(config);  // for the names of calibration files; the data set's values come before the other settings
   }
-  auto dataset = is_bag(options.dataset) ? open_bag_dataset(options.dataset, options.topics, options.camera,
-                                                            config.camera_calibration, config.imu_calibration)
-                                         : open_asl_dataset(options.dataset, options.camera, config.camera_calibration,
-                                                            config.imu_calibration);
+  auto dataset = open_dataset(options, config);
   if (!dataset) return dataset.error();
   set_shutter(config.devices.camera, dataset->camera.parameters);
   if (options.alter) options.alter(*dataset);

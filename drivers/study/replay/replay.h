@@ -15,9 +15,12 @@
 
 namespace epiline {
 
+/// cam0 with cam1 beside it.
+inline constexpr const char* kBothCameras = "both";
+
 struct ReplayOptions : FlightPart {
   std::filesystem::path dataset;
-  std::string camera = "cam0";
+  std::string camera = "cam0";  ///< cam0, cam1, or kBothCameras
   BagTopics topics;
   std::filesystem::path config_file;          ///< empty: defaults
   std::vector<std::string> set;               ///< settings for ConfigFile::set(); override the file

@@ -12,6 +12,7 @@
 #include "pipeline/recorder/flight_recorder.h"
 #include "pipeline/stages/frame_outcome.h"
 #include "pipeline/text/trajectory.h"
+#include "pipeline/vision/second_tracker.h"
 #include "pipeline/vision/tracker.h"
 #include "pipeline/watch/image_gate.h"
 #include "pipeline/watch/imu_gate.h"
@@ -108,6 +109,7 @@ struct FlightRecord {
   ImageGateStats image_watch;
   LoadGovernor::Counts load;
   std::optional<TrackerStats> tracker;  ///< none with recorded tracks
+  std::optional<SecondStats> second;    ///< none with one camera
   double peak_rss_mib = 0;
   std::optional<std::uint64_t> heap_calls;  ///< inside the stages; none where they cannot be counted
   std::optional<std::uint64_t> lock_calls;  ///< of a real-time run's threads; none where they cannot be counted

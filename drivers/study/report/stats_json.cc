@@ -3,6 +3,7 @@
 #include <numeric>
 
 #include "drivers/study/report/heights_json.h"
+#include "drivers/study/report/tracks_json.h"
 #include "pipeline/text/suspicion_text.h"
 
 namespace epiline {
@@ -124,21 +125,6 @@ Json numbers_json(const FlightRecord& r) {
                        {"text", text_of(suspect, s)}});
   }
   return numbers;
-}
-
-Json tracks_json(const FlightRecord& r) {
-  std::uint64_t points = 0, tracks = 0;
-  for (const ImageRecord& image : r.images) {
-    points += static_cast<std::uint64_t>(image.tracks);
-    tracks += static_cast<std::uint64_t>(image.new_tracks);
-  }
-  const Json rejected =
-      r.tracker ? ratio(r.tracker->rejected_near + r.tracker->rejected_wide, r.tracker->tried) : Json(nullptr);
-  return {{"per_image_mean", ratio(points, r.images.size())},
-          {"length_mean", ratio(points, tracks)},
-          {"rejected_share", rejected},
-          {"noise_px", r.estimator.frames_solved > 0 ? Json(r.estimator.pixel_sigma) : Json(nullptr)},
-          {"gated", r.estimator.gated}};
 }
 
 Json settings_json(const FlightRecord& r) {

@@ -87,6 +87,29 @@ TEST_F(SimulateCommand, KeepsTheRigOfTwoCalibrations) {
   EXPECT_FALSE(fs::exists(scratch() / "x"));
 }
 
+// Two cameras, of which the second one misses an image; in one thread and in several.
+TEST_F(SimulateCommand, AReplayUsesBothCameras) {
+  ASSERT_EQ(run("simulate --flight agile --duration 4 --baseline 0.11 --out " + in("pair")).exit_code, 0);
+  const fs::path list = scratch() / "pair/mav0/cam1/data.csv";
+  std::string rows = read(list);
+  rows.erase(rows.rfind('\n', rows.size() - 2) + 1);
+  write(list, rows);
+  const std::string pair = "replay " + in("pair");
+  ASSERT_EQ(run(pair + " --out " + in("one")).exit_code, 0);
+  EXPECT_TRUE(Json::parse(read(scratch() / "one/stats.json"))["tracks"]["second_camera"].is_null());
+  for (const std::string more : {"", " --realtime --speed 0.5"}) {
+    const Outcome both = run(pair + " --camera both --out " + in("both") + more);
+    ASSERT_EQ(both.exit_code, 0) << both.err;
+    EXPECT_NE(both.out.find("seen by the second camera, 1 images without one"), std::string::npos) << both.out;
+    const Json stats = Json::parse(read(scratch() / "both/stats.json")), second = stats["tracks"]["second_camera"];
+    EXPECT_EQ(second["images"].get<int>() + 1, stats["images"]["tracked"].get<int>());
+    EXPECT_EQ(second["images_missing"], 1);
+    EXPECT_GT(second["share_of_tracks"].get<double>(), 0.5) << second;
+  }
+  fs::remove(list);
+  expect_one_line(run(pair + " --camera both --out " + in("both")), 2, {"cam1"});
+}
+
 TEST_F(SimulateCommand, DropsImages) {
   ASSERT_EQ(run("simulate --flight still --duration 3 --effects drops=0.5 --out " + in("a")).exit_code, 0);
   EXPECT_GT(images("a").size(), 15U);

@@ -1,0 +1,41 @@
+#include "drivers/study/report/tracks_json.h"
+
+namespace epiline {
+
+namespace {
+
+Json ratio(std::uint64_t part, std::uint64_t whole) {
+  return whole > 0 ? Json(static_cast<double>(part) / static_cast<double>(whole)) : Json(nullptr);
+}
+
+Json second_json(const SecondStats& s) {
+  return {{"images", s.images - s.images_missing},
+          {"images_missing", s.images_missing},
+          {"share_of_tracks", ratio(s.views, s.tracks)},
+          {"tried", s.tried},
+          {"matched", s.matched},
+          {"followed", s.followed},
+          {"lost", s.lost},
+          {"off_plane", s.off_plane},
+          {"wrong_side", s.wrong_side}};
+}
+
+}  // namespace
+
+Json tracks_json(const FlightRecord& r) {
+  std::uint64_t points = 0, tracks = 0;
+  for (const ImageRecord& image : r.images) {
+    points += static_cast<std::uint64_t>(image.tracks);
+    tracks += static_cast<std::uint64_t>(image.new_tracks);
+  }
+  const Json rejected =
+      r.tracker ? ratio(r.tracker->rejected_near + r.tracker->rejected_wide, r.tracker->tried) : Json(nullptr);
+  return {{"per_image_mean", ratio(points, r.images.size())},
+          {"length_mean", ratio(points, tracks)},
+          {"rejected_share", rejected},
+          {"noise_px", r.estimator.frames_solved > 0 ? Json(r.estimator.pixel_sigma) : Json(nullptr)},
+          {"gated", r.estimator.gated},
+          {"second_camera", r.second ? second_json(*r.second) : Json(nullptr)}};
+}
+
+}  // namespace epiline

@@ -1,0 +1,384 @@
+#include "pipeline/vision/second_tracker.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "pipeline/vision/klt.h"
+#include "pipeline/vision/line_scan.h"
+#include "pipeline/vision/pyramid.h"
+#include "pipeline/vision/track_table.h"
+
+namespace epiline {
+namespace {
+
+constexpr int kLeastSide_px = 64;
+constexpr double kLeastBaseline_m = 1e-3;
+constexpr double kLeastSine = 1e-3;   // between bearing and baseline; below it the epipolar plane is undefined
+constexpr double kMostScale = 1.5;    // ratio of the focal lengths
+constexpr double kLeastCosine = 0.8;  // of the turn between the cameras' axes
+constexpr int kScanLevel = 1;         // of the pyramid
+constexpr double kScanStep = 1;       // px of that level
+constexpr int kScanPlaces = 49, kExactEvery = 4;  // places on an epipolar line; of those, every 4th is projected
+constexpr float kLeastScanned = 0.5f;             // correlation at that level
+constexpr float kWorse = 0.15f;     // of correlation there, less than the best place's: a second place is not searched
+constexpr float kMostFromPeak = 2;  // px of that level, between scanned and found place
+constexpr float kSamePlace_px = 2, kAlike = 0.05f;  // distance and difference of correlation of two found places
+constexpr float kLeastMatched = 0.8f;               // correlation of a first match
+constexpr float kInnovationOfNewView_px = 1;        // the first search in the next image starts at level 1
+
+// A track of the first camera, and its view in the last image of the second one.
+struct Chain {
+  std::uint32_t id = 0;
+  bool matched = false;    // has a view; the following members up to `pixel_jacobian` belong to it
+  bool confirmed = false;  // was found again in an image after the match: wrong matches rarely are
+  float x = 0, y = 0;      // px
+  float innovation = 0;    // px, between predicted and found position
+  Vec3 bearing = Vec3::Zero();
+  Mat23 pixel_jacobian = Mat23::Zero();
+  double inverse_m = 0;  // 1 / distance from the first camera, of the last view
+  int patch = 0;         // place of its KLT template, which is that of the view
+  int spare = 0;         // place of another template
+  int failures = 0;      // searches since the last view
+  int wait = 0;          // images to leave out before the next search
+};
+
+int pause_after(int failures) { return (1 << std::min(failures, 4)) - 1; }
+
+Vec3 bearing_of(const TrackedFeature& f) { return Vec3(f.bearing.data()); }
+
+void require_rig(bool condition, const char* text) {
+  if (!condition) throw std::invalid_argument(text);
+}
+
+}  // namespace
+
+struct SecondTracker::Impl {
+  Impl(const Camera& second, const SecondRig& rig, const TrackerConfig& config_)
+      : camera(second),
+        R_SC(rig.R_SC),
+        p_SC(rig.p_SC),
+        baseline_m(rig.p_SC.norm()),
+        config(config_),
+        pyramids{Pyramid(second.width(), second.height(), config_.levels),
+                 Pyramid(second.width(), second.height(), config_.levels)},
+        chains(static_cast<std::size_t>(config_.max_features)),
+        templates(2 * chains.size()),
+        scan_level(std::min(kScanLevel, config_.levels - 1)) {
+    scan_step_per_m = kScanStep * (1 << scan_level) / (camera.focal_px() * baseline_m);
+    for (std::size_t i = 0; i < chains.size(); ++i) {
+      chains[i].patch = static_cast<int>(2 * i);
+      chains[i].spare = chains[i].patch + 1;
+    }
+  }
+
+  bool usable(const Frame& image) const {
+    return image.data && image.width == camera.width() && image.height == camera.height() &&
+           image.stride >= image.width;
+  }
+  void forget_views();
+  void take_over(const TrackedFrame& tracks);
+  Vec2 seen_at(const Vec3& f_C, double inverse_m) const;
+  bool take(Chain& chain, const TrackedFeature& feature, const KltTrack& found);
+  int start_level(float innovation_px) const;
+  void follow(const TrackedFrame& tracks);
+  float to_scan(double px) const { return static_cast<float>((px + 0.5) / (1 << scan_level) - 0.5); }
+  float from_scan(float px) const { return (px + 0.5f) * static_cast<float>(1 << scan_level) - 0.5f; }
+  int places_of(const Vec3& f_C);
+  bool is_peak(int k, int count) const;
+  std::array<int, 2> best_places(int count) const;
+  void add_search(const TrackedFeature& feature, int i, const ScanPlace& place, int patch);
+  void plan_match(const PyramidView& first, const TrackedFeature& feature, int i);
+  bool stayed(int k) const;
+  int better(int k, int end) const;
+  void match(const PyramidView& first, const TrackedFrame& tracks);
+  void publish(TrackedFrame& tracks);
+
+  const PyramidView& current() const { return pyramids[image_number % 2].view(); }
+  const PyramidView& previous() const { return pyramids[(image_number + 1) % 2].view(); }
+
+  Camera camera;
+  Mat3 R_SC;
+  Vec3 p_SC;
+  double baseline_m;
+  TrackerConfig config;
+  SecondStats stats;
+  Pyramid pyramids[2];
+  std::vector<Chain> chains;  // the first `size` belong to the tracks, in their order
+  std::vector<KltTemplate> templates;
+  int scan_level;
+  double scan_step_per_m;
+  int size = 0;
+  std::uint64_t image_number = 0;
+
+  // Scratch of one image.
+  static constexpr int kMostSearches = 2 * TrackTable::kCapacity;
+  std::array<KltTrack, kMostSearches> wanted{};
+  std::array<int, kMostSearches> chain_of{};
+  std::array<float, kMostSearches> predicted_x{}, predicted_y{};
+  std::array<ScanPlace, kScanPlaces> places{};
+  int searches = 0;
+};
+
+void SecondTracker::Impl::forget_views() {
+  for (int i = 0; i < size; ++i) chains[i].matched = false;
+}
+
+// Chains of tracks that live on keep their order; a new track takes the template of one that ended.
+void SecondTracker::Impl::take_over(const TrackedFrame& tracks) {
+  const int count = static_cast<int>(std::min(tracks.features.size(), chains.size()));
+  int kept = 0;
+  for (int k = 0; k < size && kept < count; ++k)
+    if (chains[k].id == tracks.features[kept].id) std::swap(chains[kept++], chains[k]);
+  for (int i = kept; i < count; ++i) {
+    const int patch = chains[i].patch, spare = chains[i].spare;
+    chains[i] = {};
+    chains[i].patch = patch;
+    chains[i].spare = spare;
+    chains[i].id = tracks.features[i].id;
+  }
+  size = count;
+}
+
+// Not a number where the second camera does not see the point.
+Vec2 SecondTracker::Impl::seen_at(const Vec3& f_C, double inverse_m) const {
+  Vec2 px;
+  if (camera.project(R_SC * f_C + inverse_m * p_SC, px)) return px;
+  return Vec2::Constant(std::numeric_limits<double>::quiet_NaN());
+}
+
+// Takes the position found if the point can be there: near the epipolar plane, and between infinity and a baseline
+// away.
+bool SecondTracker::Impl::take(Chain& chain, const TrackedFeature& feature, const KltTrack& found) {
+  Vec3 f_S;
+  Mat23 J;
+  if (!camera.bearing({found.found_x, found.found_y}, f_S, J)) return false;
+  const Vec3 infinity = R_SC * bearing_of(feature);
+  const Vec3 across = infinity.cross(p_SC);
+  if (!(across.norm() > kLeastSine * baseline_m)) return false;
+  const Vec3 normal = across.normalized();
+  const double off_plane_px = (J * normal).norm() * std::abs(normal.dot(f_S));
+  if (!(off_plane_px <= kMostOffPlane_px)) {
+    ++stats.off_plane;
+    return false;
+  }
+  // In the triangle of both cameras and the point: angles from infinity to the view, and from the view to the baseline.
+  const double sine = normal.dot(infinity.cross(f_S)), rest = normal.dot(f_S.cross(p_SC)) / baseline_m;
+  const double beyond_px = -(J * normal.cross(f_S)).norm() * sine;
+  if (beyond_px > kMostOffPlane_px || !(sine < rest)) {
+    ++stats.wrong_side;
+    return false;
+  }
+  chain.inverse_m = std::max(0., sine) / (rest * baseline_m);
+  chain.x = found.found_x;
+  chain.y = found.found_y;
+  chain.bearing = f_S;
+  chain.pixel_jacobian = J;
+  return true;
+}
+
+int SecondTracker::Impl::start_level(float innovation_px) const {
+  if (innovation_px < config.start_level_0_px) return 0;
+  if (innovation_px < config.start_level_1_px) return 1;
+  return innovation_px < config.start_level_2_px ? 2 : kMaxLevels;
+}
+
+// From the second image before to this one. The first camera says how the direction has changed; the distance is that
+// of the image before.
+void SecondTracker::Impl::follow(const TrackedFrame& tracks) {
+  int count = 0;
+  for (int i = 0; i < size; ++i) {
+    const Chain& chain = chains[i];
+    if (!chain.matched) continue;
+    const Vec2 px = seen_at(bearing_of(tracks.features[i]), chain.inverse_m);
+    predicted_x[count] = static_cast<float>(px.x());
+    predicted_y[count] = static_cast<float>(px.y());
+    chain_of[count] = i;
+    wanted[count] = {.x = chain.x,
+                     .y = chain.y,
+                     .found_x = predicted_x[count],
+                     .found_y = predicted_y[count],
+                     .start_level = start_level(chain.innovation),
+                     .patch = &templates[chain.patch],
+                     .patch_known = true};
+    ++count;
+  }
+  track_klt(config, previous(), current(), wanted.data(), count);
+  for (int k = 0; k < count; ++k) {
+    Chain& chain = chains[chain_of[k]];
+    chain.matched = wanted[k].end == KltEnd::kFound && take(chain, tracks.features[chain_of[k]], wanted[k]);
+    chain.innovation = std::hypot(wanted[k].found_x - predicted_x[k], wanted[k].found_y - predicted_y[k]);
+    chain.confirmed = chain.matched;
+    if (!chain.matched) chain.wait = 1;  // a new match is not the same view: at least one image lies between them
+    stats.lost += !chain.matched;
+  }
+  stats.followed += static_cast<std::uint64_t>(count);
+}
+
+// Places in level `kScanLevel` of the second image, from infinity to near, along the epipolar line of the track.
+int SecondTracker::Impl::places_of(const Vec3& f_C) {
+  int count = 0;
+  for (; count < kScanPlaces; count += kExactEvery) {
+    const Vec2 px = seen_at(f_C, count * scan_step_per_m);
+    if (!px.allFinite()) break;
+    ScanPlace& exact = places[count];
+    exact = {to_scan(px.x()), to_scan(px.y())};
+    if (count == 0) continue;
+    const ScanPlace& before = places[count - kExactEvery];
+    for (int k = 1; k < kExactEvery; ++k) {
+      const float share = static_cast<float>(k) / kExactEvery;
+      places[count - kExactEvery + k] = {before.x + share * (exact.x - before.x),
+                                         before.y + share * (exact.y - before.y)};
+    }
+  }
+  return count == 0 ? 0 : count - kExactEvery + 1;
+}
+
+// Whether place k of `count` looks more like the track than those beside it.
+bool SecondTracker::Impl::is_peak(int k, int count) const {
+  const float here = places[k].correlation;
+  return here >= kLeastScanned && (k == 0 || here > places[k - 1].correlation) &&
+         (k + 1 == count || here >= places[k + 1].correlation);
+}
+
+// The best place and the second best one; -1 where there is none.
+std::array<int, 2> SecondTracker::Impl::best_places(int count) const {
+  std::array<int, 2> best{-1, -1};
+  for (int k = 0; k < count; ++k) {
+    if (!is_peak(k, count)) continue;
+    const auto beats = [&](int other) { return other < 0 || places[k].correlation > places[other].correlation; };
+    if (beats(best[0])) {
+      best[1] = std::exchange(best[0], k);
+    } else if (beats(best[1])) {
+      best[1] = k;
+    }
+  }
+  if (best[1] >= 0 && places[best[1]].correlation < places[best[0]].correlation - kWorse) best[1] = -1;
+  return best;
+}
+
+// Adds a search for track i that begins at `place`.
+void SecondTracker::Impl::add_search(const TrackedFeature& feature, int i, const ScanPlace& place, int patch) {
+  predicted_x[searches] = from_scan(place.x);
+  predicted_y[searches] = from_scan(place.y);
+  chain_of[searches] = i;
+  wanted[searches] = {.x = feature.pixel[0],
+                      .y = feature.pixel[1],
+                      .found_x = predicted_x[searches],
+                      .found_y = predicted_y[searches],
+                      .start_level = scan_level,
+                      .patch = &templates[patch]};
+  ++searches;
+}
+
+// The two best places become searches of track i.
+void SecondTracker::Impl::plan_match(const PyramidView& first, const TrackedFeature& feature, int i) {
+  const int count = places_of(bearing_of(feature));
+  if (!scan_places(first.level[scan_level], to_scan(feature.pixel[0]), to_scan(feature.pixel[1]),
+                   current().level[scan_level], places.data(), count))
+    return;
+  const auto [best, second] = best_places(count);
+  if (best >= 0) add_search(feature, i, places[best], chains[i].patch);
+  if (second >= 0) add_search(feature, i, places[second], chains[i].spare);
+}
+
+// Whether search k ended near the place where it began.
+bool SecondTracker::Impl::stayed(int k) const {
+  const float most_px = kMostFromPeak * static_cast<float>(1 << scan_level);
+  return wanted[k].end == KltEnd::kFound &&
+         std::hypot(wanted[k].found_x - predicted_x[k], wanted[k].found_y - predicted_y[k]) <= most_px;
+}
+
+// The better one of the searches [k, end) of a track. -1: none, or two places look alike.
+int SecondTracker::Impl::better(int k, int end) const {
+  if (end - k == 1 || !stayed(k + 1)) return stayed(k) ? k : -1;
+  if (!stayed(k)) return k + 1;
+  const KltTrack &a = wanted[k], &b = wanted[k + 1];
+  const bool same = std::hypot(a.found_x - b.found_x, a.found_y - b.found_y) < kSamePlace_px;
+  if (!same && std::abs(a.correlation - b.correlation) < kAlike) return -1;
+  return a.correlation >= b.correlation ? k : k + 1;
+}
+
+// From the first camera's image to the second one's, for each track that has no view and need not wait. What was not
+// found rests: the longer, the more often it was not.
+void SecondTracker::Impl::match(const PyramidView& first, const TrackedFrame& tracks) {
+  searches = 0;
+  for (int i = 0; i < size; ++i) {
+    Chain& chain = chains[i];
+    if (chain.matched || (chain.wait > 0 && chain.wait-- > 0)) continue;
+    ++stats.tried;
+    chain.wait = pause_after(++chain.failures);
+    plan_match(first, tracks.features[i], i);
+  }
+  PyramidView second = current();
+  second.levels = scan_level + 1;  // no search is repeated from further up: the scan has seen all places
+  track_klt(config, first, second, wanted.data(), searches);
+  for (int k = 0, end = 0; k < searches; k = end) {
+    Chain& chain = chains[chain_of[k]];
+    for (end = k + 1; end < searches && chain_of[end] == chain_of[k];) ++end;
+    const int found = better(k, end);
+    const TrackedFeature& feature = tracks.features[chain_of[k]];
+    if (found < 0 || wanted[found].correlation < kLeastMatched || !take(chain, feature, wanted[found])) continue;
+    if (wanted[found].patch == &templates[chain.spare]) std::swap(chain.patch, chain.spare);
+    chain.matched = true;
+    chain.confirmed = false;
+    chain.innovation = kInnovationOfNewView_px;
+    chain.failures = chain.wait = 0;
+    ++stats.matched;
+  }
+}
+
+void SecondTracker::Impl::publish(TrackedFrame& tracks) {
+  for (int i = 0; i < size; ++i) {
+    const Chain& chain = chains[i];
+    if (!chain.matched || !chain.confirmed) continue;
+    SecondView view;
+    view.id = chain.id;
+    view.age = tracks.features[i].age;
+    view.pixel = {chain.x, chain.y};
+    view.bearing = {chain.bearing.x(), chain.bearing.y(), chain.bearing.z()};
+    Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(view.pixel_jacobian.data()) = chain.pixel_jacobian;
+    tracks.second.push_back(view);
+  }
+  stats.tracks += static_cast<std::uint64_t>(size);
+  stats.views += tracks.second.size();
+}
+
+SecondTracker::SecondTracker(const Camera& first, const SecondRig& rig, const TrackerConfig& config) {
+  const Camera second(rig.camera);
+  require_rig(second.width() >= kLeastSide_px && second.height() >= kLeastSide_px,
+              "second camera smaller than 64x64 px");
+  require_rig(rig.p_SC.norm() >= kLeastBaseline_m, "the second camera is where the first one is");
+  require_rig(rig.R_SC(0, 0) > kLeastCosine && rig.R_SC(1, 1) > kLeastCosine && rig.R_SC(2, 2) > kLeastCosine,
+              "the second camera's axes are turned by more than about 35 degrees against those of the first one");
+  const double scale = second.focal_px() / first.focal_px();
+  require_rig(scale < kMostScale && scale > 1 / kMostScale,
+              "the focal lengths of the two cameras, in px, differ too much");
+  impl_ = std::make_unique<Impl>(second, rig, config);
+}
+
+SecondTracker::~SecondTracker() = default;
+
+void SecondTracker::step(const PyramidView& first, const Frame& second, TrackedFrame& tracks) noexcept {
+  Impl& t = *impl_;
+  ++t.stats.images;
+  tracks.second.clear();
+  t.take_over(tracks);
+  if (!t.usable(second)) {
+    ++t.stats.images_missing;
+    return t.forget_views();
+  }
+  ++t.image_number;
+  t.pyramids[t.image_number % 2].build({second.data, second.width, second.height, second.stride});
+  t.follow(tracks);
+  t.match(first, tracks);
+  t.publish(tracks);
+}
+
+const SecondStats& SecondTracker::stats() const noexcept { return impl_->stats; }
+
+}  // namespace epiline

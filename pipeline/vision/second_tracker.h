@@ -1,0 +1,60 @@
+#pragma once
+// Finds the tracks of the first camera in the images of a second one. Design and measurements: docs/vision.md.
+#include <cstdint>
+#include <memory>
+
+#include "estimator/geometry/camera.h"
+#include "estimator/geometry/types.h"
+#include "pipeline/vision/image_view.h"
+#include "pipeline/vision/tracker_config.h"
+#include "platform/samples/samples.h"
+
+namespace epiline {
+
+/// The second camera S beside the first one, C: x_S = R_SC x_C + p_SC. Both have global shutters.
+struct SecondRig {
+  CameraParameters camera;
+  Mat3 R_SC = Mat3::Identity();
+  Vec3 p_SC = Vec3::Zero();  ///< m
+};
+
+/// Counts since construction.
+struct SecondStats {
+  std::uint64_t images = 0;          ///< pairs given to step()
+  std::uint64_t images_missing = 0;  ///< of those: without a second image, or one not of the camera's size
+  std::uint64_t tracks = 0;          ///< of the first camera, in images with a second one
+  std::uint64_t views = 0;           ///< of those: seen by the second camera
+  std::uint64_t tried = 0;           ///< searches for tracks without a view
+  std::uint64_t matched = 0;         ///< of those: successful
+  std::uint64_t followed = 0;        ///< searches for tracks that had a view in the second image before
+  std::uint64_t lost = 0;            ///< of those: without success
+  std::uint64_t off_plane = 0;       ///< found, but not near the epipolar plane
+  std::uint64_t wrong_side = 0;      ///< found near the plane, but beyond infinity or nearer than the baseline
+};
+
+/// Follows each track in the second camera's images from where it was first matched. Everything is allocated by the
+/// constructor; the same input gives the same output.
+class SecondTracker {
+ public:
+  static constexpr float kMostOffPlane_px = 1.5f;  ///< distance of a view from the epipolar plane
+
+  /// Throws std::invalid_argument for cameras without a baseline, or whose images differ so much in scale or are turned
+  /// so much against each other that patches do not look alike.
+  SecondTracker(const Camera& first, const SecondRig& rig, const TrackerConfig& config);
+  ~SecondTracker();
+  SecondTracker(const SecondTracker&) = delete;
+  SecondTracker& operator=(const SecondTracker&) = delete;
+
+  /// Fills `tracks.second` with views of `tracks.features`, which are the first camera's tracks in the image of the
+  /// pyramid `first`, in the order of their ids. `second` has no data if the second camera missed this image. Its
+  /// pixels must stay valid until the next call returns.
+  void step(const PyramidView& first, const Frame& second, TrackedFrame& tracks) noexcept;
+
+  const SecondStats& stats() const noexcept;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace epiline

@@ -1,0 +1,304 @@
+#include "pipeline/vision/second_tracker.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <stdexcept>
+#include <vector>
+
+#include "pipeline/stages/front_end.h"
+#include "pipeline/vision/tracker.h"
+#include "platform/memory/allocation_count.h"
+#include "tests/pipeline/vision/support.h"
+
+namespace epiline {
+namespace {
+
+constexpr double kNearest_m = 1.6, kSlope = 0.5;  // of the edge towards the cameras; of the walls beside it
+
+/// Two walls that meet in an edge towards the cameras: z = 1.6 + 0.5 |x|. World axes are those of the first camera.
+class Wedge {
+ public:
+  /// The first point of the ray that lies on a wall.
+  static Vec3 hit(const Vec3& from, const Vec3& along) {
+    double distance = 0;
+    for (const double slope : {kSlope, -kSlope})
+      distance = std::max(distance, (kNearest_m + slope * from.x() - from.z()) / (along.z() - slope * along.x()));
+    return from + distance * along;
+  }
+  double grey(const Vec3& p) const { return waves_(130 * (p.x() + 0.3 * p.z()), 130 * p.y()); }
+
+ private:
+  Waves waves_{41, 6, 40};
+};
+
+struct Pose {
+  Mat3 R_WC = Mat3::Identity();
+  Vec3 p_WC = Vec3::Zero();
+};
+
+CameraParameters first_lens() {
+  return {CameraModel::kPinholeRadialTangential, 320, 240, {200, 202, 158, 121}, {-0.1, 0.02, 1e-4, -2e-4, 0}};
+}
+
+/// A pair like that of a usual rig: not quite parallel, lenses of the same kind.
+SecondRig usual_rig() {
+  SecondRig rig;
+  rig.camera = first_lens();
+  rig.camera.intrinsics = {203, 201, 163, 118};
+  rig.R_SC = Eigen::AngleAxisd(0.02, Vec3(0.3, 1, -0.5).normalized()).toRotationMatrix();
+  rig.p_SC = Vec3(-0.11, 0.002, 0.004);
+  return rig;
+}
+
+/// Another model, size and focal length.
+SecondRig mixed_rig() {
+  SecondRig rig = usual_rig();
+  rig.camera = {CameraModel::kPinholeEquidistant, 300, 200, {188, 187, 148, 102}, {0.02, -0.01, 0, 0, 0}};
+  return rig;
+}
+
+TestImage picture(const Camera& camera, const Pose& pose, const Wedge& wedge) {
+  TestImage image(camera.width(), camera.height());
+  image.fill([&](int x, int y) {
+    Vec3 f;
+    return camera.unproject(Vec2(x, y), f) ? wedge.grey(Wedge::hit(pose.p_WC, pose.R_WC * f)) : 0;
+  });
+  return image;
+}
+
+Frame frame_of(const TestImage& image, int number) {
+  return {HostStamp{50'000'000LL * number},
+          static_cast<std::uint64_t>(number),
+          image.pixels.data(),
+          image.width,
+          image.height,
+          image.stride};
+}
+
+/// Both cameras on a path, and the true place of each view.
+class Rig {
+ public:
+  explicit Rig(const SecondRig& real, const SecondRig& believed)
+      : rig_(real), first_(first_lens()), second_(real.camera), tracker(first_, {}), second(first_, believed, {}) {}
+  explicit Rig(const SecondRig& rig) : Rig(rig, rig) {}
+
+  enum class Second { kSeen, kCovered, kMissing };
+
+  const TrackedFrame& step(Second what = Second::kSeen) {
+    const Pose pose{so3(), Vec3(0.02 * number_, 0.01 * number_, 0.015 * number_)};
+    pose_ = pose;
+    second_pose_ = {pose.R_WC * rig_.R_SC.transpose(), pose.p_WC - pose.R_WC * rig_.R_SC.transpose() * rig_.p_SC};
+    std::swap(images_[0], images_[1]);
+    std::swap(seconds_[0], seconds_[1]);
+    images_[0] = std::make_unique<TestImage>(picture(first_, pose, wedge_));
+    seconds_[0] = std::make_unique<TestImage>(picture(second_, second_pose_, wedge_));
+    if (what == Second::kCovered) std::fill(seconds_[0]->pixels.begin(), seconds_[0]->pixels.end(), 3);
+    ++number_;
+    const HeapCallScope heap;
+    tracker.step(frame_of(*images_[0], number_), Mat3::Identity(), *out);
+    second.step(tracker.pyramid(), what == Second::kMissing ? Frame{} : frame_of(*seconds_[0], number_), *out);
+    EXPECT_EQ(heap.calls(), 0);
+    check();
+    return *out;
+  }
+  /// Where the second camera sees the point of the track; false: nowhere.
+  bool truth(const TrackedFeature& f, Vec2& px) const {
+    const Vec3 p = Wedge::hit(pose_.p_WC, pose_.R_WC * Vec3(f.bearing.data()));
+    const Vec3 p_S = second_pose_.R_WC.transpose() * (p - second_pose_.p_WC);
+    constexpr double kMargin = 12;
+    return second_.project(p_S, px) && px.x() > kMargin && px.y() > kMargin && px.x() < second_.width() - kMargin &&
+           px.y() < second_.height() - kMargin;
+  }
+  const Camera& second_camera() const { return second_; }
+
+ private:
+  Mat3 so3() const { return Eigen::AngleAxisd(0.004 * number_, Vec3(0.2, 1, 0.4).normalized()).toRotationMatrix(); }
+  /// What holds for any input.
+  void check() const {
+    ASSERT_LE(out->second.size(), out->features.size());
+    const TrackedFeature* feature = out->features.begin();
+    for (const SecondView& view : out->second) {
+      while (feature != out->features.end() && feature->id < view.id) ++feature;
+      ASSERT_NE(feature, out->features.end());
+      EXPECT_EQ(feature->id, view.id);
+      EXPECT_EQ(feature->age, view.age);
+    }
+  }
+
+  SecondRig rig_;
+  Camera first_, second_;
+  Wedge wedge_;
+  Pose pose_, second_pose_;
+  int number_ = 0;
+  std::unique_ptr<TestImage> images_[2], seconds_[2];
+
+ public:
+  Tracker tracker;
+  SecondTracker second;
+  std::unique_ptr<TrackedFrame> out = std::make_unique<TrackedFrame>();
+};
+
+const TrackedFeature* feature_of(const TrackedFrame& frame, std::uint32_t id) {
+  const auto* const f = std::find_if(frame.features.begin(), frame.features.end(),
+                                     [&](const TrackedFeature& feature) { return feature.id == id; });
+  return f == frame.features.end() ? nullptr : f;
+}
+
+/// Of the views of several images.
+struct Quality {
+  double share = 0, rms_px = 0, wrong_share = 0;  ///< of the visible tracks; a coordinate; more than 2 px off
+};
+
+Quality quality_of(Rig& rig, int images) {
+  int visible = 0, seen = 0, wrong = 0;
+  double error2 = 0;
+  rig.step();
+  for (int image = 0; image < images; ++image) {
+    const TrackedFrame& frame = rig.step();
+    Vec2 truth;
+    for (const TrackedFeature& f : frame.features) visible += f.age > 0 && rig.truth(f, truth);
+    for (const SecondView& view : frame.second) {
+      const TrackedFeature* const f = feature_of(frame, view.id);
+      if (f == nullptr || !rig.truth(*f, truth)) continue;
+      const double error = (Vec2(view.pixel[0], view.pixel[1]) - truth).norm();
+      ++seen;
+      if (error > 2) {
+        ++wrong;
+      } else {
+        error2 += error * error;
+      }
+    }
+  }
+  return {1. * seen / visible, std::sqrt(error2 / (2 * std::max(1, seen - wrong))), 1. * wrong / std::max(1, seen)};
+}
+
+TEST(SecondTracker, SeesTheTracksWhereTheGeometryPutsThem) {
+  Rig rig(usual_rig());
+  const Quality q = quality_of(rig, 10);
+  EXPECT_GT(q.share, 0.9);
+  EXPECT_LT(q.rms_px, 0.2);
+  EXPECT_LT(q.wrong_share, 0.01);
+  const SecondStats& s = rig.second.stats();
+  EXPECT_EQ(s.images, 11u);
+  EXPECT_GT(s.followed, 3 * s.matched) << "most views come from the second image before";
+}
+
+TEST(SecondTracker, CamerasMayDiffer) {
+  Rig rig(mixed_rig());
+  const Quality q = quality_of(rig, 6);
+  EXPECT_GT(q.share, 0.5) << "patches of another scale look alike less often";
+  EXPECT_LT(q.rms_px, 0.3);
+  EXPECT_LT(q.wrong_share, 0.01);
+}
+
+TEST(SecondTracker, BearingsAndJacobiansAreTheSecondCameras) {
+  Rig rig(mixed_rig());
+  EXPECT_EQ(rig.step().second.size(), 0u) << "a view must be found again before it counts";
+  for (const SecondView& view : rig.step().second) {
+    Vec3 f;
+    Mat23 J;
+    ASSERT_TRUE(rig.second_camera().bearing(Vec2(view.pixel[0], view.pixel[1]), f, J));
+    EXPECT_LT((f - Vec3(view.bearing.data())).norm(), 1e-12);
+    EXPECT_LT((J - Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(view.pixel_jacobian.data())).norm(),
+              1e-9);
+  }
+}
+
+TEST(SecondTracker, NoViewLiesFarFromTheEpipolarPlane) {
+  const SecondRig rig = usual_rig();
+  Rig flight(rig);
+  for (int image = 0; image < 5; ++image) {
+    const TrackedFrame& frame = flight.step();
+    for (const SecondView& view : frame.second) {
+      const Vec3 normal = (rig.R_SC * Vec3(feature_of(frame, view.id)->bearing.data())).cross(rig.p_SC).normalized();
+      EXPECT_LT(std::abs(normal.dot(Vec3(view.bearing.data()))) * 203, 1.1 * SecondTracker::kMostOffPlane_px);
+    }
+  }
+}
+
+// A rig that is not the real one: three degrees across the baseline, or left and right exchanged.
+TEST(SecondTracker, RefusesWhatTheRigDoesNotAllow) {
+  SecondRig turned = usual_rig(), bent = usual_rig(), exchanged = usual_rig();
+  turned.R_SC = Eigen::AngleAxisd(0.05, Vec3::UnitX()).toRotationMatrix() * turned.R_SC;
+  bent.R_SC = Eigen::AngleAxisd(0.014, Vec3::UnitX()).toRotationMatrix() * bent.R_SC;  // 2.8 px
+  exchanged.p_SC = -exchanged.p_SC;
+  std::uint64_t off_plane = 0;
+  for (const SecondRig& believed : {turned, bent, exchanged}) {
+    Rig rig(usual_rig(), believed);
+    for (int image = 0; image < 5; ++image) rig.step();
+    const SecondStats& s = rig.second.stats();
+    EXPECT_LT(static_cast<double>(s.views), 0.02 * static_cast<double>(s.tracks));
+    off_plane += s.off_plane;
+  }
+  EXPECT_GT(off_plane, 50u);
+}
+
+TEST(SecondTracker, ACoveredLensGivesNoViews) {
+  Rig rig(usual_rig());
+  rig.step();
+  const std::size_t before = rig.step().second.size();
+  EXPECT_GT(before, 50u);
+  for (int image = 0; image < 3; ++image) EXPECT_EQ(rig.step(Rig::Second::kCovered).second.size(), 0u);
+  std::size_t after = 0;
+  for (int image = 0; image < 9; ++image) after = rig.step().second.size();
+  EXPECT_GT(after, 0.8 * static_cast<double>(before));
+}
+
+// The chain of a view ends where an image is missing: the next one is a new match.
+TEST(SecondTracker, AMissingImageEndsAllViews) {
+  Rig rig(usual_rig());
+  rig.step();
+  const std::size_t before = rig.step().second.size();
+  EXPECT_EQ(rig.step(Rig::Second::kMissing).second.size(), 0u);
+  EXPECT_EQ(rig.second.stats().images_missing, 1u);
+  const std::uint64_t matched = rig.second.stats().matched, followed = rig.second.stats().followed;
+  EXPECT_EQ(rig.step().second.size(), 0u);
+  EXPECT_EQ(rig.second.stats().followed, followed);
+  EXPECT_GT(rig.second.stats().matched, matched + 50);
+  EXPECT_GT(rig.step().second.size(), 0.8 * static_cast<double>(before));
+}
+
+// One camera's tracks do not depend on a second one.
+TEST(SecondTracker, LeavesTheFirstCamerasTracksAsTheyAre) {
+  const SecondRig rig = usual_rig();
+  const Camera camera(first_lens());
+  const Wedge wedge;
+  FrontEnd one(camera, {}, Mat3::Identity()), two(camera, {}, Mat3::Identity(), rig);
+  const auto a = std::make_unique<TrackedFrame>(), b = std::make_unique<TrackedFrame>();
+  std::vector<TestImage> images;
+  for (int k = 0; k < 3; ++k) images.push_back(picture(camera, {Mat3::Identity(), Vec3(0.02 * k, 0, 0)}, wedge));
+  for (int k = 0; k < 3; ++k) {
+    one.step(frame_of(images[k], k + 1), {}, *a);
+    two.step(frame_of(images[k], k + 1), frame_of(images[2 - k], k + 1), *b);
+    ASSERT_EQ(a->features.size(), b->features.size());
+    EXPECT_EQ(a->second.size(), 0u);
+    for (std::size_t i = 0; i < a->features.size(); ++i) {
+      EXPECT_EQ(a->features[i].id, b->features[i].id);
+      EXPECT_EQ(a->features[i].pixel, b->features[i].pixel);
+    }
+  }
+}
+
+TEST(SecondTracker, RefusesARigThatItCannotUse) {
+  const Camera first(first_lens());
+  const auto refuses = [&](auto&& change) {
+    SecondRig rig = usual_rig();
+    change(rig);
+    EXPECT_THROW(SecondTracker(first, rig, {}), std::invalid_argument);
+  };
+  refuses([](SecondRig& rig) { rig.p_SC.setZero(); });
+  refuses([](SecondRig& rig) { rig.R_SC = Eigen::AngleAxisd(3.1, Vec3::UnitZ()).toRotationMatrix(); });
+  refuses([](SecondRig& rig) { rig.camera.intrinsics = {100, 100, 158, 121}; });
+  refuses([](SecondRig& rig) { rig.camera.width = 50; });
+  CameraParameters rolling = first_lens();
+  rolling.readout_s = 0.01;
+  EXPECT_THROW(FrontEnd(Camera(rolling), {}, Mat3::Identity(), usual_rig()), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace epiline
