@@ -22,8 +22,8 @@ constexpr double kLeastSine = 1e-3;   // between bearing and baseline; below it 
 constexpr double kMostScale = 1.5;    // ratio of the focal lengths
 constexpr double kLeastCosine = 0.8;  // of the turn between the cameras' axes
 constexpr int kScanLevel = 1;         // of the pyramid
-constexpr double kScanStep = 1;       // px of that level
-constexpr int kScanPlaces = 49, kExactEvery = 4;  // places on an epipolar line; of those, every 4th is projected
+constexpr double kScanStep = 1.5;     // px of that level
+constexpr int kScanPlaces = 33, kExactEvery = 4;  // places on an epipolar line; of those, every 4th is projected
 constexpr float kLeastScanned = 0.5f;             // correlation at that level
 constexpr float kWorse = 0.15f;     // of correlation there, less than the best place's: a second place is not searched
 constexpr float kMostFromPeak = 2;  // px of that level, between scanned and found place
