@@ -123,14 +123,16 @@ Mat3 rotation_from(const Mat3& sum) noexcept {
   return svd.matrixU() * Vec3(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
 }
 
-bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint, CameraTurn& out) noexcept {
+bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint, double usual_cost,
+                  CameraTurn& out) noexcept {
   if (bearings.count < SharedBearings::kFewest) return false;
   out = Travel(bearings, R_CC0, hint).result();
-  if (out.cost < kGoodCost) return true;
+  const double good = std::max(kGoodCost, usual_cost);
+  if (out.cost < good) return true;
   const Mat3 far = turn_of_far_points(bearings);
   for (const Vec3& direction : {hint, Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), Vec3(1, 1, 1).normalized().eval(),
                                 Vec3(1, -1, 1).normalized().eval()}) {
-    if (out.cost < kGoodCost) break;
+    if (out.cost < good) break;
     const CameraTurn turn = Travel(bearings, far, direction).result();
     if (turn.cost < out.cost) out = turn;
   }

@@ -24,8 +24,10 @@ struct CameraTurn {
 };
 
 /// Robust fit of rotation and direction of translation. `R_CC0`, `hint`: initial rotation and direction; others are
-/// tried only if the fit from there is poor. Bounded work, no heap. False: too few bearings.
-bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint, CameraTurn& out) noexcept;
+/// tried only if the fit from there costs more than `usual_cost`, and is not good anyway. Bounded work, no heap. False:
+/// too few bearings.
+bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint, double usual_cost,
+                  CameraTurn& out) noexcept;
 
 /// If all points lie in one plane, n'X = 1 in the camera before and |t| = 1, the images are a homography R + t n', and
 /// R + n t' explains them as well after a turn by t x n more: how far off that other rotation is, rad. 0: no plane.

@@ -20,6 +20,8 @@ constexpr double kWorstCost = 1;
 constexpr double kMostAmbiguous = 0.05;  // rad/s: over a plane, a third of the slowest turns that are judged
 constexpr double kStill = 0.05;          // rad/s: standing says nothing, and a verdict must outlast it
 constexpr double kCostShare = 0.1;       // of a pair in their mean
+constexpr double kUsualCost = 1.2;       // times that mean: another direction would hardly do better
+constexpr int kTryAll = 8;               // of so many pairs, one is fitted from every direction
 
 Vec3 rate_of(const ImuSample& reading) { return Vec3::Map(reading.angular_velocity_rad_s.data()); }
 
@@ -64,7 +66,9 @@ void TurnWatch::add_images(const TrackedFrame& frame) noexcept {
       shared_.now[i] = Vec3::Map(f.bearing.data());
     });
     CameraTurn turn;
-    const bool fitted = turn_between(shared_, so3_exp(-dt_s * rate_C_), direction_, turn);
+    // Of a wide lens a usual fit costs more. Now and then all are tried, lest a poor one becomes usual.
+    const double usual_cost = ++fits_ % kTryAll == 0 ? 0 : std::min(kUsualCost * cost_, kWorstCost);
+    const bool fitted = turn_between(shared_, so3_exp(-dt_s * rate_C_), direction_, usual_cost, turn);
     if (fitted) cost_ += (cost_ == 0 ? 1 : kCostShare) * (turn.cost - cost_);
     if (fitted && turn.cost < kWorstCost && plane_ambiguity(shared_, turn) < kMostAmbiguous * dt_s) {
       direction_ = turn.direction;

@@ -98,7 +98,8 @@ class TurnWatch {
   std::array<Integral, kIntegrals> integral_;
   std::uint32_t integral_end_ = 0;
 
-  double cost_ = 0;  ///< of a pair of images, over the last ones
+  double cost_ = 0;         ///< of a pair of images, over the last ones
+  std::uint32_t fits_ = 0;  ///< of pairs
   // faded sums
   HostStamp faded_to_;
   double turned_s_ = 0, turns_ = 0, cc_ = 0;

@@ -53,7 +53,7 @@ TEST(TurnBetween, FindsTheTurnBesideAnyTranslation) {
         s.now[k] = (s.now[k] + 0.05 * Vec3(normal(random), normal(random), 0)).normalized();  // false match
     }
     CameraTurn turn;
-    ASSERT_TRUE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), turn));
+    ASSERT_TRUE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), 0, turn));
     if (turn.cost > 1) continue;  // no fit, and TurnWatch leaves it out
     ++fitted;
     EXPECT_LT(so3_log(R_CC0.transpose() * turn.R_CC0).norm(), 0.01) << trial << " cost " << turn.cost;
@@ -81,7 +81,7 @@ TEST(TurnBetween, SaysHowFarOffTheOtherTurnOverAPlaneIs) {
         s.now[k] = (R_CC0 * p + t + 2e-4 * Vec3(normal(random), normal(random), 0)).normalized();
       }
       CameraTurn turn;
-      ASSERT_TRUE(turn_between(s, R_CC0, t.normalized(), turn));
+      ASSERT_TRUE(turn_between(s, R_CC0, t.normalized(), 0, turn));
       const double other = (R_CC0.transpose() * t).cross(n).norm();
       if (relief > 0) {
         EXPECT_TRUE(plane_ambiguity(s, turn) == 0 || t.norm() < 0.04) << trial;
@@ -93,7 +93,7 @@ TEST(TurnBetween, SaysHowFarOffTheOtherTurnOverAPlaneIs) {
       // and so it is: the other turn, with n for the direction, leaves as little
       const Mat3 R_other = so3_exp(t.cross(R_CC0 * n)) * R_CC0;
       CameraTurn there;
-      ASSERT_TRUE(turn_between(s, R_other, (R_CC0 * n).normalized(), there));
+      ASSERT_TRUE(turn_between(s, R_other, (R_CC0 * n).normalized(), 0, there));
       EXPECT_LT(there.cost, turn.cost + 0.1) << trial;
     }
   }
@@ -108,7 +108,7 @@ TEST(TurnBetween, UnrelatedBearingsCostMuchButNotInfinitely) {
   for (auto* bearings : {&s.before, &s.now})
     for (Vec3& f : *bearings) f = Vec3(normal(random), normal(random), normal(random)).normalized();
   CameraTurn turn;
-  ASSERT_TRUE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), turn));
+  ASSERT_TRUE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), 0, turn));
   EXPECT_GT(turn.cost, 5);
   EXPECT_LE(turn.cost, std::log1p(1e6));  // an angle of 1 rad, everywhere
 }
@@ -117,7 +117,7 @@ TEST(TurnBetween, TooFewBearingsGiveNone) {
   SharedBearings s;
   s.count = SharedBearings::kFewest - 1;
   CameraTurn turn;
-  EXPECT_FALSE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), turn));
+  EXPECT_FALSE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), 0, turn));
 }
 
 TEST(TurnWatch, SaysHowSureItIsOfTheRotation) {
