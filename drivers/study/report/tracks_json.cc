@@ -4,14 +4,14 @@ namespace epiline {
 
 namespace {
 
-Json ratio(std::uint64_t part, std::uint64_t whole) {
+Json share_of(std::uint64_t part, std::uint64_t whole) {
   return whole > 0 ? Json(static_cast<double>(part) / static_cast<double>(whole)) : Json(nullptr);
 }
 
 Json second_json(const SecondStats& s) {
   return {{"images", s.images - s.images_missing},
           {"images_missing", s.images_missing},
-          {"share_of_tracks", ratio(s.views, s.tracks)},
+          {"share_of_tracks", share_of(s.views, s.tracks)},
           {"tried", s.tried},
           {"matched", s.matched},
           {"followed", s.followed},
@@ -29,9 +29,9 @@ Json tracks_json(const FlightRecord& r) {
     tracks += static_cast<std::uint64_t>(image.new_tracks);
   }
   const Json rejected =
-      r.tracker ? ratio(r.tracker->rejected_near + r.tracker->rejected_wide, r.tracker->tried) : Json(nullptr);
-  return {{"per_image_mean", ratio(points, r.images.size())},
-          {"length_mean", ratio(points, tracks)},
+      r.tracker ? share_of(r.tracker->rejected_near + r.tracker->rejected_wide, r.tracker->tried) : Json(nullptr);
+  return {{"per_image_mean", share_of(points, r.images.size())},
+          {"length_mean", share_of(points, tracks)},
           {"rejected_share", rejected},
           {"noise_px", r.estimator.frames_solved > 0 ? Json(r.estimator.pixel_sigma) : Json(nullptr)},
           {"gated", r.estimator.gated},
