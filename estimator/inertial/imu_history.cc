@@ -85,9 +85,9 @@ ImuHistory::Push ImuHistory::push(const ImuSample& s) {
 void ImuHistory::take(Reading r) {
   has_aside_ = false;
   after_gap_ = period_.step(r.stamp);
-  if (count_ > 0 && keep_places(r.stamp)) after_gap_ = false;
+  const bool bridged = count_ > 0 && keep_places(r.stamp);
   if (count_ > 0 && repeats(r)) return keep_place(r.stamp, repeated_);
-  judge(r);
+  judge(r, after_gap_ && !bridged);
   append(r);
 }
 
@@ -134,8 +134,9 @@ bool ImuHistory::repeats(const Reading& r) {
   return false;
 }
 
-void ImuHistory::judge(Reading& r) {
-  const SpikeJudge::Verdict v = judge_.step(r.stamp, r.w, r.a, after_gap_);
+/// `unknown_before`: nothing before it is a guide.
+void ImuHistory::judge(Reading& r, bool unknown_before) {
+  const SpikeJudge::Verdict v = judge_.step(r.stamp, r.w, r.a, unknown_before);
   r.suspect = v.suspect;
   r.unknown = v.unknown;
   if (v.suspect) ++counts_.suspects;

@@ -97,7 +97,7 @@ class ImuHistory {
   bool keep_places(HostStamp next);
   bool repeats(const Reading& reading);
   void append(const Reading& reading);
-  void judge(Reading& reading);
+  void judge(Reading& reading, bool unknown_before);
   void look_back();
   void judge_again(std::uint64_t i);
   void confirm(std::uint64_t i);
