@@ -54,6 +54,8 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
     window.calibration_prior.accelerometer_scale.sigma = c.accelerometer_scale_sigma;
     window.calibration_prior.gyroscope_scale.sigma = c.gyroscope_scale_sigma;
   }
+  const Mat3 R_CB = c.extrinsics.R_BC.transpose();
+  window.rig = {c.second.use, R_CB * c.second.R_BC, R_CB * (c.second.p_BC - c.extrinsics.p_BC)};
   window.wheel = c.wheel;
   for (std::size_t i = 0; i < kHeightKinds; ++i) window.height_sigmas_m[i] = c.heights[i].sigma_m;
   window.first_estimates = c.visual_factor == VisualFactor::kTrack;

@@ -2,7 +2,8 @@
 // The arithmetic of the factors that runs over SIMD lanes: compiled once per instruction set from track.inc,
 // epipolar.inc, reprojection.inc and imu.inc, and chosen at run time. This header contains plain data only, so that no
 // inline function is compiled to instructions that the machine lacks. Derivations: docs/derivations/track.md,
-// docs/derivations/epipolar.md, docs/derivations/reprojection.md, docs/derivations/imu.md.
+// docs/derivations/epipolar.md, docs/derivations/reprojection.md, docs/derivations/imu.md,
+// docs/derivations/several_cameras.md.
 #include "estimator/simd/instruction_set.h"
 #include "estimator/window/capacity.h"
 
@@ -11,16 +12,21 @@ namespace epiline {
 inline constexpr int kMaxBatches = kMaxTracks / kBatchLanes;
 inline constexpr double kNearest = 0.05;  ///< least depth along a bearing, relative to the length of its direction
 
+/// The views of a track have slots: frame k's of the first camera slot k, those of the second camera behind the last
+/// frame, with at least one slot free between them.
+inline constexpr int kMaxSlots = 2 * kMaxFrames + 1;
+
 /// Eight tracks as a structure of arrays. An absent view is all zeros and adds nothing to any sum.
 struct alignas(64) TrackBatch {
   static constexpr int kBearing = 0, kChart = 3, kStretch = 9, kRow = 10, kNumbers = 11;
   /// f (C), d(whitened pixel)/df row-major, stretch of the lens, time of the row
-  double observation[kMaxFrames][kNumbers][kBatchLanes];
-  double link[kMaxFrames][kBatchLanes];  ///< of a drifting track: 1 / (images since its previous view); 0: no view
-  double views[kBatchLanes];             ///< how many; 0: an empty lane
-  double point[4][kBatchLanes];          ///< the last point, P and w: its direction from c is P - w c
-  double warm[kBatchLanes];              ///< 2: `point` is of this frame, 1: of an earlier one, 0: none
-  int first, last;                       ///< frames spanned
+  double observation[kMaxSlots][kNumbers][kBatchLanes];
+  double link[kMaxSlots][kBatchLanes];  ///< of a drifting track: 1 / (images since its previous view); 0: no view
+  double views[kBatchLanes];            ///< how many; 0: an empty lane
+  double point[4][kBatchLanes];         ///< the last point, P and w: its direction from c is P - w c
+  double warm[kBatchLanes];             ///< 2: `point` is of this frame, 1: of an earlier one, 0: none
+  int first, last;                      ///< frames spanned
+  int second;                           ///< slot of the second camera's view of frame 0; 0: it saw none of the tracks
 };
 
 /// Tracks of the epipolar factor, eight to a batch, frame by frame: normalised image coordinates (x, y, 1). An absent
@@ -30,7 +36,7 @@ struct alignas(64) EpipolarViews {
   int first[kMaxBatches], last[kMaxBatches];  ///< frames spanned; sorted by the first
 };
 
-/// Pose of a frame as the track factor needs it; positions relative to one common origin.
+/// Pose of a camera in a frame as the track factor needs it; by slots. Positions relative to one common origin.
 struct FrameGeometry {
   double R_WC[9];  ///< row-major
   double c[3];     ///< camera centre

@@ -59,7 +59,10 @@ Slot& Window::append() {
 
 void Window::remove(int k) {
   const std::uint8_t slot = order_[static_cast<std::size_t>(k)];
-  for (int i = 0; i < tracks_; ++i) records_[static_cast<std::size_t>(i)].mask &= ~(1u << slot);
+  for (int i = 0; i < tracks_; ++i) {
+    records_[static_cast<std::size_t>(i)].mask &= ~(1u << slot);
+    records_[static_cast<std::size_t>(i)].second &= ~(1u << slot);
+  }
   for (int i = k; i + 1 < size_; ++i) order_[static_cast<std::size_t>(i)] = order_[static_cast<std::size_t>(i) + 1];
   order_[static_cast<std::size_t>(--size_)] = slot;
 }
@@ -90,12 +93,17 @@ std::uint16_t cell_of(const std::array<float, 2>& pixel) {
 }
 }  // namespace
 
-bool is_possible(const TrackedFeature& f) noexcept {
+namespace {
+bool is_possible(const std::array<double, 3>& bearing, const std::array<double, 6>& pixel_jacobian) noexcept {
   constexpr double kUnit = 1e-3, kMostPixels = 1e5;  // px/rad: a lens of a kilometre in pixels
-  const double length = Vec3(f.bearing.data()).norm(), slope = Eigen::Map<const Vec6>(f.pixel_jacobian.data()).norm();
+  const double length = Vec3(bearing.data()).norm(), slope = Eigen::Map<const Vec6>(pixel_jacobian.data()).norm();
   // written so that a NaN fails
   return std::abs(length - 1) < kUnit && slope > 0 && slope < kMostPixels;
 }
+}  // namespace
+
+bool is_possible(const TrackedFeature& f) noexcept { return is_possible(f.bearing, f.pixel_jacobian); }
+bool is_possible(const SecondView& v) noexcept { return is_possible(v.bearing, v.pixel_jacobian); }
 
 Window::Observed Window::observe(const TrackedFrame& frame) {
   const std::uint8_t slot = order_[static_cast<std::size_t>(size_ - 1)];
@@ -113,7 +121,7 @@ Window::Observed Window::observe(const TrackedFrame& frame) {
       }
       i = tracks_++;
       records_[static_cast<std::size_t>(i)].id = feature.id;
-      records_[static_cast<std::size_t>(i)].mask = 0;
+      records_[static_cast<std::size_t>(i)].mask = records_[static_cast<std::size_t>(i)].second = 0;
       records_[static_cast<std::size_t>(i)].in_use = true;
       insert_index(feature.id, i);
     }
@@ -122,7 +130,27 @@ Window::Observed Window::observe(const TrackedFrame& frame) {
     t.mask |= 1u << slot;
     t.cell = cell_of(feature.pixel);
   }
+  if (rig.use) seen.impossible += observe_second(frame);
   return seen;
+}
+
+/// Of tracks that the first camera sees in this frame. Returns how many are impossible.
+int Window::observe_second(const TrackedFrame& frame) {
+  const std::uint8_t slot = order_[static_cast<std::size_t>(size_ - 1)];
+  int impossible = 0;
+  for (const SecondView& v : frame.second) {
+    if (!is_possible(v)) {
+      ++impossible;
+      continue;
+    }
+    const int i = find(v.id);
+    if (i < 0 || !seen(records_[static_cast<std::size_t>(i)], size_ - 1)) continue;
+    TrackRecord& t = records_[static_cast<std::size_t>(i)];
+    const Mat23 chart = Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(v.pixel_jacobian.data());
+    second_views_[t.place][slot] = {Vec3(v.bearing.data()), chart, 0, static_cast<float>(v.age), 0};
+    t.second |= 1u << slot;
+  }
+  return impossible;
 }
 
 void Window::fetch(const TrackRecord& t) const {

@@ -28,10 +28,11 @@ inline constexpr int kViewCells = 1024;  ///< 32 x 32 squares of 64 pixels; what
 /// over tracks need only the slots.
 struct TrackRecord {
   std::uint32_t id = 0;
-  std::uint32_t mask = 0;   ///< bit s: slot s has a view
-  bool in_use = true;       ///< by the visual factors; see choose_tracks()
-  std::uint16_t cell = 0;   ///< below kViewCells: where in the image it was seen last
-  std::uint16_t place = 0;  ///< of its observations
+  std::uint32_t mask = 0;    ///< bit s: slot s has a view
+  std::uint32_t second = 0;  ///< bit s: slot s has a view of the second camera, too
+  bool in_use = true;        ///< by the visual factors; see choose_tracks()
+  std::uint16_t cell = 0;    ///< below kViewCells: where in the image it was seen last
+  std::uint16_t place = 0;   ///< of its observations
 };
 
 /// Camera against IMU, its focal length, and the scales of the IMU; the estimated part of the calibration. Tangent
@@ -69,6 +70,13 @@ struct CalibrationPrior {
   std::array<const CalibrationPart*, 5> parts() const {
     return {&rotation, &translation, &focal, &accelerometer_scale, &gyroscope_scale};
   }
+};
+
+/// The pose of a second camera D in the first one: x_C = R_CD x_D + p_CD. Both are mounted rigidly.
+struct Rig {
+  bool use = false;
+  Mat3 R_CD = Mat3::Identity();
+  Vec3 p_CD = Vec3::Zero();
 };
 
 /// What a height sensor says of a frame (docs/derivations/height.md).
@@ -121,6 +129,7 @@ struct Prior {
 
 /// True for a unit bearing and a Jacobian that a camera can have. Others would corrupt the solve.
 bool is_possible(const TrackedFeature& feature) noexcept;
+bool is_possible(const SecondView& view) noexcept;
 
 class Window {
  public:
@@ -161,6 +170,10 @@ class Window {
   const Observation& view(const TrackRecord& t, int k) const {
     return views_[t.place][order_[static_cast<std::size_t>(k)]];
   }
+  bool seen_by_second(const TrackRecord& t, int k) const { return t.second & bit(k); }
+  const Observation& second_view(const TrackRecord& t, int k) const {
+    return second_views_[t.place][order_[static_cast<std::size_t>(k)]];
+  }
   Observation& view(const TrackRecord& t, int k) { return views_[t.place][order_[static_cast<std::size_t>(k)]]; }
   /// Prefetches a track's observations.
   void fetch(const TrackRecord& t) const;
@@ -168,6 +181,7 @@ class Window {
   /// Track index by id; -1: unknown.
   int find(std::uint32_t id) const;
 
+  Rig rig;
   Calibration calibration;
   CalibrationPrior calibration_prior;
   WheelModel wheel;
@@ -177,6 +191,7 @@ class Window {
 
  private:
   static constexpr std::uint32_t kBuckets = 4096;  // four times the tracks: short probes
+  int observe_second(const TrackedFrame& frame);
   void rebuild_index();
   void insert_index(std::uint32_t id, int i);
 
@@ -185,7 +200,7 @@ class Window {
   std::array<std::uint8_t, kMaxFrames> order_{};
   std::array<Slot, kMaxFrames> slots_;
   std::array<TrackRecord, kMaxTracks> records_;
-  std::array<std::array<Observation, kMaxFrames>, kMaxTracks> views_;
+  std::array<std::array<Observation, kMaxFrames>, kMaxTracks> views_, second_views_;
   std::array<std::int16_t, kBuckets> index_;
 };
 

@@ -20,6 +20,7 @@ struct SyntheticOptions {
   double time_offset = 0;     ///< the stamps are wrong by this much
   double readout_s = 0;       ///< rolling shutter, of an image of 480 rows
   ImuScale imu_scale = {};    ///< true readings over measured ones, less 1
+  bool second = false;        ///< a second camera, turned and 0.11 m beside the first one, sees three of four tracks
   unsigned seed = 1;
 };
 
@@ -64,6 +65,13 @@ inline Calibration synthetic_calibration(double lever = 1) {
   return c;
 }
 
+inline Rig synthetic_rig() { return {true, so3_exp(Vec3(0.02, -0.03, 0.01)), Vec3(0.11, 0.004, -0.006)}; }
+
+inline SecondView make_second_view(std::uint32_t id, const Vec3& p_D, const Vec2& noise_px, std::uint32_t age = 0) {
+  const TrackedFeature f = make_feature(id, p_D, noise_px);
+  return {.id = id, .age = age, .bearing = f.bearing, .pixel_jacobian = f.pixel_jacobian};
+}
+
 struct SyntheticWindow {
   std::unique_ptr<Window> window;
   std::vector<NavState> truth;
@@ -74,6 +82,7 @@ inline SyntheticWindow make_window(const SyntheticOptions& o) {
   s.window = std::make_unique<Window>(kMaxFrames);
   Window& w = *s.window;
   w.calibration = synthetic_calibration(o.lever);
+  if (o.second) w.rig = synthetic_rig();
   std::mt19937_64 random(o.seed);
   std::normal_distribution<double> normal;
   auto noise3 = [&](double sigma) {
@@ -111,6 +120,7 @@ inline SyntheticWindow make_window(const SyntheticOptions& o) {
     }
     static TrackedFrame frame;
     frame.features.clear();
+    frame.second.clear();
     frame.stamp = slot.image_stamp;
     auto in_camera = [&](const Vec3& P, double q) {
       const Mat3 R_WC = path.R(q) * c.R_BC;
@@ -132,6 +142,11 @@ inline SyntheticWindow make_window(const SyntheticOptions& o) {
       frame.features.push_back(make_feature(static_cast<std::uint32_t>(i), X,
                                             Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random))));
       frame.features.back().row_s = static_cast<float>(row_s);
+      if (!o.second || i % 4 == 3) continue;
+      const Vec3 X_D = w.rig.R_CD.transpose() * (X - w.rig.p_CD);
+      frame.second.push_back(make_second_view(static_cast<std::uint32_t>(i), X_D,
+                                              Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random)),
+                                              static_cast<std::uint32_t>(k)));
     }
     w.observe(frame);
   }

@@ -2,7 +2,7 @@
 // Derivations: docs/derivations/track.md, docs/derivations/drift.md, docs/derivations/epipolar.md,
 // docs/derivations/reprojection.md, docs/derivations/calibration.md, docs/derivations/imu.md,
 // docs/derivations/wheel.md, docs/derivations/height.md, docs/derivations/zero_motion.md,
-// docs/derivations/marginalisation.md.
+// docs/derivations/marginalisation.md, docs/derivations/several_cameras.md.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -89,8 +89,8 @@ std::vector<std::string> on_every_set(const std::vector<std::string>& vectorised
 }
 
 /// All there is to a window: rest, wheels, heights, and a prior that a frame left behind.
-SyntheticWindow furnished_window(double readout_s = 0) {
-  SyntheticWindow s = make_window({.readout_s = readout_s});
+SyntheticWindow furnished_window(double readout_s = 0, bool second = false) {
+  SyntheticWindow s = make_window({.readout_s = readout_s, .second = second});
   Window& w = *s.window;
   w.first_estimates = false;
   CalibrationTangent sigmas;
@@ -141,6 +141,8 @@ class Gradient : public testing::TestWithParam<std::string> {
       if (name == std::string("track_") + name_of(set))
         return visual(name, w, std::make_shared<TrackFactor>(set), 0.02);
       if (name == std::string("drift_") + name_of(set))
+        return visual(name, w, std::make_shared<TrackFactor>(set), 0.02, TrackNoiseModel::kDrift);
+      if (name == std::string("drift_second_") + name_of(set))
         return visual(name, w, std::make_shared<TrackFactor>(set), 0.02, TrackNoiseModel::kDrift);
       if (name == std::string("track_rows_") + name_of(set))
         return visual(name, w, std::make_shared<TrackFactor>(set), 0.02, TrackNoiseModel::kWhite, true);
@@ -218,7 +220,8 @@ void check_gradient(const Subject& subject, Window& w, double tolerance = 1e-7) 
 
 TEST_P(Gradient, IsTheSlopeOfTheCost) {
   const bool rows = GetParam().find("_rows_") != std::string::npos;
-  SyntheticWindow s = furnished_window(rows ? 0.05 : 0);
+  const bool second = GetParam().find("_second_") != std::string::npos;
+  SyntheticWindow s = furnished_window(rows ? 0.05 : 0, second);
   const Subject subject = make(*s.window);
   if (!subject.cost) GTEST_SKIP() << "not on this machine";
   check_gradient(subject, *s.window);
@@ -280,8 +283,8 @@ TEST_P(HeldDepth, HasNoSlope) {
 
 const auto name_of_subject = [](const testing::TestParamInfo<std::string>& test) { return test.param; };
 INSTANTIATE_TEST_SUITE_P(Factors, Gradient,
-                         testing::ValuesIn(on_every_set({"track", "drift", "track_rows", "drift_rows", "epipolar",
-                                                         "reprojection", "imu"},
+                         testing::ValuesIn(on_every_set({"track", "drift", "drift_second", "track_rows", "drift_rows",
+                                                         "epipolar", "reprojection", "imu"},
                                                         {"prior", "wheel", "height", "zero_motion"})),
                          name_of_subject);
 INSTANTIATE_TEST_SUITE_P(Factors, HeldDepth, testing::ValuesIn(on_every_set({"track"})), name_of_subject);
