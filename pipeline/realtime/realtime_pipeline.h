@@ -127,8 +127,8 @@ class RealtimePipeline {
 
   RealtimeReport report() const;
   const Estimator& estimator() const noexcept;
-  const TrackerStats* tracker_stats() const noexcept;
-  const SecondStats* second_stats() const noexcept;  ///< likewise; null with one camera  ///< null with recorded tracks
+  const TrackerStats* tracker_stats() const noexcept;  ///< null with recorded tracks
+  const SecondStats* second_stats() const noexcept;    ///< null with one camera, or recorded tracks
 
  private:
   struct Impl;

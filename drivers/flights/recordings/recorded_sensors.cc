@@ -119,9 +119,9 @@ ReadOutcome RecordedCamera::read(Frame& frame, Span timeout) noexcept {
   return ReadOutcome::kSample;
 }
 
+/// Written before the frame went through the ring.
 Frame RecordedCamera::second(const Frame& frame) const noexcept {
-  return seconds_[static_cast<std::size_t>(
-      frame.slot)];  // the ring has passed the frame on, and what was written before
+  return seconds_[static_cast<std::size_t>(frame.slot)];
 }
 
 void RecordedCamera::give_back(const Frame& frame) noexcept {
