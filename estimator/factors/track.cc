@@ -53,48 +53,43 @@ void fill_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int 
   batch.views[lane] = n;
 }
 
-/// Only the newest views that follow each other without a hole: a drift is known from view to view.
-void fill_drifting_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int lane, TrackBatch& batch) {
+/// One camera's views of a track in a batch: the newest that follow each other without a hole, because a drift is known
+/// from view to view. `first_steps`: what the first of them errs by beside its drift. Returns how many there are.
+template <class Sees, class View>
+int fill_chain(TrackBatch& batch, int lane, int slot_0, const Sees& sees, const View& view_of, double inverse_sigma,
+               double first_steps) {
   int end = batch.last;
-  while (!w.seen(t, end)) --end;
+  while (end >= batch.first && !sees(end)) --end;
   int begin = end;
-  while (begin > batch.first && w.seen(t, begin - 1)) --begin;
+  while (begin > batch.first && sees(begin - 1)) --begin;
   float age = -1;  // the first view errs as if by a step more than its age
   for (int k = batch.first; k <= batch.last; ++k) {
-    if (k < begin || k > end) {
-      put_nothing(k, lane, batch);
-      batch.link[k][lane] = 0;
-      continue;
-    }
-    const Observation& view = w.view(t, k);
-    put_view(view, inverse_sigma, k, lane, batch);
-    batch.link[k][lane] = 1 / std::max(static_cast<double>(view.age - age), 1.0);
-    age = view.age;
-  }
-  batch.views[lane] = end - begin + 1;
-}
-
-/// A chain of its own: what the first camera's views had drifted by until the second one found the track is its, too,
-/// so the age is the track's.
-void fill_second_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int lane, TrackBatch& batch) {
-  int end = batch.last;
-  while (end >= batch.first && !w.seen_by_second(t, end)) --end;
-  int begin = end;
-  while (begin > batch.first && w.seen_by_second(t, begin - 1)) --begin;
-  float age = -1;
-  for (int k = batch.first; k <= batch.last; ++k) {
-    const int slot = batch.second + k;
+    const int slot = slot_0 + k;
     if (k < begin || k > end) {
       put_nothing(slot, lane, batch);
       batch.link[slot][lane] = 0;
       continue;
     }
-    const Observation& view = w.second_view(t, k);
+    const Observation& view = view_of(k);
     put_view(view, inverse_sigma, slot, lane, batch);
-    batch.link[slot][lane] = 1 / (std::max(static_cast<double>(view.age - age), 1.0) + (k == begin ? kMatchSteps : 0));
+    const double steps = std::max(static_cast<double>(view.age - age), 1.0);
+    batch.link[slot][lane] = 1 / (k == begin ? steps + first_steps : steps);
     age = view.age;
   }
-  batch.views[lane] += end >= batch.first ? end - begin + 1 : 0;
+  return end >= batch.first ? end - begin + 1 : 0;
+}
+
+/// The second camera's views are a chain of their own: what the first camera's had drifted by until the second one
+/// found the track is its, too, so the age is the track's.
+void fill_drifting_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int lane, TrackBatch& batch) {
+  int views = fill_chain(
+      batch, lane, 0, [&](int k) { return w.seen(t, k); }, [&](int k) -> const Observation& { return w.view(t, k); },
+      inverse_sigma, 0);
+  if (batch.second > 0)
+    views += fill_chain(
+        batch, lane, batch.second, [&](int k) { return w.seen_by_second(t, k); },
+        [&](int k) -> const Observation& { return w.second_view(t, k); }, inverse_sigma, kMatchSteps);
+  batch.views[lane] = views;
 }
 
 void empty_lane(int lane, TrackBatch& batch) {
@@ -180,7 +175,6 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
       if (i + SortedTracks::kAhead < sorted.size()) fetch(w, w.track(sorted.track(i + SortedTracks::kAhead)));
       const TrackRecord& t = w.track(sorted.track(i));
       fill(w, t, 1 / sigma_, i - begin, memory_->batch[b]);
-      if (memory_->batch[b].second > 0) fill_second_lane(w, t, 1 / sigma_, i - begin, memory_->batch[b]);
       recall_point(t, b, i - begin);
     }
     for (int lane = end - begin; lane < kBatchLanes; ++lane) empty_lane(lane, memory_->batch[b]);
