@@ -29,9 +29,9 @@ constexpr Span kUnitsSpan = Span::from_milliseconds(5000);
 constexpr double kLeastForce = 7.5, kMostForce = 14;      // m/s^2: a mean over five seconds that a flight can have
 constexpr double kMostRate = 6;                           // rad/s, likewise: one turn a second for five seconds
 constexpr double kFocalLength = 0.015, kFocalSigmas = 6;  // relative: worth a word beyond
-constexpr double kFarFocalLength = 0.1;                   // the distortion does not fit such a lens, either
-constexpr double kImuScale = 0.02, kFarImuScale = 0.05;   // sensors err by 1 to 3 %: a lens may look like more
-constexpr double kNoiseFactor = 3;                        // users widen and vibration adds: worth a word beyond
+constexpr double kFarFocalLength = 0.035;  // what is estimated is linear in it: by 5 % it is off by a fifth of that
+constexpr double kImuScale = 0.02, kFarImuScale = 0.05;  // sensors err by 1 to 3 %: a lens may look like more
+constexpr double kNoiseFactor = 3;                       // users widen and vibration adds: worth a word beyond
 
 /// The signed axes of the gyroscope that would make it agree: column k is where its axis k points.
 TurnedAxes axes_of(const Mat3& M) {

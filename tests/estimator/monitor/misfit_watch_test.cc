@@ -46,6 +46,27 @@ TEST(MisfitWatch, ANewStartMayTryButIsNotTrusted) {
   EXPECT_EQ(verdict(watch), Severity::kSuspect);
 }
 
+double seconds_until_trusted(MisfitWatch& watch) {
+  double t = 0;
+  for (; verdict(watch) != Severity::kNone && t < 1000; t += kStep_s) watch.add(0.1, kStep_s, false);
+  return t;
+}
+
+TEST(MisfitWatch, EachFlightThatAContradictionEndedMakesItsEndTakeTwiceAsLong) {
+  MisfitWatch watch;
+  double before = 0;
+  for (int flight = 0; flight < 4; ++flight) {
+    see(watch, 9, 3);
+    watch.restart();
+    watch.restart();  // a start that was refused: it ended no flight
+    const double now = seconds_until_trusted(watch);
+    if (flight > 0) {
+      EXPECT_NEAR(now, 2 * before, 4 * kStep_s) << flight;
+    }
+    before = now;
+  }
+}
+
 TEST(MisfitWatch, ANewStartAfterAGoodFlightIsTrusted) {
   MisfitWatch watch;
   see(watch, 0.2, 10);
