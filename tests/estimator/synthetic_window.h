@@ -2,7 +2,6 @@
 // A window with known truth: an IMU on a smooth path, points in front of a camera, bearings with noise.
 #include <cmath>
 #include <memory>
-#include <random>
 #include <vector>
 
 #include "estimator/factors/imu.h"
@@ -77,88 +76,6 @@ struct SyntheticWindow {
   std::vector<NavState> truth;
 };
 
-inline SyntheticWindow make_window(const SyntheticOptions& o) {
-  SyntheticWindow s;
-  s.window = std::make_unique<Window>(kMaxFrames);
-  Window& w = *s.window;
-  w.calibration = synthetic_calibration(o.lever);
-  if (o.second) w.rig = synthetic_rig();
-  std::mt19937_64 random(o.seed);
-  std::normal_distribution<double> normal;
-  auto noise3 = [&](double sigma) {
-    return Vec3(sigma * normal(random), sigma * normal(random), sigma * normal(random));
-  };
-  const SyntheticPath path{o.motion};
-  const double interval = 0.1, imu_dt = 0.005;
-  std::vector<Vec3> points;
-  const Calibration c = synthetic_calibration(o.lever);
-  const Mat3 R_mid = path.R(0.05 * o.frames) * c.R_BC;
-  for (int i = 0; i < o.tracks; ++i) {
-    const Vec3 ray(0.9 * std::uniform_real_distribution<double>(-0.6, 0.6)(random),
-                   std::uniform_real_distribution<double>(-0.4, 0.4)(random), 1);
-    points.push_back(path.p(0.05 * o.frames) + R_mid * (ray * std::uniform_real_distribution<double>(2.5, 9)(random)));
-  }
-  for (int k = 0; k < o.frames; ++k) {
-    const double t = k * interval;
-    Slot& slot = w.append();
-    slot.image_stamp = slot.time = HostStamp{static_cast<std::int64_t>(k) * 100'000'000};
-    slot.x.p = path.p(t);
-    slot.x.v = path.v(t);
-    slot.x.R = path.R(t);
-    slot.omega = path.w(t);
-    s.truth.push_back(slot.x);
-    if (k > 0) {
-      slot.imu.reset(Vec3::Zero(), Vec3::Zero());
-      for (int i = 0; i < 20; ++i) {
-        const double t0 = t - interval + i * imu_dt, t1 = t0 + imu_dt;
-        auto force = [&](double q) { return Vec3(path.R(q).transpose() * (path.a(q) - kGravity_W)); };
-        const double by_w = 1 / (1 + o.imu_scale.gyroscope), by_a = 1 / (1 + o.imu_scale.accelerometer);
-        slot.imu.integrate(by_w * path.w(t0), by_a * force(t0), by_w * path.w(t1), by_a * force(t1), imu_dt,
-                           ImuNoise{});
-      }
-      whiten(slot);
-    }
-    static TrackedFrame frame;
-    frame.features.clear();
-    frame.second.clear();
-    frame.stamp = slot.image_stamp;
-    auto in_camera = [&](const Vec3& P, double q) {
-      const Mat3 R_WC = path.R(q) * c.R_BC;
-      return Vec3(R_WC.transpose() * (P - path.p(q) - path.R(q) * c.p_BC));
-    };
-    for (int i = 0; i < o.tracks; ++i) {
-      if ((i + k) % 5 == 4 && i % 2) continue;  // holes in the tracks
-      const double exposed = t + o.time_offset;
-      double row_s = 0;
-      const auto seen = [&] { return in_camera(points[static_cast<std::size_t>(i)], exposed + row_s); };
-      Vec3 X = seen();
-      if (X.z() < 0.3) continue;
-      for (int n = 0; n < 20 && o.readout_s != 0; ++n) {
-        row_s = o.readout_s / 480 * kFocal * X.y() / X.z();
-        X = seen();
-      }
-      // as if seen at the stamp, by the attitude alone
-      if (row_s != 0) X = c.R_BC.transpose() * path.R(exposed).transpose() * path.R(exposed + row_s) * c.R_BC * X;
-      frame.features.push_back(make_feature(static_cast<std::uint32_t>(i), X,
-                                            Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random))));
-      frame.features.back().row_s = static_cast<float>(row_s);
-      if (!o.second || i % 4 == 3) continue;
-      const Vec3 X_D = w.rig.R_CD.transpose() * (X - w.rig.p_CD);
-      frame.second.push_back(make_second_view(static_cast<std::uint32_t>(i), X_D,
-                                              Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random)),
-                                              static_cast<std::uint32_t>(k)));
-    }
-    w.observe(frame);
-  }
-  for (int k = 0; k < o.frames; ++k) {
-    Vec6 dp;
-    dp << noise3(o.state_error), noise3(0.3 * o.state_error);
-    Vec9 dv;
-    dv << noise3(o.state_error), noise3(o.state_error), noise3(0.1 * o.state_error);
-    retract_pose(w.at(k).x, dp);
-    retract_velocity_biases(w.at(k).x, dv);
-  }
-  return s;
-}
+SyntheticWindow make_window(const SyntheticOptions& o);
 
 }  // namespace epiline

@@ -1,11 +1,11 @@
 // An hour of flight with stamps of 2026, and flights far from the world's origin.
 #include <gtest/gtest.h>
 
-#include <Eigen/Eigenvalues>
 #include <array>
 #include <cmath>
 #include <vector>
 
+#include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/estimator/rig.h"
 
 namespace epiline {
@@ -122,8 +122,7 @@ constexpr HostStamp kNovember2026{1'795'000'000'123'456'789};
 /// Unknowns of different units made comparable: the correlations.
 double least_correlation_eigenvalue(const StateCovariance& P) {
   const Eigen::Matrix<double, 16, 1> unit = P.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::Matrix<double, 16, 16> C = unit.asDiagonal() * P * unit.asDiagonal();
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 16, 16>>(C).eigenvalues()(0);
+  return test::least_eigenvalue(unit.asDiagonal() * P * unit.asDiagonal());
 }
 
 TEST(EstimatorEndurance, AnHourIsFlownWithoutAResetAndTheCovarianceGrowsAsARandomWalk) {

@@ -2,11 +2,11 @@
 // takes over. Its gradient: gradient_test.cc. Derivation: docs/derivations/drift.md.
 #include <gtest/gtest.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
 #include "estimator/factors/track.h"
+#include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/factors/explicit_residuals.h"
 #include "tests/estimator/factors/smooth_settings.h"
 #include "tests/estimator/synthetic_window.h"
@@ -117,12 +117,12 @@ TEST(Drift, IsTheInverseOfTheViewsWholeCovariance) {
   for (const double student : {4.0, kAlike}) {
     const VisualSettings set = settings(student);
     const double sigma = set.drift_sigma * set.drift_inflation, unit = set.drift_inflation * set.drift_inflation;
-    const MatrixXd I = e.covariance(sigma).inverse();
+    const MatrixXd I = test::inverse(e.covariance(sigma));
     const test::Camera first = test::camera(w, 0);
     Vec3 P = first.c + 4 * first.R * w.view(e.t, 0).f_C;
     for (int i = 0; i < 100; ++i) {
       const MatrixXd K = slopes_by_point(e, P);
-      P -= (K.transpose() * I * K).ldlt().solve(K.transpose() * I * residuals(e, P));
+      P -= test::solve(test::congruence(I, K), K.transpose() * (I * residuals(e, P)));
     }
     const MatrixXd K = slopes_by_point(e, P);
     const VectorXd r = residuals(e, P);
@@ -131,9 +131,9 @@ TEST(Drift, IsTheInverseOfTheViewsWholeCovariance) {
       J.middleRows<2>(2 * i) =
           test::slopes<2>(w, w.size(), {e.at[static_cast<std::size_t>(i)]}, [&] { return e.residual(i, P); });
     const double dof = 2 * e.views() - 3, chi2 = r.dot(I * r), weight = (student + dof) / (student + chi2 * unit);
-    const MatrixXd rest = I - I * K * (K.transpose() * I * K).inverse() * K.transpose() * I;
-    const MatrixXd H = weight * J.transpose() * rest * J;
-    const VectorXd b = -weight * J.transpose() * rest * r;
+    const MatrixXd rest = I - test::congruence(test::inverse(test::congruence(I, K)), K.transpose() * I);
+    const MatrixXd H = weight * test::congruence(rest, J);
+    const VectorXd b = -weight * (J.transpose() * (rest * r));
 
     TrackFactor factor(best_instruction_set());
     const auto system = std::make_unique<VisualSystem>();
@@ -184,8 +184,7 @@ TEST(Drift, MarginalisationNeverTakesInformationAway) {
       const MatrixXd H = test::dense(*added, s.window->size() - 1);
       ASSERT_TRUE(H.allFinite());
       EXPECT_GT(H.norm(), 1);
-      EXPECT_GE(Eigen::SelfAdjointEigenSolver<MatrixXd>(H, Eigen::EigenvaluesOnly).eigenvalues().minCoeff(),
-                -1e-9 * H.norm())
+      EXPECT_GE(test::least_eigenvalue(H), -1e-9 * H.norm())
           << "motion " << motion << ", noise " << noise << " px";
     }
 }

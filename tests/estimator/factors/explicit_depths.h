@@ -1,9 +1,10 @@
 #pragma once
 // The reprojection problem written down directly: its depths explicit, its Jacobians numerical.
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <vector>
 
 #include "estimator/factors/reprojection.h"
+#include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/factors/explicit_residuals.h"
 
 namespace epiline::test {
@@ -36,10 +37,10 @@ class Explicit {
   /// Without the depths.
   Eigen::MatrixXd reduced_H() const {
     const int n = states(), m = landmarks();
-    return H.topLeftCorner(n, n) - H.topRightCorner(n, m) * depth_H().inverse() * H.bottomLeftCorner(m, n);
+    return H.topLeftCorner(n, n) - congruence(inverse(depth_H()), H.bottomLeftCorner(m, n));
   }
   Eigen::VectorXd reduced_b() const {
-    return b.head(states()) - H.topRightCorner(states(), landmarks()) * depth_H().inverse() * b.tail(landmarks());
+    return b.head(states()) - H.topRightCorner(states(), landmarks()) * (inverse(depth_H()) * b.tail(landmarks()));
   }
 
   Eigen::MatrixXd H;

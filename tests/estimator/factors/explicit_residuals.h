@@ -1,6 +1,6 @@
 #pragma once
 // Visual factors written down directly, their Jacobians numerical.
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <cmath>
 #include <initializer_list>
 

@@ -4,12 +4,12 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include <Eigen/Cholesky>
 #include <cmath>
 #include <limits>
 #include <vector>
 
 #include "estimator/geometry/so3.h"
+#include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/height_readings.h"
 #include "tests/estimator/inertial/random_interval.h"
 #include "tests/estimator/synthetic_window.h"
@@ -92,7 +92,7 @@ struct WrittenOut {
       for (Eigen::Index b = 0; b < n; ++b)
         C(a, b) += reading(std::min(a, b)).heights[0].walked_m2 - reading(0).heights[0].walked_m2;
     }
-    const MatrixXd I = C.inverse();
+    const MatrixXd I = test::inverse(C);
     const VectorXd u = I * VectorXd::Ones(n);
     return e.dot(I * e) - std::pow(u.dot(e), 2) / u.sum();
   }

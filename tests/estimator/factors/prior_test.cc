@@ -90,13 +90,13 @@ TEST(Prior, FromACovarianceHoldsThatCovariance) {
     std::vector<int> row;
     for (int i = 0; i < 6; ++i) row.push_back(pose_column(2, 0) + i);
     for (int i = 0; i < 9; ++i) row.push_back(velocity_row(2, 0) + i);
-    LongMatrix H(15, 15);
+    DenseSystem block{Eigen::MatrixXd(15, 15), Eigen::VectorXd::Zero(15)};
     for (int i = 0; i < 15; ++i)
-      for (int j = 0; j < 15; ++j) H(i, j) = d.H(row[i], row[j]) * std::sqrt(P(i, i) * P(j, j));
-    const LongMatrix C = H.llt().solve(LongMatrix::Identity(15, 15));
+      for (int j = 0; j < 15; ++j) block.H(i, j) = d.H(row[i], row[j]) * std::sqrt(P(i, i) * P(j, j));
+    const Eigen::MatrixXd C = solve_dense(block).covariance;
     for (int i = 0; i < 15; ++i)
       for (int j = 0; j < 15; ++j)
-        EXPECT_NEAR(static_cast<double>(C(i, j)), P(i, j) / std::sqrt(P(i, i) * P(j, j)), 1e-6)
+        EXPECT_NEAR(C(i, j), P(i, j) / std::sqrt(P(i, i) * P(j, j)), 1e-6)
             << seed << ": " << i << ", " << j;
   }
 }

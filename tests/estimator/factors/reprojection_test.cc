@@ -4,10 +4,9 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Eigenvalues>
-
 #include "estimator/factors/prior.h"
 #include "estimator/solver/marginalise.h"
+#include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/dense_system.h"
 #include "tests/estimator/factors/explicit_depths.h"
 #include "tests/estimator/synthetic_window.h"
@@ -111,8 +110,9 @@ TEST(ReprojectionFactor, StepOfPosesAndDepthsIsThatOfTheJointProblem) {
   T.block<kCameraCalibration, kCameraCalibration>(6 * n, 6 * n).setIdentity();
   const int m = joint.landmarks();
   DenseSystem full{MatrixXd::Zero(states + m, states + m), VectorXd::Zero(states + m)};
-  full.H.topLeftCorner(states, states) = reduced.H - T.transpose() * dense(*visual, n) * T +
-                                         T.transpose() * joint.H.topLeftCorner(joint.states(), joint.states()) * T;
+  full.H.topLeftCorner(states, states) =
+      reduced.H - test::congruence(dense(*visual, n), T) +
+      test::congruence(joint.H.topLeftCorner(joint.states(), joint.states()), T);
   full.H.topRightCorner(states, m) = T.transpose() * joint.H.topRightCorner(joint.states(), m);
   full.H.bottomLeftCorner(m, states) = full.H.topRightCorner(states, m).transpose();
   full.H.bottomRightCorner(m, m) = joint.H.bottomRightCorner(m, m);
@@ -262,7 +262,7 @@ TEST(ReprojectionFactor, HandsOverEveryBearingOfTheLandmarksOfFrameZero) {
   const MatrixXd H = dense(*system, w.size());
   EXPECT_NEAR(system->cost, reference.cost, 1e-10 * reference.cost);
   EXPECT_LT(scaled_difference(H, reference.reduced_H()), 1e-7);
-  EXPECT_GE(Eigen::SelfAdjointEigenSolver<MatrixXd>(H).eigenvalues().minCoeff(), -1e-9 * H.norm());
+  EXPECT_GE(test::least_eigenvalue(H), -1e-9 * H.norm());
 }
 
 /// Without any parallax the depth is held, and the rest stays finite and positive.
@@ -276,7 +276,7 @@ TEST(ReprojectionFactor, SurvivesZeroParallax) {
     const MatrixXd H = dense(*system, s.window->size());
     ASSERT_TRUE(H.allFinite());
     EXPECT_GT(H.norm(), 1);
-    EXPECT_GE(Eigen::SelfAdjointEigenSolver<MatrixXd>(H).eigenvalues().minCoeff(), -1e-9 * H.norm());
+    EXPECT_GE(test::least_eigenvalue(H), -1e-9 * H.norm());
     factor.step(*s.window);
     factor.linearise(*s.window, *system);
     EXPECT_TRUE(std::isfinite(system->cost));

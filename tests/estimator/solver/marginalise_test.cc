@@ -4,12 +4,11 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Eigenvalues>
-
 #include "estimator/factors/epipolar.h"
 #include "estimator/factors/prior.h"
 #include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
+#include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/dense_system.h"
 #include "tests/estimator/factors/explicit_residuals.h"
 #include "tests/estimator/solver/solver_fixture.h"
@@ -21,6 +20,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using test::calibration_sigmas;
+using test::least_eigenvalue;
 
 VisualSettings settings() {
   VisualSettings s;
@@ -37,10 +37,6 @@ MatrixXd dense_prior(const Prior& p) {
 }
 
 VectorXd dense_prior_rhs(const Prior& p) { return Eigen::Map<const VectorXd>(p.b, p.dim()); }
-
-double least_eigenvalue(const MatrixXd& H) {
-  return Eigen::SelfAdjointEigenSolver<MatrixXd>(H, Eigen::EigenvaluesOnly).eigenvalues().minCoeff();
-}
 
 // ---- H_add ----
 
@@ -104,7 +100,7 @@ TEST(AddedInformation, OfThreeTracksHasRankSix) {
   factor.collect(*s.window, settings());
   factor.marginalise_oldest(*s.window, settings(), *added);
   const MatrixXd H = test::dense(*added, s.window->size() - 1);
-  const VectorXd e = Eigen::SelfAdjointEigenSolver<MatrixXd>(H, Eigen::EigenvaluesOnly).eigenvalues().reverse();
+  const VectorXd e = test::eigenvalues(H).reverse();
   EXPECT_GT(e[5], 1e-7 * e[0]);
   EXPECT_LT(std::abs(e[6]), 1e-10 * e[0]);
 }
@@ -144,7 +140,7 @@ TEST(Marginalisation, KnowsNothingOfWhereAndWhichWayWhenNothingAnchorsTheWindow)
   const int known = w.prior.calibration_row();
   const VectorXd scale = H.diagonal().head(known).cwiseSqrt().cwiseInverse();
   const MatrixXd scaled = scale.asDiagonal() * H.topLeftCorner(known, known) * scale.asDiagonal();
-  const VectorXd e = Eigen::SelfAdjointEigenSolver<MatrixXd>(scaled, Eigen::EigenvaluesOnly).eigenvalues();
+  const VectorXd e = test::eigenvalues(scaled);
   EXPECT_LT(e.head(4).cwiseAbs().maxCoeff(), 1e-10);
   EXPECT_GT(e[4], 1e-8);
 }
@@ -343,7 +339,7 @@ TEST(InitialPrior, TellsTiltFromYaw) {
   sigmas.sigma_tilt = 0.02;
   sigmas.sigma_yaw = 0.5;
   set_initial_prior(w, sigmas, calibration_sigmas());
-  const MatrixXd C = dense_prior(w.prior).inverse();
+  const MatrixXd C = test::inverse(dense_prior(w.prior));
   const Mat3 R = w.at(0).x.R;
   const Mat3 world = R * C.block<3, 3>(3, 3) * R.transpose();
   const Vec3 expected(0.02 * 0.02, 0.02 * 0.02, 0.5 * 0.5);
