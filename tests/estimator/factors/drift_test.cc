@@ -184,8 +184,7 @@ TEST(Drift, MarginalisationNeverTakesInformationAway) {
       const MatrixXd H = test::dense(*added, s.window->size() - 1);
       ASSERT_TRUE(H.allFinite());
       EXPECT_GT(H.norm(), 1);
-      EXPECT_GE(test::least_eigenvalue(H), -1e-9 * H.norm())
-          << "motion " << motion << ", noise " << noise << " px";
+      EXPECT_GE(test::least_eigenvalue(H), -1e-9 * H.norm()) << "motion " << motion << ", noise " << noise << " px";
     }
 }
 

@@ -96,8 +96,7 @@ TEST(Prior, FromACovarianceHoldsThatCovariance) {
     const Eigen::MatrixXd C = solve_dense(block).covariance;
     for (int i = 0; i < 15; ++i)
       for (int j = 0; j < 15; ++j)
-        EXPECT_NEAR(C(i, j), P(i, j) / std::sqrt(P(i, i) * P(j, j)), 1e-6)
-            << seed << ": " << i << ", " << j;
+        EXPECT_NEAR(C(i, j), P(i, j) / std::sqrt(P(i, i) * P(j, j)), 1e-6) << seed << ": " << i << ", " << j;
   }
 }
 

@@ -110,9 +110,8 @@ TEST(ReprojectionFactor, StepOfPosesAndDepthsIsThatOfTheJointProblem) {
   T.block<kCameraCalibration, kCameraCalibration>(6 * n, 6 * n).setIdentity();
   const int m = joint.landmarks();
   DenseSystem full{MatrixXd::Zero(states + m, states + m), VectorXd::Zero(states + m)};
-  full.H.topLeftCorner(states, states) =
-      reduced.H - test::congruence(dense(*visual, n), T) +
-      test::congruence(joint.H.topLeftCorner(joint.states(), joint.states()), T);
+  full.H.topLeftCorner(states, states) = reduced.H - test::congruence(dense(*visual, n), T) +
+                                         test::congruence(joint.H.topLeftCorner(joint.states(), joint.states()), T);
   full.H.topRightCorner(states, m) = T.transpose() * joint.H.topRightCorner(joint.states(), m);
   full.H.bottomLeftCorner(m, states) = full.H.topRightCorner(states, m).transpose();
   full.H.bottomRightCorner(m, m) = joint.H.bottomRightCorner(m, m);

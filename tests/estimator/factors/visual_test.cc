@@ -2,7 +2,6 @@
 // gradient_test.cc. Derivation: docs/derivations/track.md.
 #include <gtest/gtest.h>
 
-
 #include "estimator/factors/epipolar.h"
 #include "estimator/factors/track.h"
 #include "tests/estimator/dense_algebra.h"

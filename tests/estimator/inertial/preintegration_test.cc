@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-
 #include "estimator/geometry/so3.h"
 #include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/inertial/random_interval.h"
