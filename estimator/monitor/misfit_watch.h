@@ -15,8 +15,8 @@ class MisfitWatch {
     misfit_px_ += std::min(1.0, dt_s / (refutes ? refuted_s_ : kBelieved_s)) * (seen - misfit_px_);
   }
   /// A new start may try again, but what contradicted before is not trusted yet: calibration is the rig's, not the
-  /// start's. A gentle flight fits many a wrong number, so each one that a contradiction ended makes refuting take twice
-  /// as long.
+  /// start's. A gentle flight fits many a wrong number, so each one that a contradiction ended makes refuting take
+  /// twice as long.
   void restart() noexcept {
     if (misfit_px_ <= kRemembered_px) return;
     misfit_px_ = kRemembered_px;
