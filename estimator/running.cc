@@ -334,7 +334,7 @@ void Estimator::Impl::slide(Supervisor& supervisor) {
     } else {
       ++stats.keyframes;
     }
-    if (window.full()) marginalise(supervisor);
+    while (window.full()) marginalise(supervisor);  // more than once after a start alone
   }
   window.prune();
 }

@@ -14,6 +14,7 @@ namespace epiline {
 namespace {
 // A start in motion is taken when the window's own posterior says so.
 constexpr int kStartSteps = 10;
+constexpr int kStartWindow = 11;  // images; from ten on they show that tracks are worse than configured
 constexpr double kStartVelocity = 0.2, kStartTilt = 0.035, kStartScale = 0.15;  // m/s, rad, relative
 constexpr double kStartResidual = 1.6;                                          // bearing noise seen over that assumed
 constexpr double kBiasSigmaGyroscope = 0.1, kBiasSigmaAccelerometer = 0.1;      // before the first start
@@ -47,7 +48,7 @@ StateCovariance covariance_of(const InitialState& s, double sigma_td) {
 StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& supervisor) {
   // a frame that is tied to the others by fewer tracks than a start needs would hang on the IMU and on false matches
   if (seen_again(frame) < StartLimits{}.tracks) window.clear();
-  if (window.full()) window.remove(0);
+  if (window.size() >= std::max(kStartWindow, window.capacity())) window.remove(0);
   if (!cut(frame)) {
     window.clear();
     ++stats.start_refused[static_cast<int>(StartRefusal::kNoImu)];

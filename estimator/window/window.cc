@@ -50,7 +50,7 @@ NavState Window::linearisation_point(int k) const {
 }
 
 Slot& Window::append() {
-  EPILINE_EXPECTS(!full(), "a frame appended to a full window");
+  EPILINE_EXPECTS(size_ < kMaxFrames, "a frame appended to a window without room");
   Slot& s = slots_[order_[static_cast<std::size_t>(size_++)]];
   s = Slot{};
   s.id = next_id_++;

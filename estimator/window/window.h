@@ -133,12 +133,13 @@ bool is_possible(const SecondView& view) noexcept;
 
 class Window {
  public:
+  /// `capacity`: frames at which a flight lets its oldest go; a start may take up to kMaxFrames.
   explicit Window(int capacity) : capacity_(capacity) { clear(); }
 
   void clear();
   int size() const { return size_; }
   int capacity() const { return capacity_; }
-  bool full() const { return size_ == capacity_; }
+  bool full() const { return size_ >= capacity_; }
   /// Frames in time order, 0 the oldest.
   Slot& at(int k) { return slots_[order_[static_cast<std::size_t>(k)]]; }
   const Slot& at(int k) const { return slots_[order_[static_cast<std::size_t>(k)]]; }
@@ -148,7 +149,7 @@ class Window {
   /// The Jacobians' linearisation point of frame k: first estimates where the prior froze them.
   NavState linearisation_point(int k) const;
 
-  /// Appends an empty frame; the window must not be full.
+  /// Appends an empty frame to fewer than kMaxFrames.
   Slot& append();
   /// Removes frame k and its bearings. The caller joins the IMU intervals.
   void remove(int k);

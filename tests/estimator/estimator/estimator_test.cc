@@ -68,6 +68,24 @@ TEST(EstimatorStart, InMotionFindsScaleVelocityAndTilt) {
   EXPECT_EQ(rig.stats().resets, 0u);
 }
 
+/// Ten images show that tracks are worse than configured, however few keyframes the window keeps afterwards.
+TEST(EstimatorStart, InMotionTakesTheImagesItNeedsWithFewKeyframes) {
+  for (const int keyframes : {2, 5, 8}) {
+    EstimatorConfig config;
+    config.keyframes = keyframes;
+    Rig rig({.moving_from = -2}, config);
+    rig.pixel_noise = 1.2;
+    double first_pose = -1;
+    rig.run_to(8, [&] {
+      if (first_pose < 0 && rig.last().has_pose) first_pose = rig.now();
+    });
+    EXPECT_GT(first_pose, 0) << keyframes;
+    EXPECT_LT(first_pose, 2) << keyframes;
+    EXPECT_EQ(rig.stats().resets, 0u) << keyframes;
+    EXPECT_LT(rig.velocity_error(), 0.1) << keyframes;
+  }
+}
+
 /// What three false matches and the IMU tie to the others is no part of a start.
 TEST(EstimatorStart, BeginsAnewAtAnImageThatShowsNothingOfTheOnesBefore) {
   Rig rig({.moving_from = -2}, {});
