@@ -39,6 +39,7 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
       solver(best_instruction_set()),
       marginaliser(best_instruction_set()),
       stationary(c.imu),
+      starter(best_instruction_set()),
       turns(c.extrinsics.time_offset_s, kWatchMemory_s),
       pixel_sigma(c.pixel_sigma),
       drift_sigma(c.drift_sigma) {

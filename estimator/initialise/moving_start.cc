@@ -25,7 +25,8 @@ struct Candidate {
 /// the baseline is, the linear system shrinks the velocity and turns gravity. No single guess is safe.
 class Search {
  public:
-  Search(const StartProblem& problem, StartPath& path) : problem_(problem), path_(path) {}
+  Search(const StartProblem& problem, PointElimination& points, StartPath& path)
+      : problem_(problem), points_(points), path_(path) {}
 
   /// Finds the gyroscope bias, the parallax and where to begin.
   void look(double& parallax_rad);
@@ -38,6 +39,7 @@ class Search {
   void try_reference();
 
   const StartProblem& problem_;
+  PointElimination& points_;
   StartPath& path_;
   bool rotation_ = false, solved_ = false, far_ = false;
   StartState linear_, hover_;
@@ -66,7 +68,7 @@ void Search::look(double& parallax_rad) {
 void Search::try_from(const StartState& state) {
   if (left_ <= 0 || best_.explains()) return;
   Candidate c{false, state, {}};
-  c.valid = approach(problem_, c.state, path_, left_, c.figures);
+  c.valid = approach(problem_, points_, c.state, path_, left_, c.figures);
   left_ -= std::max(1, c.figures.iterations);
   if (c.valid && (!best_.valid || c.figures.cost < best_.figures.cost)) best_ = c;
 }
@@ -146,10 +148,10 @@ std::optional<StartRefusal> judge(const StartProblem& problem, const StartLimits
 
 /// The state with the noise given, or, where the residuals show more, with that. Noise is told from a wrong model by
 /// its having no pattern: no frame's pose would like to leave the path.
-bool refine_with_noise(const StartProblem& problem, const StartLimits& limits, StartState& state, StartPath& path,
-                       StartGuess& guess) {
+bool refine_with_noise(const StartProblem& problem, const StartLimits& limits, PointElimination& points,
+                       StartState& state, StartPath& path, StartGuess& guess) {
   RefinementFigures figures;
-  if (!refine(problem, state, path, figures)) return false;
+  if (!refine(problem, points, state, path, figures)) return false;
   fill(problem, state, path, figures, guess);
   if (problem.frames < limits.noise_frames || !within(guess.residual, limits.noise_most)) return true;
   if (within(guess.residual, limits.residual)) {
@@ -158,7 +160,7 @@ bool refine_with_noise(const StartProblem& problem, const StartLimits& limits, S
   }
   StartProblem noisy = problem;
   noisy.sigma_rad = problem.sigma_rad * guess.residual;
-  if (!refine(noisy, state, path, figures)) return false;
+  if (!refine(noisy, points, state, path, figures)) return false;
   fill(noisy, state, path, figures, guess);
   return true;
 }
@@ -166,18 +168,19 @@ bool refine_with_noise(const StartProblem& problem, const StartLimits& limits, S
 }  // namespace
 
 std::optional<StartRefusal> solve_moving_start(const StartProblem& problem, const StartLimits& limits,
-                                               StartGuess& guess) {
+                                               PointElimination& points, StartGuess& guess) {
   if (problem.frames < limits.frames || problem.frames > kStartFrames) return StartRefusal::kTooFewFrames;
   if (long_tracks(problem) < limits.tracks) return StartRefusal::kTooFewTracks;
+  points.collect(problem);
   StartPath path;
-  Search search(problem, path);
+  Search search(problem, points, path);
   search.look(guess.parallax_rad);
   if (!within(limits.least_parallax_sigmas * problem.sigma_rad, guess.parallax_rad)) return StartRefusal::kNoParallax;
   search.run(guess.unexplained);
   const bool parallax = guess.parallax_rad >= limits.parallax_sigmas * problem.sigma_rad;
   guess.unexplained = search.best().explains() ? 0 : guess.unexplained + 1;
   StartState state = search.best().state;
-  if (!search.best().valid || !refine_with_noise(problem, limits, state, path, guess))
+  if (!search.best().valid || !refine_with_noise(problem, limits, points, state, path, guess))
     return parallax ? StartRefusal::kSolverFailed : StartRefusal::kNoParallax;
   const std::optional<StartRefusal> refusal = judge(problem, limits, guess);
   return refusal && !parallax ? StartRefusal::kNoParallax : refusal;

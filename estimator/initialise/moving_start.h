@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "estimator/config.h"
-#include "estimator/initialise/start_problem.h"
+#include "estimator/initialise/start_point.h"
 #include "estimator/statistics.h"
 
 namespace epiline {
@@ -42,10 +42,10 @@ struct StartGuess {
   double sigma_velocity = 0, sigma_tilt = 0, sigma_scale = 0, sigma_b_g = 0;  ///< m/s, rad, relative, rad/s
 };
 
-/// Fixed memory (about 160 kB of stack), bounded work: at most kApproachIterations with a third of the tracks and two
-/// refinements. Empty: `guess` is good. Otherwise the reason of the refusal, and `guess` holds partial results; pass
+/// Fixed memory, bounded work: at most kApproachIterations with a third of the tracks and two refinements. `points` is
+/// work space. Empty: `guess` is good. Otherwise the reason of the refusal, and `guess` holds partial results; pass
 /// the same `guess` to the next try.
 [[nodiscard]] std::optional<StartRefusal> solve_moving_start(const StartProblem& problem, const StartLimits& limits,
-                                                             StartGuess& guess);
+                                                             PointElimination& points, StartGuess& guess);
 
 }  // namespace epiline

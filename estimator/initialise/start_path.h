@@ -6,7 +6,6 @@
 namespace epiline {
 
 /// Tangent of StartState: v_0, two turns of g_0 about gravity_basis(), b_g, b_a.
-inline constexpr int kStartDof = 11;
 using StartVector = Eigen::Matrix<double, kStartDof, 1>;
 using StartMatrix = Eigen::Matrix<double, kStartDof, kStartDof>;
 using StartRows = Eigen::Matrix<double, 3, kStartDof>;

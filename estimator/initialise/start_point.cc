@@ -2,217 +2,179 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <bit>
 #include <cmath>
-
-#include "estimator/geometry/so3.h"
+#include <cstring>
 
 namespace epiline {
 namespace {
 
-constexpr double kDepthDamping = 0.04;             // (1/m)^-2: holds an inverse depth that the images do not see
-constexpr double kDepthPrior = 0.2;                // 1/m, the inverse depth where there is no parallax at all
-constexpr double kNearest = 8, kFarthest = 0.004;  // bounds of the inverse depth, 1/m
-constexpr int kTurning = 5;                        // column of b_g, the only one that turns cameras
-constexpr int kColumns = 12;                       // of the tangent, padded to whole vectors
+using RowMat3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+using Mat6 = Eigen::Matrix<double, 6, 6>;
 
-/// Lower Cholesky factor of a symmetric positive definite 3x3, with inverted diagonal.
-struct Cholesky3 {
-  double d0, d1, d2, l10, l20, l21;
-  explicit Cholesky3(const Mat3& M) {
-    d0 = 1 / std::sqrt(M(0, 0));
-    l10 = M(1, 0) * d0;
-    l20 = M(2, 0) * d0;
-    d1 = 1 / std::sqrt(M(1, 1) - l10 * l10);
-    l21 = (M(2, 1) - l20 * l10) * d1;
-    d2 = 1 / std::sqrt(M(2, 2) - l20 * l20 - l21 * l21);
-  }
-  Vec3 forward(const Vec3& y) const {
-    const double a = y[0] * d0, b = (y[1] - l10 * a) * d1;
-    return {a, b, (y[2] - l20 * a - l21 * b) * d2};
-  }
-  Vec3 solve(const Vec3& y) const {
-    const Vec3 z = forward(y);
-    const double c = z[2] * d2, b = (z[1] - l21 * c) * d1;
-    return {(z[0] - l10 * b - l20 * c) * d0, b, c};
-  }
-};
+constexpr int kFirstSteps = 2;           // of a point from its closed form; from where it was last, one is enough
+constexpr double kMedianLength = 1.177;  // of two unit Gaussians
+constexpr int kTurning = 5;              // column of b_g, the only one that turns cameras
 
-/// The derivative of the eliminated point's equations by the start's tangent, row by row.
-struct Rows {
-  alignas(64) double q[3][kColumns] = {};
+void put_rows(const Mat3& M, double* out) { Eigen::Map<RowMat3>{out} = M; }
+void put_vector(const Vec3& v, double* out) { Eigen::Map<Vec3>{out} = v; }
 
-  /// Columns of both biases: q -= A J for the position's derivative by them.
-  void subtract_biases(const Mat3& A, const Eigen::Matrix<double, 3, 6>& J) {
-    for (int r = 0; r < 3; ++r)
-      for (int c = 0; c < 6; ++c) q[r][kTurning + c] -= A(r, 0) * J(0, c) + A(r, 1) * J(1, c) + A(r, 2) * J(2, c);
-  }
-  void add_turning(const Mat3& A, const Mat3& J) {
-    for (int r = 0; r < 3; ++r)
-      for (int c = 0; c < 3; ++c) q[r][kTurning + c] += A(r, 0) * J(0, c) + A(r, 1) * J(1, c) + A(r, 2) * J(2, c);
-  }
-  void forward(const Cholesky3& L) {
-    for (int c = 0; c < kColumns; ++c) {
-      const double a = q[0][c] * L.d0, b = (q[1][c] - L.l10 * a) * L.d1;
-      q[0][c] = a;
-      q[1][c] = b;
-      q[2][c] = (q[2][c] - L.l20 * a - L.l21 * b) * L.d2;
-    }
-  }
-  /// n -= q' (q, z), H its upper half.
-  void eliminate(const Vec3& z, StartNormal& n) const {
-    for (int i = 0; i < kStartDof; ++i) {
-      const double a = q[0][i], b = q[1][i], c = q[2][i];
-      double* column = n.H.data() + kStartDof * i;  // symmetric: the column stands for the row
-      for (int j = 0; j <= i; ++j) column[j] -= a * q[0][j] + b * q[1][j] + c * q[2][j];
-      n.b[i] -= a * z[0] + b * z[1] + c * z[2];
-    }
-  }
-};
+template <std::size_t N>
+double median(std::array<double, N>& v, int n) {
+  std::nth_element(v.begin(), v.begin() + n / 2, v.begin() + n);
+  return v[static_cast<std::size_t>(n / 2)];
+}
 
 }  // namespace
 
-StartSums::StartSums(int frames) {
-  std::fill_n(H.begin(), frames, Eigen::Matrix<double, 6, 6>::Zero());
-  std::fill_n(b.begin(), frames, Eigen::Matrix<double, 6, 1>::Zero());
-}
-
-double StartSums::mean_score(int frames) const {
-  double sum = 0;
-  for (int k = 0; k < frames; ++k) {
-    Eigen::Matrix<double, 6, 6> full = H[k].selfadjointView<Eigen::Upper>();
-    full.diagonal().array() += 1e-6;
-    sum += b[k].dot(full.llt().solve(b[k])) / 6;
+void place_cameras(const StartProblem& problem, const StartPath& path, const StartState& state, StartCameras& camera) {
+  for (int k = 0; k < problem.frames; ++k) {
+    StartCamera& c = camera[k];
+    const StartFrame& f = path[k];
+    const Vec3 p = f.position(state);
+    put_rows(f.R * problem.R_BC, c.R);
+    put_vector(p + f.R * problem.p_BC, c.c);
+    put_vector(p, c.p);
+    c.T = f.T;
+    c.half_T2 = 0.5 * f.T * f.T;
+    put_rows(f.alpha_b.leftCols<3>(), c.p_b_g);
+    put_rows(f.alpha_b.rightCols<3>(), c.p_b_a);
+    put_rows(f.rotation_rows(), c.turn_b_g);
   }
-  return sum / frames;
 }
 
-void StartSums::finish(const StartViews& view, int frames, const Eigen::Matrix<double, 3, 2>& gravity) {
+double mean_score(const StartEquations& equations, int frames) {
+  double total = 0;
+  for (int k = 0; k < frames; ++k) {
+    Mat6 H = Eigen::Map<const Mat6>(equations.H_pose[k]);
+    H.diagonal().array() += 1e-6;
+    const Eigen::Map<const Vec6> b(equations.b_pose[k]);
+    total += b.dot(H.llt().solve(b)) / 6;
+  }
+  return total / frames;
+}
+
+void add(const StartEquations& equations, const StartCameras& camera, int frames, const GravityTurns& gravity,
+         StartNormal& sum) {
+  sum.H += Eigen::Map<const StartMatrix>(equations.H[0]);  // symmetric: its rows stand for columns
+  sum.b += Eigen::Map<const StartVector>(equations.b);
+  sum.cost += equations.cost;
   Eigen::Matrix<double, 6, kStartDof> J = Eigen::Matrix<double, 6, kStartDof>::Zero();
   for (int k = 0; k < frames; ++k) {
-    const StartView& v = view[k];
-    J.topLeftCorner<3, 3>() = Mat3::Identity() * v.T;
-    J.block<3, 2>(0, 3) = (0.5 * v.T * v.T) * gravity;
-    J.topRightCorner<3, 6>() = v.p_b;
-    J.block<3, 3>(3, kTurning) = v.dphi;
-    Eigen::Matrix<double, 6, 6> full = H[k];
-    full.bottomLeftCorner<3, 3>() = full.topRightCorner<3, 3>().transpose();
-    total.H.triangularView<Eigen::Upper>() += J.transpose() * full * J;
-    total.b += J.transpose() * b[k];
+    const StartCamera& c = camera[k];
+    J.topLeftCorner<3, 3>() = Mat3::Identity() * c.T;
+    J.block<3, 2>(0, 3) = c.half_T2 * gravity;
+    J.block<3, 3>(0, kTurning) = Eigen::Map<const RowMat3>(c.p_b_g);
+    J.topRightCorner<3, 3>() = Eigen::Map<const RowMat3>(c.p_b_a);
+    J.block<3, 3>(3, kTurning) = Eigen::Map<const RowMat3>(c.turn_b_g);
+    sum.H.triangularView<Eigen::Upper>() += J.transpose() * Eigen::Map<const Mat6>(equations.H_pose[k]) * J;
+    sum.b += J.transpose() * Eigen::Map<const Vec6>(equations.b_pose[k]);
   }
 }
 
-PointElimination::PointElimination(const StartTrack& track, const StartViews& view, double sigma, double kernel)
-    : track_(track), view_(view), sigma2_(sigma * sigma), kernel2_(kernel * kernel), origin_(view[track.frame[0]].c) {
+void PointElimination::put(const StartTrack& track, int batch, int lane) {
+  StartBatch& to = batch_[batch];
+  to.first = std::min<int>(to.first, track.frame[0]);
+  to.last = std::max<int>(to.last, track.frame[track.count - 1]);
   for (int q = 0; q < track.count; ++q) {
-    const StartView& v = view[track.frame[q]];
-    f_[q] = v.R * track.f_C[q];
-    centre_[q] = origin_ - v.c;
-    seen_ += f_[q].cross(centre_[q]).squaredNorm();
+    const int k = track.frame[q];
+    for (int i = 0; i < 3; ++i) to.f[k][i][lane] = track.f_C[q][i];
+    seen_[batch][lane] |= 1u << k;
   }
-  // Where the images see the depth the damping must go: over a hundred tracks it would pass for knowledge of scale.
-  damping_ = std::max(0.0, kDepthDamping - seen_ / sigma2_);
 }
 
-void PointElimination::estimate() {
-  double num = kDepthDamping * sigma2_ * kDepthPrior;
-  for (int q = 0; q < track_.count; ++q) num -= f_[q].cross(centre_[q]).dot(f_[q].cross(x_.m));
-  x_.rho = std::clamp(num / (kDepthDamping * sigma2_ + seen_), kFarthest, kNearest);
-}
-
-void PointElimination::solve(const StartPoint& start, int steps) {
-  x_ = start;
-  if (start.rho == 0) x_.m = f_[0];
-  estimate();
-  for (int n = 0; n < steps; ++n) {
-    linearise();
-    step();
-  }
-  linearise();
-}
-
-void PointElimination::step() {
-  const Vec3 dm = Cholesky3(M_).solve(y_);
-  const double along = x_.m.dot(dm) / x_.m.squaredNorm();
-  x_.m += dm - along * x_.m;
-  x_.rho = std::clamp(x_.rho * (1 - along), kFarthest, kNearest);
-}
-
-/// Residuals in the plane tangent to each measured bearing f, their weights and the normal equations of m. With y the
-/// predicted ray scaled to f.y = 1 the residual is f - y and its derivative by m -(I - y f')/depth.
-void PointElimination::linearise() {
-  const double m2 = x_.m.squaredNorm();
-  M_ = (damping_ * x_.rho * x_.rho / (m2 * m2)) * x_.m * x_.m.transpose();
-  M_.diagonal().array() += 1e-9;
-  y_.setZero();
-  double product = 1;
-  for (int q = 0; q < track_.count; ++q) {
-    const Vec3& f = f_[q];
-    const Vec3 Y = x_.m + x_.rho * centre_[q];
-    const double depth = f.dot(Y);
-    if (depth < 0.05) {  // behind the camera: no derivative, the cost of a gross error
-      W_[q].setZero();
-      h_[q].setZero();
-      s_[q] = 1e6;
-    } else {
-      const double inverse = 1 / depth;
-      const Vec3 y = inverse * Y, e = y - f;
-      const double e2 = e.squaredNorm();
-      s_[q] = e2 / sigma2_;
-      const double w = inverse / ((1 + s_[q] / kernel2_) * sigma2_);
-      const Vec3 side = (0.5 * y.squaredNorm()) * f - y;
-      const double a = w * inverse;
-      Mat3& W = W_[q];
-      W(0, 0) = a * (1 + 2 * side[0] * f[0]);
-      W(1, 1) = a * (1 + 2 * side[1] * f[1]);
-      W(2, 2) = a * (1 + 2 * side[2] * f[2]);
-      W(0, 1) = W(1, 0) = a * (side[0] * f[1] + side[1] * f[0]);
-      W(0, 2) = W(2, 0) = a * (side[0] * f[2] + side[2] * f[0]);
-      W(1, 2) = W(2, 1) = a * (side[1] * f[2] + side[2] * f[1]);
-      h_[q] = w * (e2 * f - e);
+/// Sorted by the frames that they span, so that a batch spans few more frames than its tracks do.
+void PointElimination::collect(const StartProblem& problem) {
+  const int tracks = std::min<int>(kStartTracks, static_cast<int>(problem.tracks.size()));
+  const auto track = [&](int t) -> const StartTrack& { return problem.tracks[static_cast<std::size_t>(t)]; };
+  const auto before = [&](int a, int b) {
+    const auto key = [&](int t) {
+      return (track(t).frame[0] * kStartFrames + track(t).frame[track(t).count - 1]) * kStartTracks + t;
+    };
+    return key(a) < key(b);
+  };
+  frames_ = problem.frames;
+  batches_ = 0;
+  std::array<std::uint16_t, kStartTracks> order;
+  for (const bool third : {true, false}) {
+    int n = 0;
+    for (int t = 0; t < tracks; ++t)
+      if ((t % 3 == 0) == third && track(t).count >= 2) order[n++] = static_cast<std::uint16_t>(t);
+    std::sort(order.begin(), order.begin() + n, before);
+    for (int i = 0; i < n; ++i) {
+      if (i % kBatchLanes == 0) {
+        std::memset(batch_[batches_].f, 0, sizeof batch_[0].f[0] * static_cast<std::size_t>(frames_));
+        batch_[batches_].first = kStartFrames;
+        batch_[batches_].last = 0;
+        seen_[batches_].fill(0);
+        ++batches_;
+      }
+      put(track(order[i]), batches_ - 1, i % kBatchLanes);
     }
-    product *= 1 + s_[q] / kernel2_;
-    M_ += W_[q];
-    y_ += h_[q];
+    if (third) thirds_ = batches_;
   }
-  cost_ = kernel2_ * std::log(product);
+  forget_points();
 }
 
-void PointElimination::add_to(const Eigen::Matrix<double, 3, 2>& gravity, StartSums& sum) const {
-  Rows rows;
-  Mat3 by_velocity = Mat3::Zero(), by_gravity = Mat3::Zero();
-  for (int q = 0; q < track_.count; ++q) {
-    const int k = track_.frame[q];
-    const StartView& v = view_[k];
-    const Vec3 lever = x_.m + x_.rho * (origin_ - v.p);
-    const Mat3& W = W_[q];
-    Mat3 WL;  // W [lever]x
-    for (int r = 0; r < 3; ++r) {
-      WL(r, 0) = W(r, 1) * lever[2] - W(r, 2) * lever[1];
-      WL(r, 1) = W(r, 2) * lever[0] - W(r, 0) * lever[2];
-      WL(r, 2) = W(r, 0) * lever[1] - W(r, 1) * lever[0];
+void PointElimination::forget_points() {
+  known_ = false;
+  for (int n = 0; n < batches_; ++n) std::memset(&point_[accepted_][n], 0, sizeof point_[0][0]);
+}
+
+void PointElimination::eliminate(const StartCameras& camera, const GravityTurns& gravity, double sigma, double kernel,
+                                 Share share, StartEquations& out) {
+  const Eigen::Matrix<double, 3, 2, Eigen::RowMajor> turns = gravity;
+  kernels_.eliminate(batch_.data(), batches(share), camera.data(), frames_, turns.data(),
+                     {sigma * sigma, kernel * kernel, known_ ? 1 : kFirstSteps}, point_[accepted_].data(),
+                     point_[1 - accepted_].data(), scratch_, out);
+}
+
+void PointElimination::accept() {
+  known_ = true;
+  accepted_ = 1 - accepted_;
+}
+
+int PointElimination::views(int batch, int lane) const { return std::popcount(seen_[batch][lane]); }
+
+int PointElimination::freedom(Share share) const {
+  int freedom = -kStartDof;
+  for (int n = 0; n < batches(share); ++n)
+    for (int lane = 0; lane < kBatchLanes; ++lane)
+      if (views(n, lane) > 0) freedom += 2 * views(n, lane) - 3;
+  return freedom;
+}
+
+double PointElimination::typical_residual(const StartCameras& camera, double sigma, double kernel, int& tracks) const {
+  std::array<double, kStartTracks> length;
+  tracks = 0;
+  for (int n = 0; n < batches_; ++n) {
+    alignas(64) double residual2[kStartFrames][kBatchLanes];
+    kernels_.residuals(&batch_[n], 1, camera.data(), {sigma * sigma, kernel * kernel, 1}, &point_[accepted_][n],
+                       &residual2);
+    for (int lane = 0; lane < kBatchLanes; ++lane) {
+      const int count = views(n, lane);
+      if (count < 3) continue;
+      std::array<double, kStartFrames> s;
+      int q = 0;
+      for (std::uint32_t mask = seen_[n][lane]; mask != 0; mask &= mask - 1)
+        s[q++] = residual2[std::countr_zero(mask)][lane];
+      // 2 n - 3 of 2 n degrees of freedom are left after the point is fitted
+      length[tracks++] = std::sqrt(median(s, count) * (2.0 * count) / (2.0 * count - 3));
     }
-    const Mat3 A = x_.rho * W;
-    Eigen::Matrix<double, 6, 6>& H = sum.H[k];
-    H.topLeftCorner<3, 3>() += x_.rho * A;
-    H.topRightCorner<3, 3>() -= x_.rho * WL;
-    H.bottomRightCorner<3, 3>() -= skew(lever).lazyProduct(WL);
-    Eigen::Matrix<double, 6, 1>& b = sum.b[k];
-    b.head<3>() -= x_.rho * h_[q];
-    b.tail<3>() -= lever.cross(h_[q]);
-    by_velocity += v.T * A;
-    by_gravity += (0.5 * v.T * v.T) * A;
-    rows.subtract_biases(A, v.p_b);
-    rows.add_turning(WL, v.dphi);
   }
-  const Eigen::Matrix<double, 3, 2> turns = by_gravity * gravity;
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) rows.q[r][c] = -by_velocity(r, c);
-    for (int c = 0; c < 2; ++c) rows.q[r][3 + c] = -turns(r, c);
+  return tracks == 0 ? 0 : median(length, tracks) / kMedianLength;
+}
+
+double PointElimination::parallax(const StartCameras& camera) const {
+  std::array<double, kStartTracks> all;
+  int tracks = 0;
+  for (int n = 0; n < batches_; ++n) {
+    alignas(64) double sine2[kBatchLanes];
+    kernels_.widest(&batch_[n], 1, camera.data(), &sine2);
+    for (int lane = 0; lane < kBatchLanes; ++lane)
+      if (views(n, lane) >= 3) all[tracks++] = sine2[lane];
   }
-  const Cholesky3 L(M_);
-  rows.forward(L);
-  rows.eliminate(L.forward(y_), sum.total);
-  sum.total.cost += cost_;
+  return tracks == 0 ? 0 : std::asin(std::sqrt(std::min(1.0, median(all, tracks))));
 }
 
 }  // namespace epiline

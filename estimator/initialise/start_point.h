@@ -1,19 +1,17 @@
 #pragma once
-// One track's part of the joint least squares of a start: its point, and the constraint on the cameras that remains
-// when the point is eliminated. Derivation: docs/derivations/initialisation.md.
+// The tracks of a start, their points eliminated from the joint least squares eight tracks at a time. Derivation:
+// docs/derivations/initialisation.md.
+#include "estimator/initialise/start_kernels.h"
 #include "estimator/initialise/start_path.h"
 
 namespace epiline {
 
-/// A camera: rotation and centre in B_0 with their derivatives.
-struct StartView {
-  double T = 0;
-  Mat3 R;
-  Vec3 c, p;
-  Eigen::Matrix<double, 3, 6> p_b;  ///< d p / d (b_g, b_a)
-  Mat3 dphi;                        ///< by b_g alone
-};
-using StartViews = std::array<StartView, kStartFrames>;
+using StartCameras = std::array<StartCamera, kStartFrames>;
+/// The cameras of a path.
+void place_cameras(const StartProblem& problem, const StartPath& path, const StartState& state, StartCameras& camera);
+
+/// Derivative of g_0 by its two turns.
+using GravityTurns = Eigen::Matrix<double, 3, 2>;
 
 struct StartNormal {
   StartMatrix H = StartMatrix::Zero();  ///< upper half
@@ -21,58 +19,54 @@ struct StartNormal {
   double cost = 0;
 };
 
-/// Sums over tracks.
-struct StartSums {
-  /// H, b of each frame's pose (dp, dphi) with the points held, H its upper half only.
-  std::array<Eigen::Matrix<double, 6, 6>, kStartFrames> H;
-  std::array<Eigen::Matrix<double, 6, 1>, kStartFrames> b;
-  StartNormal total;  ///< terms that are already in the start's tangent
+/// Mean over the frames of b' H^-1 b per degree of freedom: the squared distance in sigmas by which each pose, free by
+/// itself, would leave the path.
+double mean_score(const StartEquations& equations, int frames);
+/// Adds the equations, the poses mapped to the start's unknowns.
+void add(const StartEquations& equations, const StartCameras& camera, int frames, const GravityTurns& gravity,
+         StartNormal& sum);
 
-  explicit StartSums(int frames);
-  /// Mean over the frames of b' H^-1 b per degree of freedom, before finish(): the squared distance in sigmas by which
-  /// each pose, free by itself, would leave the path.
-  double mean_score(int frames) const;
-  /// Moves the poses' part into `total`.
-  void finish(const StartViews& view, int frames, const Eigen::Matrix<double, 3, 2>& gravity);
-};
-
-/// A homogeneous point: seen from the first camera of its track in the direction m (in B_0), at the inverse distance
-/// rho.
-struct StartPoint {
-  Vec3 m = Vec3::Zero();
-  double rho = 0;  ///< 0: unknown
-};
-
-/// The elimination of one track's point.
+/// About 280 kB.
 class PointElimination {
  public:
-  PointElimination(const StartTrack& track, const StartViews& view, double sigma, double kernel);
-  /// Iterates from `start`, or from the closed form if `start` is unknown.
-  void solve(const StartPoint& start, int steps);
-  const StartPoint& point() const { return x_; }
-  /// Adds the track's normal equations, the point eliminated, and its robust cost.
-  void add_to(const Eigen::Matrix<double, 3, 2>& gravity, StartSums& sum) const;
-  /// Squared residual of view q, in sigmas.
-  double residual2(int q) const { return s_[q]; }
+  /// The wide stages use a third of the tracks.
+  enum class Share : unsigned char { kThird, kAll };
+
+  explicit PointElimination(InstructionSet set) : kernels_(start_kernels(set)) {}
+  /// Takes the first kStartTracks tracks of a problem, as far as they have two views.
+  void collect(const StartProblem& problem);
+  /// The next equations begin at the closed form.
+  void forget_points();
+  /// The normal equations of a share of the tracks, and their robust cost. Each point moves by a step from where it was
+  /// accepted last.
+  void eliminate(const StartCameras& camera, const GravityTurns& gravity, double sigma, double kernel, Share share,
+                 StartEquations& out);
+  /// The points of the last equations are the ones to go on from.
+  void accept();
+  /// Degrees of freedom that a share of the tracks leaves to the start.
+  int freedom(Share share) const;
+  /// Median length of the residuals of tracks of three views or more, relative to that of Gaussian noise of one sigma;
+  /// `tracks`: how many.
+  double typical_residual(const StartCameras& camera, double sigma, double kernel, int& tracks) const;
+  /// Median over these tracks of the widest angle between two bearings, the cameras' rotation removed, rad.
+  double parallax(const StartCameras& camera) const;
 
  private:
-  void estimate();
-  void linearise();
-  void step();
+  static constexpr int kThirds = ((kStartTracks + 2) / 3 + kBatchLanes - 1) / kBatchLanes;
+  static constexpr int kBatches = kThirds + (2 * kStartTracks / 3 + kBatchLanes - 1) / kBatchLanes;
 
-  const StartTrack& track_;
-  const StartViews& view_;
-  double sigma2_, kernel2_, seen_ = 0;
-  Vec3 origin_;
-  StartPoint x_;
-  double damping_ = 0, cost_ = 0;
-  Mat3 M_;
-  Vec3 y_;
-  std::array<Vec3, kStartFrames> f_;       ///< measured bearings in B_0
-  std::array<Vec3, kStartFrames> centre_;  ///< of the cameras, seen from the first
-  std::array<Mat3, kStartFrames> W_;
-  std::array<Vec3, kStartFrames> h_;
-  std::array<double, kStartFrames> s_;
+  void put(const StartTrack& track, int batch, int lane);
+  int batches(Share share) const { return share == Share::kAll ? batches_ : thirds_; }
+  int views(int batch, int lane) const;
+
+  const StartKernels& kernels_;
+  int frames_ = 0, thirds_ = 0, batches_ = 0;  ///< the batches of the third come first
+  bool known_ = false;                         ///< points were accepted
+  int accepted_ = 0;                           ///< which of the two sets of points
+  std::array<StartBatch, kBatches> batch_;
+  std::array<std::array<std::uint32_t, kBatchLanes>, kBatches> seen_;  ///< bit k: by frame k
+  std::array<std::array<StartPoints, kBatches>, 2> point_;
+  StartScratch scratch_;
 };
 
 }  // namespace epiline

@@ -6,11 +6,10 @@
 
 #include "estimator/geometry/types.h"
 #include "estimator/inertial/preintegration.h"
+#include "estimator/initialise/start_kernels.h"
 
 namespace epiline {
 
-inline constexpr int kStartFrames = 21;
-inline constexpr int kStartTracks = 400;
 inline constexpr double kGravity = 9.81;  ///< m/s^2
 
 /// One feature: in which frames it was seen (ascending) and its unit bearings there, in the camera frame.

@@ -4,38 +4,24 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "estimator/initialise/start_point.h"
 
 namespace epiline {
 namespace {
 
+using Share = PointElimination::Share;
+
 struct Stage {
   double kernel;   // Cauchy scale, in sigmas
-  int every;       // of so many tracks one is used
+  Share share;     // of the tracks
   int iterations;  // at most
 };
 // A wide kernel pulls from afar, and for that a third of the tracks will do; the last one forgets gross errors.
-constexpr std::array<Stage, 2> kApproach = {{{32, 3, 8}, {8, 3, 8}}};
-constexpr Stage kFinal = {2, 1, 8};
+constexpr std::array<Stage, 2> kApproach = {{{32, Share::kThird, 8}, {8, Share::kThird, 8}}};
+constexpr Stage kFinal = {2, Share::kAll, 8};
 constexpr double kSpeedSigma = 10;   // m/s: only keeps the system regular
-constexpr int kFirstInnerSteps = 2;  // of a point from its closed form; from where it was last, one is enough
 constexpr double kConverged = 1e-4;  // share of the cost: a step that gains, or promises, less is the last
-
-using Points = std::array<StartPoint, kStartTracks>;
-
-void place_cameras(const StartProblem& problem, const StartPath& path, const StartState& s, StartViews& view) {
-  for (int k = 0; k < problem.frames; ++k) {
-    StartView& v = view[k];
-    v.T = path[k].T;
-    v.p = path[k].position(s);
-    v.R = path[k].R * problem.R_BC;
-    v.c = v.p + path[k].R * problem.p_BC;
-    v.p_b = path[k].alpha_b;
-    v.dphi = path[k].rotation_rows();
-  }
-}
 
 void add_prior(const StartProblem& problem, const StartState& s, StartNormal& n) {
   StartVector information, error = StartVector::Zero();
@@ -50,62 +36,52 @@ void add_prior(const StartProblem& problem, const StartState& s, StartNormal& n)
   n.cost += error.dot(information.cwiseProduct(error));
 }
 
-int used_tracks(const StartProblem& problem) {
-  return std::min<int>(kStartTracks, static_cast<int>(problem.tracks.size()));
-}
-
-/// The least squares of one problem, with the points where they were found last.
+/// The least squares of one problem, whose tracks `points` has collected.
 class Descent {
  public:
-  Descent(const StartProblem& problem, StartPath& path) : problem_(problem), path_(path) {}
+  Descent(const StartProblem& problem, PointElimination& points, StartPath& path)
+      : problem_(problem), points_(points), path_(path) {
+    points.forget_points();
+  }
   /// Damped Gauss-Newton of one stage. False if the normal equations cannot be solved.
   bool descend(const Stage& stage, int most, StartState& state);
   int iterations() const { return iterations_; }
-  double pull() const { return pull_; }
+  /// Mean score at the state accepted last.
+  double pull() const { return mean_score(accepted_, problem_.frames); }
   const StartNormal& normal() const { return now_; }
-  /// Degrees of freedom of the last linearisation.
-  int freedom() const { return freedom_; }
-  const StartViews& view() const { return view_; }
-  double typical_residual(int& tracks) const;
-  void place(const StartState& state) {
-    chain(problem_, state.b_g, state.b_a, path_);
-    place_cameras(problem_, path_, state, view_);
-  }
+  /// Of the tracks, at `state`.
+  double typical_residual(const StartState& state, int& tracks);
 
  private:
+  void place(const StartState& s);
   void linearise(const StartState& s, const Stage& stage, StartNormal& n);
   /// The last linearisation is the one to go on from.
-  void accept() { std::swap(point_, trial_point_); }
+  void accept() {
+    points_.accept();
+    accepted_ = trial_;
+  }
 
   const StartProblem& problem_;
+  PointElimination& points_;
   StartPath& path_;
-  StartViews view_;
-  Points point_buffer_[2];  ///< at the state accepted; as tried
-  Points *point_ = &point_buffer_[0], *trial_point_ = &point_buffer_[1];
+  StartCameras camera_;
+  StartEquations trial_, accepted_;
   StartNormal now_;
-  int freedom_ = 0, iterations_ = 0;
-  double pull_ = 0;
+  int iterations_ = 0;
 };
+
+void Descent::place(const StartState& s) {
+  chain(problem_, s.b_g, s.b_a, path_);
+  place_cameras(problem_, path_, s, camera_);
+}
 
 void Descent::linearise(const StartState& s, const Stage& stage, StartNormal& n) {
   place(s);
-  const Eigen::Matrix<double, 3, 2> gravity = kGravity * gravity_basis(s.g_0);
-  StartSums sum(problem_.frames);
-  add_prior(problem_, s, sum.total);
-  freedom_ = -kStartDof;
-  for (int t = 0; t < used_tracks(problem_); t += stage.every) {
-    const StartTrack& track = problem_.tracks[static_cast<std::size_t>(t)];
-    if (track.count < 2) continue;
-    const StartPoint& last = (*point_)[static_cast<std::size_t>(t)];
-    PointElimination point(track, view_, problem_.sigma_rad, stage.kernel);
-    point.solve(last, last.rho > 0 ? 1 : kFirstInnerSteps);
-    point.add_to(gravity, sum);
-    (*trial_point_)[static_cast<std::size_t>(t)] = point.point();
-    freedom_ += 2 * track.count - 3;
-  }
-  if (stage.every == 1) pull_ = sum.mean_score(problem_.frames);
-  sum.finish(view_, problem_.frames, gravity);
-  n = sum.total;
+  const GravityTurns gravity = kGravity * gravity_basis(s.g_0);
+  points_.eliminate(camera_, gravity, problem_.sigma_rad, stage.kernel, stage.share, trial_);
+  n = {};
+  add_prior(problem_, s, n);
+  add(trial_, camera_, problem_.frames, gravity, n);
 }
 
 bool Descent::descend(const Stage& stage, int most, StartState& state) {
@@ -136,24 +112,9 @@ bool Descent::descend(const Stage& stage, int most, StartState& state) {
   return true;
 }
 
-/// Median of the residual lengths over 1.177, the median length of two unit Gaussians.
-double Descent::typical_residual(int& tracks) const {
-  std::array<double, kStartTracks> length;
-  tracks = 0;
-  for (int t = 0; t < used_tracks(problem_); ++t) {
-    const StartTrack& track = problem_.tracks[static_cast<std::size_t>(t)];
-    if (track.count < 3) continue;
-    PointElimination point(track, view_, problem_.sigma_rad, kFinal.kernel);
-    point.solve((*point_)[static_cast<std::size_t>(t)], 1);
-    std::array<double, kStartFrames> s;
-    for (int q = 0; q < track.count; ++q) s[q] = point.residual2(q);
-    std::nth_element(s.begin(), s.begin() + track.count / 2, s.begin() + track.count);
-    // 2 n - 3 of 2 n degrees of freedom are left after the point is fitted
-    length[tracks++] = std::sqrt(s[track.count / 2] * (2.0 * track.count) / (2.0 * track.count - 3));
-  }
-  if (tracks == 0) return 0;
-  std::nth_element(length.begin(), length.begin() + tracks / 2, length.begin() + tracks);
-  return length[tracks / 2] / 1.177;
+double Descent::typical_residual(const StartState& state, int& tracks) {
+  place(state);
+  return points_.typical_residual(camera_, problem_.sigma_rad, kFinal.kernel, tracks);
 }
 
 /// Relative standard deviation of the path's size: the covariance of all centres along their own offsets from the
@@ -172,18 +133,20 @@ double scale_deviation(const StartProblem& problem, const StartPath& path, const
 
 }  // namespace
 
-bool approach(const StartProblem& problem, StartState& state, StartPath& path, int most, ApproachFigures& figures) {
-  Descent descent(problem, path);
+bool approach(const StartProblem& problem, PointElimination& points, StartState& state, StartPath& path, int most,
+              ApproachFigures& figures) {
+  Descent descent(problem, points, path);
   for (const Stage& stage : kApproach)
     if (!descent.descend(stage, most - descent.iterations(), state)) return false;
-  figures = {descent.normal().cost, descent.freedom(), descent.iterations()};
+  figures = {descent.normal().cost, points.freedom(kApproach.back().share), descent.iterations()};
   return true;
 }
 
-bool refine(const StartProblem& problem, StartState& state, StartPath& path, RefinementFigures& figures) {
-  Descent descent(problem, path);
+bool refine(const StartProblem& problem, PointElimination& points, StartState& state, StartPath& path,
+            RefinementFigures& figures) {
+  Descent descent(problem, points, path);
   if (!descent.descend(kFinal, kFinal.iterations, state)) return false;
-  descent.place(state);
+  figures.residual = descent.typical_residual(state, figures.tracks);
   const StartMatrix H = descent.normal().H.selfadjointView<Eigen::Upper>();
   const Eigen::LDLT<StartMatrix> ldlt(H);
   if (ldlt.info() != Eigen::Success || !ldlt.isPositive()) return false;
@@ -191,7 +154,6 @@ bool refine(const StartProblem& problem, StartState& state, StartPath& path, Ref
   figures.cost = descent.normal().cost;
   figures.pull = descent.pull();
   figures.sigma_scale = scale_deviation(problem, path, state, figures.covariance);
-  figures.residual = descent.typical_residual(figures.tracks);
   return figures.covariance.allFinite();
 }
 

@@ -1,7 +1,7 @@
 #pragma once
 // Joint nonlinear least squares over the state at frame 0: every pose follows from it through the IMU readings, every
 // point is eliminated from its track. Derivation: docs/derivations/initialisation.md.
-#include "estimator/initialise/start_path.h"
+#include "estimator/initialise/start_point.h"
 
 namespace epiline {
 
@@ -20,12 +20,13 @@ struct ApproachFigures {
   int iterations = 0;  ///< that it took
 };
 
-/// Pulls `state` towards the nearest minimum from afar: wide kernels, some of the tracks. False: the normal equations
-/// have no solution. `most`: iterations.
-[[nodiscard]] bool approach(const StartProblem& problem, StartState& state, StartPath& path, int most,
-                            ApproachFigures& figures);
+/// Pulls `state` towards the nearest minimum from afar: wide kernels, some of the tracks. `points` has collected those
+/// of the problem. `most`: iterations. False: the normal equations have no solution.
+[[nodiscard]] bool approach(const StartProblem& problem, PointElimination& points, StartState& state, StartPath& path,
+                            int most, ApproachFigures& figures);
 
 /// Improves `state` in place, from nearby; `path` is left at the result. False: the normal equations have no solution.
-[[nodiscard]] bool refine(const StartProblem& problem, StartState& state, StartPath& path, RefinementFigures& figures);
+[[nodiscard]] bool refine(const StartProblem& problem, PointElimination& points, StartState& state, StartPath& path,
+                          RefinementFigures& figures);
 
 }  // namespace epiline

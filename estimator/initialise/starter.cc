@@ -9,13 +9,15 @@
 namespace epiline {
 
 struct Starter::Memory {
+  explicit Memory(InstructionSet set) : points(set) {}
   std::array<Preintegration, kStartFrames> interval;
   std::array<StartTrack, kStartTracks> track;
   std::size_t tracks = 0;
+  PointElimination points;
   StartGuess guess;
 };
 
-Starter::Starter() : memory_(new Memory) {}
+Starter::Starter(InstructionSet set) : memory_(new Memory(set)) {}
 Starter::~Starter() = default;
 const StartGuess& Starter::guess() const { return memory_->guess; }
 
@@ -69,7 +71,7 @@ std::optional<StartRefusal> Starter::start_moving(Window& w, const StarterSettin
   problem.b_a_sigma = s.b_a_sigma;
   StartLimits limits;
   limits.noise_most = s.most_pixel_sigma / s.pixel_sigma;
-  if (const auto refusal = solve_moving_start(problem, limits, m.guess)) return refusal;
+  if (const auto refusal = solve_moving_start(problem, limits, m.points, m.guess)) return refusal;
   const auto newest = static_cast<std::size_t>(w.size() - 1);
   Mat3 R_WB0 = levelled(-m.guess.state.g_0.normalized());
   const Mat3 R_WB = R_WB0 * m.guess.R[newest];

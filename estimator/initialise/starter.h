@@ -24,7 +24,7 @@ struct StarterSettings {
 
 class Starter {
  public:
-  Starter();
+  explicit Starter(InstructionSet set);
   ~Starter();
   /// Finds the states of all frames of the window from its tracks and IMU intervals, and puts a weak prior on the
   /// oldest frame. The states serve as linearisation point only; the window then weighs the same data. Empty: done.

@@ -20,6 +20,15 @@ using testing::FlightSettings;
 
 const Vec3 kEurocBias(-0.003, 0.021, 0.079);
 
+PointElimination& work_space() {
+  static PointElimination points(best_instruction_set());
+  return points;
+}
+
+std::optional<StartRefusal> solve(const StartProblem& problem, StartGuess& guess) {
+  return solve_moving_start(problem, {}, work_space(), guess);
+}
+
 double angle(const Vec3& a, const Vec3& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
 
 /// Least-squares size of the path found over the true one.
@@ -92,7 +101,7 @@ TEST(MovingStart, IsExactWithoutNoise) {
     Flight f;
     testing::fly(testing::wandering(seed), s, f);
     StartGuess g;
-    ASSERT_EQ(solve_moving_start(f.problem, {}, g), std::nullopt) << "seed " << seed;
+    ASSERT_EQ(solve(f.problem, g), std::nullopt) << "seed " << seed;
     EXPECT_NEAR((g.state.v_0 - f.truth.v_0).norm(), 0, 2e-6) << "seed " << seed;
     EXPECT_NEAR(angle(g.state.g_0, f.truth.g_0), 0, 2e-6) << "seed " << seed;
     EXPECT_NEAR((g.state.b_g - f.truth.b_g).norm(), 0, 2e-6) << "seed " << seed;
@@ -118,7 +127,7 @@ TEST(MovingStart, IsGoodOrRefusedUnderNoise) {
     Flight f;
     testing::fly(testing::wandering(seed), s, f);
     StartGuess g;
-    if (solve_moving_start(f.problem, {}, g)) continue;
+    if (solve(f.problem, g)) continue;
     ++accepted;
     EXPECT_NEAR(scale(f, g), 1, 3.5 * g.sigma_scale) << "seed " << seed;
     EXPECT_LT((g.state.v_0 - f.truth.v_0).norm(), 3.5 * g.sigma_velocity) << "seed " << seed;
@@ -149,7 +158,8 @@ TEST(MovingStart, CovarianceIsHonest) {
     StartState x = f.truth;
     StartPath path;
     RefinementFigures figures;
-    ASSERT_TRUE(refine(f.problem, x, path, figures));
+    work_space().collect(f.problem);
+    ASSERT_TRUE(refine(f.problem, work_space(), x, path, figures));
     StartVector e;
     e << x.v_0 - f.truth.v_0, gravity_basis(x.g_0).transpose() * (x.g_0 - f.truth.g_0) / kGravity, x.b_g - f.truth.b_g,
         x.b_a - f.truth.b_a;
@@ -166,7 +176,7 @@ TEST(MovingStart, RefusesConstantVelocity) {
     Flight f;
     testing::fly(testing::constant_velocity(Vec3(0.8, 0.5, 0.1)), s, f);
     StartGuess g;
-    EXPECT_EQ(solve_moving_start(f.problem, {}, g), StartRefusal::kScaleUncertain)
+    EXPECT_EQ(solve(f.problem, g), StartRefusal::kScaleUncertain)
         << "seed " << seed << " scale " << scale(f, g) << " +- " << g.sigma_scale;
     EXPECT_GT(g.sigma_scale, 1) << "seed " << seed;  // the damping of depths must not pass for knowledge
   }
@@ -179,7 +189,7 @@ TEST(MovingStart, RefusesHover) {
   Flight f;
   testing::fly(testing::constant_velocity(Vec3(0.001, 0, 0)), s, f);
   StartGuess g;
-  EXPECT_EQ(solve_moving_start(f.problem, {}, g), StartRefusal::kNoParallax);
+  EXPECT_EQ(solve(f.problem, g), StartRefusal::kNoParallax);
 }
 
 TEST(MovingStart, RefusesTooLittleData) {
@@ -188,12 +198,12 @@ TEST(MovingStart, RefusesTooLittleData) {
   Flight f;
   testing::fly(testing::wandering(1), s, f);
   StartGuess g;
-  EXPECT_EQ(solve_moving_start(f.problem, {}, g), StartRefusal::kTooFewFrames);
+  EXPECT_EQ(solve(f.problem, g), StartRefusal::kTooFewFrames);
   s.frames = 9;
   s.points = 14;
   Flight few;
   testing::fly(testing::wandering(1), s, few);
-  EXPECT_EQ(solve_moving_start(few.problem, {}, g), StartRefusal::kTooFewTracks);
+  EXPECT_EQ(solve(few.problem, g), StartRefusal::kTooFewTracks);
 }
 
 TEST(MovingStart, RefusesTracksThatContradictTheImu) {
@@ -204,7 +214,7 @@ TEST(MovingStart, RefusesTracksThatContradictTheImu) {
   testing::fly(testing::wandering(2), s, b);
   a.problem.tracks = b.tracks;
   StartGuess g;
-  const auto refusal = solve_moving_start(a.problem, {}, g);
+  const auto refusal = solve(a.problem, g);
   ASSERT_TRUE(refusal);
   EXPECT_EQ(*refusal, StartRefusal::kResidualTooLarge);
 }
@@ -222,7 +232,7 @@ TEST(MovingStart, FindsTheNoiseOfTheTracks) {
       testing::fly(testing::wandering(seed), s, f);
       f.problem.sigma_rad = 0.5 / 458;
       StartGuess g;
-      if (solve_moving_start(f.problem, {}, g)) continue;
+      if (solve(f.problem, g)) continue;
       ++accepted;
       EXPECT_NEAR(458 * g.sigma_rad, std::max(0.5, noise_px), 0.1 + 0.1 * noise_px) << "seed " << seed;
       EXPECT_NEAR(scale(f, g), 1, 3.5 * g.sigma_scale) << noise_px << " px, seed " << seed;
@@ -242,7 +252,7 @@ TEST(MovingStart, HoldsWithAQuarterOfAllBearingsWrong) {
     Flight f;
     testing::fly(testing::wandering(seed), s, f);
     StartGuess g;
-    if (solve_moving_start(f.problem, {}, g)) continue;
+    if (solve(f.problem, g)) continue;
     ++accepted;
     EXPECT_NEAR(scale(f, g), 1, 0.3) << "seed " << seed;
   }
@@ -268,7 +278,7 @@ TEST_P(Nonsense, IsNotTakenForNoise) {
     for (StartTrack& t : f.tracks)
       while (t.count > 0 && t.frame[t.count - 1] >= f.problem.frames) --t.count;
     StartGuess g;
-    const auto refusal = solve_moving_start(f.problem, {}, g);
+    const auto refusal = solve(f.problem, g);
     EXPECT_TRUE(refusal || g.sigma_rad < 0.501 / 458) << "seed " << seed << ", noise " << 458 * g.sigma_rad << " px";
   }
 }
@@ -286,7 +296,8 @@ TEST(MovingStart, TakesNoMoreIterationsThanAllowed) {
     StartState x;
     StartPath path;
     ApproachFigures figures;
-    ASSERT_TRUE(approach(a.problem, x, path, most, figures));
+    work_space().collect(a.problem);
+    ASSERT_TRUE(approach(a.problem, work_space(), x, path, most, figures));
     EXPECT_GT(figures.iterations, 0);
     EXPECT_LE(figures.iterations, most);
   }
@@ -300,7 +311,7 @@ TEST(MovingStart, TriesNothingWithoutParallax) {
   testing::fly(testing::constant_velocity(Vec3::Zero()), s, f);
   f.problem.sigma_rad = 0.5 / 458;
   StartGuess g;
-  EXPECT_EQ(solve_moving_start(f.problem, {}, g), StartRefusal::kNoParallax);
+  EXPECT_EQ(solve(f.problem, g), StartRefusal::kNoParallax);
   EXPECT_EQ(g.tracks, 0);
 }
 
@@ -313,13 +324,14 @@ TEST(MovingStart, HoldsWithTheMostFramesAndTracks) {
   Flight f;
   testing::fly(testing::wandering(7), s, f);
   StartGuess g;
+  work_space();
   const HeapCallScope heap;
-  const std::optional<StartRefusal> refusal = solve_moving_start(f.problem, {}, g);
+  const std::optional<StartRefusal> refusal = solve(f.problem, g);
   EXPECT_EQ(heap.calls(), 0u);
   ASSERT_EQ(refusal, std::nullopt);
   EXPECT_NEAR(scale(f, g), 1, 0.05);
   f.problem.frames = kStartFrames + 1;
-  EXPECT_EQ(solve_moving_start(f.problem, {}, g), StartRefusal::kTooFewFrames);
+  EXPECT_EQ(solve(f.problem, g), StartRefusal::kTooFewFrames);
 }
 
 }  // namespace

@@ -1,10 +1,14 @@
-// One track's point and what it says of the start once it is eliminated. Derivation:
-// docs/derivations/initialisation.md.
+// What the tracks say of the start once their points are eliminated, on every instruction set of this machine.
+// Derivation: docs/derivations/initialisation.md.
 #include "estimator/initialise/start_point.h"
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Dense>
 #include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
 
 #include "tests/estimator/initialise/start_flight.h"
 #include "tests/estimator/slope.h"
@@ -12,114 +16,298 @@
 namespace epiline {
 namespace {
 
+using Share = PointElimination::Share;
 using testing::Flight;
 using testing::FlightSettings;
 
 constexpr double kSigma = 1e-3, kKernel = 4;
 
-/// The cameras of a start.
-StartViews views(const Flight& f, const StartState& s) {
+StartCameras cameras(const Flight& f, const StartState& s) {
   StartPath path;
   chain(f.problem, s.b_g, s.b_a, path);
-  StartViews view;
-  for (int k = 0; k < f.problem.frames; ++k) {
-    StartView& v = view[k];
-    v.T = path[k].T;
-    v.p = path[k].position(s);
-    v.R = path[k].R * f.problem.R_BC;
-    v.c = v.p + path[k].R * f.problem.p_BC;
-    v.p_b = path[k].alpha_b;
-    v.dphi = path[k].rotation_rows();
-  }
-  return view;
+  StartCameras camera;
+  place_cameras(f.problem, path, s, camera);
+  return camera;
 }
 
 /// d g_0 / d (its two turns).
-Eigen::Matrix<double, 3, 2> turns_of_gravity(const StartState& s) { return kGravity * gravity_basis(s.g_0); }
+GravityTurns turns_of_gravity(const StartState& s) { return kGravity * gravity_basis(s.g_0); }
 
-/// All tracks, their points converged.
-StartSums sums(const Flight& f, const StartState& s) {
-  const StartViews view = views(f, s);
-  StartSums sum(f.problem.frames);
-  for (const StartTrack& track : f.problem.tracks) {
-    PointElimination point(track, view, kSigma, kKernel);
-    point.solve({}, 40);
-    point.add_to(turns_of_gravity(s), sum);
-  }
-  sum.finish(view, f.problem.frames, turns_of_gravity(s));
-  return sum;
-}
-
-TEST(StartPoint, NormalEquationsHaveTheSlopeOfTheCost) {
+/// Tracks with holes, of which each starts and ends in frames of its own.
+Flight ragged_flight(unsigned seed, int points) {
   FlightSettings settings;
   settings.noise_rad = kSigma;
-  settings.points = 30;
+  settings.points = points;
+  settings.outliers = 0.02;
   Flight f;
-  testing::fly(testing::wandering(5), settings, f);
+  testing::fly(testing::wandering(seed), settings, f);
+  for (std::size_t t = 0; t < f.tracks.size(); ++t) {
+    StartTrack& track = f.tracks[t];
+    const int hole = 1 + static_cast<int>(t) % 5;
+    if (t % 2 == 0 || hole + 1 >= track.count) continue;
+    for (int q = hole; q + 1 < track.count; ++q) {
+      track.frame[q] = track.frame[q + 1];
+      track.f_C[q] = track.f_C[q + 1];
+    }
+    --track.count;
+  }
+  return f;
+}
+
+/// A point of the reference: direction from the first camera of its track, and inverse distance.
+struct ReferencePoint {
+  Vec3 m;
+  double rho;
+};
+
+/// The least squares of the derivation, straight: one track, no lanes, derivatives by differences.
+struct Reference {
+  const Flight& flight;
+  const StartTrack& track;
+
+  /// Residuals in the plane tangent to each bearing, in sigmas; the bearings are turned with their cameras.
+  Eigen::VectorXd residuals(const StartState& s, const ReferencePoint& x, const Vec3& origin) const {
+    StartPath path;
+    chain(flight.problem, s.b_g, s.b_a, path);
+    Eigen::VectorXd r(3 * track.count);
+    for (int q = 0; q < track.count; ++q) {
+      const StartFrame& frame = path[track.frame[q]];
+      const Vec3 c = frame.position(s) + frame.R * flight.problem.p_BC;
+      const Mat3 R_WC = frame.R * flight.problem.R_BC;
+      const Vec3 ray = R_WC.transpose() * (x.m + x.rho * (origin - c)), &f = track.f_C[q];
+      r.segment<3>(3 * q) = (f - ray / f.dot(ray)) / kSigma;
+    }
+    return r;
+  }
+  Vec3 origin(const StartState& s) const {
+    StartPath path;
+    chain(flight.problem, s.b_g, s.b_a, path);
+    const StartFrame& frame = path[track.frame[0]];
+    return frame.position(s) + frame.R * flight.problem.p_BC;
+  }
+  double depth_information(const StartState& s) const {
+    StartPath path;
+    chain(flight.problem, s.b_g, s.b_a, path);
+    double sum = 0;
+    for (int q = 0; q < track.count; ++q) {
+      const StartFrame& frame = path[track.frame[q]];
+      const Vec3 d = origin(s) - frame.position(s) - frame.R * flight.problem.p_BC;
+      sum += (frame.R * flight.problem.R_BC * track.f_C[q]).cross(d).squaredNorm();
+    }
+    return sum / (kSigma * kSigma);
+  }
+};
+
+/// Slopes of a function of n numbers at zero.
+template <class F>
+Eigen::MatrixXd slopes(int n, double h, F&& f) {
+  const Eigen::VectorXd at = f(Eigen::VectorXd::Zero(n));
+  Eigen::MatrixXd J(at.size(), n);
+  for (int i = 0; i < n; ++i) {
+    const Eigen::VectorXd d = h * Eigen::VectorXd::Unit(n, i);
+    J.col(i) = (8 * (f(d) - f(-d)) - (f(2 * d) - f(-2 * d))) / (12 * h);
+  }
+  return J;
+}
+
+/// The tracks in their order, eight to a batch.
+std::vector<StartBatch> pack(const std::vector<StartTrack>& tracks) {
+  std::vector<StartBatch> batches((tracks.size() + kBatchLanes - 1) / kBatchLanes, StartBatch{{}, kStartFrames, 0});
+  for (std::size_t t = 0; t < tracks.size(); ++t) {
+    StartBatch& batch = batches[t / kBatchLanes];
+    for (int q = 0; q < tracks[t].count; ++q) {
+      const int k = tracks[t].frame[q];
+      batch.first = std::min(batch.first, k);
+      batch.last = std::max(batch.last, k);
+      for (int i = 0; i < 3; ++i) batch.f[k][i][t % kBatchLanes] = tracks[t].f_C[q][i];
+    }
+  }
+  return batches;
+}
+
+class StartPoint : public ::testing::TestWithParam<InstructionSet> {
+ protected:
+  void SetUp() override {
+    if (!runs_here(GetParam())) GTEST_SKIP() << "this processor has no " << name_of(GetParam());
+    points = std::make_unique<PointElimination>(GetParam());
+  }
+  StartWeights weights(int steps) const { return {kSigma * kSigma, kKernel * kKernel, steps}; }
+  /// The points after `steps` steps.
+  StartNormal eliminate(const std::vector<StartTrack>& tracks, const Flight& f, const StartState& s, int steps) {
+    const StartCameras camera = cameras(f, s);
+    const std::vector<StartBatch> batches = pack(tracks);
+    const Eigen::Matrix<double, 3, 2, Eigen::RowMajor> gravity = turns_of_gravity(s);
+    found.assign(batches.size(), {});
+    start_kernels(GetParam())
+        .eliminate(batches.data(), static_cast<int>(batches.size()), camera.data(), f.problem.frames, gravity.data(),
+                   weights(steps), std::vector<StartPoints>(batches.size()).data(), found.data(), *scratch, equations);
+    StartNormal sum;
+    add(equations, camera, f.problem.frames, turns_of_gravity(s), sum);
+    return sum;
+  }
+  ReferencePoint point(int t) const {
+    const StartPoints& x = found[static_cast<std::size_t>(t / kBatchLanes)];
+    const int lane = t % kBatchLanes;
+    return {{x.m[0][lane], x.m[1][lane], x.m[2][lane]}, x.rho[lane]};
+  }
+
+  std::unique_ptr<PointElimination> points;
+  std::unique_ptr<StartScratch> scratch = std::make_unique<StartScratch>();
+  StartEquations equations;
+  std::vector<StartPoints> found;
+};
+
+/// Against points and start as unknowns of one dense system, the points eliminated from it by its Schur complement.
+TEST_P(StartPoint, IsEliminatedAsFromADenseSystem) {
+  const Flight f = ragged_flight(4, 29);
   StartState at = f.truth;
   at.v_0 += Vec3(0.01, -0.02, 0.01);
-  const StartSums sum = sums(f, at);
+  eliminate(f.tracks, f, at, 2);
+  StartMatrix H = StartMatrix::Zero();
+  StartVector b = StartVector::Zero();
+  double cost = 0;
+  for (std::size_t t = 0; t < f.tracks.size(); ++t) {
+    const StartTrack& track = f.tracks[t];
+    const Reference reference{f, track};
+    const Vec3 origin = reference.origin(at);
+    const ReferencePoint x = point(static_cast<int>(t));
+    const Eigen::MatrixXd by_start =
+        slopes(kStartDof, 1e-4, [&](const Eigen::VectorXd& d) { return reference.residuals(moved(at, d), x, origin); });
+    const Eigen::MatrixXd by_point = slopes(3, 1e-4, [&](const Eigen::VectorXd& d) {
+      return reference.residuals(at, {x.m + d, x.rho}, origin);
+    });
+    const Eigen::VectorXd r = reference.residuals(at, x, origin);
+    Eigen::VectorXd w(r.size());
+    for (int q = 0; q < track.count; ++q) {
+      const double scaled = r.segment<3>(3 * q).squaredNorm() / (kKernel * kKernel);
+      w.segment<3>(3 * q).setConstant(1 / (1 + scaled));
+      cost += kKernel * kKernel * std::log1p(scaled);
+    }
+    Eigen::MatrixXd J(r.size(), kStartDof + 3);
+    J << by_start, by_point;
+    Eigen::MatrixXd dense = J.transpose() * w.asDiagonal() * J;
+    const Eigen::VectorXd rhs = -J.transpose() * w.cwiseProduct(r);
+    const double damping = std::max(0.0, 0.04 - reference.depth_information(at)) * x.rho * x.rho;
+    dense.bottomRightCorner<3, 3>() += damping / std::pow(x.m.norm(), 4) * x.m * x.m.transpose();
+    const Eigen::MatrixXd gain = dense.bottomRightCorner<3, 3>().fullPivLu().solve(dense.bottomRows<3>()).transpose();
+    H += dense.topLeftCorner<kStartDof, kStartDof>() -
+         gain.topRows<kStartDof>() * dense.bottomLeftCorner<3, kStartDof>();
+    b += rhs.head<kStartDof>() - gain.topRows<kStartDof>() * rhs.tail<3>();
+  }
+  const StartCameras camera = cameras(f, at);
+  points->collect(f.problem);
+  points->eliminate(camera, turns_of_gravity(at), kSigma, kKernel, Share::kAll, equations);
+  StartNormal sum;
+  add(equations, camera, f.problem.frames, turns_of_gravity(at), sum);
   for (int i = 0; i < kStartDof; ++i) {
-    const double sigma = 1 / std::sqrt(sum.total.H(i, i));
-    const auto cost = [&](double d) {
-      StartVector step = StartVector::Zero();
-      step[i] = d;
-      return sums(f, moved(at, step)).total.cost;
-    };
+    const double scale = std::sqrt(H(i, i));
+    EXPECT_NEAR(sum.b[i], b[i], 1e-5 * scale) << "unknown " << i;
+    for (int j = i; j < kStartDof; ++j)
+      EXPECT_NEAR(sum.H(i, j), H(i, j), 1e-6 * scale * std::sqrt(H(j, j))) << i << ", " << j;
+  }
+  EXPECT_NEAR(sum.cost, cost, 1e-9 * cost);
+}
+
+TEST_P(StartPoint, NormalEquationsHaveTheSlopeOfTheCost) {
+  const Flight f = ragged_flight(5, 30);
+  StartState at = f.truth;
+  at.v_0 += Vec3(0.01, -0.02, 0.01);
+  const StartNormal sum = eliminate(f.tracks, f, at, 40);
+  for (int i = 0; i < kStartDof; ++i) {
+    const double sigma = 1 / std::sqrt(sum.H(i, i));
+    const auto cost = [&](double d) { return eliminate(f.tracks, f, moved(at, d * StartVector::Unit(i)), 40).cost; };
     const double expected = -0.5 * test::slope(cost, 0.02 * sigma);
-    EXPECT_NEAR(sum.total.b[i] * sigma, expected * sigma, 1e-6 * (1 + std::abs(expected * sigma))) << "unknown " << i;
+    EXPECT_NEAR(sum.b[i] * sigma, expected * sigma, 1e-6 * (1 + std::abs(expected * sigma))) << "unknown " << i;
   }
 }
 
-TEST(StartPoint, IsWhereTheCamerasSawIt) {
+TEST_P(StartPoint, IsWhereTheCamerasSawIt) {
   FlightSettings settings;
   settings.imu_per_interval = 200;
   Flight f;
   testing::fly(testing::wandering(6), settings, f);
-  const StartViews view = views(f, f.truth);
+  const StartCameras camera = cameras(f, f.truth);
+  eliminate(f.tracks, f, f.truth, 30);
   int seen = 0;
-  for (const StartTrack& track : f.problem.tracks) {
+  for (std::size_t t = 0; t < f.tracks.size(); ++t) {
+    const StartTrack& track = f.tracks[t];
     if (track.count < 8) continue;
     ++seen;
-    PointElimination point(track, view, kSigma, kKernel);
-    point.solve({}, 30);
-    const Vec3 m = point.point().m.normalized();
-    EXPECT_LT((m - view[track.frame[0]].R * track.f_C[0]).norm(), 1e-5);
-    for (int q = 0; q < track.count; ++q) EXPECT_LT(point.residual2(q), 1e-4);
-    EXPECT_GT(point.point().rho, 1 / 9.0);  // the points are 1.5 to 7.5 m away, and a little aside
-    EXPECT_LT(point.point().rho, 1 / 1.4);
+    const ReferencePoint x = point(static_cast<int>(t));
+    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(camera[track.frame[0]].R);
+    EXPECT_LT((x.m.normalized() - R * track.f_C[0]).norm(), 1e-5);
+    EXPECT_GT(x.rho, 1 / 9.0);  // the points are 1.5 to 7.5 m away, and a little aside
+    EXPECT_LT(x.rho, 1 / 1.4);
   }
   EXPECT_GT(seen, 50);
+  points->collect(f.problem);
+  points->eliminate(camera, turns_of_gravity(f.truth), kSigma, kKernel, Share::kAll, equations);
+  points->accept();
+  int tracks;
+  EXPECT_LT(points->typical_residual(camera, kSigma, kKernel, tracks), 1e-2);
+  EXPECT_GE(tracks, seen);
 }
 
 /// A gross error of a bearing says nothing of the start but costs.
-TEST(StartPoint, BehindACameraABearingHasNoDerivative) {
+TEST_P(StartPoint, BehindACameraABearingHasNoDerivative) {
   Flight f;
   testing::fly(testing::wandering(7), {}, f);
-  const StartViews view = views(f, f.truth);
-  StartTrack track = f.problem.tracks[0];
+  StartTrack track = f.tracks[0];
   ASSERT_GT(track.count, 4);
-  StartSums without(f.problem.frames), with(f.problem.frames);
-  for (StartSums* sum : {&without, &with}) {
-    StartTrack t = track;
-    if (sum == &without) {
-      --t.count;
-    } else {
-      t.f_C[t.count - 1] *= -1;
-    }
-    PointElimination point(t, view, kSigma, kKernel);
-    point.solve({}, 10);
-    point.add_to(turns_of_gravity(f.truth), *sum);
-    if (sum == &with) {
-      EXPECT_EQ(point.residual2(t.count - 1), 1e6);
-    }
-  }
-  const int k = track.frame[track.count - 1];
-  EXPECT_TRUE(with.H[k].isZero(0));
-  EXPECT_TRUE(with.b[k].isZero(0));
-  EXPECT_LT((with.total.b - without.total.b).norm(), 1e-6 * (1 + without.total.b.norm()));
-  EXPECT_GT(with.total.cost, without.total.cost + kKernel);
+  const int last = track.count - 1, k = track.frame[last];
+  track.f_C[last] *= -1;
+  const StartNormal with = eliminate({track}, f, f.truth, 10);
+  for (const double x : equations.H_pose[k]) EXPECT_EQ(x, 0);
+  for (const double x : equations.b_pose[k]) EXPECT_EQ(x, 0);
+  --track.count;
+  const StartNormal without = eliminate({track}, f, f.truth, 10);
+  EXPECT_LT((with.b - without.b).norm(), 1e-6 * (1 + without.b.norm()));
+  const double expected = kKernel * kKernel * std::log1p(kStartBehind2 / (kKernel * kKernel));
+  EXPECT_NEAR(with.cost - without.cost, expected, 1e-6 * expected);
 }
+
+/// The wide stages see every third track, and no batch mixes the shares.
+TEST_P(StartPoint, AThirdIsEveryThirdTrack) {
+  Flight f = ragged_flight(8, 100);
+  std::vector<StartTrack> third;
+  for (std::size_t t = 0; t < f.tracks.size(); t += 3) third.push_back(f.tracks[t]);
+  int freedom = -kStartDof;
+  for (const StartTrack& t : third) freedom += 2 * t.count - 3;
+  const StartCameras camera = cameras(f, f.truth);
+  points->collect(f.problem);
+  EXPECT_EQ(points->freedom(Share::kThird), freedom);
+  points->eliminate(camera, turns_of_gravity(f.truth), kSigma, kKernel, Share::kThird, equations);
+  const StartEquations some = equations;
+  f.problem.tracks = third;
+  points->collect(f.problem);
+  EXPECT_EQ(points->freedom(Share::kAll), freedom);
+  points->eliminate(camera, turns_of_gravity(f.truth), kSigma, kKernel, Share::kAll, equations);
+  EXPECT_NEAR(some.cost, equations.cost, 1e-9 * equations.cost);
+  for (int i = 0; i < kStartDof; ++i) EXPECT_NEAR(some.H[i][i], equations.H[i][i], 1e-9 * std::abs(some.H[i][i]));
+}
+
+/// The widest of all pairs of bearings, cameras' rotation removed.
+TEST_P(StartPoint, ParallaxIsTheMedianOfTheWidestAngles) {
+  const Flight f = ragged_flight(9, 60);
+  const StartCameras camera = cameras(f, f.truth);
+  points->collect(f.problem);
+  std::vector<double> widest;
+  for (const StartTrack& track : f.tracks) {
+    if (track.count < 3) continue;
+    double most = 0;
+    for (int i = 0; i < track.count; ++i)
+      for (int j = 0; j < i; ++j) {
+        const auto bearing = [&](int q) -> Vec3 { return f.R[track.frame[q]] * f.problem.R_BC * track.f_C[q]; };
+        most = std::max(most, std::acos(std::min(1.0, bearing(i).dot(bearing(j)))));
+      }
+    widest.push_back(most);
+  }
+  std::nth_element(widest.begin(), widest.begin() + widest.size() / 2, widest.end());
+  EXPECT_NEAR(points->parallax(camera), widest[widest.size() / 2], 1e-4);
+}
+
+INSTANTIATE_TEST_SUITE_P(Sets, StartPoint, ::testing::ValuesIn(kInstructionSets),
+                         [](const auto& test) { return name_of(test.param); });
 
 }  // namespace
 }  // namespace epiline
