@@ -148,6 +148,7 @@ void Estimator::Impl::go_on_from_carried(const TrackedFrame& frame) {
 /// Forgets all but the carried state and the calibration, on whose clock it stands.
 void Estimator::Impl::forget() {
   window.clear();
+  starter.forget();
   visual->restart();
   rest.clear();
   monitor.restart();

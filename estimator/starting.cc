@@ -132,6 +132,8 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   if (refusal) {
     pixel_sigma = given_sigma;
     take_back_start(before);
+    // the window contradicts the state found, so the next attempt does not begin there
+    if (refusal == StartRefusal::kResidualTooLarge || refusal == StartRefusal::kSolverFailed) starter.forget();
     return refusal;
   }
   began(StartKind::kMoving);

@@ -12,13 +12,18 @@ namespace {
 
 constexpr double kFarFromHover = 12;     // sigmas of parallax
 constexpr double kExplained = 1;         // cost over degrees of freedom, below which a state is not doubted
-constexpr int kApproachIterations = 20;  // of one try, over all states it begins from
+constexpr int kApproachIterations = 20;  // of one search, over all states it begins from
+constexpr int kContinueIterations = 6;   // from the state of the last attempt
+// Where no state explains the images, that of the last attempt is as good as long as its misfit has not grown by more.
+constexpr double kAsGood = 1.1;
+constexpr int kSearchAgain = 4;  // and every so many attempts all are tried again
 
 struct Candidate {
   bool valid = false;
   StartState state;
   ApproachFigures figures;
-  bool explains() const { return valid && figures.cost < kExplained * figures.freedom; }
+  double misfit() const { return figures.cost / std::max(1, figures.freedom); }
+  bool explains() const { return valid && misfit() < kExplained; }
 };
 
 /// The cheapest of the states tried. Where the parallax is small, rotation alone spoils a good reference bias; where
@@ -28,13 +33,18 @@ class Search {
   Search(const StartProblem& problem, PointElimination& points, StartPath& path)
       : problem_(problem), points_(points), path_(path) {}
 
-  /// Finds the gyroscope bias, the parallax and where to begin.
-  void look(double& parallax_rad);
-  /// Tries states until one explains the images or the iterations are used up; `first`: which one to begin with.
+  /// Begins at the state of the last attempt. True: it ends as well as that one did.
+  bool go_on(const StartState& before, const StartMemory& memory);
+  /// Finds the gyroscope bias; returns the parallax, rad.
+  double look();
+  /// After look(): tries states until one explains the images or the iterations are used up; `first`: which one to
+  /// begin with.
   void run(int first);
   const Candidate& best() const { return best_; }
+  double parallax_rad(const StartState& state);
 
  private:
+  int approach_from(const StartState& state, int most);
   void try_from(const StartState& state);
   void try_reference();
 
@@ -56,21 +66,40 @@ StartState hovering(const StartProblem& problem, const StartPath& path, const Ve
   return s;
 }
 
-void Search::look(double& parallax_rad) {
-  Vec3 b_g = problem_.b_g_ref;
-  rotation_ = solve_gyroscope_bias(problem_, b_g);
-  chain(problem_, b_g, Vec3::Zero(), path_);
-  linear_ = hover_ = hovering(problem_, path_, b_g);
-  solved_ = solve_velocity_gravity(problem_, path_, linear_, parallax_rad);
-  far_ = parallax_rad >= kFarFromHover * problem_.sigma_rad;
+double Search::parallax_rad(const StartState& state) {
+  chain(problem_, state.b_g, state.b_a, path_);
+  StartCameras camera;
+  place_cameras(problem_, path_, state, camera);
+  return points_.parallax(camera);
+}
+
+bool Search::go_on(const StartState& before, const StartMemory& memory) {
+  approach_from(before, kContinueIterations);
+  if (best_.explains()) return true;
+  const bool due = memory.unexplained > 0 && memory.unexplained % kSearchAgain == 0;
+  return best_.valid && !due && best_.misfit() < kAsGood * std::max(kExplained, memory.misfit);
+}
+
+double Search::look() {
+  StartState s;
+  s.b_g = problem_.b_g_ref;
+  rotation_ = solve_gyroscope_bias(problem_, s.b_g);
+  const double parallax = parallax_rad(s);
+  linear_ = hover_ = hovering(problem_, path_, s.b_g);
+  far_ = parallax >= kFarFromHover * problem_.sigma_rad;
+  return parallax;
+}
+
+/// Returns the iterations it took.
+int Search::approach_from(const StartState& state, int most) {
+  Candidate c{false, state, {}};
+  c.valid = approach(problem_, points_, c.state, path_, most, c.figures);
+  if (c.valid && (!best_.valid || c.figures.cost < best_.figures.cost)) best_ = c;
+  return std::max(1, c.figures.iterations);
 }
 
 void Search::try_from(const StartState& state) {
-  if (left_ <= 0 || best_.explains()) return;
-  Candidate c{false, state, {}};
-  c.valid = approach(problem_, points_, c.state, path_, left_, c.figures);
-  left_ -= std::max(1, c.figures.iterations);
-  if (c.valid && (!best_.valid || c.figures.cost < best_.figures.cost)) best_ = c;
+  if (left_ > 0 && !best_.explains()) left_ -= approach_from(state, left_);
 }
 
 void Search::try_reference() {
@@ -78,13 +107,14 @@ void Search::try_reference() {
   chain(problem_, problem_.b_g_ref, Vec3::Zero(), path_);
   StartState reference;
   reference.b_g = problem_.b_g_ref;
-  double ignored;
-  if (solve_velocity_gravity(problem_, path_, reference, ignored)) try_from(reference);
+  if (solve_velocity_gravity(problem_, path_, reference)) try_from(reference);
 }
 
 /// At little parallax every state explains the images, and hovering comes first: the linear system would lead into a
 /// valley of wrong velocities.
 void Search::run(int first) {
+  chain(problem_, hover_.b_g, Vec3::Zero(), path_);
+  solved_ = solve_velocity_gravity(problem_, path_, linear_);
   for (int n = 0; n < 3; ++n) {
     switch ((first + n) % 3) {
       case 0:
@@ -165,24 +195,47 @@ bool refine_with_noise(const StartProblem& problem, const StartLimits& limits, P
   return true;
 }
 
+void remember(const StartProblem& problem, const StartGuess& guess, StartMemory& memory) {
+  memory.frames = problem.frames;
+  memory.id = problem.id;
+  for (int k = 0; k < problem.frames; ++k)
+    memory.state[k] = {guess.R[k].transpose() * guess.v[k], guess.R[k].transpose() * guess.state.g_0, guess.state.b_g,
+                       guess.state.b_a};
+}
+
 }  // namespace
 
+const StartState* StartMemory::at(std::uint64_t frame) const {
+  for (int k = 0; k < frames && frame != 0; ++k)
+    if (id[k] == frame) return &state[k];
+  return nullptr;
+}
+
 std::optional<StartRefusal> solve_moving_start(const StartProblem& problem, const StartLimits& limits,
-                                               PointElimination& points, StartGuess& guess) {
+                                               PointElimination& points, StartMemory& memory, StartGuess& guess) {
   if (problem.frames < limits.frames || problem.frames > kStartFrames) return StartRefusal::kTooFewFrames;
   if (long_tracks(problem) < limits.tracks) return StartRefusal::kTooFewTracks;
   points.collect(problem);
   StartPath path;
   Search search(problem, points, path);
-  search.look(guess.parallax_rad);
+  const StartState* before = memory.at(problem.id[0]);
+  guess.continued = false;
+  guess.parallax_rad = before != nullptr ? search.parallax_rad(*before) : search.look();
   if (!within(limits.least_parallax_sigmas * problem.sigma_rad, guess.parallax_rad)) return StartRefusal::kNoParallax;
-  search.run(guess.unexplained);
+  if (before != nullptr) guess.continued = search.go_on(*before, memory);
+  if (!guess.continued) {
+    if (before != nullptr) guess.parallax_rad = search.look();
+    search.run(memory.unexplained);
+    memory.misfit = search.best().misfit();
+  }
   const bool parallax = guess.parallax_rad >= limits.parallax_sigmas * problem.sigma_rad;
-  guess.unexplained = search.best().explains() ? 0 : guess.unexplained + 1;
+  memory.unexplained = search.best().explains() ? 0 : memory.unexplained + 1;
+  memory.frames = 0;
   StartState state = search.best().state;
   if (!search.best().valid || !refine_with_noise(problem, limits, points, state, path, guess))
     return parallax ? StartRefusal::kSolverFailed : StartRefusal::kNoParallax;
   const std::optional<StartRefusal> refusal = judge(problem, limits, guess);
+  if (refusal != StartRefusal::kBiasImplausible) remember(problem, guess, memory);
   return refusal && !parallax ? StartRefusal::kNoParallax : refusal;
 }
 

@@ -38,14 +38,27 @@ struct StartGuess {
   double sigma_rad = 0;     ///< bearing noise assumed in the end: the one given, or more where the residuals show it
   double noise_rad = 0;     ///< bearing noise for what comes after: also where the residuals show a little more
   double pull = 0;          ///< RefinementFigures::pull over the squared residual: of errors that have a pattern
-  int unexplained = 0;      ///< tries in a row in which no state explained the images; kept between tries
+  bool continued = false;   ///< found from where the last attempt ended, without a search
   double sigma_velocity = 0, sigma_tilt = 0, sigma_scale = 0, sigma_b_g = 0;  ///< m/s, rad, relative, rad/s
 };
 
-/// Fixed memory, bounded work: at most kApproachIterations with a third of the tracks and two refinements. `points` is
-/// work space. Empty: `guess` is good. Otherwise the reason of the refusal, and `guess` holds partial results; pass
-/// the same `guess` to the next try.
+/// What an attempt leaves for the next one.
+struct StartMemory {
+  int frames = 0;  ///< of the state that it ended with; 0: none
+  std::array<std::uint64_t, kStartFrames> id{};
+  std::array<StartState, kStartFrames> state;  ///< at each of these frames, in its own body frame
+  double misfit = 0;                           ///< cost over degrees of freedom of the state that the last search chose
+  int unexplained = 0;                         ///< attempts in a row in which no state explained the images
+
+  /// The state at a frame. Null: the last attempt did not contain that frame.
+  const StartState* at(std::uint64_t frame) const;
+};
+
+/// Fixed memory, bounded work: at most kContinueIterations and kApproachIterations with a third of the tracks, and two
+/// refinements. `points` is work space. Empty: `guess` is good. Otherwise the reason of the refusal, and `guess` holds
+/// partial results.
 [[nodiscard]] std::optional<StartRefusal> solve_moving_start(const StartProblem& problem, const StartLimits& limits,
-                                                             PointElimination& points, StartGuess& guess);
+                                                             PointElimination& points, StartMemory& memory,
+                                                             StartGuess& guess);
 
 }  // namespace epiline

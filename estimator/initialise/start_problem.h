@@ -20,9 +20,10 @@ struct StartTrack {
 };
 
 struct StartProblem {
-  int frames = 0;                            ///< at most kStartFrames
-  const Preintegration* interval = nullptr;  ///< [k]: frame k -> k + 1, linearised at (b_a = 0, b_g_ref)
-  std::span<const StartTrack> tracks;        ///< tracks beyond kStartTracks are not used
+  int frames = 0;                                ///< at most kStartFrames
+  std::array<std::uint64_t, kStartFrames> id{};  ///< of each frame, never reused; 0: unknown
+  const Preintegration* interval = nullptr;      ///< [k]: frame k -> k + 1, linearised at (b_a = 0, b_g_ref)
+  std::span<const StartTrack> tracks;            ///< tracks beyond kStartTracks are not used
   Mat3 R_BC = Mat3::Identity();
   Vec3 p_BC = Vec3::Zero();
   double sigma_rad = 1e-3;  ///< bearing noise, rad

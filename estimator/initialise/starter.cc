@@ -14,12 +14,14 @@ struct Starter::Memory {
   std::array<StartTrack, kStartTracks> track;
   std::size_t tracks = 0;
   PointElimination points;
+  StartMemory last;
   StartGuess guess;
 };
 
 Starter::Starter(InstructionSet set) : memory_(new Memory(set)) {}
 Starter::~Starter() = default;
 const StartGuess& Starter::guess() const { return memory_->guess; }
+void Starter::forget() { memory_->last = {}; }
 
 void Starter::collect_tracks(const Window& w) {
   Memory& m = *memory_;
@@ -61,6 +63,7 @@ std::optional<StartRefusal> Starter::start_moving(Window& w, const StarterSettin
   for (int k = 1; k < w.size(); ++k) m.interval[static_cast<std::size_t>(k - 1)] = w.at(k).imu;
   StartProblem problem;
   problem.frames = w.size();
+  for (int k = 0; k < w.size(); ++k) problem.id[static_cast<std::size_t>(k)] = w.at(k).id;
   problem.interval = m.interval.data();
   problem.tracks = {m.track.data(), m.tracks};
   problem.R_BC = w.calibration.R_BC;
@@ -71,7 +74,7 @@ std::optional<StartRefusal> Starter::start_moving(Window& w, const StarterSettin
   problem.b_a_sigma = s.b_a_sigma;
   StartLimits limits;
   limits.noise_most = s.most_pixel_sigma / s.pixel_sigma;
-  if (const auto refusal = solve_moving_start(problem, limits, m.points, m.guess)) return refusal;
+  if (const auto refusal = solve_moving_start(problem, limits, m.points, m.last, m.guess)) return refusal;
   const auto newest = static_cast<std::size_t>(w.size() - 1);
   Mat3 R_WB0 = levelled(-m.guess.state.g_0.normalized());
   const Mat3 R_WB = R_WB0 * m.guess.R[newest];

@@ -31,6 +31,8 @@ class Starter {
   /// Otherwise the reason of the refusal, and the window is unchanged.
   std::optional<StartRefusal> start_moving(Window& window, const StarterSettings& settings);
   const StartGuess& guess() const;
+  /// The next attempt searches anew.
+  void forget();
 
  private:
   struct Memory;

@@ -95,16 +95,9 @@ void add_track(const StartTrack& track, const Rays& r, const std::array<Centre, 
   }
 }
 
-double median(std::array<double, kStartTracks>& v, int n) {
-  if (n == 0) return 0;
-  std::nth_element(v.begin(), v.begin() + n / 2, v.begin() + n);
-  return v[n / 2];
-}
-
 }  // namespace
 
-bool solve_velocity_gravity(const StartProblem& problem, const StartPath& path, StartState& state,
-                            double& parallax_rad) {
+bool solve_velocity_gravity(const StartProblem& problem, const StartPath& path, StartState& state) {
   std::array<Centre, kStartFrames> centre;
   for (int k = 0; k < problem.frames; ++k) {
     const double T = path[k].T;
@@ -113,21 +106,18 @@ bool solve_velocity_gravity(const StartProblem& problem, const StartPath& path, 
   }
   Vec6 x;
   const int tracks = std::min<int>(kStartTracks, static_cast<int>(problem.tracks.size()));
-  std::array<double, kStartTracks> angle;
   const double smallest = 4 * problem.sigma_rad;  // below it the base pair's depth is noise
   for (int pass = 0; pass < kPasses; ++pass) {
     Normal n;
-    int seen = 0, used = 0;
+    int used = 0;
     for (int t = 0; t < tracks; ++t) {
       const StartTrack& track = problem.tracks[t];
       if (track.count < 3) continue;
       const Rays r = rays(problem, path, track);
-      angle[seen++] = std::asin(std::sqrt(std::min(1.0, r.sin2)));
       if (r.sin2 < smallest * smallest) continue;
       ++used;
       add_track(track, r, centre, problem.sigma_rad, pass == 0 ? nullptr : &x, n);
     }
-    if (pass == 0) parallax_rad = median(angle, seen);
     if (used < 4 || !solve_constrained(n.A, n.b, x)) return false;
   }
   state.v_0 = x.head<3>();

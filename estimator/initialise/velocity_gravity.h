@@ -5,9 +5,7 @@
 
 namespace epiline {
 
-/// Fills state.v_0 and state.g_0 (|g_0| = kGravity exactly) for the rotations and biases of `path`. `parallax_rad`:
-/// median over the tracks of the widest angle between two bearings, rotation removed. False: no solution.
-[[nodiscard]] bool solve_velocity_gravity(const StartProblem& problem, const StartPath& path, StartState& state,
-                                          double& parallax_rad);
+/// Fills state.v_0 and state.g_0 (|g_0| = kGravity exactly) for the rotations and biases of `path`. False: no solution.
+[[nodiscard]] bool solve_velocity_gravity(const StartProblem& problem, const StartPath& path, StartState& state);
 
 }  // namespace epiline
