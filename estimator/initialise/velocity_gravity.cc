@@ -6,21 +6,18 @@
 #include <algorithm>
 #include <cmath>
 
-#include "estimator/geometry/so3.h"
-
 namespace epiline {
 namespace {
 
 using Vec6 = Eigen::Matrix<double, 6, 1>;
 using Mat6 = Eigen::Matrix<double, 6, 6>;
-using Mat36 = Eigen::Matrix<double, 3, 6>;
 
 constexpr int kPasses = 2;
 
-/// Camera centre c_k = L_k (v_0, g_0) + s_k.
+/// Camera centre c_k = T v_0 + h g_0 + s.
 struct Centre {
-  Mat36 L;
-  Vec3 s;
+  double T, h;
+  Vec3 s, at;  ///< `at`: the centre where v_0 and g_0 were found by the pass before
 };
 
 struct Rays {
@@ -70,29 +67,48 @@ struct Normal {
   Vec6 b = Vec6::Zero();
 };
 
-/// The rows [f_k]x (f_i a'(c_i - c_j) + sin^2 (c_i - c_k)) = 0 of one track, each divided by its noise at `x` (first
-/// pass: unknown).
+/// The rows [f_k]x (f_i a'(c_i - c_j) + sin^2 (c_i - c_k)) = 0 of one track, each divided by its noise at the centres
+/// found (first pass: unknown). They are u a' times what i and j have in common, and [f_k]x times what is k's own, with
+/// u = f_k x f_i; so few sums give their products.
 void add_track(const StartTrack& track, const Rays& r, const std::array<Centre, kStartFrames>& centre, double sigma,
-               const Vec6* x, Normal& n) {
+               bool found, Normal& n) {
   const Centre &ci = centre[track.frame[r.i]], &cj = centre[track.frame[r.j]];
-  const Vec3 a = -(skew(r.f[r.j]).transpose() * r.f[r.j].cross(r.f[r.i]));
+  const Vec3 a = r.f[r.j].cross(r.f[r.j].cross(r.f[r.i]));
+  const double T = ci.T - cj.T, h = ci.h - cj.h, base = a.dot(ci.s - cj.s), base_at = a.dot(ci.at - cj.at);
+  double uu = 0, ur = 0;
+  Vec3 v_T = Vec3::Zero(), v_h = Vec3::Zero();
+  Mat3 TT = Mat3::Zero(), Th = Mat3::Zero(), hh = Mat3::Zero();
   for (int k = 0; k < track.count; ++k) {
     if (k == r.i) continue;
     const Centre& ck = centre[track.frame[k]];
-    const Mat3 F = skew(r.f[k]);
-    const Mat3 D = F * r.f[r.i] * a.transpose();
-    const Mat36 row = D * (ci.L - cj.L) + r.sin2 * F * (ci.L - ck.L);
-    const Vec3 rhs = -(D * (ci.s - cj.s) + r.sin2 * F * (ci.s - ck.s));
-    double w = 1 / std::sqrt(r.sin2);
-    if (x != nullptr) {
-      const double depth = std::abs(a.dot((ci.L - cj.L) * *x + ci.s - cj.s)) / r.sin2;
-      const double distance = std::max(0.3, (depth * r.f[r.i] + (ci.L - ck.L) * *x + ci.s - ck.s).norm());
-      w = 1 / (r.sin2 * distance * sigma);
-      w /= std::sqrt(1 + (w * (row * *x - rhs)).squaredNorm() / 9);
+    const Vec3& f = r.f[k];
+    const Vec3 u = f.cross(r.f[r.i]);
+    double w2 = 1 / r.sin2;
+    if (found) {
+      const Vec3 d = ci.at - ck.at;
+      const double distance = std::max(0.3, (std::abs(base_at) / r.sin2 * r.f[r.i] + d).norm());
+      const double w = 1 / (r.sin2 * distance * sigma);
+      w2 = w * w / (1 + w * w * (base_at * u + r.sin2 * f.cross(d)).squaredNorm() / 9);
     }
-    n.A += (w * w) * row.transpose() * row;
-    n.b += (w * w) * row.transpose() * rhs;
+    const double T_k = r.sin2 * (ci.T - ck.T), h_k = r.sin2 * (ci.h - ck.h);
+    const Vec3 v = w2 * u.cross(f), rhs = -w2 * (base * u + r.sin2 * f.cross(ci.s - ck.s)), own = rhs.cross(f);
+    const Mat3 tangent = w2 * (Mat3::Identity() - f * f.transpose());
+    uu += w2 * u.squaredNorm();
+    ur += u.dot(rhs);
+    v_T += T_k * v;
+    v_h += h_k * v;
+    TT += (T_k * T_k) * tangent;
+    Th += (T_k * h_k) * tangent;
+    hh += (h_k * h_k) * tangent;
+    n.b.head<3>() += T_k * own;
+    n.b.tail<3>() += h_k * own;
   }
+  const Mat3 aa = uu * a * a.transpose(), a_T = a * v_T.transpose(), a_h = a * v_h.transpose();
+  n.A.topLeftCorner<3, 3>() += T * T * aa + T * (a_T + a_T.transpose()) + TT;
+  n.A.topRightCorner<3, 3>() += T * h * aa + T * a_h + h * a_T.transpose() + Th;
+  n.A.bottomRightCorner<3, 3>() += h * h * aa + h * (a_h + a_h.transpose()) + hh;
+  n.b.head<3>() += T * ur * a;
+  n.b.tail<3>() += h * ur * a;
 }
 
 }  // namespace
@@ -101,8 +117,7 @@ bool solve_velocity_gravity(const StartProblem& problem, const StartPath& path, 
   std::array<Centre, kStartFrames> centre;
   for (int k = 0; k < problem.frames; ++k) {
     const double T = path[k].T;
-    centre[k].L << Mat3::Identity() * T, Mat3::Identity() * (0.5 * T * T);
-    centre[k].s = path[k].alpha + path[k].R * problem.p_BC;
+    centre[k] = {T, 0.5 * T * T, path[k].alpha + path[k].R * problem.p_BC, Vec3::Zero()};
   }
   Vec6 x;
   const int tracks = std::min<int>(kStartTracks, static_cast<int>(problem.tracks.size()));
@@ -116,9 +131,11 @@ bool solve_velocity_gravity(const StartProblem& problem, const StartPath& path, 
       const Rays r = rays(problem, path, track);
       if (r.sin2 < smallest * smallest) continue;
       ++used;
-      add_track(track, r, centre, problem.sigma_rad, pass == 0 ? nullptr : &x, n);
+      add_track(track, r, centre, problem.sigma_rad, pass > 0, n);
     }
     if (used < 4 || !solve_constrained(n.A, n.b, x)) return false;
+    for (int k = 0; k < problem.frames; ++k)
+      centre[k].at = centre[k].T * x.head<3>() + centre[k].h * x.tail<3>() + centre[k].s;
   }
   state.v_0 = x.head<3>();
   state.g_0 = x.tail<3>();
