@@ -11,26 +11,22 @@
 #include "estimator/initialise/velocity_gravity.h"
 #include "platform/memory/allocation_count.h"
 #include "tests/estimator/initialise/start_flight.h"
+#include "tests/estimator/initialise/start_work.h"
 
 namespace epiline {
 namespace {
 
+using testing::angle;
 using testing::Flight;
 using testing::FlightSettings;
+using testing::work_space;
 
 const Vec3 kEurocBias(-0.003, 0.021, 0.079);
-
-PointElimination& work_space() {
-  static PointElimination points(best_instruction_set());
-  return points;
-}
 
 std::optional<StartRefusal> solve(const StartProblem& problem, StartGuess& guess) {
   StartMemory nothing;
   return solve_moving_start(problem, {}, work_space(), nothing, guess);
 }
-
-double angle(const Vec3& a, const Vec3& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
 
 /// Least-squares size of the path found over the true one.
 double scale(const Flight& f, const StartGuess& g) {
@@ -284,106 +280,6 @@ TEST_P(Nonsense, IsNotTakenForNoise) {
 }
 INSTANTIATE_TEST_SUITE_P(Readings, Nonsense, ::testing::Values("g", "sign", "turned", "late"),
                          [](const auto& test) { return test.param; });
-
-/// The frames of a flight from `first` on, with their ids.
-struct Attempt {
-  std::vector<StartTrack> tracks;
-  StartProblem problem;
-
-  Attempt(const Flight& f, int first, int frames) : problem(f.problem) {
-    for (const StartTrack& t : f.tracks) {
-      StartTrack part;
-      for (int q = 0; q < t.count; ++q) {
-        const int k = t.frame[q] - first;
-        if (k < 0 || k >= frames) continue;
-        part.frame[part.count] = static_cast<std::uint8_t>(k);
-        part.f_C[part.count++] = t.f_C[q];
-      }
-      if (part.count > 0) tracks.push_back(part);
-    }
-    problem.frames = frames;
-    problem.interval = f.interval.data() + first;
-    problem.tracks = tracks;
-    for (int k = 0; k < frames; ++k) problem.id[k] = static_cast<std::uint64_t>(100 + first + k);
-  }
-};
-
-/// Frame 0 leaves between two attempts: the second begins at its own frame 0, where the first ended there, and ends
-/// where a search does.
-TEST(MovingStart, BeginsWhereTheLastAttemptEnded) {
-  for (unsigned seed = 1; seed <= 10; ++seed) {
-    FlightSettings s;
-    s.seed = seed;
-    s.frames = kStartFrames;
-    s.noise_rad = 0.5 / 458;
-    s.b_g = 0.2 * kEurocBias;
-    Flight f;
-    testing::fly(testing::wandering(seed), s, f);
-    const Attempt first(f, 0, 12), second(f, 3, 12);
-    StartMemory memory, nothing;
-    StartGuess g, expected;
-    ASSERT_EQ(solve_moving_start(first.problem, {}, work_space(), memory, g), std::nullopt) << "seed " << seed;
-    EXPECT_FALSE(g.continued);
-    EXPECT_EQ(memory.at(99), nullptr);
-    EXPECT_EQ(memory.at(112), nullptr);
-    const StartState* carried = memory.at(103);
-    ASSERT_NE(carried, nullptr);
-    const Mat3 R = f.R[3].transpose();
-    EXPECT_LT((carried->g_0 - R * f.truth.g_0).norm(), kGravity * 4 * g.sigma_tilt) << "seed " << seed;
-    EXPECT_LT((carried->v_0 - g.R[3].transpose() * g.v[3]).norm(), 1e-9) << "seed " << seed;
-    const auto refusal = solve_moving_start(second.problem, {}, work_space(), memory, g);
-    EXPECT_TRUE(g.continued) << "seed " << seed;
-    EXPECT_EQ(solve_moving_start(second.problem, {}, work_space(), nothing, expected), refusal) << "seed " << seed;
-    EXPECT_FALSE(expected.continued);
-    EXPECT_LT((g.state.v_0 - expected.state.v_0).norm(), 0.2 * expected.sigma_velocity) << "seed " << seed;
-    EXPECT_LT(angle(g.state.g_0, expected.state.g_0), 0.2 * expected.sigma_tilt) << "seed " << seed;
-    EXPECT_NEAR(g.parallax_rad, expected.parallax_rad, 0.25 * expected.parallax_rad) << "seed " << seed;
-  }
-}
-
-/// A state that does not explain the images is left for a search, whatever it was before.
-TEST(MovingStart, SearchesWhereTheLastStateFitsNoLonger) {
-  for (unsigned seed = 1; seed <= 10; ++seed) {
-    FlightSettings s;
-    s.seed = seed;
-    s.noise_rad = 0.5 / 458;
-    Flight f;
-    testing::fly(testing::wandering(seed), s, f);
-    const Attempt attempt(f, 0, s.frames);
-    StartMemory memory, nothing;
-    StartGuess g, expected;
-    ASSERT_EQ(solve_moving_start(attempt.problem, {}, work_space(), memory, g), std::nullopt) << "seed " << seed;
-    memory.state[0].v_0 += Vec3(-20, 30, 20);
-    memory.state[0].g_0 *= -1;
-    EXPECT_EQ(solve_moving_start(attempt.problem, {}, work_space(), memory, g), std::nullopt) << "seed " << seed;
-    ASSERT_EQ(solve_moving_start(attempt.problem, {}, work_space(), nothing, expected), std::nullopt);
-    EXPECT_FALSE(g.continued) << "seed " << seed;
-    EXPECT_LT((g.state.v_0 - expected.state.v_0).norm(), 0.2 * expected.sigma_velocity) << "seed " << seed;
-    EXPECT_LT(angle(g.state.g_0, expected.state.g_0), 0.2 * expected.sigma_tilt) << "seed " << seed;
-  }
-}
-
-/// Where nothing explains the images, a state is kept while it fits as well as the last search's; every fourth attempt
-/// searches all the same.
-TEST(MovingStart, SearchesNowAndThenWhereNothingExplains) {
-  FlightSettings s;
-  s.frames = 8;  // with so few no noise is found
-  s.noise_rad = 2 / 458.0;
-  Flight f;
-  testing::fly(testing::wandering(3), s, f);
-  f.problem.sigma_rad = 0.5 / 458;
-  const Attempt attempt(f, 0, s.frames);
-  StartMemory memory;
-  StartGuess g;
-  for (int n = 0; n < 9; ++n) {
-    EXPECT_EQ(solve_moving_start(attempt.problem, {}, work_space(), memory, g), StartRefusal::kResidualTooLarge);
-    EXPECT_EQ(g.continued, n % 4 != 0) << n;
-    EXPECT_EQ(memory.unexplained, n + 1);
-  }
-  memory = {};
-  EXPECT_EQ(solve_moving_start(attempt.problem, {}, work_space(), memory, g), StartRefusal::kResidualTooLarge);
-  EXPECT_FALSE(g.continued);
-}
 
 TEST(MovingStart, TakesNoMoreIterationsThanAllowed) {
   FlightSettings s;
