@@ -53,11 +53,18 @@ void fill_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int 
   batch.views[lane] = n;
 }
 
+/// Frames of one camera's views.
+struct Run {
+  int begin, end;
+  bool has(int k) const { return begin <= k && k <= end; }
+  int views() const { return end - begin + 1; }
+};
+
 /// One camera's views of a track in a batch: the newest that follow each other without a hole, because a drift is known
-/// from view to view. `first_steps`: what the first of them errs by beside its drift. Returns how many there are.
+/// from view to view. `first_steps`: what the first of them errs by beside its drift; `variance`: of a step.
 template <class Sees, class View>
-int fill_chain(TrackBatch& batch, int lane, int slot_0, const Sees& sees, const View& view_of, double inverse_sigma,
-               double first_steps) {
+Run fill_chain(TrackBatch& batch, int lane, int slot_0, const Sees& sees, const View& view_of, double inverse_sigma,
+               double first_steps, double variance) {
   int end = batch.last;
   while (end >= batch.first && !sees(end)) --end;
   int begin = end;
@@ -73,23 +80,25 @@ int fill_chain(TrackBatch& batch, int lane, int slot_0, const Sees& sees, const 
     const Observation& view = view_of(k);
     put_view(view, inverse_sigma, slot, lane, batch);
     const double steps = std::max(static_cast<double>(view.age - age), 1.0);
-    batch.link[slot][lane] = 1 / (k == begin ? steps + first_steps : steps);
+    batch.link[slot][lane] = 1 / (variance * (k == begin ? steps + first_steps : steps));
     age = view.age;
   }
-  return end >= batch.first ? end - begin + 1 : 0;
+  return end >= batch.first ? Run{begin, end} : Run{0, -1};
 }
 
-/// The second camera's views are a chain of their own: what the first camera's had drifted by until the second one
-/// found the track is its, too, so the age is the track's.
+/// The second camera's views are a chain of their own, given the first one's: so only frames with views of both count.
+/// What the first camera's had drifted by until the second one found the track is its, too, so the age is the track's.
 void fill_drifting_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int lane, TrackBatch& batch) {
-  int views = fill_chain(
+  const Run first = fill_chain(
       batch, lane, 0, [&](int k) { return w.seen(t, k); }, [&](int k) -> const Observation& { return w.view(t, k); },
-      inverse_sigma, 0);
-  if (batch.second > 0)
-    views += fill_chain(
-        batch, lane, batch.second, [&](int k) { return w.seen_by_second(t, k); },
-        [&](int k) -> const Observation& { return w.second_view(t, k); }, inverse_sigma, kMatchSteps);
-  batch.views[lane] = views;
+      inverse_sigma, 0, 1);
+  batch.views[lane] = first.views();
+  if (batch.second == 0) return;
+  const Run second = fill_chain(
+      batch, lane, batch.second, [&](int k) { return first.has(k) && w.seen_by_second(t, k); },
+      [&](int k) -> const Observation& { return w.second_view(t, k); }, inverse_sigma, kMatchSteps,
+      1 - kShared * kShared);
+  batch.views[lane] += second.views();
 }
 
 void empty_lane(int lane, TrackBatch& batch) {

@@ -19,7 +19,8 @@ struct SyntheticOptions {
   double time_offset = 0;     ///< the stamps are wrong by this much
   double readout_s = 0;       ///< rolling shutter, of an image of 480 rows
   ImuScale imu_scale = {};    ///< true readings over measured ones, less 1
-  bool second = false;        ///< a second camera, turned and 0.11 m beside the first one, sees three of four tracks
+  bool second = false;        ///< a second camera, turned and 0.11 m beside the first one, sees three of four tracks,
+                              ///< which have ages then
   unsigned seed = 1;
 };
 

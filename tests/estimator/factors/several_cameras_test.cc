@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
 #include <memory>
+#include <vector>
 
 #include "estimator/factors/track.h"
 #include "tests/estimator/factors/explicit_residuals.h"
@@ -68,34 +71,181 @@ TEST(SeveralCameras, IndependentViewsAreOfTheFirstCameraAlone) {
   EXPECT_EQ(test::dense(*both, w.size()), test::dense(*system_of(w, settings(TrackNoiseModel::kWhite)), w.size()));
 }
 
-/// What the first camera's oldest views add, given all others; what the second one's add to those is left out.
-TEST(SeveralCameras, MarginalisationInventsNoInformation) {
-  for (const double noise : {0.0, 0.5}) {
-    SyntheticWindow s = make_window({.pixel_noise = noise, .state_error = 0, .second = true});
-    Window& w = *s.window;
-    for (int i = 0; i < w.track_count(); ++i)
-      for (int k = 0; k < w.size(); ++k) w.view(w.track(i), k).age = static_cast<float>(k);
-    const int frames = w.size() - 1;
-    TrackFactor factor(best_instruction_set());
-    const auto added = std::make_unique<VisualSystem>();
-    factor.collect(w, settings());
-    factor.marginalise_oldest(w, settings(), *added);
-    w.remove(w.size() - 1);  // the newest takes no part
-    const Eigen::MatrixXd with = test::dense(*system_of(w), frames);
-    for (int i = 0; i < w.track_count(); ++i) {
-      w.track(i).mask &= ~w.bit(0);
-      w.track(i).second &= ~w.bit(0);
-    }
-    const Eigen::MatrixXd rest = with - test::dense(*system_of(w), frames), H = test::dense(*added, frames);
-    const auto least = [](const Eigen::MatrixXd& A) {
-      return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(A, Eigen::EigenvaluesOnly).eigenvalues().minCoeff();
-    };
-    EXPECT_GT(H.trace(), 0.4 * rest.trace()) << "most of it is kept";
-    EXPECT_GE(least(H), -1e-9 * H.norm());
-    if (noise == 0) {
-      EXPECT_GE(least(rest - H), -1e-6 * H.norm());
-    }
+/// One track's residuals (px) written down: 2 numbers a view, the first camera's before the second one's. The axes are
+/// turned until they agree best: the first camera's from view to view, the second one's with the first one's.
+struct Explicit {
+  struct View {
+    int frame;
+    bool second;
+    Vec3 f;
+    Mat23 chart;  ///< by directions in W
+  };
+  const Window& w;
+  std::vector<View> views;
+
+  test::Camera camera(const View& v) const {
+    test::Camera c = test::camera(w, v.frame);
+    if (v.second) c = {c.R * w.rig.R_CD, c.c + c.R * w.rig.p_CD};
+    return c;
   }
+  void add(const Observation& o, int frame, bool second, Mat23 axes) {
+    View v{frame, second, o.f_C, o.chart};
+    const Mat3 R = camera(v).R;
+    const Eigen::Matrix2d product = o.chart * R.transpose() * axes.transpose();
+    const double c = product(0, 0) + product(1, 1), s = product(0, 1) - product(1, 0), n = std::hypot(c, s);
+    if (n > 0) v.chart = (Eigen::Matrix2d() << c / n, -s / n, s / n, c / n).finished() * v.chart;
+    views.push_back(v);
+  }
+  Explicit(const Window& window, const TrackRecord& t) : w(window) {
+    std::vector<Mat23> axes;
+    for (int k = 0; k < w.size(); ++k) {
+      add(w.view(t, k), k, false, axes.empty() ? Mat23::Zero() : axes.back());
+      axes.push_back(views.back().chart * camera(views.back()).R.transpose());
+    }
+    for (int k = 0; k < w.size(); ++k)
+      if (w.seen_by_second(t, k)) add(w.second_view(t, k), k, true, axes[static_cast<std::size_t>(k)]);
+  }
+  Vec2 residual(const View& v, const Vec3& P) const {
+    const test::Camera c = camera(v);
+    Vec3 X = c.R.transpose() * (P - c.c);
+    if (!v.second) X.z() *= 1 - w.calibration.focal;
+    return -v.chart * X / v.f.dot(X);
+  }
+  Eigen::VectorXd residuals(const Vec3& P) const {
+    Eigen::VectorXd r(2 * static_cast<int>(views.size()));
+    for (int i = 0; i < r.size() / 2; ++i) r.segment<2>(2 * i) = residual(views[static_cast<std::size_t>(i)], P);
+    return r;
+  }
+  Eigen::MatrixXd slopes_by_point(const Vec3& P) const {
+    constexpr double h = 1e-5;
+    Eigen::MatrixXd K(residuals(P).size(), 3);
+    for (int c = 0; c < 3; ++c)
+      K.col(c) = (residuals(P + h * Vec3::Unit(c)) - residuals(P - h * Vec3::Unit(c))) / (2 * h);
+    return K;
+  }
+  /// Two random walks from the track's first image on, whose steps correlate by 0.65. The first views err by one step
+  /// more than their ages, and the match by the four that are left of seven.
+  Eigen::MatrixXd covariance(const TrackRecord& t, double sigma) const {
+    constexpr double kShare = 0.65, kMatch = 7 * (1 - kShare * kShare);
+    const int n = static_cast<int>(views.size());
+    Eigen::MatrixXd C(2 * n, 2 * n);
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j) {
+        const View &a = views[static_cast<std::size_t>(i)], &b = views[static_cast<std::size_t>(j)];
+        const double common = 1 + w.view(t, std::min(a.frame, b.frame)).age;
+        const double both = a.second != b.second ? kShare * common : a.second ? common + kMatch : common;
+        C.block<2, 2>(2 * i, 2 * j) = sigma * sigma * both * Eigen::Matrix2d::Identity();
+      }
+    return C;
+  }
+};
+
+/// The second camera finds the track in the third frame.
+TEST(SeveralCameras, IsTheInverseOfBothChainsJointCovariance) {
+  SyntheticWindow s = make_window({.pixel_noise = 0.3, .state_error = 1e-3, .second = true});
+  Window& w = *s.window;
+  w.calibration.focal = 0.01;
+  int chosen = -1;
+  for (int i = 0; i < w.track_count(); ++i) {
+    w.track(i).in_use = false;
+    if (w.views(w.track(i)) == w.size() && w.track(i).second == w.track(i).mask) chosen = i;
+  }
+  ASSERT_GE(chosen, 0);
+  TrackRecord& t = w.track(chosen);
+  t.in_use = true;
+  t.second &= ~(w.bit(0) | w.bit(1));
+  const Explicit e(w, t);
+  ASSERT_EQ(static_cast<int>(e.views.size()), 2 * w.size() - 2);
+  const VisualSettings set = settings();
+  const Eigen::MatrixXd I = e.covariance(t, set.drift_sigma * set.drift_inflation).inverse();
+  const test::Camera first = test::camera(w, 0);
+  Vec3 P = first.c + 4 * first.R * w.view(t, 0).f_C;
+  for (int i = 0; i < 100; ++i) {
+    const Eigen::MatrixXd K = e.slopes_by_point(P);
+    P -= (K.transpose() * I * K).ldlt().solve(K.transpose() * I * e.residuals(P));
+  }
+  const Eigen::MatrixXd K = e.slopes_by_point(P);
+  const Eigen::VectorXd r = e.residuals(P);
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(r.size(), 6 * w.size() + kCameraCalibration);
+  for (int i = 0; i < r.size() / 2; ++i) {
+    const Explicit::View& v = e.views[static_cast<std::size_t>(i)];
+    J.middleRows<2>(2 * i) = test::slopes<2>(w, w.size(), {v.frame}, [&] { return e.residual(v, P); });
+  }
+  const Eigen::MatrixXd rest = I - I * K * (K.transpose() * I * K).inverse() * K.transpose() * I;
+  const auto system = system_of(w);
+  EXPECT_LT(test::scaled_difference(test::dense(*system, w.size()), J.transpose() * rest * J), 1e-5);
+  const Eigen::VectorXd unit = test::units(test::dense(*system, w.size()));
+  EXPECT_LT((unit.asDiagonal() * (test::dense_rhs(*system, w.size()) + J.transpose() * rest * r)).cwiseAbs().maxCoeff(),
+            1e-5);
+  EXPECT_NEAR(system->cost, r.dot(I * r), 1e-5 * system->cost);
+}
+
+/// Where the first camera's chain begins, the second one's can begin at the earliest.
+TEST(SeveralCameras, ViewsOfTheSecondBeforeAHoleOfTheFirstAreLeftOut) {
+  SyntheticWindow s = make_window({.second = true});
+  Window& w = *s.window;
+  const auto forget = [&](int k, bool first, bool second) {
+    for (int i = 0; i < w.track_count(); ++i) {
+      if (first) w.track(i).mask &= ~w.bit(k);
+      if (second) w.track(i).second &= ~w.bit(k);
+    }
+  };
+  forget(3, true, true);
+  for (int k = 4; k < w.size(); ++k) forget(k, false, true);
+  const auto hole = system_of(w);
+  for (int k = 0; k < 3; ++k) forget(k, true, true);
+  const auto late = system_of(w);
+  EXPECT_EQ(hole->residuals, late->residuals);
+  EXPECT_LT((test::dense(*hole, w.size()) - test::dense(*late, w.size())).norm(),
+            1e-9 * test::dense(*late, w.size()).norm());
+}
+
+/// What is kept of the information of the oldest views of both cameras, and what of it the other views lack.
+struct Kept {
+  Eigen::MatrixXd kept, lacking;
+};
+Kept kept_of(Window& w) {
+  const int frames = w.size() - 1;
+  TrackFactor factor(best_instruction_set());
+  const auto added = std::make_unique<VisualSystem>();
+  factor.collect(w, settings());
+  factor.marginalise_oldest(w, settings(), *added);
+  w.remove(w.size() - 1);  // the newest takes no part
+  const Eigen::MatrixXd with = test::dense(*system_of(w), frames);
+  for (int i = 0; i < w.track_count(); ++i) {
+    w.track(i).mask &= ~w.bit(0);
+    w.track(i).second &= ~w.bit(0);
+  }
+  return {test::dense(*added, frames), with - test::dense(*system_of(w), frames)};
+}
+
+/// The second camera sees all tracks in all frames, or finds some of them later, or loses some.
+TEST(SeveralCameras, MarginalisationKeepsAllOfTheOldestViewsInformation) {
+  for (const bool ragged : {false, true}) {
+    SyntheticWindow s = make_window({.pixel_noise = 0, .state_error = 0, .second = true});
+    Window& w = *s.window;
+    for (int i = 0; i < w.track_count() && ragged; ++i)
+      for (int k = 0; k < w.size(); ++k)
+        if (i % 3 == 0 ? k < i % 4 : k > 2 + i % 5) w.track(i).second &= ~w.bit(k);
+    const Kept k = kept_of(w);
+    EXPECT_GT(k.kept.norm(), 1);
+    EXPECT_LT((k.kept - k.lacking).norm(), 1e-6 * k.kept.norm()) << ragged;
+    EXPECT_LT(test::scaled_difference(k.kept, k.lacking), 1e-5) << ragged;
+  }
+}
+
+TEST(SeveralCameras, MarginalisationNeverTakesInformationAway) {
+  for (const double motion : {0.0, 1e-4, 1.0, 10.0})
+    for (const double noise : {0.0, 0.5, 20.0}) {
+      SyntheticWindow s =
+          make_window({.pixel_noise = noise, .motion = motion, .state_error = 3e-3 * (motion + 1e-3), .second = true});
+      const Kept k = kept_of(*s.window);
+      ASSERT_TRUE(k.kept.allFinite());
+      EXPECT_GT(k.kept.norm(), 1);
+      EXPECT_GE(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(k.kept, Eigen::EigenvaluesOnly).eigenvalues().minCoeff(),
+                -1e-9 * k.kept.norm())
+          << "motion " << motion << ", noise " << noise << " px";
+    }
 }
 
 TEST(SeveralCameras, ImpossibleAndUnknownViewsAreLeftOut) {
