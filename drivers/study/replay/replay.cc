@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <stdexcept>
+#include <string>
 
 #include "drivers/flights/recordings/asl_dataset.h"
 #include "drivers/flights/recordings/flight_plan.h"
@@ -85,6 +86,15 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
   if (options.deadline_ms) config.deadline_ms = *options.deadline_ms;
   if (!options.record_folder.empty()) config.recorder.folder = options.record_folder.string();
   config.recorder.images |= options.record_images;
+}
+
+/// Which setting leaves a second camera's views unused; empty: none does. Rolling shutters are refused.
+std::string why_second_is_unused(const EstimatorConfig& e) {
+  if (e.visual_factor != VisualFactor::kTrack)
+    return fmt::format("the visual factor is {}; two cameras need track (estimator.visual_factor)",
+                       to_string(e.visual_factor));
+  if (e.track_noise == TrackNoiseModel::kWhite) return "estimator.track_noise is \"white\"; two cameras need \"drift\"";
+  return "";
 }
 
 /// One flight through the pipeline, in this thread.
@@ -246,6 +256,8 @@ Result<ReplayResult> replay(const ReplayOptions& options,
   set_shutter(config.devices.camera, dataset->camera.parameters);
   if (options.alter) options.alter(*dataset);
   fill_config(*dataset, file ? &*file : nullptr, options, config);
+  if (const std::string why = dataset->second ? why_second_is_unused(config.estimator) : ""; !why.empty())
+    dataset->notes.push_back("cam1 is not used, the flight is estimated from cam0 alone: " + why);
   if (options.loop_s) loop_flight(*dataset, *options.loop_s);
   try {
     FlightPlan plan = plan_flight(*dataset, options);
