@@ -5,10 +5,9 @@
 
 #include <filesystem>
 #include <iostream>
-#include <thread>
 
-#include "drivers/flights/simulate/rendered_flight.h"
 #include "tests/flights/fault_run.h"
+#include "tests/flights/small_flight.h"
 
 namespace epiline {
 namespace {
@@ -50,20 +49,7 @@ class Faults : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = std::filesystem::path(testing::TempDir()) / ("epiline_faults_" + std::to_string(getpid()));
-    CameraCalibration camera;
-    camera.parameters = {.model = CameraModel::kPinholeRadialTangential,
-                         .width = 376,
-                         .height = 240,
-                         .intrinsics = {229, 229, 187.5, 119.5},
-                         .distortion = {-0.28, 0.07, 0.0002, 0, 0}};
-    const auto effects = parse_effects(kUsualEffects);
-    ASSERT_TRUE(effects);
-    FlightToRender flight = built_in_flight(FlightKind::kAgile, effects->imu, camera, 20, 1);
-    flight.to_s = flight.from_s + kFlight_s;
-    const int jobs = static_cast<int>(std::thread::hardware_concurrency());
-    const Status rendered =
-        render_flight(flight, {.world = usual_world(FlightKind::kAgile), .effects = *effects, .seed = 1, .jobs = jobs},
-                      folder_, [](std::size_t, std::size_t) {});
+    const Status rendered = test::render_small_flight(folder_, kFlight_s);
     ASSERT_TRUE(rendered) << rendered.error().text();
   }
   static void TearDownTestSuite() { std::filesystem::remove_all(folder_); }
