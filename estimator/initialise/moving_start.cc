@@ -203,19 +203,9 @@ void remember(const StartProblem& problem, const StartGuess& guess, StartMemory&
                        guess.state.b_a};
 }
 
-}  // namespace
-
-const StartState* StartMemory::at(std::uint64_t frame) const {
-  for (int k = 0; k < frames && frame != 0; ++k)
-    if (id[k] == frame) return &state[k];
-  return nullptr;
-}
-
-std::optional<StartRefusal> solve_moving_start(const StartProblem& problem, const StartLimits& limits,
-                                               PointElimination& points, StartMemory& memory, StartGuess& guess) {
-  if (problem.frames < limits.frames || problem.frames > kStartFrames) return StartRefusal::kTooFewFrames;
-  if (long_tracks(problem) < limits.tracks) return StartRefusal::kTooFewTracks;
-  points.collect(problem);
+/// Goes on from the last attempt where it can, else searches.
+std::optional<StartRefusal> attempt(const StartProblem& problem, const StartLimits& limits, PointElimination& points,
+                                    StartMemory& memory, StartGuess& guess) {
   StartPath path;
   Search search(problem, points, path);
   const StartState* before = memory.at(problem.id[0]);
@@ -237,6 +227,28 @@ std::optional<StartRefusal> solve_moving_start(const StartProblem& problem, cons
   const std::optional<StartRefusal> refusal = judge(problem, limits, guess);
   if (refusal != StartRefusal::kBiasImplausible) remember(problem, guess, memory);
   return refusal && !parallax ? StartRefusal::kNoParallax : refusal;
+}
+
+}  // namespace
+
+const StartState* StartMemory::at(std::uint64_t frame) const {
+  for (int k = 0; k < frames && frame != 0; ++k)
+    if (id[k] == frame) return &state[k];
+  return nullptr;
+}
+
+std::optional<StartRefusal> solve_moving_start(const StartProblem& problem, const StartLimits& limits,
+                                               PointElimination& points, StartMemory& memory, StartGuess& guess) {
+  if (problem.frames < limits.frames || problem.frames > kStartFrames) return StartRefusal::kTooFewFrames;
+  if (long_tracks(problem) < limits.tracks) return StartRefusal::kTooFewTracks;
+  points.collect(problem);
+  const int unexplained = memory.unexplained;
+  const std::optional<StartRefusal> refusal = attempt(problem, limits, points, memory, guess);
+  if (refusal || !guess.continued) return refusal;
+  // Going on may end in another minimum than a search, one that later images refute: only a search begins a flight.
+  memory.frames = 0;
+  memory.unexplained = unexplained;
+  return attempt(problem, limits, points, memory, guess);
 }
 
 }  // namespace epiline

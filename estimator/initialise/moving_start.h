@@ -38,7 +38,7 @@ struct StartGuess {
   double sigma_rad = 0;     ///< bearing noise assumed in the end: the one given, or more where the residuals show it
   double noise_rad = 0;     ///< bearing noise for what comes after: also where the residuals show a little more
   double pull = 0;          ///< RefinementFigures::pull over the squared residual: of errors that have a pattern
-  bool continued = false;   ///< found from where the last attempt ended, without a search
+  bool continued = false;   ///< refused where going on from the last attempt ended, without a search
   double sigma_velocity = 0, sigma_tilt = 0, sigma_scale = 0, sigma_b_g = 0;  ///< m/s, rad, relative, rad/s
 };
 
@@ -54,7 +54,7 @@ struct StartMemory {
   const StartState* at(std::uint64_t frame) const;
 };
 
-/// Fixed memory, bounded work: at most kContinueIterations and kApproachIterations with a third of the tracks, and two
+/// Fixed memory, bounded work: at most kContinueIterations and kApproachIterations with a third of the tracks, and four
 /// refinements. `points` is work space. Empty: `guess` is good. Otherwise the reason of the refusal, and `guess` holds
 /// partial results.
 [[nodiscard]] std::optional<StartRefusal> solve_moving_start(const StartProblem& problem, const StartLimits& limits,

@@ -61,13 +61,39 @@ TEST(StartMemory, BeginsWhereTheLastAttemptEnded) {
     const Mat3 R = f.R[3].transpose();
     EXPECT_LT((carried->g_0 - R * f.truth.g_0).norm(), kGravity * 4 * g.sigma_tilt) << "seed " << seed;
     EXPECT_LT((carried->v_0 - g.R[3].transpose() * g.v[3]).norm(), 1e-9) << "seed " << seed;
-    const auto refusal = solve_moving_start(second.problem, {}, work_space(), memory, g);
+    StartLimits none_passes;
+    none_passes.sigma_velocity = 0;
+    const auto refused = StartRefusal::kVelocityUncertain;
+    EXPECT_EQ(solve_moving_start(second.problem, none_passes, work_space(), memory, g), refused) << "seed " << seed;
     EXPECT_TRUE(g.continued) << "seed " << seed;
-    EXPECT_EQ(solve_moving_start(second.problem, {}, work_space(), nothing, expected), refusal) << "seed " << seed;
+    EXPECT_EQ(solve_moving_start(second.problem, none_passes, work_space(), nothing, expected), refused);
     EXPECT_FALSE(expected.continued);
     EXPECT_LT((g.state.v_0 - expected.state.v_0).norm(), 0.2 * expected.sigma_velocity) << "seed " << seed;
     EXPECT_LT(angle(g.state.g_0, expected.state.g_0), 0.2 * expected.sigma_tilt) << "seed " << seed;
     EXPECT_NEAR(g.parallax_rad, expected.parallax_rad, 0.25 * expected.parallax_rad) << "seed " << seed;
+  }
+}
+
+/// Going on may lead into another minimum than a search does, so a start that is accepted was searched for.
+TEST(StartMemory, NoStartIsAcceptedWithoutASearch) {
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    FlightSettings s;
+    s.seed = seed;
+    s.frames = kStartFrames;
+    s.noise_rad = 0.5 / 458;
+    Flight f;
+    testing::fly(testing::wandering(seed), s, f);
+    const Attempt first(f, 0, 12), second(f, 3, 12);
+    StartMemory memory, nothing;
+    StartGuess g, expected;
+    ASSERT_EQ(solve_moving_start(first.problem, {}, work_space(), memory, g), std::nullopt) << "seed " << seed;
+    nothing.unexplained = memory.unexplained;  // which state a search begins with
+    const auto refusal = solve_moving_start(second.problem, {}, work_space(), memory, g);
+    EXPECT_EQ(solve_moving_start(second.problem, {}, work_space(), nothing, expected), refusal) << "seed " << seed;
+    if (refusal) continue;
+    EXPECT_FALSE(g.continued) << "seed " << seed;
+    EXPECT_EQ(g.state.v_0, expected.state.v_0) << "seed " << seed;
+    EXPECT_EQ(g.parallax_rad, expected.parallax_rad) << "seed " << seed;
   }
 }
 
