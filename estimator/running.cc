@@ -334,7 +334,7 @@ void Estimator::Impl::slide(Supervisor& supervisor) {
     } else {
       ++stats.keyframes;
     }
-    while (window.full()) marginalise(supervisor);  // more than once after a start alone
+    while (window.full()) marginalise(supervisor);  // after a start, several may be too many
   }
   window.prune();
 }

@@ -35,10 +35,10 @@ class Search {
 
   /// Begins at the state of the last attempt. True: it ends as well as that one did.
   bool go_on(const StartState& before, const StartMemory& memory);
-  /// Finds the gyroscope bias; returns the parallax, rad.
+  /// Finds the gyroscope bias, and leaves the path at it; returns the parallax, rad.
   double look();
-  /// After look(): tries states until one explains the images or the iterations are used up; `first`: which one to
-  /// begin with.
+  /// Directly after look(): tries states until one explains the images or the iterations are used up; `first`: which
+  /// one to begin with.
   void run(int first);
   const Candidate& best() const { return best_; }
   double parallax_rad(const StartState& state);
@@ -113,7 +113,6 @@ void Search::try_reference() {
 /// At little parallax every state explains the images, and hovering comes first: the linear system would lead into a
 /// valley of wrong velocities.
 void Search::run(int first) {
-  chain(problem_, hover_.b_g, Vec3::Zero(), path_);
   solved_ = solve_velocity_gravity(problem_, path_, linear_);
   for (int n = 0; n < 3; ++n) {
     switch ((first + n) % 3) {
