@@ -7,6 +7,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 
 #include "drivers/flights/recordings/asl_dataset.h"
@@ -41,8 +42,10 @@ class PredictedFlight : public ::testing::TestWithParam<bool> {};
 
 /// Parameter: whether the IMU's scales are estimated.
 TEST_P(PredictedFlight, TheNextSolveLiesWhereThePredictionSays) {
-  auto dataset = open_asl_dataset(test::recorded_data("euroc_MH_01"), "cam0");
-  if (!dataset) GTEST_SKIP() << dataset.error().text();
+  const auto folder = test::recorded_data("euroc_MH_01");
+  if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is not there";
+  auto dataset = open_asl_dataset(folder, "cam0");
+  ASSERT_TRUE(dataset) << dataset.error().text();
   OfflineSettings settings;
   settings.camera = dataset->camera.parameters;
   settings.estimator.imu = dataset->imu.noise;

@@ -13,9 +13,7 @@ namespace {
 class ViewCommand : public OverARenderedFlight {
  protected:
   void SetUp() override {
-#ifndef EPILINE_MICROHTTPD
-    GTEST_SKIP() << "built without libmicrohttpd";
-#endif
+    if (!kLiveViewBuilt) GTEST_SKIP() << kWithoutLiveView;
     OverARenderedFlight::SetUp();
   }
 

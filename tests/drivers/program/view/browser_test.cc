@@ -6,6 +6,7 @@
 
 #include "drivers/program/view/live_view.h"
 #include "tests/drivers/program/view/browser.h"
+#include "tests/drivers/program/view/client.h"
 #include "tests/drivers/program/view/flight_of_view.h"
 
 namespace epiline {
@@ -16,8 +17,9 @@ class Browser : public BrowserTest {
   void SetUp() override {
     BrowserTest::SetUp();
     if (IsSkipped()) return;
+    if (!kLiveViewBuilt) GTEST_SKIP() << kWithoutLiveView;
     auto view = LiveView::open({"127.0.0.1", 0});
-    if (!view) GTEST_SKIP() << view.error().text();
+    ASSERT_TRUE(view) << view.error().text();
     view_ = std::move(*view);
   }
   void TearDown() override {

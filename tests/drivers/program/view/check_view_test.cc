@@ -58,13 +58,14 @@ void watch(CheckWitness& witness, int images) {
 class CheckPage : public BrowserTest {
  protected:
   void SetUp() override {
+    if (!kLiveViewBuilt) GTEST_SKIP() << kWithoutLiveView;
     auto view = CheckView::open({"127.0.0.1", 0}, {"a <i>file</i>", "epiline test", 1e-3, 1e-2, false},
                                 [this](const SettingHint& hint) -> Status {
                                   if (refuses_) return Error{ErrorKind::kRun, "flight.toml", 0, "read-only", "a file"};
                                   accepted_.push_back(name_of(hint) + "=" + std::to_string(hint.value));
                                   return Done{};
                                 });
-    if (!view) GTEST_SKIP() << view.error().text();
+    ASSERT_TRUE(view) << view.error().text();
     view_ = std::move(*view);
   }
   void TearDown() override {

@@ -12,6 +12,13 @@
 
 namespace epiline {
 
+#ifdef EPILINE_MICROHTTPD
+inline constexpr bool kLiveViewBuilt = true;
+#else
+inline constexpr bool kLiveViewBuilt = false;
+#endif
+inline constexpr char kWithoutLiveView[] = "built without libmicrohttpd";
+
 class RawClient {
  public:
   explicit RawClient(std::uint16_t port) : socket_(socket(AF_INET, SOCK_STREAM, 0)) {

@@ -13,8 +13,9 @@ namespace epiline {
 namespace {
 
 TEST(LiveViewThreads, AFlightIsWatchedFromBeginningToEnd) {
+  if (!kLiveViewBuilt) GTEST_SKIP() << kWithoutLiveView;
   auto opened = LiveView::open({"127.0.0.1", 0});
-  if (!opened) GTEST_SKIP() << opened.error().text();
+  ASSERT_TRUE(opened) << opened.error().text();
   std::unique_ptr<LiveView> view = std::move(*opened);
   ASSERT_TRUE(view->start({"made up", "epiline test", {}, true}));
   const std::uint16_t port = view->address().port;
