@@ -3,6 +3,7 @@
 #include <malloc.h>
 #include <sched.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -141,6 +142,8 @@ std::string lock_memory() {
   // with MCL_FUTURE and a limit, an allocation beyond it fails: worse than a page fault. Root has no limit
   if (limit.rlim_cur != RLIM_INFINITY && geteuid() != 0) return "the limit on locked memory is not unlimited";
   if (mlockall(MCL_CURRENT | MCL_FUTURE) != 0) return std::strerror(errno);
+  // a page that khugepaged joins to a huge one is gone for a moment; huge pages that are there stay
+  prctl(PR_SET_THP_DISABLE, 1, 0, 0, 0);
   mallopt(M_TRIM_THRESHOLD, -1);  // what was freed stays ours
   mallopt(M_MMAP_MAX, 0);
   return {};

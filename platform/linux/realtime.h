@@ -66,8 +66,9 @@ class RealtimeThread {
   std::size_t stack_bytes_ = 0, stack_used_ = 0;
 };
 
-/// Locks all present and future memory of the process, and keeps freed memory in the process. Returns an empty text on
-/// success, otherwise the reason. Not attempted if a limit would make later allocations fail.
+/// Locks all present and future memory of the process, keeps freed memory in the process, and keeps the kernel from
+/// joining its pages to huge ones. Returns an empty text on success, otherwise the reason. Not attempted if a limit
+/// would make later allocations fail.
 std::string lock_memory();
 
 /// Largest resident memory of the process so far.

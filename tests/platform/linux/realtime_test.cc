@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 #include <sched.h>
-#include <csignal>
+#include <sys/mman.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <memory>
@@ -139,6 +142,37 @@ TEST(ThreadCosts, SeeHeapCallsAndPageFaults) {
   if (allocation_counting_available()) {
     EXPECT_EQ(cost.heap_calls, 1);
   }
+}
+
+// Four MiB of small pages that the kernel is free to join to huge ones.
+void* small_pages(std::size_t bytes) {
+  void* const at = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  if (at == MAP_FAILED) return nullptr;
+  madvise(at, bytes, MADV_NOHUGEPAGE);
+  std::memset(at, 1, bytes);
+  madvise(at, bytes, MADV_HUGEPAGE);
+  return at;
+}
+
+// While the kernel joins pages to a huge one, a thread that touches one of them has a page fault and waits.
+TEST(LockMemory, PagesAreNotJoinedToHugeOnesAfterwards) {
+  constexpr int kMadvCollapse = 25;  // linux/mman.h of Linux 6.1
+  constexpr std::size_t kBytes = 4 << 20;
+  enum Answer { kRefused, kJoined, kKernelCannot, kNotLocked };
+  const pid_t child = fork();  // the memory of this process stays as it is
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    void *const before = small_pages(kBytes), *const after = small_pages(kBytes);
+    if (madvise(before, kBytes, kMadvCollapse) != 0) _exit(kKernelCannot);
+    if (!lock_memory().empty()) _exit(kNotLocked);
+    _exit(madvise(after, kBytes, kMadvCollapse) == 0 ? kJoined : kRefused);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  ASSERT_TRUE(WIFEXITED(status));
+  if (WEXITSTATUS(status) == kKernelCannot) GTEST_SKIP() << "this kernel joins no pages on request";
+  if (WEXITSTATUS(status) == kNotLocked) GTEST_SKIP() << "memory may not be locked here";
+  EXPECT_EQ(WEXITSTATUS(status), kRefused);
 }
 
 }  // namespace
