@@ -16,16 +16,14 @@ inline constexpr double kNearest = 0.05;  ///< least depth along a bearing, rela
 /// frame, with at least one slot free between them.
 inline constexpr int kMaxSlots = 2 * kMaxFrames + 1;
 
-/// The steps of a track's drift in two cameras' images correlate by so much (docs/derivations/several_cameras.md).
-inline constexpr double kShared = 0.65;
-
 /// Eight tracks as a structure of arrays. An absent view is all zeros and adds nothing to any sum.
 struct alignas(64) TrackBatch {
   static constexpr int kBearing = 0, kChart = 3, kStretch = 9, kRow = 10, kNumbers = 11;
   /// f (C), d(whitened pixel)/df row-major, stretch of the lens, time of the row
   double observation[kMaxSlots][kNumbers][kBatchLanes];
-  double link[kMaxSlots][kBatchLanes];  ///< of a drifting track: 1 / (images since its previous view); 0: no view; of a
-                                        ///< second camera's, given the first one's: over 1 - kShared^2
+  double link[kMaxSlots][kBatchLanes];  ///< of a drifting track: 1 / variance of the step from its previous view;
+                                        ///< 0: no view; of a second camera's: given the first one's
+  double shared[kBatchLanes];           ///< so much of the first camera's error the second one's has, too
   double views[kBatchLanes];            ///< how many; 0: an empty lane
   double point[4][kBatchLanes];         ///< the last point, P and w: its direction from c is P - w c
   double warm[kBatchLanes];             ///< 2: `point` is of this frame, 1: of an earlier one, 0: none

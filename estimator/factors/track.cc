@@ -37,8 +37,10 @@ namespace {
 /// Student's weight already reduces a drifting track with large steps, so the gate has nine times the limit of chi^2.
 /// With it, 1 % of the tracks are gated (docs/derivations/drift.md).
 constexpr double kDriftGate = 9;
-/// Where the second camera finds a track it errs by 0.4 px: the variance of so many steps of 0.15 px.
-constexpr double kMatchSteps = 7;
+/// What the error of a track is in the images of a second camera (docs/derivations/several_cameras.md), in steps.
+constexpr double kSharedSteps = 0.65;  ///< correlation of the steps in both images
+constexpr double kMatchVariance = 7;   ///< where the second camera finds the track it errs by 0.4 px: 7 of 0.15 px
+constexpr double kShareAtAge = 10;     ///< images after the match at which the share is exact
 
 void fill_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int lane, TrackBatch& batch) {
   double n = 0;
@@ -60,44 +62,65 @@ struct Run {
   int views() const { return end - begin + 1; }
 };
 
-/// One camera's views of a track in a batch: the newest that follow each other without a hole, because a drift is known
-/// from view to view. `first_steps`: what the first of them errs by beside its drift; `variance`: of a step.
-template <class Sees, class View>
-Run fill_chain(TrackBatch& batch, int lane, int slot_0, const Sees& sees, const View& view_of, double inverse_sigma,
-               double first_steps, double variance) {
+/// The newest views that follow each other without a hole, because a drift is known from view to view.
+template <class Follows>
+Run newest_run(const TrackBatch& batch, const Follows& follows) {
   int end = batch.last;
-  while (end >= batch.first && !sees(end)) --end;
+  while (end >= batch.first && !follows(end, end)) --end;
+  if (end < batch.first) return {0, -1};
   int begin = end;
-  while (begin > batch.first && sees(begin - 1)) --begin;
-  float age = -1;  // the first view errs as if by a step more than its age
+  while (begin > batch.first && follows(begin - 1, begin)) --begin;
+  return {begin, end};
+}
+
+/// Variance of a walk, in steps: `start` at age `since`, and `step` more with each image.
+struct Walk {
+  double start = 1, since = 0, step = 1;
+  double variance(double age) const { return start + step * std::max(age - since, 0.); }
+};
+
+/// One camera's views of a track in a batch.
+template <class View>
+void fill_chain(TrackBatch& batch, int lane, int slot_0, const Run& run, const View& view_of, double inverse_sigma,
+                const Walk& walk) {
+  float age = 0;
   for (int k = batch.first; k <= batch.last; ++k) {
     const int slot = slot_0 + k;
-    if (k < begin || k > end) {
+    if (!run.has(k)) {
       put_nothing(slot, lane, batch);
       batch.link[slot][lane] = 0;
       continue;
     }
     const Observation& view = view_of(k);
     put_view(view, inverse_sigma, slot, lane, batch);
-    const double steps = std::max(static_cast<double>(view.age - age), 1.0);
-    batch.link[slot][lane] = 1 / (variance * (k == begin ? steps + first_steps : steps));
+    batch.link[slot][lane] = 1 / (k == run.begin ? walk.variance(view.age) : walk.step * std::max(view.age - age, 1.f));
     age = view.age;
   }
-  return end >= batch.first ? Run{begin, end} : Run{0, -1};
+}
+
+/// Share of the first camera's error that is taken off the second one's. What was found late has all that the track had
+/// drifted by until then.
+double share_of(double found) { return (found + 1 + kSharedSteps * kShareAtAge) / (found + 1 + kShareAtAge); }
+
+/// Of the second camera's error less its share of the first one's.
+Walk second_walk(double found, double share) {
+  const double rest = 1 - share;
+  return {kMatchVariance + rest * rest * (found + 1), found, 1 - 2 * kSharedSteps * share + share * share};
 }
 
 /// The second camera's views are a chain of their own, given the first one's: so only frames with views of both count.
-/// What the first camera's had drifted by until the second one found the track is its, too, so the age is the track's.
 void fill_drifting_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int lane, TrackBatch& batch) {
-  const Run first = fill_chain(
-      batch, lane, 0, [&](int k) { return w.seen(t, k); }, [&](int k) -> const Observation& { return w.view(t, k); },
-      inverse_sigma, 0, 1);
+  const Run first = newest_run(batch, [&](int k, int) { return w.seen(t, k); });
+  fill_chain(batch, lane, 0, first, [&](int k) -> const Observation& { return w.view(t, k); }, inverse_sigma, {});
   batch.views[lane] = first.views();
   if (batch.second == 0) return;
-  const Run second = fill_chain(
-      batch, lane, batch.second, [&](int k) { return first.has(k) && w.seen_by_second(t, k); },
-      [&](int k) -> const Observation& { return w.second_view(t, k); }, inverse_sigma, kMatchSteps,
-      1 - kShared * kShared);
+  const auto view = [&](int k) -> const Observation& { return w.second_view(t, k); };
+  const Run second = newest_run(batch, [&](int k, int next) {
+    return first.has(k) && w.seen_by_second(t, k) && view(k).found == view(next).found;
+  });
+  const double found = second.views() > 0 ? view(second.end).found : 0, share = share_of(found);
+  batch.shared[lane] = share;
+  fill_chain(batch, lane, batch.second, second, view, inverse_sigma, second_walk(found, share));
   batch.views[lane] += second.views();
 }
 
@@ -107,7 +130,7 @@ void empty_lane(int lane, TrackBatch& batch) {
       put_nothing(slot, lane, batch);
       batch.link[slot][lane] = 0;
     }
-  batch.views[lane] = batch.warm[lane] = 0;
+  batch.views[lane] = batch.warm[lane] = batch.shared[lane] = 0;
 }
 }  // namespace
 

@@ -84,7 +84,7 @@ float stretch_of(const Vec3& f_C, const Mat23& chart) {
 Observation observation(const TrackedFeature& f) {
   const Vec3 f_C(f.bearing.data());
   const Mat23 chart = Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data());
-  return {f_C, chart, stretch_of(f_C, chart), static_cast<float>(f.age), f.row_s};
+  return {f_C, chart, stretch_of(f_C, chart), static_cast<float>(f.age), f.row_s, 0};
 }
 
 std::uint16_t cell_of(const std::array<float, 2>& pixel) {
@@ -147,7 +147,8 @@ int Window::observe_second(const TrackedFrame& frame) {
     if (i < 0 || !seen(records_[static_cast<std::size_t>(i)], size_ - 1)) continue;
     TrackRecord& t = records_[static_cast<std::size_t>(i)];
     const Mat23 chart = Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(v.pixel_jacobian.data());
-    second_views_[t.place][slot] = {Vec3(v.bearing.data()), chart, 0, static_cast<float>(v.age), 0};
+    second_views_[t.place][slot] = {Vec3(v.bearing.data()),    chart, 0,
+                                    static_cast<float>(v.age), 0,     static_cast<float>(v.found)};
     t.second |= 1u << slot;
   }
   return impossible;

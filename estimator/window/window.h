@@ -20,6 +20,7 @@ struct Observation {
   float stretch;  ///< of the lens there: how much a longer focal length moves the pixel outwards, over a pinhole's
   float age;      ///< of its track, images
   float row_s;    ///< rolling shutter: exposed so long after the stamp
+  float found;    ///< second camera: age of the track when it was found there
 };
 
 inline constexpr int kViewCells = 1024;  ///< 32 x 32 squares of 64 pixels; what is beyond shares the outermost

@@ -40,11 +40,12 @@ struct Chain {
   float innovation = 0;    // px, between predicted and found position
   Vec3 bearing = Vec3::Zero();
   Mat23 pixel_jacobian = Mat23::Zero();
-  double inverse_m = 0;  // 1 / distance from the first camera, of the last view
-  int patch = 0;         // place of its KLT template, which is that of the view
-  int spare = 0;         // place of another template
-  int failures = 0;      // searches since the last view
-  int wait = 0;          // images to leave out before the next search
+  double inverse_m = 0;     // 1 / distance from the first camera, of the last view
+  int patch = 0;            // place of its KLT template, which is that of the view
+  int spare = 0;            // place of another template
+  std::uint32_t found = 0;  // age of the track at the match
+  int failures = 0;         // searches since the last view
+  int wait = 0;             // images to leave out before the next search
 };
 
 int pause_after(int failures) { return (1 << std::min(failures, 4)) - 1; }
@@ -326,6 +327,7 @@ void SecondTracker::Impl::match(const PyramidView& first, const TrackedFrame& tr
     if (wanted[found].patch == &templates[chain.spare]) std::swap(chain.patch, chain.spare);
     chain.matched = true;
     chain.confirmed = false;
+    chain.found = feature.age;
     chain.innovation = kInnovationOfNewView_px;
     chain.failures = chain.wait = 0;
     ++stats.matched;
@@ -339,6 +341,7 @@ void SecondTracker::Impl::publish(TrackedFrame& tracks) {
     SecondView view;
     view.id = chain.id;
     view.age = tracks.features[i].age;
+    view.found = chain.found;
     view.pixel = {chain.x, chain.y};
     view.bearing = {chain.bearing.x(), chain.bearing.y(), chain.bearing.z()};
     Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(view.pixel_jacobian.data()) = chain.pixel_jacobian;

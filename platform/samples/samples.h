@@ -65,7 +65,8 @@ struct TrackedFeature {
 /// The same track in the image that a second camera took at the same time.
 struct SecondView {
   std::uint32_t id = 0;                    ///< of its TrackedFeature
-  std::uint32_t age = 0;                   ///< of that track; the second camera may have found it later
+  std::uint32_t age = 0;                   ///< of that track
+  std::uint32_t found = 0;                 ///< age of that track when the second camera found it
   std::array<float, 2> pixel{};            ///< raw, in the second image
   std::array<double, 3> bearing{};         ///< unit vector in the second camera's frame
   std::array<double, 6> pixel_jacobian{};  ///< d pixel / d bearing, as of TrackedFeature

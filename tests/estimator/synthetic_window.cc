@@ -73,11 +73,12 @@ SyntheticWindow make_window(const SyntheticOptions& o) {
       frame.features.back().row_s = static_cast<float>(row_s);
       if (!o.second || i % 4 == 3) continue;
       const Vec3 X_D = w.rig.R_CD.transpose() * (X - w.rig.p_CD);
-      const std::uint32_t age = static_cast<std::uint32_t>(3 + i % 5 + 2 * k + k % 2);
-      frame.features.back().age = age;
-      frame.second.push_back(make_second_view(static_cast<std::uint32_t>(i), X_D,
-                                              Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random)),
-                                              age));
+      const auto age = [&](int n) { return static_cast<std::uint32_t>(3 + i % 5 + 2 * n + n % 2); };
+      const bool anew = o.found_anew > 0 && k >= o.found_anew;
+      frame.features.back().age = age(k);
+      frame.second.push_back(make_second_view(
+          static_cast<std::uint32_t>(i), X_D, Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random)),
+          age(k), anew ? age(o.found_anew) - 1 : static_cast<std::uint32_t>(i % 4)));
     }
     w.observe(frame);
   }

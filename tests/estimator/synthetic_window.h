@@ -20,7 +20,8 @@ struct SyntheticOptions {
   double readout_s = 0;       ///< rolling shutter, of an image of 480 rows
   ImuScale imu_scale = {};    ///< true readings over measured ones, less 1
   bool second = false;        ///< a second camera, turned and 0.11 m beside the first one, sees three of four tracks,
-                              ///< which have ages then
+                              ///< which have ages then, and were found by it at other ages
+  int found_anew = 0;         ///< from this frame on the second camera has found each track anew
   unsigned seed = 1;
 };
 
@@ -67,9 +68,10 @@ inline Calibration synthetic_calibration(double lever = 1) {
 
 inline Rig synthetic_rig() { return {true, so3_exp(Vec3(0.02, -0.03, 0.01)), Vec3(0.11, 0.004, -0.006)}; }
 
-inline SecondView make_second_view(std::uint32_t id, const Vec3& p_D, const Vec2& noise_px, std::uint32_t age = 0) {
+inline SecondView make_second_view(std::uint32_t id, const Vec3& p_D, const Vec2& noise_px, std::uint32_t age = 0,
+                                   std::uint32_t found = 0) {
   const TrackedFeature f = make_feature(id, p_D, noise_px);
-  return {.id = id, .age = age, .bearing = f.bearing, .pixel_jacobian = f.pixel_jacobian};
+  return {.id = id, .age = age, .found = found, .bearing = f.bearing, .pixel_jacobian = f.pixel_jacobian};
 }
 
 struct SyntheticWindow {

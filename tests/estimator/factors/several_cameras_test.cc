@@ -123,17 +123,20 @@ struct Explicit {
       K.col(c) = (residuals(P + h * Vec3::Unit(c)) - residuals(P - h * Vec3::Unit(c))) / (2 * h);
     return K;
   }
-  /// Two random walks from the track's first image on, whose steps correlate by 0.65. The first views err by one step
-  /// more than their ages, and the match by the four that are left of seven.
+  /// The first camera's error e is a random walk from the track's first image on, and one step more. The second one's
+  /// is share * e, and a walk of its own since the track was found there.
   Eigen::MatrixXd covariance(const TrackRecord& t, double sigma) const {
-    constexpr double kShare = 0.65, kMatch = 7 * (1 - kShare * kShare);
+    const double found = w.second_view(t, w.size() - 1).found;
+    const double share = (found + 1 + 0.65 * 10) / (found + 1 + 10);
+    const double start = 7 + (1 - share) * (1 - share) * (found + 1), step = 1 - 2 * 0.65 * share + share * share;
     const int n = static_cast<int>(views.size());
     Eigen::MatrixXd C(2 * n, 2 * n);
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) {
         const View &a = views[static_cast<std::size_t>(i)], &b = views[static_cast<std::size_t>(j)];
-        const double common = 1 + w.view(t, std::min(a.frame, b.frame)).age;
-        const double both = a.second != b.second ? kShare * common : a.second ? common + kMatch : common;
+        const double age = w.view(t, std::min(a.frame, b.frame)).age;
+        double both = (a.second ? share : 1) * (b.second ? share : 1) * (1 + age);
+        if (a.second && b.second) both += start + step * (age - found);
         C.block<2, 2>(2 * i, 2 * j) = sigma * sigma * both * Eigen::Matrix2d::Identity();
       }
     return C;
@@ -199,6 +202,16 @@ TEST(SeveralCameras, ViewsOfTheSecondBeforeAHoleOfTheFirstAreLeftOut) {
   EXPECT_EQ(hole->residuals, late->residuals);
   EXPECT_LT((test::dense(*hole, w.size()) - test::dense(*late, w.size())).norm(),
             1e-9 * test::dense(*late, w.size()).norm());
+}
+
+/// Another match is another error.
+TEST(SeveralCameras, ViewsBeforeANewMatchAreLeftOut) {
+  SyntheticWindow s = make_window({.second = true, .found_anew = 3});
+  Window& w = *s.window;
+  const auto anew = system_of(w);
+  for (int i = 0; i < w.track_count(); ++i)
+    for (int k = 0; k < 3; ++k) w.track(i).second &= ~w.bit(k);
+  EXPECT_EQ(test::dense(*anew, w.size()), test::dense(*system_of(w), w.size()));
 }
 
 /// What is kept of the information of the oldest views of both cameras, and what of it the other views lack.
