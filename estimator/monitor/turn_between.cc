@@ -16,6 +16,7 @@ constexpr int kFarRounds = 5, kSteps = 10;
 constexpr int kPlaneRounds = 4;
 constexpr double kPlaneCost = 1.5, kPlaneCostLeast = 0.05;  // a plane must explain the bearings nearly as well
 constexpr double kLeastMoved = 1e-3;                        // sine: a bearing along the travel shows no parallax
+constexpr double kOneSide = 0.95;                           // of the bearings, some of which are false
 constexpr double kGoodCost = 0.35;  // log(1 + e^2) of a mean angle of 0.65 mrad: other directions would not do better
 
 /// As if everything were far away.
@@ -139,8 +140,15 @@ bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3&
   return true;
 }
 
+namespace {
+
+struct Plane {
+  Vec3 n = Vec3::Zero();  ///< n'X = 1 in the camera before, with |t| = 1
+  double cost = 0;        ///< as CameraTurn::cost, of the parallax
+};
+
 // Along the epipolar line f_now x (R f + t (n'f)) = 0 is linear in n, robustly so.
-double plane_ambiguity(const SharedBearings& s, const CameraTurn& turn) noexcept {
+Plane plane_of(const SharedBearings& s, const CameraTurn& turn) {
   struct Parallax {
     double moved, seen;  // sine by which a point at distance 1 moves; by which this one did
   };
@@ -167,9 +175,29 @@ double plane_ambiguity(const SharedBearings& s, const CameraTurn& turn) noexcept
     }
     n = H.ldlt().solve(b);
   }
-  const double cost = mean_cost(s.count, off_plane);
-  return cost < kPlaneCost * turn.cost + kPlaneCostLeast ? (turn.R_CC0.transpose() * turn.direction).cross(n).norm()
-                                                         : 0;
+  return {n, mean_cost(s.count, off_plane)};
+}
+
+/// All points on one side of the camera. The direction's sign is arbitrary, so the side is, too.
+bool is_on_one_side(const SharedBearings& s, const Vec3& n) {
+  int in_front = 0;
+  for (int i = 0; i < s.count; ++i) in_front += n.dot(s.before[i]) > 0 ? 1 : 0;
+  return kOneSide * s.count <= std::max(in_front, s.count - in_front);
+}
+
+}  // namespace
+
+double settle_plane(const SharedBearings& s, double least, CameraTurn& turn) noexcept {
+  const Plane plane = plane_of(s, turn);
+  if (!(plane.cost < kPlaneCost * turn.cost + kPlaneCostLeast)) return 0;
+  const Vec3 n = turn.R_CC0 * plane.n, across = turn.direction.cross(n);
+  const double apart = across.norm();
+  if (apart < least) return apart;
+  const CameraTurn other = Travel(s, so3_exp(across) * turn.R_CC0, n.normalized()).result();
+  const bool here = is_on_one_side(s, plane.n), there = is_on_one_side(s, plane_of(s, other).n);
+  if (here == there) return apart;
+  if (there) turn = other;
+  return 0;
 }
 
 }  // namespace epiline

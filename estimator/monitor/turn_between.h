@@ -30,9 +30,10 @@ bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3&
                   CameraTurn& out) noexcept;
 
 /// If all points lie in one plane, n'X = 1 in the camera before and |t| = 1, the images are a homography R + t n', and
-/// R + n t' explains them as well after a turn by t x n more: how far off that other rotation is, rad. 0: no plane.
-/// `turn`: of these bearings.
-double plane_ambiguity(const SharedBearings& bearings, const CameraTurn& turn) noexcept;
+/// R + n t' explains them as well after a turn by t x n more. Of the two rotations, takes the one that has all points
+/// in front of the camera. Returns how far apart they are, rad, if that tells them not apart, or if it is less than
+/// `least`; 0: no plane, or told apart. `turn`: of these bearings.
+double settle_plane(const SharedBearings& bearings, double least, CameraTurn& turn) noexcept;
 
 /// The rotation R that maximises tr(R^T sum). With `sum` = sum of b a^T it rotates a to b best (Kabsch).
 Mat3 rotation_from(const Mat3& sum) noexcept;

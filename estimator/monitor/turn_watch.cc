@@ -70,7 +70,8 @@ void TurnWatch::add_images(const TrackedFrame& frame) noexcept {
     const double usual_cost = ++fits_ % kTryAll == 0 ? 0 : std::min(kUsualCost * cost_, kWorstCost);
     const bool fitted = turn_between(shared_, so3_exp(-dt_s * rate_C_), direction_, usual_cost, turn);
     if (fitted) cost_ += (cost_ == 0 ? 1 : kCostShare) * (turn.cost - cost_);
-    if (fitted && turn.cost < kWorstCost && plane_ambiguity(shared_, turn) < kMostAmbiguous * dt_s) {
+    const double ambiguous = kMostAmbiguous * dt_s;
+    if (fitted && turn.cost < kWorstCost && settle_plane(shared_, ambiguous, turn) < ambiguous) {
       direction_ = turn.direction;
       rate_C_ = so3_log(turn.R_CC0.transpose()) / dt_s;
       if (pending_end_ - pending_first_ == kPending) ++pending_first_;

@@ -61,43 +61,87 @@ TEST(TurnBetween, FindsTheTurnBesideAnyTranslation) {
   EXPECT_GE(fitted, 30);
 }
 
-/// A homography R + t n' is nearly one of the rotation beside it, R + n t'.
-TEST(TurnBetween, SaysHowFarOffTheOtherTurnOverAPlaneIs) {
-  std::mt19937 random(5);
-  std::normal_distribution<double> normal;
-  int planes = 0;
-  for (int trial = 0; trial < 40; ++trial) {
-    const Mat3 R_CC0 = so3_exp(0.02 * Vec3(normal(random), normal(random), normal(random)));
-    const Vec3 t = 0.05 * Vec3(normal(random), normal(random), 0.3 * normal(random));
-    const Vec3 n = Vec3(0.2 * normal(random), 0.2 * normal(random), 1);
-    for (const double relief : {0.0, 0.4}) {
-      SharedBearings s;
-      s.count = SharedBearings::kMost;
-      for (int i = 0; i < s.count; ++i) {
-        const Vec3 f = Vec3(0.5 * normal(random), 0.5 * normal(random), 1).normalized();
-        const Vec3 p = f / n.dot(f) * (1 + relief * std::abs(normal(random)));
-        const auto k = static_cast<std::size_t>(i);
-        s.before[k] = f;
-        s.now[k] = (R_CC0 * p + t + 2e-4 * Vec3(normal(random), normal(random), 0)).normalized();
-      }
-      CameraTurn turn;
-      ASSERT_TRUE(turn_between(s, R_CC0, t.normalized(), 0, turn));
-      const double other = (R_CC0.transpose() * t).cross(n).norm();
-      if (relief > 0) {
-        EXPECT_TRUE(plane_ambiguity(s, turn) == 0 || t.norm() < 0.04) << trial;
-        continue;
-      }
-      if (turn.cost > 0.35 || so3_log(R_CC0.transpose() * turn.R_CC0).norm() > 2e-3) continue;
-      ++planes;
-      EXPECT_NEAR(plane_ambiguity(s, turn), other, 0.2 * other + 2e-3) << trial;
-      // and so it is: the other turn, with n for the direction, leaves as little
-      const Mat3 R_other = so3_exp(t.cross(R_CC0 * n)) * R_CC0;
-      CameraTurn there;
-      ASSERT_TRUE(turn_between(s, R_other, (R_CC0 * n).normalized(), 0, there));
-      EXPECT_LT(there.cost, turn.cost + 0.1) << trial;
+/// Two views of points in a plane, or of points up to `relief` behind it.
+struct OverAPlane {
+  Mat3 R_CC0;
+  Vec3 t, n;
+  SharedBearings bearings;
+
+  OverAPlane(std::mt19937& random, const Vec3& travel, double view, double relief) {
+    std::normal_distribution<double> normal;
+    std::uniform_real_distribution<double> side(-view, view);
+    R_CC0 = so3_exp(0.02 * Vec3(normal(random), normal(random), normal(random)));
+    t = travel.cwiseProduct(Vec3(normal(random), normal(random), normal(random)));
+    n = Vec3(0.2 * normal(random), 0.2 * normal(random), 1);
+    bearings.count = SharedBearings::kMost;
+    for (int i = 0; i < bearings.count; ++i) {
+      const Vec3 f = Vec3(side(random), side(random), 1).normalized();
+      const Vec3 p = f / n.dot(f) * (1 + relief * std::abs(normal(random)));
+      const auto k = static_cast<std::size_t>(i);
+      bearings.before[k] = f;
+      bearings.now[k] = (R_CC0 * p + t + 2e-4 * Vec3(normal(random), normal(random), 0)).normalized();
     }
   }
-  EXPECT_GE(planes, 20);
+  double apart() const { return (R_CC0.transpose() * t).cross(n).norm(); }
+  double off(const CameraTurn& turn) const { return so3_log(R_CC0.transpose() * turn.R_CC0).norm(); }
+  CameraTurn right() const { return fit(R_CC0, t); }
+  /// A homography R + t n' is nearly one of the rotation beside it, R + n t'.
+  CameraTurn other() const { return fit(so3_exp(t.cross(R_CC0 * n)) * R_CC0, R_CC0 * n); }
+
+ private:
+  CameraTurn fit(const Mat3& R, const Vec3& direction) const {
+    CameraTurn turn;
+    EXPECT_TRUE(turn_between(bearings, R, direction.normalized(), 1, turn));
+    return turn;
+  }
+};
+
+TEST(TurnBetween, SaysHowFarOffTheOtherTurnOverAPlaneIs) {
+  std::mt19937 random(5);
+  int planes = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    // towards the plane, and in a narrow view: either has all points in front of the camera
+    const OverAPlane made(random, Vec3(0.003, 0.003, 0.1), 0.3, 0);
+    CameraTurn turn = made.right();
+    if (turn.cost > 0.35 || made.off(turn) > 2e-3 || made.apart() < 0.01) continue;
+    ++planes;
+    const CameraTurn before = turn;
+    EXPECT_NEAR(settle_plane(made.bearings, 0, turn), made.apart(), 0.2 * made.apart() + 2e-3) << trial;
+    EXPECT_EQ(made.off(turn), made.off(before)) << trial;
+    EXPECT_LT(made.other().cost, turn.cost + 0.1) << "the other turn explains it as well, trial " << trial;
+    EXPECT_NEAR(settle_plane(made.bearings, 1, turn), made.apart(), 0.2 * made.apart() + 2e-3) << trial;
+  }
+  EXPECT_GE(planes, 10);
+}
+
+TEST(TurnBetween, TakesTheTurnThatHasThePlaneInFront) {
+  std::mt19937 random(6);
+  int right = 0, other = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    const OverAPlane made(random, Vec3(0.05, 0.05, 0.01), 0.8, 0);
+    if (std::abs(made.t.z()) > 0.3 * made.t.head<2>().norm()) continue;  // not across the view
+    for (const bool from_other : {false, true}) {
+      CameraTurn turn = from_other ? made.other() : made.right();
+      if (made.apart() < 0.02 || turn.cost > 0.35) continue;
+      if ((made.off(turn) > 0.5 * made.apart()) != from_other) continue;
+      (from_other ? other : right) += 1;
+      EXPECT_EQ(settle_plane(made.bearings, 0.01, turn), 0) << trial;
+      EXPECT_LT(made.off(turn), 3e-3) << trial << " from the other one: " << from_other;
+    }
+  }
+  EXPECT_GE(right, 20);
+  EXPECT_GE(other, 20);
+}
+
+TEST(TurnBetween, PointsInNoPlaneLeaveOneTurn) {
+  std::mt19937 random(7);
+  for (int trial = 0; trial < 40; ++trial) {
+    const OverAPlane made(random, Vec3(0.05, 0.05, 0.015), 0.8, 0.4);
+    CameraTurn turn = made.right();
+    const double off = made.off(turn);
+    EXPECT_TRUE(settle_plane(made.bearings, 0.01, turn) == 0 || made.t.norm() < 0.04) << trial;
+    EXPECT_EQ(made.off(turn), off) << trial;
+  }
 }
 
 TEST(TurnBetween, UnrelatedBearingsCostMuchButNotInfinitely) {

@@ -12,6 +12,7 @@
 #include "drivers/program/check/image_check.h"
 #include "drivers/program/check/imu_check.h"
 #include "estimator/geometry/so3.h"
+#include "tests/drivers/study/calibrate/waved_rig.h"
 #include "tests/support/made_up_wave.h"
 #include "tests/support/recorded_data.h"
 
@@ -84,6 +85,43 @@ TEST(HandWave, WithoutReadingsNothingIsJudged) {
   MadeUpWave made;
   made.has_readings = false;
   EXPECT_EQ(first_text(findings_of(agreement_of(made), made.R_BC, 0)).find("warning: not turned"), 0u);
+}
+
+/// The corners of a board are all that the camera sees.
+TurnAgreement before_a_board(const WavedRig& rig) {
+  HandWave wave(0);
+  const Camera camera(rig.lens);
+  const std::vector<ImuSample> readings = rig.readings();
+  auto next = readings.begin();
+  for (const CornerView& view : rig.views()) {
+    TrackedFrame frame;
+    frame.stamp = view.stamp;
+    for (const Corner& corner : view.corners) {
+      Vec3 f_C;
+      camera.unproject(corner.px, f_C);
+      TrackedFeature feature;
+      feature.id = corner.id;
+      Vec3::Map(feature.bearing.data()) = f_C.normalized();
+      frame.features.push_back(feature);
+    }
+    while (next != readings.end() && next->stamp <= view.stamp) wave.add_reading(*next++);
+    wave.add_images(frame);
+  }
+  return wave.agreement();
+}
+
+// Two rotations explain two images of a plane. Taken at random, they made a right rig an error.
+TEST(HandWave, ARightRigBeforeABoardIsRight) {
+  for (const double distance_m : {0.3, 0.5, 0.8}) {
+    WavedRig rig;
+    rig.distance_m = distance_m;
+    const TurnAgreement r = before_a_board(rig);
+    EXPECT_GT(r.turned_s, 8) << distance_m;
+    EXPECT_GT(r.agreement, 0.95) << distance_m;
+    EXPECT_LT(so3_log(rig.R_BC.transpose() * r.R_BC).norm(), 0.03) << distance_m;
+    for (const Finding& f : findings_of(r, rig.R_BC, rig.time_offset_s))
+      EXPECT_EQ(f.grade, Grade::kOk) << distance_m << ": " << f.text;
+  }
 }
 
 // A real flight, whose camera and IMU are synchronised in hardware and calibrated.
