@@ -48,11 +48,15 @@ void print_text(const Calibration& calibration, const std::filesystem::path& out
   if (!out.empty()) fmt::print("written to {}: camera.yaml imu.yaml calibration.json report.html\n", out.string());
 }
 
-/// Both files with their whole paths: a service has another current folder.
+/// Both files with their whole paths: a service has another current folder. Numbers that the files hold now would be
+/// overridden by older ones in the configuration, as the page of `epiline check` writes them.
 Status set_calibrations(const std::filesystem::path& config, const std::filesystem::path& out) {
   const std::filesystem::path folder = std::filesystem::absolute(out).lexically_normal();
   return edit_config(config, {{"camera", "calibration", (folder / "camera.yaml").string()},
-                              {"imu", "calibration", (folder / "imu.yaml").string()}});
+                              {"imu", "calibration", (folder / "imu.yaml").string()},
+                              {"camera", "time_offset_s", "", EditKind::kUnset},
+                              {"imu", "gyroscope_noise_density", "", EditKind::kUnset},
+                              {"imu", "accelerometer_noise_density", "", EditKind::kUnset}});
 }
 
 Status check_arguments(const CalibrateArguments& a) {
@@ -114,7 +118,10 @@ int run_calibration(CalibrateArguments arguments) {
   } else {
     print_text(*calibration, arguments.out);
     if (!arguments.config.empty())
-      fmt::print("set in {0}: camera.calibration imu.calibration (as it was: {0}.bak)\n", arguments.config.string());
+      fmt::print(
+          "set in {0}: camera.calibration imu.calibration, instead of any time offset and noise densities there (as it "
+          "was: {0}.bak)\n",
+          arguments.config.string());
   }
   return kExitDone;
 }

@@ -94,7 +94,7 @@ Result<std::unique_ptr<CheckView>> open_check_view(const std::string& address_te
       *address,
       {config.string(), "epiline " EPILINE_VERSION, noise.gyroscope_density, noise.accelerometer_density, false},
       [config](const SettingHint& hint) {
-        return edit_config(config, {{hint.section, hint.key, fmt::format("{:.6g}", hint.value), true}});
+        return edit_config(config, {{hint.section, hint.key, fmt::format("{:.6g}", hint.value), EditKind::kNumber}});
       });
   if (!view) return view.error();
   fmt::print("view      {}\n", url_of((*view)->address()));

@@ -44,7 +44,7 @@ std::vector<std::string> lines_of(const std::string& text) {
 }
 
 void edit(std::vector<std::string>& lines, const ConfigEdit& e) {
-  const std::string line = e.key + " = " + (e.is_number ? e.value : toml_text(e.value));
+  const std::string line = e.key + " = " + (e.kind == EditKind::kText ? toml_text(e.value) : e.value);
   std::size_t header = lines.size(), place = lines.size();
   Mention mention = Mention::kNone;
   std::string section;
@@ -57,7 +57,9 @@ void edit(std::vector<std::string>& lines, const ConfigEdit& e) {
       place = i;
     }
   }
-  if (mention != Mention::kNone) {
+  if (e.kind == EditKind::kUnset) {
+    if (mention == Mention::kSetting) lines[place].insert(0, "# ");
+  } else if (mention != Mention::kNone) {
     lines[place] = line;
   } else if (header < lines.size()) {
     lines.insert(lines.begin() + static_cast<std::ptrdiff_t>(header) + 1, line);

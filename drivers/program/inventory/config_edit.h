@@ -1,5 +1,6 @@
 #pragma once
 // Writes settings into a user's configuration and keeps its comments.
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -8,14 +9,17 @@
 
 namespace epiline {
 
+enum class EditKind : std::uint8_t { kText, kNumber, kUnset };
+
 struct ConfigEdit {
   std::string section, key;
   std::string value;  ///< a text, without quotes; or a number
-  bool is_number = false;
+  EditKind kind = EditKind::kText;
 };
 
 /// Returns `text` with the settings. Each replaces the line that sets its key, or the comment that shows it; otherwise
-/// it is inserted at the beginning of its section. A missing section is appended.
+/// it is inserted at the beginning of its section. A missing section is appended. kUnset makes a comment of the line
+/// that sets the key.
 std::string edited_config(const std::string& text, const std::vector<ConfigEdit>& edits);
 
 /// Edits the file and keeps the previous version as FILE.bak. Fails, and changes nothing, if and only if the file is

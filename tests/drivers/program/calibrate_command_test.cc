@@ -68,7 +68,7 @@ TEST_F(CalibrateCommand, SetsWhatItFoundInTheConfiguration) {
   const fs::path recording = test::recorded_data("imu_april_tracks");
   if (!fs::exists(recording)) GTEST_SKIP() << "no recording " << recording;
   const fs::path config = scratch() / "flight.toml";
-  write(config, "# mine\n[camera]\n#calibration = \"calibration/camera.yaml\"\n");
+  write(config, "# mine\n[camera]\n#calibration = \"calibration/camera.yaml\"\ntime_offset_s = 0.03\n");
   const Outcome r = run("calibrate '" + recording.string() + "' --duration 5.5 --hold-lens --out '" +
                         (scratch() / "found").string() + "' --config '" + config.string() + "'");
   ASSERT_EQ(r.exit_code, 0) << r.err;
@@ -77,6 +77,7 @@ TEST_F(CalibrateCommand, SetsWhatItFoundInTheConfiguration) {
   EXPECT_NE(text.find("# mine"), std::string::npos);
   EXPECT_NE(text.find("found/camera.yaml\""), std::string::npos) << text;
   EXPECT_NE(text.find("found/imu.yaml\""), std::string::npos) << text;
+  EXPECT_NE(text.find("# time_offset_s = 0.03"), std::string::npos) << "the calibration's would not count\n" << text;
   EXPECT_EQ(run("config --check '" + config.string() + "'").exit_code, 0);
   EXPECT_TRUE(fs::exists(scratch() / "found/camera.yaml") && fs::exists(scratch() / "flight.toml.bak"));
 }

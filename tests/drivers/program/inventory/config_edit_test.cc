@@ -57,9 +57,18 @@ TEST(ConfigEdit, KeepsEverythingElse) {
 TEST(ConfigEdit, ANumberIsWrittenAsOne) {
   for (const char* value : {"0.0251", "-0.004", "1.8e-05", "0"}) {
     const Config config =
-        read(edited_config("[camera]\n# time_offset_s = 0\n", {{"camera", "time_offset_s", value, true}}));
+        read(edited_config("[camera]\n# time_offset_s = 0\n", {{"camera", "time_offset_s", value, EditKind::kNumber}}));
     EXPECT_EQ(config.estimator.extrinsics.time_offset_s, std::stod(value));
   }
+}
+
+TEST(ConfigEdit, WhatIsUnsetBecomesAComment) {
+  const std::vector<ConfigEdit> unset = {{"camera", "time_offset_s", "", EditKind::kUnset}};
+  const std::string text = "[imu]\ntime_offset_s = 1\n[camera]\n#time_offset_s = 0\n  time_offset_s = 0.02 # found\n";
+  const std::string edited = edited_config(text, unset);
+  EXPECT_EQ(edited, "[imu]\ntime_offset_s = 1\n[camera]\n#time_offset_s = 0\n#   time_offset_s = 0.02 # found\n");
+  EXPECT_EQ(edited_config(edited, unset), edited) << "nothing is set any more";
+  EXPECT_EQ(edited_config("[imu]\n", unset), "[imu]\n");
 }
 
 class ConfigEditFile : public testing::Test {
