@@ -4,7 +4,7 @@
 # waved board (BOARD, made by the study `calibrations --write`, CAMERA the calibration it was made with). `epiline calibrate
 # --config` comes between the two, outside, where a processor has its full speed. `fly`: check, and a flight through the
 # kernel's interfaces, accepted by the controller's model and true to 5 cm. `live`: what also works on devices alone, the page
-# of `check` and a calibration without a recording made before.
+# of `check` with a finding that is accepted there, and a calibration without a recording made before.
 set -eu
 program=$1 phase=$2
 shift 2
@@ -53,34 +53,68 @@ record() {
   stop_playing
 }
 
-# page PATH FILE: of the check that is under way.
-page() { curl -fsS --max-time 20 "http://127.0.0.1:8080$1" >"$out/$2" 2>>"$out/page.err"; }
+# page PATH FILE [OPTIONS...]: of the check that is under way, as a browser asks.
+page() {
+  from=$1 to=$2
+  shift 2
+  curl -fsS --max-time 20 "$@" "http://127.0.0.1:8080$from" >"$out/$to" 2>>"$out/page.err"
+}
+
+# A wrong time offset, as if the configuration had it: the page offers the right one, and writes it when asked by itself only.
+accept() {
+  post="/accept?setting=camera.time_offset_s"
+  until page /state state.json && grep -q '"setting":"camera.time_offset_s"' "$out/state.json"; do
+    kill -0 $checker 2>/dev/null || fail "the page offers no time offset"
+    sleep 0.5
+  done
+  key=$(sed -n 's/.*const KEY = "\([^"]*\)".*/\1/p' "$out/page.html")
+  cp "$out/epiline.toml" "$out/before.toml"
+  if page "$post" stranger.txt -X POST -H "X-Epiline-Key: guess" || page "$post" stranger.txt; then
+    fail "the page let a stranger write"
+  fi
+  cmp "$out/epiline.toml" "$out/before.toml" || fail "a stranger has written"
+  page "$post" accepted.txt -X POST -H "Content-Length: 0" -H "X-Epiline-Key: $key" || fail "the page did not write"
+  page /state state.json
+  grep -q 'time_offset_s = .* is in the configuration' "$out/state.json" || fail "the page does not say that it wrote"
+  cmp "$out/epiline.toml.bak" "$out/before.toml" || fail "the configuration was not kept as it was"
+  grep '^time_offset_s = ' "$out/epiline.toml" || fail "the time offset is not in the configuration"
+  grep -v '^time_offset_s = ' "$out/epiline.toml" | cmp - "$out/before.toml" || fail "more has changed than the time offset"
+}
 
 live() {
   play "$1" "$2" "$3"
-  echo "\$ epiline check --config $out/epiline.toml --view 8080"
-  "$program" check --config "$out/epiline.toml" $sets --view 8080 --seconds 9 >"$out/check.txt" 2>"$out/check.err" &
+  echo "\$ epiline check --config $out/epiline.toml --set camera.time_offset_s=0.03 --view 8080"
+  "$program" check --config "$out/epiline.toml" $sets --set camera.time_offset_s=0.03 --view 8080 --seconds 11 \
+    >"$out/check.txt" 2>"$out/check.err" &
   checker=$!
   until page / page.html; do
     kill -0 $checker 2>/dev/null || fail "the check ended without a page"
     sleep 0.2
   done
   sleep 6
-  page /state state.json || fail "the page shows nothing"
+  accept
   page /image image.jpg || fail "the page has no picture"
+  for part in '"tracks":[1-9]' '"turned_rad":\[[0-9.]*[1-9]' '"peak_hz":[1-9]' '"grade":"ok"'; do
+    grep -q "$part" "$out/state.json" || fail "the page lacks $part"
+  done
   found=0
   wait $checker || found=$?
   [ $found -le 1 ] || fail "epiline check ended with $found"
   stop_playing
   cat "$out/check.txt"
-  for part in '"tracks":[1-9]' '"turned_rad":\[[0-9.]*[1-9]' '"peak_hz":[1-9]' '"grade":"ok"'; do
-    grep -q "$part" "$out/state.json" || fail "the page lacks $part"
+  # with what was accepted, a right rig before a board is right
+  play "$1" "$2" "$3"
+  user check --config "$out/epiline.toml" $sets --seconds 10 | tee "$out/check.txt"
+  stop_playing
+  for part in 'time offset' 'rotation between them'; do
+    grep -q "^ok  *camera and imu: $part" "$out/check.txt" || fail "check says nothing good of the $part"
   done
   play "$1" "$2" "$3"
   rm -rf "$out/live"
   user calibrate --config "$out/epiline.toml" $sets --board "$1/board.yaml" --duration "$3" --out "$out/live"
   stop_playing
   grep -q "$out/live/camera.yaml" "$out/epiline.toml" || fail "the calibration is not in the configuration"
+  ! grep '^time_offset_s' "$out/epiline.toml" || fail "the accepted time offset would override the calibration"
 }
 
 fly() {
