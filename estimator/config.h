@@ -94,6 +94,7 @@ struct EstimatorConfig {
   ImuNoise imu;
   double gyroscope_density_factor = 3;  ///< factor on the noise density, for scale and axis errors
   double accelerometer_density_factor = 1;
+  double accelerometer_walk_factor = 2;  ///< factor on the random walk: warming and vibration, which no Allan curve has
   double saturation_gyroscope_rad_s = 1e9, saturation_accelerometer_m_s2 = 1e9;
   // window policy
   KeyframeRule keyframe_rule = KeyframeRule::kCompensatedParallax;
@@ -120,5 +121,13 @@ struct InitialState {
   Mat3 R_WB = Mat3::Identity();
   double sigma_p = 1e-3, sigma_tilt = 0.01, sigma_yaw = 1e-3, sigma_v = 0.05, sigma_b_a = 0.05, sigma_b_g = 0.003;
 };
+
+/// The noise that intervals between frames are integrated with.
+inline ImuNoise in_flight(const EstimatorConfig& config, ImuNoise noise) noexcept {
+  noise.gyroscope_density *= config.gyroscope_density_factor;
+  noise.accelerometer_density *= config.accelerometer_density_factor;
+  noise.accelerometer_random_walk *= config.accelerometer_walk_factor;
+  return noise;
+}
 
 }  // namespace epiline

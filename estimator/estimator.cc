@@ -65,9 +65,7 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
 
 void Estimator::Impl::use_noise(const ImuNoise& n) {
   noise = n;
-  density.noise = n;
-  density.noise.gyroscope_density *= config.gyroscope_density_factor;
-  density.noise.accelerometer_density *= config.accelerometer_density_factor;
+  density.noise = in_flight(config, n);
   stationary.assume(n);
 }
 

@@ -36,9 +36,7 @@ HostStamp imu_time(const Odometry& solved) { return solved.stamp + Span::from_se
 
 PredictorConfig predictor_config(const EstimatorConfig& estimator) noexcept {
   PredictorConfig c;
-  c.density.noise = estimator.imu;
-  c.density.noise.gyroscope_density *= estimator.gyroscope_density_factor;
-  c.density.noise.accelerometer_density *= estimator.accelerometer_density_factor;
+  c.density.noise = in_flight(estimator, estimator.imu);
   return c;
 }
 

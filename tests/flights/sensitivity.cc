@@ -49,6 +49,7 @@ std::vector<Constant> constants() {
       {"estimator", "gate_cap", e.gate_cap},
       {"estimator", "gyroscope_density_factor", e.gyroscope_density_factor},
       {"estimator", "accelerometer_density_factor", e.accelerometer_density_factor},
+      {"estimator", "accelerometer_walk_factor", e.accelerometer_walk_factor},
       {"estimator", "keyframe_parallax_px", e.keyframe_parallax_px},
       {"estimator", "time_offset_sigma_s", e.time_offset_sigma_s},
       {"tracker", "max_features", static_cast<double>(t.max_features), true},

@@ -31,12 +31,7 @@ struct Transition {
   Mat15 F, Q;
 };
 
-ImuHistory::Density density_of(ImuNoise noise) {
-  const EstimatorConfig config;
-  noise.gyroscope_density *= config.gyroscope_density_factor;
-  noise.accelerometer_density *= config.accelerometer_density_factor;
-  return {.noise = noise};
-}
+ImuHistory::Density density_of(const ImuNoise& noise) { return {.noise = in_flight({}, noise)}; }
 
 /// The covariance of the errors of two states, P1 and P2 being their own: the second is the first one carried on by the
 /// readings and, unless a new window began with it, corrected by what was seen, as a Kalman filter does it.

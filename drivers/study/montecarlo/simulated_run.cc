@@ -173,7 +173,7 @@ EstimatorConfig comparison_config(VisualFactor factor, const TrackSimulation& si
   config.sigma_inflation = 1;
   config.track_noise = TrackNoiseModel::kWhite;  // as the simulated tracks have it
   config.imu = simulation.imu.noise;
-  config.gyroscope_density_factor = config.accelerometer_density_factor = 1;
+  config.gyroscope_density_factor = config.accelerometer_density_factor = config.accelerometer_walk_factor = 1;
   config.extrinsics = true_extrinsics(simulation);
   config.estimate_time_offset = false;
   if (factor != VisualFactor::kTrack) {

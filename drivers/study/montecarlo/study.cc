@@ -41,6 +41,7 @@ bool change(const std::string& what, EstimatorConfig& config) {
     config.track_noise = defaults.track_noise;
     config.gyroscope_density_factor = defaults.gyroscope_density_factor;
     config.accelerometer_density_factor = defaults.accelerometer_density_factor;
+    config.accelerometer_walk_factor = defaults.accelerometer_walk_factor;
     config.estimate_pixel_sigma = defaults.estimate_pixel_sigma;
     config.estimate_time_offset = defaults.estimate_time_offset;
   } else if (key == "steps" && value > 0) {

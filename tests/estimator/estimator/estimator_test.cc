@@ -102,6 +102,22 @@ TEST(EstimatorStart, BeginsAnewAtAnImageThatShowsNothingOfTheOnesBefore) {
   EXPECT_LT(rig.velocity_error(), 0.06);
 }
 
+TEST(EstimatorNoise, TheAccelerometersBiasWalksByTheFactorFasterThanConfigured) {
+  const auto flown = [](double walk, double factor) {
+    EstimatorConfig config;
+    config.imu.accelerometer_random_walk = walk;
+    config.accelerometer_walk_factor = factor;
+    Rig rig(Flight{.moving_from = -2}, config);
+    rig.run_to(4, [] {});
+    return rig.odometry();
+  };
+  const Odometry twice = flown(3e-3, 2), configured = flown(6e-3, 1), slow = flown(3e-3, 1);
+  EXPECT_EQ(twice.p_WB_m, configured.p_WB_m);
+  EXPECT_EQ(twice.covariance, configured.covariance);
+  const int bias = 16 * 9 + 9;
+  EXPECT_GT(twice.covariance[bias], slow.covariance[bias]);
+}
+
 TEST(EstimatorMemory, NeverAsksForMoreAfterConstruction) {
   if (!allocation_counting_available()) GTEST_SKIP() << "heap calls are not counted in this build";
   for (const VisualFactor factor : {VisualFactor::kTrack, VisualFactor::kEpipolar, VisualFactor::kReprojection})

@@ -256,10 +256,11 @@ TEST(Predictor, AssumesTheNoiseOfTheEstimator) {
   estimator.imu.gyroscope_density = 1e-3;
   estimator.gyroscope_density_factor = 2;
   estimator.accelerometer_density_factor = 4;
+  estimator.accelerometer_walk_factor = 8;
   const ImuNoise noise = predictor_config(estimator).density.noise;
   EXPECT_EQ(noise.gyroscope_density, 2e-3);
   EXPECT_EQ(noise.accelerometer_density, 4 * estimator.imu.accelerometer_density);
-  EXPECT_EQ(noise.accelerometer_random_walk, estimator.imu.accelerometer_random_walk);
+  EXPECT_EQ(noise.accelerometer_random_walk, 8 * estimator.imu.accelerometer_random_walk);
 }
 
 TEST(PredictorMemory, NeverAsksForAny) {
