@@ -83,7 +83,7 @@ bool Search::go_on(const StartState& before, const StartMemory& memory) {
 double Search::look() {
   StartState s;
   s.b_g = problem_.b_g_ref;
-  rotation_ = solve_gyroscope_bias(problem_, s.b_g);
+  rotation_ = solve_gyroscope_bias(problem_, points_.kernels(), s.b_g);
   const double parallax = parallax_rad(s);
   linear_ = hover_ = hovering(problem_, path_, s.b_g);
   far_ = parallax >= kFarFromHover * problem_.sigma_rad;
@@ -107,13 +107,13 @@ void Search::try_reference() {
   chain(problem_, problem_.b_g_ref, Vec3::Zero(), path_);
   StartState reference;
   reference.b_g = problem_.b_g_ref;
-  if (solve_velocity_gravity(problem_, path_, reference)) try_from(reference);
+  if (solve_velocity_gravity(problem_, points_, path_, reference)) try_from(reference);
 }
 
 /// At little parallax every state explains the images, and hovering comes first: the linear system would lead into a
 /// valley of wrong velocities.
 void Search::run(int first) {
-  solved_ = solve_velocity_gravity(problem_, path_, linear_);
+  solved_ = solve_velocity_gravity(problem_, points_, path_, linear_);
   for (int n = 0; n < 3; ++n) {
     switch ((first + n) % 3) {
       case 0:

@@ -1,7 +1,7 @@
 #pragma once
-// The arithmetic of a start's joint least squares that runs over SIMD lanes: compiled once per instruction set from
-// start_point.inc, and chosen at run time. This header contains plain data only, so that no inline function is compiled
-// to instructions that the machine lacks. Derivation: docs/derivations/initialisation.md.
+// The arithmetic of a start that runs over SIMD lanes: compiled once per instruction set from start_point.inc and
+// start_search.inc, and chosen at run time. This header contains plain data only, so that no inline function is
+// compiled to instructions that the machine lacks. Derivation: docs/derivations/initialisation.md.
 #include "estimator/simd/instruction_set.h"
 
 namespace epiline {
@@ -46,6 +46,26 @@ struct StartEquations {
   double cost;                                   ///< robust, in squared sigmas
 };
 
+inline constexpr int kPairTracks = 64;  ///< of a pair's tracks are enough to begin from
+
+/// Bearings of the tracks that two frames share, in their own body frames. Beyond the last track they are zero.
+struct alignas(64) StartPair {
+  double a[3][kPairTracks], b[3][kPairTracks];
+  int tracks;
+};
+
+/// Sums over the tracks of a pair, row-major, of the robust weights times products of n = a x Rb, orthogonal to the
+/// translation t, and q = Rb x (t x a), the derivative of n.t by a turn of frame j.
+struct StartPairSums {
+  double nn[9], nq[9], qq[9];
+};
+
+/// The linear system of the velocity v_0 and gravity g_0: A (v_0, g_0) = b, row-major.
+struct StartLinear {
+  double vv[9], vg[9], gg[9], v[3], g[3];
+  double tracks;  ///< that it is made of
+};
+
 struct alignas(64) StartScratch {
   double pose[kStartFrames][27][kBatchLanes];
   double H[kStartDof * (kStartDof + 1) / 2][kBatchLanes], b[kStartDof][kBatchLanes];
@@ -61,6 +81,14 @@ struct StartKernels {
                     const StartPoints* from, double (*s)[kStartFrames][kBatchLanes]);
   /// Squared sine of the widest angle between two bearings of each track, the cameras' rotation removed.
   void (*widest)(const StartBatch* batches, int count, const StartCamera* cameras, double (*sine2)[kBatchLanes]);
+  /// R: frame i <- frame j. `t`: direction of the translation, a unit vector.
+  void (*see_pair)(const StartPair&, const double* R, const double* t, const StartWeights&, StartPairSums&);
+  /// Only `nn`. `t` may be null: all weights are 1.
+  void (*see_normals)(const StartPair&, const double* R, const double* t, const StartWeights&, StartPairSums&);
+  /// Of tracks of three views or more whose widest angle has a squared sine of `least` or more. The cameras are where
+  /// v_0 = g_0 = 0 puts them. `at`: the centres that give each row its noise; null: not known yet.
+  void (*see_linear)(const StartBatch* batches, int count, const StartCamera* cameras, double least, double sigma,
+                     const double (*at)[3], StartLinear&);
 };
 
 /// The kernels of an instruction set that this machine has.

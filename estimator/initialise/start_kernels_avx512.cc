@@ -1,5 +1,5 @@
 #if defined(__x86_64__)
 #include "estimator/simd/avx512.inc"
 // the target before its kernels
-#include "estimator/initialise/start_point.inc"
+#include "estimator/initialise/start_kernels.inc"
 #endif

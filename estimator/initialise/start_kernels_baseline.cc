@@ -1,3 +1,3 @@
 #include "estimator/simd/baseline.inc"
 // the target before its kernels
-#include "estimator/initialise/start_point.inc"
+#include "estimator/initialise/start_kernels.inc"

@@ -177,4 +177,11 @@ double PointElimination::parallax(const StartCameras& camera) const {
   return tracks == 0 ? 0 : std::asin(std::sqrt(std::min(1.0, median(all, tracks))));
 }
 
+StartLinear PointElimination::linear(const StartCameras& camera, double least, double sigma,
+                                     const double (*at)[3]) const {
+  StartLinear system;
+  kernels_.see_linear(batch_.data(), batches_, camera.data(), least, sigma, at, system);
+  return system;
+}
+
 }  // namespace epiline

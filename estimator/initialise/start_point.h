@@ -50,6 +50,9 @@ class PointElimination {
   double typical_residual(const StartCameras& camera, double sigma, double kernel, int& tracks) const;
   /// Median over these tracks of the widest angle between two bearings, the cameras' rotation removed, rad.
   double parallax(const StartCameras& camera) const;
+  /// The linear system of the velocity and gravity: StartKernels::see_linear() of all tracks.
+  StartLinear linear(const StartCameras& camera, double least, double sigma, const double (*at)[3]) const;
+  const StartKernels& kernels() const { return kernels_; }
 
  private:
   static constexpr int kThirds = ((kStartTracks + 2) / 3 + kBatchLanes - 1) / kBatchLanes;

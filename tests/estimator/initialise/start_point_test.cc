@@ -306,6 +306,122 @@ TEST_P(StartPoint, ParallaxIsTheMedianOfTheWidestAngles) {
   EXPECT_NEAR(points->parallax(camera), widest[widest.size() / 2], 1e-4);
 }
 
+using RowMat3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+
+/// The first tracks of a flight, seen in frames 0 and 8, in the body's axes.
+StartPair pair_of(const Flight& f, int tracks) {
+  StartPair pair{};
+  for (const StartTrack& t : f.tracks) {
+    if (pair.tracks == tracks || t.count < 9 || t.frame[8] != 8) continue;
+    for (int r = 0; r < 3; ++r) {
+      pair.a[r][pair.tracks] = f.problem.R_BC.row(r).dot(t.f_C[0]);
+      pair.b[r][pair.tracks] = f.problem.R_BC.row(r).dot(t.f_C[8]);
+    }
+    ++pair.tracks;
+  }
+  return pair;
+}
+
+/// Straight from the derivation: the residual n.t, and its slope by a turn of frame 8.
+TEST_P(StartPoint, SumsOfAPairAreThoseOfItsTracks) {
+  const Flight f = ragged_flight(4, 100);
+  const StartPair pair = pair_of(f, 13);  // fills no number of lanes
+  ASSERT_EQ(pair.tracks, 13);
+  const Mat3 R = f.R[8] * so3_exp(Vec3(0.002, -0.001, 0.003));
+  const Vec3 t = (f.p[8] + Vec3(0.01, 0, 0)).normalized();
+  Mat3 nn = Mat3::Zero(), nq = Mat3::Zero(), qq = Mat3::Zero(), plain = Mat3::Zero();
+  for (int s = 0; s < pair.tracks; ++s) {
+    const Vec3 a(pair.a[0][s], pair.a[1][s], pair.a[2][s]), b(pair.b[0][s], pair.b[1][s], pair.b[2][s]),
+        n = a.cross(R * b);
+    const Eigen::VectorXd q = slopes(3, 1e-3, [&](const Eigen::VectorXd& turn) {
+                                return Eigen::VectorXd::Constant(1, a.cross(so3_exp(turn) * R * b).dot(t)).eval();
+                              }).transpose();
+    const double variance = kSigma * kSigma * ((R * b).cross(t).squaredNorm() + a.cross(t).squaredNorm());
+    const double w = 1 / (variance + n.dot(t) * n.dot(t) / (kKernel * kKernel));
+    plain += n * n.transpose();
+    nn += w * n * n.transpose();
+    nq += w * n * q.transpose();
+    qq += w * q * q.transpose();
+  }
+  const RowMat3 rows = R;
+  const StartKernels& kernels = start_kernels(GetParam());
+  StartPairSums sums;
+  const auto expect = [](const double* sum, const Mat3& expected) {
+    EXPECT_LT((Eigen::Map<const RowMat3>(sum) - expected).norm(), 1e-5 * expected.norm());
+  };
+  kernels.see_normals(pair, rows.data(), nullptr, weights(0), sums);
+  expect(sums.nn, plain);
+  kernels.see_normals(pair, rows.data(), t.data(), weights(0), sums);
+  expect(sums.nn, nn);
+  kernels.see_pair(pair, rows.data(), t.data(), weights(0), sums);
+  expect(sums.nn, nn);
+  expect(sums.nq, nq);
+  expect(sums.qq, qq);
+}
+
+/// The rows of one track in (v_0, g_0), each divided by its noise, and what they must equal.
+void add_linear_rows(const StartTrack& track, const StartCameras& camera, double least, const double (*at)[3],
+                     Eigen::Matrix<double, 6, 6>& A, Eigen::Matrix<double, 6, 1>& b) {
+  const auto ray = [&](int q) -> Vec3 { return Eigen::Map<const RowMat3>(camera[track.frame[q]].R) * track.f_C[q]; };
+  const auto centre = [&](int q) -> Vec3 { return Eigen::Map<const Vec3>(camera[track.frame[q]].c); };
+  const auto columns = [&](int q) {
+    Eigen::Matrix<double, 3, 6> C;
+    C << camera[track.frame[q]].T * Mat3::Identity(), camera[track.frame[q]].half_T2 * Mat3::Identity();
+    return C;
+  };
+  int i = 0, j = 0;
+  double sine2 = 0;
+  for (int k = 0; k < track.count; ++k)
+    for (int l = k + 1; l < track.count; ++l)
+      if (const double s = ray(k).cross(ray(l)).squaredNorm(); s > sine2) i = k, j = l, sine2 = s;
+  if (track.count < 3 || sine2 < least) return;
+  const Vec3 a = ray(j).cross(ray(j).cross(ray(i)));
+  for (int k = 0; k < track.count; ++k) {
+    const Eigen::Matrix<double, 3, 6> row =
+        skew(ray(k)) * (ray(i) * a.transpose() * (columns(i) - columns(j)) + sine2 * (columns(i) - columns(k)));
+    const Vec3 rest = skew(ray(k)) * (ray(i) * a.dot(centre(i) - centre(j)) + sine2 * (centre(i) - centre(k)));
+    double w = 1 / sine2;
+    if (at != nullptr) {
+      const auto found = [&](int q) -> Vec3 { return Eigen::Map<const Vec3>(at[track.frame[q]]); };
+      const double depth = a.dot(found(i) - found(j)) / sine2;
+      const double noise = sine2 * kSigma * std::max(0.3, (std::abs(depth) * ray(i) + found(i) - found(k)).norm());
+      const Vec3 e = skew(ray(k)) * (depth * sine2 * ray(i) + sine2 * (found(i) - found(k)));
+      w = 1 / (noise * noise + e.squaredNorm() / 9);
+    }
+    A += w * row.transpose() * row;
+    b -= w * row.transpose() * rest;
+  }
+}
+
+TEST_P(StartPoint, TheLinearSystemIsThatOfItsRows) {
+  const Flight f = ragged_flight(6, 45);
+  StartState at_rest = f.truth;
+  at_rest.v_0 = at_rest.g_0 = Vec3::Zero();
+  const StartCameras camera = cameras(f, at_rest), moved = cameras(f, f.truth);
+  std::array<double[3], kStartFrames> at;
+  for (int k = 0; k < f.problem.frames; ++k)
+    for (int r = 0; r < 3; ++r) at[k][r] = moved[k].c[r] + 0.02 * r;
+  points->collect(f.problem);
+  for (const bool known : {false, true}) {
+    Eigen::Matrix<double, 6, 6> A = Eigen::Matrix<double, 6, 6>::Zero();
+    Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
+    const double least = 1e-3;
+    for (const StartTrack& track : f.tracks) add_linear_rows(track, camera, least, known ? at.data() : nullptr, A, b);
+    const StartLinear system = points->linear(camera, least, kSigma, known ? at.data() : nullptr);
+    const auto expect = [&](const double* block, int row, int column) {
+      const Mat3 expected = A.block<3, 3>(row, column);
+      EXPECT_LT((Eigen::Map<const RowMat3>(block) - expected).norm(), 1e-9 * expected.norm()) << known;
+    };
+    expect(system.vv, 0, 0);
+    expect(system.vg, 0, 3);
+    expect(system.gg, 3, 3);
+    EXPECT_LT((Eigen::Map<const Vec3>(system.v) - b.head<3>()).norm(), 1e-9 * b.norm()) << known;
+    EXPECT_LT((Eigen::Map<const Vec3>(system.g) - b.tail<3>()).norm(), 1e-9 * b.norm()) << known;
+    EXPECT_GT(system.tracks, 10);
+    EXPECT_LT(system.tracks, 45);
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Sets, StartPoint, ::testing::ValuesIn(kInstructionSets),
                          [](const auto& test) { return name_of(test.param); });
 
