@@ -14,7 +14,7 @@ using Mat6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr int kFirstSteps = 2;           // of a point from its closed form; from where it was last, one is enough
 constexpr double kMedianLength = 1.177;  // of two unit Gaussians
-constexpr int kTurning = 5;              // column of b_g, the only one that turns cameras
+constexpr int kBiases = 5;               // first column of (b_g, b_a)
 
 void put_rows(const Mat3& M, double* out) { Eigen::Map<RowMat3>{out} = M; }
 void put_vector(const Vec3& v, double* out) { Eigen::Map<Vec3>{out} = v; }
@@ -54,22 +54,51 @@ double mean_score(const StartEquations& equations, int frames) {
   return total / frames;
 }
 
+/// J' H J and J' b with J = [T I, T^2/2 G, P; 0, 0, S] of each frame, P and S being its derivatives by the biases: the
+/// frames' sums come first, and G, which they share, last.
 void add(const StartEquations& equations, const StartCameras& camera, int frames, const GravityTurns& gravity,
          StartNormal& sum) {
-  sum.H += Eigen::Map<const StartMatrix>(equations.H[0]);  // symmetric: its rows stand for columns
-  sum.b += Eigen::Map<const StartVector>(equations.b);
-  sum.cost += equations.cost;
-  Eigen::Matrix<double, 6, kStartDof> J = Eigen::Matrix<double, 6, kStartDof>::Zero();
+  using Mat36 = Eigen::Matrix<double, 3, 6>;
+  Mat3 vv = Mat3::Zero(), vg = Mat3::Zero(), gg = Mat3::Zero();
+  Mat36 v_bias = Mat36::Zero(), g_bias = Mat36::Zero();
+  Mat6 bias = Mat6::Zero();
+  Vec3 v = Vec3::Zero(), g = Vec3::Zero();
+  Vec6 b = Vec6::Zero();
   for (int k = 0; k < frames; ++k) {
     const StartCamera& c = camera[k];
-    J.topLeftCorner<3, 3>() = Mat3::Identity() * c.T;
-    J.block<3, 2>(0, 3) = c.half_T2 * gravity;
-    J.block<3, 3>(0, kTurning) = Eigen::Map<const RowMat3>(c.p_b_g);
-    J.topRightCorner<3, 3>() = Eigen::Map<const RowMat3>(c.p_b_a);
-    J.block<3, 3>(3, kTurning) = Eigen::Map<const RowMat3>(c.turn_b_g);
-    sum.H.triangularView<Eigen::Upper>() += J.transpose() * Eigen::Map<const Mat6>(equations.H_pose[k]) * J;
-    sum.b += J.transpose() * Eigen::Map<const Vec6>(equations.b_pose[k]);
+    const Eigen::Map<const Mat6> H(equations.H_pose[k]);
+    const Eigen::Map<const Vec6> b_pose(equations.b_pose[k]);
+    Mat36 P;
+    P << Eigen::Map<const RowMat3>(c.p_b_g), Eigen::Map<const RowMat3>(c.p_b_a);
+    const Mat3 S = Eigen::Map<const RowMat3>(c.turn_b_g);
+    const Mat3 pp = H.topLeftCorner<3, 3>(), p_turn = H.topRightCorner<3, 3>() * S;
+    Mat36 by_p = pp * P;
+    by_p.leftCols<3>() += p_turn;
+    vv += (c.T * c.T) * pp;
+    vg += (c.T * c.half_T2) * pp;
+    gg += (c.half_T2 * c.half_T2) * pp;
+    v_bias += c.T * by_p;
+    g_bias += c.half_T2 * by_p;
+    bias += P.transpose() * by_p;
+    bias.topRows<3>() += p_turn.transpose() * P;
+    bias.topLeftCorner<3, 3>() += S.transpose() * H.bottomRightCorner<3, 3>() * S;
+    v += c.T * b_pose.head<3>();
+    g += c.half_T2 * b_pose.head<3>();
+    b += P.transpose() * b_pose.head<3>();
+    b.head<3>() += S.transpose() * b_pose.tail<3>();
   }
+  sum.H += Eigen::Map<const StartMatrix>(equations.H[0]);  // symmetric: its rows stand for columns
+  sum.H.topLeftCorner<3, 3>() += vv;
+  sum.H.block<3, 2>(0, 3) += vg * gravity;
+  sum.H.block<2, 2>(3, 3) += gravity.transpose() * gg * gravity;
+  sum.H.topRightCorner<3, 6>() += v_bias;
+  sum.H.block<2, 6>(3, kBiases) += gravity.transpose() * g_bias;
+  sum.H.bottomRightCorner<6, 6>() += bias;
+  sum.b += Eigen::Map<const StartVector>(equations.b);
+  sum.b.head<3>() += v;
+  sum.b.segment<2>(3) += gravity.transpose() * g;
+  sum.b.tail<6>() += b;
+  sum.cost += equations.cost;
 }
 
 void PointElimination::put(const StartTrack& track, int batch, int lane) {
