@@ -92,7 +92,9 @@ bool Descent::descend(const Stage& stage, int most, StartState& state) {
   for (int n = 0; n < std::min(most, stage.iterations); ++n) {
     StartMatrix H = now_.H.selfadjointView<Eigen::Upper>();
     H.diagonal() *= 1 + damping;
-    const StartVector step = H.ldlt().solve(now_.b);
+    const Eigen::LLT<StartMatrix> llt(H);
+    if (llt.info() != Eigen::Success) return false;
+    const StartVector step = llt.solve(now_.b);
     if (!step.allFinite()) return false;
     if (step.dot(now_.b) < kConverged * now_.cost) break;
     const StartState candidate = moved(state, step);
