@@ -13,15 +13,16 @@ namespace {
 using Share = PointElimination::Share;
 
 struct Stage {
-  double kernel;   // Cauchy scale, in sigmas
-  Share share;     // of the tracks
-  int iterations;  // at most
+  double kernel;     // Cauchy scale, in sigmas
+  Share share;       // of the tracks
+  int iterations;    // at most
+  double converged;  // share of the cost: a step that gains, or promises, less is the last
 };
-// A wide kernel pulls from afar, and for that a third of the tracks will do; the last one forgets gross errors.
-constexpr std::array<Stage, 2> kApproach = {{{32, Share::kThird, 8}, {8, Share::kThird, 8}}};
-constexpr Stage kFinal = {2, Share::kAll, 8};
-constexpr double kSpeedSigma = 10;   // m/s: only keeps the system regular
-constexpr double kConverged = 1e-4;  // share of the cost: a step that gains, or promises, less is the last
+// A wide kernel pulls from afar, and for that a third of the tracks will do; the last one forgets gross errors. Each of
+// the wide stages only has to lead to where the next one begins.
+constexpr std::array<Stage, 2> kApproach = {{{32, Share::kThird, 8, 1e-2}, {8, Share::kThird, 8, 1e-3}}};
+constexpr Stage kFinal = {2, Share::kAll, 8, 1e-4};
+constexpr double kSpeedSigma = 10;  // m/s: only keeps the system regular
 
 void add_prior(const StartProblem& problem, const StartState& s, StartNormal& n) {
   StartVector information, error = StartVector::Zero();
@@ -96,7 +97,7 @@ bool Descent::descend(const Stage& stage, int most, StartState& state) {
     if (llt.info() != Eigen::Success) return false;
     const StartVector step = llt.solve(now_.b);
     if (!step.allFinite()) return false;
-    if (step.dot(now_.b) < kConverged * now_.cost) break;
+    if (step.dot(now_.b) < stage.converged * now_.cost) break;
     const StartState candidate = moved(state, step);
     linearise(candidate, stage, trial);
     ++iterations_;
@@ -109,7 +110,7 @@ bool Descent::descend(const Stage& stage, int most, StartState& state) {
     state = candidate;
     now_ = trial;
     damping = std::max(1e-9, 0.1 * damping);
-    if (gain < kConverged * now_.cost) break;
+    if (gain < stage.converged * now_.cost) break;
   }
   return true;
 }
