@@ -36,13 +36,13 @@ void give_ages(Window& w) {
 
 /// One track's residuals (px) and their slopes written down: 2 numbers a view, in axes turned from view to view until
 /// they agree best.
-struct Explicit {
+struct ExplicitDrift {
   const Window& w;
   const TrackRecord& t;
   std::vector<int> at;  ///< the frames that saw it
   std::vector<Mat23> chart;
 
-  Explicit(const Window& window, const TrackRecord& track) : w(window), t(track) {
+  ExplicitDrift(const Window& window, const TrackRecord& track) : w(window), t(track) {
     Mat23 before;
     for (int k = 0; k < w.size(); ++k) {
       if (!w.seen(t, k)) continue;
@@ -79,13 +79,13 @@ struct Explicit {
   }
 };
 
-VectorXd residuals(const Explicit& e, const Vec3& P) {
+VectorXd residuals(const ExplicitDrift& e, const Vec3& P) {
   VectorXd r(2 * e.views());
   for (int i = 0; i < e.views(); ++i) r.segment<2>(2 * i) = e.residual(i, P);
   return r;
 }
 
-MatrixXd slopes_by_point(const Explicit& e, const Vec3& P) {
+MatrixXd slopes_by_point(const ExplicitDrift& e, const Vec3& P) {
   MatrixXd K(2 * e.views(), 3);
   constexpr double h = 1e-5;
   for (int c = 0; c < 3; ++c)
@@ -112,7 +112,7 @@ TEST(Drift, IsTheInverseOfTheViewsWholeCovariance) {
   Window& w = *s.window;
   int chosen = 0;
   while (!w.track(chosen).in_use) ++chosen;
-  const Explicit e(w, w.track(chosen));
+  const ExplicitDrift e(w, w.track(chosen));
   ASSERT_EQ(e.views(), w.size());
   for (const double student : {4.0, kAlike}) {
     const VisualSettings set = settings(student);

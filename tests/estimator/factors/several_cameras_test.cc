@@ -73,7 +73,7 @@ TEST(SeveralCameras, IndependentViewsAreOfTheFirstCameraAlone) {
 
 /// One track's residuals (px) written down: 2 numbers a view, the first camera's before the second one's. The axes are
 /// turned until they agree best: the first camera's from view to view, the second one's with the first one's.
-struct Explicit {
+struct ExplicitRig {
   struct View {
     int frame;
     bool second;
@@ -96,7 +96,7 @@ struct Explicit {
     if (n > 0) v.chart = (Eigen::Matrix2d() << c / n, -s / n, s / n, c / n).finished() * v.chart;
     views.push_back(v);
   }
-  Explicit(const Window& window, const TrackRecord& t) : w(window) {
+  ExplicitRig(const Window& window, const TrackRecord& t) : w(window) {
     std::vector<Mat23> axes;
     for (int k = 0; k < w.size(); ++k) {
       add(w.view(t, k), k, false, axes.empty() ? Mat23::Zero() : axes.back());
@@ -157,7 +157,7 @@ TEST(SeveralCameras, IsTheInverseOfBothChainsJointCovariance) {
   TrackRecord& t = w.track(chosen);
   t.in_use = true;
   t.second &= ~(w.bit(0) | w.bit(1));
-  const Explicit e(w, t);
+  const ExplicitRig e(w, t);
   ASSERT_EQ(static_cast<int>(e.views.size()), 2 * w.size() - 2);
   const VisualSettings set = settings();
   const Eigen::MatrixXd I = test::inverse(e.covariance(t, set.drift_sigma * set.drift_inflation));
@@ -171,7 +171,7 @@ TEST(SeveralCameras, IsTheInverseOfBothChainsJointCovariance) {
   const Eigen::VectorXd r = e.residuals(P);
   Eigen::MatrixXd J = Eigen::MatrixXd::Zero(r.size(), 6 * w.size() + kCameraCalibration);
   for (int i = 0; i < r.size() / 2; ++i) {
-    const Explicit::View& v = e.views[static_cast<std::size_t>(i)];
+    const ExplicitRig::View& v = e.views[static_cast<std::size_t>(i)];
     J.middleRows<2>(2 * i) = test::slopes<2>(w, w.size(), {v.frame}, [&] { return e.residual(v, P); });
   }
   const Eigen::MatrixXd rest = I - test::congruence(test::inverse(test::congruence(I, K)), K.transpose() * I);
