@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# usage: install_test.sh PACKAGE.deb. Installs the package on a clean Debian 12 and tries what it brings: dependencies, program,
-# user and groups, service, removal. Root only. A package for arm64 is tried under qemu.
+# usage: install_test.sh PACKAGE.deb SUITE. Installs the package on a clean Debian SUITE (bookworm is Debian 12, trixie 13) and
+# tries what it brings: dependencies, program, user and groups, service, removal. Root only. A package for arm64 is tried under qemu.
 set -euo pipefail
-(($# == 1)) || { echo "usage: $0 PACKAGE.deb" >&2; exit 2; }
-package=$(realpath "$1")
-. "$(dirname "${BASH_SOURCE[0]}")/clean_debian"
+(($# == 2)) || { echo "usage: $0 PACKAGE.deb SUITE" >&2; exit 2; }
+package=$(realpath "$1") suite=$2
+. "$(dirname "${BASH_SOURCE[0]}")/../../toolchains/debian/clean_debian"
 
 failed=0
 # ok WHAT COMMAND...: one line each; output only of what fails.

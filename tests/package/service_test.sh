@@ -21,8 +21,8 @@ if [[ ${1:-} == --inside ]]; then
 fi
 
 (($# == 2)) || { echo "usage: $0 PACKAGE.deb RESTING_IMU" >&2; exit 2; }
-package=$(realpath "$1") resting_imu=$(realpath "$2")
-. "$here/clean_debian"
+package=$(realpath "$1") resting_imu=$(realpath "$2") suite=bookworm
+. "$here/../../toolchains/debian/clean_debian"
 inside apt-get update -qq
 inside apt-get satisfy -y -qq --no-install-recommends "$(dpkg-deb -f "$package" Depends), systemd, systemd-sysv, udev, dbus, kmod, procps" \
   >"$work/log" 2>&1 || { cat "$work/log" >&2; exit 1; }
