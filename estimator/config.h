@@ -94,7 +94,7 @@ struct EstimatorConfig {
   ImuNoise imu;
   double gyroscope_density_factor = 3;  ///< factor on the noise density, for scale and axis errors
   double accelerometer_density_factor = 1;
-  double accelerometer_walk_factor = 2;  ///< factor on the random walk: warming and vibration, which no Allan curve has
+  double accelerometer_walk_factor = 2;  ///< factor on the random walk: in flight it is faster than on a table
   double saturation_gyroscope_rad_s = 1e9, saturation_accelerometer_m_s2 = 1e9;
   // window policy
   KeyframeRule keyframe_rule = KeyframeRule::kCompensatedParallax;

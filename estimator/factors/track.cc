@@ -63,6 +63,7 @@ struct Run {
 };
 
 /// The newest views that follow each other without a hole, because a drift is known from view to view.
+/// follows(k, next): whether frame k has a view, and one that the view of frame `next` (k or k + 1) goes on.
 template <class Follows>
 Run newest_run(const TrackBatch& batch, const Follows& follows) {
   int end = batch.last;
@@ -113,6 +114,7 @@ void fill_drifting_lane(const Window& w, const TrackRecord& t, double inverse_si
   const Run first = newest_run(batch, [&](int k, int) { return w.seen(t, k); });
   fill_chain(batch, lane, 0, first, [&](int k) -> const Observation& { return w.view(t, k); }, inverse_sigma, {});
   batch.views[lane] = first.views();
+  batch.shared[lane] = 0;
   if (batch.second == 0) return;
   const auto view = [&](int k) -> const Observation& { return w.second_view(t, k); };
   const Run second = newest_run(batch, [&](int k, int next) {

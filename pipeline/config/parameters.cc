@@ -76,7 +76,7 @@ const std::vector<Parameter>& parameters() {
       {"estimator.accelerometer_density_factor", "", 0.1, 100, "factor on the accelerometer's noise density",
        EPILINE_AT(estimator.accelerometer_density_factor)},
       {"estimator.accelerometer_walk_factor", "", 0.1, 100,
-       "factor on the random walk of the accelerometer's bias, for warming and vibration",
+       "factor on the random walk of the accelerometer's bias, which is faster in flight than on a table",
        EPILINE_AT(estimator.accelerometer_walk_factor)},
       {"estimator.keyframe_rule", "", 0, 0, "which parallax makes an image a keyframe", keyframe_rules()},
       {"estimator.keyframe_parallax_px", "px", 0.1, 200, "mean parallax that makes an image a keyframe",

@@ -102,7 +102,7 @@ TEST(EstimatorStart, BeginsAnewAtAnImageThatShowsNothingOfTheOnesBefore) {
   EXPECT_LT(rig.velocity_error(), 0.06);
 }
 
-TEST(EstimatorNoise, TheAccelerometersBiasWalksByTheFactorFasterThanConfigured) {
+TEST(ConfiguredNoise, IsThatOfTheAccelerometersBiasTimesItsFactor) {
   const auto flown = [](double walk, double factor) {
     EstimatorConfig config;
     config.imu.accelerometer_random_walk = walk;
