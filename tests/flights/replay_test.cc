@@ -4,6 +4,7 @@
 #include "drivers/study/report/outputs.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -51,7 +52,7 @@ std::string file_text(const std::filesystem::path& path) {
 }
 
 std::string trajectory_text(const FlightRecord& record, const std::string& name) {
-  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / name;
+  const auto folder = std::filesystem::path(testing::TempDir()) / (name + "_" + std::to_string(getpid()));
   if (const auto written = write_outputs(record, folder); !written) ADD_FAILURE() << written.error().text();
   std::string text = file_text(folder / "trajectory.tum");
   std::filesystem::remove_all(folder);

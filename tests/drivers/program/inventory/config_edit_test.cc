@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <string>
@@ -74,7 +75,7 @@ TEST(ConfigEdit, WhatIsUnsetBecomesAComment) {
 class ConfigEditFile : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::path(testing::TempDir()) / "config_edit";
+    folder_ = fs::path(testing::TempDir()) / ("epiline_config_edit_" + std::to_string(getpid()));
     fs::remove_all(folder_);
     fs::create_directories(folder_);
   }
