@@ -34,6 +34,13 @@ as_service() {
   inside "${limits[@]}" setpriv --reuid epiline --regid epiline --init-groups --bounding-set=-all \
     --inh-caps=-all --no-new-privs "$@"
 }
+# What the program can do without, and users of a package can't: it was there when the program was built.
+depends_on_all() {
+  local library
+  for library in libapriltag libgpiod libmicrohttpd libnettle librosbag-storage; do
+    dpkg-deb -f "$package" Depends | grep -q "$library" || { echo "built without $library"; return 1; }
+  done
+}
 try_examples() {
   local file
   for file in "$root"/usr/share/doc/epiline/examples/*.toml; do
@@ -45,6 +52,7 @@ try_examples() {
 flight=(--duration 4) speed=2
 if [[ -n $emulated ]]; then flight=(--duration 2.4 --rate 5) speed=0.05; fi
 
+ok "nothing was left out" depends_on_all
 inside apt-get update -qq
 ok "dependencies can be had" inside apt-get satisfy -y -qq --no-install-recommends "$(dpkg-deb -f "$package" Depends)"
 ok "dpkg -i" inside dpkg -i /epiline.deb
