@@ -108,7 +108,8 @@ bool Estimator::Impl::go_on(const TrackedFrame& frame) {
 /// How much of what the window has seen an image shows, tracks.
 int Estimator::Impl::seen_again(const TrackedFrame& frame) const {
   const auto known = [this](const TrackedFeature& f) { return window.find(f.id) >= 0; };
-  return static_cast<int>(std::count_if(frame.features.begin(), frame.features.end(), known));
+  return static_cast<int>(std::count_if(frame.features.begin(), frame.features.end(), known) +
+                          std::count_if(frame.second_tracks.begin(), frame.second_tracks.end(), known));
 }
 
 /// After a silence of the camera the old window has nothing to say to what the images show now, but for the state that

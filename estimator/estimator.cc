@@ -30,6 +30,11 @@ std::unique_ptr<VisualFactorModel> make_visual_factor(VisualFactor factor, Instr
   }
   return std::make_unique<TrackFactor>(set);
 }
+
+bool uses_second_camera(const EstimatorConfig& c) {
+  return c.second.use && c.visual_factor == VisualFactor::kTrack && c.track_noise == TrackNoiseModel::kDrift &&
+         c.extrinsics.readout_s == 0;
+}
 }  // namespace
 
 Estimator::Impl::Impl(const EstimatorConfig& c)
@@ -56,7 +61,7 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
     window.calibration_prior.gyroscope_scale.sigma = c.gyroscope_scale_sigma;
   }
   const Mat3 R_CB = c.extrinsics.R_BC.transpose();
-  window.rig = {c.second.use, R_CB * c.second.R_BC, R_CB * (c.second.p_BC - c.extrinsics.p_BC)};
+  window.rig = {uses_second_camera(c), R_CB * c.second.R_BC, R_CB * (c.second.p_BC - c.extrinsics.p_BC)};
   window.wheel = c.wheel;
   for (std::size_t i = 0; i < kHeightKinds; ++i) window.height_sigmas_m[i] = c.heights[i].sigma_m;
   window.first_estimates = c.visual_factor == VisualFactor::kTrack;

@@ -281,7 +281,7 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, F
   const NavState& x = carried.x;
   e.solved = true;
   e.finite = is_finite(carried);
-  e.tracks = static_cast<int>(frame.features.size());
+  e.tracks = static_cast<int>(frame.features.size() + (window.rig.use ? frame.second_tracks.size() : 0));
   e.gated_share = s.tracks > 0 ? static_cast<double>(s.gated) / s.tracks : 0;
   e.steps_rejected = s.failed();
   e.deadline_missed = s.outcome == SolverOutcome::kOutOfTime;

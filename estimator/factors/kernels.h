@@ -9,7 +9,7 @@
 
 namespace epiline {
 
-inline constexpr int kMaxBatches = kMaxTracks / kBatchLanes;
+inline constexpr int kMaxBatches = kMaxTracks / kBatchLanes + 1;  ///< two of them may not be full
 inline constexpr double kNearest = 0.05;  ///< least depth along a bearing, relative to the length of its direction
 
 /// The views of a track have slots: frame k's of the first camera slot k, those of the second camera behind the last
@@ -29,6 +29,8 @@ struct alignas(64) TrackBatch {
   double warm[kBatchLanes];             ///< 2: `point` is of this frame, 1: of an earlier one, 0: none
   int first, last;                      ///< frames spanned
   int second;                           ///< slot of the second camera's view of frame 0; 0: it saw none of the tracks
+  int home;                             ///< slot of frame 0's pose of the camera whose views these are: 0, or the
+                                        ///< second camera's if it alone saw the tracks; `second` is 0 then
 };
 
 /// Tracks of the epipolar factor, eight to a batch, frame by frame: normalised image coordinates (x, y, 1). An absent

@@ -193,25 +193,27 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
   remember_points();
   origin_ = w.newest().x.p;
   if (s.rows) hold_velocities(w);
+  second_ = drift && w.rig.use && !s.rows ? w.size() + 1 : 0;
   SortedTracks& sorted = memory_->sorted;
-  sorted.sort(w);
+  sorted.sort(w, second_ > 0);
   batches_ = sorted.batches();
   const auto fill = drift ? fill_drifting_lane : fill_lane;
-  second_ = drift && w.rig.use && !s.rows ? w.size() + 1 : 0;
   for (int b = 0; b < batches_; ++b) {
-    const auto [begin, end, first, last] = sorted.batch(b);
-    memory_->batch[b].first = first;
-    memory_->batch[b].last = last;
-    memory_->batch[b].second = 0;
+    const auto [begin, end, first, last, by_second] = sorted.batch(b);
+    TrackBatch& batch = memory_->batch[b];
+    batch.first = first;
+    batch.last = last;
+    batch.home = by_second ? second_ : 0;
+    batch.second = 0;
     for (int i = begin; i < end && second_ > 0; ++i)
-      if (w.track(sorted.track(i)).second != 0) memory_->batch[b].second = second_;
+      if (w.track(sorted.track(i)).second != 0) batch.second = second_;
     for (int i = begin; i < end; ++i) {
       if (i + SortedTracks::kAhead < sorted.size()) fetch(w, w.track(sorted.track(i + SortedTracks::kAhead)));
       const TrackRecord& t = w.track(sorted.track(i));
-      fill(w, t, 1 / sigma_, i - begin, memory_->batch[b]);
+      fill(w, t, 1 / sigma_, i - begin, batch);
       recall_point(t, b, i - begin);
     }
-    for (int lane = end - begin; lane < kBatchLanes; ++lane) empty_lane(lane, memory_->batch[b]);
+    for (int lane = end - begin; lane < kBatchLanes; ++lane) empty_lane(lane, batch);
   }
   if (!drift) return;
   place(w, w.size());
@@ -282,14 +284,17 @@ void TrackFactor::linearise(const Window& w, VisualSystem& out) noexcept {
   }
 }
 
-/// Of the window as it was collected: the batches that hold frame 0's tracks lead.
+/// Of the window as it was collected: the batches that hold frame 0's tracks stand side by side.
 void TrackFactor::marginalise_oldest(const Window& w, const VisualSettings& s, VisualSystem& out) noexcept {
   if (!memory_->sorted.is_of(w)) collect(w, s);
   const int frames = w.size() - 1;
-  int count = 0;
-  while (count < batches_ && memory_->batch[count].first == 0) ++count;
+  const int middle = memory_->sorted.by_second_batches();
+  int begin = middle, end = middle;
+  while (begin > 0 && memory_->batch[begin - 1].first == 0) --begin;
+  while (end < batches_ && memory_->batch[end].first == 0) ++end;
   place(w, frames);
-  kernels_.track_news(memory_->batch, count, memory_->frame, frames, settings_, memory_->news, memory_->verdicts, out);
+  kernels_.track_news(memory_->batch + begin, end - begin, memory_->frame, frames, settings_, memory_->news,
+                      memory_->verdicts + begin, out);
   add_calibration(w, frames, visual_.extrinsics, visual_.focal, out);
 }
 

@@ -11,7 +11,8 @@ struct Comparison {
   double parallax_px = 0;
 };
 
-/// Bearings of frame k turned by R_jk against those of frame j; for small angles the chord is the angle.
+/// Bearings of frame k turned by R_jk against those of frame j, in the first camera's axes; for small angles the chord
+/// is the angle.
 Comparison compare(const Window& w, int j, int k, const Mat3& R_jk, double focal_px) {
   Comparison c;
   double sum = 0;
@@ -21,7 +22,8 @@ Comparison compare(const Window& w, int j, int k, const Mat3& R_jk, double focal
     ++c.later;
     if (!w.seen(t, j)) continue;
     ++c.common;
-    sum += (R_jk * w.view(t, k).f_C - w.view(t, j).f_C).norm();
+    const Vec3 &before = w.view(t, j).f_C, &now = w.view(t, k).f_C;
+    sum += t.by_second ? (R_jk * (w.rig.R_CD * now) - w.rig.R_CD * before).norm() : (R_jk * now - before).norm();
   }
   if (c.common > 0) c.parallax_px = focal_px * sum / c.common;
   return c;

@@ -106,32 +106,38 @@ bool is_possible(const TrackedFeature& f) noexcept { return is_possible(f.bearin
 bool is_possible(const SecondView& v) noexcept { return is_possible(v.bearing, v.pixel_jacobian); }
 
 Window::Observed Window::observe(const TrackedFrame& frame) {
-  const std::uint8_t slot = order_[static_cast<std::size_t>(size_ - 1)];
   Observed seen;
-  for (const TrackedFeature& feature : frame.features) {
-    if (!is_possible(feature)) {
-      ++seen.impossible;
-      continue;
-    }
-    int i = find(feature.id);
-    if (i < 0) {
-      if (tracks_ == kMaxTracks) {
-        ++seen.without_room;
-        continue;
-      }
-      i = tracks_++;
-      records_[static_cast<std::size_t>(i)].id = feature.id;
-      records_[static_cast<std::size_t>(i)].mask = records_[static_cast<std::size_t>(i)].second = 0;
-      records_[static_cast<std::size_t>(i)].in_use = true;
-      insert_index(feature.id, i);
-    }
-    TrackRecord& t = records_[static_cast<std::size_t>(i)];
-    views_[t.place][slot] = observation(feature);
-    t.mask |= 1u << slot;
-    t.cell = cell_of(feature.pixel);
-  }
-  if (rig.use) seen.impossible += observe_second(frame);
+  for (const TrackedFeature& feature : frame.features) observe(feature, seen);
+  if (!rig.use) return seen;
+  seen.impossible += observe_second(frame);
+  for (const TrackedFeature& feature : frame.second_tracks) observe(feature, seen);
   return seen;
+}
+
+void Window::observe(const TrackedFeature& feature, Observed& seen) {
+  if (!is_possible(feature)) {
+    ++seen.impossible;
+    return;
+  }
+  int i = find(feature.id);
+  if (i < 0) {
+    if (tracks_ == kMaxTracks) {
+      ++seen.without_room;
+      return;
+    }
+    i = tracks_++;
+    TrackRecord& t = records_[static_cast<std::size_t>(i)];
+    t.id = feature.id;
+    t.mask = t.second = 0;
+    t.by_second = (feature.id & kSecondTrack) != 0;
+    t.in_use = true;
+    insert_index(feature.id, i);
+  }
+  const std::uint8_t slot = order_[static_cast<std::size_t>(size_ - 1)];
+  TrackRecord& t = records_[static_cast<std::size_t>(i)];
+  views_[t.place][slot] = observation(feature);
+  t.mask |= 1u << slot;
+  t.cell = cell_of(feature.pixel);
 }
 
 /// Of tracks that the first camera sees in this frame. Returns how many are impossible.

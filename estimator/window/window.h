@@ -31,6 +31,7 @@ struct TrackRecord {
   std::uint32_t id = 0;
   std::uint32_t mask = 0;    ///< bit s: slot s has a view
   std::uint32_t second = 0;  ///< bit s: slot s has a view of the second camera, too
+  bool by_second = false;    ///< the views are the second camera's, and the first one sees nothing of it
   bool in_use = true;        ///< by the visual factors; see choose_tracks()
   std::uint16_t cell = 0;    ///< below kViewCells: where in the image it was seen last
   std::uint16_t place = 0;   ///< of its observations
@@ -193,6 +194,7 @@ class Window {
 
  private:
   static constexpr std::uint32_t kBuckets = 4096;  // four times the tracks: short probes
+  void observe(const TrackedFeature& feature, Observed& seen);
   int observe_second(const TrackedFrame& frame);
   void rebuild_index();
   void insert_index(std::uint32_t id, int i);

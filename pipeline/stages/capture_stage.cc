@@ -42,7 +42,12 @@ bool CaptureStage::admit(Frame& image) noexcept {
   return taken;
 }
 
-void CaptureStage::hand_on(const Frame& image, const Frame& second) noexcept {
+void CaptureStage::hand_on(const Frame& image, const Frame& beside) noexcept {
+  Frame second = beside;
+  if (second.data != nullptr) {
+    second.stamp = image.stamp;
+    if (!second_gate_.step(second)) second = {};
+  }
   times_.heard_image(image.arrival.ns != 0 ? image.arrival : image.stamp);
   out_.heard.tell(times_.camera, times_.camera_period);
   out_.images.lend(image, second);

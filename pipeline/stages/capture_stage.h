@@ -30,7 +30,7 @@ class CaptureStage final : public SourceStage {
 
   /// Passes the image through the gate, which may correct its timestamp. False: drop the image.
   bool admit(Frame& image) noexcept;
-  /// An admitted image, with the number of its buffer, and that of a second camera.
+  /// An admitted image, with the number of its buffer, and that of a second camera, which is judged here.
   void hand_on(const Frame& image, const Frame& second = {}) noexcept;
 
   std::uint64_t images() const noexcept { return came_.get(); }      ///< that the camera gave
@@ -49,7 +49,7 @@ class CaptureStage final : public SourceStage {
   Outputs out_;
   Frame image_;
   std::uint64_t expected_ = 0;  ///< sequence number
-  ImageGate gate_;
+  ImageGate gate_, second_gate_;
   ImageEvents events_;
   LastHeard times_;
   StageCount came_, refused_;

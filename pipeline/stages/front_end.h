@@ -27,7 +27,8 @@ class FrontEnd {
 
   /// As Tracker::step: the pixels of `image` must stay valid until the next call returns. A blind image (is_blind) is
   /// not looked at: it has no features, and the pixels of the one before it are needed on.
-  /// `second`: the second camera's image of the same time, whose pixels must stay valid as long; without data: none.
+  /// `second`: the second camera's image of the same time; without data: none. If it is blind, that counts as none. Its
+  /// pixels must stay valid until the next call returns.
   void step(const Frame& image, const Frame& second, TrackedFrame& out) noexcept;
 
   const TrackerStats& stats() const noexcept { return tracker_.stats(); }
@@ -39,12 +40,13 @@ class FrontEnd {
   GyroRotation gyro_;
   RowTurn rows_of(HostStamp exposure) const;
 
-  Mat3 R_BC_;
+  Mat3 turn_of(const Mat3& R_BX, HostStamp from, HostStamp to) const;
+
+  Mat3 R_BC_, R_BS_ = Mat3::Identity();
   Span half_readout_;  ///< zero: global shutter
   Vec3 bias_rad_s_ = Vec3::Zero();
   Span time_offset_{};
-  HostStamp previous_{};
-  bool has_previous_ = false;
+  std::optional<HostStamp> previous_, second_previous_;  ///< of the images that the trackers saw last
 };
 
 }  // namespace epiline

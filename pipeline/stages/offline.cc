@@ -49,7 +49,8 @@ HostStamp OfflinePipeline::imu_needed_until(HostStamp image) const noexcept {
 
 void OfflinePipeline::step(const Frame& image, const Frame& second, FrameOutcome& out) noexcept {
   Frame numbered = image;
-  numbered.slot = images_.users(0) == 0 ? 0 : 1;  // the tracker may still keep one
+  numbered.slot = 0;
+  while (images_.users(static_cast<std::size_t>(numbered.slot)) > 0) ++numbered.slot;  // the trackers may keep two
   capture_.hand_on(numbered, second);
   run();
   out = estimate_.outcome();

@@ -41,7 +41,7 @@ class OfflinePipeline {
   HostStamp imu_needed_until(HostStamp image) const noexcept;
 
   /// Tracks and estimates the image. Its pixels must stay valid until the step of the next one that is not blind
-  /// (is_blind) returns; its slot does not matter. `second`: as FrontEnd::step.
+  /// (is_blind) returns; its slot does not matter. `second`: as FrontEnd::step; the same holds for it.
   void step(const Frame& image, const Frame& second, FrameOutcome& out) noexcept;
   void step(const Frame& image, FrameOutcome& out) noexcept { step(image, {}, out); }
 

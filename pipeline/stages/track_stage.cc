@@ -80,17 +80,25 @@ void TrackStage::lend_to_log(std::size_t slot) noexcept {
   if (!out_.log->push(in_.images[slot])) in_.images.give_back(slot);
 }
 
-/// The tracker needs the pixels of the last image it was shown until the step of the next one is done.
 void TrackStage::done_with_image() noexcept {
   const FrameRing::Value image = std::exchange(image_, kNone);
-  const bool shown = !is_blind(in_.images[image].reasons);
-  const FrameRing::Value done = shown ? std::exchange(shown_, image) : image;
-  if (done != kNone) in_.images.give_back(done);
+  const Frame& second = in_.images.second(image);
+  keep(image, !is_blind(in_.images[image].reasons), kept_);
+  keep(image, second.data != nullptr && !is_blind(second.reasons), second_image_kept_);
+  in_.images.give_back(image);
+}
+
+/// The tracker of a camera needs the pixels of the last image it was shown until the step of the next one is done.
+void TrackStage::keep(FrameRing::Value image, bool shown, FrameRing::Value& kept) noexcept {
+  if (!shown) return;
+  in_.images.share(image);
+  if (kept != kNone) in_.images.give_back(kept);
+  kept = image;
 }
 
 void TrackStage::give_back_all() noexcept {
   const auto back = [&](FrameRing::Value slot) { in_.images.give_back(slot); };
-  for (FrameRing::Value* held : {&image_, &shown_}) {
+  for (FrameRing::Value* held : {&image_, &kept_, &second_image_kept_}) {
     if (*held != kNone) back(std::exchange(*held, kNone));
   }
   while (in_.frames.ready()) back(in_.frames.pop(back));

@@ -70,6 +70,7 @@ class TrackStage final : public Stage {
   void track(const Frame& image, const Frame& second) noexcept;
   void lend_to_log(std::size_t slot) noexcept;
   void done_with_image() noexcept;
+  void keep(FrameRing::Value image, bool shown, FrameRing::Value& kept) noexcept;
 
   std::optional<FrontEnd> front_end_;
   RecordedTracks recorded_;
@@ -79,8 +80,9 @@ class TrackStage final : public Stage {
   Outputs out_;
   ImuIntake imu_;
   Knowledge known_;
-  std::uint64_t tracked_ = 0, lessons_ = 0;         ///< images; lessons taken from `knowledge`
-  FrameRing::Value image_ = kNone, shown_ = kNone;  ///< being tracked; kept by the tracker since the one before
+  std::uint64_t tracked_ = 0, lessons_ = 0;                    ///< images; lessons taken from `knowledge`
+  FrameRing::Value image_ = kNone;                             ///< being tracked
+  FrameRing::Value kept_ = kNone, second_image_kept_ = kNone;  ///< of earlier images, for either camera's tracker
 };
 
 }  // namespace epiline

@@ -40,37 +40,41 @@ Cell Detector::cell(int index) const {
           cell_width_, cell_height_};
 }
 
-// Tracks outside the grid count for the nearest cell.
-void Detector::mark_used(const TrackTable& tracks) noexcept {
-  std::fill(used_.begin(), used_.end(), std::uint8_t{0});
-  for (int i = 0; i < tracks.size; ++i) {
-    const int c = (static_cast<int>(tracks.x[i]) - config_.border_px) / cell_width_;
-    const int r = (static_cast<int>(tracks.y[i]) - config_.border_px) / cell_height_;
-    used_[static_cast<std::size_t>(std::clamp(r, 0, rows_ - 1)) * columns_ + std::clamp(c, 0, columns_ - 1)] = 1;
-  }
+// What lies outside the grid counts for the nearest cell.
+void Detector::mark_used(float x, float y) noexcept {
+  const int c = (static_cast<int>(x) - config_.border_px) / cell_width_;
+  const int r = (static_cast<int>(y) - config_.border_px) / cell_height_;
+  used_[static_cast<std::size_t>(std::clamp(r, 0, rows_ - 1)) * columns_ + std::clamp(c, 0, columns_ - 1)] = 1;
 }
 
-Discs Detector::discs_near(const Cell& cell, const TrackTable& tracks) noexcept {
+Discs Detector::discs_near(const Cell& cell, std::span<const std::array<float, 2>> taken,
+                           const TrackTable& tracks) noexcept {
   const float radius = config_.min_distance_px;
   const float left = static_cast<float>(cell.x) - radius, right = static_cast<float>(cell.x + cell.width) + radius;
   const float top = static_cast<float>(cell.y) - radius, bottom = static_cast<float>(cell.y + cell.height) + radius;
   Discs near{near_x_.data(), near_y_.data(), 0, radius};
-  for (int i = 0; i < tracks.size; ++i) {
-    if (tracks.x[i] < left || tracks.x[i] > right || tracks.y[i] < top || tracks.y[i] > bottom) continue;
-    near_x_[near.count] = tracks.x[i];
-    near_y_[near.count++] = tracks.y[i];
-  }
+  const auto add = [&](float x, float y) {
+    if (x < left || x > right || y < top || y > bottom) return;
+    near_x_[near.count] = x;
+    near_y_[near.count++] = y;
+  };
+  for (int i = 0; i < tracks.size; ++i) add(tracks.x[i], tracks.y[i]);
+  for (const std::array<float, 2>& other : taken) add(other[0], other[1]);
   return near;
 }
 
-int Detector::detect(const ImageView& image, TrackTable& tracks) noexcept {
+int Detector::detect(const ImageView& image, std::span<const std::array<float, 2>> taken, int most,
+                     TrackTable& tracks) noexcept {
   const int before = tracks.size, cells = columns_ * rows_;
-  mark_used(tracks);
-  for (int k = 0; k < cells && tracks.size < config_.max_features; ++k) {
+  taken = taken.first(std::min(taken.size(), std::size_t{TrackTable::kCapacity}));
+  std::fill(used_.begin(), used_.end(), std::uint8_t{0});
+  for (int i = 0; i < tracks.size; ++i) mark_used(tracks.x[i], tracks.y[i]);
+  for (const std::array<float, 2>& other : taken) mark_used(other[0], other[1]);
+  for (int k = 0; k < cells && tracks.size < most; ++k) {
     const int index = (first_ + k * stride_) % cells;
     if (used_[index]) continue;
     const Cell here = cell(index);
-    const Corner corner = best_corner(image, here, discs_near(here, tracks));
+    const Corner corner = best_corner(image, here, discs_near(here, taken, tracks));
     if (corner.score < config_.min_score) continue;
     tracks.x[tracks.size] = corner.x;
     tracks.y[tracks.size++] = corner.y;

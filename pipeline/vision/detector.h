@@ -1,4 +1,6 @@
 #pragma once
+#include <array>
+#include <span>
 #include <vector>
 
 #include "pipeline/vision/corner.h"
@@ -14,17 +16,18 @@ class Detector {
   /// for one.
   Detector(int width, int height, const TrackerConfig& config);
 
-  /// Appends corners to `tracks` until there are config.max_features: position only (x, y), the rest of their columns
-  /// is for the caller to fill. Returns how many.
-  int detect(const ImageView& image, TrackTable& tracks) noexcept;
+  /// Appends corners to `tracks` until there are `most`, none near those that are `taken`: position only (x, y), the
+  /// rest of their columns is for the caller to fill. Returns how many.
+  int detect(const ImageView& image, std::span<const std::array<float, 2>> taken, int most,
+             TrackTable& tracks) noexcept;
 
   int columns() const { return columns_; }
   int rows() const { return rows_; }
   Cell cell(int index) const;
 
  private:
-  void mark_used(const TrackTable& tracks) noexcept;
-  Discs discs_near(const Cell& cell, const TrackTable& tracks) noexcept;
+  void mark_used(float x, float y) noexcept;
+  Discs discs_near(const Cell& cell, std::span<const std::array<float, 2>> taken, const TrackTable& tracks) noexcept;
 
   TrackerConfig config_;
   int columns_ = 0, rows_ = 0;
@@ -32,7 +35,7 @@ class Detector {
   int stride_ = 1;  // from one visited cell to the next; has no common divisor with the number of cells
   int first_ = 0;   // cell to start with in this image
   std::vector<std::uint8_t> used_;
-  TrackTable::Column<float> near_x_{}, near_y_{};
+  std::array<float, 2 * TrackTable::kCapacity> near_x_{}, near_y_{};
 };
 
 }  // namespace epiline

@@ -10,13 +10,12 @@
 
 #include "pipeline/vision/klt.h"
 #include "pipeline/vision/line_scan.h"
-#include "pipeline/vision/pyramid.h"
 #include "pipeline/vision/track_table.h"
+#include "pipeline/vision/tracker.h"
 
 namespace epiline {
 namespace {
 
-constexpr int kLeastSide_px = 64;
 constexpr double kLeastBaseline_m = 1e-3;
 constexpr double kLeastSine = 1e-3;   // between bearing and baseline; below it the epipolar plane is undefined
 constexpr double kMostScale = 1.5;    // ratio of the focal lengths
@@ -52,21 +51,28 @@ int pause_after(int failures) { return (1 << std::min(failures, 4)) - 1; }
 
 Vec3 bearing_of(const TrackedFeature& f) { return Vec3(f.bearing.data()); }
 
-void require_rig(bool condition, const char* text) {
-  if (!condition) throw std::invalid_argument(text);
+// Why patches of one image are not looked for in the other; null: they are.
+const char* why_apart(const Camera& first, const Camera& second, const SecondRig& rig) {
+  if (!(rig.p_SC.norm() >= kLeastBaseline_m)) return "the second camera is where the first one is";
+  if (!(rig.R_SC(0, 0) > kLeastCosine && rig.R_SC(1, 1) > kLeastCosine && rig.R_SC(2, 2) > kLeastCosine))
+    return "the second camera's axes are turned by more than about 35 degrees against those of the first one";
+  const double scale = second.focal_px() / first.focal_px();
+  if (!(scale < kMostScale && scale > 1 / kMostScale))
+    return "the focal lengths of the two cameras, in px, differ too much";
+  return nullptr;
 }
 
 }  // namespace
 
 struct SecondTracker::Impl {
-  Impl(const Camera& second, const SecondRig& rig, const TrackerConfig& config_)
+  Impl(const Camera& first, const Camera& second, const SecondRig& rig, const TrackerConfig& config_)
       : camera(second),
         R_SC(rig.R_SC),
         p_SC(rig.p_SC),
         baseline_m(rig.p_SC.norm()),
         config(config_),
-        pyramids{Pyramid(second.width(), second.height(), config_.levels),
-                 Pyramid(second.width(), second.height(), config_.levels)},
+        matches(why_apart(first, second, rig) == nullptr),
+        alone(second, config_),
         chains(static_cast<std::size_t>(config_.max_features)),
         templates(2 * chains.size()),
         scan_level(std::min(kScanLevel, config_.levels - 1)) {
@@ -98,23 +104,24 @@ struct SecondTracker::Impl {
   int better(int k, int end) const;
   void match(const PyramidView& first, const TrackedFrame& tracks);
   void publish(TrackedFrame& tracks);
+  void fill_alone(TrackedFrame& tracks);
 
-  const PyramidView& current() const { return pyramids[image_number % 2].view(); }
-  const PyramidView& previous() const { return pyramids[(image_number + 1) % 2].view(); }
+  const PyramidView& current() const { return alone.pyramid(); }
+  const PyramidView& previous() const { return alone.pyramid_before(); }
 
   Camera camera;
   Mat3 R_SC;
   Vec3 p_SC;
   double baseline_m;
   TrackerConfig config;
+  bool matches;  // the first camera's tracks are looked for
   SecondStats stats;
-  Pyramid pyramids[2];
+  Tracker alone;              // tracks that the first camera does not see
   std::vector<Chain> chains;  // the first `size` belong to the tracks, in their order
   std::vector<KltTemplate> templates;
   int scan_level;
   double scan_step_per_m;
   int size = 0;
-  std::uint64_t image_number = 0;
 
   // Scratch of one image.
   static constexpr int kMostSearches = 2 * TrackTable::kCapacity;
@@ -122,6 +129,7 @@ struct SecondTracker::Impl {
   std::array<int, kMostSearches> chain_of{};
   std::array<float, kMostSearches> predicted_x{}, predicted_y{};
   std::array<ScanPlace, kScanPlaces> places{};
+  std::array<std::array<float, 2>, TrackTable::kCapacity> taken{};
   int searches = 0;
 };
 
@@ -351,35 +359,45 @@ void SecondTracker::Impl::publish(TrackedFrame& tracks) {
   stats.views += tracks.second.size();
 }
 
+// As many as the first camera lacks, and a few in any case, which live on where it loses its own.
+void SecondTracker::Impl::fill_alone(TrackedFrame& tracks) {
+  if (config.second_features == 0) return;
+  std::size_t count = 0;
+  for (int i = 0; i < size; ++i)
+    if (chains[i].matched) taken[count++] = {chains[i].x, chains[i].y};
+  const int lacking = config.max_features - (matches ? static_cast<int>(tracks.features.size()) : 0);
+  const int most = std::min(std::max(config.second_features, lacking), config.max_features);
+  alone.fill(std::span(taken).first(count), most, kSecondTrack, tracks.second_tracks);
+  stats.alone += tracks.second_tracks.size();
+}
+
 SecondTracker::SecondTracker(const Camera& first, const SecondRig& rig, const TrackerConfig& config) {
   const Camera second(rig.camera);
-  require_rig(second.width() >= kLeastSide_px && second.height() >= kLeastSide_px,
-              "second camera smaller than 64x64 px");
-  require_rig(rig.p_SC.norm() >= kLeastBaseline_m, "the second camera is where the first one is");
-  require_rig(rig.R_SC(0, 0) > kLeastCosine && rig.R_SC(1, 1) > kLeastCosine && rig.R_SC(2, 2) > kLeastCosine,
-              "the second camera's axes are turned by more than about 35 degrees against those of the first one");
-  const double scale = second.focal_px() / first.focal_px();
-  require_rig(scale < kMostScale && scale > 1 / kMostScale,
-              "the focal lengths of the two cameras, in px, differ too much");
-  impl_ = std::make_unique<Impl>(second, rig, config);
+  const char* const apart = why_apart(first, second, rig);
+  if (apart != nullptr && config.second_features == 0) throw std::invalid_argument(apart);
+  impl_ = std::make_unique<Impl>(first, second, rig, config);
 }
 
 SecondTracker::~SecondTracker() = default;
 
-void SecondTracker::step(const PyramidView& first, const Frame& second, TrackedFrame& tracks) noexcept {
+void SecondTracker::step(const PyramidView* first, const Frame& second, const Mat3& R_SS0,
+                         TrackedFrame& tracks) noexcept {
   Impl& t = *impl_;
   ++t.stats.images;
   tracks.second.clear();
+  tracks.second_tracks.clear();
   t.take_over(tracks);
+  t.alone.follow(second, R_SS0);
   if (!t.usable(second)) {
     ++t.stats.images_missing;
     return t.forget_views();
   }
-  ++t.image_number;
-  t.pyramids[t.image_number % 2].build({second.data, second.width, second.height, second.stride});
-  t.follow(tracks);
-  t.match(first, tracks);
-  t.publish(tracks);
+  if (first != nullptr && t.matches) {
+    t.follow(tracks);
+    t.match(*first, tracks);
+    t.publish(tracks);
+  }
+  t.fill_alone(tracks);
 }
 
 const SecondStats& SecondTracker::stats() const noexcept { return impl_->stats; }

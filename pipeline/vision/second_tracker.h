@@ -1,5 +1,6 @@
 #pragma once
-// Finds the tracks of the first camera in the images of a second one. Design and measurements: docs/vision.md.
+// Finds the tracks of the first camera in the images of a second one, and follows tracks of its own there. Design and
+// measurements: docs/vision.md.
 #include <cstdint>
 #include <memory>
 
@@ -21,7 +22,7 @@ struct SecondRig {
 /// Counts since construction.
 struct SecondStats {
   std::uint64_t images = 0;          ///< pairs given to step()
-  std::uint64_t images_missing = 0;  ///< of those: without a second image, or one not of the camera's size
+  std::uint64_t images_missing = 0;  ///< of those: without a second image, or one that is blind or of another size
   std::uint64_t tracks = 0;          ///< of the first camera, in images with a second one
   std::uint64_t views = 0;           ///< of those: seen by the second camera
   std::uint64_t tried = 0;           ///< searches for tracks without a view
@@ -30,25 +31,29 @@ struct SecondStats {
   std::uint64_t lost = 0;            ///< of those: without success
   std::uint64_t off_plane = 0;       ///< found, but not near the epipolar plane
   std::uint64_t wrong_side = 0;      ///< found near the plane, but beyond infinity or nearer than the baseline
+  std::uint64_t alone = 0;           ///< tracks of the second camera alone, in all its images
 };
 
-/// Follows each track in the second camera's images from where it was first matched. Everything is allocated by the
-/// constructor; the same input gives the same output.
+/// Follows each track in the second camera's images from where it was first matched, and others that the first camera
+/// does not see: few while it sees well, many while it does not. Everything is allocated by the constructor; the same
+/// input gives the same output.
 class SecondTracker {
  public:
   static constexpr float kMostOffPlane_px = 1.5f;  ///< distance of a view from the epipolar plane
 
-  /// Throws std::invalid_argument for cameras without a baseline, or whose images differ so much in scale or are turned
-  /// so much against each other that patches do not look alike.
+  /// Cameras without a baseline, or whose images differ so much in scale or are turned so much against each other that
+  /// patches do not look alike, have no tracks in common. Throws std::invalid_argument for those if
+  /// config.second_features is 0, and for images smaller than 64x64.
   SecondTracker(const Camera& first, const SecondRig& rig, const TrackerConfig& config);
   ~SecondTracker();
   SecondTracker(const SecondTracker&) = delete;
   SecondTracker& operator=(const SecondTracker&) = delete;
 
   /// Fills `tracks.second` with views of `tracks.features`, which are the first camera's tracks in the image of the
-  /// pyramid `first`, in the order of their ids. `second` has no data if the second camera missed this image. Its
-  /// pixels must stay valid until the next call returns.
-  void step(const PyramidView& first, const Frame& second, TrackedFrame& tracks) noexcept;
+  /// pyramid `first`, in the order of their ids; and `tracks.second_tracks`. `first` is null, and there are no
+  /// features, if that camera shows nothing. `second` has no data if the second camera missed this image; its pixels
+  /// must stay valid until the next call returns. `R_SS0`: as `R_CC0` of Tracker::step, of the second camera.
+  void step(const PyramidView* first, const Frame& second, const Mat3& R_SS0, TrackedFrame& tracks) noexcept;
 
   const SecondStats& stats() const noexcept;
 

@@ -1,5 +1,6 @@
 #include "pipeline/vision/tracker.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -16,6 +17,7 @@ namespace {
 
 constexpr int kMinImageSide = 64;  // px
 constexpr double kGapIntervals = 1.5;
+constexpr float kOnAnother_px = 3;
 
 void require(bool condition, const char* text) {
   if (!condition) throw std::invalid_argument(text);
@@ -61,8 +63,9 @@ struct Tracker::Impl {
   void reject(int span, float limit_px, std::uint64_t& rejected);
   void remember();
   void take_parallax(int i, int tracked);
-  void detect();
-  void publish(TrackedFrame& out) const;
+  void leave(std::span<const std::array<float, 2>> taken);
+  void detect(std::span<const std::array<float, 2>> taken, int most);
+  void publish(std::uint32_t id_bit, FixedVector<TrackedFeature, kMaxFeatures>& out) const;
 
   const Pyramid& current() const { return pyramids[image_number % 2]; }
   const Pyramid& previous() const { return pyramids[(image_number + 1) % 2]; }
@@ -77,6 +80,7 @@ struct Tracker::Impl {
   std::uint64_t image_number = 0;
   std::uint32_t next_id = 0;
   HostStamp stamp;
+  bool any_image = false;                           // the last one could be used
   double interval_s = 0;                            // to the previous image; 0: there is none, or time did not advance
   bool gap = false;                                 // the interval is longer than usual
   std::array<Mat3, TrackTable::kHistory> rotation;  // image n - 1 to n, at n % kHistory
@@ -254,9 +258,18 @@ void Tracker::Impl::take_parallax(int i, int tracked) {
   }
 }
 
-void Tracker::Impl::detect() {
+// Ends tracks that lie where others do.
+void Tracker::Impl::leave(std::span<const std::array<float, 2>> taken) {
+  for (int i = 0; i < tracks.size; ++i)
+    alive[i] = std::none_of(taken.begin(), taken.end(), [&](const std::array<float, 2>& other) {
+      return std::hypot(tracks.x[i] - other[0], tracks.y[i] - other[1]) < kOnAnother_px;
+    });
+  tracks.keep(alive);
+}
+
+void Tracker::Impl::detect(std::span<const std::array<float, 2>> taken, int most) {
   const int before = tracks.size;
-  detector.detect(current().view().level[0], tracks);
+  detector.detect(current().view().level[0], taken, most, tracks);
   for (int i = 0; i < tracks.size; ++i) {
     alive[i] = true;
     if (i < before) continue;
@@ -271,18 +284,18 @@ void Tracker::Impl::detect() {
   stats.detected += static_cast<std::uint64_t>(tracks.size - before);
 }
 
-void Tracker::Impl::publish(TrackedFrame& out) const {
+void Tracker::Impl::publish(std::uint32_t id_bit, FixedVector<TrackedFeature, kMaxFeatures>& out) const {
   for (int i = 0; i < tracks.size; ++i) {
     const Vec3& f = tracks.bearing[i];
     TrackedFeature feature;
-    feature.id = tracks.id[i];
+    feature.id = tracks.id[i] | id_bit;
     feature.age = tracks.age[i];
     feature.pixel = {tracks.x[i], tracks.y[i]};
     feature.row_s = static_cast<float>(camera.row_s(static_cast<double>(tracks.y[i])));
     feature.velocity_px_s = {tracks.velocity_x[i], tracks.velocity_y[i]};
     feature.bearing = {f.x(), f.y(), f.z()};
     Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(feature.pixel_jacobian.data()) = tracks.pixel_jacobian[i];
-    out.features.push_back(feature);
+    out.push_back(feature);
   }
 }
 
@@ -294,12 +307,18 @@ Tracker::Tracker(const Camera& camera, const TrackerConfig& config) {
 Tracker::~Tracker() = default;
 
 void Tracker::step(const Frame& image, const Mat3& R_CC0, TrackedFrame& out, const RowTurn& rows) noexcept {
-  Impl& t = *impl_;
-  ++t.stats.images;
   out.stamp = image.stamp;
   out.sequence = image.sequence;
   out.features.clear();
-  if (!t.usable(image)) {
+  follow(image, R_CC0, rows);
+  fill({}, impl_->config.max_features, 0, out.features);
+}
+
+void Tracker::follow(const Frame& image, const Mat3& R_CC0, const RowTurn& rows) noexcept {
+  Impl& t = *impl_;
+  ++t.stats.images;
+  t.any_image = t.usable(image);
+  if (!t.any_image) {
     ++t.stats.images_refused;
     return t.forget();
   }
@@ -311,13 +330,21 @@ void Tracker::step(const Frame& image, const Mat3& R_CC0, TrackedFrame& out, con
     t.reject(t.config.wide_span, t.config.wide_limit_px, t.stats.rejected_wide);
     t.stats.tracked += static_cast<std::uint64_t>(t.tracks.size);
   }
-  t.detect();
+}
+
+void Tracker::fill(std::span<const std::array<float, 2>> taken, int most, std::uint32_t id_bit,
+                   FixedVector<TrackedFeature, kMaxFeatures>& out) noexcept {
+  Impl& t = *impl_;
+  if (!t.any_image) return;
+  if (!taken.empty()) t.leave(taken);
+  t.detect(taken, most);
   t.remember();
-  t.publish(out);
+  t.publish(id_bit, out);
 }
 
 void Tracker::reset() noexcept { impl_->forget(); }
 const TrackerStats& Tracker::stats() const noexcept { return impl_->stats; }
 const PyramidView& Tracker::pyramid() const noexcept { return impl_->current().view(); }
+const PyramidView& Tracker::pyramid_before() const noexcept { return impl_->previous().view(); }
 
 }  // namespace epiline

@@ -1,6 +1,9 @@
 #pragma once
 // The vision front end: an image in, tracked features out. Design and measurements: docs/vision.md.
+#include <array>
+#include <cstdint>
 #include <memory>
+#include <span>
 
 #include "estimator/geometry/camera.h"
 #include "estimator/geometry/row_turn.h"
@@ -27,12 +30,20 @@ class Tracker {
   /// `rows`: of a rolling shutter, how the camera turned during the image.
   void step(const Frame& image, const Mat3& R_CC0, TrackedFrame& out, const RowTurn& rows = {}) noexcept;
 
+  /// step() in two halves, for images in which other tracks are followed, too. follow(): finds the tracks again.
+  /// fill(): adds new ones until there are `most`, none of them near the pixels `taken`, which also end tracks that
+  /// they are on; then appends all tracks to `out`, with `id_bit` in their ids.
+  void follow(const Frame& image, const Mat3& R_CC0, const RowTurn& rows = {}) noexcept;
+  void fill(std::span<const std::array<float, 2>> taken, int most, std::uint32_t id_bit,
+            FixedVector<TrackedFeature, kMaxFeatures>& out) noexcept;
+
   /// Ends all tracks; ids go on.
   void reset() noexcept;
 
   const TrackerStats& stats() const noexcept;
-  /// Of the last image that was tracked; valid as long as its pixels.
+  /// Of the last image that was tracked, and of the one before; valid as long as their pixels.
   const PyramidView& pyramid() const noexcept;
+  const PyramidView& pyramid_before() const noexcept;
 
  private:
   struct Impl;

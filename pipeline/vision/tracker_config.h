@@ -10,8 +10,9 @@ namespace epiline {
 /// Every constant of the front end. Grey values are 0 to 255; px are pixels of the camera's image unless a level is
 /// named.
 struct TrackerConfig {
-  int max_features = 150;  ///< tracks to keep alive, 1 to kMaxFeatures
-  int levels = 4;          ///< of the pyramid, 1 to 6; levels with a side below 32 px are left out
+  int max_features = 150;    ///< tracks to keep alive, 1 to kMaxFeatures
+  int second_features = 30;  ///< tracks of a second camera alone while the first one sees well, 0 to kMaxFeatures
+  int levels = 4;            ///< of the pyramid, 1 to 6; levels with a side below 32 px are left out
 
   // KLT
   int iterations = 10;            ///< at most, a level

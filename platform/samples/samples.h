@@ -72,6 +72,8 @@ struct SecondView {
   std::array<double, 6> pixel_jacobian{};  ///< d pixel / d bearing, as of TrackedFeature
 };
 
+inline constexpr std::uint32_t kSecondTrack = 1u << 31;  ///< bit of the ids of tracks of the second camera alone
+
 /// All tracks of one image.
 struct TrackedFrame {
   HostStamp stamp;
@@ -79,6 +81,8 @@ struct TrackedFrame {
   std::uint32_t reasons = 0;  ///< as Frame::reasons
   FixedVector<TrackedFeature, kMaxFeatures> features;
   FixedVector<SecondView, kMaxFeatures> second;  ///< of tracks in `features`, sorted by id; one camera: none
+  /// Tracks of the second camera alone, sorted by id, which has kSecondTrack; bearings in its frame.
+  FixedVector<TrackedFeature, kMaxFeatures> second_tracks;
 };
 
 enum class HealthState : std::uint8_t { kInitialising, kTracking, kDegraded, kLost };

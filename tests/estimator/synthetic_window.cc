@@ -11,7 +11,12 @@ SyntheticWindow make_window(const SyntheticOptions& o) {
   s.window = std::make_unique<Window>(kMaxFrames);
   Window& w = *s.window;
   w.calibration = synthetic_calibration(o.lever);
-  if (o.second) w.rig = synthetic_rig();
+  const Rig rig = synthetic_rig();
+  if (o.second) w.rig = rig;
+  if (o.moved) {
+    w.calibration.p_BC += w.calibration.R_BC * rig.p_CD;
+    w.calibration.R_BC = w.calibration.R_BC * rig.R_CD;
+  }
   std::mt19937_64 random(o.seed);
   std::normal_distribution<double> normal;
   auto noise3 = [&](double sigma) {
@@ -50,6 +55,7 @@ SyntheticWindow make_window(const SyntheticOptions& o) {
     static TrackedFrame frame;
     frame.features.clear();
     frame.second.clear();
+    frame.second_tracks.clear();
     frame.stamp = slot.image_stamp;
     auto in_camera = [&](const Vec3& P, double q) {
       const Mat3 R_WC = path.R(q) * c.R_BC;
@@ -68,11 +74,15 @@ SyntheticWindow make_window(const SyntheticOptions& o) {
       }
       // as if seen at the stamp, by the attitude alone
       if (row_s != 0) X = c.R_BC.transpose() * path.R(exposed).transpose() * path.R(exposed + row_s) * c.R_BC * X;
-      frame.features.push_back(make_feature(static_cast<std::uint32_t>(i), X,
-                                            Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random))));
+      const Vec3 X_D = rig.R_CD.transpose() * (X - rig.p_CD);
+      const auto id = static_cast<std::uint32_t>(i);
+      const Vec2 noise_px(o.pixel_noise * normal(random), o.pixel_noise * normal(random));
+      const bool alone = o.alone && i % 4 == 2;
+      if (alone) frame.second_tracks.push_back(make_feature(kSecondTrack | id, X_D, noise_px));
+      if (alone || (o.only_alone && i % 4 != 2)) continue;
+      frame.features.push_back(make_feature(id, o.moved ? X_D : X, noise_px));
       frame.features.back().row_s = static_cast<float>(row_s);
       if (!o.second || i % 4 == 3) continue;
-      const Vec3 X_D = w.rig.R_CD.transpose() * (X - w.rig.p_CD);
       const auto age = [&](int n) { return static_cast<std::uint32_t>(3 + i % 5 + 2 * n + n % 2); };
       const bool anew = o.found_anew > 0 && k >= o.found_anew;
       frame.features.back().age = age(k);

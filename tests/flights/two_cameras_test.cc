@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <filesystem>
 #include <fstream>
@@ -37,13 +38,25 @@ class TwoCameras : public testing::Test {
   struct Flown {
     test::FaultVerdict verdict;
     SecondStats second;
+    double sigma_v = 0;  ///< m/s, the largest during the fault
   };
-  static Flown fly(const std::vector<Fault>& faults, const std::function<void(AslDataset&)>& alter = {}) {
+  static double largest_sigma_v(const std::vector<Odometry>& published, HostStamp zero) {
+    double most = 0;
+    for (const Odometry& o : published) {
+      const double t = (o.stamp - zero).seconds();
+      if (t < kFrom_s || t > kTo_s) continue;
+      for (const std::size_t i : {6U, 7U, 8U}) most = std::max(most, std::sqrt(o.covariance[17 * i]));
+    }
+    return most;
+  }
+  static Flown fly(const std::vector<Fault>& faults, const std::function<void(AslDataset&)>& alter = {},
+                   const std::vector<std::string>& set = {}) {
     test::PublishedOdometry published(1000);
     ReplayOptions options;
     options.dataset = folder_;
     options.camera = kBothCameras;
     options.faults = faults;
+    options.set = set;
     options.odometry = &published;
     HostStamp zero;
     options.alter = [&](AslDataset& d) {
@@ -56,7 +69,7 @@ class TwoCameras : public testing::Test {
       return {};
     }
     Flown f{test::judge(published.all(), *result->record.truth, zero, {kFrom_s, kTo_s, kTo_s + 1}),
-            *result->record.second};
+            *result->record.second, largest_sigma_v(published.all(), zero)};
     std::cout << "error " << f.verdict.final_error_m << " m, worst " << f.verdict.worst_ratio << " sigma ("
               << f.verdict.worst_what << "), recovered after " << f.verdict.recovered_s << " s, " << f.second.views
               << " views of the second camera, " << f.second.images_missing << " of its images missing\n";
@@ -94,6 +107,17 @@ TEST_F(TwoCameras, OfWhichTheFirstIsSilent) {
   const Flown f = fly({{FaultKind::kCameraSilent, kFrom_s, kTo_s - kFrom_s}});
   expect_survived(f.verdict);
   EXPECT_LT(f.verdict.final_error_m, 0.5);
+}
+
+/// Its own tracks carry the second camera through.
+TEST_F(TwoCameras, OfWhichTheFirstIsCovered) {
+  const Flown f = fly({{FaultKind::kCameraBlack, kFrom_s, kTo_s - kFrom_s}});
+  expect_survived(f.verdict);
+  EXPECT_LT(f.verdict.final_error_m, 0.1);
+  const Flown without = fly({{FaultKind::kCameraBlack, kFrom_s, kTo_s - kFrom_s}}, {}, {"tracker.second_features=0"});
+  EXPECT_EQ(without.second.alone, 0U);
+  EXPECT_LT(f.sigma_v, 0.1);
+  EXPECT_GT(without.sigma_v, 3 * f.sigma_v);
 }
 
 TEST_F(TwoCameras, OfWhichTheSecondIsSilent) {

@@ -59,9 +59,11 @@ void print_summary(const FlightRecord& r, const std::optional<TrajectoryErrors>&
                errors->ate_4dof.rmse, errors->path_length_m, 100 * errors->scale_error, errors->yaw_drift_deg);
   }
   if (t.track.count > 0) fmt::print("track     {:.3f} ms mean, {:.3f} ms 99 %\n", t.track.mean, t.track.p99);
-  if (const auto& second = r.second; second && second->tracks > 0) {
-    fmt::print("second    {:.1f} % of the tracks seen by the second camera, {} images without one\n",
-               100 * static_cast<double>(second->views) / static_cast<double>(second->tracks), second->images_missing);
+  if (const auto& second = r.second; second && second->images > 0) {
+    fmt::print(
+        "second    {:.1f} % of the tracks seen by the second camera, {:.0f} tracks of its own, {} images without one\n",
+        100 * static_cast<double>(second->views) / static_cast<double>(std::max<std::uint64_t>(1, second->tracks)),
+        static_cast<double>(second->alone) / static_cast<double>(second->images), second->images_missing);
   }
   fmt::print("solve     {:.3f} ms mean, {:.3f} ms 99 %\n", t.solve.mean, t.solve.p99);
   fmt::print("estimate  {:.3f} ms mean, {:.3f} ms 99 %\n", t.estimate.mean, t.estimate.p99);

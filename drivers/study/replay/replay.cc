@@ -126,7 +126,7 @@ class Flight {
     Frame second;
     if (planned.second) {
       const auto image =
-          second_decoder_.read(*planned.second, *dataset_.second, static_cast<std::size_t>(1 - shown_buffer_));
+          second_decoder_.read(*planned.second, *dataset_.second, static_cast<std::size_t>(1 - second_buffer_));
       if (!image) return image.error();
       second = *image;
     }
@@ -143,6 +143,7 @@ class Flight {
     const HeapCallScope heap;
     pipeline_.step(frame, second, outcome_);
     if (!is_blind(frame.reasons)) shown_buffer_ = 1 - shown_buffer_;
+    if (planned.second) second_buffer_ = 1 - second_buffer_;
     heap_calls_ += heap.calls();
     record_.page_faults += (costs_of_this_thread() - before).page_faults;
     record_.images.push_back(image_record(outcome_));
@@ -206,7 +207,7 @@ class Flight {
   const FlightPlan& plan_;
   OfflinePipeline pipeline_;
   ImageDecoder decoder_, second_decoder_;
-  int shown_buffer_ = 1;  ///< the decoders' buffer with the image that the tracker keeps
+  int shown_buffer_ = 1, second_buffer_ = 1;  ///< the decoders' buffers with the images that the trackers keep
   bool counts_heap_;
   std::size_t next_imu_, next_wheel_ = 0, next_height_ = 0;
   ImuFaults imu_faults_;

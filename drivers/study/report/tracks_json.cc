@@ -17,7 +17,8 @@ Json second_json(const SecondStats& s) {
           {"followed", s.followed},
           {"lost", s.lost},
           {"off_plane", s.off_plane},
-          {"wrong_side", s.wrong_side}};
+          {"wrong_side", s.wrong_side},
+          {"tracks_of_its_own", s.alone}};
 }
 
 }  // namespace

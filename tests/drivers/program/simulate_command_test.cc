@@ -100,12 +100,17 @@ TEST_F(SimulateCommand, AReplayUsesBothCameras) {
   for (const std::string more : {"", " --realtime --speed 0.5"}) {
     const Outcome both = run(pair + " --camera both --out " + in("both") + more);
     ASSERT_EQ(both.exit_code, 0) << both.err;
-    EXPECT_NE(both.out.find("seen by the second camera, 1 images without one"), std::string::npos) << both.out;
+    EXPECT_NE(both.out.find(" tracks of its own, 1 images without one"), std::string::npos) << both.out;
     const Json stats = Json::parse(read(scratch() / "both/stats.json")), second = stats["tracks"]["second_camera"];
     EXPECT_EQ(second["images"].get<int>() + 1, stats["images"]["tracked"].get<int>());
     EXPECT_EQ(second["images_missing"], 1);
     EXPECT_GT(second["share_of_tracks"].get<double>(), 0.5) << second;
   }
+  // each tracker keeps an image of its own while the first camera is covered
+  const std::string covered = pair + " --camera both --fault camera-black@2:1";
+  ASSERT_EQ(run(covered + " --out " + in("covered")).exit_code, 0);
+  ASSERT_EQ(run(covered + " --realtime --speed 0.5 --out " + in("threads")).exit_code, 0);
+  EXPECT_EQ(read(scratch() / "threads/trajectory.tum"), read(scratch() / "covered/trajectory.tum"));
   fs::remove(list);
   expect_one_line(run(pair + " --camera both --out " + in("both")), 2, {"cam1"});
 }

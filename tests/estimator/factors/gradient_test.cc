@@ -90,7 +90,7 @@ std::vector<std::string> on_every_set(const std::vector<std::string>& vectorised
 
 /// All there is to a window: rest, wheels, heights, and a prior that a frame left behind.
 SyntheticWindow furnished_window(double readout_s = 0, bool second = false) {
-  SyntheticWindow s = make_window({.readout_s = readout_s, .second = second});
+  SyntheticWindow s = make_window({.readout_s = readout_s, .second = second, .alone = second});
   Window& w = *s.window;
   w.first_estimates = false;
   CalibrationTangent sigmas;

@@ -261,6 +261,77 @@ TEST(SeveralCameras, MarginalisationNeverTakesInformationAway) {
     }
 }
 
+std::unique_ptr<VisualSystem> news_of(Window& w) {
+  TrackFactor factor(best_instruction_set());
+  auto system = std::make_unique<VisualSystem>();
+  factor.collect(w, settings());
+  factor.marginalise_oldest(w, settings(), *system);
+  return system;
+}
+
+/// The blocks of the first `frames` poses and the time offset, which do not depend on where the first camera is.
+Eigen::MatrixXd poses_and_time(const VisualSystem& s, int frames) {
+  const int n = 6 * frames + 1;
+  Eigen::MatrixXd all(n, n + 1);
+  all << test::dense(s, frames).topLeftCorner(n, n), test::dense_rhs(s, frames).head(n);
+  return all;
+}
+
+/// The same bearings, of one camera that is mounted where the second one is.
+TEST(SeveralCameras, WhatTheSecondAloneSeesIsWhatACameraThereWouldSee) {
+  SyntheticWindow rig = make_window({.second = true, .alone = true, .only_alone = true});
+  SyntheticWindow moved = make_window({.only_alone = true, .moved = true});
+  Window &a = *rig.window, &b = *moved.window;
+  ASSERT_EQ(a.track_count(), 15);
+  const auto alone = system_of(a), there = system_of(b);
+  EXPECT_GT(alone->residuals, 100);
+  EXPECT_EQ(alone->residuals, there->residuals);
+  EXPECT_NEAR(alone->cost, there->cost, 1e-9 * there->cost);
+  const auto close = [](const Eigen::MatrixXd& x, const Eigen::MatrixXd& y) {
+    EXPECT_LT((x - y).norm(), 1e-9 * y.norm());
+  };
+  close(poses_and_time(*alone, a.size()), poses_and_time(*there, b.size()));
+  close(poses_and_time(*news_of(a), a.size() - 1), poses_and_time(*news_of(b), b.size() - 1));
+}
+
+/// Batches of both kinds beside each other, and none of a lane of the other kind.
+TEST(SeveralCameras, TracksOfEitherCameraAddUp) {
+  SyntheticWindow s = make_window({.frames = 12, .tracks = 150, .second = true, .alone = true});
+  Window& w = *s.window;
+  const auto only = [&](bool by_second, bool by_first) {
+    for (int i = 0; i < w.track_count(); ++i) w.track(i).in_use = w.track(i).by_second ? by_second : by_first;
+  };
+  const int n = w.size();
+  const auto check = [&](auto&& system, int frames) {
+    only(true, true);
+    const Eigen::MatrixXd both = test::dense(*system(w), frames);
+    only(true, false);
+    const Eigen::MatrixXd by_second = test::dense(*system(w), frames);
+    only(false, true);
+    const Eigen::MatrixXd by_first = test::dense(*system(w), frames);
+    EXPECT_GT(by_second.norm(), 1);
+    EXPECT_LT((both - by_first - by_second).norm(), 1e-11 * both.norm());
+  };
+  check([](Window& window) { return system_of(window); }, n);
+  check([](Window& window) { return news_of(window); }, n - 1);
+}
+
+TEST(SeveralCameras, TracksOfTheSecondAloneNeedARigAndADrift) {
+  SyntheticWindow s = make_window({.second = true, .alone = true});
+  Window& w = *s.window;
+  const auto tracks = [&](TrackNoiseModel noise) { return system_of(w, settings(noise))->tracks; };
+  const int drifting = tracks(TrackNoiseModel::kDrift), white = tracks(TrackNoiseModel::kWhite);
+  for (int i = 0; i < w.track_count(); ++i) w.track(i).in_use = !w.track(i).by_second;
+  EXPECT_EQ(drifting - tracks(TrackNoiseModel::kDrift), 15);
+  EXPECT_EQ(white, tracks(TrackNoiseModel::kWhite)) << "left out before, too";
+  w.rig.use = false;
+  w.append();
+  TrackedFrame frame;
+  frame.second_tracks.push_back(make_feature(kSecondTrack | 99, Vec3(0, 0, 3), Vec2::Zero()));
+  w.observe(frame);
+  EXPECT_EQ(w.find(kSecondTrack | 99), -1);
+}
+
 TEST(SeveralCameras, ImpossibleAndUnknownViewsAreLeftOut) {
   SyntheticWindow s = make_window({.tracks = 4, .second = true});
   Window& w = *s.window;

@@ -117,6 +117,24 @@ TEST_F(CaptureStageTest, WhatANewerImagePushesOutGoesBackAndIsTold) {
   EXPECT_EQ(heard.last(), at_ms(250));
 }
 
+TEST_F(CaptureStageTest, ASecondCamerasImageIsJudgedForItself) {
+  MadeUpCamera second;
+  const Frame frozen = second.image(0);
+  for (const int ms : {0, 50, 100}) {
+    Frame image = camera.image(ms);
+    ASSERT_TRUE(stage.admit(image));
+    EXPECT_EQ(image.reasons, 0u);
+    stage.hand_on(image, frozen);
+    const Frame& beside = images.second(static_cast<std::size_t>(image.slot));
+    EXPECT_EQ(beside.stamp, image.stamp);
+    EXPECT_EQ(is_blind(beside.reasons), ms > 0) << "the same pixels as before";
+  }
+  Frame image = camera.image(150);
+  ASSERT_TRUE(stage.admit(image));
+  stage.hand_on(image);
+  EXPECT_EQ(images.second(static_cast<std::size_t>(image.slot)).data, nullptr);
+}
+
 TEST_F(CaptureStageTest, AStampThatGoesBackGoesBackToTheCamera) {
   camera.stamps_ms = {0, 50, 20, 100};
   run(stage);

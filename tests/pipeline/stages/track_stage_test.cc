@@ -12,19 +12,20 @@ constexpr TrackPoint kPoints[] = {{1, 40, 50}, {2, 80, 60}, {3, 120, 90}};
 
 class TrackStageTest : public StageTest {
  protected:
-  explicit TrackStageTest(bool of_images = true) {
+  explicit TrackStageTest(bool of_images = true, bool two_cameras = false) {
     settings.camera = {
         CameraModel::kPinholeRadialTangential, MadeUpCamera::kWidth, MadeUpCamera::kHeight, {100, 100, 80, 60}, {}};
     settings.images = of_images;
+    if (two_cameras) settings.second = SecondRig{settings.camera, Mat3::Identity(), Vec3(-0.1, 0, 0)};
     settings.recorded = recorded;
     settings.imu_patience = Span::from_milliseconds(20);
     stage = std::make_unique<TrackStage>(settings, Knowledge{}, clock,
                                          TrackStage::Inputs{frames, images, camera_ended, *imu, imu_ended, knowledge},
                                          TrackStage::Outputs{*tracked, parking, *events, &no_log});
   }
-  void show(std::int64_t ms, bool dark = false) {
+  void show(std::int64_t ms, bool dark = false, const Frame& second = {}) {
     const Frame image = camera.image(ms, dark);
-    images.lend(image);
+    images.lend(image, second);
     const auto evicted = frames.push(static_cast<FrameRing::Value>(image.slot));
     if (evicted != FrameRing::kNone) images.give_back(evicted);
   }
@@ -57,6 +58,12 @@ class TrackStageTest : public StageTest {
 class RecordedTrackStage : public TrackStageTest {
  protected:
   RecordedTrackStage() : TrackStageTest(false) {}
+};
+
+class TwoCamerasTrackStage : public TrackStageTest {
+ protected:
+  TwoCamerasTrackStage() : TrackStageTest(true, true) {}
+  MadeUpCamera second_camera;
 };
 
 TEST_F(TrackStageTest, AnImageIsTrackedWhenItsReadingsHaveCome) {
@@ -148,6 +155,38 @@ TEST_F(TrackStageTest, ADarkImageGoesBackAtOnceAndTheOneBeforeIsKept) {
   ASSERT_GT(frame.features.size(), 0u);
   EXPECT_EQ(frame.features[0].age, 1u) << "tracked from the image before the dark one";
   EXPECT_EQ(camera.away(), 1);
+}
+
+// Each tracker goes on from the last image that it was shown.
+TEST_F(TwoCamerasTrackStage, BesideADarkImageTheSecondOneIsKept) {
+  imu_ended.set();
+  const auto show_both = [&](std::int64_t ms, bool dark, bool second_dark) {
+    show(ms, dark, second_camera.image(ms, second_dark));
+    run(*stage);
+    return estimate();
+  };
+  EXPECT_GT(show_both(0, false, false).second_tracks.size(), 0u);
+  EXPECT_EQ(images.users(0), 2u) << "both images are kept";
+  TrackedFrame frame = show_both(50, true, false);
+  EXPECT_EQ(frame.features.size(), 0u);
+  ASSERT_GT(frame.second_tracks.size(), 0u);
+  EXPECT_EQ(frame.second_tracks[0].age, 1u);
+  EXPECT_EQ(images.users(0), 1u);
+  EXPECT_EQ(images.users(1), 1u);
+  frame = show_both(100, true, false);
+  EXPECT_EQ(frame.second_tracks[0].age, 2u);
+  EXPECT_EQ(images.users(1), 0u) << "followed by a newer one";
+  EXPECT_EQ(camera.away(), 2);
+  frame = show_both(150, false, false);
+  EXPECT_EQ(frame.features[0].age, 1u) << "tracked from the image before the dark ones";
+  EXPECT_EQ(frame.second_tracks[0].age, 3u);
+  EXPECT_EQ(camera.away(), 1);
+  frame = show_both(200, false, true);
+  EXPECT_EQ(frame.second_tracks.size(), 0u);
+  EXPECT_EQ(frame.second.size(), 0u);
+  EXPECT_EQ(frame.features[0].age, 2u);
+  stage->give_back_all();
+  EXPECT_EQ(camera.away(), 0);
 }
 
 TEST_F(TrackStageTest, StoppedInTheMiddleItGivesEverythingBack) {

@@ -169,7 +169,7 @@ TEST(Detector, FillsEmptyCellsOnly) {
   const TestImage image = random_image(752, 480, random);
   Detector detector(752, 480, {});
   auto tracks = std::make_unique<TrackTable>();
-  EXPECT_EQ(detector.detect(image.view(), *tracks), 150);
+  EXPECT_EQ(detector.detect(image.view(), {}, 150, *tracks), 150);
   std::vector<int> in_cell(160);
   for (int i = 0; i < 150; ++i) {
     const int c = (static_cast<int>(tracks->x[i]) - 12) / 44, r = (static_cast<int>(tracks->y[i]) - 12) / 44;
@@ -179,9 +179,22 @@ TEST(Detector, FillsEmptyCellsOnly) {
     }
   }
   EXPECT_EQ(*std::max_element(in_cell.begin(), in_cell.end()), 1);
-  EXPECT_EQ(detector.detect(image.view(), *tracks), 0) << "the table is full";
+  EXPECT_EQ(detector.detect(image.view(), {}, 150, *tracks), 0) << "the table is full";
   tracks->size = 140;
-  EXPECT_EQ(detector.detect(image.view(), *tracks), 10);
+  EXPECT_EQ(detector.detect(image.view(), {}, 150, *tracks), 10);
+}
+
+TEST(Detector, KeepsItsDistanceFromWhatIsTaken) {
+  std::mt19937 random(5);
+  const TestImage image = random_image(752, 480, random);
+  Detector detector(752, 480, {});
+  std::vector<std::array<float, 2>> taken;
+  for (int i = 0; i < 40; ++i)
+    taken.push_back({30.F + 17.F * static_cast<float>(i), 20.F + 11.F * static_cast<float>(i)});
+  auto tracks = std::make_unique<TrackTable>();
+  EXPECT_GT(detector.detect(image.view(), taken, 150, *tracks), 80);
+  for (int i = 0; i < tracks->size; ++i)
+    for (const auto& [x, y] : taken) ASSERT_GE(std::hypot(tracks->x[i] - x, tracks->y[i] - y), 20);
 }
 
 TEST(Detector, StartsElsewhereInEveryImage) {
@@ -195,7 +208,7 @@ TEST(Detector, StartsElsewhereInEveryImage) {
   std::vector<std::pair<float, float>> seen;
   for (int k = 0; k < detector.columns() * detector.rows(); ++k) {
     tracks->size = 0;
-    ASSERT_EQ(detector.detect(image.view(), *tracks), 1);
+    ASSERT_EQ(detector.detect(image.view(), {}, 1, *tracks), 1);
     seen.emplace_back(tracks->x[0], tracks->y[0]);
   }
   std::sort(seen.begin(), seen.end());

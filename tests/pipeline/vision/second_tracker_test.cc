@@ -83,13 +83,18 @@ Frame frame_of(const TestImage& image, int number) {
 /// Both cameras on a path, and the true place of each view.
 class Rig {
  public:
-  explicit Rig(const SecondRig& real, const SecondRig& believed)
-      : rig_(real), first_(first_lens()), second_(real.camera), tracker(first_, {}), second(first_, believed, {}) {}
+  explicit Rig(const SecondRig& real, const SecondRig& believed, const TrackerConfig& config = {})
+      : rig_(real),
+        first_(first_lens()),
+        second_(real.camera),
+        tracker(first_, config),
+        second(first_, believed, config) {}
   explicit Rig(const SecondRig& rig) : Rig(rig, rig) {}
 
   enum class Second { kSeen, kCovered, kMissing };
 
-  const TrackedFrame& step(Second what = Second::kSeen) {
+  /// `first`: false: the first camera shows nothing.
+  const TrackedFrame& step(Second what = Second::kSeen, bool first = true) {
     const Pose pose{so3(), Vec3(0.02 * number_, 0.01 * number_, 0.015 * number_)};
     pose_ = pose;
     second_pose_ = {pose.R_WC * rig_.R_SC.transpose(), pose.p_WC - pose.R_WC * rig_.R_SC.transpose() * rig_.p_SC};
@@ -100,8 +105,10 @@ class Rig {
     if (what == Second::kCovered) std::fill(seconds_[0]->pixels.begin(), seconds_[0]->pixels.end(), 3);
     ++number_;
     const HeapCallScope heap;
-    tracker.step(frame_of(*images_[0], number_), Mat3::Identity(), *out);
-    second.step(tracker.pyramid(), what == Second::kMissing ? Frame{} : frame_of(*seconds_[0], number_), *out);
+    if (first) tracker.step(frame_of(*images_[0], number_), Mat3::Identity(), *out);
+    if (!first) out->features.clear();
+    second.step(first ? &tracker.pyramid() : nullptr,
+                what == Second::kMissing ? Frame{} : frame_of(*seconds_[0], number_), Mat3::Identity(), *out);
     EXPECT_EQ(heap.calls(), 0);
     check();
     return *out;
@@ -136,6 +143,12 @@ class Rig {
       found.emplace(view.id, view.found);
     }
     found_ = std::move(found);
+    for (std::size_t i = 0; i < out->second_tracks.size(); ++i) {
+      EXPECT_NE(out->second_tracks[i].id & kSecondTrack, 0u);
+      if (i > 0) {
+        EXPECT_LT(out->second_tracks[i - 1].id, out->second_tracks[i].id);
+      }
+    }
   }
 
   SecondRig rig_;
@@ -274,6 +287,52 @@ TEST(SecondTracker, AMissingImageEndsAllViews) {
   for (const SecondView& view : again.second) EXPECT_EQ(view.found, view.age - 1) << "found in the image before";
 }
 
+/// Tracks of this image that live since `age` images at least.
+std::size_t older_than(const TrackedFrame& frame, std::uint32_t age) {
+  return static_cast<std::size_t>(std::count_if(frame.second_tracks.begin(), frame.second_tracks.end(),
+                                                [&](const TrackedFeature& f) { return f.age > age; }));
+}
+
+TEST(SecondTracker, HasAFewTracksOfItsOwnBesideTheFirstCameras) {
+  Rig rig(usual_rig());
+  for (int image = 0; image < 6; ++image) {
+    const TrackedFrame& frame = rig.step();
+    EXPECT_LE(frame.second_tracks.size(), std::max(30, 150 - static_cast<int>(frame.features.size())));
+    for (const TrackedFeature& own : frame.second_tracks) {
+      if (own.age > 0) continue;
+      for (const SecondView& view : frame.second)
+        EXPECT_GE(std::hypot(own.pixel[0] - view.pixel[0], own.pixel[1] - view.pixel[1]), 20) << "seen already";
+    }
+  }
+  EXPECT_GT(older_than(*rig.out, 2), 2u) << "the views of the first camera's tracks leave little room in this image";
+  EXPECT_GE(rig.second.stats().alone, rig.out->second_tracks.size());
+}
+
+TEST(SecondTracker, CarriesOnWhileTheFirstCameraShowsNothing) {
+  Rig rig(usual_rig());
+  for (int image = 0; image < 4; ++image) rig.step();
+  const std::size_t before = rig.out->second_tracks.size();
+  for (int image = 0; image < 4; ++image) {
+    const TrackedFrame& frame = rig.step(Rig::Second::kSeen, false);
+    EXPECT_EQ(frame.second.size(), 0u);
+    EXPECT_GT(older_than(frame, static_cast<std::uint32_t>(image)), before / 2) << "they live on";
+  }
+  EXPECT_GT(rig.out->second_tracks.size(), 2 * before) << "the first camera's place is taken";
+  for (int image = 0; image < 3; ++image) rig.step();
+  EXPECT_GT(rig.out->second.size(), 30u) << "both see again";
+  for (const TrackedFeature& own : rig.out->second_tracks)
+    for (const SecondView& view : rig.out->second)
+      EXPECT_GE(std::hypot(own.pixel[0] - view.pixel[0], own.pixel[1] - view.pixel[1]), 2.9) << "one corner, one track";
+}
+
+TEST(SecondTracker, WithoutTracksOfItsOwnThereAreNoneEver) {
+  TrackerConfig config;
+  config.second_features = 0;
+  Rig rig(usual_rig(), usual_rig(), config);
+  for (const bool first : {true, true, false, false, true})
+    EXPECT_EQ(rig.step(Rig::Second::kSeen, first).second_tracks.size(), 0u);
+}
+
 // One camera's tracks do not depend on a second one.
 TEST(SecondTracker, LeavesTheFirstCamerasTracksAsTheyAre) {
   const SecondRig rig = usual_rig();
@@ -295,17 +354,28 @@ TEST(SecondTracker, LeavesTheFirstCamerasTracksAsTheyAre) {
   }
 }
 
-TEST(SecondTracker, RefusesARigThatItCannotUse) {
-  const Camera first(first_lens());
-  const auto refuses = [&](auto&& change) {
+/// Cameras that look elsewhere, from the same place, or with lenses that differ too much have nothing in common.
+TEST(SecondTracker, CamerasWithoutCommonTracksHaveTheirOwn) {
+  TrackerConfig none_alone;
+  none_alone.second_features = 0;
+  const auto check = [&](auto&& change) {
     SecondRig rig = usual_rig();
     change(rig);
-    EXPECT_THROW(SecondTracker(first, rig, {}), std::invalid_argument);
+    EXPECT_THROW(SecondTracker(Camera(first_lens()), rig, none_alone), std::invalid_argument);
+    Rig flight(rig);
+    flight.step();
+    EXPECT_EQ(flight.step().second.size(), 0u);
+    EXPECT_GT(flight.out->second_tracks.size(), 60u);
   };
-  refuses([](SecondRig& rig) { rig.p_SC.setZero(); });
-  refuses([](SecondRig& rig) { rig.R_SC = Eigen::AngleAxisd(3.1, Vec3::UnitZ()).toRotationMatrix(); });
-  refuses([](SecondRig& rig) { rig.camera.intrinsics = {100, 100, 158, 121}; });
-  refuses([](SecondRig& rig) { rig.camera.width = 50; });
+  check([](SecondRig& rig) { rig.p_SC.setZero(); });
+  check([](SecondRig& rig) { rig.R_SC = Eigen::AngleAxisd(3.1, Vec3::UnitZ()).toRotationMatrix(); });
+  check([](SecondRig& rig) { rig.camera.intrinsics = {100, 100, 158, 121}; });
+}
+
+TEST(SecondTracker, RefusesARigThatItCannotUse) {
+  SecondRig tiny = usual_rig();
+  tiny.camera.width = 50;
+  EXPECT_THROW(SecondTracker(Camera(first_lens()), tiny, {}), std::invalid_argument);
   CameraParameters rolling = first_lens();
   rolling.readout_s = 0.01;
   EXPECT_THROW(FrontEnd(Camera(rolling), {}, Mat3::Identity(), usual_rig()), std::invalid_argument);
