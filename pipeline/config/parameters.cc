@@ -107,7 +107,7 @@ const std::vector<Parameter>& parameters() {
       // tracker
       {"tracker.max_features", "", 1, 400, "number of tracks to maintain", EPILINE_AT(tracker.max_features)},
       {"tracker.second_features", "", 0, 400,
-       "tracks of a second camera alone; where the first one loses its own, as many as it lacks; 0: none, ever",
+       "tracks of a second camera alone; where the first one loses half of its own, as many as it lacks; 0: none, ever",
        EPILINE_AT(tracker.second_features)},
       {"tracker.levels", "", 1, 6, "levels of the image pyramid", EPILINE_AT(tracker.levels)},
       {"tracker.iterations", "", 1, 100, "largest number of iterations of a search on one level",

@@ -28,6 +28,7 @@ constexpr float kWorse = 0.15f;     // of correlation there, less than the best 
 constexpr float kMostFromPeak = 2;  // px of that level, between scanned and found place
 constexpr float kSamePlace_px = 2, kAlike = 0.05f;  // distance and difference of correlation of two found places
 constexpr float kLeastMatched = 0.8f;               // correlation of a first match
+constexpr std::uint64_t kSparesEvery = 8;           // images
 constexpr float kInnovationOfNewView_px = 1;        // the first search in the next image starts at level 1
 
 // A track of the first camera, and its view in the last image of the second one.
@@ -359,14 +360,21 @@ void SecondTracker::Impl::publish(TrackedFrame& tracks) {
   stats.views += tracks.second.size();
 }
 
-// As many as the first camera lacks, and a few in any case, which live on where it loses its own.
+// As many as the first camera lacks if it has lost half of its own, else a few, which live on where it does. New ones
+// of those few are looked for now and then: most cells of the image are taken or empty of corners, and an image's
+// search costs as much as following all of them.
 void SecondTracker::Impl::fill_alone(TrackedFrame& tracks) {
   if (config.second_features == 0) return;
   std::size_t count = 0;
   for (int i = 0; i < size; ++i)
     if (chains[i].matched) taken[count++] = {chains[i].x, chains[i].y};
-  const int lacking = config.max_features - (matches ? static_cast<int>(tracks.features.size()) : 0);
-  const int most = std::min(std::max(config.second_features, lacking), config.max_features);
+  const int first = matches ? static_cast<int>(tracks.features.size()) : 0;
+  int most = 0;
+  if (2 * first < config.max_features) {
+    most = config.max_features - first;
+  } else if (stats.images % kSparesEvery == 1) {
+    most = std::min(config.second_features, config.max_features);
+  }
   alone.fill(std::span(taken).first(count), most, kSecondTrack, tracks.second_tracks);
   stats.alone += tracks.second_tracks.size();
 }

@@ -11,7 +11,7 @@ namespace epiline {
 /// named.
 struct TrackerConfig {
   int max_features = 150;    ///< tracks to keep alive, 1 to kMaxFeatures
-  int second_features = 30;  ///< tracks of a second camera alone while the first one sees well, 0 to kMaxFeatures
+  int second_features = 15;  ///< tracks of a second camera alone while the first one sees well, 0 to kMaxFeatures
   int levels = 4;            ///< of the pyramid, 1 to 6; levels with a side below 32 px are left out
 
   // KLT

@@ -50,6 +50,27 @@ TEST(ChooseTracks, WithoutALimitAllAreUsed) {
   }
 }
 
+// Spare ones cost time; where the first camera sees too little, they carry the flight.
+TEST(ChooseTracks, TakesTheSecondCamerasOwnWhereTheyAreAFourthOfTheFirsts) {
+  const auto w = std::make_unique<Window>(6);
+  w->rig.use = true;
+  const auto both = [&](std::uint32_t by_first, std::uint32_t by_second) {
+    TrackedFrame frame;
+    for (std::uint32_t id = 0; id < by_first; ++id) frame.features.push_back(feature(id, 7.0 * id, 3.0 * id));
+    for (std::uint32_t id = 0; id < by_second; ++id)
+      frame.second_tracks.push_back(feature(kSecondTrack | id, 9.0 * id, 2.0 * id));
+    w->append();
+    w->observe(frame);
+  };
+  both(40, 9);
+  both(40, 9);
+  EXPECT_EQ(choose_tracks(*w, 0).used, 40) << "of the second camera 9 are left";
+  both(36, 9);
+  EXPECT_EQ(choose_tracks(*w, 0).used, 49);
+  both(0, 9);
+  EXPECT_EQ(choose_tracks(*w, 0).used, 49);
+}
+
 // 100 tracks crowd in one corner and are older than the 20 that are spread: those are all taken.
 TEST(ChooseTracks, SpreadsThemOverTheView) {
   const auto w = std::make_unique<Window>(6);
