@@ -107,9 +107,13 @@ TEST_F(SimulateCommand, AReplayUsesBothCameras) {
     EXPECT_GT(second["share_of_tracks"].get<double>(), 0.5) << second;
   }
   // each tracker keeps an image of its own while the first camera is covered
-  const std::string covered = pair + " --camera both --fault camera-black@2:1";
+  write(scratch() / "patient.toml", "[realtime]\nimu_wait_ms = 5000\ndeadline_ms = 0\n");
+  const std::string covered = pair + " --camera both --fault camera-black@2:1 --config " + in("patient.toml");
   ASSERT_EQ(run(covered + " --out " + in("covered")).exit_code, 0);
-  ASSERT_EQ(run(covered + " --realtime --speed 0.5 --out " + in("threads")).exit_code, 0);
+  for (const std::string speed : {"1", "0.3", "0.1"}) {  // a computer that had no time for us gets another chance
+    ASSERT_EQ(run(covered + " --realtime --speed " + speed + " --out " + in("threads")).exit_code, 0);
+    if (Json::parse(read(scratch() / "threads/stats.json"))["images"]["skipped"] == 0) break;
+  }
   EXPECT_EQ(read(scratch() / "threads/trajectory.tum"), read(scratch() / "covered/trajectory.tum"));
   fs::remove(list);
   expect_one_line(run(pair + " --camera both --out " + in("both")), 2, {"cam1"});
