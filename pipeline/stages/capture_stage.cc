@@ -42,15 +42,19 @@ bool CaptureStage::admit(Frame& image) noexcept {
   return taken;
 }
 
-void CaptureStage::hand_on(const Frame& image, const Frame& beside) noexcept {
-  Frame second = beside;
-  if (second.data != nullptr) {
-    second.stamp = image.stamp;
-    if (!second_gate_.step(second)) second = {};
-  }
+Frame CaptureStage::judged(Frame second, HostStamp stamp) noexcept {
+  if (second.data == nullptr) return second;
+  second.stamp = stamp;
+  const bool taken = second_gate_.step(second);
+  const ImageGateStats& seen = second_gate_.stats();
+  second_blind_.step(seen.frozen + seen.covered, stamp, out_.events);
+  return taken ? second : Frame{};
+}
+
+void CaptureStage::hand_on(const Frame& image, const Frame& second) noexcept {
   times_.heard_image(image.arrival.ns != 0 ? image.arrival : image.stamp);
   out_.heard.tell(times_.camera, times_.camera_period);
-  out_.images.lend(image, second);
+  out_.images.lend(image, judged(second, image.stamp));
   const FrameRing::Value evicted = out_.frames.push(static_cast<FrameRing::Value>(image.slot));
   out_.tracker.notify();
   if (evicted != FrameRing::kNone) leave_out_overtaken(evicted, out_.images, out_.events);

@@ -5,6 +5,7 @@
 #include "pipeline/stages/source_stage.h"
 #include "pipeline/watch/health_merge.h"
 #include "pipeline/watch/image_gate.h"
+#include "pipeline/watch/input_events.h"
 #include "platform/concurrency/parking.h"
 
 namespace epiline {
@@ -44,6 +45,7 @@ class CaptureStage final : public SourceStage {
   }
   void use() noexcept override;
   void look_for_missed() noexcept;
+  Frame judged(Frame second, HostStamp stamp) noexcept;
 
   CameraSource* camera_;
   Outputs out_;
@@ -51,6 +53,7 @@ class CaptureStage final : public SourceStage {
   std::uint64_t expected_ = 0;  ///< sequence number
   ImageGate gate_, second_gate_;
   ImageEvents events_;
+  Episode second_blind_{EventId::kSecondBlind};
   LastHeard times_;
   StageCount came_, refused_;
 };

@@ -129,6 +129,7 @@ TEST_F(CaptureStageTest, ASecondCamerasImageIsJudgedForItself) {
     EXPECT_EQ(beside.stamp, image.stamp);
     EXPECT_EQ(is_blind(beside.reasons), ms > 0) << "the same pixels as before";
   }
+  EXPECT_EQ(told(), Lines{"50 second_camera_blind on=1 images=1"});
   Frame image = camera.image(150);
   ASSERT_TRUE(stage.admit(image));
   stage.hand_on(image);
