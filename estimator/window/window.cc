@@ -107,14 +107,14 @@ bool is_possible(const SecondView& v) noexcept { return is_possible(v.bearing, v
 
 Window::Observed Window::observe(const TrackedFrame& frame) {
   Observed seen;
-  for (const TrackedFeature& feature : frame.features) observe(feature, seen);
+  for (const TrackedFeature& feature : frame.features) observe(feature, false, seen);
   if (!rig.use) return seen;
   seen.impossible += observe_second(frame);
-  for (const TrackedFeature& feature : frame.second_tracks) observe(feature, seen);
+  for (const TrackedFeature& feature : frame.second_tracks) observe(feature, true, seen);
   return seen;
 }
 
-void Window::observe(const TrackedFeature& feature, Observed& seen) {
+void Window::observe(const TrackedFeature& feature, bool by_second, Observed& seen) {
   if (!is_possible(feature)) {
     ++seen.impossible;
     return;
@@ -129,7 +129,7 @@ void Window::observe(const TrackedFeature& feature, Observed& seen) {
     TrackRecord& t = records_[static_cast<std::size_t>(i)];
     t.id = feature.id;
     t.mask = t.second = 0;
-    t.by_second = (feature.id & kSecondTrack) != 0;
+    t.by_second = by_second;
     t.in_use = true;
     insert_index(feature.id, i);
   }

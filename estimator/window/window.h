@@ -194,7 +194,7 @@ class Window {
 
  private:
   static constexpr std::uint32_t kBuckets = 4096;  // four times the tracks: short probes
-  void observe(const TrackedFeature& feature, Observed& seen);
+  void observe(const TrackedFeature& feature, bool by_second, Observed& seen);
   int observe_second(const TrackedFrame& frame);
   void rebuild_index();
   void insert_index(std::uint32_t id, int i);

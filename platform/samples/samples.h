@@ -72,7 +72,8 @@ struct SecondView {
   std::array<double, 6> pixel_jacobian{};  ///< d pixel / d bearing, as of TrackedFeature
 };
 
-inline constexpr std::uint32_t kSecondTrack = 1u << 31;  ///< bit of the ids of tracks of the second camera alone
+/// Bit of the ids of tracks of the second camera alone, which tells them from the first one's.
+inline constexpr std::uint32_t kSecondTrack = 1u << 31;
 
 /// All tracks of one image.
 struct TrackedFrame {
@@ -81,7 +82,7 @@ struct TrackedFrame {
   std::uint32_t reasons = 0;  ///< as Frame::reasons
   FixedVector<TrackedFeature, kMaxFeatures> features;
   FixedVector<SecondView, kMaxFeatures> second;  ///< of tracks in `features`, sorted by id; one camera: none
-  /// Tracks of the second camera alone, sorted by id, which has kSecondTrack; bearings in its frame.
+  /// Tracks of the second camera alone, sorted by id; bearings in its frame. No id is one in `features` (kSecondTrack).
   FixedVector<TrackedFeature, kMaxFeatures> second_tracks;
 };
 

@@ -328,8 +328,11 @@ TEST(SeveralCameras, TracksOfTheSecondAloneNeedARigAndADrift) {
   w.append();
   TrackedFrame frame;
   frame.second_tracks.push_back(make_feature(kSecondTrack | 99, Vec3(0, 0, 3), Vec2::Zero()));
+  frame.features.push_back(make_feature(kSecondTrack | 98, Vec3(0, 0, 3), Vec2::Zero()));
   w.observe(frame);
   EXPECT_EQ(w.find(kSecondTrack | 99), -1);
+  ASSERT_GE(w.find(kSecondTrack | 98), 0) << "where there is one camera, ids are whatever they are";
+  EXPECT_FALSE(w.track(w.find(kSecondTrack | 98)).by_second);
 }
 
 TEST(SeveralCameras, ImpossibleAndUnknownViewsAreLeftOut) {
