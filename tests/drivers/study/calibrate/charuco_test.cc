@@ -3,22 +3,16 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <opencv2/aruco/charuco.hpp>
 
 #include "drivers/study/calibrate/board_detector.h"
 #include "drivers/study/calibrate/board_drawing.h"
 #include "drivers/study/calibrate/calibrate.h"
 #include "pipeline/text/table.h"
 #include "tests/drivers/study/calibrate/board_recording.h"
+#include "tests/drivers/study/calibrate/opencv_charuco.h"
 
 namespace epiline {
 namespace {
-
-cv::Ptr<cv::aruco::CharucoBoard> opencvs(const CharucoBoard& board) {
-  return cv::aruco::CharucoBoard::create(board.columns, board.rows, static_cast<float>(board.square_m),
-                                         static_cast<float>(board.tag_m),
-                                         cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11));
-}
 
 class Charuco : public testing::TestWithParam<CharucoBoard> {
  protected:
@@ -35,9 +29,8 @@ INSTANTIATE_TEST_SUITE_P(Boards, Charuco,
 TEST_P(Charuco, EveryCornerOfABoardDrawnByOpenCvIsFoundWhereItIs) {
   const CharucoBoard board = GetParam();
   constexpr int kSquare_px = 60, kRim_px = 20;
-  cv::Mat drawn;
-  opencvs(board)->draw({board.columns * kSquare_px + 2 * kRim_px, board.rows * kSquare_px + 2 * kRim_px}, drawn,
-                       kRim_px, 1);
+  const cv::Mat drawn = test::OpencvCharuco(board).draw(
+      {board.columns * kSquare_px + 2 * kRim_px, board.rows * kSquare_px + 2 * kRim_px}, kRim_px);
   auto detector = BoardDetector::create(board);
   const auto corners = detector->find({drawn.data, drawn.cols, drawn.rows, static_cast<int>(drawn.step)});
   EXPECT_EQ(corners.size(), static_cast<std::size_t>((board.columns - 1) * (board.rows - 1)));
@@ -59,18 +52,15 @@ TEST_P(Charuco, OpenCvFindsEveryCornerOfOurDrawing) {
   const Vec3 p_TC = Vec3(board.width_m() / 2, board.height_m() / 2, 0) - 0.55 * R_TC.col(2);
   GreyImage image = photographer.take(R_TC, p_TC);
   const cv::Mat picture(image.height, image.width, CV_8U, image.pixels.data());
-  const auto judge = opencvs(board);
-  std::vector<std::vector<cv::Point2f>> markers;
-  std::vector<cv::Point2f> corners;
-  std::vector<int> marker_ids, ids;
-  cv::aruco::detectMarkers(picture, judge->dictionary, markers, marker_ids);
-  EXPECT_EQ(marker_ids.size(), static_cast<std::size_t>(board.tags()));
-  cv::aruco::interpolateCornersCharuco(markers, marker_ids, picture, judge, corners, ids);
+  const test::OpencvCharuco judge(board);
+  const auto [tags, ids, corners] = judge.find(picture);
+  EXPECT_EQ(tags, static_cast<std::size_t>(board.tags()));
   EXPECT_EQ(ids.size(), static_cast<std::size_t>((board.columns - 1) * (board.rows - 1)));
+  const std::vector<cv::Point3f> places = judge.places();
   const Target target = board.target();
   for (std::size_t i = 0; i < ids.size(); ++i) {
     // OpenCV numbers and places corners with y down
-    const cv::Point3f there = judge->chessboardCorners[static_cast<std::size_t>(ids[i])];
+    const cv::Point3f there = places[static_cast<std::size_t>(ids[i])];
     const Vec3 p_T(there.x, board.height_m() - there.y, 0);
     EXPECT_LT((target.at(static_cast<std::uint32_t>(ids[i])) - p_T).norm(), 1e-6) << "corner " << ids[i];
     Vec2 px;
