@@ -66,13 +66,13 @@ const char* why_apart(const Camera& first, const Camera& second, const SecondRig
 }  // namespace
 
 struct SecondTracker::Impl {
-  Impl(const Camera& first, const Camera& second, const SecondRig& rig, const TrackerConfig& config_)
+  Impl(const Camera& second, const SecondRig& rig, const TrackerConfig& config_, bool matches_)
       : camera(second),
         R_SC(rig.R_SC),
         p_SC(rig.p_SC),
         baseline_m(rig.p_SC.norm()),
         config(config_),
-        matches(why_apart(first, second, rig) == nullptr),
+        matches(matches_),
         alone(second, config_),
         chains(static_cast<std::size_t>(config_.max_features)),
         templates(2 * chains.size()),
@@ -84,10 +84,6 @@ struct SecondTracker::Impl {
     }
   }
 
-  bool usable(const Frame& image) const {
-    return image.data && image.width == camera.width() && image.height == camera.height() &&
-           image.stride >= image.width;
-  }
   void forget_views();
   void take_over(const TrackedFrame& tracks);
   Vec2 seen_at(const Vec3& f_C, double inverse_m) const;
@@ -383,7 +379,7 @@ SecondTracker::SecondTracker(const Camera& first, const SecondRig& rig, const Tr
   const Camera second(rig.camera);
   const char* const apart = why_apart(first, second, rig);
   if (apart != nullptr && config.second_features == 0) throw std::invalid_argument(apart);
-  impl_ = std::make_unique<Impl>(first, second, rig, config);
+  impl_ = std::make_unique<Impl>(second, rig, config, apart == nullptr);
 }
 
 SecondTracker::~SecondTracker() = default;
@@ -395,8 +391,7 @@ void SecondTracker::step(const PyramidView* first, const Frame& second, const Ma
   tracks.second.clear();
   tracks.second_tracks.clear();
   t.take_over(tracks);
-  t.alone.follow(second, R_SS0);
-  if (!t.usable(second)) {
+  if (!t.alone.follow(second, R_SS0)) {
     ++t.stats.images_missing;
     return t.forget_views();
   }

@@ -80,7 +80,6 @@ struct Tracker::Impl {
   std::uint64_t image_number = 0;
   std::uint32_t next_id = 0;
   HostStamp stamp;
-  bool any_image = false;                           // the last one could be used
   double interval_s = 0;                            // to the previous image; 0: there is none, or time did not advance
   bool gap = false;                                 // the interval is longer than usual
   std::array<Mat3, TrackTable::kHistory> rotation;  // image n - 1 to n, at n % kHistory
@@ -310,17 +309,16 @@ void Tracker::step(const Frame& image, const Mat3& R_CC0, TrackedFrame& out, con
   out.stamp = image.stamp;
   out.sequence = image.sequence;
   out.features.clear();
-  follow(image, R_CC0, rows);
-  fill({}, impl_->config.max_features, 0, out.features);
+  if (follow(image, R_CC0, rows)) fill({}, impl_->config.max_features, 0, out.features);
 }
 
-void Tracker::follow(const Frame& image, const Mat3& R_CC0, const RowTurn& rows) noexcept {
+bool Tracker::follow(const Frame& image, const Mat3& R_CC0, const RowTurn& rows) noexcept {
   Impl& t = *impl_;
   ++t.stats.images;
-  t.any_image = t.usable(image);
-  if (!t.any_image) {
+  if (!t.usable(image)) {
     ++t.stats.images_refused;
-    return t.forget();
+    t.forget();
+    return false;
   }
   t.start_image(image, R_CC0, rows);
   if (t.tracks.size > 0) {
@@ -330,12 +328,12 @@ void Tracker::follow(const Frame& image, const Mat3& R_CC0, const RowTurn& rows)
     t.reject(t.config.wide_span, t.config.wide_limit_px, t.stats.rejected_wide);
     t.stats.tracked += static_cast<std::uint64_t>(t.tracks.size);
   }
+  return true;
 }
 
 void Tracker::fill(std::span<const std::array<float, 2>> taken, int most, std::uint32_t id_bit,
                    FixedVector<TrackedFeature, kMaxFeatures>& out) noexcept {
   Impl& t = *impl_;
-  if (!t.any_image) return;
   if (!taken.empty()) t.leave(taken);
   t.detect(taken, most);
   t.remember();

@@ -30,10 +30,11 @@ class Tracker {
   /// `rows`: of a rolling shutter, how the camera turned during the image.
   void step(const Frame& image, const Mat3& R_CC0, TrackedFrame& out, const RowTurn& rows = {}) noexcept;
 
-  /// step() in two halves, for images in which other tracks are followed, too. follow(): finds the tracks again.
-  /// fill(): adds new ones until there are `most` (0: none), none of them near the pixels `taken`, which also end
-  /// tracks that they are on; then appends all tracks to `out`, with `id_bit` in their ids.
-  void follow(const Frame& image, const Mat3& R_CC0, const RowTurn& rows = {}) noexcept;
+  /// step() in two halves, for images in which other tracks are followed, too. follow(): finds the tracks again; false:
+  /// the image cannot be used, and all tracks have ended. fill(), after true: adds new ones until there are `most` (0:
+  /// none), none of them near the pixels `taken`, which also end tracks that they are on; then appends all tracks to
+  /// `out`, with `id_bit` in their ids.
+  bool follow(const Frame& image, const Mat3& R_CC0, const RowTurn& rows = {}) noexcept;
   void fill(std::span<const std::array<float, 2>> taken, int most, std::uint32_t id_bit,
             FixedVector<TrackedFeature, kMaxFeatures>& out) noexcept;
 
