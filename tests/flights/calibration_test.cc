@@ -20,7 +20,6 @@ class RealRig : public testing::Test {
     if (!std::filesystem::exists(recording())) GTEST_SKIP() << "no recording " << recording();
     settings_.dataset = recording();
     settings_.guess = "none";
-    settings_.model = CameraModel::kPinholeRadialTangential;
     settings_.width = 752;
     settings_.height = 480;
     settings_.duration_s = 15;

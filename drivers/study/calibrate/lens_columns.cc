@@ -1,6 +1,7 @@
 #include "drivers/study/calibrate/lens_columns.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace epiline {
 
@@ -60,6 +61,15 @@ const char* name_of(CameraModel model) {
       return "double-sphere";
   }
   return "";
+}
+
+Eigen::Matrix<double, 2, kLensTerms> lens_terms(const CameraParameters& lens, const Vec2& px) {
+  const auto& [fx, fy, cx, cy] = lens.intrinsics;
+  const Vec2 r = (px - Vec2(cx, cy)) / (0.5 * std::hypot(lens.width, lens.height));
+  const double r4 = r.squaredNorm() * r.squaredNorm(), r8 = r4 * r4;
+  Eigen::Matrix<double, 2, kLensTerms> terms;
+  terms << r8 * r, r8 * r.squaredNorm() * r;
+  return terms;
 }
 
 LensProjection::LensProjection(const CameraParameters& lens) : camera_(lens), columns_(lens_columns(lens.model)) {

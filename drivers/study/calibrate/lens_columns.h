@@ -19,6 +19,11 @@ CameraParameters lens_with(const CameraParameters& lens, const LensStep& values)
 const char* lens_column_name(CameraModel model, int column);
 const char* name_of(CameraModel model);
 
+/// Displacements of a pixel that no model has: along the ray from the centre, with the ninth and the eleventh power of
+/// the distance from there; 1 px at half the image's diagonal.
+inline constexpr int kLensTerms = 2;
+Eigen::Matrix<double, 2, kLensTerms> lens_terms(const CameraParameters& lens, const Vec2& px);
+
 class LensProjection {
  public:
   explicit LensProjection(const CameraParameters& lens);

@@ -22,6 +22,8 @@ constexpr std::size_t kViewsOfFit = 150;
 constexpr double kSettledShare = 1e-9;
 /// Weight of what must not move.
 constexpr double kHeld = 1e12;
+/// Squared error of a corner that the lens does not see.
+constexpr double kUnseen_px2 = 1e6;
 
 /// A view of the fit with its pose.
 struct Placed {
@@ -72,10 +74,18 @@ class LensSolver {
     sigma_px_ = median_sigma();
   }
 
-  /// The cost that errors of this sigma would have, so that two fits compare.
-  double cost_at(double sigma_px) {
+  /// The cost that errors of this sigma would have, those of `corners` that have no place among them, so that two fits
+  /// compare.
+  double cost_at(double sigma_px, std::size_t corners) {
     sigma_px_ = sigma_px;
-    return cost_now();
+    return cost_now() +
+           static_cast<double>(corners - this->corners()) * cauchy_cost(kUnseen_px2 / (sigma_px * sigma_px));
+  }
+
+  std::size_t corners() const {
+    std::size_t sum = 0;
+    for (const Placed& p : placed_) sum += p.view->corners.size();
+    return sum;
   }
 
   double median_sigma() const {
@@ -99,7 +109,6 @@ class LensSolver {
 
  private:
   double squared_error(const Camera& camera, const Placed& p, const Corner& corner) const {
-    constexpr double kUnseen_px2 = 1e6;
     Vec2 px;
     const bool seen = camera.project(p.pose.R_CT * shape_.place(corner) + p.pose.t_CT, px);
     return seen ? (corner.px - px).squaredNorm() : kUnseen_px2;
@@ -254,18 +263,19 @@ constexpr double kSameFocalLength = 0.05;
 /// those of a corner in neighbouring images are alike. The costs of rendered boards differ by 4 to 11.
 constexpr double kUndecided = 16;
 
-/// The least cost; of twins, the one with the smaller coefficients: it is nearer to a lens of one sphere.
-const LensSolver& best_of(std::vector<LensSolver>& settled) {
-  const double sigma_px = settled.front().median_sigma();
-  std::vector<double> costs;
-  for (LensSolver& solver : settled) costs.push_back(solver.cost_at(sigma_px));
-  const double undecided = *std::min_element(costs.begin(), costs.end()) + kUndecided;
-  const LensSolver* best = nullptr;
-  for (std::size_t i = 0; i < settled.size(); ++i) {
-    if (costs[i] > undecided) continue;
-    if (!best || settled[i].coefficients() < best->coefficients()) best = &settled[i];
+/// The first that explains the corners as well as any, as far as they tell.
+LensSolver& best_of(std::vector<LensSolver>& settled) {
+  double sigma_px = settled.front().median_sigma();
+  std::size_t corners = 0;
+  for (const LensSolver& solver : settled) {
+    sigma_px = std::min(sigma_px, solver.median_sigma());
+    corners = std::max(corners, solver.corners());
   }
-  return *best;
+  std::vector<double> costs;
+  for (LensSolver& solver : settled) costs.push_back(solver.cost_at(sigma_px, corners));
+  const double undecided = *std::min_element(costs.begin(), costs.end()) + kUndecided;
+  const auto best = std::find_if(costs.begin(), costs.end(), [&](double cost) { return cost <= undecided; });
+  return settled[static_cast<std::size_t>(best - costs.begin())];
 }
 
 Error too_few(std::size_t views) {
@@ -273,10 +283,9 @@ Error too_few(std::size_t views) {
           fmt::format("{} at least, spread over the recording", kLeastViews)};
 }
 
-}  // namespace
-
-Result<LensFit> fit_lens(const std::vector<CornerView>& views, CameraModel model, int width, int height,
-                         const std::optional<CameraParameters>& guess) {
+/// Of twins the one with the smaller coefficients: it is nearer to a lens of one sphere.
+Result<LensSolver> solve_lens(const std::vector<CornerView>& views, CameraModel model, int width, int height,
+                              const std::optional<CameraParameters>& guess) {
   const auto few = spread_views(views, 15), many = spread_views(views, kViewsOfFit);
   const auto fail = [](std::string found, std::string expected) {
     return Error{ErrorKind::kRun, "", 0, std::move(found), std::move(expected)};
@@ -306,7 +315,18 @@ Result<LensFit> fit_lens(const std::vector<CornerView>& views, CameraModel model
     if (std::any_of(settled.begin(), settled.end(), is_same)) continue;
     settled.emplace_back(f.lens(), f.shape(), place(f.lens(), f.shape(), many)).run(100, true);
   }
-  return with_poses(best_of(settled), views);
+  std::sort(settled.begin(), settled.end(),
+            [](const LensSolver& a, const LensSolver& b) { return a.coefficients() < b.coefficients(); });
+  return std::move(best_of(settled));
+}
+
+}  // namespace
+
+Result<LensFit> fit_lens(const std::vector<CornerView>& views, CameraModel model, int width, int height,
+                         const std::optional<CameraParameters>& guess) {
+  const auto solver = solve_lens(views, model, width, height, guess);
+  if (!solver) return solver.error();
+  return with_poses(*solver, views);
 }
 
 Result<LensFit> fit_board(const std::vector<CornerView>& views, const CameraParameters& lens) {
@@ -319,12 +339,19 @@ Result<LensFit> fit_board(const std::vector<CornerView>& views, const CameraPara
 }
 
 Result<LensFit> choose_lens(const std::vector<CornerView>& views, int width, int height) {
-  auto best = fit_lens(views, CameraModel::kPinholeRadialTangential, width, height, std::nullopt);
-  for (const CameraModel model : {CameraModel::kPinholeEquidistant, CameraModel::kDoubleSphere}) {
-    auto other = fit_lens(views, model, width, height, std::nullopt);
-    if (other && (!best || other->sigma_px < 0.95 * best->sigma_px)) best = std::move(other);
+  std::vector<LensSolver> found;
+  std::optional<Error> why_not;
+  for (const CameraModel model :
+       {CameraModel::kPinholeRadialTangential, CameraModel::kPinholeEquidistant, CameraModel::kDoubleSphere}) {
+    auto solver = solve_lens(views, model, width, height, std::nullopt);
+    if (solver) {
+      found.push_back(std::move(*solver));
+    } else if (!why_not) {
+      why_not = solver.error();
+    }
   }
-  return best;
+  if (found.empty()) return *why_not;
+  return with_poses(best_of(found), views);
 }
 
 }  // namespace epiline

@@ -26,7 +26,8 @@ Result<LensFit> fit_lens(const std::vector<CornerView>& views, CameraModel model
 /// A lens that is known: the shape of the board and the poses alone.
 Result<LensFit> fit_board(const std::vector<CornerView>& views, const CameraParameters& lens);
 
-/// Of all models the one with the least error; radial-tangential where others are better by less than 5 %.
+/// Of all models the one that explains the corners best; where they do not tell, the first of radial-tangential,
+/// equidistant, double sphere.
 Result<LensFit> choose_lens(const std::vector<CornerView>& views, int width, int height);
 
 inline constexpr int kLeastViews = 10;

@@ -60,14 +60,14 @@ class Rig {
     if (!(moved < kGoodEnough)) return false;
     linearise(layout, equations);
     if (!equations.solve(step)) return false;
-    problem_.covariance = covariance_of(state_, layout, equations, problem_);
+    uncertainty_ = uncertainty_of(state_, layout, equations, problem_);
     return true;
   }
 
   RigFit take() {
     RigFit fit;
     fit.noise = problem_.noise;
-    fit.covariance = std::move(problem_.covariance);
+    fit.uncertainty = std::move(uncertainty_);
     fit.views = problem_.views.size();
     fit.iterations = iterations_;
     const RigLayout layout(state_);
@@ -292,6 +292,7 @@ class Rig {
   RigFitSettings settings_;
   RigState state_;
   RigProblem problem_;
+  RigUncertainty uncertainty_;
   std::vector<KnownPose> views_;
   double period_s_ = 0;
   std::size_t pieces_ = 0;

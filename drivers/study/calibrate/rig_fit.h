@@ -28,16 +28,26 @@ struct CornerError {
   Vec2 px, e_px;
 };
 
+/// Rows and columns: the constants in the order of RigColumns(0, model); rotations as right perturbations, gravity in
+/// rad across it.
+struct RigUncertainty {
+  /// If some lens of the model has the true one's shape.
+  Eigen::MatrixXd covariance;
+  /// Where corners tell that none has, one or two columns: how far the constants would move if the lens had the
+  /// lens_terms() too, and behind these numbers those of the terms. Each column counts as one sigma.
+  Eigen::MatrixXd misfit;
+  double sigma(int column) const;
+};
+
 struct RigFit {
   RigState state;
   RigNoise noise;
-  /// Of the constants in the order of RigColumns(0, model); rotations as right perturbations, gravity in rad across it.
-  Eigen::MatrixXd covariance;
+  RigUncertainty uncertainty;
   std::vector<CornerError> corners;
   double rms_px = 0;  ///< of the corners' distances, as calibrations are usually judged; outliers left out
   std::size_t views = 0, outliers = 0;
   int iterations = 0;
-  double sigma(int column) const { return std::sqrt(covariance(column, column)); }
+  double sigma(int column) const { return uncertainty.sigma(column); }
 };
 
 struct RigFitSettings {

@@ -17,17 +17,16 @@ struct RigProblem {
   std::vector<RigReading> readings;
   std::vector<RigView> views;
   RigNoise noise;
-  Eigen::MatrixXd covariance;
 };
 
 /// A reading's residual with its weight, large ones counting less.
 FitResidual weighted(FitResidual r, double sigma);
 double corner_weight(const Vec2& e_px, const RigNoise& noise);
 
-/// Of the constants, at the fit. `equations`: as solved there. Each sigma is the largest of several: by the equations,
-/// which take every measurement's error for independent of all others; and by how far the pulls of the measurements of
-/// one stretch of time, one corner of the board, one part of the image scatter, whatever the reason.
-Eigen::MatrixXd covariance_of(const RigState& state, const RigLayout& layout, const FitEquations& equations,
+/// At the fit. `equations`: as solved there. Each sigma is the largest of several: by the equations, which take every
+/// measurement's error for independent of all others; and by how far the pulls of the measurements of one stretch of
+/// time, one corner of the board, one part of the image scatter, whatever the reason.
+RigUncertainty uncertainty_of(const RigState& state, const RigLayout& layout, const FitEquations& equations,
                               const RigProblem& problem);
 
 }  // namespace epiline

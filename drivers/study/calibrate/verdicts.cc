@@ -24,13 +24,17 @@ constexpr double kGoodLens_px = 0.2, kGoodRms_px = 0.8, kGoodCovered = 0.7, kGoo
 constexpr int kJudgedX = 8, kJudgedY = 6;
 constexpr std::array<const char*, 3> kAxes = {"x", "y", "z"};
 
+struct LensError {
+  double px;        ///< rms over the image
+  double shape_px;  ///< what is in it because no lens of the model has this one's shape
+};
+
 /// How far pixels may be off over the image, apart from a turn of the camera, which its rotation on the IMU takes up.
-double lens_error_px(const RigFit& fit) {
+LensError lens_error(const RigFit& fit) {
   const CameraParameters& lens = fit.state.constants.lens;
   const LensProjection projection(lens);
-  const int columns = lens_columns(lens.model);
-  const Eigen::MatrixXd covariance = fit.covariance.topLeftCorner(columns, columns);
-  Eigen::MatrixXd by_lens_all(0, columns), by_turn(0, 3);
+  const int columns = lens_columns(lens.model), all = columns + kLensTerms;
+  Eigen::MatrixXd by_lens_all(0, all), by_turn(0, 3);
   for (int y = 0; y < kJudgedY; ++y) {
     for (int x = 0; x < kJudgedX; ++x) {
       const Vec2 px((x + 0.5) * lens.width / kJudgedX, (y + 0.5) * lens.height / kJudgedY);
@@ -42,13 +46,21 @@ double lens_error_px(const RigFit& fit) {
       const auto rows = by_turn.rows();
       by_lens_all.conservativeResize(rows + 2, Eigen::NoChange);
       by_turn.conservativeResize(rows + 2, Eigen::NoChange);
-      by_lens_all.bottomRows<2>() = J;
+      by_lens_all.bottomRows<2>() << J, lens_terms(lens, px);
       by_turn.bottomRows<2>() = -by_point * skew(f_C);
     }
   }
-  if (by_turn.rows() < 6) return 0;
+  if (by_turn.rows() < 6) return {};
   const Eigen::MatrixXd rest = by_lens_all - by_turn * by_turn.householderQr().solve(by_lens_all);
-  return std::sqrt(2 * (rest * covariance * rest.transpose()).trace() / static_cast<double>(rest.rows()));
+  const auto rms = [&](double sum) { return std::sqrt(2 * sum / static_cast<double>(rest.rows())); };
+  const Eigen::MatrixXd P = fit.uncertainty.covariance.topLeftCorner(columns, columns);
+  const Eigen::MatrixXd& misfit = fit.uncertainty.misfit;
+  const double by_numbers = (rest.leftCols(columns) * P * rest.leftCols(columns).transpose()).trace();
+  if (misfit.cols() == 0) return {rms(by_numbers), 0};
+  Eigen::MatrixXd of_lens(all, misfit.cols());
+  of_lens << misfit.topRows(columns), misfit.bottomRows<kLensTerms>();
+  const double by_shape = (rest * of_lens).squaredNorm();
+  return {rms(by_numbers + by_shape), rms(by_shape)};
 }
 
 /// Parts of the image with at least ten corners.
@@ -95,16 +107,32 @@ Verdict verdict(bool good, const char* what, std::string found, std::string advi
   return {good, what, std::move(found), good ? "" : std::move(advice)};
 }
 
+Verdict lens_verdict(const Calibration& c, const LensError& error) {
+  const RigFit& fit = c.fit;
+  const CameraParameters& lens = c.camera.parameters;
+  const auto& [fx, fy, cx, cy] = lens.intrinsics;
+  std::string found = fmt::format(
+      "{}, focal length {:.2f} {:.2f} +- {:.2f} px, centre {:.2f} {:.2f} +- {:.2f} px; good to {:.2f} px over the "
+      "image",
+      name_of(lens.model), fx, fy, std::max(fit.sigma(0), fit.sigma(1)), cx, cy, std::max(fit.sigma(2), fit.sigma(3)),
+      error.px);
+  if (error.shape_px > 0)
+    found += fmt::format(", {:.2f} px of it because no lens of this model has the true shape", error.shape_px);
+  return verdict(error.px<kGoodLens_px, "lens", std::move(found), 2 * error.shape_px> error.px
+                     ? "another model (--model), or images that the board fills to their edges"
+                     : "tilt the board by 30 to 45 degrees in all directions, and fill the image with it");
+}
+
 }  // namespace
 
 void judge(Calibration& c) {
   const RigFit& fit = c.fit;
   const RigColumns columns(0, c.camera.parameters.model);
   const auto counts = corners_by_part(fit);
-  c.lens_px = lens_error_px(fit);
+  const LensError error = lens_error(fit);
+  c.lens_px = error.px;
   c.covered = static_cast<double>(std::count_if(counts.begin(), counts.end(), [](int n) { return n >= 10; })) /
               static_cast<double>(counts.size());
-  const auto& [fx, fy, cx, cy] = c.camera.parameters.intrinsics;
   const std::string turn_more =
       fmt::format("turn the rig more and faster, about the IMU's {} axis most", least_turned(fit));
   c.verdicts = {
@@ -114,12 +142,7 @@ void judge(Calibration& c) {
               "a flat board, sharp images (more light, shorter exposure), the board's true size"),
       verdict(c.covered >= kGoodCovered, "image", fmt::format("{:.0f} % of it saw the board", 100 * c.covered),
               fmt::format("bring the board into the {} corner of the image", empty_corner(counts))),
-      verdict(c.lens_px < kGoodLens_px, "lens",
-              fmt::format("{}, focal length {:.2f} {:.2f} +- {:.2f} px, centre {:.2f} {:.2f} +- {:.2f} px; good to "
-                          "{:.2f} px over the image",
-                          name_of(c.camera.parameters.model), fx, fy, std::max(fit.sigma(0), fit.sigma(1)), cx, cy,
-                          std::max(fit.sigma(2), fit.sigma(3)), c.lens_px),
-              "tilt the board by 30 to 45 degrees in all directions, and fill the image with it"),
+      lens_verdict(c, error),
       verdict(
           largest_sigma(fit, columns.R_BC) < kGoodRotation, "rotation",
           fmt::format("of the camera on the IMU, good to {:.3f} degrees", largest_sigma(fit, columns.R_BC) / kDegree),
