@@ -1,6 +1,7 @@
 #pragma once
 // Configuration of devices: plain data, checked by the table in parameters.cc, which also gives units and ranges. An
 // empty device name means that there is no such device.
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -49,12 +50,25 @@ struct CameraConfig {
   double silence_ms = 2000;
   std::string stamp_line;  ///< GPIO line with an edge at the start of each exposure; see GpioLine
   int stamp_edge = 0;      ///< kEdgeNames
+  int side_by_side = 0;    ///< kSideBySideNames
   ExposureConfig exposure;
 };
+enum class SideBySideHalves : std::uint8_t { kNone, kLeftFirst, kRightFirst };
+inline constexpr const char* kSideBySideNames[] = {"none", "left-first", "right-first"};
 inline constexpr const char* kShutterNames[] = {"global", "rolling"};
 inline constexpr const char* kStampPointNames[] = {"driver", "start-of-exposure", "end-of-frame", "first-row"};
 inline constexpr const char* kCameraClockNames[] = {"driver", "device"};
 inline constexpr const char* kEdgeNames[] = {"rising", "falling"};
+
+/// Section [second_camera]: a second camera beside the one of [camera], of the same kind and triggered together with
+/// it; what is not here is as there. docs/camera.md#two-cameras.
+struct SecondCameraConfig {
+  std::string device;       ///< empty: none, or the other half of the first one's images
+  std::string sensor;       ///< in a media graph: part of the sensor's name
+  std::string stamp_line;   ///< its own GPIO line; see GpioLine
+  std::string calibration;  ///< empty: cam1 of the first one's file
+  double within_ms = 1;     ///< images of both are taken together if they are no farther apart
+};
 
 /// Section [imu]: where its readings come from.
 struct ImuDeviceConfig {
@@ -133,6 +147,7 @@ inline constexpr const char* kHeightSourceNames[] = {"none", "mavlink"};
 
 struct DevicesConfig {
   CameraConfig camera;
+  SecondCameraConfig second_camera;
   ImuDeviceConfig imu;
   BodyConfig body;
   MavlinkConfig mavlink;
@@ -140,5 +155,10 @@ struct DevicesConfig {
   WheelConfig wheel;
   HeightConfig height;
 };
+
+/// 1, or 2 with a second camera.
+inline std::size_t camera_count(const DevicesConfig& devices) {
+  return !devices.second_camera.device.empty() || devices.camera.side_by_side != 0 ? 2 : 1;
+}
 
 }  // namespace epiline

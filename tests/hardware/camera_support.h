@@ -64,7 +64,7 @@ inline void set_controls(const std::string& device, std::vector<CameraControl> c
 }
 
 /// Reads until there is an image; false after `at_most`. `failures` counts what read() said on the way.
-inline bool read_within(V4l2Camera& camera, Frame& frame, Span at_most, int* failures = nullptr) {
+inline bool read_within(CameraSource& camera, Frame& frame, Span at_most, int* failures = nullptr) {
   const std::int64_t until_ns = monotonic_ns() + at_most.ns;
   while (monotonic_ns() < until_ns) {
     const ReadOutcome outcome = camera.read(frame, Span::from_milliseconds(100));

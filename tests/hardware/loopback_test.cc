@@ -5,23 +5,30 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
+#include <optional>
+#include <string>
 #include <thread>
+#include <utility>
 
 #include "drivers/program/hil/loopback_writer.h"
+#include "drivers/sensors/camera/camera_pair.h"
+#include "drivers/sensors/camera/side_by_side.h"
 #include "tests/hardware/camera_support.h"
 
 namespace epiline {
 namespace {
 
-constexpr const char* kDevice = "/dev/video42";
+constexpr const char *kDevice = "/dev/video42", *kSecondDevice = "/dev/video43";
 constexpr int kWidth = 320, kHeight = 180;
+constexpr double kRate_hz = 20;  // what a reader expects of stamps; a loopback says 30 unless told
 constexpr std::size_t kBytes = static_cast<std::size_t>(kWidth) * kHeight;
 
 /// The other end of the loopback: images of one grey.
 class Writer {
  public:
-  Writer() {
-    const Status status = writer_.open(kDevice, kWidth, kHeight);
+  explicit Writer(const char* device = kDevice) {
+    const Status status = writer_.open(device, kWidth, kHeight, kRate_hz);
     EXPECT_TRUE(status) << status.error().text();
   }
   void write(std::uint8_t grey, HostStamp stamp, std::size_t bytes = kBytes) {
@@ -39,9 +46,9 @@ class Writer {
   std::array<std::uint8_t, kBytes> image_{};
 };
 
-V4l2Settings loopback_settings() {
+V4l2Settings loopback_settings(const char* device = kDevice) {
   V4l2Settings settings = patient_settings();
-  settings.device = kDevice;
+  settings.device = device;
   settings.width = kWidth;
   settings.height = kHeight;
   settings.formats = {PixelFormat::kGrey};
@@ -158,6 +165,101 @@ TEST_F(Loopback, AWriterThatComesBackIsReadAgain) {
   feeder.join();
   EXPECT_GE(frame.data[0], 100);
   camera.give_back(frame);
+}
+
+/// Two loopbacks, read as a pair.
+class LoopbackPair : public Loopback {
+ protected:
+  void SetUp() override {
+    Loopback::SetUp();
+    if (IsSkipped()) return;
+    reload("devices=2 video_nr=42,43");
+    ASSERT_TRUE(std::filesystem::exists(kSecondDevice));
+  }
+  void TearDown() override {
+    if (!IsSkipped()) reload("video_nr=42");
+  }
+  static void reload(const std::string& options) {
+    ASSERT_EQ(std::system("/sbin/modprobe -r v4l2loopback"), 0);
+    ASSERT_EQ(std::system(("/sbin/modprobe v4l2loopback " + options).c_str()), 0);
+  }
+  /// Both cameras' images of one instant, the second one's first; nothing of the second one without a writer.
+  static void write(Writer& first, Writer* second, std::uint8_t grey, std::int64_t stamp_ns) {
+    if (second != nullptr) second->write(static_cast<std::uint8_t>(grey + 100), HostStamp{stamp_ns + 200'000});
+    first.write(grey, HostStamp{stamp_ns});
+  }
+};
+
+TEST_F(LoopbackPair, ImagesOfOneInstantComeTogetherAndALostCameraStopsNothing) {
+  Writer first(kDevice);
+  std::optional<Writer> second(kSecondDevice);
+  V4l2Settings of_second = loopback_settings(kSecondDevice);
+  of_second.silence_most = Span::from_milliseconds(500);
+  auto second_camera = std::make_unique<V4l2Camera>(of_second);
+  const V4l2Camera& seen = *second_camera;
+  CameraPair pair(std::make_unique<V4l2Camera>(loopback_settings()), std::move(second_camera), {});
+  const Status status = pair.open();
+  ASSERT_TRUE(status) << status.error().text();
+  std::int64_t stamp_ns = 1'000'000'000;
+  int together = 0, alone = 0;
+  const auto round = [&](std::uint8_t grey) {
+    write(first, second ? &*second : nullptr, grey, stamp_ns += 50'000'000);
+    Frame frame;
+    ASSERT_TRUE(read_within(pair, frame, kPatience));
+    EXPECT_EQ(frame.data[0], grey);
+    const Frame other = pair.second(frame);
+    if (other.data != nullptr) {
+      EXPECT_EQ(other.data[0], grey + 100);
+      EXPECT_EQ((other.stamp - frame.stamp).ns, 200'000);
+    }
+    (other.data != nullptr ? together : alone) += 1;
+    pair.give_back(frame);
+  };
+  for (int i = 1; i <= 50; ++i) round(static_cast<std::uint8_t>(i));
+  EXPECT_GE(together, 45);
+  second.reset();
+  together = alone = 0;
+  for (int i = 1; seen.counts().disconnected == 0 && i < 100'000; ++i) round(static_cast<std::uint8_t>(1 + i % 50));
+  EXPECT_GT(seen.counts().disconnected, 0u) << "its silence is noticed";
+  EXPECT_EQ(together, 0);
+  second.emplace(kSecondDevice);
+  together = 0;
+  for (int i = 1; together < 10 && i < 100'000; ++i) {
+    round(static_cast<std::uint8_t>(1 + i % 50));
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  EXPECT_EQ(together, 10) << "it is read again";
+}
+
+TEST_F(LoopbackPair, ADeviceWithBothImagesIsCutInTwo) {
+  LoopbackWriter writer;
+  ASSERT_TRUE(writer.open(kDevice, 2 * kWidth, kHeight, kRate_hz));
+  V4l2Settings settings = loopback_settings();
+  settings.width = 2 * kWidth;
+  SideBySide camera(std::make_unique<V4l2Camera>(settings), false);
+  const Status status = camera.open();
+  ASSERT_TRUE(status) << status.error().text();
+  std::array<std::uint8_t, kBytes> left{}, right{};
+  left.fill(11);
+  right.fill(22);
+  Frame image;
+  image.width = image.stride = kWidth;
+  image.height = kHeight;
+  image.stamp = HostStamp{1'000'000'000};
+  image.data = left.data();
+  Frame other = image;
+  other.data = right.data();
+  ASSERT_TRUE(writer.write(image, other)) << std::strerror(errno);
+  Frame first;
+  ASSERT_TRUE(read_within(camera, first, kPatience));
+  const Frame second = camera.second(first);
+  for (const auto& [half, grey] :
+       {std::pair<const Frame*, int>(&first, 11), std::pair<const Frame*, int>(&second, 22)}) {
+    EXPECT_EQ(half->width, kWidth);
+    for (const int x : {0, kWidth - 1})
+      for (const int y : {0, kHeight - 1}) EXPECT_EQ(half->data[y * half->stride + x], grey) << x << " " << y;
+  }
+  camera.give_back(first);
 }
 
 }  // namespace

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
+#include <string_view>
 
 namespace epiline {
 
@@ -63,12 +65,38 @@ void check_interface(const char* device, const char* key, const std::string& int
                       fmt::format("is its driver loaded? Else correct {}; present: {}", key, to_text(inventory.can))));
 }
 
+std::optional<std::uint64_t> count_of(const DeviceRecord& record, std::string_view name) {
+  for (const DeviceCount& c : record.counts)
+    if (c.name == name) return c.value;
+  return std::nullopt;
+}
+
+/// Of two cameras: do their images belong together?
+void tell_of_pairs(const DeviceRecord& record, Findings& out) {
+  const auto pairs = count_of(record, "pairs"), without = count_of(record, "without");
+  if (!pairs || !without || *pairs + *without == 0) return;
+  const double share = static_cast<double>(*pairs) / static_cast<double>(*pairs + *without);
+  const std::string text =
+      fmt::format("{:.0f} % of the images have one of the second camera at the same time", 100 * share);
+  constexpr double kGood = 0.9;  // the first images have none, as the second camera begins later
+  if (share > kGood)
+    out.push_back(found(Grade::kOk, record.name, text));
+  else
+    out.push_back(found(share > 0 ? Grade::kWarning : Grade::kError, record.name, text,
+                        "trigger both cameras by one line, set the same rate and exposure for both; their stamps must "
+                        "agree within second_camera.within_ms (docs/camera.md, Two cameras)"));
+}
+
 }  // namespace
 
 Findings check_presence(const DevicesConfig& d, const Inventory& inventory) {
   Findings out;
   check_file("camera", "camera.device", d.camera.device, inventory.cameras, out, true);
   check_line("camera", d.camera.stamp_line, inventory, out);
+  if (const SecondCameraConfig& second = d.second_camera; !second.device.empty()) {
+    check_file("second camera", "second_camera.device", second.device, inventory.cameras, out, true);
+    check_line("second camera", second.stamp_line, inventory, out);
+  }
   switch (static_cast<ImuDriver>(d.imu.driver)) {
     case ImuDriver::kMavlink:
       break;  // comes over the link below
@@ -97,16 +125,15 @@ Findings findings_of(const DeviceRecord& record) {
         found(Grade::kWarning, record.name, "its driver counted faults: " + text,
               "check cables, supply and other load on the bus; the page of the driver in docs explains each count"));
   if (!record.refusal.empty()) out.push_back(found(Grade::kError, record.name, record.refusal, record.remedy));
-  const auto packets = std::find_if(record.counts.begin(), record.counts.end(),
-                                    [](const DeviceCount& c) { return c.name == "packets"; });
-  if (packets != record.counts.end()) {
-    if (packets->value == 0)
+  tell_of_pairs(record, out);
+  if (const auto packets = count_of(record, "packets")) {
+    if (*packets == 0)
       out.push_back(found(Grade::kError, record.name, "nothing received from a flight controller",
                           "cross TX and RX, set the same baud rate, switch MAVLink on at that port of the controller; "
                           "over UDP it must send "
                           "from the very ADDRESS:PORT of mavlink.udp: others are not heard"));
     else
-      out.push_back(found(Grade::kOk, record.name, fmt::format("{} packets received", packets->value)));
+      out.push_back(found(Grade::kOk, record.name, fmt::format("{} packets received", *packets)));
   }
   if (!record.clock) return out;
   const ClockState& c = *record.clock;

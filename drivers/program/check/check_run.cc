@@ -65,6 +65,7 @@ class IdleLines {
 /// The open devices; null: not open, or not configured.
 struct Opened {
   CameraSource* camera = nullptr;
+  const V4l2Camera* v4l2 = nullptr;  ///< the (first) camera's driver
   ImuSource* imu = nullptr;
   WheelSource* wheel = nullptr;
   HeightSource* height = nullptr;
@@ -86,11 +87,7 @@ CameraParameters lens_to_look_with(const LiveSettings& settings, const Frame& im
 class Samples {
  public:
   Samples(const Opened& opened, const LiveSettings& settings, CheckWitness* witness)
-      : opened_(opened),
-        v4l2_(dynamic_cast<const V4l2Camera*>(opened.camera)),
-        settings_(settings),
-        config_(settings.config),
-        witness_(witness) {
+      : opened_(opened), v4l2_(opened.v4l2), settings_(settings), config_(settings.config), witness_(witness) {
     forget();
     if (opened.camera != nullptr) camera_thread_.emplace([this] { return look_at_camera(); });
     if (opened.imu != nullptr) imu_thread_.emplace([this] { return look_at_imu(); });
@@ -204,6 +201,7 @@ class Devices {
     devices_ = std::move(made.devices);
     open_outputs(out);
     opened_.camera = opened(devices_.camera.get(), "camera", out);
+    opened_.v4l2 = devices_.v4l2;
     opened_.imu = opened(devices_.imu.get(), "imu", out);
     opened_.wheel = opened(devices_.wheel.get(), "wheel", out);
     opened_.height = opened(devices_.height.get(), "height", out);

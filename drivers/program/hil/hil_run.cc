@@ -36,10 +36,19 @@ std::optional<std::string> after(std::string_view prefix, const std::string& tex
   return text.rfind(prefix, 0) == 0 ? std::optional(text.substr(prefix.size())) : std::nullopt;
 }
 
-/// With the calibration that the configuration names.
+/// With the calibration that the configuration names; with both cameras if it has two.
 Result<AslDataset> open_dataset(const HilOptions& o, const Config& c) {
-  return is_bag(o.dataset) ? open_bag_dataset(o.dataset, {}, "cam0", c.camera_calibration, c.imu_calibration)
-                           : open_asl_dataset(o.dataset, "cam0", c.camera_calibration, c.imu_calibration);
+  const bool both = camera_count(c.devices) > 1;
+  if (is_bag(o.dataset)) {
+    if (both) return Error{ErrorKind::kUsage, o.dataset.string(), 0, "two cameras with a ROS bag", "an ASL folder"};
+    return open_bag_dataset(o.dataset, {}, "cam0", c.camera_calibration, c.imu_calibration);
+  }
+  auto dataset = open_asl_dataset(o.dataset, "cam0", c.camera_calibration, c.imu_calibration);
+  if (!dataset || !both) return dataset;
+  const std::string& own = c.devices.second_camera.calibration;
+  if (const Status s = open_second_camera(*dataset, "cam1", own.empty() ? c.camera_calibration : own); !s)
+    return s.error();
+  return dataset;
 }
 
 Result<FlightPlan> plan_of(const AslDataset& dataset, const HilOptions& o) {
@@ -199,7 +208,9 @@ Status Flight::connect_camera(LiveDevices& devices) {
   const std::string device = *after(kLoopback, options_.camera);
   CameraConfig& c = settings_.config.devices.camera;
   const CameraParameters& lens = dataset_.camera.parameters;
-  if (const Status s = loopback_.open(device, lens.width, lens.height, image_rate_hz(plan_)); !s) return s;
+  const bool both = dataset_.second != nullptr;
+  if (const Status s = loopback_.open(device, lens.width * (both ? 2 : 1), lens.height, image_rate_hz(plan_)); !s)
+    return s;
   // What a loopback has not: controls, an exposure, a clock that anybody vouches for. Recorded stamps are mid-exposure.
   CameraConfig played;
   played.device = device;
@@ -207,8 +218,10 @@ Status Flight::connect_camera(LiveDevices& devices) {
   played.silence_ms = c.silence_ms;
   played.trust_stamps = true;
   played.stamp_point = 1;  // the start of an exposure of no length
+  if (both) played.side_by_side = static_cast<int>(SideBySideHalves::kLeftFirst);
   c = played;
-  images_.start(*camera_, [this](const Frame& frame) { return loopback_.write(frame); });
+  settings_.config.devices.second_camera.device.clear();
+  images_.start(*camera_, [this](const Frame& frame) { return loopback_.write(frame, camera_->second(frame)); });
   return Done{};
 }
 

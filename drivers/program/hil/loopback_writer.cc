@@ -88,16 +88,22 @@ void LoopbackWriter::close() noexcept {
   fd_ = -1;
 }
 
-bool LoopbackWriter::write(const Frame& frame, std::size_t bytes) noexcept {
+bool LoopbackWriter::write(const Frame& frame, const Frame& second, std::size_t bytes) noexcept {
   constexpr std::int64_t kSecond_ns = 1'000'000'000;
-  if (frame.width != width_ || frame.height != height_) {
+  if ((frame.width != width_ && 2 * frame.width != width_) || frame.height != height_) {
     errno = EINVAL;
     return false;
   }
   auto* const to = static_cast<std::uint8_t*>(memory_[next_]);
+  const auto left = static_cast<std::size_t>(frame.width), right = static_cast<std::size_t>(width_ - frame.width);
   for (int y = 0; y < height_; ++y) {
-    std::memcpy(to + static_cast<std::size_t>(y) * stride_, frame.data + static_cast<std::ptrdiff_t>(y) * frame.stride,
-                static_cast<std::size_t>(width_));
+    std::uint8_t* const row = to + static_cast<std::size_t>(y) * stride_;
+    std::memcpy(row, frame.data + static_cast<std::ptrdiff_t>(y) * frame.stride, left);
+    if (second.data != nullptr) {
+      std::memcpy(row + left, second.data + static_cast<std::ptrdiff_t>(y) * second.stride, right);
+    } else {
+      std::memset(row + left, 0, right);
+    }
   }
   v4l2_buffer buffer = numbered(next_);
   buffer.bytesused = static_cast<std::uint32_t>(bytes > 0 ? bytes : stride_ * static_cast<std::size_t>(height_));

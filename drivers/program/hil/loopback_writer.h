@@ -23,7 +23,9 @@ class LoopbackWriter {
   void close() noexcept;
   /// Passes the timestamp on, cut to microseconds. `bytes`: reported number of bytes in the buffer, for
   /// tests of short images; 0: the whole image. False: the kernel refused the buffer; errno holds the reason.
-  bool write(const Frame& frame, std::size_t bytes = 0) noexcept;
+  bool write(const Frame& frame, std::size_t bytes = 0) noexcept { return write(frame, {}, bytes); }
+  /// Of a device opened with twice the width: both images side by side, black for a second one without data.
+  bool write(const Frame& frame, const Frame& second, std::size_t bytes = 0) noexcept;
 
  private:
   static constexpr unsigned kMostBuffers = 4;

@@ -7,6 +7,8 @@
 #include "drivers/links/can/can_output.h"
 #include "drivers/links/mavlink/link.h"
 #include "drivers/links/mavlink/odometry_encoder.h"
+#include "drivers/sensors/camera/camera_pair.h"
+#include "drivers/sensors/camera/side_by_side.h"
 #include "drivers/sensors/camera/v4l2_camera.h"
 #include "drivers/sensors/height/mavlink_height.h"
 #include "drivers/sensors/imu/iio_imu.h"
@@ -23,16 +25,23 @@ Error missing(const LiveSettings& settings, const char* found, const char* expec
   return {ErrorKind::kUsage, settings.source, 0, found, expected};
 }
 
+bool is_side_by_side(const Config& config) { return config.devices.camera.side_by_side != 0; }
+
 Result<V4l2Settings> v4l2_settings(const LiveSettings& settings) {
   CameraConfig c = settings.config.devices.camera;
   const bool is_calibrated = settings.has_camera_calibration();
-  if (c.width == 0) c.width = settings.camera.width;
+  const int width = settings.camera.width * (is_side_by_side(settings.config) ? 2 : 1);
+  if (c.width == 0) c.width = width;
   if (c.height == 0) c.height = settings.camera.height;
-  if (is_calibrated && (c.width != settings.camera.width || c.height != settings.camera.height)) {
-    return Error{
-        ErrorKind::kUsage, settings.source, 0, fmt::format("camera.width = {}, camera.height = {}", c.width, c.height),
-        fmt::format("{} x {}, the image size in camera.calibration", settings.camera.width, settings.camera.height)};
+  if (is_calibrated && (c.width != width || c.height != settings.camera.height)) {
+    return Error{ErrorKind::kUsage, settings.source, 0,
+                 fmt::format("camera.width = {}, camera.height = {}", c.width, c.height),
+                 fmt::format("{} x {}, {}the image size in camera.calibration", width, settings.camera.height,
+                             is_side_by_side(settings.config) ? "twice the width of " : "")};
   }
+  if (is_side_by_side(settings.config) && c.width % 2 != 0)
+    return Error{ErrorKind::kUsage, settings.source, 0, fmt::format("camera.width = {}", c.width),
+                 "an even number, as camera.side_by_side wants two halves"};
   auto s = v4l2_settings_of(c);
   if (!s) {
     const Error& e = s.error();
@@ -50,8 +59,8 @@ DeviceRecord device_record(const char* device, const std::array<Counter<Counts>,
   return record;
 }
 
-DeviceRecord record_of(const V4l2Camera& camera) {
-  return device_record("camera", kCameraCounters, camera.counts(),
+DeviceRecord record_of(const char* name, const V4l2Camera& camera) {
+  return device_record(name, kCameraCounters, camera.counts(),
                        camera.has_own_clock() ? std::optional(camera.clock_state()) : std::nullopt);
 }
 
@@ -104,6 +113,26 @@ DeviceRecord record_of(const CanWheelSource& wheel) {
 
 namespace {
 
+/// After the first one.
+Status read_second_camera(LiveSettings& settings) {
+  Config& config = settings.config;
+  const std::string& own = config.devices.second_camera.calibration;
+  if (own.empty() && !is_chain_with(config.camera_calibration, "cam1"))
+    return missing(settings, "second_camera.calibration is not set, and camera.calibration has no cam1",
+                   "the second camera's calibration (docs/camera.md, Two cameras)");
+  const auto second = read_camera_calibration(own.empty() ? config.camera_calibration : own, "cam1");
+  if (!second) return second.error();
+  if (settings.camera.readout_s > 0)
+    return missing(settings, "two cameras with a rolling shutter", "global shutters, or one camera");
+  const CameraParameters& p = second->parameters;
+  if (p.width != settings.camera.width || p.height != settings.camera.height)
+    return missing(settings, fmt::format("a second camera of {} x {}", p.width, p.height).c_str(),
+                   fmt::format("{} x {}, as the first one", settings.camera.width, settings.camera.height).c_str());
+  config.estimator.second = {true, second->R_BC, second->p_BC};
+  settings.second = *second;
+  return Done{};
+}
+
 Status read_camera(LiveSettings& settings) {
   Config& config = settings.config;
   const auto camera = read_camera_calibration(config.camera_calibration, "cam0");
@@ -112,7 +141,7 @@ Status read_camera(LiveSettings& settings) {
   set_shutter(config.devices.camera, settings.camera);
   config.estimator.extrinsics = {camera->R_BC, camera->p_BC, Camera(camera->parameters).focal_px(),
                                  camera->time_offset_s, settings.camera.readout_s};
-  return Done{};
+  return camera_count(config.devices) > 1 ? read_second_camera(settings) : Done{};
 }
 
 }  // namespace
@@ -140,6 +169,8 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
     if (imu->saturation_accelerometer_m_s2) e.saturation_accelerometer_m_s2 = *imu->saturation_accelerometer_m_s2;
   }
   file->apply(config);  // the file wins
+  if (!config.devices.second_camera.device.empty() && is_side_by_side(config))
+    return missing(settings, "camera.side_by_side and second_camera.device", "one of them");
   if (const Status s = mavlink::fault_of_frame(config.devices.mavlink); !s)
     return Error{s.error().kind, settings.source, 0, s.error().file + ": " + s.error().found, s.error().expected};
   set_vehicle(config);
@@ -147,6 +178,29 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
 }
 
 namespace {
+
+/// The second camera is set as the first one, and exposed as that is.
+std::unique_ptr<CameraPair> pair_of(const LiveSettings& settings, std::unique_ptr<V4l2Camera> first,
+                                    V4l2Settings second_settings, LiveDevices& devices) {
+  const Config& config = settings.config;
+  const SecondCameraConfig& c = config.devices.second_camera;
+  second_settings.device = c.device;
+  second_settings.sensor = c.sensor;
+  second_settings.stamp_line = c.stamp_line;
+  second_settings.control_of_exposure.automatic = false;
+  auto second = std::make_unique<V4l2Camera>(std::move(second_settings));
+  if (config.devices.camera.exposure.automatic) second->follow_exposure_of(*first);
+  devices.records.emplace_back([s = second.get()] { return record_of("second camera", *s); });
+  const double later_s =
+      settings.second ? settings.second->time_offset_s - config.estimator.extrinsics.time_offset_s : 0;
+  auto pair =
+      std::make_unique<CameraPair>(std::move(first), std::move(second),
+                                   PairSettings{Span::from_seconds(1e-3 * c.within_ms), Span::from_seconds(later_s),
+                                                config.realtime.priority_capture, config.realtime.cpu_capture});
+  devices.records.emplace_back(
+      [p = pair.get()] { return device_record("camera pair", kPairCounters, p->counts(), std::nullopt); });
+  return pair;
+}
 
 Status add_camera(const LiveSettings& settings, LiveDevices& devices) {
   if (settings.config.devices.camera.device.empty())
@@ -156,10 +210,19 @@ Status add_camera(const LiveSettings& settings, LiveDevices& devices) {
   if (!camera) return camera.error();
   constexpr int kForTracking = 4;
   devices.images_to_log = std::clamp(camera->buffers - kForTracking, 0, 4);
-  auto v4l2 = std::make_unique<V4l2Camera>(std::move(*camera));
-  devices.records.emplace_back([c = v4l2.get()] { return record_of(*c); });
-  devices.turns = [c = v4l2.get()](double rad_s) { c->set_turn_rate(rad_s); };
-  devices.camera = std::move(v4l2);
+  auto v4l2 = std::make_unique<V4l2Camera>(*camera);
+  V4l2Camera* const first = v4l2.get();
+  devices.v4l2 = first;
+  devices.records.emplace_back([first] { return record_of("camera", *first); });
+  devices.turns = [first](double rad_s) { first->set_turn_rate(rad_s); };
+  if (const DevicesConfig& d = settings.config.devices; !d.second_camera.device.empty()) {
+    devices.camera = pair_of(settings, std::move(v4l2), std::move(*camera), devices);
+  } else if (const auto halves = static_cast<SideBySideHalves>(d.camera.side_by_side);
+             halves != SideBySideHalves::kNone) {
+    devices.camera = std::make_unique<SideBySide>(std::move(v4l2), halves == SideBySideHalves::kRightFirst);
+  } else {
+    devices.camera = std::move(v4l2);
+  }
   return Done{};
 }
 

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,11 +14,14 @@
 
 namespace epiline {
 
+class V4l2Camera;
+
 /// All settings of a live flight, from configuration and calibration files.
 struct LiveSettings {
   Config config;
-  CameraParameters camera;  ///< width 0: not calibrated
-  std::string source;       ///< the configuration file, for errors
+  CameraParameters camera;                  ///< width 0: not calibrated
+  std::optional<CameraCalibration> second;  ///< of a second camera, if there is one and it is calibrated
+  std::string source;                       ///< the configuration file, for errors
   bool has_camera_calibration() const { return camera.width > 0; }
 };
 /// Whether the camera must be calibrated: a flight needs it, a recording does not.
@@ -49,6 +53,7 @@ struct LiveDevices {
   /// Receives the rotation rate of the body, rad/s, from the log thread; a camera limits its exposure with it. May be
   /// empty.
   std::function<void(double)> turns;
+  const V4l2Camera* v4l2 = nullptr;  ///< the driver of the (first) camera; null: it is not of the configuration
 };
 /// The configured devices, and the errors of camera and IMU.
 struct MadeDevices {

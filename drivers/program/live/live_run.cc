@@ -131,7 +131,10 @@ FlightRecord begin_record(const LiveSettings& settings) {
 
 RealtimeSettings pipeline_settings(const LiveSettings& settings, const LiveDevices& devices) {
   const Config& c = settings.config;
-  return {settings.camera, c.tracker, c.estimator, c.deadline_ms, c.realtime, true, {}, devices.images_to_log};
+  RealtimeSettings s{settings.camera, c.tracker, c.estimator, c.deadline_ms,
+                     c.realtime,      true,      {},          devices.images_to_log};
+  if (settings.second) s.second = settings.second->parameters;
+  return s;
 }
 
 std::string status_line(const LiveState& state) {

@@ -73,17 +73,21 @@ bool RecordWriter::write_readings() {
 bool RecordWriter::write_image() {
   const WaitingImage* const waiting = images_in_.front();
   if (waiting == nullptr) return true;
-  const HostStamp stamp = waiting->stamp;
-  const Frame image = images_in_.image_of(*waiting);
+  const bool good =
+      write(0, images_in_.image_of(*waiting)) && (!waiting->second || write(1, images_in_.second_of(*waiting)));
+  images_in_.pop();
+  if (good) bump(images_);
+  return good;
+}
+
+bool RecordWriter::write(std::size_t camera, const Frame& image) {
   const std::int64_t begin_ns = monotonic_ns();
   const std::string png = png_of({image.data, image.width, image.height, image.stride});
-  images_in_.pop();
   const std::int64_t compressed_ns = monotonic_ns();
   if (png.empty()) return fail({ErrorKind::kRun, "", 0, "memory is short for an image", "free memory"});
-  if (const Status s = files_.add_image(stamp, png); !s) return fail(s.error());
+  if (const Status s = files_.add_image(camera, image.stamp, png); !s) return fail(s.error());
   follow(compress_ms_, compressed_ns - begin_ns);
   follow(write_ms_, monotonic_ns() - compressed_ns);
-  bump(images_);
   return true;
 }
 

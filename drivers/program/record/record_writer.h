@@ -44,6 +44,7 @@ class RecordWriter {
   bool round();
   bool write_readings();
   bool write_image();
+  bool write(std::size_t camera, const Frame& image);
   bool fail(const Error& error);
 
   RecordingFiles& files_;

@@ -110,7 +110,8 @@ class Recorder {
       : settings_(settings),
         options_(options),
         files_(files),
-        images_(std::make_unique<ImageIntake>(*devices.camera, options.waiting_bytes, wake_)),
+        images_(std::make_unique<ImageIntake>(*devices.camera, options.waiting_bytes, wake_,
+                                              camera_count(settings.config.devices))),
         readings_(std::make_unique<ReadingIntake>(*devices.imu, devices.turns)),
         writer_(files, *images_, *readings_, wake_) {}
 
@@ -172,7 +173,11 @@ class Recorder {
     const EstimatorConfig& e = settings_.config.estimator;
     RecordedSensors sensors{{}, {}, images_->width(), images_->height(), 0, 0, "epiline record"};
     if (settings_.has_camera_calibration())
-      sensors.camera = {settings_.camera, e.extrinsics.R_BC, e.extrinsics.p_BC, e.extrinsics.time_offset_s};
+      sensors.cameras[0] = {settings_.camera, e.extrinsics.R_BC, e.extrinsics.p_BC, e.extrinsics.time_offset_s};
+    if (settings_.second) {  // its images are stamped by the first camera's clock
+      sensors.cameras[1] = settings_.second;
+      sensors.cameras[1]->time_offset_s = e.extrinsics.time_offset_s;
+    }
     if (!settings_.config.imu_calibration.empty())
       sensors.imu = {e.imu, e.saturation_gyroscope_rad_s, e.saturation_accelerometer_m_s2};
     sensors.image_rate_hz = static_cast<double>(state_.counts.images) / state_.seconds;
@@ -236,7 +241,7 @@ Status enough_came(const RecordState& state, RecordEnd end) {
 Result<RecordSummary> record_or_throw(const LiveSettings& settings, LiveDevices& devices, const RecordOptions& options,
                                       const std::function<bool(const RecordState&)>& watch) {
   const SignalWait signals({SIGINT, SIGTERM, SIGHUP});  // before any thread begins
-  const auto files = RecordingFiles::create(options.out, *options.disk);
+  const auto files = RecordingFiles::create(options.out, *options.disk, camera_count(settings.config.devices));
   if (!files) return files.error();
   const auto free = options.disk->free_bytes(options.out);
   if (free && *free <= options.keep_free_bytes) {

@@ -13,8 +13,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-std::string camera_text(const RecordedSensors& s) {
-  if (s.camera) return asl_camera(*s.camera, s.image_rate_hz, s.comment);
+std::string camera_text(const RecordedSensors& s, const std::optional<CameraCalibration>& camera) {
+  if (camera) return asl_camera(*camera, s.image_rate_hz, s.comment);
   Text out;
   out.print("# not calibrated: put the calibration in place of this file\n");
   out.print("sensor_type: camera\ncomment: \"{}\"\nrate_hz: {:.6g}\n", s.comment, s.image_rate_hz);
@@ -44,45 +44,51 @@ Status replace(Disk& disk, const fs::path& path, const std::string& text) {
 
 }  // namespace
 
-Result<std::unique_ptr<RecordingFiles>> RecordingFiles::create(const fs::path& folder, Disk& disk) {
+Result<std::unique_ptr<RecordingFiles>> RecordingFiles::create(const fs::path& folder, Disk& disk,
+                                                               std::size_t cameras) {
   const fs::path root = folder / "mav0";
   std::error_code ignored;
   if (fs::exists(root, ignored)) {
     return Error{ErrorKind::kUsage, root.string(), 0, "exists already",
                  "a folder without a recording: --out another one, or remove this one"};
   }
-  for (const char* part : {"cam0/data", "imu0"}) {
-    if (const Status s = make_folder(root / part); !s) return s.error();
-  }
-  std::unique_ptr<RecordingFiles> files(new RecordingFiles(root, disk));
-  files->images_.append(kAslImagesHeader);
+  for (std::size_t i = 0; i < cameras; ++i)
+    if (const Status s = make_folder(root / fmt::format("cam{}", i) / "data"); !s) return s.error();
+  if (const Status s = make_folder(root / "imu0"); !s) return s.error();
+  std::unique_ptr<RecordingFiles> files(new RecordingFiles(root, disk, cameras));
+  for (Images& images : files->images_) images.list.append(kAslImagesHeader);
   files->readings_.append(kAslImuHeader);
-  if (const int error = files->images_.failure(); error != 0) return cannot_be_written(root / "cam0/data.csv", error);
-  if (const int error = files->readings_.failure(); error != 0) return cannot_be_written(root / "imu0/data.csv", error);
+  if (const Status s = files->fault(); !s) return s.error();
   return files;
 }
 
-RecordingFiles::RecordingFiles(fs::path root, Disk& disk)
-    : root_(std::move(root)),
-      disk_(disk),
-      images_(disk, root_ / "cam0/data.csv"),
-      readings_(disk, root_ / "imu0/data.csv") {}
+RecordingFiles::RecordingFiles(fs::path root, Disk& disk, std::size_t cameras)
+    : root_(std::move(root)), disk_(disk), readings_(disk, root_ / "imu0/data.csv") {
+  for (std::size_t i = 0; i < cameras; ++i) images_.emplace_back(disk, root_ / fmt::format("cam{}", i));
+}
 
 RecordingFiles::~RecordingFiles() {
   std::error_code ignored;
   if (is_empty_) fs::remove_all(root_, ignored);
 }
 
-Status RecordingFiles::add_image(HostStamp stamp, const std::string& png) {
+std::uint64_t RecordingFiles::bytes() const {
+  std::uint64_t sum = image_bytes_ + readings_.bytes();
+  for (const Images& images : images_) sum += images.list.bytes();
+  return sum;
+}
+
+Status RecordingFiles::add_image(std::size_t camera, HostStamp stamp, const std::string& png) {
+  Images& images = images_[camera];
   const std::string file = std::to_string(stamp.ns) + ".png";
-  const fs::path path = root_ / "cam0/data" / file;
+  const fs::path path = images.folder / "data" / file;
   if (const int error = write_new_file(disk_, path, png); error != 0) return cannot_be_written(path, error);
   lines_.clear();
   append_asl_image(lines_, stamp, file);
-  if (!images_.append(lines_)) {
+  if (!images.list.append(lines_)) {
     std::error_code ignored;
     fs::remove(path, ignored);
-    return cannot_be_written(root_ / "cam0/data.csv", images_.failure());
+    return cannot_be_written(images.folder / "data.csv", images.list.failure());
   }
   image_bytes_ += png.size();
   is_empty_ = false;
@@ -98,14 +104,24 @@ Status RecordingFiles::add_readings(std::span<const ImuSample> readings) {
 }
 
 Status RecordingFiles::describe(const RecordedSensors& sensors) const {
-  if (const Status s = replace(disk_, root_ / "cam0/sensor.yaml", camera_text(sensors)); !s) return s.error();
+  for (std::size_t i = 0; i < images_.size(); ++i) {
+    if (const Status s = replace(disk_, images_[i].folder / "sensor.yaml", camera_text(sensors, sensors.cameras[i]));
+        !s)
+      return s.error();
+  }
   return replace(disk_, root_ / "imu0/sensor.yaml", imu_text(sensors));
 }
 
 Status RecordingFiles::close() {
-  images_.sync();
+  for (Images& images : images_) images.list.sync();
   readings_.sync();
-  if (const int error = images_.failure(); error != 0) return cannot_be_written(root_ / "cam0/data.csv", error);
+  return fault();
+}
+
+Status RecordingFiles::fault() const {
+  for (const Images& images : images_)
+    if (const int error = images.list.failure(); error != 0)
+      return cannot_be_written(images.folder / "data.csv", error);
   if (const int error = readings_.failure(); error != 0) return cannot_be_written(root_ / "imu0/data.csv", error);
   return Done{};
 }

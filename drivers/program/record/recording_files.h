@@ -1,11 +1,16 @@
 #pragma once
-// The folder of a recording: `mav0/{cam0,imu0}` in the ASL layout. It is a valid recording at any time, even if the
-// program is killed: an image is listed once its file is complete, and lists consist of whole lines.
+// The folder of a recording: `mav0/{cam0,imu0}` in the ASL layout, with cam1 if there are two cameras. It is a valid
+// recording at any time, even if the program is killed: an image is listed once its file is complete, and lists consist
+// of whole lines.
+#include <array>
+#include <cstddef>
+#include <deque>
 #include <filesystem>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "drivers/program/record/disk.h"
 #include "pipeline/config/calibration.h"
@@ -16,7 +21,7 @@ namespace epiline {
 
 /// The known properties of the sensors, for their `sensor.yaml`.
 struct RecordedSensors {
-  std::optional<CameraCalibration> camera;
+  std::array<std::optional<CameraCalibration>, 2> cameras;
   std::optional<ImuCalibration> imu;
   int width = 0, height = 0;
   double image_rate_hz = 0, reading_rate_hz = 0;
@@ -26,28 +31,41 @@ struct RecordedSensors {
 /// One thread uses it; another one may destroy it.
 class RecordingFiles {
  public:
-  /// Creates the folders and empty lists. Fails if and only if `folder` holds a recording or cannot be written.
-  static Result<std::unique_ptr<RecordingFiles>> create(const std::filesystem::path& folder, Disk& disk);
+  /// Creates the folders and empty lists, for one camera or two. Fails if and only if `folder` holds a recording or
+  /// cannot be written.
+  static Result<std::unique_ptr<RecordingFiles>> create(const std::filesystem::path& folder, Disk& disk,
+                                                        std::size_t cameras = 1);
   /// Removes the recording if it is empty.
   ~RecordingFiles();
   RecordingFiles(const RecordingFiles&) = delete;
   RecordingFiles& operator=(const RecordingFiles&) = delete;
 
-  /// Writes and lists an image; `png` as from png_of(). Fails if and only if the image or its line cannot be written.
-  Status add_image(HostStamp stamp, const std::string& png);
+  /// Writes and lists an image of that camera; `png` as from png_of(). Fails if and only if the image or its line
+  /// cannot be written.
+  Status add_image(std::size_t camera, HostStamp stamp, const std::string& png);
   Status add_readings(std::span<const ImuSample> readings);
-  /// Replaces both files `sensor.yaml`. Readers ignore a file without a calibration (holds_no_calibration()).
+  /// Replaces the files `sensor.yaml`. Readers ignore a file without a calibration (holds_no_calibration()).
   Status describe(const RecordedSensors& sensors) const;
-  std::uint64_t bytes() const { return image_bytes_ + images_.bytes() + readings_.bytes(); }
+  std::uint64_t bytes() const;
   /// Waits until the lists are on the disk.
   Status close();
 
  private:
-  RecordingFiles(std::filesystem::path root, Disk& disk);
+  struct Images {
+    std::filesystem::path folder;
+    LineFile list;
+    Images(Disk& disk, std::filesystem::path of_camera)
+        : folder(std::move(of_camera)), list(disk, folder / "data.csv") {}
+  };
+
+  RecordingFiles(std::filesystem::path root, Disk& disk, std::size_t cameras);
+  /// Why a list cannot be written, if one cannot.
+  Status fault() const;
 
   std::filesystem::path root_;
   Disk& disk_;
-  LineFile images_, readings_;
+  std::deque<Images> images_;  ///< of each camera
+  LineFile readings_;
   std::uint64_t image_bytes_ = 0;
   bool is_empty_ = true;
   std::string lines_;  ///< buffer for lines that are being formatted

@@ -48,12 +48,12 @@ bool ImageIntake::step() noexcept {
   Frame frame;
   const ReadOutcome outcome = camera_.read(frame, kIntakeWait);
   if (outcome != ReadOutcome::kSample) return goes_on(outcome);
-  take(frame);
+  take(frame, cameras_ > 1 ? camera_.second(frame) : Frame{});
   camera_.give_back(frame);
   return true;
 }
 
-void ImageIntake::take(const Frame& frame) noexcept {
+void ImageIntake::take(const Frame& frame, const Frame& second) noexcept {
   const bool is_first = newest_ns() == 0;
   newest_ns_.store(monotonic_ns(), std::memory_order_relaxed);
   if (is_first) make_buffers(frame);
@@ -61,23 +61,32 @@ void ImageIntake::take(const Frame& frame) noexcept {
   sequence_ = frame.sequence;
   if (frame.width != width() || frame.height != height_) return bump(resized_);
   if (!is_first && frame.stamp <= last_) return bump(old_);
-  WaitingImage image{frame.stamp, 0};
+  WaitingImage image{frame.stamp, {}, 0};
   if (!find_buffer(image.buffer)) return bump(unwritten_);
-  std::uint8_t* row = pixels_.data() + image.buffer * image_bytes_;
-  const auto width = static_cast<std::size_t>(frame.width);
-  for (int y = 0; y < frame.height; ++y, row += width)
-    std::memcpy(row, frame.data + std::ptrdiff_t{y} * frame.stride, width);
+  std::uint8_t* const pixels = pixels_.data() + image.buffer * image_bytes_ * cameras_;
+  copy(frame, pixels);
+  if (second.data != nullptr && second.width == frame.width && second.height == frame.height) {
+    copy(second, pixels + image_bytes_);
+    image.second = second.stamp;
+  }
   last_ = frame.stamp;
   waiting_.push(image);  // never full: there are no more buffers than places
   wakes_.notify();
 }
 
+void ImageIntake::copy(const Frame& from, std::uint8_t* to) noexcept {
+  const auto width = static_cast<std::size_t>(from.width);
+  for (int y = 0; y < from.height; ++y, to += width)
+    std::memcpy(to, from.data + std::ptrdiff_t{y} * from.stride, width);
+}
+
 /// Without memory there is no buffer, and every image counts as unwritten.
 void ImageIntake::make_buffers(const Frame& first) noexcept {
   image_bytes_ = static_cast<std::size_t>(first.width) * static_cast<std::size_t>(first.height);
-  buffers_ = std::clamp(waiting_bytes_ / std::max<std::size_t>(image_bytes_, 1), kFewest, kMost);
+  const std::size_t bytes = image_bytes_ * cameras_;
+  buffers_ = std::clamp(waiting_bytes_ / std::max<std::size_t>(bytes, 1), kFewest, kMost);
   try {
-    pixels_.resize(buffers_ * image_bytes_);
+    pixels_.resize(buffers_ * bytes);
   } catch (const std::bad_alloc&) {
     buffers_ = 0;
   }
@@ -94,9 +103,16 @@ bool ImageIntake::find_buffer(std::uint16_t& buffer) noexcept {
 Frame ImageIntake::image_of(const WaitingImage& waiting) const noexcept {
   Frame frame;
   frame.stamp = waiting.stamp;
-  frame.data = pixels_.data() + waiting.buffer * image_bytes_;
+  frame.data = pixels_.data() + waiting.buffer * image_bytes_ * cameras_;
   frame.width = frame.stride = width();
   frame.height = height_;
+  return frame;
+}
+
+Frame ImageIntake::second_of(const WaitingImage& waiting) const noexcept {
+  Frame frame = image_of(waiting);
+  frame.stamp = *waiting.second;
+  frame.data += image_bytes_;
   return frame;
 }
 

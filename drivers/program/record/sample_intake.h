@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "platform/concurrency/parking.h"
@@ -34,15 +35,16 @@ class IntakeThread {
 /// An image that waits for the disk.
 struct WaitingImage {
   HostStamp stamp;
+  std::optional<HostStamp> second;  ///< of the second camera's image, which stands behind it
   std::uint16_t buffer = 0;
 };
 
 /// Copies images into its own buffers, so that the driver gets its buffers back at once.
 class ImageIntake {
  public:
-  /// `wakes`: wakes the writing thread at each image.
-  ImageIntake(CameraSource& camera, std::size_t waiting_bytes, Parking& wakes)
-      : camera_(camera), waiting_bytes_(waiting_bytes), wakes_(wakes) {}
+  /// `wakes`: wakes the writing thread at each image. `cameras`: 2 if the camera has a second one.
+  ImageIntake(CameraSource& camera, std::size_t waiting_bytes, Parking& wakes, std::size_t cameras = 1)
+      : camera_(camera), waiting_bytes_(waiting_bytes), cameras_(cameras), wakes_(wakes) {}
 
   /// Called by the reading thread: waits for one image. False: the source has ended.
   bool step() noexcept;
@@ -50,6 +52,8 @@ class ImageIntake {
   // Writing thread only.
   const WaitingImage* front() noexcept { return waiting_.front(); }
   Frame image_of(const WaitingImage& waiting) const noexcept;
+  /// That of the second camera; only if there is one.
+  Frame second_of(const WaitingImage& waiting) const noexcept;
   /// Releases the buffer of front().
   void pop() noexcept;
 
@@ -66,12 +70,13 @@ class ImageIntake {
  private:
   static constexpr std::size_t kFewest = 4, kMost = 64;
 
-  void take(const Frame& frame) noexcept;
+  void take(const Frame& frame, const Frame& second) noexcept;
+  static void copy(const Frame& from, std::uint8_t* to) noexcept;
   void make_buffers(const Frame& first) noexcept;
   bool find_buffer(std::uint16_t& buffer) noexcept;
 
   CameraSource& camera_;
-  const std::size_t waiting_bytes_;
+  const std::size_t waiting_bytes_, cameras_;
   Parking& wakes_;
 
   // Written by the reading thread; the writing thread sees them through the ring.

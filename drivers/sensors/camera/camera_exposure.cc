@@ -37,7 +37,7 @@ std::int64_t CameraExposure::value_of_time(Span time) const noexcept {
   return std::clamp((time.ns + unit / 2) / unit, time_control_.least, time_control_.most);
 }
 
-ExposureState CameraExposure::state() const noexcept {
+ExposureState CameraExposure::setting() const noexcept {
   return {Span{time_control_.id == 0 ? settings_.exposure.ns : time_value_ * settings_.exposure.ns},
           gain_of(gain_value_)};
 }
@@ -55,8 +55,8 @@ DeviceTrouble CameraExposure::set_up(V4l2Device& device) noexcept {
   };
   if (const DeviceTrouble trouble = find(settings_.exposure_control, time_control_, time_value_)) return trouble;
   if (const DeviceTrouble trouble = find(config.gain_control, gain_control_, gain_value_)) return trouble;
-  timeline_.begin(state());
-  of_image_.state = state();
+  timeline_.begin(setting());
+  of_image_.state = setting();
   shown_time_ns_.store(of_image_.state.time.ns, std::memory_order_relaxed);
   wanted_.reset();
   is_changing_ = false;
@@ -105,7 +105,7 @@ void CameraExposure::ended(const ControlJob& job) noexcept {
   }
   for (std::size_t i = 0; i < job.count; ++i)
     (job.entries[i].facts.id == time_control_.id ? time_value_ : gain_value_) = job.entries[i].value;
-  timeline_.change(job.at, state());
+  timeline_.change(job.at, setting());
   bump(changes_);
 }
 
@@ -121,7 +121,7 @@ void CameraExposure::changed(std::uint32_t id, std::int64_t value, HostStamp at)
   std::int64_t& ours = id == time_control_.id ? time_value_ : gain_value_;
   if (ours == value) return;
   ours = value;
-  timeline_.change(at, state());
+  timeline_.change(at, setting());
 }
 
 // ---- images ----
@@ -135,6 +135,10 @@ Span CameraExposure::time_of(HostStamp given, std::uint64_t sequence) noexcept {
 }
 
 void CameraExposure::look(const Frame& frame) noexcept {
+  if (const Span followed{followed_time_ns_.load(std::memory_order_relaxed)}; followed.ns > 0) {
+    if (time_control_.id != 0 && !is_changing_) wanted_ = {followed, followed_gain_.load(std::memory_order_relaxed)};
+    return;
+  }
   if (!controller_ || !automatic_.load(std::memory_order_relaxed)) return;
   const ImageStatistics image = statistics_of(frame.data, frame.width, frame.height, frame.stride);
   timeline_.brightness(image.mean);

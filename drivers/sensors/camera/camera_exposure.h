@@ -43,9 +43,16 @@ class CameraExposure {
   Span time_of(HostStamp given, std::uint64_t sequence) noexcept;
   /// Passes the image of the last time_of() to the controller.
   void look(const Frame& frame) noexcept;
+  /// As the device is set; images show it later.
+  ExposureState setting() const noexcept;
 
   // Any thread.
   void set_automatic(bool on) noexcept { automatic_.store(on, std::memory_order_relaxed); }
+  /// To be exposed as another camera is, in place of a controller of its own.
+  void follow(const ExposureState& other) noexcept {
+    followed_time_ns_.store(other.time.ns, std::memory_order_relaxed);
+    followed_gain_.store(other.gain, std::memory_order_relaxed);
+  }
   /// Rotation rate of the camera, rad/s, for the blur limit.
   void set_turn_rate(double rad_s) noexcept { turn_rate_.store(rad_s, std::memory_order_relaxed); }
   ExposureReport report() const noexcept;
@@ -54,7 +61,6 @@ class CameraExposure {
   double gain_of(std::int64_t value) const noexcept;
   std::int64_t value_of_gain(double gain) const noexcept;
   std::int64_t value_of_time(Span time) const noexcept;
-  ExposureState state() const noexcept;
 
   const V4l2Settings& settings_;
   ExposureTimeline timeline_;
@@ -67,6 +73,8 @@ class CameraExposure {
 
   std::atomic<bool> automatic_{false};
   std::atomic<double> turn_rate_{0};
+  std::atomic<std::int64_t> followed_time_ns_{0};  ///< 0: nobody is followed
+  std::atomic<double> followed_gain_{1};
   // of the report
   std::atomic<std::int64_t> shown_time_ns_{0};
   std::atomic<double> shown_gain_{1}, brightness_{0}, dark_share_{0}, clipped_share_{0};

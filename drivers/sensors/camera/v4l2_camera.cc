@@ -294,6 +294,7 @@ ReadOutcome V4l2Camera::take(Frame& frame) noexcept {
     }
     if (!is_good) continue;
     exposure_.look(frame);
+    if (follower_ != nullptr) follower_->exposure_.follow(exposure_.setting());
     bump(frames_);
     return ReadOutcome::kSample;
   }

@@ -94,6 +94,8 @@ class V4l2Camera final : public CameraSource {
   bool control_answer(ControlChange& answer) noexcept { return requests_.take_answer(answer); }
   /// The exposure controller; needs `exposure_control`.
   void set_automatic_exposure(bool on) noexcept { exposure_.set_automatic(on); }
+  /// This camera shall be exposed as that one, which has a controller. Call before open(); both must live as long.
+  void follow_exposure_of(V4l2Camera& leader) noexcept { leader.follower_ = this; }
   /// Rotation rate of the camera, rad/s: limits exposure times so that images stay sharp.
   void set_turn_rate(double rad_s) noexcept { exposure_.set_turn_rate(rad_s); }
 
@@ -146,6 +148,7 @@ class V4l2Camera final : public CameraSource {
   DeviceIdentity identity_;  ///< of the camera that open() found
   std::uint32_t stamp_flags_ = 0;
   CameraExposure exposure_{settings_};
+  V4l2Camera* follower_ = nullptr;
   ControlRequests requests_{exposure_, system_};
   WakeUp wake_up_{system_};  ///< an image was given back
 

@@ -1,5 +1,6 @@
 #include "drivers/program/live/devices.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -7,9 +8,12 @@
 #include <fstream>
 #include <iterator>
 #include <string>
+#include <vector>
 
 #include "drivers/links/can/can_output.h"
 #include "drivers/links/mavlink/link.h"
+#include "drivers/sensors/camera/camera_pair.h"
+#include "drivers/sensors/camera/side_by_side.h"
 #include "drivers/sensors/camera/v4l2_camera.h"
 #include "drivers/sensors/imu/iio_imu.h"
 #include "drivers/sensors/imu/spi_imu.h"
@@ -17,6 +21,8 @@
 
 namespace epiline {
 namespace {
+
+using testing::HasSubstr;
 
 /// A configuration file beside calibration files.
 class Files {
@@ -160,6 +166,81 @@ TEST(Devices, WhatTheyCountIsExplainedInTheirPages) {
   expect_told_in("mavlink.md", mavlink::kControllerImuCounters);
   expect_told_in("can.md", kCanCounters);
   expect_told_in("can.md", kWheelCounters);
+}
+
+// ---- two cameras ----
+
+constexpr const char* kChain =
+    "cam0:\n  T_cam_imu: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n  camera_model: pinhole\n"
+    "  distortion_coeffs: [0, 0, 0, 0]\n  distortion_model: radtan\n  intrinsics: [400, 400, 320, 240]\n"
+    "  resolution: [640, 480]\n  timeshift_cam_imu: 0.004\n"
+    "cam1:\n  T_cam_imu: [[1, 0, 0, -0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n  camera_model: pinhole\n"
+    "  distortion_coeffs: [0, 0, 0, 0]\n  distortion_model: radtan\n  intrinsics: [410, 410, 320, 240]\n"
+    "  resolution: [640, 480]\n  timeshift_cam_imu: 0.006\n";
+constexpr const char* kImu = "[imu]\ndevice = \"bmi088\"\n";
+
+class TwoCameras : public testing::Test {
+ protected:
+  Result<LiveSettings> read(const std::string& camera, const std::string& more = "",
+                            const std::string& chain = kChain) const {
+    const std::string file = files_.write("chain.yaml", chain).string();
+    return read_live_settings(files_.write(
+        "two.toml", "[camera]\ncalibration = \"" + file + "\"\ndevice = \"/dev/video0\"\n" + camera + kImu + more));
+  }
+  std::string error(const std::string& camera, const std::string& more = "", const std::string& chain = kChain) const {
+    const auto settings = read(camera, more, chain);
+    if (!settings) return settings.error().text();
+    const auto devices = make_devices(*settings);
+    return devices ? "" : devices.error().text();
+  }
+  std::vector<std::string> names(const LiveDevices& devices) const {
+    std::vector<std::string> all;
+    for (const auto& record : devices.records) all.push_back(record().name);
+    return all;
+  }
+  Files files_;
+};
+
+TEST_F(TwoCameras, OfTwoDevicesAreAPair) {
+  const auto settings = read("", "[second_camera]\ndevice = \"/dev/video1\"\n");
+  ASSERT_TRUE(settings) << settings.error().text();
+  ASSERT_TRUE(settings->second);
+  EXPECT_DOUBLE_EQ(settings->second->parameters.intrinsics[0], 410);
+  EXPECT_TRUE(settings->config.estimator.second.use);
+  EXPECT_DOUBLE_EQ(settings->config.estimator.second.p_BC.x(), 0.1);
+  const auto devices = make_devices(*settings);
+  ASSERT_TRUE(devices) << devices.error().text();
+  EXPECT_NE(dynamic_cast<const CameraPair*>(devices->camera.get()), nullptr);
+  EXPECT_EQ(names(*devices), (std::vector<std::string>{"camera", "second camera", "camera pair", "imu"}));
+}
+
+TEST_F(TwoCameras, SideBySideAreHalvesOfOneDevice) {
+  const auto settings = read("side_by_side = \"left-first\"\n");
+  ASSERT_TRUE(settings) << settings.error().text();
+  EXPECT_TRUE(settings->second);
+  const auto devices = make_devices(*settings);
+  ASSERT_TRUE(devices) << devices.error().text();
+  EXPECT_NE(dynamic_cast<const SideBySide*>(devices->camera.get()), nullptr);
+  EXPECT_NE(devices->v4l2, nullptr);
+}
+
+TEST_F(TwoCameras, WhatDoesNotGoTogetherIsRefused) {
+  const std::string second = "[second_camera]\ndevice = \"/dev/video1\"\n";
+  EXPECT_THAT(
+      error("side_by_side = \"left-first\"\nwidth = 640\n"),
+      HasSubstr("camera.width = 640, camera.height = 480; expected 1280 x 480, twice the width of the image size "
+                "in camera.calibration"));
+  EXPECT_THAT(error("side_by_side = \"left-first\"\n", second),
+              HasSubstr("camera.side_by_side and second_camera.device; expected one of them"));
+  EXPECT_THAT(error("shutter = \"rolling\"\nreadout_ms = 15\n", second),
+              HasSubstr("two cameras with a rolling shutter; expected global shutters, or one camera"));
+  const std::string chain(kChain);
+  EXPECT_THAT(error("", second, chain.substr(0, chain.find("cam1:"))),
+              HasSubstr("second_camera.calibration is not set, and camera.calibration has no cam1"));
+  std::string other = chain;
+  other.replace(other.rfind("[640, 480]"), 10, "[320, 240]");
+  EXPECT_THAT(error("", second, other),
+              HasSubstr("a second camera of 320 x 240; expected 640 x 480, as the first one"));
 }
 
 }  // namespace

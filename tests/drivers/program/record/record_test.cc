@@ -89,6 +89,17 @@ class OddCamera final : public StandingCamera {
   HostStamp last_;
 };
 
+/// With a second camera that misses every fourth image, and is a quarter of a millisecond late.
+class CameraOfTwo final : public StandingCamera {
+ public:
+  Frame second(const Frame& frame) const noexcept override {
+    if (frame.sequence % 4 == 0) return {};
+    Frame second = frame;
+    second.stamp.ns += 250'000;
+    return second;
+  }
+};
+
 class SilentCamera final : public StandingCamera {
  public:
   ReadOutcome read(Frame& /*frame*/, Span timeout) noexcept override {
@@ -194,6 +205,30 @@ TEST_F(Record, ADiskThatIsSuddenlyFullEndsItAndWhatWasWrittenIsReadable) {
   expect_readable(5);
   EXPECT_EQ(files_of_images(), open_uncalibrated_asl_dataset(options.out, "cam0")->images.size())
       << "no image is there in part";
+}
+
+TEST_F(Record, TwoCamerasHaveAFolderEach) {
+  place<CameraOfTwo>();
+  settings.config.devices.camera.side_by_side = static_cast<int>(SideBySideHalves::kLeftFirst);
+  const auto r = run_until([](const RecordState& state) { return state.counts.images >= 9; });
+  ASSERT_TRUE(r) << r.error().text();
+  expect_readable(9);
+  const auto first = open_uncalibrated_asl_dataset(options.out, "cam0"),
+             second = open_uncalibrated_asl_dataset(options.out, "cam1");
+  ASSERT_TRUE(first && second);
+  ASSERT_GE(second->images.size(), 6u);
+  std::size_t k = 0;
+  for (std::size_t i = 0; i < first->images.size(); ++i) {
+    if (i % 4 == 0) continue;
+    ASSERT_LT(k, second->images.size());
+    EXPECT_EQ((second->images[k].stamp - first->images[i].stamp).ns, 250'000);
+    const cv::Mat a = cv::imread(first->images[i].path.string(), cv::IMREAD_UNCHANGED),
+                  b = cv::imread(second->images[k].path.string(), cv::IMREAD_UNCHANGED);
+    EXPECT_TRUE(std::equal(a.datastart, a.dataend, b.datastart, b.dataend)) << "pixels of the partner";
+    ++k;
+  }
+  EXPECT_EQ(k, second->images.size());
+  EXPECT_TRUE(fs::exists(root() / "cam1/sensor.yaml"));
 }
 
 TEST_F(Record, LinesThatDoNotFitAreCutOff) {

@@ -1,0 +1,27 @@
+#pragma once
+// Two cameras whose images come side by side in one, as stereo boards and stereo USB cameras give them. docs/camera.md.
+#include <memory>
+
+#include "platform/ports/ports.h"
+
+namespace epiline {
+
+/// The halves are lent where they are; they share a stamp, an exposure and a buffer.
+class SideBySide final : public CameraSource {
+ public:
+  /// `right_is_first`: the first camera's image is the right half.
+  SideBySide(std::unique_ptr<CameraSource> both, bool right_is_first)
+      : both_(std::move(both)), right_is_first_(right_is_first) {}
+
+  Status open() override { return both_->open(); }
+  void close() noexcept override { both_->close(); }
+  ReadOutcome read(Frame& frame, Span timeout) noexcept override;
+  Frame second(const Frame& frame) const noexcept override;
+  void give_back(const Frame& frame) noexcept override { both_->give_back(frame); }
+
+ private:
+  std::unique_ptr<CameraSource> both_;
+  bool right_is_first_;
+};
+
+}  // namespace epiline

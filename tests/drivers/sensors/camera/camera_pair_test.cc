@@ -1,0 +1,230 @@
+#include "drivers/sensors/camera/camera_pair.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "drivers/sensors/camera/side_by_side.h"
+#include "platform/time/monotonic.h"
+
+namespace epiline {
+namespace {
+
+/// What a test gives, in its order; waits if there is nothing.
+class GivenCamera final : public CameraSource {
+ public:
+  explicit GivenCamera(Status opens = Done{}) : opens_(std::move(opens)) {}
+
+  Status open() override { return opens_; }
+  void close() noexcept override { is_closed = true; }
+  ReadOutcome read(Frame& frame, Span timeout) noexcept override {
+    const std::int64_t until_ns = monotonic_ns() + timeout.ns;
+    do {
+      const std::lock_guard lock(mutex_);
+      if (fails) return ReadOutcome::kFailed;
+      if (given_.empty()) continue;
+      frame = given_.front();
+      given_.pop_front();
+      ++lent;
+      return ReadOutcome::kSample;
+    } while (monotonic_ns() < until_ns);
+    return ReadOutcome::kTimeout;
+  }
+  void give_back(const Frame& /*frame*/) noexcept override { --lent; }
+
+  void give(std::int64_t stamp_ms, std::uint8_t brightness) {
+    const std::lock_guard lock(mutex_);
+    Frame frame;
+    frame.stamp = HostStamp{stamp_ms * 1'000'000};
+    pixels_[static_cast<std::size_t>(next_)] = brightness;
+    frame.data = &pixels_[static_cast<std::size_t>(next_)];
+    frame.width = frame.height = frame.stride = 1;
+    frame.slot = next_;
+    next_ = (next_ + 1) % static_cast<int>(pixels_.size());
+    given_.push_back(frame);
+  }
+
+  std::atomic<int> lent{0};
+  std::atomic<bool> fails{false}, is_closed{false};
+
+ private:
+  Status opens_;
+  std::mutex mutex_;
+  std::deque<Frame> given_;
+  std::array<std::uint8_t, 64> pixels_{};
+  int next_ = 0;
+};
+
+class Pair : public testing::Test {
+ protected:
+  void open(const PairSettings& settings = {}) {
+    auto first = std::make_unique<GivenCamera>(), second = std::make_unique<GivenCamera>();
+    first_ = first.get();
+    second_ = second.get();
+    pair_ = std::make_unique<CameraPair>(std::move(first), std::move(second), settings);
+    const Status status = pair_->open();
+    ASSERT_TRUE(status) << status.error().text();
+  }
+  /// The brightness of the next image's partner; -1: it has none. -2: no image.
+  int partner() {
+    Frame frame;
+    if (pair_->read(frame, Span::from_milliseconds(5'000)) != ReadOutcome::kSample) return -2;
+    const Frame second = pair_->second(frame);
+    const int found = second.data == nullptr ? -1 : *second.data;
+    pair_->give_back(frame);
+    return found;
+  }
+  /// Waits until the second camera's thread has taken all that was given.
+  void until_unused(std::uint64_t count) const {
+    while (pair_->counts().unused < count) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+
+  GivenCamera *first_ = nullptr, *second_ = nullptr;
+  std::unique_ptr<CameraPair> pair_;
+};
+
+TEST_F(Pair, ImagesOfOneTimeComeTogether) {
+  open();
+  for (int i = 1; i < 100; ++i) {
+    second_->give(50 * i, static_cast<std::uint8_t>(i));
+    first_->give(50 * i + i % 2, 0);  // a millisecond apart
+    ASSERT_EQ(partner(), i);
+  }
+  EXPECT_EQ(pair_->counts().pairs, 99u);
+  EXPECT_EQ(first_->lent, 0);
+  EXPECT_EQ(second_->lent, 0);
+}
+
+TEST_F(Pair, AnImageWithoutPartnerComesAlone) {
+  open();
+  second_->give(52, 1);  // two milliseconds later than the first's
+  first_->give(50, 0);
+  EXPECT_EQ(partner(), -1);
+  first_->give(52, 0);  // and there is the one that it belongs to
+  EXPECT_EQ(partner(), 1);
+  second_->give(98, 2);
+  second_->give(100, 3);
+  first_->give(100, 0);
+  EXPECT_EQ(partner(), 3);
+  const PairCounts counts = pair_->counts();
+  EXPECT_EQ(counts.pairs, 2u);
+  EXPECT_EQ(counts.without, 1u);
+  EXPECT_EQ(counts.unused, 1u);
+  EXPECT_EQ(second_->lent, 0);
+}
+
+TEST_F(Pair, TheSecondCamerasClockIsPutRight) {
+  PairSettings settings;
+  settings.second_later = Span::from_milliseconds(7);
+  open(settings);
+  second_->give(43, 9);
+  first_->give(50, 0);
+  EXPECT_EQ(partner(), 9);
+}
+
+TEST_F(Pair, ALostSecondCameraStopsNothingAndMayComeBack) {
+  open();
+  second_->fails = true;
+  for (int i = 1; i <= 20; ++i) {
+    first_->give(50 * i, 0);
+    ASSERT_EQ(partner(), -1);
+  }
+  second_->fails = false;
+  second_->give(2'000, 5);
+  int found = -1;  // nobody waits for it any more, so that it is missed at first, perhaps
+  for (int i = 0; i < 1'000 && found == -1; ++i) {
+    first_->give(2'000, 0);
+    found = partner();
+  }
+  EXPECT_EQ(found, 5);
+}
+
+TEST_F(Pair, ASilentFirstCameraLeavesTheSecondOneItsBuffers) {
+  open();
+  for (int i = 1; i <= 30; ++i) second_->give(50 * i, 1);
+  until_unused(26);  // four wait
+  EXPECT_EQ(second_->lent, 4);
+  first_->give(200, 0);  // the last of those that wait
+  EXPECT_EQ(partner(), 1);
+  EXPECT_EQ(second_->lent, 0);
+}
+
+TEST_F(Pair, BothAreGivenBackTogether) {
+  open();
+  second_->give(50, 1);
+  first_->give(50, 0);
+  Frame frame;
+  ASSERT_EQ(pair_->read(frame, Span::from_milliseconds(5'000)), ReadOutcome::kSample);
+  EXPECT_EQ(first_->lent, 1);
+  EXPECT_EQ(second_->lent, 1);
+  pair_->give_back(frame);
+  EXPECT_EQ(first_->lent, 0);
+  EXPECT_EQ(second_->lent, 0);
+}
+
+TEST(PairOpens, OnlyIfBothDo) {
+  auto first = std::make_unique<GivenCamera>();
+  const GivenCamera* const opened = first.get();
+  CameraPair pair(std::move(first),
+                  std::make_unique<GivenCamera>(Error{ErrorKind::kRun, "/dev/video7", 0, "is not there", ""}), {});
+  const Status status = pair.open();
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().file, "/dev/video7");
+  EXPECT_TRUE(opened->is_closed);
+}
+
+/// Four pixels a row, numbered.
+class WideCamera final : public CameraSource {
+ public:
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
+  ReadOutcome read(Frame& frame, Span /*timeout*/) noexcept override {
+    frame = {};
+    frame.data = pixels_.data();
+    frame.width = 4;
+    frame.height = 2;
+    frame.stride = 5;
+    frame.stamp = HostStamp{17};
+    frame.slot = 3;
+    return ReadOutcome::kSample;
+  }
+  void give_back(const Frame& frame) noexcept override { given_back = frame.slot; }
+  int given_back = -1;
+
+ private:
+  std::array<std::uint8_t, 10> pixels_{0, 1, 2, 3, 99, 4, 5, 6, 7, 99};
+};
+
+TEST(SideBySide, HalvesAreTwoImages) {
+  for (const bool right_is_first : {false, true}) {
+    auto wide = std::make_unique<WideCamera>();
+    const WideCamera* const both = wide.get();
+    SideBySide camera(std::move(wide), right_is_first);
+    Frame first;
+    ASSERT_EQ(camera.read(first, {}), ReadOutcome::kSample);
+    const Frame second = camera.second(first);
+    const Frame& left = right_is_first ? second : first;
+    const Frame& right = right_is_first ? first : second;
+    for (const Frame* half : {&left, &right}) {
+      EXPECT_EQ(half->width, 2);
+      EXPECT_EQ(half->height, 2);
+      EXPECT_EQ(half->stride, 5);
+      EXPECT_EQ(half->stamp.ns, 17);
+    }
+    EXPECT_EQ(left.data[0], 0);
+    EXPECT_EQ(left.data[6], 5);
+    EXPECT_EQ(right.data[0], 2);
+    EXPECT_EQ(right.data[6], 7);
+    camera.give_back(first);
+    EXPECT_EQ(both->given_back, 3);
+  }
+}
+
+}  // namespace
+}  // namespace epiline
