@@ -137,13 +137,15 @@ struct WheelConfig {
 /// Section [height]: where a live flight's heights come from, and how the sensors sit in the vehicle.
 struct HeightConfig {
   int source = 0;       ///< kHeightSourceNames
+  std::string device;   ///< IIO: name or path; empty: the only barometer there is
+  double rate_hz = 20;  ///< IIO: how often it is asked
   double air_deg = 15;  ///< temperature of the air at the ground, deg C: for heights from pressures
   double range_x_m = 0, range_y_m = 0, range_z_m = 0;  ///< the range finder, seen from the IMU: forward, left, up
   double range_forward_deg = 0, range_left_deg = 0;    ///< tilt of its beam from straight down
 };
 
-enum class HeightOrigin : std::uint8_t { kNone, kMavlink };
-inline constexpr const char* kHeightSourceNames[] = {"none", "mavlink"};
+enum class HeightOrigin : std::uint8_t { kNone, kMavlink, kIio };
+inline constexpr const char* kHeightSourceNames[] = {"none", "mavlink", "iio"};
 
 struct DevicesConfig {
   CameraConfig camera;

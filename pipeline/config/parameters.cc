@@ -374,8 +374,14 @@ const std::vector<Parameter>& parameters() {
       {"wheel.cauchy", "", 0.1, 100, "scale of the Cauchy kernel against slip, in sigmas",
        EPILINE_AT(estimator.wheel.cauchy)},
       // height sensors
-      {"height.source", "", 0, 0, "source of the heights in a live flight; mavlink: the flight controller",
+      {"height.source", "", 0, 0,
+       "source of the heights in a live flight; mavlink: the flight controller; iio: a barometer with a driver in the "
+       "kernel",
        EPILINE_CHOICE(devices.height.source, kHeightSourceNames)},
+      {"height.device", "", 0, 0, "source iio: name or path of the barometer; default: the only one there is",
+       EPILINE_AT(devices.height.device)},
+      {"height.rate_hz", "Hz", 1, 200, "source iio: how often the barometer is asked",
+       EPILINE_AT(devices.height.rate_hz)},
       {"height.air_deg", "deg C", -60, 60, "temperature of the air at the ground: 3 degrees are 1 % of a height",
        EPILINE_AT(devices.height.air_deg)},
       {"height.barometer", "", 0, 0, "use the barometer, if there is one", EPILINE_AT(estimator.heights[0].use)},

@@ -1,18 +1,10 @@
 #include "drivers/flights/recordings/recorded_sensors.h"
 
-#include <ctime>
-
 #include <algorithm>
 #include <system_error>
 #include <thread>
 
 namespace epiline {
-
-void sleep_until(std::int64_t host_ns) noexcept {
-  constexpr std::int64_t kSecond = 1'000'000'000;
-  const timespec until{static_cast<time_t>(host_ns / kSecond), static_cast<long>(host_ns % kSecond)};
-  clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr);
-}
 
 RecordedCamera::RecordedCamera(const AslDataset& dataset, const FlightPlan& plan) : dataset_(dataset), plan_(plan) {}
 

@@ -14,6 +14,7 @@
 #include "platform/linux/realtime.h"
 #include "platform/ports/ports.h"
 #include "platform/time/monotonic.h"
+#include "platform/time/sleep.h"
 
 namespace epiline {
 
@@ -61,9 +62,6 @@ class RecordedCamera final : public CameraSource {
   std::optional<Error> error_;
   RealtimeThread decoder_thread_;  ///< without priority: it stands for the camera
 };
-
-/// By monotonic_ns().
-void sleep_until(std::int64_t host_ns) noexcept;
 
 /// A reading of a recording with its arrival.
 inline ImuSample arrived(ImuSample reading) noexcept {

@@ -5,12 +5,13 @@
 #include <limits>
 
 #include "drivers/links/mavlink/controller_clock.h"
+#include "platform/math/atmosphere.h"
 
 namespace epiline::mavlink {
 
 namespace {
 
-constexpr double kLeastPressure_hpa = 100, kMostPressure_hpa = 1200, kMostHeight_m = 1e5;
+constexpr double kMostHeight_m = 1e5;
 constexpr std::uint8_t kDownwards = 25;     // MAV_SENSOR_ROTATION_PITCH_270
 constexpr std::uint8_t kInvalidSignal = 1;  // of signal_quality; 0: not known
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
@@ -30,11 +31,6 @@ constexpr std::uint32_t sensor_of(std::uint32_t message, std::uint8_t id) { retu
 
 }  // namespace
 
-double height_between(double from_hpa, double to_hpa, double air_deg) noexcept {
-  constexpr double kGasOverWeight = 8.314462 / (0.0289644 * 9.80665);  // m/K, of dry air
-  return kGasOverWeight * (273.15 + air_deg) * std::log(from_hpa / to_hpa);
-}
-
 bool ControllerHeight::is_mine(const Packet& packet) noexcept {
   constexpr std::array kAll{ScaledPressure::kId, ScaledPressure2::kId, ScaledPressure3::kId, DistanceSensor::kId,
                             Altitude::kId};
@@ -42,12 +38,10 @@ bool ControllerHeight::is_mine(const Packet& packet) noexcept {
 }
 
 std::optional<ControllerHeight::Reading> ControllerHeight::reading_of(const Packet& packet) const noexcept {
-  constexpr double kStandard_hpa = 1013.25;
   const auto by_pressure = [&](const auto& message) {
     const double hpa = message.press_abs;
-    const bool is_possible = hpa > kLeastPressure_hpa && hpa < kMostPressure_hpa;  // false for what is no number
     return Reading{HeightKind::kBarometer, sensor_of(packet.id, 0), from_ms(message.time_boot_ms),
-                   is_possible ? height_between(kStandard_hpa, hpa, air_deg_) : kNothing};
+                   is_air_pressure(hpa) ? height_between(kStandardPressure_hpa, hpa, air_deg_) : kNothing};
   };
   ScaledPressure first;
   ScaledPressure2 second;

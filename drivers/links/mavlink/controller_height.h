@@ -32,10 +32,6 @@ inline constexpr auto kControllerHeightCounters = std::to_array<Counter<Controll
     {"overrun", &ControllerHeightCounts::overrun, true},
 });
 
-/// Height difference from the pressure `from_hpa` up to `to_hpa` in air of that temperature at the ground, m. Good to
-/// 0.2 % over 150 m.
-double height_between(double from_hpa, double to_hpa, double air_deg) noexcept;
-
 /// Checks everything that it receives, as ControllerImu does. Of several barometers, and of several range finders, the
 /// first that came is kept as long as it comes.
 class ControllerHeight {

@@ -269,7 +269,8 @@ class Look {
     if (open.wheel != nullptr) wheel_.emplace(*open.wheel);
     if (open.height != nullptr) height_.emplace(*open.height);
     const HeightModels& heights = settings.config.estimator.heights;
-    wanted_heights_ = {heights[0].use, heights[1].use};
+    const bool is_barometer_alone = static_cast<HeightOrigin>(d.height.source) == HeightOrigin::kIio;
+    wanted_heights_ = {heights[0].use, heights[1].use && !is_barometer_alone};
     is_worth_it_ = open.camera != nullptr || open.imu != nullptr || wheel_ || height_ || !lines_.empty() ||
                    devices_.has_outputs() || options.witness != nullptr;
   }

@@ -16,13 +16,13 @@ constexpr std::array kSensors{"barometer", "range finder"};
 Finding finding_of(const HeightResult::Sensor& s, const char* sensor) {
   if (s.pacing.samples == 0)
     return {Grade::kWarning, "height", fmt::format("no height of a {}", sensor),
-            fmt::format("let the flight controller send it (docs/height.md), or set height.{} = false",
+            fmt::format("let its source send it (docs/height.md), or set height.{} = false",
                         sensor == kSensors[0] ? "barometer" : "range")};
   std::string text = fmt::format("{}: {:.1f} heights per second, jitter {:.1f} ms, from {:.2f} to {:.2f} m", sensor,
                                  s.pacing.rate_hz(), 1e3 * s.pacing.jitter_s, s.least_m, s.most_m);
   if (s.pacing.rate_hz() < kSlowest_hz)
     return {Grade::kWarning, "height", std::move(text),
-            "at least 4 a second: raise the flight controller's stream rate"};
+            "at least 4 a second: raise the flight controller's stream rate, or height.rate_hz"};
   return {Grade::kOk, "height", std::move(text), {}};
 }
 

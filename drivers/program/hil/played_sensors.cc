@@ -1,18 +1,14 @@
 #include "drivers/program/hil/played_sensors.h"
 
 #include <algorithm>
-#include <chrono>
-#include <thread>
+
+#include "platform/time/sleep.h"
 
 namespace epiline::hil {
 
 namespace {
 
 constexpr std::int64_t kBurst_ns = 80'000'000, kNsPerSecond = 1'000'000'000;
-
-void sleep_until(std::int64_t host_ns) {
-  std::this_thread::sleep_until(std::chrono::steady_clock::time_point(std::chrono::nanoseconds(host_ns)));
-}
 
 /// Waits for the start; false: it has not come by the deadline.
 bool wait_for_start(const PlayClock& clock, std::int64_t deadline_ns) {

@@ -10,6 +10,7 @@
 #include "drivers/sensors/camera/camera_pair.h"
 #include "drivers/sensors/camera/side_by_side.h"
 #include "drivers/sensors/camera/v4l2_camera.h"
+#include "drivers/sensors/height/iio_pressure.h"
 #include "drivers/sensors/height/mavlink_height.h"
 #include "drivers/sensors/imu/iio_imu.h"
 #include "drivers/sensors/imu/mavlink_imu.h"
@@ -193,10 +194,12 @@ std::unique_ptr<CameraPair> pair_of(const LiveSettings& settings, std::unique_pt
   devices.records.emplace_back([s = second.get()] { return record_of("second camera", *s); });
   const double later_s =
       settings.second ? settings.second->time_offset_s - config.estimator.extrinsics.time_offset_s : 0;
-  auto pair =
-      std::make_unique<CameraPair>(std::move(first), std::move(second),
-                                   PairSettings{Span::from_seconds(1e-3 * c.within_ms), Span::from_seconds(later_s),
-                                                config.realtime.priority_capture, config.realtime.cpu_capture});
+  PairSettings pair_settings;
+  pair_settings.within = Span::from_seconds(1e-3 * c.within_ms);
+  pair_settings.second_later = Span::from_seconds(later_s);
+  pair_settings.priority = config.realtime.priority_capture;
+  pair_settings.cpu = config.realtime.cpu_capture;
+  auto pair = std::make_unique<CameraPair>(std::move(first), std::move(second), pair_settings);
   devices.records.emplace_back(
       [p = pair.get()] { return device_record("camera pair", kPairCounters, p->counts(), std::nullopt); });
   return pair;
@@ -264,7 +267,16 @@ void add_wheel(const DevicesConfig& d, LiveDevices& devices) {
 
 Status add_height(const LiveSettings& settings, mavlink::MavlinkLink* link, LiveDevices& devices) {
   const HeightConfig& h = settings.config.devices.height;
-  if (static_cast<HeightOrigin>(h.source) == HeightOrigin::kNone) return Done{};
+  const auto origin = static_cast<HeightOrigin>(h.source);
+  if (origin == HeightOrigin::kNone) return Done{};
+  if (origin == HeightOrigin::kIio) {
+    auto pressure = std::make_unique<IioPressure>(
+        IioPressure::Settings{.device = h.device, .rate_hz = h.rate_hz, .air_deg = h.air_deg});
+    devices.records.emplace_back(
+        [p = pressure.get()] { return device_record("height", kPressureCounters, p->counts(), std::nullopt); });
+    devices.height = std::move(pressure);
+    return Done{};
+  }
   if (link == nullptr) {
     return missing(settings, "height.source = \"mavlink\" without a flight controller",
                    "its port in mavlink.serial or mavlink.udp");

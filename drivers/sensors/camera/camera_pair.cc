@@ -64,7 +64,7 @@ ReadOutcome CameraPair::read(Frame& frame, Span timeout) noexcept {
 }
 
 bool CameraPair::match(HostStamp stamp, Frame& second) noexcept {
-  const std::int64_t until_ns = monotonic_ns() + (missed_ < kPatient ? kPatience.ns : 0);
+  const std::int64_t until_ns = monotonic_ns() + (missed_ < kPatient ? settings_.patience.ns : 0);
   while (came_.wait_until(until_ns, [&] { return ring_.front() != nullptr; })) {
     const Frame next = *ring_.front();
     const Span later = next.stamp - stamp;

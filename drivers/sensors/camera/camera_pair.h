@@ -26,8 +26,9 @@ inline constexpr auto kPairCounters = std::to_array<Counter<PairCounts>>({
 
 struct PairSettings {
   Span within = Span::from_milliseconds(1);  ///< images of one pair are no farther apart
-  Span second_later{};         ///< what is added to the second camera's stamps to be on the first one's clock
-  int priority = 0, cpu = -1;  ///< of the thread that reads the second camera; see ThreadSettings
+  Span second_later{};  ///< what is added to the second camera's stamps to be on the first one's clock
+  Span patience = Span::from_milliseconds(10);  ///< how much later the second one may come: both share a bus
+  int priority = 0, cpu = -1;                   ///< of the thread that reads the second camera; see ThreadSettings
 };
 
 /// The first camera leads: its images come as from it alone, whatever the second one does, but for the time in which
@@ -51,8 +52,6 @@ class CameraPair final : public CameraSource {
   PairCounts counts() const noexcept;
 
  private:
-  /// An image of the second camera comes later than that of the first by no more: both share a bus.
-  static constexpr Span kPatience = Span::from_milliseconds(10);
   /// After so many images without a second one nobody waits for it any more.
   static constexpr int kPatient = 3;
 

@@ -41,7 +41,9 @@ TEST(Vehicle, TheRangeFinderLooksDownUnlessTold) {
   EXPECT_TRUE(range.beam_B.isApprox(-Vec3::UnitZ()));
   // an IMU that lies upside down, x forward: y points right, z down
   config.devices.body.roll_deg = 180;
-  config.devices.height = {0, 15, 0.1, 0.2, -0.3, 45, 0};
+  HeightConfig& height = config.devices.height;
+  height.range_x_m = 0.1, height.range_y_m = 0.2, height.range_z_m = -0.3;
+  height.range_forward_deg = 45;
   set_vehicle(config);
   EXPECT_TRUE(range.p_BS.isApprox(Vec3(0.1, -0.2, 0.3)));
   EXPECT_TRUE(range.beam_B.isApprox(Vec3(1, 0, 1).normalized())) << range.beam_B.transpose();

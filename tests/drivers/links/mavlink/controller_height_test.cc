@@ -37,14 +37,6 @@ class MavlinkControllerHeight : public ::testing::Test {
   HeightSample sample;
 };
 
-TEST(HeightBetween, IsThatOfTheStandardAtmosphere) {
-  // its tables: 1013.25 hPa at 0 m, 1001.29 at 100 m, 954.61 at 500 m
-  EXPECT_NEAR(height_between(1013.25, 1001.29, 15), 100, 0.3);
-  EXPECT_NEAR(height_between(1013.25, 954.61, 15), 500, 4);
-  EXPECT_NEAR(height_between(1001.29, 1013.25, 15), -100, 0.3);
-  EXPECT_NEAR(height_between(1013.25, 1001.29, 45) / height_between(1013.25, 1001.29, 15), 318.15 / 288.15, 1e-12);
-}
-
 TEST_F(MavlinkControllerHeight, TurnsPressureIntoHeightAndStampsByTheModel) {
   ASSERT_TRUE(take(ScaledPressure{.time_boot_ms = boot_ms(0), .press_abs = 1013.25F}, 0));
   EXPECT_NEAR(sample.metres, 0, 1e-3);
