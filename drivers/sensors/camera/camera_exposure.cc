@@ -59,6 +59,7 @@ DeviceTrouble CameraExposure::set_up(V4l2Device& device) noexcept {
   of_image_.state = setting();
   shown_time_ns_.store(of_image_.state.time.ns, std::memory_order_relaxed);
   wanted_.reset();
+  asked_for_ = {};
   is_changing_ = false;
   if (time_control_.id == 0) return {};
   ExposureLimits limits;
@@ -135,10 +136,7 @@ Span CameraExposure::time_of(HostStamp given, std::uint64_t sequence) noexcept {
 }
 
 void CameraExposure::look(const Frame& frame) noexcept {
-  if (const Span followed{followed_time_ns_.load(std::memory_order_relaxed)}; followed.ns > 0) {
-    if (time_control_.id != 0 && !is_changing_) wanted_ = {followed, followed_gain_.load(std::memory_order_relaxed)};
-    return;
-  }
+  if (followed_time_ns_.load(std::memory_order_relaxed) > 0) return look_at_other();
   if (!controller_ || !automatic_.load(std::memory_order_relaxed)) return;
   const ImageStatistics image = statistics_of(frame.data, frame.width, frame.height, frame.stride);
   timeline_.brightness(image.mean);
@@ -148,6 +146,14 @@ void CameraExposure::look(const Frame& frame) noexcept {
   clipped_share_.store(image.clipped_share, std::memory_order_relaxed);
   delay_.store(timeline_.delay(), std::memory_order_relaxed);
   is_delay_known_.store(timeline_.is_delay_known(), std::memory_order_relaxed);
+}
+
+/// Asks for each of the other camera's settings once: this one may round it.
+void CameraExposure::look_at_other() noexcept {
+  const ExposureState other{Span{followed_time_ns_.load(std::memory_order_relaxed)},
+                            followed_gain_.load(std::memory_order_relaxed)};
+  if (time_control_.id == 0 || is_changing_ || (other.time == asked_for_.time && other.gain == asked_for_.gain)) return;
+  wanted_ = asked_for_ = other;
 }
 
 ExposureReport CameraExposure::report() const noexcept {

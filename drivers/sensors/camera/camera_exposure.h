@@ -58,6 +58,7 @@ class CameraExposure {
   ExposureReport report() const noexcept;
 
  private:
+  void look_at_other() noexcept;
   double gain_of(std::int64_t value) const noexcept;
   std::int64_t value_of_gain(double gain) const noexcept;
   std::int64_t value_of_time(Span time) const noexcept;
@@ -69,7 +70,8 @@ class CameraExposure {
   ControlFacts time_control_, gain_control_;
   std::int64_t time_value_ = 0, gain_value_ = 0;
   ExposureTimeline::OfImage of_image_;
-  bool is_changing_ = false;  ///< a change is on its way to the device
+  ExposureState asked_for_{};  ///< of the camera that is followed, the newest setting
+  bool is_changing_ = false;   ///< a change is on its way to the device
 
   std::atomic<bool> automatic_{false};
   std::atomic<double> turn_rate_{0};

@@ -594,6 +594,37 @@ TEST(V4l2Camera, ASlowChangeOfExposureCostsNoImage) {
   EXPECT_GT(rig.device->control("Exposure Time, Absolute").value, 40);
 }
 
+TEST(V4l2Camera, ASecondCameraIsExposedAsTheFirst) {
+  CameraRig first, second, third;
+  for (CameraRig* rig : {&first, &second, &third}) {
+    rig->settings.exposure_control = "exposure_time_absolute";
+    rig->settings.exposure = Span{100'000};
+  }
+  first.settings.control_of_exposure.automatic = true;
+  first.settings.control_of_exposure.longest_ms = 20;
+  first.settings.control_of_exposure.brightness = 200;
+  first.open();
+  second.open();
+  second.camera->follow_exposure_of(*first.camera);
+  second.run(1);
+  EXPECT_EQ(second.camera->exposure_report().changes, 0u) << "there is nothing to follow yet";
+  first.run(10);
+  const auto exposure = [](const CameraRig& rig) { return rig.device->control("Exposure Time, Absolute").value; };
+  EXPECT_GT(exposure(first), 40);
+  EXPECT_NEAR(static_cast<double>(second.run(2)), 60, 1);
+  EXPECT_EQ(exposure(second), exposure(first));
+  EXPECT_EQ(second.heap_calls, 0u);
+  EXPECT_EQ(second.camera->exposure_report().time, first.camera->exposure_report().time);
+
+  third.open();
+  third.device->control("Exposure Time, Absolute").most = 50;  // less than it said
+  third.camera->follow_exposure_of(*first.camera);
+  first.run(1);
+  third.run(5);
+  EXPECT_EQ(exposure(third), 50);
+  EXPECT_EQ(third.camera->exposure_report().changes, 1u) << "it is asked once";
+}
+
 TEST(V4l2Camera, AControlUnderWayWhenTheCameraIsLostIsSetAgain) {
   CameraRig rig;
   rig.open();
