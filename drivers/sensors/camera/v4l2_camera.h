@@ -94,7 +94,8 @@ class V4l2Camera final : public CameraSource {
   bool control_answer(ControlChange& answer) noexcept { return requests_.take_answer(answer); }
   /// The exposure controller; needs `exposure_control`.
   void set_automatic_exposure(bool on) noexcept { exposure_.set_automatic(on); }
-  /// This camera shall be exposed as that one, which has a controller. Call before open(); both must live as long.
+  /// This camera shall be exposed as that one, which has a controller. Call before they stream; this one must outlive
+  /// the leader's reads.
   void follow_exposure_of(V4l2Camera& leader) noexcept { leader.follower_ = this; }
   /// Rotation rate of the camera, rad/s: limits exposure times so that images stay sharp.
   void set_turn_rate(double rad_s) noexcept { exposure_.set_turn_rate(rad_s); }

@@ -174,6 +174,26 @@ TEST(Check, DeviceRecordsBecomeFindings) {
   EXPECT_EQ(find(findings_of(record), "clock:")->grade, Grade::kError);
 }
 
+TEST(Check, CamerasThatAreNotTriggeredTogetherAreNamed) {
+  const auto grade = [](std::uint64_t pairs, std::uint64_t without) {
+    const Findings all = findings_of({"camera pair", {{"pairs", pairs}, {"without", without}, {"unused", 3}}, {}});
+    return all.empty() ? std::nullopt : std::optional(all.front().grade);
+  };
+  EXPECT_EQ(grade(0, 0), std::nullopt) << "no image yet";
+  EXPECT_EQ(grade(97, 3), Grade::kOk);
+  EXPECT_EQ(grade(80, 20), Grade::kWarning);
+  EXPECT_EQ(grade(0, 100), Grade::kError);
+}
+
+TEST(Check, ASecondCameraMustBePresent) {
+  DevicesConfig d;
+  d.second_camera.device = "/dev/no-second-camera";
+  const Findings all = check_presence(d, {});
+  const auto named = std::find_if(all.begin(), all.end(), [](const Finding& f) { return f.device == "second camera"; });
+  ASSERT_NE(named, all.end());
+  EXPECT_EQ(named->grade, Grade::kError);
+}
+
 // ---- edges, wheels ----
 
 TEST(CameraFindings, SayWhereImagesAreRead) {

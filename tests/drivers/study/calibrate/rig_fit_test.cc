@@ -82,8 +82,7 @@ INSTANTIATE_TEST_SUITE_P(All, Rigs,
                          testing::Values(CameraModel::kPinholeRadialTangential, CameraModel::kPinholeEquidistant,
                                          CameraModel::kDoubleSphere));
 
-/// A lens that no radial-tangential one draws, like a VI-Sensor's: hundredths of a pixel off where corners are, pixels
-/// beyond.
+/// A lens that no radial-tangential one draws: a VI-Sensor's (docs/decisions/2026-11-26-lens-shape.md).
 class OtherShape : public testing::Test {
  protected:
   static Result<RigFit> fit(CameraModel model, double distance_m) {
