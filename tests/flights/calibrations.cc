@@ -46,6 +46,10 @@ std::vector<Figure> figures_of(const WavedRig& rig, const RigFit& fit) {
     figures.push_back({fmt::format("gyroscope {}", i), c.gyroscope_gain[i] - 1, fit.sigma(columns.gyroscope_gain + i)});
     figures.push_back(
         {fmt::format("accelerometer {}", i), c.accelerometer_gain[i] - 1, fit.sigma(columns.accelerometer_gain + i)});
+    figures.push_back({fmt::format("y's accelerometer {}", i), c.accelerometers_B(i, 1) - rig.accelerometers_B(i, 1),
+                       fit.sigma(columns.accelerometer_y + i)});
+    figures.push_back({fmt::format("z's accelerometer {}", i), c.accelerometers_B(i, 2) - rig.accelerometers_B(i, 2),
+                       fit.sigma(columns.accelerometer_z + i)});
   }
   figures.push_back({"time offset", c.time_offset_s - rig.time_offset_s, fit.sigma(columns.time_offset)});
   return figures;

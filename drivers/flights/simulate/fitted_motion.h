@@ -36,6 +36,8 @@ class FittedMotion final : public MotionModel {
   FittedMotion(HostStamp begin, double duration_s, Splines splines, Biases biases);
   /// `t_s` in [0, duration_s()].
   Motion at(double t_s) const override;
+  /// rad/s^2, in B.
+  Vec3 angular_acceleration(double t_s) const { return splines_.rotation.at(t_s + splines_.lead_s).alpha_B; }
   double duration_s() const override { return duration_s_; }
   /// The IMU's time at t_s = 0.
   HostStamp begin() const { return begin_; }

@@ -47,15 +47,18 @@ RotationSpline::RotationSpline(double interval_s, std::vector<Mat3> controls)
 RotationSpline::Value RotationSpline::at(double t_s) const {
   const SplinePlace place = spline_place(t_s, interval_s_, controls_.size());
   const CubicWeights w = cubic_weights(place.u);
-  Value v{controls_[static_cast<std::size_t>(place.piece)], Vec3::Zero()};
-  double sum = 1 - w.value[0], rate = -w.first[0];
+  Value v{controls_[static_cast<std::size_t>(place.piece)], Vec3::Zero(), Vec3::Zero()};
+  double sum = 1 - w.value[0], first = -w.first[0], second = -w.second[0];
   for (std::size_t j = 1; j < 4; ++j) {
     const Vec3& d = steps_[static_cast<std::size_t>(place.piece) + j - 1];
     const Mat3 turn = so3_exp(sum * d);
     v.R_WB = v.R_WB * turn;
-    v.omega_B = turn.transpose() * v.omega_B + rate / interval_s_ * d;
+    const Vec3 rate = first / interval_s_ * d, omega_B = turn.transpose() * v.omega_B;
+    v.alpha_B = turn.transpose() * v.alpha_B + omega_B.cross(rate) + second / (interval_s_ * interval_s_) * d;
+    v.omega_B = omega_B + rate;
     sum -= w.value[j];
-    rate -= w.first[j];
+    first -= w.first[j];
+    second -= w.second[j];
   }
   return v;
 }

@@ -45,7 +45,7 @@ class RotationSpline {
  public:
   struct Value {
     Mat3 R_WB;
-    Vec3 omega_B;  ///< rad/s
+    Vec3 omega_B, alpha_B;  ///< rad/s, rad/s^2
   };
   RotationSpline() = default;
   /// `controls`: four at least, neighbours less than pi apart.

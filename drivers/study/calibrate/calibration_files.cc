@@ -81,16 +81,20 @@ Json imu_json(const Calibration& c) {
   const auto three = [&](int column) {
     return vector_json({c.fit.sigma(column), c.fit.sigma(column + 1), c.fit.sigma(column + 2)});
   };
-  return {
-      {"rate_hz", c.imu_rate_hz},
-      {"gyroscope_noise_density", c.imu.noise.gyroscope_density},
-      {"accelerometer_noise_density", c.imu.noise.accelerometer_density},
-      {"gyroscope_gain", vector_json(found.gyroscope_gain)},
-      {"accelerometer_gain", vector_json(found.accelerometer_gain)},
-      {"gyroscope_bias", vector_json(c.fit.state.gyroscope_bias.front())},
-      {"accelerometer_bias", vector_json(c.fit.state.accelerometer_bias.front())},
-      {"sigma",
-       {{"gyroscope_gain", three(columns.gyroscope_gain)}, {"accelerometer_gain", three(columns.accelerometer_gain)}}}};
+  return {{"rate_hz", c.imu_rate_hz},
+          {"gyroscope_noise_density", c.imu.noise.gyroscope_density},
+          {"accelerometer_noise_density", c.imu.noise.accelerometer_density},
+          {"gyroscope_gain", vector_json(found.gyroscope_gain)},
+          {"accelerometer_gain", vector_json(found.accelerometer_gain)},
+          {"accelerometer_y_m", vector_json(found.accelerometers_B.col(1))},
+          {"accelerometer_z_m", vector_json(found.accelerometers_B.col(2))},
+          {"gyroscope_bias", vector_json(c.fit.state.gyroscope_bias.front())},
+          {"accelerometer_bias", vector_json(c.fit.state.accelerometer_bias.front())},
+          {"sigma",
+           {{"gyroscope_gain", three(columns.gyroscope_gain)},
+            {"accelerometer_gain", three(columns.accelerometer_gain)},
+            {"accelerometer_y_m", three(columns.accelerometer_y)},
+            {"accelerometer_z_m", three(columns.accelerometer_z)}}}};
 }
 
 }  // namespace

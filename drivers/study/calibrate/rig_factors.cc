@@ -7,6 +7,30 @@
 
 namespace epiline {
 
+namespace {
+
+/// What accelerometers measure for being away from B's origin while B turns, and how that follows rate, angular
+/// acceleration and, row i, the place of that of axis i.
+struct Apart {
+  Vec3 f_B;
+  Mat3 by_omega_B, by_alpha_B, by_place_B;
+};
+
+Apart apart_from_origin(const Mat3& accelerometers_B, const Vec3& omega_B, const Vec3& alpha_B) {
+  Apart apart;
+  apart.by_place_B = skew(alpha_B) + skew(omega_B) * skew(omega_B);
+  for (int i = 0; i < 3; ++i) {
+    const Vec3 p_B = accelerometers_B.col(i);
+    apart.f_B[i] = apart.by_place_B.row(i).dot(p_B);
+    apart.by_omega_B.row(i) = omega_B[i] * p_B.transpose() - 2 * p_B[i] * omega_B.transpose();
+    apart.by_omega_B(i, i) += omega_B.dot(p_B);
+    apart.by_alpha_B.row(i) = -skew(p_B).row(i);
+  }
+  return apart;
+}
+
+}  // namespace
+
 RigLayout::RigLayout(const RigState& state)
     : FitLayout(static_cast<int>(state.p_TB.size()), static_cast<int>(state.gyroscope_bias.size()),
                 state.bias_interval_s / state.interval_s),
@@ -49,20 +73,32 @@ FitResidual RigFactors::gyroscope(const RigReading& reading, double weight) cons
 FitResidual RigFactors::accelerometer(const RigReading& reading, double weight) const {
   const Place at = place(reading.t_s);
   const Motion m = motion_.at(reading.t_s);
-  const Vec3 inverse_gain = state_.constants.accelerometer_gain.cwiseInverse();
-  const Vec3 f_T = m.a_WB - state_.constants.g_T;
-  const Mat3 by_f_T = -(inverse_gain.asDiagonal() * m.R_WB.transpose());
-  const Vec3 expected = -by_f_T * f_T;
+  const Vec3 inverse_gain = state_.constants.accelerometer_gain.cwiseInverse(), f_T = m.a_WB - state_.constants.g_T;
+  const Apart apart =
+      apart_from_origin(state_.constants.accelerometers_B, m.omega_B, motion_.angular_acceleration(reading.t_s));
+  const Vec3 f_B = m.R_WB.transpose() * f_T + apart.f_B;
+  const Mat3 by_f_B = -Mat3(inverse_gain.asDiagonal()), by_f_T = by_f_B * m.R_WB.transpose(),
+             by_rate = by_f_B * apart.by_omega_B * m.R_WB.transpose(),
+             by_acceleration = by_f_B * apart.by_alpha_B * m.R_WB.transpose(), by_place = by_f_B * apart.by_place_B;
+  const Vec3 expected = inverse_gain.cwiseProduct(f_B);
   FitResidual r(reading.a - motion_.accelerometer_bias(reading.t_s) - expected, weight);
   for (std::size_t i = 0; i < 4; ++i) {
-    r.add(at.knot[i], at.weights.second[i] / (state_.interval_s * state_.interval_s) * by_f_T);
-    r.add(at.knot[i] + 3, at.weights.value[i] * by_f_T * skew(f_T));
+    const double first = at.weights.first[i] / state_.interval_s,
+                 second = at.weights.second[i] / (state_.interval_s * state_.interval_s);
+    r.add(at.knot[i], second * by_f_T);
+    r.add(at.knot[i] + 3, at.weights.value[i] * by_f_T * skew(f_T) + first * by_rate + second * by_acceleration);
   }
   add_biases(at, 3, r);
   Mat3 by_gravity = Mat3::Zero();
   by_gravity.leftCols<2>() = -state_.constants.g_T.norm() * by_f_T * state_.across_gravity();
   r.add(layout_.columns.gravity, by_gravity, 2);
   r.add(layout_.columns.accelerometer_gain, inverse_gain.cwiseProduct(expected).asDiagonal());
+  Mat3 by_y = Mat3::Zero(), by_z = Mat3::Zero();  // the x axis' accelerometer moves against both
+  by_y.row(0) = by_z.row(0) = -by_place.row(0);
+  by_y.row(1) = by_place.row(1);
+  by_z.row(2) = by_place.row(2);
+  r.add(layout_.columns.accelerometer_y, by_y);
+  r.add(layout_.columns.accelerometer_z, by_z);
   return r;
 }
 

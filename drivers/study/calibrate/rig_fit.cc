@@ -23,7 +23,8 @@ constexpr double kLead = 0.42;
 /// Images this close to the ends are left out, so that the time offset may move.
 constexpr double kMargin_s = 0.1;
 /// Of the priors: sensors are better than this, so that what a recording cannot tell stays sane.
-constexpr double kGainSigma = 0.03, kGyroscopeBiasSigma = 0.2, kAccelerometerBiasSigma = 0.5, kLeverSigma_m = 0.5;
+constexpr double kGainSigma = 0.03, kApart_m = 0.01, kGyroscopeBiasSigma = 0.2, kAccelerometerBiasSigma = 0.5,
+                 kLeverSigma_m = 0.5;
 
 class Rig {
  public:
@@ -283,6 +284,8 @@ class Rig {
     for (int i = 0; i < c.shape.corners(); ++i) expect(layout.corners + 3 * i, c.shape.offset(i), c.shape.sigma_m());
     expect(layout.columns.gyroscope_gain, c.gyroscope_gain - Vec3::Ones(), kGainSigma);
     expect(layout.columns.accelerometer_gain, c.accelerometer_gain - Vec3::Ones(), kGainSigma);
+    expect(layout.columns.accelerometer_y, c.accelerometers_B.col(1), kApart_m);
+    expect(layout.columns.accelerometer_z, c.accelerometers_B.col(2), kApart_m);
     // The outermost knots are hardly seen: they stay where they are rather than nowhere.
     for (const int column : layout.knot) equations.damp(column, 6, 1e-2);
     equations.damp(layout.columns.begin, layout.columns.count(), 1e-6);

@@ -16,7 +16,9 @@ RigColumns::RigColumns(int first, CameraModel model)
       gravity(time_offset + 1),
       gyroscope_gain(gravity + 2),
       accelerometer_gain(gyroscope_gain + 3),
-      end(accelerometer_gain + 3) {}
+      accelerometer_y(accelerometer_gain + 3),
+      accelerometer_z(accelerometer_y + 3),
+      end(accelerometer_z + 3) {}
 
 FittedMotion RigState::motion() const {
   return {begin,
@@ -60,6 +62,10 @@ double RigState::move(const std::vector<double>& step, const std::vector<int>& k
   for (int i = 0; i < constants.shape.corners(); ++i) constants.shape.offset(i) += part(corners + 3 * i);
   constants.gyroscope_gain += part(columns.gyroscope_gain);
   constants.accelerometer_gain += part(columns.accelerometer_gain);
+  const Vec3 dy_B = part(columns.accelerometer_y), dz_B = part(columns.accelerometer_z);
+  constants.accelerometers_B.col(0) -= dy_B + dz_B;
+  constants.accelerometers_B.col(1) += dy_B;
+  constants.accelerometers_B.col(2) += dz_B;
   return most;
 }
 

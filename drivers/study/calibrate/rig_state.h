@@ -9,7 +9,7 @@
 
 namespace epiline {
 
-/// T: the board's frame. B: the IMU.
+/// T: the board's frame. B: the IMU; its origin is the middle of the three accelerometers.
 struct RigConstants {
   CameraParameters lens;
   Mat3 R_BC = Mat3::Identity();
@@ -19,12 +19,15 @@ struct RigConstants {
   Vec3 g_T = Vec3(0, 0, -1);  ///< gravity, m/s^2; its length is known
   /// What a reading without its bias is multiplied by to be true, per axis.
   Vec3 gyroscope_gain = Vec3::Ones(), accelerometer_gain = Vec3::Ones();
+  Mat3 accelerometers_B = Mat3::Zero();  ///< column i: where that of axis i is, m; their sum is zero
 };
 
 /// Columns of the constants in the equations, in this order from `begin` on; the corners of the board come behind.
 struct RigColumns {
   explicit RigColumns(int begin, CameraModel model);
-  int begin, lens, R_BC, p_BC, time_offset, gravity, gyroscope_gain, accelerometer_gain, end;
+  int begin, lens, R_BC, p_BC, time_offset, gravity, gyroscope_gain, accelerometer_gain;
+  int accelerometer_y, accelerometer_z;  ///< places of these two accelerometers
+  int end;
   int count() const { return end - begin; }
 };
 

@@ -170,6 +170,14 @@ void judge(Calibration& c) {
                                100 * largest_sigma(fit, column)),
                    "a range that is set right, and readings in SI units: the estimator does not correct a scale");
   };
+  const auto apart_mm = [&](int axis) { return 1e3 * fit.state.constants.accelerometers_B.col(axis).norm(); };
+  c.verdicts.push_back(verdict(
+      true, "accelerometers",
+      fmt::format(
+          "those of x, y and z are {:.1f} {:.1f} {:.1f} mm from their middle, good to {:.1f} mm", apart_mm(0),
+          apart_mm(1), apart_mm(2),
+          1e3 * std::max(largest_sigma(fit, columns.accelerometer_y), largest_sigma(fit, columns.accelerometer_z))),
+      ""));
   c.verdicts.push_back(gain("gyroscope scale", fit.state.constants.gyroscope_gain, columns.gyroscope_gain));
   c.verdicts.push_back(gain("accelerometer scale", fit.state.constants.accelerometer_gain, columns.accelerometer_gain));
 }

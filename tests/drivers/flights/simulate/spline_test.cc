@@ -41,7 +41,7 @@ TEST(RotationSplineTest, TurnsAtAConstantRateIfItsControlsDo) {
   }
 }
 
-TEST(RotationSplineTest, RateIsTheDerivativeAndHasNoJumps) {
+TEST(RotationSplineTest, RateAndAccelerationAreTheDerivativesAndHaveNoJumps) {
   constexpr double kStep = 1e-5, kKnotInterval_s = 0.2;
   Random random(3, 0);
   std::vector<Mat3> controls{Mat3::Identity()};
@@ -51,11 +51,15 @@ TEST(RotationSplineTest, RateIsTheDerivativeAndHasNoJumps) {
     const double t = random.uniform(kStep, spline.end_s() - kStep);
     const Mat3 turn = spline.at(t - kStep).R_WB.transpose() * spline.at(t + kStep).R_WB;
     EXPECT_LT((so3_log(turn) / (2 * kStep) - spline.at(t).omega_B).norm(), 1e-6) << t;
+    const Vec3 change = (spline.at(t + kStep).omega_B - spline.at(t - kStep).omega_B) / (2 * kStep);
+    const bool across_knot = std::abs(std::remainder(t, kKnotInterval_s)) < kStep;
+    EXPECT_LT((change - spline.at(t).alpha_B).norm(), across_knot ? 1 : 1e-4) << t;
   }
   for (double knot = kKnotInterval_s; knot < spline.end_s() - 0.1; knot += kKnotInterval_s) {
     const RotationSpline::Value a = spline.at(knot - 1e-9), b = spline.at(knot + 1e-9);
     EXPECT_LT((a.R_WB - b.R_WB).norm(), 1e-7);
     EXPECT_LT((a.omega_B - b.omega_B).norm(), 1e-6);
+    EXPECT_LT((a.alpha_B - b.alpha_B).norm(), 1e-4);
   }
 }
 

@@ -26,6 +26,7 @@ RigState state_of(CameraModel model) {
   RigState state;
   state.constants = {rig.lens,          rig.R_BC, rig.p_BC, rig.time_offset_s, shape(), rig.g_T(), {1.01, 0.99, 1.002},
                      {0.98, 1.01, 1.03}};
+  state.constants.accelerometers_B << -3e-3, 1e-3, 2e-3, 7e-3, -6e-3, -1e-3, 5e-3, -2e-3, -3e-3;
   state.begin = WavedRig::kBegin;
   state.interval_s = 0.01;
   state.lead_s = 0.004;
@@ -117,7 +118,12 @@ RigReading agreeing(const RigState& state, double t_s) {
   const Motion m = motion.at(t_s);
   const RigConstants& c = state.constants;
   const Vec3 w = m.omega_B.cwiseQuotient(c.gyroscope_gain) + motion.gyroscope_bias(t_s);
-  const Vec3 f_B = m.R_WB.transpose() * (m.a_WB - c.g_T);
+  Vec3 f_B = m.R_WB.transpose() * (m.a_WB - c.g_T);
+  const Vec3 alpha_B = motion.angular_acceleration(t_s);
+  for (int i = 0; i < 3; ++i) {
+    const Vec3 p_B = c.accelerometers_B.col(i);
+    f_B[i] += (alpha_B.cross(p_B) + m.omega_B.cross(m.omega_B.cross(p_B)))[i];
+  }
   return {t_s, w, f_B.cwiseQuotient(c.accelerometer_gain) + motion.accelerometer_bias(t_s)};
 }
 

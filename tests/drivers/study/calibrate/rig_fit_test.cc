@@ -34,6 +34,8 @@ class Rigs : public testing::TestWithParam<CameraModel> {
     rig_.bend_m = 1e-3;
     rig_.imu.gyroscope_matrix = Vec3(1.004, 0.997, 1.002).asDiagonal();
     rig_.imu.accelerometer_matrix = Vec3(0.996, 1.003, 1.005).asDiagonal();
+    // as far apart as in a VI-Sensor's IMU
+    rig_.accelerometers_B << -5e-3, 2e-3, 3e-3, 7e-3, -5e-3, -2e-3, -2e-3, -1e-3, 3e-3;
   }
   WavedRig rig_;
 };
@@ -64,7 +66,10 @@ TEST_P(Rigs, EveryFigureIsWithinWhatIsClaimed) {
     expect(columns.gyroscope_gain + i, c.gyroscope_gain[i] - 1 / rig_.imu.gyroscope_matrix(i, i), "gyroscope");
     expect(columns.accelerometer_gain + i, c.accelerometer_gain[i] - 1 / rig_.imu.accelerometer_matrix(i, i),
            "accelerometer");
+    expect(columns.accelerometer_y + i, c.accelerometers_B(i, 1) - rig_.accelerometers_B(i, 1), "y's accelerometer");
+    expect(columns.accelerometer_z + i, c.accelerometers_B(i, 2) - rig_.accelerometers_B(i, 2), "z's accelerometer");
   }
+  EXPECT_LT((c.accelerometers_B * Vec3::Ones()).norm(), 1e-12) << "their middle is the origin";
   expect(columns.time_offset, c.time_offset_s - rig_.time_offset_s, "time offset");
   EXPECT_LT(so3_log(Eigen::Quaterniond::FromTwoVectors(c.g_T, rig_.g_T()).toRotationMatrix()).norm(), 2e-3);
   // and it is worth something
@@ -72,6 +77,7 @@ TEST_P(Rigs, EveryFigureIsWithinWhatIsClaimed) {
   EXPECT_LT(fit->sigma(columns.R_BC), 2e-3);
   EXPECT_LT(fit->sigma(columns.p_BC), 5e-3);
   EXPECT_LT(fit->sigma(columns.time_offset), 1e-3);
+  EXPECT_LT(fit->sigma(columns.accelerometer_y), 1.5e-3);
   EXPECT_EQ(fit->uncertainty.misfit.cols(), 0) << "the lens has the model's shape";
   EXPECT_NEAR(fit->noise.corner_px, rig_.corner_px, 0.15 * rig_.corner_px);
   EXPECT_NEAR(fit->noise.gyroscope_density / rig_.imu.noise.gyroscope_density, 1, 0.15);

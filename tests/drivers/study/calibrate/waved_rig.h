@@ -47,8 +47,9 @@ struct WavedRig {
   double corner_px = 0.15;
   ImuModel imu;
   std::uint64_t seed = 1;
-  double bend_m = 0;  ///< of the board from its middle to its corners
-  double turns = 1;   ///< how much it is turned; 0: not at all
+  Mat3 accelerometers_B = Mat3::Zero();  ///< column i: where the accelerometer of axis i is, m
+  double bend_m = 0;                     ///< of the board from its middle to its corners
+  double turns = 1;                      ///< how much it is turned; 0: not at all
 
   /// The board's gravity: it hangs on a wall, not quite upright.
   Vec3 g_T() const { return 9.81 * Vec3(0.05, -0.98, -0.12).normalized(); }
@@ -86,12 +87,26 @@ struct WavedRig {
     return m;
   }
 
+  /// As an IMU at the origin would have to move to measure what the accelerometers do.
+  Motion felt(double t) const {
+    constexpr double kStep = 1e-3;
+    Motion m = motion(t);
+    const Vec3 alpha_B = (motion(t + kStep).omega_B - motion(t - kStep).omega_B) / (2 * kStep);
+    Vec3 more_B;
+    for (int i = 0; i < 3; ++i) {
+      const Vec3 p_B = accelerometers_B.col(i);
+      more_B[i] = (alpha_B.cross(p_B) + m.omega_B.cross(m.omega_B.cross(p_B)))[i];
+    }
+    m.a_WB += m.R_WB * more_B;
+    return m;
+  }
+
   std::vector<ImuSample> readings() const {
     ImuSimulator simulator(imu, Random(seed, 7));
     std::vector<ImuSample> samples;
     const double period = 1 / imu.rate_hz;
     for (int i = 0; i * period < seconds; ++i)
-      samples.push_back(simulator.read(kBegin + Span::from_seconds(i * period), motion(i * period)));
+      samples.push_back(simulator.read(kBegin + Span::from_seconds(i * period), felt(i * period)));
     return samples;
   }
 
