@@ -32,6 +32,24 @@ void FlightLog::drain_samples() noexcept {
   drain(publications_, [](FlightObserver& o, const Publication& p) { o.published(p.serial, p.latency_ns); });
 }
 
+void FlightLog::drain_images(LentImages& lent) noexcept {
+  for (const Frame* frame = images_.ring().front(); frame != nullptr; frame = images_.ring().front()) {
+    const auto slot = static_cast<std::size_t>(frame->slot);
+    for (FlightObserver* o : observers_) {
+      if (o->wants_images()) o->image(*frame, lent.second(slot));
+    }
+    lent.give_back(slot);
+    images_.ring().pop();
+  }
+}
+
+void FlightLog::drain(HostStamp now, HostStamp settled, LentImages& lent) noexcept {
+  drain_samples();
+  drain_images(lent);
+  drain_events(now, settled);
+  for (FlightObserver* o : observers_) o->pass(now);
+}
+
 void FlightLog::note_lost(RingName ring, std::uint64_t dropped, HostStamp now) noexcept {
   std::uint64_t& known = lost_[static_cast<std::size_t>(ring)];
   if (dropped == known) return;

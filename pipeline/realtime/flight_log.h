@@ -40,20 +40,8 @@ class FlightLog {
   /// Elements that a ring elsewhere has refused so far; what is new becomes an event.
   void note_lost(RingName ring, std::uint64_t dropped, HostStamp now) noexcept;
   /// Hands everything that has come to the observers. Events after `settled` are kept back: earlier ones may still
-  /// come. `give_back` is called with each image.
-  template <class GiveBack>
-  void drain(HostStamp now, HostStamp settled, GiveBack&& give_back) noexcept {
-    drain_samples();
-    for (const Frame* frame = images_.ring().front(); frame != nullptr; frame = images_.ring().front()) {
-      for (FlightObserver* o : observers_) {
-        if (o->wants_images()) o->image(*frame);
-      }
-      give_back(*frame);
-      images_.ring().pop();
-    }
-    drain_events(now, settled);
-    for (FlightObserver* o : observers_) o->pass(now);
-  }
+  /// come. `lent`: the log's images are given back there.
+  void drain(HostStamp now, HostStamp settled, LentImages& lent) noexcept;
 
   // Any thread.
 
@@ -77,6 +65,7 @@ class FlightLog {
   static constexpr std::size_t kSpeakers = static_cast<std::size_t>(Speaker::kCount);
 
   void drain_samples() noexcept;
+  void drain_images(LentImages& lent) noexcept;
   void drain_events(HostStamp now, HostStamp settled) noexcept;
   void gather(const Event& event) noexcept;
   void tell(const Event& event) noexcept;

@@ -16,8 +16,7 @@ Step LogStage::step() noexcept {
   for (const auto& [name, ring] : in_.imu) in_.log.note_lost(name, ring->dropped(), now);
   in_.log.note_lost(RingName::kWheelToEstimate, in_.speeds.dropped(), now);
   in_.log.note_lost(RingName::kHeightToEstimate, in_.heights.dropped(), now);
-  in_.log.drain(now, last ? end_of_time : clock_.pace->stamp_of(now_ns - FlightLog::kEventWindow.ns),
-                [&](const Frame& image) { in_.images.give_back(static_cast<std::size_t>(image.slot)); });
+  in_.log.drain(now, last ? end_of_time : clock_.pace->stamp_of(now_ns - FlightLog::kEventWindow.ns), in_.images);
   return last ? Step::end() : Step::nothing_until(now_ns + kIdle.ns);
 }
 

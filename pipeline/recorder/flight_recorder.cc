@@ -44,11 +44,12 @@ std::size_t image_bytes(const CameraParameters& camera) {
   return sizeof(RecordedImageHeader) + static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
 }
 
-/// As many segments as the limit allows, each with room for one image or more.
+/// As many segments as the limit allows, each with room for the image of each camera or more.
 std::optional<Tape> image_tape(const RecorderConfig& config, const RecordedRun& run) {
   if (!config.images || run.png == nullptr) return std::nullopt;
   const std::size_t limit = static_cast<std::size_t>(config.image_memory_mib) << 20;
-  const std::size_t one = Tape::bytes_of_record(image_bytes(run.camera.parameters));
+  std::size_t one = Tape::bytes_of_record(image_bytes(run.camera.parameters));
+  if (run.second) one += Tape::bytes_of_record(image_bytes(run.second->parameters));
   const std::size_t segments = std::clamp<std::size_t>(limit / one, 4, kSegments);
   return std::optional<Tape>(std::in_place, segments, segments * kKept / kSegments,
                              std::max(one, limit / segments / one * one));
@@ -115,6 +116,7 @@ struct FlightRecorder::Impl {
   ~Impl() { stop(); }
 
   // Log thread.
+  void keep(const Frame& frame, RecordKind kind);
   bool may_record_lost(HostStamp now) const;
   void begin(RecordReason reason);
 
@@ -163,6 +165,18 @@ void FlightRecorder::Impl::begin(RecordReason reason) {
   busy.store(true, std::memory_order_relaxed);  // the ring below hands it over
   orders.push(order);
   parking.notify();
+}
+
+void FlightRecorder::Impl::keep(const Frame& frame, RecordKind kind) {
+  const RecordedImageHeader header{frame.stamp, frame.width, frame.height};
+  const auto width = static_cast<std::size_t>(frame.width), height = static_cast<std::size_t>(frame.height);
+  std::byte* at = images->claim(static_cast<std::uint32_t>(kind), sizeof header + width * height);
+  if (at == nullptr) return;
+  std::memcpy(at, &header, sizeof header);
+  at += sizeof header;
+  for (std::size_t y = 0; y < height; ++y)
+    std::memcpy(at + y * width, frame.data + y * static_cast<std::size_t>(frame.stride), width);
+  images->commit();
 }
 
 bool FlightRecorder::Impl::may_record_lost(HostStamp stamp) const {
@@ -254,16 +268,9 @@ void FlightRecorder::tracks(const LoggedTracks& t) noexcept {
   impl_->samples.commit();
 }
 
-void FlightRecorder::image(const Frame& frame) noexcept {
-  const RecordedImageHeader header{frame.stamp, frame.width, frame.height};
-  const auto width = static_cast<std::size_t>(frame.width), height = static_cast<std::size_t>(frame.height);
-  std::byte* at = impl_->images->claim(static_cast<std::uint32_t>(RecordKind::kImage), sizeof header + width * height);
-  if (at == nullptr) return;
-  std::memcpy(at, &header, sizeof header);
-  at += sizeof header;
-  for (std::size_t y = 0; y < height; ++y)
-    std::memcpy(at + y * width, frame.data + y * static_cast<std::size_t>(frame.stride), width);
-  impl_->images->commit();
+void FlightRecorder::image(const Frame& frame, const Frame& second) noexcept {
+  impl_->keep(frame, RecordKind::kImage);
+  if (second.data != nullptr) impl_->keep(second, RecordKind::kSecondImage);
 }
 
 void FlightRecorder::pass(HostStamp now) noexcept {

@@ -8,7 +8,7 @@
 
 namespace epiline {
 
-enum class RecordKind : std::uint32_t { kImu, kState, kTracks, kImage, kEvent, kWheel, kHeight };
+enum class RecordKind : std::uint32_t { kImu, kState, kTracks, kImage, kSecondImage, kEvent, kWheel, kHeight };
 
 /// The estimate of one image.
 struct RecordedState {

@@ -73,6 +73,7 @@ struct LoggedTracks {
   std::uint64_t sequence = 0;  ///< of the camera's images
   HostStamp stamp;
   FixedVector<LoggedPoint, kMaxFeatures> points;  ///< in the order of their ids
+  FixedVector<LoggedPoint, kMaxFeatures> second;  ///< what a second camera sees: pixels of its image
 };
 
 // The rings to the log. A full one refuses and counts: no stage waits for the log.

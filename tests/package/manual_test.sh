@@ -14,12 +14,12 @@ mapfile -t commands < <("$program" --help | grep -oP '^  \K[a-z]+')
 for command in "${commands[@]}"; do
   section=$(sed -n "/^\.SS epiline $command\$/,/^\.S[SH] /p" <<<"$text")
   for option in $("$program" "$command" --help | grep -oP '^  (-\w,)?\K--[a-z-]+' | grep -v '^--help$'); do
-    grep -qF -- "$option" <<<"$section" || { echo "epiline $command: no $option in the manual page"; failed=1; }
+    [[ $section == *"$option"* ]] || { echo "epiline $command: no $option in the manual page"; failed=1; }
   done
   [[ -n $section ]] || { echo "no command $command in the manual page"; failed=1; }
 done
 for key in $("$program" config | grep -oP '^#?\K[a-z_0-9]+(?= = )'); do
-  grep -q "^\.B $key = " <<<"$text" || { echo "no setting $key in the manual page"; failed=1; }
+  [[ $text == *$'\n'".B $key = "* ]] || { echo "no setting $key in the manual page"; failed=1; }
 done
 grep -n '@[A-Z]*@' "$work/epiline.1" && failed=1
 if command -v groff >/dev/null; then

@@ -192,8 +192,10 @@ std::unique_ptr<FlightRecorder> add_recorder(const LiveSettings& settings, Realt
   if (settings.config.recorder.folder.empty()) return nullptr;
   constexpr double kUsualRate_hz = 30;
   const double rate_hz = settings.config.devices.camera.rate_hz;
+  const auto second = settings.second ? std::optional(settings.second->parameters) : std::nullopt;
   auto recorder = std::make_unique<FlightRecorder>(
-      settings.config.recorder, recorded_run(settings.camera, rate_hz > 0 ? rate_hz : kUsualRate_hz, settings.config));
+      settings.config.recorder,
+      recorded_run(settings.camera, second, rate_hz > 0 ? rate_hz : kUsualRate_hz, settings.config));
   ports.observers.push_back(recorder.get());
   ports.event_rings.push_back(&recorder->events());
   return recorder;

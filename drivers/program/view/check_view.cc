@@ -56,7 +56,7 @@ void CheckView::image(const Frame& frame, const TrackedFrame& tracked, double ed
   tracks.stamp = frame.stamp;
   for (const TrackedFeature& f : tracked.features) tracks.points.push_back({f.id, f.age, f.pixel[0], f.pixel[1]});
   feed_.tracks(tracks);
-  feed_.image(frame);
+  feed_.image(frame, {});
   const std::lock_guard lock(mutex_);
   model_.take(frame, tracked, edge_px);
 }

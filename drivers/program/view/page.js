@@ -58,14 +58,18 @@ async function takeFrame(bytes) {
   const bitmap = head.has_image ? await createImageBitmap(new Blob([new Uint8Array(bytes, 4 + size)], {type: "image/jpeg"})) : null;
   if (image.bitmap) image.bitmap.close();
   const tracks = [], seen = new Map();
-  for (let i = 0; i < head.tracks.length; i += 4) {
-    const [id, age, x, y] = head.tracks.slice(i, i + 4);
-    const tail = tails.get(id) || [];
-    tail.push(x, y);
-    if (tail.length > 2 * TAIL) tail.splice(0, 2);
-    seen.set(id, tail);
-    tracks.push({age, x, y, tail});
-  }
+  const take = (list, left, firstId) => {
+    for (let i = 0; i < list.length; i += 4) {
+      const id = firstId + list[i], age = list[i + 1], x = left + list[i + 2], y = list[i + 3];
+      const tail = tails.get(id) || [];
+      tail.push(x, y);
+      if (tail.length > 2 * TAIL) tail.splice(0, 2);
+      seen.set(id, tail);
+      tracks.push({age, x, y, tail});
+    }
+  };
+  take(head.tracks, 0, 0);
+  if (head.second) take(head.second.tracks, head.second.x, 2 ** 32);  // a track may be seen by both
   tails = seen;
   image = {bitmap, sequence: head.sequence, width: head.width, height: head.height, tracks};
   dirtyImage = true;

@@ -14,23 +14,35 @@ constexpr std::int64_t kInterval_ns = 45'000'000, kIntervalUnseen_ns = 1'000'000
 constexpr std::int64_t kViewerGone_ns = 2'000'000'000;
 constexpr std::int64_t kLongAgo_ns = std::numeric_limits<std::int64_t>::min() / 2;
 
-void copy_pixels(const Frame& frame, ViewedImage& out) {
-  int step = 1;
-  const auto pixels = [&] { return std::size_t(frame.width / step) * std::size_t(frame.height / step); };
-  while (pixels() > ViewedImage::kMostPixels) ++step;
-  out.camera_width = frame.width;
-  out.camera_height = frame.height;
-  out.width = frame.width / step;
-  out.height = frame.height / step;
-  std::uint8_t* to = out.pixels.data();
-  for (int y = 0; y < out.height; ++y, to += out.width) {
+/// Every `step`-th pixel, to `to` and what follows it at distances of `row`; black where the image has none.
+void copy_pixels(const Frame& frame, int step, int width, int height, std::uint8_t* to, int row) {
+  for (int y = 0; y < height; ++y, to += row) {
+    const int seen = frame.data != nullptr && y * step < frame.height ? std::min(width, frame.width / step) : 0;
     const std::uint8_t* const from = frame.data + std::ptrdiff_t{y} * step * frame.stride;
-    if (step == 1) {
-      std::memcpy(to, from, static_cast<std::size_t>(out.width));
+    if (step == 1 && seen > 0) {
+      std::memcpy(to, from, static_cast<std::size_t>(seen));
     } else {
-      for (int x = 0; x < out.width; ++x) to[x] = from[x * step];
+      for (int x = 0; x < seen; ++x) to[x] = from[x * step];
     }
+    std::fill(to + seen, to + width, std::uint8_t{0});
   }
+}
+
+/// `second_width`: place for the second camera's image, which may be missing.
+void copy_images(const Frame& frame, const Frame& second, int second_width, ViewedImage& out) {
+  int step = 1;
+  const auto pixels = [&] {
+    return std::size_t(frame.width / step + second_width / step) * std::size_t(frame.height / step);
+  };
+  while (pixels() > ViewedImage::kMostPixels) ++step;
+  const int first = frame.width / step;
+  out.camera_width = frame.width + second_width;
+  out.camera_height = frame.height;
+  out.second_x = second_width > 0 ? frame.width : 0;
+  out.width = first + second_width / step;
+  out.height = frame.height / step;
+  copy_pixels(frame, step, first, out.height, out.pixels.data(), out.width);
+  copy_pixels(second, step, second_width / step, out.height, out.pixels.data() + first, out.width);
 }
 
 }  // namespace
@@ -77,7 +89,9 @@ ViewedImage* ViewFeed::draft_for(std::uint64_t sequence, HostStamp stamp) noexce
   draft.sequence = sequence;
   draft.camera_width = draft.camera_height = draft.width = draft.height = 0;
   draft.has_tracks = false;
+  draft.second_x = 0;
   draft.tracks.clear();
+  draft.second_tracks.clear();
   return &draft;
 }
 
@@ -98,15 +112,17 @@ void ViewFeed::tracks(const LoggedTracks& tracks) noexcept {
   ViewedImage* const draft = draft_for(tracks.sequence, tracks.stamp);
   if (draft == nullptr) return;
   draft->tracks = tracks.points;
+  draft->second_tracks = tracks.second;
   draft->has_tracks = true;
   if (draft_is_whole()) hand_over();
 }
 
-void ViewFeed::image(const Frame& frame) noexcept {
+void ViewFeed::image(const Frame& frame, const Frame& second) noexcept {
+  if (second.data != nullptr) second_width_ = second.width;
   if (frame.data == nullptr || frame.width <= 0 || frame.height <= 0) return;
   ViewedImage* const draft = draft_for(frame.sequence, frame.stamp);
   if (draft == nullptr) return;
-  copy_pixels(frame, *draft);
+  copy_images(frame, second, second_width_, *draft);
   if (draft_is_whole()) hand_over();
 }
 

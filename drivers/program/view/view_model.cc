@@ -261,18 +261,22 @@ std::string ViewModel::state_json(const ViewCursor& since) const {
 }
 
 std::string tracks_json(const ViewedImage& image) {
-  Json tracks = Json::array();
-  for (const LoggedPoint& p : image.tracks) {
-    tracks.push_back(p.id);
-    tracks.push_back(p.age);
-    tracks.push_back(number(static_cast<double>(p.u), 1));
-    tracks.push_back(number(static_cast<double>(p.v), 1));
-  }
-  const Json json = {{"sequence", image.sequence},
-                     {"width", image.camera_width},
-                     {"height", image.camera_height},
-                     {"has_image", image.width > 0},
-                     {"tracks", std::move(tracks)}};
+  const auto list = [](const auto& points) {
+    Json tracks = Json::array();
+    for (const LoggedPoint& p : points) {
+      tracks.push_back(p.id);
+      tracks.push_back(p.age);
+      tracks.push_back(number(static_cast<double>(p.u), 1));
+      tracks.push_back(number(static_cast<double>(p.v), 1));
+    }
+    return tracks;
+  };
+  Json json = {{"sequence", image.sequence},
+               {"width", image.camera_width},
+               {"height", image.camera_height},
+               {"has_image", image.width > 0},
+               {"tracks", list(image.tracks)}};
+  if (image.second_x > 0) json["second"] = {{"x", image.second_x}, {"tracks", list(image.second_tracks)}};
   return json.dump();
 }
 

@@ -27,10 +27,15 @@ void count_costs(const RealtimeReport& report, FlightRecord& record) {
 
 }  // namespace
 
-RecordedRun recorded_run(const CameraParameters& camera, double image_rate_hz, Config config) {
+RecordedRun recorded_run(const CameraParameters& camera, const std::optional<CameraParameters>& second,
+                         double image_rate_hz, Config config) {
   RecordedRun run;
   run.camera = {camera, config.estimator.extrinsics.R_BC, config.estimator.extrinsics.p_BC,
                 config.estimator.extrinsics.time_offset_s};
+  // the stamps of its images are those of the first one
+  if (second)
+    run.second = {*second, config.estimator.second.R_BC, config.estimator.second.p_BC,
+                  config.estimator.extrinsics.time_offset_s};
   run.image_rate_hz = image_rate_hz;
   run.imu = {config.estimator.imu, config.estimator.saturation_gyroscope_rad_s,
              config.estimator.saturation_accelerometer_m_s2};

@@ -11,7 +11,8 @@
 namespace epiline {
 
 /// The facts with which a record of this flight can be replayed: the settings of this run, from whatever files.
-RecordedRun recorded_run(const CameraParameters& camera, double image_rate_hz, Config config);
+RecordedRun recorded_run(const CameraParameters& camera, const std::optional<CameraParameters>& second,
+                         double image_rate_hz, Config config);
 
 /// What the system refused (priorities, locked memory, processors), one line each.
 std::vector<std::string> shortfalls_of(const RealtimeReport& report);

@@ -110,11 +110,23 @@ TEST_F(SimulateCommand, AReplayUsesBothCameras) {
   write(scratch() / "patient.toml", "[realtime]\nimu_wait_ms = 5000\ndeadline_ms = 0\n");
   const std::string covered = pair + " --camera both --fault camera-black@2:1 --config " + in("patient.toml");
   ASSERT_EQ(run(covered + " --out " + in("covered")).exit_code, 0);
+  Json threads;
   for (const std::string speed : {"1", "0.3", "0.1"}) {  // a computer that had no time for us gets another chance
-    ASSERT_EQ(run(covered + " --realtime --speed " + speed + " --out " + in("threads")).exit_code, 0);
-    if (Json::parse(read(scratch() / "threads/stats.json"))["images"]["skipped"] == 0) break;
+    fs::remove_all(scratch() / "records");
+    ASSERT_EQ(run(covered + " --realtime --speed " + speed + " --record " + in("records") + " --record-images --out " +
+                  in("threads"))
+                  .exit_code,
+              0);
+    threads = Json::parse(read(scratch() / "threads/stats.json"));
+    if (threads["images"]["skipped"] == 0 && threads["realtime"]["images_not_logged"] == 0) break;
   }
   EXPECT_EQ(read(scratch() / "threads/trajectory.tum"), read(scratch() / "covered/trajectory.tum"));
+  // and so does the flight recorder's record
+  const std::string record = threads["realtime"]["recorder"]["written"].back();
+  ASSERT_EQ(
+      run("replay '" + record + "' --camera both --config '" + record + "/config.toml' --out " + in("again")).exit_code,
+      0);
+  EXPECT_EQ(read(scratch() / "again/trajectory.tum"), read(scratch() / "covered/trajectory.tum"));
   fs::remove(list);
   expect_one_line(run(pair + " --camera both --out " + in("both")), 2, {"cam1"});
 }

@@ -18,7 +18,6 @@ using Speaker = FlightLog::Speaker;
 constexpr HostStamp kEnd{std::numeric_limits<std::int64_t>::max()};
 
 std::int64_t no_clock() noexcept { return 0; }
-void no_image(const Frame& /*frame*/) {}
 
 struct Notes final : FlightObserver {
   explicit Notes(bool images = false) : wants(images) { events.reserve(10000); }
@@ -38,7 +37,10 @@ struct Notes final : FlightObserver {
     points = t.points.size();
     if (points > 0) last_point = t.points.back();
   }
-  void image(const Frame& frame) noexcept override { image_pixel = *frame.data; }
+  void image(const Frame& frame, const Frame& second) noexcept override {
+    image_pixel = *frame.data;
+    second_pixel = second.data == nullptr ? -1 : *second.data;
+  }
   void event(const Event& event) noexcept override { events.push_back(event); }
   void pass(HostStamp /*now*/) noexcept override { ++passes; }
   bool wants_images() const noexcept override { return wants; }
@@ -47,7 +49,7 @@ struct Notes final : FlightObserver {
   std::uint64_t outcome = 99, publication = 99;
   std::int64_t latency = 0;
   HostStamp last_imu{-1};
-  int readings = 0, image_pixel = -1, passes = 0;
+  int readings = 0, image_pixel = -1, second_pixel = -2, passes = 0;
   double speed_m_s = 0;
   std::size_t points = 0;
   LoggedPoint last_point;
@@ -67,6 +69,7 @@ class FlightLogTest : public testing::Test {
   }
 
   Notes one, two{true};
+  LentImages lent{nullptr};
   std::unique_ptr<FlightLog> log;
 };
 
@@ -78,17 +81,19 @@ TEST_F(FlightLogTest, EachObserverGetsEveryStreamAndNoHeapIsUsed) {
   tracked.serial = 5;
   tracked.points.push_back({3, 1, 1.5F, 2.5F});
   tracked.points.push_back({7, 4, -3.25F, 8});
-  const std::uint8_t pixel = 77;
+  const std::uint8_t pixel = 77, second_pixel = 78;
+  const Frame frame{HostStamp{0}, 12, &pixel, 1, 1, 1, 0};
   const HeapCallScope heap;
+  lent.lend(frame, {HostStamp{0}, 13, &second_pixel, 1, 1, 1, 0});
   for (std::int64_t i = 0; i < 100; ++i) log->imu().push({HostStamp{i}, {}, {}});
   log->wheel().push({HostStamp{0}, 1.5, 0});
   log->wheel().push({HostStamp{1}, 2, 0});
   EXPECT_TRUE(log->outcomes().push(outcome));
   EXPECT_TRUE(log->tracks().push(tracked));
   log->publications().push({5, 42});
-  EXPECT_TRUE(log->images().push({HostStamp{0}, 12, &pixel, 1, 1, 1, 0}));
+  EXPECT_TRUE(log->images().push(frame));
   EXPECT_FALSE(log->empty());
-  log->drain(HostStamp{0}, HostStamp{0}, no_image);
+  log->drain(HostStamp{0}, HostStamp{0}, lent);
   EXPECT_EQ(heap.calls(), 0);
   EXPECT_TRUE(log->empty());
   for (const Notes* n : {&one, &two}) {
@@ -105,6 +110,8 @@ TEST_F(FlightLogTest, EachObserverGetsEveryStreamAndNoHeapIsUsed) {
     EXPECT_EQ(n->passes, 1);
   }
   EXPECT_EQ(two.image_pixel, 77);
+  EXPECT_EQ(two.second_pixel, 78);
+  EXPECT_EQ(lent.users(0), 0u);
   EXPECT_EQ(one.image_pixel, -1) << "who wants no image gets none";
 }
 
@@ -112,12 +119,14 @@ TEST_F(FlightLogTest, HoldsNoMoreImagesThanItMay) {
   make(2);
   const std::uint8_t pixel = 0;
   const Frame frame{HostStamp{0}, 0, &pixel, 1, 1, 1, 0};
+  lent.lend(frame);
+  lent.share(0);
   EXPECT_TRUE(log->images().push(frame));
   EXPECT_TRUE(log->images().push(frame));
   EXPECT_FALSE(log->images().push(frame));
-  int given_back = 0;
-  log->drain(HostStamp{0}, kEnd, [&](const Frame&) { ++given_back; });
-  EXPECT_EQ(given_back, 2);
+  log->drain(HostStamp{0}, kEnd, lent);
+  EXPECT_EQ(lent.users(0), 0u);
+  EXPECT_EQ(two.second_pixel, -1) << "no second camera, no second image";
   EXPECT_TRUE(log->images().push(frame));
   EXPECT_EQ(log->images_skipped(), 1u);
   ASSERT_EQ(one.events.size(), 1u);
@@ -135,16 +144,16 @@ TEST_F(FlightLogTest, EventsOfSeveralThreadsComeInTheOrderOfTime) {
   tell(Speaker::kTrack, 30);
   tell(Speaker::kTrack, 50);
   tell(Speaker::kEstimate, 10);
-  log->drain(HostStamp{60}, HostStamp{20}, no_image);
+  log->drain(HostStamp{60}, HostStamp{20}, lent);
   EXPECT_EQ(times(one), (std::vector<std::int64_t>{10}));
   watchdog->push({HostStamp{40}, EventId::kClockJump, {}});
   tell(Speaker::kImu, 25);  // comes late, and finds its place
-  log->drain(HostStamp{90}, HostStamp{45}, no_image);
+  log->drain(HostStamp{90}, HostStamp{45}, lent);
   EXPECT_EQ(times(one), (std::vector<std::int64_t>{10, 25, 30, 40}));
   tell(Speaker::kImu, 5);  // too late: goes on at once
-  log->drain(HostStamp{90}, HostStamp{45}, no_image);
+  log->drain(HostStamp{90}, HostStamp{45}, lent);
   EXPECT_EQ(times(one).back(), 5);
-  log->drain(HostStamp{90}, kEnd, no_image);
+  log->drain(HostStamp{90}, kEnd, lent);
   EXPECT_EQ(times(two), (std::vector<std::int64_t>{10, 25, 30, 40, 5, 50}));
 }
 
@@ -153,15 +162,15 @@ TEST_F(FlightLogTest, AFullRingIsAnEventAndMoreEventsThanItCanHoldBackGoOnEarly)
   for (std::int64_t i = 0; i < 1100; ++i) tell(Speaker::kImu, i);
   for (std::int64_t i = 0; i < 5000; ++i) log->imu().push({HostStamp{i}, {}, {}});
   log->note_lost(RingName::kImuToTrack, 7, HostStamp{3});
-  log->drain(HostStamp{3}, HostStamp{-1}, no_image);
+  log->drain(HostStamp{3}, HostStamp{-1}, lent);
   EXPECT_EQ(one.readings, 4096);
   EXPECT_TRUE(one.events.empty());
   for (int round = 0; round < 4; ++round) {
     for (std::int64_t i = 0; i < 1000; ++i) tell(Speaker::kImu, 2000 + i);
-    log->drain(HostStamp{3}, HostStamp{-1}, no_image);
+    log->drain(HostStamp{3}, HostStamp{-1}, lent);
   }
   EXPECT_GT(one.events.size(), 900u);  // 5027 events, 4096 places
-  log->drain(HostStamp{3}, kEnd, no_image);
+  log->drain(HostStamp{3}, kEnd, lent);
   EXPECT_EQ(one.events.size(), 1024u + 3 + 4000);
   EXPECT_EQ(log->events_dropped(), 76u);
   std::int64_t lost[static_cast<int>(RingName::kCount)] = {};

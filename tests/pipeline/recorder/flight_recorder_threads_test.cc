@@ -87,7 +87,11 @@ class FlightRecorderTest : public testing::Test {
       tracks.points.push_back({i, 0, 0.1F * static_cast<float>(i), 1e7F / 3});
     recorder.tracks(tracks);
     std::fill(pixels_.begin(), pixels_.end(), static_cast<std::uint8_t>(serial_));
-    if (recorder.wants_images()) recorder.image({stamp, serial_, pixels_.data(), 64, 48, 64, 0});
+    if (recorder.wants_images()) {
+      Frame second;  // every third one is missing
+      if (run_.second && serial_ % 3 != 0) second = {stamp, serial_, second_pixels_.data(), 32, 40, 32, 0};
+      recorder.image({stamp, serial_, pixels_.data(), 64, 48, 64, 0}, second);
+    }
     recorder.event({stamp, EventId::kReset, {static_cast<std::int64_t>(serial_), 0, 0}});
     ++serial_;
     recorder.pass(stamp);
@@ -150,7 +154,8 @@ class FlightRecorderTest : public testing::Test {
   std::uint64_t serial_ = 0;
   std::uint32_t resets_ = 0;
   bool wheels_ = false;
-  std::vector<std::uint8_t> pixels_ = std::vector<std::uint8_t>(64 * 48);
+  std::vector<std::uint8_t> pixels_ = std::vector<std::uint8_t>(64 * 48),
+                            second_pixels_ = std::vector<std::uint8_t>(32 * 40, 9);
 };
 
 TEST_F(FlightRecorderTest, HoldsTheLastSecondsAndNoMore) {
@@ -308,6 +313,33 @@ TEST_F(FlightRecorderTest, ImagesAreKeptAsFarAsTheirMemoryGoes) {
     EXPECT_EQ(text_of(cam / "data" / (std::to_string(listed[i]) + ".png")),
               "image " + std::to_string(serial % 256) + " 64");
   }
+}
+
+TEST_F(FlightRecorderTest, ImagesOfASecondCameraAreKeptBesideTheFirstOnes) {
+  config_.images = true;
+  run_.second = run_.camera;
+  run_.second->parameters.width = 32;
+  run_.second->parameters.height = 40;
+  run_.second->p_BC = {0.11, 0, 0};
+  {
+    FlightRecorder recorder(config_, run_);
+    fly_seconds(recorder, 1);
+    recorder.finish(true);
+  }
+  const fs::path mav = records().at(0) / "mav0";
+  const auto first = times(mav / "cam0/data.csv"), second = times(mav / "cam1/data.csv");
+  EXPECT_EQ(first.size(), 20u);
+  ASSERT_EQ(second.size(), 13u) << "every third one is missing";
+  EXPECT_EQ(second[0], first[1]);
+  EXPECT_EQ(second[2], first[4]);
+  EXPECT_EQ(text_of(mav / "cam1/data" / (std::to_string(second[0]) + ".png")), "image 9 32");
+  EXPECT_NE(text_of(mav / "cam1/sensor.yaml").find("resolution: [32, 40]"), std::string::npos);
+  EXPECT_NE(text_of(mav / "cam1/sensor.yaml").find("0.11"), std::string::npos);
+  config_.images = false;
+  FlightRecorder recorder(config_, run_);
+  fly_seconds(recorder, 1);
+  recorder.finish(true);
+  EXPECT_FALSE(fs::exists(records().at(1) / "mav0/cam1")) << "without images, the tracks of the first one only";
 }
 
 std::atomic<bool> disk_is_stuck{false}, disk_is_asked{false};

@@ -50,10 +50,13 @@ OneStep reference_step(const TestImage& before, const TestImage& now, Eigen::Vec
   const Patch gy = (patch_at(before, at + Eigen::Vector2d(0, 1)) - patch_at(before, at - Eigen::Vector2d(0, 1))) / 2;
   Eigen::Matrix<double, kSide * kSide, 4> A;
   A << gx.reshaped().matrix(), gy.reshaped().matrix(), Eigen::VectorXd::Ones(kSide * kSide), t.reshaped().matrix();
-  const Eigen::Vector4d solution = A.colPivHouseholderQr().solve((i - t).reshaped().matrix());
-  const Eigen::Matrix2d schur = (A.transpose() * A).inverse().topLeftCorner<2, 2>().inverse();
+  const Eigen::Matrix4d covariances = (A.transpose() * A).inverse();
+  const Eigen::Vector4d solution = covariances * (A.transpose() * (i - t).reshaped().matrix());
+  const Eigen::Matrix2d schur = covariances.topLeftCorner<2, 2>().inverse();
+  const double half_trace = schur.trace() / 2;
   const auto covariance = [](const Patch& a, const Patch& b) { return ((a - a.mean()) * (b - b.mean())).sum(); };
-  return {from - solution.head<2>() - offset, schur.eigenvalues().real().minCoeff() / (kSide * kSide),
+  return {from - solution.head<2>() - offset,
+          (half_trace - std::sqrt(half_trace * half_trace - schur.determinant())) / (kSide * kSide),
           std::max(std::abs(covariance(gx, t)), std::abs(covariance(gy, t))) / covariance(t, t)};
 }
 

@@ -44,7 +44,7 @@ class ViewedFlight {
     }
     observer_.tracks(*tracks_);
     Frame frame{stamp, serial_, pixels_.data(), kWidth, kHeight, kWidth, 0};
-    observer_.image(frame);
+    observer_.image(frame, {});
     observer_.published(serial_, static_cast<std::int64_t>(1e6 * latency_ms));
     ++serial_;
   }

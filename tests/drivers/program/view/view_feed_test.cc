@@ -61,7 +61,7 @@ TEST(ViewFeed, LargeImagesAreThinned) {
   }
   LoggedTracks tracks;
   tracks.sequence = 5;
-  feed.image({HostStamp{1}, 5, pixels.data(), w, h, stride, 0});
+  feed.image({HostStamp{1}, 5, pixels.data(), w, h, stride, 0}, {});
   feed.tracks(tracks);
   const ViewedImage* const image = feed.newest_image();
   ASSERT_NE(image, nullptr);
@@ -71,6 +71,41 @@ TEST(ViewFeed, LargeImagesAreThinned) {
   for (const auto& [x, y] : {std::pair(0, 0), std::pair(999, 750), std::pair(17, 400)}) {
     EXPECT_EQ(image->pixels[static_cast<std::size_t>(y) * 1000 + x], static_cast<std::uint8_t>(2 * x + 6 * y));
   }
+}
+
+TEST(ViewFeed, ASecondCamerasImageIsAtTheRightOfTheFirstOnes) {
+  ViewFeed feed;
+  const std::vector<std::uint8_t> one(40 * 30, 11), two(20 * 25, 22);  // a smaller image
+  LoggedTracks tracks;
+  tracks.points.push_back({1, 2, 3, 4});
+  tracks.second.push_back({1, 2, 5, 6});
+  const auto shown = [&](std::uint64_t sequence, const Frame& second) {
+    feed.note_viewer(monotonic_ns());
+    const ViewedImage* image = nullptr;
+    for (tracks.sequence = sequence; image == nullptr; ++tracks.sequence) {  // 22 a second at most
+      feed.image({HostStamp{1}, tracks.sequence, one.data(), 40, 30, 40, 0}, second);
+      feed.tracks(tracks);
+      image = feed.newest_image();
+    }
+    return image;
+  };
+  const ViewedImage* image = shown(1, {HostStamp{1}, 1, two.data(), 20, 25, 20, 0});
+  EXPECT_EQ(image->width, 60);
+  EXPECT_EQ(image->camera_width, 60);
+  EXPECT_EQ(image->height, 30);
+  EXPECT_EQ(image->second_x, 40);
+  const auto pixel = [&](int x, int y) { return image->pixels[static_cast<std::size_t>(60 * y + x)]; };
+  EXPECT_EQ(pixel(39, 29), 11);
+  EXPECT_EQ(pixel(40, 0), 22);
+  EXPECT_EQ(pixel(59, 24), 22);
+  EXPECT_EQ(pixel(59, 25), 0) << "below the smaller image";
+  ASSERT_EQ(image->second_tracks.size(), 1u);
+  EXPECT_EQ(image->second_tracks[0].u, 5);
+
+  image = shown(tracks.sequence, {});
+  EXPECT_EQ(image->width, 60) << "its place stays when an image is missing";
+  EXPECT_EQ(pixel(39, 0), 11);
+  EXPECT_EQ(pixel(40, 0), 0);
 }
 
 TEST(ViewFeed, TracksAloneAreShownWhereNoImagesCome) {
@@ -90,7 +125,9 @@ TEST(ViewFeed, HalvesAreLeftOut) {
   ViewFeed feed;
   std::vector<std::uint8_t> pixels(100);
   LoggedTracks tracks;
-  const auto image = [&](std::uint64_t sequence) { feed.image({HostStamp{}, sequence, pixels.data(), 10, 10, 10, 0}); };
+  const auto image = [&](std::uint64_t sequence) {
+    feed.image({HostStamp{}, sequence, pixels.data(), 10, 10, 10, 0}, {});
+  };
   image(1);
   image(2);
   tracks.sequence = 3;
