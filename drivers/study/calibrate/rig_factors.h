@@ -47,6 +47,16 @@ class RigFactors {
   /// e: measured minus projected, px. J: of the projected pixel; `by_corner`: by the corner's place in T. False where
   /// the lens does not see the corner.
   bool corner(const View& view, const Corner& corner, Vec2& e, CornerJacobian& J, Mat23& by_corner) const;
+  /// Calls `use(corner, e, J, by_corner)` for each corner of the view that the lens sees.
+  template <class Use>
+  void each_corner(const View& at, const CornerView& view, const Use& use) const {
+    Vec2 e;
+    CornerJacobian J;
+    Mat23 by_corner;
+    for (const Corner& seen : view.corners) {
+      if (corner(at, seen, e, J, by_corner)) use(seen, e, J, by_corner);
+    }
+  }
   /// Column of that corner's offset.
   int column(const Corner& corner) const;
 

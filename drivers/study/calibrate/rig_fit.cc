@@ -75,19 +75,14 @@ class Rig {
     const RigFactors factors(state_, layout);
     double sum = 0;
     for (const RigView& view : problem_.views) {
-      const RigFactors::View at = factors.look(view.t_s);
-      for (const Corner& corner : view.view->corners) {
-        Vec2 e;
-        CornerJacobian ignored;
-        Mat23 ignored_too;
-        if (!factors.corner(at, corner, e, ignored, ignored_too)) continue;
+      factors.each_corner(factors.look(view.t_s), *view.view, [&](const Corner& corner, const Vec2& e, auto&...) {
         if (e.norm() > 6 * fit.noise.corner_px) {
           ++fit.outliers;
-          continue;
+          return;
         }
         sum += e.squaredNorm();
         fit.corners.push_back({view.t_s, corner.id, corner.px, e});
-      }
+      });
     }
     fit.rms_px = fit.corners.empty() ? 0 : std::sqrt(sum / static_cast<double>(fit.corners.size()));
     fit.state = std::move(state_);
@@ -195,13 +190,8 @@ class Rig {
       for (const double e : factors.accelerometer(reading, 1).e) a.push_back(std::abs(e));
     }
     for (const RigView& view : problem_.views) {
-      const RigFactors::View at = factors.look(view.t_s);
-      for (const Corner& corner : view.view->corners) {
-        Vec2 e;
-        CornerJacobian ignored;
-        Mat23 ignored_too;
-        if (factors.corner(at, corner, e, ignored, ignored_too)) px.push_back(e.squaredNorm());
-      }
+      factors.each_corner(factors.look(view.t_s), *view.view,
+                          [&](const Corner&, const Vec2& e, auto&...) { px.push_back(e.squaredNorm()); });
     }
     const double free = 1 - static_cast<double>(pieces_) / static_cast<double>(problem_.readings.size());
     const auto sigma = [&](std::vector<double> values) {
@@ -233,11 +223,7 @@ class Rig {
     const int begin = layout.columns.begin, count = layout.columns.gravity - begin;
     Eigen::MatrixXd N = Eigen::MatrixXd::Zero(6 + count, 6 + count);
     Eigen::VectorXd b = Eigen::VectorXd::Zero(6 + count);
-    for (const Corner& corner : view.view->corners) {
-      Vec2 e;
-      CornerJacobian J;
-      Mat23 by_corner;
-      if (!factors.corner(at, corner, e, J, by_corner)) continue;
+    const auto add = [&](const Corner& corner, const Vec2& e, const CornerJacobian& J, const Mat23& by_corner) {
       const double weight = corner_weight(e, problem_.noise);
       N.noalias() += weight * J.transpose() * J;
       b.noalias() += weight * J.transpose() * e;
@@ -247,7 +233,8 @@ class Rig {
       equations.add_block(column, begin, mixed.rightCols(count));
       equations.add_block(column, column, weight * by_corner.transpose() * by_corner);
       equations.add_to_b(column, weight * by_corner.transpose() * e);
-    }
+    };
+    factors.each_corner(at, *view.view, add);
     for (std::size_t k = 0; k < 4; ++k) {
       for (std::size_t l = 0; l <= k; ++l)
         equations.add_block(at.knot[k], at.knot[l], at.weight[k] * at.weight[l] * N.topLeftCorner<6, 6>());

@@ -96,13 +96,10 @@ class Uncertainty {
   void for_each_corner(const Use& use) const {
     for (const RigView& view : problem_.views) {
       const RigFactors::View at = factors_.look(view.t_s);
-      for (const Corner& corner : view.view->corners) {
-        Vec2 e;
-        CornerJacobian J;
-        Mat23 by_corner;
-        if (!factors_.corner(at, corner, e, J, by_corner)) continue;
-        use(SeenCorner{view.t_s, at, corner, corner.px - e, e, J, by_corner, corner_weight(e, problem_.noise)});
-      }
+      factors_.each_corner(
+          at, *view.view, [&](const Corner& corner, const Vec2& e, const CornerJacobian& J, const Mat23& by_corner) {
+            use(SeenCorner{view.t_s, at, corner, corner.px - e, e, J, by_corner, corner_weight(e, problem_.noise)});
+          });
     }
   }
 
