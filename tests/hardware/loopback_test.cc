@@ -231,6 +231,57 @@ TEST_F(LoopbackPair, ImagesOfOneInstantComeTogetherAndALostCameraStopsNothing) {
   EXPECT_EQ(together, 10) << "it is read again";
 }
 
+TEST_F(LoopbackPair, TheSecondCameraGoesOnWhileTheFirstOneIsLost) {
+  std::optional<Writer> first(kDevice);
+  Writer second(kSecondDevice);
+  V4l2Settings of_first = loopback_settings();
+  of_first.silence_most = Span::from_milliseconds(500);
+  auto first_camera = std::make_unique<V4l2Camera>(of_first);
+  const V4l2Camera& seen = *first_camera;
+  PairSettings settings;
+  settings.width = kWidth;
+  settings.height = kHeight;
+  CameraPair pair(std::move(first_camera), std::make_unique<V4l2Camera>(loopback_settings(kSecondDevice)), settings);
+  const Status status = pair.open();
+  ASSERT_TRUE(status) << status.error().text();
+  std::atomic<bool> done{false}, is_there{true};
+  std::thread feeder([&] {
+    for (std::int64_t stamp_ns = 1'000'000'000; !done; stamp_ns += 50'000'000) {
+      if (!is_there) {
+        first.reset();
+      } else if (!first) {
+        first.emplace(kDevice);
+      }
+      second.write(200, HostStamp{stamp_ns});
+      if (first) first->write(100, HostStamp{stamp_ns});
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+  });
+  HostStamp newest;
+  /// Until so many images came whose first one has that grey, each with the second one's.
+  const auto until = [&](std::uint8_t grey, int wanted) {
+    for (int i = 0, came = 0; came < wanted && i < 2'000; ++i) {
+      Frame frame;
+      if (!read_within(pair, frame, kPatience)) return false;
+      EXPECT_GT(frame.stamp, newest);
+      newest = frame.stamp;
+      const Frame other = pair.second(frame);
+      came += frame.data[0] == grey && other.data != nullptr && other.data[0] == 200;
+      pair.give_back(frame);
+      if (came == wanted) return true;
+    }
+    return false;
+  };
+  EXPECT_TRUE(until(100, 10));
+  is_there = false;
+  EXPECT_TRUE(until(0, 40)) << "two seconds of black images";
+  EXPECT_GT(seen.counts().disconnected, 0u) << "the first camera's silence is noticed";
+  is_there = true;
+  EXPECT_TRUE(until(100, 10)) << "it is read again";
+  done = true;
+  feeder.join();
+}
+
 TEST_F(LoopbackPair, ADeviceWithBothImagesIsCutInTwo) {
   LoopbackWriter writer;
   ASSERT_TRUE(writer.open(kDevice, 2 * kWidth, kHeight, kRate_hz));

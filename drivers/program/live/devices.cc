@@ -153,6 +153,7 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
   if (!file) return file.error();
   LiveSettings settings;
   settings.source = config_file.string();
+  settings.is_flown = need == CalibrationNeed::kRequired;
   Config& config = settings.config;
   file->apply(config);  // for the names of calibration files
   if (!config.camera_calibration.empty()) {
@@ -197,6 +198,10 @@ std::unique_ptr<CameraPair> pair_of(const LiveSettings& settings, std::unique_pt
   PairSettings pair_settings;
   pair_settings.within = Span::from_seconds(1e-3 * c.within_ms);
   pair_settings.second_later = Span::from_seconds(later_s);
+  if (settings.is_flown) {
+    pair_settings.width = settings.camera.width;
+    pair_settings.height = settings.camera.height;
+  }
   pair_settings.priority = config.realtime.priority_capture;
   pair_settings.cpu = config.realtime.cpu_capture;
   auto pair = std::make_unique<CameraPair>(std::move(first), std::move(second), pair_settings);

@@ -22,6 +22,7 @@ struct LiveSettings {
   CameraParameters camera;                  ///< width 0: not calibrated
   std::optional<CameraCalibration> second;  ///< of a second camera, if there is one and it is calibrated
   std::string source;                       ///< the configuration file, for errors
+  bool is_flown = true;                     ///< false: of a silent first camera of two, no black images are made
   bool has_camera_calibration() const { return camera.width > 0; }
 };
 /// Whether the camera must be calibrated: a flight needs it, a recording does not.

@@ -1,6 +1,8 @@
 #include "drivers/sensors/camera/camera_pair.h"
 
+#include <algorithm>
 #include <ctime>
+#include <utility>
 
 #include "platform/concurrency/counter.h"
 #include "platform/error/contract.h"
@@ -10,6 +12,7 @@ namespace epiline {
 
 namespace {
 constexpr Span kIdle = Span::from_milliseconds(20);  // between looks at whether it is over
+constexpr double kSilent = 2.5;                      // periods without an image of the first camera
 constexpr timespec kRest = {0, 10'000'000};          // a lost device may fail at once
 }  // namespace
 
@@ -21,6 +24,9 @@ Status CameraPair::open() {
   }
   stops_.store(false, std::memory_order_relaxed);
   missed_ = 0;
+  first_came_ns_ = 0;
+  period_ = {};
+  black_.assign(static_cast<std::size_t>(settings_.width) * static_cast<std::size_t>(settings_.height), 0);
   const auto body = [](void* self) { static_cast<CameraPair*>(self)->read_second(); };
   if (thread_.start({"camera2", settings_.priority, settings_.cpu}, body, this)) return Done{};
   close();
@@ -52,15 +58,66 @@ void CameraPair::read_second() noexcept {
 }
 
 ReadOutcome CameraPair::read(Frame& frame, Span timeout) noexcept {
-  const ReadOutcome outcome = first_->read(frame, timeout);
-  if (outcome != ReadOutcome::kSample) return outcome;
+  // The second camera does not wait for long in either case: only a few of its images find room.
+  const Span patience = std::min(timeout, kIdle);
+  const ReadOutcome outcome = first_->read(frame, is_overdue(first_came_ns_) ? Span{} : patience);
+  if (outcome == ReadOutcome::kSample) return lead(frame) ? outcome : ReadOutcome::kTimeout;
+  if (outcome == ReadOutcome::kEnd || !is_overdue(first_came_ns_)) return outcome;
+  if (stand_in(frame, patience)) return ReadOutcome::kSample;
+  return stood_in_ && !is_overdue(alone_came_ns_) ? ReadOutcome::kTimeout : outcome;  // one camera is there
+}
+
+bool CameraPair::lead(const Frame& frame) noexcept {
   EPILINE_EXPECTS(frame.slot >= 0 && frame.slot < kMostSlots, "a camera of a pair numbers its buffers from 0 to 63");
+  const bool came_before = std::exchange(first_came_ns_, monotonic_ns()) != 0;
+  if (came_before && frame.stamp > first_stamp_ && !stood_in_) period_ = frame.stamp - first_stamp_;
+  first_stamp_ = frame.stamp;
+  stood_in_ = stood_in_ && frame.stamp <= newest_;
+  if (stood_in_) {
+    first_->give_back(frame);
+    return false;
+  }
+  newest_ = frame.stamp;
+  sequence_ = frame.sequence;
   Frame& second = second_of_[static_cast<std::size_t>(frame.slot)];
   second = {};
   const bool is_pair = match(frame.stamp, second);
   missed_ = is_pair ? 0 : missed_ + 1;
   bump(is_pair ? pairs_ : without_);
-  return outcome;
+  return true;
+}
+
+bool CameraPair::is_overdue(std::int64_t last_ns) const noexcept {
+  const auto silent_ns = static_cast<double>(monotonic_ns() - last_ns);
+  return first_came_ns_ != 0 && period_.ns > 0 && !black_.empty() &&
+         silent_ns > kSilent * static_cast<double>(period_.ns);
+}
+
+bool CameraPair::stand_in(Frame& frame, Span timeout) noexcept {
+  while (came_.wait_until(monotonic_ns() + timeout.ns, [&] { return ring_.front() != nullptr; })) {
+    const Frame second = *ring_.front();
+    ring_.pop();
+    if (second.stamp <= newest_) {
+      second_->give_back(second);
+      bump(unused_);
+      continue;
+    }
+    EPILINE_EXPECTS(second.slot >= 0 && second.slot < kMostSlots,
+                    "a camera of a pair numbers its buffers from 0 to 63");
+    frame = second;
+    frame.data = black_.data();
+    frame.width = frame.stride = settings_.width;
+    frame.height = settings_.height;
+    frame.slot = kMostSlots + second.slot;
+    frame.sequence = ++sequence_;
+    second_of_[static_cast<std::size_t>(frame.slot)] = second;
+    newest_ = second.stamp;
+    stood_in_ = true;
+    alone_came_ns_ = monotonic_ns();
+    bump(alone_);
+    return true;
+  }
+  return false;
 }
 
 bool CameraPair::match(HostStamp stamp, Frame& second) noexcept {
@@ -86,12 +143,12 @@ Frame CameraPair::second(const Frame& frame) const noexcept { return second_of_[
 void CameraPair::give_back(const Frame& frame) noexcept {
   const Frame second = second_of_[static_cast<std::size_t>(frame.slot)];  // before another image may have the slot
   if (second.data != nullptr) second_->give_back(second);
-  first_->give_back(frame);
+  if (frame.slot < kMostSlots) first_->give_back(frame);
 }
 
 PairCounts CameraPair::counts() const noexcept {
   const auto value = [](const std::atomic<std::uint64_t>& counter) { return counter.load(std::memory_order_relaxed); };
-  return {value(pairs_), value(without_), value(unused_) + ring_.dropped()};
+  return {value(pairs_), value(without_), value(unused_) + ring_.dropped(), value(alone_)};
 }
 
 }  // namespace epiline

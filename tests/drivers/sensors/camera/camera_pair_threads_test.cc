@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -86,6 +87,15 @@ class Pair : public testing::Test {
     pair_->give_back(frame);
     return found;
   }
+  /// What came last.
+  ReadOutcome read_for_half_a_second() {
+    const std::int64_t until_ns = monotonic_ns() + 500'000'000;
+    Frame frame;
+    ReadOutcome outcome;
+    do outcome = pair_->read(frame, Span::from_milliseconds(100));
+    while (outcome != ReadOutcome::kSample && monotonic_ns() < until_ns);
+    return outcome;
+  }
   /// Waits until the second camera's thread has taken all that was given.
   void until_unused(std::uint64_t count) const {
     while (pair_->counts().unused < count) std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -160,6 +170,68 @@ TEST_F(Pair, ASilentFirstCameraLeavesTheSecondOneItsBuffers) {
   first_->give(200, 0);  // the last of those that wait
   EXPECT_EQ(partner(), 1);
   EXPECT_EQ(second_->lent, 0);
+}
+
+TEST_F(Pair, WhileTheFirstOneIsSilentTheSecondOneGoesOnAlone) {
+  for (const bool is_lost : {false, true}) {
+    PairSettings settings = patient();
+    settings.width = 3;
+    settings.height = 2;
+    open(settings);
+    const auto next = [&] {
+      Frame frame;
+      while (pair_->read(frame, Span::from_milliseconds(1000)) != ReadOutcome::kSample)
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      return frame;
+    };
+    second_->give(10, 1);
+    second_->give(20, 2);
+    EXPECT_NE(read_for_half_a_second(), ReadOutcome::kSample) << "the first one has not begun";
+    for (int i = 1; i <= 3; ++i) {
+      second_->give(50 * i, 7);
+      first_->give(50 * i, 0);
+      pair_->give_back(next());
+    }
+    first_->fails = is_lost;
+    for (int i = 4; i <= 6; ++i) second_->give(50 * i, static_cast<std::uint8_t>(i));
+    for (int i = 4; i <= 6; ++i) {
+      const Frame alone = next();
+      EXPECT_EQ(alone.stamp.ns, 50'000'000 * i);
+      EXPECT_EQ(alone.width, 3);
+      EXPECT_EQ(alone.height, 2);
+      EXPECT_EQ(std::count(alone.data, alone.data + 6, 0), 6) << "black";
+      EXPECT_EQ(*pair_->second(alone).data, i);
+      EXPECT_EQ(first_->lent, 0);
+      pair_->give_back(alone);
+    }
+    EXPECT_EQ(second_->lent, 0);
+    first_->fails = false;
+    first_->give(300, 0);  // comes after that of the second one has gone on
+    second_->give(350, 8);
+    first_->give(350, 5);
+    const Frame back = next();
+    EXPECT_EQ(back.stamp.ns, 350'000'000);
+    EXPECT_EQ(*back.data, 5);
+    EXPECT_EQ(*pair_->second(back).data, 8);
+    pair_->give_back(back);
+    EXPECT_EQ(pair_->counts().alone, 3u);
+    EXPECT_EQ(pair_->counts().pairs, 4u);
+    EXPECT_EQ(first_->lent, 0);
+    EXPECT_EQ(second_->lent, 0);
+  }
+}
+
+TEST_F(Pair, WithNeitherOfTheTwoThereAreNoImages) {
+  PairSettings settings = patient();
+  settings.width = settings.height = 1;
+  open(settings);
+  for (int i = 1; i <= 2; ++i) {
+    second_->give(50 * i, 7);
+    first_->give(50 * i, 0);
+    EXPECT_EQ(partner(), 7);
+  }
+  first_->fails = second_->fails = true;
+  EXPECT_EQ(read_for_half_a_second(), ReadOutcome::kFailed);
 }
 
 TEST_F(Pair, BothAreGivenBackTogether) {
