@@ -11,9 +11,10 @@
 namespace epiline {
 
 namespace {
-constexpr Span kIdle = Span::from_milliseconds(20);  // between looks at whether it is over
-constexpr double kSilent = 2.5;                      // periods without an image of the first camera
-constexpr timespec kRest = {0, 10'000'000};          // a lost device may fail at once
+constexpr Span kIdle = Span::from_milliseconds(20);         // between looks at whether it is over
+constexpr Span kClockJump = Span::from_milliseconds(1000);  // farther back is a clock that jumped: others judge that
+constexpr double kSilent = 2.5;                             // periods without an image of the first camera
+constexpr timespec kRest = {0, 10'000'000};                 // a lost device may fail at once
 }  // namespace
 
 Status CameraPair::open() {
@@ -72,7 +73,7 @@ bool CameraPair::lead(const Frame& frame) noexcept {
   const bool came_before = std::exchange(first_came_ns_, monotonic_ns()) != 0;
   if (came_before && frame.stamp > first_stamp_ && !stood_in_) period_ = frame.stamp - first_stamp_;
   first_stamp_ = frame.stamp;
-  stood_in_ = stood_in_ && frame.stamp <= newest_;
+  stood_in_ = stood_in_ && is_old(frame.stamp);
   if (stood_in_) {
     first_->give_back(frame);
     return false;
@@ -87,6 +88,11 @@ bool CameraPair::lead(const Frame& frame) noexcept {
   return true;
 }
 
+bool CameraPair::is_old(HostStamp stamp) const noexcept {
+  const Span behind = newest_ - stamp;
+  return behind.ns >= 0 && behind < kClockJump;
+}
+
 bool CameraPair::is_overdue(std::int64_t last_ns) const noexcept {
   const auto silent_ns = static_cast<double>(monotonic_ns() - last_ns);
   return first_came_ns_ != 0 && period_.ns > 0 && !black_.empty() &&
@@ -97,7 +103,7 @@ bool CameraPair::stand_in(Frame& frame, Span timeout) noexcept {
   while (came_.wait_until(monotonic_ns() + timeout.ns, [&] { return ring_.front() != nullptr; })) {
     const Frame second = *ring_.front();
     ring_.pop();
-    if (second.stamp <= newest_) {
+    if (is_old(second.stamp)) {
       second_->give_back(second);
       bump(unused_);
       continue;

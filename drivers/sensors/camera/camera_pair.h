@@ -63,6 +63,8 @@ class CameraPair final : public CameraSource {
   void read_second() noexcept;
   /// An image of the first camera. False: it is older than one of the second camera that went on alone.
   bool lead(const Frame& frame) noexcept;
+  /// Of an image that may not go on: a later one has.
+  bool is_old(HostStamp stamp) const noexcept;
   /// True if the last image came so long ago that the first camera counts as silent.
   bool is_overdue(std::int64_t last_ns) const noexcept;
   bool stand_in(Frame& frame, Span timeout) noexcept;
