@@ -18,13 +18,14 @@ constexpr std::int64_t kLongAgo_ns = std::numeric_limits<std::int64_t>::min() / 
 void copy_pixels(const Frame& frame, int step, int width, int height, std::uint8_t* to, int row) {
   for (int y = 0; y < height; ++y, to += row) {
     const int seen = frame.data != nullptr && y * step < frame.height ? std::min(width, frame.width / step) : 0;
+    std::fill(to + seen, to + width, std::uint8_t{0});
+    if (seen == 0) continue;
     const std::uint8_t* const from = frame.data + std::ptrdiff_t{y} * step * frame.stride;
-    if (step == 1 && seen > 0) {
+    if (step == 1) {
       std::memcpy(to, from, static_cast<std::size_t>(seen));
     } else {
       for (int x = 0; x < seen; ++x) to[x] = from[x * step];
     }
-    std::fill(to + seen, to + width, std::uint8_t{0});
   }
 }
 

@@ -12,7 +12,7 @@ namespace epiline {
 
 namespace {
 constexpr Span kIdle = Span::from_milliseconds(20);         // between looks at whether it is over
-constexpr Span kClockJump = Span::from_milliseconds(1000);  // farther back is a clock that jumped: others judge that
+constexpr Span kClockJump = Span::from_milliseconds(1000);  // stamps farther apart are others' to judge
 constexpr double kSilent = 2.5;                             // periods without an image of the first camera
 constexpr timespec kRest = {0, 10'000'000};                 // a lost device may fail at once
 }  // namespace
@@ -71,7 +71,8 @@ ReadOutcome CameraPair::read(Frame& frame, Span timeout) noexcept {
 bool CameraPair::lead(const Frame& frame) noexcept {
   EPILINE_EXPECTS(frame.slot >= 0 && frame.slot < kMostSlots, "a camera of a pair numbers its buffers from 0 to 63");
   const bool came_before = std::exchange(first_came_ns_, monotonic_ns()) != 0;
-  if (came_before && frame.stamp > first_stamp_ && !stood_in_) period_ = frame.stamp - first_stamp_;
+  const Span since = frame.stamp - first_stamp_;
+  if (came_before && !stood_in_ && since.ns > 0 && since < kClockJump) period_ = since;
   first_stamp_ = frame.stamp;
   stood_in_ = stood_in_ && is_old(frame.stamp);
   if (stood_in_) {
