@@ -49,7 +49,6 @@ TEST(V4l2Camera, AFailedOpenLeavesNothingBehind) {
 using test::CameraRig;
 using test::FakeCamera;
 using test::kMs;
-using test::kSecond_ns;
 
 TEST(V4l2Camera, LendsImagesOfTheDriverAsTheyCome) {
   CameraRig rig;
