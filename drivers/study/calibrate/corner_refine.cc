@@ -1,6 +1,6 @@
 #include "drivers/study/calibrate/corner_refine.h"
 
-#include <Eigen/Dense>
+#include <Eigen/LU>
 #include <cmath>
 
 namespace epiline {
@@ -38,10 +38,12 @@ bool refine_corner(const GreyPixels& image, int half, Vec2& px) {
         b += G * Vec2(dx, dy);
       }
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(A);
-    constexpr double kCorner = 0.02;  // the lesser of the two directions' share: an edge has none
-    if (!(eigen.eigenvalues()[0] > kCorner * eigen.eigenvalues()[1])) return false;
-    const Vec2 step = A.ldlt().solve(b);
+    // Of A's two eigenvalues the lesser is more than kCorner times the larger: an edge has only one. With the ratio r
+    // of the two, det(A) / tr(A)^2 = r / (1 + r)^2, which grows with r.
+    constexpr double kCorner = 0.02;
+    const double trace = A.trace();
+    if (!(A.determinant() > kCorner / ((1 + kCorner) * (1 + kCorner)) * trace * trace)) return false;
+    const Vec2 step = A.inverse() * b;
     centre += step;
     if (!((centre - start).norm() < half)) return false;
     if (step.norm() < kSettled_px) break;

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/QR>
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -51,7 +51,8 @@ LensError lens_error(const RigFit& fit) {
     }
   }
   if (by_turn.rows() < 6) return {};
-  const Eigen::MatrixXd rest = by_lens_all - by_turn * by_turn.householderQr().solve(by_lens_all);
+  const Mat3 information = by_turn.transpose() * by_turn;
+  const Eigen::MatrixXd rest = by_lens_all - by_turn * information.inverse() * (by_turn.transpose() * by_lens_all);
   const auto rms = [&](double sum) { return std::sqrt(2 * sum / static_cast<double>(rest.rows())); };
   const Eigen::MatrixXd P = fit.uncertainty.covariance.topLeftCorner(columns, columns);
   const Eigen::MatrixXd& misfit = fit.uncertainty.misfit;

@@ -75,7 +75,8 @@ struct WavedRig {
 
   /// In a world whose gravity points down its z axis.
   Motion motion(double t) const {
-    const Mat3 R_WT = Eigen::Quaterniond::FromTwoVectors(g_T(), Vec3(0, 0, -1)).toRotationMatrix();
+    const Vec3 down_T = g_T().normalized(), axis = down_T.cross(Vec3(0, 0, -1));
+    const Mat3 R_WT = so3_exp(axis.normalized() * std::atan2(axis.norm(), -down_T.z()));
     constexpr double kStep = 1e-3;
     const Pose before = pose(t - kStep), now = pose(t), after = pose(t + kStep);
     Motion m;
