@@ -31,6 +31,18 @@ struct Numbered {
   std::uint64_t serial() const { return words[0] * 0xF1DE83E19937733Du; }  // inverse of the multiplier modulo 2^64
 };
 
+/// Waits for `ready()`. The other thread most likely runs and is soon there; if it does not, a sleeper gets its turn
+/// before busy programs do, and one that yields after them.
+template <class Ready>
+void wait_for(Ready&& ready) {
+  while (true) {
+    for (int i = 0; i < 100; ++i) {
+      if (ready()) return;
+    }
+    std::this_thread::sleep_for(std::chrono::microseconds(10));
+  }
+}
+
 struct RingOutcome {
   std::uint64_t wrong = 0;     ///< elements that were torn or out of order
   std::uint64_t received = 0;  ///< elements the consumer took
@@ -43,11 +55,8 @@ RingOutcome through_ring(Ring& ring, std::uint64_t count) {
   RingOutcome outcome;
   std::thread consumer([&] {
     for (std::uint64_t serial = 0; serial < count; ++serial) {
-      const Numbered* front = ring.front();
-      while (front == nullptr) {
-        std::this_thread::yield();
-        front = ring.front();
-      }
+      const Numbered* front = nullptr;
+      wait_for([&] { return (front = ring.front()) != nullptr; });
       outcome.wrong += front->is(serial) ? 0 : 1;
       ++outcome.received;
       ring.pop();
@@ -55,12 +64,12 @@ RingOutcome through_ring(Ring& ring, std::uint64_t count) {
   });
   std::uint64_t refused = 0;
   for (std::uint64_t serial = 0; serial < count; ++serial) {
-    Numbered* slot = ring.claim();
-    while (slot == nullptr) {
-      ++refused;
-      std::this_thread::yield();
+    Numbered* slot = nullptr;
+    wait_for([&] {
       slot = ring.claim();
-    }
+      refused += slot == nullptr ? 1 : 0;
+      return slot != nullptr;
+    });
     slot->fill(serial);
     ring.publish();
   }
@@ -80,20 +89,21 @@ BoxOutcome through_box(Box& box, std::uint64_t count) {
   BoxOutcome outcome;
   std::thread reader([&] {
     while (outcome.last < count && outcome.wrong == 0) {
-      const Numbered* value = box.read();
-      if (value == nullptr) {
-        std::this_thread::yield();
-        continue;
-      }
-      const std::uint64_t serial = value->serial();
-      outcome.wrong += value->is(serial) && serial >= outcome.last ? 0 : 1;
-      outcome.last = serial;
+      wait_for([&] {
+        const Numbered* value = box.read();
+        if (value == nullptr) return false;
+        const std::uint64_t serial = value->serial(), before = outcome.last;
+        outcome.wrong += value->is(serial) && serial >= before ? 0 : 1;
+        outcome.last = serial;
+        return serial != before || outcome.wrong > 0;
+      });
     }
   });
   for (std::uint64_t serial = 1; serial <= count; ++serial) {
     box.draft().fill(serial);
     box.publish();
-    if (serial % 64 == 0) std::this_thread::yield();  // on one core the reader must have its turn
+    if (serial % 64 == 0)
+      std::this_thread::sleep_for(std::chrono::microseconds(1));  // on one core the reader must have its turn
   }
   reader.join();
   return outcome;
@@ -188,7 +198,7 @@ class SlotTraffic {
       const auto evicted = ring_.push(static_cast<typename Ring::Value>(slot));
       parking_.notify();
       if (evicted != Ring::kNone) lender_.give_back(evicted);
-      if (serial % 16 == 0) std::this_thread::yield();
+      if (serial % 16 == 0) std::this_thread::sleep_for(std::chrono::microseconds(1));
       if (serial % 64 == 0) starved_ += comes_true([&] { return lender_.number_lent() <= 1; }) ? 0 : 1;
     }
   }
