@@ -83,11 +83,17 @@ void NoiseBounds::close() noexcept {
 
 ImuNoise NoiseBounds::hold(ImuNoise configured) const noexcept {
   const auto hold_one = [](const QuietestScatter& seen, double usual, double& density, double& walk) {
-    double held = density;
-    if (seen.both > 0) held = std::min(held, std::max(kLoosest * seen.fine, kLoosestFiltered * seen.both));
-    if (seen.fine > 0) held = std::max(held, std::min(seen.fine, usual));
-    walk *= held / density;
-    density = held;
+    if (seen.both > 0) {
+      // the walk falls to what belongs to the readings themselves, whose density is 1 / kLoosest of the limit
+      const double share = std::min(1.0, std::max(kLoosest * seen.fine, kLoosestFiltered * seen.both) / density);
+      density *= share;
+      walk *= std::max(share * share, share / kLoosest);
+    }
+    const double least = std::min(seen.fine, usual);
+    if (density < least) {
+      walk *= least / density;
+      density = least;
+    }
   };
   hold_one(gyroscope(), kUsualGyroscope, configured.gyroscope_density, configured.gyroscope_random_walk);
   hold_one(accelerometer(), kUsualAccelerometer, configured.accelerometer_density,

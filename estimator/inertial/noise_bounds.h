@@ -12,8 +12,8 @@ namespace epiline {
 /// The scatter of one sensor's readings in its quietest quarter of a second so far, as densities; unit/sqrt(Hz).
 struct QuietestScatter {
   double fine = 0;  ///< from reading to reading; 0: unknown yet
-  double both =
-      0;  ///< the larger of that and of means over 25 ms: filters that hide noise from the first do not from these
+  /// The larger of that and of means over 25 ms: filters that hide noise from the first do not from these.
+  double both = 0;
 };
 
 class NoiseBounds {
@@ -23,7 +23,8 @@ class NoiseBounds {
   const QuietestScatter& gyroscope() const noexcept { return sensors_[0].quietest; }
   const QuietestScatter& accelerometer() const noexcept { return sensors_[1].quietest; }
   /// The configured noise with each sensor's density held between `fine` (at most that of an ordinary sensor) and
-  /// the larger of 2 `fine` and 1.3 `both`; its random walk is scaled alike.
+  /// the larger of 2 `fine` and 1.3 `both`; its random walk is scaled alike, or, where the density is too large, down
+  /// to what belongs to half of that limit.
   ImuNoise hold(ImuNoise configured) const noexcept;
 
  private:
