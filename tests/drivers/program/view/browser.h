@@ -59,7 +59,7 @@ class BrowserTest : public testing::Test {
   fs::path folder_;
 
  private:
-  static constexpr int kTrials = 3;
+  static constexpr int kTrials = 5;
   /// timeout(1): 124, or 128 + SIGKILL if the program did not end when it was asked to.
   static bool timed_out(int status) {
     return WIFEXITED(status) && (WEXITSTATUS(status) == 124 || WEXITSTATUS(status) == 137);
