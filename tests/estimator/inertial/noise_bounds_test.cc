@@ -68,8 +68,8 @@ TEST(NoiseBounds, WrongDensitiesComeNearTheTrueOnes) {
   }
 }
 
-// A density is held at twice what the readings show, and a walk at what belongs to the readings themselves: the larger
-// the configured density, the less is it a wish for more, until the walk is that of the readings.
+// Users widen densities on purpose, so one that is too large is held at twice what the readings show. The farther
+// beyond that limit it is, the less of the widening its walk keeps: none from twice the limit on.
 TEST(NoiseBounds, TheWalkOfADensityThatIsTooLargeFallsToThatOfTheReadings) {
   const NoiseBounds bounds = after(1);
   const double limit = bounds.hold(scaled(100)).gyroscope_density / kTrue.gyroscope_density;
