@@ -28,11 +28,13 @@ struct Extrinsics {
   double readout_s = 0;      ///< rolling shutter: exposure of the last row minus that of the first
 };
 
-/// A second camera that exposes at the same time, rigidly mounted beside the first one. x_B = R_BC x_C + p_BC.
+/// A second camera, rigidly mounted beside the first one. x_B = R_BC x_C + p_BC.
 struct SecondCamera {
   bool use = false;  ///< false: its views are ignored
   Mat3 R_BC = Mat3::Identity();
   Vec3 p_BC = Vec3::Zero();
+  double readout_s = 0;  ///< as that of Extrinsics
+  double apart_s = 0;    ///< its images are taken up to so much before or after the first one's; 0: at the same time
 };
 
 /// The measurement of the wheels of a ground vehicle: the speed of a point of the vehicle along its forward axis.

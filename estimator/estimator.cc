@@ -32,8 +32,7 @@ std::unique_ptr<VisualFactorModel> make_visual_factor(VisualFactor factor, Instr
 }
 
 bool uses_second_camera(const EstimatorConfig& c) {
-  return c.second.use && c.visual_factor == VisualFactor::kTrack && c.track_noise == TrackNoiseModel::kDrift &&
-         c.extrinsics.readout_s == 0;
+  return c.second.use && c.visual_factor == VisualFactor::kTrack && c.track_noise == TrackNoiseModel::kDrift;
 }
 }  // namespace
 
@@ -174,11 +173,31 @@ void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
   }
 }
 
-/// Bearings of a rolling shutter turn from their rows to the stamp; where the camera was then is left to the factor
+/// How long before and after a frame's stamp its bearings are exposed, s; 0: all of them at the stamp.
+double Estimator::Impl::exposed_within_s() const {
+  const double first_s = 0.5 * std::abs(config.extrinsics.readout_s);
+  if (!window.rig.use) return first_s;
+  return std::max(first_s, config.second.apart_s + 0.5 * std::abs(config.second.readout_s));
+}
+
+namespace {
+/// From the attitude that its camera had when the bearing was exposed to that at the stamp. Feature: TrackedFeature or
+/// SecondView.
+template <class Feature>
+void turn_to_stamp(const RowTurn& rows, Feature& f) {
+  const Mat3 R = rows.at(static_cast<double>(f.row_s));
+  Eigen::Map<Vec3> bearing(f.bearing.data());
+  Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> chart(f.pixel_jacobian.data());
+  bearing = (R * bearing).eval();
+  chart = (chart * R.transpose()).eval();
+}
+}  // namespace
+
+/// Bearings turn from the time of their exposure to the stamp; where the camera was then is left to the factor
 /// (docs/derivations/rolling_shutter.md).
 const TrackedFrame& Estimator::Impl::at_stamp(const TrackedFrame& frame) {
-  const double half_s = 0.5 * std::abs(config.extrinsics.readout_s);
-  if (half_s == 0) return frame;
+  const double within_s = exposed_within_s();
+  if (within_s == 0) return frame;
   const HostStamp time = imu_time(frame.stamp);
   const auto turn = [&](HostStamp from, HostStamp to) {
     NavState x{.b_g = known_gyroscope_bias()};
@@ -186,16 +205,15 @@ const TrackedFrame& Estimator::Impl::at_stamp(const TrackedFrame& frame) {
     history.propagate(from, to, window.calibration.scale, x, rate);
     return x.R;
   };
-  const Span half = Span::from_seconds(half_s);
-  const RowTurn rows = row_turn(turn(time - half, time), turn(time, time + half), half_s, window.calibration.R_BC);
+  const Span within = Span::from_seconds(within_s);
+  const RowTurn rows =
+      row_turn(turn(time - within, time), turn(time, time + within), within_s, window.calibration.R_BC);
   turned = frame;
-  for (TrackedFeature& f : turned.features) {
-    const Mat3 R = rows.at(static_cast<double>(f.row_s));
-    Eigen::Map<Vec3> bearing(f.bearing.data());
-    Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> chart(f.pixel_jacobian.data());
-    bearing = (R * bearing).eval();
-    chart = (chart * R.transpose()).eval();
-  }
+  for (TrackedFeature& f : turned.features) turn_to_stamp(rows, f);
+  if (!window.rig.use) return turned;
+  const RowTurn of_second = rows.seen_from(window.rig.R_CD);
+  for (SecondView& v : turned.second) turn_to_stamp(of_second, v);
+  for (TrackedFeature& f : turned.second_tracks) turn_to_stamp(of_second, f);
   return turned;
 }
 
@@ -244,8 +262,7 @@ bool Estimator::add_height(const HeightSample& sample) noexcept { return impl_->
 
 HostStamp Estimator::imu_needed_until(HostStamp image) const noexcept {
   // up to the exposure of the last row, and to the printed stamp, to which the odometry is taken on
-  const double rows_s = 0.5 * std::abs(impl_->config.extrinsics.readout_s);
-  const double offset_s = std::max(0.0, impl_->window.calibration.time_offset + rows_s);
+  const double offset_s = std::max(0.0, impl_->window.calibration.time_offset + impl_->exposed_within_s());
   return image + Span::from_seconds(offset_s - kHeldShare * impl_->history.period());
 }
 

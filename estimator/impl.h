@@ -58,6 +58,7 @@ struct Estimator::Impl {
   StepResult refuse();
   HostStamp imu_time(HostStamp image) const;
   void watch_numbers(const TrackedFrame& frame);
+  double exposed_within_s() const;
   const TrackedFrame& at_stamp(const TrackedFrame& frame);
   void use_noise(const ImuNoise& n);
   void hold_noise();
@@ -147,7 +148,7 @@ struct Estimator::Impl {
   Odometry odometry;
   EstimatorStats stats;
 
-  TrackedFrame turned;  ///< the last frame of a rolling shutter, as if exposed at its stamp
+  TrackedFrame turned;  ///< the last frame, as if all of it had been exposed at its stamp
   bool any_frame = false;
   HostStamp last_frame;  ///< stamp of the last image let in
   bool imu_gap_seen = false;

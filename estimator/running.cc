@@ -384,7 +384,7 @@ VisualSettings Estimator::Impl::visual_settings() const {
   s.gate_cap = config.gate_cap;
   s.focal_px = config.extrinsics.focal_px;
   s.extrinsics = config.estimate_extrinsics;
-  s.rows = config.extrinsics.readout_s != 0;
+  s.rows = exposed_within_s() > 0;
   s.focal = estimates_focal_length();
   return s;
 }

@@ -58,7 +58,7 @@ struct TrackSettings {
   bool drift;        ///< a track's error is a random walk; else its views err independently
   double student;    ///< degrees of freedom of a drifting track's weight ...
   double unit;       ///< ... and the unit of its chi2
-  bool rows;         ///< rolling shutter: each view has its own time
+  bool rows;         ///< each view has its own time: of its row, or of a second camera's image
   bool lens;         ///< fill the column of the focal length
   double focal;      ///< its estimate, as Calibration::focal
 };

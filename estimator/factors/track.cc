@@ -16,7 +16,7 @@ struct TrackFactor::Memory {
   TrackScratch scratch;
   NewsScratch news;
   FrameGeometry frame[kMaxSlots];
-  Vec3 velocity_C[kMaxFrames];  ///< of the camera, as collected
+  Vec3 velocity_C[kMaxSlots];  ///< of the cameras, as collected, in the axes of the first one
   SortedTracks sorted;
   double ratio[kMaxTracks];
   /// Where the points were found last, by the tracks' places in the window: what to iterate from, never what is known
@@ -192,8 +192,8 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
   gate_suspended_ = false;
   remember_points();
   origin_ = w.newest().x.p;
+  second_ = drift && w.rig.use ? w.size() + 1 : 0;
   if (s.rows) hold_velocities(w);
-  second_ = drift && w.rig.use && !s.rows ? w.size() + 1 : 0;
   SortedTracks& sorted = memory_->sorted;
   sorted.sort(w, second_ > 0);
   batches_ = sorted.batches();
@@ -225,12 +225,16 @@ void TrackFactor::fetch(const Window& w, const TrackRecord& t) const {
   __builtin_prefetch(&memory_->remembered[t.place]);
 }
 
-/// Of a rolling shutter: where the camera is in a row follows from its velocity, which is held in the camera's axes
-/// until the next collect(), so that a camera and its rows move as one (docs/derivations/rolling_shutter.md).
+/// Where a camera is at another time than the stamp follows from its velocity, which is held in the first camera's axes
+/// until the next collect(), so that the cameras move with their body (docs/derivations/rolling_shutter.md).
 void TrackFactor::hold_velocities(const Window& w) {
   for (int k = 0; k < w.size(); ++k) {
     const ExposedFrame f = exposed_frame(w, k);
-    memory_->velocity_C[k] = f.R_WC.transpose() * (f.v + f.omega_W.cross(f.c - f.p));
+    const auto velocity_C = [&](const Vec3& lever_W) -> Vec3 {
+      return f.R_WC.transpose() * (f.v + f.omega_W.cross(lever_W));
+    };
+    memory_->velocity_C[k] = velocity_C(f.c - f.p);
+    if (second_ > 0) memory_->velocity_C[second_ + k] = velocity_C(f.c + f.R_WC * w.rig.p_CD - f.p);
   }
 }
 
@@ -239,9 +243,9 @@ void TrackFactor::place(const Window& w, int frames) {
   fill_geometry(w, frames, origin_, memory_->frame);
   if (second_ > 0) place_second(w, frames);
   for (int k = 0; k < frames && visual_.rows; ++k) {
-    FrameGeometry& f = memory_->frame[k];
-    Eigen::Map<Vec3>(f.v) =
-        Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(f.R_WC) * memory_->velocity_C[k];
+    const Mat3 R_WC = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(memory_->frame[k].R_WC);
+    Eigen::Map<Vec3>(memory_->frame[k].v) = R_WC * memory_->velocity_C[k];
+    if (second_ > 0) Eigen::Map<Vec3>(memory_->frame[second_ + k].v) = R_WC * memory_->velocity_C[second_ + k];
   }
   settings_.focal = w.calibration.focal;
 }

@@ -22,7 +22,7 @@ struct VisualSettings {
   double gate_cap = 0.4;
   double focal_px = 458;
   bool extrinsics = false;  ///< fill the extrinsic columns
-  bool rows = false;        ///< rolling shutter: each view has its own time
+  bool rows = false;        ///< each view has its own time: of its row, or of a second camera's image
   bool focal = false;       ///< fill the column of the focal length, of factors that have one
   int inner_steps = 4;      ///< of the point inside a track, at most; fewer bias scale on straight flights
   double converged =

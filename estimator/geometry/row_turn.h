@@ -1,5 +1,5 @@
 #pragma once
-// Rolling shutter: how the camera turned while the rows of an image were exposed. Derivation:
+// How a camera turned while the rows of an image, or a second image, were exposed. Derivation:
 // docs/derivations/rolling_shutter.md; test: tests/estimator/geometry/row_turn_test.cc.
 #include "estimator/geometry/so3.h"
 #include "estimator/geometry/types.h"
@@ -12,6 +12,8 @@ struct RowTurn {
 
   /// Attitude of the camera at `row_s` seen from the camera at the stamp: takes a bearing of that row to the stamp.
   Mat3 at(double row_s) const { return so3_exp((omega_C + 0.5 * row_s * alpha_C) * row_s); }
+  /// Of another camera D of the same body.
+  RowTurn seen_from(const Mat3& R_CD) const { return {R_CD.transpose() * omega_C, R_CD.transpose() * alpha_C}; }
 };
 
 /// From the body's turns over the `half_s` seconds before the stamp and the `half_s` after it.

@@ -153,8 +153,8 @@ int Window::observe_second(const TrackedFrame& frame) {
     if (i < 0 || !seen(records_[static_cast<std::size_t>(i)], size_ - 1)) continue;
     TrackRecord& t = records_[static_cast<std::size_t>(i)];
     const Mat23 chart = Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(v.pixel_jacobian.data());
-    second_views_[t.place][slot] = {Vec3(v.bearing.data()),    chart, 0,
-                                    static_cast<float>(v.age), 0,     static_cast<float>(v.found)};
+    second_views_[t.place][slot] = {Vec3(v.bearing.data()),    chart,   0,
+                                    static_cast<float>(v.age), v.row_s, static_cast<float>(v.found)};
     t.second |= 1u << slot;
   }
   return impossible;

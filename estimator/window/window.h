@@ -19,7 +19,7 @@ struct Observation {
   Mat23 chart;
   float stretch;  ///< of the lens there: how much a longer focal length moves the pixel outwards, over a pinhole's
   float age;      ///< of its track, images
-  float row_s;    ///< rolling shutter: exposed so long after the stamp
+  float row_s;    ///< exposed so long after the stamp
   float found;    ///< second camera: age of the track when it was found there
 };
 

@@ -63,11 +63,12 @@ inline constexpr const char* kEdgeNames[] = {"rising", "falling"};
 /// Section [second_camera]: a second camera beside the one of [camera], of the same kind and triggered together with
 /// it; what is not here is as there. docs/camera.md#two-cameras.
 struct SecondCameraConfig {
-  std::string device;       ///< empty: none, or the other half of the first one's images
-  std::string sensor;       ///< in a media graph: part of the sensor's name
-  std::string stamp_line;   ///< its own GPIO line; see GpioLine
-  std::string calibration;  ///< empty: cam1 of the first one's file
-  double within_ms = 1;     ///< images of both are taken together if they are no farther apart
+  std::string device;         ///< empty: none, or the other half of the first one's images
+  std::string sensor;         ///< in a media graph: part of the sensor's name
+  std::string stamp_line;     ///< its own GPIO line; see GpioLine
+  std::string calibration;    ///< empty: cam1 of the first one's file
+  bool free_running = false;  ///< it is not triggered together with the first one
+  double within_ms = 0;  ///< images of both are taken together if they are no farther apart; 0: see pairs_within_s()
 };
 
 /// Section [imu]: where its readings come from.
@@ -157,6 +158,16 @@ struct DevicesConfig {
   WheelConfig wheel;
   HeightConfig height;
 };
+
+/// How far apart images of both cameras may be that are taken together, s: what is set; else 1 ms, or, for a
+/// free-running second camera, half a period, beyond which another image is nearer.
+inline double pairs_within_s(const DevicesConfig& devices) {
+  const SecondCameraConfig& c = devices.second_camera;
+  if (c.within_ms > 0) return 1e-3 * c.within_ms;
+  constexpr double kUsualRate_hz = 30;
+  const double rate_hz = devices.camera.rate_hz > 0 ? devices.camera.rate_hz : kUsualRate_hz;
+  return c.free_running ? 0.5 / rate_hz : 1e-3;
+}
 
 /// 1, or 2 with a second camera.
 inline std::size_t camera_count(const DevicesConfig& devices) {

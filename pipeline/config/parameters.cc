@@ -237,8 +237,7 @@ const std::vector<Parameter>& parameters() {
        "each image holds those of two cameras side by side, as stereo boards give them: which half is the first camera",
        EPILINE_CHOICE(devices.camera.side_by_side, kSideBySideNames)},
       // a second live camera; what is not here is as in [camera]
-      {"second_camera.device", "", 0, 0,
-       "path, name or bus of a second camera that is triggered together with the first one; default: none",
+      {"second_camera.device", "", 0, 0, "path, name or bus of a second camera beside the first one; default: none",
        EPILINE_AT(devices.second_camera.device)},
       {"second_camera.sensor", "", 0, 0, "part of the sensor's name in the media graph",
        EPILINE_AT(devices.second_camera.sensor)},
@@ -247,8 +246,13 @@ const std::vector<Parameter>& parameters() {
       {"second_camera.calibration", "", 0, 0,
        "its calibration file (ASL or Kalibr, there as cam1); default: cam1 of camera.calibration",
        EPILINE_AT(devices.second_camera.calibration)},
-      {"second_camera.within_ms", "ms", 0.01, 100,
-       "images of both cameras are taken together if their times differ by no more",
+      {"second_camera.free_running", "", 0, 0,
+       "it is not triggered together with the first one: each of its images has its own time",
+       EPILINE_AT(devices.second_camera.free_running)},
+      {"second_camera.within_ms", "ms", 0, 100,
+       "images of both cameras are taken together if their times differ by no more; 0: by 1 ms, or, if it is "
+       "free-running, "
+       "by half a period of camera.rate_hz",
        EPILINE_AT(devices.second_camera.within_ms)},
       // control of a live camera's exposure
       {"exposure.automatic", "", 0, 0,

@@ -114,7 +114,8 @@ RealtimePipeline::Impl::Impl(const RealtimeSettings& s, const RealtimePorts& p)
       imu(p.imu, limits_of(s.estimator), clock,
           {imu_readers(), imu_heard, flight_log.events_of(Speaker::kImu), &flight_log.imu()}),
       capture(p.camera, clock,
-              {frames, images, track_thread.parking(), camera_heard, flight_log.events_of(Speaker::kCapture)}),
+              {frames, images, track_thread.parking(), camera_heard, flight_log.events_of(Speaker::kCapture)},
+              apart_of(s.estimator)),
       estimate(
           estimate_settings(s), clock,
           {tracked, track_thread.ended(), imu_to_estimate, imu_thread.ended(), wheel_to_estimate, height_to_estimate},

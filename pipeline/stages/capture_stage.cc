@@ -1,5 +1,7 @@
 #include "pipeline/stages/capture_stage.h"
 
+#include <cstdlib>
+
 #include "platform/error/contract.h"
 
 namespace epiline {
@@ -37,18 +39,23 @@ void CaptureStage::look_for_missed() noexcept {
 }
 
 bool CaptureStage::admit(Frame& image) noexcept {
+  const HostStamp given = image.stamp;
   const bool taken = gate_.step(image);
+  corrected_ = image.stamp - given;
   events_.after(taken, image, gate_);
   return taken;
 }
 
-Frame CaptureStage::judged(Frame second, HostStamp stamp) noexcept {
+Frame CaptureStage::judged(Frame second, HostStamp first) noexcept {
   if (second.data == nullptr) return second;
-  second.stamp = stamp;
+  const HostStamp own = second.stamp + corrected_;
+  second.stamp = first;
   const bool taken = second_gate_.step(second);
   const ImageGateStats& seen = second_gate_.stats();
-  second_blind_.step(seen.frozen + seen.covered, stamp, out_.events);
-  return taken ? second : Frame{};
+  second_blind_.step(seen.frozen + seen.covered, first, out_.events);
+  if (apart_ == Span{}) return taken ? second : Frame{};
+  second.stamp = own;
+  return taken && Span{std::abs((own - first).ns)} <= apart_ ? second : Frame{};
 }
 
 void CaptureStage::hand_on(const Frame& image, const Frame& second) noexcept {

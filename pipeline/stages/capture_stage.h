@@ -25,13 +25,19 @@ class CaptureStage final : public SourceStage {
     EventRing& events;
   };
 
-  /// `camera` is null where only admit() and hand_on() are called.
-  CaptureStage(CameraSource* camera, const FlightClock& clock, const Outputs& out)
-      : SourceStage(EventSource::kCamera, clock, out.events), camera_(camera), out_(out), events_(out.events) {}
+  /// `camera` is null where only admit() and hand_on() are called. `apart`: a second camera's images have times of
+  /// their own, which differ by no more; zero: they are taken to be of the first one's time.
+  CaptureStage(CameraSource* camera, const FlightClock& clock, const Outputs& out, Span apart = {})
+      : SourceStage(EventSource::kCamera, clock, out.events),
+        camera_(camera),
+        out_(out),
+        apart_(apart),
+        events_(out.events) {}
 
   /// Passes the image through the gate, which may correct its timestamp. False: drop the image.
   bool admit(Frame& image) noexcept;
-  /// An admitted image, with the number of its buffer, and that of a second camera, which is judged here.
+  /// The image that was admitted last, with the number of its buffer, and that of a second camera, which is judged
+  /// here.
   void hand_on(const Frame& image, const Frame& second = {}) noexcept;
 
   std::uint64_t images() const noexcept { return came_.get(); }      ///< that the camera gave
@@ -45,10 +51,12 @@ class CaptureStage final : public SourceStage {
   }
   void use() noexcept override;
   void look_for_missed() noexcept;
-  Frame judged(Frame second, HostStamp stamp) noexcept;
+  Frame judged(Frame second, HostStamp first) noexcept;
 
   CameraSource* camera_;
   Outputs out_;
+  Span apart_;
+  Span corrected_{};  ///< by the gate: what it added to the stamp of the last image
   Frame image_;
   std::uint64_t expected_ = 0;  ///< sequence number
   ImageGate gate_, second_gate_;

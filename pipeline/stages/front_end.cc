@@ -1,6 +1,7 @@
 #include "pipeline/stages/front_end.h"
 
-#include <stdexcept>
+#include <algorithm>
+#include <cmath>
 
 namespace epiline {
 
@@ -17,27 +18,39 @@ FrontEnd::FrontEnd(const Camera& camera, const TrackerConfig& config, const Mat3
       R_BC_(R_BC),
       half_readout_(Span::from_seconds(0.5 * std::abs(camera.parameters().readout_s))) {
   if (!second) return;
-  if (camera.parameters().readout_s != 0 || second->camera.readout_s != 0)
-    throw std::invalid_argument("two cameras, of which one has a rolling shutter");
   second_.emplace(camera, *second, config);
   R_BS_ = R_BC * second->R_SC.transpose();
+  half_readout_of_second_ = Span::from_seconds(0.5 * std::abs(second->camera.readout_s));
 }
 
-void FrontEnd::set_knowledge(const Vec3& gyroscope_bias_rad_s, double time_offset_s) noexcept {
-  bias_rad_s_ = gyroscope_bias_rad_s;
-  time_offset_ = Span::from_seconds(time_offset_s);
+void FrontEnd::set_knowledge(const FrontEndKnowledge& known) noexcept {
+  known_ = known;
+  time_offset_ = Span::from_seconds(known.time_offset_s);
 }
 
-RowTurn FrontEnd::rows_of(HostStamp exposure) const {
-  if (half_readout_ == Span{}) return {};
-  return row_turn(gyro_.between(exposure - half_readout_, exposure, bias_rad_s_),
-                  gyro_.between(exposure, exposure + half_readout_, bias_rad_s_), half_readout_.seconds(), R_BC_);
+// From so long before an image's stamp to so long after it; X is a camera.
+RowTurn FrontEnd::turn_within(const Mat3& R_BX, HostStamp image, Span within) const {
+  if (within == Span{}) return {};
+  const HostStamp t = image + time_offset_;
+  const Vec3& bias = known_.gyroscope_bias_rad_s;
+  return row_turn(gyro_.between(t - within, t, bias), gyro_.between(t, t + within, bias), within.seconds(), R_BX);
 }
 
 // From one time of an image to another; X is a camera.
 Mat3 FrontEnd::turn_of(const Mat3& R_BX, HostStamp from, HostStamp to) const {
-  const Mat3 R_B0B = gyro_.between(from + time_offset_, to + time_offset_, bias_rad_s_);
+  const Mat3 R_B0B = gyro_.between(from + time_offset_, to + time_offset_, known_.gyroscope_bias_rad_s);
   return R_BX.transpose() * R_B0B.transpose() * R_BX;
+}
+
+// The body's velocity turns with the body since it was known; that of the lever is left out, a thousandth of a
+// baseline.
+RigMotion FrontEnd::motion_of(HostStamp image, HostStamp second) const {
+  const Span later = second - image;
+  const Span reach = std::max(half_readout_, Span{std::abs(later.ns)} + half_readout_of_second_);
+  if (reach == Span{}) return {};
+  const Mat3 R_B0B = gyro_.between(known_.stamp, image + time_offset_, known_.gyroscope_bias_rad_s);
+  return {later.seconds(), turn_within(R_BC_, image, reach), turn_within(R_BS_, second, half_readout_of_second_),
+          R_BC_.transpose() * R_B0B.transpose() * known_.velocity_B};
 }
 
 void FrontEnd::step(const Frame& image, const Frame& second, TrackedFrame& out) noexcept {
@@ -51,14 +64,15 @@ void FrontEnd::step(const Frame& image, const Frame& second, TrackedFrame& out) 
     out.second_tracks.clear();
   } else {
     const Mat3 R_CC0 = previous_ ? turn_of(R_BC_, *previous_, image.stamp) : Mat3(Mat3::Identity());
-    tracker_.step(image, R_CC0, out, rows_of(image.stamp + time_offset_));
+    tracker_.step(image, R_CC0, out, turn_within(R_BC_, image.stamp, half_readout_));
     previous_ = image.stamp;
   }
   if (!second_) return;
   const Frame shown = is_blind(second.reasons) ? Frame{} : second;
-  const Mat3 R_SS0 = second_previous_ ? turn_of(R_BS_, *second_previous_, image.stamp) : Mat3(Mat3::Identity());
-  second_->step(blind ? nullptr : &tracker_.pyramid(), shown, R_SS0, out);
-  second_previous_ = image.stamp;
+  const HostStamp second_stamp = shown.data != nullptr ? shown.stamp : image.stamp;
+  const Mat3 R_SS0 = second_previous_ ? turn_of(R_BS_, *second_previous_, second_stamp) : Mat3(Mat3::Identity());
+  second_->step(blind ? nullptr : &tracker_.pyramid(), shown, R_SS0, out, motion_of(image.stamp, second_stamp));
+  second_previous_ = second_stamp;
 }
 
 }  // namespace epiline

@@ -21,8 +21,8 @@ class LentImages {
   /// `camera`: gets its images back; null: the caller knows by users() when it may have an image's memory again.
   explicit LentImages(CameraSource* camera) noexcept : camera_(camera) {}
 
-  /// The image's first user, before it hands the number of the buffer on. `second`: what a second camera took at the
-  /// same time; it is lent and given back together with the image.
+  /// The image's first user, before it hands the number of the buffer on. `second`: what a second camera took at
+  /// the same time, or nearly; it is lent and given back together with the image.
   void lend(const Frame& image, const Frame& second = {}) noexcept {
     const auto slot = static_cast<std::size_t>(image.slot);
     images_[slot] = image;

@@ -11,7 +11,7 @@ OfflinePipeline::OfflinePipeline(const OfflineSettings& s)
            {s.images ? std::vector<ImuStage::Reader>{{&imu_to_track_, &nobody_}, {&imu_to_estimate_, &nobody_}}
                      : std::vector<ImuStage::Reader>{{&imu_to_estimate_, &nobody_}},
             unheard_, events_}),
-      capture_(nullptr, clock_, {frames_, images_, nobody_, unheard_, events_}),
+      capture_(nullptr, clock_, {frames_, images_, nobody_, unheard_, events_}, apart_of(s.estimator)),
       estimate_({s.estimator, s.deadline_ms}, clock_,
                 {tracked_, not_ended_, imu_to_estimate_, imu_ended_, speeds_, heights_},
                 {knowledge_, nobody_, events_}),

@@ -40,6 +40,7 @@ struct Chain {
   float innovation = 0;    // px, between predicted and found position
   Vec3 bearing = Vec3::Zero();
   Mat23 pixel_jacobian = Mat23::Zero();
+  double exposed_s = 0;     // after the stamp of the first camera's image
   double inverse_m = 0;     // 1 / distance from the first camera, of the last view
   int patch = 0;            // place of its KLT template, which is that of the view
   int spare = 0;            // place of another template
@@ -49,8 +50,6 @@ struct Chain {
 };
 
 int pause_after(int failures) { return (1 << std::min(failures, 4)) - 1; }
-
-Vec3 bearing_of(const TrackedFeature& f) { return Vec3(f.bearing.data()); }
 
 // Why patches of one image are not looked for in the other; null: they are.
 const char* why_apart(const Camera& first, const Camera& second, const SecondRig& rig) {
@@ -70,29 +69,39 @@ struct SecondTracker::Impl {
       : camera(second),
         R_SC(rig.R_SC),
         p_SC(rig.p_SC),
-        baseline_m(rig.p_SC.norm()),
         config(config_),
         matches(matches_),
         alone(second, config_),
         chains(static_cast<std::size_t>(config_.max_features)),
         templates(2 * chains.size()),
         scan_level(std::min(kScanLevel, config_.levels - 1)) {
-    scan_step_per_m = kScanStep * (1 << scan_level) / (camera.focal_px() * baseline_m);
+    scan_step_per_m = kScanStep * (1 << scan_level) / (camera.focal_px() * p_SC.norm());
     for (std::size_t i = 0; i < chains.size(); ++i) {
       chains[i].patch = static_cast<int>(2 * i);
       chains[i].spare = chains[i].patch + 1;
     }
   }
 
+  // x_S = R x_C + p: from the axes of the first camera at its stamp, seen from where it took a track, to those of the
+  // second camera when it takes it.
+  struct Relation {
+    Mat3 R;
+    Vec3 p;
+  };
+  Relation relation(const TrackedFeature& feature, double exposed_s) const;
+  Relation relation_between(double first_s, double second_s) const;
+  double exposed_s(double y_px) const { return motion.second_later_s + camera.row_s(y_px); }
+  Vec3 at_stamp(const TrackedFeature& feature) const;
+
   void forget_views();
   void take_over(const TrackedFrame& tracks);
-  Vec2 seen_at(const Vec3& f_C, double inverse_m) const;
+  Vec2 seen_at(const TrackedFeature& feature, double inverse_m) const;
   bool take(Chain& chain, const TrackedFeature& feature, const KltTrack& found);
   int start_level(float innovation_px) const;
   void follow(const TrackedFrame& tracks);
   float to_scan(double px) const { return static_cast<float>((px + 0.5) / (1 << scan_level) - 0.5); }
   float from_scan(float px) const { return (px + 0.5f) * static_cast<float>(1 << scan_level) - 0.5f; }
-  int places_of(const Vec3& f_C);
+  int places_of(const TrackedFeature& feature);
   bool is_peak(int k, int count) const;
   std::array<int, 2> best_places(int count) const;
   void add_search(const TrackedFeature& feature, int i, const ScanPlace& place, int patch);
@@ -109,7 +118,6 @@ struct SecondTracker::Impl {
   Camera camera;
   Mat3 R_SC;
   Vec3 p_SC;
-  double baseline_m;
   TrackerConfig config;
   bool matches;  // the first camera's tracks are looked for
   SecondStats stats;
@@ -119,6 +127,8 @@ struct SecondTracker::Impl {
   int scan_level;
   double scan_step_per_m;
   int size = 0;
+  RigMotion motion;    // of this image
+  Relation of_stamps;  // relation_between() both images' stamps
 
   // Scratch of one image.
   static constexpr int kMostSearches = 2 * TrackTable::kCapacity;
@@ -150,11 +160,33 @@ void SecondTracker::Impl::take_over(const TrackedFrame& tracks) {
   size = count;
 }
 
-// Not a number where the second camera does not see the point.
-Vec2 SecondTracker::Impl::seen_at(const Vec3& f_C, double inverse_m) const {
+SecondTracker::Impl::Relation SecondTracker::Impl::relation(const TrackedFeature& feature, double exposed_s) const {
+  if (feature.row_s == 0 && exposed_s == motion.second_later_s) return of_stamps;
+  return relation_between(static_cast<double>(feature.row_s), exposed_s);
+}
+
+SecondTracker::Impl::Relation SecondTracker::Impl::relation_between(double first_s, double second_s) const {
+  const Mat3 R = R_SC * motion.first.at(second_s).transpose();
+  return {R, p_SC + (first_s - second_s) * (R * motion.velocity_C)};
+}
+
+// The bearing, of a rolling shutter as if its row had been exposed at the stamp.
+Vec3 SecondTracker::Impl::at_stamp(const TrackedFeature& feature) const {
+  const Vec3 f(feature.bearing.data());
+  return feature.row_s == 0 ? f : Vec3(motion.first.at(static_cast<double>(feature.row_s)) * f);
+}
+
+// In the row that is exposed when it is there. Not a number where the second camera does not see the point.
+Vec2 SecondTracker::Impl::seen_at(const TrackedFeature& feature, double inverse_m) const {
+  const Vec3 f_C = at_stamp(feature);
   Vec2 px;
-  if (camera.project(R_SC * f_C + inverse_m * p_SC, px)) return px;
-  return Vec2::Constant(std::numeric_limits<double>::quiet_NaN());
+  const auto seen = [&](double at_s) {
+    const Relation SC = relation(feature, at_s);
+    return camera.project(SC.R * f_C + inverse_m * SC.p, px);
+  };
+  bool is_seen = seen(motion.second_later_s);
+  if (is_seen && camera.row_s(px.y()) != 0) is_seen = seen(exposed_s(px.y()));
+  return is_seen ? px : Vec2::Constant(std::numeric_limits<double>::quiet_NaN());
 }
 
 // Takes the position found if the point can be there: near the epipolar plane, and between infinity and a baseline
@@ -163,9 +195,12 @@ bool SecondTracker::Impl::take(Chain& chain, const TrackedFeature& feature, cons
   Vec3 f_S;
   Mat23 J;
   if (!camera.bearing({found.found_x, found.found_y}, f_S, J)) return false;
-  const Vec3 infinity = R_SC * bearing_of(feature);
-  const Vec3 across = infinity.cross(p_SC);
-  if (!(across.norm() > kLeastSine * baseline_m)) return false;
+  const double at_s = exposed_s(static_cast<double>(found.found_y));
+  const auto [R, p] = relation(feature, at_s);
+  const double distance_m = p.norm();  // between both cameras when they took it
+  const Vec3 infinity = R * at_stamp(feature);
+  const Vec3 across = infinity.cross(p);
+  if (!(distance_m > kLeastBaseline_m && across.norm() > kLeastSine * distance_m)) return false;
   const Vec3 normal = across.normalized();
   const double off_plane_px = (J * normal).norm() * std::abs(normal.dot(f_S));
   if (!(off_plane_px <= kMostOffPlane_px)) {
@@ -173,17 +208,18 @@ bool SecondTracker::Impl::take(Chain& chain, const TrackedFeature& feature, cons
     return false;
   }
   // In the triangle of both cameras and the point: angles from infinity to the view, and from the view to the baseline.
-  const double sine = normal.dot(infinity.cross(f_S)), rest = normal.dot(f_S.cross(p_SC)) / baseline_m;
+  const double sine = normal.dot(infinity.cross(f_S)), rest = normal.dot(f_S.cross(p)) / distance_m;
   const double beyond_px = -(J * normal.cross(f_S)).norm() * sine;
   if (beyond_px > kMostOffPlane_px || !(sine < rest)) {
     ++stats.wrong_side;
     return false;
   }
-  chain.inverse_m = std::max(0., sine) / (rest * baseline_m);
+  chain.inverse_m = std::max(0., sine) / (rest * distance_m);
   chain.x = found.found_x;
   chain.y = found.found_y;
   chain.bearing = f_S;
   chain.pixel_jacobian = J;
+  chain.exposed_s = at_s;
   return true;
 }
 
@@ -200,7 +236,7 @@ void SecondTracker::Impl::follow(const TrackedFrame& tracks) {
   for (int i = 0; i < size; ++i) {
     const Chain& chain = chains[i];
     if (!chain.matched) continue;
-    const Vec2 px = seen_at(bearing_of(tracks.features[i]), chain.inverse_m);
+    const Vec2 px = seen_at(tracks.features[i], chain.inverse_m);
     predicted_x[count] = static_cast<float>(px.x());
     predicted_y[count] = static_cast<float>(px.y());
     chain_of[count] = i;
@@ -226,10 +262,10 @@ void SecondTracker::Impl::follow(const TrackedFrame& tracks) {
 }
 
 // Places in level `kScanLevel` of the second image, from infinity to near, along the epipolar line of the track.
-int SecondTracker::Impl::places_of(const Vec3& f_C) {
+int SecondTracker::Impl::places_of(const TrackedFeature& feature) {
   int count = 0;
   for (; count < kScanPlaces; count += kExactEvery) {
-    const Vec2 px = seen_at(f_C, count * scan_step_per_m);
+    const Vec2 px = seen_at(feature, count * scan_step_per_m);
     if (!px.allFinite()) break;
     ScanPlace& exact = places[count];
     exact = {to_scan(px.x()), to_scan(px.y())};
@@ -283,7 +319,7 @@ void SecondTracker::Impl::add_search(const TrackedFeature& feature, int i, const
 
 // The two best places become searches of track i.
 void SecondTracker::Impl::plan_match(const PyramidView& first, const TrackedFeature& feature, int i) {
-  const int count = places_of(bearing_of(feature));
+  const int count = places_of(feature);
   if (!scan_places(first.level[scan_level], to_scan(feature.pixel[0]), to_scan(feature.pixel[1]),
                    current().level[scan_level], places.data(), count))
     return;
@@ -348,6 +384,7 @@ void SecondTracker::Impl::publish(TrackedFrame& tracks) {
     view.age = tracks.features[i].age;
     view.found = chain.found;
     view.pixel = {chain.x, chain.y};
+    view.row_s = static_cast<float>(chain.exposed_s);
     view.bearing = {chain.bearing.x(), chain.bearing.y(), chain.bearing.z()};
     Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(view.pixel_jacobian.data()) = chain.pixel_jacobian;
     tracks.second.push_back(view);
@@ -372,6 +409,7 @@ void SecondTracker::Impl::fill_alone(TrackedFrame& tracks) {
     most = std::min(config.second_features, config.max_features);
   }
   alone.fill(std::span(taken).first(count), most, kSecondTrack, tracks.second_tracks);
+  for (TrackedFeature& feature : tracks.second_tracks) feature.row_s += static_cast<float>(motion.second_later_s);
   stats.alone += tracks.second_tracks.size();
 }
 
@@ -384,14 +422,16 @@ SecondTracker::SecondTracker(const Camera& first, const SecondRig& rig, const Tr
 
 SecondTracker::~SecondTracker() = default;
 
-void SecondTracker::step(const PyramidView* first, const Frame& second, const Mat3& R_SS0,
-                         TrackedFrame& tracks) noexcept {
+void SecondTracker::step(const PyramidView* first, const Frame& second, const Mat3& R_SS0, TrackedFrame& tracks,
+                         const RigMotion& motion) noexcept {
   Impl& t = *impl_;
+  t.motion = motion;
+  t.of_stamps = t.relation_between(0, motion.second_later_s);
   ++t.stats.images;
   tracks.second.clear();
   tracks.second_tracks.clear();
   t.take_over(tracks);
-  if (!t.alone.follow(second, R_SS0)) {
+  if (!t.alone.follow(second, R_SS0, motion.second)) {
     ++t.stats.images_missing;
     return t.forget_views();
   }

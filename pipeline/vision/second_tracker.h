@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "estimator/geometry/camera.h"
+#include "estimator/geometry/row_turn.h"
 #include "estimator/geometry/types.h"
 #include "pipeline/vision/image_view.h"
 #include "pipeline/vision/tracker_config.h"
@@ -12,11 +13,19 @@
 
 namespace epiline {
 
-/// The second camera S beside the first one, C: x_S = R_SC x_C + p_SC. Both have global shutters.
+/// The second camera S beside the first one, C: x_S = R_SC x_C + p_SC.
 struct SecondRig {
   CameraParameters camera;
   Mat3 R_SC = Mat3::Identity();
   Vec3 p_SC = Vec3::Zero();  ///< m
+};
+
+/// How the rig moves while its cameras take an image each. All zero: both expose all rows at the same time.
+struct RigMotion {
+  double second_later_s = 0;       ///< stamp of the second camera's image less that of the first one's
+  RowTurn first;                   ///< of the first camera, from its stamp on
+  RowTurn second;                  ///< of the second camera, from its own stamp on
+  Vec3 velocity_C = Vec3::Zero();  ///< of the first camera at its stamp, m/s
 };
 
 /// Counts since construction.
@@ -53,7 +62,8 @@ class SecondTracker {
   /// pyramid `first`, in the order of their ids; and `tracks.second_tracks`. `first` is null, and there are no
   /// features, if that camera shows nothing. `second` has no data if the second camera missed this image; its pixels
   /// must stay valid until the next call returns. `R_SS0`: as `R_CC0` of Tracker::step, of the second camera.
-  void step(const PyramidView* first, const Frame& second, const Mat3& R_SS0, TrackedFrame& tracks) noexcept;
+  void step(const PyramidView* first, const Frame& second, const Mat3& R_SS0, TrackedFrame& tracks,
+            const RigMotion& motion = {}) noexcept;
 
   const SecondStats& stats() const noexcept;
 

@@ -55,19 +55,20 @@ struct TrackedFeature {
   std::uint32_t id = 0;
   std::uint32_t age = 0;                   ///< images since the track began; 0 in its first image
   std::array<float, 2> pixel{};            ///< raw (distorted) pixel, centre of the top left pixel is (0, 0)
-  float row_s = 0;                         ///< rolling shutter: exposure of its row minus the frame's stamp
+  float row_s = 0;                         ///< its exposure minus the frame's stamp: of its row, or another camera's
   std::array<float, 2> velocity_px_s{};    ///< of `pixel`, from the previous image; zero if age is 0. For display only:
                                            ///< its noise is that of `pixel`, so the estimator must not use it
   std::array<double, 3> bearing{};         ///< unit vector in the camera frame C
   std::array<double, 6> pixel_jacobian{};  ///< d pixel / d bearing, 2x3 row-major, px; its product with `bearing` is 0
 };
 
-/// The same track in the image that a second camera took at the same time.
+/// The same track in the image that a second camera took at the same time, or nearly.
 struct SecondView {
   std::uint32_t id = 0;                    ///< of its TrackedFeature
   std::uint32_t age = 0;                   ///< of that track
   std::uint32_t found = 0;                 ///< age of that track when the second camera found it
   std::array<float, 2> pixel{};            ///< raw, in the second image
+  float row_s = 0;                         ///< its exposure minus the frame's stamp
   std::array<double, 3> bearing{};         ///< unit vector in the second camera's frame
   std::array<double, 6> pixel_jacobian{};  ///< d pixel / d bearing, as of TrackedFeature
 };

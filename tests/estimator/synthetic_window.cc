@@ -74,11 +74,20 @@ SyntheticWindow make_window(const SyntheticOptions& o) {
       }
       // as if seen at the stamp, by the attitude alone
       if (row_s != 0) X = c.R_BC.transpose() * path.R(exposed).transpose() * path.R(exposed + row_s) * c.R_BC * X;
-      const Vec3 X_D = rig.R_CD.transpose() * (X - rig.p_CD);
+      Vec3 X_D = rig.R_CD.transpose() * (X - rig.p_CD);
+      if (o.second_later != 0) {
+        const double later = exposed + o.second_later;
+        const Mat3 R_WD = path.R(exposed) * c.R_BC * rig.R_CD, R_WD_later = path.R(later) * c.R_BC * rig.R_CD;
+        const Vec3 X_later = in_camera(points[static_cast<std::size_t>(i)], later);
+        X_D = R_WD.transpose() * R_WD_later * rig.R_CD.transpose() * (X_later - rig.p_CD);
+      }
       const auto id = static_cast<std::uint32_t>(i);
       const Vec2 noise_px(o.pixel_noise * normal(random), o.pixel_noise * normal(random));
       const bool alone = o.alone && i % 4 == 2;
-      if (alone) frame.second_tracks.push_back(make_feature(kSecondTrack | id, X_D, noise_px));
+      if (alone) {
+        frame.second_tracks.push_back(make_feature(kSecondTrack | id, X_D, noise_px));
+        frame.second_tracks.back().row_s = static_cast<float>(o.second_later);
+      }
       if (alone || (o.only_alone && i % 4 != 2)) continue;
       frame.features.push_back(make_feature(id, o.moved ? X_D : X, noise_px));
       frame.features.back().row_s = static_cast<float>(row_s);
@@ -89,6 +98,7 @@ SyntheticWindow make_window(const SyntheticOptions& o) {
       frame.second.push_back(make_second_view(
           static_cast<std::uint32_t>(i), X_D, Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random)),
           age(k), anew ? age(o.found_anew) - 1 : static_cast<std::uint32_t>(i % 4)));
+      frame.second.back().row_s = static_cast<float>(o.second_later);
     }
     w.observe(frame);
   }

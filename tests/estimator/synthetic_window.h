@@ -22,6 +22,7 @@ struct SyntheticOptions {
   bool second = false;        ///< a second camera, turned and 0.11 m beside the first one, sees three of four tracks,
                               ///< which have ages then, and were found by it at other ages
   int found_anew = 0;         ///< from this frame on the second camera has found each track anew
+  double second_later = 0;    ///< s: the second camera exposes so much after the first one
   bool alone = false;       ///< with `second`: of every fourth track the first camera sees nothing, the second one all
   bool only_alone = false;  ///< no other tracks than those
   bool moved = false;       ///< instead of `second`: the one camera is where the second one would be

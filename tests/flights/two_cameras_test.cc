@@ -50,10 +50,10 @@ class TwoCameras : public testing::Test {
     return most;
   }
   static Flown fly(const std::vector<Fault>& faults, const std::function<void(AslDataset&)>& alter = {},
-                   const std::vector<std::string>& set = {}) {
+                   const std::vector<std::string>& set = {}, const std::filesystem::path& folder = folder_) {
     test::PublishedOdometry published(1000);
     ReplayOptions options;
-    options.dataset = folder_;
+    options.dataset = folder;
     options.camera = kBothCameras;
     options.faults = faults;
     options.set = set;
@@ -141,6 +141,24 @@ TEST_F(TwoCameras, OfWhichTheSecondIsCovered) {
   EXPECT_EQ(f.verdict.not_tracking_s, 0);
   EXPECT_LT(f.verdict.final_error_m, 0.1);
   EXPECT_LT(f.second.views, 0.85 * static_cast<double>(whole.second.views));
+}
+
+/// Two rolling shutters that nothing triggers together.
+TEST_F(TwoCameras, ThatRunFreelyAreWorthAsMuchWithTheirTimes) {
+  const std::filesystem::path free = folder_ / "free";
+  constexpr double kLater_s = 0.02;
+  const Status rendered = test::render_small_flight(free, 9, 0.11, kLater_s, ",rolling-shutter=42");
+  ASSERT_TRUE(rendered) << rendered.error().text();
+  const auto without_times = [](AslDataset& d) {
+    for (std::size_t i = 0; i < d.images.size(); ++i) d.second->images[i].stamp = d.images[i].stamp;
+    d.second->image_source = image_files(d.second->images, d.second->image_list);
+  };
+  const Flown f = fly({}, {}, {}, free), same = fly({}, without_times, {}, free);
+  expect_survived(f.verdict);
+  EXPECT_EQ(f.verdict.not_tracking_s, 0);
+  EXPECT_LT(f.verdict.final_error_m, 0.05);
+  EXPECT_GT(f.second.views, f.second.tracks / 3);
+  EXPECT_GT(f.second.views, 1.2 * static_cast<double>(same.second.views));
 }
 
 TEST_F(TwoCameras, AreReportedAsOneWhereTheSettingsUseOne) {

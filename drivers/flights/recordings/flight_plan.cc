@@ -3,32 +3,64 @@
 #include <algorithm>
 #include <cstdlib>
 #include <numeric>
+#include <utility>
 
 namespace epiline {
 
 namespace {
 
 constexpr Span kSameTime = Span::from_milliseconds(1);
+constexpr double kTriggered = 0.9;  // share of the pairs that are of the same time
 
-/// Finds the images of the second camera that belong to those of the first one.
-void pair_images(const AslDataset& first, std::vector<PlannedImage>& images) {
+/// Half of the usual time between two images.
+Span half_period(const std::vector<PlannedImage>& images) {
+  std::vector<std::int64_t> periods_ns;
+  for (std::size_t k = 1; k < images.size(); ++k) periods_ns.push_back((images[k].stamp - images[k - 1].stamp).ns);
+  if (periods_ns.empty()) return kSameTime;
+  const auto middle = periods_ns.begin() + static_cast<std::ptrdiff_t>(periods_ns.size() / 2);
+  std::nth_element(periods_ns.begin(), middle, periods_ns.end());
+  return Span{*middle / 2};
+}
+
+/// Gives each image of the first camera the nearest one of the second within `within` that is not another's; both in
+/// the order of time. `later`: what is added to the stamps of the second camera.
+void pair_images(const AslDataset& first, Span within, Span later, std::vector<PlannedImage>& images) {
   const std::vector<ImageFile>& files = first.second->images;
   std::vector<std::size_t> order(files.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return files[a].stamp < files[b].stamp; });
+  auto next = order.begin();
   for (PlannedImage& image : images) {
     const HostStamp stamp = first.instant(image.index);
-    const auto from = std::partition_point(order.begin(), order.end(),
-                                           [&](std::size_t i) { return files[i].stamp < stamp - kSameTime; });
-    Span least = kSameTime;
-    for (auto i = from; i != order.end() && files[*i].stamp <= stamp + kSameTime; ++i) {
-      const Span apart{std::abs((files[*i].stamp - stamp).ns)};
-      if (image.second && apart.ns >= least.ns) continue;
-      least = apart;
-      image.second = *i;
-    }
+    const auto later_of = [&](std::size_t i) { return files[i].stamp + later - stamp; };
+    const auto apart_ns = [&](std::size_t i) { return std::abs(later_of(i).ns); };
+    image.second.reset();
+    while (next != order.end() && later_of(*next).ns < -within.ns) ++next;
+    if (next == order.end() || apart_ns(*next) > within.ns) continue;
+    while (next + 1 != order.end() && apart_ns(next[1]) < apart_ns(*next)) ++next;
+    image.second_later = later_of(*next);
+    image.second = *next++;
   }
+}
+
+/// Triggered together, nearly all pairs are of the same time; then these alone count, and as of the same time exactly.
+void pair_images(const AslDataset& first, FlightPlan& plan) {
+  const auto pairs = [&] {
+    return std::count_if(plan.images.begin(), plan.images.end(), [](const PlannedImage& i) { return !!i.second; });
+  };
+  pair_images(first, kSameTime, {}, plan.images);
+  const auto same = pairs();
+  std::vector<PlannedImage> triggered = plan.images;
+  const Span later = Span::from_seconds(first.second->camera.time_offset_s - first.camera.time_offset_s);
+  pair_images(first, std::max(kSameTime, half_period(plan.images)), later, plan.images);
+  if (static_cast<double>(same) >= kTriggered * static_cast<double>(pairs())) {
+    plan.images = std::move(triggered);
+    for (PlannedImage& image : plan.images) image.second_later = {};
+    return;
+  }
+  for (const PlannedImage& image : plan.images)
+    if (image.second) plan.apart = std::max(plan.apart, Span{std::abs(image.second_later.ns)});
 }
 
 }  // namespace
@@ -54,7 +86,7 @@ FlightPlan plan_flight(const AslDataset& dataset, const FlightPart& part) {
       plan.images.push_back({i, stamp, {}});
     }
   }
-  if (dataset.second) pair_images(dataset, plan.images);
+  if (dataset.second) pair_images(dataset, plan);
   const HostStamp imu_from = first + Span::from_seconds(part.start_s - 1.0) + shift;
   while (plan.first_imu < dataset.imu_samples.size() && dataset.imu_samples[plan.first_imu].stamp < imu_from)
     ++plan.first_imu;

@@ -21,7 +21,8 @@ struct FlightPart {
 struct PlannedImage {
   std::size_t index = 0;                ///< in the data set
   HostStamp stamp;                      ///< shift included
-  std::optional<std::size_t> second{};  ///< the image of the second camera at the same time, if there is one
+  std::optional<std::size_t> second{};  ///< the image of the second camera at that time, if there is one
+  Span second_later{};                  ///< its time less that of the first camera's image
 };
 
 struct FlightPlan {
@@ -30,6 +31,7 @@ struct FlightPlan {
   std::map<std::string, std::uint64_t> skipped;  ///< images left out because their timestamps do not increase
   std::size_t first_imu = 0;                     ///< index in the data set's samples
   double duration_s = 0;                         ///< of the whole data set
+  Span apart{};  ///< of images taken together, the most; zero: the cameras were triggered together
 };
 
 /// Chooses the images between the two times (seconds after the first) and the IMU samples from 1 s before.

@@ -66,6 +66,7 @@ Status RecordedCamera::decode(std::size_t i, std::size_t slot, Frame& frame) {
   const auto second = second_decoder_.read(*planned.second, *dataset_.second, slot);
   if (!second) return second.error();
   seconds_[slot] = *second;
+  seconds_[slot].stamp = planned.stamp + planned.second_later;
   return Done{};
 }
 

@@ -121,17 +121,22 @@ Status render_flight(const FlightToRender& flight, const RenderChoice& choice, c
   FlightTables tables = flight.tables;
   auto made = make_asl_folder(folder, tables.second_camera.has_value());
   if (!made) return made.error();
-  tables.camera.parameters.readout_s = choice.effects.camera.row_time_s * (tables.camera.parameters.height - 1);
+  const auto set_readout = [&](CameraParameters& p) {
+    p.readout_s = choice.effects.camera.row_time_s * (p.height - 1);
+  };
+  set_readout(tables.camera.parameters);
+  if (tables.second_camera) set_readout(tables.second_camera->parameters);
   const World world = make_world(choice.world, camera_path(flight), choice.effects.movers, choice.seed);
   if (choice.range) add_range(flight, world, choice, tables.height_samples);
   if (Status s = write_tables(tables, made->root()); !s) return s;
   const TextureAtlas atlas(choice.seed);
-  std::vector<double> times_s;
   const int images = static_cast<int>((flight.to_s - flight.from_s) * flight.tables.image_rate_hz) + 1;
-  for (int i = 0; i < images; ++i) times_s.push_back(flight.from_s + i / flight.tables.image_rate_hz);
-  const std::vector<ImageTask> tasks = tasks_of(flight, times_s, choice);
   const std::size_t cameras = tables.second_camera ? 2 : 1;
   const auto render = [&](const CameraCalibration& camera, std::uint64_t seed, std::size_t number) {
+    const double later_s = number == 0 ? 0 : choice.second_later_s;
+    std::vector<double> times_s;
+    for (int i = 0; i < images; ++i) times_s.push_back(flight.from_s + later_s + i / flight.tables.image_rate_hz);
+    const std::vector<ImageTask> tasks = tasks_of(flight, times_s, choice);
     const RenderSettings settings{camera.parameters, camera.R_BC, camera.p_BC, choice.effects.camera, seed};
     const Renderer renderer(world, atlas, *flight.motion, settings, times_s);
     return write_images(renderer, camera.parameters.width, camera.parameters.height, tasks, choice.jobs,

@@ -27,6 +27,7 @@ struct RenderChoice {
   std::uint64_t seed = 1;
   int jobs = 1;
   std::optional<RangeSimulation> range{};  ///< of the world that is rendered, movers left out; its file is written too
+  double second_later_s = 0;               ///< the second camera takes its images so much after the first one
 };
 
 /// A built-in flight with a simulated IMU. The camera looks along the body's x axis, or down: of `camera` only the lens

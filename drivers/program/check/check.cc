@@ -84,7 +84,8 @@ void tell_of_pairs(const DeviceRecord& record, Findings& out) {
   else
     out.push_back(found(share > 0 ? Grade::kWarning : Grade::kError, record.name, text,
                         "trigger both cameras by one line, set the same rate and exposure for both; their stamps must "
-                        "agree within second_camera.within_ms (docs/camera.md, Two cameras)"));
+                        "agree within second_camera.within_ms; or, if nothing triggers them, "
+                        "second_camera.free_running = true (docs/camera.md, Two cameras)"));
 }
 
 }  // namespace

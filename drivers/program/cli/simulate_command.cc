@@ -28,7 +28,7 @@ struct SimulateArguments {
   WheelSimulation wheel;
   BarometerSimulation barometer;
   RangeSimulation range;
-  double duration_s = 0, rate_hz = 20, baseline_m = 0;
+  double duration_s = 0, rate_hz = 20, baseline_m = 0, second_later_s = 0;
   int jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   TrackSimulation simulation;
 };
@@ -76,11 +76,11 @@ Error without_first_camera(const SimulateArguments& o) {
 }
 
 /// Gives the flight its second camera. `rig_first`: the first camera in the rig of --second-camera.
-Status add_second_camera(const SimulateArguments& o, const CameraCalibration& rig_first, const FlightEffects& effects,
-                         FlightTables& tables) {
-  if (o.second_camera.empty() && o.baseline_m == 0) return Done{};
-  if (effects.camera.row_time_s != 0)
-    return Error{ErrorKind::kUsage, "", 0, "a rolling shutter with two cameras", "global shutters"};
+Status add_second_camera(const SimulateArguments& o, const CameraCalibration& rig_first, FlightTables& tables) {
+  if (o.second_camera.empty() && o.baseline_m == 0) {
+    if (o.second_later_s == 0) return Done{};
+    return Error{ErrorKind::kUsage, "--second-later", 0, "without a second camera", "--second-camera or --baseline"};
+  }
   if (o.second_camera.empty()) {
     tables.second_camera = to_the_right(tables.camera, o.baseline_m);
   } else {
@@ -88,7 +88,6 @@ Status add_second_camera(const SimulateArguments& o, const CameraCalibration& ri
     if (!rig_second) return rig_second.error();
     tables.second_camera = beside(tables.camera, rig_first, *rig_second);
   }
-  tables.second_camera->parameters.readout_s = 0;
   tables.second_camera->time_offset_s = tables.camera.time_offset_s;
   return Done{};
 }
@@ -100,6 +99,7 @@ int render(const SimulateArguments& o, const FlightEffects& effects, FlightToRen
   if (o.duration_s > 0) flight.to_s = std::min(flight.to_s, flight.from_s + o.duration_s);
   RenderChoice choice{o.world.empty() ? usual_world : *world_from(o.world), effects, o.seed, o.jobs, std::nullopt};
   if (o.has_range) choice.range = o.range;
+  choice.second_later_s = o.second_later_s;
   ProgressBar bar(o.quiet);
   const Status written =
       render_flight(flight, choice, o.out, [&](std::size_t done, std::size_t all) { bar(done, all); });
@@ -116,7 +116,7 @@ int render_built_in(const SimulateArguments& o, const FlightEffects& effects) {
   if (o.camera.empty() && !o.second_camera.empty()) return report(without_first_camera(o));
   const FlightKind kind = *flight_from(o.flight);
   FlightToRender flight = built_in_flight(kind, effects.imu, camera, o.rate_hz, o.seed, o.simulation.height_m);
-  if (const Status s = add_second_camera(o, camera, effects, flight.tables); !s) return report(s.error());
+  if (const Status s = add_second_camera(o, camera, flight.tables); !s) return report(s.error());
   return render(o, effects, std::move(flight), usual_world(kind));
 }
 
@@ -130,7 +130,7 @@ int render_recorded(const SimulateArguments& o, const FlightEffects& effects) {
                                .seed = o.seed});
   if (!hybrid) return report(hybrid.error());
   FlightTables& tables = hybrid->flight.tables;
-  if (const Status s = add_second_camera(o, tables.camera, effects, tables); !s) return report(s.error());
+  if (const Status s = add_second_camera(o, tables.camera, tables); !s) return report(s.error());
   if (!o.quiet) fmt::print("{}", text_of(hybrid->fit));
   const int code = render(o, effects, std::move(hybrid->flight), hybrid->usual_world);
   if (code != kExitDone) return code;
@@ -153,17 +153,24 @@ std::vector<std::string> names(const All& all) {
 }
 
 void add_second_camera(CLI::App& command, const std::shared_ptr<SimulateArguments>& o, CLI::Option* tracks) {
-  CLI::Option* file = command
-                          .add_option("--second-camera", o->second_camera,
-                                      "calibration (sensor.yaml) of a second camera that takes its images at the same "
-                                      "time (cam1); together with that of --camera it gives the rig")
-                          ->excludes(tracks);
+  CLI::Option* file =
+      command
+          .add_option(
+              "--second-camera", o->second_camera,
+              "calibration (sensor.yaml) of a second camera (cam1); together with that of --camera it gives the rig")
+          ->excludes(tracks);
   command
       .add_option("--baseline", o->baseline_m,
                   "a second camera of the same lens, parallel to the first one, this far to its right, m")
       ->check(CLI::Range(-0.4, 0.4))
       ->excludes(tracks)
       ->excludes(file);
+  command
+      .add_option("--second-later", o->second_later_s,
+                  "the second camera takes its images so much after the first one, as if nothing triggered them "
+                  "together, s")
+      ->check(CLI::Range(-0.05, 0.05))
+      ->excludes(tracks);
 }
 
 void add_heights(CLI::App& command, const std::shared_ptr<SimulateArguments>& o) {

@@ -201,10 +201,14 @@ Status Flight::connect_line() {
 Status Flight::connect_camera(LiveDevices& devices) {
   if (const Status s = camera_->open(); !s) return s;  // images ready before anything begins
   if (options_.camera == "file") {
+    settings_.config.estimator.second.apart_s = plan_.apart.seconds();
     devices.camera = std::move(camera_);
     devices.images_to_log = RecordedCamera::kImagesToLog;
     return Done{};
   }
+  if (plan_.apart > Span{})
+    return Error{ErrorKind::kUsage, options_.dataset.string(), 0, "two cameras that were not triggered together",
+                 "--camera file; a loopback device shows both side by side, as of one time"};
   const std::string device = *after(kLoopback, options_.camera);
   CameraConfig& c = settings_.config.devices.camera;
   const CameraParameters& lens = dataset_.camera.parameters;

@@ -61,6 +61,12 @@ ReadOutcome PlayedCamera::read(Frame& frame, Span timeout) noexcept {
   return ReadOutcome::kSample;
 }
 
+Frame PlayedCamera::second(const Frame& frame) const noexcept {
+  Frame second = recorded_.second(frame);
+  second.stamp.ns = clock_.pace().host_of(second.stamp);
+  return second;
+}
+
 /// Takes the next reading out of the recording; false: there is none.
 bool PlayedImu::prepare() noexcept {
   while (!held_ && next_ < end_) {

@@ -121,15 +121,15 @@ Status read_second_camera(LiveSettings& settings) {
   if (own.empty() && !is_chain_with(config.camera_calibration, "cam1"))
     return missing(settings, "second_camera.calibration is not set, and camera.calibration has no cam1",
                    "the second camera's calibration (docs/camera.md, Two cameras)");
-  const auto second = read_camera_calibration(own.empty() ? config.camera_calibration : own, "cam1");
+  auto second = read_camera_calibration(own.empty() ? config.camera_calibration : own, "cam1");
   if (!second) return second.error();
-  if (settings.camera.readout_s > 0)
-    return missing(settings, "two cameras with a rolling shutter", "global shutters, or one camera");
-  const CameraParameters& p = second->parameters;
+  CameraParameters& p = second->parameters;
+  set_shutter(config.devices.camera, p);
   if (p.width != settings.camera.width || p.height != settings.camera.height)
     return missing(settings, fmt::format("a second camera of {} x {}", p.width, p.height).c_str(),
                    fmt::format("{} x {}, as the first one", settings.camera.width, settings.camera.height).c_str());
-  config.estimator.second = {true, second->R_BC, second->p_BC};
+  config.estimator.second = {true, second->R_BC, second->p_BC, p.readout_s,
+                             config.devices.second_camera.free_running ? pairs_within_s(config.devices) : 0};
   settings.second = *second;
   return Done{};
 }
@@ -196,7 +196,8 @@ std::unique_ptr<CameraPair> pair_of(const LiveSettings& settings, std::unique_pt
   const double later_s =
       settings.second ? settings.second->time_offset_s - config.estimator.extrinsics.time_offset_s : 0;
   PairSettings pair_settings;
-  pair_settings.within = Span::from_seconds(1e-3 * c.within_ms);
+  pair_settings.within = Span::from_seconds(pairs_within_s(config.devices));
+  if (c.free_running) pair_settings.patience = pair_settings.patience + pair_settings.within;
   pair_settings.second_later = Span::from_seconds(later_s);
   if (settings.is_flown) {
     pair_settings.width = settings.camera.width;

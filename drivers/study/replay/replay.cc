@@ -79,7 +79,8 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
     e.saturation_accelerometer_m_s2 = *dataset.imu.saturation_accelerometer_m_s2;
   e.extrinsics = {dataset.camera.R_BC, dataset.camera.p_BC, Camera(dataset.camera.parameters).focal_px(),
                   dataset.camera.time_offset_s, dataset.camera.parameters.readout_s};
-  if (dataset.second) e.second = {true, dataset.second->camera.R_BC, dataset.second->camera.p_BC};
+  if (const AslDataset* second = dataset.second.get())
+    e.second = {true, second->camera.R_BC, second->camera.p_BC, second->camera.parameters.readout_s, 0};
   if (file) file->apply(config);
   set_vehicle(config);
   if (options.visual_factor) e.visual_factor = *options.visual_factor;
@@ -88,7 +89,7 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
   config.recorder.images |= options.record_images;
 }
 
-/// Which setting leaves a second camera's views unused; empty: none does. Rolling shutters are refused.
+/// Which setting leaves a second camera's views unused; empty: none does.
 std::string why_second_is_unused(const EstimatorConfig& e) {
   if (e.visual_factor != VisualFactor::kTrack)
     return fmt::format("the visual factor is {}; two cameras need track (estimator.visual_factor)",
@@ -129,6 +130,7 @@ class Flight {
           second_decoder_.read(*planned.second, *dataset_.second, static_cast<std::size_t>(1 - second_buffer_));
       if (!image) return image.error();
       second = *image;
+      second.stamp = planned.stamp + planned.second_later;
     }
     frame.sequence = k;
     frame.stamp = frame.arrival = planned.stamp;
@@ -255,6 +257,7 @@ Result<ReplayResult> replay(const ReplayOptions& options,
   auto dataset = open_dataset(options, config);
   if (!dataset) return dataset.error();
   set_shutter(config.devices.camera, dataset->camera.parameters);
+  if (dataset->second) set_shutter(config.devices.camera, dataset->second->camera.parameters);
   if (options.alter) options.alter(*dataset);
   fill_config(*dataset, file ? &*file : nullptr, options, config);
   if (const std::string why = dataset->second ? why_second_is_unused(config.estimator) : ""; !why.empty())
@@ -262,6 +265,7 @@ Result<ReplayResult> replay(const ReplayOptions& options,
   if (options.loop_s) loop_flight(*dataset, *options.loop_s);
   try {
     FlightPlan plan = plan_flight(*dataset, options);
+    config.estimator.second.apart_s = plan.apart.seconds();
     perturb(options.perturb, *dataset, plan);
     if (plan.images.empty()) {
       return Error{ErrorKind::kUsage, options.dataset.string(), 0, "no image between --start and --duration",

@@ -2,6 +2,7 @@
 #include <functional>
 #include <sstream>
 
+#include "drivers/flights/recordings/asl_dataset.h"
 #include "pipeline/config/calibration.h"
 #include "tests/drivers/program/program.h"
 
@@ -82,9 +83,25 @@ TEST_F(SimulateCommand, KeepsTheRigOfTwoCalibrations) {
   EXPECT_LT((first->R_BC - second->R_BC).norm(), 1e-12);
   expect_one_line(run("simulate --flight hall --second-camera " + a + "cam1/sensor.yaml --out " + in("x")), 2,
                   {"--camera"});
-  expect_one_line(run("simulate --flight hall --baseline 0.1 --effects rolling-shutter=30 --out " + in("x")), 2,
-                  {"rolling shutter"});
+  expect_one_line(run("simulate --flight hall --second-later 0.01 --out " + in("x")), 2, {"--baseline"});
   EXPECT_FALSE(fs::exists(scratch() / "x"));
+}
+
+// Rolling shutters, of which the second one takes its images later.
+TEST_F(SimulateCommand, CamerasNeedNoTrigger) {
+  ASSERT_EQ(
+      run("simulate --flight hall --duration 0.1 --baseline 0.1 --second-later 0.012 --effects rolling-shutter=30 "
+          "--out " +
+          in("free"))
+          .exit_code,
+      0);
+  const auto second = read_camera_calibration(scratch() / "free/mav0/cam1/sensor.yaml", "cam1");
+  ASSERT_TRUE(second);
+  EXPECT_NEAR(second->parameters.readout_s, 30e-6 * (second->parameters.height - 1), 1e-9);
+  const auto dataset = open_asl_dataset(scratch() / "free", "cam0"),
+             other = open_asl_dataset(scratch() / "free", "cam1");
+  ASSERT_TRUE(dataset && other);
+  EXPECT_NEAR((other->images[1].stamp - dataset->images[1].stamp).seconds(), 0.012, 1e-9);
 }
 
 // Two cameras, of which the second one misses an image; in one thread and in several.

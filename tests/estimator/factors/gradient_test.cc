@@ -90,7 +90,8 @@ std::vector<std::string> on_every_set(const std::vector<std::string>& vectorised
 
 /// All there is to a window: rest, wheels, heights, and a prior that a frame left behind.
 SyntheticWindow furnished_window(double readout_s = 0, bool second = false) {
-  SyntheticWindow s = make_window({.readout_s = readout_s, .second = second, .alone = second});
+  SyntheticWindow s =
+      make_window({.readout_s = readout_s, .second = second, .second_later = 0.3 * readout_s, .alone = second});
   Window& w = *s.window;
   w.first_estimates = false;
   CalibrationTangent sigmas;
@@ -146,7 +147,7 @@ class Gradient : public testing::TestWithParam<std::string> {
         return visual(name, w, std::make_shared<TrackFactor>(set), 0.02, TrackNoiseModel::kDrift);
       if (name == std::string("track_rows_") + name_of(set))
         return visual(name, w, std::make_shared<TrackFactor>(set), 0.02, TrackNoiseModel::kWhite, true);
-      if (name == std::string("drift_rows_") + name_of(set))
+      if (name == std::string("drift_rows_") + name_of(set) || name == std::string("drift_second_rows_") + name_of(set))
         return visual(name, w, std::make_shared<TrackFactor>(set), 0.02, TrackNoiseModel::kDrift, true);
       if (name == std::string("epipolar_") + name_of(set))
         return visual(name, w, std::make_shared<EpipolarFactor>(set), kWithinACorner);
@@ -284,7 +285,7 @@ TEST_P(HeldDepth, HasNoSlope) {
 const auto name_of_subject = [](const testing::TestParamInfo<std::string>& test) { return test.param; };
 INSTANTIATE_TEST_SUITE_P(Factors, Gradient,
                          testing::ValuesIn(on_every_set({"track", "drift", "drift_second", "track_rows", "drift_rows",
-                                                         "epipolar", "reprojection", "imu"},
+                                                         "drift_second_rows", "epipolar", "reprojection", "imu"},
                                                         {"prior", "wheel", "height", "zero_motion"})),
                          name_of_subject);
 INSTANTIATE_TEST_SUITE_P(Factors, HeldDepth, testing::ValuesIn(on_every_set({"track"})), name_of_subject);

@@ -43,6 +43,27 @@ TEST(SeveralCameras, ExactViewsOfBothFitAtTheTruth) {
   EXPECT_GT(both->residuals, 1.5 * system_of(w)->residuals);
 }
 
+/// Nothing triggers them together: the second one's views are of another time, turned to the stamp by the gyroscope.
+TEST(SeveralCameras, ViewsOfAnotherTimeFitWhereTheirCameraWasThen) {
+  SyntheticWindow s =
+      make_window({.pixel_noise = 0, .state_error = 0, .second = true, .second_later = 0.016, .alone = true});
+  const auto cost = [&](bool rows) {
+    VisualSettings at = settings();
+    at.rows = rows;
+    return system_of(*s.window, at)->cost;
+  };
+  EXPECT_GT(cost(false), 10);
+  EXPECT_LT(cost(true), 1e-3 * cost(false)) << "what the acceleration does within 16 ms is left";
+}
+
+TEST(SeveralCameras, ViewsOfTheStampAreTheSameWithTimesOfTheirOwn) {
+  SyntheticWindow s = make_window({.second = true, .alone = true});
+  VisualSettings timed = settings();
+  timed.rows = true;
+  EXPECT_EQ(test::dense(*system_of(*s.window, timed), s.window->size()),
+            test::dense(*system_of(*s.window), s.window->size()));
+}
+
 /// Of one camera that moves, nothing but the IMU tells how far; two of them see it.
 TEST(SeveralCameras, TwoCamerasSeeTheScale) {
   SyntheticWindow s = make_window({.pixel_noise = 0, .lever = 0, .state_error = 0, .second = true});

@@ -136,6 +136,21 @@ TEST_F(CaptureStageTest, ASecondCamerasImageIsJudgedForItself) {
   EXPECT_EQ(images.second(static_cast<std::size_t>(image.slot)).data, nullptr);
 }
 
+/// With times of their own, no farther apart than said; what the gate does to the first one's stamp is done to both.
+TEST_F(CaptureStageTest, ASecondCamerasImageKeepsItsOwnTime) {
+  CaptureStage free{&camera, clock, {frames, images, parking, heard, *events}, Span::from_milliseconds(17)};
+  MadeUpCamera second;
+  const auto beside = [&](int first_ms, int second_ms) {
+    Frame image = camera.image(first_ms);
+    EXPECT_TRUE(free.admit(image));
+    free.hand_on(image, second.image(second_ms));
+    return images.second(static_cast<std::size_t>(image.slot));
+  };
+  EXPECT_EQ(beside(0, 17).stamp, at_ms(17));
+  EXPECT_EQ(beside(50, 36).stamp, at_ms(36));
+  EXPECT_EQ(beside(100, 118).data, nullptr) << "too far";
+}
+
 TEST_F(CaptureStageTest, AStampThatGoesBackGoesBackToTheCamera) {
   camera.stamps_ms = {0, 50, 20, 100};
   run(stage);

@@ -32,8 +32,39 @@ TEST(FlightPlan, PairsImagesOfOneTime) {
 
 TEST(FlightPlan, AnImageWithoutAPartnerIsAlone) {
   EXPECT_EQ(partners(pair_of({0, 50'000, 100'000}, {0, 100'000})), (std::vector{0, -1, 1}));
-  EXPECT_EQ(partners(pair_of({0, 50'000}, {1'100, 48'900})), (std::vector{-1, -1})) << "more than a millisecond";
+  EXPECT_EQ(partners(pair_of({0, 50'000, 100'000}, {0, 51'100, 100'000})), (std::vector{0, 1, 2}))
+      << "one of three is off by more than a millisecond: nothing triggers them together";
   EXPECT_EQ(partners(pair_of({0, 50'000}, {})), (std::vector{-1, -1}));
+}
+
+/// Nearly all of one time: those that are not belong to none.
+TEST(FlightPlan, TriggeredCamerasHaveNoTimesOfTheirOwn) {
+  std::vector<std::int64_t> first_us, second_us;
+  for (int i = 0; i < 20; ++i) {
+    first_us.push_back(50'000 * i);
+    second_us.push_back(50'000 * i + (i == 7 ? 1'100 : 400));
+  }
+  const AslDataset dataset = pair_of(first_us, second_us);
+  const FlightPlan plan = plan_flight(dataset, {});
+  EXPECT_EQ(plan.apart, Span{});
+  for (std::size_t i = 0; i < plan.images.size(); ++i) {
+    EXPECT_EQ(plan.images[i].second.has_value(), i != 7) << i;
+    EXPECT_EQ(plan.images[i].second_later, Span{});
+  }
+}
+
+TEST(FlightPlan, FreeRunningCamerasGiveTheNearestImageWithItsTime) {
+  AslDataset dataset = pair_of({0, 50'000, 100'000, 150'000, 200'000}, {-13'000, 37'000, 87'000, 137'000, 187'000});
+  FlightPlan plan = plan_flight(dataset, {});
+  EXPECT_EQ(partners(dataset), (std::vector{0, 1, 2, 3, 4}));
+  EXPECT_EQ(plan.apart, Span::from_milliseconds(13));
+  EXPECT_EQ(plan.images[3].second_later, Span::from_milliseconds(-13));
+  dataset.second->camera.time_offset_s = 0.002;  // its stamps are early
+  plan = plan_flight(dataset, {});
+  EXPECT_EQ(plan.images[3].second_later, Span::from_milliseconds(-11));
+  // slower than the first one, and each image of it belongs to one of the first
+  EXPECT_EQ(partners(pair_of({0, 50'000, 100'000, 150'000, 200'000}, {20'000, 125'000, 230'000})),
+            (std::vector{0, -1, 1, -1, -1}));
 }
 
 TEST(FlightPlan, TakesTheNearestOfSeveral) {

@@ -214,6 +214,26 @@ TEST_F(TwoCameras, OfTwoDevicesAreAPair) {
   EXPECT_EQ(names(*devices), (std::vector<std::string>{"camera", "second camera", "camera pair", "imu"}));
 }
 
+TEST_F(TwoCameras, ThatRunFreelyAreNearestWithinHalfAPeriod) {
+  const auto apart_s = [&](const std::string& camera, const std::string& second) {
+    const auto settings = read(camera, "[second_camera]\ndevice = \"/dev/video1\"\n" + second);
+    EXPECT_TRUE(settings) << settings.error().text();
+    return settings ? settings->config.estimator.second.apart_s : -1;
+  };
+  EXPECT_EQ(apart_s("", ""), 0) << "triggered together";
+  EXPECT_EQ(apart_s("", "within_ms = 5\n"), 0);
+  EXPECT_DOUBLE_EQ(apart_s("rate_hz = 20\n", "free_running = true\n"), 0.025);
+  EXPECT_DOUBLE_EQ(apart_s("", "free_running = true\n"), 0.5 / 30) << "of a usual camera";
+  EXPECT_DOUBLE_EQ(apart_s("rate_hz = 20\n", "free_running = true\nwithin_ms = 10\n"), 0.01);
+}
+
+TEST_F(TwoCameras, MayHaveRollingShutters) {
+  const auto settings = read("shutter = \"rolling\"\nreadout_ms = 15\n", "[second_camera]\ndevice = \"/dev/video1\"\n");
+  ASSERT_TRUE(settings) << settings.error().text();
+  EXPECT_DOUBLE_EQ(settings->second->parameters.readout_s, 0.015);
+  EXPECT_DOUBLE_EQ(settings->config.estimator.second.readout_s, 0.015);
+}
+
 TEST_F(TwoCameras, SideBySideAreHalvesOfOneDevice) {
   const auto settings = read("side_by_side = \"left-first\"\n");
   ASSERT_TRUE(settings) << settings.error().text();
@@ -232,8 +252,6 @@ TEST_F(TwoCameras, WhatDoesNotGoTogetherIsRefused) {
                 "in camera.calibration"));
   EXPECT_THAT(error("side_by_side = \"left-first\"\n", second),
               HasSubstr("camera.side_by_side and second_camera.device; expected one of them"));
-  EXPECT_THAT(error("shutter = \"rolling\"\nreadout_ms = 15\n", second),
-              HasSubstr("two cameras with a rolling shutter; expected global shutters, or one camera"));
   const std::string chain(kChain);
   EXPECT_THAT(error("", second, chain.substr(0, chain.find("cam1:"))),
               HasSubstr("second_camera.calibration is not set, and camera.calibration has no cam1"));
