@@ -1,5 +1,5 @@
 #pragma once
-// Two cameras that are triggered together, each with a device of its own. docs/camera.md#two-cameras.
+// Two cameras, each with a device of its own, triggered together or not. docs/camera.md#two-cameras.
 #include <array>
 #include <atomic>
 #include <cstdint>
