@@ -6,6 +6,7 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <cstdlib>
 #include <deque>
 #include <memory>
 #include <mutex>
@@ -115,6 +116,26 @@ TEST_F(Pair, ImagesOfOneTimeComeTogether) {
   EXPECT_EQ(pair_->counts().pairs, 99u);
   EXPECT_EQ(first_->lent, 0);
   EXPECT_EQ(second_->lent, 0);
+}
+
+/// Free-running cameras, the second one a little faster: its images wander through the first one's periods of 50 ms.
+TEST_F(Pair, TheNearestOfAFreeRunningCameraComesWithItsTime) {
+  PairSettings settings = patient();
+  settings.within = Span::from_milliseconds(25);
+  open(settings);
+  int given = 0;
+  for (int i = 1; i < 50; ++i) {
+    for (; 49 * given <= 50 * i + 25; ++given) second_->give(49 * given, static_cast<std::uint8_t>(given));
+    first_->give(50 * i, 0);
+    Frame frame;
+    ASSERT_EQ(pair_->read(frame, Span::from_milliseconds(60'000)), ReadOutcome::kSample);
+    const Frame second = pair_->second(frame);
+    ASSERT_NE(second.data, nullptr) << i;
+    EXPECT_EQ(second.stamp.ns, std::int64_t{49'000'000} * *second.data);
+    EXPECT_LE(std::abs((second.stamp - frame.stamp).ns), 25'000'000) << i;
+    pair_->give_back(frame);
+  }
+  EXPECT_EQ(pair_->counts().pairs, 49u);
 }
 
 TEST_F(Pair, AnImageWithoutPartnerComesAlone) {
