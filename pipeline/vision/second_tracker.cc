@@ -29,6 +29,7 @@ constexpr float kMostFromPeak = 2;  // px of that level, between scanned and fou
 constexpr float kSamePlace_px = 2, kAlike = 0.05f;  // distance and difference of correlation of two found places
 constexpr float kLeastMatched = 0.8f;               // correlation of a first match
 constexpr std::uint64_t kSparesEvery = 8;           // images
+constexpr double kVelocityError_m_s = 0.3;          // of the rig's velocity, where cameras expose at different times
 constexpr float kInnovationOfNewView_px = 1;        // the first search in the next image starts at level 1
 
 // A track of the first camera, and its view in the last image of the second one.
@@ -202,19 +203,22 @@ bool SecondTracker::Impl::take(Chain& chain, const TrackedFeature& feature, cons
   const Vec3 across = infinity.cross(p);
   if (!(distance_m > kLeastBaseline_m && across.norm() > kLeastSine * distance_m)) return false;
   const Vec3 normal = across.normalized();
-  const double off_plane_px = (J * normal).norm() * std::abs(normal.dot(f_S));
-  if (!(off_plane_px <= kMostOffPlane_px)) {
+  // In the triangle of both cameras and the point: angles from infinity to the view, and from the view to the baseline.
+  const double sine = normal.dot(infinity.cross(f_S)), rest = normal.dot(f_S.cross(p)) / distance_m;
+  const double inverse_m = std::max(0., sine) / (rest * distance_m);
+  const double across_px = (J * normal).norm(), off_plane_px = across_px * std::abs(normal.dot(f_S));
+  const double apart_s = std::abs(at_s - static_cast<double>(feature.row_s));
+  const double moved_px = sine < rest ? across_px * inverse_m * kVelocityError_m_s * apart_s : 0;
+  if (!(off_plane_px <= kMostOffPlane_px + moved_px)) {
     ++stats.off_plane;
     return false;
   }
-  // In the triangle of both cameras and the point: angles from infinity to the view, and from the view to the baseline.
-  const double sine = normal.dot(infinity.cross(f_S)), rest = normal.dot(f_S.cross(p)) / distance_m;
   const double beyond_px = -(J * normal.cross(f_S)).norm() * sine;
   if (beyond_px > kMostOffPlane_px || !(sine < rest)) {
     ++stats.wrong_side;
     return false;
   }
-  chain.inverse_m = std::max(0., sine) / (rest * distance_m);
+  chain.inverse_m = inverse_m;
   chain.x = found.found_x;
   chain.y = found.found_y;
   chain.bearing = f_S;
