@@ -250,8 +250,8 @@ const std::vector<Parameter>& parameters() {
        "it is not triggered together with the first one: each of its images has its own time",
        EPILINE_AT(devices.second_camera.free_running)},
       {"second_camera.within_ms", "ms", 0, 100,
-       "images of both cameras are taken together if their times differ by no more; 0: by 1 ms; free-running: by half a "
-       "period of camera.rate_hz",
+       "images of both cameras are taken together if their times differ by no more; 0: by 1 ms; free-running: by half "
+       "a period of camera.rate_hz",
        EPILINE_AT(devices.second_camera.within_ms)},
       // control of a live camera's exposure
       {"exposure.automatic", "", 0, 0,
