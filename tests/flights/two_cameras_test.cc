@@ -158,7 +158,7 @@ TEST_F(TwoCameras, ThatRunFreelyAreWorthAsMuchWithTheirTimes) {
   EXPECT_EQ(f.verdict.not_tracking_s, 0);
   EXPECT_LT(f.verdict.final_error_m, 0.05);
   EXPECT_GT(f.second.views, f.second.tracks / 3);
-  EXPECT_GT(f.second.views, 2.5 * static_cast<double>(same.second.views)) << "twice as many without the velocity";
+  EXPECT_GT(f.second.views, 2.9 * static_cast<double>(same.second.views)) << "2.6 times without the velocity";
 }
 
 TEST_F(TwoCameras, AreReportedAsOneWhereTheSettingsUseOne) {
