@@ -60,8 +60,8 @@ inline constexpr const char* kStampPointNames[] = {"driver", "start-of-exposure"
 inline constexpr const char* kCameraClockNames[] = {"driver", "device"};
 inline constexpr const char* kEdgeNames[] = {"rising", "falling"};
 
-/// Section [second_camera]: a second camera beside the one of [camera], of the same kind and triggered together with
-/// it; what is not here is as there. docs/camera.md#two-cameras.
+/// Section [second_camera]: a second camera beside the one of [camera], of the same kind; what is not here is as there.
+/// docs/camera.md#two-cameras.
 struct SecondCameraConfig {
   std::string device;         ///< empty: none, or the other half of the first one's images
   std::string sensor;         ///< in a media graph: part of the sensor's name

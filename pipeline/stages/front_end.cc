@@ -42,8 +42,8 @@ Mat3 FrontEnd::turn_of(const Mat3& R_BX, HostStamp from, HostStamp to) const {
   return R_BX.transpose() * R_B0B.transpose() * R_BX;
 }
 
-// The body's velocity turns with the body since it was known; that of the lever is left out, a thousandth of a
-// baseline.
+// The body's velocity turns with the body since it was known. What a turn about the IMU adds to the camera's is left
+// out: 1 mm for a camera 7 cm away, at 1 rad/s and 17 ms.
 RigMotion FrontEnd::motion_of(HostStamp image, HostStamp second) const {
   const Span later = second - image;
   const Span reach = std::max(half_readout_, Span{std::abs(later.ns)} + half_readout_of_second_);

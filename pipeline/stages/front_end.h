@@ -20,7 +20,7 @@ inline Span apart_of(const EstimatorConfig& estimator) {
   return Span::from_seconds(apart_s > 0 ? apart_s + kRounding_s : 0);
 }
 
-/// What the front end is told of the estimate.
+/// What the front end knows of the estimate.
 struct FrontEndKnowledge {
   Vec3 gyroscope_bias_rad_s = Vec3::Zero();
   double time_offset_s = 0;        ///< t_IMU - t_image

@@ -26,7 +26,7 @@ struct TruthRow {
 struct FlightTables {
   std::string comment;  ///< for the camera's sensor.yaml: where the flight comes from
   CameraCalibration camera;
-  std::optional<CameraCalibration> second_camera;  ///< takes its images at the same time
+  std::optional<CameraCalibration> second_camera;  ///< beside the first one
   double image_rate_hz = 20;
   ImuCalibration imu;
   std::vector<ImuSample> imu_samples;

@@ -136,7 +136,7 @@ TEST_F(CaptureStageTest, ASecondCamerasImageIsJudgedForItself) {
   EXPECT_EQ(images.second(static_cast<std::size_t>(image.slot)).data, nullptr);
 }
 
-/// With times of their own, no farther apart than said; what the gate does to the first one's stamp is done to both.
+/// Of a free-running camera; no farther apart than said.
 TEST_F(CaptureStageTest, ASecondCamerasImageKeepsItsOwnTime) {
   CaptureStage free{&camera, clock, {frames, images, parking, heard, *events}, Span::from_milliseconds(17)};
   MadeUpCamera second;

@@ -95,7 +95,7 @@ class Rig {
 
   /// The second camera takes its images so much later; images are 50 ms apart.
   double later_s = 0;
-  Vec3 velocity_error = Vec3::Zero();                  ///< m/s, of what the tracker is told
+  Vec3 velocity_error = Vec3::Zero();                  ///< m/s, of the velocity that the tracker gets
   Vec3 turn = 0.004 * Vec3(0.2, 1, 0.4).normalized();  ///< from image to image
 
   /// `first`: false: the first camera shows nothing.
