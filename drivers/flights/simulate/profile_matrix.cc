@@ -1,6 +1,6 @@
 #include "drivers/flights/simulate/profile_matrix.h"
 
-#include <Eigen/Core>
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -13,7 +13,8 @@ double dot(const double* a, const double* b, int count) {
 }
 }  // namespace
 
-ProfileMatrix::ProfileMatrix(std::vector<int> first) : first_(std::move(first)) {
+ProfileMatrix::ProfileMatrix(std::vector<int> first) : first_(std::move(first)), border_(size()) {
+  while (border_ > 0 && first_[static_cast<std::size_t>(border_ - 1)] == 0) --border_;
   std::ptrdiff_t end = 0;
   for (int i = 0; i < size(); ++i) {
     begin_.push_back(end - first_[static_cast<std::size_t>(i)]);
@@ -25,16 +26,38 @@ ProfileMatrix::ProfileMatrix(std::vector<int> first) : first_(std::move(first)) 
 void ProfileMatrix::set_zero() { std::fill(values_.begin(), values_.end(), 0); }
 
 bool ProfileMatrix::factorise() {
-  for (int i = 0; i < size(); ++i) {
+  for (int i = 0; i < border_; ++i) {
     const int first_i = first_[static_cast<std::size_t>(i)];
-    for (int j = first_i; j < i; ++j) {
-      const int k = std::max(first_i, first_[static_cast<std::size_t>(j)]);
-      at(i, j) = (at(i, j) - dot(row(i) + k, row(j) + k, j - k)) / at(j, j);
-    }
+    eliminate(i, i);
     const double pivot = at(i, i) - dot(row(i) + first_i, row(i) + first_i, i - first_i);
     if (!(pivot > 0)) return false;
     at(i, i) = std::sqrt(pivot);
   }
+  for (int i = border_; i < size(); ++i) eliminate(i, border_);
+  return factorise_border();
+}
+
+void ProfileMatrix::eliminate(int i, int end) {
+  const int first_i = first_[static_cast<std::size_t>(i)];
+  for (int j = first_i; j < end; ++j) {
+    const int k = std::max(first_i, first_[static_cast<std::size_t>(j)]);
+    at(i, j) = (at(i, j) - dot(row(i) + k, row(j) + k, j - k)) / at(j, j);
+  }
+}
+
+bool ProfileMatrix::factorise_border() {
+  const int rows = size() - border_;
+  Eigen::MatrixXd A(rows, rows), before(border_, rows);  // the triangle, and each row of L before it as a column
+  for (int r = 0; r < rows; ++r) {
+    const double* from = row(border_ + r);
+    std::copy(from, from + border_, before.col(r).data());
+    for (int c = 0; c <= r; ++c) A(r, c) = from[border_ + c];
+  }
+  A.selfadjointView<Eigen::Lower>().rankUpdate(before.transpose(), -1);
+  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> L(A);  // in place
+  if (L.info() != Eigen::Success || !A.diagonal().allFinite()) return false;
+  for (int r = 0; r < rows; ++r)
+    for (int c = 0; c <= r; ++c) at(border_ + r, border_ + c) = A(r, c);
   return true;
 }
 

@@ -6,7 +6,8 @@
 namespace epiline {
 
 /// Stores row i from column first[i] to the diagonal ("skyline"). The factor fills nothing to the left of it, so a
-/// chain of small blocks costs what its bandwidth costs, and a few long rows at the end cost their length.
+/// chain of small blocks costs what its bandwidth costs. The last rows may begin at column 0 (the "border"): they cost
+/// their length, and are multiplied with each other as one dense matrix.
 class ProfileMatrix {
  public:
   /// `first[i]` <= i.
@@ -23,8 +24,13 @@ class ProfileMatrix {
 
  private:
   const double* row(int i) const { return values_.data() + begin_[static_cast<std::size_t>(i)]; }
+  /// Row i of L up to column `end` - 1, of which the rows above are known.
+  void eliminate(int i, int end);
+  /// The border's own triangle of L, after its columns before the border.
+  bool factorise_border();
 
   std::vector<int> first_;
+  int border_;                         ///< row from which on all begin at column 0
   std::vector<std::ptrdiff_t> begin_;  ///< where column 0 of the row would be
   std::vector<double> values_;
 };

@@ -219,7 +219,7 @@ class Devices {
   Devices& operator=(const Devices&) = delete;
 
   const Opened& are_open() const { return opened_; }
-  bool has_outputs() const { return !devices_.outputs.empty(); }
+  bool has_open_output() const { return has_open_output_; }
   /// What drivers counted; nothing of a device that could not be opened.
   void tell(Findings& out) const {
     for (const auto& record : devices_.records) {
@@ -244,12 +244,15 @@ class Devices {
     for (LiveOutput& output : devices_.outputs) {
       const std::string device = output.name.substr(0, output.name.find(' '));
       if (has_error(out, device)) continue;
-      if (const Status status = output.sink->open(); !status) out.push_back(of_error(device, status.error()));
+      const Status status = output.sink->open();
+      if (!status) out.push_back(of_error(device, status.error()));
+      has_open_output_ |= static_cast<bool>(status);
     }
   }
 
   LiveDevices devices_;
   Opened opened_;
+  bool has_open_output_ = false;
   std::vector<std::string> not_open_;
 };
 
@@ -272,7 +275,7 @@ class Look {
     const bool is_barometer_alone = static_cast<HeightOrigin>(d.height.source) == HeightOrigin::kIio;
     wanted_heights_ = {heights[0].use, heights[1].use && !is_barometer_alone};
     is_worth_it_ = open.camera != nullptr || open.imu != nullptr || wheel_ || height_ || !lines_.empty() ||
-                   devices_.has_outputs() || options.witness != nullptr;
+                   devices_.has_open_output() || options.witness != nullptr;
   }
 
   void wait() {

@@ -175,15 +175,22 @@ class LensSolver {
     Eigen::MatrixXd S = ss_;  // its lower half
     S.diagonal() *= 1 + damping;
     Eigen::VectorXd s = bs_;
-    std::vector<Eigen::LDLT<Mat6>> factors;
+    // pp = L L^T of each view; L^-1 ps and L^-1 b of all views, one below the other
+    std::vector<Eigen::LLT<Mat6>> factors;
+    const auto rows = static_cast<Eigen::Index>(6 * equations_.size());
+    Eigen::MatrixXd by_shared(rows, S.cols());
+    Eigen::VectorXd right(rows);
     for (const ViewEquations& v : equations_) {
+      const auto row = static_cast<Eigen::Index>(6 * factors.size());
       Mat6 pp = v.pp;
       pp.diagonal() *= 1 + damping;
       pp.diagonal().array() += 1e-12;
       factors.emplace_back(pp);
-      S.triangularView<Eigen::Lower>() -= v.ps.transpose() * factors.back().solve(v.ps);
-      s -= v.ps.transpose() * factors.back().solve(v.b);
+      by_shared.middleRows<6>(row) = factors.back().matrixL().solve(v.ps);
+      right.segment<6>(row) = factors.back().matrixL().solve(v.b);
     }
+    S.selfadjointView<Eigen::Lower>().rankUpdate(by_shared.transpose(), -1);
+    s -= by_shared.transpose() * right;
     Eigen::VectorXd made = S.selfadjointView<Eigen::Lower>().ldlt().solve(s);
     if (!made.allFinite()) return false;
     const int columns = lens_columns(lens_.model);

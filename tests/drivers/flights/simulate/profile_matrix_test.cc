@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <limits>
 #include <vector>
 
 #include "drivers/flights/simulate/random.h"
@@ -43,9 +44,13 @@ TEST(ProfileMatrixTest, SolvesAsADenseCholeskyDoes) {
 }
 
 TEST(ProfileMatrixTest, RefusesWhatIsNotPositiveDefinite) {
-  Both both({0, 0, 1, 2});
-  both.profile.at(2, 2) = -1;
-  EXPECT_FALSE(both.profile.factorise());
+  for (const double value : {-1.0, 0.0, std::numeric_limits<double>::quiet_NaN()}) {
+    for (const int where : {0, 2, 4, 5}) {
+      Both both({0, 0, 1, 2, 0, 0});
+      both.profile.at(where, where) = value;
+      EXPECT_FALSE(both.profile.factorise()) << value << " at " << where;
+    }
+  }
 }
 
 }  // namespace

@@ -273,6 +273,20 @@ class ListedSpeeds final : public WheelSource {
   std::atomic<bool> ended_{false};
 };
 
+TEST(CheckDevices, WaitsForNothingWhereNothingOpened) {
+  const fs::path file = fs::path(testing::TempDir()) / "epiline_check_nothing.toml";
+  std::ofstream(file) << "[camera]\ndevice = \"/dev/no-such-camera\"\n[imu]\ndevice = \"no-such-imu\"\n"
+                         "[mavlink]\nserial = \"/dev/no-such-line\"\n[can]\ninterface = \"nocan9\"\n";
+  int waited = 0;
+  const Findings found = check_devices(file, {.seconds = 10, .set = {}, .watch = [&](double) { return ++waited < 1; }});
+  fs::remove(file);
+  EXPECT_EQ(waited, 0);
+  for (const char* device : {"camera", "imu", "mavlink", "can"}) {
+    const auto is_error = [&](const Finding& f) { return f.device == device && f.grade == Grade::kError; };
+    EXPECT_TRUE(std::any_of(found.begin(), found.end(), is_error)) << device;
+  }
+}
+
 TEST(WheelCheck, SaysRateAndRange) {
   const auto first = [](std::vector<double> speeds) { return ListedSpeeds(std::move(speeds)).findings().at(0); };
   EXPECT_EQ(first({0.5, -0.25, 1}).text, "50.0 speeds per second, jitter 0.0 ms, from -0.25 to 1.00 m/s");
