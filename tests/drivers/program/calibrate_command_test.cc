@@ -4,12 +4,11 @@
 #include <string>
 
 #include "tests/drivers/program/program.h"
+#include "tests/support/apriltag.h"
 #include "tests/support/recorded_data.h"
 
 namespace epiline {
 namespace {
-
-bool without_tags(const Outcome& r) { return r.err.find("libapriltag") != std::string::npos; }
 
 class CalibrateCommand : public testing::Test {
  protected:
@@ -38,7 +37,7 @@ TEST_F(CalibrateCommand, WithoutARecordingItNeedsDevicesAndABoard) {
   expect_one_line(run("calibrate --config " + config + out + " --board " + board), 2, {"not a board of AprilTags"});
   expect_one_line(run("calibrate nothing --set camera.rate_hz=20"), 2, {"--set with a recording"});
   const Outcome drawn = run("board --kind charuco --out '" + (scratch() / "board.pdf").string() + "'");
-  if (without_tags(drawn)) GTEST_SKIP() << drawn.err;
+  if (test::lacks_apriltag(drawn.err)) GTEST_SKIP() << drawn.err;
   ASSERT_EQ(drawn.exit_code, 0) << drawn.err;
   const Outcome r = run("calibrate --json --config " + config + out + " --board " + board);
   EXPECT_EQ(r.exit_code, 1);
@@ -50,7 +49,7 @@ TEST_F(CalibrateCommand, BoardsOfEitherKindArePrintedWithTheirDescription) {
   const fs::path pdf = scratch() / "board.pdf";
   fs::create_directories(scratch());
   const Outcome grid = run("board --out '" + pdf.string() + "'");
-  if (without_tags(grid)) GTEST_SKIP() << grid.err;
+  if (test::lacks_apriltag(grid.err)) GTEST_SKIP() << grid.err;
   ASSERT_EQ(grid.exit_code, 0) << grid.err;
   EXPECT_NE(grid.out.find("6 x 8 tags, 180.0 x 242.4 mm"), std::string::npos) << grid.out;
   EXPECT_NE(read(scratch() / "board.yaml").find("'aprilgrid'"), std::string::npos);

@@ -5,6 +5,7 @@
 
 #include "drivers/study/calibrate/calibrate.h"
 #include "tests/drivers/study/calibrate/board_recording.h"
+#include "tests/support/apriltag.h"
 
 namespace epiline {
 namespace {
@@ -19,8 +20,7 @@ TEST(Calibrate, FromImagesOfABoard) {
   const fs::path folder = fs::path(testing::TempDir()) / "calibrate_from_images";
   fs::remove_all(folder);
   const Status written = write_board_recording(rig, folder);
-  if (!written && written.error().text().find("libapriltag") != std::string::npos)
-    GTEST_SKIP() << written.error().text();
+  if (!written && test::lacks_apriltag(written.error().text())) GTEST_SKIP() << written.error().text();
   ASSERT_TRUE(written) << written.error().text();
 
   CalibrateSettings settings;
