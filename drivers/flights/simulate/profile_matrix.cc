@@ -53,7 +53,8 @@ bool ProfileMatrix::factorise_border() {
     std::copy(from, from + border_, before.col(r).data());
     for (int c = 0; c <= r; ++c) A(r, c) = from[border_ + c];
   }
-  A.selfadjointView<Eigen::Lower>().rankUpdate(before.transpose(), -1);
+  // Eigen divides by the sizes of a product
+  if (before.size() > 0) A.selfadjointView<Eigen::Lower>().rankUpdate(before.transpose(), -1);
   const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> L(A);  // in place
   if (L.info() != Eigen::Success || !A.diagonal().allFinite()) return false;
   for (int r = 0; r < rows; ++r)

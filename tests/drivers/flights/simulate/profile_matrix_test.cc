@@ -31,16 +31,20 @@ struct Both {
 };
 
 TEST(ProfileMatrixTest, SolvesAsADenseCholeskyDoes) {
-  std::vector<int> first;
-  for (int i = 0; i < 60; ++i) first.push_back(i % 11 == 10 ? i / 2 : std::max(0, i - 4));  // a band and some long rows
-  for (int i = 0; i < 3; ++i) first.push_back(0);
-  Both both(first);
-  const Eigen::VectorXd b = Eigen::VectorXd::LinSpaced(63, -1, 3);
-  std::vector<double> x(b.data(), b.data() + b.size());
-  ASSERT_TRUE(both.profile.factorise());
-  both.profile.solve(x);
-  const Eigen::VectorXd expected = both.dense.ldlt().solve(b);
-  EXPECT_LT((Eigen::Map<Eigen::VectorXd>(x.data(), 63) - expected).norm(), 1e-12 * expected.norm());
+  std::vector<int> band;
+  for (int i = 0; i < 60; ++i) band.push_back(i % 11 == 10 ? i / 2 : std::max(0, i - 4));  // with some long rows
+  std::vector<int> with_border = band;
+  with_border.insert(with_border.end(), 3, 0);
+  for (const std::vector<int>& first : {with_border, band, std::vector<int>(50, 0)}) {
+    Both both(first);
+    const auto n = static_cast<Eigen::Index>(first.size());
+    const Eigen::VectorXd b = Eigen::VectorXd::LinSpaced(n, -1, 3);
+    std::vector<double> x(b.data(), b.data() + n);
+    ASSERT_TRUE(both.profile.factorise());
+    both.profile.solve(x);
+    const Eigen::VectorXd expected = both.dense.ldlt().solve(b);
+    EXPECT_LT((Eigen::Map<Eigen::VectorXd>(x.data(), n) - expected).norm(), 1e-12 * expected.norm());
+  }
 }
 
 TEST(ProfileMatrixTest, RefusesWhatIsNotPositiveDefinite) {
