@@ -1,70 +1,58 @@
 #pragma once
 // A page in headless Chromium, where it is installed.
 #include <gtest/gtest.h>
-#include <unistd.h>
+#include <sys/types.h>
 
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
 #include <string>
+#include <vector>
 
 namespace epiline {
 
-namespace fs = std::filesystem;
+/// A browser of one page, told what to do through a file (Chrome DevTools Protocol), so that a test asks until the page
+/// is what it waits for, in place of looking once after some time. (Chromium's own `--dump-dom` with
+/// `--virtual-time-budget` stops for ever on a busy machine while the page waits for the server's next state.)
+class Browser {
+ public:
+  /// Opens `url`. `profile`: a folder for what the browser keeps.
+  Browser(const std::string& url, const std::filesystem::path& profile);
+  ~Browser();
+  Browser(const Browser&) = delete;
+  Browser& operator=(const Browser&) = delete;
+
+  /// Waits until the page holds each of `texts`, as HTML writes them; fails the test, and tells what is missing, after
+  /// a minute.
+  void expect_texts(const std::vector<std::string>& texts);
+  /// Waits until a photograph of the page passes `is_right`; gives the last one.
+  cv::Mat photograph_when(const std::function<bool(const cv::Mat&)>& is_right);
+  std::string html();
+  /// Errors and warnings of the page so far, a line each.
+  const std::string& complaints() const { return complaints_; }
+
+ private:
+  /// The answer to a command of the protocol; empty, and the test fails, if there is none.
+  nlohmann::json ask(const char* method, const nlohmann::json& parameters = nlohmann::json::object());
+  /// The browser's next message. Null: it has gone, or said nothing for a minute.
+  nlohmann::json next_message();
+  void note_complaint(const nlohmann::json& message);
+
+  pid_t child_ = -1;
+  int socket_ = -1;
+  int asked_ = 0;
+  std::string page_;      ///< the protocol's name for the session with the page
+  std::string received_;  ///< bytes of messages that are not whole yet
+  std::string complaints_;
+};
 
 class BrowserTest : public testing::Test {
  protected:
-  void SetUp() override {
-    if (std::system("command -v chromium >/dev/null 2>&1") != 0) GTEST_SKIP() << "chromium is not installed";
-    folder_ = fs::path(testing::TempDir()) / ("epiline_browser_" + std::to_string(getpid()) +
-                                              testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::create_directories(folder_);
-  }
-  void TearDown() override {
-    std::error_code ignored;
-    fs::remove_all(folder_, ignored);
-  }
+  void SetUp() override;
+  void TearDown() override;
 
-  /// The page after four seconds of its own time; what it writes with `option`, and what the browser complained of. A
-  /// browser that hangs is started anew: on a machine with many busy programs Chromium 156 often sleeps for ever, in
-  /// all of its processes and without a connection to the page's server, which answers others at once.
-  struct Look {
-    std::string out, complaints;
-  };
-  Look look(const std::string& url, const std::string& option) const {
-    int status = 0;
-    for (int trial = 0; trial < kTrials && (trial == 0 || timed_out(status)); ++trial) {
-      // a profile of its own: the one of a browser that was killed is locked
-      const std::string profile = (folder_ / ("profile" + std::to_string(trial))).string();
-      const std::string command =
-          "timeout --kill-after=5 60 chromium --headless=new --no-sandbox --disable-gpu --hide-scrollbars "
-          "--enable-logging=stderr --user-data-dir='" +
-          profile + "' --window-size=1440,1600 --virtual-time-budget=4000 " + option + " " + url + " >'" +
-          (folder_ / "out").string() + "' 2>'" + (folder_ / "err").string() + "'";
-      status = std::system(command.c_str());
-    }
-    EXPECT_EQ(status, 0) << text("err");
-    Look look{text("out"), ""};
-    std::ifstream err(folder_ / "err");
-    for (std::string line; std::getline(err, line);) {
-      if (line.find("CONSOLE") != std::string::npos) look.complaints += line + "\n";
-    }
-    return look;
-  }
-  std::string text(const char* name) const {
-    std::ifstream in(folder_ / name, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
-
-  fs::path folder_;
-
- private:
-  static constexpr int kTrials = 8;
-  /// timeout(1): 124, or 128 + SIGKILL if the program did not end when it was asked to.
-  static bool timed_out(int status) {
-    return WIFEXITED(status) && (WEXITSTATUS(status) == 124 || WEXITSTATUS(status) == 137);
-  }
+  std::filesystem::path folder_;
 };
 
 }  // namespace epiline
