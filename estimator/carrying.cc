@@ -108,8 +108,9 @@ bool Estimator::Impl::go_on(const TrackedFrame& frame) {
 /// How much of what the window has seen an image shows, tracks.
 int Estimator::Impl::seen_again(const TrackedFrame& frame) const {
   const auto known = [this](const TrackedFeature& f) { return window.find(f.id) >= 0; };
-  return static_cast<int>(std::count_if(frame.features.begin(), frame.features.end(), known) +
-                          std::count_if(frame.second_tracks.begin(), frame.second_tracks.end(), known));
+  auto n = std::count_if(frame.features.begin(), frame.features.end(), known);
+  for (const OtherTracks& other : frame.others) n += std::count_if(other.alone.begin(), other.alone.end(), known);
+  return static_cast<int>(n);
 }
 
 /// After a silence of the camera the old window has nothing to say to what the images show now, but for the state that

@@ -28,9 +28,9 @@ struct Extrinsics {
   double readout_s = 0;      ///< rolling shutter: exposure of the last row minus that of the first
 };
 
-/// A second camera, rigidly mounted beside the first one. x_B = R_BC x_C + p_BC.
-struct SecondCamera {
-  bool use = false;  ///< false: its views are ignored
+/// A camera beside the first one; all are mounted rigidly. x_B = R_BC x_C + p_BC.
+struct OtherCamera {
+  bool use = false;  ///< false: what it sees is ignored
   Mat3 R_BC = Mat3::Identity();
   Vec3 p_BC = Vec3::Zero();
   double readout_s = 0;  ///< as that of Extrinsics
@@ -112,9 +112,9 @@ struct EstimatorConfig {
   bool estimate_imu_scale = true;                                         ///< one factor for all axes of a sensor
   double accelerometer_scale_sigma = 1e-3, gyroscope_scale_sigma = 1e-3;  ///< relative
   Extrinsics extrinsics;
-  SecondCamera second;
-  WheelModel wheel;                        ///< used if speeds arrive
-  HeightModels heights = usual_heights();  ///< of each HeightKind; used if samples arrive
+  std::array<OtherCamera, kMostOthers> others;  ///< cameras 1 to 3
+  WheelModel wheel;                             ///< used if speeds arrive
+  HeightModels heights = usual_heights();       ///< of each HeightKind; used if samples arrive
 };
 
 /// A known initial state with standard deviations; SI units. W: z up, B: the IMU.

@@ -31,8 +31,16 @@ std::unique_ptr<VisualFactorModel> make_visual_factor(VisualFactor factor, Instr
   return std::make_unique<TrackFactor>(set);
 }
 
-bool uses_second_camera(const EstimatorConfig& c) {
-  return c.second.use && c.visual_factor == VisualFactor::kTrack && c.track_noise == TrackNoiseModel::kDrift;
+Rig rig_of(const EstimatorConfig& c) {
+  Rig rig;
+  const bool counts = c.visual_factor == VisualFactor::kTrack && c.track_noise == TrackNoiseModel::kDrift;
+  const Mat3 R_CB = c.extrinsics.R_BC.transpose();
+  for (std::size_t i = 0; i < kMostOthers; ++i) {
+    const OtherCamera& other = c.others[i];
+    rig.use[i + 1] = other.use && counts;
+    rig.poses[i + 1] = {R_CB * other.R_BC, R_CB * (other.p_BC - c.extrinsics.p_BC)};
+  }
+  return rig;
 }
 }  // namespace
 
@@ -59,8 +67,7 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
     window.calibration_prior.accelerometer_scale.sigma = c.accelerometer_scale_sigma;
     window.calibration_prior.gyroscope_scale.sigma = c.gyroscope_scale_sigma;
   }
-  const Mat3 R_CB = c.extrinsics.R_BC.transpose();
-  window.rig = {uses_second_camera(c), R_CB * c.second.R_BC, R_CB * (c.second.p_BC - c.extrinsics.p_BC)};
+  window.rig = rig_of(c);
   window.wheel = c.wheel;
   for (std::size_t i = 0; i < kHeightKinds; ++i) window.height_sigmas_m[i] = c.heights[i].sigma_m;
   window.first_estimates = c.visual_factor == VisualFactor::kTrack;
@@ -175,9 +182,11 @@ void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
 
 /// How long before and after a frame's stamp its bearings are exposed, s; 0: all of them at the stamp.
 double Estimator::Impl::exposed_within_s() const {
-  const double first_s = 0.5 * std::abs(config.extrinsics.readout_s);
-  if (!window.rig.use) return first_s;
-  return std::max(first_s, config.second.apart_s + 0.5 * std::abs(config.second.readout_s));
+  double within_s = 0.5 * std::abs(config.extrinsics.readout_s);
+  for (std::size_t i = 0; i < kMostOthers; ++i)
+    if (window.rig.use[i + 1])
+      within_s = std::max(within_s, config.others[i].apart_s + 0.5 * std::abs(config.others[i].readout_s));
+  return within_s;
 }
 
 namespace {
@@ -210,10 +219,12 @@ const TrackedFrame& Estimator::Impl::at_stamp(const TrackedFrame& frame) {
       row_turn(turn(time - within, time), turn(time, time + within), within_s, window.calibration.R_BC);
   turned = frame;
   for (TrackedFeature& f : turned.features) turn_to_stamp(rows, f);
-  if (!window.rig.use) return turned;
-  const RowTurn of_second = rows.seen_from(window.rig.R_CD);
-  for (SecondView& v : turned.second) turn_to_stamp(of_second, v);
-  for (TrackedFeature& f : turned.second_tracks) turn_to_stamp(of_second, f);
+  for (std::size_t i = 0; i < kMostOthers; ++i) {
+    if (!window.rig.use[i + 1]) continue;
+    const RowTurn of_other = rows.seen_from(window.rig.poses[i + 1].R_CD);
+    for (SecondView& v : turned.others[i].views) turn_to_stamp(of_other, v);
+    for (TrackedFeature& f : turned.others[i].alone) turn_to_stamp(of_other, f);
+  }
   return turned;
 }
 

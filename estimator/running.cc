@@ -281,7 +281,9 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, F
   const NavState& x = carried.x;
   e.solved = true;
   e.finite = is_finite(carried);
-  e.tracks = static_cast<int>(frame.features.size() + (window.rig.use ? frame.second_tracks.size() : 0));
+  e.tracks = static_cast<int>(frame.features.size());
+  for (std::size_t i = 0; i < kMostOthers; ++i)
+    if (window.rig.use[i + 1]) e.tracks += static_cast<int>(frame.others[i].alone.size());
   e.gated_share = s.tracks > 0 ? static_cast<double>(s.gated) / s.tracks : 0;
   e.steps_rejected = s.failed();
   e.deadline_missed = s.outcome == SolverOutcome::kOutOfTime;

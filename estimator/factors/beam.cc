@@ -75,7 +75,7 @@ void look_for_tracks(const Window& w, int k, const HeightReading& reading, std::
                      BeamTracks& out) {
   for (int i = 0; i < w.track_count() && out.count < static_cast<int>(out.ids.size()); ++i) {
     const TrackRecord& t = w.track(i);
-    if (t.by_second || !w.seen(t, k) || w.views(t) < kLeastViews || !is_near(w, k, reading, t)) continue;
+    if (t.camera > 0 || !w.seen(t, k) || w.views(t) < kLeastViews || !is_near(w, k, reading, t)) continue;
     if (std::find(used.begin(), used.end(), t.id) != used.end() || serves_another(w, t.id)) continue;
     out.ids[static_cast<std::size_t>(out.count++)] = t.id;
   }

@@ -9,12 +9,14 @@
 
 namespace epiline {
 
-inline constexpr int kMaxBatches = kMaxTracks / kBatchLanes + 1;  ///< two of them may not be full
+/// Tracks are batched by the two cameras that see them (SortedTracks), and of each such pair one batch may not be full.
+inline constexpr int kCameraPairs = 7;
+inline constexpr int kMaxBatches = kMaxTracks / kBatchLanes + kCameraPairs;
 inline constexpr double kNearest = 0.05;  ///< least depth along a bearing, relative to the length of its direction
 
-/// The views of a track have slots: frame k's of the first camera slot k, those of the second camera behind the last
-/// frame, with at least one slot free between them.
-inline constexpr int kMaxSlots = 2 * kMaxFrames + 1;
+/// The views of a track have slots: frame k's of the camera whose track it is slot k, those of a second camera behind
+/// the last frame, with at least one slot free between them. The poses of all cameras have slots likewise.
+inline constexpr int kMaxSlots = 2 * kMaxFrames + 1, kMaxPoses = kMaxCameras * (kMaxFrames + 1);
 
 /// Eight tracks as a structure of arrays. An absent view is all zeros and adds nothing to any sum.
 struct alignas(64) TrackBatch {
@@ -29,8 +31,8 @@ struct alignas(64) TrackBatch {
   double warm[kBatchLanes];             ///< 2: `point` is of this frame, 1: of an earlier one, 0: none
   int first, last;                      ///< frames spanned
   int second;                           ///< slot of the second camera's view of frame 0; 0: it saw none of the tracks
-  int home;                             ///< slot of frame 0's pose of the camera whose views these are: 0, or the
-                                        ///< second camera's if it alone saw the tracks; `second` is 0 then
+  int home;                             ///< slot of frame 0's pose of the camera whose tracks these are
+  int second_pose;                      ///< as `home`, of the second camera, less `home`; 0 if `second` is
 };
 
 /// Tracks of the epipolar factor, eight to a batch, frame by frame: normalised image coordinates (x, y, 1). An absent

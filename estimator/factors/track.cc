@@ -15,8 +15,8 @@ struct TrackFactor::Memory {
   TrackVerdicts verdicts[kMaxBatches];
   TrackScratch scratch;
   NewsScratch news;
-  FrameGeometry frame[kMaxSlots];
-  Vec3 velocity_C[kMaxSlots];  ///< of the cameras, as collected, in the axes of the first one
+  FrameGeometry frame[kMaxPoses];
+  Vec3 velocity_C[kMaxPoses];  ///< of the cameras, as collected, in the axes of the first one
   SortedTracks sorted;
   double ratio[kMaxTracks];
   /// Where the points were found last, by the tracks' places in the window: what to iterate from, never what is known
@@ -192,21 +192,25 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
   gate_suspended_ = false;
   remember_points();
   origin_ = w.newest().x.p;
-  second_ = drift && w.rig.use ? w.size() + 1 : 0;
+  slots_ = w.size() + 1;
+  others_ = drift && w.rig.has_others();
   if (s.rows) hold_velocities(w);
   SortedTracks& sorted = memory_->sorted;
-  sorted.sort(w, second_ > 0);
+  sorted.sort(w, others_);
   batches_ = sorted.batches();
   const auto fill = drift ? fill_drifting_lane : fill_lane;
   for (int b = 0; b < batches_; ++b) {
-    const auto [begin, end, first, last, by_second] = sorted.batch(b);
+    const auto [begin, end, first, last, camera, second_camera] = sorted.batch(b);
     TrackBatch& batch = memory_->batch[b];
     batch.first = first;
     batch.last = last;
-    batch.home = by_second ? second_ : 0;
-    batch.second = 0;
-    for (int i = begin; i < end && second_ > 0; ++i)
-      if (w.track(sorted.track(i)).second != 0) batch.second = second_;
+    batch.home = camera * slots_;
+    batch.second = batch.second_pose = 0;
+    for (int i = begin; i < end && others_; ++i) {
+      if (w.track(sorted.track(i)).second == 0) continue;
+      batch.second = slots_;
+      batch.second_pose = (second_camera - camera) * slots_;
+    }
     for (int i = begin; i < end; ++i) {
       if (i + SortedTracks::kAhead < sorted.size()) fetch(w, w.track(sorted.track(i + SortedTracks::kAhead)));
       const TrackRecord& t = w.track(sorted.track(i));
@@ -234,32 +238,39 @@ void TrackFactor::hold_velocities(const Window& w) {
       return f.R_WC.transpose() * (f.v + f.omega_W.cross(lever_W));
     };
     memory_->velocity_C[k] = velocity_C(f.c - f.p);
-    if (second_ > 0) memory_->velocity_C[second_ + k] = velocity_C(f.c + f.R_WC * w.rig.p_CD - f.p);
+    for (int c = 1; c < kMaxCameras && others_; ++c)
+      memory_->velocity_C[c * slots_ + k] =
+          velocity_C(f.c + f.R_WC * w.rig.poses[static_cast<std::size_t>(c)].p_CD - f.p);
   }
 }
 
 /// The first `frames` frames and the lens, as the window has them now.
 void TrackFactor::place(const Window& w, int frames) {
   fill_geometry(w, frames, origin_, memory_->frame);
-  if (second_ > 0) place_second(w, frames);
+  if (others_) place_others(w, frames);
   for (int k = 0; k < frames && visual_.rows; ++k) {
     const Mat3 R_WC = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(memory_->frame[k].R_WC);
     Eigen::Map<Vec3>(memory_->frame[k].v) = R_WC * memory_->velocity_C[k];
-    if (second_ > 0) Eigen::Map<Vec3>(memory_->frame[second_ + k].v) = R_WC * memory_->velocity_C[second_ + k];
+    for (int i = slots_ + k; i < kMaxCameras * slots_ && others_; i += slots_)
+      Eigen::Map<Vec3>(memory_->frame[i].v) = R_WC * memory_->velocity_C[i];
   }
   settings_.focal = w.calibration.focal;
 }
 
-/// The second camera's poses follow from the first one's: the rig is rigid. Their motion is the same body's.
-void TrackFactor::place_second(const Window& w, int frames) {
+/// The other cameras' poses follow from the first one's: the rig is rigid. Their motion is the same body's.
+void TrackFactor::place_others(const Window& w, int frames) {
   using RowMat3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
   for (int k = 0; k < frames; ++k) {
     const FrameGeometry& first = memory_->frame[k];
-    FrameGeometry& second = memory_->frame[second_ + k];
     const Mat3 R_WC = Eigen::Map<const RowMat3>(first.R_WC);
-    Eigen::Map<RowMat3>(second.R_WC) = R_WC * w.rig.R_CD;
-    Eigen::Map<Vec3>(second.c) = Eigen::Map<const Vec3>(first.c) + R_WC * w.rig.p_CD;
-    std::memcpy(second.p, first.p, sizeof second.p);
+    for (int c = 1; c < kMaxCameras; ++c) {
+      const RigPose& pose = w.rig.poses[static_cast<std::size_t>(c)];
+      if (!w.rig.use[static_cast<std::size_t>(c)]) continue;
+      FrameGeometry& other = memory_->frame[c * slots_ + k];
+      Eigen::Map<RowMat3>(other.R_WC) = R_WC * pose.R_CD;
+      Eigen::Map<Vec3>(other.c) = Eigen::Map<const Vec3>(first.c) + R_WC * pose.p_CD;
+      std::memcpy(other.p, first.p, sizeof other.p);
+    }
   }
 }
 
@@ -292,7 +303,7 @@ void TrackFactor::linearise(const Window& w, VisualSystem& out) noexcept {
 void TrackFactor::marginalise_oldest(const Window& w, const VisualSettings& s, VisualSystem& out) noexcept {
   if (!memory_->sorted.is_of(w)) collect(w, s);
   const int frames = w.size() - 1;
-  const int middle = memory_->sorted.by_second_batches();
+  const int middle = memory_->sorted.batches_of_others();
   int begin = middle, end = middle;
   while (begin > 0 && memory_->batch[begin - 1].first == 0) --begin;
   while (end < batches_ && memory_->batch[end].first == 0) ++end;

@@ -9,8 +9,8 @@ namespace epiline {
 
 /// One factor per feature track: the 2n-3 constraints of n bearings of one unknown point on n poses, with their
 /// joint covariance (docs/derivations/track.md). The point is a function of poses and bearings inside the evaluation
-/// and is eliminated there. With drifting tracks a second camera's bearings of the same point count, too
-/// (docs/derivations/several_cameras.md).
+/// and is eliminated there. With drifting tracks a second camera's bearings of the same point count, too, and tracks of
+/// other cameras (docs/derivations/several_cameras.md).
 class TrackFactor final : public VisualFactorModel {
  public:
   explicit TrackFactor(InstructionSet set);
@@ -27,7 +27,7 @@ class TrackFactor final : public VisualFactorModel {
  private:
   struct Memory;
   void place(const Window&, int frames);
-  void place_second(const Window&, int frames);
+  void place_others(const Window&, int frames);
   void hold_velocities(const Window&);
   void run(const Window&, VisualSystem&);
   void fetch(const Window&, const TrackRecord&) const;
@@ -41,7 +41,8 @@ class TrackFactor final : public VisualFactorModel {
   Vec3 origin_ = Vec3::Zero();  ///< of the positions handed to the kernels
   double sigma_ = 1;            ///< of a whitened number, px
   int batches_ = 0;
-  int second_ = 0;  ///< slot of the second camera's view of frame 0; 0: there is none
+  int slots_ = 0;        ///< of one camera's poses
+  bool others_ = false;  ///< other cameras than the first one count, too
   bool gate_suspended_ = false;
 };
 

@@ -31,7 +31,7 @@ void Starter::collect_tracks(const Window& w) {
     for (int i = 0; i < w.track_count() && m.tracks < m.track.size(); ++i) {
       const TrackRecord& t = w.track(i);
       const int views = w.views(t);
-      if (views < fewest || views > most || t.by_second) continue;
+      if (views < fewest || views > most || t.camera > 0) continue;
       StartTrack& s = m.track[m.tracks++];
       s.count = 0;
       for (int k = 0; k < w.size(); ++k) {

@@ -5,13 +5,16 @@
 namespace epiline {
 
 namespace {
-/// Whether the second camera's own tracks are few beside the first one's.
-bool second_is_spare(const Window& w) {
+/// The cameras whose own tracks are few beside the first one's.
+std::array<bool, kMaxCameras> spare_cameras(const Window& w) {
   constexpr int kFew = 4;  // times as many
-  int by_first = 0, by_second = 0;
+  std::array<bool, kMaxCameras> spare{};
+  if (!w.rig.has_others()) return spare;
+  std::array<int, kMaxCameras> tracks{};
   for (int i = 0; i < w.track_count(); ++i)
-    if (w.seen(w.track(i), w.size() - 1)) ++(w.track(i).by_second ? by_second : by_first);
-  return kFew * by_second < by_first;
+    if (w.seen(w.track(i), w.size() - 1)) ++tracks[w.track(i).camera];
+  for (std::size_t c = 1; c < kMaxCameras; ++c) spare[c] = kFew * tracks[c] < tracks[0];
+  return spare;
 }
 }  // namespace
 
@@ -19,10 +22,10 @@ ChosenTracks choose_tracks(Window& w, int most) noexcept {
   // One number each, whose order is the order of preference: not seen by the newest frame, id, place in the window.
   std::array<std::uint64_t, kMaxTracks> candidates;
   std::size_t n = 0;
-  const bool spare = w.rig.use && second_is_spare(w);
+  const std::array<bool, kMaxCameras> spare = spare_cameras(w);
   for (int i = 0; i < w.track_count(); ++i) {
     TrackRecord& t = w.track(i);
-    t.in_use = !(spare && t.by_second);
+    t.in_use = !spare[t.camera];
     if (w.views(t) < 2 || !t.in_use) continue;  // one with a single view counts nowhere
     const std::uint64_t unseen = w.seen(t, w.size() - 1) ? 0 : 1;
     candidates[n++] = unseen << 63 | std::uint64_t{t.id} << 16 | static_cast<std::uint64_t>(i);

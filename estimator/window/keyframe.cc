@@ -23,7 +23,8 @@ Comparison compare(const Window& w, int j, int k, const Mat3& R_jk, double focal
     if (!w.seen(t, j)) continue;
     ++c.common;
     const Vec3 &before = w.view(t, j).f_C, &now = w.view(t, k).f_C;
-    sum += t.by_second ? (R_jk * (w.rig.R_CD * now) - w.rig.R_CD * before).norm() : (R_jk * now - before).norm();
+    const Mat3& R_CD = w.rig.poses[t.camera].R_CD;
+    sum += t.camera > 0 ? (R_jk * (R_CD * now) - R_CD * before).norm() : (R_jk * now - before).norm();
   }
   if (c.common > 0) c.parallax_px = focal_px * sum / c.common;
   return c;

@@ -107,14 +107,17 @@ bool is_possible(const SecondView& v) noexcept { return is_possible(v.bearing, v
 
 Window::Observed Window::observe(const TrackedFrame& frame) {
   Observed seen;
-  for (const TrackedFeature& feature : frame.features) observe(feature, false, seen);
-  if (!rig.use) return seen;
-  seen.impossible += observe_second(frame);
-  for (const TrackedFeature& feature : frame.second_tracks) observe(feature, true, seen);
+  for (const TrackedFeature& feature : frame.features) observe(feature, 0, seen);
+  for (std::uint8_t camera = 1; camera < kMaxCameras; ++camera) {
+    if (!rig.use[camera]) continue;
+    const OtherTracks& other = frame.others[camera - std::size_t{1}];
+    for (const SecondView& view : other.views) seen.impossible += !observe_second(view, camera);
+    for (const TrackedFeature& feature : other.alone) observe(feature, camera, seen);
+  }
   return seen;
 }
 
-void Window::observe(const TrackedFeature& feature, bool by_second, Observed& seen) {
+void Window::observe(const TrackedFeature& feature, std::uint8_t camera, Observed& seen) {
   if (!is_possible(feature)) {
     ++seen.impossible;
     return;
@@ -129,7 +132,8 @@ void Window::observe(const TrackedFeature& feature, bool by_second, Observed& se
     TrackRecord& t = records_[static_cast<std::size_t>(i)];
     t.id = feature.id;
     t.mask = t.second = 0;
-    t.by_second = by_second;
+    t.camera = camera;
+    t.second_camera = 0;
     t.in_use = true;
     insert_index(feature.id, i);
   }
@@ -140,24 +144,21 @@ void Window::observe(const TrackedFeature& feature, bool by_second, Observed& se
   t.cell = cell_of(feature.pixel);
 }
 
-/// Of tracks that the first camera sees in this frame. Returns how many are impossible.
-int Window::observe_second(const TrackedFrame& frame) {
+/// Of a track that its own camera sees in this frame. Of several second cameras it keeps the one that has views in the
+/// window. False: the view is impossible.
+bool Window::observe_second(const SecondView& v, std::uint8_t camera) {
+  if (!is_possible(v)) return false;
+  const int i = find(v.id);
+  if (i < 0 || !seen(records_[static_cast<std::size_t>(i)], size_ - 1)) return true;
+  TrackRecord& t = records_[static_cast<std::size_t>(i)];
+  if (t.camera >= camera || (t.second != 0 && t.second_camera != camera)) return true;
   const std::uint8_t slot = order_[static_cast<std::size_t>(size_ - 1)];
-  int impossible = 0;
-  for (const SecondView& v : frame.second) {
-    if (!is_possible(v)) {
-      ++impossible;
-      continue;
-    }
-    const int i = find(v.id);
-    if (i < 0 || !seen(records_[static_cast<std::size_t>(i)], size_ - 1)) continue;
-    TrackRecord& t = records_[static_cast<std::size_t>(i)];
-    const Mat23 chart = Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(v.pixel_jacobian.data());
-    second_views_[t.place][slot] = {Vec3(v.bearing.data()),    chart,   0,
-                                    static_cast<float>(v.age), v.row_s, static_cast<float>(v.found)};
-    t.second |= 1u << slot;
-  }
-  return impossible;
+  const Mat23 chart = Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(v.pixel_jacobian.data());
+  second_views_[t.place][slot] = {Vec3(v.bearing.data()),    chart,   0,
+                                  static_cast<float>(v.age), v.row_s, static_cast<float>(v.found)};
+  t.second |= 1u << slot;
+  t.second_camera = camera;
+  return true;
 }
 
 void Window::fetch(const TrackRecord& t) const {

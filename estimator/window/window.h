@@ -20,7 +20,7 @@ struct Observation {
   float stretch;  ///< of the lens there: how much a longer focal length moves the pixel outwards, over a pinhole's
   float age;      ///< of its track, images
   float row_s;    ///< exposed so long after the stamp
-  float found;    ///< second camera: age of the track when it was found there
+  float found;    ///< by a second camera: age of the track when it was found there
 };
 
 inline constexpr int kViewCells = 1024;  ///< 32 x 32 squares of 64 pixels; what is beyond shares the outermost
@@ -29,12 +29,13 @@ inline constexpr int kViewCells = 1024;  ///< 32 x 32 squares of 64 pixels; what
 /// over tracks need only the slots.
 struct TrackRecord {
   std::uint32_t id = 0;
-  std::uint32_t mask = 0;    ///< bit s: slot s has a view
-  std::uint32_t second = 0;  ///< bit s: slot s has a view of the second camera, too
-  bool by_second = false;    ///< the views are the second camera's, and the first one sees nothing of it
-  bool in_use = true;        ///< by the visual factors; see choose_tracks()
-  std::uint16_t cell = 0;    ///< below kViewCells: where in the image it was seen last
-  std::uint16_t place = 0;   ///< of its observations
+  std::uint32_t mask = 0;          ///< bit s: slot s has a view
+  std::uint32_t second = 0;        ///< bit s: slot s has a view of a second camera, too
+  std::uint8_t camera = 0;         ///< whose track it is
+  std::uint8_t second_camera = 0;  ///< behind it, which the second views are of; 0: none so far
+  bool in_use = true;              ///< by the visual factors; see choose_tracks()
+  std::uint16_t cell = 0;          ///< below kViewCells: where in the image it was seen last
+  std::uint16_t place = 0;         ///< of its observations
 };
 
 /// Camera against IMU, its focal length, and the scales of the IMU; the estimated part of the calibration. Tangent
@@ -74,11 +75,17 @@ struct CalibrationPrior {
   }
 };
 
-/// The pose of a second camera D in the first one: x_C = R_CD x_D + p_CD. Both are mounted rigidly.
-struct Rig {
-  bool use = false;
+/// The pose of a camera D in the first one: x_C = R_CD x_D + p_CD.
+struct RigPose {
   Mat3 R_CD = Mat3::Identity();
   Vec3 p_CD = Vec3::Zero();
+};
+
+/// The cameras, which are mounted rigidly.
+struct Rig {
+  std::array<bool, kMaxCameras> use{true};  ///< whose views count; the first one's always do
+  std::array<RigPose, kMaxCameras> poses;
+  bool has_others() const { return use[1] || use[2] || use[3]; }
 };
 
 /// What a height sensor says of a frame (docs/derivations/height.md).
@@ -173,6 +180,7 @@ class Window {
   const Observation& view(const TrackRecord& t, int k) const {
     return views_[t.place][order_[static_cast<std::size_t>(k)]];
   }
+  /// By its second camera.
   bool seen_by_second(const TrackRecord& t, int k) const { return t.second & bit(k); }
   const Observation& second_view(const TrackRecord& t, int k) const {
     return second_views_[t.place][order_[static_cast<std::size_t>(k)]];
@@ -194,8 +202,8 @@ class Window {
 
  private:
   static constexpr std::uint32_t kBuckets = 4096;  // four times the tracks: short probes
-  void observe(const TrackedFeature& feature, bool by_second, Observed& seen);
-  int observe_second(const TrackedFrame& frame);
+  void observe(const TrackedFeature& feature, std::uint8_t camera, Observed& seen);
+  bool observe_second(const SecondView& view, std::uint8_t camera);
   void rebuild_index();
   void insert_index(std::uint32_t id, int i);
 

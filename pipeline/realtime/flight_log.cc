@@ -36,7 +36,7 @@ void FlightLog::drain_images(LentImages& lent) noexcept {
   for (const Frame* frame = images_.ring().front(); frame != nullptr; frame = images_.ring().front()) {
     const auto slot = static_cast<std::size_t>(frame->slot);
     for (FlightObserver* o : observers_) {
-      if (o->wants_images()) o->image(*frame, lent.second(slot));
+      if (o->wants_images()) o->image(*frame, lent.others(slot));
     }
     lent.give_back(slot);
     images_.ring().pop();

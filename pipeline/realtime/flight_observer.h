@@ -29,9 +29,8 @@ class FlightObserver {
   virtual void height(const HeightSample& /*sample*/) noexcept {}
   /// The tracks of every image that went through the estimator.
   virtual void tracks(const LoggedTracks& /*tracks*/) noexcept {}
-  /// An image that was tracked, and that of a second camera, which has no data if there is none. The pixels are lent
-  /// for this call.
-  virtual void image(const Frame& /*frame*/, const Frame& /*second*/) noexcept {}
+  /// An image that was tracked, and those of other cameras. The pixels are lent for this call.
+  virtual void image(const Frame& /*frame*/, const OtherFrames& /*others*/) noexcept {}
   /// In the order of time, as far as 0.5 s of waiting can bring it about.
   virtual void event(const Event& /*event*/) noexcept {}
   /// Everything that had come was handed over; ten times a second or more often, also when nothing comes. `now`: on

@@ -22,11 +22,11 @@ constexpr std::size_t kEstimateStack = 256 * 1024, kStack = 128 * 1024;
 TrackStageSettings track_settings(const RealtimeSettings& s) {
   return {s.camera,
           s.tracker,
-          s.estimator.extrinsics.R_BC,
+          mount_of(s.estimator),
           s.images,
           s.recorded,
           Span::from_seconds(1e-3 * s.realtime.imu_wait_ms),
-          rig_of(s.second, s.estimator)};
+          lenses_of(s.others, s.estimator)};
 }
 
 EstimateStageSettings estimate_settings(const RealtimeSettings& s) {
@@ -233,6 +233,8 @@ RealtimeReport RealtimePipeline::report() const {
 const Estimator& RealtimePipeline::estimator() const noexcept { return impl_->estimate.back_end().estimator(); }
 
 const TrackerStats* RealtimePipeline::tracker_stats() const noexcept { return impl_->track.tracker_stats(); }
-const SecondStats* RealtimePipeline::second_stats() const noexcept { return impl_->track.second_stats(); }
+const SecondStats* RealtimePipeline::other_stats(std::size_t camera) const noexcept {
+  return impl_->track.other_stats(camera);
+}
 
 }  // namespace epiline

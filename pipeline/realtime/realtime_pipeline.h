@@ -37,7 +37,7 @@ struct RealtimeSettings {
   /// Buffers of the camera that observers may hold at a time: at least four (two for the tracker, one that is filled,
   /// one that waits) must remain. 0: they get no images.
   int images_to_log = 1;
-  std::optional<CameraParameters> second{};  ///< lens of a second camera, which is where `estimator.second` says
+  std::array<std::optional<CameraParameters>, kMostOthers> others{};  ///< lenses; `estimator.others` says where
 };
 
 /// What the pipeline is connected to. All outlive it; the odometry's receiver may be null.
@@ -128,7 +128,8 @@ class RealtimePipeline {
   RealtimeReport report() const;
   const Estimator& estimator() const noexcept;
   const TrackerStats* tracker_stats() const noexcept;  ///< null with recorded tracks
-  const SecondStats* second_stats() const noexcept;    ///< null with one camera, or recorded tracks
+  /// Of camera 1, 2 or 3; null without it, or with recorded tracks.
+  const SecondStats* other_stats(std::size_t camera) const noexcept;
 
  private:
   struct Impl;

@@ -49,7 +49,8 @@ std::optional<Tape> image_tape(const RecorderConfig& config, const RecordedRun& 
   if (!config.images || run.png == nullptr) return std::nullopt;
   const std::size_t limit = static_cast<std::size_t>(config.image_memory_mib) << 20;
   std::size_t one = Tape::bytes_of_record(image_bytes(run.camera.parameters));
-  if (run.second) one += Tape::bytes_of_record(image_bytes(run.second->parameters));
+  for (const auto& other : run.others)
+    if (other) one += Tape::bytes_of_record(image_bytes(other->parameters));
   const std::size_t segments = std::clamp<std::size_t>(limit / one, 4, kSegments);
   return std::optional<Tape>(std::in_place, segments, segments * kKept / kSegments,
                              std::max(one, limit / segments / one * one));
@@ -116,7 +117,7 @@ struct FlightRecorder::Impl {
   ~Impl() { stop(); }
 
   // Log thread.
-  void keep(const Frame& frame, RecordKind kind);
+  void keep(const Frame& frame, std::size_t camera);
   bool may_record_lost(HostStamp now) const;
   void begin(RecordReason reason);
 
@@ -167,10 +168,10 @@ void FlightRecorder::Impl::begin(RecordReason reason) {
   parking.notify();
 }
 
-void FlightRecorder::Impl::keep(const Frame& frame, RecordKind kind) {
-  const RecordedImageHeader header{frame.stamp, frame.width, frame.height};
+void FlightRecorder::Impl::keep(const Frame& frame, std::size_t camera) {
+  const RecordedImageHeader header{frame.stamp, frame.width, frame.height, static_cast<std::int32_t>(camera)};
   const auto width = static_cast<std::size_t>(frame.width), height = static_cast<std::size_t>(frame.height);
-  std::byte* at = images->claim(static_cast<std::uint32_t>(kind), sizeof header + width * height);
+  std::byte* at = images->claim(static_cast<std::uint32_t>(RecordKind::kImage), sizeof header + width * height);
   if (at == nullptr) return;
   std::memcpy(at, &header, sizeof header);
   at += sizeof header;
@@ -268,9 +269,10 @@ void FlightRecorder::tracks(const LoggedTracks& t) noexcept {
   impl_->samples.commit();
 }
 
-void FlightRecorder::image(const Frame& frame, const Frame& second) noexcept {
-  impl_->keep(frame, RecordKind::kImage);
-  if (second.data != nullptr) impl_->keep(second, RecordKind::kSecondImage);
+void FlightRecorder::image(const Frame& frame, const OtherFrames& others) noexcept {
+  impl_->keep(frame, 0);
+  for (std::size_t i = 0; i < others.size(); ++i)
+    if (others[i].data != nullptr) impl_->keep(others[i], i + 1);
 }
 
 void FlightRecorder::pass(HostStamp now) noexcept {

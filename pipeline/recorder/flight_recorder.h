@@ -17,7 +17,7 @@ namespace epiline {
 /// Information about the run that goes into each record.
 struct RecordedRun {
   CameraCalibration camera;
-  std::optional<CameraCalibration> second{};  ///< of a second camera
+  std::array<std::optional<CameraCalibration>, kMostOthers> others{};  ///< of cameras 1 to 3
   double image_rate_hz = 20;
   ImuCalibration imu;
   std::string config_toml;
@@ -61,7 +61,7 @@ class FlightRecorder final : public FlightObserver {
   void wheel(const WheelSample& sample) noexcept override;
   void height(const HeightSample& sample) noexcept override;
   void tracks(const LoggedTracks& tracks) noexcept override;
-  void image(const Frame& frame, const Frame& second) noexcept override;
+  void image(const Frame& frame, const OtherFrames& others) noexcept override;
   void event(const Event& event) noexcept override;
   void pass(HostStamp now) noexcept override;
   bool wants_images() const noexcept override;

@@ -57,9 +57,7 @@ class RecordFiles {
       case RecordKind::kTracks:
         return add_tracks(at);
       case RecordKind::kImage:
-        return add_image("mav0/cam0", image_list_, at);
-      case RecordKind::kSecondImage:
-        return add_image("mav0/cam1", second_list_, at);
+        return add_image(at);
       case RecordKind::kEvent:
         return add_event(object_at<Event>(at));
       case RecordKind::kWheel:
@@ -87,8 +85,8 @@ class RecordFiles {
       if (Status s = close(*file); !s) return s;
     }
     if (image_failure_) return *image_failure_;
-    if (Status s = write_table("cam0", kAslImagesHeader, image_list_); !s) return s;
-    if (Status s = write_table("cam1", kAslImagesHeader, second_list_); !s) return s;
+    for (std::size_t c = 0; c < image_lists_.size(); ++c)
+      if (Status s = write_table(folder_of(c), kAslImagesHeader, image_lists_[c]); !s) return s;
     if (Status s = write_table("wheel0", kAslWheelHeader, wheel_text_); !s) return s;
     for (const AslHeightTable& table : kAslHeightTables)
       if (Status s = write_table(table.folder, table.header, height_texts_[static_cast<std::size_t>(table.kind)]); !s)
@@ -97,9 +95,10 @@ class RecordFiles {
                                             1e-9 * static_cast<double>(order_.now.ns));
     if (Status s = write(root_ / "mav0/cam0/sensor.yaml", asl_camera(run_.camera, run_.image_rate_hz, comment)); !s)
       return s;
-    if (!second_list_.empty()) {
-      const Status s = write(root_ / "mav0/cam1/sensor.yaml", asl_camera(*run_.second, run_.image_rate_hz, comment));
-      if (!s) return s;
+    for (std::size_t c = 1; c < image_lists_.size(); ++c) {
+      if (image_lists_[c].empty()) continue;
+      const std::string yaml = asl_camera(*run_.others[c - 1], run_.image_rate_hz, comment);
+      if (Status s = write(root_ / "mav0" / folder_of(c) / "sensor.yaml", yaml); !s) return s;
     }
     if (Status s = write(root_ / "mav0/imu0/sensor.yaml", asl_imu(run_.imu)); !s) return s;
     if (Status s = write(root_ / "config.toml", run_.config_toml); !s) return s;
@@ -121,7 +120,7 @@ class RecordFiles {
   }
 
   /// Of a sensor that sent anything.
-  Status write_table(const char* folder, const char* header, const std::string& rows) {
+  Status write_table(const std::string& folder, const char* header, const std::string& rows) {
     if (rows.empty()) return Done{};
     if (Status s = make_folder(root_ / "mav0" / folder); !s) return s;
     return write(root_ / "mav0" / folder / "data.csv", header + rows);
@@ -163,18 +162,21 @@ class RecordFiles {
     tracks_text_ += out;
   }
 
-  void add_image(const char* folder, std::string& list, const std::byte* at) {
+  static std::string folder_of(std::size_t camera) { return "cam" + std::to_string(camera); }
+
+  void add_image(const std::byte* at) {
     if (image_failure_) return;
     const auto header = object_at<RecordedImageHeader>(at);
+    const auto camera = static_cast<std::size_t>(header.camera);
     Frame frame;
     frame.stamp = header.stamp;
     frame.data = reinterpret_cast<const std::uint8_t*>(at + sizeof header);
     frame.width = frame.stride = header.width;
     frame.height = header.height;
     const std::string file = std::to_string(header.stamp.ns) + ".png";
-    const Status s = write(root_ / folder / "data" / file, run_.png(frame));
+    const Status s = write(root_ / "mav0" / folder_of(camera) / "data" / file, run_.png(frame));
     if (!s) image_failure_ = s.error();
-    append_asl_image(list, header.stamp, file);
+    append_asl_image(image_lists_[camera], header.stamp, file);
   }
 
   void add_event(const Event& event) {
@@ -186,7 +188,8 @@ class RecordFiles {
   const RecordOrder& order_;
   const RecordedRun& run_;
   OutputFile imu_, tracks_, states_, events_;
-  std::string imu_text_, tracks_text_, states_text_, events_text_, image_list_, second_list_, wheel_text_;
+  std::string imu_text_, tracks_text_, states_text_, events_text_, wheel_text_;
+  std::array<std::string, kMostOthers + 1> image_lists_;  ///< by camera
   std::array<std::string, kHeightKinds> height_texts_;
   Trajectory trajectory_;
   std::optional<Error> image_failure_;
@@ -245,8 +248,9 @@ Status write_record(const RecordOrder& order, const RecordedRun& run, Tape& samp
   } const give_back{&samples, images};
   auto folder = PartialFolder::create(name, {"mav0/cam0/data", "mav0/imu0"});
   if (!folder) return folder.error();
-  if (run.second && images != nullptr) {
-    if (Status s = make_folder(folder->root() / "mav0/cam1/data"); !s) return s;
+  for (std::size_t i = 0; i < kMostOthers && images != nullptr; ++i) {
+    if (!run.others[i]) continue;
+    if (Status s = make_folder(folder->root() / fmt::format("mav0/cam{}/data", i + 1)); !s) return s;
   }
   RecordFiles files(folder->root(), order, run);
   read(samples, order.samples, files);

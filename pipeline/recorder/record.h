@@ -8,7 +8,7 @@
 
 namespace epiline {
 
-enum class RecordKind : std::uint32_t { kImu, kState, kTracks, kImage, kSecondImage, kEvent, kWheel, kHeight };
+enum class RecordKind : std::uint32_t { kImu, kState, kTracks, kImage, kEvent, kWheel, kHeight };
 
 /// The estimate of one image.
 struct RecordedState {
@@ -40,6 +40,7 @@ struct RecordedPoint {
 struct RecordedImageHeader {
   HostStamp stamp;
   std::int32_t width = 0, height = 0;
+  std::int32_t camera = 0;  ///< its number
 };
 
 /// A record to write: time span and lent segments.

@@ -25,7 +25,7 @@ void CaptureStage::use() noexcept {
   came_.bump();
   look_for_missed();
   if (admit(image_)) {
-    hand_on(image_, camera_->second(image_));
+    hand_on(image_, camera_->others(image_));
   } else {
     camera_->give_back(image_);
     refused_.bump();
@@ -46,22 +46,24 @@ bool CaptureStage::admit(Frame& image) noexcept {
   return taken;
 }
 
-Frame CaptureStage::judged(Frame second, HostStamp first) noexcept {
-  if (second.data == nullptr) return second;
-  const HostStamp own = second.stamp + corrected_;
-  second.stamp = first;
-  const bool taken = second_gate_.step(second);
-  const ImageGateStats& seen = second_gate_.stats();
-  second_blind_.step(seen.frozen + seen.covered, first, out_.events);
-  if (apart_ == Span{}) return taken ? second : Frame{};
-  second.stamp = own;
-  return taken && Span{std::abs((own - first).ns)} <= apart_ ? second : Frame{};
+Frame CaptureStage::judged(std::size_t other, Frame image, HostStamp first) noexcept {
+  if (image.data == nullptr) return image;
+  ImageGate& gate = other_gates_[other];
+  const HostStamp own = image.stamp + corrected_;
+  image.stamp = first;
+  const bool taken = gate.step(image);
+  others_blind_[other].step(gate.stats().frozen + gate.stats().covered, first, out_.events);
+  if (apart_[other] == Span{}) return taken ? image : Frame{};
+  image.stamp = own;
+  return taken && Span{std::abs((own - first).ns)} <= apart_[other] ? image : Frame{};
 }
 
-void CaptureStage::hand_on(const Frame& image, const Frame& second) noexcept {
+void CaptureStage::hand_on(const Frame& image, const OtherFrames& others) noexcept {
   times_.heard_image(image.arrival.ns != 0 ? image.arrival : image.stamp);
   out_.heard.tell(times_.camera, times_.camera_period);
-  out_.images.lend(image, judged(second, image.stamp));
+  OtherFrames judged_others;
+  for (std::size_t i = 0; i < kMostOthers; ++i) judged_others[i] = judged(i, others[i], image.stamp);
+  out_.images.lend(image, judged_others);
   const FrameRing::Value evicted = out_.frames.push(static_cast<FrameRing::Value>(image.slot));
   out_.tracker.notify();
   if (evicted != FrameRing::kNone) leave_out_overtaken(evicted, out_.images, out_.events);

@@ -25,9 +25,9 @@ class CaptureStage final : public SourceStage {
     EventRing& events;
   };
 
-  /// `camera` is null where only admit() and hand_on() are called. `apart`: a second camera's images have times of
-  /// their own, which differ by no more; zero: they are taken to be of the first one's time.
-  CaptureStage(CameraSource* camera, const FlightClock& clock, const Outputs& out, Span apart = {})
+  /// `camera` is null where only admit() and hand_on() are called. `apart`: the images of camera 1, 2 or 3 have
+  /// times of their own, which differ by no more; zero: they are taken to be of the first one's time.
+  CaptureStage(CameraSource* camera, const FlightClock& clock, const Outputs& out, const OtherSpans& apart = {})
       : SourceStage(EventSource::kCamera, clock, out.events),
         camera_(camera),
         out_(out),
@@ -36,9 +36,9 @@ class CaptureStage final : public SourceStage {
 
   /// Passes the image through the gate, which may correct its timestamp. False: drop the image.
   bool admit(Frame& image) noexcept;
-  /// The image that was admitted last, with the number of its buffer, and that of a second camera, which is judged
-  /// here.
-  void hand_on(const Frame& image, const Frame& second = {}) noexcept;
+  /// The image that was admitted last, with the number of its buffer, and those of other cameras, which are
+  /// judged here.
+  void hand_on(const Frame& image, const OtherFrames& others = {}) noexcept;
 
   std::uint64_t images() const noexcept { return came_.get(); }      ///< that the camera gave
   std::uint64_t refused() const noexcept { return refused_.get(); }  ///< of those: left out by the gate
@@ -51,17 +51,19 @@ class CaptureStage final : public SourceStage {
   }
   void use() noexcept override;
   void look_for_missed() noexcept;
-  Frame judged(Frame second, HostStamp first) noexcept;
+  Frame judged(std::size_t other, Frame image, HostStamp first) noexcept;
 
   CameraSource* camera_;
   Outputs out_;
-  Span apart_;
+  OtherSpans apart_;
   Span corrected_{};  ///< by the gate: what it added to the stamp of the last image
   Frame image_;
   std::uint64_t expected_ = 0;  ///< sequence number
-  ImageGate gate_, second_gate_;
+  ImageGate gate_;
+  std::array<ImageGate, kMostOthers> other_gates_;
   ImageEvents events_;
-  Episode second_blind_{EventId::kSecondBlind};
+  std::array<Episode, kMostOthers> others_blind_{Episode{EventId::kOtherBlind, 1}, Episode{EventId::kOtherBlind, 2},
+                                                 Episode{EventId::kOtherBlind, 3}};
   LastHeard times_;
   StageCount came_, refused_;
 };

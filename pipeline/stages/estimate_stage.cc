@@ -91,9 +91,12 @@ void EstimateStage::hand_to_log(const TrackedFrame& frame) noexcept {
     t->stamp = frame.stamp;
     t->points.clear();
     for (const TrackedFeature& f : frame.features) t->points.push_back({f.id, f.age, f.pixel[0], f.pixel[1]});
-    t->second.clear();
-    for (const SecondView& v : frame.second) t->second.push_back({v.id, v.age, v.pixel[0], v.pixel[1]});
-    for (const TrackedFeature& f : frame.second_tracks) t->second.push_back({f.id, f.age, f.pixel[0], f.pixel[1]});
+    for (std::size_t i = 0; i < kMostOthers; ++i) {
+      auto& other = t->others[i];
+      other.clear();
+      for (const SecondView& v : frame.others[i].views) other.push_back({v.id, v.age, v.pixel[0], v.pixel[1]});
+      for (const TrackedFeature& f : frame.others[i].alone) other.push_back({f.id, f.age, f.pixel[0], f.pixel[1]});
+    }
     out_.log->tracks.publish();
   }
   out_.log->parking.notify();

@@ -2,30 +2,67 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <span>
 
 namespace epiline {
 
-std::optional<SecondRig> rig_of(const std::optional<CameraParameters>& second, const EstimatorConfig& estimator) {
-  if (!second) return std::nullopt;
-  const Mat3 R_SB = estimator.second.R_BC.transpose();
-  return SecondRig{*second, R_SB * estimator.extrinsics.R_BC,
-                   R_SB * (estimator.extrinsics.p_BC - estimator.second.p_BC)};
+namespace {
+/// The second camera S of a rig whose first one is C.
+SecondRig rig_of(const CameraMount& C, const OtherLens& S) {
+  const Mat3 R_SB = S.mount.R_BC.transpose();
+  return {S.camera, R_SB * C.R_BC, R_SB * (C.p_BC - S.mount.p_BC)};
 }
 
-FrontEnd::FrontEnd(const Camera& camera, const TrackerConfig& config, const Mat3& R_BC,
-                   const std::optional<SecondRig>& second)
-    : tracker_(camera, config),
-      R_BC_(R_BC),
-      half_readout_(Span::from_seconds(0.5 * std::abs(camera.parameters().readout_s))) {
-  if (!second) return;
-  second_.emplace(camera, *second, config);
-  R_BS_ = R_BC * second->R_SC.transpose();
-  half_readout_of_second_ = Span::from_seconds(0.5 * std::abs(second->camera.readout_s));
+Span half_readout_of(const CameraParameters& camera) { return Span::from_seconds(0.5 * std::abs(camera.readout_s)); }
+}  // namespace
+
+OtherLenses lenses_of(const std::array<std::optional<CameraParameters>, kMostOthers>& cameras,
+                      const EstimatorConfig& estimator) {
+  OtherLenses lenses;
+  for (std::size_t i = 0; i < kMostOthers; ++i)
+    if (cameras[i]) lenses[i] = {*cameras[i], {estimator.others[i].R_BC, estimator.others[i].p_BC}};
+  return lenses;
+}
+
+OtherSpans apart_of(const EstimatorConfig& estimator) {
+  constexpr double kRounding_s = 1e-6;
+  OtherSpans apart{};
+  for (std::size_t i = 0; i < kMostOthers; ++i)
+    if (const double apart_s = estimator.others[i].apart_s; apart_s > 0)
+      apart[i] = Span::from_seconds(apart_s + kRounding_s);
+  return apart;
+}
+
+FrontEnd::FrontEnd(const Camera& camera, const TrackerConfig& config, const CameraMount& mount,
+                   const OtherLenses& others)
+    : tracker_(camera, config), first_{mount, half_readout_of(camera.parameters())} {
+  for (std::size_t number = 1; number <= kMostOthers; ++number)
+    if (others[number - 1]) add_other(number, camera, config, others);
+}
+
+void FrontEnd::add_other(std::size_t number, const Camera& first, const TrackerConfig& config,
+                         const OtherLenses& others) {
+  const OtherLens& lens = *others[number - 1];
+  const auto camera_of = [&](std::size_t c) { return c == 0 ? first : Camera(others[c - 1]->camera); };
+  std::size_t beside = 0;
+  for (std::size_t c = 0; c < number; ++c) {
+    if (c > 0 && !others_[c - 1]) continue;
+    if (SecondTracker::why_apart(camera_of(c), rig_of(camera(c).mount, lens)) != nullptr) continue;
+    beside = c;
+    break;
+  }
+  others_[number - 1].emplace(Mounted{lens.mount, half_readout_of(lens.camera), {}}, beside, camera_of(beside),
+                              rig_of(camera(beside).mount, lens), config, number);
 }
 
 void FrontEnd::set_knowledge(const FrontEndKnowledge& known) noexcept {
   known_ = known;
   time_offset_ = Span::from_seconds(known.time_offset_s);
+}
+
+const SecondStats* FrontEnd::other_stats(std::size_t number) const noexcept {
+  return others_[number - 1] ? &others_[number - 1]->tracker.stats() : nullptr;
 }
 
 // From so long before an image's stamp to so long after it; X is a camera.
@@ -36,43 +73,57 @@ RowTurn FrontEnd::turn_within(const Mat3& R_BX, HostStamp image, Span within) co
   return row_turn(gyro_.between(t - within, t, bias), gyro_.between(t, t + within, bias), within.seconds(), R_BX);
 }
 
-// From one time of an image to another; X is a camera.
-Mat3 FrontEnd::turn_of(const Mat3& R_BX, HostStamp from, HostStamp to) const {
-  const Mat3 R_B0B = gyro_.between(from + time_offset_, to + time_offset_, known_.gyroscope_bias_rad_s);
+// From the time of the previous image, if there is one, to that of this one; X is a camera.
+Mat3 FrontEnd::turn_since(const std::optional<HostStamp>& previous, const Mat3& R_BX, HostStamp image) const {
+  if (!previous) return Mat3::Identity();
+  const Mat3 R_B0B = gyro_.between(*previous + time_offset_, image + time_offset_, known_.gyroscope_bias_rad_s);
   return R_BX.transpose() * R_B0B.transpose() * R_BX;
 }
 
 // The body's velocity turns with the body since it was known. What a turn about the IMU adds to the camera's is left
 // out: 1 mm for a camera 7 cm away, at 1 rad/s and 17 ms.
-RigMotion FrontEnd::motion_of(HostStamp image, HostStamp second) const {
-  const Span later = second - image;
-  const Span reach = std::max(half_readout_, Span{std::abs(later.ns)} + half_readout_of_second_);
+RigMotion FrontEnd::motion_of(const Mounted& first, const Mounted& second, HostStamp frame, HostStamp image) const {
+  const Span later = image - frame;
+  const Span reach = std::max(first.half_readout, Span{std::abs(later.ns)} + second.half_readout);
   if (reach == Span{}) return {};
-  const Mat3 R_B0B = gyro_.between(known_.stamp, image + time_offset_, known_.gyroscope_bias_rad_s);
-  return {later.seconds(), turn_within(R_BC_, image, reach), turn_within(R_BS_, second, half_readout_of_second_),
-          R_BC_.transpose() * R_B0B.transpose() * known_.velocity_B};
+  const Mat3 R_B0B = gyro_.between(known_.stamp, frame + time_offset_, known_.gyroscope_bias_rad_s);
+  return {later.seconds(), turn_within(first.mount.R_BC, frame, reach),
+          turn_within(second.mount.R_BC, image, second.half_readout),
+          first.mount.R_BC.transpose() * R_B0B.transpose() * known_.velocity_B};
 }
 
-void FrontEnd::step(const Frame& image, const Frame& second, TrackedFrame& out) noexcept {
+void FrontEnd::step(const Frame& image, const OtherFrames& others, TrackedFrame& out) noexcept {
   out.reasons = image.reasons;
   const bool blind = is_blind(image.reasons);
+  for (OtherTracks& other : out.others) other.clear();
   if (blind) {
     out.stamp = image.stamp;
     out.sequence = image.sequence;
     out.features.clear();
-    out.second.clear();
-    out.second_tracks.clear();
   } else {
-    const Mat3 R_CC0 = previous_ ? turn_of(R_BC_, *previous_, image.stamp) : Mat3(Mat3::Identity());
-    tracker_.step(image, R_CC0, out, turn_within(R_BC_, image.stamp, half_readout_));
-    previous_ = image.stamp;
+    const Mat3 R_CC0 = turn_since(first_.previous, first_.mount.R_BC, image.stamp);
+    tracker_.step(image, R_CC0, out, turn_within(first_.mount.R_BC, image.stamp, first_.half_readout));
+    first_.previous = image.stamp;
   }
-  if (!second_) return;
-  const Frame shown = is_blind(second.reasons) ? Frame{} : second;
-  const HostStamp second_stamp = shown.data != nullptr ? shown.stamp : image.stamp;
-  const Mat3 R_SS0 = second_previous_ ? turn_of(R_BS_, *second_previous_, second_stamp) : Mat3(Mat3::Identity());
-  second_->step(blind ? nullptr : &tracker_.pyramid(), shown, R_SS0, out, motion_of(image.stamp, second_stamp));
-  second_previous_ = second_stamp;
+  for (std::size_t number = 1; number <= kMostOthers; ++number)
+    if (others_[number - 1])
+      step_other(number, blind ? nullptr : &tracker_.pyramid(), image.stamp, others[number - 1], out);
+}
+
+/// `first`: the first camera's image, if it shows something.
+void FrontEnd::step_other(std::size_t number, const PyramidView* first, HostStamp stamp, const Frame& image,
+                          TrackedFrame& out) {
+  Other& other = *others_[number - 1];
+  const std::size_t beside = other.beside;
+  const std::span<const TrackedFeature> tracks = beside == 0
+                                                     ? std::span<const TrackedFeature>(out.features)
+                                                     : std::span<const TrackedFeature>(out.others[beside - 1].alone);
+  const PyramidView* const seen = beside == 0 ? first : others_[beside - 1]->tracker.pyramid();
+  const Frame shown = is_blind(image.reasons) ? Frame{} : image;
+  const HostStamp own = shown.data != nullptr ? shown.stamp : stamp;
+  other.tracker.step(seen, tracks, shown, turn_since(other.mounted.previous, other.mounted.mount.R_BC, own),
+                     out.others[number - 1], motion_of(camera(beside), other.mounted, stamp, own));
+  other.mounted.previous = own;
 }
 
 }  // namespace epiline

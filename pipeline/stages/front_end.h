@@ -1,6 +1,6 @@
 #pragma once
 // Image in, tracked features out: the vision front end with its prediction from the gyroscope.
-#include <cmath>
+#include <array>
 #include <optional>
 
 #include "estimator/estimator.h"
@@ -10,15 +10,24 @@
 
 namespace epiline {
 
-/// The rig of the estimator's two cameras; none without a second lens.
-std::optional<SecondRig> rig_of(const std::optional<CameraParameters>& second, const EstimatorConfig& estimator);
+/// Where a camera sits: x_B = R_BC x_C + p_BC.
+struct CameraMount {
+  Mat3 R_BC = Mat3::Identity();
+  Vec3 p_BC = Vec3::Zero();
+};
+inline CameraMount mount_of(const EstimatorConfig& e) { return {e.extrinsics.R_BC, e.extrinsics.p_BC}; }
 
-/// How far apart images of both cameras may be; zero: taken as of the same time.
-inline Span apart_of(const EstimatorConfig& estimator) {
-  constexpr double kRounding_s = 1e-6;
-  const double apart_s = estimator.second.apart_s;
-  return Span::from_seconds(apart_s > 0 ? apart_s + kRounding_s : 0);
-}
+/// Cameras 1 to 3, those that are there.
+struct OtherLens {
+  CameraParameters camera;
+  CameraMount mount;
+};
+using OtherLenses = std::array<std::optional<OtherLens>, kMostOthers>;
+/// Of cameras where the estimator's configuration says.
+OtherLenses lenses_of(const std::array<std::optional<CameraParameters>, kMostOthers>& cameras, const EstimatorConfig&);
+
+/// How far apart in time an image of another camera may be from the first one's; zero: taken as of the same time.
+OtherSpans apart_of(const EstimatorConfig& estimator);
 
 /// What the front end knows of the estimate.
 struct FrontEndKnowledge {
@@ -30,9 +39,10 @@ struct FrontEndKnowledge {
 
 class FrontEnd {
  public:
-  /// Throws std::invalid_argument for a tracker that cannot be built.
-  FrontEnd(const Camera& camera, const TrackerConfig& config, const Mat3& R_BC,
-           const std::optional<SecondRig>& second = {});
+  /// Each other camera looks for the tracks of the first camera before it, in the order of their numbers, with whose
+  /// image its own can be compared (SecondTracker::why_apart). Throws std::invalid_argument for a tracker that cannot
+  /// be built.
+  FrontEnd(const Camera& camera, const TrackerConfig& config, const CameraMount& mount, const OtherLenses& others = {});
 
   /// A reading of the IMU; all up to an image's time should be here before its step.
   void add_imu(const ImuSample& sample) noexcept { gyro_.add(sample); }
@@ -42,27 +52,43 @@ class FrontEnd {
 
   /// As Tracker::step: the pixels of `image` must stay valid until the next call returns. A blind image (is_blind) is
   /// not looked at: it has no features, and the pixels of the one before it are needed on.
-  /// `second`: the second camera's image of the same time, or nearly, with a stamp of its own; without data: none. If
-  /// it is blind, that counts as none. Its pixels must stay valid until the next call returns.
-  void step(const Frame& image, const Frame& second, TrackedFrame& out) noexcept;
+  /// `others`: the other cameras' images of the same time, or nearly, with stamps of their own; without data: none. One
+  /// that is blind counts as none. Their pixels must stay valid until the next call returns.
+  void step(const Frame& image, const OtherFrames& others, TrackedFrame& out) noexcept;
 
   const TrackerStats& stats() const noexcept { return tracker_.stats(); }
-  const SecondStats* second_stats() const noexcept { return second_ ? &second_->stats() : nullptr; }
+  /// Of camera 1, 2 or 3; null without it.
+  const SecondStats* other_stats(std::size_t camera) const noexcept;
 
  private:
-  Tracker tracker_;
-  std::optional<SecondTracker> second_;
-  GyroRotation gyro_;
+  /// A camera of this rig: the first one, or another.
+  struct Mounted {
+    CameraMount mount;
+    Span half_readout{};                  ///< zero: global shutter
+    std::optional<HostStamp> previous{};  ///< of the image that its tracker saw last
+  };
+  struct Other {
+    Other(const Mounted& m, std::size_t camera, const Camera& C, const SecondRig& rig, const TrackerConfig& config,
+          std::size_t number)
+        : mounted(m), beside(camera), tracker(C, rig, config, number) {}
+    Mounted mounted;
+    std::size_t beside;  ///< number of the camera whose tracks it looks for
+    SecondTracker tracker;
+  };
+
+  void add_other(std::size_t number, const Camera& first, const TrackerConfig& config, const OtherLenses& others);
+  void step_other(std::size_t number, const PyramidView* first, HostStamp stamp, const Frame& image, TrackedFrame& out);
+  const Mounted& camera(std::size_t number) const { return number == 0 ? first_ : others_[number - 1]->mounted; }
   RowTurn turn_within(const Mat3& R_BX, HostStamp image, Span within) const;
-  RigMotion motion_of(HostStamp image, HostStamp second) const;
+  RigMotion motion_of(const Mounted& first, const Mounted& second, HostStamp frame, HostStamp image) const;
+  Mat3 turn_since(const std::optional<HostStamp>& previous, const Mat3& R_BX, HostStamp image) const;
 
-  Mat3 turn_of(const Mat3& R_BX, HostStamp from, HostStamp to) const;
-
-  Mat3 R_BC_, R_BS_ = Mat3::Identity();
-  Span half_readout_, half_readout_of_second_{};  ///< zero: global shutter
+  Tracker tracker_;
+  Mounted first_;
+  std::array<std::optional<Other>, kMostOthers> others_;
+  GyroRotation gyro_;
   FrontEndKnowledge known_;
   Span time_offset_{};
-  std::optional<HostStamp> previous_, second_previous_;  ///< of the images that the trackers saw last
 };
 
 }  // namespace epiline

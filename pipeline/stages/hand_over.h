@@ -73,7 +73,8 @@ struct LoggedTracks {
   std::uint64_t sequence = 0;  ///< of the camera's images
   HostStamp stamp;
   FixedVector<LoggedPoint, kMaxFeatures> points;  ///< in the order of their ids
-  FixedVector<LoggedPoint, kMaxFeatures> second;  ///< what a second camera sees: pixels of its image
+  /// What cameras 1 to 3 see: pixels of their images.
+  std::array<FixedVector<LoggedPoint, kMaxFeatures>, kMostOthers> others;
 };
 
 // The rings to the log. A full one refuses and counts: no stage waits for the log.

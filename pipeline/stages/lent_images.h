@@ -21,12 +21,12 @@ class LentImages {
   /// `camera`: gets its images back; null: the caller knows by users() when it may have an image's memory again.
   explicit LentImages(CameraSource* camera) noexcept : camera_(camera) {}
 
-  /// The image's first user, before it hands the number of the buffer on. `second`: what a second camera took at
-  /// the same time, or nearly; it is lent and given back together with the image.
-  void lend(const Frame& image, const Frame& second = {}) noexcept {
+  /// The image's first user, before it hands the number of the buffer on. `others` are lent
+  /// and given back together with the image.
+  void lend(const Frame& image, const OtherFrames& others = {}) noexcept {
     const auto slot = static_cast<std::size_t>(image.slot);
     images_[slot] = image;
-    seconds_[slot] = second;
+    others_[slot] = others;
     loans_.lend(slot);
   }
   /// One more user. Only by a user, before it hands the number on.
@@ -37,14 +37,15 @@ class LentImages {
   }
   /// Only by a user.
   const Frame& operator[](std::size_t slot) const noexcept { return images_[slot]; }
-  /// The same of the second camera; it has no data if there is none.
-  const Frame& second(std::size_t slot) const noexcept { return seconds_[slot]; }
+  /// The same of the other cameras.
+  const OtherFrames& others(std::size_t slot) const noexcept { return others_[slot]; }
   /// Any thread: a recent value.
   std::uint32_t users(std::size_t slot) const noexcept { return loans_.users(slot); }
 
  private:
   CameraSource* camera_;
-  std::array<Frame, kMostSlots> images_{}, seconds_{};
+  std::array<Frame, kMostSlots> images_{};
+  std::array<OtherFrames, kMostSlots> others_{};
   Loans<kMostSlots> loans_;
 };
 

@@ -15,7 +15,7 @@ OfflinePipeline::OfflinePipeline(const OfflineSettings& s)
       estimate_({s.estimator, s.deadline_ms}, clock_,
                 {tracked_, not_ended_, imu_to_estimate_, imu_ended_, speeds_, heights_},
                 {knowledge_, nobody_, events_}),
-      track_({s.camera, s.tracker, s.estimator.extrinsics.R_BC, s.images, recorded_, {}, rig_of(s.second, s.estimator)},
+      track_({s.camera, s.tracker, mount_of(s.estimator), s.images, recorded_, {}, lenses_of(s.others, s.estimator)},
              estimate_.knowledge(), clock_, {frames_, images_, not_ended_, imu_to_track_, imu_ended_, knowledge_},
              {tracked_, nobody_, events_}) {
   imu_ended_.set();
@@ -47,11 +47,11 @@ HostStamp OfflinePipeline::imu_needed_until(HostStamp image) const noexcept {
   return track_.wants_imu() ? std::max(estimator_needs, track_.imu_needed_until(image)) : estimator_needs;
 }
 
-void OfflinePipeline::step(const Frame& image, const Frame& second, FrameOutcome& out) noexcept {
+void OfflinePipeline::step(const Frame& image, const OtherFrames& others, FrameOutcome& out) noexcept {
   Frame numbered = image;
   numbered.slot = 0;
-  while (images_.users(static_cast<std::size_t>(numbered.slot)) > 0) ++numbered.slot;  // the trackers may keep two
-  capture_.hand_on(numbered, second);
+  while (images_.users(static_cast<std::size_t>(numbered.slot)) > 0) ++numbered.slot;  // each tracker may keep one
+  capture_.hand_on(numbered, others);
   run();
   out = estimate_.outcome();
 }

@@ -20,7 +20,7 @@ struct OfflineSettings {
   /// Recorded tracks: the points of each image, by Frame::sequence. They outlive the pipeline.
   std::vector<std::span<const TrackPoint>> recorded;
   StageClocks clocks;
-  std::optional<CameraParameters> second{};  ///< lens of a second camera, which is where `estimator.second` says
+  std::array<std::optional<CameraParameters>, kMostOthers> others{};  ///< lenses; `estimator.others` says where
 };
 
 class OfflinePipeline {
@@ -41,8 +41,8 @@ class OfflinePipeline {
   HostStamp imu_needed_until(HostStamp image) const noexcept;
 
   /// Tracks and estimates the image. Its pixels must stay valid until the step of the next one that is not blind
-  /// (is_blind) returns; its slot does not matter. `second`: as FrontEnd::step; the same holds for it.
-  void step(const Frame& image, const Frame& second, FrameOutcome& out) noexcept;
+  /// (is_blind) returns; its slot does not matter. `others`: as FrontEnd::step; the same holds for them.
+  void step(const Frame& image, const OtherFrames& others, FrameOutcome& out) noexcept;
   void step(const Frame& image, FrameOutcome& out) noexcept { step(image, {}, out); }
 
   const Estimator& estimator() const noexcept { return estimate_.back_end().estimator(); }
@@ -52,7 +52,7 @@ class OfflinePipeline {
   EventRing& events() noexcept { return events_; }
   const LoadGovernor::Counts& load() const noexcept { return estimate_.back_end().load(); }
   const TrackerStats* tracker_stats() const noexcept { return track_.tracker_stats(); }
-  const SecondStats* second_stats() const noexcept { return track_.second_stats(); }
+  const SecondStats* other_stats(std::size_t camera) const noexcept { return track_.other_stats(camera); }
 
  private:
   /// Calls the stages until none has anything to do.

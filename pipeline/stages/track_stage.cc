@@ -16,7 +16,7 @@ TrackStage::TrackStage(const TrackStageSettings& settings, const Knowledge& know
       out_(out),
       imu_(in.imu, in.imu_ended, settings.imu_patience, clock.clocks.wall, out.events),
       known_(known) {
-  if (settings.images) front_end_.emplace(Camera(settings.camera), settings.tracker, settings.R_BC, settings.second);
+  if (settings.images) front_end_.emplace(Camera(settings.camera), settings.tracker, settings.mount, settings.others);
 }
 
 bool TrackStage::ready() noexcept {
@@ -30,7 +30,7 @@ Step TrackStage::step() noexcept {
   if (image_ == kNone) return take_next();
   const auto give = [&](const ImuSample& reading) { front_end_->add_imu(reading); };
   if (front_end_ && !imu_.take(give)) return Step::nothing_until(imu_.waits_until_ns());
-  track(in_.images[image_], in_.images.second(image_));
+  track(in_.images[image_], in_.images.others(image_));
   done_with_image();
   return Step::work();
 }
@@ -54,14 +54,14 @@ Step TrackStage::take_next() noexcept {
   return Step::nothing_until(clock_.now_ns() + kIdle.ns);
 }
 
-void TrackStage::track(const Frame& image, const Frame& second) noexcept {
+void TrackStage::track(const Frame& image, const OtherFrames& others) noexcept {
   Tracked* const out = out_.tracked.claim();
   EPILINE_EXPECTS(out != nullptr, "the tracker is never more images ahead than the ring holds");
   if (front_end_) {
     const StageTime began = clock_.clocks.now();
     front_end_->set_knowledge({Vec3(known_.gyroscope_bias_rad_s.data()), known_.time_offset_s, known_.stamp,
                                Vec3(known_.velocity_B_m_s.data())});
-    front_end_->step(image, second, out->frame);
+    front_end_->step(image, others, out->frame);
     out->track = clock_.clocks.now() - began;
     lend_to_log(image_);
   } else {
@@ -83,9 +83,10 @@ void TrackStage::lend_to_log(std::size_t slot) noexcept {
 
 void TrackStage::done_with_image() noexcept {
   const FrameRing::Value image = std::exchange(image_, kNone);
-  const Frame& second = in_.images.second(image);
-  keep(image, !is_blind(in_.images[image].reasons), kept_);
-  keep(image, second.data != nullptr && !is_blind(second.reasons), second_image_kept_);
+  const OtherFrames& others = in_.images.others(image);
+  keep(image, !is_blind(in_.images[image].reasons), kept_[0]);
+  for (std::size_t i = 0; i < kMostOthers; ++i)
+    keep(image, others[i].data != nullptr && !is_blind(others[i].reasons), kept_[i + 1]);
   in_.images.give_back(image);
 }
 
@@ -99,9 +100,9 @@ void TrackStage::keep(FrameRing::Value image, bool shown, FrameRing::Value& kept
 
 void TrackStage::give_back_all() noexcept {
   const auto back = [&](FrameRing::Value slot) { in_.images.give_back(slot); };
-  for (FrameRing::Value* held : {&image_, &kept_, &second_image_kept_}) {
-    if (*held != kNone) back(std::exchange(*held, kNone));
-  }
+  if (image_ != kNone) back(std::exchange(image_, kNone));
+  for (FrameRing::Value& held : kept_)
+    if (held != kNone) back(std::exchange(held, kNone));
   while (in_.frames.ready()) back(in_.frames.pop(back));
 }
 

@@ -15,12 +15,12 @@ namespace epiline {
 struct TrackStageSettings {
   CameraParameters camera;
   TrackerConfig tracker;
-  Mat3 R_BC = Mat3::Identity();
+  CameraMount mount;
   bool images = true;  ///< false: recorded tracks
   /// Recorded tracks: the points of each image, by Frame::sequence. They outlive the stage.
   std::span<const std::span<const TrackPoint>> recorded;
   Span imu_patience{};  ///< ImuIntake
-  std::optional<SecondRig> second{};
+  OtherLenses others{};
 };
 
 /// Tracks one image a step: as soon as the estimator has taught what it knew after the image before the previous one,
@@ -58,8 +58,10 @@ class TrackStage final : public Stage {
 
   std::uint64_t imu_late() const noexcept { return imu_.late(); }
   const TrackerStats* tracker_stats() const noexcept { return front_end_ ? &front_end_->stats() : nullptr; }
-  /// Null with one camera.
-  const SecondStats* second_stats() const noexcept { return front_end_ ? front_end_->second_stats() : nullptr; }
+  /// Of camera 1, 2 or 3; null without it.
+  const SecondStats* other_stats(std::size_t camera) const noexcept {
+    return front_end_ ? front_end_->other_stats(camera) : nullptr;
+  }
 
  private:
   static constexpr FrameRing::Value kNone = FrameRing::kNone;
@@ -67,7 +69,7 @@ class TrackStage final : public Stage {
   bool lesson_is_due() const noexcept { return lessons_ + kKnowledgeDelay <= tracked_; }
   Step learn() noexcept;
   Step take_next() noexcept;
-  void track(const Frame& image, const Frame& second) noexcept;
+  void track(const Frame& image, const OtherFrames& others) noexcept;
   void lend_to_log(std::size_t slot) noexcept;
   void done_with_image() noexcept;
   void keep(FrameRing::Value image, bool shown, FrameRing::Value& kept) noexcept;
@@ -80,9 +82,10 @@ class TrackStage final : public Stage {
   Outputs out_;
   ImuIntake imu_;
   Knowledge known_;
-  std::uint64_t tracked_ = 0, lessons_ = 0;                    ///< images; lessons taken from `knowledge`
-  FrameRing::Value image_ = kNone;                             ///< being tracked
-  FrameRing::Value kept_ = kNone, second_image_kept_ = kNone;  ///< of earlier images, for either camera's tracker
+  std::uint64_t tracked_ = 0, lessons_ = 0;  ///< images; lessons taken from `knowledge`
+  FrameRing::Value image_ = kNone;           ///< being tracked
+  /// Of earlier images, for each camera's tracker.
+  std::array<FrameRing::Value, kMostOthers + 1> kept_{kNone, kNone, kNone, kNone};
 };
 
 }  // namespace epiline

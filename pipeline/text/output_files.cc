@@ -10,14 +10,14 @@
 namespace epiline {
 namespace fs = std::filesystem;
 
-Result<PartialFolder> PartialFolder::create(const fs::path& name, std::initializer_list<const char*> parts) {
+Result<PartialFolder> PartialFolder::create(const fs::path& name, const std::vector<std::string>& parts) {
   PartialFolder made(name);
   std::error_code failed;
   fs::remove_all(made.root(), failed);
   const auto make = [&](const fs::path& path) { return fs::create_directories(path, failed) || !failed; };
   fs::path path = made.root();
   bool good = make(path);
-  for (const char* part : parts) good = good && make(path = made.root() / part);
+  for (const std::string& part : parts) good = good && make(path = made.root() / part);
   if (!good) return Error{ErrorKind::kUsage, path.string(), 0, failed.message(), "a folder to write to"};
   return made;
 }

@@ -2,9 +2,9 @@
 // Files and folders that are there whole or not at all, also after the power was cut.
 #include <cstdio>
 #include <filesystem>
-#include <initializer_list>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "platform/error/result.h"
 
@@ -15,7 +15,7 @@ namespace epiline {
 class PartialFolder {
  public:
   /// Makes the folder and `parts` inside. Fails if and only if one cannot be made.
-  static Result<PartialFolder> create(const std::filesystem::path& name, std::initializer_list<const char*> parts);
+  static Result<PartialFolder> create(const std::filesystem::path& name, const std::vector<std::string>& parts);
   ~PartialFolder();
   PartialFolder(PartialFolder&& other) noexcept : name_(std::move(other.name_)) { other.name_.clear(); }
   PartialFolder& operator=(PartialFolder&&) = delete;

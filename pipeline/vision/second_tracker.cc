@@ -52,25 +52,15 @@ struct Chain {
 
 int pause_after(int failures) { return (1 << std::min(failures, 4)) - 1; }
 
-// Why patches of one image are not looked for in the other; null: they are.
-const char* why_apart(const Camera& first, const Camera& second, const SecondRig& rig) {
-  if (!(rig.p_SC.norm() >= kLeastBaseline_m)) return "the second camera is where the first one is";
-  if (!(rig.R_SC(0, 0) > kLeastCosine && rig.R_SC(1, 1) > kLeastCosine && rig.R_SC(2, 2) > kLeastCosine))
-    return "the second camera's axes are turned by more than about 35 degrees against those of the first one";
-  const double scale = second.focal_px() / first.focal_px();
-  if (!(scale < kMostScale && scale > 1 / kMostScale))
-    return "the focal lengths of the two cameras, in px, differ too much";
-  return nullptr;
-}
-
 }  // namespace
 
 struct SecondTracker::Impl {
-  Impl(const Camera& second, const SecondRig& rig, const TrackerConfig& config_, bool matches_)
+  Impl(const Camera& second, const SecondRig& rig, const TrackerConfig& config_, std::uint32_t first_id_, bool matches_)
       : camera(second),
         R_SC(rig.R_SC),
         p_SC(rig.p_SC),
         config(config_),
+        first_id(first_id_),
         matches(matches_),
         alone(second, config_),
         chains(static_cast<std::size_t>(config_.max_features)),
@@ -82,6 +72,8 @@ struct SecondTracker::Impl {
       chains[i].spare = chains[i].patch + 1;
     }
   }
+
+  using Tracks = std::span<const TrackedFeature>;
 
   // x_S = R x_C + p: from the axes of the first camera at its stamp, seen from where it took a track, to those of the
   // second camera when it takes it.
@@ -95,11 +87,11 @@ struct SecondTracker::Impl {
   Vec3 at_stamp(const TrackedFeature& feature) const;
 
   void forget_views();
-  void take_over(const TrackedFrame& tracks);
+  void take_over(Tracks tracks);
   Vec2 seen_at(const TrackedFeature& feature, double inverse_m) const;
   bool take(Chain& chain, const TrackedFeature& feature, const KltTrack& found);
   int start_level(float innovation_px) const;
-  void follow(const TrackedFrame& tracks);
+  void follow(Tracks tracks);
   float to_scan(double px) const { return static_cast<float>((px + 0.5) / (1 << scan_level) - 0.5); }
   float from_scan(float px) const { return (px + 0.5f) * static_cast<float>(1 << scan_level) - 0.5f; }
   int places_of(const TrackedFeature& feature);
@@ -109,9 +101,9 @@ struct SecondTracker::Impl {
   void plan_match(const PyramidView& first, const TrackedFeature& feature, int i);
   bool stayed(int k) const;
   int better(int k, int end) const;
-  void match(const PyramidView& first, const TrackedFrame& tracks);
-  void publish(TrackedFrame& tracks);
-  void fill_alone(TrackedFrame& tracks);
+  void match(const PyramidView& first, Tracks tracks);
+  void publish(Tracks tracks, OtherTracks& out);
+  void fill_alone(Tracks tracks, OtherTracks& out);
 
   const PyramidView& current() const { return alone.pyramid(); }
   const PyramidView& previous() const { return alone.pyramid_before(); }
@@ -120,7 +112,9 @@ struct SecondTracker::Impl {
   Mat3 R_SC;
   Vec3 p_SC;
   TrackerConfig config;
-  bool matches;  // the first camera's tracks are looked for
+  std::uint32_t first_id;  // of the second camera's own tracks
+  bool matches;            // the first camera's tracks are looked for
+  bool sees = false;       // the last image can be used
   SecondStats stats;
   Tracker alone;              // tracks that the first camera does not see
   std::vector<Chain> chains;  // the first `size` belong to the tracks, in their order
@@ -146,17 +140,17 @@ void SecondTracker::Impl::forget_views() {
 }
 
 // Chains of tracks that live on keep their order; a new track takes the template of one that ended.
-void SecondTracker::Impl::take_over(const TrackedFrame& tracks) {
-  const int count = static_cast<int>(std::min(tracks.features.size(), chains.size()));
+void SecondTracker::Impl::take_over(Tracks tracks) {
+  const int count = static_cast<int>(std::min(tracks.size(), chains.size()));
   int kept = 0;
   for (int k = 0; k < size && kept < count; ++k)
-    if (chains[k].id == tracks.features[kept].id) std::swap(chains[kept++], chains[k]);
+    if (chains[k].id == tracks[kept].id) std::swap(chains[kept++], chains[k]);
   for (int i = kept; i < count; ++i) {
     const int patch = chains[i].patch, spare = chains[i].spare;
     chains[i] = {};
     chains[i].patch = patch;
     chains[i].spare = spare;
-    chains[i].id = tracks.features[i].id;
+    chains[i].id = tracks[i].id;
   }
   size = count;
 }
@@ -235,12 +229,12 @@ int SecondTracker::Impl::start_level(float innovation_px) const {
 
 // From the second image before to this one. The first camera says how the direction has changed; the distance is that
 // of the image before.
-void SecondTracker::Impl::follow(const TrackedFrame& tracks) {
+void SecondTracker::Impl::follow(Tracks tracks) {
   int count = 0;
   for (int i = 0; i < size; ++i) {
     const Chain& chain = chains[i];
     if (!chain.matched) continue;
-    const Vec2 px = seen_at(tracks.features[i], chain.inverse_m);
+    const Vec2 px = seen_at(tracks[i], chain.inverse_m);
     predicted_x[count] = static_cast<float>(px.x());
     predicted_y[count] = static_cast<float>(px.y());
     chain_of[count] = i;
@@ -256,7 +250,7 @@ void SecondTracker::Impl::follow(const TrackedFrame& tracks) {
   track_klt(config, previous(), current(), wanted.data(), count);
   for (int k = 0; k < count; ++k) {
     Chain& chain = chains[chain_of[k]];
-    chain.matched = wanted[k].end == KltEnd::kFound && take(chain, tracks.features[chain_of[k]], wanted[k]);
+    chain.matched = wanted[k].end == KltEnd::kFound && take(chain, tracks[chain_of[k]], wanted[k]);
     chain.innovation = std::hypot(wanted[k].found_x - predicted_x[k], wanted[k].found_y - predicted_y[k]);
     chain.confirmed = chain.matched;
     if (!chain.matched) chain.wait = 1;  // a new match is not the same view: at least one image lies between them
@@ -351,14 +345,14 @@ int SecondTracker::Impl::better(int k, int end) const {
 
 // From the first camera's image to the second one's, for each track that has no view and need not wait. What was not
 // found rests: the longer, the more often it was not.
-void SecondTracker::Impl::match(const PyramidView& first, const TrackedFrame& tracks) {
+void SecondTracker::Impl::match(const PyramidView& first, Tracks tracks) {
   searches = 0;
   for (int i = 0; i < size; ++i) {
     Chain& chain = chains[i];
     if (chain.matched || (chain.wait > 0 && chain.wait-- > 0)) continue;
     ++stats.tried;
     chain.wait = pause_after(++chain.failures);
-    plan_match(first, tracks.features[i], i);
+    plan_match(first, tracks[i], i);
   }
   PyramidView second = current();
   second.levels = scan_level + 1;  // no search is repeated from further up: the scan has seen all places
@@ -367,7 +361,7 @@ void SecondTracker::Impl::match(const PyramidView& first, const TrackedFrame& tr
     Chain& chain = chains[chain_of[k]];
     for (end = k + 1; end < searches && chain_of[end] == chain_of[k];) ++end;
     const int found = better(k, end);
-    const TrackedFeature& feature = tracks.features[chain_of[k]];
+    const TrackedFeature& feature = tracks[chain_of[k]];
     if (found < 0 || wanted[found].correlation < kLeastMatched || !take(chain, feature, wanted[found])) continue;
     if (wanted[found].patch == &templates[chain.spare]) std::swap(chain.patch, chain.spare);
     chain.matched = true;
@@ -379,74 +373,85 @@ void SecondTracker::Impl::match(const PyramidView& first, const TrackedFrame& tr
   }
 }
 
-void SecondTracker::Impl::publish(TrackedFrame& tracks) {
+void SecondTracker::Impl::publish(Tracks tracks, OtherTracks& out) {
   for (int i = 0; i < size; ++i) {
     const Chain& chain = chains[i];
     if (!chain.matched || !chain.confirmed) continue;
     SecondView view;
     view.id = chain.id;
-    view.age = tracks.features[i].age;
+    view.age = tracks[i].age;
     view.found = chain.found;
     view.pixel = {chain.x, chain.y};
     view.row_s = static_cast<float>(chain.exposed_s);
     view.bearing = {chain.bearing.x(), chain.bearing.y(), chain.bearing.z()};
     Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(view.pixel_jacobian.data()) = chain.pixel_jacobian;
-    tracks.second.push_back(view);
+    out.views.push_back(view);
   }
   stats.tracks += static_cast<std::uint64_t>(size);
-  stats.views += tracks.second.size();
+  stats.views += out.views.size();
 }
 
 // As many as the first camera lacks if it has lost half of its own, else a few, which live on where it does. New ones
 // of those few are looked for now and then: most cells of the image are taken or empty of corners, and an image's
 // search costs as much as following all of them.
-void SecondTracker::Impl::fill_alone(TrackedFrame& tracks) {
+void SecondTracker::Impl::fill_alone(Tracks tracks, OtherTracks& out) {
   if (config.second_features == 0) return;
   std::size_t count = 0;
   for (int i = 0; i < size; ++i)
     if (chains[i].matched) taken[count++] = {chains[i].x, chains[i].y};
-  const int first = matches ? static_cast<int>(tracks.features.size()) : 0;
+  const int first = matches ? static_cast<int>(tracks.size()) : 0;
   int most = 0;
   if (2 * first < config.max_features) {
     most = config.max_features - first;
   } else if (stats.images % kSparesEvery == 1) {
     most = std::min(config.second_features, config.max_features);
   }
-  alone.fill(std::span(taken).first(count), most, kSecondTrack, tracks.second_tracks);
-  for (TrackedFeature& feature : tracks.second_tracks) feature.row_s += static_cast<float>(motion.second_later_s);
-  stats.alone += tracks.second_tracks.size();
+  alone.fill(std::span(taken).first(count), most, first_id, out.alone);
+  for (TrackedFeature& feature : out.alone) feature.row_s += static_cast<float>(motion.second_later_s);
+  stats.alone += out.alone.size();
 }
 
-SecondTracker::SecondTracker(const Camera& first, const SecondRig& rig, const TrackerConfig& config) {
-  const Camera second(rig.camera);
-  const char* const apart = why_apart(first, second, rig);
+const char* SecondTracker::why_apart(const Camera& first, const SecondRig& rig) {
+  if (!(rig.p_SC.norm() >= kLeastBaseline_m)) return "the second camera is where the first one is";
+  if (!(rig.R_SC(0, 0) > kLeastCosine && rig.R_SC(1, 1) > kLeastCosine && rig.R_SC(2, 2) > kLeastCosine))
+    return "the second camera's axes are turned by more than about 35 degrees against those of the first one";
+  const double scale = Camera(rig.camera).focal_px() / first.focal_px();
+  if (!(scale < kMostScale && scale > 1 / kMostScale))
+    return "the focal lengths of the two cameras, in px, differ too much";
+  return nullptr;
+}
+
+SecondTracker::SecondTracker(const Camera& first, const SecondRig& rig, const TrackerConfig& config,
+                             std::size_t number) {
+  const char* const apart = why_apart(first, rig);
   if (apart != nullptr && config.second_features == 0) throw std::invalid_argument(apart);
-  impl_ = std::make_unique<Impl>(second, rig, config, apart == nullptr);
+  impl_ = std::make_unique<Impl>(Camera(rig.camera), rig, config, first_track_of(number), apart == nullptr);
 }
 
 SecondTracker::~SecondTracker() = default;
 
-void SecondTracker::step(const PyramidView* first, const Frame& second, const Mat3& R_SS0, TrackedFrame& tracks,
-                         const RigMotion& motion) noexcept {
+void SecondTracker::step(const PyramidView* first, std::span<const TrackedFeature> tracks, const Frame& second,
+                         const Mat3& R_SS0, OtherTracks& out, const RigMotion& motion) noexcept {
   Impl& t = *impl_;
   t.motion = motion;
   t.of_stamps = t.relation_between(0, motion.second_later_s);
   ++t.stats.images;
-  tracks.second.clear();
-  tracks.second_tracks.clear();
+  out.clear();
   t.take_over(tracks);
-  if (!t.alone.follow(second, R_SS0, motion.second)) {
+  t.sees = t.alone.follow(second, R_SS0, motion.second);
+  if (!t.sees) {
     ++t.stats.images_missing;
     return t.forget_views();
   }
   if (first != nullptr && t.matches) {
     t.follow(tracks);
     t.match(*first, tracks);
-    t.publish(tracks);
+    t.publish(tracks, out);
   }
-  t.fill_alone(tracks);
+  t.fill_alone(tracks, out);
 }
 
+const PyramidView* SecondTracker::pyramid() const noexcept { return impl_->sees ? &impl_->current() : nullptr; }
 const SecondStats& SecondTracker::stats() const noexcept { return impl_->stats; }
 
 }  // namespace epiline

@@ -1,8 +1,9 @@
 #pragma once
-// Finds the tracks of the first camera in the images of a second one, and follows tracks of its own there. Design and
+// Finds the tracks of one camera in the images of a second one, and follows tracks of its own there. Design and
 // measurements: docs/vision.md.
 #include <cstdint>
 #include <memory>
+#include <span>
 
 #include "estimator/geometry/camera.h"
 #include "estimator/geometry/row_turn.h"
@@ -13,19 +14,19 @@
 
 namespace epiline {
 
-/// The second camera S beside the first one, C: x_S = R_SC x_C + p_SC.
+/// The second camera S beside a first one, C: x_S = R_SC x_C + p_SC. C leads the cameras, or is one of the others.
 struct SecondRig {
   CameraParameters camera;
   Mat3 R_SC = Mat3::Identity();
   Vec3 p_SC = Vec3::Zero();  ///< m
 };
 
-/// How the rig moves while its cameras take an image each. All zero: both expose all rows at the same time.
+/// How the rig moves while its cameras take an image each. All zero: both expose all rows at the frame's stamp.
 struct RigMotion {
-  double second_later_s = 0;       ///< stamp of the second camera's image less that of the first one's
-  RowTurn first;                   ///< of the first camera, from its stamp on
-  RowTurn second;                  ///< of the second camera, from its own stamp on
-  Vec3 velocity_C = Vec3::Zero();  ///< of the first camera at its stamp, m/s
+  double second_later_s = 0;  ///< stamp of the second camera's image less the frame's, which the leading camera gives
+  RowTurn first;              ///< of the first camera, from the frame's stamp on
+  RowTurn second;             ///< of the second camera, from its own stamp on
+  Vec3 velocity_C = Vec3::Zero();  ///< of the first camera at the frame's stamp, m/s
 };
 
 /// Counts since construction.
@@ -50,20 +51,26 @@ class SecondTracker {
  public:
   static constexpr float kMostOffPlane_px = 1.5f;  ///< distance of a view from the epipolar plane
 
-  /// Cameras without a baseline, or whose images differ so much in scale or are turned so much against each other that
-  /// patches do not look alike, have no tracks in common. Throws std::invalid_argument for those if
+  /// Why two cameras have no tracks in common: they have no baseline, or their images differ so much in scale, or are
+  /// turned so much against each other, that patches do not look alike. Null: they have.
+  static const char* why_apart(const Camera& first, const SecondRig& rig);
+
+  /// `number`: of the second camera, 1 to 3. Throws std::invalid_argument for cameras without tracks in common if
   /// config.second_features is 0, and for images smaller than 64x64.
-  SecondTracker(const Camera& first, const SecondRig& rig, const TrackerConfig& config);
+  SecondTracker(const Camera& first, const SecondRig& rig, const TrackerConfig& config, std::size_t number = 1);
   ~SecondTracker();
   SecondTracker(const SecondTracker&) = delete;
   SecondTracker& operator=(const SecondTracker&) = delete;
 
-  /// Fills `tracks.second` with views of `tracks.features`, which are the first camera's tracks in the image of the
-  /// pyramid `first`, in the order of their ids; and `tracks.second_tracks`. `first` is null, and there are no
-  /// features, if that camera shows nothing. `second` has no data if the second camera missed this image; its pixels
-  /// must stay valid until the next call returns. `R_SS0`: as `R_CC0` of Tracker::step, of the second camera.
-  void step(const PyramidView* first, const Frame& second, const Mat3& R_SS0, TrackedFrame& tracks,
-            const RigMotion& motion = {}) noexcept;
+  /// Fills `out.views` with views of `tracks`, which are the first camera's in the image of the pyramid `first`, in the
+  /// order of their ids; and `out.alone`. `first` is null, and there are no tracks, if that camera shows nothing.
+  /// `second` has no data if the second camera missed this image; its pixels must stay valid until the next call
+  /// returns. `R_SS0`: as `R_CC0` of Tracker::step, of the second camera.
+  void step(const PyramidView* first, std::span<const TrackedFeature> tracks, const Frame& second, const Mat3& R_SS0,
+            OtherTracks& out, const RigMotion& motion = {}) noexcept;
+
+  /// Of the last image; null if the camera missed it.
+  const PyramidView* pyramid() const noexcept;
 
   const SecondStats& stats() const noexcept;
 

@@ -64,7 +64,7 @@ constexpr Description kDescriptions[] = {
     {"record_written", {number("number"), one_of("reason", kRecordReasons)}},
     {"record_failed", {number("number"), one_of("reason", kRecordReasons), number("errno")}},
     {"number_wrong", {one_of("what", kSuspectNames), one_of("severity", kSeverityNames), number("figure")}},
-    {"second_camera_blind", {number("on"), number("images")}},
+    {"other_camera_blind", {number("on"), number("images"), number("camera")}},
 };
 static_assert(std::size(kDescriptions) == static_cast<std::size_t>(EventId::kCount));
 

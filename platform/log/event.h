@@ -32,7 +32,7 @@ enum class EventId : std::uint16_t {
   kRecordWritten,   ///< number of the record, RecordReason
   kRecordFailed,    ///< number of the record, RecordReason, errno if known
   kNumberWrong,     ///< Suspect, Severity, figure (pipeline/text/suspicion_text.h)
-  kSecondBlind,     ///< 1 begins, 0 ends; images of the second camera, frozen or without a picture
+  kOtherBlind,      ///< 1 begins, 0 ends; images frozen or without a picture; of which camera, 1 to 3
   kCount
 };
 

@@ -28,9 +28,9 @@ class CameraSource {
   /// counts all images that the camera took, so a gap means lost images. `frame.slot` is the number of the buffer, from
   /// 0.
   virtual ReadOutcome read(Frame& frame, Span timeout) noexcept = 0;
-  /// The image that a second camera took at the same time as this one, which is lent; it is given back together with
-  /// it. Without one it has no data.
-  virtual Frame second(const Frame& /*frame*/) const noexcept { return {}; }
+  /// The images that other cameras took at the same time as this one, which is lent; they are given back together with
+  /// it.
+  virtual OtherFrames others(const Frame& /*frame*/) const noexcept { return {}; }
   /// Returns an image. From any thread, once per image.
   virtual void give_back(const Frame& frame) noexcept = 0;
 };

@@ -39,6 +39,9 @@ struct HeightSample {
   double metres = 0;
 };
 
+/// Cameras beside the first one, at most.
+inline constexpr std::size_t kMostOthers = 3;
+
 /// A view of an 8-bit grey image; it does not own the pixels. `stamp` is mid-exposure.
 struct Frame {
   HostStamp stamp;
@@ -49,6 +52,11 @@ struct Frame {
   HostStamp arrival{};        ///< when the driver received it, on the computer's monotonic clock; zero: unknown
   std::uint32_t reasons = 0;  ///< HealthReason bits from the input watch
 };
+
+/// What cameras 1 to 3 took at the same time as an image of the first one, or nearly; without data: none.
+using OtherFrames = std::array<Frame, kMostOthers>;
+/// A time for each of those cameras.
+using OtherSpans = std::array<Span, kMostOthers>;
 
 /// One track in one image. It contains everything that the estimator needs to know about the camera.
 struct TrackedFeature {
@@ -62,7 +70,8 @@ struct TrackedFeature {
   std::array<double, 6> pixel_jacobian{};  ///< d pixel / d bearing, 2x3 row-major, px; its product with `bearing` is 0
 };
 
-/// The same track in the image that a second camera took at the same time, or nearly.
+/// The same track in the image that a second camera took at the same time, or nearly. The second camera of one whose
+/// tracks these are is any camera behind it: of the cameras 0 to 3, camera 0 is the first one, which leads.
 struct SecondView {
   std::uint32_t id = 0;                    ///< of its TrackedFeature
   std::uint32_t age = 0;                   ///< of that track
@@ -73,8 +82,19 @@ struct SecondView {
   std::array<double, 6> pixel_jacobian{};  ///< d pixel / d bearing, as of TrackedFeature
 };
 
-/// Bit of the ids of tracks of the second camera alone, which tells them from the first one's.
-inline constexpr std::uint32_t kSecondTrack = 1u << 31;
+/// The first id of the tracks that begin in the images of camera c.
+inline constexpr std::uint32_t first_track_of(std::size_t camera) { return static_cast<std::uint32_t>(camera) << 30; }
+
+/// What a camera beside the first one sees.
+struct OtherTracks {
+  FixedVector<SecondView, kMaxFeatures> views;      ///< of tracks of a camera before it, sorted by id
+  FixedVector<TrackedFeature, kMaxFeatures> alone;  ///< its own tracks, sorted by id, which is first_track_of() it or
+                                                    ///< more; bearings in its frame
+  void clear() {
+    views.clear();
+    alone.clear();
+  }
+};
 
 /// All tracks of one image.
 struct TrackedFrame {
@@ -82,9 +102,7 @@ struct TrackedFrame {
   std::uint64_t sequence = 0;
   std::uint32_t reasons = 0;  ///< as Frame::reasons
   FixedVector<TrackedFeature, kMaxFeatures> features;
-  FixedVector<SecondView, kMaxFeatures> second;  ///< of tracks in `features`, sorted by id; one camera: none
-  /// Tracks of the second camera alone, sorted by id; bearings in its frame. No id is one in `features` (kSecondTrack).
-  FixedVector<TrackedFeature, kMaxFeatures> second_tracks;
+  std::array<OtherTracks, kMostOthers> others;  ///< of cameras 1 to 3; of one that is not there: empty
 };
 
 enum class HealthState : std::uint8_t { kInitialising, kTracking, kDegraded, kLost };

@@ -11,8 +11,8 @@ SyntheticWindow make_window(const SyntheticOptions& o) {
   s.window = std::make_unique<Window>(kMaxFrames);
   Window& w = *s.window;
   w.calibration = synthetic_calibration(o.lever);
-  const Rig rig = synthetic_rig();
-  if (o.second) w.rig = rig;
+  const RigPose rig = synthetic_rig().poses[1];
+  if (o.second) w.rig = synthetic_rig();
   if (o.moved) {
     w.calibration.p_BC += w.calibration.R_BC * rig.p_CD;
     w.calibration.R_BC = w.calibration.R_BC * rig.R_CD;
@@ -54,8 +54,8 @@ SyntheticWindow make_window(const SyntheticOptions& o) {
     }
     static TrackedFrame frame;
     frame.features.clear();
-    frame.second.clear();
-    frame.second_tracks.clear();
+    OtherTracks& second = frame.others[0];
+    second.clear();
     frame.stamp = slot.image_stamp;
     auto in_camera = [&](const Vec3& P, double q) {
       const Mat3 R_WC = path.R(q) * c.R_BC;
@@ -85,8 +85,8 @@ SyntheticWindow make_window(const SyntheticOptions& o) {
       const Vec2 noise_px(o.pixel_noise * normal(random), o.pixel_noise * normal(random));
       const bool alone = o.alone && i % 4 == 2;
       if (alone) {
-        frame.second_tracks.push_back(make_feature(kSecondTrack | id, X_D, noise_px));
-        frame.second_tracks.back().row_s = static_cast<float>(o.second_later);
+        second.alone.push_back(make_feature(first_track_of(1) | id, X_D, noise_px));
+        second.alone.back().row_s = static_cast<float>(o.second_later);
       }
       if (alone || (o.only_alone && i % 4 != 2)) continue;
       frame.features.push_back(make_feature(id, o.moved ? X_D : X, noise_px));
@@ -95,10 +95,10 @@ SyntheticWindow make_window(const SyntheticOptions& o) {
       const auto age = [&](int n) { return static_cast<std::uint32_t>(3 + i % 5 + 2 * n + n % 2); };
       const bool anew = o.found_anew > 0 && k >= o.found_anew;
       frame.features.back().age = age(k);
-      frame.second.push_back(make_second_view(
+      second.views.push_back(make_second_view(
           static_cast<std::uint32_t>(i), X_D, Vec2(o.pixel_noise * normal(random), o.pixel_noise * normal(random)),
           age(k), anew ? age(o.found_anew) - 1 : static_cast<std::uint32_t>(i % 4)));
-      frame.second.back().row_s = static_cast<float>(o.second_later);
+      second.views.back().row_s = static_cast<float>(o.second_later);
     }
     w.observe(frame);
   }

@@ -70,7 +70,12 @@ inline Calibration synthetic_calibration(double lever = 1) {
   return c;
 }
 
-inline Rig synthetic_rig() { return {true, so3_exp(Vec3(0.02, -0.03, 0.01)), Vec3(0.11, 0.004, -0.006)}; }
+inline Rig synthetic_rig() {
+  Rig rig;
+  rig.use[1] = true;
+  rig.poses[1] = {so3_exp(Vec3(0.02, -0.03, 0.01)), Vec3(0.11, 0.004, -0.006)};
+  return rig;
+}
 
 inline SecondView make_second_view(std::uint32_t id, const Vec3& p_D, const Vec2& noise_px, std::uint32_t age = 0,
                                    std::uint32_t found = 0) {

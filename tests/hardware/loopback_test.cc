@@ -207,7 +207,7 @@ TEST_F(LoopbackPair, ImagesOfOneInstantComeTogetherAndALostCameraStopsNothing) {
     Frame frame;
     ASSERT_TRUE(read_within(pair, frame, kPatience));
     EXPECT_EQ(frame.data[0], grey);
-    const Frame other = pair.second(frame);
+    const Frame other = pair.others(frame)[0];
     if (other.data != nullptr) {
       EXPECT_EQ(other.data[0], grey + 100);
       EXPECT_EQ((other.stamp - frame.stamp).ns, 200'000);
@@ -262,7 +262,7 @@ TEST_F(LoopbackPair, TheSecondCameraGoesOnWhileTheFirstOneIsLost) {
     for (int i = 0, came = 0; came < wanted && i < 2'000; ++i) {
       Frame frame;
       if (!read_within(pair, frame, kPatience)) return false;
-      const Frame other = pair.second(frame);
+      const Frame other = pair.others(frame)[0];
       came += frame.data[0] == grey && other.data != nullptr && other.data[0] == 200;
       pair.give_back(frame);
       if (came == wanted) return true;
@@ -300,7 +300,7 @@ TEST_F(LoopbackPair, ADeviceWithBothImagesIsCutInTwo) {
   ASSERT_TRUE(writer.write(image, other)) << std::strerror(errno);
   Frame first;
   ASSERT_TRUE(read_within(camera, first, kPatience));
-  const Frame second = camera.second(first);
+  const Frame second = camera.others(first)[0];
   for (const auto& [half, grey] :
        {std::pair<const Frame*, int>(&first, 11), std::pair<const Frame*, int>(&second, 22)}) {
     EXPECT_EQ(half->width, kWidth);

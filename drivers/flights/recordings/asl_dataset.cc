@@ -235,17 +235,24 @@ Result<AslDataset> open_asl_dataset(const fs::path& folder, const std::string& c
   return d;
 }
 
-Status open_second_camera(AslDataset& dataset, const std::string& camera, const fs::path& camera_file) {
-  const auto second = std::make_shared<AslDataset>();
-  second->root = dataset.root;
-  if (const Status s = read_camera(*second, camera); !s) return s.error();
+Status open_other_camera(AslDataset& dataset, const std::string& camera, const fs::path& camera_file) {
+  const auto other = std::make_shared<AslDataset>();
+  other->root = dataset.root;
+  if (const Status s = read_camera(*other, camera); !s) return s.error();
   const bool in_chain = !camera_file.empty() && is_chain_with(camera_file, camera);
-  if (const Status s = read_lens(*second, camera, in_chain ? camera_file : fs::path{}); !s) return s.error();
-  for (const AslDataset* d : {static_cast<const AslDataset*>(&dataset), static_cast<const AslDataset*>(second.get())})
+  if (const Status s = read_lens(*other, camera, in_chain ? camera_file : fs::path{}); !s) return s.error();
+  for (const AslDataset* d : {static_cast<const AslDataset*>(&dataset), static_cast<const AslDataset*>(other.get())})
     if (d->images.empty())
       return Error{ErrorKind::kUsage, d->image_list.string(), 0, "holds tracks", "images of both cameras"};
-  dataset.second = second;
+  dataset.others.push_back(other);
   return Done{};
+}
+
+std::size_t count_cameras(const fs::path& folder) {
+  const auto root = find_root(folder);
+  std::size_t n = 0;
+  while (root && n <= kMostOthers && fs::is_directory(*root / ("cam" + std::to_string(n)))) ++n;
+  return n;
 }
 
 Result<AslDataset> open_uncalibrated_asl_dataset(const fs::path& folder, const std::string& camera,

@@ -51,8 +51,8 @@ struct AslDataset : AslMotion {
   std::shared_ptr<ImageSource> image_source;  ///< of `images`
   std::vector<TrackInstant> instants;         ///< in the file's order; empty when there are images
   std::vector<TrackPoint> points;
-  /// Images and lens of a second camera; null without one. The rest of it is empty.
-  std::shared_ptr<AslDataset> second;
+  /// Images and lens of cameras 1, 2 and 3, as far as they were opened. The rest of each is empty.
+  std::vector<std::shared_ptr<AslDataset>> others;
   std::size_t instants_count() const { return images.empty() ? instants.size() : images.size(); }
   HostStamp instant(std::size_t i) const { return images.empty() ? instants[i].stamp : images[i].stamp; }
 };
@@ -69,11 +69,13 @@ Result<AslDataset> open_asl_dataset(const std::filesystem::path& folder, const s
                                     const std::filesystem::path& camera_file = {},
                                     const std::filesystem::path& imu_file = {});
 
-/// Adds the images of a second camera, cam1 for instance. Its calibration is the data set's, or that of `camera_file`
-/// if this is a chain (Kalibr) with that camera. Fails if and only if either camera has no images, or a file is missing
-/// or does not parse.
-Status open_second_camera(AslDataset& dataset, const std::string& camera,
-                          const std::filesystem::path& camera_file = {});
+/// Adds the images of the next camera, cam1 for instance: at most kMostOthers. Its calibration is the data set's, or
+/// that of `camera_file` if this is a chain (Kalibr) with that camera. Fails if and only if one of both cameras has no
+/// images, or a file is missing or does not parse.
+Status open_other_camera(AslDataset& dataset, const std::string& camera, const std::filesystem::path& camera_file = {});
+
+/// How many cameras the folder (or its `mav0`) has: cam0, cam1 and so on without a gap, up to kMostOthers beside cam0.
+std::size_t count_cameras(const std::filesystem::path& folder);
 
 /// The same without the camera's calibration, which is still to be found, and without ground truth.
 Result<AslDataset> open_uncalibrated_asl_dataset(const std::filesystem::path& folder, const std::string& camera,

@@ -120,7 +120,7 @@ class FaultyCamera final : public CameraSource {
   Status open() override { return camera_.open(); }
   void close() noexcept override { camera_.close(); }
   ReadOutcome read(Frame& frame, Span timeout) noexcept override;
-  Frame second(const Frame& frame) const noexcept override { return camera_.second(frame); }
+  OtherFrames others(const Frame& frame) const noexcept override { return camera_.others(frame); }
   void give_back(const Frame& frame) noexcept override { camera_.give_back(frame); }
 
  private:

@@ -22,10 +22,11 @@ Span half_period(const std::vector<PlannedImage>& images) {
   return Span{*middle / 2};
 }
 
-/// Gives each image of the first camera the nearest one of the second within `within` that is not another's; both in
-/// the order of time. `later`: what is added to the stamps of the second camera.
-void pair_images(const AslDataset& first, Span within, Span later, std::vector<PlannedImage>& images) {
-  const std::vector<ImageFile>& files = first.second->images;
+/// Gives each image of the first camera the nearest one of the other within `within` that is not another's; both in
+/// the order of time. `later`: what is added to the stamps of the other camera.
+void pair_images(const AslDataset& first, std::size_t other, Span within, Span later,
+                 std::vector<PlannedImage>& images) {
+  const std::vector<ImageFile>& files = first.others[other]->images;
   std::vector<std::size_t> order(files.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::stable_sort(order.begin(), order.end(),
@@ -35,32 +36,33 @@ void pair_images(const AslDataset& first, Span within, Span later, std::vector<P
     const HostStamp stamp = first.instant(image.index);
     const auto later_of = [&](std::size_t i) { return files[i].stamp + later - stamp; };
     const auto apart_ns = [&](std::size_t i) { return std::abs(later_of(i).ns); };
-    image.second.reset();
+    image.others[other].reset();
     while (next != order.end() && later_of(*next).ns < -within.ns) ++next;
     if (next == order.end() || apart_ns(*next) > within.ns) continue;
     while (next + 1 != order.end() && apart_ns(next[1]) < apart_ns(*next)) ++next;
-    image.second_later = later_of(*next);
-    image.second = *next++;
+    image.later[other] = later_of(*next);
+    image.others[other] = *next++;
   }
 }
 
 /// Triggered together, nearly all pairs are of the same time; then these alone count, and as of the same time exactly.
-void pair_images(const AslDataset& first, FlightPlan& plan) {
+void pair_images(const AslDataset& first, std::size_t other, FlightPlan& plan) {
   const auto pairs = [&] {
-    return std::count_if(plan.images.begin(), plan.images.end(), [](const PlannedImage& i) { return !!i.second; });
+    const auto is_pair = [&](const PlannedImage& i) { return i.others[other].has_value(); };
+    return std::count_if(plan.images.begin(), plan.images.end(), is_pair);
   };
-  pair_images(first, kSameTime, {}, plan.images);
+  pair_images(first, other, kSameTime, {}, plan.images);
   const auto same = pairs();
   std::vector<PlannedImage> triggered = plan.images;
-  const Span later = Span::from_seconds(first.second->camera.time_offset_s - first.camera.time_offset_s);
-  pair_images(first, std::max(kSameTime, half_period(plan.images)), later, plan.images);
+  const Span later = Span::from_seconds(first.others[other]->camera.time_offset_s - first.camera.time_offset_s);
+  pair_images(first, other, std::max(kSameTime, half_period(plan.images)), later, plan.images);
   if (static_cast<double>(same) >= kTriggered * static_cast<double>(pairs())) {
     plan.images = std::move(triggered);
-    for (PlannedImage& image : plan.images) image.second_later = {};
+    for (PlannedImage& image : plan.images) image.later[other] = {};
     return;
   }
   for (const PlannedImage& image : plan.images)
-    if (image.second) plan.apart = std::max(plan.apart, Span{std::abs(image.second_later.ns)});
+    if (image.others[other]) plan.apart[other] = std::max(plan.apart[other], Span{std::abs(image.later[other].ns)});
 }
 
 }  // namespace
@@ -86,7 +88,7 @@ FlightPlan plan_flight(const AslDataset& dataset, const FlightPart& part) {
       plan.images.push_back({i, stamp, {}});
     }
   }
-  if (dataset.second) pair_images(dataset, plan);
+  for (std::size_t i = 0; i < dataset.others.size(); ++i) pair_images(dataset, i, plan);
   const HostStamp imu_from = first + Span::from_seconds(part.start_s - 1.0) + shift;
   while (plan.first_imu < dataset.imu_samples.size() && dataset.imu_samples[plan.first_imu].stamp < imu_from)
     ++plan.first_imu;

@@ -1,5 +1,6 @@
 #pragma once
 // The part of a recorded flight to replay.
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <map>
@@ -19,10 +20,10 @@ struct FlightPart {
 };
 
 struct PlannedImage {
-  std::size_t index = 0;                ///< in the data set
-  HostStamp stamp;                      ///< shift included
-  std::optional<std::size_t> second{};  ///< the image of the second camera at that time, if there is one
-  Span second_later{};                  ///< its time less that of the first camera's image
+  std::size_t index = 0;                                         ///< in the data set
+  HostStamp stamp;                                               ///< shift included
+  std::array<std::optional<std::size_t>, kMostOthers> others{};  ///< the images of the others at that time, if any
+  OtherSpans later{};                                            ///< their times less that of the first camera's image
 };
 
 struct FlightPlan {
@@ -31,7 +32,7 @@ struct FlightPlan {
   std::map<std::string, std::uint64_t> skipped;  ///< images left out because their timestamps do not increase
   std::size_t first_imu = 0;                     ///< index in the data set's samples
   double duration_s = 0;                         ///< of the whole data set
-  Span apart{};  ///< of images taken together, the most; zero: the cameras were triggered together
+  OtherSpans apart{};  ///< from the first camera's images, the most; zero: both are triggered together
 };
 
 /// Chooses the images between the two times (seconds after the first) and the IMU samples from 1 s before.

@@ -60,11 +60,12 @@ void loop_flight(AslDataset& d, double seconds) {
   repeat_around(d.wheel_samples);
   repeat_around(d.height_samples);
   if (!d.images.empty()) {
-    for (AslDataset* const camera : {&d, d.second.get()}) {
-      if (camera == nullptr) continue;
-      camera->image_source = std::make_shared<LoopedImages>(camera->image_source, camera->images.size());
-      repeat(camera->images, period, end);
-    }
+    const auto repeat_images = [&](AslDataset& camera) {
+      camera.image_source = std::make_shared<LoopedImages>(camera.image_source, camera.images.size());
+      repeat(camera.images, period, end);
+    };
+    repeat_images(d);
+    for (const auto& other : d.others) repeat_images(*other);
   } else if (!d.instants.empty()) {
     repeat(d.instants, period, end);
   }

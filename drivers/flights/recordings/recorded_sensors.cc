@@ -55,18 +55,20 @@ int RecordedCamera::wait_for_slot() noexcept {
   return slot;
 }
 
-/// Image `i` of the plan, and that of the second camera.
+/// Image `i` of the plan, and those of the other cameras.
 Status RecordedCamera::decode(std::size_t i, std::size_t slot, Frame& frame) {
   const PlannedImage& planned = plan_.images[i];
   const auto image = decoder_.read(planned.index, dataset_, slot);
   if (!image) return image.error();
   frame = *image;
-  seconds_[slot] = {};
-  if (!planned.second) return Done{};
-  const auto second = second_decoder_.read(*planned.second, *dataset_.second, slot);
-  if (!second) return second.error();
-  seconds_[slot] = *second;
-  seconds_[slot].stamp = planned.stamp + planned.second_later;
+  others_[slot] = {};
+  for (std::size_t c = 0; c < dataset_.others.size(); ++c) {
+    if (!planned.others[c]) continue;
+    const auto other = other_decoders_[c].read(*planned.others[c], *dataset_.others[c], slot);
+    if (!other) return other.error();
+    others_[slot][c] = *other;
+    others_[slot][c].stamp = planned.stamp + planned.later[c];
+  }
   return Done{};
 }
 
@@ -113,8 +115,8 @@ ReadOutcome RecordedCamera::read(Frame& frame, Span timeout) noexcept {
 }
 
 /// Written before the frame went through the ring.
-Frame RecordedCamera::second(const Frame& frame) const noexcept {
-  return seconds_[static_cast<std::size_t>(frame.slot)];
+OtherFrames RecordedCamera::others(const Frame& frame) const noexcept {
+  return others_[static_cast<std::size_t>(frame.slot)];
 }
 
 void RecordedCamera::give_back(const Frame& frame) noexcept {

@@ -35,7 +35,7 @@ class RecordedCamera final : public CameraSource {
   /// Once, before the first read().
   void start(const Pace& pace) noexcept;
   ReadOutcome read(Frame& frame, Span timeout) noexcept override;
-  Frame second(const Frame& frame) const noexcept override;
+  OtherFrames others(const Frame& frame) const noexcept override;
   void give_back(const Frame& frame) noexcept override;
 
   std::uint64_t missed() const noexcept { return missed_.load(std::memory_order_relaxed); }
@@ -51,8 +51,10 @@ class RecordedCamera final : public CameraSource {
 
   const AslDataset& dataset_;
   const FlightPlan& plan_;
-  ImageDecoder decoder_{kBuffers}, second_decoder_{kBuffers};
-  std::array<Frame, kBuffers> seconds_{};             ///< of the second camera, by buffer
+  ImageDecoder decoder_{kBuffers};
+  std::array<ImageDecoder, kMostOthers> other_decoders_{ImageDecoder{kBuffers}, ImageDecoder{kBuffers},
+                                                        ImageDecoder{kBuffers}};
+  std::array<OtherFrames, kBuffers> others_{};        ///< by buffer
   std::array<std::atomic<bool>, kBuffers> in_use_{};  ///< from wait_for_slot() to give_back()
   SpscRing<Frame, kBuffers> ready_;
   Parking reader_parking_, decoder_parking_;

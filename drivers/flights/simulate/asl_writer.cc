@@ -64,19 +64,20 @@ Status write_side(const fs::path& folder, const char* header, const std::string&
 
 }  // namespace
 
-Result<PartialFolder> make_asl_folder(const fs::path& folder, bool second_camera) {
-  const fs::path root = folder / "mav0";
-  return second_camera ? PartialFolder::create(root, {"cam0/data", "cam1/data", "imu0", "state_groundtruth_estimate0"})
-                       : PartialFolder::create(root, {"cam0/data", "imu0", "state_groundtruth_estimate0"});
+Result<PartialFolder> make_asl_folder(const fs::path& folder, std::size_t other_cameras) {
+  std::vector<std::string> folders = {"imu0", "state_groundtruth_estimate0"};
+  for (std::size_t c = 0; c <= other_cameras; ++c) folders.push_back("cam" + std::to_string(c) + "/data");
+  return PartialFolder::create(folder / "mav0", folders);
 }
 
 Status write_tables(const FlightTables& tables, const fs::path& root) {
-  const auto write_camera = [&](const char* name, const CameraCalibration& camera) {
-    return write_text(root / name / "sensor.yaml", asl_camera(camera, tables.image_rate_hz, tables.comment));
+  const auto write_camera = [&](std::size_t number, const CameraCalibration& camera) {
+    return write_text(root / ("cam" + std::to_string(number)) / "sensor.yaml",
+                      asl_camera(camera, tables.image_rate_hz, tables.comment));
   };
-  if (Status s = write_camera("cam0", tables.camera); !s) return s;
-  if (tables.second_camera)
-    if (Status s = write_camera("cam1", *tables.second_camera); !s) return s;
+  if (Status s = write_camera(0, tables.camera); !s) return s;
+  for (std::size_t i = 0; i < tables.other_cameras.size(); ++i)
+    if (Status s = write_camera(i + 1, tables.other_cameras[i]); !s) return s;
   if (Status s = write_text(root / "imu0/sensor.yaml", asl_imu(tables.imu)); !s) return s;
   if (Status s = write_text(root / "imu0/data.csv", imu_text(tables.imu_samples)); !s) return s;
   if (Status s = write_side(root / "wheel0", kAslWheelHeader, wheel_rows(tables.wheel_samples)); !s) return s;

@@ -12,9 +12,9 @@
 
 namespace epiline {
 
-/// Creates `folder`/mav0 under a temporary name, with cam0/data, imu0 and state_groundtruth_estimate0, for a second
-/// camera also cam1/data. Fails if and only if a folder cannot be created.
-Result<PartialFolder> make_asl_folder(const std::filesystem::path& folder, bool second_camera = false);
+/// Creates `folder`/mav0 under a temporary name, with cam0/data, imu0 and state_groundtruth_estimate0, for other
+/// cameras also cam1/data and so on. Fails if and only if a folder cannot be created.
+Result<PartialFolder> make_asl_folder(const std::filesystem::path& folder, std::size_t other_cameras = 0);
 
 /// Where the body was, and what its IMU added.
 struct TruthRow {
@@ -26,7 +26,7 @@ struct TruthRow {
 struct FlightTables {
   std::string comment;  ///< for the camera's sensor.yaml: where the flight comes from
   CameraCalibration camera;
-  std::optional<CameraCalibration> second_camera;  ///< beside the first one
+  std::vector<CameraCalibration> other_cameras;  ///< beside the first one, at most kMostOthers
   double image_rate_hz = 20;
   ImuCalibration imu;
   std::vector<ImuSample> imu_samples;

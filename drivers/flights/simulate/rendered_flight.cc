@@ -12,7 +12,7 @@ namespace epiline {
 namespace {
 
 enum Stream : std::uint64_t { kFlightStream = 700, kImuStream, kDropStream, kImuErrorStream };
-constexpr std::uint64_t kSecondCameraSeed = 0x5eed'0000'0000;  ///< its noise is not that of the first camera
+constexpr std::uint64_t kOtherCameraSeed = 0x5eed'0000'0000;  ///< times the number: their noise is not the first one's
 
 /// The camera's places over the whole motion.
 std::vector<Vec3> camera_path(const FlightToRender& flight) {
@@ -102,38 +102,39 @@ WorldKind usual_world(FlightKind kind) {
 }
 
 CameraCalibration beside(const CameraCalibration& first, const CameraCalibration& rig_first,
-                         const CameraCalibration& rig_second) {
-  CameraCalibration second = rig_second;
+                         const CameraCalibration& rig_other) {
+  CameraCalibration other = rig_other;
   const Mat3 turn = first.R_BC * rig_first.R_BC.transpose();
-  second.R_BC = turn * rig_second.R_BC;
-  second.p_BC = first.p_BC + turn * (rig_second.p_BC - rig_first.p_BC);
-  return second;
+  other.R_BC = turn * rig_other.R_BC;
+  other.p_BC = first.p_BC + turn * (rig_other.p_BC - rig_first.p_BC);
+  return other;
 }
 
 CameraCalibration to_the_right(const CameraCalibration& first, double baseline_m) {
-  CameraCalibration second = first;
-  second.p_BC = first.p_BC + baseline_m * first.R_BC.col(0);
-  return second;
+  CameraCalibration other = first;
+  other.p_BC = first.p_BC + baseline_m * first.R_BC.col(0);
+  return other;
 }
 
 Status render_flight(const FlightToRender& flight, const RenderChoice& choice, const std::filesystem::path& folder,
                      const std::function<void(std::size_t, std::size_t)>& progress) {
   FlightTables tables = flight.tables;
-  auto made = make_asl_folder(folder, tables.second_camera.has_value());
+  auto made = make_asl_folder(folder, tables.other_cameras.size());
   if (!made) return made.error();
   const auto set_readout = [&](CameraParameters& p) {
     p.readout_s = choice.effects.camera.row_time_s * (p.height - 1);
   };
   set_readout(tables.camera.parameters);
-  if (tables.second_camera) set_readout(tables.second_camera->parameters);
+  for (CameraCalibration& other : tables.other_cameras) set_readout(other.parameters);
   const World world = make_world(choice.world, camera_path(flight), choice.effects.movers, choice.seed);
   if (choice.range) add_range(flight, world, choice, tables.height_samples);
   if (Status s = write_tables(tables, made->root()); !s) return s;
   const TextureAtlas atlas(choice.seed);
   const int images = static_cast<int>((flight.to_s - flight.from_s) * flight.tables.image_rate_hz) + 1;
-  const std::size_t cameras = tables.second_camera ? 2 : 1;
-  const auto render = [&](const CameraCalibration& camera, std::uint64_t seed, std::size_t number) {
-    const double later_s = number == 0 ? 0 : choice.second_later_s;
+  const std::size_t cameras = 1 + tables.other_cameras.size();
+  const auto render = [&](const CameraCalibration& camera, std::size_t number) {
+    const double later_s = number == 0 ? 0 : choice.later_s;
+    const std::uint64_t seed = choice.seed ^ (number * kOtherCameraSeed);
     std::vector<double> times_s;
     for (int i = 0; i < images; ++i) times_s.push_back(flight.from_s + later_s + i / flight.tables.image_rate_hz);
     const std::vector<ImageTask> tasks = tasks_of(flight, times_s, choice);
@@ -143,9 +144,9 @@ Status render_flight(const FlightToRender& flight, const RenderChoice& choice, c
                         made->root() / ("cam" + std::to_string(number)),
                         [&](std::size_t done, std::size_t all) { progress(number * all + done, cameras * all); });
   };
-  if (Status s = render(tables.camera, choice.seed, 0); !s) return s;
-  if (tables.second_camera)
-    if (Status s = render(*tables.second_camera, choice.seed ^ kSecondCameraSeed, 1); !s) return s;
+  if (Status s = render(tables.camera, 0); !s) return s;
+  for (std::size_t c = 1; c < cameras; ++c)
+    if (Status s = render(tables.other_cameras[c - 1], c); !s) return s;
   return made->finish();
 }
 

@@ -27,7 +27,7 @@ struct RenderChoice {
   std::uint64_t seed = 1;
   int jobs = 1;
   std::optional<RangeSimulation> range{};  ///< of the world that is rendered, movers left out; its file is written too
-  double second_later_s = 0;               ///< the second camera takes its images so much after the first one
+  double later_s = 0;                      ///< other cameras take their images so much after the first one
 };
 
 /// A built-in flight with a simulated IMU. The camera looks along the body's x axis, or down: of `camera` only the lens
@@ -35,10 +35,10 @@ struct RenderChoice {
 FlightToRender built_in_flight(FlightKind kind, const ImuEffects& imu_effects, const CameraCalibration& camera,
                                double rate_hz, std::uint64_t seed, double height_m = kUsualHeight_m);
 
-/// The second camera beside the first one, as in a rig with these calibrations of both.
+/// A camera beside the first one, as in a rig with these calibrations of both.
 CameraCalibration beside(const CameraCalibration& first, const CameraCalibration& rig_first,
-                         const CameraCalibration& rig_second);
-/// A second camera of the same lens, parallel to the first one, `baseline_m` to its right.
+                         const CameraCalibration& rig_other);
+/// A camera of the same lens, parallel to the first one, `baseline_m` to its right.
 CameraCalibration to_the_right(const CameraCalibration& first, double baseline_m);
 
 /// The world that fits a built-in flight.

@@ -59,11 +59,14 @@ void print_summary(const FlightRecord& r, const std::optional<TrajectoryErrors>&
                errors->ate_4dof.rmse, errors->path_length_m, 100 * errors->scale_error, errors->yaw_drift_deg);
   }
   if (t.track.count > 0) fmt::print("track     {:.3f} ms mean, {:.3f} ms 99 %\n", t.track.mean, t.track.p99);
-  if (const auto& second = r.second; second && second->images > 0) {
-    fmt::print(
-        "second    {:.1f} % of the tracks seen by the second camera, {:.0f} tracks of its own, {} images without one\n",
-        100 * static_cast<double>(second->views) / static_cast<double>(std::max<std::uint64_t>(1, second->tracks)),
-        static_cast<double>(second->alone) / static_cast<double>(second->images), second->images_missing);
+  for (std::size_t i = 0; i < r.others.size(); ++i) {
+    const auto& other = r.others[i];
+    if (!other || other->images == 0) continue;
+    const double seen =
+        static_cast<double>(other->views) / static_cast<double>(std::max<std::uint64_t>(1, other->tracks));
+    fmt::print("cam{}      {}{:.0f} tracks of its own, {} images missing\n", i + 1,
+               other->tracks > 0 ? fmt::format("{:.1f} % of another camera's tracks seen, ", 100 * seen) : "",
+               static_cast<double>(other->alone) / static_cast<double>(other->images), other->images_missing);
   }
   fmt::print("solve     {:.3f} ms mean, {:.3f} ms 99 %\n", t.solve.mean, t.solve.p99);
   fmt::print("estimate  {:.3f} ms mean, {:.3f} ms 99 %\n", t.estimate.mean, t.estimate.p99);
@@ -140,8 +143,8 @@ void add_replay(CLI::App& app, int& exit_code) {
       ->check(CLI::IsMember(kVisualFactorNames));
   command
       ->add_option("--camera", o->replay.camera,
-                   "which camera of the data set; both: cam0, with cam1 as its second camera")
-      ->check(CLI::IsMember({"cam0", "cam1", kBothCameras}))
+                   "which camera of the data set; both: cam0 and cam1; all: cam0 and those after it, up to cam3")
+      ->check(CLI::IsMember({"cam0", "cam1", "cam2", "cam3", kBothCameras, kAllCameras}))
       ->capture_default_str();
   command->add_option("--image-topic", o->replay.topics.image, "image topic of a bag; default: the first by name");
   command->add_option("--imu-topic", o->replay.topics.imu, "IMU topic of a bag; default: the first by name");

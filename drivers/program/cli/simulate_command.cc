@@ -21,14 +21,15 @@ namespace {
 
 struct SimulateArguments {
   std::string flight = to_string(FlightKind::kHall), from, imu = "recorded", imu_calibration, world,
-              effects = kUsualEffects, camera, second_camera, out;
+              effects = kUsualEffects, camera, out;
+  std::vector<std::string> other_cameras;
   bool tracks = false, quiet = false;
   std::uint64_t seed = 1;
   bool wheels = false, has_barometer = false, has_range = false;
   WheelSimulation wheel;
   BarometerSimulation barometer;
   RangeSimulation range;
-  double duration_s = 0, rate_hz = 20, baseline_m = 0, second_later_s = 0;
+  double duration_s = 0, rate_hz = 20, baseline_m = 0, later_s = 0;
   int jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   TrackSimulation simulation;
 };
@@ -71,24 +72,21 @@ CameraCalibration usual_camera() {
 }
 
 Error without_first_camera(const SimulateArguments& o) {
-  return {ErrorKind::kUsage, o.second_camera, 0, "a second camera without a first one",
+  return {ErrorKind::kUsage, o.other_cameras.front(), 0, "another camera without a first one",
           "the rig's first camera as well (--camera), or --baseline"};
 }
 
-/// Gives the flight its second camera. `rig_first`: the first camera in the rig of --second-camera.
-Status add_second_camera(const SimulateArguments& o, const CameraCalibration& rig_first, FlightTables& tables) {
-  if (o.second_camera.empty() && o.baseline_m == 0) {
-    if (o.second_later_s == 0) return Done{};
-    return Error{ErrorKind::kUsage, "--second-later", 0, "without a second camera", "--second-camera or --baseline"};
+/// Gives the flight its other cameras. `rig_first`: the first camera in the rig of --other-camera.
+Status add_other_cameras(const SimulateArguments& o, const CameraCalibration& rig_first, FlightTables& tables) {
+  if (o.baseline_m != 0) tables.other_cameras.push_back(to_the_right(tables.camera, o.baseline_m));
+  for (const std::string& file : o.other_cameras) {
+    const auto rig_other = read_camera_calibration(file, fmt::format("cam{}", tables.other_cameras.size() + 1));
+    if (!rig_other) return rig_other.error();
+    tables.other_cameras.push_back(beside(tables.camera, rig_first, *rig_other));
   }
-  if (o.second_camera.empty()) {
-    tables.second_camera = to_the_right(tables.camera, o.baseline_m);
-  } else {
-    const auto rig_second = read_camera_calibration(o.second_camera, "cam1");
-    if (!rig_second) return rig_second.error();
-    tables.second_camera = beside(tables.camera, rig_first, *rig_second);
-  }
-  tables.second_camera->time_offset_s = tables.camera.time_offset_s;
+  if (o.later_s != 0 && tables.other_cameras.empty())
+    return Error{ErrorKind::kUsage, "--later", 0, "without another camera", "--other-camera or --baseline"};
+  for (CameraCalibration& other : tables.other_cameras) other.time_offset_s = tables.camera.time_offset_s;
   return Done{};
 }
 
@@ -99,7 +97,7 @@ int render(const SimulateArguments& o, const FlightEffects& effects, FlightToRen
   if (o.duration_s > 0) flight.to_s = std::min(flight.to_s, flight.from_s + o.duration_s);
   RenderChoice choice{o.world.empty() ? usual_world : *world_from(o.world), effects, o.seed, o.jobs, std::nullopt};
   if (o.has_range) choice.range = o.range;
-  choice.second_later_s = o.second_later_s;
+  choice.later_s = o.later_s;
   ProgressBar bar(o.quiet);
   const Status written =
       render_flight(flight, choice, o.out, [&](std::size_t done, std::size_t all) { bar(done, all); });
@@ -113,10 +111,10 @@ int render_built_in(const SimulateArguments& o, const FlightEffects& effects) {
     if (!calibration) return report(calibration.error());
     camera = *calibration;
   }
-  if (o.camera.empty() && !o.second_camera.empty()) return report(without_first_camera(o));
+  if (o.camera.empty() && !o.other_cameras.empty()) return report(without_first_camera(o));
   const FlightKind kind = *flight_from(o.flight);
   FlightToRender flight = built_in_flight(kind, effects.imu, camera, o.rate_hz, o.seed, o.simulation.height_m);
-  if (const Status s = add_second_camera(o, camera, flight.tables); !s) return report(s.error());
+  if (const Status s = add_other_cameras(o, camera, flight.tables); !s) return report(s.error());
   return render(o, effects, std::move(flight), usual_world(kind));
 }
 
@@ -130,7 +128,7 @@ int render_recorded(const SimulateArguments& o, const FlightEffects& effects) {
                                .seed = o.seed});
   if (!hybrid) return report(hybrid.error());
   FlightTables& tables = hybrid->flight.tables;
-  if (const Status s = add_second_camera(o, tables.camera, tables); !s) return report(s.error());
+  if (const Status s = add_other_cameras(o, tables.camera, tables); !s) return report(s.error());
   if (!o.quiet) fmt::print("{}", text_of(hybrid->fit));
   const int code = render(o, effects, std::move(hybrid->flight), hybrid->usual_world);
   if (code != kExitDone) return code;
@@ -152,22 +150,23 @@ std::vector<std::string> names(const All& all) {
   return list;
 }
 
-void add_second_camera(CLI::App& command, const std::shared_ptr<SimulateArguments>& o, CLI::Option* tracks) {
-  CLI::Option* file =
+void add_other_cameras(CLI::App& command, const std::shared_ptr<SimulateArguments>& o, CLI::Option* tracks) {
+  CLI::Option* files =
       command
-          .add_option(
-              "--second-camera", o->second_camera,
-              "calibration (sensor.yaml) of a second camera (cam1); together with that of --camera it gives the rig")
+          .add_option("--other-camera", o->other_cameras,
+                      "calibration (sensor.yaml) of another camera; together with that of --camera it gives the rig; "
+                      "may be repeated: cam1, cam2, cam3")
+          ->expected(1, static_cast<int>(kMostOthers))
           ->excludes(tracks);
   command
       .add_option("--baseline", o->baseline_m,
                   "a second camera of the same lens, parallel to the first one, this far to its right, m")
       ->check(CLI::Range(-0.4, 0.4))
       ->excludes(tracks)
-      ->excludes(file);
+      ->excludes(files);
   command
-      .add_option("--second-later", o->second_later_s,
-                  "the second camera takes its images so much after the first one, as if nothing triggered them "
+      .add_option("--later", o->later_s,
+                  "the other cameras take their images so much after the first one, as if nothing triggered them "
                   "together, s")
       ->check(CLI::Range(-0.05, 0.05))
       ->excludes(tracks);
@@ -237,7 +236,7 @@ void add_simulate(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   CLI::Option* tracks =
       command->add_flag("--tracks", o->tracks, "write simulated tracks with noise instead of images")->excludes(from);
-  add_second_camera(*command, o, tracks);
+  add_other_cameras(*command, o, tracks);
   command
       ->add_option("--pixel-noise", o->simulation.noise.pixel_sigma,
                    "with --tracks: standard deviation of their noise, px")

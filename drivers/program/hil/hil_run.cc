@@ -46,7 +46,7 @@ Result<AslDataset> open_dataset(const HilOptions& o, const Config& c) {
   auto dataset = open_asl_dataset(o.dataset, "cam0", c.camera_calibration, c.imu_calibration);
   if (!dataset || !both) return dataset;
   const std::string& own = c.devices.second_camera.calibration;
-  if (const Status s = open_second_camera(*dataset, "cam1", own.empty() ? c.camera_calibration : own); !s)
+  if (const Status s = open_other_camera(*dataset, "cam1", own.empty() ? c.camera_calibration : own); !s)
     return s.error();
   return dataset;
 }
@@ -201,18 +201,19 @@ Status Flight::connect_line() {
 Status Flight::connect_camera(LiveDevices& devices) {
   if (const Status s = camera_->open(); !s) return s;  // images ready before anything begins
   if (options_.camera == "file") {
-    settings_.config.estimator.second.apart_s = plan_.apart.seconds();
+    for (std::size_t i = 0; i < kMostOthers; ++i)
+      settings_.config.estimator.others[i].apart_s = plan_.apart[i].seconds();
     devices.camera = std::move(camera_);
     devices.images_to_log = RecordedCamera::kImagesToLog;
     return Done{};
   }
-  if (plan_.apart > Span{})
+  if (plan_.apart[0] > Span{})
     return Error{ErrorKind::kUsage, options_.dataset.string(), 0, "two cameras that were not triggered together",
                  "--camera file; a loopback device shows both side by side, as of one time"};
   const std::string device = *after(kLoopback, options_.camera);
   CameraConfig& c = settings_.config.devices.camera;
   const CameraParameters& lens = dataset_.camera.parameters;
-  const bool both = dataset_.second != nullptr;
+  const bool both = !dataset_.others.empty();
   if (const Status s = loopback_.open(device, lens.width * (both ? 2 : 1), lens.height, image_rate_hz(plan_)); !s)
     return s;
   // What a loopback has not: controls, an exposure, a clock that anybody vouches for. Recorded stamps are mid-exposure.
@@ -225,7 +226,7 @@ Status Flight::connect_camera(LiveDevices& devices) {
   if (both) played.side_by_side = static_cast<int>(SideBySideHalves::kLeftFirst);
   c = played;
   settings_.config.devices.second_camera.device.clear();
-  images_.start(*camera_, [this](const Frame& frame) { return loopback_.write(frame, camera_->second(frame)); });
+  images_.start(*camera_, [this](const Frame& frame) { return loopback_.write(frame, camera_->others(frame)[0]); });
   return Done{};
 }
 

@@ -61,10 +61,10 @@ ReadOutcome PlayedCamera::read(Frame& frame, Span timeout) noexcept {
   return ReadOutcome::kSample;
 }
 
-Frame PlayedCamera::second(const Frame& frame) const noexcept {
-  Frame second = recorded_.second(frame);
-  second.stamp.ns = clock_.pace().host_of(second.stamp);
-  return second;
+OtherFrames PlayedCamera::others(const Frame& frame) const noexcept {
+  OtherFrames others = recorded_.others(frame);
+  for (Frame& other : others) other.stamp.ns = clock_.pace().host_of(other.stamp);
+  return others;
 }
 
 /// Takes the next reading out of the recording; false: there is none.

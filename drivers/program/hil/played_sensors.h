@@ -65,7 +65,7 @@ class PlayedCamera final : public CameraSource {
   }
   void close() noexcept override { recorded_.close(); }
   ReadOutcome read(Frame& frame, Span timeout) noexcept override;
-  Frame second(const Frame& frame) const noexcept override;
+  OtherFrames others(const Frame& frame) const noexcept override;
   void give_back(const Frame& frame) noexcept override { recorded_.give_back(frame); }
 
   /// Images decoded too late, and an image that could not be read; see RecordedCamera.

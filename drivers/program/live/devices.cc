@@ -128,8 +128,8 @@ Status read_second_camera(LiveSettings& settings) {
   if (p.width != settings.camera.width || p.height != settings.camera.height)
     return missing(settings, fmt::format("a second camera of {} x {}", p.width, p.height).c_str(),
                    fmt::format("{} x {}, as the first one", settings.camera.width, settings.camera.height).c_str());
-  config.estimator.second = {true, second->R_BC, second->p_BC, p.readout_s,
-                             config.devices.second_camera.free_running ? pairs_within_s(config.devices) : 0};
+  config.estimator.others[0] = {true, second->R_BC, second->p_BC, p.readout_s,
+                                config.devices.second_camera.free_running ? pairs_within_s(config.devices) : 0};
   settings.second = *second;
   return Done{};
 }

@@ -133,7 +133,7 @@ RealtimeSettings pipeline_settings(const LiveSettings& settings, const LiveDevic
   const Config& c = settings.config;
   RealtimeSettings s{settings.camera, c.tracker, c.estimator, c.deadline_ms,
                      c.realtime,      true,      {},          devices.images_to_log};
-  if (settings.second) s.second = settings.second->parameters;
+  if (settings.second) s.others[0] = settings.second->parameters;
   return s;
 }
 
@@ -192,10 +192,11 @@ std::unique_ptr<FlightRecorder> add_recorder(const LiveSettings& settings, Realt
   if (settings.config.recorder.folder.empty()) return nullptr;
   constexpr double kUsualRate_hz = 30;
   const double rate_hz = settings.config.devices.camera.rate_hz;
-  const auto second = settings.second ? std::optional(settings.second->parameters) : std::nullopt;
+  std::array<std::optional<CameraParameters>, kMostOthers> others;
+  if (settings.second) others[0] = settings.second->parameters;
   auto recorder = std::make_unique<FlightRecorder>(
       settings.config.recorder,
-      recorded_run(settings.camera, second, rate_hz > 0 ? rate_hz : kUsualRate_hz, settings.config));
+      recorded_run(settings.camera, others, rate_hz > 0 ? rate_hz : kUsualRate_hz, settings.config));
   ports.observers.push_back(recorder.get());
   ports.event_rings.push_back(&recorder->events());
   return recorder;

@@ -48,7 +48,7 @@ bool ImageIntake::step() noexcept {
   Frame frame;
   const ReadOutcome outcome = camera_.read(frame, kIntakeWait);
   if (outcome != ReadOutcome::kSample) return goes_on(outcome);
-  take(frame, cameras_ > 1 ? camera_.second(frame) : Frame{});
+  take(frame, cameras_ > 1 ? camera_.others(frame)[0] : Frame{});
   camera_.give_back(frame);
   return true;
 }

@@ -69,7 +69,7 @@ async function takeFrame(bytes) {
     }
   };
   take(head.tracks, 0, 0);
-  if (head.second) take(head.second.tracks, head.second.x, 2 ** 32);  // a track may be seen by both
+  head.others.forEach((other, i) => take(other.tracks, other.x, (i + 1) * 2 ** 32));  // several may see a track
   tails = seen;
   image = {bitmap, sequence: head.sequence, width: head.width, height: head.height, tracks};
   dirtyImage = true;

@@ -29,21 +29,28 @@ void copy_pixels(const Frame& frame, int step, int width, int height, std::uint8
   }
 }
 
-/// `second_width`: place for the second camera's image, which may be missing.
-void copy_images(const Frame& frame, const Frame& second, int second_width, ViewedImage& out) {
+/// `widths`: places for the other cameras' images, which may be missing.
+void copy_images(const Frame& frame, const OtherFrames& others, const std::array<int, kMostOthers>& widths,
+                 ViewedImage& out) {
   int step = 1;
-  const auto pixels = [&] {
-    return std::size_t(frame.width / step + second_width / step) * std::size_t(frame.height / step);
+  const auto width_of_copy = [&] {
+    int sum = frame.width / step;
+    for (const int width : widths) sum += width / step;
+    return sum;
   };
-  while (pixels() > ViewedImage::kMostPixels) ++step;
-  const int first = frame.width / step;
-  out.camera_width = frame.width + second_width;
+  while (std::size_t(width_of_copy()) * std::size_t(frame.height / step) > ViewedImage::kMostPixels) ++step;
+  out.camera_width = frame.width;
   out.camera_height = frame.height;
-  out.second_x = second_width > 0 ? frame.width : 0;
-  out.width = first + second_width / step;
+  out.width = width_of_copy();
   out.height = frame.height / step;
-  copy_pixels(frame, step, first, out.height, out.pixels.data(), out.width);
-  copy_pixels(second, step, second_width / step, out.height, out.pixels.data() + first, out.width);
+  int at = frame.width / step;
+  copy_pixels(frame, step, at, out.height, out.pixels.data(), out.width);
+  for (std::size_t i = 0; i < kMostOthers; ++i) {
+    out.others_x[i] = widths[i] > 0 ? out.camera_width : 0;
+    copy_pixels(others[i], step, widths[i] / step, out.height, out.pixels.data() + at, out.width);
+    out.camera_width += widths[i];
+    at += widths[i] / step;
+  }
 }
 
 }  // namespace
@@ -90,9 +97,9 @@ ViewedImage* ViewFeed::draft_for(std::uint64_t sequence, HostStamp stamp) noexce
   draft.sequence = sequence;
   draft.camera_width = draft.camera_height = draft.width = draft.height = 0;
   draft.has_tracks = false;
-  draft.second_x = 0;
+  draft.others_x = {};
   draft.tracks.clear();
-  draft.second_tracks.clear();
+  for (auto& tracks : draft.other_tracks) tracks.clear();
   return &draft;
 }
 
@@ -113,17 +120,18 @@ void ViewFeed::tracks(const LoggedTracks& tracks) noexcept {
   ViewedImage* const draft = draft_for(tracks.sequence, tracks.stamp);
   if (draft == nullptr) return;
   draft->tracks = tracks.points;
-  draft->second_tracks = tracks.second;
+  draft->other_tracks = tracks.others;
   draft->has_tracks = true;
   if (draft_is_whole()) hand_over();
 }
 
-void ViewFeed::image(const Frame& frame, const Frame& second) noexcept {
-  if (second.data != nullptr) second_width_ = second.width;
+void ViewFeed::image(const Frame& frame, const OtherFrames& others) noexcept {
+  for (std::size_t i = 0; i < kMostOthers; ++i)
+    if (others[i].data != nullptr) other_widths_[i] = others[i].width;
   if (frame.data == nullptr || frame.width <= 0 || frame.height <= 0) return;
   ViewedImage* const draft = draft_for(frame.sequence, frame.stamp);
   if (draft == nullptr) return;
-  copy_images(frame, second, second_width_, *draft);
+  copy_images(frame, others, other_widths_, *draft);
   if (draft_is_whole()) hand_over();
 }
 

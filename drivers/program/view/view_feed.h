@@ -11,18 +11,19 @@
 
 namespace epiline {
 
-/// A copy of an image and its tracks. The image of a second camera is at the right of the first one's.
+/// A copy of an image and its tracks. The images of other cameras are at the right of the first one's.
 struct ViewedImage {
   static constexpr std::size_t kMostPixels = 1024 * 1024;  ///< larger images are thinned: every second, third, ...
 
   HostStamp stamp;
   std::uint64_t sequence = 0;
-  int camera_width = 0, camera_height = 0;  ///< of both together; 0: no image came with the tracks
-  int second_x = 0;                         ///< where the second camera's image begins; 0: there is none
+  int camera_width = 0, camera_height = 0;  ///< of all together; 0: no image came with the tracks
+  std::array<int, kMostOthers> others_x{};  ///< where the image of camera 1, 2 or 3 begins; 0: there is none
   int width = 0, height = 0;                ///< of the copy; its rows follow each other
   bool has_tracks = false;
   /// In pixels of their camera, also of a thinned copy.
-  FixedVector<LoggedPoint, kMaxFeatures> tracks, second_tracks;
+  FixedVector<LoggedPoint, kMaxFeatures> tracks;
+  std::array<FixedVector<LoggedPoint, kMaxFeatures>, kMostOthers> other_tracks;
   std::vector<std::uint8_t> pixels = std::vector<std::uint8_t>(kMostPixels);
 };
 
@@ -51,7 +52,7 @@ class ViewFeed final : public FlightObserver {
   void published(std::uint64_t serial, std::int64_t latency_ns) noexcept override;
   void imu(const ImuSample& sample) noexcept override;
   void tracks(const LoggedTracks& tracks) noexcept override;
-  void image(const Frame& frame, const Frame& second) noexcept override;
+  void image(const Frame& frame, const OtherFrames& others) noexcept override;
   void event(const Event& event) noexcept override;
   bool wants_images() const noexcept override { return images_expected_; }
 
@@ -84,7 +85,7 @@ class ViewFeed final : public FlightObserver {
 
   // Log thread only.
   int draft_ = kNone;
-  int second_width_ = 0;  ///< of the second camera's images, once one came
+  std::array<int, kMostOthers> other_widths_{};  ///< of those cameras' images, once one came
   std::uint64_t draft_sequence_ = 0;
   bool images_expected_ = true, sequence_known_ = false;
   std::uint64_t newest_sequence_ = 0, images_lost_ = 0, imu_samples_ = 0;

@@ -276,7 +276,10 @@ std::string tracks_json(const ViewedImage& image) {
                {"height", image.camera_height},
                {"has_image", image.width > 0},
                {"tracks", list(image.tracks)}};
-  if (image.second_x > 0) json["second"] = {{"x", image.second_x}, {"tracks", list(image.second_tracks)}};
+  json["others"] = Json::array();
+  for (std::size_t i = 0; i < kMostOthers; ++i)
+    if (image.others_x[i] > 0)
+      json["others"].push_back({{"x", image.others_x[i]}, {"tracks", list(image.other_tracks[i])}});
   return json.dump();
 }
 

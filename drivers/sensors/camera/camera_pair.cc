@@ -145,7 +145,9 @@ bool CameraPair::match(HostStamp stamp, Frame& second) noexcept {
 }
 
 /// Written before the image went on.
-Frame CameraPair::second(const Frame& frame) const noexcept { return second_of_[static_cast<std::size_t>(frame.slot)]; }
+OtherFrames CameraPair::others(const Frame& frame) const noexcept {
+  return {second_of_[static_cast<std::size_t>(frame.slot)]};
+}
 
 void CameraPair::give_back(const Frame& frame) noexcept {
   const Frame second = second_of_[static_cast<std::size_t>(frame.slot)];  // before another image may have the slot

@@ -51,7 +51,7 @@ class CameraPair final : public CameraSource {
   Status open() override;
   void close() noexcept override;
   ReadOutcome read(Frame& frame, Span timeout) noexcept override;
-  Frame second(const Frame& frame) const noexcept override;
+  OtherFrames others(const Frame& frame) const noexcept override;
   void give_back(const Frame& frame) noexcept override;
 
   PairCounts counts() const noexcept;

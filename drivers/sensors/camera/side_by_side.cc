@@ -10,10 +10,10 @@ ReadOutcome SideBySide::read(Frame& frame, Span timeout) noexcept {
   return outcome;
 }
 
-Frame SideBySide::second(const Frame& frame) const noexcept {
+OtherFrames SideBySide::others(const Frame& frame) const noexcept {
   Frame second = frame;
   second.data += right_is_first_ ? -frame.width : frame.width;
-  return second;
+  return {second};
 }
 
 }  // namespace epiline

@@ -16,7 +16,7 @@ class SideBySide final : public CameraSource {
   Status open() override { return both_->open(); }
   void close() noexcept override { both_->close(); }
   ReadOutcome read(Frame& frame, Span timeout) noexcept override;
-  Frame second(const Frame& frame) const noexcept override;
+  OtherFrames others(const Frame& frame) const noexcept override;
   void give_back(const Frame& frame) noexcept override { both_->give_back(frame); }
 
  private:

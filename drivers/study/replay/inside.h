@@ -1,5 +1,7 @@
 #pragma once
 // Functions that replays in one thread and in several share.
+#include <array>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -15,8 +17,8 @@ FlightRecord begin_record(const AslDataset& dataset, const FlightPlan& plan, con
 /// The recorded points of each image of the plan; empty for a data set with images.
 std::vector<std::span<const TrackPoint>> recorded_points(const AslDataset& dataset, const FlightPlan& plan);
 
-/// None of a flight with one camera.
-std::optional<CameraParameters> second_lens(const AslDataset& dataset);
+/// Of cameras 1 to 3, those that are there.
+std::array<std::optional<CameraParameters>, kMostOthers> other_lenses(const AslDataset& dataset);
 
 /// The flight in real time, in threads. Fails if and only if an image is wrong, or the system has no thread left.
 Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const FlightPlan& plan, const Config& config,

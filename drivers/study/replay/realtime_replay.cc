@@ -69,7 +69,7 @@ RealtimeSettings settings_of(const AslDataset& dataset, const FlightPlan& plan, 
           !dataset.images.empty(),
           recorded_points(dataset, plan),
           RecordedCamera::kImagesToLog,
-          second_lens(dataset)};
+          other_lenses(dataset)};
 }
 
 /// The instant of the computer's clock at which the recording begins: soon, with its first sample.
@@ -120,7 +120,7 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     if (options.view != nullptr) ports.observers.push_back(&start_view(*options.view, dataset, options));
     std::optional<FlightRecorder> recorder;
     if (!config.recorder.folder.empty()) {
-      recorder.emplace(config.recorder, recorded_run(lens, second_lens(dataset), image_rate_hz(plan), config));
+      recorder.emplace(config.recorder, recorded_run(lens, other_lenses(dataset), image_rate_hz(plan), config));
       ports.observers.push_back(&*recorder);
       ports.event_rings.push_back(&recorder->events());
     }

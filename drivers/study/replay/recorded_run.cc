@@ -27,15 +27,17 @@ void count_costs(const RealtimeReport& report, FlightRecord& record) {
 
 }  // namespace
 
-RecordedRun recorded_run(const CameraParameters& camera, const std::optional<CameraParameters>& second,
-                         double image_rate_hz, Config config) {
+RecordedRun recorded_run(const CameraParameters& camera,
+                         const std::array<std::optional<CameraParameters>, kMostOthers>& others, double image_rate_hz,
+                         Config config) {
   RecordedRun run;
   run.camera = {camera, config.estimator.extrinsics.R_BC, config.estimator.extrinsics.p_BC,
                 config.estimator.extrinsics.time_offset_s};
-  // the stamps of its images are those of the first one
-  if (second)
-    run.second = {*second, config.estimator.second.R_BC, config.estimator.second.p_BC,
-                  config.estimator.extrinsics.time_offset_s};
+  for (std::size_t i = 0; i < kMostOthers; ++i) {
+    const OtherCamera& mounted = config.estimator.others[i];
+    // the stamps of its images are those of the first one
+    if (others[i]) run.others[i] = {*others[i], mounted.R_BC, mounted.p_BC, run.camera.time_offset_s};
+  }
   run.image_rate_hz = image_rate_hz;
   run.imu = {config.estimator.imu, config.estimator.saturation_gyroscope_rad_s,
              config.estimator.saturation_accelerometer_m_s2};
@@ -68,7 +70,8 @@ void take_report(const RealtimePipeline& pipeline, double speed, FlightRecord& r
   record.threads = static_cast<int>(report.threads.size());
   record.estimator = pipeline.estimator().stats();
   if (const TrackerStats* tracker = pipeline.tracker_stats()) record.tracker = *tracker;
-  if (const SecondStats* second = pipeline.second_stats()) record.second = *second;
+  for (std::size_t c = 1; c <= kMostOthers; ++c)
+    if (const SecondStats* other = pipeline.other_stats(c)) record.others[c - 1] = *other;
   record.imu_read = report.imu_in;
   record.imu_watch = report.imu_watch;
   record.image_watch = report.image_watch;

@@ -1,6 +1,8 @@
 #pragma once
 // Functions that flights in threads share, with recorded or live sensors.
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,8 +13,9 @@
 namespace epiline {
 
 /// The facts with which a record of this flight can be replayed: the settings of this run, from whatever files.
-RecordedRun recorded_run(const CameraParameters& camera, const std::optional<CameraParameters>& second,
-                         double image_rate_hz, Config config);
+RecordedRun recorded_run(const CameraParameters& camera,
+                         const std::array<std::optional<CameraParameters>, kMostOthers>& others, double image_rate_hz,
+                         Config config);
 
 /// What the system refused (priorities, locked memory, processors), one line each.
 std::vector<std::string> shortfalls_of(const RealtimeReport& report);

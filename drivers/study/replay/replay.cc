@@ -50,23 +50,29 @@ std::vector<std::span<const TrackPoint>> recorded_points(const AslDataset& datas
   return points;
 }
 
-std::optional<CameraParameters> second_lens(const AslDataset& dataset) {
-  return dataset.second ? std::optional(dataset.second->camera.parameters) : std::nullopt;
+std::array<std::optional<CameraParameters>, kMostOthers> other_lenses(const AslDataset& dataset) {
+  std::array<std::optional<CameraParameters>, kMostOthers> lenses;
+  for (std::size_t i = 0; i < dataset.others.size(); ++i) lenses[i] = dataset.others[i]->camera.parameters;
+  return lenses;
 }
 
 namespace {
 
 Result<AslDataset> open_dataset(const ReplayOptions& options, const Config& config) {
-  const bool both = options.camera == kBothCameras;
-  const std::string camera = both ? "cam0" : options.camera;
+  const bool several = options.camera == kBothCameras || options.camera == kAllCameras;
+  const std::string camera = several ? "cam0" : options.camera;
   if (!is_bag(options.dataset)) {
     auto dataset = open_asl_dataset(options.dataset, camera, config.camera_calibration, config.imu_calibration);
-    if (!dataset || !both) return dataset;
-    if (const Status s = open_second_camera(*dataset, "cam1", config.camera_calibration); !s) return s.error();
+    if (!dataset || !several) return dataset;
+    const std::size_t cameras = options.camera == kBothCameras ? 2 : count_cameras(options.dataset);
+    for (std::size_t c = 1; c < cameras; ++c)
+      if (const Status s = open_other_camera(*dataset, fmt::format("cam{}", c), config.camera_calibration); !s)
+        return s.error();
     return dataset;
   }
-  if (both)
-    return Error{ErrorKind::kUsage, options.dataset.string(), 0, "--camera both with a ROS bag", "an ASL folder"};
+  if (several)
+    return Error{ErrorKind::kUsage, options.dataset.string(), 0,
+                 fmt::format("--camera {} with a ROS bag", options.camera), "an ASL folder"};
   return open_bag_dataset(options.dataset, options.topics, camera, config.camera_calibration, config.imu_calibration);
 }
 
@@ -79,8 +85,10 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
     e.saturation_accelerometer_m_s2 = *dataset.imu.saturation_accelerometer_m_s2;
   e.extrinsics = {dataset.camera.R_BC, dataset.camera.p_BC, Camera(dataset.camera.parameters).focal_px(),
                   dataset.camera.time_offset_s, dataset.camera.parameters.readout_s};
-  if (const AslDataset* second = dataset.second.get())
-    e.second = {true, second->camera.R_BC, second->camera.p_BC, second->camera.parameters.readout_s, 0};
+  for (std::size_t i = 0; i < dataset.others.size(); ++i) {
+    const CameraCalibration& other = dataset.others[i]->camera;
+    e.others[i] = {true, other.R_BC, other.p_BC, other.parameters.readout_s, 0};
+  }
   if (file) file->apply(config);
   set_vehicle(config);
   if (options.visual_factor) e.visual_factor = *options.visual_factor;
@@ -89,12 +97,13 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
   config.recorder.images |= options.record_images;
 }
 
-/// Which setting leaves a second camera's views unused; empty: none does.
-std::string why_second_is_unused(const EstimatorConfig& e) {
+/// Which setting leaves what other cameras see unused; empty: none does.
+std::string why_others_are_unused(const EstimatorConfig& e) {
   if (e.visual_factor != VisualFactor::kTrack)
-    return fmt::format("the visual factor is {}; two cameras need track (estimator.visual_factor)",
+    return fmt::format("the visual factor is {}; several cameras need track (estimator.visual_factor)",
                        to_string(e.visual_factor));
-  if (e.track_noise == TrackNoiseModel::kWhite) return "estimator.track_noise is \"white\"; two cameras need \"drift\"";
+  if (e.track_noise == TrackNoiseModel::kWhite)
+    return "estimator.track_noise is \"white\"; several cameras need \"drift\"";
   return "";
 }
 
@@ -124,13 +133,15 @@ class Flight {
       frame = *image;
       frame.slot = 1 - shown_buffer_;
     }
-    Frame second;
-    if (planned.second) {
+    OtherFrames others;
+    for (std::size_t c = 0; c < dataset_.others.size(); ++c) {
+      if (!planned.others[c]) continue;
+      OtherImages& from = others_[c];
       const auto image =
-          second_decoder_.read(*planned.second, *dataset_.second, static_cast<std::size_t>(1 - second_buffer_));
+          from.decoder.read(*planned.others[c], *dataset_.others[c], static_cast<std::size_t>(1 - from.shown));
       if (!image) return image.error();
-      second = *image;
-      second.stamp = planned.stamp + planned.second_later;
+      others[c] = *image;
+      others[c].stamp = planned.stamp + planned.later[c];
     }
     frame.sequence = k;
     frame.stamp = frame.arrival = planned.stamp;
@@ -143,9 +154,10 @@ class Flight {
     feed_sides(frame.stamp);
     const ThreadCosts before = costs_of_this_thread();
     const HeapCallScope heap;
-    pipeline_.step(frame, second, outcome_);
+    pipeline_.step(frame, others, outcome_);
     if (!is_blind(frame.reasons)) shown_buffer_ = 1 - shown_buffer_;
-    if (planned.second) second_buffer_ = 1 - second_buffer_;
+    for (std::size_t c = 0; c < dataset_.others.size(); ++c)
+      if (planned.others[c]) others_[c].shown = 1 - others_[c].shown;
     heap_calls_ += heap.calls();
     record_.page_faults += (costs_of_this_thread() - before).page_faults;
     record_.images.push_back(image_record(outcome_));
@@ -161,7 +173,8 @@ class Flight {
     record_.imu_watch = pipeline_.imu_watch();
     record_.image_watch = pipeline_.image_watch();
     if (const TrackerStats* tracker = pipeline_.tracker_stats()) record_.tracker = *tracker;
-    if (const SecondStats* second = pipeline_.second_stats()) record_.second = *second;
+    for (std::size_t c = 1; c <= kMostOthers; ++c)
+      if (const SecondStats* other = pipeline_.other_stats(c)) record_.others[c - 1] = *other;
     record_.skipped["refused_by_estimator"] = record_.estimator.frames_refused;
     if (counts_heap_) record_.heap_calls = heap_calls_;
     record_.peak_rss_mib = peak_rss_mib();
@@ -177,7 +190,7 @@ class Flight {
             !dataset.images.empty(),
             recorded_points(dataset, plan),
             {monotonic_ns, thread_cpu_ns},
-            second_lens(dataset)};
+            other_lenses(dataset)};
   }
 
   void feed_imu(HostStamp image) {
@@ -208,8 +221,13 @@ class Flight {
   const AslDataset& dataset_;
   const FlightPlan& plan_;
   OfflinePipeline pipeline_;
-  ImageDecoder decoder_, second_decoder_;
-  int shown_buffer_ = 1, second_buffer_ = 1;  ///< the decoders' buffers with the images that the trackers keep
+  struct OtherImages {
+    ImageDecoder decoder;
+    int shown = 1;  ///< its buffer with the image that the tracker keeps
+  };
+  ImageDecoder decoder_;
+  int shown_buffer_ = 1;  ///< as OtherImages::shown
+  std::array<OtherImages, kMostOthers> others_;
   bool counts_heap_;
   std::size_t next_imu_, next_wheel_ = 0, next_height_ = 0;
   ImuFaults imu_faults_;
@@ -257,15 +275,15 @@ Result<ReplayResult> replay(const ReplayOptions& options,
   auto dataset = open_dataset(options, config);
   if (!dataset) return dataset.error();
   set_shutter(config.devices.camera, dataset->camera.parameters);
-  if (dataset->second) set_shutter(config.devices.camera, dataset->second->camera.parameters);
+  for (const auto& other : dataset->others) set_shutter(config.devices.camera, other->camera.parameters);
   if (options.alter) options.alter(*dataset);
   fill_config(*dataset, file ? &*file : nullptr, options, config);
-  if (const std::string why = dataset->second ? why_second_is_unused(config.estimator) : ""; !why.empty())
-    dataset->notes.push_back("cam1 is not used, the flight is estimated from cam0 alone: " + why);
+  if (const std::string why = dataset->others.empty() ? "" : why_others_are_unused(config.estimator); !why.empty())
+    dataset->notes.push_back("the flight is estimated from cam0 alone, no other camera is used: " + why);
   if (options.loop_s) loop_flight(*dataset, *options.loop_s);
   try {
     FlightPlan plan = plan_flight(*dataset, options);
-    config.estimator.second.apart_s = plan.apart.seconds();
+    for (std::size_t i = 0; i < kMostOthers; ++i) config.estimator.others[i].apart_s = plan.apart[i].seconds();
     perturb(options.perturb, *dataset, plan);
     if (plan.images.empty()) {
       return Error{ErrorKind::kUsage, options.dataset.string(), 0, "no image between --start and --duration",

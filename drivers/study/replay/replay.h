@@ -16,11 +16,11 @@
 namespace epiline {
 
 /// cam0 with cam1 beside it.
-inline constexpr const char* kBothCameras = "both";
+inline constexpr const char *kBothCameras = "both", *kAllCameras = "all";
 
 struct ReplayOptions : FlightPart {
   std::filesystem::path dataset;
-  std::string camera = "cam0";  ///< cam0, cam1, or kBothCameras
+  std::string camera = "cam0";  ///< cam0 to cam3, kBothCameras: cam0 and cam1, or kAllCameras
   BagTopics topics;
   std::filesystem::path config_file;          ///< empty: defaults
   std::vector<std::string> set;               ///< settings for ConfigFile::set(); override the file

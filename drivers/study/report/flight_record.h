@@ -108,8 +108,8 @@ struct FlightRecord {
   ImuGateStats imu_watch;
   ImageGateStats image_watch;
   LoadGovernor::Counts load;
-  std::optional<TrackerStats> tracker;  ///< none with recorded tracks
-  std::optional<SecondStats> second;    ///< none with one camera
+  std::optional<TrackerStats> tracker;                         ///< none with recorded tracks
+  std::array<std::optional<SecondStats>, kMostOthers> others;  ///< of cameras 1 to 3, those that are there
   double peak_rss_mib = 0;
   std::optional<std::uint64_t> heap_calls;  ///< inside the stages; none where they cannot be counted
   std::optional<std::uint64_t> lock_calls;  ///< of a real-time run's threads; none where they cannot be counted

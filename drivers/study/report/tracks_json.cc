@@ -8,8 +8,9 @@ Json share_of(std::uint64_t part, std::uint64_t whole) {
   return whole > 0 ? Json(static_cast<double>(part) / static_cast<double>(whole)) : Json(nullptr);
 }
 
-Json second_json(const SecondStats& s) {
-  return {{"images", s.images - s.images_missing},
+Json other_json(std::size_t camera, const SecondStats& s) {
+  return {{"camera", camera},
+          {"images", s.images - s.images_missing},
           {"images_missing", s.images_missing},
           {"share_of_tracks", share_of(s.views, s.tracks)},
           {"tried", s.tried},
@@ -31,12 +32,15 @@ Json tracks_json(const FlightRecord& r) {
   }
   const Json rejected =
       r.tracker ? share_of(r.tracker->rejected_near + r.tracker->rejected_wide, r.tracker->tried) : Json(nullptr);
+  Json others = Json::array();
+  for (std::size_t i = 0; i < r.others.size(); ++i)
+    if (r.others[i]) others.push_back(other_json(i + 1, *r.others[i]));
   return {{"per_image_mean", share_of(points, r.images.size())},
           {"length_mean", share_of(points, tracks)},
           {"rejected_share", rejected},
           {"noise_px", r.estimator.frames_solved > 0 ? Json(r.estimator.pixel_sigma) : Json(nullptr)},
           {"gated", r.estimator.gated},
-          {"second_camera", r.second ? second_json(*r.second) : Json(nullptr)}};
+          {"other_cameras", others}};
 }
 
 }  // namespace epiline

@@ -4,7 +4,7 @@
 
 namespace epiline {
 
-/// The tracks of a flight: number, length, noise, rejections; of a second camera its views, null without one.
+/// The tracks of a flight: number, length, noise, rejections; of each other camera the views.
 Json tracks_json(const FlightRecord& record);
 
 }  // namespace epiline

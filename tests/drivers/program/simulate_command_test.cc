@@ -74,27 +74,42 @@ TEST_F(SimulateCommand, RendersASecondCameraBesideTheFirst) {
 TEST_F(SimulateCommand, KeepsTheRigOfTwoCalibrations) {
   ASSERT_EQ(run("simulate --flight hall --duration 0.1 --baseline 0.2 --out " + in("a")).exit_code, 0);
   const std::string a = in("a/mav0/"),
-                    rig = " --camera " + a + "cam0/sensor.yaml --second-camera " + a + "cam1/sensor.yaml";
+                    rig = " --camera " + a + "cam0/sensor.yaml --other-camera " + a + "cam1/sensor.yaml";
   ASSERT_EQ(run("simulate --flight survey --duration 0.1" + rig + " --out " + in("b")).exit_code, 0);
   const auto first = read_camera_calibration(scratch() / "b/mav0/cam0/sensor.yaml", "cam0");
   const auto second = read_camera_calibration(scratch() / "b/mav0/cam1/sensor.yaml", "cam1");
   ASSERT_TRUE(first && second);
   EXPECT_LT((first->R_BC.transpose() * (second->p_BC - first->p_BC) - Vec3(0.2, 0, 0)).norm(), 1e-12);
   EXPECT_LT((first->R_BC - second->R_BC).norm(), 1e-12);
-  expect_one_line(run("simulate --flight hall --second-camera " + a + "cam1/sensor.yaml --out " + in("x")), 2,
+  expect_one_line(run("simulate --flight hall --other-camera " + a + "cam1/sensor.yaml --out " + in("x")), 2,
                   {"--camera"});
-  expect_one_line(run("simulate --flight hall --second-later 0.01 --out " + in("x")), 2, {"--baseline"});
+  expect_one_line(run("simulate --flight hall --later 0.01 --out " + in("x")), 2, {"--baseline"});
   EXPECT_FALSE(fs::exists(scratch() / "x"));
+}
+
+// Each --other-camera is the next one of the rig.
+TEST_F(SimulateCommand, RendersUpToFourCameras) {
+  ASSERT_EQ(run("simulate --flight hall --duration 0.1 --baseline 0.2 --out " + in("pair")).exit_code, 0);
+  const std::string sensors = in("pair/mav0/"), other = " --other-camera " + sensors + "cam1/sensor.yaml";
+  const std::string one = "simulate --flight hall --duration 0.3 --camera " + sensors + "cam0/sensor.yaml" + other;
+  ASSERT_EQ(run(one + other + other + " --out " + in("four")).exit_code, 0);
+  const Outcome flown = run("replay " + in("four") + " --camera all --out " + in("flown"));
+  EXPECT_NE(flown.out.find("cam3"), std::string::npos) << flown.out;
+  const Json others = Json::parse(read(scratch() / "flown/stats.json"))["tracks"]["other_cameras"];
+  ASSERT_EQ(others.size(), 3U);
+  EXPECT_EQ(others[2]["camera"], 3);
+  EXPECT_GT(others[2]["tracks_of_its_own"], 0);
+  EXPECT_EQ(run(one + other + other + other + " --out " + in("five")).exit_code, 2);
+  EXPECT_FALSE(fs::exists(scratch() / "five"));
 }
 
 // Rolling shutters, of which the second one takes its images later.
 TEST_F(SimulateCommand, CamerasNeedNoTrigger) {
-  ASSERT_EQ(
-      run("simulate --flight hall --duration 0.1 --baseline 0.1 --second-later 0.012 --effects rolling-shutter=30 "
-          "--out " +
-          in("free"))
-          .exit_code,
-      0);
+  ASSERT_EQ(run("simulate --flight hall --duration 0.1 --baseline 0.1 --later 0.012 --effects rolling-shutter=30 "
+                "--out " +
+                in("free"))
+                .exit_code,
+            0);
   const auto second = read_camera_calibration(scratch() / "free/mav0/cam1/sensor.yaml", "cam1");
   ASSERT_TRUE(second);
   EXPECT_NEAR(second->parameters.readout_s, 30e-6 * (second->parameters.height - 1), 1e-9);
@@ -113,12 +128,12 @@ TEST_F(SimulateCommand, AReplayUsesBothCameras) {
   write(list, rows);
   const std::string pair = "replay " + in("pair");
   ASSERT_EQ(run(pair + " --out " + in("one")).exit_code, 0);
-  EXPECT_TRUE(Json::parse(read(scratch() / "one/stats.json"))["tracks"]["second_camera"].is_null());
+  EXPECT_TRUE(Json::parse(read(scratch() / "one/stats.json"))["tracks"]["other_cameras"].empty());
   for (const std::string more : {"", " --realtime --speed 0.5"}) {
     const Outcome both = run(pair + " --camera both --out " + in("both") + more);
     ASSERT_EQ(both.exit_code, 0) << both.err;
-    EXPECT_NE(both.out.find(" tracks of its own, 1 images without one"), std::string::npos) << both.out;
-    const Json stats = Json::parse(read(scratch() / "both/stats.json")), second = stats["tracks"]["second_camera"];
+    EXPECT_NE(both.out.find("% of another camera's tracks seen, "), std::string::npos) << both.out;
+    const Json stats = Json::parse(read(scratch() / "both/stats.json")), second = stats["tracks"]["other_cameras"][0];
     EXPECT_EQ(second["images"].get<int>() + 1, stats["images"]["tracked"].get<int>());
     EXPECT_EQ(second["images_missing"], 1);
     EXPECT_GT(second["share_of_tracks"].get<double>(), 0.5) << second;

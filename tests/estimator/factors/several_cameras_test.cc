@@ -3,10 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <vector>
 
+#include "estimator/factors/kernels.h"
 #include "estimator/factors/track.h"
 #include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/factors/explicit_residuals.h"
@@ -37,9 +39,9 @@ TEST(SeveralCameras, ExactViewsOfBothFitAtTheTruth) {
   Window& w = *s.window;
   const auto both = system_of(w);
   EXPECT_LT(both->cost, 1e-9);
-  w.rig.p_CD.x() += 0.01;
+  w.rig.poses[1].p_CD.x() += 0.01;
   EXPECT_GT(system_of(w)->cost, 1) << "another rig does not fit";
-  w.rig.use = false;
+  w.rig.use[1] = false;
   EXPECT_GT(both->residuals, 1.5 * system_of(w)->residuals);
 }
 
@@ -72,7 +74,7 @@ TEST(SeveralCameras, TwoCamerasSeeTheScale) {
   for (int k = 0; k < w.size(); ++k) larger.segment<3>(6 * k) = w.at(k).x.p - w.at(0).x.p;
   const auto curvature = [&] { return larger.dot(test::dense(*system_of(w), w.size()) * larger); };
   const double both = curvature();
-  w.rig.use = false;
+  w.rig.use[1] = false;
   EXPECT_LT(curvature(), 1e-3 * both);
 }
 
@@ -88,7 +90,7 @@ TEST(SeveralCameras, IndependentViewsAreOfTheFirstCameraAlone) {
   SyntheticWindow s = make_window({.second = true});
   Window& w = *s.window;
   const auto both = system_of(w, settings(TrackNoiseModel::kWhite));
-  w.rig.use = false;
+  w.rig.use[1] = false;
   EXPECT_EQ(test::dense(*both, w.size()), test::dense(*system_of(w, settings(TrackNoiseModel::kWhite)), w.size()));
 }
 
@@ -106,7 +108,7 @@ struct ExplicitRig {
 
   test::Camera camera(const View& v) const {
     test::Camera c = test::camera(w, v.frame);
-    if (v.second) c = {c.R * w.rig.R_CD, c.c + c.R * w.rig.p_CD};
+    if (v.second) c = {c.R * w.rig.poses[1].R_CD, c.c + c.R * w.rig.poses[1].p_CD};
     return c;
   }
   void add(const Observation& o, int frame, bool second, Mat23 axes) {
@@ -320,7 +322,7 @@ TEST(SeveralCameras, TracksOfEitherCameraAddUp) {
   SyntheticWindow s = make_window({.frames = 12, .tracks = 150, .second = true, .alone = true});
   Window& w = *s.window;
   const auto only = [&](bool by_second, bool by_first) {
-    for (int i = 0; i < w.track_count(); ++i) w.track(i).in_use = w.track(i).by_second ? by_second : by_first;
+    for (int i = 0; i < w.track_count(); ++i) w.track(i).in_use = w.track(i).camera > 0 ? by_second : by_first;
   };
   const int n = w.size();
   const auto check = [&](auto&& system, int frames) {
@@ -342,18 +344,131 @@ TEST(SeveralCameras, TracksOfTheSecondAloneNeedARigAndADrift) {
   Window& w = *s.window;
   const auto tracks = [&](TrackNoiseModel noise) { return system_of(w, settings(noise))->tracks; };
   const int drifting = tracks(TrackNoiseModel::kDrift), white = tracks(TrackNoiseModel::kWhite);
-  for (int i = 0; i < w.track_count(); ++i) w.track(i).in_use = !w.track(i).by_second;
+  for (int i = 0; i < w.track_count(); ++i) w.track(i).in_use = w.track(i).camera == 0;
   EXPECT_EQ(drifting - tracks(TrackNoiseModel::kDrift), 15);
   EXPECT_EQ(white, tracks(TrackNoiseModel::kWhite)) << "left out before, too";
-  w.rig.use = false;
+  w.rig.use[1] = false;
   w.append();
   TrackedFrame frame;
-  frame.second_tracks.push_back(make_feature(kSecondTrack | 99, Vec3(0, 0, 3), Vec2::Zero()));
-  frame.features.push_back(make_feature(kSecondTrack | 98, Vec3(0, 0, 3), Vec2::Zero()));
+  frame.others[0].alone.push_back(make_feature(first_track_of(1) | 99, Vec3(0, 0, 3), Vec2::Zero()));
+  frame.features.push_back(make_feature(first_track_of(1) | 98, Vec3(0, 0, 3), Vec2::Zero()));
   w.observe(frame);
-  EXPECT_EQ(w.find(kSecondTrack | 99), -1);
-  ASSERT_GE(w.find(kSecondTrack | 98), 0) << "where there is one camera, ids are whatever they are";
-  EXPECT_FALSE(w.track(w.find(kSecondTrack | 98)).by_second);
+  EXPECT_EQ(w.find(first_track_of(1) | 99), -1);
+  ASSERT_GE(w.find(first_track_of(1) | 98), 0) << "where there is one camera, ids are whatever they are";
+  EXPECT_EQ(w.track(w.find(first_track_of(1) | 98)).camera, 0);
+}
+
+/// Camera 1 becomes camera c.
+void renumber(Window& w, std::uint8_t c) {
+  std::swap(w.rig.poses[1], w.rig.poses[c]);
+  std::swap(w.rig.use[1], w.rig.use[c]);
+  for (int i = 0; i < w.track_count(); ++i) {
+    TrackRecord& t = w.track(i);
+    if (t.camera == 1) t.camera = c;
+    if (t.second_camera == 1) t.second_camera = c;
+  }
+}
+
+/// The first camera becomes camera 1, camera 1 camera 3; what is the first one then sees nothing, from elsewhere.
+void put_another_first(Window& w) {
+  const RigPose other = {so3_exp(Vec3(0.3, -1.2, 0.5)), Vec3(-0.3, 0.2, 0.1)};  // of what was first
+  const RigPose second = w.rig.poses[1];
+  w.calibration.p_BC -= w.calibration.R_BC * other.R_CD.transpose() * other.p_CD;
+  w.calibration.R_BC = w.calibration.R_BC * other.R_CD.transpose();
+  w.rig.use = {true, true, false, true};
+  w.rig.poses[1] = other;
+  w.rig.poses[3] = {other.R_CD * second.R_CD, other.p_CD + other.R_CD * second.p_CD};
+  for (int i = 0; i < w.track_count(); ++i) {
+    w.track(i).camera = 1;
+    w.track(i).second_camera = 3;
+  }
+}
+
+TEST(SeveralCameras, ACamerasNumberSaysNothing) {
+  for (const std::uint8_t c : {std::uint8_t{2}, std::uint8_t{3}}) {
+    SyntheticWindow s = make_window({.tracks = 150, .second = true, .second_later = 0.01, .alone = true});
+    Window& w = *s.window;
+    VisualSettings at = settings();
+    at.rows = true;
+    const auto before = system_of(w, at), before_news = news_of(w);
+    renumber(w, c);
+    const auto close = [](const Eigen::MatrixXd& x, const Eigen::MatrixXd& y) {
+      EXPECT_LT((x - y).norm(), 1e-11 * y.norm());  // other tracks share their batches
+    };
+    close(test::dense(*system_of(w, at), w.size()), test::dense(*before, w.size()));
+    close(test::dense(*news_of(w), w.size() - 1), test::dense(*before_news, w.size() - 1));
+  }
+}
+
+/// Two cameras that see the same need not be the first one and another.
+TEST(SeveralCameras, ATrackOfAnyCameraMayHaveASecondOne) {
+  SyntheticWindow s = make_window({.tracks = 100, .second = true});
+  Window& w = *s.window;
+  const auto before = system_of(w), before_news = news_of(w);
+  put_another_first(w);
+  const auto after = system_of(w);
+  EXPECT_EQ(after->residuals, before->residuals);
+  EXPECT_NEAR(after->cost, before->cost, 1e-9 * before->cost);
+  const auto close = [](const Eigen::MatrixXd& x, const Eigen::MatrixXd& y) {
+    EXPECT_LT((x - y).norm(), 1e-9 * y.norm());
+  };
+  close(poses_and_time(*after, w.size()), poses_and_time(*before, w.size()));
+  close(poses_and_time(*news_of(w), w.size() - 1), poses_and_time(*before_news, w.size() - 1));
+}
+
+/// Each track gets a camera, and a second one behind it, whatever its bearings are.
+TEST(SeveralCameras, TracksOfAllPairsOfCamerasAddUp) {
+  SyntheticWindow s = make_window({.frames = 12, .tracks = 400, .second = true});
+  Window& w = *s.window;
+  w.rig.use = {true, true, true, true};
+  w.rig.poses[2] = {so3_exp(Vec3(0, 0.1, 0)), Vec3(0.05, 0, 0)};
+  w.rig.poses[3] = {so3_exp(Vec3(0.1, 0, 0)), Vec3(0, 0.05, 0)};
+  constexpr std::array<std::array<std::uint8_t, 2>, kCameraPairs> kPairs = {
+      {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}, {3, 0}}};
+  const auto pair = [](int i) { return static_cast<std::size_t>(i) % std::size_t{kCameraPairs}; };
+  for (int i = 0; i < w.track_count(); ++i) {
+    TrackRecord& t = w.track(i);
+    t.camera = kPairs[pair(i)][0];
+    t.second_camera = t.second != 0 ? kPairs[pair(i)][1] : 0;
+    if (t.second_camera == 0) t.second = 0;
+  }
+  const auto check = [&](auto&& system, int frames) {
+    const auto of = [&](auto&& chosen) {
+      for (int i = 0; i < w.track_count(); ++i) w.track(i).in_use = chosen(i);
+      return test::dense(*system(w), frames);
+    };
+    const Eigen::MatrixXd all = of([](int) { return true; });
+    Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(all.rows(), all.cols());
+    for (std::size_t p = 0; p < kPairs.size(); ++p) {
+      const Eigen::MatrixXd part = of([&](int i) { return pair(i) == p; });
+      EXPECT_GT(part.norm(), 1) << p;
+      sum += part;
+    }
+    EXPECT_LT((all - sum).norm(), 1e-11 * all.norm());
+  };
+  check([](Window& window) { return system_of(window); }, w.size());
+  check([](Window& window) { return news_of(window); }, w.size() - 1);
+}
+
+TEST(SeveralCameras, ATrackKeepsTheSecondCameraThatHasViewsInTheWindow) {
+  Window w(6);
+  w.rig.use = {true, true, true, false};
+  const auto show = [&](std::initializer_list<std::size_t> cameras) {
+    w.append();
+    TrackedFrame frame;
+    frame.features.push_back(make_feature(7, Vec3(0, 0, 3), Vec2::Zero()));
+    for (const std::size_t c : cameras)
+      frame.others[c - 1].views.push_back(make_second_view(7, Vec3(0.1, 0, 3), Vec2::Zero()));
+    w.observe(frame);
+    return w.seen_by_second(w.track(0), w.size() - 1) ? w.track(0).second_camera : 0;
+  };
+  EXPECT_EQ(show({3}), 0) << "not in use";
+  EXPECT_EQ(show({2}), 2);
+  EXPECT_EQ(show({1, 2}), 2);
+  EXPECT_EQ(show({1}), 0);
+  w.remove(1);
+  w.remove(1);
+  EXPECT_EQ(show({1, 2}), 1) << "the views of camera 2 have left";
 }
 
 TEST(SeveralCameras, ImpossibleAndUnknownViewsAreLeftOut) {
@@ -362,10 +477,10 @@ TEST(SeveralCameras, ImpossibleAndUnknownViewsAreLeftOut) {
   w.append();
   TrackedFrame frame;
   frame.features.push_back(make_feature(0, Vec3(0, 0, 3), Vec2::Zero()));
-  frame.second.push_back(make_second_view(0, Vec3(0.1, 0, 3), Vec2::Zero()));
-  frame.second.back().bearing[1] = std::nan("");
-  frame.second.push_back(make_second_view(1, Vec3(0.1, 0, 3), Vec2::Zero()));     // not in this frame's features
-  frame.second.push_back(make_second_view(4711, Vec3(0.1, 0, 3), Vec2::Zero()));  // of no track
+  frame.others[0].views.push_back(make_second_view(0, Vec3(0.1, 0, 3), Vec2::Zero()));
+  frame.others[0].views.back().bearing[1] = std::nan("");
+  frame.others[0].views.push_back(make_second_view(1, Vec3(0.1, 0, 3), Vec2::Zero()));  // not in this frame's features
+  frame.others[0].views.push_back(make_second_view(4711, Vec3(0.1, 0, 3), Vec2::Zero()));  // of no track
   EXPECT_EQ(w.observe(frame).impossible, 1);
   for (int i = 0; i < w.track_count(); ++i) EXPECT_FALSE(w.seen_by_second(w.track(i), w.size() - 1)) << i;
 }

@@ -53,12 +53,12 @@ TEST(ChooseTracks, WithoutALimitAllAreUsed) {
 // Spare ones cost time; where the first camera sees too little, they carry the flight.
 TEST(ChooseTracks, TakesTheSecondCamerasOwnWhereTheyAreAFourthOfTheFirsts) {
   const auto w = std::make_unique<Window>(6);
-  w->rig.use = true;
+  w->rig.use[1] = true;
   const auto both = [&](std::uint32_t by_first, std::uint32_t by_second) {
     TrackedFrame frame;
     for (std::uint32_t id = 0; id < by_first; ++id) frame.features.push_back(feature(id, 7.0 * id, 3.0 * id));
     for (std::uint32_t id = 0; id < by_second; ++id)
-      frame.second_tracks.push_back(feature(kSecondTrack | id, 9.0 * id, 2.0 * id));
+      frame.others[0].alone.push_back(feature(first_track_of(1) | id, 9.0 * id, 2.0 * id));
     w->append();
     w->observe(frame);
   };

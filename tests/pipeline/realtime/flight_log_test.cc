@@ -37,9 +37,9 @@ struct Notes final : FlightObserver {
     points = t.points.size();
     if (points > 0) last_point = t.points.back();
   }
-  void image(const Frame& frame, const Frame& second) noexcept override {
+  void image(const Frame& frame, const OtherFrames& others) noexcept override {
     image_pixel = *frame.data;
-    second_pixel = second.data == nullptr ? -1 : *second.data;
+    second_pixel = others[0].data == nullptr ? -1 : *others[0].data;
   }
   void event(const Event& event) noexcept override { events.push_back(event); }
   void pass(HostStamp /*now*/) noexcept override { ++passes; }
@@ -84,7 +84,7 @@ TEST_F(FlightLogTest, EachObserverGetsEveryStreamAndNoHeapIsUsed) {
   const std::uint8_t pixel = 77, second_pixel = 78;
   const Frame frame{HostStamp{0}, 12, &pixel, 1, 1, 1, 0};
   const HeapCallScope heap;
-  lent.lend(frame, {HostStamp{0}, 13, &second_pixel, 1, 1, 1, 0});
+  lent.lend(frame, {Frame{HostStamp{0}, 13, &second_pixel, 1, 1, 1, 0}});
   for (std::int64_t i = 0; i < 100; ++i) log->imu().push({HostStamp{i}, {}, {}});
   log->wheel().push({HostStamp{0}, 1.5, 0});
   log->wheel().push({HostStamp{1}, 2, 0});

@@ -129,7 +129,7 @@ class Onlooker final : public FlightObserver {
  public:
   void take(const FrameOutcome& outcome) noexcept override { newest = outcome.stamp; }
   bool wants_images() const noexcept override { return true; }
-  void image(const Frame& frame, const Frame& /*second*/) noexcept override {
+  void image(const Frame& frame, const OtherFrames& /*others*/) noexcept override {
     ++images;
     do {
       draw(frame.sequence, expected_);

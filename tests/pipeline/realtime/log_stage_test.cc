@@ -9,7 +9,7 @@ using namespace test;
 
 struct Listener final : FlightObserver {
   void take(const FrameOutcome&) noexcept override { ++outcomes; }
-  void image(const Frame&, const Frame&) noexcept override { ++images; }
+  void image(const Frame&, const OtherFrames&) noexcept override { ++images; }
   void event(const Event& event) noexcept override { last = event; }
   void pass(HostStamp) noexcept override { ++passes; }
   bool wants_images() const noexcept override { return true; }

@@ -89,8 +89,8 @@ class FlightRecorderTest : public testing::Test {
     std::fill(pixels_.begin(), pixels_.end(), static_cast<std::uint8_t>(serial_));
     if (recorder.wants_images()) {
       Frame second;  // every third one is missing
-      if (run_.second && serial_ % 3 != 0) second = {stamp, serial_, second_pixels_.data(), 32, 40, 32, 0};
-      recorder.image({stamp, serial_, pixels_.data(), 64, 48, 64, 0}, second);
+      if (run_.others[0] && serial_ % 3 != 0) second = {stamp, serial_, second_pixels_.data(), 32, 40, 32, 0};
+      recorder.image({stamp, serial_, pixels_.data(), 64, 48, 64, 0}, {second});
     }
     recorder.event({stamp, EventId::kReset, {static_cast<std::int64_t>(serial_), 0, 0}});
     ++serial_;
@@ -317,10 +317,10 @@ TEST_F(FlightRecorderTest, ImagesAreKeptAsFarAsTheirMemoryGoes) {
 
 TEST_F(FlightRecorderTest, ImagesOfASecondCameraAreKeptBesideTheFirstOnes) {
   config_.images = true;
-  run_.second = run_.camera;
-  run_.second->parameters.width = 32;
-  run_.second->parameters.height = 40;
-  run_.second->p_BC = {0.11, 0, 0};
+  run_.others[0] = run_.camera;
+  run_.others[0]->parameters.width = 32;
+  run_.others[0]->parameters.height = 40;
+  run_.others[0]->p_BC = {0.11, 0, 0};
   {
     FlightRecorder recorder(config_, run_);
     fly_seconds(recorder, 1);

@@ -124,27 +124,27 @@ TEST_F(CaptureStageTest, ASecondCamerasImageIsJudgedForItself) {
     Frame image = camera.image(ms);
     ASSERT_TRUE(stage.admit(image));
     EXPECT_EQ(image.reasons, 0u);
-    stage.hand_on(image, frozen);
-    const Frame& beside = images.second(static_cast<std::size_t>(image.slot));
+    stage.hand_on(image, {frozen});
+    const Frame& beside = images.others(static_cast<std::size_t>(image.slot))[0];
     EXPECT_EQ(beside.stamp, image.stamp);
     EXPECT_EQ(is_blind(beside.reasons), ms > 0) << "the same pixels as before";
   }
-  EXPECT_EQ(told(), Lines{"50 second_camera_blind on=1 images=1"});
+  EXPECT_EQ(told(), Lines{"50 other_camera_blind on=1 images=1 camera=1"});
   Frame image = camera.image(150);
   ASSERT_TRUE(stage.admit(image));
   stage.hand_on(image);
-  EXPECT_EQ(images.second(static_cast<std::size_t>(image.slot)).data, nullptr);
+  EXPECT_EQ(images.others(static_cast<std::size_t>(image.slot))[0].data, nullptr);
 }
 
 /// Of a free-running camera; no farther apart than said.
 TEST_F(CaptureStageTest, ASecondCamerasImageKeepsItsOwnTime) {
-  CaptureStage free{&camera, clock, {frames, images, parking, heard, *events}, Span::from_milliseconds(17)};
+  CaptureStage free{&camera, clock, {frames, images, parking, heard, *events}, {Span::from_milliseconds(17)}};
   MadeUpCamera second;
   const auto beside = [&](int first_ms, int second_ms) {
     Frame image = camera.image(first_ms);
     EXPECT_TRUE(free.admit(image));
-    free.hand_on(image, second.image(second_ms));
-    return images.second(static_cast<std::size_t>(image.slot));
+    free.hand_on(image, {second.image(second_ms)});
+    return images.others(static_cast<std::size_t>(image.slot))[0];
   };
   EXPECT_EQ(beside(0, 17).stamp, at_ms(17));
   EXPECT_EQ(beside(50, 36).stamp, at_ms(36));

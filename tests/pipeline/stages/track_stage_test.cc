@@ -16,7 +16,7 @@ class TrackStageTest : public StageTest {
     settings.camera = {
         CameraModel::kPinholeRadialTangential, MadeUpCamera::kWidth, MadeUpCamera::kHeight, {100, 100, 80, 60}, {}};
     settings.images = of_images;
-    if (two_cameras) settings.second = SecondRig{settings.camera, Mat3::Identity(), Vec3(-0.1, 0, 0)};
+    if (two_cameras) settings.others[0] = {settings.camera, {Mat3::Identity(), Vec3(0.1, 0, 0)}};
     settings.recorded = recorded;
     settings.imu_patience = Span::from_milliseconds(20);
     stage = std::make_unique<TrackStage>(settings, Knowledge{}, clock,
@@ -25,7 +25,7 @@ class TrackStageTest : public StageTest {
   }
   void show(std::int64_t ms, bool dark = false, const Frame& second = {}) {
     const Frame image = camera.image(ms, dark);
-    images.lend(image, second);
+    images.lend(image, {second});
     const auto evicted = frames.push(static_cast<FrameRing::Value>(image.slot));
     if (evicted != FrameRing::kNone) images.give_back(evicted);
   }
@@ -165,25 +165,25 @@ TEST_F(TwoCamerasTrackStage, BesideADarkImageTheSecondOneIsKept) {
     run(*stage);
     return estimate();
   };
-  EXPECT_GT(show_both(0, false, false).second_tracks.size(), 0u);
+  EXPECT_GT(show_both(0, false, false).others[0].alone.size(), 0u);
   EXPECT_EQ(images.users(0), 2u) << "both images are kept";
   TrackedFrame frame = show_both(50, true, false);
   EXPECT_EQ(frame.features.size(), 0u);
-  ASSERT_GT(frame.second_tracks.size(), 0u);
-  EXPECT_EQ(frame.second_tracks[0].age, 1u);
+  ASSERT_GT(frame.others[0].alone.size(), 0u);
+  EXPECT_EQ(frame.others[0].alone[0].age, 1u);
   EXPECT_EQ(images.users(0), 1u);
   EXPECT_EQ(images.users(1), 1u);
   frame = show_both(100, true, false);
-  EXPECT_EQ(frame.second_tracks[0].age, 2u);
+  EXPECT_EQ(frame.others[0].alone[0].age, 2u);
   EXPECT_EQ(images.users(1), 0u) << "followed by a newer one";
   EXPECT_EQ(camera.away(), 2);
   frame = show_both(150, false, false);
   EXPECT_EQ(frame.features[0].age, 1u) << "tracked from the image before the dark ones";
-  EXPECT_EQ(frame.second_tracks[0].age, 3u);
+  EXPECT_EQ(frame.others[0].alone[0].age, 3u);
   EXPECT_EQ(camera.away(), 1);
   frame = show_both(200, false, true);
-  EXPECT_EQ(frame.second_tracks.size(), 0u);
-  EXPECT_EQ(frame.second.size(), 0u);
+  EXPECT_EQ(frame.others[0].alone.size(), 0u);
+  EXPECT_EQ(frame.others[0].views.size(), 0u);
   EXPECT_EQ(frame.features[0].age, 2u);
   stage->give_back_all();
   EXPECT_EQ(camera.away(), 0);

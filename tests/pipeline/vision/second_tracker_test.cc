@@ -115,9 +115,9 @@ class Rig {
     if (!first) out->features.clear();
     const RigMotion motion{
         later_s, {turn / kPeriod_s, Vec3::Zero()}, {}, pose.R_WC.transpose() * kStep_m / kPeriod_s + velocity_error};
-    second.step(first ? &tracker.pyramid() : nullptr,
+    second.step(first ? &tracker.pyramid() : nullptr, out->features,
                 what == Second::kMissing ? Frame{} : frame_of(*seconds_[0], number_),
-                rig_.R_SC * R_CC0 * rig_.R_SC.transpose(), *out, later_s == 0 ? RigMotion{} : motion);
+                rig_.R_SC * R_CC0 * rig_.R_SC.transpose(), out->others[0], later_s == 0 ? RigMotion{} : motion);
     EXPECT_EQ(heap.calls(), 0);
     check();
     return *out;
@@ -139,9 +139,9 @@ class Rig {
   /// What holds for any input.
   void check() {
     std::map<std::uint32_t, std::uint32_t> found;
-    ASSERT_LE(out->second.size(), out->features.size());
+    ASSERT_LE(out->others[0].views.size(), out->features.size());
     const TrackedFeature* feature = out->features.begin();
-    for (const SecondView& view : out->second) {
+    for (const SecondView& view : out->others[0].views) {
       while (feature != out->features.end() && feature->id < view.id) ++feature;
       ASSERT_NE(feature, out->features.end());
       EXPECT_EQ(feature->id, view.id);
@@ -154,10 +154,10 @@ class Rig {
       found.emplace(view.id, view.found);
     }
     found_ = std::move(found);
-    for (std::size_t i = 0; i < out->second_tracks.size(); ++i) {
-      EXPECT_NE(out->second_tracks[i].id & kSecondTrack, 0u);
+    for (std::size_t i = 0; i < out->others[0].alone.size(); ++i) {
+      EXPECT_NE(out->others[0].alone[i].id & first_track_of(1), 0u);
       if (i > 0) {
-        EXPECT_LT(out->second_tracks[i - 1].id, out->second_tracks[i].id);
+        EXPECT_LT(out->others[0].alone[i - 1].id, out->others[0].alone[i].id);
       }
     }
   }
@@ -195,7 +195,7 @@ Quality quality_of(Rig& rig, int images) {
     const TrackedFrame& frame = rig.step();
     Vec2 truth;
     for (const TrackedFeature& f : frame.features) visible += f.age > 0 && rig.truth(f, truth);
-    for (const SecondView& view : frame.second) {
+    for (const SecondView& view : frame.others[0].views) {
       const TrackedFeature* const f = feature_of(frame, view.id);
       if (f == nullptr || !rig.truth(*f, truth)) continue;
       const double error = (Vec2(view.pixel[0], view.pixel[1]) - truth).norm();
@@ -231,8 +231,8 @@ TEST(SecondTracker, SeesThemAlsoAtAnotherTime) {
     EXPECT_GT(q.share, 0.9);
     EXPECT_LT(q.rms_px, 0.2);
     EXPECT_LT(q.wrong_share, 0.01);
-    for (const SecondView& view : rig.out->second) EXPECT_EQ(view.row_s, static_cast<float>(later_s));
-    for (const TrackedFeature& track : rig.out->second_tracks) EXPECT_EQ(track.row_s, static_cast<float>(later_s));
+    for (const SecondView& view : rig.out->others[0].views) EXPECT_EQ(view.row_s, static_cast<float>(later_s));
+    for (const TrackedFeature& track : rig.out->others[0].alone) EXPECT_EQ(track.row_s, static_cast<float>(later_s));
   }
 }
 
@@ -257,8 +257,8 @@ TEST(SecondTracker, CamerasMayDiffer) {
 
 TEST(SecondTracker, BearingsAndJacobiansAreTheSecondCameras) {
   Rig rig(mixed_rig());
-  EXPECT_EQ(rig.step().second.size(), 0u) << "a view must be found again before it counts";
-  for (const SecondView& view : rig.step().second) {
+  EXPECT_EQ(rig.step().others[0].views.size(), 0u) << "a view must be found again before it counts";
+  for (const SecondView& view : rig.step().others[0].views) {
     Vec3 f;
     Mat23 J;
     ASSERT_TRUE(rig.second_camera().bearing(Vec2(view.pixel[0], view.pixel[1]), f, J));
@@ -273,7 +273,7 @@ TEST(SecondTracker, NoViewLiesFarFromTheEpipolarPlane) {
   Rig flight(rig);
   for (int image = 0; image < 5; ++image) {
     const TrackedFrame& frame = flight.step();
-    for (const SecondView& view : frame.second) {
+    for (const SecondView& view : frame.others[0].views) {
       const Vec3 normal = (rig.R_SC * Vec3(feature_of(frame, view.id)->bearing.data())).cross(rig.p_SC).normalized();
       EXPECT_LT(std::abs(normal.dot(Vec3(view.bearing.data()))) * 203, 1.1 * SecondTracker::kMostOffPlane_px);
     }
@@ -300,11 +300,11 @@ TEST(SecondTracker, RefusesWhatTheRigDoesNotAllow) {
 TEST(SecondTracker, ACoveredLensGivesNoViews) {
   Rig rig(usual_rig());
   rig.step();
-  const std::size_t before = rig.step().second.size();
+  const std::size_t before = rig.step().others[0].views.size();
   EXPECT_GT(before, 50u);
-  for (int image = 0; image < 3; ++image) EXPECT_EQ(rig.step(Rig::Second::kCovered).second.size(), 0u);
+  for (int image = 0; image < 3; ++image) EXPECT_EQ(rig.step(Rig::Second::kCovered).others[0].views.size(), 0u);
   std::size_t after = 0;
-  for (int image = 0; image < 9; ++image) after = rig.step().second.size();
+  for (int image = 0; image < 9; ++image) after = rig.step().others[0].views.size();
   EXPECT_GT(after, 0.8 * static_cast<double>(before));
 }
 
@@ -312,21 +312,22 @@ TEST(SecondTracker, ACoveredLensGivesNoViews) {
 TEST(SecondTracker, AMissingImageEndsAllViews) {
   Rig rig(usual_rig());
   rig.step();
-  const std::size_t before = rig.step().second.size();
-  EXPECT_EQ(rig.step(Rig::Second::kMissing).second.size(), 0u);
+  const std::size_t before = rig.step().others[0].views.size();
+  EXPECT_EQ(rig.step(Rig::Second::kMissing).others[0].views.size(), 0u);
   EXPECT_EQ(rig.second.stats().images_missing, 1u);
   const std::uint64_t matched = rig.second.stats().matched, followed = rig.second.stats().followed;
-  EXPECT_EQ(rig.step().second.size(), 0u);
+  EXPECT_EQ(rig.step().others[0].views.size(), 0u);
   EXPECT_EQ(rig.second.stats().followed, followed);
   EXPECT_GT(rig.second.stats().matched, matched + 50);
   const TrackedFrame& again = rig.step();
-  EXPECT_GT(again.second.size(), 0.8 * static_cast<double>(before));
-  for (const SecondView& view : again.second) EXPECT_EQ(view.found, view.age - 1) << "found in the image before";
+  EXPECT_GT(again.others[0].views.size(), 0.8 * static_cast<double>(before));
+  for (const SecondView& view : again.others[0].views)
+    EXPECT_EQ(view.found, view.age - 1) << "found in the image before";
 }
 
 /// Tracks of this image that live since `age` images at least.
 std::size_t older_than(const TrackedFrame& frame, std::uint32_t age) {
-  return static_cast<std::size_t>(std::count_if(frame.second_tracks.begin(), frame.second_tracks.end(),
+  return static_cast<std::size_t>(std::count_if(frame.others[0].alone.begin(), frame.others[0].alone.end(),
                                                 [&](const TrackedFeature& f) { return f.age > age; }));
 }
 
@@ -334,31 +335,31 @@ TEST(SecondTracker, HasAFewTracksOfItsOwnBesideTheFirstCameras) {
   Rig rig(usual_rig());
   for (int image = 0; image < 6; ++image) {
     const TrackedFrame& frame = rig.step();
-    EXPECT_LE(frame.second_tracks.size(), 15u);
-    for (const TrackedFeature& own : frame.second_tracks) {
+    EXPECT_LE(frame.others[0].alone.size(), 15u);
+    for (const TrackedFeature& own : frame.others[0].alone) {
       if (own.age > 0) continue;
-      for (const SecondView& view : frame.second)
+      for (const SecondView& view : frame.others[0].views)
         EXPECT_GE(std::hypot(own.pixel[0] - view.pixel[0], own.pixel[1] - view.pixel[1]), 20) << "seen already";
     }
   }
   EXPECT_GT(older_than(*rig.out, 2), 2u) << "the views of the first camera's tracks leave little room in this image";
-  EXPECT_GE(rig.second.stats().alone, rig.out->second_tracks.size());
+  EXPECT_GE(rig.second.stats().alone, rig.out->others[0].alone.size());
 }
 
 TEST(SecondTracker, CarriesOnWhileTheFirstCameraShowsNothing) {
   Rig rig(usual_rig());
   for (int image = 0; image < 4; ++image) rig.step();
-  const std::size_t before = rig.out->second_tracks.size();
+  const std::size_t before = rig.out->others[0].alone.size();
   for (int image = 0; image < 4; ++image) {
     const TrackedFrame& frame = rig.step(Rig::Second::kSeen, false);
-    EXPECT_EQ(frame.second.size(), 0u);
+    EXPECT_EQ(frame.others[0].views.size(), 0u);
     EXPECT_GT(older_than(frame, static_cast<std::uint32_t>(image)), before / 2) << "they live on";
   }
-  EXPECT_GT(rig.out->second_tracks.size(), 2 * before) << "the first camera's place is taken";
+  EXPECT_GT(rig.out->others[0].alone.size(), 2 * before) << "the first camera's place is taken";
   for (int image = 0; image < 3; ++image) rig.step();
-  EXPECT_GT(rig.out->second.size(), 30u) << "both see again";
-  for (const TrackedFeature& own : rig.out->second_tracks)
-    for (const SecondView& view : rig.out->second)
+  EXPECT_GT(rig.out->others[0].views.size(), 30u) << "both see again";
+  for (const TrackedFeature& own : rig.out->others[0].alone)
+    for (const SecondView& view : rig.out->others[0].views)
       EXPECT_GE(std::hypot(own.pixel[0] - view.pixel[0], own.pixel[1] - view.pixel[1]), 2.9) << "one corner, one track";
 }
 
@@ -367,7 +368,13 @@ TEST(SecondTracker, WithoutTracksOfItsOwnThereAreNoneEver) {
   config.second_features = 0;
   Rig rig(usual_rig(), usual_rig(), config);
   for (const bool first : {true, true, false, false, true})
-    EXPECT_EQ(rig.step(Rig::Second::kSeen, first).second_tracks.size(), 0u);
+    EXPECT_EQ(rig.step(Rig::Second::kSeen, first).others[0].alone.size(), 0u);
+}
+
+/// The second camera of a rig whose first one sits there.
+OtherLens mounted(const SecondRig& rig, const CameraMount& first) {
+  const Mat3 R_BS = first.R_BC * rig.R_SC.transpose();
+  return {rig.camera, {R_BS, first.p_BC - R_BS * rig.p_SC}};
 }
 
 // One camera's tracks do not depend on a second one.
@@ -375,20 +382,69 @@ TEST(SecondTracker, LeavesTheFirstCamerasTracksAsTheyAre) {
   const SecondRig rig = usual_rig();
   const Camera camera(first_lens());
   const Wedge wedge;
-  FrontEnd one(camera, {}, Mat3::Identity()), two(camera, {}, Mat3::Identity(), rig);
+  FrontEnd one(camera, {}, {}), two(camera, {}, {}, {mounted(rig, {})});
   const auto a = std::make_unique<TrackedFrame>(), b = std::make_unique<TrackedFrame>();
   std::vector<TestImage> images;
   for (int k = 0; k < 3; ++k) images.push_back(picture(camera, {Mat3::Identity(), Vec3(0.02 * k, 0, 0)}, wedge));
   for (int k = 0; k < 3; ++k) {
     one.step(frame_of(images[k], k + 1), {}, *a);
-    two.step(frame_of(images[k], k + 1), frame_of(images[2 - k], k + 1), *b);
+    two.step(frame_of(images[k], k + 1), {frame_of(images[2 - k], k + 1)}, *b);
     ASSERT_EQ(a->features.size(), b->features.size());
-    EXPECT_EQ(a->second.size(), 0u);
+    EXPECT_EQ(a->others[0].views.size(), 0u);
     for (std::size_t i = 0; i < a->features.size(); ++i) {
       EXPECT_EQ(a->features[i].id, b->features[i].id);
       EXPECT_EQ(a->features[i].pixel, b->features[i].pixel);
     }
   }
+}
+
+/// Of four cameras two are upside down, so that their images are like each other's and not like those of the first two.
+TEST(SecondTracker, EachCameraLooksForTheTracksOfOneBeforeIt) {
+  const Camera camera(first_lens());
+  const Wedge wedge;
+  const Mat3 over = Eigen::AngleAxisd(3.14159265, Vec3::UnitZ()).toRotationMatrix();
+  const CameraMount third{over, Vec3(0.05, 0.05, 0)};
+  const OtherLenses others = {mounted(usual_rig(), {}), OtherLens{first_lens(), third}, mounted(usual_rig(), third)};
+  FrontEnd all(camera, {}, {}, others);
+  const auto out = std::make_unique<TrackedFrame>();
+  std::vector<TestImage> images;
+  const auto step = [&](int number, const std::array<bool, 4>& shows) {
+    const std::size_t from = images.size();
+    for (std::size_t c = 0; c < 4; ++c) {
+      const OtherLens lens = c == 0 ? OtherLens{first_lens(), {}} : *others[c - 1];
+      const Pose pose{lens.mount.R_BC, Vec3(0.02 * number, 0.01 * number, 0) + lens.mount.p_BC};
+      images.push_back(picture(Camera(lens.camera), pose, wedge));
+    }
+    Frame frames[4];
+    for (std::size_t c = 0; c < 4; ++c)
+      if (shows[c]) frames[c] = frame_of(images[from + c], number + 1);
+    if (!shows[0]) {
+      frames[0] = frame_of(images[from], number + 1);
+      frames[0].reasons = static_cast<std::uint32_t>(HealthReason::kLensCovered);
+    }
+    all.step(frames[0], {frames[1], frames[2], frames[3]}, *out);
+  };
+  images.reserve(64);
+  for (int k = 0; k < 4; ++k) step(k, {true, true, true, true});
+  const auto views = [&](std::size_t camera_number) { return out->others[camera_number - 1].views.size(); };
+  const auto alone = [&](std::size_t camera_number) { return out->others[camera_number - 1].alone.size(); };
+  EXPECT_GT(views(1), 50u);
+  EXPECT_EQ(views(2), 0u) << "nothing looks like it";
+  EXPECT_GT(alone(2), 60u) << "so it has as many tracks of its own as the first one";
+  EXPECT_GT(views(3), 50u);
+  for (std::size_t c = 1; c <= 3; ++c)
+    for (const TrackedFeature& f : out->others[c - 1].alone) EXPECT_EQ(f.id >> 30, c);
+  for (const SecondView& v : out->others[2].views) EXPECT_EQ(v.id >> 30, 2u) << "of the third camera's tracks";
+
+  step(4, {true, true, false, true});
+  EXPECT_EQ(alone(2), 0u);
+  EXPECT_EQ(views(3), 0u) << "the camera beside which it is shows nothing";
+  EXPECT_GT(alone(3), 60u) << "its own tracks take their place";
+  EXPECT_GT(views(1), 50u);
+  step(5, {false, true, true, true});
+  EXPECT_EQ(out->features.size(), 0u);
+  EXPECT_EQ(views(1), 0u);
+  EXPECT_GT(alone(1), 60u);
 }
 
 /// Cameras that look elsewhere, from the same place, or with lenses that differ too much have nothing in common.
@@ -401,8 +457,8 @@ TEST(SecondTracker, CamerasWithoutCommonTracksHaveTheirOwn) {
     EXPECT_THROW(SecondTracker(Camera(first_lens()), rig, none_alone), std::invalid_argument);
     Rig flight(rig);
     flight.step();
-    EXPECT_EQ(flight.step().second.size(), 0u);
-    EXPECT_GT(flight.out->second_tracks.size(), 60u);
+    EXPECT_EQ(flight.step().others[0].views.size(), 0u);
+    EXPECT_GT(flight.out->others[0].alone.size(), 60u);
   };
   check([](SecondRig& rig) { rig.p_SC.setZero(); });
   check([](SecondRig& rig) { rig.R_SC = Eigen::AngleAxisd(3.1, Vec3::UnitZ()).toRotationMatrix(); });

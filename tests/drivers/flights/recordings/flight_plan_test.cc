@@ -13,15 +13,15 @@ constexpr std::int64_t kUs = 1000;
 AslDataset pair_of(const std::vector<std::int64_t>& first_us, const std::vector<std::int64_t>& second_us) {
   AslDataset dataset;
   for (const std::int64_t us : first_us) dataset.images.push_back({HostStamp{us * kUs}, "", 0});
-  dataset.second = std::make_shared<AslDataset>();
-  for (const std::int64_t us : second_us) dataset.second->images.push_back({HostStamp{us * kUs}, "", 0});
+  dataset.others = {std::make_shared<AslDataset>()};
+  for (const std::int64_t us : second_us) dataset.others[0]->images.push_back({HostStamp{us * kUs}, "", 0});
   return dataset;
 }
 
 std::vector<int> partners(const AslDataset& dataset, const FlightPart& part = {}) {
   std::vector<int> list;
   for (const PlannedImage& image : plan_flight(dataset, part).images)
-    list.push_back(image.second ? static_cast<int>(*image.second) : -1);
+    list.push_back(image.others[0] ? static_cast<int>(*image.others[0]) : -1);
   return list;
 }
 
@@ -46,10 +46,10 @@ TEST(FlightPlan, TriggeredCamerasHaveNoTimesOfTheirOwn) {
   }
   const AslDataset dataset = pair_of(first_us, second_us);
   const FlightPlan plan = plan_flight(dataset, {});
-  EXPECT_EQ(plan.apart, Span{});
+  EXPECT_EQ(plan.apart[0], Span{});
   for (std::size_t i = 0; i < plan.images.size(); ++i) {
-    EXPECT_EQ(plan.images[i].second.has_value(), i != 7) << i;
-    EXPECT_EQ(plan.images[i].second_later, Span{});
+    EXPECT_EQ(plan.images[i].others[0].has_value(), i != 7) << i;
+    EXPECT_EQ(plan.images[i].later[0], Span{});
   }
 }
 
@@ -57,11 +57,11 @@ TEST(FlightPlan, FreeRunningCamerasGiveTheNearestImageWithItsTime) {
   AslDataset dataset = pair_of({0, 50'000, 100'000, 150'000, 200'000}, {-13'000, 37'000, 87'000, 137'000, 187'000});
   FlightPlan plan = plan_flight(dataset, {});
   EXPECT_EQ(partners(dataset), (std::vector{0, 1, 2, 3, 4}));
-  EXPECT_EQ(plan.apart, Span::from_milliseconds(13));
-  EXPECT_EQ(plan.images[3].second_later, Span::from_milliseconds(-13));
-  dataset.second->camera.time_offset_s = 0.002;  // its stamps are early
+  EXPECT_EQ(plan.apart[0], Span::from_milliseconds(13));
+  EXPECT_EQ(plan.images[3].later[0], Span::from_milliseconds(-13));
+  dataset.others[0]->camera.time_offset_s = 0.002;  // its stamps are early
   plan = plan_flight(dataset, {});
-  EXPECT_EQ(plan.images[3].second_later, Span::from_milliseconds(-11));
+  EXPECT_EQ(plan.images[3].later[0], Span::from_milliseconds(-11));
   // slower than the first one, and each image of it belongs to one of the first
   EXPECT_EQ(partners(pair_of({0, 50'000, 100'000, 150'000, 200'000}, {20'000, 125'000, 230'000})),
             (std::vector{0, -1, 1, -1, -1}));

@@ -92,7 +92,7 @@ TEST_F(HilCommand, TwoCamerasFly) {
   ASSERT_EQ(r.exit_code, 0) << r.out << r.err;
   const Json s = stats("out");
   EXPECT_LT(s["error"]["ate_4dof_m"]["rmse"].get<double>(), 0.05) << r.out << r.err;
-  const Json& second = s["tracks"]["second_camera"];
+  const Json& second = s["tracks"]["other_cameras"][0];
   EXPECT_GT(second["images"].get<int>(), 40);
   EXPECT_GT(second["share_of_tracks"].get<double>(), 0.3);
 }

@@ -206,8 +206,8 @@ TEST_F(TwoCameras, OfTwoDevicesAreAPair) {
   ASSERT_TRUE(settings) << settings.error().text();
   ASSERT_TRUE(settings->second);
   EXPECT_DOUBLE_EQ(settings->second->parameters.intrinsics[0], 410);
-  EXPECT_TRUE(settings->config.estimator.second.use);
-  EXPECT_DOUBLE_EQ(settings->config.estimator.second.p_BC.x(), 0.1);
+  EXPECT_TRUE(settings->config.estimator.others[0].use);
+  EXPECT_DOUBLE_EQ(settings->config.estimator.others[0].p_BC.x(), 0.1);
   const auto devices = make_devices(*settings);
   ASSERT_TRUE(devices) << devices.error().text();
   EXPECT_NE(dynamic_cast<const CameraPair*>(devices->camera.get()), nullptr);
@@ -218,7 +218,7 @@ TEST_F(TwoCameras, ThatRunFreelyAreNearestWithinHalfAPeriod) {
   const auto apart_s = [&](const std::string& camera, const std::string& second) {
     const auto settings = read(camera, "[second_camera]\ndevice = \"/dev/video1\"\n" + second);
     EXPECT_TRUE(settings) << settings.error().text();
-    return settings ? settings->config.estimator.second.apart_s : -1;
+    return settings ? settings->config.estimator.others[0].apart_s : -1;
   };
   EXPECT_EQ(apart_s("", ""), 0) << "triggered together";
   EXPECT_EQ(apart_s("", "within_ms = 5\n"), 0);
@@ -231,7 +231,7 @@ TEST_F(TwoCameras, MayHaveRollingShutters) {
   const auto settings = read("shutter = \"rolling\"\nreadout_ms = 15\n", "[second_camera]\ndevice = \"/dev/video1\"\n");
   ASSERT_TRUE(settings) << settings.error().text();
   EXPECT_DOUBLE_EQ(settings->second->parameters.readout_s, 0.015);
-  EXPECT_DOUBLE_EQ(settings->config.estimator.second.readout_s, 0.015);
+  EXPECT_DOUBLE_EQ(settings->config.estimator.others[0].readout_s, 0.015);
 }
 
 TEST_F(TwoCameras, SideBySideAreHalvesOfOneDevice) {

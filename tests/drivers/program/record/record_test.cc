@@ -92,11 +92,11 @@ class OddCamera final : public StandingCamera {
 /// With a second camera that misses every fourth image, and is a quarter of a millisecond late.
 class CameraOfTwo final : public StandingCamera {
  public:
-  Frame second(const Frame& frame) const noexcept override {
+  OtherFrames others(const Frame& frame) const noexcept override {
     if (frame.sequence % 4 == 0) return {};
     Frame second = frame;
     second.stamp.ns += 250'000;
-    return second;
+    return {second};
   }
 };
 

@@ -78,12 +78,12 @@ TEST(ViewFeed, ASecondCamerasImageIsAtTheRightOfTheFirstOnes) {
   const std::vector<std::uint8_t> one(40 * 30, 11), two(20 * 25, 22);  // a smaller image
   LoggedTracks tracks;
   tracks.points.push_back({1, 2, 3, 4});
-  tracks.second.push_back({1, 2, 5, 6});
+  tracks.others[0].push_back({1, 2, 5, 6});
   const auto shown = [&](std::uint64_t sequence, const Frame& second) {
     feed.note_viewer(monotonic_ns());
     const ViewedImage* image = nullptr;
     for (tracks.sequence = sequence; image == nullptr; ++tracks.sequence) {  // 22 a second at most
-      feed.image({HostStamp{1}, tracks.sequence, one.data(), 40, 30, 40, 0}, second);
+      feed.image({HostStamp{1}, tracks.sequence, one.data(), 40, 30, 40, 0}, {second});
       feed.tracks(tracks);
       image = feed.newest_image();
     }
@@ -93,14 +93,14 @@ TEST(ViewFeed, ASecondCamerasImageIsAtTheRightOfTheFirstOnes) {
   EXPECT_EQ(image->width, 60);
   EXPECT_EQ(image->camera_width, 60);
   EXPECT_EQ(image->height, 30);
-  EXPECT_EQ(image->second_x, 40);
+  EXPECT_EQ(image->others_x[0], 40);
   const auto pixel = [&](int x, int y) { return image->pixels[static_cast<std::size_t>(60 * y + x)]; };
   EXPECT_EQ(pixel(39, 29), 11);
   EXPECT_EQ(pixel(40, 0), 22);
   EXPECT_EQ(pixel(59, 24), 22);
   EXPECT_EQ(pixel(59, 25), 0) << "below the smaller image";
-  ASSERT_EQ(image->second_tracks.size(), 1u);
-  EXPECT_EQ(image->second_tracks[0].u, 5);
+  ASSERT_EQ(image->other_tracks[0].size(), 1u);
+  EXPECT_EQ(image->other_tracks[0][0].u, 5);
 
   image = shown(tracks.sequence, {});
   EXPECT_EQ(image->width, 60) << "its place stays when an image is missing";

@@ -83,7 +83,7 @@ class Pair : public testing::Test {
   int partner() {
     Frame frame;
     if (pair_->read(frame, Span::from_milliseconds(60'000)) != ReadOutcome::kSample) return -2;
-    const Frame second = pair_->second(frame);
+    const Frame second = pair_->others(frame)[0];
     const int found = second.data == nullptr ? -1 : *second.data;
     pair_->give_back(frame);
     return found;
@@ -129,7 +129,7 @@ TEST_F(Pair, TheNearestOfAFreeRunningCameraComesWithItsTime) {
     first_->give(50 * i, 0);
     Frame frame;
     ASSERT_EQ(pair_->read(frame, Span::from_milliseconds(60'000)), ReadOutcome::kSample);
-    const Frame second = pair_->second(frame);
+    const Frame second = pair_->others(frame)[0];
     ASSERT_NE(second.data, nullptr) << i;
     EXPECT_EQ(second.stamp.ns, std::int64_t{49'000'000} * *second.data);
     EXPECT_LE(std::abs((second.stamp - frame.stamp).ns), 25'000'000) << i;
@@ -221,7 +221,7 @@ TEST_F(Pair, WhileTheFirstOneIsSilentTheSecondOneGoesOnAlone) {
       EXPECT_EQ(alone.width, 3);
       EXPECT_EQ(alone.height, 2);
       EXPECT_EQ(std::count(alone.data, alone.data + 6, 0), 6) << "black";
-      EXPECT_EQ(*pair_->second(alone).data, i);
+      EXPECT_EQ(*pair_->others(alone)[0].data, i);
       EXPECT_EQ(first_->lent, 0);
       pair_->give_back(alone);
     }
@@ -233,7 +233,7 @@ TEST_F(Pair, WhileTheFirstOneIsSilentTheSecondOneGoesOnAlone) {
     const Frame back = next();
     EXPECT_EQ(back.stamp.ns, 350'000'000);
     EXPECT_EQ(*back.data, 5);
-    EXPECT_EQ(*pair_->second(back).data, 8);
+    EXPECT_EQ(*pair_->others(back)[0].data, 8);
     pair_->give_back(back);
     EXPECT_EQ(pair_->counts().alone, 3u);
     EXPECT_EQ(pair_->counts().pairs, 4u);
@@ -308,7 +308,7 @@ TEST(SideBySide, HalvesAreTwoImages) {
     SideBySide camera(std::move(wide), right_is_first);
     Frame first;
     ASSERT_EQ(camera.read(first, {}), ReadOutcome::kSample);
-    const Frame second = camera.second(first);
+    const Frame second = camera.others(first)[0];
     const Frame& left = right_is_first ? second : first;
     const Frame& right = right_is_first ? first : second;
     for (const Frame* half : {&left, &right}) {
