@@ -1,10 +1,13 @@
 #pragma once
 // Configuration of devices: plain data, checked by the table in parameters.cc, which also gives units and ranges. An
 // empty device name means that there is no such device.
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
+
+#include "platform/samples/samples.h"
 
 namespace epiline {
 
@@ -60,16 +63,18 @@ inline constexpr const char* kStampPointNames[] = {"driver", "start-of-exposure"
 inline constexpr const char* kCameraClockNames[] = {"driver", "device"};
 inline constexpr const char* kEdgeNames[] = {"rising", "falling"};
 
-/// Section [second_camera]: a second camera beside the one of [camera], of the same kind; what is not here is as there.
-/// docs/camera.md#two-cameras.
-struct SecondCameraConfig {
+/// A camera beside the one of [camera], of the same kind; what is not here is as there. docs/camera.md#several-cameras.
+struct OtherCameraConfig {
   std::string device;         ///< empty: none, or the other half of the first one's images
   std::string sensor;         ///< in a media graph: part of the sensor's name
   std::string stamp_line;     ///< its own GPIO line; see GpioLine
-  std::string calibration;    ///< empty: cam1 of the first one's file
+  std::string calibration;    ///< empty: cam1 (cam2, cam3) of the first one's file
   bool free_running = false;  ///< it is not triggered together with the first one
   double within_ms = 0;  ///< images of both are taken together if they are no farther apart; 0: see pairs_within_s()
 };
+/// Their sections, and what a user reads.
+inline constexpr const char* kOtherCameraSections[] = {"second_camera", "third_camera", "fourth_camera"};
+inline constexpr const char* kOtherCameraNames[] = {"second camera", "third camera", "fourth camera"};
 
 /// Section [imu]: where its readings come from.
 struct ImuDeviceConfig {
@@ -150,7 +155,7 @@ inline constexpr const char* kHeightSourceNames[] = {"none", "mavlink", "iio"};
 
 struct DevicesConfig {
   CameraConfig camera;
-  SecondCameraConfig second_camera;
+  std::array<OtherCameraConfig, kMostOthers> other_cameras;
   ImuDeviceConfig imu;
   BodyConfig body;
   MavlinkConfig mavlink;
@@ -159,19 +164,21 @@ struct DevicesConfig {
   HeightConfig height;
 };
 
-/// How far apart images of both cameras may be that are taken together, s: what is set; else 1 ms, or, for a
-/// free-running second camera, half a period, beyond which another image is nearer.
-inline double pairs_within_s(const DevicesConfig& devices) {
-  const SecondCameraConfig& c = devices.second_camera;
+/// How far apart images of the first camera and another may be that are taken together, s: what is set; else 1 ms, or,
+/// for a free-running one, half a period, beyond which another image is nearer.
+inline double pairs_within_s(const DevicesConfig& devices, std::size_t other) {
+  const OtherCameraConfig& c = devices.other_cameras[other];
   if (c.within_ms > 0) return 1e-3 * c.within_ms;
   constexpr double kUsualRate_hz = 30;
   const double rate_hz = devices.camera.rate_hz > 0 ? devices.camera.rate_hz : kUsualRate_hz;
   return c.free_running ? 0.5 / rate_hz : 1e-3;
 }
 
-/// 1, or 2 with a second camera.
+/// 1 to 4: up to the first that is not there.
 inline std::size_t camera_count(const DevicesConfig& devices) {
-  return !devices.second_camera.device.empty() || devices.camera.side_by_side != 0 ? 2 : 1;
+  std::size_t n = devices.camera.side_by_side != 0 ? 2 : 1;
+  while (n <= kMostOthers && !devices.other_cameras[n - 1].device.empty()) ++n;
+  return n;
 }
 
 }  // namespace epiline

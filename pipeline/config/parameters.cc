@@ -41,6 +41,46 @@ std::optional<VisualFactor> visual_factor_from(const std::string& name) {
         [](Config& c, int i) { c.member = i; }                                          \
   }
 
+// A live camera beside the first one; what is not here is as in [camera].
+#define EPILINE_OTHER_CAMERA(nth, in_chain, i)                                                                      \
+  {nth "_camera.device",                                                                                            \
+   "",                                                                                                              \
+   0,                                                                                                               \
+   0,                                                                                                               \
+   "path, name or bus of a " nth " camera beside the first one; default: none",                                     \
+   EPILINE_AT(devices.other_cameras[i].device)},                                                                    \
+      {nth "_camera.sensor",                                                                                        \
+       "",                                                                                                          \
+       0,                                                                                                           \
+       0,                                                                                                           \
+       "part of the sensor's name in the media graph",                                                              \
+       EPILINE_AT(devices.other_cameras[i].sensor)},                                                                \
+      {nth "_camera.stamp_line",                                                                                    \
+       "",                                                                                                          \
+       0,                                                                                                           \
+       0,                                                                                                           \
+       "GPIO line with an edge at the start of each of its exposures",                                              \
+       EPILINE_AT(devices.other_cameras[i].stamp_line)},                                                            \
+      {nth "_camera.calibration",                                                                                   \
+       "",                                                                                                          \
+       0,                                                                                                           \
+       0,                                                                                                           \
+       "its calibration file (ASL or Kalibr, there as " in_chain "); default: " in_chain " of camera.calibration",  \
+       EPILINE_AT(devices.other_cameras[i].calibration)},                                                           \
+      {nth "_camera.free_running",                                                                                  \
+       "",                                                                                                          \
+       0,                                                                                                           \
+       0,                                                                                                           \
+       "it is not triggered together with the first one: each of its images has its own time",                      \
+       EPILINE_AT(devices.other_cameras[i].free_running)},                                                          \
+  {                                                                                                                 \
+    nth "_camera.within_ms", "ms", 0, 100,                                                                          \
+        "images of both cameras are taken together if their times differ by no more; 0: by 1 ms; free-running: by " \
+        "half"                                                                                                      \
+        " a period of camera.rate_hz",                                                                              \
+        EPILINE_AT(devices.other_cameras[i].within_ms)                                                              \
+  }
+
 const std::vector<Parameter>& parameters() {
   static const std::vector<Parameter> table = {
       // estimator
@@ -236,23 +276,9 @@ const std::vector<Parameter>& parameters() {
       {"camera.side_by_side", "", 0, 0,
        "each image holds those of two cameras side by side, as stereo boards give them: which half is the first camera",
        EPILINE_CHOICE(devices.camera.side_by_side, kSideBySideNames)},
-      // a second live camera; what is not here is as in [camera]
-      {"second_camera.device", "", 0, 0, "path, name or bus of a second camera beside the first one; default: none",
-       EPILINE_AT(devices.second_camera.device)},
-      {"second_camera.sensor", "", 0, 0, "part of the sensor's name in the media graph",
-       EPILINE_AT(devices.second_camera.sensor)},
-      {"second_camera.stamp_line", "", 0, 0, "GPIO line with an edge at the start of each of its exposures",
-       EPILINE_AT(devices.second_camera.stamp_line)},
-      {"second_camera.calibration", "", 0, 0,
-       "its calibration file (ASL or Kalibr, there as cam1); default: cam1 of camera.calibration",
-       EPILINE_AT(devices.second_camera.calibration)},
-      {"second_camera.free_running", "", 0, 0,
-       "it is not triggered together with the first one: each of its images has its own time",
-       EPILINE_AT(devices.second_camera.free_running)},
-      {"second_camera.within_ms", "ms", 0, 100,
-       "images of both cameras are taken together if their times differ by no more; 0: by 1 ms; free-running: by half "
-       "a period of camera.rate_hz",
-       EPILINE_AT(devices.second_camera.within_ms)},
+      EPILINE_OTHER_CAMERA("second", "cam1", 0),
+      EPILINE_OTHER_CAMERA("third", "cam2", 1),
+      EPILINE_OTHER_CAMERA("fourth", "cam3", 2),
       // control of a live camera's exposure
       {"exposure.automatic", "", 0, 0,
        "control exposure and gain for tracking; needs camera.exposure_control in manual mode",

@@ -71,21 +71,20 @@ std::optional<std::uint64_t> count_of(const DeviceRecord& record, std::string_vi
   return std::nullopt;
 }
 
-/// Of two cameras: do their images belong together?
+/// Of the first camera and another: do their images belong together?
 void tell_of_pairs(const DeviceRecord& record, Findings& out) {
   const auto pairs = count_of(record, "pairs"), without = count_of(record, "without");
   if (!pairs || !without || *pairs + *without == 0) return;
   const double share = static_cast<double>(*pairs) / static_cast<double>(*pairs + *without);
-  const std::string text =
-      fmt::format("{:.0f} % of the images have one of the second camera at the same time", 100 * share);
+  const std::string text = fmt::format("{:.0f} % of the first camera's images have one at the same time", 100 * share);
   constexpr double kGood = 0.9;  // the first images have none, as the second camera begins later
   if (share > kGood)
     out.push_back(found(Grade::kOk, record.name, text));
   else
     out.push_back(found(share > 0 ? Grade::kWarning : Grade::kError, record.name, text,
                         "trigger both cameras by one line, set the same rate and exposure for both; their stamps must "
-                        "agree within second_camera.within_ms; or, if nothing triggers them, "
-                        "second_camera.free_running = true (docs/camera.md, Two cameras)"));
+                        "agree within within_ms of its section; or, if nothing triggers them, free_running = true "
+                        "(docs/camera.md, Several cameras)"));
 }
 
 }  // namespace
@@ -94,9 +93,12 @@ Findings check_presence(const DevicesConfig& d, const Inventory& inventory) {
   Findings out;
   check_file("camera", "camera.device", d.camera.device, inventory.cameras, out, true);
   check_line("camera", d.camera.stamp_line, inventory, out);
-  if (const SecondCameraConfig& second = d.second_camera; !second.device.empty()) {
-    check_file("second camera", "second_camera.device", second.device, inventory.cameras, out, true);
-    check_line("second camera", second.stamp_line, inventory, out);
+  for (std::size_t i = 0; i < kMostOthers; ++i) {
+    const OtherCameraConfig& other = d.other_cameras[i];
+    if (other.device.empty()) continue;
+    const std::string key = std::string(kOtherCameraSections[i]) + ".device";
+    check_file(kOtherCameraNames[i], key.c_str(), other.device, inventory.cameras, out, true);
+    check_line(kOtherCameraNames[i], other.stamp_line, inventory, out);
   }
   switch (static_cast<ImuDriver>(d.imu.driver)) {
     case ImuDriver::kMavlink:

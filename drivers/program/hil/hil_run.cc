@@ -36,18 +36,20 @@ std::optional<std::string> after(std::string_view prefix, const std::string& tex
   return text.rfind(prefix, 0) == 0 ? std::optional(text.substr(prefix.size())) : std::nullopt;
 }
 
-/// With the calibration that the configuration names; with both cameras if it has two.
+/// With the calibrations that the configuration names, and as many cameras as it has.
 Result<AslDataset> open_dataset(const HilOptions& o, const Config& c) {
-  const bool both = camera_count(c.devices) > 1;
+  const std::size_t cameras = camera_count(c.devices);
   if (is_bag(o.dataset)) {
-    if (both) return Error{ErrorKind::kUsage, o.dataset.string(), 0, "two cameras with a ROS bag", "an ASL folder"};
+    if (cameras > 1)
+      return Error{ErrorKind::kUsage, o.dataset.string(), 0, "several cameras with a ROS bag", "an ASL folder"};
     return open_bag_dataset(o.dataset, {}, "cam0", c.camera_calibration, c.imu_calibration);
   }
   auto dataset = open_asl_dataset(o.dataset, "cam0", c.camera_calibration, c.imu_calibration);
-  if (!dataset || !both) return dataset;
-  const std::string& own = c.devices.second_camera.calibration;
-  if (const Status s = open_other_camera(*dataset, "cam1", own.empty() ? c.camera_calibration : own); !s)
-    return s.error();
+  for (std::size_t i = 0; dataset && i + 1 < cameras; ++i) {
+    const std::string& own = c.devices.other_cameras[i].calibration;
+    const std::string& file = own.empty() ? c.camera_calibration : own;
+    if (const Status s = open_other_camera(*dataset, fmt::format("cam{}", i + 1), file); !s) return s.error();
+  }
   return dataset;
 }
 
@@ -213,6 +215,9 @@ Status Flight::connect_camera(LiveDevices& devices) {
   const std::string device = *after(kLoopback, options_.camera);
   CameraConfig& c = settings_.config.devices.camera;
   const CameraParameters& lens = dataset_.camera.parameters;
+  if (dataset_.others.size() > 1)
+    return Error{ErrorKind::kUsage, options_.dataset.string(), 0, "more than two cameras",
+                 "--camera file; a loopback device shows two, side by side"};
   const bool both = !dataset_.others.empty();
   if (const Status s = loopback_.open(device, lens.width * (both ? 2 : 1), lens.height, image_rate_hz(plan_)); !s)
     return s;
@@ -225,7 +230,7 @@ Status Flight::connect_camera(LiveDevices& devices) {
   played.stamp_point = 1;  // the start of an exposure of no length
   if (both) played.side_by_side = static_cast<int>(SideBySideHalves::kLeftFirst);
   c = played;
-  settings_.config.devices.second_camera.device.clear();
+  for (OtherCameraConfig& other : settings_.config.devices.other_cameras) other.device.clear();
   images_.start(*camera_, [this](const Frame& frame) { return loopback_.write(frame, camera_->others(frame)[0]); });
   return Done{};
 }

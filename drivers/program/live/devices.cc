@@ -114,23 +114,26 @@ DeviceRecord record_of(const CanWheelSource& wheel) {
 
 namespace {
 
-/// After the first one.
-Status read_second_camera(LiveSettings& settings) {
+/// After the first one. `other`: of the other cameras, from 0.
+Status read_other_camera(LiveSettings& settings, std::size_t other) {
   Config& config = settings.config;
-  const std::string& own = config.devices.second_camera.calibration;
-  if (own.empty() && !is_chain_with(config.camera_calibration, "cam1"))
-    return missing(settings, "second_camera.calibration is not set, and camera.calibration has no cam1",
-                   "the second camera's calibration (docs/camera.md, Two cameras)");
-  auto second = read_camera_calibration(own.empty() ? config.camera_calibration : own, "cam1");
-  if (!second) return second.error();
-  CameraParameters& p = second->parameters;
+  const std::string name = fmt::format("cam{}", other + 1), section = kOtherCameraSections[other];
+  const OtherCameraConfig& device = config.devices.other_cameras[other];
+  if (device.calibration.empty() && !is_chain_with(config.camera_calibration, name))
+    return missing(
+        settings, fmt::format("{}.calibration is not set, and camera.calibration has no {}", section, name).c_str(),
+        fmt::format("the {}'s calibration (docs/camera.md, Several cameras)", kOtherCameraNames[other]).c_str());
+  auto camera =
+      read_camera_calibration(device.calibration.empty() ? config.camera_calibration : device.calibration, name);
+  if (!camera) return camera.error();
+  CameraParameters& p = camera->parameters;
   set_shutter(config.devices.camera, p);
   if (p.width != settings.camera.width || p.height != settings.camera.height)
-    return missing(settings, fmt::format("a second camera of {} x {}", p.width, p.height).c_str(),
+    return missing(settings, fmt::format("a {} of {} x {}", kOtherCameraNames[other], p.width, p.height).c_str(),
                    fmt::format("{} x {}, as the first one", settings.camera.width, settings.camera.height).c_str());
-  config.estimator.others[0] = {true, second->R_BC, second->p_BC, p.readout_s,
-                                config.devices.second_camera.free_running ? pairs_within_s(config.devices) : 0};
-  settings.second = *second;
+  config.estimator.others[other] = {true, camera->R_BC, camera->p_BC, p.readout_s,
+                                    device.free_running ? pairs_within_s(config.devices, other) : 0};
+  settings.others[other] = *camera;
   return Done{};
 }
 
@@ -142,7 +145,9 @@ Status read_camera(LiveSettings& settings) {
   set_shutter(config.devices.camera, settings.camera);
   config.estimator.extrinsics = {camera->R_BC, camera->p_BC, Camera(camera->parameters).focal_px(),
                                  camera->time_offset_s, settings.camera.readout_s};
-  return camera_count(config.devices) > 1 ? read_second_camera(settings) : Done{};
+  for (std::size_t other = 0; other + 1 < camera_count(config.devices); ++other)
+    if (const Status s = read_other_camera(settings, other); !s) return s;
+  return Done{};
 }
 
 }  // namespace
@@ -171,8 +176,14 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
     if (imu->saturation_accelerometer_m_s2) e.saturation_accelerometer_m_s2 = *imu->saturation_accelerometer_m_s2;
   }
   file->apply(config);  // the file wins
-  if (!config.devices.second_camera.device.empty() && is_side_by_side(config))
+  const auto& others = config.devices.other_cameras;
+  if (!others[0].device.empty() && is_side_by_side(config))
     return missing(settings, "camera.side_by_side and second_camera.device", "one of them");
+  for (std::size_t i = camera_count(config.devices); i <= kMostOthers; ++i)
+    if (!others[i - 1].device.empty())
+      return missing(settings,
+                     fmt::format("a {}, but no {}", kOtherCameraNames[i - 1], kOtherCameraNames[i - 2]).c_str(),
+                     fmt::format("{}.device", kOtherCameraSections[i - 2]).c_str());
   if (const Status s = mavlink::fault_of_frame(config.devices.mavlink); !s)
     return Error{s.error().kind, settings.source, 0, s.error().file + ": " + s.error().found, s.error().expected};
   set_vehicle(config);
@@ -181,34 +192,35 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
 
 namespace {
 
-/// The second camera is set as the first one, and exposed as that is.
-std::unique_ptr<CameraPair> pair_of(const LiveSettings& settings, std::unique_ptr<V4l2Camera> first,
-                                    V4l2Settings second_settings, LiveDevices& devices) {
+/// Another camera, which is set as the first one, and exposed as that is.
+std::unique_ptr<V4l2Camera> other_camera(const LiveSettings& settings, std::size_t other, V4l2Settings set,
+                                         V4l2Camera& first, LiveDevices& devices) {
+  const OtherCameraConfig& c = settings.config.devices.other_cameras[other];
+  set.device = c.device;
+  set.sensor = c.sensor;
+  set.stamp_line = c.stamp_line;
+  set.control_of_exposure.automatic = false;
+  auto camera = std::make_unique<V4l2Camera>(std::move(set));
+  if (settings.config.devices.camera.exposure.automatic) camera->follow_exposure_of(first);
+  devices.records.emplace_back([c = camera.get(), other] { return record_of(kOtherCameraNames[other], *c); });
+  return camera;
+}
+
+PairSettings pair_settings(const LiveSettings& settings, std::size_t other) {
   const Config& config = settings.config;
-  const SecondCameraConfig& c = config.devices.second_camera;
-  second_settings.device = c.device;
-  second_settings.sensor = c.sensor;
-  second_settings.stamp_line = c.stamp_line;
-  second_settings.control_of_exposure.automatic = false;
-  auto second = std::make_unique<V4l2Camera>(std::move(second_settings));
-  if (config.devices.camera.exposure.automatic) second->follow_exposure_of(*first);
-  devices.records.emplace_back([s = second.get()] { return record_of("second camera", *s); });
-  const double later_s =
-      settings.second ? settings.second->time_offset_s - config.estimator.extrinsics.time_offset_s : 0;
-  PairSettings pair_settings;
-  pair_settings.within = Span::from_seconds(pairs_within_s(config.devices));
-  if (c.free_running) pair_settings.patience = pair_settings.patience + pair_settings.within;
-  pair_settings.second_later = Span::from_seconds(later_s);
+  PairSettings s;
+  s.within = Span::from_seconds(pairs_within_s(config.devices, other));
+  if (config.devices.other_cameras[other].free_running) s.patience = s.patience + s.within;
+  if (const auto& calibrated = settings.others[other])
+    s.second_later = Span::from_seconds(calibrated->time_offset_s - config.estimator.extrinsics.time_offset_s);
   if (settings.is_flown) {
-    pair_settings.width = settings.camera.width;
-    pair_settings.height = settings.camera.height;
+    s.width = settings.camera.width;
+    s.height = settings.camera.height;
   }
-  pair_settings.priority = config.realtime.priority_capture;
-  pair_settings.cpu = config.realtime.cpu_capture;
-  auto pair = std::make_unique<CameraPair>(std::move(first), std::move(second), pair_settings);
-  devices.records.emplace_back(
-      [p = pair.get()] { return device_record("camera pair", kPairCounters, p->counts(), std::nullopt); });
-  return pair;
+  s.priority = config.realtime.priority_capture;
+  s.cpu = config.realtime.cpu_capture;
+  s.number = other + 1;
+  return s;
 }
 
 Status add_camera(const LiveSettings& settings, LiveDevices& devices) {
@@ -224,13 +236,21 @@ Status add_camera(const LiveSettings& settings, LiveDevices& devices) {
   devices.v4l2 = first;
   devices.records.emplace_back([first] { return record_of("camera", *first); });
   devices.turns = [first](double rad_s) { first->set_turn_rate(rad_s); };
-  if (const DevicesConfig& d = settings.config.devices; !d.second_camera.device.empty()) {
-    devices.camera = pair_of(settings, std::move(v4l2), std::move(*camera), devices);
-  } else if (const auto halves = static_cast<SideBySideHalves>(d.camera.side_by_side);
-             halves != SideBySideHalves::kNone) {
-    devices.camera = std::make_unique<SideBySide>(std::move(v4l2), halves == SideBySideHalves::kRightFirst);
-  } else {
+  const DevicesConfig& d = settings.config.devices;
+  const auto halves = static_cast<SideBySideHalves>(d.camera.side_by_side);
+  if (halves == SideBySideHalves::kNone) {
     devices.camera = std::move(v4l2);
+  } else {
+    devices.camera = std::make_unique<SideBySide>(std::move(v4l2), halves == SideBySideHalves::kRightFirst);
+  }
+  for (std::size_t other = halves == SideBySideHalves::kNone ? 0 : 1; other + 1 < camera_count(d); ++other) {
+    auto pair =
+        std::make_unique<CameraPair>(std::move(devices.camera), other_camera(settings, other, *camera, *first, devices),
+                                     pair_settings(settings, other));
+    devices.records.emplace_back([p = pair.get(), name = fmt::format("{} paired", kOtherCameraNames[other])] {
+      return device_record(name.c_str(), kPairCounters, p->counts(), std::nullopt);
+    });
+    devices.camera = std::move(pair);
   }
   return Done{};
 }

@@ -19,10 +19,10 @@ class V4l2Camera;
 /// All settings of a live flight, from configuration and calibration files.
 struct LiveSettings {
   Config config;
-  CameraParameters camera;                  ///< width 0: not calibrated
-  std::optional<CameraCalibration> second;  ///< of a second camera, if there is one and it is calibrated
-  std::string source;                       ///< the configuration file, for errors
-  bool is_flown = true;                     ///< false: of a silent first camera of two, no black images are made
+  CameraParameters camera;                                           ///< width 0: not calibrated
+  std::array<std::optional<CameraCalibration>, kMostOthers> others;  ///< cameras 1 to 3, if there and calibrated
+  std::string source;                                                ///< the configuration file, for errors
+  bool is_flown = true;  ///< false: of a silent first camera of several, no black images are made
   bool has_camera_calibration() const { return camera.width > 0; }
 };
 /// Whether the camera must be calibrated: a flight needs it, a recording does not.

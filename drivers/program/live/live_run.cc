@@ -129,11 +129,18 @@ FlightRecord begin_record(const LiveSettings& settings) {
   return record;
 }
 
+std::array<std::optional<CameraParameters>, kMostOthers> other_lenses(const LiveSettings& settings) {
+  std::array<std::optional<CameraParameters>, kMostOthers> lenses;
+  for (std::size_t i = 0; i < kMostOthers; ++i)
+    if (settings.others[i]) lenses[i] = settings.others[i]->parameters;
+  return lenses;
+}
+
 RealtimeSettings pipeline_settings(const LiveSettings& settings, const LiveDevices& devices) {
   const Config& c = settings.config;
   RealtimeSettings s{settings.camera, c.tracker, c.estimator, c.deadline_ms,
                      c.realtime,      true,      {},          devices.images_to_log};
-  if (settings.second) s.others[0] = settings.second->parameters;
+  s.others = other_lenses(settings);
   return s;
 }
 
@@ -192,11 +199,9 @@ std::unique_ptr<FlightRecorder> add_recorder(const LiveSettings& settings, Realt
   if (settings.config.recorder.folder.empty()) return nullptr;
   constexpr double kUsualRate_hz = 30;
   const double rate_hz = settings.config.devices.camera.rate_hz;
-  std::array<std::optional<CameraParameters>, kMostOthers> others;
-  if (settings.second) others[0] = settings.second->parameters;
   auto recorder = std::make_unique<FlightRecorder>(
       settings.config.recorder,
-      recorded_run(settings.camera, others, rate_hz > 0 ? rate_hz : kUsualRate_hz, settings.config));
+      recorded_run(settings.camera, other_lenses(settings), rate_hz > 0 ? rate_hz : kUsualRate_hz, settings.config));
   ports.observers.push_back(recorder.get());
   ports.event_rings.push_back(&recorder->events());
   return recorder;

@@ -174,9 +174,10 @@ class Recorder {
     RecordedSensors sensors{{}, {}, images_->width(), images_->height(), 0, 0, "epiline record"};
     if (settings_.has_camera_calibration())
       sensors.cameras[0] = {settings_.camera, e.extrinsics.R_BC, e.extrinsics.p_BC, e.extrinsics.time_offset_s};
-    if (settings_.second) {  // its images are stamped by the first camera's clock
-      sensors.cameras[1] = settings_.second;
-      sensors.cameras[1]->time_offset_s = e.extrinsics.time_offset_s;
+    for (std::size_t i = 0; i < kMostOthers; ++i) {
+      if (!settings_.others[i]) continue;
+      sensors.cameras[i + 1] = settings_.others[i];
+      sensors.cameras[i + 1]->time_offset_s = e.extrinsics.time_offset_s;  // its stamps are on the first one's clock
     }
     if (!settings_.config.imu_calibration.empty())
       sensors.imu = {e.imu, e.saturation_gyroscope_rad_s, e.saturation_accelerometer_m_s2};

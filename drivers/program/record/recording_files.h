@@ -1,7 +1,7 @@
 #pragma once
-// The folder of a recording: `mav0/{cam0,imu0}` in the ASL layout, with cam1 if there are two cameras. It is a valid
-// recording at any time, even if the program is killed: an image is listed once its file is complete, and lists consist
-// of whole lines.
+// The folder of a recording: `mav0/{cam0,imu0}` in the ASL layout, with cam1 to cam3 if there are several cameras. It
+// is a valid recording at any time, even if the program is killed: an image is listed once its file is complete, and
+// lists consist of whole lines.
 #include <array>
 #include <cstddef>
 #include <deque>
@@ -21,7 +21,7 @@ namespace epiline {
 
 /// The known properties of the sensors, for their `sensor.yaml`.
 struct RecordedSensors {
-  std::array<std::optional<CameraCalibration>, 2> cameras;
+  std::array<std::optional<CameraCalibration>, kMostOthers + 1> cameras;
   std::optional<ImuCalibration> imu;
   int width = 0, height = 0;
   double image_rate_hz = 0, reading_rate_hz = 0;

@@ -48,12 +48,12 @@ bool ImageIntake::step() noexcept {
   Frame frame;
   const ReadOutcome outcome = camera_.read(frame, kIntakeWait);
   if (outcome != ReadOutcome::kSample) return goes_on(outcome);
-  take(frame, cameras_ > 1 ? camera_.others(frame)[0] : Frame{});
+  take(frame, camera_.others(frame));
   camera_.give_back(frame);
   return true;
 }
 
-void ImageIntake::take(const Frame& frame, const Frame& second) noexcept {
+void ImageIntake::take(const Frame& frame, const OtherFrames& others) noexcept {
   const bool is_first = newest_ns() == 0;
   newest_ns_.store(monotonic_ns(), std::memory_order_relaxed);
   if (is_first) make_buffers(frame);
@@ -65,9 +65,11 @@ void ImageIntake::take(const Frame& frame, const Frame& second) noexcept {
   if (!find_buffer(image.buffer)) return bump(unwritten_);
   std::uint8_t* const pixels = pixels_.data() + image.buffer * image_bytes_ * cameras_;
   copy(frame, pixels);
-  if (second.data != nullptr && second.width == frame.width && second.height == frame.height) {
-    copy(second, pixels + image_bytes_);
-    image.second = second.stamp;
+  for (std::size_t i = 0; i + 1 < cameras_; ++i) {
+    const Frame& other = others[i];
+    if (other.data == nullptr || other.width != frame.width || other.height != frame.height) continue;
+    copy(other, pixels + (i + 1) * image_bytes_);
+    image.others[i] = other.stamp;
   }
   last_ = frame.stamp;
   waiting_.push(image);  // never full: there are no more buffers than places
@@ -109,10 +111,10 @@ Frame ImageIntake::image_of(const WaitingImage& waiting) const noexcept {
   return frame;
 }
 
-Frame ImageIntake::second_of(const WaitingImage& waiting) const noexcept {
+Frame ImageIntake::other_of(const WaitingImage& waiting, std::size_t other) const noexcept {
   Frame frame = image_of(waiting);
-  frame.stamp = *waiting.second;
-  frame.data += image_bytes_;
+  frame.stamp = *waiting.others[other];
+  frame.data += (other + 1) * image_bytes_;
   return frame;
 }
 

@@ -35,14 +35,14 @@ class IntakeThread {
 /// An image that waits for the disk.
 struct WaitingImage {
   HostStamp stamp;
-  std::optional<HostStamp> second;  ///< of the second camera's image, which stands behind it
+  std::array<std::optional<HostStamp>, kMostOthers> others;  ///< of the other cameras' images, which stand behind it
   std::uint16_t buffer = 0;
 };
 
 /// Copies images into its own buffers, so that the driver gets its buffers back at once.
 class ImageIntake {
  public:
-  /// `wakes`: wakes the writing thread at each image. `cameras`: 2 if the camera has a second one.
+  /// `wakes`: wakes the writing thread at each image. `cameras`: 1 and the others that the camera has.
   ImageIntake(CameraSource& camera, std::size_t waiting_bytes, Parking& wakes, std::size_t cameras = 1)
       : camera_(camera), waiting_bytes_(waiting_bytes), cameras_(cameras), wakes_(wakes) {}
 
@@ -52,8 +52,8 @@ class ImageIntake {
   // Writing thread only.
   const WaitingImage* front() noexcept { return waiting_.front(); }
   Frame image_of(const WaitingImage& waiting) const noexcept;
-  /// That of the second camera; only if there is one.
-  Frame second_of(const WaitingImage& waiting) const noexcept;
+  /// That of another camera, from 0; only if there is one.
+  Frame other_of(const WaitingImage& waiting, std::size_t other) const noexcept;
   /// Releases the buffer of front().
   void pop() noexcept;
 
@@ -70,7 +70,7 @@ class ImageIntake {
  private:
   static constexpr std::size_t kFewest = 4, kMost = 64;
 
-  void take(const Frame& frame, const Frame& second) noexcept;
+  void take(const Frame& frame, const OtherFrames& others) noexcept;
   static void copy(const Frame& from, std::uint8_t* to) noexcept;
   void make_buffers(const Frame& first) noexcept;
   bool find_buffer(std::uint16_t& buffer) noexcept;

@@ -14,7 +14,8 @@ namespace {
 constexpr Span kIdle = Span::from_milliseconds(20);         // between looks at whether it is over
 constexpr Span kClockJump = Span::from_milliseconds(1000);  // stamps farther apart are others' to judge
 constexpr double kSilent = 2.5;                             // periods without an image of the first camera
-constexpr timespec kRest = {0, 10'000'000};                 // a lost device may fail at once
+constexpr const char* kThreadNames[kMostOthers] = {"camera2", "camera3", "camera4"};
+constexpr timespec kRest = {0, 10'000'000};  // a lost device may fail at once
 }  // namespace
 
 Status CameraPair::open() {
@@ -29,9 +30,10 @@ Status CameraPair::open() {
   period_ = {};
   black_.assign(static_cast<std::size_t>(settings_.width) * static_cast<std::size_t>(settings_.height), 0);
   const auto body = [](void* self) { static_cast<CameraPair*>(self)->read_second(); };
-  if (thread_.start({"camera2", settings_.priority, settings_.cpu}, body, this)) return Done{};
+  if (thread_.start({kThreadNames[settings_.number - 1], settings_.priority, settings_.cpu}, body, this)) return Done{};
   close();
-  return Error{ErrorKind::kRun, "second camera", 0, "cannot start a thread", "a free thread (ulimit -u)"};
+  return Error{ErrorKind::kRun, kThreadNames[settings_.number - 1], 0, "cannot start a thread",
+               "a free thread (ulimit -u)"};
 }
 
 void CameraPair::close() noexcept {
@@ -69,7 +71,7 @@ ReadOutcome CameraPair::read(Frame& frame, Span timeout) noexcept {
 }
 
 bool CameraPair::lead(const Frame& frame) noexcept {
-  EPILINE_EXPECTS(frame.slot >= 0 && frame.slot < kMostSlots, "a camera of a pair numbers its buffers from 0 to 63");
+  EPILINE_EXPECTS(frame.slot >= 0 && frame.slot < slots_alone(), "a camera of a pair numbers its buffers from 0 to 63");
   const bool came_before = std::exchange(first_came_ns_, monotonic_ns()) != 0;
   const Span since = frame.stamp - first_stamp_;
   if (came_before && !stood_in_ && since.ns > 0 && since < kClockJump) period_ = since;
@@ -115,7 +117,7 @@ bool CameraPair::stand_in(Frame& frame, Span timeout) noexcept {
     frame.data = black_.data();
     frame.width = frame.stride = settings_.width;
     frame.height = settings_.height;
-    frame.slot = kMostSlots + second.slot;
+    frame.slot = slots_alone() + second.slot;
     frame.sequence = ++sequence_;
     second_of_[static_cast<std::size_t>(frame.slot)] = second;
     newest_ = second.stamp;
@@ -146,13 +148,15 @@ bool CameraPair::match(HostStamp stamp, Frame& second) noexcept {
 
 /// Written before the image went on.
 OtherFrames CameraPair::others(const Frame& frame) const noexcept {
-  return {second_of_[static_cast<std::size_t>(frame.slot)]};
+  OtherFrames others = frame.slot < slots_alone() ? first_->others(frame) : OtherFrames{};
+  others[settings_.number - 1] = second_of_[static_cast<std::size_t>(frame.slot)];
+  return others;
 }
 
 void CameraPair::give_back(const Frame& frame) noexcept {
   const Frame second = second_of_[static_cast<std::size_t>(frame.slot)];  // before another image may have the slot
   if (second.data != nullptr) second_->give_back(second);
-  if (frame.slot < kMostSlots) first_->give_back(frame);
+  if (frame.slot < slots_alone()) first_->give_back(frame);
 }
 
 PairCounts CameraPair::counts() const noexcept {

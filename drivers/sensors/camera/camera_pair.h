@@ -1,5 +1,5 @@
 #pragma once
-// Two cameras, each with a device of its own, triggered together or not. docs/camera.md#two-cameras.
+// Cameras, each with a device of its own, triggered together or not. docs/camera.md#several-cameras.
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -33,15 +33,18 @@ struct PairSettings {
   Span patience = Span::from_milliseconds(10);  ///< how much later the second one may come: both share a bus
   int width = 0, height = 0;                    ///< of the black images for a silent first camera; 0: it gets none
   int priority = 0, cpu = -1;                   ///< of the thread that reads the second camera; see ThreadSettings
+  std::size_t number = 1;                       ///< of the second camera, 1 to 3
 };
 
 /// The first camera leads: its images come as from it alone, whatever the second one does, but for the time in which
 /// the second one's image may still come. The second camera has a thread of its own, so that neither waits while the
 /// other one is lost and opened again. If the settings say so, images of the second one go on while the first one is
-/// silent, each with a black image in the first one's place, as from a covered lens.
+/// silent, each with a black image in the first one's place, as from a covered lens. For a third camera the first one
+/// is the pair of both before it, and so on.
 class CameraPair final : public CameraSource {
  public:
-  static constexpr int kMostSlots = 64;  ///< of each camera
+  static constexpr int kMostSlots =
+      64;  ///< of each camera; those of camera n that goes on alone begin at n times as many
 
   CameraPair(std::unique_ptr<CameraSource> first, std::unique_ptr<CameraSource> second, const PairSettings& settings)
       : first_(std::move(first)), second_(std::move(second)), settings_(settings) {}
@@ -68,14 +71,16 @@ class CameraPair final : public CameraSource {
   /// True if the last image came so long ago that the first camera counts as silent.
   bool is_overdue(std::int64_t last_ns) const noexcept;
   bool stand_in(Frame& frame, Span timeout) noexcept;
+  /// Slots of its images that go on alone: from here on.
+  int slots_alone() const noexcept { return static_cast<int>(settings_.number) * kMostSlots; }
   /// The image of the second camera that was taken at that time, if it is there.
   bool match(HostStamp stamp, Frame& second) noexcept;
 
   std::unique_ptr<CameraSource> first_, second_;
   PairSettings settings_;
-  SpscRing<Frame, 4> ring_;                        ///< images of the second camera
-  Parking came_;                                   ///< one of them
-  std::array<Frame, 2 * kMostSlots> second_of_{};  ///< by the first one's slot; behind these, alone, by its own
+  SpscRing<Frame, 4> ring_;                                        ///< images of the second camera
+  Parking came_;                                                   ///< one of them
+  std::array<Frame, (kMostOthers + 1) * kMostSlots> second_of_{};  ///< by slot
   std::vector<std::uint8_t> black_;
   int missed_ = 0;                  ///< in a row
   HostStamp newest_;                ///< of the images that went on

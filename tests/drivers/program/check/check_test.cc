@@ -176,7 +176,8 @@ TEST(Check, DeviceRecordsBecomeFindings) {
 
 TEST(Check, CamerasThatAreNotTriggeredTogetherAreNamed) {
   const auto grade = [](std::uint64_t pairs, std::uint64_t without) {
-    const Findings all = findings_of({"camera pair", {{"pairs", pairs}, {"without", without}, {"unused", 3}}, {}});
+    const Findings all =
+        findings_of({"second camera paired", {{"pairs", pairs}, {"without", without}, {"unused", 3}}, {}});
     return all.empty() ? std::nullopt : std::optional(all.front().grade);
   };
   EXPECT_EQ(grade(0, 0), std::nullopt) << "no image yet";
@@ -187,7 +188,7 @@ TEST(Check, CamerasThatAreNotTriggeredTogetherAreNamed) {
 
 TEST(Check, ASecondCameraMustBePresent) {
   DevicesConfig d;
-  d.second_camera.device = "/dev/no-second-camera";
+  d.other_cameras[0].device = "/dev/no-second-camera";
   const Findings all = check_presence(d, {});
   const auto named = std::find_if(all.begin(), all.end(), [](const Finding& f) { return f.device == "second camera"; });
   ASSERT_NE(named, all.end());

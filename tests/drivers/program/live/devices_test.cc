@@ -204,14 +204,14 @@ class TwoCameras : public testing::Test {
 TEST_F(TwoCameras, OfTwoDevicesAreAPair) {
   const auto settings = read("", "[second_camera]\ndevice = \"/dev/video1\"\n");
   ASSERT_TRUE(settings) << settings.error().text();
-  ASSERT_TRUE(settings->second);
-  EXPECT_DOUBLE_EQ(settings->second->parameters.intrinsics[0], 410);
+  ASSERT_TRUE(settings->others[0]);
+  EXPECT_DOUBLE_EQ(settings->others[0]->parameters.intrinsics[0], 410);
   EXPECT_TRUE(settings->config.estimator.others[0].use);
   EXPECT_DOUBLE_EQ(settings->config.estimator.others[0].p_BC.x(), 0.1);
   const auto devices = make_devices(*settings);
   ASSERT_TRUE(devices) << devices.error().text();
   EXPECT_NE(dynamic_cast<const CameraPair*>(devices->camera.get()), nullptr);
-  EXPECT_EQ(names(*devices), (std::vector<std::string>{"camera", "second camera", "camera pair", "imu"}));
+  EXPECT_EQ(names(*devices), (std::vector<std::string>{"camera", "second camera", "second camera paired", "imu"}));
 }
 
 TEST_F(TwoCameras, ThatRunFreelyAreNearestWithinHalfAPeriod) {
@@ -230,18 +230,46 @@ TEST_F(TwoCameras, ThatRunFreelyAreNearestWithinHalfAPeriod) {
 TEST_F(TwoCameras, MayHaveRollingShutters) {
   const auto settings = read("shutter = \"rolling\"\nreadout_ms = 15\n", "[second_camera]\ndevice = \"/dev/video1\"\n");
   ASSERT_TRUE(settings) << settings.error().text();
-  EXPECT_DOUBLE_EQ(settings->second->parameters.readout_s, 0.015);
+  EXPECT_DOUBLE_EQ(settings->others[0]->parameters.readout_s, 0.015);
   EXPECT_DOUBLE_EQ(settings->config.estimator.others[0].readout_s, 0.015);
 }
 
 TEST_F(TwoCameras, SideBySideAreHalvesOfOneDevice) {
   const auto settings = read("side_by_side = \"left-first\"\n");
   ASSERT_TRUE(settings) << settings.error().text();
-  EXPECT_TRUE(settings->second);
+  EXPECT_TRUE(settings->others[0]);
   const auto devices = make_devices(*settings);
   ASSERT_TRUE(devices) << devices.error().text();
   EXPECT_NE(dynamic_cast<const SideBySide*>(devices->camera.get()), nullptr);
   EXPECT_NE(devices->v4l2, nullptr);
+}
+
+/// The chain with more cameras, which are like cam1.
+std::string chain_of_four() {
+  std::string chain(kChain);
+  const std::string second = chain.substr(chain.find("cam1:"));
+  for (const char* name : {"cam2", "cam3"}) chain += name + second.substr(4);
+  return chain;
+}
+
+TEST_F(TwoCameras, OrUpToFour) {
+  const std::string more = "[third_camera]\ndevice = \"/dev/video2\"\nfree_running = true\n";
+  const std::string four =
+      "[second_camera]\ndevice = \"/dev/video1\"\n" + more + "[fourth_camera]\ndevice = \"/dev/video3\"\n";
+  const auto settings = read("rate_hz = 20\n", four, chain_of_four());
+  ASSERT_TRUE(settings) << settings.error().text();
+  for (const auto& camera : settings->others) EXPECT_TRUE(camera);
+  EXPECT_EQ(settings->config.estimator.others[0].apart_s, 0);
+  EXPECT_DOUBLE_EQ(settings->config.estimator.others[1].apart_s, 0.025);
+  const auto devices = make_devices(*settings);
+  ASSERT_TRUE(devices) << devices.error().text();
+  EXPECT_EQ(names(*devices),
+            (std::vector<std::string>{"camera", "second camera", "second camera paired", "third camera",
+                                      "third camera paired", "fourth camera", "fourth camera paired", "imu"}));
+  const auto board = read("side_by_side = \"left-first\"\n", more, chain_of_four());
+  ASSERT_TRUE(board) << board.error().text();
+  EXPECT_TRUE(board->others[1]) << "behind both of a stereo board";
+  EXPECT_FALSE(board->others[2]);
 }
 
 TEST_F(TwoCameras, WhatDoesNotGoTogetherIsRefused) {
@@ -259,6 +287,10 @@ TEST_F(TwoCameras, WhatDoesNotGoTogetherIsRefused) {
   other.replace(other.rfind("[640, 480]"), 10, "[320, 240]");
   EXPECT_THAT(error("", second, other),
               HasSubstr("a second camera of 320 x 240; expected 640 x 480, as the first one"));
+  EXPECT_THAT(error("", second + "[fourth_camera]\ndevice = \"/dev/video3\"\n"),
+              HasSubstr("a fourth camera, but no third camera; expected third_camera.device"));
+  EXPECT_THAT(error("", second + "[third_camera]\ndevice = \"/dev/video2\"\n"),
+              HasSubstr("third_camera.calibration is not set, and camera.calibration has no cam2"));
 }
 
 }  // namespace

@@ -268,6 +268,57 @@ TEST_F(Pair, BothAreGivenBackTogether) {
   EXPECT_EQ(second_->lent, 0);
 }
 
+/// The first one of a pair may itself be a pair.
+TEST(PairOfPairs, TheThirdCamerasImageComesWithBothOthers) {
+  std::array<GivenCamera*, 3> cameras{};
+  const auto given = [&](std::size_t i) {
+    auto camera = std::make_unique<GivenCamera>();
+    cameras[i] = camera.get();
+    return camera;
+  };
+  PairSettings settings;
+  settings.patience = Span::from_milliseconds(60'000);
+  settings.width = settings.height = 1;
+  auto two = std::make_unique<CameraPair>(given(0), given(1), settings);
+  settings.number = 2;
+  CameraPair three(std::move(two), given(2), settings);
+  ASSERT_TRUE(three.open());
+  const auto next = [&] {
+    Frame frame;
+    while (three.read(frame, Span::from_milliseconds(1000)) != ReadOutcome::kSample) {
+    }
+    return frame;
+  };
+  const auto show = [&](int i, const std::array<bool, 3>& shows) {
+    for (const std::size_t c : {2U, 1U, 0U})
+      if (shows[c]) cameras[c]->give(50 * i, static_cast<std::uint8_t>(10 * i + static_cast<int>(c)));
+  };
+  for (int i = 1; i <= 3; ++i) {
+    show(i, {true, true, true});
+    const Frame frame = next();
+    const OtherFrames others = three.others(frame);
+    EXPECT_EQ(*frame.data, 10 * i);
+    EXPECT_EQ(*others[0].data, 10 * i + 1);
+    EXPECT_EQ(*others[1].data, 10 * i + 2);
+    EXPECT_EQ(others[2].data, nullptr);
+    three.give_back(frame);
+  }
+  show(4, {false, true, true});  // the second one goes on, and the third one with it
+  const Frame without_first = next();
+  EXPECT_EQ(*without_first.data, 0) << "black";
+  EXPECT_EQ(*three.others(without_first)[0].data, 41);
+  EXPECT_EQ(*three.others(without_first)[1].data, 42);
+  show(5, {false, false, true});
+  const Frame third_alone = next();
+  EXPECT_EQ(*third_alone.data, 0);
+  EXPECT_EQ(three.others(third_alone)[0].data, nullptr);
+  EXPECT_EQ(*three.others(third_alone)[1].data, 52);
+  EXPECT_NE(third_alone.slot, without_first.slot);
+  three.give_back(third_alone);
+  three.give_back(without_first);
+  for (const GivenCamera* camera : cameras) EXPECT_EQ(camera->lent, 0);
+}
+
 TEST(PairOpens, OnlyIfBothDo) {
   auto first = std::make_unique<GivenCamera>();
   const GivenCamera* const opened = first.get();
