@@ -134,7 +134,7 @@ void detect_all(benchmark::State& state) {
   auto tracks = std::make_unique<TrackTable>();
   for (auto _ : state) {
     tracks->size = 0;
-    detector.detect(view_of(in.images[0]), *tracks);
+    detector.detect(view_of(in.images[0]), {}, kFeatures, *tracks);
   }
 }
 BENCHMARK(detect_all)->Unit(benchmark::kMicrosecond);
