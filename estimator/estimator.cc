@@ -217,7 +217,7 @@ const TrackedFrame& Estimator::Impl::at_stamp(const TrackedFrame& frame) {
   const Span within = Span::from_seconds(within_s);
   const RowTurn rows =
       row_turn(turn(time - within, time), turn(time, time + within), within_s, window.calibration.R_BC);
-  turned = frame;
+  turned.copy(frame);
   for (TrackedFeature& f : turned.features) turn_to_stamp(rows, f);
   for (std::size_t i = 0; i < kMostOthers; ++i) {
     if (!window.rig.use[i + 1]) continue;

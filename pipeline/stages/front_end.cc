@@ -36,7 +36,7 @@ OtherSpans apart_of(const EstimatorConfig& estimator) {
 
 FrontEnd::FrontEnd(const Camera& camera, const TrackerConfig& config, const CameraMount& mount,
                    const OtherLenses& others)
-    : tracker_(camera, config), first_{mount, half_readout_of(camera.parameters())} {
+    : tracker_(camera, config), first_{mount, half_readout_of(camera.parameters()), {}, {}} {
   for (std::size_t number = 1; number <= kMostOthers; ++number)
     if (others[number - 1]) add_other(number, camera, config, others);
 }
@@ -52,7 +52,7 @@ void FrontEnd::add_other(std::size_t number, const Camera& first, const TrackerC
     beside = c;
     break;
   }
-  others_[number - 1].emplace(Mounted{lens.mount, half_readout_of(lens.camera), {}}, beside, camera_of(beside),
+  others_[number - 1].emplace(Mounted{lens.mount, half_readout_of(lens.camera), {}, {}}, beside, camera_of(beside),
                               rig_of(camera(beside).mount, lens), config, number);
 }
 
@@ -82,13 +82,13 @@ Mat3 FrontEnd::turn_since(const std::optional<HostStamp>& previous, const Mat3& 
 
 // The body's velocity turns with the body since it was known. What a turn about the IMU adds to the camera's is left
 // out: 1 mm for a camera 7 cm away, at 1 rad/s and 17 ms.
-RigMotion FrontEnd::motion_of(const Mounted& first, const Mounted& second, HostStamp frame, HostStamp image) const {
-  const Span later = image - frame;
-  const Span reach = std::max(first.half_readout, Span{std::abs(later.ns)} + second.half_readout);
+RigMotion FrontEnd::motion_of(const Mounted& first, const Mounted& second, HostStamp frame) const {
+  const auto within = [](const Mounted& m) { return Span{std::abs(m.later.ns)} + m.half_readout; };
+  const Span reach = std::max(within(first), within(second));
   if (reach == Span{}) return {};
   const Mat3 R_B0B = gyro_.between(known_.stamp, frame + time_offset_, known_.gyroscope_bias_rad_s);
-  return {later.seconds(), turn_within(first.mount.R_BC, frame, reach),
-          turn_within(second.mount.R_BC, image, second.half_readout),
+  return {second.later.seconds(), turn_within(first.mount.R_BC, frame, reach),
+          turn_within(second.mount.R_BC, frame + second.later, second.half_readout),
           first.mount.R_BC.transpose() * R_B0B.transpose() * known_.velocity_B};
 }
 
@@ -121,8 +121,9 @@ void FrontEnd::step_other(std::size_t number, const PyramidView* first, HostStam
   const PyramidView* const seen = beside == 0 ? first : others_[beside - 1]->tracker.pyramid();
   const Frame shown = is_blind(image.reasons) ? Frame{} : image;
   const HostStamp own = shown.data != nullptr ? shown.stamp : stamp;
+  other.mounted.later = own - stamp;
   other.tracker.step(seen, tracks, shown, turn_since(other.mounted.previous, other.mounted.mount.R_BC, own),
-                     out.others[number - 1], motion_of(camera(beside), other.mounted, stamp, own));
+                     out.others[number - 1], motion_of(camera(beside), other.mounted, stamp));
   other.mounted.previous = own;
 }
 

@@ -65,6 +65,7 @@ class FrontEnd {
   struct Mounted {
     CameraMount mount;
     Span half_readout{};                  ///< zero: global shutter
+    Span later{};                         ///< of its last image, after the frame's stamp
     std::optional<HostStamp> previous{};  ///< of the image that its tracker saw last
   };
   struct Other {
@@ -80,7 +81,7 @@ class FrontEnd {
   void step_other(std::size_t number, const PyramidView* first, HostStamp stamp, const Frame& image, TrackedFrame& out);
   const Mounted& camera(std::size_t number) const { return number == 0 ? first_ : others_[number - 1]->mounted; }
   RowTurn turn_within(const Mat3& R_BX, HostStamp image, Span within) const;
-  RigMotion motion_of(const Mounted& first, const Mounted& second, HostStamp frame, HostStamp image) const;
+  RigMotion motion_of(const Mounted& first, const Mounted& second, HostStamp frame) const;
   Mat3 turn_since(const std::optional<HostStamp>& previous, const Mat3& R_BX, HostStamp image) const;
 
   Tracker tracker_;

@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -29,6 +30,11 @@ class FixedVector {
     size_ = n;
   }
   void clear() { size_ = 0; }
+  /// As an assignment, which would also copy the room for elements that are not there.
+  void copy(const FixedVector& other) {
+    std::copy_n(other.data(), other.size(), data());
+    size_ = other.size_;
+  }
   T& operator[](std::size_t i) { return data_[i]; }
   const T& operator[](std::size_t i) const { return data_[i]; }
   T& back() { return data_[size_ - 1]; }

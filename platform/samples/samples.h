@@ -94,6 +94,10 @@ struct OtherTracks {
     views.clear();
     alone.clear();
   }
+  void copy(const OtherTracks& other) {
+    views.copy(other.views);
+    alone.copy(other.alone);
+  }
 };
 
 /// All tracks of one image.
@@ -103,6 +107,15 @@ struct TrackedFrame {
   std::uint32_t reasons = 0;  ///< as Frame::reasons
   FixedVector<TrackedFeature, kMaxFeatures> features;
   std::array<OtherTracks, kMostOthers> others;  ///< of cameras 1 to 3; of one that is not there: empty
+
+  /// As an assignment, but of the tracks that are there alone.
+  void copy(const TrackedFrame& other) {
+    stamp = other.stamp;
+    sequence = other.sequence;
+    reasons = other.reasons;
+    features.copy(other.features);
+    for (std::size_t i = 0; i < kMostOthers; ++i) others[i].copy(other.others[i]);
+  }
 };
 
 enum class HealthState : std::uint8_t { kInitialising, kTracking, kDegraded, kLost };

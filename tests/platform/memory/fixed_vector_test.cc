@@ -32,6 +32,15 @@ TEST(FixedVector, GrowsWithFreshElementsAndIsCutAtItsCapacity) {
   EXPECT_EQ(std::vector<int>(v.begin(), v.end()), (std::vector<int>{7, 0, 0, 0}));
 }
 
+TEST(FixedVector, ACopyHasTheElementsAndNoMore) {
+  FixedVector<int, 4> from, to;
+  for (const int x : {1, 2, 3}) to.push_back(x);
+  for (const int x : {8, 9}) from.push_back(x);
+  to.copy(from);
+  EXPECT_EQ(std::vector<int>(to.begin(), to.end()), (std::vector<int>{8, 9}));
+  EXPECT_EQ(to.data()[2], 3) << "beyond, nothing is written";
+}
+
 TEST(FixedVector, UsesNoHeap) {
   const HeapCallScope heap;
   FixedVector<double, 100> v;
