@@ -117,17 +117,19 @@ TEST_F(CaptureStageTest, WhatANewerImagePushesOutGoesBackAndIsTold) {
   EXPECT_EQ(heard.last(), at_ms(250));
 }
 
-TEST_F(CaptureStageTest, ASecondCamerasImageIsJudgedForItself) {
-  MadeUpCamera second;
+TEST_F(CaptureStageTest, EachOtherCamerasImageIsJudgedForItself) {
+  MadeUpCamera second, fourth;
   const Frame frozen = second.image(0);
   for (const int ms : {0, 50, 100}) {
     Frame image = camera.image(ms);
     ASSERT_TRUE(stage.admit(image));
     EXPECT_EQ(image.reasons, 0u);
-    stage.hand_on(image, {frozen});
-    const Frame& beside = images.others(static_cast<std::size_t>(image.slot))[0];
-    EXPECT_EQ(beside.stamp, image.stamp);
-    EXPECT_EQ(is_blind(beside.reasons), ms > 0) << "the same pixels as before";
+    stage.hand_on(image, {frozen, Frame{}, fourth.image(ms)});
+    const OtherFrames& others = images.others(static_cast<std::size_t>(image.slot));
+    EXPECT_EQ(others[0].stamp, image.stamp);
+    EXPECT_EQ(is_blind(others[0].reasons), ms > 0) << "the same pixels as before";
+    EXPECT_EQ(others[1].data, nullptr);
+    EXPECT_FALSE(is_blind(others[2].reasons)) << "a new image each time";
   }
   EXPECT_EQ(told(), Lines{"50 other_camera_blind on=1 images=1 camera=1"});
   Frame image = camera.image(150);

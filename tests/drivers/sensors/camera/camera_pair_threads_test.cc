@@ -313,7 +313,7 @@ TEST(PairOfPairs, TheThirdCamerasImageComesWithBothOthers) {
   EXPECT_EQ(*third_alone.data, 0);
   EXPECT_EQ(three.others(third_alone)[0].data, nullptr);
   EXPECT_EQ(*three.others(third_alone)[1].data, 52);
-  EXPECT_NE(third_alone.slot, without_first.slot);
+  EXPECT_GE(third_alone.slot, 2 * CameraPair::kMostSlots) << "below are those of the two before it";
   three.give_back(third_alone);
   three.give_back(without_first);
   for (const GivenCamera* camera : cameras) EXPECT_EQ(camera->lent, 0);
