@@ -42,44 +42,25 @@ std::optional<VisualFactor> visual_factor_from(const std::string& name) {
   }
 
 // A live camera beside the first one; what is not here is as in [camera].
-#define EPILINE_OTHER_CAMERA(nth, in_chain, i)                                                                      \
-  {nth "_camera.device",                                                                                            \
-   "",                                                                                                              \
-   0,                                                                                                               \
-   0,                                                                                                               \
-   "path, name or bus of a " nth " camera beside the first one; default: none",                                     \
-   EPILINE_AT(devices.other_cameras[i].device)},                                                                    \
-      {nth "_camera.sensor",                                                                                        \
-       "",                                                                                                          \
-       0,                                                                                                           \
-       0,                                                                                                           \
-       "part of the sensor's name in the media graph",                                                              \
-       EPILINE_AT(devices.other_cameras[i].sensor)},                                                                \
-      {nth "_camera.stamp_line",                                                                                    \
-       "",                                                                                                          \
-       0,                                                                                                           \
-       0,                                                                                                           \
-       "GPIO line with an edge at the start of each of its exposures",                                              \
-       EPILINE_AT(devices.other_cameras[i].stamp_line)},                                                            \
-      {nth "_camera.calibration",                                                                                   \
-       "",                                                                                                          \
-       0,                                                                                                           \
-       0,                                                                                                           \
-       "its calibration file (ASL or Kalibr, there as " in_chain "); default: " in_chain " of camera.calibration",  \
-       EPILINE_AT(devices.other_cameras[i].calibration)},                                                           \
-      {nth "_camera.free_running",                                                                                  \
-       "",                                                                                                          \
-       0,                                                                                                           \
-       0,                                                                                                           \
-       "it is not triggered together with the first one: each of its images has its own time",                      \
-       EPILINE_AT(devices.other_cameras[i].free_running)},                                                          \
-  {                                                                                                                 \
-    nth "_camera.within_ms", "ms", 0, 100,                                                                          \
-        "images of both cameras are taken together if their times differ by no more; 0: by 1 ms; free-running: by " \
-        "half"                                                                                                      \
-        " a period of camera.rate_hz",                                                                              \
-        EPILINE_AT(devices.other_cameras[i].within_ms)                                                              \
-  }
+// clang-format off
+#define EPILINE_OTHER_CAMERA(nth, in_chain, i)                                                                        \
+  {nth "_camera.device", "", 0, 0, "path, name or bus of a " nth " camera beside the first one; default: none",       \
+   EPILINE_AT(devices.other_cameras[i].device)},                                                                      \
+  {nth "_camera.sensor", "", 0, 0, "part of the sensor's name in the media graph",                                    \
+   EPILINE_AT(devices.other_cameras[i].sensor)},                                                                      \
+  {nth "_camera.stamp_line", "", 0, 0, "GPIO line with an edge at the start of each of its exposures",                \
+   EPILINE_AT(devices.other_cameras[i].stamp_line)},                                                                  \
+  {nth "_camera.calibration", "", 0, 0,                                                                               \
+   "its calibration file (ASL or Kalibr, there as " in_chain "); default: " in_chain " of camera.calibration",        \
+   EPILINE_AT(devices.other_cameras[i].calibration)},                                                                 \
+  {nth "_camera.free_running", "", 0, 0,                                                                              \
+   "it is not triggered together with the first one: each of its images has its own time",                            \
+   EPILINE_AT(devices.other_cameras[i].free_running)},                                                                \
+  {nth "_camera.within_ms", "ms", 0, 100,                                                                             \
+   "images of both cameras are taken together if their times differ by no more; 0: by 1 ms; free-running: by half "   \
+   "a period of camera.rate_hz",                                                                                      \
+   EPILINE_AT(devices.other_cameras[i].within_ms)}
+// clang-format on
 
 const std::vector<Parameter>& parameters() {
   static const std::vector<Parameter> table = {

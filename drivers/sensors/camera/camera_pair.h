@@ -43,8 +43,7 @@ struct PairSettings {
 /// is the pair of both before it, and so on.
 class CameraPair final : public CameraSource {
  public:
-  static constexpr int kMostSlots =
-      64;  ///< of each camera; those of camera n that goes on alone begin at n times as many
+  static constexpr int kMostSlots = 64;  ///< of each camera
 
   CameraPair(std::unique_ptr<CameraSource> first, std::unique_ptr<CameraSource> second, const PairSettings& settings)
       : first_(std::move(first)), second_(std::move(second)), settings_(settings) {}
