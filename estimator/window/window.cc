@@ -9,6 +9,8 @@
 
 namespace epiline {
 
+static_assert(kMaxCameras == kMostOthers + 1, "capacity.h includes nothing, so it says it again");
+
 void retract(Calibration& c, const CalibrationTangent& d) {
   c.time_offset += d[0];
   c.R_BC = so3_normalised(c.R_BC * so3_exp(d.segment<3>(kRotationColumn)));

@@ -84,16 +84,17 @@ void TrackStage::lend_to_log(std::size_t slot) noexcept {
 void TrackStage::done_with_image() noexcept {
   const FrameRing::Value image = std::exchange(image_, kNone);
   const OtherFrames& others = in_.images.others(image);
-  keep(image, !is_blind(in_.images[image].reasons), kept_[0]);
+  if (!is_blind(in_.images[image].reasons)) keep(image, kept_[0]);
   for (std::size_t i = 0; i < kMostOthers; ++i)
-    keep(image, others[i].data != nullptr && !is_blind(others[i].reasons), kept_[i + 1]);
+    keep(others[i].data != nullptr && !is_blind(others[i].reasons) ? image : kNone, kept_[i + 1]);
   in_.images.give_back(image);
 }
 
-/// The tracker of a camera needs the pixels of the last image it was shown until the step of the next one is done.
-void TrackStage::keep(FrameRing::Value image, bool shown, FrameRing::Value& kept) noexcept {
-  if (!shown) return;
-  in_.images.share(image);
+/// The tracker of a camera needs the pixels of the last image it was shown until the step of the next one is done. Of
+/// another camera than the first one, a missed image ends all tracks, and older pixels are of no more use: so however
+/// many cameras are lost, no more than two images are kept.
+void TrackStage::keep(FrameRing::Value image, FrameRing::Value& kept) noexcept {
+  if (image != kNone) in_.images.share(image);
   if (kept != kNone) in_.images.give_back(kept);
   kept = image;
 }

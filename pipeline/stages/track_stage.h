@@ -72,7 +72,7 @@ class TrackStage final : public Stage {
   void track(const Frame& image, const OtherFrames& others) noexcept;
   void lend_to_log(std::size_t slot) noexcept;
   void done_with_image() noexcept;
-  void keep(FrameRing::Value image, bool shown, FrameRing::Value& kept) noexcept;
+  void keep(FrameRing::Value image, FrameRing::Value& kept) noexcept;
 
   std::optional<FrontEnd> front_end_;
   RecordedTracks recorded_;

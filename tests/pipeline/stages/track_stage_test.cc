@@ -185,6 +185,7 @@ TEST_F(TwoCamerasTrackStage, BesideADarkImageTheSecondOneIsKept) {
   EXPECT_EQ(frame.others[0].alone.size(), 0u);
   EXPECT_EQ(frame.others[0].views.size(), 0u);
   EXPECT_EQ(frame.features[0].age, 2u);
+  EXPECT_EQ(camera.away(), 1) << "the covered one's tracker has no use for what it was shown before";
   stage->give_back_all();
   EXPECT_EQ(camera.away(), 0);
 }
