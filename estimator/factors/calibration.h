@@ -20,6 +20,7 @@ ExposedFrame exposed_frame(const Window& window, int k);
 /// Fills H_ck, H_cc and b_c from the pose blocks H and b of the first `frames` frames. Columns: time offset, rotation
 /// of R_BC on the right, p_BC, focal length (from H_lens, H_lens_lens and b_lens); all but the first only if asked for,
 /// else zero.
-void add_calibration(const Window& window, int frames, bool extrinsics, bool focal, VisualSystem& system);
+void add_calibration(const Window& window, int frames, bool extrinsics, bool focal, const FactorKernels& kernels,
+                     VisualSystem& system);
 
 }  // namespace epiline

@@ -61,7 +61,7 @@ void EpipolarFactor::run(const Window& w, int frames, bool oldest_only, VisualSy
   kernels_.epipolar(memory_->views, memory_->sorted.batches(), memory_->frame, frames, scale(settings_), oldest_only,
                     out);
   move_to_bodies(memory_->frame, frames, out);
-  add_calibration(w, frames, settings_.extrinsics, false, out);
+  add_calibration(w, frames, settings_.extrinsics, false, kernels_, out);
 }
 
 void EpipolarFactor::linearise(const Window& w, VisualSystem& out) noexcept {

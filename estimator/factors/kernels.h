@@ -1,8 +1,8 @@
 #pragma once
 // The arithmetic of the factors that runs over SIMD lanes: compiled once per instruction set from track.inc,
-// epipolar.inc, reprojection.inc and imu.inc, and chosen at run time. This header contains plain data only, so that no
-// inline function is compiled to instructions that the machine lacks. Derivations: docs/derivations/track.md,
-// docs/derivations/epipolar.md, docs/derivations/reprojection.md, docs/derivations/imu.md,
+// epipolar.inc, reprojection.inc, imu.inc and calibration.inc, and chosen at run time. This header contains plain data
+// only, so that no inline function is compiled to instructions that the machine lacks. Derivations:
+// docs/derivations/track.md, docs/derivations/epipolar.md, docs/derivations/reprojection.md, docs/derivations/imu.md,
 // docs/derivations/several_cameras.md.
 #include "estimator/simd/instruction_set.h"
 #include "estimator/window/capacity.h"
@@ -155,6 +155,9 @@ struct FactorKernels {
   /// A = (L J)'(L J), upper triangle, g = -(L J)' L r for a 15x32 IMU Jacobian and lower L (rows of 16); returns
   /// |L r|^2.
   double (*imu)(const double (*L)[16], const double (*J)[32], const double* r, double (*A)[32], double* g);
+  /// H_ck, H_cc and b_c from the poses' H and b of the first `frame_count` frames. `motion`, on whole vectors: (dp,
+  /// dphi) of a frame's body that moves its camera as each calibration parameter does.
+  void (*calibration)(const double (*motion)[6][kCameraCalibration], int frame_count, VisualSystem&);
 };
 
 /// The kernels of an instruction set that this machine has.

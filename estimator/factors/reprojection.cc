@@ -145,7 +145,7 @@ void ReprojectionFactor::run(const Window& w, int frames, VisualSystem& out) {
   load_depths();
   kernels_.landmarks(m.batch, m.rho, batches_, m.frame, frames, kDepthDamping, m.scratch, out);
   move_to_bodies(m.frame, frames, out);
-  add_calibration(w, frames, settings_.extrinsics, false, out);
+  add_calibration(w, frames, settings_.extrinsics, false, kernels_, out);
 }
 
 void ReprojectionFactor::linearise(const Window& w, VisualSystem& out) noexcept {

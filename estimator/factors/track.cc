@@ -278,7 +278,7 @@ void TrackFactor::run(const Window& w, VisualSystem& out) {
   place(w, w.size());
   kernels_.track(memory_->batch, batches_, memory_->frame, w.size(), settings_, memory_->scratch, memory_->verdicts,
                  out);
-  add_calibration(w, w.size(), visual_.extrinsics, visual_.focal, out);
+  add_calibration(w, w.size(), visual_.extrinsics, visual_.focal, kernels_, out);
 }
 
 double TrackFactor::cost(const Window& w) noexcept {
@@ -310,7 +310,7 @@ void TrackFactor::marginalise_oldest(const Window& w, const VisualSettings& s, V
   place(w, frames);
   kernels_.track_news(memory_->batch + begin, end - begin, memory_->frame, frames, settings_, memory_->news,
                       memory_->verdicts + begin, out);
-  add_calibration(w, frames, visual_.extrinsics, visual_.focal, out);
+  add_calibration(w, frames, visual_.extrinsics, visual_.focal, kernels_, out);
 }
 
 double TrackFactor::residual_sigma_px() noexcept {

@@ -8,76 +8,74 @@ namespace {
 
 constexpr int kP = 0, kTheta = 3, kV = 6, kA = 9, kG = 12;
 
-// The transition of the error state over a piece of an interval; blocks not listed are those of the identity.
-//   | I  p_theta      T I  p_a  p_g     |
-//   | 0  theta_theta  0    0    theta_g |
-//   | 0  v_theta      I    v_a  v_g     |
-struct Transition {
-  double T;
-  Mat3 p_theta, p_a, p_g, theta_theta, theta_g, v_theta, v_a, v_g;
+// The transition of the error state over a step of dt: the biases stay, the position follows the mean velocity.
+//   theta' = theta_theta theta + theta_g b_g
+//   v'     = v + v_theta theta + v_a b_a + v_g b_g
+//   p'     = p + dt/2 (v + v')
+struct Step {
+  double dt;
+  Mat3 theta_theta, theta_g, v_theta, v_a, v_g;
 };
 
 auto block(Mat15& M, int row, int column) { return M.block<3, 3>(row, column); }
 
-// J <- F J. The end's attitude does not depend on the accelerometer's bias, nor the end's position on the start's but
-// as it is: of the 25 blocks six need a product.
-void apply(const Transition& F, Mat15& J) {
+// J <- F J
+void apply(const Step& F, Mat15& J) {
   const Mat3 theta = block(J, kTheta, kTheta), theta_g = block(J, kTheta, kG);
-  for (const int column : {kTheta, kV, kA, kG}) block(J, kP, column) += F.T * block(J, kV, column);
-  block(J, kP, kTheta) += F.p_theta * theta;
-  block(J, kP, kA) += F.p_a;
-  block(J, kP, kG) += F.p_theta * theta_g + F.p_g;
-  block(J, kV, kTheta) += F.v_theta * theta;
+  const Mat3 by_theta = F.v_theta * theta, by_g = F.v_theta * theta_g + F.v_g;
+  block(J, kP, kV).diagonal().array() += F.dt;
+  block(J, kP, kTheta) += F.dt * (block(J, kV, kTheta) + 0.5 * by_theta);
+  block(J, kP, kA) += F.dt * (block(J, kV, kA) + 0.5 * F.v_a);
+  block(J, kP, kG) += F.dt * (block(J, kV, kG) + 0.5 * by_g);
+  block(J, kV, kTheta) += by_theta;
   block(J, kV, kA) += F.v_a;
-  block(J, kV, kG) += F.v_theta * theta_g + F.v_g;
-  block(J, kTheta, kTheta) = F.theta_theta * theta;
+  block(J, kV, kG) += by_g;
+  block(J, kTheta, kTheta).noalias() = F.theta_theta * theta;
   block(J, kTheta, kG) = F.theta_theta * theta_g + F.theta_g;
 }
 
 // J_s_g <- F J_s_g, where the scale also does what a bias of -w would.
-void apply(const Transition& F, const Vec3& w, Vec9& J_s_g) {
-  const Vec3 theta = J_s_g.segment<3>(kTheta);
-  J_s_g.segment<3>(kP) += F.T * J_s_g.segment<3>(kV) + F.p_theta * theta - F.p_g * w;
+void apply(const Step& F, const Vec3& w, Vec9& J_s_g) {
+  const Vec3 theta = J_s_g.segment<3>(kTheta), v = J_s_g.segment<3>(kV);
   J_s_g.segment<3>(kV) += F.v_theta * theta - F.v_g * w;
+  J_s_g.segment<3>(kP) += 0.5 * F.dt * (v + J_s_g.segment<3>(kV));
   J_s_g.segment<3>(kTheta) = F.theta_theta * theta - F.theta_g * w;
 }
 
 // C <- F C F^T of a symmetric C in which the biases know nothing of each other, the accelerometer's bias nothing of the
-// attitude, and the biases' own blocks are multiples of one.
-void apply_both_sides(const Transition& F, Mat15& C) {
-  const double a = C(kA, kA), g = C(kG, kG);
-  const Mat3 C_pt = block(C, kP, kTheta), C_tt = block(C, kTheta, kTheta), C_tv = block(C, kTheta, kV),
-             C_tg = block(C, kTheta, kG), C_pa = block(C, kP, kA), C_pg = block(C, kP, kG), C_va = block(C, kV, kA),
-             C_vg = block(C, kV, kG), C_pv = block(C, kP, kV), C_vv = block(C, kV, kV);
-  // G = F C, the blocks that are needed
-  const Mat3 G_pt = C_pt + F.T * C_tv.transpose() + F.p_theta * C_tt + F.p_g * C_tg.transpose();
-  const Mat3 G_pv = C_pv + F.T * C_vv + F.p_theta * C_tv + F.p_a * C_va.transpose() + F.p_g * C_vg.transpose();
-  const Mat3 G_pp = block(C, kP, kP) + F.T * C_pv.transpose() + F.p_theta * C_pt.transpose() +
-                    F.p_a * C_pa.transpose() + F.p_g * C_pg.transpose();
-  const Mat3 G_pa = C_pa + F.T * C_va + a * F.p_a;
-  const Mat3 G_pg = C_pg + F.T * C_vg + F.p_theta * C_tg + g * F.p_g;
-  const Mat3 G_tt = F.theta_theta * C_tt + F.theta_g * C_tg.transpose();
-  const Mat3 G_tv = F.theta_theta * C_tv + F.theta_g * C_vg.transpose();
-  const Mat3 G_tg = F.theta_theta * C_tg + g * F.theta_g;
-  const Mat3 G_vt = C_tv.transpose() + F.v_theta * C_tt + F.v_g * C_tg.transpose();
-  const Mat3 G_vv = C_vv + F.v_theta * C_tv + F.v_a * C_va.transpose() + F.v_g * C_vg.transpose();
-  const Mat3 G_va = C_va + a * F.v_a;
-  const Mat3 G_vg = C_vg + F.v_theta * C_tg + g * F.v_g;
+// attitude, and the biases' own blocks are multiples of one. X_yz below: covariance of y before and z after; N_yz: of
+// both after.
+void apply_both_sides(const Step& F, Mat15& C) {
+  const double a = C(kA, kA), g = C(kG, kG), h = 0.5 * F.dt;
+  const Mat3 C_pp = block(C, kP, kP), C_pt = block(C, kP, kTheta), C_pv = block(C, kP, kV), C_pa = block(C, kP, kA),
+             C_pg = block(C, kP, kG), C_tt = block(C, kTheta, kTheta), C_tg = block(C, kTheta, kG),
+             C_vt = block(C, kV, kTheta), C_vv = block(C, kV, kV), C_va = block(C, kV, kA), C_vg = block(C, kV, kG);
+  const auto E_t = F.theta_theta.transpose(), G_t = F.theta_g.transpose();
+  const Mat3 N_tg = F.theta_theta * C_tg + g * F.theta_g;
+  const Mat3 N_va = C_va + a * F.v_a;
+  const Mat3 N_vg = C_vg + F.v_theta * C_tg + g * F.v_g;
+  const Mat3 X_tt = C_tt * E_t + C_tg * G_t, X_vt = C_vt * E_t + C_vg * G_t, X_pt = C_pt * E_t + C_pg * G_t;
+  const Mat3 X_tv = C_vt.transpose() + C_tt * F.v_theta.transpose() + C_tg * F.v_g.transpose();
+  const Mat3 X_vv = C_vv + C_vt * F.v_theta.transpose() + C_va * F.v_a.transpose() + C_vg * F.v_g.transpose();
+  const Mat3 X_pv = C_pv + C_pt * F.v_theta.transpose() + C_pa * F.v_a.transpose() + C_pg * F.v_g.transpose();
+  const Mat3 N_vt = X_vt + F.v_theta * X_tt + F.v_g * N_tg.transpose();
+  const Mat3 N_vv = X_vv + F.v_theta * X_tv + F.v_a * N_va.transpose() + F.v_g * N_vg.transpose();
   const auto set = [&](int row, int column, const Mat3& B) {
     block(C, row, column) = B;
     if (row != column) block(C, column, row) = B.transpose();
   };
-  set(kP, kP, G_pp + F.T * G_pv + G_pt * F.p_theta.transpose() + G_pa * F.p_a.transpose() + G_pg * F.p_g.transpose());
-  set(kP, kTheta, G_pt * F.theta_theta.transpose() + G_pg * F.theta_g.transpose());
-  set(kP, kV, G_pv + G_pt * F.v_theta.transpose() + G_pa * F.v_a.transpose() + G_pg * F.v_g.transpose());
-  set(kP, kA, G_pa);
-  set(kP, kG, G_pg);
-  set(kTheta, kTheta, G_tt * F.theta_theta.transpose() + G_tg * F.theta_g.transpose());
-  set(kTheta, kV, G_tv + G_tt * F.v_theta.transpose() + G_tg * F.v_g.transpose());
-  set(kTheta, kG, G_tg);
-  set(kV, kV, G_vv + G_vt * F.v_theta.transpose() + G_va * F.v_a.transpose() + G_vg * F.v_g.transpose());
-  set(kV, kA, G_va);
-  set(kV, kG, G_vg);
+  const Mat3 half = h * (C_pv + X_pv) + h * h * X_vv;
+  set(kP, kP, C_pp + half + half.transpose() + h * h * (C_vv + N_vv));
+  set(kP, kTheta, X_pt + h * (X_vt + N_vt));
+  set(kP, kV, X_pv + h * (X_vv + N_vv));
+  set(kP, kA, C_pa + h * (C_va + N_va));
+  set(kP, kG, C_pg + h * (C_vg + N_vg));
+  set(kTheta, kTheta, F.theta_theta * X_tt + F.theta_g * N_tg.transpose());
+  set(kTheta, kV, N_vt.transpose());
+  set(kTheta, kG, N_tg);
+  set(kV, kV, N_vv);
+  set(kV, kA, N_va);
+  set(kV, kG, N_vg);
 }
 
 }  // namespace
@@ -100,16 +98,12 @@ void Preintegration::integrate(const Vec3& w0, const Vec3& a0, const Vec3& w1, c
   const Vec3 a = 0.5 * (dR * f0 + R_end * f1);
 
   // F: the exact derivative of this step, so that J is that of the sums and joining intervals loses nothing.
-  const Mat3 A = -dt * (skew(a) * dR), B = -0.5 * dt * (dR + R_end), G = 0.5 * dt * dt * (R_end * skew(f1) * J_r);
-  const Transition F{.T = dt,
-                     .p_theta = 0.5 * dt * A,
-                     .p_a = 0.5 * dt * B,
-                     .p_g = 0.5 * dt * G,
-                     .theta_theta = step.transpose(),
-                     .theta_g = -dt * J_r,
-                     .v_theta = A,
-                     .v_a = B,
-                     .v_g = G};
+  const Step F{.dt = dt,
+               .theta_theta = step.transpose(),
+               .theta_g = -dt * J_r,
+               .v_theta = -dt * (skew(a) * dR),
+               .v_a = -0.5 * dt * (dR + R_end),
+               .v_g = 0.5 * dt * dt * (R_end * skew(f1) * J_r)};
   apply(F, J);
   apply(F, rate, J_s_g);
   apply_both_sides(F, C);
@@ -157,22 +151,23 @@ void Preintegration::join(const Preintegration& next) {
   Vec3 p2, v2;
   Mat3 R2;
   next.corrected(b_a, b_g, scale, p2, v2, R2);
-  const Transition A{.T = next.T,
-                     .p_theta = -dR * skew(p2),
-                     .p_a = dR * next.J.block<3, 3>(kP, kA),
-                     .p_g = dR * next.J.block<3, 3>(kP, kG),
-                     .theta_theta = R2.transpose(),
-                     .theta_g = next.J.block<3, 3>(kTheta, kG),
-                     .v_theta = -dR * skew(v2),
-                     .v_a = dR * next.J.block<3, 3>(kV, kA),
-                     .v_g = dR * next.J.block<3, 3>(kV, kG)};
-  apply(A, J);
-  apply(A, Vec3::Zero(), J_s_g);
+  Mat15 A = Mat15::Identity();
+  block(A, kP, kV).diagonal().setConstant(next.T);
+  block(A, kP, kTheta) = -dR * skew(p2);
+  block(A, kP, kA) = dR * next.J.block<3, 3>(kP, kA);
+  block(A, kP, kG) = dR * next.J.block<3, 3>(kP, kG);
+  block(A, kTheta, kTheta) = R2.transpose();
+  block(A, kTheta, kG) = next.J.block<3, 3>(kTheta, kG);
+  block(A, kV, kTheta) = -dR * skew(v2);
+  block(A, kV, kA) = dR * next.J.block<3, 3>(kV, kA);
+  block(A, kV, kG) = dR * next.J.block<3, 3>(kV, kG);
+  J = (A * J).eval();
+  J_s_g = (A.topLeftCorner<9, 9>() * J_s_g).eval();
   const Vec9 J2 = next.J_s_g;
   J_s_g.segment<3>(kP) += dR * J2.segment<3>(kP);
   J_s_g.segment<3>(kTheta) += J2.segment<3>(kTheta);
   J_s_g.segment<3>(kV) += dR * J2.segment<3>(kV);
-  apply_both_sides(A, C);
+  C = (A * C * A.transpose()).eval();
 
   // B C2 B^T: the second interval's p and v errors live in its own first body frame.
   Mat15 C2 = next.C;

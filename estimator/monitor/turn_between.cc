@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kFarBearing = 0.003;  // rad: residuals of bearings beyond count less
 constexpr int kFarRounds = 5, kSteps = 10;
+constexpr double kLittle = 0.01;  // of the cost: a step that gains less is the last; the next would be a tenth of it
 constexpr int kPlaneRounds = 4;
 constexpr double kPlaneCost = 1.5, kPlaneCostLeast = 0.05;  // a plane must explain the bearings nearly as well
 constexpr double kLeastMoved = 1e-3;                        // sine: a bearing along the travel shows no parallax
@@ -56,64 +57,80 @@ double mean_cost(int count, Off&& off) {
 /// Turn and direction of travel, improved together: Gauss-Newton on the angles to epipolar planes.
 class Travel {
  public:
-  Travel(const SharedBearings& s, const Mat3& R_CC0, const Vec3& direction) : s_(s), R_(R_CC0), t_(direction) {
-    cost_ = cost(R_, t_);
+  Travel(const SharedBearings& s, const Mat3& R_CC0, const Vec3& direction) : s_(s) {
+    at(R_CC0, direction, motions_[0]);
     for (int i = 0; i < kSteps && step(); ++i) {
     }
   }
-  CameraTurn result() const { return {R_, t_, cost_}; }
+  CameraTurn result() const { return {now().R, now().t, now().cost}; }
 
  private:
-  using Vec5 = Eigen::Matrix<double, 5, 1>;
-  using Mat5 = Eigen::Matrix<double, 5, 5>;
+  static constexpr int kUnknowns = 5;
+  using Vec5 = Eigen::Matrix<double, kUnknowns, 1>;
+  using Mat5 = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 
-  /// From the bearing before, turned, to the plane of the bearing now and the direction.
-  static double angle(const Vec3& turned, const Vec3& now, const Vec3& t, double& scale) {
-    scale = 1 / std::max(t.cross(now).norm(), 0.1);
-    return scale * t.dot(turned.cross(now));
-  }
-  double cost(const Mat3& R, const Vec3& t) const {
-    return mean_cost(s_.count, [&](int i) {
-      double scale = 0;
-      return angle(R * s_.before[i], s_.now[i], t, scale) / kCostScale_rad;
+  /// A motion and what it leaves.
+  struct Motion {
+    Mat3 R;
+    Vec3 t;
+    double cost;
+    struct Angle {
+      Vec3 g;           ///< the bearing before, turned
+      double scale, e;  ///< e: angle from g to the plane of the bearing now and the direction
+    };
+    std::array<Angle, SharedBearings::kMost> angles;
+  };
+
+  const Motion& now() const { return motions_[static_cast<std::size_t>(now_)]; }
+  void at(const Mat3& R, const Vec3& t, Motion& m) const {
+    m.R = R;
+    m.t = t;
+    m.cost = mean_cost(s_.count, [&](int i) {
+      const auto k = static_cast<std::size_t>(i);
+      Motion::Angle& angle = m.angles[k];
+      angle.g.noalias() = R * s_.before[k];
+      const Vec3 across = t.cross(s_.now[k]);
+      angle.scale = 1 / std::max(across.norm(), 0.1);
+      angle.e = -angle.scale * across.dot(angle.g);
+      return angle.e / kCostScale_rad;
     });
   }
   bool step() {
-    const Vec3 other = std::abs(t_.x()) < 0.6 ? Vec3::UnitX() : Vec3::UnitY();
+    const Motion& m = now();
+    const Vec3& t = m.t;
+    const Vec3 other = std::abs(t.x()) < 0.6 ? Vec3::UnitX() : Vec3::UnitY();
     Eigen::Matrix<double, 3, 2> across;  // of the direction
-    across.col(0) = t_.cross(other).normalized();
-    across.col(1) = t_.cross(across.col(0));
-    Mat5 H = Mat5::Zero();
-    Vec5 b = Vec5::Zero();
+    across.col(0) = t.cross(other).normalized();
+    across.col(1) = t.cross(across.col(0));
+    double H[kUnknowns][kUnknowns] = {}, b[kUnknowns] = {};  // the lower triangle
     for (int i = 0; i < s_.count; ++i) {
-      const Vec3 g = R_ * s_.before[i];
-      const Vec3& f = s_.now[i];
-      double scale = 0;
-      const double e = angle(g, f, t_, scale);
+      const auto k = static_cast<std::size_t>(i);
+      const auto& [g, scale, e] = m.angles[k];
+      const Vec3& f = s_.now[k];
       Vec5 J;
-      J.head<3>() = scale * (t_.dot(g) * f - g.dot(f) * t_);
+      J.head<3>() = scale * (t.dot(g) * f - g.dot(f) * t);
       J.tail<2>() = scale * (across.transpose() * g.cross(f));
       const double weight = 1 / (1 + e * e / (kCostScale_rad * kCostScale_rad));
-      H.noalias() += weight * J * J.transpose();
-      b -= weight * e * J;
+      for (int row = 0; row < kUnknowns; ++row) {
+        const double weighted = weight * J[row];
+        for (int column = 0; column <= row; ++column) H[row][column] += weighted * J[column];
+        b[row] -= weighted * e;
+      }
     }
-    H.diagonal().array() += 1e-6 * s_.count;  // a direction nobody sees stays
-    const Vec5 d = H.selfadjointView<Eigen::Lower>().ldlt().solve(b);
-    const Mat3 R = so3_exp(d.head<3>()) * R_;
-    const Vec3 t = (t_ + across * d.tail<2>()).normalized();
-    const double next = cost(R, t);
-    if (!(next < cost_)) return false;
-    const bool goes_on = cost_ - next > 1e-3 * cost_;
-    R_ = R;
-    t_ = t;
-    cost_ = next;
+    for (int i = 0; i < kUnknowns; ++i) H[i][i] += 1e-6 * s_.count;  // a direction nobody sees stays
+    const Eigen::Map<const Eigen::Matrix<double, kUnknowns, kUnknowns, Eigen::RowMajor>> lower(H[0]);
+    const Vec5 d = Mat5(lower).selfadjointView<Eigen::Lower>().ldlt().solve(Eigen::Map<const Vec5>(b));
+    Motion& next = motions_[static_cast<std::size_t>(1 - now_)];
+    at(so3_exp(d.head<3>()) * m.R, (t + across * d.tail<2>()).normalized(), next);
+    if (!(next.cost < m.cost)) return false;
+    const bool goes_on = m.cost - next.cost > kLittle * m.cost;
+    now_ = 1 - now_;
     return goes_on;
   }
 
   const SharedBearings& s_;
-  Mat3 R_;
-  Vec3 t_;
-  double cost_ = 0;
+  std::array<Motion, 2> motions_;  ///< the best one, and the one that is tried
+  int now_ = 0;
 };
 
 }  // namespace

@@ -17,6 +17,9 @@ constexpr double kFirstDamping = 0, kAfterRejection = 1e-4;
 constexpr double kRounding = 1e-6;       // of the cost: a step that loses so little is accepted
 constexpr double kNoGain = 1e-3;         // of the cost
 constexpr double kInsignificant = 0.05;  // squared sigmas an unknown, on the mean
+// Of 433 steps of four flights that were tried, 275 are below; none was rejected, and the cost fell by 0.8 to 1.7 times
+// what the quadratic model said.
+constexpr double kSmall = 0.2, kSmallNewest = 4;  // squared sigmas, on the mean and of each number of the newest state
 }  // namespace
 
 struct Solver::Memory {
@@ -167,17 +170,20 @@ void Solver::read_covariance(const Window& w, const SolverSettings& settings) {
   m.covariance(15, 15) = m.calibration_covariance(0, 0);
 }
 
-/// Whether the step is far below what is known of the window, and moves no number of the newest state, which is
-/// published, by more than its standard deviation.
-bool Solver::insignificant(const Window& w) const {
+/// Whether the solved step is at most so many squared standard deviations, on the mean over the window's unknowns, and
+/// for each number of the newest state, which is published.
+bool Solver::is_within(const Window& w, double mean, double newest) const {
   const Memory& m = *memory_;
-  if (!(m.expected_gain < kInsignificant * 15 * w.size())) return false;
+  if (!(m.expected_gain < mean * 15 * w.size())) return false;
   for (int i = 0; i < 15; ++i) {
     const double step = i < 6 ? m.columns.step_s[i] : m.columns.step_v[w.size() - 1][i - 6];
-    if (!(step * step < m.covariance(i, i))) return false;
+    if (!(step * step < newest * m.covariance(i, i))) return false;
   }
   return true;
 }
+
+/// Far below what is known of the window: there is nothing left to gain.
+bool Solver::insignificant(const Window& w) const { return is_within(w, kInsignificant, 1); }
 
 /// The cost after the step that solves the system, infinite if there is none. The window is left there.
 double Solver::try_step(Window& w, VisualFactorModel& visual, const SolverSettings& settings, double cost) {
@@ -203,21 +209,19 @@ void Solver::iterate(Window& w, VisualFactorModel& visual, const SolverSettings&
     save(w, memory_->last);
     visual.save();
     const bool has_step = factorise_and_solve(w, settings, damping);
-    // A step far below what is known of the window follows the quadratic model: it needs no trial.
-    const bool untried = visual.may_step_untried() && damping == kFirstDamping;
-    if (has_step && untried && insignificant(w) && step(w, visual, settings)) {
-      ++r.accepted;
-      r.cost = cost - memory_->expected_gain;
-      r.outcome = SolverOutcome::kConverged;
-      return;
-    }
-    const double trial = has_step ? try_step(w, visual, settings, cost) : std::numeric_limits<double>::infinity();
+    // A step within what is known of the window follows the quadratic model: it needs no trial.
+    const bool untried = has_step && visual.may_step_untried() && damping == kFirstDamping &&
+                         is_within(w, kSmall, kSmallNewest) && step(w, visual, settings);
+    const double trial = untried    ? cost - memory_->expected_gain
+                         : has_step ? try_step(w, visual, settings, cost)
+                                    : std::numeric_limits<double>::infinity();
     const double scale = std::abs(cost) + 1;
     if (trial <= cost + kRounding * scale) {
       ++r.accepted;
       r.cost = trial;
       damping = std::max(damping * 0.1, kFirstDamping);
-      if (r.accepted < 2 || cost - trial >= kNoGain * scale) continue;
+      const bool goes_on = r.accepted < 2 || cost - trial >= kNoGain * scale;
+      if (goes_on && !(untried && insignificant(w))) continue;
       r.outcome = SolverOutcome::kConverged;
       return;
     }

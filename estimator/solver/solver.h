@@ -73,6 +73,7 @@ class Solver {
   void iterate(Window& window, VisualFactorModel& visual, const SolverSettings& settings, Supervisor& supervisor,
                SolverSummary& r);
   bool step(Window& window, VisualFactorModel& visual, const SolverSettings& settings);
+  bool is_within(const Window& window, double mean, double newest) const;
   bool insignificant(const Window& window) const;
   void read_covariance(const Window& window, const SolverSettings& settings);
 

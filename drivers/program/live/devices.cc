@@ -114,6 +114,9 @@ DeviceRecord record_of(const CanWheelSource& wheel) {
 
 namespace {
 
+/// While its lens is covered, the tracker keeps its last image before, and the newest for the other cameras.
+constexpr int kFewestBuffersOfSeveral = 3;
+
 /// After the first one. `other`: of the other cameras, from 0.
 Status read_other_camera(LiveSettings& settings, std::size_t other) {
   Config& config = settings.config;
@@ -161,6 +164,10 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
   settings.is_flown = need == CalibrationNeed::kRequired;
   Config& config = settings.config;
   file->apply(config);  // for the names of calibration files
+  if (const int buffers = config.devices.camera.buffers;
+      camera_count(config.devices) > 1 && buffers < kFewestBuffersOfSeveral)
+    return missing(settings, fmt::format("camera.buffers = {} beside another camera", buffers).c_str(),
+                   fmt::format("{} or more", kFewestBuffersOfSeveral).c_str());
   if (!config.camera_calibration.empty()) {
     if (const Status s = read_camera(settings); !s) return s.error();
   } else if (need == CalibrationNeed::kRequired) {
