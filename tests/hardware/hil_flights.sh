@@ -1,28 +1,37 @@
 #!/bin/sh
-# usage: hil_flights.sh PROGRAM FLIGHT SECONDS [NAME...]. In the machine of tests/hardware/vm: a recorded flight through the
+# usage: hil_flights.sh PROGRAM FLIGHT RIG SECONDS [NAME...]. In the machine of tests/hardware/vm: a recorded flight through the
 # kernel's camera and IMU interfaces into `epiline run`, a process of its own with an ordinary configuration file, and out to
 # the controller model of `epiline hil --beside`. Each flight must be accepted, and both its path and what the controller got
-# of it be the truth to 5 cm. `alone`: all of it in one process. `check`: `epiline check` instead of the flight.
+# of it be the truth to 5 cm. `alone`: all of it in one process. `check`: `epiline check` instead of the flight. `rig`,
+# `rig_alone`: the flight RIG, whose three cameras nothing triggers together, each through a device of its own.
 set -u
-program=$1 flight=$2 seconds=$3
-shift 3
+program=$1 flight=$2 rig=$3 seconds=$4
+shift 4
 [ $# -gt 0 ] || set -- pty vcan classic mavlink alone check
 out=/out
-camera=v4l2loopback:/dev/video42
+one=v4l2loopback:/dev/video42 three=v4l2loopback:/dev/video42,/dev/video43,/dev/video44
 line=/run/controller
 ip link add vcan0 type vcan && ip link set vcan0 mtu 72 up
 
 # configuration NAME: as somebody with these devices writes it.
 configuration() {
+  where=$flight
+  case $1 in
+    rig*)
+      where=$rig
+      printf '[second_camera]\ndevice = "/dev/video43"\nfree_running = true\ncalibration = "%s"\n' "$rig/mav0/cam1/sensor.yaml"
+      printf '[third_camera]\ndevice = "/dev/video44"\nfree_running = true\ncalibration = "%s"\n' "$rig/mav0/cam2/sensor.yaml"
+      ;;
+  esac
   cat <<TOML
 [camera]
 device = "/dev/video42"
 rate_hz = 20
 trust_stamps = true
 stamp_point = "start-of-exposure"
-calibration = "$flight/mav0/cam0/sensor.yaml"
+calibration = "$where/mav0/cam0/sensor.yaml"
 [imu]
-calibration = "$flight/mav0/imu0/sensor.yaml"
+calibration = "$where/mav0/imu0/sensor.yaml"
 rate_hz = 200
 TOML
   case $1 in
@@ -40,7 +49,7 @@ TOML
 beside() {
   folder=$1
   shift
-  "$program" hil "$flight" --config "$folder.toml" --beside --camera "$camera" --duration "$seconds" --out "$folder" "$@" \
+  "$program" hil "$where" --config "$folder.toml" --beside --camera "$camera" --duration "$seconds" --out "$folder" "$@" \
     >"$folder.txt" 2>"$folder.err" &
   player=$!
   while ! grep -q '^ready' "$folder.txt" && kill -0 $player 2>/dev/null; do sleep 0.1; done
@@ -54,8 +63,10 @@ fly() {
     vcan | classic) controller=vcan0 ;;
     mavlink) imu=mavlink ;;
   esac
-  if [ "$1" = alone ]; then
-    "$program" hil "$flight" --config "$folder.toml" --camera "$camera" --imu "$imu" --controller "$controller" \
+  camera=$one
+  case $1 in rig*) camera=$three ;; esac
+  if [ "${1%alone}" != "$1" ]; then
+    "$program" hil "$where" --config "$folder.toml" --camera "$camera" --imu "$imu" --controller "$controller" \
       --duration "$seconds" --out "$folder" >"$folder.txt" 2>"$folder.err"
     return
   fi
@@ -89,7 +100,7 @@ says() {
 
 # look FOLDER: `epiline check` at what is played, and at what is left when the player has gone.
 look() {
-  folder=$1
+  folder=$1 camera=$one
   beside "$folder" --imu uhid --controller "pty:$line"
   there=0 gone=0
   "$program" check --config "$folder.toml" --seconds 6 >"$folder.run.txt" 2>"$folder.run.err" || there=$?
@@ -129,6 +140,9 @@ is_near() {
 failed=0
 for name in "$@"; do
   folder=$out/$name
+  case $name in
+    rig*) modprobe -r v4l2loopback && modprobe v4l2loopback video_nr=42,43,44 ;;
+  esac
   configuration "$name" >"$folder.toml"
   rm -f "$folder".*txt "$folder".*err
   : >"$folder.run.txt"

@@ -99,7 +99,9 @@ int hil_command(HilArguments& options) {
 
 std::string camera_fault(const std::string& text) {
   const bool good = text == "file" || text.rfind("v4l2loopback:/", 0) == 0;
-  return good ? "" : "camera " + text + "; expected file or v4l2loopback:/dev/videoN";
+  return good ? ""
+              : "camera " + text +
+                    "; expected file, or v4l2loopback:/dev/videoN with a device for each camera, separated by commas";
 }
 
 std::string judge_fault(const std::string& text) {
@@ -133,7 +135,8 @@ void add_hil(CLI::App& app, int& exit_code) {
                "/etc/epiline/epiline.toml, else ./epiline.toml");
   command
       ->add_option("--camera", h.camera,
-                   "file: images directly from the recording; v4l2loopback:DEVICE: through the kernel")
+                   "file: images directly from the recording; v4l2loopback:DEVICE: through the kernel, with several "
+                   "cameras a device for each, separated by commas")
       ->check(camera_fault)
       ->capture_default_str();
   command

@@ -1,13 +1,16 @@
 #include "drivers/program/hil/hil_run.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <csignal>
 #include <cstdlib>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <sstream>
 #include <string_view>
+#include <vector>
 
 #include "drivers/program/hil/can_thread.h"
 #include "drivers/program/hil/controller_thread.h"
@@ -34,6 +37,16 @@ constexpr std::string_view kLoopback = "v4l2loopback:", kPty = "pty:", kUdp = "u
 /// What follows the prefix; none: it begins with something else.
 std::optional<std::string> after(std::string_view prefix, const std::string& text) {
   return text.rfind(prefix, 0) == 0 ? std::optional(text.substr(prefix.size())) : std::nullopt;
+}
+
+/// The devices of v4l2loopback:DEVICE,DEVICE; none of another camera.
+std::vector<std::string> loopbacks_of(const std::string& camera) {
+  std::vector<std::string> devices;
+  const auto list = after(kLoopback, camera);
+  if (!list) return devices;
+  std::istringstream text(*list);
+  for (std::string device; std::getline(text, device, ',');) devices.push_back(device);
+  return devices;
 }
 
 /// With the calibrations that the configuration names, and as many cameras as it has.
@@ -97,9 +110,13 @@ Status check_beside(const HilOptions& o, const LiveSettings& settings) {
   if (o.imu == "file") return not_found("--imu", o.imu, "uhid or mavlink, which the other process can open");
   if (o.controller == "pty" || o.controller == "udp")
     return not_found("--controller", o.controller, "pty:PATH, udp:PORT, a CAN interface or a serial port");
-  const std::string& camera = d.camera.device;
-  if (const auto device = after(kLoopback, o.camera); camera.rfind("/dev/video", 0) == 0 && camera != device)
-    return differs("camera.device", camera, *device);
+  const std::vector<std::string> played = loopbacks_of(o.camera);
+  for (std::size_t i = 0; i < std::min(played.size(), kMostOthers + 1); ++i) {
+    const std::string& device = i == 0 ? d.camera.device : d.other_cameras[i - 1].device;
+    if (device.rfind("/dev/video", 0) == 0 && device != played[i])
+      return differs(fmt::format("{}.device", i == 0 ? "camera" : kOtherCameraSections[i - 1]).c_str(), device,
+                     played[i]);
+  }
   if (is_bus(o.controller) && d.can.interface != o.controller)
     return differs("can.interface", d.can.interface, o.controller);
   if (const auto path = after(kPty, o.controller); path && d.mavlink.serial != path)
@@ -128,6 +145,8 @@ class Flight {
   Status connect_controller();
   Status connect_line();
   Status connect_camera(LiveDevices& devices);
+  Status open_loopbacks(const std::vector<std::string>& devices);
+  bool play(const Frame& frame, bool side_by_side);
   Status connect_imu(LiveDevices& devices);
   void begin();
   double share_played() const;
@@ -146,7 +165,7 @@ class Flight {
   std::unique_ptr<PlayedCamera> camera_;
   std::unique_ptr<PlayedImu> imu_;
   PlayedCamera* played_camera_ = camera_.get();  ///< whoever owns it
-  LoopbackWriter loopback_;
+  std::array<LoopbackWriter, kMostOthers + 1> loopbacks_;
   UhidImu uhid_;
   std::unique_ptr<ControllerModel> model_;
   std::unique_ptr<ControllerLine> line_;
@@ -209,30 +228,60 @@ Status Flight::connect_camera(LiveDevices& devices) {
     devices.images_to_log = RecordedCamera::kImagesToLog;
     return Done{};
   }
-  if (plan_.apart[0] > Span{})
-    return Error{ErrorKind::kUsage, options_.dataset.string(), 0, "two cameras that were not triggered together",
-                 "--camera file; a loopback device shows both side by side, as of one time"};
-  const std::string device = *after(kLoopback, options_.camera);
-  CameraConfig& c = settings_.config.devices.camera;
-  const CameraParameters& lens = dataset_.camera.parameters;
-  if (dataset_.others.size() > 1)
-    return Error{ErrorKind::kUsage, options_.dataset.string(), 0, "more than two cameras",
-                 "--camera file; a loopback device shows two, side by side"};
-  const bool both = !dataset_.others.empty();
-  if (const Status s = loopback_.open(device, lens.width * (both ? 2 : 1), lens.height, image_rate_hz(plan_)); !s)
-    return s;
+  const std::vector<std::string> played = loopbacks_of(options_.camera);
+  if (const Status s = open_loopbacks(played); !s) return s;
+  DevicesConfig& d = settings_.config.devices;
   // What a loopback has not: controls, an exposure, a clock that anybody vouches for. Recorded stamps are mid-exposure.
-  CameraConfig played;
-  played.device = device;
-  played.buffers = c.buffers;
-  played.silence_ms = c.silence_ms;
-  played.trust_stamps = true;
-  played.stamp_point = 1;  // the start of an exposure of no length
-  if (both) played.side_by_side = static_cast<int>(SideBySideHalves::kLeftFirst);
-  c = played;
-  for (OtherCameraConfig& other : settings_.config.devices.other_cameras) other.device.clear();
-  images_.start(*camera_, [this](const Frame& frame) { return loopback_.write(frame, camera_->others(frame)[0]); });
+  CameraConfig c;
+  c.device = played.front();
+  c.buffers = d.camera.buffers;
+  c.silence_ms = d.camera.silence_ms;
+  c.rate_hz = image_rate_hz(plan_);
+  c.trust_stamps = true;
+  c.stamp_point = 1;  // the start of an exposure of no length
+  const bool side_by_side = played.size() == 1 && !dataset_.others.empty();
+  if (side_by_side) c.side_by_side = static_cast<int>(SideBySideHalves::kLeftFirst);
+  d.camera = c;
+  for (std::size_t i = 0; i < kMostOthers; ++i) {
+    OtherCameraConfig& other = d.other_cameras[i];
+    other.device = i + 1 < played.size() ? played[i + 1] : "";
+    other.sensor = other.stamp_line = "";
+    other.free_running = plan_.apart[i] > Span{};
+    settings_.config.estimator.others[i].apart_s = other.free_running ? pairs_within_s(d, i) : 0;
+  }
+  images_.start(*camera_, [this, side_by_side](const Frame& frame) { return play(frame, side_by_side); });
   return Done{};
+}
+
+/// One for each camera, or one for two that were triggered together.
+Status Flight::open_loopbacks(const std::vector<std::string>& devices) {
+  const auto fault = [&](const std::string& found, const char* expected) {
+    return Error{ErrorKind::kUsage, options_.dataset.string(), 0, found, expected};
+  };
+  const std::size_t cameras = 1 + dataset_.others.size();
+  const bool side_by_side = devices.size() == 1 && cameras == 2;
+  if (devices.size() != cameras && !side_by_side)
+    return fault(fmt::format("{} of its cameras with {} loopback devices", cameras, devices.size()),
+                 "a device for each, separated by commas, or one for two side by side; or --camera file");
+  if (side_by_side && plan_.apart[0] > Span{})
+    return fault("two cameras that were not triggered together",
+                 "a loopback device for each, or --camera file: one device shows both side by side, as of one time");
+  for (std::size_t i = 0; i < devices.size(); ++i) {
+    const CameraParameters& lens = i == 0 ? dataset_.camera.parameters : dataset_.others[i - 1]->camera.parameters;
+    const int width = lens.width * (side_by_side ? 2 : 1);
+    if (const Status s = loopbacks_[i].open(devices[i], width, lens.height, image_rate_hz(plan_)); !s) return s;
+  }
+  return Done{};
+}
+
+/// The others' images first: the run waits for them once it has the first camera's.
+bool Flight::play(const Frame& frame, bool side_by_side) {
+  const auto others = camera_->others(frame);
+  if (side_by_side) return loopbacks_[0].write(frame, others[0]);
+  bool good = true;
+  for (std::size_t i = 0; i < others.size(); ++i)
+    if (others[i].data != nullptr) good = loopbacks_[i + 1].write(others[i]) && good;
+  return loopbacks_[0].write(frame) && good;
 }
 
 Status Flight::connect_imu(LiveDevices& devices) {

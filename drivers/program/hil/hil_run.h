@@ -19,7 +19,7 @@ struct HilOptions {
   std::filesystem::path dataset, config_file;
   std::vector<std::string> set;  ///< as read_live_settings() takes it
   std::filesystem::path out;     ///< folder of a live run's files and the verdict; empty: none
-  std::string camera = "file";   ///< or v4l2loopback:DEVICE
+  std::string camera = "file";   ///< or v4l2loopback:DEVICE, or with a device for each camera: v4l2loopback:A,B
   std::string imu = "file";      ///< or uhid, mavlink
   /// Or pty:PATH, udp, udp:PORT, a CAN interface, or a serial port that is wired to the configured one.
   std::string controller = "pty";

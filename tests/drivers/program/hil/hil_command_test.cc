@@ -150,6 +150,8 @@ TEST_F(HilCommand, SaysWhatIsWrong) {
   expect_one_line(run("hil nowhere --config '" + config().string() + "'"), 2, {"nowhere"});
   expect_one_line(hil("--camera vivid"), 2, {"camera vivid"});
   expect_one_line(hil("--camera v4l2loopback:/dev/there_is_none"), 2, {"/dev/there_is_none", "modprobe v4l2loopback"});
+  expect_one_line(hil("--camera v4l2loopback:/dev/video42,/dev/video43"), 2,
+                  {"1 of its cameras with 2 loopback devices", "a device for each"});
   expect_one_line(hil("--controller /dev/there_is_none"), 2, {"/dev/there_is_none"});
   expect_one_line(hil("--controller nocan7"), 2, {"nocan7", "ip link add"});
   expect_one_line(hil("--start 100"), 2, {"no image between --start and --duration"});
@@ -172,6 +174,11 @@ TEST_F(HilCommand, SaysWhatNobodyBesideWouldFind) {
   text.insert(text.find('\n') + 1, "device = \"/dev/video7\"\n");
   write(config(), text);
   expect_one_line(hil(imu + "--controller vcan0"), 2, {"camera.device = \"/dev/video7\"", "\"/dev/video42\""});
+  text.replace(text.find("video7"), 6, "video42");
+  write(config(), text + "[second_camera]\ndevice = \"/dev/video8\"\ncalibration = \"" +
+                      (flight_ / "mav0/cam0/sensor.yaml").string() + "\"\n");
+  expect_one_line(hil("--beside --camera v4l2loopback:/dev/video42,/dev/video43 --imu uhid --controller vcan0"), 2,
+                  {"second_camera.device = \"/dev/video8\"", "\"/dev/video43\""});
 }
 
 }  // namespace
