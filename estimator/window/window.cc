@@ -164,11 +164,15 @@ bool Window::observe_second(const SecondView& v, std::uint8_t camera) {
 }
 
 void Window::fetch(const TrackRecord& t) const {
-  for (std::uint32_t mask = t.mask; mask != 0; mask &= mask - 1) {
-    const Observation& o = views_[t.place][static_cast<std::size_t>(std::countr_zero(mask))];
-    __builtin_prefetch(&o);
-    __builtin_prefetch(reinterpret_cast<const char*>(&o + 1) - 1);  // it may end in the next line
-  }
+  const auto fetch = [](std::uint32_t mask, const auto& views) {
+    for (; mask != 0; mask &= mask - 1) {
+      const Observation& o = views[static_cast<std::size_t>(std::countr_zero(mask))];
+      __builtin_prefetch(&o);
+      __builtin_prefetch(reinterpret_cast<const char*>(&o + 1) - 1);  // it may end in the next line
+    }
+  };
+  fetch(t.mask, views_[t.place]);
+  fetch(t.second, second_views_[t.place]);
 }
 
 void Window::prune() {

@@ -22,7 +22,7 @@ bool scan_all(const ImageView& image, float x, float y, const ImageView& other, 
   if (!(patch.eigenvalue >= kLeastEigenvalue)) return false;
   for (int i = 0; i < count; ++i) {
     const Place at = quantise(places[i].x + patch.offset_x, places[i].y + patch.offset_y);
-    if (fits(other, at)) places[i].correlation = correlate(other, at, patch);
+    if (fits(other, at)) places[i].correlation = correlate_roughly(other, at, patch);
   }
   return true;
 }

@@ -6,7 +6,7 @@ namespace epiline {
 
 struct ScanPlace {
   float x = 0, y = 0;      ///< px of the image that is searched; finite
-  float correlation = -1;  ///< out: as KltTrack::correlation; -1 where no patch fits
+  float correlation = -1;  ///< out: as KltTrack::correlation, at the nearest pixel; -1 where no patch fits
 };
 
 /// Compares the patch around (x, y) of `image` with those of `other` at `count` places. False: no patch fits there, or

@@ -273,29 +273,58 @@ HWY_INLINE Move gauss_newton_step(const ImageView& image, const Place& at, const
   return {-(t.inv_xx * x + t.inv_xy * y), -(t.inv_xy * x + t.inv_yy * y)};
 }
 
+// Sums for the correlation of a template with another patch.
+struct CorrelationSums {
+  const Template& t;
+  V origin, one;
+  DotSum g, gg, gt;
+
+  explicit HWY_INLINE CorrelationSums(const Template& with)
+      : t(with), origin(broadcast(with.origin)), one(broadcast(1)) {}
+  HWY_INLINE void add(V patch, int i) {
+    const V grey = hn::Sub(patch, origin);
+    g.add(grey, one);
+    gg.add(grey, grey);
+    gt.add(grey, hn::Sub(hn::Load(D(), t.grey + i), origin));
+  }
+  HWY_INLINE void end_block() {
+    for (DotSum* s : {&g, &gg, &gt}) s->end_block();
+  }
+  HWY_INLINE float correlation() const {
+    const float sum = g.total();
+    const float energy = std::max(gg.total() - sum * sum / kPixels, 1.f);
+    return (gt.total() - sum * t.mean) / std::sqrt(energy * t.energy);
+  }
+};
+
 // Normalised correlation, -1 to 1, of the template with the patch at `at`.
 HWY_INLINE float correlate(const ImageView& image, const Place& at, const Template& t) {
-  const D d;
   const Bilinear weights(at);
-  const V origin = broadcast(t.origin), one = broadcast(1);
-  DotSum g, gg, gt;
+  CorrelationSums sums(t);
   for (int c = 0; c < kSide; c += kColumns) {
     const std::uint8_t* p = image.row(at.y) + at.x + c;
     V above = weights.across(p, image.stride);
     for (int i = c; i < kPixels; i += kNextVector) {
       p += image.stride;
       const V below = weights.across(p, image.stride);
-      const V grey = hn::Sub(weights.down(above, below), origin);
-      g.add(grey, one);
-      gg.add(grey, grey);
-      gt.add(grey, hn::Sub(hn::Load(d, t.grey + i), origin));
+      sums.add(weights.down(above, below), i);
       above = below;
     }
-    for (DotSum* s : {&g, &gg, &gt}) s->end_block();
+    sums.end_block();
   }
-  const float sum = g.total();
-  const float energy = std::max(gg.total() - sum * sum / kPixels, 1.f);
-  return (gt.total() - sum * t.mean) / std::sqrt(energy * t.energy);
+  return sums.correlation();
+}
+
+// With the patch at the nearest whole pixel: half the work.
+HWY_INLINE float correlate_roughly(const ImageView& image, const Place& at, const Template& t) {
+  CorrelationSums sums(t);
+  for (int c = 0; c < kSide; c += kColumns) {
+    const std::uint8_t* p = image.row(at.y + (at.fy >> 6)) + at.x + (at.fx >> 6) + c;
+    for (int i = c; i < kPixels; i += kNextVector, p += image.stride)
+      sums.add(hn::ShiftLeft<5>(grey_at(p, image.stride)), i);
+    sums.end_block();
+  }
+  return sums.correlation();
 }
 
 }  // namespace epiline::HWY_NAMESPACE
