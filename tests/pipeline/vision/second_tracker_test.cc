@@ -103,9 +103,11 @@ class Rig {
     const Pose pose = pose_at(number_), later = pose_at(number_ + later_s / kPeriod_s);
     pose_ = pose;
     second_pose_ = {later.R_WC * rig_.R_SC.transpose(), later.p_WC - later.R_WC * rig_.R_SC.transpose() * rig_.p_SC};
-    std::swap(images_[0], images_[1]);
+    if (first) {  // what it was shown last stays until it is shown another one
+      std::swap(images_[0], images_[1]);
+      images_[0] = std::make_unique<TestImage>(picture(first_, pose, wedge_));
+    }
     std::swap(seconds_[0], seconds_[1]);
-    images_[0] = std::make_unique<TestImage>(picture(first_, pose, wedge_));
     seconds_[0] = std::make_unique<TestImage>(picture(second_, second_pose_, wedge_));
     if (what == Second::kCovered) std::fill(seconds_[0]->pixels.begin(), seconds_[0]->pixels.end(), 3);
     ++number_;

@@ -29,12 +29,13 @@ Scene moving_scene(int points, const Vec3& travel, double half_angle_rad, std::m
   Scene scene;
   scene.direction = travel.norm() > 0 ? Vec3(travel.normalized()) : Vec3::UnitZ();
   std::uniform_real_distribution<double> unit(0, 1);
-  std::normal_distribution<double> noise(0, noise_px * kPixel);
+  std::normal_distribution<double> noise(0, 1);
   for (int i = 0; i < points; ++i) {
     const double a = half_angle_rad * std::sqrt(unit(random)), b = 2 * std::numbers::pi * unit(random);
     const Vec3 bearing(std::sin(a) * std::cos(b), std::sin(a) * std::sin(b), std::cos(a));
     const Vec3 point = (2 + 6 * unit(random)) * bearing;
-    add(scene, bearing, (point - travel).normalized() + Vec3(noise(random), noise(random), noise(random)));
+    add(scene, bearing,
+        (point - travel).normalized() + noise_px * kPixel * Vec3(noise(random), noise(random), noise(random)));
   }
   return scene;
 }
