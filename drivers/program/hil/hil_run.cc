@@ -111,7 +111,12 @@ Status check_beside(const HilOptions& o, const LiveSettings& settings) {
   if (o.controller == "pty" || o.controller == "udp")
     return not_found("--controller", o.controller, "pty:PATH, udp:PORT, a CAN interface or a serial port");
   const std::vector<std::string> played = loopbacks_of(o.camera);
-  for (std::size_t i = 0; i < std::min(played.size(), kMostOthers + 1); ++i) {
+  const auto others = std::count_if(d.other_cameras.begin(), d.other_cameras.end(),
+                                    [](const OtherCameraConfig& c) { return !c.device.empty(); });
+  if (played.size() != 1 + static_cast<std::size_t>(others))
+    return not_found("--camera", o.camera,
+                     fmt::format("a loopback device for each of the {} in the configuration", 1 + others).c_str());
+  for (std::size_t i = 0; i < played.size(); ++i) {
     const std::string& device = i == 0 ? d.camera.device : d.other_cameras[i - 1].device;
     if (device.rfind("/dev/video", 0) == 0 && device != played[i])
       return differs(fmt::format("{}.device", i == 0 ? "camera" : kOtherCameraSections[i - 1]).c_str(), device,
@@ -146,6 +151,7 @@ class Flight {
   Status connect_line();
   Status connect_camera(LiveDevices& devices);
   Status open_loopbacks(const std::vector<std::string>& devices);
+  bool are_side_by_side(const std::vector<std::string>& devices) const;
   bool play(const Frame& frame, bool side_by_side);
   Status connect_imu(LiveDevices& devices);
   void begin();
@@ -239,7 +245,7 @@ Status Flight::connect_camera(LiveDevices& devices) {
   c.rate_hz = image_rate_hz(plan_);
   c.trust_stamps = true;
   c.stamp_point = 1;  // the start of an exposure of no length
-  const bool side_by_side = played.size() == 1 && !dataset_.others.empty();
+  const bool side_by_side = are_side_by_side(played);
   if (side_by_side) c.side_by_side = static_cast<int>(SideBySideHalves::kLeftFirst);
   d.camera = c;
   for (std::size_t i = 0; i < kMostOthers; ++i) {
@@ -253,13 +259,17 @@ Status Flight::connect_camera(LiveDevices& devices) {
   return Done{};
 }
 
+bool Flight::are_side_by_side(const std::vector<std::string>& devices) const {
+  return devices.size() == 1 && dataset_.others.size() == 1;
+}
+
 /// One for each camera, or one for two that were triggered together.
 Status Flight::open_loopbacks(const std::vector<std::string>& devices) {
   const auto fault = [&](const std::string& found, const char* expected) {
     return Error{ErrorKind::kUsage, options_.dataset.string(), 0, found, expected};
   };
   const std::size_t cameras = 1 + dataset_.others.size();
-  const bool side_by_side = devices.size() == 1 && cameras == 2;
+  const bool side_by_side = are_side_by_side(devices);
   if (devices.size() != cameras && !side_by_side)
     return fault(fmt::format("{} of its cameras with {} loopback devices", cameras, devices.size()),
                  "a device for each, separated by commas, or one for two side by side; or --camera file");

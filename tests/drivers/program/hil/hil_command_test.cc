@@ -177,6 +177,7 @@ TEST_F(HilCommand, SaysWhatNobodyBesideWouldFind) {
   text.replace(text.find("video7"), 6, "video42");
   write(config(), text + "[second_camera]\ndevice = \"/dev/video8\"\ncalibration = \"" +
                       (flight_ / "mav0/cam0/sensor.yaml").string() + "\"\n");
+  expect_one_line(hil(imu + "--controller vcan0"), 2, {"v4l2loopback:/dev/video42", "each of the 2"});
   expect_one_line(hil("--beside --camera v4l2loopback:/dev/video42,/dev/video43 --imu uhid --controller vcan0"), 2,
                   {"second_camera.device = \"/dev/video8\"", "\"/dev/video43\""});
 }
