@@ -166,8 +166,11 @@ const std::vector<Parameter>& parameters() {
        EPILINE_AT(tracker.cells_per_feature)},
       {"tracker.min_distance_px", "px", 1, 1000, "least distance of a new feature from the others",
        EPILINE_AT(tracker.min_distance_px)},
-      {"tracker.min_score", "(grey/px)^2", 0, 10000, "least texture of a new feature (smaller eigenvalue)",
-       EPILINE_AT(tracker.min_score)},
+      {"tracker.min_score", "(grey/px)^2", 0, 10000,
+       "least texture of a new feature (smaller eigenvalue, less the edge's share)", EPILINE_AT(tracker.min_score)},
+      {"tracker.edge_share", "", 0, 1,
+       "share of the larger eigenvalue that a new feature's smaller one must exceed: an edge is no corner",
+       EPILINE_AT(tracker.edge_share)},
       // threads of a real-time run
       {"realtime.deadline_ms", "ms", 0, 1e4, "longest time from an image's timestamp to its odometry; 0: no limit",
        EPILINE_AT(realtime.deadline_ms)},

@@ -79,7 +79,7 @@ HWY_INLINE void add_rows(const TensorRow (&rows)[3], int blocks, TensorRow& out)
 }
 
 // Scores of blocks 1 .. blocks of `columns`.
-HWY_INLINE void score_row(const TensorRow& columns, int blocks, float* score) {
+HWY_INLINE void score_row(const TensorRow& columns, int blocks, float edge_share, float* score) {
   const DF df;
   constexpr float kToMean = 1.f / (4.f * 36.f);  // differences are twice the gradient; 36 px
   const auto across = [&](const float* p) {
@@ -91,7 +91,8 @@ HWY_INLINE void score_row(const TensorRow& columns, int blocks, float* score) {
     const auto middle = hn::Mul(hn::Add(xx, yy), half);
     const auto difference_half = hn::Mul(hn::Sub(xx, yy), half);
     const auto radius = hn::Sqrt(hn::Add(hn::Mul(difference_half, difference_half), hn::Mul(xy, xy)));
-    hn::StoreU(hn::Mul(hn::Sub(middle, radius), hn::Set(df, kToMean)), df, score + i);
+    const auto smaller = hn::Sub(middle, radius), larger = hn::Add(middle, radius);
+    hn::StoreU(hn::Mul(hn::NegMulAdd(hn::Set(df, edge_share), larger, smaller), hn::Set(df, kToMean)), df, score + i);
   }
 }
 
@@ -120,7 +121,7 @@ HWY_INLINE void blank_discs(const Discs& taken, float first_x, float y, int bloc
   }
 }
 
-Corner best_in_cell(const ImageView& image, const Cell& cell, const Discs& taken) {
+Corner best_in_cell(const ImageView& image, const Cell& cell, const Discs& taken, float edge_share) {
   TensorRow rows[3], columns;
   HWY_ALIGN float score[kRowLength];
   const int blocks = cell.width / 2;
@@ -129,7 +130,7 @@ Corner best_in_cell(const ImageView& image, const Cell& cell, const Discs& taken
     tensor_row(image.row(cell.y + 2 * j) + cell.x - 2, image.stride, blocks + 2, rows[(j + 3) % 3]);
     if (j < 1) continue;
     add_rows(rows, blocks + 2, columns);
-    score_row(columns, blocks, score);
+    score_row(columns, blocks, edge_share, score);
     const float x = static_cast<float>(cell.x) + 0.5f, y = static_cast<float>(cell.y + 2 * (j - 1)) + 0.5f;
     blank_discs(taken, x, y, blocks, score);
     const float top = largest(score, blocks);
@@ -147,8 +148,8 @@ HWY_AFTER_NAMESPACE();
 namespace epiline {
 HWY_EXPORT(best_in_cell);
 
-Corner best_corner(const ImageView& image, const Cell& cell, const Discs& taken) noexcept {
-  return HWY_DYNAMIC_DISPATCH(best_in_cell)(image, cell, taken);
+Corner best_corner(const ImageView& image, const Cell& cell, const Discs& taken, float edge_share) noexcept {
+  return HWY_DYNAMIC_DISPATCH(best_in_cell)(image, cell, taken, edge_share);
 }
 
 }  // namespace epiline

@@ -1,5 +1,7 @@
 #pragma once
-// Corner score: smaller eigenvalue of the structure tensor over 6x6 px, evaluated at every second pixel.
+// Corner score, over 6x6 px and at every second pixel: smaller eigenvalue of the structure tensor, less a share of the
+// larger one. A straight edge has none of its own along itself: what noise and pixel steps add there grows with its
+// contrast (docs/vision.md).
 #include "pipeline/vision/image_view.h"
 
 namespace epiline {
@@ -26,7 +28,8 @@ struct Discs {
 };
 
 /// Best corner of a cell outside the discs, the first one of equals. The cell needs kCellMargin px of image on every
-/// side; up to 30 px past the end of a row are read, which below the cell is the next row.
-Corner best_corner(const ImageView& image, const Cell& cell, const Discs& taken) noexcept;
+/// side; up to 30 px past the end of a row are read, which below the cell is the next row. `edge_share`: of the larger
+/// eigenvalue, subtracted from the smaller one.
+Corner best_corner(const ImageView& image, const Cell& cell, const Discs& taken, float edge_share) noexcept;
 
 }  // namespace epiline

@@ -74,7 +74,7 @@ int Detector::detect(const ImageView& image, std::span<const std::array<float, 2
     const int index = (first_ + k * stride_) % cells;
     if (used_[index]) continue;
     const Cell here = cell(index);
-    const Corner corner = best_corner(image, here, discs_near(here, taken, tracks));
+    const Corner corner = best_corner(image, here, discs_near(here, taken, tracks), config_.edge_share);
     if (corner.score < config_.min_score) continue;
     tracks.x[tracks.size] = corner.x;
     tracks.y[tracks.size++] = corner.y;

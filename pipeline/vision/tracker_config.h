@@ -41,7 +41,8 @@ struct TrackerConfig {
   int border_px = 12;                     ///< no new features nearer to the border; at least 4
   float cells_per_feature = 16.f / 15.f;  ///< size of the detection grid; one new feature a cell and image
   float min_distance_px = 20.f;           ///< of a new feature from any track
-  float min_score = 6.f;                  ///< smaller eigenvalue of the mean structure tensor, (grey/px)^2
+  float min_score = 6.f;                  ///< smaller eigenvalue of the mean structure tensor, (grey/px)^2, less ...
+  float edge_share = 0.1f;                ///< ... this share of the larger one: an edge is no corner
 };
 
 /// Counts since construction; reset() keeps them.

@@ -68,6 +68,7 @@ std::vector<Constant> constants() {
       {"tracker", "wide_limit_px", t.wide_limit_px},
       {"tracker", "min_distance_px", t.min_distance_px},
       {"tracker", "min_score", t.min_score},
+      {"tracker", "edge_share", static_cast<double>(t.edge_share)},
   };
 }
 

@@ -11,6 +11,8 @@
 namespace epiline {
 namespace {
 
+constexpr float kEdgeShare = TrackerConfig{}.edge_share;
+
 // Score of the 6x6 px round the 2x2 block whose top left pixel is (x, y), straight from its definition.
 double reference_score(const TestImage& image, int x, int y) {
   double xx = 0, xy = 0, yy = 0;
@@ -21,7 +23,8 @@ double reference_score(const TestImage& image, int x, int y) {
       xx += gx * gx, xy += gx * gy, yy += gy * gy;
     }
   }
-  return (0.5 * (xx + yy) - std::hypot(0.5 * (xx - yy), xy)) / 36;
+  const double middle = 0.5 * (xx + yy), radius = std::hypot(0.5 * (xx - yy), xy);
+  return (middle - radius - static_cast<double>(kEdgeShare) * (middle + radius)) / 36;
 }
 
 Corner reference_corner(const TestImage& image, const Cell& cell, const Discs& taken) {
@@ -54,7 +57,8 @@ TEST(Corner, EqualsTheDefinitionForEveryCellSize) {
   on_every_target([&] {
     for (int side = 2; side <= kMaxCellSide; side += side < 80 ? 2 : 20) {
       const Cell cell{4 + side % 3, 4, side, std::min(side, 24)};
-      const Corner found = best_corner(image.view(), cell, {}), expected = reference_corner(image, cell, {});
+      const Corner found = best_corner(image.view(), cell, {}, kEdgeShare),
+                   expected = reference_corner(image, cell, {});
       expect_same(found, expected, image);
       EXPECT_FLOAT_EQ(found.x, expected.x) << "side " << side;
       EXPECT_FLOAT_EQ(found.y, expected.y) << "side " << side;
@@ -68,7 +72,7 @@ TEST(Corner, BlackAndWhiteDoNotOverflow) {
       TestImage image(70, 70);
       image.fill([&](int x, int y) { return ((x / period) ^ (y / period)) % 2 ? 255 : 0; });
       const Cell cell{6, 5, 44, 44};
-      expect_same(best_corner(image.view(), cell, {}), reference_corner(image, cell, {}), image);
+      expect_same(best_corner(image.view(), cell, {}, kEdgeShare), reference_corner(image, cell, {}), image);
     }
   });
 }
@@ -81,7 +85,7 @@ TEST(Corner, OfEqualCornersTheFirstIsTaken) {
       image.fill([&, sx = second_x, sy = second_y](int x, int y) {
         return in_spot(x, y, 20, 20) || in_spot(x, y, sx, sy) ? 200 : 50;
       });
-      const Corner found = best_corner(image.view(), Cell{4, 4, 52, 52}, {});
+      const Corner found = best_corner(image.view(), Cell{4, 4, 52, 52}, {}, kEdgeShare);
       EXPECT_GT(found.score, 0);
       EXPECT_NEAR(found.x, 20.5, 4) << second_x << ", " << second_y;
       EXPECT_NEAR(found.y, 20.5, 4) << second_x << ", " << second_y;
@@ -99,7 +103,7 @@ TEST(Corner, KeepsItsDistance) {
       for (int i = 0; i < 5; ++i) x[i] = place(random), y[i] = place(random);
       const Discs taken{x.data(), y.data(), 1 + round % 5, 4.f + static_cast<float>(round % 20)};
       const Cell cell{8, 8, 44, 40};
-      const Corner found = best_corner(image.view(), cell, taken);
+      const Corner found = best_corner(image.view(), cell, taken, kEdgeShare);
       expect_same(found, reference_corner(image, cell, taken), image);
       for (int i = 0; i < taken.count && found.score > 0; ++i) {
         EXPECT_GT(std::hypot(found.x - x[i], found.y - y[i]), taken.radius - 1e-3);
@@ -113,24 +117,75 @@ TEST(Corner, NothingWhereAllIsTakenOrFlat) {
   const TestImage noise = random_image(64, 64, random);
   TestImage grey(64, 64);
   const float x = 32, y = 32;
-  EXPECT_EQ(best_corner(noise.view(), {8, 8, 44, 44}, {&x, &y, 1, 60}).score, 0);
-  EXPECT_EQ(best_corner(grey.view(), {8, 8, 44, 44}, {}).score, 0);
+  EXPECT_EQ(best_corner(noise.view(), {8, 8, 44, 44}, {&x, &y, 1, 60}, kEdgeShare).score, 0);
+  EXPECT_EQ(best_corner(grey.view(), {8, 8, 44, 44}, {}, kEdgeShare).score, 0);
 }
 
 // OpenCV with the same derivative (-1, 0, 1) and block: 255^2 / 4 times its value, and its even block sits one pixel
 // further.
-TEST(Corner, ScoreEqualsOpenCvsMinimumEigenvalue) {
+TEST(Corner, ScoreIsOfOpenCvsEigenvalues) {
   const Waves waves(4, 4, 30);
   const TestImage image = shifted(waves, 120, 100, 0, 0);
   cv::Mat expected;
-  cv::cornerMinEigenVal(cv::Mat(100, 120, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data())), expected, 6, 1);
+  cv::cornerEigenValsAndVecs(cv::Mat(100, 120, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data())), expected, 6,
+                             1);
   for (int y = 8; y < 90; y += 6) {
     for (int x = 8; x < 108; x += 6) {
-      const Corner found = best_corner(image.view(), {x, y, 2, 2}, {});
-      const double score = expected.at<float>(y + 1, x + 1) * 255 * 255 / 4;
-      ASSERT_NEAR(found.score, score, 2e-3 * score + 1e-3) << x << ", " << y;
+      const auto& values = expected.at<cv::Vec6f>(y + 1, x + 1);
+      for (const float share : {0.F, kEdgeShare}) {
+        const Corner found = best_corner(image.view(), {x, y, 2, 2}, {}, share);
+        const double score = std::max(0.F, std::min(values[0], values[1]) - share * std::max(values[0], values[1]));
+        ASSERT_NEAR(found.score, score * 255 * 255 / 4, 2e-3 * values[0] * 255 * 255 / 4 + 1e-3) << x << ", " << y;
+      }
     }
   }
+}
+
+// A lamp before a dim ceiling, of 8 sub-pixels a side and as noisy as a camera, at any angle: its corners are some, its
+// edges are none.
+TestImage lamp(double angle, std::mt19937& random) {
+  TestImage image(200, 200);
+  std::normal_distribution<double> noise(0, 2);
+  image.fill([&](int x, int y) {
+    int lit = 0;
+    for (int k = 0; k < 64; ++k) {
+      const double u = x - 99.5 + (k % 8 + 0.5) / 8 - 0.5, v = y - 99.5 + (k / 8 + 0.5) / 8 - 0.5;
+      const double along = u * std::cos(angle) + v * std::sin(angle);
+      const double across = v * std::cos(angle) - u * std::sin(angle);
+      lit += std::abs(along) < 60 && std::abs(across) < 15 ? 1 : 0;
+    }
+    return 60 + 195 * lit / 64. + noise(random);
+  });
+  return image;
+}
+
+TEST(Detector, TakesTheCornersOfALampNotItsEdges) {
+  std::mt19937 random(7);
+  TrackerConfig config, with_edges;
+  with_edges.edge_share = 0;
+  int on_edges = 0;
+  for (double angle = 0.02; angle < std::numbers::pi; angle += 0.2) {
+    const TestImage image = lamp(angle, random);
+    const auto from_corner = [&](float x, float y) {
+      double least = 1e9;
+      for (const double along : {-60., 60.})
+        for (const double across : {-15., 15.})
+          least = std::min(least, std::hypot(x - 99.5 - along * std::cos(angle) + across * std::sin(angle),
+                                             y - 99.5 - along * std::sin(angle) - across * std::cos(angle)));
+      return least;
+    };
+    const auto detect = [&](const TrackerConfig& c) {
+      auto tracks = std::make_unique<TrackTable>();
+      Detector detector(200, 200, c);
+      detector.detect(image.view(), {}, 150, *tracks);
+      return tracks;
+    };
+    const auto tracks = detect(config), edges = detect(with_edges);
+    EXPECT_GE(tracks->size, 2) << angle;
+    for (int i = 0; i < tracks->size; ++i) EXPECT_LT(from_corner(tracks->x[i], tracks->y[i]), 8) << angle;
+    for (int i = 0; i < edges->size; ++i) on_edges += from_corner(edges->x[i], edges->y[i]) > 8 ? 1 : 0;
+  }
+  EXPECT_GT(on_edges, 20) << "noise makes none of the edges a corner: the test shows nothing";
 }
 
 // -------------------------------------------------------------------------------------------------------------
