@@ -266,9 +266,10 @@ void Estimator::Impl::count(const SolverSummary& s) {
 /// The scales follow the residuals slowly. Both follow the same figure: white noise of s looks like a drift with steps
 /// of s between solved images that are two images apart.
 void Estimator::Impl::adapt_pixel_sigma(double dt_s) {
-  const double seen = visual->residual_sigma_px();
+  const ResidualNoise noise_seen = visual->residual_noise();
+  const double seen = noise_seen.median_px;
   if (!(seen > 0)) return;
-  misfit.add(seen, dt_s, window.newest().at_rest);
+  misfit.add(noise_seen, dt_s, window.newest().at_rest);
   if (!config.estimate_pixel_sigma) return;
   const double share = std::min(1.0, dt_s / kSigmaMemory_s);
   pixel_sigma += share * (std::clamp(seen, kSigmaLeast, kMostPixelSigma) - pixel_sigma);

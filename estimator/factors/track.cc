@@ -313,7 +313,7 @@ void TrackFactor::marginalise_oldest(const Window& w, const VisualSettings& s, V
   add_calibration(w, frames, visual_.extrinsics, visual_.focal, kernels_, out);
 }
 
-double TrackFactor::residual_sigma_px() noexcept {
+ResidualNoise TrackFactor::residual_noise() noexcept {
   int n = 0;
   for (int b = 0; b < batches_; ++b)
     for (int lane = 0; lane < kBatchLanes; ++lane) {
@@ -322,9 +322,11 @@ double TrackFactor::residual_sigma_px() noexcept {
       const double dof = 2 * views - 3, median = 1 - 2 / (9 * dof);  // Wilson-Hilferty: median of chi2/dof
       memory_->ratio[n++] = memory_->verdicts[b].chi2[lane] / (dof * median * median * median);
     }
-  if (n < 20) return 0;
-  std::nth_element(memory_->ratio, memory_->ratio + n / 2, memory_->ratio + n);
-  return std::sqrt(memory_->ratio[n / 2]) * sigma_;
+  if (n < 20) return {};
+  double* const ratio = memory_->ratio;
+  std::nth_element(ratio, ratio + n / 2, ratio + n);
+  std::nth_element(ratio, ratio + n / 4, ratio + n / 2);
+  return {std::sqrt(ratio[n / 2]) * sigma_, std::sqrt(ratio[n / 4]) * sigma_};
 }
 
 }  // namespace epiline

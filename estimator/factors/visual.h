@@ -29,6 +29,12 @@ struct VisualSettings {
       1e-3;  ///< rad, and relative depth: a smaller inner step is the last; the next would be far smaller
 };
 
+/// Bearing noise that the residuals of tracks show, px.
+struct ResidualNoise {
+  double median_px = 0;
+  double quarter_px = 0;  ///< of the quarter that fits best: the upper end
+};
+
 /// Turns the window's bearings into normal equations of poses and calibration.
 class VisualFactorModel {
  public:
@@ -45,9 +51,8 @@ class VisualFactorModel {
   /// True if the solver may accept an insignificant step (docs/derivations/solver.md) without a trial. This requires a
   /// cost that depends on the window's states only and is close to its quadratic model there.
   virtual bool may_step_untried() const noexcept { return false; }
-  /// Robust noise estimate from the last linearisation: the bearing noise, px, that its residuals show; 0: too few
-  /// tracks.
-  virtual double residual_sigma_px() noexcept { return 0; }
+  /// Robust noise estimates from the last linearisation's residuals; 0: too few tracks.
+  virtual ResidualNoise residual_noise() noexcept { return {}; }
   /// True if the last linearisation would have gated more than the cap and therefore gated nothing.
   virtual bool gate_suspended() const noexcept { return false; }
 

@@ -70,6 +70,24 @@ INSTANTIATE_TEST_SUITE_P(Tracks, EstimatorNoise,
                                          Tracks{"a_quarter_wrong_and_0_9_px", 0.9, 0.25}),
                          [](const auto& test) { return std::string(test.param.name); });
 
+/// What moves by itself, or slides along an edge, contradicts the other tracks as well as the numbers.
+TEST(EstimatorNoise, MostTracksWrongAreNoWrongNumber) {
+  Rig rig({.moving_from = -2}, {});
+  rig.most_features = 150;
+  rig.wandering_share = 0.6;
+  rig.wandering_from = 4;
+  double worst_sigmas = 0;
+  rig.run_to(12, [&] {
+    if (rig.now() > 3) worst_sigmas = std::max(worst_sigmas, rig.velocity_error() / rig.sigma_velocity());
+  });
+  EXPECT_LT(worst_sigmas, 3);
+  EXPECT_EQ(rig.stats().resets, 0u);
+  EXPECT_FALSE(rig.has(HealthReason::kNumbersWrong));
+  EXPECT_GT(rig.stats().gated + rig.stats().gate_suspended, 50u);
+  for (const Suspicion& s : rig.stats().suspicions)
+    EXPECT_EQ(s.severity, Severity::kNone) << &s - rig.stats().suspicions.data() << ": " << s.figure;
+}
+
 /// Three pixels are no property of tracks but a fault: it says why it does not start, and hands out nothing.
 TEST(EstimatorNoiseLimit, BeyondItNothingStartsAndTheReasonIsCounted) {
   Rig rig({.moving_from = -2}, {});

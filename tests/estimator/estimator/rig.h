@@ -72,7 +72,8 @@ class Rig {
   bool camera = true, features = true, imu = true;
   double imu_delay_s = -0.01;  ///< of the newest reading before a frame; negative: readings are ahead
   double pixel_noise = 0.3;    ///< px, of every bearing
-  double wandering_share = 0;  ///< of the tracks: they leave the point they began at, 5 px an image
+  double wandering_share = 0;  ///< of the tracks: they leave the point they began at, 5 px an image ...
+  double wandering_from = 0;   ///< ... from this second on
   double time_offset = 0;      ///< s: the camera's stamps are early by so much
   std::size_t most_features = 10'000;
   std::function<void(TrackedFrame&)> spoil;
@@ -100,7 +101,7 @@ class Rig {
       const Vec3 X = in_camera(points_[i], t);
       if (X.z() < 0.5 || std::abs(X.x()) > 0.8 * X.z() || std::abs(X.y()) > 0.6 * X.z()) continue;
       Vec2 noise(normal(random_), normal(random_));
-      if (wanders(i)) noise += wander(i);
+      if (t >= wandering_from && wanders(i)) noise += wander(i);
       image_.features.push_back(make_feature(static_cast<std::uint32_t>(i), X, noise));
     }
     return image_;

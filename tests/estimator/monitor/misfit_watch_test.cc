@@ -9,8 +9,14 @@ namespace {
 
 constexpr double kStep_s = 0.1;
 
+/// As a wrong number leaves them: the best quarter has half the error of the median.
+ResidualNoise everywhere(double residual_px) { return {residual_px, 0.5 * residual_px}; }
+
+void see(MisfitWatch& watch, const ResidualNoise& residual, double seconds, bool at_rest = false) {
+  for (double t = 0; t < seconds; t += kStep_s) watch.add(residual, kStep_s, at_rest);
+}
 void see(MisfitWatch& watch, double residual_px, double seconds, bool at_rest = false) {
-  for (double t = 0; t < seconds; t += kStep_s) watch.add(residual_px, kStep_s, at_rest);
+  see(watch, everywhere(residual_px), seconds, at_rest);
 }
 
 Severity verdict(const MisfitWatch& watch) {
@@ -27,6 +33,14 @@ TEST(MisfitWatch, BelievesAContradictionSoonerThanItsEnd) {
   EXPECT_NE(verdict(watch), Severity::kNone);
   see(watch, 0.1, 20);
   EXPECT_EQ(verdict(watch), Severity::kNone);
+}
+
+TEST(MisfitWatch, TracksThatContradictTheOthersAccuseNoNumber) {
+  MisfitWatch watch;
+  see(watch, {6, 0.05}, 100);
+  EXPECT_EQ(verdict(watch), Severity::kNone);
+  see(watch, {6, 2}, 3);
+  EXPECT_EQ(verdict(watch), Severity::kGross);
 }
 
 TEST(MisfitWatch, RestRefutesNothing) {
@@ -48,7 +62,7 @@ TEST(MisfitWatch, ANewStartMayTryButIsNotTrusted) {
 
 double seconds_until_trusted(MisfitWatch& watch) {
   double t = 0;
-  for (; verdict(watch) != Severity::kNone && t < 1000; t += kStep_s) watch.add(0.1, kStep_s, false);
+  for (; verdict(watch) != Severity::kNone && t < 1000; t += kStep_s) watch.add(everywhere(0.1), kStep_s, false);
   return t;
 }
 
@@ -78,7 +92,7 @@ TEST(MisfitWatch, ANewStartAfterAGoodFlightIsTrusted) {
 
 TEST(MisfitWatch, OneWildResidualCannotHoldForLong) {
   MisfitWatch watch;
-  watch.add(1e6, 0.5, false);
+  watch.add(everywhere(1e6), 0.5, false);
   EXPECT_LE(watch.px(), 5);
   see(watch, 0.1, 20);
   EXPECT_EQ(verdict(watch), Severity::kNone);
