@@ -16,9 +16,31 @@ constexpr int kFarRounds = 5, kSteps = 10;
 constexpr double kLittle = 0.01;  // of the cost: a step that gains less is the last; the next would be a tenth of it
 constexpr int kPlaneRounds = 4;
 constexpr double kPlaneCost = 1.5, kPlaneCostLeast = 0.05;  // a plane must explain the bearings nearly as well
-constexpr double kLeastMoved = 1e-3;                        // sine: a bearing along the travel shows no parallax
+constexpr float kLeastMoved = 1e-3F;                        // sine: a bearing along the travel shows no parallax
 constexpr double kOneSide = 0.95;                           // of the bearings, some of which are false
 constexpr double kGoodCost = 0.35;  // log(1 + e^2) of a mean angle of 0.65 mrad: other directions would not do better
+
+using Row = SharedBearings::Row;
+using Vectors = SharedBearings::Vectors;
+constexpr auto kScale_rad = static_cast<float>(kCostScale_rad);
+
+Row dot(const Vectors& a, const Vectors& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+Row dot(const Vec3& a_double, const Vectors& b) {
+  const Eigen::Vector3f a = a_double.cast<float>();
+  return a.x() * b.x + a.y() * b.y + a.z() * b.z;
+}
+Vectors cross(const Vectors& a, const Vectors& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+Vectors cross(const Vec3& a_double, const Vectors& b) {
+  const Eigen::Vector3f a = a_double.cast<float>();
+  return {a.y() * b.z - a.z() * b.y, a.z() * b.x - a.x() * b.z, a.x() * b.y - a.y() * b.x};
+}
+Vectors operator*(const Mat3& R_double, const Vectors& b) {
+  const Eigen::Matrix3f R = R_double.cast<float>();
+  return {R(0, 0) * b.x + R(0, 1) * b.y + R(0, 2) * b.z, R(1, 0) * b.x + R(1, 1) * b.y + R(1, 2) * b.z,
+          R(2, 0) * b.x + R(2, 1) * b.y + R(2, 2) * b.z};
+}
 
 /// As if everything were far away.
 Mat3 turn_of_far_points(const SharedBearings& s) {
@@ -27,31 +49,26 @@ Mat3 turn_of_far_points(const SharedBearings& s) {
   weights.fill(1);
   for (int round = 0; round < kFarRounds; ++round) {
     Mat3 sum = Mat3::Zero();
-    for (int i = 0; i < s.count; ++i) sum += weights[i] * s.now[i] * s.before[i].transpose();
+    for (int i = 0; i < s.count; ++i)
+      sum += weights[static_cast<std::size_t>(i)] * s.now.at(i) * s.before.at(i).transpose();
     R_CC0 = rotation_from(sum);
     for (int i = 0; i < s.count; ++i) {
-      const double off2 = (s.now[i] - R_CC0 * s.before[i]).squaredNorm() / (kFarBearing * kFarBearing);
-      weights[i] = 1 / (1 + off2);
+      const double off2 = (s.now.at(i) - R_CC0 * s.before.at(i)).squaredNorm() / (kFarBearing * kFarBearing);
+      weights[static_cast<std::size_t>(i)] = 1 / (1 + off2);
     }
   }
   return R_CC0;
 }
 
-/// Mean of log(1 + off^2) over `count` bearings. One logarithm for many: an angle is at most 1 rad, so the product of
-/// kFactors is below 1e193.
-template <class Off>
-double mean_cost(int count, Off&& off) {
-  constexpr int kFactors = 32;
-  double sum = 0;
-  for (int first = 0; first < count; first += kFactors) {
-    double product = 1;
-    for (int i = first; i < std::min(first + kFactors, count); ++i) {
-      const double e = off(i);
-      product *= 1 + e * e;
-    }
-    sum += std::log(product);
-  }
-  return sum / count;
+/// Mean of log(1 + (e/kScale_rad)^2) over `count` bearings. One logarithm for four: an angle is at most 1 rad, so their
+/// product is below 1e25.
+double mean_cost(int count, const Row& e) {
+  constexpr int kQuarter = SharedBearings::kMost / 4;
+  const Row factors = 1 + (e / kScale_rad).square();
+  const Eigen::Array<float, 1, kQuarter> product = factors.segment<kQuarter>(0) * factors.segment<kQuarter>(kQuarter) *
+                                                   factors.segment<kQuarter>(2 * kQuarter) *
+                                                   factors.segment<kQuarter>(3 * kQuarter);
+  return static_cast<double>(product.log().sum()) / count;
 }
 
 /// Turn and direction of travel, improved together: Gauss-Newton on the angles to epipolar planes.
@@ -74,26 +91,19 @@ class Travel {
     Mat3 R;
     Vec3 t;
     double cost;
-    struct Angle {
-      Vec3 g;           ///< the bearing before, turned
-      double scale, e;  ///< e: angle from g to the plane of the bearing now and the direction
-    };
-    std::array<Angle, SharedBearings::kMost> angles;
+    Vectors g;     ///< the bearings before, turned
+    Row scale, e;  ///< e: angle from g to the plane of the bearing now and the direction
   };
 
   const Motion& now() const { return motions_[static_cast<std::size_t>(now_)]; }
   void at(const Mat3& R, const Vec3& t, Motion& m) const {
     m.R = R;
     m.t = t;
-    m.cost = mean_cost(s_.count, [&](int i) {
-      const auto k = static_cast<std::size_t>(i);
-      Motion::Angle& angle = m.angles[k];
-      angle.g.noalias() = R * s_.before[k];
-      const Vec3 across = t.cross(s_.now[k]);
-      angle.scale = 1 / std::max(across.norm(), 0.1);
-      angle.e = -angle.scale * across.dot(angle.g);
-      return angle.e / kCostScale_rad;
-    });
+    m.g = R * s_.before;
+    const Vectors across = cross(t, s_.now);
+    m.scale = dot(across, across).sqrt().max(0.1F).inverse();
+    m.e = -m.scale * dot(across, m.g);
+    m.cost = mean_cost(s_.count, m.e);
   }
   bool step() {
     const Motion& m = now();
@@ -102,24 +112,24 @@ class Travel {
     Eigen::Matrix<double, 3, 2> across;  // of the direction
     across.col(0) = t.cross(other).normalized();
     across.col(1) = t.cross(across.col(0));
-    double H[kUnknowns][kUnknowns] = {}, b[kUnknowns] = {};  // the lower triangle
-    for (int i = 0; i < s_.count; ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      const auto& [g, scale, e] = m.angles[k];
-      const Vec3& f = s_.now[k];
-      Vec5 J;
-      J.head<3>() = scale * (t.dot(g) * f - g.dot(f) * t);
-      J.tail<2>() = scale * (across.transpose() * g.cross(f));
-      const double weight = 1 / (1 + e * e / (kCostScale_rad * kCostScale_rad));
-      for (int row = 0; row < kUnknowns; ++row) {
-        const double weighted = weight * J[row];
-        for (int column = 0; column <= row; ++column) H[row][column] += weighted * J[column];
-        b[row] -= weighted * e;
-      }
+    // de = scale ((t.g) f - (g.f) t).dphi + scale (g x f).dt
+    const Vectors& f = s_.now;
+    const Row tg = m.scale * dot(t, m.g), gf = m.scale * dot(m.g, f);
+    const Eigen::Vector3f tf = t.cast<float>();
+    const Vectors by_t = cross(m.g, f);
+    const std::array<Row, kUnknowns> J{tg * f.x - tf.x() * gf, tg * f.y - tf.y() * gf, tg * f.z - tf.z() * gf,
+                                       m.scale * dot(across.col(0), by_t), m.scale * dot(across.col(1), by_t)};
+    const Row weight = (1 + (m.e / kScale_rad).square()).inverse();
+    Mat5 H;  // its lower triangle
+    Vec5 b;
+    for (int row = 0; row < kUnknowns; ++row) {
+      const Row weighted = weight * J[static_cast<std::size_t>(row)];
+      for (int column = 0; column <= row; ++column)
+        H(row, column) = static_cast<double>((weighted * J[static_cast<std::size_t>(column)]).sum());
+      b[row] = -static_cast<double>((weighted * m.e).sum());
+      H(row, row) += 1e-6 * s_.count;  // a direction nobody sees stays
     }
-    for (int i = 0; i < kUnknowns; ++i) H[i][i] += 1e-6 * s_.count;  // a direction nobody sees stays
-    const Eigen::Map<const Eigen::Matrix<double, kUnknowns, kUnknowns, Eigen::RowMajor>> lower(H[0]);
-    const Vec5 d = Mat5(lower).selfadjointView<Eigen::Lower>().ldlt().solve(Eigen::Map<const Vec5>(b));
+    const Vec5 d = H.selfadjointView<Eigen::Lower>().ldlt().solve(b);
     Motion& next = motions_[static_cast<std::size_t>(1 - now_)];
     at(so3_exp(d.head<3>()) * m.R, (t + across * d.tail<2>()).normalized(), next);
     if (!(next.cost < m.cost)) return false;
@@ -166,39 +176,33 @@ struct Plane {
 
 // Along the epipolar line f_now x (R f + t (n'f)) = 0 is linear in n, robustly so.
 Plane plane_of(const SharedBearings& s, const CameraTurn& turn) {
-  struct Parallax {
-    double moved, seen;  // sine by which a point at distance 1 moves; by which this one did
-  };
-  std::array<Parallax, SharedBearings::kMost> parallax;
-  for (int i = 0; i < s.count; ++i) {
-    const Vec3 along = turn.direction.cross(s.now[i]);
-    const double moved = along.norm();
-    const double seen = s.now[i].cross(turn.R_CC0 * s.before[i]).dot(along) / std::max(moved, kLeastMoved);
-    parallax[static_cast<std::size_t>(i)] = {moved, seen};
-  }
+  const Vectors along = cross(turn.direction, s.now);
+  // sine by which a point at distance 1 moves, and by which this one did
+  const Row moved = dot(along, along).sqrt();
+  const Row seen = dot(cross(s.now, turn.R_CC0 * s.before), along) / moved.max(kLeastMoved);
+  const Vectors J{moved * s.before.x, moved * s.before.y, moved * s.before.z};
   Vec3 n = Vec3::Zero();
-  const auto off_plane = [&](int i) {
-    const Parallax& p = parallax[static_cast<std::size_t>(i)];
-    return (p.seen - p.moved * n.dot(s.before[i])) / kCostScale_rad;
-  };
+  Row e = seen, weight = Row::Ones();
   for (int round = 0; round < kPlaneRounds; ++round) {
-    Mat3 H = kLeastMoved * kLeastMoved * Mat3::Identity();
-    Vec3 b = Vec3::Zero();
-    for (int i = 0; i < s.count; ++i) {
-      const Parallax& p = parallax[static_cast<std::size_t>(i)];
-      const double e = off_plane(i), weight = round == 0 ? 1 : 1 / (1 + e * e);
-      H += weight * p.moved * p.moved * s.before[i] * s.before[i].transpose();
-      b += weight * p.moved * p.seen * s.before[i];
-    }
-    n = H.ldlt().solve(b);
+    const Vectors weighted{weight * J.x, weight * J.y, weight * J.z};
+    Eigen::Matrix3f H = kLeastMoved * kLeastMoved * Eigen::Matrix3f::Identity();
+    H(0, 0) += (weighted.x * J.x).sum();
+    H(1, 0) += (weighted.y * J.x).sum();
+    H(1, 1) += (weighted.y * J.y).sum();
+    H(2, 0) += (weighted.z * J.x).sum();
+    H(2, 1) += (weighted.z * J.y).sum();
+    H(2, 2) += (weighted.z * J.z).sum();
+    const Eigen::Vector3f b((weighted.x * seen).sum(), (weighted.y * seen).sum(), (weighted.z * seen).sum());
+    n = H.cast<double>().selfadjointView<Eigen::Lower>().ldlt().solve(b.cast<double>());
+    e = seen - dot(n, J);
+    weight = (1 + (e / kScale_rad).square()).inverse();
   }
-  return {n, mean_cost(s.count, off_plane)};
+  return {n, mean_cost(s.count, e)};
 }
 
 /// All points on one side of the camera. The direction's sign is arbitrary, so the side is, too.
 bool is_on_one_side(const SharedBearings& s, const Vec3& n) {
-  int in_front = 0;
-  for (int i = 0; i < s.count; ++i) in_front += n.dot(s.before[i]) > 0 ? 1 : 0;
+  const auto in_front = static_cast<int>((dot(n, s.before) > 0).count());
   return kOneSide * s.count <= std::max(in_front, s.count - in_front);
 }
 

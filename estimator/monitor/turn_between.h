@@ -1,17 +1,27 @@
 #pragma once
 // The rotation of a camera between two images, from bearings alone. Derivation: docs/derivations/turns.md; test:
 // tests/estimator/monitor/turn_watch_test.cc.
-#include <array>
-
 #include "estimator/geometry/types.h"
 
 namespace epiline {
 
-/// Bearings of the points that two images share, unit vectors in C.
+/// Bearings of the points that two images share, unit vectors in C. Single precision is finer than a thousandth of
+/// their noise, and twice as many fit a vector.
 struct SharedBearings {
   static constexpr int kMost = 64, kFewest = 12;
+  using Row = Eigen::Array<float, 1, kMost>;  ///< a number for each
+  struct Vectors {
+    Row x = Row::Zero(), y = Row::Zero(), z = Row::Zero();
+
+    Vec3 at(int i) const { return {x[i], y[i], z[i]}; }
+    void set(int i, const Vec3& f) {
+      x[i] = static_cast<float>(f.x());
+      y[i] = static_cast<float>(f.y());
+      z[i] = static_cast<float>(f.z());
+    }
+  };
   int count = 0;
-  std::array<Vec3, kMost> before, now;
+  Vectors before, now;  ///< zero beyond `count`: such a bearing adds nothing to any sum
 };
 
 inline constexpr double kCostScale_rad = 0.001;

@@ -54,16 +54,16 @@ void TurnWatch::add_images(const TrackedFrame& frame) noexcept {
       }
     };
     each_shared([&](const Vec3&, const TrackedFeature&) { ++common; });
-    shared_.count = 0;
+    shared_ = {};
     int k = 0;
     each_shared([&](const Vec3& before, const TrackedFeature& f) {
       const int most = SharedBearings::kMost;
       const bool take = common <= most || k * most / common != (k - 1) * most / common || k == 0;
       ++k;
       if (!take || shared_.count == most) return;
-      const auto i = static_cast<std::size_t>(shared_.count++);
-      shared_.before[i] = before;
-      shared_.now[i] = Vec3::Map(f.bearing.data());
+      shared_.before.set(shared_.count, before);
+      shared_.now.set(shared_.count, Vec3::Map(f.bearing.data()));
+      ++shared_.count;
     });
     CameraTurn turn;
     // Of a wide lens a usual fit costs more. Now and then all are tried, lest a poor one becomes usual.
@@ -179,7 +179,7 @@ TurnAgreement TurnWatch::agreement() const noexcept {
   r.turns = turns_;
   if (!(turns_ >= kFewTurns)) return r;
   r.rate_rad_s = std::sqrt(cc_ / turns_);
-  int best = 0;
+  int best = 0, best_mirrored = 0;
   std::array<double, kOffsets> agreement;
   for (int i = 0; i < kOffsets; ++i) {
     const Fit f = fit_at(i);
@@ -188,8 +188,9 @@ TurnAgreement TurnWatch::agreement() const noexcept {
     const double mirrored = best_trace(f.sum, -1) / std::sqrt(std::max(f.bb * f.cc, 1e-30));
     if (mirrored <= r.agreement_mirrored) continue;
     r.agreement_mirrored = mirrored;
-    r.mirrored_BC = -rotation_from(-f.sum);
+    best_mirrored = i;
   }
+  if (r.agreement_mirrored > 0) r.mirrored_BC = -rotation_from(-fit_at(best_mirrored).sum);
   const Fit fit = fit_at(best);
   // the top of the parabola through it and its neighbours
   const auto at = [&](int i) { return agreement[static_cast<std::size_t>(std::clamp(i, 0, kOffsets - 1))]; };

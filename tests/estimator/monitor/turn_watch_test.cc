@@ -46,11 +46,10 @@ TEST(TurnBetween, FindsTheTurnBesideAnyTranslation) {
     s.count = SharedBearings::kMost;
     for (int i = 0; i < s.count; ++i) {
       const Vec3 p = depth(random) * Vec3(0.7 * normal(random), 0.7 * normal(random), 1);
-      const auto k = static_cast<std::size_t>(i);
-      s.before[k] = p.normalized();
-      s.now[k] = (R_CC0 * p + t).normalized();
-      if (i % 8 == 0)
-        s.now[k] = (s.now[k] + 0.05 * Vec3(normal(random), normal(random), 0)).normalized();  // false match
+      s.before.set(i, p.normalized());
+      s.now.set(i, (R_CC0 * p + t).normalized());
+      if (i % 8 == 0)  // a false match
+        s.now.set(i, (s.now.at(i) + 0.05 * Vec3(normal(random), normal(random), 0)).normalized());
     }
     CameraTurn turn;
     ASSERT_TRUE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), 0, turn));
@@ -77,9 +76,8 @@ struct OverAPlane {
     for (int i = 0; i < bearings.count; ++i) {
       const Vec3 f = Vec3(side(random), side(random), 1).normalized();
       const Vec3 p = f / n.dot(f) * (1 + relief * std::abs(normal(random)));
-      const auto k = static_cast<std::size_t>(i);
-      bearings.before[k] = f;
-      bearings.now[k] = (R_CC0 * p + t + 2e-4 * Vec3(normal(random), normal(random), 0)).normalized();
+      bearings.before.set(i, f);
+      bearings.now.set(i, (R_CC0 * p + t + 2e-4 * Vec3(normal(random), normal(random), 0)).normalized());
     }
   }
   double apart() const { return (R_CC0.transpose() * t).cross(n).norm(); }
@@ -150,7 +148,8 @@ TEST(TurnBetween, UnrelatedBearingsCostMuchButNotInfinitely) {
   SharedBearings s;
   s.count = SharedBearings::kMost;
   for (auto* bearings : {&s.before, &s.now})
-    for (Vec3& f : *bearings) f = Vec3(normal(random), normal(random), normal(random)).normalized();
+    for (int i = 0; i < s.count; ++i)
+      bearings->set(i, Vec3(normal(random), normal(random), normal(random)).normalized());
   CameraTurn turn;
   ASSERT_TRUE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), 0, turn));
   EXPECT_GT(turn.cost, 5);
