@@ -120,7 +120,7 @@ class Travel {
     const std::array<Row, kUnknowns> J{tg * f.x - tf.x() * gf, tg * f.y - tf.y() * gf, tg * f.z - tf.z() * gf,
                                        m.scale * dot(across.col(0), by_t), m.scale * dot(across.col(1), by_t)};
     const Row weight = (1 + (m.e / kScale_rad).square()).inverse();
-    Mat5 H;  // its lower triangle
+    Mat5 H = Mat5::Zero();  // its lower triangle
     Vec5 b;
     for (int row = 0; row < kUnknowns; ++row) {
       const Row weighted = weight * J[static_cast<std::size_t>(row)];

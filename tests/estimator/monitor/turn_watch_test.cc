@@ -156,6 +156,28 @@ TEST(TurnBetween, UnrelatedBearingsCostMuchButNotInfinitely) {
   EXPECT_LE(turn.cost, std::log1p(1e6));  // an angle of 1 rad, everywhere
 }
 
+/// What stands beyond `count` must not count: the same bearings four times give the same motion.
+TEST(TurnBetween, OnlyTheBearingsThatAreThereCount) {
+  std::mt19937 random(8);
+  constexpr int kFew = SharedBearings::kMost / 4;
+  for (int trial = 0; trial < 20; ++trial) {
+    const OverAPlane made(random, Vec3(0.05, 0.05, 0.015), 0.8, 0.4);
+    SharedBearings few, many = made.bearings;
+    few.count = kFew;
+    for (int i = 0; i < many.count; ++i) {
+      for (auto table : {&SharedBearings::before, &SharedBearings::now}) {
+        if (i < kFew) (few.*table).set(i, (made.bearings.*table).at(i));
+        (many.*table).set(i, (made.bearings.*table).at(i % kFew));
+      }
+    }
+    CameraTurn turn_of_few, turn_of_many;
+    ASSERT_TRUE(turn_between(few, made.R_CC0, made.t.normalized(), 1, turn_of_few));
+    ASSERT_TRUE(turn_between(many, made.R_CC0, made.t.normalized(), 1, turn_of_many));
+    EXPECT_NEAR(turn_of_few.cost, turn_of_many.cost, 1e-3 * turn_of_many.cost) << trial;
+    EXPECT_LT(so3_log(turn_of_few.R_CC0.transpose() * turn_of_many.R_CC0).norm(), 1e-4) << trial;
+  }
+}
+
 TEST(TurnBetween, TooFewBearingsGiveNone) {
   SharedBearings s;
   s.count = SharedBearings::kFewest - 1;
