@@ -22,6 +22,4 @@ const EliminationKernels& elimination_kernels([[maybe_unused]] InstructionSet se
   return kernels_baseline::elimination_table;
 }
 
-int LinearSystem::pose_dim() const { return 6 * frames + kCalibration; }
-
 }  // namespace epiline

@@ -6,44 +6,49 @@
 
 namespace epiline {
 
-inline constexpr int kPoseStride = 136;  ///< kPoseDim rounded up to whole vectors
+/// Unknowns of the dense part: the poses, (v, b) of the newest frame and the calibration.
+constexpr int dense_dim(int frames) { return 6 * frames + 9 + kCalibration; }
+/// Where they begin: the poses oldest first.
+constexpr int pose_column(int k) { return 6 * k; }
+constexpr int newest_velocity_column(int frames) { return 6 * frames; }
+constexpr int calibration_column(int frames) { return newest_velocity_column(frames) + 9; }
+constexpr int scale_column(int frames) { return calibration_column(frames) + kCameraCalibration; }
+/// The last unknowns: the newest frame's state and the calibration.
+constexpr int newest_column(int frames) { return pose_column(frames - 1); }
 
-/// The window's normal equations. Order of elimination: (v, b) newest to oldest, then poses newest first, then
-/// calibration.
+inline constexpr int kMaxChain = kMaxFrames - 1;
+inline constexpr int kDenseDim = dense_dim(kMaxFrames);
+inline constexpr int kDenseStride =
+    (kDenseDim / kBatchLanes + 1) * kBatchLanes;  ///< of unknowns and right-hand side, in whole vectors
+inline constexpr int kNewest = 15 + kCalibration;
+inline constexpr int kNewestStride = 32;  ///< kNewest rounded up to whole vectors
+
+/// The window's normal equations. Order of elimination: (v, b) of all frames but the newest (the chain), newest to
+/// oldest, then the dense part.
 struct alignas(64) LinearSystem {
-  double S[kPoseDim][kPoseStride];       ///< upper triangle, row-major
-  double P[kMaxFrames][9][kPoseStride];  ///< (v, b)_k against poses and calibration
-  double D[kMaxFrames][9][16];           ///< (v, b)_k, upper triangle
-  double C[kMaxFrames][9][16];           ///< (v, b)_k against (v, b)_{k-1}
-  double rhs_s[kPoseStride];
-  double rhs_v[kMaxFrames][16];
+  double S[kDenseDim][kDenseStride];     ///< the dense part, upper triangle, row-major
+  double P[kMaxChain][9][kDenseStride];  ///< (v, b)_k against the dense part
+  double D[kMaxChain][9][16];            ///< (v, b)_k, upper triangle
+  double C[kMaxChain][9][16];            ///< (v, b)_k against (v, b)_{k-1}
+  double rhs_s[kDenseStride];
+  double rhs_v[kMaxChain][16];
   int frames;
-  int pose_dim() const;
 };
 
-/// Column of S where frame k's pose begins: newest first.
-constexpr int pose_column(int frames, int k) { return 6 * (frames - 1 - k); }
-/// Column of S where the scales of the IMU begin. Every (v, b)_k meets them.
-constexpr int scale_column(int frames) { return 6 * frames + kCameraCalibration; }
-
-/// Right-hand sides and solutions, rows in the order of LinearSystem.
-struct alignas(64) StepColumns {
-  double v[kMaxFrames][9][16];  ///< column 0: b; columns 1 to 15: the newest frame's pose, velocity and biases
-  double s[kPoseDim][16];
-  double step_v[kMaxFrames][16];
-  double step_s[kPoseStride];
-  double squared_length;  ///< of column 0
+/// The step, in the order of LinearSystem.
+struct alignas(64) WindowStep {
+  double v[kMaxChain][16];
+  double s[kDenseStride];
+  double squared_length;  ///< in standard deviations: b'H^-1 b
 };
 
 struct EliminationKernels {
-  /// Factorises in place, diagonal times (1 + damping). False: not positive definite.
+  /// Factorises H = U'U in place, diagonal times (1 + damping), and turns b into U^-T b. False: not positive definite.
   bool (*factorise)(LinearSystem&, double damping);
-  /// With the factors U: x = U^-T (b, E), E the newest frame's unknowns, and |U^-T b|^2.
-  void (*forward)(const LinearSystem&, StepColumns&);
-  /// The step U^-1 x of the first column.
-  void (*back)(const LinearSystem&, StepColumns&);
-  /// (U^-T E)'(U^-T E) into the leading 15x15 of a 16x16 matrix.
-  void (*products)(const LinearSystem&, const StepColumns&, double* C);
+  /// With the factors: the step.
+  void (*back)(const LinearSystem&, WindowStep&);
+  /// With the factors: the covariance of the last kNewest unknowns.
+  void (*covariance)(const LinearSystem&, double (*C)[kNewestStride]);
   /// Schur complement of the leading `lead` of `total` unknowns; A upper row-major with rows of kMarginalStride.
   void (*eliminate)(double* A, double* b, int lead, int total);
 };

@@ -29,9 +29,8 @@ struct Solver::Memory {
   };
   LinearSystem system;
   VisualSystem visual;
-  StepColumns columns;
-  double expected_gain;  ///< of the solved step, were the cost quadratic: its squared length in sigmas
-  Iterate first, last;   ///< as optimise() found the window; before the step that is tried
+  WindowStep step;
+  Iterate first, last;  ///< as optimise() found the window; before the step that is tried
   StateCovariance covariance;
   CalibrationCovariance calibration_covariance;
 };
@@ -59,27 +58,26 @@ bool estimated(const SolverSettings& s, int calibration) {
 
 void clear(LinearSystem& s, int frames) {
   s.frames = frames;
-  const int dim = s.pose_dim();
-  const std::size_t row =
-      sizeof(double) * static_cast<std::size_t>((dim + kBatchLanes - 1) / kBatchLanes * kBatchLanes);
+  const int chain = frames - 1, dim = dense_dim(frames);
+  const std::size_t row = sizeof(double) * static_cast<std::size_t>((dim / kBatchLanes + 1) * kBatchLanes);
   for (int i = 0; i < dim; ++i) std::memset(s.S[i], 0, row);
-  for (int k = 0; k < frames; ++k)
+  for (int k = 0; k < chain; ++k)
     for (int i = 0; i < 9; ++i) std::memset(s.P[k][i], 0, row);
-  std::memset(s.D, 0, sizeof s.D[0] * static_cast<std::size_t>(frames));
-  std::memset(s.C, 0, sizeof s.C[0] * static_cast<std::size_t>(frames));
+  std::memset(s.D, 0, sizeof s.D[0] * static_cast<std::size_t>(chain));
+  std::memset(s.C, 0, sizeof s.C[0] * static_cast<std::size_t>(chain));
   std::memset(s.rhs_s, 0, sizeof s.rhs_s);
   std::memset(s.rhs_v, 0, sizeof s.rhs_v);
 }
 
 /// Parameters that are not estimated stand still: decoupled, their step is zero.
 void hold_calibration(const SolverSettings& settings, LinearSystem& s) {
-  const int first = 6 * s.frames;
+  const int first = calibration_column(s.frames);
   for (int c = 0; c < kCalibration; ++c) {
     if (estimated(settings, c)) continue;
     const int i = first + c;
     for (int j = 0; j < i; ++j) s.S[j][i] = 0;
     for (int j = i + 1; j < first + kCalibration; ++j) s.S[i][j] = 0;
-    for (int k = 0; k < s.frames; ++k)
+    for (int k = 0; k < s.frames - 1; ++k)
       for (int j = 0; j < 9; ++j) s.P[k][j][i] = 0;
     s.S[i][i] = 1;
     s.rhs_s[i] = 0;
@@ -111,26 +109,22 @@ double Solver::linearise(const Window& w, VisualFactorModel& visual, const Solve
 }
 
 /// Solves for the step; undamped, the covariance of the newest frame's state too, since damping would flatter it.
-bool Solver::factorise_and_solve(const Window& w, const SolverSettings& settings, double damping) {
+bool Solver::factorise_and_solve(const SolverSettings& settings, double damping) {
   Memory& m = *memory_;
-  LinearSystem& s = m.system;
-  if (!elimination_.factorise(s, damping)) return false;
-  elimination_.forward(s, m.columns);
-  if (damping == kFirstDamping) read_covariance(w, settings);
-  elimination_.back(s, m.columns);
-  // b'H^-1 b = |U^-T b|^2
-  m.expected_gain = m.columns.squared_length;
+  if (!elimination_.factorise(m.system, damping)) return false;
+  if (damping == kFirstDamping) read_covariance(settings);
+  elimination_.back(m.system, m.step);
   return true;
 }
 
 /// Applies the solved step. False: it is not finite.
 bool Solver::step(Window& w, VisualFactorModel& visual, const SolverSettings& settings) {
-  const StepColumns& columns = memory_->columns;
+  const WindowStep& step = memory_->step;
   const int n = w.size();
   double sum = 0;
   for (int k = 0; k < n; ++k) {
-    const Vec6 dp = Eigen::Map<const Vec6>(columns.step_s + pose_column(n, k));
-    const Vec9 dv = Eigen::Map<const Vec9>(columns.step_v[k]);
+    const Vec6 dp = Eigen::Map<const Vec6>(step.s + pose_column(k));
+    const Vec9 dv = Eigen::Map<const Vec9>(k < n - 1 ? step.v[k] : step.s + newest_velocity_column(n));
     sum += dp.squaredNorm() + dv.squaredNorm();
     NavState& x = w.at(k).x;
     retract_pose(x, dp);
@@ -138,47 +132,40 @@ bool Solver::step(Window& w, VisualFactorModel& visual, const SolverSettings& se
     retract_velocity_biases(x, dv);
   }
   CalibrationTangent dc;
-  for (int c = 0; c < kCalibration; ++c) dc[c] = estimated(settings, c) ? columns.step_s[6 * n + c] : 0;
+  for (int c = 0; c < kCalibration; ++c) dc[c] = estimated(settings, c) ? step.s[calibration_column(n) + c] : 0;
   retract(w.calibration, dc);
   visual.step(w);
   return std::isfinite(sum + dc.sum());
 }
 
-/// H = U'U in the order of elimination, so the covariance of the unknowns E is (U^-T E)'(U^-T E): the forward pass is
-/// all it takes.
-void Solver::read_covariance(const Window& w, const SolverSettings& settings) {
+/// The newest state and the calibration come last in the order of elimination: their joint covariance needs nothing but
+/// the last rows of the factor.
+void Solver::read_covariance(const SolverSettings& settings) {
   Memory& m = *memory_;
-  const int n = w.size();
-  CalibrationCovariance U = CalibrationCovariance::Zero();
-  for (int i = 0; i < kCalibration; ++i)
-    for (int j = i; j < kCalibration; ++j) U(i, j) = m.system.S[6 * n + i][6 * n + j];
-  CalibrationCovariance V = CalibrationCovariance::Identity();
-  U.triangularView<Eigen::Upper>().solveInPlace(V);
-  m.calibration_covariance.noalias() = V.lazyProduct(V.transpose());
+  alignas(64) double C[kNewest][kNewestStride];
+  elimination_.covariance(m.system, C);
+  const Eigen::Map<const Eigen::Matrix<double, kNewest, kNewest>, 0, Eigen::OuterStride<kNewestStride>> joint(C[0]);
+  m.covariance = joint.topLeftCorner<16, 16>();
+  m.calibration_covariance = joint.bottomRightCorner<kCalibration, kCalibration>();
   for (int c = 0; c < kCalibration; ++c)
     if (!estimated(settings, c)) {
       m.calibration_covariance.row(c).setZero();
       m.calibration_covariance.col(c).setZero();
     }
-  m.covariance.setZero();
-  elimination_.products(m.system, m.columns, m.covariance.data());
-  for (int j = 0; j < 15 && settings.estimate_time_offset; ++j) {
-    double c = 0;
-    for (int i = 0; i < kCalibration; ++i) c += V(0, i) * m.columns.s[6 * n + i][1 + j];
-    m.covariance(15, j) = m.covariance(j, 15) = c;
+  if (!settings.estimate_time_offset) {
+    m.covariance.row(15).setZero();
+    m.covariance.col(15).setZero();
   }
-  m.covariance(15, 15) = m.calibration_covariance(0, 0);
 }
 
 /// Whether the solved step is at most so many squared standard deviations, on the mean over the window's unknowns, and
 /// for each number of the newest state, which is published.
 bool Solver::is_within(const Window& w, double mean, double newest) const {
   const Memory& m = *memory_;
-  if (!(m.expected_gain < mean * 15 * w.size())) return false;
-  for (int i = 0; i < 15; ++i) {
-    const double step = i < 6 ? m.columns.step_s[i] : m.columns.step_v[w.size() - 1][i - 6];
-    if (!(step * step < newest * m.covariance(i, i))) return false;
-  }
+  if (!(m.step.squared_length < mean * 15 * w.size())) return false;
+  const double* step = m.step.s + newest_column(w.size());
+  for (int i = 0; i < 15; ++i)
+    if (!(step[i] * step[i] < newest * m.covariance(i, i))) return false;
   return true;
 }
 
@@ -208,11 +195,11 @@ void Solver::iterate(Window& w, VisualFactorModel& visual, const SolverSettings&
     }
     save(w, memory_->last);
     visual.save();
-    const bool has_step = factorise_and_solve(w, settings, damping);
+    const bool has_step = factorise_and_solve(settings, damping);
     // A step within what is known of the window follows the quadratic model: it needs no trial.
     const bool untried = has_step && visual.may_step_untried() && damping == kFirstDamping &&
                          is_within(w, kSmall, kSmallNewest) && step(w, visual, settings);
-    const double trial = untried    ? cost - memory_->expected_gain
+    const double trial = untried    ? cost - memory_->step.squared_length
                          : has_step ? try_step(w, visual, settings, cost)
                                     : std::numeric_limits<double>::infinity();
     const double scale = std::abs(cost) + 1;
@@ -257,7 +244,7 @@ SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const Solve
     linearise(w, visual, settings);
     save(w, memory_->last);
     ++r.linearisations;
-    if (!factorise_and_solve(w, settings, kFirstDamping)) r.outcome = SolverOutcome::kGaveUp;
+    if (!factorise_and_solve(settings, kFirstDamping)) r.outcome = SolverOutcome::kGaveUp;
   }
   if (r.solved() && !memory_->covariance.allFinite()) r.outcome = SolverOutcome::kNotFinite;
   if (!r.solved()) {  // nothing of a step that was not taken may pass for knowledge

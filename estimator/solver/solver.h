@@ -68,14 +68,14 @@ class Solver {
 
  private:
   struct Memory;
-  bool factorise_and_solve(const Window& window, const SolverSettings& settings, double damping);
+  bool factorise_and_solve(const SolverSettings& settings, double damping);
   double try_step(Window& window, VisualFactorModel& visual, const SolverSettings& settings, double cost);
   void iterate(Window& window, VisualFactorModel& visual, const SolverSettings& settings, Supervisor& supervisor,
                SolverSummary& r);
   bool step(Window& window, VisualFactorModel& visual, const SolverSettings& settings);
   bool is_within(const Window& window, double mean, double newest) const;
   bool insignificant(const Window& window) const;
-  void read_covariance(const Window& window, const SolverSettings& settings);
+  void read_covariance(const SolverSettings& settings);
 
   const FactorKernels& factors_;
   const EliminationKernels& elimination_;

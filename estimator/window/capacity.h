@@ -9,7 +9,6 @@ inline constexpr int kImuScales = 2;          ///< accelerometer, gyroscope
 inline constexpr int kCalibration = kCameraCalibration + kImuScales;
 inline constexpr int kMaxTracks = 1024;
 inline constexpr int kMaxCameras = 4;
-inline constexpr int kPoseDim = 6 * kMaxFrames + kCalibration;
 inline constexpr int kPriorDim = 6 * kMaxFrames + 9 + kCalibration;
 inline constexpr int kMarginalDim = 15 + kPriorDim;
 inline constexpr int kMarginalStride = 160;  ///< kMarginalDim rounded up to whole vectors

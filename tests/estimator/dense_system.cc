@@ -7,18 +7,18 @@
 namespace epiline {
 
 DenseSystem dense(const LinearSystem& s) {
-  const int n = s.frames, poses = 6 * n + kCalibration, total = poses + 9 * n;
+  const int n = s.frames, dim = dense_dim(n), total = 15 * n + kCalibration;
   DenseSystem d{Eigen::MatrixXd::Zero(total, total), Eigen::VectorXd::Zero(total)};
   auto set = [&](int i, int j, double x) { d.H(i, j) = d.H(j, i) = x; };
-  for (int i = 0; i < poses; ++i) {
+  for (int i = 0; i < dim; ++i) {
     d.b[i] = s.rhs_s[i];
-    for (int j = i; j < poses; ++j) set(i, j, s.S[i][j]);
+    for (int j = i; j < dim; ++j) set(i, j, s.S[i][j]);
   }
-  for (int k = 0; k < n; ++k)
+  for (int k = 0; k < n - 1; ++k)
     for (int i = 0; i < 9; ++i) {
       const int row = velocity_row(n, k) + i;
       d.b[row] = s.rhs_v[k][i];
-      for (int j = 0; j < poses; ++j) set(row, j, s.P[k][i][j]);
+      for (int j = 0; j < dim; ++j) set(row, j, s.P[k][i][j]);
       for (int j = i; j < 9; ++j) set(row, velocity_row(n, k) + j, s.D[k][i][j]);
       for (int j = 0; k > 0 && j < 9; ++j) set(row, velocity_row(n, k - 1) + j, s.C[k][i][j]);
     }
@@ -26,16 +26,15 @@ DenseSystem dense(const LinearSystem& s) {
 }
 
 Eigen::VectorXd solve_with(InstructionSet set, LinearSystem& s, double damping) {
-  const int n = s.frames, poses = s.pose_dim();
+  const int n = s.frames, dim = dense_dim(n);
   const EliminationKernels& kernels = elimination_kernels(set);
-  const auto x = std::make_unique<StepColumns>();
-  Eigen::VectorXd out = Eigen::VectorXd::Constant(poses + 9 * n, std::nan(""));
+  const auto x = std::make_unique<WindowStep>();
+  Eigen::VectorXd out = Eigen::VectorXd::Constant(15 * n + kCalibration, std::nan(""));
   if (!kernels.factorise(s, damping)) return out;
-  kernels.forward(s, *x);
   kernels.back(s, *x);
-  for (int i = 0; i < poses; ++i) out[i] = x->step_s[i];
-  for (int k = 0; k < n; ++k)
-    for (int i = 0; i < 9; ++i) out[velocity_row(n, k) + i] = x->step_v[k][i];
+  for (int i = 0; i < dim; ++i) out[i] = x->s[i];
+  for (int k = 0; k < n - 1; ++k)
+    for (int i = 0; i < 9; ++i) out[velocity_row(n, k) + i] = x->v[k][i];
   return out;
 }
 

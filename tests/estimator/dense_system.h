@@ -6,13 +6,15 @@
 
 namespace epiline {
 
-/// H x = b. Order: poses newest first, calibration, then (v, b) of the frames, oldest first.
+/// H x = b. Order: the dense part as in LinearSystem, then (v, b) of the frames but the newest, oldest first.
 struct DenseSystem {
   Eigen::MatrixXd H;
   Eigen::VectorXd b;
 };
 
-inline int velocity_row(int frames, int k) { return 6 * frames + kCalibration + 9 * k; }
+inline int velocity_row(int frames, int k) {
+  return k < frames - 1 ? dense_dim(frames) + 9 * k : newest_velocity_column(frames);
+}
 
 /// To be called before factorise(), which works in place.
 DenseSystem dense(const LinearSystem& s);

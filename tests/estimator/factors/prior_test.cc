@@ -74,7 +74,7 @@ TEST(Prior, SlopeIsThatOfItsCost) {
       cost[side] = add_prior(w, nullptr);
       w.at(0).x = keep;
     }
-    const int row = i < 6 ? pose_column(3, 0) + i : velocity_row(3, 0) + i - 6;
+    const int row = i < 6 ? pose_column(0) + i : velocity_row(3, 0) + i - 6;
     const double slope = -0.25 * (cost[0] - cost[1]) / h;
     EXPECT_NEAR(at.b[row], slope, 1e-5 * std::abs(slope) + 1e-6 * std::sqrt(at.H(row, row))) << i;
   }
@@ -88,7 +88,7 @@ TEST(Prior, FromACovarianceHoldsThatCovariance) {
     set_prior(w, P, calibration_sigmas());
     const DenseSystem d = system_of(w);
     std::vector<int> row;
-    for (int i = 0; i < 6; ++i) row.push_back(pose_column(2, 0) + i);
+    for (int i = 0; i < 6; ++i) row.push_back(pose_column(0) + i);
     for (int i = 0; i < 9; ++i) row.push_back(velocity_row(2, 0) + i);
     DenseSystem block{Eigen::MatrixXd(15, 15), Eigen::VectorXd::Zero(15)};
     for (int i = 0; i < 15; ++i)

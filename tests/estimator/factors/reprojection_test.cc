@@ -104,10 +104,10 @@ TEST(ReprojectionFactor, StepOfPosesAndDepthsIsThatOfTheJointProblem) {
   const Explicit joint(w, factor, n);
   MatrixXd T = MatrixXd::Zero(joint.states(), states);  // world turns of all poses, oldest first, in the solver's order
   for (int k = 0; k < n; ++k) {
-    T.block<3, 3>(6 * k, pose_column(n, k)) = Mat3::Identity();
-    T.block<3, 3>(6 * k + 3, pose_column(n, k) + 3) = w.at(k).x.R;
+    T.block<3, 3>(6 * k, pose_column(k)) = Mat3::Identity();
+    T.block<3, 3>(6 * k + 3, pose_column(k) + 3) = w.at(k).x.R;
   }
-  T.block<kCameraCalibration, kCameraCalibration>(6 * n, 6 * n).setIdentity();
+  T.block<kCameraCalibration, kCameraCalibration>(6 * n, calibration_column(n)).setIdentity();
   const int m = joint.landmarks();
   DenseSystem full{MatrixXd::Zero(states + m, states + m), VectorXd::Zero(states + m)};
   full.H.topLeftCorner(states, states) = reduced.H - test::congruence(dense(*visual, n), T) +
@@ -128,7 +128,7 @@ TEST(ReprojectionFactor, StepOfPosesAndDepthsIsThatOfTheJointProblem) {
   VectorXd poses_expected(6 * n);
   for (int k = 0; k < n; ++k) {
     poses.segment<6>(6 * k) = local_pose(before[static_cast<std::size_t>(k)], w.at(k).x);
-    poses_expected.segment<6>(6 * k) = reference.step.segment<6>(pose_column(n, k));
+    poses_expected.segment<6>(6 * k) = reference.step.segment<6>(pose_column(k));
   }
   for (int i = 0; i < m; ++i)
     depths[i] = factor.landmark(joint.track(i)).inverse_distance - joint.rho[static_cast<std::size_t>(i)];

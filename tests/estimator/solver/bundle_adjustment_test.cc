@@ -113,8 +113,8 @@ TEST(Solver, StepEqualsThatOfBundleAdjustmentWithExplicitPoints) {
     for (int k = 0; k < n; ++k) {
       if (!w.seen(t, k)) continue;
       Eigen::MatrixXd J = Eigen::MatrixXd::Zero(2, total);
-      J.middleCols(pose_column(n, k), 6) = ba.by_pose(t, k, X);
-      J.middleCols(6 * n, kCalibration) = ba.by_calibration(t, k, X);
+      J.middleCols(pose_column(k), 6) = ba.by_pose(t, k, X);
+      J.middleCols(calibration_column(n), kCalibration) = ba.by_calibration(t, k, X);
       J.middleCols(states + 3 * i, 3) = ba.by_point(t, k, X);
       full.H += J.transpose() * J;
       full.b -= J.transpose() * ba.residual(t, k, X);

@@ -175,10 +175,10 @@ Steps steps_before_and_after(Window& w, VisualFactorModel& visual, const VisualS
     s.unit.segment(to, count) = after.covariance.diagonal().segment(to, count).cwiseSqrt().cwiseInverse();
   };
   for (int k = 0; k < m; ++k) {
-    take(pose_column(m, k), pose_column(n, k + 1), 6);
+    take(pose_column(k), pose_column(k + 1), 6);
     take(velocity_row(m, k), velocity_row(n, k + 1), 9);
   }
-  take(6 * m, 6 * n, kCalibration);
+  take(calibration_column(m), calibration_column(n), kCalibration);
   return s;
 }
 

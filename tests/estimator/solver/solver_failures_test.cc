@@ -186,7 +186,7 @@ TEST(Solver, HandsOutTheUndampedCovarianceAfterARejection) {
   const DenseSolution reference = solve_dense(dense(a.solver.system()));
   const int n = a.w.size();
   for (int i = 0; i < 15; ++i) {
-    const int row = i < 6 ? pose_column(n, n - 1) + i : velocity_row(n, n - 1) + i - 6;
+    const int row = i < 6 ? pose_column(n - 1) + i : velocity_row(n, n - 1) + i - 6;
     EXPECT_NEAR(a.solver.covariance()(i, i) / reference.covariance(row, row), 1, 1e-6) << i;
   }
 }

@@ -41,8 +41,9 @@ inline SyntheticWindow full_window(int frames) {
   SyntheticWindow s = make_window({.frames = std::min(frames + (with_history ? 1 : 0), kMaxFrames)});
   Window& w = *s.window;
   set_initial_prior(w, {}, calibration_sigmas());
-  w.at(1).at_rest = true;
-  w.at(1).rest_link = w.at(0).id;
+  const int still = std::min(1, w.size() - 1);
+  w.at(still).at_rest = true;
+  if (still > 0) w.at(still).rest_link = w.at(0).id;
   w.wheel.forward_B = Vec3(0.8, 0.6, 0);
   w.wheel.p_BV = Vec3(-0.3, 0.2, -0.1);
   for (int k = 0; k < w.size(); ++k) {
