@@ -326,6 +326,7 @@ bool ImuHistory::integrate(HostStamp t0, HostStamp t1, const Density& density, P
   constexpr Span kHeld{500'000'000};
   if (count_ == 0 || newest_stamp() + kHeld < t1 || t0 + kHeld < oldest_stamp()) return false;
   const double gap = period_.hole_s();
+  Integration integration(out);
   pieces(t0, t1, [&](const Reading& a, const Reading& b, double dt) {
     ImuNoise noise = density.noise;
     // What happens across a hole, beyond the newest reading or at a limit is unknown for all that time, not anew at
@@ -344,7 +345,7 @@ bool ImuHistory::integrate(HostStamp t0, HostStamp t1, const Density& density, P
       noise.accelerometer_density = std::hypot(noise.accelerometer_density, density_of(unknown.force_m_s2, period()));
       noise.gyroscope_density = std::hypot(noise.gyroscope_density, density_of(unknown.rate_rad_s, period()));
     }
-    out.integrate(a.w, a.a, b.w, b.a, dt, noise);
+    integration.step(a.w, a.a, b.w, b.a, dt, noise);
   });
   return true;
 }

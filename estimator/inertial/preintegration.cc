@@ -8,74 +8,19 @@ namespace {
 
 constexpr int kP = 0, kTheta = 3, kV = 6, kA = 9, kG = 12;
 
-// The transition of the error state over a step of dt: the biases stay, the position follows the mean velocity.
-//   theta' = theta_theta theta + theta_g b_g
-//   v'     = v + v_theta theta + v_a b_a + v_g b_g
-//   p'     = p + dt/2 (v + v')
-struct Step {
-  double dt;
-  Mat3 theta_theta, theta_g, v_theta, v_a, v_g;
-};
-
 auto block(Mat15& M, int row, int column) { return M.block<3, 3>(row, column); }
+auto block(const Mat15& M, int row, int column) { return M.block<3, 3>(row, column); }
 
-// J <- F J
-void apply(const Step& F, Mat15& J) {
-  const Mat3 theta = block(J, kTheta, kTheta), theta_g = block(J, kTheta, kG);
-  const Mat3 by_theta = F.v_theta * theta, by_g = F.v_theta * theta_g + F.v_g;
-  block(J, kP, kV).diagonal().array() += F.dt;
-  block(J, kP, kTheta) += F.dt * (block(J, kV, kTheta) + 0.5 * by_theta);
-  block(J, kP, kA) += F.dt * (block(J, kV, kA) + 0.5 * F.v_a);
-  block(J, kP, kG) += F.dt * (block(J, kV, kG) + 0.5 * by_g);
-  block(J, kV, kTheta) += by_theta;
-  block(J, kV, kA) += F.v_a;
-  block(J, kV, kG) += by_g;
-  block(J, kTheta, kTheta).noalias() = F.theta_theta * theta;
-  block(J, kTheta, kG) = F.theta_theta * theta_g + F.theta_g;
+/// [x]x M.
+Mat3 cross(const Vec3& x, const Mat3& M) {
+  Mat3 r;
+  for (int i = 0; i < 3; ++i) r.col(i) = x.cross(M.col(i));
+  return r;
 }
 
-// J_s_g <- F J_s_g, where the scale also does what a bias of -w would.
-void apply(const Step& F, const Vec3& w, Vec9& J_s_g) {
-  const Vec3 theta = J_s_g.segment<3>(kTheta), v = J_s_g.segment<3>(kV);
-  J_s_g.segment<3>(kV) += F.v_theta * theta - F.v_g * w;
-  J_s_g.segment<3>(kP) += 0.5 * F.dt * (v + J_s_g.segment<3>(kV));
-  J_s_g.segment<3>(kTheta) = F.theta_theta * theta - F.theta_g * w;
-}
-
-// C <- F C F^T of a symmetric C in which the biases know nothing of each other, the accelerometer's bias nothing of the
-// attitude, and the biases' own blocks are multiples of one. X_yz below: covariance of y before and z after; N_yz: of
-// both after.
-void apply_both_sides(const Step& F, Mat15& C) {
-  const double a = C(kA, kA), g = C(kG, kG), h = 0.5 * F.dt;
-  const Mat3 C_pp = block(C, kP, kP), C_pt = block(C, kP, kTheta), C_pv = block(C, kP, kV), C_pa = block(C, kP, kA),
-             C_pg = block(C, kP, kG), C_tt = block(C, kTheta, kTheta), C_tg = block(C, kTheta, kG),
-             C_vt = block(C, kV, kTheta), C_vv = block(C, kV, kV), C_va = block(C, kV, kA), C_vg = block(C, kV, kG);
-  const auto E_t = F.theta_theta.transpose(), G_t = F.theta_g.transpose();
-  const Mat3 N_tg = F.theta_theta * C_tg + g * F.theta_g;
-  const Mat3 N_va = C_va + a * F.v_a;
-  const Mat3 N_vg = C_vg + F.v_theta * C_tg + g * F.v_g;
-  const Mat3 X_tt = C_tt * E_t + C_tg * G_t, X_vt = C_vt * E_t + C_vg * G_t, X_pt = C_pt * E_t + C_pg * G_t;
-  const Mat3 X_tv = C_vt.transpose() + C_tt * F.v_theta.transpose() + C_tg * F.v_g.transpose();
-  const Mat3 X_vv = C_vv + C_vt * F.v_theta.transpose() + C_va * F.v_a.transpose() + C_vg * F.v_g.transpose();
-  const Mat3 X_pv = C_pv + C_pt * F.v_theta.transpose() + C_pa * F.v_a.transpose() + C_pg * F.v_g.transpose();
-  const Mat3 N_vt = X_vt + F.v_theta * X_tt + F.v_g * N_tg.transpose();
-  const Mat3 N_vv = X_vv + F.v_theta * X_tv + F.v_a * N_va.transpose() + F.v_g * N_vg.transpose();
-  const auto set = [&](int row, int column, const Mat3& B) {
-    block(C, row, column) = B;
-    if (row != column) block(C, column, row) = B.transpose();
-  };
-  const Mat3 half = h * (C_pv + X_pv) + h * h * X_vv;
-  set(kP, kP, C_pp + half + half.transpose() + h * h * (C_vv + N_vv));
-  set(kP, kTheta, X_pt + h * (X_vt + N_vt));
-  set(kP, kV, X_pv + h * (X_vv + N_vv));
-  set(kP, kA, C_pa + h * (C_va + N_va));
-  set(kP, kG, C_pg + h * (C_vg + N_vg));
-  set(kTheta, kTheta, F.theta_theta * X_tt + F.theta_g * N_tg.transpose());
-  set(kTheta, kV, N_vt.transpose());
-  set(kTheta, kG, N_tg);
-  set(kV, kV, N_vv);
-  set(kV, kA, N_va);
-  set(kV, kG, N_vg);
+void set(int row, int column, const Mat3& B, Mat15& C) {
+  block(C, row, column) = B;
+  if (row != column) block(C, column, row) = B.transpose();
 }
 
 }  // namespace
@@ -89,43 +34,134 @@ void Preintegration::reset(const Vec3& b_a_hat, const Vec3& b_g_hat, const ImuSc
 
 void Preintegration::integrate(const Vec3& w0, const Vec3& a0, const Vec3& w1, const Vec3& a1, double dt,
                                const ImuNoise& noise) {
-  const double by_a = 1 + scale.accelerometer, by_g = 1 + scale.gyroscope;
+  Integration(*this).step(w0, a0, w1, a1, dt, noise);
+}
+
+Integration::Integration(Preintegration& interval) noexcept : z_(interval) {
+  const Mat3& R = z_.dR;
+  J_ = {.p_a = block(z_.J, kP, kA),
+        .p_g = block(z_.J, kP, kG),
+        .theta_g = R * block(z_.J, kTheta, kG),
+        .v_a = block(z_.J, kV, kA),
+        .v_g = block(z_.J, kV, kG)};
+  z_.J_s_g.segment<3>(kTheta) = (R * z_.J_s_g.segment<3>(kTheta)).eval();
+  const Mat15& C = z_.C;
+  C_ = {.pp = block(C, kP, kP),
+        .pt = block(C, kP, kTheta) * R.transpose(),
+        .pv = block(C, kP, kV),
+        .pa = block(C, kP, kA),
+        .pg = block(C, kP, kG),
+        .tt = R * block(C, kTheta, kTheta) * R.transpose(),
+        .tg = R * block(C, kTheta, kG),
+        .vt = block(C, kV, kTheta) * R.transpose(),
+        .vv = block(C, kV, kV),
+        .va = block(C, kV, kA),
+        .vg = block(C, kV, kG),
+        .a = C(kA, kA),
+        .g = C(kG, kG)};
+}
+
+Integration::~Integration() {
+  const Mat3& R = z_.dR;
+  Mat15& J = z_.J;
+  block(J, kP, kTheta) = -skew(z_.dp);
+  block(J, kV, kTheta) = -skew(z_.dv);
+  block(J, kTheta, kTheta) = R.transpose();
+  block(J, kP, kV).diagonal().setConstant(z_.T);
+  block(J, kP, kA) = J_.p_a;
+  block(J, kP, kG) = J_.p_g;
+  block(J, kTheta, kG) = R.transpose() * J_.theta_g;
+  block(J, kV, kA) = J_.v_a;
+  block(J, kV, kG) = J_.v_g;
+  z_.J_s_g.segment<3>(kTheta) = (R.transpose() * z_.J_s_g.segment<3>(kTheta)).eval();
+  Mat15& C = z_.C;
+  set(kP, kP, C_.pp, C);
+  set(kP, kTheta, C_.pt * R, C);
+  set(kP, kV, C_.pv, C);
+  set(kP, kA, C_.pa, C);
+  set(kP, kG, C_.pg, C);
+  set(kTheta, kTheta, R.transpose() * C_.tt * R, C);
+  set(kTheta, kG, R.transpose() * C_.tg, C);
+  set(kV, kTheta, C_.vt * R, C);
+  set(kV, kV, C_.vv, C);
+  set(kV, kA, C_.va, C);
+  set(kV, kG, C_.vg, C);
+  set(kA, kA, C_.a * Mat3::Identity(), C);
+  set(kG, kG, C_.g * Mat3::Identity(), C);
+}
+
+void Integration::step(const Vec3& w0, const Vec3& a0, const Vec3& w1, const Vec3& a1, double dt,
+                       const ImuNoise& noise) noexcept {
+  const double by_a = 1 + z_.scale.accelerometer, by_g = 1 + z_.scale.gyroscope;
   const Vec3 rate = 0.5 * (w0 + w1);
-  const Vec3 w_dt = (by_g * rate - b_g) * dt;
-  const Vec3 f0 = by_a * a0 - b_a, f1 = by_a * a1 - b_a;
-  const Mat3 step = so3_exp(w_dt), J_r = so3_right_jacobian(w_dt);
-  const Mat3 R_end = dR * step;
-  const Vec3 a = 0.5 * (dR * f0 + R_end * f1);
+  const Vec3 w_dt = (by_g * rate - z_.b_g) * dt;
+  const Mat3 R_end = z_.dR * so3_exp(w_dt);
+  const Vec3 force = R_end * (by_a * a1 - z_.b_a);
+  const Vec3 a = 0.5 * (z_.dR * (by_a * a0 - z_.b_a) + force);
 
-  // F: the exact derivative of this step, so that J is that of the sums and joining intervals loses nothing.
-  const Step F{.dt = dt,
-               .theta_theta = step.transpose(),
-               .theta_g = -dt * J_r,
-               .v_theta = -dt * (skew(a) * dR),
-               .v_a = -0.5 * dt * (dR + R_end),
-               .v_g = 0.5 * dt * dt * (R_end * skew(f1) * J_r)};
-  apply(F, J);
-  apply(F, rate, J_s_g);
-  apply_both_sides(F, C);
+  // The exact derivative of this step, so that J is that of the sums and joining intervals loses nothing.
+  Step s{.dt = dt, .turn = -dt * a, .by_a = -0.5 * dt * (z_.dR + R_end), .by_g = {}, .N = {}};
+  s.N = dt * (R_end * so3_right_jacobian(w_dt));
+  s.by_g = cross(0.5 * dt * force, s.N);
+  move_derivatives(s, rate);
+  move_covariance(s);
+  add_noise(dt, noise);
 
-  const double q_a = noise.accelerometer_density * noise.accelerometer_density * dt;
-  const double q_g = noise.gyroscope_density * noise.gyroscope_density * dt;
-  const double q_aw = noise.accelerometer_random_walk * noise.accelerometer_random_walk * dt;
-  const double q_gw = noise.gyroscope_random_walk * noise.gyroscope_random_walk * dt;
-  for (int i = 0; i < 3; ++i) {
-    C(kP + i, kP + i) += 0.25 * dt * dt * q_a;
-    C(kP + i, kV + i) += 0.5 * dt * q_a;
-    C(kV + i, kP + i) += 0.5 * dt * q_a;
-    C(kV + i, kV + i) += q_a;
-    C(kTheta + i, kTheta + i) += q_g;
-    C(kA + i, kA + i) += q_aw;
-    C(kG + i, kG + i) += q_gw;
-  }
+  z_.dp += dt * z_.dv + 0.5 * dt * dt * a;
+  z_.dv += dt * a;
+  z_.dR = R_end;
+  z_.T += dt;
+}
 
-  dp += dt * dv + 0.5 * dt * dt * a;
-  dv += dt * a;
-  dR = R_end;
-  T += dt;
+/// The scale of the gyroscope does what a bias of -rate would.
+void Integration::move_derivatives(const Step& s, const Vec3& rate) noexcept {
+  const Mat3 d_g = cross(s.turn, J_.theta_g) + s.by_g;
+  J_.p_a += s.dt * (J_.v_a + 0.5 * s.by_a);
+  J_.p_g += s.dt * (J_.v_g + 0.5 * d_g);
+  J_.v_a += s.by_a;
+  J_.v_g += d_g;
+  J_.theta_g -= s.N;
+  auto p = z_.J_s_g.segment<3>(kP), theta = z_.J_s_g.segment<3>(kTheta), v = z_.J_s_g.segment<3>(kV);
+  const Vec3 d = s.turn.cross(theta) - s.by_g * rate;
+  p += s.dt * (v + 0.5 * d);
+  v += d;
+  theta += s.N * rate;
+}
+
+/// D_x below: covariance of d and x before the step. p' = p + dt v + dt/2 d.
+void Integration::move_covariance(const Step& s) noexcept {
+  Covariance& C = C_;
+  const double dt = s.dt, h = 0.5 * dt;
+  const Mat3 D_p = cross(s.turn, C.pt.transpose()) + s.by_a * C.pa.transpose() + s.by_g * C.pg.transpose();
+  const Mat3 D_v = cross(s.turn, C.vt.transpose()) + s.by_a * C.va.transpose() + s.by_g * C.vg.transpose();
+  const Mat3 D_t = cross(s.turn, C.tt) + s.by_g * C.tg.transpose();
+  const Mat3 D_a = C.a * s.by_a;
+  const Mat3 D_g = cross(s.turn, C.tg) + C.g * s.by_g;
+  const Mat3 D_d = cross(s.turn, D_t.transpose()).transpose() + D_a * s.by_a.transpose() + D_g * s.by_g.transpose();
+  const Mat3 half = dt * C.pv + h * D_p.transpose() + (h * dt) * D_v;
+  C.pp += half + half.transpose() + (dt * dt) * C.vv + (h * h) * D_d;
+  C.pv += D_p.transpose() + dt * (C.vv + D_v.transpose()) + h * (D_v + D_d);
+  C.pa += dt * C.va + h * D_a;
+  C.pg += dt * C.vg + h * D_g;
+  C.pt += dt * C.vt + h * D_t - C.pg * s.N.transpose();
+  C.vv += D_v + D_v.transpose() + D_d;
+  C.va += D_a;
+  C.vg += D_g;
+  C.vt += D_t - C.vg * s.N.transpose();
+  const Mat3 turned = C.tg * s.N.transpose();
+  C.tt += C.g * s.N * s.N.transpose() - turned - turned.transpose();
+  C.tg -= C.g * s.N;
+}
+
+void Integration::add_noise(double dt, const ImuNoise& noise) noexcept {
+  const auto variance = [dt](double density) { return density * density * dt; };
+  const double q_a = variance(noise.accelerometer_density);
+  C_.pp.diagonal().array() += 0.25 * dt * dt * q_a;
+  C_.pv.diagonal().array() += 0.5 * dt * q_a;
+  C_.vv.diagonal().array() += q_a;
+  C_.tt.diagonal().array() += variance(noise.gyroscope_density);
+  C_.a += variance(noise.accelerometer_random_walk);
+  C_.g += variance(noise.gyroscope_random_walk);
 }
 
 // The readings' own sums are what is integrated less the biases' part.

@@ -32,4 +32,42 @@ struct Preintegration {
   void join(const Preintegration& next);
 };
 
+/// An interval while readings are added to it; it is complete again when this ends. Errors of the attitude are in the
+/// axes of the body at the beginning meanwhile, which a step does not turn (docs/derivations/imu.md, "One step").
+class Integration {
+ public:
+  explicit Integration(Preintegration& interval) noexcept;
+  ~Integration();
+  Integration(const Integration&) = delete;
+  Integration& operator=(const Integration&) = delete;
+  /// As Preintegration::integrate().
+  void step(const Vec3& w0, const Vec3& a0, const Vec3& w1, const Vec3& a1, double dt, const ImuNoise& noise) noexcept;
+
+ private:
+  /// What a step adds to velocity and attitude: v' = v + d, d = [turn]x theta + by_a b_a + by_g b_g, and
+  /// theta' = theta - N b_g.
+  struct Step {
+    double dt;
+    Vec3 turn;
+    Mat3 by_a, by_g, N;
+  };
+  /// Derivatives at the end by the biases at the beginning.
+  struct ByBiases {
+    Mat3 p_a, p_g, theta_g, v_a, v_g;
+  };
+  /// Blocks of the covariance. The biases know nothing of each other, the accelerometer's bias nothing of the attitude,
+  /// and their own blocks are a and g times one.
+  struct Covariance {
+    Mat3 pp, pt, pv, pa, pg, tt, tg, vt, vv, va, vg;
+    double a, g;
+  };
+  void move_derivatives(const Step& s, const Vec3& rate) noexcept;
+  void move_covariance(const Step& s) noexcept;
+  void add_noise(double dt, const ImuNoise& noise) noexcept;
+
+  Preintegration& z_;
+  ByBiases J_;
+  Covariance C_;
+};
+
 }  // namespace epiline

@@ -192,6 +192,24 @@ TEST_P(PreintegrationCovariance, EqualsMonteCarlo) {
       EXPECT_NEAR(sample(i, j), i == j, 5 * std::sqrt((i == j ? 2.0 : 1.0) / kRuns) + 0.02) << i << " " << j;
 }
 
+// Each step alone leaves the axes of the beginning and comes back to them.
+RC_GTEST_PROP(PreintegrationProperty, StepsTogetherEqualStepsAlone, (std::uint32_t seed)) {
+  Random random(seed);
+  const Readings s = test::agile_readings(41, 0.005, random);
+  const ImuScale scale{random.uniform(-0.05, 0.05), random.uniform(-0.05, 0.05)};
+  const Preintegration alone = test::integrated(s, Vec3::Zero(), Vec3::Zero(), kDefaultNoise, scale);
+  Preintegration together;
+  together.reset(Vec3::Zero(), Vec3::Zero(), scale);
+  {
+    Integration integration(together);
+    for (int k = 0; k + 1 < s.count; ++k) integration.step(s.w[k], s.a[k], s.w[k + 1], s.a[k + 1], s.dt, kDefaultNoise);
+  }
+  RC_ASSERT((together.J - alone.J).norm() < 1e-12 * alone.J.norm());
+  RC_ASSERT((together.J_s_g - alone.J_s_g).norm() < 1e-12 * alone.J_s_g.norm());
+  const Vec15 sigma = alone.C.diagonal().cwiseSqrt();
+  RC_ASSERT(((together.C - alone.C).array().abs() / (sigma * sigma.transpose()).array()).maxCoeff() < 1e-9);
+}
+
 RC_GTEST_PROP(PreintegrationProperty, JoinEqualsDirectIntegration, (std::uint32_t seed)) {
   Random random(seed);
   const Readings s = test::agile_readings(41, 0.005, random);
