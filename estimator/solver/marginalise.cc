@@ -52,6 +52,16 @@ class MarginalEquations final : public NormalEquations {
   double* b_;
 };
 
+/// Upper triangle, in whole vectors.
+void clear(Matrix A, double* b, int total) {
+  const int end = (total + kBatchLanes - 1) / kBatchLanes * kBatchLanes;
+  for (int i = 0; i < total; ++i) {
+    const int begin = i / kBatchLanes * kBatchLanes;
+    std::memset(A[i] + begin, 0, sizeof A[i][0] * static_cast<std::size_t>(end - begin));
+  }
+  std::memset(b, 0, sizeof b[0] * static_cast<std::size_t>(total));
+}
+
 void store_prior(Window& w, const Layout& at, const Matrix A, const double* b) {
   Prior& p = w.prior;
   p.frames = at.m - 1;
@@ -79,8 +89,7 @@ void Marginaliser::marginalise_oldest(Window& w, VisualFactorModel& visual, cons
   const Layout at{visual.prior_reaches_newest() ? w.size() : w.size() - 1};
   Matrix A = memory_->A;
   double* b = memory_->b;
-  std::memset(A, 0, sizeof A[0] * static_cast<std::size_t>(at.total()));
-  std::memset(b, 0, sizeof b[0] * static_cast<std::size_t>(at.total()));
+  clear(A, b, at.total());
   visual.marginalise_oldest(w, settings, memory_->visual);
   MarginalEquations equations(at, A, b);
   add_factors(w, memory_->visual, {at.m, true}, factors_, equations);
