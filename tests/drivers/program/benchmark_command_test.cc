@@ -2,8 +2,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
 #include <functional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "tests/drivers/program/program.h"
@@ -215,13 +219,27 @@ int processes_with(const std::string& text) {
   return count;
 }
 
+/// Starts the program; its standard error goes to a file.
+pid_t start(std::vector<std::string> arguments, const fs::path& err) {
+  const pid_t child = fork();
+  if (child != 0) return child;
+  std::vector<char*> words;
+  for (std::string& a : arguments) words.push_back(a.data());
+  words.push_back(nullptr);
+  if (std::freopen(err.c_str(), "w", stderr) != nullptr) execv(EPILINE_PROGRAM, words.data());
+  _exit(127);
+}
+
 TEST_F(Benchmark, InterruptedItLeavesNoChildren) {
   const fs::path err = scratch() / "interrupted";
-  // --foreground: the signal goes to the benchmark alone, which has to pass it on
-  const std::string command = "timeout --foreground --preserve-status -s INT 1 " + std::string(EPILINE_PROGRAM) +
-                              " benchmark " + quoted(agile) + " --repeat 5000 --out " + quoted(out) + " 2> " +
-                              quoted(err);
-  const int status = std::system(command.c_str());
+  const pid_t child = start({"epiline", "benchmark", agile.string(), "--repeat", "5000", "--out", out.string()}, err);
+  ASSERT_GT(child, 0);
+  for (int i = 0; i < 12000 && !fs::exists(out / "runs/agile/track/2"); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  // to the benchmark alone, which has to pass it on
+  ASSERT_EQ(kill(child, SIGINT), 0);
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
   ASSERT_TRUE(WIFEXITED(status));
   EXPECT_EQ(WEXITSTATUS(status), 1);
   EXPECT_NE(read(err).find("epiline: error: interrupted after "), std::string::npos) << read(err);
