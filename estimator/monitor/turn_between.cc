@@ -3,7 +3,9 @@
 #include <Eigen/Cholesky>
 #include <Eigen/SVD>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <utility>
 
 #include "estimator/geometry/so3.h"
 
@@ -14,6 +16,7 @@ namespace {
 constexpr double kFarBearing = 0.003;  // rad: residuals of bearings beyond count less
 constexpr int kFarRounds = 5, kSteps = 10;
 constexpr double kLittle = 0.01;  // of the cost: a step that gains less is the last; the next would be a tenth of it
+constexpr std::size_t kDirections = 6, kTried = 4;  // of 332 pairs that fitted badly, the other two were best for one
 constexpr int kPlaneRounds = 4;
 constexpr double kPlaneCost = 1.5, kPlaneCostLeast = 0.05;  // a plane must explain the bearings nearly as well
 constexpr float kLeastMoved = 1e-3F;                        // sine: a bearing along the travel shows no parallax
@@ -76,10 +79,13 @@ class Travel {
  public:
   Travel(const SharedBearings& s, const Mat3& R_CC0, const Vec3& direction) : s_(s) {
     at(R_CC0, direction, motions_[0]);
+  }
+  double cost() const { return now().cost; }
+  CameraTurn improved() {
     for (int i = 0; i < kSteps && step(); ++i) {
     }
+    return {now().R, now().t, now().cost};
   }
-  CameraTurn result() const { return {now().R, now().t, now().cost}; }
 
  private:
   static constexpr int kUnknowns = 5;
@@ -129,7 +135,7 @@ class Travel {
       b[row] = -static_cast<double>((weighted * m.e).sum());
       H(row, row) += 1e-6 * s_.count;  // a direction nobody sees stays
     }
-    const Vec5 d = H.selfadjointView<Eigen::Lower>().ldlt().solve(b);
+    const Vec5 d = H.selfadjointView<Eigen::Lower>().llt().solve(b);
     Motion& next = motions_[static_cast<std::size_t>(1 - now_)];
     at(so3_exp(d.head<3>()) * m.R, (t + across * d.tail<2>()).normalized(), next);
     if (!(next.cost < m.cost)) return false;
@@ -151,18 +157,33 @@ Mat3 rotation_from(const Mat3& sum) noexcept {
   return svd.matrixU() * Vec3(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
 }
 
+namespace {
+
+/// Directions of travel to begin from: the best ones of some that lie far apart, in the order of their cost.
+std::array<Vec3, kTried> directions(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint) {
+  const std::array<Vec3, kDirections> all{
+      hint, Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), Vec3(1, 1, 1).normalized(), Vec3(1, -1, 1).normalized()};
+  std::array<std::pair<double, std::size_t>, kDirections> costs;
+  for (std::size_t i = 0; i < kDirections; ++i) costs[i] = {Travel(bearings, R_CC0, all[i]).cost(), i};
+  std::partial_sort(costs.begin(), costs.begin() + kTried, costs.end());
+  std::array<Vec3, kTried> best;
+  for (std::size_t i = 0; i < kTried; ++i) best[i] = all[costs[i].second];
+  return best;
+}
+
+}  // namespace
+
 bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint, double usual_cost,
                   CameraTurn& out) noexcept {
   if (bearings.count < SharedBearings::kFewest) return false;
-  out = Travel(bearings, R_CC0, hint).result();
+  out = Travel(bearings, R_CC0, hint).improved();
   const double good = std::max(kGoodCost, usual_cost);
   if (out.cost < good) return true;
   const Mat3 far = turn_of_far_points(bearings);
-  for (const Vec3& direction : {hint, Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), Vec3(1, 1, 1).normalized().eval(),
-                                Vec3(1, -1, 1).normalized().eval()}) {
-    if (out.cost < good) break;
-    const CameraTurn turn = Travel(bearings, far, direction).result();
+  for (const Vec3& direction : directions(bearings, far, hint)) {
+    const CameraTurn turn = Travel(bearings, far, direction).improved();
     if (turn.cost < out.cost) out = turn;
+    if (out.cost < good) break;
   }
   return true;
 }
@@ -214,7 +235,7 @@ double settle_plane(const SharedBearings& s, double least, CameraTurn& turn) noe
   const Vec3 n = turn.R_CC0 * plane.n, across = turn.direction.cross(n);
   const double apart = across.norm();
   if (apart < least) return apart;
-  const CameraTurn other = Travel(s, so3_exp(across) * turn.R_CC0, n.normalized()).result();
+  const CameraTurn other = Travel(s, so3_exp(across) * turn.R_CC0, n.normalized()).improved();
   const bool here = is_on_one_side(s, plane.n), there = is_on_one_side(s, plane_of(s, other).n);
   if (here == there) return apart;
   if (there) turn = other;
