@@ -32,8 +32,9 @@ struct Preintegration {
   void join(const Preintegration& next);
 };
 
-/// An interval while readings are added to it; it is complete again when this ends. Errors of the attitude are in the
-/// axes of the body at the beginning meanwhile, which a step does not turn (docs/derivations/imu.md, "One step").
+/// An interval while readings are added to it. It is complete again when this ends, so a function must not return the
+/// interval before. Errors of the attitude are in the axes of the body at the beginning meanwhile, which a step does
+/// not turn (docs/derivations/imu.md, "One step").
 class Integration {
  public:
   explicit Integration(Preintegration& interval) noexcept;

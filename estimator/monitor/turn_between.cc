@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <utility>
 
 #include "estimator/geometry/so3.h"
 
@@ -16,7 +15,7 @@ namespace {
 constexpr double kFarBearing = 0.003;  // rad: residuals of bearings beyond count less
 constexpr int kFarRounds = 5, kSteps = 10;
 constexpr double kLittle = 0.01;  // of the cost: a step that gains less is the last; the next would be a tenth of it
-constexpr std::size_t kDirections = 6, kTried = 4;  // of 332 pairs that fitted badly, the other two were best for one
+constexpr int kTried = 4;         // of six directions: for 332 pairs that fitted badly, the other two were best once
 constexpr int kPlaneRounds = 4;
 constexpr double kPlaneCost = 1.5, kPlaneCostLeast = 0.05;  // a plane must explain the bearings nearly as well
 constexpr float kLeastMoved = 1e-3F;                        // sine: a bearing along the travel shows no parallax
@@ -157,22 +156,6 @@ Mat3 rotation_from(const Mat3& sum) noexcept {
   return svd.matrixU() * Vec3(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
 }
 
-namespace {
-
-/// Directions of travel to begin from: the best ones of some that lie far apart, in the order of their cost.
-std::array<Vec3, kTried> directions(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint) {
-  const std::array<Vec3, kDirections> all{
-      hint, Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), Vec3(1, 1, 1).normalized(), Vec3(1, -1, 1).normalized()};
-  std::array<std::pair<double, std::size_t>, kDirections> costs;
-  for (std::size_t i = 0; i < kDirections; ++i) costs[i] = {Travel(bearings, R_CC0, all[i]).cost(), i};
-  std::partial_sort(costs.begin(), costs.begin() + kTried, costs.end());
-  std::array<Vec3, kTried> best;
-  for (std::size_t i = 0; i < kTried; ++i) best[i] = all[costs[i].second];
-  return best;
-}
-
-}  // namespace
-
 bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint, double usual_cost,
                   CameraTurn& out) noexcept {
   if (bearings.count < SharedBearings::kFewest) return false;
@@ -180,10 +163,19 @@ bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3&
   const double good = std::max(kGoodCost, usual_cost);
   if (out.cost < good) return true;
   const Mat3 far = turn_of_far_points(bearings);
-  for (const Vec3& direction : directions(bearings, far, hint)) {
-    const CameraTurn turn = Travel(bearings, far, direction).improved();
+  std::array<Travel, 6> travels{Travel(bearings, far, hint),
+                                Travel(bearings, far, Vec3(1, 0, 0)),
+                                Travel(bearings, far, Vec3(0, 1, 0)),
+                                Travel(bearings, far, Vec3(0, 0, 1)),
+                                Travel(bearings, far, Vec3(1, 1, 1).normalized()),
+                                Travel(bearings, far, Vec3(1, -1, 1).normalized())};
+  std::array<Travel*, travels.size()> order;
+  std::transform(travels.begin(), travels.end(), order.begin(), [](Travel& t) { return &t; });
+  std::partial_sort(order.begin(), order.begin() + kTried, order.end(),
+                    [](const Travel* a, const Travel* b) { return a->cost() < b->cost(); });
+  for (int i = 0; i < kTried && !(out.cost < good); ++i) {
+    const CameraTurn turn = order[static_cast<std::size_t>(i)]->improved();
     if (turn.cost < out.cost) out = turn;
-    if (out.cost < good) break;
   }
   return true;
 }
