@@ -25,6 +25,9 @@ constexpr int kTryAll = 8;               // of so many pairs, one is fitted from
 
 Vec3 rate_of(const ImuSample& reading) { return Vec3::Map(reading.angular_velocity_rad_s.data()); }
 
+/// False for one that no lens gives, which would corrupt the fit; written so that a NaN fails.
+bool is_bearing(const TrackedFeature& f) { return std::abs(Vec3::Map(f.bearing.data()).squaredNorm() - 1) < 1e-3; }
+
 /// Axis by axis: a single corrupt reading disappears.
 Vec3 median(const Vec3& a, const Vec3& b, const Vec3& c) { return a.cwiseMin(b).cwiseMax(a.cwiseMax(b).cwiseMin(c)); }
 
@@ -50,7 +53,8 @@ void TurnWatch::add_images(const TrackedFrame& frame) noexcept {
       for (const TrackedFeature& f : frame.features) {
         while (k < seen_count_ && seen_[static_cast<std::size_t>(k)].id < f.id) ++k;
         if (k == seen_count_) return;
-        if (seen_[static_cast<std::size_t>(k)].id == f.id) use(seen_[static_cast<std::size_t>(k)].f_C, f);
+        if (seen_[static_cast<std::size_t>(k)].id == f.id && is_bearing(f))
+          use(seen_[static_cast<std::size_t>(k)].f_C, f);
       }
     };
     each_shared([&](const Vec3&, const TrackedFeature&) { ++common; });
@@ -81,7 +85,7 @@ void TurnWatch::add_images(const TrackedFrame& frame) noexcept {
   last_stamp_ = frame.stamp;
   seen_count_ = 0;
   for (const TrackedFeature& f : frame.features)
-    seen_[static_cast<std::size_t>(seen_count_++)] = {f.id, Vec3::Map(f.bearing.data())};
+    if (is_bearing(f)) seen_[static_cast<std::size_t>(seen_count_++)] = {f.id, Vec3::Map(f.bearing.data())};
   use_turns();
 }
 

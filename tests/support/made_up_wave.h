@@ -18,7 +18,8 @@ struct MadeUpWave {
   Vec3 bias{0.02, -0.05, 0.03};
   double size = 1, parallax = 0;  ///< rad/s; rad between two images, of points at random depths
   bool one_axis = false, has_readings = true;
-  std::function<void(ImuSample&)> alter;  ///< of each reading; may be empty
+  std::function<void(ImuSample&)> alter;     ///< of each reading; may be empty
+  std::function<void(TrackedFrame&)> spoil;  ///< of each image; may be empty
 
   static Vec3 rate_at(double t, bool one_axis) {
     Vec3 w(1.2 * std::sin(3.1 * t), 0.9 * std::sin(4.3 * t + 1), 1.1 * std::sin(2.3 * t + 2));
@@ -61,6 +62,7 @@ struct MadeUpWave {
           std::copy(seen.data(), seen.data() + 3, f.bearing.begin());
           frame.features.push_back(f);
         }
+        if (spoil) spoil(frame);
         wave.add_images(frame);
       }
       R_WB = R_WB * so3_exp(w * kStep);

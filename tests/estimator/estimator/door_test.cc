@@ -138,6 +138,10 @@ TEST(EstimatorDoor, ImpossibleFeaturesAreLeftOutAndCounted) {
       frame.features[1].pixel_jacobian[2] = std::numeric_limits<double>::infinity();
     }
   };
+  rig.run_to(1);
+  clean.run_to(1);
+  EXPECT_TRUE(rig.last().has_pose) << "both start at rest";
+  EXPECT_TRUE(clean.last().has_pose);
   rig.run_to(12);
   clean.run_to(12);
   EXPECT_GT(rig.stats().features_refused, 100u);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <random>
 #include <tuple>
 
@@ -202,6 +203,24 @@ TEST(TurnWatch, CorruptReadingsChangeLittle) {
     if (++n % 150 == 0) s.angular_velocity_rad_s[0] = 35;
   };
   const TurnAgreement t = agreement_of(made);
+  EXPECT_GT(t.agreement, 0.99);
+  EXPECT_LT(so3_log(made.R_BC.transpose() * t.R_BC).norm(), 0.02);
+}
+
+TEST(TurnWatch, ImpossibleBearingsAreLeftOut) {
+  MadeUpWave made;
+  const TurnAgreement clean = agreement_of(made);
+  int n = 0;
+  made.spoil = [&](TrackedFrame& frame) {  // of different tracks, so that each is seen well before and after
+    const auto bad = [&](int k) -> double& {
+      return frame.features[static_cast<std::size_t>((n + k) % 80)].bearing[0];
+    };
+    bad(0) = std::numeric_limits<double>::quiet_NaN();
+    bad(30) = 1e9;
+    ++n;
+  };
+  const TurnAgreement t = agreement_of(made);
+  EXPECT_EQ(t.turns, clean.turns);
   EXPECT_GT(t.agreement, 0.99);
   EXPECT_LT(so3_log(made.R_BC.transpose() * t.R_BC).norm(), 0.02);
 }
