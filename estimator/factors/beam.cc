@@ -30,7 +30,7 @@ struct Ray {
   Vec3 c, f;  ///< where the camera was, and the unit bearing; W
 };
 Ray ray_of(const Window& w, const NavState& x, const Observation& o) {
-  return {x.p + x.R * w.calibration.p_BC, x.R * (w.calibration.R_BC * o.f_C)};
+  return {x.p + x.R * w.calibration.p_BC, x.R * (w.calibration.R_BC * bearing_of(o))};
 }
 
 /// `state(j)`: where frame j is taken to be.
@@ -59,7 +59,7 @@ Meeting meeting(const Window& w, const TrackRecord& t, int frames, State&& state
 
 bool is_near(const Window& w, int k, const HeightReading& reading, const TrackRecord& t) {
   const Vec3 to_end = (reading.lever_B - w.calibration.p_BC).normalized();
-  return (w.calibration.R_BC * w.view(t, k).f_C).dot(to_end) > kNearBeam;
+  return (w.calibration.R_BC * bearing_of(w.view(t, k))).dot(to_end) > kNearBeam;
 }
 
 bool serves_another(const Window& w, std::uint32_t id) {
@@ -118,7 +118,7 @@ void add_slopes(const Window& w, const TrackRecord& t, int frames, double share,
   for (int j = 0; j < frames; ++j) {
     if (!w.seen(t, j)) continue;
     const NavState l = w.linearisation_point(j);
-    const Vec3 g = w.calibration.R_BC * w.view(t, j).f_C, &lever = w.calibration.p_BC;
+    const Vec3 g = w.calibration.R_BC * bearing_of(w.view(t, j)), &lever = w.calibration.p_BC;
     const Vec3 f = l.R * g, y = l.p + l.R * lever - m.X;
     const Mat3 across = Mat3::Identity() - f * f.transpose();
     Vec6& to = J[static_cast<std::size_t>(j)];

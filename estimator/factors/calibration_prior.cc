@@ -31,11 +31,13 @@ double distance_squared(const CalibrationPart& p, const CalibrationTangent& d) {
   return std::max(d.segment(p.at, p.numbers).squaredNorm(), square(p.found));
 }
 
-using Numbers = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 3, 1>;
-using Block = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 3, 3>;
+template <int numbers>
+using Numbers = Eigen::Matrix<double, numbers, 1>;
 
 /// What is measured of a part without its prior, chi^2 = d'H d - 2 b'd + a constant, along the axes of H.
+template <int numbers>
 struct Measured {
+  using Numbers = epiline::Numbers<numbers>;
   Numbers h, b;
 
   Numbers at_weight(double w) const { return b.array() / (h.array() + w); }
@@ -43,24 +45,30 @@ struct Measured {
 };
 
 /// The maximum of both that is reached from a weight of the prior.
-Numbers maximum(const CalibrationPart& p, const Measured& m, double w) {
-  Numbers d = m.at_weight(w);
-  for (int i = 0; i < kRounds; ++i) d = m.at_weight(weight(p, d.squaredNorm()));
+template <int numbers>
+Numbers<numbers> maximum(const CalibrationPart& p, const Measured<numbers>& m, double w) {
+  Numbers<numbers> d = m.at_weight(w);
+  for (int i = 0; i < kRounds; ++i) {
+    const Numbers<numbers> next = m.at_weight(weight(p, d.squaredNorm()));
+    if (next == d) break;
+    d = next;
+  }
   return d;
 }
 
+template <int numbers>
 bool look_far(const CalibrationCovariance& covariance, const CalibrationTangent& linearised,
               const CalibrationTangent& solved, CalibrationPart& p) {
-  if (!(p.sigma > 0)) return false;
-  const Numbers d = solved.segment(p.at, p.numbers);
-  const Block I = covariance.block(p.at, p.at, p.numbers, p.numbers).inverse();
+  using Block = Eigen::Matrix<double, numbers, numbers>;
+  const Numbers<numbers> d = solved.segment<numbers>(p.at);
+  const Block I = covariance.block<numbers, numbers>(p.at, p.at).inverse();
   const Eigen::SelfAdjointEigenSolver<Block> axes(I);
   const double held = weight(p, distance_squared(p, linearised));
-  Measured m{axes.eigenvalues().array() - held, axes.eigenvectors().transpose() * (I * d)};
-  for (int i = 0; i < p.numbers; ++i)
+  Measured<numbers> m{axes.eigenvalues().array() - held, axes.eigenvectors().transpose() * (I * d)};
+  for (int i = 0; i < numbers; ++i)
     if (m.h[i] < kSeen * weight(p, 0)) m.h[i] = m.b[i] = 0;
-  const Numbers near = maximum(p, m, weight(p, 0)), far = maximum(p, m, weight(p, square(kFarthest)));
-  const auto both = [&](const Numbers& x) { return m.chi2(x) + cost(p, x.squaredNorm()); };
+  const Numbers<numbers> near = maximum(p, m, weight(p, 0)), far = maximum(p, m, weight(p, square(kFarthest)));
+  const auto both = [&](const Numbers<numbers>& x) { return m.chi2(x) + cost(p, x.squaredNorm()); };
   const bool held_near = square(p.found) < kNear * scale_squared(p);
   p.found = both(far) < both(near) - (held_near ? kClear : 0) ? far.norm() : near.norm();
   return held_near && square(p.found) >= kNear * scale_squared(p);
@@ -93,7 +101,9 @@ bool look_far(const CalibrationCovariance& covariance, const Calibration& linear
               CalibrationPrior& prior) noexcept {
   const CalibrationTangent d0 = local(prior.configured, linearised), d = local(prior.configured, solved);
   bool found = false;
-  for (CalibrationPart* p : prior.parts()) found |= look_far(covariance, d0, d, *p);
+  for (CalibrationPart* p : prior.parts())
+    if (p->sigma > 0)
+      found |= p->numbers == 1 ? look_far<1>(covariance, d0, d, *p) : look_far<3>(covariance, d0, d, *p);
   return found;
 }
 

@@ -28,8 +28,9 @@ void EpipolarFactor::put_track(const Window& w, const TrackRecord& t, int b, int
   EpipolarViews& views = memory_->views;
   int n = 0;
   for (int k = views.first[b]; k <= views.last[b]; ++k) {
-    const bool counts = w.seen(t, k) && w.view(t, k).f_C.z() > kLeastAlongAxis;
-    const Vec3 z = counts ? Vec3(w.view(t, k).f_C / w.view(t, k).f_C.z()) : Vec3(Vec3::Zero());
+    const Vec3 f_C = bearing_of(w.view(t, k));
+    const bool counts = w.seen(t, k) && f_C.z() > kLeastAlongAxis;
+    const Vec3 z = counts ? Vec3(f_C / f_C.z()) : Vec3(Vec3::Zero());
     for (int i = 0; i < 3; ++i) views.z[k][b][i][lane] = z[i];
     n += counts;
   }

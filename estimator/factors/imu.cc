@@ -63,14 +63,19 @@ bool square_root_information(const Preintegration& z, Mat15& L_inverse) {
   return true;
 }
 
-bool whiten(Slot& slot) { return square_root_information(slot.imu, slot.L_inverse) && slot.L_inverse.allFinite(); }
+bool whiten(Slot& slot) {
+  Mat15 L_inverse;
+  if (!square_root_information(slot.imu, L_inverse) || !L_inverse.allFinite()) return false;
+  slot.L_inverse.leftCols<15>() = L_inverse;
+  return true;
+}
 
 namespace {
 
 double interval_cost(const Window& w, int k) {
   const Slot& slot = w.at(k);
   const Vec15 r = imu_residual(slot.imu, w.calibration.scale, w.at(k - 1).x, slot.x);
-  return (slot.L_inverse.triangularView<Eigen::Lower>() * r).squaredNorm();
+  return (slot.L_inverse.leftCols<15>().triangularView<Eigen::Lower>() * r).squaredNorm();
 }
 
 /// Between frames k-1 and k.
@@ -79,12 +84,8 @@ double add_interval(const Window& w, int k, const FactorKernels& kernels, Normal
   ImuResidual f;
   evaluate_imu(slot.imu, w.calibration.scale, w.at(k - 1).x, slot.x, w.linearisation_point(k - 1),
                w.linearisation_point(k), f);
-  alignas(64) double L[15][16] = {}, J[15][32], A[32][32], g[32];
-  for (int i = 0; i < 15; ++i) {
-    for (int j = 0; j <= i; ++j) L[i][j] = slot.L_inverse(i, j);
-    for (int j = 0; j < 32; ++j) J[i][j] = f.J(i, j);
-  }
-  const double cost = kernels.imu(L, J, f.r.data(), A, g);
+  alignas(64) double A[32][32], g[32];
+  const double cost = kernels.imu(slot.L_inverse.data(), f.J.data(), f.r.data(), A, g);
   using Rows = Eigen::Matrix<double, 32, 32, Eigen::RowMajor>;
   const Eigen::Map<const Rows> H(A[0]);
   const Unknown pose_i = pose_of(k - 1), pose_j = pose_of(k), velocity_i = velocity_biases_of(k - 1),

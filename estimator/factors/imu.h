@@ -12,7 +12,7 @@ namespace epiline {
 /// v, b_a, b_g) of each frame.
 struct ImuResidual {
   Vec15 r;
-  Eigen::Matrix<double, 15, 32> J;
+  alignas(64) Eigen::Matrix<double, 15, 32, Eigen::RowMajor> J;
 };
 
 /// Residual at (x_i, x_j). The Jacobian takes positions, rotations and velocities from the linearisation points l_i,

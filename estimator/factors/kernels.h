@@ -6,6 +6,7 @@
 // docs/derivations/several_cameras.md.
 #include "estimator/simd/instruction_set.h"
 #include "estimator/window/capacity.h"
+#include "estimator/window/observation.h"
 
 namespace epiline {
 
@@ -20,9 +21,9 @@ inline constexpr int kMaxSlots = 2 * kMaxFrames + 1, kMaxPoses = kMaxCameras * (
 
 /// Eight tracks as a structure of arrays. An absent view is all zeros and adds nothing to any sum.
 struct alignas(64) TrackBatch {
-  static constexpr int kBearing = 0, kChart = 3, kStretch = 9, kRow = 10, kNumbers = 11;
-  /// f (C), d(whitened pixel)/df row-major, stretch of the lens, time of the row
-  double observation[kMaxSlots][kNumbers][kBatchLanes];
+  static constexpr int kBearing = 0, kChart = 3, kStretch = 9, kRow = 10, kAge = 11, kNumbers = 12;
+  float view[kMaxSlots][kNumbers][kBatchLanes];  ///< the numbers of its Observation
+  double turn[kMaxSlots][2][kBatchLanes];        ///< of the chart's axes: cosine and sine, over sigma
   double link[kMaxSlots][kBatchLanes];  ///< of a drifting track: 1 / variance of the step from its previous view;
                                         ///< 0: no view; of a second camera's: given the first one's
   double shared[kBatchLanes];           ///< so much of the first camera's error the second one's has, too
@@ -79,7 +80,7 @@ struct VisualSystem {
 };
 
 /// The rows of this many batches wait for their products, which is what the innermost caches hold.
-inline constexpr int kBatchesAtOnce = 8;
+inline constexpr int kBatchesAtOnce = 6;
 
 /// Column of the focal length: its blocks with each frame, and its own H and b.
 struct alignas(64) LensScratch {
@@ -87,11 +88,18 @@ struct alignas(64) LensScratch {
   double self[2][kBatchLanes];
 };
 
+/// Rows G_k [-rho I, [l]x] of one camera's views.
+struct alignas(64) ViewScratch {
+  double rows[kMaxFrames][kBatchesAtOnce][12][kBatchLanes];
+  /// Information of a view's rows with themselves and with those of the next frame, negative: the rest is subtracted.
+  double weights[kMaxFrames][kBatchesAtOnce][2][kBatchLanes];
+};
+
 /// Work space of the track factor.
 struct alignas(64) TrackScratch {
   double rows[kMaxFrames][kBatchesAtOnce][18][kBatchLanes];  ///< Q_k = C W_k [-rho I, [l]x]
-  double D[kMaxFrames][27][kBatchLanes];
-  double links[kMaxFrames][36][kBatchLanes];  ///< drifting tracks: block of a frame and the next
+  ViewScratch views[2];                                      ///< of the tracks' own camera, and of a second one
+  double b[kMaxFrames][6][kBatchLanes];
   LensScratch lens;
 };
 
@@ -121,9 +129,18 @@ struct alignas(64) LandmarkScratch {
   double curvature[kLandmarkBatches][kBatchLanes];  ///< H_rho,rho
 };
 
+/// Variances of the walks of a batch's tracks, in steps: `start` at age `since`, and `step` more with each image.
+struct alignas(64) Walks {
+  double start[kBatchLanes], since[kBatchLanes], step[kBatchLanes];
+};
+
 struct FactorKernels {
-  /// Rotates the tangent planes of drifting tracks about their bearings until their axes agree from view to view.
-  void (*turn_charts)(TrackBatch* batches, int count, const FrameGeometry* frames);
+  /// Puts the views of the slots first..last into a batch, kNoView where there is none, of charts that are not turned.
+  void (*put_views)(const Observation* const (*views)[kBatchLanes], int first, int last, double inverse_sigma,
+                    TrackBatch&);
+  /// Links the views of drifting tracks, and turns their tangent planes about the bearings until the axes agree from
+  /// view to view. `walks`: of each camera's views. A camera's views of a track follow each other without a hole.
+  void (*link_views)(const Walks* walks, const FrameGeometry* frames, double inverse_sigma, TrackBatch&);
   /// Linearises the track factors and leaves their points in the batches.
   void (*track)(TrackBatch* batches, int count, const FrameGeometry* frames, int frame_count, const TrackSettings&,
                 TrackScratch&, TrackVerdicts*, VisualSystem&);
@@ -154,7 +171,7 @@ struct FactorKernels {
                         double (*change)[kBatchLanes]);
   /// A = (L J)'(L J), upper triangle, g = -(L J)' L r for a 15x32 IMU Jacobian and lower L (rows of 16); returns
   /// |L r|^2.
-  double (*imu)(const double (*L)[16], const double (*J)[32], const double* r, double (*A)[32], double* g);
+  double (*imu)(const double* L, const double* J, const double* r, double (*A)[32], double* g);
   /// H_ck, H_cc and b_c from the poses' H and b of the first `frame_count` frames. `motion`, on whole vectors: (dp,
   /// dphi) of a frame's body that moves its camera as each calibration parameter does.
   void (*calibration)(const double (*motion)[6][kCameraCalibration], int frame_count, VisualSystem&);

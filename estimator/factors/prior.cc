@@ -20,16 +20,16 @@ auto block_of(const Prior& p, int row, int column) {
                     Eigen::OuterStride<kMarginalStride>>(&p.H[row][column]);
 }
 
-/// The prior's information as blocks of (poses, velocity and biases of frame 0, calibration).
+/// The prior's information as blocks of (poses, velocity and biases of frame 0, calibration), of its lower triangle.
 void add_information(const Prior& p, NormalEquations& out) {
   const int n = p.frames, v = 6 * n, c = p.calibration_row();
   for (int k = 0; k < n; ++k) {
     for (int l = k; l < n; ++l) out.add(pose_of(l), pose_of(k), block_of<6, 6>(p, 6 * l, 6 * k));
-    out.add(pose_of(k), velocity_biases_of(0), block_of<6, 9>(p, 6 * k, v));
-    out.add(pose_of(k), calibration_of_camera(), block_of<6, kCalibration>(p, 6 * k, c));
+    out.add(velocity_biases_of(0), pose_of(k), block_of<9, 6>(p, v, 6 * k));
+    out.add(calibration_of_camera(), pose_of(k), block_of<kCalibration, 6>(p, c, 6 * k));
   }
   out.add(velocity_biases_of(0), velocity_biases_of(0), block_of<9, 9>(p, v, v));
-  out.add(velocity_biases_of(0), calibration_of_camera(), block_of<9, kCalibration>(p, v, c));
+  out.add(calibration_of_camera(), velocity_biases_of(0), block_of<kCalibration, 9>(p, c, v));
   out.add(calibration_of_camera(), calibration_of_camera(), block_of<kCalibration, kCalibration>(p, c, c));
 }
 }  // namespace
@@ -38,10 +38,12 @@ double add_prior(const Window& w, NormalEquations* out) {
   const Prior& p = w.prior;
   if (p.frames == 0) return 0;
   const int dim = p.dim();
-  double d[kPriorDim], Hd[kPriorDim] = {}, g[kPriorDim], cost = 0;
+  double d[kPriorDim], Hd[kPriorDim], g[kPriorDim], cost = 0;
   prior_difference(w, d);
-  for (int j = 0; j < dim; ++j)  // H is symmetric: sums of rows, side by side
-    for (int i = 0; i < dim; ++i) Hd[i] += p.H[j][i] * d[j];
+  using Symmetric = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const Eigen::Map<const Symmetric, Eigen::Aligned64, Eigen::OuterStride<kMarginalStride>> H(p.H[0], dim, dim);
+  Eigen::Map<Eigen::VectorXd>(Hd, dim).noalias() =
+      H.selfadjointView<Eigen::Lower>() * Eigen::Map<const Eigen::VectorXd>(d, dim);
   for (int i = 0; i < dim; ++i) {
     g[i] = p.b[i] - Hd[i];
     cost += d[i] * (Hd[i] - 2 * p.b[i]);

@@ -23,6 +23,7 @@ struct ReprojectionFactor::Memory {
   Landmark landmark[kMaxTracks], before[kMaxTracks];
   double saved[kMaxTracks];
   TrackBatch batch[kLandmarkBatches];
+  BatchViews views;
   std::int16_t track_of[kLandmarkBatches][kBatchLanes];
   alignas(64) double rho[kLandmarkBatches][kBatchLanes], change[kLandmarkBatches][kBatchLanes];
   LandmarkScratch scratch;
@@ -47,17 +48,17 @@ int next_view(const Window& w, const TrackRecord& t, const Landmark& l, int k, i
 /// Linear triangulation from all views of `frames` frames, relative to the first; as inverse distance along its
 /// bearing.
 double triangulate(const Window& w, const TrackRecord& t, const Landmark& l, int host, const ExposedFrame* exposed) {
-  const double scale = w.view(t, host).chart.norm();
+  const double scale = chart_of(w.view(t, host)).norm();
   Eigen::Matrix4d A = Eigen::Matrix4d::Zero();
   for (int k = host; k < w.size(); k = next_view(w, t, l, k + 1, w.size())) {
     Eigen::Matrix<double, 2, 4> rows;
-    rows.leftCols<3>() = w.view(t, k).chart / scale * exposed[k].R_WC.transpose();
+    rows.leftCols<3>() = chart_of(w.view(t, k)) / scale * exposed[k].R_WC.transpose();
     rows.col(3) = rows.leftCols<3>().lazyProduct(exposed[host].c - exposed[k].c);
     A.noalias() += rows.transpose().lazyProduct(rows);
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(A);
   const Eigen::Vector4d X = solver.eigenvectors().col(0);
-  const double distance = (exposed[host].R_WC * w.view(t, host).f_C).dot(X.head<3>()) / X[3];
+  const double distance = (exposed[host].R_WC * bearing_of(w.view(t, host))).dot(X.head<3>()) / X[3];
   return distance > kNearestTriangulated ? 1 / distance : 1 / kDistanceUnknown;
 }
 
@@ -114,16 +115,20 @@ void ReprojectionFactor::pack(const Window& w, int frames, int host_limit) {
     int end = begin;
     while (end < used_ && end < begin + kBatchLanes && m.candidate[end].host == m.candidate[begin].host) ++end;
     TrackBatch& batch = m.batch[batches_];
-    clear(batch, m.candidate[begin].host, m.candidate[end - 1].last);
+    batch.first = m.candidate[begin].host;
+    batch.last = m.candidate[end - 1].last;
+    std::fill_n(batch.views, kBatchLanes, 0.0);
+    for (int k = batch.first; k <= batch.last; ++k) std::fill_n(m.views[k], kBatchLanes, &kNoView);
     for (int i = begin; i < end; ++i) {
       const int track = m.candidate[i].track, lane = i - begin;
       const TrackRecord& t = w.track(track);
       m.track_of[batches_][lane] = static_cast<std::int16_t>(track);
       for (int k = batch.first; k < frames; k = next_view(w, t, m.landmark[track], k + 1, frames)) {
-        put_view(w.view(t, k), 1 / kSigmaPx, k, lane, batch);
+        m.views[k][lane] = &w.view(t, k);
         batch.views[lane] += 1;
       }
     }
+    kernels_.put_views(m.views, batch.first, batch.last, 1 / kSigmaPx, batch);
     std::fill(m.track_of[batches_] + (end - begin), m.track_of[batches_] + kBatchLanes, std::int16_t{-1});
     ++batches_;
     begin = end;
@@ -203,8 +208,8 @@ void ReprojectionFactor::shift_host(const Window& w, int i) {
     return;
   }
   const ExposedFrame &from = memory_->exposed[0], &to = memory_->exposed[next];
-  const Vec3 X = from.c + from.R_WC * w.view(t, 0).f_C / l.inverse_distance;
-  const double distance = (to.R_WC * w.view(t, next).f_C).dot(X - to.c);
+  const Vec3 X = from.c + from.R_WC * bearing_of(w.view(t, 0)) / l.inverse_distance;
+  const double distance = (to.R_WC * bearing_of(w.view(t, next))).dot(X - to.c);
   l.host = w.at(next).id;
   l.inverse_distance = 1 / (distance > 0 ? distance : kDistanceUnknown);
 }

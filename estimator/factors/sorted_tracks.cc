@@ -42,15 +42,12 @@ void SortedTracks::find(const Window& w, bool with_others) {
   for (int i = 0; i < w.track_count(); ++i) {
     const TrackRecord& t = w.track(i);
     if (!t.in_use || std::popcount(t.mask) < 2 || (t.camera > 0 && !with_others)) continue;
-    std::int8_t first = kMaxFrames, last = -1;
-    for (std::uint32_t mask = t.mask; mask != 0; mask &= mask - 1) {
-      const std::int8_t k = frame_of[std::countr_zero(mask)];
-      first = std::min(first, k);
-      last = std::max(last, k);
-    }
-    const int pair = with_others ? pair_of(t) : 0;
-    found_[size_++] = {static_cast<std::int16_t>(i),
-                       static_cast<std::int16_t>(pair * kSpans + kMaxFrames * first + last), first, last};
+    std::uint32_t seen = 0;
+    for (std::uint32_t mask = t.mask; mask != 0; mask &= mask - 1) seen |= 1u << frame_of[std::countr_zero(mask)];
+    const int first = std::countr_zero(seen), last = 31 - std::countl_zero(seen), pair = with_others ? pair_of(t) : 0;
+    found_[size_++] = {seen, static_cast<std::int16_t>(i),
+                       static_cast<std::int16_t>(pair * kSpans + kMaxFrames * first + last),
+                       static_cast<std::int8_t>(first), static_cast<std::int8_t>(last)};
   }
 }
 

@@ -20,8 +20,14 @@ class SortedTracks {
   /// True if the frames of this window were sorted.
   bool is_of(const Window& w) const { return newest_ == w.newest().id && frames_ == w.size(); }
 
+  struct Spanned {
+    std::uint32_t seen;  ///< bit k: by frame k
+    std::int16_t track;  ///< its index in the window
+    std::int16_t key;    ///< by which they are sorted
+    std::int8_t first, last;
+  };
   int size() const { return size_; }
-  /// Its index in the window.
+  const Spanned& spanned(int i) const { return sorted_[i]; }
   int track(int i) const { return sorted_[i].track; }
 
   struct Batch {
@@ -36,11 +42,7 @@ class SortedTracks {
   int batches_of_others() const { return of_others_; }
 
  private:
-  struct Spanned {
-    std::int16_t track;
-    std::int16_t key;  ///< by which they are sorted
-    std::int8_t first, last;
-  } sorted_[kMaxTracks], found_[kMaxTracks];
+  Spanned sorted_[kMaxTracks], found_[kMaxTracks];
   Batch batch_[kMaxBatches];
   int size_ = 0, batches_ = 0, of_others_ = 0;
   std::uint64_t newest_ = 0;  ///< frame; 0: none

@@ -1,6 +1,8 @@
 #include "estimator/factors/track.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -18,6 +20,8 @@ struct TrackFactor::Memory {
   FrameGeometry frame[kMaxPoses];
   Vec3 velocity_C[kMaxPoses];  ///< of the cameras, as collected, in the axes of the first one
   SortedTracks sorted;
+  BatchViews views;
+  Walks walks[2];
   double ratio[kMaxTracks];
   /// Where the points were found last, by the tracks' places in the window: what to iterate from, never what is known
   /// of them.
@@ -42,97 +46,52 @@ constexpr double kSharedSteps = 0.65;  ///< correlation of the steps in both ima
 constexpr double kMatchVariance = 7;   ///< where the second camera finds the track it errs by 0.4 px: 7 of 0.15 px
 constexpr double kShareAtAge = 10;     ///< images after the match at which the share is exact
 
-void fill_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int lane, TrackBatch& batch) {
-  double n = 0;
-  for (int k = batch.first; k <= batch.last; ++k) {
-    if (w.seen(t, k)) {
-      put_view(w.view(t, k), inverse_sigma, k, lane, batch);
-      ++n;
-    } else {
-      put_nothing(k, lane, batch);
-    }
-  }
-  batch.views[lane] = n;
-}
-
 /// Frames of one camera's views.
 struct Run {
   int begin, end;
-  bool has(int k) const { return begin <= k && k <= end; }
   int views() const { return end - begin + 1; }
 };
 
 /// The newest views that follow each other without a hole, because a drift is known from view to view.
-/// follows(k, next): whether frame k has a view, and one that the view of frame `next` (k or k + 1) goes on.
-template <class Follows>
-Run newest_run(const TrackBatch& batch, const Follows& follows) {
-  int end = batch.last;
-  while (end >= batch.first && !follows(end, end)) --end;
-  if (end < batch.first) return {0, -1};
-  int begin = end;
-  while (begin > batch.first && follows(begin - 1, begin)) --begin;
-  return {begin, end};
+Run newest_run(const SortedTracks::Spanned& of) {
+  const auto beyond = static_cast<unsigned>(31 - of.last);
+  return {of.last - std::countl_one(of.seen << beyond) + 1, of.last};
 }
 
-/// Variance of a walk, in steps: `start` at age `since`, and `step` more with each image.
-struct Walk {
-  double start = 1, since = 0, step = 1;
-  double variance(double age) const { return start + step * std::max(age - since, 0.); }
-};
-
-/// One camera's views of a track in a batch.
-template <class View>
-void fill_chain(TrackBatch& batch, int lane, int slot_0, const Run& run, const View& view_of, double inverse_sigma,
-                const Walk& walk) {
-  float age = 0;
-  for (int k = batch.first; k <= batch.last; ++k) {
-    const int slot = slot_0 + k;
-    if (!run.has(k)) {
-      put_nothing(slot, lane, batch);
-      batch.link[slot][lane] = 0;
-      continue;
-    }
-    const Observation& view = view_of(k);
-    put_view(view, inverse_sigma, slot, lane, batch);
-    batch.link[slot][lane] = 1 / (k == run.begin ? walk.variance(view.age) : walk.step * std::max(view.age - age, 1.f));
-    age = view.age;
-  }
+/// The same of the second camera, of frames with views of both cameras. Until the track is lost there and found anew.
+Run newest_second_run(const Window& w, const TrackRecord& t, const Run& first) {
+  const auto follows = [&](int k, int next) {
+    return w.seen_by_second(t, k) && w.second_view(t, k).found == w.second_view(t, next).found;
+  };
+  int end = first.end;
+  while (end >= first.begin && !follows(end, end)) --end;
+  if (end < first.begin) return {0, -1};
+  int begin = end;
+  while (begin > first.begin && follows(begin - 1, begin)) --begin;
+  return {begin, end};
 }
 
 /// Share of the first camera's error that is taken off the second one's. What was found late has all that the track had
 /// drifted by until then.
 double share_of(double found) { return (found + 1 + kSharedSteps * kShareAtAge) / (found + 1 + kShareAtAge); }
 
-/// Of the second camera's error less its share of the first one's.
-Walk second_walk(double found, double share) {
-  const double rest = 1 - share;
-  return {kMatchVariance + rest * rest * (found + 1), found, 1 - 2 * kSharedSteps * share + share * share};
+void set_walk(double start, double since, double step, int lane, Walks& walks) {
+  walks.start[lane] = start;
+  walks.since[lane] = since;
+  walks.step[lane] = step;
 }
 
 /// The second camera's views are a chain of their own, given the first one's: so only frames with views of both count.
-void fill_drifting_lane(const Window& w, const TrackRecord& t, double inverse_sigma, int lane, TrackBatch& batch) {
-  const Run first = newest_run(batch, [&](int k, int) { return w.seen(t, k); });
-  fill_chain(batch, lane, 0, first, [&](int k) -> const Observation& { return w.view(t, k); }, inverse_sigma, {});
-  batch.views[lane] = first.views();
-  batch.shared[lane] = 0;
-  if (batch.second == 0) return;
-  const auto view = [&](int k) -> const Observation& { return w.second_view(t, k); };
-  const Run second = newest_run(batch, [&](int k, int next) {
-    return first.has(k) && w.seen_by_second(t, k) && view(k).found == view(next).found;
-  });
-  const double found = second.views() > 0 ? view(second.end).found : 0, share = share_of(found);
+Run add_second_chain(const Window& w, const TrackRecord& t, const Run& first, int lane, TrackBatch& batch,
+                     Walks& walks) {
+  const Run run = newest_second_run(w, t, first);
+  const double found = run.views() > 0 ? static_cast<double>(w.second_view(t, run.end).found) : 0;
+  const double share = share_of(found), rest = 1 - share;
+  batch.views[lane] += run.views();
   batch.shared[lane] = share;
-  fill_chain(batch, lane, batch.second, second, view, inverse_sigma, second_walk(found, share));
-  batch.views[lane] += second.views();
-}
-
-void empty_lane(int lane, TrackBatch& batch) {
-  for (int k = batch.first; k <= batch.last; ++k)
-    for (const int slot : {k, batch.second + k}) {
-      put_nothing(slot, lane, batch);
-      batch.link[slot][lane] = 0;
-    }
-  batch.views[lane] = batch.warm[lane] = batch.shared[lane] = 0;
+  set_walk(kMatchVariance + rest * rest * (found + 1), found, 1 - 2 * kSharedSteps * share + share * share, lane,
+           walks);
+  return run;
 }
 }  // namespace
 
@@ -195,33 +154,54 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
   slots_ = w.size() + 1;
   others_ = drift && w.rig.has_others();
   if (s.rows) hold_velocities(w);
+  if (drift) place(w, w.size());
   SortedTracks& sorted = memory_->sorted;
   sorted.sort(w, others_);
   batches_ = sorted.batches();
-  const auto fill = drift ? fill_drifting_lane : fill_lane;
-  for (int b = 0; b < batches_; ++b) {
-    const auto [begin, end, first, last, camera, second_camera] = sorted.batch(b);
-    TrackBatch& batch = memory_->batch[b];
-    batch.first = first;
-    batch.last = last;
-    batch.home = camera * slots_;
-    batch.second = batch.second_pose = 0;
-    for (int i = begin; i < end && others_; ++i) {
-      if (w.track(sorted.track(i)).second == 0) continue;
-      batch.second = slots_;
-      batch.second_pose = (second_camera - camera) * slots_;
-    }
-    for (int i = begin; i < end; ++i) {
-      if (i + SortedTracks::kAhead < sorted.size()) fetch(w, w.track(sorted.track(i + SortedTracks::kAhead)));
-      const TrackRecord& t = w.track(sorted.track(i));
-      fill(w, t, 1 / sigma_, i - begin, batch);
-      recall_point(t, b, i - begin);
-    }
-    for (int lane = end - begin; lane < kBatchLanes; ++lane) empty_lane(lane, batch);
+  for (int b = 0; b < batches_; ++b) fill(w, b);
+}
+
+/// A batch, for the window as it is now.
+void TrackFactor::fill(const Window& w, int b) {
+  const SortedTracks& sorted = memory_->sorted;
+  const auto [begin, end, first, last, camera, second_camera] = sorted.batch(b);
+  TrackBatch& batch = memory_->batch[b];
+  batch.first = first;
+  batch.last = last;
+  batch.home = camera * slots_;
+  batch.second = batch.second_pose = 0;
+  for (int i = begin; i < end && others_; ++i) {
+    if (w.track(sorted.track(i)).second == 0) continue;
+    batch.second = slots_;
+    batch.second_pose = (second_camera - camera) * slots_;
   }
-  if (!drift) return;
-  place(w, w.size());
-  kernels_.turn_charts(memory_->batch, batches_, memory_->frame);
+  BatchViews& views = memory_->views;
+  for (int k = first; k <= last; ++k)
+    for (const int slot : {k, batch.second + k}) std::fill_n(views[slot], kBatchLanes, &kNoView);
+  for (int i = begin; i < end; ++i) {
+    if (i + SortedTracks::kAhead < sorted.size()) fetch(w, w.track(sorted.track(i + SortedTracks::kAhead)));
+    const SortedTracks::Spanned& of = sorted.spanned(i);
+    const TrackRecord& t = w.track(of.track);
+    const int lane = i - begin;
+    const Run run = settings_.drift ? newest_run(of) : Run{of.first, of.last};
+    for (int k = run.begin; k <= run.end; ++k)
+      if (of.seen >> k & 1) views[k][lane] = &w.view(t, k);
+    batch.views[lane] = settings_.drift ? run.views() : std::popcount(of.seen);
+    batch.shared[lane] = 0;
+    set_walk(1, 0, 1, lane, memory_->walks[0]);
+    if (batch.second > 0) {
+      const Run second = add_second_chain(w, t, run, lane, batch, memory_->walks[1]);
+      for (int k = second.begin; k <= second.end; ++k) views[batch.second + k][lane] = &w.second_view(t, k);
+    }
+    recall_point(t, b, lane);
+  }
+  for (int lane = end - begin; lane < kBatchLanes; ++lane) {
+    batch.views[lane] = batch.warm[lane] = batch.shared[lane] = 0;
+    for (Walks& walks : memory_->walks) set_walk(1, 0, 1, lane, walks);
+  }
+  kernels_.put_views(views, first, last, 1 / sigma_, batch);
+  if (batch.second > 0) kernels_.put_views(views, batch.second + first, batch.second + last, 1 / sigma_, batch);
+  if (settings_.drift) kernels_.link_views(memory_->walks, memory_->frame, 1 / sigma_, batch);
 }
 
 void TrackFactor::fetch(const Window& w, const TrackRecord& t) const {
@@ -313,14 +293,25 @@ void TrackFactor::marginalise_oldest(const Window& w, const VisualSettings& s, V
   add_calibration(w, frames, visual_.extrinsics, visual_.focal, kernels_, out);
 }
 
+namespace {
+/// Median of chi^2 (Wilson-Hilferty) of a track's residuals, by its number of views.
+constexpr auto kMedianOfViews = [] {
+  std::array<double, kMaxSlots + 1> chi2{};
+  for (std::size_t views = 3; views < chi2.size(); ++views) {
+    const double dof = 2 * static_cast<double>(views) - 3, median = 1 - 2 / (9 * dof);
+    chi2[views] = dof * median * median * median;
+  }
+  return chi2;
+}();
+}  // namespace
+
 ResidualNoise TrackFactor::residual_noise() noexcept {
   int n = 0;
   for (int b = 0; b < batches_; ++b)
     for (int lane = 0; lane < kBatchLanes; ++lane) {
       const double views = memory_->batch[b].views[lane];
       if (views < 3 || memory_->verdicts[b].accepted[lane] == 0) continue;
-      const double dof = 2 * views - 3, median = 1 - 2 / (9 * dof);  // Wilson-Hilferty: median of chi2/dof
-      memory_->ratio[n++] = memory_->verdicts[b].chi2[lane] / (dof * median * median * median);
+      memory_->ratio[n++] = memory_->verdicts[b].chi2[lane] / kMedianOfViews[static_cast<std::size_t>(views)];
     }
   if (n < 20) return {};
   double* const ratio = memory_->ratio;

@@ -26,6 +26,7 @@ class TrackFactor final : public VisualFactorModel {
 
  private:
   struct Memory;
+  void fill(const Window&, int batch);
   void place(const Window&, int frames);
   void place_others(const Window&, int frames);
   void hold_velocities(const Window&);

@@ -187,23 +187,27 @@ void Preintegration::join(const Preintegration& next) {
   Vec3 p2, v2;
   Mat3 R2;
   next.corrected(b_a, b_g, scale, p2, v2, R2);
-  Mat15 A = Mat15::Identity();
-  block(A, kP, kV).diagonal().setConstant(next.T);
-  block(A, kP, kTheta) = -dR * skew(p2);
-  block(A, kP, kA) = dR * next.J.block<3, 3>(kP, kA);
-  block(A, kP, kG) = dR * next.J.block<3, 3>(kP, kG);
-  block(A, kTheta, kTheta) = R2.transpose();
-  block(A, kTheta, kG) = next.J.block<3, 3>(kTheta, kG);
-  block(A, kV, kTheta) = -dR * skew(v2);
-  block(A, kV, kA) = dR * next.J.block<3, 3>(kV, kA);
-  block(A, kV, kG) = dR * next.J.block<3, 3>(kV, kG);
-  J = (A * J).eval();
-  J_s_g = (A.topLeftCorner<9, 9>() * J_s_g).eval();
+  // The biases stay as they are: nine rows move.
+  Eigen::Matrix<double, 9, 15> A = Eigen::Matrix<double, 9, 15>::Identity();
+  A.block<3, 3>(kP, kV).diagonal().setConstant(next.T);
+  A.block<3, 3>(kP, kTheta) = -dR * skew(p2);
+  A.block<3, 3>(kP, kA) = dR * next.J.block<3, 3>(kP, kA);
+  A.block<3, 3>(kP, kG) = dR * next.J.block<3, 3>(kP, kG);
+  A.block<3, 3>(kTheta, kTheta) = R2.transpose();
+  A.block<3, 3>(kTheta, kG) = next.J.block<3, 3>(kTheta, kG);
+  A.block<3, 3>(kV, kTheta) = -dR * skew(v2);
+  A.block<3, 3>(kV, kA) = dR * next.J.block<3, 3>(kV, kA);
+  A.block<3, 3>(kV, kG) = dR * next.J.block<3, 3>(kV, kG);
+  J.topRows<9>() = A.lazyProduct(J).eval();
+  J_s_g = (A.leftCols<9>() * J_s_g).eval();
   const Vec9 J2 = next.J_s_g;
   J_s_g.segment<3>(kP) += dR * J2.segment<3>(kP);
   J_s_g.segment<3>(kTheta) += J2.segment<3>(kTheta);
   J_s_g.segment<3>(kV) += dR * J2.segment<3>(kV);
-  C = (A * C * A.transpose()).eval();
+  const Eigen::Matrix<double, 9, 15> A_C = A.lazyProduct(C);
+  C.topLeftCorner<9, 9>() = A_C.lazyProduct(A.transpose());
+  C.topRightCorner<9, 6>() = A_C.rightCols<6>();
+  C.bottomLeftCorner<6, 9>() = A_C.rightCols<6>().transpose();
 
   // B C2 B^T: the second interval's p and v errors live in its own first body frame.
   Mat15 C2 = next.C;

@@ -37,7 +37,7 @@ void Starter::collect_tracks(const Window& w) {
       for (int k = 0; k < w.size(); ++k) {
         if (!w.seen(t, k)) continue;
         s.frame[static_cast<std::size_t>(s.count)] = static_cast<std::uint8_t>(k);
-        s.f_C[static_cast<std::size_t>(s.count++)] = w.view(t, k).f_C;
+        s.f_C[static_cast<std::size_t>(s.count++)] = bearing_of(w.view(t, k));
       }
     }
 }

@@ -29,9 +29,9 @@ BodyCovariance into_body(const StateCovariance& P, const Mat3& R_WB) noexcept {
 StateCovariance carried_on(const BodyCovariance& from, const Mat3& R_WB, const Preintegration& interval) noexcept {
   // J leaves the biases as they are, so only its upper nine rows are multiplied.
   const auto J = interval.J.topRows<9>();
-  const Eigen::Matrix<double, 9, 15> J_P = J * from.states;
+  const Eigen::Matrix<double, 9, 15> J_P = J.lazyProduct(from.states);
   Mat15 P = interval.C;
-  P.topLeftCorner<9, 9>() += J_P * J.transpose();
+  P.topLeftCorner<9, 9>() += J_P.lazyProduct(J.transpose());
   P.topRightCorner<9, 6>() += J_P.rightCols<6>();
   P.bottomLeftCorner<6, 9>() += J_P.rightCols<6>().transpose();
   P.bottomRightCorner<6, 6>() += from.states.bottomRightCorner<6, 6>();

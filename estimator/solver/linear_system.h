@@ -13,6 +13,9 @@ constexpr int pose_column(int k) { return 6 * k; }
 constexpr int newest_velocity_column(int frames) { return 6 * frames; }
 constexpr int calibration_column(int frames) { return newest_velocity_column(frames) + 9; }
 constexpr int scale_column(int frames) { return calibration_column(frames) + kCameraCalibration; }
+/// The first column of P that block k of (v, b) meets, on a whole vector: the pose before it. The oldest meets the
+/// prior and with it all.
+constexpr int first_met(int k) { return k > 0 ? pose_column(k - 1) / kBatchLanes * kBatchLanes : 0; }
 /// The last unknowns: the newest frame's state and the calibration.
 constexpr int newest_column(int frames) { return pose_column(frames - 1); }
 
@@ -26,8 +29,8 @@ inline constexpr int kNewestStride = 32;  ///< kNewest rounded up to whole vecto
 /// The window's normal equations. Order of elimination: (v, b) of all frames but the newest (the chain), newest to
 /// oldest, then the dense part.
 struct alignas(64) LinearSystem {
-  double S[kDenseDim][kDenseStride];     ///< the dense part, upper triangle, row-major
-  double P[kMaxChain][9][kDenseStride];  ///< (v, b)_k against the dense part
+  double S[kDenseDim][kDenseStride];     ///< the dense part, upper triangle in whole vectors, row-major
+  double P[kMaxChain][9][kDenseStride];  ///< (v, b)_k against the dense part, from first_met(k) on
   double D[kMaxChain][9][16];            ///< (v, b)_k, upper triangle
   double C[kMaxChain][9][16];            ///< (v, b)_k against (v, b)_{k-1}
   double rhs_s[kDenseStride];

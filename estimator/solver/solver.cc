@@ -58,11 +58,13 @@ bool estimated(const SolverSettings& s, int calibration) {
 
 void clear(LinearSystem& s, int frames) {
   s.frames = frames;
-  const int chain = frames - 1, dim = dense_dim(frames);
-  const std::size_t row = sizeof(double) * static_cast<std::size_t>((dim / kBatchLanes + 1) * kBatchLanes);
-  for (int i = 0; i < dim; ++i) std::memset(s.S[i], 0, row);
+  const int chain = frames - 1, dim = dense_dim(frames), end = (dim / kBatchLanes + 1) * kBatchLanes;
+  const auto clear_row = [end](double* row, int begin) {
+    std::memset(row + begin, 0, sizeof(double) * static_cast<std::size_t>(end - begin));
+  };
+  for (int i = 0; i < dim; ++i) clear_row(s.S[i], i / kBatchLanes * kBatchLanes);
   for (int k = 0; k < chain; ++k)
-    for (int i = 0; i < 9; ++i) std::memset(s.P[k][i], 0, row);
+    for (int i = 0; i < 9; ++i) clear_row(s.P[k][i], first_met(k));
   std::memset(s.D, 0, sizeof s.D[0] * static_cast<std::size_t>(chain));
   std::memset(s.C, 0, sizeof s.C[0] * static_cast<std::size_t>(chain));
   std::memset(s.rhs_s, 0, sizeof s.rhs_s);

@@ -22,7 +22,7 @@ Comparison compare(const Window& w, int j, int k, const Mat3& R_jk, double focal
     ++c.later;
     if (!w.seen(t, j)) continue;
     ++c.common;
-    const Vec3 &before = w.view(t, j).f_C, &now = w.view(t, k).f_C;
+    const Vec3 before = bearing_of(w.view(t, j)), now = bearing_of(w.view(t, k));
     const Mat3& R_CD = w.rig.poses[t.camera].R_CD;
     sum += t.camera > 0 ? (R_jk * (R_CD * now) - R_CD * before).norm() : (R_jk * now - before).norm();
   }
@@ -36,18 +36,20 @@ Mat3 relative_rotation(const Window& w, int j, int k) {
 }
 }  // namespace
 
-double compensated_parallax_px(const Window& w, int j, int k, double focal_px, int* common) {
-  const Comparison c = compare(w, j, k, relative_rotation(w, j, k), focal_px);
-  if (common) *common = c.common;
-  return c.parallax_px;
+int common_tracks(const Window& w, int j, int k) {
+  int common = 0;
+  for (int i = 0; i < w.track_count(); ++i) common += w.seen(w.track(i), j) && w.seen(w.track(i), k);
+  return common;
+}
+
+double compensated_parallax_px(const Window& w, int j, int k, double focal_px) {
+  return compare(w, j, k, relative_rotation(w, j, k), focal_px).parallax_px;
 }
 
 double widest_parallax_px(const Window& w, double focal_px) {
-  for (int j = 0; j < w.size() - 1; ++j) {
-    int common = 0;
-    const double parallax_px = compensated_parallax_px(w, j, w.size() - 1, focal_px, &common);
-    if (common >= kFewestCommon) return parallax_px;
-  }
+  const int newest = w.size() - 1;
+  for (int j = 0; j < newest; ++j)
+    if (common_tracks(w, j, newest) >= kFewestCommon) return compensated_parallax_px(w, j, newest, focal_px);
   return 0;
 }
 

@@ -16,7 +16,9 @@ bool is_keyframe(const Window& window, const KeyframeSettings& settings);
 
 /// Mean parallax of the tracks that frames j and k share, rotation removed, in pixels at the focal length. 0: no common
 /// tracks.
-double compensated_parallax_px(const Window& window, int j, int k, double focal_px, int* common = nullptr);
+double compensated_parallax_px(const Window& window, int j, int k, double focal_px);
+/// How many those are.
+int common_tracks(const Window& window, int j, int k);
 
 /// The same between the newest frame and the oldest one that shares 20 tracks with it; 0: no such frame.
 double widest_parallax_px(const Window& window, double focal_px);

@@ -20,6 +20,11 @@ void retract(Calibration& c, const CalibrationTangent& d) {
   c.scale.gyroscope += d[kGyroscopeScaleColumn];
 }
 
+void set_view(const Vec3& f_C, const Mat23& chart, Observation& o) {
+  Eigen::Map<Eigen::Vector3f>(o.f_C) = f_C.cast<float>();
+  Eigen::Map<Eigen::Matrix<float, 2, 3, Eigen::RowMajor>>(o.chart) = chart.cast<float>();
+}
+
 CalibrationTangent local(const Calibration& c0, const Calibration& c) {
   CalibrationTangent d;
   d << c.time_offset - c0.time_offset, so3_log(c0.R_BC.transpose() * c.R_BC), c.p_BC - c0.p_BC, c.focal - c0.focal,
@@ -73,20 +78,35 @@ namespace {
 /// From the chart alone: across the meridian it shows the pixel's distance from the centre, along it how that grows.
 float stretch_of(const Vec3& f_C, const Mat23& chart) {
   constexpr double kOnAxis = 1e-3, kAside = 0.17;  // 80 degrees off the axis a pinhole ends
-  const double sine = f_C.head<2>().norm(), cosine = f_C.z();
+  const double x = f_C.x(), y = f_C.y(), cosine = f_C.z(), sine2 = x * x + y * y;
   if (cosine < kAside) return 0;
-  if (sine < kOnAxis) return 1;
-  const Vec2 out = f_C.head<2>() / sine;
-  const double across = (chart * Vec3(-out.y(), out.x(), 0)).norm();
-  const double along = (chart * Vec3(cosine * out.x(), cosine * out.y(), -sine)).norm();
-  const double stretch = across / (along * cosine);
+  if (sine2 < kOnAxis * kOnAxis) return 1;
+  const double across2 = (chart * Vec3(-y, x, 0)).squaredNorm();
+  const double along2 = (chart * Vec3(cosine * x, cosine * y, -sine2)).squaredNorm();
+  const double stretch = std::sqrt(across2 / (along2 * cosine * cosine));
   return std::isfinite(stretch) ? static_cast<float>(stretch) : 0;
 }
 
-Observation observation(const TrackedFeature& f) {
+Mat23 chart_of(const std::array<double, 6>& pixel_jacobian) {
+  return Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(pixel_jacobian.data());
+}
+
+void put(const TrackedFeature& f, Observation& o) {
   const Vec3 f_C(f.bearing.data());
-  const Mat23 chart = Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data());
-  return {f_C, chart, stretch_of(f_C, chart), static_cast<float>(f.age), f.row_s, 0};
+  const Mat23 chart = chart_of(f.pixel_jacobian);
+  set_view(f_C, chart, o);
+  o.stretch = stretch_of(f_C, chart);
+  o.row_s = f.row_s;
+  o.age = static_cast<float>(f.age);
+  o.found = 0;
+}
+
+void put(const SecondView& v, Observation& o) {
+  set_view(Vec3(v.bearing.data()), chart_of(v.pixel_jacobian), o);
+  o.stretch = 0;
+  o.row_s = v.row_s;
+  o.age = static_cast<float>(v.age);
+  o.found = static_cast<float>(v.found);
 }
 
 std::uint16_t cell_of(const std::array<float, 2>& pixel) {
@@ -98,9 +118,10 @@ std::uint16_t cell_of(const std::array<float, 2>& pixel) {
 namespace {
 bool is_possible(const std::array<double, 3>& bearing, const std::array<double, 6>& pixel_jacobian) noexcept {
   constexpr double kUnit = 1e-3, kMostPixels = 1e5;  // px/rad: a lens of a kilometre in pixels
-  const double length = Vec3(bearing.data()).norm(), slope = Eigen::Map<const Vec6>(pixel_jacobian.data()).norm();
+  const double length2 = Vec3(bearing.data()).squaredNorm();
+  const double slope2 = Eigen::Map<const Vec6>(pixel_jacobian.data()).squaredNorm();
   // written so that a NaN fails
-  return std::abs(length - 1) < kUnit && slope > 0 && slope < kMostPixels;
+  return std::abs(length2 - 1) < 2 * kUnit && slope2 > 0 && slope2 < kMostPixels * kMostPixels;
 }
 }  // namespace
 
@@ -141,7 +162,7 @@ void Window::observe(const TrackedFeature& feature, std::uint8_t camera, Observe
   }
   const std::uint8_t slot = order_[static_cast<std::size_t>(size_ - 1)];
   TrackRecord& t = records_[static_cast<std::size_t>(i)];
-  views_[t.place][slot] = observation(feature);
+  put(feature, views_[t.place][slot]);
   t.mask |= 1u << slot;
   t.cell = cell_of(feature.pixel);
 }
@@ -155,9 +176,7 @@ bool Window::observe_second(const SecondView& v, std::uint8_t camera) {
   TrackRecord& t = records_[static_cast<std::size_t>(i)];
   if (t.camera >= camera || (t.second != 0 && t.second_camera != camera)) return true;
   const std::uint8_t slot = order_[static_cast<std::size_t>(size_ - 1)];
-  const Mat23 chart = Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(v.pixel_jacobian.data());
-  second_views_[t.place][slot] = {Vec3(v.bearing.data()),    chart,   0,
-                                  static_cast<float>(v.age), v.row_s, static_cast<float>(v.found)};
+  put(v, second_views_[t.place][slot]);
   t.second |= 1u << slot;
   t.second_camera = camera;
   return true;
@@ -165,11 +184,7 @@ bool Window::observe_second(const SecondView& v, std::uint8_t camera) {
 
 void Window::fetch(const TrackRecord& t) const {
   const auto fetch = [](std::uint32_t mask, const auto& views) {
-    for (; mask != 0; mask &= mask - 1) {
-      const Observation& o = views[static_cast<std::size_t>(std::countr_zero(mask))];
-      __builtin_prefetch(&o);
-      __builtin_prefetch(reinterpret_cast<const char*>(&o + 1) - 1);  // it may end in the next line
-    }
+    for (; mask != 0; mask &= mask - 1) __builtin_prefetch(&views[static_cast<std::size_t>(std::countr_zero(mask))]);
   };
   fetch(t.mask, views_[t.place]);
   fetch(t.second, second_views_[t.place]);

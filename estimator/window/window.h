@@ -8,20 +8,17 @@
 #include "estimator/inertial/nav_state.h"
 #include "estimator/inertial/preintegration.h"
 #include "estimator/window/capacity.h"
+#include "estimator/window/observation.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {
 
-/// One bearing of a track, of the camera's attitude at the frame's stamp. `chart` maps a direction in C to pixels:
-/// d pixel / d f at f.
-struct Observation {
-  Vec3 f_C;
-  Mat23 chart;
-  float stretch;  ///< of the lens there: how much a longer focal length moves the pixel outwards, over a pinhole's
-  float age;      ///< of its track, images
-  float row_s;    ///< exposed so long after the stamp
-  float found;    ///< by a second camera: age of the track when it was found there
-};
+/// In double precision.
+inline Vec3 bearing_of(const Observation& o) { return Eigen::Map<const Eigen::Vector3f>(o.f_C).cast<double>(); }
+inline Mat23 chart_of(const Observation& o) {
+  return Eigen::Map<const Eigen::Matrix<float, 2, 3, Eigen::RowMajor>>(o.chart).cast<double>();
+}
+void set_view(const Vec3& f_C, const Mat23& chart, Observation& o);
 
 inline constexpr int kViewCells = 1024;  ///< 32 x 32 squares of 64 pixels; what is beyond shares the outermost
 
@@ -105,6 +102,9 @@ struct BeamTracks {
   double variance = 0;             ///< of that height minus the height of the beam's end, m^2; 0: nothing is known
 };
 
+/// Square-root information of an IMU interval, 15x15, in rows of whole vectors.
+using RootInformation = Eigen::Matrix<double, 15, 16, Eigen::RowMajor>;
+
 /// A frame of the window.
 struct Slot {
   std::uint64_t id = 0;         ///< never reused
@@ -113,13 +113,13 @@ struct Slot {
   NavState x;
   NavState first;  ///< first estimate, for the Jacobians, once the frame is in the prior
   bool has_first = false;
-  Preintegration imu;                               ///< from the frame before
-  Mat15 L_inverse = Mat15::Zero();                  ///< square-root information of `imu`
-  Vec3 omega = Vec3::Zero();                        ///< last angular rate, bias not removed, rad/s
-  bool at_rest = false;                             ///< zero-motion factor attached
-  bool has_wheel = false;                           ///< wheel factor attached
-  double wheel_speed_m_s = 0;                       ///< measured, at `time`
-  std::array<HeightReading, kHeightKinds> heights;  ///< factor attached to those that it has
+  Preintegration imu;                                   ///< from the frame before
+  RootInformation L_inverse = RootInformation::Zero();  ///< of `imu`
+  Vec3 omega = Vec3::Zero();                            ///< last angular rate, bias not removed, rad/s
+  bool at_rest = false;                                 ///< zero-motion factor attached
+  bool has_wheel = false;                               ///< wheel factor attached
+  double wheel_speed_m_s = 0;                           ///< measured, at `time`
+  std::array<HeightReading, kHeightKinds> heights;      ///< factor attached to those that it has
   BeamTracks beam;
   double path_m = -1;           ///< horizontal way up to here, since any beginning; negative: not measured yet
   std::uint64_t rest_link = 0;  ///< id of the frame whose position it shares; 0: none in the window

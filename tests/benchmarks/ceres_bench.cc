@@ -93,18 +93,19 @@ struct Pose {
 /// Blocks: host's pose, other pose, extrinsics (held), inverse distance.
 class Projection final : public ceres::SizedCostFunction<2, 7, 7, 7, 1> {
  public:
-  Projection(const Observation& host, const Observation& seen) : host_(host.f_C), seen_(seen) {}
+  Projection(const Observation& host, const Observation& seen)
+      : host_(bearing_of(host)), f_C_(bearing_of(seen)), chart_(chart_of(seen)) {}
   bool Evaluate(double const* const* x, double* residual, double** J) const override {
     const Pose i(x[0]), j(x[1]), c(x[2]);
     const double rho = x[3][0];
     const Vec3 in_i = c.R * (host_ / rho) + c.p;
     const Vec3 in_j = j.R.transpose() * (i.R * in_i + i.p - j.p);
     const Vec3 X = c.R.transpose() * (in_j - c.p);
-    const double depth = seen_.f_C.dot(X);
+    const double depth = f_C_.dot(X);
     Eigen::Map<Vec2> r(residual);
-    r = seen_.chart * X / (1.5 * depth);
+    r = chart_ * X / (1.5 * depth);
     if (!J) return true;
-    const Mat23 by_X = (seen_.chart / 1.5 - r * seen_.f_C.transpose()) / depth;
+    const Mat23 by_X = (chart_ / 1.5 - r * f_C_.transpose()) / depth;
     const Mat23 by_in_j = by_X * c.R.transpose();
     const Mat23 by_world = by_in_j * j.R.transpose();
     if (J[0]) {
@@ -121,8 +122,8 @@ class Projection final : public ceres::SizedCostFunction<2, 7, 7, 7, 1> {
   }
 
  private:
-  Vec3 host_;
-  Observation seen_;
+  Vec3 host_, f_C_;
+  Mat23 chart_;
 };
 
 /// Blocks: pose i, (v, b_a, b_g)_i, pose j, (v, b_a, b_g)_j.
@@ -255,8 +256,8 @@ void build(const Window& w, Parameters& x, Part part, ceres::Problem& problem) {
     problem.AddResidualBlock(new First(w.prior.x0[0], H), nullptr, x.pose[0].data(), x.motion[0].data());
     for (std::size_t k = 1; k < x.pose.size(); ++k) {
       const Slot& s = w.at(static_cast<int>(k));
-      problem.AddResidualBlock(new Inertial(s.imu, s.L_inverse), nullptr, x.pose[k - 1].data(), x.motion[k - 1].data(),
-                               x.pose[k].data(), x.motion[k].data());
+      problem.AddResidualBlock(new Inertial(s.imu, s.L_inverse.leftCols<15>()), nullptr, x.pose[k - 1].data(),
+                               x.motion[k - 1].data(), x.pose[k].data(), x.motion[k].data());
     }
   }
   auto* const loss = new ceres::HuberLoss(1);

@@ -18,7 +18,7 @@ DenseSystem dense(const LinearSystem& s) {
     for (int i = 0; i < 9; ++i) {
       const int row = velocity_row(n, k) + i;
       d.b[row] = s.rhs_v[k][i];
-      for (int j = 0; j < dim; ++j) set(row, j, s.P[k][i][j]);
+      for (int j = first_met(k); j < dim; ++j) set(row, j, s.P[k][i][j]);
       for (int j = i; j < 9; ++j) set(row, velocity_row(n, k) + j, s.D[k][i][j]);
       for (int j = 0; k > 0 && j < 9; ++j) set(row, velocity_row(n, k - 1) + j, s.C[k][i][j]);
     }

@@ -46,7 +46,7 @@ struct ExplicitDrift {
     Mat23 before;
     for (int k = 0; k < w.size(); ++k) {
       if (!w.seen(t, k)) continue;
-      Mat23 J = w.view(t, k).chart;
+      Mat23 J = chart_of(w.view(t, k));
       const Mat3 R = test::camera(w, k).R;
       if (!at.empty()) {
         const Eigen::Matrix2d product = J * R.transpose() * before.transpose();
@@ -65,13 +65,13 @@ struct ExplicitDrift {
     const test::Camera camera = test::camera(w, at[n]);
     const Vec3 X = camera.R.transpose() * (P - camera.c);
     const Vec3 by_lens(X.x(), X.y(), (1 - w.calibration.focal) * X.z());
-    return -chart[n] * by_lens / w.view(t, at[n]).f_C.dot(by_lens);
+    return -chart[n] * by_lens / bearing_of(w.view(t, at[n])).dot(by_lens);
   }
   /// A random walk from the track's first image on; the first view errs by one step more than its age.
   MatrixXd covariance(double sigma) const {
     const int n = views();
     MatrixXd C(2 * n, 2 * n);
-    const auto steps = [&](int i) { return 1 + w.view(t, at[static_cast<std::size_t>(i)]).age; };
+    const auto steps = [&](int i) { return 1 + static_cast<double>(w.view(t, at[static_cast<std::size_t>(i)]).age); };
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j)
         C.block<2, 2>(2 * i, 2 * j) = sigma * sigma * std::min(steps(i), steps(j)) * Eigen::Matrix2d::Identity();
@@ -119,7 +119,7 @@ TEST(Drift, IsTheInverseOfTheViewsWholeCovariance) {
     const double sigma = set.drift_sigma * set.drift_inflation, unit = set.drift_inflation * set.drift_inflation;
     const MatrixXd I = test::inverse(e.covariance(sigma));
     const test::Camera first = test::camera(w, 0);
-    Vec3 P = first.c + 4 * first.R * w.view(e.t, 0).f_C;
+    Vec3 P = first.c + 4 * first.R * bearing_of(w.view(e.t, 0));
     for (int i = 0; i < 100; ++i) {
       const MatrixXd K = slopes_by_point(e, P);
       P -= test::solve(test::congruence(I, K), K.transpose() * (I * residuals(e, P)));

@@ -48,14 +48,19 @@ class Printed {
   int tracks = 0, pairs = 0;
 
  private:
-  bool counts(const TrackRecord& t, int k) const { return t.in_use && w_.seen(t, k) && w_.view(t, k).f_C.z() > 0.05; }
+  Vec3 normalised(const TrackRecord& t, int k) const {
+    return bearing_of(w_.view(t, k)) / bearing_of(w_.view(t, k)).z();
+  }
+  bool counts(const TrackRecord& t, int k) const {
+    return t.in_use && w_.seen(t, k) && bearing_of(w_.view(t, k)).z() > 0.05;
+  }
 
   void add(const TrackRecord& t, int i, int j, int frames) {
     ++pairs;
     if ((camera(w_, i).c - camera(w_, j).c).norm() == 0) return;
     const auto residual = [&] {
       const Camera from = camera(w_, i), to = camera(w_, j);
-      const Vec3 z_i = w_.view(t, i).f_C / w_.view(t, i).f_C.z(), z_j = w_.view(t, j).f_C / w_.view(t, j).f_C.z();
+      const Vec3 z_i = normalised(t, i), z_j = normalised(t, j);
       const Vec3 n = (from.c - to.c).normalized();
       return Eigen::Matrix<double, 1, 1>(kFocal / 1.5 * z_j.dot(to.R.transpose() * n.cross(from.R * z_i)));
     };
@@ -74,7 +79,9 @@ SyntheticWindow ragged_window(double noise) {
     for (int k = 0; k < i % 4; ++k) t.mask &= ~w.bit(k);
     for (int k = w.size() - i % 3; k < w.size(); ++k) t.mask &= ~w.bit(k);
     t.in_use = i % 10 != 7;
-    if (i % 8 == 0) w.view(t, i % w.size()).f_C = Vec3(0.999, 0, 0.04).normalized();
+    if (i % 8 != 0) continue;
+    Observation& aside = w.view(t, i % w.size());
+    set_view(Vec3(0.999, 0, 0.04).normalized(), chart_of(aside), aside);
   }
   return s;
 }

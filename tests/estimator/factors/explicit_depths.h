@@ -55,10 +55,10 @@ class Explicit {
     const TrackRecord& t = w_.track(tracks_[i]);
     const int h = views_[i][0], k = views_[i][v];
     const Camera host = camera(w_, h), other = camera(w_, k);
-    const Vec3 X = host.c + host.R * w_.view(t, h).f_C / rho[i];
+    const Vec3 X = host.c + host.R * bearing_of(w_.view(t, h)) / rho[i];
     const Vec3 X_C = other.R.transpose() * (X - other.c);
     const Observation& o = w_.view(t, k);
-    return o.chart * X_C / o.f_C.dot(X_C) / 1.5;
+    return chart_of(o) * X_C / bearing_of(o).dot(X_C) / 1.5;
   }
 
   void add(std::size_t i, std::size_t v) {

@@ -234,7 +234,7 @@ Vec3 nearest_point(const Window& w, const TrackRecord& t, int i, int j) {
   Vec3 b = Vec3::Zero();
   for (const int k : {i, j}) {
     const NavState& x = w.at(k).x;
-    const Vec3 f = x.R * w.calibration.R_BC * w.view(t, k).f_C;
+    const Vec3 f = x.R * w.calibration.R_BC * bearing_of(w.view(t, k));
     const Mat3 across = Mat3::Identity() - f * f.transpose();
     A += across;
     b += across * (x.p + x.R * w.calibration.p_BC);
@@ -260,7 +260,7 @@ TEST_P(HeldDepth, HasNoSlope) {
   t.in_use = true;
   const Vec3 P = nearest_point(w, t, 0, last - 1);
   NavState& x = w.at(last).x;
-  const Vec3 f = x.R * w.calibration.R_BC * w.view(t, last).f_C;
+  const Vec3 f = x.R * w.calibration.R_BC * bearing_of(w.view(t, last));
   const double distance = (P - w.at(0).x.p).norm();
   x.p = P - distance * (0.01 * f + 0.0005 * f.unitOrthogonal()) - x.R * w.calibration.p_BC;
   const Subject subject = make(w);

@@ -112,9 +112,9 @@ struct ExplicitRig {
     return c;
   }
   void add(const Observation& o, int frame, bool second, Mat23 axes) {
-    View v{frame, second, o.f_C, o.chart};
+    View v{frame, second, bearing_of(o), chart_of(o)};
     const Mat3 R = camera(v).R;
-    const Eigen::Matrix2d product = o.chart * R.transpose() * axes.transpose();
+    const Eigen::Matrix2d product = chart_of(o) * R.transpose() * axes.transpose();
     const double c = product(0, 0) + product(1, 1), s = product(0, 1) - product(1, 0), n = std::hypot(c, s);
     if (n > 0) v.chart = (Eigen::Matrix2d() << c / n, -s / n, s / n, c / n).finished() * v.chart;
     views.push_back(v);
@@ -185,7 +185,7 @@ TEST(SeveralCameras, IsTheInverseOfBothChainsJointCovariance) {
   const VisualSettings set = settings();
   const Eigen::MatrixXd I = test::inverse(e.covariance(t, set.drift_sigma * set.drift_inflation));
   const test::Camera first = test::camera(w, 0);
-  Vec3 P = first.c + 4 * first.R * w.view(t, 0).f_C;
+  Vec3 P = first.c + 4 * first.R * bearing_of(w.view(t, 0));
   for (int i = 0; i < 100; ++i) {
     const Eigen::MatrixXd K = e.slopes_by_point(P);
     P -= test::solve(test::congruence(I, K), K.transpose() * (I * e.residuals(P)));

@@ -22,7 +22,7 @@ Vec2 bearing_residual(const Observation& o, double inverse_sigma, const NavState
   const Mat3 R = x.R * so3_exp(omega_B * dt);
   const Vec3 X_C = c.R_BC.transpose() * (R.transpose() * (X - x.p - v * dt) - c.p_BC);
   const Vec3 by_lens(X_C.x(), X_C.y(), (1 - c.focal) * X_C.z());
-  return inverse_sigma * (o.chart * by_lens / o.f_C.dot(by_lens));
+  return inverse_sigma * (chart_of(o) * by_lens / bearing_of(o).dot(by_lens));
 }
 
 /// Central differences of a residual along `dims` directions.
@@ -68,7 +68,7 @@ struct BundleAdjustment {
     for (int k = 0; k < w.size(); ++k) {
       if (!w.seen(t, k)) continue;
       const NavState& x = w.at(k).x;
-      const Vec3 f = x.R * w.calibration.R_BC * w.view(t, k).f_C, c = x.p + x.R * w.calibration.p_BC;
+      const Vec3 f = x.R * w.calibration.R_BC * bearing_of(w.view(t, k)), c = x.p + x.R * w.calibration.p_BC;
       const Mat3 across = Mat3::Identity() - f * f.transpose();
       A += across;
       b += across * c;

@@ -201,9 +201,8 @@ TEST(Solver, CountsTheTracksThatContradictTheMotionWhenNoneIsDropped) {
     for (int k = 0; k < w.size(); ++k)
       if (w.seen(w.track(i), k)) {
         Observation& o = w.view(w.track(i), k);
-        const Mat3 Q = so3_exp(0.05 * (k % 2 ? 1 : -1) * o.f_C.unitOrthogonal());
-        o.f_C = Q * o.f_C;
-        o.chart = o.chart * Q.transpose();
+        const Mat3 Q = so3_exp(0.05 * (k % 2 ? 1 : -1) * bearing_of(o).unitOrthogonal());
+        set_view(Q * bearing_of(o), chart_of(o) * Q.transpose(), o);
       }
   TrackFactor factor(best_instruction_set());
   VisualSettings settings;

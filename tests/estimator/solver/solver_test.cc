@@ -70,6 +70,25 @@ TEST(Solver, RestAddsItsTwoSpringsAndNothingElse) {
   EXPECT_NEAR(cost_with - cost_without, cost, 1e-6 * cost_with);
 }
 
+/// The elimination skips those columns, and nobody clears them.
+TEST(Solver, NoFactorWritesInFrontOfWhatABlockOfTheChainMeets) {
+  SyntheticWindow s = full_window(9);
+  const Window& w = *s.window;
+  TrackFactor factor(best_instruction_set());
+  factor.collect(w, quadratic(true));
+  Solver solver(best_instruction_set());
+  LinearSystem& system = solver.system();
+  constexpr double kUntouched = 12345;
+  for (auto& block : system.P)
+    for (auto& row : block) std::fill(std::begin(row), std::end(row), kUntouched);
+  solver.linearise(w, factor, kEverything);
+  for (int k = 0; k < w.size() - 1; ++k)
+    for (const auto& row : system.P[k]) {
+      for (int c = 0; c < first_met(k); ++c) ASSERT_EQ(row[c], kUntouched) << k << ", " << c;
+      for (int c = first_met(k); c < dense_dim(w.size()); ++c) ASSERT_NE(row[c], kUntouched) << k << ", " << c;
+    }
+}
+
 class Elimination : public testing::TestWithParam<std::tuple<InstructionSet, int>> {};
 
 TEST_P(Elimination, GivesTheStepAndTheCovarianceOfADenseSolve) {
@@ -206,10 +225,11 @@ TEST(Solver, FindsTheFocalLength) {
     for (int k = 0; k < w.size(); ++k) {
       if (!w.seen(w.track(i), k)) continue;
       Observation& view = w.view(w.track(i), k);
-      const Vec2 z = view.f_C.head<2>() / view.f_C.z() / 0.97;
-      view.f_C = z.homogeneous().normalized();
-      const double F = 0.97 * kFocal / view.f_C.z();
-      view.chart << F, 0, -F * z.x(), 0, F, -F * z.y();
+      const Vec3 before = bearing_of(view);
+      const Vec2 z = before.head<2>() / before.z() / 0.97;
+      const Vec3 f_C = z.homogeneous().normalized();
+      const double F = 0.97 * kFocal / f_C.z();
+      set_view(f_C, (Mat23() << F, 0, -F * z.x(), 0, F, -F * z.y()).finished(), view);
     }
   const Converged c = optimise_to_the_end(s, {30, true, false, true}, CalibrationTangent::Constant(1));
   EXPECT_NEAR(c.calibration.focal_ratio(), 1 / 0.97, 1e-4);

@@ -47,7 +47,7 @@ TEST(Keyframe, PureRotationMakesNoneUnlessItIsCountedAsParallax) {
   for (const Vec3& turn : {Vec3(0, 0, 0.1), Vec3(0.1, 0, 0), Vec3(0, -0.2, 0)}) {
     const auto w = window_of({{}, {.turn = turn}, {}});
     EXPECT_FALSE(is_keyframe(*w, kCompensated));
-    EXPECT_LT(compensated_parallax_px(*w, 0, 1, 458), 1e-6);
+    EXPECT_LT(compensated_parallax_px(*w, 0, 1, 458), 458e-7);  // a bearing has seven digits
   }
   const auto w = window_of({{}, {.turn = Vec3(0, 0, 0.1)}, {}});
   EXPECT_TRUE(is_keyframe(*w, kRaw));
@@ -71,13 +71,12 @@ TEST(Keyframe, TranslationMakesOneBeyondTenPixels) {
 }
 
 TEST(Keyframe, MeasuresParallaxInPixels) {
-  int common = 0;
   const auto w = window_of({{}, {.p = Vec3(0, 0.1, 0), .first_point = 20}});
-  EXPECT_NEAR(compensated_parallax_px(*w, 0, 1, 458, &common), 458 * 0.1 / 4, 0.4);  // off the axis it is less
-  EXPECT_EQ(common, 40);
+  EXPECT_NEAR(compensated_parallax_px(*w, 0, 1, 458), 458 * 0.1 / 4, 0.4);  // off the axis it is less
+  EXPECT_EQ(common_tracks(*w, 0, 1), 40);
   const auto apart = window_of({{}, {.first_point = 100}});
-  EXPECT_EQ(compensated_parallax_px(*apart, 0, 1, 458, &common), 0);
-  EXPECT_EQ(common, 0);
+  EXPECT_EQ(compensated_parallax_px(*apart, 0, 1, 458), 0);
+  EXPECT_EQ(common_tracks(*apart, 0, 1), 0);
 }
 
 /// Seen by the second newest frame and by the one before it, out of those the former sees.

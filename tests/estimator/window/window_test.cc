@@ -72,7 +72,7 @@ void expect_same(const Window& w, const Naive& n) {
       const auto& seen = n.frames[static_cast<std::size_t>(k)].seen;
       const auto it = seen.find(id);
       RC_ASSERT(w.seen(t, k) == (it != seen.end()));
-      if (it != seen.end()) RC_ASSERT(w.view(t, k).chart(0, 0) == it->second);
+      if (it != seen.end()) RC_ASSERT(chart_of(w.view(t, k))(0, 0) == it->second);
     }
   }
 }
@@ -136,7 +136,7 @@ TEST(Window, RefusesAndCountsTracksBeyondItsCapacity) {
   w->append();
   EXPECT_EQ(w->observe(frame_of({0, 5, 2000}, 0.5)).without_room, 1);
   EXPECT_EQ(w->views(w->track(w->find(5))), 2);
-  EXPECT_EQ(w->view(w->track(w->find(5)), 3).chart(0, 0), 5.5);
+  EXPECT_EQ(chart_of(w->view(w->track(w->find(5)), 3))(0, 0), 5.5);
   // and there is room again once the others are forgotten
   w->prune();
   EXPECT_EQ(w->track_count(), 2);
@@ -157,7 +157,7 @@ TEST(Window, StartsAReusedIdAfresh) {
   const TrackRecord& t = w->track(w->find(7));
   EXPECT_EQ(w->views(t), 1);
   EXPECT_FALSE(w->seen(t, 0));
-  EXPECT_EQ(w->view(t, 2).chart(0, 0), 7.25);
+  EXPECT_EQ(chart_of(w->view(t, 2))(0, 0), 7.25);
 }
 
 TEST(Window, ClearForgetsEverythingButTheCalibration) {
