@@ -18,31 +18,10 @@ constexpr double kLittle = 0.01;  // of the cost: a step that gains less is the 
 constexpr int kTried = 4;         // of six directions: for 332 pairs that fitted badly, the other two were best once
 constexpr int kPlaneRounds = 4;
 constexpr double kPlaneCost = 1.5, kPlaneCostLeast = 0.05;  // a plane must explain the bearings nearly as well
-constexpr float kLeastMoved = 1e-3F;                        // sine: a bearing along the travel shows no parallax
 constexpr double kOneSide = 0.95;                           // of the bearings, some of which are false
 constexpr double kGoodCost = 0.35;  // log(1 + e^2) of a mean angle of 0.65 mrad: other directions would not do better
 
-using Row = SharedBearings::Row;
-using Vectors = SharedBearings::Vectors;
-constexpr auto kScale_rad = static_cast<float>(kCostScale_rad);
-
-Row dot(const Vectors& a, const Vectors& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-Row dot(const Vec3& a_double, const Vectors& b) {
-  const Eigen::Vector3f a = a_double.cast<float>();
-  return a.x() * b.x + a.y() * b.y + a.z() * b.z;
-}
-Vectors cross(const Vectors& a, const Vectors& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-Vectors cross(const Vec3& a_double, const Vectors& b) {
-  const Eigen::Vector3f a = a_double.cast<float>();
-  return {a.y() * b.z - a.z() * b.y, a.z() * b.x - a.x() * b.z, a.x() * b.y - a.y() * b.x};
-}
-Vectors operator*(const Mat3& R_double, const Vectors& b) {
-  const Eigen::Matrix3f R = R_double.cast<float>();
-  return {R(0, 0) * b.x + R(0, 1) * b.y + R(0, 2) * b.z, R(1, 0) * b.x + R(1, 1) * b.y + R(1, 2) * b.z,
-          R(2, 0) * b.x + R(2, 1) * b.y + R(2, 2) * b.z};
-}
+using RowMat3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 /// As if everything were far away.
 Mat3 turn_of_far_points(const SharedBearings& s) {
@@ -62,21 +41,20 @@ Mat3 turn_of_far_points(const SharedBearings& s) {
   return R_CC0;
 }
 
-/// Mean of log(1 + (e/kScale_rad)^2) over `count` bearings. One logarithm for four: an angle is at most 1 rad, so their
-/// product is below 1e25.
-double mean_cost(int count, const Row& e) {
-  constexpr int kQuarter = SharedBearings::kMost / 4;
-  const Row factors = 1 + (e / kScale_rad).square();
-  const Eigen::Array<float, 1, kQuarter> product = factors.segment<kQuarter>(0) * factors.segment<kQuarter>(kQuarter) *
-                                                   factors.segment<kQuarter>(2 * kQuarter) *
-                                                   factors.segment<kQuarter>(3 * kQuarter);
-  return static_cast<double>(product.log().sum()) / count;
+/// Symmetric, from the lower triangle, row by row.
+template <int n>
+Eigen::Matrix<double, n, n> symmetric(const double* lower) {
+  Eigen::Matrix<double, n, n> H;
+  for (int row = 0, at = 0; row < n; ++row)
+    for (int column = 0; column <= row; ++column, ++at) H(row, column) = H(column, row) = lower[at];
+  return H;
 }
 
 /// Turn and direction of travel, improved together: Gauss-Newton on the angles to epipolar planes.
 class Travel {
  public:
-  Travel(const SharedBearings& s, const Mat3& R_CC0, const Vec3& direction) : s_(s) {
+  Travel(const SharedBearings& s, const Mat3& R_CC0, const Vec3& direction, const TurnKernels& kernels)
+      : s_(s), kernels_(kernels) {
     at(R_CC0, direction, motions_[0]);
   }
   double cost() const { return now().cost; }
@@ -88,27 +66,21 @@ class Travel {
 
  private:
   static constexpr int kUnknowns = 5;
-  using Vec5 = Eigen::Matrix<double, kUnknowns, 1>;
-  using Mat5 = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 
   /// A motion and what it leaves.
   struct Motion {
     Mat3 R;
     Vec3 t;
     double cost;
-    Vectors g;     ///< the bearings before, turned
-    Row scale, e;  ///< e: angle from g to the plane of the bearing now and the direction
+    EpipolarAngles angles;
   };
 
   const Motion& now() const { return motions_[static_cast<std::size_t>(now_)]; }
   void at(const Mat3& R, const Vec3& t, Motion& m) const {
     m.R = R;
     m.t = t;
-    m.g = R * s_.before;
-    const Vectors across = cross(t, s_.now);
-    m.scale = dot(across, across).sqrt().max(0.1F).inverse();
-    m.e = -m.scale * dot(across, m.g);
-    m.cost = mean_cost(s_.count, m.e);
+    const RowMat3 rows = R;
+    m.cost = kernels_.look(s_.before, s_.now, rows.data(), t.data(), m.angles) / s_.count;
   }
   bool step() {
     const Motion& m = now();
@@ -117,24 +89,12 @@ class Travel {
     Eigen::Matrix<double, 3, 2> across;  // of the direction
     across.col(0) = t.cross(other).normalized();
     across.col(1) = t.cross(across.col(0));
-    // de = scale ((t.g) f - (g.f) t).dphi + scale (g x f).dt
-    const Vectors& f = s_.now;
-    const Row tg = m.scale * dot(t, m.g), gf = m.scale * dot(m.g, f);
-    const Eigen::Vector3f tf = t.cast<float>();
-    const Vectors by_t = cross(m.g, f);
-    const std::array<Row, kUnknowns> J{tg * f.x - tf.x() * gf, tg * f.y - tf.y() * gf, tg * f.z - tf.z() * gf,
-                                       m.scale * dot(across.col(0), by_t), m.scale * dot(across.col(1), by_t)};
-    const Row weight = (1 + (m.e / kScale_rad).square()).inverse();
-    Mat5 H = Mat5::Zero();  // its lower triangle
-    Vec5 b;
-    for (int row = 0; row < kUnknowns; ++row) {
-      const Row weighted = weight * J[static_cast<std::size_t>(row)];
-      for (int column = 0; column <= row; ++column)
-        H(row, column) = static_cast<double>((weighted * J[static_cast<std::size_t>(column)]).sum());
-      b[row] = -static_cast<double>((weighted * m.e).sum());
-      H(row, row) += 1e-6 * s_.count;  // a direction nobody sees stays
-    }
-    const Vec5 d = H.selfadjointView<Eigen::Lower>().llt().solve(b);
+    double H[kUnknowns * (kUnknowns + 1) / 2];
+    Eigen::Matrix<double, kUnknowns, 1> b;
+    kernels_.equations(s_.now, m.angles, t.data(), across.data(), H, b.data());
+    Eigen::Matrix<double, kUnknowns, kUnknowns> information = symmetric<kUnknowns>(H);
+    information.diagonal().array() += 1e-6 * s_.count;  // a direction nobody sees stays
+    const Eigen::Matrix<double, kUnknowns, 1> d = information.llt().solve(b);
     Motion& next = motions_[static_cast<std::size_t>(1 - now_)];
     at(so3_exp(d.head<3>()) * m.R, (t + across * d.tail<2>()).normalized(), next);
     if (!(next.cost < m.cost)) return false;
@@ -144,6 +104,7 @@ class Travel {
   }
 
   const SharedBearings& s_;
+  const TurnKernels& kernels_;
   std::array<Motion, 2> motions_;  ///< the best one, and the one that is tried
   int now_ = 0;
 };
@@ -157,18 +118,19 @@ Mat3 rotation_from(const Mat3& sum) noexcept {
 }
 
 bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint, double usual_cost,
-                  CameraTurn& out) noexcept {
+                  const TurnKernels& kernels, CameraTurn& out) noexcept {
   if (bearings.count < SharedBearings::kFewest) return false;
-  out = Travel(bearings, R_CC0, hint).improved();
+  out = Travel(bearings, R_CC0, hint, kernels).improved();
   const double good = std::max(kGoodCost, usual_cost);
   if (out.cost < good) return true;
   const Mat3 far = turn_of_far_points(bearings);
-  std::array<Travel, 6> travels{Travel(bearings, far, hint),
-                                Travel(bearings, far, Vec3(1, 0, 0)),
-                                Travel(bearings, far, Vec3(0, 1, 0)),
-                                Travel(bearings, far, Vec3(0, 0, 1)),
-                                Travel(bearings, far, Vec3(1, 1, 1).normalized()),
-                                Travel(bearings, far, Vec3(1, -1, 1).normalized())};
+  const auto from = [&](const Vec3& direction) { return Travel(bearings, far, direction, kernels); };
+  std::array<Travel, 6> travels{from(hint),
+                                from(Vec3(1, 0, 0)),
+                                from(Vec3(0, 1, 0)),
+                                from(Vec3(0, 0, 1)),
+                                from(Vec3(1, 1, 1).normalized()),
+                                from(Vec3(1, -1, 1).normalized())};
   std::array<Travel*, travels.size()> order;
   std::transform(travels.begin(), travels.end(), order.begin(), [](Travel& t) { return &t; });
   std::partial_sort(order.begin(), order.begin() + kTried, order.end(),
@@ -187,48 +149,41 @@ struct Plane {
   double cost = 0;        ///< as CameraTurn::cost, of the parallax
 };
 
-// Along the epipolar line f_now x (R f + t (n'f)) = 0 is linear in n, robustly so.
-Plane plane_of(const SharedBearings& s, const CameraTurn& turn) {
-  const Vectors along = cross(turn.direction, s.now);
-  // sine by which a point at distance 1 moves, and by which this one did
-  const Row moved = dot(along, along).sqrt();
-  const Row seen = dot(cross(s.now, turn.R_CC0 * s.before), along) / moved.max(kLeastMoved);
-  const Vectors J{moved * s.before.x, moved * s.before.y, moved * s.before.z};
-  Vec3 n = Vec3::Zero();
-  Row e = seen, weight = Row::Ones();
+/// Robustly fitted to the parallaxes.
+Plane plane_of(const SharedBearings& s, const CameraTurn& turn, const TurnKernels& kernels) {
+  const RowMat3 R = turn.R_CC0;
+  Parallaxes rows;
+  kernels.parallaxes(s.before, s.now, R.data(), turn.direction.data(), rows);
+  double H[6];
+  Vec3 n, b;
+  kernels.plane(rows, nullptr, H, b.data());
+  double cost = 0;
   for (int round = 0; round < kPlaneRounds; ++round) {
-    const Vectors weighted{weight * J.x, weight * J.y, weight * J.z};
-    Eigen::Matrix3f H = kLeastMoved * kLeastMoved * Eigen::Matrix3f::Identity();
-    H(0, 0) += (weighted.x * J.x).sum();
-    H(1, 0) += (weighted.y * J.x).sum();
-    H(1, 1) += (weighted.y * J.y).sum();
-    H(2, 0) += (weighted.z * J.x).sum();
-    H(2, 1) += (weighted.z * J.y).sum();
-    H(2, 2) += (weighted.z * J.z).sum();
-    const Eigen::Vector3f b((weighted.x * seen).sum(), (weighted.y * seen).sum(), (weighted.z * seen).sum());
-    n = H.cast<double>().selfadjointView<Eigen::Lower>().ldlt().solve(b.cast<double>());
-    e = seen - dot(n, J);
-    weight = (1 + (e / kScale_rad).square()).inverse();
+    Mat3 information = symmetric<3>(H);
+    information.diagonal().array() += static_cast<double>(kLeastMoved * kLeastMoved);
+    n = information.ldlt().solve(b);
+    cost = kernels.plane(rows, n.data(), H, b.data());
   }
-  return {n, mean_cost(s.count, e)};
+  return {n, cost / s.count};
 }
 
 /// All points on one side of the camera. The direction's sign is arbitrary, so the side is, too.
 bool is_on_one_side(const SharedBearings& s, const Vec3& n) {
-  const auto in_front = static_cast<int>((dot(n, s.before) > 0).count());
+  int in_front = 0;
+  for (int i = 0; i < s.count; ++i) in_front += n.dot(s.before.at(i)) > 0;
   return kOneSide * s.count <= std::max(in_front, s.count - in_front);
 }
 
 }  // namespace
 
-double settle_plane(const SharedBearings& s, double least, CameraTurn& turn) noexcept {
-  const Plane plane = plane_of(s, turn);
+double settle_plane(const SharedBearings& s, double least, const TurnKernels& kernels, CameraTurn& turn) noexcept {
+  const Plane plane = plane_of(s, turn, kernels);
   if (!(plane.cost < kPlaneCost * turn.cost + kPlaneCostLeast)) return 0;
   const Vec3 n = turn.R_CC0 * plane.n, across = turn.direction.cross(n);
   const double apart = across.norm();
   if (apart < least) return apart;
-  const CameraTurn other = Travel(s, so3_exp(across) * turn.R_CC0, n.normalized()).improved();
-  const bool here = is_on_one_side(s, plane.n), there = is_on_one_side(s, plane_of(s, other).n);
+  const CameraTurn other = Travel(s, so3_exp(across) * turn.R_CC0, n.normalized(), kernels).improved();
+  const bool here = is_on_one_side(s, plane.n), there = is_on_one_side(s, plane_of(s, other, kernels).n);
   if (here == there) return apart;
   if (there) turn = other;
   return 0;

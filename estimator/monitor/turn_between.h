@@ -2,17 +2,15 @@
 // The rotation of a camera between two images, from bearings alone. Derivation: docs/derivations/turns.md; test:
 // tests/estimator/monitor/turn_watch_test.cc.
 #include "estimator/geometry/types.h"
+#include "estimator/monitor/turn_kernels.h"
 
 namespace epiline {
 
-/// Bearings of the points that two images share, unit vectors in C. Single precision is finer than a thousandth of
-/// their noise, and twice as many fit a vector.
+/// Bearings of the points that two images share.
 struct SharedBearings {
-  static constexpr int kMost = 64, kFewest = 12;
-  using Row = Eigen::Array<float, 1, kMost>;  ///< a number for each
-  struct Vectors {
-    Row x = Row::Zero(), y = Row::Zero(), z = Row::Zero();
-
+  static constexpr int kMost = kMostShared, kFewest = 12;
+  struct Rows : BearingRows {
+    Rows() : BearingRows{} {}
     Vec3 at(int i) const { return {x[i], y[i], z[i]}; }
     void set(int i, const Vec3& f) {
       x[i] = static_cast<float>(f.x());
@@ -21,10 +19,8 @@ struct SharedBearings {
     }
   };
   int count = 0;
-  Vectors before, now;  ///< zero beyond `count`: such a bearing adds nothing to any sum
+  Rows before, now;
 };
-
-inline constexpr double kCostScale_rad = 0.001;
 
 /// The camera's motion: f_now ~ R_CC0 f_before, except for parallax along `direction`.
 struct CameraTurn {
@@ -37,13 +33,14 @@ struct CameraTurn {
 /// tried only if the fit from there costs more than `usual_cost`, and is not good anyway. Bounded work, no heap. False:
 /// too few bearings.
 bool turn_between(const SharedBearings& bearings, const Mat3& R_CC0, const Vec3& hint, double usual_cost,
-                  CameraTurn& out) noexcept;
+                  const TurnKernels& kernels, CameraTurn& out) noexcept;
 
 /// If all points lie in one plane, n'X = 1 in the camera before and |t| = 1, the images are a homography R + t n', and
 /// R + n t' explains them as well after a turn by t x n more. Of the two rotations, takes the one that has all points
 /// in front of the camera. Returns how far apart they are, rad, if that tells them not apart, or if it is less than
 /// `least`; 0: no plane, or told apart. `turn`: of these bearings.
-double settle_plane(const SharedBearings& bearings, double least, CameraTurn& turn) noexcept;
+double settle_plane(const SharedBearings& bearings, double least, const TurnKernels& kernels,
+                    CameraTurn& turn) noexcept;
 
 /// The rotation R that maximises tr(R^T sum). With `sum` = sum of b a^T it rotates a to b best (Kabsch).
 Mat3 rotation_from(const Mat3& sum) noexcept;

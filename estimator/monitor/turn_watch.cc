@@ -41,7 +41,7 @@ double best_trace(const Mat3& M, double sign) {
 }  // namespace
 
 TurnWatch::TurnWatch(double time_offset_s, double memory_s)
-    : offset_(Span::from_seconds(time_offset_s)), memory_s_(memory_s) {}
+    : kernels_(turn_kernels(best_instruction_set())), offset_(Span::from_seconds(time_offset_s)), memory_s_(memory_s) {}
 
 void TurnWatch::add_images(const TrackedFrame& frame) noexcept {
   const double dt_s = (frame.stamp - last_stamp_).seconds();
@@ -72,10 +72,10 @@ void TurnWatch::add_images(const TrackedFrame& frame) noexcept {
     CameraTurn turn;
     // Of a wide lens a usual fit costs more. Now and then all are tried, lest a poor one becomes usual.
     const double usual_cost = ++fits_ % kTryAll == 0 ? 0 : std::min(kUsualCost * cost_, kWorstCost);
-    const bool fitted = turn_between(shared_, so3_exp(-dt_s * rate_C_), direction_, usual_cost, turn);
+    const bool fitted = turn_between(shared_, so3_exp(-dt_s * rate_C_), direction_, usual_cost, kernels_, turn);
     if (fitted) cost_ += (cost_ == 0 ? 1 : kCostShare) * (turn.cost - cost_);
     const double ambiguous = kMostAmbiguous * dt_s;
-    if (fitted && turn.cost < kWorstCost && settle_plane(shared_, ambiguous, turn) < ambiguous) {
+    if (fitted && turn.cost < kWorstCost && settle_plane(shared_, ambiguous, kernels_, turn) < ambiguous) {
       direction_ = turn.direction;
       rate_C_ = so3_log(turn.R_CC0.transpose()) / dt_s;
       if (pending_end_ - pending_first_ == kPending) ++pending_first_;

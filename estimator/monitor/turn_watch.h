@@ -79,6 +79,7 @@ class TurnWatch {
   Vec3 angle_at(HostStamp stamp, std::uint32_t& from) const noexcept;
   Fit fit_at(int offset) const noexcept;
 
+  const TurnKernels& kernels_;
   Span offset_;
   double memory_s_;
 

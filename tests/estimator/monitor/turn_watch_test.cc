@@ -18,6 +18,7 @@ namespace {
 using test::MadeUpWave;
 
 constexpr double kNothingFades_s = 1e9;
+const TurnKernels& kernels = turn_kernels(best_instruction_set());
 
 TurnAgreement agreement_of(const MadeUpWave& made) {
   auto watch = std::make_unique<TurnWatch>(0, kNothingFades_s);
@@ -53,7 +54,7 @@ TEST(TurnBetween, FindsTheTurnBesideAnyTranslation) {
         s.now.set(i, (s.now.at(i) + 0.05 * Vec3(normal(random), normal(random), 0)).normalized());
     }
     CameraTurn turn;
-    ASSERT_TRUE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), 0, turn));
+    ASSERT_TRUE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), 0, kernels, turn));
     if (turn.cost > 1) continue;  // no fit, and TurnWatch leaves it out
     ++fitted;
     EXPECT_LT(so3_log(R_CC0.transpose() * turn.R_CC0).norm(), 0.01) << trial << " cost " << turn.cost;
@@ -90,7 +91,7 @@ struct OverAPlane {
  private:
   CameraTurn fit(const Mat3& R, const Vec3& direction) const {
     CameraTurn turn;
-    EXPECT_TRUE(turn_between(bearings, R, direction.normalized(), 1, turn));
+    EXPECT_TRUE(turn_between(bearings, R, direction.normalized(), 1, kernels, turn));
     return turn;
   }
 };
@@ -105,10 +106,10 @@ TEST(TurnBetween, SaysHowFarOffTheOtherTurnOverAPlaneIs) {
     if (turn.cost > 0.35 || made.off(turn) > 2e-3 || made.apart() < 0.01) continue;
     ++planes;
     const CameraTurn before = turn;
-    EXPECT_NEAR(settle_plane(made.bearings, 0, turn), made.apart(), 0.2 * made.apart() + 2e-3) << trial;
+    EXPECT_NEAR(settle_plane(made.bearings, 0, kernels, turn), made.apart(), 0.2 * made.apart() + 2e-3) << trial;
     EXPECT_EQ(made.off(turn), made.off(before)) << trial;
     EXPECT_LT(made.other().cost, turn.cost + 0.1) << "the other turn explains it as well, trial " << trial;
-    EXPECT_NEAR(settle_plane(made.bearings, 1, turn), made.apart(), 0.2 * made.apart() + 2e-3) << trial;
+    EXPECT_NEAR(settle_plane(made.bearings, 1, kernels, turn), made.apart(), 0.2 * made.apart() + 2e-3) << trial;
   }
   EXPECT_GE(planes, 10);
 }
@@ -124,7 +125,7 @@ TEST(TurnBetween, TakesTheTurnThatHasThePlaneInFront) {
       if (made.apart() < 0.02 || turn.cost > 0.35) continue;
       if ((made.off(turn) > 0.5 * made.apart()) != from_other) continue;
       (from_other ? other : right) += 1;
-      EXPECT_EQ(settle_plane(made.bearings, 0.01, turn), 0) << trial;
+      EXPECT_EQ(settle_plane(made.bearings, 0.01, kernels, turn), 0) << trial;
       EXPECT_LT(made.off(turn), 3e-3) << trial << " from the other one: " << from_other;
     }
   }
@@ -138,7 +139,7 @@ TEST(TurnBetween, PointsInNoPlaneLeaveOneTurn) {
     const OverAPlane made(random, Vec3(0.05, 0.05, 0.015), 0.8, 0.4);
     CameraTurn turn = made.right();
     const double off = made.off(turn);
-    EXPECT_TRUE(settle_plane(made.bearings, 0.01, turn) == 0 || made.t.norm() < 0.04) << trial;
+    EXPECT_TRUE(settle_plane(made.bearings, 0.01, kernels, turn) == 0 || made.t.norm() < 0.04) << trial;
     EXPECT_EQ(made.off(turn), off) << trial;
   }
 }
@@ -152,7 +153,7 @@ TEST(TurnBetween, UnrelatedBearingsCostMuchButNotInfinitely) {
     for (int i = 0; i < s.count; ++i)
       bearings->set(i, Vec3(normal(random), normal(random), normal(random)).normalized());
   CameraTurn turn;
-  ASSERT_TRUE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), 0, turn));
+  ASSERT_TRUE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), 0, kernels, turn));
   EXPECT_GT(turn.cost, 5);
   EXPECT_LE(turn.cost, std::log1p(1e6));  // an angle of 1 rad, everywhere
 }
@@ -172,8 +173,8 @@ TEST(TurnBetween, OnlyTheBearingsThatAreThereCount) {
       }
     }
     CameraTurn turn_of_few, turn_of_many;
-    ASSERT_TRUE(turn_between(few, made.R_CC0, made.t.normalized(), 1, turn_of_few));
-    ASSERT_TRUE(turn_between(many, made.R_CC0, made.t.normalized(), 1, turn_of_many));
+    ASSERT_TRUE(turn_between(few, made.R_CC0, made.t.normalized(), 1, kernels, turn_of_few));
+    ASSERT_TRUE(turn_between(many, made.R_CC0, made.t.normalized(), 1, kernels, turn_of_many));
     EXPECT_NEAR(turn_of_few.cost, turn_of_many.cost, 1e-3 * turn_of_many.cost) << trial;
     EXPECT_LT(so3_log(turn_of_few.R_CC0.transpose() * turn_of_many.R_CC0).norm(), 1e-4) << trial;
   }
@@ -183,7 +184,7 @@ TEST(TurnBetween, TooFewBearingsGiveNone) {
   SharedBearings s;
   s.count = SharedBearings::kFewest - 1;
   CameraTurn turn;
-  EXPECT_FALSE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), 0, turn));
+  EXPECT_FALSE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), 0, kernels, turn));
 }
 
 TEST(TurnWatch, SaysHowSureItIsOfTheRotation) {

@@ -1,0 +1,5 @@
+#if defined(__x86_64__)
+#include "estimator/simd/avx2.inc"
+// the target before its kernels
+#include "estimator/monitor/turn_kernels.inc"
+#endif
