@@ -87,6 +87,7 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   judge(frame, s, evidence, dt_s);
   if (mount_is_elsewhere()) {
     const Calibration found = window.calibration;
+    monitor.want_reset();
     reset();
     window.calibration = found;
     return {};

@@ -17,6 +17,9 @@ constexpr double kBiasAccelerometer = 1.5, kBiasGyroscope = 0.5;  // m/s^2, rad/
 constexpr double kLostBeforeReset_s = 2;
 // a start that has not settled by then, or is that fast, is none
 constexpr double kLongestUnsettled_s = 10, kFastestUnsettled = 60;  // s, m/s
+// Numbers that end a flight show themselves in the next one, too: the tracks contradict the IMU for one second before
+// that is believed.
+constexpr double kDoubted_s = 5;
 constexpr double kPlentyOfTracks = 60, kPlentyOfParallax_px = 10;
 constexpr double kUsualInnovation = 2, kWorstInnovation = 4;
 constexpr double kQualityMemory_s = 0.5;
@@ -37,7 +40,11 @@ double share_of(const FrameEvidence& e) {
 }
 }  // namespace
 
-void HealthMonitor::restart() { *this = HealthMonitor{}; }
+void HealthMonitor::restart() {
+  const double doubted_s = reset_wanted_ ? kDoubted_s : doubted_s_;
+  *this = {};
+  doubted_s_ = doubted_s;
+}
 
 Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
   if (e.solved) {
@@ -48,7 +55,8 @@ Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
   settled_ = settled_ || tight;
 
   Health h;
-  flag(h.reasons, !settled_, HealthReason::kPosteriorWide);
+  flag(h.reasons, !settled_ || doubted_s_ > 0, HealthReason::kPosteriorWide);
+  doubted_s_ = std::max(0.0, doubted_s_ - dt_s);
   flag(h.reasons, e.tracks < kFewTracks, HealthReason::kFewTracks);
   flag(h.reasons, gated_s_ > kGatedTime_s, HealthReason::kManyGated);
   flag(h.reasons, rejected_frames_ >= kRejectedFrames, HealthReason::kStepsRejected);

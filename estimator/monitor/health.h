@@ -28,15 +28,19 @@ struct FrameEvidence {
 
 class HealthMonitor {
  public:
+  /// Begins a flight. One that follows a flight that failed is doubted until it has lasted a few seconds: what was
+  /// wrong may still be.
   void restart();
   /// Adds one frame's evidence, and returns the new health.
   Health update(const FrameEvidence& e, double dt_s);
   /// True if the state cannot recover: restart.
   bool reset_wanted() const { return reset_wanted_; }
+  /// The flight failed for a reason that its evidence does not hold.
+  void want_reset() { reset_wanted_ = true; }
 
  private:
   bool settled_ = false;  ///< the posterior has been tight once
-  double lost_s_ = 0, gated_s_ = 0, unsettled_s_ = 0;
+  double lost_s_ = 0, gated_s_ = 0, unsettled_s_ = 0, doubted_s_ = 0;
   int rejected_frames_ = 0;
   double quality_ = 0;
   bool reset_wanted_ = false;

@@ -166,6 +166,27 @@ TEST(Health, GivenNotANumberInTheDeviationsThenNeverTracking) {
   e.sigma_velocity = e.sigma_tilt = std::nan("");
   EXPECT_NE(show(m, e, 1).state, HealthState::kTracking);
   m.restart();
+  EXPECT_EQ(show(m, good(), 6).state, HealthState::kTracking);
+}
+
+TEST(Health, GivenAFlightThatFailedThenTheNextOneIsDoubtedForFiveSeconds) {
+  HealthMonitor m;
+  EXPECT_EQ(show(m, good(), 1).state, HealthState::kTracking) << "the first one is not";
+  m.restart();
+  EXPECT_EQ(show(m, good(), 1).state, HealthState::kTracking) << "nor one that no failure came before";
+  FrameEvidence absurd = good();
+  absurd.bias_accelerometer = 2;
+  m.update(absurd, kFrame_s);
+  ASSERT_TRUE(m.reset_wanted());
+  m.restart();
+  m.restart();  // as a reset and a start do
+  const Health h = show(m, good(), 3);
+  EXPECT_EQ(h.state, HealthState::kDegraded);
+  EXPECT_EQ(h.reasons, bit(HealthReason::kPosteriorWide));
+  m.restart();  // it goes on from what it knew
+  EXPECT_EQ(show(m, good(), 1.9).state, HealthState::kDegraded);
+  EXPECT_EQ(show(m, good(), 0.3).state, HealthState::kTracking);
+  m.restart();
   EXPECT_EQ(show(m, good(), 1).state, HealthState::kTracking);
 }
 
