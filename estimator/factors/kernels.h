@@ -36,6 +36,8 @@ struct alignas(64) TrackBatch {
   int second_pose;                      ///< as `home`, of the second camera, less `home`; 0 if `second` is
 };
 
+static_assert(__builtin_offsetof(Observation, age) == sizeof(float) * TrackBatch::kAge, "its numbers, in its order");
+
 /// Tracks of the epipolar factor, eight to a batch, frame by frame: normalised image coordinates (x, y, 1). An absent
 /// view is all zeros and adds nothing to any sum.
 struct alignas(64) EpipolarViews {

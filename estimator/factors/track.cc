@@ -8,7 +8,6 @@
 
 #include "estimator/factors/calibration.h"
 #include "estimator/factors/lanes.h"
-#include "estimator/factors/sorted_tracks.h"
 
 namespace epiline {
 
@@ -178,30 +177,32 @@ void TrackFactor::fill(const Window& w, int b) {
   BatchViews& views = memory_->views;
   for (int k = first; k <= last; ++k)
     for (const int slot : {k, batch.second + k}) std::fill_n(views[slot], kBatchLanes, &kNoView);
-  for (int i = begin; i < end; ++i) {
-    if (i + SortedTracks::kAhead < sorted.size()) fetch(w, w.track(sorted.track(i + SortedTracks::kAhead)));
-    const SortedTracks::Spanned& of = sorted.spanned(i);
-    const TrackRecord& t = w.track(of.track);
-    const int lane = i - begin;
-    const Run run = settings_.drift ? newest_run(of) : Run{of.first, of.last};
-    for (int k = run.begin; k <= run.end; ++k)
-      if (of.seen >> k & 1) views[k][lane] = &w.view(t, k);
-    batch.views[lane] = settings_.drift ? run.views() : std::popcount(of.seen);
-    batch.shared[lane] = 0;
-    set_walk(1, 0, 1, lane, memory_->walks[0]);
-    if (batch.second > 0) {
-      const Run second = add_second_chain(w, t, run, lane, batch, memory_->walks[1]);
-      for (int k = second.begin; k <= second.end; ++k) views[batch.second + k][lane] = &w.second_view(t, k);
-    }
-    recall_point(t, b, lane);
-  }
-  for (int lane = end - begin; lane < kBatchLanes; ++lane) {
+  for (int lane = 0; lane < kBatchLanes; ++lane) {
     batch.views[lane] = batch.warm[lane] = batch.shared[lane] = 0;
     for (Walks& walks : memory_->walks) set_walk(1, 0, 1, lane, walks);
+  }
+  for (int i = begin; i < end; ++i) {
+    if (i + SortedTracks::kAhead < sorted.size()) fetch(w, w.track(sorted.track(i + SortedTracks::kAhead)));
+    fill_lane(w, sorted.spanned(i), b, i - begin);
   }
   kernels_.put_views(views, first, last, 1 / sigma_, batch);
   if (batch.second > 0) kernels_.put_views(views, batch.second + first, batch.second + last, 1 / sigma_, batch);
   if (settings_.drift) kernels_.link_views(memory_->walks, memory_->frame, 1 / sigma_, batch);
+}
+
+void TrackFactor::fill_lane(const Window& w, const SortedTracks::Spanned& of, int b, int lane) {
+  TrackBatch& batch = memory_->batch[b];
+  BatchViews& views = memory_->views;
+  const TrackRecord& t = w.track(of.track);
+  const Run run = settings_.drift ? newest_run(of) : Run{of.first, of.last};
+  for (int k = run.begin; k <= run.end; ++k)
+    if (of.seen >> k & 1) views[k][lane] = &w.view(t, k);
+  batch.views[lane] = settings_.drift ? run.views() : std::popcount(of.seen);
+  if (batch.second > 0) {
+    const Run second = add_second_chain(w, t, run, lane, batch, memory_->walks[1]);
+    for (int k = second.begin; k <= second.end; ++k) views[batch.second + k][lane] = &w.second_view(t, k);
+  }
+  recall_point(t, b, lane);
 }
 
 void TrackFactor::fetch(const Window& w, const TrackRecord& t) const {

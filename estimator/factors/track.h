@@ -3,6 +3,7 @@
 // tests/estimator/factors/visual_test.cc.
 #include <memory>
 
+#include "estimator/factors/sorted_tracks.h"
 #include "estimator/factors/visual.h"
 
 namespace epiline {
@@ -27,6 +28,7 @@ class TrackFactor final : public VisualFactorModel {
  private:
   struct Memory;
   void fill(const Window&, int batch);
+  void fill_lane(const Window&, const SortedTracks::Spanned& track, int batch, int lane);
   void place(const Window&, int frames);
   void place_others(const Window&, int frames);
   void hold_velocities(const Window&);
