@@ -267,7 +267,8 @@ TEST(SeveralCameras, MarginalisationKeepsAllOfTheOldestViewsInformation) {
     const Kept k = kept_of(w);
     EXPECT_GT(k.kept.norm(), 1);
     EXPECT_LT((k.kept - k.lacking).norm(), 1e-6 * k.kept.norm()) << ragged;
-    EXPECT_LT(test::scaled_difference(k.kept, k.lacking), 1e-5) << ragged;
+    // views have seven digits, and what is lacking is the difference of two systems that are much larger
+    EXPECT_LT(test::scaled_difference(k.kept, k.lacking), 1e-4) << ragged;
   }
 }
 
