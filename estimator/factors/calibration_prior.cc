@@ -37,11 +37,10 @@ using Numbers = Eigen::Matrix<double, numbers, 1>;
 /// What is measured of a part without its prior, chi^2 = d'H d - 2 b'd + a constant, along the axes of H.
 template <int numbers>
 struct Measured {
-  using Numbers = epiline::Numbers<numbers>;
-  Numbers h, b;
+  Numbers<numbers> h, b;
 
-  Numbers at_weight(double w) const { return b.array() / (h.array() + w); }
-  double chi2(const Numbers& d) const { return (h.array() * d.array() - 2 * b.array()).matrix().dot(d); }
+  Numbers<numbers> at_weight(double w) const { return b.array() / (h.array() + w); }
+  double chi2(const Numbers<numbers>& d) const { return (h.array() * d.array() - 2 * b.array()).matrix().dot(d); }
 };
 
 /// The maximum of both that is reached from a weight of the prior.

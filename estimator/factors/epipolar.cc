@@ -28,8 +28,8 @@ void EpipolarFactor::put_track(const Window& w, const TrackRecord& t, int b, int
   EpipolarViews& views = memory_->views;
   int n = 0;
   for (int k = views.first[b]; k <= views.last[b]; ++k) {
-    const Vec3 f_C = bearing_of(w.view(t, k));
-    const bool counts = w.seen(t, k) && f_C.z() > kLeastAlongAxis;
+    const Vec3 f_C = w.seen(t, k) ? bearing_of(w.view(t, k)) : Vec3(Vec3::Zero());
+    const bool counts = f_C.z() > kLeastAlongAxis;
     const Vec3 z = counts ? Vec3(f_C / f_C.z()) : Vec3(Vec3::Zero());
     for (int i = 0; i < 3; ++i) views.z[k][b][i][lane] = z[i];
     n += counts;

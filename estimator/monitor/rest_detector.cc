@@ -47,7 +47,7 @@ RestDetector::Displacement RestDetector::displacement(const Snapshot& old, const
     if (e == end || e->id != f.id) continue;
     const Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> chart(f.pixel_jacobian.data());
     const Vec2 d = chart * (Vec3(f.bearing.data()) - e->f_C);
-    if (!(d.squaredNorm() <= kOutlier * sigma * sigma)) {  // nor is it a number of an impossible feature
+    if (!(d.squaredNorm() <= kOutlier * sigma * sigma)) {  // so that NaN is far
       ++moved.far;
       continue;
     }

@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <random>
 
 #include "estimator/geometry/so3.h"
