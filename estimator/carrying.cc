@@ -166,7 +166,7 @@ void Estimator::Impl::forget() {
 void Estimator::Impl::reset() {
   calibration_variances.setZero();
   window.calibration = configured_calibration();
-  misfit.restart();
+  contradictions.restart();
   if (started) {
     ++stats.resets;
     ++odometry.reset_counter;

@@ -151,8 +151,10 @@ StepResult Estimator::Impl::refuse() {
 /// flight corrects for is named and no reason to distrust it.
 void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
   turns.add_images(frame);
-  if ((frame.stamp - numbers_judged_at).seconds() < kJudgeNumbers_s) return;
+  const Severity contradiction = contradictions.worst();
+  if ((frame.stamp - numbers_judged_at).seconds() < kJudgeNumbers_s && contradiction <= contradiction_judged) return;
   numbers_judged_at = frame.stamp;
+  contradiction_judged = contradiction;
   const TurnAgreement seen = turns.agreement();
   const double focal_ratio = window.calibration.focal_ratio();
   const ImuScale& scale = window.calibration.scale;
@@ -162,8 +164,8 @@ void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
   add_suspicions(units, said);
   add_suspicions(units, left);
   const double pair_px = turns.noise_rad() * config.extrinsics.focal_px;
-  add_misfit(misfit.px(), pair_px, said);
-  add_misfit(misfit.px(), pair_px, left);
+  add_contradictions(contradictions, pair_px, said);
+  add_contradictions(contradictions, pair_px, left);
   add_suspicions(config.imu, noise, said);
   const CalibrationTangent sigma = calibration_variances.cwiseSqrt();
   for (Suspicions* s : {&said, &left}) {

@@ -12,8 +12,8 @@
 #include "estimator/inertial/scalar_history.h"
 #include "estimator/inertial/stationary.h"
 #include "estimator/initialise/starter.h"
+#include "estimator/monitor/contradiction.h"
 #include "estimator/monitor/health.h"
-#include "estimator/monitor/misfit_watch.h"
 #include "estimator/monitor/rest_detector.h"
 #include "estimator/monitor/suspicion.h"
 #include "estimator/monitor/turn_watch.h"
@@ -78,7 +78,8 @@ struct Estimator::Impl {
   SolverSummary solve(Supervisor& supervisor, const Supervisor::Effort& effort);
   SolverSettings solver_settings(const Supervisor::Effort& effort) const;
   void count(const SolverSummary& s);
-  void adapt_pixel_sigma(double dt_s);
+  void learn_from_residuals(const SolverSummary& solved, double dt_s);
+  void adapt_pixel_sigma(double seen_px, double dt_s);
   void judge(const TrackedFrame& frame, const SolverSummary& s, FrameEvidence e, double dt_s);
   void slide(Supervisor& supervisor);
   void marginalise(Supervisor& supervisor);
@@ -156,7 +157,8 @@ struct Estimator::Impl {
   CalibrationTangent calibration_variances = CalibrationTangent::Zero();  ///< by the last solve; 0: none yet
   HostStamp numbers_judged_at;
   Severity numbers_wrong = Severity::kNone;  ///< by the watches' present verdict
-  MisfitWatch misfit;                        ///< a reset does not forget it
+  ContradictionWatch contradictions;         ///< a reset does not forget it
+  Severity contradiction_judged = Severity::kNone;
   /// What the last start did not know of its own place and heading (nothing in the first one), and how wrong it was
   /// where the calibration turned out to be far off.
   WorldUncertainty world;

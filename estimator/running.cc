@@ -102,7 +102,7 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   }
   publish(frame.stamp, carried);
   if (s.solved() && effort.most_steps != 1)
-    adapt_pixel_sigma(dt_s);  // residuals of an untried step are those before it
+    learn_from_residuals(s, dt_s);  // those of an untried step are those before it
   const std::uint64_t keyframes = stats.keyframes;
   slide(supervisor);
   return {true, true, stats.keyframes > keyframes};
@@ -264,14 +264,19 @@ void Estimator::Impl::count(const SolverSummary& s) {
   stats.solver_failures += s.failed() ? 1 : 0;
 }
 
+/// What the solved window's residuals say: whether images and IMU contradict each other, and how large the bearings'
+/// noise is.
+void Estimator::Impl::learn_from_residuals(const SolverSummary& s, double dt_s) {
+  const TrackFit fit = visual->track_fit();
+  if (!(fit.median_px > 0)) return;
+  constexpr int kMotion = 9;  // numbers of an interval
+  contradictions.add(fit, s.imu_cost / (kMotion * (window.size() - 1)), dt_s, window.newest().at_rest);
+  if (config.estimate_pixel_sigma) adapt_pixel_sigma(fit.median_px, dt_s);
+}
+
 /// The scales follow the residuals slowly. Both follow the same figure: white noise of s looks like a drift with steps
 /// of s between solved images that are two images apart.
-void Estimator::Impl::adapt_pixel_sigma(double dt_s) {
-  const ResidualNoise noise_seen = visual->residual_noise();
-  const double seen = noise_seen.median_px;
-  if (!(seen > 0)) return;
-  misfit.add(noise_seen, dt_s, window.newest().at_rest);
-  if (!config.estimate_pixel_sigma) return;
+void Estimator::Impl::adapt_pixel_sigma(double seen, double dt_s) {
   const double share = std::min(1.0, dt_s / kSigmaMemory_s);
   pixel_sigma += share * (std::clamp(seen, kSigmaLeast, kMostPixelSigma) - pixel_sigma);
   drift_sigma += share * (std::clamp(seen, kDriftLeast, kMostPixelSigma) - drift_sigma);

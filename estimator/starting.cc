@@ -127,7 +127,7 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   const SolverSummary s = solver.optimise(window, *visual, solver_settings(kStartSteps), patient);
   supervisor.phase(Supervisor::Phase::kNone);
   auto refusal = posterior_refusal(s);
-  const double seen = visual->residual_noise().median_px;
+  const double seen = visual->track_fit().median_px;
   if (!refusal && seen > kStartResidual * pixel_sigma) refusal = StartRefusal::kResidualTooLarge;
   if (refusal) {
     pixel_sigma = given_sigma;

@@ -43,7 +43,10 @@ enum class Suspect : std::uint8_t {
            ///< the camera's
   kUnrelated,           ///< camera and gyroscope do not turn together; figure: agreement, 1 is perfect
   kAccelerometerUnits,  ///< figure: mean length of the specific force, m/s^2
-  kMisfit,  ///< images and IMU contradict each other in the window; figure: tracks' error, px per root of an image
+  kMisfit,     ///< images and IMU contradict each other in the window; figure: tracks' error, px per root of an image
+  kImuMisfit,  ///< the images contradict the IMU beyond its noise; figure: mean square of its residuals, in their own
+               ///< variance
+  kBehind,     ///< tracks meet behind the camera; figure: share of them
   kGyroscopeNoise,      ///< figure: density that the readings allow, over the configured one
   kAccelerometerNoise,  ///< the same
   kFocalLength,         ///< figure: the one found, over the configured one

@@ -116,7 +116,8 @@ struct alignas(64) NewsScratch {
 /// Per track of a batch, of the last evaluation.
 struct alignas(64) TrackVerdicts {
   double chi2[kBatchLanes];
-  double accepted[kBatchLanes];  ///< 1, or 0 for gated and empty lanes
+  double accepted[kBatchLanes];      ///< 1, or 0 for gated and empty lanes
+  double depth_sigmas[kBatchLanes];  ///< inverse depth as the views alone have it, over its standard deviation
 };
 
 /// Each batch of landmarks has one host; every host may have one batch that is not full.

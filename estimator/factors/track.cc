@@ -40,6 +40,7 @@ namespace {
 /// Student's weight already reduces a drifting track with large steps, so the gate has nine times the limit of chi^2.
 /// With it, 1 % of the tracks are gated (docs/derivations/drift.md).
 constexpr double kDriftGate = 9;
+constexpr double kClearDepth = 3;  // standard deviations of an inverse depth: the views show its sign
 /// What the error of a track is in the images of a second camera (docs/derivations/several_cameras.md), in steps.
 constexpr double kSharedSteps = 0.65;  ///< correlation of the steps in both images
 constexpr double kMatchVariance = 7;   ///< where the second camera finds the track it errs by 0.4 px: 7 of 0.15 px
@@ -306,19 +307,26 @@ constexpr auto kMedianOfViews = [] {
 }();
 }  // namespace
 
-ResidualNoise TrackFactor::residual_noise() noexcept {
+TrackFit TrackFactor::track_fit() noexcept {
+  TrackFit fit;
   int n = 0;
   for (int b = 0; b < batches_; ++b)
     for (int lane = 0; lane < kBatchLanes; ++lane) {
-      const double views = memory_->batch[b].views[lane];
-      if (views < 3 || memory_->verdicts[b].accepted[lane] == 0) continue;
-      memory_->ratio[n++] = memory_->verdicts[b].chi2[lane] / kMedianOfViews[static_cast<std::size_t>(views)];
+      const TrackVerdicts& verdicts = memory_->verdicts[b];
+      const double views = memory_->batch[b].views[lane], depth = verdicts.depth_sigmas[lane];
+      if (views < 2) continue;
+      fit.ahead += depth > kClearDepth ? 1 : 0;
+      fit.behind += depth < -kClearDepth ? 1 : 0;
+      if (views < 3 || verdicts.accepted[lane] == 0) continue;
+      memory_->ratio[n++] = verdicts.chi2[lane] / kMedianOfViews[static_cast<std::size_t>(views)];
     }
-  if (n < 20) return {};
+  if (n < 20) return fit;
   double* const ratio = memory_->ratio;
   std::nth_element(ratio, ratio + n / 2, ratio + n);
   std::nth_element(ratio, ratio + n / 4, ratio + n / 2);
-  return {std::sqrt(ratio[n / 2]) * sigma_, std::sqrt(ratio[n / 4]) * sigma_};
+  fit.median_px = std::sqrt(ratio[n / 2]) * sigma_;
+  fit.quarter_px = std::sqrt(ratio[n / 4]) * sigma_;
+  return fit;
 }
 
 }  // namespace epiline

@@ -21,7 +21,7 @@ class TrackFactor final : public VisualFactorModel {
   double cost(const Window&) noexcept override;
   void marginalise_oldest(const Window&, const VisualSettings&, VisualSystem&) noexcept override;
   bool may_step_untried() const noexcept override { return true; }  // the points are optimal at every state
-  ResidualNoise residual_noise() noexcept override;
+  TrackFit track_fit() noexcept override;
   bool gate_suspended() const noexcept override { return gate_suspended_; }
   void restart() noexcept override;
 

@@ -29,10 +29,11 @@ struct VisualSettings {
       1e-3;  ///< rad, and relative depth: a smaller inner step is the last; the next would be far smaller
 };
 
-/// Bearing noise that the residuals of tracks show, px.
-struct ResidualNoise {
-  double median_px = 0;
-  double quarter_px = 0;  ///< of the quarter that fits best: the upper end
+/// What the tracks say of the window's motion.
+struct TrackFit {
+  double median_px = 0;       ///< bearing noise that their residuals show, robustly; 0: too few tracks
+  double quarter_px = 0;      ///< of the quarter that fits best: the upper end
+  int ahead = 0, behind = 0;  ///< tracks whose rays clearly meet in front of the camera, and behind it
 };
 
 /// Turns the window's bearings into normal equations of poses and calibration.
@@ -51,8 +52,8 @@ class VisualFactorModel {
   /// True if the solver may accept an insignificant step (docs/derivations/solver.md) without a trial. This requires a
   /// cost that depends on the window's states only and is close to its quadratic model there.
   virtual bool may_step_untried() const noexcept { return false; }
-  /// Robust noise estimates from the last linearisation's residuals; 0: too few tracks.
-  virtual ResidualNoise residual_noise() noexcept { return {}; }
+  /// Of the last linearisation.
+  virtual TrackFit track_fit() noexcept { return {}; }
   /// True if the last linearisation would have gated more than the cap and therefore gated nothing.
   virtual bool gate_suspended() const noexcept { return false; }
 

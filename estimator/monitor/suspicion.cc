@@ -21,9 +21,6 @@ constexpr double kOffset_s = 0.02, kGrossOffset_s = 0.04;
 // The configured offset must agree worse by so much, or by so much of what even the best one leaves.
 constexpr double kOffsetLoss = 0.002, kOffsetLossOfRest = 0.5;
 constexpr double kWeakestAxis = 0.15;
-// Of right flights it is 0.06 to 0.17 on the mean and 0.32 at most; with a lens not undistorted 1.5, with a wrong sign
-// of the accelerometer 6.
-constexpr double kMisfit_px = 0.8, kGrossMisfit_px = 2;
 constexpr double kMisfitRatio = 2;  // over the error between two images: noisy tracks contradict nobody
 constexpr Span kUnitsSpan = Span::from_milliseconds(5000);
 constexpr double kLeastForce = 7.5, kMostForce = 14;      // m/s^2: a mean over five seconds that a flight can have
@@ -115,10 +112,13 @@ void add_imu_scale(Suspect suspect, double ratio, double sigma, Suspicions& s) n
   add_ratio(suspect, ratio, sigma, kImuScale, kFarImuScale, s);
 }
 
-void add_misfit(double residual_px, double pair_px, Suspicions& s) noexcept {
-  if (residual_px > kMisfit_px && residual_px > kMisfitRatio * pair_px)
-    s[static_cast<std::size_t>(Suspect::kMisfit)] = {
-        residual_px > kGrossMisfit_px ? Severity::kGross : Severity::kSuspect, residual_px, {}};
+void add_contradictions(const ContradictionWatch& watch, double pair_px, Suspicions& s) noexcept {
+  const auto add = [&](Suspect what, const Contradiction& c) {
+    s[static_cast<std::size_t>(what)] = {c.severity(), c.figure(), {}};
+  };
+  if (watch.misfit_px().figure() > kMisfitRatio * pair_px) add(Suspect::kMisfit, watch.misfit_px());
+  add(Suspect::kImuMisfit, watch.imu_chi2());
+  add(Suspect::kBehind, watch.behind());
 }
 
 bool can_be_gravity(double force_m_s2) noexcept { return force_m_s2 > kLeastForce && force_m_s2 < kMostForce; }

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "estimator/inertial/imu_noise.h"
+#include "estimator/monitor/contradiction.h"
 #include "estimator/monitor/turn_watch.h"
 #include "estimator/statistics.h"
 
@@ -26,9 +27,8 @@ void add_imu_scale(Suspect suspect, double ratio, double sigma, Suspicions& susp
 /// Notes on noise densities that the samples contradict. `used`: the densities that replaced the configured ones.
 void add_suspicions(const ImuNoise& configured, const ImuNoise& used, Suspicions& suspicions) noexcept;
 
-/// `residual_px`: the tracks' error according to the window's residuals; `pair_px`: the error between two images, which
-/// does not depend on the IMU (TurnWatch::noise_rad()).
-void add_misfit(double residual_px, double pair_px, Suspicions& suspicions) noexcept;
+/// `pair_px`: the tracks' error between two images, which does not depend on the IMU (TurnWatch::noise_rad()).
+void add_contradictions(const ContradictionWatch& watch, double pair_px, Suspicions& suspicions) noexcept;
 
 /// Mean lengths of specific force and angular rate over the last five seconds. In any flight the first stays near
 /// 9.8 m/s^2. The second stays far below the value that rates in degrees per second would give.

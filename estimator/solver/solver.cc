@@ -29,6 +29,7 @@ struct Solver::Memory {
   };
   LinearSystem system;
   VisualSystem visual;
+  FactorCost cost;
   WindowStep step;
   Iterate first, last;  ///< as optimise() found the window; before the step that is tried
   StateCovariance covariance;
@@ -105,9 +106,9 @@ double Solver::linearise(const Window& w, VisualFactorModel& visual, const Solve
   clear(s, w.size());
   visual.linearise(w, memory_->visual);
   ChainEquations equations(s);
-  const double cost = add_factors(w, memory_->visual, {w.size(), false}, factors_, equations);
+  memory_->cost = add_factors(w, memory_->visual, {w.size(), false}, factors_, equations);
   hold_calibration(settings, s);
-  return cost;
+  return memory_->cost.all;
 }
 
 /// Solves for the step; undamped, the covariance of the newest frame's state too, since damping would flatter it.
@@ -238,6 +239,7 @@ SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const Solve
   save(w, memory_->first);
   memory_->covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
   iterate(w, visual, settings, supervisor, r);
+  r.imu_cost = memory_->cost.imu;
   r.residuals = memory_->visual.residuals;
   r.tracks = memory_->visual.tracks;
   r.gated = memory_->visual.gated;

@@ -33,8 +33,9 @@ struct SolverSummary {
   SolverOutcome outcome = SolverOutcome::kNotFinite;
   int accepted = 0, rejected = 0, linearisations = 0;
   double cost_first = 0, cost = 0;
-  int residuals = 0, tracks = 0,
-      gated = 0;  ///< at the last linearisation; `gated` counts them also where none was dropped
+  // At the last linearisation. `gated` counts them also where none was dropped.
+  double imu_cost = 0;
+  int residuals = 0, tracks = 0, gated = 0;
   /// The window and Solver::covariance() are the solver's. Otherwise the window is where it was and nothing is known
   /// beyond what was known before.
   bool solved() const {

@@ -71,6 +71,14 @@ std::string found(Suspect suspect, const Suspicion& s) {
           "images and IMU contradict each other by {:.1f} px: lens calibration (distortion), mounting, timestamps, or "
           "axes of the accelerometer",
           s.figure);
+    case Suspect::kImuMisfit:
+      return "the images contradict the IMU by more than its noise: an axis or sign of the accelerometer, mounting, "
+             "timestamps, or noise densities that are too small";
+    case Suspect::kBehind:
+      return fmt::format(
+          "the camera travels the other way than the IMU says: {:.0f} % of the tracks meet behind it (a sign of the "
+          "accelerometer, or the mounting)",
+          100 * s.figure);
     case Suspect::kGyroscopeNoise:
     case Suspect::kAccelerometerNoise:
       return fmt::format("the {} readings scatter {} the configured noise density allows: it is off by {:.2g}",

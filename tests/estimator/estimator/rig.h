@@ -70,11 +70,12 @@ class Rig {
 
   std::function<void(const ImuSample&)> before_imu;  ///< may add others through estimator()
   bool camera = true, features = true, imu = true;
-  double imu_delay_s = -0.01;  ///< of the newest reading before a frame; negative: readings are ahead
-  double pixel_noise = 0.3;    ///< px, of every bearing
-  double wandering_share = 0;  ///< of the tracks: they leave the point they began at, 5 px an image ...
-  double wandering_from = 0;   ///< ... from this second on
-  double time_offset = 0;      ///< s: the camera's stamps are early by so much
+  double imu_delay_s = -0.01;       ///< of the newest reading before a frame; negative: readings are ahead
+  double pixel_noise = 0.3;         ///< px, of every bearing
+  double wandering_share = 0;       ///< of the tracks: they leave the point they began at, 5 px an image ...
+  double wandering_from = 0;        ///< ... from this second on
+  Vec3 force_signs = Vec3::Ones();  ///< of the accelerometer's axes
+  double time_offset = 0;           ///< s: the camera's stamps are early by so much
   std::size_t most_features = 10'000;
   std::function<void(TrackedFrame&)> spoil;
   Supervisor* supervisor = &patient_;
@@ -156,7 +157,7 @@ class Rig {
     sample.stamp = at(t);
     Eigen::Map<Vec3>(sample.angular_velocity_rad_s.data()) = flight_.rate(t) + flight_.b_g + noise(n.gyroscope_density);
     Eigen::Map<Vec3>(sample.specific_force_m_s2.data()) =
-        flight_.force(t) + flight_.b_a + noise(n.accelerometer_density);
+        force_signs.cwiseProduct(flight_.force(t) + flight_.b_a + noise(n.accelerometer_density));
     if (before_imu) before_imu(sample);
     estimator_->add_imu(sample);
   }

@@ -58,6 +58,34 @@ TEST(TrackFactor, LeavesTranslationAndYawUnobservable) {
   EXPECT_GT(test::least_eigenvalue(H), -1e-9 * H.norm());
 }
 
+/// Cameras that move the other way see the same lines, which then meet behind them.
+TEST(TrackFactor, SaysOnWhichSideOfTheCamerasItsTracksMeet) {
+  for (const TrackNoiseModel noise : {TrackNoiseModel::kWhite, TrackNoiseModel::kDrift})
+    for (const InstructionSet set : sets_here()) {
+      SyntheticWindow s = make_window({.lever = 0, .state_error = 0});
+      Window& w = *s.window;
+      VisualSettings settings;
+      settings.noise = noise;
+      auto system = std::make_unique<VisualSystem>();
+      const auto fit = [&] {
+        TrackFactor factor(set);
+        factor.collect(w, settings);
+        factor.linearise(w, *system);
+        return factor.track_fit();
+      };
+      const TrackFit right = fit();
+      EXPECT_GT(right.ahead, 50) << name_of(set);
+      EXPECT_EQ(right.behind, 0) << name_of(set);
+      for (int k = 0; k < w.size(); ++k) w.at(k).x.p = -w.at(k).x.p;
+      const TrackFit reversed = fit();
+      EXPECT_EQ(reversed.ahead, 0) << name_of(set);
+      EXPECT_EQ(reversed.behind, right.ahead) << name_of(set);
+      for (int k = 0; k < w.size(); ++k) w.at(k).x.p.setZero();
+      const TrackFit still = fit();
+      EXPECT_EQ(still.ahead + still.behind, 0) << name_of(set) << ": nothing shows a depth";
+    }
+}
+
 /// The last step of a point is not taken but eliminated with the poses, and what it would gain is counted: the same
 /// cost and equations as with points that have converged.
 TEST(TrackFactor, EliminatesTheLastStepOfAPointInsteadOfTakingIt) {

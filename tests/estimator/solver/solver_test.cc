@@ -197,6 +197,26 @@ TEST(Solver, ConvergesToTheTruthOnPerfectData) {
   EXPECT_LT(std::abs(c.calibration.time_offset), 5e-5);
 }
 
+TEST(Solver, SaysWhatTheImuCosts) {
+  for (const double off : {0.0, 0.3}) {  // m/s^2, of a bias that the readings do not show
+    SyntheticWindow s = make_window({.frames = 11, .pixel_noise = 0.5});
+    Window& w = *s.window;
+    for (int k = 0; k < w.size(); ++k) w.at(k).x.b_a = Vec3(0, k % 2 ? off : -off, 0);
+    TrackFactor factor(best_instruction_set());
+    factor.collect(w, quadratic(false));
+    Solver solver(best_instruction_set());
+    Supervisor patient;
+    double imu_cost = -1;
+    for (int i = 0; i < 20; ++i) imu_cost = solver.optimise(w, factor, {1, false, false}, patient).imu_cost;
+    double cost = 0;
+    for (int k = 1; k < w.size(); ++k) {
+      const Vec15 r = imu_residual(w.at(k).imu, w.calibration.scale, w.at(k - 1).x, w.at(k).x);
+      cost += r.dot(w.at(k).imu.C.ldlt().solve(r));
+    }
+    EXPECT_NEAR(imu_cost, cost, 1e-3 * cost);
+  }
+}
+
 /// One second of this path says little of the offset (posterior 12 ms): nothing else may be known of it.
 TEST(Solver, FindsATimeOffsetOfFiveMilliseconds) {
   SyntheticWindow s = make_window({.frames = 11, .pixel_noise = 0, .time_offset = 5e-3});

@@ -19,6 +19,8 @@ TEST(SuspicionText, NamesTheNumberAndTheFigure) {
   EXPECT_TRUE(says(text_of(Suspect::kMirrored, {Severity::kGross, 1, {2, 1, 3}}), "axes x and y look swapped"));
   EXPECT_TRUE(says(text_of(Suspect::kMirrored, {Severity::kGross, 1, {1, 2, -3}}), "sign of its z axis"));
   EXPECT_TRUE(says(text_of(Suspect::kMirrored, {Severity::kGross, 1, {-1, -2, -3}}), "mirrored"));
+  EXPECT_TRUE(says(text_of(Suspect::kImuMisfit, {Severity::kSuspect, 1.4, {}}), "more than its noise"));
+  EXPECT_TRUE(says(text_of(Suspect::kBehind, {Severity::kGross, 0.62, {}}), "62 % of the tracks meet behind it"));
   EXPECT_TRUE(says(text_of(Suspect::kGyroscopeNoise, {Severity::kNote, 40, {}}), "off by 40"));
   EXPECT_TRUE(says(text_of(Suspect::kGyroscopeNoise, {Severity::kNote, 40, {}}), "corrects for it"));
   EXPECT_TRUE(says(text_of(Suspect::kGyroscopeScale, {Severity::kNote, 1 / 1.03, {}}),
@@ -45,6 +47,8 @@ TEST(SuspicionText, TheWordsForProgramsStay) {
   EXPECT_STREQ(to_string(Suspect::kUnrelated), "turns_unrelated");
   EXPECT_STREQ(to_string(Suspect::kAccelerometerUnits), "accelerometer_units");
   EXPECT_STREQ(to_string(Suspect::kMisfit), "misfit");
+  EXPECT_STREQ(to_string(Suspect::kImuMisfit), "imu_misfit");
+  EXPECT_STREQ(to_string(Suspect::kBehind), "tracks_behind");
   EXPECT_STREQ(to_string(Suspect::kGyroscopeNoise), "gyroscope_noise");
   EXPECT_STREQ(to_string(Suspect::kAccelerometerNoise), "accelerometer_noise");
   EXPECT_STREQ(to_string(Suspect::kFocalLength), "focal_length");

@@ -1,0 +1,90 @@
+#pragma once
+// By how much images and IMU contradict each other. docs/derivations/turns.md, "Contradictions".
+#include <algorithm>
+#include <limits>
+
+#include "estimator/factors/visual.h"
+#include "estimator/statistics.h"
+
+namespace epiline {
+
+/// A figure that any solved window has, and that is large where numbers are wrong.
+class Contradiction {
+ public:
+  struct Rule {
+    double suspect, gross;         ///< beyond
+    double most;                   ///< a window can't say more
+    double remembered;             ///< of the figure, by the next flight
+    double believed_s, refuted_s;  ///< until the figure follows what is seen, if that is more, and if it is less
+  };
+  constexpr explicit Contradiction(const Rule& rule) : rule_(rule) {}
+
+  /// Seen in a window; `dt_s` since the one before. It is soon believed. Only motion that fits refutes it, and later:
+  /// at rest any calibration fits.
+  void add(double seen, double dt_s, bool at_rest) noexcept {
+    seen = std::min(seen, rule_.most);
+    const bool refutes = seen < figure_;
+    if (refutes && at_rest) return;
+    figure_ += std::min(1.0, dt_s / (refutes ? rule_.refuted_s : rule_.believed_s)) * (seen - figure_);
+  }
+  /// A new start may try again, but what contradicted before is not trusted yet: calibration is the rig's, not the
+  /// start's. A gentle flight fits many a wrong number, so each one that a contradiction ended makes refuting take
+  /// twice as long.
+  void restart() noexcept {
+    if (figure_ <= rule_.remembered) return;
+    figure_ = rule_.remembered;
+    rule_.refuted_s *= 2;
+  }
+  double figure() const noexcept { return figure_; }
+  Severity severity() const noexcept {
+    return figure_ > rule_.gross ? Severity::kGross : figure_ > rule_.suspect ? Severity::kSuspect : Severity::kNone;
+  }
+
+ private:
+  Rule rule_;
+  double figure_ = 0;
+};
+
+/// The three of them. What is remembered is suspect, not gross: gross would refuse the start.
+class ContradictionWatch {
+ public:
+  /// `imu_chi2`: the window's intervals of the IMU, mean square of a whitened number of their motion.
+  void add(const TrackFit& tracks, double imu_chi2, double dt_s, bool at_rest) noexcept {
+    misfit_px_.add(std::min(tracks.median_px, kFitsAll * tracks.quarter_px), dt_s, at_rest);
+    if (!at_rest) imu_chi2_.add(imu_chi2, dt_s, at_rest);  // a hard landing stays in the window as long as the rest
+    const int deep = tracks.ahead + tracks.behind;
+    if (deep >= kFewestDeep) behind_.add(static_cast<double>(tracks.behind) / deep, dt_s, at_rest);
+  }
+  void restart() noexcept {
+    misfit_px_.restart();
+    imu_chi2_.restart();
+    behind_.restart();
+  }
+  const Contradiction& misfit_px() const noexcept { return misfit_px_; }  ///< of the tracks
+  const Contradiction& imu_chi2() const noexcept { return imu_chi2_; }
+  const Contradiction& behind() const noexcept { return behind_; }  ///< share of the tracks that meet behind the camera
+  Severity worst() const noexcept {
+    return std::max({misfit_px_.severity(), imu_chi2_.severity(), behind_.severity()});
+  }
+
+ private:
+  // Wrong numbers move all tracks: the best quarter misses by 0.4 to 0.7 times the median. What slides along edges, or
+  // moves by itself, leaves a quarter as it is: 0.01 times.
+  static constexpr double kFitsAll = 4;
+  static constexpr int kFewestDeep = 20;
+  static constexpr double kNever = std::numeric_limits<double>::infinity();
+  // Of right flights it is 0.06 to 0.17 on the mean and 0.38 at most; with a lens not undistorted 1.5, with a wrong
+  // sign of the accelerometer 6.
+  Contradiction misfit_px_{
+      {.suspect = 0.8, .gross = 2, .most = 10, .remembered = 1.5, .believed_s = 1, .refuted_s = 5}};
+  // At most 1 on the mean if the noise densities are true, less because the states follow the noise. Right flights: 0.4
+  // at most, MH_01 0.6; with a wrong sign of the accelerometer 0.8 to 6, from the first pose on.
+  Contradiction imu_chi2_{
+      {.suspect = 0.9, .gross = kNever, .most = 2, .remembered = 1.5, .believed_s = 1, .refuted_s = 5}};
+  // Of right flights at most 0.15 in a window, mostly 0; with the accelerometer reversed along the way 0.6 to 0.9. A
+  // turn on the spot fits that sign, too, so what lies behind is refuted last.
+  Contradiction behind_{
+      {.suspect = 0.3, .gross = 0.5, .most = 1, .remembered = 0.5, .believed_s = 0.3, .refuted_s = 15}};
+};
+
+}  // namespace epiline
