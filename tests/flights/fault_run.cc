@@ -84,6 +84,19 @@ Frame4 frame_at(const Compared& c) {
   return f;
 }
 
+/// Of the pose to which the published covariances are relative, without any uncertainty then; none if it is not known.
+std::optional<Frame4> frame_of_origin(std::span<const WorldOrigin> origins, std::uint32_t segment,
+                                      const Trajectory& truth) {
+  const auto origin = std::find_if(origins.begin(), origins.end(),
+                                   [&](const WorldOrigin& w) { return w.known && w.reset_counter == segment; });
+  Compared c;
+  std::size_t hint = 0;
+  if (origin == origins.end() || !interpolate(truth, origin->stamp, kGap, c.truth, hint)) return std::nullopt;
+  const auto& q = origin->q_WB;
+  c.estimate = {origin->stamp, Vec3(origin->p_WB_m.data()), Eigen::Quaterniond(q[0], q[1], q[2], q[3])};
+  return frame_of({c});
+}
+
 double position_error(const Compared& c, const Frame4& f) {
   return (yaw_rotation(f.yaw) * c.estimate.p_WB + f.t - c.truth.p_WB).norm();
 }
@@ -128,7 +141,7 @@ FaultVerdict fly_with(ReplayOptions options, const std::vector<Fault>& faults, c
 }
 
 FaultVerdict judge(const std::vector<Odometry>& published, const Trajectory& truth, HostStamp zero,
-                   const FaultTimes& times) {
+                   const FaultTimes& times, std::span<const WorldOrigin> origins) {
   const double from_s = times.from_s, to_s = times.to_s;
   constexpr double kLasting_s = 1;
   FaultVerdict verdict;
@@ -151,6 +164,7 @@ FaultVerdict judge(const std::vector<Odometry>& published, const Trajectory& tru
       if (t > from_s - 0.02) verdict.reasons |= o.health.reasons & bit(HealthReason::kImuSilent);
       continue;
     }
+    if (!frame) frame = frame_of_origin(origins, o.reset_counter, truth);
     if (!frame && !quiet.empty()) frame = frame_of(quiet);
     ++verdict.published;
     if (t < times.said_until_s) {
@@ -170,7 +184,8 @@ FaultVerdict judge(const std::vector<Odometry>& published, const Trajectory& tru
     if (o.reset_counter != segment) {
       verdict.resets += o.reset_counter - segment;
       segment = o.reset_counter;
-      frame = frame_at(*c);
+      frame = frame_of_origin(origins, segment, truth);
+      if (!frame) frame = frame_at(*c);
     }
     verdict.final_error_m = position_error(*c, *frame);
     const Ratio r = worst_ratio(*c, *frame);

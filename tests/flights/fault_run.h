@@ -1,6 +1,7 @@
 #pragma once
 // A flight with a fault in it: what was reported, and was anything called good that was wrong?
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -50,9 +51,11 @@ struct FaultTimes {
 /// Replays `options`, of a data set with truth, with the faults and compares what is published with the truth.
 FaultVerdict fly_with(ReplayOptions options, const std::vector<Fault>& faults, const FaultTimes& times);
 
-/// What was published of a flight, compared with the truth. `zero`: the instant that `times` count from.
+/// What was published of a flight, compared with the truth. `zero`: the instant that `times` count from. Place and
+/// heading are compared in the frame of the last quiet seconds before `from_s`, or of the `origins` to which
+/// covariances refer.
 FaultVerdict judge(const std::vector<Odometry>& published, const Trajectory& truth, HostStamp zero,
-                   const FaultTimes& times);
+                   const FaultTimes& times, std::span<const WorldOrigin> origins = {});
 
 /// Where an odometry is.
 TimedPose pose_of(const Odometry& odometry);

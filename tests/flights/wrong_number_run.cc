@@ -161,7 +161,8 @@ WrongNumberVerdict fly_with_wrong_number(ReplayOptions options, const WrongNumbe
   }
   const double first_s = (published.all().front().stamp - zero).seconds();
   const FaultVerdict judged =
-      judge(published.all(), *record.truth, zero, {first_s + kFree_s, first_s + kFree_s, first_s + kFree_s});
+      judge(published.all(), *record.truth, zero, {first_s + kFree_s, first_s + kFree_s, first_s + kFree_s},
+            record.estimator.origins);
   std::size_t tracking = 0, later = 0;
   for (const Odometry& o : published.all()) {
     tracking += o.health.state == HealthState::kTracking;
