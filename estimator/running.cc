@@ -77,8 +77,11 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
     carried.P = solver.covariance();
     calibration_variances = solver.calibration_covariance().diagonal();
     doubt_origin(predicted.x, dt_s);
-    if (look_far(solver.calibration_covariance(), solver.linearised_at(), window.calibration, window.calibration_prior))
+    if (look_far(solver.calibration_covariance(), solver.linearised_at(), window.calibration, dt_s,
+                 window.calibration_prior))
       rethinking_s = kRethinking_s;
+    carried.P += covariance_between_maxima(window.calibration_prior, window.calibration,
+                                           solver.calibration_covariance(), solver.cross_covariance());
     stats.calibration = found(window.calibration, calibration_variances);
   }
   FrameEvidence evidence;

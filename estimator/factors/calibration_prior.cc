@@ -9,11 +9,14 @@ namespace epiline {
 namespace {
 constexpr double kFreedom = 1;  // of the Student distributions
 constexpr int kRounds = 20;     // of a search for a maximum
-constexpr double kSeen = 1e-3;  // of the prior's information: less is rounding, and what a solve left undone
+constexpr double kSeen = 1e-4;  // of the prior's information: less is rounding, and what a solve left undone
 // What a solve concludes from is not quite Gaussian, and it concludes often: so much must speak for a calibration that
 // is far off.
 constexpr double kClear = 30, kNear = 25;
-constexpr double kFarthest = 1;  // rad, m, relative: where the search for one that is far begins
+constexpr double kUnlikely = 1e-3;
+constexpr double kDoubted_s = 5;  // another maximum that is seen no more: a window that says little loses it
+constexpr double kSame = 0.1;     // relative difference of maxima
+constexpr double kFarthest = 1;   // rad, m, relative: where the search for one that is far begins
 
 double square(double x) { return x * x; }
 double freedom_and_numbers(const CalibrationPart& p) { return kFreedom + p.numbers; }
@@ -55,9 +58,20 @@ Numbers<numbers> maximum(const CalibrationPart& p, const Measured<numbers>& m, d
   return d;
 }
 
+/// The other maximum, unless the one remembered still says more of the error.
+template <int numbers>
+void remember(const Numbers<numbers>& other, double elsewhere, const Numbers<numbers>& solved, double fading,
+              CalibrationPart& p) {
+  auto remembered = p.other.template head<numbers>();
+  p.elsewhere *= fading;
+  if (elsewhere * (other - solved).squaredNorm() < p.elsewhere * (remembered - solved).squaredNorm()) return;
+  p.elsewhere = elsewhere;
+  remembered = other;
+}
+
 template <int numbers>
 bool look_far(const CalibrationCovariance& covariance, const CalibrationTangent& linearised,
-              const CalibrationTangent& solved, CalibrationPart& p) {
+              const CalibrationTangent& solved, double fading, CalibrationPart& p) {
   using Block = Eigen::Matrix<double, numbers, numbers>;
   const Numbers<numbers> d = solved.segment<numbers>(p.at);
   const Block I = covariance.block<numbers, numbers>(p.at, p.at).inverse();
@@ -68,8 +82,18 @@ bool look_far(const CalibrationCovariance& covariance, const CalibrationTangent&
     if (m.h[i] < kSeen * weight(p, 0)) m.h[i] = m.b[i] = 0;
   const Numbers<numbers> near = maximum(p, m, weight(p, 0)), far = maximum(p, m, weight(p, square(kFarthest)));
   const auto both = [&](const Numbers<numbers>& x) { return m.chi2(x) + cost(p, x.squaredNorm()); };
+  // of a maximum: its height times its width
+  const auto log_mass = [&](const Numbers<numbers>& x) {
+    return -(both(x) + (m.h.array() + weight(p, x.squaredNorm())).log().sum()) / 2;
+  };
   const bool held_near = square(p.found) < kNear * scale_squared(p);
-  p.found = both(far) < both(near) - (held_near ? kClear : 0) ? far.norm() : near.norm();
+  const double gain = both(near) - both(far);
+  const bool takes_far = gain > (held_near ? kClear : 0);
+  p.found = takes_far ? far.norm() : near.norm();
+  const Numbers<numbers>&here = takes_far ? far : near, &there = takes_far ? near : far;
+  const bool two = (there - here).norm() > kSame * far.norm();
+  remember<numbers>(axes.eigenvectors() * there, two ? 1 / (1 + std::exp(log_mass(here) - log_mass(there))) : 0, d,
+                    fading, p);
   return held_near && square(p.found) >= kNear * scale_squared(p);
 }
 }  // namespace
@@ -97,13 +121,39 @@ double add_calibration_prior(const Window& w, const Share& share, NormalEquation
 }
 
 bool look_far(const CalibrationCovariance& covariance, const Calibration& linearised, const Calibration& solved,
-              CalibrationPrior& prior) noexcept {
+              double dt_s, CalibrationPrior& prior) noexcept {
+  const double fading = std::exp(-dt_s / kDoubted_s);
   const CalibrationTangent d0 = local(prior.configured, linearised), d = local(prior.configured, solved);
   bool found = false;
   for (CalibrationPart* p : prior.parts())
     if (p->sigma > 0)
-      found |= p->numbers == 1 ? look_far<1>(covariance, d0, d, *p) : look_far<3>(covariance, d0, d, *p);
+      found |=
+          p->numbers == 1 ? look_far<1>(covariance, d0, d, fading, *p) : look_far<3>(covariance, d0, d, fading, *p);
   return found;
+}
+
+namespace {
+template <int numbers>
+void add_between_maxima(const CalibrationPart& p, const CalibrationTangent& solved,
+                        const CalibrationCovariance& covariance, const CrossCovariance& cross, StateCovariance& P) {
+  const Numbers<numbers> there = p.other.head<numbers>() - solved.segment<numbers>(p.at);
+  const Eigen::Matrix<double, 16, 1> moved =
+      cross.middleCols<numbers>(p.at) * covariance.block<numbers, numbers>(p.at, p.at).ldlt().solve(there);
+  P += p.elsewhere * moved * moved.transpose();
+}
+}  // namespace
+
+StateCovariance covariance_between_maxima(const CalibrationPrior& prior, const Calibration& solved,
+                                          const CalibrationCovariance& covariance,
+                                          const CrossCovariance& cross) noexcept {
+  const CalibrationTangent d = local(prior.configured, solved);
+  StateCovariance P = StateCovariance::Zero();
+  for (const CalibrationPart* p : prior.parts()) {
+    if (!(p->sigma > 0) || p->elsewhere < kUnlikely) continue;
+    p->numbers == 1 ? add_between_maxima<1>(*p, d, covariance, cross, P)
+                    : add_between_maxima<3>(*p, d, covariance, cross, P);
+  }
+  return P;
 }
 
 }  // namespace epiline

@@ -13,8 +13,15 @@ double add_calibration_prior(const Window& window, const Share& share, NormalEqu
 
 /// Looks for a truth far from the configured values that all measurements so far make likelier. `covariance`, `solved`:
 /// the calibration by a solve that was linearised at `linearised` under this prior; the next solve holds the
-/// calibration as little as one that far away. Returns whether one was found that is farther off than what was held to.
+/// calibration as little as one that far away. `dt_s`: since the last such look. Returns whether one was found that is
+/// farther off than what was held to.
 bool look_far(const CalibrationCovariance& covariance, const Calibration& linearised, const Calibration& solved,
-              CalibrationPrior& prior) noexcept;
+              double dt_s, CalibrationPrior& prior) noexcept;
+
+/// What the covariance of the newest state lacks where the truth of the calibration may be at another maximum: the
+/// state would be another one then. `covariance`, `cross`: of the solved calibration, and of the state with it.
+StateCovariance covariance_between_maxima(const CalibrationPrior& prior, const Calibration& solved,
+                                          const CalibrationCovariance& covariance,
+                                          const CrossCovariance& cross) noexcept;
 
 }  // namespace epiline

@@ -34,12 +34,14 @@ struct Solver::Memory {
   Iterate first, last;  ///< as optimise() found the window; before the step that is tried
   StateCovariance covariance;
   CalibrationCovariance calibration_covariance;
+  CrossCovariance cross_covariance;
 };
 
 Solver::Solver(InstructionSet set)
     : factors_(factor_kernels(set)), elimination_(elimination_kernels(set)), memory_(new Memory) {
   memory_->covariance.setZero();
   memory_->calibration_covariance.setZero();
+  memory_->cross_covariance.setZero();
 }
 Solver::~Solver() = default;
 
@@ -47,6 +49,7 @@ LinearSystem& Solver::system() { return memory_->system; }
 const VisualSystem& Solver::visual_system() const { return memory_->visual; }
 const StateCovariance& Solver::covariance() const { return memory_->covariance; }
 const CalibrationCovariance& Solver::calibration_covariance() const { return memory_->calibration_covariance; }
+const CrossCovariance& Solver::cross_covariance() const { return memory_->cross_covariance; }
 const Calibration& Solver::linearised_at() const { return memory_->last.calibration; }
 
 namespace {
@@ -150,6 +153,7 @@ void Solver::read_covariance(const SolverSettings& settings) {
   const Eigen::Map<const Eigen::Matrix<double, kNewest, kNewest>, 0, Eigen::OuterStride<kNewestStride>> joint(C[0]);
   m.covariance = joint.topLeftCorner<16, 16>();
   m.calibration_covariance = joint.bottomRightCorner<kCalibration, kCalibration>();
+  m.cross_covariance = joint.topRightCorner<16, kCalibration>();
   for (int c = 0; c < kCalibration; ++c)
     if (!estimated(settings, c)) {
       m.calibration_covariance.row(c).setZero();

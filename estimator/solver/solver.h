@@ -58,6 +58,8 @@ class Solver {
   const StateCovariance& covariance() const;
   /// The same of the calibration (zero rows where not estimated).
   const CalibrationCovariance& calibration_covariance() const;
+  /// Of the state and time offset with the calibration.
+  const CrossCovariance& cross_covariance() const;
   /// The calibration at which the system of these covariances was linearised.
   const Calibration& linearised_at() const;
 

@@ -50,6 +50,8 @@ inline constexpr int kTimeOffsetColumn = 0, kRotationColumn = 1, kTranslationCol
                      kAccelerometerScaleColumn = 8, kGyroscopeScaleColumn = 9;
 using CalibrationTangent = Eigen::Matrix<double, kCalibration, 1>;
 using CalibrationCovariance = Eigen::Matrix<double, kCalibration, kCalibration>;
+/// Of a state and time offset with the calibration.
+using CrossCovariance = Eigen::Matrix<double, 16, kCalibration>;
 void retract(Calibration& c, const CalibrationTangent& d);
 CalibrationTangent local(const Calibration& c0, const Calibration& c);
 
@@ -59,6 +61,9 @@ struct CalibrationPart {
   int at, numbers;
   double sigma = 0;  ///< near the configured values; 0: not estimated
   double found = 0;  ///< how far from the configured values the truth most likely is
+  // The prior has a narrow part and wide tails, so there may be another maximum than the one that is held to.
+  double elsewhere = 0;       ///< how likely the truth is there instead, 0 to 1; fades within seconds
+  Vec3 other = Vec3::Zero();  ///< where, from the configured values
 };
 struct CalibrationPrior {
   Calibration configured;

@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
+#include <vector>
 
 #include "tests/estimator/factors/named_blocks.h"
 #include "tests/estimator/synthetic_window.h"
@@ -113,7 +115,7 @@ TEST(CalibrationPrior, FindsATruthThatIsFarOnceItIsClearlyLikelier) {
         const double measured = in_sigmas * sigma, expected = expected_distance(*part, measured, sigma);
         part->found = 0;
         const Solved s = solved_under(prior, *part, measured, sigma);
-        const bool farther = look_far(s.covariance, prior.configured, s.calibration, prior);
+        const bool farther = look_far(s.covariance, prior.configured, s.calibration, 0.1, prior);
         EXPECT_NEAR(part->found, expected, 0.02 * expected + 1e-6) << in_sigmas << " of " << sigma;
         const double held_at = std::abs(local(prior.configured, s.calibration)[part->at]);
         EXPECT_EQ(farther, part->found > 5 * part->sigma * std::sqrt(1 + part->numbers))
@@ -122,7 +124,7 @@ TEST(CalibrationPrior, FindsATruthThatIsFarOnceItIsClearlyLikelier) {
         stays += part->found < 1.1 * held_at;
         const double found = part->found;
         const Solved again = solved_under(prior, *part, measured, sigma);
-        const bool news = look_far(again.covariance, prior.configured, again.calibration, prior);
+        const bool news = look_far(again.covariance, prior.configured, again.calibration, 0.1, prior);
         EXPECT_NEAR(part->found, found, 1e-3 * found) << "found again from where it led";
         EXPECT_FALSE(news && farther) << "it was held to that already";
       }
@@ -132,11 +134,88 @@ TEST(CalibrationPrior, FindsATruthThatIsFarOnceItIsClearlyLikelier) {
   }
 }
 
+/// Mean square of the truth's distance from `solved`, by the sum over the posterior: Student prior times measurement.
+double mean_square_from(double solved, const CalibrationPart& p, double measured, double sigma) {
+  double mass = 0, moment = 0;
+  constexpr double kStep = 2e-6;
+  for (double d = -10 * sigma; d < measured + 10 * sigma; d += kStep) {
+    const double density = std::exp(-square((d - measured) / sigma) / 2) / (1 + square(d) / (2 * square(p.sigma)));
+    mass += density;
+    moment += density * square(d - solved);
+  }
+  return moment / mass;
+}
+
+/// Long before the far maximum is clearly likelier, the truth may be there.
+TEST(CalibrationPrior, ClaimsWhatTwoMaximaLeaveOpen) {
+  int two = 0;
+  for (const double in_sigmas : {0.5, 2.0, 3.0, 4.0, 5.0, 6.0, 9.0})
+    for (const double sigma : {0.003, 0.0006}) {
+      CalibrationPrior prior;
+      prior.focal.sigma = 1e-4;
+      const double measured = in_sigmas * sigma;
+      const Solved s = solved_under(prior, prior.focal, measured, sigma);
+      look_far(s.covariance, prior.configured, s.calibration, 0.1, prior);
+      const double solved = local(prior.configured, s.calibration)[kFocalColumn];
+      CrossCovariance cross = CrossCovariance::Zero();  // a state that follows the focal length
+      cross.row(2) = s.covariance.row(kFocalColumn);
+      const double added = covariance_between_maxima(prior, s.calibration, s.covariance, cross)(2, 2);
+      const double expected = mean_square_from(solved, prior.focal, measured, sigma);
+      two += prior.focal.elsewhere > 0.01;
+      // with one maximum the Student distribution is wider than the Gaussian that touches it
+      EXPECT_LT(s.covariance(kFocalColumn, kFocalColumn) + added, 2 * expected) << in_sigmas << " of " << sigma;
+      if (prior.focal.elsewhere > 0.01) {
+        EXPECT_GT(s.covariance(kFocalColumn, kFocalColumn) + added, expected / 2) << in_sigmas << " of " << sigma;
+      }
+    }
+  EXPECT_GT(two, 5);
+}
+
+/// The state that another calibration would mean: the mean of a joint Gaussian under that condition.
+TEST(CalibrationPrior, MovesTheStateAsItsCovarianceWithTheCalibrationSays) {
+  constexpr int kJoint = 15 + kCalibration;
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal;
+  const auto any = [&](int rows, int columns) {
+    return Eigen::MatrixXd::NullaryExpr(rows, columns, [&] { return normal(random); }).eval();
+  };
+  const Eigen::MatrixXd A = any(kJoint, kJoint + 5), joint = A * A.transpose(), information = joint.inverse();
+  CalibrationPrior prior;
+  prior.translation.sigma = 1e-3;
+  prior.translation.elsewhere = 0.3;
+  prior.translation.other = Vec3(0.1, -0.2, 0.05);
+  const StateCovariance added =
+      covariance_between_maxima(prior, prior.configured, joint.bottomRightCorner(kCalibration, kCalibration),
+                                joint.topRightCorner(16, kCalibration));
+  const int at = 15 + kTranslationColumn;
+  std::vector<int> rest;
+  for (int i = 0; i < kJoint; ++i)
+    if (i < at || i >= at + 3) rest.push_back(i);
+  const Eigen::MatrixXd among = information(rest, rest), with = information(rest, Eigen::seqN(at, 3));
+  const Eigen::VectorXd moved = -among.ldlt().solve(with * prior.translation.other);
+  const Eigen::VectorXd state = moved.head(16);
+  EXPECT_LT((added - 0.3 * state * state.transpose()).norm(), 1e-6 * added.norm());
+}
+
+TEST(CalibrationPrior, DoubtsForSecondsWhatAPoorWindowShowsNoMore) {
+  CalibrationPrior prior;
+  prior.focal.sigma = 1e-4;
+  const Solved clear = solved_under(prior, prior.focal, 0.0024, 0.0006);
+  look_far(clear.covariance, prior.configured, clear.calibration, 0.1, prior);
+  const double doubt = prior.focal.elsewhere;
+  ASSERT_GT(doubt, 0.3);
+  const Solved poor = solved_under(prior, prior.focal, 0, 1);
+  look_far(poor.covariance, prior.configured, poor.calibration, 1, prior);
+  EXPECT_GT(prior.focal.elsewhere, 0.7 * doubt);
+  for (int i = 0; i < 30; ++i) look_far(poor.covariance, prior.configured, poor.calibration, 1, prior);
+  EXPECT_LT(prior.focal.elsewhere, 0.01);
+}
+
 TEST(CalibrationPrior, ConcludesNothingFromNextToNothing) {
   CalibrationPrior prior;
   prior.focal.sigma = 3e-5;
   const Solved s = solved_under(prior, prior.focal, 1, 0.05);  // 20 sigmas, but of a measurement that is rounding
-  EXPECT_FALSE(look_far(s.covariance, prior.configured, s.calibration, prior));
+  EXPECT_FALSE(look_far(s.covariance, prior.configured, s.calibration, 0.1, prior));
   EXPECT_EQ(prior.focal.found, 0);
 }
 
