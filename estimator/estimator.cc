@@ -147,8 +147,17 @@ StepResult Estimator::Impl::refuse() {
   return {};
 }
 
+/// The camera's pose on the IMU against the configured one.
+FoundPose Estimator::Impl::found_pose() const {
+  const CalibrationTangent d = local(configured_calibration(), window.calibration);
+  const auto sigma = [&](int at) { return std::sqrt(calibration_variances.segment<3>(at).maxCoeff()); };
+  return {d.segment<3>(kRotationColumn).norm(), sigma(kRotationColumn), d.segment<3>(kTranslationColumn).norm(),
+          sigma(kTranslationColumn)};
+}
+
 /// Whether the user's numbers can be true (docs/derivations/turns.md); of every image that is due for a solve. What the
-/// flight corrects for is named and no reason to distrust it.
+/// flight corrects for is named and no reason to distrust it, unless it is grossly wrong: what is estimated is linear
+/// in the error.
 void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
   turns.add_images(frame);
   const Severity contradiction = contradictions.worst();
@@ -168,6 +177,7 @@ void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
   add_contradictions(contradictions, pair_px, left);
   add_suspicions(config.imu, noise, said);
   const CalibrationTangent sigma = calibration_variances.cwiseSqrt();
+  add_pose(found_pose(), said);
   for (Suspicions* s : {&said, &left}) {
     add_focal_length(focal_ratio, sigma[kFocalColumn], *s);
     add_imu_scale(Suspect::kAccelerometerScale, by_a, sigma[kAccelerometerScaleColumn], *s);
@@ -176,6 +186,7 @@ void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
   numbers_wrong = Severity::kNone;
   for (std::size_t i = 0; i < said.size(); ++i) {
     numbers_wrong = std::max(numbers_wrong, left[i].severity);
+    if (said[i].severity == Severity::kGross) numbers_wrong = std::max(numbers_wrong, Severity::kSuspect);
     if (said[i].severity > Severity::kNote && left[i].severity == Severity::kNone) said[i].severity = Severity::kNote;
     if (said[i].severity != Severity::kNone && said[i].severity >= stats.suspicions[i].severity)
       stats.suspicions[i] = said[i];

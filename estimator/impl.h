@@ -57,6 +57,7 @@ struct Estimator::Impl {
   bool add_imu(const ImuSample& sample);
   StepResult refuse();
   HostStamp imu_time(HostStamp image) const;
+  FoundPose found_pose() const;
   void watch_numbers(const TrackedFrame& frame);
   double exposed_within_s() const;
   const TrackedFrame& at_stamp(const TrackedFrame& frame);

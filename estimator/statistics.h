@@ -36,6 +36,7 @@ const char* to_string(StartRefusal);
 enum class Suspect : std::uint8_t {
   kRotation,        ///< of the camera on the IMU; figure: rad between the configured and the seen one
   kInverted,        ///< its inverse would agree instead; figure: rad that would remain
+  kPlace,           ///< of the camera on the IMU; figure: m between the configured and the estimated one
   kMirrored,        ///< an axis has the wrong sign, or two are swapped; figure: agreement after that is put right
   kTimeOffset,      ///< figure: s to add to the configured t_IMU - t_image
   kGyroscopeUnits,  ///< figure: the gyroscope's rates over the camera's; negative: minus their mean, rad/s

@@ -16,6 +16,7 @@ constexpr double kUnits = 8;  // degrees make it 57
 constexpr double kUnrelated = 0.35;
 constexpr double kManyTurns = 60;
 constexpr double kRotation = 0.15, kGrossRotation = 0.35;  // rad
+constexpr double kPlace_m = 0.03, kGrossPlace_m = 0.5;
 constexpr double kSigmas = 6, kAgreeOnRotation = 0.97;
 constexpr double kOffset_s = 0.02, kGrossOffset_s = 0.04;
 // The configured offset must agree worse by so much, or by so much of what even the best one leaves.
@@ -106,6 +107,17 @@ void add_ratio(Suspect suspect, double ratio, double sigma, double least, double
 
 void add_focal_length(double ratio, double sigma, Suspicions& s) noexcept {
   add_ratio(Suspect::kFocalLength, ratio, sigma, kFocalLength, kFarFocalLength, s);
+}
+
+void add_pose(const FoundPose& found, Suspicions& s) noexcept {
+  const auto raise = [&](Suspect what, double figure, double sigma, double least, double gross) {
+    Suspicion& one = s[static_cast<std::size_t>(what)];
+    if (sigma > 0 && figure > std::max(least, kSigmas * sigma) && one.severity == Severity::kNone)
+      one = {figure > gross ? Severity::kGross : Severity::kNote, figure, {}};
+  };
+  if (s[static_cast<std::size_t>(Suspect::kInverted)].severity == Severity::kNone)
+    raise(Suspect::kRotation, found.rotation_rad, found.rotation_sigma, kRotation, kGrossRotation);
+  raise(Suspect::kPlace, found.place_m, found.place_sigma, kPlace_m, kGrossPlace_m);
 }
 
 void add_imu_scale(Suspect suspect, double ratio, double sigma, Suspicions& s) noexcept {

@@ -21,6 +21,13 @@ Suspicions suspicions_of(const TurnAgreement& turns, const Mat3& R_BC, double ti
 /// Suspicion of the focal length: a note if the flight estimated another one, more than a note if it is far off.
 void add_focal_length(double ratio, double sigma, Suspicions& suspicions) noexcept;
 
+/// Suspicion of the camera's pose on the IMU, from what the flight estimated: `rotation_rad` and `place_m` off, with
+/// their standard deviations. Where turns show the rotation, they have named it before.
+struct FoundPose {
+  double rotation_rad = 0, rotation_sigma = 0, place_m = 0, place_sigma = 0;
+};
+void add_pose(const FoundPose& found, Suspicions& suspicions) noexcept;
+
 /// The same of a scale of the IMU. `suspect`: which one.
 void add_imu_scale(Suspect suspect, double ratio, double sigma, Suspicions& suspicions) noexcept;
 

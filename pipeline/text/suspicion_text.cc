@@ -46,6 +46,8 @@ std::string found(Suspect suspect, const Suspicion& s) {
           s.figure / kDegree);
     case Suspect::kInverted:
       return "the inverse of the camera's rotation would agree with the gyroscope: T_BS (T_cam_imu) is inverted";
+    case Suspect::kPlace:
+      return fmt::format("the camera is {:.0f} cm from where T_BS puts it on the IMU", 100 * s.figure);
     case Suspect::kMirrored:
       return fmt::format("gyroscope and camera turn as in a mirror: {}", axes_text(s.axes));
     case Suspect::kTimeOffset:

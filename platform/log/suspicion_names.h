@@ -4,11 +4,15 @@
 namespace epiline {
 
 /// In the order of the estimator's enumerations Suspect and Severity. Programs read them: a word keeps its meaning.
-inline constexpr const char* kSuspectNames[] = {
-    "camera_rotation", "camera_rotation_inverted", "axes_mirrored",       "time_offset",  "gyroscope_units",
-    "rotation_scale",  "turns_unrelated",          "accelerometer_units", "misfit",       "imu_misfit",
-    "tracks_behind",   "gyroscope_noise",          "accelerometer_noise", "focal_length", "accelerometer_scale",
-    "gyroscope_scale"};
+inline constexpr const char* kSuspectNames[] = {"camera_rotation",     "camera_rotation_inverted",
+                                                "camera_place",        "axes_mirrored",
+                                                "time_offset",         "gyroscope_units",
+                                                "rotation_scale",      "turns_unrelated",
+                                                "accelerometer_units", "misfit",
+                                                "imu_misfit",          "tracks_behind",
+                                                "gyroscope_noise",     "accelerometer_noise",
+                                                "focal_length",        "accelerometer_scale",
+                                                "gyroscope_scale"};
 inline constexpr const char* kSeverityNames[] = {"none", "corrected", "suspect", "gross"};
 
 }  // namespace epiline

@@ -325,6 +325,31 @@ TEST(Suspicions, AFocalLengthThatIsAnotherIsARemark) {
   }
 }
 
+TEST(Suspicions, NamesWhereTheFlightEstimatesTheCameraToBe) {
+  const struct {
+    FoundPose found;
+    Severity rotation, place;
+  } cases[] = {{{0.05, 0.001, 0.02, 0.001}, Severity::kNone, Severity::kNone},
+               {{0.2, 0.05, 0.2, 0.05}, Severity::kNone, Severity::kNone},  // not sure of it
+               {{0.2, 0.01, 0.2, 0.01}, Severity::kNote, Severity::kNote},
+               {{0.4, 0.01, 0.6, 0.01}, Severity::kGross, Severity::kGross},
+               {{0.4, 0, 0.6, 0}, Severity::kNone, Severity::kNone}};  // not estimated
+  for (const auto& c : cases) {
+    Suspicions s;
+    add_pose(c.found, s);
+    EXPECT_EQ(one(s, Suspect::kRotation).severity, c.rotation) << c.found.rotation_rad;
+    EXPECT_EQ(one(s, Suspect::kPlace).severity, c.place) << c.found.place_m;
+  }
+  Suspicions named;
+  named[static_cast<std::size_t>(Suspect::kRotation)] = {Severity::kSuspect, 0.3, {}};
+  add_pose({0.4, 0.01, 0, 0.01}, named);
+  EXPECT_EQ(one(named, Suspect::kRotation).figure, 0.3) << "turns have named it before";
+  Suspicions inverted;
+  inverted[static_cast<std::size_t>(Suspect::kInverted)] = {Severity::kGross, 0.01, {}};
+  add_pose({3, 0.01, 0, 0.01}, inverted);
+  EXPECT_EQ(raised(inverted), std::vector{Suspect::kInverted});
+}
+
 TEST(Suspicions, AScaleOfTheImuThatIsAnotherIsARemark) {
   for (const auto& [ratio, sigma, severity] : {std::tuple{1 / 1.03, 1e-3, Severity::kNote},
                                                {1 / 1.1, 1e-3, Severity::kSuspect},

@@ -13,6 +13,7 @@ bool says(const std::string& text, const char* what) { return text.find(what) !=
 TEST(SuspicionText, NamesTheNumberAndTheFigure) {
   EXPECT_TRUE(says(text_of(Suspect::kRotation, {Severity::kSuspect, 0.157, {}}), "by 9 degrees"));
   EXPECT_TRUE(says(text_of(Suspect::kInverted, {Severity::kGross, 0, {}}), "T_cam_imu) is inverted"));
+  EXPECT_TRUE(says(text_of(Suspect::kPlace, {Severity::kNote, 0.19, {}}), "19 cm from where T_BS puts it"));
   EXPECT_TRUE(says(text_of(Suspect::kTimeOffset, {Severity::kGross, -0.048, {}}), "late by 48 ms"));
   EXPECT_TRUE(says(text_of(Suspect::kGyroscopeUnits, {Severity::kGross, 57.3, {}}), "in degrees"));
   EXPECT_TRUE(says(text_of(Suspect::kAccelerometerUnits, {Severity::kGross, 1.0, {}}), "in g?"));
@@ -40,6 +41,7 @@ TEST(SuspicionText, GrossOnesComeFirst) {
 TEST(SuspicionText, TheWordsForProgramsStay) {
   EXPECT_STREQ(to_string(Suspect::kRotation), "camera_rotation");
   EXPECT_STREQ(to_string(Suspect::kInverted), "camera_rotation_inverted");
+  EXPECT_STREQ(to_string(Suspect::kPlace), "camera_place");
   EXPECT_STREQ(to_string(Suspect::kMirrored), "axes_mirrored");
   EXPECT_STREQ(to_string(Suspect::kTimeOffset), "time_offset");
   EXPECT_STREQ(to_string(Suspect::kGyroscopeUnits), "gyroscope_units");
