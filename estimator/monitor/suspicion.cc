@@ -16,7 +16,7 @@ constexpr double kUnits = 8;  // degrees make it 57
 constexpr double kUnrelated = 0.35;
 constexpr double kManyTurns = 60;
 constexpr double kRotation = 0.15, kGrossRotation = 0.35;  // rad
-constexpr double kPlace_m = 0.03, kGrossPlace_m = 0.5;
+constexpr double kPlace_m = 0.03, kGrossPlace_m = 0.25;
 constexpr double kSigmas = 6, kAgreeOnRotation = 0.97;
 constexpr double kOffset_s = 0.02, kGrossOffset_s = 0.04;
 // The configured offset must agree worse by so much, or by so much of what even the best one leaves.
