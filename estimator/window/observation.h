@@ -6,13 +6,13 @@ namespace epiline {
 /// One bearing of a track, of the camera's attitude at the frame's stamp; one line of the cache. Single precision errs
 /// by 1e-7 rad, a thousandth of what a tracker errs by.
 struct alignas(64) Observation {
-  float f_C[3];    ///< the bearing, a unit vector
-  float chart[6];  ///< 2x3 row-major, maps a direction in C to pixels: d pixel / d f at f
-  float stretch;   ///< of the lens there: how much a longer focal length moves the pixel outwards, over a pinhole's
-  float row_s;     ///< exposed so long after the stamp
-  float age;       ///< of its track, images
-  float found;     ///< by a second camera: age of the track when it was found there
-  float unused[3];
+  float f_C[3];     ///< the bearing, a unit vector
+  float chart[6];   ///< 2x3 row-major, maps a direction in C to pixels: d pixel / d f at f
+  float stretch;    ///< of the lens there: how much a longer focal length moves the pixel outwards, over a pinhole's
+  float row_s;      ///< exposed so long after the stamp
+  float age;        ///< of its track, images
+  float found;      ///< by a second camera: age of the track when it was found there
+  float unused[3];  ///< to the end of the line: whole vectors are read
 };
 
 inline constexpr Observation kNoView = {};

@@ -20,16 +20,16 @@ void retract(Calibration& c, const CalibrationTangent& d) {
   c.scale.gyroscope += d[kGyroscopeScaleColumn];
 }
 
-void set_view(const Vec3& f_C, const Mat23& chart, Observation& o) {
-  Eigen::Map<Eigen::Vector3f>(o.f_C) = f_C.cast<float>();
-  Eigen::Map<Eigen::Matrix<float, 2, 3, Eigen::RowMajor>>(o.chart) = chart.cast<float>();
-}
-
 CalibrationTangent local(const Calibration& c0, const Calibration& c) {
   CalibrationTangent d;
   d << c.time_offset - c0.time_offset, so3_log(c0.R_BC.transpose() * c.R_BC), c.p_BC - c0.p_BC, c.focal - c0.focal,
       c.scale.accelerometer - c0.scale.accelerometer, c.scale.gyroscope - c0.scale.gyroscope;
   return d;
+}
+
+void set_view(const Vec3& f_C, const Mat23& chart, Observation& o) {
+  Eigen::Map<Eigen::Vector3f>(o.f_C) = f_C.cast<float>();
+  Eigen::Map<Eigen::Matrix<float, 2, 3, Eigen::RowMajor>>(o.chart) = chart.cast<float>();
 }
 
 void Window::clear() {

@@ -18,6 +18,7 @@ inline Vec3 bearing_of(const Observation& o) { return Eigen::Map<const Eigen::Ve
 inline Mat23 chart_of(const Observation& o) {
   return Eigen::Map<const Eigen::Matrix<float, 2, 3, Eigen::RowMajor>>(o.chart).cast<double>();
 }
+/// `f_C`: a unit vector; `chart`: d pixel / d f there, rad to px. The other numbers stay.
 void set_view(const Vec3& f_C, const Mat23& chart, Observation& o);
 
 inline constexpr int kViewCells = 1024;  ///< 32 x 32 squares of 64 pixels; what is beyond shares the outermost
