@@ -315,6 +315,7 @@ TrackFit TrackFactor::track_fit() noexcept {
       const TrackVerdicts& verdicts = memory_->verdicts[b];
       const double views = memory_->batch[b].views[lane], depth = verdicts.depth_sigmas[lane];
       if (views < 2) continue;
+      ++fit.tracks;
       fit.ahead += depth > kClearDepth ? 1 : 0;
       fit.behind += depth < -kClearDepth ? 1 : 0;
       if (views < 3 || verdicts.accepted[lane] == 0) continue;

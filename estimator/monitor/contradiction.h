@@ -51,9 +51,11 @@ class ContradictionWatch {
   /// `imu_chi2`: the window's intervals of the IMU, mean square of a whitened number of their motion.
   void add(const TrackFit& tracks, double imu_chi2, double dt_s, bool at_rest) noexcept {
     misfit_px_.add(std::min(tracks.median_px, kFitsAll * tracks.quarter_px), dt_s, at_rest);
-    if (!at_rest) imu_chi2_.add(imu_chi2, dt_s, at_rest);  // a hard landing stays in the window as long as the rest
+    if (at_rest) return;  // a hard landing stays in the window as long as the rest, and no depth is seen
+    imu_chi2_.add(imu_chi2, dt_s, at_rest);
     const int deep = tracks.ahead + tracks.behind;
-    if (deep >= kFewestDeep) behind_.add(static_cast<double>(tracks.behind) / deep, dt_s, at_rest);
+    if (deep >= kFewestDeep && deep >= kDeepShare * tracks.tracks)
+      behind_.add(static_cast<double>(tracks.behind) / deep, dt_s, at_rest);
   }
   void restart() noexcept {
     misfit_px_.restart();
@@ -71,7 +73,10 @@ class ContradictionWatch {
   // Wrong numbers move all tracks: the best quarter misses by 0.4 to 0.7 times the median. What slides along edges, or
   // moves by itself, leaves a quarter as it is: 0.01 times.
   static constexpr double kFitsAll = 4;
+  // Where little moves, tracks that are three times as noisy as assumed seem to have depths: a fifth of them, on either
+  // side.
   static constexpr int kFewestDeep = 20;
+  static constexpr double kDeepShare = 1. / 3;
   static constexpr double kNever = std::numeric_limits<double>::infinity();
   // Of right flights it is 0.06 to 0.17 on the mean and 0.38 at most; with a lens not undistorted 1.5, with a wrong
   // sign of the accelerometer 6.

@@ -10,9 +10,9 @@ namespace {
 constexpr double kStep_s = 0.1;
 
 /// As a wrong number leaves them: the best quarter has half the error of the median.
-TrackFit everywhere(double residual_px) { return {residual_px, 0.5 * residual_px, 0, 0}; }
+TrackFit everywhere(double residual_px) { return {residual_px, 0.5 * residual_px, 100, 0, 0}; }
 /// Of 100 tracks.
-TrackFit with_behind(int behind) { return {0.1, 0.05, 100 - behind, behind}; }
+TrackFit with_behind(int behind) { return {0.1, 0.05, 100, 100 - behind, behind}; }
 
 void see(ContradictionWatch& watch, const TrackFit& fit, double seconds, bool at_rest = false, double imu_chi2 = 0) {
   for (double t = 0; t < seconds; t += kStep_s) watch.add(fit, imu_chi2, kStep_s, at_rest);
@@ -42,9 +42,9 @@ TEST(Misfit, BelievesAContradictionSoonerThanItsEnd) {
 
 TEST(Misfit, TracksThatContradictTheOthersAccuseNoNumber) {
   ContradictionWatch watch;
-  see(watch, {6, 0.05, 0, 0}, 100);
+  see(watch, {6, 0.05, 100, 0, 0}, 100);
   EXPECT_EQ(verdict(watch), Severity::kNone);
-  see(watch, {6, 2, 0, 0}, 3);
+  see(watch, {6, 2, 100, 0, 0}, 3);
   EXPECT_EQ(verdict(watch), Severity::kGross);
 }
 
@@ -147,10 +147,18 @@ TEST(Behind, MostTracksBehindTheCameraAreGrossWithinASecond) {
 
 TEST(Behind, AFewTracksWithAClearDepthSayNothing) {
   ContradictionWatch watch;
-  see(watch, {0.1, 0.05, 0, 19}, 100);
+  see(watch, {0.1, 0.05, 19, 0, 19}, 100);
   EXPECT_EQ(watch.behind().figure(), 0);
-  see(watch, {0.1, 0.05, 0, 20}, 1);
+  see(watch, {0.1, 0.05, 120, 0, 39}, 100);
+  EXPECT_EQ(watch.behind().figure(), 0) << "a third of the tracks at least";
+  see(watch, {0.1, 0.05, 60, 0, 20}, 1);
   EXPECT_GT(watch.behind().figure(), 0.9);
+}
+
+TEST(Behind, DepthsAtRestAreNoise) {
+  ContradictionWatch watch;
+  see(watch, {0.1, 0.05, 60, 20, 20}, 100, true);
+  EXPECT_EQ(watch.behind().figure(), 0);
 }
 
 TEST(Behind, ATurnOnTheSpotAfterwardsDoesNotMakeItTrusted) {
