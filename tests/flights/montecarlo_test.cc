@@ -38,7 +38,8 @@ constexpr double kLow = 0.5 * (1 - 0.22), kHigh = 2 * (1 + 0.22);
 class EstimatorOnFlight : public testing::TestWithParam<FlightKind> {};
 
 INSTANTIATE_TEST_SUITE_P(Flights, EstimatorOnFlight,
-                         testing::Values(FlightKind::kAgile, FlightKind::kHover, FlightKind::kStraight),
+                         testing::Values(FlightKind::kAgile, FlightKind::kHover, FlightKind::kStraight,
+                                         FlightKind::kStandstill),
                          [](const auto& kind) { return std::string(to_string(kind.param)); });
 
 TEST_P(EstimatorOnFlight, IsConsistentAndStaysOnCourse) {
