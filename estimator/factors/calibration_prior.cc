@@ -13,10 +13,10 @@ constexpr double kSeen = 1e-4;  // of the prior's information: less is rounding,
 // What a solve concludes from is not quite Gaussian, and it concludes often: so much must speak for a calibration that
 // is far off.
 constexpr double kClear = 30, kNear = 25;
-constexpr double kUnlikely = 1e-3;
-constexpr double kDoubted_s = 5;  // another maximum that is seen no more: a window that says little loses it
-constexpr double kSame = 0.1;     // relative difference of maxima
-constexpr double kFarthest = 1;   // rad, m, relative: where the search for one that is far begins
+constexpr double kUnlikely = 1e-3;  // another maximum adds nothing then
+constexpr double kFading_s = 5;     // another maximum that is seen no more: a window that says little loses it
+constexpr double kSame = 0.1;       // relative difference of maxima
+constexpr double kFarthest = 1;     // rad, m, relative: where the search for one that is far begins
 
 double square(double x) { return x * x; }
 double freedom_and_numbers(const CalibrationPart& p) { return kFreedom + p.numbers; }
@@ -122,7 +122,7 @@ double add_calibration_prior(const Window& w, const Share& share, NormalEquation
 
 bool look_far(const CalibrationCovariance& covariance, const Calibration& linearised, const Calibration& solved,
               double dt_s, CalibrationPrior& prior) noexcept {
-  const double fading = std::exp(-dt_s / kDoubted_s);
+  const double fading = std::exp(-dt_s / kFading_s);
   const CalibrationTangent d0 = local(prior.configured, linearised), d = local(prior.configured, solved);
   bool found = false;
   for (CalibrationPart* p : prior.parts())

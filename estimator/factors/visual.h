@@ -31,9 +31,9 @@ struct VisualSettings {
 
 /// What the tracks say of the window's motion.
 struct TrackFit {
-  double median_px = 0;   ///< bearing noise that their residuals show, robustly; 0: too few tracks
-  double quarter_px = 0;  ///< of the quarter that fits best: the upper end
-  int tracks = 0;
+  double median_px = 0;       ///< bearing noise that their residuals show, robustly; 0: too few tracks
+  double quarter_px = 0;      ///< of the quarter that fits best: the upper end
+  int tracks = 0;             ///< with two views or more
   int ahead = 0, behind = 0;  ///< tracks whose rays clearly meet in front of the camera, and behind it
 };
 

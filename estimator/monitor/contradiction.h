@@ -48,7 +48,7 @@ class Contradiction {
 /// The three of them. What is remembered is suspect, not gross: gross would refuse the start.
 class ContradictionWatch {
  public:
-  /// `imu_chi2`: the window's intervals of the IMU, mean square of a whitened number of their motion.
+  /// `imu_chi2`: cost of the window's intervals of the IMU, over their numbers of motion.
   void add(const TrackFit& tracks, double imu_chi2, double dt_s, bool at_rest) noexcept {
     misfit_px_.add(std::min(tracks.median_px, kFitsAll * tracks.quarter_px), dt_s, at_rest);
     if (at_rest) return;  // a hard landing stays in the window as long as the rest, and no depth is seen
@@ -63,6 +63,7 @@ class ContradictionWatch {
     behind_.restart();
   }
   const Contradiction& misfit_px() const noexcept { return misfit_px_; }  ///< of the tracks
+  /// Squared standard deviations.
   const Contradiction& imu_chi2() const noexcept { return imu_chi2_; }
   const Contradiction& behind() const noexcept { return behind_; }  ///< share of the tracks that meet behind the camera
   Severity worst() const noexcept {

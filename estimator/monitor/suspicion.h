@@ -21,11 +21,12 @@ Suspicions suspicions_of(const TurnAgreement& turns, const Mat3& R_BC, double ti
 /// Suspicion of the focal length: a note if the flight estimated another one, more than a note if it is far off.
 void add_focal_length(double ratio, double sigma, Suspicions& suspicions) noexcept;
 
-/// Suspicion of the camera's pose on the IMU, from what the flight estimated: `rotation_rad` and `place_m` off, with
-/// their standard deviations. Where turns show the rotation, they have named it before.
+/// How far the camera's pose on the IMU that the flight estimates is from the configured one, and the standard
+/// deviations of that, 0: not estimated.
 struct FoundPose {
   double rotation_rad = 0, rotation_sigma = 0, place_m = 0, place_sigma = 0;
 };
+/// Suspicion of that pose. Where turns show the rotation, they have named it before.
 void add_pose(const FoundPose& found, Suspicions& suspicions) noexcept;
 
 /// The same of a scale of the IMU. `suspect`: which one.

@@ -37,6 +37,21 @@ std::string axes_text(const TurnedAxes& axes) {
   return fmt::format("the sign of its {} axis looks wrong", flipped);
 }
 
+std::string contradiction_text(Suspect suspect, double figure) {
+  if (suspect == Suspect::kMisfit)
+    return fmt::format(
+        "images and IMU contradict each other by {:.1f} px: lens calibration (distortion), mounting, timestamps, or "
+        "axes of the accelerometer",
+        figure);
+  if (suspect == Suspect::kBehind)
+    return fmt::format(
+        "the camera travels the other way than the IMU says: {:.0f} % of the tracks meet behind it (a sign of the "
+        "accelerometer, or the mounting)",
+        100 * figure);
+  return "the images contradict the IMU by more than its noise: an axis or sign of the accelerometer, mounting, "
+         "timestamps, or noise densities that are too small";
+}
+
 std::string found(Suspect suspect, const Suspicion& s) {
   switch (suspect) {
     case Suspect::kRotation:
@@ -69,18 +84,9 @@ std::string found(Suspect suspect, const Suspicion& s) {
       return fmt::format("accelerometer readings average {:.1f} m/s^2 instead of 9.8: {}", s.figure,
                          s.figure > 0.8 && s.figure < 1.25 ? "in g?" : "wrong units or scale?");
     case Suspect::kMisfit:
-      return fmt::format(
-          "images and IMU contradict each other by {:.1f} px: lens calibration (distortion), mounting, timestamps, or "
-          "axes of the accelerometer",
-          s.figure);
     case Suspect::kImuMisfit:
-      return "the images contradict the IMU by more than its noise: an axis or sign of the accelerometer, mounting, "
-             "timestamps, or noise densities that are too small";
     case Suspect::kBehind:
-      return fmt::format(
-          "the camera travels the other way than the IMU says: {:.0f} % of the tracks meet behind it (a sign of the "
-          "accelerometer, or the mounting)",
-          100 * s.figure);
+      return contradiction_text(suspect, s.figure);
     case Suspect::kGyroscopeNoise:
     case Suspect::kAccelerometerNoise:
       return fmt::format("the {} readings scatter {} the configured noise density allows: it is off by {:.2g}",
