@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 namespace epiline {
 
@@ -10,6 +11,7 @@ namespace {
 constexpr double kFlat = 2.5;        // grey levels, standard deviation in a cell: no more than a dark sensor's noise
 constexpr double kCovered = 0.97;    // share of flat cells
 constexpr double kObstructed = 0.3;  // flat cells more than usual
+constexpr int kCopies = 3;  // in a row: of a driver that gives up to four images for each one that its sensor takes
 constexpr double kUsualMemory_s = 5;
 constexpr double kExposureStep = 1.4;  // ratio of mean brightness from image to image
 
@@ -74,11 +76,19 @@ bool ImageGate::in_order(Frame& image) noexcept {
   return true;
 }
 
+/// A driver that repeats an image has taken no new one: it is missing. More copies than that are a camera that stands
+/// still, or a scene that does without any noise.
+bool ImageGate::is_copy(const Look& look) noexcept {
+  const bool same = any_ && look.flat < kCovered && look.fingerprint == last_.fingerprint;
+  same_ = same ? same_ + 1 : 0;
+  return same && same_ <= kCopies;
+}
+
 void ImageGate::judge(const Look& look, HostStamp stamp, std::uint32_t& reasons) noexcept {
   if (look.flat >= kCovered) {
     ++stats_.covered;
     reasons |= bit(HealthReason::kLensCovered);
-  } else if (any_ && look.fingerprint == last_.fingerprint) {
+  } else if (same_ > 0) {
     ++stats_.frozen;
     reasons |= bit(HealthReason::kImagesFrozen);
   } else {
@@ -104,9 +114,16 @@ void ImageGate::judge(const Look& look, HostStamp stamp, std::uint32_t& reasons)
 bool ImageGate::step(Frame& image) noexcept {
   image.reasons = 0;
   if (!in_order(image)) return false;
-  image.reasons |= pending_;
-  pending_ = 0;
-  if (image.data != nullptr) judge(look_at(image), image.stamp, image.reasons);
+  pending_ |= image.reasons;
+  if (image.data != nullptr) {
+    const Look look = look_at(image);
+    if (is_copy(look)) {
+      ++stats_.copies;
+      return false;
+    }
+    judge(look, image.stamp, pending_);
+  }
+  image.reasons = std::exchange(pending_, 0U);
   return true;
 }
 

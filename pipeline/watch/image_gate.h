@@ -10,6 +10,7 @@ namespace epiline {
 
 struct ImageGateStats {
   std::uint64_t suspect = 0, old = 0, clock_steps = 0, frozen = 0, covered = 0, obstructed = 0, exposure_steps = 0;
+  std::uint64_t copies = 0;  ///< of the image before, with a new timestamp; left out
 };
 
 /// No clock, no heap. The same images give the same verdicts.
@@ -31,11 +32,13 @@ class ImageGate {
   };
   static Look look_at(const Frame& image) noexcept;
   bool in_order(Frame& image) noexcept;
+  bool is_copy(const Look& look) noexcept;
   void judge(const Look& look, HostStamp stamp, std::uint32_t& reasons) noexcept;
 
   StampGate clock_;
   ImageGateStats stats_;
   Look last_;
+  int same_ = 0;  ///< images in a row that equal the one before
   bool any_ = false;
   double usual_flat_ = 0;  ///< follows slowly
   bool obstructed_ = false;

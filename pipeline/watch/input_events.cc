@@ -36,7 +36,9 @@ void ImageEvents::after(bool taken, const Frame& image, const ImageGate& gate) n
   tell_clock(correction_, gate.correction(), EventSource::kCamera, now_, out_);
   frozen_.step(gate.stats().frozen, now_, out_);
   covered_.step(gate.stats().covered, now_, out_);
-  if (!taken) {
+  repeated_.step(gate.stats().copies, now_, out_);
+  const bool copy = std::exchange(copies_, gate.stats().copies) != gate.stats().copies;
+  if (!taken && !copy) {
     out_.push({now_,
                EventId::kImageDropped,
                {static_cast<std::int64_t>(image.sequence), static_cast<std::int64_t>(ImageLoss::kRefused), 1}});

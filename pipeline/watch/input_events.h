@@ -56,7 +56,8 @@ class ImageEvents {
   EventRing& out_;
   HostStamp now_;
   Span correction_{};
-  Episode frozen_{EventId::kImagesFrozen}, covered_{EventId::kLensCovered};
+  std::uint64_t copies_ = 0;
+  Episode frozen_{EventId::kImagesFrozen}, covered_{EventId::kLensCovered}, repeated_{EventId::kImagesRepeated};
 };
 
 /// Tells when a device is lost and when it is back. Belongs to the thread that reads the device; no heap.

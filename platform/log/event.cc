@@ -59,6 +59,7 @@ constexpr Description kDescriptions[] = {
     {"clock_jump", {one_of("source", kSources), number("correction_ns")}},
     {"images_frozen", {number("on"), number("images")}},
     {"lens_covered", {number("on"), number("images")}},
+    {"images_repeated", {number("on"), number("images")}},
     {"load_level", {one_of("from", kLoadLevels), one_of("to", kLoadLevels)}},
     {"ring_overflow", {one_of("ring", kRings), number("lost")}},
     {"record_written", {number("number"), one_of("reason", kRecordReasons)}},

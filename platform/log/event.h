@@ -27,6 +27,7 @@ enum class EventId : std::uint16_t {
   kClockJump,       ///< EventSource, correction of its timestamps from now on, ns
   kImagesFrozen,    ///< 1 begins, 0 ends; images
   kLensCovered,     ///< 1 begins, 0 ends; images
+  kImagesRepeated,  ///< 1 begins, 0 ends; images
   kLoadLevel,       ///< LoadLevel before and now
   kRingOverflow,    ///< RingName, elements lost
   kRecordWritten,   ///< number of the record, RecordReason

@@ -72,6 +72,7 @@ Json watch_json(const FlightRecord& r) {
             {"old_stamps", c.old},
             {"clock_steps", c.clock_steps},
             {"frozen", c.frozen},
+            {"copies", c.copies},
             {"covered", c.covered},
             {"obstructed", c.obstructed},
             {"exposure_steps", c.exposure_steps}}}};

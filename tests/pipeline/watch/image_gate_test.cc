@@ -52,11 +52,22 @@ class ImageGateTest : public testing::Test {
   ImageGate gate;
 };
 
-TEST_F(ImageGateTest, TheSamePictureAgainIsFrozenAndItsEndIsSeen) {
+TEST_F(ImageGateTest, CopiesAreLeftOutUntilTheCameraIsFrozen) {
+  for (int i = 0; i < 3; ++i) ASSERT_EQ(says(gate, camera.frame()), ~0U);
   for (int i = 0; i < 5; ++i) ASSERT_EQ(says(gate, camera.frame()), bit(HealthReason::kImagesFrozen));
   camera.expose();
   EXPECT_EQ(says(gate, camera.frame()), 0U);
+  EXPECT_EQ(gate.stats().copies, 3U);
   EXPECT_EQ(gate.stats().frozen, 5U);
+}
+
+/// A driver at 60 Hz, a sensor at 20 Hz: two copies of each image.
+TEST_F(ImageGateTest, OfADriverThatRepeatsEachImageTheFirstIsUsed) {
+  for (int i = 0; i < 60; ++i) {
+    if (i % 3 == 0) camera.expose();
+    ASSERT_EQ(says(gate, camera.frame()), i % 3 == 0 ? 0U : ~0U) << i;
+  }
+  EXPECT_EQ(gate.stats().frozen, 0U);
 }
 
 TEST_F(ImageGateTest, WithoutContrastTheLensIsCovered) {
