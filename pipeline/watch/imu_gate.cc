@@ -48,6 +48,18 @@ bool ImuGate::in_order(ImuSample& r) noexcept {
   return true;
 }
 
+/// Every reading counts, also one that is left out later. False: one that came before, and must not count twice.
+bool ImuGate::straighten(ImuSample& r) noexcept {
+  const bool again = r.stamp == last_raw_ && r.angular_velocity_rad_s == last_.angular_velocity_rad_s &&
+                     r.specific_force_m_s2 == last_.specific_force_m_s2;
+  if (again) return refuse(stats_.duplicate);
+  last_raw_ = r.stamp;
+  const HostStamp even = bursts_.step(r.stamp);
+  if (bursts_.per_burst() > 0) ++stats_.straightened;
+  r.stamp = even;
+  return true;
+}
+
 /// Whether so many equal values are less likely than any that rounding and interpolation have shown so far.
 bool ImuGate::is_limit(const Axis& axis) noexcept {
   const double goes_on = std::max(axis.goes_on, axis.repeats);
@@ -118,6 +130,7 @@ bool ImuGate::spikes_persist(const ImuSample& r) noexcept {
 }
 
 bool ImuGate::step(ImuSample& r) noexcept {
+  if (!straighten(r)) return false;
   if (!finite(r)) return refuse(stats_.not_finite);
   if (impossible(r)) return refuse(stats_.impossible);
   r.reasons = 0;

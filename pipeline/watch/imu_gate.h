@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "estimator/inertial/spike_judge.h"
+#include "pipeline/watch/burst_stamps.h"
 #include "pipeline/watch/stamp_gate.h"
 #include "platform/samples/samples.h"
 
@@ -18,6 +19,7 @@ struct ImuGateStats {
   std::uint64_t not_finite = 0, duplicate = 0, out_of_order = 0, suspect = 0, clock_steps = 0, saturated = 0, stuck = 0;
   std::uint64_t impossible = 0;  ///< values that no sensor, or not this one, can measure
   std::uint64_t spikes = 0;      ///< samples unlike their neighbours; passed on, and replaced when they are integrated
+  std::uint64_t straightened = 0;  ///< stamped on arrival, in bursts
 };
 
 /// No clock, no heap. The same samples give the same verdicts.
@@ -31,6 +33,7 @@ class ImuGate {
 
   const ImuGateStats& stats() const noexcept { return stats_; }
   Span correction() const noexcept { return clock_.correction(); }
+  double per_burst() const noexcept { return bursts_.per_burst(); }
 
  private:
   struct Axis {
@@ -50,15 +53,18 @@ class ImuGate {
   bool impossible(const ImuSample& reading) const noexcept;
   bool spikes_persist(const ImuSample& reading) noexcept;
   bool in_order(ImuSample& reading) noexcept;
+  bool straighten(ImuSample& reading) noexcept;
   bool saturated(const ImuSample& reading) noexcept;
   bool stuck(const ImuSample& reading) noexcept;
 
+  BurstStamps bursts_;
   StampGate clock_;
   ReadingPeriod period_;
   SpikeJudge judge_;
   ImuGateStats stats_;
   std::array<Axis, 6> axes_{};
   ImuSample last_;
+  HostStamp last_raw_;  ///< timestamp of `last_` as it came
   int same_ = 0;
   HostStamp same_since_;
   std::uint32_t pending_ = 0;

@@ -1,5 +1,6 @@
 #include "pipeline/watch/input_events.h"
 
+#include <cmath>
 #include <utility>
 
 namespace epiline {
@@ -25,6 +26,10 @@ void Episode::step(std::uint64_t counter, HostStamp now, EventRing& out) noexcep
 void ImuEvents::after(bool taken, const ImuSample& reading, const ImuGate& gate) noexcept {
   if (taken || now_.ns == 0) now_ = reading.stamp;
   tell_clock(correction_, gate.correction(), EventSource::kImu, now_, out_);
+  if (!told_bursts_ && gate.per_burst() > 0) {
+    told_bursts_ = true;
+    out_.push({now_, EventId::kImuInBursts, {std::lround(gate.per_burst())}});
+  }
   const ImuGateStats& s = gate.stats();
   saturated_.step(s.saturated, now_, out_);
   const std::array<std::uint64_t, 5> refused = {s.out_of_order, s.duplicate, s.not_finite, s.suspect, s.impossible};

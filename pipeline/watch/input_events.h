@@ -37,6 +37,7 @@ class ImuEvents {
   EventRing& out_;
   HostStamp now_;  ///< of the last reading taken: a refused one's stamp may be anything
   Span correction_{};
+  bool told_bursts_ = false;
   Episode saturated_{EventId::kImuSaturated};
   std::array<Episode, 5> refused_{Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kOutOfOrder)},
                                   Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kDuplicate)},

@@ -60,6 +60,7 @@ constexpr Description kDescriptions[] = {
     {"images_frozen", {number("on"), number("images")}},
     {"lens_covered", {number("on"), number("images")}},
     {"images_repeated", {number("on"), number("images")}},
+    {"imu_in_bursts", {number("readings")}},
     {"load_level", {one_of("from", kLoadLevels), one_of("to", kLoadLevels)}},
     {"ring_overflow", {one_of("ring", kRings), number("lost")}},
     {"record_written", {number("number"), one_of("reason", kRecordReasons)}},

@@ -28,6 +28,7 @@ enum class EventId : std::uint16_t {
   kImagesFrozen,    ///< 1 begins, 0 ends; images
   kLensCovered,     ///< 1 begins, 0 ends; images
   kImagesRepeated,  ///< 1 begins, 0 ends; images
+  kImuInBursts,     ///< readings of a burst
   kLoadLevel,       ///< LoadLevel before and now
   kRingOverflow,    ///< RingName, elements lost
   kRecordWritten,   ///< number of the record, RecordReason

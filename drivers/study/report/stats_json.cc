@@ -66,7 +66,11 @@ Json imu_json(const FlightRecord& r) {
 Json watch_json(const FlightRecord& r) {
   const ImuGateStats& i = r.imu_watch;
   const ImageGateStats& c = r.image_watch;
-  return {{"imu", {{"suspect_stamps", i.suspect}, {"clock_steps", i.clock_steps}, {"stuck", i.stuck}}},
+  return {{"imu",
+           {{"suspect_stamps", i.suspect},
+            {"clock_steps", i.clock_steps},
+            {"stuck", i.stuck},
+            {"straightened", i.straightened}}},
           {"images",
            {{"suspect_stamps", c.suspect},
             {"old_stamps", c.old},

@@ -106,6 +106,20 @@ TEST(ImuGate, AStampInTheFutureDoesNotHideWhatFollows) {
   EXPECT_EQ(next.stamp.ns, kStart_ns + 51 * kPeriod_ns);
 }
 
+/// Of a driver that hands on what it finds: one time for all that came together.
+TEST(ImuGate, ReadingsOfOneTimeAreReadingsUnlessTheyAreTheSame) {
+  ImuGate gate(kNoLimits);
+  int used = 0;
+  for (int i = 0; i < 400; ++i) {
+    ImuSample r = reading(i, 1e-6);
+    r.stamp = r.arrival = HostStamp{kStart_ns + (i - i % 4 + 3) * kPeriod_ns};
+    ImuSample again = r;
+    if (gate.step(r) && i >= 100) ++used;
+    EXPECT_FALSE(gate.step(again));
+  }
+  EXPECT_EQ(used, 300);
+}
+
 TEST(ImuGate, ReadingsAtAKnownLimitAreSaturated) {
   ImuGate gate({4, 80});
   for (int i = 0; i < 50; ++i) says(gate, reading(i));

@@ -91,6 +91,13 @@ TEST(ImuEvents, AStepOfTheClockIsToldWithItsCorrectionThereAndBack) {
                                "2005 clock_jump source=imu correction_ns=0"}));
 }
 
+TEST(ImuEvents, ReadingsInBurstsAreToldOnce) {
+  ImuStream imu;
+  int i = 0;
+  imu.flow(5000, [&](ImuSample& r) { r.stamp = r.stamp + Span{(3 - i++ % 4) * 4 * kMs}; });
+  EXPECT_EQ(imu.told(), Lines{"315 imu_in_bursts readings=4"});
+}
+
 TEST(ImuEvents, EachReasonOfRefusalIsAnEpisodeAtTheTimeOfTheReadingBefore) {
   ImuStream imu;
   imu.flow(1000);
