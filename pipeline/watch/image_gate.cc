@@ -72,7 +72,7 @@ bool ImageGate::in_order(Frame& image) noexcept {
   }
   image.stamp = clock_.corrected();
   stats_.clock_steps += clock_.stepped() ? 1 : 0;
-  if (clock_.stepped() || clock_.correction().ns != 0) image.reasons |= bit(HealthReason::kCameraClockJump);
+  if (clock_.stepped() || clock_.in_doubt()) image.reasons |= bit(HealthReason::kCameraClockJump);
   return true;
 }
 

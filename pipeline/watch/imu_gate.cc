@@ -43,7 +43,7 @@ bool ImuGate::in_order(ImuSample& r) noexcept {
     ++stats_.clock_steps;
     r.reasons |= bit(HealthReason::kImuClockJump);
   }
-  if (clock_.correction().ns != 0) r.reasons |= bit(HealthReason::kImuClockJump);
+  if (clock_.in_doubt()) r.reasons |= bit(HealthReason::kImuClockJump);
   if (std::abs(clock_.drift()) > kDriftLimit) r.reasons |= bit(HealthReason::kImuClockDrift);
   return true;
 }

@@ -70,6 +70,7 @@ StampGate::Verdict StampGate::adopt(Span jump, HostStamp stamp, HostStamp arriva
   if (stamp + correction_ <= last_) return Verdict::kOld;
   windows_ = 0;  // a measured rate would contain the step
   stepped_ = true;
+  stepped_at_ = stamp + correction_;
   return use(stamp, arrival);
 }
 

@@ -146,7 +146,7 @@ TEST_F(ImageGateTest, BrightnessThatStepsIsToldOnce) {
 }
 
 TEST_F(ImageGateTest, StampsThatStepAreTakenBackAndNamed) {
-  for (int i = 0; i < 20; ++i) {
+  for (int i = 0; i < 200; ++i) {
     camera.expose();
     Frame f = camera.frame();
     const HostStamp truth = f.stamp;
@@ -155,7 +155,7 @@ TEST_F(ImageGateTest, StampsThatStepAreTakenBackAndNamed) {
     ASSERT_EQ(used, i > 0);
     if (!used) continue;
     ASSERT_EQ(f.stamp, truth);
-    ASSERT_EQ(f.reasons, bit(HealthReason::kCameraClockJump));
+    ASSERT_EQ(f.reasons, i < 101 ? bit(HealthReason::kCameraClockJump) : 0U) << i << ": over after 5 s";
   }
 }
 
