@@ -18,9 +18,20 @@ constexpr double kForceFloor = 0.03;  // m/s^2
 }  // namespace
 
 void StationaryDetector::add(const ImuSample& sample) noexcept {
-  if (count_ > 0 && (sample.stamp - newest(0).stamp).seconds() > kGap * window_s_) clear();
-  readings_[count_++ % kCapacity] = {sample.stamp, Vec3(sample.angular_velocity_rad_s.data()),
-                                     Vec3(sample.specific_force_m_s2.data())};
+  const Reading reading{sample.stamp, Vec3(sample.angular_velocity_rad_s.data()),
+                        Vec3(sample.specific_force_m_s2.data()), 1};
+  const double since_s = count_ > 0 ? (sample.stamp - newest(0).stamp).seconds() : 0;
+  if (since_s > kGap * window_s_) clear();
+  // so that a window always has room; white noise keeps its density
+  if (count_ > 0 && since_s * kCapacity < window_s_) return join(reading);
+  readings_[count_++ % kCapacity] = reading;
+}
+
+void StationaryDetector::join(const Reading& reading) {
+  Reading& mean = readings_[(count_ - 1) % kCapacity];
+  const double share = 1.0 / ++mean.samples;
+  mean.w += share * (reading.w - mean.w);
+  mean.a += share * (reading.a - mean.a);
 }
 
 std::size_t StationaryDetector::in_window() const {

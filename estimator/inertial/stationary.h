@@ -24,7 +24,8 @@ class StationaryDetector {
   explicit StationaryDetector(const ImuNoise& noise, double window_s = 0.5) : noise_(noise), window_s_(window_s) {}
 
   void assume(const ImuNoise& noise) noexcept { noise_ = noise; }
-  /// Adds a sample, with a later timestamp. A gap of more than a fifth of the window restarts the window.
+  /// Adds a sample, with a later timestamp. A gap of more than a fifth of the window restarts the window. Of a sensor
+  /// above 2 kHz, the mean of neighbours counts as one reading.
   void add(const ImuSample& sample) noexcept;
   void clear() noexcept { count_ = 0; }
   ImuStatistics statistics() const noexcept;
@@ -35,11 +36,13 @@ class StationaryDetector {
  private:
   static constexpr std::size_t kCapacity = 1024;  // half a second at 2 kHz
   struct Reading {
-    HostStamp stamp;
-    Vec3 w, a;
+    HostStamp stamp;  ///< of the first of them
+    Vec3 w, a;        ///< mean
+    int samples = 0;
   };
   /// The i-th newest reading, 0 the newest.
   const Reading& newest(std::size_t i) const { return readings_[(count_ - 1 - i) % kCapacity]; }
+  void join(const Reading& reading);
   /// Readings that lie in the window.
   std::size_t in_window() const;
 

@@ -42,6 +42,24 @@ TEST(Stationary, RestWithALargeGyroscopeBiasIsRest) {
   EXPECT_EQ(moving, 0);
 }
 
+TEST(Stationary, RestIsFoundAtEveryRate) {
+  for (const double rate : {50.0, 1000.0, 2000.0, 2500.0, 4000.0, 8000.0, 10'000.0}) {
+    Rest rest;
+    rest.factor = std::sqrt(rate / kRate);
+    StationaryDetector detector(kNoise);
+    int at_rest = 0;
+    const int readings = static_cast<int>(2 * rate);
+    for (int k = 0; k < readings; ++k) {
+      detector.add(sample(k / rate, rest.w(), rest.a()));
+      if (k > readings / 2) at_rest += detector.is_stationary() ? 1 : 0;
+    }
+    EXPECT_EQ(at_rest, readings - readings / 2 - 1) << rate;
+    for (int k = 0; k < static_cast<int>(0.2 * rate); ++k)
+      detector.add(sample(2 + k / rate, rest.w() + Vec3(2.0 * k / rate, 0, 0), rest.a()));
+    EXPECT_FALSE(detector.is_stationary()) << rate;
+  }
+}
+
 TEST(Stationary, StatisticsAreThoseOfTheNoise) {
   Rest rest;
   StationaryDetector detector(kNoise);
