@@ -67,7 +67,7 @@ const std::vector<Parameter>& parameters() {
       // estimator
       {"estimator.visual_factor", "", 0, 0, "visual factor: which residual a track becomes", visual_factors()},
       {"estimator.keyframes", "", 2, 20, "number of older images in the window", EPILINE_AT(estimator.keyframes)},
-      {"estimator.solve_interval_s", "s", 0, 10, "solve at most one image per interval; the IMU predicts the others",
+      {"estimator.solve_interval_s", "s", 0, 0.4, "solve at most one image per interval; the IMU predicts the others",
        EPILINE_AT(estimator.solve_interval_s)},
       {"estimator.steps", "", 1, 20, "largest number of accepted solver steps per image", EPILINE_AT(estimator.steps)},
       {"estimator.steps_young", "", 1, 20, "the same, after a start or a rejected step",

@@ -140,6 +140,7 @@ TEST(Config, LimitsThatTheFieldSetsAreTaken) {
                          {"mavlink.system", "1", "0"},
                          {"mavlink.component", "255", "256"},
                          {"mavlink.component", "1", "0"},
+                         {"estimator.solve_interval_s", "0.4", "0.401"},
                          {"tracker.min_correlation", "1", "1.001"},
                          {"tracker.min_correlation", "-1", "-1.001"},
                          {"realtime.priority_imu", "99", "100"},
