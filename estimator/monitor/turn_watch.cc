@@ -43,18 +43,23 @@ double best_trace(const Mat3& M, double sign) {
 TurnWatch::TurnWatch(double time_offset_s, double memory_s)
     : kernels_(turn_kernels(best_instruction_set())), offset_(Span::from_seconds(time_offset_s)), memory_s_(memory_s) {}
 
+/// In the image before; null: it was not seen.
+const Vec3* TurnWatch::bearing_before(std::uint32_t id) const noexcept {
+  const Seen* const end = seen_.data() + seen_count_;
+  const Seen* const s =
+      std::lower_bound(seen_.data(), end, id, [](const Seen& x, std::uint32_t i) { return x.id < i; });
+  return s != end && s->id == id ? &s->f_C : nullptr;
+}
+
 void TurnWatch::add_images(const TrackedFrame& frame) noexcept {
   const double dt_s = (frame.stamp - last_stamp_).seconds();
   if (seen_count_ > 0 && dt_s > 0 && dt_s < kLongestPair_s) {
-    // both are in the order of their ids; of many shared ones, evenly picked ones are enough
+    // of many shared ones, evenly picked ones are enough
     int common = 0;
     const auto each_shared = [&](const auto& use) {
-      int k = 0;
       for (const TrackedFeature& f : frame.features) {
-        while (k < seen_count_ && seen_[static_cast<std::size_t>(k)].id < f.id) ++k;
-        if (k == seen_count_) return;
-        if (seen_[static_cast<std::size_t>(k)].id == f.id && is_bearing(f))
-          use(seen_[static_cast<std::size_t>(k)].f_C, f);
+        const Vec3* const before = is_bearing(f) ? bearing_before(f.id) : nullptr;
+        if (before != nullptr) use(*before, f);
       }
     };
     each_shared([&](const Vec3&, const TrackedFeature&) { ++common; });
@@ -86,6 +91,7 @@ void TurnWatch::add_images(const TrackedFrame& frame) noexcept {
   seen_count_ = 0;
   for (const TrackedFeature& f : frame.features)
     if (is_bearing(f)) seen_[static_cast<std::size_t>(seen_count_++)] = {f.id, Vec3::Map(f.bearing.data())};
+  std::sort(seen_.data(), seen_.data() + seen_count_, [](const Seen& a, const Seen& b) { return a.id < b.id; });
   use_turns();
 }
 

@@ -72,6 +72,7 @@ class TurnWatch {
     double bb = 0, cc = 0;    ///< about the means
   };
 
+  const Vec3* bearing_before(std::uint32_t id) const noexcept;
   void integrate(const ImuSample& reading) noexcept;
   void use_turns() noexcept;
   void use(const Turn& turn) noexcept;

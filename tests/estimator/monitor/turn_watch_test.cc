@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -206,6 +207,15 @@ TEST(TurnWatch, CorruptReadingsChangeLittle) {
   const TurnAgreement t = agreement_of(made);
   EXPECT_GT(t.agreement, 0.99);
   EXPECT_LT(so3_log(made.R_BC.transpose() * t.R_BC).norm(), 0.02);
+}
+
+TEST(TurnWatch, FeaturesComeInAnyOrder) {
+  MadeUpWave made;
+  std::mt19937 random(2);
+  made.spoil = [&](TrackedFrame& frame) { std::shuffle(frame.features.begin(), frame.features.end(), random); };
+  const TurnAgreement t = agreement_of(made);
+  EXPECT_GT(t.agreement, 0.99);
+  EXPECT_LT(so3_log(made.R_BC.transpose() * t.R_BC).norm(), 0.01);
 }
 
 TEST(TurnWatch, ImpossibleBearingsAreLeftOut) {
