@@ -72,7 +72,7 @@ struct LoggedTracks {
   std::uint64_t serial = 0;    ///< of the FrameOutcome
   std::uint64_t sequence = 0;  ///< of the camera's images
   HostStamp stamp;
-  FixedVector<LoggedPoint, kMaxFeatures> points;  ///< in the order of their ids
+  FixedVector<LoggedPoint, kMaxFeatures> points;
   /// What cameras 1 to 3 see: pixels of their images.
   std::array<FixedVector<LoggedPoint, kMaxFeatures>, kMostOthers> others;
 };

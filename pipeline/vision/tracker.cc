@@ -65,7 +65,7 @@ struct Tracker::Impl {
   void take_parallax(int i, int tracked);
   void leave(std::span<const std::array<float, 2>> taken);
   void detect(std::span<const std::array<float, 2>> taken, int most);
-  void publish(std::uint32_t id_bit, FixedVector<TrackedFeature, kMaxFeatures>& out) const;
+  void publish(std::uint32_t first_id, FixedVector<TrackedFeature, kMaxFeatures>& out) const;
 
   const Pyramid& current() const { return pyramids[image_number % 2]; }
   const Pyramid& previous() const { return pyramids[(image_number + 1) % 2]; }
@@ -283,11 +283,11 @@ void Tracker::Impl::detect(std::span<const std::array<float, 2>> taken, int most
   stats.detected += static_cast<std::uint64_t>(tracks.size - before);
 }
 
-void Tracker::Impl::publish(std::uint32_t id_bit, FixedVector<TrackedFeature, kMaxFeatures>& out) const {
+void Tracker::Impl::publish(std::uint32_t first_id, FixedVector<TrackedFeature, kMaxFeatures>& out) const {
   for (int i = 0; i < tracks.size; ++i) {
     const Vec3& f = tracks.bearing[i];
     TrackedFeature feature;
-    feature.id = tracks.id[i] | id_bit;
+    feature.id = track_id(first_id, tracks.id[i]);
     feature.age = tracks.age[i];
     feature.pixel = {tracks.x[i], tracks.y[i]};
     feature.row_s = static_cast<float>(camera.row_s(static_cast<double>(tracks.y[i])));
@@ -331,13 +331,13 @@ bool Tracker::follow(const Frame& image, const Mat3& R_CC0, const RowTurn& rows)
   return true;
 }
 
-void Tracker::fill(std::span<const std::array<float, 2>> taken, int most, std::uint32_t id_bit,
+void Tracker::fill(std::span<const std::array<float, 2>> taken, int most, std::uint32_t first_id,
                    FixedVector<TrackedFeature, kMaxFeatures>& out) noexcept {
   Impl& t = *impl_;
   if (!taken.empty()) t.leave(taken);
   t.detect(taken, most);
   t.remember();
-  t.publish(id_bit, out);
+  t.publish(first_id, out);
 }
 
 void Tracker::reset() noexcept { impl_->forget(); }

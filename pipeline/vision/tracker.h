@@ -33,9 +33,9 @@ class Tracker {
   /// step() in two halves, for images in which other tracks are followed, too. follow(): finds the tracks again; false:
   /// the image cannot be used, and all tracks have ended. fill(), after true: adds new ones until there are `most` (0:
   /// none), none of them near the pixels `taken`, which also end tracks that they are on; then appends all tracks to
-  /// `out`, with `id_bit` in their ids.
+  /// `out`, with ids from `first_id` on.
   bool follow(const Frame& image, const Mat3& R_CC0, const RowTurn& rows = {}) noexcept;
-  void fill(std::span<const std::array<float, 2>> taken, int most, std::uint32_t id_bit,
+  void fill(std::span<const std::array<float, 2>> taken, int most, std::uint32_t first_id,
             FixedVector<TrackedFeature, kMaxFeatures>& out) noexcept;
 
   /// Ends all tracks; ids go on.

@@ -82,14 +82,21 @@ struct SecondView {
   std::array<double, 6> pixel_jacobian{};  ///< d pixel / d bearing, as of TrackedFeature
 };
 
-/// The first id of the tracks that begin in the images of camera c.
-inline constexpr std::uint32_t first_track_of(std::size_t camera) { return static_cast<std::uint32_t>(camera) << 30; }
+/// Each of the cameras 0 to 3 has so many ids for the tracks that begin in its images; then it begins anew with the
+/// first. Where there are no other cameras, ids may be any numbers.
+inline constexpr std::uint32_t kTrackIds = 1U << 30;
+inline constexpr std::uint32_t first_track_of(std::size_t camera) {
+  return static_cast<std::uint32_t>(camera) * kTrackIds;
+}
+/// The id of the track before which `before` others have begun in the images of the camera whose first id is `first`.
+inline constexpr std::uint32_t track_id(std::uint32_t first, std::uint32_t before) {
+  return first | (before & (kTrackIds - 1));
+}
 
 /// What a camera beside the first one sees.
 struct OtherTracks {
-  FixedVector<SecondView, kMaxFeatures> views;      ///< of tracks of a camera before it, sorted by id
-  FixedVector<TrackedFeature, kMaxFeatures> alone;  ///< its own tracks, sorted by id, which is first_track_of() it or
-                                                    ///< more; bearings in its frame
+  FixedVector<SecondView, kMaxFeatures> views;      ///< of tracks of a camera before it
+  FixedVector<TrackedFeature, kMaxFeatures> alone;  ///< its own tracks, with its own ids; bearings in its frame
   void clear() {
     views.clear();
     alone.clear();
@@ -100,7 +107,7 @@ struct OtherTracks {
   }
 };
 
-/// All tracks of one image.
+/// All tracks of one image, in any order.
 struct TrackedFrame {
   HostStamp stamp;
   std::uint64_t sequence = 0;

@@ -23,6 +23,17 @@ TEST(Samples, NothingIsClaimedBeforeTheFirstEstimate) {
   EXPECT_EQ(odometry.q_WB, (std::array<double, 4>{1, 0, 0, 0})) << "a unit quaternion even when empty";
 }
 
+TEST(Samples, NoCameraReachesAnothersTracks) {
+  for (std::size_t camera = 0; camera <= kMostOthers; ++camera) {
+    const std::uint32_t first = first_track_of(camera);
+    for (const std::uint32_t before : {0U, 1U, kTrackIds - 1, kTrackIds, kTrackIds + 1, ~0U}) {
+      EXPECT_GE(track_id(first, before), first) << before;
+      EXPECT_LT(track_id(first, before) - first, kTrackIds) << before;
+    }
+    EXPECT_EQ(track_id(first, kTrackIds + 5), first + 5);
+  }
+}
+
 TEST(Samples, EveryReasonHasANameOfItsOwn) {
   const std::set<std::string_view> names(kHealthReasonNames.begin(), kHealthReasonNames.end());
   EXPECT_EQ(names.size(), static_cast<std::size_t>(kHealthReasons));
