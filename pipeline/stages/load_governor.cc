@@ -8,8 +8,7 @@ namespace {
 
 struct Rung {
   LoadLevel level;
-  int tracks;              ///< at most; 0: all
-  int linearisations = 2;  ///< before the step and, to try it, after
+  int tracks;  ///< at most; 0: all
 };
 constexpr std::array kRungs = {Rung{LoadLevel::kFull, 0},
                                Rung{LoadLevel::kFewerFeatures, 240},
@@ -18,8 +17,8 @@ constexpr std::array kRungs = {Rung{LoadLevel::kFull, 0},
                                Rung{LoadLevel::kFewerFeatures, 120},
                                Rung{LoadLevel::kFewerFeatures, 100},
                                Rung{LoadLevel::kFewerFeatures, 80},
-                               Rung{LoadLevel::kFewerIterations, 80, 1},
-                               Rung{LoadLevel::kFewerIterations, 60, 1},
+                               Rung{LoadLevel::kFewerIterations, 80},
+                               Rung{LoadLevel::kFewerIterations, 60},
                                Rung{LoadLevel::kPredictionOnly, 0}};
 constexpr int kLast = static_cast<int>(kRungs.size()) - 1;
 
@@ -27,6 +26,7 @@ const Rung& rung_at(int i) { return kRungs[static_cast<std::size_t>(i)]; }
 
 // What a linearisation costs without any track, and what comes once a solve, in tracks; ten keyframes.
 constexpr double kPerLinearisation = 120, kPerSolve = 90;
+constexpr double kMostPlanned = 2;            // linearisations: a solve does without further ones when its time is up
 constexpr double kRoom = 1.05, kSpare = 1.2;  // of the expected cost: to take a rung, to go up to it
 constexpr int kCalmFrames = 5;
 constexpr Span kLongestPrediction = Span::from_milliseconds(500);
@@ -45,13 +45,14 @@ double RecentMost::get() const noexcept {
 LoadLevel LoadGovernor::level() const noexcept { return rung_at(rung_).level; }
 
 namespace {
-double work_of(int tracks, int linearisations) { return linearisations * (kPerLinearisation + tracks) + kPerSolve; }
+double work_of(int tracks, double linearisations) { return linearisations * (kPerLinearisation + tracks) + kPerSolve; }
 }  // namespace
 
 double LoadGovernor::cost_ns(int rung) const noexcept {
   const int tracks = rung_at(rung).tracks;
   const int used = tracks > 0 ? std::min(tracks, offered_) : offered_;
-  return unit_ns_.get() * work_of(used, rung_at(rung).linearisations);
+  const bool in_full = rung_at(rung).level < LoadLevel::kFewerIterations;
+  return unit_ns_.get() * work_of(used, in_full ? std::clamp(linearisations_.get(), 1.0, kMostPlanned) : 1);
 }
 
 int LoadGovernor::first_that_fits(double budget_ns, double room) const noexcept {
@@ -114,6 +115,7 @@ LoadGovernor::Plan LoadGovernor::plan(HostStamp frame, std::int64_t budget_ns, b
 void LoadGovernor::took(std::int64_t solve_ns, int offered, int used, int linearisations) noexcept {
   offered_ = offered;
   unit_ns_.add(static_cast<double>(solve_ns) / work_of(used, linearisations));
+  linearisations_.add(linearisations);
   counts_.over_budget += solve_ns > budget_ns_ ? 1 : 0;
 }
 

@@ -32,9 +32,9 @@ class RecentMost {
 
 /// Chooses the effort of each solve so that it fits into the available time. It has no clock; the caller passes times.
 ///
-/// It learns the cost of a solve as the time of one track in one linearisation; the fixed parts count as a number of
-/// tracks. When time is short it takes the first rung that fits, at once. It takes a better one after that one has
-/// fitted with room to spare at several frames in a row.
+/// It learns the cost of a solve as the time of one track in one linearisation, and how often a solve linearises; the
+/// fixed parts count as a number of tracks. When time is short it takes the first rung that fits, at once. It takes a
+/// better one after that one has fitted with room to spare at several frames in a row.
 class LoadGovernor {
  public:
   static constexpr std::int64_t kUnlimited = std::numeric_limits<std::int64_t>::max();
@@ -67,8 +67,9 @@ class LoadGovernor {
   Plan plan_of(int rung) const noexcept;
   bool let_through(HostStamp frame, bool saves) noexcept;
 
-  RecentMost unit_ns_;  ///< of a track in a linearisation
-  int offered_ = 0;     ///< tracks in the window
+  RecentMost unit_ns_;         ///< of a track in a linearisation
+  RecentMost linearisations_;  ///< of a solve; those of a single step let older ones be forgotten
+  int offered_ = 0;            ///< tracks in the window
   int rung_ = 0;
   int calm_ = 0, calm_rung_ = 0;  ///< frames in a row that a better rung would fit, and the best rung that fits all
   bool any_solved_ = false;
