@@ -52,16 +52,17 @@ void forget_forces(double acceleration, Preintegration& interval) {
 }
 }  // namespace
 
-/// Whether forces tell nothing of the motion since the carried state: readings are missing, or nobody knows how much of
+/// Whether forces tell nothing of the motion since that state: readings are missing, or nobody knows how much of
 /// them is gravity.
-bool Estimator::Impl::forces_are_unknown(HostStamp until) const {
-  if (history.longest_unknown_s(carried.time, until) > kLongestUnknown_s) return true;
-  return !started && sigma_tilt(carried.x, carried.P) > kMostTilt;
+bool Estimator::Impl::forces_are_unknown(const KnownState& since, HostStamp until) const {
+  if (history.longest_unknown_s(since.time, until) > kLongestUnknown_s) return true;
+  return !started && sigma_tilt(since.x, since.P) > kMostTilt;
 }
 
-/// The newest state known, moved on to `time` by the readings. Without readings it stays where it is.
+/// The newest state known by then, moved on to `time` by the readings. Without readings it stays where it is.
 KnownState Estimator::Impl::carried_to(HostStamp time) const {
-  KnownState s = carried;
+  const KnownState& from = time < carried.time ? carried_from : carried;
+  KnownState s = from;
   if (!s.known || time <= s.time) return s;
   Preintegration interval;
   interval.reset(s.x.b_a, s.x.b_g, window.calibration.scale);
@@ -69,13 +70,13 @@ KnownState Estimator::Impl::carried_to(HostStamp time) const {
   if (!history.integrate(s.time, time, silent ? widened(density) : density, interval)) return s;
   if (silent && !s.silent) widen(s.x, s.P);
   s.silent = silent;
-  history.propagate(carried.time, time, window.calibration.scale, s.x, s.omega);
-  if (forces_are_unknown(time)) {
+  history.propagate(from.time, time, window.calibration.scale, s.x, s.omega);
+  if (forces_are_unknown(from, time)) {
     forget_forces(density.gap_acceleration, interval);
-    s.x.p = carried.x.p + interval.T * carried.x.v;
-    s.x.v = carried.x.v;
+    s.x.p = from.x.p + interval.T * from.x.v;
+    s.x.v = from.x.v;
   }
-  s.P = carried_on(into_body(s.P, carried.x.R), carried.x.R, interval);
+  s.P = carried_on(into_body(s.P, from.x.R), from.x.R, interval);
   s.time = time;
   return s;
 }
@@ -83,6 +84,7 @@ KnownState Estimator::Impl::carried_to(HostStamp time) const {
 /// While no frame is solved the readings would be overwritten before they are needed.
 void Estimator::Impl::carry_while_silent() {
   if (!carried.known || (history.newest().stamp - carried.time).seconds() < kCarriedStep_s) return;
+  carried_from = carried;
   carried = carried_to(history.newest().stamp);
 }
 

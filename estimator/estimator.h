@@ -26,8 +26,9 @@ class Estimator {
   Estimator(const Estimator&) = delete;
   Estimator& operator=(const Estimator&) = delete;
 
-  /// Adds an IMU sample (body frame B), in time order. Bad samples (old, repeated, not finite) are counted and left
-  /// out; the result is then false.
+  /// Adds an IMU sample (body frame B), in time order. Samples may be ahead of the images by up to two seconds, at 1
+  /// kHz or less: 4096 are kept, and a start needs those of the second before its image. Bad samples (old, repeated,
+  /// not finite) are counted and left out; the result is then false.
   bool add_imu(const ImuSample& sample) noexcept;
   /// Adds a wheel speed, in time order; false: it was bad and is left out. The estimator interpolates it with the
   /// previous speed at the frames between the two that are still in the window. A speed may therefore come late; no

@@ -119,7 +119,7 @@ struct Estimator::Impl {
 
   // carrying.cc
   KnownState carried_to(HostStamp time) const;
-  bool forces_are_unknown(HostStamp until) const;
+  bool forces_are_unknown(const KnownState& since, HostStamp until) const;
   void carry_while_silent();
   bool may_go_on(const KnownState& s) const;
   bool go_on(const TrackedFrame& frame);
@@ -154,7 +154,8 @@ struct Estimator::Impl {
   bool any_frame = false;
   HostStamp last_frame;  ///< stamp of the last image let in
   bool imu_gap_seen = false;
-  KnownState carried;  ///< the newest frame solved, or carried on from there by the IMU
+  KnownState carried;       ///< the newest frame solved, or carried on from there by the IMU
+  KnownState carried_from;  ///< where that last began: readings may be ahead of the images
   CalibrationTangent calibration_variances = CalibrationTangent::Zero();  ///< by the last solve; 0: none yet
   HostStamp numbers_judged_at;
   Severity numbers_wrong = Severity::kNone;  ///< by the watches' present verdict

@@ -46,6 +46,28 @@ TEST(EstimatorFeatures, TwoSecondsWithoutThemAreDegradedAndTheCovarianceCoversTh
   EXPECT_LT(rig.velocity_error(), 0.05);
 }
 
+/// A slow image pipeline, or a caller that does not keep step: whatever the lead, poses are those of their images.
+TEST(EstimatorSilence, ReadingsMayBeAheadOfTheImages) {
+  for (const double ahead : {0.5, 0.9, 1.2, 2.0}) {
+    const Flight flight{.moving_from = 2};
+    Rig rig(flight, {});
+    rig.imu_delay_s = -ahead;
+    rig.run_to(5);
+    ASSERT_TRUE(rig.last().has_pose);
+    const double then = rig.now();
+    const Vec3 p_then = rig.p();
+    const Mat3 R_then = rig.R();
+    int tracking = 0;
+    rig.run_to(15, [&] {
+      ASSERT_TRUE(rig.last().has_pose);
+      tracking += rig.odometry().health.state == HealthState::kTracking ? 1 : 0;
+      EXPECT_LT(error_since(rig, flight, then, p_then, R_then).p.norm(), 0.03) << ahead << " s, at " << rig.now();
+      EXPECT_LT(rig.velocity_error(), 0.05) << ahead << " s, at " << rig.now();
+    });
+    EXPECT_EQ(tracking, 200) << ahead;
+  }
+}
+
 /// However long the camera is silent, and also when the readings of that time no longer fit the memory: the IMU carries
 /// position, heading and velocity on, and the window that begins after it claims what that is worth.
 TEST(EstimatorSilence, TheImuCarriesTheStateToTheNextImage) {
