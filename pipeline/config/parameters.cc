@@ -72,7 +72,7 @@ const std::vector<Parameter>& parameters() {
       {"estimator.steps", "", 1, 20, "largest number of accepted solver steps per image", EPILINE_AT(estimator.steps)},
       {"estimator.steps_young", "", 1, 20, "the same, after a start or a rejected step",
        EPILINE_AT(estimator.steps_young)},
-      {"estimator.pixel_sigma", "px", 0.01, 20,
+      {"estimator.pixel_sigma", "px", 0.01, 10,
        "noise of a track in one image: initial value if estimated, else the value", EPILINE_AT(estimator.pixel_sigma)},
       {"estimator.estimate_pixel_sigma", "", 0, 0, "estimate pixel_sigma from the residuals",
        EPILINE_AT(estimator.estimate_pixel_sigma)},

@@ -141,6 +141,7 @@ TEST(Config, LimitsThatTheFieldSetsAreTaken) {
                          {"mavlink.component", "255", "256"},
                          {"mavlink.component", "1", "0"},
                          {"estimator.solve_interval_s", "0.4", "0.401"},
+                         {"estimator.pixel_sigma", "10", "10.001"},
                          {"tracker.min_correlation", "1", "1.001"},
                          {"tracker.min_correlation", "-1", "-1.001"},
                          {"realtime.priority_imu", "99", "100"},
