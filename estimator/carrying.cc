@@ -20,13 +20,7 @@ constexpr int kSeenAgain = 20;  // tracks that tie the image to the window befor
 /// Makes tilt, velocity and biases less certain by an independent error. Place and heading, which the world's origin
 /// defines and nothing in a silence changes, stay as certain as they were; so they are taken out first.
 void widen(const NavState& x, StateCovariance& P) {
-  const Vec3 up = Vec3::UnitZ(), up_B = x.R.transpose() * up;
-  StateCovariance without = StateCovariance::Identity();
-  without.topRows<3>().setZero();
-  without.block<3, 3>(3, 3) -= up_B * up_B.transpose();
-  without.block<3, 3>(6, 3) = -up.cross(x.v) * up_B.transpose();
-  without(15, 15) = 0;
-  P += (kSilentState * kSilentState - 1) * (without * P * without.transpose()).eval();
+  P += (kSilentState * kSilentState - 1) * without_origin(x, P);
 }
 
 ImuHistory::Density widened(ImuHistory::Density density) {
@@ -52,16 +46,23 @@ void forget_forces(double acceleration, Preintegration& interval) {
 }
 }  // namespace
 
-/// Whether forces tell nothing of the motion since that state: readings are missing, or nobody knows how much of
-/// them is gravity.
-bool Estimator::Impl::forces_are_unknown(const KnownState& since, HostStamp until) const {
-  if (history.longest_unknown_s(since.time, until) > kLongestUnknown_s) return true;
-  return !started && sigma_tilt(since.x, since.P) > kMostTilt;
+CrossCovariance carried_on(const CrossCovariance& from, const Mat3& R_WB, const Preintegration& interval) noexcept {
+  Mat15 B = Mat15::Identity();  // into the axes of the body, in which the interval is
+  B.block<3, 3>(0, 0) = B.block<3, 3>(6, 6) = R_WB.transpose();
+  CrossCovariance to = from;
+  to.topRows<15>() = B.transpose() * (interval.J * (B * from.topRows<15>()));
+  return to;
 }
 
-/// The newest state known by then, moved on to `time` by the readings. Without readings it stays where it is.
-KnownState Estimator::Impl::carried_to(HostStamp time) const {
-  const KnownState& from = time < carried.time ? carried_from : carried;
+/// Whether forces tell nothing of the motion since a state: readings are missing, or nobody knows how much of
+/// them is gravity.
+bool Estimator::Impl::forces_are_unknown(const KnownState& from, HostStamp until) const {
+  if (history.longest_unknown_s(from.time, until) > kLongestUnknown_s) return true;
+  return !started && sigma_tilt(from.x, from.P) > kMostTilt;
+}
+
+/// A state moved on to `time` by the readings. Without readings it stays where it is.
+KnownState Estimator::Impl::carried_on_to(const KnownState& from, HostStamp time) const {
   KnownState s = from;
   if (!s.known || time <= s.time) return s;
   Preintegration interval;
@@ -77,6 +78,7 @@ KnownState Estimator::Impl::carried_to(HostStamp time) const {
     s.x.v = from.x.v;
   }
   s.P = carried_on(into_body(s.P, from.x.R), from.x.R, interval);
+  s.with_calibration = carried_on(s.with_calibration, from.x.R, interval);
   s.time = time;
   return s;
 }
@@ -138,10 +140,7 @@ void Estimator::Impl::go_on_from_carried(const TrackedFrame& frame) {
   Slot& slot = window.newest();
   slot.x = carried.x;
   slot.omega = carried.omega;
-  CalibrationTangent sigmas = calibration_sigmas();
-  // what the flight has found out so far
-  sigmas.tail<kCalibration - 1>() = calibration_variances.tail<kCalibration - 1>().cwiseSqrt();
-  set_prior(window, carried.P, sigmas);
+  set_prior(window, {carried.P, calibration_covariance, carried.with_calibration, calibration_sigmas()[kTimeOffsetColumn]});
   began(StartKind::kCarried);
   ++stats.carried_starts;
   publish(frame.stamp, carried);
@@ -156,17 +155,21 @@ void Estimator::Impl::forget() {
   visual->restart();
   rest.clear();
   monitor.restart();
-  started = resting = rejected_last = false;
+  started = rejected_last = start_lacks_time = false;
   pixel_sigma = config.pixel_sigma;
   drift_sigma = config.drift_sigma;
   rethinking_s = 0;
   height_memory = {};
   rest_frame = forced_keyframe = 0;
+  rest_reference = {};
+  accelerometer_walk.restart();
+  gyroscope_walk.restart();
+  rest_contradicted_s = 0;
   odometry.health = {HealthState::kInitialising, bit(HealthReason::kNoInitialState), 0};
 }
 
 void Estimator::Impl::reset() {
-  calibration_variances.setZero();
+  calibration_covariance.setZero();
   window.calibration = configured_calibration();
   contradictions.restart();
   if (started) {

@@ -77,18 +77,24 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
 void Estimator::Impl::use_noise(const ImuNoise& n) {
   noise = n;
   density.noise = in_flight(config, n);
+  density.noise.accelerometer_random_walk *= accelerometer_walk.factor();
+  density.noise.gyroscope_random_walk *= gyroscope_walk.factor();
   stationary.assume(n);
 }
 
 /// The configured densities within what the readings allow. Where that moves them, the window's intervals are weighed
 /// anew.
 void Estimator::Impl::hold_noise() {
-  const ImuNoise held = noise_bounds.hold(config.imu);
-  const auto moved = [](double from, double to) { return std::abs(to - from) > kNoiseMoved * from; };
-  if (!moved(noise.gyroscope_density, held.gyroscope_density) &&
-      !moved(noise.accelerometer_density, held.accelerometer_density))
-    return;
+  const ImuNoise before = density.noise, held = noise_bounds.hold(config.imu);
   use_noise(held);
+  const auto moved = [](double from, double to) { return std::abs(to - from) > kNoiseMoved * from; };
+  if (!moved(before.gyroscope_density, density.noise.gyroscope_density) &&
+      !moved(before.accelerometer_density, density.noise.accelerometer_density) &&
+      !moved(before.gyroscope_random_walk, density.noise.gyroscope_random_walk) &&
+      !moved(before.accelerometer_random_walk, density.noise.accelerometer_random_walk)) {
+    density.noise = before;
+    return;
+  }
   for (int k = 1; k < window.size(); ++k) integrate_again(k, window.at(k).imu.b_a, window.at(k).imu.b_g);
 }
 
@@ -150,7 +156,7 @@ StepResult Estimator::Impl::refuse() {
 /// The camera's pose on the IMU against the configured one.
 FoundPose Estimator::Impl::found_pose() const {
   const CalibrationTangent d = local(configured_calibration(), window.calibration);
-  const auto sigma = [&](int at) { return std::sqrt(calibration_variances.segment<3>(at).maxCoeff()); };
+  const auto sigma = [&](int at) { return std::sqrt(calibration_covariance.diagonal().segment<3>(at).maxCoeff()); };
   return {d.segment<3>(kRotationColumn).norm(), sigma(kRotationColumn), d.segment<3>(kTranslationColumn).norm(),
           sigma(kTranslationColumn)};
 }
@@ -176,16 +182,17 @@ void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
   add_contradictions(contradictions, pair_px, said);
   add_contradictions(contradictions, pair_px, left);
   add_suspicions(config.imu, noise, said);
-  const CalibrationTangent sigma = calibration_variances.cwiseSqrt();
+  const CalibrationTangent sigma = calibration_covariance.diagonal().cwiseSqrt();
   add_pose(found_pose(), said);
   for (Suspicions* s : {&said, &left}) {
     add_focal_length(focal_ratio, sigma[kFocalColumn], *s);
     add_imu_scale(Suspect::kAccelerometerScale, by_a, sigma[kAccelerometerScaleColumn], *s);
     add_imu_scale(Suspect::kGyroscopeScale, by_g, sigma[kGyroscopeScaleColumn], *s);
   }
-  numbers_wrong = Severity::kNone;
+  numbers_wrong = wrong_at_rest = Severity::kNone;
   for (std::size_t i = 0; i < said.size(); ++i) {
     numbers_wrong = std::max(numbers_wrong, left[i].severity);
+    if (i != static_cast<std::size_t>(Suspect::kUnrelated)) wrong_at_rest = std::max(wrong_at_rest, left[i].severity);
     if (said[i].severity == Severity::kGross) numbers_wrong = std::max(numbers_wrong, Severity::kSuspect);
     if (said[i].severity > Severity::kNote && left[i].severity == Severity::kNone) said[i].severity = Severity::kNote;
     if (said[i].severity != Severity::kNone && said[i].severity >= stats.suspicions[i].severity)

@@ -7,6 +7,7 @@
 
 #include "estimator/estimator.h"
 #include "estimator/factors/visual.h"
+#include "estimator/inertial/bias_walk.h"
 #include "estimator/inertial/imu_history.h"
 #include "estimator/inertial/noise_bounds.h"
 #include "estimator/inertial/scalar_history.h"
@@ -39,7 +40,12 @@ struct KnownState {
   Vec3 omega = Vec3::Zero();                    ///< rad/s, bias included
   StateCovariance P = StateCovariance::Zero();  ///< in the window's world
   bool silent = false;                          ///< carried on without images: the covariance is widened
+  CrossCovariance with_calibration = CrossCovariance::Zero();
 };
+
+/// Covariance of a state with the calibration, at the end of an interval that begins at that state, whose attitude was
+/// `R_WB`.
+CrossCovariance carried_on(const CrossCovariance& from, const Mat3& R_WB, const Preintegration& interval) noexcept;
 
 /// What the sensors of height have shown of offsets and ground, in this world.
 struct HeightMemory {
@@ -70,6 +76,7 @@ struct Estimator::Impl {
   KnownState predicted_newest() const;
   void doubt_origin(const NavState& predicted, double dt_s);
   void attach(const TrackedFrame& frame);
+  bool has_left() const;
   void attach_rest(const TrackedFrame& frame);
   void attach_wheel();
   void integrate_again(int k, const Vec3& b_a, const Vec3& b_g);
@@ -83,8 +90,13 @@ struct Estimator::Impl {
   void adapt_pixel_sigma(double seen_px, double dt_s);
   void judge(const TrackedFrame& frame, const SolverSummary& s, FrameEvidence e, double dt_s);
   void slide(Supervisor& supervisor);
+  void learn_walks();
+  bool is_of_newest_frame(const ImuStatistics& read) const;
+  bool rest_is_contradicted(double dt_s);
+  void begin_anew_at_rest(const TrackedFrame& frame);
   void marginalise(Supervisor& supervisor);
-  void join_second_newest();
+  void thin(int k);
+  void drop(int k);
   StepResult predict(const TrackedFrame& frame);
   StepResult predict_for_time(const TrackedFrame& frame);
   void publish(HostStamp image, const KnownState& s);
@@ -102,6 +114,10 @@ struct Estimator::Impl {
 
   // starting.cc
   StepResult initialise(const TrackedFrame& frame, Supervisor& supervisor);
+  void make_room();
+  bool knows_oldest() const;
+  void add_known_velocity(StarterSettings& s) const;
+  void set_known_prior();
   std::optional<StartRefusal> try_start(const TrackedFrame& frame, Supervisor& supervisor);
   std::optional<StartRefusal> start_at_rest(const TrackedFrame& frame);
   std::optional<StartRefusal> start_moving(const TrackedFrame& frame, Supervisor& supervisor);
@@ -118,8 +134,11 @@ struct Estimator::Impl {
   Vec3 known_gyroscope_bias() const;
 
   // carrying.cc
-  KnownState carried_to(HostStamp time) const;
-  bool forces_are_unknown(const KnownState& since, HostStamp until) const;
+  KnownState carried_to(HostStamp time) const {
+    return carried_on_to(time < carried.time ? carried_from : carried, time);
+  }
+  KnownState carried_on_to(const KnownState& from, HostStamp time) const;
+  bool forces_are_unknown(const KnownState& from, HostStamp until) const;
   void carry_while_silent();
   bool may_go_on(const KnownState& s) const;
   bool go_on(const TrackedFrame& frame);
@@ -132,6 +151,7 @@ struct Estimator::Impl {
 
   EstimatorConfig config;
   NoiseBounds noise_bounds;
+  BiasWalk accelerometer_walk{4}, gyroscope_walk{100};
   ImuNoise noise;               ///< configured, within the bounds
   ImuHistory::Density density;  ///< the same with its factors
   Window window;
@@ -156,9 +176,11 @@ struct Estimator::Impl {
   bool imu_gap_seen = false;
   KnownState carried;       ///< the newest frame solved, or carried on from there by the IMU
   KnownState carried_from;  ///< where that last began: readings may be ahead of the images
-  CalibrationTangent calibration_variances = CalibrationTangent::Zero();  ///< by the last solve; 0: none yet
+  CalibrationCovariance calibration_covariance = CalibrationCovariance::Zero();  ///< by the last solve; 0: none yet
   HostStamp numbers_judged_at;
   Severity numbers_wrong = Severity::kNone;  ///< by the watches' present verdict
+  /// The same without turns that are unrelated: what the camera saw while it was handled says nothing of a rest.
+  Severity wrong_at_rest = Severity::kNone;
   ContradictionWatch contradictions;         ///< a reset does not forget it
   Severity contradiction_judged = Severity::kNone;
   /// What the last start did not know of its own place and heading (nothing in the first one), and how wrong it was
@@ -171,8 +193,14 @@ struct Estimator::Impl {
   Mat3 began_R_BC = Mat3::Identity();  ///< then
   double pixel_sigma, drift_sigma;
   bool rejected_last = false;
+  bool start_lacks_time = false;  ///< the last start was refused since its images say too little
+  KnownState before_start;        ///< what was known before of the oldest frame of a window without states
   double rethinking_s = 0;       ///< how long the window will still move to a calibration just found
-  bool resting = false;          ///< the zero-motion test has held without interruption
+  HostStamp rest_reference;      ///< what that test compares with
+  bool rest_frame_held = false;  ///< it had the attitude of the rest
+  NavState stood;  ///< the last state of which images and attitude said that nothing moved
+  HostStamp stood_at, images_still_since;
+  double rest_contradicted_s = 0;
   std::uint64_t rest_frame = 0;  ///< the frame that later ones at rest are linked to
   std::uint64_t forced_keyframe = 0;
   HostStamp last_marginalised;

@@ -6,6 +6,7 @@
 #include "estimator/factors/imu.h"
 #include "estimator/factors/prior.h"
 #include "estimator/impl.h"
+#include "estimator/initialise/stationary_start.h"
 #include "estimator/monitor/evidence.h"
 #include "estimator/predict/covariance.h"
 #include "estimator/predict/moved_in_time.h"
@@ -16,10 +17,19 @@ namespace epiline {
 
 namespace {
 constexpr double kMountElsewhere = 0.17;  // rad
+// Frames that stay for their own sake behind the newest one. With three, the newest velocity still hangs on a long
+// interval now and then; more leave too few keyframes (docs/derivations/marginalisation.md).
+constexpr int kRecentFrames = 4;
+// Beyond, the biases' first-order corrections are worth little, and the readings may be gone.
+constexpr double kLongestInterval_s = 5;
 constexpr double kYoungWindow_s = 2;      // more solver steps until the window has seen this much
 constexpr double kGateFree_s = 1;         // no gate until then: a young state may be further off than its tracks
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kReintegrateScale = 0.005;                                      // relative
+// Off what a standing vehicle should read, and for how long: a twentieth of it would be seen in the images by then.
+constexpr double kRestRate = 0.01, kRestForce = 0.25, kRestContradicted_s = 0.5;  // rad/s, m/s^2
+constexpr double kAhead = 0.2;                                  // of that time
+constexpr double kShakingVelocity = 0.1, kDeadReckoned_s = 2;  // m/s, s
 constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
 constexpr double kRethinking_s = 1;                       // until the window has moved to a calibration that is far off
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;  // px
@@ -75,18 +85,28 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   carried.silent = false;
   if (s.solved()) {
     carried.P = solver.covariance();
-    calibration_variances = solver.calibration_covariance().diagonal();
+    carried.with_calibration = solver.cross_covariance();
+    learn_walks();
+    calibration_covariance = solver.calibration_covariance();
+    if (window.newest().attitude_held) {
+      stood = carried.x;
+      stood_at = carried.time;
+    }
     doubt_origin(predicted.x, dt_s);
     if (look_far(solver.calibration_covariance(), solver.linearised_at(), window.calibration, dt_s,
                  window.calibration_prior))
       rethinking_s = kRethinking_s;
     carried.P += covariance_between_maxima(window.calibration_prior, window.calibration,
                                            solver.calibration_covariance(), solver.cross_covariance());
-    stats.calibration = found(window.calibration, calibration_variances);
+    stats.calibration = found(window.calibration, calibration_covariance.diagonal());
   }
   FrameEvidence evidence;
   evidence.overloaded = effort.reduced();
   evidence.innovation = innovation(predicted.x, predicted.P, carried.x);
+  if (rest_is_contradicted(dt_s)) {
+    begin_anew_at_rest(frame);
+    return {true, true, false};
+  }
   judge(frame, s, evidence, dt_s);
   if (mount_is_elsewhere()) {
     const Calibration found = window.calibration;
@@ -127,8 +147,14 @@ KnownState Estimator::Impl::predicted_newest() const {
   if (carried.time != window.at(window.size() - 2).time)  // an IMU that outlasts the camera
     return carried_to(newest.time);
   const Mat3& R = carried.x.R;
-  return {true,     carried.trusted, newest.time,
-          newest.x, newest.omega,    carried_on(into_body(carried.P, R), R, newest.imu)};
+  return {true,
+          carried.trusted,
+          newest.time,
+          newest.x,
+          newest.omega,
+          carried_on(into_body(carried.P, R), R, newest.imu),
+          false,
+          carried_on(carried.with_calibration, R, newest.imu)};
 }
 
 /// Appends the frame, predicted by the IMU. False: there are no readings for it.
@@ -167,23 +193,79 @@ void Estimator::Impl::attach(const TrackedFrame& frame) {
   reintegrate_moved_biases();
 }
 
-/// Zero motion (docs/derivations/zero_motion.md): at its first success the candidate becomes a keyframe, once, and
-/// later frames at rest are tied to it.
+/// Whether the readings since the vehicle last stood still have taken it away, though the images do not plainly say so:
+/// shaking has no direction.
+bool Estimator::Impl::has_left() const {
+  const HostStamp now = window.newest().time;
+  NavState x = window.newest().x;
+  if ((now - stood_at).seconds() < kDeadReckoned_s) {
+    x = stood;
+    x.v.setZero();
+    Vec3 omega;
+    history.propagate(stood_at, now, window.calibration.scale, x, omega);
+  }
+  return x.v.norm() > kShakingVelocity;
+}
+
+/// Zero motion (docs/derivations/zero_motion.md): at its first success in a place the candidate becomes a keyframe, once,
+/// and later frames at rest there are tied to it.
 void Estimator::Impl::attach_rest(const TrackedFrame& frame) {
   const int n = window.size();
   Slot& newest = window.newest();
   const double rate = n > 1 ? history.mean_rate(window.at(n - 2).time, newest.time, newest.x.b_g) : 0;
-  const bool still = rest.update(frame, pixel_sigma, rate);
+  using Verdict = RestDetector::Verdict;
+  const bool shakes = noise_bounds.shakes(noise.accelerometer_density);
+  const Verdict found = rest.update(frame, pixel_sigma, rate, {newest.x.R * window.calibration.R_BC, shakes});
+  if (!rest.images_still()) images_still_since = newest.time;
   if (rest.was_drift()) forget_rest(window);
-  if (!config.zero_motion || !still || n < 2 || is_blind(frame.reasons)) {
-    resting = false;
-    return;
+  const bool shaken = found == Verdict::kIsShaken;
+  if (!config.zero_motion || found == Verdict::kMoves || n < 2 || is_blind(frame.reasons)) return;
+  if (shaken && (rest.reference() != rest_reference || window.index_of(rest_frame) < 0)) return;
+  if (!rest.attitude_held() && has_left()) return;
+  if (rest.reference() != rest_reference || window.index_of(rest_frame) < 0) {
+    rest_reference = rest.reference();
+    rest_frame = forced_keyframe = window.at(n - 2).id;
+    rest_frame_held = rest.attitude_held();
   }
-  if (!resting || window.index_of(rest_frame) < 0) rest_frame = forced_keyframe = window.at(n - 2).id;
-  resting = true;
   newest.at_rest = true;
+  newest.shaken = shaken;
+  newest.attitude_held = rest_frame_held && !shaken && rest.attitude_held();
   newest.rest_link = rest_frame;
   ++stats.zero_motion_frames;
+}
+
+/// Whether the readings of half a second, up to the last one, are not ahead of the images.
+bool Estimator::Impl::is_of_newest_frame(const ImuStatistics& read) const {
+  return read.count > 0 && (history.newest().stamp - window.newest().time).seconds() < kAhead * read.duration_s;
+}
+
+/// Whether a vehicle that stands has read for a while what its state does not explain: the biases have stepped, or what
+/// it stands on moves. Longer than images need to show that it leaves.
+bool Estimator::Impl::rest_is_contradicted(double dt_s) {
+  const ImuStatistics read = stationary.statistics();
+  const bool stands = is_of_newest_frame(read) &&
+                      (window.newest().time - images_still_since).seconds() > read.duration_s;
+  const RestBiases at_rest = biases_at_rest(read, window.calibration.scale, carried.x.R);
+  const bool fits = (at_rest.b_g - carried.x.b_g).norm() < std::max(kRestRate, 4 * at_rest.sigma_b_g) &&
+                    (at_rest.b_a - carried.x.b_a).norm() < std::max(kRestForce, 4 * at_rest.sigma_b_a);
+  rest_contradicted_s = stands && !fits ? rest_contradicted_s + dt_s : 0;
+  return rest_contradicted_s > kRestContradicted_s;
+}
+
+/// The vehicle is where it was; its biases are what it reads.
+void Estimator::Impl::begin_anew_at_rest(const TrackedFrame& frame) {
+  KnownState s = carried;
+  const RestBiases at_rest = biases_at_rest(stationary.statistics(), window.calibration.scale, s.x.R);
+  s.x.v.setZero();
+  s.x.b_a = at_rest.b_a;
+  s.x.b_g = at_rest.b_g;
+  s.P = covariance_at_rest(at_rest, s.x.R, s.P);
+  s.with_calibration.setZero();
+  ++stats.resets;
+  ++odometry.reset_counter;
+  forget();
+  carried = s;
+  go_on_from_carried(frame);
 }
 
 /// Frames whose time lies between two speeds get one, once; the second of the two may come after the frame.
@@ -311,18 +393,34 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, F
   carried.trusted = odometry.health.state == HealthState::kTracking || odometry.health.state == HealthState::kDegraded;
 }
 
-/// The second newest frame goes: its two IMU intervals become one, its bearings are lost. Unless the factor wants it
-/// so, it is never in the prior.
-void Estimator::Impl::join_second_newest() {
-  const int n = window.size();
-  Preintegration joined = window.at(n - 2).imu;
-  joined.join(window.at(n - 1).imu);
-  Slot joint = window.newest();
-  joint.imu = joined;
+/// Frame k says too little to be kept: it goes, or, so that the IMU's memory lasts, stays until two later ones were
+/// kept for the same reason.
+void Estimator::Impl::thin(int k) {
+  if (window.at(k).imu.T + window.at(k + 1).imu.T <= kLongestInterval_s) return drop(k);
+  window.at(k).for_time = true;
+  if (k >= 3 && window.at(k - 1).for_time && window.at(k - 2).for_time) drop(k - 2);
+}
+
+/// Frame k goes: its two IMU intervals become one, its bearings are lost.
+void Estimator::Impl::drop(int k) {
+  Slot joint = window.at(k + 1);
+  joint.imu = window.at(k).imu;
+  joint.imu.join(window.at(k + 1).imu);
+  if (joint.imu.T > kLongestInterval_s) joint.imu.forget_motion();
   if (!whiten(joint)) return;  // as it was, with a frame more until the next one
-  window.newest() = joint;
-  marginaliser.forget_pose(window, n - 2);
-  window.remove(n - 2);
+  window.at(k + 1) = joint;
+  marginaliser.forget_pose(window, k);
+  window.remove(k);
+}
+
+/// Where the gyroscope warms up, that is what contradicted. An accelerometer's bias moves so with a wrong number, too.
+void Estimator::Impl::learn_walks() {
+  const NavState& x = carried.x;
+  const StateCovariance& P = carried.P;
+  const ImuNoise& now = density.noise;
+  accelerometer_walk.add(carried.time, x.b_a, P.block<3, 3>(9, 9), now.accelerometer_random_walk);
+  if (gyroscope_walk.add(carried.time, x.b_g, P.block<3, 3>(12, 12), now.gyroscope_random_walk))
+    contradictions.forget_imu();
 }
 
 void Estimator::Impl::marginalise(Supervisor& supervisor) {
@@ -336,18 +434,19 @@ void Estimator::Impl::marginalise(Supervisor& supervisor) {
   supervisor.phase(Supervisor::Phase::kNone);
 }
 
-/// The second newest frame stays if it says enough; a full window loses its oldest frame to the prior.
+/// The frame that has become too old to be kept for its own sake stays if it says enough; a full window loses its
+/// oldest frame to the prior.
 void Estimator::Impl::slide(Supervisor& supervisor) {
-  const int n = window.size();
-  if (n >= 3) {
+  const int k = window.size() - 2 - kRecentFrames;
+  if (k >= 1) {
     const KeyframeSettings rule{config.keyframe_rule, config.keyframe_parallax_px, config.extrinsics.focal_px};
-    if (window.at(n - 2).id != forced_keyframe && !is_keyframe(window, rule)) {
-      join_second_newest();
+    if (window.at(k).id != forced_keyframe && !is_keyframe(window, k, rule)) {
+      thin(k);
     } else {
       ++stats.keyframes;
     }
-    while (window.full()) marginalise(supervisor);  // after a start, several may be too many
   }
+  while (window.full()) marginalise(supervisor);  // after a start, several may be too many
   window.prune();
 }
 

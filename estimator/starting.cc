@@ -1,12 +1,17 @@
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
+#include "estimator/factors/beam.h"
+#include "estimator/factors/imu.h"
 #include "estimator/factors/prior.h"
 #include "estimator/impl.h"
 #include "estimator/initialise/moving_start.h"
 #include "estimator/initialise/stationary_start.h"
 #include "estimator/monitor/evidence.h"
+#include "estimator/predict/covariance.h"
 #include "estimator/window/choose_tracks.h"
 
 namespace epiline {
@@ -15,10 +20,45 @@ namespace {
 // A start in motion is taken when the window's own posterior says so.
 constexpr int kStartSteps = 10;
 constexpr int kStartWindow = 11;  // images; from ten on they show that tracks are worse than configured
+constexpr double kLongestStart_s = 4;  // that the images may span
 constexpr double kStartVelocity = 0.2, kStartTilt = 0.035, kStartScale = 0.15;  // m/s, rad, relative
+constexpr double kStartBeamMisfit = 1;  // squared sigmas; of right ones 0.02 to 0.3
 constexpr double kStartResidual = 1.6;                                          // bearing noise seen over that assumed
 constexpr double kBiasSigmaGyroscope = 0.1, kBiasSigmaAccelerometer = 0.1;      // before the first start
 constexpr double kBiasSigmaGyroscopeKnown = 0.01;                               // before a start after a good run
+
+/// The state fits the images, but they do not say enough.
+bool is_uncertain(StartRefusal r) {
+  return r == StartRefusal::kScaleUncertain || r == StartRefusal::kVelocityUncertain ||
+         r == StartRefusal::kTiltUncertain;
+}
+
+/// The frame between the two that are closest to each other, the older one of several.
+int most_crowded(const Window& w) {
+  const auto room = [&](int k) { return w.at(k + 1).time - w.at(k - 1).time; };
+  int found = 1;
+  for (int k = 2; k + 1 < w.size(); ++k)
+    if (room(k) < room(found)) found = k;
+  return found;
+}
+
+/// Makes the IMU interval after frame k begin at the frame before it. False, and nothing happens: it cannot be weighed.
+bool join_to_next(Window& w, int k) {
+  Slot next = w.at(k + 1);
+  Preintegration joined = w.at(k).imu;
+  joined.join(next.imu);
+  next.imu = joined;
+  if (!whiten(next)) return false;
+  w.at(k + 1) = next;
+  return true;
+}
+
+/// Mean robust cost of the distances of a range finder, in squared sigmas.
+double beam_misfit(const Window& w) {
+  int distances = 0;
+  for (int k = 0; k < w.size(); ++k) distances += w.at(k).beam.variance > 0 ? 1 : 0;
+  return distances > 0 ? add_beam(w, {w.size(), false}, nullptr) / distances : 0;
+}
 
 /// For a start: without it there is nothing to hand out, so it takes its time.
 class Patient final : public Supervisor {
@@ -48,14 +88,19 @@ StateCovariance covariance_of(const InitialState& s, double sigma_td) {
 StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& supervisor) {
   // a frame that is tied to the others by fewer tracks than a start needs would hang on the IMU and on false matches
   if (seen_again(frame) < StartLimits{}.tracks) window.clear();
-  if (window.size() >= std::max(kStartWindow, window.capacity())) window.remove(0);
+  if (window.size() >= std::max(kStartWindow, window.capacity())) make_room();
   if (!cut(frame)) {
     window.clear();
     ++stats.start_refused[static_cast<int>(StartRefusal::kNoImu)];
     return {};
   }
-  if (window.size() == 1) window.newest().x.b_g = known_gyroscope_bias();
-  if (const auto refusal = try_start(frame, supervisor)) {
+  if (window.size() == 1) {
+    window.newest().x.b_g = known_gyroscope_bias();
+    before_start = carried_to(window.newest().time);
+  }
+  const auto refusal = try_start(frame, supervisor);
+  start_lacks_time = refusal && is_uncertain(*refusal);
+  if (refusal) {
     ++stats.start_refused[static_cast<int>(*refusal)];
     window.prune();
     return {};
@@ -64,26 +109,91 @@ StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& su
   return {true, true, false};
 }
 
+/// For another frame. Where the last start failed only because its images say too little, they are to span more time:
+/// the frame leaves that is closest to its neighbours. Otherwise the images may be wrong, and the oldest leaves.
+void Estimator::Impl::make_room() {
+  const double span_s = (window.newest().time - window.at(0).time).seconds();
+  const int leaving = start_lacks_time && span_s < kLongestStart_s ? most_crowded(window) : 0;
+  if (leaving > 0 && join_to_next(window, leaving)) {
+    window.remove(leaving);
+  } else {
+    before_start = carried_on_to(before_start, window.at(1).time);
+    window.remove(0);
+  }
+}
+
+/// Whether something is left of the flight before.
+bool Estimator::Impl::knows_oldest() const {
+  return before_start.known && before_start.trusted && before_start.P.allFinite() &&
+         before_start.time == window.at(0).time;
+}
+
+/// Of the oldest frame: from before the start, and by the wheels.
+void Estimator::Impl::add_known_velocity(StarterSettings& s) const {
+  const Slot& oldest = window.at(0);
+  if (knows_oldest()) {
+    const NavState& x = before_start.x;
+    s.v_B = x.R.transpose() * x.v;
+    Eigen::Matrix<double, 3, 6> J;  // by (dtheta, dv)
+    J << skew(s.v_B), x.R.transpose();
+    const Mat3 C = J * before_start.P.block<6, 6>(3, 3) * J.transpose();
+    s.v_B_information = (C + 1e-4 * Mat3::Identity()).inverse();
+  }
+  if (!oldest.has_wheel) return;
+  const Vec3& e = window.wheel.forward_B;
+  const double speed = oldest.wheel_speed_m_s - e.dot((oldest.omega - oldest.x.b_g).cross(window.wheel.p_BV));
+  const double information = 1 / (window.wheel.sigma_m_s * window.wheel.sigma_m_s);
+  const Vec3 sum = s.v_B_information * s.v_B + information * speed * e;
+  s.v_B_information += information * e * e.transpose();
+  s.v_B = s.v_B_information.ldlt().solve(sum);
+}
+
+/// A prior on the oldest frame from before the start. Place and heading are those of the guess, since they define the
+/// world, and how far off they may be is `world`.
+void Estimator::Impl::set_known_prior() {
+  NavState x = before_start.x;
+  StateCovariance P = before_start.P;
+  const Mat3 turn = so3_exp(Vec3(0, 0, heading_from(x.R, window.at(0).x.R)));
+  x.p = window.at(0).x.p;
+  x.v = turn * x.v;
+  x.R = turn * x.R;
+  P.middleRows<3>(6) = (turn * P.middleRows<3>(6)).eval();
+  P.middleCols<3>(6) = (P.middleCols<3>(6) * turn.transpose()).eval();
+  P = without_origin(x, P);
+  const InitialState exact;
+  const Vec3 up_B = x.R.transpose() * Vec3::UnitZ();
+  P.topLeftCorner<3, 3>().diagonal().setConstant(exact.sigma_p * exact.sigma_p);
+  P.block<3, 3>(3, 3) += exact.sigma_yaw * exact.sigma_yaw * up_B * up_B.transpose();
+  set_prior(window, {.P = P, .time_offset_sigma = calibration_sigmas()[kTimeOffsetColumn]});
+  window.prior.x0[0] = x;
+}
+
 std::optional<StartRefusal> Estimator::Impl::try_start(const TrackedFrame& frame, Supervisor& supervisor) {
-  if (numbers_wrong == Severity::kGross) return StartRefusal::kNumbersWrong;
+  rest.update(frame, pixel_sigma, 0, {Mat3::Identity(), noise_bounds.shakes(noise.accelerometer_density)});
+  if (wrong_at_rest == Severity::kGross) return StartRefusal::kNumbersWrong;
   ++stats.start_attempts;
-  rest.update(frame, pixel_sigma, 0);
   if (!start_at_rest(frame)) return std::nullopt;
+  if (numbers_wrong == Severity::kGross) return StartRefusal::kNumbersWrong;
   return start_moving(frame, supervisor);
 }
 
-/// At rest the mean readings give attitude and gyroscope bias at once; the images must agree that nothing moves.
+/// At rest the mean readings give attitude and gyroscope bias at once. The images say that nothing moves: the readings
+/// may shake.
 std::optional<StartRefusal> Estimator::Impl::start_at_rest(const TrackedFrame& frame) {
   const ImuStatistics readings = stationary.statistics();
-  if (!rest.images_still() || !stationary.is_stationary(readings)) return StartRefusal::kNoParallax;
+  if (!rest.images_calm() || !stationary.is_filled(readings)) return StartRefusal::kNoParallax;
+  if (!is_of_newest_frame(readings) && !stationary.is_stationary(readings)) return StartRefusal::kNoParallax;
   if (const double force = readings.mean_specific_force.norm(); !can_be_gravity(force)) {
     numbers_wrong = Severity::kGross;
     stats.suspicions[static_cast<std::size_t>(Suspect::kAccelerometerUnits)] = {Severity::kGross, force, {}};
     return StartRefusal::kNumbersWrong;
   }
   InitialState state;
-  const RestReadings mean{readings.mean_specific_force, readings.mean_rate, readings.duration_s};
-  if (const auto refusal = solve_stationary_start(mean, noise, kBiasSigmaAccelerometer, state)) return refusal;
+  if (const auto refusal = solve_stationary_start(readings, noise, kBiasSigmaAccelerometer, state)) return refusal;
+  if (numbers_wrong == Severity::kGross) {
+    turns.forget();
+    numbers_wrong = Severity::kNone;
+  }
   const StarterSettings at = starter_settings();
   if (at.R_WB) state.R_WB = so3_exp(Vec3(0, 0, heading_from(state.R_WB, *at.R_WB))) * state.R_WB;
   state.p_WB = at.p_WB;
@@ -98,7 +208,7 @@ std::optional<StartRefusal> Estimator::Impl::posterior_refusal(const SolverSumma
   const NavState& x = window.newest().x;
   if (!s.solved() || !C.allFinite() || !x.p.allFinite()) return StartRefusal::kSolverFailed;
   if (sigma_tilt(x, C) > kStartTilt) return StartRefusal::kTiltUncertain;
-  if (sigma_velocity(x, C) > kStartVelocity) return StartRefusal::kVelocityUncertain;
+  if (sigma_velocity(x, C) > std::max(kStartVelocity, kStartScale * x.v.norm())) return StartRefusal::kVelocityUncertain;
   const Vec3 path = x.p - window.at(0).x.p;
   const double length = path.norm();
   if (length > 0) {
@@ -109,13 +219,19 @@ std::optional<StartRefusal> Estimator::Impl::posterior_refusal(const SolverSumma
 }
 
 std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& frame, Supervisor& supervisor) {
-  const StarterSettings at = starter_settings();
+  attach_wheel();
+  StarterSettings at = starter_settings();
+  at.depth_is_measured =
+      window.size() >= kStartWindow && heights[static_cast<std::size_t>(HeightKind::kRangeFinder)].any();
+  add_known_velocity(at);
   const Calibration before = window.calibration;
   if (const auto refusal = starter.start_moving(window, at)) return refusal;
+  if (knows_oldest()) set_known_prior();
   const double given_sigma = pixel_sigma;
   pixel_sigma = std::max(given_sigma, starter.guess().noise_rad * config.extrinsics.focal_px);
   started_at = window.at(0).time;
-  attach_wheel();
+  const HeightMemory heights_before = height_memory;
+  if (at.depth_is_measured) attach_heights();
   reintegrate_moved_biases();
   supervisor.phase(Supervisor::Phase::kSolve);
   visual->restart();
@@ -127,11 +243,14 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   const SolverSummary s = solver.optimise(window, *visual, solver_settings(kStartSteps), patient);
   supervisor.phase(Supervisor::Phase::kNone);
   auto refusal = posterior_refusal(s);
+  // distances far from what the tracks near the beam show are outliers to the window, and would leave it at a false scale
+  if (!refusal && beam_misfit(window) > kStartBeamMisfit) refusal = StartRefusal::kScaleUncertain;
   const double seen = visual->track_fit().median_px;
   if (!refusal && seen > kStartResidual * pixel_sigma) refusal = StartRefusal::kResidualTooLarge;
   if (refusal) {
     pixel_sigma = given_sigma;
     take_back_start(before);
+    height_memory = heights_before;
     // the window contradicts the state found, so the next attempt does not begin there
     if (refusal == StartRefusal::kResidualTooLarge || refusal == StartRefusal::kSolverFailed) starter.forget();
     return refusal;
@@ -150,7 +269,13 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
 void Estimator::Impl::take_back_start(const Calibration& before) {
   window.prior.frames = 0;
   const Vec3 b_g = known_gyroscope_bias();
-  for (int k = 0; k < window.size(); ++k) window.at(k).x = NavState{.b_g = b_g};
+  for (int k = 0; k < window.size(); ++k) {
+    Slot& s = window.at(k);
+    s.x = NavState{.b_g = b_g};
+    s.heights = {};
+    s.beam = {};
+    s.path_m = -1;
+  }
   reintegrate_moved_biases();
   window.calibration = before;
 }
@@ -160,8 +285,10 @@ void Estimator::Impl::began(StartKind kind) {
   monitor.restart();
   started = true;
   began_R_BC = window.calibration.R_BC;
-  resting = rejected_last = false;
+  rejected_last = false;
   started_at = last_marginalised = window.at(0).time;
+  stood_at = images_still_since = window.newest().time;
+  stood = window.newest().x;
   stats.start_kind = kind;
 }
 

@@ -98,24 +98,28 @@ bool look_far(const CalibrationCovariance& covariance, const CalibrationTangent&
 }
 }  // namespace
 
+CalibrationTangent calibration_prior_information(const CalibrationPrior& prior, const CalibrationTangent& d) noexcept {
+  CalibrationTangent information = CalibrationTangent::Zero();
+  for (const CalibrationPart* p : prior.parts())
+    if (p->sigma > 0) information.segment(p->at, p->numbers).setConstant(weight(*p, distance_squared(*p, d)));
+  return information;
+}
+
 double add_calibration_prior(const Window& w, const Share& share, NormalEquations* out) {
   const CalibrationPrior& prior = w.calibration_prior;
   if (share.oldest_only) return 0;
   const CalibrationTangent d = local(prior.configured, w.calibration);
-  CalibrationTangent g = CalibrationTangent::Zero(), information = CalibrationTangent::Zero();
   double sum = 0;
   for (const CalibrationPart* part : prior.parts()) {
     const CalibrationPart& p = *part;
     if (!(p.sigma > 0)) continue;
     const double d2 = d.segment(p.at, p.numbers).squaredNorm(), at2 = distance_squared(p, d);
-    const double held = weight(p, at2);
-    sum += cost(p, at2) + held * (d2 - at2);  // within what was found, the parabola that touches the cost there
-    // Of the rotation, too: J_r^-T(d) d = d.
-    g.segment(p.at, p.numbers) = -held * d.segment(p.at, p.numbers);
-    information.segment(p.at, p.numbers).setConstant(held);
+    sum += cost(p, at2) + weight(p, at2) * (d2 - at2);  // within what was found, the parabola that touches the cost
   }
   if (!out) return sum;
-  out->add(calibration_of_camera(), g);
+  const CalibrationTangent information = calibration_prior_information(prior, d);
+  // Of the rotation, too: J_r^-T(d) d = d.
+  out->add(calibration_of_camera(), CalibrationTangent(-information.cwiseProduct(d)));
   out->add(calibration_of_camera(), calibration_of_camera(), CalibrationCovariance(information.asDiagonal()));
   return sum;
 }

@@ -11,6 +11,9 @@ namespace epiline {
 /// Returns the cost; null: the cost alone.
 double add_calibration_prior(const Window& window, const Share& share, NormalEquations* out);
 
+/// Of each number, where the calibration is off the configured one by `d`.
+CalibrationTangent calibration_prior_information(const CalibrationPrior& prior, const CalibrationTangent& d) noexcept;
+
 /// Looks for a truth far from the configured values that all measurements so far make likelier. `covariance`, `solved`:
 /// the calibration by a solve that was linearised at `linearised` under this prior; the next solve holds the
 /// calibration as little as one that far away. `dt_s`: since the last such look. Returns whether one was found that is

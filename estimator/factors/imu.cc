@@ -66,6 +66,11 @@ bool square_root_information(const Preintegration& z, Mat15& L_inverse) {
 bool whiten(Slot& slot) {
   Mat15 L_inverse;
   if (!square_root_information(slot.imu, L_inverse) || !L_inverse.allFinite()) return false;
+  if (!slot.imu.knows_motion) {
+    const Vec15 walked = slot.imu.C.diagonal().cwiseSqrt();
+    L_inverse.setZero();
+    L_inverse.diagonal().tail<6>() = walked.tail<6>().cwiseInverse();
+  }
   slot.L_inverse.leftCols<15>() = L_inverse;
   return true;
 }

@@ -1,5 +1,7 @@
 #include "estimator/factors/prior.h"
 
+#include "estimator/factors/calibration_prior.h"
+
 #include <Eigen/Cholesky>
 #include <cstring>
 
@@ -70,22 +72,57 @@ void inflate_calibration(Prior& p, int parameter, double variance) {
   }
 }
 
-void set_prior(Window& w, const StateCovariance& P, const CalibrationTangent& calibration_sigmas) {
+namespace {
+constexpr int kJoint = 15 + kCalibration;
+using Joint = Eigen::Matrix<double, kJoint, kJoint>;
+
+/// Scaled to a unit diagonal first: variances of biases and positions differ by many powers of ten. What has no
+/// variance has no information.
+template <class Covariance>
+Covariance information_of(const Covariance& S) {
+  const auto known = (S.diagonal().array() > 0).template cast<double>().matrix().eval();
+  const auto unit = S.diagonal().cwiseMax(1e-18).cwiseSqrt().cwiseInverse().cwiseProduct(known).eval();
+  Covariance correlation = unit.asDiagonal() * S * unit.asDiagonal();
+  correlation.diagonal().array() += 1 + 1e-9 - known.array();
+  const Covariance I = unit.asDiagonal() * correlation.llt().solve(Covariance::Identity()) * unit.asDiagonal();
+  return 0.5 * (I + I.transpose());
+}
+
+/// Of the calibration's own prior; less where more was known of the calibration than is now.
+CalibrationTangent weight_in(const CalibrationCovariance& calibration, const Window& w, const CalibrationTangent& d) {
+  CalibrationTangent weight = calibration_prior_information(w.calibration_prior, d);
+  weight = (calibration.diagonal().array() > 0).select(weight, 0);
+  const CalibrationCovariance I = information_of(calibration);
+  const auto fits = [&] {
+    CalibrationCovariance rest = I;
+    rest.diagonal() -= weight;
+    rest.diagonal() = (calibration.diagonal().array() > 0).select(rest.diagonal(), 1);
+    return rest.llt().info() == Eigen::Success;
+  };
+  for (int i = 0; i < 10 && !fits(); ++i) weight *= i < 9 ? 0.7 : 0;
+  return weight;
+}
+}  // namespace
+
+void set_prior(Window& w, const KnownJointly& known) {
+  CalibrationCovariance calibration = known.calibration;
+  CrossCovariance cross = known.cross;
+  calibration.row(kTimeOffsetColumn).setZero();
+  calibration.col(kTimeOffsetColumn).setZero();
+  calibration(kTimeOffsetColumn, kTimeOffsetColumn) = known.time_offset_sigma * known.time_offset_sigma;
+  cross.col(kTimeOffsetColumn).setZero();
+  Joint S;
+  S << known.P.topLeftCorner<15, 15>(), cross.topRows<15>(), cross.topRows<15>().transpose(), calibration;
+  Joint I = information_of(S);
+  const CalibrationTangent d = local(w.calibration_prior.configured, w.calibration),
+                           weight = weight_in(calibration, w, d);
+  I.diagonal().tail<kCalibration>() -= weight;
   Prior& p = w.prior;
   p.frames = 1;
-  for (int i = 0; i < p.dim(); ++i) {
-    std::memset(p.H[i], 0, sizeof p.H[i]);
-    p.b[i] = 0;
+  for (int i = 0; i < kJoint; ++i) {
+    for (int j = 0; j < kJoint; ++j) p.H[i][j] = I(i, j);
+    p.b[i] = i < 15 ? 0 : weight[i - 15] * d[i - 15];  // so that both together are at rest where the calibration is now
   }
-  // Scaled to a unit diagonal first: variances of biases and positions differ by many powers of ten.
-  const Vec15 unit = P.diagonal().head<15>().cwiseMax(1e-18).cwiseSqrt().cwiseInverse();
-  Mat15 correlation = unit.asDiagonal() * P.topLeftCorner<15, 15>() * unit.asDiagonal();
-  correlation.diagonal().array() += 1e-9;
-  const Mat15 information = unit.asDiagonal() * correlation.llt().solve(Mat15::Identity()) * unit.asDiagonal();
-  for (int i = 0; i < 15; ++i)
-    for (int j = 0; j < 15; ++j) p.H[i][j] = 0.5 * (information(i, j) + information(j, i));
-  for (int c = 0; c < kCalibration; ++c)
-    p.H[15 + c][15 + c] = calibration_sigmas[c] > 0 ? 1 / (calibration_sigmas[c] * calibration_sigmas[c]) : 0;
   p.x0[0] = w.at(0).x;
   p.c0 = w.calibration;
 }

@@ -17,8 +17,15 @@ double add_prior(const Window& window, NormalEquations* out);
 /// change.
 void inflate_calibration(Prior& prior, int parameter, double variance);
 
-/// A prior for a single first frame at its present state, with covariance `P` (that of the time offset is not used).
-void set_prior(Window& window, const StateCovariance& P, const CalibrationTangent& calibration_sigmas);
+/// What is known of a single first frame at its present state and of the calibration.
+struct KnownJointly {
+  StateCovariance P;  ///< that of the time offset is not used
+  CalibrationCovariance calibration = CalibrationCovariance::Zero();
+  CrossCovariance cross = CrossCovariance::Zero();  ///< of both
+  double time_offset_sigma = 0;                     ///< known by itself; 0: not estimated
+};
+/// A prior with that knowledge, less what the calibration's own prior (calibration_prior.h) adds in each solve.
+void set_prior(Window& window, const KnownJointly& known);
 
 /// The same as set_prior() from standard deviations in tangent order, tilt and yaw given separately.
 void set_initial_prior(Window& window, const InitialState& sigmas, const CalibrationTangent& calibration_sigmas);

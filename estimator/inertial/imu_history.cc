@@ -364,13 +364,13 @@ void ImuHistory::propagate(HostStamp t0, HostStamp t1, const ImuScale& scale, Na
 }
 
 double ImuHistory::mean_rate(HostStamp t0, HostStamp t1, const Vec3& b_g) const {
-  double sum = 0;
+  Vec3 sum = Vec3::Zero();
   int n = 0;
   each(t0, t1, [&](const Reading& r) {
-    sum += (r.w - b_g).norm();
+    sum += r.w - b_g;
     ++n;
   });
-  return n > 0 ? sum / n : 0;
+  return n > 0 ? sum.norm() / n : 0;
 }
 
 }  // namespace epiline

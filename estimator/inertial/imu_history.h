@@ -74,7 +74,7 @@ class ImuHistory {
   bool integrate(HostStamp t0, HostStamp t1, const Density& density, Preintegration& out) const;
   /// The state predicted from t0 to t1, without covariance; `omega`: angular rate at t1, rad/s, scaled, bias included.
   void propagate(HostStamp t0, HostStamp t1, const ImuScale& scale, NavState& x, Vec3& omega) const;
-  /// Mean of |w - b_g| over the samples from t0 to t1, rad/s.
+  /// Length of the mean of w - b_g over the samples from t0 to t1, rad/s: of shaking, nothing is left.
   double mean_rate(HostStamp t0, HostStamp t1, const Vec3& b_g) const;
   /// Calls visit(reading) for the readings in [t0, t1].
   template <class F>

@@ -13,6 +13,8 @@ constexpr int kFewest = 6;  // second differences
 constexpr double kUsualGyroscope = 1.7e-4, kUsualAccelerometer = 2e-3;
 constexpr double kLoosest = 2, kLoosestFiltered = 1.3;  // users widen densities on purpose; against `fine`, `both`
 constexpr double kIrregular = 1.6;                      // periods: readings are missing
+constexpr double kShakes = 2;                           // times the density of a quiet sensor
+constexpr double kFading = 0.7;                         // in each window: shaking lasts for a second after its end
 }  // namespace
 
 void NoiseBounds::Differences::add(const Vec3& value) noexcept {
@@ -75,11 +77,14 @@ void NoiseBounds::close() noexcept {
   for (Sensor& s : sensors_) {
     const double fine = s.readings.density(period_s_);
     const double both = std::max(fine, s.means.density(period_s_ * block_size_));
+    s.lately = std::max(both, kFading * s.lately);
     if (fine > 0 && (s.quietest.fine == 0 || fine < s.quietest.fine)) s.quietest.fine = fine;
     if (both > 0 && block_size_ > 0 && (s.quietest.both == 0 || both < s.quietest.both)) s.quietest.both = both;
   }
   block_size_ = std::max(1, static_cast<int>(std::lround(kBlock_s / period_s_)));
 }
+
+bool NoiseBounds::shakes(double density) const noexcept { return sensors_[1].lately > kShakes * density; }
 
 ImuNoise NoiseBounds::hold(ImuNoise configured) const noexcept {
   const auto hold_one = [](const QuietestScatter& seen, double usual, double& density, double& walk) {

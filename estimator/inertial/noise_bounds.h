@@ -22,6 +22,9 @@ class NoiseBounds {
   void add(const ImuSample& reading) noexcept;
   const QuietestScatter& gyroscope() const noexcept { return sensors_[0].quietest; }
   const QuietestScatter& accelerometer() const noexcept { return sensors_[1].quietest; }
+  /// Whether readings of the accelerometer or their means over 25 ms scattered, from one to the next, far more than
+  /// noise of that density does, within the last second or so. What a vehicle does on its way is slower.
+  bool shakes(double density) const noexcept;
   /// The configured noise with each sensor's density held between `fine` (at most that of an ordinary sensor) and
   /// the larger of 2 `fine` and 1.3 `both`; its random walk is scaled alike, or, where the density is too large, down
   /// to what belongs to half of that limit.
@@ -42,6 +45,7 @@ class NoiseBounds {
     Differences readings, means;
     Vec3 block = Vec3::Zero();
     QuietestScatter quietest;
+    double lately = 0;  ///< the larger scatter of the last windows
   };
   void restart(HostStamp stamp) noexcept;
   void close() noexcept;

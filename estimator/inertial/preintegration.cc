@@ -219,6 +219,7 @@ void Preintegration::join(const Preintegration& next) {
   dv += dR * v2;
   dR = dR * R2;
   T += next.T;
+  knows_motion = knows_motion && next.knows_motion;
 }
 
 }  // namespace epiline

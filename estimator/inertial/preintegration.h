@@ -11,6 +11,7 @@ using ScaleColumns = Eigen::Matrix<double, 9, 2>;  ///< of (p, theta, v) by (s_a
 /// One IMU interval. Tangent order everywhere: (p, theta, v, b_a, b_g).
 struct Preintegration {
   double T = 0;            ///< length, s
+  bool knows_motion = true;  ///< false: too long, so that only the biases at its ends are related
   Vec3 dp = Vec3::Zero();  ///< Delta p, in the body frame at the start
   Vec3 dv = Vec3::Zero();
   Mat3 dR = Mat3::Identity();
@@ -30,6 +31,8 @@ struct Preintegration {
   void corrected(const Vec3& b_a_new, const Vec3& b_g_new, const ImuScale& scale_new, Vec3& p, Vec3& v, Mat3& R) const;
   /// Appends the interval that follows this one, in closed form (docs/derivations/imu.md).
   void join(const Preintegration& next);
+  /// From here on the interval says nothing of the motion, only of how far the biases walk.
+  void forget_motion() { knows_motion = false; }
 };
 
 /// An interval while readings are added to it. It is complete again when this ends, so a function must not return the

@@ -14,6 +14,7 @@ class ScalarHistory {
 
   /// Adds a reading. False, and nothing is added: not finite, or not later than the previous one.
   bool push(HostStamp stamp, double value) noexcept;
+  bool any() const noexcept { return pushed_ > 0; }
   /// The value at `stamp`, interpolated linearly. False: no reading before or after, or the two are too far apart in
   /// time.
   bool at(HostStamp stamp, double& value) const noexcept;

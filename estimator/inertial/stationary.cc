@@ -62,8 +62,12 @@ ImuStatistics StationaryDetector::statistics() const noexcept {
   return s;
 }
 
+bool StationaryDetector::is_filled(const ImuStatistics& s) const noexcept {
+  return s.count >= kFewestReadings && s.duration_s >= kFilled * window_s_;
+}
+
 bool StationaryDetector::is_stationary(const ImuStatistics& s) const noexcept {
-  if (s.count < kFewestReadings || s.duration_s < kFilled * window_s_) return false;
+  if (!is_filled(s)) return false;
   const double root_rate = std::sqrt((s.count - 1) / s.duration_s);
   const double w_limit = kRateFloor + kNoiseMargin * noise_.gyroscope_density * root_rate;
   const double a_limit = kForceFloor + kNoiseMargin * noise_.accelerometer_density * root_rate;

@@ -29,7 +29,9 @@ class StationaryDetector {
   void add(const ImuSample& sample) noexcept;
   void clear() noexcept { count_ = 0; }
   ImuStatistics statistics() const noexcept;
-  /// False while less than 90 % of the window is filled. Ignores the mean rate, because it may be a bias.
+  /// Of at least 90 % of the window.
+  bool is_filled(const ImuStatistics& s) const noexcept;
+  /// False while the window is not filled. Ignores the mean rate, because it may be a bias.
   bool is_stationary() const noexcept { return is_stationary(statistics()); }
   bool is_stationary(const ImuStatistics& s) const noexcept;
 

@@ -57,9 +57,10 @@ class Search {
   Candidate best_;
 };
 
-/// Hovering: no velocity, gravity against the mean specific force.
+/// Hovering, or flying on as is known: gravity against the mean specific force.
 StartState hovering(const StartProblem& problem, const StartPath& path, const Vec3& b_g) {
   StartState s;
+  s.v_0 = problem.v_0_ref;
   s.b_g = b_g;
   const Vec3& dv = path[problem.frames - 1].beta;
   if (dv.norm() > 0) s.g_0 = -kGravity * dv.normalized();
@@ -86,7 +87,7 @@ double Search::look() {
   rotation_ = solve_gyroscope_bias(problem_, points_.kernels(), s.b_g);
   const double parallax = parallax_rad(s);
   linear_ = hover_ = hovering(problem_, path_, s.b_g);
-  far_ = parallax >= kFarFromHover * problem_.sigma_rad;
+  far_ = problem_.v_0_ref.isZero() && parallax >= kFarFromHover * problem_.sigma_rad;
   return parallax;
 }
 
@@ -162,7 +163,8 @@ bool within(double value, double limit) { return value <= limit; }  // false for
 std::optional<StartRefusal> uncertain(const StartLimits& limits, const StartGuess& guess) {
   if (!within(guess.sigma_scale, limits.sigma_scale)) return StartRefusal::kScaleUncertain;
   if (!within(guess.sigma_tilt, limits.sigma_tilt)) return StartRefusal::kTiltUncertain;
-  if (!within(guess.sigma_velocity, limits.sigma_velocity)) return StartRefusal::kVelocityUncertain;
+  if (!within(guess.sigma_velocity, std::max(limits.sigma_velocity, limits.sigma_scale * guess.state.v_0.norm())))
+    return StartRefusal::kVelocityUncertain;
   return std::nullopt;
 }
 

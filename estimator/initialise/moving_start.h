@@ -22,7 +22,7 @@ struct StartLimits {
   int noise_frames = 10;        ///< with fewer no more noise than given is assumed: a wrong model shows no pattern yet
   double pull = 1.3;            ///< StartGuess::pull, where more noise than given is assumed
   double sigma_scale = 0.12;    ///< relative
-  double sigma_velocity = 0.3;  ///< m/s
+  double sigma_velocity = 0.3;  ///< m/s; at speed sigma_scale of it, as there both are one
   double sigma_tilt = 0.06;     ///< rad
   double bias_sigmas = 10;      ///< distance of either bias from its prior, in the prior's sigmas
 };

@@ -22,19 +22,20 @@ struct Stage {
 // the wide stages only has to lead to where the next one begins.
 constexpr std::array<Stage, 2> kApproach = {{{32, Share::kThird, 8, 1e-2}, {8, Share::kThird, 8, 1e-3}}};
 constexpr Stage kFinal = {2, Share::kAll, 8, 1e-4};
-constexpr double kSpeedSigma = 10;  // m/s: only keeps the system regular
 
 void add_prior(const StartProblem& problem, const StartState& s, StartNormal& n) {
   StartVector information, error = StartVector::Zero();
-  information << Vec3::Constant(1 / (kSpeedSigma * kSpeedSigma)), Vec2::Zero(),
-      Vec3::Constant(1 / (problem.b_g_sigma * problem.b_g_sigma)),
+  information << Eigen::Matrix<double, 5, 1>::Zero(), Vec3::Constant(1 / (problem.b_g_sigma * problem.b_g_sigma)),
       Vec3::Constant(1 / (problem.b_a_sigma * problem.b_a_sigma));
-  error.head<3>() = s.v_0;
   error.segment<3>(5) = s.b_g - problem.b_g_ref;
   error.tail<3>() = s.b_a;
   n.H.diagonal() += information;
   n.b -= information.cwiseProduct(error);
   n.cost += error.dot(information.cwiseProduct(error));
+  const Vec3 dv = s.v_0 - problem.v_0_ref, pull = problem.v_0_information * dv;
+  n.H.topLeftCorner<3, 3>() += problem.v_0_information;
+  n.b.head<3>() -= pull;
+  n.cost += dv.dot(pull);
 }
 
 /// The least squares of one problem, whose tracks `points` has collected.

@@ -8,6 +8,10 @@
 
 namespace epiline {
 
+namespace {
+constexpr double kScaleNearby = 0.5;  // relative: so near a guess must be for the window to find a measured scale
+}
+
 struct Starter::Memory {
   explicit Memory(InstructionSet set) : points(set) {}
   std::array<Preintegration, kStartFrames> interval;
@@ -72,8 +76,11 @@ std::optional<StartRefusal> Starter::start_moving(Window& w, const StarterSettin
   problem.b_g_ref = s.b_g_reference;
   problem.b_g_sigma = s.b_g_sigma;
   problem.b_a_sigma = s.b_a_sigma;
+  problem.v_0_ref = s.v_B;
+  problem.v_0_information = s.v_B_information;
   StartLimits limits;
   limits.noise_most = s.most_pixel_sigma / s.pixel_sigma;
+  if (s.depth_is_measured) limits.sigma_scale = kScaleNearby;
   if (const auto refusal = solve_moving_start(problem, limits, m.points, m.last, m.guess)) return refusal;
   const auto newest = static_cast<std::size_t>(w.size() - 1);
   Mat3 R_WB0 = levelled(-m.guess.state.g_0.normalized());

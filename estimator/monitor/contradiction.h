@@ -25,24 +25,27 @@ class Contradiction {
     seen = std::min(seen, rule_.most);
     const bool refutes = seen < figure_;
     if (refutes && at_rest) return;
-    figure_ += std::min(1.0, dt_s / (refutes ? rule_.refuted_s : rule_.believed_s)) * (seen - figure_);
+    figure_ += std::min(1.0, dt_s / (refutes ? longer_ * rule_.refuted_s : rule_.believed_s)) * (seen - figure_);
+    if (figure_ < 0.5 * rule_.suspect) longer_ = 1;
   }
   /// A new start may try again, but what contradicted before is not trusted yet: calibration is the rig's, not the
   /// start's. A gentle flight fits many a wrong number, so each one that a contradiction ended makes refuting take
-  /// twice as long.
+  /// twice as long, up to half a minute, until it is refuted.
   void restart() noexcept {
     if (figure_ <= rule_.remembered) return;
     figure_ = rule_.remembered;
-    rule_.refuted_s *= 2;
+    longer_ = std::min(2 * longer_, kLongestRefuted_s / rule_.refuted_s);
   }
+  void forget() noexcept { figure_ = 0; }
   double figure() const noexcept { return figure_; }
   Severity severity() const noexcept {
     return figure_ > rule_.gross ? Severity::kGross : figure_ > rule_.suspect ? Severity::kSuspect : Severity::kNone;
   }
 
  private:
+  static constexpr double kLongestRefuted_s = 30;
   Rule rule_;
-  double figure_ = 0;
+  double figure_ = 0, longer_ = 1;  ///< how much longer refuting takes
 };
 
 /// The three of them. What is remembered is suspect, not gross: gross would refuse the start.
@@ -62,6 +65,8 @@ class ContradictionWatch {
     imu_chi2_.restart();
     behind_.restart();
   }
+  /// The noise that it was judged by is known to be another one.
+  void forget_imu() noexcept { imu_chi2_.forget(); }
   const Contradiction& misfit_px() const noexcept { return misfit_px_; }  ///< of the tracks
   /// Squared standard deviations.
   const Contradiction& imu_chi2() const noexcept { return imu_chi2_; }

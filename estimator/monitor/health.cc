@@ -10,6 +10,8 @@ namespace {
 constexpr double kSettledVelocity = 0.1, kSettledTilt = 0.0175;  // m/s, rad
 // after that, wider limits before the state is called degraded or lost
 constexpr double kDegradedVelocity = 0.3, kLostVelocity = 1.0;
+// Of the speed, where that is more: a scale known to that is what a fast flight can have.
+constexpr double kSettledShare = 0.03, kDegradedShare = 0.05, kLostShare = 0.2;
 constexpr int kFewTracks = 20;
 constexpr double kGatedShare = 0.4, kGatedTime_s = 1;
 constexpr int kRejectedFrames = 3;
@@ -31,7 +33,7 @@ void flag(std::uint32_t& reasons, bool on, HealthReason r) {
 /// The worst of what makes an estimate good, 0 to 1.
 double share_of(const FrameEvidence& e) {
   const double tracks = e.tracks / kPlentyOfTracks;
-  const double posterior = 1.3 - e.sigma_velocity / kDegradedVelocity;
+  const double posterior = 1.3 - e.sigma_velocity / std::max(kDegradedVelocity, kDegradedShare * e.speed);
   const double gate = 1 - e.gated_share;
   const double innovation = (kWorstInnovation - e.innovation) / (kWorstInnovation - kUsualInnovation);
   // without parallax the images still give rotation and the direction of travel
@@ -51,7 +53,8 @@ Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
     rejected_frames_ = e.steps_rejected ? rejected_frames_ + 1 : 0;
     gated_s_ = e.gated_share > kGatedShare ? gated_s_ + dt_s : 0;
   }
-  const bool tight = e.sigma_velocity < kSettledVelocity && e.sigma_tilt < kSettledTilt;
+  const auto within = [&e](double limit, double share) { return e.sigma_velocity < std::max(limit, share * e.speed); };
+  const bool tight = within(kSettledVelocity, kSettledShare) && e.sigma_tilt < kSettledTilt;
   settled_ = settled_ || tight;
 
   Health h;
@@ -62,17 +65,20 @@ Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
   flag(h.reasons, rejected_frames_ >= kRejectedFrames, HealthReason::kStepsRejected);
   const bool bias = e.bias_accelerometer > kBiasAccelerometer || e.bias_gyroscope > kBiasGyroscope;
   flag(h.reasons, bias, HealthReason::kBiasImplausible);
-  flag(h.reasons, settled_ && e.sigma_velocity > kDegradedVelocity, HealthReason::kVelocityUncertain);
+  flag(h.reasons, settled_ && !within(kDegradedVelocity, kDegradedShare), HealthReason::kVelocityUncertain);
   flag(h.reasons, e.deadline_missed, HealthReason::kDeadlineMissed);
   flag(h.reasons, e.overloaded, HealthReason::kOverloaded);
   flag(h.reasons, e.imu_gap, HealthReason::kImuGap);
   flag(h.reasons, !e.finite, HealthReason::kNotFinite);
   flag(h.reasons, e.numbers_wrong > Severity::kNote, HealthReason::kNumbersWrong);
 
-  const bool lost = !e.finite || bias || e.sigma_velocity > kLostVelocity || e.numbers_wrong == Severity::kGross;
-  lost_s_ = lost ? lost_s_ + dt_s : 0;
+  const bool unknown = !within(kLostVelocity, kLostShare);
+  const bool lost = !e.finite || bias || unknown || e.numbers_wrong == Severity::kGross;
+  // of a flight whose covariance is wide but true there is nothing better to start from, as long as there are images
+  const bool ends = e.numbers_wrong == Severity::kGross || (unknown && e.tracks < kFewTracks);
+  lost_s_ = ends ? lost_s_ + dt_s : 0;
   unsettled_s_ = settled_ ? 0 : unsettled_s_ + dt_s;
-  const bool failed = unsettled_s_ > kLongestUnsettled_s || (!settled_ && e.speed > kFastestUnsettled);
+  const bool failed = (unknown && unsettled_s_ > kLongestUnsettled_s) || (!settled_ && e.speed > kFastestUnsettled);
   reset_wanted_ = !e.finite || bias || failed || lost_s_ > kLostBeforeReset_s;
   h.state = !settled_        ? HealthState::kInitialising
             : lost           ? HealthState::kLost

@@ -9,17 +9,34 @@
 namespace epiline {
 
 /// Compares each frame's bearings with a copy half a second old and, during standstill, with those of its beginning,
-/// which reveal a drift too slow for half a second. After such a drift, standstill must last twice as long as the drift
+/// which reveal a drift too slow for half a second. A vehicle that rocks in its place stands: what the attitude says of
+/// the turn between the two is taken out where that fits better. After such a drift, standstill must last twice as long as the drift
 /// was overlooked before it is reported, until a clear motion is seen.
 class RestDetector {
  public:
   void clear();
-  /// `mean_rate_rad_s`: mean |w - b_g| since the last frame. True while nothing moved for long enough.
-  bool update(const TrackedFrame& frame, double pixel_sigma, double mean_rate_rad_s);
+  enum class Verdict : std::uint8_t {
+    kMoves,
+    kIsShaken,  ///< it stood, and has not plainly left its place
+    kStands,    ///< nothing moved for long enough
+  };
+  /// The camera's attitude as estimated, and whether the vehicle shakes.
+  struct Attitude {
+    Mat3 R_WC;
+    bool shakes;
+  };
+  /// `mean_rate_rad_s`: |mean of w - b_g| since the last frame.
+  Verdict update(const TrackedFrame& frame, double pixel_sigma, double mean_rate_rad_s, const Attitude& attitude);
   /// True if the last frame shows that the reported standstill was a slow drift.
   bool was_drift() const { return was_drift_; }
+  /// The copy that rest is judged by; the same as long as the vehicle stays in its place.
+  HostStamp reference() const { return has_reference_ ? reference_.stamp : HostStamp{}; }
   /// The camera's part of the last verdict alone, over half a second.
   bool images_still() const { return images_still_; }
+  /// The same of a vehicle that may shake, of which nothing else is known yet.
+  bool images_calm() const { return images_calm_; }
+  /// During rest: the attitude has not changed since it began.
+  bool attitude_held() const { return attitude_held_; }
 
  private:
   struct Entry {
@@ -28,20 +45,26 @@ class RestDetector {
   };
   struct Snapshot {
     HostStamp stamp;
+    Mat3 R_WC = Mat3::Identity();
     int count = 0;
     std::array<Entry, kMaxFeatures> entry;  ///< sorted by id
   };
   struct Displacement;
-  static Displacement displacement(const Snapshot& old, const TrackedFrame& frame, double sigma);
+  static Displacement displacement(const Snapshot& old, const TrackedFrame& frame, double sigma, const Mat3& R_now_old);
+  static Displacement displacement(const Snapshot& old, const TrackedFrame& frame, double sigma,
+                                   const Attitude& attitude, bool& turned);
   const Snapshot* half_a_second_old(HostStamp now) const;
-  void compare_with_reference(const TrackedFrame& frame, double sigma);
-  void remember(const TrackedFrame& frame);
+  void compare_with_reference(const TrackedFrame& frame, double sigma, const Attitude& attitude);
+  void remember(const TrackedFrame& frame, const Mat3& R_WC);
 
   static constexpr int kSnapshots = 8;
   std::array<Snapshot, kSnapshots> snapshot_;
   Snapshot reference_;  ///< at the beginning of the standstill
   int stored_ = 0, next_ = 0;
-  bool has_reference_ = false, is_rest_ = false, images_still_ = false, was_drift_ = false;
+  bool has_reference_ = false, images_still_ = false, images_calm_ = false, was_drift_ = false;
+  bool attitude_held_ = false, is_there_ = false;  ///< where the reference was
+  bool was_reported_ = false;                      ///< rest with this reference
+  HostStamp there_at_;
   double needed_s_ = 0;  ///< required duration of standstill
 };
 

@@ -24,7 +24,8 @@ constexpr double kOffsetLoss = 0.002, kOffsetLossOfRest = 0.5;
 constexpr double kWeakestAxis = 0.15;
 constexpr double kMisfitRatio = 2;  // over the error between two images: noisy tracks contradict nobody
 constexpr Span kUnitsSpan = Span::from_milliseconds(5000);
-constexpr double kLeastForce = 7.5, kMostForce = 14;      // m/s^2: a mean over five seconds that a flight can have
+// m/s^2: a mean over five seconds between what a flight can have and what wrong units, off by 9.8 at least, make of 1 g
+constexpr double kLeastForce = 3.1, kMostForce = 31;
 constexpr double kMostRate = 6;                           // rad/s, likewise: one turn a second for five seconds
 constexpr double kFocalLength = 0.015, kFocalSigmas = 6;  // relative: worth a word beyond
 constexpr double kFarFocalLength = 0.035;  // what is estimated is linear in it: by 5 % it is off by a fifth of that
@@ -55,7 +56,8 @@ Suspicions suspicions_of(const TurnAgreement& t, const Mat3& R_BC, double time_o
     raise(Suspect::kGyroscopeUnits, true, t.rate_ratio);
     return s;
   }
-  if (t.turns > kManyTurns && best < kUnrelated) raise(Suspect::kUnrelated, true, best);
+  // of a gyroscope that turns less than the camera seems to, as over a plane, the camera's error explains that
+  if (t.turns > kManyTurns && best < kUnrelated * std::min(1.0, t.rate_ratio)) raise(Suspect::kUnrelated, true, best);
   if (t.agreement_mirrored > kAgreeMirrored && 1 - t.agreement_mirrored < kLeftByMirror * (1 - t.agreement)) {
     raise(Suspect::kMirrored, true, t.agreement_mirrored);
     // b = mirrored_BC c, where a right gyroscope would say R_BC c

@@ -51,6 +51,14 @@ const Vec3* TurnWatch::bearing_before(std::uint32_t id) const noexcept {
   return s != end && s->id == id ? &s->f_C : nullptr;
 }
 
+void TurnWatch::forget() noexcept {
+  seen_count_ = 0;
+  pending_first_ = pending_end_;
+  turned_s_ = turns_ = cc_ = 0;
+  c_.setZero();
+  sums_ = {};
+}
+
 void TurnWatch::add_images(const TrackedFrame& frame) noexcept {
   const double dt_s = (frame.stamp - last_stamp_).seconds();
   if (seen_count_ > 0 && dt_s > 0 && dt_s < kLongestPair_s) {

@@ -34,6 +34,8 @@ class TurnWatch {
 
   /// Compares the image with the previous one if that is at most 0.5 s older. Features must be sorted by id.
   void add_images(const TrackedFrame& frame) noexcept;
+  /// As if no image had been compared yet.
+  void forget() noexcept;
   /// Adds a sample; call in time order.
   void add_reading(const ImuSample& reading) noexcept;
   /// Bounded work, no heap. With fewer than 30 rotations only their number and duration are valid.

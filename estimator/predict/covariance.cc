@@ -47,6 +47,16 @@ StateCovariance carried_on(const BodyCovariance& from, const Mat3& R_WB, const P
   return C;
 }
 
+StateCovariance without_origin(const NavState& x, const StateCovariance& P) noexcept {
+  const Vec3 up = Vec3::UnitZ(), up_B = x.R.transpose() * up;
+  StateCovariance without = StateCovariance::Identity();
+  without.topRows<3>().setZero();
+  without.block<3, 3>(3, 3) -= up_B * up_B.transpose();
+  without.block<3, 3>(6, 3) = -up.cross(x.v) * up_B.transpose();
+  without(15, 15) = 0;
+  return without * P * without.transpose();
+}
+
 StateCovariance covariance_added(const WorldUncertainty& world, const NavState& x) noexcept {
   const Vec3 up = Vec3::UnitZ();
   Eigen::Matrix<double, 16, 1> turn;

@@ -20,6 +20,10 @@ BodyCovariance into_body(const StateCovariance& P, const Mat3& R_WB) noexcept;
 /// At the end of an interval that begins at that state, whose attitude was `R_WB`; p and v in W. Symmetric.
 StateCovariance carried_on(const BodyCovariance& from, const Mat3& R_WB, const Preintegration& interval) noexcept;
 
+/// What a covariance says of tilt, velocity and biases alone: without place and heading, which the world's origin
+/// defines. Order as in Odometry.
+StateCovariance without_origin(const NavState& x, const StateCovariance& P) noexcept;
+
 /// Uncertainty of the position and heading of a world for the receiver of its states: the world may be shifted, and
 /// rotated about the vertical through `p`. No sample and no image observes either, so no estimate in that world
 /// includes this uncertainty.

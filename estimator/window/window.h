@@ -123,6 +123,9 @@ struct Slot {
   RootInformation L_inverse = RootInformation::Zero();  ///< of `imu`
   Vec3 omega = Vec3::Zero();                            ///< last angular rate, bias not removed, rad/s
   bool at_rest = false;                                 ///< zero-motion factor attached
+  bool shaken = false;                                  ///< at rest: loosely
+  bool attitude_held = false;                           ///< at rest: with the attitude of the rest frame
+  bool for_time = false;                                ///< kept only so that no IMU interval grows too long
   bool has_wheel = false;                               ///< wheel factor attached
   double wheel_speed_m_s = 0;                           ///< measured, at `time`
   std::array<HeightReading, kHeightKinds> heights;      ///< factor attached to those that it has

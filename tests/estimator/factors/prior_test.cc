@@ -8,6 +8,7 @@
 #include <cstring>
 #include <random>
 
+#include "estimator/factors/calibration_prior.h"
 #include "estimator/solver/chain_equations.h"
 #include "tests/estimator/dense_system.h"
 #include "tests/estimator/synthetic_window.h"
@@ -15,10 +16,10 @@
 namespace epiline {
 namespace {
 
-CalibrationTangent calibration_sigmas() {
+KnownJointly known(const StateCovariance& P) {
   CalibrationTangent s;
-  s << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.02), 0.005, 2e-3, 1e-3;
-  return s;
+  s << 5e-3, Vec3::Constant(1e-4), Vec3::Constant(2e-4), 1e-4, 2e-4, 1e-4;
+  return {P, s.cwiseAbs2().asDiagonal(), CrossCovariance::Zero(), 5e-3};
 }
 
 /// Symmetric, positive, with standard deviations as different as those of real states, and correlated.
@@ -55,7 +56,7 @@ DenseSystem system_of(const Window& w) {
 TEST(Prior, SlopeIsThatOfItsCost) {
   SyntheticWindow s = make_window({.frames = 3});
   Window& w = *s.window;
-  set_prior(w, some_covariance(1), calibration_sigmas());
+  set_prior(w, known(some_covariance(1)));
   for (int i = 0; i < w.prior.dim(); ++i) w.prior.b[i] = 0.3 * std::sqrt(w.prior.H[i][i]) * std::sin(i);
   w.at(0).x.p += Vec3(0.1, -0.2, 0.05);
   w.at(0).x.v += Vec3(0.02, 0.01, -0.03);
@@ -85,7 +86,7 @@ TEST(Prior, FromACovarianceHoldsThatCovariance) {
     SyntheticWindow s = make_window({.frames = 2});
     Window& w = *s.window;
     const StateCovariance P = some_covariance(seed);
-    set_prior(w, P, calibration_sigmas());
+    set_prior(w, known(P));
     const DenseSystem d = system_of(w);
     std::vector<int> row;
     for (int i = 0; i < 6; ++i) row.push_back(pose_column(0) + i);
@@ -98,6 +99,33 @@ TEST(Prior, FromACovarianceHoldsThatCovariance) {
       for (int j = 0; j < 15; ++j)
         EXPECT_NEAR(C(i, j), P(i, j) / std::sqrt(P(i, i) * P(j, j)), 1e-6) << seed << ": " << i << ", " << j;
   }
+}
+
+/// State and calibration are correlated, and the calibration's own prior, which each solve adds, counts once.
+TEST(Prior, HandsOverTheCalibrationWithoutItsOwnPrior) {
+  SyntheticWindow s = make_window({.frames = 2});
+  Window& w = *s.window;
+  w.calibration_prior.configured = w.calibration;
+  w.calibration_prior.translation.sigma = 5e-4;
+  w.calibration.p_BC += Vec3(3e-4, 0, -2e-4);
+  KnownJointly k = known(some_covariance(3));
+  k.cross.block<3, 3>(6, kTranslationColumn) = 0.5 * 0.1 * 2e-4 * Mat3::Identity();
+  set_prior(w, k);
+  constexpr int n = 15 + kCalibration;
+  Eigen::Matrix<double, n, n> S, H = Eigen::Matrix<double, n, n>::Zero();
+  CalibrationCovariance calibration = k.calibration;
+  S << k.P.topLeftCorner<15, 15>(), k.cross.topRows<15>(), k.cross.topRows<15>().transpose(), calibration;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) H(i, j) = w.prior.H[i][j];
+  const CalibrationTangent d = local(w.calibration_prior.configured, w.calibration),
+                           weight = calibration_prior_information(w.calibration_prior, d);
+  H.diagonal().tail<kCalibration>() += weight;
+  const Eigen::Matrix<double, n, 1> unit = S.diagonal().cwiseSqrt();
+  const Eigen::Matrix<double, n, n> one = unit.asDiagonal() * H * unit.asDiagonal();
+  const Eigen::Matrix<double, n, n> correlation = unit.cwiseInverse().asDiagonal() * S * unit.cwiseInverse().asDiagonal();
+  EXPECT_LT((one * correlation - Eigen::Matrix<double, n, n>::Identity()).cwiseAbs().maxCoeff(), 1e-5);
+  for (int c = 0; c < kCalibration; ++c)
+    EXPECT_NEAR(w.prior.b[15 + c], weight[c] * d[c], 1e-9 * std::abs(weight[c])) << "both pull against each other";
 }
 
 TEST(Prior, OfNoFramesCostsNothingAndSaysNothing) {

@@ -438,9 +438,9 @@ TEST(ImuHistory, ForgetsTheOldestWhenFull) {
 
 TEST(ImuHistory, MeanRateIsThatOfTheReadingsWithin) {
   const auto h = history(0, 1);
-  double sum = 0;
-  for (int i = 100; i <= 120; ++i) sum += (rate(0.005 * i) - kBg).norm();
-  EXPECT_NEAR(h->mean_rate(at(0.5), at(0.6), kBg), sum / 21, 1e-9);
+  Vec3 sum = Vec3::Zero();
+  for (int i = 100; i <= 120; ++i) sum += rate(0.005 * i) - kBg;
+  EXPECT_NEAR(h->mean_rate(at(0.5), at(0.6), kBg), sum.norm() / 21, 1e-9);
   EXPECT_EQ(h->mean_rate(at(5), at(6), kBg), 0);
 }
 

@@ -66,8 +66,8 @@ TEST(StartMemory, BeginsWhereTheLastAttemptEnded) {
     EXPECT_LT((carried->g_0 - R * f.truth.g_0).norm(), kGravity * 4 * g.sigma_tilt) << "seed " << seed;
     EXPECT_LT((carried->v_0 - g.R[3].transpose() * g.v[3]).norm(), 1e-9) << "seed " << seed;
     StartLimits none_passes;
-    none_passes.sigma_velocity = 0;
-    const auto refused = StartRefusal::kVelocityUncertain;
+    none_passes.sigma_scale = 0;
+    const auto refused = StartRefusal::kScaleUncertain;
     EXPECT_EQ(solve_moving_start(second.problem, none_passes, work_space(), memory, g), refused) << "seed " << seed;
     EXPECT_TRUE(g.continued) << "seed " << seed;
     EXPECT_EQ(solve_moving_start(second.problem, none_passes, work_space(), nothing, expected), refused);

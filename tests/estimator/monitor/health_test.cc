@@ -49,7 +49,7 @@ TEST(Health, GivenAWidePosteriorWhenItTightensThenTracking) {
 TEST(Health, GivenAStartThatDoesNotSettleThenAResetAfterTenSeconds) {
   HealthMonitor m;
   FrameEvidence wide = good();
-  wide.sigma_velocity = 0.2;
+  wide.sigma_velocity = 1.2;
   show(m, wide, 9.9);
   EXPECT_FALSE(m.reset_wanted());
   EXPECT_EQ(show(m, wide, 0.2).state, HealthState::kInitialising);
@@ -60,11 +60,37 @@ TEST(Health, GivenAStartWhenItsVelocityIsUnknownThenAResetAfterTwoSeconds) {
   HealthMonitor m;
   FrameEvidence e = good();
   e.sigma_velocity = 1.5;
+  e.tracks = 5;
   const Health h = show(m, e, 1.9);
   EXPECT_FALSE(m.reset_wanted());
   EXPECT_EQ(h.state, HealthState::kInitialising);
   show(m, e, 0.2);
   EXPECT_TRUE(m.reset_wanted());
+}
+
+/// There is nothing better to start from than a covariance that is wide but true.
+TEST(Health, GivenTrackingWhenTheVelocityIsUnknownInFullViewThenLostWithoutAReset) {
+  HealthMonitor m;
+  show(m, good(), 2);
+  FrameEvidence e = good();
+  e.sigma_velocity = 1.5;
+  EXPECT_EQ(show(m, e, 60).state, HealthState::kLost);
+  EXPECT_FALSE(m.reset_wanted());
+  EXPECT_EQ(show(m, good(), 1).state, HealthState::kTracking);
+}
+
+TEST(Health, LimitsOfTheVelocityGrowWithTheSpeed) {
+  HealthMonitor m;
+  FrameEvidence e = good();
+  e.speed = 30;
+  e.sigma_velocity = 0.85;
+  EXPECT_EQ(show(m, e, 2).state, HealthState::kTracking);
+  e.sigma_velocity = 1.4;
+  EXPECT_EQ(show(m, e, 2).state, HealthState::kTracking);
+  e.sigma_velocity = 1.6;
+  EXPECT_EQ(show(m, e, 2).state, HealthState::kDegraded);
+  e.sigma_velocity = 6.1;
+  EXPECT_EQ(show(m, e, 2).state, HealthState::kLost);
 }
 
 TEST(Health, GivenAStartWhenItIsFasterThanAnythingThatFliesSoThenAResetAtOnce) {
@@ -126,6 +152,7 @@ TEST(Health, GivenTrackingWhenTheVelocityIsUnknownThenLostAndAResetAfterTwoSecon
   show(m, good(), 2);
   FrameEvidence e = good();
   e.sigma_velocity = 1.5;
+  e.tracks = 5;
   Health h = show(m, e, 1.9);
   EXPECT_EQ(h.state, HealthState::kLost);
   EXPECT_EQ(h.quality, -1);

@@ -43,7 +43,7 @@ double share_at_rest(const Scene& s, int frames = 400, int* drifts = nullptr) {
       const int id = i + 1000 * (k / s.renewed_every);
       frame.features.push_back(make_feature(static_cast<std::uint32_t>(id), X, Vec2(normal(random), normal(random))));
     }
-    const bool still = detector->update(frame, s.sigma_px, s.rate);
+    const bool still = detector->update(frame, s.sigma_px, s.rate, {Mat3::Identity(), false}) == RestDetector::Verdict::kStands;
     if (drifts) *drifts += detector->was_drift();
     if (t < 1) continue;
     ++judged;
@@ -110,7 +110,7 @@ TEST(RestDetector, BelievesInRestSoonAfterPlainMotion) {
       const Vec3 X(0.3 * (i % 10) - 1.5 - where(t), 0.3 * (i / 10) - 1.5, 5);
       frame.features.push_back(make_feature(static_cast<std::uint32_t>(i), X, Vec2(normal(random), normal(random))));
     }
-    const bool rests = detector->update(frame, 0.3, 0);
+    const bool rests = detector->update(frame, 0.3, 0, {Mat3::Identity(), false}) == RestDetector::Verdict::kStands;
     taken_back += detector->was_drift();
     if (t > 10 && t < 15) {
       EXPECT_FALSE(rests) << t;
@@ -145,7 +145,7 @@ TEST(RestDetector, ForgetsWhenCleared) {
   auto until = [&](int from, int to) {
     for (int k = from; k < to; ++k) {
       frame.stamp = HostStamp{k * 100'000'000LL};
-      still = detector->update(frame, 0.3, 0);
+      still = detector->update(frame, 0.3, 0, {Mat3::Identity(), false}) == RestDetector::Verdict::kStands;
     }
   };
   until(0, 4);

@@ -1,0 +1,135 @@
+// Flight and rest in turns, for two minutes, and for an hour in the night: whatever the estimator keeps stays bounded.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <random>
+
+#include "estimator/monitor/contradiction.h"
+#include "platform/log/suspicion_names.h"
+#include "platform/memory/allocation_count.h"
+#include "tests/estimator/estimator/life.h"
+#include "tests/estimator/estimator/opened.h"
+
+namespace epiline {
+namespace {
+
+/// Largest figures of a soak.
+struct Soak {
+  double interval_s = 0;  ///< of the IMU that knows the motion, between two frames of the window
+  double sigma_v = 0, sigma_tilt = 0, sigmas = 0, at_s = 0;
+  int frames = 0, tracking = 0, without = 0, wrong = 0;
+  std::uint64_t resets = 0, heap_calls = 0;
+  Suspicions suspicions;
+};
+
+void look(test::LifeRig& rig, Soak& soak) {
+  const Odometry& o = rig.estimator().odometry();
+  const Window& window = test::opened(rig.estimator()).window;
+  for (int k = 1; k < window.size(); ++k)
+    if (window.at(k).imu.knows_motion) soak.interval_s = std::max(soak.interval_s, window.at(k).imu.T);
+  for (const std::size_t k : {6U, 7U, 8U}) soak.sigma_v = std::max(soak.sigma_v, std::sqrt(o.covariance[17 * k]));
+  for (const std::size_t k : {3U, 4U}) soak.sigma_tilt = std::max(soak.sigma_tilt, std::sqrt(o.covariance[17 * k]));
+  const test::LifeError e = test::worst_error(rig);
+  soak.wrong += !(e.sigmas <= test::LifeVerdict::kSigmas);
+  if (e.sigmas > soak.sigmas) soak.sigmas = e.sigmas, soak.at_s = rig.now();
+}
+
+/// Runs to `seconds`, along what was planned for the rig.
+Soak run(test::LifeRig& rig, double seconds) {
+  Soak soak;
+  rig.run_to(seconds, [&](const StepResult& result) {
+    ++soak.frames;
+    soak.without += !result.has_pose && rig.now() > 3;
+    soak.tracking += result.has_pose && rig.estimator().odometry().health.state == HealthState::kTracking;
+    if (result.has_pose && rig.now() > 5) look(rig, soak);
+  });
+  soak.resets = rig.estimator().stats().resets;
+  soak.heap_calls = rig.heap_calls();
+  soak.suspicions = rig.estimator().stats().suspicions;
+  return soak;
+}
+
+test::Row drifting() {
+  test::Row row{};
+  row[test::kNoise] = 1;
+  return row;
+}
+
+/// Stands for 2 s, then flies and rests: each as long as chance wants, rests up to `longest_rest_s`.
+Soak fly_and_rest(double seconds, double longest_rest_s) {
+  test::LifeRig rig(drifting(), 1, true);
+  std::mt19937 random(5);
+  const auto between = [&](double from, double to) {
+    return from + (to - from) * static_cast<double>(random() % 1000) / 1000;
+  };
+  for (double t = 2; t < seconds;) {
+    rig.motion.change(t);
+    rig.motion.change(t += between(5, 60));
+    t += between(2, longest_rest_s);
+  }
+  return run(rig, seconds);
+}
+
+/// Stands for so long after it was switched on, and then flies for 10 s.
+Soak wait_and_fly(double seconds, bool warms_up) {
+  test::Row row = drifting();
+  row[test::kWarming] = warms_up;
+  test::LifeRig rig(row, 1, true);
+  rig.motion.change(seconds);
+  return run(rig, seconds + 10);
+}
+
+void expect_bounds(const Soak& soak) {
+  EXPECT_LT(soak.interval_s, 5.2);
+  EXPECT_LT(soak.sigma_v, 0.2);
+  EXPECT_LT(soak.sigma_tilt, 0.02);
+  EXPECT_EQ(soak.wrong, 0) << soak.sigmas << " sigma at " << soak.at_s << " s";
+  EXPECT_EQ(soak.without, 0);
+  EXPECT_GT(soak.tracking, 0.97 * soak.frames);
+  EXPECT_EQ(soak.resets, 0u);
+  if (allocation_counting_available()) {
+    EXPECT_EQ(soak.heap_calls, 0u);
+  }
+  for (std::size_t i = 0; i < soak.suspicions.size(); ++i)
+    EXPECT_LT(soak.suspicions[i].severity, Severity::kSuspect) << kSuspectNames[i] << ' ' << soak.suspicions[i].figure;
+}
+
+TEST(EstimatorSoak, TwoMinutesOfFlightAndRest) { expect_bounds(fly_and_rest(120, 20)); }
+
+TEST(EstimatorSoak, AnHourOfFlightAndRest) {
+  if (std::getenv("EPILINE_NIGHTLY") == nullptr) GTEST_SKIP() << "half a minute: for the night (EPILINE_NIGHTLY)";
+  expect_bounds(fly_and_rest(3600, 300));
+}
+
+TEST(EstimatorSoak, LeavesAfterAMinute) {
+  for (const bool warms_up : {false, true}) {
+    SCOPED_TRACE(warms_up);
+    expect_bounds(wait_and_fly(60, warms_up));
+  }
+}
+
+TEST(EstimatorSoak, LeavesAfterAnHour) {
+  if (std::getenv("EPILINE_NIGHTLY") == nullptr) GTEST_SKIP() << "half a minute: for the night (EPILINE_NIGHTLY)";
+  expect_bounds(wait_and_fly(400, true));
+  expect_bounds(wait_and_fly(3600, false));
+}
+
+/// What contradicted once may be refuted later, after however many flights that it ended.
+TEST(EstimatorSoak, AContradictionIsRefutedWithinAMinuteAfterTenFlightsThatItEnded) {
+  ContradictionWatch watch;
+  TrackFit wrong, right;
+  wrong.median_px = wrong.quarter_px = 10;
+  right.median_px = right.quarter_px = 0.1;
+  for (int flight = 0; flight < 10; ++flight) {
+    for (int i = 0; i < 100; ++i) watch.add(wrong, 0, 0.1, false);
+    watch.restart();
+  }
+  double seconds = 0;
+  for (; watch.worst() != Severity::kNone && seconds < 1e4; seconds += 0.1) watch.add(right, 0, 0.1, false);
+  EXPECT_LT(seconds, 60);
+}
+
+}  // namespace
+}  // namespace epiline
