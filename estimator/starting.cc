@@ -19,6 +19,7 @@ namespace epiline {
 namespace {
 // A start in motion is taken when the window's own posterior says so.
 constexpr int kStartSteps = 10;
+constexpr double kMostShaking = 0.15;  // rad/s, of the readings of a vehicle that stands: motors leave up to 0.1
 constexpr int kStartWindow = 11;  // images; from ten on they show that tracks are worse than configured
 constexpr double kLongestStart_s = 4;  // that the images may span
 constexpr double kStartVelocity = 0.2, kStartTilt = 0.035, kStartScale = 0.15;  // m/s, rad, relative
@@ -182,7 +183,8 @@ std::optional<StartRefusal> Estimator::Impl::try_start(const TrackedFrame& frame
 std::optional<StartRefusal> Estimator::Impl::start_at_rest(const TrackedFrame& frame) {
   const ImuStatistics readings = stationary.statistics();
   if (!rest.images_calm() || !stationary.is_filled(readings)) return StartRefusal::kNoParallax;
-  if (!is_of_newest_frame(readings) && !stationary.is_stationary(readings)) return StartRefusal::kNoParallax;
+  const bool may_shake = is_of_newest_frame(readings) && readings.sigma_rate < kMostShaking;
+  if (!may_shake && !stationary.is_stationary(readings)) return StartRefusal::kNoParallax;
   if (const double force = readings.mean_specific_force.norm(); !can_be_gravity(force)) {
     numbers_wrong = Severity::kGross;
     stats.suspicions[static_cast<std::size_t>(Suspect::kAccelerometerUnits)] = {Severity::kGross, force, {}};
