@@ -183,7 +183,8 @@ std::optional<StartRefusal> Estimator::Impl::try_start(const TrackedFrame& frame
 std::optional<StartRefusal> Estimator::Impl::start_at_rest(const TrackedFrame& frame) {
   const ImuStatistics readings = stationary.statistics();
   if (!rest.images_calm() || !stationary.is_filled(readings)) return StartRefusal::kNoParallax;
-  const bool may_shake = is_of_newest_frame(readings) && readings.sigma_rate < kMostShaking;
+  const bool may_shake = is_of_newest_frame(readings) && readings.sigma_rate < kMostShaking &&
+                         noise_bounds.shakes(noise.accelerometer_density);
   if (!may_shake && !stationary.is_stationary(readings)) return StartRefusal::kNoParallax;
   if (const double force = readings.mean_specific_force.norm(); !can_be_gravity(force)) {
     numbers_wrong = Severity::kGross;
