@@ -19,9 +19,7 @@ constexpr int kSeenAgain = 20;  // tracks that tie the image to the window befor
 
 /// Makes tilt, velocity and biases less certain by an independent error. Place and heading, which the world's origin
 /// defines and nothing in a silence changes, stay as certain as they were; so they are taken out first.
-void widen(const NavState& x, StateCovariance& P) {
-  P += (kSilentState * kSilentState - 1) * without_origin(x, P);
-}
+void widen(const NavState& x, StateCovariance& P) { P += (kSilentState * kSilentState - 1) * without_origin(x, P); }
 
 ImuHistory::Density widened(ImuHistory::Density density) {
   density.noise.accelerometer_density *= kSilentReadings;
@@ -140,7 +138,8 @@ void Estimator::Impl::go_on_from_carried(const TrackedFrame& frame) {
   Slot& slot = window.newest();
   slot.x = carried.x;
   slot.omega = carried.omega;
-  set_prior(window, {carried.P, calibration_covariance, carried.with_calibration, calibration_sigmas()[kTimeOffsetColumn]});
+  set_prior(window,
+            {carried.P, calibration_covariance, carried.with_calibration, calibration_sigmas()[kTimeOffsetColumn]});
   began(StartKind::kCarried);
   ++stats.carried_starts;
   publish(frame.stamp, carried);

@@ -181,7 +181,7 @@ struct Estimator::Impl {
   Severity numbers_wrong = Severity::kNone;  ///< by the watches' present verdict
   /// The same without turns that are unrelated: what the camera saw while it was handled says nothing of a rest.
   Severity wrong_at_rest = Severity::kNone;
-  ContradictionWatch contradictions;         ///< a reset does not forget it
+  ContradictionWatch contradictions;  ///< a reset does not forget it
   Severity contradiction_judged = Severity::kNone;
   /// What the last start did not know of its own place and heading (nothing in the first one), and how wrong it was
   /// where the calibration turned out to be far off.
@@ -195,10 +195,10 @@ struct Estimator::Impl {
   bool rejected_last = false;
   bool start_lacks_time = false;  ///< the last start was refused since its images say too little
   KnownState before_start;        ///< what was known before of the oldest frame of a window without states
-  double rethinking_s = 0;       ///< how long the window will still move to a calibration just found
-  HostStamp rest_reference;      ///< what that test compares with
-  bool rest_frame_held = false;  ///< it had the attitude of the rest
-  NavState stood;  ///< the last state of which images and attitude said that nothing moved
+  double rethinking_s = 0;        ///< how long the window will still move to a calibration just found
+  HostStamp rest_reference;       ///< what that test compares with
+  bool rest_frame_held = false;   ///< it had the attitude of the rest
+  NavState stood;                 ///< the last state of which images and attitude said that nothing moved
   HostStamp stood_at, images_still_since;
   double rest_contradicted_s = 0;
   std::uint64_t rest_frame = 0;  ///< the frame that later ones at rest are linked to

@@ -22,15 +22,15 @@ constexpr double kMountElsewhere = 0.17;  // rad
 constexpr int kRecentFrames = 4;
 // Beyond, the biases' first-order corrections are worth little, and the readings may be gone.
 constexpr double kLongestInterval_s = 5;
-constexpr double kYoungWindow_s = 2;      // more solver steps until the window has seen this much
-constexpr double kGateFree_s = 1;         // no gate until then: a young state may be further off than its tracks
+constexpr double kYoungWindow_s = 2;  // more solver steps until the window has seen this much
+constexpr double kGateFree_s = 1;     // no gate until then: a young state may be further off than its tracks
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kReintegrateScale = 0.005;                                      // relative
 // Off what a standing vehicle should read, and for how long: a twentieth of it would be seen in the images by then.
 constexpr double kRestRate = 0.01, kRestForce = 0.25, kRestContradicted_s = 0.5;  // rad/s, m/s^2
-constexpr double kAhead = 0.2;                                  // of that time
-constexpr double kShakingVelocity = 0.1, kDeadReckoned_s = 2;  // m/s, s
-constexpr double kTimeOffsetWalk = 1e-5;                                         // s/sqrt(s)
+constexpr double kAhead = 0.2;                                                    // of that time
+constexpr double kShakingVelocity = 0.1, kDeadReckoned_s = 2;                     // m/s, s
+constexpr double kTimeOffsetWalk = 1e-5;                                          // s/sqrt(s)
 constexpr double kRethinking_s = 1;                       // until the window has moved to a calibration that is far off
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;  // px
 constexpr double kDriftLeast = 0.02;                      // px per root of an image
@@ -147,14 +147,10 @@ KnownState Estimator::Impl::predicted_newest() const {
   if (carried.time != window.at(window.size() - 2).time)  // an IMU that outlasts the camera
     return carried_to(newest.time);
   const Mat3& R = carried.x.R;
-  return {true,
-          carried.trusted,
-          newest.time,
-          newest.x,
-          newest.omega,
-          carried_on(into_body(carried.P, R), R, newest.imu),
-          false,
-          carried_on(carried.with_calibration, R, newest.imu)};
+  return {true,         carried.trusted,
+          newest.time,  newest.x,
+          newest.omega, carried_on(into_body(carried.P, R), R, newest.imu),
+          false,        carried_on(carried.with_calibration, R, newest.imu)};
 }
 
 /// Appends the frame, predicted by the IMU. False: there are no readings for it.
@@ -207,8 +203,8 @@ bool Estimator::Impl::has_left() const {
   return x.v.norm() > kShakingVelocity;
 }
 
-/// Zero motion (docs/derivations/zero_motion.md): at its first success in a place the candidate becomes a keyframe, once,
-/// and later frames at rest there are tied to it.
+/// Zero motion (docs/derivations/zero_motion.md): at its first success in a place the candidate becomes a keyframe,
+/// once, and later frames at rest there are tied to it.
 void Estimator::Impl::attach_rest(const TrackedFrame& frame) {
   const int n = window.size();
   Slot& newest = window.newest();
@@ -243,8 +239,8 @@ bool Estimator::Impl::is_of_newest_frame(const ImuStatistics& read) const {
 /// it stands on moves. Longer than images need to show that it leaves.
 bool Estimator::Impl::rest_is_contradicted(double dt_s) {
   const ImuStatistics read = stationary.statistics();
-  const bool stands = is_of_newest_frame(read) &&
-                      (window.newest().time - images_still_since).seconds() > read.duration_s;
+  const bool stands =
+      is_of_newest_frame(read) && (window.newest().time - images_still_since).seconds() > read.duration_s;
   const RestBiases at_rest = biases_at_rest(read, window.calibration.scale, carried.x.R);
   const bool fits = (at_rest.b_g - carried.x.b_g).norm() < std::max(kRestRate, 4 * at_rest.sigma_b_g) &&
                     (at_rest.b_a - carried.x.b_a).norm() < std::max(kRestForce, 4 * at_rest.sigma_b_a);

@@ -20,13 +20,13 @@ namespace {
 // A start in motion is taken when the window's own posterior says so.
 constexpr int kStartSteps = 10;
 constexpr double kMostShaking = 0.15;  // rad/s, of the readings of a vehicle that stands: motors leave up to 0.1
-constexpr int kStartWindow = 11;  // images; from ten on they show that tracks are worse than configured
+constexpr int kStartWindow = 11;       // images; from ten on they show that tracks are worse than configured
 constexpr double kLongestStart_s = 4;  // that the images may span
 constexpr double kStartVelocity = 0.2, kStartTilt = 0.035, kStartScale = 0.15;  // m/s, rad, relative
-constexpr double kStartBeamMisfit = 1;  // squared sigmas; of right ones 0.02 to 0.3
-constexpr double kStartResidual = 1.6;                                          // bearing noise seen over that assumed
-constexpr double kBiasSigmaGyroscope = 0.1, kBiasSigmaAccelerometer = 0.1;      // before the first start
-constexpr double kBiasSigmaGyroscopeKnown = 0.01;                               // before a start after a good run
+constexpr double kStartBeamMisfit = 1;                                      // squared sigmas; of right ones 0.02 to 0.3
+constexpr double kStartResidual = 1.6;                                      // bearing noise seen over that assumed
+constexpr double kBiasSigmaGyroscope = 0.1, kBiasSigmaAccelerometer = 0.1;  // before the first start
+constexpr double kBiasSigmaGyroscopeKnown = 0.01;                           // before a start after a good run
 
 /// The state fits the images, but they do not say enough.
 bool is_uncertain(StartRefusal r) {
@@ -211,7 +211,8 @@ std::optional<StartRefusal> Estimator::Impl::posterior_refusal(const SolverSumma
   const NavState& x = window.newest().x;
   if (!s.solved() || !C.allFinite() || !x.p.allFinite()) return StartRefusal::kSolverFailed;
   if (sigma_tilt(x, C) > kStartTilt) return StartRefusal::kTiltUncertain;
-  if (sigma_velocity(x, C) > std::max(kStartVelocity, kStartScale * x.v.norm())) return StartRefusal::kVelocityUncertain;
+  if (sigma_velocity(x, C) > std::max(kStartVelocity, kStartScale * x.v.norm()))
+    return StartRefusal::kVelocityUncertain;
   const Vec3 path = x.p - window.at(0).x.p;
   const double length = path.norm();
   if (length > 0) {
@@ -246,7 +247,8 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   const SolverSummary s = solver.optimise(window, *visual, solver_settings(kStartSteps), patient);
   supervisor.phase(Supervisor::Phase::kNone);
   auto refusal = posterior_refusal(s);
-  // distances far from what the tracks near the beam show are outliers to the window, and would leave it at a false scale
+  // distances far from what the tracks near the beam show are outliers to the window, and would leave it at a false
+  // scale
   if (!refusal && beam_misfit(window) > kStartBeamMisfit) refusal = StartRefusal::kScaleUncertain;
   const double seen = visual->track_fit().median_px;
   if (!refusal && seen > kStartResidual * pixel_sigma) refusal = StartRefusal::kResidualTooLarge;

@@ -10,9 +10,9 @@ using ScaleColumns = Eigen::Matrix<double, 9, 2>;  ///< of (p, theta, v) by (s_a
 
 /// One IMU interval. Tangent order everywhere: (p, theta, v, b_a, b_g).
 struct Preintegration {
-  double T = 0;            ///< length, s
+  double T = 0;              ///< length, s
   bool knows_motion = true;  ///< false: too long, so that only the biases at its ends are related
-  Vec3 dp = Vec3::Zero();  ///< Delta p, in the body frame at the start
+  Vec3 dp = Vec3::Zero();    ///< Delta p, in the body frame at the start
   Vec3 dv = Vec3::Zero();
   Mat3 dR = Mat3::Identity();
   Vec3 b_a = Vec3::Zero(), b_g = Vec3::Zero();  ///< the linearisation point

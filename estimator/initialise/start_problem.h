@@ -28,8 +28,8 @@ struct StartProblem {
   Vec3 p_BC = Vec3::Zero();
   double sigma_rad = 1e-3;  ///< bearing noise, rad
   Vec3 b_g_ref = Vec3::Zero();
-  double b_g_sigma = 0.1;  ///< rad/s: standard deviation of the gyroscope bias around b_g_ref
-  double b_a_sigma = 0.1;  ///< m/s^2: standard deviation of the accelerometer bias around zero
+  double b_g_sigma = 0.1;       ///< rad/s: standard deviation of the gyroscope bias around b_g_ref
+  double b_a_sigma = 0.1;       ///< m/s^2: standard deviation of the accelerometer bias around zero
   Vec3 v_0_ref = Vec3::Zero();  ///< the velocity that is known beside images and IMU, and its information; of nothing
   Mat3 v_0_information = 0.01 * Mat3::Identity();  ///< but what an aircraft can do, it only keeps the system regular
 };

@@ -21,7 +21,7 @@ struct StarterSettings {
   double sigma_yaw = 0;  ///< rad
   CalibrationTangent calibration_sigmas = CalibrationTangent::Zero();
   bool depth_is_measured = false;  ///< a range finder knows the scale: the guess need not
-  Vec3 v_B = Vec3::Zero();  ///< the oldest frame's velocity, in its own body frame, m/s
+  Vec3 v_B = Vec3::Zero();         ///< the oldest frame's velocity, in its own body frame, m/s
   /// The inverse of its covariance.
   Mat3 v_B_information = 0.01 * Mat3::Identity();
 };

@@ -60,9 +60,9 @@ std::optional<StartRefusal> solve_stationary_start(const ImuStatistics& rest, co
   state.R_WB = levelled(force.normalized());
   state.b_g = rate;
   const double mean_of_noise = 1 / std::sqrt(rest.duration_s), mean_of_shaking = 1 / std::sqrt(std::max(1, rest.count));
-  state.sigma_tilt = std::hypot(b_a_sigma, noise.accelerometer_density * mean_of_noise,
-                                rest.sigma_specific_force * mean_of_shaking) /
-                     kGravity;
+  state.sigma_tilt =
+      std::hypot(b_a_sigma, noise.accelerometer_density * mean_of_noise, rest.sigma_specific_force * mean_of_shaking) /
+      kGravity;
   state.sigma_b_g =
       std::hypot(kUnseenMotion, noise.gyroscope_density * mean_of_noise, rest.sigma_rate * mean_of_shaking);
   state.sigma_v = 10 * kUnseenMotion;

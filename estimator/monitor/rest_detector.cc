@@ -19,7 +19,7 @@ constexpr double kLeastSigma_px = 0.02;  // of a bearing
 constexpr double kCommon_px = 0.05;      // common error of all bearings of an image at standstill
 constexpr double kShaken_px = 0.2;       // the same of one that shakes: its turns are not known better
 constexpr double kLongest_s = 20;
-constexpr double kReturns_s = 1;  // shaking takes it away from the reference for less; a drift does not come back
+constexpr double kReturns_s = 1;     // shaking takes it away from the reference for less; a drift does not come back
 constexpr double kRateLimit = 0.02;  // rad/s
 }  // namespace
 
@@ -127,8 +127,8 @@ RestDetector::Verdict RestDetector::update(const TrackedFrame& frame, double sig
   const Snapshot* const old = half_a_second_old(frame.stamp);
   bool turned = false;
   const Displacement moved = old ? displacement(*old, frame, sigma, attitude, turned) : Displacement{};
-  const bool most_stay = moved.is_known() && kMostStay * moved.far <= moved.common &&
-                         moved.mean_square < kSpreadLimit * sigma * sigma;
+  const bool most_stay =
+      moved.is_known() && kMostStay * moved.far <= moved.common && moved.mean_square < kSpreadLimit * sigma * sigma;
   images_still_ = most_stay && moved.ratio < kMovedLimit;
   images_calm_ = most_stay && (attitude.shakes ? moved.shaken_ratio : moved.ratio) < kMovedLimit;
   attitude_held_ = !turned;

@@ -10,8 +10,8 @@ namespace epiline {
 
 /// Compares each frame's bearings with a copy half a second old and, during standstill, with those of its beginning,
 /// which reveal a drift too slow for half a second. A vehicle that rocks in its place stands: what the attitude says of
-/// the turn between the two is taken out where that fits better. After such a drift, standstill must last twice as long as the drift
-/// was overlooked before it is reported, until a clear motion is seen.
+/// the turn between the two is taken out where that fits better. After such a drift, standstill must last twice as long
+/// as the drift was overlooked before it is reported, until a clear motion is seen.
 class RestDetector {
  public:
   void clear();

@@ -122,7 +122,8 @@ TEST(Prior, HandsOverTheCalibrationWithoutItsOwnPrior) {
   H.diagonal().tail<kCalibration>() += weight;
   const Eigen::Matrix<double, n, 1> unit = S.diagonal().cwiseSqrt();
   const Eigen::Matrix<double, n, n> one = unit.asDiagonal() * H * unit.asDiagonal();
-  const Eigen::Matrix<double, n, n> correlation = unit.cwiseInverse().asDiagonal() * S * unit.cwiseInverse().asDiagonal();
+  const Eigen::Matrix<double, n, n> correlation =
+      unit.cwiseInverse().asDiagonal() * S * unit.cwiseInverse().asDiagonal();
   EXPECT_LT((one * correlation - Eigen::Matrix<double, n, n>::Identity()).cwiseAbs().maxCoeff(), 1e-5);
   for (int c = 0; c < kCalibration; ++c)
     EXPECT_NEAR(w.prior.b[15 + c], weight[c] * d[c], 1e-9 * std::abs(weight[c])) << "both pull against each other";

@@ -100,7 +100,8 @@ TEST(StationaryStart, FindsTheBiasesOfAStandingVehicle) {
 TEST(StationaryStart, RefusesWhatIsNotRest) {
   InitialState x;
   EXPECT_EQ(solve_stationary_start(readings(Vec3(0, 0, 9.81), Vec3::Zero(), 0), {}, 0.1, x), StartRefusal::kNoImu);
-  EXPECT_EQ(solve_stationary_start(readings(Vec3(0, 0, 8), Vec3::Zero(), 1), {}, 0.1, x), StartRefusal::kBiasImplausible);
+  EXPECT_EQ(solve_stationary_start(readings(Vec3(0, 0, 8), Vec3::Zero(), 1), {}, 0.1, x),
+            StartRefusal::kBiasImplausible);
   const Vec3 none(0, 0, std::numeric_limits<double>::quiet_NaN());
   EXPECT_EQ(solve_stationary_start(readings(none, Vec3::Zero(), 1), {}, 0.1, x), StartRefusal::kNoImu);
 }

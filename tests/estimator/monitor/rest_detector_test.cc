@@ -43,7 +43,8 @@ double share_at_rest(const Scene& s, int frames = 400, int* drifts = nullptr) {
       const int id = i + 1000 * (k / s.renewed_every);
       frame.features.push_back(make_feature(static_cast<std::uint32_t>(id), X, Vec2(normal(random), normal(random))));
     }
-    const bool still = detector->update(frame, s.sigma_px, s.rate, {Mat3::Identity(), false}) == RestDetector::Verdict::kStands;
+    const bool still =
+        detector->update(frame, s.sigma_px, s.rate, {Mat3::Identity(), false}) == RestDetector::Verdict::kStands;
     if (drifts) *drifts += detector->was_drift();
     if (t < 1) continue;
     ++judged;
