@@ -85,13 +85,14 @@ void Estimator::Impl::use_noise(const ImuNoise& n) {
 /// The configured densities within what the readings allow. Where that moves them, the window's intervals are weighed
 /// anew.
 void Estimator::Impl::hold_noise() {
-  const ImuNoise before = density.noise, held = noise_bounds.hold(config.imu);
-  use_noise(held);
+  const ImuNoise before = density.noise, held_before = noise;
+  use_noise(noise_bounds.hold(config.imu));
   const auto moved = [](double from, double to) { return std::abs(to - from) > kNoiseMoved * from; };
   if (!moved(before.gyroscope_density, density.noise.gyroscope_density) &&
       !moved(before.accelerometer_density, density.noise.accelerometer_density) &&
       !moved(before.gyroscope_random_walk, density.noise.gyroscope_random_walk) &&
       !moved(before.accelerometer_random_walk, density.noise.accelerometer_random_walk)) {
+    use_noise(held_before);
     density.noise = before;
     return;
   }

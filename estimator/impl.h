@@ -96,7 +96,7 @@ struct Estimator::Impl {
   void begin_anew_at_rest(const TrackedFrame& frame);
   void marginalise(Supervisor& supervisor);
   void thin(int k);
-  void drop(int k);
+  bool drop(int k);
   StepResult predict(const TrackedFrame& frame);
   StepResult predict_for_time(const TrackedFrame& frame);
   void publish(HostStamp image, const KnownState& s);

@@ -26,7 +26,7 @@ constexpr double kYoungWindow_s = 2;  // more solver steps until the window has 
 constexpr double kGateFree_s = 1;     // no gate until then: a young state may be further off than its tracks
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kReintegrateScale = 0.005;                                      // relative
-// Off what a standing vehicle should read, and for how long: a twentieth of it would be seen in the images by then.
+// Off what a standing vehicle should read, and for how long: a tenth of it would be seen in the images by then.
 constexpr double kRestRate = 0.01, kRestForce = 0.25, kRestContradicted_s = 0.5;  // rad/s, m/s^2
 constexpr double kAhead = 0.2;                                                    // of that time
 constexpr double kShakingVelocity = 0.1, kDeadReckoned_s = 2;                     // m/s, s
@@ -238,13 +238,15 @@ bool Estimator::Impl::is_of_newest_frame(const ImuStatistics& read) const {
 /// Whether a vehicle that stands has read for a while what its state does not explain: the biases have stepped, or what
 /// it stands on moves. Longer than images need to show that it leaves.
 bool Estimator::Impl::rest_is_contradicted(double dt_s) {
+  if ((window.newest().time - images_still_since).seconds() < kRestContradicted_s) {
+    rest_contradicted_s = 0;
+    return false;
+  }
   const ImuStatistics read = stationary.statistics();
-  const bool stands =
-      is_of_newest_frame(read) && (window.newest().time - images_still_since).seconds() > read.duration_s;
   const RestBiases at_rest = biases_at_rest(read, window.calibration.scale, carried.x.R);
   const bool fits = (at_rest.b_g - carried.x.b_g).norm() < std::max(kRestRate, 4 * at_rest.sigma_b_g) &&
                     (at_rest.b_a - carried.x.b_a).norm() < std::max(kRestForce, 4 * at_rest.sigma_b_a);
-  rest_contradicted_s = stands && !fits ? rest_contradicted_s + dt_s : 0;
+  rest_contradicted_s = is_of_newest_frame(read) && !fits ? rest_contradicted_s + dt_s : 0;
   return rest_contradicted_s > kRestContradicted_s;
 }
 
@@ -277,7 +279,7 @@ void Estimator::Impl::attach_wheel() {
 /// Integrates the interval that ends at frame k anew, if the readings reach back to its beginning.
 void Estimator::Impl::integrate_again(int k, const Vec3& b_a, const Vec3& b_g) {
   const HostStamp begin = window.at(k - 1).time;
-  if (history.empty() || history.oldest_stamp() > begin) return;
+  if (!window.at(k).imu.knows_motion || history.empty() || history.oldest_stamp() > begin) return;
   Slot anew = window.at(k);
   anew.imu.reset(b_a, b_g, window.calibration.scale);
   if (history.integrate(begin, anew.time, density, anew.imu) && whiten(anew)) window.at(k) = anew;
@@ -392,21 +394,26 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, F
 /// Frame k says too little to be kept: it goes, or, so that the IMU's memory lasts, stays until two later ones were
 /// kept for the same reason.
 void Estimator::Impl::thin(int k) {
-  if (window.at(k).imu.T + window.at(k + 1).imu.T <= kLongestInterval_s) return drop(k);
+  if (window.at(k).imu.T + window.at(k + 1).imu.T <= kLongestInterval_s) {
+    drop(k);  // or, for once, stays
+    return;
+  }
   window.at(k).for_time = true;
   if (k >= 3 && window.at(k - 1).for_time && window.at(k - 2).for_time) drop(k - 2);
 }
 
-/// Frame k goes: its two IMU intervals become one, its bearings are lost.
-void Estimator::Impl::drop(int k) {
+/// Frame k goes: its two IMU intervals become one, its bearings are lost. False, and nothing happens: the interval
+/// cannot be weighed.
+bool Estimator::Impl::drop(int k) {
   Slot joint = window.at(k + 1);
   joint.imu = window.at(k).imu;
   joint.imu.join(window.at(k + 1).imu);
   if (joint.imu.T > kLongestInterval_s) joint.imu.forget_motion();
-  if (!whiten(joint)) return;  // as it was, with a frame more until the next one
+  if (!whiten(joint)) return false;
   window.at(k + 1) = joint;
   marginaliser.forget_pose(window, k);
   window.remove(k);
+  return true;
 }
 
 /// Where the gyroscope warms up, that is what contradicted. An accelerometer's bias moves so with a wrong number, too.

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "estimator/factors/beam.h"
-#include "estimator/factors/imu.h"
 #include "estimator/factors/prior.h"
 #include "estimator/impl.h"
 #include "estimator/initialise/moving_start.h"
@@ -19,7 +18,6 @@ namespace epiline {
 namespace {
 // A start in motion is taken when the window's own posterior says so.
 constexpr int kStartSteps = 10;
-constexpr double kMostShaking = 0.15;  // rad/s, of the readings of a vehicle that stands: motors leave up to 0.1
 constexpr int kStartWindow = 11;       // images; from ten on they show that tracks are worse than configured
 constexpr double kLongestStart_s = 4;  // that the images may span
 constexpr double kStartVelocity = 0.2, kStartTilt = 0.035, kStartScale = 0.15;  // m/s, rad, relative
@@ -41,17 +39,6 @@ int most_crowded(const Window& w) {
   for (int k = 2; k + 1 < w.size(); ++k)
     if (room(k) < room(found)) found = k;
   return found;
-}
-
-/// Makes the IMU interval after frame k begin at the frame before it. False, and nothing happens: it cannot be weighed.
-bool join_to_next(Window& w, int k) {
-  Slot next = w.at(k + 1);
-  Preintegration joined = w.at(k).imu;
-  joined.join(next.imu);
-  next.imu = joined;
-  if (!whiten(next)) return false;
-  w.at(k + 1) = next;
-  return true;
 }
 
 /// Mean robust cost of the distances of a range finder, in squared sigmas.
@@ -115,12 +102,9 @@ StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& su
 void Estimator::Impl::make_room() {
   const double span_s = (window.newest().time - window.at(0).time).seconds();
   const int leaving = start_lacks_time && span_s < kLongestStart_s ? most_crowded(window) : 0;
-  if (leaving > 0 && join_to_next(window, leaving)) {
-    window.remove(leaving);
-  } else {
-    before_start = carried_on_to(before_start, window.at(1).time);
-    window.remove(0);
-  }
+  if (leaving > 0 && drop(leaving)) return;
+  before_start = carried_on_to(before_start, window.at(1).time);
+  window.remove(0);
 }
 
 /// Whether something is left of the flight before.
@@ -183,8 +167,7 @@ std::optional<StartRefusal> Estimator::Impl::try_start(const TrackedFrame& frame
 std::optional<StartRefusal> Estimator::Impl::start_at_rest(const TrackedFrame& frame) {
   const ImuStatistics readings = stationary.statistics();
   if (!rest.images_calm() || !stationary.is_filled(readings)) return StartRefusal::kNoParallax;
-  const bool may_shake = is_of_newest_frame(readings) && readings.sigma_rate < kMostShaking &&
-                         noise_bounds.shakes(noise.accelerometer_density);
+  const bool may_shake = is_of_newest_frame(readings) && noise_bounds.shakes(noise.accelerometer_density);
   if (!may_shake && !stationary.is_stationary(readings)) return StartRefusal::kNoParallax;
   if (const double force = readings.mean_specific_force.norm(); !can_be_gravity(force)) {
     numbers_wrong = Severity::kGross;

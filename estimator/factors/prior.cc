@@ -1,9 +1,9 @@
 #include "estimator/factors/prior.h"
 
-#include "estimator/factors/calibration_prior.h"
-
 #include <Eigen/Cholesky>
 #include <cstring>
+
+#include "estimator/factors/calibration_prior.h"
 
 namespace epiline {
 

@@ -30,7 +30,7 @@ double heading_from(const Mat3& R_WB, const Mat3& reference) {
   return std::atan2(turn(1, 0) - turn(0, 1), turn(0, 0) + turn(1, 1));
 }
 
-/// Shaking and noise of readings leave so much of their mean.
+/// The standard error of the means holds what shaking and noise leave of them.
 RestBiases biases_at_rest(const ImuStatistics& rest, const ImuScale& scale, const Mat3& R_WB) noexcept {
   const double root = std::sqrt(std::max(1, rest.count));
   return {(1 + scale.accelerometer) * rest.mean_specific_force + R_WB.transpose() * kGravity_W,

@@ -9,9 +9,9 @@
 namespace epiline {
 
 /// Compares each frame's bearings with a copy half a second old and, during standstill, with those of its beginning,
-/// which reveal a drift too slow for half a second. A vehicle that rocks in its place stands: what the attitude says of
-/// the turn between the two is taken out where that fits better. After such a drift, standstill must last twice as long
-/// as the drift was overlooked before it is reported, until a clear motion is seen.
+/// which reveal a drift too slow for half a second. After such a drift, standstill must last twice as long as the drift
+/// was overlooked before it is reported, until a clear motion is seen. A vehicle that shakes may rock in its place: the
+/// turn between the two, as the attitudes have it, is taken out where that fits better.
 class RestDetector {
  public:
   void clear();

@@ -32,7 +32,7 @@ class TurnWatch {
   /// `memory_s`: age at which rotations have weight 1/e; `reach_s`: range of offsets searched around `time_offset_s`.
   TurnWatch(double time_offset_s, double memory_s);
 
-  /// Compares the image with the previous one if that is at most 0.5 s older. Features must be sorted by id.
+  /// Compares the image with the previous one if that is at most 0.5 s older. Features may come in any order.
   void add_images(const TrackedFrame& frame) noexcept;
   /// As if no image had been compared yet.
   void forget() noexcept;

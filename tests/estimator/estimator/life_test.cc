@@ -1,4 +1,4 @@
-// The table of flights with what life has: no row may fail.
+// The table of flights with what life has: no more rows fail than are known to, and none should.
 #include <gtest/gtest.h>
 
 #include <algorithm>

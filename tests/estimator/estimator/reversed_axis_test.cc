@@ -46,7 +46,7 @@ TEST_P(ReversedAxis, IsNamedAndNotTrustedForLong) {
 INSTANTIATE_TEST_SUITE_P(Flights, ReversedAxis,
                          testing::Values(Reversed{"z_from_rest_crawling", 2, 2, 0.2, 0.2, 2},
                                          Reversed{"z_from_rest", 2, 2, 0.5, 0.2, 1.5},
-                                         Reversed{"x_in_motion", 0, -2, 0.5, 0.7, 3},
+                                         Reversed{"x_in_motion", 0, -2, 0.5, 0.7, 2.5},
                                          Reversed{"x_from_rest_fast", 0, 2, 1, 0.7, 0.6},
                                          Reversed{"y_in_motion", 1, -2, 1, 0.4, 0.1}),
                          [](const auto& test) { return std::string(test.param.name); });
