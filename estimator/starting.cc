@@ -233,6 +233,12 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   // distances far from what the tracks near the beam show are outliers to the window, and would leave it at a false
   // scale
   if (!refusal && beam_misfit(window) > kStartBeamMisfit) refusal = StartRefusal::kScaleUncertain;
+  // where the limit of the velocity is not that of the scale, a usual window shows both: a state that needed more time
+  // is none
+  const double span_s = (window.newest().time - window.at(0).time).seconds();
+  if (!refusal && span_s > kStartWindow * config.solve_interval_s &&
+      kStartScale * window.newest().x.v.norm() < kStartVelocity)
+    refusal = StartRefusal::kResidualTooLarge;
   const double seen = visual->track_fit().median_px;
   if (!refusal && seen > kStartResidual * pixel_sigma) refusal = StartRefusal::kResidualTooLarge;
   if (refusal) {
