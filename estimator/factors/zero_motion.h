@@ -6,9 +6,9 @@
 
 namespace epiline {
 
-inline constexpr double kRestVelocitySigma = 0.01;                                ///< m/s
-inline constexpr double kRestPositionSigma = 0.003;                               ///< m
-inline constexpr double kShakenVelocitySigma = 0.1, kShakenPositionSigma = 0.02;  ///< m/s, m: Slot::shaken
+inline constexpr double kRestVelocitySigma = 0.01;                                 ///< m/s
+inline constexpr double kRestPositionSigma = 0.003;                                ///< m
+inline constexpr double kShakenVelocitySigma = 0.1, kShakenPositionSigma = 0.005;  ///< m/s, m: Slot::shaken
 inline constexpr double kRestAttitudeSigma = 3e-4;  ///< rad: what the test for rest overlooks in the images
 
 /// Returns the cost; null: the cost alone.

@@ -112,7 +112,8 @@ const RestDetector::Snapshot* RestDetector::half_a_second_old(HostStamp now) con
 /// Forgets a reference that says nothing more, or shows a drift. A vehicle that is shaken comes back to it.
 void RestDetector::compare_with_reference(const TrackedFrame& frame, double sigma, const Attitude& attitude) {
   bool turned = false;
-  const Displacement drifted = displacement(reference_, frame, sigma, attitude, turned);
+  was_shaken_ = was_shaken_ || attitude.shakes;
+  const Displacement drifted = displacement(reference_, frame, sigma, {attitude.R_WC, was_shaken_}, turned);
   attitude_held_ = attitude_held_ && !turned;
   is_there_ = drifted.is_known() && drifted.ratio < kDriftedLimit;
   if (is_there_) there_at_ = frame.stamp;
@@ -141,7 +142,7 @@ RestDetector::Verdict RestDetector::update(const TrackedFrame& frame, double sig
   if (!has_reference_ && images_still_ && !was_drift_) {
     reference_ = *old;
     has_reference_ = is_there_ = true;
-    was_reported_ = false;
+    was_reported_ = was_shaken_ = false;
     there_at_ = frame.stamp;
   }
   remember(frame, attitude.R_WC);

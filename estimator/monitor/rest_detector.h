@@ -64,6 +64,7 @@ class RestDetector {
   bool has_reference_ = false, images_still_ = false, images_calm_ = false, was_drift_ = false;
   bool attitude_held_ = false, is_there_ = false;  ///< where the reference was
   bool was_reported_ = false;                      ///< rest with this reference
+  bool was_shaken_ = false;                        ///< since then: it may have settled in another attitude
   HostStamp there_at_;
   double needed_s_ = 0;  ///< required duration of standstill
 };

@@ -123,6 +123,31 @@ TEST(RestDetector, BelievesInRestSoonAfterPlainMotion) {
   EXPECT_LT(rest_since, 17.2);
 }
 
+/// A drone whose motors stop stands in another attitude than the one it was set down in.
+TEST(RestDetector, AVehicleThatSettlesAfterShakingHasNotDrifted) {
+  const auto detector = std::make_unique<RestDetector>();
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> normal(0, 0.1);
+  int rests = 0, taken_back = 0;
+  for (int k = 0; k < 100; ++k) {
+    const bool shakes = k > 10 && k < 40;
+    const double turn = k <= 10 ? 0 : shakes ? 0.0004 + 0.0003 * std::sin(2.1 * k) : 0.0007;  // rad
+    const Mat3 R_WC = so3_exp(Vec3(turn, 0, 0));
+    TrackedFrame frame;
+    frame.stamp = HostStamp{k * 100'000'000LL};
+    for (int i = 0; i < 100; ++i) {
+      const Vec3 X(0.3 * (i % 10) - 1.5, 0.3 * (i / 10) - 1.5, 5);
+      frame.features.push_back(
+          make_feature(static_cast<std::uint32_t>(i), R_WC.transpose() * X, Vec2(normal(random), normal(random))));
+    }
+    const bool stands = detector->update(frame, 0.3, 0, {R_WC, shakes}) == RestDetector::Verdict::kStands;
+    taken_back += detector->was_drift();
+    rests += k >= 50 && stands;
+  }
+  EXPECT_EQ(taken_back, 0);
+  EXPECT_GE(rests, 49);  // of 50
+}
+
 TEST(RestDetector, WantsTheGyroscopeToAgree) {
   EXPECT_GT(share_at_rest({.rate = 0.015}), 0.98);
   EXPECT_EQ(share_at_rest({.rate = 0.025}), 0);
