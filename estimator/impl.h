@@ -76,7 +76,7 @@ struct Estimator::Impl {
   KnownState predicted_newest() const;
   void doubt_origin(const NavState& predicted, double dt_s);
   void attach(const TrackedFrame& frame);
-  bool has_left() const;
+  bool has_left(bool shakes) const;
   void attach_rest(const TrackedFrame& frame);
   void attach_wheel();
   void integrate_again(int k, const Vec3& b_a, const Vec3& b_g);
@@ -198,7 +198,7 @@ struct Estimator::Impl {
   double rethinking_s = 0;        ///< how long the window will still move to a calibration just found
   HostStamp rest_reference;       ///< what that test compares with
   bool rest_frame_held = false;   ///< it had the attitude of the rest
-  NavState stood;                 ///< the last state of which images and attitude said that nothing moved
+  Mat3 stood;                     ///< the last attitude R_WB of which images and attitude said that nothing moved
   HostStamp stood_at, images_still_since;
   double rest_contradicted_s = 0;
   std::uint64_t rest_frame = 0;  ///< the frame that later ones at rest are linked to

@@ -22,15 +22,16 @@ constexpr double kMountElsewhere = 0.17;  // rad
 constexpr int kRecentFrames = 4;
 // Beyond, the biases' first-order corrections are worth little, and the readings may be gone.
 constexpr double kLongestInterval_s = 5;
+constexpr double kLongRest_s = 2;     // over which the IMU loses less of the velocity than rest tells
 constexpr double kYoungWindow_s = 2;  // more solver steps until the window has seen this much
-constexpr double kGateFree_s = 1;     // no gate until then: a young state may be further off than its tracks
+constexpr double kGateFree_s = 1;     // no gate until then: a young state may be far off
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kReintegrateScale = 0.005;                                      // relative
 // Off what a standing vehicle should read, and for how long: a tenth of it would be seen in the images by then.
-constexpr double kRestRate = 0.01, kRestForce = 0.25, kRestContradicted_s = 0.5;  // rad/s, m/s^2
-constexpr double kAhead = 0.2;                                                    // of that time
-constexpr double kShakingVelocity = 0.1, kDeadReckoned_s = 2;                     // m/s, s
-constexpr double kTimeOffsetWalk = 1e-5;                                          // s/sqrt(s)
+constexpr double kRestRate = 0.01, kRestForce = 0.25, kRestContradicted_s = 0.5;        // rad/s, m/s^2
+constexpr double kAhead = 0.2;                                                          // of that time
+constexpr double kLeavingVelocity = 0.05, kShakingVelocity = 0.1, kDeadReckoned_s = 2;  // m/s, m/s, s
+constexpr double kTimeOffsetWalk = 1e-5;                                                // s/sqrt(s)
 constexpr double kRethinking_s = 1;                       // until the window has moved to a calibration that is far off
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;  // px
 constexpr double kDriftLeast = 0.02;                      // px per root of an image
@@ -55,9 +56,16 @@ FoundCalibration found(const Calibration& c, const CalibrationTangent& variances
   return f;
 }
 
-/// What was called rest was none.
-void forget_rest(Window& window) {
-  for (int k = 0; k < window.size(); ++k) {
+/// Whether frame k is where a rest ended, and the velocity of what follows would hang on a frame of seconds before.
+bool ends_long_rest(const Window& window, int k) {
+  for (int later = k + 1; later < window.size(); ++later)
+    if (window.at(later).at_rest) return false;
+  return window.at(k).at_rest && window.at(k).imu.T > kLongRest_s;
+}
+
+/// What was called rest later than that was none.
+void forget_rest(Window& window, HostStamp after) {
+  for (int k = window.size() - 1; k >= 0 && window.at(k).time > after; --k) {
     window.at(k).at_rest = false;
     window.at(k).rest_link = 0;
   }
@@ -88,9 +96,9 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
     carried.with_calibration = solver.cross_covariance();
     learn_walks();
     calibration_covariance = solver.calibration_covariance();
-    if (window.newest().attitude_held) {
-      stood = carried.x;
-      stood_at = carried.time;
+    if (const Slot& old = window.at(std::max(0, window.size() - 1 - kRecentFrames)); old.attitude_held) {
+      stood = old.x.R;
+      stood_at = old.time;
     }
     doubt_origin(predicted.x, dt_s);
     if (look_far(solver.calibration_covariance(), solver.linearised_at(), window.calibration, dt_s,
@@ -189,18 +197,19 @@ void Estimator::Impl::attach(const TrackedFrame& frame) {
   reintegrate_moved_biases();
 }
 
-/// Whether the readings since the vehicle last stood still have taken it away, though the images do not plainly say so:
-/// shaking has no direction.
-bool Estimator::Impl::has_left() const {
+/// Whether the readings since the vehicle last stood still have taken it away: images of a far scene do not show that
+/// at once, and of one that shakes not plainly, but shaking has no direction.
+bool Estimator::Impl::has_left(bool shakes) const {
+  const double most = shakes ? kShakingVelocity : kLeavingVelocity;
   const HostStamp now = window.newest().time;
-  NavState x = window.newest().x;
-  if ((now - stood_at).seconds() < kDeadReckoned_s) {
-    x = stood;
-    x.v.setZero();
-    Vec3 omega;
-    history.propagate(stood_at, now, window.calibration.scale, x, omega);
-  }
-  return x.v.norm() > kShakingVelocity;
+  if (!shakes && window_age_s(now) < kGateFree_s) return false;
+  if ((now - stood_at).seconds() >= kDeadReckoned_s) return !rest.attitude_held() && window.newest().x.v.norm() > most;
+  NavState x = window.newest().x;  // whose biases fit the scales of now
+  x.R = stood;
+  x.v.setZero();
+  Vec3 omega;
+  history.propagate(stood_at, now, window.calibration.scale, x, omega);
+  return x.v.norm() > most;
 }
 
 /// Zero motion (docs/derivations/zero_motion.md): at its first success in a place the candidate becomes a keyframe,
@@ -213,11 +222,14 @@ void Estimator::Impl::attach_rest(const TrackedFrame& frame) {
   const bool shakes = noise_bounds.shakes(noise.accelerometer_density);
   const Verdict found = rest.update(frame, pixel_sigma, rate, {newest.x.R * window.calibration.R_BC, shakes});
   if (!rest.images_still()) images_still_since = newest.time;
-  if (rest.was_drift()) forget_rest(window);
+  if (rest.was_drift()) forget_rest(window, HostStamp{});
   const bool shaken = found == Verdict::kIsShaken;
   if (!config.zero_motion || found == Verdict::kMoves || n < 2 || is_blind(frame.reasons)) return;
   if (shaken && (rest.reference() != rest_reference || window.index_of(rest_frame) < 0)) return;
-  if (!rest.attitude_held() && has_left()) return;
+  if (has_left(shakes)) {
+    forget_rest(window, stood_at);
+    return;
+  }
   if (rest.reference() != rest_reference || window.index_of(rest_frame) < 0) {
     rest_reference = rest.reference();
     rest_frame = forced_keyframe = window.at(n - 2).id;
@@ -443,7 +455,7 @@ void Estimator::Impl::slide(Supervisor& supervisor) {
   const int k = window.size() - 2 - kRecentFrames;
   if (k >= 1) {
     const KeyframeSettings rule{config.keyframe_rule, config.keyframe_parallax_px, config.extrinsics.focal_px};
-    if (window.at(k).id != forced_keyframe && !is_keyframe(window, k, rule)) {
+    if (window.at(k).id != forced_keyframe && !is_keyframe(window, k, rule) && !ends_long_rest(window, k)) {
       thin(k);
     } else {
       ++stats.keyframes;

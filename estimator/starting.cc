@@ -282,7 +282,7 @@ void Estimator::Impl::began(StartKind kind) {
   rejected_last = false;
   started_at = last_marginalised = window.at(0).time;
   stood_at = images_still_since = window.newest().time;
-  stood = window.newest().x;
+  stood = window.newest().x.R;
   stats.start_kind = kind;
 }
 

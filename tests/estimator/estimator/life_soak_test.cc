@@ -103,6 +103,26 @@ TEST(EstimatorSoak, AnHourOfFlightAndRest) {
   expect_bounds(fly_and_rest(3600, 300));
 }
 
+/// Of the velocity, in the two seconds after it left.
+double largest_sigma_after_a_wait_of(double seconds) {
+  test::LifeRig rig(drifting(), 1, true);
+  rig.motion.change(seconds);
+  double sigma = 0;
+  rig.run_to(seconds + 2, [&](const StepResult& result) {
+    if (!result.has_pose || rig.now() < seconds) return;
+    for (const std::size_t k : {6U, 7U, 8U})
+      sigma = std::max(sigma, std::sqrt(rig.estimator().odometry().covariance[17 * k]));
+  });
+  return sigma;
+}
+
+/// It hangs on the last frame at rest, not on one of seconds ago.
+TEST(EstimatorSoak, AWaitDoesNotChangeHowWellItKnowsItsSpeedAsItLeaves) {
+  const double after_three = largest_sigma_after_a_wait_of(3);
+  for (const double seconds : {5.5, 7., 9., 11.5, 14., 30.})
+    EXPECT_LT(largest_sigma_after_a_wait_of(seconds), 1.2 * after_three) << seconds;
+}
+
 TEST(EstimatorSoak, LeavesAfterAMinute) {
   for (const bool warms_up : {false, true}) {
     SCOPED_TRACE(warms_up);
