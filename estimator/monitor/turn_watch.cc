@@ -196,7 +196,6 @@ TurnAgreement TurnWatch::agreement() const noexcept {
   r.turned_s = turned_s_;
   r.turns = turns_;
   if (!(turns_ >= kFewTurns)) return r;
-  r.rate_rad_s = std::sqrt(cc_ / turns_);
   int best = 0, best_mirrored = 0;
   std::array<double, kOffsets> agreement;
   for (int i = 0; i < kOffsets; ++i) {
@@ -210,6 +209,7 @@ TurnAgreement TurnWatch::agreement() const noexcept {
   }
   if (r.agreement_mirrored > 0) r.mirrored_BC = -rotation_from(-fit_at(best_mirrored).sum);
   const Fit fit = fit_at(best);
+  r.rate_rad_s = std::sqrt(std::max(0.0, fit.cc) / turns_);
   // the top of the parabola through it and its neighbours
   const auto at = [&](int i) { return agreement[static_cast<std::size_t>(std::clamp(i, 0, kOffsets - 1))]; };
   const double left = at(best - 1), right = at(best + 1), bend = left - 2 * at(best) + right;

@@ -14,7 +14,7 @@ namespace epiline {
 struct TurnAgreement {
   double turned_s = 0;       ///< time during which images were compared; fades with the watch's memory
   double turns = 0;          ///< number of pairs of images; fades
-  double rate_rad_s = 0;     ///< root mean square of the camera's turns
+  double rate_rad_s = 0;     ///< root mean square of the camera's turns about their mean
   double agreement = 0;      ///< correlation of both after the fit: 1 is perfect, 0 is chance
   double time_offset_s = 0;  ///< t_IMU = t_image + time_offset
   double offset_loss = 0;    ///< loss of agreement at the middle one of the offsets searched

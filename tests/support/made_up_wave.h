@@ -16,8 +16,9 @@ struct MadeUpWave {
   double offset_s = 0.037;  ///< t_IMU = t_image + offset
   Mat3 R_BC = so3_exp(Vec3(0.3, -1.2, 1.9));
   Vec3 bias{0.02, -0.05, 0.03};
+  double lasts_s = 10;
   double size = 1, parallax = 0;  ///< rad/s; rad between two images, of points at random depths
-  bool one_axis = false, has_readings = true;
+  bool one_axis = false, steady = false, has_readings = true;
   std::function<void(ImuSample&)> alter;     ///< of each reading; may be empty
   std::function<void(TrackedFrame&)> spoil;  ///< of each image; may be empty
 
@@ -38,9 +39,9 @@ struct MadeUpWave {
     constexpr double kStep = 0.001;
     Mat3 R_WB = Mat3::Identity();
     double next_image = 0.5;
-    for (int i = 0; i < 10'000; ++i) {
+    for (int i = 0; i * kStep < lasts_s; ++i) {
       const double t = i * kStep;
-      const Vec3 w = size * rate_at(t, one_axis);
+      const Vec3 w = size * (steady ? Vec3(0.1, -0.2, 1.1) : rate_at(t, one_axis));
       if (has_readings && i % 5 == 0) {
         ImuSample s;
         s.stamp = {1'000'000'000 + static_cast<std::int64_t>(t * 1e9)};

@@ -188,6 +188,22 @@ TEST(TurnBetween, TooFewBearingsGiveNone) {
   EXPECT_FALSE(turn_between(s, Mat3::Identity(), Vec3::UnitX(), 0, kernels, turn));
 }
 
+/// About the means nothing is left but noise, and the means hold the gyroscope's bias.
+TEST(TurnWatch, ASteadyTurnAccusesNobody) {
+  MadeUpWave made;
+  made.steady = true;
+  made.lasts_s = 40;
+  made.alter = [](ImuSample& s) {  // shaken, as by rotors
+    for (std::size_t k = 0; k < 3; ++k)
+      s.angular_velocity_rad_s[k] +=
+          0.05 * std::sin(static_cast<double>(31 + 7 * k) * 2 * M_PI * 1e-9 * static_cast<double>(s.stamp.ns));
+  };
+  const TurnAgreement seen = agreement_of(made);
+  ASSERT_GT(seen.turns, 100);
+  EXPECT_LT(seen.agreement, 0.35);
+  EXPECT_EQ(raised(suspicions_of(seen, made.R_BC, made.offset_s, 1, 1)), std::vector<Suspect>());
+}
+
 TEST(TurnWatch, SaysHowSureItIsOfTheRotation) {
   MadeUpWave made;
   const TurnAgreement t = agreement_of(made);
