@@ -99,8 +99,13 @@ void Estimator::Impl::hold_noise() {
   for (int k = 1; k < window.size(); ++k) integrate_again(k, window.at(k).imu.b_a, window.at(k).imu.b_g);
 }
 
-bool Estimator::Impl::add_imu(const ImuSample& sample) {
+bool Estimator::Impl::add_imu(const ImuSample& given) {
   ++stats.imu_samples;
+  ImuSample sample = given;
+  const auto largest = [](const std::array<double, 3>& axes) { return Vec3(axes.data()).cwiseAbs().maxCoeff(); };
+  if (largest(given.angular_velocity_rad_s) >= config.saturation_gyroscope_rad_s ||
+      largest(given.specific_force_m_s2) >= config.saturation_accelerometer_m_s2)
+    sample.reasons |= bit(HealthReason::kImuSaturated);
   switch (history.push(sample)) {
     case ImuHistory::Push::kOutOfOrder:
       ++stats.imu_out_of_order;
@@ -129,11 +134,7 @@ bool Estimator::Impl::add_imu(const ImuSample& sample) {
     units.add(sample);
     if (!history.newest_is_suspect()) stationary.add(sample);
   }
-  const ImuHistory::Reading r = history.newest();
-  if (r.w.cwiseAbs().maxCoeff() >= config.saturation_gyroscope_rad_s ||
-      r.a.cwiseAbs().maxCoeff() >= config.saturation_accelerometer_m_s2 ||
-      (sample.reasons & bit(HealthReason::kImuSaturated)) != 0)
-    ++stats.imu_saturated;
+  if ((sample.reasons & bit(HealthReason::kImuSaturated)) != 0) ++stats.imu_saturated;
   if (history.after_gap()) {
     ++stats.imu_gaps;
     imu_gap_seen = true;

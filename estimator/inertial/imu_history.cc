@@ -149,8 +149,6 @@ void ImuHistory::judge(Reading& r, bool unknown_before) {
     suspect.suspect = v.past != SpikeJudge::Past::kReal;
     suspect.in_gap = v.past == SpikeJudge::Past::kGap;
     suspect.unknown = v.unknown;
-    // what the watch said of a value that is not used
-    if (v.past == SpikeJudge::Past::kSpikes) suspect.distrusted = false;
   }
   if (v.past == SpikeJudge::Past::kSpikes) counts_.bridged += static_cast<std::uint64_t>(v.past_count);
   if (v.past == SpikeJudge::Past::kGap) ++counts_.gaps;
@@ -173,7 +171,7 @@ Interpolator::Neighbours ImuHistory::neighbours(std::uint64_t i) const {
 bool ImuHistory::has_neighbours(std::uint64_t i) const {
   const Span longest = Span::from_seconds(kLongestStep * period());
   for (std::uint64_t k = i - kReach; k <= i + kReach; ++k) {
-    if (at(k).distrusted || at(k).in_gap || (k != i && is_open(k))) return false;
+    if (at(k).in_gap || (k != i && (at(k).distrusted || is_open(k)))) return false;
     if (k > i - kReach && at(k).stamp - at(k - 1).stamp > longest) return false;
   }
   return true;
@@ -202,6 +200,7 @@ void ImuHistory::look_back() {
     revise(between);
     return;
   }
+  if (at(between).distrusted) return;
   departures_.back() = departure(between);
   interpolator_.learn(neighbours(between), values_of(at(between)));
   judge_again(between - kReach);
@@ -237,6 +236,7 @@ void ImuHistory::confirm(std::uint64_t i) {
   const Interpolator::Values usual = kUnknown * interpolator_.usual_error();
   r.unknown = {std::min(r.unknown.rate_rad_s, static_cast<float>(usual.head<3>().maxCoeff())),
                std::min(r.unknown.force_m_s2, static_cast<float>(usual.tail<3>().maxCoeff()))};
+  r.distrusted = false;  // the watch said so of a value that is not used
   revise(i);
 }
 

@@ -13,7 +13,7 @@ constexpr double kUnusual = 8;                        // times the mean departur
 constexpr double kWildRate = 5, kWildForce = 100;     // departures for which one neighbour is no confirmation
 constexpr double kLearnt = 1.0 / 64, kLearntFast = 1.0 / 8, kMostLearnt = 4;
 constexpr double kManySuspects = 0.25, kShareMemory = 1.0 / 8;  // of the last readings
-constexpr double kMostUnknown = 4, kSurelyCorrupt = 8;          // times the limit: a larger lone departure is no motion
+constexpr double kMostUnknown = 4;                              // times the limit
 constexpr Span kLongestBurst = Span::from_milliseconds(20);
 constexpr int kShortestBurst = 3;  // readings, at low rates
 constexpr double kForgotten_s = 1;
@@ -101,10 +101,9 @@ void SpikeJudge::believe(const Point& r) noexcept {
   worst_rate_ = worst_force_ = 0;
 }
 
-SpikeJudge::Unknown SpikeJudge::unknown(bool alone) const noexcept {
+SpikeJudge::Unknown SpikeJudge::unknown() const noexcept {
   const double in_a_row = std::sqrt(std::max(1, suspects_));  // neighbours are off together
   const auto size = [&](double worst, double usual, double limit) {
-    if (alone && worst > kSurelyCorrupt * limit) return static_cast<float>(in_a_row * usual);
     return static_cast<float>(in_a_row * std::clamp(worst, usual, kMostUnknown * limit));
   };
   return {size(worst_rate_, rate_scale_.maxCoeff(), rate_limit().maxCoeff()),
@@ -144,7 +143,7 @@ SpikeJudge::Verdict SpikeJudge::step(HostStamp stamp, const Vec3& w, const Vec3&
   Verdict v;
   forget(stamp);
   if (!any_ || after_gap) {
-    if (suspects_ > 0) v = {false, Past::kSpikes, suspects_, false, unknown(true)};
+    if (suspects_ > 0) v = {false, Past::kSpikes, suspects_, false, unknown()};
     any_ = false;
     believe(r);
     base_alone_ = true;
@@ -162,7 +161,7 @@ SpikeJudge::Verdict SpikeJudge::step(HostStamp stamp, const Vec3& w, const Vec3&
   if (suspects_ > 0) {
     v.past = past(r);
     v.past_count = suspects_;
-    v.unknown = unknown(v.past == Past::kSpikes);
+    v.unknown = unknown();
   }
   if (v.past != Past::kOpen) {
     v.base_is_spike = v.past == Past::kReal && base_alone_;

@@ -79,7 +79,7 @@ class SpikeJudge {
   void believe(const Point& r) noexcept;
   void suspect(const Point& r) noexcept;
   Verdict begin_anew(const Point& r, Verdict v) noexcept;
-  Unknown unknown(bool alone) const noexcept;
+  Unknown unknown() const noexcept;
   void forget(HostStamp now) noexcept;
 
   Point base_, before_base_;  // the last readings believed

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -187,6 +188,31 @@ TEST(ImuHistory, ACorruptReadingIsBridgedAndItsSizeIsUnknown) {
     EXPECT_LT(std::sqrt(z.C(at_theta, at_theta)), 0.05);
     EXPECT_EQ(difference(integrated(*good, 0.8, 0.9), integrated(*bad, 0.8, 0.9)), 0);
     EXPECT_EQ(bad->longest_unknown_s(at(0.7), at(0.8)), good->longest_unknown_s(at(0.7), at(0.8)));
+  }
+}
+
+/// A blow rings at 70 Hz for 0.1 s, far beyond the sensor's limit, so that every second reading looks like a spike.
+TEST(ImuHistory, WhatABlowDoesIsUnknown) {
+  constexpr double kLimit = 80, kBegin = 0.7, kEnd = 0.8;
+  for (int phase = 0; phase < 8; ++phase) {
+    const auto ringing = [phase](double t) {
+      if (t <= kBegin || t >= kEnd) return 0.;
+      return 150 * std::pow(std::sin(10 * M_PI * (t - kBegin)), 4) * std::sin(2 * M_PI * 70 * t + phase * M_PI / 4);
+    };
+    const auto calm = history(0, 1), hit = std::make_unique<ImuHistory>();
+    for (int i = 0; i <= 200; ++i) {
+      ImuSample s = sample(0.005 * i);
+      double& x = s.specific_force_m_s2[0];
+      x = std::clamp(x + ringing(0.005 * i), -kLimit, kLimit);
+      if (std::abs(x) == kLimit) s.reasons = bit(HealthReason::kImuSaturated);
+      hit->push(s);
+    }
+    double dv = 0;
+    for (int k = 0; k < 10'000; ++k) dv += 1e-5 * ringing(kBegin + 1e-5 * (k + 0.5));
+    const Preintegration z = integrated(*hit, kBegin - 0.05, kEnd + 0.05);
+    const double off = z.dv.x() - integrated(*calm, kBegin - 0.05, kEnd + 0.05).dv.x() - dv;
+    EXPECT_LT(std::abs(off), 3 * std::sqrt(z.C(6, 6))) << phase;
+    EXPECT_LT(std::sqrt(z.C(6, 6)), 3);
   }
 }
 
