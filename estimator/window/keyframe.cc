@@ -5,6 +5,8 @@ namespace epiline {
 namespace {
 constexpr int kFewestCommon = 20;
 constexpr double kLeastOverlap = 0.5;
+constexpr double kStays_px = 1;
+constexpr int kFewMove = 4;  // times fewer than all: they move by themselves
 
 struct Comparison {
   int common = 0, later = 0;
@@ -12,10 +14,12 @@ struct Comparison {
 };
 
 /// Bearings of frame k turned by R_jk against those of frame j, in the first camera's axes; for small angles the chord
-/// is the angle.
+/// is the angle. Where the scene moves past, tracks that stay at their pixel do not count: they lie on the vehicle or
+/// too far away to show its way, and outlive all that do show it.
 Comparison compare(const Window& w, int j, int k, const Mat3& R_jk, double focal_px) {
   Comparison c;
-  double sum = 0;
+  int moved = 0;
+  double sum = 0, sum_moved = 0;
   for (int i = 0; i < w.track_count(); ++i) {
     const TrackRecord& t = w.track(i);
     if (!w.seen(t, k)) continue;
@@ -24,7 +28,16 @@ Comparison compare(const Window& w, int j, int k, const Mat3& R_jk, double focal
     ++c.common;
     const Vec3 before = bearing_of(w.view(t, j)), now = bearing_of(w.view(t, k));
     const Mat3& R_CD = w.rig.poses[t.camera].R_CD;
-    sum += t.camera > 0 ? (R_jk * (R_CD * now) - R_CD * before).norm() : (R_jk * now - before).norm();
+    const double parallax = t.camera > 0 ? (R_jk * (R_CD * now) - R_CD * before).norm() : (R_jk * now - before).norm();
+    sum += parallax;
+    if (focal_px * (now - before).norm() < kStays_px) continue;
+    sum_moved += parallax;
+    ++moved;
+  }
+  if (moved >= kFewestCommon && kFewMove * moved > c.common) {
+    c.later -= c.common - moved;
+    c.common = moved;
+    sum = sum_moved;
   }
   if (c.common > 0) c.parallax_px = focal_px * sum / c.common;
   return c;

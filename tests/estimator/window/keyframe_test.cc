@@ -18,6 +18,7 @@ struct Pose {
   Vec3 turn = Vec3::Zero();
   int first_point = 0;  ///< sees the points first_point .. first_point + points - 1
   int points = 60;
+  int own = 0;  ///< points of the vehicle, beside those
 };
 
 /// A window of frames that look along x at points 4 m ahead, the camera sitting in the body as on a robot.
@@ -29,11 +30,14 @@ std::unique_ptr<Window> window_of(std::initializer_list<Pose> poses) {
     s.x.p = pose.p;
     s.x.R = so3_exp(pose.turn);
     TrackedFrame frame;
-    for (int i = pose.first_point; i < pose.first_point + pose.points; ++i) {
-      const Vec3 P(4, 0.1 * (i % 8) - 0.4, 0.1 * (i / 8 % 8) - 0.4);
-      const Vec3 f = (w->calibration.R_BC.transpose() * s.x.R.transpose() * (P - s.x.p)).normalized();
+    for (int i = pose.first_point; i < pose.first_point + pose.points + pose.own; ++i) {
+      const bool own = i >= pose.first_point + pose.points;
+      const int n = own ? i - pose.first_point - pose.points : i;
+      const Vec3 P(4, 0.1 * (n % 8) - 0.4, 0.1 * (n / 8 % 8) - 0.4);
+      const Vec3 seen = own ? P : s.x.R.transpose() * (P - s.x.p);
+      const Vec3 f = (w->calibration.R_BC.transpose() * seen).normalized();
       TrackedFeature feature;
-      feature.id = static_cast<std::uint32_t>(i);
+      feature.id = static_cast<std::uint32_t>(own ? 1000 + n : n);
       feature.bearing = {f.x(), f.y(), f.z()};
       feature.pixel_jacobian = {458, 0, 0, 0, 458, 0};
       frame.features.push_back(feature);
@@ -87,6 +91,26 @@ TEST(Keyframe, LostOverlapMakesOne) {
   EXPECT_FALSE(is_kept(*window_of({{}, {.first_point = 30}, {}}), kCompensated));  // 30 of 60
   EXPECT_TRUE(is_kept(*window_of({{}, {.first_point = 31}, {}}), kCompensated));   // 29 of 60
   EXPECT_FALSE(is_kept(*window_of({{}, {.first_point = 31}, {}}), kRaw));          // as VINS-Mono has it
+}
+
+/// Parts of the vehicle, and what is far away, stay in the image, and live longer than the scene.
+TEST(Keyframe, TracksThatStayHideNeitherParallaxNorLostOverlap) {
+  const Pose begin{.own = 40};
+  EXPECT_TRUE(is_kept(*window_of({begin, {.p = Vec3(0, 0.09, 0), .own = 40}, {}}), kCompensated));
+  EXPECT_TRUE(is_kept(*window_of({begin, {.p = Vec3(0, 0.05, 0), .first_point = 31, .own = 40}, {}}), kCompensated));
+  // and they are no parallax where the camera turns
+  EXPECT_FALSE(is_kept(*window_of({begin, {.turn = Vec3(0, 0, 0.1), .own = 40}, {}}), kCompensated));
+  // while everything stays, they are tracks like others
+  EXPECT_FALSE(is_kept(*window_of({begin, {.first_point = 45, .own = 40}, {}}), kCompensated));
+}
+
+TEST(Keyframe, FewThatMoveByThemselvesAreNoScene) {
+  const Pose stands{.points = 0, .own = 100};
+  Pose passed_by = stands;
+  passed_by.points = 25;
+  Pose later = passed_by;
+  later.p = Vec3(0, 0.2, 0);
+  EXPECT_FALSE(is_kept(*window_of({passed_by, later, {}}), kCompensated));
 }
 
 TEST(Keyframe, FewerThanTwentyCommonTracksMakeOne) {
