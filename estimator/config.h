@@ -42,7 +42,9 @@ struct WheelModel {
   bool use = true;                 ///< false: ignore speeds
   Vec3 forward_B = Vec3::UnitX();  ///< unit vector of the forward axis
   Vec3 p_BV = Vec3::Zero();        ///< the point, m: the middle of the non-steering axle
-  double sigma_m_s = 0.05;         ///< standard deviation of the speed
+  double sigma_m_s = 0.05;         ///< standard deviation of a speed's white noise
+  double scale_sigma = 0.03;       ///< relative: of what the wheels read too much or too little for long
+  double sideways_sigma_m_s = 0;   ///< of the speed sideways and upwards; 0: nothing is known of it
   double cauchy = 2;               ///< scale of the Cauchy kernel against slip, in sigmas
 };
 

@@ -53,6 +53,7 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
       stationary(c.imu),
       starter(best_instruction_set()),
       turns(c.extrinsics.time_offset_s, kWatchMemory_s),
+      wheel_watch(c.wheel.scale_sigma),
       pixel_sigma(c.pixel_sigma),
       drift_sigma(c.drift_sigma) {
   use_noise(c.imu);
@@ -184,6 +185,7 @@ void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
   add_contradictions(contradictions, pair_px, said);
   add_contradictions(contradictions, pair_px, left);
   add_suspicions(config.imu, noise, said);
+  add_suspicions(wheel_watch, said);
   const CalibrationTangent sigma = calibration_covariance.diagonal().cwiseSqrt();
   add_pose(found_pose(), said);
   for (Suspicions* s : {&said, &left}) {
@@ -285,11 +287,7 @@ Estimator::~Estimator() = default;
 
 bool Estimator::add_imu(const ImuSample& sample) noexcept { return impl_->add_imu(sample); }
 
-bool Estimator::add_wheel(const WheelSample& sample) noexcept {
-  const bool taken = impl_->config.wheel.use && impl_->wheel.push(sample.stamp, sample.forward_speed_m_s);
-  ++(taken ? impl_->stats.wheel_samples : impl_->stats.wheel_refused);
-  return taken;
-}
+bool Estimator::add_wheel(const WheelSample& sample) noexcept { return impl_->add_wheel(sample); }
 
 bool Estimator::add_height(const HeightSample& sample) noexcept { return impl_->add_height(sample); }
 

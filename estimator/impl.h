@@ -18,6 +18,7 @@
 #include "estimator/monitor/rest_detector.h"
 #include "estimator/monitor/suspicion.h"
 #include "estimator/monitor/turn_watch.h"
+#include "estimator/monitor/wheel_watch.h"
 #include "estimator/predict/covariance.h"
 #include "estimator/solver/marginalise.h"
 #include "estimator/solver/solver.h"
@@ -55,6 +56,9 @@ struct HeightMemory {
   double ground_step_m = 0, ground_step_at_m = 0;  ///< the last jump of the range finder, and the way up to there
 };
 
+/// What the wheels read of the newest frame.
+enum class WheelMotion : std::uint8_t { kUnknown, kStand, kTurn };
+
 struct Estimator::Impl {
   explicit Impl(const EstimatorConfig& c);
 
@@ -78,7 +82,6 @@ struct Estimator::Impl {
   void attach(const TrackedFrame& frame);
   bool has_left(bool shakes) const;
   void attach_rest(const TrackedFrame& frame);
-  void attach_wheel();
   void integrate_again(int k, const Vec3& b_a, const Vec3& b_g);
   void reintegrate_moved_biases();
   void reintegrate_revised();
@@ -102,6 +105,14 @@ struct Estimator::Impl {
   void publish(HostStamp image, const KnownState& s);
   VisualSettings visual_settings() const;
   double window_age_s(HostStamp now) const { return (now - started_at).seconds(); }
+
+  // wheels.cc
+  bool add_wheel(const WheelSample& sample);
+  void learn_wheel_noise();
+  void attach_wheel();
+  void find_wheel_slips();
+  void watch_wheels();
+  WheelMotion wheel_motion() const;
 
   // heights.cc: the sensors of height
   bool add_height(const HeightSample& sample);
@@ -167,6 +178,8 @@ struct Estimator::Impl {
   HealthMonitor monitor;
   TurnWatch turns;
   UnitsWatch units;
+  WheelWatch wheel_watch;
+  double wheel_variance = 0;  ///< of the speeds' noise, as they scatter
   Odometry odometry;
   EstimatorStats stats;
 

@@ -94,6 +94,7 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   if (s.solved()) {
     carried.P = solver.covariance();
     carried.with_calibration = solver.cross_covariance();
+    watch_wheels();
     learn_walks();
     calibration_covariance = solver.calibration_covariance();
     if (const Slot& old = window.at(std::max(0, window.size() - 1 - kRecentFrames)); old.attitude_held) {
@@ -193,6 +194,7 @@ bool Estimator::Impl::cut(const TrackedFrame& frame) {
 void Estimator::Impl::attach(const TrackedFrame& frame) {
   attach_rest(frame);
   attach_wheel();
+  find_wheel_slips();
   attach_heights();
   reintegrate_moved_biases();
 }
@@ -224,9 +226,11 @@ void Estimator::Impl::attach_rest(const TrackedFrame& frame) {
   if (!rest.images_still()) images_still_since = newest.time;
   if (rest.was_drift()) forget_rest(window, HostStamp{});
   const bool shaken = found == Verdict::kIsShaken;
+  const WheelMotion wheels = wheel_motion();
   if (!config.zero_motion || found == Verdict::kMoves || n < 2 || is_blind(frame.reasons)) return;
   if (shaken && (rest.reference() != rest_reference || window.index_of(rest_frame) < 0)) return;
-  if (has_left(shakes)) {
+  if (wheels == WheelMotion::kTurn) return;
+  if (wheels != WheelMotion::kStand && has_left(shakes)) {
     forget_rest(window, stood_at);
     return;
   }
@@ -276,16 +280,6 @@ void Estimator::Impl::begin_anew_at_rest(const TrackedFrame& frame) {
   forget();
   carried = s;
   go_on_from_carried(frame);
-}
-
-/// Frames whose time lies between two speeds get one, once; the second of the two may come after the frame.
-void Estimator::Impl::attach_wheel() {
-  for (int k = 0; k < window.size(); ++k) {
-    Slot& s = window.at(k);
-    if (s.has_wheel || !wheel.at(s.time, s.wheel_speed_m_s)) continue;
-    s.has_wheel = true;
-    ++stats.wheel_frames;
-  }
 }
 
 /// Integrates the interval that ends at frame k anew, if the readings reach back to its beginning.
@@ -418,6 +412,8 @@ void Estimator::Impl::thin(int k) {
 /// cannot be weighed.
 bool Estimator::Impl::drop(int k) {
   Slot joint = window.at(k + 1);
+  joint.wheel = window.at(k).wheel;
+  joint.wheel.join(window.at(k).imu.dR, window.at(k + 1).wheel);
   joint.imu = window.at(k).imu;
   joint.imu.join(window.at(k + 1).imu);
   if (joint.imu.T > kLongestInterval_s) joint.imu.forget_motion();

@@ -124,10 +124,13 @@ void Estimator::Impl::add_known_velocity(StarterSettings& s) const {
     const Mat3 C = J * before_start.P.block<6, 6>(3, 3) * J.transpose();
     s.v_B_information = (C + 1e-4 * Mat3::Identity()).inverse();
   }
-  if (!oldest.has_wheel) return;
-  const Vec3& e = window.wheel.forward_B;
-  const double speed = oldest.wheel_speed_m_s - e.dot((oldest.omega - oldest.x.b_g).cross(window.wheel.p_BV));
-  const double information = 1 / (window.wheel.sigma_m_s * window.wheel.sigma_m_s);
+  double read = 0;
+  if (!wheel.at(oldest.time, read)) return;
+  const WheelModel& model = window.wheel;
+  const Vec3& e = model.forward_B;
+  const double speed = read - e.dot((oldest.omega - oldest.x.b_g).cross(model.p_BV));
+  const double information =
+      1 / (model.sigma_m_s * model.sigma_m_s + model.scale_sigma * model.scale_sigma * read * read);
   const Vec3 sum = s.v_B_information * s.v_B + information * speed * e;
   s.v_B_information += information * e * e.transpose();
   s.v_B = s.v_B_information.ldlt().solve(sum);
@@ -167,7 +170,9 @@ std::optional<StartRefusal> Estimator::Impl::try_start(const TrackedFrame& frame
 std::optional<StartRefusal> Estimator::Impl::start_at_rest(const TrackedFrame& frame) {
   const ImuStatistics readings = stationary.statistics();
   if (!rest.images_calm() || !stationary.is_filled(readings)) return StartRefusal::kNoParallax;
-  const bool may_shake = is_of_newest_frame(readings) && noise_bounds.shakes(noise.accelerometer_density);
+  const bool may_shake = is_of_newest_frame(readings) &&
+                         (noise_bounds.shakes(noise.accelerometer_density) || wheel_motion() == WheelMotion::kStand);
+  if (wheel_motion() == WheelMotion::kTurn) return StartRefusal::kNoParallax;
   if (!may_shake && !stationary.is_stationary(readings)) return StartRefusal::kNoParallax;
   if (const double force = readings.mean_specific_force.norm(); !can_be_gravity(force)) {
     numbers_wrong = Severity::kGross;
@@ -219,6 +224,7 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   started_at = window.at(0).time;
   const HeightMemory heights_before = height_memory;
   if (at.depth_is_measured) attach_heights();
+  find_wheel_slips();
   reintegrate_moved_biases();
   supervisor.phase(Supervisor::Phase::kSolve);
   visual->restart();

@@ -53,6 +53,10 @@ enum class Suspect : std::uint8_t {
   kFocalLength,         ///< figure: the one found, over the configured one
   kAccelerometerScale,  ///< figure: what a true reading would be, over what is read
   kGyroscopeScale,      ///< the same
+  kWheelScale,          ///< figure: the vehicle's speed over that of the wheels
+  kWheelSlip,           ///< the wheels' speeds scatter about the vehicle's; figure: by this share of them
+  kWheelStuck,          ///< they do not change with the vehicle's; figure: what they read, m/s
+  kWheelDelay,          ///< figure: s by which the vehicle's speeds are ahead of theirs
   kCount
 };
 enum class Severity : std::uint8_t {
@@ -106,7 +110,8 @@ struct EstimatorStats {
   std::uint64_t iterations = 0, residuals = 0, state_size = 0, deadline_hits = 0;
   std::uint64_t linearisations = 0, tracks_offered = 0, tracks_used = 0;
   std::uint64_t keyframes = 0, zero_motion_frames = 0, gated = 0, gate_suspended = 0, tracks_refused = 0;
-  std::uint64_t wheel_samples = 0, wheel_refused = 0, wheel_frames = 0;  ///< wheel_frames: frames with a speed
+  // wheel_frames: with the way from the frame before; wheel_slips: where the speeds' scale has changed.
+  std::uint64_t wheel_samples = 0, wheel_refused = 0, wheel_frames = 0, wheel_slips = 0;
   // Of each HeightKind: samples taken and left out, frames with a height, jumps against the frames before.
   std::array<std::uint64_t, kHeightKinds> height_samples{}, height_refused{}, height_frames{}, height_jumps{};
   std::uint64_t features_refused = 0;  ///< with a bearing or Jacobian that no camera gives

@@ -7,6 +7,7 @@
 #include "estimator/config.h"
 #include "estimator/inertial/nav_state.h"
 #include "estimator/inertial/preintegration.h"
+#include "estimator/inertial/wheel_way.h"
 #include "estimator/window/capacity.h"
 #include "estimator/window/observation.h"
 #include "platform/samples/samples.h"
@@ -126,8 +127,7 @@ struct Slot {
   bool shaken = false;                                  ///< at rest: loosely
   bool attitude_held = false;                           ///< at rest: with the attitude of the rest frame
   bool for_time = false;                                ///< kept only so that no IMU interval grows too long
-  bool has_wheel = false;                               ///< wheel factor attached
-  double wheel_speed_m_s = 0;                           ///< measured, at `time`
+  WheelWay wheel;                                       ///< from the frame before, as `imu`
   std::array<HeightReading, kHeightKinds> heights;      ///< factor attached to those that it has
   BeamTracks beam;
   double path_m = -1;           ///< horizontal way up to here, since any beginning; negative: not measured yet

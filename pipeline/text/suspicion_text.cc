@@ -52,6 +52,24 @@ std::string contradiction_text(Suspect suspect, double figure) {
          "timestamps, or noise densities that are too small";
 }
 
+std::string wheels_text(Suspect suspect, double figure) {
+  if (suspect == Suspect::kWheelStuck)
+    return fmt::format("the wheels read {:.2f} m/s while the vehicle's speed changes: stuck, or an old message",
+                       figure);
+  if (suspect == Suspect::kWheelDelay)
+    return fmt::format("the wheels' speeds are late by {:.2f} s: set wheel.delay_ms, or mend the timestamps", figure);
+  if (suspect == Suspect::kWheelSlip)
+    return fmt::format(
+        "the wheels' speeds scatter about the vehicle's by {:.0f} %: they slip, or are not this vehicle's",
+        100 * figure);
+  if (figure < 0) return "the wheels read backwards: the sign of wheel.scale_m_s, or camera and IMU look back";
+  if (figure < 0.8 || figure > 1.25)
+    return fmt::format("the vehicle goes {:.2g} times as fast as its wheels read: {}", figure,
+                       figure > 0.26 && figure < 0.3 ? "in km/h?" : "wrong unit or scale (wheel.scale_m_s)?");
+  return fmt::format("the wheels read {:.1f} % too {}: they slip, or wheel.scale_m_s is wrong",
+                     100 * std::abs(1 / figure - 1), figure < 1 ? "much" : "little");
+}
+
 std::string found(Suspect suspect, const Suspicion& s) {
   switch (suspect) {
     case Suspect::kRotation:
@@ -100,6 +118,11 @@ std::string found(Suspect suspect, const Suspicion& s) {
       return fmt::format("the {} readings are {:.1f} % too {}: its scale is wrong",
                          suspect == Suspect::kGyroscopeScale ? "gyroscope's" : "accelerometer's",
                          100 * std::abs(1 / s.figure - 1), s.figure < 1 ? "large" : "small");
+    case Suspect::kWheelScale:
+    case Suspect::kWheelSlip:
+    case Suspect::kWheelStuck:
+    case Suspect::kWheelDelay:
+      return wheels_text(suspect, s.figure);
     case Suspect::kCount:
       break;
   }

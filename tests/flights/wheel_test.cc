@@ -26,13 +26,26 @@ class Wheels : public test::TrackedFlight {
 constexpr const char* kWith = "[wheel]\nsigma_m_s = 0.05\n";
 constexpr const char* kWithout = "[wheel]\nuse = false\n";
 
-// A vehicle at a constant speed: the accelerometer has nothing to say about the scale.
+// A vehicle at a constant speed: the accelerometer has nothing to say about the scale. It looks to its left.
 TEST_F(Wheels, HoldTheScaleOfAStraightWay) {
-  fly(FlightKind::kStraight);
-  const WheelOutcome with = replayed("[wheel]\nsigma_m_s = 0.02\n"), without = replayed(kWithout);
+  fly(FlightKind::kStraight, {.forward_B = -Vec3::UnitY()});
+  const std::string settings = "[body]\nyaw_deg = 90\n";
+  const WheelOutcome with = replayed(settings + kWith), without = replayed(settings + kWithout);
   EXPECT_GT(with.stats.wheel_frames, 300u);
+  EXPECT_EQ(with.stats.wheel_slips, 0u);
   EXPECT_EQ(without.stats.wheel_frames, 0u);
   EXPECT_LT(ate(with), 0.8 * ate(without));
+}
+
+// Ten thousand noisy readings do not make a wrong radius right, and do not shrink the scale either.
+TEST_F(Wheels, OfAWrongRadiusAreBelievedAsFarAsTheyMayBe) {
+  const std::string settings = "[body]\nyaw_deg = 90\n[wheel]\nsigma_m_s = 0.02\n";
+  fly(FlightKind::kStraight, {.forward_B = -Vec3::UnitY(), .scale_error = 0.1});
+  const WheelOutcome wrong = replayed(settings), without = replayed(kWithout);
+  EXPECT_LT(ate(wrong), 3 * ate(without));
+  const Suspicion& said = wrong.stats.suspicions[static_cast<std::size_t>(Suspect::kWheelScale)];
+  EXPECT_EQ(said.severity, Severity::kNote);
+  EXPECT_NEAR(said.figure, 1 / 1.1, 0.05);
 }
 
 TEST_F(Wheels, DoNoHarmOnARoverWithVision) {

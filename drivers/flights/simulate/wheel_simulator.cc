@@ -20,7 +20,7 @@ std::vector<WheelSample> simulate_wheel(const MotionModel& motion, HostStamp beg
     const double t = k / wheel.rate_hz;
     const Motion m = motion.at(t);
     const double speed =
-        (m.R_WB.transpose() * m.v_WB).x() * (1 + wheel.scale_error) + random.normal() * wheel.sigma_m_s;
+        wheel.forward_B.dot(m.R_WB.transpose() * m.v_WB) * (1 + wheel.scale_error) + random.normal() * wheel.sigma_m_s;
     const double told = wheel.step_m_s > 0 ? std::round(speed / wheel.step_m_s) * wheel.step_m_s : speed;
     samples.push_back({begin + Span::from_seconds(t), told, std::numeric_limits<double>::quiet_NaN()});
   }

@@ -10,9 +10,10 @@ namespace epiline {
 
 struct WheelSimulation {
   double rate_hz = 50;
-  double sigma_m_s = 0.02;  ///< white
-  double step_m_s = 0.01;   ///< reported speeds are multiples of it
-  double scale_error = 0;   ///< of the wheels' radius: with 0.01, speeds are 1 % too high
+  double sigma_m_s = 0.02;         ///< white
+  double step_m_s = 0.01;          ///< reported speeds are multiples of it
+  Vec3 forward_B = Vec3::UnitX();  ///< of the vehicle
+  double scale_error = 0;          ///< of the wheels' radius: with 0.01, speeds are 1 % too high
 };
 
 /// Forward speeds of the body's origin from `begin`, the IMU's time at the motion's time zero, to the end.

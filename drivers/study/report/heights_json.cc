@@ -15,4 +15,12 @@ Json heights_json(const EstimatorStats& stats) {
   return json;
 }
 
+Json wheels_json(const EstimatorStats& stats) {
+  if (stats.wheel_samples + stats.wheel_refused == 0) return Json::object();
+  return {{"samples", stats.wheel_samples},
+          {"refused", stats.wheel_refused},
+          {"frames", stats.wheel_frames},
+          {"slips", stats.wheel_slips}};
+}
+
 }  // namespace epiline

@@ -363,6 +363,7 @@ Json stats_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& er
   json["images"] = images_json(r);
   json["imu"] = imu_json(r);
   json["heights"] = heights_json(e);
+  json["wheels"] = wheels_json(e);
   json["watch"] = watch_json(r);
   json["initialisation"] = initialisation_json(r);
   json["calibration"] = calibration_json(r);

@@ -26,6 +26,7 @@
 #include "tests/estimator/height_readings.h"
 #include "tests/estimator/slope.h"
 #include "tests/estimator/synthetic_window.h"
+#include "tests/estimator/wheel_readings.h"
 
 namespace epiline {
 namespace {
@@ -103,16 +104,13 @@ SyntheticWindow furnished_window(double readout_s = 0, bool second = false) {
   w.calibration.time_offset = 2e-3;
   w.calibration.focal = 0.01;
   w.calibration.scale = {0.004, -0.003};
-  w.wheel.forward_B = Vec3(0.8, 0.6, 0);
-  w.wheel.p_BV = Vec3(-0.3, 0.2, -0.1);
   for (int k = 0; k < w.size(); ++k) {
     Slot& slot = w.at(k);
     slot.x.p += Vec3(1e-3, -2e-3, 5e-4) * std::sin(k);  // off the prior's centre
-    slot.has_wheel = slot.at_rest = k % 3 != 2;
+    slot.at_rest = k % 3 != 2;
     slot.rest_link = w.at(k / 2).id;
-    slot.wheel_speed_m_s = w.wheel.forward_B.dot(slot.x.R.transpose() * slot.x.v) + 0.02 * k;
-    slot.omega = Vec3(0.1, 0.2, 0.3);
   }
+  test::furnish_wheels(w);
   test::furnish_heights(w);
   return s;
 }
@@ -124,7 +122,11 @@ class Gradient : public testing::TestWithParam<std::string> {
     const std::string& name = GetParam();
     if (name == "prior") return {name, add_prior, 1};
     if (name == "wheel")
-      return {name, [](const Window& at, NormalEquations* out) { return add_wheel(at, {at.size(), false}, out); }, 0.1};
+      return {name,
+              [](const Window& at, NormalEquations* out) {
+                return add_wheel(at, {at.size(), false}, out);
+              },
+              0.01, false};
     if (name == "height")
       return {name,
               [](const Window& at, NormalEquations* out) {

@@ -5,10 +5,13 @@
 #include <rapidcheck/gtest.h>
 
 #include <cmath>
-#include <limits>
+#include <memory>
 
 #include "estimator/geometry/so3.h"
+#include "tests/estimator/dense_algebra.h"
+#include "tests/estimator/factors/named_blocks.h"
 #include "tests/estimator/inertial/random_interval.h"
+#include "tests/estimator/synthetic_window.h"
 
 namespace epiline {
 namespace {
@@ -23,86 +26,141 @@ WheelModel random_wheel(Random& random) {
   wheel.p_BV = random.gaussian(0.5);
   return wheel;
 }
-WheelResidual residual(const WheelModel& wheel, double speed, const Vec3& omega, const NavState& x) {
-  WheelResidual out;
-  evaluate_wheel(wheel, speed, omega, x, x, out);
-  return out;
-}
-
-// The IMU sits 0.4 m ahead of the rear axle and 0.3 m to its left, turned by a quarter: its y axis points ahead. The
-// vehicle drives a circle of 5 m, its axle's middle at 2 m/s; so the IMU itself is faster than that, and askew.
-TEST(WheelFactor, VanishesOnACircle) {
-  WheelModel wheel;
-  wheel.forward_B = Vec3(0, 1, 0);
-  const Vec3 imu_in_vehicle(0.4, 0.3, 0);
-  Mat3 R_BV;  // columns: the vehicle's forward, left, up in the IMU's axes
-  R_BV << 0, -1, 0, 1, 0, 0, 0, 0, 1;
-  wheel.p_BV = R_BV * -imu_in_vehicle;
-  const double speed = 2, turn = speed / 5, heading = 0.7;
-  const Mat3 R_WV = so3_exp(Vec3(0, 0, heading));
-  const Vec3 omega(0, 0, turn);
-  NavState x;
-  x.R = R_WV * R_BV.transpose();
-  x.v = R_WV * (Vec3(speed, 0, 0) + omega.cross(imu_in_vehicle));
-  x.b_g = Vec3(0.01, -0.02, 0.03);
-  EXPECT_NEAR(residual(wheel, speed, omega + x.b_g, x).r, 0, 1e-12);
-  EXPECT_NEAR(residual(wheel, speed - 0.1, omega + x.b_g, x).r, 0.1, 1e-12);
-  EXPECT_GT(x.v.norm() - speed, -0.2);
-  EXPECT_GT(std::abs(residual(WheelModel{.forward_B = wheel.forward_B}, speed, omega + x.b_g, x).r), 0.1)
-      << "the lever matters here";
-}
 
 RC_GTEST_PROP(WheelFactor, JacobianEqualsNumericalDerivative, (std::uint32_t seed)) {
   Random random(seed);
   const WheelModel wheel = random_wheel(random);
-  const NavState x = random_state(random);
-  const Vec3 omega = random.gaussian(1);
-  const WheelResidual at = residual(wheel, 1.3, omega, x);
+  const std::array<NavState, 2> x = {random_state(random), random_state(random)};
+  const Vec3 way = random.gaussian(1);
+  WheelResidual at;
+  evaluate_wheel(wheel, way, x, x, at);
   constexpr double h = 1e-3;
-  for (int column = 0; column < 15; ++column) {
-    const auto r = [&](double by) { return residual(wheel, 1.3, omega, displaced(x, by * Vec15::Unit(column))).r; };
-    const double numeric = (8 * (r(h) - r(-h)) - (r(2 * h) - r(-2 * h))) / (12 * h);
-    RC_ASSERT(std::abs(at.J[column] - numeric) < 1e-9 * (1 + std::abs(numeric)));
-  }
-}
-
-// The solver steps along -weight r J, and tries the cost.
-RC_GTEST_PROP(WheelFactor, TheWeightIsTheSlopeOfTheCost, (std::uint32_t seed)) {
-  Random random(seed);
-  const WheelModel wheel = random_wheel(random);
-  const NavState x = random_state(random);
-  const Vec3 omega = random.gaussian(1);
-  const double speed = residual(wheel, 0, omega, x).r, off = 0.3 * random.gaussian(1).x(), h = 1e-5;
-  const auto cost = [&](double r) { return residual(wheel, speed - r, omega, x).cost; };
-  const WheelResidual at = residual(wheel, speed - off, omega, x);
-  const double slope = (cost(off + h) - cost(off - h)) / (2 * h);
-  RC_ASSERT(std::abs(2 * at.weight * at.r - slope) < 1e-6 * (1 + std::abs(slope)));
-  RC_ASSERT(std::abs(residual(wheel, speed, omega, x).cost) < 1e-18);
-}
-
-TEST(WheelFactor, AWheelThatSlipsSaysLittle) {
-  NavState x;
-  x.v = Vec3(1, 0, 0);
-  const WheelModel wheel;
-  const WheelResidual good = residual(wheel, 1.05, Vec3::Zero(), x), slips = residual(wheel, 3, Vec3::Zero(), x);
-  EXPECT_NEAR(good.weight, 400 / 1.25, 1e-9);
-  EXPECT_LT(slips.weight * std::abs(slips.r), good.weight * std::abs(good.r));
+  for (std::size_t frame = 0; frame < 2; ++frame)
+    for (int column = 0; column < 6; ++column) {
+      const auto r = [&](double by) {
+        std::array<NavState, 2> moved = x;
+        moved[frame] = displaced(x[frame], by * Vec15::Unit(column));
+        WheelResidual out;
+        evaluate_wheel(wheel, way, moved, moved, out);
+        return out.r;
+      };
+      const Vec3 numeric = (8 * (r(h) - r(-h)) - (r(2 * h) - r(-2 * h))) / (12 * h);
+      RC_ASSERT(((frame == 0 ? at.J_begin : at.J_end).col(column) - numeric).norm() < 1e-9 * (1 + numeric.norm()));
+    }
 }
 
 // With first estimates anywhere, position and heading stay unobservable.
 RC_GTEST_PROP(WheelFactor, FirstEstimatesKeepPositionAndYawUnobservable, (std::uint32_t seed)) {
   Random random(seed);
   const WheelModel wheel = random_wheel(random);
-  const NavState x = random_state(random), l = random_state(random);
+  const std::array<NavState, 2> x = {random_state(random), random_state(random)},
+                                l = {random_state(random), random_state(random)};
   WheelResidual out;
-  evaluate_wheel(wheel, 1, random.gaussian(1), x, l, out);
+  evaluate_wheel(wheel, random.gaussian(1), x, l, out);
   const Vec3 z = Vec3::UnitZ();
-  Vec15 yaw = Vec15::Zero();
-  yaw.head<3>() = z.cross(l.p);
-  yaw.segment<3>(3) = l.R.transpose() * z;
-  yaw.segment<3>(6) = z.cross(l.v);
-  RC_ASSERT(std::abs(out.J * yaw) < 1e-12 * (1 + yaw.norm()));
-  RC_ASSERT(out.J.head<3>().norm() == 0);
+  const auto yaw = [&](const NavState& at) {
+    Vec6 d;
+    d << z.cross(at.p), at.R.transpose() * z;
+    return d;
+  };
+  RC_ASSERT((out.J_begin * yaw(l[0]) + out.J_end * yaw(l[1])).norm() < 1e-12 * (1 + l[0].p.norm() + l[1].p.norm()));
+  RC_ASSERT((out.J_begin + out.J_end).leftCols<3>().norm() < 1e-12);
+}
+
+double sum(const WheelScale::Shares& share, const WheelScale::Shares& of) {
+  double s = 0;
+  for (std::size_t i = 0; i < share.size(); ++i) s += share[i] * of[i];
+  return s;
+}
+
+// Against the covariance written out: noise, and a scale in common of which nothing is known.
+RC_GTEST_PROP(WheelScale, InnovationsSayWhatAllWaysSay, (std::uint32_t seed)) {
+  Random random(seed);
+  const int n = 2 + static_cast<int>(seed % 8);
+  Eigen::MatrixXd C(n, n);
+  Eigen::VectorXd r(n), moved(n);
+  WheelScale scale;
+  WheelScale::Shares off{};
+  double chi2 = 0;
+  for (int i = 0; i < n; ++i) {  // from the newest on
+    const int k = n - i;
+    moved[i] = random.gaussian(1).x();
+    r[i] = random.gaussian(0.1).x();
+    off[static_cast<std::size_t>(k)] = r[i];
+    const WheelScale::Innovation innovation = scale.add(k, moved[i], 1e-4);
+    chi2 += std::pow(sum(innovation.share, off), 2) / innovation.variance;
+  }
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) C(i, j) = (i == j ? 1e-4 : 0) + 9 * moved[i] * moved[j];
+  const double written_out = r.dot(test::inverse(C) * r);
+  RC_ASSERT(std::abs(chi2 - written_out) < 1e-4 * (1 + written_out));
+}
+
+/// Along x, by 0.2 m in each tenth of a second, of which the wheels read `scale`.
+std::unique_ptr<Window> straight_window(double scale, double slip = 1, int slips_from = kMaxFrames) {
+  auto window = std::make_unique<Window>(kMaxFrames);
+  window->wheel.sigma_m_s = 0.05;
+  for (int k = 0; k < 10; ++k) {
+    Slot& s = window->append();
+    s.x.p = Vec3(0.2 * k, 0, 0);
+    s.x.v = Vec3(2, 0, 0);
+    s.imu.T = 0.1;
+    s.wheel = {.known = k > 0, .way = Vec3(0.2 * scale * (k >= slips_from ? slip : 1), 0, 0)};
+    s.wheel.axis_s = Vec3(0.1, 0, 0);
+    s.wheel.time_of_one_s2 = 0.01 * 0.1;
+  }
+  return window;
+}
+double cost(Window& w, bool oldest_only = false) {
+  find_slips(w);
+  return add_wheel(w, {w.size(), oldest_only}, nullptr);
+}
+/// The window's way times 1 + e.
+void stretch(Window& w, double e) {
+  for (int k = 0; k < w.size(); ++k) w.at(k).x.p *= 1 + e;
+}
+
+TEST(WheelFactor, ItsScaleIsKnownAsWellAsItIsSaidToBe) {
+  const auto w = straight_window(1);
+  EXPECT_NEAR(cost(*w), 0, 1e-12);
+  stretch(*w, 0.03);
+  EXPECT_NEAR(cost(*w), 4 * std::log1p(0.25), 0.1) << "one sigma of the scale, in all ten frames together";
+  EXPECT_LT(cost(*w, true), 1e-3) << "of which nothing may become part of the prior";
+}
+
+// Else each frame that leaves would shrink the window a little, as the wheels' noise shrinks with it.
+TEST(WheelFactor, TheirNoiseDoesNotShrinkTheWindow) {
+  for (const double scale : {1.0, 3.6, -1.0}) {
+    const auto w = straight_window(scale);
+    Random random(2);
+    for (int k = 1; k < w->size(); ++k) w->at(k).wheel.way.x() += 2e-3 * random.gaussian(1).x();
+    const double before = cost(*w, true);
+    test::NamedBlocks blocks;
+    add_wheel(*w, {w->size(), true}, &blocks);
+    double slope = 0;  // of the cost by the window's stretch
+    for (int k = 0; k < w->size(); ++k) slope += blocks.slope(pose_of(k), 0) * w->at(k).x.p.x();
+    EXPECT_GT(before, 0.01);
+    EXPECT_LT(std::abs(slope), 0.01 * before) << scale;
+  }
+}
+
+TEST(WheelFactor, SlipBeginsARunOfItsOwn) {
+  const auto w = straight_window(1, 1.3, 7);
+  find_slips(*w);
+  for (int k = 1; k < w->size(); ++k) {
+    EXPECT_EQ(w->at(k).wheel.slips, k == 6) << k;
+    EXPECT_NEAR(w->at(k).wheel.scale, k >= 7 ? 1.3 : 1, 1e-2) << k;
+  }
+  const double slipping = add_wheel(*w, {w->size(), false}, nullptr);
+  EXPECT_NEAR(slipping, 4 * std::log1p(25), 2) << "ten sigmas of a scale";
+}
+
+TEST(WheelFactor, SidewaysCountsIfItIsSaidTo) {
+  const auto w = straight_window(1);
+  for (int k = 0; k < w->size(); ++k) w->at(k).x.p.y() = 0.01 * k;
+  EXPECT_NEAR(cost(*w), 0, 1e-12);
+  w->wheel.sideways_sigma_m_s = 0.1;
+  EXPECT_NEAR(cost(*w), 9 * 4 * std::log1p(0.25), 1e-9);
 }
 
 }  // namespace

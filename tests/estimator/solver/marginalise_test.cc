@@ -189,11 +189,7 @@ TEST(Marginalisation, LosesNothingOfImuPriorRestAndWheels) {
   w.prior.x0[0] = s.truth[0];
   w.at(0).at_rest = w.at(3).at_rest = true;
   w.at(3).rest_link = w.at(0).id;
-  w.wheel.p_BV = Vec3(-0.3, 0.2, -0.1);
-  for (int k = 0; k < 3; ++k) {
-    w.at(k).has_wheel = true;
-    w.at(k).wheel_speed_m_s = w.at(k).x.v.norm();
-  }
+  test::furnish_wheels(w);
   test::NoVision none;
   for (int round = 0; round < 3; ++round) {  // from the second on, the prior is one that marginalisation made
     const Steps steps = steps_before_and_after(w, none, settings());

@@ -6,6 +6,7 @@
 #include "estimator/solver/solver.h"
 #include "tests/estimator/height_readings.h"
 #include "tests/estimator/synthetic_window.h"
+#include "tests/estimator/wheel_readings.h"
 
 namespace epiline::test {
 
@@ -44,13 +45,7 @@ inline SyntheticWindow full_window(int frames) {
   const int still = std::min(1, w.size() - 1);
   w.at(still).at_rest = true;
   if (still > 0) w.at(still).rest_link = w.at(0).id;
-  w.wheel.forward_B = Vec3(0.8, 0.6, 0);
-  w.wheel.p_BV = Vec3(-0.3, 0.2, -0.1);
-  for (int k = 0; k < w.size(); ++k) {
-    w.at(k).has_wheel = k % 3 != 2;
-    w.at(k).wheel_speed_m_s = w.wheel.forward_B.dot(w.at(k).x.R.transpose() * w.at(k).x.v) + 0.02 * k;
-    w.at(k).omega = Vec3(0.1, 0.2, 0.3);
-  }
+  furnish_wheels(w);
   furnish_heights(w);
   if (with_history) {
     TrackFactor factor(best_instruction_set());

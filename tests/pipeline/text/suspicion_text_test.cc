@@ -13,6 +13,12 @@ bool says(const std::string& text, const char* what) { return text.find(what) !=
 TEST(SuspicionText, NamesTheNumberAndTheFigure) {
   EXPECT_TRUE(says(text_of(Suspect::kRotation, {Severity::kSuspect, 0.157, {}}), "by 9 degrees"));
   EXPECT_TRUE(says(text_of(Suspect::kInverted, {Severity::kGross, 0, {}}), "T_cam_imu) is inverted"));
+  EXPECT_TRUE(says(text_of(Suspect::kWheelScale, {Severity::kNote, 1 / 1.05, {}}), "wheels read 5.0 % too much"));
+  EXPECT_TRUE(says(text_of(Suspect::kWheelScale, {Severity::kNote, -1, {}}), "backwards"));
+  EXPECT_TRUE(says(text_of(Suspect::kWheelScale, {Severity::kNote, 0.277, {}}), "km/h"));
+  EXPECT_TRUE(says(text_of(Suspect::kWheelSlip, {Severity::kNote, 0.2, {}}), "20 %"));
+  EXPECT_TRUE(says(text_of(Suspect::kWheelStuck, {Severity::kNote, 1, {}}), "1.00 m/s while the vehicle's speed"));
+  EXPECT_TRUE(says(text_of(Suspect::kWheelDelay, {Severity::kNote, 0.3, {}}), "late by 0.30 s"));
   EXPECT_TRUE(says(text_of(Suspect::kPlace, {Severity::kNote, 0.19, {}}), "19 cm from where T_BS puts it"));
   EXPECT_TRUE(says(text_of(Suspect::kTimeOffset, {Severity::kGross, -0.048, {}}), "late by 48 ms"));
   EXPECT_TRUE(says(text_of(Suspect::kGyroscopeUnits, {Severity::kGross, 57.3, {}}), "in degrees"));
