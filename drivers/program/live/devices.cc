@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "drivers/links/can/can_output.h"
 #include "drivers/links/mavlink/link.h"
@@ -71,7 +72,16 @@ DeviceRecord record_of(const IioImu& imu) {
 }
 
 DeviceRecord record_of(const SpiImu& imu) {
-  return device_record("imu", kSpiImuCounters, imu.counts(), imu.clock_state());
+  const SpiImuCounts counts = imu.counts();
+  DeviceRecord record = device_record("imu", kSpiImuCounters, counts, imu.clock_state());
+  const double tolerance = imu.facts().clock_tolerance;
+  if (tolerance > 0 && counts.clock_rate > 0 && std::abs(counts.clock_rate - 1) > tolerance) {
+    record.refusal = fmt::format("the chip's clock runs at {:.4f} of what it should", counts.clock_rate);
+    record.remedy =
+        "expected 1.000 within 0.02, so timestamps are wrong: is another chip fitted, or one with an "
+        "external clock? Report it with the marking of the chip";
+  }
+  return record;
 }
 
 DeviceRecord record_of(const MavlinkImu& imu) {

@@ -83,8 +83,9 @@ void Icm42688p::choose(const ImuDeviceConfig& config) noexcept {
   facts_.rate_hz = rate->hz;
   facts_.period = Span::from_seconds(1 / rate->hz);
   facts_.settle = Span::from_milliseconds(60);  // the gyroscope starts within 30 ms, typically; its filters settle
-  count_ns_ = rate->hz >= 50 ? 1'000 : 16'000;  // 65 ms, or 1 s, until the stamp wraps
-  counts_per_sample_ = static_cast<int>(facts_.period.ns / count_ns_);
+  counts_of_16us_ = rate->hz < 50;              // 1.1 s until the stamp wraps, else 70 ms
+  counts_per_sample_ = static_cast<int>(facts_.period.ns * 15 / times_15(1));
+  facts_.clock_tolerance = 0.02;  // with the PLL 1 % over all chips and temperatures; the host's is far better
   const double anti_alias_s = std::numbers::sqrt2 / (2 * std::numbers::pi * filter->hz);
   facts_.gyroscope_delay = facts_.accelerometer_delay = Span::from_seconds(rate->delay_ms * 1e-3 + anti_alias_s);
 }
@@ -106,15 +107,17 @@ void Icm42688p::fill_table(bool rising) noexcept {
       {2, 0x05, squared_high, 0xFF},                   //
       {0, 0x14, byte(0x02 | (rising ? 1 : 0)), 0x07},  // INT1: pulses, push-pull, active high or low
       {0, 0x4C, 0x70 | 0x03, 0xF3},  // FIFO count in packets, big endian; invalid samples are marked; SPI only
-      {0, 0x4D, 0x01, 0x07},         // clock: PLL when it is there
+      // Clock: PLL when it is there. The vendor's undocumented AFSR is off: with it the gyroscope repeats itself for
+      // 1 to 2 ms whenever a rate passes 100 deg/s.
+      {0, 0x4D, 0x41, 0xC7},
       {0, 0x4F, byte(gyroscope_code_ << 5 | rate_code_), 0xEF},
       {0, 0x50, byte(accelerometer_code_ << 5 | rate_code_), 0xEF},
-      {0, 0x51, 0x06, 0x0F},                                         // gyroscope UI filter of second order
-      {0, 0x52, 0x00, 0xFF},                                         // bandwidth of both: half the rate
-      {0, 0x53, 0x0C, 0x1E},                                         // accelerometer UI filter of second order
-      {0, 0x54, byte(0x01 | (count_ns_ > 1'000 ? 0x08 : 0)), 0x1F},  // time stamps of 1 or 16 us, no FSYNC
-      {0, 0x60, 0x01, 0xFF},                                         // FIFO threshold: one packet
-      {0, 0x61, 0x00, 0x0F},                                         //
+      {0, 0x51, 0x06, 0x0F},                                       // gyroscope UI filter of second order
+      {0, 0x52, 0x00, 0xFF},                                       // bandwidth of both: half the rate
+      {0, 0x53, 0x0C, 0x1E},                                       // accelerometer UI filter of second order
+      {0, 0x54, byte(0x01 | (counts_of_16us_ ? 0x08 : 0)), 0x1F},  // time stamps, no FSYNC
+      {0, 0x60, 0x01, 0xFF},                                       // FIFO threshold: one packet
+      {0, 0x61, 0x00, 0x0F},                                       //
       {0, 0x5F, byte(0x27 | (kind_ == IcmPacketKind::kLong ? 0x10 : 0)), 0x7F},  // both, temperature; at each packet
       {0, 0x63, 0x00, 0x3F},
       {0, 0x64, byte(is_fast ? 0x60 : 0x00), 0x70},  // pulses of 100 or 8 us; "user should" clear INT_ASYNC_RESET
@@ -280,7 +283,7 @@ bool Icm42688p::time_of(std::uint16_t timestamp, DeviceStamp& device) noexcept {
   } else {
     strange_times_ = 0;
   }
-  device = {counter_.advance(timestamp) * count_ns_};
+  device = {times_15(counter_.advance(timestamp)) / 15};
   return true;
 }
 

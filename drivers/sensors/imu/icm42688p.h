@@ -39,6 +39,9 @@ class Icm42688p final : public ImuChip {
   FetchOutcome flush(FetchOutcome outcome) noexcept;
   FetchOutcome parse(std::span<const std::uint8_t> bytes, ChipBatch& batch) noexcept;
   bool time_of(std::uint16_t timestamp, DeviceStamp& device) noexcept;
+  /// 15 times the nanoseconds of so many counts. The registers speak of counts of 1 or 16 us, but mean them for 20.48
+  /// MHz. The PLL of this chip runs at 19.2 MHz, so a count lasts 16/15 of that.
+  std::int64_t times_15(std::int64_t counts) const noexcept { return counts * (counts_of_16us_ ? 256'000 : 16'000); }
 
   std::unique_ptr<SpiBus> bus_;
   SpiTiming* timing_;
@@ -47,7 +50,7 @@ class Icm42688p final : public ImuChip {
   std::uint8_t rate_code_ = 0, gyroscope_code_ = 0, accelerometer_code_ = 0;
   int anti_alias_ = 0;         ///< row of the table
   int counts_per_sample_ = 0;  ///< of the time stamp
-  std::int64_t count_ns_ = 0;
+  bool counts_of_16us_ = false;
   double rad_s_per_count_ = 0, m_s2_per_count_ = 0;
   FixedVector<Register, kRegisters> table_;
   std::size_t next_check_ = 0;

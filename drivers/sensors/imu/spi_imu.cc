@@ -338,8 +338,11 @@ void SpiImu::take(HostStamp now) noexcept {
   arrival_ = batch_.latched;
   if (chip_->facts().two_clocks) take_accels();
   const std::size_t n = batch_.samples.size();
-  if (n > 0) last_data_ = now, damaged_in_a_row_ = 0;
   for (std::size_t i = 0; i < n; ++i) devices_[i] = batch_.samples[i].device;
+  if (n > 0) {
+    last_data_ = now, damaged_in_a_row_ = 0;
+    counter_rate_.add(devices_[n - 1], batch_.latched);
+  }
   const bool is_good = now >= good_from_ && (!chip_->facts().two_clocks || accel_is_settled());
   if (clock_.stamp({devices_.data(), n}, batch_.latched, stamps_) && is_good) {
     for (std::size_t i = 0; i < n; ++i) {
@@ -413,6 +416,7 @@ std::size_t SpiImu::hand_out(std::span<ImuSample> samples) noexcept {
 
 void SpiImu::publish() noexcept {
   counts_.clock = clock_.counts();
+  counts_.clock_rate = counter_rate_.rate();
   published_counts_.write(counts_);
   published_clock_.write(clock_.state());
 }

@@ -82,7 +82,8 @@ struct ChipFacts {
   Span gyroscope_delay, accelerometer_delay;  ///< from the motion to the sample, by the data sheet
   Span settle;                                ///< time after the start during which samples are invalid
   double gyroscope_range_deg_s = 0, accelerometer_range_g = 0;
-  bool two_clocks = false;  ///< the accelerometer has its own
+  double clock_tolerance = 0;  ///< of the counter in its samples, as a share; 0: it has none, or none is known
+  bool two_clocks = false;     ///< the accelerometer has its own
   Span accelerometer_period;
 };
 
@@ -128,6 +129,7 @@ struct SpiImuCounts {
   std::uint64_t retries = 0;       ///< attempts to get it back that failed
   std::int64_t last_error = 0;     ///< errno of the last loss or failed attempt; 0: it was silent, or not as before
   double temperature_c = 0;
+  double clock_rate = 0;  ///< of the chip's counter, as the driver reads it, against the host's clock; 0: unknown
   SampleClockCounts clock;
 };
 inline constexpr auto kSpiImuCounters = std::to_array<Counter<SpiImuCounts>>({
@@ -216,6 +218,7 @@ class SpiImu final : public ImuSource {
 
   ChipBatch batch_;
   SampleClock clock_;
+  CounterRate counter_rate_;
   OneWaySync accel_sync_;
   AccelMerge<HostClock> merge_;
   std::array<DeviceStamp, ChipBatch::kMost> devices_{};

@@ -29,6 +29,17 @@ OneWaySettings oscillator_sync(Span period, Span settle) noexcept {
   return sync;
 }
 
+void CounterRate::add(DeviceStamp newest, HostStamp latched) noexcept {
+  if (!started_ || newest < last_device_) {
+    started_ = true;
+    first_device_ = newest;
+    first_latched_ = latched;
+  }
+  last_device_ = newest;
+  const Span passed = latched - first_latched_;
+  if (passed >= kLeast) rate_ = (newest - first_device_).seconds() / passed.seconds();
+}
+
 SampleClock::SampleClock(const SampleClockSettings& settings) noexcept
     : settings_(settings), sync_(sync_settings(settings)) {}
 

@@ -36,6 +36,23 @@ class ChipCounter {
   std::int64_t count_ = 0;
 };
 
+/// How fast a chip's counter runs against the host's clock, from times at which its newest count was read. A wrong idea
+/// of how long one count is shows here. SampleClock follows a wrong rate only as far as oscillators differ.
+class CounterRate {
+ public:
+  /// A count that goes back begins anew: the counter was started again.
+  void add(DeviceStamp newest, HostStamp latched) noexcept;
+  /// 0: not known yet.
+  double rate() const noexcept { return rate_; }
+
+ private:
+  static constexpr Span kLeast = Span::from_milliseconds(5'000);  // a reader that is 10 ms late: 0.2 %
+  bool started_ = false;
+  DeviceStamp first_device_, last_device_;
+  HostStamp first_latched_;
+  double rate_ = 0;
+};
+
 /// OneWaySync for an oscillator without a crystal, whose samples are `period` apart. The model is good after `settle`.
 OneWaySettings oscillator_sync(Span period, Span settle) noexcept;
 

@@ -67,7 +67,7 @@ struct DeviceRecord {
   std::string name;  ///< camera, imu, ...
   std::vector<DeviceCount> counts;
   std::optional<ClockState> clock;        ///< of a device with a clock of its own
-  std::string refusal = {}, remedy = {};  ///< why a receiver does not get the odometry, and what to do; empty: it does
+  std::string refusal = {}, remedy = {};  ///< what keeps the device from serving as it should, and what to do
 };
 
 /// How the threads of a real-time run fared.

@@ -1,6 +1,5 @@
 #pragma once
-// Register model of the ADIS16470. Registers, times and scales as in Linux' adis and adis16475 drivers, the burst as in
-// PX4's adis16470.
+// Register model of the ADIS16470, written from other public drivers: chip_facts.md.
 #include <array>
 #include <vector>
 

@@ -1,6 +1,5 @@
 #pragma once
-// Register model of the BMI088. Registers and bits as in PX4's bmi088 and in Linux' bmi088-accel and bmg160, and frames
-// as in Bosch's BMA456, which is its accelerometer.
+// Register model of the BMI088, written from other public drivers: chip_facts.md.
 #include <array>
 #include <vector>
 

@@ -90,6 +90,36 @@ TEST(Icm42688p, WithoutALineItIsPolledByItsOwnTime) {
   EXPECT_NEAR(rig.imu->clock_state().skew_ppm, -7000, 150);
 }
 
+TEST(Icm42688p, ItsCountsLastAsLongAsTheVendorSays) {
+  for (const double hz : {25.0, 1000.0}) {
+    IcmRig rig(at_rate(hz));
+    rig.model.clock_error = 0.004;
+    ASSERT_EQ(text(rig.imu->open()), "well");
+    rig.read_for(20);
+    EXPECT_NEAR(rig.imu->counts().clock_rate, 1.004, 0.002) << hz;
+  }
+}
+
+TEST(Icm42688p, AnotherLengthOfItsCountsIsMeasured) {
+  for (const bool has_line : {true, false}) {
+    IcmRig rig(at_rate(1000), has_line);
+    rig.model.pll_scale = (32.0 / 30) * (32.0 / 30);
+    ASSERT_EQ(text(rig.imu->open()), "well");
+    rig.read_for(20);
+    EXPECT_NEAR(rig.imu->counts().clock_rate, 0.9375, 0.002) << has_line;
+    EXPECT_GT(rig.imu->facts().clock_tolerance, 0);
+  }
+}
+
+TEST(Icm42688p, TheGyroscopeDoesNotStickAt100DegPerSecond) {
+  // Betaflight and PX4: bits 7:6 of 0x4D are 10 after a reset, and 01 switch AFSR off
+  IcmRig rig(at_rate(1000));
+  EXPECT_EQ(rig.model.reg(0, 0x4D) & 0xC0, 0x80);
+  ASSERT_EQ(text(rig.imu->open()), "well");
+  EXPECT_EQ(rig.model.reg(0, 0x4D) & 0xC0, 0x40);
+  EXPECT_EQ(rig.model.reg(0, 0x4D) & 0x07, 0x01);  // the PLL is still selected
+}
+
 TEST(Icm42688p, RangesRatesAndEdgesAreAnyOfTheChips) {
   rc::check("values and stamps", [] {
     ImuDeviceConfig config;

@@ -1,5 +1,5 @@
 #pragma once
-// Register model of the ICM-42688-P. Registers, bits and scales as in Linux' inv_icm42600 and PX4's icm42688p.
+// Register model of the ICM-42688-P, written from the vendor's and other public drivers: chip_facts.md.
 #include <array>
 #include <vector>
 
@@ -35,6 +35,7 @@ class IcmModel final : public ChipModel {
   std::uint64_t overflows = 0;
   std::vector<Truth> truths;  ///< of all samples since power was on first; the index is in gyro x
   std::uint8_t who_am_i = 0x47;
+  double pll_scale = 32.0 / 30;
   int resets = 0;
   bool garbles_next_time = false;  ///< one bit of a packet's time stamp
 
@@ -60,6 +61,11 @@ class IcmModel final : public ChipModel {
   }
 
  private:
+  /// The vendor's driver and PX4: with the PLL, and without a clock from outside, a count lasts 32/30 of the figure.
+  double count_scale() const {
+    const bool has_pll = (banks_[0][0x4D] & 0x03) == 0x01, is_external = (banks_[0][0x4D] & 0x04) != 0;
+    return has_pll && !is_external ? pll_scale : 1;
+  }
   std::size_t packet_bytes() const { return (banks_[0][0x5F] & 0x10) != 0 ? 20 : 16; }
 
   static double rate_of(std::uint8_t code) {
@@ -119,7 +125,8 @@ class IcmModel final : public ChipModel {
     truths.push_back(truth);
 
     const double us = static_cast<double>(at_ns - boot_ns_) * 1e-3 * (1 + clock_error);
-    auto ticks = static_cast<std::uint64_t>(us / ((bank[0x54] & 0x08) != 0 ? 16 : 1));
+    const double us_per_tick = count_scale() * ((bank[0x54] & 0x08) != 0 ? 16 : 1);
+    auto ticks = static_cast<std::uint64_t>(us / us_per_tick);
     if (garbles_next_time) ticks ^= 0x2000;
     garbles_next_time = false;
     std::array<std::uint8_t, 20> p{};
