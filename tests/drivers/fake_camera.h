@@ -86,7 +86,8 @@ class FakeCamera final : public FakeFile {
     return *std::find_if(controls.begin(), controls.end(), [&](const Control& c) { return c.name == name; });
   }
 
-  std::uint64_t number() override { return 0x5100; }  // 81:0
+  std::uint64_t device_number = 0x5100;  // 81:0
+  std::uint64_t number() override { return device_number; }
   int opened() override { return is_gone ? ENODEV : 0; }
   short ready(std::int64_t now_ns) override {
     if (is_gone) return POLLERR | POLLHUP;

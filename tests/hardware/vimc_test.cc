@@ -57,7 +57,7 @@ TEST_F(Vimc, ASensorAndItsNodeAreSetUpAlike) {
 /// Of a capture node beside the one in use, which the kernel wants set up alike.
 void set_beside(const char* node, PixelFormat format, int width, int height) {
   V4l2Device device;
-  ASSERT_FALSE(device.open(node));
+  ASSERT_FALSE(device.open(node, ""));
   v4l2_format wish{};
   wish.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
   wish.fmt.pix.width = static_cast<std::uint32_t>(width);

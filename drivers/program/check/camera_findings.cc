@@ -30,6 +30,13 @@ Finding finding_of_stamps(const CameraConfig& config) {
   return {Grade::kOk, "camera", text, ""};
 }
 
+Findings findings_of(Focus focus) {
+  if (focus == Focus::kUnknown) return {};
+  if (focus == Focus::kHeld) return {{Grade::kOk, "camera", "its autofocus is off: the lens stays as it is", ""}};
+  return {{Grade::kError, "camera", "its autofocus is on: a lens that refocuses no longer fits its calibration",
+           "leave focus_automatic_continuous out of camera.controls, set focus_absolute there, and calibrate with it"}};
+}
+
 Findings findings_of(const BufferReading& reading) {
   if (reading.ordinary.ns == 0) return {};
   const double in_place_ms = 1e3 * reading.in_place.seconds(), ordinary_ms = 1e3 * reading.ordinary.seconds();

@@ -11,6 +11,8 @@ namespace epiline {
 Findings findings_of(const ExposureReport& exposure, bool is_automatic);
 /// Which clock the timestamps are of.
 Finding finding_of_stamps(const CameraConfig& config);
+/// None of a camera without autofocus.
+Findings findings_of(Focus focus);
 /// None if it was not measured.
 Findings findings_of(const BufferReading& reading);
 

@@ -142,6 +142,7 @@ class Samples {
     if (v4l2_ == nullptr) return;
     if (images_) add_all(out, findings_of(exposure_, config_.devices.camera.exposure.automatic));
     add_all(out, findings_of(v4l2_->reading()));
+    add_all(out, findings_of(v4l2_->focus()));
     out.push_back(finding_of_stamps(config_.devices.camera));
     const std::string& line = config_.devices.camera.stamp_line;
     if (!line.empty()) add_all(out, findings_of(v4l2_->edge_counts(), v4l2_->line_counts(), line));

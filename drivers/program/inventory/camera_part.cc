@@ -75,7 +75,7 @@ std::optional<CameraPart> find_camera(const std::filesystem::path& root, const L
   part.trouble = no_permission(root, listed.path);
   if (!part.trouble.empty()) return part;
   V4l2Device device(system);
-  if (const DeviceTrouble trouble = device.open(below(root, listed.path).c_str())) {
+  if (const DeviceTrouble trouble = device.open(below(root, listed.path).c_str(), "")) {
     if (trouble.error == 0) return std::nullopt;
     part.trouble = error_of(trouble, part.path).text();
     return part;

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "drivers/sensors/camera/jpeg_decoder.h"
 #include "drivers/sensors/camera/v4l2_device.h"
@@ -25,8 +26,13 @@ class GreyCopies {
   /// Takes what decoding it needs.
   void set_format(const DeviceFormat& format);
   /// A device that is back gives what can be copied without more memory.
-  bool can_copy(const DeviceFormat& format) const noexcept { return is_jpeg(format) == (jpeg_ != nullptr); }
-  void clear() noexcept { jpeg_.reset(); }
+  bool can_copy(const DeviceFormat& format) const noexcept {
+    return is_jpeg(format) == (jpeg_ != nullptr) && bytes_at_once(format) <= rows_.size();
+  }
+  void clear() noexcept {
+    jpeg_.reset();
+    rows_ = {};
+  }
 
   /// Of `format`, as the device was set. `used`: bytes of the image. False: no whole JPEG.
   bool copy(const DeviceFormat& format, const DriverMemory& from, std::size_t used, std::uint8_t* to,
@@ -34,10 +40,17 @@ class GreyCopies {
 
  private:
   static bool is_jpeg(const DeviceFormat& format) noexcept { return format.format == PixelFormat::kMjpeg; }
+  /// Of the driver's memory, for one row of grey.
+  static std::size_t bytes_at_once(const DeviceFormat& format) noexcept {
+    if (is_grey_in_place(format.format)) return 0;
+    return (is_mosaic(format.format) ? 2 : 1) * row_bytes(format.format, format.width);
+  }
+  void convert(const DeviceFormat& format, const std::uint8_t* from, std::uint8_t* to, int stride) const noexcept;
   void announce_reading(const DriverMemory& buffer, bool begins) const noexcept;
 
   SystemCalls& system_;
-  std::unique_ptr<JpegDecoder> jpeg_;  ///< of MJPEG
+  std::unique_ptr<JpegDecoder> jpeg_;       ///< of MJPEG
+  mutable std::vector<std::uint8_t> rows_;  ///< of the driver's image, as they were: one, of a mosaic two
 };
 
 }  // namespace epiline

@@ -26,7 +26,7 @@ constexpr std::array<FormatFacts, static_cast<std::size_t>(PixelFormat::kCount)>
     {"GREY", V4L2_PIX_FMT_GREY, Row::kBytes, Planes::kGrey, MEDIA_BUS_FMT_Y8_1X8},
     {"Y10", V4L2_PIX_FMT_Y10, Row::kWords10, Planes::kGrey, MEDIA_BUS_FMT_Y10_1X10},
     {"Y12", V4L2_PIX_FMT_Y12, Row::kWords12, Planes::kGrey, MEDIA_BUS_FMT_Y12_1X12},
-    {"Y16", V4L2_PIX_FMT_Y16, Row::kWords16},
+    {"Y16", V4L2_PIX_FMT_Y16, Row::kWords16, Planes::kGrey, 0x202e},  // MEDIA_BUS_FMT_Y16_1X16, not in older headers
     {"Y10P", V4L2_PIX_FMT_Y10P, Row::kPacked10, Planes::kGrey, MEDIA_BUS_FMT_Y10_1X10},
     {"Y12P", v4l2_fourcc('Y', '1', '2', 'P'), Row::kPacked12, Planes::kGrey, MEDIA_BUS_FMT_Y12_1X12},
     {"YUYV", V4L2_PIX_FMT_YUYV, Row::kYuyv, Planes::kGrey, MEDIA_BUS_FMT_YUYV8_1X16},
@@ -54,6 +54,10 @@ constexpr std::array<FormatFacts, static_cast<std::size_t>(PixelFormat::kCount)>
     {"pGCC", V4L2_PIX_FMT_SGBRG12P, Row::kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG12_1X12},
     {"pgCC", V4L2_PIX_FMT_SGRBG12P, Row::kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG12_1X12},
     {"pRCC", V4L2_PIX_FMT_SRGGB12P, Row::kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB12_1X12},
+    {"BYR2", V4L2_PIX_FMT_SBGGR16, Row::kWords16, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR16_1X16},
+    {"GB16", V4L2_PIX_FMT_SGBRG16, Row::kWords16, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG16_1X16},
+    {"GR16", V4L2_PIX_FMT_SGRBG16, Row::kWords16, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG16_1X16},
+    {"RG16", V4L2_PIX_FMT_SRGGB16, Row::kWords16, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB16_1X16},
     {"MJPG", V4L2_PIX_FMT_MJPEG, Row::kJpeg},
 }};
 
@@ -141,6 +145,8 @@ void rows_of_mosaic(Row row, const std::uint8_t* upper, const std::uint8_t* lowe
       return words_of_mosaic<10>(upper, lower, width, to);
     case Row::kWords12:
       return words_of_mosaic<12>(upper, lower, width, to);
+    case Row::kWords16:
+      return words_of_mosaic<16>(upper, lower, width, to);
     case Row::kPacked10:
       return packed_of_mosaic<4>(upper, lower, width, to);
     case Row::kPacked12:

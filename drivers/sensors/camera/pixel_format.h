@@ -19,7 +19,7 @@ enum class PixelFormat : std::uint8_t {
   kYu12,  ///< a plane of brightness, then two of colours
   kRgb,   ///< three bytes: red, green, blue
   kBgr,
-  // Mosaics of colour (Bayer), each in four orders, named by the first row: 8 bits, then 10 and 12 as above.
+  // Mosaics of colour (Bayer), each in four orders, named by the first row: 8 bits, then 10, 12 and 16 as above.
   kBggr8,
   kGbrg8,
   kGrbg8,
@@ -40,6 +40,10 @@ enum class PixelFormat : std::uint8_t {
   kGbrg12P,
   kGrbg12P,
   kRggb12P,
+  kBggr16,
+  kGbrg16,
+  kGrbg16,
+  kRggb16,
   kMjpeg,  ///< each image a JPEG: see jpeg_decoder.h
   kCount
 };

@@ -49,15 +49,18 @@ Status V4l2Camera::open() {
 
 DeviceTrouble V4l2Camera::find_again() noexcept {
   bool is_other = false;
-  const DeviceTrouble trouble = device_.open_again(settings_.device.c_str(), identity_, is_other);
+  const DeviceTrouble trouble =
+      device_.open_again(settings_.device.c_str(), settings_.sensor.c_str(), identity_, is_other);
   if (is_other) bump(other_camera_);
   return trouble;
 }
 
 /// Called again for a lost device, which must come back with the same image: readers know its size.
 DeviceTrouble V4l2Camera::set_up() noexcept {
-  if (const DeviceTrouble trouble = opened_ ? find_again() : device_.open(settings_.device.c_str())) return trouble;
-  if (const DeviceTrouble trouble = device_.set_graph(settings_.sensor.c_str())) return trouble;
+  const char* const sensor = settings_.sensor.c_str();
+  if (const DeviceTrouble trouble = opened_ ? find_again() : device_.open(settings_.device.c_str(), sensor))
+    return trouble;
+  if (const DeviceTrouble trouble = device_.set_graph(sensor)) return trouble;
   DeviceFormat format;
   if (const DeviceTrouble trouble = device_.set_format(settings_, format)) return trouble;
   const bool is_lent = is_grey_in_place(format.format) && !device_.is_loopback();
@@ -81,7 +84,9 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
     return trouble;
   }
   format_ = format;
+  device_.hold_focus();  // before camera.controls, which may want otherwise
   if (const DeviceTrouble trouble = device_.set_controls(settings_)) return trouble;
+  focus_.store(device_.focus(), std::memory_order_relaxed);
   if (const DeviceTrouble trouble = requests_.begin_stream(device_)) return trouble;
   if (const DeviceTrouble trouble = exposure_.set_up(device_)) return trouble;
   // first: uvcvideo sets no format of metadata once the camera has buffers

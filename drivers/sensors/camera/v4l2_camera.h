@@ -74,7 +74,8 @@ class V4l2Camera final : public CameraSource {
   const DeviceFormat& format() const noexcept { return format_; }
   bool copies() const noexcept { return copies_; }
   const BufferReading& reading() const noexcept { return reading_; }
-  Span exposure() const noexcept { return exposure_.report().time; }  ///< of the newest image
+  Focus focus() const noexcept { return focus_.load(std::memory_order_relaxed); }  ///< when it was set up
+  Span exposure() const noexcept { return exposure_.report().time; }               ///< of the newest image
   ExposureReport exposure_report() const noexcept { return exposure_.report(); }
   CameraCounts counts() const noexcept;
   /// Timestamps are those of the camera's own clock, see clock_state().
@@ -145,6 +146,7 @@ class V4l2Camera final : public CameraSource {
   V4l2Device device_{system_};
   DeviceFormat format_;
   bool copies_ = false, opened_ = false;
+  std::atomic<Focus> focus_{Focus::kUnknown};
   BufferReading reading_;
   DeviceIdentity identity_;  ///< of the camera that open() found
   std::uint32_t stamp_flags_ = 0;

@@ -45,12 +45,11 @@ void write_control_name(const char* shown, std::span<char> name) noexcept {
   name[used] = '\0';
 }
 
-DeviceTrouble V4l2Controls::find(const char* name, ControlFacts& facts) const noexcept {
+template <class IsWanted>
+bool V4l2Controls::find_first(IsWanted is_wanted, ControlFacts& facts) const noexcept {
   bool is_found = false;
   each_control(*this, [&](const v4l2_query_ext_ctrl& query, std::size_t file) {
-    char shown[2 * sizeof(query.name)];
-    write_control_name(query.name, shown);
-    is_found = std::strcmp(shown, name) == 0;
+    is_found = is_wanted(query);
     if (!is_found) return true;
     facts.id = query.id;
     facts.file = file;
@@ -60,7 +59,20 @@ DeviceTrouble V4l2Controls::find(const char* name, ControlFacts& facts) const no
     facts.most = query.maximum;
     return false;
   });
-  if (!is_found)
+  return is_found;
+}
+
+bool V4l2Controls::find(std::uint32_t id, ControlFacts& facts) const noexcept {
+  return find_first([&](const v4l2_query_ext_ctrl& query) { return query.id == id; }, facts);
+}
+
+DeviceTrouble V4l2Controls::find(const char* name, ControlFacts& facts) const noexcept {
+  const auto is_called = [&](const v4l2_query_ext_ctrl& query) {
+    char shown[2 * sizeof(query.name)];
+    write_control_name(query.name, shown);
+    return std::strcmp(shown, name) == 0;
+  };
+  if (!find_first(is_called, facts))
     return unexpected("VIDIOC_QUERY_EXT_CTRL", "one that v4l2-ctl --list-ctrls shows",
                       "the camera has no control '%.60s'", name);
   if (is_settable(facts.type)) return {};

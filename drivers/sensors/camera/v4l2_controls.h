@@ -44,6 +44,8 @@ class V4l2Controls {
   }
 
   DeviceTrouble find(const char* name, ControlFacts& facts) const noexcept;
+  /// By the kernel's number (V4L2_CID_...). False: the camera has no such control.
+  bool find(std::uint32_t id, ControlFacts& facts) const noexcept;
   DeviceTrouble read(const char* name, const ControlFacts& facts, std::int64_t& value) const noexcept;
   /// Sets some (kTogether at most) in one call.
   static constexpr std::size_t kTogether = 4;
@@ -53,6 +55,9 @@ class V4l2Controls {
   DeviceTrouble change(std::span<ControlValue> values) const noexcept;
 
  private:
+  template <class IsWanted>
+  bool find_first(IsWanted is_wanted, ControlFacts& facts) const noexcept;
+
   SystemCalls* system_;
   FixedVector<int, 9> files_;  ///< the device, and the steps that a media graph has at most
 };

@@ -67,18 +67,22 @@ bool V4l2Device::find(IsWanted is_wanted) noexcept {
   return false;
 }
 
-DeviceTrouble V4l2Device::open(const char* wanted) noexcept {
+DeviceTrouble V4l2Device::open(const char* wanted, const char* sensor) noexcept {
   if (wanted[0] == '/') return open_path(wanted);
   const auto is_called = [&](const std::array<char, 64>& name) { return std::strcmp(name.data(), wanted) == 0; };
-  if (find([&] { return is_called(identity_.card) || is_called(identity_.bus) || is_called(identity_.node); }))
-    return {};
+  const auto is_wanted = [&] {
+    return is_called(identity_.card) || is_called(identity_.bus) || is_called(identity_.node);
+  };
+  if (find([&] { return is_wanted() && !graph_.find_way(sensor) && graph_.has_way(); })) return {};
+  if (find(is_wanted)) return {};  // no sensor to be set up leads to it, or set_graph() says what is wrong
   return unexpected("open", "a camera's path, name or bus (epiline devices lists them)", "no camera is called '%.60s'",
                     wanted);
 }
 
-DeviceTrouble V4l2Device::open_again(const char* wanted, const DeviceIdentity& lost, bool& is_other) noexcept {
+DeviceTrouble V4l2Device::open_again(const char* wanted, const char* sensor, const DeviceIdentity& lost,
+                                     bool& is_other) noexcept {
   is_other = false;
-  const DeviceTrouble trouble = open(wanted);
+  const DeviceTrouble trouble = open(wanted, sensor);
   // a path made of the serial number tells more than the place it is plugged in at
   const bool is_known_by_path = std::string_view(wanted).rfind("/dev/v4l/by-id/", 0) == 0;
   if (!trouble && (is_known_by_path ? identity_.card == lost.card : identity_ == lost)) return {};
@@ -270,6 +274,21 @@ DeviceTrouble V4l2Device::set_controls(const V4l2Settings& settings) noexcept {
     return trouble;
   }
   return {};
+}
+
+void V4l2Device::hold_focus() noexcept {
+  ControlFacts facts;
+  if (!controls().find(V4L2_CID_FOCUS_AUTO, facts)) return;
+  const ControlValue off{&facts, "autofocus", 0};
+  controls().write({&off, 1});  // focus() tells whether that helped
+}
+
+Focus V4l2Device::focus() const noexcept {
+  ControlFacts facts;
+  std::int64_t value = 0;
+  if (!controls().find(V4L2_CID_FOCUS_AUTO, facts) || controls().read("autofocus", facts, value))
+    return Focus::kUnknown;
+  return value == 0 ? Focus::kHeld : Focus::kAutomatic;
 }
 
 DeviceTrouble V4l2Device::request_buffers(unsigned& count) noexcept {

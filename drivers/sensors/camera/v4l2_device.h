@@ -32,6 +32,12 @@ struct DeviceIdentity {
   bool operator==(const DeviceIdentity&) const = default;
 };
 
+enum class Focus : std::uint8_t {
+  kUnknown,    ///< the device has no autofocus, or does not tell
+  kHeld,       ///< it has one, which is off
+  kAutomatic,  ///< it is on
+};
+
 /// A format's code as text.
 void write_fourcc(std::uint32_t fourcc, char (&text)[5]) noexcept;
 
@@ -43,12 +49,13 @@ class V4l2Device {
   V4l2Device& operator=(const V4l2Device&) = delete;
   ~V4l2Device() { close(); }
 
-  /// Opens a capture device that streams. `wanted`: V4l2Settings::device.
-  DeviceTrouble open(const char* wanted) noexcept;
-  /// Opens the camera that was lost, and no other: `wanted` as above, it was that one. It may have another number now:
-  /// plugged in while images of before are lent, what was /dev/video0 comes back as another file. `is_other`: another
-  /// camera is where it was.
-  DeviceTrouble open_again(const char* wanted, const DeviceIdentity& lost, bool& is_other) noexcept;
+  /// Opens a capture device that streams. `wanted`, `sensor`: V4l2Settings::device, ::sensor. Receivers of one kind
+  /// give their nodes the same names: of several with the name, the first that the sensor leads to is taken.
+  DeviceTrouble open(const char* wanted, const char* sensor) noexcept;
+  /// Opens the camera that was lost, and no other: `wanted`, `sensor` as above, it was that one. It may have another
+  /// number now: plugged in while images of before are lent, what was /dev/video0 comes back as another file.
+  /// `is_other`: another camera is where it was.
+  DeviceTrouble open_again(const char* wanted, const char* sensor, const DeviceIdentity& lost, bool& is_other) noexcept;
   void close() noexcept;
   bool is_open() const noexcept { return fd_ >= 0; }
   int fd() const noexcept { return fd_; }
@@ -76,6 +83,10 @@ class V4l2Device {
   void list_offers(std::span<char> text) noexcept;
   /// Sets all, then reads all back.
   DeviceTrouble set_controls(const V4l2Settings& settings) noexcept;
+  /// Switches autofocus off, where the device has it: a lens that refocuses is another lens than the calibrated one.
+  void hold_focus() noexcept;
+  /// As it is now.
+  Focus focus() const noexcept;
   /// Valid as long as the device stays open.
   V4l2Controls controls() const noexcept;
   DeviceTrouble control(const char* name, std::int64_t& value) noexcept;

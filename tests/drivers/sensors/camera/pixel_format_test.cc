@@ -129,7 +129,7 @@ cv::Mat any_values(const Image& image, int bits) {
   cv::Mat values(image.height, image.width, CV_16U);
   for (int y = 0; y < image.height; ++y)
     for (int x = 0; x < image.width; ++x)
-      values.at<std::uint16_t>(y, x) = *rc::gen::inRange<std::uint16_t>(0, static_cast<std::uint16_t>(1 << bits));
+      values.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(*rc::gen::inRange(0, 1 << bits));
   return values;
 }
 
@@ -155,7 +155,7 @@ RC_GTEST_PROP(PixelFormat, FourPixelsOfAMosaicAreOneOfTheirMean, ()) {
   const auto mosaic =
       *rc::gen::element(Mosaic{PixelFormat::kBggr8, 8, false}, Mosaic{PixelFormat::kBggr10, 10, false},
                         Mosaic{PixelFormat::kBggr10P, 10, true}, Mosaic{PixelFormat::kBggr12, 12, false},
-                        Mosaic{PixelFormat::kBggr12P, 12, true});
+                        Mosaic{PixelFormat::kBggr12P, 12, true}, Mosaic{PixelFormat::kBggr16, 16, false});
   const auto format = static_cast<PixelFormat>(static_cast<int>(mosaic.first) + *rc::gen::inRange(0, 4));
   Image image;
   image.width += image.width % 2;

@@ -81,7 +81,8 @@ TEST(V4l2SettingsOf, SaysWhatMakesNoSense) {
   EXPECT_EQ(error([](CameraConfig& c) { c.format = "H264"; }),
             "camera.format: \"H264\"; expected GREY, Y10, Y12, Y16, Y10P, Y12P, YUYV, NV12, YU12, RGB3, BGR3, BA81, "
             "GBRG, GRBG, RGGB, "
-            "BG10, GB10, BA10, RG10, pBAA, pGAA, pgAA, pRAA, BG12, GB12, BA12, RG12, pBCC, pGCC, pgCC, pRCC, MJPG");
+            "BG10, GB10, BA10, RG10, pBAA, pGAA, pgAA, pRAA, BG12, GB12, BA12, RG12, pBCC, pGCC, pgCC, pRCC, BYR2, "
+            "GB16, GR16, RG16, MJPG");
   EXPECT_EQ(error([](CameraConfig& c) { c.readout_ms = 0; }),
             "camera.readout_ms: 0 with a rolling shutter; expected the sensor's, from its data sheet");
   EXPECT_EQ(error([](CameraConfig& c) {
