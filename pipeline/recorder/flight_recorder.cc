@@ -69,8 +69,8 @@ const char* to_string(RecordReason reason) {
 }
 
 /// The records in the folder by their numbers, and nothing else that may be there.
-std::map<std::uint64_t, fs::path> records_in(const fs::path& folder) {
-  std::map<std::uint64_t, fs::path> records;
+std::multimap<std::uint64_t, fs::path> records_in(const fs::path& folder) {
+  std::multimap<std::uint64_t, fs::path> records;
   std::error_code ignored;
   for (fs::directory_iterator it(folder, ignored), end; !ignored && it != end; it.increment(ignored)) {
     unsigned long long number = 0;
@@ -119,7 +119,8 @@ struct FlightRecorder::Impl {
   // Log thread.
   void keep(const Frame& frame, std::size_t camera);
   bool may_record_lost(HostStamp now) const;
-  void begin(RecordReason reason);
+  void begin(RecordReason reason, RecordPart part = RecordPart::kWhole);
+  RecordPart rest_of_lost() const { return lost_begun ? RecordPart::kSecond : RecordPart::kWhole; }
 
   // Writer thread.
   void write_all();
@@ -146,19 +147,24 @@ struct FlightRecorder::Impl {
   HealthState state = HealthState::kInitialising;
   std::uint32_t resets = 0;
   std::optional<HostStamp> lost_due;     ///< a record is to be made then
+  bool lost_now = false;                 ///< its first part is to be made as soon as possible
+  bool lost_begun = false;               ///< ... and was
   std::optional<HostStamp> lost_before;  ///< the last one made for that reason
   int made_for_lost = 0;
 
   // The writer's own until it has ended.
   std::uint64_t last_number;
+  fs::path first_part;  ///< of the newest loss; empty: none on the disk
+  std::uint64_t first_number = 0;
   RecorderReport report;
 
   RealtimeThread writer;
 };
 
-void FlightRecorder::Impl::begin(RecordReason reason) {
+void FlightRecorder::Impl::begin(RecordReason reason, RecordPart part) {
   RecordOrder order;
   order.reason = reason;
+  order.part = part;
   order.now = now;
   order.from = now - Span::from_seconds(config.seconds);
   order.samples = samples.lend();
@@ -204,10 +210,20 @@ void FlightRecorder::Impl::write_all() {
 
 void FlightRecorder::Impl::write(const RecordOrder& asked) {
   RecordOrder order = asked;
-  order.number = ++last_number;
-  const fs::path name = fs::path(config.folder) / fmt::format("record-{:03}-{}", order.number, to_string(order.reason));
+  order.number = asked.part == RecordPart::kSecond ? first_number : ++last_number;
+  const bool is_first = asked.part == RecordPart::kFirst;
+  const fs::path name = fs::path(config.folder) / fmt::format("record-{:03}-{}{}", order.number,
+                                                              to_string(order.reason), is_first ? "-begin" : "");
   int failure = 0;
   const Status written = write_record(order, run, samples, images ? &*images : nullptr, name, failure);
+  if (is_first) {
+    first_number = order.number;
+    first_part = written ? name : fs::path();
+    if (written) return;  // it is told when it is whole
+  } else if (asked.part == RecordPart::kSecond && written && !first_part.empty()) {
+    std::error_code ignored;
+    fs::remove_all(std::exchange(first_part, {}), ignored);
+  }
   const auto number = static_cast<std::int64_t>(order.number), reason = static_cast<std::int64_t>(order.reason);
   if (written) {
     events.push({order.now, EventId::kRecordWritten, {number, reason}});
@@ -250,8 +266,11 @@ void FlightRecorder::take(const FrameOutcome& outcome) noexcept {
   const Odometry& o = outcome.odometry;
   const bool reset = std::exchange(m.resets, o.reset_counter) != o.reset_counter;
   const bool was_lost = std::exchange(m.state, o.health.state) == HealthState::kLost;
-  if ((reset || (m.state == HealthState::kLost && !was_lost)) && m.may_record_lost(outcome.stamp))
+  if ((reset || (m.state == HealthState::kLost && !was_lost)) && m.may_record_lost(outcome.stamp)) {
     m.lost_due = outcome.stamp + Span::from_seconds(m.config.after_lost_s);
+    m.lost_now = m.config.after_lost_s > 0;
+    m.lost_begun = false;
+  }
 }
 
 void FlightRecorder::tracks(const LoggedTracks& t) noexcept {
@@ -281,8 +300,12 @@ void FlightRecorder::pass(HostStamp now) noexcept {
   if (m.busy.load(std::memory_order_acquire)) return;
   if (m.lost_due && now >= *m.lost_due) {
     m.lost_before = std::exchange(m.lost_due, std::nullopt);
+    m.lost_now = false;
     ++m.made_for_lost;
-    m.begin(RecordReason::kLost);
+    m.begin(RecordReason::kLost, m.rest_of_lost());
+  } else if (std::exchange(m.lost_now, false)) {
+    m.lost_begun = true;
+    m.begin(RecordReason::kLost, RecordPart::kFirst);
   } else if (requested_.exchange(false, std::memory_order_relaxed)) {
     m.begin(RecordReason::kRequested);
   }
@@ -293,7 +316,10 @@ void FlightRecorder::finish(bool write_the_end) {
   while (m.busy.load(std::memory_order_acquire)) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   const bool requested = requested_.exchange(false, std::memory_order_relaxed);
   if (m.lost_due || requested || write_the_end)
-    m.begin(m.lost_due ? RecordReason::kLost : requested ? RecordReason::kRequested : RecordReason::kEnd);
+    m.begin(m.lost_due  ? RecordReason::kLost
+            : requested ? RecordReason::kRequested
+                        : RecordReason::kEnd,
+            m.lost_due ? m.rest_of_lost() : RecordPart::kWhole);
   m.stop();
   m.report.lost = m.samples.lost() + (m.images ? m.images->lost() : 0);
 }

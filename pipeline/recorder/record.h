@@ -43,10 +43,15 @@ struct RecordedImageHeader {
   std::int32_t camera = 0;  ///< its number
 };
 
+/// A record of a loss is written twice: at once, for what made the estimate wrong may break the vehicle, and again when
+/// the seconds after it have passed. The second one takes the first one's place.
+enum class RecordPart : std::uint8_t { kWhole, kFirst, kSecond };
+
 /// A record to write: time span and lent segments.
 struct RecordOrder {
   std::uint64_t number = 0;
   RecordReason reason = RecordReason::kRequested;
+  RecordPart part = RecordPart::kWhole;
   HostStamp from, now;
   Tape::Range samples, images;
 };

@@ -1,13 +1,19 @@
 #include "pipeline/text/table.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
 #include <zlib.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
-#include <fstream>
 #include <limits>
+
+#include "pipeline/text/output_files.h"
 
 namespace epiline {
 
@@ -72,12 +78,55 @@ Result<std::string> read_text(const std::filesystem::path& path) {
   return text;
 }
 
+namespace {
+
+bool write_all(int fd, std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t count = ::write(fd, text.data(), text.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return false;
+    text.remove_prefix(static_cast<std::size_t>(count));
+  }
+  return true;
+}
+
+/// Writes the whole file and waits until it is on the disk. 0 or errno.
+int write_whole(const std::string& path, int flags, const std::string& text, const struct stat* like) {
+  const int fd = ::open(path.c_str(), flags | O_WRONLY | O_CLOEXEC, 0666);
+  if (fd < 0) return errno;
+  if (like != nullptr && S_ISREG(like->st_mode)) {  // a settings file stays readable for those for whom it was
+    (void)!::fchown(fd, like->st_uid, like->st_gid);
+    (void)!::fchmod(fd, like->st_mode & 07777);
+  }
+  // what is no file on a disk refuses to be synced
+  int error = write_all(fd, text) && (::fsync(fd) == 0 || errno == EINVAL || errno == ENOTSUP) ? 0 : errno;
+  if (::close(fd) != 0 && error == 0) error = errno;
+  return error;
+}
+
+}  // namespace
+
 Status write_text(const std::filesystem::path& path, const std::string& text) {
-  std::ofstream out(path, std::ios::binary);
-  out << text;
-  out.flush();
-  if (!out) return Error{ErrorKind::kUsage, path.string(), 0, "cannot be written", "a folder with room and permission"};
-  return Done{};
+  namespace fs = std::filesystem;
+  std::error_code none;
+  fs::path place = fs::canonical(path, none);  // a link stays a link
+  if (none) place = path;
+  struct stat old {};
+  const bool exists = ::stat(place.c_str(), &old) == 0;
+  int error = 0;
+  if (exists && !S_ISREG(old.st_mode)) {
+    error = write_whole(place, 0, text, &old);  // a terminal, a pipe
+  } else {
+    const std::string made = place.string() + ".new";
+    error = write_whole(made, O_CREAT | O_TRUNC, text, exists ? &old : nullptr);
+    if (error == 0 && std::rename(made.c_str(), place.c_str()) != 0) error = errno;
+    if (error != 0) ::unlink(made.c_str());
+    const fs::path folder = place.parent_path();
+    if (error == 0) sync_folder(folder.empty() ? "." : folder);
+  }
+  if (error == 0) return Done{};
+  return Error{ErrorKind::kUsage, path.string(), 0, "cannot be written (" + system_message(error) + ")",
+               "a folder with room and permission"};
 }
 
 Status make_folder(const std::filesystem::path& folder) {

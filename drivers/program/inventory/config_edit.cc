@@ -90,8 +90,9 @@ Status edit_config(const std::filesystem::path& file, const std::vector<ConfigEd
 Status replace_file(const std::filesystem::path& file, const std::string& text) {
   std::error_code failed;
   if (std::filesystem::exists(file, failed)) {
-    std::filesystem::copy_file(file, file.string() + ".bak", std::filesystem::copy_options::overwrite_existing, failed);
-    if (failed) return Error{ErrorKind::kUsage, file.string() + ".bak", 0, failed.message(), "a file to write"};
+    const auto old = read_text(file);
+    if (!old) return old.error();
+    if (const Status s = write_text(file.string() + ".bak", *old); !s) return s;
   }
   return write_text(file, text);
 }

@@ -43,6 +43,15 @@ std::optional<std::uint64_t> Disk::free_bytes(const std::filesystem::path& folde
 
 ssize_t Disk::write(int fd, const char* bytes, std::size_t count) noexcept { return ::write(fd, bytes, count); }
 
+void Disk::remove(const std::filesystem::path& file) noexcept { ::unlink(file.c_str()); }
+
+void Disk::sync(const std::filesystem::path& folder) noexcept {
+  const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return;
+  ::syncfs(fd);
+  ::close(fd);
+}
+
 LineFile::LineFile(Disk& disk, const std::filesystem::path& path) : disk_(disk), fd_(make_file(path)) {
   if (fd_ < 0) failure_ = errno;
 }
@@ -71,7 +80,7 @@ int write_new_file(Disk& disk, const std::filesystem::path& path, std::string_vi
   if (fd < 0) return errno;
   int error = write_all(disk, fd, bytes);
   if (::close(fd) != 0 && error == 0) error = errno;
-  if (error != 0) ::unlink(path.c_str());
+  if (error != 0) disk.remove(path);
   return error;
 }
 

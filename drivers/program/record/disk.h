@@ -22,6 +22,10 @@ class Disk {
   virtual std::optional<std::uint64_t> free_bytes(const std::filesystem::path& folder) noexcept;
   /// As write(2).
   virtual ssize_t write(int fd, const char* bytes, std::size_t count) noexcept;
+  /// As unlink(2): what did not fit whole gives its room to the lists.
+  virtual void remove(const std::filesystem::path& file) noexcept;
+  /// Waits until all that was written to the file system of `folder` is on the disk: one wait for many files.
+  virtual void sync(const std::filesystem::path& folder) noexcept;
 };
 
 /// A new file to which whole lines are appended. The kernel holds the lines when append() returns, so they survive the

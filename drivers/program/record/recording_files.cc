@@ -68,6 +68,7 @@ RecordingFiles::RecordingFiles(fs::path root, Disk& disk, std::size_t cameras)
 }
 
 RecordingFiles::~RecordingFiles() {
+  (void)settle();  // whichever way it ended
   std::error_code ignored;
   if (is_empty_) fs::remove_all(root_, ignored);
 }
@@ -83,16 +84,27 @@ Status RecordingFiles::add_image(std::size_t camera, HostStamp stamp, const std:
   const std::string file = std::to_string(stamp.ns) + ".png";
   const fs::path path = images.folder / "data" / file;
   if (const int error = write_new_file(disk_, path, png); error != 0) return cannot_be_written(path, error);
-  lines_.clear();
-  append_asl_image(lines_, stamp, file);
-  if (!images.list.append(lines_)) {
-    std::error_code ignored;
-    fs::remove(path, ignored);
-    return cannot_be_written(images.folder / "data.csv", images.list.failure());
-  }
+  append_asl_image(images.unlisted, stamp, file);
   image_bytes_ += png.size();
   is_empty_ = false;
-  return Done{};
+  return settle(stamp);
+}
+
+Status RecordingFiles::settle(HostStamp now) {
+  constexpr Span kEvery = Span::from_milliseconds(1'000);
+  if (settled_.ns == 0) settled_ = now;
+  if (now - settled_ < kEvery) return Done{};
+  settled_ = now;
+  return settle();
+}
+
+Status RecordingFiles::settle() {
+  disk_.sync(root_);
+  for (Images& images : images_) {
+    images.list.append(images.unlisted);
+    images.unlisted.clear();
+  }
+  return fault();
 }
 
 Status RecordingFiles::add_readings(std::span<const ImuSample> readings) {
@@ -100,7 +112,7 @@ Status RecordingFiles::add_readings(std::span<const ImuSample> readings) {
   for (const ImuSample& reading : readings) append_asl_imu(lines_, reading);
   if (!readings_.append(lines_)) return cannot_be_written(root_ / "imu0/data.csv", readings_.failure());
   is_empty_ = is_empty_ && readings.empty();
-  return Done{};
+  return readings.empty() ? Status(Done{}) : settle(readings.back().stamp);
 }
 
 Status RecordingFiles::describe(const RecordedSensors& sensors) const {
@@ -113,6 +125,7 @@ Status RecordingFiles::describe(const RecordedSensors& sensors) const {
 }
 
 Status RecordingFiles::close() {
+  if (const Status s = settle(); !s) return s;
   for (Images& images : images_) images.list.sync();
   readings_.sync();
   return fault();

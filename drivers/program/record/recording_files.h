@@ -40,8 +40,9 @@ class RecordingFiles {
   RecordingFiles(const RecordingFiles&) = delete;
   RecordingFiles& operator=(const RecordingFiles&) = delete;
 
-  /// Writes and lists an image of that camera; `png` as from png_of(). Fails if and only if the image or its line
-  /// cannot be written.
+  /// Writes an image of that camera; `png` as from png_of(). It is listed within a second, once it is on the disk, so
+  /// that a list never names an image that a cut of the power took. Fails if and only if the image or a line cannot be
+  /// written.
   Status add_image(std::size_t camera, HostStamp stamp, const std::string& png);
   Status add_readings(std::span<const ImuSample> readings);
   /// Replaces the files `sensor.yaml`. Readers ignore a file without a calibration (holds_no_calibration()).
@@ -54,11 +55,15 @@ class RecordingFiles {
   struct Images {
     std::filesystem::path folder;
     LineFile list;
+    std::string unlisted;  ///< lines of images that may not be on the disk yet
     Images(Disk& disk, std::filesystem::path of_camera)
         : folder(std::move(of_camera)), list(disk, folder / "data.csv") {}
   };
 
   RecordingFiles(std::filesystem::path root, Disk& disk, std::size_t cameras);
+  /// Syncs the disk and lists what is there, if that was a second ago.
+  Status settle(HostStamp now);
+  Status settle();
   /// Why a list cannot be written, if one cannot.
   Status fault() const;
 
@@ -68,6 +73,7 @@ class RecordingFiles {
   LineFile readings_;
   std::uint64_t image_bytes_ = 0;
   bool is_empty_ = true;
+  HostStamp settled_;
   std::string lines_;  ///< buffer for lines that are being formatted
 };
 

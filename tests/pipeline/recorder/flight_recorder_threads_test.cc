@@ -249,7 +249,6 @@ TEST_F(FlightRecorderTest, LostMakesARecordAfterAWhileAndNotTooOften) {
   const std::int64_t lost_at = now_;
   fly(recorder, HealthState::kLost);
   fly_seconds(recorder, 0.9, HealthState::kLost);
-  EXPECT_EQ(count(), 0u);
   ASSERT_EQ(fly_until_done(recorder), EventId::kRecordWritten);
   ASSERT_EQ(count(), 1u);
   const auto written = times(records().at(0) / "states.csv");
@@ -269,6 +268,31 @@ TEST_F(FlightRecorderTest, LostMakesARecordAfterAWhileAndNotTooOften) {
   lose_and_fly(5);  // the third
   recorder.finish(false);
   EXPECT_EQ(count(), 2u);
+}
+
+// The battery may be gone before the seconds after the loss have passed.
+TEST_F(FlightRecorderTest, WhatLedToALossIsWrittenAtOnce) {
+  FlightRecorder recorder(config_, run_);
+  fly_seconds(recorder, 10);
+  const std::int64_t lost_at = now_;
+  fly(recorder, HealthState::kLost);
+  const fs::path first = fs::path(config_.folder) / "record-001-lost-begin";
+  for (int i = 0; i < 1000 && !fs::exists(first); ++i) {
+    recorder.pass(HostStamp{now_});
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  ASSERT_TRUE(fs::exists(first));
+  const auto before = times(first / "states.csv");
+  ASSERT_FALSE(before.empty());
+  EXPECT_NEAR(1e-9 * static_cast<double>(before.back() - lost_at), 0.05, 0.01) << "the first lost image";
+  Event event;
+  EXPECT_FALSE(recorder.events().pop(event)) << "told when it is whole";
+  ASSERT_EQ(fly_until_done(recorder), EventId::kRecordWritten);
+  ASSERT_EQ(count(), 1u);
+  EXPECT_EQ(records().at(0).filename(), "record-001-lost") << "in the first one's place";
+  recorder.finish(false);
+  EXPECT_EQ(recorder.report().written.size(), 1u);
+  EXPECT_EQ(recorder.report().lost, 0u);
 }
 
 TEST_F(FlightRecorderTest, LostShortlyBeforeTheEndIsWritten) {

@@ -1,10 +1,13 @@
 #include "pipeline/text/table.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 #include <zlib.h>
 
 #include <cmath>
+#include <filesystem>
 #include <fstream>
+#include <iterator>
 
 namespace epiline {
 namespace {
@@ -126,6 +129,45 @@ TEST(ReadText, NamesWhatIsNotThere) {
   EXPECT_EQ(text.error().text(),
             "/nonexistent/file.csv: cannot be opened (No such file or directory); expected a readable file");
   EXPECT_FALSE(read_text(testing::TempDir()));  // a folder
+}
+
+class WriteText : public testing::Test {
+ protected:
+  WriteText() { fs::create_directories(folder_); }
+  ~WriteText() override { fs::remove_all(folder_); }
+  const fs::path folder_ = fs::path(testing::TempDir()) / ("epiline_write_text_" + std::to_string(getpid()));
+  const fs::path file_ = folder_ / "settings.toml";
+};
+
+// On a full disk, or with the power gone, the old file is still there, whole.
+TEST_F(WriteText, TheOldFileStaysUntilTheNewOneIsWhole) {
+  ASSERT_TRUE(write_text(file_, "old"));
+  fs::create_directories(file_.string() + ".new");  // the new one cannot be made
+  EXPECT_FALSE(write_text(file_, "new"));
+  EXPECT_EQ(*read_text(file_), "old");
+  fs::remove(file_.string() + ".new");
+  std::ifstream reader(file_);  // who has the old one open reads it to its end
+  ASSERT_TRUE(write_text(file_, "new"));
+  EXPECT_EQ(std::string(std::istreambuf_iterator<char>(reader), {}), "old");
+  EXPECT_EQ(*read_text(file_), "new");
+  EXPECT_FALSE(fs::exists(file_.string() + ".new"));
+}
+
+TEST_F(WriteText, LinksAndPermissionsStay) {
+  ASSERT_TRUE(write_text(file_, "old"));
+  fs::permissions(file_, fs::perms::owner_read | fs::perms::owner_write | fs::perms::group_read);
+  fs::create_symlink(file_, folder_ / "link");
+  ASSERT_TRUE(write_text(folder_ / "link", "new"));
+  EXPECT_TRUE(fs::is_symlink(folder_ / "link"));
+  EXPECT_EQ(*read_text(file_), "new");
+  EXPECT_EQ(fs::status(file_).permissions(), fs::perms::owner_read | fs::perms::owner_write | fs::perms::group_read);
+}
+
+TEST_F(WriteText, WhatIsNoFileIsWrittenTo) {
+  EXPECT_TRUE(write_text("/dev/null", "text"));
+  const Status full = write_text("/dev/full", "text");
+  ASSERT_FALSE(full);
+  EXPECT_NE(full.error().text().find("No space left"), std::string::npos);
 }
 
 }  // namespace

@@ -90,7 +90,8 @@ TEST(Devices, WhatIsMissingIsNamedWithWhatWouldDo) {
                 "camera.format: \"H264\"; expected GREY, Y10, Y12, Y16, Y10P, Y12P, YUYV, NV12, YU12, RGB3, BGR3, "
                 "BA81, GBRG, "
                 "GRBG, RGGB, "
-                "BG10, GB10, BA10, RG10, pBAA, pGAA, pgAA, pRAA, BG12, GB12, BA12, RG12, pBCC, pGCC, pgCC, pRCC, MJPG");
+                "BG10, GB10, BA10, RG10, pBAA, pGAA, pgAA, pRAA, BG12, GB12, BA12, RG12, pBCC, pGCC, pgCC, pRCC, BYR2, "
+                "GB16, GR16, RG16, MJPG");
   EXPECT_EQ(
       error_of("device = \"a\"\n", "[imu]\ndriver = \"mavlink\"\n"),
       file +
