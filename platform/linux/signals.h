@@ -1,6 +1,7 @@
 #pragma once
 // Waits for signals instead of handling them, because a handler would run in a thread that the kernel chooses.
 #include <pthread.h>
+#include <unistd.h>
 
 #include <csignal>
 #include <ctime>
@@ -31,6 +32,22 @@ class SignalWait {
 
  private:
   sigset_t signals_, before_;
+};
+
+/// The signals that end a run in order, and SIGUSR1. What a vanished display or terminal sends does not end it: SIGPIPE
+/// never does, SIGHUP only if stdout was a terminal at the start and nothing (nohup) had told the program to ignore it.
+class EndSignals : public SignalWait {
+ public:
+  EndSignals() : SignalWait({SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGPIPE}), hangup_ends_(is_of_a_terminal()) {}
+  bool ends(int signal) const { return signal == SIGINT || signal == SIGTERM || (signal == SIGHUP && hangup_ends_); }
+
+ private:
+  static bool is_of_a_terminal() {
+    struct sigaction action {};
+    sigaction(SIGHUP, nullptr, &action);
+    return action.sa_handler != SIG_IGN && isatty(STDOUT_FILENO) == 1;
+  }
+  bool hangup_ends_;
 };
 
 }  // namespace epiline

@@ -7,6 +7,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "drivers/program/cli/say.h"
+
 namespace epiline {
 
 ProgressBar::ProgressBar(bool quiet, std::string unit)
@@ -18,9 +20,8 @@ void ProgressBar::operator()(std::size_t done, std::size_t all) {
   const std::size_t bars = std::min(done, all) * kWidth / all;
   if (bars == last_bars_ && done != all && all > kFewSteps) return;  // drawing a flight's every image would cost time
   last_bars_ = bars;
-  fmt::print(stderr, "\r[{}{}] {}/{} {}", std::string(bars, '='), std::string(kWidth - bars, ' '), done, all, unit_);
-  if (done == all) fmt::print(stderr, "\r\033[K");
-  std::fflush(stderr);
+  say(stderr, "\r[{}{}] {}/{} {}", std::string(bars, '='), std::string(kWidth - bars, ' '), done, all, unit_);
+  if (done == all) say(stderr, "\r\033[K");
 }
 
 }  // namespace epiline

@@ -5,6 +5,8 @@
 
 #include <cstdio>
 
+#include "drivers/program/cli/say.h"
+
 namespace epiline {
 
 namespace {
@@ -42,19 +44,17 @@ class RecordLines {
 
  private:
   void clear() {
-    if (shown_) fmt::print(stderr, "\r\x1b[K");
+    if (shown_) epiline::say(stderr, "\r\x1b[K");
     shown_ = false;
   }
   void say(const std::string& text) {
     clear();
-    fmt::print("{:9.2f} s  {}\n", said_s_, text);
-    std::fflush(stdout);
+    epiline::say("{:9.2f} s  {}\n", said_s_, text);
   }
   void say_room(const RecordState& state) {
     room_said_ = true;
     clear();
-    fmt::print("room      for {} at {:.1f} MB/s\n", time_text(state.seconds_left), megabytes(state.bytes_per_s));
-    std::fflush(stdout);
+    epiline::say("room      for {} at {:.1f} MB/s\n", time_text(state.seconds_left), megabytes(state.bytes_per_s));
   }
   void say_silence(double silent_s, const char* who, bool& was_silent) {
     constexpr double kLong_s = 1.5;
@@ -64,10 +64,10 @@ class RecordLines {
   }
   void show(const RecordState& s) {
     clear();
-    fmt::print(stderr, "{:9.2f} s  {} images ({:.1f} Hz), {} IMU samples ({:.0f} Hz), {} lost, {:.0f} MB, room for {}",
-               s.seconds, s.counts.images, s.image_rate_hz, s.counts.readings, s.reading_rate_hz, s.counts.lost(),
-               megabytes(static_cast<double>(s.bytes)), time_text(s.seconds_left));
-    std::fflush(stderr);
+    epiline::say(stderr,
+                 "{:9.2f} s  {} images ({:.1f} Hz), {} IMU samples ({:.0f} Hz), {} lost, {:.0f} MB, room for {}",
+                 s.seconds, s.counts.images, s.image_rate_hz, s.counts.readings, s.reading_rate_hz, s.counts.lost(),
+                 megabytes(static_cast<double>(s.bytes)), time_text(s.seconds_left));
     shown_ = true;
   }
 
@@ -95,19 +95,19 @@ std::string end_text(RecordEnd end, double keep_free_mb) {
 void print_summary(const RecordSummary& summary, const RecordOptions& options) {
   const RecordState& s = summary.last;
   const double bytes = static_cast<double>(s.bytes);
-  fmt::print("ended     {}, after {:.1f} s\n",
-             end_text(summary.end, 1e-6 * static_cast<double>(options.keep_free_bytes)), s.seconds);
-  fmt::print("images    {} written, {} lost\n", s.counts.images,
-             s.counts.images_missed + s.counts.images_unwritten + s.counts.images_old + s.counts.images_resized);
-  fmt::print("samples   {} IMU samples written, {} lost\n", s.counts.readings,
-             s.counts.readings_missed + s.counts.readings_unwritten);
-  fmt::print("size      {:.1f} MB, {:.0f} MB a minute\n", megabytes(bytes), 60 * megabytes(bytes) / s.seconds);
-  for (const std::string& line : loss_lines(s)) fmt::print("lost      {}\n", line);
+  epiline::say("ended     {}, after {:.1f} s\n",
+               end_text(summary.end, 1e-6 * static_cast<double>(options.keep_free_bytes)), s.seconds);
+  epiline::say("images    {} written, {} lost\n", s.counts.images,
+               s.counts.images_missed + s.counts.images_unwritten + s.counts.images_old + s.counts.images_resized);
+  epiline::say("samples   {} IMU samples written, {} lost\n", s.counts.readings,
+               s.counts.readings_missed + s.counts.readings_unwritten);
+  epiline::say("size      {:.1f} MB, {:.0f} MB a minute\n", megabytes(bytes), 60 * megabytes(bytes) / s.seconds);
+  for (const std::string& line : loss_lines(s)) epiline::say("lost      {}\n", line);
   for (const DeviceRecord& device : summary.devices) {
     for (const DeviceCount& c : device.counts)
-      if (c.is_fault && c.value > 0) fmt::print("fault     {}: {} {}\n", device.name, c.name, c.value);
+      if (c.is_fault && c.value > 0) epiline::say("fault     {}: {} {}\n", device.name, c.name, c.value);
   }
-  fmt::print("written   {}\n", options.out.string());
+  epiline::say("written   {}\n", options.out.string());
 }
 
 }  // namespace

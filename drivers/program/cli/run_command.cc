@@ -4,9 +4,11 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "drivers/program/cli/commands.h"
+#include "drivers/program/cli/say.h"
 #include "drivers/program/live/live_run.h"
 #include "drivers/program/view/live_view.h"
 #include "drivers/study/replay/replay.h"
@@ -39,7 +41,7 @@ class StateLines {
  public:
   explicit StateLines(bool quiet) : quiet_(quiet), terminal_(!quiet && isatty(STDERR_FILENO) == 1) {}
   ~StateLines() {
-    if (shown_) fmt::print(stderr, "\n");
+    if (shown_) say(stderr, "\n");
   }
   StateLines(const StateLines&) = delete;
   StateLines& operator=(const StateLines&) = delete;
@@ -49,29 +51,24 @@ class StateLines {
     if (state.waiting_for != waiting_for_) {
       clear();
       waiting_for_ = state.waiting_for;
-      if (!waiting_for_.empty()) fmt::print("{:9.2f} s  waiting for {}\n", state.since_start.seconds(), waiting_for_);
-      std::fflush(stdout);
+      if (!waiting_for_.empty()) say("{:9.2f} s  waiting for {}\n", state.since_start.seconds(), waiting_for_);
     }
     if (!state.waiting_for.empty()) return;
     for (const std::string& text : state.numbers_wrong) {
       clear();
-      fmt::print("{:9.2f} s  number wrong: {}\n", state.since_start.seconds(), text);
-      std::fflush(stdout);
+      say("{:9.2f} s  number wrong: {}\n", state.since_start.seconds(), text);
     }
     if (state.refusals != refusals_) {
       clear();
       refusals_ = state.refusals;
-      if (!refusals_.empty()) fmt::print("{:9.2f} s  {}\n", state.since_start.seconds(), refusals_);
-      std::fflush(stdout);
+      if (!refusals_.empty()) say("{:9.2f} s  {}\n", state.since_start.seconds(), refusals_);
     }
     const HealthState now = state.has_pose ? state.odometry.health.state : HealthState::kInitialising;
     if (!known_ || now != state_ || state.lost_outputs != lost_) {
       clear();
       const std::string why = state.has_pose ? reasons_text(state.odometry.health.reasons) : "";
-      fmt::print("{:9.2f} s  {}{}{}{}{}\n", state.since_start.seconds(),
-                 kHealthStateNames[static_cast<std::size_t>(now)], why.empty() ? "" : ": ", why,
-                 state.lost_outputs.empty() ? "" : "; lost: ", state.lost_outputs);
-      std::fflush(stdout);
+      say("{:9.2f} s  {}{}{}{}{}\n", state.since_start.seconds(), kHealthStateNames[static_cast<std::size_t>(now)],
+          why.empty() ? "" : ": ", why, state.lost_outputs.empty() ? "" : "; lost: ", state.lost_outputs);
       known_ = true;
       state_ = now;
       lost_ = state.lost_outputs;
@@ -81,21 +78,19 @@ class StateLines {
 
  private:
   void clear() {
-    if (shown_) fmt::print(stderr, "\r\x1b[K");
+    if (shown_) say(stderr, "\r\x1b[K");
     shown_ = false;
   }
   void show(const LiveState& state) {
     clear();
     const Odometry& o = state.odometry;
     if (state.has_pose) {
-      fmt::print(stderr, "{:9.2f} s  quality {:3}  p {:7.2f} {:7.2f} {:7.2f} m  v {:6.2f} {:6.2f} {:6.2f} m/s",
-                 state.since_start.seconds(), o.health.quality, o.p_WB_m[0], o.p_WB_m[1], o.p_WB_m[2], o.v_WB_m_s[0],
-                 o.v_WB_m_s[1], o.v_WB_m_s[2]);
+      say(stderr, "{:9.2f} s  quality {:3}  p {:7.2f} {:7.2f} {:7.2f} m  v {:6.2f} {:6.2f} {:6.2f} m/s",
+          state.since_start.seconds(), o.health.quality, o.p_WB_m[0], o.p_WB_m[1], o.p_WB_m[2], o.v_WB_m_s[0],
+          o.v_WB_m_s[1], o.v_WB_m_s[2]);
     } else {
-      fmt::print(stderr, "{:9.2f} s  {} images, {} IMU samples", state.since_start.seconds(), state.images,
-                 state.readings);
+      say(stderr, "{:9.2f} s  {} images, {} IMU samples", state.since_start.seconds(), state.images, state.readings);
     }
-    std::fflush(stderr);
     shown_ = true;
   }
 
@@ -107,19 +102,18 @@ class StateLines {
 
 void print_summary(const FlightRecord& r) {
   const RealtimeReport& report = r.realtime->report;
-  fmt::print("images    {} in, {} estimated, {} overtaken\n", report.frames_in, report.frames_out,
-             report.frames_overtaken);
-  fmt::print("samples   {} IMU samples in, {} predictions published\n", report.imu_in, report.predicted);
+  say("images    {} in, {} estimated, {} overtaken\n", report.frames_in, report.frames_out, report.frames_overtaken);
+  say("samples   {} IMU samples in, {} predictions published\n", report.imu_in, report.predicted);
   for (const OutputRecord& o : r.realtime->outputs) {
     const auto ms = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
-    fmt::print("output    {}: {} sent, {} not sent, reopened {} times", o.name, o.sent, o.not_sent, o.reopened);
+    say("output    {}: {} sent, {} not sent, reopened {} times", o.name, o.sent, o.not_sent, o.reopened);
     if (o.latency.count() > 0) {
-      fmt::print("; {:.2f} ms median, {:.2f} ms 99 %, {:.2f} ms max, from image timestamp to last byte",
-                 ms(o.latency.quantile_ns(0.5)), ms(o.latency.quantile_ns(0.99)), ms(o.latency.most_ns()));
+      say("; {:.2f} ms median, {:.2f} ms 99 %, {:.2f} ms max, from image timestamp to last byte",
+          ms(o.latency.quantile_ns(0.5)), ms(o.latency.quantile_ns(0.99)), ms(o.latency.most_ns()));
     }
-    fmt::print("\n");
+    say("\n");
   }
-  for (const std::string& line : r.realtime->shortfalls) fmt::print("note      {}\n", line);
+  for (const std::string& line : r.realtime->shortfalls) say("note      {}\n", line);
 }
 
 /// Why there never was a pose: the first thing that was missing.
@@ -145,6 +139,7 @@ int run_command(RunArguments& options) {
   const auto view = open_view(options.view);
   if (!view) return report(view.error());
   options.live.view = view->get();
+  options.live.keeps_images = !options.live.out.empty();
   auto devices = make_devices(*settings);
   if (!devices) return report(devices.error());
   LiveState last;
@@ -157,10 +152,13 @@ int run_command(RunArguments& options) {
     });
   }();
   if (!record) return report(record.error());
+  std::optional<Error> unwritten = record->unwritten;
   if (!options.live.out.empty()) {
-    if (const auto errors = write_report(*record, options.live.out); !errors) return report(errors.error());
+    const auto errors = write_report(*record, options.live.out);
+    if (!errors && !unwritten) unwritten = errors.error();
   }
   if (!options.quiet) print_summary(*record);
+  if (unwritten) return report(*unwritten);
   // a service that was stopped has done what it was asked; its manager would take another code for a failure to stop
   return last.has_pose || std::getenv("NOTIFY_SOCKET") != nullptr ? kExitDone : report(no_pose(last));
 }

@@ -1,5 +1,14 @@
 #include "drivers/program/live/live_log.h"
 
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <map>
+
+#include "platform/time/monotonic.h"
+
 namespace epiline {
 
 namespace {
@@ -14,10 +23,48 @@ std::size_t make_room(std::vector<T>& list, std::size_t most) {
 
 }  // namespace
 
-LiveLog::LiveLog(const std::filesystem::path& folder) {
+std::filesystem::path make_flight_folder(const std::filesystem::path& folder, std::size_t keep) {
+  namespace fs = std::filesystem;
+  std::map<unsigned long long, fs::path> flights;
+  std::error_code failed;
+  for (fs::directory_iterator it(folder, failed), end; !failed && it != end; it.increment(failed)) {
+    unsigned long long number = 0;
+    if (std::sscanf(it->path().filename().c_str(), "flight-%llu", &number) == 1) flights.emplace(number, it->path());
+  }
+  const auto number = flights.empty() ? 1 : flights.rbegin()->first + 1;
+  for (auto it = flights.begin(); keep > 0 && flights.size() >= keep; it = flights.erase(it))
+    fs::remove_all(it->second, failed);
+  const fs::path made = folder / fmt::format("flight-{:03}", number);
+  return fs::create_directories(made, failed) ? made : fs::path();
+}
+
+LiveLog::LiveLog(const std::filesystem::path& folder, bool keeps) : keeps_(keeps) {
   if (folder.empty()) return;
   trajectory_ = std::make_unique<OutputFile>(folder / "trajectory.tum");
   event_lines_ = std::make_unique<OutputFile>(folder / "events.txt");
+  syncing_ = std::thread([this, folder] { sync_each_second(folder); });
+}
+
+/// In a thread of its own, for a disk may take seconds. drain() has handed all lines to the kernel by then.
+void LiveLog::sync_each_second(const std::filesystem::path& folder) {
+  constexpr std::int64_t kSecond_ns = 1'000'000'000;
+  sync_folder(folder);
+  const auto stops = [this] { return stops_.load(std::memory_order_acquire); };
+  while (!pause_.wait_until(monotonic_ns() + kSecond_ns, stops)) {
+    for (const char* name : {"trajectory.tum", "events.txt"}) {
+      const int fd = ::open((folder / name).c_str(), O_RDONLY | O_CLOEXEC);
+      if (fd < 0) continue;
+      ::fdatasync(fd);
+      ::close(fd);
+    }
+    syncs_.fetch_add(1, std::memory_order_relaxed);
+  }
+}
+
+void LiveLog::stop_syncing() {
+  stops_.store(true, std::memory_order_release);
+  pause_.notify();
+  if (syncing_.joinable()) syncing_.join();
 }
 
 void LiveLog::drain(FlightRecord& record) {
@@ -31,10 +78,13 @@ void LiveLog::drain(FlightRecord& record) {
 void LiveLog::take_outcomes(FlightRecord& record) {
   Trajectory poses;
   for (const FrameOutcome* outcome = outcomes_.front(); outcome != nullptr; outcome = outcomes_.front()) {
-    first_serial_ += make_room(record.images, kMostImages);
-    if (record.images.empty()) first_serial_ = outcome->serial;
-    record.images.push_back(image_record(*outcome));
-    if (record.images.back().has_pose) poses.poses.push_back(record.images.back().pose);
+    const ImageRecord image = image_record(*outcome);
+    if (image.has_pose) poses.poses.push_back(image.pose);
+    if (keeps_) {
+      first_serial_ += make_room(record.images, kMostImages);
+      if (record.images.empty()) first_serial_ = outcome->serial;
+      record.images.push_back(image);
+    }
     outcomes_.pop();
   }
   if (trajectory_) trajectory_->append(tum_text(poses));
@@ -51,7 +101,7 @@ void LiveLog::take_publications(FlightRecord& record) {
 
 void LiveLog::take_events(FlightRecord& record) {
   for (Event event; events_.pop(event);) {
-    record.events_lost += make_room(record.events, kMostEvents);
+    record.events_lost += make_room(record.events, keeps_ ? kMostEvents : kFewEvents);
     record.events.push_back(event);
     char line[256];
     if (event_lines_) event_lines_->append(std::string(line, format_event(event, line)) + "\n");
@@ -59,12 +109,14 @@ void LiveLog::take_events(FlightRecord& record) {
 }
 
 Status LiveLog::close(FlightRecord& record) {
+  stop_syncing();
   record.events_lost += events_.dropped();
+  Status first = Done{};
   for (OutputFile* file : {trajectory_.get(), event_lines_.get()}) {
-    if (file == nullptr) continue;
-    if (const Status s = file->close(); !s) return s.error();
+    const Status s = file != nullptr ? file->close() : Status(Done{});
+    if (first) first = s;
   }
-  return Done{};
+  return first;
 }
 
 }  // namespace epiline

@@ -11,13 +11,13 @@
 
 #include "drivers/program/live/live_log.h"
 #include "drivers/program/live/opener.h"
+#include "drivers/program/live/receivers.h"
 #include "drivers/program/live/service.h"
 #include "drivers/program/view/live_view.h"
 #include "drivers/study/replay/recorded_run.h"
 #include "drivers/study/report/page.h"
 #include "pipeline/text/suspicion_text.h"
 #include "pipeline/text/table.h"
-#include "platform/concurrency/latest_value.h"
 #include "platform/linux/signals.h"
 
 namespace epiline {
@@ -25,47 +25,6 @@ namespace epiline {
 namespace {
 
 constexpr Span kRound = Span::from_milliseconds(50);  // between looks at a flight
-
-/// Passes the odometry to all receivers and keeps the newest for the display.
-class Receivers final : public OdometrySink {
- public:
-  explicit Receivers(const std::vector<LiveOutput>& outputs) : outputs_(outputs) {}
-
-  Status open() override { return Done{}; }  // each by itself: see OpenDevices
-  void close() noexcept override {
-    for (const LiveOutput& output : outputs_) output.sink->close();
-  }
-  bool publish(const Odometry& odometry) noexcept override {
-    newest_.write(odometry);
-    bool all = true;
-    for (const LiveOutput& output : outputs_) all &= output.sink->publish(odometry);
-    return all;
-  }
-  bool publish_image(const Odometry& odometry) noexcept override {
-    bool all = true;
-    for (const LiveOutput& output : outputs_) all &= output.sink->publish_image(odometry);
-    return all;
-  }
-  const Odometry* newest() noexcept { return newest_.read(); }
-  std::string names_of_lost() const {
-    std::string names;
-    for (const LiveOutput& o : outputs_)
-      if (o.is_open && !o.is_open()) names += (names.empty() ? "" : ", ") + o.name;
-    return names;
-  }
-  std::string refusals() const {
-    std::string all;
-    for (const LiveOutput& o : outputs_) {
-      const std::string why = o.refusal ? o.refusal() : "";
-      if (!why.empty()) all += (all.empty() ? "" : "; ") + o.name + ": " + why;
-    }
-    return all;
-  }
-
- private:
-  const std::vector<LiveOutput>& outputs_;
-  LatestValue<Odometry> newest_;
-};
 
 /// Tells a device how fast the body turns.
 class Turns final : public FlightObserver {
@@ -83,7 +42,8 @@ class Turns final : public FlightObserver {
 /// Closes what was opened, whichever way the flight ends.
 class OpenDevices {
  public:
-  OpenDevices(LiveDevices& devices, Receivers& receivers) : devices_(devices), receivers_(receivers) {}
+  OpenDevices(LiveDevices& devices, Receivers& receivers, bool waits)
+      : devices_(devices), receivers_(receivers), waits_(waits) {}
   ~OpenDevices() { close(); }
   OpenDevices(const OpenDevices&) = delete;
   OpenDevices& operator=(const OpenDevices&) = delete;
@@ -96,12 +56,11 @@ class OpenDevices {
     if (devices_.height) devices_.height->close();
     receivers_.close();
   }
-  /// In the order of opening. The camera last: its buffers fill from then on.
+  /// In the order of opening. The receivers first, for an IMU or heights may come over one of their lines; none is
+  /// waited for. The camera last: its buffers fill from then on.
   std::vector<Opener::Part> parts() const {
     std::vector<Opener::Part> parts;
-    for (const LiveOutput& output : devices_.outputs)
-      parts.push_back(
-          {output.name, [s = output.sink.get()] { return s->open(); }, [s = output.sink.get()] { s->close(); }});
+    parts.push_back({"receivers", [this] { return receivers_.open_each(waits_); }, [] {}});
     ImuSource* const imu = devices_.imu.get();
     parts.push_back({"IMU", [imu] { return imu->open(); }, [imu] { imu->close(); }, [imu] { imu->give_up(); }});
     if (WheelSource* const wheel = devices_.wheel.get())
@@ -116,7 +75,7 @@ class OpenDevices {
  private:
   LiveDevices& devices_;
   Receivers& receivers_;
-  bool closed_ = false;
+  bool waits_, closed_ = false;
 };
 
 FlightRecord begin_record(const LiveSettings& settings) {
@@ -225,11 +184,16 @@ void complete(FlightRecord& record, const RealtimePipeline& pipeline, double spe
   for (const auto& device : devices.records) record.realtime->devices.push_back(device());
 }
 
-bool ends_flight(int signal) { return signal == SIGINT || signal == SIGTERM || signal == SIGHUP; }
+/// The folder of the files that grow during the flight: the user's, else a new one beside the flight recorder's
+/// records.
+std::filesystem::path log_folder(const LiveOptions& options, const RecorderConfig& recorder) {
+  if (!options.out.empty() || recorder.folder.empty()) return options.out;
+  return make_flight_folder(recorder.folder, static_cast<std::size_t>(recorder.keep));
+}
 
-/// Opens all devices, or says which one was missing at the end.
-Status open_all(const OpenDevices& devices, const SignalWait& signals, const LiveOptions& options, ServiceTalk& service,
-                const std::function<bool(const LiveState&)>& watch) {
+/// Opens all sources, or says which one was missing at the end. Receivers are not waited for.
+Status open_all(const OpenDevices& devices, const Receivers& receivers, const EndSignals& signals,
+                const LiveOptions& options, ServiceTalk& service, const std::function<bool(const LiveState&)>& watch) {
   Opener opener(devices.parts(), options.waits_for_devices);
   const std::int64_t start_ns = monotonic_ns();
   constexpr Span kLook = Span::from_milliseconds(20);
@@ -238,8 +202,10 @@ Status open_all(const OpenDevices& devices, const SignalWait& signals, const Liv
     LiveState state;
     state.since_start = Span{monotonic_ns() - start_ns};
     state.waiting_for = opener.waiting_for();
+    if (const std::string more = receivers.waiting_for(); !state.waiting_for.empty() && !more.empty())
+      state.waiting_for += "; " + more;
     service.waits(state.waiting_for, state.since_start);
-    goes_on = !ends_flight(signal) && state.since_start.seconds() < options.duration_s &&
+    goes_on = !signals.ends(signal) && state.since_start.seconds() < options.duration_s &&
               (state.waiting_for.empty() || watch(state));
     if (!goes_on) {
       opener.give_up();
@@ -252,18 +218,18 @@ Status open_all(const OpenDevices& devices, const SignalWait& signals, const Liv
 /// fly(), with what the system's lack of threads and settings that do not go together throw.
 Result<FlightRecord> fly_or_throw(const LiveSettings& settings, LiveDevices& devices, const LiveOptions& options,
                                   const std::function<bool(const LiveState&)>& watch) {
-  const SignalWait signals({SIGINT, SIGTERM, SIGHUP, SIGUSR1});  // before any thread begins
+  const EndSignals signals;  // before any thread begins
   Receivers receivers(devices.outputs);
-  LiveLog log(options.out);
+  LiveLog log(log_folder(options, settings.config.recorder), options.keeps_images);
   Turns turns(devices.turns);
   RealtimePorts ports{devices.camera.get(), devices.imu.get(),   &receivers, {&log, &turns}, {},
                       devices.wheel.get(),  devices.height.get()};
   if (options.view != nullptr) watch_with(*options.view, settings, ports);
   const std::unique_ptr<FlightRecorder> recorder = add_recorder(settings, ports);
-  OpenDevices open_devices(devices, receivers);
+  OpenDevices open_devices(devices, receivers, options.waits_for_devices);
   RealtimePipeline pipeline(pipeline_settings(settings, devices), ports);
   ServiceTalk service;
-  if (const Status s = open_all(open_devices, signals, options, service, watch); !s) return s.error();
+  if (const Status s = open_all(open_devices, receivers, signals, options, service, watch); !s) return s.error();
 
   const std::int64_t start_ns = monotonic_ns();
   const auto since_start = [&] { return Span{monotonic_ns() - start_ns}; };
@@ -283,7 +249,7 @@ Result<FlightRecord> fly_or_throw(const LiveSettings& settings, LiveDevices& dev
       if (event.id == EventId::kNumberWrong) state.numbers_wrong.push_back(text_of(event));
     }
     service.round(state, progress, log.passes());
-    goes_on = watch(state) && !ends_flight(signal) && state.since_start.seconds() < options.duration_s;
+    goes_on = watch(state) && !signals.ends(signal) && state.since_start.seconds() < options.duration_s;
   }
   service.stopping();
   pipeline.stop();
@@ -291,7 +257,7 @@ Result<FlightRecord> fly_or_throw(const LiveSettings& settings, LiveDevices& dev
   open_devices.close();
   if (options.view != nullptr) options.view->finish();
   log.drain(record);
-  if (const Status s = log.close(record); !s) return s.error();
+  if (const Status s = log.close(record); !s) record.unwritten = s.error();
   record.dataset_duration_s = since_start().seconds();
   complete(record, pipeline, pace.speed, devices);
   if (recorder) finish(*recorder, record);

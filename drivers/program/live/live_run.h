@@ -20,6 +20,7 @@ struct LiveOptions {
   double duration_s = std::numeric_limits<double>::infinity();  ///< the flight ends after this time
   LiveView* view = nullptr;                                     ///< opened, not started; null: none
   bool waits_for_devices = false;  ///< wait for missing devices; false: a missing device is an error
+  bool keeps_images = true;        ///< the record gets all images and events, which take memory; false: few events
   /// Maps the samples' timestamps to the computer's clock; none: they are of that clock.
   std::optional<Pace> pace;
 };
@@ -37,11 +38,12 @@ struct LiveState {
   std::string refusals;                    ///< why receivers cannot use the odometry as configured; empty: they can
 };
 
-/// Opens the devices and flies until SIGINT, SIGTERM, SIGHUP, the end of the sources, the end of the duration, or until
+/// Opens the devices and flies until a signal of EndSignals, the end of the sources, the end of the duration, or until
 /// `watch`, called twenty times a second, returns false. SIGUSR1 requests a record. Reports to the service manager.
-/// Fails if and only if a device cannot be opened or did not come before the end, settings are inconsistent, the system
-/// cannot start a thread, or a file cannot be written. While it waits for a device, `watch` is called too, and duration
-/// and signals end it.
+/// Fails if and only if a source cannot be opened or did not come before the end, settings are inconsistent, the system
+/// cannot start a thread, or the folder `out` cannot be made. While it waits for a source, `watch` is called too, and
+/// duration and signals end it. With `waits_for_devices` the flight begins without receivers that are not there yet. A
+/// file that cannot be written ends nothing: FlightRecord::unwritten.
 Result<FlightRecord> fly(const LiveSettings& settings, LiveDevices& devices, const LiveOptions& options,
                          const std::function<bool(const LiveState&)>& watch);
 

@@ -9,6 +9,7 @@
 #include <system_error>
 #include <utility>
 
+#include "drivers/program/live/opener.h"
 #include "drivers/program/live/service.h"
 #include "drivers/program/record/record_writer.h"
 #include "drivers/program/record/recording_files.h"
@@ -39,13 +40,23 @@ class OpenSensors {
   OpenSensors(const OpenSensors&) = delete;
   OpenSensors& operator=(const OpenSensors&) = delete;
 
-  /// The camera last: its buffers fill from then on.
-  Status open() {
-    for (const LiveOutput& link : devices_.outputs) {
-      if (const Status s = link.sink->open(); !s) return s;
+  /// The camera last: its buffers fill from then on. A signal ends the wait for a device.
+  Status open(const EndSignals& signals) {
+    std::vector<Opener::Part> parts;
+    for (const LiveOutput& link : devices_.outputs)
+      parts.push_back({link.name, [s = link.sink.get()] { return s->open(); }, [] {}});
+    ImuSource* const imu = devices_.imu.get();
+    parts.push_back({"IMU", [imu] { return imu->open(); }, [] {}, [imu] { imu->give_up(); }});
+    parts.push_back({"camera", [c = devices_.camera.get()] { return c->open(); }, [] {}});
+    Opener opener(std::move(parts), false);
+    while (!opener.has_ended()) {
+      if (!signals.ends(signals.wait(Span::from_milliseconds(20)))) continue;
+      const std::string missing = opener.waiting_for();
+      opener.give_up();
+      return Error{ErrorKind::kRun, "", 0,
+                   "ended before all devices were open" + (missing.empty() ? "" : ": " + missing), ""};
     }
-    if (const Status s = devices_.imu->open(); !s) return s;
-    return devices_.camera->open();
+    return opener.result();
   }
 
  private:
@@ -241,7 +252,7 @@ Status enough_came(const RecordState& state, RecordEnd end) {
 /// record(), with what the system's lack of threads throws.
 Result<RecordSummary> record_or_throw(const LiveSettings& settings, LiveDevices& devices, const RecordOptions& options,
                                       const std::function<bool(const RecordState&)>& watch) {
-  const SignalWait signals({SIGINT, SIGTERM, SIGHUP});  // before any thread begins
+  const EndSignals signals;  // before any thread begins
   const auto files = RecordingFiles::create(options.out, *options.disk, camera_count(settings.config.devices));
   if (!files) return files.error();
   const auto free = options.disk->free_bytes(options.out);
@@ -252,13 +263,13 @@ Result<RecordSummary> record_or_throw(const LiveSettings& settings, LiveDevices&
                              1e-6 * static_cast<double>(options.keep_free_bytes))};
   }
   OpenSensors sensors(devices);
-  if (const Status s = sensors.open(); !s) return s.error();
+  if (const Status s = sensors.open(signals); !s) return s.error();
   RecordSummary summary;
   Recorder recorder(settings, devices, options, **files);
   recorder.start();
   RecordService service;
   for (bool goes_on = true; goes_on;) {
-    const bool is_asked = signals.wait(kRecordRound) != 0;
+    const bool is_asked = signals.ends(signals.wait(kRecordRound));
     goes_on = recorder.step(summary.end);
     service.round(recorder.state(), recorder.rounds());
     if (goes_on && is_asked) goes_on = (summary.end = RecordEnd::kSignal, false);

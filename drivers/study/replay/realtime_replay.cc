@@ -113,7 +113,7 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     FaultyCamera faulty_camera(camera,
                                CameraFaults(options.faults, first, lens.width, lens.height, RecordedCamera::kBuffers));
     FaultyImu faulty_imu(imu, ImuFaults(options.faults, first));
-    const SignalWait signals({SIGUSR1});  // before any thread begins
+    const EndSignals signals;  // before any thread begins
     RealtimePorts ports{&faulty_camera, &faulty_imu, predicted ? &*predicted : options.odometry, {&collector}, {}};
     if (!dataset.wheel_samples.empty()) ports.wheel = &wheel;
     if (!dataset.height_samples.empty()) ports.height = &height;
@@ -132,8 +132,10 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     wheel.start(pace);
     height.start(pace);
     pipeline.arm(pace);
-    while (!pipeline.finished()) {
-      if (signals.wait(Span::from_milliseconds(20)) != 0 && recorder) recorder->request();
+    for (bool goes_on = true; goes_on && !pipeline.finished();) {
+      const int signal = signals.wait(Span::from_milliseconds(20));
+      if (signal == SIGUSR1 && recorder) recorder->request();
+      goes_on = !signals.ends(signal);  // what was done so far is a result
       progress(std::min<std::size_t>(pipeline.frames_out(), plan.images.size()), plan.images.size());
     }
     pipeline.stop();  // the IMU may have more than the images need

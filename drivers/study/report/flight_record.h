@@ -115,6 +115,7 @@ struct FlightRecord {
   std::optional<std::uint64_t> lock_calls;  ///< of a real-time run's threads; none where they cannot be counted
   std::uint64_t page_faults = 0;            ///< inside the stages
   std::optional<RealtimeRecord> realtime;   ///< none of a run in one thread
+  std::optional<Error> unwritten;           ///< of a file that grows during the flight
 };
 
 /// Readings of the IMU that were left out, by the watch or by the estimator.

@@ -1,4 +1,6 @@
 // `epiline replay --realtime` as a user meets it, over a rendered flight.
+#include <chrono>
+
 #include "tests/drivers/program/program.h"
 
 namespace epiline {
@@ -75,6 +77,22 @@ TEST_F(RealtimeCommand, IsTheReplayInOneThreadByteByByteAndTouchesNoHeapNoLockNo
   for (const auto& [name, ring] : s["realtime"]["rings"].items()) EXPECT_EQ(ring["dropped"], 0) << name;
   EXPECT_NE(read(scratch() / "threads/report.html").find("latency: image timestamp to odometry"), std::string::npos);
   if (!locked) GTEST_SKIP() << "memory may not be locked here: page faults were not looked at";
+}
+
+// At a tenth of its pace the flight takes 50 s.
+TEST_F(RealtimeCommand, ASignalEndsItWithTheResultsSoFar) {
+  for (const char* signal : {"TERM", "INT"}) {
+    const auto start = std::chrono::steady_clock::now();
+    const Outcome r =
+        run("replay '" + flight_.string() + "' --out '" + (scratch() / signal).string() + "' --realtime --speed 0.1",
+            "timeout --preserve-status -s " + std::string(signal) + " 8 ");
+    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+    EXPECT_LT(took.count(), 20);
+    EXPECT_LE(r.exit_code, 1) << "1: it had no time to start";
+    const Json s = stats(signal);
+    EXPECT_GT(s["images"]["read"], 0);
+    EXPECT_TRUE(fs::exists(scratch() / signal / "trajectory.tum"));
+  }
 }
 
 // A record of the whole flight is replayed to the very trajectory, with the recorded tracks and with the images; making

@@ -1,6 +1,7 @@
 // `epiline run` as a user meets it where something is missing. Whole flights of it: tests/hardware.
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <string>
 
 #include "tests/drivers/program/program.h"
@@ -55,6 +56,17 @@ TEST_F(RunCommand, WaitsForADeviceAndSaysSo) {
   const Outcome ends = run_with("device = \"/dev/video77\"\n", imu, "--no-wait");
   expect_one_line(ends, 1, {"iio:device77"});
   EXPECT_EQ(ends.out.find("waiting"), std::string::npos) << ends.out;
+}
+
+// stdout on a full disk: the run goes on to its end.
+TEST_F(RunCommand, ADisplayThatFailsEndsNothing) {
+  const std::string imu = "[imu]\ndevice = \"/sys/bus/iio/devices/iio:device77\"\n";
+  run_with("device = \"/dev/video77\"\n", imu, "--no-wait");  // writes the configuration
+  const std::string command = "run --config '" + (scratch() / "flight.toml").string() + "' --duration 2";
+  const auto start = std::chrono::steady_clock::now();
+  const Outcome r = run(command, "", " >/dev/full");
+  EXPECT_GE(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(), 1.9);
+  expect_one_line(r, 1, {"iio:device77"});
 }
 
 }  // namespace

@@ -7,7 +7,9 @@
 #include <atomic>
 #include <cmath>
 #include <fstream>
+#include <utility>
 
+#include "drivers/program/live/live_log.h"
 #include "drivers/study/report/report.h"
 #include "drivers/study/report/stats_json.h"
 #include "pipeline/text/trajectory.h"
@@ -167,9 +169,28 @@ TEST(LiveRun, ADeviceThatCannotBeOpenedIsAnErrorAndTheOthersAreClosed) {
   EXPECT_EQ(stand.sink->closed, 1);
 }
 
+/// Not there for so many attempts to open it.
+class LateImu final : public StandingImu {
+ public:
+  Status open() override {
+    ++attempts;
+    return attempts > absent ? StandingImu::open() : Error{ErrorKind::kRun, "/dev/spidevX", 0, "not there", ""};
+  }
+  int attempts = 0, absent = 0;
+};
+
+LateImu* make_late(Stand& stand, int absent) {
+  auto imu = std::make_unique<LateImu>();
+  imu->absent = absent;
+  LateImu* const late = imu.get();
+  stand.imu = late;
+  stand.devices.imu = std::move(imu);
+  return late;
+}
+
 TEST(LiveRun, WaitsForADeviceThatIsNotThereYet) {
   Stand stand;
-  stand.sink->absent = 2;
+  const LateImu* const imu = make_late(stand, 2);
   stand.options.waits_for_devices = true;
   std::vector<std::string> waited;
   const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
@@ -177,27 +198,48 @@ TEST(LiveRun, WaitsForADeviceThatIsNotThereYet) {
     return !state.waiting_for.empty() || state.images < 3;
   });
   ASSERT_TRUE(record) << record.error().text();
-  EXPECT_EQ(waited, (std::vector<std::string>{"counter: /dev/ttyX: not there", ""}));
-  EXPECT_EQ(stand.sink->opened, 3);
+  EXPECT_EQ(waited, (std::vector<std::string>{"IMU: /dev/spidevX: not there", ""}));
+  EXPECT_EQ(imu->attempts, 3);
   EXPECT_EQ(stand.camera->opened, 1);
   EXPECT_GT(record->images_read, 0U);
 }
 
+// Camera, estimate and page begin without it; it joins when it is there.
+TEST(LiveRun, AReceiverThatIsNotThereHoldsNothingBack) {
+  Stand stand;
+  stand.sink->absent = 3;
+  stand.options.waits_for_devices = true;
+  bool flew_without = false;
+  std::string why;
+  const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+    if (state.images > 0 && state.lost_outputs == "counter") {
+      flew_without = true;
+      why = state.refusals;
+    }
+    return stand.sink->opened < 4 && state.since_start.seconds() < 60;
+  });
+  ASSERT_TRUE(record) << record.error().text();
+  EXPECT_TRUE(flew_without);
+  EXPECT_EQ(why, "counter: /dev/ttyX: not there");
+  EXPECT_EQ(stand.sink->opened, 4);
+  EXPECT_EQ(stand.sink->closed, 4) << "after each failed attempt, and at the end";
+}
+
 // Each signal ends the wait; a mistake in the settings is not waited for.
 TEST(LiveRun, TheWaitForADeviceEnds) {
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+  for (const int signal : {SIGINT, SIGTERM}) {
     Stand stand;
-    stand.sink->absent = 1'000'000;
+    make_late(stand, 1'000'000);
     stand.options.waits_for_devices = true;
     const pthread_t flying = pthread_self();
     int calls = 0;
     const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
-      EXPECT_EQ(state.waiting_for, "counter: /dev/ttyX: not there");
+      EXPECT_EQ(state.waiting_for, "IMU: /dev/spidevX: not there");
       if (calls++ == 0) pthread_kill(flying, signal);
       return calls < 1000;
     });
     ASSERT_FALSE(record);
-    EXPECT_EQ(record.error().text(), "/dev/ttyX: not there");
+    EXPECT_EQ(record.error().text(), "/dev/spidevX: not there");
     EXPECT_LE(calls, 2);
     EXPECT_EQ(stand.camera->opened, 0);
   }
@@ -207,6 +249,70 @@ TEST(LiveRun, TheWaitForADeviceEnds) {
   const auto record = fly(stand.settings, stand.devices, stand.options, [](const LiveState&) { return true; });
   ASSERT_FALSE(record);
   EXPECT_EQ(record.error().text(), "mavlink.baud: too slow");
+}
+
+// The tests' stdout is no terminal.
+TEST(LiveRun, ADroppedLineOrAClosedPipeEndsNoFlight) {
+  Stand stand;
+  const pthread_t flying = pthread_self();
+  std::uint64_t at = 0, last = 0;
+  const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+    if (at == 0 && state.images > 0) {
+      at = state.images;
+      pthread_kill(flying, SIGHUP);
+      pthread_kill(flying, SIGPIPE);
+    }
+    last = state.images;
+    return (at == 0 || state.images < at + 10) && state.since_start.seconds() < 60;
+  });
+  ASSERT_TRUE(record) << record.error().text();
+  EXPECT_GE(last, at + 10);
+}
+
+TEST(LiveRun, ALogThatCannotBeWrittenTakesNothingWithIt) {
+  Stand stand;
+  std::filesystem::create_directories(stand.options.out / "trajectory.tum");  // no file can be there
+  stand.settings.config.recorder.folder = stand.options.out / "records";
+  const auto record = fly(stand.settings, stand.devices, stand.options,
+                          [](const LiveState& state) { return state.images < 3 && state.since_start.seconds() < 60; });
+  ASSERT_TRUE(record) << record.error().text();
+  ASSERT_TRUE(record->unwritten);
+  EXPECT_NE(record->unwritten->text().find("trajectory.tum: cannot be written"), std::string::npos);
+  EXPECT_TRUE(std::filesystem::exists(stand.options.out / "events.txt"));
+  ASSERT_TRUE(record->realtime->recorder);
+  EXPECT_EQ(record->realtime->recorder->written.size(), 1U) << "the flight recorder's last record";
+}
+
+TEST(LiveRun, WithoutAFolderNothingIsKept) {
+  Stand stand;
+  stand.settings.config.recorder.folder = stand.options.out / "records";
+  std::filesystem::path log = stand.options.out / "records/flight-001/trajectory.tum";
+  stand.options.keeps_images = false;
+  const std::filesystem::path own = std::exchange(stand.options.out, {});
+  const auto record = fly(stand.settings, stand.devices, stand.options,
+                          [](const LiveState& state) { return state.images < 60 && state.since_start.seconds() < 60; });
+  stand.options.out = own;
+  ASSERT_TRUE(record) << record.error().text();
+  EXPECT_EQ(record->images.size(), 0U);
+  EXPECT_EQ(record->images.capacity(), 0U);
+  EXPECT_TRUE(std::filesystem::exists(log)) << "the recorder's folder has the log of the flight";
+}
+
+TEST(LiveLog, ItsFilesAreSyncedEachSecondWhileItGrows) {
+  const auto folder = std::filesystem::path(testing::TempDir()) / ("log_" + std::to_string(getpid()));
+  for (const char* expected : {"flight-001", "flight-002", "flight-003"})
+    EXPECT_EQ(make_flight_folder(folder, 2).filename(), expected);
+  EXPECT_FALSE(std::filesystem::exists(folder / "flight-001")) << "two are kept";
+  LiveLog log(make_flight_folder(folder, 2), false);
+  FlightRecord record;
+  Event event{};
+  log.event(event);
+  log.drain(record);
+  EXPECT_GT(std::filesystem::file_size(folder / "flight-004/events.txt"), 0U) << "not in the program's memory";
+  for (int i = 0; i < 300 && log.syncs() < 2; ++i) usleep(10'000);
+  EXPECT_GE(log.syncs(), 2U);
+  EXPECT_TRUE(log.close(record));
+  std::filesystem::remove_all(folder);
 }
 
 /// Opens only when it is told to give up.

@@ -13,12 +13,14 @@
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
 #include "drivers/flights/recordings/asl_dataset.h"
 #include "drivers/program/record/recorder.h"
 #include "drivers/program/record/recording_files.h"
+#include "platform/time/monotonic.h"
 #include "tests/drivers/program/standing_sensors.h"
 
 namespace epiline {
@@ -44,7 +46,18 @@ class FillingDisk : public Disk {
     if (before <= 0) return errno = ENOSPC, -1;
     return Disk::write(fd, bytes, std::min(count, static_cast<std::size_t>(before)));
   }
+  void remove(const fs::path& file) noexcept override {
+    std::error_code none;
+    const auto size = fs::file_size(file, none);
+    Disk::remove(file);
+    room = none ? 0 : static_cast<std::int64_t>(size);
+  }
+  void sync(const fs::path& folder) noexcept override {
+    ++synced;
+    Disk::sync(folder);
+  }
   std::atomic<std::uint64_t> free{1'000'000'000'000};
+  std::atomic<int> synced{0};
 };
 
 /// Takes nothing larger than some lines while it is held.
@@ -112,9 +125,10 @@ class SilentCamera final : public StandingCamera {
 class EndedAtStart final : public StandingCamera {
  public:
   Status open() override {
-    pthread_kill(pthread_self(), SIGTERM);
+    pthread_kill(recording, SIGTERM);
     return StandingCamera::open();
   }
+  const pthread_t recording = pthread_self();
 };
 
 class StoppingImu final : public StandingImu {
@@ -229,6 +243,31 @@ TEST_F(Record, TwoCamerasHaveAFolderEach) {
   }
   EXPECT_EQ(k, second->images.size());
   EXPECT_TRUE(fs::exists(root() / "cam1/sensor.yaml"));
+}
+
+// A list never names an image that a cut of the power could take: at any instant what is listed was synced.
+TEST_F(Record, ImagesAreListedOnceTheyAreOnTheDisk) {
+  class Watching final : public FillingDisk {
+   public:
+    explicit Watching(fs::path of) : folder(std::move(of)) {}
+    void sync(const fs::path& root) noexcept override {
+      std::error_code none;
+      safe = static_cast<std::size_t>(std::distance(fs::directory_iterator(folder, none), {}));
+      FillingDisk::sync(root);
+    }
+    fs::path folder;
+    std::atomic<std::size_t> safe{0};
+  } disk(root() / "cam0/data");
+  options.disk = &disk;
+  const auto r = run_until([&](const RecordState& state) {
+    const std::string list = text_of_file(root() / "cam0/data.csv");
+    const auto listed = static_cast<std::size_t>(std::count(list.begin(), list.end(), '\n')) - 1;  // the header
+    EXPECT_LE(listed, disk.safe.load());
+    return state.seconds > 2.5;
+  });
+  ASSERT_TRUE(r) << r.error().text();
+  EXPECT_GE(disk.synced, 3) << "twice while it ran, and at the end";
+  expect_readable(r->last.counts.images);
 }
 
 TEST_F(Record, LinesThatDoNotFitAreCutOff) {
@@ -359,10 +398,41 @@ TEST_F(Record, ASignalDuringTheStartLeavesNothingBehind) {
   place<EndedAtStart>();
   place_imu<StoppingImu>().samples_left = 0;
   const auto r = run_until([](const RecordState&) { return false; });
-  ASSERT_TRUE(r) << r.error().text();
-  EXPECT_EQ(r->end, RecordEnd::kSignal);
+  if (!r) {
+    EXPECT_THAT(r.error().text(), HasSubstr("ended before all devices were open"));
+  } else {
+    EXPECT_EQ(r->end, RecordEnd::kSignal);  // they were just open
+  }
   EXPECT_EQ(camera->closed, 1);
-  EXPECT_TRUE(r->last.counts.images > 0 || !fs::exists(root()));
+  EXPECT_TRUE((r && r->last.counts.images > 0) || !fs::exists(root()));
+}
+
+/// Waits for its first sample until it is told to give up.
+class WaitingImu final : public StandingImu {
+ public:
+  Status open() override {
+    while (!gives_up) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return Error{ErrorKind::kRun, "IMU", 0, "no samples", ""};
+  }
+  void give_up() noexcept override { gives_up = true; }
+  std::atomic<bool> gives_up{false};
+};
+
+TEST_F(Record, ASignalEndsTheWaitForADeviceWithAWord) {
+  place_imu<WaitingImu>();
+  const pthread_t self = pthread_self();
+  std::thread stopper([self] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    pthread_kill(self, SIGTERM);
+  });
+  const std::int64_t begin_ns = monotonic_ns();
+  const auto r = run_until([](const RecordState&) { return false; });
+  const double seconds = 1e-9 * static_cast<double>(monotonic_ns() - begin_ns);
+  stopper.join();
+  ASSERT_FALSE(r);
+  EXPECT_THAT(r.error().text(), HasSubstr("ended before all devices were open"));
+  EXPECT_LT(seconds, 0.1 + 0.2 + 0.5) << "0.2 s, and what a busy computer adds";
+  EXPECT_FALSE(fs::exists(root()));
 }
 
 TEST_F(Record, RefusesAFolderWithARecording) {
