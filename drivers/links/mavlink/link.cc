@@ -21,6 +21,8 @@ constexpr double kInputPerSecond = 500'000, kInputAtOnce = 32'768;
 constexpr std::size_t kReadAtOnce = 4096;
 constexpr double kReadCost = 32;  // bytes that a read counts for besides its own: datagrams may be empty
 constexpr std::int64_t kPeerGone_ns = 5'000'000'000;  // another flight controller may take its place
+constexpr std::int64_t kSureMayCome_ns =
+    3'000'000'000;  // heartbeats come once a second: an autopilot was heard by then
 constexpr std::int64_t kQuestions_ns = 1'000'000'000, kQuestionsForImu_ns = 100 * kMillisecond_ns;
 constexpr std::int64_t kLineCheck_ns = kMillisecond_ns;  // how soon to look at a full line again
 constexpr double kOdometryFrame = 10 + 233 + 2, kOtherBytesPerSecond = 1500;
@@ -342,6 +344,19 @@ std::int64_t MavlinkLink::heights_due_ns() const noexcept {
   return waits ? kFar_ns : height_request_->due_ns();
 }
 
+namespace {
+
+/// MAV_TYPE of what flies or drives with a vehicle: companion, gimbal, ADS-B, camera, charger and so on. Some of them
+/// claim an autopilot in their heartbeats.
+bool is_on_board_of_another(std::uint8_t type) noexcept {
+  return type == 18 || type == 26 || type == 27 || (type >= 30 && type <= 34) || (type >= 36 && type <= 42) ||
+         type == 44;
+}
+
+}  // namespace
+
+/// A flight controller is component 1, and its type is that of a vehicle. Any other is taken only if none such is heard
+/// for some seconds, and gives way to one at once.
 void MavlinkLink::receive_heartbeat(const Packet& packet, std::int64_t now_ns) noexcept {
   constexpr std::uint8_t kNoAutopilot = 8, kGroundStation = 6;
   Heartbeat heartbeat;
@@ -349,8 +364,17 @@ void MavlinkLink::receive_heartbeat(const Packet& packet, std::int64_t now_ns) n
   if (packet.from.system != own_.system || heartbeat.autopilot == kNoAutopilot || heartbeat.type == kGroundStation)
     return;
   LinkPeer& peer = state_.peer;
-  const bool is_other = packet.from.component != peer.address.component;
-  if (peer.is_known && is_other && now_ns - peer.last_heard.ns < kPeerGone_ns) {
+  const auto is_sure = [](Address from, std::uint8_t type) {
+    return from.component == 1 && !is_on_board_of_another(type);
+  };
+  const bool is_same = peer.is_known && packet.from.component == peer.address.component;
+  const bool is_sure_now = is_sure(packet.from, heartbeat.type),
+             was_sure = peer.is_known && is_sure(peer.address, peer.type);
+  const bool is_gone = now_ns - peer.last_heard.ns >= kPeerGone_ns;
+  if (doubtful_since_ns_ == 0) doubtful_since_ns_ = now_ns;
+  const bool may_come = peer.is_known ? is_sure_now > was_sure || (is_sure_now == was_sure && is_gone)
+                                      : is_sure_now || now_ns - doubtful_since_ns_ >= kSureMayCome_ns;
+  if (!is_same && !may_come) {
     ++state_.counts.strangers;
     return;
   }

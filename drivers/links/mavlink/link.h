@@ -75,7 +75,8 @@ inline constexpr auto kLinkCounters = std::to_array<Counter<LinkCounts>>({
     {"write_errors", &LinkCounts::write_errors, true},
 });
 
-/// The flight controller: the first autopilot whose heartbeat carries the configured system id.
+/// The flight controller: the first autopilot whose heartbeat carries the configured system id, and which is component
+/// 1 and of a vehicle's type, if there is one.
 struct LinkPeer {
   bool is_known = false;
   Address address;
@@ -228,6 +229,7 @@ class MavlinkLink final : public OdometrySink {
   std::size_t frame_sent_ = 0;  ///< of it
   bool is_frame_odometry_ = false;
   std::uint8_t sequence_ = 0;
+  std::int64_t doubtful_since_ns_ = 0;  ///< first heartbeat of a possible autopilot; 0: none yet
   std::int64_t next_heartbeat_ns_ = 0, next_question_ns_ = 0, next_origin_ns_ = 0, next_latency_ns_ = 0;
   std::int64_t opened_ns_ = 0;
   Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(500)};

@@ -118,6 +118,13 @@ Findings check_presence(const DevicesConfig& d, const Inventory& inventory) {
   return out;
 }
 
+/// Which of several components was taken.
+static std::string controller_of(const DeviceRecord& record) {
+  const auto component = count_of(record, "controller_component"), type = count_of(record, "controller_type");
+  if (!component || !type || *component == 0) return "";
+  return fmt::format("; the flight controller is component {}, of type {}", *component, *type);
+}
+
 Findings findings_of(const DeviceRecord& record) {
   Findings out;
   std::string text;
@@ -136,7 +143,8 @@ Findings findings_of(const DeviceRecord& record) {
                           "over UDP it must send "
                           "from the very ADDRESS:PORT of mavlink.udp: others are not heard"));
     else
-      out.push_back(found(Grade::kOk, record.name, fmt::format("{} packets received", *packets)));
+      out.push_back(
+          found(Grade::kOk, record.name, fmt::format("{} packets received{}", *packets, controller_of(record))));
   }
   if (!record.clock) return out;
   const ClockState& c = *record.clock;

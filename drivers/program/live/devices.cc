@@ -100,6 +100,8 @@ OutputRecord record_of(const mavlink::MavlinkLink& link, const std::string& name
 DeviceRecord device_of(const mavlink::MavlinkLink& link) {
   const mavlink::LinkState s = link.state();
   DeviceRecord record = device_record("mavlink", mavlink::kLinkCounters, s.counts, s.clock);
+  record.counts.push_back({"controller_component", s.peer.address.component});
+  record.counts.push_back({"controller_type", s.peer.type});
   record.counts.push_back({"heap_calls", s.costs.heap_calls});
   record.counts.push_back({"lock_calls", s.costs.lock_calls});
   record.refusal = sentence_of(s.refusal);

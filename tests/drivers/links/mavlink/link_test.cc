@@ -235,6 +235,38 @@ TEST(MavlinkLink, TakesOnlyItsOwnVehicleForAController) {
   EXPECT_EQ(link.counts().strangers, 1U);
 }
 
+// Cameras and gimbals that claim an autopilot: mavlink-camera-manager#105.
+TEST(MavlinkLink, ACameraIsNoControllerWhileOneIsThere) {
+  FakeLine line;
+  MavlinkLink link = link_on(line);
+  begin(link);
+  const auto a_second_with_the_camera = [&] {
+    line.peer.send(Heartbeat{.type = 30, .autopilot = 3}, {1, 100});
+    wait_for(line, link, 1'000, [] { return false; });
+  };
+  a_second_with_the_camera();
+  EXPECT_FALSE(link.state().peer.is_known);
+  line.peer.heartbeat();
+  a_second_with_the_camera();
+  EXPECT_EQ(link.state().peer.address.component, 1);
+  for (int i = 0; i < 7; ++i) a_second_with_the_camera();  // the controller restarts
+  EXPECT_EQ(link.state().peer.address.component, 1);
+}
+
+TEST(MavlinkLink, WithoutAControllerWhatClaimsToBeOneIsTakenUntilOneComes) {
+  FakeLine line;
+  MavlinkLink link = link_on(line);
+  begin(link);
+  for (int i = 0; i < 5; ++i) {
+    line.peer.heartbeat({1, 7});
+    wait_for(line, link, 1'000, [] { return false; });
+  }
+  EXPECT_EQ(link.state().peer.address.component, 7);
+  line.peer.heartbeat();
+  wait_for(line, link, 100, [] { return false; });
+  EXPECT_EQ(link.state().peer.address.component, 1);
+}
+
 // Until there is an answer nobody gives: ArduPilot leaves it at the first, and forgets it when it starts anew.
 TEST(MavlinkLink, TellsAnArduPilotWhereItIs) {
   FakeLine line;
