@@ -120,9 +120,9 @@ class Samples {
     if (opened_.camera != nullptr) tell_of_camera(out);
     if (opened_.imu != nullptr) {
       const std::lock_guard lock(imu_mutex_);
-      add_all(out,
-              findings_of(readings_.result(), {config_.devices.imu.rate_hz, config_.estimator.imu.gyroscope_density,
-                                               config_.estimator.imu.accelerometer_density}));
+      add_all(out, findings_of(readings_.result({monotonic_ns()}),
+                               {config_.devices.imu.rate_hz, config_.estimator.imu.gyroscope_density,
+                                config_.estimator.imu.accelerometer_density}));
     }
     if (opened_.camera == nullptr || opened_.imu == nullptr || !settings_.has_camera_calibration()) return;
     const std::lock_guard lock(camera_mutex_);  // the wave is judged by the camera's thread
@@ -137,8 +137,8 @@ class Samples {
   }
   void tell_of_camera(Findings& out) {
     const std::lock_guard lock(camera_mutex_);
-    add_all(out, findings_of(images_ ? images_->result() : ImageResult(), config_.devices.camera.rate_hz,
-                             config_.tracker.max_features));
+    add_all(out, findings_of(images_ ? images_->result({monotonic_ns()}) : ImageResult(),
+                             config_.devices.camera.rate_hz, config_.tracker.max_features));
     if (v4l2_ == nullptr) return;
     if (images_) add_all(out, findings_of(exposure_, config_.devices.camera.exposure.automatic));
     add_all(out, findings_of(v4l2_->reading()));

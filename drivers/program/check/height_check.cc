@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <chrono>
 
+#include "platform/time/monotonic.h"
+
 namespace epiline {
 
 namespace {
@@ -39,21 +41,24 @@ bool HeightCheck::look() {
   const bool is_first = pacing_[i].samples() == 0;
   s.least_m = is_first ? sample.metres : std::min(s.least_m, sample.metres);
   s.most_m = is_first ? sample.metres : std::max(s.most_m, sample.metres);
-  pacing_[i].step(sample.stamp, {});
+  pacing_[i].step(sample.stamp, {monotonic_ns()});
   return true;
 }
 
 HeightResult HeightCheck::so_far() {
   const std::lock_guard lock(mutex_);
   HeightResult result = heard_;
-  for (std::size_t i = 0; i < kHeightKinds; ++i) result.sensors[i].pacing = pacing_[i].result();
+  for (std::size_t i = 0; i < kHeightKinds; ++i) result.sensors[i].pacing = pacing_[i].result({monotonic_ns()});
   return result;
 }
 
 Findings findings_of(const HeightResult& result, const std::array<bool, kHeightKinds>& wanted) {
   Findings out;
   for (std::size_t i = 0; i < kHeightKinds; ++i)
-    if (wanted[i]) out.push_back(finding_of(result.sensors[i], kSensors[i]));
+    if (wanted[i]) {
+      out.push_back(finding_of(result.sensors[i], kSensors[i]));
+      say_silence(result.sensors[i].pacing, "height", out);
+    }
   return out;
 }
 

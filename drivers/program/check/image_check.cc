@@ -64,9 +64,9 @@ const TrackedFrame& ImageCheck::step(const Frame& image) {
   return tracked_;
 }
 
-ImageResult ImageCheck::result() const {
+ImageResult ImageCheck::result(HostStamp now) const {
   ImageResult r;
-  r.pacing = pacing_.result();
+  r.pacing = pacing_.result(now);
   r.lost = lost_;
   r.brightness = median_of(brightness_);
   r.dark_share = median_of(dark_);
@@ -173,6 +173,7 @@ Findings findings_of(const ImageResult& r, double rate_hz, int wanted_features) 
     return out;
   }
   say_pace(r, rate_hz, out);
+  say_silence(r.pacing, "camera", out);
   say_light(r, out);
   say_sharpness(r, out);
   say_features(r, wanted_features, out);

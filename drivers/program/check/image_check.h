@@ -28,7 +28,7 @@ class ImageCheck {
   ImageCheck(const Camera& camera, const TrackerConfig& config);
   /// Returns the image's tracks, valid until the next call. The caller must keep the pixels as long.
   const TrackedFrame& step(const Frame& image);
-  ImageResult result() const;
+  ImageResult result(HostStamp now = {}) const;              ///< `now`: see Pacing
   double newest_edge_px() const { return newest_edge_px_; }  ///< of the last image; 0: no strong edges
 
  private:

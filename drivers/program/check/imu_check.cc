@@ -102,9 +102,9 @@ void ImuCheck::end_window() {
   window_.clear();
 }
 
-ImuResult ImuCheck::result() const {
+ImuResult ImuCheck::result(HostStamp now) const {
   ImuResult r;
-  r.pacing = pacing_.result();
+  r.pacing = pacing_.result(now);
   r.rest_s = rest_s_;
   r.not_finite = not_finite_;
   r.most_rate_rad_s = most_rate_;
@@ -228,6 +228,7 @@ Findings findings_of(const ImuResult& r, const ImuExpectation& expected) {
     return out;
   }
   say_pace(r, expected, out);
+  say_silence(r.pacing, "imu", out);
   if (r.dead_axes > 0)
     out.push_back(imu_finding(Grade::kError, fmt::format("{} of 6 axes never change", r.dead_axes),
                               "enable all axes; else the sensor is broken"));

@@ -51,7 +51,7 @@ struct ImuResult {
 class ImuCheck {
  public:
   void step(const ImuSample& reading);
-  ImuResult result() const;
+  ImuResult result(HostStamp now = {}) const;  ///< `now`: see Pacing
 
  private:
   static constexpr Span kWindow = Span::from_milliseconds(500);

@@ -1,5 +1,7 @@
 #include "drivers/program/check/pacing.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -8,6 +10,7 @@
 namespace epiline {
 
 void Pacing::step(HostStamp stamp, HostStamp arrival) {
+  last_arrival_ = arrival.ns != 0 ? arrival : stamp;
   if (arrival.ns != 0 && delays_.size() < kMost) delays_.push_back((arrival - stamp).seconds());
   if (samples_++ == 0) {
     first_ = last_ = stamp;
@@ -21,8 +24,9 @@ void Pacing::step(HostStamp stamp, HostStamp arrival) {
   last_ = stamp;
 }
 
-PacingResult Pacing::result() const {
+PacingResult Pacing::result(HostStamp now) const {
   PacingResult r;
+  if (now.ns != 0 && samples_ > 0) r.silent_s = std::max(0.0, (now - last_arrival_).seconds());
   r.samples = samples_;
   r.backwards = backwards_;
   r.seconds = (last_ - first_).seconds();
@@ -49,6 +53,13 @@ PacingResult Pacing::result() const {
     r.delay_most_s = delays.back();
   }
   return r;
+}
+
+void say_silence(const PacingResult& pacing, const char* device, Findings& out) {
+  constexpr double kLeast_s = 0.5, kPeriods = 20;
+  if (pacing.silent_s <= std::max(kLeast_s, kPeriods * pacing.period_s)) return;
+  out.push_back({Grade::kError, device, fmt::format("nothing came for the last {:.1f} s", pacing.silent_s),
+                 "it delivered before: check its cable and supply, and that its source still runs"});
 }
 
 }  // namespace epiline

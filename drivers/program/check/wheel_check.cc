@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <chrono>
 
+#include "platform/time/monotonic.h"
+
 namespace epiline {
 
 namespace {
@@ -24,13 +26,13 @@ bool WheelCheck::look() {
   const double speed = sample.forward_speed_m_s;
   least_m_s_ = is_first ? speed : std::min(least_m_s_, speed);
   most_m_s_ = is_first ? speed : std::max(most_m_s_, speed);
-  pacing_.step(sample.stamp, {});
+  pacing_.step(sample.stamp, {monotonic_ns()});
   return true;
 }
 
 WheelResult WheelCheck::so_far() {
   const std::lock_guard lock(mutex_);
-  return {pacing_.result(), least_m_s_, most_m_s_};
+  return {pacing_.result({monotonic_ns()}), least_m_s_, most_m_s_};
 }
 
 Findings findings_of(const WheelResult& r) {
@@ -42,10 +44,14 @@ Findings findings_of(const WheelResult& r) {
                  "see below whether its frame arrives; check wheel.start_bit, wheel.length and byte order")};
   const std::string text = fmt::format("{:.1f} speeds per second, jitter {:.1f} ms, from {:.2f} to {:.2f} m/s",
                                        r.pacing.rate_hz(), 1e3 * r.pacing.jitter_s, r.least_m_s, r.most_m_s);
+  Findings out;
+  say_silence(r.pacing, "wheel", out);
   if (std::max(-r.least_m_s, r.most_m_s) > kFastest_m_s)
-    return {said(Grade::kWarning, text,
-                 "faster than any vehicle: correct wheel.scale_m_s, is_signed, start_bit or byte order")};
-  return {said(Grade::kOk, text)};
+    out.push_back(said(Grade::kWarning, text,
+                       "faster than any vehicle: correct wheel.scale_m_s, is_signed, start_bit or byte order"));
+  else
+    out.push_back(said(Grade::kOk, text));
+  return out;
 }
 
 }  // namespace epiline

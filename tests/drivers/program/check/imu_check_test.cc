@@ -106,6 +106,20 @@ TEST(ImuCheck, NamesFaults) {
   says(verdict({.accelerometer_density = 0}), "error: 3 of 6 axes never change");
 }
 
+// PX4-Autopilot#28340: 14 s of silence at the end of 20 s.
+TEST(ImuCheck, ASensorThatDiedIsAnError) {
+  StillImu imu;
+  ImuCheck check;
+  for (int i = 0; i < 1200; ++i) check.step(imu.at(i));
+  const HostStamp last = imu.at(1199).arrival;
+  const auto text = [&](double after_s) {
+    return worst_of(findings_of(check.result(last + Span::from_seconds(after_s)), kExpected));
+  };
+  EXPECT_EQ(text(0.3).rfind("ok", 0), 0U) << text(0.3);
+  EXPECT_EQ(text(14).rfind("error", 0), 0U) << text(14);
+  EXPECT_NE(text(14).find("nothing came for the last 14.0 s"), std::string::npos) << text(14);
+}
+
 TEST(ImuCheck, PausesAndBadReadingsAreCounted) {
   StillImu imu;
   ImuCheck check;
