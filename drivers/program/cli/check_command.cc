@@ -13,6 +13,7 @@
 
 #include "drivers/program/check/check.h"
 #include "drivers/program/cli/commands.h"
+#include "drivers/program/cli/say.h"
 #include "drivers/program/inventory/config_edit.h"
 #include "drivers/program/live/devices.h"
 #include "drivers/program/view/check_view.h"
@@ -97,8 +98,7 @@ Result<std::unique_ptr<CheckView>> open_check_view(const std::string& address_te
         return edit_config(config, {{hint.section, hint.key, fmt::format("{:.6g}", hint.value), EditKind::kNumber}});
       });
   if (!view) return view.error();
-  fmt::print("view      {}\n", url_of((*view)->address()));
-  std::fflush(stdout);
+  for (const std::string& url : urls_of((*view)->address())) say("view      {}\n", url);
   return view;
 }
 

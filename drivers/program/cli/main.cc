@@ -9,6 +9,7 @@
 #include <string>
 
 #include "drivers/program/cli/commands.h"
+#include "drivers/program/cli/say.h"
 #include "pipeline/text/nearest.h"
 
 namespace epiline {
@@ -43,8 +44,7 @@ Result<std::unique_ptr<LiveView>> open_view(const std::string& text) {
   if (!address) return address.error();
   auto view = LiveView::open(*address);
   if (!view) return view.error();
-  fmt::print("view      {}\n", url_of((*view)->address()));
-  std::fflush(stdout);
+  for (const std::string& url : urls_of((*view)->address())) say("view      {}\n", url);
   return view;
 }
 

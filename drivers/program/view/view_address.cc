@@ -1,6 +1,9 @@
 #include "drivers/program/view/view_address.h"
 
 #include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <netinet/in.h>
 
 #include <algorithm>
 #include <array>
@@ -71,6 +74,24 @@ std::string url_of(const ViewAddress& address) {
   const bool v6 = host.find(':') != std::string::npos;
   return "http://" + (v6 ? "[" + host + "]" : host) + ":" + std::to_string(address.port) + "/" +
          (address.token.empty() ? "" : "?token=" + address.token);
+}
+
+std::vector<std::string> urls_of(const ViewAddress& address) {
+  const bool is_all4 = address.host == "0.0.0.0", is_all6 = address.host == "::";
+  std::vector<std::string> urls;
+  ifaddrs* all = nullptr;
+  if ((is_all4 || is_all6) && ::getifaddrs(&all) == 0) {
+    for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next) {
+      const bool is_reached = (one->ifa_flags & IFF_UP) != 0 && (one->ifa_flags & IFF_LOOPBACK) == 0;
+      if (!is_reached || one->ifa_addr == nullptr || one->ifa_addr->sa_family != AF_INET) continue;
+      char host[INET_ADDRSTRLEN] = {};
+      ::inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in*>(one->ifa_addr)->sin_addr, host, sizeof host);
+      urls.push_back(url_of({host, address.port, address.token}));
+    }
+    ::freeifaddrs(all);
+  }
+  if (urls.empty()) urls.push_back(url_of(address));
+  return urls;
 }
 
 std::string new_token() {

@@ -2,6 +2,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "platform/error/result.h"
 
@@ -27,6 +28,8 @@ bool is_token(std::string_view shown, std::string_view token);
 /// `http://ADDRESS:PORT/`, with the token. For an address that stands for all interfaces (0.0.0.0, [::]) it names the
 /// one to use on this computer.
 std::string url_of(const ViewAddress& address);
+/// The same; for an address that stands for all interfaces one for each address of this computer that others reach.
+std::vector<std::string> urls_of(const ViewAddress& address);
 
 /// True if a request with this `Host` header may be answered. A foreign web page can have its own name resolved to this
 /// computer (DNS rebinding) and would then read our data, but its requests carry that name. Accepted are numeric

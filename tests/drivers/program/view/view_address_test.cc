@@ -53,6 +53,17 @@ TEST(ViewAddress, NamesThatAreNotOursAreNoHost) {
   EXPECT_FALSE(is_own_host(".local", "", false));
 }
 
+TEST(ViewAddress, AllInterfacesAreNamedByTheAddressesThatOthersReach) {
+  EXPECT_EQ(urls_of({"192.168.1.7", 80, "ab12"}), std::vector<std::string>{"http://192.168.1.7:80/?token=ab12"});
+  const std::vector<std::string> all = urls_of({"0.0.0.0", 99, "ab12"});
+  ASSERT_FALSE(all.empty());
+  for (const std::string& url : all) {
+    EXPECT_EQ(url.find("0.0.0.0"), std::string::npos) << url;
+    EXPECT_NE(url.find(":99/?token=ab12"), std::string::npos) << url;
+    EXPECT_EQ(url.find("127.0.0.1") != std::string::npos, all.size() == 1 && url == url_of({"0.0.0.0", 99, "ab12"}));
+  }
+}
+
 TEST(ViewAddress, AServedNetworkNeedsAToken) {
   const std::string token = new_token();
   EXPECT_EQ(token.size(), 32U);
