@@ -39,10 +39,28 @@ install(FILES ${manual} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT progr
 install(DIRECTORY docs/examples/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT program FILES_MATCHING PATTERN "*.toml"
   PATTERN "*.yaml")
 install(DIRECTORY docs/examples/library DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libepiline-dev/examples COMPONENT development)
-install(FILES toolchains/debian/epiline.service DESTINATION lib/systemd/system COMPONENT program)
-install(FILES toolchains/debian/70-epiline.rules DESTINATION lib/udev/rules.d COMPONENT program)
+include(toolchains/debian/serial_devices.cmake)
+install(FILES ${PROJECT_BINARY_DIR}/package/epiline.service DESTINATION lib/systemd/system COMPONENT program)
+install(FILES ${PROJECT_BINARY_DIR}/package/70-epiline.rules DESTINATION lib/udev/rules.d COMPONENT program)
 install(FILES toolchains/debian/epiline.bash-completion DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME epiline
   COMPONENT program)
+
+# Packages for two releases of Debian differ, so their versions do: apt must be able to tell them apart, and an upgrade of the
+# release must bring the newer one.
+set(package_release 1)
+if(EXISTS /etc/os-release)
+  file(STRINGS /etc/os-release system REGEX "^(ID|VERSION_ID|VERSION_CODENAME)=")
+  string(REGEX REPLACE "[;\"]" " " system " ${system} ")
+  if(system MATCHES " ID=debian " AND system MATCHES "VERSION_ID= ?([0-9]+)")
+    set(package_release 1+deb${CMAKE_MATCH_1}u0)
+  endif()
+  if(system MATCHES "VERSION_CODENAME=([a-z]+)")
+    set(package_suite ${CMAKE_MATCH_1})
+  endif()
+endif()
+if(NOT package_suite)
+  set(package_suite unstable)
+endif()
 
 # Debian wants licence and changelog in every package.
 set(changelogs ${PROJECT_BINARY_DIR}/package/changelog.gz ${PROJECT_BINARY_DIR}/package/changelog.Debian.gz)
@@ -76,7 +94,7 @@ set(CPACK_VERBATIM_VARIABLES ON)
 set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
-set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
+set(CPACK_DEBIAN_PACKAGE_RELEASE ${package_release})
 if(CMAKE_SYSTEM_PROCESSOR STREQUAL "aarch64")
   set(CPACK_DEBIAN_PACKAGE_ARCHITECTURE arm64)
 endif()

@@ -71,6 +71,22 @@ std::string label_of(const fs::path& chip, SystemCalls& system) {
   return {info.label, ::strnlen(info.label, sizeof(info.label))};
 }
 
+struct SerialKind {
+  const char* prefix;
+  bool is_listed;
+};
+constexpr SerialKind kSerialKinds[] = {
+#define LISTED true
+#define UNLISTED false
+#define EPILINE_TTY(name, listed) {name, listed},
+#define EPILINE_AUTOPILOT(vendor, product, name, sure)
+#include "drivers/program/inventory/serial_devices.inc"
+#undef EPILINE_TTY
+#undef EPILINE_AUTOPILOT
+#undef LISTED
+#undef UNLISTED
+};
+
 }  // namespace
 
 Inventory list_devices(const fs::path& root, SystemCalls& system) {
@@ -82,8 +98,8 @@ Inventory list_devices(const fs::path& root, SystemCalls& system) {
     all.gpio.push_back({"/dev/" + file.filename().string(), label_of(file, system)});
   for (const fs::path& file : entries(root / "dev", "spidev"))
     all.spi.push_back({"/dev/" + file.filename().string(), {}});
-  for (const char* prefix : {"ttyACM", "ttyUSB", "ttyAMA", "ttyTHS"})
-    for (const fs::path& file : entries(root / "dev", prefix))
+  for (const auto& [prefix, is_listed] : kSerialKinds)
+    for (const fs::path& file : is_listed ? entries(root / "dev", prefix) : std::vector<fs::path>{})
       all.serial.push_back({"/dev/" + file.filename().string(), {}});
   constexpr const char* kCanType = "280";  // ARPHRD_CAN
   for (const fs::path& entry : entries(sys / "class/net", ""))

@@ -1,4 +1,3 @@
-#include <array>
 #include <string_view>
 
 #include "drivers/program/inventory/find.h"
@@ -14,22 +13,13 @@ struct KnownUsb {
   std::string_view vendor, product;  ///< product empty: any
   std::string_view name;
 };
-/// Flight controllers. Identifiers: QGroundControl, src/comm/USBBoardInfo.json.
-constexpr std::array<KnownUsb, 12> kAutopilots{{
-    {"26ac", "0015", ""},  // a PX4Flow camera
-    {"26ac", "", "PX4 flight controller"},
-    {"3185", "", "PX4 flight controller"},
-    {"3643", "001d", "PX4 flight controller"},
-    {"1b8c", "0036", "PX4 flight controller"},
-    {"1209", "5740", "ArduPilot flight controller"},
-    {"1209", "5741", "ArduPilot flight controller"},
-    {"3162", "", "Holybro flight controller"},
-    {"3163", "", "CUAV flight controller"},
-    {"2dae", "", "CubePilot flight controller"},
-    {"35a7", "", "ThePeach flight controller"},
-    // the vendor's example: older ArduPilots have it, and many other boards
-    {"0483", "5740", "perhaps a flight controller"},
-}};
+constexpr KnownUsb kAutopilots[] = {
+#define EPILINE_TTY(name, listed)
+#define EPILINE_AUTOPILOT(vendor, product, name, sure) {vendor, product, name},
+#include "drivers/program/inventory/serial_devices.inc"
+#undef EPILINE_TTY
+#undef EPILINE_AUTOPILOT
+};
 
 std::string autopilot_of(const std::string& vendor, const std::string& product) {
   for (const KnownUsb& known : kAutopilots)
