@@ -375,7 +375,7 @@ void MavlinkLink::receive_heartbeat(const Packet& packet, std::int64_t now_ns) n
   const bool may_come = peer.is_known ? is_sure_now > was_sure || (is_sure_now == was_sure && is_gone)
                                       : is_sure_now || now_ns - doubtful_since_ns_ >= kSureMayCome_ns;
   if (!is_same && !may_come) {
-    ++state_.counts.strangers;
+    if (!is_on_board_of_another(heartbeat.type)) ++state_.counts.strangers;  // a camera beside a controller is no fault
     return;
   }
   peer = {true, packet.from, heartbeat.autopilot, heartbeat.type, HostStamp{now_ns}};

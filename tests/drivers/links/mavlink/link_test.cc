@@ -251,6 +251,7 @@ TEST(MavlinkLink, ACameraIsNoControllerWhileOneIsThere) {
   EXPECT_EQ(link.state().peer.address.component, 1);
   for (int i = 0; i < 7; ++i) a_second_with_the_camera();  // the controller restarts
   EXPECT_EQ(link.state().peer.address.component, 1);
+  EXPECT_EQ(link.counts().strangers, 0U) << "a camera is no fault";
 }
 
 TEST(MavlinkLink, WithoutAControllerWhatClaimsToBeOneIsTakenUntilOneComes) {
