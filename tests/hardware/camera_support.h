@@ -56,7 +56,7 @@ inline bool is_device_memory(const std::uint8_t* data) {
 /// Sets controls as another program would, while the camera is in use.
 inline void set_controls(const std::string& device, std::vector<CameraControl> controls) {
   V4l2Device other;
-  ASSERT_FALSE(other.open(device.c_str()));
+  ASSERT_FALSE(other.open(device.c_str(), ""));
   V4l2Settings settings;
   settings.controls = std::move(controls);
   const DeviceTrouble trouble = other.set_controls(settings);

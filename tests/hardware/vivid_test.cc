@@ -150,7 +150,7 @@ TEST_F(Vivid, ControlsAreSetByName) {
   V4l2Camera camera(settings);
   open(camera);
   V4l2Device other;
-  ASSERT_FALSE(other.open(kDevice));
+  ASSERT_FALSE(other.open(kDevice, ""));
   for (const CameraControl& control : settings.controls) {
     std::int64_t value = 0;
     ASSERT_FALSE(other.control(control.name.c_str(), value));
@@ -344,7 +344,7 @@ TEST_F(Vivid, ADisconnectedDeviceComesBack) {
   watch(camera, 3, [](const Frame&) {});
   {
     V4l2Device other;
-    ASSERT_FALSE(other.open(kDevice));
+    ASSERT_FALSE(other.open(kDevice, ""));
     V4l2Settings settings;
     settings.controls = {{"disconnect", 1}};  // until its last user has closed it
     EXPECT_TRUE(other.set_controls(settings)) << "it is gone before the control can be read back";
@@ -455,7 +455,7 @@ TEST_F(Vivid, ControlsAreSetWhileItStreams) {
   set_controls(kDevice, {{"brightness", 10}, {"inject_fatal_streaming_error", 1}});
   ASSERT_TRUE(read_until(camera, [&] { return camera.counts().disconnected == 1 && camera.is_streaming(); }));
   V4l2Device other;
-  ASSERT_FALSE(other.open(kDevice));
+  ASSERT_FALSE(other.open(kDevice, ""));
   std::int64_t value = 0;
   ASSERT_FALSE(other.control("brightness", value));
   EXPECT_EQ(value, 250);
