@@ -13,7 +13,9 @@ namespace epiline {
 
 namespace {
 
-int benchmark_command(const BenchmarkOptions& options) {
+int benchmark_command(const BenchmarkOptions& options, Foreign foreign) {
+  const auto folder = claim(options.out, {"benchmark.json", "benchmark.txt", "benchmark.html", "runs"}, foreign);
+  if (!folder) return report(folder.error());
   ProgressBar bar(false, "runs");
   const auto record = run_benchmark(options, [&](std::size_t done, std::size_t all) { bar(done, all); });
   if (!record) return report(record.error());
@@ -30,6 +32,7 @@ int benchmark_command(const BenchmarkOptions& options) {
 
 void add_benchmark(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<BenchmarkOptions>();
+  const auto foreign = std::make_shared<Foreign>(Foreign::kRefuse);
   o->factors.assign(kVisualFactorNames.begin(), kVisualFactorNames.end());
   o->jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   CLI::App* command =
@@ -57,7 +60,8 @@ void add_benchmark(CLI::App& app, int& exit_code) {
       ->check(CLI::IsMember({"cam0", "cam1"}))
       ->capture_default_str();
   command->add_option("--out", o->out, "folder for the results")->required();
-  command->callback([o, &exit_code] { exit_code = benchmark_command(*o); });
+  add_force(*command, *foreign);
+  command->callback([o, foreign, &exit_code] { exit_code = benchmark_command(*o, *foreign); });
 }
 
 }  // namespace epiline

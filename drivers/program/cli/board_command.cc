@@ -19,6 +19,7 @@ struct BoardArguments {
   std::optional<int> columns, rows;
   std::optional<double> tag_mm, spacing, square_mm;  ///< not given: the kind's own
   std::filesystem::path out;
+  Foreign foreign = Foreign::kRefuse;
 };
 
 /// 6 x 8 tags of 24 mm, and 7 x 9 squares of 26 mm: they fit on A4.
@@ -66,6 +67,9 @@ int write_board(const BoardArguments& arguments) {
   if (!pdf) return report(pdf.error());
   std::filesystem::path description = arguments.out;
   description.replace_extension(".yaml");
+  const auto folder = claim(arguments.out.has_parent_path() ? arguments.out.parent_path() : ".",
+                            {arguments.out.filename().string(), description.filename().string()}, arguments.foreign);
+  if (!folder) return report(folder.error());
   if (const Status s = write_text(arguments.out, *pdf); !s) return report(s.error());
   if (const Status s = write_text(description, board_yaml(*board)); !s) return report(s.error());
   fmt::print("board       {}: {}; print it at 100 %, glue it to something flat\n", arguments.out.string(),
@@ -84,6 +88,7 @@ void add_board(CLI::App& app, int& exit_code) {
   command->group(kFly);
   command->add_option("--out", arguments->out, "PDF file; the description goes to the same name with .yaml")
       ->required();
+  add_force(*command, arguments->foreign);
   command
       ->add_option("--kind", arguments->kind,
                    "aprilgrid: tags in rows, as Kalibr's; charuco: a chessboard with tags, as OpenCV's with "

@@ -26,6 +26,7 @@ struct CalibrateArguments {
   std::filesystem::path out, config;
   std::vector<std::string> set;
   bool json = false;
+  Foreign foreign = Foreign::kRefuse;
   bool is_live() const { return settings.dataset.empty(); }
 };
 
@@ -50,7 +51,7 @@ void print_text(const Calibration& calibration, const std::filesystem::path& out
 
 /// Both files with their whole paths: a service has another current folder. Numbers that the files hold now would be
 /// overridden by older ones in the configuration, as the page of `epiline check` writes them.
-Status set_calibrations(const std::filesystem::path& config, const std::filesystem::path& out) {
+Result<std::filesystem::path> set_calibrations(const std::filesystem::path& config, const std::filesystem::path& out) {
   const std::filesystem::path folder = std::filesystem::absolute(out).lexically_normal();
   return edit_config(config, {{"camera", "calibration", (folder / "camera.yaml").string()},
                               {"imu", "calibration", (folder / "imu.yaml").string()},
@@ -102,6 +103,8 @@ int run_calibration(CalibrateArguments arguments) {
     return report({ErrorKind::kUsage, "", 0, "--resolution " + arguments.resolution, "WIDTHxHEIGHT, as in 752x480"});
   }
   if (const Status s = check_arguments(arguments); !s) return report(s.error());
+  const auto folder = claim(arguments.out, kCalibrationFiles, arguments.foreign);
+  if (!folder) return report(folder.error());
   if (arguments.is_live()) {
     if (const Status s = record_waves(arguments); !s) return report(s.error());
   }
@@ -110,8 +113,11 @@ int run_calibration(CalibrateArguments arguments) {
   if (!arguments.out.empty()) {
     if (const Status s = write_calibration(*calibration, settings, arguments.out); !s) return report(s.error());
   }
+  std::filesystem::path as_it_was;
   if (!arguments.config.empty()) {
-    if (const Status s = set_calibrations(arguments.config, arguments.out); !s) return report(s.error());
+    auto kept = set_calibrations(arguments.config, arguments.out);
+    if (!kept) return report(kept.error());
+    as_it_was = std::move(*kept);
   }
   if (arguments.json) {
     fmt::print("{}", calibration_json(*calibration, settings));
@@ -119,9 +125,9 @@ int run_calibration(CalibrateArguments arguments) {
     print_text(*calibration, arguments.out);
     if (!arguments.config.empty())
       fmt::print(
-          "set in {0}: camera.calibration imu.calibration, instead of any time offset and noise densities there (as it "
-          "was: {0}.bak)\n",
-          arguments.config.string());
+          "set in {}: camera.calibration imu.calibration, instead of any time offset and noise densities there (as it "
+          "was: {})\n",
+          arguments.config.string(), as_it_was.string());
   }
   return kExitDone;
 }
@@ -139,6 +145,7 @@ void add_calibrate(CLI::App& app, int& exit_code) {
       "an ASL folder, as `epiline record` writes it. Without it, camera and IMU of --config are recorded into "
       "the folder `recording` of --out first, until Ctrl-C or for --duration");
   command->add_option("--out", arguments->out, "folder for camera.yaml, imu.yaml, calibration.json and report.html");
+  add_force(*command, arguments->foreign);
   command->add_option("--config", arguments->config, "configuration to set both calibrations in");
   command
       ->add_option("--set", arguments->set,

@@ -95,7 +95,9 @@ Result<std::unique_ptr<CheckView>> open_check_view(const std::string& address_te
       *address,
       {config.string(), "epiline " EPILINE_VERSION, noise.gyroscope_density, noise.accelerometer_density, false},
       [config](const SettingHint& hint) {
-        return edit_config(config, {{hint.section, hint.key, fmt::format("{:.6g}", hint.value), EditKind::kNumber}});
+        const auto kept =
+            edit_config(config, {{hint.section, hint.key, fmt::format("{:.6g}", hint.value), EditKind::kNumber}});
+        return kept ? Status(Done{}) : Status(kept.error());
       });
   if (!view) return view.error();
   for (const std::string& url : urls_of((*view)->address())) say("view      {}\n", url);

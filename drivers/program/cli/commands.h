@@ -5,10 +5,12 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "drivers/program/view/live_view.h"
+#include "pipeline/text/output_folder.h"
 #include "platform/error/result.h"
 
 namespace epiline {
@@ -28,6 +30,12 @@ Result<std::unique_ptr<LiveView>> open_view(const std::string& text);
 
 /// Headings under which the help lists the commands.
 inline constexpr char kFly[] = "Fly", kAnalyse[] = "Analyse a flight", kStudy[] = "Study many flights";
+
+/// Adds --force.
+void add_force(CLI::App& command, Foreign& foreign);
+/// The folder of --out, claimed before the work begins; none without --out.
+Result<std::optional<OutputFolder>> claim(const std::filesystem::path& folder, const std::vector<std::string>& names,
+                                          Foreign foreign);
 
 /// Adds --config (with the help `what`) and --set.
 void add_settings(CLI::App& command, std::filesystem::path& file, std::vector<std::string>& set,

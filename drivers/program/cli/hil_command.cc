@@ -11,6 +11,7 @@
 #include "drivers/program/cli/progress_bar.h"
 #include "drivers/program/hil/hil_run.h"
 #include "drivers/study/evaluate/errors.h"
+#include "drivers/study/report/outputs.h"
 
 namespace epiline {
 
@@ -19,6 +20,7 @@ namespace {
 struct HilArguments {
   hil::HilOptions hil;
   bool quiet = false;
+  Foreign foreign = Foreign::kRefuse;
 };
 
 void print_latency(const OutputRecord& output) {
@@ -77,6 +79,10 @@ int hil_command(HilArguments& options) {
   const auto config = find_config(options.hil.config_file);
   if (!config) return report(config.error());
   options.hil.config_file = *config;
+  std::vector<std::string> names = {"verdict.txt", "received.tum", "truth.tum"};
+  names.insert(names.end(), kFlightFiles.begin(), kFlightFiles.end());
+  const auto folder = claim(options.hil.out, names, options.foreign);
+  if (!folder) return report(folder.error());
   ProgressBar bar(options.quiet);
   constexpr std::size_t kSteps = 1000;
   bool said_ready = options.quiet;
@@ -170,6 +176,7 @@ void add_hil(CLI::App& app, int& exit_code) {
   command->add_option("--start", h.start_s, "skip this many seconds at the beginning")->check(CLI::NonNegativeNumber);
   command->add_option("--duration", h.duration_s, "end after this many seconds")->check(CLI::PositiveNumber);
   command->add_option("--out", h.out, "write trajectory, events, figures, report and verdict into this folder");
+  add_force(*command, o->foreign);
   command->add_flag("--quiet", o->quiet, "print errors only");
   command->callback([o, &exit_code] { exit_code = hil_command(*o); });
 }

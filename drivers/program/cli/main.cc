@@ -1,5 +1,7 @@
 // The program `epiline`: it wires things up and holds no logic of its own.
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -23,7 +25,8 @@ bool is_json = false;
 void report_as_json() { is_json = true; }
 
 int report(const Error& error) {
-  fmt::print(stderr, "epiline: error: {}\n", error.text());
+  const std::string line = "epiline: error: " + error.text() + "\n";
+  std::fputs(line.c_str(), stderr);  // it never throws
   if (is_json) {
     nlohmann::ordered_json root;
     root["schema"] = 1;
@@ -33,7 +36,7 @@ int report(const Error& error) {
     e["line"] = error.line > 0 ? nlohmann::ordered_json(error.line) : nullptr;
     e["found"] = error.found;
     e["expected"] = error.expected;
-    fmt::print("{}\n", root.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
+    std::puts(root.dump(2, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
   }
   return error.kind == ErrorKind::kUsage ? kExitUsage : kExitRunFailed;
 }
@@ -46,6 +49,20 @@ Result<std::unique_ptr<LiveView>> open_view(const std::string& text) {
   if (!view) return view.error();
   for (const std::string& url : urls_of((*view)->address())) say("view      {}\n", url);
   return view;
+}
+
+void add_force(CLI::App& command, Foreign& foreign) {
+  command.add_flag_callback(
+      "--force", [&foreign] { foreign = Foreign::kReplace; },
+      "replace files of --out that are no earlier results, too");
+}
+
+Result<std::optional<OutputFolder>> claim(const std::filesystem::path& folder, const std::vector<std::string>& names,
+                                          Foreign foreign) {
+  if (folder.empty()) return std::optional<OutputFolder>();
+  auto claimed = OutputFolder::claim(folder, names, foreign);
+  if (!claimed) return claimed.error();
+  return std::optional<OutputFolder>(std::move(*claimed));
 }
 
 void add_settings(CLI::App& command, std::filesystem::path& file, std::vector<std::string>& set,
@@ -115,12 +132,26 @@ int run(int argc, char** argv) {
   return exit_code;
 }
 
+/// Files that are opened must not get the numbers of closed streams: what is printed would go into them.
+void open_closed_streams() {
+  for (int stream = STDIN_FILENO; stream <= STDERR_FILENO; ++stream)
+    if (fcntl(stream, F_GETFD) < 0) (void)open("/dev/null", stream == STDIN_FILENO ? O_RDONLY : O_WRONLY);
+}
+
+/// What was printed counts as a result: it must have arrived.
+int flushed(int exit_code) {
+  const bool good = std::fflush(stdout) == 0 && std::ferror(stdout) == 0;
+  if (good || exit_code != kExitDone) return exit_code;
+  return report({ErrorKind::kRun, "", 0, "the output cannot be written", "room where stdout goes"});
+}
+
 }  // namespace
 }  // namespace epiline
 
 int main(int argc, char** argv) {
+  epiline::open_closed_streams();
   try {
-    return epiline::run(argc, argv);
+    return epiline::flushed(epiline::run(argc, argv));
   } catch (const std::exception& e) {
     return epiline::report({epiline::ErrorKind::kRun, "", 0, e.what(), ""});
   }

@@ -18,6 +18,7 @@ struct MontecarloArguments {
   StudyOptions study;
   std::vector<std::string> flights, factors;
   std::filesystem::path out;
+  Foreign foreign = Foreign::kRefuse;
 };
 
 int montecarlo_command(MontecarloArguments& o) {
@@ -28,6 +29,8 @@ int montecarlo_command(MontecarloArguments& o) {
     if (!variant) return report(variant.error());
     o.study.variants.push_back(std::move(*variant));
   }
+  const auto folder = claim(o.out, {"montecarlo.txt", "montecarlo.json"}, o.foreign);
+  if (!folder) return report(folder.error());
   if (const Status s = make_folder(o.out); !s) return report(s.error());
   ProgressBar bar(false, "flights");
   const auto cells = run_study(o.study, [&](std::size_t done, std::size_t all) { bar(done, all); });
@@ -92,6 +95,7 @@ void add_montecarlo(CLI::App& app, int& exit_code) {
   command->add_option("--seed", o->study.seed, "seed of the first run")->capture_default_str();
   command->add_option("--jobs", o->study.jobs, "number of threads")->check(CLI::Range(1, 1024))->capture_default_str();
   command->add_option("--out", o->out, "folder for montecarlo.txt and montecarlo.json")->required();
+  add_force(*command, o->foreign);
   command->callback([o, &exit_code] { exit_code = montecarlo_command(*o); });
 }
 

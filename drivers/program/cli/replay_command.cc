@@ -26,6 +26,7 @@ struct ReplayArguments {
   double deadline_ms = 0, speed = 1;
   bool quiet = false, realtime = false;
   std::string view;
+  Foreign foreign = Foreign::kRefuse;
 };
 
 void print_realtime(const FlightRecord& r, const Timing& t) {
@@ -104,9 +105,8 @@ int replay_command(ReplayArguments& options) {
   options.replay.visual_factor = visual_factor_from(options.visual_factor);
   if (options.deadline_ms > 0) options.replay.deadline_ms = options.deadline_ms;
   if (options.realtime) options.replay.realtime_speed = options.speed;
-  if (std::filesystem::exists(options.out) && !std::filesystem::is_directory(options.out)) {
-    return report({ErrorKind::kUsage, options.out, 0, "is a file", "a folder for the results (--out)"});
-  }
+  const auto folder = claim(options.out, kFlightFiles, options.foreign);
+  if (!folder) return report(folder.error());
   const auto view = open_view(options.view);
   if (!view) return report(view.error());
   options.replay.view = view->get();
@@ -137,6 +137,7 @@ void add_replay(CLI::App& app, int& exit_code) {
       app.add_subcommand("replay", "Estimate odometry from a recorded flight: trajectory, figures, report");
   command->add_option("DATASET", o->replay.dataset, "ASL folder (mav0/{cam0,imu0,...}) or ROS 1 bag")->required();
   command->add_option("--out", o->out, "folder for the results")->capture_default_str();
+  add_force(*command, o->foreign);
   command->group(kAnalyse);
   add_settings(*command, o->replay.config_file, o->replay.set, "configuration file (TOML); epiline config prints one");
   command->add_option("--visual-factor", o->visual_factor, "visual factor: which residual a track becomes")

@@ -136,6 +136,10 @@ int run_command(RunArguments& options) {
   if (!settings) return report(settings.error());
   if (!options.record_folder.empty()) settings->config.recorder.folder = options.record_folder;
   settings->config.recorder.images |= options.record_images;
+  const auto folder = claim(options.live.out, kFlightFiles, Foreign::kKeep);
+  if (!folder) return report(folder.error());
+  if (*folder && !options.quiet)
+    for (const std::string& note : (*folder)->notes()) fmt::print("note      {}\n", note);
   const auto view = open_view(options.view);
   if (!view) return report(view.error());
   options.live.view = view->get();
@@ -174,7 +178,9 @@ void add_run(CLI::App& app, int& exit_code) {
   add_settings(*command, o->config, o->set,
                "configuration file (TOML) with devices, calibration and settings; default: /etc/epiline/epiline.toml, "
                "else ./epiline.toml");
-  command->add_option("--out", o->live.out, "write trajectory, events, figures and report into this folder");
+  command->add_option("--out", o->live.out,
+                      "write trajectory, events, figures and report into this folder; files there that are no earlier "
+                      "results get a number");
   command->add_option("--duration", o->live.duration_s, "end after this many seconds")->check(CLI::PositiveNumber);
   command->add_option("--view", o->view, "serve a page that shows the flight; port 0 takes any free port")
       ->type_name("[ADDRESS:]PORT");

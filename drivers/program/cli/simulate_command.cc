@@ -24,6 +24,7 @@ struct SimulateArguments {
               effects = kUsualEffects, camera, out;
   std::vector<std::string> other_cameras;
   bool tracks = false, quiet = false;
+  Foreign foreign = Foreign::kRefuse;
   std::uint64_t seed = 1;
   bool wheels = false, has_barometer = false, has_range = false;
   WheelSimulation wheel;
@@ -137,6 +138,8 @@ int render_recorded(const SimulateArguments& o, const FlightEffects& effects) {
 }
 
 int simulate(SimulateArguments& o) {
+  const auto folder = claim(o.out, {"mav0", "fit.json"}, o.foreign);
+  if (!folder) return report(folder.error());
   if (o.tracks) return simulate_track_flight(o);
   const auto effects = parse_effects(o.effects);
   if (!effects) return report(effects.error());
@@ -262,6 +265,7 @@ void add_simulate(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   add_heights(*command, o);
   command->add_option("--out", o->out, "folder to write")->required();
+  add_force(*command, o->foreign);
   command->add_flag("--quiet", o->quiet, "print errors only");
   command->callback([o, &exit_code] { exit_code = simulate(*o); });
 }

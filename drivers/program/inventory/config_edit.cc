@@ -6,6 +6,7 @@
 #include <system_error>
 
 #include "pipeline/config/config.h"
+#include "pipeline/text/output_folder.h"
 #include "pipeline/text/table.h"
 
 namespace epiline {
@@ -78,7 +79,7 @@ std::string edited_config(const std::string& text, const std::vector<ConfigEdit>
   return edited;
 }
 
-Status edit_config(const std::filesystem::path& file, const std::vector<ConfigEdit>& edits) {
+Result<std::filesystem::path> edit_config(const std::filesystem::path& file, const std::vector<ConfigEdit>& edits) {
   const auto text = read_text(file);
   if (!text) return text.error();
   if (const auto before = ConfigFile::parse(*text, file.string()); !before) return before.error();
@@ -87,14 +88,18 @@ Status edit_config(const std::filesystem::path& file, const std::vector<ConfigEd
   return replace_file(file, edited);
 }
 
-Status replace_file(const std::filesystem::path& file, const std::string& text) {
+Result<std::filesystem::path> replace_file(const std::filesystem::path& file, const std::string& text) {
   std::error_code failed;
+  std::filesystem::path kept;
   if (std::filesystem::exists(file, failed)) {
     const auto old = read_text(file);
     if (!old) return old.error();
-    if (const Status s = write_text(file.string() + ".bak", *old); !s) return s;
+    kept = file.string() + ".bak";
+    if (std::filesystem::exists(kept, failed)) kept = numbered(kept);
+    if (const Status s = write_text(kept, *old); !s) return s.error();
   }
-  return write_text(file, text);
+  if (const Status s = write_text(file, text); !s) return s.error();
+  return kept;
 }
 
 }  // namespace epiline

@@ -22,11 +22,12 @@ struct ConfigEdit {
 /// that sets the key.
 std::string edited_config(const std::string& text, const std::vector<ConfigEdit>& edits);
 
-/// Edits the file and keeps the previous version as FILE.bak. Fails, and changes nothing, if and only if the file is
-/// not a valid configuration before or after, or one of the two files cannot be written.
-Status edit_config(const std::filesystem::path& file, const std::vector<ConfigEdit>& edits);
+/// Edits the file and keeps the previous version as replace_file() does; returns its name. Fails, and changes nothing,
+/// if and only if the file is not a valid configuration before or after, or one of the two files cannot be written.
+Result<std::filesystem::path> edit_config(const std::filesystem::path& file, const std::vector<ConfigEdit>& edits);
 
-/// Writes a file. An existing one is kept as FILE.bak.
-Status replace_file(const std::filesystem::path& file, const std::string& text);
+/// Writes a file. An existing one is kept as FILE.bak, or FILE.bak.1 and so on: no earlier version is lost. Returns the
+/// name of what was kept, empty if there was no file.
+Result<std::filesystem::path> replace_file(const std::filesystem::path& file, const std::string& text);
 
 }  // namespace epiline

@@ -263,7 +263,8 @@ Status write_draft(const Draft& draft, const std::filesystem::path& file, bool r
     return Error{ErrorKind::kUsage, file.string(), 0, "exists already",
                  "another name in --out, or --force, which keeps the old file as " + file.string() + ".bak"};
   }
-  return replace_file(file, draft.toml);
+  const auto kept = replace_file(file, draft.toml);
+  return kept ? Status(Done{}) : Status(kept.error());
 }
 
 }  // namespace epiline

@@ -2,11 +2,15 @@
 // What `epiline calibrate` leaves behind: camera.yaml and imu.yaml in Kalibr's layout, calibration.json, report.html.
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "drivers/study/calibrate/calibrate.h"
 #include "platform/error/result.h"
 
 namespace epiline {
+
+inline const std::vector<std::string> kCalibrationFiles = {"camera.yaml", "imu.yaml", "calibration.json",
+                                                           "report.html"};
 
 /// camera.yaml, as `run` and Kalibr's users read it. Numbers have all their digits. `name`: cam0.
 std::string kalibr_camera(const CameraCalibration& camera, const std::string& name);

@@ -36,7 +36,7 @@ TEST_F(CalibrateCommand, WithoutARecordingItNeedsDevicesAndABoard) {
   expect_one_line(run("calibrate --config " + config + out), 2, {"no board", "--board FILE"});
   expect_one_line(run("calibrate --config " + config + out + " --board " + board), 2, {"not a board of AprilTags"});
   expect_one_line(run("calibrate nothing --set camera.rate_hz=20"), 2, {"--set with a recording"});
-  const Outcome drawn = run("board --kind charuco --out '" + (scratch() / "board.pdf").string() + "'");
+  const Outcome drawn = run("board --force --kind charuco --out '" + (scratch() / "board.pdf").string() + "'");
   if (test::lacks_apriltag(drawn.err)) GTEST_SKIP() << drawn.err;
   ASSERT_EQ(drawn.exit_code, 0) << drawn.err;
   const Outcome r = run("calibrate --json --config " + config + out + " --board " + board);

@@ -89,6 +89,10 @@ TEST_F(ConfigEditFile, IsKeptAsItWasBesideTheNewOne) {
   ASSERT_TRUE(edit_config(file(), kEdits));
   EXPECT_EQ(*read_text(folder_ / "flight.toml.bak"), "[camera]\nwidth = 640\nheight = 480\n");
   EXPECT_EQ(read(*read_text(file())).camera_calibration, "/cal/camera.yaml");
+  const auto again = edit_config(file(), kEdits);  // what was kept is not lost
+  ASSERT_TRUE(again);
+  EXPECT_EQ(*again, folder_ / "flight.toml.bak.1");
+  EXPECT_EQ(*read_text(folder_ / "flight.toml.bak"), "[camera]\nwidth = 640\nheight = 480\n");
 }
 
 TEST_F(ConfigEditFile, ThatIsBrokenIsLeftAlone) {
