@@ -37,7 +37,7 @@ as_service() {
 # What the program can do without, and users of a package can't: it was there when the program was built.
 depends_on_all() {
   local library
-  for library in libapriltag libgpiod libmicrohttpd libnettle librosbag-storage; do
+  for library in libapriltag libgpiod libmicrohttpd libnettle; do
     dpkg-deb -f "$package" Depends | grep -q "$library" || { echo "built without $library"; return 1; }
   done
 }

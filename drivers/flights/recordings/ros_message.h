@@ -1,21 +1,29 @@
 #pragma once
-// Reads the ROS 1 messages of a flight from their serialised bytes: consecutive little-endian numbers, texts and arrays
-// preceded by their length.
+// Reads the messages of a flight from their serialised bytes. ROS 1: consecutive little-endian numbers, texts and
+// arrays preceded by their length. ROS 2 (CDR): the same numbers behind four bytes that tell their order, each at a
+// multiple of its size; texts end with a zero.
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "pipeline/text/trajectory.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {
 
+enum class RosEncoding : std::uint8_t { kRos1, kCdr };
+
+struct RosMessage {
+  RosEncoding encoding;
+  std::span<const std::uint8_t> bytes;
+};
+
 /// Reads values from the front of a message. After the first missing value, all further ones are missing too.
 class RosReader {
  public:
-  RosReader(const std::uint8_t* bytes, std::size_t size) : next_(bytes), left_(size) {}
+  explicit RosReader(const RosMessage& message);
   bool good() const { return good_; }
   std::uint8_t u8() { return number<std::uint8_t>(); }
   std::uint32_t u32() { return number<std::uint32_t>(); }
@@ -23,7 +31,7 @@ class RosReader {
   std::string text();
   /// A block of bytes preceded by its length; not copied.
   std::pair<const std::uint8_t*, std::size_t> block();
-  void skip(std::size_t bytes) { take(bytes); }
+  void skip_f64(std::size_t count);
   /// std_msgs/Header; its stamp.
   HostStamp header();
 
@@ -31,10 +39,11 @@ class RosReader {
   template <class T>
   T number();
   const std::uint8_t* take(std::size_t bytes);
+  void align(std::size_t size);
 
-  const std::uint8_t* next_;
-  std::size_t left_;
-  bool good_ = true;
+  std::span<const std::uint8_t> bytes_;  ///< of CDR without the four first
+  std::size_t at_ = 0, largest_align_ = 1;
+  bool good_ = true, is_ros1_, big_endian_ = false;
 };
 
 /// sensor_msgs/Image or sensor_msgs/CompressedImage; the pixels stay in the message.
@@ -48,11 +57,11 @@ struct RosImage {
 };
 
 /// Each fails if and only if the message ends too early, or an image's rows do not fit into its data.
-std::optional<HostStamp> parse_stamp(const std::vector<std::uint8_t>& message);
-std::optional<RosImage> parse_image(const std::vector<std::uint8_t>& message);
-std::optional<RosImage> parse_compressed_image(const std::vector<std::uint8_t>& message);
-std::optional<ImuSample> parse_imu(const std::vector<std::uint8_t>& message);
+std::optional<HostStamp> parse_stamp(const RosMessage& message);
+std::optional<RosImage> parse_image(const RosMessage& message);
+std::optional<RosImage> parse_compressed_image(const RosMessage& message);
+std::optional<ImuSample> parse_imu(const RosMessage& message);
 /// `type`: geometry_msgs/PoseStamped, geometry_msgs/TransformStamped or nav_msgs/Odometry.
-std::optional<TimedPose> parse_pose(const std::string& type, const std::vector<std::uint8_t>& message);
+std::optional<TimedPose> parse_pose(const std::string& type, const RosMessage& message);
 
 }  // namespace epiline
