@@ -21,15 +21,15 @@ Error missing(const fs::path& path, std::string expected) {
 
 Result<fs::path> find_root(const fs::path& folder) {
   std::error_code ignored;
-  if (!fs::exists(folder, ignored)) return missing(folder, "a data set: an ASL folder, or a ROS 1 bag (*.bag)");
+  if (!fs::exists(folder, ignored)) return missing(folder, "a data set: an ASL folder, or a bag (ROS 1, ROS 2, MCAP)");
   if (!fs::is_directory(folder, ignored)) {
     return Error{ErrorKind::kUsage, folder.string(), 0, "is not a folder",
-                 "a data set: an ASL folder, or a ROS 1 bag (*.bag)"};
+                 "a data set: an ASL folder, or a bag (ROS 1, ROS 2, MCAP)"};
   }
   const fs::path root = fs::is_directory(folder / "mav0", ignored) ? folder / "mav0" : folder;
   if (!fs::is_directory(root / "imu0", ignored)) {
     return Error{ErrorKind::kUsage, folder.string(), 0, "no mav0/imu0 or imu0 inside",
-                 "a data set: an ASL folder, or a ROS 1 bag (*.bag)"};
+                 "a data set: an ASL folder, or a bag (ROS 1, ROS 2, MCAP)"};
   }
   return root;
 }

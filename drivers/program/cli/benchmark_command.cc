@@ -38,7 +38,7 @@ void add_benchmark(CLI::App& app, int& exit_code) {
   CLI::App* command =
       app.add_subcommand("benchmark", "Replay every data set with every visual factor, and compare errors and times");
   command->group(kStudy);
-  command->add_option("DATASET", o->datasets, "ASL folders or ROS 1 bags")->required();
+  command->add_option("DATASET", o->datasets, "ASL folders or bags")->required();
   command->add_option("--factors", o->factors, "visual factors to compare")
       ->delimiter(',')
       ->check(CLI::IsMember(kVisualFactorNames))

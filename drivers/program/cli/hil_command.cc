@@ -134,7 +134,7 @@ void add_hil(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand(
       "hil",
       "Play a recorded flight through the real interfaces, and judge the odometry by the rules of flight controllers");
-  command->add_option("DATASET", h.dataset, "ASL folder or ROS 1 bag, with images")->required();
+  command->add_option("DATASET", h.dataset, "ASL folder or bag, with images")->required();
   command->group(kFly);
   add_settings(*command, h.config_file, h.set,
                "configuration file (TOML) of epiline run; played devices replace its own; default: "

@@ -135,7 +135,8 @@ void add_replay(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<ReplayArguments>();
   CLI::App* command =
       app.add_subcommand("replay", "Estimate odometry from a recorded flight: trajectory, figures, report");
-  command->add_option("DATASET", o->replay.dataset, "ASL folder (mav0/{cam0,imu0,...}) or ROS 1 bag")->required();
+  command->add_option("DATASET", o->replay.dataset, "ASL folder (mav0/{cam0,imu0,...}), or bag (ROS 1, ROS 2, MCAP)")
+      ->required();
   command->add_option("--out", o->out, "folder for the results")->capture_default_str();
   add_force(*command, o->foreign);
   command->group(kAnalyse);
