@@ -159,6 +159,9 @@ Result<ConfigFile> ConfigFile::read(const std::filesystem::path& path, const std
     auto parsed = parse(*text, path.string());
     if (!parsed) return parsed;
     file = std::move(*parsed);
+    for (auto& [p, value] : file.settings_)
+      if (auto* const named = std::get_if<std::string>(&value); p->beside_file && named && !named->empty())
+        *named = (path.parent_path() / *named).string();
   }
   for (const std::string& set : sets) {
     if (const Status s = file.set(set); !s) return s.error();

@@ -1,5 +1,6 @@
 #pragma once
 // All settings, in one table (parameters.cc): struct, check of the TOML file, listing and manual are made from it.
+#include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -25,6 +26,7 @@ struct Config {
   DevicesConfig devices;
   std::string camera_calibration;  ///< replaces the data set's file
   std::string imu_calibration;
+  std::array<std::string, 1 + kMostOthers> masks;  ///< files, of each camera; empty: none
 };
 
 std::optional<VisualFactor> visual_factor_from(const std::string& name);
@@ -46,6 +48,7 @@ struct Parameter {
   std::variant<bool* (*)(Config&), int* (*)(Config&), float* (*)(Config&), double* (*)(Config&),
                std::string* (*)(Config&), std::vector<NamedValue>* (*)(Config&), Choice>
       value;
+  bool beside_file = false;  ///< a path, relative to the folder of the file that names it
 };
 
 const std::vector<Parameter>& parameters();

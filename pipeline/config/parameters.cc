@@ -53,6 +53,7 @@ std::optional<VisualFactor> visual_factor_from(const std::string& name) {
   {nth "_camera.calibration", "", 0, 0,                                                                               \
    "its calibration file (ASL or Kalibr, there as " in_chain "); default: " in_chain " of camera.calibration",        \
    EPILINE_AT(devices.other_cameras[i].calibration)},                                                                 \
+  {nth "_camera.mask", "", 0, 0, "picture of its size, as camera.mask", EPILINE_AT(masks[i + 1]), true},               \
   {nth "_camera.free_running", "", 0, 0,                                                                              \
    "it is not triggered together with the first one: each of its images has its own time",                            \
    EPILINE_AT(devices.other_cameras[i].free_running)},                                                                \
@@ -214,6 +215,9 @@ const std::vector<Parameter>& parameters() {
       {"camera.calibration", "", 0, 0,
        "calibration file (ASL or Kalibr), instead of the data set's; relative to the current folder",
        EPILINE_AT(camera_calibration)},
+      {"camera.mask", "", 0, 0,
+       "picture of the camera's size: black where it sees the vehicle itself; relative to the file that names it",
+       EPILINE_AT(masks[0]), true},
       {"camera.device", "", 0, 0,
        "path, name or bus of the live camera, as v4l2-ctl --list-devices shows them, or its name in the media graph",
        EPILINE_AT(devices.camera.device)},

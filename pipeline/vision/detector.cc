@@ -21,7 +21,7 @@ int even(int n) { return n & ~1; }
 
 }  // namespace
 
-Detector::Detector(int width, int height, const TrackerConfig& config) : config_(config) {
+Detector::Detector(int width, int height, const TrackerConfig& config, const Mask* mask) : config_(config) {
   const int w = width - 2 * config.border_px, h = height - 2 * config.border_px;
   if (w < kMinCellSide || h < kMinCellSide) throw std::invalid_argument("image too small for its border");
   const double side =
@@ -33,11 +33,11 @@ Detector::Detector(int width, int height, const TrackerConfig& config) : config_
   used_.resize(static_cast<std::size_t>(columns_) * rows_);
   stride_ = kPreferredStride;
   while (std::gcd(stride_, columns_ * rows_) != 1) ++stride_;
-}
-
-Cell Detector::cell(int index) const {
-  return {config_.border_px + index % columns_ * cell_width_, config_.border_px + index / columns_ * cell_height_,
-          cell_width_, cell_height_};
+  for (int i = 0; i < columns_ * rows_; ++i) {
+    const Cell whole{config_.border_px + i % columns_ * cell_width_, config_.border_px + i / columns_ * cell_height_,
+                     cell_width_, cell_height_};
+    cells_.push_back(mask ? mask->seen_part(whole) : whole);
+  }
 }
 
 // What lies outside the grid counts for the nearest cell.
@@ -73,7 +73,8 @@ int Detector::detect(const ImageView& image, std::span<const std::array<float, 2
   for (int k = 0; k < cells && tracks.size < most; ++k) {
     const int index = (first_ + k * stride_) % cells;
     if (used_[index]) continue;
-    const Cell here = cell(index);
+    const Cell& here = cell(index);
+    if (here.width == 0) continue;
     const Corner corner = best_corner(image, here, discs_near(here, taken, tracks), config_.edge_share);
     if (corner.score < config_.min_score) continue;
     tracks.x[tracks.size] = corner.x;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "pipeline/vision/corner.h"
+#include "pipeline/vision/mask.h"
 #include "pipeline/vision/track_table.h"
 #include "pipeline/vision/tracker_config.h"
 
@@ -13,8 +14,8 @@ namespace epiline {
 class Detector {
  public:
   /// The grid has about config.cells_per_feature cells a feature. Throws std::invalid_argument if the image has no room
-  /// for one.
-  Detector(int width, int height, const TrackerConfig& config);
+  /// for one. No corners are found where `mask` does not see the world.
+  Detector(int width, int height, const TrackerConfig& config, const Mask* mask = nullptr);
 
   /// Appends corners to `tracks` until there are `most`, none near those that are `taken`: position only (x, y), the
   /// rest of their columns is for the caller to fill. Returns how many.
@@ -23,7 +24,8 @@ class Detector {
 
   int columns() const { return columns_; }
   int rows() const { return rows_; }
-  Cell cell(int index) const;
+  /// The part of it that is searched; its sides may be 0.
+  const Cell& cell(int index) const { return cells_[static_cast<std::size_t>(index)]; }
 
  private:
   void mark_used(float x, float y) noexcept;
@@ -34,6 +36,7 @@ class Detector {
   int cell_width_ = 0, cell_height_ = 0;
   int stride_ = 1;  // from one visited cell to the next; has no common divisor with the number of cells
   int first_ = 0;   // cell to start with in this image
+  std::vector<Cell> cells_;
   std::vector<std::uint8_t> used_;
   std::array<float, 2 * TrackTable::kCapacity> near_x_{}, near_y_{};
 };

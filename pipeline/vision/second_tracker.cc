@@ -55,14 +55,14 @@ int pause_after(int failures) { return (1 << std::min(failures, 4)) - 1; }
 }  // namespace
 
 struct SecondTracker::Impl {
-  Impl(const Camera& second, const SecondRig& rig, const TrackerConfig& config_, std::uint32_t first_id_, bool matches_)
+  Impl(const Camera& second, const SecondRig& rig, const TrackerConfig& config_, std::size_t number, bool matches_)
       : camera(second),
         R_SC(rig.R_SC),
         p_SC(rig.p_SC),
         config(config_),
-        first_id(first_id_),
+        first_id(first_track_of(number)),
         matches(matches_),
-        alone(second, config_),
+        alone(second, config_, number),
         chains(static_cast<std::size_t>(config_.max_features)),
         templates(2 * chains.size()),
         scan_level(std::min(kScanLevel, config_.levels - 1)) {
@@ -189,6 +189,7 @@ Vec2 SecondTracker::Impl::seen_at(const TrackedFeature& feature, double inverse_
 bool SecondTracker::Impl::take(Chain& chain, const TrackedFeature& feature, const KltTrack& found) {
   Vec3 f_S;
   Mat23 J;
+  if (!alone.sees(found.found_x, found.found_y)) return false;
   if (!camera.bearing({found.found_x, found.found_y}, f_S, J)) return false;
   const double at_s = exposed_s(static_cast<double>(found.found_y));
   const auto [R, p] = relation(feature, at_s);
@@ -425,7 +426,7 @@ SecondTracker::SecondTracker(const Camera& first, const SecondRig& rig, const Tr
                              std::size_t number) {
   const char* const apart = why_apart(first, rig);
   if (apart != nullptr && config.second_features == 0) throw std::invalid_argument(apart);
-  impl_ = std::make_unique<Impl>(Camera(rig.camera), rig, config, first_track_of(number), apart == nullptr);
+  impl_ = std::make_unique<Impl>(Camera(rig.camera), rig, config, number, apart == nullptr);
 }
 
 SecondTracker::~SecondTracker() = default;

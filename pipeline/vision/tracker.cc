@@ -4,10 +4,12 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "pipeline/vision/detector.h"
 #include "pipeline/vision/klt.h"
+#include "pipeline/vision/mask.h"
 #include "pipeline/vision/pyramid.h"
 #include "pipeline/vision/track_table.h"
 #include "pipeline/vision/two_point.h"
@@ -23,7 +25,7 @@ void require(bool condition, const char* text) {
   if (!condition) throw std::invalid_argument(text);
 }
 
-void check(const Camera& camera, const TrackerConfig& c) {
+void check(const Camera& camera, const TrackerConfig& c, const Mask* mask) {
   require(camera.width() >= kMinImageSide && camera.height() >= kMinImageSide, "camera smaller than 64x64 px");
   require(c.max_features >= 1 && c.max_features <= TrackTable::kCapacity, "max_features out of range");
   require(c.levels >= 1 && c.levels <= kMaxLevels, "levels out of range");
@@ -31,17 +33,20 @@ void check(const Camera& camera, const TrackerConfig& c) {
   require(c.wide_span >= 2 && c.wide_span < TrackTable::kHistory, "wide_span out of range");
   require(c.border_px >= kCellMargin, "border_px below 4");
   require(c.cells_per_feature > 0, "cells_per_feature not positive");
+  require(!mask || (mask->width() == camera.width() && mask->height() == camera.height()),
+          "mask of another size than the camera's images");
 }
 
 }  // namespace
 
 struct Tracker::Impl {
-  Impl(const Camera& camera_, const TrackerConfig& config_)
+  Impl(const Camera& camera_, const TrackerConfig& config_, std::shared_ptr<const Mask> mask_)
       : camera(camera_),
         config(config_),
+        mask(std::move(mask_)),
         pyramids{Pyramid(camera_.width(), camera_.height(), config_.levels),
                  Pyramid(camera_.width(), camera_.height(), config_.levels)},
-        detector(camera_.width(), camera_.height(), config_),
+        detector(camera_.width(), camera_.height(), config_, mask.get()),
         templates(static_cast<std::size_t>(config_.max_features)) {
     rotation.fill(Mat3::Identity());
   }
@@ -52,6 +57,7 @@ struct Tracker::Impl {
   }
   void start_image(const Frame& image, const Mat3& R_CC0, const RowTurn& turn);
   void forget();
+  bool sees(float x, float y) const { return !mask || mask->sees(x, y); }
   int start_level(float innovation_px) const;
   void predict();
   void search();
@@ -72,6 +78,7 @@ struct Tracker::Impl {
 
   Camera camera;
   TrackerConfig config;
+  std::shared_ptr<const Mask> mask;
   TrackerStats stats;
   Pyramid pyramids[2];
   Detector detector;
@@ -200,6 +207,7 @@ void Tracker::Impl::search() {
     if (alive[i]) {
       update_track(i);
       take_bearing(i);
+      alive[i] = alive[i] && sees(tracks.x[i], tracks.y[i]);
       if (!alive[i]) end = KltEnd::kBorder;
     }
     count_end(end);
@@ -298,9 +306,9 @@ void Tracker::Impl::publish(std::uint32_t first_id, FixedVector<TrackedFeature, 
   }
 }
 
-Tracker::Tracker(const Camera& camera, const TrackerConfig& config) {
-  check(camera, config);
-  impl_ = std::make_unique<Impl>(camera, config);
+Tracker::Tracker(const Camera& camera, const TrackerConfig& config, std::size_t number) {
+  check(camera, config, config.masks[number].get());
+  impl_ = std::make_unique<Impl>(camera, config, config.masks[number]);
 }
 
 Tracker::~Tracker() = default;
@@ -340,6 +348,7 @@ void Tracker::fill(std::span<const std::array<float, 2>> taken, int most, std::u
   t.publish(first_id, out);
 }
 
+bool Tracker::sees(float x, float y) const noexcept { return impl_->sees(x, y); }
 void Tracker::reset() noexcept { impl_->forget(); }
 const TrackerStats& Tracker::stats() const noexcept { return impl_->stats; }
 const PyramidView& Tracker::pyramid() const noexcept { return impl_->current().view(); }

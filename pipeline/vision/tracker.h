@@ -19,7 +19,8 @@ namespace epiline {
 class Tracker {
  public:
   /// Images must have the camera's size, at least 64x64. Throws std::invalid_argument for a constant out of its range.
-  Tracker(const Camera& camera, const TrackerConfig& config);
+  /// `number`: of the camera, for its mask.
+  Tracker(const Camera& camera, const TrackerConfig& config, std::size_t number = 0);
   ~Tracker();
   Tracker(const Tracker&) = delete;
   Tracker& operator=(const Tracker&) = delete;
@@ -37,6 +38,9 @@ class Tracker {
   bool follow(const Frame& image, const Mat3& R_CC0, const RowTurn& rows = {}) noexcept;
   void fill(std::span<const std::array<float, 2>> taken, int most, std::uint32_t first_id,
             FixedVector<TrackedFeature, kMaxFeatures>& out) noexcept;
+
+  /// Whether the camera sees the world there, by its mask.
+  bool sees(float x, float y) const noexcept;
 
   /// Ends all tracks; ids go on.
   void reset() noexcept;

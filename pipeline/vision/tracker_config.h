@@ -1,11 +1,15 @@
 #pragma once
 // The front end's constants and counters. No Eigen: the image kernels include this and are compiled with flags of their
 // own.
+#include <array>
 #include <cstdint>
+#include <memory>
 
 #include "platform/samples/samples.h"
 
 namespace epiline {
+
+class Mask;
 
 /// Every constant of the front end. Grey values are 0 to 255; px are pixels of the camera's image unless a level is
 /// named.
@@ -43,6 +47,8 @@ struct TrackerConfig {
   float min_distance_px = 20.f;           ///< of a new feature from any track
   float min_score = 6.f;                  ///< smaller eigenvalue of the mean structure tensor, (grey/px)^2, less ...
   float edge_share = 0.1f;                ///< ... this share of the larger one: an edge is no corner
+
+  std::array<std::shared_ptr<const Mask>, 1 + kMostOthers> masks;  ///< of each camera; null: it sees the world only
 };
 
 /// Counts since construction; reset() keeps them.
@@ -53,8 +59,8 @@ struct TrackerStats {
   std::uint64_t tried = 0;           ///< tracks looked for in a next image
   std::uint64_t tracked = 0;         ///< found there and kept
   std::uint64_t detected = 0;        ///< new tracks
-  std::uint64_t lost_border = 0;     ///< left the image or came within about 9 px of its border
-  std::uint64_t lost_flat = 0;       ///< no texture left
+  std::uint64_t lost_border = 0;  ///< left the image, came within about 9 px of its border, or onto black of the mask
+  std::uint64_t lost_flat = 0;    ///< no texture left
   std::uint64_t lost_diverged = 0;
   std::uint64_t lost_correlation = 0;
   std::uint64_t lost_backward = 0;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "drivers/flights/recordings/mask_file.h"
 #include "drivers/links/can/can_output.h"
 #include "drivers/links/mavlink/link.h"
 #include "drivers/links/mavlink/odometry_encoder.h"
@@ -149,7 +150,7 @@ Status read_other_camera(LiveSettings& settings, std::size_t other) {
   config.estimator.others[other] = {true, camera->R_BC, camera->p_BC, p.readout_s,
                                     device.free_running ? pairs_within_s(config.devices, other) : 0};
   settings.others[other] = *camera;
-  return Done{};
+  return read_mask(other + 1, p, config);
 }
 
 Status read_camera(LiveSettings& settings) {
@@ -160,6 +161,7 @@ Status read_camera(LiveSettings& settings) {
   set_shutter(config.devices.camera, settings.camera);
   config.estimator.extrinsics = {camera->R_BC, camera->p_BC, Camera(camera->parameters).focal_px(),
                                  camera->time_offset_s, settings.camera.readout_s};
+  if (const Status s = read_mask(0, settings.camera, config); !s) return s;
   for (std::size_t other = 0; other + 1 < camera_count(config.devices); ++other)
     if (const Status s = read_other_camera(settings, other); !s) return s;
   return Done{};

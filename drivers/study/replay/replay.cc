@@ -9,6 +9,7 @@
 #include "drivers/flights/recordings/flight_plan.h"
 #include "drivers/flights/recordings/image_file.h"
 #include "drivers/flights/recordings/loop.h"
+#include "drivers/flights/recordings/mask_file.h"
 #include "drivers/flights/recordings/recorded_sensors.h"
 #include "drivers/study/replay/inside.h"
 #include "pipeline/config/config.h"
@@ -95,6 +96,13 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
   if (options.deadline_ms) config.deadline_ms = *options.deadline_ms;
   if (!options.record_folder.empty()) config.recorder.folder = options.record_folder.string();
   config.recorder.images |= options.record_images;
+}
+
+Status read_masks(const AslDataset& dataset, Config& config) {
+  if (const Status s = read_mask(0, dataset.camera.parameters, config); !s) return s;
+  for (std::size_t i = 0; i < dataset.others.size(); ++i)
+    if (const Status s = read_mask(i + 1, dataset.others[i]->camera.parameters, config); !s) return s;
+  return Done{};
 }
 
 /// Which setting leaves what other cameras see unused; empty: none does.
@@ -278,6 +286,7 @@ Result<ReplayResult> replay(const ReplayOptions& options,
   for (const auto& other : dataset->others) set_shutter(config.devices.camera, other->camera.parameters);
   if (options.alter) options.alter(*dataset);
   fill_config(*dataset, file ? &*file : nullptr, options, config);
+  if (const Status s = read_masks(*dataset, config); !s) return s.error();
   if (const std::string why = dataset->others.empty() ? "" : why_others_are_unused(config.estimator); !why.empty())
     dataset->notes.push_back("the flight is estimated from cam0 alone, no other camera is used: " + why);
   if (options.loop_s) loop_flight(*dataset, *options.loop_s);

@@ -11,7 +11,7 @@
 namespace epiline {
 namespace {
 
-constexpr float kEdgeShare = TrackerConfig{}.edge_share;
+const float kEdgeShare = TrackerConfig{}.edge_share;
 
 // Score of the 6x6 px round the 2x2 block whose top left pixel is (x, y), straight from its definition.
 double reference_score(const TestImage& image, int x, int y) {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "pipeline/stages/front_end.h"
+#include "pipeline/vision/mask.h"
 #include "pipeline/vision/tracker.h"
 #include "platform/memory/allocation_count.h"
 #include "tests/pipeline/vision/support.h"
@@ -308,6 +309,26 @@ TEST(SecondTracker, ACoveredLensGivesNoViews) {
   std::size_t after = 0;
   for (int image = 0; image < 9; ++image) after = rig.step().others[0].views.size();
   EXPECT_GT(after, 0.8 * static_cast<double>(before));
+}
+
+TEST(SecondTracker, HasNeitherViewsNorTracksWhereItsMaskIsBlack) {
+  constexpr float kLeastX = 120 + 8 - 0.5f;  // half a patch beside the vehicle
+  TestImage picture(320, 240);
+  picture.fill([](int x, int) { return x < 120 ? 0 : 255; });
+  TrackerConfig config;
+  config.masks[1] = std::make_shared<const Mask>(picture.view());
+  Rig free(usual_rig()), masked(usual_rig(), usual_rig(), config);
+  std::size_t seen_there = 0, seen = 0;
+  const auto is_there = [](const auto& f) { return f.pixel[0] < kLeastX; };
+  for (int image = 0; image < 10; ++image) {
+    for (const SecondView& v : free.step().others[0].views) seen_there += is_there(v);
+    const OtherTracks& out = masked.step().others[0];
+    EXPECT_TRUE(std::none_of(out.views.begin(), out.views.end(), is_there));
+    EXPECT_TRUE(std::none_of(out.alone.begin(), out.alone.end(), is_there));
+    seen = out.views.size();
+  }
+  EXPECT_GT(seen_there, 50u);
+  EXPECT_GT(seen, 30u);
 }
 
 // The chain of a view ends where an image is missing: the next one is a new match.

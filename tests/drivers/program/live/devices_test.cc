@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "drivers/flights/recordings/image_codecs.h"
 #include "drivers/links/can/can_output.h"
 #include "drivers/links/mavlink/link.h"
 #include "drivers/sensors/camera/camera_pair.h"
@@ -169,6 +170,23 @@ TEST(Devices, WhatTheyCountIsExplainedInTheirPages) {
   expect_told_in("mavlink.md", mavlink::kControllerImuCounters);
   expect_told_in("can.md", kCanCounters);
   expect_told_in("can.md", kWheelCounters);
+}
+
+TEST(Devices, AMaskLiesBesideTheFileThatNamesIt) {
+  const Files files;
+  const auto with_mask = [&](int width) {
+    const std::vector<std::uint8_t> white(static_cast<std::size_t>(width) * 480, 255);
+    files.write("mask.png", png_of({white.data(), width, 480, width}));
+    return read_live_settings(files.config("mask = \"mask.png\"\n", ""));
+  };
+  const auto settings = with_mask(640);
+  ASSERT_TRUE(settings) << settings.error().text();
+  EXPECT_NE(settings->config.tracker.masks[0], nullptr);
+  const auto wrong = with_mask(600);
+  ASSERT_FALSE(wrong);
+  EXPECT_EQ(wrong.error().text(), files.folder() +
+                                      "/mask.png: 600 x 480; expected 640 x 480, the size of the camera's "
+                                      "images (camera.mask)");
 }
 
 // ---- two cameras ----
