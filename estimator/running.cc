@@ -107,7 +107,11 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
       rethinking_s = kRethinking_s;
     carried.P += covariance_between_maxima(window.calibration_prior, window.calibration,
                                            solver.calibration_covariance(), solver.cross_covariance());
-    stats.calibration = found(window.calibration, calibration_covariance.diagonal());
+    const Vec3 doubt = doubt_of_lens(window.calibration_prior, window.calibration, window.rig);
+    carried.P += covariance_of_doubt(doubt, solver.calibration_covariance(), solver.cross_covariance());
+    CalibrationTangent variances = calibration_covariance.diagonal();
+    variances.segment<3>(kFocalColumn) += doubt;
+    stats.calibration = found(window.calibration, variances);
   }
   FrameEvidence evidence;
   evidence.overloaded = effort.reduced();

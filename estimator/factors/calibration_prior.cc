@@ -17,6 +17,9 @@ constexpr double kUnlikely = 1e-3;  // another maximum adds nothing then
 constexpr double kFading_s = 5;     // another maximum that is seen no more: a window that says little loses it
 constexpr double kSame = 0.1;       // relative difference of maxima
 constexpr double kFarthest = 1;     // rad, m, relative: where the search for one that is far begins
+// Relative: by so much do two calibrations of one lens differ in local magnification, rms over the image
+// (docs/decisions/2026-11-28-claims-of-the-calibration.md).
+constexpr double kLensShape = 4e-3;
 
 double square(double x) { return x * x; }
 double freedom_and_numbers(const CalibrationPart& p) { return kFreedom + p.numbers; }
@@ -158,6 +161,28 @@ StateCovariance covariance_between_maxima(const CalibrationPrior& prior, const C
                     : add_between_maxima<3>(*p, d, covariance, cross, P);
   }
   return P;
+}
+
+// A lens that is not as long as it was calibrated need not have the calibrated shape either.
+Vec3 doubt_of_lens(const CalibrationPrior& prior, const Calibration& solved, const Rig& rig) noexcept {
+  const double shape = std::min(std::abs(solved.focal - prior.configured.focal), kLensShape);
+  double baseline = 0;
+  for (std::size_t i = 1; i < rig.poses.size(); ++i)
+    if (rig.use[i]) baseline = std::max(baseline, rig.poses[i].p_CD.norm());
+  const double depth = baseline > 0 ? std::min(prior.translation.sigma / baseline, kLensShape) : 0;
+  const auto of = [](const CalibrationPart& p, double variance) { return p.sigma > 0 ? variance : 0; };
+  return {of(prior.focal, square(shape) + square(depth)), of(prior.accelerometer_scale, square(shape)),
+          of(prior.gyroscope_scale, square(shape))};
+}
+
+StateCovariance covariance_of_doubt(const Vec3& doubt, const CalibrationCovariance& covariance,
+                                    const CrossCovariance& cross) noexcept {
+  CalibrationCovariance P = covariance;
+  for (int i = 0; i < kCalibration; ++i)
+    if (!(P(i, i) > 0)) P(i, i) = 1;  // not estimated: no state follows it
+  const CrossCovariance slopes = P.ldlt().solve(cross.transpose()).transpose();
+  const auto moved = slopes.middleCols<3>(kFocalColumn);
+  return moved * doubt.asDiagonal() * moved.transpose();
 }
 
 }  // namespace epiline

@@ -27,4 +27,12 @@ StateCovariance covariance_between_maxima(const CalibrationPrior& prior, const C
                                           const CalibrationCovariance& covariance,
                                           const CrossCovariance& cross) noexcept;
 
+/// Variances of the focal length and of both scales of the IMU, in the order of their columns, that the tracks cannot
+/// tell: what a lens of another shape than its model's does to all three, and, with several cameras, what an error of
+/// their baseline does to the focal length.
+Vec3 doubt_of_lens(const CalibrationPrior& prior, const Calibration& solved, const Rig& rig) noexcept;
+/// What that adds to the covariance of the newest state, by its covariance `cross` with the solved calibration.
+StateCovariance covariance_of_doubt(const Vec3& doubt, const CalibrationCovariance& covariance,
+                                    const CrossCovariance& cross) noexcept;
+
 }  // namespace epiline

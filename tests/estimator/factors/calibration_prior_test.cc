@@ -197,6 +197,50 @@ TEST(CalibrationPrior, MovesTheStateAsItsCovarianceWithTheCalibrationSays) {
   EXPECT_LT((added - 0.3 * state * state.transpose()).norm(), 1e-6 * added.norm());
 }
 
+/// A lens that is as long as it was calibrated keeps its claims; of another one the shape is open, too.
+TEST(CalibrationPrior, DoubtsTheShapeOfALensThatIsNotAsLongAsCalibrated) {
+  CalibrationPrior prior;
+  prior.focal.sigma = 3e-4;
+  prior.translation.sigma = 5e-4;
+  prior.accelerometer_scale.sigma = prior.gyroscope_scale.sigma = 1e-3;
+  Rig rig;
+  Calibration solved;
+  EXPECT_EQ(doubt_of_lens(prior, solved, rig), Vec3(0, 0, 0));
+  solved.focal = -0.002;
+  EXPECT_LT((doubt_of_lens(prior, solved, rig).cwiseSqrt() - Vec3::Constant(0.002)).norm(), 1e-12);
+  solved.focal = 0.05;
+  EXPECT_LT((doubt_of_lens(prior, solved, rig).cwiseSqrt() - Vec3::Constant(0.004)).norm(), 1e-12)
+      << "a wrong number says little of the lens' shape";
+  prior.gyroscope_scale.sigma = 0;
+  EXPECT_EQ(doubt_of_lens(prior, solved, rig)[2], 0) << "not estimated";
+  solved.focal = 0;
+  rig.use[1] = true;
+  rig.poses[1].p_CD = Vec3(0.25, 0, 0);
+  EXPECT_NEAR(std::sqrt(doubt_of_lens(prior, solved, rig)[0]), 0.002, 1e-12)
+      << "two cameras know it as well as their baseline";
+}
+
+/// As if the calibration had been measured with so much more noise: the state follows all of the calibration.
+TEST(CalibrationPrior, DoubtMovesTheStateWithTheCalibration) {
+  std::mt19937_64 random(4);
+  std::normal_distribution<double> normal;
+  const Eigen::MatrixXd A = Eigen::MatrixXd::NullaryExpr(16 + kCalibration, 40, [&] { return normal(random); });
+  const Eigen::MatrixXd joint = A * A.transpose();
+  CalibrationCovariance P = joint.bottomRightCorner(kCalibration, kCalibration);
+  CrossCovariance cross = joint.topRightCorner(16, kCalibration);
+  const Vec3 doubt(0.1, 0.2, 0.3);
+  const Eigen::MatrixXd slopes = cross * P.inverse();
+  const StateCovariance expected =
+      slopes.middleCols(kFocalColumn, 3) * doubt.asDiagonal() * slopes.middleCols(kFocalColumn, 3).transpose();
+  EXPECT_LT((covariance_of_doubt(doubt, P, cross) - expected).norm(), 1e-9 * expected.norm());
+  for (int c = 0; c < kCalibration; ++c) {  // nothing is estimated
+    P.row(c).setZero();
+    P.col(c).setZero();
+    cross.col(c).setZero();
+  }
+  EXPECT_EQ(covariance_of_doubt(doubt, P, cross), StateCovariance::Zero());
+}
+
 TEST(CalibrationPrior, DoubtsForSecondsWhatAPoorWindowShowsNoMore) {
   CalibrationPrior prior;
   prior.focal.sigma = 1e-4;
