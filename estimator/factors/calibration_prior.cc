@@ -182,7 +182,8 @@ StateCovariance covariance_of_doubt(const Vec3& doubt, const CalibrationCovarian
     if (!(P(i, i) > 0)) P(i, i) = 1;  // not estimated: no state follows it
   const CrossCovariance slopes = P.ldlt().solve(cross.transpose()).transpose();
   const auto moved = slopes.middleCols<3>(kFocalColumn);
-  return moved * doubt.asDiagonal() * moved.transpose();
+  const StateCovariance P_added = moved * doubt.asDiagonal() * moved.transpose();
+  return (P_added + P_added.transpose()) / 2;  // to the last digit
 }
 
 }  // namespace epiline

@@ -248,6 +248,10 @@ TEST_F(FlightRecorderTest, LostMakesARecordAfterAWhileAndNotTooOften) {
   fly_seconds(recorder, 10);
   const std::int64_t lost_at = now_;
   fly(recorder, HealthState::kLost);
+  const fs::path first = fs::path(config_.folder) / "record-001-lost-begin";
+  for (int i = 0; i < 5000 && !fs::exists(first); ++i)  // flown seconds are faster than a disk
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  ASSERT_TRUE(fs::exists(first));
   fly_seconds(recorder, 0.9, HealthState::kLost);
   ASSERT_EQ(fly_until_done(recorder), EventId::kRecordWritten);
   ASSERT_EQ(count(), 1u);
