@@ -53,7 +53,7 @@ std::optional<VisualFactor> visual_factor_from(const std::string& name) {
   {nth "_camera.calibration", "", 0, 0,                                                                               \
    "its calibration file (ASL or Kalibr, there as " in_chain "); default: " in_chain " of camera.calibration",        \
    EPILINE_AT(devices.other_cameras[i].calibration)},                                                                 \
-  {nth "_camera.mask", "", 0, 0, "picture of its size, as camera.mask", EPILINE_AT(masks[i + 1]), true},               \
+  {nth "_camera.mask", "", 0, 0, "picture of its size, as camera.mask", EPILINE_AT(masks[(i) + 1]), true},             \
   {nth "_camera.free_running", "", 0, 0,                                                                              \
    "it is not triggered together with the first one: each of its images has its own time",                            \
    EPILINE_AT(devices.other_cameras[i].free_running)},                                                                \

@@ -143,9 +143,9 @@ void OutputFolder::list() const {
     const auto was = foreign_.find(file.first);
     return file.second.empty() || (was != foreign_.end() && was->second == file.second);
   });
-  for (const auto& [file, sum] : before)
-    if (std::none_of(names_.begin(), names_.end(), [&](const std::string& name) { return is_within(file, name); }))
-      own[file] = sum;
+  for (const auto& was : before)
+    if (std::none_of(names_.begin(), names_.end(), [&](const std::string& name) { return is_within(was.first, name); }))
+      own.insert_or_assign(was.first, was.second);
   if (own == before) return;
   std::string text(kListHeader);
   for (const auto& [file, sum] : own) text.append(sum).append(" ").append(file).append("\n");

@@ -101,10 +101,11 @@ class FlightRecorderTest : public testing::Test {
   }
   /// Until one more record is written or has failed, flying on for at most 5 s: the tape has no room for more while a
   /// writer without a processor holds the record.
-  EventId fly_until_done(FlightRecorder& recorder) {
+  EventId wait_until_done(FlightRecorder& recorder) { return fly_until_done(recorder, 0); }
+  EventId fly_until_done(FlightRecorder& recorder, int most = 100) {
     Event event;
     for (int i = 0; !recorder.events().pop(event); ++i) {
-      if (i < 100)
+      if (i < most)
         fly(recorder);
       else
         recorder.pass(HostStamp{now_});
@@ -252,8 +253,8 @@ TEST_F(FlightRecorderTest, LostMakesARecordAfterAWhileAndNotTooOften) {
   for (int i = 0; i < 5000 && !fs::exists(first); ++i)  // flown seconds are faster than a disk
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   ASSERT_TRUE(fs::exists(first));
-  fly_seconds(recorder, 0.9, HealthState::kLost);
-  ASSERT_EQ(fly_until_done(recorder), EventId::kRecordWritten);
+  fly_seconds(recorder, 1, HealthState::kLost);
+  ASSERT_EQ(wait_until_done(recorder), EventId::kRecordWritten);
   ASSERT_EQ(count(), 1u);
   const auto written = times(records().at(0) / "states.csv");
   EXPECT_EQ(records().at(0).filename(), "record-001-lost");
