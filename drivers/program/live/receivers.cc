@@ -26,9 +26,9 @@ Status Receivers::try_one(std::size_t i) {
 }
 
 void Receivers::keep_trying() {
-  constexpr std::int64_t kBetweenTries_ns = 500'000'000;
+  constexpr std::int64_t kBetweenOpenings_ns = 500'000'000;
   const auto stops = [this] { return stops_.load(std::memory_order_acquire); };
-  for (bool all = false; !all && !pause_.wait_until(monotonic_ns() + kBetweenTries_ns, stops);) {
+  for (bool all = false; !all && !pause_.wait_until(monotonic_ns() + kBetweenOpenings_ns, stops);) {
     all = true;
     for (std::size_t i = 0; i < outputs_.size() && !stops(); ++i)
       if (!states_[i].is_open.load(std::memory_order_relaxed)) all &= static_cast<bool>(try_one(i));
