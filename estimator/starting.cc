@@ -170,9 +170,10 @@ std::optional<StartRefusal> Estimator::Impl::try_start(const TrackedFrame& frame
 std::optional<StartRefusal> Estimator::Impl::start_at_rest(const TrackedFrame& frame) {
   const ImuStatistics readings = stationary.statistics();
   if (!rest.images_calm() || !stationary.is_filled(readings)) return StartRefusal::kNoParallax;
+  const WheelMotion wheels = wheel_motion();
+  if (wheels == WheelMotion::kTurn) return StartRefusal::kNoParallax;
   const bool may_shake = is_of_newest_frame(readings) &&
-                         (noise_bounds.shakes(noise.accelerometer_density) || wheel_motion() == WheelMotion::kStand);
-  if (wheel_motion() == WheelMotion::kTurn) return StartRefusal::kNoParallax;
+                         (noise_bounds.shakes(noise.accelerometer_density) || wheels == WheelMotion::kStand);
   if (!may_shake && !stationary.is_stationary(readings)) return StartRefusal::kNoParallax;
   if (const double force = readings.mean_specific_force.norm(); !can_be_gravity(force)) {
     numbers_wrong = Severity::kGross;

@@ -9,7 +9,7 @@ namespace {
 constexpr double kSpeedMemory_s = 8, kEnough_s = 5;
 constexpr double kSlow_m_s = 0.1;     // below, nothing is said
 constexpr double kSteady_m_s2 = 0.1;  // accelerations of no use for a delay
-constexpr double kSame_s = 1;         // may be stuck, which is told a little later
+constexpr double kSame_s = 1;         // the wheels may be stuck: wait for that verdict
 constexpr double kSame_m_s = 1e-3;    // the same reading again
 constexpr double kStuckSpread = 0.3;  // m/s, of the vehicle's speed meanwhile
 constexpr double kSpreadSigmas = 4;

@@ -219,7 +219,7 @@ void FlightRecorder::Impl::write(const RecordOrder& asked) {
   if (is_first) {
     first_number = order.number;
     first_part = written ? name : fs::path();
-    if (written) return;  // it is told when it is whole
+    if (written) return;  // the event comes with the whole record
   } else if (asked.part == RecordPart::kSecond && written && !first_part.empty()) {
     std::error_code ignored;
     fs::remove_all(std::exchange(first_part, {}), ignored);

@@ -117,7 +117,7 @@ Status write_text(const std::filesystem::path& path, const std::string& text) {
   if (exists && !S_ISREG(old.st_mode)) {
     error = write_whole(place, 0, text, &old);  // a terminal, a pipe
   } else {
-    const std::string made = place.string() + ".new";
+    const std::string made = place.string() + ".epiline-new";  // no name of a user's file
     error = write_whole(made, O_CREAT | O_TRUNC, text, exists ? &old : nullptr);
     if (error == 0 && std::rename(made.c_str(), place.c_str()) != 0) error = errno;
     if (error != 0) ::unlink(made.c_str());

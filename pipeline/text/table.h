@@ -14,8 +14,8 @@ namespace epiline {
 /// to its end, or its gzip stream is damaged or cut short.
 Result<std::string> read_text(const std::filesystem::path& path);
 
-/// Replaces the file: whoever reads it, also after the power was cut, finds the old text or the new one, whole. Keeps
-/// owner and permissions. Fails, and leaves the old file, if and only if it cannot be written to its end.
+/// Replaces the file. A reader finds the whole old text or the whole new one, also after a power cut. Keeps owner and
+/// permissions. If the new text cannot be written to its end, it fails and leaves the old file.
 Status write_text(const std::filesystem::path& path, const std::string& text);
 
 /// Makes the folder and those above it where they do not exist. Fails if and only if that is impossible.

@@ -89,9 +89,10 @@ Error RecordFile::damaged(std::uint64_t offset, const std::string& what) const {
   return no_bag(path_, what + " at byte " + std::to_string(offset));
 }
 
-void RecordFile::ends_early(std::uint64_t offset) {
+Status RecordFile::ends_early(std::uint64_t offset) {
   note_ = path_.string() + ": ends early, as after an interruption: read up to byte " + std::to_string(offset) +
           " of " + std::to_string(file_.size());
+  return Done{};
 }
 
 Result<std::span<const std::uint8_t>> RecordFile::open_chunk(const Chunk& chunk) {

@@ -43,8 +43,8 @@ class BagReader {
   BagReader(const BagReader&) = delete;
   BagReader& operator=(const BagReader&) = delete;
 
-  /// Shows every message once, in the file's order; an index is not needed. A file that ends early is read up to there,
-  /// and note() says so. Fails if and only if the file is damaged before its end.
+  /// Shows every message once, in the file's order; an index is not needed. A file that ends early is read up to that
+  /// place, which note() then tells. Fails if the file is damaged before its end.
   virtual Status scan(const See& see) = 0;
   /// One message again; valid until the next call. Fails if and only if it cannot be read any more.
   virtual Result<std::span<const std::uint8_t>> read(const BagPlace& place) = 0;
@@ -78,7 +78,8 @@ class RecordFile : public BagReader {
   std::uint32_t chunks() const { return static_cast<std::uint32_t>(chunks_.size()); }
   const RandomFile& file() const { return file_; }
   Error damaged(std::uint64_t offset, const std::string& what) const;
-  void ends_early(std::uint64_t offset);
+  /// For the end of a scan: what is left is no whole record, and note() says so.
+  Status ends_early(std::uint64_t offset);
 
  private:
   Result<std::span<const std::uint8_t>> unpack_chunk(std::uint32_t number);

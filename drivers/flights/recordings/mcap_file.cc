@@ -38,21 +38,17 @@ class McapFile final : public RecordFile {
     Bytes head, content;
     for (std::uint64_t at = kMcapMagic;;) {
       const std::uint64_t begin = at;
-      const auto ends = [&] {
-        ends_early(begin);
-        return Done{};
-      };
-      if (!file().read(at, kMcapHead, head)) return ends();
+      if (!file().read(at, kMcapHead, head)) return ends_early(begin);
       ByteReader in(head);
       const auto op = in.number<std::uint8_t>();
       const auto size = in.number<std::uint64_t>();
       at += kMcapHead;
       if (op == kMcapEnd || op == kMcapFooter) return Done{};
-      if (!file().holds(at, size)) return ends();
+      if (!file().holds(at, size)) return ends_early(begin);
       if (op == kMcapChunk) {
         if (const Status s = scan_chunk(at, size, see); !s) return s;
       } else if (op == kMcapSchema || op == kMcapChannel || op == kMcapMessage) {
-        if (!file().read(at, size, content)) return ends();
+        if (!file().read(at, size, content)) return ends_early(begin);
         if (!take(op, content, {0, 0, at, size}, see)) return damaged(begin, "an incomplete record");
       }
       at += size;

@@ -57,21 +57,17 @@ class Ros1Bag final : public RecordFile {
     Bytes head, data;
     for (std::uint64_t at = kRos1Begin; at < file().size();) {
       const std::uint64_t begin = at;
-      const auto ends = [&] {
-        ends_early(begin);
-        return Done{};
-      };
       std::uint64_t head_size = 0, data_size = 0;
-      if (!read_size(at, head_size) || !file().read(at, head_size, head)) return ends();
+      if (!read_size(at, head_size) || !file().read(at, head_size, head)) return ends_early(begin);
       at += head_size;
-      if (!read_size(at, data_size) || !file().holds(at, data_size)) return ends();
+      if (!read_size(at, data_size) || !file().holds(at, data_size)) return ends_early(begin);
       const Ros1Fields fields(head);
       const auto op = fields.number<std::uint8_t>("op");
       if (!fields.good || !op) return damaged(begin, "no record");
       if (*op == kRos1Chunk) {
         if (const Status s = scan_chunk(fields, at, data_size, see); !s) return s;
       } else if (*op == kRos1Message || *op == kRos1Connection) {
-        if (!file().read(at, data_size, data)) return ends();
+        if (!file().read(at, data_size, data)) return ends_early(begin);
         if (!take(*op, fields, data, {0, 0, at, data_size}, see)) return damaged(begin, "an incomplete record");
       }
       at += data_size;

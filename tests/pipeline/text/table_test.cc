@@ -142,15 +142,15 @@ class WriteText : public testing::Test {
 // On a full disk, or with the power gone, the old file is still there, whole.
 TEST_F(WriteText, TheOldFileStaysUntilTheNewOneIsWhole) {
   ASSERT_TRUE(write_text(file_, "old"));
-  fs::create_directories(file_.string() + ".new");  // the new one cannot be made
+  fs::create_directories(file_.string() + ".epiline-new");  // the new one cannot be made
   EXPECT_FALSE(write_text(file_, "new"));
   EXPECT_EQ(*read_text(file_), "old");
-  fs::remove(file_.string() + ".new");
+  fs::remove(file_.string() + ".epiline-new");
   std::ifstream reader(file_);  // who has the old one open reads it to its end
   ASSERT_TRUE(write_text(file_, "new"));
   EXPECT_EQ(std::string(std::istreambuf_iterator<char>(reader), {}), "old");
   EXPECT_EQ(*read_text(file_), "new");
-  EXPECT_FALSE(fs::exists(file_.string() + ".new"));
+  EXPECT_FALSE(fs::exists(file_.string() + ".epiline-new"));
 }
 
 TEST_F(WriteText, LinksAndPermissionsStay) {

@@ -407,7 +407,7 @@ TEST_F(Record, ASignalDuringTheStartLeavesNothingBehind) {
   EXPECT_TRUE((r && r->last.counts.images > 0) || !fs::exists(root()));
 }
 
-/// Waits for its first sample until it is told to give up.
+/// Waits for its first sample until the recorder stops it.
 class WaitingImu final : public StandingImu {
  public:
   Status open() override {
