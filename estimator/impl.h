@@ -78,6 +78,7 @@ struct Estimator::Impl {
   StepResult step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort);
   bool cut(const TrackedFrame& frame);
   KnownState predicted_newest() const;
+  void take_from_solver(const NavState& predicted, double dt_s);
   void doubt_origin(const NavState& predicted, double dt_s);
   void attach(const TrackedFrame& frame);
   bool has_left(bool shakes) const;

@@ -91,28 +91,7 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   carried = predicted;
   carried.x = window.newest().x;
   carried.silent = false;
-  if (s.solved()) {
-    carried.P = solver.covariance();
-    carried.with_calibration = solver.cross_covariance();
-    watch_wheels();
-    learn_walks();
-    calibration_covariance = solver.calibration_covariance();
-    if (const Slot& old = window.at(std::max(0, window.size() - 1 - kRecentFrames)); old.attitude_held) {
-      stood = old.x.R;
-      stood_at = old.time;
-    }
-    doubt_origin(predicted.x, dt_s);
-    if (look_far(solver.calibration_covariance(), solver.linearised_at(), window.calibration, dt_s,
-                 window.calibration_prior))
-      rethinking_s = kRethinking_s;
-    carried.P += covariance_between_maxima(window.calibration_prior, window.calibration,
-                                           solver.calibration_covariance(), solver.cross_covariance());
-    const Vec3 doubt = doubt_of_lens(window.calibration_prior, window.calibration, window.rig);
-    carried.P += covariance_of_doubt(doubt, solver.calibration_covariance(), solver.cross_covariance());
-    CalibrationTangent variances = calibration_covariance.diagonal();
-    variances.segment<3>(kFocalColumn) += doubt;
-    stats.calibration = found(window.calibration, variances);
-  }
+  if (s.solved()) take_from_solver(predicted.x, dt_s);
   FrameEvidence evidence;
   evidence.overloaded = effort.reduced();
   evidence.innovation = innovation(predicted.x, predicted.P, carried.x);
@@ -142,6 +121,29 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   const std::uint64_t keyframes = stats.keyframes;
   slide(supervisor);
   return {true, true, stats.keyframes > keyframes};
+}
+
+/// What the solver claims, with what it cannot know: other maxima of the calibration, and the shape of the lens.
+void Estimator::Impl::take_from_solver(const NavState& predicted, double dt_s) {
+  carried.P = solver.covariance();
+  carried.with_calibration = solver.cross_covariance();
+  calibration_covariance = solver.calibration_covariance();
+  watch_wheels();
+  learn_walks();
+  if (const Slot& old = window.at(std::max(0, window.size() - 1 - kRecentFrames)); old.attitude_held) {
+    stood = old.x.R;
+    stood_at = old.time;
+  }
+  doubt_origin(predicted, dt_s);
+  if (look_far(calibration_covariance, solver.linearised_at(), window.calibration, dt_s, window.calibration_prior))
+    rethinking_s = kRethinking_s;
+  const Vec3 doubt = doubt_of_lens(window.calibration_prior, window.calibration, window.rig);
+  carried.P += covariance_between_maxima(window.calibration_prior, window.calibration, calibration_covariance,
+                                         carried.with_calibration) +
+               covariance_of_doubt(doubt, calibration_covariance, carried.with_calibration);
+  CalibrationTangent variances = calibration_covariance.diagonal();
+  variances.segment<3>(kFocalColumn) += doubt;
+  stats.calibration = found(window.calibration, variances);
 }
 
 /// A window that finds its calibration far off moves: by as much was the origin wrong, which the start called exact.
