@@ -17,9 +17,6 @@ namespace epiline {
 
 namespace {
 constexpr double kMountElsewhere = 0.17;  // rad
-// Frames that stay for their own sake behind the newest one. With three, the newest velocity still hangs on a long
-// interval now and then; more leave too few keyframes (docs/derivations/marginalisation.md).
-constexpr int kRecentFrames = 4;
 // Beyond, the biases' first-order corrections are worth little, and the readings may be gone.
 constexpr double kLongestInterval_s = 5;
 constexpr double kLongRest_s = 2;     // over which the IMU loses less of the velocity than rest tells

@@ -78,7 +78,7 @@ double EpipolarFactor::cost(const Window& w) noexcept {
 
 void EpipolarFactor::marginalise_oldest(const Window& w, const VisualSettings& s, VisualSystem& out) noexcept {
   if (!memory_->sorted.is_of(w)) collect(w, s);
-  run(w, w.size() - 1, true, out);
+  run(w, w.lasting(), true, out);
 }
 
 }  // namespace epiline

@@ -284,7 +284,7 @@ void TrackFactor::linearise(const Window& w, VisualSystem& out) noexcept {
 /// Of the window as it was collected: the batches that hold frame 0's tracks stand side by side.
 void TrackFactor::marginalise_oldest(const Window& w, const VisualSettings& s, VisualSystem& out) noexcept {
   if (!memory_->sorted.is_of(w)) collect(w, s);
-  const int frames = w.size() - 1;
+  const int frames = w.lasting();
   const int middle = memory_->sorted.batches_of_others();
   int begin = middle, end = middle;
   while (begin > 0 && memory_->batch[begin - 1].first == 0) --begin;

@@ -47,8 +47,8 @@ class VisualFactorModel {
   virtual void linearise(const Window& window, VisualSystem& out) noexcept = 0;
   /// The cost alone, with the gate as the last linearisation left it.
   virtual double cost(const Window& window) noexcept = 0;
-  /// The information that frame 0's bearings add, given the frames 1..n-2 (the newest may still be dropped), over
-  /// frames 0..n-2; over all frames if prior_reaches_newest().
+  /// The information that frame 0's bearings add, given those of the other frames that last (Window::lasting), over
+  /// the lasting frames; over all frames if prior_reaches_newest().
   virtual void marginalise_oldest(const Window& window, const VisualSettings& settings, VisualSystem& out) noexcept = 0;
   /// True if the solver may accept an insignificant step (docs/derivations/solver.md) without a trial. This requires a
   /// cost that depends on the window's states only and is close to its quadratic model there.

@@ -86,7 +86,7 @@ void freeze_first_estimates(Window& w, int m) {
 }  // namespace
 
 void Marginaliser::marginalise_oldest(Window& w, VisualFactorModel& visual, const VisualSettings& settings) {
-  const Layout at{visual.prior_reaches_newest() ? w.size() : w.size() - 1};
+  const Layout at{visual.prior_reaches_newest() ? w.size() : w.lasting()};
   Matrix A = memory_->A;
   double* b = memory_->b;
   clear(A, b, at.total());

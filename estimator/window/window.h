@@ -1,6 +1,7 @@
 #pragma once
 // The sliding window: frames, tracks, calibration, and the prior from marginalised states. Fixed capacity; frames are
 // reordered by index, never moved.
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
@@ -21,6 +22,10 @@ inline Mat23 chart_of(const Observation& o) {
 }
 /// `f_C`: a unit vector; `chart`: d pixel / d f there, rad to px. The other numbers stay.
 void set_view(const Vec3& f_C, const Mat23& chart, Observation& o);
+
+/// Frames that stay for their own sake behind the newest one. With three, the newest velocity still hangs on a long
+/// interval now and then; more leave too few keyframes (docs/derivations/marginalisation.md).
+inline constexpr int kRecentFrames = 4;
 
 inline constexpr int kViewCells = 1024;  ///< 32 x 32 squares of 64 pixels; what is beyond shares the outermost
 
@@ -158,6 +163,8 @@ class Window {
   int size() const { return size_; }
   int capacity() const { return capacity_; }
   bool full() const { return size_ >= capacity_; }
+  /// Frames, from the oldest on, that stay until they are the oldest.
+  int lasting() const { return std::max(2, size_ - 1 - undecided); }
   /// Frames in time order, 0 the oldest.
   Slot& at(int k) { return slots_[order_[static_cast<std::size_t>(k)]]; }
   const Slot& at(int k) const { return slots_[order_[static_cast<std::size_t>(k)]]; }
@@ -201,6 +208,7 @@ class Window {
   /// Track index by id; -1: unknown.
   int find(std::uint32_t id) const;
 
+  int undecided = 0;  ///< frames behind the newest that may still be dropped
   Rig rig;
   Calibration calibration;
   CalibrationPrior calibration_prior;

@@ -232,6 +232,39 @@ TEST(Marginalisation, TakesTheFrameOutAndFreezesTheOthers) {
   EXPECT_TRUE(w.at(1).at_rest);
 }
 
+/// What is handed on does not depend on frames that may still be dropped: they would take with them what the prior
+/// knows through their poses.
+TEST(Marginalisation, FramesThatMayBeDroppedTakeNoPart) {
+  for (const TrackNoiseModel noise : {TrackNoiseModel::kDrift, TrackNoiseModel::kWhite}) {
+    VisualSettings visual = settings();
+    visual.noise = noise;
+    visual.inner_steps = 20;  // eight tracks end together, and others share a batch here and there
+    visual.converged = 1e-9;
+    Prior priors[2];
+    for (const bool without : {false, true}) {
+      SyntheticWindow s = make_window({.frames = 10, .tracks = 100});
+      Window& w = *s.window;
+      set_initial_prior(w, {}, calibration_sigmas());
+      w.undecided = 3;
+      if (without) {
+        for (int i = 0; i < 3; ++i) w.remove(w.size() - 1);
+        w.undecided = 0;
+      }
+      TrackFactor factor(best_instruction_set());
+      factor.collect(w, visual);
+      Marginaliser(best_instruction_set()).marginalise_oldest(w, factor, visual);
+      priors[without] = w.prior;
+      for (int k = 0; k < w.size(); ++k) EXPECT_EQ(w.at(k).has_first, k < 5) << "frame " << k;
+    }
+    ASSERT_EQ(priors[0].frames, 5);
+    ASSERT_EQ(priors[1].frames, 5);
+    const MatrixXd with = dense_prior(priors[0]), without = dense_prior(priors[1]);
+    EXPECT_LT((with - without).norm(), 1e-6 * without.norm());
+    EXPECT_LT((dense_prior_rhs(priors[0]) - dense_prior_rhs(priors[1])).norm(),
+              1e-6 * dense_prior_rhs(priors[1]).norm());
+  }
+}
+
 /// Where the prior reaches the newest frame, a pose that is dropped later leaves it by marginalisation.
 TEST(Marginalisation, ForgetsAPoseAndKeepsWhatIsKnownOfTheOthers) {
   SyntheticWindow s = make_window({});
