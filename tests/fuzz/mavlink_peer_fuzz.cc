@@ -1,5 +1,6 @@
 // Any bytes from a flight controller whose clock is known: no reading that no sensor gives or that is not of the time
-// just past, stamps rise, answers are bounded, and the clock's model stays where honest exchanges put it.
+// just past, stamps rise, answers are bounded, parameters are numbers of a sensible size, and the clock's model stays
+// where honest exchanges put it.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +10,7 @@
 
 #include "drivers/links/mavlink/controller_height.h"
 #include "drivers/links/mavlink/controller_imu.h"
+#include "drivers/links/mavlink/controller_survey.h"
 #include "drivers/links/mavlink/imu_request.h"
 #include "drivers/links/mavlink/packet.h"
 #include "drivers/links/mavlink/timesync.h"
@@ -33,8 +35,10 @@ struct Session {
   HostStamp last;
   ControllerHeight heights{15};
   std::array<HostStamp, kHeightKinds> last_heights;
+  ControllerSurvey survey;
 
   Session() {
+    survey.begin(kPx4, now_ns);
     for (int i = 0; i < 20; ++i) {
       const Timesync question = timesync.question(kAutopilot, now_ns);
       timesync.receive({.tc1 = now_ns + kMs + kAhead_ns, .ts1 = question.ts1}, kAutopilot, true, now_ns + 2 * kMs);
@@ -67,6 +71,8 @@ struct Session {
     if (ControllerHeight::is_mine(packet) && heights.take(packet, timesync.clock(), HostStamp{now_ns}, height))
       check(height);
     if (unpack(packet, answer)) request.receive(answer, kOwn, now_ns);
+    if (survey.receive(packet, now_ns))
+      for (const float v : survey.answers().parameters) expect(std::isnan(v) || std::abs(v) < 1e9F);
     while (const auto owed = timesync.answer(now_ns)) expect(owed->tc1 == now_ns);
   }
 };

@@ -34,6 +34,13 @@ CommandLong ImuRequest::question(Address to, std::int64_t now_ns) noexcept {
   return command;
 }
 
+void ImuRequest::restart() noexcept {
+  wants_highres_ = true;
+  state_ = RequestState::kNone;
+  tries_ = 0;
+  is_open_ = false;
+}
+
 /// The other message then.
 void ImuRequest::give_up(std::int64_t now_ns) noexcept {
   if (now_ns - last_reading_ns_ > kAway_ns) wants_highres_ = !wants_highres_;

@@ -25,6 +25,8 @@ class ImuRequest {
     last_reading_ns_ = now_ns;
     if (state_ == RequestState::kAccepted) tries_ = 0;
   }
+  /// Another flight controller, or one that has started anew.
+  void restart() noexcept;
   RequestState state() const noexcept { return state_; }
 
  private:

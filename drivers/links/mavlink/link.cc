@@ -20,9 +20,6 @@ constexpr std::int64_t kMillisecond_ns = 1'000'000;
 constexpr double kInputPerSecond = 500'000, kInputAtOnce = 32'768;
 constexpr std::size_t kReadAtOnce = 4096;
 constexpr double kReadCost = 32;  // bytes that a read counts for besides its own: datagrams may be empty
-constexpr std::int64_t kPeerGone_ns = 5'000'000'000;  // another flight controller may take its place
-constexpr std::int64_t kSureMayCome_ns =
-    3'000'000'000;  // heartbeats come once a second: an autopilot was heard by then
 constexpr std::int64_t kQuestions_ns = 1'000'000'000, kQuestionsForImu_ns = 100 * kMillisecond_ns;
 constexpr std::int64_t kLineCheck_ns = kMillisecond_ns;  // how soon to look at a full line again
 constexpr double kOdometryFrame = 10 + 233 + 2, kOtherBytesPerSecond = 1500;
@@ -202,6 +199,8 @@ std::int64_t MavlinkLink::next_event_ns(std::int64_t now_ns) const noexcept {
   if (state_.peer.is_known && imu_request_) send_ns = std::min(send_ns, imu_request_->due_ns());
   send_ns = std::min(send_ns, heights_due_ns());
   if (wants_origin()) send_ns = std::min(send_ns, next_origin_ns_);
+  if (state_.peer.is_known) send_ns = std::min(send_ns, survey_.due_ns());
+  if (is_paused_) send_ns = std::min(send_ns, pause_until_ns_);
   if (backlog_ > kOdometryBehind) send_ns = std::max(send_ns, now_ns + kLineCheck_ns);
   return std::min(next_ns, send_ns);
 }
@@ -220,6 +219,8 @@ void MavlinkLink::tell(std::int64_t now_ns) noexcept {
     state_.imu_request = imu_request_->state();
   }
   if (heights_) state_.heights = heights_->counts();
+  state_.answers = survey_.answers();
+  if (now_ns - last_odometry_ns_ > kSecond_ns) state_.sending_since = {};
   if (now_ns >= next_latency_ns_) {
     next_latency_ns_ = now_ns + kSecond_ns;
     state_.costs = costs_of_this_thread() - costs_at_start_;
@@ -288,97 +289,6 @@ bool MavlinkLink::is_authentic() noexcept {
       break;
   }
   return false;
-}
-
-void MavlinkLink::receive(const Packet& packet, std::int64_t now_ns) noexcept {
-  if (packet.from.system == own_.system && packet.from.component == own_.component) return;  // our echo
-  const LinkPeer& peer = state_.peer;
-  const bool is_autopilot =
-      peer.is_known && packet.from.system == peer.address.system && packet.from.component == peer.address.component;
-  if (packet.id == Heartbeat::kId) return receive_heartbeat(packet, now_ns);
-  Timesync timesync;
-  if (unpack(packet, timesync)) return timesync_.receive(timesync, packet.from, is_autopilot, now_ns);
-  if (ControllerHeight::is_mine(packet)) {
-    if (!heights_) return;
-    if (!is_autopilot) return static_cast<void>(++state_.counts.strangers);
-    return receive_height(packet, now_ns);
-  }
-  HighresImu highres;
-  RawImu raw;
-  CommandAck answer;
-  const bool is_highres = unpack(packet, highres), is_raw = unpack(packet, raw), is_answer = unpack(packet, answer);
-  if (!imu_ || !(is_highres || is_raw || is_answer)) return;
-  if (!is_autopilot) {
-    ++state_.counts.strangers;
-  } else if (is_answer) {
-    imu_request_->receive(answer, own_, now_ns);
-  } else if (is_highres) {
-    receive_reading(highres, now_ns);
-  } else if (peer.autopilot == kArduPilot) {
-    receive_reading(raw, now_ns);
-  }
-}
-
-template <class Message>
-void MavlinkLink::receive_reading(const Message& message, std::int64_t now_ns) noexcept {
-  ImuSample sample;
-  if (!imu_->take(message, timesync_.clock(), HostStamp{now_ns}, sample)) return;
-  imu_request_->reading(now_ns);
-  if (!has_reader_.load(std::memory_order_relaxed)) return;
-  if (!readings_.push(sample)) imu_->count_overrun();
-  readings_parking_.notify();
-}
-
-void MavlinkLink::receive_height(const Packet& packet, std::int64_t now_ns) noexcept {
-  HeightSample sample;
-  if (!heights_->take(packet, timesync_.clock(), HostStamp{now_ns}, sample)) return;
-  if (!has_height_reader_.load(std::memory_order_relaxed)) return;
-  if (!heights_read_.push(sample)) heights_->count_overrun();
-  heights_parking_.notify();
-}
-
-/// When to ask for heights. An answer does not say to which question: those of the IMU come first.
-std::int64_t MavlinkLink::heights_due_ns() const noexcept {
-  if (!state_.peer.is_known || !height_request_) return kFar_ns;
-  const bool waits = imu_request_ && imu_request_->state() != RequestState::kAccepted;
-  return waits ? kFar_ns : height_request_->due_ns();
-}
-
-namespace {
-
-/// MAV_TYPE of what flies or drives with a vehicle: companion, gimbal, ADS-B, camera, charger and so on. Some of them
-/// claim an autopilot in their heartbeats.
-bool is_on_board_of_another(std::uint8_t type) noexcept {
-  return type == 18 || type == 26 || type == 27 || (type >= 30 && type <= 34) || (type >= 36 && type <= 42) ||
-         type == 44;
-}
-
-}  // namespace
-
-/// A flight controller is component 1, and its type is that of a vehicle. Any other is taken only if none such is heard
-/// for some seconds, and gives way to one at once.
-void MavlinkLink::receive_heartbeat(const Packet& packet, std::int64_t now_ns) noexcept {
-  constexpr std::uint8_t kNoAutopilot = 8, kGroundStation = 6;
-  Heartbeat heartbeat;
-  unpack(packet, heartbeat);
-  if (packet.from.system != own_.system || heartbeat.autopilot == kNoAutopilot || heartbeat.type == kGroundStation)
-    return;
-  LinkPeer& peer = state_.peer;
-  const auto is_sure = [](Address from, std::uint8_t type) {
-    return from.component == 1 && !is_on_board_of_another(type);
-  };
-  const bool is_same = peer.is_known && packet.from.component == peer.address.component;
-  const bool is_sure_now = is_sure(packet.from, heartbeat.type),
-             was_sure = peer.is_known && is_sure(peer.address, peer.type);
-  const bool is_gone = now_ns - peer.last_heard.ns >= kPeerGone_ns;
-  if (doubtful_since_ns_ == 0) doubtful_since_ns_ = now_ns;
-  const bool may_come = peer.is_known ? is_sure_now > was_sure || (is_sure_now == was_sure && is_gone)
-                                      : is_sure_now || now_ns - doubtful_since_ns_ >= kSureMayCome_ns;
-  if (!is_same && !may_come) {
-    if (!is_on_board_of_another(heartbeat.type)) ++state_.counts.strangers;  // a camera beside a controller is no fault
-    return;
-  }
-  peer = {true, packet.from, heartbeat.autopilot, heartbeat.type, HostStamp{now_ns}};
 }
 
 }  // namespace epiline::mavlink

@@ -12,6 +12,7 @@
 
 #include "drivers/links/mavlink/controller_height.h"
 #include "drivers/links/mavlink/controller_imu.h"
+#include "drivers/links/mavlink/controller_survey.h"
 #include "drivers/links/mavlink/imu_request.h"
 #include "drivers/links/mavlink/message.h"
 #include "drivers/links/mavlink/odometry.h"
@@ -43,6 +44,8 @@ struct LinkCounts {
   std::uint64_t odometry = 0;
   std::uint64_t dropped = 0;  ///< odometry that was due while the line was busy or gone
   std::uint64_t heartbeats = 0, texts = 0, timesync_questions = 0, timesync_answers = 0, requests = 0, origins = 0;
+  std::uint64_t questions = 0;      ///< for release, parameters and the filter's status
+  std::uint64_t origin_pauses = 0;  ///< of the odometry, while a controller got its origin
   // received
   std::uint64_t pieces = 0;  ///< datagrams, or reads of a serial line
   std::uint64_t packets = 0, bad_checksums = 0;
@@ -70,6 +73,8 @@ inline constexpr auto kLinkCounters = std::to_array<Counter<LinkCounts>>({
     {"refused_questions", &LinkCounts::refused_questions, true},
     {"refused_answers", &LinkCounts::refused_answers, true},
     {"timesync_answers", &LinkCounts::timesync_answers},
+    {"questions", &LinkCounts::questions},
+    {"origin_pauses", &LinkCounts::origin_pauses},
     {"disconnected", &LinkCounts::disconnected, true},
     {"retries", &LinkCounts::retries},
     {"write_errors", &LinkCounts::write_errors, true},
@@ -104,8 +109,10 @@ struct LinkState {
   ControllerImuCounts imu;
   RequestState imu_request = RequestState::kNone;
   ControllerHeightCounts heights;
-  ClockState clock;   ///< of the flight controller, against ours
-  ThreadCosts costs;  ///< of the link's thread since open()
+  ControllerAnswers answers;
+  HostStamp sending_since;  ///< odometry has been sent from then on; zero: it is not
+  ClockState clock;         ///< of the flight controller, against ours
+  ThreadCosts costs;        ///< of the link's thread since open()
 };
 
 /// The link to a flight controller. A thread of its own sends odometry, answers requests, and reopens a lost port;
@@ -157,7 +164,6 @@ class MavlinkLink final : public OdometrySink {
   static constexpr std::size_t kReadings = 1024, kHeights = 64;
   static constexpr std::size_t kOdometryBehind = 64;  ///< bytes in the kernel that odometry may wait for
   static constexpr std::int64_t kSecond_ns = 1'000'000'000, kFar_ns = std::numeric_limits<std::int64_t>::max();
-  static constexpr std::uint8_t kArduPilot = 3, kPx4 = 12;  ///< MAV_AUTOPILOT
 
   Status check() const;
   Result<std::unique_ptr<Port>> make_port() const;
@@ -175,6 +181,9 @@ class MavlinkLink final : public OdometrySink {
   void receive_height(const Packet& packet, std::int64_t now_ns) noexcept;
   std::int64_t heights_due_ns() const noexcept;
   void receive_heartbeat(const Packet& packet, std::int64_t now_ns) noexcept;
+  void begin_with_peer(std::int64_t now_ns) noexcept;
+  void receive_origin(const GpsGlobalOrigin& origin, std::int64_t now_ns) noexcept;
+  std::optional<ControllerSurvey::Question> survey_question(std::int64_t now_ns) noexcept;
   Refusal refusal() const noexcept;
   bool is_odometry_held() const noexcept;
   std::int64_t odometry_due_ns() const noexcept;
@@ -222,6 +231,7 @@ class MavlinkLink final : public OdometrySink {
   std::optional<ImuRequest> imu_request_;
   std::optional<ControllerHeight> heights_;
   std::optional<HeightRequest> height_request_;
+  ControllerSurvey survey_;
   PilotNews news_;
   LinkState state_;
   ThreadCosts costs_at_start_;
@@ -229,6 +239,10 @@ class MavlinkLink final : public OdometrySink {
   std::size_t frame_sent_ = 0;  ///< of it
   bool is_frame_odometry_ = false;
   std::uint8_t sequence_ = 0;
+  bool has_origin_ = false;                ///< the flight controller has one
+  std::optional<GpsGlobalOrigin> origin_;  ///< the newest, also from before the line was lost
+  bool is_paused_ = false;                 ///< no odometry until pause_until_ns_
+  std::int64_t pause_until_ns_ = 0, last_odometry_ns_ = 0;
   std::int64_t doubtful_since_ns_ = 0;  ///< first heartbeat of a possible autopilot; 0: none yet
   std::int64_t next_heartbeat_ns_ = 0, next_question_ns_ = 0, next_origin_ns_ = 0, next_latency_ns_ = 0;
   std::int64_t opened_ns_ = 0;

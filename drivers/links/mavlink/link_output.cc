@@ -1,6 +1,7 @@
 // What the link to a flight controller sends, and when.
 #include <algorithm>
 #include <cmath>
+#include <variant>
 
 #include "drivers/links/mavlink/link.h"
 #include "drivers/links/mavlink/odometry.h"
@@ -65,13 +66,14 @@ Refusal MavlinkLink::refusal() const noexcept {
 /// Poses without a frame of reference wait until it is known whose they would be.
 bool MavlinkLink::is_odometry_held() const noexcept {
   const bool waits_for_peer = config_.message != 0 && config_.frame != 1 && !state_.peer.is_known;
-  return waits_for_peer || state_.refusal != Refusal::kNone;
+  return waits_for_peer || is_paused_ || state_.refusal != Refusal::kNone;
 }
 
 std::int64_t MavlinkLink::odometry_due_ns() const noexcept { return is_odometry_held() ? kFar_ns : stream_.due_ns(); }
 
 void MavlinkLink::look_at_estimate(std::int64_t now_ns) noexcept {
   state_.refusal = refusal();
+  is_paused_ = now_ns < pause_until_ns_;
   stream_.look(now_ns, state_.is_open && !is_odometry_held());
   if (stream_.has_admitted()) local_frame_.see(stream_.next().odometry, R_VB_);
   const bool is_refused = state_.refusal != Refusal::kNone;
@@ -122,6 +124,11 @@ std::optional<CommandLong> MavlinkLink::height_question(std::int64_t now_ns) noe
   return height_request_->question(*heights_, state_.peer.address, now_ns);
 }
 
+std::optional<ControllerSurvey::Question> MavlinkLink::survey_question(std::int64_t now_ns) noexcept {
+  if (!state_.peer.is_known) return std::nullopt;
+  return survey_.question(state_.peer.address, now_ns);
+}
+
 /// The next frame, if there is something to send and the line has room: answers first, for they are timed; then
 /// odometry.
 bool MavlinkLink::compose(std::int64_t now_ns) noexcept {
@@ -151,6 +158,8 @@ bool MavlinkLink::compose(std::int64_t now_ns) noexcept {
   } else if (wants_origin() && now_ns >= next_origin_ns_) {
     put(origin_message(config_, now_ns), counts.origins);
     next_origin_ns_ = now_ns + kOrigins_ns;
+  } else if (const auto asked = survey_question(now_ns)) {
+    std::visit([&](const auto& message) { put(message, counts.questions); }, *asked);
   } else {
     return false;
   }
@@ -168,6 +177,8 @@ void MavlinkLink::put_odometry(std::int64_t now_ns) noexcept {
     send(vision_position_message(stream_.next().odometry, R_VB_, local_frame_));
   }
   is_frame_odometry_ = true;
+  if (state_.sending_since.ns == 0) state_.sending_since = HostStamp{now_ns};
+  last_odometry_ns_ = now_ns;
   stream_.begun(now_ns);
 }
 

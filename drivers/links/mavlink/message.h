@@ -11,25 +11,12 @@
 #include <string_view>
 #include <tuple>
 
+#include "drivers/links/mavlink/answer_messages.h"
+#include "drivers/links/mavlink/field.h"
+
 namespace epiline::mavlink {
 
 static_assert(std::endian::native == std::endian::little, "fields are copied as they stand");
-
-/// One member of a message. Extensions came later: older programs do not send them.
-template <class Message, class T>
-struct Field {
-  const char* name;
-  T Message::*member;
-  bool extension = false;
-};
-template <class Message, class T>
-constexpr Field<Message, T> field(const char* name, T Message::*member) {
-  return {name, member, false};
-}
-template <class Message, class T>
-constexpr Field<Message, T> extension(const char* name, T Message::*member) {
-  return {name, member, true};
-}
 
 // Members stand in the order they travel in: larger ones first, then extensions. Each message is checked against the
 // published length and checksum seed below; the seed is made of all names, types and their order.
@@ -387,6 +374,13 @@ static_assert(is_published<HighresImu>(63, 62, 93));
 static_assert(is_published<Timesync>(18, 16, 34));
 static_assert(is_published<StatusText>(54, 51, 83));
 static_assert(is_published<Odometry>(233, 230, 91));
+static_assert(is_published<ParamRequestRead>(20, 20, 214));
+static_assert(is_published<ParamValue>(25, 25, 220));
+static_assert(is_published<GpsGlobalOrigin>(20, 12, 39));
+static_assert(is_published<AutopilotVersion>(78, 60, 178));
+static_assert(is_published<EkfStatusReport>(26, 22, 71));
+static_assert(is_published<EstimatorStatus>(42, 42, 163));
+static_assert(is_published<EstimatorSensorFusionStatus>(54, 54, 197));
 
 /// What is needed to take a message apart without knowing its members.
 struct MessageInfo {
@@ -401,6 +395,7 @@ constexpr auto table_of() {
 inline constexpr auto kMessages =
     table_of<Heartbeat, SystemTime, RawImu, ScaledPressure, ScaledPressure2, ScaledPressure3, DistanceSensor, Altitude,
              SetGpsGlobalOrigin, CommandLong, CommandAck, VisionPositionEstimate, HighresImu, Timesync, StatusText,
-             Odometry>();
+             Odometry, ParamRequestRead, ParamValue, GpsGlobalOrigin, AutopilotVersion, EkfStatusReport,
+             EstimatorStatus, EstimatorSensorFusionStatus>();
 
 }  // namespace epiline::mavlink

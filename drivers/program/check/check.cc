@@ -135,6 +135,9 @@ Findings findings_of(const DeviceRecord& record) {
         found(Grade::kWarning, record.name, "its driver counted faults: " + text,
               "check cables, supply and other load on the bus; the page of the driver in docs explains each count"));
   if (!record.refusal.empty()) out.push_back(found(Grade::kError, record.name, record.refusal, record.remedy));
+  for (const DeviceAdvice& a : record.advice)
+    out.push_back(found(a.is_error ? Grade::kError : Grade::kWarning, record.name, a.text, a.remedy));
+  if (!record.note.empty()) out.push_back(found(Grade::kOk, record.name, record.note));
   tell_of_pairs(record, out);
   if (const auto packets = count_of(record, "packets")) {
     if (*packets == 0)

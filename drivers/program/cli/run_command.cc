@@ -1,11 +1,13 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "drivers/program/cli/commands.h"
 #include "drivers/program/cli/say.h"
@@ -63,6 +65,12 @@ class StateLines {
       refusals_ = state.refusals;
       if (!refusals_.empty()) say("{:9.2f} s  {}\n", state.since_start.seconds(), refusals_);
     }
+    for (const std::string& note : state.notes) {
+      if (std::find(notes_.begin(), notes_.end(), note) != notes_.end()) continue;
+      clear();
+      say("{:9.2f} s  {}\n", state.since_start.seconds(), note);
+    }
+    notes_ = state.notes;
     const HealthState now = state.has_pose ? state.odometry.health.state : HealthState::kInitialising;
     if (!known_ || now != state_ || state.lost_outputs != lost_) {
       clear();
@@ -97,6 +105,7 @@ class StateLines {
   bool quiet_, terminal_, known_ = false, shown_ = false;
   HealthState state_ = HealthState::kInitialising;
   std::string lost_, refusals_, waiting_for_;
+  std::vector<std::string> notes_;
   unsigned rounds_ = 0;
 };
 
@@ -151,6 +160,7 @@ int run_command(RunArguments& options) {
     StateLines lines(options.quiet);
     return fly(*settings, *devices, options.live, [&](const LiveState& state) {
       lines(state);
+      if (*view != nullptr) (*view)->set_notes_of_receivers(state.notes);
       last = state;
       return true;
     });

@@ -9,6 +9,7 @@
 #include "drivers/links/can/can_output.h"
 #include "drivers/links/mavlink/link.h"
 #include "drivers/links/mavlink/odometry_encoder.h"
+#include "drivers/program/live/controller_advice.h"
 #include "drivers/sensors/camera/camera_pair.h"
 #include "drivers/sensors/camera/side_by_side.h"
 #include "drivers/sensors/camera/v4l2_camera.h"
@@ -19,6 +20,7 @@
 #include "drivers/sensors/imu/spi_imu_device.h"
 #include "drivers/sensors/wheel/can_wheel_source.h"
 #include "pipeline/config/vehicle.h"
+#include "platform/time/monotonic.h"
 
 namespace epiline {
 
@@ -98,7 +100,14 @@ OutputRecord record_of(const mavlink::MavlinkLink& link, const std::string& name
   return {name, c.odometry, c.dropped, c.disconnected, link.latency()};
 }
 
-DeviceRecord device_of(const mavlink::MavlinkLink& link) {
+std::vector<std::string> notes_of(const mavlink::LinkState& s, const MavlinkConfig& config) {
+  std::vector<std::string> notes;
+  for (const DeviceAdvice& a : advice_of(s.answers, config)) notes.push_back(a.text + "; " + a.remedy);
+  if (std::string use = use_of(s, HostStamp{monotonic_ns()}); !use.empty()) notes.push_back(std::move(use));
+  return notes;
+}
+
+DeviceRecord device_of(const mavlink::MavlinkLink& link, const MavlinkConfig& config) {
   const mavlink::LinkState s = link.state();
   DeviceRecord record = device_record("mavlink", mavlink::kLinkCounters, s.counts, s.clock);
   record.counts.push_back({"controller_component", s.peer.address.component});
@@ -107,6 +116,8 @@ DeviceRecord device_of(const mavlink::MavlinkLink& link) {
   record.counts.push_back({"lock_calls", s.costs.lock_calls});
   record.refusal = sentence_of(s.refusal);
   record.remedy = remedy_of(s.refusal);
+  record.advice = advice_of(s.answers, config);
+  record.note = survey_note(s.answers);
   return record;
 }
 
@@ -285,10 +296,10 @@ mavlink::MavlinkLink* add_link(const DevicesConfig& d, bool takes_imu, LiveDevic
       std::make_unique<mavlink::MavlinkLink>(m, R_VB_of(d.body), takes_imu ? std::optional(d.imu) : std::nullopt);
   mavlink::MavlinkLink* const l = link.get();
   const std::string name = "mavlink " + where;
-  devices.outputs.push_back({std::move(link), [l, name] { return record_of(*l, name); }, name,
-                             [l] { return l->state().is_open; },
-                             [l] { return mavlink::sentence_of(l->state().refusal); }});
-  devices.records.emplace_back([l] { return device_of(*l); });
+  devices.outputs.push_back(
+      {std::move(link), [l, name] { return record_of(*l, name); }, name, [l] { return l->state().is_open; },
+       [l] { return mavlink::sentence_of(l->state().refusal); }, [l, m] { return notes_of(l->state(), m); }});
+  devices.records.emplace_back([l, m] { return device_of(*l, m); });
   return l;
 }
 
@@ -301,7 +312,7 @@ void add_can(const DevicesConfig& d, LiveDevices& devices) {
   const CanOutput* const c = can.get();
   const std::string name = "can " + d.can.interface;
   devices.outputs.push_back({std::move(can), [c, name] { return record_of(*c, name); }, name,
-                             [c] { return c->bus() != BusState::kLost && c->bus() != BusState::kOff; }, nullptr});
+                             [c] { return c->bus() != BusState::kLost && c->bus() != BusState::kOff; }});
   devices.records.emplace_back([c] { return device_of(*c); });
 }
 

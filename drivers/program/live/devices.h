@@ -40,6 +40,8 @@ struct LiveOutput {
   std::string name;                      ///< kind and destination, as in "mavlink /dev/ttyAMA0"
   std::function<bool()> is_open;         ///< false: the connection is lost; any thread. Empty: it cannot be lost
   std::function<const char*()> refusal = nullptr;  ///< why it is not sent as configured; "" or empty: it is sent
+  /// What the receiver said of its settings, and of what it uses, a sentence each. May be empty.
+  std::function<std::vector<std::string>()> notes = nullptr;
 };
 
 /// The devices, not opened yet.

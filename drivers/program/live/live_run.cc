@@ -167,8 +167,8 @@ std::unique_ptr<FlightRecorder> add_recorder(const LiveSettings& settings, Realt
 }
 
 LiveState state_of(const RealtimePipeline::Progress& progress, Receivers& receivers, Span since_start) {
-  LiveState state{false, {}, progress.frames_out,       progress.imu_in,     since_start,
-                  {},    {}, receivers.names_of_lost(), receivers.refusals()};
+  LiveState state{false, {}, progress.frames_out,       progress.imu_in,      since_start,
+                  {},    {}, receivers.names_of_lost(), receivers.refusals(), receivers.notes()};
   if (const Odometry* const newest = receivers.newest()) {
     state.has_pose = true;
     state.odometry = *newest;

@@ -36,6 +36,7 @@ struct LiveState {
   std::vector<std::string> numbers_wrong;  ///< configured numbers found to be wrong since the last call, as sentences
   std::string lost_outputs;                ///< names of the outputs without a connection at present; empty: none
   std::string refusals;                    ///< why receivers cannot use the odometry as configured; empty: they can
+  std::vector<std::string> notes;          ///< what receivers said of their settings and of what they use
 };
 
 /// Opens the devices and flies until a signal of EndSignals, the end of the sources, the end of the duration, or until

@@ -77,6 +77,15 @@ std::string Receivers::refusals() const {
   return all;
 }
 
+std::vector<std::string> Receivers::notes() const {
+  std::vector<std::string> all;
+  for (const LiveOutput& o : outputs_) {
+    const auto some = o.notes ? o.notes() : std::vector<std::string>();
+    all.insert(all.end(), some.begin(), some.end());
+  }
+  return all;
+}
+
 std::string Receivers::waiting_for() const {
   const std::lock_guard lock(mutex_);
   std::string all;

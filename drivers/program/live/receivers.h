@@ -34,6 +34,8 @@ class Receivers final : public OdometrySink {
   const Odometry* newest() noexcept { return newest_.read(); }
   std::string names_of_lost() const;  ///< those not open among them
   std::string refusals() const;
+  /// What receivers said of their settings and of what they use, a sentence each.
+  std::vector<std::string> notes() const;
   /// As in "mavlink /dev/ttyAMA0: No such file or directory [open]"; empty: all are open.
   std::string waiting_for() const;
 

@@ -47,6 +47,11 @@ void LiveView::serve(void* self) {
   }
 }
 
+void LiveView::set_notes_of_receivers(const std::vector<std::string>& notes) {
+  const std::lock_guard lock(notes_mutex_);
+  if (notes_of_receivers_ != notes) notes_of_receivers_ = notes;
+}
+
 /// Takes in what the log thread has handed over.
 void LiveView::fold() {
   const bool over = finished_.load(std::memory_order_acquire);  // before the look: all that came is found
@@ -54,6 +59,10 @@ void LiveView::fold() {
   for (ViewedLatency l; feed_.next(l);) model_->take(l);
   for (Event e; feed_.next(e);) model_->take(e);
   model_->set_left_out(feed_.left_out());
+  {
+    const std::lock_guard lock(notes_mutex_);
+    model_->set_notes_of_receivers(notes_of_receivers_);
+  }
   if (image_.refresh()) model_->set_newest_image(image_.next_sequence());
   if (over) model_->finish();
   if (closing_since_ns_ == 0 && closing_.load(std::memory_order_relaxed)) closing_since_ns_ = monotonic_ns();

@@ -2,7 +2,9 @@
 // Serves a page that shows a running flight in a browser: docs/live-view.md.
 #include <atomic>
 #include <memory>
+#include <mutex>
 #include <string>
+#include <vector>
 
 #include "drivers/program/view/http_server.h"
 #include "drivers/program/view/view_answers.h"
@@ -26,6 +28,8 @@ class LiveView final : public FlightView {
   const ViewAddress& address() const { return server_->address(); }
   bool start(ViewSubject subject) override;
   FlightObserver& observer() override { return feed_; }
+  /// What receivers of the odometry say now, a sentence each. Any thread.
+  void set_notes_of_receivers(const std::vector<std::string>& notes);
   void finish() override { finished_.store(true, std::memory_order_release); }  // pairs with the acquire in fold()
 
  private:
@@ -40,6 +44,8 @@ class LiveView final : public FlightView {
   ViewFeed feed_;
   RealtimeThread thread_;
   std::atomic<bool> finished_{false}, closing_{false};
+  std::mutex notes_mutex_;
+  std::vector<std::string> notes_of_receivers_;
 
   // The serving thread's own.
   std::unique_ptr<ViewModel> model_;

@@ -253,6 +253,7 @@ std::string ViewModel::state_json(const ViewCursor& since) const {
                  {"images_lost", newest_ ? newest_->images_lost : 0},
                  {"imu", newest_ ? newest_->imu_samples : 0},
                  {"left_out", left_out_}};
+  s["receivers"] = notes_of_receivers_;
   s["image"] = newest_image_;
   s["path"] = path_json(since);
   s["samples"] = samples_json(since);

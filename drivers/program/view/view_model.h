@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "drivers/program/view/view_feed.h"
@@ -71,6 +72,8 @@ class ViewModel {
   void take(const Event& event);
   void set_left_out(std::uint64_t count) { left_out_ = count; }
   void set_newest_image(std::uint64_t sequence) { newest_image_ = sequence; }
+  /// What receivers of the odometry say, a sentence each.
+  void set_notes_of_receivers(std::vector<std::string> notes) { notes_of_receivers_ = std::move(notes); }
   /// The run is over; what the page shows is final.
   void finish() { finished_ = true; }
   bool finished() const { return finished_; }
@@ -116,6 +119,7 @@ class ViewModel {
   bool has_latency_ = false;
   std::vector<Note> notes_ = std::vector<Note>(kEvents);
   std::uint64_t notes_end_ = 0, solved_ = 0, left_out_ = 0, newest_image_ = 0;
+  std::vector<std::string> notes_of_receivers_;
   bool finished_ = false;
 };
 

@@ -62,12 +62,20 @@ struct DeviceCount {
   bool is_fault = false;  ///< should be 0
 };
 
+/// A setting of the device itself that does not suit, and what to do.
+struct DeviceAdvice {
+  bool is_error = false;  ///< false: a warning
+  std::string text, remedy;
+};
+
 /// What a device's driver counted.
 struct DeviceRecord {
   std::string name;  ///< camera, imu, ...
   std::vector<DeviceCount> counts;
   std::optional<ClockState> clock;        ///< of a device with a clock of its own
   std::string refusal = {}, remedy = {};  ///< what keeps the device from serving as it should, and what to do
+  std::vector<DeviceAdvice> advice = {};
+  std::string note = {};  ///< what is known of the device, for people; may be empty
 };
 
 /// How the threads of a real-time run fared.

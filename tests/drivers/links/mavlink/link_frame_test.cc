@@ -29,7 +29,6 @@ std::string refusal_of(MavlinkConfig config, std::uint8_t autopilot) {
 
 // PX4 takes VISION_POSITION_ESTIMATE for a pose to true north; ArduPilot takes ODOMETRY in LOCAL_FRD alone.
 TEST(MavlinkLink, RefusesWhatTheControllerWouldMisunderstand) {
-  constexpr std::uint8_t kArduPilot = 3, kPx4 = 12;
   MavlinkConfig odometry, north, position, position_north;
   north.frame = position_north.frame = 1;
   north.heading_deg = position_north.heading_deg = 0;

@@ -30,8 +30,7 @@ class HeightLink : public testing::Test {
   std::vector<int> asked_for() const {
     std::vector<int> messages;
     for (const CommandLong& command : line.peer.all<CommandLong>()) {
-      EXPECT_EQ(command.command, 511);
-      messages.push_back(static_cast<int>(command.param1));
+      if (command.command == 511) messages.push_back(static_cast<int>(command.param1));
     }
     return messages;
   }
@@ -72,7 +71,7 @@ TEST(MavlinkLinkWithoutHeights, IgnoresThem) {
   ASSERT_TRUE(wait_for(line, link, kPatience_ms, [&] { return link.counts().packets >= 2; }));
   HeightSample sample;
   EXPECT_EQ(link.read_height(sample, Span{}), ReadOutcome::kTimeout);
-  EXPECT_TRUE(line.peer.all<CommandLong>().empty());
+  for (const CommandLong& command : line.peer.all<CommandLong>()) EXPECT_NE(command.command, 511);
 }
 
 }  // namespace

@@ -112,6 +112,34 @@ TEST(MavlinkFrames, AreThoseOfAnotherImplementation) {
       "58c1000068c1000078c1000084c100008cc1000094c100009cc10000a4c1140cc803ffad45");
 }
 
+// Frames of node-mavlink 2.3.
+TEST(MavlinkFrames, OfQuestionsAndAnswersAreThoseOfAnotherImplementation) {
+  expect_golden(ParamRequestRead{-1, 1, 1, {"EK3_SRC1_POSXY"}}, 7,
+                "fd1200000701c5140000ffff0101454b335f535243315f504f535859607c");
+  ParamValue value{1.5F, 900, 65'535};
+  std::memcpy(value.param_id.data(), "EKF2_EV_NOISE_MD", 16);  // all of it, without a zero
+  expect_golden(value, 8, "fd1900000801c51600000000c03f8403ffff454b46325f45565f4e4f4953455f4d440962a4");
+  AutopilotVersion version{.capabilities = 5, .uid = 6, .flight_sw_version = 0x011200ff, .middleware_sw_version = 2};
+  version.os_sw_version = 3;
+  version.board_version = 50;
+  version.vendor_id = 9;
+  version.product_id = 10;
+  version.flight_custom_version = {1, 2, 3, 4, 5, 6, 7, 8};
+  version.os_custom_version[7] = 9;
+  expect_golden(
+      version, 9,
+      "fd3c00000901c594000005000000000000000600000000000000ff00120102000000030000003200000009000a00010203040506"
+      "070800000000000000000000000000000009ec38");
+  expect_golden(EkfStatusReport{0.5F, 0.25F, 0.125F, 1, 2, 0x33f, 4}, 10,
+                "fd1a00000a01c5c100000000003f0000803e0000003e0000803f000000403f030000804065eb");
+  expect_golden(
+      EstimatorStatus{123456789, 0.5F, 0.25F, 0.125F, 1, 2, 4, 8, 16, 0x33f}, 11,
+      "fd2a00000b01c5e6000015cd5b07000000000000003f0000803e0000003e0000803f000000400000804000000041000080413f03"
+      "cef4");
+  expect_golden(GpsGlobalOrigin{473977419, 85455938, 488000, 987654321}, 12,
+                "fd1000000c01c53100004b52401c42f4170540720700b168de3a137c");
+}
+
 TEST(MavlinkFrames, OfVersionOneAreRead) {
   Parser parser;
   const auto packets = packets_in(parser, from_hex("fe0911090100040302011208050403af08"), 1);

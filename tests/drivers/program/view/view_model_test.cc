@@ -59,6 +59,13 @@ ViewedOutcome outcome(std::uint64_t serial, double x) {
 
 Json told(const ViewModel& model, ViewCursor since = {}) { return Json::parse(model.state_json(since)); }
 
+TEST(ViewModel, TellsWhatReceiversSay) {
+  ViewModel model(ViewSubject{});
+  EXPECT_TRUE(told(model)["receivers"].empty());
+  model.set_notes_of_receivers({"PX4 1.17 uses position and velocity, not height and yaw"});
+  EXPECT_EQ(told(model)["receivers"][0], "PX4 1.17 uses position and velocity, not height and yaw");
+}
+
 TEST(ViewModel, IsWholeBeforeTheFirstImage) {
   const Json s = told(ViewModel({"a \"flight\" </script>\xff", "epiline", {}, true}));
   EXPECT_TRUE(s["pose"].is_null());
