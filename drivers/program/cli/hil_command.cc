@@ -163,8 +163,8 @@ void add_hil(CLI::App& app, int& exit_code) {
   command
       ->add_option_function<std::string>(
           "--judge", [o](const std::string& words) { o->hil.judge = hil::releases_from(words).value_or(0); },
-          "releases whose rules count, separated by commas: px4, ardupilot, all, or px4-1.14, px4-1.15, px4-1.16, "
-          "px4-main, px4-spring-2026, ardupilot-4.5, ardupilot-4.6, ardupilot-4.7; default: px4,ardupilot")
+          "releases whose rules count, separated by commas: px4, ardupilot, all, or " + hil::release_options() +
+              "; default: px4,ardupilot")
       ->check(judge_fault);
   command->add_option("--jitter-ms", h.disturbance.jitter_ms, "delay samples by up to this time")
       ->check(CLI::Range(0.0, 1000.0));

@@ -16,7 +16,6 @@ constexpr double kPositionGate = 5, kVelocityGate = 3;              // EKF2_EVP_
 constexpr double kPositionNoise_m = 0.1, kVelocityNoise_m_s = 0.1;  // EKF2_EVP_NOISE, EKF2_EVV_NOISE
 constexpr double kAccelerationNoise_m_s2 = 0.35;                    // EKF2_ACC_NOISE
 constexpr Span kStop = Span::from_milliseconds(400), kRefusedFor = Span::from_milliseconds(1000);
-constexpr int kResetsMost = 5;
 // Of the heading: gates in SD and least SD. EKF2_HDG_GATE; EKF2_EVA_NOISE 0.05, a variance, and 0.1, no variance;
 // EK3_YAW_I_GATE, VISO_YAW_M_NSE.
 constexpr double kPx4HeadingGate = 2.6, kArdupilotHeadingGate = 3;
@@ -77,7 +76,7 @@ void FusionModel::take(const VisionSample& sample, const std::optional<TruthStat
       fuse(m);
       refused_since_.reset();
     } else {
-      refuse(m, sample, book);
+      refuse(m, sample);
     }
   }
   newest_ = sample;
@@ -146,14 +145,11 @@ void FusionModel::fuse(const Measurement& m) {
   }
 }
 
-/// After a second of refusals the filter takes vision's word, five times in a flight; then it stops.
-void FusionModel::refuse(const Measurement& m, const VisionSample& sample, RuleBook& book) {
+/// After a second of refusals the filter starts again from vision: five times in a flight by a reset, then by stopping
+/// and starting fusion, which comes to the same.
+void FusionModel::refuse(const Measurement& m, const VisionSample& sample) {
   if (!refused_since_) refused_since_ = sample.stamp;
-  if (sample.stamp - *refused_since_ < kRefusedFor) return;
-  ++resets_to_vision_;
-  book.judge(Rule::kFusion, resets_to_vision_ <= kResetsMost, sample.arrival,
-             [] { return std::string("refused for a second for the sixth time: fusion stops for good"); });
-  start(m);
+  if (sample.stamp - *refused_since_ >= kRefusedFor) start(m);
 }
 
 }  // namespace epiline::hil

@@ -45,7 +45,7 @@ class FusionModel {
   void start(const Measurement& m);
   bool passes(const Measurement& m, HostStamp at, RuleBook& book);
   void fuse(const Measurement& m);
-  void refuse(const Measurement& m, const VisionSample& sample, RuleBook& book);
+  void refuse(const Measurement& m, const VisionSample& sample);
   void judge_turn(const Measurement& m, const VisionSample& sample, bool stopped, RuleBook& book);
 
   Mat3 R_VB_;
@@ -56,7 +56,6 @@ class FusionModel {
   double newest_heading_rad_ = 0;                ///< of its world, as of Measurement
   double largest_turn_rad_ = 0;
   std::optional<HostStamp> refused_since_;
-  int resets_to_vision_ = 0;
   double worst_position_ = 0, worst_velocity_ = 0;  ///< innovation over gate
 };
 

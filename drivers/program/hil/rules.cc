@@ -93,14 +93,21 @@ std::optional<Releases> releases_of_word(std::string_view word) {
   if (word == "px4") return kEveryPx4 & kUsualReleases;
   if (word == "ardupilot") return kEveryArdupilot;
   if (word == "all") return kEveryRelease;
-  for (std::size_t i = 0; i < std::size(kReleases); ++i)
-    if (word == kReleases[i].option) return 1U << i;
+  for (std::size_t i = 0; i < mavlink::kControllerReleases.size(); ++i)
+    if (word == mavlink::kControllerReleases[i].option) return 1U << i;
   return std::nullopt;
 }
 
 }  // namespace
 
 const RuleInfo& info_of(Rule rule) { return kInfo[static_cast<std::size_t>(rule)]; }
+
+std::string release_options() {
+  std::string all;
+  for (const mavlink::ControllerRelease& r : mavlink::kControllerReleases)
+    all += (all.empty() ? "" : ", ") + std::string(r.option);
+  return all;
+}
 
 std::optional<Releases> releases_from(std::string_view words) {
   Releases all = 0;
@@ -137,10 +144,10 @@ std::string text_of(const Verdict& verdict, HostStamp begin, Releases releases) 
   for (const RuleState state : {RuleState::kBroken, RuleState::kKept, RuleState::kNotSeen})
     for (const RuleVerdict& v : verdict.rules)
       if (v.state == state && (info_of(v.rule).releases & releases) != 0) text += line_of(v, begin);
-  for (std::size_t i = 0; i < std::size(kReleases); ++i) {
+  for (std::size_t i = 0; i < mavlink::kControllerReleases.size(); ++i) {
     if (holds(releases, i))
-      text +=
-          fmt::format("{} {} the odometry\n", kReleases[i].name, verdict.accepted_by(1U << i) ? "accepts" : "REFUSES");
+      text += fmt::format("{} {} the odometry\n", mavlink::kControllerReleases[i].name,
+                          verdict.accepted_by(1U << i) ? "accepts" : "REFUSES");
   }
   return text;
 }

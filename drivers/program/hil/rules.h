@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "drivers/links/mavlink/controller_release.h"
 #include "platform/time/clock.h"
 
 namespace epiline::hil {
@@ -52,27 +53,20 @@ enum class Rule : std::uint8_t {
 };
 inline constexpr std::size_t kRules = static_cast<std::size_t>(Rule::kCount);
 
-/// A release of a flight controller's program, as the user names it.
-struct Release {
-  const char* option;  ///< of --judge
-  const char* name;
-};
-inline constexpr Release kReleases[] = {
-    {"px4-1.14", "PX4 1.14"},
-    {"px4-1.15", "PX4 1.15"},
-    {"px4-1.16", "PX4 1.16"},
-    {"px4-main", "PX4 main"},
-    {"px4-spring-2026", "PX4 main of 27 February to 18 May 2026"},
-    {"ardupilot-4.5", "ArduPilot 4.5"},
-    {"ardupilot-4.6", "ArduPilot 4.6"},
-    {"ardupilot-4.7", "ArduPilot 4.7"},
-};
-/// A set of releases: bit i stands for kReleases[i].
-using Releases = unsigned;
-inline constexpr Releases kPx4Spring2026 = 0b0001'0000, kPx4Before27342 = 0b0001'0111, kPx4Since27342 = 0b0000'1000;
-inline constexpr Releases kEveryPx4 = 0b0001'1111, kEveryArdupilot = 0b1110'0000, kEveryRelease = 0b1111'1111;
+using mavlink::Releases;
+inline constexpr Releases kPx4Spring2026 =
+    mavlink::releases_where([](const auto& r) { return r.arms_with_north_only; });
+inline constexpr Releases kPx4Before27342 = mavlink::releases_where([](const auto& r) { return r.squares_yaw_noise; });
+inline constexpr Releases kEveryPx4 =
+    mavlink::releases_where([](const auto& r) { return r.autopilot == mavlink::kPx4; });
+inline constexpr Releases kPx4Since27342 = kEveryPx4 & ~kPx4Before27342;
+inline constexpr Releases kEveryArdupilot =
+    mavlink::releases_where([](const auto& r) { return r.autopilot == mavlink::kArduPilot; });
+inline constexpr Releases kEveryRelease = kEveryPx4 | kEveryArdupilot;
 /// The releases that are judged by default: all except the development builds of spring 2026.
 inline constexpr Releases kUsualReleases = kEveryRelease & ~kPx4Spring2026;
+/// Their names, separated by commas, as the options take them.
+std::string release_options();
 /// Parses a comma-separated list of release options. `px4` and `ardupilot` stand for the default releases of each,
 /// `all` for every release. None: the list is empty or holds an unknown word.
 std::optional<Releases> releases_from(std::string_view words);

@@ -58,7 +58,8 @@ TEST_F(HilCommand, AFlightIsAccepted) {
   ASSERT_EQ(r.exit_code, 0) << r.out << r.err;
   EXPECT_THAT(not_seen(r.out), no_occasion());
   EXPECT_NE(r.out.find("PX4 1.14 accepts the odometry\nPX4 1.15 accepts the odometry\nPX4 1.16 accepts the odometry\n"
-                       "PX4 main accepts the odometry\nArduPilot 4.5 accepts the odometry\n"),
+                       "PX4 1.17 accepts the odometry\nPX4 1.18 accepts the odometry\nPX4 main accepts the "
+                       "odometry\nArduPilot 4.5 accepts the odometry\n"),
             std::string::npos)
       << r.out;
   EXPECT_NE(r.out.find("latency   image timestamp to last byte"), std::string::npos) << r.out;

@@ -64,11 +64,20 @@ TEST(ControllerModel, TheTurnOfTheFrameAtAResetIsJudged) {
               ElementsAre(frames, Rule::kTurnPx4Before27342, Rule::kTurnPx4, Rule::kTurnArdupilot));
   const Verdict between = turned_at_a_reset(20, kNed, true);
   EXPECT_THAT(broken(between), ElementsAre(frames, Rule::kTurnPx4));
-  EXPECT_TRUE(between.accepted_by(*releases_from("px4-1.14,px4-1.15,px4-1.16")));
-  EXPECT_FALSE(between.accepted_by(*releases_from("px4-main")));
+  EXPECT_TRUE(between.accepted_by(*releases_from("px4-1.14,px4-1.15,px4-1.16,px4-1.17")));
+  for (const char* newer : {"px4-1.18", "px4-main"}) EXPECT_FALSE(between.accepted_by(*releases_from(newer)));
   EXPECT_THAT(broken(turned_at_a_reset(10, kNed, true)), ElementsAre(frames));
   EXPECT_THAT(broken(turned_at_a_reset(20, kNed, false)), ElementsAre(frames));
   EXPECT_THAT(broken(turned_at_a_reset(20, kNed, true, 0.2F)), ElementsAre(frames)) << "who doubts is believed";
+}
+
+// Vision that drifts away is refused for a second, again and again: PX4 starts anew each time, and never gives up.
+TEST(ControllerModel, TheFilterNeverGivesUp) {
+  Companion companion;
+  companion.duration_s = 20;
+  companion.spoil = [](mavlink::Odometry& m, double t) { m.x += static_cast<float>(3 * t); };
+  EXPECT_THAT(Bench(companion, settings()).run().broken(kEveryPx4 & kUsualReleases),
+              ElementsAre(Rule::kVelocity, Rule::kInnovation));
 }
 
 TEST(ControllerModel, SomeBuildsArmWithANorthOnly) {
@@ -100,7 +109,7 @@ TEST(Releases, AreNamed) {
   EXPECT_EQ(releases_from("px4,ardupilot"), kUsualReleases);
   EXPECT_EQ(releases_from("all"), kEveryRelease);
   EXPECT_EQ(releases_from("px4-spring-2026"), kPx4Spring2026);
-  EXPECT_EQ(releases_from("px4-main"), kPx4Since27342);
+  EXPECT_EQ(releases_from("px4-1.18,px4-main"), kPx4Since27342);
   EXPECT_EQ(releases_from("ardupilot-4.5,ardupilot-4.6,ardupilot-4.7"), kEveryArdupilot);
   for (const char* wrong : {"", "px4,", ",px4", "px4 ", "PX4", "px4-1.13"}) EXPECT_FALSE(releases_from(wrong)) << wrong;
 }
