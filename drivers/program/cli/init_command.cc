@@ -6,6 +6,7 @@
 
 #include "drivers/program/cli/commands.h"
 #include "drivers/program/inventory/draft.h"
+#include "drivers/program/inventory/probe.h"
 
 namespace epiline {
 
@@ -13,7 +14,7 @@ namespace {
 
 struct InitArguments {
   std::filesystem::path out = "epiline.toml";
-  bool force = false;
+  bool force = false, probes = true;
 };
 
 void print_result(const Draft& draft, const std::string& file) {
@@ -26,7 +27,9 @@ void print_result(const Draft& draft, const std::string& file) {
 }
 
 int init_command(const InitArguments& options) {
-  const auto draft = draft_configuration(find_parts());
+  Parts parts = find_parts();
+  if (options.probes) probe(parts, Probes::of_this_computer());
+  const auto draft = draft_configuration(parts);
   if (!draft) return report(draft.error());
   if (const Status s = write_draft(*draft, options.out, options.force); !s) return report(s.error());
   print_result(*draft, options.out.string());
@@ -42,6 +45,9 @@ void add_init(CLI::App& app, int& exit_code) {
   command->group(kFly);
   command->add_option("--out", options->out, "file to write")->capture_default_str();
   command->add_flag("--force", options->force, "replace the file if it is there; the old one is kept as FILE.bak");
+  command->add_flag_callback(
+      "--no-probe", [options] { options->probes = false; },
+      "do not ask chips on SPI for their identity, and do not listen at serial ports");
   command->callback([options, &exit_code] { exit_code = init_command(*options); });
 }
 

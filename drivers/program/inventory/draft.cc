@@ -9,6 +9,7 @@
 
 #include "drivers/program/inventory/camera_mode.h"
 #include "drivers/program/inventory/config_edit.h"
+#include "drivers/program/inventory/probe.h"
 #include "pipeline/config/config.h"
 #include "pipeline/text/text.h"
 
@@ -135,6 +136,8 @@ class DraftText {
     out_.print("\n[imu]\n");
     if (const ImuPart* const chosen = gyroscope()) {
       add_iio(*chosen);
+    } else if (const ChipPart* const chip = known_chip()) {
+      add_chip(*chip);
     } else if (const SerialPart* const port = controller(); port != nullptr && parts_.spi.empty()) {
       comment("No IMU with a kernel driver, and none on SPI: the samples of the flight controller at " + named(*port));
       set("driver", "mavlink");
@@ -143,8 +146,10 @@ class DraftText {
       comment("No IMU with a kernel driver. Seen: " + list_of(parts_.imus));
       for (const ImuPart& imu : parts_.imus)
         if (!imu.trouble.empty()) comment(imu.path + ": " + imu.trouble);
-      comment("A chip on SPI does not say what it is: name it in driver (icm42688p, bmi088 or adis16470). SPI: " +
-              list_of(parts_.spi));
+      comment(
+          "No chip on SPI says that it is an ICM-42688-P or a whole BMI088. Another one is to be named in driver. "
+          "SPI: " +
+          list_of(parts_.spi));
       comment("driver = \"mavlink\" takes the samples of the flight controller in [mavlink].");
       open("driver", "icm42688p");
       open("device", parts_.spi.empty() ? "/dev/spidev0.0" : parts_.spi.front().path);
@@ -152,6 +157,40 @@ class DraftText {
     }
     comment("Noise densities: `epiline calibrate` finds them. Without this file those of EuRoC's IMU are assumed.");
     open("calibration", "calibration/imu.yaml");
+  }
+
+  /// The first that epiline has a driver for, with both halves of it there.
+  const ChipPart* known_chip() const {
+    for (const ChipPart& chip : parts_.spi) {
+      if (chip.chip == SpiChip::kIcm42688p) return &chip;
+      if (chip.chip == SpiChip::kBmi088Gyroscope && bmi088_accelerometer() != nullptr) return &chip;
+    }
+    return nullptr;
+  }
+  const ChipPart* bmi088_accelerometer() const {
+    const auto found = std::find_if(parts_.spi.begin(), parts_.spi.end(),
+                                    [](const ChipPart& c) { return c.chip == SpiChip::kBmi088Accelerometer; });
+    return found == parts_.spi.end() ? nullptr : &*found;
+  }
+
+  void add_chip(const ChipPart& chip) {
+    const bool is_icm = chip.chip == SpiChip::kIcm42688p;
+    const std::string name = is_icm ? "an ICM-42688-P" : "a BMI088";
+    comment(chip.path + ": " + name + ", by its identity register. SPI: " + list_of(parts_.spi));
+    set("driver", driver_of(chip.chip));
+    set("device", chip.path);
+    if (!is_icm) set("device_accel", bmi088_accelerometer()->path);
+    out_.print("rate_hz = {}\n", usual_rate_hz(chip.chip));
+    if (chip.ready_line.empty()) {
+      comment(
+          "No free line has edges at this rate. Wire the chip's interrupt pin to one: its edges give the best times.");
+      open("ready_line", "GPIO25");
+      lacks("imu", "imu.ready_line: no free line has the chip's edges");
+    } else {
+      comment("The one free line with edges at this rate.");
+      set("ready_line", chip.ready_line);
+    }
+    chose("imu", chip.path + ": " + name + (chip.ready_line.empty() ? "" : ", ready line " + chip.ready_line));
   }
 
   /// One with an accelerometer in it rather than one without.
@@ -222,8 +261,14 @@ class DraftText {
     if (!port->trouble.empty()) comment(port->trouble);
     const std::string device = selected(*port, port->settings.front().value);
     set("serial", device);
-    comment("As the controller's port is set; without meaning on USB.");
-    out_.print("baud = 921600\n");
+    if (port->baud != 0) {
+      comment("At this rate its heartbeat was heard.");
+      out_.print("baud = {}\n", port->baud);
+      if (port->system != 1) out_.print("system = {}\n", port->system);
+    } else {
+      comment("As the controller's port is set; without meaning on USB.");
+      out_.print("baud = 921600\n");
+    }
     chose("mavlink", device + (port->autopilot.empty() ? "" : ", " + port->autopilot));
   }
 

@@ -14,8 +14,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-Part find_spi(const fs::path& root, const ListedDevice& listed) {
-  return {listed.path, "", {{"imu.device", listed.path}}, no_permission(root, listed.path)};
+ChipPart find_spi(const fs::path& root, const ListedDevice& listed) {
+  return {{listed.path, "", {{"imu.device", listed.path}}, no_permission(root, listed.path)}};
 }
 
 GpioPart find_gpio(const fs::path& root, const ListedDevice& listed, SystemCalls& system) {

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "drivers/sensors/imu/spi_identity.h"
 #include "platform/linux/system_calls.h"
 
 namespace epiline {
@@ -56,9 +57,16 @@ struct ImuPart : Part {
   std::vector<double> rates_hz;  ///< empty: the driver does not list them
 };
 
+/// A chip select of an SPI bus. Only probe() fills in more than its path.
+struct ChipPart : Part {
+  SpiChip chip = SpiChip::kUnknown;
+  std::string ready_line = {};  ///< on which its edges are, as imu.ready_line; empty: not found
+};
+
 struct SerialPart : Part {
   std::string vendor, product;  ///< four hexadecimal digits each, of USB; may be empty
-  std::string autopilot;        ///< a flight controller by its USB vendor or maker; empty: unknown
+  std::string autopilot;        ///< a flight controller by its USB vendor or maker, or heard by probe(); empty: unknown
+  int baud = 0, system = 0;     ///< of the heartbeat that probe() heard; 0: none
 };
 
 struct CanPart : Part {
@@ -74,7 +82,7 @@ struct GpioPart : Part {
 struct Parts {
   std::vector<CameraPart> cameras;  ///< nodes that give images; those of metadata and outputs are left out
   std::vector<ImuPart> imus;
-  std::vector<Part> spi;  ///< each may be an IMU: a chip on SPI does not say what it is
+  std::vector<ChipPart> spi;  ///< each may be an IMU
   std::vector<SerialPart> serial;
   std::vector<CanPart> can;
   std::vector<GpioPart> gpio;

@@ -67,7 +67,7 @@ void add(std::string& out, std::string_view& kind, const ImuPart& imu) {
   if (imu.rate_hz > 0) add_line(out, "rate now", fmt::format("{:.4g} Hz", imu.rate_hz));
 }
 
-void add(std::string& out, std::string_view& kind, const Part& spi) {
+void add(std::string& out, std::string_view& kind, const ChipPart& spi) {
   add_part(out, kind, spi, "may be an IMU: set imu.driver to icm42688p, bmi088 or adis16470");
 }
 
