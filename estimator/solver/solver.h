@@ -72,10 +72,11 @@ class Solver {
  private:
   struct Memory;
   bool factorise_and_solve(const SolverSettings& settings, double damping);
-  double try_step(Window& window, VisualFactorModel& visual, const SolverSettings& settings, double cost);
+  double try_step(Window& window, VisualFactorModel& visual, const SolverSettings& settings, double cost, double share);
+  void put_back(Window& window, VisualFactorModel& visual) const;
   void iterate(Window& window, VisualFactorModel& visual, const SolverSettings& settings, Supervisor& supervisor,
                SolverSummary& r);
-  bool step(Window& window, VisualFactorModel& visual, const SolverSettings& settings);
+  bool step(Window& window, VisualFactorModel& visual, const SolverSettings& settings, double share);
   bool is_within(const Window& window, double mean, double newest) const;
   bool insignificant(const Window& window) const;
   void read_covariance(const SolverSettings& settings);

@@ -69,6 +69,31 @@ class Failing final : public VisualFactorModel {
   int first_, count_ = 0;
 };
 
+/// Pulls the newest frame along x, as weakly as images pull the scale in cruise, to one place; each step aims 2.2 times
+/// as far.
+class Overshooting final : public VisualFactorModel {
+ public:
+  void collect(const Window&, const VisualSettings&) noexcept override {}
+  void linearise(const Window& w, VisualSystem& out) noexcept override {
+    clear(out, w.size());
+    const int n = w.size() - 1;
+    out.H[n][n][0] = kInformation;
+    out.b[n][0] = kInformation * kTooFar * (place - w.at(n).x.p.x());
+    out.cost = cost(w);
+  }
+  double cost(const Window& w) noexcept override {
+    const double off = place - w.newest().x.p.x();
+    return kInformation * kTooFar * off * off;
+  }
+  void marginalise_oldest(const Window& w, const VisualSettings&, VisualSystem& out) noexcept override {
+    clear(out, w.size());
+  }
+  double place = 0;
+
+ private:
+  static constexpr double kInformation = 100, kTooFar = 2.2;
+};
+
 /// A window with a prior whose velocities are off by 0.3 m/s, and what it held before.
 struct Attempt {
   Attempt() {
@@ -107,6 +132,19 @@ struct Attempt {
   std::vector<NavState> before;
   Calibration calibration;
 };
+
+/// Damping, relative to what is known of a frame against its neighbours, would hold the way that they all go together.
+TEST(Solver, TakesAShorterStepWhereAllOfItLeadsTooFar) {
+  SyntheticWindow s = make_window({.state_error = 0});
+  Window& w = *s.window;
+  set_initial_prior(w, {.sigma_v = 10}, calibration_sigmas());
+  Overshooting factor;
+  factor.place = w.newest().x.p.x() + 2;
+  Solver solver(best_instruction_set());
+  Supervisor patient;
+  EXPECT_TRUE(solver.optimise(w, factor, {10, false, false}, patient).solved());
+  EXPECT_NEAR(w.newest().x.p.x(), factor.place, 0.1);
+}
 
 TEST(Solver, GivesUpWhenEveryStepIsRejectedAndLeavesNothing) {
   for (const double bad : {1e12, std::nan(""), std::numeric_limits<double>::infinity()}) {
@@ -178,7 +216,7 @@ TEST(Solver, EndsWithoutAStepWherePositionIsFree) {
 TEST(Solver, HandsOutTheUndampedCovarianceAfterARejection) {
   Attempt a;
   Failing factor(Failing::At::kTrial, 1e12);
-  factor.first_trials = 2;
+  factor.first_trials = 3;  // all of the step, half of it, and the first that is damped
   const SolverSummary r = a.solve(factor, {1, true, true});
   ASSERT_TRUE(r.solved());
   EXPECT_EQ(r.rejected, 2);
