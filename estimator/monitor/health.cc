@@ -54,18 +54,19 @@ Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
     gated_s_ = e.gated_share > kGatedShare ? gated_s_ + dt_s : 0;
   }
   const auto within = [&e](double limit, double share) { return e.sigma_velocity < std::max(limit, share * e.speed); };
-  const bool tight = within(kSettledVelocity, kSettledShare) && e.sigma_tilt < kSettledTilt;
-  settled_ = settled_ || tight;
+  const bool tilt = e.sigma_tilt < kSettledTilt;
+  settled_ = settled_ || (tilt && within(kSettledVelocity, kSettledShare));
+  const bool wide = !settled_ || !within(kDegradedVelocity, kDegradedShare);
 
   Health h;
-  flag(h.reasons, !settled_ || doubted_s_ > 0, HealthReason::kPosteriorWide);
+  flag(h.reasons, (wide && !tilt) || doubted_s_ > 0, HealthReason::kPosteriorWide);
+  flag(h.reasons, wide && tilt, HealthReason::kScaleUnknown);
   doubted_s_ = std::max(0.0, doubted_s_ - dt_s);
   flag(h.reasons, e.tracks < kFewTracks, HealthReason::kFewTracks);
   flag(h.reasons, gated_s_ > kGatedTime_s, HealthReason::kManyGated);
   flag(h.reasons, rejected_frames_ >= kRejectedFrames, HealthReason::kStepsRejected);
   const bool bias = e.bias_accelerometer > kBiasAccelerometer || e.bias_gyroscope > kBiasGyroscope;
   flag(h.reasons, bias, HealthReason::kBiasImplausible);
-  flag(h.reasons, settled_ && !within(kDegradedVelocity, kDegradedShare), HealthReason::kVelocityUncertain);
   flag(h.reasons, e.deadline_missed, HealthReason::kDeadlineMissed);
   flag(h.reasons, e.overloaded, HealthReason::kOverloaded);
   flag(h.reasons, e.imu_gap, HealthReason::kImuGap);
@@ -74,11 +75,13 @@ Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
 
   const bool unknown = !within(kLostVelocity, kLostShare);
   const bool lost = !e.finite || bias || unknown || e.numbers_wrong == Severity::kGross;
-  // of a flight whose covariance is wide but true there is nothing better to start from, as long as there are images
+  // of a flight whose covariance is wide but true there is nothing better to start from, as long as there are images;
+  // of a start, as long as it knows where up is
   const bool ends = e.numbers_wrong == Severity::kGross || (unknown && e.tracks < kFewTracks);
   lost_s_ = ends ? lost_s_ + dt_s : 0;
   unsettled_s_ = settled_ ? 0 : unsettled_s_ + dt_s;
-  const bool failed = (unknown && unsettled_s_ > kLongestUnsettled_s) || (!settled_ && e.speed > kFastestUnsettled);
+  const bool failed =
+      (unknown && !tilt && unsettled_s_ > kLongestUnsettled_s) || (!settled_ && e.speed > kFastestUnsettled);
   reset_wanted_ = !e.finite || bias || failed || lost_s_ > kLostBeforeReset_s;
   h.state = !settled_        ? HealthState::kInitialising
             : lost           ? HealthState::kLost

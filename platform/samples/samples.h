@@ -131,12 +131,12 @@ enum class HealthState : std::uint8_t { kInitialising, kTracking, kDegraded, kLo
 enum class HealthReason : std::uint32_t {
   kNone = 0,
   kNoInitialState = 1u << 0,  ///< not started yet
-  kPosteriorWide = 1u << 1,   ///< started, but velocity, tilt or scale is not certain enough yet
+  kPosteriorWide = 1u << 1,   ///< started, but the tilt is not certain enough (yet), or the last flight failed
   kFewTracks = 1u << 2,
   kManyGated = 1u << 3,      ///< more than 40 % of the tracks contradict the motion: wrong timestamps or calibration
   kStepsRejected = 1u << 4,  ///< the solver failed in several frames in a row
   kBiasImplausible = 1u << 5,
-  kVelocityUncertain = 1u << 6,
+  kScaleUnknown = 1u << 6,  ///< tilt is certain, but speed and scale are not (yet)
   kDeadlineMissed = 1u << 7,
   kImuGap = 1u << 8,
   kNotFinite = 1u << 9,
@@ -161,11 +161,11 @@ inline constexpr int kHealthReasons = 24;  ///< bits in use
 /// Names of states and reasons in files and messages, in the order of the values and bits.
 inline constexpr std::array kHealthStateNames = {"initialising", "tracking", "degraded", "lost"};
 inline constexpr std::array<const char*, kHealthReasons> kHealthReasonNames = {
-    "no_initial_state", "posterior_wide",     "few_tracks",        "many_gated",     "steps_rejected",
-    "bias_implausible", "velocity_uncertain", "deadline_missed",   "imu_gap",        "not_finite",
-    "camera_silent",    "imu_silent",         "camera_clock_jump", "imu_clock_jump", "images_frozen",
-    "lens_covered",     "view_obstructed",    "exposure_step",     "imu_saturated",  "imu_stuck",
-    "readings_refused", "imu_clock_drift",    "overloaded",        "numbers_wrong"};
+    "no_initial_state", "posterior_wide",  "few_tracks",        "many_gated",     "steps_rejected",
+    "bias_implausible", "scale_unknown",   "deadline_missed",   "imu_gap",        "not_finite",
+    "camera_silent",    "imu_silent",      "camera_clock_jump", "imu_clock_jump", "images_frozen",
+    "lens_covered",     "view_obstructed", "exposure_step",     "imu_saturated",  "imu_stuck",
+    "readings_refused", "imu_clock_drift", "overloaded",        "numbers_wrong"};
 
 constexpr std::uint32_t bit(HealthReason reason) { return static_cast<std::uint32_t>(reason); }
 /// An image with one of these reasons does not show the scene: it has no features, and no evidence of motion or rest.

@@ -34,7 +34,7 @@ constexpr Words kWords[] = {
     {HealthReason::kImuClockDrift, "IMU clock drifts"},
     {HealthReason::kReadingsRefused, "bad IMU data"},
     {HealthReason::kBiasImplausible, "IMU bias implausible"},
-    {HealthReason::kVelocityUncertain, "speed uncertain"},
+    {HealthReason::kScaleUnknown, "scale unknown"},
     {HealthReason::kStepsRejected, "no solution"},
     {HealthReason::kNotFinite, "no solution"},
     {HealthReason::kExposureStep, "brightness jumped"},

@@ -35,10 +35,12 @@ TEST(Health, GivenAWidePosteriorWhenItTightensThenTracking) {
   wide.sigma_velocity = 0.2;
   Health h = show(m, wide, 5);
   EXPECT_EQ(h.state, HealthState::kInitialising);
-  EXPECT_EQ(h.reasons, bit(HealthReason::kPosteriorWide));
+  EXPECT_EQ(h.reasons, bit(HealthReason::kScaleUnknown));
   wide = good();
   wide.sigma_tilt = 0.03;
-  EXPECT_EQ(show(m, wide, 1).state, HealthState::kInitialising);
+  h = show(m, wide, 1);
+  EXPECT_EQ(h.state, HealthState::kInitialising);
+  EXPECT_EQ(h.reasons, bit(HealthReason::kPosteriorWide));
   EXPECT_FALSE(m.reset_wanted());
   h = show(m, good(), kFrame_s);
   EXPECT_EQ(h.state, HealthState::kTracking);
@@ -50,10 +52,24 @@ TEST(Health, GivenAStartThatDoesNotSettleThenAResetAfterTenSeconds) {
   HealthMonitor m;
   FrameEvidence wide = good();
   wide.sigma_velocity = 1.2;
+  wide.sigma_tilt = 0.03;
   show(m, wide, 9.9);
   EXPECT_FALSE(m.reset_wanted());
   EXPECT_EQ(show(m, wide, 0.2).state, HealthState::kInitialising);
   EXPECT_TRUE(m.reset_wanted());
+}
+
+/// Nothing of a new start would know more.
+TEST(Health, GivenAStartThatKnowsItsTiltWhenTheScaleStaysUnknownThenItSaysSoAndGoesOn) {
+  HealthMonitor m;
+  FrameEvidence e = good();
+  e.speed = 8;
+  e.sigma_velocity = 2;
+  const Health h = show(m, e, 60);
+  EXPECT_EQ(h.state, HealthState::kInitialising) << "no position for a controller";
+  EXPECT_EQ(h.reasons, bit(HealthReason::kScaleUnknown));
+  EXPECT_FALSE(m.reset_wanted());
+  EXPECT_EQ(show(m, good(), kFrame_s).state, HealthState::kTracking);
 }
 
 TEST(Health, GivenAStartWhenItsVelocityIsUnknownThenAResetAfterTwoSeconds) {
@@ -144,7 +160,7 @@ INSTANTIATE_TEST_SUITE_P(
         Trouble{"steps_rejected", HealthReason::kStepsRejected, 0.3, [](FrameEvidence& e) { e.steps_rejected = true; }},
         Trouble{"deadline", HealthReason::kDeadlineMissed, 0.1, [](FrameEvidence& e) { e.deadline_missed = true; }},
         Trouble{"imu_gap", HealthReason::kImuGap, 0.1, [](FrameEvidence& e) { e.imu_gap = true; }},
-        Trouble{"velocity", HealthReason::kVelocityUncertain, 0.1, [](FrameEvidence& e) { e.sigma_velocity = 0.5; }}),
+        Trouble{"scale", HealthReason::kScaleUnknown, 0.1, [](FrameEvidence& e) { e.sigma_velocity = 0.5; }}),
     [](const auto& trouble) { return trouble.param.name; });
 
 TEST(Health, GivenTrackingWhenTheVelocityIsUnknownThenLostAndAResetAfterTwoSeconds) {
@@ -156,7 +172,7 @@ TEST(Health, GivenTrackingWhenTheVelocityIsUnknownThenLostAndAResetAfterTwoSecon
   Health h = show(m, e, 1.9);
   EXPECT_EQ(h.state, HealthState::kLost);
   EXPECT_EQ(h.quality, -1);
-  EXPECT_TRUE(h.reasons & bit(HealthReason::kVelocityUncertain));
+  EXPECT_TRUE(h.reasons & bit(HealthReason::kScaleUnknown));
   EXPECT_FALSE(m.reset_wanted());
   show(m, good(), kFrame_s);  // one good frame and the clock starts anew
   show(m, e, 1.9);

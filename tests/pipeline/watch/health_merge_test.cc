@@ -32,7 +32,7 @@ TEST(HealthMerge, ANoteIsSaidAndDoesNotDegrade) {
 
 TEST(HealthMerge, TheEstimatorsWorseVerdictStands) {
   HealthMerge merge;
-  Health h = merge.step({HealthState::kLost, bit(HealthReason::kVelocityUncertain), -1}, 0, at(0));
+  Health h = merge.step({HealthState::kLost, bit(HealthReason::kScaleUnknown), -1}, 0, at(0));
   EXPECT_EQ(h.state, HealthState::kLost);
   EXPECT_EQ(h.quality, -1);
   h = merge.step({HealthState::kInitialising, bit(HealthReason::kPosteriorWide), 10}, bit(HealthReason::kImuStuck),

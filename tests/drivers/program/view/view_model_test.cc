@@ -139,7 +139,7 @@ TEST(ViewModel, HealthResetsAndEventsBecomeNotes) {
   EXPECT_EQ(rows[1]["text"], "degraded");
   EXPECT_EQ(rows[1]["details"], Json::array({"few_tracks", "imu_gap"}));
   EXPECT_EQ(rows[2]["kind"], "reason");
-  EXPECT_EQ(rows[2]["details"], Json::array({"velocity_uncertain"}));
+  EXPECT_EQ(rows[2]["details"], Json::array({"scale_unknown"}));
   EXPECT_EQ(rows[3]["kind"], "reset");
   EXPECT_EQ(rows[4]["text"], "initialising");
   EXPECT_EQ(rows[5]["text"], "imu_gap length_ns=30000000");
