@@ -30,13 +30,6 @@ std::string list(const std::vector<std::size_t>& widths) {
   return s;
 }
 
-std::string quoted(std::string_view s) {
-  constexpr std::size_t kLongest = 40;
-  std::string q = "\"";
-  for (const char c : s.substr(0, kLongest)) q += c >= ' ' && c < 127 ? c : '?';
-  return q + (s.size() > kLongest ? "...\"" : "\"");
-}
-
 template <class T>
 bool parse_whole(std::string_view field, T& value) {
   if (field.size() > 1 && field[0] == '+' && field[1] != '-') field.remove_prefix(1);
@@ -168,43 +161,36 @@ bool take_field(std::string_view& line, std::string_view& field) {
   // A comma at the end of the line announces one more, empty, field; data() != nullptr keeps that apart from the end.
   if (line.data() == nullptr) return false;
   const auto blank = [](char c) { return c == ' ' || c == '\t'; };
+  const auto separates = [](char c) { return c == ',' || c == ';'; };
   std::size_t begin = 0;
   while (begin < line.size() && blank(line[begin])) ++begin;
   std::size_t end = begin;
-  while (end < line.size() && line[end] != ',' && !blank(line[end])) ++end;
+  while (end < line.size() && !separates(line[end]) && !blank(line[end])) ++end;
   field = line.substr(begin, end - begin);
   while (end < line.size() && blank(line[end])) ++end;
   if (end == line.size()) {
     line = {};
   } else {
-    line.remove_prefix(line[end] == ',' ? end + 1 : end);
+    line.remove_prefix(separates(line[end]) ? end + 1 : end);
   }
+  return true;
+}
+
+bool is_header(std::string_view line) {
+  double value = 0;
+  for (std::string_view field; take_field(line, field);)
+    if (parse_number(field, value)) return false;
   return true;
 }
 
 bool parse_number(std::string_view field, double& value) { return parse_whole(field, value); }
 bool parse_number(std::string_view field, std::int64_t& value) { return parse_whole(field, value); }
 
-bool parse_seconds(std::string_view field, std::int64_t& ns) {
-  constexpr std::int64_t kSecond = 1'000'000'000, kMost = std::numeric_limits<std::int64_t>::max() / kSecond - 1;
-  const bool negative = !field.empty() && field[0] == '-';
-  const std::size_t point = std::min(field.find('.'), field.size());
-  const std::string_view fraction = field.substr(std::min(point + 1, field.size()));
-  std::int64_t whole = 0;
-  const bool plain =
-      parse_number(field.substr(0, point), whole) && fraction.find_first_not_of("0123456789") == std::string_view::npos;
-  if (plain) {
-    std::int64_t part = 0;
-    for (std::size_t i = 0; i < 9; ++i) part = part * 10 + (i < fraction.size() ? fraction[i] - '0' : 0);
-    if (fraction.size() > 9 && fraction[9] >= '5') ++part;
-    if (std::abs(whole) > kMost) return false;
-    ns = whole * kSecond + (negative ? -part : part);
-    return true;
-  }
-  double seconds = 0;
-  if (!parse_number(field, seconds) || !(std::abs(seconds) < static_cast<double>(kMost))) return false;
-  ns = static_cast<std::int64_t>(std::llround(seconds * 1e9));
-  return true;
+std::string quoted(std::string_view s) {
+  constexpr std::size_t kLongest = 40;
+  std::string q = "\"";
+  for (const char c : s.substr(0, kLongest)) q += c >= ' ' && c < 127 ? c : '?';
+  return q + (s.size() > kLongest ? "...\"" : "\"");
 }
 
 Result<NumberTable> parse_table(std::string_view text, const std::string& name, TimeColumn time,
@@ -214,22 +200,22 @@ Result<NumberTable> parse_table(std::string_view text, const std::string& name, 
   };
   NumberTable table;
   table.values.reserve(text.size() / 10);
+  const bool of_sensor = time == TimeColumn::kSensor || time == TimeColumn::kImu;
   LineReader lines(text);
+  TimeFields times;
   std::size_t width = 0;
-  for (std::string_view line, field; lines.next(line);) {
+  bool is_first = true;
+  for (std::string_view line, field; lines.next(line); is_first = false) {
+    if (is_first && time != TimeColumn::kNanoseconds && is_header(line)) continue;
     std::size_t count = 0;
     for (; take_field(line, field); ++count) {
-      double value = 0;
-      if (count > 0) {
-        if (!parse_number(field, value)) return fail(lines.number(), quoted(field), "a number");
-        table.values.push_back(value);
+      if (count == 0) {
+        times.add(field, lines.number());
         continue;
       }
-      std::int64_t ns = 0;
-      const bool good = time == TimeColumn::kSeconds ? parse_seconds(field, ns) : parse_number(field, ns);
-      const char* expected = time == TimeColumn::kSeconds ? "a time in seconds" : "a time in integer nanoseconds";
-      if (!good) return fail(lines.number(), quoted(field), expected);
-      table.time_ns.push_back(ns);
+      double value = 0;
+      if (!parse_number(field, value)) return fail(lines.number(), quoted(field), "a number");
+      table.values.push_back(value);
     }
     if (width == 0 && std::find(widths.begin(), widths.end(), count) != widths.end()) width = count;
     if (count != width) {
@@ -238,7 +224,20 @@ Result<NumberTable> parse_table(std::string_view text, const std::string& name, 
     }
   }
   table.columns = width > 0 ? width - 1 : 0;
+  auto ns = times.parse(time, name, table.notes);
+  if (!ns) return ns.error();
+  table.time_ns = std::move(*ns);
+  if (of_sensor) table.sort(order_of_time(table.time_ns, name, table.notes));
   return table;
+}
+
+void NumberTable::sort(const std::vector<std::size_t>& order) {
+  if (order.empty()) return;
+  const NumberTable unsorted = *this;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    time_ns[i] = unsorted.time_ns[order[i]];
+    std::copy_n(unsorted.row(order[i]), columns, values.begin() + static_cast<std::ptrdiff_t>(i * columns));
+  }
 }
 
 }  // namespace epiline

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "pipeline/text/time_column.h"
 #include "platform/error/result.h"
 
 namespace epiline {
@@ -38,30 +39,36 @@ class LineReader {
   int number_ = 0;
 };
 
-/// Takes the next value off `line`; values are separated by one comma, or by blanks. False at the end of the line.
+/// Takes the next value off `line`; values are separated by one comma or semicolon, or by blanks. False at the end of
+/// the line.
 bool take_field(std::string_view& line, std::string_view& field);
+
+/// Whether no value of the line is a number: names of columns, without the `#` in front.
+bool is_header(std::string_view line);
+
+/// The beginning of the text in quotes, for messages.
+std::string quoted(std::string_view text);
 
 /// The whole field as a number; nan and inf are numbers here. False otherwise.
 bool parse_number(std::string_view field, double& value);
 bool parse_number(std::string_view field, std::int64_t& value);
-/// Decimal seconds (`12.5`, `1.4e9`) to integer nanoseconds; plain decimals exactly. False: not a number, or out of
-/// range.
-bool parse_seconds(std::string_view field, std::int64_t& ns);
 
 /// Rows of a time and `columns` numbers.
 struct NumberTable {
   std::size_t columns = 0;
   std::vector<std::int64_t> time_ns;
-  std::vector<double> values;  ///< row-major
+  std::vector<double> values;      ///< row-major
+  std::vector<std::string> notes;  ///< for the user: an unusual unit or order
   const double* row(std::size_t i) const { return values.data() + i * columns; }
   std::size_t rows() const { return time_ns.size(); }
+  /// Row i becomes what row order[i] was. Empty: nothing changes.
+  void sort(const std::vector<std::size_t>& order);
 };
-
-enum class TimeColumn { kNanoseconds, kSeconds };
 
 /// Parses a text of the file `name`. Fails if and only if a field is no number, or a line has not as many values (time
 /// included) as the first, or that number is none of `widths`. `what` names a row in the message, for instance "IMU
-/// sample".
+/// sample". Tables but those of plain nanoseconds may begin with a header without `#`; those of sensors are put in the
+/// order of time (order_of_time()).
 Result<NumberTable> parse_table(std::string_view text, const std::string& name, TimeColumn time,
                                 const std::vector<std::size_t>& widths, const std::string& what);
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "pipeline/text/table.h"
 
@@ -16,7 +17,25 @@ Vec3 vec3(const double* v) { return {v[0], v[1], v[2]}; }
 bool comma_in_first_line(const std::string& text) {
   LineReader lines(text);
   std::string_view line;
-  return lines.next(line) && line.find(',') != std::string_view::npos;
+  return lines.next(line) && line.find_first_of(",;") != std::string_view::npos;
+}
+
+/// Whether the names of the columns, above the first number, say where w of the quaternion stands: `qw`, `q_RS_w []`.
+std::optional<bool> w_is_first(std::string_view text) {
+  for (std::string_view line; !text.empty();) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    line = text.substr(0, end);
+    text.remove_prefix(std::min(end + 1, text.size()));
+    if (line.substr(0, 1) != "#" && !is_header(line)) break;
+    std::string order;
+    for (std::string_view name; take_field(line, name);) {
+      name = name.substr(0, name.find('['));
+      while (!name.empty() && name[0] == '#') name.remove_prefix(1);
+      if (name.size() >= 2 && (name[0] == 'q' || name[0] == 'Q')) order += name.back();
+    }
+    if (order == "wxyz" || order == "xyzw") return order[0] == 'w';
+  }
+  return std::nullopt;
 }
 
 bool finite(const double* values, std::size_t count) {
@@ -24,13 +43,14 @@ bool finite(const double* values, std::size_t count) {
 }
 
 /// Takes the rows over in the file's order, good ones only.
-Trajectory from_table(const NumberTable& table, bool asl) {
+Trajectory from_table(const NumberTable& table, bool w_first) {
   Trajectory t;
+  t.notes = table.notes;
   for (std::size_t i = 0; i < table.rows(); ++i) {
     const double* row = table.row(i);
     const double* q = row + 3;
     const Eigen::Quaterniond q_WB =
-        asl ? Eigen::Quaterniond(q[0], q[1], q[2], q[3]) : Eigen::Quaterniond(q[3], q[0], q[1], q[2]);
+        w_first ? Eigen::Quaterniond(q[0], q[1], q[2], q[3]) : Eigen::Quaterniond(q[3], q[0], q[1], q[2]);
     if (!finite(row + 7, table.columns - 7)) {
       ++t.not_finite;
       continue;
@@ -69,10 +89,10 @@ Result<Trajectory> read_trajectory(const std::filesystem::path& path) {
   const auto text = read_text(path);
   if (!text) return text.error();
   const bool asl = comma_in_first_line(*text);
-  const auto table = asl ? parse_table(*text, path.string(), TimeColumn::kNanoseconds, {8, 11, 17}, "ground truth pose")
+  const auto table = asl ? parse_table(*text, path.string(), TimeColumn::kSensor, {8, 11, 17}, "ground truth pose")
                          : parse_table(*text, path.string(), TimeColumn::kSeconds, {8}, "pose");
   if (!table) return table.error();
-  Trajectory trajectory = from_table(*table, asl);
+  Trajectory trajectory = from_table(*table, w_is_first(*text).value_or(asl));
   if (trajectory.poses.empty()) {
     return Error{ErrorKind::kUsage, path.string(), 0, "no pose", "a TUM trajectory or an ASL ground truth"};
   }

@@ -30,6 +30,7 @@ struct Trajectory {
   /// The file's quaternion that is furthest from unit length: by how much, and when. `poses` has it normalised.
   double worst_norm_error = 0;
   HostStamp worst_norm_at;
+  std::vector<std::string> notes;  ///< for the user: an unusual unit or order of the file
 };
 
 /// Appends the pose with a quaternion of length one. False, and counted, if it is not finite, has no rotation, or does
@@ -37,8 +38,8 @@ struct Trajectory {
 bool add_pose(const TimedPose& pose, Trajectory& trajectory);
 
 /// Reads an ASL ground truth (csv: t_ns, p, q wxyz [, v [, bias of gyroscope, of accelerometer]]) or a TUM trajectory
-/// (t_s tx ty tz qx qy qz qw), plain or gzipped; the first line with data tells which. Fails if and only if the file
-/// cannot be read, a line does not parse, or no pose is left.
+/// (t_s tx ty tz qx qy qz qw), plain or gzipped; the first line with data tells which. A header that names qw in
+/// another place is followed. Fails if and only if the file cannot be read, a line does not parse, or no pose is left.
 Result<Trajectory> read_trajectory(const std::filesystem::path& path);
 
 /// The poses in TUM's format, one a line: time in seconds with nine decimals, from the integer; w of the quaternion

@@ -24,26 +24,26 @@ void write_gzipped(const fs::path& path, const std::string& text) {
   gzclose(file);
 }
 
-TEST(ParseSeconds, KeepsEveryNanosecond) {
+TEST(ParseTime, KeepsEveryNanosecond) {
   std::int64_t ns = 0;
-  ASSERT_TRUE(parse_seconds("1403636584.763555584", ns));
+  ASSERT_TRUE(parse_time("1403636584.763555584", kInSeconds, ns));
   EXPECT_EQ(ns, 1403636584763555584);
-  ASSERT_TRUE(parse_seconds("-0.000000001", ns));
+  ASSERT_TRUE(parse_time("-0.000000001", kInSeconds, ns));
   EXPECT_EQ(ns, -1);
-  ASSERT_TRUE(parse_seconds("-3.25", ns));
+  ASSERT_TRUE(parse_time("-3.25", kInSeconds, ns));
   EXPECT_EQ(ns, -3'250'000'000);
-  ASSERT_TRUE(parse_seconds("7", ns));
+  ASSERT_TRUE(parse_time("7", kInSeconds, ns));
   EXPECT_EQ(ns, 7'000'000'000);
-  ASSERT_TRUE(parse_seconds("0.9999999996", ns));
+  ASSERT_TRUE(parse_time("0.9999999996", kInSeconds, ns));
   EXPECT_EQ(ns, 1'000'000'000);
-  ASSERT_TRUE(parse_seconds("1.5e3", ns));
+  ASSERT_TRUE(parse_time("1.5e3", kInSeconds, ns));
   EXPECT_EQ(ns, 1'500'000'000'000);
 }
 
-TEST(ParseSeconds, RefusesWhatIsNoTime) {
+TEST(ParseTime, RefusesWhatIsNoTime) {
   std::int64_t ns = 0;
   for (const char* text : {"", "abc", "1.2.3", "nan", "inf", "1e30", "99999999999999999", "1.5x", "--3"}) {
-    EXPECT_FALSE(parse_seconds(text, ns)) << text;
+    EXPECT_FALSE(parse_time(text, kInSeconds, ns)) << text;
   }
 }
 

@@ -50,6 +50,22 @@ TEST_F(TrajectoryFile, WhatItWritesItReads) {
   }
 }
 
+TEST_F(TrajectoryFile, AHeaderSaysWhereWIs) {
+  const Eigen::Quaterniond q(0.8, 0.6, 0, 0);
+  for (const char* text :
+       {"#timestamp tx ty tz qw qx qy qz\n5.0 1 2 3 0.8 0.6 0 0\n",
+        "# made in 2024\n# t x y z qx qy qz qw\n5 1 2 3 0.6 0 0 0.8\n",
+        "timestamp tx ty tz qw qx qy qz\n5.0 1 2 3 0.8 0.6 0 0\n",
+        "#timestamp [ns], p_RS_R_x [m], p_y, p_z, q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z "
+        "[]\n5000000000,1,2,3,0.8,0.6,0,0\n",
+        "#time,x,y,z,qx,qy,qz,qw\n5000000000,1,2,3,0.6,0,0,0.8\n", "#time,x,y,z\n5000000000,1,2,3,0.8,0.6,0,0\n"}) {
+    const auto t = read(text);
+    ASSERT_TRUE(t) << t.error().text();
+    EXPECT_EQ(t->poses.at(0).stamp.ns, 5'000'000'000) << text;
+    EXPECT_NEAR(t->poses.at(0).q_WB.angularDistance(q), 0, 1e-7) << text;
+  }
+}
+
 TEST_F(TrajectoryFile, RowsWithoutAPoseOrOutOfOrderAreLeftOutAndCounted) {
   const auto t = read("1 0 0 0 0 0 0 1\n2 nan 0 0 0 0 0 1\n3 0 0 0 0 0 0 0\n1 0 0 0 0 0 0 1\n4 1 0 0 0 0 0 1.5\n");
   ASSERT_TRUE(t) << t.error().text();
