@@ -1,5 +1,7 @@
 #include "drivers/flights/recordings/asl_dataset.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -8,6 +10,7 @@
 #include "drivers/flights/recordings/image_file.h"
 #include "pipeline/config/asl.h"
 #include "pipeline/text/table.h"
+#include "platform/math/statistics.h"
 
 namespace epiline {
 
@@ -34,35 +37,58 @@ Result<fs::path> find_root(const fs::path& folder) {
   return root;
 }
 
+/// Where the image of that name is: in `data`, beside the list, or there with the ending left out. If nowhere, in
+/// `data`.
+fs::path image_path(const fs::path& folder, const std::string& name) {
+  for (const char* ending : {"", ".png", ".jpg", ".jpeg", ".pgm"}) {
+    for (const fs::path& place : {folder / "data", folder}) {
+      fs::path path = place / (name + ending);
+      std::error_code ignored;
+      if (fs::is_regular_file(path, ignored)) return path;
+    }
+  }
+  return folder / "data" / name;
+}
+
 Status read_image_list(AslDataset& d) {
+  constexpr const char* kExpected = "time, image file";
+  const std::string list = d.image_list.string();
   const auto text = read_text(d.image_list);
   if (!text) return text.error();
-  const fs::path folder = d.image_list.parent_path() / "data";
+  TimeFields times;
   LineReader lines(*text);
-  for (std::string_view line; lines.next(line);) {
-    const auto fail = [&](std::string found, std::string expected) {
-      return Error{ErrorKind::kUsage, d.image_list.string(), lines.number(), std::move(found), std::move(expected)};
-    };
-    std::string_view time, name, more;
-    std::int64_t ns = 0;
-    if (!take_field(line, time) || !parse_number(time, ns))
-      return fail("the line has no time", "integer nanoseconds, image file");
-    if (!take_field(line, name) || name.empty())
-      return fail("the line has no image file", "integer nanoseconds, image file");
-    if (take_field(line, more)) return fail("more than two values", "integer nanoseconds, image file");
-    d.images.push_back({HostStamp{ns}, folder / std::string(name), lines.number()});
+  bool is_first = true;
+  for (std::string_view line; lines.next(line); is_first = false) {
+    if (is_first && is_header(line)) continue;
+    std::string_view time, name;
+    if (!take_field(line, time) || !take_field(line, name) || name.empty())
+      return Error{ErrorKind::kUsage, list, lines.number(), "the line has no image file", kExpected};
+    times.add(time, lines.number());
+    d.images.push_back({{}, image_path(d.image_list.parent_path(), std::string(name)), lines.number()});
   }
-  if (d.images.empty())
-    return Error{ErrorKind::kUsage, d.image_list.string(), 0, "lists no image", "integer nanoseconds, image file"};
+  if (d.images.empty()) return Error{ErrorKind::kUsage, list, 0, "lists no image", kExpected};
+  const auto ns = times.parse(TimeColumn::kSensor, list, d.notes);
+  if (!ns) return ns.error();
+  for (std::size_t i = 0; i < ns->size(); ++i) d.images[i].stamp = HostStamp{(*ns)[i]};
+  const std::vector<ImageFile> as_listed = d.images;
+  const std::vector<std::size_t> order = order_of_time(*ns, list, d.notes);
+  for (std::size_t i = 0; i < order.size(); ++i) d.images[i] = as_listed[order[i]];
   d.image_source = image_files(d.images, d.image_list);
   return Done{};
 }
 
-Status read_tracks(AslDataset& d) {
-  const auto text = read_text(d.image_list);
+/// A table of a sensor, with its remarks.
+Result<NumberTable> read_table(const fs::path& path, TimeColumn time, std::size_t width, const char* what,
+                               std::vector<std::string>& notes) {
+  const auto text = read_text(path);
   if (!text) return text.error();
-  const auto table =
-      parse_table(*text, d.image_list.string(), TimeColumn::kNanoseconds, {4}, "track point (time, id, u, v)");
+  auto table = parse_table(*text, path.string(), time, {width}, what);
+  if (table) notes.insert(notes.end(), table->notes.begin(), table->notes.end());
+  return table;
+}
+
+Status read_tracks(AslDataset& d) {
+  const auto table = read_table(d.image_list, TimeColumn::kSensor, 4, "track point (time, id, u, v)", d.notes);
   if (!table) return table.error();
   for (std::size_t i = 0; i < table->rows(); ++i) {
     const double* row = table->row(i);
@@ -123,6 +149,42 @@ Status read_camera(AslDataset& d, const std::string& camera) {
   return missing(folder / "data.csv", "the list of images, or tracks.csv");
 }
 
+double median_length(const std::vector<ImuSample>& samples, std::array<double, 3> ImuSample::*sensor) {
+  std::vector<double> lengths;
+  for (const ImuSample& s : samples)
+    if (const double length = vec3(s.*sensor).norm(); std::isfinite(length)) lengths.push_back(length);
+  return lengths.empty() ? 0 : summarise(std::move(lengths)).median;
+}
+
+/// A minute's median of rates is never that of gravity, nor is a flight's acceleration a third of it.
+Status check_columns(const AslMotion& d) {
+  constexpr double kGravity = 9.81, kNear = 1.5;
+  const double rate = median_length(d.imu_samples, &ImuSample::angular_velocity_rad_s),
+               force = median_length(d.imu_samples, &ImuSample::specific_force_m_s2);
+  if (std::abs(rate - kGravity) > kNear || force > kGravity / 3) return Done{};
+  return Error{ErrorKind::kUsage, d.imu_file.string(), 0,
+               fmt::format("columns 2 to 4 have the length {:.2f}, as accelerations have, and columns 5 to 7 {:.2f}",
+                           rate, force),
+               "time, 3 rates (rad/s), 3 accelerations (m/s^2), in this order"};
+}
+
+/// Images and readings of two clocks tell no motion.
+Status check_common_time(const AslDataset& d) {
+  const auto [first_imu, last_imu] = std::minmax_element(
+      d.imu_samples.begin(), d.imu_samples.end(), [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
+  HostStamp first = d.instant(0), last = first;
+  for (std::size_t i = 0; i < d.instants_count(); ++i) {
+    first = std::min(first, d.instant(i));
+    last = std::max(last, d.instant(i));
+  }
+  if (!(last < first_imu->stamp) && !(last_imu->stamp < first)) return Done{};
+  const auto seconds = [](HostStamp t) { return 1e-9 * static_cast<double>(t.ns); };
+  return Error{ErrorKind::kUsage, d.image_list.string(), 0,
+               fmt::format("images from {:.3f} to {:.3f} s, but IMU samples from {:.3f} to {:.3f} s", seconds(first),
+                           seconds(last), seconds(first_imu->stamp), seconds(last_imu->stamp)),
+               "times of one clock"};
+}
+
 Status read_imu(AslMotion& d, const fs::path& calibration_file) {
   const fs::path folder = d.root / "imu0";
   const fs::path calibration = calibration_path(d.root, "imu0", "imu_config.yaml", calibration_file);
@@ -141,10 +203,7 @@ Status read_imu(AslMotion& d, const fs::path& calibration_file) {
   const fs::path path = find_table(folder, "data.csv");
   if (path.empty()) return missing(folder / "data.csv", "the IMU's samples");
   d.imu_file = path;
-  const auto text = read_text(path);
-  if (!text) return text.error();
-  const auto table =
-      parse_table(*text, path.string(), TimeColumn::kNanoseconds, {7}, "IMU sample (time, 3 rates, 3 forces)");
+  const auto table = read_table(path, TimeColumn::kImu, 7, "IMU sample (time, 3 rates, 3 forces)", d.notes);
   if (!table) return table.error();
   if (table->rows() == 0)
     return Error{ErrorKind::kUsage, path.string(), 0, "lists no IMU sample", "time, 3 rates, 3 forces"};
@@ -153,15 +212,13 @@ Status read_imu(AslMotion& d, const fs::path& calibration_file) {
     const double* r = table->row(i);
     d.imu_samples.push_back({HostStamp{table->time_ns[i]}, {r[0], r[1], r[2]}, {r[3], r[4], r[5]}});
   }
-  return Done{};
+  return check_columns(d);
 }
 
 Status read_wheel(AslMotion& d) {
   const fs::path path = find_table(d.root / "wheel0", "data.csv");
   if (path.empty()) return Done{};
-  const auto text = read_text(path);
-  if (!text) return text.error();
-  const auto table = parse_table(*text, path.string(), TimeColumn::kNanoseconds, {2}, "speed (time, m/s)");
+  const auto table = read_table(path, TimeColumn::kSensor, 2, "speed (time, m/s)", d.notes);
   if (!table) return table.error();
   for (std::size_t i = 0; i < table->rows(); ++i)
     d.wheel_samples.push_back(
@@ -173,9 +230,7 @@ Status read_heights(AslMotion& d) {
   for (const AslHeightTable& kind : kAslHeightTables) {
     const fs::path path = find_table(d.root / kind.folder, "data.csv");
     if (path.empty()) continue;
-    const auto text = read_text(path);
-    if (!text) return text.error();
-    const auto table = parse_table(*text, path.string(), TimeColumn::kNanoseconds, {2}, "height (time, m)");
+    const auto table = read_table(path, TimeColumn::kSensor, 2, "height (time, m)", d.notes);
     if (!table) return table.error();
     for (std::size_t i = 0; i < table->rows(); ++i)
       d.height_samples.push_back({HostStamp{table->time_ns[i]}, kind.kind, table->row(i)[0]});
@@ -203,6 +258,7 @@ Status read_ground_truth(AslMotion& d) {
   auto truth = read_ground_truth(d.truth_file);
   if (!truth) return truth.error();
   d.ground_truth = std::move(*truth);
+  if (d.ground_truth) d.notes.insert(d.notes.end(), d.ground_truth->notes.begin(), d.ground_truth->notes.end());
   return Done{};
 }
 
@@ -231,6 +287,7 @@ Result<AslDataset> open_asl_dataset(const fs::path& folder, const std::string& c
   auto d = open_uncalibrated_asl_dataset(folder, camera, imu_file);
   if (!d) return d.error();
   if (const Status s = read_lens(*d, camera, camera_file); !s) return s.error();
+  if (const Status s = check_common_time(*d); !s) return s.error();
   if (const Status s = read_ground_truth(*d); !s) return s.error();
   return d;
 }

@@ -63,8 +63,9 @@ Result<AslMotion> open_asl_motion(const std::filesystem::path& folder, const std
 
 /// Opens the folder (or its `mav0`) and reads everything but the images. `camera`: cam0, cam1. Calibration comes from
 /// the files named in `camera_file` and `imu_file` instead of the data set's if they are not empty. Fails if and only
-/// if a file is missing that a replay needs (calibration, image list, IMU), one does not parse, or images or IMU are
-/// empty. A missing `imu0/sensor.yaml` or ground truth is not an error.
+/// if a file is missing that a replay needs (calibration, image list, IMU), one does not parse, images or IMU are
+/// empty, they have no time in common, or rates and accelerations are exchanged. A missing `imu0/sensor.yaml` or ground
+/// truth is not an error.
 Result<AslDataset> open_asl_dataset(const std::filesystem::path& folder, const std::string& camera,
                                     const std::filesystem::path& camera_file = {},
                                     const std::filesystem::path& imu_file = {});

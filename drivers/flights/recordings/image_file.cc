@@ -14,8 +14,12 @@ class ImageFiles final : public ImageSource {
   ImageFiles(std::vector<ImageFile> files, std::filesystem::path list)
       : files_(std::move(files)), list_(std::move(list)) {}
   Status read(std::size_t index, GreyImage& grey) override {
+    std::error_code ignored;
+    if (!std::filesystem::exists(files_[index].path, ignored))
+      return complaint(index, "does not exist", "the image that the list names");
     if (!read_bytes(files_[index].path) || !decode_image(bytes_.data(), bytes_.size(), grey))
-      return complaint(index, "cannot be read as an image", "a complete PNG, JPEG or binary PGM");
+      return complaint(index, bytes_.empty() ? "is empty" : "is damaged, cut or no image",
+                       "a complete PNG, JPEG or binary PGM");
     return Done{};
   }
   Error complaint(std::size_t index, std::string found, std::string expected) const override {
@@ -59,7 +63,10 @@ Result<Frame> ImageDecoder::read(std::size_t index, const AslDataset& dataset) {
 
 Result<Frame> ImageDecoder::read(std::size_t index, const AslDataset& dataset, std::size_t buffer) {
   GreyImage& image = buffers_->images[buffer];
-  if (const Status s = dataset.image_source->read(index, image); !s) return s.error();
+  if (const Status s = dataset.image_source->read(index, image); !s) {
+    unreadable_.add(s.error());
+    return Frame{dataset.images[index].stamp};
+  }
   const CameraParameters& camera = dataset.camera.parameters;
   if (image.width != camera.width || image.height != camera.height) {
     return dataset.image_source->complaint(index, "has " + size_text(image.width, image.height) + " pixels",

@@ -20,15 +20,17 @@ class ImageDecoder {
   explicit ImageDecoder(std::size_t buffers = kBuffers);
   ~ImageDecoder();
 
-  /// Image `index` as 8-bit grey, in the next buffer: valid until that one's turn comes again. Fails if and only if it
-  /// cannot be read whole, or has another size than the calibration.
+  /// Image `index` as 8-bit grey, in the next buffer: valid until that one's turn comes again. One that cannot be read
+  /// whole is counted and has no data. Fails if and only if it has another size than the calibration.
   Result<Frame> read(std::size_t index, const AslDataset& dataset);
   /// The same in the buffer of that number.
   Result<Frame> read(std::size_t index, const AslDataset& dataset, std::size_t buffer);
+  const UnreadableImages& unreadable() const { return unreadable_; }
 
  private:
   struct Buffers;
   std::unique_ptr<Buffers> buffers_;
+  UnreadableImages unreadable_;
 };
 
 }  // namespace epiline

@@ -1,5 +1,7 @@
 #pragma once
 #include <cstddef>
+#include <map>
+#include <string>
 
 #include "drivers/flights/recordings/grey_image.h"
 #include "platform/error/result.h"
@@ -18,6 +20,29 @@ class ImageSource {
   virtual Status read(std::size_t index, GreyImage& grey) = 0;
   /// An error about that image, which names its file or message, with `found` and `expected`.
   virtual Error complaint(std::size_t index, std::string found, std::string expected) const = 0;
+};
+
+/// Images that could not be read, by what was expected of them: a file that exists is one kind, a whole one another.
+class UnreadableImages {
+ public:
+  void add(const Error& error) { ++kinds_.try_emplace(error.expected, Kind{error, 0}).first->second.count; }
+  void add(const UnreadableImages& more) {
+    for (const auto& [expected, kind] : more.kinds_)
+      kinds_.try_emplace(expected, Kind{kind.first, 0}).first->second.count += kind.count;
+  }
+  std::size_t count() const {
+    std::size_t sum = 0;
+    for (const auto& [expected, kind] : kinds_) sum += kind.count;
+    return sum;
+  }
+  struct Kind {
+    Error first;
+    std::size_t count;
+  };
+  const std::map<std::string, Kind>& kinds() const { return kinds_; }
+
+ private:
+  std::map<std::string, Kind> kinds_;
 };
 
 }  // namespace epiline

@@ -66,6 +66,7 @@ Status RecordedCamera::decode(std::size_t i, std::size_t slot, Frame& frame) {
     if (!planned.others[c]) continue;
     const auto other = other_decoders_[c].read(*planned.others[c], *dataset_.others[c], slot);
     if (!other) return other.error();
+    if (other->data == nullptr) continue;
     others_[slot][c] = *other;
     others_[slot][c].stamp = planned.stamp + planned.later[c];
   }
@@ -87,6 +88,7 @@ void RecordedCamera::decode_all() {
         error_ = s.error();
         break;
       }
+      if (frame.data == nullptr) continue;
     }
     frame.stamp = frame.arrival = plan_.images[i].stamp;
     frame.sequence = i;

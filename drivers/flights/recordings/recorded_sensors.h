@@ -39,8 +39,14 @@ class RecordedCamera final : public CameraSource {
   void give_back(const Frame& frame) noexcept override;
 
   std::uint64_t missed() const noexcept { return missed_.load(std::memory_order_relaxed); }
-  /// After the end: the image that could not be read, if the recording ended for that.
+  /// After the end: the image that was no image of this camera, if the recording ended for that.
   const std::optional<Error>& error() const noexcept { return error_; }
+  /// After the end: images that were left out, of all cameras.
+  UnreadableImages unreadable() const {
+    UnreadableImages all = decoder_.unreadable();
+    for (const ImageDecoder& other : other_decoders_) all.add(other.unreadable());
+    return all;
+  }
 
  private:
   void decode_all();

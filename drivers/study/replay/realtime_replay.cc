@@ -147,6 +147,8 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     collector.move_into(record);
     take_report(pipeline, *options.realtime_speed, record);
     record.skipped["missed_by_camera"] = camera.missed();
+    record.unreadable = camera.unreadable();
+    record.skipped["unreadable"] = camera.unreadable().count();
     if (predicted) record.realtime->predicted = predicted->path();
     if (recorder) finish(*recorder, record);
   } catch (const std::system_error& e) {

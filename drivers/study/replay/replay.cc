@@ -138,6 +138,7 @@ class Flight {
       // not into the buffer of the last image, which the tracker still needs
       const auto image = decoder_.read(planned.index, dataset_, static_cast<std::size_t>(1 - shown_buffer_));
       if (!image) return image.error();
+      if (image->data == nullptr) return Done{};
       frame = *image;
       frame.slot = 1 - shown_buffer_;
     }
@@ -148,6 +149,7 @@ class Flight {
       const auto image =
           from.decoder.read(*planned.others[c], *dataset_.others[c], static_cast<std::size_t>(1 - from.shown));
       if (!image) return image.error();
+      if (image->data == nullptr) continue;
       others[c] = *image;
       others[c].stamp = planned.stamp + planned.later[c];
     }
@@ -165,7 +167,7 @@ class Flight {
     pipeline_.step(frame, others, outcome_);
     if (!is_blind(frame.reasons)) shown_buffer_ = 1 - shown_buffer_;
     for (std::size_t c = 0; c < dataset_.others.size(); ++c)
-      if (planned.others[c]) others_[c].shown = 1 - others_[c].shown;
+      if (others[c].data != nullptr) others_[c].shown = 1 - others_[c].shown;
     heap_calls_ += heap.calls();
     record_.page_faults += (costs_of_this_thread() - before).page_faults;
     record_.images.push_back(image_record(outcome_));
@@ -184,6 +186,9 @@ class Flight {
     for (std::size_t c = 1; c <= kMostOthers; ++c)
       if (const SecondStats* other = pipeline_.other_stats(c)) record_.others[c - 1] = *other;
     record_.skipped["refused_by_estimator"] = record_.estimator.frames_refused;
+    record_.skipped["unreadable"] = decoder_.unreadable().count();
+    record_.unreadable = decoder_.unreadable();
+    for (const OtherImages& other : others_) record_.unreadable.add(other.decoder.unreadable());
     if (counts_heap_) record_.heap_calls = heap_calls_;
     record_.peak_rss_mib = peak_rss_mib();
     return std::move(record_);
@@ -260,6 +265,16 @@ Result<FlightRecord> replay_in_one_thread(const AslDataset& dataset, const Fligh
   return flight.finish();
 }
 
+/// Fails if no image could be read.
+Status tell_unreadable(const FlightRecord& record, AslDataset& dataset) {
+  for (const auto& [expected, kind] : record.unreadable.kinds()) {
+    if (record.images.empty()) return kind.first;
+    dataset.notes.push_back(
+        fmt::format("{} of {} images left out, the first: {}", kind.count, record.images_read, kind.first.text()));
+  }
+  return Done{};
+}
+
 void perturb(int times, AslDataset& dataset, FlightPlan& plan) {
   const std::size_t out = std::min(static_cast<std::size_t>(times), plan.images.size());
   plan.images.erase(plan.images.begin(), plan.images.begin() + static_cast<std::ptrdiff_t>(out));
@@ -301,6 +316,7 @@ Result<ReplayResult> replay(const ReplayOptions& options,
     auto record = options.realtime_speed ? replay_in_real_time(*dataset, plan, config, options, progress)
                                          : replay_in_one_thread(*dataset, plan, config, options, progress);
     if (!record) return record.error();
+    if (const Status s = tell_unreadable(*record, *dataset); !s) return s.error();
     return ReplayResult{std::move(*record), dataset->notes};
   } catch (const std::invalid_argument& e) {
     return Error{ErrorKind::kUsage, options.config_file.string(), 0, e.what(),

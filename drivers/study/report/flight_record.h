@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "drivers/flights/recordings/image_source.h"
 #include "drivers/study/evaluate/errors.h"
 #include "estimator/estimator.h"
 #include "pipeline/realtime/realtime_pipeline.h"
@@ -108,6 +109,7 @@ struct FlightRecord {
   // run
   std::size_t images_read = 0;  ///< taken from the recording, skipped ones included
   std::map<std::string, std::uint64_t> skipped;
+  UnreadableImages unreadable;  ///< left out, of all cameras
   std::size_t imu_read = 0;
   std::vector<ImageRecord> images;  ///< those that went through the pipeline, in time order
   std::vector<Event> events;        ///< in no particular order
