@@ -8,7 +8,7 @@ namespace epiline {
 namespace {
 
 using Mat2 = Eigen::Matrix2d;
-using Coefficients = std::array<double, 5>;
+using Coefficients = std::array<double, 6>;
 
 constexpr double kLargestTangent = 20;  // pinhole: 87 degrees off the axis
 constexpr double kPi = 3.14159265358979323846;
@@ -64,16 +64,15 @@ bool project_radtan(const CameraParameters& c, double limit, const Vec3& p, Vec2
   return true;
 }
 
-// Newton on d(m) = target from the first terms of the inverse series. D: dd/dm at the solution.
-bool undistort_radtan(const CameraParameters& c, double limit, const Vec2& target, Vec2& m, Mat2& D) {
-  const double f = std::max(c.intrinsics[0], c.intrinsics[1]);
+// Newton on d(m) = target from the first terms of the inverse series. D: dd/dm at the solution. f: px.
+bool undistort_radtan(const Coefficients& c, double f, double limit, const Vec2& target, Vec2& m, Mat2& D) {
   const double converged = kConverged_px * kConverged_px / (f * f);
-  const double k1 = c.distortion[0], k2 = c.distortion[1], s = target.squaredNorm();
+  const double k1 = c[0], k2 = c[1], s = target.squaredNorm();
   m = target * std::clamp(1 - s * (k1 - s * (3 * k1 * k1 - k2)), 0.2, 2.0);
   if (!(m.squaredNorm() < limit)) m *= 0.5 * std::sqrt(limit / m.squaredNorm());
   for (int i = 0; i < kMaxNewton; ++i) {
     Vec2 d;
-    if (!distort_radtan(c.distortion, limit, m, d, D)) return false;
+    if (!distort_radtan(c, limit, m, d, D)) return false;
     const Vec2 r = target - d;
     if (r.squaredNorm() < converged) return true;
     const double inverse = 1 / (D(0, 0) * D(1, 1) - D(0, 1) * D(1, 0));
@@ -171,6 +170,44 @@ bool unproject_double_sphere(const CameraParameters& c, const Vec2& m, Vec3& f) 
   return f.allFinite();
 }
 
+// --- Unified: a sphere or, with beta, an ellipsoid before a pinhole, then the radial-tangential distortion ---
+
+Coefficients after_sphere(const CameraParameters& c) {
+  return {c.distortion[2], c.distortion[3], c.distortion[4], c.distortion[5]};
+}
+
+bool project_unified(const CameraParameters& c, double limit, const Vec3& p, Vec2& px, Mat23* J) {
+  const double alpha = c.distortion[0], beta = c.distortion[1];
+  const double w = alpha > 0.5 ? (1 - alpha) / alpha : alpha / (1 - alpha);
+  const double depth = std::sqrt(beta * p.head<2>().squaredNorm() + p.z() * p.z());
+  const double n = alpha * depth + (1 - alpha) * p.z();
+  if (!(p.z() > -w * depth && n > 0)) return false;
+  const Vec2 m = p.head<2>() / n;
+  Vec2 d;
+  Mat2 D;
+  if (!distort_radtan(after_sphere(c), limit, m, d, D)) return false;
+  const auto& [fx, fy, cx, cy] = c.intrinsics;
+  px = {fx * d.x() + cx, fy * d.y() + cy};
+  if (J) {
+    const Vec3 dn = alpha / depth * Vec3(beta * p.x(), beta * p.y(), p.z()) + (1 - alpha) * Vec3::UnitZ();
+    Mat23 dm;
+    dm << Mat2::Identity(), Vec2::Zero();
+    *J = Vec2(fx, fy).asDiagonal() * D * (dm - m * dn.transpose()) / n;
+  }
+  return true;
+}
+
+bool unproject_unified(const CameraParameters& c, double limit, const Vec2& d, Vec3& f) {
+  const double alpha = c.distortion[0], beta = c.distortion[1];
+  Vec2 m;
+  Mat2 D;
+  if (!undistort_radtan(after_sphere(c), std::max(c.intrinsics[0], c.intrinsics[1]), limit, d, m, D)) return false;
+  const double s = beta * m.squaredNorm(), inside = 1 - (2 * alpha - 1) * s;
+  if (!(inside >= 0)) return false;
+  f = Vec3(m.x(), m.y(), (1 - alpha * alpha * s) / (alpha * std::sqrt(inside) + 1 - alpha)).normalized();
+  return f.allFinite();
+}
+
 }  // namespace
 
 CameraFault fault_of(const CameraParameters& c) noexcept {
@@ -182,9 +219,11 @@ CameraFault fault_of(const CameraParameters& c) noexcept {
   const auto& [fx, fy, cx, cy] = c.intrinsics;
   if (fx <= 0 || fy <= 0) return CameraFault::kFocal;
   if (cx < 0 || cy < 0 || cx > c.width - 1 || cy > c.height - 1) return CameraFault::kCentre;
-  const double xi = c.distortion[0], alpha = c.distortion[1];
-  if (c.model == CameraModel::kDoubleSphere && !(alpha >= 0 && alpha <= 1 && xi > -1 && xi <= 1))
+  const auto share = [](double alpha) { return alpha >= 0 && alpha <= 1; };
+  const double first = c.distortion[0], second = c.distortion[1];
+  if (c.model == CameraModel::kDoubleSphere && !(share(second) && first > -1 && first <= 1))
     return CameraFault::kDistortion;
+  if (c.model == CameraModel::kUnified && !(share(first) && second > 0)) return CameraFault::kDistortion;
   return CameraFault::kNone;
 }
 
@@ -195,6 +234,9 @@ Camera::Camera(const CameraParameters& parameters) : c_(parameters) {
     limit_ = tangent * tangent;
   } else if (c_.model == CameraModel::kPinholeEquidistant) {
     limit_ = fold({k[0], k[1], k[2], k[3]}, kPi);
+  } else if (c_.model == CameraModel::kUnified) {
+    const double radius = fold({k[2], k[3], 0, 0}, kLargestTangent);
+    limit_ = radius * radius;
   }
 }
 
@@ -206,6 +248,8 @@ bool Camera::project(const Vec3& p_C, Vec2& px, Mat23* d_px_d_p) const noexcept 
       return project_equidistant(c_, limit_, p_C, px, d_px_d_p);
     case CameraModel::kDoubleSphere:
       return project_double_sphere(c_, p_C, px, d_px_d_p);
+    case CameraModel::kUnified:
+      return project_unified(c_, limit_, p_C, px, d_px_d_p);
   }
   return false;
 }
@@ -217,7 +261,7 @@ bool Camera::unproject(const Vec2& px, Vec3& f_C) const noexcept {
     case CameraModel::kPinholeRadialTangential: {
       Vec2 m;
       Mat2 D;
-      if (!undistort_radtan(c_, limit_, d, m, D)) return false;
+      if (!undistort_radtan(c_.distortion, std::max(fx, fy), limit_, d, m, D)) return false;
       f_C = Vec3(m.x(), m.y(), 1).normalized();
       return true;
     }
@@ -225,6 +269,8 @@ bool Camera::unproject(const Vec2& px, Vec3& f_C) const noexcept {
       return unproject_equidistant(c_, limit_, d, f_C);
     case CameraModel::kDoubleSphere:
       return unproject_double_sphere(c_, d, f_C);
+    case CameraModel::kUnified:
+      return unproject_unified(c_, limit_, d, f_C);
   }
   return false;
 }
@@ -234,7 +280,8 @@ bool Camera::bearing(const Vec2& px, Vec3& f_C, Mat23& d_px_d_f) const noexcept 
     const auto& [fx, fy, cx, cy] = c_.intrinsics;
     Vec2 m;
     Mat2 D;
-    if (!undistort_radtan(c_, limit_, {(px.x() - cx) / fx, (px.y() - cy) / fy}, m, D)) return false;
+    const Vec2 d((px.x() - cx) / fx, (px.y() - cy) / fy);
+    if (!undistort_radtan(c_.distortion, std::max(fx, fy), limit_, d, m, D)) return false;
     const double length = std::sqrt(1 + m.squaredNorm());
     f_C = Vec3(m.x(), m.y(), 1) / length;
     d_px_d_f.leftCols<2>() = Vec2(fx * length, fy * length).asDiagonal() * D;

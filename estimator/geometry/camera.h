@@ -12,6 +12,7 @@ enum class CameraModel {
   kPinholeRadialTangential,  ///< k1 k2 p1 p2 [k3]; directions up to 87 degrees off the axis
   kPinholeEquidistant,       ///< Kannala-Brandt k1 k2 k3 k4: fisheyes, also beyond 180 degrees
   kDoubleSphere,             ///< xi alpha (Usenko et al. 2018); fisheyes, also beyond 180 degrees
+  kUnified,                  ///< alpha beta k1 k2 p1 p2: Mei's omnidirectional and the enhanced unified lens (EUCM)
 };
 
 /// fx fy cx cy in pixels; `distortion` as the model lists it, unused entries zero.
@@ -19,7 +20,7 @@ struct CameraParameters {
   CameraModel model = CameraModel::kPinholeRadialTangential;
   int width = 0, height = 0;
   std::array<double, 4> intrinsics{};
-  std::array<double, 5> distortion{};
+  std::array<double, 6> distortion{};
   double readout_s = 0;  ///< rolling shutter: exposure of the last row minus that of the first; 0: global
 };
 
@@ -30,7 +31,7 @@ enum class CameraFault : std::uint8_t {
   kNotFinite,   ///< a parameter is not a number
   kFocal,       ///< a focal length not positive
   kCentre,      ///< principal point outside the image
-  kDistortion,  ///< double sphere: alpha outside [0, 1] or xi outside (-1, 1]
+  kDistortion,  ///< alpha outside [0, 1]; double sphere: xi outside (-1, 1]; unified: beta not positive
 };
 CameraFault fault_of(const CameraParameters& parameters) noexcept;
 
@@ -60,7 +61,9 @@ class Camera {
 
  private:
   CameraParameters c_;
-  double limit_ = 0;  ///< radial-tangential: largest squared tangent; equidistant: largest angle off the axis, rad
+  /// Radial-tangential and unified: largest squared radius before the distortion; equidistant: largest angle off the
+  /// axis, rad.
+  double limit_ = 0;
 };
 
 }  // namespace epiline

@@ -2,7 +2,10 @@
 
 #include <fmt/ranges.h>
 
+#include <Eigen/LU>
+#include <array>
 #include <iterator>
+#include <vector>
 
 #include "pipeline/text/text.h"
 
@@ -10,11 +13,15 @@ namespace epiline {
 
 namespace {
 
-const char* model_of(CameraModel model) { return model == CameraModel::kDoubleSphere ? "double-sphere" : "pinhole"; }
+const char* model_of(CameraModel model) {
+  if (model == CameraModel::kUnified) return "eucm";
+  return model == CameraModel::kDoubleSphere ? "double-sphere" : "pinhole";
+}
 
 const char* distortion_of(CameraModel model) {
   switch (model) {
     case CameraModel::kPinholeRadialTangential:
+    case CameraModel::kUnified:
       return "radial-tangential";
     case CameraModel::kPinholeEquidistant:
       return "equidistant";
@@ -36,15 +43,16 @@ std::string asl_camera(const CameraCalibration& c, double image_rate_hz, const s
   out.print("rate_hz: {}\nresolution: [{}, {}]\ncamera_model: {}\n", image_rate_hz, p.width, p.height,
             model_of(p.model));
   const auto& d = p.distortion;
-  if (p.model == CameraModel::kDoubleSphere) {
-    out.print("intrinsics: [{}, {}, {}]\n", d[0], d[1], fmt::join(p.intrinsics, ", "));
-  } else {
-    out.print("intrinsics: [{}]\n", fmt::join(p.intrinsics, ", "));
-  }
-  out.print("distortion_model: {}\n", distortion_of(p.model));
+  // alpha with xi or beta stands before the focal lengths
+  const bool sphere = p.model == CameraModel::kDoubleSphere, unified = p.model == CameraModel::kUnified;
+  const int first = sphere || unified ? 2 : 0;
+  std::vector<double> numbers(d.begin(), d.begin() + first);
+  numbers.insert(numbers.end(), p.intrinsics.begin(), p.intrinsics.end());
+  out.print("intrinsics: [{}]\ndistortion_model: {}\n", fmt::join(numbers, ", "), distortion_of(p.model));
   const bool fifth = p.model == CameraModel::kPinholeRadialTangential && d[4] != 0;
-  if (p.model != CameraModel::kDoubleSphere)
-    out.print("distortion_coefficients: [{}]\n", fmt::join(d.begin(), d.begin() + (fifth ? 5 : 4), ", "));
+  if (!sphere)
+    out.print("distortion_coefficients: [{}]\n",
+              fmt::join(d.begin() + first, d.begin() + first + (fifth ? 5 : 4), ", "));
   out.print("timeshift_cam_imu: {}\n", c.time_offset_s);
   if (p.readout_s != 0) out.print("line_delay_nanoseconds: {}\n", 1e9 * p.readout_s / (p.height - 1));
   return out;
@@ -61,6 +69,15 @@ std::string asl_imu(const ImuCalibration& imu) {
   if (imu.saturation_gyroscope_rad_s) out.print("gyroscope_saturation: {}\n", *imu.saturation_gyroscope_rad_s);
   if (imu.saturation_accelerometer_m_s2)
     out.print("accelerometer_saturation: {}\n", *imu.saturation_accelerometer_m_s2);
+  if (imu.correction.is_none()) return out;
+  const Mat3 M = imu.correction.gyroscope.inverse();
+  const auto rows = [](const Mat3& m) {
+    return fmt::format(
+        "[{}]",
+        fmt::join(std::array{m(0, 0), m(0, 1), m(0, 2), m(1, 0), m(1, 1), m(1, 2), m(2, 0), m(2, 1), m(2, 2)}, ", "));
+  };
+  out.print("accelerometers:\n  M: {}\ngyroscopes:\n  M: {}\n  A: {}\n", rows(imu.correction.accelerometer.inverse()),
+            rows(M), rows(M * imu.correction.gyroscope_by_force));
   return out;
 }
 

@@ -1,178 +1,185 @@
 #include "pipeline/config/calibration.h"
 
-#include <yaml-cpp/yaml.h>
-
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <initializer_list>
-#include <vector>
 
-#include "estimator/geometry/so3.h"
-#include "pipeline/text/table.h"
+#include "pipeline/config/calibration_formats.h"
 
 namespace epiline {
 
 namespace {
 
-/// A YAML file and the complaints about it. Complaints are thrown inside this file only; its two functions turn them
-/// into values.
-class YamlFile {
- public:
-  explicit YamlFile(const std::filesystem::path& path) : name_(path.string()) {
-    auto text = read_text(path);
-    if (!text) throw Error(text.error());
-    if (text->rfind("%YAML:", 0) == 0) text->replace(0, 1, "#");  // OpenCV's header is not YAML
-    try {
-      root_ = YAML::Load(*text);
-    } catch (const YAML::ParserException& e) {
-      throw Error{ErrorKind::kUsage, name_, e.mark.line + 1, "not YAML (" + e.msg + ")", "a calibration file"};
-    }
-    if (!root_.IsMap()) throw Error{ErrorKind::kUsage, name_, 0, "holds no keys", "a calibration file"};
-  }
-
-  const YAML::Node& root() const { return root_; }
-
-  Error complaint(const YAML::Node& node, std::string found, std::string expected) const {
-    const int line = node.IsDefined() ? node.Mark().line + 1 : 0;
-    return {ErrorKind::kUsage, name_, line, std::move(found), std::move(expected)};
-  }
-
-  /// The first of the keys that is there.
-  YAML::Node find(const YAML::Node& map, std::initializer_list<const char*> keys) const {
-    for (const char* key : keys) {
-      const YAML::Node node = map[key];
-      if (node.IsDefined() && !node.IsNull()) return node;
-    }
-    return YAML::Node(YAML::NodeType::Undefined);
-  }
-  YAML::Node require(const YAML::Node& map, std::initializer_list<const char*> keys) const {
-    const YAML::Node node = find(map, keys);
-    if (!node.IsDefined()) throw complaint(node, "the key `" + std::string(*keys.begin()) + "` is missing", "this key");
-    return node;
-  }
-
-  double number(const YAML::Node& node) const {
-    double value = 0;
-    if (!node.IsScalar() || !parse_number(node.Scalar(), value) || !std::isfinite(value)) {
-      throw complaint(node, node.IsScalar() ? "\"" + node.Scalar() + "\"" : "not a number", "a finite number");
-    }
-    return value;
-  }
-  double positive(const YAML::Node& node) const {
-    const double value = number(node);
-    if (!(value > 0)) throw complaint(node, node.Scalar(), "a number above zero");
-    return value;
-  }
-
-  /// All numbers of a list, or of a list of lists. An anchor may make a list its own element, or a few lines a list of
-  /// millions: neither depth nor length is more than a calibration has.
-  std::vector<double> numbers(const YAML::Node& node, int depth = 2) const {
-    constexpr std::size_t kMost = 64;
-    if (!node.IsSequence() || depth == 0) throw complaint(node, "not a list", "a list of numbers");
-    std::vector<double> values;
-    for (const YAML::Node& item : node) {
-      if (item.IsSequence()) {
-        const std::vector<double> inner = numbers(item, depth - 1);
-        values.insert(values.end(), inner.begin(), inner.end());
-      } else {
-        values.push_back(number(item));
-      }
-      if (values.size() > kMost) throw complaint(node, "an endless list", "a list of numbers");
-    }
-    return values;
-  }
-  std::vector<double> numbers(const YAML::Node& node, std::initializer_list<std::size_t> counts,
-                              const std::string& what) const {
-    const std::vector<double> values = numbers(node);
-    if (std::find(counts.begin(), counts.end(), values.size()) != counts.end()) return values;
-    std::string list;
-    for (const std::size_t c : counts) list += (list.empty() ? "" : " or ") + std::to_string(c);
-    throw complaint(node, std::to_string(values.size()) + (values.size() == 1 ? " number" : " numbers"),
-                    list + ": " + what);
-  }
-
- private:
-  std::string name_;
-  YAML::Node root_;
+struct Projection {
+  bool is_omni = false;
+  double xi = 0;  ///< of omni
 };
 
-struct RigidMotion {
-  Mat3 R = Mat3::Identity();
-  Vec3 p = Vec3::Zero();
-};
-
-RigidMotion rigid_motion(const YamlFile& file, const YAML::Node& node) {
-  const YAML::Node data = node.IsMap() ? file.require(node, {"data"}) : node;
-  const std::vector<double> m = file.numbers(data, {16}, "a 4x4 matrix, row by row");
-  RigidMotion T;
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) T.R(r, c) = m[static_cast<std::size_t>(4 * r + c)];
-    T.p[r] = m[static_cast<std::size_t>(4 * r + 3)];
-  }
-  constexpr double kRounding = 1e-3;  // published matrices are printed with a few digits
-  constexpr double kExact = 1e-14;    // those of ours have all: what was written is read, bit by bit
-  const bool last_row = m[12] == 0 && m[13] == 0 && m[14] == 0 && m[15] == 1;
-  const double error = (T.R.transpose() * T.R - Mat3::Identity()).cwiseAbs().maxCoeff();
-  if (!last_row || error > kRounding || T.R.determinant() < 0) {
-    throw file.complaint(data, "not a rigid motion", "a rotation matrix and a translation, with the last row 0 0 0 1");
-  }
-  if (error > kExact) T.R = so3_normalised(T.R);
-  return T;
-}
-
-void read_projection(const YamlFile& file, const YAML::Node& map, CameraParameters& camera) {
+Projection read_projection(const YamlFile& file, const YAML::Node& map, CameraParameters& camera) {
   const YAML::Node model = file.require(map, {"camera_model"});
   const YAML::Node intrinsics = file.require(map, {"intrinsics"});
   const std::string& name = model.Scalar();
+  Projection projection;
   std::vector<double> numbers;
+  const auto take = [&](std::size_t first, const char* what) {
+    numbers = file.numbers(intrinsics, {first + 4}, what);
+    std::vector<double> taken(numbers.begin(), numbers.begin() + static_cast<std::ptrdiff_t>(first));
+    numbers.erase(numbers.begin(), numbers.begin() + static_cast<std::ptrdiff_t>(first));
+    return taken;
+  };
+  const auto share = [&](double alpha, const char* what) {
+    if (!(alpha >= 0 && alpha <= 1)) throw file.complaint(intrinsics, "alpha outside 0 to 1", what);
+  };
   if (name == "pinhole") {
-    numbers = file.numbers(intrinsics, {4}, "fu fv cu cv");
+    take(0, "fu fv cu cv");
   } else if (name == "double-sphere" || name == "ds") {
+    const auto first = take(2, "xi alpha fu fv cu cv");
     camera.model = CameraModel::kDoubleSphere;
-    numbers = file.numbers(intrinsics, {6}, "xi alpha fu fv cu cv");
-    camera.distortion = {numbers[0], numbers[1]};
-    if (!(numbers[1] >= 0 && numbers[1] <= 1))
-      throw file.complaint(intrinsics, "alpha outside 0 to 1", "xi alpha fu fv cu cv");
-    numbers.erase(numbers.begin(), numbers.begin() + 2);
+    camera.distortion = {first[0], first[1]};
+    share(first[1], "xi alpha fu fv cu cv");
+  } else if (name == "eucm") {
+    const auto first = take(2, "alpha beta fu fv cu cv");
+    camera.model = CameraModel::kUnified;
+    camera.distortion = {first[0], first[1]};
+    share(first[0], "alpha beta fu fv cu cv");
+    if (!(first[1] > 0)) throw file.complaint(intrinsics, "beta not above zero", "alpha beta fu fv cu cv");
+  } else if (name == "omni") {
+    projection = {true, take(1, "xi fu fv cu cv")[0]};
+    camera.model = CameraModel::kUnified;
+    if (!(projection.xi >= 0)) throw file.complaint(intrinsics, "xi below zero", "xi fu fv cu cv");
   } else {
-    throw file.complaint(model, "unknown camera model \"" + name + "\"", "pinhole or double-sphere");
+    throw file.complaint(model, "unknown camera model \"" + name + "\"", "pinhole, double-sphere (ds), eucm or omni");
   }
   std::copy(numbers.begin(), numbers.end(), camera.intrinsics.begin());
   if (!(numbers[0] > 0 && numbers[1] > 0))
     throw file.complaint(intrinsics, "a focal length that is not above zero", "pixels");
+  return projection;
 }
 
-void read_distortion(const YamlFile& file, const YAML::Node& map, CameraParameters& camera) {
+void read_distortion(const YamlFile& file, const YAML::Node& map, const Projection& projection,
+                     CameraParameters& camera) {
   const YAML::Node model = file.require(map, {"distortion_model"});
   const std::string& name = model.Scalar();
-  const bool sphere = camera.model == CameraModel::kDoubleSphere;
-  if (name == "none") return;
-  std::vector<double> numbers;
+  const bool unified = camera.model == CameraModel::kUnified;
+  std::vector<double> numbers(4);
   const auto coefficients = [&](std::initializer_list<std::size_t> counts, const char* what) {
     numbers = file.numbers(file.require(map, {"distortion_coefficients", "distortion_coeffs"}), counts, what);
   };
-  if (sphere) {
+  if (camera.model == CameraModel::kDoubleSphere && name != "none")
     throw file.complaint(model, "distortion model \"" + name + "\" with a double sphere", "none");
-  } else if (name == "radial-tangential" || name == "radtan") {
-    coefficients({4, 5}, "k1 k2 p1 p2 [k3]");
-  } else if (name == "equidistant") {
+  if (name == "radial-tangential" || name == "radtan") {
+    if (unified) {
+      coefficients({4}, "k1 k2 p1 p2");
+    } else {
+      coefficients({4, 5}, "k1 k2 p1 p2 [k3]");
+    }
+  } else if (name == "equidistant" && !unified) {
     camera.model = CameraModel::kPinholeEquidistant;
     coefficients({4}, "k1 k2 k3 k4");
-  } else {
-    throw file.complaint(model, "unknown distortion model \"" + name + "\"", "radial-tangential, equidistant or none");
+  } else if (name != "none") {
+    throw file.complaint(model, "unknown distortion model \"" + name + "\"",
+                         unified ? "radial-tangential or none" : "radial-tangential, equidistant or none");
   }
-  std::copy(numbers.begin(), numbers.end(), camera.distortion.begin());
+  if (projection.is_omni) {
+    set_mei(projection.xi, {numbers[0], numbers[1], numbers[2], numbers[3]}, camera.intrinsics, camera);
+  } else if (camera.model != CameraModel::kDoubleSphere) {
+    std::copy(numbers.begin(), numbers.end(), camera.distortion.begin() + (unified ? 2 : 0));
+  }
 }
 
-CameraCalibration camera_from(const YamlFile& file, const std::string& name) {
-  const YAML::Node chain = file.root()[name];
-  const YAML::Node map = chain.IsDefined() && chain.IsMap() ? chain : file.root();
-  CameraCalibration camera;
+Mat3 matrix3(const YamlFile& file, const YAML::Node& map, const char* key, const Mat3& otherwise) {
+  const YAML::Node node = file.find(map, {key});
+  if (!node.IsDefined()) return otherwise;
+  const std::vector<double> m = file.matrix(node, {9}, "a 3x3 matrix, row by row");
+  return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(m.data());
+}
+
+/// Kalibr's M, A and C_gyro_i below `accelerometers` and `gyroscopes`, or the same as OpenVINS names them.
+ImuCorrection read_correction(const YamlFile& file, const YAML::Node& map) {
+  const YAML::Node a = file.find(map, {"accelerometers"}), g = file.find(map, {"gyroscopes"});
+  const Mat3 I = Mat3::Identity(), none = Mat3::Zero();
+  for (const char* place : {"rx_i", "ry_i", "rz_i"}) {
+    const YAML::Node node = file.find(a, {place});
+    if (!node.IsDefined()) continue;
+    for (const double x : file.numbers(node, {3}, "a place in m"))
+      if (x != 0)
+        throw file.complaint(node, "the key `" + std::string(place) + "`: accelerometers apart from each other",
+                             "Kalibr's model scale-misalignment, which has one place for all three");
+  }
+  if (a.IsDefined() || g.IsDefined()) {
+    const Mat3 C = matrix3(file, g, "C_gyro_i", I);
+    return correction_of(file, matrix3(file, a, "M", I), matrix3(file, g, "M", I), C, matrix3(file, g, "A", none) * C);
+  }
+  ImuCorrection correction = correction_of(file, matrix3(file, map, "Ta", I), matrix3(file, map, "Tw", I),
+                                           matrix3(file, map, "R_IMUtoGYRO", I), matrix3(file, map, "Tg", none));
+  correction.accelerometer = matrix3(file, map, "R_IMUtoACC", I).transpose() * correction.accelerometer;
+  return correction;
+}
+
+/// Calls `read` for the file's format. An error says which format that is.
+template <class T, class Read>
+Result<T> read_by_format(const std::filesystem::path& path, const Read& read) {
+  try {
+    const YamlFile file(path);
+    const CalibrationFormat* format = foreign_format(file);
+    try {
+      return read(file, format);
+    } catch (Error e) {
+      if (format != nullptr) e.found = std::string("a file of ") + format->name + ": " + e.found;
+      throw e;
+    }
+  } catch (const Error& e) {
+    return e;
+  }
+}
+
+}  // namespace
+
+bool ImuCorrection::is_none() const {
+  return accelerometer == Mat3::Identity() && gyroscope == Mat3::Identity() && gyroscope_by_force == Mat3::Zero();
+}
+
+void ImuCorrection::apply(ImuSample& s) const noexcept {
+  const Vec3 f = accelerometer * vec3(s.specific_force_m_s2),
+             w = gyroscope * vec3(s.angular_velocity_rad_s) - gyroscope_by_force * f;
+  s.specific_force_m_s2 = {f.x(), f.y(), f.z()};
+  s.angular_velocity_rad_s = {w.x(), w.y(), w.z()};
+}
+
+ImuCorrection correction_of(const YamlFile& file, const Mat3& accelerometer_M, const Mat3& gyroscope_M, const Mat3& C,
+                            const Mat3& A) {
+  constexpr double kLeast = 0.1;  // of a determinant: scales are near one
+  if (!(std::abs(accelerometer_M.determinant()) > kLeast && std::abs((gyroscope_M * C).determinant()) > kLeast))
+    throw file.complaint(YAML::Node(YAML::NodeType::Undefined), "a matrix of the IMU's scales without an inverse",
+                         "matrices near the identity, or turns");
+  const Mat3 gyroscope = (gyroscope_M * C).inverse();
+  return {accelerometer_M.inverse(), gyroscope, gyroscope * A};
+}
+
+void read_pose(const YamlFile& file, const YAML::Node& map, CameraCalibration& camera) {
   const YAML::Node inverse = file.find(map, {"T_cam_imu"});
   const RigidMotion T = rigid_motion(file, inverse.IsDefined() ? inverse : file.require(map, {"T_BS", "T_imu_cam"}));
   camera.R_BC = inverse.IsDefined() ? Mat3(T.R.transpose()) : T.R;
   camera.p_BC = inverse.IsDefined() ? Vec3(-(T.R.transpose() * T.p)) : T.p;
+}
+
+// Mei's plane lies 1 + xi times as near as that of kUnified: (x, y) / (z + xi |p|).
+void set_mei(double xi, const std::array<double, 4>& distortion, const std::array<double, 4>& intrinsics,
+             CameraParameters& lens) {
+  const double nearer = 1 / (1 + xi);
+  const auto& [k1, k2, p1, p2] = distortion;
+  lens.model = CameraModel::kUnified;
+  lens.distortion = {xi * nearer, 1,          k1 * nearer * nearer, k2 * nearer * nearer * nearer * nearer,
+                     p1 * nearer, p2 * nearer};
+  lens.intrinsics = {intrinsics[0] * nearer, intrinsics[1] * nearer, intrinsics[2], intrinsics[3]};
+}
+
+CameraCalibration kalibr_camera(const YamlFile& file, const std::string& name) {
+  const YAML::Node chain = file.root()[name];
+  const YAML::Node map = chain.IsDefined() && chain.IsMap() ? chain : file.root();
+  CameraCalibration camera;
+  read_pose(file, map, camera);
   const YAML::Node resolution = file.require(map, {"resolution"});
   const std::vector<double> size = file.numbers(resolution, {2}, "width height");
   constexpr double kLargest = 16384;
@@ -182,16 +189,15 @@ CameraCalibration camera_from(const YamlFile& file, const std::string& name) {
   }
   camera.parameters.width = static_cast<int>(size[0]);
   camera.parameters.height = static_cast<int>(size[1]);
-  read_projection(file, map, camera.parameters);
-  read_distortion(file, map, camera.parameters);
-  const YAML::Node shift = file.find(map, {"timeshift_cam_imu"});
-  if (shift.IsDefined()) camera.time_offset_s = file.number(shift);
+  const Projection projection = read_projection(file, map, camera.parameters);
+  read_distortion(file, map, projection, camera.parameters);
+  camera.time_offset_s = file.optional(map, "timeshift_cam_imu");
   const YAML::Node line_delay = file.find(map, {"line_delay_nanoseconds"});
   if (line_delay.IsDefined()) camera.parameters.readout_s = 1e-9 * file.number(line_delay) * (size[1] - 1);
   return camera;
 }
 
-ImuCalibration imu_from(const YamlFile& file) {
+ImuCalibration kalibr_imu(const YamlFile& file) {
   const YAML::Node chain = file.root()["imu0"];  // what Kalibr writes; what it reads has the keys outside
   const YAML::Node map = chain.IsDefined() && chain.IsMap() ? chain : file.root();
   const YAML::Node T_BS = file.find(map, {"T_BS", "T_i_b"});
@@ -212,22 +218,23 @@ ImuCalibration imu_from(const YamlFile& file) {
                    accelerometer = file.find(map, {"accelerometer_saturation"});
   if (gyroscope.IsDefined()) imu.saturation_gyroscope_rad_s = file.positive(gyroscope);
   if (accelerometer.IsDefined()) imu.saturation_accelerometer_m_s2 = file.positive(accelerometer);
+  imu.correction = read_correction(file, map);
   return imu;
 }
 
-}  // namespace
-
 Result<CameraCalibration> read_camera_calibration(const std::filesystem::path& path, const std::string& name) {
-  try {
-    return camera_from(YamlFile(path), name);
-  } catch (const Error& e) {
-    return e;
-  }
+  return read_by_format<CameraCalibration>(path, [&](const YamlFile& file, const CalibrationFormat* format) {
+    return format != nullptr ? format->camera(file, name) : kalibr_camera(file, name);
+  });
 }
 
 bool is_chain_with(const std::filesystem::path& path, const std::string& name) {
   try {
     const YamlFile file(path);
+    if (const CalibrationFormat* format = foreign_format(file)) {
+      if (format->has_several_cameras) format->camera(file, name);
+      return format->has_several_cameras;
+    }
     const YAML::Node camera = file.root()[name];
     return camera.IsDefined() && camera.IsMap();
   } catch (const Error&) {
@@ -241,11 +248,12 @@ void set_shutter(const CameraConfig& section, CameraParameters& camera) {
 }
 
 Result<ImuCalibration> read_imu_calibration(const std::filesystem::path& path) {
-  try {
-    return imu_from(YamlFile(path));
-  } catch (const Error& e) {
-    return e;
-  }
+  return read_by_format<ImuCalibration>(path, [&](const YamlFile& file, const CalibrationFormat* format) {
+    if (format == nullptr) return kalibr_imu(file);
+    if (format->imu == nullptr)
+      throw file.complaint(file.root(), "it holds no IMU", "Kalibr's imu.yaml, or one of another format");
+    return format->imu(file);
+  });
 }
 
 bool holds_no_calibration(const std::filesystem::path& path) {

@@ -1,5 +1,6 @@
 #pragma once
-// Calibration files of sensors, as ASL data sets (`sensor.yaml`) and Kalibr (`camchain.yaml`, `imu.yaml`) write them.
+// Calibration files of sensors, as ASL data sets (`sensor.yaml`), Kalibr (`camchain.yaml`, `imu.yaml`) and others
+// (calibration_formats.h) write them.
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -8,6 +9,7 @@
 #include "estimator/inertial/preintegration.h"
 #include "pipeline/config/devices.h"
 #include "platform/error/result.h"
+#include "platform/samples/samples.h"
 
 namespace epiline {
 
@@ -18,20 +20,29 @@ struct CameraCalibration {
   double time_offset_s = 0;  ///< t_IMU = t_image + time_offset (Kalibr's timeshift_cam_imu)
 };
 
+/// Makes the readings of an IMU with wrong scales and axes those of a right one.
+struct ImuCorrection {
+  Mat3 accelerometer = Mat3::Identity(), gyroscope = Mat3::Identity();  ///< times a reading
+  Mat3 gyroscope_by_force = Mat3::Zero();  ///< times the right force: what is subtracted from the rate
+  bool is_none() const;
+  void apply(ImuSample& sample) const noexcept;
+};
+
 struct ImuCalibration {
   ImuNoise noise;
   std::optional<double> saturation_gyroscope_rad_s, saturation_accelerometer_m_s2;
+  ImuCorrection correction;
 };
 
-/// Keys: `T_BS` (or Kalibr's `T_cam_imu`), `resolution`, `camera_model` (pinhole, double-sphere), `intrinsics`,
-/// `distortion_model` (radial-tangential, equidistant, none), `distortion_coefficients`, optionally
-/// `timeshift_cam_imu` and, of a rolling shutter, `line_delay_nanoseconds`. In a Kalibr chain the camera is looked up
-/// as `name` (cam0, cam1). Fails if and only if the file cannot be read, is not YAML, lacks a key, names an unknown
-/// model, or holds an impossible value: number of parameters, focal length, resolution, or a matrix that is not a rigid
-/// motion.
+/// Keys: `T_BS` (or Kalibr's `T_cam_imu`), `resolution`, `camera_model` (pinhole, double-sphere, omni, eucm),
+/// `intrinsics`, `distortion_model` (radial-tangential, equidistant, none), `distortion_coefficients`, optionally
+/// `timeshift_cam_imu` and, of a rolling shutter, `line_delay_nanoseconds`; or those of another format. In files of
+/// several cameras `name` (cam0, cam1) is looked up. Fails if and only if the file cannot be read, is not YAML, lacks a
+/// key, names an unknown model, or holds an impossible value: number of parameters, focal length, resolution, or a
+/// matrix that is not a rigid motion.
 Result<CameraCalibration> read_camera_calibration(const std::filesystem::path& path, const std::string& name);
 
-/// Whether the file is a chain of cameras (Kalibr) and contains this one.
+/// Whether the file is one of several cameras and contains this one.
 bool is_chain_with(const std::filesystem::path& path, const std::string& name);
 
 /// A rolling shutter of section [camera] wins over the calibration file's line delay.
@@ -40,7 +51,8 @@ void set_shutter(const CameraConfig& section, CameraParameters& camera);
 /// Keys: `gyroscope_noise_density`, `gyroscope_random_walk`, `accelerometer_noise_density`,
 /// `accelerometer_random_walk`, optionally `gyroscope_saturation` (rad/s) and `accelerometer_saturation` (m/s^2).
 /// `T_BS` (or Kalibr's `T_i_b`) must be the identity if given, because the body is the IMU. In Kalibr's files the keys
-/// are below `imu0`. Fails like read_camera_calibration().
+/// are below `imu0`; its scales and misalignments become the correction. Or those of another format. Fails like
+/// read_camera_calibration().
 Result<ImuCalibration> read_imu_calibration(const std::filesystem::path& path);
 
 /// True for the `sensor.yaml` of a sensor that was recorded before it was calibrated: `sensor_type`, and no key of a

@@ -1,4 +1,5 @@
-// Any bytes as a calibration file: read, with a camera that can be one, or refused with an error. Never a crash.
+// Any bytes as a calibration file, whosever layout it has: read, with a camera that can be one and an IMU whose
+// readings stay numbers, or refused with an error. Never a crash.
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
@@ -19,5 +20,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   const auto imu = epiline::read_imu_calibration(path);
   if (imu && !(imu->noise.gyroscope_density > 0)) std::abort();
+  if (imu && !(imu->correction.gyroscope.allFinite() && imu->correction.accelerometer.allFinite())) std::abort();
+  epiline::is_chain_with(path, "cam1");
   return 0;
 }

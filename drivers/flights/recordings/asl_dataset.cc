@@ -215,6 +215,10 @@ Status read_imu(AslMotion& d, const fs::path& calibration_file) {
   return check_columns(d);
 }
 
+void correct_imu(AslMotion& d) {
+  for (ImuSample& sample : d.imu_samples) d.imu.correction.apply(sample);
+}
+
 Status read_wheel(AslMotion& d) {
   const fs::path path = find_table(d.root / "wheel0", "data.csv");
   if (path.empty()) return Done{};
@@ -276,6 +280,7 @@ Result<AslMotion> open_asl_motion(const fs::path& folder, const fs::path& imu_fi
   AslMotion d;
   d.root = *root;
   if (const Status s = read_imu(d, imu_file); !s) return s.error();
+  correct_imu(d);
   if (const Status s = read_wheel(d); !s) return s.error();
   if (const Status s = read_heights(d); !s) return s.error();
   if (const Status s = read_ground_truth(d); !s) return s.error();
@@ -287,6 +292,7 @@ Result<AslDataset> open_asl_dataset(const fs::path& folder, const std::string& c
   auto d = open_uncalibrated_asl_dataset(folder, camera, imu_file);
   if (!d) return d.error();
   if (const Status s = read_lens(*d, camera, camera_file); !s) return s.error();
+  correct_imu(*d);
   if (const Status s = check_common_time(*d); !s) return s.error();
   if (const Status s = read_ground_truth(*d); !s) return s.error();
   return d;

@@ -38,7 +38,7 @@ struct AslMotion {
   std::vector<std::string> notes;            ///< remarks for the user, one line each
   std::filesystem::path imu_file;            ///< data.csv[.gz]
   std::filesystem::path truth_file;          ///< empty if there is none
-  std::vector<ImuSample> imu_samples;        ///< in the file's order; the estimator counts bad samples
+  std::vector<ImuSample> imu_samples;        ///< in the file's order, corrected; the estimator counts bad samples
   std::vector<WheelSample> wheel_samples;    ///< of wheel0/data.csv: time, forward speed in m/s; empty if there is none
   std::vector<HeightSample> height_samples;  ///< of baro0/data.csv and range0/data.csv: time, m; in the order of time
   std::optional<Trajectory> ground_truth;
@@ -78,7 +78,8 @@ Status open_other_camera(AslDataset& dataset, const std::string& camera, const s
 /// How many cameras the folder (or its `mav0`) has: cam0, cam1 and so on without a gap, up to kMostOthers beside cam0.
 std::size_t count_cameras(const std::filesystem::path& folder);
 
-/// The same without the camera's calibration, which is still to be found, and without ground truth.
+/// The same without the camera's calibration, which is still to be found, without ground truth, and with the IMU's
+/// readings as they came.
 Result<AslDataset> open_uncalibrated_asl_dataset(const std::filesystem::path& folder, const std::string& camera,
                                                  const std::filesystem::path& imu_file = {});
 

@@ -204,6 +204,7 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
     if (!imu) return imu.error();
     EstimatorConfig& e = config.estimator;
     e.imu = imu->noise;
+    settings.imu_correction = imu->correction;
     if (imu->saturation_gyroscope_rad_s) e.saturation_gyroscope_rad_s = *imu->saturation_gyroscope_rad_s;
     if (imu->saturation_accelerometer_m_s2) e.saturation_accelerometer_m_s2 = *imu->saturation_accelerometer_m_s2;
   }
@@ -378,6 +379,26 @@ Status add_imu(const LiveSettings& settings, mavlink::MavlinkLink* link, LiveDev
   return Done{};
 }
 
+/// An IMU whose readings are corrected as they come.
+class CorrectedImu final : public ImuSource {
+ public:
+  CorrectedImu(std::unique_ptr<ImuSource> imu, const ImuCorrection& correction)
+      : imu_(std::move(imu)), correction_(correction) {}
+  Status open() override { return imu_->open(); }
+  void give_up() noexcept override { imu_->give_up(); }
+  void close() noexcept override { imu_->close(); }
+  ReadOutcome read(std::span<ImuSample> samples, std::size_t& count, Span timeout) noexcept override {
+    const ReadOutcome outcome = imu_->read(samples, count, timeout);
+    if (outcome == ReadOutcome::kSample)
+      for (ImuSample& sample : samples.first(count)) correction_.apply(sample);
+    return outcome;
+  }
+
+ private:
+  std::unique_ptr<ImuSource> imu_;
+  ImuCorrection correction_;
+};
+
 }  // namespace
 
 MadeDevices make_each_device(const LiveSettings& settings, LiveDevices given) {
@@ -392,6 +413,8 @@ MadeDevices make_each_device(const LiveSettings& settings, LiveDevices given) {
   add_wheel(d, devices);
   made.height = add_height(settings, link, devices);
   if (!imu_given) made.imu = add_imu(settings, link, devices);
+  if (!imu_given && devices.imu && !settings.imu_correction.is_none())
+    devices.imu = std::make_unique<CorrectedImu>(std::move(devices.imu), settings.imu_correction);
   return made;
 }
 

@@ -21,7 +21,8 @@ struct LiveSettings {
   Config config;
   CameraParameters camera;                                           ///< width 0: not calibrated
   std::array<std::optional<CameraCalibration>, kMostOthers> others;  ///< cameras 1 to 3, if there and calibrated
-  std::string source;                                                ///< the configuration file, for errors
+  ImuCorrection imu_correction;
+  std::string source;    ///< the configuration file, for errors
   bool is_flown = true;  ///< false: of a silent first camera of several, no black images are made
   bool has_camera_calibration() const { return camera.width > 0; }
 };

@@ -191,7 +191,7 @@ class Recorder {
       sensors.cameras[i + 1]->time_offset_s = e.extrinsics.time_offset_s;  // its stamps are on the first one's clock
     }
     if (!settings_.config.imu_calibration.empty())
-      sensors.imu = {e.imu, e.saturation_gyroscope_rad_s, e.saturation_accelerometer_m_s2};
+      sensors.imu = {e.imu, e.saturation_gyroscope_rad_s, e.saturation_accelerometer_m_s2, settings_.imu_correction};
     sensors.image_rate_hz = static_cast<double>(state_.counts.images) / state_.seconds;
     sensors.reading_rate_hz = static_cast<double>(state_.counts.readings) / state_.seconds;
     description_ = files_.describe(sensors);

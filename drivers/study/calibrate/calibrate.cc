@@ -29,6 +29,9 @@ Result<std::optional<CameraCalibration>> read_guess(const CalibrateSettings& set
   }
   auto guess = read_camera_calibration(path, settings.camera);
   if (!guess) return guess.error();
+  if (guess->parameters.model == CameraModel::kUnified)
+    return Error{ErrorKind::kUsage, path.string(), 0, "a lens of Mei or EUCM, which is not fitted",
+                 "--guess none, or a guess of another model"};
   return std::optional<CameraCalibration>{std::move(*guess)};
 }
 

@@ -22,6 +22,7 @@ const char* kalibr_distortion(CameraModel model) {
     case CameraModel::kPinholeEquidistant:
       return "equidistant";
     case CameraModel::kDoubleSphere:
+    case CameraModel::kUnified:  // is no result
       return "none";
   }
   return "none";

@@ -13,6 +13,8 @@ int lens_columns(CameraModel model) {
       return 8;
     case CameraModel::kDoubleSphere:
       return 6;
+    case CameraModel::kUnified:
+      return 10;
   }
   return 0;
 }
@@ -45,9 +47,11 @@ const char* lens_column_name(CameraModel model, int column) {
   static constexpr std::array<const char*, 4> kFirst = {"fx", "fy", "cx", "cy"}, kAngle = {"k1", "k2", "k3", "k4"};
   static constexpr std::array<const char*, 5> kRadial = {"k1", "k2", "p1", "p2", "k3"};
   static constexpr std::array<const char*, 2> kSpheres = {"xi", "alpha"};
+  static constexpr std::array<const char*, 6> kUnified = {"alpha", "beta", "k1", "k2", "p1", "p2"};
   const auto i = static_cast<std::size_t>(column);
   if (i < 4) return kFirst[i];
   if (model == CameraModel::kDoubleSphere) return kSpheres[i - 4];
+  if (model == CameraModel::kUnified) return kUnified[i - 4];
   return model == CameraModel::kPinholeEquidistant ? kAngle[i - 4] : kRadial[i - 4];
 }
 
@@ -59,6 +63,8 @@ const char* name_of(CameraModel model) {
       return "equidistant";
     case CameraModel::kDoubleSphere:
       return "double-sphere";
+    case CameraModel::kUnified:
+      return "unified";
   }
   return "";
 }

@@ -7,7 +7,7 @@
 namespace epiline {
 
 /// Focal lengths and centre first, the model's coefficients behind as Camera lists them.
-inline constexpr int kMostLensColumns = 9;
+inline constexpr int kMostLensColumns = 10;
 using LensStep = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostLensColumns, 1>;
 using LensJacobian = Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, kMostLensColumns>;
 

@@ -39,8 +39,10 @@ RecordedRun recorded_run(const CameraParameters& camera,
     if (others[i]) run.others[i] = {*others[i], mounted.R_BC, mounted.p_BC, run.camera.time_offset_s};
   }
   run.image_rate_hz = image_rate_hz;
-  run.imu = {config.estimator.imu, config.estimator.saturation_gyroscope_rad_s,
-             config.estimator.saturation_accelerometer_m_s2};
+  run.imu = {config.estimator.imu,
+             config.estimator.saturation_gyroscope_rad_s,
+             config.estimator.saturation_accelerometer_m_s2,
+             {}};  // recorded samples are corrected ones
   config.camera_calibration = config.imu_calibration = config.recorder.folder = "";
   run.config_toml = to_toml(config);
   run.png = png_of_frame;

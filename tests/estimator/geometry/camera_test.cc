@@ -30,7 +30,17 @@ const CameraParameters kDouble{CameraModel::kDoubleSphere, 640, 512, {313.21, 31
 // Five coefficients, strong barrel: folds back inside the plane.
 const CameraParameters kFive{
     CameraModel::kPinholeRadialTangential, 1280, 720, {900, 905, 630, 370}, {-0.35, 0.13, 0.0008, -0.0006, -0.02}};
-const CameraParameters kAll[] = {kEuroc, kTumVi, kDouble, kFive};
+// An enhanced unified lens (EUCM) and one of Mei, xi 1.45, with the distortion of each.
+const CameraParameters kEnhanced{
+    CameraModel::kUnified, 752, 480, {460.76, 459.41, 365.89, 249.33}, {0.59, 1.127, 0, 0, 0, 0}};
+const double kXi = 1.4456544769803834, kMei[] = {-0.343630, 0.062347, 0.0012608, -0.0002137};
+const CameraParameters kUnifiedMei{CameraModel::kUnified,
+                                   752,
+                                   480,
+                                   {895.94 / (1 + kXi), 897.42 / (1 + kXi), 372.22, 238.33},
+                                   {kXi / (1 + kXi), 1, kMei[0] / std::pow(1 + kXi, 2), kMei[1] / std::pow(1 + kXi, 4),
+                                    kMei[2] / (1 + kXi), kMei[3] / (1 + kXi)}};
+const CameraParameters kAll[] = {kEuroc, kTumVi, kDouble, kFive, kEnhanced, kUnifiedMei};
 
 Vec2 random_pixel(const CameraParameters& c, std::mt19937& engine) {
   return {std::uniform_real_distribution<double>(-0.5, c.width - 0.5)(engine),
@@ -179,6 +189,35 @@ TEST(Camera, DoubleSphereIsTwoSpheresAndAPinhole) {
   }
 }
 
+// Mei and Rives 2007: onto the unit sphere, seen from xi behind its centre, distorted, gamma.
+TEST(Camera, UnifiedIsMeisLens) {
+  std::mt19937 engine(7);
+  const Camera camera(kUnifiedMei);
+  for (int n = 0; n < 500; ++n) {
+    const Vec3 p = random_point(camera, engine);
+    const Vec3 q = p.normalized() + kXi * Vec3::UnitZ();
+    const double x = q.x() / q.z(), y = q.y() / q.z(), s = x * x + y * y, radial = 1 + s * (kMei[0] + s * kMei[1]);
+    Vec2 px;
+    ASSERT_TRUE(camera.project(p, px));
+    EXPECT_NEAR(px.x(), 895.94 * (x * radial + 2 * kMei[2] * x * y + kMei[3] * (s + 2 * x * x)) + 372.22, 1e-9);
+    EXPECT_NEAR(px.y(), 897.42 * (y * radial + kMei[2] * (s + 2 * y * y) + 2 * kMei[3] * x * y) + 238.33, 1e-9);
+  }
+}
+
+// Khomutenko et al. 2016: the plane at z = 1 of an ellipsoid.
+TEST(Camera, UnifiedIsTheEnhancedUnifiedLens) {
+  std::mt19937 engine(8);
+  const Camera camera(kEnhanced);
+  for (int n = 0; n < 500; ++n) {
+    const Vec3 p = random_point(camera, engine);
+    const double rho = std::sqrt(1.127 * (p.x() * p.x() + p.y() * p.y()) + p.z() * p.z());
+    Vec2 px;
+    ASSERT_TRUE(camera.project(p, px));
+    EXPECT_NEAR(px.x(), 460.76 * p.x() / (0.59 * rho + 0.41 * p.z()) + 365.89, 1e-9);
+    EXPECT_NEAR(px.y(), 459.41 * p.y() / (0.59 * rho + 0.41 * p.z()) + 249.33, 1e-9);
+  }
+}
+
 Vec3 off_axis(double degrees) { return {std::sin(degrees * M_PI / 180), 0, std::cos(degrees * M_PI / 180)}; }
 
 TEST(Camera, FisheyesSeeBehindTheirImagePlane) {
@@ -265,6 +304,9 @@ TEST(Camera, EveryFaultOfTheParametersHasItsName) {
   EXPECT_EQ(with([](auto& c) { c.intrinsics[3] = -1; }), CameraFault::kCentre);
   EXPECT_EQ(with([](auto& c) { c.distortion[1] = 1.5; }), CameraFault::kDistortion);
   EXPECT_EQ(with([](auto& c) { c.distortion[0] = -1; }), CameraFault::kDistortion);
+  CameraParameters unified = kEnhanced;
+  unified.distortion[1] = 0;
+  EXPECT_EQ(fault_of(unified), CameraFault::kDistortion);
 }
 
 }  // namespace

@@ -51,7 +51,7 @@ cam1:
     EXPECT_EQ(c.parameters.model, CameraModel::kPinholeEquidistant);
     EXPECT_EQ(c.parameters.width, 752);
     EXPECT_EQ(c.parameters.intrinsics, (std::array<double, 4>{458.654, 457.296, 367.215, 248.375}));
-    EXPECT_EQ(c.parameters.distortion, (std::array<double, 5>{0.1, 0.2, 0.3, 0.4, 0}));
+    EXPECT_EQ(c.parameters.distortion, (std::array<double, 6>{0.1, 0.2, 0.3, 0.4, 0}));
     EXPECT_DOUBLE_EQ(c.time_offset_s, -0.005);
   }
 }
@@ -67,14 +67,14 @@ TEST(CameraCalibration, DoubleSphereAndNoDistortion) {
   ASSERT_TRUE(sphere) << sphere.error().text();
   EXPECT_EQ(sphere->parameters.model, CameraModel::kDoubleSphere);
   EXPECT_EQ(sphere->parameters.intrinsics, (std::array<double, 4>{190, 191, 255, 256}));
-  EXPECT_EQ(sphere->parameters.distortion, (std::array<double, 5>{-0.2, 0.6, 0, 0, 0}));
+  EXPECT_EQ(sphere->parameters.distortion, (std::array<double, 6>{-0.2, 0.6, 0, 0, 0}));
   const auto none = read_camera_calibration(
       calibration_file("none.yaml",
                        head + "camera_model: pinhole\nintrinsics: [190, 191, 255, 256]\ndistortion_model: none\n"),
       "cam0");
   ASSERT_TRUE(none) << none.error().text();
   EXPECT_EQ(none->parameters.model, CameraModel::kPinholeRadialTangential);
-  EXPECT_EQ(none->parameters.distortion, (std::array<double, 5>{}));
+  EXPECT_EQ(none->parameters.distortion, (std::array<double, 6>{}));
 }
 
 // Each with the line of the file, what stands there, and what was expected.
@@ -92,8 +92,8 @@ TEST(CameraCalibration, SaysWhatIsWrongWithALens) {
   const std::string size = "[512, 512]", none = "distortion_model: none\n", pinhole = "camera_model: pinhole\n",
                     good = "intrinsics: [190, 191, 255, 256]\n";
   EXPECT_EQ(error(size, pinhole + good + none), "read");
-  EXPECT_EQ(error(size, "camera_model: omni\n" + good + none),
-            ":3: unknown camera model \"omni\"; expected pinhole or double-sphere");
+  EXPECT_EQ(error(size, "camera_model: fisheye\n" + good + none),
+            ":3: unknown camera model \"fisheye\"; expected pinhole, double-sphere (ds), eucm or omni");
   EXPECT_EQ(error(size, pinhole + "intrinsics: [190, 191, 255]\n" + none), ":4: 3 numbers; expected 4: fu fv cu cv");
   EXPECT_EQ(error(size, pinhole + "intrinsics: [190, wide, 255, 256]\n" + none),
             ":4: \"wide\"; expected a finite number");

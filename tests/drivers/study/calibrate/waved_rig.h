@@ -34,6 +34,8 @@ inline CameraParameters lens_of(CameraModel model) {
       return {model, 640, 480, {250.2, 249.8, 325.0, 238.5}, {-0.012, 0.021, -0.02, 0.006}};
     case CameraModel::kDoubleSphere:
       return {model, 640, 512, {160.1, 160.3, 318.2, 258.9}, {-0.2, 0.59}};
+    case CameraModel::kUnified:
+      break;
   }
   return {};
 }
