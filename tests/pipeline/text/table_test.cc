@@ -47,6 +47,24 @@ TEST(ParseTime, RefusesWhatIsNoTime) {
   }
 }
 
+// The mean step of the middle half, whatever single times and bursts do.
+TEST(TimeUnit, IsThatOfTheRate) {
+  const auto unit = [](double step, TimeColumn column) {
+    std::vector<double> times = {0, 1e25, std::nan("")};
+    for (int i = 0; i < 200; ++i) times.push_back(1.4e18 + step * (i - i % 3));
+    return std::string(unit_of(times, column).name);
+  };
+  EXPECT_EQ(unit(0.999e6, TimeColumn::kSensor), "nanoseconds") << "wheels, 1 kHz";
+  EXPECT_EQ(unit(1e10, TimeColumn::kSensor), "nanoseconds") << "once in ten seconds";
+  EXPECT_EQ(unit(125e3, TimeColumn::kImu), "nanoseconds") << "8 kHz";
+  EXPECT_EQ(unit(40e6, TimeColumn::kImu), "nanoseconds") << "25 Hz";
+  EXPECT_EQ(unit_of({}, TimeColumn::kImu).digits, 0);
+  EXPECT_EQ(unit_of({5, 5}, TimeColumn::kSensor).digits, 0);
+  EXPECT_EQ(unit_of({1000, 1005, 1010}, TimeColumn::kImu).digits, 6) << "200 Hz in milliseconds";
+  EXPECT_EQ(unit_of({1.0, 1.05, 1.1}, TimeColumn::kSensor).digits, 9) << "20 Hz in seconds";
+  EXPECT_EQ(unit_of({1e15, 1e15 + 5e4}, TimeColumn::kSensor).digits, 3) << "20 Hz in microseconds";
+}
+
 TEST(TakeField, SplitsAtCommasAndBlanks) {
   const auto split = [](std::string_view line) {
     std::vector<std::string> fields;
