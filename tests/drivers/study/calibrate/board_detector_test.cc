@@ -12,6 +12,7 @@
 #include "drivers/study/calibrate/board_drawing.h"
 #include "drivers/study/calibrate/corner_refine.h"
 #include "pipeline/text/table.h"
+#include "tests/drivers/study/calibrate/photographer.h"
 #include "tests/drivers/study/calibrate/waved_rig.h"
 #include "tests/support/apriltag.h"
 
@@ -63,6 +64,30 @@ TEST(BoardDetector, FindsTheCornersOfATiltedBoardToATenthOfAPixel) {
       Vec2 px;
       ASSERT_TRUE(camera.project(R_TC.transpose() * (corner.p_T - p_TC), px));
       EXPECT_LT((px - corner.px).norm(), 0.15) << "corner " << corner.id << ", tilt " << tilt.transpose();
+    }
+  }
+}
+
+// Tags of 28 px, turned by any angle: the cells are 2.8 px wide.
+TEST(BoardDetector, FindsSmallTagsAtEveryAngle) {
+  const AprilGrid grid{4, 3, 0.024, 0.3};
+  auto detector = BoardDetector::create(grid);
+  if (!detector && test::lacks_apriltag(detector.error().text())) GTEST_SKIP() << detector.error().text();
+  ASSERT_TRUE(detector) << detector.error().text();
+  const auto boxes = black_boxes(grid);
+  ASSERT_TRUE(boxes);
+  const Camera camera({CameraModel::kPinholeRadialTangential, 320, 240, {458, 458, 160, 120}, {}});
+  const Photographer photographer(grid, *boxes, camera);
+  for (const double degrees : {0.0, 15.0, 30.0, 45.0, 60.0, 90.0}) {
+    const Mat3 R_TC = Vec3(1, -1, -1).asDiagonal() * so3_exp(Vec3(0.02, 0.03, degrees * 3.14159265 / 180));
+    const Vec3 p_TC = Vec3(0.5 * grid.width_m(), 0.5 * grid.height_m(), 0) - 0.39 * R_TC.col(2);
+    GreyImage image = photographer.take(R_TC, p_TC);
+    const auto corners = detector->find(pixels_of(image));
+    EXPECT_EQ(corners.size(), 48u) << degrees << " degrees";
+    for (const Corner& corner : corners) {
+      Vec2 px;
+      ASSERT_TRUE(camera.project(R_TC.transpose() * (corner.p_T - p_TC), px));
+      EXPECT_LT((px - corner.px).norm(), 0.6) << "corner " << corner.id << ", " << degrees << " degrees";
     }
   }
 }
