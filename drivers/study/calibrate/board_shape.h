@@ -19,7 +19,9 @@ class BoardShape {
   int corners() const { return static_cast<int>(offsets_.size()); }
   /// The place of a corner in the list of offsets.
   int index(const Corner& corner) const { return index_.at(corner.id); }
-  Vec3 place(const Corner& corner) const { return corner.p_T + offsets_[static_cast<std::size_t>(index(corner))]; }
+  Vec3 place(const Corner& corner) const {
+    return scale * corner.p_T + offsets_[static_cast<std::size_t>(index(corner))];
+  }
   Vec3& offset(int corner) { return offsets_[static_cast<std::size_t>(corner)]; }
   const Vec3& offset(int corner) const { return offsets_[static_cast<std::size_t>(corner)]; }
   /// How far a corner usually is from where the drawing has it, each coordinate, m: 0.3 % of the board.
@@ -27,6 +29,8 @@ class BoardShape {
   /// Root mean square of the offsets, and of their part out of the drawing's plane, m.
   double rms_m() const;
   double bend_rms_m() const;
+
+  double scale = 1;  ///< of the drawing
 
  private:
   std::map<std::uint32_t, int> index_;

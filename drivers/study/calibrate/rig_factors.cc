@@ -123,7 +123,7 @@ bool RigFactors::corner(const View& view, const Corner& corner, Vec2& e, CornerJ
   if (!lens_.project(p_C, px, by_point, by_lens)) return false;
   e = corner.px - px;
   const auto lens_count = by_lens.cols();
-  J.resize(2, 6 + lens_count + 7);
+  J.resize(2, 6 + lens_count + 8);
   J.leftCols<3>() = -by_point * R_CT;
   J.middleCols<3>(3) = by_point * R_CT * skew(arm_T);
   J.middleCols(6, lens_count) = by_lens;
@@ -132,6 +132,7 @@ bool RigFactors::corner(const View& view, const Corner& corner, Vec2& e, CornerJ
   const Vec3 omega_T = m.R_WB * m.omega_B;
   J.col(12 + lens_count) = -by_point * R_CT * (m.v_WB + omega_T.cross(arm_T));
   by_corner = by_point * R_CT;
+  J.col(13 + lens_count) = by_corner * (state_.constants.shape.scale * corner.p_T);  // by the logarithm of the scale
   return true;
 }
 

@@ -24,7 +24,7 @@ struct RigLayout : FitLayout {
 };
 
 /// Of a corner's pixel by the pose of the IMU (position, turn in T) and by those constants that images see.
-inline constexpr int kMostCornerColumns = 6 + kMostLensColumns + 7;
+inline constexpr int kMostCornerColumns = 6 + kMostLensColumns + 8;
 using CornerJacobian = Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, kMostCornerColumns>;
 
 class RigFactors {

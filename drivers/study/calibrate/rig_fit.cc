@@ -25,6 +25,10 @@ constexpr double kMargin_s = 0.1;
 /// Of the priors: sensors are better than this, so that what a recording cannot tell stays sane.
 constexpr double kGainSigma = 0.03, kApart_m = 0.01, kGyroscopeBiasSigma = 0.2, kAccelerometerBiasSigma = 0.5,
                  kLeverSigma_m = 0.5;
+/// Of a board's size, logarithmic: somebody wrote millimetres of another board, or a printer fitted it to the page.
+constexpr double kSizeSigma = 0.5;
+/// A size differs from the described one beyond so many sigmas and this share, which a ruler sees.
+constexpr double kOtherSize = 3, kRuler = 0.01, kSizeHeld = 1e-7;
 
 class Rig {
  public:
@@ -39,29 +43,16 @@ class Rig {
 
   double seconds() const { return state_.duration_s; }
 
+  /// First with a board of any size, since the accelerometer knows metres; then with the described one if it can be.
   bool run() {
-    const RigLayout layout(state_);
-    FitEquations equations(layout.first);
-    std::vector<double> step;
-    // Weights and noise change with the fit: the last digits come slowly, and nobody needs them. Of some lenses the
-    // numbers are hardly told apart (a double sphere of a narrow view): those go slowly too.
-    constexpr int kMost = 40;
-    constexpr double kSettled = 2e-6, kGoodEnough = 1e-4, kUndamped = 1e-6;
-    const int lens = layout.columns.lens, lens_count = layout.columns.R_BC - lens;
-    double moved = 0, damping = 1e-2;
-    for (iterations_ = 1; iterations_ <= kMost; ++iterations_, damping *= 0.3) {
-      if (iterations_ > 1) measure_noise(layout);
-      linearise(layout, equations);
-      equations.damp_by_share(lens, lens_count, damping);
-      if (!equations.solve(step)) return false;
-      moved = state_.move(step, layout.knot, layout.bias, layout.columns, layout.corners);
-      if (!(moved < 10)) return false;
-      if (moved < kSettled && damping < kUndamped) break;
-    }
-    if (!(moved < kGoodEnough)) return false;
-    linearise(layout, equations);
-    if (!equations.solve(step)) return false;
-    uncertainty_ = uncertainty_of(state_, layout, equations, problem_);
+    if (!settle()) return false;
+    size_ = std::log(state_.constants.shape.scale);
+    size_sigma_ = uncertainty_.sigma(RigColumns(0, state_.constants.lens.model).board_size);
+    if (std::abs(size_) > std::max(kOtherSize * size_sigma_, kRuler)) return true;
+    hold_size_ = true;
+    state_.constants.shape.scale = 1;
+    if (!settle()) return false;
+    state_.constants.shape.scale = 1;  // which a prior holds to some digits
     return true;
   }
 
@@ -71,6 +62,8 @@ class Rig {
     fit.uncertainty = std::move(uncertainty_);
     fit.views = problem_.views.size();
     fit.iterations = iterations_;
+    fit.board_size = size_;
+    fit.board_size_sigma = size_sigma_;
     const RigLayout layout(state_);
     const RigFactors factors(state_, layout);
     double sum = 0;
@@ -90,6 +83,32 @@ class Rig {
   }
 
  private:
+  bool settle() {
+    const RigLayout layout(state_);
+    FitEquations equations(layout.first);
+    std::vector<double> step;
+    // Weights and noise change with the fit: the last digits come slowly, and nobody needs them. Of some lenses the
+    // numbers are hardly told apart (a double sphere of a narrow view): those go slowly too.
+    constexpr int kMost = 40;
+    constexpr double kSettled = 2e-6, kGoodEnough = 1e-4, kUndamped = 1e-6;
+    const int lens = layout.columns.lens, lens_count = layout.columns.R_BC - lens;
+    double moved = 0, damping = 1e-2;
+    for (int i = 1; i <= kMost; ++i, damping *= 0.3) {
+      if (++iterations_ > 1) measure_noise(layout);
+      linearise(layout, equations);
+      equations.damp_by_share(lens, lens_count, damping);
+      if (!equations.solve(step)) return false;
+      moved = state_.move(step, layout.knot, layout.bias, layout.columns, layout.corners);
+      if (!(moved < 10)) return false;
+      if (moved < kSettled && damping < kUndamped) break;
+    }
+    if (!(moved < kGoodEnough)) return false;
+    linearise(layout, equations);
+    if (!equations.solve(step)) return false;
+    uncertainty_ = uncertainty_of(state_, layout, equations, problem_);
+    return true;
+  }
+
   /// A view whose pose is known at the start.
   struct KnownPose {
     double t_s;  ///< in the IMU's time
@@ -276,6 +295,10 @@ class Rig {
     // The outermost knots are hardly seen: they stay where they are rather than nowhere.
     for (const int column : layout.knot) equations.damp(column, 6, 1e-2);
     equations.damp(layout.columns.begin, layout.columns.count(), 1e-6);
+    const double size_sigma = hold_size_ ? kSizeHeld : kSizeSigma;
+    FitResidual size(Vec3(std::log(c.shape.scale), 0, 0), 1 / (size_sigma * size_sigma));
+    size.add(layout.columns.board_size, Mat3::Identity(), 1);
+    equations.add(size);
     if (settings_.hold_lens) equations.damp(layout.columns.lens, lens_columns(c.lens.model), 1e12);
   }
 
@@ -287,6 +310,8 @@ class Rig {
   double period_s_ = 0;
   std::size_t pieces_ = 0;
   int iterations_ = 0;
+  double size_ = 0, size_sigma_ = 0;
+  bool hold_size_ = false;
 };
 
 }  // namespace

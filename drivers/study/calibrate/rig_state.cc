@@ -1,6 +1,7 @@
 #include "drivers/study/calibrate/rig_state.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "drivers/study/calibrate/lens_columns.h"
 #include "estimator/geometry/so3.h"
@@ -13,7 +14,8 @@ RigColumns::RigColumns(int first, CameraModel model)
       R_BC(lens + lens_columns(model)),
       p_BC(R_BC + 3),
       time_offset(p_BC + 3),
-      gravity(time_offset + 1),
+      board_size(time_offset + 1),
+      gravity(board_size + 1),
       gyroscope_gain(gravity + 2),
       accelerometer_gain(gyroscope_gain + 3),
       accelerometer_y(accelerometer_gain + 3),
@@ -59,6 +61,9 @@ double RigState::move(const std::vector<double>& step, const std::vector<int>& k
   constants.R_BC = so3_normalised(constants.R_BC * so3_exp(part(columns.R_BC)));
   constants.p_BC += part(columns.p_BC);
   constants.time_offset_s += step[static_cast<std::size_t>(columns.time_offset)];
+  constexpr double kMostGrowth = 0.5;  // in one step, logarithmic: far from the size, steps are too long
+  constants.shape.scale *=
+      std::exp(std::clamp(step[static_cast<std::size_t>(columns.board_size)], -kMostGrowth, kMostGrowth));
   for (int i = 0; i < constants.shape.corners(); ++i) constants.shape.offset(i) += part(corners + 3 * i);
   constants.gyroscope_gain += part(columns.gyroscope_gain);
   constants.accelerometer_gain += part(columns.accelerometer_gain);

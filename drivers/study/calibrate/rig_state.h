@@ -13,9 +13,9 @@ namespace epiline {
 struct RigConstants {
   CameraParameters lens;
   Mat3 R_BC = Mat3::Identity();
-  Vec3 p_BC = Vec3::Zero();  ///< m
-  double time_offset_s = 0;  ///< t_IMU = t_image + time_offset
-  BoardShape shape;
+  Vec3 p_BC = Vec3::Zero();   ///< m
+  double time_offset_s = 0;   ///< t_IMU = t_image + time_offset
+  BoardShape shape;           ///< its scale included
   Vec3 g_T = Vec3(0, 0, -1);  ///< gravity, m/s^2; its length is known
   /// What a reading without its bias is multiplied by to be true, per axis.
   Vec3 gyroscope_gain = Vec3::Ones(), accelerometer_gain = Vec3::Ones();
@@ -25,7 +25,7 @@ struct RigConstants {
 /// Columns of the constants in the equations, in this order from `begin` on; the corners of the board come behind.
 struct RigColumns {
   explicit RigColumns(int begin, CameraModel model);
-  int begin, lens, R_BC, p_BC, time_offset, gravity, gyroscope_gain, accelerometer_gain;
+  int begin, lens, R_BC, p_BC, time_offset, board_size, gravity, gyroscope_gain, accelerometer_gain;
   int accelerometer_y, accelerometer_z;  ///< places of these two accelerometers
   int end;
   int count() const { return end - begin; }

@@ -20,6 +20,9 @@ constexpr double kDegree = 3.14159265358979323846 / 180;
 /// under a prior of 0.05 degrees and 0.5 mm (docs/derivations/calibration.md).
 constexpr double kGoodLens_px = 0.2, kGoodRms_px = 0.8, kGoodCovered = 0.7, kGoodRotation = 0.1 * kDegree,
                  kGoodPlace_m = 3e-3, kGoodOffset_s = 1e-3, kGoodGain = 0.005;
+/// No hardware is beyond these: scales are within 10 % in every data sheet, a module's three accelerometers within some
+/// centimetres, and the worst noise of a MEMS chip, shaken by a hand, is a tenth of this.
+constexpr double kMostGain = 0.1, kMostApart_m = 0.03, kMostGyroscopeDensity = 5e-3, kMostAccelerometerDensity = 5e-2;
 
 constexpr int kJudgedX = 8, kJudgedY = 6;
 constexpr std::array<const char*, 3> kAxes = {"x", "y", "z"};
@@ -108,6 +111,21 @@ Verdict verdict(bool good, const char* what, std::string found, std::string advi
   return {good, what, std::move(found), good ? "" : std::move(advice)};
 }
 
+/// The accelerometer knows metres, and the board's file says some.
+Verdict board_verdict(const RigFit& fit) {
+  const double percent = 100 * (std::exp(fit.board_size) - 1), sigma = 100 * fit.board_size_sigma;
+  if (fit.is_board_as_described())
+    return {true, "board",
+            fmt::format("as large as its file says: by the accelerometer {:+.1f} %, good to {:.1f} %", percent, sigma),
+            ""};
+  return {false, "board",
+          fmt::format("{:.1f} +- {:.1f} % {} than its file says, by the accelerometer; the lengths below are by the "
+                      "accelerometer too",
+                      std::abs(percent), sigma, percent > 0 ? "larger" : "smaller"),
+          "measure a tag or a square of the board and correct the size in its file; if it is right, the "
+          "accelerometer's range"};
+}
+
 Verdict lens_verdict(const Calibration& c, const LensError& error) {
   const RigFit& fit = c.fit;
   const CameraParameters& lens = c.camera.parameters;
@@ -141,6 +159,7 @@ void judge(Calibration& c) {
               fmt::format("{} in {} images, rms {:.3f} px, {} left out", fit.corners.size(), fit.views, fit.rms_px,
                           fit.outliers),
               "a flat board, sharp images (more light, shorter exposure), the board's true size"),
+      board_verdict(fit),
       verdict(c.covered >= kGoodCovered, "image", fmt::format("{:.0f} % of it saw the board", 100 * c.covered),
               fmt::format("bring the board into the {} corner of the image", empty_corner(counts))),
       lens_verdict(c, error),
@@ -157,15 +176,18 @@ void judge(Calibration& c) {
               fmt::format("{:+.2f} ms, good to {:.2f} ms (time of the IMU = stamp of the image + offset)",
                           1e3 * c.camera.time_offset_s, 1e3 * fit.sigma(columns.time_offset)),
               turn_more),
-      verdict(true, "IMU noise",
+      verdict(fit.noise.gyroscope_density < kMostGyroscopeDensity &&
+                  fit.noise.accelerometer_density < kMostAccelerometerDensity,
+              "IMU noise",
               fmt::format("gyroscope {:.2e} rad/s/sqrt(Hz), accelerometer {:.2e} m/s^2/sqrt(Hz), with what shook the "
                           "hand that held it",
                           fit.noise.gyroscope_density, fit.noise.accelerometer_density),
-              ""),
+              "readings in SI units, with times of one clock: no IMU has such noise"),
   };
   const auto gain = [&](const char* what, const Vec3& value, int column) {
     const Vec3 off = 100 * (value - Vec3::Ones());
-    const bool right = ((value - Vec3::Ones()).cwiseAbs().array() < kGoodGain + 3 * largest_sigma(fit, column)).all();
+    const double most = std::min(kGoodGain + 3 * largest_sigma(fit, column), kMostGain);
+    const bool right = ((value - Vec3::Ones()).cwiseAbs().array() < most).all();
     return verdict(right, what,
                    fmt::format("{:+.2f} {:+.2f} {:+.2f} % to be added, good to {:.2f} %", off.x(), off.y(), off.z(),
                                100 * largest_sigma(fit, column)),
@@ -173,12 +195,12 @@ void judge(Calibration& c) {
   };
   const auto apart_mm = [&](int axis) { return 1e3 * fit.state.constants.accelerometers_B.col(axis).norm(); };
   c.verdicts.push_back(verdict(
-      true, "accelerometers",
+      std::max({apart_mm(0), apart_mm(1), apart_mm(2)}) < 1e3 * kMostApart_m, "accelerometers",
       fmt::format(
           "those of x, y and z are {:.1f} {:.1f} {:.1f} mm from their middle, good to {:.1f} mm", apart_mm(0),
           apart_mm(1), apart_mm(2),
           1e3 * std::max(largest_sigma(fit, columns.accelerometer_y), largest_sigma(fit, columns.accelerometer_z))),
-      ""));
+      "the board's size, and readings of one IMU: no module is so large"));
   c.verdicts.push_back(gain("gyroscope scale", fit.state.constants.gyroscope_gain, columns.gyroscope_gain));
   c.verdicts.push_back(gain("accelerometer scale", fit.state.constants.accelerometer_gain, columns.accelerometer_gain));
 }

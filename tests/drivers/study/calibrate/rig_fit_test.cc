@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "drivers/study/calibrate/calibrate.h"
@@ -69,6 +70,9 @@ TEST_P(Rigs, EveryFigureIsWithinWhatIsClaimed) {
     expect(columns.accelerometer_y + i, c.accelerometers_B(i, 1) - rig_.accelerometers_B(i, 1), "y's accelerometer");
     expect(columns.accelerometer_z + i, c.accelerometers_B(i, 2) - rig_.accelerometers_B(i, 2), "z's accelerometer");
   }
+  EXPECT_TRUE(fit->is_board_as_described());
+  EXPECT_LT(std::abs(fit->board_size), 4 * fit->board_size_sigma);
+  EXPECT_LT(fit->board_size_sigma, 0.02);
   EXPECT_LT((c.accelerometers_B * Vec3::Ones()).norm(), 1e-12) << "their middle is the origin";
   expect(columns.time_offset, c.time_offset_s - rig_.time_offset_s, "time offset");
   EXPECT_LT((c.g_T.normalized() - rig_.g_T().normalized()).norm(), 2e-3);
@@ -87,6 +91,40 @@ TEST_P(Rigs, EveryFigureIsWithinWhatIsClaimed) {
 INSTANTIATE_TEST_SUITE_P(All, Rigs,
                          testing::Values(CameraModel::kPinholeRadialTangential, CameraModel::kPinholeEquidistant,
                                          CameraModel::kDoubleSphere));
+
+/// A board whose file says another size than it has.
+class WrongSize : public testing::TestWithParam<double> {};
+
+TEST_P(WrongSize, IsToldByTheAccelerometer) {
+  WavedRig rig;
+  auto views = rig.views();
+  for (CornerView& view : views)
+    for (Corner& corner : view.corners) corner.p_T *= GetParam();
+  const auto imu = rig.readings();
+  const auto lens = fit_lens(views, rig.lens.model, rig.lens.width, rig.lens.height, std::nullopt);
+  ASSERT_TRUE(lens) << lens.error().text();
+  const auto turns = align_turns(turns_of(views, *lens), imu);
+  ASSERT_TRUE(turns) << turns.error().text();
+  Calibration c;
+  auto fit = fit_rig(views, *lens, *turns, imu, {rig.imu.noise});
+  ASSERT_TRUE(fit) << fit.error().text();
+  c.fit = *fit;
+  c.camera.parameters = c.fit.state.constants.lens;
+  EXPECT_FALSE(c.fit.is_board_as_described());
+  EXPECT_NEAR(c.fit.board_size, -std::log(GetParam()), 4 * c.fit.board_size_sigma);
+  EXPECT_LT(c.fit.board_size_sigma, 0.02);
+  const RigColumns columns(0, rig.lens.model);
+  for (int i = 0; i < 3; ++i)
+    EXPECT_NEAR(c.fit.state.constants.p_BC[i], rig.p_BC[i], 4 * c.fit.sigma(columns.p_BC + i)) << "metres are true";
+  judge(c);
+  EXPECT_FALSE(c.good());
+  const auto board = std::find_if(c.verdicts.begin(), c.verdicts.end(), [](auto& v) { return v.what == "board"; });
+  ASSERT_NE(board, c.verdicts.end());
+  EXPECT_FALSE(board->good);
+  EXPECT_THAT(board->found, HasSubstr(GetParam() > 1 ? "% smaller than its file says" : "% larger than its file says"));
+}
+
+INSTANTIATE_TEST_SUITE_P(All, WrongSize, testing::Values(0.97, 1.128, 3.67));
 
 /// A lens that no radial-tangential one draws: a VI-Sensor's (docs/decisions/2026-11-26-lens-shape.md).
 class OtherShape : public testing::Test {
