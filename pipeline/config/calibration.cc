@@ -247,6 +247,17 @@ void set_shutter(const CameraConfig& section, CameraParameters& camera) {
   if (is_rolling) camera.readout_s = 1e-3 * section.readout_ms;
 }
 
+void set_calibration(const CameraCalibration& camera, EstimatorConfig& estimator) {
+  estimator.extrinsics = {camera.R_BC, camera.p_BC, Camera(camera.parameters).focal_px(), camera.time_offset_s,
+                          camera.parameters.readout_s};
+}
+
+void set_calibration(const ImuCalibration& imu, EstimatorConfig& estimator) {
+  estimator.imu = imu.noise;
+  if (imu.saturation_gyroscope_rad_s) estimator.saturation_gyroscope_rad_s = *imu.saturation_gyroscope_rad_s;
+  if (imu.saturation_accelerometer_m_s2) estimator.saturation_accelerometer_m_s2 = *imu.saturation_accelerometer_m_s2;
+}
+
 Result<ImuCalibration> read_imu_calibration(const std::filesystem::path& path) {
   return read_by_format<ImuCalibration>(path, [&](const YamlFile& file, const CalibrationFormat* format) {
     if (format == nullptr) return kalibr_imu(file);

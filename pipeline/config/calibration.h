@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "estimator/config.h"
 #include "estimator/geometry/camera.h"
 #include "estimator/inertial/preintegration.h"
 #include "pipeline/config/devices.h"
@@ -41,6 +42,10 @@ struct ImuCalibration {
 /// key, names an unknown model, or holds an impossible value: number of parameters, focal length, resolution, or a
 /// matrix that is not a rigid motion.
 Result<CameraCalibration> read_camera_calibration(const std::filesystem::path& path, const std::string& name);
+
+/// Tells the estimator of them: pose, focal length, time offset and shutter; noise, and saturation if it is known.
+void set_calibration(const CameraCalibration& camera, EstimatorConfig& estimator);
+void set_calibration(const ImuCalibration& imu, EstimatorConfig& estimator);
 
 /// Whether the file is one of several cameras and contains this one.
 bool is_chain_with(const std::filesystem::path& path, const std::string& name);

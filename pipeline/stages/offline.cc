@@ -14,7 +14,7 @@ OfflinePipeline::OfflinePipeline(const OfflineSettings& s)
       capture_(nullptr, clock_, {frames_, images_, nobody_, unheard_, events_}, apart_of(s.estimator)),
       estimate_({s.estimator, s.deadline_ms}, clock_,
                 {tracked_, not_ended_, imu_to_estimate_, imu_ended_, speeds_, heights_},
-                {knowledge_, nobody_, events_}),
+                {knowledge_, nobody_, events_, nullptr, nullptr, s.log}),
       track_({s.camera, s.tracker, mount_of(s.estimator), s.images, recorded_, {}, lenses_of(s.others, s.estimator)},
              estimate_.knowledge(), clock_, {frames_, images_, not_ended_, imu_to_track_, imu_ended_, knowledge_},
              {tracked_, nobody_, events_}) {

@@ -21,6 +21,7 @@ struct OfflineSettings {
   std::vector<std::span<const TrackPoint>> recorded;
   StageClocks clocks;
   std::array<std::optional<CameraParameters>, kMostOthers> others{};  ///< lenses; `estimator.others` says where
+  std::optional<EstimateStage::Log> log = std::nullopt;  ///< rings for what came of each image, emptied by the caller
 };
 
 class OfflinePipeline {
@@ -36,6 +37,8 @@ class OfflinePipeline {
   void add_wheel(const WheelSample& sample) noexcept;
   /// The same for heights.
   void add_height(const HeightSample& sample) noexcept;
+  /// Replaces the recorded points of an image. They stay valid until the image's step returns.
+  void set_recorded(std::size_t sequence, std::span<const TrackPoint> points) noexcept { recorded_[sequence] = points; }
   /// Readings up to and including the first at or after this time must have been added before the step of an image.
   /// Each stage takes those it needs, and the others before the next image.
   HostStamp imu_needed_until(HostStamp image) const noexcept;

@@ -1,9 +1,9 @@
-# What `cmake --install` and the Debian packages hold. Component `program`: the package epiline. Component `development`: the
-# package libepiline-dev, headers and libraries that need Eigen at most: estimator, platform and the drivers of live devices.
+# What `cmake --install` and the Debian packages hold. Component `program`: the package epiline. `library`: libepiline1, for C.
+# `development`: libepiline-dev, headers and static libraries for C++ of what flies. `python`: python3-epiline.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
-set(libraries epiline_options epiline_platform epiline_estimator epiline_links epiline_sensors)
+set(libraries epiline_options epiline_platform epiline_estimator epiline_pipeline epiline_links epiline_sensors)
 foreach(library ${libraries})
   string(REPLACE "epiline_" "" name ${library})
   set_target_properties(${library} PROPERTIES EXPORT_NAME ${name})
@@ -11,13 +11,24 @@ endforeach()
 # Eigen's alignment follows the instruction set it is compiled for, and so would the layout of our structs.
 target_compile_definitions(epiline_estimator INTERFACE $<INSTALL_INTERFACE:EIGEN_MAX_ALIGN_BYTES=16>)
 install(TARGETS ${libraries} EXPORT epiline-targets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
-install(DIRECTORY platform estimator DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/epiline COMPONENT development
+install(DIRECTORY platform estimator pipeline DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/epiline COMPONENT development
   FILES_MATCHING PATTERN "*.h")
 foreach(room links sensors)
   install(DIRECTORY drivers/${room} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/epiline/drivers COMPONENT development
     FILES_MATCHING PATTERN "*.h")
 endforeach()
-install(FILES pipeline/config/devices.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/epiline/pipeline/config COMPONENT development)
+
+install(TARGETS epiline_c LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT library NAMELINK_COMPONENT development)
+install(FILES pipeline/library/epiline.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development)
+file(RELATIVE_PATH prefix_from_pc /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
+configure_file(toolchains/debian/epiline.pc.in ${PROJECT_BINARY_DIR}/package/epiline.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/package/epiline.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
+
+set(python_folder lib/python3/dist-packages/epiline)
+install(TARGETS epiline_python LIBRARY DESTINATION ${python_folder} COMPONENT python)
+install(DIRECTORY drivers/study/library/python/epiline/ DESTINATION ${python_folder} COMPONENT python
+  FILES_MATCHING PATTERN "*.py" PATTERN "py.typed")
+
 set(cmake_folder ${CMAKE_INSTALL_LIBDIR}/cmake/epiline)
 install(EXPORT epiline-targets NAMESPACE epiline:: DESTINATION ${cmake_folder} COMPONENT development)
 configure_package_config_file(toolchains/debian/epiline-config.cmake.in ${PROJECT_BINARY_DIR}/package/epiline-config.cmake
@@ -69,17 +80,19 @@ add_custom_command(OUTPUT ${changelogs} VERBATIM
   DEPENDS ${PROJECT_SOURCE_DIR}/CHANGELOG.md ${PROJECT_BINARY_DIR}/package/changelog.Debian
   COMMAND sh -c "gzip -9nc \"$1\" >changelog.gz && gzip -9nkf changelog.Debian" sh ${PROJECT_SOURCE_DIR}/CHANGELOG.md
   WORKING_DIRECTORY ${PROJECT_BINARY_DIR}/package)
-foreach(package epiline libepiline-dev)
-  set(component program)
-  if(package STREQUAL "libepiline-dev")
-    set(component development)
-  endif()
+set(package_of_program epiline)
+set(package_of_development libepiline-dev)
+set(package_of_library libepiline1)
+set(package_of_python python3-epiline)
+foreach(component program development library python)
+  set(package ${package_of_${component}})
   install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${package} RENAME copyright COMPONENT ${component})
   install(FILES ${changelogs} DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${package} COMPONENT ${component})
 endforeach()
 
 # All that the packages hold, and nothing else: what must be built before cpack.
-add_custom_target(packaged DEPENDS ${manual} ${changelogs} epiline epiline_platform epiline_estimator epiline_links epiline_sensors)
+add_custom_target(packaged DEPENDS ${manual} ${changelogs} epiline epiline_platform epiline_estimator epiline_pipeline
+  epiline_links epiline_sensors epiline_c epiline_python)
 set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON)
 
 set(CPACK_GENERATOR DEB)
@@ -87,7 +100,7 @@ set(CPACK_PACKAGE_VENDOR "The epiline authors")
 set(CPACK_PACKAGE_CONTACT "The epiline authors <epiline@localhost>")
 set(CPACK_PACKAGE_DIRECTORY ${PROJECT_BINARY_DIR}/package)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
-set(CPACK_COMPONENTS_ALL program development)
+set(CPACK_COMPONENTS_ALL program development library python)
 set(CPACK_COMPONENTS_GROUPING IGNORE)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_VERBATIM_VARIABLES ON)
@@ -115,9 +128,25 @@ or onto a CAN bus.")
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/toolchains/debian/postinst
   ${PROJECT_SOURCE_DIR}/toolchains/debian/prerm ${PROJECT_SOURCE_DIR}/toolchains/debian/postrm)
 
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_NAME libepiline1)
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_SECTION libs)
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_SHLIBDEPS ON)
+set(CPACK_COMPONENT_LIBRARY_DESCRIPTION "visual-inertial odometry as a library for C
+Takes IMU samples and images, or tracks, and gives position, velocity,
+attitude, their covariance and health.")
+
+set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-epiline)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3, python3-numpy")
+set(CPACK_COMPONENT_PYTHON_DESCRIPTION "visual-inertial odometry for Python
+Replays recorded flights, evaluates trajectories, and estimates odometry
+from samples as they come; results are arrays of numpy.")
+
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libepiline-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
-set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libeigen3-dev, libjpeg-dev")
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libepiline1 (= ${PROJECT_VERSION}-${package_release}), libeigen3-dev, libfmt-dev, libhwy-dev,
+ libjpeg-dev, libtomlplusplus-dev, libyaml-cpp-dev, zlib1g-dev")
 if(GPIOD_FOUND)
   string(APPEND CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS ", libgpiod-dev")
 endif()
@@ -125,6 +154,7 @@ if(EPILINE_NETTLE_LIBRARY)
   string(APPEND CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS ", nettle-dev")
 endif()
 set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "visual-inertial odometry as a library
-Headers, static libraries and CMake files of epiline's estimator, of the
-platform it stands on, and of its drivers of cameras, IMUs and outputs.")
+Headers, static libraries and CMake files of epiline's estimator, of its
+pipeline from images to odometry, and of its drivers of cameras, IMUs and
+outputs; the header for C.")
 include(CPack)

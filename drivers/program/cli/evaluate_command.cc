@@ -61,16 +61,9 @@ int evaluate_files(const EvaluateArguments& options) {
   const auto reference = read_trajectory(options.reference);
   if (!reference) return report(reference.error());
   const TrajectoryErrors errors = evaluate(odometry->trajectory, *reference, odometry->claims);
-  if (errors.poses == 0) {
-    return report({ErrorKind::kUsage, options.estimate, 0, "no pose at a time that the reference covers",
-                   "timestamps of the same clock in both files"});
-  }
+  if (errors.poses == 0) return report(no_common_time(options.estimate));
   if (options.json) {
-    Json json = {{"schema", 1}};
-    json.update(to_json(errors));
-    json["align"] = options.align;
-    json["ate_m"] = to_json(errors.ate(*alignment_from(options.align)));
-    fmt::print("{}\n", json.dump(2));
+    fmt::print("{}\n", evaluation_json(errors, options.align).dump(2));
   } else {
     print_text(errors, options.align, odometry->trajectory.poses.size());
   }

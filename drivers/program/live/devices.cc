@@ -166,12 +166,11 @@ Status read_other_camera(LiveSettings& settings, std::size_t other) {
 
 Status read_camera(LiveSettings& settings) {
   Config& config = settings.config;
-  const auto camera = read_camera_calibration(config.camera_calibration, "cam0");
+  auto camera = read_camera_calibration(config.camera_calibration, "cam0");
   if (!camera) return camera.error();
+  set_shutter(config.devices.camera, camera->parameters);
+  set_calibration(*camera, config.estimator);
   settings.camera = camera->parameters;
-  set_shutter(config.devices.camera, settings.camera);
-  config.estimator.extrinsics = {camera->R_BC, camera->p_BC, Camera(camera->parameters).focal_px(),
-                                 camera->time_offset_s, settings.camera.readout_s};
   if (const Status s = read_mask(0, settings.camera, config); !s) return s;
   for (std::size_t other = 0; other + 1 < camera_count(config.devices); ++other)
     if (const Status s = read_other_camera(settings, other); !s) return s;
@@ -202,11 +201,8 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
   if (!config.imu_calibration.empty()) {
     const auto imu = read_imu_calibration(config.imu_calibration);
     if (!imu) return imu.error();
-    EstimatorConfig& e = config.estimator;
-    e.imu = imu->noise;
+    set_calibration(*imu, config.estimator);
     settings.imu_correction = imu->correction;
-    if (imu->saturation_gyroscope_rad_s) e.saturation_gyroscope_rad_s = *imu->saturation_gyroscope_rad_s;
-    if (imu->saturation_accelerometer_m_s2) e.saturation_accelerometer_m_s2 = *imu->saturation_accelerometer_m_s2;
   }
   file->apply(config);  // the file wins
   const auto& others = config.devices.other_cameras;

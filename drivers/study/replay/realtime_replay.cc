@@ -117,6 +117,7 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     RealtimePorts ports{&faulty_camera, &faulty_imu, predicted ? &*predicted : options.odometry, {&collector}, {}};
     if (!dataset.wheel_samples.empty()) ports.wheel = &wheel;
     if (!dataset.height_samples.empty()) ports.height = &height;
+    if (options.observer != nullptr) ports.observers.push_back(options.observer);
     if (options.view != nullptr) ports.observers.push_back(&start_view(*options.view, dataset, options));
     std::optional<FlightRecorder> recorder;
     if (!config.recorder.folder.empty()) {

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <memory>
 #include <stdexcept>
 #include <string>
 
@@ -80,12 +81,8 @@ Result<AslDataset> open_dataset(const ReplayOptions& options, const Config& conf
 /// Precedence: command line, configuration file, data set, defaults.
 void fill_config(const AslDataset& dataset, const ConfigFile* file, const ReplayOptions& options, Config& config) {
   EstimatorConfig& e = config.estimator;
-  e.imu = dataset.imu.noise;
-  if (dataset.imu.saturation_gyroscope_rad_s) e.saturation_gyroscope_rad_s = *dataset.imu.saturation_gyroscope_rad_s;
-  if (dataset.imu.saturation_accelerometer_m_s2)
-    e.saturation_accelerometer_m_s2 = *dataset.imu.saturation_accelerometer_m_s2;
-  e.extrinsics = {dataset.camera.R_BC, dataset.camera.p_BC, Camera(dataset.camera.parameters).focal_px(),
-                  dataset.camera.time_offset_s, dataset.camera.parameters.readout_s};
+  set_calibration(dataset.imu, e);
+  set_calibration(dataset.camera, e);
   for (std::size_t i = 0; i < dataset.others.size(); ++i) {
     const CameraCalibration& other = dataset.others[i]->camera;
     e.others[i] = {true, other.R_BC, other.p_BC, other.parameters.readout_s, 0};
@@ -115,20 +112,29 @@ std::string why_others_are_unused(const EstimatorConfig& e) {
   return "";
 }
 
+/// What an observer of a flight in one thread gets by way of rings.
+struct ObservedRings {
+  OutcomeRing outcomes;
+  TracksLogRing tracks;
+  Parking nobody;
+};
+
 /// One flight through the pipeline, in this thread.
 class Flight {
  public:
   Flight(const AslDataset& dataset, const FlightPlan& plan, const Config& config, const ReplayOptions& options)
       : dataset_(dataset),
         plan_(plan),
-        pipeline_(settings(dataset, plan, config)),
+        rings_(options.observer != nullptr ? std::make_unique<ObservedRings>() : nullptr),
+        pipeline_(settings(dataset, plan, config, rings_.get())),
         counts_heap_(allocation_counting_available()),
         next_imu_(plan.first_imu),
         imu_faults_(options.faults, plan.images.front().stamp),
         camera_faults_(options.faults, plan.images.front().stamp, dataset.camera.parameters.width,
                        dataset.camera.parameters.height, ImageDecoder::kBuffers),
         record_(begin_record(dataset, plan, config, options)),
-        odometry_(options.odometry) {}
+        odometry_(options.odometry),
+        observer_(options.observer) {}
 
   /// Image `k` of the plan.
   Status step(std::size_t k) {
@@ -156,6 +162,7 @@ class Flight {
     frame.sequence = k;
     frame.stamp = frame.arrival = planned.stamp;
     if (!camera_faults_.apply(frame)) return Done{};
+    const Frame given = frame;
     if (!pipeline_.admit(frame)) {
       ++record_.skipped["refused_by_watch"];
       return Done{};
@@ -173,6 +180,7 @@ class Flight {
     record_.images.push_back(image_record(outcome_));
     if (odometry_ != nullptr && outcome_.result.has_pose) odometry_->publish_image(outcome_.odometry);
     for (Event event; pipeline_.events().pop(event);) record_.events.push_back(event);
+    if (observer_ != nullptr) show(given, others);
     return Done{};
   }
 
@@ -195,15 +203,25 @@ class Flight {
   }
 
  private:
-  static OfflineSettings settings(const AslDataset& dataset, const FlightPlan& plan, const Config& config) {
-    return {dataset.camera.parameters,
-            config.tracker,
-            config.estimator,
-            config.deadline_ms,
-            !dataset.images.empty(),
-            recorded_points(dataset, plan),
-            {monotonic_ns, thread_cpu_ns},
-            other_lenses(dataset)};
+  static OfflineSettings settings(const AslDataset& dataset, const FlightPlan& plan, const Config& config,
+                                  ObservedRings* rings) {
+    OfflineSettings s{dataset.camera.parameters,
+                      config.tracker,
+                      config.estimator,
+                      config.deadline_ms,
+                      !dataset.images.empty(),
+                      recorded_points(dataset, plan),
+                      {monotonic_ns, thread_cpu_ns},
+                      other_lenses(dataset)};
+    if (rings != nullptr) s.log.emplace(EstimateStage::Log{rings->outcomes, rings->tracks, rings->nobody});
+    return s;
+  }
+
+  /// `frame`: the image as the camera gave it.
+  void show(const Frame& frame, const OtherFrames& others) {
+    if (frame.data != nullptr && observer_->wants_images()) observer_->image(frame, others);
+    for (; const FrameOutcome* outcome = rings_->outcomes.front(); rings_->outcomes.pop()) observer_->take(*outcome);
+    for (; const LoggedTracks* tracks = rings_->tracks.front(); rings_->tracks.pop()) observer_->tracks(*tracks);
   }
 
   void feed_imu(HostStamp image) {
@@ -217,6 +235,7 @@ class Flight {
       }
       ImuSample& sample = delivered_[next_delivered_++];
       ++record_.imu_read;
+      if (observer_ != nullptr) observer_->imu(sample);
       if (pipeline_.add_imu(sample)) feed_.took(sample);
     }
   }
@@ -227,12 +246,19 @@ class Flight {
     const auto feed = [&](const auto& samples, std::size_t& next, auto&& add) {
       while (next < samples.size() && (next == 0 || samples[next - 1].stamp < needed)) add(samples[next++]);
     };
-    feed(dataset_.wheel_samples, next_wheel_, [&](const WheelSample& s) { pipeline_.add_wheel(s); });
-    feed(dataset_.height_samples, next_height_, [&](const HeightSample& s) { pipeline_.add_height(s); });
+    feed(dataset_.wheel_samples, next_wheel_, [&](const WheelSample& s) {
+      pipeline_.add_wheel(s);
+      if (observer_ != nullptr) observer_->wheel(s);
+    });
+    feed(dataset_.height_samples, next_height_, [&](const HeightSample& s) {
+      pipeline_.add_height(s);
+      if (observer_ != nullptr) observer_->height(s);
+    });
   }
 
   const AslDataset& dataset_;
   const FlightPlan& plan_;
+  std::unique_ptr<ObservedRings> rings_;  ///< with an observer only
   OfflinePipeline pipeline_;
   struct OtherImages {
     ImageDecoder decoder;
@@ -252,6 +278,7 @@ class Flight {
   std::uint64_t heap_calls_ = 0;
   FlightRecord record_;
   OdometrySink* odometry_;
+  FlightObserver* observer_;
 };
 
 Result<FlightRecord> replay_in_one_thread(const AslDataset& dataset, const FlightPlan& plan, const Config& config,

@@ -11,6 +11,7 @@
 #include "drivers/flights/recordings/flight_plan.h"
 #include "drivers/study/replay/flight_view.h"
 #include "drivers/study/report/flight_record.h"
+#include "pipeline/realtime/flight_observer.h"
 #include "platform/error/result.h"
 
 namespace epiline {
@@ -35,6 +36,7 @@ struct ReplayOptions : FlightPart {
   /// beginning, and adds this many times 1e-7 of itself to each measured force, which is gravity's seventh digit.
   int perturb = 0;
   OdometrySink* odometry = nullptr;     ///< gets the published odometry; in one thread the estimate of each image
+  FlightObserver* observer = nullptr;   ///< gets samples, images, outcomes and tracks of the flight
   FlightView* view = nullptr;           ///< shows a flight in threads; open, not started
   std::filesystem::path record_folder;  ///< of the flight recorder, in threads only; overrides the file; empty: none
   bool record_images = false;

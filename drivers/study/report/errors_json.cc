@@ -75,4 +75,17 @@ Json to_json(const TrajectoryErrors& e) {
           {"calibration_curve", to_json(e.nees.curves)}};
 }
 
+Json evaluation_json(const TrajectoryErrors& errors, const std::string& align) {
+  Json json = {{"schema", 1}};
+  json.update(to_json(errors));
+  json["align"] = align;
+  json["ate_m"] = to_json(errors.ate(*alignment_from(align)));
+  return json;
+}
+
+Error no_common_time(const std::string& estimate) {
+  return {ErrorKind::kUsage, estimate, 0, "no pose at a time that the reference covers",
+          "timestamps of the same clock in both files"};
+}
+
 }  // namespace epiline

@@ -2,6 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/study/evaluate/errors.h"
+#include "platform/error/result.h"
 
 namespace epiline {
 
@@ -20,5 +21,10 @@ CalibrationCurves curves_of(const Json& stats);
 /// The `error` block of stats.json; `coverage` is null, the caller knows the images. Without poses every figure is
 /// null.
 Json to_json(const TrajectoryErrors& errors);
+
+/// What `epiline evaluate --json` prints. `align`: the name of an Alignment.
+Json evaluation_json(const TrajectoryErrors& errors, const std::string& align);
+/// The error of an estimate that cannot be evaluated.
+Error no_common_time(const std::string& estimate);
 
 }  // namespace epiline
