@@ -31,6 +31,9 @@ bool shows_depth(const TopicContent& topic) {
   return topic.topic.name.find("depth") != std::string::npos || is_depth(topic.pixels);
 }
 
+/// What epiline itself wrote (replay --mcap) is no ground truth.
+bool is_own_estimate(const TopicContent* topic) { return topic->topic.name.starts_with("/epiline/"); }
+
 /// Chooses topics of a bag.
 class Topics {
  public:
@@ -48,6 +51,7 @@ class Topics {
     std::vector<TopicContent*> fitting = of(types);
     // distances come last, and are never taken unasked where a name says what they are
     std::stable_partition(fitting.begin(), fitting.end(), [](const TopicContent* t) { return !shows_depth(*t); });
+    if (asked_for.empty()) std::erase_if(fitting, is_own_estimate);
     Names names;
     for (const TopicContent* topic : fitting) names.push_back(topic->topic.name);
     if (!asked_for.empty()) return asked(asked_for, types, names);

@@ -11,6 +11,7 @@
 #include "drivers/program/cli/commands.h"
 #include "drivers/program/cli/progress_bar.h"
 #include "drivers/program/view/live_view.h"
+#include "drivers/study/report/flight_mcap.h"
 #include "drivers/study/report/stats_json.h"
 #include "pipeline/config/config.h"
 #include "pipeline/text/suspicion_text.h"
@@ -26,6 +27,7 @@ struct ReplayArguments {
   double deadline_ms = 0, speed = 1;
   bool quiet = false, realtime = false;
   std::string view;
+  std::filesystem::path mcap;
   Foreign foreign = Foreign::kRefuse;
 };
 
@@ -96,6 +98,16 @@ std::string fault_help() {
   return s;
 }
 
+/// The file of --mcap, claimed as the folder of --out is.
+Result<std::optional<OutputFolder>> claim_file(const std::filesystem::path& file, const std::filesystem::path& dataset,
+                                               Foreign foreign) {
+  if (file.empty()) return std::optional<OutputFolder>();
+  std::error_code ignored;
+  if (std::filesystem::equivalent(file, dataset, ignored))
+    return Error{ErrorKind::kUsage, file.string(), 0, "is the recording that is read", "another file (--mcap)"};
+  return claim(file.has_parent_path() ? file.parent_path() : ".", {file.filename().string()}, foreign);
+}
+
 int replay_command(ReplayArguments& options) {
   for (const std::string& text : options.faults) {
     const auto fault = fault_from(text);
@@ -107,13 +119,22 @@ int replay_command(ReplayArguments& options) {
   if (options.realtime) options.replay.realtime_speed = options.speed;
   const auto folder = claim(options.out, kFlightFiles, options.foreign);
   if (!folder) return report(folder.error());
+  const auto mcap_folder = claim_file(options.mcap, options.replay.dataset, options.foreign);
+  if (!mcap_folder) return report(mcap_folder.error());
   const auto view = open_view(options.view);
   if (!view) return report(view.error());
   options.replay.view = view->get();
+  std::optional<FlightMcap> mcap;
+  if (!options.mcap.empty()) {
+    options.replay.observer = &mcap.emplace(options.mcap);
+    if (const Status s = mcap->status(); !s) return report(s.error());
+  }
   ProgressBar bar(options.quiet);
   const auto result = replay(options.replay, [&](std::size_t done, std::size_t all) { bar(done, all); });
   if (!result) return report(result.error());
   const FlightRecord& record = result->record;
+  if (mcap)
+    if (const Status s = mcap->finish(record.truth); !s) return report(s.error());
   const auto errors = write_outputs(record, options.out);
   if (!errors) return report(errors.error());
   if (!options.quiet) {
@@ -173,6 +194,10 @@ void add_replay(CLI::App& app, int& exit_code) {
                                                "with --realtime: flight recorder, writes records into this folder")
                                   ->needs(realtime);
   command->add_flag("--record-images", o->replay.record_images, "record images too")->needs(record);
+  command
+      ->add_option("--mcap", o->mcap,
+                   "also write samples, images, estimate and ground truth into this MCAP file (ROS 2, Foxglove, rerun)")
+      ->excludes(realtime);
   command
       ->add_option("--loop", o->replay.loop_s,
                    "repeat the recording for this many seconds, with a new start in each round")
