@@ -7,6 +7,7 @@
 #include <ctime>
 #include <initializer_list>
 
+#include "platform/linux/end_request.h"
 #include "platform/time/clock.h"
 
 namespace epiline {
@@ -35,19 +36,22 @@ class SignalWait {
 };
 
 /// The signals that end a run in order, and SIGUSR1. What a vanished display or terminal sends does not end it: SIGPIPE
-/// never does, SIGHUP only if stdout was a terminal at the start and nothing (nohup) had told the program to ignore it.
+/// never does, SIGHUP only if hangup_ends().
 class EndSignals : public SignalWait {
  public:
-  EndSignals() : SignalWait({SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGPIPE}), hangup_ends_(is_of_a_terminal()) {}
-  bool ends(int signal) const { return signal == SIGINT || signal == SIGTERM || (signal == SIGHUP && hangup_ends_); }
-
- private:
-  static bool is_of_a_terminal() {
-    struct sigaction action {};
-    sigaction(SIGHUP, nullptr, &action);
-    return action.sa_handler != SIG_IGN && isatty(STDOUT_FILENO) == 1;
+  EndSignals() : SignalWait({SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGPIPE}) {}
+  /// What is pending was sent to what ends here. Delivered afterwards, it would end the program before it has written.
+  ~EndSignals() {
+    while (const int signal = wait({})) (void)ends(signal);
   }
-  bool hangup_ends_;
+  EndSignals(const EndSignals&) = delete;
+  EndSignals& operator=(const EndSignals&) = delete;
+
+  bool ends(int signal) const {
+    const bool does = signal == SIGINT || signal == SIGTERM || (signal == SIGHUP && hangup_ends());
+    if (does) note_end_signal(signal);
+    return does;
+  }
 };
 
 }  // namespace epiline

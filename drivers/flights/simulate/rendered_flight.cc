@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "drivers/flights/simulate/render/image_writer.h"
+#include "platform/linux/end_request.h"
 
 namespace epiline {
 namespace {
@@ -119,8 +120,6 @@ CameraCalibration to_the_right(const CameraCalibration& first, double baseline_m
 Status render_flight(const FlightToRender& flight, const RenderChoice& choice, const std::filesystem::path& folder,
                      const std::function<void(std::size_t, std::size_t)>& progress) {
   FlightTables tables = flight.tables;
-  auto made = make_asl_folder(folder, tables.other_cameras.size());
-  if (!made) return made.error();
   const auto set_readout = [&](CameraParameters& p) {
     p.readout_s = choice.effects.camera.row_time_s * (p.height - 1);
   };
@@ -128,10 +127,14 @@ Status render_flight(const FlightToRender& flight, const RenderChoice& choice, c
   for (CameraCalibration& other : tables.other_cameras) set_readout(other.parameters);
   const World world = make_world(choice.world, camera_path(flight), choice.effects.movers, choice.seed);
   if (choice.range) add_range(flight, world, choice, tables.height_samples);
-  if (Status s = write_tables(tables, made->root()); !s) return s;
   const TextureAtlas atlas(choice.seed);
   const int images = static_cast<int>((flight.to_s - flight.from_s) * flight.tables.image_rate_hz) + 1;
   const std::size_t cameras = 1 + tables.other_cameras.size();
+  std::size_t rendered = 0;
+  progress(0, cameras * static_cast<std::size_t>(images));
+  auto made = make_asl_folder(folder, tables.other_cameras.size());
+  if (!made) return made.error();
+  if (Status s = write_tables(tables, made->root()); !s) return s;
   const auto render = [&](const CameraCalibration& camera, std::size_t number) {
     const double later_s = number == 0 ? 0 : choice.later_s;
     const std::uint64_t seed = choice.seed ^ (number * kOtherCameraSeed);
@@ -141,13 +144,15 @@ Status render_flight(const FlightToRender& flight, const RenderChoice& choice, c
     const RenderSettings settings{camera.parameters, camera.R_BC, camera.p_BC, choice.effects.camera, seed};
     const Renderer renderer(world, atlas, *flight.motion, settings, times_s);
     return write_images(renderer, camera.parameters.width, camera.parameters.height, tasks, choice.jobs,
-                        made->root() / ("cam" + std::to_string(number)),
-                        [&](std::size_t done, std::size_t all) { progress(number * all + done, cameras * all); });
+                        made->root() / ("cam" + std::to_string(number)), [&](std::size_t done, std::size_t all) {
+                          rendered = number * all + done;
+                          progress(rendered, cameras * all);
+                        });
   };
   if (Status s = render(tables.camera, 0); !s) return s;
   for (std::size_t c = 1; c < cameras; ++c)
     if (Status s = render(tables.other_cameras[c - 1], c); !s) return s;
-  return made->finish();
+  return rendered == 0 && EndRequest::is_made() ? Status(Done{}) : made->finish();
 }
 
 }  // namespace epiline

@@ -286,8 +286,8 @@ class Look {
       const double passed = 1e-9 * static_cast<double>(monotonic_ns() - begin_ns);
       const bool is_over = samples_->have_ended() && !wheel_ && !height_ && lines_.empty();
       if (passed >= options_.seconds || is_over || (options_.watch && !options_.watch(passed))) return;
-      if (options_.witness != nullptr && round % 4 == 3) show(passed);
-      std::this_thread::sleep_for(std::chrono::milliseconds(250));
+      if (options_.witness != nullptr && round % 20 == 19) show(passed);
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
     }
   }
   /// What would be said now.

@@ -15,6 +15,7 @@
 #include "drivers/program/inventory/config_edit.h"
 #include "drivers/study/calibrate/board_detector.h"
 #include "drivers/study/calibrate/calibration_files.h"
+#include "platform/linux/end_request.h"
 
 namespace epiline {
 
@@ -93,7 +94,12 @@ Status record_waves(CalibrateArguments& a) {
     fmt::print("record    until Ctrl-C: wave the rig before the board for a minute (docs/calibrate.md)\n");
   if (says) std::fflush(stdout);
   const auto summary = record_and_say(a.config, a.set, options, says);
-  return summary ? Status(Done{}) : Status(summary.error());
+  if (!summary) return summary.error();
+  // Ctrl-C says that there are waves enough; the others, that the program is not wanted any more
+  const std::string signal = EndRequest::signal_name(), kept = "the waves are in " + a.settings.dataset.string();
+  set_end_text(kept.c_str());
+  return signal.empty() || signal == "SIGINT" ? Status(Done{})
+                                              : Error{ErrorKind::kRun, "", 0, "ended by " + signal + ", " + kept, ""};
 }
 
 int run_calibration(CalibrateArguments arguments) {

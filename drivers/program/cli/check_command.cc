@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <limits>
@@ -112,10 +113,9 @@ int check(const CheckArguments& options) {
   CheckOptions how;
   how.set = options.set;
   std::unique_ptr<CheckView> view;
-  std::optional<SignalWait> signals;
+  const EndSignals signals;  // before any thread begins
   if (!options.view.empty()) {
     if (options.json) return report({ErrorKind::kUsage, "", 0, "--json with --view", "one of them"});
-    signals.emplace(std::initializer_list<int>{SIGINT, SIGTERM});  // before any thread begins
     auto opened = open_check_view(options.view, *config, options.set);
     if (!opened) return report(opened.error());
     view = std::move(*opened);
@@ -129,11 +129,15 @@ int check(const CheckArguments& options) {
       fmt::print(stderr, "\r\x1b[K{:3.0f} of {:.0f} s: {}", seconds, how.seconds,
                  first_half ? "keep it at rest" : "turn it by hand about all three axes");
     }
-    return !signals || signals->wait({}) == 0;
+    return !signals.ends(signals.wait({}));
   };
   const Findings findings = check_devices(*config, how);
   if (shows) fmt::print(stderr, "\r\x1b[K");
-  return print(findings, options.json);
+  const int code = print(findings, options.json);
+  const std::string signal = EndRequest::signal_name();
+  if (signal.empty() || !std::isfinite(how.seconds)) return code;
+  say(stderr, "epiline: error: ended by {} before the {:.0f} s of the check were over\n", signal, how.seconds);
+  return kExitRunFailed;
 }
 
 }  // namespace

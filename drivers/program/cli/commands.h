@@ -22,6 +22,9 @@ inline constexpr int kExitDone = 0, kExitRunFailed = 1, kExitUsage = 2;
 /// {"schema": 1, "error": {"kind", "file", "line", "found", "expected"}}: `kind` is "usage" or "run", `line` may be
 /// null.
 int report(const Error& error);
+/// After a signal asked the command to end: reports how far it came, as in "ended by SIGTERM after 12 of 60 images",
+/// and what is in `out`.
+int report_ended(std::size_t done, std::size_t all, const std::string& unit, const std::string& out);
 /// From now on errors are also written as JSON.
 void report_as_json();
 

@@ -13,6 +13,7 @@
 #include "drivers/program/cli/commands.h"
 #include "drivers/program/cli/say.h"
 #include "pipeline/text/nearest.h"
+#include "platform/linux/end_request.h"
 
 namespace epiline {
 
@@ -39,6 +40,13 @@ int report(const Error& error) {
     std::puts(root.dump(2, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
   }
   return error.kind == ErrorKind::kUsage ? kExitUsage : kExitRunFailed;
+}
+
+int report_ended(std::size_t done, std::size_t all, const std::string& unit, const std::string& out) {
+  return report({ErrorKind::kRun, "", 0,
+                 fmt::format("ended by {} after {} of {} {}{}", EndRequest::signal_name(), done, all, unit,
+                             done > 0 ? ", which are in " + out : ""),
+                 ""});
 }
 
 Result<std::unique_ptr<LiveView>> open_view(const std::string& text) {
@@ -150,6 +158,7 @@ int flushed(int exit_code) {
 
 int main(int argc, char** argv) {
   epiline::open_closed_streams();
+  epiline::handle_end_signals();
   try {
     return epiline::flushed(epiline::run(argc, argv));
   } catch (const std::exception& e) {

@@ -9,6 +9,7 @@
 #include "drivers/study/montecarlo/study.h"
 #include "drivers/study/montecarlo/study_report.h"
 #include "pipeline/text/table.h"
+#include "platform/linux/end_request.h"
 
 namespace epiline {
 
@@ -33,12 +34,20 @@ int montecarlo_command(MontecarloArguments& o) {
   if (!folder) return report(folder.error());
   if (const Status s = make_folder(o.out); !s) return report(s.error());
   ProgressBar bar(false, "flights");
-  const auto cells = run_study(o.study, [&](std::size_t done, std::size_t all) { bar(done, all); });
+  std::size_t flown = 0, wanted = 0;
+  const EndRequest request;
+  const auto cells = run_study(o.study, [&](std::size_t done, std::size_t all) {
+    flown = done;
+    wanted = all;
+    bar(done, all);
+  });
+  if (cells.empty()) return report_ended(0, o.study.flights.size() * o.study.runs, "flights", "");
   const std::string text = study_text(cells, o.study);
   fmt::print("{}", text);
   if (const Status s = write_text(o.out / "montecarlo.txt", text); !s) return report(s.error());
   const Status s = write_text(o.out / "montecarlo.json", study_json(cells, o.study).dump(1) + "\n");
-  return s ? kExitDone : report(s.error());
+  if (!s) return report(s.error());
+  return EndRequest::is_made() ? report_ended(flown, wanted, "flights", o.out.string()) : kExitDone;
 }
 
 void add_noise(CLI::App& command, StudyOptions& study) {

@@ -15,6 +15,7 @@
 #include "drivers/study/report/stats_json.h"
 #include "pipeline/config/config.h"
 #include "pipeline/text/suspicion_text.h"
+#include "platform/linux/end_request.h"
 
 namespace epiline {
 
@@ -130,7 +131,13 @@ int replay_command(ReplayArguments& options) {
     if (const Status s = mcap->status(); !s) return report(s.error());
   }
   ProgressBar bar(options.quiet);
-  const auto result = replay(options.replay, [&](std::size_t done, std::size_t all) { bar(done, all); });
+  std::size_t wanted = 0;
+  std::optional<EndRequest> request;  // while the recording is read, a signal ends the program at once
+  const auto result = replay(options.replay, [&](std::size_t done, std::size_t all) {
+    if (!request) request.emplace();
+    wanted = all;
+    bar(done, all);
+  });
   if (!result) return report(result.error());
   const FlightRecord& record = result->record;
   if (mcap)
@@ -141,6 +148,7 @@ int replay_command(ReplayArguments& options) {
     for (const std::string& note : result->notes) fmt::print("note      {}\n", note);
     print_summary(record, *errors, options.out);
   }
+  if (EndRequest::is_made()) return report_ended(record.images.size(), wanted, "images", options.out);
   if (!start_seconds(record)) {
     return report(
         {ErrorKind::kRun, record.dataset_path, 0,

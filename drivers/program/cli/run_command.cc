@@ -16,6 +16,7 @@
 #include "drivers/study/replay/replay.h"
 #include "drivers/study/report/outputs.h"
 #include "drivers/study/report/stats_json.h"
+#include "platform/linux/end_request.h"
 
 namespace epiline {
 
@@ -166,6 +167,7 @@ int run_command(RunArguments& options) {
     });
   }();
   if (!record) return report(record.error());
+  const EndRequest writing;  // no signal takes away what the flight has left
   std::optional<Error> unwritten = record->unwritten;
   if (!options.live.out.empty()) {
     const auto errors = write_report(*record, options.live.out);

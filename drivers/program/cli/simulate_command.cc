@@ -14,6 +14,7 @@
 #include "drivers/program/cli/commands.h"
 #include "drivers/program/cli/progress_bar.h"
 #include "pipeline/text/table.h"
+#include "platform/linux/end_request.h"
 
 namespace epiline {
 
@@ -100,9 +101,16 @@ int render(const SimulateArguments& o, const FlightEffects& effects, FlightToRen
   if (o.has_range) choice.range = o.range;
   choice.later_s = o.later_s;
   ProgressBar bar(o.quiet);
-  const Status written =
-      render_flight(flight, choice, o.out, [&](std::size_t done, std::size_t all) { bar(done, all); });
-  return written ? kExitDone : report(written.error());
+  std::size_t rendered = 0, wanted = 0;
+  std::optional<EndRequest> request;  // before the first image, a signal ends the program at once
+  const Status written = render_flight(flight, choice, o.out, [&](std::size_t done, std::size_t all) {
+    if (!request) request.emplace();
+    rendered = done;
+    wanted = all;
+    bar(done, all);
+  });
+  if (!written) return report(written.error());
+  return EndRequest::is_made() ? report_ended(rendered, wanted, "images", o.out) : kExitDone;
 }
 
 int render_built_in(const SimulateArguments& o, const FlightEffects& effects) {

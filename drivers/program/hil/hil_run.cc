@@ -157,7 +157,7 @@ class Flight {
   void begin();
   double share_played() const;
   bool watch_flight();
-  Status stand_by(const SignalWait& signals, const std::function<bool(const Progress&)>& watch);
+  Status stand_by(const EndSignals& signals, const std::function<bool(const Progress&)>& watch);
   Result<HilResult> judge(std::optional<FlightRecord> record);
   Status write(HilResult& result);
 
@@ -347,9 +347,9 @@ bool Flight::watch_flight() {
 }
 
 /// Another process flies: plays from when it has opened the IMU, the first of the two that it opens.
-Status Flight::stand_by(const SignalWait& signals, const std::function<bool(const Progress&)>& watch) {
+Status Flight::stand_by(const EndSignals& signals, const std::function<bool(const Progress&)>& watch) {
   for (bool goes_on = true; goes_on;) {
-    goes_on = signals.wait(kRound) == 0;
+    goes_on = !signals.ends(signals.wait(kRound));
     if (uhid_.is_on()) begin();
     const bool begun = clock_.started();
     goes_on = watch({share_played(), !begun}) && goes_on;
@@ -361,7 +361,7 @@ Status Flight::stand_by(const SignalWait& signals, const std::function<bool(cons
 }
 
 Result<HilResult> Flight::run(const std::function<bool(const Progress&)>& watch) {
-  const SignalWait signals({SIGINT, SIGTERM, SIGHUP});  // before any thread begins
+  const EndSignals signals;  // before any thread begins
   if (const Status s = connect_controller(); !s) return s.error();
   LiveDevices devices;  // to the end: the played camera may be one of them, and is asked when all is over
   if (const Status s = connect_camera(devices); !s) return s.error();

@@ -52,7 +52,7 @@ struct Progress {
 /// Plays the recording, flies it (unless `beside`) and judges the odometry. Fails if and only if the data set, the
 /// configuration or a device is wrong, the system cannot start a thread, or the other process did not open the IMU. A
 /// flight that a controller would reject is a result, not a failure. `watch` is called twenty times a second; the run
-/// ends if it returns false, and on SIGINT, SIGTERM and SIGHUP.
+/// ends if it returns false, and on a signal that ends a flight.
 Result<HilResult> run_hil(const HilOptions& options, const std::function<bool(const Progress&)>& watch);
 
 }  // namespace epiline::hil

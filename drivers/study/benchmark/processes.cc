@@ -11,6 +11,7 @@
 #include <map>
 
 #include "pipeline/text/table.h"
+#include "platform/linux/end_request.h"
 
 namespace epiline {
 
@@ -22,6 +23,7 @@ class HeldSignals {
   HeldSignals() {
     sigemptyset(&held_);
     for (const int s : {SIGCHLD, SIGINT, SIGTERM}) sigaddset(&held_, s);
+    if (hangup_ends()) sigaddset(&held_, SIGHUP);
     pthread_sigmask(SIG_BLOCK, &held_, &before_);
   }
   ~HeldSignals() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
@@ -114,9 +116,12 @@ Result<std::vector<ProcessEnd>> run_processes(const std::vector<ProcessJob>& job
     }
     const int signal = signals.next();
     if (signal != SIGCHLD) {
+      note_end_signal(signal);
       const std::size_t done = next - children.count();
       return Error{ErrorKind::kRun, "", 0,
-                   "interrupted after " + std::to_string(done) + " of " + std::to_string(jobs.size()) + " runs", ""};
+                   "interrupted after " + std::to_string(done) + " of " + std::to_string(jobs.size()) +
+                       " runs, each of which has a folder of its own",
+                   ""};
     }
     children.collect(ends);
     progress(next - children.count(), jobs.size());

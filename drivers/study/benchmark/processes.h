@@ -22,9 +22,9 @@ struct ProcessEnd {
 };
 
 /// Runs all jobs in their order, at most `side_by_side` of them at a time; calls `progress` with the number of ended
-/// jobs and of all jobs. On SIGINT or SIGTERM it first ends the children. Fails if and only if interrupted in this way
-/// (ErrorKind::kRun), or if a folder cannot be made or a process cannot be started. Call it from one thread only,
-/// because it waits for every child.
+/// jobs and of all jobs. On a signal that ends programs it first ends the children. Fails if and only if interrupted in
+/// this way (ErrorKind::kRun), or if a folder cannot be made or a process cannot be started. Call it from one thread
+/// only, because it waits for every child.
 Result<std::vector<ProcessEnd>> run_processes(const std::vector<ProcessJob>& jobs, int side_by_side,
                                               const std::function<void(std::size_t, std::size_t)>& progress);
 

@@ -13,6 +13,7 @@
 #include "drivers/study/evaluate/errors.h"
 #include "estimator/geometry/so3.h"
 #include "pipeline/stages/imu_feed.h"
+#include "platform/linux/end_request.h"
 
 namespace epiline {
 namespace {
@@ -197,7 +198,7 @@ RunFigures run_simulated(const SimulatedFlight& flight, const EstimatorConfig& c
   flight.fill(0, *frame);
   imu.up_to(estimator.imu_needed_until(frame->stamp));
   estimator.start(*frame, wrong_start(flight.images[0].truth, seed));
-  for (std::size_t k = kImagesPerFrame; k < flight.images.size(); k += kImagesPerFrame) {
+  for (std::size_t k = kImagesPerFrame; k < flight.images.size() && !EndRequest::is_made(); k += kImagesPerFrame) {
     flight.fill(k, *frame);
     if (!imu.up_to(estimator.imu_needed_until(frame->stamp))) break;
     watch.restart();

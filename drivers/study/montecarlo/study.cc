@@ -10,6 +10,8 @@
 
 #include "pipeline/config/config.h"
 
+#include "platform/linux/end_request.h"
+
 namespace epiline {
 
 const char* const kVariantChanges =
@@ -70,7 +72,10 @@ EstimatorConfig config_of(const FactorVariant& variant, const TrackSimulation& s
 class Study {
  public:
   Study(const StudyOptions& options, const std::function<void(std::size_t, std::size_t)>& progress)
-      : options_(options), progress_(progress), runs_(static_cast<std::size_t>(options.runs)) {
+      : options_(options),
+        progress_(progress),
+        runs_(static_cast<std::size_t>(options.runs)),
+        flown_(options.flights.size() * runs_) {
     for (const FlightKind flight : options_.flights)
       for (const FactorVariant& variant : options_.variants)
         cells_.push_back({flight, variant.name, std::vector<RunFigures>(runs_)});
@@ -80,6 +85,7 @@ class Study {
     std::vector<std::thread> threads;
     for (int i = 0; i < options_.jobs; ++i) threads.emplace_back([this] { work(); });
     for (std::thread& thread : threads) thread.join();
+    if (EndRequest::is_made()) leave_out_unflown();
     return std::move(cells_);
   }
 
@@ -88,6 +94,8 @@ class Study {
     const std::size_t all = options_.flights.size() * runs_;
     for (std::size_t job = next_++; job < all; job = next_++) {
       fly(job / runs_, job % runs_);
+      if (EndRequest::is_made()) return;  // this flight may have been cut
+      flown_[job] = 1;
       const std::lock_guard lock(progress_mutex_);
       progress_(++done_, all);
     }
@@ -108,9 +116,21 @@ class Study {
     }
   }
 
+  void leave_out_unflown() {
+    std::vector<StudyCell> cells;
+    for (std::size_t c = 0; c < cells_.size(); ++c) {
+      StudyCell flown{cells_[c].flight, cells_[c].variant, {}};
+      for (std::size_t r = 0; r < runs_; ++r)
+        if (flown_[c / options_.variants.size() * runs_ + r] != 0) flown.runs.push_back(std::move(cells_[c].runs[r]));
+      if (!flown.runs.empty()) cells.push_back(std::move(flown));
+    }
+    cells_ = std::move(cells);
+  }
+
   const StudyOptions& options_;
   const std::function<void(std::size_t, std::size_t)>& progress_;
   std::size_t runs_;
+  std::vector<char> flown_;  ///< of each flight and seed; bytes, for several threads write
   std::vector<StudyCell> cells_;
   std::atomic<std::size_t> next_ = 0;
   std::mutex progress_mutex_;

@@ -44,8 +44,9 @@ struct StudyCell {
 };
 
 /// Simulates each flight once for all variants, so that the factors get the same noise. All figures except the times
-/// depend on the options only. The cells are in the order flight, variant. Calls `progress` with finished and all
-/// flights, from one thread at a time.
+/// depend on the options only. The cells are in the order flight, variant; after an EndRequest, runs that were not
+/// flown to their ends are left out, and cells without a run. Calls `progress` with finished and all flights, from one
+/// thread at a time.
 std::vector<StudyCell> run_study(const StudyOptions& options,
                                  const std::function<void(std::size_t, std::size_t)>& progress);
 

@@ -18,6 +18,7 @@
 #include "pipeline/stages/imu_feed.h"
 #include "pipeline/stages/offline.h"
 #include "pipeline/text/table.h"
+#include "platform/linux/end_request.h"
 #include "platform/linux/realtime.h"
 #include "platform/memory/allocation_count.h"
 #include "platform/time/monotonic.h"
@@ -285,7 +286,7 @@ Result<FlightRecord> replay_in_one_thread(const AslDataset& dataset, const Fligh
                                           const ReplayOptions& options,
                                           const std::function<void(std::size_t, std::size_t)>& progress) {
   Flight flight(dataset, plan, config, options);
-  for (std::size_t k = 0; k < plan.images.size(); ++k) {
+  for (std::size_t k = 0; k < plan.images.size() && !EndRequest::is_made(); ++k) {
     if (const Status status = flight.step(k); !status) return status.error();
     progress(k + 1, plan.images.size());
   }
@@ -340,9 +341,11 @@ Result<ReplayResult> replay(const ReplayOptions& options,
       return Error{ErrorKind::kUsage, options.dataset.string(), 0, "no image between --start and --duration",
                    "a shorter --start or a longer --duration"};
     }
+    progress(0, plan.images.size());
     auto record = options.realtime_speed ? replay_in_real_time(*dataset, plan, config, options, progress)
                                          : replay_in_one_thread(*dataset, plan, config, options, progress);
     if (!record) return record.error();
+    if (EndRequest::is_made()) record->images_read = record->images.size();
     if (const Status s = tell_unreadable(*record, *dataset); !s) return s.error();
     return ReplayResult{std::move(*record), dataset->notes};
   } catch (const std::invalid_argument& e) {

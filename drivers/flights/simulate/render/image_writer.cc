@@ -9,6 +9,7 @@
 
 #include "drivers/flights/recordings/image_codecs.h"
 #include "pipeline/text/table.h"
+#include "platform/linux/end_request.h"
 
 namespace epiline {
 namespace {
@@ -28,7 +29,7 @@ void work(const Renderer& renderer, int width, int height, const std::vector<Ima
           const std::filesystem::path& folder, Progress& progress) {
   GreyImage image;
   image.resize(width, height);
-  for (std::size_t i = progress.next++; i < tasks.size(); i = progress.next++) {
+  for (std::size_t i = 0; !EndRequest::is_made() && (i = progress.next++) < tasks.size();) {
     renderer.render(tasks[i].image, image.pixels.data());
     const Status written =
         write_text(folder / file_name(tasks[i].stamp), png_of(GreyPixels{image.pixels.data(), width, height, width}));
@@ -65,7 +66,7 @@ Status write_images(const Renderer& renderer, int width, int height, const std::
   }
   if (shared.error) return *shared.error;
   std::vector<ImageRow> rows;
-  for (const ImageTask& task : tasks) rows.push_back({task.stamp, file_name(task.stamp)});
+  for (std::size_t i = 0; i < shared.done; ++i) rows.push_back({tasks[i].stamp, file_name(tasks[i].stamp)});
   return write_image_list(rows, camera);
 }
 
