@@ -101,7 +101,9 @@ Status RecordingFiles::settle(HostStamp now) {
 Status RecordingFiles::settle() {
   disk_.sync(root_);
   for (Images& images : images_) {
+    if (images.unlisted.empty()) continue;
     images.list.append(images.unlisted);
+    images.list.sync();  // else the list would wait for the next round, a second more
     images.unlisted.clear();
   }
   return fault();
