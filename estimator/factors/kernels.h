@@ -116,7 +116,7 @@ struct alignas(64) NewsScratch {
 /// Per track of a batch, of the last evaluation.
 struct alignas(64) TrackVerdicts {
   double chi2[kBatchLanes];
-  double accepted[kBatchLanes];      ///< 1, or 0 for gated and empty lanes
+  double fits[kBatchLanes];          ///< 1, or 0 for empty lanes and what contradicts the motion: the gate's verdict
   double depth_sigmas[kBatchLanes];  ///< inverse depth as the views alone have it, over its standard deviation
 };
 

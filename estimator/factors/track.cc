@@ -316,9 +316,10 @@ TrackFit TrackFactor::track_fit() noexcept {
       const double views = memory_->batch[b].views[lane], depth = verdicts.depth_sigmas[lane];
       if (views < 2) continue;
       ++fit.tracks;
+      if (verdicts.fits[lane] == 0) continue;  // it may have moved by itself, and says nothing
       fit.ahead += depth > kClearDepth ? 1 : 0;
       fit.behind += depth < -kClearDepth ? 1 : 0;
-      if (views < 3 || verdicts.accepted[lane] == 0) continue;
+      if (views < 3) continue;
       memory_->ratio[n++] = verdicts.chi2[lane] / kMedianOfViews[static_cast<std::size_t>(views)];
     }
   if (n < 20) return fit;
