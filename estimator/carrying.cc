@@ -170,6 +170,7 @@ void Estimator::Impl::forget() {
 void Estimator::Impl::reset() {
   calibration_covariance.setZero();
   window.calibration = configured_calibration();
+  if (contradictions.numbers_fitted()) monitor.forgive();
   contradictions.restart();
   if (started) {
     ++stats.resets;

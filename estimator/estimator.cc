@@ -186,11 +186,18 @@ void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
   const double pair_px = turns.noise_rad() * config.extrinsics.focal_px;
   add_contradictions(contradictions, pair_px, said);
   add_contradictions(contradictions, pair_px, left);
+  constexpr auto kUnrelated = static_cast<std::size_t>(Suspect::kUnrelated);
+  if (contradictions.numbers_fitted()) {
+    said[kUnrelated] = {};
+    left[kUnrelated].severity = std::min(left[kUnrelated].severity, Severity::kSuspect);
+  }
   add_suspicions(config.imu, noise, said);
   add_suspicions(wheel_watch, said);
   const CalibrationTangent sigma = calibration_covariance.diagonal().cwiseSqrt();
-  add_pose(found_pose(), said);
+  // what is found in a window that contradicts itself is no finding
+  if (contradiction == Severity::kNone) add_pose(found_pose(), said);
   for (Suspicions* s : {&said, &left}) {
+    if (contradiction != Severity::kNone) break;
     add_focal_length(focal_ratio, sigma[kFocalColumn], *s);
     add_imu_scale(Suspect::kAccelerometerScale, by_a, sigma[kAccelerometerScaleColumn], *s);
     add_imu_scale(Suspect::kGyroscopeScale, by_g, sigma[kGyroscopeScaleColumn], *s);
@@ -198,7 +205,7 @@ void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
   numbers_wrong = wrong_at_rest = Severity::kNone;
   for (std::size_t i = 0; i < said.size(); ++i) {
     numbers_wrong = std::max(numbers_wrong, left[i].severity);
-    if (i != static_cast<std::size_t>(Suspect::kUnrelated)) wrong_at_rest = std::max(wrong_at_rest, left[i].severity);
+    if (i != kUnrelated) wrong_at_rest = std::max(wrong_at_rest, left[i].severity);
     if (said[i].severity == Severity::kGross) numbers_wrong = std::max(numbers_wrong, Severity::kSuspect);
     if (said[i].severity > Severity::kNote && left[i].severity == Severity::kNone) said[i].severity = Severity::kNote;
     if (said[i].severity != Severity::kNone && said[i].severity >= stats.suspicions[i].severity)

@@ -97,7 +97,8 @@ struct Estimator::Impl {
   void learn_walks();
   bool is_of_newest_frame(const ImuStatistics& read) const;
   bool rest_is_contradicted(double dt_s);
-  void begin_anew_at_rest(const TrackedFrame& frame);
+  StateCovariance doubt_of_leaving() const;
+  StepResult begin_anew_at_rest(const TrackedFrame& frame);
   void marginalise(Supervisor& supervisor);
   void thin(int k);
   bool drop(int k);

@@ -92,10 +92,7 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   FrameEvidence evidence;
   evidence.overloaded = effort.reduced();
   evidence.innovation = innovation(predicted.x, predicted.P, carried.x);
-  if (rest_is_contradicted(dt_s)) {
-    begin_anew_at_rest(frame);
-    return {true, true, false};
-  }
+  if (rest_is_contradicted(dt_s)) return begin_anew_at_rest(frame);
   judge(frame, s, evidence, dt_s);
   if (mount_is_elsewhere()) {
     const Calibration found = window.calibration;
@@ -135,7 +132,8 @@ void Estimator::Impl::take_from_solver(const NavState& predicted, double dt_s) {
   if (look_far(calibration_covariance, solver.linearised_at(), window.calibration, dt_s, window.calibration_prior))
     rethinking_s = kRethinking_s;
   const Vec3 doubt = doubt_of_lens(window.calibration_prior, window.calibration, window.rig);
-  carried.P += covariance_between_maxima(window.calibration_prior, window.calibration, calibration_covariance,
+  carried.P += doubt_of_leaving() +
+               covariance_between_maxima(window.calibration_prior, window.calibration, calibration_covariance,
                                          carried.with_calibration) +
                covariance_of_doubt(doubt, calibration_covariance, carried.with_calibration);
   CalibrationTangent variances = calibration_covariance.diagonal();
@@ -269,10 +267,26 @@ bool Estimator::Impl::rest_is_contradicted(double dt_s) {
   return rest_contradicted_s > kRestContradicted_s;
 }
 
-/// The vehicle is where it was; its biases are what it reads.
-void Estimator::Impl::begin_anew_at_rest(const TrackedFrame& frame) {
+/// Readings take it away from a rest that the images still show: it leaves, or what it stands on moves.
+StateCovariance Estimator::Impl::doubt_of_leaving() const {
+  if (!rest.images_still() || window.index_of(rest_frame) < 0) return StateCovariance::Zero();
+  Eigen::Matrix<double, 16, 1> moved = Eigen::Matrix<double, 16, 1>::Zero();
+  const double since_s = (carried.time - std::max(stood_at, images_still_since)).seconds();
+  moved.head<3>() = 0.5 * std::min(since_s, kDeadReckoned_s) * carried.x.v;
+  moved.segment<3>(6) = carried.x.v;
+  return moved * moved.transpose();
+}
+
+/// The vehicle is where it was; its biases are what it reads. A force that none can be is that of a lift: a start waits
+/// for its end.
+StepResult Estimator::Impl::begin_anew_at_rest(const TrackedFrame& frame) {
   KnownState s = carried;
-  const RestBiases at_rest = biases_at_rest(stationary.statistics(), window.calibration.scale, s.x.R);
+  const ImuStatistics read = stationary.statistics();
+  const RestBiases at_rest = biases_at_rest(read, window.calibration.scale, s.x.R);
+  if (std::abs(read.mean_specific_force.norm() - kGravity) > kForceTolerance) {
+    reset();
+    return {};
+  }
   s.x.v.setZero();
   s.x.b_a = at_rest.b_a;
   s.x.b_g = at_rest.b_g;
@@ -283,6 +297,7 @@ void Estimator::Impl::begin_anew_at_rest(const TrackedFrame& frame) {
   forget();
   carried = s;
   go_on_from_carried(frame);
+  return {true, true, false};
 }
 
 /// Integrates the interval that ends at frame k anew, if the readings reach back to its beginning.

@@ -9,6 +9,9 @@
 
 namespace epiline {
 
+/// m/s^2: more than that beside gravity is no bias; what it stands on moves.
+inline constexpr double kForceTolerance = 0.6;
+
 /// The biases that explain the readings of a vehicle that stands, with standard deviations of an axis; that of b_a
 /// beside what the attitude's error makes of gravity.
 struct RestBiases {
@@ -32,6 +35,6 @@ double heading_from(const Mat3& R_WB, const Mat3& reference);
 /// `force_tolerance` (m/s^2), so either the body accelerates or the accelerometer is broken.
 [[nodiscard]] std::optional<StartRefusal> solve_stationary_start(const ImuStatistics& rest, const ImuNoise& noise,
                                                                  double b_a_sigma, InitialState& state,
-                                                                 double force_tolerance = 0.6);
+                                                                 double force_tolerance = kForceTolerance);
 
 }  // namespace epiline

@@ -54,6 +54,7 @@ class ContradictionWatch {
   /// `imu_chi2`: cost of the window's intervals of the IMU, over their numbers of motion.
   void add(const TrackFit& tracks, double imu_chi2, double dt_s, bool at_rest) noexcept {
     misfit_px_.add(std::min(tracks.median_px, kFitsAll * tracks.quarter_px), dt_s, at_rest);
+    if (!at_rest && worst() == Severity::kNone) fitted_s_ += dt_s;
     if (at_rest) return;  // a hard landing stays in the window as long as the rest, and no depth is seen
     imu_chi2_.add(imu_chi2, dt_s, at_rest);
     const int deep = tracks.ahead + tracks.behind;
@@ -61,10 +62,18 @@ class ContradictionWatch {
       behind_.add(static_cast<double>(tracks.behind) / deep, dt_s, at_rest);
   }
   void restart() noexcept {
+    if (numbers_fitted()) {
+      *this = {};
+      return;
+    }
     misfit_px_.restart();
     imu_chi2_.restart();
     behind_.restart();
+    fitted_s_ = 0;
   }
+  /// Motion of this flight has fitted for so long that what contradicts now is no number of the rig: a blow, or
+  /// something that moves.
+  bool numbers_fitted() const noexcept { return fitted_s_ > kFitted_s; }
   /// The noise that it was judged by is known to be another one.
   void forget_imu() noexcept { imu_chi2_.forget(); }
   const Contradiction& misfit_px() const noexcept { return misfit_px_; }  ///< of the tracks
@@ -83,6 +92,7 @@ class ContradictionWatch {
   // side.
   static constexpr int kFewestDeep = 20;
   static constexpr double kDeepShare = 1. / 3;
+  static constexpr double kFitted_s = 3;  // a wrong sign shows itself within 2.5 s of motion
   static constexpr double kNever = std::numeric_limits<double>::infinity();
   // Of right flights it is 0.06 to 0.17 on the mean and 0.38 at most; with a lens not undistorted 1.5, with a wrong
   // sign of the accelerometer 6.
@@ -96,6 +106,7 @@ class ContradictionWatch {
   // turn on the spot fits that sign, too, so what lies behind is refuted last.
   Contradiction behind_{
       {.suspect = 0.3, .gross = 0.5, .most = 1, .remembered = 0.5, .believed_s = 0.3, .refuted_s = 15}};
+  double fitted_s_ = 0;
 };
 
 }  // namespace epiline

@@ -35,6 +35,8 @@ class HealthMonitor {
   Health update(const FrameEvidence& e, double dt_s);
   /// True if the state cannot recover: restart.
   bool reset_wanted() const { return reset_wanted_; }
+  /// What made it fail passes: the next flight is not doubted for it.
+  void forgive() { reset_wanted_ = false; }
   /// The flight failed for a reason that its evidence does not hold.
   void want_reset() { reset_wanted_ = true; }
 

@@ -96,10 +96,28 @@ TEST(Misfit, EachFlightThatAContradictionEndedMakesItsEndTakeLongerUpToABound) {
 TEST(Misfit, ANewStartAfterAGoodFlightIsTrusted) {
   ContradictionWatch watch;
   see(watch, 0.2, 10);
-  const double before = watch.misfit_px().figure();
   watch.restart();
-  EXPECT_EQ(watch.misfit_px().figure(), before);
   EXPECT_EQ(verdict(watch), Severity::kNone);
+}
+
+TEST(Misfit, NoNumberEndsAFlightThatFittedBefore) {
+  ContradictionWatch watch;
+  see(watch, 0.2, 4);
+  see(watch, 9, 5);
+  EXPECT_EQ(verdict(watch), Severity::kGross) << "this flight is no good";
+  watch.restart();
+  EXPECT_EQ(verdict(watch), Severity::kNone);
+  see(watch, 9, 5);
+  watch.restart();
+  EXPECT_EQ(verdict(watch), Severity::kSuspect) << "that one had not fitted";
+}
+
+TEST(Misfit, ARestProvesNoNumber) {
+  ContradictionWatch watch;
+  see(watch, 0.2, 60, true);
+  see(watch, 9, 5);
+  watch.restart();
+  EXPECT_EQ(verdict(watch), Severity::kSuspect);
 }
 
 TEST(Misfit, OneWildResidualCannotHoldForLong) {
