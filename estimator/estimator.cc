@@ -68,8 +68,6 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
     window.calibration_prior.accelerometer_scale.sigma = c.accelerometer_scale_sigma;
     window.calibration_prior.gyroscope_scale.sigma = c.gyroscope_scale_sigma;
   }
-  // a window without room for keyframes beside the recent frames drops none
-  window.undecided = window.capacity() - 2 > kRecentFrames ? kRecentFrames : 0;
   window.rig = rig_of(c);
   window.wheel = c.wheel;
   for (std::size_t i = 0; i < kHeightKinds; ++i) window.height_sigmas_m[i] = c.heights[i].sigma_m;

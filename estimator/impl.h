@@ -99,6 +99,7 @@ struct Estimator::Impl {
   bool rest_is_contradicted(double dt_s);
   StateCovariance doubt_of_leaving() const;
   StepResult begin_anew_at_rest(const TrackedFrame& frame);
+  bool second_newest_stays() const;
   void marginalise(Supervisor& supervisor);
   void thin(int k);
   bool drop(int k);

@@ -28,7 +28,8 @@ constexpr double kReintegrateScale = 0.005;                                     
 constexpr double kRestRate = 0.01, kRestForce = 0.25, kRestContradicted_s = 0.5;        // rad/s, m/s^2
 constexpr double kAhead = 0.2;                                                          // of that time
 constexpr double kLeavingVelocity = 0.05, kShakingVelocity = 0.1, kDeadReckoned_s = 2;  // m/s, m/s, s
-constexpr double kTimeOffsetWalk = 1e-5;                                                // s/sqrt(s)
+constexpr double kStandingVelocity = 0.02;                // m/s: below, nothing takes it away
+constexpr double kTimeOffsetWalk = 1e-5;                  // s/sqrt(s)
 constexpr double kRethinking_s = 1;                       // until the window has moved to a calibration that is far off
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;  // px
 constexpr double kDriftLeast = 0.02;                      // px per root of an image
@@ -269,11 +270,13 @@ bool Estimator::Impl::rest_is_contradicted(double dt_s) {
 
 /// Readings take it away from a rest that the images still show: it leaves, or what it stands on moves.
 StateCovariance Estimator::Impl::doubt_of_leaving() const {
-  if (!rest.images_still() || window.index_of(rest_frame) < 0) return StateCovariance::Zero();
+  const Vec3& v = carried.x.v;
+  const double most = noise_bounds.shakes(noise.accelerometer_density) ? kLeavingVelocity : kStandingVelocity;
+  if (!rest.images_still() || window.index_of(rest_frame) < 0 || v.norm() < most) return StateCovariance::Zero();
   Eigen::Matrix<double, 16, 1> moved = Eigen::Matrix<double, 16, 1>::Zero();
   const double since_s = (carried.time - std::max(stood_at, images_still_since)).seconds();
-  moved.head<3>() = 0.5 * std::min(since_s, kDeadReckoned_s) * carried.x.v;
-  moved.segment<3>(6) = carried.x.v;
+  moved.head<3>() = 0.5 * std::min(since_s, kDeadReckoned_s) * v;
+  moved.segment<3>(6) = v;
   return moved * moved.transpose();
 }
 
@@ -463,16 +466,26 @@ void Estimator::Impl::marginalise(Supervisor& supervisor) {
   supervisor.phase(Supervisor::Phase::kNone);
 }
 
-/// The frame that has become too old to be kept for its own sake stays if it says enough; a full window loses its
-/// oldest frame to the prior.
+/// Whether the second newest frame says enough beside the keyframe before it to stay longer than recent frames do.
+bool Estimator::Impl::second_newest_stays() const {
+  const int k = window.size() - 2;
+  int j = k - 1;
+  while (j > 0 && !window.at(j).stays) --j;
+  const KeyframeSettings rule{config.keyframe_rule, config.keyframe_parallax_px, config.extrinsics.focal_px};
+  return window.at(k).id == forced_keyframe || is_keyframe(window, j, k, rule);
+}
+
+/// The frame that has become too old to be kept for its own sake stays if it is a keyframe; a full window loses its
+/// oldest frame to the prior. A window without room for keyframes beside the recent frames drops none.
 void Estimator::Impl::slide(Supervisor& supervisor) {
+  if (window.capacity() - 2 > kRecentFrames && window.size() > 1)
+    window.at(window.size() - 2).stays = second_newest_stays();
   const int k = window.size() - 2 - kRecentFrames;
   if (k >= 1) {
-    const KeyframeSettings rule{config.keyframe_rule, config.keyframe_parallax_px, config.extrinsics.focal_px};
-    if (window.at(k).id != forced_keyframe && !is_keyframe(window, k, rule) && !ends_long_rest(window, k)) {
-      thin(k);
-    } else {
+    if (window.at(k).stays || ends_long_rest(window, k)) {
       ++stats.keyframes;
+    } else {
+      thin(k);
     }
   }
   while (window.full()) marginalise(supervisor);  // after a start, several may be too many

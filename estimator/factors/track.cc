@@ -309,19 +309,23 @@ constexpr auto kMedianOfViews = [] {
 
 TrackFit TrackFactor::track_fit() noexcept {
   TrackFit fit;
-  int n = 0;
+  int n = 0, ahead[2] = {}, behind[2] = {};  // by whether they fit
   for (int b = 0; b < batches_; ++b)
     for (int lane = 0; lane < kBatchLanes; ++lane) {
       const TrackVerdicts& verdicts = memory_->verdicts[b];
       const double views = memory_->batch[b].views[lane], depth = verdicts.depth_sigmas[lane];
       if (views < 2) continue;
       ++fit.tracks;
-      if (verdicts.fits[lane] == 0) continue;  // it may have moved by itself, and says nothing
-      fit.ahead += depth > kClearDepth ? 1 : 0;
-      fit.behind += depth < -kClearDepth ? 1 : 0;
-      if (views < 3) continue;
+      const bool fits = verdicts.fits[lane] > 0;
+      ahead[fits] += depth > kClearDepth ? 1 : 0;
+      behind[fits] += depth < -kClearDepth ? 1 : 0;
+      if (views < 3 || !fits) continue;
       memory_->ratio[n++] = verdicts.chi2[lane] / kMedianOfViews[static_cast<std::size_t>(views)];
     }
+  // What does not fit may move by itself: where the others lie ahead it says nothing.
+  const bool is_alone = ahead[1] <= behind[1];
+  fit.ahead = ahead[1] + (is_alone ? ahead[0] : 0);
+  fit.behind = behind[1] + (is_alone ? behind[0] : 0);
   if (n < 20) return fit;
   double* const ratio = memory_->ratio;
   std::nth_element(ratio, ratio + n / 2, ratio + n);

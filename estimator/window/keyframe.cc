@@ -66,8 +66,7 @@ double widest_parallax_px(const Window& w, double focal_px) {
   return 0;
 }
 
-bool is_keyframe(const Window& w, int k, const KeyframeSettings& s) {
-  const int j = k - 1;
+bool is_keyframe(const Window& w, int j, int k, const KeyframeSettings& s) {
   if (j < 0) return true;
   const bool compensated = s.rule == KeyframeRule::kCompensatedParallax;
   const Comparison c = compare(w, j, k, compensated ? relative_rotation(w, j, k) : Mat3::Identity(), s.focal_px);

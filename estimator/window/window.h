@@ -131,6 +131,7 @@ struct Slot {
   bool at_rest = false;                                 ///< zero-motion factor attached
   bool shaken = false;                                  ///< at rest: loosely
   bool attitude_held = false;                           ///< at rest: with the attitude of the rest frame
+  bool stays = true;                                    ///< false: only as long as it is recent
   bool for_time = false;                                ///< kept only so that no IMU interval grows too long
   WheelWay wheel;                                       ///< from the frame before, as `imu`
   std::array<HeightReading, kHeightKinds> heights;      ///< factor attached to those that it has
@@ -164,7 +165,11 @@ class Window {
   int capacity() const { return capacity_; }
   bool full() const { return size_ >= capacity_; }
   /// Frames, from the oldest on, that stay until they are the oldest.
-  int lasting() const { return std::max(2, size_ - 1 - undecided); }
+  int lasting() const {
+    int n = std::max(2, size_ - 1 - kRecentFrames);
+    while (n < size_ - 1 && at(n).stays) ++n;
+    return std::min(n, size_ - 1);
+  }
   /// Frames in time order, 0 the oldest.
   Slot& at(int k) { return slots_[order_[static_cast<std::size_t>(k)]]; }
   const Slot& at(int k) const { return slots_[order_[static_cast<std::size_t>(k)]]; }
@@ -208,7 +213,6 @@ class Window {
   /// Track index by id; -1: unknown.
   int find(std::uint32_t id) const;
 
-  int undecided = 0;  ///< frames behind the newest that may still be dropped
   Rig rig;
   Calibration calibration;
   CalibrationPrior calibration_prior;

@@ -245,11 +245,9 @@ TEST(Marginalisation, FramesThatMayBeDroppedTakeNoPart) {
       SyntheticWindow s = make_window({.frames = 10, .tracks = 100});
       Window& w = *s.window;
       set_initial_prior(w, {}, calibration_sigmas());
-      w.undecided = 3;
-      if (without) {
+      for (int k = 6; k < 9; ++k) w.at(k).stays = false;
+      if (without)
         for (int i = 0; i < 3; ++i) w.remove(w.size() - 1);
-        w.undecided = 0;
-      }
       TrackFactor factor(best_instruction_set());
       factor.collect(w, visual);
       Marginaliser(best_instruction_set()).marginalise_oldest(w, factor, visual);

@@ -48,7 +48,7 @@ std::unique_ptr<Window> window_of(std::initializer_list<Pose> poses) {
 }
 
 /// Whether the second newest frame is a keyframe.
-bool is_kept(const Window& w, const KeyframeSettings& s) { return is_keyframe(w, w.size() - 2, s); }
+bool is_kept(const Window& w, const KeyframeSettings& s) { return is_keyframe(w, w.size() - 3, w.size() - 2, s); }
 
 TEST(Keyframe, PureRotationMakesNoneUnlessItIsCountedAsParallax) {
   for (const Vec3& turn : {Vec3(0, 0, 0.1), Vec3(0.1, 0, 0), Vec3(0, -0.2, 0)}) {
