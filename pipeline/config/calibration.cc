@@ -125,9 +125,9 @@ Result<T> read_by_format(const std::filesystem::path& path, const Read& read) {
     const CalibrationFormat* format = foreign_format(file);
     try {
       return read(file, format);
-    } catch (Error e) {
+    } catch (Error& e) {
       if (format != nullptr) e.found = std::string("a file of ") + format->name + ": " + e.found;
-      throw e;
+      throw;
     }
   } catch (const Error& e) {
     return e;

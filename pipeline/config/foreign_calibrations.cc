@@ -120,7 +120,7 @@ CameraCalibration camodocal_camera(const YamlFile& file, const std::string&) {
 // --- VINS-Mono, VINS-Fusion: the pose, and the lens in CamOdoCal's layout in this file or one beside it ---
 
 CameraCalibration vins_camera(const YamlFile& file, const std::string& name) {
-  const YAML::Node root = file.root();
+  const YAML::Node& root = file.root();
   const std::string number = std::to_string(index_of(name));
   CameraCalibration camera;
   RigidMotion T;
@@ -154,7 +154,7 @@ ImuCalibration vins_imu(const YamlFile& file) {
 // --- ORB-SLAM3: keys with dots; those of version 1.0, and those before ---
 
 CameraCalibration orb_camera(const YamlFile& file, const std::string& name) {
-  const YAML::Node root = file.root();
+  const YAML::Node& root = file.root();
   const bool second = index_of(name) == 1;
   const std::string before = second ? "Camera2." : file.find(root, {"Camera1.fx"}).IsDefined() ? "Camera1." : "Camera.";
   CameraCalibration camera;
@@ -195,7 +195,7 @@ ImuCalibration orb_imu(const YamlFile& file) {
 // --- ROS CameraInfo, also as a topic prints it, and OpenCV's calibration program: a lens alone ---
 
 CameraCalibration ros_camera(const YamlFile& file, const std::string&) {
-  const YAML::Node root = file.root();
+  const YAML::Node& root = file.root();
   CameraCalibration camera;
   CameraParameters& lens = camera.parameters;
   set_size(file, file.require(root, {"image_width", "width"}), file.require(root, {"image_height", "height"}), lens);

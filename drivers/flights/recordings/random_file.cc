@@ -126,8 +126,8 @@ bool unpack(Packing packing, std::span<const std::uint8_t> packed, std::uint64_t
 }
 
 bool is_zstd(std::span<const std::uint8_t> bytes) {
-  constexpr std::uint8_t kMagic[] = {0x28, 0xb5, 0x2f, 0xfd};
-  return bytes.size() >= sizeof kMagic && std::equal(std::begin(kMagic), std::end(kMagic), bytes.begin());
+  constexpr std::uint8_t kZstdMagic[] = {0x28, 0xb5, 0x2f, 0xfd};
+  return bytes.size() >= sizeof kZstdMagic && std::equal(std::begin(kZstdMagic), std::end(kZstdMagic), bytes.begin());
 }
 
 std::string unpack_zstd_file(const std::filesystem::path& from, const std::filesystem::path& to) {

@@ -167,15 +167,15 @@ void FlightMcap::tracks(const LoggedTracks& tracks) noexcept {
 void FlightMcap::write_points(std::size_t camera, HostStamp stamp, std::span<const LoggedPoint> points) {
   constexpr std::size_t kCircles = 0, kTexts = 0, kAnnotations = 1;
   constexpr unsigned kPoints = 1;
-  constexpr Colour kNone = {0, 0, 0, 0};
+  constexpr Colour kNoColour = {0, 0, 0, 0};
   CdrWriter out;
   out.u32(kCircles).u32(kAnnotations).time(stamp).u8(kPoints).u32(points.size());
   for (const LoggedPoint& point : points)
     out.f64(static_cast<double>(point.u) + 0.5).f64(static_cast<double>(point.v) + 0.5);
-  out.f64s(kNone).u32(points.size());
+  out.f64s(kNoColour).u32(points.size());
   for (const LoggedPoint& point : points) out.f64s(colour_of(point.age));
   constexpr double kThickness_px = 5;
-  out.f64s(kNone).f64(kThickness_px).u32(kTexts);
+  out.f64s(kNoColour).f64(kThickness_px).u32(kTexts);
   write(tracks_[camera], stamp, out);
 }
 
