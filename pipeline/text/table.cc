@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <charconv>
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <limits>
@@ -97,6 +98,23 @@ int write_whole(const std::string& path, int flags, const std::string& text, con
   return error;
 }
 
+/// A signal that ends the program waits, so that it leaves no file under a name for the time being.
+class SignalsHeld {
+ public:
+  SignalsHeld() {
+    sigset_t held;
+    sigemptyset(&held);
+    for (const int s : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&held, s);
+    pthread_sigmask(SIG_BLOCK, &held, &before_);
+  }
+  ~SignalsHeld() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+  SignalsHeld(const SignalsHeld&) = delete;
+  SignalsHeld& operator=(const SignalsHeld&) = delete;
+
+ private:
+  sigset_t before_{};
+};
+
 }  // namespace
 
 Status write_text(const std::filesystem::path& path, const std::string& text) {
@@ -110,6 +128,7 @@ Status write_text(const std::filesystem::path& path, const std::string& text) {
   if (exists && !S_ISREG(old.st_mode)) {
     error = write_whole(place, 0, text, &old);  // a terminal, a pipe
   } else {
+    const SignalsHeld held;
     const std::string made = place.string() + ".epiline-new";  // no name of a user's file
     error = write_whole(made, O_CREAT | O_TRUNC, text, exists ? &old : nullptr);
     if (error == 0 && std::rename(made.c_str(), place.c_str()) != 0) error = errno;
