@@ -159,7 +159,7 @@ void Estimator::Impl::forget() {
   drift_sigma = config.drift_sigma;
   rethinking_s = 0;
   height_memory = {};
-  rest_frame = forced_keyframe = 0;
+  rest_frame = 0;
   rest_reference = {};
   accelerometer_walk.restart();
   gyroscope_walk.restart();

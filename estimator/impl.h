@@ -218,7 +218,6 @@ struct Estimator::Impl {
   HostStamp stood_at, images_still_since;
   double rest_contradicted_s = 0;
   std::uint64_t rest_frame = 0;  ///< the frame that later ones at rest are linked to
-  std::uint64_t forced_keyframe = 0;
   HostStamp last_marginalised;
   HeightMemory height_memory;
 };

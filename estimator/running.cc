@@ -28,7 +28,7 @@ constexpr double kReintegrateScale = 0.005;                                     
 constexpr double kRestRate = 0.01, kRestForce = 0.25, kRestContradicted_s = 0.5;        // rad/s, m/s^2
 constexpr double kAhead = 0.2;                                                          // of that time
 constexpr double kLeavingVelocity = 0.05, kShakingVelocity = 0.1, kDeadReckoned_s = 2;  // m/s, m/s, s
-constexpr double kStandingVelocity = 0.02;                // m/s: below, nothing takes it away
+constexpr double kStandingVelocity = 0.02;                // m/s: a vehicle that stands, and is not shaken, seems slower
 constexpr double kTimeOffsetWalk = 1e-5;                  // s/sqrt(s)
 constexpr double kRethinking_s = 1;                       // until the window has moved to a calibration that is far off
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;  // px
@@ -238,7 +238,7 @@ void Estimator::Impl::attach_rest(const TrackedFrame& frame) {
   }
   if (rest.reference() != rest_reference || window.index_of(rest_frame) < 0) {
     rest_reference = rest.reference();
-    rest_frame = forced_keyframe = window.at(n - 2).id;
+    rest_frame = window.at(n - 2).id;
     rest_frame_held = rest.attitude_held();
   }
   newest.at_rest = true;
@@ -280,7 +280,7 @@ StateCovariance Estimator::Impl::doubt_of_leaving() const {
   return moved * moved.transpose();
 }
 
-/// The vehicle is where it was; its biases are what it reads. A force that none can be is that of a lift: a start waits
+/// The vehicle is where it was; its biases are what it reads. A force beyond any bias is that of a lift: a start waits
 /// for its end.
 StepResult Estimator::Impl::begin_anew_at_rest(const TrackedFrame& frame) {
   KnownState s = carried;
@@ -466,13 +466,14 @@ void Estimator::Impl::marginalise(Supervisor& supervisor) {
   supervisor.phase(Supervisor::Phase::kNone);
 }
 
-/// Whether the second newest frame says enough beside the keyframe before it to stay longer than recent frames do.
+/// Whether the second newest frame says enough beside the keyframe before it to stay longer than recent frames do, or
+/// others at rest are linked to it.
 bool Estimator::Impl::second_newest_stays() const {
   const int k = window.size() - 2;
   int j = k - 1;
   while (j > 0 && !window.at(j).stays) --j;
   const KeyframeSettings rule{config.keyframe_rule, config.keyframe_parallax_px, config.extrinsics.focal_px};
-  return window.at(k).id == forced_keyframe || is_keyframe(window, j, k, rule);
+  return window.at(k).id == rest_frame || is_keyframe(window, j, k, rule);
 }
 
 /// The frame that has become too old to be kept for its own sake stays if it is a keyframe; a full window loses its

@@ -9,7 +9,7 @@
 
 namespace epiline {
 
-/// m/s^2: more than that beside gravity is no bias; what it stands on moves.
+/// m/s^2: a mean force further from gravity is no bias; what the vehicle stands on moves.
 inline constexpr double kForceTolerance = 0.6;
 
 /// The biases that explain the readings of a vehicle that stands, with standard deviations of an axis; that of b_a
