@@ -78,7 +78,7 @@ class RecordFile : public BagReader {
   std::uint32_t chunks() const { return static_cast<std::uint32_t>(chunks_.size()); }
   const RandomFile& file() const { return file_; }
   Error damaged(std::uint64_t offset, const std::string& what) const;
-  /// For the end of a scan: what is left is no whole record, and note() says so.
+  /// Ends a scan where the file was cut within a record; note() then tells it.
   Status ends_early(std::uint64_t offset);
 
  private:

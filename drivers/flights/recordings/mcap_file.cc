@@ -9,20 +9,13 @@
 
 #include "drivers/flights/recordings/bag_reader.h"
 #include "drivers/flights/recordings/byte_reader.h"
+#include "drivers/flights/recordings/mcap_records.h"
 
 namespace epiline {
 
 namespace {
 
-constexpr std::uint64_t kMcapMagic = 8, kMcapHead = 1 + 8;  // of the file; of a record
-enum McapOp : std::uint8_t {
-  kMcapFooter = 2,
-  kMcapSchema = 3,
-  kMcapChannel = 4,
-  kMcapMessage = 5,
-  kMcapChunk = 6,
-  kMcapEnd = 15
-};
+constexpr std::uint64_t kRecordHead = 1 + 8;
 
 Packing mcap_packing(std::string_view name) {
   if (name.empty() || name == "none") return Packing::kNone;
@@ -36,14 +29,14 @@ class McapFile final : public RecordFile {
 
   Status scan(const See& see) override {
     Bytes head, content;
-    for (std::uint64_t at = kMcapMagic;;) {
+    for (std::uint64_t at = kMcapMagic.size();;) {
       const std::uint64_t begin = at;
-      if (!file().read(at, kMcapHead, head)) return ends_early(begin);
+      if (!file().read(at, kRecordHead, head)) return ends_early(begin);
       ByteReader in(head);
       const auto op = in.number<std::uint8_t>();
       const auto size = in.number<std::uint64_t>();
-      at += kMcapHead;
-      if (op == kMcapEnd || op == kMcapFooter) return Done{};
+      at += kRecordHead;
+      if (op == kMcapDataEnd || op == kMcapFooter) return Done{};
       if (!file().holds(at, size)) return ends_early(begin);
       if (op == kMcapChunk) {
         if (const Status s = scan_chunk(at, size, see); !s) return s;

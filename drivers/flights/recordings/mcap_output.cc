@@ -6,27 +6,13 @@
 #include <utility>
 
 #include "drivers/flights/recordings/byte_writer.h"
+#include "drivers/flights/recordings/mcap_records.h"
 
 namespace epiline {
 
 namespace {
 
-constexpr std::string_view kMagic = "\x89MCAP0\r\n";
 constexpr std::size_t kChunk = 1 << 20;  // a reader unpacks a whole one for each message it wants
-enum Op : std::uint8_t {
-  kHeader = 1,
-  kFooter = 2,
-  kSchema = 3,
-  kChannel = 4,
-  kMessage = 5,
-  kChunkOp = 6,
-  kMessageIndex = 7,
-  kChunkIndex = 8,
-  kStatistics = 11,
-  kSummaryOffset = 14,
-  kDataEnd = 15
-};
-
 std::string record(std::uint8_t op, std::string_view content) {
   return ByteWriter().number(op).block<std::uint64_t>(content).bytes();
 }
@@ -49,8 +35,8 @@ McapOutput::McapOutput(std::filesystem::path path) : path_(std::move(path)) {
   std::error_code ignored;
   std::filesystem::create_directories(path_.parent_path(), ignored);
   file_.open(path_, std::ios::binary);
-  put(kMagic);
-  put_record(kHeader, ByteWriter().text("ros2").text("epiline").bytes());
+  put(kMcapMagic);
+  put_record(kMcapHeader, ByteWriter().text("ros2").text("epiline").bytes());
   file_.flush();
 }
 
@@ -72,12 +58,13 @@ std::uint16_t McapOutput::add_channel(const std::string& topic, const std::strin
   const auto [schema, is_new] = schemas_.try_emplace(type, static_cast<std::uint16_t>(schemas_.size() + 1));
   std::string records;
   if (is_new) {
-    records = record(kSchema, ByteWriter().number(schema->second).text(type).text("ros2msg").text(definition).bytes());
+    records =
+        record(kMcapSchema, ByteWriter().number(schema->second).text(type).text("ros2msg").text(definition).bytes());
     schema_records_ += records;
   }
   const std::string qos = ByteWriter().text("offered_qos_profiles").text("").bytes();
-  const std::string channel =
-      record(kChannel, ByteWriter().number(number).number(schema->second).text(topic).text("cdr").text(qos).bytes());
+  const std::string channel = record(
+      kMcapChannel, ByteWriter().number(number).number(schema->second).text(topic).text("cdr").text(qos).bytes());
   channel_records_ += channel;
   chunk_ += records + channel;
   counts_[number] = 0;
@@ -91,8 +78,10 @@ void McapOutput::write(std::uint16_t channel, std::int64_t ns, std::string_view 
   chunk_times_.add(time);
   ByteWriter head;
   head.number(channel).number(sequence).number(time).number(time);
-  chunk_ +=
-      ByteWriter().number<std::uint8_t>(kMessage).number(std::uint64_t{head.bytes().size() + message.size()}).bytes();
+  chunk_ += ByteWriter()
+                .number<std::uint8_t>(kMcapMessage)
+                .number(std::uint64_t{head.bytes().size() + message.size()})
+                .bytes();
   chunk_.append(head.bytes()).append(message);
   if (chunk_.size() >= kChunk) flush();
 }
@@ -102,20 +91,20 @@ void McapOutput::flush() {
   std::string packed(ZSTD_compressBound(chunk_.size()), '\0');
   packed.resize(ZSTD_compress(packed.data(), packed.size(), chunk_.data(), chunk_.size(), 1));
   ChunkIndex index{chunk_times_.first_ns, chunk_times_.last_ns, at_, 0, 0, packed.size(), chunk_.size(), {}};
-  put_record(kChunkOp, ByteWriter()
-                           .number(index.first_ns)
-                           .number(index.last_ns)
-                           .number(index.unpacked)
-                           .number(sum_of(chunk_))
-                           .text("zstd")
-                           .block<std::uint64_t>(packed)
-                           .bytes());
+  put_record(kMcapChunk, ByteWriter()
+                             .number(index.first_ns)
+                             .number(index.last_ns)
+                             .number(index.unpacked)
+                             .number(sum_of(chunk_))
+                             .text("zstd")
+                             .block<std::uint64_t>(packed)
+                             .bytes());
   index.size = at_ - index.start;
   for (const auto& [channel, entries] : entries_) {
     index.index_starts[channel] = at_;
     ByteWriter pairs;
     for (const Entry& entry : entries) pairs.number(entry.ns).number(entry.offset);
-    put_record(kMessageIndex, ByteWriter().number(channel).text(pairs.bytes()).bytes());
+    put_record(kMcapMessageIndex, ByteWriter().number(channel).text(pairs.bytes()).bytes());
   }
   index.index_size = at_ - index.start - index.size;
   times_.add(index.first_ns);
@@ -145,35 +134,40 @@ std::string McapOutput::statistics() const {
 
 Status McapOutput::finish() {
   flush();
-  put_record(kDataEnd, ByteWriter().number(sum_).bytes());
+  put_record(kMcapDataEnd, ByteWriter().number(sum_).bytes());
   const std::uint64_t summary = at_;
   sum_ = 0;
   std::string chunk_records;
   for (const ChunkIndex& c : chunks_) {
     const std::string head = ByteWriter().number(c.first_ns).number(c.last_ns).number(c.start).number(c.size).bytes();
     const std::string tail = ByteWriter().number(c.index_size).text("zstd").number(c.packed).number(c.unpacked).bytes();
-    chunk_records += record(kChunkIndex, head + map_of(c.index_starts) + tail);
+    chunk_records += record(kMcapChunkIndex, head + map_of(c.index_starts) + tail);
   }
   std::string offsets;
-  const auto put_group = [&](Op op, const std::string& records) {
+  const auto put_group = [&](McapRecord op, const std::string& records) {
     if (records.empty()) return;
     const std::uint64_t start = at_;
     put(records);
     offsets +=
-        record(kSummaryOffset,
+        record(kMcapSummaryOffset,
                ByteWriter().number<std::uint8_t>(op).number(start).number(std::uint64_t{records.size()}).bytes());
   };
-  put_group(kSchema, schema_records_);
-  put_group(kChannel, channel_records_);
-  put_group(kStatistics, record(kStatistics, statistics()));
-  put_group(kChunkIndex, chunk_records);
+  put_group(kMcapSchema, schema_records_);
+  put_group(kMcapChannel, channel_records_);
+  put_group(kMcapStatistics, record(kMcapStatistics, statistics()));
+  put_group(kMcapChunkIndex, chunk_records);
   const std::uint64_t summary_offsets = at_;
   put(offsets);
   // the checksum covers the footer up to itself
   constexpr std::uint64_t kFooterSize = 8 + 8 + 4;
-  put(ByteWriter().number<std::uint8_t>(kFooter).number(kFooterSize).number(summary).number(summary_offsets).bytes());
+  put(ByteWriter()
+          .number<std::uint8_t>(kMcapFooter)
+          .number(kFooterSize)
+          .number(summary)
+          .number(summary_offsets)
+          .bytes());
   put(ByteWriter().number(sum_).bytes());
-  put(kMagic);
+  put(kMcapMagic);
   file_.close();
   return status();
 }

@@ -48,7 +48,7 @@ bool lacks(double bits, int bit) { return (static_cast<int>(bits) & bit) == 0; }
 
 constexpr const char* kVisionControl = "set EKF2_EV_CTRL to 15, or to 7 with a compass that you trust";
 
-// Of several rules for one parameter the first that applies is told.
+// Several rules may be about one parameter; the first that applies speaks.
 constexpr SettingRule kRules[] = {
     {kPx4, "EKF2_EN", [](const Situation&, double v) { return v == 0; }, true, "the filter that takes odometry is off",
      "set EKF2_EN to 1", "ekf2 module.yaml"},

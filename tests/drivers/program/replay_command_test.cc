@@ -177,7 +177,7 @@ TEST_F(MadeUpFlight, TheLayoutOfTumViIsReadAsItComes) {
   EXPECT_EQ(r.out.find("sensor.yaml does not exist"), std::string::npos) << r.out;
 }
 
-// What is left out is told, each kind with its first one, and in threads as in one.
+// The report names the first image of each kind of damage, with one thread and with several.
 TEST_F(MadeUpFlight, ImagesThatCannotBeReadAreLeftOut) {
   const auto image = [&](int i) { return mav / "cam0/data" / (std::to_string(kStart_ns + i * 50'000'000LL) + ".pgm"); };
   fs::remove(image(0));
