@@ -98,6 +98,7 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   if (mount_is_elsewhere()) {
     const Calibration found = window.calibration;
     monitor.want_reset();
+    carried.trusted = false;
     reset();
     window.calibration = found;
     return {};
