@@ -16,12 +16,14 @@
 
 namespace epiline::test {
 
-/// A buffer of a camera as a file: counts the announcements of reading.
+/// A buffer of a camera as a file: counts the announcements of reading. `refusals`: what each announcement meets first.
 class FakeDmaBuffer final : public FakeFile {
  public:
-  explicit FakeDmaBuffer(int& begun) : begun_(begun) {}
+  FakeDmaBuffer(int& begun, const std::vector<int>& refusals) : begun_(begun), refusals_(refusals) {}
   int ioctl(unsigned long request, void* argument) override {
     if (request != DMA_BUF_IOCTL_SYNC) return refuse(ENOTTY);
+    if (refused_ < refusals_.size()) return refuse(refusals_[refused_++]);
+    refused_ = 0;
     const bool begins = (static_cast<dma_buf_sync*>(argument)->flags & DMA_BUF_SYNC_END) == 0;
     if (begins == is_read_) return refuse(EINVAL);
     is_read_ = begins;
@@ -31,6 +33,8 @@ class FakeDmaBuffer final : public FakeFile {
 
  private:
   int& begun_;
+  const std::vector<int>& refusals_;
+  std::size_t refused_ = 0;
   bool is_read_ = false;
 };
 
@@ -74,6 +78,7 @@ class FakeCamera final : public FakeFile {
   bool has_rate = true;                    ///< VIDIOC_G_PARM is there
   bool exports = true;                     ///< VIDIOC_EXPBUF is there
   int readings = 0;                        ///< of buffers, announced by DMA_BUF_IOCTL_SYNC
+  std::vector<int> sync_refusals;          ///< errno of the first attempts at each announcement
   std::vector<std::uint8_t> jpeg;          ///< of each image of MJPEG
 
   /// Of one of its buffers.
@@ -134,7 +139,8 @@ class FakeCamera final : public FakeFile {
         return describe(*static_cast<v4l2_buffer*>(argument));
       case VIDIOC_EXPBUF:
         if (!exports) return refuse(ENOTTY);
-        static_cast<v4l2_exportbuffer*>(argument)->fd = kernel.give(std::make_shared<FakeDmaBuffer>(readings));
+        static_cast<v4l2_exportbuffer*>(argument)->fd =
+            kernel.give(std::make_shared<FakeDmaBuffer>(readings, sync_refusals));
         return 0;
       case VIDIOC_QBUF:
         if (queue_error != 0) return refuse(std::exchange(queue_error, 0));

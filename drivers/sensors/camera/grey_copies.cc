@@ -3,9 +3,17 @@
 #include <linux/dma-buf.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstring>
 
 namespace epiline {
+
+namespace {
+
+// The kernel has EAGAIN answered by another call. A buffer that is handed out is ready, so that one nearly always does.
+constexpr int kMostAttempts = 100;
+
+}  // namespace
 
 void GreyCopies::set_format(const DeviceFormat& format) {
   rows_.resize(bytes_at_once(format));
@@ -42,7 +50,8 @@ void GreyCopies::announce_reading(const DriverMemory& buffer, bool begins) const
   dma_buf_sync sync{};
   sync.flags = DMA_BUF_SYNC_READ;
   sync.flags |= begins ? DMA_BUF_SYNC_START : DMA_BUF_SYNC_END;
-  call_device(system_, buffer.file, DMA_BUF_IOCTL_SYNC, &sync);
+  for (int i = 0; i < kMostAttempts; ++i)
+    if (call_device(system_, buffer.file, DMA_BUF_IOCTL_SYNC, &sync) != EAGAIN) return;
 }
 
 }  // namespace epiline

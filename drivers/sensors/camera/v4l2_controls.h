@@ -27,7 +27,8 @@ struct ControlValue {
 /// As v4l2-ctl writes names: "Exposure Time, Absolute" becomes exposure_time_absolute; as much as fits.
 void write_control_name(const char* shown, std::span<char> name) noexcept;
 
-/// ioctl(): 0 or errno; begins again when a signal came in between.
+/// ioctl(): 0 or errno; begins again when a signal came in between. EAGAIN is the caller's: of VIDIOC_DQBUF it means
+/// that there is no image.
 int call_device(SystemCalls& system, int fd, unsigned long request, void* argument) noexcept;
 
 /// The files that have a camera's controls: the device's, then those of the sub-devices on the way from the sensor.

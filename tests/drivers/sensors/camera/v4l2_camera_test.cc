@@ -121,6 +121,21 @@ TEST(V4l2Camera, ImagesInMemoryThatIsSlowToReadAreCopiedOnce) {
   }
 }
 
+// As the kernel's documents ask. One that is never ready holds up no image for long.
+TEST(V4l2Camera, ReadingIsAnnouncedAgainWhereTheKernelSaysSo) {
+  for (const auto& refusals : {std::vector<int>{EINTR, EAGAIN, EAGAIN, EINTR}, std::vector<int>(1'000'000, EAGAIN)}) {
+    CameraRig rig;
+    rig.device->sync_refusals = refusals;
+    rig.kernel.read_time_of = [&rig](const void* memory) {
+      return Span::from_milliseconds(rig.device->owns(memory) ? 20 : 1);
+    };
+    rig.open();
+    const std::size_t images = rig.run(1);
+    EXPECT_NEAR(static_cast<double>(images), 30, 1);
+    EXPECT_EQ(rig.device->readings, refusals.size() < 10 ? static_cast<int>(images) : 0);
+  }
+}
+
 TEST(V4l2Camera, ImagesInMemoryThatIsFastEnoughAreLent) {
   CameraRig rig;
   rig.kernel.read_time_of = [&rig](const void* memory) { return Span{rig.device->owns(memory) ? 190'000 : 100'000}; };

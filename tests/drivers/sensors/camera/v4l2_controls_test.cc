@@ -134,5 +134,24 @@ TEST(V4l2Camera, ClosedWithAControlUnderWayLeavesNothingBehind) {
   rig.run(0);
 }
 
+/// Refuses each call, for one reason after the other.
+class BusyFile final : public test::FakeFile {
+ public:
+  int ioctl(unsigned long /*request*/, void* /*argument*/) override { return test::refuse(reasons.at(calls++)); }
+
+  std::vector<int> reasons{EINTR, EINTR, EAGAIN, EBUSY};
+  std::size_t calls = 0;
+};
+
+TEST(CallDevice, BeginsAgainAfterASignalAlone) {
+  test::FakeKernel kernel;
+  const auto file = std::make_shared<BusyFile>();
+  const int fd = kernel.give(file);
+  EXPECT_EQ(call_device(kernel, fd, VIDIOC_DQBUF, nullptr), EAGAIN);
+  EXPECT_EQ(file->calls, 3u);
+  EXPECT_EQ(call_device(kernel, fd, VIDIOC_STREAMON, nullptr), EBUSY);
+  EXPECT_EQ(file->calls, 4u);
+}
+
 }  // namespace
 }  // namespace epiline
