@@ -125,7 +125,6 @@ struct CanConfig {
   bool fd = true;       ///< CAN FD frames; else classic ones
   int base_id = 0x300;  ///< the first identifier; those after it are used too
   double rate_hz = 50;
-  int isotp_send_id = 0, isotp_receive_id = 0;  ///< whole MAVLink frames by ISO-TP; 0: none
 };
 
 /// Section [wheel]: a vehicle's speed in frames of a CAN bus.

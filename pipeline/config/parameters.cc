@@ -364,10 +364,6 @@ const std::vector<Parameter>& parameters() {
       {"can.fd", "", 0, 0, "true: CAN FD frames; false: classic frames", EPILINE_AT(devices.can.fd)},
       {"can.base_id", "", 1, 0x7f0, "first of eleven consecutive identifiers", EPILINE_AT(devices.can.base_id)},
       {"can.rate_hz", "Hz", 1, 200, "odometry epochs per second", EPILINE_AT(devices.can.rate_hz)},
-      {"can.isotp_send_id", "", 0, 0x7ff, "identifier for MAVLink frames by ISO-TP; 0: none",
-       EPILINE_AT(devices.can.isotp_send_id)},
-      {"can.isotp_receive_id", "", 0, 0x7ff, "identifier of the receiver's ISO-TP frames",
-       EPILINE_AT(devices.can.isotp_receive_id)},
       // speed of a ground vehicle
       {"wheel.interface", "", 0, 0, "network interface of the CAN bus with the vehicle's speed",
        EPILINE_AT(devices.wheel.interface)},

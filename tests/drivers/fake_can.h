@@ -2,7 +2,6 @@
 // A CAN interface and its sockets on a FakeKernel.
 #include <linux/can.h>
 #include <linux/can/error.h>
-#include <linux/can/isotp.h>
 #include <linux/can/raw.h>
 #include <net/if.h>
 #include <net/if_arp.h>
@@ -27,9 +26,9 @@ class FakeCanBus {
   };
 
   FakeCanBus(FakeKernel& in, std::string called) : kernel(in), name(std::move(called)) {
-    kernel.make_socket = [this](int domain, int /*type*/, int protocol) -> FakeKernel::File {
+    kernel.make_socket = [this](int domain, int /*type*/, int /*protocol*/) -> FakeKernel::File {
       if (domain != PF_CAN || !speaks_can) return errno = EAFNOSUPPORT, nullptr;
-      return std::make_shared<Socket>(*this, protocol == CAN_ISOTP);
+      return std::make_shared<Socket>(*this);
     };
   }
 
@@ -55,10 +54,7 @@ class FakeCanBus {
   std::string name;
   bool speaks_can = true, exists = true, is_can = true, is_up = true, has_fd = true;
   std::size_t room = std::numeric_limits<std::size_t>::max();  ///< frames the queue takes; then it is full
-  int isotp_error = 0;                                         ///< of a peer that does not answer
-  bool isotp_busy = false;
   std::vector<Sent> sent;
-  std::vector<std::vector<std::uint8_t>> messages;  ///< by ISO-TP
   std::deque<canfd_frame> news;
   int fault = 0;         ///< of the next read
   int option_error = 0;  ///< of setsockopt()
@@ -67,7 +63,7 @@ class FakeCanBus {
  private:
   class Socket final : public FakeFile {
    public:
-    Socket(FakeCanBus& bus, bool is_isotp) : bus_(bus), is_isotp_(is_isotp) {}
+    explicit Socket(FakeCanBus& bus) : bus_(bus) {}
     int ioctl(unsigned long request, void* argument) override {
       auto& asked = *static_cast<ifreq*>(argument);
       if (request == SIOCGIFINDEX) ++bus_.attempts;
@@ -89,7 +85,6 @@ class FakeCanBus {
       return bus_.option_error != 0 ? refuse(bus_.option_error) : 0;
     }
     ssize_t read(void* into, std::size_t size) override {
-      if (is_isotp_) return refuse(bus_.isotp_error != 0 ? std::exchange(bus_.isotp_error, 0) : EAGAIN);
       if (bus_.fault != 0) return refuse(std::exchange(bus_.fault, 0));
       if (bus_.news.empty() || size < sizeof(canfd_frame)) return refuse(EAGAIN);
       std::memcpy(into, &bus_.news.front(), CAN_MTU);
@@ -99,12 +94,6 @@ class FakeCanBus {
     ssize_t write(const void* from, std::size_t size) override {
       if (!bus_.exists) return refuse(ENXIO);
       if (!bus_.is_up) return refuse(ENETDOWN);
-      if (is_isotp_) {
-        if (bus_.isotp_busy) return refuse(EAGAIN);
-        const auto* const bytes = static_cast<const std::uint8_t*>(from);
-        bus_.messages.emplace_back(bytes, bytes + size);
-        return static_cast<ssize_t>(size);
-      }
       if (bus_.room == 0) return refuse(ENOBUFS);
       --bus_.room;
       Sent one;
@@ -117,7 +106,6 @@ class FakeCanBus {
 
    private:
     FakeCanBus& bus_;
-    bool is_isotp_;
   };
 };
 

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 #include <linux/can.h>
 #include <linux/can/error.h>
-#include <linux/can/isotp.h>
 #include <linux/can/raw.h>
 #include <net/if.h>
 #include <poll.h>
@@ -36,7 +35,7 @@ inline void remove_bus() { shell("ip link del " + std::string(kBus)); }
 class CanBus : public testing::Test {
  protected:
   void SetUp() override {
-    shell("/sbin/modprobe vcan; /sbin/modprobe can-raw; /sbin/modprobe can-isotp");
+    shell("/sbin/modprobe vcan; /sbin/modprobe can-raw");
     if (!make_bus()) GTEST_SKIP() << "no vcan can be had; expected ./run hardware";
   }
   void TearDown() override { remove_bus(); }

@@ -5,7 +5,6 @@
 
 #include "drivers/links/can/can_output.h"
 #include "drivers/links/can/dbc.h"
-#include "drivers/links/mavlink/odometry_encoder.h"
 #include "drivers/sensors/wheel/can_wheel_source.h"
 #include "platform/memory/allocation_count.h"
 #include "tests/drivers/links/can/dbc_reader.h"
@@ -318,93 +317,6 @@ TEST_F(CanBus, OthersTrafficAtFullRateDoesNotDisturb) {
       << output.counts().epochs << " epochs, " << flood.frames() << " frames";
   EXPECT_EQ(output.counts().error_frames, 0u);
   EXPECT_EQ(output.counts().disconnected, 0u);
-}
-
-// ---- whole MAVLink frames ----
-
-class IsotpPeer {
- public:
-  explicit IsotpPeer(const CanConfig& config) {
-    fd_ = ::socket(PF_CAN, SOCK_DGRAM | SOCK_CLOEXEC, CAN_ISOTP);
-    EXPECT_GE(fd_, 0);
-    const can_isotp_ll_options options = {CANFD_MTU, CANFD_MAX_DLEN, 0};
-    if (config.fd) ::setsockopt(fd_, SOL_CAN_ISOTP, CAN_ISOTP_LL_OPTS, &options, sizeof options);
-    sockaddr_can address{};
-    address.can_family = AF_CAN;
-    address.can_ifindex = static_cast<int>(::if_nametoindex(kBus));
-    address.can_addr.tp.tx_id = static_cast<std::uint32_t>(config.isotp_receive_id);
-    address.can_addr.tp.rx_id = static_cast<std::uint32_t>(config.isotp_send_id);
-    EXPECT_EQ(::bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
-  }
-  ~IsotpPeer() { ::close(fd_); }
-  IsotpPeer(const IsotpPeer&) = delete;
-  IsotpPeer& operator=(const IsotpPeer&) = delete;
-  std::vector<std::uint8_t> hear() {
-    std::vector<std::uint8_t> message(4096);
-    pollfd ready{fd_, POLLIN, 0};
-    const ssize_t size = ::poll(&ready, 1, 20'000) > 0 ? ::recv(fd_, message.data(), message.size(), 0) : 0;
-    message.resize(static_cast<std::size_t>(std::max<ssize_t>(size, 0)));
-    return message;
-  }
-  bool say(const std::vector<std::uint8_t>& message) {
-    return ::send(fd_, message.data(), message.size(), 0) == static_cast<ssize_t>(message.size());
-  }
-
- private:
-  int fd_ = -1;
-};
-
-std::unique_ptr<OdometryEncoder> encoder(mavlink::Address address) {
-  MavlinkConfig config;
-  config.system = address.system;
-  config.component = address.component;
-  return std::make_unique<mavlink::FrameEncoder>(Mat3::Identity(), config);
-}
-
-TEST_F(CanBus, MavlinkFramesTravelWhole) {
-  for (const bool fd : {false, true}) {
-    CanConfig config = config_of(fd, 10);
-    config.isotp_send_id = 0x400;
-    config.isotp_receive_id = 0x401;
-    IsotpPeer peer(config);
-    CanOutput output(config, Mat3::Identity(), encoder({42, 191}));
-    ASSERT_OPENS(output);
-    Flight flight(output);
-    mavlink::Parser parser;
-    for (int i = 0; i < 10; ++i) {
-      const std::vector<std::uint8_t> message = peer.hear();
-      std::span<const std::uint8_t> bytes(message);
-      const mavlink::Packet* const packet = parser.next(bytes);
-      ASSERT_TRUE(packet) << message.size() << " bytes";
-      EXPECT_EQ(packet->sequence, i) << "none is lost between those begun";
-      EXPECT_EQ(packet->from.system, 42);
-      EXPECT_EQ(packet->from.component, 191);
-      EXPECT_TRUE(bytes.empty()) << "one frame in one message";
-      mavlink::Odometry odometry;
-      ASSERT_TRUE(mavlink::unpack(*packet, odometry));
-      const auto time = static_cast<std::int64_t>(odometry.time_usec);
-      EXPECT_NEAR(odometry.x, position_at(time), 1e-3);
-      EXPECT_NEAR(odometry.vx, velocity_at(time), 1e-5);
-      if (i == 5) {
-        EXPECT_TRUE(peer.say(std::vector<std::uint8_t>(500, 0xfd))) << "what a peer says is taken and forgotten";
-      }
-    }
-    EXPECT_EQ(parser.bad_checksums(), 0u);
-    EXPECT_GE(output.counts().messages, 10u);
-  }
-}
-
-TEST_F(CanBus, NobodyAnswersIsotp) {
-  CanConfig config = config_of(true);
-  config.isotp_send_id = 0x400;
-  config.isotp_receive_id = 0x401;
-  Peer peer;
-  CanOutput output(config, Mat3::Identity(), encoder({}));
-  ASSERT_OPENS(output);
-  Flight flight(output);
-  EXPECT_TRUE(within(30, [&] { return output.counts().messages_failed > 0 && output.counts().messages_busy > 0; }));
-  peer.forget();
-  EXPECT_TRUE(next_of(peer, "EpilineOdometry")) << "the other frames go on";
 }
 
 // ---- speed in ----

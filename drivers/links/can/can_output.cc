@@ -24,10 +24,9 @@ constexpr int kMostIdentifier = 0x7ff, kMessageIdentifiers = static_cast<int>(ca
 
 }  // namespace
 
-CanOutput::CanOutput(CanConfig config, const Mat3& R_VB, std::unique_ptr<OdometryEncoder> encoder, SystemCalls& system)
+CanOutput::CanOutput(CanConfig config, const Mat3& R_VB, SystemCalls& system)
     : config_(std::move(config)),
       R_VB_(R_VB),
-      encoder_(std::move(encoder)),
       stream_(config_.rate_hz),
       system_(system),
       writer_(config_.base_id, config_.fd),
@@ -45,21 +44,12 @@ Status CanOutput::check_settings() const {
     return error("base_id " + std::to_string(config_.base_id),
                  "1 to " + std::to_string(kMostIdentifier - kMessageIdentifiers + 1));
   if (!(config_.rate_hz > 0)) return error("rate_hz " + std::to_string(config_.rate_hz), "more than 0");
-  const int send = config_.isotp_send_id, receive = config_.isotp_receive_id;
-  if (send == 0 && receive == 0) return Done{};
-  const auto is_ours = [&](int id) { return id >= config_.base_id && id <= last; };
-  const auto is_good = [&](int id) { return id > 0 && id <= kMostIdentifier && !is_ours(id); };
-  if (!is_good(send) || !is_good(receive) || send == receive)
-    return error(
-        "isotp_send_id " + std::to_string(send) + ", isotp_receive_id " + std::to_string(receive),
-        "two different identifiers outside " + std::to_string(config_.base_id) + " to " + std::to_string(last));
-  if (!encoder_) return error("isotp_send_id " + std::to_string(send), "a program that makes messages for it");
   return Done{};
 }
 
 Status CanOutput::begin() {
   if (const Status settings = check_settings(); !settings) return settings;
-  if (const DeviceTrouble trouble = open_sockets()) return error_of(trouble, config_.interface);
+  if (const DeviceTrouble trouble = open_socket()) return error_of(trouble, config_.interface);
   if (!wake_up_.open()) return Error{ErrorKind::kRun, config_.interface, 0, std::strerror(errno), ""};
   bus_.store(BusState::kActive, std::memory_order_relaxed);
   usable_ = true;
@@ -81,7 +71,6 @@ void CanOutput::close() noexcept {
   wake_up_.notify();
   thread_.join();
   wake_up_.close();
-  isotp_.close();
   socket_.close();
 }
 
@@ -136,7 +125,7 @@ std::int64_t CanOutput::next_event_ns() const noexcept {
 bool CanOutput::is_usable(std::int64_t now_ns) noexcept {
   if (!socket_.is_open()) {
     if (now_ns < retry_.due_ns()) return false;
-    if (const DeviceTrouble trouble = open_sockets()) {
+    if (const DeviceTrouble trouble = open_socket()) {
       bump(retries_);
       last_error_.store(trouble.error, std::memory_order_relaxed);
       retry_.failed(now_ns);
@@ -150,22 +139,13 @@ bool CanOutput::is_usable(std::int64_t now_ns) noexcept {
   return socket_.is_open() && now_ns >= silent_until_ns_;
 }
 
-DeviceTrouble CanOutput::open_sockets() noexcept {
-  const char* const name = config_.interface.c_str();
-  if (const DeviceTrouble trouble = socket_.open_to_send(name, config_.fd)) return trouble;
-  if (config_.isotp_send_id == 0) return {};
-  const DeviceTrouble trouble = isotp_.open_isotp(name, static_cast<std::uint32_t>(config_.isotp_send_id),
-                                                  static_cast<std::uint32_t>(config_.isotp_receive_id), config_.fd);
-  if (trouble) socket_.close();
-  return trouble;
-}
+DeviceTrouble CanOutput::open_socket() noexcept { return socket_.open_to_send(config_.interface.c_str(), config_.fd); }
 
 void CanOutput::lose(int error) noexcept {
   bump(disconnected_);
   last_error_.store(error, std::memory_order_relaxed);
   bus_.store(BusState::kLost, std::memory_order_relaxed);
   drop_pending();
-  isotp_.close();
   socket_.close();
   retry_.begin(system_.now_ns());
   retry_.failed(system_.now_ns());
@@ -189,7 +169,6 @@ void CanOutput::listen(std::int64_t now_ns) noexcept {
              (bus() == BusState::kOff && now_ns >= silent_until_ns_)) {
     bus_.store(BusState::kActive, std::memory_order_relaxed);
   }
-  if (isotp_.is_open() && isotp_.discard_messages() != 0) bump(messages_failed_);
   if (news.error != 0) lose(news.error);
 }
 
@@ -215,17 +194,6 @@ void CanOutput::begin_epoch(std::int64_t now_ns) noexcept {
                               epochs_begun_++ % static_cast<unsigned>(deviations_every_) == 0);
   pending_until_ns_ = offer.offered_ns + OdometryStream::kTooOld_ns;
   stream_.begun(now_ns);
-  if (isotp_.is_open()) send_message(offer.odometry);
-}
-
-void CanOutput::send_message(const Odometry& odometry) noexcept {
-  const int error = isotp_.send(encoder_->encode(odometry, stream_.reset_counter(), message_sequence_));
-  if (error == 0) {
-    bump(messages_);
-    ++message_sequence_;
-  } else {
-    bump(error == EAGAIN ? messages_busy_ : messages_failed_);
-  }
 }
 
 /// As many of the epoch's frames as find room; the rest waits for the next turn, or for a newer epoch to replace it.
@@ -277,9 +245,6 @@ CanOutputCounts CanOutput::counts() const noexcept {
   c.status_frames = value(status_frames_);
   c.queue_full = value(queue_full_);
   c.frames_dropped = value(frames_dropped_);
-  c.messages = value(messages_);
-  c.messages_busy = value(messages_busy_);
-  c.messages_failed = value(messages_failed_);
   c.error_frames = value(error_frames_);
   c.bus_off = value(bus_off_);
   c.restarts = value(restarts_);

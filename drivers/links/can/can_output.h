@@ -3,12 +3,10 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
-#include <memory>
 #include <string>
 
 #include "drivers/links/can/can_socket.h"
 #include "drivers/links/can/frames.h"
-#include "drivers/links/stream/odometry_encoder.h"
 #include "drivers/links/stream/odometry_stream.h"
 #include "estimator/geometry/types.h"
 #include "pipeline/config/devices.h"
@@ -30,9 +28,6 @@ struct CanOutputCounts {
   std::uint64_t queue_full = 0;     ///< attempts that found no room in the kernel's queue
   std::uint64_t frames_dropped =
       0;  ///< frames of begun epochs, given up for a newer epoch, for their age, or because of the bus
-  std::uint64_t messages = 0;         ///< whole messages begun by ISO-TP
-  std::uint64_t messages_busy = 0;    ///< not begun, because the previous one was still being sent
-  std::uint64_t messages_failed = 0;  ///< the peer did not answer, or the kernel refused
   std::uint64_t error_frames = 0, bus_off = 0, restarts = 0;
   std::uint64_t disconnected = 0;  ///< the interface went down or away
   std::uint64_t retries = 0;       ///< attempts to get it back that failed
@@ -43,9 +38,6 @@ inline constexpr auto kCanCounters = std::to_array<Counter<CanOutputCounts>>({
     {"status_frames", &CanOutputCounts::status_frames},
     {"queue_full", &CanOutputCounts::queue_full, true},
     {"frames_dropped", &CanOutputCounts::frames_dropped},
-    {"messages", &CanOutputCounts::messages},
-    {"messages_busy", &CanOutputCounts::messages_busy},
-    {"messages_failed", &CanOutputCounts::messages_failed},
     {"error_frames", &CanOutputCounts::error_frames},
     {"bus_off", &CanOutputCounts::bus_off, true},
     {"restarts", &CanOutputCounts::restarts},
@@ -59,10 +51,8 @@ enum class BusState : std::uint8_t { kActive, kPassive, kOff, kLost };
 /// second in any case. After open() there is no heap call, no lock and no exception.
 class CanOutput final : public OdometrySink {
  public:
-  /// `R_VB` rotates vectors from the IMU's axes to the vehicle's (forward, left, up). `encoder` makes the messages for
-  /// ISO-TP; it is required if and only if the settings have identifiers for them.
-  CanOutput(CanConfig config, const Mat3& R_VB, std::unique_ptr<OdometryEncoder> encoder = nullptr,
-            SystemCalls& system = SystemCalls::of_this_computer());
+  /// `R_VB` rotates vectors from the IMU's axes to the vehicle's (forward, left, up).
+  CanOutput(CanConfig config, const Mat3& R_VB, SystemCalls& system = SystemCalls::of_this_computer());
   ~CanOutput() override { close(); }
 
   /// Opens the bus and starts the thread. The error names the fault of the interface or the settings.
@@ -97,7 +87,7 @@ class CanOutput final : public OdometrySink {
   bool stopping() const noexcept { return stop_.load(std::memory_order_acquire); }
 
   // The bus.
-  DeviceTrouble open_sockets() noexcept;
+  DeviceTrouble open_socket() noexcept;
   bool is_usable(std::int64_t now_ns) noexcept;
   void lose(int error) noexcept;
   void listen(std::int64_t now_ns) noexcept;
@@ -105,7 +95,6 @@ class CanOutput final : public OdometrySink {
   // What goes out.
   void note_status() noexcept;
   void begin_epoch(std::int64_t now_ns) noexcept;
-  void send_message(const Odometry& odometry) noexcept;
   void send_pending() noexcept;
   void drop_pending() noexcept;
   void send_status(std::int64_t now_ns) noexcept;
@@ -114,7 +103,6 @@ class CanOutput final : public OdometrySink {
 
   CanConfig config_;
   Mat3 R_VB_;
-  std::unique_ptr<OdometryEncoder> encoder_;
   OdometryStream stream_;  ///< from the publishing thread
   SystemCalls& system_;
   WakeUp wake_up_{system_};
@@ -122,21 +110,19 @@ class CanOutput final : public OdometrySink {
   int deviations_every_ = 1;
 
   // Of our thread, once it runs.
-  can::CanSocket socket_{system_}, isotp_{system_};
+  can::CanSocket socket_{system_};
   can::Frames pending_;
   std::size_t next_pending_ = 0;
   std::uint64_t epochs_begun_ = 0;
   can::Values status_;  ///< as it is now
   std::int64_t pending_until_ns_ = 0, status_due_ns_ = 0, silent_until_ns_ = 0;
   Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(1'000)};
-  std::uint8_t message_sequence_ = 0;
   bool usable_ = true, status_wanted_ = false;
   ThreadCosts costs_;
 
   std::atomic<BusState> bus_{BusState::kLost};
   Counter epochs_{0}, dropped_{0}, epochs_given_up_{0}, frames_{0}, status_frames_{0}, queue_full_{0},
-      frames_dropped_{0}, messages_{0}, messages_busy_{0}, messages_failed_{0}, error_frames_{0}, bus_off_{0},
-      restarts_{0}, disconnected_{0}, retries_{0};
+      frames_dropped_{0}, error_frames_{0}, bus_off_{0}, restarts_{0}, disconnected_{0}, retries_{0};
   std::atomic<int> last_error_{0};
 
   std::atomic<bool> stop_{false};

@@ -2,7 +2,6 @@
 
 #include <linux/can.h>
 #include <linux/can/error.h>
-#include <linux/can/isotp.h>
 #include <linux/can/raw.h>
 #include <linux/net_tstamp.h>
 #include <net/if.h>
@@ -51,12 +50,11 @@ void CanSocket::close() noexcept {
   fd_ = -1;
 }
 
-DeviceTrouble CanSocket::open(const char* interface, int type, int protocol, bool fd, int& index) noexcept {
+DeviceTrouble CanSocket::open(const char* interface, bool fd, int& index) noexcept {
   close();
-  fd_ = system_.socket(PF_CAN, type, protocol);
+  fd_ = system_.socket(PF_CAN, SOCK_RAW, CAN_RAW);
   if (fd_ < 0) {
-    DeviceTrouble trouble =
-        device_refusal("socket", errno, "the kernel modules can-raw and, for ISO-TP, can-isotp (modprobe can-raw)");
+    DeviceTrouble trouble = device_refusal("socket", errno, "the kernel module can-raw (modprobe can-raw)");
     std::strncpy(trouble.found, "the kernel has no CAN support", sizeof trouble.found - 1);
     return trouble;
   }
@@ -81,30 +79,28 @@ DeviceTrouble CanSocket::open(const char* interface, int type, int protocol, boo
   return {};
 }
 
-DeviceTrouble CanSocket::bind(int index, std::uint32_t send_id, std::uint32_t receive_id) noexcept {
+DeviceTrouble CanSocket::bind(int index) noexcept {
   sockaddr_can address{};
   address.can_family = AF_CAN;
   address.can_ifindex = index;
-  address.can_addr.tp.tx_id = send_id;
-  address.can_addr.tp.rx_id = receive_id;
   if (system_.bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return refused("bind");
   return {};
 }
 
 DeviceTrouble CanSocket::open_to_send(const char* interface, bool fd) noexcept {
   int index = 0;
-  if (const DeviceTrouble trouble = open(interface, SOCK_RAW, CAN_RAW, fd, index)) return trouble;
+  if (const DeviceTrouble trouble = open(interface, fd, index)) return trouble;
   const can_err_mask_t news = CAN_ERR_TX_TIMEOUT | CAN_ERR_CRTL | CAN_ERR_BUSOFF | CAN_ERR_RESTARTED | CAN_ERR_ACK;
   const bool good = system_.setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_FILTER, nullptr, 0) == 0 &&  // no frames of others
                     set(SOL_CAN_RAW, CAN_RAW_ERR_FILTER, news) && set(SOL_SOCKET, SO_SNDBUF, kSendMemory) &&
                     (!fd || set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1));
   if (!good) return refused("setsockopt");
-  return bind(index, 0, 0);
+  return bind(index);
 }
 
 DeviceTrouble CanSocket::open_to_receive(const char* interface, std::uint32_t id, bool extended) noexcept {
   int index = 0;
-  if (const DeviceTrouble trouble = open(interface, SOCK_RAW, CAN_RAW, false, index)) return trouble;
+  if (const DeviceTrouble trouble = open(interface, false, index)) return trouble;
   // exactly these frames: not those of the other format with the same number, and no requests for them
   const can_filter filter = {id | (extended ? CAN_EFF_FLAG : 0),
                              CAN_EFF_FLAG | CAN_RTR_FLAG | (extended ? CAN_EFF_MASK : CAN_SFF_MASK)};
@@ -113,25 +109,14 @@ DeviceTrouble CanSocket::open_to_receive(const char* interface, std::uint32_t id
   const bool good = set(SOL_CAN_RAW, CAN_RAW_FILTER, filter) && set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1) &&
                     set(SOL_SOCKET, SO_TIMESTAMPING, stamps) && set(SOL_SOCKET, SO_RXQ_OVFL, 1);
   if (!good) return refused("setsockopt");
-  return bind(index, 0, 0);
+  return bind(index);
 }
 
 DeviceTrouble CanSocket::open_to_listen(const char* interface) noexcept {
   int index = 0;
-  if (const DeviceTrouble trouble = open(interface, SOCK_RAW, CAN_RAW, false, index)) return trouble;
+  if (const DeviceTrouble trouble = open(interface, false, index)) return trouble;
   if (!set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1)) return refused("setsockopt");
-  return bind(index, 0, 0);
-}
-
-DeviceTrouble CanSocket::open_isotp(const char* interface, std::uint32_t send_id, std::uint32_t receive_id,
-                                    bool fd) noexcept {
-  int index = 0;
-  if (const DeviceTrouble trouble = open(interface, SOCK_DGRAM, CAN_ISOTP, fd, index)) return trouble;
-  if (fd) {
-    const can_isotp_ll_options options = {CANFD_MTU, CANFD_MAX_DLEN, 0};
-    if (!set(SOL_CAN_ISOTP, CAN_ISOTP_LL_OPTS, options)) return refused("setsockopt");
-  }
-  return bind(index, send_id, receive_id);
+  return bind(index);
 }
 
 int CanSocket::send(const Frame& frame) noexcept {
@@ -143,11 +128,6 @@ int CanSocket::send(const Frame& frame) noexcept {
   const std::size_t size = frame.is_fd() ? CANFD_MTU : CAN_MTU;
   const ssize_t sent = system_.write(fd_, &raw, size);
   return sent == static_cast<ssize_t>(size) ? 0 : sent < 0 ? errno : EIO;
-}
-
-int CanSocket::send(std::span<const std::uint8_t> message) noexcept {
-  const ssize_t sent = system_.write(fd_, message.data(), message.size());
-  return sent == static_cast<ssize_t>(message.size()) ? 0 : sent < 0 ? errno : EIO;
 }
 
 BusNews CanSocket::news() noexcept {
@@ -175,13 +155,6 @@ BusNews CanSocket::news() noexcept {
     news.error_active = !is_passive;
   }
   return news;
-}
-
-int CanSocket::discard_messages() noexcept {
-  std::array<std::uint8_t, 4096> message;  // NOLINT: filled by the kernel, read by nobody
-  for (int i = 0; i < kNewsAtOnce; ++i)
-    if (system_.read(fd_, message.data(), message.size()) < 0) return errno == EAGAIN || errno == EINTR ? 0 : errno;
-  return 0;
 }
 
 }  // namespace epiline::can

@@ -1,10 +1,8 @@
 #pragma once
 // A socket on a CAN interface. It neither allocates nor waits, because it also reopens a lost bus during a flight.
 // Page: docs/can.md.
-#include <array>
 #include <cstddef>
 #include <cstdint>
-#include <span>
 
 #include "drivers/links/can/frames.h"
 #include "platform/error/device_trouble.h"
@@ -33,25 +31,18 @@ class CanSocket {
   DeviceTrouble open_to_receive(const char* interface, std::uint32_t id, bool extended) noexcept;
   /// To receive all frames of both kinds, those of this computer's other sockets too.
   DeviceTrouble open_to_listen(const char* interface) noexcept;
-  /// To exchange long messages (ISO 15765-2), in frames of CAN FD or classic ones.
-  DeviceTrouble open_isotp(const char* interface, std::uint32_t send_id, std::uint32_t receive_id, bool fd) noexcept;
   void close() noexcept;
   bool is_open() const noexcept { return fd_ >= 0; }
   int fd() const noexcept { return fd_; }
 
   /// 0, or errno. EAGAIN, ENOBUFS: the queue is full, now.
   int send(const Frame& frame) noexcept;
-  /// A whole message by ISO-TP; 0, or errno. EAGAIN: the one before is still on its way.
-  int send(std::span<const std::uint8_t> message) noexcept;
   /// Takes a bounded number of the error frames that wait.
   BusNews news() noexcept;
-  /// Takes what a peer sent by ISO-TP, and forgets it. 0, or errno of a transfer of ours that failed, or of the
-  /// interface.
-  int discard_messages() noexcept;
 
  private:
-  DeviceTrouble open(const char* interface, int type, int protocol, bool fd, int& index) noexcept;
-  DeviceTrouble bind(int index, std::uint32_t send_id, std::uint32_t receive_id) noexcept;
+  DeviceTrouble open(const char* interface, bool fd, int& index) noexcept;
+  DeviceTrouble bind(int index) noexcept;
   /// Closes it, and tells why.
   DeviceTrouble fail(const DeviceTrouble& trouble) noexcept;
   DeviceTrouble refused(const char* step) noexcept;

@@ -63,9 +63,7 @@ void BusCheck::add(const char* device, const std::string& interface, Findings& o
 bool BusCheck::is_ours(const std::string& interface, std::uint32_t id) const {
   const CanConfig& can = config_.can;
   const auto first = static_cast<std::uint32_t>(can.base_id);
-  return interface == can.interface &&
-         ((id >= first && id < first + can::kMessages.size()) ||
-          (can.isotp_send_id != 0 && id == static_cast<std::uint32_t>(can.isotp_send_id)));
+  return interface == can.interface && id >= first && id < first + can::kMessages.size();
 }
 
 }  // namespace epiline

@@ -8,7 +8,6 @@
 #include "drivers/flights/recordings/mask_file.h"
 #include "drivers/links/can/can_output.h"
 #include "drivers/links/mavlink/link.h"
-#include "drivers/links/mavlink/odometry_encoder.h"
 #include "drivers/program/live/controller_advice.h"
 #include "drivers/sensors/camera/camera_pair.h"
 #include "drivers/sensors/camera/side_by_side.h"
@@ -302,10 +301,7 @@ mavlink::MavlinkLink* add_link(const DevicesConfig& d, bool takes_imu, LiveDevic
 
 void add_can(const DevicesConfig& d, LiveDevices& devices) {
   if (d.can.interface.empty()) return;
-  const Mat3 R_VB = R_VB_of(d.body);
-  std::unique_ptr<OdometryEncoder> encoder;
-  if (d.can.isotp_send_id != 0) encoder = std::make_unique<mavlink::FrameEncoder>(R_VB, d.mavlink);
-  auto can = std::make_unique<CanOutput>(d.can, R_VB, std::move(encoder));
+  auto can = std::make_unique<CanOutput>(d.can, R_VB_of(d.body));
   const CanOutput* const c = can.get();
   const std::string name = "can " + d.can.interface;
   devices.outputs.push_back({std::move(can), [c, name] { return record_of(*c, name); }, name,

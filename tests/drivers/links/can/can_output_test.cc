@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <functional>
 #include <map>
-#include <memory>
 #include <string>
 
 #include "drivers/links/can/can_socket.h"
@@ -27,10 +26,6 @@ std::string error_of(const CanConfig& config) {
 TEST(CanOutput, SaysWhatIsWrongWithTheSettings) {
   EXPECT_EQ(error_of({}), "[can]: interface is not set; expected can.interface, as `ip -br link` shows it");
   EXPECT_EQ(error_of({.interface = "can0", .base_id = 0x7fe}), "[can]: base_id 2046; expected 1 to 2037");
-  EXPECT_EQ(error_of({.interface = "can0", .isotp_send_id = 0x305, .isotp_receive_id = 0x400}),
-            "[can]: isotp_send_id 773, isotp_receive_id 1024; expected two different identifiers outside 768 to 778");
-  EXPECT_NE(error_of({.interface = "can0", .isotp_send_id = 0x400}), "opened");
-  EXPECT_NE(error_of({.interface = "can0", .isotp_send_id = 0x400, .isotp_receive_id = 0x400}), "opened");
 }
 
 // Kernels with CAN and without say different things; both in one line, with the interface and a remedy.
@@ -70,32 +65,18 @@ dbc::Reading read(const FakeCanBus::Sent& sent, const std::string& signal) {
   return dbc::read(message.signals.at(signal), {sent.frame.data, sent.frame.len});
 }
 
-class Encoder final : public OdometryEncoder {
- public:
-  std::span<const std::uint8_t> encode(const Odometry& /*odometry*/, std::uint8_t /*reset_counter*/,
-                                       std::uint8_t sequence) noexcept override {
-    bytes_[0] = sequence;
-    return bytes_;
-  }
-
- private:
-  std::array<std::uint8_t, 245> bytes_{};
-};
-
 /// Odometry at 200 Hz into an output on a made-up bus.
 struct Rig {
-  explicit Rig(bool fd = true, bool isotp = false)
-      : output(config_of(fd, isotp), Mat3::Identity(), isotp ? std::make_unique<Encoder>() : nullptr, kernel) {
+  explicit Rig(bool fd = true) : output(config_of(fd), Mat3::Identity(), kernel) {
     odometry.health = {HealthState::kTracking, 0, 90};
     for (std::size_t k = 0; k < 9; ++k) odometry.covariance[17 * k] = 0.01;
   }
-  static CanConfig config_of(bool fd, bool isotp) {
+  static CanConfig config_of(bool fd) {
     CanConfig config;
     config.interface = "can0";
     config.base_id = kBase;
     config.fd = fd;
     config.rate_hz = 20;
-    if (isotp) config.isotp_send_id = 0x400, config.isotp_receive_id = 0x401;
     return config;
   }
   void begin() {
@@ -150,7 +131,7 @@ TEST(CanOutput, SaysWhatIsWrongWithTheInterface) {
   EXPECT_EQ(
       error(true, [](FakeCanBus& bus) { bus.speaks_can = false; }),
       "can0: the kernel has no CAN support: Address family not supported by protocol [socket]; expected the kernel "
-      "modules can-raw and, for ISO-TP, can-isotp (modprobe can-raw)");
+      "module can-raw (modprobe can-raw)");
   EXPECT_EQ(error(true, [](FakeCanBus& bus) { bus.exists = false; }),
             "can0: No such device [SIOCGIFINDEX]; expected a network interface that `ip -br link` shows");
   EXPECT_EQ(error(true, [](FakeCanBus& bus) { bus.is_can = false; }),
@@ -244,32 +225,30 @@ TEST(CanOutput, LostAndSilentAreToldAndOdometryStops) {
 
 TEST(CanOutput, AnInterfaceThatIsLostIsTriedAtGrowingIntervals) {
   for (const bool is_removed : {false, true}) {
-    for (const bool isotp : {false, true}) {
-      Rig rig(true, isotp);
-      rig.begin();
-      rig.run(1);
-      const std::size_t files = rig.kernel.open_files();
-      is_removed ? rig.bus.remove() : rig.bus.set_up(false);
-      rig.run(0.1);
-      EXPECT_EQ(rig.output.bus(), BusState::kLost);
-      EXPECT_FALSE(rig.output.publish(rig.odometry));
-      EXPECT_EQ(rig.kernel.open_files(), 1u) << "only what wakes the thread";
-      rig.run(10.3);
-      // after 50, 100, 200, 400, 800 ms, then each second
-      EXPECT_EQ(rig.output.counts().retries, 13u);
-      EXPECT_EQ(rig.output.counts().last_error, is_removed ? ENODEV : ENETDOWN);
-      EXPECT_TRUE(rig.bus.sent.empty());
-      EXPECT_GT(rig.output.counts().dropped, 190u);
-      rig.bus.plug_in();
-      rig.run(1.05);
-      EXPECT_EQ(rig.output.bus(), BusState::kActive);
-      EXPECT_EQ(rig.output.counts().disconnected, 1u);
-      EXPECT_EQ(rig.kernel.open_files(), files);
-      const auto odometry = rig.all("EpilineOdometry");
-      ASSERT_FALSE(odometry.empty());
-      EXPECT_LE(odometry[0].at_ns - 1'000 * read(odometry[0], "Time").raw, 6 * kMs);
-      EXPECT_EQ(rig.heap_calls, 0u);
-    }
+    Rig rig;
+    rig.begin();
+    rig.run(1);
+    const std::size_t files = rig.kernel.open_files();
+    is_removed ? rig.bus.remove() : rig.bus.set_up(false);
+    rig.run(0.1);
+    EXPECT_EQ(rig.output.bus(), BusState::kLost);
+    EXPECT_FALSE(rig.output.publish(rig.odometry));
+    EXPECT_EQ(rig.kernel.open_files(), 1u) << "only what wakes the thread";
+    rig.run(10.3);
+    // after 50, 100, 200, 400, 800 ms, then each second
+    EXPECT_EQ(rig.output.counts().retries, 13u);
+    EXPECT_EQ(rig.output.counts().last_error, is_removed ? ENODEV : ENETDOWN);
+    EXPECT_TRUE(rig.bus.sent.empty());
+    EXPECT_GT(rig.output.counts().dropped, 190u);
+    rig.bus.plug_in();
+    rig.run(1.05);
+    EXPECT_EQ(rig.output.bus(), BusState::kActive);
+    EXPECT_EQ(rig.output.counts().disconnected, 1u);
+    EXPECT_EQ(rig.kernel.open_files(), files);
+    const auto odometry = rig.all("EpilineOdometry");
+    ASSERT_FALSE(odometry.empty());
+    EXPECT_LE(odometry[0].at_ns - 1'000 * read(odometry[0], "Time").raw, 6 * kMs);
+    EXPECT_EQ(rig.heap_calls, 0u);
   }
 }
 
@@ -374,22 +353,6 @@ TEST(CanOutput, ErrorFramesAreCountedAndAPassiveBusIsToldAsLongAsItIs) {
   rig.bus.tell(CAN_ERR_CRTL, CAN_ERR_CRTL_RX_WARNING);
   rig.run(0.3);
   EXPECT_EQ(rig.output.bus(), BusState::kActive) << "its errors are fewer again";
-}
-
-TEST(CanOutput, WholeMessagesThatFindNoPeerAreCountedAndTheFramesGoOn) {
-  Rig rig(true, true);
-  rig.begin();
-  rig.run(1);
-  EXPECT_NEAR(static_cast<double>(rig.bus.messages.size()), 20, 2);
-  for (std::size_t i = 0; i < rig.bus.messages.size(); ++i) EXPECT_EQ(rig.bus.messages[i][0], i);
-  rig.bus.isotp_busy = true;
-  rig.run(1);
-  EXPECT_NEAR(static_cast<double>(rig.output.counts().messages_busy), 20, 2);
-  rig.bus.isotp_error = ECOMM;
-  rig.run(1);
-  EXPECT_EQ(rig.output.counts().messages_failed, 1u);
-  EXPECT_EQ(rig.output.counts().disconnected, 0u);
-  EXPECT_NEAR(static_cast<double>(rig.all("EpilineOdometry").size()), 20, 2);
 }
 
 }  // namespace
