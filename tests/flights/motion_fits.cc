@@ -53,7 +53,7 @@ bool fit_one(const std::string& folder, Options& o) {
   if (!flight->ground_truth) return complain(folder + ": no ground truth");
   o.settings.imu_name = flight->imu_file.string();
   o.settings.truth_name = flight->truth_file.string();
-  const auto fit = fit_motion(flight->imu_samples, flight->imu.noise, *flight->ground_truth, o.settings);
+  const auto fit = fit_motion(corrected_samples(*flight), flight->imu.noise, *flight->ground_truth, o.settings);
   if (!fit) return complain(fit.error().text());
   fmt::print("{}\n", line(std::filesystem::path(folder).filename().string(), fit->report));
   return true;

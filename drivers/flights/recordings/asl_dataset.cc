@@ -215,10 +215,6 @@ Status read_imu(AslMotion& d, const fs::path& calibration_file) {
   return check_columns(d);
 }
 
-void correct_imu(AslMotion& d) {
-  for (ImuSample& sample : d.imu_samples) d.imu.correction.apply(sample);
-}
-
 Status read_wheel(AslMotion& d) {
   const fs::path path = find_table(d.root / "wheel0", "data.csv");
   if (path.empty()) return Done{};
@@ -274,13 +270,18 @@ Result<std::optional<Trajectory>> read_asl_ground_truth(const fs::path& folder) 
   return read_ground_truth(truth_file(*root));
 }
 
+std::vector<ImuSample> corrected_samples(const AslMotion& motion) {
+  std::vector<ImuSample> samples = motion.imu_samples;
+  for (ImuSample& sample : samples) motion.imu.correction.apply(sample);
+  return samples;
+}
+
 Result<AslMotion> open_asl_motion(const fs::path& folder, const fs::path& imu_file) {
   const auto root = find_root(folder);
   if (!root) return root.error();
   AslMotion d;
   d.root = *root;
   if (const Status s = read_imu(d, imu_file); !s) return s.error();
-  correct_imu(d);
   if (const Status s = read_wheel(d); !s) return s.error();
   if (const Status s = read_heights(d); !s) return s.error();
   if (const Status s = read_ground_truth(d); !s) return s.error();
@@ -292,7 +293,6 @@ Result<AslDataset> open_asl_dataset(const fs::path& folder, const std::string& c
   auto d = open_uncalibrated_asl_dataset(folder, camera, imu_file);
   if (!d) return d.error();
   if (const Status s = read_lens(*d, camera, camera_file); !s) return s.error();
-  correct_imu(*d);
   if (const Status s = check_common_time(*d); !s) return s.error();
   if (const Status s = read_ground_truth(*d); !s) return s.error();
   return d;

@@ -35,10 +35,11 @@ struct TrackInstant {
 struct AslMotion {
   std::filesystem::path root;  ///< the folder that contains cam0 and imu0
   ImuCalibration imu;
-  std::vector<std::string> notes;            ///< remarks for the user, one line each
-  std::filesystem::path imu_file;            ///< data.csv[.gz]
-  std::filesystem::path truth_file;          ///< empty if there is none
-  std::vector<ImuSample> imu_samples;        ///< in the file's order, corrected; the estimator counts bad samples
+  std::vector<std::string> notes;    ///< remarks for the user, one line each
+  std::filesystem::path imu_file;    ///< data.csv[.gz]
+  std::filesystem::path truth_file;  ///< empty if there is none
+  /// In the file's order, as they came: imu.correction is to be applied. The estimator counts bad samples.
+  std::vector<ImuSample> imu_samples;
   std::vector<WheelSample> wheel_samples;    ///< of wheel0/data.csv: time, forward speed in m/s; empty if there is none
   std::vector<HeightSample> height_samples;  ///< of baro0/data.csv and range0/data.csv: time, m; in the order of time
   std::optional<Trajectory> ground_truth;
@@ -61,6 +62,9 @@ struct AslDataset : AslMotion {
 /// replaces the data set's. Fails like open_asl_dataset().
 Result<AslMotion> open_asl_motion(const std::filesystem::path& folder, const std::filesystem::path& imu_file = {});
 
+/// The readings as a right IMU gives them.
+std::vector<ImuSample> corrected_samples(const AslMotion& motion);
+
 /// Opens the folder (or its `mav0`) and reads everything but the images. `camera`: cam0, cam1. Calibration comes from
 /// the files named in `camera_file` and `imu_file` instead of the data set's if they are not empty. Fails if and only
 /// if a file is missing that a replay needs (calibration, image list, IMU), one does not parse, images or IMU are
@@ -78,8 +82,7 @@ Status open_other_camera(AslDataset& dataset, const std::string& camera, const s
 /// How many cameras the folder (or its `mav0`) has: cam0, cam1 and so on without a gap, up to kMostOthers beside cam0.
 std::size_t count_cameras(const std::filesystem::path& folder);
 
-/// The same without the camera's calibration, which is still to be found, without ground truth, and with the IMU's
-/// readings as they came.
+/// The same without the camera's calibration, which is still to be found, and without ground truth.
 Result<AslDataset> open_uncalibrated_asl_dataset(const std::filesystem::path& folder, const std::string& camera,
                                                  const std::filesystem::path& imu_file = {});
 

@@ -265,10 +265,7 @@ Result<AslDataset> open_bag_dataset(const fs::path& path, const BagTopics& topic
   if (!truth) return truth.error();
   d.ground_truth = std::move(*truth);
   for (const BagEntry& entry : (*images)->entries) d.images.push_back({entry.stamp, {}, 0});
-  for (const BagEntry& entry : (*imu)->entries) {
-    d.imu_samples.push_back(entry.imu);
-    d.imu.correction.apply(d.imu_samples.back());
-  }
+  for (const BagEntry& entry : (*imu)->entries) d.imu_samples.push_back(entry.imu);
   d.image_source = std::make_shared<BagImages>(std::move(content->bag), **images);
   return d;
 }

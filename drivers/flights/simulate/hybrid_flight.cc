@@ -44,6 +44,7 @@ void simulate_imu(const FittedMotion& motion, const HybridSettings& settings, Fl
   ImuSimulator simulator(imu_model_with(settings.imu_effects, tables.imu.noise, rate_hz, Random(settings.seed, 711)),
                          Random(settings.seed, 710));
   tables.imu_samples.clear();
+  tables.imu.correction = {};
   for (TruthRow& row : tables.truth) {
     row.state.b_a = simulator.accelerometer_bias();
     row.state.b_g = simulator.gyroscope_bias();
@@ -74,7 +75,7 @@ Result<HybridFlight> hybrid_flight(const HybridSettings& settings) {
   fit_settings.draw = settings.seed;
   fit_settings.imu_name = recorded->imu_file.string();
   fit_settings.truth_name = recorded->truth_file.string();
-  const auto fit = fit_motion(recorded->imu_samples, recorded->imu.noise, *recorded->ground_truth, fit_settings);
+  const auto fit = fit_motion(corrected_samples(*recorded), recorded->imu.noise, *recorded->ground_truth, fit_settings);
   if (!fit) return fit.error();
   const FittedMotion& motion = fit->motion;
 

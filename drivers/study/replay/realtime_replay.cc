@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <csignal>
+#include <memory>
 #include <system_error>
 
 #include "drivers/flights/recordings/fault_injection.h"
@@ -9,6 +10,7 @@
 #include "drivers/study/replay/predicted_recorder.h"
 #include "drivers/study/replay/recorded_run.h"
 #include "drivers/study/report/page.h"
+#include "pipeline/realtime/corrected_imu.h"
 #include "pipeline/realtime/realtime_pipeline.h"
 #include "pipeline/recorder/flight_recorder.h"
 #include "platform/linux/signals.h"
@@ -112,9 +114,10 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     const CameraParameters& lens = dataset.camera.parameters;
     FaultyCamera faulty_camera(camera,
                                CameraFaults(options.faults, first, lens.width, lens.height, RecordedCamera::kBuffers));
-    FaultyImu faulty_imu(imu, ImuFaults(options.faults, first));
+    CorrectedImu corrected_imu(std::make_unique<FaultyImu>(imu, ImuFaults(options.faults, first)),
+                               dataset.imu.correction);
     const EndSignals signals;  // before any thread begins
-    RealtimePorts ports{&faulty_camera, &faulty_imu, predicted ? &*predicted : options.odometry, {&collector}, {}};
+    RealtimePorts ports{&faulty_camera, &corrected_imu, predicted ? &*predicted : options.odometry, {&collector}, {}};
     if (!dataset.wheel_samples.empty()) ports.wheel = &wheel;
     if (!dataset.height_samples.empty()) ports.height = &height;
     if (options.observer != nullptr) ports.observers.push_back(options.observer);

@@ -237,6 +237,7 @@ class Flight {
       ImuSample& sample = delivered_[next_delivered_++];
       ++record_.imu_read;
       if (observer_ != nullptr) observer_->imu(sample);
+      dataset_.imu.correction.apply(sample);
       if (pipeline_.add_imu(sample)) feed_.took(sample);
     }
   }

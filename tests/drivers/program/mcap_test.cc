@@ -48,6 +48,26 @@ TEST_F(Mcap, FliesAgainToTheSameTrajectory) {
   EXPECT_EQ(stats("again")["imu"], stats("folder")["imu"]);
 }
 
+// The file holds the readings as they came: the calibration that corrects the folder's corrects the file's as well.
+TEST_F(Mcap, ReadingsAreCorrectedOnceWhenTheyFlyAgain) {
+  const fs::path imu = scratch() / "imu.yaml";
+  write(imu, read(flight_ / "mav0/imu0/sensor.yaml") +
+                 "accelerometers:\n  M: [1.02, 0, 0, 0.004, 0.98, 0, -0.003, 0.005, 1.01]\n"
+                 "gyroscopes:\n  M: [0.98, 0, 0, 0.002, 1.01, 0, 0.001, 0, 1.02]\n"
+                 "  A: [1.0e-4, 0, 0, 0, 2.0e-4, 0, 0, 0, 1.0e-4]\n");
+  write(config, "[camera]\ncalibration = \"" + (flight_ / "mav0/cam0/sensor.yaml").string() +
+                    "\"\n[imu]\ncalibration = \"" + imu.string() + "\"\n");
+  const std::string with_config = "--config '" + config.string() + "'";
+  ASSERT_EQ(replay("uncorrected", "").exit_code, 0);
+  const Outcome r = write_mcap(with_config);
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  const std::string wanted = read(scratch() / "folder/trajectory.tum");
+  EXPECT_GT(std::count(wanted.begin(), wanted.end(), '\n'), 30);
+  EXPECT_NE(wanted, read(scratch() / "uncorrected/trajectory.tum"));
+  ASSERT_EQ(replay_mcap().exit_code, 0);
+  EXPECT_EQ(read(scratch() / "again/trajectory.tum"), wanted);
+}
+
 TEST_F(Mcap, HoldsTheNumbersOfTheFlight) {
   ASSERT_EQ(write_mcap("--duration 2").exit_code, 0);
   const auto bag = epiline::Bag::open(file);

@@ -223,6 +223,21 @@ TEST_F(SimulateFromRecording, SimulatesAnImuIfAsked) {
   EXPECT_NE(read(scratch() / "x/mav0/imu0/data.csv"), read(scratch() / "recorded/mav0/imu0/data.csv"));
 }
 
+// Neither the readings nor their calibration change, so a replay corrects them once. A simulated IMU has no such
+// errors.
+TEST_F(SimulateFromRecording, HandsOnReadingsAsTheyCame) {
+  std::ofstream(scratch() / "recorded/mav0/imu0/sensor.yaml", std::ios::app)
+      << "accelerometers:\n  M: [1, 0, 0, 0, 1, 0, 0, 0, 1.01]\n";
+  ASSERT_EQ(run(render()).exit_code, 0);
+  EXPECT_TRUE(read(scratch() / "x/mav0/imu0/data.csv") == read(scratch() / "recorded/mav0/imu0/data.csv"));
+  EXPECT_NE(read(scratch() / "x/mav0/imu0/sensor.yaml").find("accelerometers"), std::string::npos);
+  const Json fit = Json::parse(read(scratch() / "x/fit.json"));
+  EXPECT_LT(fit["accelerometer"]["bias_m_s2"][2].get<double>(), -0.15) << "1 % of gravity less than it was";
+  fs::remove_all(scratch() / "x");
+  ASSERT_EQ(run(render(" --imu simulated")).exit_code, 0);
+  EXPECT_EQ(read(scratch() / "x/mav0/imu0/sensor.yaml").find("accelerometers"), std::string::npos);
+}
+
 TEST_F(SimulateFromRecording, RefusesATruthWithAGap) {
   edit(truth(), [](int i, const std::string& line) { return i > 100 && i < 200 ? "" : line; });
   expect_one_line(run(render()), 2, {truth().string(), "gap"});
