@@ -123,6 +123,22 @@ TEST(EstimatorSoak, AWaitDoesNotChangeHowWellItKnowsItsSpeedAsItLeaves) {
     EXPECT_LT(largest_sigma_after_a_wait_of(seconds), 1.2 * after_three) << seconds;
 }
 
+/// Drives at 15 m/s, cruises at 40 m/s or turns at 2 g. What is known of speed and scale may become less, not wrong.
+TEST(EstimatorSoak, FliesFastForThreeMinutes) {
+  for (const test::Path path : {test::kRoad, test::kCruise, test::kTurn}) {
+    SCOPED_TRACE(path);
+    test::Row row = drifting();
+    row[test::kPath] = path;
+    test::LifeRig rig(row, 1, true);
+    rig.motion.change(2);
+    const Soak soak = run(rig, 182);
+    EXPECT_EQ(soak.wrong, 0) << soak.sigmas << " sigma at " << soak.at_s << " s";
+    EXPECT_EQ(soak.without, 0);
+    EXPECT_EQ(soak.resets, 0u);
+    EXPECT_GT(soak.tracking, 0.97 * soak.frames);
+  }
+}
+
 TEST(EstimatorSoak, LeavesAfterAMinute) {
   for (const bool warms_up : {false, true}) {
     SCOPED_TRACE(warms_up);
