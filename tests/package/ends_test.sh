@@ -2,7 +2,7 @@
 # usage: ends_test.sh PROGRAM. How each command that computes ends by a signal, and what it says on a full disk. A table; exit code 1
 # if a row is wrong. Commands that need devices: tests/drivers/program and tests/hardware.
 set -uo pipefail
-program=$1 failed=0
+program=$(realpath "$1") failed=0
 work=$(mktemp -d)
 trap 'umount "$work/full" 2>/dev/null; rm -rf "$work"' EXIT
 cd "$work" || exit 1
@@ -19,6 +19,11 @@ row() {
   [[ -z $5 ]] || failed=1
 }
 
+# handles_signals PID: whether it is the program, not yet the shell before it, and has a handler for SIGTERM.
+handles_signals() {
+  [[ $(readlink "/proc/$1/exe") == "$program" ]] && ((0x$(awk '/^SigCgt/ { print $2 }' "/proc/$1/status") & 1 << 14))
+}
+
 # ended COMMAND SIGNALS CODE TEXT LEFT BEGUN ARGUMENTS...: sends the signals at a random time once there is a file BEGUN. It ends with
 # CODE and TEXT within two seconds (0.2 where nothing else runs; tests share a processor), and with the files LEFT.
 ended() {
@@ -29,7 +34,7 @@ ended() {
   env --default-signal=INT,TERM,HUP "$program" "$command" "$@" >/dev/null 2>err </dev/null &
   pid=$!
   for ((i = 0; i < 3000; ++i)); do
-    compgen -G "$begun" >/dev/null && break
+    compgen -G "$begun" >/dev/null && handles_signals "$pid" && break
     sleep 0.01
   done
   sleep "0.$((RANDOM % 9))"
