@@ -2,10 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <limits>
 #include <numeric>
 
 #include "drivers/study/report/ensemble_tables.h"
+#include "drivers/study/report/published_figures.h"
 #include "platform/math/statistics.h"
 
 namespace epiline {
@@ -67,6 +69,39 @@ std::vector<TableCell> summary_row(const char* name, const BenchmarkRecord& reco
   return row;
 }
 
+struct PublishedColumn {
+  const char* name;
+  double PublishedFigures::*figure;
+  const char* format;
+};
+constexpr PublishedColumn kPublishedColumns[] = {
+    {"paper", &PublishedFigures::paper_m, "{:.3f}"},   {"VINS-Mono", &PublishedFigures::vins_m, "{:.3f}"},
+    {"basalt", &PublishedFigures::basalt_m, "{:.2f}"}, {"VI-DSO", &PublishedFigures::vi_dso_m, "{:.2f}"},
+    {"paper", &PublishedFigures::paper_ms, "{:.2f}"},  {"VINS-Mono", &PublishedFigures::vins_ms, "{:.2f}"}};
+
+/// Columns for what others published for these flights, if anything.
+void add_published(const BenchmarkRecord& record, const std::vector<std::size_t>& datasets, FigureTable& t) {
+  std::vector<const PublishedFigures*> published;
+  for (const std::size_t d : datasets) published.push_back(published_figures(record.datasets[d].name));
+  if (std::all_of(published.begin(), published.end(), [](const auto* p) { return p == nullptr; })) return;
+  t.note += " Published: whole flights, on other computers; basalt: with two cameras.";
+  t.groups.insert(t.groups.end(), {{"published ATE, m", 4}, {"published solve, ms", 2}});
+  for (const PublishedColumn& column : kPublishedColumns) {
+    t.columns.emplace_back(column.name);
+    std::vector<double> values;
+    for (std::size_t i = 0; i < published.size(); ++i) {
+      const double value = published[i] ? published[i]->*column.figure : 0;
+      if (value > 0) values.push_back(value);
+      t.rows[i].push_back({value > 0 ? shown(value, column.format) : kNone, false, false, ""});
+    }
+    if (t.summary_rows == 0) continue;
+    const Summary s = summarise(std::move(values));
+    const bool all = s.count == datasets.size();  // else it cannot be compared with the others
+    t.rows[published.size()].push_back({all ? shown(s.mean, column.format) : kNone, false, false, ""});
+    t.rows[published.size() + 1].push_back({all ? shown(s.median, column.format) : kNone, false, false, ""});
+  }
+}
+
 FigureTable error_and_solve_table(const BenchmarkRecord& record, const BenchmarkSummary& summary,
                                   const std::string& group, const std::vector<std::size_t>& datasets) {
   const std::size_t factors = record.factors.size();
@@ -96,10 +131,12 @@ FigureTable error_and_solve_table(const BenchmarkRecord& record, const Benchmark
         figure("solve_ms_mean"), row);
     t.rows.push_back(std::move(row));
   }
-  if (datasets.size() == 1) return t;
-  t.rows.push_back(summary_row("mean", record, summary, datasets, &Summary::mean));
-  t.rows.push_back(summary_row("median", record, summary, datasets, &Summary::median));
-  t.summary_rows = 2;
+  if (datasets.size() > 1) {
+    t.rows.push_back(summary_row("mean", record, summary, datasets, &Summary::mean));
+    t.rows.push_back(summary_row("median", record, summary, datasets, &Summary::median));
+    t.summary_rows = 2;
+  }
+  add_published(record, datasets, t);
   return t;
 }
 

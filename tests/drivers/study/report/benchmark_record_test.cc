@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "drivers/study/report/benchmark_report.h"
+#include "drivers/study/report/benchmark_tables.h"
 #include "drivers/study/report/ensemble_tables.h"
 
 namespace epiline {
@@ -79,6 +80,33 @@ TEST(Repetitions, HaveNoSpread) {
   EXPECT_TRUE(b["results"][0]["spread"].is_null());
   EXPECT_TRUE(b["settings"]["ensemble"].is_null());
   EXPECT_EQ(benchmark_text(record, summary).find("Ensemble"), std::string::npos);
+}
+
+/// The rows of the first table, each cut into its cells.
+std::vector<std::vector<std::string>> first_table(const BenchmarkRecord& record) {
+  std::vector<std::vector<std::string>> rows;
+  const std::vector<FigureTable> tables = benchmark_tables(record, BenchmarkSummary(record));
+  for (const auto& row : tables.front().rows) {
+    rows.emplace_back();
+    for (const TableCell& cell : row) rows.back().push_back(cell.text);
+  }
+  return rows;
+}
+
+TEST(PublishedFigures, StandBesideOursForWholeFlightsOnly) {
+  BenchmarkRecord record = ensemble();
+  EXPECT_EQ(first_table(record).front().size(), 3u);  // a made-up flight: its name, error, time
+  record.datasets = {{"room1", "tumvi_rooms", "tumvi_rooms/room1", {}},
+                     {"room2", "tumvi_rooms", "tumvi_rooms/room2", {}}};
+  record.runs.push_back(run_with(0.05, 100, 0.2, 1));
+  record.runs.back().dataset = 1;
+  using Row = std::vector<std::string>;
+  const auto rows = first_table(record);
+  ASSERT_EQ(rows.size(), 4u);
+  EXPECT_EQ(rows[0], (Row{"room1", "0.0250", "–", "0.051", "0.067", "0.09", "–", "11.56", "20.19"}));
+  EXPECT_EQ(rows[2], (Row{"mean", "0.0375", "–", "0.077", "0.068", "0.08", "–", "12.07", "21.43"}));
+  record.datasets[1].name = "mine";  // its mean is of other flights than theirs
+  EXPECT_EQ(first_table(record)[2], (Row{"mean", "0.0375", "–", "–", "–", "–", "–", "–", "–"}));
 }
 
 }  // namespace
