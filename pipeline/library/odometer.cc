@@ -22,8 +22,9 @@ Error too_many(const char* what) {
   return refusal(std::string("too many ") + what + " wait", "a step after each push");
 }
 
-Result<OfflineSettings> offline_settings(const ConfigFile& file, bool images, ImuCorrection& correction) {
+Result<OfflineSettings> offline_settings(const ConfigFile& file, bool images) {
   Config config;
+  OfflineSettings settings;
   file.apply(config);  // for the names of calibration files
   if (config.camera_calibration.empty())
     return refusal("camera.calibration is not set", "the name of the camera's calibration file");
@@ -36,11 +37,10 @@ Result<OfflineSettings> offline_settings(const ConfigFile& file, bool images, Im
     const auto imu = read_imu_calibration(config.imu_calibration);
     if (!imu) return imu.error();
     set_calibration(*imu, config.estimator);
-    correction = imu->correction;
+    settings.imu_correction = imu->correction;
   }
   file.apply(config);  // the settings win
   set_vehicle(config);
-  OfflineSettings settings;
   settings.camera = camera->parameters;
   settings.tracker = config.tracker;
   settings.estimator = config.estimator;
@@ -59,18 +59,17 @@ OfflineSettings completed(OfflineSettings settings) {
 }  // namespace
 
 Result<std::unique_ptr<Odometer>> Odometer::create(const ConfigFile& settings, bool images) {
-  ImuCorrection correction;
-  const auto offline = offline_settings(settings, images, correction);
+  const auto offline = offline_settings(settings, images);
   if (!offline) return offline.error();
   try {
-    return std::make_unique<Odometer>(*offline, correction);
+    return std::make_unique<Odometer>(*offline);
   } catch (const std::invalid_argument& e) {
     return refusal(e.what(), "settings that are consistent with each other");
   }
 }
 
-Odometer::Odometer(const OfflineSettings& settings, const ImuCorrection& correction)
-    : images_(settings.images), camera_(settings.camera), imu_correction_(correction), pipeline_(completed(settings)) {
+Odometer::Odometer(const OfflineSettings& settings)
+    : images_(settings.images), camera_(settings.camera), pipeline_(completed(settings)) {
   for (Buffer& buffer : buffers_) {
     if (images_)
       buffer.pixels.resize(static_cast<std::size_t>(camera_.width) * static_cast<std::size_t>(camera_.height));
@@ -124,7 +123,6 @@ Status Odometer::push_imu(const ImuSample& sample) {
   }
   ImuSample arrived = sample;
   arrived.arrival = sample.stamp;
-  imu_correction_.apply(arrived);
   imu_.push(arrived);
   return Done{};
 }

@@ -20,9 +20,9 @@ class Odometer {
  public:
   static constexpr std::size_t kMostImages = 4;  ///< that wait for a step
 
-  /// `settings.images` false: tracks; `recorded` and `log` are not used. `correction`: of each reading. Throws
-  /// std::invalid_argument for settings that contradict each other.
-  explicit Odometer(const OfflineSettings& settings, const ImuCorrection& correction = {});
+  /// `settings.images` false: tracks; `recorded` and `log` are not used. Throws std::invalid_argument for settings that
+  /// contradict each other.
+  explicit Odometer(const OfflineSettings& settings);
   /// Reads the calibration files that the settings name. Fails if and only if `camera.calibration` is not set, a
   /// calibration cannot be read, or settings contradict each other.
   static Result<std::unique_ptr<Odometer>> create(const ConfigFile& settings, bool images);
@@ -75,7 +75,6 @@ class Odometer {
 
   bool images_;  ///< false: tracks
   CameraParameters camera_;
-  ImuCorrection imu_correction_;
   OfflinePipeline pipeline_;
   std::array<Buffer, kMostImages + 1> buffers_;  // the tracker keeps one
   std::array<Waiting, kMostImages> waiting_{};

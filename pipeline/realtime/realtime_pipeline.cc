@@ -111,7 +111,7 @@ RealtimePipeline::Impl::Impl(const RealtimeSettings& s, const RealtimePorts& p)
       height_thread({"height", 0, -1, kStack}, flight),
       images(p.camera),
       flight_log(p.observers, p.event_rings, s.images_to_log),
-      imu(p.imu, limits_of(s.estimator), clock,
+      imu(p.imu, limits_of(s.estimator), s.imu_correction, clock,
           {imu_readers(), imu_heard, flight_log.events_of(Speaker::kImu), &flight_log.imu()}),
       capture(p.camera, clock,
               {frames, images, track_thread.parking(), camera_heard, flight_log.events_of(Speaker::kCapture)},

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "estimator/predict/predictor.h"
+#include "pipeline/config/calibration.h"
 #include "pipeline/config/realtime_config.h"
 #include "pipeline/realtime/flight_observer.h"
 #include "pipeline/stages/frame_outcome.h"
@@ -29,6 +30,7 @@ struct RealtimeSettings {
   CameraParameters camera;
   TrackerConfig tracker;
   EstimatorConfig estimator;
+  ImuCorrection imu_correction;
   double deadline_ms = 0;  ///< for the solve of one image; 0: as long as it takes
   RealtimeConfig realtime;
   bool images = true;  ///< false: recorded tracks

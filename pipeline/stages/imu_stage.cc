@@ -14,6 +14,7 @@ bool ImuStage::take(ImuSample& reading) noexcept {
   const bool taken = gate_.step(reading);
   events_.after(taken, reading, gate_);
   if (!taken) return false;
+  correction_.apply(reading);
   times_.heard_imu(reading.arrival.ns != 0 ? reading.arrival : reading.stamp);
   for (const Reader& reader : out_.readers) reader.ring->push(reading);
   return true;

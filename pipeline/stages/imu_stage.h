@@ -3,6 +3,7 @@
 #include <array>
 #include <vector>
 
+#include "pipeline/config/calibration.h"
 #include "pipeline/stages/hand_over.h"
 #include "pipeline/stages/source_stage.h"
 #include "pipeline/watch/health_merge.h"
@@ -11,7 +12,7 @@
 
 namespace epiline {
 
-/// Judges every sample, and passes accepted ones to every reader.
+/// Judges every sample, and passes accepted ones to every reader, corrected.
 class ImuStage final : public SourceStage {
  public:
   struct Reader {
@@ -26,10 +27,17 @@ class ImuStage final : public SourceStage {
   };
 
   /// `imu` is null where only take() is called.
-  ImuStage(ImuSource* imu, const ImuLimits& limits, const FlightClock& clock, const Outputs& out)
-      : SourceStage(EventSource::kImu, clock, out.events), imu_(imu), out_(out), gate_(limits), events_(out.events) {}
+  ImuStage(ImuSource* imu, const ImuLimits& limits, const ImuCorrection& correction, const FlightClock& clock,
+           const Outputs& out)
+      : SourceStage(EventSource::kImu, clock, out.events),
+        imu_(imu),
+        out_(out),
+        gate_(limits),
+        correction_(correction),
+        events_(out.events) {}
 
-  /// Passes a sample through the gate, which may correct its timestamp, to the readers' rings. False: dropped.
+  /// Passes a sample through the gate, which may correct its timestamp, and corrected to the readers' rings. False:
+  /// dropped.
   bool take(ImuSample& reading) noexcept;
 
   std::uint64_t readings() const noexcept { return readings_.get(); }  ///< that came
@@ -44,6 +52,7 @@ class ImuStage final : public SourceStage {
   std::array<ImuSample, 64> batch_;
   std::size_t count_ = 0;
   ImuGate gate_;
+  ImuCorrection correction_;
   ImuEvents events_;
   LastHeard times_;
   StageCount readings_;

@@ -7,7 +7,8 @@ namespace epiline {
 OfflinePipeline::OfflinePipeline(const OfflineSettings& s)
     : recorded_(s.recorded),
       clock_{s.clocks, &pace_},
-      imu_(nullptr, {s.estimator.saturation_gyroscope_rad_s, s.estimator.saturation_accelerometer_m_s2}, clock_,
+      imu_(nullptr, {s.estimator.saturation_gyroscope_rad_s, s.estimator.saturation_accelerometer_m_s2},
+           s.imu_correction, clock_,
            {s.images ? std::vector<ImuStage::Reader>{{&imu_to_track_, &nobody_}, {&imu_to_estimate_, &nobody_}}
                      : std::vector<ImuStage::Reader>{{&imu_to_estimate_, &nobody_}},
             unheard_, events_}),

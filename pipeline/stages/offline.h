@@ -15,6 +15,7 @@ struct OfflineSettings {
   CameraParameters camera;
   TrackerConfig tracker;
   EstimatorConfig estimator;
+  ImuCorrection imu_correction;
   double deadline_ms = 0;  ///< for the solve of one image; 0: as long as it takes
   bool images = true;      ///< false: recorded tracks
   /// Recorded tracks: the points of each image, by Frame::sequence. They outlive the pipeline.

@@ -13,6 +13,7 @@ namespace epiline {
 namespace {
 
 constexpr std::size_t kChunk = 1 << 20;  // a reader unpacks a whole one for each message it wants
+
 std::string record(std::uint8_t op, std::string_view content) {
   return ByteWriter().number(op).block<std::uint64_t>(content).bytes();
 }

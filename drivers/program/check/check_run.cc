@@ -169,6 +169,7 @@ class Samples {
     if (outcome != ReadOutcome::kSample) return goes_on(outcome);
     const std::lock_guard lock(imu_mutex_);
     for (std::size_t i = 0; i < count; ++i) {
+      settings_.imu_correction.apply(samples[i]);
       readings_.step(samples[i]);
       wave_->add_reading(samples[i]);
       if (witness_ != nullptr) witness_->reading(samples[i]);

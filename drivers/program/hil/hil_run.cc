@@ -141,6 +141,7 @@ class Flight {
         truth_(dataset_.ground_truth ? &*dataset_.ground_truth : nullptr),
         camera_(std::make_unique<PlayedCamera>(dataset_, plan_, clock_, options_.disturbance)),
         imu_(std::make_unique<PlayedImu>(dataset_, plan_, clock_, options_.disturbance)) {
+    settings_.imu_correction = dataset_.imu.correction;
     imu_->end_after(plan_.images.back().stamp + kTail);
   }
 

@@ -73,7 +73,6 @@ bool PlayedImu::prepare() noexcept {
     if (last_ && samples_[next_].stamp > *last_) return false;
     ImuSample sample = samples_[next_++];
     if (delivery_.loses()) continue;
-    correction_.apply(sample);
     const Pace& pace = clock_.pace();
     const std::int64_t due_ns = pace.host_of(sample.stamp);
     sample.stamp.ns = due_ns + static_cast<std::int64_t>(skew_ * static_cast<double>(due_ns - pace.host_ns));

@@ -81,12 +81,11 @@ class PlayedCamera final : public CameraSource {
   std::int64_t held_until_ns_ = 0;
 };
 
-/// The recording's IMU samples, corrected.
+/// The recording's IMU samples.
 class PlayedImu final : public ImuSource {
  public:
   PlayedImu(const AslDataset& dataset, const FlightPlan& plan, const PlayClock& clock, const Disturbance& disturbance)
       : samples_(dataset.imu_samples),
-        correction_(dataset.imu.correction),
         next_(plan.first_imu),
         end_(dataset.imu_samples.size()),
         clock_(clock),
@@ -102,7 +101,6 @@ class PlayedImu final : public ImuSource {
   bool prepare() noexcept;
 
   const std::vector<ImuSample>& samples_;
-  const ImuCorrection& correction_;
   std::size_t next_, end_;
   const PlayClock& clock_;
   Delivery delivery_;

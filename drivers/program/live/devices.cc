@@ -19,7 +19,6 @@
 #include "drivers/sensors/imu/spi_imu_device.h"
 #include "drivers/sensors/wheel/can_wheel_source.h"
 #include "pipeline/config/vehicle.h"
-#include "pipeline/realtime/corrected_imu.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline {
@@ -386,8 +385,6 @@ MadeDevices make_each_device(const LiveSettings& settings, LiveDevices given) {
   add_wheel(d, devices);
   made.height = add_height(settings, link, devices);
   if (!imu_given) made.imu = add_imu(settings, link, devices);
-  if (!imu_given && devices.imu && !settings.imu_correction.is_none())
-    devices.imu = std::make_unique<CorrectedImu>(std::move(devices.imu), settings.imu_correction);
   return made;
 }
 

@@ -97,7 +97,7 @@ std::array<std::optional<CameraParameters>, kMostOthers> other_lenses(const Live
 
 RealtimeSettings pipeline_settings(const LiveSettings& settings, const LiveDevices& devices) {
   const Config& c = settings.config;
-  RealtimeSettings s{settings.camera, c.tracker, c.estimator, c.deadline_ms,
+  RealtimeSettings s{settings.camera, c.tracker, c.estimator, settings.imu_correction, c.deadline_ms,
                      c.realtime,      true,      {},          devices.images_to_log};
   s.others = other_lenses(settings);
   return s;
@@ -160,7 +160,8 @@ std::unique_ptr<FlightRecorder> add_recorder(const LiveSettings& settings, Realt
   const double rate_hz = settings.config.devices.camera.rate_hz;
   auto recorder = std::make_unique<FlightRecorder>(
       settings.config.recorder,
-      recorded_run(settings.camera, other_lenses(settings), rate_hz > 0 ? rate_hz : kUsualRate_hz, settings.config));
+      recorded_run(settings.camera, other_lenses(settings), rate_hz > 0 ? rate_hz : kUsualRate_hz,
+                   settings.imu_correction, settings.config));
   ports.observers.push_back(recorder.get());
   ports.event_rings.push_back(&recorder->events());
   return recorder;

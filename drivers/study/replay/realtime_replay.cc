@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <csignal>
-#include <memory>
 #include <system_error>
 
 #include "drivers/flights/recordings/fault_injection.h"
@@ -10,7 +9,6 @@
 #include "drivers/study/replay/predicted_recorder.h"
 #include "drivers/study/replay/recorded_run.h"
 #include "drivers/study/report/page.h"
-#include "pipeline/realtime/corrected_imu.h"
 #include "pipeline/realtime/realtime_pipeline.h"
 #include "pipeline/recorder/flight_recorder.h"
 #include "platform/linux/signals.h"
@@ -63,15 +61,9 @@ class Collector final : public FlightObserver {
 };
 
 RealtimeSettings settings_of(const AslDataset& dataset, const FlightPlan& plan, const Config& config) {
-  return {dataset.camera.parameters,
-          config.tracker,
-          config.estimator,
-          config.deadline_ms,
-          config.realtime,
-          !dataset.images.empty(),
-          recorded_points(dataset, plan),
-          RecordedCamera::kImagesToLog,
-          other_lenses(dataset)};
+  return {dataset.camera.parameters,    config.tracker,       config.estimator,        dataset.imu.correction,
+          config.deadline_ms,           config.realtime,      !dataset.images.empty(), recorded_points(dataset, plan),
+          RecordedCamera::kImagesToLog, other_lenses(dataset)};
 }
 
 /// The instant of the computer's clock at which the recording begins: soon, with its first sample.
@@ -114,17 +106,17 @@ Result<FlightRecord> replay_in_real_time(const AslDataset& dataset, const Flight
     const CameraParameters& lens = dataset.camera.parameters;
     FaultyCamera faulty_camera(camera,
                                CameraFaults(options.faults, first, lens.width, lens.height, RecordedCamera::kBuffers));
-    CorrectedImu corrected_imu(std::make_unique<FaultyImu>(imu, ImuFaults(options.faults, first)),
-                               dataset.imu.correction);
+    FaultyImu faulty_imu(imu, ImuFaults(options.faults, first));
     const EndSignals signals;  // before any thread begins
-    RealtimePorts ports{&faulty_camera, &corrected_imu, predicted ? &*predicted : options.odometry, {&collector}, {}};
+    RealtimePorts ports{&faulty_camera, &faulty_imu, predicted ? &*predicted : options.odometry, {&collector}, {}};
     if (!dataset.wheel_samples.empty()) ports.wheel = &wheel;
     if (!dataset.height_samples.empty()) ports.height = &height;
     if (options.observer != nullptr) ports.observers.push_back(options.observer);
     if (options.view != nullptr) ports.observers.push_back(&start_view(*options.view, dataset, options));
     std::optional<FlightRecorder> recorder;
     if (!config.recorder.folder.empty()) {
-      recorder.emplace(config.recorder, recorded_run(lens, other_lenses(dataset), image_rate_hz(plan), config));
+      recorder.emplace(config.recorder,
+                       recorded_run(lens, other_lenses(dataset), image_rate_hz(plan), dataset.imu.correction, config));
       ports.observers.push_back(&*recorder);
       ports.event_rings.push_back(&recorder->events());
     }

@@ -29,7 +29,7 @@ void count_costs(const RealtimeReport& report, FlightRecord& record) {
 
 RecordedRun recorded_run(const CameraParameters& camera,
                          const std::array<std::optional<CameraParameters>, kMostOthers>& others, double image_rate_hz,
-                         Config config) {
+                         const ImuCorrection& correction, Config config) {
   RecordedRun run;
   run.camera = {camera, config.estimator.extrinsics.R_BC, config.estimator.extrinsics.p_BC,
                 config.estimator.extrinsics.time_offset_s};
@@ -39,10 +39,8 @@ RecordedRun recorded_run(const CameraParameters& camera,
     if (others[i]) run.others[i] = {*others[i], mounted.R_BC, mounted.p_BC, run.camera.time_offset_s};
   }
   run.image_rate_hz = image_rate_hz;
-  run.imu = {config.estimator.imu,
-             config.estimator.saturation_gyroscope_rad_s,
-             config.estimator.saturation_accelerometer_m_s2,
-             {}};  // recorded samples are corrected ones
+  run.imu = {config.estimator.imu, config.estimator.saturation_gyroscope_rad_s,
+             config.estimator.saturation_accelerometer_m_s2, correction};
   config.camera_calibration = config.imu_calibration = config.recorder.folder = "";
   run.config_toml = to_toml(config);
   run.png = png_of_frame;

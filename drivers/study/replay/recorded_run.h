@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "drivers/study/report/flight_record.h"
+#include "pipeline/config/calibration.h"
 #include "pipeline/config/config.h"
 #include "pipeline/recorder/flight_recorder.h"
 
@@ -15,7 +16,7 @@ namespace epiline {
 /// The facts with which a record of this flight can be replayed: the settings of this run, from whatever files.
 RecordedRun recorded_run(const CameraParameters& camera,
                          const std::array<std::optional<CameraParameters>, kMostOthers>& others, double image_rate_hz,
-                         Config config);
+                         const ImuCorrection& correction, Config config);
 
 /// What the system refused (priorities, locked memory, processors), one line each.
 std::vector<std::string> shortfalls_of(const RealtimeReport& report);

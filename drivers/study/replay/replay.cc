@@ -209,6 +209,7 @@ class Flight {
     OfflineSettings s{dataset.camera.parameters,
                       config.tracker,
                       config.estimator,
+                      dataset.imu.correction,
                       config.deadline_ms,
                       !dataset.images.empty(),
                       recorded_points(dataset, plan),
@@ -237,7 +238,6 @@ class Flight {
       ImuSample& sample = delivered_[next_delivered_++];
       ++record_.imu_read;
       if (observer_ != nullptr) observer_->imu(sample);
-      dataset_.imu.correction.apply(sample);
       if (pipeline_.add_imu(sample)) feed_.took(sample);
     }
   }

@@ -18,7 +18,9 @@ class ImuStageTest : public StageTest {
   std::unique_ptr<ImuLogRing> log = std::make_unique<ImuLogRing>();
   Parking parking;
   Heard heard;
-  ImuStage stage{&imu, {100, 100}, clock, {{{one.get(), &parking}, {two.get(), &parking}}, heard, *events, log.get()}};
+  ImuCorrection correction{.accelerometer = 1.25 * Mat3::Identity()};
+  ImuStage stage{
+      &imu, {100, 100}, correction, clock, {{{one.get(), &parking}, {two.get(), &parking}}, heard, *events, log.get()}};
 };
 
 TEST_F(ImuStageTest, EveryReaderAndTheLogGetEveryReading) {
@@ -30,6 +32,17 @@ TEST_F(ImuStageTest, EveryReaderAndTheLogGetEveryReading) {
   EXPECT_EQ(heard.last(), at_ms(995));
   EXPECT_EQ(heard.period().ns, 5 * kMs);
   EXPECT_EQ(told(), Lines{});
+}
+
+TEST_F(ImuStageTest, ReadersGetCorrectedReadingsAndTheLogWhatCame) {
+  imu.readings.push_back(reading_at(0));
+  imu.readings[0].specific_force_m_s2 = {1, 2, 8};
+  run(stage);
+  ImuSample came, used;
+  ASSERT_TRUE(log->pop(came));
+  ASSERT_TRUE(two->pop(used));
+  EXPECT_EQ(came.specific_force_m_s2, (std::array<double, 3>{1, 2, 8}));
+  EXPECT_EQ(used.specific_force_m_s2, (std::array<double, 3>{1.25, 2.5, 10}));
 }
 
 TEST_F(ImuStageTest, AFullRingRefusesAndTheOthersGoOn) {
