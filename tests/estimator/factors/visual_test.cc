@@ -58,6 +58,30 @@ TEST(TrackFactor, LeavesTranslationAndYawUnobservable) {
   EXPECT_GT(test::least_eigenvalue(H), -1e-9 * H.norm());
 }
 
+/// The same images of a larger world ask for nothing, also where they show no depth: a vehicle that stands for long
+/// would leave its scale to their noise.
+TEST(TrackFactor, LeavesScaleUnobservable) {
+  for (const TrackNoiseModel noise : {TrackNoiseModel::kWhite, TrackNoiseModel::kDrift})
+    for (const InstructionSet set : sets_here())
+      for (const double motion : {1e-5, 1e-4, 1e-3, 1.}) {
+        SyntheticWindow s = make_window({.motion = motion, .lever = 0, .state_error = 0});
+        Window& w = *s.window;
+        VisualSettings settings;
+        settings.noise = noise;
+        auto system = std::make_unique<VisualSystem>();
+        TrackFactor factor(set);
+        factor.collect(w, settings);
+        factor.linearise(w, *system);
+        double pull = 0, size = 0;
+        for (int k = 0; k < w.size(); ++k) {
+          const Eigen::Map<const Vec3> b(system->b[k]);
+          pull += b.dot(w.at(k).x.p);
+          size += b.norm() * (w.at(k).x.p - w.newest().x.p).norm();
+        }
+        EXPECT_LT(std::abs(pull), 1e-3 * size + 2e-3) << name_of(set) << ", " << motion << " m";
+      }
+}
+
 /// Cameras that move the other way see the same lines, which then meet behind them.
 TEST(TrackFactor, SaysOnWhichSideOfTheCamerasItsTracksMeet) {
   for (const TrackNoiseModel noise : {TrackNoiseModel::kWhite, TrackNoiseModel::kDrift})
