@@ -71,7 +71,6 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
   window.rig = rig_of(c);
   window.wheel = c.wheel;
   for (std::size_t i = 0; i < kHeightKinds; ++i) window.height_sigmas_m[i] = c.heights[i].sigma_m;
-  window.first_estimates = c.visual_factor == VisualFactor::kTrack;
   odometry.health.reasons = static_cast<std::uint32_t>(HealthReason::kNoInitialState);
 }
 

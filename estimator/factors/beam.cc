@@ -112,20 +112,20 @@ void weigh(const Window& w, int k, const HeightReading& reading, const BeamSetti
 
 /// Adds share * d X_z / d (p, theta) of every frame that sees the track.
 void add_slopes(const Window& w, const TrackRecord& t, int frames, double share, std::array<Vec6, kMaxFrames>& J) {
-  const Meeting m = meeting(w, t, frames, [&](int j) { return w.linearisation_point(j); });
+  const Meeting m = meeting(w, t, frames, [&](int j) -> const NavState& { return w.at(j).x; });
   if (!m.found) return;
   const Vec3 row = share * m.A_inverse.row(2).transpose();
   for (int j = 0; j < frames; ++j) {
     if (!w.seen(t, j)) continue;
-    const NavState l = w.linearisation_point(j);
+    const NavState& x = w.at(j).x;
     const Vec3 g = w.calibration.R_BC * bearing_of(w.view(t, j)), &lever = w.calibration.p_BC;
-    const Vec3 f = l.R * g, y = l.p + l.R * lever - m.X;
+    const Vec3 f = x.R * g, y = x.p + x.R * lever - m.X;
     const Mat3 across = Mat3::Identity() - f * f.transpose();
     Vec6& to = J[static_cast<std::size_t>(j)];
     to.head<3>() += across * row;
     // dA (c - X) + A dc, with df = -R [g]x dtheta and dc = -R [p_BC]x dtheta
     const Mat3 turned = f.dot(y) * Mat3::Identity() + f * y.transpose();
-    const Mat3 by_turn = turned * l.R * skew(g) - across * l.R * skew(lever);
+    const Mat3 by_turn = turned * x.R * skew(g) - across * x.R * skew(lever);
     to.tail<3>() += by_turn.transpose() * row;
   }
 }
@@ -162,7 +162,7 @@ void evaluate_beam(const Window& w, int k, int frames, bool with_slopes, BeamRes
   if (!(shares > 0)) return;
   out.active = true;
   out.r = height - shares * height_offset(reading, w.at(k).x);
-  if (with_slopes) out.J[static_cast<std::size_t>(k)] -= shares * height_jacobian(reading, w.linearisation_point(k).R);
+  if (with_slopes) out.J[static_cast<std::size_t>(k)] -= shares * height_jacobian(reading, w.at(k).x.R);
 }
 
 double add_beam(const Window& w, const Share& share, NormalEquations* out) {

@@ -14,7 +14,6 @@ ExposedFrame exposed_frame(const Window& w, int k) {
   f.R_WC = f.R_WB * w.calibration.R_BC;
   f.p = x.p + x.v * dt;
   f.c = f.p + f.R_WB * w.calibration.p_BC;
-  f.p_lin = w.linearisation_point(k).p + x.v * dt;
   return f;
 }
 
@@ -23,7 +22,7 @@ using Motions = Eigen::Map<Eigen::Matrix<double, 6, kCameraCalibration, Eigen::R
 
 /// The motion (dp, dphi) of the body that moves the camera as each calibration parameter does.
 void fill_motions(const ExposedFrame& f, bool extrinsics, Motions m) {
-  const Vec3 lever = f.c - f.p_lin;  // what the pose Jacobians turn about
+  const Vec3 lever = f.c - f.p;  // what the pose Jacobians turn about
   auto motion = [&](const Vec3& dc, const Vec3& dphi) {
     Vec6 d;
     d << dc - dphi.cross(lever), dphi;

@@ -10,9 +10,8 @@ namespace epiline {
 /// Frame k at the exposure, as the present estimate of the time offset places it.
 struct ExposedFrame {
   Mat3 R_WB, R_WC;
-  Vec3 p;      ///< of the body
-  Vec3 c;      ///< of the camera
-  Vec3 p_lin;  ///< of the body at the Jacobians' linearisation point
+  Vec3 p;  ///< of the body
+  Vec3 c;  ///< of the camera
   Vec3 v, omega_W;
 };
 ExposedFrame exposed_frame(const Window& window, int k);

@@ -48,7 +48,7 @@ double add_sensor(const Window& w, HeightKind kind, const Share& share, NormalEq
   if (out == nullptr) return system.cost;
   std::array<Vec6, kMaxFrames> J;
   for (int k = 0; k < share.frames; ++k)
-    if (reading(k).has) J[static_cast<std::size_t>(k)] = height_jacobian(reading(k), w.linearisation_point(k).R);
+    if (reading(k).has) J[static_cast<std::size_t>(k)] = height_jacobian(reading(k), w.at(k).x.R);
   for (int k = 0; k < share.frames; ++k) {
     if (!reading(k).has) continue;
     const auto row = static_cast<std::size_t>(k);

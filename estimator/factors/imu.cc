@@ -18,22 +18,22 @@ Vec15 imu_residual(const Preintegration& z, const ImuScale& scale, const NavStat
 }
 
 void evaluate_imu(const Preintegration& z, const ImuScale& scale, const NavState& x_i, const NavState& x_j,
-                  const NavState& l_i, const NavState& l_j, ImuResidual& out) {
+                  ImuResidual& out) {
   const double T = z.T;
   out.r = imu_residual(z, scale, x_i, x_j);
   const Vec3 r_theta = out.r.segment<3>(3);
 
   constexpr int p = 0, th = 3, v = 6, ba = 9, bg = 12, j = 15, sa = 30, sg = 31;
-  const Mat3 L_iT = l_i.R.transpose(), J_inv = so3_right_jacobian_inverse(r_theta);
+  const Mat3 R_iT = x_i.R.transpose(), J_inv = so3_right_jacobian_inverse(r_theta);
   out.J.setZero();
   auto block = [&](int row, int col) { return out.J.block<3, 3>(row, col); };
-  block(p, p) = -L_iT;
-  block(p, j + p) = L_iT;
-  block(p, th) = skew(L_iT * (l_j.p - l_i.p - l_i.v * T - 0.5 * kGravity_W * T * T));
-  block(p, v) = -L_iT * T;
+  block(p, p) = -R_iT;
+  block(p, j + p) = R_iT;
+  block(p, th) = skew(R_iT * (x_j.p - x_i.p - x_i.v * T - 0.5 * kGravity_W * T * T));
+  block(p, v) = -R_iT * T;
   block(p, ba) = -z.J.block<3, 3>(p, ba);
   block(p, bg) = -z.J.block<3, 3>(p, bg);
-  block(th, th) = -J_inv * l_j.R.transpose() * l_i.R;
+  block(th, th) = -J_inv * x_j.R.transpose() * x_i.R;
   block(th, j + th) = J_inv;
   const Mat3 J_theta_g = z.J.block<3, 3>(th, bg);
   const Vec3 J_theta_s = z.J_s_g.segment<3>(th);
@@ -41,9 +41,9 @@ void evaluate_imu(const Preintegration& z, const ImuScale& scale, const NavState
   const Mat3 by_moved = J_inv * so3_exp(r_theta).transpose() * so3_right_jacobian(moved);
   block(th, bg) = -by_moved * J_theta_g;
   out.J.block<3, 1>(th, sg) = -by_moved * J_theta_s;
-  block(v, th) = skew(L_iT * (l_j.v - l_i.v - kGravity_W * T));
-  block(v, v) = -L_iT;
-  block(v, j + v) = L_iT;
+  block(v, th) = skew(R_iT * (x_j.v - x_i.v - kGravity_W * T));
+  block(v, v) = -R_iT;
+  block(v, j + v) = R_iT;
   block(v, ba) = -z.J.block<3, 3>(v, ba);
   block(v, bg) = -z.J.block<3, 3>(v, bg);
   const ScaleColumns by_scale = z.by_scale();
@@ -87,8 +87,7 @@ double interval_cost(const Window& w, int k) {
 double add_interval(const Window& w, int k, const FactorKernels& kernels, NormalEquations& out) {
   const Slot& slot = w.at(k);
   ImuResidual f;
-  evaluate_imu(slot.imu, w.calibration.scale, w.at(k - 1).x, slot.x, w.linearisation_point(k - 1),
-               w.linearisation_point(k), f);
+  evaluate_imu(slot.imu, w.calibration.scale, w.at(k - 1).x, slot.x, f);
   alignas(64) double A[32][32], g[32];
   const double cost = kernels.imu(slot.L_inverse.data(), f.J.data(), f.r.data(), A, g);
   using Rows = Eigen::Matrix<double, 32, 32, Eigen::RowMajor>;

@@ -15,10 +15,9 @@ struct ImuResidual {
   alignas(64) Eigen::Matrix<double, 15, 32, Eigen::RowMajor> J;
 };
 
-/// Residual at (x_i, x_j). The Jacobian takes positions, rotations and velocities from the linearisation points l_i,
-/// l_j (first estimates, docs/derivations/imu.md); pass the states themselves for the plain Jacobian.
+/// Residual and Jacobian at (x_i, x_j).
 void evaluate_imu(const Preintegration& z, const ImuScale& scale, const NavState& x_i, const NavState& x_j,
-                  const NavState& l_i, const NavState& l_j, ImuResidual& out);
+                  ImuResidual& out);
 
 /// The residual alone.
 Vec15 imu_residual(const Preintegration& z, const ImuScale& scale, const NavState& x_i, const NavState& x_j);

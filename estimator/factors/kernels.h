@@ -50,7 +50,7 @@ struct FrameGeometry {
   double R_WC[9];  ///< row-major
   double c[3];     ///< camera centre
   double v[3];     ///< its velocity; of rolling shutters only
-  double p[3];     ///< IMU position at the linearisation point (first estimate if the frame is in the prior)
+  double p[3];     ///< IMU position
 };
 
 struct TrackSettings {

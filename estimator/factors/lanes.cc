@@ -9,7 +9,7 @@ void fill_geometry(const Window& w, int frames, const Vec3& origin, FrameGeometr
     const ExposedFrame f = exposed_frame(w, k);
     Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(out[k].R_WC) = f.R_WC;
     Eigen::Map<Vec3>(out[k].c) = f.c - origin;
-    Eigen::Map<Vec3>(out[k].p) = f.p_lin - origin;
+    Eigen::Map<Vec3>(out[k].p) = f.p - origin;
   }
 }
 

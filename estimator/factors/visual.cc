@@ -42,7 +42,7 @@ void clear(VisualSystem& s, int frames) {
 
 void add_visual(const Window& w, const VisualSystem& v, int frames, NormalEquations& out) {
   Mat3 R[kMaxFrames];
-  for (int k = 0; k < frames; ++k) R[k] = w.linearisation_point(k).R;
+  for (int k = 0; k < frames; ++k) R[k] = w.at(k).x.R;
   for (int k = 0; k < frames; ++k) {
     for (int l = k; l < frames; ++l) out.add(pose_of(k), pose_of(l), to_body(v.H[k][l], R[k], R[l]));
     Vec6 b = Eigen::Map<const Vec6>(v.b[k]);

@@ -29,8 +29,7 @@ double noise_of(const Window& w, const Slot& s) {
 }
 
 void evaluate(const Window& w, int k, WheelResidual& out) {
-  evaluate_wheel(w.wheel, w.at(k).wheel.way / w.at(k).wheel.scale, {w.at(k - 1).x, w.at(k).x},
-                 {w.linearisation_point(k - 1), w.linearisation_point(k)}, out);
+  evaluate_wheel(w.wheel, w.at(k).wheel.way / w.at(k).wheel.scale, {w.at(k - 1).x, w.at(k).x}, out);
 }
 
 /// Cauchy's kernel of a squared residual in sigmas.
@@ -148,16 +147,13 @@ double add_sideways(const Window& w, int k, NormalEquations* out) {
 
 }  // namespace
 
-void evaluate_wheel(const WheelModel& wheel, const Vec3& way, const std::array<NavState, 2>& x,
-                    const std::array<NavState, 2>& l, WheelResidual& out) {
+void evaluate_wheel(const WheelModel& wheel, const Vec3& way, const std::array<NavState, 2>& x, WheelResidual& out) {
   const Vec3& p = wheel.p_BV;
-  const auto moved = [&](const std::array<NavState, 2>& at) -> Vec3 {
-    return at[0].R.transpose() * (at[1].p + at[1].R * p - at[0].p);
-  };
-  out.r = moved(x) - p - way;
-  const Mat3 R_T = l[0].R.transpose();
-  out.J_begin << -R_T, skew(moved(l));
-  out.J_end << R_T, -R_T * l[1].R * skew(p);
+  const Mat3 R_T = x[0].R.transpose();
+  const Vec3 moved = R_T * (x[1].p + x[1].R * p - x[0].p);
+  out.r = moved - p - way;
+  out.J_begin << -R_T, skew(moved);
+  out.J_end << R_T, -R_T * x[1].R * skew(p);
 }
 
 AlongWay along_way(const Window& w, int k) {

@@ -14,10 +14,8 @@ struct WheelResidual {
   Vec3 r;
   Eigen::Matrix<double, 3, 6> J_begin, J_end;
 };
-/// Between the states x of two frames. The Jacobians take their linearisation points l; pass x itself for the plain
-/// ones.
-void evaluate_wheel(const WheelModel& wheel, const Vec3& way, const std::array<NavState, 2>& x,
-                    const std::array<NavState, 2>& l, WheelResidual& out);
+/// Between the states x of two frames.
+void evaluate_wheel(const WheelModel& wheel, const Vec3& way, const std::array<NavState, 2>& x, WheelResidual& out);
 
 /// Of interval k along its forward axis, m.
 struct AlongWay {

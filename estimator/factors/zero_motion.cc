@@ -31,7 +31,7 @@ double add_link(const Window& w, int k, int l, NormalEquations* out) {
     const Mat3 J_inv = so3_right_jacobian_inverse(r.tail<3>());
     Mat6 J_k = Mat6::Identity(), J_l = -Mat6::Identity();
     J_k.bottomRightCorner<3, 3>() = J_inv;
-    J_l.bottomRightCorner<3, 3>() = -J_inv * w.linearisation_point(k).R.transpose() * w.linearisation_point(l).R;
+    J_l.bottomRightCorner<3, 3>() = -J_inv * x_k.R.transpose() * x_l.R;
     const Mat6 W_k = known.asDiagonal() * J_k, W_l = known.asDiagonal() * J_l;
     out->add(pose_of(k), Vec6(-J_k.transpose() * weighted));
     out->add(pose_of(l), Vec6(-J_l.transpose() * weighted));

@@ -74,15 +74,6 @@ void store_prior(Window& w, const Layout& at, const Matrix A, const double* b) {
   p.c0 = w.calibration;
 }
 
-void freeze_first_estimates(Window& w, int m) {
-  for (int k = 1; k < m; ++k) {
-    Slot& s = w.at(k);
-    if (!s.has_first) s.first = s.x;
-    s.has_first = true;
-  }
-  w.at(1).first.v = w.at(1).x.v;
-}
-
 }  // namespace
 
 void Marginaliser::marginalise_oldest(Window& w, VisualFactorModel& visual, const VisualSettings& settings) {
@@ -95,7 +86,6 @@ void Marginaliser::marginalise_oldest(Window& w, VisualFactorModel& visual, cons
   add_factors(w, memory_->visual, {at.m, true}, factors_, equations);
   elimination_.eliminate(A[0], b, 15, at.total());
   store_prior(w, at, A, b);
-  freeze_first_estimates(w, at.m);
   for (int k = 1; k < w.size(); ++k)
     if (w.at(k).rest_link == w.at(0).id) w.at(k).rest_link = 0;
   w.remove(0);

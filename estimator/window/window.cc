@@ -46,16 +46,6 @@ int Window::index_of(std::uint64_t slot_id) const {
   return -1;
 }
 
-NavState Window::linearisation_point(int k) const {
-  const Slot& s = at(k);
-  if (!s.has_first || !first_estimates) return s.x;
-  NavState l = s.x;
-  l.p = s.first.p;
-  l.R = s.first.R;
-  if (k == 0) l.v = s.first.v;  // of velocities, the prior knows the oldest frame's only
-  return l;
-}
-
 Slot& Window::append() {
   EPILINE_EXPECTS(size_ < kMaxFrames, "a frame appended to a window without room");
   Slot& s = slots_[order_[static_cast<std::size_t>(size_++)]];

@@ -123,8 +123,6 @@ struct Slot {
   HostStamp image_stamp, time;  ///< by the camera; the same instant on the IMU's clock, as integrated
   double time_offset_used = 0;  ///< `time` - `image_stamp`
   NavState x;
-  NavState first;  ///< first estimate, for the Jacobians, once the frame is in the prior
-  bool has_first = false;
   Preintegration imu;                                   ///< from the frame before
   RootInformation L_inverse = RootInformation::Zero();  ///< of `imu`
   Vec3 omega = Vec3::Zero();                            ///< last angular rate, bias not removed, rad/s
@@ -176,8 +174,6 @@ class Window {
   Slot& newest() { return at(size_ - 1); }
   const Slot& newest() const { return at(size_ - 1); }
   int index_of(std::uint64_t slot_id) const;  ///< -1: not in the window
-  /// The Jacobians' linearisation point of frame k: first estimates where the prior froze them.
-  NavState linearisation_point(int k) const;
 
   /// Appends an empty frame to fewer than kMaxFrames.
   Slot& append();
@@ -219,7 +215,6 @@ class Window {
   WheelModel wheel;
   std::array<double, kHeightKinds> height_sigmas_m{};  ///< of the white noise
   Prior prior;
-  bool first_estimates = true;  ///< off: Jacobians at the current state everywhere, as VINS-Mono and the paper have it
 
  private:
   static constexpr std::uint32_t kBuckets = 4096;  // four times the tracks: short probes

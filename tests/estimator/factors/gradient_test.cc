@@ -94,7 +94,6 @@ SyntheticWindow furnished_window(double readout_s = 0, bool second = false) {
   SyntheticWindow s =
       make_window({.readout_s = readout_s, .second = second, .second_later = 0.3 * readout_s, .alone = second});
   Window& w = *s.window;
-  w.first_estimates = false;
   CalibrationTangent sigmas;
   sigmas << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01), 0.01, 0.01, 0.01;
   set_initial_prior(w, {}, sigmas);

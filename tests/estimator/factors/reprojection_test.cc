@@ -87,7 +87,6 @@ TEST(ReprojectionFactor, DoesNotCareWhichWayTheOpticalAxisPoints) {
 TEST(ReprojectionFactor, StepOfPosesAndDepthsIsThatOfTheJointProblem) {
   SyntheticWindow s = make_window({.frames = 6, .tracks = 30, .state_error = 1e-3});
   Window& w = *s.window;
-  w.first_estimates = false;
   CalibrationTangent sigmas;
   sigmas << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01), 0.01, 0.01, 0.01;
   set_initial_prior(w, {}, sigmas);

@@ -21,7 +21,6 @@ using test::quadratic;
 TEST(Solver, GradientMatchesCentralDifferencesOfTheCost) {
   SyntheticWindow s = full_window(5);
   Window& w = *s.window;
-  w.first_estimates = false;
   NoVision none;
   Solver solver(best_instruction_set());
   solver.linearise(w, none, kEverything);

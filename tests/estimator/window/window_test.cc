@@ -92,8 +92,8 @@ RC_GTEST_PROP(Window, KeepsTheSameBooksAsANaiveModel, ()) {
                          rc::gen::map(rc::gen::inRange<std::uint32_t>(0, 8), [](std::uint32_t i) { return i << 20; })));
       Slot& slot = w->append();
       RC_ASSERT(ids.insert(slot.id).second);  // never reused
-      RC_ASSERT(!slot.has_first && !slot.at_rest && slot.imu.T == 0);
-      slot.has_first = slot.at_rest = true;  // must not be found in whoever gets this place next
+      RC_ASSERT(!slot.at_rest && slot.imu.T == 0);
+      slot.at_rest = true;  // must not be found in whoever gets this place next
       slot.imu.T = 1;
       naive.frames.push_back({slot.id, {}});
       TrackedFrame frame;
@@ -185,25 +185,6 @@ TEST(Calibration, LocalUndoesRetract) {
   retract(moved, d);
   EXPECT_TRUE(local(c, moved).isApprox(d, 1e-12));
   EXPECT_TRUE(moved.R_BC.isApprox(c.R_BC * so3_exp(d.segment<3>(1)), 1e-12));
-}
-
-TEST(Window, TakesTheLinearisationPointFromTheFirstEstimate) {
-  const auto w = std::make_unique<Window>(5);
-  for (int k = 0; k < 3; ++k) {
-    Slot& s = w->append();
-    s.x.p = Vec3(k, 0, 0);
-    s.x.v = Vec3(0, k, 0);
-    s.first.p = Vec3(k, 1, 0);
-    s.first.v = Vec3(0, k, 1);
-    s.has_first = k < 2;
-  }
-  EXPECT_EQ(w->linearisation_point(0).p, Vec3(0, 1, 0));
-  EXPECT_EQ(w->linearisation_point(0).v, Vec3(0, 0, 1));
-  EXPECT_EQ(w->linearisation_point(1).p, Vec3(1, 1, 0));
-  EXPECT_EQ(w->linearisation_point(1).v, Vec3(0, 1, 0));  // the prior knows the oldest velocity only
-  EXPECT_EQ(w->linearisation_point(2).p, Vec3(2, 0, 0));
-  w->first_estimates = false;
-  EXPECT_EQ(w->linearisation_point(0).p, Vec3(0, 0, 0));
 }
 
 /// One of them among others must be left out and counted, the others taken: a number that is none would reach the prior
