@@ -77,9 +77,17 @@ bool whiten(Slot& slot) {
 
 namespace {
 
+/// At rest a gyroscope reads its bias and noise, which a scale of -1 would explain best: such an interval keeps the
+/// scale that it was integrated with.
+bool at_rest(const Window& w, int k) { return w.at(k - 1).at_rest && w.at(k).at_rest; }
+ImuScale scale_of(const Window& w, int k) {
+  const ImuScale& scale = w.calibration.scale;
+  return {scale.accelerometer, at_rest(w, k) ? w.at(k).imu.scale.gyroscope : scale.gyroscope};
+}
+
 double interval_cost(const Window& w, int k) {
   const Slot& slot = w.at(k);
-  const Vec15 r = imu_residual(slot.imu, w.calibration.scale, w.at(k - 1).x, slot.x);
+  const Vec15 r = imu_residual(slot.imu, scale_of(w, k), w.at(k - 1).x, slot.x);
   return (slot.L_inverse.leftCols<15>().triangularView<Eigen::Lower>() * r).squaredNorm();
 }
 
@@ -87,7 +95,9 @@ double interval_cost(const Window& w, int k) {
 double add_interval(const Window& w, int k, const FactorKernels& kernels, NormalEquations& out) {
   const Slot& slot = w.at(k);
   ImuResidual f;
-  evaluate_imu(slot.imu, w.calibration.scale, w.at(k - 1).x, slot.x, f);
+  evaluate_imu(slot.imu, scale_of(w, k), w.at(k - 1).x, slot.x, f);
+  constexpr int kGyroscopeScale = 31;
+  if (at_rest(w, k)) f.J.col(kGyroscopeScale).setZero();
   alignas(64) double A[32][32], g[32];
   const double cost = kernels.imu(slot.L_inverse.data(), f.J.data(), f.r.data(), A, g);
   using Rows = Eigen::Matrix<double, 32, 32, Eigen::RowMajor>;

@@ -353,10 +353,10 @@ bool ImuHistory::integrate(HostStamp t0, HostStamp t1, const Density& density, P
 void ImuHistory::propagate(HostStamp t0, HostStamp t1, const ImuScale& scale, NavState& x, Vec3& omega) const {
   if (count_ == 0) return;
   const double by_a = 1 + scale.accelerometer, by_g = 1 + scale.gyroscope;
-  omega = by_g * interpolated(before(t1), t1).w;
+  omega = by_g * (interpolated(before(t1), t1).w - x.b_g) + x.b_g;
   pieces(t0, t1, [&](const Reading& a, const Reading& b, double dt) {
-    const Mat3 R1 = x.R * so3_exp((by_g * 0.5 * (a.w + b.w) - x.b_g) * dt);
-    const Vec3 acceleration = 0.5 * (x.R * (by_a * a.a - x.b_a) + R1 * (by_a * b.a - x.b_a)) + kGravity_W;
+    const Mat3 R1 = x.R * so3_exp(by_g * dt * (0.5 * (a.w + b.w) - x.b_g));
+    const Vec3 acceleration = 0.5 * by_a * (x.R * (a.a - x.b_a) + R1 * (b.a - x.b_a)) + kGravity_W;
     x.p += x.v * dt + 0.5 * acceleration * dt * dt;
     x.v += acceleration * dt;
     x.R = R1;

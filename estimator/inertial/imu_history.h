@@ -72,7 +72,7 @@ class ImuHistory {
   /// the newest sample its values are held. False, with `out` unchanged, if and only if the samples end more than half
   /// a second before t1 or begin more than half a second after t0.
   bool integrate(HostStamp t0, HostStamp t1, const Density& density, Preintegration& out) const;
-  /// The state predicted from t0 to t1, without covariance; `omega`: angular rate at t1, rad/s, scaled, bias included.
+  /// The state predicted from t0 to t1, without covariance; `omega`: angular rate at t1 plus the bias, rad/s.
   void propagate(HostStamp t0, HostStamp t1, const ImuScale& scale, NavState& x, Vec3& omega) const;
   /// Length of the mean of w - b_g over the samples from t0 to t1, rad/s: of shaking, nothing is left.
   double mean_rate(HostStamp t0, HostStamp t1, const Vec3& b_g) const;

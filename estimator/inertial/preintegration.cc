@@ -94,16 +94,16 @@ void Integration::step(const Vec3& w0, const Vec3& a0, const Vec3& w1, const Vec
                        const ImuNoise& noise) noexcept {
   const double by_a = 1 + z_.scale.accelerometer, by_g = 1 + z_.scale.gyroscope;
   const Vec3 rate = 0.5 * (w0 + w1);
-  const Vec3 w_dt = (by_g * rate - z_.b_g) * dt;
+  const Vec3 turned = rate - z_.b_g, w_dt = by_g * dt * turned;
   const Mat3 R_end = z_.dR * so3_exp(w_dt);
-  const Vec3 force = R_end * (by_a * a1 - z_.b_a);
-  const Vec3 a = 0.5 * (z_.dR * (by_a * a0 - z_.b_a) + force);
+  const Vec3 force = R_end * (by_a * (a1 - z_.b_a));
+  const Vec3 a = 0.5 * (z_.dR * (by_a * (a0 - z_.b_a)) + force);
 
   // The exact derivative of this step, so that J is that of the sums and joining intervals loses nothing.
-  Step s{.dt = dt, .turn = -dt * a, .by_a = -0.5 * dt * (z_.dR + R_end), .by_g = {}, .N = {}};
-  s.N = dt * (R_end * so3_right_jacobian(w_dt));
+  Step s{.dt = dt, .turn = -dt * a, .by_a = -0.5 * dt * by_a * (z_.dR + R_end), .by_g = {}, .N = {}};
+  s.N = dt * by_g * (R_end * so3_right_jacobian(w_dt));
   s.by_g = cross(0.5 * dt * force, s.N);
-  move_derivatives(s, rate);
+  move_derivatives(s, turned / by_g);
   move_covariance(s);
   add_noise(dt, noise);
 
@@ -113,8 +113,8 @@ void Integration::step(const Vec3& w0, const Vec3& a0, const Vec3& w1, const Vec
   z_.T += dt;
 }
 
-/// The scale of the gyroscope does what a bias of -rate would.
-void Integration::move_derivatives(const Step& s, const Vec3& rate) noexcept {
+/// The scale of the gyroscope does what a bias of -`by_s` would.
+void Integration::move_derivatives(const Step& s, const Vec3& by_s) noexcept {
   const Mat3 d_g = cross(s.turn, J_.theta_g) + s.by_g;
   J_.p_a += s.dt * (J_.v_a + 0.5 * s.by_a);
   J_.p_g += s.dt * (J_.v_g + 0.5 * d_g);
@@ -122,10 +122,10 @@ void Integration::move_derivatives(const Step& s, const Vec3& rate) noexcept {
   J_.v_g += d_g;
   J_.theta_g -= s.N;
   auto p = z_.J_s_g.segment<3>(kP), theta = z_.J_s_g.segment<3>(kTheta), v = z_.J_s_g.segment<3>(kV);
-  const Vec3 d = s.turn.cross(theta) - s.by_g * rate;
+  const Vec3 d = s.turn.cross(theta) - s.by_g * by_s;
   p += s.dt * (v + 0.5 * d);
   v += d;
-  theta += s.N * rate;
+  theta += s.N * by_s;
 }
 
 /// D_x below: covariance of d and x before the step. p' = p + dt v + dt/2 d.
@@ -164,10 +164,9 @@ void Integration::add_noise(double dt, const ImuNoise& noise) noexcept {
   C_.g += variance(noise.gyroscope_random_walk);
 }
 
-// The readings' own sums are what is integrated less the biases' part.
 ScaleColumns Preintegration::by_scale() const {
   ScaleColumns columns;
-  columns.col(0) << dp - J.block<3, 3>(kP, kA) * b_a, Vec3::Zero(), dv - J.block<3, 3>(kV, kA) * b_a;
+  columns.col(0) << dp, Vec3::Zero(), dv;
   columns.col(0) /= 1 + scale.accelerometer;
   columns.col(1) = J_s_g;
   return columns;

@@ -65,7 +65,7 @@ class Integration {
     Mat3 pp, pt, pv, pa, pg, tt, tg, vt, vv, va, vg;
     double a, g;
   };
-  void move_derivatives(const Step& s, const Vec3& rate) noexcept;
+  void move_derivatives(const Step& s, const Vec3& by_s) noexcept;
   void move_covariance(const Step& s) noexcept;
   void add_noise(double dt, const ImuNoise& noise) noexcept;
 

@@ -33,8 +33,8 @@ double heading_from(const Mat3& R_WB, const Mat3& reference) {
 /// The standard error of the means holds what shaking and noise leave of them.
 RestBiases biases_at_rest(const ImuStatistics& rest, const ImuScale& scale, const Mat3& R_WB) noexcept {
   const double root = std::sqrt(std::max(1, rest.count));
-  return {(1 + scale.accelerometer) * rest.mean_specific_force + R_WB.transpose() * kGravity_W,
-          (1 + scale.gyroscope) * rest.mean_rate, std::hypot(kUnseenForce, rest.sigma_specific_force / root),
+  return {rest.mean_specific_force + R_WB.transpose() * kGravity_W / (1 + scale.accelerometer), rest.mean_rate,
+          std::hypot(kUnseenForce, rest.sigma_specific_force / root),
           std::hypot(kUnseenMotion, rest.sigma_rate / root)};
 }
 

@@ -180,7 +180,7 @@ Odometry Predictor::odometry() const noexcept {
   Eigen::Map<Vec3>(out.p_WB_m.data()) = x.p + d.p;
   out.q_WB = {q.w(), q.x(), q.y(), q.z()};
   Eigen::Map<Vec3>(out.v_WB_m_s.data()) = x.v + d.v;
-  Eigen::Map<Vec3>(out.omega_B_rad_s.data()) = (1 + scale().gyroscope) * newest.w - x.b_g;
+  Eigen::Map<Vec3>(out.omega_B_rad_s.data()) = (1 + scale().gyroscope) * (newest.w - x.b_g);
 
   StateCovariance P = carried_on(base_covariance_, base_.R, interval_);
   // The published state is off the predicted one by a known e: its mean square error is P + e e^T.

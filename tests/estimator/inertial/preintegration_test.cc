@@ -57,7 +57,8 @@ RC_GTEST_PROP(PreintegrationProperty, MeanEqualsAnIndependentIntegrator, (std::u
   const Preintegration interval = test::integrated(s, b_a, b_g, kDefaultNoise, {by_a - 1, by_g - 1});
   test::Motion m;
   for (int k = 0; k + 1 < s.count; ++k)
-    test::step(m, by_g * s.w[k] - b_g, by_a * s.a[k] - b_a, by_g * s.w[k + 1] - b_g, by_a * s.a[k + 1] - b_a, s.dt);
+    test::step(m, by_g * (s.w[k] - b_g), by_a * (s.a[k] - b_a), by_g * (s.w[k + 1] - b_g), by_a * (s.a[k + 1] - b_a),
+               s.dt);
   RC_ASSERT((interval.dp - m.p).norm() < 1e-12);
   RC_ASSERT((interval.dv - m.v).norm() < 1e-12);
   RC_ASSERT((interval.dR - m.q.toRotationMatrix()).norm() < 1e-12);
