@@ -39,8 +39,6 @@ class FlightMcap final : public FlightObserver {
   void write(Topic& topic, HostStamp stamp, const CdrWriter& message);
   void write_image(std::size_t camera, const Frame& frame);
   void write_points(std::size_t camera, HostStamp stamp, std::span<const LoggedPoint> points);
-  void write_pose(const FrameOutcome& outcome);
-  void write_diagnostics(const FrameOutcome& outcome);
 
   McapOutput file_;
   Topic imu_{"/imu0", "sensor_msgs/Imu"}, odometry_{"/epiline/odometry", "nav_msgs/Odometry"},
