@@ -127,6 +127,12 @@ struct CanConfig {
   double rate_hz = 50;
 };
 
+/// Section [dds]: odometry for nodes of ROS 2.
+struct DdsConfig {
+  bool publish = false;
+  int domain = -1;  ///< -1: ROS_DOMAIN_ID of the environment, else 0
+};
+
 /// Section [wheel]: a vehicle's speed in frames of a CAN bus.
 struct WheelConfig {
   std::string interface;
@@ -159,6 +165,7 @@ struct DevicesConfig {
   BodyConfig body;
   MavlinkConfig mavlink;
   CanConfig can;
+  DdsConfig dds;
   WheelConfig wheel;
   HeightConfig height;
 };

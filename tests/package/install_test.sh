@@ -40,6 +40,7 @@ depends_on_all() {
   for library in libapriltag libgpiod libmicrohttpd libnettle; do
     dpkg-deb -f "$package" Depends | grep -q "$library" || { echo "built without $library"; return 1; }
   done
+  dpkg-deb -f "$package" Suggests | grep -q libddsc || { echo "built without Cyclone DDS"; return 1; }
 }
 try_examples() {
   local file

@@ -10,6 +10,7 @@
 
 #include "drivers/program/cli/commands.h"
 #include "drivers/program/cli/progress_bar.h"
+#include "drivers/program/dds/dds_output.h"
 #include "drivers/program/view/live_view.h"
 #include "drivers/study/report/flight_mcap.h"
 #include "drivers/study/report/stats_json.h"
@@ -26,7 +27,7 @@ struct ReplayArguments {
   std::string out = "epiline-out", visual_factor;
   std::vector<std::string> faults;
   double deadline_ms = 0, speed = 1;
-  bool quiet = false, realtime = false;
+  bool quiet = false, realtime = false, dds = false;
   std::string view;
   std::filesystem::path mcap;
   Foreign foreign = Foreign::kRefuse;
@@ -130,6 +131,15 @@ int replay_command(ReplayArguments& options) {
     options.replay.observer = &mcap.emplace(options.mcap);
     if (const Status s = mcap->status(); !s) return report(s.error());
   }
+  std::optional<DdsOutput> dds;
+  if (options.dds) {
+    const auto file = ConfigFile::read(options.replay.config_file, options.replay.set);
+    if (!file) return report(file.error());
+    Config config;
+    file->apply(config);
+    options.replay.observer = &dds.emplace(config.devices.dds, DdsOutput::Times::kAsRecorded);
+    if (const Status s = dds->open(); !s) return report(s.error());
+  }
   ProgressBar bar(options.quiet);
   std::size_t wanted = 0;
   std::optional<EndRequest> request;  // while the recording is read, a signal ends the program at once
@@ -140,6 +150,7 @@ int replay_command(ReplayArguments& options) {
   });
   if (!result) return report(result.error());
   const FlightRecord& record = result->record;
+  if (dds) dds->close();
   if (mcap)
     if (const Status s = mcap->finish(record.truth); !s) return report(s.error());
   const auto errors = write_outputs(record, options.out);
@@ -147,6 +158,7 @@ int replay_command(ReplayArguments& options) {
   if (!options.quiet) {
     for (const std::string& note : result->notes) fmt::print("note      {}\n", note);
     print_summary(record, *errors, options.out);
+    if (dds) fmt::print("dds       {} images sent, {} not sent\n", dds->sent(), dds->not_sent());
   }
   if (EndRequest::is_made()) return report_ended(record.images.size(), wanted, "images", options.out);
   if (!start_seconds(record)) {
@@ -196,6 +208,11 @@ void add_replay(CLI::App& app, int& exit_code) {
   command
       ->add_option("--view", o->view, "with --realtime: serve a page that shows the flight; port 0 takes any free port")
       ->type_name("[ADDRESS:]PORT")
+      ->needs(realtime);
+  command
+      ->add_flag(
+          "--dds", o->dds,
+          "with --realtime: publish odometry, transform and diagnostics for nodes of ROS 2, with the recording's times")
       ->needs(realtime);
   CLI::Option* const record = command
                                   ->add_option("--record", o->replay.record_folder,

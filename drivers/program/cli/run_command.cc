@@ -27,7 +27,7 @@ struct RunArguments {
   std::filesystem::path config;
   std::vector<std::string> set;
   std::string view, record_folder;
-  bool record_images = false, quiet = false;
+  bool record_images = false, dds = false, quiet = false;
 };
 
 std::string reasons_text(std::uint32_t reasons) {
@@ -146,6 +146,7 @@ int run_command(RunArguments& options) {
   if (!settings) return report(settings.error());
   if (!options.record_folder.empty()) settings->config.recorder.folder = options.record_folder;
   settings->config.recorder.images |= options.record_images;
+  settings->config.devices.dds.publish |= options.dds;
   const auto folder = claim(options.live.out, kFlightFiles, Foreign::kKeep);
   if (!folder) return report(folder.error());
   if (*folder && !options.quiet)
@@ -196,6 +197,7 @@ void add_run(CLI::App& app, int& exit_code) {
   command->add_option("--duration", o->live.duration_s, "end after this many seconds")->check(CLI::PositiveNumber);
   command->add_option("--view", o->view, "serve a page that shows the flight; port 0 takes any free port")
       ->type_name("[ADDRESS:]PORT");
+  command->add_flag("--dds", o->dds, "publish odometry, transform and diagnostics for nodes of ROS 2");
   CLI::Option* const record =
       command->add_option("--record", o->record_folder, "flight recorder: write records into this folder");
   command->add_flag("--record-images", o->record_images, "record images too")->needs(record);

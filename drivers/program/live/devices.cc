@@ -8,6 +8,7 @@
 #include "drivers/flights/recordings/mask_file.h"
 #include "drivers/links/can/can_output.h"
 #include "drivers/links/mavlink/link.h"
+#include "drivers/program/dds/dds_output.h"
 #include "drivers/program/live/controller_advice.h"
 #include "drivers/sensors/camera/camera_pair.h"
 #include "drivers/sensors/camera/side_by_side.h"
@@ -309,6 +310,20 @@ void add_can(const DevicesConfig& d, LiveDevices& devices) {
   devices.records.emplace_back([c] { return device_of(*c); });
 }
 
+void add_dds(const DevicesConfig& d, LiveDevices& devices) {
+  if (!d.dds.publish) return;
+  auto dds = std::make_unique<DdsOutput>(d.dds, DdsOutput::Times::kOfDay);
+  DdsOutput* const o = dds.get();
+  devices.outputs.push_back({.sink = std::move(dds),
+                             .record =
+                                 [o] {
+                                   return OutputRecord{"dds", o->sent(), o->not_sent(), 0, o->latency()};
+                                 },
+                             .name = "dds",
+                             .is_open = nullptr,
+                             .observer = o});
+}
+
 void add_wheel(const DevicesConfig& d, LiveDevices& devices) {
   if (d.wheel.interface.empty()) return;
   auto wheel = std::make_unique<CanWheelSource>(d.wheel);
@@ -382,6 +397,7 @@ MadeDevices make_each_device(const LiveSettings& settings, LiveDevices given) {
   mavlink::MavlinkLink* const link =
       add_link(d, !imu_given && static_cast<ImuDriver>(d.imu.driver) == ImuDriver::kMavlink, devices);
   add_can(d, devices);
+  add_dds(d, devices);
   add_wheel(d, devices);
   made.height = add_height(settings, link, devices);
   if (!imu_given) made.imu = add_imu(settings, link, devices);

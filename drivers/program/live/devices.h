@@ -10,6 +10,7 @@
 #include "drivers/study/report/flight_record.h"
 #include "pipeline/config/calibration.h"
 #include "pipeline/config/config.h"
+#include "pipeline/realtime/flight_observer.h"
 #include "platform/ports/ports.h"
 
 namespace epiline {
@@ -43,6 +44,7 @@ struct LiveOutput {
   std::function<const char*()> refusal = nullptr;  ///< why it is not sent as configured; "" or empty: it is sent
   /// What the receiver said of its settings, and of what it uses, a sentence each. May be empty.
   std::function<std::vector<std::string>()> notes = nullptr;
+  FlightObserver* observer = nullptr;  ///< the sink, if it takes what the log thread hands out
 };
 
 /// The devices, not opened yet.

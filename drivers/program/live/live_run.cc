@@ -225,6 +225,8 @@ Result<FlightRecord> fly_or_throw(const LiveSettings& settings, LiveDevices& dev
   Turns turns(devices.turns);
   RealtimePorts ports{devices.camera.get(), devices.imu.get(),   &receivers, {&log, &turns}, {},
                       devices.wheel.get(),  devices.height.get()};
+  for (const LiveOutput& output : devices.outputs)
+    if (output.observer != nullptr) ports.observers.push_back(output.observer);
   if (options.view != nullptr) watch_with(*options.view, settings, ports);
   const std::unique_ptr<FlightRecorder> recorder = add_recorder(settings, ports);
   OpenDevices open_devices(devices, receivers, options.waits_for_devices);

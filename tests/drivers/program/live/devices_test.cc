@@ -125,6 +125,21 @@ TEST(Devices, EveryDriverOfAnImuIsAtHand) {
   }
 }
 
+TEST(Devices, OdometryForRos2ComesFromTheLogThread) {
+  const Files files;
+  const std::string sensors = "[camera]\ndevice = \"a\"\n[imu]\ndevice = \"b\"\n";
+  const auto outputs_of = [&](const std::string& dds) {
+    const auto settings = read_live_settings(files.write("dds.toml", sensors + dds), {}, CalibrationNeed::kIfGiven);
+    EXPECT_TRUE(settings) << settings.error().text();
+    return make_each_device(*settings).devices.outputs;
+  };
+  EXPECT_TRUE(outputs_of("").empty());
+  const auto outputs = outputs_of("[dds]\npublish = true\n");
+  ASSERT_EQ(outputs.size(), 1u);
+  EXPECT_EQ(outputs[0].name, "dds");
+  EXPECT_NE(outputs[0].observer, nullptr);
+}
+
 TEST(Devices, ARecordingNeedsNoCalibrationAndNoReceiver) {
   const Files files;
   const std::string can = "[can]\ninterface = \"can0\"\n[mavlink]\nudp = \"127.0.0.1:14550\"\n";

@@ -40,6 +40,11 @@ class CountingSink final : public OdometrySink {
   Odometry last;
 };
 
+struct CountingObserver final : FlightObserver {
+  void take(const FrameOutcome& /*outcome*/) noexcept override { ++taken; }
+  std::uint64_t taken = 0;
+};
+
 struct Stand {
   Stand() {
     settings.source = "stand.toml";
@@ -80,6 +85,8 @@ TEST(LiveRun, FliesUntilItIsToldToEndAndLeavesFilesBehind) {
   double fastest_rad_s = 0;
   stand.devices.turns = [&](double rad_s) { fastest_rad_s = std::max(fastest_rad_s, rad_s); };
   const pthread_t flying = pthread_self();
+  CountingObserver observer;
+  stand.devices.outputs[0].observer = &observer;
   bool asked = false;
   std::uint64_t lines_before = 0;
   const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
@@ -100,6 +107,7 @@ TEST(LiveRun, FliesUntilItIsToldToEndAndLeavesFilesBehind) {
   EXPECT_EQ(trajectory->poses.size(), trajectory_of(*record).poses.size());
   for (const TimedPose& pose : trajectory->poses) EXPECT_LT(pose.p_WB.norm(), 0.05);
   EXPECT_TRUE(std::filesystem::exists(stand.options.out / "events.txt"));
+  EXPECT_GE(observer.taken, trajectory->poses.size()) << "a receiver may observe what the log thread hands out";
   EXPECT_GT(stand.sink->published, 100u);
   EXPECT_LT(std::abs(stand.sink->last.p_WB_m[0]), 0.05);
   ASSERT_EQ(record->realtime->outputs.size(), 1u);
