@@ -48,9 +48,9 @@ Result<std::string> read_text(const std::filesystem::path& path) {
     return Error{ErrorKind::kUsage, path.string(), 0, "cannot be opened (" + system_message(errno) + ")",
                  "a readable file"};
   }
-  gzbuffer(file, 1u << 17);
+  gzbuffer(file, 1u << 16);
   std::string text;
-  constexpr std::size_t kChunk = 1u << 20, kMost = std::size_t{1} << 31;  // a few bytes of gzip may unpack to anything
+  constexpr std::size_t kChunk = 1u << 16, kMost = std::size_t{1} << 31;  // a few bytes of gzip may unpack to anything
   int count = 0;
   do {
     const std::size_t size = text.size();

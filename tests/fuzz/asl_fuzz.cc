@@ -1,6 +1,6 @@
-// Any bytes as the tables of a recorded flight: the list of images or the tracks, the IMU's readings and the truth, in
-// that order, behind one byte (bit 0: tracks) and divided by bytes 0x1e; what is left out is sound. Read, or refused
-// with the file's name.
+// Any bytes as the tables of a recorded flight: the list of images or the tracks, the IMU's readings, the truth, the
+// wheels' speeds and the barometer's heights, in that order, behind one byte (bit 0: tracks) and divided by bytes 0x1e;
+// what is left out is sound or absent. Read and planned, or refused with the file's name.
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "drivers/flights/recordings/asl_dataset.h"
+#include "drivers/flights/recordings/flight_plan.h"
 #include "tests/fuzz/scratch_folder.h"
 
 namespace fs = std::filesystem;
@@ -37,7 +38,7 @@ std::string_view next_part(std::string_view& rest, std::string_view otherwise) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const ScratchFolder folder("asl_fuzz");
   static const fs::path root = [] {
-    for (const char* sensor : {"cam0", "imu0", "state_groundtruth_estimate0"})
+    for (const char* sensor : {"cam0", "imu0", "state_groundtruth_estimate0", "wheel0", "baro0"})
       fs::create_directories(folder.path() / "mav0" / sensor);
     write(folder.path() / "mav0/cam0/sensor.yaml", kCamera);
     return folder.path();
@@ -48,11 +49,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fs::remove(root / "mav0/cam0" / (tracks ? "data.csv" : "tracks.csv"));
   write(root / "mav0/cam0" / (tracks ? "tracks.csv" : "data.csv"), next_part(rest, tracks ? kTracks : kImages));
   write(root / "mav0/imu0/data.csv", next_part(rest, kImu));
-  const fs::path truth = root / "mav0/state_groundtruth_estimate0/data.csv";
-  if (rest.empty()) {
-    fs::remove(truth);
-  } else {
-    write(truth, rest);
+  for (const char* sensor : {"state_groundtruth_estimate0", "wheel0", "baro0"}) {
+    const fs::path table = root / "mav0" / sensor / "data.csv";
+    fs::remove(table);
+    if (const std::string_view part = next_part(rest, ""); !part.empty()) write(table, part);
   }
 
   const auto dataset = epiline::open_asl_dataset(root, "cam0");
@@ -65,5 +65,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     points += instant.count;
   }
   if (points != dataset->points.size()) std::abort();
+  const epiline::FlightPlan plan = epiline::plan_flight(*dataset, {});
+  for (std::size_t i = 1; i < plan.images.size(); ++i)
+    if (plan.images[i].stamp <= plan.images[i - 1].stamp) std::abort();
   return 0;
 }

@@ -1,33 +1,85 @@
-// Any bytes as a bag: a ROS 1 bag, an MCAP file or a ROS 2 bag in SQLite, known by their first bytes. Read or refused;
-// each message can be read again and is the same; no more memory is taken than the bytes account for.
+// Any bytes as a bag: a ROS 1 bag, an MCAP file or a ROS 2 bag in SQLite, known by their first bytes; other bytes as
+// the list in the folder of a ROS 2 bag. Read or refused, as messages and as a flight; each message can be read again
+// and is the same; no more memory is taken than the bytes account for.
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
 #include <fstream>
+#include <string_view>
 #include <vector>
 
 #include "drivers/flights/recordings/bag.h"
+#include "drivers/flights/recordings/bag_dataset.h"
+#include "drivers/flights/recordings/flight_plan.h"
+#include "drivers/flights/recordings/image_source.h"
 #include "tests/fuzz/scratch_folder.h"
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  static const ScratchFolder folder("bag_fuzz");
-  const auto path = folder.path() / "any.bag";
-  std::ofstream(path, std::ios::binary).write(reinterpret_cast<const char*>(data), static_cast<std::streamsize>(size));
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::string_view kCalibration =
+    "T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [64, 48]\ncamera_model: pinhole\n"
+    "intrinsics: [40, 40, 32, 24]\ndistortion_model: none\ngyroscope_noise_density: 1e-4\ngyroscope_random_walk: 1e-5\n"
+    "accelerometer_noise_density: 2e-3\naccelerometer_random_walk: 3e-3\n";
+
+void write(const fs::path& path, const void* data, std::size_t size) {
+  std::ofstream(path, std::ios::binary).write(static_cast<const char*>(data), static_cast<std::streamsize>(size));
+}
+
+void expect(bool holds) {
+  if (!holds) std::abort();
+}
+
+/// Whether there are any.
+bool read_messages(const fs::path& path, bool is_sqlite) {
   auto bag = epiline::Bag::open(path);
-  if (!bag) return bag.error().text().find("any.bag") == std::string::npos ? (std::abort(), 1) : 0;
+  if (!bag) {
+    expect(bag.error().text().find(path.parent_path().string()) != std::string::npos);
+    return false;
+  }
   struct Seen {
     epiline::BagPlace place;
     std::vector<std::uint8_t> bytes;
   };
   std::vector<Seen> seen;
-  const auto scanned = (*bag)->scan([&](const epiline::BagMessage& message) {
-    if (message.topic >= (*bag)->topics().size()) std::abort();
+  (void)(*bag)->scan([&](const epiline::BagMessage& message) {
+    expect(message.topic < (*bag)->topics().size());
     if (seen.size() < 64) seen.push_back({message.place, {message.bytes.begin(), message.bytes.end()}});
   });
-  (void)scanned;
   for (const Seen& message : seen) {
     const auto again = (*bag)->read(message.place);
-    if (again && !std::equal(again->begin(), again->end(), message.bytes.begin(), message.bytes.end())) std::abort();
+    expect(!again || is_sqlite || std::equal(again->begin(), again->end(), message.bytes.begin(), message.bytes.end()));
   }
+  return !seen.empty();
+}
+
+void read_flight(const fs::path& path, const fs::path& calibration) {
+  const auto flight = epiline::open_bag_dataset(path, {}, "cam0", calibration, calibration);
+  if (!flight) return expect(!flight.error().found.empty());
+  expect(!flight->imu_samples.empty() && !flight->images.empty());
+  const epiline::FlightPlan plan = epiline::plan_flight(*flight, {});
+  epiline::GreyImage grey;
+  for (std::size_t i = 0; i < std::min<std::size_t>(plan.images.size(), 8); ++i)
+    (void)flight->image_source->read(plan.images[i].index, grey);
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const ScratchFolder folder("bag_fuzz");
+  static const fs::path file = folder.path() / "any.bag", calibration = folder.path() / "calibration.yaml",
+                        list = folder.path() / "list" / "metadata.yaml";
+  static const bool is_first = [] {
+    fs::create_directory(list.parent_path());
+    write(calibration, kCalibration.data(), kCalibration.size());
+    return true;
+  }();
+  (void)is_first;
+  write(file, data, size);
+  const bool is_file = epiline::looks_like_bag(file);
+  if (!is_file) write(list, data, size);
+  const fs::path path = is_file ? file : list.parent_path();
+  if (read_messages(path, size > 0 && data[0] == 'S')) read_flight(path, calibration);
   return 0;
 }
