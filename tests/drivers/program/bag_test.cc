@@ -219,6 +219,14 @@ TEST_F(Bag, OfEveryFormatGivesTheSameTrajectory) {
     write_truth(to);
   }
   expect_same(parts);
+  for (const char* ending : {".db3", ".mcap"}) {
+    const auto all = images();
+    {
+      SplitWriter to(scratch() / "split", ending, all[all.size() / 2].first);
+      write_all(to);
+    }
+    expect_same(scratch() / "split");
+  }
 }
 
 TEST_F(Bag, EncodingsDoNotMatter) {

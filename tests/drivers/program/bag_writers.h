@@ -273,4 +273,28 @@ class Db3Writer final : public BagWriter {
   std::map<std::string, int> topics_;
 };
 
+/// The folder of a ROS 2 bag in two files, divided in time, with their list. `ending`: .db3 or .mcap.
+class SplitWriter final : public BagWriter {
+ public:
+  SplitWriter(const fs::path& folder, const std::string& ending, std::int64_t second_from_ns)
+      : second_from_ns_(second_from_ns) {
+    std::string list = "rosbag2_bagfile_information:\n  version: 5\n  relative_file_paths:\n";
+    for (const char* part : {"split_0", "split_1"}) {
+      const std::string name = part + ending;
+      list += "    - " + name + "\n";
+      if (ending == ".db3") parts_.push_back(std::make_unique<Db3Writer>(folder / name));
+      if (ending == ".mcap") parts_.push_back(std::make_unique<McapWriter>(folder / name, "zstd"));
+    }
+    epiline::write(folder / "metadata.yaml", list);
+  }
+  bool is_cdr() const override { return true; }
+  void write(const std::string& topic, std::int64_t ns, RawMessage message) override {
+    parts_[ns < second_from_ns_ ? 0 : 1]->write(topic, ns, std::move(message));
+  }
+
+ private:
+  std::int64_t second_from_ns_;
+  std::vector<std::unique_ptr<BagWriter>> parts_;
+};
+
 }  // namespace epiline
