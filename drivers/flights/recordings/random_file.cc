@@ -75,21 +75,17 @@ bool unpack_lz4(std::span<const std::uint8_t> packed, std::uint64_t most, Bytes&
   return good;
 }
 
-/// In one go: a decoder of streams would take as much memory as the stream asks for.
+/// What a frame asks for, 128 MB at most, is touched only as far as something comes out.
 bool unpack_zstd(std::span<const std::uint8_t> packed, std::uint64_t most, Bytes& out) {
-  constexpr std::uint64_t kUsualRatio = 4, kLeast = 1 << 16;
-  for (std::uint64_t room = std::min(most, std::max(kLeast, kUsualRatio * packed.size()));;
-       room = std::min(most, 2 * room)) {
-    out.resize(static_cast<std::size_t>(room));
-    const std::size_t written = ZSTD_decompress(out.data(), out.size(), packed.data(), packed.size());
-    if (ZSTD_isError(written) == 0) {
-      out.resize(written);
-      return true;
-    }
-    // the only cure that is known is more room; a damaged stream fails again soon
-    const bool too_small = std::string_view(ZSTD_getErrorName(written)).find("too small") != std::string_view::npos;
-    if (!too_small || room == most) return false;
-  }
+  const std::unique_ptr<ZSTD_DCtx, decltype(&ZSTD_freeDCtx)> context(ZSTD_createDCtx(), &ZSTD_freeDCtx);
+  ZSTD_inBuffer take{packed.data(), packed.size(), 0};
+  return grow(packed.size(), most, out, [&](std::uint8_t* to, std::size_t room) {
+    ZSTD_outBuffer give{to, room, 0};
+    std::size_t left = 0;  // of a frame; another one may follow
+    do left = ZSTD_decompressStream(context.get(), &give, &take);
+    while (left == 0 && take.pos < take.size && give.pos < give.size);
+    return Decoded{give.pos, left == 0 && take.pos == take.size, ZSTD_isError(left) != 0};
+  });
 }
 
 }  // namespace
