@@ -5,7 +5,9 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "drivers/program/cli/commands.h"
@@ -16,6 +18,7 @@
 #include "drivers/study/report/stats_json.h"
 #include "pipeline/config/config.h"
 #include "pipeline/text/suspicion_text.h"
+#include "pipeline/text/trajectory.h"
 #include "platform/linux/end_request.h"
 
 namespace epiline {
@@ -110,6 +113,17 @@ Result<std::optional<OutputFolder>> claim_file(const std::filesystem::path& file
   return claim(file.has_parent_path() ? file.parent_path() : ".", {file.filename().string()}, foreign);
 }
 
+/// What the run had estimated that left this record of the flight recorder; none of other recordings.
+Result<std::optional<Trajectory>> flown_path(const std::filesystem::path& dataset) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(dataset / "states.csv", ignored)) return std::optional<Trajectory>{};
+  const std::filesystem::path path = dataset / "trajectory.tum";
+  if (std::filesystem::file_size(path, ignored) == 0) return std::optional<Trajectory>{};  // lost all the time
+  auto flown = read_trajectory(path);
+  if (!flown) return flown.error();
+  return std::optional<Trajectory>{std::move(*flown)};
+}
+
 int replay_command(ReplayArguments& options) {
   for (const std::string& text : options.faults) {
     const auto fault = fault_from(text);
@@ -127,7 +141,11 @@ int replay_command(ReplayArguments& options) {
   if (!view) return report(view.error());
   options.replay.view = view->get();
   std::optional<FlightMcap> mcap;
+  std::optional<Trajectory> flown;
   if (!options.mcap.empty()) {
+    auto path = flown_path(options.replay.dataset);
+    if (!path) return report(path.error());
+    flown = std::move(*path);
     options.replay.observer = &mcap.emplace(options.mcap);
     if (const Status s = mcap->status(); !s) return report(s.error());
   }
@@ -152,7 +170,7 @@ int replay_command(ReplayArguments& options) {
   const FlightRecord& record = result->record;
   if (dds) dds->close();
   if (mcap)
-    if (const Status s = mcap->finish(record.truth); !s) return report(s.error());
+    if (const Status s = mcap->finish(record.truth, flown); !s) return report(s.error());
   const auto errors = write_outputs(record, options.out);
   if (!errors) return report(errors.error());
   if (!options.quiet) {

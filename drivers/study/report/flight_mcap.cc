@@ -10,7 +10,7 @@ namespace epiline {
 
 namespace {
 
-constexpr const char* kTruth = "ground_truth";
+constexpr const char *kTruth = "ground_truth", *kFlown = "flown";
 
 std::string camera_name(std::size_t number) { return "cam" + std::to_string(number); }
 
@@ -96,13 +96,18 @@ void FlightMcap::write_points(std::size_t camera, HostStamp stamp, std::span<con
   write(tracks_[camera], stamp, out);
 }
 
-Status FlightMcap::finish(const std::optional<Trajectory>& truth) {
-  if (truth)
-    for (const TimedPose& pose : truth->poses) {
-      CdrWriter out;
-      out.header(pose.stamp, kTruth).f64s({pose.p_WB.data(), 3}).f64s({pose.q_WB.coeffs().data(), 4});
-      write(truth_, pose.stamp, out);
-    }
+void FlightMcap::write_path(Topic& topic, const char* frame, const std::optional<Trajectory>& path) {
+  if (!path) return;
+  for (const TimedPose& pose : path->poses) {
+    CdrWriter out;
+    out.header(pose.stamp, frame).f64s({pose.p_WB.data(), 3}).f64s({pose.q_WB.coeffs().data(), 4});
+    write(topic, pose.stamp, out);
+  }
+}
+
+Status FlightMcap::finish(const std::optional<Trajectory>& truth, const std::optional<Trajectory>& flown) {
+  write_path(truth_, kTruth, truth);
+  write_path(flown_, kFlown, flown);
   return file_.finish();
 }
 

@@ -27,8 +27,9 @@ class FlightMcap final : public FlightObserver {
   bool wants_images() const noexcept override { return true; }
 
   Status status() const { return file_.status(); }
-  /// After the flight. Fails if and only if the file could not be written whole.
-  Status finish(const std::optional<Trajectory>& truth);
+  /// After the flight. `flown`: what was estimated when a record of the flight recorder was made. Fails if and only if
+  /// the file could not be written whole.
+  Status finish(const std::optional<Trajectory>& truth, const std::optional<Trajectory>& flown = {});
 
  private:
   /// A topic, made when its first message comes.
@@ -39,12 +40,14 @@ class FlightMcap final : public FlightObserver {
   void write(Topic& topic, HostStamp stamp, const CdrWriter& message);
   void write_image(std::size_t camera, const Frame& frame);
   void write_points(std::size_t camera, HostStamp stamp, std::span<const LoggedPoint> points);
+  void write_path(Topic& topic, const char* frame, const std::optional<Trajectory>& path);
 
   McapOutput file_;
   Topic imu_{"/imu0", "sensor_msgs/Imu"}, odometry_{"/epiline/odometry", "nav_msgs/Odometry"},
       pose_{"/epiline/pose", "geometry_msgs/PoseStamped"}, tf_{"/tf", "tf2_msgs/TFMessage"},
       diagnostics_{"/diagnostics", "diagnostic_msgs/DiagnosticArray"},
-      truth_{"/ground_truth/pose", "geometry_msgs/PoseStamped"};
+      truth_{"/ground_truth/pose", "geometry_msgs/PoseStamped"},
+      flown_{"/epiline/flown/pose", "geometry_msgs/PoseStamped"};
   std::array<Topic, 1 + kMostOthers> images_, tracks_;
 };
 

@@ -6,10 +6,12 @@
 #include <map>
 
 #include "drivers/flights/recordings/bag.h"
+#include "drivers/flights/recordings/bag_dataset.h"
 #include "drivers/flights/recordings/byte_reader.h"
 #include "drivers/flights/recordings/mcap_output.h"
 #include "drivers/flights/recordings/ros_message.h"
 #include "pipeline/text/table.h"
+#include "pipeline/text/trajectory.h"
 #include "tests/drivers/program/program.h"
 
 namespace epiline {
@@ -66,6 +68,41 @@ TEST_F(Mcap, ReadingsAreCorrectedOnceWhenTheyFlyAgain) {
   EXPECT_NE(wanted, read(scratch() / "uncorrected/trajectory.tum"));
   ASSERT_EQ(replay_mcap().exit_code, 0);
   EXPECT_EQ(read(scratch() / "again/trajectory.tum"), wanted);
+}
+
+// A record of the flight recorder becomes a file as any folder does; the file also holds what was estimated in flight.
+TEST_F(Mcap, OfAFlightRecordHoldsWhatWasFlown) {
+  const fs::path records = scratch() / "records", record = records / "record-001-end";
+  ASSERT_EQ(replay("run", "--realtime --speed 2 --record '" + records.string() + "' --record-images").exit_code, 0);
+  const std::string of_record = "replay '" + record.string() + "' --config '" + (record / "config.toml").string() + "'";
+  const auto replay_record = [&] {
+    return run(of_record + " --mcap '" + file.string() + "' --out '" + (scratch() / "folder").string() + "'");
+  };
+  const Outcome r = replay_record();
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  write(config, "[camera]\ncalibration = \"" + (record / "mav0/cam0/sensor.yaml").string() +
+                    "\"\n[imu]\ncalibration = \"" + (record / "mav0/imu0/sensor.yaml").string() + "\"\n");
+  const Outcome again = replay_mcap();
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_EQ(read(scratch() / "again/trajectory.tum"), read(scratch() / "folder/trajectory.tum"));
+
+  const auto recorded = read_trajectory(record / "trajectory.tum");
+  const auto flown = read_bag_ground_truth(file, "/epiline/flown/pose");
+  ASSERT_TRUE(recorded && flown && *flown);
+  const std::vector<TimedPose>&is = (*flown)->poses, &was = recorded->poses;
+  ASSERT_GT(was.size(), 60u);
+  ASSERT_EQ(is.size(), was.size());
+  for (std::size_t i = 0; i < was.size(); ++i) {
+    EXPECT_EQ(is[i].stamp, was[i].stamp);
+    EXPECT_EQ(is[i].p_WB, was[i].p_WB);
+    EXPECT_LT(is[i].q_WB.angularDistance(was[i].q_WB), 1e-9);
+  }
+  EXPECT_FALSE(stats("again")["dataset"]["has_ground_truth"]);
+
+  write(record / "trajectory.tum", "1 2 3\n");
+  expect_one_line(replay_record(), 2, {"trajectory.tum:1", "expected"});
+  write(record / "trajectory.tum", "");  // lost from the first image to the last
+  EXPECT_EQ(replay_record().exit_code, 0);
 }
 
 TEST_F(Mcap, HoldsTheNumbersOfTheFlight) {
