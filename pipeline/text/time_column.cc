@@ -44,7 +44,7 @@ double mean_step(std::vector<double> times) {
 
 bool parse_time(std::string_view field, const TimeUnit& unit, std::int64_t& ns) {
   const std::int64_t whole_unit = power_of_ten(unit.digits),
-                     most = std::numeric_limits<std::int64_t>::max() / whole_unit - (unit.digits > 0 ? 1 : 0);
+                     most = kLargestTime_ns / whole_unit - (unit.digits > 0 ? 1 : 0);
   const auto digits = static_cast<std::size_t>(unit.digits);
   const bool negative = !field.empty() && field[0] == '-';
   const std::size_t point = std::min(field.find('.'), field.size());
@@ -87,8 +87,9 @@ Result<std::vector<std::int64_t>> TimeFields::parse(TimeColumn column, const std
   }
   std::vector<std::int64_t> ns(fields_.size());
   for (std::size_t i = 0; i < fields_.size(); ++i) {
-    const bool good =
-        column == TimeColumn::kNanoseconds ? parse_number(fields_[i], ns[i]) : parse_time(fields_[i], unit, ns[i]);
+    const bool good = column == TimeColumn::kNanoseconds
+                          ? parse_number(fields_[i], ns[i]) && ns[i] >= -kLargestTime_ns && ns[i] <= kLargestTime_ns
+                          : parse_time(fields_[i], unit, ns[i]);
     if (!good) return Error{ErrorKind::kUsage, file, lines_[i], quoted(fields_[i]), expected_of(column)};
   }
   return ns;

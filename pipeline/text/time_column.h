@@ -18,6 +18,9 @@ struct TimeUnit {
 inline constexpr TimeUnit kInNanoseconds{"nanoseconds", 0}, kInMicroseconds{"microseconds", 3},
     kInMilliseconds{"milliseconds", 6}, kInSeconds{"seconds", 9};
 
+/// The largest time, 146 years from zero: no clock shows more, and the difference of two is a Span.
+inline constexpr std::int64_t kLargestTime_ns = (std::int64_t{1} << 62) - 1;
+
 /// What the times are of. Of sensors the unit is found.
 enum class TimeColumn { kNanoseconds, kSeconds, kSensor, kImu };
 

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "pipeline/text/time_column.h"
+
 namespace epiline {
 
 namespace fs = std::filesystem;
@@ -112,6 +114,7 @@ Status Bag::scan(const BagReader::See& see) {
       }
       BagMessage shown = message;
       shown.topic = topic_of[message.topic];
+      shown.recorded_ns = std::clamp(message.recorded_ns, -kLargestTime_ns, kLargestTime_ns);
       shown.place.file = static_cast<std::uint32_t>(f);
       if (is_zstd(message.bytes)) {
         good = good && unpack(Packing::kZstd, message.bytes, kUnknownSize, unpacked_);

@@ -5,6 +5,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "drivers/flights/recordings/bag_content.h"
 #include "pipeline/text/table.h"
 #include "tests/drivers/program/bag_writers.h"
 #include "tests/drivers/program/program.h"
@@ -375,6 +376,22 @@ TEST_F(Bag, DamageIsOneClearLine) {
     codec.replace(found, 16, "compression=rar!");
   write(bag, codec);
   expect_one_line(replay(), 2, {"cannot be read as a bag", "rar!"});
+}
+
+// The difference of two times is a number of 64 bits, whatever the file says.
+TEST_F(Bag, TimesThatNoClockShowsAreTheLastThatOneDoes) {
+  bag = scratch() / "a.mcap";
+  {
+    McapWriter to(bag, "");
+    const double still[6] = {0, 0, 1e-3, 0, 0, 9.81};
+    for (const std::int64_t ns : {INT64_MIN, INT64_MAX}) to.write("/imu", ns, imu_message(0, still, true));
+  }
+  const auto content = read_bag(bag);
+  ASSERT_TRUE(content);
+  const auto& entries = content->topics[0].entries;
+  ASSERT_EQ(entries.size(), 2u);
+  EXPECT_EQ(entries[1].recorded_ns, (std::int64_t{1} << 62) - 1);
+  EXPECT_EQ(entries[0].recorded_ns, -entries[1].recorded_ns);
 }
 
 // Of each format, with the sensors interleaved as a recorder writes them: what came before the end is flown.

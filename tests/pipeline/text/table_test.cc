@@ -47,6 +47,18 @@ TEST(ParseTime, RefusesWhatIsNoTime) {
   }
 }
 
+// 2^62 is too much: the difference of two times is a number of 64 bits.
+TEST(ParseTime, RefusesWhatNoClockShows) {
+  for (const auto column : {TimeColumn::kNanoseconds, TimeColumn::kSensor, TimeColumn::kImu}) {
+    for (const std::string sign : {"", "-"}) {
+      EXPECT_TRUE(parse_table(sign + "4611686018427387903,1\n", "f.csv", column, {2}, "row"));
+      const auto table = parse_table("0,1\n" + sign + "4611686018427387904,1\n", "f.csv", column, {2}, "row");
+      ASSERT_FALSE(table);
+      EXPECT_TRUE(table.error().text().starts_with("f.csv:2: \"" + sign + "46116")) << table.error().text();
+    }
+  }
+}
+
 // The mean step of the middle half, whatever single times and bursts do.
 TEST(TimeUnit, IsThatOfTheRate) {
   const auto unit = [](double step, TimeColumn column) {
