@@ -22,18 +22,31 @@ Error missing(const fs::path& path, std::string expected) {
   return {ErrorKind::kUsage, path.string(), 0, "does not exist", std::move(expected)};
 }
 
-Result<fs::path> find_root(const fs::path& folder) {
+/// Well-known layouts of others, by something that is in the folder.
+struct ForeignLayout {
+  const char *file, *what;
+};
+constexpr ForeignLayout kForeignLayouts[] = {
+    {"rgb.txt", "is a TUM RGB-D recording: there is no gyroscope"},
+    {"image_0", "is a sequence of KITTI odometry: there is no IMU"},
+    {"oxts", "is a KITTI raw recording, which is not read: its IMU has 10 Hz, or 100 Hz where it is unsynchronised"}};
+
+const char* why_no_root(const fs::path& folder) {
   std::error_code ignored;
-  if (!fs::exists(folder, ignored)) return missing(folder, "a data set: an ASL folder, or a bag (ROS 1, ROS 2, MCAP)");
-  if (!fs::is_directory(folder, ignored)) {
-    return Error{ErrorKind::kUsage, folder.string(), 0, "is not a folder",
-                 "a data set: an ASL folder, or a bag (ROS 1, ROS 2, MCAP)"};
-  }
-  const fs::path root = fs::is_directory(folder / "mav0", ignored) ? folder / "mav0" : folder;
-  if (!fs::is_directory(root / "imu0", ignored)) {
-    return Error{ErrorKind::kUsage, folder.string(), 0, "no mav0/imu0 or imu0 inside",
-                 "a data set: an ASL folder, or a bag (ROS 1, ROS 2, MCAP)"};
-  }
+  for (const ForeignLayout& layout : kForeignLayouts)
+    if (fs::exists(folder / layout.file, ignored)) return layout.what;
+  return "no mav0/imu0 or imu0 inside";
+}
+
+Result<fs::path> find_root(const fs::path& folder) {
+  constexpr const char* kExpected = "a data set: an ASL folder, or a bag (ROS 1, ROS 2, MCAP)";
+  std::error_code ignored;
+  if (!fs::exists(folder, ignored)) return missing(folder, kExpected);
+  if (!fs::is_directory(folder, ignored))
+    return Error{ErrorKind::kUsage, folder.string(), 0, "is not a folder", kExpected};
+  fs::path root = fs::is_directory(folder / "mav0", ignored) ? folder / "mav0" : folder;
+  if (!fs::is_directory(root / "imu0", ignored))
+    return Error{ErrorKind::kUsage, folder.string(), 0, why_no_root(folder), kExpected};
   return root;
 }
 

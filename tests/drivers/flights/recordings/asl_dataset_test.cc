@@ -156,5 +156,20 @@ TEST_F(WrongAslFolder, ExchangedColumnsAreNamed) {
       << error();
 }
 
+TEST_F(WrongAslFolder, LayoutsOfOthersAreNamed) {
+  fs::create_directories(folder_ / "x");
+  const auto is_refused_with = [&](const std::string& cause) {
+    const auto dataset = open_asl_dataset(folder_ / "x", "cam0");
+    return !dataset && dataset.error().text().find("/x: " + cause) != std::string::npos;
+  };
+  EXPECT_TRUE(is_refused_with("no mav0/imu0 or imu0 inside; expected a data set"));
+  fs::create_directories(folder_ / "x/oxts/data");
+  EXPECT_TRUE(is_refused_with("is a KITTI raw recording"));
+  fs::create_directories(folder_ / "x/image_0");
+  EXPECT_TRUE(is_refused_with("is a sequence of KITTI odometry: there is no IMU; expected"));
+  write(folder_ / "x/rgb.txt", "# color images\n1305031102.175304 rgb/1305031102.175304.png\n");
+  EXPECT_TRUE(is_refused_with("is a TUM RGB-D recording: there is no gyroscope; expected a data set"));
+}
+
 }  // namespace
 }  // namespace epiline
