@@ -105,6 +105,36 @@ TEST_F(HilCommand, TheControllersOwnImuFliesToo) {
   EXPECT_LT(stats("out")["error"]["ate_4dof_m"]["rmse"].get<double>(), 0.05);
 }
 
+// The recording of an IMU whose gyroscope is turned by a quarter, and whose accelerometer's y axis leans towards x
+// by 3.6 degrees. The run corrects the readings, once: whether they never were or were twice, it would not start.
+TEST_F(HilCommand, ReadingsAreCorrectedOnce) {
+  const fs::path flight = scratch() / "leaning", imu = flight / "mav0/imu0";
+  fs::copy(flight_, flight, fs::copy_options::recursive);
+  std::istringstream readings(read(imu / "data.csv"));
+  std::string leaning;
+  for (std::string line; std::getline(readings, line);) {
+    double w[3], a[3];
+    long long stamp_ns = 0;
+    if (std::sscanf(line.c_str(), "%lld,%lf,%lf,%lf,%lf,%lf,%lf", &stamp_ns, w, w + 1, w + 2, a, a + 1, a + 2) != 7)
+      continue;
+    char text[200];
+    std::snprintf(text, sizeof text, "%lld,%.9f,%.9f,%.9f,%.9f,%.9f,%.9f\n", stamp_ns, w[1], -w[0], w[2], a[0],
+                  a[1] + 0.0625 * a[0], a[2]);
+    leaning += text;
+  }
+  write(imu / "data.csv", leaning);
+  write(scratch() / "imu.yaml", read(imu / "sensor.yaml") +
+                                    "accelerometers:\n  M: [1, 0, 0, 0.0625, 1, 0, 0, 0, 1]\n"
+                                    "gyroscopes:\n  C_gyro_i: [0, 1, 0, -1, 0, 0, 0, 0, 1]\n");
+  write(config(), "[camera]\ncalibration = \"" + (flight_ / "mav0/cam0/sensor.yaml").string() +
+                      "\"\n[imu]\ncalibration = \"" + (scratch() / "imu.yaml").string() + "\"\nrate_hz = 200\n");
+  for (const char* const way : {"", "--imu mavlink"}) {
+    const Outcome r = hil_until(accepts, way, flight);
+    ASSERT_EQ(r.exit_code, 0) << way << r.out << r.err;
+    EXPECT_LT(stats("out")["error"]["ate_4dof_m"]["rmse"].get<double>(), 0.05) << way;
+  }
+}
+
 // Who names a place meets an ArduPilot without satellites, which wants to know it.
 TEST_F(HilCommand, AnArduPilotIsToldWhereItIs) {
   write(config(), read(config()) + "[mavlink]\norigin_latitude_deg = 47.4\norigin_longitude_deg = 8.5\n");
