@@ -24,6 +24,11 @@ constexpr int kWidth = 320, kHeight = 180;
 constexpr double kRate_hz = 20;  // what a reader expects of stamps; a loopback says 30 unless told
 constexpr std::size_t kBytes = static_cast<std::size_t>(kWidth) * kHeight;
 
+/// Written stamps begin here, years away from this machine's clock. When a device is opened the driver stamps the
+/// images that it still holds by that clock, and a reader gets the newest of them: no such stamp may be near a written
+/// one.
+constexpr std::int64_t kBegin_ns = 1'403'636'579'763'555'000;
+
 /// The other end of the loopback: images of one grey.
 class Writer {
  public:
@@ -64,7 +69,7 @@ class Loopback : public testing::Test {
   }
 };
 
-// A recording's times, years away from this machine's clock: they come through to the microsecond.
+// A recording's times come through to the microsecond.
 TEST_F(Loopback, TheWritersStampsSurvive) {
   Writer writer;
   V4l2Camera camera(loopback_settings());
@@ -72,7 +77,7 @@ TEST_F(Loopback, TheWritersStampsSurvive) {
   ASSERT_TRUE(status) << status.error().text();
   EXPECT_TRUE(camera.copies()) << "the writer would write into lent images";
   for (int i = 1; i <= 20; ++i) {
-    const HostStamp stamp{1'403'636'579'763'555'000 + i * 50'000'000LL};
+    const HostStamp stamp{kBegin_ns + i * 50'000'000LL};
     writer.write(static_cast<std::uint8_t>(i), stamp);
     Frame frame;
     ASSERT_TRUE(read_within(camera, frame, kPatience));
@@ -200,7 +205,7 @@ TEST_F(LoopbackPair, ImagesOfOneInstantComeTogetherAndALostCameraStopsNothing) {
   CameraPair pair(std::make_unique<V4l2Camera>(loopback_settings()), std::move(second_camera), {});
   const Status status = pair.open();
   ASSERT_TRUE(status) << status.error().text();
-  std::int64_t stamp_ns = 1'000'000'000;
+  std::int64_t stamp_ns = kBegin_ns;
   int together = 0, alone = 0;
   const auto round = [&](std::uint8_t grey) {
     write(first, second ? &*second : nullptr, grey, stamp_ns += 50'000'000);
@@ -246,7 +251,7 @@ TEST_F(LoopbackPair, TheSecondCameraGoesOnWhileTheFirstOneIsLost) {
   ASSERT_TRUE(status) << status.error().text();
   std::atomic<bool> done{false}, is_there{true};
   std::thread feeder([&] {
-    for (std::int64_t stamp_ns = 1'000'000'000; !done; stamp_ns += 50'000'000) {
+    for (std::int64_t stamp_ns = kBegin_ns; !done; stamp_ns += 50'000'000) {
       if (!is_there) {
         first.reset();
       } else if (!first) {
