@@ -75,6 +75,7 @@ class FakeCamera final : public FakeFile {
   bool is_broken = false;                  ///< poll() reports an error, no call does; until the stream is stopped
   unsigned long refused_request = 0;       ///< always refused, with EINVAL
   std::vector<unsigned long> asked;        ///< in the order of the calls
+  bool takes_any_size = false;             ///< a board's receiver, which the sensor before it tells what comes
   bool has_rate = true;                    ///< VIDIOC_G_PARM is there
   bool exports = true;                     ///< VIDIOC_EXPBUF is there
   int readings = 0;                        ///< of buffers, announced by DMA_BUF_IOCTL_SYNC
@@ -198,14 +199,19 @@ class FakeCamera final : public FakeFile {
   }
   int name_size(v4l2_frmsizeenum& asked_for) const {
     const Format* const format = format_of(asked_for.pixel_format);
-    if (format == nullptr || asked_for.index >= format->sizes.size()) return refuse(EINVAL);
+    if (format == nullptr || asked_for.index >= (takes_any_size ? 1 : format->sizes.size())) return refuse(EINVAL);
+    if (takes_any_size) {
+      asked_for.type = V4L2_FRMSIZE_TYPE_STEPWISE;
+      asked_for.stepwise = {16, 16384, 2, 16, 16384, 1};
+      return 0;
+    }
     asked_for.type = V4L2_FRMSIZE_TYPE_DISCRETE;
     asked_for.discrete = {format->sizes[asked_for.index].width, format->sizes[asked_for.index].height};
     return 0;
   }
   int name_rate(v4l2_frmivalenum& asked_for) const {
     const Format* const format = format_of(asked_for.pixel_format);
-    for (std::size_t i = 0; format != nullptr && i < format->sizes.size(); ++i) {
+    for (std::size_t i = 0; !takes_any_size && format != nullptr && i < format->sizes.size(); ++i) {
       const Size& size = format->sizes[i];
       if (size.width != asked_for.width || size.height != asked_for.height) continue;
       if (asked_for.index >= size.rates_hz.size()) break;
@@ -226,6 +232,10 @@ class FakeCamera final : public FakeFile {
     const Size& size = *std::min_element(format->sizes.begin(), format->sizes.end(),
                                          [&](const Size& a, const Size& b) { return off(a) < off(b); });
     fourcc_ = format->fourcc;
+    if (takes_any_size) {
+      width_ = pix.width, height_ = pix.height;
+      return write_format(pix), 0;
+    }
     width_ = size.width;
     height_ = size.height;
     rates_hz_ = size.rates_hz;

@@ -7,9 +7,11 @@
 #include <linux/videodev2.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/drivers/fake_kernel.h"
@@ -103,7 +105,8 @@ class FakeSubDevice final : public FakeFile {
         auto& wish = *static_cast<v4l2_subdev_format*>(argument);
         if (format_error != 0) return refuse(format_error);
         if (most_width != 0) wish.format.width = std::min(wish.format.width, most_width);
-        width = wish.format.width, height = wish.format.height;
+        if (!sizes.empty()) set_nearest(wish.format);
+        if (wish.which == V4L2_SUBDEV_FORMAT_ACTIVE) width = wish.format.width, height = wish.format.height;
         return 0;
       }
       case VIDIOC_SUBDEV_G_FMT: {
@@ -117,6 +120,14 @@ class FakeSubDevice final : public FakeFile {
         code.code = codes[code.index];
         return 0;
       }
+      case VIDIOC_SUBDEV_ENUM_FRAME_SIZE: {
+        auto& size = *static_cast<v4l2_subdev_frame_size_enum*>(argument);
+        if (size.index >= sizes.size() || std::find(codes.begin(), codes.end(), size.code) == codes.end())
+          return refuse(EINVAL);
+        size.min_width = size.max_width = sizes[size.index].first;
+        size.min_height = size.max_height = sizes[size.index].second;
+        return 0;
+      }
       case VIDIOC_G_EXT_CTRLS:
         return get(*static_cast<v4l2_ext_controls*>(argument)->controls);
       case VIDIOC_S_EXT_CTRLS:
@@ -124,6 +135,7 @@ class FakeSubDevice final : public FakeFile {
         return 0;
       case VIDIOC_QUERY_EXT_CTRL: {
         auto& range = *static_cast<v4l2_query_ext_ctrl*>(argument);
+        if (range.id != V4L2_CID_VBLANK) return refuse(EINVAL);
         range.minimum = 30, range.maximum = 10'000;
         return 0;
       }
@@ -141,12 +153,22 @@ class FakeSubDevice final : public FakeFile {
 
   std::vector<std::uint32_t> codes{MEDIA_BUS_FMT_Y10_1X10, MEDIA_BUS_FMT_Y8_1X8};
   std::uint32_t width = 1456, height = 1088, most_width = 0;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> sizes;  ///< of a sensor; empty: it takes any
   int format_error = 0;
   std::int64_t pixel_rate = 0;  ///< 0: it has no controls
   std::int32_t blank_rows = 30;
   v4l2_fract interval{0, 0};  ///< 0: it has none
 
  private:
+  /// By area, as a sensor's driver takes what it has not.
+  void set_nearest(v4l2_mbus_framefmt& format) const {
+    const auto off = [&](const auto& size) {
+      return std::abs(std::int64_t{size.first} * size.second - std::int64_t{format.width} * format.height);
+    };
+    const auto nearest =
+        *std::min_element(sizes.begin(), sizes.end(), [&](const auto& a, const auto& b) { return off(a) < off(b); });
+    format.width = nearest.first, format.height = nearest.second;
+  }
   int get(v4l2_ext_control& control) const {
     if (pixel_rate == 0) return refuse(EINVAL);
     if (control.id == V4L2_CID_PIXEL_RATE) return control.value64 = pixel_rate, 0;

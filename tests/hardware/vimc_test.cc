@@ -4,6 +4,10 @@
 #include <filesystem>
 #include <fstream>
 
+#include "drivers/program/inventory/draft.h"
+#include "drivers/program/inventory/parts.h"
+#include "drivers/sensors/camera/v4l2_settings.h"
+#include "pipeline/config/config.h"
 #include "tests/hardware/camera_support.h"
 
 namespace epiline {
@@ -52,6 +56,22 @@ TEST_F(Vimc, ASensorAndItsNodeAreSetUpAlike) {
   }
   camera.close();
   EXPECT_EQ(error(settings("Raw Capture 0", 320, 240)), "opened") << "another size, through the same graph";
+}
+
+// Size and format of the configuration that `epiline init` writes are the sensor's: it opens as it is.
+TEST_F(Vimc, IsOpenedAsItsDraftSays) {
+  Parts parts = find_parts();
+  std::erase_if(parts.cameras, [](const CameraPart& camera) { return camera.name != "Raw Capture 0"; });
+  ASSERT_EQ(parts.cameras.size(), 1u);
+  const auto draft = draft_configuration(parts);
+  ASSERT_TRUE(draft) << draft.error().text();
+  const auto file = ConfigFile::parse(draft->toml, "draft.toml");
+  ASSERT_TRUE(file) << draft->toml;
+  Config config;
+  file->apply(config);
+  const auto wanted = v4l2_settings_of(config.devices.camera);
+  ASSERT_TRUE(wanted);
+  EXPECT_EQ(error(*wanted), "opened") << draft->toml;
 }
 
 /// Of a capture node beside the one in use, which the kernel wants set up alike.

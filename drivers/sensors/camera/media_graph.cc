@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <linux/v4l2-controls.h>
-#include <linux/v4l2-subdev.h>
 #include <linux/videodev2.h>
 #include <sys/sysmacros.h>
 
@@ -247,9 +246,9 @@ DeviceTrouble MediaGraph::link() noexcept {
   return {};
 }
 
-bool MediaGraph::set_pad(int sub_device, const media_v2_pad& at, BusFormat& format) noexcept {
+bool MediaGraph::set_pad(int sub_device, const media_v2_pad& at, BusFormat& format, std::uint32_t which) noexcept {
   v4l2_subdev_format wish{};
-  wish.which = V4L2_SUBDEV_FORMAT_ACTIVE;
+  wish.which = which;
   wish.pad = at.index;
   wish.format.code = static_cast<decltype(wish.format.code)>(format.code);
   wish.format.width = static_cast<__u32>(format.width);
@@ -262,7 +261,7 @@ bool MediaGraph::set_pad(int sub_device, const media_v2_pad& at, BusFormat& form
 
 /// What a pad gives goes along all its links, also those beside our way that cannot be disabled. The kernel starts the
 /// stream only if their ends are set up alike. False: one does not take the format.
-bool MediaGraph::set_branches(const media_v2_pad& from, const BusFormat& format) noexcept {
+bool MediaGraph::set_branches(const media_v2_pad& from, const BusFormat& format, std::uint32_t which) noexcept {
   for (const media_v2_link& link : links()) {
     if (!is_data(link) || link.source_id != from.id || (link.flags & MEDIA_LNK_FL_IMMUTABLE) == 0) continue;
     const media_v2_pad* const end = pad(link.sink_id);
@@ -272,27 +271,27 @@ bool MediaGraph::set_branches(const media_v2_pad& from, const BusFormat& format)
     const int fd = open_sub_device(*interface);
     if (fd < 0) continue;
     BusFormat taken = format;
-    const bool is_set = set_pad(fd, *end, taken);
+    const bool is_set = set_pad(fd, *end, taken, which);
     system_.close(fd);
     if (!is_set || taken != format) return false;
   }
   return true;
 }
 
-DeviceTrouble MediaGraph::set_format(const BusFormat& of_sensor, BusFormat& at_node) noexcept {
+DeviceTrouble MediaGraph::set_format(const BusFormat& of_sensor, BusFormat& at_node, std::uint32_t which) noexcept {
   at_node = of_sensor;
   for (std::size_t i = 0; i < steps_; ++i) {
     const Step& step = way_[i];
     const BusFormat given = at_node;
-    bool is_set = step.in == nullptr || set_pad(step.fd, *step.in, at_node);
+    bool is_set = step.in == nullptr || set_pad(step.fd, *step.in, at_node, which);
     bool is_taken = at_node == given;
-    is_set = is_set && set_pad(step.fd, *step.out, at_node);
+    is_set = is_set && set_pad(step.fd, *step.out, at_node, which);
     if (!is_set) {
       DeviceTrouble trouble = device_refusal("VIDIOC_SUBDEV_S_FMT", errno);
       std::snprintf(trouble.found, sizeof(trouble.found), "%.60s", step.entity->name);
       return trouble;
     }
-    is_taken = is_taken && set_branches(*step.out, at_node);
+    is_taken = is_taken && set_branches(*step.out, at_node, which);
     if (!is_taken) {
       at_node = {};
       return {};
@@ -309,7 +308,18 @@ std::uint32_t MediaGraph::sensor_code(unsigned index) const noexcept {
   return call(way_[0].fd, VIDIOC_SUBDEV_ENUM_MBUS_CODE, &code) == 0 ? code.code : 0;
 }
 
-bool MediaGraph::control(std::uint32_t id, std::int64_t& value) noexcept {
+bool MediaGraph::sensor_size(std::uint32_t code, unsigned index, SensorSize& size) const noexcept {
+  v4l2_subdev_frame_size_enum listed{};
+  listed.pad = way_[0].out->index;
+  listed.index = index;
+  listed.code = code;
+  listed.which = V4L2_SUBDEV_FORMAT_ACTIVE;
+  if (call(way_[0].fd, VIDIOC_SUBDEV_ENUM_FRAME_SIZE, &listed) != 0) return false;
+  size = {listed.min_width, listed.min_height, listed.max_width, listed.max_height};
+  return true;
+}
+
+bool MediaGraph::control(std::uint32_t id, std::int64_t& value) const noexcept {
   v4l2_ext_control control{};
   v4l2_ext_controls controls{};
   control.id = id;
@@ -318,6 +328,19 @@ bool MediaGraph::control(std::uint32_t id, std::int64_t& value) noexcept {
   controls.controls = &control;
   if (call(way_[0].fd, VIDIOC_G_EXT_CTRLS, &controls) != 0) return false;
   value = id == V4L2_CID_PIXEL_RATE ? control.value64 : control.value;
+  return true;
+}
+
+bool MediaGraph::blanking_rates(unsigned width, unsigned height, double& least_hz, double& most_hz) const noexcept {
+  std::int64_t pixel_rate = 0, blank_columns = 0;
+  v4l2_query_ext_ctrl blank_rows{};
+  blank_rows.id = V4L2_CID_VBLANK;
+  if (!control(V4L2_CID_PIXEL_RATE, pixel_rate) || !control(V4L2_CID_HBLANK, blank_columns) ||
+      call(way_[0].fd, VIDIOC_QUERY_EXT_CTRL, &blank_rows) != 0)
+    return false;
+  const double row_hz = static_cast<double>(pixel_rate) / (width + static_cast<double>(blank_columns));
+  least_hz = row_hz / (height + static_cast<double>(blank_rows.maximum));
+  most_hz = row_hz / (height + static_cast<double>(blank_rows.minimum));
   return true;
 }
 

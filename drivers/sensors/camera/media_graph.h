@@ -2,6 +2,7 @@
 // The media graph around a video node of a board. Sensor, receiver and the devices between them are sub-devices, which
 // must be linked and set to the same format before images flow. No heap, no exceptions.
 #include <linux/media.h>
+#include <linux/v4l2-subdev.h>
 
 #include <array>
 #include <cstddef>
@@ -18,6 +19,11 @@ struct BusFormat {
   std::uint32_t code = 0;  ///< MEDIA_BUS_FMT_...
   int width = 0, height = 0;
   bool operator==(const BusFormat&) const = default;
+};
+
+/// A size that a sensor gives, or all sizes between two.
+struct SensorSize {
+  unsigned width = 0, height = 0, width_most = 0, height_most = 0;
 };
 
 class MediaGraph {
@@ -44,9 +50,21 @@ class MediaGraph {
   DeviceTrouble link() noexcept;
   /// Sets all pads on the way, from the sensor on, each as the one before it gives; what the node then gets: nothing
   /// (code 0) if something on the way does not take what it is given.
-  DeviceTrouble set_format(const BusFormat& of_sensor, BusFormat& at_node) noexcept;
+  DeviceTrouble set_format(const BusFormat& of_sensor, BusFormat& at_node) noexcept {
+    return set_format(of_sensor, at_node, V4L2_SUBDEV_FORMAT_ACTIVE);
+  }
+  /// Whether the node would get it unchanged. Sets nothing.
+  bool passes(const BusFormat& of_sensor) noexcept {
+    BusFormat at_node;
+    return !set_format(of_sensor, at_node, V4L2_SUBDEV_FORMAT_TRY) && at_node == of_sensor;
+  }
   /// Of the sensor; 0: there are no more.
   std::uint32_t sensor_code(unsigned index) const noexcept;
+  /// Of the sensor with that code. False: there are no more.
+  bool sensor_size(std::uint32_t code, unsigned index, SensorSize& size) const noexcept;
+  /// Images per second of that size: the fewest and the most that the sensor's blanking allows as it is now. False: it
+  /// cannot be told.
+  bool blanking_rates(unsigned width, unsigned height, double& least_hz, double& most_hz) const noexcept;
   /// Sets the sensor's images per second by its blanking, or its interval; then what it is. 0: it cannot be told.
   double set_rate(double wanted_hz) noexcept;
 
@@ -87,9 +105,11 @@ class MediaGraph {
   void close_way() noexcept;
   int open_sub_device(const media_v2_interface& interface) noexcept;
   bool set_link(const media_v2_link& link, bool enabled) noexcept;
-  bool set_pad(int sub_device, const media_v2_pad& pad, BusFormat& format) noexcept;
-  bool set_branches(const media_v2_pad& from, const BusFormat& format) noexcept;
-  bool control(std::uint32_t id, std::int64_t& value) noexcept;
+  /// `which`: V4L2_SUBDEV_FORMAT_ACTIVE or _TRY.
+  DeviceTrouble set_format(const BusFormat& of_sensor, BusFormat& at_node, std::uint32_t which) noexcept;
+  bool set_pad(int sub_device, const media_v2_pad& pad, BusFormat& format, std::uint32_t which) noexcept;
+  bool set_branches(const media_v2_pad& from, const BusFormat& format, std::uint32_t which) noexcept;
+  bool control(std::uint32_t id, std::int64_t& value) const noexcept;
   int call(int fd, unsigned long request, void* argument) const noexcept;
 
   SystemCalls& system_;

@@ -30,7 +30,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 
 /// A video node that gives metadata, as each UVC camera has one.
-class MetadataNode final : public test::FakeFile {
+class NodeOfMetadata final : public test::FakeFile {
  public:
   int ioctl(unsigned long request, void* argument) override {
     if (request != VIDIOC_QUERYCAP) return test::refuse(ENOTTY);
@@ -190,7 +190,7 @@ TEST_F(PartsOf, ACameraHasALastingPath) {
 TEST_F(PartsOf, NodesWithoutImagesAreLeftOut) {
   add_camera("video0");
   write("sys/class/video4linux/video1/name", "Made-up Cam");
-  add("dev/video1", std::make_shared<MetadataNode>());
+  add("dev/video1", std::make_shared<NodeOfMetadata>());
   EXPECT_EQ(find().cameras.size(), 1u);
 }
 

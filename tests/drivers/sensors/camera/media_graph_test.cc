@@ -171,7 +171,10 @@ TEST_F(MediaGraphTest, ABranchThatCannotBeCutIsSetUpAlike) {
   EXPECT_EQ(at_node, wanted);
   EXPECT_EQ(statistics->width, 728U);
   EXPECT_EQ(statistics->height, 544U);
+  EXPECT_TRUE(graph.passes({MEDIA_BUS_FMT_Y10_1X10, 1456, 1088}));
   statistics->most_width = 640;
+  EXPECT_FALSE(graph.passes({MEDIA_BUS_FMT_Y10_1X10, 1456, 1088}));
+  EXPECT_EQ(statistics->width, 728U) << "asked, not set";
   EXPECT_FALSE(graph.set_format(wanted, at_node));
   EXPECT_EQ(at_node.code, 0U) << "the stream would not start";
   EXPECT_EQ(kernel.open_files(), 3U) << "the branch's file is closed again";
