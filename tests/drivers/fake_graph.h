@@ -90,7 +90,9 @@ class FakeGraph final : public FakeFile {
     if (setup_error != 0) return refuse(setup_error);
     for (media_v2_link& link : links) {
       if (link.source_id != id_of(wish.source) || link.sink_id != id_of(wish.sink)) continue;
-      link.flags = (link.flags & ~kEnabled) | wish.flags;
+      if (((link.flags ^ wish.flags) & ~kEnabled) != 0) return refuse(EINVAL);
+      if ((link.flags & MEDIA_LNK_FL_IMMUTABLE) != 0 && link.flags != wish.flags) return refuse(EINVAL);
+      link.flags = wish.flags;
       return 0;
     }
     return refuse(EINVAL);

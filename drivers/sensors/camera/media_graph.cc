@@ -202,7 +202,8 @@ bool MediaGraph::set_link(const media_v2_link& link, bool enabled) noexcept {
   media_link_desc wish{};
   wish.source = {source->entity_id, static_cast<__u16>(source->index), MEDIA_PAD_FL_SOURCE, {}};
   wish.sink = {sink->entity_id, static_cast<__u16>(sink->index), MEDIA_PAD_FL_SINK, {}};
-  wish.flags = enabled ? MEDIA_LNK_FL_ENABLED : 0;
+  // up to 2025 the kernel refuses a change of any other flag
+  wish.flags = (link.flags & ~static_cast<__u32>(MEDIA_LNK_FL_ENABLED)) | (enabled ? MEDIA_LNK_FL_ENABLED : 0);
   return call(fd_, MEDIA_IOC_SETUP_LINK, &wish) == 0;
 }
 

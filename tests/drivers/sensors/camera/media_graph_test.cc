@@ -31,8 +31,8 @@ class MediaGraphTest : public testing::Test {
     receiver_out = board->add_pad(receiver_id, 1, true);
     const std::uint32_t node = board->add_pad(node_id, 0, false), other = board->add_pad(other_id, 0, false);
     board->add_link(sensor_pad, receiver_in, kEnabled);
-    to_node = board->add_link(receiver_out, node, 0);
-    to_other = board->add_link(receiver_out, other, kEnabled);
+    to_node = board->add_link(receiver_out, node, MEDIA_LNK_FL_DYNAMIC);
+    to_other = board->add_link(receiver_out, other, kEnabled | MEDIA_LNK_FL_DYNAMIC);
     add_sub_device(11, "v4l-subdev0", sensor);
     add_sub_device(12, "v4l-subdev1", receiver);
   }
