@@ -5,7 +5,10 @@
 
 namespace epiline {
 
-Vec15 imu_residual(const Preintegration& z, const ImuScale& scale, const NavState& x_i, const NavState& x_j) {
+namespace {
+
+/// What was estimated less what was read, in true units.
+Vec15 difference(const Preintegration& z, const ImuScale& scale, const NavState& x_i, const NavState& x_j) {
   const double T = z.T;
   Vec3 dp, dv;
   Mat3 dR;
@@ -17,10 +20,27 @@ Vec15 imu_residual(const Preintegration& z, const ImuScale& scale, const NavStat
   return r;
 }
 
+/// From true units to those of the readings, in which the noise is known.
+template <class Rows>
+void to_readings(const ImuScale& scale, Rows& rows) {
+  const double per_a = 1 / (1 + scale.accelerometer), per_g = 1 / (1 + scale.gyroscope);
+  rows.template middleRows<3>(0) *= per_a;
+  rows.template middleRows<3>(3) *= per_g;
+  rows.template middleRows<3>(6) *= per_a;
+}
+
+}  // namespace
+
+Vec15 imu_residual(const Preintegration& z, const ImuScale& scale, const NavState& x_i, const NavState& x_j) {
+  Vec15 r = difference(z, scale, x_i, x_j);
+  to_readings(scale, r);
+  return r;
+}
+
 void evaluate_imu(const Preintegration& z, const ImuScale& scale, const NavState& x_i, const NavState& x_j,
                   ImuResidual& out) {
   const double T = z.T;
-  out.r = imu_residual(z, scale, x_i, x_j);
+  out.r = difference(z, scale, x_i, x_j);
   const Vec3 r_theta = out.r.segment<3>(3);
 
   constexpr int p = 0, th = 3, v = 6, ba = 9, bg = 12, j = 15, sa = 30, sg = 31;
@@ -50,6 +70,11 @@ void evaluate_imu(const Preintegration& z, const ImuScale& scale, const NavState
   for (const int row : {p, v}) out.J.block<3, 2>(row, sa) = -by_scale.middleRows<3>(row);
   block(ba, ba) = block(bg, bg) = -Mat3::Identity();
   block(ba, j + ba) = block(bg, j + bg) = Mat3::Identity();
+  to_readings(scale, out.r);
+  to_readings(scale, out.J);
+  const double per_a = 1 / (1 + scale.accelerometer), per_g = 1 / (1 + scale.gyroscope);
+  for (const int row : {p, v}) out.J.block<3, 1>(row, sa) -= per_a * out.r.segment<3>(row);
+  out.J.block<3, 1>(th, sg) -= per_g * out.r.segment<3>(th);
 }
 
 bool square_root_information(const Preintegration& z, Mat15& L_inverse) {
@@ -77,17 +102,9 @@ bool whiten(Slot& slot) {
 
 namespace {
 
-/// At rest a gyroscope reads its bias and noise, which a scale of -1 would explain best: such an interval keeps the
-/// scale that it was integrated with.
-bool at_rest(const Window& w, int k) { return w.at(k - 1).at_rest && w.at(k).at_rest; }
-ImuScale scale_of(const Window& w, int k) {
-  const ImuScale& scale = w.calibration.scale;
-  return {scale.accelerometer, at_rest(w, k) ? w.at(k).imu.scale.gyroscope : scale.gyroscope};
-}
-
 double interval_cost(const Window& w, int k) {
   const Slot& slot = w.at(k);
-  const Vec15 r = imu_residual(slot.imu, scale_of(w, k), w.at(k - 1).x, slot.x);
+  const Vec15 r = imu_residual(slot.imu, w.calibration.scale, w.at(k - 1).x, slot.x);
   return (slot.L_inverse.leftCols<15>().triangularView<Eigen::Lower>() * r).squaredNorm();
 }
 
@@ -95,9 +112,7 @@ double interval_cost(const Window& w, int k) {
 double add_interval(const Window& w, int k, const FactorKernels& kernels, NormalEquations& out) {
   const Slot& slot = w.at(k);
   ImuResidual f;
-  evaluate_imu(slot.imu, scale_of(w, k), w.at(k - 1).x, slot.x, f);
-  constexpr int kGyroscopeScale = 31;
-  if (at_rest(w, k)) f.J.col(kGyroscopeScale).setZero();
+  evaluate_imu(slot.imu, w.calibration.scale, w.at(k - 1).x, slot.x, f);
   alignas(64) double A[32][32], g[32];
   const double cost = kernels.imu(slot.L_inverse.data(), f.J.data(), f.r.data(), A, g);
   using Rows = Eigen::Matrix<double, 32, 32, Eigen::RowMajor>;
