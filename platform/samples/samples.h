@@ -186,11 +186,12 @@ struct Odometry {
   std::array<double, 3> p_WB_m{};
   std::array<double, 4> q_WB{1, 0, 0, 0};  ///< Hamilton, w x y z
   std::array<double, 3> v_WB_m_s{};
-  std::array<double, 3> omega_B_rad_s{};  ///< bias removed
-  std::array<double, 3> accelerometer_bias_m_s2{};
-  std::array<double, 3> gyroscope_bias_rad_s{};
-  std::array<double, 2> imu_scale{};  ///< accelerometer, gyroscope: true readings over measured ones, less 1
-  double time_offset_s = 0;           ///< t_IMU = t_image + time_offset
+  std::array<double, 3> omega_B_rad_s{};            ///< bias removed
+  std::array<double, 3> accelerometer_bias_m_s2{};  ///< as it is read
+  std::array<double, 3> gyroscope_bias_rad_s{};     ///< as it is read
+  /// Accelerometer, gyroscope: what readings less their bias have to be multiplied by, less 1.
+  std::array<double, 2> imu_scale{};
+  double time_offset_s = 0;  ///< t_IMU = t_image + time_offset
   /// 16x16 row-major: dp (W), dtheta (B, right perturbation), dv, dba, dbg, dtd.
   std::array<double, 256> covariance{};
   std::uint32_t reset_counter = 0;
