@@ -99,7 +99,8 @@ class ContradictionWatch {
   Contradiction misfit_px_{
       {.suspect = 0.8, .gross = 2, .most = 10, .remembered = 1.5, .believed_s = 1, .refuted_s = 5}};
   // At most 1 on the mean if the noise densities are true, less because the states follow the noise. Right flights:
-  // 0.27 at most, MH_01 0.6; with a wrong sign of the accelerometer 0.8 to 6, from the first pose on.
+  // 0.27 at most, MH_01 0.6. Where the limit was set, with first-estimate Jacobians: MH_01 0.8; with a wrong sign of
+  // the accelerometer 0.8 to 6, from the first pose on.
   Contradiction imu_chi2_{
       {.suspect = 0.9, .gross = kNever, .most = 2, .remembered = 1.5, .believed_s = 1, .refuted_s = 5}};
   // Of right flights at most 0.15 in a window, mostly 0; with the accelerometer reversed along the way 0.6 to 0.9. A

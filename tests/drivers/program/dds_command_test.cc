@@ -87,8 +87,7 @@ void expect_poses(const std::vector<Message>& messages, std::size_t first_number
   }
 }
 
-// One flight, five readers: a reliable one, one that wants the newest only, one in another domain, one that comes late
-// and one that dies.
+// Five readers of one flight: reliable, best effort, in another domain, late, and killed on the way.
 TEST_F(DdsCommand, AStrangerReadsTheTrajectoryAndTheFlightDoesNotCare) {
   const int domain = 10 + static_cast<int>(getpid()) % 80;
   const std::string peer = std::string("'") + EPILINE_ROS_PEER + "' ", in = std::to_string(domain);

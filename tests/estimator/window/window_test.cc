@@ -93,7 +93,7 @@ RC_GTEST_PROP(Window, KeepsTheSameBooksAsANaiveModel, ()) {
       Slot& slot = w->append();
       RC_ASSERT(ids.insert(slot.id).second);  // never reused
       RC_ASSERT(!slot.at_rest && slot.imu.T == 0);
-      slot.at_rest = true;  // must not be found in whoever gets this place next
+      slot.at_rest = true;  // the next slot at this place must not have it
       slot.imu.T = 1;
       naive.frames.push_back({slot.id, {}});
       TrackedFrame frame;
