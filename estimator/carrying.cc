@@ -4,18 +4,23 @@
 #include "estimator/impl.h"
 #include "estimator/monitor/evidence.h"
 #include "estimator/predict/covariance.h"
+#include "estimator/window/keyframe.h"
 
 namespace epiline {
 
 namespace {
-constexpr double kCarriedStep_s = 1;  // without a solved frame the IMU carries the state on in steps of this length
+constexpr int kSeenAgain = 20;         // tracks that tie an image after a silence to the window before it
+constexpr double kDepthKnown_px = 10;  // parallax: the images have a scale to a tenth
+constexpr double kCarriedStep_s = 1;   // without a solved frame the IMU carries the state on in steps of this length
 // A carried state is worth going on from while a few seconds of images can mend it; beyond, a start searches anew.
 constexpr double kMostVelocity = 1, kMostTilt = 0.1;  // m/s, rad
 constexpr double kLeastUnknown_s = 1;                 // how long an unknown acceleration lasts, at least
 // Without images that long, errors add up that images otherwise hold down: scale and axes of the sensors, and what the
 // window's covariance claims too little. Both as factors of standard deviations (docs/decisions/2026-11-22-silence.md).
 constexpr double kSilence_s = 0.5, kSilentState = 1.6, kSilentReadings = 1.6;
-constexpr int kSeenAgain = 20;  // tracks that tie the image to the window before the silence
+
+// Of a vehicle: while only images show how it moves, its way of flying says nothing.
+constexpr double kAnyAcceleration = 30, kAnyRate = 10;  // m/s^2, rad/s
 
 /// Makes tilt, velocity and biases less certain by an independent error. Place and heading, which the world's origin
 /// defines and nothing in a silence changes, stay as certain as they were; so they are taken out first.
@@ -44,6 +49,40 @@ void forget_forces(double acceleration, Preintegration& interval) {
 }
 }  // namespace
 
+/// The interval between two images without readings: turning and moving as before.
+void Estimator::Impl::coast(const Slot& from, double T, Preintegration& interval) const {
+  const double rate = kAnyRate * T, walk_a = density.noise.accelerometer_random_walk,
+               walk_g = density.noise.gyroscope_random_walk;
+  interval.T = T;
+  interval.dR = so3_exp(T * (from.omega - from.x.b_g));
+  interval.dv = from.x.R.transpose() * (-kGravity_W * T);
+  interval.dp = 0.5 * T * interval.dv;
+  interval.C.block<3, 3>(3, 3) = rate * rate * Mat3::Identity();
+  interval.C.block<3, 3>(9, 9) = walk_a * walk_a * T * Mat3::Identity();
+  interval.C.block<3, 3>(12, 12) = walk_g * walk_g * T * Mat3::Identity();
+  forget_forces(kAnyAcceleration, interval);
+}
+
+bool Estimator::Impl::is_silent(HostStamp from, HostStamp to) const {
+  return history.longest_unknown_s(from, to) > kLongestUnknown_s;
+}
+
+/// Whether an image tells where the vehicle is while the IMU is silent: one that stood has not seen how far anything
+/// is, and its motion would have no scale.
+bool Estimator::Impl::images_suffice(const TrackedFrame& frame) {
+  if (!started || seen_again(frame) < kSeenAgain) return false;
+  if (!window.newest().silent) depth_known = widest_parallax_px(window, config.extrinsics.focal_px) > kDepthKnown_px;
+  return depth_known || window.newest().at_rest;
+}
+
+/// The interval between two frames. While the IMU is silent, only images show how the vehicle moves.
+bool Estimator::Impl::integrate(const Slot& from, Slot& to) const {
+  to.silent = is_silent(from.time, to.time);
+  if (!to.silent) return history.integrate(from.time, to.time, density, to.imu);
+  coast(from, (to.time - from.time).seconds(), to.imu);
+  return true;
+}
+
 CrossCovariance carried_on(const CrossCovariance& from, const Mat3& R_WB, const Preintegration& interval) noexcept {
   Mat15 B = Mat15::Identity();  // into the axes of the body, in which the interval is
   B.block<3, 3>(0, 0) = B.block<3, 3>(6, 6) = R_WB.transpose();
@@ -55,7 +94,7 @@ CrossCovariance carried_on(const CrossCovariance& from, const Mat3& R_WB, const 
 /// Whether forces tell nothing of the motion since a state: readings are missing, or nobody knows how much of
 /// them is gravity.
 bool Estimator::Impl::forces_are_unknown(const KnownState& from, HostStamp until) const {
-  if (history.longest_unknown_s(from.time, until) > kLongestUnknown_s) return true;
+  if (is_silent(from.time, until)) return true;
   return !started && sigma_tilt(from.x, from.P) > kMostTilt;
 }
 
@@ -157,7 +196,7 @@ void Estimator::Impl::forget() {
   started = rejected_last = start_lacks_time = false;
   pixel_sigma = config.pixel_sigma;
   drift_sigma = config.drift_sigma;
-  rethinking_s = 0;
+  rethinking_s = after_silence_s = 0;
   height_memory = {};
   rest_frame = 0;
   rest_reference = {};

@@ -155,6 +155,12 @@ StepResult Estimator::Impl::refuse() {
   return {};
 }
 
+/// What keeps the odometry from being good.
+void Estimator::Impl::say(HealthReason reason) {
+  odometry.health.reasons |= bit(reason);
+  if (odometry.health.state == HealthState::kTracking) odometry.health.state = HealthState::kDegraded;
+}
+
 /// The camera's pose on the IMU against the configured one.
 FoundPose Estimator::Impl::found_pose() const {
   const CalibrationTangent d = local(configured_calibration(), window.calibration);
@@ -262,13 +268,16 @@ StepResult Estimator::Impl::process(const TrackedFrame& given, Supervisor& super
   ++stats.frames;
   const HostStamp time = imu_time(given.stamp);
   if (any_frame && given.stamp <= last_frame) return refuse();
-  if (!history.reaches(time)) {
+  const bool silent = window.size() > 0 && is_silent(window.newest().time, time);
+  const bool follows = (given.stamp - last_offered).seconds() <= kLongestUnknown_s;  // else its stamp may be wrong
+  const bool images_go_on = silent && (follows || history.reaches(time)) && images_suffice(given);
+  last_offered = given.stamp;
+  if (!history.reaches(time) && !images_go_on) {
     if (!started) {
       ++stats.start_refused[static_cast<int>(StartRefusal::kNoImu)];
       return refuse();
     }
-    odometry.health.reasons |= bit(HealthReason::kImuSilent);
-    if (odometry.health.state == HealthState::kTracking) odometry.health.state = HealthState::kDegraded;
+    say(HealthReason::kImuSilent);
     return refuse();
   }
   const TrackedFrame& frame = at_stamp(given);
@@ -276,13 +285,12 @@ StepResult Estimator::Impl::process(const TrackedFrame& given, Supervisor& super
   last_frame = frame.stamp;
   if (window.size() > 0) {
     const double since_s = (frame.stamp - window.newest().image_stamp).seconds();
-    if (since_s > kLongestStep_s || history.longest_unknown_s(window.newest().time, time) > kLongestUnknown_s)
-      return start_anew(frame, supervisor);
+    if (since_s > kLongestStep_s || (silent && !images_go_on)) return start_anew(frame, supervisor);
     if (started && go_on_after_silence(frame)) return {true, true, false};
-    if (since_s < 0.75 * config.solve_interval_s) return started ? predict(frame) : StepResult{};
+    if (since_s < 0.75 * config.solve_interval_s) return silent ? refuse() : started ? predict(frame) : StepResult{};
   }
   hold_noise();
-  if (!is_blind(frame.reasons)) watch_numbers(frame);
+  if (!is_blind(frame.reasons) && !silent) watch_numbers(frame);
   if (!started) return initialise(frame, supervisor);
   const Supervisor::Effort effort = supervisor.effort();
   return effort.solve ? step(frame, supervisor, effort) : predict_for_time(frame);

@@ -66,6 +66,7 @@ struct Estimator::Impl {
   StepResult process(const TrackedFrame& frame, Supervisor& supervisor);
   bool add_imu(const ImuSample& sample);
   StepResult refuse();
+  void say(HealthReason reason);
   HostStamp imu_time(HostStamp image) const;
   FoundPose found_pose() const;
   void watch_numbers(const TrackedFrame& frame);
@@ -153,6 +154,10 @@ struct Estimator::Impl {
   }
   KnownState carried_on_to(const KnownState& from, HostStamp time) const;
   bool forces_are_unknown(const KnownState& from, HostStamp until) const;
+  bool is_silent(HostStamp from, HostStamp to) const;
+  bool images_suffice(const TrackedFrame& frame);
+  void coast(const Slot& from, double T, Preintegration& interval) const;
+  bool integrate(const Slot& from, Slot& to) const;
   void carry_while_silent();
   bool may_go_on(const KnownState& s) const;
   bool go_on(const TrackedFrame& frame);
@@ -188,7 +193,8 @@ struct Estimator::Impl {
 
   TrackedFrame turned;  ///< the last frame, as if all of it had been exposed at its stamp
   bool any_frame = false;
-  HostStamp last_frame;  ///< stamp of the last image let in
+  HostStamp last_offered;  ///< stamp of the last image
+  HostStamp last_frame;    ///< stamp of the last image let in
   bool imu_gap_seen = false;
   KnownState carried;       ///< the newest frame solved, or carried on from there by the IMU
   KnownState carried_from;  ///< where that last began: readings may be ahead of the images
@@ -212,6 +218,8 @@ struct Estimator::Impl {
   bool start_lacks_time = false;  ///< the last start was refused since its images say too little
   KnownState before_start;        ///< what was known before of the oldest frame of a window without states
   double rethinking_s = 0;        ///< how long the window will still move to a calibration just found
+  bool depth_known = false;       ///< when the IMU fell silent
+  double after_silence_s = 0;     ///< how long speed and scale will still be in doubt after a silence of the IMU
   HostStamp rest_reference;       ///< what that test compares with
   bool rest_frame_held = false;   ///< it had the attitude of the rest
   Mat3 stood;                     ///< the last attitude R_WB of which images and attitude said that nothing moved

@@ -85,6 +85,10 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   const KnownState predicted = predicted_newest();
   attach(frame);
   const SolverSummary s = solve(supervisor, effort);
+  if (Slot& newest = window.newest(); newest.silent) {
+    after_silence_s = kGateFree_s;
+    newest.omega = so3_log(window.at(window.size() - 2).x.R.transpose() * newest.x.R) / dt_s + newest.x.b_g;
+  }
   // State and covariance leave together: the solver's, or the IMU's prediction.
   carried = predicted;
   carried.x = window.newest().x;
@@ -112,6 +116,8 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
     return {};
   }
   publish(frame.stamp, carried);
+  if (after_silence_s > 0) say(HealthReason::kImuGap);
+  after_silence_s -= dt_s;
   if (s.solved() && effort.most_steps != 1)
     learn_from_residuals(s, dt_s);  // those of an untried step are those before it
   const std::uint64_t keyframes = stats.keyframes;
@@ -168,25 +174,28 @@ KnownState Estimator::Impl::predicted_newest() const {
 /// Appends the frame, predicted by the IMU. False: there are no readings for it.
 bool Estimator::Impl::cut(const TrackedFrame& frame) {
   reintegrate_revised();
-  const HostStamp time = imu_time(frame.stamp);
-  Preintegration interval;
-  NavState x;
-  Vec3 omega = Vec3::Zero();
-  history.propagate(time, time, window.calibration.scale, x, omega);
-  if (window.size() > 0) {
+  Slot cut;
+  cut.image_stamp = frame.stamp;
+  cut.time = imu_time(frame.stamp);
+  cut.time_offset_used = (cut.time - frame.stamp).seconds();
+  if (window.size() == 0) {
+    history.propagate(cut.time, cut.time, window.calibration.scale, cut.x, cut.omega);
+  } else {
     const Slot& last = window.newest();
-    x = last.x;
-    interval.reset(x.b_a, x.b_g, window.calibration.scale);
-    if (!history.integrate(last.time, time, density, interval)) return false;
-    history.propagate(last.time, time, window.calibration.scale, x, omega);
+    cut.x = last.x;
+    cut.omega = last.omega;
+    cut.imu.reset(last.x.b_a, last.x.b_g, window.calibration.scale);
+    if (!integrate(last, cut)) return false;
+    if (cut.silent) {
+      cut.x.p += cut.imu.T * last.x.v;
+      cut.x.R = so3_normalised(last.x.R * cut.imu.dR);
+    } else {
+      history.propagate(last.time, cut.time, window.calibration.scale, cut.x, cut.omega);
+    }
   }
   Slot& s = window.append();
-  s.image_stamp = frame.stamp;
-  s.time = time;
-  s.time_offset_used = (time - frame.stamp).seconds();
-  s.x = x;
-  s.omega = omega;
-  s.imu = interval;
+  cut.id = s.id;
+  s = cut;
   const Window::Observed seen = window.observe(frame);
   stats.tracks_refused += static_cast<std::uint64_t>(seen.without_room);
   stats.features_refused += static_cast<std::uint64_t>(seen.impossible);
@@ -310,7 +319,7 @@ void Estimator::Impl::integrate_again(int k, const Vec3& b_a, const Vec3& b_g) {
   if (!window.at(k).imu.knows_motion || history.empty() || history.oldest_stamp() > begin) return;
   Slot anew = window.at(k);
   anew.imu.reset(b_a, b_g, window.calibration.scale);
-  if (history.integrate(begin, anew.time, density, anew.imu) && whiten(anew)) window.at(k) = anew;
+  if (integrate(window.at(k - 1), anew) && whiten(anew)) window.at(k) = anew;
 }
 
 /// Intervals whose bias moved far from their linearisation point.
@@ -338,7 +347,7 @@ void Estimator::Impl::reintegrate_revised() {
 }
 
 SolverSettings Estimator::Impl::solver_settings(const Supervisor::Effort& effort) const {
-  const bool young = window_age_s(window.newest().time) < kYoungWindow_s || rejected_last;
+  const bool young = window_age_s(window.newest().time) < kYoungWindow_s || rejected_last || window.newest().silent;
   SolverSettings settings = solver_settings(young ? config.steps_young : config.steps);
   if (effort.most_steps > 0) {
     settings.steps = std::min(settings.steps, effort.most_steps);
@@ -503,8 +512,7 @@ StepResult Estimator::Impl::predict(const TrackedFrame& frame) {
 /// There is no time to solve this frame, though it is due.
 StepResult Estimator::Impl::predict_for_time(const TrackedFrame& frame) {
   ++stats.frames_predicted_for_time;
-  odometry.health.reasons |= static_cast<std::uint32_t>(HealthReason::kOverloaded);
-  if (odometry.health.state == HealthState::kTracking) odometry.health.state = HealthState::kDegraded;
+  say(HealthReason::kOverloaded);
   return predict(frame);
 }
 
@@ -535,7 +543,7 @@ VisualSettings Estimator::Impl::visual_settings() const {
   s.drift_sigma = drift_sigma;
   s.drift_inflation = config.drift_inflation;
   s.student = config.drift_student;
-  s.gate = config.gate && window_age_s(window.newest().time) > kGateFree_s;
+  s.gate = config.gate && !window.newest().silent && window_age_s(window.newest().time) > kGateFree_s;
   s.gate_cap = config.gate_cap;
   s.focal_px = config.extrinsics.focal_px;
   s.extrinsics = config.estimate_extrinsics;

@@ -315,7 +315,7 @@ double ImuHistory::longest_unknown_s(HostStamp t0, HostStamp t1) const {
     longest = std::max(longest, (at(i).stamp - trusted).seconds());
     if (!no_use(i)) trusted = at(i).stamp;
   }
-  return longest;
+  return std::max(longest, (t1 - trusted).seconds());
 }
 
 bool ImuHistory::reaches(HostStamp t) const {

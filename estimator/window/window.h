@@ -130,6 +130,7 @@ struct Slot {
   bool shaken = false;                                  ///< at rest: loosely
   bool attitude_held = false;                           ///< at rest: with the attitude of the rest frame
   bool stays = true;                                    ///< false: no keyframe; leaves as it is no longer recent
+  bool silent = false;                                  ///< no readings since the frame before: only images tie it
   bool for_time = false;                                ///< kept only so that no IMU interval grows too long
   WheelWay wheel;                                       ///< from the frame before, as `imu`
   std::array<HeightReading, kHeightKinds> heights;      ///< factor attached to those that it has

@@ -172,13 +172,14 @@ TEST(EstimatorReset, TwiceIsCountedTwiceAndKnowsLessEachTime) {
   for (std::uint32_t n = 1; n <= 2; ++n) {
     SCOPED_TRACE(n);
     const Broken broken(rig, flight, 8.0 * n, [&] {
-      rig.imu = false;
+      rig.imu = rig.camera = false;
       rig.run_to(8.0 * n + 1);
-      rig.imu = true;
+      rig.imu = rig.camera = true;
       rig.run_to(8.0 * n + 1.2);
-      rig.imu = false;  // again, before it has started
+      rig.imu = rig.camera = false;  // again, before it has started
       rig.run_to(8.0 * n + 1.6);
-      rig.imu = true;
+      rig.imu = rig.camera = true;
+      rig.spoil = [n](TrackedFrame& frame) { test::rename_tracks(n, frame); };
     });
     ASSERT_GT(broken.restarted_s, 0);
     EXPECT_EQ(rig.odometry().reset_counter, n);

@@ -44,6 +44,11 @@ struct Flight {
 
 inline HostStamp at(double seconds) { return HostStamp{} + Span::from_seconds(100 + seconds); }
 
+/// As a tracker does that has lost all: the same points under other names. `times`: how often it has lost them.
+inline void rename_tracks(std::uint32_t times, TrackedFrame& frame) {
+  for (TrackedFeature& f : frame.features) f.id += 1000 * times;
+}
+
 /// Feeds an estimator with a flight: IMU at 200 Hz, images at 20 Hz, points on a shell around the start.
 class Rig {
  public:

@@ -97,17 +97,80 @@ TEST(EstimatorSilence, TheImuCarriesTheStateToTheNextImage) {
   }
 }
 
-/// Without readings nothing carries it: the new start is where the old one ended as far as anybody can tell, and says
-/// how little that is.
+/// In flight and in a replay, whose readings after the silence are there before its images are.
+TEST(EstimatorSilence, ImagesCarryOnWhileTheImuIsSilent) {
+  for (const double ahead : {0.01, 5.0}) {
+    for (const double silence : {0.3, 0.7, 2.0, 4.0}) {
+      SCOPED_TRACE(testing::Message() << silence << " s, readings ahead by " << ahead << " s");
+      const Flight flight{.moving_from = 2};
+      Rig rig(flight, {});
+      rig.imu_delay_s = -ahead;
+      rig.run_to(7);
+      rig.imu = false;
+      rig.run_to(7 + silence);
+      rig.imu = true;
+      const auto judge = [&, p_then = rig.p(), R_then = rig.R(), then = rig.now()] {
+        if (!rig.last().solved) return;
+        const Displaced e = error_since(rig, flight, then, p_then, R_then);
+        EXPECT_LT(e.p.norm(), 0.02 + 0.02 * silence) << rig.now();
+        EXPECT_LT(std::abs(e.yaw_deg), 0.5) << rig.now();
+      };
+      rig.run_to(7 + ahead + silence + 5, judge);
+      EXPECT_EQ(rig.stats().resets, 0u);
+      EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking);
+      EXPECT_LT(rig.velocity_error(), 0.05);
+    }
+  }
+}
+
+/// And say so: nobody measures speed and scale meanwhile.
+TEST(EstimatorSilence, OfTheImuIsNamedUntilTheReadingsHaveTakenOver) {
+  const Flight flight{.moving_from = 2};
+  Rig rig(flight, {});
+  rig.run_to(7);
+  rig.imu = false;
+  int poses = 0;
+  const auto expect_named = [&] {
+    poses += rig.last().has_pose ? 1 : 0;
+    EXPECT_TRUE(rig.has(HealthReason::kImuSilent) || rig.has(HealthReason::kImuGap)) << rig.now();
+    EXPECT_NE(rig.odometry().health.state, HealthState::kTracking) << rig.now();
+  };
+  rig.run_to(9, expect_named);
+  EXPECT_GE(poses, 15);
+  rig.imu = true;
+  rig.run_to(9.9, expect_named);
+  rig.run_to(11);
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking);
+}
+
+/// One that stood has not seen how far anything is: the images of its take-off have no scale.
+TEST(EstimatorSilence, OfATakeOffImagesTellNoScale) {
+  const Flight flight{.moving_from = 5};
+  Rig rig(flight, {});
+  rig.run_to(4);
+  ASSERT_EQ(rig.odometry().health.state, HealthState::kTracking);
+  rig.imu = false;
+  rig.run_to(6.5);
+  EXPECT_FALSE(rig.last().has_pose);
+  rig.imu = true;
+  rig.run_to(11);
+  EXPECT_EQ(rig.stats().resets, 1u);
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking);
+  EXPECT_LT(rig.velocity_error(), 0.1);
+}
+
+/// Without readings and images nothing carries it: the new start is where the old one ended as far as anybody can tell,
+/// and says how little that is.
 TEST(EstimatorReset, AfterASilentImuTheNewStartClaimsNoMoreThanItKnows) {
   const Flight flight{.moving_from = 2};
   Rig rig(flight, {});
   rig.run_to(7);
   const Vec3 p_then = rig.p();
   const Mat3 R_then = rig.R();
-  rig.imu = false;
+  rig.imu = rig.camera = false;
   rig.run_to(9);
-  rig.imu = true;
+  rig.imu = rig.camera = true;
+  rig.spoil = [](TrackedFrame& frame) { test::rename_tracks(1, frame); };
   double restarted = -1;
   Displaced e{};
   double sigma = 0, sigma_yaw = 0, worst_offset_s = 0;
