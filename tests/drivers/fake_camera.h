@@ -71,6 +71,7 @@ class FakeCamera final : public FakeFile {
   std::int64_t control_ns = 0;               ///< that a transfer to the camera takes
   bool is_gone = false;                      ///< unplugged
   bool gives_images = true;
+  bool keeps_image = false;  ///< as v4l2loopback: one of before comes first, with the time of VIDIOC_REQBUFS
   int dequeue_error = 0, queue_error = 0;  ///< of the next call
   bool is_broken = false;                  ///< poll() reports an error, no call does; until the stream is stopped
   unsigned long refused_request = 0;       ///< always refused, with EINVAL
@@ -153,6 +154,7 @@ class FakeCamera final : public FakeFile {
         is_streaming_ = true;
         sequence_ = 0;
         next_image_ns_ = kernel.clock_ns + period_ns();
+        if (keeps_image) hand_out({0, prepared_ns_, stamp_flags, 0});
         return 0;
       case VIDIOC_STREAMOFF:
         is_streaming_ = is_broken = false;
@@ -290,6 +292,7 @@ class FakeCamera final : public FakeFile {
   // ---- buffers ----
 
   int give_buffers(v4l2_requestbuffers& request) {
+    prepared_ns_ = kernel.clock_ns;
     memory_.clear();
     for (unsigned i = 0; i < request.count; ++i) {
       ever_.push_back(std::make_shared<std::vector<std::uint8_t>>(image_bytes(), std::uint8_t{77}));
@@ -310,9 +313,12 @@ class FakeCamera final : public FakeFile {
       Image image{sequence_++, next_image_ns_, stamp_flags, 0};
       if (queued_.empty()) continue;  // nowhere to put it
       if (change_image) change_image(image);
-      done_.push_back({queued_.front(), image});
-      queued_.pop_front();
+      hand_out(image);
     }
+  }
+  void hand_out(const Image& image) {
+    done_.push_back({queued_.front(), image});
+    queued_.pop_front();
   }
   int dequeue(v4l2_buffer& buffer) {
     if (dequeue_error != 0) return refuse(std::exchange(dequeue_error, 0));
@@ -344,7 +350,7 @@ class FakeCamera final : public FakeFile {
   std::deque<Done> done_;
   bool is_streaming_ = false;
   std::uint32_t sequence_ = 0;
-  std::int64_t next_image_ns_ = 0;
+  std::int64_t next_image_ns_ = 0, prepared_ns_ = 0;
 };
 
 }  // namespace epiline::test

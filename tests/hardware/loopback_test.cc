@@ -90,6 +90,29 @@ TEST_F(Loopback, TheWritersStampsSurvive) {
   EXPECT_EQ(camera.counts().lost, 0u);
 }
 
+// It has the time at which the reader asked for buffers.
+TEST_F(Loopback, AnImageWrittenBeforeTheStreamIsLeftOut) {
+  Writer writer;
+  std::int64_t stamp_ns = kBegin_ns;
+  for (std::uint8_t grey = 1; grey < 20; grey += 2) {
+    writer.write(grey, HostStamp{stamp_ns += 50'000'000});
+    V4l2Camera camera(loopback_settings());
+    ASSERT_TRUE(camera.open());
+    Frame frame;
+    if (camera.read(frame, Span::from_milliseconds(20)) == ReadOutcome::kSample) {
+      ADD_FAILURE() << "an image with a time of " << frame.stamp.ns << " ns";
+      camera.give_back(frame);
+    }
+    const auto next = static_cast<std::uint8_t>(grey + 1);
+    writer.write(next, HostStamp{stamp_ns += 50'000'000});
+    ASSERT_TRUE(read_within(camera, frame, kPatience));
+    EXPECT_EQ(frame.data[0], next);
+    EXPECT_EQ(frame.stamp.ns, stamp_ns);
+    camera.give_back(frame);
+    EXPECT_EQ(camera.counts().bad_stamps, 0u);
+  }
+}
+
 TEST_F(Loopback, StampsNobodyVouchesForAreAnError) {
   Writer writer;
   V4l2Settings settings = loopback_settings();

@@ -6,14 +6,21 @@
 namespace epiline {
 
 namespace {
-constexpr int kBelieved = 5;  // doubtful stamps in a row
-}
+constexpr Span kResolution{1'000};  // of V4L2's stamps
+constexpr int kBelieved = 5;        // doubtful stamps in a row
+}  // namespace
 
-void DriverStamps::restart(bool is_our_clock) noexcept {
+void DriverStamps::restart(bool is_our_clock, HostStamp prepared, HostStamp begun) noexcept {
+  prepared_ = prepared;
+  begun_ = begun;
   last_ = {std::numeric_limits<std::int64_t>::min()};
   doubted_ = 0;
   least_delay_ = is_our_clock ? std::optional(Span{}) : std::nullopt;
   is_first_of_stream_ = true;
+}
+
+bool DriverStamps::is_from_before(HostStamp given) const noexcept {
+  return given + kResolution > prepared_ && given <= begun_;
 }
 
 bool DriverStamps::is_credible(HostStamp given, HostStamp arrival, Span period) noexcept {

@@ -11,8 +11,13 @@ namespace epiline {
 class DriverStamps {
  public:
   /// Call when a stream begins. `is_our_clock`: the driver uses the kernel's monotonic clock; the offset of another
-  /// clock is learned from the first image.
-  void restart(bool is_our_clock) noexcept;
+  /// clock is learned from the first image. `prepared`, `begun`: just before the driver was asked for buffers, and to
+  /// start.
+  void restart(bool is_our_clock, HostStamp prepared, HostStamp begun) noexcept;
+
+  /// The image is older than the stream: no camera takes one between `prepared` and `begun`. v4l2loopback hands out the
+  /// newest image that it still holds, stamped when the buffers were asked for, whatever clock its writer has.
+  bool is_from_before(HostStamp given) const noexcept;
 
   /// Later than the one before, and not earlier on its way than any by more than `period`, of the images: drivers
   /// compute the end of a frame, and hand the image out before it. One stamp that is not so is wrong. Of several in a
@@ -26,6 +31,7 @@ class DriverStamps {
   std::uint64_t sequence() const noexcept { return sequence_; }
 
  private:
+  HostStamp prepared_, begun_;       ///< the stream
   HostStamp last_;                   ///< believed
   HostStamp last_doubted_;           ///< newest one that was not believed
   int doubted_ = 0;                  ///< in a row

@@ -91,9 +91,11 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
   if (const DeviceTrouble trouble = exposure_.set_up(device_)) return trouble;
   // first: uvcvideo sets no format of metadata once the camera has buffers
   if (const DeviceTrouble trouble = clock_.open(device_)) return trouble;
+  const HostStamp prepared{system_.now_ns()};
   if (const DeviceTrouble trouble = map_buffers()) return trouble;
+  const HostStamp begun{system_.now_ns()};
   if (const DeviceTrouble trouble = device_.start()) return trouble;
-  driver_stamps_.restart(!settings_.trust_stamps);
+  driver_stamps_.restart(!settings_.trust_stamps, prepared, begun);
   stamp_line_.restart();
   last_image_ns_ = system_.now_ns();
   streaming_.store(true, std::memory_order_relaxed);
@@ -321,6 +323,7 @@ bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
   const bool is_monotonic = (buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
   const HostStamp given{static_cast<std::int64_t>(buffer.timestamp.tv_sec) * 1'000'000'000 +
                         static_cast<std::int64_t>(buffer.timestamp.tv_usec) * 1'000};
+  if (driver_stamps_.is_from_before(given)) return false;  // not counted: the stream lacks nothing
   frame.arrival = HostStamp{system_.now_ns()};
   const std::int64_t age_ns = (frame.arrival - given).ns;
   const bool is_recent = settings_.trust_stamps || std::abs(age_ns) < settings_.stamp_age_most.ns;

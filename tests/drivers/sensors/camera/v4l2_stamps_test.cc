@@ -90,5 +90,27 @@ TEST(V4l2Camera, ANewStreamBeginsWithoutTheStampsOfTheOneBefore) {
   EXPECT_EQ(rig.camera->counts().bad_stamps, 0u);
 }
 
+TEST(V4l2Camera, AnImageOfBeforeTheStreamIsLeftOut) {
+  for (const bool trusts : {false, true}) {
+    SCOPED_TRACE(trusts ? "trusted" : "monotonic");
+    CameraRig rig;
+    rig.settings.trust_stamps = trusts;
+    rig.device->driver = "v4l2 loopback";
+    rig.device->keeps_image = true;
+    std::uint64_t taken = 0;
+    rig.device->change_image = [&](FakeCamera::Image& /*image*/) { ++taken; };
+    rig.open();
+    const HostStamp begun{rig.kernel.clock_ns};
+    rig.run(2);
+    EXPECT_GT(rig.first.stamp, begun);
+    EXPECT_EQ(rig.camera->counts().frames, taken);
+    rig.device->dequeue_error = EIO;
+    rig.run(2);
+    EXPECT_EQ(rig.camera->counts().disconnected, 1u);
+    EXPECT_EQ(rig.camera->counts().frames, taken);
+    EXPECT_EQ(rig.camera->counts().bad_stamps + rig.camera->counts().lost, 0u) << "nothing is missing";
+  }
+}
+
 }  // namespace
 }  // namespace epiline
