@@ -5,28 +5,8 @@ set -euo pipefail
 (($# == 2)) || { echo "usage: $0 PACKAGE.deb SUITE" >&2; exit 2; }
 package=$(realpath "$1") suite=$2
 . "$(dirname "${BASH_SOURCE[0]}")/../../toolchains/debian/clean_debian"
+. "$(dirname "${BASH_SOURCE[0]}")/steps"
 
-failed=0
-# ok WHAT COMMAND...: one line each; output only of what fails.
-ok() {
-  local what=$1
-  shift
-  if "$@" >"$work/log" 2>&1; then
-    printf 'ok    %s\n' "$what"
-  else
-    printf 'FAIL  %s (exit code %d)\n' "$what" $?
-    sed 's/^/      /' "$work/log" | tail -20
-    failed=1
-  fi
-}
-# exits CODE TEXT COMMAND...: the command ends with this code and says this text (an extended regular expression).
-exits() {
-  local code=$1 text=$2 status=0 output
-  shift 2
-  output=$("$@" 2>&1) || status=$?
-  printf '%s\n' "$output"
-  [[ $status == "$code" ]] && grep -qE "$text" <<<"$output"
-}
 # The service's rights: its user and groups, no capability, nothing to be gained; its limits, where we may raise them.
 limits=(prlimit --rtprio=90 --memlock=unlimited)
 "${limits[@]}" true 2>/dev/null || { limits=() && echo "      no right to raise limits here: without priorities and locked memory"; }
