@@ -191,7 +191,7 @@ CameraCalibration kalibr_camera(const YamlFile& file, const std::string& name) {
   camera.parameters.height = static_cast<int>(size[1]);
   const Projection projection = read_projection(file, map, camera.parameters);
   read_distortion(file, map, projection, camera.parameters);
-  camera.time_offset_s = file.optional(map, "timeshift_cam_imu");
+  camera.time_offset_s = file.time_offset(map, "timeshift_cam_imu");
   const YAML::Node line_delay = file.find(map, {"line_delay_nanoseconds"});
   if (line_delay.IsDefined()) camera.parameters.readout_s = 1e-9 * file.number(line_delay) * (size[1] - 1);
   return camera;

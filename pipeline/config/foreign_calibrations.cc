@@ -107,7 +107,7 @@ void added_pose(const YamlFile& file, CameraCalibration& camera) {
     throw file.complaint(YAML::Node(YAML::NodeType::Undefined), "the key `T_BS` is missing",
                          "the camera's pose on the IMU beside the lens: T_BS, T_imu_cam or T_cam_imu, a 4x4 matrix");
   read_pose(file, file.root(), camera);
-  camera.time_offset_s = file.optional(file.root(), "timeshift_cam_imu");
+  camera.time_offset_s = file.time_offset(file.root(), "timeshift_cam_imu");
 }
 
 CameraCalibration camodocal_camera(const YamlFile& file, const std::string&) {
@@ -136,7 +136,7 @@ CameraCalibration vins_camera(const YamlFile& file, const std::string& name) {
   }
   camera.R_BC = T.R;
   camera.p_BC = T.p;
-  camera.time_offset_s = file.optional(root, "td");
+  camera.time_offset_s = file.time_offset(root, "td");
   if (file.find(root, {"model_type"}).IsDefined()) {
     camodocal_lens(file, camera.parameters);
   } else {

@@ -64,6 +64,14 @@ double YamlFile::optional(const YAML::Node& map, const char* key) const {
   return node.IsDefined() ? number(node) : 0;
 }
 
+double YamlFile::time_offset(const YAML::Node& map, const char* key) const {
+  constexpr double kMost = 1;  // as of camera.time_offset_s
+  const double value = optional(map, key);
+  if (std::abs(value) <= kMost) return value;
+  throw complaint(find(map, {key}), std::string(key) + " of more than a second",
+                  "seconds from -1 to 1: divide milliseconds by 1e3, nanoseconds by 1e9");
+}
+
 std::vector<double> YamlFile::numbers(const YAML::Node& node, int depth) const {
   constexpr std::size_t kMost = 64;
   if (!node.IsSequence() || depth == 0) throw complaint(node, "not a list", "a list of numbers");

@@ -32,6 +32,8 @@ class YamlFile {
   double positive(const YAML::Node& node) const;
   /// That of the key, or zero.
   double optional(const YAML::Node& map, const char* key) const;
+  /// Time offset in seconds, 0 if the key is missing; refuses what can only be another unit.
+  double time_offset(const YAML::Node& map, const char* key) const;
 
   /// All numbers of a list, or of a list of lists. An anchor may make a list its own element, or a few lines a list of
   /// millions: neither depth nor length is more than a calibration has.

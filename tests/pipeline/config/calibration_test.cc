@@ -77,6 +77,27 @@ TEST(CameraCalibration, DoubleSphereAndNoDistortion) {
   EXPECT_EQ(none->parameters.distortion, (std::array<double, 6>{}));
 }
 
+TEST(CameraCalibration, ATimeOffsetInAnotherUnitIsRefused) {
+  const auto read_with = [](const std::string& offset) {
+    return read_camera_calibration(calibration_file("offset.yaml", R"(
+T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+resolution: [752, 480]
+camera_model: pinhole
+intrinsics: [458.654, 457.296, 367.215, 248.375]
+distortion_model: none
+timeshift_cam_imu: )" + offset),
+                                   "cam0");
+  };
+  for (const char* offset : {"-5.2", "5200000"}) {
+    const auto camera = read_with(offset);
+    ASSERT_FALSE(camera) << offset;
+    EXPECT_NE(camera.error().text().find(":7: timeshift_cam_imu of more than a second; expected seconds"),
+              std::string::npos)
+        << camera.error().text();
+  }
+  EXPECT_TRUE(read_with("-0.0052"));
+}
+
 // Each with the line of the file, what stands there, and what was expected.
 TEST(CameraCalibration, SaysWhatIsWrongWithALens) {
   const auto error = [](const std::string& resolution, const std::string& lens) {
