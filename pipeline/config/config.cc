@@ -81,6 +81,45 @@ std::optional<Value> checked_value(const Parameter& p, const toml::node& node) {
                     p.value);
 }
 
+/// What the parameter takes. A DBC file marks an identifier of 29 bits by bit 31.
+std::string expected_instead(const Parameter& p, const toml::node& node) {
+  constexpr std::int64_t kExtended = 0x80000000, kIdentifier = 0x1fffffff;
+  const std::int64_t id = node.value<std::int64_t>().value_or(0);
+  if (p.name != "wheel.id" || (id & ~kIdentifier) != kExtended) return range_of(p);
+  return fmt::format("id = {} and extended = true, which is what a DBC file means by this number", id & kIdentifier);
+}
+
+/// The first byte that belongs to no character of UTF-8 and none of ASCII; its size if there is none.
+std::size_t first_not_utf8(std::string_view text) {
+  const auto byte = [&](std::size_t i) { return i < text.size() ? static_cast<unsigned char>(text[i]) : 0U; };
+  for (std::size_t i = 0; i < text.size();) {
+    const unsigned lead = byte(i);
+    const std::size_t more = lead < 0x80 ? 0 : lead < 0xe0 ? 1 : lead < 0xf0 ? 2 : 3;
+    if (more > 0 && (lead < 0xc2 || lead > 0xf4)) return i;
+    for (std::size_t k = 1; k <= more; ++k)
+      if ((byte(i + k) & 0xc0) != 0x80) return i;
+    i += more + 1;
+  }
+  return text.size();
+}
+
+/// A text that is not stored as UTF-8.
+std::optional<Error> wrong_encoding(std::string_view text, const std::string& name) {
+  const auto fail = [&](std::size_t at, std::string found) {
+    const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
+    return Error{ErrorKind::kUsage, name, static_cast<int>(line), std::move(found),
+                 "a text in UTF-8: save the file as UTF-8"};
+  };
+  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff") || text.find('\0') != text.npos)
+    return fail(0, "looks like UTF-16");
+  const std::size_t at = first_not_utf8(text);
+  if (at == text.size()) return std::nullopt;
+  const unsigned byte = static_cast<unsigned char>(text[at]);
+  if (byte < 0xa0) return fail(at, fmt::format("holds the byte 0x{:02X}, which is not UTF-8", byte));
+  return fail(at, fmt::format("holds the byte 0x{:02X}, which is not UTF-8 ('{}{}' in Latin-1)", byte,
+                              static_cast<char>(0xc0 | byte >> 6), static_cast<char>(0x80 | (byte & 0x3f))));
+}
+
 const Parameter* find_parameter(const std::string& name) {
   for (const Parameter& p : parameters()) {
     if (p.name == name) return &p;
@@ -197,6 +236,7 @@ Result<ConfigFile> ConfigFile::parse(std::string_view text, const std::string& n
   const auto fail = [&](const toml::source_region& at, std::string found, std::string expected) {
     return Error{ErrorKind::kUsage, name, static_cast<int>(at.begin.line), std::move(found), std::move(expected)};
   };
+  if (auto wrong = wrong_encoding(text, name)) return std::move(*wrong);
   toml::table root;
   try {
     root = toml::parse(text);
@@ -216,7 +256,7 @@ Result<ConfigFile> ConfigFile::parse(std::string_view text, const std::string& n
       const Parameter* p = find_parameter(full);
       if (!p) return fail(key.source(), "unknown key \"" + full + "\"", listed_name(full));
       const auto value = checked_value(*p, node);
-      if (!value) return fail(node.source(), full + " = " + shown(node), range_of(*p));
+      if (!value) return fail(node.source(), full + " = " + shown(node), expected_instead(*p, node));
       file.settings_.emplace_back(p, *value);
     }
   }

@@ -219,7 +219,23 @@ INSTANTIATE_TEST_SUITE_P(
         BadFile{"[estimator]\nkeyframe = 7\n", "f.toml:2: unknown key \"estimator.keyframe\""},
         BadFile{"[estimatr]\nkeyframes = 7\n", "f.toml:1: unknown section \"estimatr\""},
         BadFile{"estimator = 3\n", "f.toml:1: \"estimator\" is not a section"},
+        BadFile{"[wheel]\nid = 2566853172\n",
+                "f.toml:2: wheel.id = 2566853172; expected id = 419369524 and extended = true, which is what a DBC"},
+        BadFile{"[wheel]\nid = 4294967296\n",
+                "f.toml:2: wheel.id = 4294967296; expected an integer from 0 to 536870911"},
+        BadFile{"[camera]\n# Gr\xc3\xb6\xc3\x9f"
+                "e, caf\xe9\n",
+                "f.toml:2: holds the byte 0xE9, which is not UTF-8 ('\xc3\xa9' in Latin-1); expected a text in UTF-8: "
+                "save"},
+        BadFile{"[camera]\n# \x80\n", "f.toml:2: holds the byte 0x80, which is not UTF-8; expected a text in UTF-8"},
+        BadFile{"\xff\xfe[", "f.toml:1: looks like UTF-16; expected a text in UTF-8: save the file as UTF-8"},
         BadFile{"[estimator]\nkeyframes = \n", "f.toml:2: "}));
+
+TEST(Config, Utf16WithoutAMarkIsNamed) {
+  const auto file = ConfigFile::parse(std::string_view("[\0c\0]\0", 6), "f.toml");
+  ASSERT_FALSE(file);
+  EXPECT_EQ(file.error().found, "looks like UTF-16");
+}
 
 }  // namespace
 }  // namespace epiline
