@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "estimator/monitor/turn_between.h"
 #include "pipeline/vision/detector.h"
 #include "pipeline/vision/klt.h"
 #include "pipeline/vision/mask.h"
@@ -60,12 +61,15 @@ struct Tracker::Impl {
   bool sees(float x, float y) const { return !mask || mask->sees(x, y); }
   int start_level(float innovation_px) const;
   void predict();
+  int find(bool again);
   void search();
   void count_end(KltEnd end);
   void update_track(int i);
   void take_bearing(int i);
   bool project_turned(const Vec3& f_C, Vec2& px) const;
   Vec3 at_stamp(int i, const RowTurn& turn) const;
+  int agree(int span, const Mat3& R, float limit_px);
+  Mat3 turn_seen() const;
   void reject(int span, float limit_px, std::uint64_t& rejected);
   void remember();
   void take_parallax(int i, int tracked);
@@ -198,8 +202,26 @@ void Tracker::Impl::take_bearing(int i) {
   alive[i] = camera.bearing({tracks.x[i], tracks.y[i]}, tracks.bearing[i], tracks.pixel_jacobian[i]);
 }
 
-void Tracker::Impl::search() {
+// Returns how many tracks are found. `again`: in the same image.
+int Tracker::Impl::find(bool again) {
+  predict();
+  for (int i = 0; again && i < tracks.size; ++i) wanted[i].patch_known = false;
   track_klt(config, previous().view(), current().view(), wanted.data(), tracks.size);
+  return static_cast<int>(std::count_if(wanted.begin(), wanted.begin() + tracks.size,
+                                        [](const KltTrack& w) { return w.end == KltEnd::kFound; }));
+}
+
+// A gyroscope that was hit tells of a turn that never was: where that loses most of the tracks, none is the better
+// guess.
+void Tracker::Impl::search() {
+  Mat3& R = rotation[image_number % TrackTable::kHistory];
+  if (2 * find(false) < tracks.size && !R.isIdentity()) {
+    const Mat3 given = std::exchange(R, Mat3::Identity());
+    if (2 * find(true) < tracks.size) {
+      R = given;
+      find(true);
+    }
+  }
   stats.tried += static_cast<std::uint64_t>(tracks.size);
   for (int i = 0; i < tracks.size; ++i) {
     KltEnd& end = wanted[i].end;
@@ -215,16 +237,12 @@ void Tracker::Impl::search() {
   tracks.keep(alive);
 }
 
-// Compares the bearings of now with those `span` images ago, of the tracks that are old enough.
-void Tracker::Impl::reject(int span, float limit_px, std::uint64_t& rejected) {
-  if (image_number <= static_cast<std::uint64_t>(span)) return;
-  Mat3 R = Mat3::Identity();
-  for (int k = span - 1; k >= 0; --k) R = rotation[(image_number - k) % TrackTable::kHistory] * R;
+// Which of the tracks that are old enough agree with their bearings `span` images ago, turned by R. Returns how many.
+int Tracker::Impl::agree(int span, const Mat3& R, float limit_px) {
   const Eigen::Matrix3f Rf = R.cast<float>();
-  const std::size_t slot = (image_number - span) % TrackTable::kHistory;
+  const std::size_t slot = (image_number - static_cast<std::uint64_t>(span)) % TrackTable::kHistory;
   pairs.size = 0;
   for (int i = 0; i < tracks.size; ++i) {
-    alive[i] = true;
     if (tracks.age[i] < static_cast<std::uint32_t>(span)) continue;
     const int n = pairs.size++;
     pair_track[n] = i;
@@ -236,6 +254,34 @@ void Tracker::Impl::reject(int span, float limit_px, std::uint64_t& rejected) {
   }
   const float limit_rad = limit_px / static_cast<float>(camera.focal_px());
   find_inliers(pairs, {config.hypotheses, config.min_pairs, limit_rad, config.doubt_share}, inlier);
+  return static_cast<int>(std::count(inlier.begin(), inlier.begin() + pairs.size, true));
+}
+
+// The turn since the last image that brings its bearings closest to those of now.
+Mat3 Tracker::Impl::turn_seen() const {
+  const std::size_t slot = (image_number - 1) % TrackTable::kHistory;
+  Mat3 sum = Mat3::Zero();
+  for (int i = 0; i < tracks.size; ++i) {
+    const auto& old = tracks.history[i][slot];
+    if (tracks.age[i] > 0) sum += at_stamp(i, rows) * Vec3(old[0], old[1], old[2]).transpose();
+  }
+  return rotation_from(sum);
+}
+
+// Ends the tracks that disagree with the others. Where most do since the last image, the turn given was wrong.
+void Tracker::Impl::reject(int span, float limit_px, std::uint64_t& rejected) {
+  if (image_number <= static_cast<std::uint64_t>(span)) return;
+  Mat3 R = Mat3::Identity();
+  for (int k = span - 1; k >= 0; --k) R = rotation[(image_number - k) % TrackTable::kHistory] * R;
+  const int agreeing = agree(span, R, limit_px);
+  if (span == 1 && 2 * agreeing < pairs.size) {
+    const Mat3 seen = turn_seen();
+    if (agree(span, seen, limit_px) > agreeing)
+      rotation[image_number % TrackTable::kHistory] = seen;
+    else
+      agree(span, R, limit_px);
+  }
+  std::fill(alive.begin(), alive.begin() + tracks.size, true);
   for (int n = 0; n < pairs.size; ++n) {
     alive[pair_track[n]] = inlier[n];
     rejected += !inlier[n];
@@ -330,7 +376,6 @@ bool Tracker::follow(const Frame& image, const Mat3& R_CC0, const RowTurn& rows)
   }
   t.start_image(image, R_CC0, rows);
   if (t.tracks.size > 0) {
-    t.predict();
     t.search();
     t.reject(1, t.config.near_limit_px, t.stats.rejected_near);
     t.reject(t.config.wide_span, t.config.wide_limit_px, t.stats.rejected_wide);

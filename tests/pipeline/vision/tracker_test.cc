@@ -181,6 +181,26 @@ TEST(Tracker, RotationPredictsLargeMotion) {
   EXPECT_LT(tracked(R.transpose()), 0.2);
 }
 
+// In a blow it reads turns that never were.
+TEST(Tracker, AGyroscopeThatWasHitEndsNoTracks) {
+  const Waves waves(31, 5, 40);
+  TestImage before = shifted(waves, 320, 240, 0, 0), now = shifted(waves, 320, 240, 2, -1);
+  for (const double angle : {0.03, 0.1, 0.3}) {
+    const Mat3 R = Eigen::AngleAxisd(angle, Vec3(0.2, 1, 0.3).normalized()).toRotationMatrix();
+    Tracker tracker(camera_of(320, 240), {});
+    auto out = std::make_unique<TrackedFrame>();
+    tracker.step(frame_of(before, 1), Mat3::Identity(), *out);
+    tracker.step(frame_of(now, 2), R, *out);
+    EXPECT_GT(static_cast<double>(tracker.stats().tracked), 0.85 * static_cast<double>(tracker.stats().tried))
+        << angle << " rad";
+    for (const TrackedFeature& f : out->features) {
+      if (f.age > 0) {
+        EXPECT_NEAR(f.velocity_px_s[0], 40, 4) << angle << " rad";
+      }
+    }
+  }
+}
+
 // What begins in a world that is fast already has no history of its own.
 TEST(Tracker, NewTracksMoveAsTheirNeighbours) {
   Slide slide(320, 240);
