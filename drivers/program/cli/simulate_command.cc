@@ -245,8 +245,8 @@ void add_simulate(CLI::App& app, int& exit_code) {
   command->add_option("--jobs", o->jobs, "number of images to render at the same time")
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
-  CLI::Option* tracks =
-      command->add_flag("--tracks", o->tracks, "write simulated tracks with noise instead of images")->excludes(from);
+  CLI::Option* tracks = command->add_flag("--tracks", o->tracks, "write simulated tracks with noise instead of images")
+                            ->excludes(from, "--world", "--effects", "--camera", "--rate");
   add_other_cameras(*command, o, tracks);
   command
       ->add_option("--pixel-noise", o->simulation.noise.pixel_sigma,

@@ -33,6 +33,15 @@ TEST_F(SimulateCommand, RendersAFlightThatAReplayTracks) {
   EXPECT_NE(replayed.out.find("coverage 100.0 %"), std::string::npos) << replayed.out;
 }
 
+TEST_F(SimulateCommand, RefusesWhatSimulatedTracksDoNotFollow) {
+  for (const std::string& option :
+       std::vector<std::string>{"--rate 40", "--world hall", "--effects noise", "--camera x.yaml"}) {
+    const Outcome refused = run("simulate --tracks --duration 1 " + option + " --out " + in("t"));
+    EXPECT_EQ(refused.exit_code, 2) << option;
+    EXPECT_NE(refused.err.find(option.substr(0, option.find(' '))), std::string::npos) << refused.err;
+  }
+}
+
 // The same seed gives the same bytes, whatever the number of threads; another seed does not.
 TEST_F(SimulateCommand, IsReproducible) {
   const std::string flight = "simulate --flight corridor --duration 0.4 --effects blur,noise,moving ";
