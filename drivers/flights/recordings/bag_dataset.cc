@@ -98,13 +98,6 @@ class BagImages final : public ImageSource {
     for (const BagEntry& entry : topic.entries) places_.push_back(entry.image);
   }
 
-  Status read(std::size_t index, GreyImage& grey) override {
-    const auto bytes = bag_->read(places_[index]);
-    if (!bytes) return complaint(index, "cannot be read: " + bytes.error().found, "an undamaged bag");
-    const RosMessage message{encoding_, *bytes};
-    return topic_.type == kImageTypes[0] ? raw(index, message, grey) : compressed(index, message, grey);
-  }
-
   Error complaint(std::size_t index, std::string found, std::string expected) const override {
     return epiline::complaint(*bag_,
                               "image " + std::to_string(index + 1) + " of " + topic_.name + " " + std::move(found),
@@ -112,6 +105,13 @@ class BagImages final : public ImageSource {
   }
 
  private:
+  std::size_t count() const override { return places_.size(); }
+  Status decode(std::size_t index, GreyImage& grey) override {
+    const auto bytes = bag_->read(places_[index]);
+    if (!bytes) return complaint(index, "cannot be read: " + bytes.error().found, "an undamaged bag");
+    const RosMessage message{encoding_, *bytes};
+    return topic_.type == kImageTypes[0] ? raw(index, message, grey) : compressed(index, message, grey);
+  }
   Error cut_short(std::size_t index, const RosMessage& message) const {
     return epiline::complaint(*bag_,
                               "message " + std::to_string(index + 1) + " of " + topic_.name + " ends after " +

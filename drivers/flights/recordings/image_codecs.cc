@@ -1,5 +1,6 @@
 #include "drivers/flights/recordings/image_codecs.h"
 
+#include <bit>
 #include <cstring>
 
 namespace epiline {
@@ -51,11 +52,15 @@ bool decode_pgm(const std::uint8_t* bytes, std::size_t size, GreyImage& image) {
   const std::uint8_t* const pixels = header.pixels();
   if (static_cast<std::size_t>(bytes + size - pixels) < each * count) return false;
   image.resize(width, height);
-  for (std::size_t i = 0; i < count; ++i) image.pixels[i] = pixels[each * i];  // of two bytes the upper one comes first
+  if (each == 2)
+    image.used_bits = std::bit_width(static_cast<unsigned>(most));  // of two bytes the upper one comes first
+  for (std::size_t i = 0; i < count; ++i)
+    image.pixels[i] = each == 1 ? pixels[i] : image.grey_of(unsigned{pixels[2 * i]} << 8 | pixels[2 * i + 1]);
   return true;
 }
 
 bool decode_image(const std::uint8_t* bytes, std::size_t size, GreyImage& image) {
+  image.highest = 0;
   if (begins_with(bytes, size, "\x89PNG")) return decode_png(bytes, size, image);
   if (begins_with(bytes, size, "\xff\xd8")) return decode_jpeg(bytes, size, image);
   return decode_pgm(bytes, size, image);

@@ -1,5 +1,6 @@
 #pragma once
-// Image files in memory to and from 8-bit grey. Of 16 bits the upper eight count; of colours the luma of ITU-R BT.601.
+// Image files in memory to and from 8-bit grey. Of 16 bits the upper eight of those used count; of colours the luma of
+// ITU-R BT.601.
 #include <cstddef>
 #include <cstdint>
 #include <string>

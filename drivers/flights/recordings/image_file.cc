@@ -13,7 +13,15 @@ class ImageFiles final : public ImageSource {
  public:
   ImageFiles(std::vector<ImageFile> files, std::filesystem::path list)
       : files_(std::move(files)), list_(std::move(list)) {}
-  Status read(std::size_t index, GreyImage& grey) override {
+  Error complaint(std::size_t index, std::string found, std::string expected) const override {
+    const ImageFile& file = files_[index];
+    return {ErrorKind::kUsage, list_.string(), file.line, file.path.string() + " " + std::move(found),
+            std::move(expected)};
+  }
+
+ private:
+  std::size_t count() const override { return files_.size(); }
+  Status decode(std::size_t index, GreyImage& grey) override {
     std::error_code ignored;
     if (!std::filesystem::exists(files_[index].path, ignored))
       return complaint(index, "does not exist", "the image that the list names");
@@ -22,13 +30,6 @@ class ImageFiles final : public ImageSource {
                        "a complete PNG, JPEG or binary PGM");
     return Done{};
   }
-  Error complaint(std::size_t index, std::string found, std::string expected) const override {
-    const ImageFile& file = files_[index];
-    return {ErrorKind::kUsage, list_.string(), file.line, file.path.string() + " " + std::move(found),
-            std::move(expected)};
-  }
-
- private:
   bool read_bytes(const std::filesystem::path& path) {
     std::ifstream file(path, std::ios::binary | std::ios::ate);
     const std::streamoff size = file.tellg();

@@ -16,10 +16,19 @@ class ImageSource {
   ImageSource(const ImageSource&) = delete;
   ImageSource& operator=(const ImageSource&) = delete;
 
-  /// Image `index` in the recording's order as 8-bit grey. Fails if and only if it cannot be read whole.
-  virtual Status read(std::size_t index, GreyImage& grey) = 0;
+  /// Image `index` in the recording's order as 8-bit grey: of 16 bits the upper eight of those that the recording uses.
+  /// Fails if and only if it cannot be read whole.
+  Status read(std::size_t index, GreyImage& grey);
   /// An error about that image, which names its file or message, with `found` and `expected`.
   virtual Error complaint(std::size_t index, std::string found, std::string expected) const = 0;
+
+ private:
+  virtual std::size_t count() const = 0;
+  /// With the `used_bits` of `grey`, and its `highest`.
+  virtual Status decode(std::size_t index, GreyImage& grey) = 0;
+  int find_used_bits();
+
+  int used_bits_ = 0;  ///< of 16; 0: not known yet
 };
 
 /// Images that could not be read, by what was expected of them: a file that exists is one kind, a whole one another.

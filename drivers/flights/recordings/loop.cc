@@ -17,12 +17,14 @@ constexpr Span kAround = Span::from_milliseconds(1000);  // readings before the 
 class LoopedImages final : public ImageSource {
  public:
   LoopedImages(std::shared_ptr<ImageSource> images, std::size_t count) : images_(std::move(images)), count_(count) {}
-  Status read(std::size_t index, GreyImage& grey) override { return images_->read(index % count_, grey); }
   Error complaint(std::size_t index, std::string found, std::string expected) const override {
     return images_->complaint(index % count_, std::move(found), std::move(expected));
   }
 
  private:
+  std::size_t count() const override { return count_; }
+  Status decode(std::size_t index, GreyImage& grey) override { return images_->read(index % count_, grey); }
+
   std::shared_ptr<ImageSource> images_;
   std::size_t count_;
 };

@@ -32,13 +32,13 @@ void write_bytes(png_structp png, png_bytep bytes, png_size_t count) {
 }
 void flush_nothing(png_structp /*png*/) {}
 
-/// Everything becomes one byte of grey for each pixel.
+/// Everything becomes one value of grey for each pixel.
 void ask_for_grey(png_structp png, png_infop info) {
   const int colour = png_get_color_type(png, info);
-  png_set_strip_16(png);
   png_set_strip_alpha(png);
   if (colour == PNG_COLOR_TYPE_PALETTE) png_set_palette_to_rgb(png);
   if ((colour & PNG_COLOR_MASK_COLOR) != 0) {
+    png_set_strip_16(png);
     png_set_rgb_to_gray(png, PNG_ERROR_ACTION_NONE, 0.299, 0.587);
   } else {
     png_set_expand_gray_1_2_4_to_8(png);
@@ -53,7 +53,8 @@ bool read_header(png_structp png, png_infop info, Input& input) {
   ask_for_grey(png, info);
   png_set_interlace_handling(png);
   png_read_update_info(png, info);
-  return png_get_channels(png, info) == 1 && png_get_bit_depth(png, info) == 8;
+  const int bits = png_get_bit_depth(png, info);
+  return png_get_channels(png, info) == 1 && (bits == 8 || bits == 16);
 }
 
 bool read_rows(png_structp png, png_bytepp rows) {
@@ -86,9 +87,14 @@ bool decode_png(const std::uint8_t* bytes, std::size_t size, GreyImage& image) {
   bool done = info != nullptr && read_header(png, info, input);
   if (done) {
     image.resize(static_cast<int>(png_get_image_width(png, info)), static_cast<int>(png_get_image_height(png, info)));
+    const bool wide = png_get_bit_depth(png, info) == 16;
+    std::vector<std::uint8_t> words(wide ? 2 * image.pixels.size() : 0);
     std::vector<png_bytep> rows;
-    for (int y = 0; y < image.height; ++y) rows.push_back(image.row(y));
+    for (int y = 0; y < image.height; ++y)
+      rows.push_back(wide ? words.data() + 2 * (image.row(y) - image.row(0)) : image.row(y));
     done = read_rows(png, rows.data());
+    for (std::size_t i = 0; wide && i < image.pixels.size(); ++i)
+      image.pixels[i] = image.grey_of(unsigned{words[2 * i]} << 8 | words[2 * i + 1]);
   }
   png_destroy_read_struct(&png, &info, nullptr);
   return done;

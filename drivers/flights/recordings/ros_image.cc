@@ -51,11 +51,12 @@ std::string names_of_encodings() {
   return names;
 }
 
-void row_to_grey(const RosPixels& pixels, const std::uint8_t* row, int width, bool big_endian, std::uint8_t* out) {
+void row_to_grey(const RosPixels& pixels, const std::uint8_t* row, bool big_endian, int y, GreyImage& grey) {
   const int red = pixels.at, high = big_endian ? 0 : 1;
-  for (int x = 0; x < width; ++x, row += pixels.bytes) {
+  std::uint8_t* const out = grey.row(y);
+  for (int x = 0; x < grey.width; ++x, row += pixels.bytes) {
     if (pixels.layout == Layout::kBytes) out[x] = row[pixels.at];
-    if (pixels.layout == Layout::kWords) out[x] = row[high];
+    if (pixels.layout == Layout::kWords) out[x] = grey.grey_of(unsigned{row[high]} << 8 | row[1 - high]);
     if (pixels.layout == Layout::kColours)
       out[x] = static_cast<std::uint8_t>((4899 * row[red] + 9617 * row[1] + 1868 * row[2 - red] + 8192) >> 14);
   }
@@ -63,9 +64,12 @@ void row_to_grey(const RosPixels& pixels, const std::uint8_t* row, int width, bo
 
 /// 1 2 1 in both directions; beyond the edge, the pixel of the same colour on the other side.
 void mosaic_to_grey(const RosPixels& pixels, const RosImage& image, GreyImage& grey) {
-  const int high = image.big_endian ? 0 : 1, bits = pixels.layout == Layout::kWideMosaic ? 8 : 0;
+  const int high = image.big_endian ? 0 : 1, bits = pixels.layout == Layout::kWideMosaic ? grey.used_bits - 8 : 0;
   const auto value = [&](const std::uint8_t* row, int x) {
-    return bits == 0 ? unsigned{row[x]} : unsigned{row[2 * x + high]} << 8 | row[2 * x + 1 - high];
+    if (pixels.layout == Layout::kMosaic) return unsigned{row[x]};
+    const unsigned wide = unsigned{row[2 * x + high]} << 8 | row[2 * x + 1 - high];
+    grey.highest = std::max(grey.highest, wide);
+    return wide;
   };
   const auto inside = [](int i, int count) { return i < 0 ? -i : i < count ? i : 2 * count - 2 - i; };
   for (int y = 0; y < grey.height; ++y) {
@@ -75,7 +79,7 @@ void mosaic_to_grey(const RosPixels& pixels, const RosImage& image, GreyImage& g
     std::uint8_t* out = grey.row(y);
     for (int x = 0; x < grey.width; ++x) {
       const unsigned sum = column(inside(x - 1, grey.width)) + 2 * column(x) + column(inside(x + 1, grey.width));
-      out[x] = static_cast<std::uint8_t>(sum >> (4 + bits));
+      out[x] = static_cast<std::uint8_t>(std::min(sum >> (4 + bits), 255U));
     }
   }
 }
@@ -97,12 +101,12 @@ std::optional<ImageFault> to_grey(const RosImage& image, GreyImage& grey) {
                       "rows at least as long as their pixels"};
   }
   grey.resize(static_cast<int>(image.width), static_cast<int>(image.height));
+  grey.highest = 0;
   if (is_mosaic) {
     mosaic_to_grey(*pixels, image, grey);
   } else {
     for (std::uint32_t y = 0; y < image.height; ++y)
-      row_to_grey(*pixels, image.data + std::size_t{y} * image.step, grey.width, image.big_endian,
-                  grey.row(static_cast<int>(y)));
+      row_to_grey(*pixels, image.data + std::size_t{y} * image.step, image.big_endian, static_cast<int>(y), grey);
   }
   return std::nullopt;
 }

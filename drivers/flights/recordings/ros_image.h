@@ -1,5 +1,6 @@
 #pragma once
-// Raw images of ROS messages as 8-bit grey: of 16 bits the upper eight, of colours the luma of ITU-R BT.601.
+// Raw images of ROS messages as 8-bit grey: of 16 bits the upper eight of those used, of colours the luma of ITU-R
+// BT.601.
 #include <optional>
 #include <string>
 

@@ -1,8 +1,10 @@
 // Our way with image files against OpenCV's.
 #include "drivers/flights/recordings/image_codecs.h"
+#include "drivers/flights/recordings/image_file.h"
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <random>
@@ -97,6 +99,37 @@ TEST(ImageCodecs, PgmIsReadAsOpenCvReadsIt) {
   const std::string wide = "P5 2 1 65535\n\x12\x34\xab\xcd";
   ASSERT_TRUE(decode_image(reinterpret_cast<const std::uint8_t*>(wide.data()), wide.size(), image));
   EXPECT_EQ(image.pixels, (Bytes{0x12, 0xab}));
+  const std::string twelve_bits = "P5 2 1 4095\n\x02\x34\x0b\xcd";
+  ASSERT_TRUE(decode_image(reinterpret_cast<const std::uint8_t*>(twelve_bits.data()), twelve_bits.size(), image));
+  EXPECT_EQ(image.pixels, (Bytes{0x23, 0xbc}));
+}
+
+/// Cameras of 10 and 12 bits leave the upper bits of 16 empty. A dark image among bright ones stays dark.
+TEST(ImageFiles, OfSixteenBitsShowThoseThatAreUsed) {
+  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "epiline_used_bits";
+  for (const int bits : {8, 10, 12, 14, 16}) {
+    SCOPED_TRACE(bits);
+    std::filesystem::create_directories(folder);
+    std::vector<ImageFile> files;
+    std::vector<cv::Mat> images;
+    for (int n = 0; n < 7; ++n) {
+      images.push_back(picture(CV_16U) / (n == 1 ? 64 : 1));
+      images.back().forEach<std::uint16_t>([&](std::uint16_t& value, const int*) { value >>= 16 - bits; });
+      files.push_back({HostStamp{}, folder / (std::to_string(n) + ".png"), n});
+      cv::imwrite(files.back().path.string(), images.back());
+    }
+    const auto source = image_files(files, folder / "data.csv");
+    for (std::size_t n : {std::size_t{1}, std::size_t{4}}) {
+      GreyImage grey;
+      ASSERT_TRUE(source->read(n, grey));
+      cv::Mat expected(images[n].size(), CV_8U);
+      for (int y = 0; y < expected.rows; ++y)
+        for (int x = 0; x < expected.cols; ++x)
+          expected.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(images[n].at<std::uint16_t>(y, x) >> (bits - 8));
+      expect_same(grey, expected);
+    }
+    std::filesystem::remove_all(folder);
+  }
 }
 
 TEST(ImageCodecs, AnImageIsDecodedOverAnother) {
