@@ -41,6 +41,23 @@ Result<std::vector<CornerView>> corners_of_tracks(const CalibrateSettings& setti
   return views_of(dataset, *target);
 }
 
+std::vector<Corner> find_corners(BoardDetector& detector, const GreyImage& image) {
+  return detector.find({image.pixels.data(), image.width, image.height, image.width});
+}
+
+/// In how many of 20 images a board shows that only a mirror could have put there: tags have no mirror image.
+int seen_mirrored(BoardDetector& detector, const AslDataset& dataset) {
+  int count = 0;
+  GreyImage image;
+  const std::size_t step = std::max<std::size_t>(1, dataset.images.size() / 20);
+  for (std::size_t i = 0; i < dataset.images.size(); i += step) {
+    if (!dataset.image_source->read(i, image)) continue;
+    for (int y = 0; y < image.height; ++y) std::reverse(image.row(y), image.row(y) + image.width);
+    count += find_corners(detector, image).empty() ? 0 : 1;
+  }
+  return count;
+}
+
 Result<std::vector<CornerView>> corners_of_images(const CalibrateSettings& settings, const AslDataset& dataset) {
   if (settings.board.empty()) {
     return Error{ErrorKind::kUsage, "", 0, "no board",
@@ -55,9 +72,13 @@ Result<std::vector<CornerView>> corners_of_images(const CalibrateSettings& setti
   for (std::size_t i = 0; i < dataset.images.size(); ++i) {
     if (const Status s = dataset.image_source->read(i, image); !s) return s.error();
     if (!views.empty() && dataset.images[i].stamp <= views.back().stamp) continue;
-    views.push_back(
-        {dataset.images[i].stamp, detector->find({image.pixels.data(), image.width, image.height, image.width})});
+    views.push_back({dataset.images[i].stamp, find_corners(*detector, image)});
   }
+  const bool none = std::all_of(views.begin(), views.end(), [](const CornerView& v) { return v.corners.empty(); });
+  if (none && seen_mirrored(*detector, dataset) > 0)
+    return Error{ErrorKind::kUsage, dataset.root.string(), 0,
+                 "the images are mirrored: no tag is found but in a mirror",
+                 "images as they are seen; camera drivers call it horizontal flip"};
   return views;
 }
 

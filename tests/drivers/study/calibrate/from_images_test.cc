@@ -1,7 +1,10 @@
 // From images of a board to a calibration, through the files that a user has.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
+#include <fstream>
+#include <string>
 
 #include "drivers/study/calibrate/calibrate.h"
 #include "tests/drivers/study/calibrate/board_recording.h"
@@ -35,6 +38,19 @@ TEST(Calibrate, FromImagesOfABoard) {
   EXPECT_LT((found->camera.p_BC - rig.p_BC).norm(), 5e-3);
   EXPECT_NEAR(found->camera.time_offset_s, rig.time_offset_s, 5e-4);
   EXPECT_LT(found->fit.rms_px, 0.3);
+
+  const int width = rig.lens.width, height = rig.lens.height;
+  for (const auto& file : fs::directory_iterator(folder / "mav0" / "cam0" / "data")) {
+    std::fstream image(file.path(), std::ios::in | std::ios::out | std::ios::binary);
+    std::string pixels(static_cast<std::size_t>(width * height), ' ');
+    const auto header = static_cast<std::streamoff>(fs::file_size(file.path()) - pixels.size());
+    image.seekg(header).read(pixels.data(), static_cast<std::streamsize>(pixels.size()));
+    for (auto row = pixels.begin(); row != pixels.end(); row += width) std::reverse(row, row + width);
+    image.seekp(header).write(pixels.data(), static_cast<std::streamsize>(pixels.size()));
+  }
+  const auto mirrored = calibrate(settings);
+  ASSERT_FALSE(mirrored);
+  EXPECT_NE(mirrored.error().text().find("the images are mirrored"), std::string::npos) << mirrored.error().text();
   fs::remove_all(folder);
 }
 
