@@ -52,8 +52,8 @@ bool decode_pgm(const std::uint8_t* bytes, std::size_t size, GreyImage& image) {
   const std::uint8_t* const pixels = header.pixels();
   if (static_cast<std::size_t>(bytes + size - pixels) < each * count) return false;
   image.resize(width, height);
-  if (each == 2)
-    image.used_bits = std::bit_width(static_cast<unsigned>(most));  // of two bytes the upper one comes first
+  // of two bytes the upper one comes first
+  if (each == 2) image.used_bits = std::bit_width(static_cast<unsigned>(most));
   for (std::size_t i = 0; i < count; ++i)
     image.pixels[i] = each == 1 ? pixels[i] : image.grey_of(unsigned{pixels[2 * i]} << 8 | pixels[2 * i + 1]);
   return true;
