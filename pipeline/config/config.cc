@@ -4,6 +4,7 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <optional>
 
 #include "pipeline/text/nearest.h"
@@ -50,6 +51,12 @@ std::optional<Value> named_values(const toml::node& node) {
   return values;
 }
 
+/// A path as a shell would read it: ~/ is the user's home.
+std::string from_home(std::string text) {
+  const char* const home = text.starts_with("~/") ? std::getenv("HOME") : nullptr;
+  return home == nullptr ? text : home + text.substr(1);
+}
+
 /// The node's value in the type of the parameter, if it has that type and lies in the range.
 std::optional<Value> checked_value(const Parameter& p, const toml::node& node) {
   const auto in_range = [&](double v) { return v >= p.min && v <= p.max; };
@@ -68,7 +75,7 @@ std::optional<Value> checked_value(const Parameter& p, const toml::node& node) {
                                },
                                [&](std::string* (*)(Config&)) -> std::optional<Value> {
                                  if (!node.is_string()) return std::nullopt;
-                                 return *node.value<std::string>();
+                                 return from_home(*node.value<std::string>());
                                },
                                [&](std::vector<NamedValue>* (*)(Config&)) { return named_values(node); },
                                [&](const Choice& c) -> std::optional<Value> {
@@ -110,8 +117,7 @@ std::optional<Error> wrong_encoding(std::string_view text, const std::string& na
     return Error{ErrorKind::kUsage, name, static_cast<int>(line), std::move(found),
                  "a text in UTF-8: save the file as UTF-8"};
   };
-  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff") || text.find('\0') != text.npos)
-    return fail(0, "looks like UTF-16");
+  if (text.find('\0') != text.npos) return fail(0, "looks like UTF-16");
   const std::size_t at = first_not_utf8(text);
   if (at == text.size()) return std::nullopt;
   const unsigned byte = static_cast<unsigned char>(text[at]);

@@ -10,6 +10,7 @@
 #include <charconv>
 #include <cmath>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <cstring>
 #include <limits>
@@ -37,6 +38,30 @@ bool parse_whole(std::string_view field, T& value) {
   const auto end = field.data() + field.size();
   const auto [stop, error] = std::from_chars(field.data(), end, value);
   return error == std::errc() && stop == end;
+}
+
+/// UTF-8 of a text that some editors of Windows write: UTF-16, by its mark at the beginning. Other texts as they are.
+std::string as_utf8(std::string text) {
+  const bool little = text.starts_with("\xff\xfe");
+  if (!little && !text.starts_with("\xfe\xff")) return text;
+  const auto unit = [&](std::size_t i) -> std::uint32_t {
+    if (i + 1 >= text.size()) return 0xfffd;  // cut
+    const auto first = static_cast<unsigned char>(text[i]), second = static_cast<unsigned char>(text[i + 1]);
+    return little ? first | second << 8 : first << 8 | second;
+  };
+  std::string out;
+  for (std::size_t i = 2; i < text.size(); i += 2) {
+    std::uint32_t c = unit(i);
+    if (c >> 10 == 0xd800 >> 10 && unit(i + 2) >> 10 == 0xdc00 >> 10) {
+      c = 0x10000 + ((c & 0x3ff) << 10 | (unit(i + 2) & 0x3ff));
+      i += 2;
+    }
+    const int more = c < 0x80 ? 0 : c < 0x800 ? 1 : c < 0x10000 ? 2 : 3;
+    constexpr unsigned char kLead[] = {0, 0xc0, 0xe0, 0xf0};
+    out += static_cast<char>(kLead[more] | c >> 6 * more);
+    for (int k = more - 1; k >= 0; --k) out += static_cast<char>(0x80 | (c >> 6 * k & 0x3f));
+  }
+  return out;
 }
 
 }  // namespace
@@ -69,7 +94,7 @@ Result<std::string> read_text(const std::filesystem::path& path) {
     const std::string reason = status == Z_ERRNO ? system_message(errno) : "damaged or cut gzip stream";
     return Error{ErrorKind::kUsage, path.string(), 0, "cannot be read to its end (" + reason + ")", "a complete file"};
   }
-  return text;
+  return as_utf8(std::move(text));
 }
 
 namespace {

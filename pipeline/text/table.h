@@ -11,8 +11,8 @@
 
 namespace epiline {
 
-/// The bytes of a file; a gzipped one is unpacked whatever its name. Fails if and only if it cannot be opened or read
-/// to its end, or its gzip stream is damaged or cut short.
+/// The bytes of a file; a gzipped one is unpacked whatever its name, and a text in UTF-16 (by its mark) becomes UTF-8.
+/// Fails if and only if it cannot be opened or read to its end, or its gzip stream is damaged or cut short.
 Result<std::string> read_text(const std::filesystem::path& path);
 
 /// Replaces the file. A reader finds the whole old text or the whole new one, also after a power cut. Keeps owner and

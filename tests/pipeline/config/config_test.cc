@@ -228,8 +228,16 @@ INSTANTIATE_TEST_SUITE_P(
                 "f.toml:2: holds the byte 0xE9, which is not UTF-8 ('\xc3\xa9' in Latin-1); expected a text in UTF-8: "
                 "save"},
         BadFile{"[camera]\n# \x80\n", "f.toml:2: holds the byte 0x80, which is not UTF-8; expected a text in UTF-8"},
-        BadFile{"\xff\xfe[", "f.toml:1: looks like UTF-16; expected a text in UTF-8: save the file as UTF-8"},
         BadFile{"[estimator]\nkeyframes = \n", "f.toml:2: "}));
+
+TEST(Config, APathMayBeginAtTheUsersHome) {
+  setenv("HOME", "/home/ann", 1);
+  Config config;
+  ConfigFile::parse("[camera]\ncalibration = \"~/cam.yaml\"\n[imu]\ncalibration = \"~ann/imu.yaml\"\n", "f.toml")
+      ->apply(config);
+  EXPECT_EQ(config.camera_calibration, "/home/ann/cam.yaml");
+  EXPECT_EQ(config.imu_calibration, "~ann/imu.yaml");
+}
 
 TEST(Config, Utf16WithoutAMarkIsNamed) {
   const auto file = ConfigFile::parse(std::string_view("[\0c\0]\0", 6), "f.toml");

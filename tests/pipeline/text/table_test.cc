@@ -153,6 +153,24 @@ TEST(ReadText, RefusesACutOrDamagedGzipStream) {
   EXPECT_FALSE(read_text(scratch("damaged.gz")));
 }
 
+// The same text as iconv writes it, with a character of each length; the last one is cut.
+TEST(ReadText, Utf16BecomesUtf8) {
+  const std::string little(
+      "\xff\xfe"
+      "1\0,\0\xe9\0\xac\x20\x3c\xd8\x81\xdf\n\0",
+      16),
+      big("\xfe\xff"
+          "\0"
+          "1\0,\0\xe9\x20\xac\xd8\x3c\xdf\x81\0\n",
+          16);
+  for (const std::string& text : {little, big}) {
+    write(scratch("utf16.csv"), text);
+    EXPECT_EQ(*read_text(scratch("utf16.csv")), "1,\xc3\xa9\xe2\x82\xac\xf0\x9f\x8e\x81\n");
+  }
+  write(scratch("utf16.csv"), little.substr(0, 5));
+  EXPECT_EQ(*read_text(scratch("utf16.csv")), "1\xef\xbf\xbd");
+}
+
 TEST(ReadText, NamesWhatIsNotThere) {
   const auto text = read_text("/nonexistent/file.csv");
   ASSERT_FALSE(text);
