@@ -14,7 +14,6 @@ constexpr double kDepthKnown_px = 10;  // parallax: the images have a scale to a
 constexpr double kCarriedStep_s = 1;   // without a solved frame the IMU carries the state on in steps of this length
 // A carried state is worth going on from while a few seconds of images can mend it; beyond, a start searches anew.
 constexpr double kMostVelocity = 1, kMostTilt = 0.1;  // m/s, rad
-constexpr double kLeastUnknown_s = 1;                 // how long an unknown acceleration lasts, at least
 // Without images that long, errors add up that images otherwise hold down: scale and axes of the sensors, and what the
 // window's covariance claims too little. Both as factors of standard deviations (docs/decisions/2026-11-22-silence.md).
 constexpr double kSilence_s = 0.5, kSilentState = 1.6, kSilentReadings = 1.6;
@@ -31,22 +30,6 @@ ImuHistory::Density widened(ImuHistory::Density density) {
   density.noise.accelerometer_random_walk *= kSilentReadings;
   return density;
 }
-
-/// Makes an interval one whose forces are unknown: the velocity stays as it is but for `acceleration` (m/s^2) for as
-/// long as the interval lasts. Rotation and biases go on as integrated.
-void forget_forces(double acceleration, Preintegration& interval) {
-  const double T = interval.T, q = acceleration * acceleration * std::max(T, kLeastUnknown_s);
-  for (const int row : {0, 6}) {
-    interval.J.middleRows<3>(row).setZero();
-    interval.J.block<3, 3>(row, row).setIdentity();
-    interval.C.middleRows<3>(row).setZero();
-    interval.C.middleCols<3>(row).setZero();
-  }
-  interval.J.block<3, 3>(0, 6) = T * Mat3::Identity();
-  interval.C.block<3, 3>(0, 0) = q * T * T * T / 3 * Mat3::Identity();
-  interval.C.block<3, 3>(0, 6) = interval.C.block<3, 3>(6, 0) = q * T * T / 2 * Mat3::Identity();
-  interval.C.block<3, 3>(6, 6) = q * T * Mat3::Identity();
-}
 }  // namespace
 
 /// The interval between two images without readings: turning and moving as before.
@@ -60,7 +43,7 @@ void Estimator::Impl::coast(const Slot& from, double T, Preintegration& interval
   interval.C.block<3, 3>(3, 3) = rate * rate * Mat3::Identity();
   interval.C.block<3, 3>(9, 9) = walk_a * walk_a * T * Mat3::Identity();
   interval.C.block<3, 3>(12, 12) = walk_g * walk_g * T * Mat3::Identity();
-  forget_forces(kAnyAcceleration, interval);
+  interval.forget_forces(kAnyAcceleration);
 }
 
 bool Estimator::Impl::is_silent(HostStamp from, HostStamp to) const {
@@ -71,14 +54,19 @@ bool Estimator::Impl::is_silent(HostStamp from, HostStamp to) const {
 /// is, and its motion would have no scale.
 bool Estimator::Impl::images_suffice(const TrackedFrame& frame) {
   if (!started || seen_again(frame) < kSeenAgain) return false;
-  if (!window.newest().silent) depth_known = widest_parallax_px(window, config.extrinsics.focal_px) > kDepthKnown_px;
+  if (!window.newest().only_images())
+    depth_known = widest_parallax_px(window, config.extrinsics.focal_px) > kDepthKnown_px;
   return depth_known || window.newest().at_rest;
 }
 
 /// The interval between two frames. While the IMU is silent, only images show how the vehicle moves.
 bool Estimator::Impl::integrate(const Slot& from, Slot& to) const {
   to.silent = is_silent(from.time, to.time);
-  if (!to.silent) return history.integrate(from.time, to.time, density, to.imu);
+  if (!to.silent) {
+    const bool whole = history.integrate(from.time, to.time, density, to.imu);
+    to.imu.doubt_forces(to.unknown_acceleration);
+    return whole;
+  }
   coast(from, (to.time - from.time).seconds(), to.imu);
   return true;
 }
@@ -109,8 +97,10 @@ KnownState Estimator::Impl::carried_on_to(const KnownState& from, HostStamp time
   if (silent && !s.silent) widen(s.x, s.P);
   s.silent = silent;
   history.propagate(from.time, time, window.calibration.scale, s.x, s.omega);
+  if (window.size() > 0 && interval.T < kLongestUnknown_s)  // what contradicted a moment ago may still do so
+    interval.doubt_forces(window.newest().unknown_acceleration);
   if (forces_are_unknown(from, time)) {
-    forget_forces(density.gap_acceleration, interval);
+    interval.forget_forces(density.gap_acceleration);
     s.x.p = from.x.p + interval.T * from.x.v;
     s.x.v = from.x.v;
   }
@@ -196,7 +186,7 @@ void Estimator::Impl::forget() {
   started = rejected_last = start_lacks_time = false;
   pixel_sigma = config.pixel_sigma;
   drift_sigma = config.drift_sigma;
-  rethinking_s = after_silence_s = 0;
+  rethinking_s = after_silence_s = after_refusal_s = 0;
   height_memory = {};
   rest_frame = 0;
   rest_reference = {};

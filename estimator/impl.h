@@ -15,6 +15,7 @@
 #include "estimator/initialise/starter.h"
 #include "estimator/monitor/contradiction.h"
 #include "estimator/monitor/health.h"
+#include "estimator/monitor/interval_watch.h"
 #include "estimator/monitor/rest_detector.h"
 #include "estimator/monitor/suspicion.h"
 #include "estimator/monitor/turn_watch.h"
@@ -79,6 +80,7 @@ struct Estimator::Impl {
   StepResult step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort);
   bool cut(const TrackedFrame& frame);
   KnownState predicted_newest() const;
+  bool doubt_contradicted_forces();
   void take_from_solver(const NavState& predicted, double dt_s);
   void doubt_origin(const NavState& predicted, double dt_s);
   void attach(const TrackedFrame& frame);
@@ -204,6 +206,7 @@ struct Estimator::Impl {
   /// The same without turns that are unrelated: what the camera saw while it was handled says nothing of a rest.
   Severity wrong_at_rest = Severity::kNone;
   ContradictionWatch contradictions;  ///< a reset does not forget it
+  IntervalWatch intervals;            ///< nor this
   Severity contradiction_judged = Severity::kNone;
   /// What the last start did not know of its own place and heading (nothing in the first one), and how wrong it was
   /// where the calibration turned out to be far off.
@@ -220,6 +223,7 @@ struct Estimator::Impl {
   double rethinking_s = 0;        ///< how long the window will still move to a calibration just found
   bool depth_known = false;       ///< when the IMU fell silent
   double after_silence_s = 0;     ///< how long speed and scale will still be in doubt after a silence of the IMU
+  double after_refusal_s = 0;     ///< and after readings that the images contradict
   HostStamp rest_reference;       ///< what that test compares with
   bool rest_frame_held = false;   ///< it had the attitude of the rest
   Mat3 stood;                     ///< the last attitude R_WB of which images and attitude said that nothing moved

@@ -28,8 +28,10 @@ constexpr double kReintegrateScale = 0.005;                                     
 constexpr double kRestRate = 0.01, kRestForce = 0.25, kRestContradicted_s = 0.5;        // rad/s, m/s^2
 constexpr double kAhead = 0.2;                                                          // of that time
 constexpr double kLeavingVelocity = 0.05, kShakingVelocity = 0.1, kDeadReckoned_s = 2;  // m/s, m/s, s
-constexpr double kStandingVelocity = 0.02;                // m/s: a vehicle that stands, and is not shaken, seems slower
-constexpr double kTimeOffsetWalk = 1e-5;                  // s/sqrt(s)
+constexpr double kStandingVelocity = 0.02;  // m/s: a vehicle that stands, and is not shaken, seems slower
+constexpr double kLiftAcceleration = 3, kBlowAcceleration = 30;  // m/s^2: what stands behind forces that don't fit
+constexpr int kDoubtedIntervals = 4;                             // the newest: older ones have been judged before
+constexpr double kTimeOffsetWalk = 1e-5;                         // s/sqrt(s)
 constexpr double kRethinking_s = 1;                       // until the window has moved to a calibration that is far off
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;  // px
 constexpr double kDriftLeast = 0.02;                      // px per root of an image
@@ -81,10 +83,12 @@ bool Estimator::Impl::mount_is_elsewhere() const {
 StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort) {
   const double dt_s = (frame.stamp - window.newest().image_stamp).seconds();
   const KnownState last = carried;
+  const bool images_tell = images_suffice(frame);
   if (!cut(frame)) return start_anew(frame, supervisor);
   const KnownState predicted = predicted_newest();
   attach(frame);
-  const SolverSummary s = solve(supervisor, effort);
+  SolverSummary s = solve(supervisor, effort);
+  for (int i = 0; i < 2 && images_tell && s.solved() && doubt_contradicted_forces(); ++i) s = solve(supervisor, effort);
   if (Slot& newest = window.newest(); newest.silent) {
     after_silence_s = kGateFree_s;
     newest.omega = so3_log(window.at(window.size() - 2).x.R.transpose() * newest.x.R) / dt_s + newest.x.b_g;
@@ -117,7 +121,9 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   }
   publish(frame.stamp, carried);
   if (after_silence_s > 0) say(HealthReason::kImuGap);
+  if (after_refusal_s > 0) say(HealthReason::kReadingsRefused);
   after_silence_s -= dt_s;
+  after_refusal_s -= dt_s;
   if (s.solved() && effort.most_steps != 1)
     learn_from_residuals(s, dt_s);  // those of an untried step are those before it
   const std::uint64_t keyframes = stats.keyframes;
@@ -125,9 +131,33 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   return {true, true, stats.keyframes > keyframes};
 }
 
+/// Forces of the last intervals that the images contradict are doubted, the more so the second time. Whether there are
+/// any.
+bool Estimator::Impl::doubt_contradicted_forces() {
+  bool any = false;
+  for (int k = std::max(1, window.size() - kDoubtedIntervals); k < window.size(); ++k) {
+    Slot& slot = window.at(k);
+    double& unknown = slot.unknown_acceleration;
+    if (slot.silent || unknown >= kBlowAcceleration ||
+        !intervals.contradicted(imu_chi2(window, k), window.at(k - 1).unknown_acceleration > 0))
+      continue;
+    unknown = unknown > 0 ? kBlowAcceleration : kLiftAcceleration;
+    slot.imu.doubt_forces(unknown);
+    whiten(slot);
+    any = true;
+  }
+  if (any && !window.newest().at_rest) after_refusal_s = kGateFree_s;
+  return any;
+}
+
 /// What the solver claims, with what it cannot know: other maxima of the calibration, and the shape of the lens.
 void Estimator::Impl::take_from_solver(const NavState& predicted, double dt_s) {
   carried.P = solver.covariance();
+  if (window.size() > 1 && !window.newest().only_images()) {
+    const double chi2 = imu_chi2(window, window.size() - 1);
+    intervals.add(chi2, dt_s);
+    carried.P *= intervals.widens(chi2);
+  }
   carried.with_calibration = solver.cross_covariance();
   calibration_covariance = solver.calibration_covariance();
   watch_wheels();
@@ -347,7 +377,8 @@ void Estimator::Impl::reintegrate_revised() {
 }
 
 SolverSettings Estimator::Impl::solver_settings(const Supervisor::Effort& effort) const {
-  const bool young = window_age_s(window.newest().time) < kYoungWindow_s || rejected_last || window.newest().silent;
+  const bool young =
+      window_age_s(window.newest().time) < kYoungWindow_s || rejected_last || window.newest().only_images();
   SolverSettings settings = solver_settings(young ? config.steps_young : config.steps);
   if (effort.most_steps > 0) {
     settings.steps = std::min(settings.steps, effort.most_steps);
@@ -444,6 +475,7 @@ void Estimator::Impl::thin(int k) {
 bool Estimator::Impl::drop(int k) {
   Slot joint = window.at(k + 1);
   joint.wheel = window.at(k).wheel;
+  joint.unknown_acceleration = std::max(joint.unknown_acceleration, window.at(k).unknown_acceleration);
   joint.wheel.join(window.at(k).imu.dR, window.at(k + 1).wheel);
   joint.imu = window.at(k).imu;
   joint.imu.join(window.at(k + 1).imu);
@@ -543,7 +575,7 @@ VisualSettings Estimator::Impl::visual_settings() const {
   s.drift_sigma = drift_sigma;
   s.drift_inflation = config.drift_inflation;
   s.student = config.drift_student;
-  s.gate = config.gate && !window.newest().silent && window_age_s(window.newest().time) > kGateFree_s;
+  s.gate = config.gate && !window.newest().only_images() && window_age_s(window.newest().time) > kGateFree_s;
   s.gate_cap = config.gate_cap;
   s.focal_px = config.extrinsics.focal_px;
   s.extrinsics = config.estimate_extrinsics;

@@ -100,13 +100,13 @@ bool whiten(Slot& slot) {
   return true;
 }
 
-namespace {
-
-double interval_cost(const Window& w, int k) {
+double imu_chi2(const Window& w, int k) {
   const Slot& slot = w.at(k);
   const Vec15 r = imu_residual(slot.imu, w.calibration.scale, w.at(k - 1).x, slot.x);
   return (slot.L_inverse.leftCols<15>().triangularView<Eigen::Lower>() * r).squaredNorm();
 }
+
+namespace {
 
 /// Between frames k-1 and k.
 double add_interval(const Window& w, int k, const FactorKernels& kernels, NormalEquations& out) {
@@ -147,7 +147,7 @@ double add_interval(const Window& w, int k, const FactorKernels& kernels, Normal
 double add_imu(const Window& w, const Share& share, const FactorKernels& kernels, NormalEquations* out) {
   const int end = share.oldest_only ? std::min(2, share.frames) : share.frames;
   double cost = 0;
-  for (int k = 1; k < end; ++k) cost += out ? add_interval(w, k, kernels, *out) : interval_cost(w, k);
+  for (int k = 1; k < end; ++k) cost += out ? add_interval(w, k, kernels, *out) : imu_chi2(w, k);
   return cost;
 }
 

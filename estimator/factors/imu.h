@@ -30,6 +30,9 @@ bool square_root_information(const Preintegration& z, Mat15& L_inverse);
 /// positive.
 bool whiten(Slot& slot);
 
+/// Squared standard deviations by which frames k - 1 and k, as they are estimated, contradict the readings.
+double imu_chi2(const Window& window, int k);
+
 /// All IMU intervals of the share. Returns the cost; null: the cost alone.
 double add_imu(const Window& window, const Share& share, const FactorKernels& kernels, NormalEquations* out);
 

@@ -1,11 +1,14 @@
 #include "estimator/inertial/preintegration.h"
 
+#include <algorithm>
+
 #include "estimator/geometry/so3.h"
 
 namespace epiline {
 
 namespace {
 
+constexpr double kLeastUnknown_s = 1;  // how long an unknown acceleration lasts, at least
 constexpr int kP = 0, kTheta = 3, kV = 6, kA = 9, kG = 12;
 
 auto block(Mat15& M, int row, int column) { return M.block<3, 3>(row, column); }
@@ -180,6 +183,28 @@ void Preintegration::corrected(const Vec3& b_a_new, const Vec3& b_g_new, const I
   p = dp + J.block<3, 3>(kP, kA) * d_a + J.block<3, 3>(kP, kG) * d_g + by_s.segment<3>(kP);
   v = dv + J.block<3, 3>(kV, kA) * d_a + J.block<3, 3>(kV, kG) * d_g + by_s.segment<3>(kV);
   R = dR * so3_exp(J.block<3, 3>(kTheta, kG) * d_g + by_s.segment<3>(kTheta));
+}
+
+void Preintegration::doubt_forces(double acceleration) {
+  const Mat3 a2 = acceleration * acceleration * Mat3::Identity();
+  block(C, kP, kP) += T * T * T * T / 4 * a2;
+  block(C, kP, kV) += T * T * T / 2 * a2;
+  block(C, kV, kP) += T * T * T / 2 * a2;
+  block(C, kV, kV) += T * T * a2;
+}
+
+void Preintegration::forget_forces(double acceleration) {
+  const Mat3 q = acceleration * acceleration * std::max(T, kLeastUnknown_s) * Mat3::Identity();
+  for (const int row : {kP, kV}) {
+    J.middleRows<3>(row).setZero();
+    block(J, row, row).setIdentity();
+    C.middleRows<3>(row).setZero();
+    C.middleCols<3>(row).setZero();
+  }
+  block(J, kP, kV) = T * Mat3::Identity();
+  block(C, kP, kP) = T * T * T / 3 * q;
+  set(kP, kV, T * T / 2 * q, C);
+  block(C, kV, kV) = T * q;
 }
 
 void Preintegration::join(const Preintegration& next) {

@@ -31,6 +31,11 @@ struct Preintegration {
   void corrected(const Vec3& b_a_new, const Vec3& b_g_new, const ImuScale& scale_new, Vec3& p, Vec3& v, Mat3& R) const;
   /// Appends the interval that follows this one, in closed form (docs/derivations/imu.md).
   void join(const Preintegration& next);
+  /// Adds a constant acceleration that the readings do not show, of this standard deviation (m/s^2).
+  void doubt_forces(double acceleration);
+  /// The forces are unknown: the velocity stays as it is but for `acceleration` (m/s^2) for as long as the interval
+  /// lasts. Rotation and biases go on as integrated.
+  void forget_forces(double acceleration);
   /// From here on the interval says nothing of the motion, only of how far the biases walk.
   void forget_motion() { knows_motion = false; }
 };

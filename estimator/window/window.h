@@ -131,12 +131,14 @@ struct Slot {
   bool attitude_held = false;                           ///< at rest: with the attitude of the rest frame
   bool stays = true;                                    ///< false: no keyframe; leaves as it is no longer recent
   bool silent = false;                                  ///< no readings since the frame before: only images tie it
+  double unknown_acceleration = 0;                      ///< m/s^2 that its readings do not show, by the images
   bool for_time = false;                                ///< kept only so that no IMU interval grows too long
   WheelWay wheel;                                       ///< from the frame before, as `imu`
   std::array<HeightReading, kHeightKinds> heights;      ///< factor attached to those that it has
   BeamTracks beam;
   double path_m = -1;           ///< horizontal way up to here, since any beginning; negative: not measured yet
   std::uint64_t rest_link = 0;  ///< id of the frame whose position it shares; 0: none in the window
+  bool only_images() const { return silent || unknown_acceleration > 0; }  ///< tell how it moved
 };
 
 /// Gaussian prior 1/2 d'Hd - b'd with d = x [-] x0, over poses 0..frames-1, (v, b) of frame 0 and the calibration.

@@ -193,6 +193,31 @@ TEST_P(PreintegrationCovariance, EqualsMonteCarlo) {
       EXPECT_NEAR(sample(i, j), i == j, 5 * std::sqrt((i == j ? 2.0 : 1.0) / kRuns) + 0.02) << i << " " << j;
 }
 
+// A step with the acceleration in its readings shows where it leads; so do steps after a doubted interval, joined.
+TEST(Preintegration, DoubtedForcesClaimWhatAConstantAccelerationWouldMove) {
+  const ImuNoise noise{};
+  Random random(3);
+  const Readings s = test::agile_readings(21, 0.005, random);
+  Readings pushed = s;
+  const Vec3 extra(0, 0, 3);
+  Mat3 R = Mat3::Identity();
+  for (int k = 0; k < s.count; ++k) {  // constant in the axes of the beginning
+    pushed.a[k] += R.transpose() * extra;
+    if (k + 1 < s.count) R = R * so3_exp(0.5 * (s.w[k] + s.w[k + 1]) * s.dt);
+  }
+  Preintegration doubted = test::integrated(s, Vec3::Zero(), Vec3::Zero(), noise);
+  const Preintegration there = test::integrated(pushed, Vec3::Zero(), Vec3::Zero(), noise);
+  const Mat15 before = doubted.C;
+  doubted.doubt_forces(3);
+  const Mat15 added = doubted.C - before;
+  Vec15 moved = Vec15::Zero();
+  moved.segment<3>(0) = there.dp - doubted.dp;
+  moved.segment<3>(6) = there.dv - doubted.dv;
+  for (const int i : {2, 8})
+    for (const int j : {2, 8}) EXPECT_NEAR(added(i, j), moved(i) * moved(j), 0.02 * std::abs(moved(i) * moved(j)));
+  EXPECT_NEAR(added.diagonal().sum(), 3 * (added(2, 2) + added(8, 8)), 1e-12);
+}
+
 // Each step alone leaves the axes of the beginning and comes back to them.
 RC_GTEST_PROP(PreintegrationProperty, StepsTogetherEqualStepsAlone, (std::uint32_t seed)) {
   Random random(seed);

@@ -1,0 +1,32 @@
+#pragma once
+// By how much an interval of the IMU contradicts the images. docs/derivations/health.md, "Forces that the images
+// contradict".
+#include <algorithm>
+
+namespace epiline {
+
+/// Compares squared residuals of intervals, once they are solved, with the usual one of this IMU on this vehicle.
+class IntervalWatch {
+ public:
+  /// Of the newest interval; `dt_s` since the one before.
+  void add(double chi2, double dt_s) noexcept {
+    usual_ += std::min(1.0, dt_s / kMemory_s) * (std::min(chi2, kContradicted * usual()) - usual_);
+  }
+  double times_usual(double chi2) const noexcept { return chi2 / usual(); }
+  /// `follows`: the interval before it is contradicted, too.
+  bool contradicted(double chi2, bool follows) const noexcept {
+    return times_usual(chi2) > (follows ? kStillContradicted : kContradicted);
+  }
+  /// Factor on a covariance, which believes the configured noise.
+  double widens(double chi2) const noexcept { return std::max(1.0, times_usual(chi2) / kWidens); }
+
+ private:
+  double usual() const noexcept { return std::max(usual_, kLeastUsual); }
+  // Right flights: 0.2 to 0.4 in the median, since states follow the noise; beyond 12 times that in 0 to 0.3 % of the
+  // images. In a lift that begins to move it is 30 times as much within 0.2 s.
+  static constexpr double kLeastUsual = 0.25, kMemory_s = 5;
+  static constexpr double kContradicted = 15, kStillContradicted = 5, kWidens = 1.4;
+  double usual_ = kLeastUsual;
+};
+
+}  // namespace epiline
