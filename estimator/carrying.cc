@@ -15,7 +15,7 @@ constexpr double kCarriedStep_s = 1;   // without a solved frame the IMU carries
 // A carried state is worth going on from while a few seconds of images can mend it; beyond, a start searches anew.
 constexpr double kMostVelocity = 1, kMostTilt = 0.1;  // m/s, rad
 // Without images that long, errors add up that images otherwise hold down: scale and axes of the sensors, and what the
-// window's covariance claims too little. Both as factors of standard deviations (docs/decisions/2026-11-22-silence.md).
+// window's covariance claims too little. Both as factors of standard deviations (docs/developers/decisions.md#silence).
 constexpr double kSilence_s = 0.5, kSilentState = 1.6, kSilentReadings = 1.6;
 
 // Of a vehicle: while only images show how it moves, its way of flying says nothing.

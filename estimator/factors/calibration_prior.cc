@@ -18,7 +18,7 @@ constexpr double kFading_s = 5;     // another maximum that is seen no more: a w
 constexpr double kSame = 0.1;       // relative difference of maxima
 constexpr double kFarthest = 1;     // rad, m, relative: where the search for one that is far begins
 // Relative: by so much do two calibrations of one lens differ in local magnification, rms over the image
-// (docs/decisions/2026-11-28-claims-of-the-calibration.md).
+// (docs/developers/decisions.md#claims-of-the-calibration).
 constexpr double kLensShape = 4e-3;
 
 double square(double x) { return x * x; }

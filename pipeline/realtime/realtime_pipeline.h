@@ -1,6 +1,6 @@
 #pragma once
 // The stages, each carried by a thread of its own: the same stages that OfflinePipeline calls one after the other.
-// docs/realtime.md has the picture, the policies and the measurements.
+// docs/developers/realtime.md has the picture, the policies and the measurements.
 #include <array>
 #include <cstdint>
 #include <memory>

@@ -1,5 +1,5 @@
 #pragma once
-// What to skip when time is short, and when to resume it. docs/realtime.md, "When time is short".
+// What to skip when time is short, and when to resume it. docs/developers/realtime.md, "When time is short".
 #include <array>
 #include <cstddef>
 #include <cstdint>

@@ -1,7 +1,7 @@
 #pragma once
 // Corner score, over 6x6 px and at every second pixel: smaller eigenvalue of the structure tensor, less a share of the
 // larger one. A straight edge has none of its own along itself: what noise and pixel steps add there grows with its
-// contrast (docs/vision.md).
+// contrast (docs/developers/vision.md).
 #include "pipeline/vision/image_view.h"
 
 namespace epiline {

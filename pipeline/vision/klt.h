@@ -1,5 +1,6 @@
 #pragma once
-// Kanade-Lucas-Tomasi tracking of 16x16 patches, blind to gain and bias of the grey values. Derivation: docs/vision.md.
+// Kanade-Lucas-Tomasi tracking of 16x16 patches, blind to gain and bias of the grey values. Derivation:
+// docs/developers/vision.md.
 #include <cstdint>
 
 #include "pipeline/vision/image_view.h"

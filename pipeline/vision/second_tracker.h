@@ -1,6 +1,6 @@
 #pragma once
 // Finds the tracks of one camera in the images of a second one, and follows tracks of its own there. Design and
-// measurements: docs/vision.md.
+// measurements: docs/developers/vision.md.
 #include <cstdint>
 #include <memory>
 #include <span>

@@ -1,5 +1,5 @@
 #pragma once
-// The vision front end: an image in, tracked features out. Design and measurements: docs/vision.md.
+// The vision front end: an image in, tracked features out. Design and measurements: docs/developers/vision.md.
 #include <array>
 #include <cstdint>
 #include <memory>

@@ -1,5 +1,5 @@
 // How much hangs on the constants that were tuned: flights with truth, flown with each of them smaller and larger.
-// docs/constants.md has the table and tells which flights it was made of.
+// docs/developers/constants.md has the table and tells which flights it was made of.
 #include <fmt/format.h>
 #include <unistd.h>
 

@@ -1,5 +1,5 @@
 // Numbers of the user that are wrong, on a recorded flight: what is flown well all the same, and what is named. The
-// whole table: tests/flights/wrong_numbers.cc, docs/decisions/2026-11-23-wrong-numbers.md.
+// whole table: tests/flights/wrong_numbers.cc, docs/developers/decisions.md#wrong-numbers.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 #pragma once
-// A hybrid flight: real IMU samples and real motion of a recording, rendered images. docs/hybrid-flights.md.
+// A hybrid flight: real IMU samples and real motion of a recording, rendered images. docs/developers/simulation.md.
 #include <filesystem>
 
 #include "drivers/flights/simulate/fit_report.h"

@@ -1,6 +1,6 @@
 #pragma once
 // A smooth motion that agrees with a recorded flight's ground truth and with its IMU. Method and figures:
-// docs/hybrid-flights.md.
+// docs/developers/simulation.md.
 #include <cstdint>
 #include <optional>
 #include <string>

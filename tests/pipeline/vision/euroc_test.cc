@@ -1,6 +1,6 @@
 // The front end on a recorded flight (EuRoC MH_01, 100 images in motion): how long tracks live and how well they agree
 // with one rigid motion. The bounds are loose: they catch a broken tracker, not a slightly worse one; the figures are
-// in docs/vision.md.
+// in docs/developers/vision.md.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>

@@ -1,5 +1,5 @@
 #pragma once
-// Images of a world as a moving camera sees it. Method and checks: docs/rendering.md.
+// Images of a world as a moving camera sees it. Method and checks: docs/developers/simulation.md.
 #include <cstdint>
 #include <memory>
 #include <optional>

@@ -126,7 +126,7 @@ TEST_P(WrongSize, IsToldByTheAccelerometer) {
 
 INSTANTIATE_TEST_SUITE_P(All, WrongSize, testing::Values(0.97, 1.128, 3.67));
 
-/// A lens that no radial-tangential one draws: a VI-Sensor's (docs/decisions/2026-11-26-lens-shape.md).
+/// A lens that no radial-tangential one draws: a VI-Sensor's (docs/developers/decisions.md#lens-shape).
 class OtherShape : public testing::Test {
  protected:
   static Result<RigFit> fit(CameraModel model, double distance_m) {
