@@ -1,6 +1,6 @@
 #pragma once
 // The layouts in which programs keep calibrations. Each is recognised by its own keys and read by functions of its own,
-// which throw Error; calibration.cc turns that into a value. docs/coming-from.md lists what each program writes.
+// which throw Error; calibration.cc turns that into a value. docs/calibrate.md lists what each program writes.
 #include <array>
 #include <initializer_list>
 #include <string>

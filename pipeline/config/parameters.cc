@@ -365,7 +365,7 @@ const std::vector<Parameter>& parameters() {
       {"can.base_id", "", 1, 0x7f0, "first of eleven consecutive identifiers", EPILINE_AT(devices.can.base_id)},
       {"can.rate_hz", "Hz", 1, 200, "odometry epochs per second", EPILINE_AT(devices.can.rate_hz)},
       // odometry for nodes of ROS 2
-      {"dds.publish", "", 0, 0, "publish odometry, transform and diagnostics for ROS 2 (docs/ros2.md)",
+      {"dds.publish", "", 0, 0, "publish odometry, transform and diagnostics for ROS 2 (docs/library.md)",
        EPILINE_AT(devices.dds.publish)},
       {"dds.domain", "", -1, 232, "ROS_DOMAIN_ID; -1: that of the environment, else 0", EPILINE_AT(devices.dds.domain)},
       // speed of a ground vehicle

@@ -1,6 +1,6 @@
 #pragma once
 // Keeps the last seconds of a flight in fixed memory, and writes them on request or when the estimate is lost, as a
-// folder that a replay reads. docs/flight-recorder.md.
+// folder that a replay reads. docs/fly.md.
 #include <atomic>
 #include <cstdint>
 #include <memory>

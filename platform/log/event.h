@@ -11,7 +11,7 @@
 namespace epiline {
 
 /// Kinds of events; the comment lists the arguments. event.cc defines their names and format: a new kind goes before
-/// kCount and needs a line there. docs/flight-recorder.md explains each to users.
+/// kCount and needs a line there. docs/fly.md explains each to users.
 enum class EventId : std::uint16_t {
   kImageDropped,    ///< first sequence number, ImageLoss, how many
   kImuLate,         ///< ms that an image waited for the IMU sample of this time, without success

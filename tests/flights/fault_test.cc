@@ -1,5 +1,5 @@
 // Every fault of the sensors in a rendered flight: named, survived, and nothing called good that is wrong.
-// docs/faults.md has the table of longer flights.
+// docs/troubleshooting.md has the table of longer flights.
 #include <gtest/gtest.h>
 #include <unistd.h>
 

@@ -1,4 +1,4 @@
-// The table of docs/faults.md: a flight with exact truth once for each fault.
+// The table of docs/troubleshooting.md: a flight with exact truth once for each fault.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

@@ -1,6 +1,6 @@
 #pragma once
 // Simulates sensor faults between a recording and the pipeline, to test that each is detected, reported and survived.
-// docs/faults.md.
+// docs/troubleshooting.md.
 #include <array>
 #include <cstdint>
 #include <optional>

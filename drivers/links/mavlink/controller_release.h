@@ -1,7 +1,7 @@
 #pragma once
 // The releases of flight controllers' programs that epiline knows, and in what they differ for odometry. One table for
-// the link, `epiline check`, `epiline hil` and the guides: a new release is a new row. Pages: docs/wiring.md,
-// docs/hil.md.
+// the link, `epiline check`, `epiline hil` and the guides: a new release is a new row. Pages:
+// docs/flight-controller.md, docs/hil.md.
 #include <array>
 #include <cstddef>
 #include <cstdint>

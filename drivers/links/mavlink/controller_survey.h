@@ -1,6 +1,6 @@
 #pragma once
 // Asks a flight controller for its release, its parameters, and what its filter makes of the odometry. Reads, and never
-// writes a parameter. Page: docs/mavlink.md#what-the-controller-is-asked.
+// writes a parameter. Page: docs/flight-controller.md#what-the-controller-is-asked.
 #include <array>
 #include <cstdint>
 #include <limits>

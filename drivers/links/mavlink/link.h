@@ -1,5 +1,5 @@
 #pragma once
-// The line to a flight controller. Page: docs/mavlink.md.
+// The line to a flight controller. Page: docs/flight-controller.md.
 #include <array>
 #include <atomic>
 #include <cstddef>

@@ -1,6 +1,6 @@
 #pragma once
 // The MAVLink messages we speak: what they hold, and from that their length and the seed of their checksum. Page:
-// docs/mavlink.md.
+// docs/flight-controller.md.
 #include <array>
 #include <bit>
 #include <concepts>

@@ -1,6 +1,6 @@
 #pragma once
 // Converts odometry to MAVLink's frames, and MAVLink's IMU samples to epiline's. Only this file negates y and z. Page:
-// docs/mavlink.md.
+// docs/flight-controller.md.
 #include <optional>
 
 #include "drivers/links/mavlink/message.h"

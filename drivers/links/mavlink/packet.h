@@ -1,6 +1,6 @@
 #pragma once
 // Writes MAVLink 2 frames to a byte stream, and finds them in it, also among noise. Does not allocate, wait or throw.
-// Page: docs/mavlink.md.
+// Page: docs/flight-controller.md.
 #include <array>
 #include <cstddef>
 #include <cstdint>

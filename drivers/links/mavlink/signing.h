@@ -1,6 +1,7 @@
 #pragma once
 // MAVLink 2 message signing: a keyed hash and a time in each frame show that a sender has the key, and that the frame
-// is not an old one. Does not allocate, wait or throw, but for reading the key. Page: docs/mavlink.md#signing.
+// is not an old one. Does not allocate, wait or throw, but for reading the key. Page:
+// docs/flight-controller.md#signing.
 #include <array>
 #include <cstddef>
 #include <cstdint>

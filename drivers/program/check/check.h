@@ -1,5 +1,5 @@
 #pragma once
-// `epiline check`: examines every configured device and reports what is wrong with it. docs/check.md
+// `epiline check`: examines every configured device and reports what is wrong with it. docs/devices.md
 #include <filesystem>
 #include <functional>
 

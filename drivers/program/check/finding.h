@@ -1,5 +1,5 @@
 #pragma once
-// Findings of `epiline check`: one line each, in the words of the vehicle's builder. docs/check.md
+// Findings of `epiline check`: one line each, in the words of the vehicle's builder. docs/devices.md
 #include <cstdint>
 #include <string>
 #include <vector>

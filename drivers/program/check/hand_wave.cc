@@ -88,7 +88,7 @@ Findings findings_of(const TurnAgreement& t, const Mat3& R_BC, double time_offse
                                    "{:+.2f}) in the IMU's axes",
                                    t.R_BC(0, 2), t.R_BC(1, 2), t.R_BC(2, 2))));
   else if (rotation.severity == Severity::kSuspect)
-    out.push_back(said(Grade::kWarning, text, "calibrate again (docs/wiring.md), as if something had moved"));
+    out.push_back(said(Grade::kWarning, text, "calibrate again (docs/calibrate.md), as if something had moved"));
   else
     out.push_back(said(Grade::kOk, text));
   return out;

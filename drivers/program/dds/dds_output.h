@@ -1,5 +1,5 @@
 #pragma once
-// Odometry, transform and diagnostics for nodes of ROS 2, without ROS, from a thread of its own: docs/ros2.md.
+// Odometry, transform and diagnostics for nodes of ROS 2, without ROS, from a thread of its own: docs/library.md.
 #include <atomic>
 #include <cstdint>
 #include <optional>

@@ -1,5 +1,5 @@
 #pragma once
-// Compares what a flight controller answered with what the odometry needs. Page: docs/mavlink.md.
+// Compares what a flight controller answered with what the odometry needs. Page: docs/flight-controller.md.
 #include <string>
 #include <vector>
 

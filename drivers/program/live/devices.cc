@@ -196,7 +196,7 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
     if (const Status s = read_camera(settings); !s) return s.error();
   } else if (need == CalibrationNeed::kRequired) {
     return missing(settings, "camera.calibration is not set",
-                   "a calibration file of the camera, for instance Kalibr's camchain-imucam.yaml (docs/wiring.md)");
+                   "a calibration file of the camera, for instance Kalibr's camchain-imucam.yaml (docs/calibrate.md)");
   }
   if (!config.imu_calibration.empty()) {
     const auto imu = read_imu_calibration(config.imu_calibration);

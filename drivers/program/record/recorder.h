@@ -1,5 +1,5 @@
 #pragma once
-// Records the samples of camera and IMU to disk. docs/record.md
+// Records the samples of camera and IMU to disk. docs/calibrate.md
 #include <cstdint>
 #include <filesystem>
 #include <functional>

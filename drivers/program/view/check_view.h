@@ -1,5 +1,5 @@
 #pragma once
-// Serves the page of `epiline check --view`: docs/check.md.
+// Serves the page of `epiline check --view`: docs/devices.md.
 #include <atomic>
 #include <filesystem>
 #include <functional>

@@ -1,6 +1,6 @@
 #pragma once
 // An HTTP server for a few clients, in bounded memory and one thread: libmicrohttpd, driven by the caller of step(). No
-// connection can block another. Limits: docs/live-view.md.
+// connection can block another.
 #include <cstdint>
 #include <functional>
 #include <memory>

@@ -1,5 +1,5 @@
 #pragma once
-// Serves a page that shows a running flight in a browser: docs/live-view.md.
+// Serves a page that shows a running flight in a browser: docs/fly.md.
 #include <atomic>
 #include <memory>
 #include <mutex>

@@ -1,5 +1,5 @@
 #pragma once
-// An input line and the times of its edges: a camera's trigger or strobe, an IMU's data-ready, PPS. docs/gpio.md
+// An input line and the times of its edges: a camera's trigger or strobe, an IMU's data-ready, PPS. docs/camera.md
 #include <atomic>
 #include <cstddef>
 #include <cstdint>

@@ -1,5 +1,5 @@
 #pragma once
-// An IMU with a driver of Linux' industrial I/O (IIO): one device with both sensors, or one for each. docs/imu-iio.md
+// An IMU with a driver of Linux' industrial I/O (IIO): one device with both sensors, or one for each. docs/imu.md
 #include <array>
 #include <atomic>
 #include <cstddef>

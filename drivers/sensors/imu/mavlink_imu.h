@@ -1,5 +1,5 @@
 #pragma once
-// The flight controller's IMU, over the link that also carries the odometry. Page: docs/mavlink.md.
+// The flight controller's IMU, over the link that also carries the odometry. Page: docs/flight-controller.md.
 #include <atomic>
 
 #include "drivers/links/mavlink/link.h"

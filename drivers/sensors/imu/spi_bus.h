@@ -1,5 +1,5 @@
 #pragma once
-// One chip select of an SPI bus, and what chips need of it. docs/imu-spi.md
+// One chip select of an SPI bus, and what chips need of it. docs/imu.md
 #include <cstddef>
 #include <cstdint>
 #include <span>

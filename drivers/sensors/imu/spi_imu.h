@@ -1,5 +1,5 @@
 #pragma once
-// An IMU on an SPI bus: what all chips have in common. docs/imu-spi.md
+// An IMU on an SPI bus: what all chips have in common. docs/imu.md
 #include <array>
 #include <atomic>
 #include <cstddef>

@@ -1,5 +1,5 @@
 #pragma once
-// odometry.csv: an estimated trajectory with what the estimator claims of its errors (docs/user-guide.md lists the
+// odometry.csv: an estimated trajectory with what the estimator claims of its errors (docs/replay.md lists the
 // columns).
 #include <filesystem>
 #include <string>

@@ -1,5 +1,5 @@
 #pragma once
-// A flight as an MCAP file of ROS 2: what went in, what came out, and the truth (docs/mcap.md).
+// A flight as an MCAP file of ROS 2: what went in, what came out, and the truth (docs/replay.md).
 #include <array>
 #include <filesystem>
 #include <optional>

@@ -1,5 +1,5 @@
 #pragma once
-// What came of an image, as messages of ROS 2: for MCAP files (docs/mcap.md) and for live readers (docs/ros2.md).
+// What came of an image, as messages of ROS 2: for MCAP files (docs/replay.md) and for live readers (docs/library.md).
 #include <array>
 
 #include "drivers/flights/recordings/cdr_writer.h"

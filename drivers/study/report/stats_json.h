@@ -27,7 +27,7 @@ std::optional<double> coverage(const FlightRecord& record);
 /// version, commit, compiler, build_type, simd
 Json to_json(const ProgramInfo& program);
 
-/// The whole of stats.json (docs/user-guide.md lists the fields). `errors` as errors_of() gives them.
+/// The whole of stats.json (docs/replay.md lists the fields). `errors` as errors_of() gives them.
 Json stats_json(const FlightRecord& record, const std::optional<TrajectoryErrors>& errors, const ProgramInfo& program);
 
 }  // namespace epiline

@@ -1,5 +1,5 @@
 // `replay --mcap`: what is written follows the specification of MCAP (https://mcap.dev/spec), and flies again to the
-// same trajectory. docs/mcap.md says how readers of others were asked.
+// same trajectory. tests/package/read_mcap.mjs has Foxglove's own readers read it.
 #include <zlib.h>
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // The link over a made-up line, in its own time; and over pseudo terminals and sockets of this computer, where these
-// are what is tested. Flight controllers' rules: docs/mavlink.md.
+// are what is tested. Flight controllers' rules: docs/flight-controller.md.
 #include "drivers/links/mavlink/link.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// What is said of a flight controller's parameters. Each wrong set and what it does: docs/wiring.md.
+// What is said of a flight controller's parameters. Each wrong set and what it does: docs/flight-controller.md.
 #include "drivers/program/live/controller_advice.h"
 
 #include <gmock/gmock.h>
@@ -124,12 +124,12 @@ TEST(ControllerAdvice, GuidesNameWhatIsAskedAndJudged) {
     std::ifstream in(std::filesystem::path(EPILINE_SOURCE) / "docs" / page);
     return std::string(std::istreambuf_iterator<char>(in), {});
   };
-  const std::string hil = text_of("hil.md"), wiring = text_of("wiring.md");
+  const std::string hil = text_of("hil.md"), guide = text_of("flight-controller.md");
   for (const mavlink::ControllerRelease& r : mavlink::kControllerReleases)
     EXPECT_THAT(hil, HasSubstr("`" + std::string(r.option) + "`"));
   for (const std::uint8_t autopilot : {mavlink::kPx4, mavlink::kArduPilot})
     for (const std::string_view name : mavlink::parameters_of(autopilot))
-      EXPECT_TRUE(name.starts_with("EK3_SRC1_") || wiring.find("`" + std::string(name) + "`") != std::string::npos)
+      EXPECT_TRUE(name.starts_with("EK3_SRC1_") || guide.find("`" + std::string(name) + "`") != std::string::npos)
           << name;
 }
 

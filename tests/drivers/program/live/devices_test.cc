@@ -179,10 +179,10 @@ void expect_told_in(const char* page, const Counters& counters) {
 
 TEST(Devices, WhatTheyCountIsExplainedInTheirPages) {
   expect_told_in("camera.md", kCameraCounters);
-  expect_told_in("imu-iio.md", kIioCounters);
-  expect_told_in("imu-spi.md", kSpiImuCounters);
-  expect_told_in("mavlink.md", mavlink::kLinkCounters);
-  expect_told_in("mavlink.md", mavlink::kControllerImuCounters);
+  expect_told_in("imu.md", kIioCounters);
+  expect_told_in("imu.md", kSpiImuCounters);
+  expect_told_in("flight-controller.md", mavlink::kLinkCounters);
+  expect_told_in("flight-controller.md", mavlink::kControllerImuCounters);
   expect_told_in("can.md", kCanCounters);
   expect_told_in("can.md", kWheelCounters);
 }

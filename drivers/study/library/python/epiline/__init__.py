@@ -82,7 +82,7 @@ class Flight:
     states: (N,) structured array, one element for each image that was estimated, with the fields of `Estimator.state`;
     `states["position"]` is (N, 3), `states["covariance"]` is (N, 16, 16).
     trajectory: of the images with a pose. truth: the recording's ground truth, or None.
-    statistics: the content of stats.json (docs/user-guide.md). notes: remarks for the user.
+    statistics: the content of stats.json (docs/replay.md). notes: remarks for the user.
     """
 
     def __init__(self, handle: int) -> None:
