@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "drivers/study/montecarlo/simulated_run.h"
+#include "tests/flights/simulated_run.h"
 
 namespace epiline {
 namespace {
@@ -24,7 +24,7 @@ ShutterErrors errors_of(FlightKind flight, double readout_s, bool known) {
     simulation.seed = static_cast<std::uint64_t>(run);
     simulation.noise = {.pixel_sigma = 0.3};
     simulation.readout_s = readout_s;
-    EstimatorConfig config = comparison_config(VisualFactor::kTrack, simulation);
+    EstimatorConfig config = known_config(simulation);
     if (!known) config.extrinsics.readout_s = 0;
     const RunFigures figures = run_simulated(simulate_tracks(simulation), config, simulation.seed);
     EXPECT_TRUE(!known || !figures.diverged) << "seed " << run << ", at " << figures.diverged_at_s << " s";

@@ -60,6 +60,5 @@ void add_board(CLI::App& app, int& exit_code);
 void add_calibrate(CLI::App& app, int& exit_code);
 void add_replay(CLI::App& app, int& exit_code);
 void add_benchmark(CLI::App& app, int& exit_code);
-void add_montecarlo(CLI::App& app, int& exit_code);
 
 }  // namespace epiline

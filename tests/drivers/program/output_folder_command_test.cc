@@ -18,7 +18,6 @@ const std::vector<Writer> kWriters = {
     {"hil RECORDING --config CONFIG", {"verdict.txt", "truth.tum", "stats.json"}},
     {"calibrate RECORDING", {"camera.yaml", "imu.yaml", "calibration.json", "report.html"}},
     {"benchmark RECORDING", {"benchmark.txt", "runs/RECORDING/track/1/stats.json", "runs/mine"}},
-    {"montecarlo --runs 1 --flight hall", {"montecarlo.txt", "montecarlo.json"}},
     {"record --config CONFIG", {"mav0/imu0/data.csv", "mav0/cam0/data.csv"}},
 };
 

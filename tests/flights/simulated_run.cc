@@ -1,48 +1,23 @@
-#include "drivers/study/montecarlo/simulated_run.h"
+#include "tests/flights/simulated_run.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <memory>
-#include <numbers>
+#include <vector>
 
 #include "drivers/flights/simulate/random.h"
 #include "drivers/study/evaluate/alignment.h"
 #include "drivers/study/evaluate/errors.h"
 #include "estimator/geometry/so3.h"
 #include "pipeline/stages/imu_feed.h"
-#include "platform/linux/end_request.h"
 
 namespace epiline {
 namespace {
 
 constexpr std::uint64_t kStartStream = 100;
 constexpr std::size_t kImagesPerFrame = 2;
-
-using Clock = std::chrono::steady_clock;
-double milliseconds(Clock::duration d) { return std::chrono::duration<double, std::milli>(d).count(); }
-
-/// Adds up the time of each phase; never says that time is up.
-class StopWatch final : public Supervisor {
- public:
-  void restart() { solve_ = marginalise_ = Clock::duration::zero(); }
-  void phase(Phase next) noexcept override {
-    const Clock::time_point now = Clock::now();
-    if (phase_ == Phase::kSolve) solve_ += now - since_;
-    if (phase_ == Phase::kMarginalise) marginalise_ += now - since_;
-    phase_ = next;
-    since_ = now;
-  }
-  double solve_ms() const { return milliseconds(solve_); }
-  double marginalise_ms() const { return milliseconds(marginalise_); }
-
- private:
-  Phase phase_ = Phase::kNone;
-  Clock::time_point since_ = Clock::now();
-  Clock::duration solve_{}, marginalise_{};
-};
 
 struct Pose {
   Vec3 p;
@@ -116,46 +91,22 @@ class Record {
 
   void finish(RunFigures& figures) const {
     if (estimates_.empty()) return;
-    absolute(figures);
-    figures.rpe_5s_m = relative();
-    const Vec3 rotation_W = so3_log(estimates_.back().R * truths_.back().R.transpose());
-    figures.yaw_end_deg = std::abs(rotation_W.z()) * 180 / std::numbers::pi;
+    figures.ate_m = ate();
     figures.nees_position = nees_position_ / std::max(1, judged_);
     figures.nees_rotation = nees_rotation_ / std::max(1, judged_);
   }
 
  private:
-  void absolute(RunFigures& figures) const {
+  double ate() const {
     std::vector<Vec3> estimate, truth;
     for (std::size_t i = 0; i < estimates_.size(); ++i) {
       estimate.push_back(estimates_[i].p);
       truth.push_back(truths_[i].p);
     }
     const Similarity aligned = align(Alignment::k4Dof, estimate, truth);
-    Vec3 mean = Vec3::Zero();
-    for (const Vec3& p : truth) mean += p / static_cast<double>(truth.size());
-    double squares = 0, product = 0, reference = 0;
-    for (std::size_t i = 0; i < truth.size(); ++i) {
-      const Vec3 a = aligned(estimate[i]) - mean, b = truth[i] - mean;
-      squares += (a - b).squaredNorm();
-      product += a.dot(b);
-      reference += b.squaredNorm();
-    }
-    figures.ate_m = std::sqrt(squares / static_cast<double>(truth.size()));
-    figures.scale_error = reference > 0 ? product / reference - 1 : 0;
-  }
-
-  double relative() const {
-    constexpr std::size_t kSpan = 50, kStride = 5;  // frames of 0.1 s
     double squares = 0;
-    int n = 0;
-    for (std::size_t i = 0; i + kSpan < estimates_.size(); i += kStride, ++n) {
-      const auto motion = [&](const std::vector<Pose>& x) -> Vec3 {
-        return x[i].R.transpose() * (x[i + kSpan].p - x[i].p);
-      };
-      squares += (motion(estimates_) - motion(truths_)).squaredNorm();
-    }
-    return n ? std::sqrt(squares / n) : 0;
+    for (std::size_t i = 0; i < truth.size(); ++i) squares += (aligned(estimate[i]) - truth[i]).squaredNorm();
+    return std::sqrt(squares / static_cast<double>(truth.size()));
   }
 
   std::vector<Pose> estimates_, truths_;
@@ -165,9 +116,8 @@ class Record {
 
 }  // namespace
 
-EstimatorConfig comparison_config(VisualFactor factor, const TrackSimulation& simulation) {
+EstimatorConfig known_config(const TrackSimulation& simulation) {
   EstimatorConfig config;
-  config.visual_factor = factor;
   config.solve_interval_s = 0.05;
   config.pixel_sigma = std::max(0.3, simulation.noise.pixel_sigma);
   config.estimate_pixel_sigma = false;
@@ -177,11 +127,6 @@ EstimatorConfig comparison_config(VisualFactor factor, const TrackSimulation& si
   config.gyroscope_density_factor = config.accelerometer_density_factor = config.accelerometer_walk_factor = 1;
   config.extrinsics = true_extrinsics(simulation);
   config.estimate_time_offset = false;
-  if (factor != VisualFactor::kTrack) {
-    config.keyframe_rule = KeyframeRule::kRawParallax;
-    config.zero_motion = false;
-    config.gate = false;
-  }
   return config;
 }
 
@@ -189,7 +134,7 @@ RunFigures run_simulated(const SimulatedFlight& flight, const EstimatorConfig& c
   constexpr std::size_t kImagesPerJudgement = 20;
   constexpr double kJudgeAfter_s = 5;
   Estimator estimator(config);
-  StopWatch watch;
+  Supervisor supervisor;  // lets the solver finish
   SimulatedImu imu(flight, estimator);
   const auto frame = std::make_unique<TrackedFrame>();
   RunFigures figures;
@@ -198,16 +143,10 @@ RunFigures run_simulated(const SimulatedFlight& flight, const EstimatorConfig& c
   flight.fill(0, *frame);
   imu.up_to(estimator.imu_needed_until(frame->stamp));
   estimator.start(*frame, wrong_start(flight.images[0].truth, seed));
-  for (std::size_t k = kImagesPerFrame; k < flight.images.size() && !EndRequest::is_made(); k += kImagesPerFrame) {
+  for (std::size_t k = kImagesPerFrame; k < flight.images.size(); k += kImagesPerFrame) {
     flight.fill(k, *frame);
     if (!imu.up_to(estimator.imu_needed_until(frame->stamp))) break;
-    watch.restart();
-    const Clock::time_point begin = Clock::now();
-    const StepResult step = estimator.process(*frame, watch);
-    figures.estimate_ms.push_back(milliseconds(Clock::now() - begin));
-    figures.solve_ms.push_back(watch.solve_ms());
-    figures.marginalise_ms.push_back(watch.marginalise_ms());
-
+    const StepResult step = estimator.process(*frame, supervisor);
     const Odometry& odometry = estimator.odometry();
     const Motion truth = flight.truth_at(odometry.stamp);
     const bool alive = step.has_pose && estimator.stats().resets == 0 && record.add(odometry, {truth.p_WB, truth.R_WB});
@@ -217,7 +156,6 @@ RunFigures run_simulated(const SimulatedFlight& flight, const EstimatorConfig& c
       figures.diverged_at_s = seconds;
       break;
     }
-    figures.time_offset_error_s = odometry.time_offset_s - flight.extrinsics.time_offset_s;
     if (k % kImagesPerJudgement == 0 && seconds > kJudgeAfter_s) record.judge_covariance(odometry);
   }
   record.finish(figures);

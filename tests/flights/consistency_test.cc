@@ -1,10 +1,10 @@
-// A small Monte-Carlo study: does the covariance tell the truth, and does anything diverge?
+// A few simulated flights of each kind: does the covariance tell the truth, and does anything diverge?
 #include <gtest/gtest.h>
 
 #include <cstdint>
 #include <string>
 
-#include "drivers/study/montecarlo/simulated_run.h"
+#include "tests/flights/simulated_run.h"
 
 namespace epiline {
 namespace {
@@ -21,8 +21,7 @@ Nees mean_nees(FlightKind flight, const TrackNoise& noise, int runs) {
     simulation.flight = flight;
     simulation.seed = static_cast<std::uint64_t>(run);
     simulation.noise = noise;
-    const RunFigures figures = run_simulated(simulate_tracks(simulation),
-                                             comparison_config(VisualFactor::kTrack, simulation), simulation.seed);
+    const RunFigures figures = run_simulated(simulate_tracks(simulation), known_config(simulation), simulation.seed);
     EXPECT_FALSE(figures.diverged) << "seed " << run << ", at " << figures.diverged_at_s << " s";
     nees.position += figures.nees_position / runs;
     nees.rotation += figures.nees_rotation / runs;
