@@ -6,7 +6,7 @@ program=$1 starts=$2 root=$3 flight=${EPILINE_DATA:-$3/../shared/data}/euroc_MH_
 [[ -d $flight/mav0 ]] || { echo "no $flight"; exit 77; }
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-"$program" benchmark "$flight" --factors track --ensemble 4 --jobs 1 --out "$work" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
+"$root/tests/flights/benchmark" --program "$program" "$flight" --factors track --ensemble 4 --jobs 1 --out "$work" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
 "$starts" "$flight" >"$work/starts.txt" || exit 1
 compare() { "$root/.ci/check_figures" "$1" "$work/benchmark.json" "$work/starts.txt"; }
 

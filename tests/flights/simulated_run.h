@@ -22,8 +22,8 @@ EstimatorConfig known_config(const TrackSimulation& simulation);
 /// of InitialState, and passes it every second image.
 ///
 /// ATE: rms of the newest-frame positions after alignment in translation and yaw. NEES: of absolute position and
-/// rotation, once per second after 5 s. Diverged: has_diverged() by the path so far, or a frame without a pose, or a
-/// reset; the run ends there.
+/// rotation, once per second after 5 s. Diverged: off by more than 2 m and a tenth of the path so far, or a frame
+/// without a pose, or a reset; the run ends there.
 RunFigures run_simulated(const SimulatedFlight& flight, const EstimatorConfig& config, std::uint64_t seed);
 
 }  // namespace epiline

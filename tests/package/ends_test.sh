@@ -57,7 +57,6 @@ for signals in INT TERM 'TERM TERM'; do
     --record out/records --loop 60 --out out
   ended simulate "$signals" 1 "ended by $name after" 'mav0/cam0/data.csv mav0/imu0/data.csv' 'out/mav0.partial/cam0/data/*.png' \
     --flight hall --out out
-  ended benchmark "$signals" 1 'interrupted after' '' 'out/runs/*' images --repeat 1000 --out out
   ended calibrate "$signals" $((128 + number)) "ended by $name, nothing was written" '' . tracks --board board --out out
 done
 
@@ -88,7 +87,6 @@ mkdir full
 ((EUID == 0)) && { mount -t tmpfs -o size=4k t full && head -c 4096 /dev/zero >full/.filled || exit 1; }
 full replay images --out OUT
 full simulate --tracks --flight hover --out OUT
-full benchmark images --factors track --out OUT
 full board --out OUT.pdf
 full evaluate images/mav0/state_groundtruth_estimate0/data.csv images/mav0/state_groundtruth_estimate0/data.csv
 full config

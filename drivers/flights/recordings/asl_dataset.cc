@@ -259,29 +259,17 @@ fs::path truth_file(const fs::path& root) {
   return path.empty() ? find_table(root / "mocap0", "data.csv") : path;  // mocap0: TUM-VI
 }
 
-Result<std::optional<Trajectory>> read_ground_truth(const fs::path& path) {
-  if (path.empty()) return std::optional<Trajectory>{};
-  auto truth = read_trajectory(path);
-  if (!truth) return truth.error();
-  return std::optional<Trajectory>{std::move(*truth)};
-}
-
 Status read_ground_truth(AslMotion& d) {
   d.truth_file = truth_file(d.root);
-  auto truth = read_ground_truth(d.truth_file);
+  if (d.truth_file.empty()) return Done{};
+  auto truth = read_trajectory(d.truth_file);
   if (!truth) return truth.error();
   d.ground_truth = std::move(*truth);
-  if (d.ground_truth) d.notes.insert(d.notes.end(), d.ground_truth->notes.begin(), d.ground_truth->notes.end());
+  d.notes.insert(d.notes.end(), d.ground_truth->notes.begin(), d.ground_truth->notes.end());
   return Done{};
 }
 
 }  // namespace
-
-Result<std::optional<Trajectory>> read_asl_ground_truth(const fs::path& folder) {
-  const auto root = find_root(folder);
-  if (!root) return root.error();
-  return read_ground_truth(truth_file(*root));
-}
 
 std::vector<ImuSample> corrected_samples(const AslMotion& motion) {
   std::vector<ImuSample> samples = motion.imu_samples;

@@ -86,8 +86,4 @@ std::size_t count_cameras(const std::filesystem::path& folder);
 Result<AslDataset> open_uncalibrated_asl_dataset(const std::filesystem::path& folder, const std::string& camera,
                                                  const std::filesystem::path& imu_file = {});
 
-/// The ground truth alone; empty if the folder has none. Fails if and only if the data set does not exist, or its
-/// ground truth does not parse.
-Result<std::optional<Trajectory>> read_asl_ground_truth(const std::filesystem::path& folder);
-
 }  // namespace epiline

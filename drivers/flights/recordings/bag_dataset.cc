@@ -270,11 +270,4 @@ Result<AslDataset> open_bag_dataset(const fs::path& path, const BagTopics& topic
   return d;
 }
 
-Result<std::optional<Trajectory>> read_bag_ground_truth(const fs::path& path, const std::string& topic) {
-  auto content = read_bag(path);
-  if (!content) return content.error();
-  Names notes;
-  return read_truth(Topics(*content), *content->bag, topic, notes);
-}
-
 }  // namespace epiline

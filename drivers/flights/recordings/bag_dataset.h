@@ -25,7 +25,4 @@ Result<AslDataset> open_bag_dataset(const std::filesystem::path& bag, const BagT
                                     const std::string& camera, const std::filesystem::path& camera_file,
                                     const std::filesystem::path& imu_file);
 
-/// The ground truth alone; empty if the bag has none. Fails like open_bag_dataset().
-Result<std::optional<Trajectory>> read_bag_ground_truth(const std::filesystem::path& bag, const std::string& topic);
-
 }  // namespace epiline

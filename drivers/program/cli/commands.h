@@ -32,7 +32,7 @@ void report_as_json();
 Result<std::unique_ptr<LiveView>> open_view(const std::string& text);
 
 /// Headings under which the help lists the commands.
-inline constexpr char kFly[] = "Fly", kAnalyse[] = "Analyse a flight", kStudy[] = "Study many flights";
+inline constexpr char kFly[] = "Fly", kAnalyse[] = "Analyse or simulate a flight";
 
 /// Adds --force.
 void add_force(CLI::App& command, Foreign& foreign);
@@ -59,6 +59,5 @@ void add_check(CLI::App& app, int& exit_code);
 void add_board(CLI::App& app, int& exit_code);
 void add_calibrate(CLI::App& app, int& exit_code);
 void add_replay(CLI::App& app, int& exit_code);
-void add_benchmark(CLI::App& app, int& exit_code);
 
 }  // namespace epiline

@@ -116,7 +116,6 @@ int run(int argc, char** argv) {
   add_replay(app, exit_code);
   add_evaluate(app, exit_code);
   add_simulate(app, exit_code);
-  add_benchmark(app, exit_code);
   if (std::find(argv + 1, argv + std::max(argc, 1), std::string_view("--json")) != argv + std::max(argc, 1))
     report_as_json();
   const auto commands = app.get_subcommands([](const CLI::App*) { return true; });

@@ -249,12 +249,10 @@ void add_replay(CLI::App& app, int& exit_code) {
       ->add_flag("--imu-rate", o->replay.imu_rate,
                  "with --realtime: write odometry_imu_rate.tum, the odometry at every IMU sample")
       ->needs(realtime);
-  command->add_option("--shift-images", o->replay.shift_images_ms,
-                      "ms to add to the timestamps of the images, for tests");
   command
       ->add_option("--perturb", o->replay.perturb,
                    "leave out this many images at the beginning and let the accelerometer measure as many times 1e-7 "
-                   "more; nothing that matters, so the change of the errors is chance (benchmark --ensemble)")
+                   "more; nothing that matters, so the change of the errors is chance (./run benchmark --ensemble)")
       ->check(CLI::Range(0, 1000));
   command->add_option("--fault", o->faults, fault_help());
   command->add_flag("--quiet", o->quiet, "print errors only");

@@ -216,7 +216,7 @@ void add_simulate(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<SimulateArguments>();
   CLI::App* command = app.add_subcommand(
       "simulate", "Simulate a flight, as a folder to replay: images or tracks, IMU samples and ground truth");
-  command->group(kStudy);
+  command->group(kAnalyse);
   command->add_option("--flight", o->flight, "built-in flight")
       ->check(CLI::IsMember(names(kAllFlights)))
       ->capture_default_str();

@@ -3,14 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <initializer_list>
 #include <map>
 #include <optional>
 #include <vector>
 
 #include "drivers/study/calibrate/calibration_files.h"
 #include "drivers/study/calibrate/lens_columns.h"
-#include "drivers/study/report/figure_table.h"
 #include "drivers/study/report/page.h"
 #include "drivers/study/report/svg_plot.h"
 #include "estimator/geometry/so3.h"
@@ -23,62 +21,47 @@ namespace {
 constexpr double kInDegrees = 180 / 3.14159265358979323846;
 constexpr int kPartsX = 12, kPartsY = 8;
 
-std::vector<TableCell> row_of(std::initializer_list<std::string> texts) {
-  std::vector<TableCell> row;
-  for (const std::string& text : texts) row.push_back({text, false, false, ""});
-  return row;
-}
-
 std::string verdict_rows(const Calibration& c) {
-  FigureTable table;
-  table.columns = {"", "", "found", "what to do"};
-  table.left = {true, true, true, true};
-  for (const Verdict& v : c.verdicts) {
-    table.rows.push_back(row_of({v.what, v.good ? "good" : "poor", v.found, v.advice}));
-    table.rows.back()[1].bad = !v.good;
-  }
-  return to_html(table);
+  std::vector<HtmlRow> rows;
+  for (const Verdict& v : c.verdicts) rows.push_back({v.what, v.good ? "good" : "<b>poor</b>", v.found, v.advice});
+  return html_table({"", "", "found", "what to do"}, rows, true);
 }
 
 /// A figure with its sigma and how far it is from the guess, all times `scale` and with `digits` behind the point.
-std::vector<TableCell> figure_row(const std::string& what, double value, double sigma, std::optional<double> off,
-                                  double scale, int digits, const char* unit) {
-  return row_of({what, fmt::format("{:.{}f}", scale * value, digits), fmt::format("{:.{}f}", scale * sigma, digits),
-                 unit, off ? fmt::format("{:+.{}f}", scale * *off, digits) : ""});
+HtmlRow figure_row(const std::string& what, double value, double sigma, std::optional<double> off, double scale,
+                   int digits, const char* unit) {
+  return {what, fmt::format("{:.{}f}", scale * value, digits), fmt::format("{:.{}f}", scale * sigma, digits), unit,
+          off ? fmt::format("{:+.{}f}", scale * *off, digits) : ""};
 }
 
 std::string figure_rows(const Calibration& c) {
   const CameraParameters& lens = c.camera.parameters;
   const RigColumns columns(0, lens.model);
-  FigureTable table;
-  table.columns = {"", "value", "± sigma", "unit", "minus the guess"};
-  table.left = {true};
+  std::vector<HtmlRow> rows;
   const auto minus = [&](auto value) { return c.guess ? std::optional<double>(value(*c.guess)) : std::nullopt; };
   const LensStep values = lens_values(lens);
   const bool same_model = c.guess && c.guess->parameters.model == lens.model;
   for (int i = 0; i < values.size(); ++i) {
     std::optional<double> off;
     if (same_model) off = values[i] - lens_values(c.guess->parameters)[i];
-    table.rows.push_back(figure_row(lens_column_name(lens.model, i), values[i], c.fit.sigma(i), off, 1, i < 4 ? 3 : 6,
-                                    i < 4 ? "px" : ""));
+    rows.push_back(figure_row(lens_column_name(lens.model, i), values[i], c.fit.sigma(i), off, 1, i < 4 ? 3 : 6,
+                              i < 4 ? "px" : ""));
   }
   static constexpr std::array<const char*, 3> kAxes = {"x", "y", "z"};
   for (int i = 0; i < 3; ++i) {
     const auto off = minus([&](const CameraCalibration& g) { return so3_log(g.R_BC.transpose() * c.camera.R_BC)[i]; });
-    table.rows.push_back(
-        figure_row(fmt::format("rotation of the camera on the IMU, {}", kAxes[static_cast<std::size_t>(i)]),
-                   so3_log(c.camera.R_BC)[i], c.fit.sigma(columns.R_BC + i), off, kInDegrees, 3, "degrees"));
+    rows.push_back(figure_row(fmt::format("rotation of the camera on the IMU, {}", kAxes[static_cast<std::size_t>(i)]),
+                              so3_log(c.camera.R_BC)[i], c.fit.sigma(columns.R_BC + i), off, kInDegrees, 3, "degrees"));
   }
   for (int i = 0; i < 3; ++i) {
     const auto off = minus([&](const CameraCalibration& g) { return c.camera.p_BC[i] - g.p_BC[i]; });
-    table.rows.push_back(
-        figure_row(fmt::format("place of the camera on the IMU, {}", kAxes[static_cast<std::size_t>(i)]),
-                   c.camera.p_BC[i], c.fit.sigma(columns.p_BC + i), off, 1e3, 2, "mm"));
+    rows.push_back(figure_row(fmt::format("place of the camera on the IMU, {}", kAxes[static_cast<std::size_t>(i)]),
+                              c.camera.p_BC[i], c.fit.sigma(columns.p_BC + i), off, 1e3, 2, "mm"));
   }
   const auto late = minus([&](const CameraCalibration& g) { return c.camera.time_offset_s - g.time_offset_s; });
-  table.rows.push_back(
+  rows.push_back(
       figure_row("time offset", c.camera.time_offset_s, c.fit.sigma(columns.time_offset), late, 1e3, 3, "ms"));
-  return to_html(table);
+  return html_table({"", "value", "± sigma", "unit", "minus the guess"}, rows);
 }
 
 struct ImagePart {

@@ -5,15 +5,6 @@
 
 namespace epiline {
 
-CalibrationCurve pooled(const CalibrationCurve& a, const CalibrationCurve& b) {
-  CalibrationCurve sum{a.errors + b.errors, {}};
-  for (std::size_t i = 0; i < sum.share.size() && sum.errors > 0; ++i) {
-    sum.share[i] = (a.share[i] * static_cast<double>(a.errors) + b.share[i] * static_cast<double>(b.errors)) /
-                   static_cast<double>(sum.errors);
-  }
-  return sum;
-}
-
 double chi_square_probability(int degrees_of_freedom, double x) {
   if (degrees_of_freedom == 2) return -std::expm1(-x / 2);
   const double one = std::erf(std::sqrt(x / 2));

@@ -15,9 +15,6 @@ struct CalibrationCurve {
   std::array<double, kClaimedProbabilities.size()> share{};
 };
 
-/// The curve of both curves' errors.
-CalibrationCurve pooled(const CalibrationCurve& a, const CalibrationCurve& b);
-
 /// Probability that a chi-square variable of 1, 2 or 3 degrees of freedom is at most x, which is not negative.
 double chi_square_probability(int degrees_of_freedom, double x);
 

@@ -60,10 +60,6 @@ std::optional<Gauge> gauge_of(std::uint32_t segment, const Trajectory& reference
 
 }  // namespace
 
-CalibrationCurves pooled(const CalibrationCurves& a, const CalibrationCurves& b) {
-  return {pooled(a.position, b.position), pooled(a.yaw, b.yaw), pooled(a.velocity, b.velocity), pooled(a.tilt, b.tilt)};
-}
-
 double yaw_error(const TimedPose& estimate, const TimedPose& reference) {
   return yaw_of((reference.q_WB * estimate.q_WB.conjugate()).toRotationMatrix());
 }

@@ -39,7 +39,6 @@ struct PosePair {
 struct CalibrationCurves {
   CalibrationCurve position, yaw, velocity, tilt;
 };
-CalibrationCurves pooled(const CalibrationCurves& a, const CalibrationCurves& b);
 
 /// Normalised estimation errors squared: means over the poses, per degree of freedom, 1 where the covariance tells the
 /// truth; and how they are distributed.

@@ -164,8 +164,6 @@ const Summary& TrajectoryErrors::ate(Alignment alignment) const {
   return ate_none;
 }
 
-bool has_diverged(double error_m, double path_length_m) { return !(error_m <= std::max(2.0, 0.1 * path_length_m)); }
-
 TrajectoryErrors evaluate(const Trajectory& estimate, const Trajectory& reference, const Claims& claims) {
   TrajectoryErrors errors;
   const std::vector<PosePair> pairs = associate(estimate, reference);

@@ -47,10 +47,6 @@ struct TrajectoryErrors {
   const Summary& ate(Alignment alignment) const;
 };
 
-/// Whether a position error says that an estimate has left the path altogether: more than 2 m and more than a tenth of
-/// the path, or not a number.
-bool has_diverged(double error_m, double path_length_m);
-
 /// Without a single pair `poses` is zero and so is everything else.
 TrajectoryErrors evaluate(const Trajectory& estimate, const Trajectory& reference, const Claims& claims = {});
 

@@ -16,19 +16,7 @@ Json motion_json(const std::vector<MotionError>& motion) {
   return list;
 }
 
-CalibrationCurve curve_at(const Json& stats, const std::string& quantity) {
-  const Json::json_pointer at("/error/calibration_curve/" + quantity);
-  CalibrationCurve curve;
-  if (!stats.contains(at) || !stats.at(at).is_object()) return curve;
-  curve.errors = stats.at(at).value("errors", curve.errors);
-  curve.share = stats.at(at).value("share", curve.share);
-  return curve;
-}
 }  // namespace
-
-CalibrationCurves curves_of(const Json& stats) {
-  return {curve_at(stats, "position"), curve_at(stats, "yaw"), curve_at(stats, "velocity"), curve_at(stats, "tilt")};
-}
 
 Json to_json(const Summary& s) {
   if (s.count == 0)

@@ -15,9 +15,6 @@ Json to_json(const Summary& summary);
 Json to_json(const CalibrationCurve& curve);
 /// probability, and a curve each for position, yaw, velocity and tilt
 Json to_json(const CalibrationCurves& curves);
-/// What stats.json has of them; none where it has none.
-CalibrationCurves curves_of(const Json& stats);
-
 /// The `error` block of stats.json; `coverage` is null, the caller knows the images. Without poses every figure is
 /// null.
 Json to_json(const TrajectoryErrors& errors);

@@ -30,10 +30,8 @@ svg{display:block;width:100%;height:auto}.grid{stroke:var(--line);stroke-width:1
 .key i{display:inline-block;width:11px;height:11px;border-radius:3px;margin:0 5px 0 12px}.key i:first-child{margin-left:0}
 table{border-collapse:collapse;width:100%;font-size:13.5px;font-variant-numeric:tabular-nums;margin:6px 0 10px}td,th{padding:4px 8px;text-align:right;
 border-bottom:1px solid var(--line);font-weight:400}th{color:var(--soft)}td:first-child,th:first-child{text-align:left}
-.wide table{white-space:nowrap}.scroll{overflow-x:auto}td.left,th.left{text-align:left}td.left:last-child{white-space:normal;min-width:180px}tr.foot td{border-top:2px solid var(--line);border-bottom:none}
-th.group{text-align:center;border-bottom:1px solid var(--soft);color:var(--ink)}td b{font-weight:650}td.bad,td.bad a{color:var(--bad)}a{color:var(--c1)}
-.tile b small{font-size:13px;font-weight:400;color:var(--soft)}.box{stroke:none;opacity:.3}.box.c1{fill:var(--c1)}.box.c2{fill:var(--c2)}.box.c3{fill:var(--c3)}
-.box.c4{fill:var(--c4)}.median{stroke-width:2.6;fill:none}.mark.c2{fill:var(--c2)}.mark.c3{fill:var(--c3)}.mark.c4{fill:var(--c4)}
+.wide table{white-space:nowrap}.texts td,.texts th{text-align:left}.texts td:last-child{white-space:normal;min-width:180px}td b{font-weight:650;color:var(--bad)}
+.tile b small{font-size:13px;font-weight:400;color:var(--soft)}
 )css";
 
 }  // namespace
@@ -53,6 +51,18 @@ std::string html_card(const std::string& title, const std::string& note, const s
 
 std::string html_tile(const std::string& value, const std::string& text) {
   return fmt::format(R"(<div class="tile"><b>{}</b><span>{}</span></div>)", value, text);
+}
+
+std::string html_table(const HtmlRow& head, const std::vector<HtmlRow>& rows, bool texts) {
+  std::string s = texts ? R"(<table class="texts">)" : "<table>";
+  const auto add = [&s](const HtmlRow& row, const char* cell) {
+    s += "<tr>";
+    for (const std::string& text : row) s += fmt::format("<{0}>{1}</{0}>", cell, text);
+    s += "</tr>";
+  };
+  if (!head.empty()) add(head, "th");
+  for (const HtmlRow& row : rows) add(row, "td");
+  return s + "</table>";
 }
 
 std::string program_text(const ProgramInfo& program) {

@@ -57,20 +57,6 @@ struct Histogram {
 };
 std::string svg(const Histogram& histogram, PlotSize size = {});
 
-/// The distribution of non-negative values as a box from the lower to the upper quartile with the median inside,
-/// whiskers from 5 to 95 %, and a point at the largest.
-struct PlotBox {
-  std::string label, style;
-  std::vector<double> values;  ///< empty: a place without a box
-};
-
-/// Boxes side by side over one axis from zero. One that is far taller than the others is cut off at the top.
-struct BoxPlot {
-  std::string y_label;
-  std::vector<PlotBox> boxes;
-};
-std::string svg(const BoxPlot& plot, PlotSize size = {});
-
 /// Text for HTML and SVG.
 std::string escaped(const std::string& text);
 

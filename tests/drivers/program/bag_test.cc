@@ -353,8 +353,9 @@ TEST_F(Bag, WithoutCalibrationItSaysWhatToDo) {
 
 TEST_F(Bag, IsBenchmarkedAsAFolderIs) {
   write_flight();
-  const Outcome r = run("benchmark '" + bag.string() + "' --factors track --config '" + config.string() + "' --out '" +
-                        out.string() + "'");
+  const Outcome r =
+      run("'" + bag.string() + "' --factors track --config '" + config.string() + "' --out '" + out.string() + "'",
+          EPILINE_SOURCE "/tests/flights/benchmark --program ");
   ASSERT_EQ(r.exit_code, 0) << r.err;
   EXPECT_TRUE(Json::parse(read(out / "benchmark.json"))["datasets"][0]["has_ground_truth"]);
 }

@@ -87,9 +87,10 @@ TEST_F(Mcap, OfAFlightRecordHoldsWhatWasFlown) {
   EXPECT_EQ(read(scratch() / "again/trajectory.tum"), read(scratch() / "folder/trajectory.tum"));
 
   const auto recorded = read_trajectory(record / "trajectory.tum");
-  const auto flown = read_bag_ground_truth(file, "/epiline/flown/pose");
-  ASSERT_TRUE(recorded && flown && *flown);
-  const std::vector<TimedPose>&is = (*flown)->poses, &was = recorded->poses;
+  const auto flown = open_bag_dataset(file, {"", "", "/epiline/flown/pose"}, "cam0", record / "mav0/cam0/sensor.yaml",
+                                      record / "mav0/imu0/sensor.yaml");
+  ASSERT_TRUE(recorded && flown && flown->ground_truth);
+  const std::vector<TimedPose>&is = flown->ground_truth->poses, &was = recorded->poses;
   ASSERT_GT(was.size(), 60u);
   ASSERT_EQ(is.size(), was.size());
   for (std::size_t i = 0; i < was.size(); ++i) {

@@ -17,7 +17,6 @@ const std::vector<Writer> kWriters = {
     {"replay RECORDING --realtime --imu-rate", {"odometry_imu_rate.tum"}},
     {"hil RECORDING --config CONFIG", {"verdict.txt", "truth.tum", "stats.json"}},
     {"calibrate RECORDING", {"camera.yaml", "imu.yaml", "calibration.json", "report.html"}},
-    {"benchmark RECORDING", {"benchmark.txt", "runs/RECORDING/track/1/stats.json", "runs/mine"}},
     {"record --config CONFIG", {"mav0/imu0/data.csv", "mav0/cam0/data.csv"}},
 };
 

@@ -210,14 +210,6 @@ TEST(Associate, TakesTheUsualIntervalOfASlowReferenceForNoGap) {
   EXPECT_EQ(associate(estimate, reference).size(), 191u);
 }
 
-TEST(Errors, DivergedIsMoreThanTwoMetresAndATenthOfThePath) {
-  EXPECT_FALSE(has_diverged(1.99, 0));
-  EXPECT_TRUE(has_diverged(2.01, 0));
-  EXPECT_FALSE(has_diverged(9.99, 100));
-  EXPECT_TRUE(has_diverged(10.01, 100));
-  EXPECT_TRUE(has_diverged(std::numeric_limits<double>::quiet_NaN(), 100));
-}
-
 TEST(Errors, NothingInCommonIsNoPose) {
   Trajectory late = flight(1, 10);
   for (TimedPose& pose : late.poses) pose.stamp = pose.stamp + Span::from_seconds(100);
