@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "drivers/flights/recordings/asl_dataset.h"
-#include "drivers/flights/simulate/motion_fit.h"
+#include "laboratory/simulate/motion_fit.h"
 
 namespace epiline {
 namespace {

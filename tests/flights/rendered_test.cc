@@ -5,9 +5,9 @@
 #include <iostream>
 #include <thread>
 
-#include "drivers/flights/simulate/hybrid_flight.h"
 #include "drivers/study/replay/replay.h"
 #include "drivers/study/report/stats_json.h"
+#include "laboratory/simulate/hybrid_flight.h"
 #include "tests/support/recorded_data.h"
 
 namespace epiline {

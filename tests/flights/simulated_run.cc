@@ -7,7 +7,7 @@
 #include <memory>
 #include <vector>
 
-#include "drivers/flights/simulate/random.h"
+#include "drivers/flights/motion/random.h"
 #include "drivers/study/evaluate/alignment.h"
 #include "estimator/geometry/so3.h"
 #include "pipeline/stages/imu_feed.h"

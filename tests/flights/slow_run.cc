@@ -8,11 +8,11 @@
 #include <numbers>
 #include <vector>
 
-#include "drivers/flights/simulate/imu_model.h"
-#include "drivers/flights/simulate/motion.h"
-#include "drivers/flights/simulate/spline.h"
+#include "drivers/flights/motion/motion.h"
+#include "drivers/flights/motion/spline.h"
 #include "estimator/estimator.h"
 #include "estimator/geometry/so3.h"
+#include "laboratory/simulate/imu_model.h"
 
 namespace epiline::test {
 namespace {

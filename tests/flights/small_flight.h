@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "drivers/flights/simulate/rendered_flight.h"
+#include "laboratory/simulate/rendered_flight.h"
 
 namespace epiline::test {
 

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "drivers/flights/simulate/asl_writer.h"
 #include "drivers/study/replay/replay.h"
 #include "drivers/study/report/flight_record.h"
+#include "laboratory/simulate/asl_writer.h"
 #include "pipeline/text/table.h"
 
 namespace epiline::test {

@@ -27,12 +27,12 @@ same() {
   for file; do cmp "$work/out/trajectory.tum" "$file"; done
 }
 epiline=$build/bin/epiline
-quietly "$epiline" simulate --flight agile --duration 4 --tracks --out "$work/tracks"
+quietly "$epiline-study" simulate --flight agile --duration 4 --tracks --out "$work/tracks"
 quietly "$epiline" replay "$work/tracks" --out "$work/out" --quiet
 "$work/example/tracks_example" "$work/tracks" >"$work/pushed.tum"
 same "$work/pushed.tum"
 rm -rf "$work/out"
-quietly "$epiline" simulate --flight agile --duration 4 --out "$work/flight"
+quietly "$epiline-study" simulate --flight agile --duration 4 --out "$work/flight"
 quietly "$epiline" replay "$work/flight" --out "$work/out" --quiet --set tracker.max_features=200
 export PYTHONPATH=$work/installed/lib/python3/dist-packages PYTHONDONTWRITEBYTECODE=1
 cd "$work"

@@ -1,15 +1,18 @@
 #!/usr/bin/env bash
-# usage: ends_test.sh PROGRAM. How each command that computes ends by a signal, and what it says on a full disk. A table; exit code 1
+# usage: ends_test.sh PROGRAM, beside which lies PROGRAM-study. How each command that computes ends by a signal, and what it says on a full disk. A table; exit code 1
 # if a row is wrong. Commands that need devices: tests/drivers/program and tests/hardware.
 set -uo pipefail
-program=$(realpath "$1") failed=0
+program=$(realpath "$1") study=$(realpath "$1-study") failed=0
 work=$(mktemp -d)
 trap 'umount "$work/full" 2>/dev/null; rm -rf "$work"' EXIT
 cd "$work" || exit 1
-"$program" simulate --flight standstill --duration 4 --out images --quiet || exit 1
-"$program" simulate --tracks --flight survey --out tracks --quiet || exit 1
+"$study" simulate --flight standstill --duration 4 --out images --quiet || exit 1
+"$study" simulate --tracks --flight survey --out tracks --quiet || exit 1
 
 mkfifo board # nothing comes from it
+
+# with COMMAND: the program that has it.
+with() { if [[ $1 == simulate ]]; then echo "$study"; else echo "$program"; fi; }
 
 milliseconds() { echo $((${EPOCHREALTIME/./} / 1000)); }
 
@@ -19,9 +22,9 @@ row() {
   [[ -z $5 ]] || failed=1
 }
 
-# handles_signals PID: whether it is the program, not yet the shell before it, and has a handler for SIGTERM.
+# handles_signals PID COMMAND: whether it is the program, not yet the shell before it, and has a handler for SIGTERM.
 handles_signals() {
-  [[ $(readlink "/proc/$1/exe") == "$program" ]] && ((0x$(awk '/^SigCgt/ { print $2 }' "/proc/$1/status") & 1 << 14))
+  [[ $(readlink "/proc/$1/exe") == "$(with "$2")" ]] && ((0x$(awk '/^SigCgt/ { print $2 }' "/proc/$1/status") & 1 << 14))
 }
 
 # ended COMMAND SIGNALS CODE TEXT LEFT BEGUN ARGUMENTS...: sends the signals at a random time once there is a file BEGUN. It ends with
@@ -31,10 +34,10 @@ ended() {
   shift 6
   rm -rf out
   # a shell lets what runs in the background ignore SIGINT
-  env --default-signal=INT,TERM,HUP "$program" "$command" "$@" >/dev/null 2>err </dev/null &
+  env --default-signal=INT,TERM,HUP "$(with "$command")" "$command" "$@" >/dev/null 2>err </dev/null &
   pid=$!
   for ((i = 0; i < 3000; ++i)); do
-    compgen -G "$begun" >/dev/null && handles_signals "$pid" && break
+    compgen -G "$begun" >/dev/null && handles_signals "$pid" "$command" && break
     sleep 0.01
   done
   sleep "0.$((RANDOM % 9))"
@@ -69,11 +72,11 @@ full() {
     if [[ $where == stdout ]]; then
       [[ $1 != simulate ]] || continue # it prints nothing
       rm -rf out
-      "$program" "${@//OUT/out}" >/dev/full 2>err
+      "$(with "$1")" "${@//OUT/out}" >/dev/full 2>err
     else
       [[ $* == *--out* ]] || continue
       rm -rf full/*
-      "$program" "${@//OUT/full/out}" >/dev/null 2>err
+      "$(with "$1")" "${@//OUT/full/out}" >/dev/null 2>err
     fi
     rc=$?
     ((rc == 1 || rc == 2)) || wrong="code; expected 1 or 2"

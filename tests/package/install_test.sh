@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# usage: install_test.sh PACKAGE.deb SUITE. Installs the package on a clean Debian SUITE (bookworm is Debian 12, trixie 13) and
+# usage: install_test.sh PACKAGE.deb SUITE STUDY. Installs the package on a clean Debian SUITE (bookworm is Debian 12, trixie 13) and
 # tries what it brings: dependencies, program, user and groups, service, removal. Root only. A package for arm64 is tried under qemu.
 set -euo pipefail
-(($# == 2)) || { echo "usage: $0 PACKAGE.deb SUITE" >&2; exit 2; }
-package=$(realpath "$1") suite=$2
+(($# == 3)) || { echo "usage: $0 PACKAGE.deb SUITE STUDY" >&2; exit 2; }
+package=$(realpath "$1") suite=$2 study=$(realpath "$3")
 . "$(dirname "${BASH_SOURCE[0]}")/../../toolchains/debian/clean_debian"
 . "$(dirname "${BASH_SOURCE[0]}")/steps"
 
@@ -42,8 +42,8 @@ ok "examples are configurations" try_examples
 ok "user without login" exits 0 ":/usr/sbin/nologin$" inside getent passwd epiline
 ok "groups" inside getent group epiline gpio spi
 ok "manual and completion are there" inside test -s /usr/share/man/man1/epiline.1.gz -a -s /usr/share/bash-completion/completions/epiline
-ok "as the service's user, a flight is made up" as_service epiline simulate --flight hall "${flight[@]}" --effects none --out /tmp/flight
-ok "and flown in threads" as_service epiline replay /tmp/flight --realtime --speed $speed --out /tmp/out --quiet
+ok "a flight is made up" "$study" simulate --flight hall "${flight[@]}" --effects none --out "$root/tmp/flight" --quiet
+ok "as the service's user, it is flown in threads" as_service epiline replay /tmp/flight --realtime --speed $speed --out /tmp/out --quiet
 if inside epiline --help | grep -q '^  check '; then
   example=/usr/share/doc/epiline/examples/raspberry-pi-5.toml
   ok "check names the missing camera" exits 1 "[Cc]amera" as_service epiline check --config $example

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# usage: upgrade_test.sh OLD NEW. Installs the packages for Debian 12 in the folder OLD on a clean Debian 12, and upgrades it to
+# usage: upgrade_test.sh OLD NEW STUDY. Installs the packages for Debian 12 in the folder OLD on a clean Debian 12, and upgrades it to
 # Debian 13 with those in the folder NEW: apt must leave the old ones until then, and take the new ones with it. Root only.
 set -euo pipefail
-(($# == 2)) || { echo "usage: $0 OLD NEW" >&2; exit 2; }
-old=$(realpath "$1") new=$(realpath "$2") suite=bookworm package='' arch=$(dpkg --print-architecture)
+(($# == 3)) || { echo "usage: $0 OLD NEW STUDY" >&2; exit 2; }
+old=$(realpath "$1") new=$(realpath "$2") study=$(realpath "$3") suite=bookworm package='' arch=$(dpkg --print-architecture)
 . "$(dirname "${BASH_SOURCE[0]}")/../../toolchains/debian/clean_debian"
 . "$(dirname "${BASH_SOURCE[0]}")/steps"
 
@@ -34,7 +34,7 @@ copied "$old" old
 ok "Debian 12: installed" inside apt-get install -y -qq --no-install-recommends "${packages[@]}"
 ok "all of Debian 12" are_of 12
 echo 'kept = 1' >"$root/etc/epiline/epiline.toml"
-ok "a flight is made up" inside epiline simulate --flight agile --duration 4 --out /tmp/flight --quiet
+ok "a flight is made up" "$study" simulate --flight agile --duration 4 --out "$root/tmp/flight" --quiet
 ok "and flown" flown first
 owner=$(inside id epiline)
 

@@ -1,4 +1,4 @@
-/* Tracks in, odometry out, in C: reads a flight with recorded tracks (epiline simulate --tracks writes one) and prints
+/* Tracks in, odometry out, in C: reads a flight with recorded tracks (epiline-study simulate --tracks writes one) and prints
  * its poses as trajectory.tum has them. Replace the files by your IMU and your tracker. */
 #include <epiline.h>
 #include <inttypes.h>

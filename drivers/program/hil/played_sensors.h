@@ -6,8 +6,8 @@
 #include <optional>
 #include <utility>
 
+#include "drivers/flights/motion/random.h"
 #include "drivers/flights/recordings/recorded_sensors.h"
-#include "drivers/flights/simulate/random.h"
 #include "drivers/program/hil/hardware_priority.h"
 
 namespace epiline::hil {

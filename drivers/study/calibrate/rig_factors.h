@@ -3,7 +3,7 @@
 // tests/drivers/study/calibrate/rig_factors_test.cc.
 #include <array>
 
-#include "drivers/flights/simulate/motion_fit_equations.h"
+#include "drivers/flights/motion/motion_fit_equations.h"
 #include "drivers/study/calibrate/corner_views.h"
 #include "drivers/study/calibrate/lens_columns.h"
 #include "drivers/study/calibrate/rig_state.h"

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "drivers/flights/simulate/motion_fit_input.h"
+#include "drivers/flights/motion/readings.h"
 #include "drivers/study/calibrate/lens_columns.h"
 #include "drivers/study/calibrate/rig_factors.h"
 #include "drivers/study/calibrate/rig_uncertainty.h"

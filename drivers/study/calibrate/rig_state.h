@@ -2,7 +2,7 @@
 // The unknowns of a calibration: the rig's constants, and the motion of the IMU before the board as splines.
 #include <vector>
 
-#include "drivers/flights/simulate/fitted_motion.h"
+#include "drivers/flights/motion/fitted_motion.h"
 #include "drivers/study/calibrate/board_shape.h"
 #include "estimator/geometry/camera.h"
 #include "estimator/inertial/imu_noise.h"

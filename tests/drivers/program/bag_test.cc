@@ -37,7 +37,7 @@ class Bag : public testing::Test {
   static void SetUpTestSuite() {
     folder() = fs::path(testing::TempDir()) / ("epiline_bag_flight_" + std::to_string(getpid()));
     fs::remove_all(folder());
-    const std::string simulate = std::string(EPILINE_PROGRAM) + " simulate --flight agile --duration 2.5 --out ";
+    const std::string simulate = std::string(EPILINE_STUDY) + " simulate --flight agile --duration 2.5 --out ";
     ASSERT_EQ(std::system((simulate + folder().string()).c_str()), 0);
   }
   static void TearDownTestSuite() { fs::remove_all(folder()); }

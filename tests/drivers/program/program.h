@@ -40,12 +40,17 @@ inline fs::path scratch() {
   return fs::path(testing::TempDir()) / name;
 }
 
+/// The program that has this command.
+inline std::string program_of(const std::string& arguments) {
+  return arguments.rfind("simulate", 0) == 0 ? EPILINE_STUDY : EPILINE_PROGRAM;
+}
+
 /// `before`: shell words in front of the program, for instance to limit it; `after`: behind it.
 inline Outcome run(const std::string& arguments, const std::string& before = "", const std::string& after = "") {
   const fs::path out = scratch() / "stdout", err = scratch() / "stderr";
   fs::create_directories(scratch());
   const std::string command =
-      before + EPILINE_PROGRAM + " " + arguments + " >'" + out.string() + "' 2>'" + err.string() + "'" + after;
+      before + program_of(arguments) + " " + arguments + " >'" + out.string() + "' 2>'" + err.string() + "'" + after;
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read(out), read(err)};
 }
@@ -64,7 +69,7 @@ class OverARenderedFlight : public testing::Test {
   static void SetUpTestSuite() {
     flight_ = fs::path(testing::TempDir()) / ("epiline_rendered_flight_" + std::to_string(getpid()));
     fs::remove_all(flight_);
-    const std::string command = std::string(EPILINE_PROGRAM) + " simulate --flight agile --duration 5 --out '" +
+    const std::string command = std::string(EPILINE_STUDY) + " simulate --flight agile --duration 5 --out '" +
                                 flight_.string() + "' >/dev/null 2>&1";
     ASSERT_EQ(std::system(command.c_str()), 0);
   }

@@ -1,4 +1,4 @@
-// `epiline simulate` as a user meets it: the folder it leaves, its errors, and what a replay makes of it.
+// `epiline-study simulate` as a user meets it: the folder it leaves, its errors, and what a replay makes of it.
 #include <functional>
 #include <sstream>
 

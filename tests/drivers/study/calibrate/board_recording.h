@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-#include "drivers/flights/simulate/random.h"
+#include "drivers/flights/motion/random.h"
 #include "pipeline/config/asl.h"
 #include "pipeline/text/table.h"
 #include "tests/drivers/study/calibrate/photographer.h"

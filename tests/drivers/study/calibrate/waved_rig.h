@@ -4,11 +4,11 @@
 #include <cstdint>
 #include <vector>
 
-#include "drivers/flights/simulate/imu_model.h"
-#include "drivers/flights/simulate/motion.h"
+#include "drivers/flights/motion/motion.h"
 #include "drivers/study/calibrate/corner_views.h"
 #include "estimator/geometry/camera.h"
 #include "estimator/geometry/so3.h"
+#include "laboratory/simulate/imu_model.h"
 
 namespace epiline {
 
