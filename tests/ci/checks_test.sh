@@ -9,13 +9,13 @@ failed=0
 
 sound_tree() {
   rm -rf "${tree:?}"/*
-  mkdir -p "$tree"/{platform/linux,estimator/{geometry,window,factors,solver,monitor},pipeline/{text,config,stages},drivers/{links/{stream,can},sensors,flights,study},laboratory,tests,docs/derivations}
+  mkdir -p "$tree"/{platform/linux,estimator/{geometry,window,factors,solver,monitor},pipeline/{text,config,stages},drivers/{links/{stream,can},sensors,flights,study,laboratory},tests,docs/derivations}
   printf '#include <vector>\n#include "platform/a.h"\n' >"$tree/platform/a.cc"
   printf '#include <sys/mman.h>\n' >"$tree/platform/linux/l.cc"
   printf '// Derivation: docs/derivations/e.md\n#include <Eigen/Core>\n#include <cmath>\n#include "platform/a.h"\n' >"$tree/estimator/e.h"
   printf '#include <hwy/highway.h>\n#include <vector>\n#include "estimator/e.h"\n' >"$tree/pipeline/p.cc"
   printf '#include <png.h>\n#include "pipeline/p.h"\n' >"$tree/drivers/d.cc"
-  printf '#include "drivers/d.h"\n' >"$tree/laboratory/l.cc"
+  printf '#include "pipeline/p.h"\n' >"$tree/drivers/laboratory/l.cc"
   printf '// docs/derivations/e.md\n' >"$tree/tests/e_test.cc"
   printf '# E\n\nCode: estimator/e.h\nTest: tests/e_test.cc\n\n[up](../index.md) [net](https://example.org) [part](#e)\n' >"$tree/docs/derivations/e.md"
   printf '# Index\n' >"$tree/docs/index.md"
@@ -55,8 +55,8 @@ expect_fault check_includes pipeline/p.cc '#include "drivers/d.h"'
 expect_fault check_includes pipeline/p.cc '#include <opencv2/core.hpp>'
 expect_fault check_includes pipeline/text/t.h '#include "pipeline/config/c.h"'
 expect_fault check_includes pipeline/config/c.h '#include "pipeline/stages/s.h"'
-expect_fault check_includes drivers/d.cc '#include "laboratory/l.h"'
-expect_fault check_includes laboratory/l.cc '#include "l2.h"'
+expect_fault check_includes drivers/study/s.h '#include "drivers/laboratory/l.h"'
+expect_fault check_includes drivers/laboratory/l.cc '#include "l2.h"'
 expect_fault check_includes drivers/links/l.h '#include "drivers/sensors/s.h"'
 expect_fault check_includes drivers/links/stream/o.h '#include "drivers/links/mavlink/m.h"'
 expect_fault check_includes drivers/links/can/c.h '#include "drivers/links/mavlink/m.h"'

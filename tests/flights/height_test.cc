@@ -5,7 +5,7 @@
 #include <sstream>
 #include <string>
 
-#include "laboratory/simulate/height_simulator.h"
+#include "drivers/laboratory/simulate/height_simulator.h"
 #include "tests/flights/tracked_flight.h"
 
 namespace epiline {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "drivers/flights/recordings/asl_dataset.h"
-#include "laboratory/simulate/motion_fit.h"
+#include "drivers/laboratory/simulate/motion_fit.h"
 
 namespace epiline {
 namespace {

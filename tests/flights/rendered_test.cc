@@ -7,7 +7,7 @@
 
 #include "drivers/study/replay/replay.h"
 #include "drivers/study/report/stats_json.h"
-#include "laboratory/simulate/hybrid_flight.h"
+#include "drivers/laboratory/simulate/hybrid_flight.h"
 #include "tests/support/recorded_data.h"
 
 namespace epiline {

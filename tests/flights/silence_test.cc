@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "laboratory/simulate/asl_writer.h"
-#include "laboratory/simulate/track_simulator.h"
+#include "drivers/laboratory/simulate/asl_writer.h"
+#include "drivers/laboratory/simulate/track_simulator.h"
 #include "tests/flights/silence_run.h"
 
 namespace epiline {

@@ -3,7 +3,7 @@
 #include <cstdint>
 
 #include "estimator/estimator.h"
-#include "laboratory/simulate/track_simulator.h"
+#include "drivers/laboratory/simulate/track_simulator.h"
 
 namespace epiline {
 

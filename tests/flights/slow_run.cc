@@ -12,7 +12,7 @@
 #include "drivers/flights/motion/spline.h"
 #include "estimator/estimator.h"
 #include "estimator/geometry/so3.h"
-#include "laboratory/simulate/imu_model.h"
+#include "drivers/laboratory/simulate/imu_model.h"
 
 namespace epiline::test {
 namespace {

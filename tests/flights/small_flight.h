@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "laboratory/simulate/rendered_flight.h"
+#include "drivers/laboratory/simulate/rendered_flight.h"
 
 namespace epiline::test {
 

@@ -10,7 +10,7 @@
 
 #include "drivers/study/replay/replay.h"
 #include "drivers/study/report/flight_record.h"
-#include "laboratory/simulate/asl_writer.h"
+#include "drivers/laboratory/simulate/asl_writer.h"
 #include "pipeline/text/table.h"
 
 namespace epiline::test {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "laboratory/simulate/wheel_simulator.h"
+#include "drivers/laboratory/simulate/wheel_simulator.h"
 #include "tests/flights/tracked_flight.h"
 
 namespace epiline {

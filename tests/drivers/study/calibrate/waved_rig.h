@@ -8,7 +8,7 @@
 #include "drivers/study/calibrate/corner_views.h"
 #include "estimator/geometry/camera.h"
 #include "estimator/geometry/so3.h"
-#include "laboratory/simulate/imu_model.h"
+#include "drivers/laboratory/simulate/imu_model.h"
 
 namespace epiline {
 

@@ -11,7 +11,7 @@
 
 #include "drivers/study/replay/replay.h"
 #include "drivers/study/report/flight_record.h"
-#include "laboratory/simulate/asl_writer.h"
+#include "drivers/laboratory/simulate/asl_writer.h"
 
 /// Asked by the thread sanitizer: libgdal, which comes with OpenCV's image files, takes its own locks in both orders.
 extern "C" const char*
