@@ -85,7 +85,7 @@ TEST_F(RealtimeCommand, ASignalEndsItWithTheResultsSoFar) {
     const auto start = std::chrono::steady_clock::now();
     const Outcome r =
         run("replay '" + flight_.string() + "' --out '" + (scratch() / signal).string() + "' --realtime --speed 0.1",
-            "timeout --foreground --preserve-status -s " + std::string(signal) + " 8 ");  // one signal, not two
+            "timeout --foreground --preserve-status -s " + std::string(signal) + " 4 ");  // one signal, not two
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
     EXPECT_LT(took.count(), 20);
     EXPECT_LE(r.exit_code, 1) << "1: it had no time to start";

@@ -25,14 +25,10 @@ class RunCommand : public testing::Test {
   }
 };
 
+// More of that: live/devices_test.cc.
 TEST_F(RunCommand, SaysWhatTheConfigurationLacks) {
   expect_one_line(run("run --config /does/not/exist.toml"), 2, {"/does/not/exist.toml"});
   expect_one_line(run_with(""), 2, {"flight.toml: camera.device is not set"});
-  expect_one_line(run_with("device = \"/dev/video77\"\n"), 2, {"flight.toml: imu.device is not set"});
-  expect_one_line(run_with("device = \"/dev/video77\"\n", "[imu]\ndriver = \"mavlink\"\n"), 2,
-                  {"without a flight controller", "mavlink.serial or mavlink.udp"});
-  expect_one_line(run_with("device = \"/dev/video77\"\nwidth = 320\nheight = 240\n", "[imu]\ndevice = \"none\"\n"), 2,
-                  {"camera.width = 320", "640 x 480"});
   expect_one_line(run_with("", "[camera]\n"), 2, {"flight.toml:"});
   expect_one_line(run_with("device = \"/dev/video77\"\n", "", "--set imu.device=a --set imu.drver=iio"), 2,
                   {"--set imu.drver=iio", "expected \"imu.driver\""});

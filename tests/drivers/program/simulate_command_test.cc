@@ -130,7 +130,7 @@ TEST_F(SimulateCommand, CamerasNeedNoTrigger) {
 
 // Two cameras, of which the second one misses an image; in one thread and in several.
 TEST_F(SimulateCommand, AReplayUsesBothCameras) {
-  ASSERT_EQ(run("simulate --flight agile --duration 4 --baseline 0.11 --out " + in("pair")).exit_code, 0);
+  ASSERT_EQ(run("simulate --flight agile --duration 3 --baseline 0.11 --out " + in("pair")).exit_code, 0);
   const fs::path list = scratch() / "pair/mav0/cam1/data.csv";
   std::string rows = read(list);
   rows.erase(rows.rfind('\n', rows.size() - 2) + 1);
@@ -149,7 +149,7 @@ TEST_F(SimulateCommand, AReplayUsesBothCameras) {
   }
   // each tracker keeps an image of its own while the first camera is covered
   write(scratch() / "patient.toml", "[realtime]\nimu_wait_ms = 5000\ndeadline_ms = 0\n");
-  const std::string covered = pair + " --camera both --fault camera-black@2:1 --config " + in("patient.toml");
+  const std::string covered = pair + " --camera both --fault camera-black@1.6:0.8 --config " + in("patient.toml");
   ASSERT_EQ(run(covered + " --out " + in("covered")).exit_code, 0);
   Json threads;
   for (const std::string speed : {"1", "0.3", "0.1"}) {  // a computer that had no time for us gets another chance

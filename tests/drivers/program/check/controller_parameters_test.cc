@@ -1,4 +1,5 @@
-// `epiline check` at a line whose controller has wrong parameters: it names each, with the value that does.
+// `epiline check` at a line whose controller has a wrong parameter. What it says of each:
+// live/controller_advice_test.cc.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -6,6 +7,7 @@
 #include <thread>
 
 #include "tests/drivers/links/mavlink/asked_controller.h"
+#include "tests/drivers/links/mavlink/right_parameters.h"
 #include "tests/drivers/program/program.h"
 
 namespace epiline {
@@ -13,48 +15,27 @@ namespace {
 
 using mavlink::AskedController;
 
-struct Wrong {
+/// A controller whose parameters are as the guides have them, but for one.
+struct Controller {
   std::uint8_t autopilot;
   std::array<unsigned, 3> version;
-  std::string name;
+  const mavlink::RightParameters& right;
+  std::string name;  ///< of the wrong one
   double value;
   std::string remedy;
 };
 
-const Wrong kWrong[] = {
-    {AskedController::kIsPx4, {1, 17, 0}, "EKF2_EN", 0, "set EKF2_EN to 1"},
-    {AskedController::kIsPx4, {1, 17, 0}, "EKF2_EV_CTRL", 7, "set EKF2_EV_CTRL to 15"},
-    {AskedController::kIsPx4, {1, 17, 0}, "EKF2_EVA_NOISE", 0.1, "set EKF2_EVA_NOISE to 0.05"},
-    {AskedController::kIsPx4, {1, 16, 0}, "EKF2_EV_NOISE_MD", 1, "set EKF2_EV_NOISE_MD to 0"},
-    {AskedController::kIsPx4, {1, 18, 0}, "EKF2_SENS_EN", 8183, "add 8 to EKF2_SENS_EN"},
-    {AskedController::kIsPx4, {1, 18, 0}, "EKF2_EV_DELAY", 175, "set EKF2_EV_DELAY to 0"},
-    {AskedController::kIsArduPilot, {4, 6, 0}, "VISO_TYPE", 0, "set VISO_TYPE to 1"},
-    {AskedController::kIsArduPilot, {4, 7, 0}, "VISO_ORIENT", 4, "set VISO_ORIENT to 0"},
-    {AskedController::kIsArduPilot, {4, 7, 0}, "EK3_SRC1_POSXY", 3, "set EK3_SRC1_POSXY to 6"},
-    {AskedController::kIsArduPilot, {4, 7, 0}, "EK3_SRC1_YAW", 0, "set EK3_SRC1_YAW to 6"},
-    {AskedController::kIsArduPilot, {4, 6, 0}, "GPS1_TYPE", 1, "set GPS1_TYPE to 0"},
-    {AskedController::kIsArduPilot, {4, 7, 0}, "AHRS_EKF_TYPE", 10, "set AHRS_EKF_TYPE to 3"},
+const Controller kControllers[] = {
+    {AskedController::kIsPx4, {1, 17, 0}, mavlink::kPx4Right, "EKF2_EVA_NOISE", 0.1, "set EKF2_EVA_NOISE to 0.05"},
+    {AskedController::kIsArduPilot, {4, 7, 0}, mavlink::kArduPilotRight, "VISO_ORIENT", 4, "set VISO_ORIENT to 0"},
 };
 
-/// As the guides have them.
-std::map<std::string, double> right_ones(std::uint8_t autopilot, unsigned minor) {
-  if (autopilot == AskedController::kIsPx4)
-    return {{"EKF2_EN", 1},          {"EKF2_EV_CTRL", 15},   {"EKF2_EV_QMIN", 1},
-            {"EKF2_EV_NOISE_MD", 0}, {"EKF2_EV_DELAY", 0},   {"EKF2_DELAY_MAX", 200},
-            {"EKF2_HGT_REF", 3},     {"EKF2_GPS_CTRL", 0},   {"EKF2_MAG_TYPE", 5},
-            {"SYS_HAS_MAG", 0},      {"EKF2_SENS_EN", 8191}, {"EKF2_EVA_NOISE", minor < 18 ? 0.05 : 0.1}};
-  return {{"AHRS_EKF_TYPE", 3}, {"EK3_ENABLE", 1},    {"VISO_TYPE", 1},      {"VISO_ORIENT", 0},
-          {"VISO_SCALE", 1},    {"VISO_QUAL_MIN", 1}, {"EK3_SRC1_POSXY", 6}, {"EK3_SRC1_VELXY", 6},
-          {"EK3_SRC1_POSZ", 6}, {"EK3_SRC1_VELZ", 6}, {"EK3_SRC1_YAW", 6},   {"COMPASS_ENABLE", 0},
-          {"GPS1_TYPE", 0},     {"VISO_DELAY_MS", 10}};
-}
-
 /// What the check says of the controller; `changed`: with its one wrong parameter.
-std::string said_of(const Wrong& wrong, bool changed) {
+std::string said_of(const Controller& c, bool changed) {
   mavlink::PseudoTerminal line;
-  AskedController controller(line.peer, wrong.autopilot, wrong.version);
-  controller.parameters = right_ones(wrong.autopilot, wrong.version[1]);
-  if (changed) controller.parameters[wrong.name] = wrong.value;
+  AskedController controller(line.peer, c.autopilot, c.version);
+  for (const auto& [name, value] : c.right) controller.parameters[name] = value;
+  if (changed) controller.parameters[c.name] = c.value;
   line.peer.on_packet = [&](const mavlink::Packet& packet) { controller.receive(packet, monotonic_ns()); };
   std::atomic<bool> ends{false};
   std::thread at_the_other_end([&] {
@@ -64,7 +45,7 @@ std::string said_of(const Wrong& wrong, bool changed) {
       ::usleep(10'000);
     }
   });
-  const fs::path file = scratch() / (wrong.name + (changed ? "_wrong" : "_right"));
+  const fs::path file = scratch() / (c.name + (changed ? "_wrong" : "_right"));
   write(file, "[mavlink]\nserial = \"" + line.path() + "\"\n");
   std::string said;
   // a busy computer gets more time to hear all answers
@@ -82,17 +63,17 @@ std::string said_of(const Wrong& wrong, bool changed) {
   return said;
 }
 
-TEST(CheckOfAController, NamesTwelveWrongParametersAndNoRightOne) {
+TEST(CheckOfAController, NamesAWrongParameterAndNoRightOne) {
   fs::remove_all(scratch());
   std::vector<std::future<std::string>> wrong, right;
-  for (const Wrong& w : kWrong) {
-    wrong.push_back(std::async(std::launch::async, said_of, w, true));
-    right.push_back(std::async(std::launch::async, said_of, w, false));
+  for (const Controller& c : kControllers) {
+    wrong.push_back(std::async(std::launch::async, said_of, c, true));
+    right.push_back(std::async(std::launch::async, said_of, c, false));
   }
-  for (std::size_t i = 0; i < std::size(kWrong); ++i) {
+  for (std::size_t i = 0; i < std::size(kControllers); ++i) {
     const std::string said = wrong[i].get(), of_right = right[i].get();
-    EXPECT_NE(said.find(kWrong[i].name + " is "), std::string::npos) << said;
-    EXPECT_NE(said.find(kWrong[i].remedy), std::string::npos) << said;
+    EXPECT_NE(said.find(kControllers[i].name + " is "), std::string::npos) << said;
+    EXPECT_NE(said.find(kControllers[i].remedy), std::string::npos) << said;
     EXPECT_NE(of_right.find(" parameters compared"), std::string::npos) << of_right;
     EXPECT_EQ(of_right.find("; set "), std::string::npos) << of_right;
   }
