@@ -18,6 +18,7 @@
 #include <thread>
 #include <vector>
 
+#include "platform/error/result.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline {
@@ -40,6 +41,12 @@ class CanBus : public testing::Test {
   }
   void TearDown() override { remove_bus(); }
 };
+
+#define ASSERT_OPENS(device)                                    \
+  do {                                                          \
+    const Status opened_status = (device).open();               \
+    ASSERT_TRUE(opened_status) << opened_status.error().text(); \
+  } while (false)
 
 /// Tries until `done()` holds; false after `seconds`. An emulated machine is slow.
 template <class Done>
