@@ -1,5 +1,5 @@
-// The prior of the camera's pose on the IMU and of its focal length: slope of its cost, and how it lets go of a
-// calibration that is wrong.
+// The prior of the camera's pose on the IMU and of its focal length: how it lets go of a calibration that is wrong. Its
+// gradient: gradient_test.cc.
 #include "estimator/factors/calibration_prior.h"
 
 #include <gtest/gtest.h>
@@ -29,30 +29,6 @@ SyntheticWindow window_off_by(const CalibrationTangent& d) {
   w.calibration_prior.gyroscope_scale.sigma = 6e-3;
   retract(w.calibration, d);
   return s;
-}
-
-TEST(CalibrationPrior, ItsRightHandSideIsTheSlopeOfItsCost) {
-  CalibrationTangent d;
-  d << 0.003, 0.02, -0.05, 0.03, 0.004, 0.001, -0.01, 0.03, -0.02, 0.01;
-  SyntheticWindow s = window_off_by(d);
-  Window& w = *s.window;
-  NamedBlocks blocks;
-  add_calibration_prior(w, {w.size(), false}, &blocks);
-  for (int i = 0; i < kCalibration; ++i) {
-    constexpr double kStep = 1e-6;
-    const auto cost = [&](double by) {
-      const Calibration kept = w.calibration;
-      CalibrationTangent e = CalibrationTangent::Zero();
-      e[i] = by;
-      retract(w.calibration, e);
-      const double c = add_calibration_prior(w, {w.size(), false}, nullptr);
-      w.calibration = kept;
-      return c;
-    };
-    // the cost is chi^2: twice the negative right-hand side
-    const double b = blocks.slope(calibration_of_camera(), i);
-    EXPECT_NEAR((cost(kStep) - cost(-kStep)) / (2 * kStep), -2 * b, 1e-4 * (1 + std::abs(b))) << i;
-  }
 }
 
 TEST(CalibrationPrior, HoldsWhatIsNearAndLetsGoOfWhatIsFar) {

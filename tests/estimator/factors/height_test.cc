@@ -1,4 +1,4 @@
-// docs/derivations/height.md
+// Its gradient: gradient_test.cc. Derivation: docs/derivations/height.md.
 #include "estimator/factors/height.h"
 
 #include <gtest/gtest.h>
@@ -19,37 +19,8 @@ namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-using test::displaced;
 using test::Random;
 using test::random_state;
-
-HeightReading random_reading(Random& random) { return {true, 1, random.gaussian(10).x(), random.gaussian(30), 0}; }
-
-RC_GTEST_PROP(HeightFactor, JacobianEqualsNumericalDerivative, (std::uint32_t seed)) {
-  Random random(seed);
-  const HeightReading reading = random_reading(random);
-  const NavState x = random_state(random);
-  const Vec6 J = height_jacobian(reading, x.R);
-  constexpr double h = 1e-3;
-  for (int column = 0; column < 6; ++column) {
-    const auto r = [&](double by) { return height_offset(reading, displaced(x, by * Vec15::Unit(column))); };
-    const double numeric = (8 * (r(h) - r(-h)) - (r(2 * h) - r(-2 * h))) / (12 * h);
-    RC_ASSERT(std::abs(J[column] - numeric) < 1e-7 * (1 + std::abs(numeric)));
-  }
-}
-
-// First estimates anywhere: a turn about gravity and a shift say nothing, whatever the lever.
-RC_GTEST_PROP(HeightFactor, PositionAndYawStayUnobservable, (std::uint32_t seed)) {
-  Random random(seed);
-  const HeightReading reading = random_reading(random);
-  const NavState l = random_state(random);
-  const Vec3 z = Vec3::UnitZ();
-  Vec6 yaw;
-  yaw << z.cross(l.p), l.R.transpose() * z;
-  const Vec6 J = height_jacobian(reading, l.R);
-  RC_ASSERT(std::abs(J.dot(yaw)) < 1e-10 * (1 + yaw.norm()));
-  RC_ASSERT(J.head<3>() == z);
-}
 
 // A drone that leans by 30 degrees, 10 m above the ground: its beam, mounted off the centre, is longer than 10 m.
 TEST(HeightFactor, TheEndOfALeaningBeamLiesOnTheGround) {

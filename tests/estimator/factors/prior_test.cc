@@ -1,4 +1,4 @@
-// The prior as a factor: slope and curvature of its cost, and a prior from a covariance.
+// The prior as a factor, and a prior from a covariance. Its gradient: gradient_test.cc.
 // Derivation: docs/derivations/marginalisation.md.
 #include "estimator/factors/prior.h"
 
@@ -51,34 +51,6 @@ DenseSystem system_of(const Window& w) {
   ChainEquations equations(*s);
   add_prior(w, &equations);
   return dense(*s);
-}
-
-TEST(Prior, SlopeIsThatOfItsCost) {
-  SyntheticWindow s = make_window({.frames = 3});
-  Window& w = *s.window;
-  set_prior(w, known(some_covariance(1)));
-  for (int i = 0; i < w.prior.dim(); ++i) w.prior.b[i] = 0.3 * std::sqrt(w.prior.H[i][i]) * std::sin(i);
-  w.at(0).x.p += Vec3(0.1, -0.2, 0.05);
-  w.at(0).x.v += Vec3(0.02, 0.01, -0.03);
-  w.calibration.time_offset += 1e-3;
-  const DenseSystem at = system_of(w);
-  constexpr double h = 1e-6;
-  for (int i = 0; i < 15; ++i) {
-    const NavState keep = w.at(0).x;
-    double cost[2];
-    for (int side = 0; side < 2; ++side) {
-      const double step = side ? -h : h;
-      if (i < 6)
-        retract_pose(w.at(0).x, step * Vec6::Unit(i));
-      else
-        retract_velocity_biases(w.at(0).x, step * Vec9::Unit(i - 6));
-      cost[side] = add_prior(w, nullptr);
-      w.at(0).x = keep;
-    }
-    const int row = i < 6 ? pose_column(0) + i : velocity_row(3, 0) + i - 6;
-    const double slope = -0.25 * (cost[0] - cost[1]) / h;
-    EXPECT_NEAR(at.b[row], slope, 1e-5 * std::abs(slope) + 1e-6 * std::sqrt(at.H(row, row))) << i;
-  }
 }
 
 TEST(Prior, FromACovarianceHoldsThatCovariance) {

@@ -1,10 +1,9 @@
-// The track factor's unobservable directions; the instruction sets of the factors against each other. Their gradients:
-// gradient_test.cc. Derivation: docs/derivations/track.md.
+// The track factor's scale and points; the instruction sets of the factors against each other. Their gradients and what
+// they leave open: gradient_test.cc. Derivation: docs/derivations/track.md.
 #include <gtest/gtest.h>
 
 #include "estimator/factors/epipolar.h"
 #include "estimator/factors/track.h"
-#include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/factors/smooth_settings.h"
 #include "tests/estimator/synthetic_window.h"
 
@@ -19,38 +18,6 @@ std::vector<InstructionSet> sets_here() {
   for (const InstructionSet set : kInstructionSets)
     if (runs_here(set)) sets.push_back(set);
   return sets;
-}
-
-TEST(TrackFactor, LeavesTranslationAndYawUnobservable) {
-  SyntheticWindow s = make_window({.pixel_noise = 1});
-  Window& w = *s.window;
-  TrackFactor factor(best_instruction_set());
-  auto system = std::make_unique<VisualSystem>();
-  VisualSettings settings = smooth_settings();
-  settings.cauchy = 2;
-  settings.inner_steps = 1;
-  factor.collect(w, settings);
-  factor.linearise(w, *system);
-  const int n = w.size();
-  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(6 * n, 6 * n);
-  for (int k = 0; k < n; ++k)
-    for (int l = k; l < n; ++l) {
-      const Eigen::Matrix<double, 6, 6> B =
-          Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(system->H[k][l]);
-      H.block<6, 6>(6 * k, 6 * l) = B;
-      H.block<6, 6>(6 * l, 6 * k) = B.transpose();
-    }
-  Eigen::MatrixXd N = Eigen::MatrixXd::Zero(6 * n, 4);
-  for (int k = 0; k < n; ++k) {
-    for (int i = 0; i < 3; ++i) N(6 * k + i, i) = 1;
-    N.block<3, 1>(6 * k, 3) = Vec3(0, 0, 1).cross(w.at(k).x.p);
-    N(6 * k + 5, 3) = 1;
-  }
-  for (int c = 0; c < 4; ++c) {
-    const Eigen::VectorXd v = N.col(c);
-    EXPECT_LT(std::abs(v.dot(H * v)) / (H.norm() * v.squaredNorm()), 1e-15) << "direction " << c;
-  }
-  EXPECT_GT(test::least_eigenvalue(H), -1e-9 * H.norm());
 }
 
 /// The same images of a larger world ask for nothing, also where they show no depth: a vehicle that stands for long

@@ -1,4 +1,4 @@
-// docs/derivations/wheel.md
+// Its gradient: gradient_test.cc. Derivation: docs/derivations/wheel.md.
 #include "estimator/factors/wheel.h"
 
 #include <gtest/gtest.h>
@@ -16,54 +16,7 @@
 namespace epiline {
 namespace {
 
-using test::displaced;
 using test::Random;
-using test::random_state;
-
-WheelModel random_wheel(Random& random) {
-  WheelModel wheel;
-  wheel.forward_B = random.gaussian(1).normalized();
-  wheel.p_BV = random.gaussian(0.5);
-  return wheel;
-}
-
-RC_GTEST_PROP(WheelFactor, JacobianEqualsNumericalDerivative, (std::uint32_t seed)) {
-  Random random(seed);
-  const WheelModel wheel = random_wheel(random);
-  const std::array<NavState, 2> x = {random_state(random), random_state(random)};
-  const Vec3 way = random.gaussian(1);
-  WheelResidual at;
-  evaluate_wheel(wheel, way, x, at);
-  constexpr double h = 1e-3;
-  for (std::size_t frame = 0; frame < 2; ++frame)
-    for (int column = 0; column < 6; ++column) {
-      const auto r = [&](double by) {
-        std::array<NavState, 2> moved = x;
-        moved[frame] = displaced(x[frame], by * Vec15::Unit(column));
-        WheelResidual out;
-        evaluate_wheel(wheel, way, moved, out);
-        return out.r;
-      };
-      const Vec3 numeric = (8 * (r(h) - r(-h)) - (r(2 * h) - r(-2 * h))) / (12 * h);
-      RC_ASSERT(((frame == 0 ? at.J_begin : at.J_end).col(column) - numeric).norm() < 1e-9 * (1 + numeric.norm()));
-    }
-}
-
-RC_GTEST_PROP(WheelFactor, PositionAndYawAreUnobservable, (std::uint32_t seed)) {
-  Random random(seed);
-  const WheelModel wheel = random_wheel(random);
-  const std::array<NavState, 2> x = {random_state(random), random_state(random)};
-  WheelResidual out;
-  evaluate_wheel(wheel, random.gaussian(1), x, out);
-  const Vec3 z = Vec3::UnitZ();
-  const auto yaw = [&](const NavState& at) {
-    Vec6 d;
-    d << z.cross(at.p), at.R.transpose() * z;
-    return d;
-  };
-  RC_ASSERT((out.J_begin * yaw(x[0]) + out.J_end * yaw(x[1])).norm() < 1e-12 * (1 + x[0].p.norm() + x[1].p.norm()));
-  RC_ASSERT((out.J_begin + out.J_end).leftCols<3>().norm() < 1e-12);
-}
 
 double sum(const WheelScale::Shares& share, const WheelScale::Shares& of) {
   double s = 0;

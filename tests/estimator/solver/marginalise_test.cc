@@ -38,59 +38,7 @@ MatrixXd dense_prior(const Prior& p) {
 
 VectorXd dense_prior_rhs(const Prior& p) { return Eigen::Map<const VectorXd>(p.b, p.dim()); }
 
-// ---- H_add ----
-
-struct Parallax {
-  double motion, lever;
-};
-class AddedInformation : public testing::TestWithParam<Parallax> {};
-
-/// At every parallax, with good and with wild bearings (where weights vary).
-TEST_P(AddedInformation, IsNeverNegative) {
-  for (const double noise : {0.0, 0.5, 20.0})
-    for (const double state_error : {0.0, 3e-3, 0.1}) {
-      SyntheticWindow s = make_window({.pixel_noise = noise,
-                                       .motion = GetParam().motion,
-                                       .lever = GetParam().lever,
-                                       .state_error = state_error * (GetParam().motion + 1e-3)});
-      TrackFactor factor(best_instruction_set());
-      const auto added = std::make_unique<VisualSystem>();
-      factor.collect(*s.window, settings());
-      factor.marginalise_oldest(*s.window, settings(), *added);
-      const MatrixXd H = test::dense(*added, s.window->size() - 1);
-      ASSERT_TRUE(H.allFinite());
-      EXPECT_GT(H.norm(), 1);
-      EXPECT_GE(least_eigenvalue(H), -1e-9 * H.norm()) << "noise " << noise << " px, state error " << state_error;
-    }
-}
-
-INSTANTIATE_TEST_SUITE_P(Parallax, AddedInformation,
-                         testing::Values(Parallax{0, 0}, Parallax{0, 1}, Parallax{1e-4, 1}, Parallax{1, 1},
-                                         Parallax{10, 1}));
-
-/// With perfect bearings the point and the weights are the same whichever views are used, so that the difference of two
-/// plain linearisations, one of them without frame 0, is what frame 0 adds.
-TEST(AddedInformation, IsTheDifferenceOfWithAndWithoutFrameZero) {
-  SyntheticWindow s = make_window({.pixel_noise = 0, .state_error = 0});
-  Window& w = *s.window;
-  const int frames = w.size() - 1;
-  const auto added = std::make_unique<VisualSystem>(), system = std::make_unique<VisualSystem>();
-  TrackFactor factor(best_instruction_set());
-  factor.collect(w, settings());
-  factor.marginalise_oldest(w, settings(), *added);
-
-  w.remove(w.size() - 1);  // the newest takes no part
-  factor.collect(w, settings());
-  factor.linearise(w, *system);
-  const MatrixXd with = test::dense(*system, frames);
-  for (int i = 0; i < w.track_count(); ++i) w.track(i).mask &= ~w.bit(0);
-  factor.collect(w, settings());
-  factor.linearise(w, *system);
-  const MatrixXd without = test::dense(*system, frames);
-
-  const MatrixXd H = test::dense(*added, frames);
-  EXPECT_LT((H - (with - without)).norm(), 1e-6 * H.norm());
-}
+// ---- H_add; more of it: tests/estimator/factors/drift_test.cc ----
 
 /// Two numbers a bearing: what one frame of n tracks adds has rank 2n at most.
 TEST(AddedInformation, OfThreeTracksHasRankSix) {
