@@ -1,6 +1,7 @@
 // Rendered images against recorded ones: the tracker must have as hard a time with both.
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <iostream>
 #include <thread>
@@ -29,6 +30,7 @@ Json tracks_of(const std::filesystem::path& dataset, double duration_s) {
 // The motion of MH_01 while it moves, rendered in a hall, gives tracks that live as long, scatter as much and are as
 // many as those of the recorded images.
 TEST(RenderedFlight, TracksAreLikeRecordedOnes) {
+  if (std::getenv("EPILINE_NIGHTLY") == nullptr) GTEST_SKIP() << "a minute and more: for the night (EPILINE_NIGHTLY)";
   constexpr double kMoving_s = 15;
   const std::string recorded = test::recorded_data("euroc_MH_01");
   if (!std::filesystem::exists(recorded)) GTEST_SKIP() << recorded << " is not there";

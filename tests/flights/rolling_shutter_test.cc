@@ -40,17 +40,14 @@ class RollingShutter : public testing::TestWithParam<FlightKind> {};
 INSTANTIATE_TEST_SUITE_P(Flights, RollingShutter, testing::Values(FlightKind::kAgile, FlightKind::kHall),
                          [](const auto& kind) { return std::string(to_string(kind.param)); });
 
-TEST_P(RollingShutter, CostsNextToNothingWhereItIsKnown) {
+TEST_P(RollingShutter, CostsNextToNothingWhereItIsKnownAndMuchWhereItIsNot) {
   const ShutterErrors global = errors_of(GetParam(), 0, true), rolling = errors_of(GetParam(), kReadout_s, true);
   EXPECT_LT(rolling.ate_m, 1.25 * global.ate_m);  // three runs scatter by a tenth
   for (const double nees : {rolling.nees_position, rolling.nees_rotation}) {
     EXPECT_GT(nees, 0.4);
     EXPECT_LT(nees, 2.4);
   }
-}
-
-TEST_P(RollingShutter, CostsMuchWhereItIsNot) {
-  EXPECT_GT(errors_of(GetParam(), kReadout_s, false).ate_m, 2 * errors_of(GetParam(), kReadout_s, true).ate_m);
+  EXPECT_GT(errors_of(GetParam(), kReadout_s, false).ate_m, 2 * rolling.ate_m);
 }
 
 }  // namespace
