@@ -44,8 +44,7 @@ class Bag : public testing::Test {
   void SetUp() override {
     fs::remove_all(scratch());
     fs::create_directories(scratch());
-    write(config, "[camera]\ncalibration = \"" + (folder() / "mav0/cam0/sensor.yaml").string() +
-                      "\"\n[imu]\ncalibration = \"" + (folder() / "mav0/imu0/sensor.yaml").string() + "\"\n");
+    write(config, calibrated_by(folder()));
   }
   static fs::path& folder() {
     static fs::path path;

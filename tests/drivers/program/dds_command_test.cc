@@ -91,7 +91,7 @@ void expect_poses(const std::vector<Message>& messages, std::size_t first_number
 TEST_F(DdsCommand, AStrangerReadsTheTrajectoryAndTheFlightDoesNotCare) {
   const int domain = 10 + static_cast<int>(getpid()) % 80;
   const std::string peer = std::string("'") + EPILINE_ROS_PEER + "' ", in = std::to_string(domain);
-  write(scratch() / "patient.toml", "[realtime]\nimu_wait_ms = 5000\ndeadline_ms = 0\n[dds]\ndomain = " + in + "\n");
+  write(scratch() / "patient.toml", std::string(kPatient) + "[dds]\ndomain = " + in + "\n");
   const int status = run_script(
       peer + in + " 60 >all & all=$!\n" + peer + in + " 60 best-effort >newest & newest=$!\n" + peer +
       std::to_string(domain + 1) + " 60 >elsewhere & elsewhere=$!\n" + peer + in + " 60 >killed & killed=$!\n" +

@@ -21,9 +21,7 @@ class Mcap : public OverARenderedFlight {
  protected:
   void SetUp() override {
     OverARenderedFlight::SetUp();
-    const fs::path mav0 = flight_ / "mav0";
-    write(config, "[camera]\ncalibration = \"" + (mav0 / "cam0/sensor.yaml").string() + "\"\n[imu]\ncalibration = \"" +
-                      (mav0 / "imu0/sensor.yaml").string() + "\"\n");
+    write(config, calibrated_by(flight_));
   }
   Outcome write_mcap(const std::string& more = "") {
     return replay("folder", "--mcap '" + file.string() + "' " + more);
@@ -57,8 +55,7 @@ TEST_F(Mcap, ReadingsAreCorrectedOnceWhenTheyFlyAgain) {
                  "accelerometers:\n  M: [1.02, 0, 0, 0.004, 0.98, 0, -0.003, 0.005, 1.01]\n"
                  "gyroscopes:\n  M: [0.98, 0, 0, 0.002, 1.01, 0, 0.001, 0, 1.02]\n"
                  "  A: [1.0e-4, 0, 0, 0, 2.0e-4, 0, 0, 0, 1.0e-4]\n");
-  write(config, "[camera]\ncalibration = \"" + (flight_ / "mav0/cam0/sensor.yaml").string() +
-                    "\"\n[imu]\ncalibration = \"" + imu.string() + "\"\n");
+  write(config, calibrated_by(flight_, imu));
   const std::string with_config = "--config '" + config.string() + "'";
   ASSERT_EQ(replay("uncorrected", "").exit_code, 0);
   const Outcome r = write_mcap(with_config);
@@ -80,8 +77,7 @@ TEST_F(Mcap, OfAFlightRecordHoldsWhatWasFlown) {
   };
   const Outcome r = replay_record();
   ASSERT_EQ(r.exit_code, 0) << r.err;
-  write(config, "[camera]\ncalibration = \"" + (record / "mav0/cam0/sensor.yaml").string() +
-                    "\"\n[imu]\ncalibration = \"" + (record / "mav0/imu0/sensor.yaml").string() + "\"\n");
+  write(config, calibrated_by(record));
   const Outcome again = replay_mcap();
   ASSERT_EQ(again.exit_code, 0) << again.err;
   EXPECT_EQ(read(scratch() / "again/trajectory.tum"), read(scratch() / "folder/trajectory.tum"));

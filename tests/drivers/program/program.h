@@ -63,6 +63,28 @@ inline void expect_one_line(const Outcome& r, int exit_code, const std::vector<s
   for (const std::string& part : parts) EXPECT_NE(r.err.find(part), std::string::npos) << part << " not in " << r.err;
 }
 
+/// Keeps real time whatever the computer does: nothing that is late is left out.
+inline constexpr const char* kPatient = "[realtime]\nimu_wait_ms = 5000\ndeadline_ms = 0\n";
+
+/// The sections of a configuration that has the calibration of a folder's camera and IMU, or of another IMU.
+inline std::string calibrated_by(const fs::path& flight, const fs::path& imu = {}) {
+  return "[camera]\ncalibration = \"" + (flight / "mav0/cam0/sensor.yaml").string() + "\"\n[imu]\ncalibration = \"" +
+         (imu.empty() ? flight / "mav0/imu0/sensor.yaml" : imu).string() + "\"\n";
+}
+
+/// The flight's threads called neither heap nor lock and, if memory is locked, met no new page.
+inline void expect_quiet_threads([[maybe_unused]] const Json& stats) {
+#ifndef EPILINE_SANITIZED  // sanitizers stand where the counters would, and touch pages of their own
+  for (const auto& [name, thread] : stats["realtime"]["threads"].items()) {
+    EXPECT_EQ(thread["heap_allocations"], 0) << name;
+    EXPECT_EQ(thread["lock_calls"], 0) << name;
+    if (stats["realtime"]["memory_locked"]) {
+      EXPECT_EQ(thread["page_faults"], 0) << name;
+    }
+  }
+#endif
+}
+
 /// Tests over a rendered flight of 5 s, made once for all of a suite; several processes may run at once.
 class OverARenderedFlight : public testing::Test {
  protected:

@@ -148,7 +148,7 @@ TEST_F(SimulateCommand, AReplayUsesBothCameras) {
     EXPECT_GT(second["share_of_tracks"].get<double>(), 0.5) << second;
   }
   // each tracker keeps an image of its own while the first camera is covered
-  write(scratch() / "patient.toml", "[realtime]\nimu_wait_ms = 5000\ndeadline_ms = 0\n");
+  write(scratch() / "patient.toml", kPatient);
   const std::string covered = pair + " --camera both --fault camera-black@1.6:0.8 --config " + in("patient.toml");
   ASSERT_EQ(run(covered + " --out " + in("covered")).exit_code, 0);
   Json threads;

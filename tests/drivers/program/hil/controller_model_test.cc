@@ -256,15 +256,5 @@ TEST(ControllerModel, AFloodOfQuestionsIsNotAnsweredForEver) {
   EXPECT_LE(answers, 64);
 }
 
-TEST(RuleNames, AreInTheOrderOfRules) {
-  EXPECT_STREQ(info_of(Rule::kFusion).name, "fusion");
-  EXPECT_STREQ(info_of(Rule::kLatencyPx4).name, "latency 200 ms");
-  EXPECT_STREQ(info_of(Rule::kTurnPx4).name, "turn 15 degrees");
-  EXPECT_STREQ(info_of(Rule::kStatusText).name, "status text");
-  EXPECT_STREQ(info_of(Rule::kOrigin).name, "origin");
-  EXPECT_EQ(info_of(Rule::kFramesArdupilot).releases, kEveryArdupilot);
-  EXPECT_EQ(info_of(Rule::kInnovation).releases, kEveryPx4);
-}
-
 }  // namespace
 }  // namespace epiline::hil

@@ -16,9 +16,7 @@ class HilCommand : public OverARenderedFlight {
  protected:
   void SetUp() override {
     OverARenderedFlight::SetUp();
-    write(config(), "[camera]\ncalibration = \"" + (flight_ / "mav0/cam0/sensor.yaml").string() +
-                        "\"\n[imu]\ncalibration = \"" + (flight_ / "mav0/imu0/sensor.yaml").string() +
-                        "\"\nrate_hz = 200\n");
+    write(config(), calibrated_by(flight_) + "rate_hz = 200\n");
   }
 
   static fs::path config() { return scratch() / "flight.toml"; }
@@ -126,8 +124,7 @@ TEST_F(HilCommand, ReadingsAreCorrectedOnce) {
   write(scratch() / "imu.yaml", read(imu / "sensor.yaml") +
                                     "accelerometers:\n  M: [1, 0, 0, 0.0625, 1, 0, 0, 0, 1]\n"
                                     "gyroscopes:\n  C_gyro_i: [0, 1, 0, -1, 0, 0, 0, 0, 1]\n");
-  write(config(), "[camera]\ncalibration = \"" + (flight_ / "mav0/cam0/sensor.yaml").string() +
-                      "\"\n[imu]\ncalibration = \"" + (scratch() / "imu.yaml").string() + "\"\nrate_hz = 200\n");
+  write(config(), calibrated_by(flight_, scratch() / "imu.yaml") + "rate_hz = 200\n");
   for (const char* const way : {"", "--imu mavlink"}) {
     const Outcome r = hil_until(accepts, way, flight);
     ASSERT_EQ(r.exit_code, 0) << way << r.out << r.err;
