@@ -219,16 +219,5 @@ TEST_F(FakeSysfsWithTwo, SensorsOfTwoHubsAreRefused) {
   EXPECT_TRUE(imu.open());
 }
 
-TEST(IntervalTracker, CountsWhatIsMissingAndFollowsANewRate) {
-  IntervalTracker interval(5e6);
-  EXPECT_EQ(interval.note(5'100'000), 0u);
-  EXPECT_EQ(interval.note(9'900'000), 1u);
-  EXPECT_EQ(interval.note(40'000'000), 7u);
-  for (int i = 0; i < 100; ++i) interval.note(i % 3 == 0 ? 10'000'000 : 5'000'000);
-  EXPECT_NEAR(interval.usual_ns(), 5e6, 0.15e6) << "a third of them missing";
-  for (int i = 0; i < 16; ++i) interval.note(50'000'000);
-  EXPECT_EQ(interval.note(52'000'000), 0u) << "another rate";
-}
-
 }  // namespace
 }  // namespace epiline
