@@ -10,11 +10,11 @@
 #include <utility>
 #include <vector>
 
-#include "drivers/program/cli/command_line.h"
-#include "drivers/program/cli/progress_bar.h"
 #include "drivers/laboratory/simulate/height_simulator.h"
 #include "drivers/laboratory/simulate/hybrid_flight.h"
 #include "drivers/laboratory/simulate/wheel_simulator.h"
+#include "drivers/program/cli/command_line.h"
+#include "drivers/program/cli/progress_bar.h"
 #include "pipeline/text/table.h"
 #include "platform/linux/end_request.h"
 

@@ -6,9 +6,9 @@
 #include <iostream>
 #include <thread>
 
+#include "drivers/laboratory/simulate/hybrid_flight.h"
 #include "drivers/study/replay/replay.h"
 #include "drivers/study/report/stats_json.h"
-#include "drivers/laboratory/simulate/hybrid_flight.h"
 #include "tests/support/recorded_data.h"
 
 namespace epiline {

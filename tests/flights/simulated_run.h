@@ -2,8 +2,8 @@
 // One simulated flight through the estimator, from a known start, and how well it did.
 #include <cstdint>
 
-#include "estimator/estimator.h"
 #include "drivers/laboratory/simulate/track_simulator.h"
+#include "estimator/estimator.h"
 
 namespace epiline {
 

@@ -10,9 +10,9 @@
 
 #include "drivers/flights/motion/motion.h"
 #include "drivers/flights/motion/spline.h"
+#include "drivers/laboratory/simulate/imu_model.h"
 #include "estimator/estimator.h"
 #include "estimator/geometry/so3.h"
-#include "drivers/laboratory/simulate/imu_model.h"
 
 namespace epiline::test {
 namespace {

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "drivers/laboratory/simulate/asl_writer.h"
 #include "drivers/study/replay/replay.h"
 #include "drivers/study/report/flight_record.h"
-#include "drivers/laboratory/simulate/asl_writer.h"
 #include "pipeline/text/table.h"
 
 namespace epiline::test {

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "drivers/flights/motion/motion.h"
-#include "estimator/geometry/camera.h"
 #include "drivers/laboratory/render/texture.h"
 #include "drivers/laboratory/render/world.h"
+#include "estimator/geometry/camera.h"
 
 namespace epiline {
 

@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <vector>
 
-#include "estimator/geometry/camera.h"
 #include "drivers/laboratory/render/texture.h"
 #include "drivers/laboratory/render/trace.h"
 #include "drivers/laboratory/render/world.h"
+#include "estimator/geometry/camera.h"
 
 namespace epiline {
 

@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "estimator/geometry/types.h"
 #include "drivers/laboratory/render/texture.h"
+#include "estimator/geometry/types.h"
 
 namespace epiline {
 

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "estimator/geometry/types.h"
 #include "drivers/laboratory/simulate/motion_agreement.h"
+#include "estimator/geometry/types.h"
 
 namespace epiline {
 

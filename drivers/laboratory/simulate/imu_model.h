@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "drivers/flights/motion/random.h"
-#include "estimator/inertial/preintegration.h"
 #include "drivers/laboratory/simulate/flights.h"
+#include "estimator/inertial/preintegration.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {

@@ -7,9 +7,9 @@
 
 #include "drivers/flights/motion/motion_fit_equations.h"
 #include "drivers/flights/motion/random.h"
-#include "estimator/geometry/so3.h"
 #include "drivers/laboratory/simulate/motion_agreement.h"
 #include "drivers/laboratory/simulate/motion_fit_input.h"
+#include "estimator/geometry/so3.h"
 #include "platform/math/statistics.h"
 
 namespace epiline {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "drivers/flights/motion/fitted_motion.h"
-#include "estimator/inertial/preintegration.h"
 #include "drivers/laboratory/simulate/fit_report.h"
+#include "estimator/inertial/preintegration.h"
 #include "pipeline/text/trajectory.h"
 #include "platform/error/result.h"
 #include "platform/samples/samples.h"

@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "estimator/estimator.h"
 #include "drivers/laboratory/simulate/flights.h"
 #include "drivers/laboratory/simulate/imu_model.h"
+#include "estimator/estimator.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {

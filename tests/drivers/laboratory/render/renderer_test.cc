@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "drivers/flights/motion/random.h"
-#include "estimator/geometry/so3.h"
 #include "drivers/laboratory/render/effects.h"
+#include "estimator/geometry/so3.h"
 
 namespace epiline {
 namespace {

@@ -5,9 +5,9 @@
 #include <cmath>
 
 #include "drivers/flights/recordings/asl_dataset.h"
-#include "estimator/geometry/so3.h"
 #include "drivers/laboratory/simulate/asl_writer.h"
 #include "drivers/laboratory/simulate/flights.h"
+#include "estimator/geometry/so3.h"
 
 namespace epiline {
 namespace {

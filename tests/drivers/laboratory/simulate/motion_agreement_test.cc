@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "drivers/flights/motion/random.h"
-#include "estimator/geometry/so3.h"
 #include "drivers/laboratory/simulate/imu_model.h"
+#include "estimator/geometry/so3.h"
 
 namespace epiline {
 namespace {

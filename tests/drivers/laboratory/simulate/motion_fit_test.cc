@@ -14,10 +14,10 @@
 
 #include "drivers/flights/motion/random.h"
 #include "drivers/flights/recordings/asl_dataset.h"
-#include "drivers/study/evaluate/alignment.h"
-#include "estimator/geometry/so3.h"
 #include "drivers/laboratory/simulate/flights.h"
 #include "drivers/laboratory/simulate/imu_model.h"
+#include "drivers/study/evaluate/alignment.h"
+#include "estimator/geometry/so3.h"
 #include "tests/support/recorded_data.h"
 
 namespace epiline {

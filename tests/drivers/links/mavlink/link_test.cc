@@ -1,5 +1,5 @@
-// The link over a made-up line, in its own time. Flight controllers' rules: docs/mavlink.md. Its settings, and the
-// ports of this computer: link_ports_test.cc.
+// The link over a made-up line, in its own time. Flight controllers' rules: docs/flight-controller.md. Its settings,
+// and the ports of this computer: link_ports_test.cc.
 #include "drivers/links/mavlink/link.h"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 #pragma once
-// Parameters of flight controllers that take our odometry, as docs/wiring.md has them.
+// Parameters of flight controllers that take our odometry, as docs/first-flight.md has them.
 #include <map>
 #include <string>
 

@@ -5,10 +5,10 @@
 #include <vector>
 
 #include "drivers/flights/motion/motion.h"
+#include "drivers/laboratory/simulate/imu_model.h"
 #include "drivers/study/calibrate/corner_views.h"
 #include "estimator/geometry/camera.h"
 #include "estimator/geometry/so3.h"
-#include "drivers/laboratory/simulate/imu_model.h"
 
 namespace epiline {
 

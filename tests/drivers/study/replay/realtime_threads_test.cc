@@ -9,9 +9,9 @@
 #include <random>
 #include <string>
 
+#include "drivers/laboratory/simulate/asl_writer.h"
 #include "drivers/study/replay/replay.h"
 #include "drivers/study/report/flight_record.h"
-#include "drivers/laboratory/simulate/asl_writer.h"
 
 /// Asked by the thread sanitizer: libgdal, which comes with OpenCV's image files, takes its own locks in both orders.
 extern "C" const char*
