@@ -88,7 +88,8 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   const KnownState predicted = predicted_newest();
   attach(frame);
   SolverSummary s = solve(supervisor, effort);
-  for (int i = 0; i < 2 && images_tell && s.solved() && doubt_contradicted_forces(); ++i) s = solve(supervisor, effort);
+  if (images_tell && contradictions.numbers_fitted())  // what contradicts now is something that moves, or a blow
+    for (int i = 0; i < 2 && s.solved() && doubt_contradicted_forces(); ++i) s = solve(supervisor, effort);
   if (Slot& newest = window.newest(); newest.silent) {
     after_silence_s = kGateFree_s;
     newest.omega = so3_log(window.at(window.size() - 2).x.R.transpose() * newest.x.R) / dt_s + newest.x.b_g;
