@@ -9,9 +9,8 @@
 namespace epiline {
 
 namespace {
-constexpr int kSeenAgain = 20;         // tracks that tie an image after a silence to the window before it
-constexpr double kDepthKnown_px = 10;  // parallax: the images have a scale to a tenth
-constexpr double kCarriedStep_s = 1;   // without a solved frame the IMU carries the state on in steps of this length
+constexpr int kSeenAgain = 20;        // tracks that tie an image after a silence to the window before it
+constexpr double kCarriedStep_s = 1;  // without a solved frame the IMU carries the state on in steps of this length
 // A carried state is worth going on from while a few seconds of images can mend it; beyond, a start searches anew.
 constexpr double kMostVelocity = 1, kMostTilt = 0.1;  // m/s, rad
 // Without images that long, errors add up that images otherwise hold down: scale and axes of the sensors, and what the
@@ -52,10 +51,8 @@ bool Estimator::Impl::is_silent(HostStamp from, HostStamp to) const {
 
 /// Whether an image tells where the vehicle is while the IMU is silent: one that stood has not seen how far anything
 /// is, and its motion would have no scale.
-bool Estimator::Impl::images_suffice(const TrackedFrame& frame) {
+bool Estimator::Impl::images_suffice(const TrackedFrame& frame) const {
   if (!started || seen_again(frame) < kSeenAgain) return false;
-  if (!window.newest().only_images())
-    depth_known = widest_parallax_px(window, config.extrinsics.focal_px) > kDepthKnown_px;
   return depth_known || window.newest().at_rest;
 }
 
@@ -193,6 +190,7 @@ void Estimator::Impl::forget() {
   accelerometer_walk.restart();
   gyroscope_walk.restart();
   rest_contradicted_s = 0;
+  depth_known = false;
   odometry.health = {HealthState::kInitialising, bit(HealthReason::kNoInitialState), 0};
 }
 

@@ -157,7 +157,7 @@ struct Estimator::Impl {
   KnownState carried_on_to(const KnownState& from, HostStamp time) const;
   bool forces_are_unknown(const KnownState& from, HostStamp until) const;
   bool is_silent(HostStamp from, HostStamp to) const;
-  bool images_suffice(const TrackedFrame& frame);
+  bool images_suffice(const TrackedFrame& frame) const;
   void coast(const Slot& from, double T, Preintegration& interval) const;
   bool integrate(const Slot& from, Slot& to) const;
   void carry_while_silent();
@@ -221,7 +221,7 @@ struct Estimator::Impl {
   bool start_lacks_time = false;  ///< the last start was refused since its images say too little
   KnownState before_start;        ///< what was known before of the oldest frame of a window without states
   double rethinking_s = 0;        ///< how long the window will still move to a calibration just found
-  bool depth_known = false;       ///< when the IMU fell silent
+  bool depth_known = false;       ///< by the images: when IMU and images last agreed
   double after_silence_s = 0;     ///< how long speed and scale will still be in doubt after a silence of the IMU
   double after_refusal_s = 0;     ///< and after readings that the images contradict
   HostStamp rest_reference;       ///< what that test compares with

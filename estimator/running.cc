@@ -31,6 +31,7 @@ constexpr double kLeavingVelocity = 0.05, kShakingVelocity = 0.1, kDeadReckoned_
 constexpr double kStandingVelocity = 0.02;  // m/s: a vehicle that stands, and is not shaken, seems slower
 constexpr double kLiftAcceleration = 3, kBlowAcceleration = 30;  // m/s^2: what stands behind forces that don't fit
 constexpr int kDoubtedIntervals = 4;                             // the newest: older ones have been judged before
+constexpr double kDepthKnown_px = 10;                            // parallax: the images have a scale to a tenth
 constexpr double kTimeOffsetWalk = 1e-5;                         // s/sqrt(s)
 constexpr double kRethinking_s = 1;                       // until the window has moved to a calibration that is far off
 constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;  // px
@@ -83,13 +84,13 @@ bool Estimator::Impl::mount_is_elsewhere() const {
 StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort) {
   const double dt_s = (frame.stamp - window.newest().image_stamp).seconds();
   const KnownState last = carried;
-  const bool images_tell = images_suffice(frame);
+  // what contradicts numbers that have fitted is something that moves, or a blow
+  const bool may_doubt = contradictions.numbers_fitted() && images_suffice(frame);
   if (!cut(frame)) return start_anew(frame, supervisor);
   const KnownState predicted = predicted_newest();
   attach(frame);
   SolverSummary s = solve(supervisor, effort);
-  if (images_tell && contradictions.numbers_fitted())  // what contradicts now is something that moves, or a blow
-    for (int i = 0; i < 2 && s.solved() && doubt_contradicted_forces(); ++i) s = solve(supervisor, effort);
+  for (int i = 0; i < 2 && may_doubt && s.solved() && doubt_contradicted_forces(); ++i) s = solve(supervisor, effort);
   if (Slot& newest = window.newest(); newest.silent) {
     after_silence_s = kGateFree_s;
     newest.omega = so3_log(window.at(window.size() - 2).x.R.transpose() * newest.x.R) / dt_s + newest.x.b_g;
@@ -455,6 +456,7 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, F
   e.numbers_wrong = numbers_wrong;
   e.at_rest = window.newest().at_rest;
   e.parallax_px = widest_parallax_px(window, config.extrinsics.focal_px);
+  if (!window.newest().only_images()) depth_known = e.parallax_px > kDepthKnown_px;
   imu_gap_seen = false;
   odometry.health = monitor.update(e, dt_s);
   carried.trusted = odometry.health.state == HealthState::kTracking || odometry.health.state == HealthState::kDegraded;

@@ -193,7 +193,7 @@ TEST_P(PreintegrationCovariance, EqualsMonteCarlo) {
       EXPECT_NEAR(sample(i, j), i == j, 5 * std::sqrt((i == j ? 2.0 : 1.0) / kRuns) + 0.02) << i << " " << j;
 }
 
-// A step with the acceleration in its readings shows where it leads; so do steps after a doubted interval, joined.
+// Readings with that acceleration show where it leads.
 TEST(Preintegration, DoubtedForcesClaimWhatAConstantAccelerationWouldMove) {
   const ImuNoise noise{};
   Random random(3);

@@ -85,7 +85,7 @@ int bound_socket(std::string& address) {
   address = "127.0.0.1:" + std::to_string(ntohs(own.sin_port));
   return fd;
 }
-/// Answers go to whoever spoke last, and that must be the link.
+/// Answers go to the address that spoke last, and that must be the link.
 sockaddr_in address_of_sender(int fd) {
   sockaddr_in from{};
   socklen_t length = sizeof from;

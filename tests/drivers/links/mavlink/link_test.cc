@@ -73,7 +73,7 @@ TEST_F(LinkOnALine, SendsOdometryAtItsRate) {
   ASSERT_TRUE(fly([&] { return sent<Odometry>().size() >= 80; }));
   const double seconds = 1e-9 * static_cast<double>(line.now_ns() - begin_ns);
   EXPECT_EQ(sent<Heartbeat>().back().system_status, 4);  // active
-  advance(1'100 * kMs);                                  // the latency is told each second
+  advance(1'100 * kMs);                                  // the link reports the latency each second
   line.peer.read();
   const auto messages = sent<Odometry>();
   expect_rising(messages);
@@ -141,7 +141,7 @@ TEST_F(LinkOnALine, StopsWhenLostAndSaysSo) {
   for (const Odometry& message : sent<Odometry>()) EXPECT_GE(message.quality, 1);
   // nobody publishes any more
   ASSERT_TRUE(wait_for([&] { return has_text("VIO stopped: no estimate"); }));
-  // somebody does again: the pilot is told of a reset, and so is the flight controller
+  // somebody does again: the pilot hears of a reset, and so does the flight controller
   const std::size_t before = sent<Odometry>().size();
   ASSERT_TRUE(fly([&] { return sent<Odometry>().size() > before + 5; }));
   EXPECT_EQ(sent<Odometry>().back().reset_counter, (counter + 2) % 256);
