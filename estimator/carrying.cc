@@ -20,10 +20,6 @@ constexpr double kSilence_s = 0.5, kSilentState = 1.6, kSilentReadings = 1.6;
 // Of a vehicle: while only images show how it moves, its way of flying says nothing.
 constexpr double kAnyAcceleration = 30, kAnyRate = 10;  // m/s^2, rad/s
 
-/// Makes tilt, velocity and biases less certain by an independent error. Place and heading, which the world's origin
-/// defines and nothing in a silence changes, stay as certain as they were; so they are taken out first.
-void widen(const NavState& x, StateCovariance& P) { P += (kSilentState * kSilentState - 1) * without_origin(x, P); }
-
 ImuHistory::Density widened(ImuHistory::Density density) {
   density.noise.accelerometer_density *= kSilentReadings;
   density.noise.accelerometer_random_walk *= kSilentReadings;
@@ -91,7 +87,7 @@ KnownState Estimator::Impl::carried_on_to(const KnownState& from, HostStamp time
   interval.reset(s.x.b_a, s.x.b_g, window.calibration.scale);
   const bool silent = s.silent || (time - s.time).seconds() > kSilence_s;
   if (!history.integrate(s.time, time, silent ? widened(density) : density, interval)) return s;
-  if (silent && !s.silent) widen(s.x, s.P);
+  if (silent && !s.silent) widen(s.x, kSilentState * kSilentState, s.P);
   s.silent = silent;
   history.propagate(from.time, time, window.calibration.scale, s.x, s.omega);
   if (window.size() > 0 && interval.T < kLongestUnknown_s)  // what contradicted a moment ago may still do so

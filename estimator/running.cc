@@ -155,11 +155,6 @@ bool Estimator::Impl::doubt_contradicted_forces() {
 /// What the solver claims, with what it cannot know: other maxima of the calibration, and the shape of the lens.
 void Estimator::Impl::take_from_solver(const NavState& predicted, double dt_s) {
   carried.P = solver.covariance();
-  if (window.size() > 1 && !window.newest().only_images()) {
-    const double chi2 = imu_chi2(window, window.size() - 1);
-    intervals.add(chi2, dt_s);
-    carried.P *= intervals.widens(chi2);
-  }
   carried.with_calibration = solver.cross_covariance();
   calibration_covariance = solver.calibration_covariance();
   watch_wheels();
@@ -171,6 +166,11 @@ void Estimator::Impl::take_from_solver(const NavState& predicted, double dt_s) {
   doubt_origin(predicted, dt_s);
   if (look_far(calibration_covariance, solver.linearised_at(), window.calibration, dt_s, window.calibration_prior))
     rethinking_s = kRethinking_s;
+  if (window.size() > 1 && !window.newest().only_images()) {
+    const double chi2 = imu_chi2(window, window.size() - 1);
+    intervals.add(chi2, dt_s);
+    if (const double factor = intervals.widens(chi2); factor > 1) widen(carried.x, factor, carried.P);
+  }
   const Vec3 doubt = doubt_of_lens(window.calibration_prior, window.calibration, window.rig);
   carried.P += doubt_of_leaving() +
                covariance_between_maxima(window.calibration_prior, window.calibration, calibration_covariance,

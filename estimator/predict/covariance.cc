@@ -54,8 +54,11 @@ StateCovariance without_origin(const NavState& x, const StateCovariance& P) noex
   without.block<3, 3>(3, 3) -= up_B * up_B.transpose();
   without.block<3, 3>(6, 3) = -up.cross(x.v) * up_B.transpose();
   without(15, 15) = 0;
-  return without * P * without.transpose();
+  const StateCovariance C = without * P * without.transpose();
+  return C.selfadjointView<Eigen::Lower>();
 }
+
+void widen(const NavState& x, double factor, StateCovariance& P) noexcept { P += (factor - 1) * without_origin(x, P); }
 
 StateCovariance covariance_added(const WorldUncertainty& world, const NavState& x) noexcept {
   const Vec3 up = Vec3::UnitZ();

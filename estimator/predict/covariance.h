@@ -21,8 +21,12 @@ BodyCovariance into_body(const StateCovariance& P, const Mat3& R_WB) noexcept;
 StateCovariance carried_on(const BodyCovariance& from, const Mat3& R_WB, const Preintegration& interval) noexcept;
 
 /// What a covariance says of tilt, velocity and biases alone: without place and heading, which the world's origin
-/// defines. Order as in Odometry.
+/// defines. Order as in Odometry. Symmetric.
 StateCovariance without_origin(const NavState& x, const StateCovariance& P) noexcept;
+
+/// Multiplies the variances of tilt, velocity and biases, as if by an independent error. Place and heading, which the
+/// world's origin defines, stay as certain as they were.
+void widen(const NavState& x, double factor, StateCovariance& P) noexcept;
 
 /// Uncertainty of the position and heading of a world for the receiver of its states: the world may be shifted, and
 /// rotated about the vertical through `p`. No sample and no image observes either, so no estimate in that world

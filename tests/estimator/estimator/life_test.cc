@@ -50,7 +50,7 @@ void fly_tables(unsigned tables, std::size_t every, int most) {
   std::cout << red << " of " << rows << " rows fail, " << cpu_s << " s of CPU\n";
 }
 
-/// 28 of 207 failed when this was written, 138 before the window kept its last frames. None should; the number may only
+/// 29 of 207 failed when this was written, 138 before the window kept its last frames. None should; the number may only
 /// fall, and differs by a few between processors.
 TEST(EstimatorLife, NoMoreRowsOfTheTableFail) {
 #if defined(EPILINE_SANITIZED) || !defined(__x86_64__)  // that are slow, or emulated
