@@ -148,7 +148,7 @@ bool Estimator::Impl::go_on_after_silence(const TrackedFrame& frame) {
 /// enough, else by a search.
 StepResult Estimator::Impl::start_anew(const TrackedFrame& frame, Supervisor& supervisor) {
   const bool running = started;
-  if (go_on(frame)) return {true, true, false};
+  if (go_on(frame)) return {true, true};
   const KnownState s = carried_to(imu_time(frame.stamp));
   reset();
   carried = s;
@@ -176,7 +176,7 @@ void Estimator::Impl::forget() {
   visual->restart();
   rest.clear();
   monitor.restart();
-  started = rejected_last = start_lacks_time = false;
+  started = rejected_last = start_lacks_time = may_slide = false;
   pixel_sigma = config.pixel_sigma;
   drift_sigma = config.drift_sigma;
   rethinking_s = after_silence_s = after_refusal_s = 0;

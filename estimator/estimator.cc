@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <utility>
 
 #include "estimator/factors/epipolar.h"
 #include "estimator/factors/reprojection.h"
@@ -286,7 +287,7 @@ StepResult Estimator::Impl::process(const TrackedFrame& given, Supervisor& super
   if (window.size() > 0) {
     const double since_s = (frame.stamp - window.newest().image_stamp).seconds();
     if (since_s > kLongestStep_s || (silent && !images_go_on)) return start_anew(frame, supervisor);
-    if (started && go_on_after_silence(frame)) return {true, true, false};
+    if (started && go_on_after_silence(frame)) return {true, true};
     if (since_s < 0.75 * config.solve_interval_s) return silent ? refuse() : started ? predict(frame) : StepResult{};
   }
   hold_noise();
@@ -313,6 +314,7 @@ HostStamp Estimator::imu_needed_until(HostStamp image) const noexcept {
 
 StepResult Estimator::process(const TrackedFrame& frame, Supervisor& supervisor) noexcept {
   EstimatorStats& stats = impl_->stats;
+  slide(supervisor);
   const std::uint64_t refused = stats.frames_refused;
   const StepResult result = impl_->process(frame, supervisor);
   if (result.solved) {
@@ -323,6 +325,13 @@ StepResult Estimator::process(const TrackedFrame& frame, Supervisor& supervisor)
     ++stats.frames_without_pose;
   }
   return result;
+}
+
+bool Estimator::slide(Supervisor& supervisor) noexcept {
+  if (!std::exchange(impl_->may_slide, false)) return false;
+  const std::uint64_t before = impl_->stats.keyframes;
+  impl_->slide(supervisor);
+  return impl_->stats.keyframes > before;
 }
 
 void Estimator::start(const TrackedFrame& frame, const InitialState& state) noexcept {

@@ -15,7 +15,6 @@ namespace epiline {
 struct StepResult {
   bool has_pose = false;  ///< odometry() holds an estimate for this frame
   bool solved = false;    ///< true: by optimisation; false: predicted by the IMU
-  bool keyframe = false;  ///< the frame became a keyframe
 };
 
 class Estimator {
@@ -43,6 +42,9 @@ class Estimator {
   HostStamp imu_needed_until(HostStamp image) const noexcept;
   /// Processes the tracks of one image; images in time order. `supervisor` limits the effort.
   StepResult process(const TrackedFrame& frame, Supervisor& supervisor) noexcept;
+  /// What the odometry of that image need not wait for: the window makes room for the next frame. process() does it
+  /// first where the caller has not. Returns whether a frame has become a keyframe.
+  bool slide(Supervisor& supervisor) noexcept;
   /// Starts, or restarts, at this frame from a known state, without initialisation.
   void start(const TrackedFrame& frame, const InitialState& state) noexcept;
 

@@ -218,6 +218,7 @@ struct Estimator::Impl {
   Mat3 began_R_BC = Mat3::Identity();  ///< then
   double pixel_sigma, drift_sigma;
   bool rejected_last = false;
+  bool may_slide = false;         ///< the newest frame was solved, and its window has not slid since
   bool start_lacks_time = false;  ///< the last start was refused since its images say too little
   KnownState before_start;        ///< what was known before of the oldest frame of a window without states
   double rethinking_s = 0;        ///< how long the window will still move to a calibration just found

@@ -80,7 +80,7 @@ bool Estimator::Impl::mount_is_elsewhere() const {
 }
 
 /// One frame that is solved: its window is cut from the stream, predicted, given its measurements, solved, judged and
-/// published; then the window slides.
+/// published.
 StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort) {
   const double dt_s = (frame.stamp - window.newest().image_stamp).seconds();
   const KnownState last = carried;
@@ -128,9 +128,8 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   after_refusal_s -= dt_s;
   if (s.solved() && effort.most_steps != 1)
     learn_from_residuals(s, dt_s);  // those of an untried step are those before it
-  const std::uint64_t keyframes = stats.keyframes;
-  slide(supervisor);
-  return {true, true, stats.keyframes > keyframes};
+  may_slide = true;
+  return {true, true};
 }
 
 /// Forces of the last intervals that the images contradict are doubted, the more so the second time. Whether there are
@@ -342,7 +341,7 @@ StepResult Estimator::Impl::begin_anew_at_rest(const TrackedFrame& frame) {
   forget();
   carried = s;
   go_on_from_carried(frame);
-  return {true, true, false};
+  return {true, true};
 }
 
 /// Integrates the interval that ends at frame k anew, if the readings reach back to its beginning.
@@ -541,7 +540,7 @@ void Estimator::Impl::slide(Supervisor& supervisor) {
 /// An image between two that are solved.
 StepResult Estimator::Impl::predict(const TrackedFrame& frame) {
   publish(frame.stamp, carried_to(imu_time(frame.stamp)));
-  return {true, false, false};
+  return {true, false};
 }
 
 /// There is no time to solve this frame, though it is due.

@@ -93,8 +93,8 @@ StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& su
     window.prune();
     return {};
   }
-  slide(supervisor);
-  return {true, true, false};
+  may_slide = true;
+  return {true, true};
 }
 
 /// For another frame. Where the last start failed only because its images say too little, they are to span more time:

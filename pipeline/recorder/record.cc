@@ -232,7 +232,7 @@ RecordedState recorded_state(const FrameOutcome& outcome) noexcept {
   s.state = static_cast<std::uint8_t>(o.health.state);
   s.has_pose = outcome.result.has_pose;
   s.solved = outcome.result.solved;
-  s.keyframe = outcome.result.keyframe;
+  s.keyframe = outcome.keyframe;
   return s;
 }
 

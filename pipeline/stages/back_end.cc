@@ -12,13 +12,19 @@ void BackEnd::Watch::begin(HostStamp frame, std::int64_t deadline) noexcept {
   planned = false;
   steps = 0;
   deadline_ns = deadline;
-  step_began = phase_began = clocks.now();
+  work_began = phase_began = clocks.now();
+}
+
+void BackEnd::Watch::begin_slide() noexcept { work_began = phase_began = clocks.now(); }
+
+void BackEnd::Watch::end_step() noexcept {
+  end();
+  times.late_ns = std::max<std::int64_t>(0, phase_began.wall_ns - deadline_ns);  // no clock goes past kNoDeadline
 }
 
 void BackEnd::Watch::end() noexcept {
   phase(Phase::kNone);
-  times.estimate = phase_began - step_began;
-  times.late_ns = std::max<std::int64_t>(0, phase_began.wall_ns - deadline_ns);  // no clock goes past kNoDeadline
+  times.estimate += phase_began - work_began;
 }
 
 /// The solve gets what is left until the deadline when all the rest is done, and no more than it may take anyway.
@@ -55,7 +61,7 @@ void BackEnd::Watch::learn(const EstimatorStats& before, const EstimatorStats& a
   governor.took(times.solve.wall_ns, static_cast<int>(after.tracks_offered - before.tracks_offered),
                 static_cast<int>(after.tracks_used - before.tracks_used),
                 static_cast<int>(after.linearisations - before.linearisations));
-  besides_ns.add(static_cast<double>(step_began.wall_ns + times.estimate.wall_ns - planned_ns - times.solve.wall_ns));
+  besides_ns.add(static_cast<double>(work_began.wall_ns + times.estimate.wall_ns - planned_ns - times.solve.wall_ns));
 }
 
 bool BackEnd::add_imu(const ImuSample& sample) noexcept {
@@ -67,7 +73,7 @@ StepResult BackEnd::step(const TrackedFrame& frame, std::int64_t deadline_ns) no
   const EstimatorStats before = estimator_.stats();
   watch_.begin(frame.stamp, deadline_ns);
   const StepResult result = estimator_.process(frame, watch_);
-  watch_.end();
+  watch_.end_step();
   watch_.learn(before, estimator_.stats());
   // silence of the camera is seen here by the stamps alone: no more than one thread would know
   const std::uint32_t silent = silent_sensors(heard_, frame.stamp);
@@ -76,6 +82,13 @@ StepResult BackEnd::step(const TrackedFrame& frame, std::int64_t deadline_ns) no
   odometry_.health = merge_.step(odometry_.health, frame.reasons | imu_reasons_ | silent, frame.stamp);
   imu_reasons_ = 0;
   return result;
+}
+
+bool BackEnd::slide() noexcept {
+  watch_.begin_slide();
+  const bool keyframe = estimator_.slide(watch_);
+  watch_.end();
+  return keyframe;
 }
 
 }  // namespace epiline

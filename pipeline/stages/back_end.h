@@ -19,10 +19,10 @@ class BackEnd {
   BackEnd(const EstimatorConfig& config, const StageClocks& clocks, std::int64_t solve_ns)
       : estimator_(config), watch_(clocks, solve_ns), odometry_(estimator_.odometry()) {}
 
-  /// Durations of the parts of one step.
+  /// Durations of the parts of one step, and of the slide that follows it.
   struct Times {
     StageTime solve, marginalise, estimate;
-    std::int64_t late_ns = 0;  ///< end of the step minus the deadline; 0: in time, or no deadline
+    std::int64_t late_ns = 0;  ///< when the odometry was ready, minus the deadline; 0: in time, or no deadline
     LoadLevel load = LoadLevel::kFull;
   };
 
@@ -33,6 +33,8 @@ class BackEnd {
 
   /// `deadline_ns`: time of the clock at which the odometry should be ready.
   StepResult step(const TrackedFrame& frame, std::int64_t deadline_ns) noexcept;
+  /// What the odometry of that image need not wait for: Estimator::slide().
+  bool slide() noexcept;
 
   /// The estimator's odometry, with its health merged with the watch's verdict on the samples.
   const Odometry& odometry() const noexcept { return odometry_; }
@@ -44,6 +46,8 @@ class BackEnd {
   struct Watch final : Supervisor {
     Watch(const StageClocks& both, std::int64_t solve) : clocks(both), most_solve_ns(solve) {}
     void begin(HostStamp frame, std::int64_t deadline) noexcept;
+    void end_step() noexcept;
+    void begin_slide() noexcept;
     void end() noexcept;
     Effort effort() noexcept override;
     bool time_is_up() noexcept override;
@@ -59,7 +63,7 @@ class BackEnd {
     HostStamp stamp;
     bool planned = false;
     int steps = 0;  ///< of this solve, so far
-    StageTime step_began, phase_began;
+    StageTime work_began, phase_began;
     std::int64_t planned_ns = 0, deadline_ns = kNoDeadline, budget_ns = kNoDeadline;
   };
 

@@ -52,14 +52,15 @@ std::int64_t EstimateStage::deadline_of(HostStamp image) const noexcept {
   return clock_.pace->host_of(image) + Span::from_seconds(1e-3 * deadline_ms_).ns;
 }
 
-/// Serves the publisher first, because it waits for the odometry; then the tracker, then the log.
+/// Serves the publisher first, because it waits for the odometry; then the tracker, the window, and the log.
 void EstimateStage::estimate(const Tracked& image) noexcept {
   const StepResult result = back_end_.step(image.frame, deadline_of(image.frame.stamp));
   hand_to_publisher(result);
   out_.knowledge.push(knowledge());
   out_.tracker.notify();
+  const bool keyframe = back_end_.slide();
   events_.after_image(image.frame, back_end_);
-  describe(image.frame, result, back_end_, outcome_);
+  describe(image.frame, result, keyframe, back_end_, outcome_);
   outcome_.serial = images_.get();
   outcome_.track = image.track;
   hand_to_log(image.frame);

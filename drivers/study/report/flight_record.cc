@@ -38,7 +38,7 @@ ImageRecord image_record(const FrameOutcome& outcome) {
   image.stamp = outcome.stamp;
   image.has_pose = outcome.result.has_pose;
   image.solved = outcome.result.solved;
-  image.keyframe = outcome.result.keyframe;
+  image.keyframe = outcome.keyframe;
   if (image.has_pose) set_odometry(image, outcome.odometry);
   image.health = outcome.odometry.health;
   image.tracks = outcome.tracks;

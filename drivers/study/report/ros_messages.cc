@@ -47,7 +47,7 @@ Figures figures_of(const FrameOutcome& outcome) {
   const Odometry& o = outcome.odometry;
   Figures figures = {{"reasons", names_of(o.health.reasons)},       {"quality", std::to_string(o.health.quality)},
                      {"tracks", std::to_string(outcome.tracks)},    {"new_tracks", std::to_string(outcome.new_tracks)},
-                     {"solved", outcome.result.solved ? "1" : "0"}, {"keyframe", outcome.result.keyframe ? "1" : "0"}};
+                     {"solved", outcome.result.solved ? "1" : "0"}, {"keyframe", outcome.keyframe ? "1" : "0"}};
   if (!outcome.result.has_pose) return figures;
   const auto add = [&](const char* name, double value) { figures.emplace_back(name, fmt::format("{:.6g}", value)); };
   figures.emplace_back("reset_counter", std::to_string(o.reset_counter));

@@ -85,6 +85,27 @@ TEST(EstimatorFrames, OutOfOrderAreRefused) {
   EXPECT_TRUE(rig.last().has_pose);
 }
 
+// A caller may let the window slide when the odometry has left; one that does not gets the same odometry.
+TEST(EstimatorFrames, WhetherTheCallerSlidesChangesNothing) {
+  const Flight flight{.moving_from = 2};
+  Rig slides(flight, {}), does_not(flight, {});
+  Supervisor supervisor;
+  int keyframes = 0;
+  slides.run_to(6, [&] {
+    const Odometry before = slides.odometry();
+    keyframes += slides.estimator().slide(supervisor);
+    EXPECT_FALSE(slides.estimator().slide(supervisor)) << "once for each frame";
+    EXPECT_EQ(slides.odometry().covariance, before.covariance);
+  });
+  does_not.run_to(6);
+  ASSERT_TRUE(slides.last().has_pose);
+  EXPECT_GT(keyframes, 3);
+  EXPECT_EQ(static_cast<std::uint64_t>(keyframes), slides.stats().keyframes);
+  EXPECT_EQ(slides.odometry().p_WB_m, does_not.odometry().p_WB_m);
+  EXPECT_EQ(slides.odometry().q_WB, does_not.odometry().q_WB);
+  EXPECT_EQ(slides.odometry().covariance, does_not.odometry().covariance);
+}
+
 /// One frame stamped far in the future costs itself only.
 TEST(EstimatorDoor, AFrameStampedFarAheadCostsItselfOnly) {
   const Flight flight{.moving_from = 2};

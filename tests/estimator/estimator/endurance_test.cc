@@ -82,7 +82,7 @@ struct LongFlight {
     }
     if (image++ == 0) {
       estimator->start(frame, start_at);
-      return {true, true, true};
+      return {true, true};
     }
     return estimator->process(frame, supervisor);
   }

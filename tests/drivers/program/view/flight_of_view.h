@@ -15,7 +15,7 @@ class ViewedFlight {
   static constexpr std::uint8_t kGrey = 77;
 
   explicit ViewedFlight(FlightObserver& observer) : observer_(observer) {
-    outcome_.result = {true, true, true};
+    outcome_.result = {true, true};
     outcome_.odometry.health = {HealthState::kTracking, 0, 88};
     for (int i = 0; i < 3; ++i) outcome_.odometry.covariance[17 * i] = 1e-4;
   }
