@@ -17,7 +17,7 @@ class IntervalWatch {
     return times_usual(chi2) > (follows ? kStillContradicted : kContradicted);
   }
   /// Factor on a covariance, which believes the configured noise.
-  double widens(double chi2) const noexcept { return std::max(1.0, times_usual(chi2) / kScatters); }
+  double widens(double chi2) const noexcept { return std::max(1.0, times_usual(chi2)); }
 
  private:
   double times_usual(double chi2) const noexcept { return chi2 / usual(); }
@@ -26,7 +26,7 @@ class IntervalWatch {
   // most 4.6; 1.5 and 12 on recorded MH_01, which is handled on the ground. In a lift it is 10 to 35 half a second
   // after it has begun to move.
   static constexpr double kLeastUsual = 0.25, kMemory_s = 5;
-  static constexpr double kContradicted = 15, kStillContradicted = 5, kScatters = 1.4;
+  static constexpr double kContradicted = 15, kStillContradicted = 5;
   double usual_ = kLeastUsual;
 };
 
