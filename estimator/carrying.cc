@@ -178,7 +178,7 @@ void Estimator::Impl::forget() {
   monitor.restart();
   started = rejected_last = start_lacks_time = may_slide = false;
   pixel_sigma = config.pixel_sigma;
-  drift_sigma = config.drift_sigma;
+  drift_sigma = kUsualDrift;
   rethinking_s = after_silence_s = after_refusal_s = 0;
   height_memory = {};
   rest_frame = 0;

@@ -1,5 +1,6 @@
 #pragma once
-// Settings of the estimator, and a known state to start from. Ranges and units: pipeline/config/parameters.cc.
+// Settings of the estimator, and a known state to start from. Those that a user may set are in
+// pipeline/config/parameters.cc, with ranges and units; studies set the others here.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -16,8 +17,6 @@ inline constexpr std::array kVisualFactorNames = {"track", "epipolar", "reprojec
 constexpr const char* to_string(VisualFactor factor) noexcept {
   return kVisualFactorNames[static_cast<std::size_t>(factor)];
 }
-
-enum class KeyframeRule : std::uint8_t { kCompensatedParallax, kRawParallax /* VINS-Mono's */ };
 
 /// Pose of the camera on the IMU, and time offset of its images. x_B = R_BC x_C + p_BC.
 struct Extrinsics {
@@ -45,20 +44,18 @@ struct WheelModel {
   double sigma_m_s = 0.05;         ///< standard deviation of a speed's white noise
   double scale_sigma = 0.03;       ///< relative: of what the wheels read too much or too little for long
   double sideways_sigma_m_s = 0;   ///< of the speed sideways and upwards; 0: nothing is known of it
-  double cauchy = 2;               ///< scale of the Cauchy kernel against slip, in sigmas
 };
 
 /// A height sensor. Its readings have white noise and an offset that walks: a barometer's with the weather and the
 /// wind, a range finder's with the ground below (docs/derivations/height.md).
 struct HeightModel {
-  bool use = true;                      ///< false: ignore its samples
-  double sigma_m = 0.2;                 ///< standard deviation of the white noise
-  double walk_per_root_s = 0;           ///< random walk of the offset, m per root of a second
-  double walk_per_root_m = 0;           ///< the same, m per root of a metre of horizontal way
-  double least_m = -1e5, most_m = 1e5;  ///< readings beyond are left out
-  Vec3 p_BS = Vec3::Zero();             ///< the sensor's place, m
-  Vec3 beam_B = Vec3::Zero();           ///< range finder: unit vector of the beam's direction
-  bool with_tracks = true;              ///< range finder: also compare it with the depth of tracks near the beam
+  bool use = true;                            ///< false: ignore its samples
+  double sigma_m = 0.2;                       ///< standard deviation of the white noise
+  double walk_per_root_s = 0;                 ///< random walk of the offset, m per root of a second
+  double walk_per_root_m = 0;                 ///< the same, m per root of a metre of horizontal way
+  std::array<double, 2> limits_m{-1e5, 1e5};  ///< readings beyond are left out
+  Vec3 p_BS = Vec3::Zero();                   ///< the sensor's place, m
+  Vec3 beam_B = Vec3::Zero();                 ///< range finder: unit vector of the beam's direction
 };
 using HeightModels = std::array<HeightModel, kHeightKinds>;
 inline HeightModels usual_heights() {
@@ -66,8 +63,7 @@ inline HeightModels usual_heights() {
   barometer.walk_per_root_s = 0.1;
   range.sigma_m = 0.1;
   range.walk_per_root_m = 0.05;
-  range.least_m = 0.1;
-  range.most_m = 100;
+  range.limits_m = {0.1, 100};
   range.beam_B = -Vec3::UnitZ();
   return {barometer, range};
 }
@@ -82,18 +78,15 @@ struct EstimatorConfig {
   int keyframes = 10;             ///< number of older frames in the window, 2 to 20
   double solve_interval_s = 0.1;  ///< images in between are predicted by the IMU
   int steps = 1;                  ///< largest number of accepted solver steps per frame
-  int steps_young = 3;            ///< the same shortly after a start or after a rejected step
   // visual noise
   double pixel_sigma = 0.5;          ///< initial value if estimated, else the value
   bool estimate_pixel_sigma = true;  ///< from the median of the residuals, 0.3 to 2 px
   double sigma_inflation = 1.5;      ///< ratio of the sigmas of covariance and kernel, because tracks are correlated
   double cauchy = 2;                 ///< scale of the Cauchy kernel, in sigmas of the kernel
   TrackNoiseModel track_noise = TrackNoiseModel::kDrift;  ///< of the factor `track`; a start assumes white noise
-  double drift_sigma = 0.15;   ///< px per root of an image: initial value if estimated, else the value
   double drift_inflation = 2;  ///< ratio of the sigmas of covariance and weights, because tracks share errors
   double drift_student = 2;    ///< degrees of freedom of a drifting track's weight
-  bool gate = true;            ///< leave out tracks that contradict the motion
-  double gate_cap = 0.4;       ///< a frame of which the gate would leave out a larger share loses no tracks
+  double gate_cap = 0.4;       ///< tracks that contradict the motion are left out, unless they are a larger share
   // inertial noise
   ImuNoise imu;
   double gyroscope_density_factor = 3;  ///< factor on the noise density, for scale and axis errors
@@ -101,7 +94,6 @@ struct EstimatorConfig {
   double accelerometer_walk_factor = 2;  ///< factor on the random walk: in flight it is faster than on a table
   double saturation_gyroscope_rad_s = 1e9, saturation_accelerometer_m_s2 = 1e9;
   // window policy
-  KeyframeRule keyframe_rule = KeyframeRule::kCompensatedParallax;
   double keyframe_parallax_px = 10;
   bool zero_motion = true;
   // online calibration

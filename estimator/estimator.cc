@@ -56,7 +56,7 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
       turns(c.extrinsics.time_offset_s, kWatchMemory_s),
       wheel_watch(c.wheel.scale_sigma),
       pixel_sigma(c.pixel_sigma),
-      drift_sigma(c.drift_sigma) {
+      drift_sigma(kUsualDrift) {
   use_noise(c.imu);
   window.calibration = configured_calibration();
   window.calibration_prior.configured = window.calibration;

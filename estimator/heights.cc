@@ -18,7 +18,7 @@ bool Estimator::Impl::add_height(const HeightSample& sample) {
   const std::size_t i = index_of(sample.kind);
   const HeightModel& model = config.heights[i];
   const bool is_possible =
-      sample.metres >= model.least_m && sample.metres <= model.most_m;  // false for what is no number
+      sample.metres >= model.limits_m[0] && sample.metres <= model.limits_m[1];  // false for what is no number
   const bool taken = model.use && is_possible && heights[i].push(sample.stamp, sample.metres);
   ++(taken ? stats.height_samples : stats.height_refused)[i];
   return taken;
@@ -53,7 +53,6 @@ std::uint32_t Estimator::Impl::series_of(HeightKind kind, int frame) const {
 
 void Estimator::Impl::attach_beam_tracks() {
   const HeightModel& range = config.heights[index_of(HeightKind::kRangeFinder)];
-  if (!range.with_tracks) return;
   const double sigma_px = config.sigma_inflation * pixel_sigma;
   BeamSettings settings{sigma_px / config.extrinsics.focal_px, range.sigma_m, range.walk_per_root_m,
                         range.walk_per_root_m * std::sqrt(kGroundStretch_m)};

@@ -21,6 +21,7 @@ constexpr double kMountElsewhere = 0.17;  // rad
 constexpr double kLongestInterval_s = 5;
 constexpr double kLongRest_s = 2;     // over which the IMU loses less of the velocity than rest tells
 constexpr double kYoungWindow_s = 2;  // more solver steps until the window has seen this much
+constexpr int kStepsOfYoung = 3;      // solver steps of an image then, and after a rejected step: the state is far off
 constexpr double kGateFree_s = 1;     // no gate until then: a young state may be far off
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kReintegrateScale = 0.005;                                      // relative
@@ -380,7 +381,7 @@ void Estimator::Impl::reintegrate_revised() {
 SolverSettings Estimator::Impl::solver_settings(const Supervisor::Effort& effort) const {
   const bool young =
       window_age_s(window.newest().time) < kYoungWindow_s || rejected_last || window.newest().only_images();
-  SolverSettings settings = solver_settings(young ? config.steps_young : config.steps);
+  SolverSettings settings = solver_settings(young ? kStepsOfYoung : config.steps);
   if (effort.most_steps > 0) {
     settings.steps = std::min(settings.steps, effort.most_steps);
     settings.attempts = effort.most_steps;
@@ -516,7 +517,7 @@ bool Estimator::Impl::second_newest_stays() const {
   const int k = window.size() - 2;
   int j = k - 1;
   while (j > 0 && !window.at(j).stays) --j;
-  const KeyframeSettings rule{config.keyframe_rule, config.keyframe_parallax_px, config.extrinsics.focal_px};
+  const KeyframeSettings rule{config.keyframe_parallax_px, config.extrinsics.focal_px};
   return window.at(k).id == rest_frame || is_keyframe(window, j, k, rule);
 }
 
@@ -577,7 +578,7 @@ VisualSettings Estimator::Impl::visual_settings() const {
   s.drift_sigma = drift_sigma;
   s.drift_inflation = config.drift_inflation;
   s.student = config.drift_student;
-  s.gate = config.gate && !window.newest().only_images() && window_age_s(window.newest().time) > kGateFree_s;
+  s.gate = !window.newest().only_images() && window_age_s(window.newest().time) > kGateFree_s;
   s.gate_cap = config.gate_cap;
   s.focal_px = config.extrinsics.focal_px;
   s.extrinsics = config.estimate_extrinsics;

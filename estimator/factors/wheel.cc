@@ -11,6 +11,7 @@ namespace {
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr double kScaleWalk = 2e-3;  // per root of a second: tyres warm, loads and slopes change
+constexpr double kSlipKernel = 2;    // sigmas: scale of the kernel against slip, as that of the tracks
 constexpr double kSlip = 5;          // sigmas: a difference of two scales beyond is slip, not noise
 constexpr double kLeastScale = 0.1;  // of wheels that read less, nothing is to be learned
 constexpr double kRough_m = 1e-4;    // no way is known better, and a full turn on the spot knows none
@@ -49,9 +50,9 @@ struct AlongSystem {
   std::array<std::array<double, kMaxFrames>, kMaxFrames> H{};
 
   /// Of the residual sum(share r) - `expected`.
-  void add(const WheelScale::Shares& share, double expected, double variance, double cauchy) {
+  void add(const WheelScale::Shares& share, double expected, double variance) {
     const double off = sum(share, r) - expected;
-    const Kernel kernel(off * off / variance, cauchy);
+    const Kernel kernel(off * off / variance, kSlipKernel);
     cost += kernel.cost;
     const double weight = kernel.weight / variance;
     for (std::size_t i = 0; i < share.size(); ++i) {
@@ -70,8 +71,7 @@ void add_ways(const Window& w, const Share& share, AlongSystem& out) {
   double found = 1;
   const auto end_run = [&] {
     const double sigma = w.wheel.scale_sigma / found;
-    if (newest_run && !share.oldest_only)
-      out.add(scale.share(), 1 - 1 / found, scale.variance() + sigma * sigma, w.wheel.cauchy);
+    if (newest_run && !share.oldest_only) out.add(scale.share(), 1 - 1 / found, scale.variance() + sigma * sigma);
     newest_run = false;
   };
   for (int k = share.frames - 1; k >= 1; --k) {
@@ -86,7 +86,7 @@ void add_ways(const Window& w, const Share& share, AlongSystem& out) {
     out.r[static_cast<std::size_t>(k)] = along.moved - along.read / found;
     const WheelScale::Innovation innovation = scale.add(k, s.wheel.moved, noise_of(w, s) / (found * found));
     scale.walk(s.imu.T);
-    if (!share.oldest_only || k == 1) out.add(innovation.share, 0, innovation.variance, w.wheel.cauchy);
+    if (!share.oldest_only || k == 1) out.add(innovation.share, 0, innovation.variance);
   }
   end_run();
 }
@@ -134,7 +134,7 @@ double add_sideways(const Window& w, int k, NormalEquations* out) {
   const double sigma_m = w.wheel.sideways_sigma_m_s * w.at(k).imu.T;
   const Vec3 axis = mean_axis(w.at(k));
   const Mat3 information = (axis.squaredNorm() * Mat3::Identity() - axis * axis.transpose()) / (sigma_m * sigma_m);
-  const Kernel kernel(f.r.dot(information * f.r), w.wheel.cauchy);
+  const Kernel kernel(f.r.dot(information * f.r), kSlipKernel);
   if (!out) return kernel.cost;
   const Mat3 weighted = kernel.weight * information;
   out->add(pose_of(k - 1), Vec6(-f.J_begin.transpose() * weighted * f.r));

@@ -68,11 +68,10 @@ double widest_parallax_px(const Window& w, double focal_px) {
 
 bool is_keyframe(const Window& w, int j, int k, const KeyframeSettings& s) {
   if (j < 0) return true;
-  const bool compensated = s.rule == KeyframeRule::kCompensatedParallax;
-  const Comparison c = compare(w, j, k, compensated ? relative_rotation(w, j, k) : Mat3::Identity(), s.focal_px);
+  const Comparison c = compare(w, j, k, relative_rotation(w, j, k), s.focal_px);
   if (c.later == 0) return false;  // a frame that sees nothing constrains nothing
   if (c.common < kFewestCommon || c.parallax_px > s.parallax_px) return true;
-  return compensated && c.common < kLeastOverlap * c.later;
+  return c.common < kLeastOverlap * c.later;
 }
 
 }  // namespace epiline

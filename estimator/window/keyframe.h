@@ -4,14 +4,12 @@
 namespace epiline {
 
 struct KeyframeSettings {
-  KeyframeRule rule = KeyframeRule::kCompensatedParallax;
   double parallax_px = 10;
   double focal_px = 458;
 };
 
 /// True if frame k is the first one (j < 0), or differs enough from the earlier frame j to be kept as a keyframe
-/// (docs/derivations/marginalisation.md): mean parallax, lost overlap (compensated rule only), or fewer than 20 common
-/// tracks.
+/// (docs/derivations/marginalisation.md): mean parallax, lost overlap, or fewer than 20 common tracks.
 bool is_keyframe(const Window& window, int j, int k, const KeyframeSettings& settings);
 
 /// Mean parallax of the tracks that frames j and k share, rotation removed, in pixels at the focal length. 0: no common

@@ -30,17 +30,34 @@ std::string range_of(const Parameter& p) {
                  [&](int* (*)(Config&)) { return fmt::format("an integer from {} to {}{}", p.min, p.max, unit); },
                  [&](auto* (*)(Config&)) { return fmt::format("a number from {} to {}{}", p.min, p.max, unit); },
                  [](std::string* (*)(Config&)) -> std::string { return "a text in quotes"; },
-                 [](std::vector<NamedValue>* (*)(Config&)) -> std::string { return "{ name = integer, ... }"; },
+                 [&](const NamedValues& v) {
+                   const std::string form = "{ name = integer, ... }";
+                   if (v.names.empty()) return form;
+                   return fmt::format("{}; names {}; integers from {} to {}", form, fmt::join(v.names, ", "), p.min,
+                                      p.max);
+                 },
+                 [&](const Numbers& n) {
+                   std::vector<std::string> ranges;
+                   for (const auto& [min, max] : n.ranges) ranges.push_back(fmt::format("{} to {}", min, max));
+                   const bool are_alike = std::count(ranges.begin(), ranges.end(), ranges[0]) == std::ssize(ranges);
+                   if (are_alike) ranges.resize(1);
+                   return fmt::format("{} numbers from {}{}", n.ranges.size(), fmt::join(ranges, ", "), unit);
+                 },
+                 [](BusSignal* (*)(Config&)) -> std::string { return kBusSignalForm; },
                  [](const Choice& c) { return fmt::format("\"{}\"", fmt::join(c.names, "\" or \"")); }},
       p.value);
 }
 
-std::optional<Value> named_values(const toml::node& node) {
+std::optional<Value> named_values(const Parameter& p, const std::vector<std::string>& names, const toml::node& node) {
   if (!node.is_table()) return std::nullopt;
   std::vector<NamedValue> values;
   for (const auto& [name, value] : *node.as_table()) {
     if (!value.is_integer()) return std::nullopt;
-    values.push_back({std::string(name.str()), *value.value<std::int64_t>()});
+    const NamedValue v{std::string(name.str()), *value.value<std::int64_t>()};
+    const bool is_listed = std::find(names.begin(), names.end(), v.name) != names.end();
+    const auto number = static_cast<double>(v.value);
+    if (!names.empty() && (!is_listed || number < p.min || number > p.max)) return std::nullopt;
+    values.push_back(v);
   }
   // as the file has them, not by name: some devices take a control only after another
   const toml::table& table = *node.as_table();
@@ -48,6 +65,18 @@ std::optional<Value> named_values(const toml::node& node) {
     const auto at = [&](const NamedValue& v) { return table.get(v.name)->source().begin; };
     return std::pair(at(a).line, at(a).column) < std::pair(at(b).line, at(b).column);
   });
+  return values;
+}
+
+std::optional<Value> several_numbers(const std::vector<Numbers::Range>& ranges, const toml::node& node) {
+  const toml::array* const array = node.as_array();
+  if (array == nullptr || array->size() != ranges.size()) return std::nullopt;
+  std::vector<double> values;
+  for (std::size_t i = 0; i < ranges.size(); ++i) {
+    if (!(*array)[i].is_number()) return std::nullopt;
+    values.push_back(*(*array)[i].value<double>());
+    if (!(values[i] >= ranges[i].min && values[i] <= ranges[i].max)) return std::nullopt;
+  }
   return values;
 }
 
@@ -77,7 +106,14 @@ std::optional<Value> checked_value(const Parameter& p, const toml::node& node) {
                                  if (!node.is_string()) return std::nullopt;
                                  return from_home(*node.value<std::string>());
                                },
-                               [&](std::vector<NamedValue>* (*)(Config&)) { return named_values(node); },
+                               [&](const NamedValues& v) { return named_values(p, v.names, node); },
+                               [&](const Numbers& n) { return several_numbers(n.ranges, node); },
+                               [&](BusSignal* (*)(Config&)) -> std::optional<Value> {
+                                 if (!node.is_string()) return std::nullopt;
+                                 const auto signal = bus_signal_from(*node.value<std::string>());
+                                 if (!std::holds_alternative<BusSignal>(signal)) return std::nullopt;
+                                 return std::get<BusSignal>(signal);
+                               },
                                [&](const Choice& c) -> std::optional<Value> {
                                  const auto name = node.value<std::string>();
                                  const auto found =
@@ -88,12 +124,11 @@ std::optional<Value> checked_value(const Parameter& p, const toml::node& node) {
                     p.value);
 }
 
-/// What the parameter takes. A DBC file marks an identifier of 29 bits by bit 31.
-std::string expected_instead(const Parameter& p, const toml::node& node) {
-  constexpr std::int64_t kExtended = 0x80000000, kIdentifier = 0x1fffffff;
-  const std::int64_t id = node.value<std::int64_t>().value_or(0);
-  if (p.name != "wheel.id" || (id & ~kIdentifier) != kExtended) return range_of(p);
-  return fmt::format("id = {} and extended = true, which is what a DBC file means by this number", id & kIdentifier);
+/// What the parameter takes, and what of it this text is not.
+std::string expected_instead(const Parameter& p, const std::optional<std::string>& text) {
+  if (!text || !std::holds_alternative<BusSignal* (*)(Config&)>(p.value)) return range_of(p);
+  const auto signal = bus_signal_from(*text);
+  return std::holds_alternative<std::string>(signal) ? std::get<std::string>(signal) : range_of(p);
 }
 
 /// The first byte that belongs to no character of UTF-8 and none of ASCII; its size if there is none.
@@ -133,8 +168,36 @@ const Parameter* find_parameter(const std::string& name) {
   return nullptr;
 }
 
-/// For a setting that does not exist: the existing ones to choose from.
+/// What replaces a setting of older versions; empty: nothing does.
+std::string successor(const std::string& name) {
+  struct Successor {
+    const char* now;
+    std::vector<const char*> before;  ///< names, or what they begin with
+  };
+  static const std::vector<Successor> successors = {
+      {"realtime.priority = 80, which is the IMU's", {"realtime.priority_"}},
+      {"realtime.cpus = { imu = 3, estimate = 2 }", {"realtime.cpu_"}},
+      {"body.yaw_pitch_roll_deg = [yaw, pitch, roll]", {"body.yaw_deg", "body.pitch_deg", "body.roll_deg"}},
+      {"mavlink.origin = [latitude, longitude, altitude]", {"mavlink.origin_"}},
+      {"wheel.signal, such as \"291 7|16@0- (0.01,0)\": identifier and signal as in a DBC file",
+       {"wheel.id", "wheel.extended", "wheel.start_bit", "wheel.length", "wheel.big_endian", "wheel.is_signed",
+        "wheel.scale_m_s", "wheel.offset_m_s"}},
+      {"wheel.position_m = [forward, left, up]", {"wheel.x_m", "wheel.y_m", "wheel.z_m"}},
+      {"height.range_position_m = [forward, left, up]", {"height.range_x_m", "height.range_y_m", "height.range_z_m"}},
+      {"height.range_limits_m = [shortest, longest]", {"height.range_least_m", "height.range_most_m"}},
+      {"height.range_tilt_deg = [forward, left]", {"height.range_forward_deg", "height.range_left_deg"}},
+      {"gyroscope_saturation and accelerometer_saturation in the file that imu.calibration names",
+       {"imu.gyroscope_saturation", "imu.accelerometer_saturation"}},
+      {"ROS_DOMAIN_ID in the environment", {"dds.domain"}},
+  };
+  for (const auto& [now, before] : successors)
+    if (std::any_of(before.begin(), before.end(), [&](const char* old) { return name.starts_with(old); })) return now;
+  return "";
+}
+
+/// For a setting that does not exist: what replaces it, or the existing ones to choose from.
 std::string listed_name(const std::string& wrong) {
+  if (std::string now = successor(wrong); !now.empty()) return now;
   std::vector<std::string> names;
   for (const Parameter& p : parameters()) names.push_back(p.name);
   const std::string meant = nearest(wrong, names);
@@ -155,6 +218,11 @@ std::string listed_section(const std::string& wrong) {
 
 std::string shown(const toml::node& node) {
   if (node.is_string()) return fmt::format("\"{}\"", *node.value<std::string>());
+  if (const toml::array* const array = node.as_array()) {  // in one line
+    std::string text;
+    for (const toml::node& element : *array) text += (text.empty() ? "" : ", ") + shown(element);
+    return "[" + text + "]";
+  }
   std::ostringstream out;
   node.visit([&](const auto& n) { out << n; });
   return out.str();
@@ -167,15 +235,27 @@ std::string toml_value(const Parameter& p, const Config& config) {
                  [&](int* (*at)(Config&)) { return fmt::format("{}", *at(copy)); },
                  [&](auto* (*at)(Config&)) { return fmt::format("{}", *at(copy)); },
                  [&](std::string* (*at)(Config&)) { return toml_text(*at(copy)); },
-                 [&](std::vector<NamedValue>* (*at)(Config&)) {
+                 [&](const NamedValues& values) {
                    std::string text;
-                   for (const NamedValue& v : *at(copy)) {
+                   for (const NamedValue& v : *values.at(copy)) {
                      text += fmt::format("{}{} = {}", text.empty() ? "" : ", ", toml_text(v.name), v.value);
                    }
                    return text.empty() ? std::string("{}") : "{ " + text + " }";
                  },
+                 [&](const Numbers& n) {
+                   return fmt::format("[{}]", fmt::join(n.at(copy), n.at(copy) + n.ranges.size(), ", "));
+                 },
+                 [&](BusSignal* (*at)(Config&)) { return toml_text(to_text(*at(copy))); },
                  [&](const Choice& c) { return "\"" + c.names[static_cast<std::size_t>(c.get(config))] + "\""; }},
       p.value);
+}
+
+/// A section like that of the second camera, in which nothing is set.
+bool is_repetition(const std::string& section, const Config& config) {
+  if (section != kOtherCameraSections[1] && section != kOtherCameraSections[2]) return false;
+  return std::none_of(parameters().begin(), parameters().end(), [&](const Parameter& p) {
+    return p.name.starts_with(section + ".") && toml_value(p, config) != toml_value(p, Config{});
+  });
 }
 
 }  // namespace
@@ -232,8 +312,9 @@ Status ConfigFile::set(const std::string& text) {
     }
   };
   auto checked = as_toml(value);
+  if (!checked) checked = as_toml("[" + value + "]");
   if (!checked) checked = as_toml(toml_text(value));
-  if (!checked) return fail("\"" + value + "\"", range_of(*p));
+  if (!checked) return fail("\"" + value + "\"", expected_instead(*p, value));
   settings_.emplace_back(p, std::move(*checked));
   return Done{};
 }
@@ -262,7 +343,8 @@ Result<ConfigFile> ConfigFile::parse(std::string_view text, const std::string& n
       const Parameter* p = find_parameter(full);
       if (!p) return fail(key.source(), "unknown key \"" + full + "\"", listed_name(full));
       const auto value = checked_value(*p, node);
-      if (!value) return fail(node.source(), full + " = " + shown(node), expected_instead(*p, node));
+      if (!value)
+        return fail(node.source(), full + " = " + shown(node), expected_instead(*p, node.value<std::string>()));
       file.settings_.emplace_back(p, *value);
     }
   }
@@ -272,15 +354,15 @@ Result<ConfigFile> ConfigFile::parse(std::string_view text, const std::string& n
 void ConfigFile::apply(Config& config) const {
   for (const auto& [p, value] : settings_) {
     std::visit(
-        Overloaded{[&, v = &value](bool* (*at)(Config&)) { *at(config) = std::get<bool>(*v); },
-                   [&, v = &value](int* (*at)(Config&)) { *at(config) = std::get<int>(*v); },
-                   [&, v = &value](double* (*at)(Config&)) { *at(config) = std::get<double>(*v); },
-                   [&, v = &value](float* (*at)(Config&)) { *at(config) = static_cast<float>(std::get<double>(*v)); },
-                   [&, v = &value](std::string* (*at)(Config&)) { *at(config) = std::get<std::string>(*v); },
-                   [&, v = &value](std::vector<NamedValue>* (*at)(Config&)) {
-                     *at(config) = std::get<std::vector<NamedValue>>(*v);
-                   },
-                   [&, v = &value](const Choice& c) { c.set(config, std::get<int>(*v)); }},
+        Overloaded{
+            [&, v = &value](bool* (*at)(Config&)) { *at(config) = std::get<bool>(*v); },
+            [&, v = &value](int* (*at)(Config&)) { *at(config) = std::get<int>(*v); },
+            [&, v = &value](double* (*at)(Config&)) { *at(config) = std::get<double>(*v); },
+            [&, v = &value](std::string* (*at)(Config&)) { *at(config) = std::get<std::string>(*v); },
+            [&, v = &value](const NamedValues& to) { *to.at(config) = std::get<std::vector<NamedValue>>(*v); },
+            [&, v = &value](const Numbers& to) { std::ranges::copy(std::get<std::vector<double>>(*v), to.at(config)); },
+            [&, v = &value](BusSignal* (*at)(Config&)) { *at(config) = std::get<BusSignal>(*v); },
+            [&, v = &value](const Choice& c) { c.set(config, std::get<int>(*v)); }},
         p->value);
   }
 }
@@ -289,6 +371,7 @@ std::string to_toml(const Config& config) {
   std::string text, section;
   for (const Parameter& p : parameters()) {
     const std::size_t dot = p.name.find('.');
+    if (is_repetition(p.name.substr(0, dot), config)) continue;
     if (p.name.substr(0, dot) != section) {
       section = p.name.substr(0, dot);
       text += fmt::format("{}[{}]\n", text.empty() ? "" : "\n", section);

@@ -38,15 +38,29 @@ struct Choice {
   void (*set)(Config&, int);
 };
 
-/// One setting. Its default is the value in a default-constructed Config. Numbers outside [min, max] are errors. Named
-/// values are a table of integers, `section.key = { name = value, ... }`.
+/// Some integers by name, a table `{ name = value, ... }`.
+struct NamedValues {
+  std::vector<NamedValue>* (*at)(Config&);
+  std::vector<std::string> names;  ///< that may occur, with integers in the parameter's range; empty: any, of any value
+};
+
+/// A fixed number of numbers, `[1, 2, 3]`, each with its own range.
+struct Numbers {
+  struct Range {
+    double min, max;
+  };
+  double* (*at)(Config&);  ///< the first one; the others follow
+  std::vector<Range> ranges;
+};
+
+/// One setting. Its default is the value in a default-constructed Config. Numbers outside [min, max] are errors.
 struct Parameter {
   std::string name;  ///< `section.key`, as in the TOML file
   std::string unit;  ///< empty: none
   double min = 0, max = 0;
   std::string text;
-  std::variant<bool* (*)(Config&), int* (*)(Config&), float* (*)(Config&), double* (*)(Config&),
-               std::string* (*)(Config&), std::vector<NamedValue>* (*)(Config&), Choice>
+  std::variant<bool* (*)(Config&), int* (*)(Config&), double* (*)(Config&), std::string* (*)(Config&), NamedValues,
+               Numbers, BusSignal* (*)(Config&), Choice>
       value;
   bool beside_file = false;  ///< a path, relative to the folder of the file that names it
 };
@@ -56,16 +70,16 @@ const std::vector<Parameter>& parameters();
 /// A checked configuration file; apply() overrides defaults and calibration with its settings.
 class ConfigFile {
  public:
-  /// A float is held as double, a Choice as its index.
-  using Value = std::variant<bool, int, double, std::string, std::vector<NamedValue>>;
+  /// A Choice is held as its index.
+  using Value = std::variant<bool, int, double, std::string, std::vector<NamedValue>, std::vector<double>, BusSignal>;
 
   /// Fails if and only if the file cannot be read, is not TOML, names an unknown section or key, or holds a value of
   /// the wrong type or outside its range. `sets`: further settings in the syntax of set(), which override the file. An
   /// empty path reads no file.
   static Result<ConfigFile> read(const std::filesystem::path& path, const std::vector<std::string>& sets = {});
   static Result<ConfigFile> parse(std::string_view text, const std::string& name);
-  /// Sets one setting, `section.key=value`, overriding earlier values. A text needs no quotes. Fails if and only if the
-  /// setting does not exist, or the value has the wrong type or is out of range.
+  /// Sets one setting, `section.key=value`, overriding earlier values. A text needs no quotes, numbers no brackets.
+  /// Fails if and only if the setting does not exist, or the value has the wrong type or is out of range.
   Status set(const std::string& text);
 
   /// Writes the settings of the file, and no others, into `config`.

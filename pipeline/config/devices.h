@@ -1,34 +1,32 @@
 #pragma once
-// Configuration of devices: plain data, checked by the table in parameters.cc, which also gives units and ranges. An
-// empty device name means that there is no such device.
+// Configuration of devices: plain data. The table in parameters.cc has the settings, with units and ranges. An empty
+// device name means that there is no such device.
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
 
+#include "pipeline/config/bus_signal.h"
+#include "pipeline/config/named_value.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {
 
-/// A control of a device, by the name the device gives it.
-struct NamedValue {
-  std::string name;
-  std::int64_t value = 0;
-};
-
 /// Section [exposure]: control of a live camera's exposure. docs/camera.md.
 struct ExposureConfig {
   bool automatic = false;
-  double shortest_ms = 0.02, longest_ms = 10;
-  double blur_px = 2;       ///< largest motion blur by rotation; 0: no limit
-  double brightness = 100;  ///< mean grey value to aim at in images without texture
+  double longest_ms = 10;
+  double blur_px = 2;  ///< largest motion blur by rotation; 0: no limit
   std::string gain_control;
   double gain_unit = 1;   ///< gain of a value of 1 in gain_control
   int gain_scale = 0;     ///< kGainScaleNames
   double gain_most = 16;  ///< largest gain, as a factor
-  int delay_images = -1;  ///< number of images after a change that do not show it yet; -1: learn it
   double flicker_hz = 0;  ///< flicker of the lamps, twice the mains frequency; 0: none
+  // Not settings: the same for every camera.
+  double shortest_ms = 0.02;  ///< below it, dark noise and strobes; the control's own least value holds as well
+  double brightness = 100;    ///< mean grey value to aim at in images without texture: room on both sides
+  int delay_images = -1;      ///< number of images after a change that do not show it yet; -1: learn it
 };
 inline constexpr const char* kGainScaleNames[] = {"linear", "decibel"};
 
@@ -39,7 +37,6 @@ struct CameraConfig {
   int width = 0, height = 0;
   double rate_hz = 0;
   std::string format;  ///< four letters, as V4L2 writes it; empty: the best the device has
-  int buffers = 8;
   std::vector<NamedValue> controls;
   int shutter = 0;  ///< kShutterNames
   double readout_ms = 0;
@@ -95,7 +92,7 @@ inline constexpr const char* kImuDriverNames[] = {"iio", "icm42688p", "bmi088", 
 /// Section [body]: mounting of the IMU in the vehicle. Rotations, first about z, then y, then x, from the vehicle's
 /// axes (forward, left, up) to the IMU's.
 struct BodyConfig {
-  double roll_deg = 0, pitch_deg = 0, yaw_deg = 0;
+  std::array<double, 3> yaw_pitch_roll_deg{};
 };
 
 /// Section [mavlink]: the link to a flight controller.
@@ -111,10 +108,10 @@ struct MavlinkConfig {
   int frame = 0;    ///< kMavlinkFrameNames
   /// The vehicle's heading at the first pose, clockwise from true north. Negative: not known.
   double heading_deg = -1;
-  /// Where on earth the local frame begins, for an ArduPilot without GPS; altitude above sea level. Latitude and
-  /// longitude 0: it is not told.
-  double origin_latitude_deg = 0, origin_longitude_deg = 0, origin_altitude_m = 0;
-  bool has_origin() const { return origin_latitude_deg != 0 || origin_longitude_deg != 0; }
+  /// Where on earth the local frame begins, for an ArduPilot without GPS: latitude and longitude, deg; altitude above
+  /// sea level, m. Latitude and longitude 0: it is not told.
+  std::array<double, 3> origin{};
+  bool has_origin() const { return origin[0] != 0 || origin[1] != 0; }
 };
 inline constexpr const char* kMavlinkMessageNames[] = {"odometry", "vision-position"};
 inline constexpr const char* kMavlinkFrameNames[] = {"local-frd", "local-ned"};
@@ -130,29 +127,23 @@ struct CanConfig {
 /// Section [dds]: odometry for nodes of ROS 2.
 struct DdsConfig {
   bool publish = false;
-  int domain = -1;  ///< -1: ROS_DOMAIN_ID of the environment, else 0
 };
 
 /// Section [wheel]: a vehicle's speed in frames of a CAN bus.
 struct WheelConfig {
   std::string interface;
-  int id = 0;
-  bool extended = false;
-  int start_bit = 0, length = 16;  ///< as a DBC file counts them
-  bool big_endian = false, is_signed = true;
-  double scale_m_s = 0.01, offset_m_s = 0;
-  double delay_ms = 0;               ///< from the instant of a speed to its frame's arrival
-  double x_m = 0, y_m = 0, z_m = 0;  ///< where the speed is measured, seen from the IMU: forward, left, up
+  BusSignal signal;                    ///< its value is in m/s
+  double delay_ms = 0;                 ///< from the instant of a speed to its frame's arrival
+  std::array<double, 3> position_m{};  ///< where the speed is measured, seen from the IMU: forward, left, up
 };
 
 /// Section [height]: where a live flight's heights come from, and how the sensors sit in the vehicle.
 struct HeightConfig {
   int source = 0;       ///< kHeightSourceNames
   std::string device;   ///< IIO: name or path; empty: the only barometer there is
-  double rate_hz = 20;  ///< IIO: how often it is asked
   double air_deg = 15;  ///< temperature of the air at the ground, deg C: for heights from pressures
-  double range_x_m = 0, range_y_m = 0, range_z_m = 0;  ///< the range finder, seen from the IMU: forward, left, up
-  double range_forward_deg = 0, range_left_deg = 0;    ///< tilt of its beam from straight down
+  std::array<double, 3> range_position_m{};  ///< the range finder, seen from the IMU: forward, left, up
+  std::array<double, 2> range_tilt_deg{};    ///< of its beam from straight down: to the front, to the left
 };
 
 enum class HeightOrigin : std::uint8_t { kNone, kMavlink, kIio };

@@ -1,14 +1,38 @@
 #pragma once
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "pipeline/config/named_value.h"
+#include "platform/linux/realtime.h"
 
 namespace epiline {
 
-/// Section [realtime]: how the threads run. Priorities are SCHED_FIFO's, 0 the ordinary scheduler; cpu -1: any.
+/// Threads of a flight that may have a priority.
+enum class FlightThread : std::uint8_t { kImu, kCapture, kPublish, kTrack, kEstimate };
+inline constexpr std::array kFlightThreadNames = {"imu", "capture", "publish", "track", "estimate"};
+
+/// Section [realtime]: how the threads run.
 struct RealtimeConfig {
   double deadline_ms = 50;  ///< from an image's stamp to its odometry; 0: as long as it takes
   double imu_wait_ms = 100;
-  int priority_imu = 80, priority_capture = 70, priority_publish = 65, priority_track = 60, priority_estimate = 60;
-  int cpu_imu = -1, cpu_capture = -1, cpu_publish = -1, cpu_track = -1, cpu_estimate = -1;
+  int priority = 80;             ///< SCHED_FIFO's, of the most urgent thread; 0: the ordinary scheduler for all
+  std::vector<NamedValue> cpus;  ///< processors, by kFlightThreadNames; a thread without one runs anywhere
   bool lock_memory = true;
 };
+
+/// The nearer a thread is to a sensor or receiver, the shorter it runs and the more urgent it is.
+inline ThreadSettings settings_of(FlightThread thread, const RealtimeConfig& config,
+                                  std::size_t stack_bytes = ThreadSettings{}.stack_bytes) {
+  constexpr std::array kBelowFirst = {0, 10, 15, 20, 20};
+  const auto i = static_cast<std::size_t>(thread);
+  ThreadSettings s{kFlightThreadNames[i], 0, -1, stack_bytes};
+  if (config.priority != 0) s.priority = std::max(1, config.priority - kBelowFirst[i]);
+  for (const NamedValue& cpu : config.cpus)
+    if (cpu.name == s.name) s.cpu = static_cast<int>(cpu.value);
+  return s;
+}
 
 }  // namespace epiline

@@ -99,11 +99,11 @@ RealtimePipeline::Impl::Impl(const RealtimeSettings& s, const RealtimePorts& p)
     : settings(s),
       has_wheel(p.wheel != nullptr),
       has_height(p.height != nullptr),
-      imu_thread({"imu", s.realtime.priority_imu, s.realtime.cpu_imu, kStack}, flight),
-      capture_thread({"capture", s.realtime.priority_capture, s.realtime.cpu_capture, kStack}, flight),
-      track_thread({"track", s.realtime.priority_track, s.realtime.cpu_track, kStack}, flight),
-      estimate_thread({"estimate", s.realtime.priority_estimate, s.realtime.cpu_estimate, kEstimateStack}, flight),
-      publish_thread({"publish", s.realtime.priority_publish, s.realtime.cpu_publish, kStack}, flight),
+      imu_thread(settings_of(FlightThread::kImu, s.realtime, kStack), flight),
+      capture_thread(settings_of(FlightThread::kCapture, s.realtime, kStack), flight),
+      track_thread(settings_of(FlightThread::kTrack, s.realtime, kStack), flight),
+      estimate_thread(settings_of(FlightThread::kEstimate, s.realtime, kEstimateStack), flight),
+      publish_thread(settings_of(FlightThread::kPublish, s.realtime, kStack), flight),
       // what the others hand over before they end is still logged
       log_thread({"log", 0, -1, kStack}, flight, StageThread::AtStop::kGoOn),
       // without priority: the stamps are the kernel's, and nobody waits for them

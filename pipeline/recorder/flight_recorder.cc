@@ -187,7 +187,7 @@ void FlightRecorder::Impl::keep(const Frame& frame, std::size_t camera) {
 }
 
 bool FlightRecorder::Impl::may_record_lost(HostStamp stamp) const {
-  if (!config.on_lost || lost_due || made_for_lost >= config.most) return false;
+  if (lost_due || made_for_lost >= config.most) return false;
   return !lost_before || stamp - *lost_before >= Span::from_seconds(config.pause_s);
 }
 

@@ -62,11 +62,12 @@ std::string wheels_text(Suspect suspect, double figure) {
     return fmt::format(
         "the wheels' speeds scatter about the vehicle's by {:.0f} %: they slip, or are not this vehicle's",
         100 * figure);
-  if (figure < 0) return "the wheels read backwards: the sign of wheel.scale_m_s, or camera and IMU look back";
+  if (figure < 0)
+    return "the wheels read backwards: the sign of the scale in wheel.signal, or camera and IMU look back";
   if (figure < 0.8 || figure > 1.25)
     return fmt::format("the vehicle goes {:.2g} times as fast as its wheels read: {}", figure,
-                       figure > 0.26 && figure < 0.3 ? "in km/h?" : "wrong unit or scale (wheel.scale_m_s)?");
-  return fmt::format("the wheels read {:.1f} % too {}: they slip, or wheel.scale_m_s is wrong",
+                       figure > 0.26 && figure < 0.3 ? "in km/h?" : "wrong unit or scale (wheel.signal)?");
+  return fmt::format("the wheels read {:.1f} % too {}: they slip, or the scale in wheel.signal is wrong",
                      100 * std::abs(1 / figure - 1), figure < 1 ? "much" : "little");
 }
 

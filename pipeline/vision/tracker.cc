@@ -253,7 +253,7 @@ int Tracker::Impl::agree(int span, const Mat3& R, float limit_px) {
     pairs.now_x[n] = now.x(), pairs.now_y[n] = now.y(), pairs.now_z[n] = now.z();
   }
   const float limit_rad = limit_px / static_cast<float>(camera.focal_px());
-  find_inliers(pairs, {config.hypotheses, config.min_pairs, limit_rad, config.doubt_share}, inlier);
+  find_inliers(pairs, {config.hypotheses, limit_rad, config.doubt_share}, inlier);
   return static_cast<int>(std::count(inlier.begin(), inlier.begin() + pairs.size, true));
 }
 

@@ -35,7 +35,6 @@ struct TrackerConfig {
 
   // Two-point rejection
   int hypotheses = 40;          ///< directions of travel tried for each span
-  int min_pairs = 10;           ///< with fewer nothing is rejected
   float near_limit_px = 0.75f;  ///< Sampson distance, angle times focal length, against the previous image
   float wide_limit_px = 1.5f;   ///< the same against the image `wide_span` images ago
   float doubt_share = 0.03f;    ///< more outliers than this share: the rotation is fitted as well

@@ -130,7 +130,7 @@ void correct_rotation(float limit_rad, BearingPairs& pairs, Direction& direction
 void find_inliers(BearingPairs& pairs, const TwoPointSettings& settings,
                   std::array<bool, BearingPairs::kCapacity>& inlier) noexcept {
   inlier.fill(true);
-  if (pairs.size < settings.min_pairs) return;
+  if (pairs.size < kFewestPairs) return;
   alignas(64) Distances distance2;
   const float limit2 = settings.limit_rad * settings.limit_rad;
   Direction best;

@@ -1,7 +1,6 @@
 // How much hangs on the constants that were tuned: flights with truth, flown with each of them smaller and larger.
 // docs/developers/constants.md has the table and tells which flights it was made of.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -10,12 +9,13 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <type_traits>
+#include <variant>
 #include <vector>
 
 #include "drivers/study/replay/replay.h"
 #include "drivers/study/report/flight_record.h"
 #include "pipeline/config/config.h"
-#include "pipeline/text/table.h"
 #include "platform/math/statistics.h"
 
 namespace epiline {
@@ -28,47 +28,56 @@ struct Options {
   std::string only;
 };
 
-/// A setting, as it is called in a configuration file, and its default.
+/// A member of Config::estimator or Config::tracker. Some are settings as well, under the same name.
 struct Constant {
-  const char* section;
-  const char* name;
-  double value;
-  bool whole = false;
+  std::string name;
+  std::variant<int EstimatorConfig::*, double EstimatorConfig::*, int TrackerConfig::*, float TrackerConfig::*> member;
+
+  /// f(the member in `config`).
+  template <class F>
+  void visit(Config& config, F f) const {
+    std::visit(
+        [&]<class Owner, class Number>(Number Owner::*at) {
+          if constexpr (std::is_same_v<Owner, EstimatorConfig>)
+            f(config.estimator.*at);
+          else
+            f(config.tracker.*at);
+        },
+        member);
+  }
 };
 
 std::vector<Constant> constants() {
-  const EstimatorConfig e;
-  const TrackerConfig t;
   return {
-      {"estimator", "keyframes", static_cast<double>(e.keyframes), true},
-      {"estimator", "solve_interval_s", e.solve_interval_s},
-      {"estimator", "sigma_inflation", e.sigma_inflation},
-      {"estimator", "drift_inflation", e.drift_inflation},
-      {"estimator", "drift_student", e.drift_student},
-      {"estimator", "cauchy", e.cauchy},
-      {"estimator", "gate_cap", e.gate_cap},
-      {"estimator", "gyroscope_density_factor", e.gyroscope_density_factor},
-      {"estimator", "accelerometer_density_factor", e.accelerometer_density_factor},
-      {"estimator", "accelerometer_walk_factor", e.accelerometer_walk_factor},
-      {"estimator", "keyframe_parallax_px", e.keyframe_parallax_px},
-      {"estimator", "time_offset_sigma_s", e.time_offset_sigma_s},
-      {"tracker", "max_features", static_cast<double>(t.max_features), true},
-      {"tracker", "iterations", static_cast<double>(t.iterations), true},
-      {"tracker", "step_px", t.step_px},
-      {"tracker", "coarse_step_px", t.coarse_step_px},
-      {"tracker", "max_step_px", t.max_step_px},
-      {"tracker", "min_eigenvalue", t.min_eigenvalue},
-      {"tracker", "start_level_0_px", t.start_level_0_px},
-      {"tracker", "start_level_1_px", t.start_level_1_px},
-      {"tracker", "start_level_2_px", t.start_level_2_px},
-      {"tracker", "min_correlation", t.min_correlation},
-      {"tracker", "max_backward_px", t.max_backward_px},
-      {"tracker", "hypotheses", static_cast<double>(t.hypotheses), true},
-      {"tracker", "near_limit_px", t.near_limit_px},
-      {"tracker", "wide_limit_px", t.wide_limit_px},
-      {"tracker", "min_distance_px", t.min_distance_px},
-      {"tracker", "min_score", t.min_score},
-      {"tracker", "edge_share", static_cast<double>(t.edge_share)},
+      {"estimator.keyframes", &EstimatorConfig::keyframes},
+      {"estimator.solve_interval_s", &EstimatorConfig::solve_interval_s},
+      {"estimator.sigma_inflation", &EstimatorConfig::sigma_inflation},
+      {"estimator.drift_inflation", &EstimatorConfig::drift_inflation},
+      {"estimator.drift_student", &EstimatorConfig::drift_student},
+      {"estimator.cauchy", &EstimatorConfig::cauchy},
+      {"estimator.gate_cap", &EstimatorConfig::gate_cap},
+      {"estimator.gyroscope_density_factor", &EstimatorConfig::gyroscope_density_factor},
+      {"estimator.accelerometer_density_factor", &EstimatorConfig::accelerometer_density_factor},
+      {"estimator.accelerometer_walk_factor", &EstimatorConfig::accelerometer_walk_factor},
+      {"estimator.keyframe_parallax_px", &EstimatorConfig::keyframe_parallax_px},
+      {"estimator.time_offset_sigma_s", &EstimatorConfig::time_offset_sigma_s},
+      {"tracker.max_features", &TrackerConfig::max_features},
+      {"tracker.iterations", &TrackerConfig::iterations},
+      {"tracker.step_px", &TrackerConfig::step_px},
+      {"tracker.coarse_step_px", &TrackerConfig::coarse_step_px},
+      {"tracker.max_step_px", &TrackerConfig::max_step_px},
+      {"tracker.min_eigenvalue", &TrackerConfig::min_eigenvalue},
+      {"tracker.start_level_0_px", &TrackerConfig::start_level_0_px},
+      {"tracker.start_level_1_px", &TrackerConfig::start_level_1_px},
+      {"tracker.start_level_2_px", &TrackerConfig::start_level_2_px},
+      {"tracker.min_correlation", &TrackerConfig::min_correlation},
+      {"tracker.max_backward_px", &TrackerConfig::max_backward_px},
+      {"tracker.hypotheses", &TrackerConfig::hypotheses},
+      {"tracker.near_limit_px", &TrackerConfig::near_limit_px},
+      {"tracker.wide_limit_px", &TrackerConfig::wide_limit_px},
+      {"tracker.min_distance_px", &TrackerConfig::min_distance_px},
+      {"tracker.min_score", &TrackerConfig::min_score},
+      {"tracker.edge_share", &TrackerConfig::edge_share},
   };
 }
 
@@ -76,7 +85,7 @@ struct Outcome {
   double ate_m = 0, tracking_s = 0;
 };
 
-/// Empty: it does not replay, as with a value out of its range, or gives no trajectory.
+/// Empty: it does not replay, or gives no trajectory.
 std::optional<Outcome> fly(ReplayOptions options, const std::filesystem::path& flight) {
   options.dataset = flight;
   const auto result = replay(options, [](std::size_t, std::size_t) {});
@@ -91,7 +100,7 @@ std::optional<Outcome> fly(ReplayOptions options, const std::filesystem::path& f
   return o;
 }
 
-void print(const Constant& c, double value, const std::vector<Outcome>& usual,
+void print(const Constant& c, double usual_value, double value, const std::vector<Outcome>& usual,
            const std::vector<std::optional<Outcome>>& changed, const std::vector<std::filesystem::path>& flights) {
   std::vector<double> ratios;
   double worst = 0, usual_s = 0, changed_s = 0;
@@ -109,9 +118,9 @@ void print(const Constant& c, double value, const std::vector<Outcome>& usual,
     worst = ratio;
     worst_flight = flights[i].filename().string();
   }
-  const std::string name = fmt::format("| {}.{} | {:.4g} | {:.4g} |", c.section, c.name, c.value, value);
+  const std::string name = fmt::format("| {} | {:.4g} | {:.4g} |", c.name, usual_value, value);
   if (ratios.empty())
-    fmt::print("{} not allowed, or no flight | | |\n", name);
+    fmt::print("{} no flight | | |\n", name);
   else
     fmt::print("{} {:.2f} | {:.2f} {} | {:+.1f} %{}{} |\n", name, summarise(ratios).median, worst, worst_flight,
                100 * (changed_s / usual_s - 1), failed.empty() ? "" : ", fails:", failed);
@@ -131,20 +140,24 @@ int run(Options& o) {
     usual.push_back(*outcome);
   }
   fmt::print(
-      "\n| setting | default | tried | error, times the usual: median | worst flight | time tracking |\n"
+      "\n| constant | default | tried | error, times the usual: median | worst flight | time tracking |\n"
       "|---|---|---|---|---|---|\n");
-  o.replay.config_file = std::filesystem::temp_directory_path() / fmt::format("epiline_sensitivity_{}.toml", getpid());
   for (const Constant& c : constants()) {
-    if (std::string(c.name).find(o.only) == std::string::npos) continue;
+    if (c.name.find(o.only) == std::string::npos) continue;
     for (const double factor : o.factors) {
-      const double value = c.whole ? std::round(factor * c.value) : factor * c.value;
-      if (!write_text(o.replay.config_file, fmt::format("[{}]\n{} = {}\n", c.section, c.name, value))) return 2;
+      double before = 0, value = 0;
+      o.replay.tune = [&](Config& config) {
+        c.visit(config, [&]<class Number>(Number& number) {
+          before = static_cast<double>(number);
+          number = static_cast<Number>(std::is_integral_v<Number> ? std::round(factor * before) : factor * before);
+          value = static_cast<double>(number);
+        });
+      };
       std::vector<std::optional<Outcome>> changed;
       for (const auto& flight : o.flights) changed.push_back(fly(o.replay, flight));
-      print(c, value, usual, changed, o.flights);
+      print(c, before, value, usual, changed, o.flights);
     }
   }
-  std::filesystem::remove(o.replay.config_file);
   return 0;
 }
 
@@ -153,10 +166,10 @@ int run(Options& o) {
 
 int main(int argc, char** argv) {
   epiline::Options options;
-  CLI::App app("What the tuned settings change in flights with ground truth");
+  CLI::App app("What the tuned constants change in flights with ground truth");
   app.add_option("DATASETS", options.flights)->required();
-  app.add_option("--factors", options.factors, "on each setting's default, one after the other");
-  app.add_option("--only", options.only, "settings with this in their name");
+  app.add_option("--factors", options.factors, "on each constant's default, one after the other");
+  app.add_option("--only", options.only, "constants with this in their name");
   app.add_option("--start", options.replay.start_s, "s of each flight left out at the beginning");
   app.add_option("--duration", options.replay.duration_s, "s of each flight");
   CLI11_PARSE(app, argc, argv);

@@ -195,8 +195,8 @@ TEST_F(TwoCameras, AreReportedAsOneWhereTheSettingsUseOne) {
     return result ? result->notes : std::vector<std::string>{};
   };
   EXPECT_EQ(notes({}, kBothCameras).size(), 0U);
-  for (const std::string setting : {"estimator.visual_factor=\"epipolar\"", "estimator.visual_factor=\"reprojection\"",
-                                    "estimator.track_noise=\"white\""}) {
+  for (const std::string setting :
+       {"estimator.visual_factor=\"epipolar\"", "estimator.visual_factor=\"reprojection\""}) {
     const auto said = notes({setting}, kBothCameras);
     ASSERT_EQ(said.size(), 1U) << setting;
     EXPECT_NE(said[0].find("from cam0 alone"), std::string::npos) << said[0];

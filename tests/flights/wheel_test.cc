@@ -29,7 +29,7 @@ constexpr const char* kWithout = "[wheel]\nuse = false\n";
 // A vehicle at a constant speed: the accelerometer has nothing to say about the scale. It looks to its left.
 TEST_F(Wheels, HoldTheScaleOfAStraightWay) {
   fly(FlightKind::kStraight, {.forward_B = -Vec3::UnitY()});
-  const std::string settings = "[body]\nyaw_deg = 90\n";
+  const std::string settings = "[body]\nyaw_pitch_roll_deg = [90, 0, 0]\n";
   const WheelOutcome with = replayed(settings + kWith), without = replayed(settings + kWithout);
   EXPECT_GT(with.stats.wheel_frames, 300u);
   EXPECT_EQ(with.stats.wheel_slips, 0u);
@@ -39,7 +39,7 @@ TEST_F(Wheels, HoldTheScaleOfAStraightWay) {
 
 // Ten thousand noisy readings do not make a wrong radius right, and do not shrink the scale either.
 TEST_F(Wheels, OfAWrongRadiusAreBelievedAsFarAsTheyMayBe) {
-  const std::string settings = "[body]\nyaw_deg = 90\n[wheel]\nsigma_m_s = 0.02\n";
+  const std::string settings = "[body]\nyaw_pitch_roll_deg = [90, 0, 0]\n[wheel]\nsigma_m_s = 0.02\n";
   fly(FlightKind::kStraight, {.forward_B = -Vec3::UnitY(), .scale_error = 0.1});
   const WheelOutcome wrong = replayed(settings), without = replayed(kWithout);
   EXPECT_LT(ate(wrong), 3 * ate(without));

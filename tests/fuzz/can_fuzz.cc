@@ -35,14 +35,15 @@ struct Input {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   Input input{data, size};
   WheelConfig config;
-  config.id = input.take<std::uint16_t>() & CAN_SFF_MASK;
-  config.start_bit = input.take<std::int16_t>();
-  config.length = input.take<std::int8_t>();
+  BusSignal& signal = config.signal;
+  signal.id = input.take<std::uint16_t>() & CAN_SFF_MASK;
+  signal.start_bit = input.take<std::int16_t>();
+  signal.length = input.take<std::int8_t>();
   const auto flags = input.take<std::uint8_t>();
-  config.big_endian = (flags & 1) != 0;
-  config.is_signed = (flags & 2) != 0;
-  config.scale_m_s = input.take<double>();
-  config.offset_m_s = input.take<double>();
+  signal.big_endian = (flags & 1) != 0;
+  signal.is_signed = (flags & 2) != 0;
+  signal.scale = input.take<double>();
+  signal.offset = input.take<double>();
   CanWheelSource source(config);
   const std::int64_t began_ns = monotonic_ns();
   HostStamp last{began_ns - 2'000'000'000};
@@ -55,20 +56,17 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     std::vector<std::uint8_t> frame(std::min<std::size_t>(input.take<std::uint8_t>() % 80U, input.size));
     for (std::uint8_t& byte : frame) byte = input.take<std::uint8_t>();
     if ((flags & 32) != 0 && frame.size() >= 4) {  // often enough ours
-      const auto id = static_cast<std::uint32_t>(config.id);
-      std::memcpy(frame.data(), &id, sizeof id);
+      std::memcpy(frame.data(), &signal.id, sizeof signal.id);
     }
     if (!source.decode(frame, stamps, sample)) continue;
     if (!std::isfinite(sample.forward_speed_m_s) || sample.stamp < last || sample.stamp.ns > monotonic_ns())
       std::abort();
     last = sample.stamp;
   }
-  const BusSignal signal{config.start_bit, config.length,    config.big_endian,
-                         config.is_signed, config.scale_m_s, config.offset_m_s};
   canfd_frame sound{};
-  sound.can_id = static_cast<std::uint32_t>(config.id);
+  sound.can_id = signal.id;
   sound.len = CANFD_MAX_DLEN;
-  const bool readable = signal.value({sound.data, sound.len}).has_value();
+  const bool readable = value_of(signal, {sound.data, sound.len}).has_value();
   std::vector<std::uint8_t> bytes(CANFD_MTU);
   std::memcpy(bytes.data(), &sound, bytes.size());
   if (source.decode(bytes, {}, sample) != readable) std::abort();

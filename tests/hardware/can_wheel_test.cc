@@ -18,10 +18,7 @@ constexpr std::int64_t kReadApart_ns = 15'000'000;
 WheelConfig wheel_config() {
   WheelConfig config;
   config.interface = kBus;
-  config.id = 0x1a0;
-  config.start_bit = 16;
-  config.length = 16;
-  config.scale_m_s = 0.01;
+  config.signal = {.id = 0x1a0, .start_bit = 16, .length = 16, .is_signed = true, .scale = 0.01};
   return config;
 }
 std::vector<std::uint8_t> speed_frame(int centimetres) {

@@ -121,7 +121,7 @@ class CheckDevices : public CanBus {
         << "/camera.yaml\"\n[imu]\ndevice = \"gyro_3d\"\ndevice_accel = \"accel_3d\"\nrate_hz = 100\n"
            "gyroscope_noise_density = 1e-3\naccelerometer_noise_density = 1e-2\n[mavlink]\nserial = \""
         << terminal_.path() << "\"\n[can]\ninterface = \"" << kBus << "\"\n[wheel]\ninterface = \"" << kBus
-        << "\"\nid = " << kWheel << "\n";
+        << "\"\nsignal = \"" << kWheel << " 0|16@1- (0.01,0)\"\n";
     CheckOptions options;
     options.seconds = 6;
     const Findings found = check_devices(folder_ / "flight.toml", options);
@@ -200,7 +200,7 @@ TEST_F(CheckDevices, FindsWhatIsWrong) {
   EXPECT_TRUE(is_found(found, Grade::kWarning, "camera", "30 are configured"));
   EXPECT_TRUE(is_found(found, Grade::kError, "imu", "samples are in g"));
   EXPECT_TRUE(is_found(found, Grade::kError, "mavlink", "nothing received from a flight controller"));
-  EXPECT_TRUE(is_found(found, Grade::kError, "wheel", "none with wheel.id 0x123"));
+  EXPECT_TRUE(is_found(found, Grade::kError, "wheel", "none with 0x123 of wheel.signal"));
 }
 
 TEST_F(CheckDevices, FindsDevicesThatGiveNothing) {
@@ -211,7 +211,7 @@ TEST_F(CheckDevices, FindsDevicesThatGiveNothing) {
   EXPECT_TRUE(is_found(found, Grade::kError, "imu", "0 samples"));
   EXPECT_TRUE(is_found(found, Grade::kWarning, "can", "no other node sends"))
       << "what we send ourselves is nobody else";
-  EXPECT_TRUE(is_found(found, Grade::kError, "wheel", "none with wheel.id 0x123"));
+  EXPECT_TRUE(is_found(found, Grade::kError, "wheel", "none with 0x123 of wheel.signal"));
   ASSERT_TRUE(set_bus("down"));
   const Findings down = check(10);
   EXPECT_TRUE(is_found(down, Grade::kError, "can", "is down"));

@@ -70,7 +70,7 @@ TEST_F(CheckOfTheKernel, WhatItSendsItselfIsNobodyElseTalking) {
 
 // More frames than the kernel keeps come before the wheel's first one.
 TEST_F(CheckOfTheKernel, WheelsAreHeardOnABusyBus) {
-  const char* const kWheel = "[wheel]\ninterface = \"vcan7\"\nid = 0x123\nlength = 16\nscale_m_s = 0.01\n";
+  const char* const kWheel = "[wheel]\ninterface = \"vcan7\"\nsignal = \"0x123 0|16@1- (0.01,0)\"\n";
   Peer sender(false);
   std::atomic<bool> ends{false};
   std::thread hand([&] {
@@ -87,7 +87,7 @@ TEST_F(CheckOfTheKernel, WheelsAreHeardOnABusyBus) {
   EXPECT_EQ(grade(heard, "wheel", "frames with 2 identifiers received on vcan7"), "ok");
   const Findings silent = check(kNoCamera, kWheel, 1);
   EXPECT_EQ(grade(silent, "wheel", "no speed received"), "error");
-  EXPECT_EQ(grade(silent, "wheel", "none with wheel.id 0x123"), "error");
+  EXPECT_EQ(grade(silent, "wheel", "none with 0x123 of wheel.signal"), "error");
 }
 
 // Lines are looked at though the devices that they belong to are not there.

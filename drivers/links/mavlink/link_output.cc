@@ -15,9 +15,9 @@ constexpr std::size_t kAnythingBehind = 512;         // bytes in the kernel that
 
 SetGpsGlobalOrigin origin_message(const MavlinkConfig& config, std::int64_t now_ns) {
   SetGpsGlobalOrigin message;
-  message.latitude = static_cast<std::int32_t>(std::lround(1e7 * config.origin_latitude_deg));
-  message.longitude = static_cast<std::int32_t>(std::lround(1e7 * config.origin_longitude_deg));
-  message.altitude = static_cast<std::int32_t>(std::lround(1e3 * config.origin_altitude_m));
+  message.latitude = static_cast<std::int32_t>(std::lround(1e7 * config.origin[0]));
+  message.longitude = static_cast<std::int32_t>(std::lround(1e7 * config.origin[1]));
+  message.altitude = static_cast<std::int32_t>(std::lround(1e3 * config.origin[2]));
   message.target_system = static_cast<std::uint8_t>(config.system);
   message.time_usec = static_cast<std::uint64_t>(now_ns / 1000);
   return message;

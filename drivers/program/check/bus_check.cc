@@ -24,8 +24,8 @@ BusCheck::BusCheck(const DevicesConfig& config, Findings& out) : config_(config)
 
 void BusCheck::tell(Findings& out) {
   for (auto& [device, interface, listener] : listeners_) {
-    const std::uint32_t wheel_id =
-        static_cast<std::uint32_t>(config_.wheel.id) | (config_.wheel.extended ? CAN_EFF_FLAG : 0);
+    const BusSignal& signal = config_.wheel.signal;
+    const std::uint32_t wheel_id = signal.id | (signal.extended ? CAN_EFF_FLAG : 0);
     std::uint64_t frames = 0, ids = 0;
     bool has_wheel = false;
     for (const auto& [id, count] : listener->heard_so_far()) {
@@ -38,8 +38,8 @@ void BusCheck::tell(Findings& out) {
     const bool is_wheel = std::string_view(device) == "wheel";
     if (is_wheel && !has_wheel)
       out.push_back(
-          bus_finding(Grade::kError, device, fmt::format("{}, none with wheel.id 0x{:x}", text, config_.wheel.id),
-                      "switch the sender on; compare the bit rate, wheel.id and wheel.extended with candump"));
+          bus_finding(Grade::kError, device, fmt::format("{}, none with 0x{:x} of wheel.signal", text, signal.id),
+                      "switch the sender on; compare the bit rate and the identifier in wheel.signal with candump"));
     else if (frames == 0)
       out.push_back(
           bus_finding(Grade::kWarning, device, text,

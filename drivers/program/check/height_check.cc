@@ -24,7 +24,7 @@ Finding finding_of(const HeightResult::Sensor& s, const char* sensor) {
                                  s.pacing.rate_hz(), 1e3 * s.pacing.jitter_s, s.least_m, s.most_m);
   if (s.pacing.rate_hz() < kSlowest_hz)
     return {Grade::kWarning, "height", std::move(text),
-            "at least 4 a second: raise the flight controller's stream rate, or height.rate_hz"};
+            "at least 4 a second: raise the flight controller's stream rate"};
   return {Grade::kOk, "height", std::move(text), {}};
 }
 

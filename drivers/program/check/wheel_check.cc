@@ -41,14 +41,14 @@ Findings findings_of(const WheelResult& r) {
   };
   if (r.pacing.samples == 0)
     return {said(Grade::kError, "no speed received",
-                 "see below whether its frame arrives; check wheel.start_bit, wheel.length and byte order")};
+                 "see below whether its frame arrives; compare start bit, length and byte order in wheel.signal")};
   const std::string text = fmt::format("{:.1f} speeds per second, jitter {:.1f} ms, from {:.2f} to {:.2f} m/s",
                                        r.pacing.rate_hz(), 1e3 * r.pacing.jitter_s, r.least_m_s, r.most_m_s);
   Findings out;
   say_silence(r.pacing, "wheel", out);
   if (std::max(-r.least_m_s, r.most_m_s) > kFastest_m_s)
     out.push_back(said(Grade::kWarning, text,
-                       "faster than any vehicle: correct wheel.scale_m_s, is_signed, start_bit or byte order"));
+                       "faster than any vehicle: correct scale, sign, start bit or byte order in wheel.signal"));
   else
     out.push_back(said(Grade::kOk, text));
   return out;

@@ -151,11 +151,7 @@ int replay_command(ReplayArguments& options) {
   }
   std::optional<DdsOutput> dds;
   if (options.dds) {
-    const auto file = ConfigFile::read(options.replay.config_file, options.replay.set);
-    if (!file) return report(file.error());
-    Config config;
-    file->apply(config);
-    options.replay.observer = &dds.emplace(config.devices.dds, DdsOutput::Times::kAsRecorded);
+    options.replay.observer = &dds.emplace(DdsOutput::Times::kAsRecorded);
     if (const Status s = dds->open(); !s) return report(s.error());
   }
   ProgressBar bar(options.quiet);

@@ -37,9 +37,8 @@ void give_way() {
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNiceness);
 }
 
-/// The setting; else, as for ROS 2's nodes, the environment's; else 0.
-Result<int> domain_of(const DdsConfig& config) {
-  if (config.domain >= 0) return config.domain;
+/// As for ROS 2's nodes: that of the environment, else 0.
+Result<int> domain_of_environment() {
   const char* const text = std::getenv("ROS_DOMAIN_ID");
   if (text == nullptr || *text == 0) return 0;
   std::int64_t domain = -1;
@@ -57,7 +56,7 @@ HostStamp on_system_clock(HostStamp stamp) noexcept {
 }
 
 Status DdsOutput::open() {
-  const auto domain = domain_of(config_);
+  const auto domain = domain_of_environment();
   if (!domain) return domain.error();
   domain_ = *domain;
   const SignalWait blocked({SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGPIPE});  // in the threads that begin here

@@ -5,7 +5,6 @@
 #include <optional>
 
 #include "drivers/program/dds/participant.h"
-#include "pipeline/config/devices.h"
 #include "pipeline/realtime/flight_observer.h"
 #include "platform/concurrency/parking.h"
 #include "platform/concurrency/spsc_ring.h"
@@ -27,7 +26,7 @@ class DdsOutput final : public OdometrySink, public FlightObserver {
     kAsRecorded,  ///< the stamps of the samples
     kOfDay,       ///< those, which are of the monotonic clock, on the system clock: ROS 2's own
   };
-  DdsOutput(const DdsConfig& config, Times times) : config_(config), times_(times) {}
+  explicit DdsOutput(Times times) : times_(times) {}
   ~DdsOutput() override { DdsOutput::close(); }
 
   /// ErrorKind::kUsage: there is no Cyclone DDS, or ROS_DOMAIN_ID is wrong.
@@ -53,7 +52,6 @@ class DdsOutput final : public OdometrySink, public FlightObserver {
   void send(const FrameOutcome& outcome);
   bool diagnostics_are_due(const FrameOutcome& outcome) const;
 
-  const DdsConfig config_;
   const Times times_;
   SpscRing<FrameOutcome, 64> ring_;
   Parking parking_;

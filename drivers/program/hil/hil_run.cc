@@ -241,7 +241,6 @@ Status Flight::connect_camera(LiveDevices& devices) {
   // What a loopback has not: controls, an exposure, a clock that anybody vouches for. Recorded stamps are mid-exposure.
   CameraConfig c;
   c.device = played.front();
-  c.buffers = d.camera.buffers;
   c.silence_ms = d.camera.silence_ms;
   c.rate_hz = image_rate_hz(plan_);
   c.trust_stamps = true;

@@ -138,9 +138,6 @@ DeviceRecord record_of(const CanWheelSource& wheel) {
 
 namespace {
 
-/// While its lens is covered, the tracker keeps its last image before, and the newest for the other cameras.
-constexpr int kFewestBuffersOfSeveral = 3;
-
 /// After the first one. `other`: of the other cameras, from 0.
 Status read_other_camera(LiveSettings& settings, std::size_t other) {
   Config& config = settings.config;
@@ -188,10 +185,6 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
   settings.is_flown = need == CalibrationNeed::kRequired;
   Config& config = settings.config;
   file->apply(config);  // for the names of calibration files
-  if (const int buffers = config.devices.camera.buffers;
-      camera_count(config.devices) > 1 && buffers < kFewestBuffersOfSeveral)
-    return missing(settings, fmt::format("camera.buffers = {} beside another camera", buffers).c_str(),
-                   fmt::format("{} or more", kFewestBuffersOfSeveral).c_str());
   if (!config.camera_calibration.empty()) {
     if (const Status s = read_camera(settings); !s) return s.error();
   } else if (need == CalibrationNeed::kRequired) {
@@ -246,8 +239,9 @@ PairSettings pair_settings(const LiveSettings& settings, std::size_t other) {
     s.width = settings.camera.width;
     s.height = settings.camera.height;
   }
-  s.priority = config.realtime.priority_capture;
-  s.cpu = config.realtime.cpu_capture;
+  const ThreadSettings thread = settings_of(FlightThread::kCapture, config.realtime);
+  s.priority = thread.priority;
+  s.cpu = thread.cpu;
   s.number = other + 1;
   return s;
 }
@@ -312,7 +306,7 @@ void add_can(const DevicesConfig& d, LiveDevices& devices) {
 
 void add_dds(const DevicesConfig& d, LiveDevices& devices) {
   if (!d.dds.publish) return;
-  auto dds = std::make_unique<DdsOutput>(d.dds, DdsOutput::Times::kOfDay);
+  auto dds = std::make_unique<DdsOutput>(DdsOutput::Times::kOfDay);
   DdsOutput* const o = dds.get();
   devices.outputs.push_back({.sink = std::move(dds),
                              .record =
@@ -336,8 +330,7 @@ Status add_height(const LiveSettings& settings, mavlink::MavlinkLink* link, Live
   const auto origin = static_cast<HeightOrigin>(h.source);
   if (origin == HeightOrigin::kNone) return Done{};
   if (origin == HeightOrigin::kIio) {
-    auto pressure = std::make_unique<IioPressure>(
-        IioPressure::Settings{.device = h.device, .rate_hz = h.rate_hz, .air_deg = h.air_deg});
+    auto pressure = std::make_unique<IioPressure>(IioPressure::Settings{.device = h.device, .air_deg = h.air_deg});
     devices.records.emplace_back(
         [p = pressure.get()] { return device_record("height", kPressureCounters, p->counts(), std::nullopt); });
     devices.height = std::move(pressure);

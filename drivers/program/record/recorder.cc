@@ -131,9 +131,9 @@ class Recorder {
     start_ns_ = monotonic_ns();
     writer_.start();
     const RealtimeConfig& r = settings_.config.realtime;
-    const bool started = imu_thread_.start({"imu", r.priority_imu, r.cpu_imu}, [this] {
+    const bool started = imu_thread_.start(settings_of(FlightThread::kImu, r), [this] {
       return readings_->step();
-    }) && camera_thread_.start({"capture", r.priority_capture, r.cpu_capture}, [this] { return images_->step(); });
+    }) && camera_thread_.start(settings_of(FlightThread::kCapture, r), [this] { return images_->step(); });
     if (!started)
       throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again), "no thread left");
   }

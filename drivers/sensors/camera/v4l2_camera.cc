@@ -29,8 +29,7 @@ V4l2Camera::V4l2Camera(V4l2Settings settings, SystemCalls& system)
 
 Status V4l2Camera::open() {
   if (settings_.buffers < 2 || settings_.buffers > static_cast<int>(kMostBuffers))
-    return Error{ErrorKind::kUsage, settings_.device, 0, "camera.buffers = " + std::to_string(settings_.buffers),
-                 "2 to 16"};
+    return Error{ErrorKind::kUsage, settings_.device, 0, "buffers = " + std::to_string(settings_.buffers), "2 to 16"};
   if (Status line = stamp_line_.open(); !line) return line;
   if (!wake_up_.open()) return Error{ErrorKind::kRun, "eventfd", 0, std::strerror(errno), ""};
   if (!requests_.start()) {

@@ -34,8 +34,6 @@ Status check(const CameraConfig& config) {
   if (!exposure.automatic) return Done{};
   if (config.exposure_control.empty())
     return wrong("exposure.automatic", "true without camera.exposure_control", "the control that sets the exposure");
-  if (exposure.shortest_ms > exposure.longest_ms)
-    return wrong("exposure.shortest_ms", "more than exposure.longest_ms", "less");
   return Done{};
 }
 
@@ -58,7 +56,6 @@ Result<V4l2Settings> v4l2_settings_of(const CameraConfig& config) {
   settings.height = config.height;
   settings.rate_hz = config.rate_hz;
   if (!config.format.empty()) settings.formats = {*pixel_format_named(config.format)};
-  settings.buffers = config.buffers;
   settings.controls = config.controls;
   settings.shutter = static_cast<Shutter>(config.shutter);
   settings.readout = span_of_ms(config.readout_ms);

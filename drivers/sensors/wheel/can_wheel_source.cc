@@ -7,10 +7,8 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cmath>
 #include <cstring>
 #include <limits>
-#include <string>
 #include <utility>
 
 #include "platform/concurrency/counter.h"
@@ -19,8 +17,6 @@
 namespace epiline {
 
 namespace {
-
-constexpr std::uint32_t kMostStandard = 0x7ff, kMostExtended = 0x1fffffff;
 
 timespec timespec_until(std::int64_t until_ns) noexcept {
   constexpr std::int64_t kSecond = 1'000'000'000;
@@ -62,27 +58,14 @@ bool GapWatch::is_after_gap(HostStamp stamp) noexcept {
   return gap;
 }
 
-CanWheelSource::CanWheelSource(WheelConfig config)
-    : config_(std::move(config)), signal_{config_.start_bit, config_.length,    config_.big_endian,
-                                          config_.is_signed, config_.scale_m_s, config_.offset_m_s} {}
+CanWheelSource::CanWheelSource(WheelConfig config) : config_(std::move(config)) {}
 
 Status CanWheelSource::check_settings() const {
-  const auto error = [](std::string found, std::string expected) {
-    return Error{ErrorKind::kUsage, "[wheel]", 0, std::move(found), std::move(expected)};
+  const auto error = [](const char* found, const char* expected) {
+    return Error{ErrorKind::kUsage, "[wheel]", 0, found, expected};
   };
-  const std::uint32_t most = config_.extended ? kMostExtended : kMostStandard;
   if (config_.interface.empty()) return error("interface is not set", "wheel.interface, as `ip -br link` shows it");
-  if (config_.id < 0 || static_cast<std::uint32_t>(config_.id) > most)
-    return error("id " + std::to_string(config_.id),
-                 "0 to " + std::to_string(most) + (config_.extended ? "" : ", or wheel.extended = true"));
-  if (signal_.bytes() == 0)
-    return error(
-        "a signal of " + std::to_string(config_.length) + " bits from bit " + std::to_string(config_.start_bit),
-        "one of 1 to 64 bits within 64 bytes");
-  if (!std::isfinite(config_.scale_m_s) || config_.scale_m_s == 0 || !std::isfinite(config_.offset_m_s))
-    return error(
-        "scale_m_s " + std::to_string(config_.scale_m_s) + ", offset_m_s " + std::to_string(config_.offset_m_s),
-        "finite numbers, the scale not 0");
+  if (config_.signal.length == 0) return error("signal is not set", kBusSignalForm);
   return Done{};
 }
 
@@ -96,7 +79,7 @@ Status CanWheelSource::open() {
 DeviceTrouble CanWheelSource::open_socket() noexcept {
   gap_watch_.forget();
   overruns_seen_ = 0;
-  return socket_.open_to_receive(config_.interface.c_str(), static_cast<std::uint32_t>(config_.id), config_.extended);
+  return socket_.open_to_receive(config_.interface.c_str(), config_.signal.id, config_.signal.extended);
 }
 
 void CanWheelSource::close() noexcept {
@@ -173,12 +156,12 @@ bool CanWheelSource::decode(std::span<const std::uint8_t> bytes, const ArrivalSt
     return false;
   }
   std::memcpy(&frame, bytes.data(), bytes.size());
-  const std::uint32_t wanted = static_cast<std::uint32_t>(config_.id) | (config_.extended ? CAN_EFF_FLAG : 0);
+  const std::uint32_t wanted = config_.signal.id | (config_.signal.extended ? CAN_EFF_FLAG : 0);
   if (frame.can_id != wanted) return false;  // the kernel's filter lets none through
   const std::size_t room = bytes.size() - offsetof(canfd_frame, data);
-  const auto value = signal_.value({frame.data, std::min<std::size_t>(frame.len, room)});
+  const auto value = value_of(config_.signal, {frame.data, std::min<std::size_t>(frame.len, room)});
   if (!value) {
-    bump(frame.len < signal_.bytes() ? too_short_ : not_finite_);
+    bump(frame.len < bytes_of(config_.signal) ? too_short_ : not_finite_);
     return false;
   }
   const HostStamp arrival = clock_.arrival(stamps, ClockPair::now());

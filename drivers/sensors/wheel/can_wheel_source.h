@@ -81,7 +81,6 @@ class CanWheelSource final : public WheelSource {
   ReadOutcome take(WheelSample& sample) noexcept;
 
   WheelConfig config_;
-  BusSignal signal_;
   can::CanSocket socket_;
   ArrivalClock clock_;
   GapWatch gap_watch_;

@@ -94,6 +94,7 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
   if (options.deadline_ms) config.deadline_ms = *options.deadline_ms;
   if (!options.record_folder.empty()) config.recorder.folder = options.record_folder.string();
   config.recorder.images |= options.record_images;
+  if (options.tune) options.tune(config);
 }
 
 Status read_masks(const AslDataset& dataset, Config& config) {
@@ -101,16 +102,6 @@ Status read_masks(const AslDataset& dataset, Config& config) {
   for (std::size_t i = 0; i < dataset.others.size(); ++i)
     if (const Status s = read_mask(i + 1, dataset.others[i]->camera.parameters, config); !s) return s;
   return Done{};
-}
-
-/// Which setting leaves what other cameras see unused; empty: none does.
-std::string why_others_are_unused(const EstimatorConfig& e) {
-  if (e.visual_factor != VisualFactor::kTrack)
-    return fmt::format("the visual factor is {}; several cameras need track (estimator.visual_factor)",
-                       to_string(e.visual_factor));
-  if (e.track_noise == TrackNoiseModel::kWhite)
-    return "estimator.track_noise is \"white\"; several cameras need \"drift\"";
-  return "";
 }
 
 /// What an observer of a flight in one thread gets by way of rings.
@@ -331,8 +322,12 @@ Result<ReplayResult> replay(const ReplayOptions& options,
   if (options.alter) options.alter(*dataset);
   fill_config(*dataset, file ? &*file : nullptr, options, config);
   if (const Status s = read_masks(*dataset, config); !s) return s.error();
-  if (const std::string why = dataset->others.empty() ? "" : why_others_are_unused(config.estimator); !why.empty())
-    dataset->notes.push_back("the flight is estimated from cam0 alone, no other camera is used: " + why);
+  if (const VisualFactor factor = config.estimator.visual_factor;
+      !dataset->others.empty() && factor != VisualFactor::kTrack)
+    dataset->notes.push_back(fmt::format(
+        "the flight is estimated from cam0 alone, no other camera is used: the visual factor is {}; several "
+        "cameras need track (estimator.visual_factor)",
+        to_string(factor)));
   if (options.loop_s) loop_flight(*dataset, *options.loop_s);
   try {
     FlightPlan plan = plan_flight(*dataset, options);

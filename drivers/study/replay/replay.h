@@ -11,6 +11,7 @@
 #include "drivers/flights/recordings/flight_plan.h"
 #include "drivers/study/replay/flight_view.h"
 #include "drivers/study/report/flight_record.h"
+#include "pipeline/config/config.h"
 #include "pipeline/realtime/flight_observer.h"
 #include "platform/error/result.h"
 
@@ -32,6 +33,7 @@ struct ReplayOptions : FlightPart {
   bool imu_rate = false;                      ///< in threads: keep the odometry of every IMU reading
   std::vector<Fault> faults;                  ///< faults of the sensors during the flight
   std::function<void(AslDataset&)> alter;     ///< changes samples or calibration before the flight; may be empty
+  std::function<void(Config&)> tune;          ///< changes constants that are no settings, for studies; may be empty
   /// A tiny change of the input, to measure how much errors scatter by chance: skips this many images at the
   /// beginning, and adds this many times 1e-7 of itself to each measured force, which is gravity's seventh digit.
   int perturb = 0;

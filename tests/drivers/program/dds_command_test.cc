@@ -91,14 +91,15 @@ void expect_poses(const std::vector<Message>& messages, std::size_t first_number
 TEST_F(DdsCommand, AStrangerReadsTheTrajectoryAndTheFlightDoesNotCare) {
   const int domain = 10 + static_cast<int>(getpid()) % 80;
   const std::string peer = std::string("'") + EPILINE_ROS_PEER + "' ", in = std::to_string(domain);
-  write(scratch() / "patient.toml", std::string(kPatient) + "[dds]\ndomain = " + in + "\n");
+  write(scratch() / "patient.toml", kPatient);
   const int status = run_script(
       peer + in + " 60 >all & all=$!\n" + peer + in + " 60 best-effort >newest & newest=$!\n" + peer +
       std::to_string(domain + 1) + " 60 >elsewhere & elsewhere=$!\n" + peer + in + " 60 >killed & killed=$!\n" +
       "for i in $(seq 100); do [ $(cat all newest elsewhere killed | grep -c listening) = 4 ] && break; sleep 0.1; "
       "done\n" +
-      "(sleep 3; kill -9 $killed; exec " + peer + in + " 60 >late) & late=$!\n'" + EPILINE_PROGRAM + "' replay '" +
-      flight_.string() + "' --realtime --dds --config patient.toml --out out >stdout 2>stderr; code=$?\n" +
+      "(sleep 3; kill -9 $killed; exec " + peer + in + " 60 >late) & late=$!\nROS_DOMAIN_ID=" + in + " '" +
+      EPILINE_PROGRAM + "' replay '" + flight_.string() +
+      "' --realtime --dds --config patient.toml --out out >stdout 2>stderr; code=$?\n" +
       "sleep 0.3; kill $all $newest $elsewhere $late; exit $code\n");
   ASSERT_EQ(WEXITSTATUS(status), 0) << read(scratch() / "stderr");
 
@@ -182,7 +183,7 @@ TEST(DdsOutputTest, TimesOfALiveFlightAreOfTheSystemClock) {
 }
 
 TEST(DdsOutputTest, WithoutADomainItTakesNothingAndEnds) {
-  DdsOutput output({}, DdsOutput::Times::kOfDay);
+  DdsOutput output(DdsOutput::Times::kOfDay);
   FrameOutcome outcome;
   outcome.result.has_pose = true;
   for (int i = 0; i < 1000; ++i) output.take(outcome);

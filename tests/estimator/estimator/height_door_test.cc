@@ -14,7 +14,7 @@ HeightSample height(HeightKind kind, std::int64_t ms, double metres) {
 
 TEST(HeightDoor, LetsInWhatIsLaterAndWithinTheRange) {
   EstimatorConfig config;
-  config.heights[1].most_m = 60;
+  config.heights[1].limits_m[1] = 60;
   Estimator estimator(config);
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
   for (const HeightKind kind : {HeightKind::kBarometer, HeightKind::kRangeFinder}) {

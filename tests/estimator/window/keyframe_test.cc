@@ -10,9 +10,6 @@
 namespace epiline {
 namespace {
 
-constexpr KeyframeSettings kCompensated{.rule = KeyframeRule::kCompensatedParallax};
-constexpr KeyframeSettings kRaw{.rule = KeyframeRule::kRawParallax};
-
 struct Pose {
   Vec3 p = Vec3::Zero();
   Vec3 turn = Vec3::Zero();
@@ -48,16 +45,14 @@ std::unique_ptr<Window> window_of(std::initializer_list<Pose> poses) {
 }
 
 /// Whether the second newest frame is a keyframe.
-bool is_kept(const Window& w, const KeyframeSettings& s) { return is_keyframe(w, w.size() - 3, w.size() - 2, s); }
+bool is_kept(const Window& w) { return is_keyframe(w, w.size() - 3, w.size() - 2, {}); }
 
-TEST(Keyframe, PureRotationMakesNoneUnlessItIsCountedAsParallax) {
+TEST(Keyframe, PureRotationMakesNone) {
   for (const Vec3& turn : {Vec3(0, 0, 0.1), Vec3(0.1, 0, 0), Vec3(0, -0.2, 0)}) {
     const auto w = window_of({{}, {.turn = turn}, {}});
-    EXPECT_FALSE(is_kept(*w, kCompensated));
+    EXPECT_FALSE(is_kept(*w));
     EXPECT_LT(compensated_parallax_px(*w, 0, 1, 458), 458e-7);  // a bearing has seven digits
   }
-  const auto w = window_of({{}, {.turn = Vec3(0, 0, 0.1)}, {}});
-  EXPECT_TRUE(is_kept(*w, kRaw));
 }
 
 TEST(Keyframe, WidestParallaxIsAgainstTheOldestFrameThatStillSeesTheSame) {
@@ -68,13 +63,11 @@ TEST(Keyframe, WidestParallaxIsAgainstTheOldestFrameThatStillSeesTheSame) {
 }
 
 TEST(Keyframe, TranslationMakesOneBeyondTenPixels) {
-  for (const auto& rule : {kCompensated, kRaw}) {
-    // 4 m away, 458 px: 1 px is 8.7 mm across; turned on the way, it is the same parallax
-    EXPECT_FALSE(is_kept(*window_of({{}, {.p = Vec3(0, 0.08, 0)}, {}}), rule));
-    EXPECT_TRUE(is_kept(*window_of({{}, {.p = Vec3(0, 0.09, 0)}, {}}), rule));
-  }
-  EXPECT_FALSE(is_kept(*window_of({{}, {.p = Vec3(0, 0.08, 0), .turn = Vec3(0, 0, 0.05)}, {}}), kCompensated));
-  EXPECT_TRUE(is_kept(*window_of({{}, {.p = Vec3(0, 0.09, 0), .turn = Vec3(0, 0, 0.05)}, {}}), kCompensated));
+  // 4 m away, 458 px: 1 px is 8.7 mm across; turned on the way, it is the same parallax
+  EXPECT_FALSE(is_kept(*window_of({{}, {.p = Vec3(0, 0.08, 0)}, {}})));
+  EXPECT_TRUE(is_kept(*window_of({{}, {.p = Vec3(0, 0.09, 0)}, {}})));
+  EXPECT_FALSE(is_kept(*window_of({{}, {.p = Vec3(0, 0.08, 0), .turn = Vec3(0, 0, 0.05)}, {}})));
+  EXPECT_TRUE(is_kept(*window_of({{}, {.p = Vec3(0, 0.09, 0), .turn = Vec3(0, 0, 0.05)}, {}})));
 }
 
 TEST(Keyframe, MeasuresParallaxInPixels) {
@@ -88,20 +81,19 @@ TEST(Keyframe, MeasuresParallaxInPixels) {
 
 /// Seen by the second newest frame and by the one before it, out of those the former sees.
 TEST(Keyframe, LostOverlapMakesOne) {
-  EXPECT_FALSE(is_kept(*window_of({{}, {.first_point = 30}, {}}), kCompensated));  // 30 of 60
-  EXPECT_TRUE(is_kept(*window_of({{}, {.first_point = 31}, {}}), kCompensated));   // 29 of 60
-  EXPECT_FALSE(is_kept(*window_of({{}, {.first_point = 31}, {}}), kRaw));          // as VINS-Mono has it
+  EXPECT_FALSE(is_kept(*window_of({{}, {.first_point = 30}, {}})));  // 30 of 60
+  EXPECT_TRUE(is_kept(*window_of({{}, {.first_point = 31}, {}})));   // 29 of 60
 }
 
 /// Parts of the vehicle, and what is far away, stay in the image, and live longer than the scene.
 TEST(Keyframe, TracksThatStayHideNeitherParallaxNorLostOverlap) {
   const Pose begin{.own = 40};
-  EXPECT_TRUE(is_kept(*window_of({begin, {.p = Vec3(0, 0.09, 0), .own = 40}, {}}), kCompensated));
-  EXPECT_TRUE(is_kept(*window_of({begin, {.p = Vec3(0, 0.05, 0), .first_point = 31, .own = 40}, {}}), kCompensated));
+  EXPECT_TRUE(is_kept(*window_of({begin, {.p = Vec3(0, 0.09, 0), .own = 40}, {}})));
+  EXPECT_TRUE(is_kept(*window_of({begin, {.p = Vec3(0, 0.05, 0), .first_point = 31, .own = 40}, {}})));
   // and they are no parallax where the camera turns
-  EXPECT_FALSE(is_kept(*window_of({begin, {.turn = Vec3(0, 0, 0.1), .own = 40}, {}}), kCompensated));
+  EXPECT_FALSE(is_kept(*window_of({begin, {.turn = Vec3(0, 0, 0.1), .own = 40}, {}})));
   // while everything stays, they are tracks like others
-  EXPECT_FALSE(is_kept(*window_of({begin, {.first_point = 45, .own = 40}, {}}), kCompensated));
+  EXPECT_FALSE(is_kept(*window_of({begin, {.first_point = 45, .own = 40}, {}})));
 }
 
 TEST(Keyframe, FewThatMoveByThemselvesAreNoScene) {
@@ -110,22 +102,20 @@ TEST(Keyframe, FewThatMoveByThemselvesAreNoScene) {
   passed_by.points = 25;
   Pose later = passed_by;
   later.p = Vec3(0, 0.2, 0);
-  EXPECT_FALSE(is_kept(*window_of({passed_by, later, {}}), kCompensated));
+  EXPECT_FALSE(is_kept(*window_of({passed_by, later, {}})));
 }
 
 TEST(Keyframe, FewerThanTwentyCommonTracksMakeOne) {
-  for (const auto& rule : {kCompensated, kRaw}) {
-    EXPECT_FALSE(is_kept(*window_of({{}, {.points = 20}, {}}), rule));
-    EXPECT_TRUE(is_kept(*window_of({{}, {.points = 19}, {}}), rule));
-  }
+  EXPECT_FALSE(is_kept(*window_of({{}, {.points = 20}, {}})));
+  EXPECT_TRUE(is_kept(*window_of({{}, {.points = 19}, {}})));
 }
 
 TEST(Keyframe, JudgesTheSecondNewestFrame) {
   const Pose there{.p = Vec3(0, 0.2, 0)};
-  EXPECT_FALSE(is_kept(*window_of({{}, {}, there}), kCompensated));
-  EXPECT_TRUE(is_kept(*window_of({{}, there, there}), kCompensated));
-  EXPECT_FALSE(is_kept(*window_of({{}, there, there, {}}), kCompensated));  // against its neighbour, not the first
-  EXPECT_TRUE(is_kept(*window_of({{}}), kCompensated));                     // nothing to compare with
+  EXPECT_FALSE(is_kept(*window_of({{}, {}, there})));
+  EXPECT_TRUE(is_kept(*window_of({{}, there, there})));
+  EXPECT_FALSE(is_kept(*window_of({{}, there, there, {}})));  // against its neighbour, not the first
+  EXPECT_TRUE(is_kept(*window_of({{}})));                     // nothing to compare with
 }
 
 }  // namespace

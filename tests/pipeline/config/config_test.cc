@@ -16,8 +16,8 @@ TEST(Config, PrintedDefaultsReadBackAsThemselves) {
   ASSERT_TRUE(file) << file.error().text();
   Config config;
   config.estimator.keyframes = 3;
-  config.tracker.step_px = 0.5f;
-  config.estimator.gate = false;
+  config.tracker.max_features = 70;
+  config.estimator.zero_motion = false;
   config.estimator.visual_factor = VisualFactor::kEpipolar;
   file->apply(config);
   EXPECT_EQ(to_toml(config), text);
@@ -47,19 +47,19 @@ TEST(Config, EveryParameterIsNamedOnceAndHasItsDefaultInRange) {
 
 TEST(Config, SetsWhatTheFileSaysAndNothingElse) {
   const auto file = ConfigFile::parse(
-      "[estimator]\nkeyframes = 7\nvisual_factor = \"epipolar\"\ncauchy = 3\n[tracker]\nstep_px = 0.05\n"
+      "[estimator]\nkeyframes = 7\nvisual_factor = \"epipolar\"\npixel_sigma = 3\n[tracker]\nmax_features = 70\n"
       "[imu]\ncalibration = \"a.yaml\"\n",
       "f.toml");
   ASSERT_TRUE(file) << file.error().text();
   Config config;
-  config.estimator.steps = 9;
+  config.estimator.solve_interval_s = 0.3;
   file->apply(config);
   EXPECT_EQ(config.estimator.keyframes, 7);
   EXPECT_EQ(config.estimator.visual_factor, VisualFactor::kEpipolar);
-  EXPECT_DOUBLE_EQ(config.estimator.cauchy, 3);
-  EXPECT_FLOAT_EQ(config.tracker.step_px, 0.05f);
+  EXPECT_DOUBLE_EQ(config.estimator.pixel_sigma, 3);
+  EXPECT_EQ(config.tracker.max_features, 70);
   EXPECT_EQ(config.imu_calibration, "a.yaml");
-  EXPECT_EQ(config.estimator.steps, 9);
+  EXPECT_EQ(config.estimator.solve_interval_s, 0.3);
 }
 
 TEST(Config, SingleSettingsWinOverTheFile) {
@@ -126,30 +126,22 @@ TEST(Config, LimitsThatTheFieldSetsAreTaken) {
   struct Limit {
     const char *name, *taken, *refused;
   };
-  for (const Limit& l : {Limit{"body.roll_deg", "180", "180.001"},
-                         {"body.roll_deg", "-180", "-180.001"},
-                         {"body.pitch_deg", "180", "180.001"},
-                         {"body.pitch_deg", "-180", "-180.001"},
-                         {"body.yaw_deg", "180", "180.001"},
-                         {"body.yaw_deg", "-180", "-180.001"},
-                         {"mavlink.origin_latitude_deg", "90", "90.001"},
-                         {"mavlink.origin_latitude_deg", "-90", "-90.001"},
-                         {"mavlink.origin_longitude_deg", "180", "180.001"},
-                         {"mavlink.origin_longitude_deg", "-180", "-180.001"},
+  for (const Limit& l : {Limit{"body.yaw_pitch_roll_deg", "180,-180,180", "0,0,180.001"},
+                         {"body.yaw_pitch_roll_deg", "-180,180,-180", "0,-180.001,0"},
+                         {"mavlink.origin", "90,-180,-1000", "90.001,0,0"},
+                         {"mavlink.origin", "-90,180,10000", "0,-180.001,0"},
+                         {"mavlink.origin", "[0, 0, 0]", "0,0,10001"},
                          {"mavlink.system", "255", "256"},
                          {"mavlink.system", "1", "0"},
                          {"mavlink.component", "255", "256"},
                          {"mavlink.component", "1", "0"},
                          {"estimator.solve_interval_s", "0.4", "0.401"},
                          {"estimator.pixel_sigma", "10", "10.001"},
-                         {"tracker.min_correlation", "1", "1.001"},
-                         {"tracker.min_correlation", "-1", "-1.001"},
-                         {"realtime.priority_imu", "99", "100"},
-                         {"realtime.priority_imu", "0", "-1"},
-                         {"realtime.cpu_imu", "-1", "-2"},
-                         {"recorder.most", "0", "-1"},
-                         {"recorder.pause_s", "0", "-0.001"},
-                         {"recorder.after_lost_s", "0", "-0.001"}}) {
+                         {"realtime.priority", "99", "100"},
+                         {"realtime.priority", "0", "-1"},
+                         {"realtime.cpus", "{ imu = 0, estimate = 1023 }", "{ imu = -1 }"},
+                         {"realtime.cpus", "{}", "{ imu = 1024 }"},
+                         {"recorder.keep", "0", "-1"}}) {
     ConfigFile file;
     EXPECT_TRUE(file.set(std::string(l.name) + "=" + l.taken)) << l.name << " = " << l.taken;
     EXPECT_FALSE(file.set(std::string(l.name) + "=" + l.refused)) << l.name << " = " << l.refused;
@@ -176,6 +168,44 @@ TEST(Config, NamedValuesKeepTheirOrderHoweverTheyAreWritten) {
       EXPECT_EQ(controls[2].value, -7);
     }
   }
+}
+
+TEST(Config, SeveralNumbersAndSignalsReadBack) {
+  ConfigFile file;
+  for (const char* const set : {"mavlink.origin=47.397742,-8.545594,488", "wheel.position_m=[1, 2.5, -3]",
+                                "wheel.signal=0x1a0 16|12@1+ (0.25,-3)", "realtime.cpus={ estimate = 3, imu = 2 }"}) {
+    const Status status = file.set(set);
+    EXPECT_TRUE(status) << status.error().text();
+  }
+  Config config, read_back;
+  file.apply(config);
+  const auto again = ConfigFile::parse(to_toml(config), "again.toml");
+  ASSERT_TRUE(again) << again.error().text();
+  again->apply(read_back);
+  for (const Config& c : {config, read_back}) {
+    EXPECT_EQ(c.devices.mavlink.origin, (std::array{47.397742, -8.545594, 488.}));
+    EXPECT_EQ(c.devices.wheel.position_m, (std::array{1., 2.5, -3.}));
+    const BusSignal& signal = c.devices.wheel.signal;
+    EXPECT_EQ(to_text(signal), "416 16|12@1+ (0.25,-3)");
+    ASSERT_EQ(c.realtime.cpus.size(), 2U);
+    EXPECT_EQ(settings_of(FlightThread::kEstimate, c.realtime).cpu, 3);
+    EXPECT_EQ(settings_of(FlightThread::kImu, c.realtime).cpu, 2);
+    EXPECT_EQ(settings_of(FlightThread::kTrack, c.realtime).cpu, -1);
+  }
+}
+
+TEST(Config, OtherCamerasAreListedWhereTheyAreSet) {
+  EXPECT_EQ(to_toml(Config{}).find("\n[third_camera]"), std::string::npos);
+  Config config;
+  config.devices.other_cameras[1].free_running = true;
+  const std::string text = to_toml(config);
+  EXPECT_NE(text.find("\n[third_camera]"), std::string::npos);
+  EXPECT_EQ(text.find("\n[fourth_camera]"), std::string::npos);
+  const auto again = ConfigFile::parse(text, "again.toml");
+  ASSERT_TRUE(again) << again.error().text();
+  Config read_back;
+  again->apply(read_back);
+  EXPECT_TRUE(read_back.devices.other_cameras[1].free_running);
 }
 
 TEST(Config, TextsOfAnySortReadBack) {
@@ -210,19 +240,34 @@ INSTANTIATE_TEST_SUITE_P(
         BadFile{"[camera]\ncontrols = { gain = \"high\" }\n",
                 "f.toml:2: camera.controls = { gain = 'high' }; expected { name = integer, ... }"},
         BadFile{"[estimator]\nkeyframes = 7.5\n", "f.toml:2: estimator.keyframes = 7.5; expected an integer"},
-        BadFile{"[estimator]\ncauchy = \"wide\"\n",
-                "f.toml:2: estimator.cauchy = \"wide\"; expected a number from 0.1 to 100"},
-        BadFile{"[estimator]\ncauchy = nan\n", "f.toml:2: estimator.cauchy = nan; expected a number"},
-        BadFile{"[estimator]\ngate = 1\n", "f.toml:2: estimator.gate = 1; expected true or false"},
+        BadFile{"[estimator]\npixel_sigma = \"wide\"\n",
+                "f.toml:2: estimator.pixel_sigma = \"wide\"; expected a number from 0.01 to 10 px"},
+        BadFile{"[estimator]\npixel_sigma = nan\n", "f.toml:2: estimator.pixel_sigma = nan; expected a number"},
+        BadFile{"[estimator]\nzero_motion = 1\n", "f.toml:2: estimator.zero_motion = 1; expected true or false"},
+        BadFile{"[wheel]\nposition_m = [1, 2]\n",
+                "f.toml:2: wheel.position_m = [1, 2]; expected 3 numbers from -100 to 100 m"},
+        BadFile{"[wheel]\nposition_m = [1, 2, nan]\n", "f.toml:2: wheel.position_m = [1, 2, nan]; expected 3"},
+        BadFile{"[mavlink]\norigin = 47\n",
+                "f.toml:2: mavlink.origin = 47; expected 3 numbers from -90 to 90, -180 to 180, -1000 to 10000 deg, "
+                "deg, m"},
+        BadFile{"[realtime]\ncpus = { gpu = 1 }\n",
+                "f.toml:2: realtime.cpus = { gpu = 1 }; expected { name = integer, ... }; names imu, capture, publish, "
+                "track, estimate; integers from 0 to 1023"},
+        BadFile{"[realtime]\npriority_imu = 70\n",
+                "f.toml:2: unknown key \"realtime.priority_imu\"; expected realtime.priority = 80"},
+        BadFile{"[body]\nroll_deg = 180\n",
+                "f.toml:2: unknown key \"body.roll_deg\"; expected body.yaw_pitch_roll_deg = [yaw, pitch, roll]"},
+        BadFile{"[wheel]\nscale_m_s = 0.01\n",
+                "f.toml:2: unknown key \"wheel.scale_m_s\"; expected wheel.signal, such as \"291 7|16@0- (0.01,0)\""},
         BadFile{"[estimator]\nvisual_factor = \"none\"\n",
                 "f.toml:2: estimator.visual_factor = \"none\"; expected \"track\" or \"epipolar\" or \"reprojection\""},
         BadFile{"[estimator]\nkeyframe = 7\n", "f.toml:2: unknown key \"estimator.keyframe\""},
         BadFile{"[estimatr]\nkeyframes = 7\n", "f.toml:1: unknown section \"estimatr\""},
         BadFile{"estimator = 3\n", "f.toml:1: \"estimator\" is not a section"},
-        BadFile{"[wheel]\nid = 2566853172\n",
-                "f.toml:2: wheel.id = 2566853172; expected id = 419369524 and extended = true, which is what a DBC"},
-        BadFile{"[wheel]\nid = 4294967296\n",
-                "f.toml:2: wheel.id = 4294967296; expected an integer from 0 to 536870911"},
+        BadFile{"[wheel]\nsignal = 291\n",
+                "f.toml:2: wheel.signal = 291; expected identifier and signal as in a DBC file, \"ID START|LENGTH@"},
+        BadFile{"[wheel]\nsignal = \"1 504|16@1+ (1,0)\"\n",
+                "f.toml:2: wheel.signal = \"1 504|16@1+ (1,0)\"; expected a signal of 1 to 64 bits within 64 bytes"},
         BadFile{"[camera]\n# Gr\xc3\xb6\xc3\x9f"
                 "e, caf\xe9\n",
                 "f.toml:2: holds the byte 0xE9, which is not UTF-8 ('\xc3\xa9' in Latin-1); expected a text in UTF-8: "

@@ -153,10 +153,7 @@ struct Flight {
     settings.images_to_log = std::clamp(static_cast<int>(buffers) - 4, 0, 4);
     settings.realtime.imu_wait_ms = 3.6e6;  // longer than any machine is busy
     settings.realtime.lock_memory = false;
-    for (int* priority :
-         {&settings.realtime.priority_imu, &settings.realtime.priority_capture, &settings.realtime.priority_publish,
-          &settings.realtime.priority_track, &settings.realtime.priority_estimate})
-      *priority = 0;
+    settings.realtime.priority = 0;
   }
   void start() {
     pipeline = std::make_unique<RealtimePipeline>(settings, RealtimePorts{&camera, &imu, nullptr, {&onlooker}, {}});

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <functional>
+#include <map>
 #include <memory>
 #include <random>
 #include <string>
@@ -160,10 +161,7 @@ class Realtime : public testing::Test {
     settings_.realtime.deadline_ms = 0;
     settings_.realtime.imu_wait_ms = 3.6e6;  // longer than any machine is busy
     settings_.realtime.lock_memory = false;
-    for (int* priority :
-         {&settings_.realtime.priority_imu, &settings_.realtime.priority_capture, &settings_.realtime.priority_publish,
-          &settings_.realtime.priority_track, &settings_.realtime.priority_estimate})
-      *priority = 0;
+    settings_.realtime.priority = 0;
   }
 
   void start() {
@@ -272,32 +270,32 @@ TEST_F(Realtime, StopsInMidFlight) {
 
 /// A processor that no computer has is refused for the thread that is configured to run there, and for no other.
 TEST_F(Realtime, EachThreadHasItsOwnProcessorAndPriority) {
-  RealtimeConfig& realtime = settings_.realtime;
-  struct Setting {
-    const char* thread;
-    int *cpu, *priority;
-  };
-  const Setting settings[] = {{"imu", &realtime.cpu_imu, &realtime.priority_imu},
-                              {"capture", &realtime.cpu_capture, &realtime.priority_capture},
-                              {"track", &realtime.cpu_track, &realtime.priority_track},
-                              {"estimate", &realtime.cpu_estimate, &realtime.priority_estimate},
-                              {"publish", &realtime.cpu_publish, &realtime.priority_publish}};
-  for (const Setting& setting : settings) {
-    const RealtimeConfig before = realtime;
-    *setting.cpu = 1'000'000;
-    *setting.priority = 1;
+  for (const char* const name : kFlightThreadNames) {
+    settings_.realtime.cpus = {{name, 1'000'000}};
     RealtimePipeline pipeline(settings_, RealtimePorts{&camera_, &imu_, &sink_, {&counter_}, {}});
     pipeline.stop();
     pipeline.join();
     std::size_t found = 0;
     for (const RealtimeReport::Thread& thread : pipeline.report().threads) {
-      const bool is_it = std::string(thread.name) == setting.thread;
+      const bool is_it = std::string(thread.name) == name;
       found += is_it ? 1 : 0;
-      EXPECT_EQ(thread.shortfall.cpu, is_it) << setting.thread << ": " << thread.name;
-      EXPECT_EQ(thread.priority, is_it ? 1 : 0) << setting.thread << ": " << thread.name;
+      EXPECT_EQ(thread.shortfall.cpu, is_it) << name << ": " << thread.name;
     }
-    EXPECT_EQ(found, 1u) << setting.thread;
-    realtime = before;
+    EXPECT_EQ(found, 1u) << name;
+  }
+  for (const auto& [first, expected] : std::map<int, std::vector<int>>{
+           {80, {80, 70, 65, 60, 60}}, {99, {99, 89, 84, 79, 79}}, {12, {12, 2, 1, 1, 1}}, {0, {0, 0, 0, 0, 0}}}) {
+    settings_.realtime = {};
+    settings_.realtime.priority = first;
+    settings_.realtime.lock_memory = false;
+    RealtimePipeline pipeline(settings_, RealtimePorts{&camera_, &imu_, &sink_, {&counter_}, {}});
+    pipeline.stop();
+    pipeline.join();
+    for (std::size_t i = 0; i < kFlightThreadNames.size(); ++i)
+      for (const RealtimeReport::Thread& thread : pipeline.report().threads)
+        if (std::string(thread.name) == kFlightThreadNames[i]) {
+          EXPECT_EQ(thread.priority, expected[i]) << first << ": " << thread.name;
+        }
   }
 }
 

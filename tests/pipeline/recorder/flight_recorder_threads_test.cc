@@ -310,17 +310,13 @@ TEST_F(FlightRecorderTest, LostShortlyBeforeTheEndIsWritten) {
 }
 
 // The estimator may start anew at once, and is never seen lost.
-TEST_F(FlightRecorderTest, AResetCountsAsLostIfThatIsAskedFor) {
-  for (const bool asked_for : {false, true}) {
-    config_.on_lost = asked_for;
-    FlightRecorder recorder(config_, run_);
-    fly_seconds(recorder, 5);
-    ++resets_;
-    fly_seconds(recorder, 5, HealthState::kInitialising);
-    recorder.finish(false);
-    EXPECT_EQ(count(), asked_for ? 1u : 0u);
-    resets_ = 0;
-  }
+TEST_F(FlightRecorderTest, AResetCountsAsLost) {
+  FlightRecorder recorder(config_, run_);
+  fly_seconds(recorder, 5);
+  ++resets_;
+  fly_seconds(recorder, 5, HealthState::kInitialising);
+  recorder.finish(false);
+  EXPECT_EQ(count(), 1u);
 }
 
 TEST_F(FlightRecorderTest, ImagesAreKeptAsFarAsTheirMemoryGoes) {

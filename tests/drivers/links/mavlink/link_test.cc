@@ -211,9 +211,7 @@ TEST_F(LinkOnALine, WithoutAControllerWhatClaimsToBeOneIsTakenUntilOneComes) {
 TEST(MavlinkLink, TellsAnArduPilotWhereItIs) {
   FakeLine line;
   MavlinkConfig config = serial_config(line.path());
-  config.origin_latitude_deg = 47.397742;
-  config.origin_longitude_deg = -8.545594;
-  config.origin_altitude_m = 488.1;
+  config.origin = {47.397742, -8.545594, 488.1};
   MavlinkLink link = link_on(line, config);
   begin(link);
   const auto origins = [&] { return line.peer.all<SetGpsGlobalOrigin>(); };

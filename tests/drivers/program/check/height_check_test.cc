@@ -66,7 +66,7 @@ TEST(HeightFindings, WarnOfASensorThatIsSilentOrTooSlow) {
   const Findings all = found_in(heights(HeightKind::kBarometer, 0, 500'000'000), kBoth);
   ASSERT_EQ(all.size(), 2u);
   EXPECT_EQ(all[0].grade, Grade::kWarning);
-  EXPECT_EQ(all[0].remedy, "at least 4 a second: raise the flight controller's stream rate, or height.rate_hz");
+  EXPECT_EQ(all[0].remedy, "at least 4 a second: raise the flight controller's stream rate");
   EXPECT_EQ(all[1].text, "no height of a range finder");
   EXPECT_EQ(all[1].remedy, "let its source send it (docs/height.md), or set height.range = false");
 }

@@ -134,7 +134,7 @@ TEST_F(HilCommand, ReadingsAreCorrectedOnce) {
 
 // Who names a place meets an ArduPilot without satellites, which wants to know it.
 TEST_F(HilCommand, AnArduPilotIsToldWhereItIs) {
-  write(config(), read(config()) + "[mavlink]\norigin_latitude_deg = 47.4\norigin_longitude_deg = 8.5\n");
+  write(config(), read(config()) + "[mavlink]\norigin = [47.4, 8.5, 0]\n");
   const std::string kept = "\nkept      ArduPilot  origin\n";
   const Outcome r = hil_until([&](const Outcome& o) { return o.out.find(kept) != std::string::npos; }, "--duration 2");
   EXPECT_NE(r.out.find(kept), std::string::npos) << r.out << r.err;

@@ -29,7 +29,7 @@ TEST(V4l2Camera, SaysWhatIsWrongWithTheDevice) {
   EXPECT_EQ(error_of({.device = "Wonder Cam"}),
             "/dev/video*: no camera is called 'Wonder Cam' [open]; expected a camera's path, name or bus (epiline "
             "devices lists them)");
-  EXPECT_EQ(error_of({.device = "/dev/null", .buffers = 1}), "/dev/null: camera.buffers = 1; expected 2 to 16");
+  EXPECT_EQ(error_of({.device = "/dev/null", .buffers = 1}), "/dev/null: buffers = 1; expected 2 to 16");
 }
 
 TEST(V4l2Camera, AFailedOpenLeavesNothingBehind) {

@@ -20,55 +20,55 @@ using Bytes = std::vector<std::uint8_t>;
 TEST(BusSignal, BothByteOrders) {
   const BusSignal little{.start_bit = 8, .length = 16, .big_endian = false, .is_signed = false};
   const BusSignal big{.start_bit = 15, .length = 16, .big_endian = true, .is_signed = false};
-  EXPECT_EQ(little.value(Bytes{0xff, 0x34, 0x12, 0xff}), 0x1234);
-  EXPECT_EQ(big.value(Bytes{0xff, 0x12, 0x34, 0xff}), 0x1234);
+  EXPECT_EQ(value_of(little, Bytes{0xff, 0x34, 0x12, 0xff}), 0x1234);
+  EXPECT_EQ(value_of(big, Bytes{0xff, 0x12, 0x34, 0xff}), 0x1234);
 }
 
 // Twelve bits across bytes: 0xabc with its lowest four bits in the upper half of a byte.
 TEST(BusSignal, BitsAcrossBytes) {
   const BusSignal little{.start_bit = 4, .length = 12, .big_endian = false, .is_signed = false};
-  EXPECT_EQ(little.value(Bytes{0xc0, 0xab}), 0xabc);
+  EXPECT_EQ(value_of(little, Bytes{0xc0, 0xab}), 0xabc);
   const BusSignal big{.start_bit = 3, .length = 12, .big_endian = true, .is_signed = false};
-  EXPECT_EQ(big.value(Bytes{0x0a, 0xbc}), 0xabc);
+  EXPECT_EQ(value_of(big, Bytes{0x0a, 0xbc}), 0xabc);
 }
 
 TEST(BusSignal, SignScaleAndOffset) {
   const BusSignal speed{
       .start_bit = 0, .length = 12, .big_endian = false, .is_signed = true, .scale = 0.25, .offset = -3};
-  EXPECT_EQ(speed.value(Bytes{0xff, 0x0f}), -3.25);
-  EXPECT_EQ(speed.value(Bytes{0x00, 0x08}), -2048 * 0.25 - 3);
-  EXPECT_EQ(speed.value(Bytes{0xff, 0xf7}), 2047 * 0.25 - 3);
+  EXPECT_EQ(value_of(speed, Bytes{0xff, 0x0f}), -3.25);
+  EXPECT_EQ(value_of(speed, Bytes{0x00, 0x08}), -2048 * 0.25 - 3);
+  EXPECT_EQ(value_of(speed, Bytes{0xff, 0xf7}), 2047 * 0.25 - 3);
   const BusSignal whole{.start_bit = 0, .length = 64, .big_endian = false, .is_signed = true};
-  EXPECT_EQ(whole.value(Bytes(8, 0xff)), -1);
+  EXPECT_EQ(value_of(whole, Bytes(8, 0xff)), -1);
   const BusSignal most{.start_bit = 0, .length = 64, .big_endian = false, .is_signed = false};
-  EXPECT_EQ(most.value(Bytes(8, 0xff)), 18446744073709551616.0);
+  EXPECT_EQ(value_of(most, Bytes(8, 0xff)), 18446744073709551616.0);
 }
 
 TEST(BusSignal, ShortFramesAndSenselessSettingsSayNothing) {
   const BusSignal speed{.start_bit = 8, .length = 16};
-  EXPECT_EQ(speed.bytes(), 3);
-  EXPECT_FALSE(speed.value(Bytes{1, 2}));
-  EXPECT_FALSE(speed.value(Bytes{}));
+  EXPECT_EQ(bytes_of(speed), 3);
+  EXPECT_FALSE(value_of(speed, Bytes{1, 2}));
+  EXPECT_FALSE(value_of(speed, Bytes{}));
   const double inf = std::numeric_limits<double>::infinity(), nan = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_FALSE((BusSignal{.start_bit = 0, .length = 8, .scale = nan}.value(Bytes{1})));
-  EXPECT_FALSE((BusSignal{.start_bit = 0, .length = 8, .scale = inf}.value(Bytes{1})));
-  EXPECT_FALSE((BusSignal{.start_bit = 0, .length = 8, .scale = inf}.value(Bytes{0})));
-  EXPECT_EQ((BusSignal{.start_bit = 0, .length = 0}.bytes()), 0);
-  EXPECT_EQ((BusSignal{.start_bit = 0, .length = 65}.bytes()), 0);
-  EXPECT_EQ((BusSignal{.start_bit = -1, .length = 8}.bytes()), 0);
-  EXPECT_EQ((BusSignal{.start_bit = 505, .length = 8}.bytes()), 0);
-  EXPECT_EQ((BusSignal{.start_bit = 504, .length = 8}.bytes()), 64);
-  EXPECT_EQ((BusSignal{.start_bit = 505, .length = 8, .big_endian = true}.bytes()), 0);
-  EXPECT_EQ((BusSignal{.start_bit = 511, .length = 8, .big_endian = true}.bytes()), 64);
+  EXPECT_FALSE(value_of({.start_bit = 0, .length = 8, .scale = nan}, Bytes{1}));
+  EXPECT_FALSE(value_of({.start_bit = 0, .length = 8, .scale = inf}, Bytes{1}));
+  EXPECT_FALSE(value_of({.start_bit = 0, .length = 8, .scale = inf}, Bytes{0}));
+  EXPECT_EQ(bytes_of({.start_bit = 0, .length = 0}), 0);
+  EXPECT_EQ(bytes_of({.start_bit = 0, .length = 65}), 0);
+  EXPECT_EQ(bytes_of({.start_bit = -1, .length = 8}), 0);
+  EXPECT_EQ(bytes_of({.start_bit = 505, .length = 8}), 0);
+  EXPECT_EQ(bytes_of({.start_bit = 504, .length = 8}), 64);
+  EXPECT_EQ(bytes_of({.start_bit = 505, .length = 8, .big_endian = true}), 0);
+  EXPECT_EQ(bytes_of({.start_bit = 511, .length = 8, .big_endian = true}), 64);
 }
 
 RC_GTEST_PROP(BusSignal, ReadsWhatTheReaderOfDbcFilesReads, (bool big, bool is_signed)) {
   const int start = *rc::gen::inRange(0, 512), length = *rc::gen::inRange(1, 65);
-  const BusSignal ours{start, length, big, is_signed, 1, 0};
-  RC_PRE(ours.bytes() != 0);
+  const BusSignal ours{.start_bit = start, .length = length, .big_endian = big, .is_signed = is_signed};
+  RC_PRE(bytes_of(ours) != 0);
   const auto data = *rc::gen::container<Bytes>(64, rc::gen::arbitrary<std::uint8_t>());
   const dbc::SignalText theirs{start, length, !big, is_signed, 1, 0, 0, 0, "", {}};
-  const auto value = ours.value(data);
+  const auto value = value_of(ours, data);
   RC_ASSERT(value.has_value());
   const std::uint64_t bits = dbc::bits_of(theirs, data);
   if (!is_signed || length == 64) {
@@ -77,9 +77,9 @@ RC_GTEST_PROP(BusSignal, ReadsWhatTheReaderOfDbcFilesReads, (bool big, bool is_s
     RC_ASSERT(*value == static_cast<double>(dbc::read(theirs, data).raw));
   }
   // one byte less is too little, and nothing beyond is looked at
-  const auto needed = static_cast<std::size_t>(ours.bytes());
-  RC_ASSERT(ours.value({data.data(), needed}) == value);
-  RC_ASSERT(!ours.value({data.data(), needed - 1}));
+  const auto needed = static_cast<std::size_t>(bytes_of(ours));
+  RC_ASSERT(value_of(ours, {data.data(), needed}) == value);
+  RC_ASSERT(!value_of(ours, {data.data(), needed - 1}));
 }
 
 }  // namespace

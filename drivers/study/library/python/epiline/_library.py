@@ -5,11 +5,11 @@ from __future__ import annotations
 import ctypes as c
 import os
 import pathlib
-from typing import Any, Mapping, Union
+from typing import Any, Mapping, Sequence, Union
 
 import numpy as np
 
-Setting = Union[bool, int, float, str, "os.PathLike[str]", Mapping[str, int]]
+Setting = Union[bool, int, float, str, "os.PathLike[str]", Mapping[str, int], Sequence[float]]
 Section = Mapping[str, Setting]
 
 _FLOAT, _INT, _UINT = np.float64, np.int32, np.uint32
@@ -101,6 +101,8 @@ def _toml(value: Any) -> str:
         return "{ " + ", ".join(f'"{name}" = {int(number)}' for name, number in value.items()) + " }"
     if isinstance(value, (int, float)):
         return repr(value)
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return "[" + ", ".join(_toml(number) for number in value) + "]"
     text = str(value)
     escaped = "".join(f"\\u{ord(x):04x}" if ord(x) < 32 or x in '"\\\x7f' else x for x in text)
     return f'"{escaped}"'
