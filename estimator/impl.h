@@ -27,8 +27,9 @@
 
 namespace epiline {
 
-inline constexpr double kMostPixelSigma = 2;  ///< px: more noise is a fault, not a property of the tracks
-inline constexpr double kUsualDrift = 0.15;   ///< px per root of an image: of tracks that were not measured yet
+/// px: more noise is a fault, not a property of the tracks; less is not believed of any tracker.
+inline constexpr double kLeastPixelSigma = 0.3, kMostPixelSigma = 2;
+inline constexpr double kUsualDrift = 0.15;  ///< px per root of an image: of tracks that were not measured yet
 /// Without a reading to be trusted: too far to go on from (docs/derivations/health.md).
 inline constexpr double kLongestUnknown_s = 0.25;
 /// Heights further apart in time are not interpolated.

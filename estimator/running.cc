@@ -34,9 +34,9 @@ constexpr double kLiftAcceleration = 3, kBlowAcceleration = 30;  // m/s^2: what 
 constexpr int kDoubtedIntervals = 4;                             // the newest: older ones have been judged before
 constexpr double kDepthKnown_px = 10;                            // parallax: the images have a scale to a tenth
 constexpr double kTimeOffsetWalk = 1e-5;                         // s/sqrt(s)
-constexpr double kRethinking_s = 1;                       // until the window has moved to a calibration that is far off
-constexpr double kSigmaMemory_s = 10, kSigmaLeast = 0.3;  // px
-constexpr double kDriftLeast = 0.02;                      // px per root of an image
+constexpr double kRethinking_s = 1;  // until the window has moved to a calibration that is far off
+constexpr double kSigmaMemory_s = 10;
+constexpr double kDriftLeast = 0.02;  // px per root of an image
 
 bool is_finite(const KnownState& s) {
   const NavState& x = s.x;
@@ -431,7 +431,7 @@ void Estimator::Impl::learn_from_residuals(const SolverSummary& s, double dt_s) 
 /// of s between solved images that are two images apart.
 void Estimator::Impl::adapt_pixel_sigma(double seen, double dt_s) {
   const double share = std::min(1.0, dt_s / kSigmaMemory_s);
-  pixel_sigma += share * (std::clamp(seen, kSigmaLeast, kMostPixelSigma) - pixel_sigma);
+  pixel_sigma += share * (std::clamp(seen, kLeastPixelSigma, kMostPixelSigma) - pixel_sigma);
   drift_sigma += share * (std::clamp(seen, kDriftLeast, kMostPixelSigma) - drift_sigma);
 }
 

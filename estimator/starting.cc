@@ -20,6 +20,7 @@ namespace {
 constexpr int kStartSteps = 10;
 constexpr int kStartWindow = 11;       // images; from ten on they show that tracks are worse than configured
 constexpr double kLongestStart_s = 4;  // that the images may span
+constexpr double kLongLook_s = 3;      // that show how much better than configured the tracks are
 constexpr double kStartVelocity = 0.2, kStartTilt = 0.035, kStartScale = 0.15;  // m/s, rad, relative
 constexpr double kStartBeamMisfit = 1;                                      // squared sigmas; of right ones 0.02 to 0.3
 constexpr double kStartResidual = 1.6;                                      // bearing noise seen over that assumed
@@ -221,7 +222,7 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   if (const auto refusal = starter.start_moving(window, at)) return refusal;
   if (knows_oldest()) set_known_prior();
   const double given_sigma = pixel_sigma;
-  pixel_sigma = std::max(given_sigma, starter.guess().noise_rad * config.extrinsics.focal_px);
+  pixel_sigma = starter.guess().noise_rad * config.extrinsics.focal_px;
   started_at = window.at(0).time;
   const HeightMemory heights_before = height_memory;
   if (at.depth_is_measured) attach_heights();
@@ -350,6 +351,9 @@ Vec3 Estimator::Impl::known_gyroscope_bias() const {
 StarterSettings Estimator::Impl::starter_settings() const {
   StarterSettings s;
   s.pixel_sigma = pixel_sigma;
+  const bool looked_long = (window.newest().time - window.at(0).time).seconds() > kLongLook_s;
+  s.least_pixel_sigma =
+      config.estimate_pixel_sigma && looked_long ? std::min(kLeastPixelSigma, pixel_sigma) : pixel_sigma;
   s.most_pixel_sigma = config.estimate_pixel_sigma ? kMostPixelSigma : pixel_sigma;
   s.focal_px = config.extrinsics.focal_px;
   s.b_g_sigma = kBiasSigmaGyroscope;

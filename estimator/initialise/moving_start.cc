@@ -177,22 +177,23 @@ std::optional<StartRefusal> judge(const StartProblem& problem, const StartLimits
   return uncertain(limits, guess);
 }
 
-/// The state with the noise given, or, where the residuals show more, with that. Noise is told from a wrong model by
-/// its having no pattern: no frame's pose would like to leave the path.
+/// The state with the noise that the residuals show. More noise than given is told from a wrong model by its having no
+/// pattern: no frame's pose would like to leave the path.
 bool refine_with_noise(const StartProblem& problem, const StartLimits& limits, PointElimination& points,
                        StartState& state, StartPath& path, StartGuess& guess) {
   RefinementFigures figures;
   if (!refine(problem, points, state, path, figures)) return false;
   fill(problem, state, path, figures, guess);
-  if (problem.frames < limits.noise_frames || !within(guess.residual, limits.noise_most)) return true;
-  if (within(guess.residual, limits.residual)) {
-    if (within(guess.pull, limits.pull)) guess.noise_rad *= std::max(1.0, guess.residual);
+  const double noise = std::max(limits.noise_least, guess.residual);
+  if (problem.frames < limits.noise_frames || !within(noise, limits.noise_most)) return true;
+  if (noise >= 1 && within(noise, limits.residual)) {
+    if (within(guess.pull, limits.pull)) guess.noise_rad *= noise;
     return true;
   }
-  StartProblem noisy = problem;
-  noisy.sigma_rad = problem.sigma_rad * guess.residual;
-  if (!refine(noisy, points, state, path, figures)) return false;
-  fill(noisy, state, path, figures, guess);
+  StartProblem seen = problem;
+  seen.sigma_rad = problem.sigma_rad * noise;
+  if (!refine(seen, points, state, path, figures)) return false;
+  fill(seen, state, path, figures, guess);
   return true;
 }
 

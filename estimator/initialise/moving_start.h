@@ -16,10 +16,10 @@ struct StartLimits {
   int frames = 4;                    ///< fewer are refused
   int tracks = 15;                   ///< of at least three views
   double least_parallax_sigmas = 2;  ///< with less no start is tried, because it is noise of the bearings
-  double parallax_sigmas = 4;   ///< with less StartGuess::parallax_rad, lack of parallax is the reason of a refusal
-  double residual = 1.5;        ///< StartGuess::residual
-  double noise_most = 4;        ///< StartGuess::sigma_rad over StartProblem::sigma_rad
-  int noise_frames = 10;        ///< with fewer no more noise than given is assumed: a wrong model shows no pattern yet
+  double parallax_sigmas = 4;  ///< with less StartGuess::parallax_rad, lack of parallax is the reason of a refusal
+  double residual = 1.5;       ///< StartGuess::residual
+  double noise_least = 1, noise_most = 4;  ///< StartGuess::sigma_rad over StartProblem::sigma_rad
+  int noise_frames = 10;        ///< with fewer the noise given is assumed: a wrong model shows no pattern yet
   double pull = 1.3;            ///< StartGuess::pull, where more noise than given is assumed
   double sigma_scale = 0.12;    ///< relative
   double sigma_velocity = 0.3;  ///< m/s; at speed sigma_scale of it, as there both are one
@@ -35,7 +35,7 @@ struct StartGuess {
   int tracks = 0;
   double parallax_rad = 0;  ///< median over the tracks of the widest angle between two bearings, rotation removed
   double residual = 0;      ///< typical bearing residual over sigma_rad; 1 for Gaussian noise of that size
-  double sigma_rad = 0;     ///< bearing noise assumed in the end: the one given, or more where the residuals show it
+  double sigma_rad = 0;     ///< bearing noise assumed in the end: the one given, or what the residuals show
   double noise_rad = 0;     ///< bearing noise for what comes after: also where the residuals show a little more
   double pull = 0;          ///< RefinementFigures::pull over the squared residual: of errors that have a pattern
   bool continued = false;   ///< refused where going on from the last attempt ended, without a search

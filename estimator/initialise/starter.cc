@@ -79,6 +79,7 @@ std::optional<StartRefusal> Starter::start_moving(Window& w, const StarterSettin
   problem.v_0_ref = s.v_B;
   problem.v_0_information = s.v_B_information;
   StartLimits limits;
+  limits.noise_least = s.least_pixel_sigma / s.pixel_sigma;
   limits.noise_most = s.most_pixel_sigma / s.pixel_sigma;
   if (s.depth_is_measured) limits.sigma_scale = kScaleNearby;
   if (const auto refusal = solve_moving_start(problem, limits, m.points, m.last, m.guess)) return refusal;

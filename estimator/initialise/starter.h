@@ -10,9 +10,9 @@ namespace epiline {
 
 struct StarterSettings {
   double pixel_sigma = 0.5, focal_px = 458;
-  double most_pixel_sigma = 2;  ///< noise the start may assume where the residuals show more than pixel_sigma
-  double b_g_sigma = 0.1;       ///< rad/s: standard deviation of the gyroscope bias before the first start
-  double b_a_sigma = 0.1;       ///< m/s^2
+  double least_pixel_sigma = 0.5, most_pixel_sigma = 2;  ///< between these it is what the residuals show
+  double b_g_sigma = 0.1;  ///< rad/s: standard deviation of the gyroscope bias before the first start
+  double b_a_sigma = 0.1;  ///< m/s^2
   Vec3 b_g_reference = Vec3::Zero();
   Vec3 p_WB = Vec3::Zero();  ///< position of the newest frame after the start, m
   /// The heading is chosen as close to this attitude as possible; none: the body's x axis points along the world's.
