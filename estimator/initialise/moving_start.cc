@@ -177,8 +177,8 @@ std::optional<StartRefusal> judge(const StartProblem& problem, const StartLimits
   return uncertain(limits, guess);
 }
 
-/// The state with the noise that the residuals show. More noise than given is told from a wrong model by its having no
-/// pattern: no frame's pose would like to leave the path.
+/// Refines the state. The residuals give the noise of the bearings, if they are large, or small enough to claim more.
+/// Large ones are noise only if they have no pattern: no frame's pose would leave the path if it could.
 bool refine_with_noise(const StartProblem& problem, const StartLimits& limits, PointElimination& points,
                        StartState& state, StartPath& path, StartGuess& guess) {
   RefinementFigures figures;

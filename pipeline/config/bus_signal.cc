@@ -11,7 +11,6 @@ namespace epiline {
 namespace {
 
 constexpr std::uint32_t kMostStandard = 0x7ff, kMostExtended = 0x1fffffff, kExtended = 0x80000000;
-constexpr int kFrameBits = 512;  // of CAN FD
 
 /// Takes one piece after another; blanks may be between them.
 class Reader {
@@ -47,13 +46,6 @@ bool read(Reader& r, std::uint32_t& id, BusSignal& s) {
   s.is_signed = r.take("-");
   if (!s.is_signed && !r.take("+")) return false;
   return r.take("(") && r.number(s.scale) && r.take(",") && r.number(s.offset) && r.take(")") && r.is_at_end();
-}
-
-/// Bits are counted as the signal takes them: within a byte upwards if it is little-endian, else downwards.
-bool fits(const BusSignal& s) {
-  if (s.length < 1 || s.length > 64 || s.start_bit < 0 || s.start_bit >= kFrameBits) return false;
-  const int first = s.big_endian ? s.start_bit / 8 * 8 + 7 - s.start_bit % 8 : s.start_bit;
-  return first + s.length <= kFrameBits;
 }
 
 }  // namespace

@@ -15,6 +15,15 @@ struct BusSignal {
   double scale = 1, offset = 0;
 };
 
+/// Whether it has 1 to 64 bits within the 64 bytes of a frame of CAN FD. Bits are counted as the signal takes them:
+/// within a byte upwards if it is little-endian, else downwards.
+constexpr bool fits(const BusSignal& s) noexcept {
+  constexpr int kFrameBits = 512;
+  if (s.length < 1 || s.length > 64 || s.start_bit < 0 || s.start_bit >= kFrameBits) return false;
+  const int first = s.big_endian ? s.start_bit / 8 * 8 + 7 - s.start_bit % 8 : s.start_bit;
+  return first + s.length <= kFrameBits;
+}
+
 inline constexpr const char* kBusSignalForm =
     "identifier and signal as in a DBC file, \"ID START|LENGTH@ORDER (SCALE,OFFSET)\", such as \"291 7|16@0- "
     "(0.01,0)\"";

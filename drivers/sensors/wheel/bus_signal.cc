@@ -3,20 +3,11 @@
 #include <cmath>
 
 #include "drivers/links/can/bits.h"
-#include "drivers/links/can/signal.h"
 
 namespace epiline {
 
-namespace {
-
-constexpr int kMostBytes = static_cast<int>(can::kFdBytes);
-
-}  // namespace
-
 int bytes_of(const BusSignal& s) noexcept {
-  if (s.length < 1 || s.length > 64 || s.start_bit < 0 || s.start_bit >= 8 * kMostBytes) return 0;
-  const int bytes = can::BitField{s.start_bit, s.length, s.big_endian}.bytes();
-  return bytes <= kMostBytes ? bytes : 0;
+  return fits(s) ? can::BitField{s.start_bit, s.length, s.big_endian}.bytes() : 0;
 }
 
 std::optional<double> value_of(const BusSignal& s, std::span<const std::uint8_t> data) noexcept {

@@ -35,7 +35,7 @@ struct ReplayOptions : FlightPart {
   std::function<void(AslDataset&)> alter;     ///< changes samples or calibration before the flight; may be empty
   std::function<void(Config&)> tune;          ///< changes constants that are no settings, for studies; may be empty
   /// A tiny change of the input, to measure how much errors scatter by chance: skips this many images at the
-  /// beginning, and adds this many times 1e-7 of itself to each measured force, which is gravity's seventh digit.
+  /// beginning, and adds this many times 1e-7 of itself to each measured force.
   int perturb = 0;
   OdometrySink* odometry = nullptr;     ///< gets the published odometry; in one thread the estimate of each image
   FlightObserver* observer = nullptr;   ///< gets samples, images, outcomes and tracks of the flight
