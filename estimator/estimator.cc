@@ -14,10 +14,7 @@
 namespace epiline {
 
 namespace {
-constexpr double kHeldShare = 0.2;     // share of an IMU interval for which the last sample may be held
-constexpr double kWatchMemory_s = 30;  // turns seen by camera and gyroscope
-constexpr double kNoiseMoved = 0.1;    // of a density: not worth weighing the window anew
-constexpr double kJudgeNumbers_s = 0.5;
+constexpr double kHeldShare = 0.2;    // share of an IMU interval for which the last sample may be held
 constexpr double kLongestStep_s = 5;  // a longer silence of the camera is a new start
 
 std::unique_ptr<VisualFactorModel> make_visual_factor(VisualFactor factor, InstructionSet set) {
@@ -45,69 +42,45 @@ Rig rig_of(const EstimatorConfig& c) {
 }
 }  // namespace
 
-Estimator::Impl::Impl(const EstimatorConfig& c)
-    : config(c),
-      window(std::clamp(c.keyframes, 2, kMaxFrames - 1) + 1),
-      visual(make_visual_factor(c.visual_factor, best_instruction_set())),
-      solver(best_instruction_set()),
-      marginaliser(best_instruction_set()),
-      stationary(c.imu),
-      starter(best_instruction_set()),
-      turns(c.extrinsics.time_offset_s, kWatchMemory_s),
-      wheel_watch(c.wheel.scale_sigma),
-      pixel_sigma(c.pixel_sigma),
-      drift_sigma(kUsualDrift) {
-  use_noise(c.imu);
-  window.calibration = configured_calibration();
-  window.calibration_prior.configured = window.calibration;
-  if (c.estimate_extrinsics) {
-    window.calibration_prior.rotation.sigma = c.extrinsic_rotation_sigma_rad;
-    window.calibration_prior.translation.sigma = c.extrinsic_translation_sigma_m;
-  }
-  if (estimates_focal_length()) window.calibration_prior.focal.sigma = c.focal_length_sigma;
-  if (c.estimate_imu_scale) {
-    window.calibration_prior.accelerometer_scale.sigma = c.accelerometer_scale_sigma;
-    window.calibration_prior.gyroscope_scale.sigma = c.gyroscope_scale_sigma;
-  }
+Common::Common(const EstimatorConfig& c)
+    : config(c), noise(config), window(std::clamp(c.keyframes, 2, kMaxFrames - 1) + 1) {
+  window.calibration = window.calibration_prior.configured = configured_calibration();
   window.rig = rig_of(c);
   window.wheel = c.wheel;
   for (std::size_t i = 0; i < kHeightKinds; ++i) window.height_sigmas_m[i] = c.heights[i].sigma_m;
-  odometry.health.reasons = static_cast<std::uint32_t>(HealthReason::kNoInitialState);
 }
 
-void Estimator::Impl::use_noise(const ImuNoise& n) {
-  noise = n;
-  density.noise = in_flight(config, n);
-  density.noise.accelerometer_random_walk *= accelerometer_walk.factor();
-  density.noise.gyroscope_random_walk *= gyroscope_walk.factor();
-  stationary.assume(n);
+Estimator::Impl::Impl(const EstimatorConfig& c)
+    : Common(c),
+      visual(make_visual_factor(c.visual_factor, best_instruction_set())),
+      solver(best_instruction_set()),
+      marginaliser(best_instruction_set()),
+      starter(best_instruction_set()),
+      flight(config) {
+  CalibrationPrior& prior = window.calibration_prior;
+  if (c.estimate_extrinsics) {
+    prior.rotation.sigma = c.extrinsic_rotation_sigma_rad;
+    prior.translation.sigma = c.extrinsic_translation_sigma_m;
+  }
+  if (estimates_focal_length()) prior.focal.sigma = c.focal_length_sigma;
+  if (c.estimate_imu_scale) {
+    prior.accelerometer_scale.sigma = c.accelerometer_scale_sigma;
+    prior.gyroscope_scale.sigma = c.gyroscope_scale_sigma;
+  }
+  odometry.health = monitor.health();
 }
 
 /// The configured densities within what the readings allow. Where that moves them, the window's intervals are weighed
 /// anew.
 void Estimator::Impl::hold_noise() {
-  const ImuNoise before = density.noise, held_before = noise;
-  use_noise(noise_bounds.hold(config.imu));
-  const auto moved = [](double from, double to) { return std::abs(to - from) > kNoiseMoved * from; };
-  if (!moved(before.gyroscope_density, density.noise.gyroscope_density) &&
-      !moved(before.accelerometer_density, density.noise.accelerometer_density) &&
-      !moved(before.gyroscope_random_walk, density.noise.gyroscope_random_walk) &&
-      !moved(before.accelerometer_random_walk, density.noise.accelerometer_random_walk)) {
-    use_noise(held_before);
-    density.noise = before;
-    return;
-  }
-  for (int k = 1; k < window.size(); ++k) integrate_again(k, window.at(k).imu.b_a, window.at(k).imu.b_g);
+  if (!noise.hold()) return;
+  resting.assume(noise.of_readings());
+  intervals.weigh_anew();
 }
 
-bool Estimator::Impl::add_imu(const ImuSample& given) {
-  ++stats.imu_samples;
-  ImuSample sample = given;
-  const auto largest = [](const std::array<double, 3>& axes) { return Vec3(axes.data()).cwiseAbs().maxCoeff(); };
-  if (largest(given.angular_velocity_rad_s) >= config.saturation_gyroscope_rad_s ||
-      largest(given.specific_force_m_s2) >= config.saturation_accelerometer_m_s2)
-    sample.reasons |= bit(HealthReason::kImuSaturated);
-  switch (history.push(sample)) {
+/// Whether it is in the history.
+bool Estimator::Impl::count(ImuHistory::Push outcome) {
+  switch (outcome) {
     case ImuHistory::Push::kOutOfOrder:
       ++stats.imu_out_of_order;
       return false;
@@ -128,19 +101,29 @@ bool Estimator::Impl::add_imu(const ImuSample& given) {
   }
   stats.imu_suspect = history.counts().suspects;
   stats.imu_bridged = history.counts().bridged;
+  return true;
+}
+
+bool Estimator::Impl::add_imu(const ImuSample& given) {
+  ++stats.imu_samples;
+  ImuSample sample = given;
+  const auto largest = [](const std::array<double, 3>& axes) { return Vec3(axes.data()).cwiseAbs().maxCoeff(); };
+  if (largest(given.angular_velocity_rad_s) >= config.saturation_gyroscope_rad_s ||
+      largest(given.specific_force_m_s2) >= config.saturation_accelerometer_m_s2)
+    sample.reasons |= bit(HealthReason::kImuSaturated);
+  if (!count(history.push(sample))) return false;
   if (history.spikes_persist()) imu_gap_seen = true;
   if ((sample.reasons & kDistrustReasons) == 0) {
-    noise_bounds.add(sample);
-    turns.add_reading(sample);
-    units.add(sample);
-    if (!history.newest_is_suspect()) stationary.add(sample);
+    noise.add(sample);
+    numbers.add(sample);
+    if (!history.newest_is_suspect()) resting.add(sample);
   }
   if ((sample.reasons & bit(HealthReason::kImuSaturated)) != 0) ++stats.imu_saturated;
   if (history.after_gap()) {
     ++stats.imu_gaps;
     imu_gap_seen = true;
   }
-  carry_while_silent();
+  carrying.keep_up();
   return true;
 }
 
@@ -154,67 +137,6 @@ HostStamp Estimator::Impl::imu_time(HostStamp image) const {
 StepResult Estimator::Impl::refuse() {
   ++stats.frames_refused;
   return {};
-}
-
-/// What keeps the odometry from being good.
-void Estimator::Impl::say(HealthReason reason) {
-  odometry.health.reasons |= bit(reason);
-  if (odometry.health.state == HealthState::kTracking) odometry.health.state = HealthState::kDegraded;
-}
-
-/// The camera's pose on the IMU against the configured one.
-FoundPose Estimator::Impl::found_pose() const {
-  const CalibrationTangent d = local(configured_calibration(), window.calibration);
-  const auto sigma = [&](int at) { return std::sqrt(calibration_covariance.diagonal().segment<3>(at).maxCoeff()); };
-  return {d.segment<3>(kRotationColumn).norm(), sigma(kRotationColumn), d.segment<3>(kTranslationColumn).norm(),
-          sigma(kTranslationColumn)};
-}
-
-/// Whether the user's numbers can be true (docs/derivations/turns.md); of every image that is due for a solve. What the
-/// flight corrects for is named and no reason to distrust it, unless it is grossly wrong: what is estimated is linear
-/// in the error.
-void Estimator::Impl::watch_numbers(const TrackedFrame& frame) {
-  turns.add_images(frame);
-  const Severity contradiction = contradictions.worst();
-  if ((frame.stamp - numbers_judged_at).seconds() < kJudgeNumbers_s && contradiction <= contradiction_judged) return;
-  numbers_judged_at = frame.stamp;
-  contradiction_judged = contradiction;
-  const TurnAgreement seen = turns.agreement();
-  const double focal_ratio = window.calibration.focal_ratio();
-  const ImuScale& scale = window.calibration.scale;
-  const double by_a = 1 + scale.accelerometer, by_g = 1 + scale.gyroscope;
-  Suspicions said = suspicions_of(seen, config.extrinsics.R_BC, config.extrinsics.time_offset_s, focal_ratio, by_g);
-  Suspicions left = suspicions_of(seen, window.calibration.R_BC, window.calibration.time_offset, focal_ratio, by_g);
-  add_suspicions(units, said);
-  add_suspicions(units, left);
-  const double pair_px = turns.noise_rad() * config.extrinsics.focal_px;
-  add_contradictions(contradictions, pair_px, said);
-  add_contradictions(contradictions, pair_px, left);
-  constexpr auto kUnrelated = static_cast<std::size_t>(Suspect::kUnrelated);
-  if (contradictions.numbers_fitted()) {
-    said[kUnrelated] = {};
-    left[kUnrelated].severity = std::min(left[kUnrelated].severity, Severity::kSuspect);
-  }
-  add_suspicions(config.imu, noise, said);
-  add_suspicions(wheel_watch, said);
-  const CalibrationTangent sigma = calibration_covariance.diagonal().cwiseSqrt();
-  // what is found in a window that contradicts itself is no finding
-  if (contradiction == Severity::kNone) add_pose(found_pose(), said);
-  for (Suspicions* s : {&said, &left}) {
-    if (contradiction != Severity::kNone) break;
-    add_focal_length(focal_ratio, sigma[kFocalColumn], *s);
-    add_imu_scale(Suspect::kAccelerometerScale, by_a, sigma[kAccelerometerScaleColumn], *s);
-    add_imu_scale(Suspect::kGyroscopeScale, by_g, sigma[kGyroscopeScaleColumn], *s);
-  }
-  numbers_wrong = wrong_at_rest = Severity::kNone;
-  for (std::size_t i = 0; i < said.size(); ++i) {
-    numbers_wrong = std::max(numbers_wrong, left[i].severity);
-    if (i != kUnrelated) wrong_at_rest = std::max(wrong_at_rest, left[i].severity);
-    if (said[i].severity == Severity::kGross) numbers_wrong = std::max(numbers_wrong, Severity::kSuspect);
-    if (said[i].severity > Severity::kNote && left[i].severity == Severity::kNone) said[i].severity = Severity::kNote;
-    if (said[i].severity != Severity::kNone && said[i].severity >= stats.suspicions[i].severity)
-      stats.suspicions[i] = said[i];
-  }
 }
 
 /// How long before and after a frame's stamp its bearings are exposed, s; 0: all of them at the stamp.
@@ -254,36 +176,36 @@ const TrackedFrame& Estimator::Impl::at_stamp(const TrackedFrame& frame) {
   const Span within = Span::from_seconds(within_s);
   const RowTurn rows =
       row_turn(turn(time - within, time), turn(time, time + within), within_s, window.calibration.R_BC);
-  turned.copy(frame);
-  for (TrackedFeature& f : turned.features) turn_to_stamp(rows, f);
+  door.turned.copy(frame);
+  for (TrackedFeature& f : door.turned.features) turn_to_stamp(rows, f);
   for (std::size_t i = 0; i < kMostOthers; ++i) {
     if (!window.rig.use[i + 1]) continue;
     const RowTurn of_other = rows.seen_from(window.rig.poses[i + 1].R_CD);
-    for (SecondView& v : turned.others[i].views) turn_to_stamp(of_other, v);
-    for (TrackedFeature& f : turned.others[i].alone) turn_to_stamp(of_other, f);
+    for (SecondView& v : door.turned.others[i].views) turn_to_stamp(of_other, v);
+    for (TrackedFeature& f : door.turned.others[i].alone) turn_to_stamp(of_other, f);
   }
-  return turned;
+  return door.turned;
 }
 
 StepResult Estimator::Impl::process(const TrackedFrame& given, Supervisor& supervisor) {
   ++stats.frames;
   const HostStamp time = imu_time(given.stamp);
-  if (any_frame && given.stamp <= last_frame) return refuse();
-  const bool silent = window.size() > 0 && is_silent(window.newest().time, time);
-  const bool follows = (given.stamp - last_offered).seconds() <= kLongestUnknown_s;  // else its stamp may be wrong
+  if (door.any_frame && given.stamp <= door.last_frame) return refuse();
+  const bool silent = window.size() > 0 && intervals.is_silent(window.newest().time, time);
+  const bool follows = (given.stamp - door.last_offered).seconds() <= kLongestUnknown_s;  // else its stamp may be wrong
   const bool images_go_on = silent && (follows || history.reaches(time)) && images_suffice(given);
-  last_offered = given.stamp;
+  door.last_offered = given.stamp;
   if (!history.reaches(time) && !images_go_on) {
     if (!started) {
       ++stats.start_refused[static_cast<int>(StartRefusal::kNoImu)];
       return refuse();
     }
-    say(HealthReason::kImuSilent);
+    monitor.say(HealthReason::kImuSilent);
     return refuse();
   }
   const TrackedFrame& frame = at_stamp(given);
-  any_frame = true;
-  last_frame = frame.stamp;
+  door.any_frame = true;
+  door.last_frame = frame.stamp;
   if (window.size() > 0) {
     const double since_s = (frame.stamp - window.newest().image_stamp).seconds();
     if (since_s > kLongestStep_s || (silent && !images_go_on)) return start_anew(frame, supervisor);
@@ -291,7 +213,7 @@ StepResult Estimator::Impl::process(const TrackedFrame& given, Supervisor& super
     if (since_s < 0.75 * config.solve_interval_s) return silent ? refuse() : started ? predict(frame) : StepResult{};
   }
   hold_noise();
-  if (!is_blind(frame.reasons) && !silent) watch_numbers(frame);
+  if (!is_blind(frame.reasons) && !silent) numbers.watch(frame, wheels.words());
   if (!started) return initialise(frame, supervisor);
   const Supervisor::Effort effort = supervisor.effort();
   return effort.solve ? step(frame, supervisor, effort) : predict_for_time(frame);
@@ -302,9 +224,9 @@ Estimator::~Estimator() = default;
 
 bool Estimator::add_imu(const ImuSample& sample) noexcept { return impl_->add_imu(sample); }
 
-bool Estimator::add_wheel(const WheelSample& sample) noexcept { return impl_->add_wheel(sample); }
+bool Estimator::add_wheel(const WheelSample& sample) noexcept { return impl_->wheels.add(sample); }
 
-bool Estimator::add_height(const HeightSample& sample) noexcept { return impl_->add_height(sample); }
+bool Estimator::add_height(const HeightSample& sample) noexcept { return impl_->heights.add(sample); }
 
 HostStamp Estimator::imu_needed_until(HostStamp image) const noexcept {
   // up to the exposure of the last row, and to the printed stamp, to which the odometry is taken on
@@ -317,6 +239,7 @@ StepResult Estimator::process(const TrackedFrame& frame, Supervisor& supervisor)
   slide(supervisor);
   const std::uint64_t refused = stats.frames_refused;
   const StepResult result = impl_->process(frame, supervisor);
+  impl_->odometry.health = impl_->monitor.health();
   if (result.solved) {
     ++stats.frames_solved;
   } else if (result.has_pose) {
@@ -328,7 +251,7 @@ StepResult Estimator::process(const TrackedFrame& frame, Supervisor& supervisor)
 }
 
 bool Estimator::slide(Supervisor& supervisor) noexcept {
-  if (!std::exchange(impl_->may_slide, false)) return false;
+  if (!std::exchange(impl_->flight.may_slide, false)) return false;
   const std::uint64_t before = impl_->stats.keyframes;
   impl_->slide(supervisor);
   return impl_->stats.keyframes > before;
@@ -337,11 +260,12 @@ bool Estimator::slide(Supervisor& supervisor) noexcept {
 void Estimator::start(const TrackedFrame& frame, const InitialState& state) noexcept {
   impl_->world = {};
   impl_->start(impl_->at_stamp(frame), state, StartKind::kGiven);
+  impl_->odometry.health = impl_->monitor.health();
 }
 
 const Odometry& Estimator::odometry() const noexcept { return impl_->odometry; }
 const EstimatorStats& Estimator::stats() const noexcept {
-  impl_->stats.pixel_sigma = impl_->pixel_sigma;
+  impl_->stats.pixel_sigma = impl_->flight.tracks.pixel_sigma;
   return impl_->stats;
 }
 Vec3 Estimator::gyroscope_bias() const noexcept {

@@ -85,16 +85,16 @@ StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& su
   }
   if (window.size() == 1) {
     window.newest().x.b_g = known_gyroscope_bias();
-    before_start = carried_to(window.newest().time);
+    attempt.before = carrying.to(window.newest().time);
   }
   const auto refusal = try_start(frame, supervisor);
-  start_lacks_time = refusal && is_uncertain(*refusal);
+  attempt.lacks_time = refusal && is_uncertain(*refusal);
   if (refusal) {
     ++stats.start_refused[static_cast<int>(*refusal)];
     window.prune();
     return {};
   }
-  may_slide = true;
+  flight.may_slide = true;
   return {true, true};
 }
 
@@ -102,46 +102,41 @@ StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& su
 /// the frame leaves that is closest to its neighbours. Otherwise the images may be wrong, and the oldest leaves.
 void Estimator::Impl::make_room() {
   const double span_s = (window.newest().time - window.at(0).time).seconds();
-  const int leaving = start_lacks_time && span_s < kLongestStart_s ? most_crowded(window) : 0;
+  const int leaving = attempt.lacks_time && span_s < kLongestStart_s ? most_crowded(window) : 0;
   if (leaving > 0 && drop(leaving)) return;
-  before_start = carried_on_to(before_start, window.at(1).time);
+  attempt.before = carrying.on_to(attempt.before, window.at(1).time);
   window.remove(0);
 }
 
 /// Whether something is left of the flight before.
 bool Estimator::Impl::knows_oldest() const {
-  return before_start.known && before_start.trusted && before_start.P.allFinite() &&
-         before_start.time == window.at(0).time;
+  return attempt.before.known && attempt.before.trusted && attempt.before.P.allFinite() &&
+         attempt.before.time == window.at(0).time;
 }
 
 /// Of the oldest frame: from before the start, and by the wheels.
 void Estimator::Impl::add_known_velocity(StarterSettings& s) const {
-  const Slot& oldest = window.at(0);
   if (knows_oldest()) {
-    const NavState& x = before_start.x;
+    const NavState& x = attempt.before.x;
     s.v_B = x.R.transpose() * x.v;
     Eigen::Matrix<double, 3, 6> J;  // by (dtheta, dv)
     J << skew(s.v_B), x.R.transpose();
-    const Mat3 C = J * before_start.P.block<6, 6>(3, 3) * J.transpose();
+    const Mat3 C = J * attempt.before.P.block<6, 6>(3, 3) * J.transpose();
     s.v_B_information = (C + 1e-4 * Mat3::Identity()).inverse();
   }
-  double read = 0;
-  if (!wheel.at(oldest.time, read)) return;
-  const WheelModel& model = window.wheel;
-  const Vec3& e = model.forward_B;
-  const double speed = read - e.dot((oldest.omega - oldest.x.b_g).cross(model.p_BV));
-  const double information =
-      1 / (model.sigma_m_s * model.sigma_m_s + model.scale_sigma * model.scale_sigma * read * read);
-  const Vec3 sum = s.v_B_information * s.v_B + information * speed * e;
-  s.v_B_information += information * e * e.transpose();
+  const auto wheel = wheels.speed_of(window.at(0));
+  if (!wheel) return;
+  const Vec3& e = window.wheel.forward_B;
+  const Vec3 sum = s.v_B_information * s.v_B + wheel->information * wheel->m_s * e;
+  s.v_B_information += wheel->information * e * e.transpose();
   s.v_B = s.v_B_information.ldlt().solve(sum);
 }
 
 /// A prior on the oldest frame from before the start. Place and heading are those of the guess, since they define the
 /// world, and how far off they may be is `world`.
 void Estimator::Impl::set_known_prior() {
-  NavState x = before_start.x;
-  StateCovariance P = before_start.P;
+  NavState x = attempt.before.x;
+  StateCovariance P = attempt.before.P;
   const Mat3 turn = so3_exp(Vec3(0, 0, heading_from(x.R, window.at(0).x.R)));
   x.p = window.at(0).x.p;
   x.v = turn * x.v;
@@ -158,35 +153,25 @@ void Estimator::Impl::set_known_prior() {
 }
 
 std::optional<StartRefusal> Estimator::Impl::try_start(const TrackedFrame& frame, Supervisor& supervisor) {
-  rest.update(frame, pixel_sigma, 0, {Mat3::Identity(), noise_bounds.shakes(noise.accelerometer_density)});
-  if (wrong_at_rest == Severity::kGross) return StartRefusal::kNumbersWrong;
+  resting.watch(frame, flight.tracks.pixel_sigma);
+  if (numbers.wrong_at_rest() == Severity::kGross) return StartRefusal::kNumbersWrong;
   ++stats.start_attempts;
   if (!start_at_rest(frame)) return std::nullopt;
-  if (numbers_wrong == Severity::kGross) return StartRefusal::kNumbersWrong;
+  if (numbers.wrong() == Severity::kGross) return StartRefusal::kNumbersWrong;
   return start_moving(frame, supervisor);
 }
 
-/// At rest the mean readings give attitude and gyroscope bias at once. The images say that nothing moves: the readings
-/// may shake.
 std::optional<StartRefusal> Estimator::Impl::start_at_rest(const TrackedFrame& frame) {
-  const ImuStatistics readings = stationary.statistics();
-  if (!rest.images_calm() || !stationary.is_filled(readings)) return StartRefusal::kNoParallax;
-  const WheelMotion wheels = wheel_motion();
-  if (wheels == WheelMotion::kTurn) return StartRefusal::kNoParallax;
-  const bool may_shake = is_of_newest_frame(readings) &&
-                         (noise_bounds.shakes(noise.accelerometer_density) || wheels == WheelMotion::kStand);
-  if (!may_shake && !stationary.is_stationary(readings)) return StartRefusal::kNoParallax;
-  if (const double force = readings.mean_specific_force.norm(); !can_be_gravity(force)) {
-    numbers_wrong = Severity::kGross;
-    stats.suspicions[static_cast<std::size_t>(Suspect::kAccelerometerUnits)] = {Severity::kGross, force, {}};
+  const auto readings = resting.at_rest(wheels.motion());
+  if (!readings) return StartRefusal::kNoParallax;
+  if (const double force = readings->mean_specific_force.norm(); !can_be_gravity(force)) {
+    numbers.refuse_force(force);
     return StartRefusal::kNumbersWrong;
   }
   InitialState state;
-  if (const auto refusal = solve_stationary_start(readings, noise, kBiasSigmaAccelerometer, state)) return refusal;
-  if (numbers_wrong == Severity::kGross) {
-    turns.forget();
-    numbers_wrong = Severity::kNone;
-  }
+  const auto refusal = solve_stationary_start(*readings, noise.of_readings(), kBiasSigmaAccelerometer, state);
+  if (refusal) return refusal;
+  numbers.stands();
   const StarterSettings at = starter_settings();
   if (at.R_WB) state.R_WB = so3_exp(Vec3(0, 0, heading_from(state.R_WB, *at.R_WB))) * state.R_WB;
   state.p_WB = at.p_WB;
@@ -213,21 +198,20 @@ std::optional<StartRefusal> Estimator::Impl::posterior_refusal(const SolverSumma
 }
 
 std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& frame, Supervisor& supervisor) {
-  attach_wheel();
+  wheels.attach();
   StarterSettings at = starter_settings();
-  at.depth_is_measured =
-      window.size() >= kStartWindow && heights[static_cast<std::size_t>(HeightKind::kRangeFinder)].any();
+  at.depth_is_measured = window.size() >= kStartWindow && heights.has_range_finder();
   add_known_velocity(at);
   const Calibration before = window.calibration;
   if (const auto refusal = starter.start_moving(window, at)) return refusal;
   if (knows_oldest()) set_known_prior();
-  const double given_sigma = pixel_sigma;
-  pixel_sigma = starter.guess().noise_rad * config.extrinsics.focal_px;
-  started_at = window.at(0).time;
-  const HeightMemory heights_before = height_memory;
-  if (at.depth_is_measured) attach_heights();
-  find_wheel_slips();
-  reintegrate_moved_biases();
+  const double given_sigma = flight.tracks.pixel_sigma;
+  flight.tracks.pixel_sigma = starter.guess().noise_rad * config.extrinsics.focal_px;
+  flight.began_at = window.at(0).time;
+  const Heights::Memory heights_before = heights.memory();
+  if (at.depth_is_measured) heights.attach(flight.tracks.pixel_sigma);
+  wheels.find_slips();
+  intervals.follow_biases();
   supervisor.phase(Supervisor::Phase::kSolve);
   visual->restart();
   choose_tracks(window, 0);
@@ -248,11 +232,11 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
       kStartScale * window.newest().x.v.norm() < kStartVelocity)
     refusal = StartRefusal::kResidualTooLarge;
   const double seen = visual->track_fit().median_px;
-  if (!refusal && seen > kStartResidual * pixel_sigma) refusal = StartRefusal::kResidualTooLarge;
+  if (!refusal && seen > kStartResidual * flight.tracks.pixel_sigma) refusal = StartRefusal::kResidualTooLarge;
   if (refusal) {
-    pixel_sigma = given_sigma;
+    flight.tracks.pixel_sigma = given_sigma;
     take_back_start(before);
-    height_memory = heights_before;
+    heights.restore(heights_before);
     // the window contradicts the state found, so the next attempt does not begin there
     if (refusal == StartRefusal::kResidualTooLarge || refusal == StartRefusal::kSolverFailed) starter.forget();
     return refusal;
@@ -278,19 +262,18 @@ void Estimator::Impl::take_back_start(const Calibration& before) {
     s.beam = {};
     s.path_m = -1;
   }
-  reintegrate_moved_biases();
+  intervals.follow_biases();
   window.calibration = before;
 }
 
 /// The window has states from its oldest frame on.
 void Estimator::Impl::began(StartKind kind) {
-  monitor.restart();
+  monitor.begin();
   started = true;
-  began_R_BC = window.calibration.R_BC;
-  rejected_last = false;
-  started_at = last_marginalised = window.at(0).time;
-  stood_at = images_still_since = window.newest().time;
-  stood = window.newest().x.R;
+  flight.began_R_BC = window.calibration.R_BC;
+  flight.rejected_last = false;
+  flight.began_at = flight.last_marginalised = window.at(0).time;
+  resting.begin();
   stats.start_kind = kind;
 }
 
@@ -306,7 +289,7 @@ void Estimator::Impl::remember_origin() {
 void Estimator::Impl::start(const TrackedFrame& frame, const InitialState& state, StartKind kind) {
   window.clear();
   visual->restart();
-  rest.clear();
+  resting.forget();
   cut(frame);
   Slot& s = window.newest();
   s.x.p = state.p_WB;
@@ -319,28 +302,6 @@ void Estimator::Impl::start(const TrackedFrame& frame, const InitialState& state
   remember_origin();
   carried = {true, true, s.time, s.x, s.omega, covariance_of(state, config.time_offset_sigma_s)};
   publish(frame.stamp, carried);
-  odometry.health = {};
-  odometry.health.reasons = bit(HealthReason::kPosteriorWide);
-}
-
-bool Estimator::Impl::estimates_focal_length() const {
-  return config.estimate_focal_length && config.visual_factor == VisualFactor::kTrack;
-}
-
-SolverSettings Estimator::Impl::solver_settings(int steps) const {
-  return {steps, config.estimate_time_offset, config.estimate_extrinsics, estimates_focal_length(),
-          config.estimate_imu_scale};
-}
-
-Calibration Estimator::Impl::configured_calibration() const {
-  return {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC, 0, {}};
-}
-
-/// Of a window that begins knowing nothing; all but the time offset has a prior of its own (calibration_prior.h).
-CalibrationTangent Estimator::Impl::calibration_sigmas() const {
-  CalibrationTangent s = CalibrationTangent::Zero();
-  s[0] = config.time_offset_sigma_s;
-  return s;
 }
 
 Vec3 Estimator::Impl::known_gyroscope_bias() const {
@@ -350,11 +311,12 @@ Vec3 Estimator::Impl::known_gyroscope_bias() const {
 /// For a start at the window's newest frame.
 StarterSettings Estimator::Impl::starter_settings() const {
   StarterSettings s;
-  s.pixel_sigma = pixel_sigma;
+  s.pixel_sigma = flight.tracks.pixel_sigma;
   const bool looked_long = (window.newest().time - window.at(0).time).seconds() > kLongLook_s;
-  s.least_pixel_sigma =
-      config.estimate_pixel_sigma && looked_long ? std::min(kLeastPixelSigma, pixel_sigma) : pixel_sigma;
-  s.most_pixel_sigma = config.estimate_pixel_sigma ? kMostPixelSigma : pixel_sigma;
+  s.least_pixel_sigma = config.estimate_pixel_sigma && looked_long
+                            ? std::min(kLeastPixelSigma, flight.tracks.pixel_sigma)
+                            : flight.tracks.pixel_sigma;
+  s.most_pixel_sigma = config.estimate_pixel_sigma ? kMostPixelSigma : flight.tracks.pixel_sigma;
   s.focal_px = config.extrinsics.focal_px;
   s.b_g_sigma = kBiasSigmaGyroscope;
   s.b_a_sigma = kBiasSigmaAccelerometer;
@@ -362,7 +324,7 @@ StarterSettings Estimator::Impl::starter_settings() const {
   if (!carried.known) return s;
   if (carried.trusted) s.b_g_sigma = kBiasSigmaGyroscopeKnown;
   s.b_g_reference = known_gyroscope_bias();
-  const KnownState now = carried_to(window.newest().time);
+  const KnownState now = carrying.to(window.newest().time);
   s.p_WB = now.x.p;
   s.R_WB = now.x.R;
   const StateCovariance P = now.P + covariance_added(world, now.x);

@@ -48,7 +48,17 @@ void HealthMonitor::restart() {
   doubted_s_ = doubted_s;
 }
 
-Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
+void HealthMonitor::begin() {
+  restart();
+  health_.reasons = bit(HealthReason::kPosteriorWide);
+}
+
+void HealthMonitor::say(HealthReason reason) {
+  health_.reasons |= bit(reason);
+  if (health_.state == HealthState::kTracking) health_.state = HealthState::kDegraded;
+}
+
+void HealthMonitor::update(const FrameEvidence& e, double dt_s) {
   if (e.solved) {
     rejected_frames_ = e.steps_rejected ? rejected_frames_ + 1 : 0;
     gated_s_ = e.gated_share > kGatedShare ? gated_s_ + dt_s : 0;
@@ -70,6 +80,7 @@ Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
   flag(h.reasons, e.deadline_missed, HealthReason::kDeadlineMissed);
   flag(h.reasons, e.overloaded, HealthReason::kOverloaded);
   flag(h.reasons, e.imu_gap, HealthReason::kImuGap);
+  flag(h.reasons, e.readings_refused, HealthReason::kReadingsRefused);
   flag(h.reasons, !e.finite, HealthReason::kNotFinite);
   flag(h.reasons, e.numbers_wrong > Severity::kNote, HealthReason::kNumbersWrong);
 
@@ -89,7 +100,7 @@ Health HealthMonitor::update(const FrameEvidence& e, double dt_s) {
                              : HealthState::kTracking;
   quality_ += std::clamp(dt_s / kQualityMemory_s, 0.0, 1.0) * (100 * share_of(e) - quality_);
   h.quality = lost ? -1 : static_cast<int>(std::lround(quality_));
-  return h;
+  health_ = h;
 }
 
 }  // namespace epiline

@@ -14,8 +14,9 @@ struct FrameEvidence {
   double gated_share = 0;  ///< of the window's tracks
   bool steps_rejected = false;
   bool deadline_missed = false;
-  bool overloaded = false;  ///< solved with less than the configured effort
-  bool imu_gap = false;
+  bool overloaded = false;                            ///< solved with less than the configured effort
+  bool imu_gap = false;                               ///< or shortly after one
+  bool readings_refused = false;                      ///< or shortly after: the images contradict them
   Severity numbers_wrong = Severity::kNone;           ///< calibration, units or time offset: suspicion.h
   double speed = 0;                                   ///< m/s
   double sigma_velocity = 0;                          ///< m/s, largest axis
@@ -26,13 +27,21 @@ struct FrameEvidence {
   bool at_rest = false;                               ///< nothing moves, so no parallax is missed
 };
 
+/// The one place where health is decided.
 class HealthMonitor {
  public:
-  /// Begins a flight. One that follows a flight that failed is doubted until it has lasted a few seconds: what was
-  /// wrong may still be.
+  const Health& health() const { return health_; }
+  /// There is no state. What follows a flight that failed is doubted until it has lasted a few seconds: what was wrong
+  /// may still be.
   void restart();
-  /// Adds one frame's evidence, and returns the new health.
-  Health update(const FrameEvidence& e, double dt_s);
+  /// There is one.
+  void begin();
+  /// Adds the evidence of a solved frame.
+  void update(const FrameEvidence& e, double dt_s);
+  /// What keeps a frame that is not solved from being good.
+  void say(HealthReason reason);
+  /// What was known is worth going on from.
+  bool trusts() const { return health_.state == HealthState::kTracking || health_.state == HealthState::kDegraded; }
   /// True if the state cannot recover: restart.
   bool reset_wanted() const { return reset_wanted_; }
   /// What made it fail passes: the next flight is not doubted for it.
@@ -41,6 +50,7 @@ class HealthMonitor {
   void want_reset() { reset_wanted_ = true; }
 
  private:
+  Health health_{HealthState::kInitialising, static_cast<std::uint32_t>(HealthReason::kNoInitialState), 0};
   bool settled_ = false;  ///< the posterior has been tight once
   double lost_s_ = 0, gated_s_ = 0, unsettled_s_ = 0, doubted_s_ = 0;
   int rejected_frames_ = 0;

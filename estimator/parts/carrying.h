@@ -1,0 +1,34 @@
+#pragma once
+// A state carried on by the readings, where no image is solved. Rules: docs/derivations/health.md.
+#include "estimator/parts/common.h"
+#include "estimator/parts/intervals.h"
+
+namespace epiline {
+
+/// Of the camera: longer, and the state is carried on with wider covariances.
+inline constexpr double kSilence_s = 0.5;
+
+class Carrying {
+ public:
+  Carrying(Common& common, const Intervals& intervals) : common_(common), intervals_(intervals) {}
+  /// What is known of an instant.
+  KnownState to(HostStamp time) const { return on_to(time < common_.carried.time ? from_ : common_.carried, time); }
+  /// A state moved on to `time` by the readings. Without readings it stays where it is.
+  KnownState on_to(const KnownState& from, HostStamp time) const;
+  /// The window's newest frame, as the IMU predicts it.
+  KnownState predicted_newest() const;
+  /// A reading has come. While no frame is solved they would be overwritten before they are needed.
+  void keep_up();
+
+ private:
+  bool forces_are_unknown(const KnownState& from, HostStamp until) const;
+
+  Common& common_;
+  const Intervals& intervals_;
+  KnownState from_;  ///< where the carried state last began: readings may be ahead of the images
+};
+
+/// Whether a carried state is good enough to begin a window with.
+bool may_go_on(const KnownState& s);
+
+}  // namespace epiline
