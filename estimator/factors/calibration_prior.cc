@@ -17,6 +17,9 @@ constexpr double kUnlikely = 1e-3;  // another maximum adds nothing then
 constexpr double kFading_s = 5;     // another maximum that is seen no more: a window that says little loses it
 constexpr double kSame = 0.1;       // relative difference of maxima
 constexpr double kFarthest = 1;     // rad, m, relative: where the search for one that is far begins
+// Relative: a scale or a focal length is estimated by its slope, which leads no farther. Turns show what is more
+// (suspicion.h).
+constexpr double kFarthestScale = 0.2;
 // Relative: by so much do two calibrations of one lens differ in local magnification, rms over the image
 // (docs/developers/decisions.md#claims-of-the-calibration).
 constexpr double kLensShape = 4e-3;
@@ -91,10 +94,11 @@ bool look_far(const CalibrationCovariance& covariance, const CalibrationTangent&
   };
   const bool held_near = square(p.found) < kNear * scale_squared(p);
   const double gain = both(near) - both(far);
-  const bool takes_far = gain > (held_near ? kClear : 0);
+  const bool in_reach = numbers > 1 || far.norm() < kFarthestScale;
+  const bool takes_far = in_reach && gain > (held_near ? kClear : 0);
   p.found = takes_far ? far.norm() : near.norm();
   const Numbers<numbers>&here = takes_far ? far : near, &there = takes_far ? near : far;
-  const bool two = (there - here).norm() > kSame * far.norm();
+  const bool two = in_reach && (there - here).norm() > kSame * far.norm();
   remember<numbers>(axes.eigenvectors() * there, two ? 1 / (1 + std::exp(log_mass(here) - log_mass(there))) : 0, d,
                     fading, p);
   return held_near && square(p.found) >= kNear * scale_squared(p);
