@@ -89,6 +89,7 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, F
   e.bias_accelerometer = x.b_a.norm();
   e.bias_gyroscope = x.b_g.norm();
   e.numbers_wrong = numbers.wrong();
+  e.number_named = numbers.is_named();
   e.at_rest = window.newest().at_rest;
   e.parallax_px = widest_parallax_px(window, config.extrinsics.focal_px);
   if (!window.newest().only_images()) flight.depth_known = e.parallax_px > kDepthKnown_px;

@@ -6,9 +6,7 @@
 
 namespace epiline {
 
-namespace {
-constexpr int kSeenAgain = 20;  // tracks that tie an image after a silence to the window before it
-}  // namespace
+namespace {}  // namespace
 
 /// Whether an image tells where the vehicle is while the IMU is silent: one that stood has not seen how far anything
 /// is, and its motion would have no scale.

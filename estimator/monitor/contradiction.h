@@ -36,7 +36,7 @@ class Contradiction {
     figure_ = rule_.remembered;
     longer_ = std::min(2 * longer_, kLongestRefuted_s / rule_.refuted_s);
   }
-  void forget() noexcept { figure_ = 0; }
+  void forget() noexcept { figure_ = 0, longer_ = 1; }
   double figure() const noexcept { return figure_; }
   Severity severity() const noexcept {
     return figure_ > rule_.gross ? Severity::kGross : figure_ > rule_.suspect ? Severity::kSuspect : Severity::kNone;
@@ -54,25 +54,24 @@ class ContradictionWatch {
   /// `imu_chi2`: cost of the window's intervals of the IMU, over their numbers of motion.
   void add(const TrackFit& tracks, double imu_chi2, double dt_s, bool at_rest) noexcept {
     misfit_px_.add(std::min(tracks.median_px, kFitsAll * tracks.quarter_px), dt_s, at_rest);
-    if (!at_rest && worst() == Severity::kNone) fitted_s_ += dt_s;
+    if (worst() != Severity::kNone)
+      contradicted_s_ += dt_s;
+    else if (!at_rest)
+      fitted_s_ = std::min(kFittedMost_s, fitted_s_ + dt_s);
     if (at_rest) return;  // a hard landing stays in the window as long as the rest, and no depth is seen
     imu_chi2_.add(imu_chi2, dt_s, at_rest);
     const int deep = tracks.ahead + tracks.behind;
     if (deep >= kFewestDeep && deep >= kDeepShare * tracks.tracks)
       behind_.add(static_cast<double>(tracks.behind) / deep, dt_s, at_rest);
   }
+  /// The next flight begins. What numbers have fitted, less what has contradicted them since, speaks for them still.
   void restart() noexcept {
-    if (numbers_fitted()) {
-      *this = {};
-      return;
-    }
-    misfit_px_.restart();
-    imu_chi2_.restart();
-    behind_.restart();
-    fitted_s_ = 0;
+    const bool fitted = numbers_fitted();
+    for (Contradiction* c : {&misfit_px_, &imu_chi2_, &behind_}) fitted ? c->forget() : c->restart();
+    fitted_s_ = fitted ? std::max(0., fitted_s_ - contradicted_s_) : 0;
+    contradicted_s_ = 0;
   }
-  /// Motion of this flight has fitted for so long that what contradicts now is no number of the rig: a blow, or
-  /// something that moves.
+  /// Motion has fitted for so long that what contradicts now is no number of the rig: a blow, or something that moves.
   bool numbers_fitted() const noexcept { return fitted_s_ > kFitted_s; }
   /// The noise that it was judged by is known to be another one.
   void forget_imu() noexcept { imu_chi2_.forget(); }
@@ -92,7 +91,8 @@ class ContradictionWatch {
   // side.
   static constexpr int kFewestDeep = 20;
   static constexpr double kDeepShare = 1. / 3;
-  static constexpr double kFitted_s = 3;  // a wrong sign shows itself within 2.5 s of motion
+  static constexpr double kFitted_s = 3;       // a wrong sign shows itself within 2.5 s of motion
+  static constexpr double kFittedMost_s = 30;  // what contradicts for longer may be a rig that was bent
   static constexpr double kNever = std::numeric_limits<double>::infinity();
   // Of right flights it is 0.06 to 0.17 on the mean and 0.38 at most; with a lens not undistorted 1.5, with a wrong
   // sign of the accelerometer 6.
@@ -107,7 +107,7 @@ class ContradictionWatch {
   // turn on the spot fits that sign, too, so what lies behind is refuted last.
   Contradiction behind_{
       {.suspect = 0.3, .gross = 0.5, .most = 1, .remembered = 0.5, .believed_s = 0.3, .refuted_s = 15}};
-  double fitted_s_ = 0;
+  double fitted_s_ = 0, contradicted_s_ = 0;
 };
 
 }  // namespace epiline

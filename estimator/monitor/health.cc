@@ -80,9 +80,10 @@ void HealthMonitor::update(const FrameEvidence& e, double dt_s) {
   flag(h.reasons, e.deadline_missed, HealthReason::kDeadlineMissed);
   flag(h.reasons, e.overloaded, HealthReason::kOverloaded);
   flag(h.reasons, e.imu_gap, HealthReason::kImuGap);
-  flag(h.reasons, e.readings_refused, HealthReason::kReadingsRefused);
   flag(h.reasons, !e.finite, HealthReason::kNotFinite);
-  flag(h.reasons, e.numbers_wrong > Severity::kNote, HealthReason::kNumbersWrong);
+  const bool contradicted = e.numbers_wrong > Severity::kNote;
+  flag(h.reasons, contradicted && e.number_named, HealthReason::kNumbersWrong);
+  flag(h.reasons, e.readings_refused || (contradicted && !e.number_named), HealthReason::kReadingsRefused);
 
   const bool unknown = !within(kLostVelocity, kLostShare);
   const bool lost = !e.finite || bias || unknown || e.numbers_wrong == Severity::kGross;

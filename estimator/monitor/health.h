@@ -18,6 +18,7 @@ struct FrameEvidence {
   bool imu_gap = false;                               ///< or shortly after one
   bool readings_refused = false;                      ///< or shortly after: the images contradict them
   Severity numbers_wrong = Severity::kNone;           ///< calibration, units or time offset: suspicion.h
+  bool number_named = true;                           ///< else something that moves contradicts them, or a blow
   double speed = 0;                                   ///< m/s
   double sigma_velocity = 0;                          ///< m/s, largest axis
   double sigma_tilt = 0;                              ///< rad

@@ -8,7 +8,9 @@ namespace epiline {
 namespace {
 constexpr double kTurnsRemembered_s = 30;  // seen by camera and gyroscope
 constexpr double kJudged_s = 0.5;          // apart
-constexpr auto kUnrelated = static_cast<std::size_t>(Suspect::kUnrelated);
+constexpr auto kUnrelated = static_cast<std::size_t>(Suspect::kUnrelated),
+               kTimeOffset = static_cast<std::size_t>(Suspect::kTimeOffset);
+constexpr Severity kNote = Severity::kNote;
 }  // namespace
 
 Numbers::Numbers(Common& common)
@@ -44,10 +46,8 @@ Numbers::Both Numbers::by_sensors() const {
     add_suspicions(units_, *s);
     add_contradictions(contradictions_, turns_.noise_rad() * given.focal_px, *s);
   }
-  if (contradictions_.numbers_fitted()) {
-    both.said[kUnrelated] = {};
-    both.left[kUnrelated].severity = std::min(both.left[kUnrelated].severity, Severity::kSuspect);
-  }
+  Severity& unrelated = both.left[kUnrelated].severity;
+  if (have_fitted()) unrelated = std::min(unrelated, Severity::kSuspect);
   return both;
 }
 
@@ -68,7 +68,8 @@ void Numbers::add_found(Both& both, const WheelWatch& wheels) const {
 }
 
 /// What the flight corrects for is named and no reason to distrust it, unless it is grossly wrong: what is estimated is
-/// linear in the error.
+/// linear in the error. Once motion has fitted the numbers, none is accused that was not before: numbers do not change
+/// in flight, but for the stamps of a camera.
 void Numbers::watch(const TrackedFrame& frame, const WheelWatch& wheels) {
   turns_.add_images(frame);
   const Severity contradiction = contradictions_.worst();
@@ -78,20 +79,24 @@ void Numbers::watch(const TrackedFrame& frame, const WheelWatch& wheels) {
   Both both = by_sensors();
   add_found(both, wheels);
   wrong_ = wrong_at_rest_ = Severity::kNone;
+  named_ = false;
   for (std::size_t i = 0; i < both.said.size(); ++i) {
     Suspicion& said = both.said[i];
     const Severity left = both.left[i].severity;
     wrong_ = std::max(wrong_, left);
     if (i != kUnrelated) wrong_at_rest_ = std::max(wrong_at_rest_, left);
     if (said.severity == Severity::kGross) wrong_ = std::max(wrong_, Severity::kSuspect);
-    if (said.severity > Severity::kNote && left == Severity::kNone) said.severity = Severity::kNote;
+    if (left == Severity::kNone) said.severity = std::min(said.severity, kNote);
     Suspicion& ever = common_.stats.suspicions[i];
+    if (have_fitted() && i != kTimeOffset) said.severity = std::min(said.severity, std::max(ever.severity, kNote));
+    named_ = named_ || said.severity > kNote;
     if (said.severity != Severity::kNone && said.severity >= ever.severity) ever = said;
   }
 }
 
 void Numbers::refuse_force(double force_m_s2) {
   wrong_ = Severity::kGross;
+  named_ = true;
   common_.stats.suspicions[static_cast<std::size_t>(Suspect::kAccelerometerUnits)] = {Severity::kGross, force_m_s2, {}};
 }
 

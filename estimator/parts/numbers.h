@@ -3,8 +3,8 @@
 #include "estimator/monitor/contradiction.h"
 #include "estimator/monitor/suspicion.h"
 #include "estimator/monitor/turn_watch.h"
+#include "estimator/monitor/wheel_watch.h"
 #include "estimator/parts/common.h"
-#include "estimator/parts/wheels.h"
 
 namespace epiline {
 
@@ -18,6 +18,8 @@ class Numbers {
   void add(const TrackFit& tracks, double imu_chi2, double dt_s);
   /// How wrong the numbers are by the present verdict.
   Severity wrong() const { return wrong_; }
+  /// Whether a number is accused; otherwise what contradicts is something that moves, or a blow.
+  bool is_named() const { return named_; }
   /// The same without turns that are unrelated: what the camera saw while it was handled says nothing of a rest.
   Severity wrong_at_rest() const { return wrong_at_rest_; }
   /// Motion of this flight has fitted: what contradicts now is something that moves, or a blow.
@@ -47,6 +49,7 @@ class Numbers {
   HostStamp judged_at_;
   Severity contradiction_judged_ = Severity::kNone;
   Severity wrong_ = Severity::kNone, wrong_at_rest_ = Severity::kNone;
+  bool named_ = false;
 };
 
 }  // namespace epiline
