@@ -31,6 +31,8 @@ Detector::Detector(int width, int height, const TrackerConfig& config, const Mas
   cell_width_ = even(w / columns_);
   cell_height_ = even(h / rows_);
   used_.resize(static_cast<std::size_t>(columns_) * rows_);
+  own_ = OwnParts(columns_ * rows_);
+  own_cells_ = {width, height, columns_, rows_, config_.border_px, cell_width_, cell_height_, {}};
   stride_ = kPreferredStride;
   while (std::gcd(stride_, columns_ * rows_) != 1) ++stride_;
   for (int i = 0; i < columns_ * rows_; ++i) {
@@ -41,10 +43,16 @@ Detector::Detector(int width, int height, const TrackerConfig& config, const Mas
 }
 
 // What lies outside the grid counts for the nearest cell.
-void Detector::mark_used(float x, float y) noexcept {
+int Detector::cell_at(float x, float y) const noexcept {
   const int c = (static_cast<int>(x) - config_.border_px) / cell_width_;
   const int r = (static_cast<int>(y) - config_.border_px) / cell_height_;
-  used_[static_cast<std::size_t>(std::clamp(r, 0, rows_ - 1)) * columns_ + std::clamp(c, 0, columns_ - 1)] = 1;
+  return std::clamp(r, 0, rows_ - 1) * columns_ + std::clamp(c, 0, columns_ - 1);
+}
+
+void Detector::watch(float x, float y, const Vec2& turned, bool vehicle) noexcept {
+  const int cell = cell_at(x, y);
+  vehicle ? own_.add_vehicle(cell, turned) : own_.add_world(cell, turned);
+  own_cells_.set(cell, own_.is_own(cell));
 }
 
 Discs Detector::discs_near(const Cell& cell, std::span<const std::array<float, 2>> taken,
@@ -68,13 +76,13 @@ int Detector::detect(const ImageView& image, std::span<const std::array<float, 2
   const int before = tracks.size, cells = columns_ * rows_;
   taken = taken.first(std::min(taken.size(), std::size_t{TrackTable::kCapacity}));
   std::fill(used_.begin(), used_.end(), std::uint8_t{0});
-  for (int i = 0; i < tracks.size; ++i) mark_used(tracks.x[i], tracks.y[i]);
-  for (const std::array<float, 2>& other : taken) mark_used(other[0], other[1]);
+  for (int i = 0; i < tracks.size; ++i) used_[cell_at(tracks.x[i], tracks.y[i])] = 1;
+  for (const std::array<float, 2>& other : taken) used_[cell_at(other[0], other[1])] = 1;
   for (int k = 0; k < cells && tracks.size < most; ++k) {
     const int index = (first_ + k * stride_) % cells;
     if (used_[index]) continue;
     const Cell& here = cell(index);
-    if (here.width == 0) continue;
+    if (here.width == 0 || own_.is_own(index)) continue;
     const Corner corner = best_corner(image, here, discs_near(here, taken, tracks), config_.edge_share);
     if (corner.score < config_.min_score) continue;
     tracks.x[tracks.size] = corner.x;

@@ -5,6 +5,7 @@
 
 #include "pipeline/vision/corner.h"
 #include "pipeline/vision/mask.h"
+#include "pipeline/vision/own_parts.h"
 #include "pipeline/vision/track_table.h"
 #include "pipeline/vision/tracker_config.h"
 
@@ -22,13 +23,19 @@ class Detector {
   int detect(const ImageView& image, std::span<const std::array<float, 2>> taken, int most,
              TrackTable& tracks) noexcept;
 
+  /// A track at (x, y) speaks of the vehicle, or of the world (OwnParts). No corners are searched any more where the
+  /// vehicle itself is seen.
+  void watch(float x, float y, const Vec2& turned, bool vehicle) noexcept;
+  /// Where that is, as a grid for TrackerStats.
+  const OwnCells& own_cells() const noexcept { return own_cells_; }
+
   int columns() const { return columns_; }
   int rows() const { return rows_; }
   /// The part of it that is searched; its sides may be 0.
   const Cell& cell(int index) const { return cells_[static_cast<std::size_t>(index)]; }
 
  private:
-  void mark_used(float x, float y) noexcept;
+  int cell_at(float x, float y) const noexcept;
   Discs discs_near(const Cell& cell, std::span<const std::array<float, 2>> taken, const TrackTable& tracks) noexcept;
 
   TrackerConfig config_;
@@ -38,6 +45,8 @@ class Detector {
   int first_ = 0;   // cell to start with in this image
   std::vector<Cell> cells_;
   std::vector<std::uint8_t> used_;
+  OwnParts own_{0};
+  OwnCells own_cells_;
   std::array<float, 2 * TrackTable::kCapacity> near_x_{}, near_y_{};
 };
 

@@ -27,6 +27,7 @@ struct TrackTable {
   Column<float> velocity_x{}, velocity_y{};  ///< px/s, to the previous image
   Column<float> parallax_x{}, parallax_y{};  ///< px/s, the part of it that rotation does not explain
   Column<float> innovation{};                ///< px, between predicted and found position
+  Column<Vec2> turned{};                     ///< px, by the camera's turn, of those that say whose they are; else zero
   Column<Vec3> bearing{};                    ///< unit, camera frame of the last image
   Column<Mat23> pixel_jacobian{};            ///< d px / d bearing
   Column<Bearings> history{};                ///< unit bearings; that of image n is at n % kHistory
@@ -39,7 +40,7 @@ struct TrackTable {
     const int left = static_cast<int>(std::count(alive.begin(), end, true));
     if (left == size) return;
     const auto compact = [&](auto&... columns) { (compact_column(columns, alive), ...); };
-    compact(id, age, x, y, velocity_x, velocity_y, parallax_x, parallax_y, innovation, bearing, pixel_jacobian,
+    compact(id, age, x, y, velocity_x, velocity_y, parallax_x, parallax_y, innovation, turned, bearing, pixel_jacobian,
             history);
     for (int i = 0, n = 0; i < size; ++i) {
       if (alive[i]) std::swap(patch[n++], patch[i]);

@@ -63,6 +63,8 @@ struct Tracker::Impl {
   void predict();
   int find(bool again);
   void search();
+  void watch_vehicle();
+  void watch_world();
   void count_end(KltEnd end);
   void update_track(int i);
   void take_bearing(int i);
@@ -211,6 +213,35 @@ int Tracker::Impl::find(bool again) {
                                         [](const KltTrack& w) { return w.end == KltEnd::kFound; }));
 }
 
+// Tracks that stay although the camera turns speak of the vehicle, whether they are ended for it or not. Where most
+// stay, it does not turn as the gyroscope says.
+void Tracker::Impl::watch_vehicle() {
+  int telling = 0, staying = 0;
+  for (int i = 0; i < tracks.size; ++i) {
+    const bool known = wanted[i].end == KltEnd::kFound && !std::isnan(rotated_x[i]);
+    const Vec2 turned(rotated_x[i] - tracks.x[i], rotated_y[i] - tracks.y[i]);
+    const Vec2 moved(wanted[i].found_x - tracks.x[i], wanted[i].found_y - tracks.y[i]);
+    const bool tells = known && OwnParts::tells(turned);
+    tracks.turned[i] = tells ? turned : Vec2(Vec2::Zero());
+    alive[i] = tells && OwnParts::stays(moved);
+    telling += tells;
+    staying += alive[i];
+  }
+  for (int i = 0; i < tracks.size; ++i) {
+    if (2 * staying > telling) tracks.turned[i].setZero();
+    if (!alive[i] || tracks.turned[i].isZero()) continue;
+    detector.watch(tracks.x[i], tracks.y[i], tracks.turned[i], true);
+    tracks.turned[i].setZero();
+  }
+}
+
+// Those that are left move as the others do: they speak of the world.
+void Tracker::Impl::watch_world() {
+  for (int i = 0; i < tracks.size; ++i)
+    if (!tracks.turned[i].isZero()) detector.watch(tracks.x[i], tracks.y[i], tracks.turned[i], false);
+  stats.own_cells = detector.own_cells();
+}
+
 // A gyroscope that was hit tells of a turn that never was: where that loses most of the tracks, none is the better
 // guess.
 void Tracker::Impl::search() {
@@ -223,6 +254,7 @@ void Tracker::Impl::search() {
     }
   }
   stats.tried += static_cast<std::uint64_t>(tracks.size);
+  watch_vehicle();
   for (int i = 0; i < tracks.size; ++i) {
     KltEnd& end = wanted[i].end;
     alive[i] = end == KltEnd::kFound;
@@ -329,6 +361,7 @@ void Tracker::Impl::detect(std::span<const std::array<float, 2>> taken, int most
     tracks.age[i] = 0;
     tracks.velocity_x[i] = tracks.velocity_y[i] = 0;
     tracks.innovation[i] = 0;
+    tracks.turned[i].setZero();
     take_parallax(i, before);
     take_bearing(i);
   }
@@ -379,6 +412,7 @@ bool Tracker::follow(const Frame& image, const Mat3& R_CC0, const RowTurn& rows)
     t.search();
     t.reject(1, t.config.near_limit_px, t.stats.rejected_near);
     t.reject(t.config.wide_span, t.config.wide_limit_px, t.stats.rejected_wide);
+    t.watch_world();
     t.stats.tracked += static_cast<std::uint64_t>(t.tracks.size);
   }
   return true;

@@ -2,6 +2,7 @@
 // The front end's constants and counters. No Eigen: the image kernels include this and are compiled with flags of their
 // own.
 #include <array>
+#include <bitset>
 #include <cstdint>
 #include <memory>
 
@@ -50,6 +51,18 @@ struct TrackerConfig {
   std::array<std::shared_ptr<const Mask>, 1 + kMostOthers> masks;  ///< of each camera; null: it sees the world only
 };
 
+/// Cells of a grid over the image in which the vehicle itself was seen, row by row.
+struct OwnCells {
+  int image_width = 0, image_height = 0;  ///< px
+  int columns = 0, rows = 0;
+  int border_px = 0, width_px = 0, height_px = 0;  ///< around the grid; of a cell
+  std::bitset<1024> own;                           ///< the first ones, should there be more
+
+  void set(int cell, bool is_own) noexcept {
+    if (static_cast<std::size_t>(cell) < own.size()) own.set(static_cast<std::size_t>(cell), is_own);
+  }
+};
+
 /// Counts since construction; reset() keeps them.
 struct TrackerStats {
   std::uint64_t images = 0;          ///< given to step()
@@ -65,6 +78,7 @@ struct TrackerStats {
   std::uint64_t lost_backward = 0;
   std::uint64_t rejected_near = 0;  ///< against the previous image
   std::uint64_t rejected_wide = 0;  ///< against the image `wide_span` images ago
+  OwnCells own_cells;               ///< by now
 };
 
 }  // namespace epiline

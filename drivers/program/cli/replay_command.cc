@@ -1,5 +1,6 @@
 #include "drivers/study/replay/replay.h"
 #include "drivers/study/report/outputs.h"
+#include "drivers/study/report/own_parts.h"
 
 #include <fmt/format.h>
 
@@ -83,6 +84,11 @@ void print_summary(const FlightRecord& r, const std::optional<TrajectoryErrors>&
   if (const auto& f = r.load.frames; f[1] + f[2] + f[3] > 0)
     fmt::print("load      {} images in full, {} with fewer features, {} with fewer iterations, {} predicted only\n",
                f[0], f[1], f[2], f[3] - r.load.let_through);
+  if (r.tracker && r.tracker->own_cells.own.any())
+    fmt::print(
+        "vehicle   seen in {:.0f} % of the image, which moves with the camera: no tracks begin there; {}/own_parts.png "
+        "serves as camera.mask\n",
+        100 * own_share(r.tracker->own_cells), out);
   fmt::print("report    {}/report.html\n", out);
 }
 

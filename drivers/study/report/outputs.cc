@@ -1,6 +1,7 @@
 #include "drivers/study/report/outputs.h"
 
 #include "drivers/study/evaluate/odometry_file.h"
+#include "drivers/study/report/own_parts.h"
 #include "drivers/study/report/report.h"
 #include "drivers/study/report/stats_json.h"
 #include "pipeline/text/table.h"
@@ -13,6 +14,10 @@ Result<std::optional<TrajectoryErrors>> write_report(const FlightRecord& record,
   const Json stats = stats_json(record, errors, program);
   if (const Status s = write_text(folder / "stats.json", stats.dump(2) + "\n"); !s) return s.error();
   if (const Status s = write_text(folder / "report.html", report_html(record, errors, program)); !s) return s.error();
+  if (record.tracker && record.tracker->own_cells.own.any()) {
+    const std::string png = own_parts_png(record.tracker->own_cells);
+    if (const Status s = write_text(folder / "own_parts.png", png); !s) return s.error();
+  }
   return errors;
 }
 

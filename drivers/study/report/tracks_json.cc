@@ -1,4 +1,5 @@
 #include "drivers/study/report/tracks_json.h"
+#include "drivers/study/report/own_parts.h"
 
 namespace epiline {
 
@@ -38,6 +39,7 @@ Json tracks_json(const FlightRecord& r) {
   return {{"per_image_mean", share_of(points, r.images.size())},
           {"length_mean", share_of(points, tracks)},
           {"rejected_share", rejected},
+          {"own_parts_share", r.tracker ? Json(own_share(r.tracker->own_cells)) : Json(nullptr)},
           {"noise_px", r.estimator.frames_solved > 0 ? Json(r.estimator.pixel_sigma) : Json(nullptr)},
           {"gated", r.estimator.gated},
           {"other_cameras", others}};

@@ -87,7 +87,7 @@ TEST_F(MadeUpFlight, EveryPromisedFieldIsThere) {
       {"timing_ms", {"track", "solve", "marginalise", "estimate", "frame", "latency"}},
       {"cpu_ms", {"track", "solve", "marginalise", "estimate", "frame"}},
       {"solver", {"iterations_mean", "residuals_mean", "state_size_mean", "deadline_hits"}},
-      {"tracks", {"per_image_mean", "length_mean", "rejected_share"}},
+      {"tracks", {"per_image_mean", "length_mean", "rejected_share", "own_parts_share"}},
       {"memory", {"peak_rss_mib", "heap_allocations_after_start", "page_faults_after_start"}},
       {"error",
        {"poses", "coverage", "ate_4dof_m", "ate_se3_m", "ate_sim3_m", "scale_error", "yaw_drift_deg", "rpe", "motion",

@@ -6,6 +6,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "estimator/geometry/so3.h"
 #include "pipeline/vision/tracker.h"
 #include "platform/memory/allocation_count.h"
 #include "tests/pipeline/vision/support.h"
@@ -105,6 +106,54 @@ TEST(Mask, NoTrackIsWhereItIsBlack) {
   std::vector<std::size_t> all;
   EXPECT_EQ(tracks_on_the_vehicle(config, &all), std::vector<int>(15, 0)) << "neither begun nor followed there";
   EXPECT_GT(all.back(), 40u);
+}
+
+/// The camera yaws to and fro, or only to, before a world that is far away; from `kOwnFrom` on it sees the vehicle. How
+/// much of that is found, and how many cells of the world are taken for it, as shares.
+struct Found {
+  double own, world;
+};
+Found own_parts_found(bool to_and_fro, bool hood) {
+  Tracker tracker(mask_camera(), {});
+  const Waves world(31, 5, 40), own(32, 5, 40);
+  const auto out = std::make_unique<TrackedFrame>();
+  double at_px = 0;
+  std::array<TestImage, 2> images{TestImage(kMaskWidth, kMaskHeight), TestImage(kMaskWidth, kMaskHeight)};
+  for (int k = 0; k < 120; ++k) {
+    TestImage& image = images[static_cast<std::size_t>(k % 2)];  // that of before is still needed
+    const double step_px = to_and_fro && k / 20 % 2 == 1 ? -4 : 4;
+    at_px += step_px;
+    image = shifted(world, kMaskWidth, kMaskHeight, at_px, 0);
+    const TestImage part = shifted(own, kMaskWidth, kMaskHeight, 0, 0);
+    for (int y = kOwnFrom; hood && y < kMaskHeight; ++y)
+      for (int x = 0; x < kMaskWidth; ++x) image.at(x, y) = static_cast<std::uint8_t>(part.at(x, y));
+    const Mat3 R_CC0 = so3_exp(Vec3(0, step_px / 200, 0));
+    tracker.step({HostStamp{k * 50'000'000LL}, static_cast<std::uint64_t>(k), image.pixels.data(), kMaskWidth,
+                  kMaskHeight, image.stride},
+                 R_CC0, *out);
+  }
+  const OwnCells& cells = tracker.stats().own_cells;
+  int of_own = 0, found_own = 0, of_world = 0, found_world = 0;
+  for (int i = 0; i < cells.columns * cells.rows; ++i) {
+    const int top = cells.border_px + i / cells.columns * cells.height_px, bottom = top + cells.height_px;
+    const bool found = cells.own[static_cast<std::size_t>(i)];
+    if (top >= kOwnFrom) ++of_own, found_own += found;
+    if (bottom < kOwnFrom - kMaskMargin_px) ++of_world, found_world += found;
+  }
+  return {found_own / static_cast<double>(of_own), found_world / static_cast<double>(of_world)};
+}
+
+TEST(OwnParts, AreFoundByWhatStaysWhileTheCameraTurns) {
+  const Found found = own_parts_found(true, true);
+  EXPECT_GT(found.own, 0.7);
+  EXPECT_EQ(found.world, 0);
+}
+
+TEST(OwnParts, WhatStaysWhileTheCameraTurnsOneWayMayBeCircled) { EXPECT_EQ(own_parts_found(false, true).own, 0); }
+
+TEST(OwnParts, OfTheWorldAloneNothingIsTaken) {
+  const Found found = own_parts_found(true, false);
+  EXPECT_EQ(found.own + found.world, 0);
 }
 
 TEST(Mask, AnotherSizeThanTheImagesIsRefused) {
