@@ -6,6 +6,7 @@
 namespace epiline {
 
 void add_evaluate(CLI::App& app, int& exit_code);
+void add_bench(CLI::App& app, int& exit_code);
 void add_config(CLI::App& app, int& exit_code);
 void add_dbc(CLI::App& app, int& exit_code);
 void add_run(CLI::App& app, int& exit_code);

@@ -17,6 +17,7 @@ void add_commands(CLI::App& app, int& exit_code) {
   add_dbc(app, exit_code);
   add_replay(app, exit_code);
   add_evaluate(app, exit_code);
+  add_bench(app, exit_code);
 }
 
 }  // namespace
