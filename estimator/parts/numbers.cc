@@ -68,8 +68,8 @@ void Numbers::add_found(Both& both, const WheelWatch& wheels) const {
 }
 
 /// What the flight corrects for is named and no reason to distrust it, unless it is grossly wrong: what is estimated is
-/// linear in the error. Once motion has fitted the numbers, none is accused that was not before: numbers do not change
-/// in flight, but for the stamps of a camera.
+/// linear in the error. While motion has fitted the numbers for longer than not, none is accused that was not before:
+/// numbers do not change in flight, but for the stamps of a camera.
 void Numbers::watch(const TrackedFrame& frame, const WheelWatch& wheels) {
   turns_.add_images(frame);
   const Severity contradiction = contradictions_.worst();
@@ -88,7 +88,8 @@ void Numbers::watch(const TrackedFrame& frame, const WheelWatch& wheels) {
     if (said.severity == Severity::kGross) wrong_ = std::max(wrong_, Severity::kSuspect);
     if (left == Severity::kNone) said.severity = std::min(said.severity, kNote);
     Suspicion& ever = common_.stats.suspicions[i];
-    if (have_fitted() && i != kTimeOffset) said.severity = std::min(said.severity, std::max(ever.severity, kNote));
+    if (contradictions_.numbers_fit() && i != kTimeOffset)
+      said.severity = std::min(said.severity, std::max(ever.severity, kNote));
     named_ = named_ || said.severity > kNote;
     if (said.severity != Severity::kNone && said.severity >= ever.severity) ever = said;
   }
