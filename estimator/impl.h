@@ -143,7 +143,7 @@ struct Estimator::Impl : Common {
   Wheels wheels{*this};
   Heights heights{*this};
   Resting resting{*this};
-  Numbers numbers{*this};
+  RigNumbers numbers{*this};
 
   std::unique_ptr<VisualFactorModel> visual;
   Solver solver;

@@ -13,20 +13,20 @@ constexpr auto kUnrelated = static_cast<std::size_t>(Suspect::kUnrelated),
 constexpr Severity kNote = Severity::kNote;
 }  // namespace
 
-Numbers::Numbers(Common& common)
+RigNumbers::RigNumbers(Common& common)
     : common_(common), turns_(common.config.extrinsics.time_offset_s, kTurnsRemembered_s) {}
 
-void Numbers::add(const ImuSample& reading) {
+void RigNumbers::add(const ImuSample& reading) {
   turns_.add_reading(reading);
   units_.add(reading);
 }
 
-void Numbers::add(const TrackFit& tracks, double imu_chi2, double dt_s) {
+void RigNumbers::add(const TrackFit& tracks, double imu_chi2, double dt_s) {
   contradictions_.add(tracks, imu_chi2, dt_s, common_.window.newest().at_rest);
 }
 
 /// The camera's pose on the IMU against the configured one.
-FoundPose Numbers::found_pose() const {
+FoundPose RigNumbers::found_pose() const {
   const CalibrationTangent d = local(common_.configured_calibration(), common_.window.calibration);
   const auto variances = common_.calibration_covariance.diagonal();
   const auto sigma = [&](int at) { return std::sqrt(variances.segment<3>(at).maxCoeff()); };
@@ -35,7 +35,7 @@ FoundPose Numbers::found_pose() const {
 }
 
 /// By turns, units and contradictions.
-Numbers::Both Numbers::by_sensors() const {
+RigNumbers::Both RigNumbers::by_sensors() const {
   const Extrinsics& given = common_.config.extrinsics;
   const Calibration& found = common_.window.calibration;
   const TurnAgreement seen = turns_.agreement();
@@ -52,7 +52,7 @@ Numbers::Both Numbers::by_sensors() const {
 }
 
 /// What noise, wheels and the window's calibration turned out to be.
-void Numbers::add_found(Both& both, const WheelWatch& wheels) const {
+void RigNumbers::add_found(Both& both, const WheelWatch& wheels) const {
   add_suspicions(common_.config.imu, common_.noise.of_readings(), both.said);
   add_suspicions(wheels, both.said);
   // what is found in a window that contradicts itself is no finding
@@ -70,7 +70,7 @@ void Numbers::add_found(Both& both, const WheelWatch& wheels) const {
 /// What the flight corrects for is named and no reason to distrust it, unless it is grossly wrong: what is estimated is
 /// linear in the error. While motion has fitted the numbers for longer than not, none is accused that was not before:
 /// numbers do not change in flight, but for the stamps of a camera.
-void Numbers::watch(const TrackedFrame& frame, const WheelWatch& wheels) {
+void RigNumbers::watch(const TrackedFrame& frame, const WheelWatch& wheels) {
   turns_.add_images(frame);
   const Severity contradiction = contradictions_.worst();
   if ((frame.stamp - judged_at_).seconds() < kJudged_s && contradiction <= contradiction_judged_) return;
@@ -95,13 +95,13 @@ void Numbers::watch(const TrackedFrame& frame, const WheelWatch& wheels) {
   }
 }
 
-void Numbers::refuse_force(double force_m_s2) {
+void RigNumbers::refuse_force(double force_m_s2) {
   wrong_ = Severity::kGross;
   named_ = true;
   common_.stats.suspicions[static_cast<std::size_t>(Suspect::kAccelerometerUnits)] = {Severity::kGross, force_m_s2, {}};
 }
 
-void Numbers::stands() {
+void RigNumbers::stands() {
   if (wrong_ != Severity::kGross) return;
   turns_.forget();
   wrong_ = Severity::kNone;

@@ -8,9 +8,9 @@
 
 namespace epiline {
 
-class Numbers {
+class RigNumbers {
  public:
-  explicit Numbers(Common& common);
+  explicit RigNumbers(Common& common);
   void add(const ImuSample& reading);
   /// Of every image that is due for a solve.
   void watch(const TrackedFrame& frame, const WheelWatch& wheels);
