@@ -28,7 +28,7 @@ handles_signals() {
 }
 
 # ended COMMAND SIGNALS CODE TEXT LEFT BEGUN ARGUMENTS...: sends the signals at a random time once there is a file BEGUN. It ends with
-# CODE and TEXT within two seconds (0.2 where nothing else runs; tests share a processor), and with the files LEFT.
+# CODE and TEXT, and with the files LEFT, long before the minutes that it would go on for (0.2 s where nothing else runs).
 ended() {
   local command=$1 signals=$2 code=$3 text=$4 left=$5 begun=$6 begin rc wrong="" pid signal
   shift 6
@@ -46,7 +46,7 @@ ended() {
   wait "$pid"
   rc=$?
   local took=$(($(milliseconds) - begin))
-  ((took < 2000)) || wrong="too slow"
+  ((took < 20000)) || wrong="it went on"
   ((rc == code)) || wrong="code; expected $code"
   [[ $(<err) == *"$text"* ]] || wrong="no \"$text\""
   for file in $left; do [[ -s out/$file ]] || wrong="no $file"; done
