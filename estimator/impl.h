@@ -26,9 +26,6 @@ namespace epiline {
 inline constexpr double kLeastPixelSigma = 0.3, kMostPixelSigma = 2;
 inline constexpr int kSeenAgain = 20;        ///< tracks that tie an image to the window before it
 inline constexpr double kUsualDrift = 0.15;  ///< px per root of an image: of tracks that were not measured yet
-/// s: no gate until a window is so old, since a young state may be far off; so long is the speed in doubt after
-/// readings that are missing or contradicted.
-inline constexpr double kGateFree_s = 1;
 
 struct Estimator::Impl : Common {
   explicit Impl(const EstimatorConfig& c);

@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "estimator/factors/calibration_prior.h"
-#include "estimator/factors/imu.h"
 #include "estimator/impl.h"
 #include "estimator/monitor/evidence.h"
 #include "estimator/window/keyframe.h"

@@ -73,8 +73,8 @@ class ContradictionWatch {
   }
   /// Motion has fitted for so long that what contradicts now is no number of the rig: a blow, or something that moves.
   bool numbers_fitted() const noexcept { return fitted_s_ > kFitted_s; }
-  /// The same for so much longer than anything has contradicted since that no number is to be accused.
-  bool numbers_fit() const noexcept { return fitted_s_ - contradicted_s_ > kFitted_s; }
+  /// False while they have fitted for so much longer than anything has contradicted since.
+  bool may_accuse() const noexcept { return fitted_s_ - contradicted_s_ <= kFitted_s; }
   /// The noise that it was judged by is known to be another one.
   void forget_imu() noexcept { imu_chi2_.forget(); }
   const Contradiction& misfit_px() const noexcept { return misfit_px_; }  ///< of the tracks

@@ -9,6 +9,10 @@
 
 namespace epiline {
 
+/// s: a younger state may be far off, so there is no gate; so long is the speed in doubt after readings that are
+/// missing or contradicted.
+inline constexpr double kGateFree_s = 1;
+
 /// A state with its covariance at an instant of the IMU. The only thing that survives a reset.
 struct KnownState {
   bool known = false;    ///< false before the first start

@@ -88,7 +88,7 @@ void RigNumbers::watch(const TrackedFrame& frame, const WheelWatch& wheels) {
     if (said.severity == Severity::kGross) wrong_ = std::max(wrong_, Severity::kSuspect);
     if (left == Severity::kNone) said.severity = std::min(said.severity, kNote);
     Suspicion& ever = common_.stats.suspicions[i];
-    if (contradictions_.numbers_fit() && i != kTimeOffset)
+    if (!contradictions_.may_accuse() && i != kTimeOffset)
       said.severity = std::min(said.severity, std::max(ever.severity, kNote));
     named_ = named_ || said.severity > kNote;
     if (said.severity != Severity::kNone && said.severity >= ever.severity) ever = said;

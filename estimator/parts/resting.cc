@@ -8,7 +8,6 @@
 namespace epiline {
 
 namespace {
-constexpr double kAgeOfLeaving_s = 1;  // a younger state may be far off
 // Off what a standing vehicle should read, and for how long: a tenth of it would be seen in the images by then.
 constexpr double kRestRate = 0.01, kRestForce = 0.25, kContradicted_s = 0.5;            // rad/s, m/s^2
 constexpr double kAhead = 0.2;                                                          // of that time
@@ -47,7 +46,7 @@ bool Resting::has_left(double age_s) const {
   const Slot& newest = common_.window.newest();
   const bool shakes = common_.noise.shakes();
   const double most = shakes ? kShakingVelocity : kLeavingVelocity;
-  if (!shakes && age_s < kAgeOfLeaving_s) return false;
+  if (!shakes && age_s < kGateFree_s) return false;
   if ((newest.time - memory_.stood_at).seconds() >= kDeadReckoned_s)
     return !images_.attitude_held() && newest.x.v.norm() > most;
   NavState x = newest.x;  // whose biases fit the scales of now

@@ -110,6 +110,20 @@ TEST(CalibrationPrior, FindsATruthThatIsFarOnceItIsClearlyLikelier) {
   }
 }
 
+/// In a steady turn a scale of the gyroscope and its bias are one, and the slope may point anywhere.
+TEST(CalibrationPrior, LooksForNoScaleFartherThanItsSlopeLeads) {
+  for (const double measured : {-0.46, -0.15, 0.15, 0.46}) {
+    CalibrationPrior prior;
+    CalibrationPart& part = prior.gyroscope_scale;
+    part.sigma = 1e-3;
+    const Solved s = solved_under(prior, part, measured, std::abs(measured) / 8);
+    const bool in_reach = std::abs(measured) < 0.2;
+    EXPECT_EQ(look_far(s.covariance, prior.configured, s.calibration, 0.1, prior), in_reach) << measured;
+    EXPECT_NEAR(part.found, in_reach ? std::abs(measured) : 0, 0.01) << measured;
+    EXPECT_EQ(part.elsewhere > 0, in_reach) << "nor is it claimed";
+  }
+}
+
 /// Mean square of the truth's distance from `solved`, by the sum over the posterior: Student prior times measurement.
 double mean_square_from(double solved, const CalibrationPart& p, double measured, double sigma) {
   double mass = 0, moment = 0;

@@ -112,6 +112,19 @@ TEST(Misfit, NoNumberEndsAFlightThatFittedBefore) {
   EXPECT_EQ(verdict(watch), Severity::kSuspect) << "that one had not fitted";
 }
 
+TEST(Misfit, ANumberThatHasFittedIsAccusedOnceItIsContradictedForLonger) {
+  ContradictionWatch watch;
+  EXPECT_TRUE(watch.may_accuse());
+  see(watch, 0.2, 10);
+  EXPECT_FALSE(watch.may_accuse());
+  see(watch, 9, 5);
+  EXPECT_FALSE(watch.may_accuse()) << "a lorry passes";
+  see(watch, 9, 5);
+  EXPECT_TRUE(watch.may_accuse());
+  watch.restart();
+  EXPECT_TRUE(watch.may_accuse()) << "the next flight remembers it";
+}
+
 TEST(Misfit, ARestProvesNoNumber) {
   ContradictionWatch watch;
   see(watch, 0.2, 60, true);

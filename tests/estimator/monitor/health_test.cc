@@ -159,6 +159,10 @@ INSTANTIATE_TEST_SUITE_P(
         Trouble{"steps_rejected", HealthReason::kStepsRejected, 0.3, [](FrameEvidence& e) { e.steps_rejected = true; }},
         Trouble{"deadline", HealthReason::kDeadlineMissed, 0.1, [](FrameEvidence& e) { e.deadline_missed = true; }},
         Trouble{"imu_gap", HealthReason::kImuGap, 0.1, [](FrameEvidence& e) { e.imu_gap = true; }},
+        Trouble{"number", HealthReason::kNumbersWrong, 0.1,
+                [](FrameEvidence& e) { e.numbers_wrong = Severity::kSuspect; }},
+        Trouble{"no_number_to_blame", HealthReason::kReadingsRefused, 0.1,
+                [](FrameEvidence& e) { e.numbers_wrong = Severity::kSuspect, e.number_named = false; }},
         Trouble{"scale", HealthReason::kScaleUnknown, 0.1, [](FrameEvidence& e) { e.sigma_velocity = 0.5; }}),
     [](const auto& trouble) { return trouble.param.name; });
 
