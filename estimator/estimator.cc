@@ -15,6 +15,7 @@ namespace epiline {
 
 namespace {
 constexpr double kHeldShare = 0.2;    // share of an IMU interval for which the last sample may be held
+constexpr int kCopies = 3;            // in a row, as many as the image gate leaves out
 constexpr double kLongestStep_s = 5;  // a longer silence of the camera is a new start
 
 std::unique_ptr<VisualFactorModel> make_visual_factor(VisualFactor factor, InstructionSet set) {
@@ -118,7 +119,10 @@ bool Estimator::Impl::add_imu(const ImuSample& given) {
     numbers.add(sample);
     if (!history.newest_is_suspect()) resting.add(sample);
   }
-  if ((sample.reasons & bit(HealthReason::kImuSaturated)) != 0) ++stats.imu_saturated;
+  if ((sample.reasons & bit(HealthReason::kImuSaturated)) != 0) {
+    ++stats.imu_saturated;
+    imu_gap_seen = true;
+  }
   if (history.after_gap()) {
     ++stats.imu_gaps;
     imu_gap_seen = true;
@@ -137,6 +141,19 @@ HostStamp Estimator::Impl::imu_time(HostStamp image) const {
 StepResult Estimator::Impl::refuse() {
   ++stats.frames_refused;
   return {};
+}
+
+/// A camera that repeats an image has taken none: its tracks are where they were, to the last bit. More copies than
+/// that are a scene without noise.
+bool Estimator::Impl::is_copy(const TrackedFrame& frame) {
+  const auto same = [](const TrackedFeature& a, const TrackedFeature& b) {
+    return a.id == b.id && a.bearing == b.bearing;
+  };
+  const auto &now = frame.features, &before = door.before;
+  const bool copy = !now.empty() && std::equal(now.begin(), now.end(), before.begin(), before.end(), same);
+  door.copies = copy ? door.copies + 1 : 0;
+  door.before.copy(now);
+  return copy && door.copies <= kCopies;
 }
 
 /// How long before and after a frame's stamp its bearings are exposed, s; 0: all of them at the stamp.
@@ -203,6 +220,7 @@ StepResult Estimator::Impl::process(const TrackedFrame& given, Supervisor& super
     monitor.say(HealthReason::kImuSilent);
     return refuse();
   }
+  const bool copy = is_copy(given);
   const TrackedFrame& frame = at_stamp(given);
   door.any_frame = true;
   door.last_frame = frame.stamp;
@@ -210,7 +228,8 @@ StepResult Estimator::Impl::process(const TrackedFrame& given, Supervisor& super
     const double since_s = (frame.stamp - window.newest().image_stamp).seconds();
     if (since_s > kLongestStep_s || (silent && !images_go_on)) return start_anew(frame, supervisor);
     if (started && go_on_after_silence(frame)) return {true, true};
-    if (since_s < 0.75 * config.solve_interval_s) return silent ? refuse() : started ? predict(frame) : StepResult{};
+    if (copy || since_s < 0.75 * config.solve_interval_s)
+      return silent ? refuse() : started ? predict(frame) : StepResult{};
   }
   hold_noise();
   if (!is_blind(frame.reasons) && !silent) numbers.watch(frame, wheels.words());

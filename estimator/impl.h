@@ -33,6 +33,8 @@ struct Estimator::Impl : Common {
   /// The images as they came.
   struct Door {
     TrackedFrame turned;  ///< the last frame, as if all of it had been exposed at its stamp
+    FixedVector<TrackedFeature, kMaxFeatures> before;  ///< tracks of the last frame, as they came
+    int copies = 0;                                    ///< of it, one after the other
     bool any_frame = false;
     HostStamp last_offered;  ///< stamp of the last image
     HostStamp last_frame;    ///< stamp of the last image let in
@@ -71,6 +73,7 @@ struct Estimator::Impl : Common {
   bool add_imu(const ImuSample& sample);
   bool count(ImuHistory::Push outcome);
   StepResult refuse();
+  bool is_copy(const TrackedFrame& frame);
   HostStamp imu_time(HostStamp image) const;
   void hold_noise();
   double exposed_within_s() const;

@@ -157,6 +157,7 @@ SolverSummary Estimator::Impl::solve(Supervisor& supervisor, const Supervisor::E
 
 /// An image between two that are solved.
 StepResult Estimator::Impl::predict(const TrackedFrame& frame) {
+  if (imu_gap_seen) monitor.say(HealthReason::kImuGap);
   publish(frame.stamp, carrying.to(imu_time(frame.stamp)));
   return {true, false};
 }

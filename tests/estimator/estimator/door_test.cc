@@ -174,5 +174,55 @@ TEST(EstimatorDoor, ImpossibleFeaturesAreLeftOutAndCounted) {
   EXPECT_LT(rig.velocity_error(), 0.05);
 }
 
+/// A camera that gives each fifth image once more, under a stamp of its own, while the vehicle turns: it has taken
+/// none.
+TEST(EstimatorDoor, ACopyOfAnImageIsNotSolved) {
+  Rig rig({.moving_from = 1}, {});
+  TrackedFrame before;
+  int n = 0, solved = 0, poses = 0;
+  rig.spoil = [&](TrackedFrame& frame) {
+    if (++n % 5 == 0) frame.features.copy(before.features);
+    before.features.copy(frame.features);
+  };
+  rig.run_to(2);
+  rig.run_to(8, [&] {
+    poses += rig.last().has_pose;
+    solved += n % 5 == 0 && rig.last().solved;
+  });
+  EXPECT_EQ(solved, 0);
+  EXPECT_EQ(poses, 120);
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking);
+  EXPECT_LT(rig.velocity_error(), 0.03);
+}
+
+/// A scene without noise looks the same again and again.
+TEST(EstimatorDoor, AStandingVehicleWithoutNoiseIsNoRowOfCopies) {
+  Rig rig({}, {});
+  rig.pixel_noise = 0;
+  rig.run_to(4);
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking);
+  EXPECT_GT(rig.stats().frames_solved, 15U);
+}
+
+/// What is carried on over readings at the sensor's limit is worth less than what images had confirmed before.
+TEST(EstimatorDoor, APoseAfterReadingsAtTheLimitIsDegraded) {
+  Rig rig({.moving_from = 1}, {});
+  rig.run_to(5);
+  if (!rig.last().solved) rig.run_to(5.05);
+  ASSERT_TRUE(rig.last().solved);
+  ASSERT_EQ(rig.odometry().health.state, HealthState::kTracking);
+  ImuSample hit;
+  hit.stamp = test::at(rig.now() + 0.0125);
+  hit.specific_force_m_s2 = {0, 1e3, 9.81};
+  hit.reasons = bit(HealthReason::kImuSaturated);
+  EXPECT_TRUE(rig.estimator().add_imu(hit));
+  rig.run_to(rig.now() + 0.05);
+  ASSERT_TRUE(rig.last().has_pose && !rig.last().solved);
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kDegraded);
+  EXPECT_TRUE(rig.has(HealthReason::kImuGap));
+  rig.run_to(rig.now() + 1);
+  EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking);
+}
+
 }  // namespace
 }  // namespace epiline

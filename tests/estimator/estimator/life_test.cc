@@ -56,7 +56,7 @@ TEST(EstimatorLife, NoMoreRowsOfTheTableFail) {
 #if defined(EPILINE_SANITIZED) || !defined(__x86_64__)  // that are slow, or emulated
   fly_tables(1, 10, 12);
 #else
-  fly_tables(1, 1, 27);
+  fly_tables(1, 1, 25);
 #endif
 }
 
