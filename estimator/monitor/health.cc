@@ -11,7 +11,7 @@ constexpr double kSettledVelocity = 0.1, kSettledTilt = 0.0175;  // m/s, rad
 // after that, wider limits before the state is called degraded or lost
 constexpr double kDegradedVelocity = 0.3, kLostVelocity = 1.0;
 // Of the speed, where that is more: a scale known to that is what a fast flight can have.
-constexpr double kSettledShare = 0.03, kDegradedShare = 0.05, kLostShare = 0.2;
+constexpr double kKnownShare = 0.05, kLostShare = 0.2;
 constexpr int kFewTracks = 20;
 constexpr double kGatedShare = 0.4, kGatedTime_s = 1;
 constexpr int kRejectedFrames = 3;
@@ -33,7 +33,7 @@ void flag(std::uint32_t& reasons, bool on, HealthReason r) {
 /// The worst of what makes an estimate good, 0 to 1.
 double share_of(const FrameEvidence& e) {
   const double tracks = e.tracks / kPlentyOfTracks;
-  const double posterior = 1.3 - e.sigma_velocity / std::max(kDegradedVelocity, kDegradedShare * e.speed);
+  const double posterior = 1.3 - e.sigma_velocity / std::max(kDegradedVelocity, kKnownShare * e.speed);
   const double gate = 1 - e.gated_share;
   const double innovation = (kWorstInnovation - e.innovation) / (kWorstInnovation - kUsualInnovation);
   // without parallax the images still give rotation and the direction of travel
@@ -65,8 +65,8 @@ void HealthMonitor::update(const FrameEvidence& e, double dt_s) {
   }
   const auto within = [&e](double limit, double share) { return e.sigma_velocity < std::max(limit, share * e.speed); };
   const bool tilt = e.sigma_tilt < kSettledTilt;
-  settled_ = settled_ || (tilt && within(kSettledVelocity, kSettledShare));
-  const bool wide = !settled_ || !within(kDegradedVelocity, kDegradedShare);
+  settled_ = settled_ || (tilt && within(kSettledVelocity, kKnownShare));
+  const bool wide = !settled_ || !within(kDegradedVelocity, kKnownShare);
 
   Health h;
   flag(h.reasons, (wide && !tilt) || doubted_s_ > 0, HealthReason::kPosteriorWide);

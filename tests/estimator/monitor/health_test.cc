@@ -98,8 +98,8 @@ TEST(Health, LimitsOfTheVelocityGrowWithTheSpeed) {
   HealthMonitor m;
   FrameEvidence e = good();
   e.speed = 30;
-  e.sigma_velocity = 0.85;
-  EXPECT_EQ(show(m, e, 2).state, HealthState::kTracking);
+  e.sigma_velocity = 1.6;
+  EXPECT_EQ(show(m, e, 2).state, HealthState::kInitialising);
   e.sigma_velocity = 1.4;
   EXPECT_EQ(show(m, e, 2).state, HealthState::kTracking);
   e.sigma_velocity = 1.6;
