@@ -1,18 +1,42 @@
 #include "estimator/factors/calibration.h"
 
+#include <cmath>
+
 namespace epiline {
+
+namespace {
+constexpr double kStays_m = 1e-4;  // a frame that moves by less until its exposure has the columns of its pose
+
+/// From a frame's cut to its exposure.
+double until_exposure_s(const Window& w, int k) { return w.calibration.time_offset - w.at(k).time_offset_used; }
+
+/// Whether the interval to the next frame says how the velocity follows from both positions.
+bool goes_on(const Window& w, int k) {
+  return k + 1 < w.size() && w.at(k + 1).imu.knows_motion && w.at(k + 1).imu.T > 0;
+}
+
+/// What the forces until the next frame do to the mean velocity, in W.
+Vec3 forced(const Window& w, int k) { return w.at(k).x.R * w.at(k + 1).imu.dp / w.at(k + 1).imu.T; }
+
+/// The state's own velocity is in metres, and images don't know those: by the positions it grows with the scene.
+Vec3 velocity_of(const Window& w, int k) {
+  if (!goes_on(w, k)) return w.at(k).x.v;
+  const double T = w.at(k + 1).imu.T;
+  return (w.at(k + 1).x.p - w.at(k).x.p) / T - 0.5 * T * kGravity_W - forced(w, k);
+}
+}  // namespace
 
 ExposedFrame exposed_frame(const Window& w, int k) {
   const Slot& s = w.at(k);
   const NavState& x = s.x;
-  const double dt = w.calibration.time_offset - s.time_offset_used;
+  const double dt = until_exposure_s(w, k);
   const Vec3 omega_B = s.omega - x.b_g;
   ExposedFrame f;
-  f.v = x.v;
+  f.v = velocity_of(w, k);
   f.omega_W = x.R * omega_B;
   f.R_WB = dt == 0 ? x.R : Mat3(x.R * so3_exp(omega_B * dt));
   f.R_WC = f.R_WB * w.calibration.R_BC;
-  f.p = x.p + x.v * dt;
+  f.p = x.p + f.v * dt;
   f.c = f.p + f.R_WB * w.calibration.p_BC;
   return f;
 }
@@ -35,6 +59,39 @@ void fill_motions(const ExposedFrame& f, bool extrinsics, Motions m) {
     m.col(kTranslationColumn + i) = motion(f.R_WB.col(i), Vec3::Zero());
   }
 }
+
+/// From the poses of frames k and k + 1 at their exposures to their states: p'_k = p_k + dt v_k.
+void move_to_states(const Window& w, int frames, int k, VisualSystem& s) {
+  using Block = Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>;
+  using Columns = Eigen::Map<Eigen::Matrix<double, 6, kCameraCalibration>>;
+  const double dt = until_exposure_s(w, k), share = dt / w.at(k + 1).imu.T;
+  const Mat3 turn = dt * skew(forced(w, k));
+  const auto move = [&](auto&& pose, auto&& next) {
+    next.template topRows<3>() += share * pose.template topRows<3>();
+    pose.template bottomRows<3>() += turn.transpose() * pose.template topRows<3>();
+    pose.template topRows<3>() *= 1 - share;
+  };
+  for (int l = 0; l < k; ++l) move(Block(s.H[l][k]).transpose(), Block(s.H[l][k + 1]).transpose());
+  for (int l = k + 2; l < frames; ++l) move(Block(s.H[k][l]), Block(s.H[k + 1][l]));
+  Eigen::Matrix<double, 12, 12> both;
+  both << Block(s.H[k][k]), Block(s.H[k][k + 1]), Block(s.H[k][k + 1]).transpose(), Block(s.H[k + 1][k + 1]);
+  for (int side = 0; side < 2; ++side) {
+    move(both.topRows<6>(), both.bottomRows<6>());
+    both.transposeInPlace();
+  }
+  Block(s.H[k][k]) = both.topLeftCorner<6, 6>();
+  Block(s.H[k][k + 1]) = both.topRightCorner<6, 6>();
+  Block(s.H[k + 1][k + 1]) = both.bottomRightCorner<6, 6>();
+  move(Columns(s.H_ck[k]), Columns(s.H_ck[k + 1]));
+  move(Eigen::Map<Vec6>(s.b[k]), Eigen::Map<Vec6>(s.b[k + 1]));
+}
+
+/// Frames that hardly move until their exposure stay where their states are.
+void move_to_states(const Window& w, int frames, VisualSystem& s) {
+  for (int k = frames - 2; k >= 0; --k)
+    if (goes_on(w, k) && std::abs(until_exposure_s(w, k)) * velocity_of(w, k).norm() > kStays_m)
+      move_to_states(w, frames, k, s);
+}
 }  // namespace
 
 void add_calibration(const Window& w, int frames, bool extrinsics, bool focal, const FactorKernels& kernels,
@@ -42,16 +99,18 @@ void add_calibration(const Window& w, int frames, bool extrinsics, bool focal, c
   alignas(64) double motion[kMaxFrames][6][kCameraCalibration];
   for (int k = 0; k < frames; ++k) fill_motions(exposed_frame(w, k), extrinsics, Motions(motion[k][0]));
   kernels.calibration(motion, frames, s);
-  if (!focal) return;
-  Eigen::Map<Eigen::Matrix<double, kCameraCalibration, kCameraCalibration>> H_cc(s.H_cc);
-  for (int k = 0; k < frames; ++k) {
-    const Eigen::Map<const Vec6> H_lens(s.H_lens[k]);
-    Eigen::Map<Vec6>(s.H_ck[k] + 6 * kFocalColumn) = H_lens;
-    H_cc.col(kFocalColumn) += Motions(motion[k][0]).transpose() * H_lens;
+  if (focal) {
+    Eigen::Map<Eigen::Matrix<double, kCameraCalibration, kCameraCalibration>> H_cc(s.H_cc);
+    for (int k = 0; k < frames; ++k) {
+      const Eigen::Map<const Vec6> H_lens(s.H_lens[k]);
+      Eigen::Map<Vec6>(s.H_ck[k] + 6 * kFocalColumn) = H_lens;
+      H_cc.col(kFocalColumn) += Motions(motion[k][0]).transpose() * H_lens;
+    }
+    H_cc.row(kFocalColumn) = H_cc.col(kFocalColumn).transpose();
+    H_cc(kFocalColumn, kFocalColumn) = s.H_lens_lens;
+    s.b_c[kFocalColumn] = s.b_lens;
   }
-  H_cc.row(kFocalColumn) = H_cc.col(kFocalColumn).transpose();
-  H_cc(kFocalColumn, kFocalColumn) = s.H_lens_lens;
-  s.b_c[kFocalColumn] = s.b_lens;
+  move_to_states(w, frames, s);
 }
 
 }  // namespace epiline

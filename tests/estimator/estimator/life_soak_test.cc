@@ -116,11 +116,18 @@ double largest_sigma_after_a_wait_of(double seconds) {
   return sigma;
 }
 
+/// It depends on how long before the vehicle leaves the last image was solved, too: by a third.
+double mean_sigma_after_a_wait_of(double seconds) {
+  double sum = 0;
+  for (const double later : {0., 0.35, 0.7}) sum += largest_sigma_after_a_wait_of(seconds + later);
+  return sum / 3;
+}
+
 /// It hangs on the last frame at rest, not on one of seconds ago.
 TEST(EstimatorSoak, AWaitDoesNotChangeHowWellItKnowsItsSpeedAsItLeaves) {
-  const double after_three = largest_sigma_after_a_wait_of(3);
+  const double after_three = mean_sigma_after_a_wait_of(3);
   for (const double seconds : {5.5, 7., 9., 11.5, 14., 30.})
-    EXPECT_LT(largest_sigma_after_a_wait_of(seconds), 1.2 * after_three) << seconds;
+    EXPECT_LT(mean_sigma_after_a_wait_of(seconds), 1.2 * after_three) << seconds;
 }
 
 /// Drives at 15 m/s, cruises at 40 m/s or turns at 2 g. What is known of speed and scale may become less, not wrong.

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cmath>
 #include <initializer_list>
+#include <set>
 
 #include "estimator/factors/visual.h"
 #include "tests/estimator/synthetic_window.h"
@@ -18,7 +19,12 @@ inline Camera camera(const Window& w, int k) {
   const Slot& s = w.at(k);
   const double dt = w.calibration.time_offset - s.time_offset_used;
   const Mat3 R = s.x.R * so3_exp((s.omega - s.x.b_g) * dt);
-  return {R * w.calibration.R_BC, s.x.p + s.x.v * dt + R * w.calibration.p_BC};
+  Vec3 v = s.x.v;
+  if (k + 1 < w.size()) {  // by both positions and the forces between them
+    const Slot& next = w.at(k + 1);
+    v = (next.x.p - s.x.p - s.x.R * next.imu.dp - 0.5 * next.imu.T * next.imu.T * kGravity_W) / next.imu.T;
+  }
+  return {R * w.calibration.R_BC, s.x.p + v * dt + R * w.calibration.p_BC};
 }
 
 template <int rows>
@@ -30,13 +36,16 @@ Residual<rows> central_difference(Function&& at) {
   return (at(h) - at(-h)) / (2 * h);
 }
 
-/// Slopes of a residual by the poses of `frames` frames (dp, then dphi in the world), of which it depends on a few, and
-/// by the calibration.
+/// Slopes of a residual by the poses of `frames` frames (dp, then dphi in the world), of which it depends on a few and
+/// on those after them, and by the calibration.
 template <int rows, class Function>
 Eigen::Matrix<double, rows, Eigen::Dynamic> slopes(Window& w, int frames, std::initializer_list<int> on,
                                                    Function&& residual) {
   Eigen::Matrix<double, rows, Eigen::Dynamic> J = Eigen::MatrixXd::Zero(rows, 6 * frames + kCameraCalibration);
+  std::set<int> poses(on);
   for (const int k : on)
+    if (k + 1 < frames) poses.insert(k + 1);
+  for (const int k : poses)
     for (int c = 0; c < 6; ++c)
       J.col(6 * k + c) = central_difference<rows>([&](double d) {
         NavState& x = w.at(k).x;

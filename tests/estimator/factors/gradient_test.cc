@@ -263,7 +263,7 @@ TEST_P(Gradient, IsTheSlopeOfTheCostAndLeavesPositionAndYawOpen) {
   const Subject subject = make(*s.window);
   if (!subject.cost) GTEST_SKIP() << "not on this machine";
   check_gradient(subject, *s.window);
-  // else views would move with velocities, of which their factors take no slope
+  // else the newest view would move with its velocity, of which its factor takes no slope
   s.window->calibration.time_offset = 0;
   // a prior knows where the window is; zero motion is a difference along the world's axes, which turn with everything
   if (GetParam() != "prior" && GetParam() != "zero_motion") check_gauge(subject, *s.window);

@@ -1,6 +1,7 @@
 // The solver's step against that of bundle adjustment with explicit points, its Jacobians numerical.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <functional>
 
 #include "tests/estimator/dense_system.h"
@@ -14,8 +15,8 @@ using test::kEverything;
 using test::NoVision;
 using test::quadratic;
 
-/// Bearing residual of the point X (in W), in sigmas, with the body moved by its own velocity and rate to the
-/// exposure; the model of docs/derivations/track.md and calibration.md written down directly.
+/// Bearing residual of the point X (in W), in sigmas, with the body moved by its velocity and rate to the exposure; the
+/// model of docs/derivations/track.md and calibration.md written down directly.
 Vec2 bearing_residual(const Observation& o, double inverse_sigma, const NavState& x, const Vec3& v, const Vec3& omega_B,
                       const Calibration& c, double time_offset_used, const Vec3& X) {
   const double dt = c.time_offset - time_offset_used;
@@ -37,12 +38,21 @@ struct BundleAdjustment {
   const Window& w;
   double inverse_sigma;
 
-  Vec2 residual(const TrackRecord& t, int k, const NavState& pose, const Calibration& c, const Vec3& X) const {
+  /// By both positions and the forces between them; of the newest frame its own.
+  Vec3 velocity(int k, const NavState& pose, const Vec3& next) const {
+    if (k + 1 == w.size()) return pose.v;
+    const Preintegration& imu = w.at(k + 1).imu;
+    return (next - pose.p - pose.R * imu.dp - 0.5 * imu.T * imu.T * kGravity_W) / imu.T;
+  }
+  Vec3 next_position(int k) const { return w.at(std::min(k + 1, w.size() - 1)).x.p; }
+  Vec2 residual(const TrackRecord& t, int k, const NavState& pose, const Vec3& next, const Calibration& c,
+                const Vec3& X) const {
     const Slot& s = w.at(k);
-    return bearing_residual(w.view(t, k), inverse_sigma, pose, s.x.v, s.omega - s.x.b_g, c, s.time_offset_used, X);
+    return bearing_residual(w.view(t, k), inverse_sigma, pose, velocity(k, pose, next), s.omega - s.x.b_g, c,
+                            s.time_offset_used, X);
   }
   Vec2 residual(const TrackRecord& t, int k, const Vec3& X) const {
-    return residual(t, k, w.at(k).x, w.calibration, X);
+    return residual(t, k, w.at(k).x, next_position(k), w.calibration, X);
   }
   Eigen::MatrixXd by_point(const TrackRecord& t, int k, const Vec3& X) const {
     return numeric_jacobian(3, [&](int i, double h) { return residual(t, k, X + h * Vec3::Unit(i)); });
@@ -51,14 +61,19 @@ struct BundleAdjustment {
     return numeric_jacobian(6, [&](int i, double h) {
       NavState x = w.at(k).x;
       retract_pose(x, h * Vec6::Unit(i));
-      return residual(t, k, x, w.calibration, X);
+      return residual(t, k, x, next_position(k), w.calibration, X);
+    });
+  }
+  Eigen::MatrixXd by_next_position(const TrackRecord& t, int k, const Vec3& X) const {
+    return numeric_jacobian(3, [&](int i, double h) {
+      return residual(t, k, w.at(k).x, next_position(k) + h * Vec3::Unit(i), w.calibration, X);
     });
   }
   Eigen::MatrixXd by_calibration(const TrackRecord& t, int k, const Vec3& X) const {
     return numeric_jacobian(kCalibration, [&](int i, double h) {
       Calibration c = w.calibration;
       retract(c, h * CalibrationTangent::Unit(i));
-      return residual(t, k, w.at(k).x, c, X);
+      return residual(t, k, w.at(k).x, next_position(k), c, X);
     });
   }
   /// The point that fits the bearings best at the current poses: rays first, then Gauss-Newton.
@@ -114,6 +129,7 @@ TEST(Solver, StepEqualsThatOfBundleAdjustmentWithExplicitPoints) {
       if (!w.seen(t, k)) continue;
       Eigen::MatrixXd J = Eigen::MatrixXd::Zero(2, total);
       J.middleCols(pose_column(k), 6) = ba.by_pose(t, k, X);
+      if (k + 1 < n) J.middleCols(pose_column(k + 1), 3) = ba.by_next_position(t, k, X);
       J.middleCols(calibration_column(n), kCalibration) = ba.by_calibration(t, k, X);
       J.middleCols(states + 3 * i, 3) = ba.by_point(t, k, X);
       full.H += J.transpose() * J;
