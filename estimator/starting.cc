@@ -268,7 +268,7 @@ void Estimator::Impl::take_back_start(const Calibration& before) {
 
 /// The window has states from its oldest frame on.
 void Estimator::Impl::began(StartKind kind) {
-  monitor.begin();
+  monitor.begin(kind == StartKind::kCarried);
   started = true;
   flight.began_R_BC = window.calibration.R_BC;
   flight.rejected_last = false;

@@ -48,8 +48,10 @@ void HealthMonitor::restart() {
   doubted_s_ = doubted_s;
 }
 
-void HealthMonitor::begin() {
+void HealthMonitor::begin(bool carried) {
   restart();
+  settled_ = carried;
+  health_.state = carried ? HealthState::kDegraded : HealthState::kInitialising;
   health_.reasons = bit(HealthReason::kPosteriorWide);
 }
 

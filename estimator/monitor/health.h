@@ -35,8 +35,8 @@ class HealthMonitor {
   /// There is no state. What follows a flight that failed is doubted until it has lasted a few seconds: what was wrong
   /// may still be.
   void restart();
-  /// There is one.
-  void begin();
+  /// There is one. `carried`: it goes on from one that was good enough, and is worth what its covariance says.
+  void begin(bool carried = false);
   /// Adds the evidence of a solved frame.
   void update(const FrameEvidence& e, double dt_s);
   /// What keeps a frame that is not solved from being good.

@@ -93,6 +93,19 @@ TEST(EstimatorLife, ALorryThatFillsTheViewIsNoWrongNumber) {
     }
 }
 
+// A lens that is covered while it waits costs no start: what was known goes on, and is worth what its covariance says.
+TEST(EstimatorLife, StandsThroughASilenceOfTheCamera) {
+  for (const test::Mishap silence : {test::kCameraShort, test::kCameraLong})
+    for (const unsigned seed : {101U, 102U, 103U, 104U, 105U, 106U}) {
+      Row row = with(test::kStand, test::kClean);
+      row[test::kWait] = test::kLongWait;
+      row[test::kEvent] = silence;
+      const LifeVerdict verdict = test::fly(row, seed);
+      EXPECT_TRUE(verdict.passes()) << told(row, seed, verdict, false);
+      EXPECT_GT(verdict.tracking_share, 0.95) << told(row, seed, verdict, false);
+    }
+}
+
 // The images stand still, and the readings say that it leaves: it is neither trusted with a speed nor lost for long.
 TEST(EstimatorLife, StandsInALift) {
   for (const unsigned seed : {1U, 2U, 3U, 4U}) {
