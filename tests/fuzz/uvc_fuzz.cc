@@ -6,7 +6,6 @@
 #include <span>
 
 #include "drivers/sensors/camera/uvc_clock.h"
-#include "drivers/sensors/camera/uvc_metadata.h"
 
 using namespace epiline;
 

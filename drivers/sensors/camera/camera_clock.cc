@@ -2,8 +2,7 @@
 
 #include <limits>
 
-#include "drivers/sensors/camera/v4l2_trouble.h"
-#include "platform/concurrency/counter.h"
+#include "drivers/sensors/trouble.h"
 
 namespace epiline {
 
@@ -30,8 +29,8 @@ bool CameraClock::stamp(std::uint32_t sequence, HostStamp& stamp) noexcept {
   std::uint32_t of = 0;
   std::span<const std::uint8_t> metadata;
   for (int i = 0; i < kAtOnce && node_.read(of, metadata); ++i)
-    if (!clock_->add(of, metadata, {system_.now_ns()})) bump(bad_metadata_);
-  if (!clock_->stamp(sequence, stamp)) bump(without_clock_);
+    if (!clock_->add(of, metadata, {system_.now_ns()})) ++bad_metadata_;
+  if (!clock_->stamp(sequence, stamp)) ++without_clock_;
   shown_.write(clock_->state());
   if (stamp <= newest_) return false;
   newest_ = stamp;

@@ -1,6 +1,5 @@
 #pragma once
 // Timestamps by the camera's own clock instead of the V4L2 driver's, where the settings say so. docs/camera.md
-#include <atomic>
 #include <cstdint>
 #include <optional>
 
@@ -27,10 +26,9 @@ class CameraClock {
   /// of the image. False: the new timestamp would not be later than the previous one.
   bool stamp(std::uint32_t sequence, HostStamp& stamp) noexcept;
 
-  // Any thread.
-  std::uint64_t without_clock() const noexcept { return without_clock_.load(std::memory_order_relaxed); }
-  std::uint64_t bad_metadata() const noexcept { return bad_metadata_.load(std::memory_order_relaxed); }
-  ClockState state() const noexcept { return shown_.read(); }
+  std::uint64_t without_clock() const noexcept { return without_clock_; }
+  std::uint64_t bad_metadata() const noexcept { return bad_metadata_; }
+  ClockState state() const noexcept { return shown_.read(); }  ///< any thread
 
  private:
   const V4l2Settings& settings_;
@@ -38,7 +36,7 @@ class CameraClock {
   MetadataNode node_;
   std::optional<UvcClock> clock_;
   HostStamp newest_;
-  std::atomic<std::uint64_t> without_clock_{0}, bad_metadata_{0};
+  std::uint64_t without_clock_ = 0, bad_metadata_ = 0;
   Snapshot<ClockState> shown_;
 };
 

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "platform/concurrency/counter.h"
-
 namespace epiline {
 
 namespace {
@@ -57,7 +55,8 @@ DeviceTrouble CameraExposure::set_up(V4l2Device& device) noexcept {
   if (const DeviceTrouble trouble = find(config.gain_control, gain_control_, gain_value_)) return trouble;
   timeline_.begin(setting());
   of_image_.state = setting();
-  shown_time_ns_.store(of_image_.state.time.ns, std::memory_order_relaxed);
+  report_.time = of_image_.state.time;
+  shown_report_.write(report_);
   wanted_.reset();
   asked_for_ = {};
   is_changing_ = false;
@@ -100,14 +99,12 @@ bool CameraExposure::next_change(ControlJob& job) noexcept {
 
 void CameraExposure::ended(const ControlJob& job) noexcept {
   is_changing_ = false;
-  if (!job.is_set) {
-    bump(refused_);
-    return;  // a device that is lost shows it with the next image
-  }
+  ++(job.is_set ? report_.changes : report_.refused);
+  shown_report_.write(report_);
+  if (!job.is_set) return;  // a device that is lost shows it with the next image
   for (std::size_t i = 0; i < job.count; ++i)
     (job.entries[i].facts.id == time_control_.id ? time_value_ : gain_value_) = job.entries[i].value;
   timeline_.change(job.at, setting());
-  bump(changes_);
 }
 
 void CameraExposure::note_changes(V4l2Device& device) noexcept {
@@ -130,8 +127,9 @@ void CameraExposure::changed(std::uint32_t id, std::int64_t value, HostStamp at)
 Span CameraExposure::time_of(HostStamp given, std::uint64_t sequence) noexcept {
   of_image_ = timeline_.image(given, sequence);
   if (is_changing_) of_image_.is_settled = false;
-  shown_time_ns_.store(of_image_.state.time.ns, std::memory_order_relaxed);
-  shown_gain_.store(of_image_.state.gain, std::memory_order_relaxed);
+  report_.time = of_image_.state.time;
+  report_.gain = of_image_.state.gain;
+  shown_report_.write(report_);
   return of_image_.state.time;
 }
 
@@ -141,11 +139,12 @@ void CameraExposure::look(const Frame& frame) noexcept {
   const ImageStatistics image = statistics_of(frame.data, frame.width, frame.height, frame.stride);
   timeline_.brightness(image.mean);
   wanted_ = controller_->step(image, of_image_, turn_rate_.load(std::memory_order_relaxed));
-  brightness_.store(image.mean, std::memory_order_relaxed);
-  dark_share_.store(image.dark_share, std::memory_order_relaxed);
-  clipped_share_.store(image.clipped_share, std::memory_order_relaxed);
-  delay_.store(timeline_.delay(), std::memory_order_relaxed);
-  is_delay_known_.store(timeline_.is_delay_known(), std::memory_order_relaxed);
+  report_.brightness = image.mean;
+  report_.dark_share = image.dark_share;
+  report_.clipped_share = image.clipped_share;
+  report_.delay_images = timeline_.delay();
+  report_.is_delay_known = timeline_.is_delay_known();
+  shown_report_.write(report_);
 }
 
 /// Asks for each of the other camera's settings once: this one may round it.
@@ -157,17 +156,9 @@ void CameraExposure::look_at_other() noexcept {
 }
 
 ExposureReport CameraExposure::report() const noexcept {
-  const auto value = [](const auto& atom) { return atom.load(std::memory_order_relaxed); };
-  return {.time = Span{value(shown_time_ns_)},
-          .gain = value(shown_gain_),
-          .brightness = value(brightness_),
-          .dark_share = value(dark_share_),
-          .clipped_share = value(clipped_share_),
-          .delay_images = value(delay_),
-          .is_delay_known = value(is_delay_known_),
-          .is_automatic = value(automatic_),
-          .changes = value(changes_),
-          .refused = value(refused_)};
+  ExposureReport report = shown_report_.read();
+  report.is_automatic = automatic_.load(std::memory_order_relaxed);
+  return report;
 }
 
 }  // namespace epiline

@@ -9,6 +9,7 @@
 #include "drivers/sensors/camera/exposure_controller.h"
 #include "drivers/sensors/camera/exposure_timeline.h"
 #include "drivers/sensors/camera/v4l2_device.h"
+#include "platform/concurrency/snapshot.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {
@@ -77,12 +78,8 @@ class CameraExposure {
   std::atomic<double> turn_rate_{0};
   std::atomic<std::int64_t> followed_time_ns_{0};  ///< 0: nobody is followed
   std::atomic<double> followed_gain_{1};
-  // of the report
-  std::atomic<std::int64_t> shown_time_ns_{0};
-  std::atomic<double> shown_gain_{1}, brightness_{0}, dark_share_{0}, clipped_share_{0};
-  std::atomic<int> delay_{0};
-  std::atomic<bool> is_delay_known_{false};
-  std::atomic<std::uint64_t> changes_{0}, refused_{0};
+  ExposureReport report_;
+  Snapshot<ExposureReport> shown_report_;
 };
 
 }  // namespace epiline

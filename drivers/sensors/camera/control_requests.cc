@@ -11,12 +11,8 @@ void ControlRequests::stop() noexcept {
 }
 
 DeviceTrouble ControlRequests::begin_stream(V4l2Device& device) noexcept {
-  for (const ControlChange& change : changes_) {
-    ControlFacts facts;
-    if (const DeviceTrouble trouble = device.controls().find(change.name.data(), facts)) return trouble;
-    const ControlValue one{&facts, change.name.data(), change.value};
-    if (const DeviceTrouble trouble = device.controls().write({&one, 1})) return trouble;
-  }
+  for (const ControlChange& change : changes_)
+    if (const DeviceTrouble trouble = device.controls().write(change.name.data(), change.value)) return trouble;
   ++stream_;
   return {};
 }

@@ -62,8 +62,6 @@ class ExposureTimeline {
   /// The image's mean brightness, if it was computed; used to learn the delay.
   void brightness(double mean) noexcept;
 
-  /// The exposure requested last.
-  const ExposureState& newest() const noexcept { return changes_.empty() ? current_ : changes_.back().state; }
   int delay() const noexcept;
   bool is_delay_known() const noexcept { return known_delay_ >= 0 || learned_.delay() >= 0; }
 

@@ -39,15 +39,4 @@ ImageStatistics statistics_of(const std::uint8_t* data, int width, int height, i
   return result;
 }
 
-double ImageStatistics::level_below(double share) const noexcept {
-  double left = share * count;
-  for (std::size_t level = 0; level < kLevels; ++level) {
-    double here = 0;
-    for (const std::uint16_t n : places[level]) here += n;
-    if (here >= left && here > 0) return (static_cast<double>(level) + left / here) * kLevelWidth;
-    left -= here;
-  }
-  return 256;
-}
-
 }  // namespace epiline

@@ -15,9 +15,8 @@ struct ImageStatistics {
   std::array<std::array<std::uint16_t, kSlopes>, kLevels> places{};
   int count = 0;
   double mean = 0;
-  double dark_share = 0;                            ///< of places darker than kDark
-  double clipped_share = 0;                         ///< of places not darker than kClipped
-  double level_below(double share) const noexcept;  ///< grey value; the darkest `share` of the places lie below it
+  double dark_share = 0;     ///< of places darker than kDark
+  double clipped_share = 0;  ///< of places not darker than kClipped
 };
 
 /// Bounded: it looks at a fixed number of places whatever the size. Images smaller than 8x8 have none.

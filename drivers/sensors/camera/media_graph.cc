@@ -12,6 +12,8 @@
 #include <cstring>
 #include <string_view>
 
+#include "drivers/sensors/trouble.h"
+
 namespace epiline {
 
 namespace {
@@ -35,13 +37,6 @@ __u64 address(Items& items) noexcept {
 }
 
 }  // namespace
-
-int MediaGraph::call(int fd, unsigned long request, void* argument) const noexcept {
-  int result = 0;
-  do result = system_.ioctl(fd, request, argument);
-  while (result < 0 && errno == EINTR);
-  return result < 0 ? errno : 0;
-}
 
 // ---- reading it ----
 
@@ -82,6 +77,10 @@ bool MediaGraph::read_topology() noexcept {
 
 const media_v2_entity* MediaGraph::entity(std::uint32_t id) const noexcept { return with_id(entities(), id); }
 const media_v2_pad* MediaGraph::pad(std::uint32_t id) const noexcept { return with_id(pads(), id); }
+const media_v2_entity* MediaGraph::entity_of_pad(std::uint32_t id) const noexcept {
+  const media_v2_pad* const one = pad(id);
+  return one != nullptr ? entity(one->entity_id) : nullptr;
+}
 
 const media_v2_interface* MediaGraph::interface_of(const media_v2_entity& wanted) const noexcept {
   for (const media_v2_link& link : links()) {
@@ -109,12 +108,11 @@ void MediaGraph::search(const media_v2_entity& from) noexcept {
   std::size_t count = 1;
   for (std::size_t next = 0; next < count; ++next) {
     for (const media_v2_link& link : links()) {
-      const media_v2_pad *const source = pad(link.source_id), *const sink = pad(link.sink_id);
-      if (!is_data(link) || source == nullptr || sink == nullptr || sink->entity_id != seen[next]->id) continue;
-      const media_v2_entity* const before = entity(source->entity_id);
+      if (!is_data(link) || entity_of_pad(link.sink_id) != seen[next]) continue;
+      const media_v2_entity* const before = entity_of_pad(link.source_id);
       const auto end = seen.begin() + static_cast<std::ptrdiff_t>(count);
       if (before == nullptr || std::find(seen.begin(), end, before) != end) continue;
-      link_to_node_[static_cast<std::size_t>(before - entities_.data())] = link.id;
+      link_to_node_[place(*before)] = link.id;
       seen[count++] = before;
     }
   }
@@ -125,7 +123,7 @@ const media_v2_entity* MediaGraph::choose_sensor(const char* wanted, DeviceTroub
   char names[sizeof(trouble.expected)] = "";
   int count = 0;
   for (const media_v2_entity& candidate : entities()) {
-    if (!is_sensor(candidate) || link_to_node_[static_cast<std::size_t>(&candidate - entities_.data())] == 0) continue;
+    if (!is_sensor(candidate) || link_to_node_[place(candidate)] == 0) continue;
     const std::size_t used = std::strlen(names);
     std::snprintf(names + used, sizeof(names) - used, "%s\"%s\"", used > 0 ? ", " : "", candidate.name);
     if (std::string_view(candidate.name).find(wanted) == std::string_view::npos) continue;
@@ -133,11 +131,9 @@ const media_v2_entity* MediaGraph::choose_sensor(const char* wanted, DeviceTroub
     ++count;
   }
   if (count == 1 || (count == 0 && wanted[0] == '\0')) return chosen;
-  trouble.step = "camera.sensor";
-  std::snprintf(trouble.found, sizeof(trouble.found),
-                count == 0 ? "no sensor \"%.60s\" leads to %.60s" : "several sensors \"%.60s\" lead to %.60s", wanted,
-                node_name());
-  std::snprintf(trouble.expected, sizeof(trouble.expected), "%.390s", count == 0 && names[0] == '\0' ? "none" : names);
+  trouble = unexpected("camera.sensor", names[0] == '\0' ? "none" : names,
+                       count == 0 ? "no sensor \"%.60s\" leads to %.60s" : "several sensors \"%.60s\" lead to %.60s",
+                       wanted, node_name());
   return nullptr;
 }
 
@@ -148,8 +144,7 @@ DeviceTrouble MediaGraph::find_way(const char* wanted) noexcept {
   search(*node_);
   const media_v2_entity* const sensor = choose_sensor(wanted, trouble);
   if (sensor != nullptr && interface_of(*sensor) != nullptr && !open_way(*sensor)) {
-    trouble.step = "the sub-devices of the camera's media graph";
-    trouble.error = errno;
+    trouble = refused("the sub-devices of the camera's media graph", errno);
     close_way();
   }
   return trouble;
@@ -158,7 +153,7 @@ DeviceTrouble MediaGraph::find_way(const char* wanted) noexcept {
 bool MediaGraph::open_way(const media_v2_entity& sensor) noexcept {
   const media_v2_pad* in = nullptr;
   for (const media_v2_entity* at = &sensor; at != node_;) {
-    const media_v2_link* const link = with_id(links(), link_to_node_[static_cast<std::size_t>(at - entities_.data())]);
+    const media_v2_link* const link = with_id(links(), link_to_node_[place(*at)]);
     const media_v2_interface* const interface = interface_of(*at);
     if (link == nullptr || interface == nullptr || steps_ == kMostSteps) return errno = ENODEV, false;
     const int fd = open_sub_device(*interface);
@@ -209,9 +204,8 @@ bool MediaGraph::set_link(const media_v2_link& link, bool enabled) noexcept {
 
 DeviceTrouble MediaGraph::link() noexcept {
   const auto is_ours = [&](const media_v2_link& link) {
-    return std::any_of(way_.begin(), way_.begin() + static_cast<std::ptrdiff_t>(steps_), [&](const Step& step) {
-      return link_to_node_[static_cast<std::size_t>(step.entity - entities_.data())] == link.id;
-    });
+    return std::any_of(way_.begin(), way_.begin() + static_cast<std::ptrdiff_t>(steps_),
+                       [&](const Step& step) { return link_to_node_[place(*step.entity)] == link.id; });
   };
   const auto meets_ours = [&](const media_v2_link& other) {
     return std::any_of(links().begin(), links().end(), [&](const media_v2_link& ours) {
@@ -222,18 +216,15 @@ DeviceTrouble MediaGraph::link() noexcept {
   // nowhere
   const auto leaves_branch = [&](const media_v2_link& other) {
     return std::any_of(links().begin(), links().end(), [&](const media_v2_link& branch) {
-      const media_v2_pad *const end = pad(branch.sink_id), *const begin = pad(other.source_id);
       return is_data(branch) && !is_ours(branch) && (branch.flags & MEDIA_LNK_FL_IMMUTABLE) != 0 &&
-             meets_ours(branch) && end != nullptr && begin != nullptr && end->entity_id == begin->entity_id;
+             meets_ours(branch) && entity_of_pad(branch.sink_id) == entity_of_pad(other.source_id);
     });
   };
   for (const bool enabled : {false, true}) {
     for (const media_v2_link& link : links()) {
       const bool is_wanted = is_ours(link), is_enabled = (link.flags & MEDIA_LNK_FL_ENABLED) != 0;
       const bool is_fixed = (link.flags & MEDIA_LNK_FL_IMMUTABLE) != 0;
-      const media_v2_pad *const source = pad(link.source_id), *const sink = pad(link.sink_id);
-      const media_v2_entity* const from = source != nullptr ? entity(source->entity_id) : nullptr;
-      const media_v2_entity* const to = sink != nullptr ? entity(sink->entity_id) : nullptr;
+      const media_v2_entity *const from = entity_of_pad(link.source_id), *const to = entity_of_pad(link.sink_id);
       if (from == nullptr || to == nullptr) continue;  // no graph of the kernel's
       if (!is_data(link) || is_fixed || is_wanted != enabled || is_enabled == enabled) continue;
       if (!meets_ours(link) && !leaves_branch(link)) continue;
@@ -265,14 +256,13 @@ bool MediaGraph::set_pad(int sub_device, const media_v2_pad& at, BusFormat& form
 bool MediaGraph::set_branches(const media_v2_pad& from, const BusFormat& format, std::uint32_t which) noexcept {
   for (const media_v2_link& link : links()) {
     if (!is_data(link) || link.source_id != from.id || (link.flags & MEDIA_LNK_FL_IMMUTABLE) == 0) continue;
-    const media_v2_pad* const end = pad(link.sink_id);
-    const media_v2_entity* const behind = end != nullptr ? entity(end->entity_id) : nullptr;
+    const media_v2_entity* const behind = entity_of_pad(link.sink_id);
     const media_v2_interface* const interface = behind != nullptr ? interface_of(*behind) : nullptr;
     if (interface == nullptr || interface->intf_type != MEDIA_INTF_T_V4L_SUBDEV) continue;
     const int fd = open_sub_device(*interface);
     if (fd < 0) continue;
     BusFormat taken = format;
-    const bool is_set = set_pad(fd, *end, taken, which);
+    const bool is_set = set_pad(fd, *pad(link.sink_id), taken, which);
     system_.close(fd);
     if (!is_set || taken != format) return false;
   }
@@ -320,16 +310,15 @@ bool MediaGraph::sensor_size(std::uint32_t code, unsigned index, SensorSize& siz
   return true;
 }
 
+V4l2Controls MediaGraph::sensor_controls() const noexcept {
+  V4l2Controls controls(system_);
+  controls.add_file(way_[0].fd);
+  return controls;
+}
+
 bool MediaGraph::control(std::uint32_t id, std::int64_t& value) const noexcept {
-  v4l2_ext_control control{};
-  v4l2_ext_controls controls{};
-  control.id = id;
-  controls.which = V4L2_CTRL_WHICH_CUR_VAL;
-  controls.count = 1;
-  controls.controls = &control;
-  if (call(way_[0].fd, VIDIOC_G_EXT_CTRLS, &controls) != 0) return false;
-  value = id == V4L2_CID_PIXEL_RATE ? control.value64 : control.value;
-  return true;
+  const std::uint32_t type = id == V4L2_CID_PIXEL_RATE ? V4L2_CTRL_TYPE_INTEGER64 : V4L2_CTRL_TYPE_INTEGER;
+  return !sensor_controls().read("", {.id = id, .type = type}, value);
 }
 
 bool MediaGraph::blanking_rates(unsigned width, unsigned height, double& least_hz, double& most_hz) const noexcept {
@@ -361,15 +350,10 @@ double MediaGraph::set_rate(double wanted_hz) noexcept {
     range.id = V4L2_CID_VBLANK;
     if (wanted_hz > 0 && call(way_[0].fd, VIDIOC_QUERY_EXT_CTRL, &range) == 0) {
       const double rows = static_cast<double>(pixel_rate) / (columns * wanted_hz);
-      v4l2_ext_control wish{};
-      wish.id = V4L2_CID_VBLANK;
-      wish.value = static_cast<std::int32_t>(
-          std::clamp<std::int64_t>(std::llround(rows - height), range.minimum, range.maximum));
-      v4l2_ext_controls wishes{};
-      wishes.which = V4L2_CTRL_WHICH_CUR_VAL;
-      wishes.count = 1;
-      wishes.controls = &wish;
-      call(way_[0].fd, VIDIOC_S_EXT_CTRLS, &wishes);
+      const ControlFacts facts{.id = V4L2_CID_VBLANK, .type = V4L2_CTRL_TYPE_INTEGER};
+      const ControlValue wish{&facts, "",
+                              std::clamp<std::int64_t>(std::llround(rows - height), range.minimum, range.maximum)};
+      sensor_controls().write({&wish, 1});
       control(V4L2_CID_VBLANK, blank_rows);
     }
     return static_cast<double>(pixel_rate) / (columns * (height + static_cast<double>(blank_rows)));

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <span>
 
+#include "drivers/sensors/camera/v4l2_controls.h"
 #include "platform/error/device_trouble.h"
 #include "platform/linux/system_calls.h"
 
@@ -96,6 +97,10 @@ class MediaGraph {
   std::span<const media_v2_link> links() const noexcept { return used(links_, topology_.num_links); }
   const media_v2_entity* entity(std::uint32_t id) const noexcept;
   const media_v2_pad* pad(std::uint32_t id) const noexcept;
+  const media_v2_entity* entity_of_pad(std::uint32_t id) const noexcept;
+  std::size_t place(const media_v2_entity& of) const noexcept {
+    return static_cast<std::size_t>(&of - entities_.data());
+  }
   const media_v2_interface* interface_of(const media_v2_entity& entity) const noexcept;
   const media_v2_entity* entity_of_node(std::uint64_t video_node) const noexcept;
 
@@ -110,7 +115,10 @@ class MediaGraph {
   bool set_pad(int sub_device, const media_v2_pad& pad, BusFormat& format, std::uint32_t which) noexcept;
   bool set_branches(const media_v2_pad& from, const BusFormat& format, std::uint32_t which) noexcept;
   bool control(std::uint32_t id, std::int64_t& value) const noexcept;
-  int call(int fd, unsigned long request, void* argument) const noexcept;
+  V4l2Controls sensor_controls() const noexcept;
+  int call(int fd, unsigned long request, void* argument) const noexcept {
+    return call_device(system_, fd, request, argument);
+  }
 
   SystemCalls& system_;
   int fd_ = -1;

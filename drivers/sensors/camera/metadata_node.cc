@@ -12,8 +12,8 @@
 #include <cstring>
 #include <limits>
 
-#include "drivers/sensors/camera/uvc_metadata.h"
-#include "drivers/sensors/camera/v4l2_trouble.h"
+#include "drivers/sensors/camera/uvc_clock.h"
+#include "drivers/sensors/trouble.h"
 
 namespace epiline {
 
@@ -21,14 +21,6 @@ namespace {
 
 constexpr std::uint32_t kMetadata = V4L2_BUF_TYPE_META_CAPTURE;
 constexpr int kMostNodes = 64;
-
-v4l2_buffer buffer_of(unsigned index) noexcept {
-  v4l2_buffer buffer{};
-  buffer.index = index;
-  buffer.type = kMetadata;
-  buffer.memory = V4L2_MEMORY_MMAP;
-  return buffer;
-}
 
 /// -1: none.
 ssize_t read_file(SystemCalls& system, const char* path, std::span<std::uint8_t> into) noexcept {
@@ -71,12 +63,10 @@ bool MetadataNode::find(const V4l2Device& camera) noexcept {
 
 DeviceTrouble MetadataNode::open(const V4l2Device& camera) noexcept {
   close();
-  DeviceTrouble trouble;
-  if (!find(camera))
-    trouble = unexpected("camera.clock", "camera.clock = \"driver\"",
-                         "the camera has no node of metadata, so its own clock is not known");
-  else
-    trouble = begin();
+  const DeviceTrouble trouble = find(camera)
+                                    ? begin()
+                                    : unexpected("camera.clock", "camera.clock = \"driver\"",
+                                                 "the camera has no node of metadata, so its own clock is not known");
   if (trouble) close();
   return trouble;
 }
@@ -101,7 +91,7 @@ DeviceTrouble MetadataNode::begin() noexcept {
 }
 
 DeviceTrouble MetadataNode::map(unsigned index) noexcept {
-  v4l2_buffer buffer = buffer_of(index);
+  v4l2_buffer buffer = mapped_buffer(kMetadata, index);
   if (const int error = call(VIDIOC_QUERYBUF, &buffer); error != 0)
     return refused("VIDIOC_QUERYBUF of metadata", error);
   void* const memory = system_.map(fd_, buffer.length, buffer.m.offset);
@@ -112,7 +102,7 @@ DeviceTrouble MetadataNode::map(unsigned index) noexcept {
 }
 
 int MetadataNode::queue(unsigned index) noexcept {
-  v4l2_buffer buffer = buffer_of(index);
+  v4l2_buffer buffer = mapped_buffer(kMetadata, index);
   return call(VIDIOC_QBUF, &buffer);
 }
 
@@ -132,7 +122,7 @@ bool MetadataNode::read(std::uint32_t& sequence, std::span<const std::uint8_t>& 
   if (fd_ < 0) return false;
   if (held_ >= 0) queue(static_cast<unsigned>(held_));  // refused: the camera is lost, as its images will show
   held_ = -1;
-  v4l2_buffer buffer = buffer_of(0);
+  v4l2_buffer buffer = mapped_buffer(kMetadata, 0);
   if (call(VIDIOC_DQBUF, &buffer) != 0 || buffer.index >= count_) return false;
   held_ = static_cast<int>(buffer.index);
   sequence = buffer.sequence;

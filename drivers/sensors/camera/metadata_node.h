@@ -21,7 +21,6 @@ class MetadataNode {
   /// Finds the node of this open camera and begins to take its metadata; before the camera's own stream begins.
   DeviceTrouble open(const V4l2Device& camera) noexcept;
   void close() noexcept;
-  bool is_open() const noexcept { return fd_ >= 0; }
 
   /// The metadata of the oldest image not read yet, valid until the next call. False: there are none.
   bool read(std::uint32_t& sequence, std::span<const std::uint8_t>& metadata) noexcept;

@@ -11,58 +11,6 @@ namespace epiline {
 
 namespace {
 
-/// How the bytes of a row hold brightness.
-enum class Row : std::uint8_t { kBytes, kWords10, kWords12, kWords16, kPacked10, kPacked12, kYuyv, kRgb, kBgr, kJpeg };
-enum class Planes : std::uint8_t { kGrey, kGreyAndColours, kMosaic };
-
-struct FormatFacts {
-  const char* name;
-  std::uint32_t fourcc;
-  Row row;
-  Planes planes = Planes::kGrey;
-  std::uint32_t bus_code = 0;
-};
-constexpr std::array<FormatFacts, static_cast<std::size_t>(PixelFormat::kCount)> kFormats{{
-    {"GREY", V4L2_PIX_FMT_GREY, Row::kBytes, Planes::kGrey, MEDIA_BUS_FMT_Y8_1X8},
-    {"Y10", V4L2_PIX_FMT_Y10, Row::kWords10, Planes::kGrey, MEDIA_BUS_FMT_Y10_1X10},
-    {"Y12", V4L2_PIX_FMT_Y12, Row::kWords12, Planes::kGrey, MEDIA_BUS_FMT_Y12_1X12},
-    {"Y16", V4L2_PIX_FMT_Y16, Row::kWords16, Planes::kGrey, 0x202e},  // MEDIA_BUS_FMT_Y16_1X16, not in older headers
-    {"Y10P", V4L2_PIX_FMT_Y10P, Row::kPacked10, Planes::kGrey, MEDIA_BUS_FMT_Y10_1X10},
-    {"Y12P", v4l2_fourcc('Y', '1', '2', 'P'), Row::kPacked12, Planes::kGrey, MEDIA_BUS_FMT_Y12_1X12},
-    {"YUYV", V4L2_PIX_FMT_YUYV, Row::kYuyv, Planes::kGrey, MEDIA_BUS_FMT_YUYV8_1X16},
-    {"NV12", V4L2_PIX_FMT_NV12, Row::kBytes, Planes::kGreyAndColours},
-    {"YU12", V4L2_PIX_FMT_YUV420, Row::kBytes, Planes::kGreyAndColours},
-    {"RGB3", V4L2_PIX_FMT_RGB24, Row::kRgb, Planes::kGrey, MEDIA_BUS_FMT_RGB888_1X24},
-    {"BGR3", V4L2_PIX_FMT_BGR24, Row::kBgr, Planes::kGrey, MEDIA_BUS_FMT_BGR888_1X24},
-    {"BA81", V4L2_PIX_FMT_SBGGR8, Row::kBytes, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR8_1X8},
-    {"GBRG", V4L2_PIX_FMT_SGBRG8, Row::kBytes, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG8_1X8},
-    {"GRBG", V4L2_PIX_FMT_SGRBG8, Row::kBytes, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG8_1X8},
-    {"RGGB", V4L2_PIX_FMT_SRGGB8, Row::kBytes, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB8_1X8},
-    {"BG10", V4L2_PIX_FMT_SBGGR10, Row::kWords10, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR10_1X10},
-    {"GB10", V4L2_PIX_FMT_SGBRG10, Row::kWords10, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG10_1X10},
-    {"BA10", V4L2_PIX_FMT_SGRBG10, Row::kWords10, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG10_1X10},
-    {"RG10", V4L2_PIX_FMT_SRGGB10, Row::kWords10, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB10_1X10},
-    {"pBAA", V4L2_PIX_FMT_SBGGR10P, Row::kPacked10, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR10_1X10},
-    {"pGAA", V4L2_PIX_FMT_SGBRG10P, Row::kPacked10, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG10_1X10},
-    {"pgAA", V4L2_PIX_FMT_SGRBG10P, Row::kPacked10, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG10_1X10},
-    {"pRAA", V4L2_PIX_FMT_SRGGB10P, Row::kPacked10, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB10_1X10},
-    {"BG12", V4L2_PIX_FMT_SBGGR12, Row::kWords12, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR12_1X12},
-    {"GB12", V4L2_PIX_FMT_SGBRG12, Row::kWords12, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG12_1X12},
-    {"BA12", V4L2_PIX_FMT_SGRBG12, Row::kWords12, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG12_1X12},
-    {"RG12", V4L2_PIX_FMT_SRGGB12, Row::kWords12, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB12_1X12},
-    {"pBCC", V4L2_PIX_FMT_SBGGR12P, Row::kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR12_1X12},
-    {"pGCC", V4L2_PIX_FMT_SGBRG12P, Row::kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG12_1X12},
-    {"pgCC", V4L2_PIX_FMT_SGRBG12P, Row::kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG12_1X12},
-    {"pRCC", V4L2_PIX_FMT_SRGGB12P, Row::kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB12_1X12},
-    {"BYR2", V4L2_PIX_FMT_SBGGR16, Row::kWords16, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR16_1X16},
-    {"GB16", V4L2_PIX_FMT_SGBRG16, Row::kWords16, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG16_1X16},
-    {"GR16", V4L2_PIX_FMT_SGRBG16, Row::kWords16, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG16_1X16},
-    {"RG16", V4L2_PIX_FMT_SRGGB16, Row::kWords16, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB16_1X16},
-    {"MJPG", V4L2_PIX_FMT_MJPEG, Row::kJpeg},
-}};
-
-const FormatFacts& facts(PixelFormat format) noexcept { return kFormats[static_cast<std::size_t>(format)]; }
-
 // A row each; compilers make SIMD of all but the packed ones.
 
 unsigned word(const std::uint8_t* from) noexcept { return from[0] | static_cast<unsigned>(from[1]) << 8; }
@@ -70,6 +18,10 @@ unsigned word(const std::uint8_t* from) noexcept { return from[0] | static_cast<
 template <int Shift>
 void words_to_grey(const std::uint8_t* from, int width, std::uint8_t* to) noexcept {
   for (int x = 0; x < width; ++x) to[x] = static_cast<std::uint8_t>(word(from + 2 * x) >> Shift);
+}
+
+void bytes_to_grey(const std::uint8_t* from, int width, std::uint8_t* to) noexcept {
+  std::memcpy(to, from, static_cast<std::size_t>(width));
 }
 
 void yuyv_to_grey(const std::uint8_t* from, int width, std::uint8_t* to) noexcept {
@@ -89,29 +41,6 @@ void packed_to_grey(const std::uint8_t* from, int width, std::uint8_t* to) noexc
   int x = 0;
   for (; x + Together <= width; x += Together, from += Together + 1) std::memcpy(to + x, from, Together);
   for (; x < width; ++x) to[x] = *from++;
-}
-
-void row_to_grey(Row row, const std::uint8_t* from, int width, std::uint8_t* to) noexcept {
-  switch (row) {
-    case Row::kWords10:
-      return words_to_grey<2>(from, width, to);
-    case Row::kWords12:
-      return words_to_grey<4>(from, width, to);
-    case Row::kWords16:
-      return words_to_grey<8>(from, width, to);
-    case Row::kPacked10:
-      return packed_to_grey<4>(from, width, to);
-    case Row::kPacked12:
-      return packed_to_grey<2>(from, width, to);
-    case Row::kYuyv:
-      return yuyv_to_grey(from, width, to);
-    case Row::kRgb:
-      return colours_to_grey<0, 2>(from, width, to);
-    case Row::kBgr:
-      return colours_to_grey<2, 0>(from, width, to);
-    default:
-      std::memcpy(to, from, static_cast<std::size_t>(width));
-  }
 }
 
 // Of mosaics: two rows to one, a mean of four pixels, rounded. `width`: of the grey row.
@@ -138,23 +67,68 @@ void packed_of_mosaic(const std::uint8_t* upper, const std::uint8_t* lower, int 
     bytes_of_mosaic(upper, lower, std::min(kPairs, width - x), to + x);
 }
 
-void rows_of_mosaic(Row row, const std::uint8_t* upper, const std::uint8_t* lower, int width,
-                    std::uint8_t* to) noexcept {
-  switch (row) {
-    case Row::kWords10:
-      return words_of_mosaic<10>(upper, lower, width, to);
-    case Row::kWords12:
-      return words_of_mosaic<12>(upper, lower, width, to);
-    case Row::kWords16:
-      return words_of_mosaic<16>(upper, lower, width, to);
-    case Row::kPacked10:
-      return packed_of_mosaic<4>(upper, lower, width, to);
-    case Row::kPacked12:
-      return packed_of_mosaic<2>(upper, lower, width, to);
-    default:
-      return bytes_of_mosaic(upper, lower, width, to);
-  }
-}
+/// How the bytes of a row hold brightness: so many pixels in so many bytes, and how they become grey. `mosaic`: null if
+/// no mosaic has such rows. A JPEG has no rows.
+struct Row {
+  std::size_t pixels, bytes;
+  void (*grey)(const std::uint8_t* from, int width, std::uint8_t* to) noexcept;
+  void (*mosaic)(const std::uint8_t* upper, const std::uint8_t* lower, int width, std::uint8_t* to) noexcept = nullptr;
+};
+constexpr Row kBytes{1, 1, bytes_to_grey, bytes_of_mosaic}, kWords10{1, 2, words_to_grey<2>, words_of_mosaic<10>},
+    kWords12{1, 2, words_to_grey<4>, words_of_mosaic<12>}, kWords16{1, 2, words_to_grey<8>, words_of_mosaic<16>},
+    kPacked10{4, 5, packed_to_grey<4>, packed_of_mosaic<4>}, kPacked12{2, 3, packed_to_grey<2>, packed_of_mosaic<2>},
+    kYuyv{1, 2, yuyv_to_grey}, kRgb{1, 3, colours_to_grey<0, 2>}, kBgr{1, 3, colours_to_grey<2, 0>},
+    kJpeg{1, 0, nullptr};
+
+enum class Planes : std::uint8_t { kGrey, kGreyAndColours, kMosaic };
+
+struct FormatFacts {
+  const char* name;
+  std::uint32_t fourcc;
+  const Row* row;
+  Planes planes = Planes::kGrey;
+  std::uint32_t bus_code = 0;
+};
+constexpr std::array<FormatFacts, static_cast<std::size_t>(PixelFormat::kCount)> kFormats{{
+    {"GREY", V4L2_PIX_FMT_GREY, &kBytes, Planes::kGrey, MEDIA_BUS_FMT_Y8_1X8},
+    {"Y10", V4L2_PIX_FMT_Y10, &kWords10, Planes::kGrey, MEDIA_BUS_FMT_Y10_1X10},
+    {"Y12", V4L2_PIX_FMT_Y12, &kWords12, Planes::kGrey, MEDIA_BUS_FMT_Y12_1X12},
+    {"Y16", V4L2_PIX_FMT_Y16, &kWords16, Planes::kGrey, 0x202e},  // MEDIA_BUS_FMT_Y16_1X16, not in older headers
+    {"Y10P", V4L2_PIX_FMT_Y10P, &kPacked10, Planes::kGrey, MEDIA_BUS_FMT_Y10_1X10},
+    {"Y12P", v4l2_fourcc('Y', '1', '2', 'P'), &kPacked12, Planes::kGrey, MEDIA_BUS_FMT_Y12_1X12},
+    {"YUYV", V4L2_PIX_FMT_YUYV, &kYuyv, Planes::kGrey, MEDIA_BUS_FMT_YUYV8_1X16},
+    {"NV12", V4L2_PIX_FMT_NV12, &kBytes, Planes::kGreyAndColours},
+    {"YU12", V4L2_PIX_FMT_YUV420, &kBytes, Planes::kGreyAndColours},
+    {"RGB3", V4L2_PIX_FMT_RGB24, &kRgb, Planes::kGrey, MEDIA_BUS_FMT_RGB888_1X24},
+    {"BGR3", V4L2_PIX_FMT_BGR24, &kBgr, Planes::kGrey, MEDIA_BUS_FMT_BGR888_1X24},
+    {"BA81", V4L2_PIX_FMT_SBGGR8, &kBytes, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR8_1X8},
+    {"GBRG", V4L2_PIX_FMT_SGBRG8, &kBytes, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG8_1X8},
+    {"GRBG", V4L2_PIX_FMT_SGRBG8, &kBytes, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG8_1X8},
+    {"RGGB", V4L2_PIX_FMT_SRGGB8, &kBytes, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB8_1X8},
+    {"BG10", V4L2_PIX_FMT_SBGGR10, &kWords10, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR10_1X10},
+    {"GB10", V4L2_PIX_FMT_SGBRG10, &kWords10, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG10_1X10},
+    {"BA10", V4L2_PIX_FMT_SGRBG10, &kWords10, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG10_1X10},
+    {"RG10", V4L2_PIX_FMT_SRGGB10, &kWords10, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB10_1X10},
+    {"pBAA", V4L2_PIX_FMT_SBGGR10P, &kPacked10, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR10_1X10},
+    {"pGAA", V4L2_PIX_FMT_SGBRG10P, &kPacked10, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG10_1X10},
+    {"pgAA", V4L2_PIX_FMT_SGRBG10P, &kPacked10, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG10_1X10},
+    {"pRAA", V4L2_PIX_FMT_SRGGB10P, &kPacked10, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB10_1X10},
+    {"BG12", V4L2_PIX_FMT_SBGGR12, &kWords12, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR12_1X12},
+    {"GB12", V4L2_PIX_FMT_SGBRG12, &kWords12, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG12_1X12},
+    {"BA12", V4L2_PIX_FMT_SGRBG12, &kWords12, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG12_1X12},
+    {"RG12", V4L2_PIX_FMT_SRGGB12, &kWords12, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB12_1X12},
+    {"pBCC", V4L2_PIX_FMT_SBGGR12P, &kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR12_1X12},
+    {"pGCC", V4L2_PIX_FMT_SGBRG12P, &kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG12_1X12},
+    {"pgCC", V4L2_PIX_FMT_SGRBG12P, &kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG12_1X12},
+    {"pRCC", V4L2_PIX_FMT_SRGGB12P, &kPacked12, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB12_1X12},
+    {"BYR2", V4L2_PIX_FMT_SBGGR16, &kWords16, Planes::kMosaic, MEDIA_BUS_FMT_SBGGR16_1X16},
+    {"GB16", V4L2_PIX_FMT_SGBRG16, &kWords16, Planes::kMosaic, MEDIA_BUS_FMT_SGBRG16_1X16},
+    {"GR16", V4L2_PIX_FMT_SGRBG16, &kWords16, Planes::kMosaic, MEDIA_BUS_FMT_SGRBG16_1X16},
+    {"RG16", V4L2_PIX_FMT_SRGGB16, &kWords16, Planes::kMosaic, MEDIA_BUS_FMT_SRGGB16_1X16},
+    {"MJPG", V4L2_PIX_FMT_MJPEG, &kJpeg},
+}};
+
+const FormatFacts& facts(PixelFormat format) noexcept { return kFormats[static_cast<std::size_t>(format)]; }
 
 }  // namespace
 
@@ -176,47 +150,33 @@ std::optional<PixelFormat> pixel_format_named(std::string_view name) noexcept {
 }
 
 bool is_grey_in_place(PixelFormat format) noexcept {
-  return facts(format).row == Row::kBytes && facts(format).planes != Planes::kMosaic;
+  return facts(format).row == &kBytes && facts(format).planes != Planes::kMosaic;
 }
 
 bool is_mosaic(PixelFormat format) noexcept { return facts(format).planes == Planes::kMosaic; }
 
 std::size_t row_bytes(PixelFormat format, int width) noexcept {
-  const auto w = static_cast<std::size_t>(width);
-  switch (facts(format).row) {
-    case Row::kBytes:
-      return w;
-    case Row::kPacked10:
-      return (w + 3) / 4 * 5;
-    case Row::kPacked12:
-      return (w + 1) / 2 * 3;
-    case Row::kRgb:
-    case Row::kBgr:
-      return 3 * w;
-    case Row::kJpeg:
-      return 0;
-    default:
-      return 2 * w;
-  }
+  const Row& row = *facts(format).row;
+  return (static_cast<std::size_t>(width) + row.pixels - 1) / row.pixels * row.bytes;
 }
 
 std::size_t image_bytes(PixelFormat format, int width, int height, int stride) noexcept {
   const auto rows = static_cast<std::size_t>(height), pitch = static_cast<std::size_t>(stride);
-  if (facts(format).row == Row::kJpeg) return 0;
+  if (facts(format).row == &kJpeg) return 0;
   const bool has_colour_planes = facts(format).planes == Planes::kGreyAndColours;
   return has_colour_planes ? pitch * rows + pitch * (rows / 2) : pitch * (rows - 1) + row_bytes(format, width);
 }
 
 void to_grey(PixelFormat format, const std::uint8_t* from, int from_stride, int width, int height, std::uint8_t* to,
              int to_stride) noexcept {
-  const Row row = facts(format).row;
+  const Row& row = *facts(format).row;
   const auto stride = static_cast<std::ptrdiff_t>(from_stride);
   if (is_mosaic(format)) {
     for (int y = 0; y < height / 2; ++y, from += 2 * stride, to += to_stride)
-      rows_of_mosaic(row, from, from + stride, width / 2, to);
+      row.mosaic(from, from + stride, width / 2, to);
     return;
   }
-  for (int y = 0; y < height; ++y, from += stride, to += to_stride) row_to_grey(row, from, width, to);
+  for (int y = 0; y < height; ++y, from += stride, to += to_stride) row.grey(from, width, to);
 }
 
 }  // namespace epiline

@@ -15,8 +15,18 @@ class SideBySide final : public CameraSource {
 
   Status open() override { return both_->open(); }
   void close() noexcept override { both_->close(); }
-  ReadOutcome read(Frame& frame, Span timeout) noexcept override;
-  OtherFrames others(const Frame& frame) const noexcept override;
+  ReadOutcome read(Frame& frame, Span timeout) noexcept override {
+    const ReadOutcome outcome = both_->read(frame, timeout);
+    if (outcome != ReadOutcome::kSample) return outcome;
+    frame.width /= 2;
+    if (right_is_first_) frame.data += frame.width;
+    return outcome;
+  }
+  OtherFrames others(const Frame& frame) const noexcept override {
+    Frame second = frame;
+    second.data += right_is_first_ ? -frame.width : frame.width;
+    return {second};
+  }
   void give_back(const Frame& frame) noexcept override { both_->give_back(frame); }
 
  private:

@@ -10,7 +10,6 @@
 #include <string>
 #include <utility>
 
-#include "platform/concurrency/counter.h"
 #include "platform/error/contract.h"
 
 namespace epiline {
@@ -19,6 +18,10 @@ namespace {
 
 constexpr int kRowAlignment = 64;                             // of copies: a cache line
 constexpr Span kPeriodAtMost = Span::from_milliseconds(100);  // where the device does not tell its rate
+
+bool is_monotonic(std::uint32_t flags) noexcept {
+  return (flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+}
 
 }  // namespace
 
@@ -50,7 +53,7 @@ DeviceTrouble V4l2Camera::find_again() noexcept {
   bool is_other = false;
   const DeviceTrouble trouble =
       device_.open_again(settings_.device.c_str(), settings_.sensor.c_str(), identity_, is_other);
-  if (is_other) bump(other_camera_);
+  if (is_other) ++counts_.other_camera;
   return trouble;
 }
 
@@ -78,9 +81,7 @@ DeviceTrouble V4l2Camera::set_up() noexcept {
     }
   } else if (format.grey_width() != format_.grey_width() || format.grey_height() != format_.grey_height() ||
              copies != copies_ || !grey_copies_.can_copy(format)) {
-    DeviceTrouble trouble;
-    trouble.step = "the camera returned with another image size or format";
-    return trouble;
+    return device_refusal("the camera returned with another image size or format", 0);
   }
   format_ = format;
   device_.hold_focus();  // before camera.controls, which may want otherwise
@@ -124,23 +125,14 @@ DeviceTrouble V4l2Camera::map_buffers() noexcept {
       s.is_stale = false;
       s.state.store(SlotState::kWithDriver, std::memory_order_relaxed);
     }
-    if (memory.length < image_bytes(format_.format, format_.width, format_.height, format_.stride)) {
-      DeviceTrouble trouble;
-      trouble.step = "the driver's buffers are smaller than an image";
-      return trouble;
-    }
+    if (memory.length < image_bytes(format_.format, format_.width, format_.height, format_.stride))
+      return device_refusal("the driver's buffers are smaller than an image", 0);
     if (const DeviceTrouble trouble = device_.queue(i)) return trouble;
   }
-  DeviceTrouble trouble;
-  if (buffer_count_ < 2) {
-    trouble.step = "the driver has fewer than 2 buffers";
-  } else if ((stamp_flags_ & V4L2_BUF_FLAG_TIMESTAMP_MASK) != V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC &&
-             !settings_.trust_stamps) {
-    trouble.step = "its driver does not declare monotonic timestamps";
-    std::snprintf(trouble.expected, sizeof(trouble.expected),
-                  "monotonic timestamps; camera.trust_stamps = true if they are");
-  }
-  return trouble;
+  if (buffer_count_ < 2) return device_refusal("the driver has fewer than 2 buffers", 0);
+  if (is_monotonic(stamp_flags_) || settings_.trust_stamps) return {};
+  return device_refusal("its driver does not declare monotonic timestamps", 0,
+                        "monotonic timestamps; camera.trust_stamps = true if they are");
 }
 
 // ---- losing it, and getting it back ----
@@ -168,8 +160,8 @@ void V4l2Camera::tear_down() noexcept {
 
 void V4l2Camera::lose(int error) noexcept {
   tear_down();
-  bump(disconnected_);
-  last_error_.store(error, std::memory_order_relaxed);
+  ++counts_.disconnected;
+  counts_.last_error = error;
   retry_.begin(system_.now_ns());
 }
 
@@ -178,8 +170,8 @@ bool V4l2Camera::reopen() noexcept {
   const DeviceTrouble trouble = set_up();
   if (!trouble) return true;
   tear_down();
-  bump(retries_);
-  last_error_.store(trouble.error, std::memory_order_relaxed);
+  ++counts_.retries;
+  counts_.last_error = trouble.error;
   retry_.failed(system_.now_ns());
   return false;
 }
@@ -204,7 +196,14 @@ void V4l2Camera::close() noexcept {
 
 ReadOutcome V4l2Camera::read(Frame& frame, Span timeout) noexcept {
   EPILINE_EXPECTS(opened_, "open() before read()");
-  const std::int64_t deadline_ns = system_.now_ns() + timeout.ns;
+  const ReadOutcome outcome = read_until(system_.now_ns() + timeout.ns, frame);
+  counts_.without_clock = clock_.without_clock();
+  counts_.bad_metadata = clock_.bad_metadata();
+  shown_counts_.write(counts_);
+  return outcome;
+}
+
+ReadOutcome V4l2Camera::read_until(std::int64_t deadline_ns, Frame& frame) noexcept {
   if (!is_streaming()) {
     const std::int64_t now_ns = system_.now_ns();
     if (now_ns < retry_.due_ns()) {
@@ -285,11 +284,11 @@ ReadOutcome V4l2Camera::take(Frame& frame) noexcept {
     last_image_ns_ = system_.now_ns();
     Slot* lending = copies_ ? nullptr : &slots_[static_cast<std::size_t>(slot_of_[buffer.index])];
     if (lending != nullptr && lending->state.load(std::memory_order_relaxed) != SlotState::kWithDriver) {
-      bump(overwritten_);
+      ++counts_.overwritten;
       continue;
     }
     requests_.look();
-    bump(lost_, driver_stamps_.count(buffer.sequence));
+    counts_.lost += driver_stamps_.count(buffer.sequence);
     frame.sequence = driver_stamps_.sequence();
     const bool is_good = is_sound(buffer) && stamp(frame, buffer) && fill(frame, buffer);
     if (is_good && lending != nullptr) {
@@ -301,25 +300,24 @@ ReadOutcome V4l2Camera::take(Frame& frame) noexcept {
     if (!is_good) continue;
     exposure_.look(frame);
     if (follower_ != nullptr) follower_->exposure_.follow(exposure_.setting());
-    bump(frames_);
+    ++counts_.frames;
     return ReadOutcome::kSample;
   }
 }
 
 bool V4l2Camera::is_sound(const v4l2_buffer& buffer) noexcept {
   if ((buffer.flags & V4L2_BUF_FLAG_ERROR) != 0) {
-    bump(damaged_);
+    ++counts_.damaged;
     return false;
   }
   if (buffer.bytesused < image_bytes(format_.format, format_.width, format_.height, format_.stride)) {
-    bump(incomplete_);
+    ++counts_.incomplete;
     return false;
   }
   return true;
 }
 
 bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
-  const bool is_monotonic = (buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
   const HostStamp given{static_cast<std::int64_t>(buffer.timestamp.tv_sec) * 1'000'000'000 +
                         static_cast<std::int64_t>(buffer.timestamp.tv_usec) * 1'000};
   if (driver_stamps_.is_from_before(given)) return false;  // not counted: the stream lacks nothing
@@ -327,14 +325,10 @@ bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
   const std::int64_t age_ns = (frame.arrival - given).ns;
   const bool is_recent = settings_.trust_stamps || std::abs(age_ns) < settings_.stamp_age_most.ns;
   const Span period = format_.rate_hz > 0 ? Span::from_seconds(1 / format_.rate_hz) : kPeriodAtMost;
-  if ((!is_monotonic && !settings_.trust_stamps) || !is_recent ||
-      !driver_stamps_.is_credible(given, frame.arrival, period)) {
-    bump(bad_stamps_);
-    return false;
-  }
   HostStamp taken = given;
-  if (!clock_.stamp(buffer.sequence, taken)) {
-    bump(bad_stamps_);
+  if ((!is_monotonic(buffer.flags) && !settings_.trust_stamps) || !is_recent ||
+      !driver_stamps_.is_credible(given, frame.arrival, period) || !clock_.stamp(buffer.sequence, taken)) {
+    ++counts_.bad_stamps;
     return false;
   }
   const bool is_start = (buffer.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) == V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
@@ -344,7 +338,7 @@ bool V4l2Camera::stamp(Frame& frame, const v4l2_buffer& buffer) noexcept {
   const Span exposure = exposure_.time_of(given, frame.sequence);
   HostStamp start = taken + to_start_of_exposure(settings_.stamp_point.value_or(declared), exposure, settings_.readout);
   if (!stamp_line_.stamp(frame.sequence, start)) {
-    bump(no_edge_);
+    ++counts_.no_edge;
     return false;
   }
   frame.stamp = start + to_mid_exposure(StampPoint::kStartOfExposure, settings_.shutter, exposure, settings_.readout);
@@ -362,14 +356,14 @@ bool V4l2Camera::fill(Frame& frame, const v4l2_buffer& buffer) noexcept {
   }
   const int slot = free_slot();
   if (slot < 0) {
-    bump(no_slot_);
+    ++counts_.no_slot;
     return false;
   }
   Slot& s = slots_[static_cast<std::size_t>(slot)];
   frame.slot = slot;
   frame.stride = static_cast<int>(s.memory.length / static_cast<std::size_t>(frame.height));
   if (!grey_copies_.copy(format_, buffers_[buffer.index], buffer.bytesused, s.memory.data, frame.stride)) {
-    bump(damaged_);
+    ++counts_.damaged;
     return false;
   }
   frame.data = s.memory.data;
@@ -382,26 +376,6 @@ int V4l2Camera::free_slot() const noexcept {
   for (std::size_t i = 0; i < count; ++i)
     if (slots_[i].state.load(std::memory_order_relaxed) == SlotState::kFree) return static_cast<int>(i);
   return -1;
-}
-
-CameraCounts V4l2Camera::counts() const noexcept {
-  const auto value = [](const Counter& counter) { return counter.load(std::memory_order_relaxed); };
-  CameraCounts counts;
-  counts.frames = value(frames_);
-  counts.lost = value(lost_);
-  counts.damaged = value(damaged_);
-  counts.incomplete = value(incomplete_);
-  counts.bad_stamps = value(bad_stamps_);
-  counts.no_edge = value(no_edge_);
-  counts.without_clock = clock_.without_clock();
-  counts.bad_metadata = clock_.bad_metadata();
-  counts.no_slot = value(no_slot_);
-  counts.overwritten = value(overwritten_);
-  counts.disconnected = value(disconnected_);
-  counts.retries = value(retries_);
-  counts.other_camera = value(other_camera_);
-  counts.last_error = last_error_.load(std::memory_order_relaxed);
-  return counts;
 }
 
 }  // namespace epiline

@@ -16,6 +16,7 @@
 #include "drivers/sensors/camera/stamp_line.h"
 #include "drivers/sensors/camera/v4l2_device.h"
 #include "drivers/sensors/camera/v4l2_settings.h"
+#include "platform/concurrency/snapshot.h"
 #include "platform/linux/system_calls.h"
 #include "platform/ports/counter.h"
 #include "platform/ports/ports.h"
@@ -77,7 +78,7 @@ class V4l2Camera final : public CameraSource {
   Focus focus() const noexcept { return focus_.load(std::memory_order_relaxed); }  ///< when it was set up
   Span exposure() const noexcept { return exposure_.report().time; }               ///< of the newest image
   ExposureReport exposure_report() const noexcept { return exposure_.report(); }
-  CameraCounts counts() const noexcept;
+  CameraCounts counts() const noexcept { return shown_counts_.read(); }
   /// Timestamps are those of the camera's own clock, see clock_state().
   bool has_own_clock() const noexcept { return clock_.is_used(); }
   ClockState clock_state() const noexcept { return clock_.state(); }
@@ -118,7 +119,6 @@ class V4l2Camera final : public CameraSource {
     bool is_stale = false;  ///< of a stream that has ended: to be unmapped, not queued
     std::atomic<SlotState> state{SlotState::kFree};
   };
-  using Counter = std::atomic<std::uint64_t>;
 
   // Setting up: open() and reopen().
   DeviceTrouble set_up() noexcept;
@@ -129,6 +129,7 @@ class V4l2Camera final : public CameraSource {
   void tear_down() noexcept;
 
   // An image.
+  ReadOutcome read_until(std::int64_t deadline_ns, Frame& frame) noexcept;
   bool collect_returned() noexcept;
   /// kTimeout: none is ready.
   ReadOutcome take(Frame& frame) noexcept;
@@ -169,9 +170,8 @@ class V4l2Camera final : public CameraSource {
   CameraClock clock_{settings_, system_};
   StampLine stamp_line_;
 
-  Counter frames_{0}, lost_{0}, damaged_{0}, incomplete_{0}, bad_stamps_{0}, no_edge_{0}, no_slot_{0}, overwritten_{0},
-      disconnected_{0}, retries_{0}, other_camera_{0};
-  std::atomic<int> last_error_{0};
+  CameraCounts counts_;
+  Snapshot<CameraCounts> shown_counts_;
 };
 
 }  // namespace epiline

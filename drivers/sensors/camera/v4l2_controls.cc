@@ -8,7 +8,7 @@
 #include <cstring>
 
 #include "drivers/sensors/camera/v4l2_lists.h"
-#include "drivers/sensors/camera/v4l2_trouble.h"
+#include "drivers/sensors/trouble.h"
 
 namespace epiline {
 
@@ -110,6 +110,13 @@ DeviceTrouble V4l2Controls::write(std::span<const ControlValue> values) const no
   const ControlValue& told = values[std::min<std::size_t>(controls.error_idx, values.size() - 1)];
   std::snprintf(trouble.found, sizeof(trouble.found), "%.60s = %lld", told.name, static_cast<long long>(told.value));
   return trouble;
+}
+
+DeviceTrouble V4l2Controls::write(const char* name, std::int64_t value) const noexcept {
+  ControlFacts facts;
+  if (const DeviceTrouble trouble = find(name, facts)) return trouble;
+  const ControlValue one{&facts, name, value};
+  return write({&one, 1});
 }
 
 DeviceTrouble V4l2Controls::change(std::span<ControlValue> values) const noexcept {

@@ -51,6 +51,8 @@ class V4l2Controls {
   /// Sets some (kTogether at most) in one call.
   static constexpr std::size_t kTogether = 4;
   DeviceTrouble write(std::span<const ControlValue> values) const noexcept;
+  /// Sets one, found by its name.
+  DeviceTrouble write(const char* name, std::int64_t value) const noexcept;
   /// Sets some, in one call where one file has them all, then reads them back: each value becomes what the device made
   /// of it.
   DeviceTrouble change(std::span<ControlValue> values) const noexcept;

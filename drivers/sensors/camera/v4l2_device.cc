@@ -8,14 +8,13 @@
 #include <cctype>
 #include <cerrno>
 #include <cmath>
-#include <cstdarg>
 #include <cstdio>
 #include <cstring>
 #include <iterator>
 #include <string_view>
 
 #include "drivers/sensors/camera/v4l2_lists.h"
-#include "drivers/sensors/camera/v4l2_trouble.h"
+#include "drivers/sensors/trouble.h"
 
 namespace epiline {
 
@@ -37,8 +36,12 @@ void write_fourcc(std::uint32_t fourcc, char (&text)[5]) noexcept {
   text[4] = '\0';
 }
 
-int V4l2Device::call(int fd, unsigned long request, void* argument) const noexcept {
-  return call_device(system_, fd, request, argument);
+v4l2_buffer mapped_buffer(std::uint32_t type, unsigned index) noexcept {
+  v4l2_buffer buffer{};
+  buffer.index = index;
+  buffer.type = type;
+  buffer.memory = V4L2_MEMORY_MMAP;
+  return buffer;
 }
 
 V4l2Controls V4l2Device::controls() const noexcept {
@@ -228,8 +231,7 @@ DeviceTrouble V4l2Device::set_rate(double wanted_hz, DeviceFormat& format) noexc
                  to_string(format.format), format.grey_width(), format.grey_height(), rate_hz);
   list_rates(fourcc_of(format.format), static_cast<unsigned>(format.width), static_cast<unsigned>(format.height),
              trouble.expected);
-  if (trouble.expected[0] == '\0') std::snprintf(trouble.expected, sizeof(trouble.expected), "%.6g", rate_hz);
-  return trouble;
+  return trouble.expected[0] == '\0' ? expecting(trouble, "%.6g", rate_hz) : trouble;
 }
 
 void V4l2Device::watch_control(const ControlFacts& facts) noexcept {
@@ -253,12 +255,8 @@ bool V4l2Device::next_change(std::uint32_t& id, std::int64_t& value, HostStamp& 
 }
 
 DeviceTrouble V4l2Device::set_controls(const V4l2Settings& settings) noexcept {
-  for (const CameraControl& wanted : settings.controls) {
-    ControlFacts facts;
-    if (const DeviceTrouble trouble = controls().find(wanted.name.c_str(), facts)) return trouble;
-    const ControlValue one{&facts, wanted.name.c_str(), wanted.value};
-    if (const DeviceTrouble trouble = controls().write({&one, 1})) return trouble;
-  }
+  for (const CameraControl& wanted : settings.controls)
+    if (const DeviceTrouble trouble = controls().write(wanted.name.c_str(), wanted.value)) return trouble;
   // afterwards, for one control can change another
   for (const CameraControl& wanted : settings.controls) {
     ControlFacts facts;
@@ -266,12 +264,10 @@ DeviceTrouble V4l2Device::set_controls(const V4l2Settings& settings) noexcept {
     if (!facts.is_readable) continue;
     std::int64_t value = 0;
     if (const DeviceTrouble trouble = controls().read(wanted.name.c_str(), facts, value)) return trouble;
-    if (value == wanted.value) continue;
-    DeviceTrouble trouble = unexpected("VIDIOC_G_EXT_CTRLS", "", "%.60s = %lld after setting it", wanted.name.c_str(),
-                                       static_cast<long long>(value));
-    std::snprintf(trouble.expected, sizeof(trouble.expected), "%lld; is it overridden, as by automatic exposure?",
-                  static_cast<long long>(wanted.value));
-    return trouble;
+    if (value != wanted.value)
+      return expecting(unexpected("VIDIOC_G_EXT_CTRLS", "", "%.60s = %lld after setting it", wanted.name.c_str(),
+                                  static_cast<long long>(value)),
+                       "%lld; is it overridden, as by automatic exposure?", static_cast<long long>(wanted.value));
   }
   return {};
 }
@@ -302,10 +298,7 @@ DeviceTrouble V4l2Device::request_buffers(unsigned& count) noexcept {
 }
 
 DeviceTrouble V4l2Device::map(unsigned index, std::uint8_t*& data, std::size_t& length, std::uint32_t& flags) noexcept {
-  v4l2_buffer buffer{};
-  buffer.index = index;
-  buffer.type = kCapture;
-  buffer.memory = V4L2_MEMORY_MMAP;
+  v4l2_buffer buffer = mapped_buffer(kCapture, index);
   if (const int error = call(VIDIOC_QUERYBUF, &buffer); error != 0) return refused("VIDIOC_QUERYBUF", error);
   // populated now, so that the first image meets no page faults
   void* memory = system_.map(fd_, buffer.length, buffer.m.offset);
@@ -325,17 +318,12 @@ int V4l2Device::export_buffer(unsigned index) noexcept {
 }
 
 DeviceTrouble V4l2Device::queue(unsigned index) noexcept {
-  v4l2_buffer buffer{};
-  buffer.index = index;
-  buffer.type = kCapture;
-  buffer.memory = V4L2_MEMORY_MMAP;
+  v4l2_buffer buffer = mapped_buffer(kCapture, index);
   return refused("VIDIOC_QBUF", call(VIDIOC_QBUF, &buffer));
 }
 
 int V4l2Device::dequeue(v4l2_buffer& buffer) noexcept {
-  buffer = {};
-  buffer.type = kCapture;
-  buffer.memory = V4L2_MEMORY_MMAP;
+  buffer = mapped_buffer(kCapture, 0);
   return call(VIDIOC_DQBUF, &buffer);
 }
 

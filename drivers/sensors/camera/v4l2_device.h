@@ -38,6 +38,8 @@ enum class Focus : std::uint8_t {
   kAutomatic,  ///< it is on
 };
 
+/// Buffer `index` of a queue whose buffers the driver maps, as calls take it.
+v4l2_buffer mapped_buffer(std::uint32_t type, unsigned index) noexcept;
 /// A format's code as text.
 void write_fourcc(std::uint32_t fourcc, char (&text)[5]) noexcept;
 
@@ -68,7 +70,9 @@ class V4l2Device {
 
   /// ioctl() on the device: 0 or errno; begins again when a signal came in between.
   int call(unsigned long request, void* argument) const noexcept { return call(fd_, request, argument); }
-  int call(int fd, unsigned long request, void* argument) const noexcept;
+  int call(int fd, unsigned long request, void* argument) const noexcept {
+    return call_device(system_, fd, request, argument);
+  }
   /// Files that may have controls: the device's, then those of the sub-devices on the way from the sensor.
   std::size_t control_files() const noexcept { return 1 + graph_.sub_devices(); }
   int control_file(std::size_t i) const noexcept { return i == 0 ? fd_ : graph_.sub_device(i - 1); }

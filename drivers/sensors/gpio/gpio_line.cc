@@ -7,12 +7,12 @@
 #include <cerrno>
 #include <charconv>
 #include <cstring>
-#include <ctime>
 #include <utility>
 #include <vector>
 
 #include "drivers/sensors/gpio/gpio_request.h"
 #include "platform/error/contract.h"
+#include "platform/linux/system_calls.h"
 #include "platform/time/backoff.h"
 #include "platform/time/monotonic.h"
 
@@ -49,26 +49,20 @@ std::string list_of_names(std::span<const GpioChipFacts> chips) {
 std::string list_of_chips(std::span<const GpioChipFacts> chips) {
   std::string text;
   for (const GpioChipFacts& chip : chips)
-    text.append(text.empty() ? "" : ", ")
-        .append(chip.label)
-        .append(" (")
-        .append(chip.name)
-        .append(", 0 to ")
-        .append(std::to_string(chip.lines.empty() ? 0 : chip.lines.size() - 1))
-        .append(")");
+    text += (text.empty() ? "" : ", ") + chip.label + " (" + chip.name + ", 0 to " +
+            std::to_string(chip.lines.empty() ? 0 : chip.lines.size() - 1) + ")";
   return text;
+}
+
+Error error_at(const std::string& line, std::string found, std::string expected) {
+  return {ErrorKind::kRun, "GPIO line " + line, 0, std::move(found), std::move(expected)};
 }
 
 Error not_found(std::span<const GpioChipFacts> chips, const std::string& wanted) {
   const std::string names = list_of_names(chips);
-  return {
-      ErrorKind::kRun, "GPIO line " + wanted, 0, "no line has this name",
-      (names.empty() ? "" : "one of " + names + "; or ") + "CHIP:OFFSET with one of the chips " + list_of_chips(chips)};
-}
-
-timespec timespec_of(Span span) noexcept {
-  const std::int64_t ns = std::max<std::int64_t>(span.ns, 0);
-  return {static_cast<time_t>(ns / 1'000'000'000), static_cast<long>(ns % 1'000'000'000)};
+  return error_at(
+      wanted, "no line has this name",
+      (names.empty() ? "" : "one of " + names + "; or ") + "CHIP:OFFSET with one of the chips " + list_of_chips(chips));
 }
 
 }  // namespace
@@ -91,20 +85,15 @@ Result<GpioChoice> choose_line(std::span<const GpioChipFacts> chips, const std::
         if ((by_label ? chip.label : chip.name) == chip_name && (by_label || found.empty()))
           found.push_back({&chip, offset});
     if (!found.empty() && offset >= found.front().chip->lines.size())
-      return Error{ErrorKind::kRun, "GPIO line " + wanted, 0,
-                   "the chip has " + std::to_string(found.front().chip->lines.size()) + " lines",
-                   "an offset less than that"};
+      return error_at(wanted, "the chip has " + std::to_string(found.front().chip->lines.size()) + " lines",
+                      "an offset less than that");
   }
   if (found.empty()) return not_found(chips, wanted);
   if (found.size() > 1) {
     std::string where;
     for (const GpioChoice& choice : found)
-      where.append(where.empty() ? "" : ", ")
-          .append(choice.chip->name)
-          .append(":")
-          .append(std::to_string(choice.offset));
-    return Error{ErrorKind::kRun, "GPIO line " + wanted, 0, std::to_string(found.size()) + " lines have this name",
-                 "one of " + where};
+      where += (where.empty() ? "" : ", ") + choice.chip->name + ":" + std::to_string(choice.offset);
+    return error_at(wanted, std::to_string(found.size()) + " lines have this name", "one of " + where);
   }
   return found.front();
 }
@@ -117,17 +106,15 @@ Status GpioLine::open() {
   if (Status status = connect(); !status) return status;
   if (!keeper_.start({.name = "gpio"}, keep, this)) {
     request_.reset();
-    return Error{ErrorKind::kRun, "GPIO line " + line_, 0, "cannot start a thread", "a free thread (ulimit -u)"};
+    return error_at(line_, "cannot start a thread", "a free thread (ulimit -u)");
   }
   opened_ = true;
   return Done{};
 }
 
 Status GpioLine::connect() {
-  const std::string where = "GPIO line " + line_;
   if (!kGpioBuiltIn)
-    return Error{ErrorKind::kRun, where, 0, "this program was built without libgpiod",
-                 "a build with libgpiod-dev installed"};
+    return error_at(line_, "this program was built without libgpiod", "a build with libgpiod-dev installed");
   std::vector<GpioChipFacts> chips;
   std::string refused;
   int error = 0;
@@ -139,8 +126,8 @@ Status GpioLine::connect() {
       error = errno, refused = path;
   }
   if (chips.empty() && error == 0)
-    return Error{ErrorKind::kRun, where, 0, "this computer has no GPIO chip (/dev/gpiochip*)",
-                 "a board or adapter with GPIO, and its driver"};
+    return error_at(line_, "this computer has no GPIO chip (/dev/gpiochip*)",
+                    "a board or adapter with GPIO, and its driver");
   const Result<GpioChoice> choice = choose_line(chips, line_);
   if (!choice) {
     if (error == 0) return choice.error();
@@ -155,10 +142,8 @@ Status GpioLine::connect() {
     const int why = errno;
     request_.reset();
     const std::string user = line.consumer.empty() ? "the kernel or another program" : "'" + line.consumer + "'";
-    return Error{ErrorKind::kRun, where, 0, why == EBUSY ? "in use by " + user : std::strerror(why),
-                 why == EBUSY                    ? "a line that no other program uses"
-                 : why == ENXIO || why == EINVAL ? "a line that can raise interrupts"
-                                                 : ""};
+    if (why == EBUSY) return error_at(line_, "in use by " + user, "a line that no other program uses");
+    return error_at(line_, std::strerror(why), why == ENXIO || why == EINVAL ? "a line that can raise interrupts" : "");
   }
   last_error_.store(0, std::memory_order_relaxed);
   return Done{};
@@ -211,8 +196,7 @@ ReadOutcome GpioLine::read(std::span<HostStamp> edges, std::size_t& count, Span 
   count = 0;
   if (is_lost_.load(std::memory_order_acquire)) return ReadOutcome::kFailed;
   pollfd line{request_->fd(), POLLIN, 0};
-  const timespec time = timespec_of(timeout);
-  const int ready = ::ppoll(&line, 1, &time, nullptr);
+  const int ready = SystemCalls::of_this_computer().wait({&line, 1}, timeout);
   if (ready == 0 || (ready < 0 && errno == EINTR)) return ReadOutcome::kTimeout;
   std::uint64_t lost = 0;
   int got = -1;

@@ -12,8 +12,7 @@ namespace epiline {
 
 struct GpioLineFacts {
   std::string name;      ///< may be empty
-  std::string consumer;  ///< who uses it, if `is_used`
-  bool is_used = false;
+  std::string consumer;  ///< who uses it; may be empty
 };
 
 struct GpioChipFacts {

@@ -38,7 +38,7 @@ bool GpioLine::Request::read_chip(const std::string& path, GpioChipFacts& facts)
   for (unsigned offset = 0; offset < count; ++offset) {
     GpioLineFacts line;
     if (gpiod_line* const handle = gpiod_chip_get_line(chip, offset))
-      line = {text(gpiod_line_name(handle)), text(gpiod_line_consumer(handle)), gpiod_line_is_used(handle)};
+      line = {text(gpiod_line_name(handle)), text(gpiod_line_consumer(handle))};
     facts.lines.push_back(line);
   }
   gpiod_chip_close(chip);

@@ -54,8 +54,7 @@ bool GpioLine::Request::read_chip(const std::string& path, GpioChipFacts& facts)
   for (unsigned offset = 0; offset < count; ++offset) {
     GpioLineFacts line;
     if (const LineInfo of_line{gpiod_chip_get_line_info(chip.get(), offset)})
-      line = {text(gpiod_line_info_get_name(of_line.get())), text(gpiod_line_info_get_consumer(of_line.get())),
-              gpiod_line_info_is_used(of_line.get())};
+      line = {text(gpiod_line_info_get_name(of_line.get())), text(gpiod_line_info_get_consumer(of_line.get()))};
     facts.lines.push_back(line);
   }
   return true;

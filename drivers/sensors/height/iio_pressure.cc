@@ -13,7 +13,6 @@
 #include <optional>
 #include <vector>
 
-#include "platform/concurrency/counter.h"
 #include "platform/math/atmosphere.h"
 #include "platform/time/monotonic.h"
 #include "platform/time/sleep.h"
@@ -120,7 +119,12 @@ bool IioPressure::read_hpa(double& hpa) noexcept {
 }
 
 ReadOutcome IioPressure::read(HeightSample& sample, Span timeout) noexcept {
-  const std::int64_t deadline_ns = monotonic_ns() + timeout.ns;
+  const ReadOutcome outcome = read_until(monotonic_ns() + timeout.ns, sample);
+  shown_counts_.write(counts_);
+  return outcome;
+}
+
+ReadOutcome IioPressure::read_until(std::int64_t deadline_ns, HeightSample& sample) noexcept {
   sleep_until(std::min(due_ns_, deadline_ns));
   if (due_ns_ > deadline_ns) return ReadOutcome::kTimeout;
   double hpa = 0;
@@ -128,23 +132,18 @@ ReadOutcome IioPressure::read(HeightSample& sample, Span timeout) noexcept {
   const auto period_ns = static_cast<std::int64_t>(1e9 / settings_.rate_hz);
   due_ns_ = due_ns_ == 0 ? before_ns + period_ns : std::max(due_ns_ + period_ns, before_ns);
   if ((fd_ < 0 && open_file() != 0) || !read_hpa(hpa)) {
-    bump(failed_);
+    ++counts_.failed;
     close();
     due_ns_ = before_ns + kRetry.ns;
     return ReadOutcome::kFailed;
   }
   const std::int64_t after_ns = monotonic_ns();
-  if (!is_air_pressure(hpa)) return bump(refused_values_), ReadOutcome::kTimeout;
-  if (after_ns - before_ns > kSlow.ns) return bump(slow_), ReadOutcome::kTimeout;
+  if (!is_air_pressure(hpa)) return ++counts_.refused_values, ReadOutcome::kTimeout;
+  if (after_ns - before_ns > kSlow.ns) return ++counts_.slow, ReadOutcome::kTimeout;
   sample = {HostStamp{before_ns + (after_ns - before_ns) / 2}, HeightKind::kBarometer,
             height_between(kStandardPressure_hpa, hpa, settings_.air_deg)};
-  bump(heights_);
+  ++counts_.heights;
   return ReadOutcome::kSample;
-}
-
-PressureCounts IioPressure::counts() const noexcept {
-  const auto value = [](const std::atomic<std::uint64_t>& counter) { return counter.load(std::memory_order_relaxed); };
-  return {value(heights_), value(refused_values_), value(slow_), value(failed_)};
 }
 
 }  // namespace epiline

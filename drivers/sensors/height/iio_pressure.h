@@ -1,11 +1,11 @@
 #pragma once
 // A barometer with a driver in the kernel (IIO), as most chips on I2C and SPI have: BMP280, BMP388, MS5611, DPS310,
 // LPS22 and others. Page: docs/height.md.
-#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <string>
 
+#include "platform/concurrency/snapshot.h"
 #include "platform/ports/counter.h"
 #include "platform/ports/ports.h"
 
@@ -42,11 +42,12 @@ class IioPressure final : public HeightSource {
   void close() noexcept override;
   ReadOutcome read(HeightSample& sample, Span timeout) noexcept override;
 
-  PressureCounts counts() const noexcept;
+  PressureCounts counts() const noexcept { return shown_counts_.read(); }
 
  private:
   /// By the first file of the chip that tells pressures. Returns errno.
   int open_file() noexcept;
+  ReadOutcome read_until(std::int64_t deadline_ns, HeightSample& sample) noexcept;
   /// False: errno tells why.
   bool read_hpa(double& hpa) noexcept;
 
@@ -55,7 +56,8 @@ class IioPressure final : public HeightSource {
   double hpa_per_unit_ = 10, offset_ = 0;  ///< (what the file says + offset) x hpa_per_unit
   int fd_ = -1;
   std::int64_t due_ns_ = 0;
-  std::atomic<std::uint64_t> heights_{0}, refused_values_{0}, slow_{0}, failed_{0};
+  PressureCounts counts_;
+  Snapshot<PressureCounts> shown_counts_;
 };
 
 }  // namespace epiline

@@ -12,6 +12,8 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "drivers/sensors/trouble.h"
+
 namespace epiline {
 
 namespace {
@@ -22,6 +24,7 @@ constexpr std::array kTypes{"anglvel", "accel"};
 constexpr std::array kAxes{'x', 'y', 'z'};
 constexpr double kRateTolerance = 0.02;
 constexpr double kReadingsPerWake_hz = 500;  // faster sensors wake us for several readings at once
+constexpr const char* kNoDriver = "an IMU whose kernel driver is loaded";
 constexpr const char* kAccess = "write access: root, or the group and udev rules that give it";
 
 template <std::size_t N, class... Values>
@@ -30,27 +33,41 @@ const char* print(std::array<char, N>& into, const char* format, Values... value
   return into.data();
 }
 
-template <class... Values>
-DeviceTrouble trouble_of(const char* step, const char* expected, const char* format, Values... values) noexcept {
-  DeviceTrouble trouble;
-  trouble.step = step;
-  std::snprintf(trouble.found, sizeof(trouble.found), format, values...);
-  std::snprintf(trouble.expected, sizeof(trouble.expected), "%s", expected);
-  return trouble;
+/// `error` 0: no trouble.
+DeviceTrouble refused_file(const char* step, int error) noexcept {
+  const bool is_access = error == EACCES || error == EPERM || error == EROFS;
+  return error != 0 ? device_refusal(step, error, is_access ? kAccess : "") : DeviceTrouble{};
+}
+
+/// Which axis an entry like in_accel_x_en switches on: those of the gyroscope first; -1: none.
+int axis_of(const char* entry) noexcept {
+  std::array<char, 64> name;
+  for (std::size_t i = 0; i < kIioAxes; ++i)
+    if (std::strcmp(entry, print(name, "in_%s_%c_en", kTypes[i / 3], kAxes[i % 3])) == 0) return static_cast<int>(i);
+  return -1;
 }
 
 bool begins(const char* text, const char* with) noexcept { return std::strncmp(text, with, std::strlen(with)) == 0; }
 
-/// Names of the devices (`kind` "iio:device") or triggers there are, with commas.
+/// Calls `use(entry, attributes)` for each device (`kind` "iio:device") or trigger until that returns false. Returns
+/// errno, 0 if they could be listed.
+template <class Use>
+int for_each_of(const IioRoots& roots, const char* kind, Use use) noexcept {
+  return for_each_entry(roots.attributes, [&](const char* entry) {
+    IioAttributes attributes;
+    std::array<char, 256> folder;
+    if (!begins(entry, kind)) return true;
+    attributes.set_folder(print(folder, "%s/%s", roots.attributes, entry));
+    return use(entry, attributes);
+  });
+}
+
+/// Names of the devices or triggers there are, with commas.
 Text names_of(const IioRoots& roots, const char* kind) noexcept {
   Text names;
   std::size_t length = 0;
-  for_each_entry(roots.attributes, [&](const char* entry) {
-    IioAttributes attributes;
-    std::array<char, 256> folder;
+  for_each_of(roots, kind, [&](const char* /*entry*/, const IioAttributes& attributes) {
     Text name;
-    if (!begins(entry, kind)) return true;
-    attributes.set_folder(print(folder, "%s/%s", roots.attributes, entry));
     if (attributes.read("name", name) != 0) return true;
     const int added = std::snprintf(names.data.data() + length, names.data.size() - length, "%s%s",
                                     length > 0 ? ", " : "", name.c_str());
@@ -95,15 +112,6 @@ bool parse_mount_matrix(const char* text, std::array<double, 9>& matrix) noexcep
   return true;
 }
 
-DeviceTrouble IioDevice::refused(const char* step, int error) const noexcept {
-  DeviceTrouble trouble;
-  trouble.step = step;
-  trouble.error = error;
-  if (error == EACCES || error == EPERM || error == EROFS)
-    std::snprintf(trouble.expected, sizeof(trouble.expected), "%s", kAccess);
-  return trouble;
-}
-
 // ---- which device ----
 
 DeviceTrouble IioDevice::find(const IioRoots& roots, const char* wanted) noexcept {
@@ -116,16 +124,12 @@ DeviceTrouble IioDevice::find(const IioRoots& roots, const char* wanted) noexcep
   };
   if (wanted[0] == '/') {
     std::array<char, PATH_MAX> path;
-    if (::realpath(wanted, path.data()) == nullptr) return refused("open", errno);
+    if (::realpath(wanted, path.data()) == nullptr) return refused_file("open", errno);
     const char* const last = std::strrchr(path.data(), '/') + 1;
-    if (!begins(last, "iio:device")) return trouble_of("open", "an IIO device", "%s is not an IIO device", wanted);
+    if (!begins(last, "iio:device")) return unexpected("open", "an IIO device", "%s is not an IIO device", wanted);
     note(last);
   } else {
-    const int error = for_each_entry(roots.attributes, [&](const char* entry) {
-      if (!begins(entry, "iio:device")) return true;
-      IioAttributes attributes;
-      std::array<char, 256> folder;
-      attributes.set_folder(print(folder, "%s/%s", roots.attributes, entry));
+    const int error = for_each_of(roots, "iio:device", [&](const char* entry, const IioAttributes& attributes) {
       Text name, label;
       attributes.read("name", name);
       attributes.read("label", label);
@@ -134,24 +138,19 @@ DeviceTrouble IioDevice::find(const IioRoots& roots, const char* wanted) noexcep
         note(entry);
       return true;
     });
-    if (error == ENOENT)
-      return trouble_of("open", "an IMU whose kernel driver is loaded", "%s", "there are no IIO devices");
-    if (error != 0) return refused("open", error);
+    if (error == ENOENT) return unexpected("open", kNoDriver, "there are no IIO devices");
+    if (error != 0) return refused_file("open", error);
   }
   if (found == 0) {
     const Text names = names_of(roots, "iio:device");
-    DeviceTrouble trouble = trouble_of("open", "", "no IIO device is called '%s'", wanted);
-    if (names.empty())
-      std::snprintf(trouble.expected, sizeof(trouble.expected), "an IMU whose kernel driver is loaded");
-    else
-      std::snprintf(trouble.expected, sizeof(trouble.expected), "one of %.88s", names.c_str());
-    return trouble;
+    const DeviceTrouble trouble = unexpected("open", kNoDriver, "no IIO device is called '%s'", wanted);
+    return names.empty() ? trouble : expecting(trouble, "one of %.88s", names.c_str());
   }
-  if (found > 1) return trouble_of("open", all.data(), "%d devices are called '%s'", found, wanted);
+  if (found > 1) return unexpected("open", all.data(), "%d devices are called '%s'", found, wanted);
   std::array<char, 256> folder;
   attributes_.set_folder(print(folder, "%s/%s", roots.attributes, folder_name_.c_str()));
   Text name;
-  if (const int error = attributes_.read("name", name); error != 0) return refused("name", error);
+  if (const int error = attributes_.read("name", name); error != 0) return refused_file("name", error);
   print(name_.data, "%.63s", name.c_str());
   return {};
 }
@@ -173,12 +172,9 @@ DeviceTrouble IioDevice::take(const IioRoots& roots) noexcept {
   std::array<char, 256> path;
   fd_ = ::open(print(path, "%s/%s", roots.files, folder_name_.c_str()), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
   if (fd_ >= 0) return {};
-  if (errno == EBUSY)
-    return trouble_of("open", "no other reader: the kernel allows one", "%s", "another program reads it");
-  DeviceTrouble trouble = refused("open", errno);
-  if (trouble.error == EACCES)
-    std::snprintf(trouble.expected, sizeof(trouble.expected), "read access to %.70s", path.data());
-  return trouble;
+  if (errno == EBUSY) return unexpected("open", "no other reader: the kernel allows one", "another program reads it");
+  const DeviceTrouble trouble = refused_file("open", errno);
+  return trouble.error == EACCES ? expecting(trouble, "read access to %.70s", path.data()) : trouble;
 }
 
 // ---- setting up ----
@@ -188,28 +184,21 @@ DeviceTrouble IioDevice::open(const IioRoots& roots, const IioRequest& request) 
   sensors_ = {};
   DeviceTrouble trouble = find(roots, request.device);
   if (!trouble) trouble = take(roots);
-  if (!trouble) {
-    // left on by a program that ended badly
-    const int error = attributes_.write_for_good("buffer/enable", "0");
-    if (error != 0) trouble = refused("buffer/enable", error);
-  }
+  // left on by a program that ended badly
+  if (!trouble) trouble = refused_file("buffer/enable", attributes_.write_for_good("buffer/enable", "0"));
   if (!trouble) trouble = choose_channels(request);
-  if (!trouble)
-    if (const int error = attributes_.write("current_timestamp_clock", "monotonic"); error != 0)
-      trouble = refused("current_timestamp_clock", error);
+  if (!trouble) trouble = write("current_timestamp_clock", "monotonic");
   if (!trouble) trouble = choose_trigger(roots, request.trigger);
   if (!trouble) trouble = set_rate(request.rate_hz);
   if (!trouble) trouble = set_buffer();
   if (!trouble) trouble = read_layout();
   for (std::size_t i = 0; i < kTypes.size() && !trouble; ++i)
     if (i == 0 ? request.gyroscope : request.accelerometer) trouble = read_sensor(kTypes[i], sensors_[i]);
-  if (!trouble)
-    if (const int error = attributes_.write("buffer/enable", "1"); error != 0) {
-      trouble = refused("buffer/enable", error);
-      if (error == EINVAL)
-        std::snprintf(trouble.expected, sizeof(trouble.expected), "imu.trigger, one of %.70s",
-                      names_of(roots, "trigger").c_str());
-    }
+  if (!trouble) {
+    trouble = write("buffer/enable", "1");
+    if (trouble.error == EINVAL)
+      trouble = expecting(trouble, "imu.trigger, one of %.70s", names_of(roots, "trigger").c_str());
+  }
   if (trouble) close();
   return trouble;
 }
@@ -232,31 +221,27 @@ DeviceTrouble IioDevice::choose_channels(const IioRequest& request) noexcept {
   const int error = for_each_entry(print(folder, "%s/scan_elements", attributes_.folder()), [&](const char* entry) {
     const std::size_t length = std::strlen(entry);
     if (length < 4 || std::strcmp(entry + length - 3, "_en") != 0) return true;
-    bool is_wanted = std::strcmp(entry, "in_timestamp_en") == 0;
-    for (std::size_t i = 0; i < kTypes.size(); ++i)
-      for (const char axis : kAxes)
-        is_wanted = is_wanted || (wanted[i] && std::strcmp(entry, print(name, "in_%s_%c_en", kTypes[i], axis)) == 0);
+    const int axis = axis_of(entry);
+    const bool is_wanted =
+        axis >= 0 ? wanted[static_cast<std::size_t>(axis / 3)] : std::strcmp(entry, "in_timestamp_en") == 0;
     Text value;
     print(folder, "scan_elements/%s", entry);
     if (is_wanted || attributes_.read(folder.data(), value) != 0 || std::strcmp(value.c_str(), "0") == 0) return true;
-    if (const int refusal = attributes_.write(folder.data(), "0"); refusal != 0)
-      trouble = refused("disabling channels", refusal);
+    trouble = refused_file("disabling channels", attributes_.write(folder.data(), "0"));
     return !trouble;
   });
-  if (error != 0) return trouble_of("scan_elements", "a device with a buffer", "%s", std::strerror(error));
+  if (error != 0) return unexpected("scan_elements", "a device with a buffer", "%s", std::strerror(error));
   for (std::size_t i = 0; i < kTypes.size() && !trouble; ++i)
     for (std::size_t axis = 0; axis < kAxes.size() && wanted[i] && !trouble; ++axis) {
       const int refusal = attributes_.write(print(name, "scan_elements/in_%s_%c_en", kTypes[i], kAxes[axis]), "1");
       if (refusal == ENOENT)
-        return trouble_of("channels",
+        return unexpected("channels",
                           i == 0 ? "a gyroscope in imu.device"
                                  : "an accelerometer, in imu.device or in another one (imu.device_accel)",
                           "%s has no %s", name_.c_str(), i == 0 ? "gyroscope" : "accelerometer");
-      if (refusal != 0) trouble = refused("enabling channels", refusal);
+      trouble = refused_file("enabling channels", refusal);
     }
-  if (trouble) return trouble;
-  const int refusal = attributes_.write("scan_elements/in_timestamp_en", "1");
-  return refusal != 0 ? refused("scan_elements/in_timestamp_en", refusal) : DeviceTrouble{};
+  return trouble ? trouble : write("scan_elements/in_timestamp_en", "1");
 }
 
 DeviceTrouble IioDevice::choose_trigger(const IioRoots& roots, const char* wanted) noexcept {
@@ -264,30 +249,24 @@ DeviceTrouble IioDevice::choose_trigger(const IioRoots& roots, const char* wante
   trigger_.set_folder("");
   if (attributes_.read("trigger/current_trigger", current) != 0)  // the device needs none
     return wanted[0] == '\0' ? DeviceTrouble{}
-                             : trouble_of("trigger", "imu.trigger not to be set", "%s has no trigger", name_.c_str());
+                             : unexpected("trigger", "imu.trigger not to be set", "%s has no trigger", name_.c_str());
   std::array<char, 96> own;
   print(own, "%s-dev%s", name_.c_str(), folder_name_.c_str() + std::strlen("iio:device"));
   const char* const name = wanted[0] != '\0' ? wanted : current.empty() ? own.data() : current.c_str();
   bool is_there = false;
-  for_each_entry(roots.attributes, [&](const char* entry) {
-    IioAttributes attributes;
-    std::array<char, 256> folder;
+  for_each_of(roots, "trigger", [&](const char* /*entry*/, const IioAttributes& attributes) {
     Text its_name;
-    if (!begins(entry, "trigger")) return true;
-    attributes.set_folder(print(folder, "%s/%s", roots.attributes, entry));
     if (attributes.read("name", its_name) != 0 || std::strcmp(its_name.c_str(), name) != 0) return true;
-    trigger_.set_folder(folder.data());
+    trigger_.set_folder(attributes.folder());
     is_there = true;
     return false;
   });
   if (!is_there && wanted[0] != '\0') {
-    DeviceTrouble trouble = trouble_of("trigger", "", "no trigger is called '%s'", wanted);
-    std::snprintf(trouble.expected, sizeof(trouble.expected), "one of %.88s", names_of(roots, "trigger").c_str());
-    return trouble;
+    return expecting(unexpected("trigger", "", "no trigger is called '%s'", wanted), "one of %.88s",
+                     names_of(roots, "trigger").c_str());
   }
   if (!is_there || std::strcmp(current.c_str(), name) == 0) return {};
-  const int error = attributes_.write("trigger/current_trigger", name);
-  return error != 0 ? refused("trigger/current_trigger", error) : DeviceTrouble{};
+  return write("trigger/current_trigger", name);
 }
 
 /// The rate is an attribute of the device, of its sensors, or of its trigger.
@@ -304,7 +283,7 @@ DeviceTrouble IioDevice::set_rate(double wanted_hz) noexcept {
     double found_hz = 0;
     if (attributes.read(name, found_hz) == ENOENT) continue;
     const int error = is_rate(found_hz, wanted_hz) ? 0 : attributes.write(name, wanted.data());
-    if (error == EACCES || error == EPERM) return refused(name, error);
+    if (error == EACCES || error == EPERM) return refused_file(name, error);
     if (error == 0 && attributes.read(name, found_hz) == 0 && is_rate(found_hz, wanted_hz)) {
       rate_hz_ = found_hz;
       continue;
@@ -312,10 +291,8 @@ DeviceTrouble IioDevice::set_rate(double wanted_hz) noexcept {
     Text available;
     std::array<char, 64> list;
     attributes.read(print(list, "%s_available", name), available);
-    DeviceTrouble trouble = trouble_of("rate", "", "%s is %g Hz after setting %s", name, found_hz, wanted.data());
-    std::snprintf(trouble.expected, sizeof(trouble.expected), "a rate that it has in imu.rate_hz%s%.70s",
-                  available.empty() ? "" : ": ", available.c_str());
-    return trouble;
+    return expecting(unexpected("rate", "", "%s is %g Hz after setting %s", name, found_hz, wanted.data()),
+                     "a rate that it has in imu.rate_hz%s%.70s", available.empty() ? "" : ": ", available.c_str());
   }
   return {};
 }
@@ -327,10 +304,13 @@ DeviceTrouble IioDevice::set_buffer() noexcept {
   attributes_.read("buffer/hwfifo_watermark_min", least);
   const int watermark = std::clamp(static_cast<int>(std::max(least, rate_hz / kReadingsPerWake_hz)), 1, length / 2);
   std::array<char, 16> number;
-  if (const int error = attributes_.write("buffer/length", print(number, "%d", length)); error != 0)
-    return refused("buffer/length", error);
-  const int error = attributes_.write("buffer/watermark", print(number, "%d", watermark));
-  return error != 0 && error != ENOENT ? refused("buffer/watermark", error) : DeviceTrouble{};
+  if (const DeviceTrouble trouble = write("buffer/length", print(number, "%d", length))) return trouble;
+  const DeviceTrouble trouble = write("buffer/watermark", print(number, "%d", watermark));
+  return trouble.error == ENOENT ? DeviceTrouble{} : trouble;
+}
+
+DeviceTrouble IioDevice::write(const char* name, const char* value) noexcept {
+  return refused_file(name, attributes_.write(name, value));
 }
 
 /// As it is now: a device may have switched on more than it was told.
@@ -346,21 +326,21 @@ DeviceTrouble IioDevice::read_layout() noexcept {
     const int stem = static_cast<int>(length) - 3;
     if (attributes_.read(print(name, "scan_elements/%s", entry), text) != 0 || std::strcmp(text.c_str(), "1") != 0)
       return true;
-    IioChannel channel = std::strcmp(entry, "in_timestamp_en") == 0 ? IioChannel::kTimestamp : IioChannel::kOther;
-    for (std::size_t i = 0; i < kIioAxes; ++i)
-      if (std::strcmp(entry, print(name, "in_%s_%c_en", kTypes[i / 3], kAxes[i % 3])) == 0)
-        channel = static_cast<IioChannel>(i);
+    const int axis = axis_of(entry);
+    const IioChannel channel = axis >= 0                                    ? static_cast<IioChannel>(axis)
+                               : std::strcmp(entry, "in_timestamp_en") == 0 ? IioChannel::kTimestamp
+                                                                            : IioChannel::kOther;
     double index = -1;
     IioType type;
     const int no_index = attributes_.read(print(name, "scan_elements/%.*s_index", stem, entry), index);
     const int no_type = attributes_.read(print(name, "scan_elements/%.*s_type", stem, entry), text);
     if (no_index != 0 || no_type != 0 || index < 0 || index > 1'000 || !parse_iio_type(text.c_str(), type) ||
         !layout_.add(channel, static_cast<int>(index), type))
-      trouble = trouble_of("layout of a scan", "a type like le:s16/16>>0", "%s: %.40s", entry, text.c_str());
+      trouble = unexpected("layout of a scan", "a type like le:s16/16>>0", "%s: %.40s", entry, text.c_str());
     return !trouble;
   });
   if (!trouble && !layout_.finish())
-    trouble = trouble_of("layout of a scan", "a 64-bit timestamp in each scan", "%s", "a scan has no timestamp");
+    trouble = unexpected("layout of a scan", "a 64-bit timestamp in each scan", "a scan has no timestamp");
   return trouble;
 }
 
@@ -369,12 +349,12 @@ DeviceTrouble IioDevice::read_sensor(const char* type, Sensor& sensor) noexcept 
   std::array<char, 64> name;
   for (std::size_t axis = 0; axis < kAxes.size(); ++axis) {
     // of the axis, or of all three
-    if (attributes_.read(print(name, "in_%s_%c_scale", type, kAxes[axis]), sensor.scale[axis]) != 0 &&
-        attributes_.read(print(name, "in_%s_scale", type), sensor.scale[axis]) != 0)
-      return trouble_of("scale", "a number", "%s has no number", name.data());
-    if (attributes_.read(print(name, "in_%s_%c_offset", type, kAxes[axis]), sensor.offset[axis]) != 0 &&
-        attributes_.read(print(name, "in_%s_offset", type), sensor.offset[axis]) != 0)
-      sensor.offset[axis] = 0;
+    const auto read = [&](const char* what, double& number) {
+      return attributes_.read(print(name, "in_%s_%c_%s", type, kAxes[axis], what), number) == 0 ||
+             attributes_.read(print(name, "in_%s_%s", type, what), number) == 0;
+    };
+    if (!read("scale", sensor.scale[axis])) return unexpected("scale", "a number", "%s has no number", name.data());
+    if (!read("offset", sensor.offset[axis])) sensor.offset[axis] = 0;
   }
   Text matrix;
   if (attributes_.read(print(name, "in_%s_mount_matrix", type), matrix) != 0 &&
@@ -383,7 +363,7 @@ DeviceTrouble IioDevice::read_sensor(const char* type, Sensor& sensor) noexcept 
     return {};
   return parse_mount_matrix(matrix.c_str(), sensor.mount)
              ? DeviceTrouble{}
-             : trouble_of("mount matrix", "a rotation: 1, 0, 0; 0, 1, 0; 0, 0, 1", "%.50s: %.40s", name.data(),
+             : unexpected("mount matrix", "a rotation: 1, 0, 0; 0, 1, 0; 0, 0, 1", "%.50s: %.40s", name.data(),
                           matrix.c_str());
 }
 

@@ -69,7 +69,7 @@ class IioDevice {
   DeviceTrouble set_buffer() noexcept;
   DeviceTrouble read_layout() noexcept;
   DeviceTrouble read_sensor(const char* type, Sensor& sensor) noexcept;
-  DeviceTrouble refused(const char* step, int error) const noexcept;
+  DeviceTrouble write(const char* name, const char* value) noexcept;
 
   IioAttributes attributes_, trigger_;
   ShortText<32> folder_name_;  ///< iio:deviceN

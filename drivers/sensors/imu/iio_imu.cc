@@ -6,10 +6,11 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
-#include <ctime>
 #include <utility>
 
+#include "drivers/sensors/trouble.h"
 #include "platform/error/contract.h"
+#include "platform/linux/system_calls.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline {
@@ -26,11 +27,6 @@ constexpr int kWrongMost = 20;       // readings in a row that cannot be used: b
 constexpr double kGapOfAccel = 3.5;  // usual intervals without the accelerometer that are bridged
 
 HostStamp now() noexcept { return {monotonic_ns()}; }
-
-timespec timespec_of(Span span) noexcept {
-  const std::int64_t ns = std::max<std::int64_t>(span.ns, 0);
-  return {static_cast<time_t>(ns / 1'000'000'000), static_cast<long>(ns % 1'000'000'000)};
-}
 
 }  // namespace
 
@@ -69,12 +65,8 @@ DeviceTrouble IioImu::set_up() noexcept {
     if (const DeviceTrouble trouble = accel_.open(roots_, request)) return trouble;
     if (std::strcmp(gyro_.hub().c_str(), accel_.hub().c_str()) != 0) {
       accel_.close();
-      DeviceTrouble trouble;
-      trouble.step = "two devices";
-      std::snprintf(trouble.found, sizeof(trouble.found),
-                    "the accelerometer belongs to another sensor hub than the gyroscope");
-      std::snprintf(trouble.expected, sizeof(trouble.expected), "both sensors of one hub, because they need one clock");
-      return trouble;
+      return unexpected("two devices", "both sensors of one hub, because they need one clock",
+                        "the accelerometer belongs to another sensor hub than the gyroscope");
     }
   }
   const std::int64_t now_ns = monotonic_ns();
@@ -285,8 +277,7 @@ bool IioImu::is_silent() const noexcept {
 bool IioImu::wait(Span at_most) noexcept {
   // -1 is passed over. A gyroscope whose readings have to stay in the kernel would end every wait at once.
   std::array<pollfd, 2> fds{{{has_room() ? gyro_.fd() : -1, POLLIN, 0}, {accel_.fd(), POLLIN, 0}}};
-  const timespec time = timespec_of(std::min(at_most, is_streaming() ? kLook : at_most));
-  ::ppoll(fds.data(), fds.size(), &time, nullptr);
+  SystemCalls::of_this_computer().wait(fds, is_streaming() ? std::min(at_most, kLook) : at_most);
   return ((fds[0].revents | fds[1].revents) & (POLLERR | POLLHUP | POLLNVAL)) == 0;
 }
 

@@ -85,10 +85,6 @@ bool IioScanLayout::finish() noexcept {
          elements_.back().type.storage_bits == 64 && elements_.back().type.repeat == 1;
 }
 
-bool IioScanLayout::has(IioChannel channel) const noexcept {
-  return std::any_of(elements_.begin(), elements_.end(), [&](const Element& e) { return e.channel == channel; });
-}
-
 void IioScanLayout::read(std::span<const std::uint8_t> bytes, IioScan& scan) const noexcept {
   EPILINE_EXPECTS(bytes.size() == bytes_, "a whole scan");
   for (const Element& element : elements_) {

@@ -14,6 +14,7 @@ namespace epiline {
 struct IioType {
   bool is_big_endian = false, is_signed = false;
   int bits = 0, storage_bits = 0, repeat = 1, shift = 0;
+  bool operator==(const IioType&) const = default;
 };
 /// False: not of that form, or senseless.
 bool parse_iio_type(const char* text, IioType& type) noexcept;
@@ -50,7 +51,6 @@ class IioScanLayout {
   bool finish() noexcept;
 
   std::size_t bytes() const noexcept { return bytes_; }  ///< of a scan
-  bool has(IioChannel channel) const noexcept;
   /// `bytes` are bytes() of them.
   void read(std::span<const std::uint8_t> bytes, IioScan& scan) const noexcept;
 

@@ -5,7 +5,6 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstdio>
@@ -44,14 +43,12 @@ void list_spidevs(std::span<char> text) noexcept {
 }
 
 DeviceTrouble trouble_of(const char* step, int error) noexcept {
-  DeviceTrouble trouble;
-  trouble.step = step;
-  trouble.error = error;
+  const bool is_refused = error == EACCES || error == EPERM;
+  DeviceTrouble trouble = device_refusal(step, error,
+                                         is_refused        ? "permission: join the group that owns the file (often spi)"
+                                         : error == ENOTTY ? "an SPI device, /dev/spidevB.C"
+                                                           : "");
   if (error == ENOENT || error == ENODEV || error == ENXIO) list_spidevs(trouble.expected);
-  if (error == EACCES || error == EPERM)
-    std::snprintf(trouble.expected, sizeof(trouble.expected),
-                  "permission: join the group that owns the file (often spi)");
-  if (error == ENOTTY) std::snprintf(trouble.expected, sizeof(trouble.expected), "an SPI device, /dev/spidevB.C");
   return trouble;
 }
 
@@ -92,8 +89,6 @@ int SpidevBus::transfer(std::span<const SpiPart> parts) noexcept {
     message.rx_buf = reinterpret_cast<std::uintptr_t>(part.receive);
     message.len = static_cast<std::uint32_t>(part.size);
     message.speed_hz = static_cast<std::uint32_t>(part.hz);
-    message.delay_usecs = static_cast<std::uint16_t>(std::clamp<std::int64_t>((part.pause.ns + 999) / 1000, 0, 65535));
-    message.cs_change = part.deselect && i + 1 < parts.size() ? 1 : 0;
     bytes += static_cast<int>(part.size);
   }
   int done = -1;

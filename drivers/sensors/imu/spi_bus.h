@@ -6,18 +6,15 @@
 #include <string>
 
 #include "platform/error/device_trouble.h"
-#include "platform/time/clock.h"
 
 namespace epiline {
 
-/// A part of a transfer. All parts of one are sent with the chip selected, unless one ends it.
+/// A part of a transfer. All parts of one are sent with the chip selected.
 struct SpiPart {
   const std::uint8_t* send = nullptr;  ///< nullptr: zeros
   std::uint8_t* receive = nullptr;     ///< nullptr: thrown away
   std::size_t size = 0;
-  int hz = 0;             ///< 0: the speed of open()
-  Span pause{};           ///< after this part
-  bool deselect = false;  ///< between this part and the next the chip is not selected
+  int hz = 0;  ///< 0: the speed of open()
 };
 
 /// open() and close() belong to start-up and to getting a lost device back. No heap, no exceptions.

@@ -2,7 +2,8 @@
 
 #include <array>
 #include <cstddef>
-#include <cstdio>
+
+#include "drivers/sensors/trouble.h"
 
 namespace epiline {
 
@@ -69,8 +70,6 @@ SpiChip ask_identity(SpiBus& bus) noexcept {
 }
 
 DeviceTrouble wrong_identity(unsigned found, unsigned wanted) noexcept {
-  DeviceTrouble trouble;
-  trouble.step = "identity register";
   const unsigned all = wanted > 0xff ? 0xffff : 0xff;
   const char* likely = "Is the clock too fast (imu.spi_hz), or is it another chip?";
   const char* name = found <= 0xff ? name_of(found) : nullptr;
@@ -84,20 +83,15 @@ DeviceTrouble wrong_identity(unsigned found, unsigned wanted) noexcept {
              found == (((wanted << 1) | 1) & all)) {
     likely = "The bits are shifted by one: wrong SPI mode, or a clock too fast for the wires (imu.spi_hz)?";
   }
-  std::snprintf(trouble.found, sizeof(trouble.found), "wrong identity 0x%02x%s%s", found, name != nullptr ? ", " : "",
-                name != nullptr ? name : "");
-  std::snprintf(trouble.expected, sizeof(trouble.expected), "0x%02x. %s", wanted, likely);
-  return trouble;
+  return expecting(unexpected("identity register", "", "wrong identity 0x%02x%s%s", found, name != nullptr ? ", " : "",
+                              name != nullptr ? name : ""),
+                   "0x%02x. %s", wanted, likely);
 }
 
 DeviceTrouble wrong_register(const char* step, unsigned bank, unsigned address, unsigned found,
                              unsigned wanted) noexcept {
-  DeviceTrouble trouble;
-  trouble.step = step;
-  std::snprintf(trouble.found, sizeof(trouble.found), "register 0x%02x of bank %u reads 0x%02x", address, bank, found);
-  std::snprintf(trouble.expected, sizeof(trouble.expected),
-                "0x%02x, as written. Does the supply dip, or is the clock too fast (imu.spi_hz)?", wanted);
-  return trouble;
+  return expecting(unexpected(step, "", "register 0x%02x of bank %u reads 0x%02x", address, bank, found),
+                   "0x%02x, as written. Does the supply dip, or is the clock too fast (imu.spi_hz)?", wanted);
 }
 
 }  // namespace epiline

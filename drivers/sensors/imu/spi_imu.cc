@@ -3,12 +3,13 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <ctime>
 #include <string>
 #include <utility>
 
+#include "drivers/sensors/trouble.h"
 #include "platform/error/contract.h"
 #include "platform/time/monotonic.h"
+#include "platform/time/sleep.h"
 
 namespace epiline {
 
@@ -31,10 +32,7 @@ Span part_of(Span span, double share) noexcept {
 HostStamp SpiTiming::now() noexcept { return {monotonic_ns()}; }
 
 void SpiTiming::sleep_until(HostStamp instant) noexcept {
-  constexpr std::int64_t kSecond = 1'000'000'000;
-  const timespec time{static_cast<time_t>(instant.ns / kSecond), static_cast<long>(instant.ns % kSecond)};
-  while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, nullptr) == EINTR) {
-  }
+  while (monotonic_ns() < instant.ns) epiline::sleep_until(instant.ns);  // a signal ends it early
 }
 
 void ChipBatch::clear() noexcept {
@@ -91,9 +89,13 @@ DeviceTrouble SpiImu::connect() noexcept {
   return {};
 }
 
+void SpiImu::set_state(State state) noexcept {
+  state_ = state;
+  running_.store(state == State::kRunning, std::memory_order_relaxed);
+}
+
 void SpiImu::start_again() noexcept {
-  state_ = State::kStarting;
-  running_.store(false, std::memory_order_relaxed);
+  set_state(State::kStarting);
   step_ = 0;
   step_at_ = timing_->now();
 }
@@ -115,14 +117,10 @@ Status SpiImu::wait_for_first() {
   }
   const bool edges_missing = ready_ && !edge_seen_;
   if (!pending_.empty() && !edges_missing) return Done{};
-  DeviceTrouble trouble;
-  trouble.step = "no sample within 3 s";
-  if (edges_missing) {
-    trouble.step = "no data-ready edge within 3 s";
-    std::snprintf(trouble.expected, sizeof(trouble.expected),
-                  "edges on line %.64s. Is it wired to the chip's interrupt pin?", config_.ready_line.c_str());
-  }
-  return error_of(trouble);
+  if (!edges_missing) return error_of(device_refusal("no sample within 3 s", 0));
+  return error_of(expecting(device_refusal("no data-ready edge within 3 s", 0),
+                            "edges on line %.64s. Is it wired to the chip's interrupt pin?",
+                            config_.ready_line.c_str()));
 }
 
 Error SpiImu::error_of(const DeviceTrouble& trouble) const {
@@ -137,8 +135,7 @@ void SpiImu::close() noexcept {
   chip_->close();
   if (ready_ && opened_) ready_->close();
   opened_ = false;
-  state_ = State::kLost;
-  running_.store(false, std::memory_order_relaxed);
+  set_state(State::kLost);
   pending_.clear();
   pending_first_ = 0;
   waiting_.clear();
@@ -147,8 +144,7 @@ void SpiImu::close() noexcept {
 void SpiImu::lose(int error) noexcept {
   chip_->close();
   count_loss(error);
-  state_ = State::kLost;
-  running_.store(false, std::memory_order_relaxed);
+  set_state(State::kLost);
   retry_.begin(timing_->now().ns);
   waiting_.clear();
 }
@@ -164,7 +160,7 @@ void SpiImu::retry_later(int error) noexcept {
   if (!is_counted_as_lost_) retry_.begin(timing_->now().ns);
   count_loss(error);
   ++counts_.retries;
-  state_ = State::kLost;
+  set_state(State::kLost);
   retry_.failed(timing_->now().ns);
 }
 
@@ -198,9 +194,8 @@ bool SpiImu::bring_up(HostStamp deadline) noexcept {
 }
 
 void SpiImu::begin_run(HostStamp now) noexcept {
-  state_ = State::kRunning;
+  set_state(State::kRunning);
   is_counted_as_lost_ = false;
-  running_.store(true, std::memory_order_relaxed);
   good_from_ = now + chip_->facts().settle;
   last_data_ = last_check_ = last_look_ = next_poll_ = now;
   damaged_in_a_row_ = empty_looks_ = 0;

@@ -181,6 +181,7 @@ class SpiImu final : public ImuSource {
   Status wait_for_first();
   DeviceTrouble connect() noexcept;
   bool bring_up(HostStamp deadline) noexcept;
+  void set_state(State state) noexcept;
   void start_again() noexcept;
   void begin_run(HostStamp now) noexcept;
   void lose(int error) noexcept;

@@ -66,10 +66,8 @@ std::int64_t ArrivalClock::software_arrival(std::int64_t of_day_ns, const ClockP
   const bool now_good = is_just_past(by_now_ns, now.steady_ns);
   const bool was_set = std::llabs(offset_ns_ - offset_before) > kStep_ns;
   // set before the frame came, or after: the later arrival is the likelier one, frames do not wait long
-  if (was_set && is_just_past(by_before_ns, now.steady_ns) && (!now_good || by_before_ns > by_now_ns)) {
-    ++steps_;
+  if (was_set && is_just_past(by_before_ns, now.steady_ns) && (!now_good || by_before_ns > by_now_ns))
     return by_before_ns;
-  }
   if (now_good) return by_now_ns;
   ++bad_stamps_;
   return now.steady_ns;

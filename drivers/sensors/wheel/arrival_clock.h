@@ -30,8 +30,6 @@ class ArrivalClock {
   HostStamp arrival(const ArrivalStamps& stamps, const ClockPair& now) noexcept;
 
   std::uint64_t bad_stamps() const noexcept { return bad_stamps_; }
-  /// How often the clock of day was set while a frame waited; such a timestamp is read by the clock as it was before.
-  std::uint64_t steps() const noexcept { return steps_; }
   /// Of the interface's clock; empty if there is none.
   ClockState hardware_state() const noexcept { return hardware_.state(); }
 
@@ -42,7 +40,7 @@ class ArrivalClock {
   std::int64_t offset_ns_ = 0;  ///< clock of day minus monotonic, at the frame before
   bool has_offset_ = false;
   std::int64_t last_ns_ = 0;
-  std::uint64_t bad_stamps_ = 0, steps_ = 0;
+  std::uint64_t bad_stamps_ = 0;
 };
 
 }  // namespace epiline

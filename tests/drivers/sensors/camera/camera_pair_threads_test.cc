@@ -254,19 +254,6 @@ TEST_F(Pair, WithNeitherOfTheTwoThereAreNoImages) {
   EXPECT_EQ(read_for_half_a_second(), ReadOutcome::kFailed);
 }
 
-TEST_F(Pair, BothAreGivenBackTogether) {
-  open();
-  second_->give(50, 1);
-  first_->give(50, 0);
-  Frame frame;
-  ASSERT_EQ(pair_->read(frame, Span::from_milliseconds(60'000)), ReadOutcome::kSample);
-  EXPECT_EQ(first_->lent, 1);
-  EXPECT_EQ(second_->lent, 1);
-  pair_->give_back(frame);
-  EXPECT_EQ(first_->lent, 0);
-  EXPECT_EQ(second_->lent, 0);
-}
-
 /// The first one of a pair may itself be a pair.
 TEST(PairOfPairs, TheThirdCamerasImageComesWithBothOthers) {
   std::array<GivenCamera*, 3> cameras{};

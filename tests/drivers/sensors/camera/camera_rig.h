@@ -22,6 +22,13 @@ struct CameraRig {
     settings.formats = {PixelFormat::kGrey};
     plug_in();
   }
+  /// Whatever happened to it, a closed camera leaves nothing behind, and reading needs no heap.
+  ~CameraRig() {
+    camera.reset();
+    EXPECT_EQ(kernel.open_files(), 0u);
+    EXPECT_EQ(kernel.mappings, 0);
+    EXPECT_EQ(heap_calls, 0u);
+  }
   std::string error() {
     make();
     const Status status = camera->open();
@@ -36,6 +43,10 @@ struct CameraRig {
   void plug_in(const std::string& path = "/dev/video0") {
     device->is_gone = false;
     kernel.devices[path] = device;
+  }
+  /// Reading an image in the driver's memory, and in ours.
+  void reading_takes(Span in_place, Span ordinary) {
+    kernel.read_time_of = [=, this](const void* memory) { return device->owns(memory) ? in_place : ordinary; };
   }
   void unplug(const std::string& path = "/dev/video0") {
     device->is_gone = true;

@@ -106,7 +106,6 @@ class PlayedCamera {
     return image;
   }
   const ExposureTimeline& timeline() const { return timeline_; }
-  const ExposureController& controller() const { return controller_; }
 
  private:
   struct Told {

@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <string>
@@ -32,18 +31,6 @@ TEST(V4l2Camera, SaysWhatIsWrongWithTheDevice) {
   EXPECT_EQ(error_of({.device = "/dev/null", .buffers = 1}), "/dev/null: buffers = 1; expected 2 to 16");
 }
 
-TEST(V4l2Camera, AFailedOpenLeavesNothingBehind) {
-  const auto open_files = [] {
-    int count = 0;
-    for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) ++count;
-    return count;
-  };
-  const int before = open_files();
-  error_of({.device = "/dev/null"});
-  error_of({.device = "/dev/no-such-camera"});
-  EXPECT_EQ(open_files(), before);
-}
-
 // ---- a camera ----
 
 using test::CameraRig;
@@ -67,13 +54,9 @@ TEST(V4l2Camera, LendsImagesOfTheDriverAsTheyCome) {
   });
   EXPECT_NEAR(static_cast<double>(count), 300, 1);
   EXPECT_EQ(rig.failures, 0u);
-  EXPECT_EQ(rig.heap_calls, 0u);
   EXPECT_EQ(rig.camera->counts().frames, count);
   EXPECT_EQ(rig.camera->counts().lost + rig.camera->counts().bad_stamps, 0u);
   EXPECT_FALSE(rig.camera->copies());
-  rig.camera->close();
-  EXPECT_EQ(rig.kernel.open_files(), 0u);
-  EXPECT_EQ(rig.kernel.mappings, 0);
 }
 
 TEST(V4l2Camera, CopiesWhatIsNotGreyInPlace) {
@@ -83,25 +66,19 @@ TEST(V4l2Camera, CopiesWhatIsNotGreyInPlace) {
   rig.open();
   EXPECT_TRUE(rig.camera->copies());
   EXPECT_NEAR(static_cast<double>(rig.run(1)), 30, 1);
-  EXPECT_EQ(rig.heap_calls, 0u);
   const int mappings = rig.kernel.mappings;
   EXPECT_GE(mappings, 2);
   rig.device->dequeue_error = EIO;
   EXPECT_NEAR(static_cast<double>(rig.run(1)), 29, 2);
   EXPECT_EQ(rig.camera->counts().disconnected, 1u);
   EXPECT_EQ(rig.kernel.mappings, mappings) << "those of the lost device are undone";
-  rig.camera->close();
-  EXPECT_EQ(rig.kernel.open_files(), 0u);
-  EXPECT_EQ(rig.kernel.mappings, 0);
 }
 
 TEST(V4l2Camera, ImagesInMemoryThatIsSlowToReadAreCopiedOnce) {
   for (const bool exports : {true, false}) {
     CameraRig rig;
     rig.device->exports = exports;
-    rig.kernel.read_time_of = [&rig](const void* memory) {
-      return Span::from_milliseconds(rig.device->owns(memory) ? 20 : 1);
-    };
+    rig.reading_takes(Span::from_milliseconds(20), Span::from_milliseconds(1));
     rig.open();
     EXPECT_TRUE(rig.camera->copies());
     EXPECT_EQ(rig.camera->reading().in_place.ns, 20 * kMs);
@@ -112,12 +89,8 @@ TEST(V4l2Camera, ImagesInMemoryThatIsSlowToReadAreCopiedOnce) {
     });
     EXPECT_NEAR(static_cast<double>(images), 30, 1);
     EXPECT_EQ(rig.device->readings, exports ? static_cast<int>(images) : 0);
-    EXPECT_EQ(rig.heap_calls, 0u);
     rig.device->dequeue_error = EIO;
     EXPECT_NEAR(static_cast<double>(rig.run(1)), 29, 2) << "as before, when it was lost";
-    rig.camera->close();
-    EXPECT_EQ(rig.kernel.open_files(), 0u);
-    EXPECT_EQ(rig.kernel.mappings, 0);
   }
 }
 
@@ -126,9 +99,7 @@ TEST(V4l2Camera, ReadingIsAnnouncedAgainWhereTheKernelSaysSo) {
   for (const auto& refusals : {std::vector<int>{EINTR, EAGAIN, EAGAIN, EINTR}, std::vector<int>(1'000'000, EAGAIN)}) {
     CameraRig rig;
     rig.device->sync_refusals = refusals;
-    rig.kernel.read_time_of = [&rig](const void* memory) {
-      return Span::from_milliseconds(rig.device->owns(memory) ? 20 : 1);
-    };
+    rig.reading_takes(Span::from_milliseconds(20), Span::from_milliseconds(1));
     rig.open();
     const std::size_t images = rig.run(1);
     EXPECT_NEAR(static_cast<double>(images), 30, 1);
@@ -138,7 +109,7 @@ TEST(V4l2Camera, ReadingIsAnnouncedAgainWhereTheKernelSaysSo) {
 
 TEST(V4l2Camera, ImagesInMemoryThatIsFastEnoughAreLent) {
   CameraRig rig;
-  rig.kernel.read_time_of = [&rig](const void* memory) { return Span{rig.device->owns(memory) ? 190'000 : 100'000}; };
+  rig.reading_takes(Span{190'000}, Span{100'000});
   rig.open();
   EXPECT_FALSE(rig.camera->copies());
   rig.run(1, [&](const Frame& frame) { ASSERT_TRUE(rig.device->owns(frame.data)); });
@@ -166,10 +137,8 @@ TEST(V4l2Camera, DecodesJpegAndCountsThatWhichIsNotWhole) {
   });
   EXPECT_EQ(rig.camera->counts().damaged, 3u);
   EXPECT_NEAR(static_cast<double>(count), 27, 1);
-  EXPECT_EQ(rig.heap_calls, 0u);
   rig.device->dequeue_error = EIO;
   EXPECT_GT(rig.run(1), 20u) << "after it was lost";
-  EXPECT_EQ(rig.heap_calls, 0u);
 }
 
 TEST(V4l2Camera, OfAMosaicComesHalfTheSize) {
@@ -179,14 +148,12 @@ TEST(V4l2Camera, OfAMosaicComesHalfTheSize) {
   rig.open();
   EXPECT_EQ(rig.camera->format().format, PixelFormat::kRggb8);
   EXPECT_EQ(rig.camera->format().width, 640);
-  EXPECT_NEAR(static_cast<double>(rig.run(1,
-                                          [](const Frame& frame) {
-                                            ASSERT_EQ(frame.width, 320);
-                                            ASSERT_EQ(frame.height, 180);
-                                            ASSERT_EQ(frame.data[0], 77);
-                                          })),
-              30, 1);
-  EXPECT_EQ(rig.heap_calls, 0u);
+  const std::size_t count = rig.run(1, [](const Frame& frame) {
+    ASSERT_EQ(frame.width, 320);
+    ASSERT_EQ(frame.height, 180);
+    ASSERT_EQ(frame.data[0], 77);
+  });
+  EXPECT_NEAR(static_cast<double>(count), 30, 1);
   rig.camera.reset();
   rig.settings.width = 1456;
   rig.settings.height = 1088;

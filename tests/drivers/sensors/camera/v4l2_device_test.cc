@@ -82,28 +82,22 @@ TEST_F(TwoReceivers, TheLostOneIsFoundAgain) {
   EXPECT_FALSE(is_other);
 }
 
-constexpr const char* kAutofocus = "Focus, Automatic Continuous";
-
-TEST(V4l2Focus, AutofocusIsSwitchedOff) {
-  CameraRig rig;
-  rig.device->controls.push_back({V4L2_CID_FOCUS_AUTO, kAutofocus, 1, 1});
-  rig.open();
-  EXPECT_EQ(rig.device->control(kAutofocus).value, 0);
-  EXPECT_EQ(rig.camera->focus(), Focus::kHeld);
-}
-
-TEST(V4l2Focus, WhoAsksForItGetsIt) {
-  CameraRig rig;
-  rig.device->controls.push_back({V4L2_CID_FOCUS_AUTO, kAutofocus, 0, 1});
-  rig.settings.controls = {{"focus_automatic_continuous", 1}};
-  rig.open();
-  EXPECT_EQ(rig.camera->focus(), Focus::kAutomatic);
-}
-
-TEST(V4l2Focus, ACameraWithoutItIsLeftAlone) {
-  CameraRig rig;
-  rig.open();
-  EXPECT_EQ(rig.camera->focus(), Focus::kUnknown);
+TEST(V4l2Focus, IsHeldUnlessAskedForOrNotThere) {
+  constexpr const char* kAutofocus = "Focus, Automatic Continuous";
+  struct Case {
+    bool has_it, is_asked_for;
+    Focus expected;
+  };
+  for (const Case& c :
+       {Case{true, false, Focus::kHeld}, {true, true, Focus::kAutomatic}, {false, false, Focus::kUnknown}}) {
+    CameraRig rig;
+    if (c.has_it) rig.device->controls.push_back({V4L2_CID_FOCUS_AUTO, kAutofocus, c.is_asked_for ? 0 : 1, 1});
+    if (c.is_asked_for) rig.settings.controls = {{"focus_automatic_continuous", 1}};
+    rig.open();
+    EXPECT_EQ(rig.camera->focus(), c.expected);
+    if (!c.has_it) continue;
+    EXPECT_EQ(rig.device->control(kAutofocus).value, c.is_asked_for ? 1 : 0);
+  }
 }
 
 }  // namespace

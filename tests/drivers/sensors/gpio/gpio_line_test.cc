@@ -11,10 +11,10 @@ namespace epiline {
 namespace {
 
 const std::vector<GpioChipFacts> kChips{
-    {"/dev/gpiochip0", "gpiochip0", "pinctrl-rp1", {{"ID_SDA", "", false}, {"GPIO4", "", false}, {"", "", false}}},
-    {"/dev/gpiochip1", "gpiochip1", "adapter", {{"strobe", "", false}, {"a:1", "", false}, {"twice", "", false}}},
-    {"/dev/gpiochip2", "gpiochip2", "adapter", {{"twice", "", false}}},
-    {"/dev/gpiochip3", "gpiochip3", "gpiochip0", {{"", "", false}, {"", "", false}}},
+    {"/dev/gpiochip0", "gpiochip0", "pinctrl-rp1", {{"ID_SDA", ""}, {"GPIO4", ""}, {"", ""}}},
+    {"/dev/gpiochip1", "gpiochip1", "adapter", {{"strobe", ""}, {"a:1", ""}, {"twice", ""}}},
+    {"/dev/gpiochip2", "gpiochip2", "adapter", {{"twice", ""}}},
+    {"/dev/gpiochip3", "gpiochip3", "gpiochip0", {{"", ""}, {"", ""}}},
 };
 
 std::string chosen(const std::string& wanted) {

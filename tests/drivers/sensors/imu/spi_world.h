@@ -13,6 +13,7 @@
 
 #include "drivers/sensors/imu/spi_bus.h"
 #include "drivers/sensors/imu/spi_imu.h"
+#include "drivers/sensors/trouble.h"
 #include "platform/memory/allocation_count.h"
 
 namespace epiline::test {
@@ -97,11 +98,8 @@ class ModelScope {
 class ModelLine final : public DataReady {
  public:
   explicit ModelLine(ChipModel& chip) : chip_(chip) {}
-  Status open() override {
-    is_open = true;
-    return Done{};
-  }
-  void close() noexcept override { is_open = false; }
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
   ReadyOutcome wait(Span timeout, HostStamp& edge) noexcept override {
     const ModelScope scope(chip_);
     const std::int64_t deadline = chip_.world.now_ns + timeout.ns;
@@ -114,17 +112,13 @@ class ModelLine final : public DataReady {
         return ReadyOutcome::kEdge;
       }
       if (chip_.world.now_ns >= deadline) return ReadyOutcome::kTimeout;
-      std::int64_t next = deadline;
-      if (!chip_.edges.empty()) {
-        next = std::min(next, chip_.edges.front().visible_ns);
-      } else {
-        // the interrupt may come later than the sample
-        next = std::min(next, std::max(chip_.next_ns(), chip_.world.now_ns) + 1'000);
-      }
-      chip_.world.sleep_until({next});
+      // the interrupt may come later than the sample
+      const std::int64_t next =
+          chip_.edges.empty() ? std::max(chip_.next_ns(), chip_.world.now_ns) + 1'000 : chip_.edges.front().visible_ns;
+      chip_.world.sleep_until({std::min(next, deadline)});
     }
   }
-  bool is_open = false, is_cut = false;
+  bool is_cut = false;
 
  private:
   ChipModel& chip_;
@@ -136,15 +130,10 @@ class ModelBus : public SpiBus {
   explicit ModelBus(ChipModel& chip) : chip_(chip) {}
 
   DeviceTrouble open(int mode, int hz) noexcept override {
-    DeviceTrouble trouble;
-    if (open_error != 0) {
-      trouble.step = "open";
-      trouble.error = open_error;
-    }
     mode_ = mode;
     hz_ = hz;
     ++times_opened;
-    return trouble;
+    return refused("open", open_error);
   }
   void close() noexcept override { ++times_closed; }
   const char* name() const noexcept override { return "model"; }
@@ -157,11 +146,9 @@ class ModelBus : public SpiBus {
       --fail_next;
       return fail_error;
     }
-    ++transfers;
     chip_.run(world.now_ns);
     select();
-    for (std::size_t i = 0; i < parts.size(); ++i) {
-      const SpiPart& part = parts[i];
+    for (const SpiPart& part : parts) {
       const int hz = part.hz > 0 ? part.hz : hz_;
       for (std::size_t k = 0; k < part.size; ++k) {
         world.now_ns += 8'000'000'000 / hz;
@@ -169,8 +156,6 @@ class ModelBus : public SpiBus {
         const std::uint8_t out = exchange(part.send != nullptr ? part.send[k] : 0, hz);
         if (part.receive != nullptr) part.receive[k] = on_the_wire(out);
       }
-      world.now_ns += part.pause.ns;
-      if (part.deselect && i + 1 < parts.size()) deselect(), select();
     }
     deselect();
     return 0;
@@ -178,7 +163,6 @@ class ModelBus : public SpiBus {
 
   int open_error = 0, fail_next = 0, fail_error = EIO;
   int times_opened = 0, times_closed = 0;
-  std::uint64_t transfers = 0;
   int stuck = -1;             ///< MISO is this byte always
   double bit_error_rate = 0;  ///< of received bytes
 
@@ -198,6 +182,19 @@ class ModelBus : public SpiBus {
     return byte;
   }
   int mode_ = -1, hz_ = 1;
+};
+
+/// The wires of a chip with one chip select.
+template <class Model>
+class ChipBus final : public ModelBus {
+ public:
+  explicit ChipBus(Model& chip) : ModelBus(chip), model_(chip) {}
+
+ private:
+  void select() override { model_.select(); }
+  void deselect() override { model_.deselect(); }
+  std::uint8_t exchange(std::uint8_t in, int hz) override { return model_.exchange(in, mode(), hz); }
+  Model& model_;
 };
 
 /// What a sample must become.

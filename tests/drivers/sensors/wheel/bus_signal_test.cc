@@ -15,33 +15,25 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-// 0x1234 at both byte orders, as tools for DBC files draw them: little-endian from bit 8 on; big-endian with its
-// highest bit at bit 15, the leftmost of byte 1.
-TEST(BusSignal, BothByteOrders) {
-  const BusSignal little{.start_bit = 8, .length = 16, .big_endian = false, .is_signed = false};
-  const BusSignal big{.start_bit = 15, .length = 16, .big_endian = true, .is_signed = false};
-  EXPECT_EQ(value_of(little, Bytes{0xff, 0x34, 0x12, 0xff}), 0x1234);
-  EXPECT_EQ(value_of(big, Bytes{0xff, 0x12, 0x34, 0xff}), 0x1234);
-}
-
-// Twelve bits across bytes: 0xabc with its lowest four bits in the upper half of a byte.
-TEST(BusSignal, BitsAcrossBytes) {
-  const BusSignal little{.start_bit = 4, .length = 12, .big_endian = false, .is_signed = false};
-  EXPECT_EQ(value_of(little, Bytes{0xc0, 0xab}), 0xabc);
-  const BusSignal big{.start_bit = 3, .length = 12, .big_endian = true, .is_signed = false};
-  EXPECT_EQ(value_of(big, Bytes{0x0a, 0xbc}), 0xabc);
-}
-
-TEST(BusSignal, SignScaleAndOffset) {
-  const BusSignal speed{
-      .start_bit = 0, .length = 12, .big_endian = false, .is_signed = true, .scale = 0.25, .offset = -3};
-  EXPECT_EQ(value_of(speed, Bytes{0xff, 0x0f}), -3.25);
-  EXPECT_EQ(value_of(speed, Bytes{0x00, 0x08}), -2048 * 0.25 - 3);
-  EXPECT_EQ(value_of(speed, Bytes{0xff, 0xf7}), 2047 * 0.25 - 3);
-  const BusSignal whole{.start_bit = 0, .length = 64, .big_endian = false, .is_signed = true};
-  EXPECT_EQ(value_of(whole, Bytes(8, 0xff)), -1);
-  const BusSignal most{.start_bit = 0, .length = 64, .big_endian = false, .is_signed = false};
-  EXPECT_EQ(value_of(most, Bytes(8, 0xff)), 18446744073709551616.0);
+// 0x1234 and 0xabc as tools for DBC files draw them: little-endian from the lowest bit on; big-endian with the highest
+// bit at the start, which counts from the right in each byte.
+TEST(BusSignal, FramesByHand) {
+  struct Case {
+    BusSignal signal;
+    Bytes bytes;
+    double value;
+  };
+  const BusSignal speed{.start_bit = 0, .length = 12, .is_signed = true, .scale = 0.25, .offset = -3};
+  for (const Case& c : {Case{{.start_bit = 8, .length = 16}, {0xff, 0x34, 0x12, 0xff}, 0x1234},
+                        {{.start_bit = 15, .length = 16, .big_endian = true}, {0xff, 0x12, 0x34, 0xff}, 0x1234},
+                        {{.start_bit = 4, .length = 12}, {0xc0, 0xab}, 0xabc},
+                        {{.start_bit = 3, .length = 12, .big_endian = true}, {0x0a, 0xbc}, 0xabc},
+                        {speed, {0xff, 0x0f}, -3.25},
+                        {speed, {0x00, 0x08}, -2048 * 0.25 - 3},
+                        {speed, {0xff, 0xf7}, 2047 * 0.25 - 3},
+                        {{.start_bit = 0, .length = 64, .is_signed = true}, Bytes(8, 0xff), -1},
+                        {{.start_bit = 0, .length = 64}, Bytes(8, 0xff), 18446744073709551616.0}})
+    EXPECT_EQ(value_of(c.signal, c.bytes), c.value) << c.signal.start_bit << "|" << c.signal.length;
 }
 
 TEST(BusSignal, ShortFramesAndSenselessSettingsSayNothing) {

@@ -94,7 +94,6 @@ TEST(ArrivalClock, TheClockOfDayMayBeSet) {
       EXPECT_EQ(clock.arrival(stamps, now).ns, now.steady_ns - kMs) << "step " << step << ", frame " << i;
     }
     EXPECT_EQ(clock.bad_stamps(), 0u);
-    EXPECT_EQ(clock.steps(), 1u);
   }
 }
 
