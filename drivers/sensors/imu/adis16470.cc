@@ -4,16 +4,15 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "drivers/sensors/imu/spi_chip.h"
+#include "platform/error/contract.h"
 
 namespace epiline {
 
 namespace {
 
-constexpr double kGyroscopeRange_deg_s = 2000, kAccelerometerRange_g = 40;
+constexpr ChipLimits kLimits{2000, 40, 2000, 2'000'000};
 constexpr double kRadPerCount = 0.1 * kRadPerDeg, kMetrePerCount = 1.25e-3 * kGravity_m_s2;
-constexpr double kInternalRate_hz = 2000;
-constexpr int kSpiMode = 3, kSpiMost_hz = 2'000'000, kBurstMost_hz = 1'000'000;
+constexpr int kSpiMode = 3, kBurstMost_hz = 1'000'000;
 constexpr Span kStall{16'000};  // between two words
 
 constexpr std::uint8_t kDiagStat = 0x02, kFilterControl = 0x5C, kMiscControl = 0x60, kDecimation = 0x64,
@@ -27,33 +26,42 @@ constexpr double kGyroscopeDelay_s = 1.44e-3, kAccelerometerDelay_s = 1.57e-3;
 
 }  // namespace
 
+bool parse_adis_burst(std::span<const std::uint8_t> bytes, AdisBurst& burst) noexcept {
+  EPILINE_EXPECTS(bytes.size() >= AdisBurst::kBytes, "a whole burst");
+  constexpr std::size_t kSummed = AdisBurst::kBytes - 2;
+  const auto word = [&](std::size_t i) { return static_cast<std::uint16_t>(bytes[2 * i] << 8 | bytes[2 * i + 1]); };
+  unsigned sum = 0;
+  for (std::size_t i = 0; i < kSummed; ++i) sum += bytes[i];
+  if (sum == 0 || sum != word(9)) return false;
+  burst.status = word(0);
+  for (std::size_t i = 0; i < 3; ++i) {
+    burst.gyro[i] = static_cast<std::int16_t>(word(1 + i));
+    burst.accel[i] = static_cast<std::int16_t>(word(4 + i));
+  }
+  burst.temperature_c = static_cast<std::int16_t>(word(7)) * 0.1;
+  burst.counter = word(8);
+  return true;
+}
+
 Adis16470::Adis16470(const ImuDeviceConfig& config, std::unique_ptr<SpiBus> bus, SpiTiming& timing)
-    : bus_(std::move(bus)), timing_(&timing) {
-  register_hz_ = config.spi_hz > 0 ? config.spi_hz : kBurstMost_hz;
-  burst_hz_ = std::min(register_hz_, kBurstMost_hz);
-  facts_.name = "ADIS16470";
-  const int divider = std::clamp(static_cast<int>(kInternalRate_hz / (config.rate_hz * 0.99)), 1, 2000);
-  facts_.rate_hz = kInternalRate_hz / divider;
+    : RegisterChip("ADIS16470", kLimits, config, timing), bus_(std::move(bus)) {
+  if (config.spi_hz <= 0) spi_hz_ = kBurstMost_hz;
+  burst_hz_ = std::min(spi_hz_, kBurstMost_hz);
+  const int divider = std::clamp(static_cast<int>(kLimits.rate_hz / (config.rate_hz * 0.99)), 1, 2000);
+  facts_.rate_hz = kLimits.rate_hz / divider;
   facts_.period = Span::from_seconds(1 / facts_.rate_hz);
   // the mean of so many samples is as old as their middle
-  const double decimation_s = (divider - 1) / 2.0 / kInternalRate_hz;
+  const double decimation_s = (divider - 1) / 2.0 / kLimits.rate_hz;
   facts_.gyroscope_delay = Span::from_seconds(kGyroscopeDelay_s + decimation_s);
   facts_.accelerometer_delay = Span::from_seconds(kAccelerometerDelay_s + decimation_s);
   facts_.settle = Span{2 * facts_.gyroscope_delay.ns};
-  facts_.gyroscope_range_deg_s = kGyroscopeRange_deg_s;
-  facts_.accelerometer_range_g = kAccelerometerRange_g;
-  if (config.gyroscope_range_deg_s > kGyroscopeRange_deg_s * 1.01 || register_hz_ > kSpiMost_hz ||
-      config.accelerometer_range_m_s2 > kAccelerometerRange_g * kGravity_m_s2 * 1.01 ||
-      config.rate_hz > kInternalRate_hz * 1.01) {
-    unfit_.step = "a range, a rate or a clock this chip does not have";
-    std::snprintf(unfit_.expected, sizeof(unfit_.expected),
-                  "at most 2000 deg/s, 392 m/s^2, rate_hz = 2000, spi_hz = 2000000");
-  }
+  facts_.gyroscope_range_deg_s = kLimits.gyroscope_deg_s;
+  facts_.accelerometer_range_g = kLimits.accelerometer_g;
   const bool rising = config.ready_edge == 0;
-  table_ = {
-      {{kFilterControl, 0, 0x0007},  // no filter besides the decimation
-       {kMiscControl, static_cast<std::uint16_t>(0x00C0 | (rising ? 1 : 0)), 0x00FF},  // corrections on, own clock
-       {kDecimation, static_cast<std::uint16_t>(divider - 1), 0x07FF}}};
+  set_table({{0, kFilterControl, 0, 0x0007},  // no filter besides the decimation
+                                              // corrections on, own clock
+             {0, kMiscControl, static_cast<std::uint16_t>(0x00C0 | (rising ? 1 : 0)), 0x00FF},
+             {0, kDecimation, static_cast<std::uint16_t>(divider - 1), 0x07FF}});
 }
 
 // ---- registers ----
@@ -88,7 +96,7 @@ bool Adis16470::write(std::uint8_t address, std::uint16_t value) noexcept {
 }
 
 DeviceTrouble Adis16470::open() noexcept {
-  if (const DeviceTrouble trouble = bus_->open(kSpiMode, register_hz_)) return trouble;
+  if (const DeviceTrouble trouble = bus_->open(kSpiMode, spi_hz_)) return trouble;
   return identify();
 }
 
@@ -109,7 +117,7 @@ ImuChip::Step Adis16470::start(int step) noexcept {
       return {.wait = Span::from_milliseconds(250)};  // 193 ms by the data sheet
     case 1:
       if (const DeviceTrouble trouble = identify()) return {.trouble = trouble};
-      return {.trouble = configure(), .wait = Span::from_milliseconds(5)};
+      return {.trouble = test_and_configure(), .wait = Span::from_milliseconds(5)};
     default:
       next_check_ = 0;
       counter_.restart();
@@ -117,31 +125,11 @@ ImuChip::Step Adis16470::start(int step) noexcept {
   }
 }
 
-DeviceTrouble Adis16470::configure() noexcept {
+DeviceTrouble Adis16470::test_and_configure() noexcept {
   std::uint16_t status = 0;  // reading it clears what it says
   if (!read(kDiagStat, status)) return device_refusal("DIAG_STAT", bus_error_);
   if ((status & ~kStatusSpi) != 0) return wrong_register("the chip's test of itself failed", 0, kDiagStat, status, 0);
-  for (const Register& entry : table_) {
-    std::uint16_t value = 0;
-    const bool is_done = read(entry.address, value) &&
-                         write(entry.address, static_cast<std::uint16_t>((value & ~entry.mask) | entry.value));
-    if (!is_done) return device_refusal("settings", bus_error_);
-  }
-  for (const Register& entry : table_)
-    if (const DeviceTrouble trouble = compare(entry)) return trouble;
-  return {};
-}
-
-DeviceTrouble Adis16470::compare(const Register& wanted) noexcept {
-  return read_back(
-      wanted.value, wanted.mask, bus_error_, [&](std::uint16_t& value) { return read(wanted.address, value); },
-      [&](unsigned found) { return wrong_register("settings", 0, wanted.address, found, wanted.value); });
-}
-
-DeviceTrouble Adis16470::check_next() noexcept {
-  const std::size_t n = next_check_;
-  next_check_ = (next_check_ + 1) % (table_.size() + 1);
-  return n == 0 ? compare({kProductId, kProduct, 0xFFFF}) : compare(table_[n - 1]);
+  return configure();
 }
 
 // ---- samples ----
@@ -196,11 +184,8 @@ FetchOutcome Adis16470::judge_counter(std::uint16_t counter, ChipBatch& batch) n
   }
   counter_.restart();
   ++batch.damaged;
-  for (const Register& entry : table_) {
-    const DeviceTrouble trouble = compare(entry);
-    if (trouble) return trouble.error != 0 ? FetchOutcome::kBusFailed : FetchOutcome::kReset;
-  }
-  return FetchOutcome::kDamaged;
+  const FetchOutcome outcome = judge({table_.begin(), table_.end()});
+  return outcome == FetchOutcome::kOk ? FetchOutcome::kDamaged : outcome;
 }
 
 }  // namespace epiline

@@ -3,15 +3,14 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <numbers>
 
-#include "drivers/sensors/imu/spi_chip.h"
-
+#include "drivers/sensors/trouble.h"
 namespace epiline {
 
 namespace {
 
-constexpr int kSpiMode = 0, kSpiMost_hz = 10'000'000;
+constexpr ChipLimits kLimits{2000, 24, 2000, 10'000'000};
+constexpr int kSpiMode = 0;
 constexpr std::uint8_t kRead = 0x80;
 constexpr std::int64_t kTick_ns_2 = 78'125;  // two counts of the accelerometer's clock: 39.0625 us each
 constexpr Span kAccelQuiet = Span::from_milliseconds(50), kTimeSlack = Span::from_milliseconds(5);
@@ -48,36 +47,79 @@ constexpr Rate kRates[] = {
 constexpr double kGyroscopeRanges_deg_s[] = {2000, 1000, 500, 250, 125};
 constexpr double kAccelerometerRanges_g[] = {24, 12, 6, 3};  // by 3 - code
 
-/// The data sheet gives bandwidths and no delays: that of a Butterworth filter of second order at low frequencies.
-Span delay_of(double bandwidth_hz) noexcept {
-  return Span::from_seconds(std::numbers::sqrt2 / (2 * std::numbers::pi * bandwidth_hz));
+constexpr std::size_t kGyroFrame = 6;  // bytes
+
+// Headers without the two lowest bits, which tell of interrupt inputs.
+constexpr std::uint8_t kData = 0x84, kSkip = 0x40, kTime = 0x44, kConfig = 0x48, kDrop = 0x50, kEmpty = 0x80;
+constexpr std::uint8_t kHeaderBits = 0xFC;
+
+BmiVector vector_at(std::span<const std::uint8_t> bytes, std::size_t at) noexcept {
+  const auto value = [&](std::size_t i) { return static_cast<std::int16_t>(bytes[i + 1] << 8 | bytes[i]); };
+  return {value(at), value(at + 2), value(at + 4)};
+}
+
+std::size_t frame_bytes(std::uint8_t header) noexcept {
+  switch (header & kHeaderBits) {
+    case kData:
+      return 7;
+    case kTime:
+      return 4;
+    case kSkip:
+    case kConfig:
+    case kDrop:
+      return 2;
+    default:
+      return 0;
+  }
 }
 
 }  // namespace
 
+bool parse_bmi_accel(std::span<const std::uint8_t> bytes, BmiAccelFrames& frames) noexcept {
+  frames.values.clear();
+  frames.skipped = 0;
+  frames.has_time = false;
+  while (!bytes.empty()) {
+    const std::uint8_t header = bytes[0];
+    if ((header & kHeaderBits) == kEmpty) return true;
+    const std::size_t size = frame_bytes(header);
+    if (size == 0) return false;
+    if (size > bytes.size()) return true;  // it comes again, whole
+    switch (header & kHeaderBits) {
+      case kData:
+        if (!frames.values.push_back(vector_at(bytes, 1))) return false;
+        break;
+      case kSkip:
+        frames.skipped += bytes[1];
+        frames.values.clear();  // they are not in a row with what follows
+        break;
+      case kTime:
+        frames.has_time = true;
+        frames.time = bytes[1] | static_cast<std::uint32_t>(bytes[2]) << 8 | static_cast<std::uint32_t>(bytes[3]) << 16;
+        return true;  // the FIFO is empty
+      default:
+        break;
+    }
+    bytes = bytes.subspan(size);
+  }
+  return true;
+}
+
 Bmi088::Bmi088(const ImuDeviceConfig& config, std::unique_ptr<SpiBus> gyroscope, std::unique_ptr<SpiBus> accelerometer,
                SpiTiming& timing)
-    : gyroscope_(std::move(gyroscope)),
-      accelerometer_(std::move(accelerometer)),
-      timing_(&timing),
-      spi_hz_(config.spi_hz > 0 ? config.spi_hz : kSpiMost_hz) {
+    : RegisterChip("BMI088", kLimits, config, timing),
+      gyroscope_(std::move(gyroscope)),
+      accelerometer_(std::move(accelerometer)) {
   choose(config);
   fill_table(config.ready_edge == 0);
 }
 
 void Bmi088::choose(const ImuDeviceConfig& config) noexcept {
-  facts_.name = "BMI088";
   const Rate* rate = std::begin(kRates);
   while (rate + 1 != std::end(kRates) && rate->hz < config.rate_hz * 0.99) ++rate;
-  const int gyroscope = smallest_range(kGyroscopeRanges_deg_s, config.gyroscope_range_deg_s);
-  const int accelerometer = smallest_range(kAccelerometerRanges_g, config.accelerometer_range_m_s2 / kGravity_m_s2);
-  if (gyroscope < 0 || accelerometer < 0 || rate->hz < config.rate_hz * 0.99 || spi_hz_ > kSpiMost_hz) {
-    unfit_.step = "a range, a rate or a clock this chip does not have";
-    std::snprintf(unfit_.expected, sizeof(unfit_.expected),
-                  "at most 2000 deg/s, 235 m/s^2, rate_hz = 2000, spi_hz = 10000000");
-  }
-  gyroscope_code_ = static_cast<std::uint8_t>(std::max(gyroscope, 0));
-  accelerometer_code_ = static_cast<std::uint8_t>(3 - std::max(accelerometer, 0));
+  gyroscope_code_ = smallest_range(kGyroscopeRanges_deg_s, config.gyroscope_range_deg_s);
+  accelerometer_code_ = static_cast<std::uint8_t>(
+      3 - smallest_range(kAccelerometerRanges_g, config.accelerometer_range_m_s2 / kGravity_m_s2));
   bandwidth_code_ = rate->bandwidth_code;
   accel_conf_ = rate->accel_conf;
   accel_ticks_ = rate->accel_ticks;
@@ -88,8 +130,9 @@ void Bmi088::choose(const ImuDeviceConfig& config) noexcept {
   facts_.rate_hz = rate->hz;
   facts_.period = Span::from_seconds(1 / rate->hz);
   facts_.accelerometer_period = Span::from_seconds(1 / rate->accel_hz);
-  facts_.gyroscope_delay = delay_of(rate->bandwidth_hz);
-  facts_.accelerometer_delay = delay_of(rate->accel_bandwidth_hz);
+  // the data sheet gives bandwidths and no delays
+  facts_.gyroscope_delay = Span::from_seconds(second_order_delay_s(rate->bandwidth_hz));
+  facts_.accelerometer_delay = Span::from_seconds(second_order_delay_s(rate->accel_bandwidth_hz));
   facts_.settle = Span{4 * facts_.gyroscope_delay.ns} + Span::from_milliseconds(10);
   facts_.two_clocks = true;
 }
@@ -97,31 +140,29 @@ void Bmi088::choose(const ImuDeviceConfig& config) noexcept {
 /// In the order in which they are written; the accelerometer is on by then.
 void Bmi088::fill_table(bool rising) noexcept {
   const std::uint8_t level = rising ? 0x01 : 0x00;
-  const Register table[] = {
-      {Half::kAccelerometer, kPowerConf, 0x00, 0xFF},
-      {Half::kAccelerometer, kPowerControl, kAccelOn, 0xFF},
-      {Half::kAccelerometer, 0x40, accel_conf_, 0xFF},
-      {Half::kAccelerometer, 0x41, accelerometer_code_, 0x03},
-      {Half::kAccelerometer, 0x48, 0x02, 0x03},  // FIFO: the newest stay; bit 1 is always 1
-      {Half::kAccelerometer, 0x49, 0x50, 0x5C},  // acceleration into the FIFO, interrupt inputs not; bit 4 is always 1
-      {Half::kGyroscope, kGyroRange, gyroscope_code_, 0xFF},
-      {Half::kGyroscope, kBandwidth, bandwidth_code_, kBandwidthBits},
-      {Half::kGyroscope, 0x11, 0x00, 0xA0},   // normal power
-      {Half::kGyroscope, 0x16, level, 0x03},  // INT3: push-pull, active high or low
-      {Half::kGyroscope, 0x18, 0x01, 0x85},   // INT3: new data
-      {Half::kGyroscope, 0x15, 0x80, 0xC0},   // interrupt on new data
-      {Half::kGyroscope, 0x1E, 0x08, 0x88},   // no interrupt on the FIFO's level
-      {Half::kGyroscope, kGyroFifoConfig1, kGyroFifoStops, 0xC0},
-  };
-  static_assert(std::size(table) == kRegisters);
-  for (const Register& entry : table) table_.push_back(entry);
+  set_table({
+      {kAccelerometer, kPowerConf, 0x00, 0xFF},
+      {kAccelerometer, kPowerControl, kAccelOn, 0xFF},
+      {kAccelerometer, 0x40, accel_conf_, 0xFF},
+      {kAccelerometer, 0x41, accelerometer_code_, 0x03},
+      {kAccelerometer, 0x48, 0x02, 0x03},  // FIFO: the newest stay; bit 1 is always 1
+      {kAccelerometer, 0x49, 0x50, 0x5C},  // acceleration into the FIFO, interrupt inputs not; bit 4 is always 1
+      {kGyroscope, kGyroRange, gyroscope_code_, 0xFF},
+      {kGyroscope, kBandwidth, bandwidth_code_, kBandwidthBits},
+      {kGyroscope, 0x11, 0x00, 0xA0},   // normal power
+      {kGyroscope, 0x16, level, 0x03},  // INT3: push-pull, active high or low
+      {kGyroscope, 0x18, 0x01, 0x85},   // INT3: new data
+      {kGyroscope, 0x15, 0x80, 0xC0},   // interrupt on new data
+      {kGyroscope, 0x1E, 0x08, 0x88},   // no interrupt on the FIFO's level
+      {kGyroscope, kGyroFifoConfig1, kGyroFifoStops, 0xC0},
+  });
 }
 
 // ---- registers ----
 
-bool Bmi088::read(Half half, std::uint8_t address, std::span<std::uint8_t> bytes) noexcept {
+bool Bmi088::read(unsigned half, std::uint8_t address, std::span<std::uint8_t> bytes) noexcept {
   // the accelerometer sends a byte without meaning first
-  const bool is_accel = half == Half::kAccelerometer;
+  const bool is_accel = half == kAccelerometer;
   const std::uint8_t command[] = {static_cast<std::uint8_t>(address | kRead), 0};
   const SpiPart parts[] = {{.send = command, .size = is_accel ? 2U : 1U},
                            {.receive = bytes.data(), .size = bytes.size()}};
@@ -129,10 +170,10 @@ bool Bmi088::read(Half half, std::uint8_t address, std::span<std::uint8_t> bytes
   return bus_error_ == 0;
 }
 
-bool Bmi088::write(Half half, std::uint8_t address, std::uint8_t value) noexcept {
+bool Bmi088::write(unsigned half, std::uint8_t address, std::uint8_t value) noexcept {
   const std::uint8_t bytes[] = {address, value};
   const SpiPart parts[] = {{.send = bytes, .size = 2}};
-  bus_error_ = (half == Half::kAccelerometer ? accelerometer_ : gyroscope_)->transfer(parts);
+  bus_error_ = (half == kAccelerometer ? accelerometer_ : gyroscope_)->transfer(parts);
   // between writes the chip wants 2 us; the system call takes longer
   return bus_error_ == 0;
 }
@@ -152,15 +193,13 @@ DeviceTrouble Bmi088::identify() noexcept {
   std::array<std::uint8_t, 2> gyro{};
   std::array<std::uint8_t, 1> accel{};
   // after power-on the accelerometer uses I2C until its chip select has risen once; and the devices may be swapped
-  const bool is_read = read(Half::kAccelerometer, kAccelId, accel) && read(Half::kGyroscope, kGyroId, gyro) &&
-                       read(Half::kAccelerometer, kAccelId, accel) && read(Half::kGyroscope, kGyroId, gyro);
+  const bool is_read = read(kAccelerometer, kAccelId, accel) && read(kGyroscope, kGyroId, gyro) &&
+                       read(kAccelerometer, kAccelId, accel) && read(kGyroscope, kGyroId, gyro);
   if (!is_read) return device_refusal("CHIP_ID", bus_error_);
   // the gyroscope sends no dummy byte, so the accelerometer's identity is in the second byte
   if (gyro[0] != kGyroIdentity && gyro[1] == kAccelIdentity) {
-    DeviceTrouble trouble = device_refusal("identity register", 0);
-    std::snprintf(trouble.found, sizeof(trouble.found), "the accelerometer answers instead of the gyroscope");
-    std::snprintf(trouble.expected, sizeof(trouble.expected), "imu.device and imu.device_accel swapped");
-    return trouble;
+    return unexpected("identity register", "imu.device and imu.device_accel swapped",
+                      "the accelerometer answers instead of the gyroscope");
   }
   DeviceTrouble trouble;
   if (gyro[0] != kGyroIdentity) {
@@ -176,17 +215,15 @@ DeviceTrouble Bmi088::identify() noexcept {
 ImuChip::Step Bmi088::start(int step) noexcept {
   switch (step) {
     case 0:
-      if (!write(Half::kGyroscope, kGyroSoftReset, kSoftReset) ||
-          !write(Half::kAccelerometer, kAccelCommand, kSoftReset))
+      if (!write(kGyroscope, kGyroSoftReset, kSoftReset) || !write(kAccelerometer, kAccelCommand, kSoftReset))
         return {.trouble = device_refusal("reset", bus_error_)};
       return {.wait = Span::from_milliseconds(35)};  // the gyroscope takes 30 ms, the accelerometer 1 ms
     case 1:
       if (const DeviceTrouble trouble = identify()) return {.trouble = trouble};
-      if (!write(Half::kAccelerometer, kPowerConf, 0)) return {.trouble = device_refusal("power", bus_error_)};
+      if (!write(kAccelerometer, kPowerConf, 0)) return {.trouble = device_refusal("power", bus_error_)};
       return {.wait = Span::from_milliseconds(5)};
     case 2:
-      if (!write(Half::kAccelerometer, kPowerControl, kAccelOn))
-        return {.trouble = device_refusal("power", bus_error_)};
+      if (!write(kAccelerometer, kPowerControl, kAccelOn)) return {.trouble = device_refusal("power", bus_error_)};
       return {.wait = Span::from_milliseconds(5)};  // 0.45 ms by the data sheet
     case 3:
       return {.trouble = configure(), .wait = Span::from_milliseconds(2)};
@@ -200,33 +237,20 @@ ImuChip::Step Bmi088::start(int step) noexcept {
   }
 }
 
-DeviceTrouble Bmi088::configure() noexcept {
-  for (const Register& entry : table_) {
-    std::uint8_t value = 0;
-    const bool is_done =
-        read(entry.half, entry.address, {&value, 1}) &&
-        write(entry.half, entry.address, static_cast<std::uint8_t>((value & ~entry.mask) | entry.value));
-    if (!is_done) return device_refusal("settings", bus_error_);
-  }
-  for (const Register& entry : table_)
-    if (const DeviceTrouble trouble = compare(entry)) return trouble;
-  return {};
+bool Bmi088::read_register(const Register& at, std::uint16_t& value) noexcept {
+  std::uint8_t byte = 0;
+  const bool is_read = read(at.bank, at.address, {&byte, 1});
+  value = byte;
+  return is_read;
 }
 
-DeviceTrouble Bmi088::compare(const Register& wanted) noexcept {
-  const char* const half = wanted.half == Half::kAccelerometer ? "accelerometer" : "gyroscope";
-  return read_back(
-      wanted.value, wanted.mask, bus_error_,
-      [&](std::uint8_t& value) {
-        return read(wanted.half, wanted.address, {&value, 1});
-      },
-      [&](unsigned found) { return wrong_register(half, 0, wanted.address, found, wanted.value); });
+bool Bmi088::write_register(const Register& at, std::uint16_t value) noexcept {
+  return write(at.bank, at.address, static_cast<std::uint8_t>(value));
 }
 
-DeviceTrouble Bmi088::check_next() noexcept {
-  const std::size_t n = next_check_;
-  next_check_ = (next_check_ + 1) % (table_.size() + 1);
-  return n == 0 ? identify() : compare(table_[n - 1]);
+DeviceTrouble Bmi088::mismatch(const Register& wanted, unsigned found) const noexcept {
+  const char* const half = wanted.bank == kAccelerometer ? "accelerometer" : "gyroscope";
+  return wrong_register(half, 0, wanted.address, found, wanted.value);
 }
 
 // ---- samples ----
@@ -234,12 +258,12 @@ DeviceTrouble Bmi088::check_next() noexcept {
 bool Bmi088::flush_gyroscope() noexcept {
   gyro_samples_ = 0;
   // writing either clears it; the second one its overrun as well
-  return write(Half::kGyroscope, kGyroFifoConfig0, 0) && write(Half::kGyroscope, kGyroFifoConfig1, kGyroFifoStops);
+  return write(kGyroscope, kGyroFifoConfig0, 0) && write(kGyroscope, kGyroFifoConfig1, kGyroFifoStops);
 }
 
 bool Bmi088::flush_accelerometer() noexcept {
   next_accel_count_ = -1;
-  return write(Half::kAccelerometer, kAccelCommand, kFifoReset);
+  return write(kAccelerometer, kAccelCommand, kFifoReset);
 }
 
 FetchOutcome Bmi088::flush(FetchOutcome outcome) noexcept {
@@ -258,24 +282,24 @@ FetchOutcome Bmi088::fetch(ChipBatch& batch) noexcept {
 
 FetchOutcome Bmi088::fetch_gyroscope(ChipBatch& batch) noexcept {
   std::array<std::uint8_t, 3> head{};  // FIFO_STATUS, and by the way GYRO_RANGE and GYRO_BANDWIDTH
-  if (!read(Half::kGyroscope, kFifoStatus, head)) return FetchOutcome::kBusFailed;
+  if (!read(kGyroscope, kFifoStatus, head)) return FetchOutcome::kBusFailed;
   batch.latched = timing_->now();
   if (head[1] != gyroscope_code_ || (head[2] & kBandwidthBits) != bandwidth_code_) {
     ++batch.damaged;  // if those two are well when they are read alone
-    const bool is_reset = compare({Half::kGyroscope, kGyroRange, gyroscope_code_, 0xFF}) ||
-                          compare({Half::kGyroscope, kBandwidth, bandwidth_code_, kBandwidthBits});
-    return bus_error_ != 0 ? FetchOutcome::kBusFailed : is_reset ? FetchOutcome::kReset : FetchOutcome::kOk;
+    const Register shown[] = {{kGyroscope, kGyroRange, gyroscope_code_, 0xFF},
+                              {kGyroscope, kBandwidth, bandwidth_code_, kBandwidthBits}};
+    return judge(shown);
   }
   const std::size_t count = head[0] & kFrameCount;
-  if ((head[0] & kOverrun) != 0 || count * kBmiGyroFrame >= kGyroFifoBytes) {
+  if ((head[0] & kOverrun) != 0 || count * kGyroFrame >= kGyroFifoBytes) {
     batch.lost += static_cast<std::uint32_t>(count);
     return flush(FetchOutcome::kOverflow);
   }
   if (count == 0) return FetchOutcome::kOk;
-  const std::span<std::uint8_t> bytes(received_.data(), count * kBmiGyroFrame);
-  if (!read(Half::kGyroscope, kGyroFifoData, bytes)) return FetchOutcome::kBusFailed;
+  const std::span<std::uint8_t> bytes(received_.data(), count * kGyroFrame);
+  if (!read(kGyroscope, kGyroFifoData, bytes)) return FetchOutcome::kBusFailed;
   for (std::size_t i = 0; i < count; ++i) {
-    const BmiVector value = parse_bmi_gyro(bytes.subspan(i * kBmiGyroFrame));
+    const BmiVector value = vector_at(bytes, i * kGyroFrame);
     ChipSample sample;
     sample.device = {gyro_samples_++ * facts_.period.ns};
     for (std::size_t k = 0; k < 3; ++k) sample.angular_velocity_rad_s[k] = value[k] * rad_s_per_count_;
@@ -286,7 +310,7 @@ FetchOutcome Bmi088::fetch_gyroscope(ChipBatch& batch) noexcept {
 
 FetchOutcome Bmi088::fetch_accelerometer(ChipBatch& batch) noexcept {
   std::array<std::uint8_t, 2> length{};
-  if (!read(Half::kAccelerometer, kFifoLength, length)) return FetchOutcome::kBusFailed;
+  if (!read(kAccelerometer, kFifoLength, length)) return FetchOutcome::kBusFailed;
   const std::size_t bytes = static_cast<std::size_t>(length[0] | (length[1] & 0x3F) << 8);
   if (bytes > kAccelFifoBytes) {  // a dead line
     ++batch.damaged;
@@ -294,7 +318,7 @@ FetchOutcome Bmi088::fetch_accelerometer(ChipBatch& batch) noexcept {
   }
   if (bytes == 0) return FetchOutcome::kOk;
   const std::span<std::uint8_t> received(received_.data(), bytes + kMoreBytes);
-  if (!read(Half::kAccelerometer, kAccelFifoData, received)) return FetchOutcome::kBusFailed;
+  if (!read(kAccelerometer, kAccelFifoData, received)) return FetchOutcome::kBusFailed;
   batch.accel_latched = timing_->now();
   if (!parse_bmi_accel(received, frames_)) {
     ++batch.damaged;

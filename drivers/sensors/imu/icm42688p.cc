@@ -5,15 +5,15 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <numbers>
 
-#include "drivers/sensors/imu/spi_chip.h"
+#include "platform/error/contract.h"
 
 namespace epiline {
 
 namespace {
 
-constexpr int kSpiMode = 0, kSpiMost_hz = 24'000'000;
+constexpr ChipLimits kLimits{2000, 16, 8000, 24'000'000};
+constexpr int kSpiMode = 0;
 constexpr std::uint8_t kIdentity = 0x47;
 constexpr std::uint8_t kRead = 0x80;
 
@@ -33,7 +33,7 @@ struct Rate {
 constexpr Rate kRates[] = {{12.5, 11, 25.7}, {25, 10, 25.7}, {50, 9, 12.9},  {100, 8, 6.5},  {200, 7, 3.3},
                            {500, 15, 1.3},   {1000, 6, 0.7}, {2000, 5, 0.8}, {4000, 4, 0.4}, {8000, 3, 0.2}};
 
-/// Some rows of the table in section 5.3. A filter of second order: its delay is sqrt(2) / (2 pi bandwidth).
+/// Some rows of the table in section 5.3. A filter of second order.
 struct AntiAlias {
   double hz;
   std::uint8_t delta;
@@ -46,31 +46,54 @@ constexpr AntiAlias kAntiAlias[] = {{213, 5, 25, 10},   {258, 6, 36, 10},    {53
 constexpr double kGyroscopeRanges_deg_s[] = {2000, 1000, 500, 250, 125, 62.5, 31.25, 15.625};  // by code
 constexpr double kAccelerometerRanges_g[] = {16, 8, 4, 2};
 
+constexpr std::uint8_t kHeaderEmpty = 0x80, kHeaderShort = 0x68, kHeaderLong = 0x78;
+constexpr std::uint8_t kHeaderRateBits = 0x03;  // "the rate is another than in the packet before": nothing to us
+constexpr std::int32_t kInvalid16 = -32768, kInvalid20 = -524288;
+
+std::int32_t signed16(std::span<const std::uint8_t> bytes, std::size_t at) noexcept {
+  return static_cast<std::int16_t>(static_cast<std::uint16_t>(bytes[at] << 8 | bytes[at + 1]));
+}
+
 }  // namespace
 
+IcmParse parse_icm_packet(std::span<const std::uint8_t> bytes, IcmPacketKind kind, IcmPacket& packet) noexcept {
+  EPILINE_EXPECTS(bytes.size() >= icm_packet_bytes(kind), "a whole packet");
+  const bool is_long = kind == IcmPacketKind::kLong;
+  if ((bytes[0] & kHeaderEmpty) != 0)
+    return bytes[0] == 0xff || bytes[0] == 0x80 ? IcmParse::kEmpty : IcmParse::kDamaged;
+  if ((bytes[0] & ~kHeaderRateBits) != (is_long ? kHeaderLong : kHeaderShort)) return IcmParse::kDamaged;
+  packet.is_valid = true;
+  for (std::size_t i = 0; i < 3; ++i) {
+    packet.accel[i] = signed16(bytes, 1 + 2 * i);
+    packet.gyro[i] = signed16(bytes, 7 + 2 * i);
+    if (is_long) {
+      packet.accel[i] = packet.accel[i] * 16 + (bytes[17 + i] >> 4);
+      packet.gyro[i] = packet.gyro[i] * 16 + (bytes[17 + i] & 0x0f);
+    }
+    const std::int32_t invalid = is_long ? kInvalid20 : kInvalid16;
+    if (packet.accel[i] == invalid || packet.gyro[i] == invalid) packet.is_valid = false;
+  }
+  const std::size_t time_at = is_long ? 15 : 14;
+  packet.timestamp = static_cast<std::uint16_t>(bytes[time_at] << 8 | bytes[time_at + 1]);
+  packet.temperature_c = is_long ? signed16(bytes, 13) / 132.48 + 25 : static_cast<std::int8_t>(bytes[13]) / 2.07 + 25;
+  return IcmParse::kData;
+}
+
 Icm42688p::Icm42688p(const ImuDeviceConfig& config, std::unique_ptr<SpiBus> bus, SpiTiming& timing)
-    : bus_(std::move(bus)), timing_(&timing), spi_hz_(config.spi_hz > 0 ? config.spi_hz : kSpiMost_hz) {
+    : RegisterChip("ICM-42688-P", kLimits, config, timing), bus_(std::move(bus)) {
   choose(config);
   fill_table(config.ready_edge == 0);
 }
 
 void Icm42688p::choose(const ImuDeviceConfig& config) noexcept {
-  facts_.name = "ICM-42688-P";
   const Rate* rate = std::begin(kRates);
   while (rate + 1 != std::end(kRates) && rate->hz < config.rate_hz * 0.99) ++rate;
   const AntiAlias* filter = std::begin(kAntiAlias);
   while (filter + 1 != std::end(kAntiAlias) && filter->hz < rate->hz / 2) ++filter;
   anti_alias_ = static_cast<int>(filter - std::begin(kAntiAlias));
-  const int gyroscope = smallest_range(kGyroscopeRanges_deg_s, config.gyroscope_range_deg_s);
-  const int accelerometer = smallest_range(kAccelerometerRanges_g, config.accelerometer_range_m_s2 / kGravity_m_s2);
-  if (gyroscope < 0 || accelerometer < 0 || rate->hz < config.rate_hz * 0.99 || spi_hz_ > kSpiMost_hz) {
-    unfit_.step = "a range, a rate or a clock this chip does not have";
-    std::snprintf(unfit_.expected, sizeof(unfit_.expected),
-                  "at most 2000 deg/s, 157 m/s^2, rate_hz = 8000, spi_hz = 24000000");
-  }
   rate_code_ = rate->code;
-  gyroscope_code_ = static_cast<std::uint8_t>(std::max(gyroscope, 0));
-  accelerometer_code_ = static_cast<std::uint8_t>(std::max(accelerometer, 0));
+  gyroscope_code_ = smallest_range(kGyroscopeRanges_deg_s, config.gyroscope_range_deg_s);
+  accelerometer_code_ = smallest_range(kAccelerometerRanges_g, config.accelerometer_range_m_s2 / kGravity_m_s2);
   // packets of 20 bit have the full ranges, whatever the range registers say
   const bool is_long = gyroscope_code_ == 0 && accelerometer_code_ == 0;
   kind_ = is_long ? IcmPacketKind::kLong : IcmPacketKind::kShort;
@@ -86,8 +109,8 @@ void Icm42688p::choose(const ImuDeviceConfig& config) noexcept {
   counts_of_16us_ = rate->hz < 50;              // 1.1 s until the stamp wraps, else 70 ms
   counts_per_sample_ = static_cast<int>(facts_.period.ns * 15 / times_15(1));
   facts_.clock_tolerance = 0.02;  // with the PLL 1 % over all chips and temperatures; the host's is far better
-  const double anti_alias_s = std::numbers::sqrt2 / (2 * std::numbers::pi * filter->hz);
-  facts_.gyroscope_delay = facts_.accelerometer_delay = Span::from_seconds(rate->delay_ms * 1e-3 + anti_alias_s);
+  facts_.gyroscope_delay = facts_.accelerometer_delay =
+      Span::from_seconds(rate->delay_ms * 1e-3 + second_order_delay_s(filter->hz));
 }
 
 /// In the order in which they are written. Masks leave out bits the data sheet calls reserved.
@@ -97,7 +120,8 @@ void Icm42688p::fill_table(bool rising) noexcept {
   const auto byte = [](int value) { return static_cast<std::uint8_t>(value); };
   const std::uint8_t squared_low = byte(filter.delta_squared & 0xff);
   const std::uint8_t squared_high = byte(filter.shift << 4 | filter.delta_squared >> 8);
-  const Register table[] = {
+  set_table({
+      {0, kBankSelect, 0x00, 0x07},
       {1, 0x0B, 0x00, 0x03},                           // gyroscope: notch and anti-alias filter are on
       {1, 0x0C, filter.delta, 0x3F},                   //
       {1, 0x0D, squared_low, 0xFF},                    //
@@ -124,9 +148,7 @@ void Icm42688p::fill_table(bool rising) noexcept {
       {0, 0x65, 0x04, 0x7F},                         // INT1: FIFO threshold
       {0, 0x16, 0x80, 0xC0},                         // the FIFO stops when full
       {0, kPowerManagement, kBothLowNoise, 0x3F},    // last: both sensors on
-  };
-  static_assert(std::size(table) == kRegisters);
-  for (const Register& entry : table) table_.push_back(entry);
+  });
 }
 
 // ---- registers ----
@@ -147,15 +169,33 @@ bool Icm42688p::write(std::uint8_t address, std::uint8_t value) noexcept {
 
 bool Icm42688p::select_bank(std::uint8_t bank) noexcept { return write(kBankSelect, bank); }
 
+bool Icm42688p::read_register(const Register& at, std::uint16_t& value) noexcept {
+  std::uint8_t byte = 0;
+  const bool is_read =
+      (at.bank == 0 || select_bank(at.bank)) && read(at.address, {&byte, 1}) && (at.bank == 0 || select_bank(0));
+  value = byte;
+  return is_read;
+}
+
+bool Icm42688p::write_register(const Register& at, std::uint16_t value) noexcept {
+  return (at.bank == 0 || select_bank(at.bank)) && write(at.address, static_cast<std::uint8_t>(value)) &&
+         (at.bank == 0 || select_bank(0));
+}
+
 DeviceTrouble Icm42688p::identify() noexcept {
   std::uint8_t identity = 0;
-  if (!select_bank(0) || !read(kWhoAmI, {&identity, 1})) return device_refusal("WHO_AM_I", bus_error_);
+  if (!read(kWhoAmI, {&identity, 1})) return device_refusal("WHO_AM_I", bus_error_);
   return identity == kIdentity ? DeviceTrouble{} : wrong_identity(identity, kIdentity);
+}
+
+/// While it runs a wrong bank is an error; before, anything may be selected.
+DeviceTrouble Icm42688p::identify_in_any_bank() noexcept {
+  return select_bank(0) ? identify() : device_refusal("WHO_AM_I", bus_error_);
 }
 
 DeviceTrouble Icm42688p::open() noexcept {
   if (const DeviceTrouble trouble = bus_->open(kSpiMode, spi_hz_)) return trouble;
-  return identify();
+  return identify_in_any_bank();
 }
 
 ImuChip::Step Icm42688p::start(int step) noexcept {
@@ -164,53 +204,19 @@ ImuChip::Step Icm42688p::start(int step) noexcept {
       if (!select_bank(0) || !write(kDeviceConfig, kSoftReset)) return {.trouble = device_refusal("reset", bus_error_)};
       return {.wait = Span::from_milliseconds(2)};  // 1 ms by the data sheet
     case 1: {
-      if (const DeviceTrouble trouble = identify()) return {.trouble = trouble};
+      if (const DeviceTrouble trouble = identify_in_any_bank()) return {.trouble = trouble};
       std::uint8_t status = 0;  // reading it clears what it says
       if (!read(kIntStatus, {&status, 1})) return {.trouble = device_refusal("status", bus_error_)};
       if ((status & kStatusReset) == 0)
         return {.trouble = wrong_register("the chip did not reset", 0, kIntStatus, status, kStatusReset)};
-      return {.trouble = configure(), .wait = Span::from_milliseconds(1)};  // 0.2 ms without writing after power on
+      // nothing is written within 0.2 ms of power on
+      return {.trouble = configure(Span{300'000}), .wait = Span::from_milliseconds(1)};
     }
     default:
       if (flush(FetchOutcome::kOk) != FetchOutcome::kOk) return {.trouble = device_refusal("FIFO", bus_error_)};
       next_check_ = 0;
       return {.done = true};
   }
-}
-
-DeviceTrouble Icm42688p::configure() noexcept {
-  for (const Register& entry : table_) {
-    std::uint8_t value = 0;
-    const bool is_done = select_bank(entry.bank) && read(entry.address, {&value, 1}) &&
-                         write(entry.address, static_cast<std::uint8_t>((value & ~entry.mask) | entry.value)) &&
-                         select_bank(0);
-    if (!is_done) return device_refusal("settings", bus_error_);
-  }
-  timing_->sleep_until(timing_->now() + Span{300'000});  // nothing is written within 0.2 ms of power on
-  for (const Register& entry : table_)
-    if (const DeviceTrouble trouble = compare(entry)) return trouble;
-  return {};
-}
-
-DeviceTrouble Icm42688p::compare(const Register& wanted) noexcept {
-  const auto read_in_bank = [&](std::uint8_t& value) {
-    return (wanted.bank == 0 || select_bank(wanted.bank)) && read(wanted.address, {&value, 1}) &&
-           (wanted.bank == 0 || select_bank(0));
-  };
-  return read_back(wanted.value, wanted.mask, bus_error_, read_in_bank, [&](unsigned found) {
-    return wrong_register("settings", wanted.bank, wanted.address, found, wanted.value);
-  });
-}
-
-/// Two checks come before the table's first register: the selected bank, and the chip's identity.
-DeviceTrouble Icm42688p::check_next() noexcept {
-  const std::size_t n = next_check_;
-  next_check_ = (next_check_ + 1) % (table_.size() + 2);
-  if (n == 0) return compare({0, kBankSelect, 0, 0x07});
-  if (n > 1) return compare(table_[n - 2]);
-  std::uint8_t identity = 0;
-  if (!read(kWhoAmI, {&identity, 1})) return device_refusal("WHO_AM_I", bus_error_);
-  return identity == kIdentity ? DeviceTrouble{} : wrong_identity(identity, kIdentity);
 }
 
 // ---- samples ----
@@ -233,8 +239,8 @@ FetchOutcome Icm42688p::fetch(ChipBatch& batch) noexcept {
   }
   if ((head[0] & kStatusReset) != 0) {
     ++batch.damaged;  // if the sensors are still on
-    const bool is_reset = static_cast<bool>(compare({0, kPowerManagement, kBothLowNoise, 0x3F}));
-    return bus_error_ != 0 ? FetchOutcome::kBusFailed : is_reset ? FetchOutcome::kReset : FetchOutcome::kOk;
+    const Register power[] = {{0, kPowerManagement, kBothLowNoise, 0x3F}};
+    return judge(power);
   }
   if ((head[0] & kStatusFull) != 0) {
     batch.lost += static_cast<std::uint32_t>(count);

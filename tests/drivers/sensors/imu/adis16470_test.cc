@@ -10,54 +10,31 @@ namespace {
 using namespace epiline::test;
 
 TEST(Adis16470, SamplesThatNobodyReadAreCountedAndShiftNothing) {
-  WorldSettings late;
-  late.edge_jitter_us = 0;
-  late.stall_share = 0.1;
-  late.stall_most_ms = 20;
-  AdisRig rig(at_rate(400), true, late);
+  AdisRig rig(at_rate(400), true, {.stall_share = 0.1, .stall_most_ms = 20, .edge_jitter_us = 0});
   rig.model.clock_error = -0.01;
-  ASSERT_EQ(text(rig.imu->open()), "well");
+  rig.open();
   const std::uint64_t lost_before = rig.imu->counts().lost;
   rig.read_for(10);
   const Comparison result = rig.compared();
   EXPECT_EQ(result.unknown, 0U);
   EXPECT_GT(result.missing, 100U);
   EXPECT_NEAR(static_cast<double>(rig.imu->counts().lost - lost_before), static_cast<double>(result.missing), 10);
-  EXPECT_LE(result.worst_early_ns, 20'000);
-  EXPECT_LE(result.worst_late_ns, 20'000);
-}
-
-TEST(Adis16470, DelayIsTheChipsAndTheDecimations) {
-  AdisRig rig(at_rate(200));
-  EXPECT_EQ(rig.imu->facts().gyroscope_delay.ns, 1'440'000 + 2'250'000);
-  AdisRig fast(at_rate(2000));
-  EXPECT_EQ(fast.imu->facts().gyroscope_delay.ns, 1'440'000);
+  EXPECT_LE(result.worst_ns(), 20'000);
 }
 
 TEST(Adis16470, BurstsStayBelowTheirOwnLimit) {
   ImuDeviceConfig config = at_rate(200);
   config.spi_hz = 2'000'000;
   AdisRig rig(config);
-  ASSERT_EQ(text(rig.imu->open()), "well");
+  rig.open();
   rig.read_for(1);
   EXPECT_EQ(rig.imu->counts().damaged, 0U);
   EXPECT_GT(rig.compared().samples, 190U);
 }
 
-TEST(Adis16470, SaysWhoIsThereInstead) {
-  AdisRig other(at_rate(200));
-  other.model.reg(0x72) = 16475;
-  std::string told = text(other.imu->open());
-  EXPECT_NE(told.find("an ADIS16475 [identity register]; expected 0x4056"), std::string::npos) << told;
-  AdisRig dead(at_rate(200));
-  dead.bus->stuck = 0xff;
-  told = text(dead.imu->open());
-  EXPECT_NE(told.find("0xffff [identity register]; expected 0x4056. Wrong chip select"), std::string::npos) << told;
-}
-
 TEST(Adis16470, AWrongChecksumIsLeftOut) {
   AdisRig rig(at_rate(200));
-  ASSERT_EQ(text(rig.imu->open()), "well");
+  rig.open();
   rig.read_for(0.5);
   rig.model.spoil_checksum = true;
   rig.read_for(0.02);
@@ -72,17 +49,14 @@ TEST(Adis16470, AWrongChecksumIsLeftOut) {
 }
 
 TEST(Adis16470, BitErrorsGoIntoTheChecksum) {
-  WorldSettings settings;
-  settings.edge_jitter_us = 0;
-  AdisRig rig(at_rate(200), true, settings);
-  ASSERT_EQ(text(rig.imu->open()), "well");
+  AdisRig rig(at_rate(200), true, {.edge_jitter_us = 0});
+  rig.open();
   rig.bus->bit_error_rate = 1e-3;
   rig.read_for(30);
   const Comparison result = rig.compared();
   EXPECT_EQ(result.unknown, 0U);
   EXPECT_GT(result.samples, 5000U);
-  EXPECT_LE(result.worst_late_ns, 100'000);
-  EXPECT_LE(result.worst_early_ns, 100'000);
+  EXPECT_LE(result.worst_ns(), 100'000);
 }
 
 TEST(AdisBurst, IsReadByHand) {

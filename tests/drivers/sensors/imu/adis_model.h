@@ -125,15 +125,6 @@ class AdisModel final : public ChipModel {
   std::int64_t next_ns_ = kNever, dead_until_ns_ = 0, last_word_ns_ = 0;
 };
 
-class AdisBus final : public ModelBus {
- public:
-  explicit AdisBus(AdisModel& chip) : ModelBus(chip), model_(chip) {}
-
- private:
-  void select() override { model_.select(); }
-  void deselect() override { model_.deselect(); }
-  std::uint8_t exchange(std::uint8_t in, int hz) override { return model_.exchange(in, mode(), hz); }
-  AdisModel& model_;
-};
+using AdisBus = ChipBus<AdisModel>;
 
 }  // namespace epiline::test

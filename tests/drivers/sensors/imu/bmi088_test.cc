@@ -2,55 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-#include <numbers>
-
-#include "tests/drivers/sensors/imu/chip_rigs.h"
+#include <vector>
 
 namespace epiline {
 namespace {
-
-using namespace epiline::test;
-
-TEST(Bmi088, DelayFollowsFromTheBandwidth) {
-  BmiRig rig(at_rate(400));
-  EXPECT_NEAR(rig.imu->facts().gyroscope_delay.seconds(), std::sqrt(2.0) / (2 * std::numbers::pi * 47), 1e-6);
-  EXPECT_NEAR(rig.imu->facts().accelerometer_delay.seconds(), std::sqrt(2.0) / (2 * std::numbers::pi * 75), 1e-6);
-}
-
-TEST(Bmi088, SaysWhoIsThereInstead) {
-  BmiRig swapped(at_rate(400), true, {}, true);
-  std::string told = text(swapped.imu->open());
-  EXPECT_NE(told.find("imu.device and imu.device_accel swapped"), std::string::npos) << told;
-  BmiRig open_line(at_rate(400));
-  open_line.accel_bus->stuck = 0xff;
-  told = text(open_line.imu->open());
-  EXPECT_NE(told.find("wrong identity 0xff [identity register of the accelerometer]; expected 0x1e"), std::string::npos)
-      << told;
-  BmiRig dead(at_rate(400));
-  dead.gyro_bus->stuck = 0;
-  told = text(dead.imu->open());
-  EXPECT_NE(told.find("wrong identity 0x00 [identity register of the gyroscope]"), std::string::npos) << told;
-}
-
-TEST(Bmi088, FifosThatRanOverAreEmptied) {
-  BmiRig rig(at_rate(400));
-  ASSERT_EQ(text(rig.imu->open()), "well");
-  for (const std::int64_t stall_ms : {150, 200, 400}) {  // the accelerometer's holds 146 frames of 1.25 ms
-    rig.read_for(1);
-    rig.world->now_ns += stall_ms * 1'000'000;
-    rig.model.run(rig.world->now_ns);
-  }
-  ASSERT_GT(rig.model.gyro_overflows, 0U);
-  ASSERT_GT(rig.model.accel_overflows, 0U);
-  rig.read_for(1);
-  const Comparison result = rig.compared();
-  EXPECT_EQ(result.unknown, 0U);
-  EXPECT_EQ(rig.imu->counts().overflows, 1U);
-  EXPECT_LT(result.worst_late_ns + result.worst_early_ns, 20'000);
-  EXPECT_LT(result.worst_accel_m_s2, 0.0052);
-  EXPECT_GT(result.samples, 1500U);
-}
 
 // Frames by hand, from section 4.9.
 TEST(BmiFrames, AreReadUpToTheTime) {

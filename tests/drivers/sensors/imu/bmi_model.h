@@ -119,20 +119,8 @@ class BmiModel final : public ChipModel {
   }
 
   double gyro_rate() const {
-    switch (gyro_[0x10] & 0x0f) {
-      case 0:
-      case 1:
-        return 2000;
-      case 2:
-        return 1000;
-      case 3:
-        return 400;
-      case 4:
-      case 6:
-        return 200;
-      default:
-        return 100;
-    }
+    constexpr double kRates[16] = {2000, 2000, 1000, 400, 200, 100, 200, 100, 100, 100, 100, 100, 100, 100, 100, 100};
+    return kRates[gyro_[0x10] & 0x0f];
   }
   void take_gyro(std::int64_t at_ns) {
     gyro_next_ns_ = at_ns + static_cast<std::int64_t>(1e9 / gyro_rate() / (1 + clock_error));

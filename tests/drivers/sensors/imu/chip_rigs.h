@@ -35,6 +35,7 @@ struct AdisRig : ChipRig<AdisModel> {
   static constexpr bool kHasFifo = false;
   static constexpr std::int64_t kPolledWithin_ns = 400'000;
   static constexpr int kSlowestWakeUp_us = 60;
+  static inline const std::vector<std::int64_t> kStalls_ms;
   static inline const std::vector<double> kRates{50, 100, 200, 333, 500, 1000}, kGyroscopeRanges{2000},
       kAccelerometerRanges{100, 392};
   static inline const std::vector<RegisterBit> kRegisters{{0, 0x5C, 0x01}, {0, 0x60, 0x40}, {0, 0x64, 0x01}};
@@ -70,6 +71,7 @@ struct BmiRig : ChipRig<BmiModel> {
   static constexpr bool kHasFifo = true;
   static constexpr std::int64_t kPolledWithin_ns = 250'000;
   static constexpr int kSlowestWakeUp_us = 100;
+  static inline const std::vector<std::int64_t> kStalls_ms{150, 200, 400};  ///< 146 frames of 1.25 ms fit
   static inline const std::vector<double> kRates{100, 200, 400, 1000, 2000}, kGyroscopeRanges{100, 250, 900, 2000},
       kAccelerometerRanges{29, 50, 110, 235};
   static inline const std::vector<RegisterBit> kRegisters{
@@ -102,6 +104,7 @@ struct IcmRig : ChipRig<IcmModel> {
   static constexpr bool kHasFifo = true;
   static constexpr std::int64_t kPolledWithin_ns = 200'000;
   static constexpr int kSlowestWakeUp_us = 150;
+  static inline const std::vector<std::int64_t> kStalls_ms{400};
   static inline const std::vector<double> kRates{50, 100, 200, 333, 500, 1000, 2000},
       kGyroscopeRanges{15, 100, 250, 900, 2000}, kAccelerometerRanges{19, 30, 78, 157};
   static inline const std::vector<RegisterBit> kRegisters{

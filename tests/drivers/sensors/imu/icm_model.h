@@ -31,7 +31,6 @@ class IcmModel final : public ChipModel {
   std::int64_t next_ns() const override { return next_ns_; }
 
   std::uint8_t& reg(int bank, std::uint8_t address) { return banks_[static_cast<std::size_t>(bank)][address]; }
-  std::size_t fifo_packets() const { return fifo_.size(); }
   std::uint64_t overflows = 0;
   std::vector<Truth> truths;  ///< of all samples since power was on first; the index is in gyro x
   std::uint8_t who_am_i = 0x47;
@@ -69,30 +68,8 @@ class IcmModel final : public ChipModel {
   std::size_t packet_bytes() const { return (banks_[0][0x5F] & 0x10) != 0 ? 20 : 16; }
 
   static double rate_of(std::uint8_t code) {
-    switch (code & 0x0f) {
-      case 3:
-        return 8000;
-      case 4:
-        return 4000;
-      case 5:
-        return 2000;
-      case 6:
-        return 1000;
-      case 7:
-        return 200;
-      case 8:
-        return 100;
-      case 9:
-        return 50;
-      case 10:
-        return 25;
-      case 11:
-        return 12.5;
-      case 15:
-        return 500;
-      default:
-        return 0;
-    }
+    constexpr double kRates[16] = {0, 0, 0, 8000, 4000, 2000, 1000, 200, 100, 50, 25, 12.5, 0, 0, 0, 500};
+    return kRates[code & 0x0f];
   }
 
   std::int64_t period_ns() const {
@@ -131,24 +108,18 @@ class IcmModel final : public ChipModel {
     garbles_next_time = false;
     std::array<std::uint8_t, 20> p{};
     p[0] = hires ? 0x78 : 0x68;
-    for (int i = 0; i < 3; ++i) {
-      const std::int32_t a = hires ? accel[i] >> 4 : accel[i], g = hires ? gyro[i] >> 4 : gyro[i];
-      p[static_cast<std::size_t>(1 + 2 * i)] = static_cast<std::uint8_t>(a >> 8);
-      p[static_cast<std::size_t>(2 + 2 * i)] = static_cast<std::uint8_t>(a);
-      p[static_cast<std::size_t>(7 + 2 * i)] = static_cast<std::uint8_t>(g >> 8);
-      p[static_cast<std::size_t>(8 + 2 * i)] = static_cast<std::uint8_t>(g);
-      if (hires) p[static_cast<std::size_t>(17 + i)] = static_cast<std::uint8_t>((accel[i] & 15) << 4 | (gyro[i] & 15));
+    const auto put = [&p](std::size_t at, auto value) {
+      p[at] = static_cast<std::uint8_t>(value >> 8);
+      p[at + 1] = static_cast<std::uint8_t>(value);
+    };
+    for (std::size_t i = 0; i < 3; ++i) {
+      put(1 + 2 * i, hires ? accel[i] >> 4 : accel[i]);
+      put(7 + 2 * i, hires ? gyro[i] >> 4 : gyro[i]);
+      if (hires) p[17 + i] = static_cast<std::uint8_t>((accel[i] & 15) << 4 | (gyro[i] & 15));
     }
-    std::size_t at = 13;
-    if (hires) {
-      const auto temperature = static_cast<std::int16_t>(std::lround((31.0 - 25) * 132.48));
-      p[at++] = static_cast<std::uint8_t>(temperature >> 8);
-      p[at++] = static_cast<std::uint8_t>(temperature);
-    } else {
-      p[at++] = static_cast<std::uint8_t>(std::lround((31.0 - 25) * 2.07));
-    }
-    p[at++] = static_cast<std::uint8_t>(ticks >> 8);
-    p[at++] = static_cast<std::uint8_t>(ticks);
+    p[13] = static_cast<std::uint8_t>(std::lround((31.0 - 25) * 2.07));
+    if (hires) put(13, std::lround((31.0 - 25) * 132.48));
+    put(hires ? 15 : 14, ticks);
     fifo_.push_back(p);
 
     const bool threshold = (bank[0x65] & 0x04) != 0 && (bank[0x5F] & 0x20) != 0 && bank[0x60] != 0;
@@ -226,15 +197,6 @@ class IcmModel final : public ChipModel {
   std::int64_t next_ns_ = kNever, boot_ns_ = 0, on_ns_ = 0;
 };
 
-class IcmBus final : public ModelBus {
- public:
-  explicit IcmBus(IcmModel& chip) : ModelBus(chip), model_(chip) {}
-
- private:
-  void select() override { model_.select(); }
-  void deselect() override { model_.deselect(); }
-  std::uint8_t exchange(std::uint8_t in, int hz) override { return model_.exchange(in, mode(), hz); }
-  IcmModel& model_;
-};
+using IcmBus = ChipBus<IcmModel>;
 
 }  // namespace epiline::test

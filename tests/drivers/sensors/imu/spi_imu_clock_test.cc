@@ -22,6 +22,13 @@ struct Stream {
     stamps.assign(devices.size(), HostStamp{});
     return clock.stamp(devices, taken(to) + after, stamps);
   }
+  /// Looks at samples from..to one by one, each with its edge.
+  void run(std::int64_t from, std::int64_t to) {
+    for (std::int64_t i = from; i <= to; ++i) {
+      clock.add_edge(taken(i));
+      ASSERT_TRUE(look(i, i));
+    }
+  }
   std::vector<HostStamp> stamps;
 };
 
@@ -44,10 +51,7 @@ TEST(SampleClock, AWrongFirstPairIsFound) {
 
 TEST(SampleClock, ASampleThatWasReadBeforeItsEdgeIsNoPair) {
   Stream s;
-  for (std::int64_t i = 0; i < 20; ++i) {
-    s.clock.add_edge(Stream::taken(i));
-    ASSERT_TRUE(s.look(i, i));
-  }
+  s.run(0, 19);
   // the chip's counter jumped by two samples
   EXPECT_FALSE(s.look(22, 22, Span{-2 * kPeriod_ns}));
   EXPECT_EQ(s.clock.counts().realigned, 1U);
@@ -55,10 +59,7 @@ TEST(SampleClock, ASampleThatWasReadBeforeItsEdgeIsNoPair) {
 
 TEST(SampleClock, AnEdgeThatComesAfterItsSampleIsOld) {
   Stream s;
-  for (std::int64_t i = 0; i < 40; ++i) {
-    s.clock.add_edge(Stream::taken(i));
-    ASSERT_TRUE(s.look(i, i));
-  }
+  s.run(0, 39);
   ASSERT_TRUE(s.look(40, 40));
   EXPECT_NEAR(static_cast<double>((s.stamps[0] - Stream::taken(40)).ns), 0, 1'000);
   EXPECT_TRUE(s.clock.is_old(Stream::taken(40)));
@@ -67,10 +68,7 @@ TEST(SampleClock, AnEdgeThatComesAfterItsSampleIsOld) {
 
 TEST(SampleClock, ALostEdgeBeforeTheModelIsGoodCostsItsSample) {
   Stream s;
-  for (std::int64_t i = 0; i < 5; ++i) {
-    s.clock.add_edge(Stream::taken(i));
-    ASSERT_TRUE(s.look(i, i));
-  }
+  s.run(0, 4);
   EXPECT_FALSE(s.look(5, 5));
   s.clock.add_edge(Stream::taken(6));
   EXPECT_TRUE(s.look(6, 6));

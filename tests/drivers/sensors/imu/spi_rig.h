@@ -19,6 +19,7 @@ struct Comparison {
   std::size_t missing = 0;               ///< samples of the model between the first and the last that did not come
   std::int64_t worst_early_ns = 0, worst_late_ns = 0;  ///< stamp plus delay, against the time it was taken
   double worst_accel_m_s2 = 0;
+  std::int64_t worst_ns() const { return std::max(worst_early_ns, worst_late_ns); }
 };
 
 /// Finds each sample in `truths` by its angular velocity; these are random numbers, or count.
@@ -55,11 +56,11 @@ inline Comparison compare(const std::vector<ImuSample>& samples, const std::vect
 /// Reads for a while; counts heap calls of the reading alone.
 struct Reading {
   std::vector<ImuSample> samples;
-  std::size_t failed = 0, timeouts = 0;
+  std::size_t failed = 0;
   std::uint64_t heap_calls = 0;  ///< the models' included
 };
-inline void read_for(SpiImu& imu, SpiWorld& world, Span duration, Reading& reading, std::size_t room = 16) {
-  std::vector<ImuSample> some(room);
+inline void read_for(SpiImu& imu, SpiWorld& world, Span duration, Reading& reading) {
+  std::vector<ImuSample> some(16);
   reading.samples.reserve(1'000'000);
   const std::int64_t until = world.now_ns + duration.ns;
   while (world.now_ns < until) {
@@ -68,10 +69,11 @@ inline void read_for(SpiImu& imu, SpiWorld& world, Span duration, Reading& readi
     const ReadOutcome outcome = imu.read(some, count, Span{std::min<std::int64_t>(100'000'000, until - world.now_ns)});
     reading.heap_calls += scope.calls();
     if (outcome == ReadOutcome::kFailed) ++reading.failed;
-    if (outcome == ReadOutcome::kTimeout) ++reading.timeouts;
     reading.samples.insert(reading.samples.end(), some.begin(), some.begin() + static_cast<std::ptrdiff_t>(count));
   }
 }
+
+inline std::string text(const Status& status) { return status ? "well" : status.error().text(); }
 
 /// A driver on the model of its chip. The rig of a chip makes the chip on the model's wires.
 template <class Model>
@@ -85,8 +87,14 @@ struct ChipRig {
     model.line_is_rising = config.ready_edge == 0;
     imu = std::make_unique<SpiImu>(config, std::move(chip), std::move(ready), world);
   }
+  void open() { ASSERT_EQ(text(imu->open()), "well"); }
   void read_for(double seconds) { test::read_for(*imu, *world, Span::from_seconds(seconds), reading); }
   Comparison compared() const { return compare(reading.samples, model.truths, imu->facts().gyroscope_delay); }
+  /// Nobody reads for a while.
+  void stall(std::int64_t ms) {
+    world->now_ns += ms * 1'000'000;
+    model.run(world->now_ns);
+  }
 
   ImuDeviceConfig config;
   std::shared_ptr<SpiWorld> world;
@@ -101,7 +109,5 @@ inline ImuDeviceConfig at_rate(double hz) {
   config.rate_hz = hz;
   return config;
 }
-
-inline std::string text(const Status& status) { return status ? "well" : status.error().text(); }
 
 }  // namespace epiline::test
