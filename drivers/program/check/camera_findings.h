@@ -1,8 +1,8 @@
 #pragma once
 // What the camera's driver tells of exposure and memory, for `epiline check`.
 #include "drivers/program/check/finding.h"
-#include "drivers/sensors/camera/buffer_reading.h"
 #include "drivers/sensors/camera/camera_exposure.h"
+#include "drivers/sensors/camera/grey_copies.h"
 #include "pipeline/config/devices.h"
 
 namespace epiline {

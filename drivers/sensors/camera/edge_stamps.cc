@@ -17,6 +17,8 @@ constexpr double kRateShare = 1.0 / 16;
 constexpr double kLongGap = 16;           // periods without an edge: counting over them is not safe
 constexpr std::int64_t kExtrapolate = 3;  // periods from the nearest edge that its rate is good for
 constexpr double kLagShare = 1.0 / 16;
+constexpr std::uint64_t EdgeCounts::*kCounterOf[] = {&EdgeCounts::matched, &EdgeCounts::without_edge,
+                                                     &EdgeCounts::unsure, &EdgeCounts::mismatched};
 
 }  // namespace
 
@@ -83,20 +85,7 @@ double EdgeStamps::period_ns() const noexcept {
 
 EdgeMatch EdgeStamps::match(std::uint64_t sequence, HostStamp& start) noexcept {
   const EdgeMatch match = judge(sequence, start);
-  switch (match) {
-    case EdgeMatch::kEdge:
-      ++counts_.matched;
-      break;
-    case EdgeMatch::kNoEdge:
-      ++counts_.without_edge;
-      break;
-    case EdgeMatch::kUnsure:
-      ++counts_.unsure;
-      break;
-    case EdgeMatch::kMismatch:
-      ++counts_.mismatched;
-      break;
-  }
+  ++(counts_.*kCounterOf[static_cast<std::size_t>(match)]);
   counts_.lag = Span{static_cast<std::int64_t>(lag_ns_)};
   counts_.period = Span{count_ >= kEdgesToBegin ? static_cast<std::int64_t>(period_ns()) : 0};
   return match;

@@ -7,7 +7,6 @@
 #include <string_view>
 #include <vector>
 
-#include "drivers/sensors/camera/buffer_reading.h"
 #include "drivers/sensors/camera/camera_clock.h"
 #include "drivers/sensors/camera/camera_exposure.h"
 #include "drivers/sensors/camera/control_requests.h"

@@ -85,20 +85,16 @@ bool parse_bmi_accel(std::span<const std::uint8_t> bytes, BmiAccelFrames& frames
     const std::size_t size = frame_bytes(header);
     if (size == 0) return false;
     if (size > bytes.size()) return true;  // it comes again, whole
-    switch (header & kHeaderBits) {
-      case kData:
-        if (!frames.values.push_back(vector_at(bytes, 1))) return false;
-        break;
-      case kSkip:
-        frames.skipped += bytes[1];
-        frames.values.clear();  // they are not in a row with what follows
-        break;
-      case kTime:
-        frames.has_time = true;
-        frames.time = bytes[1] | static_cast<std::uint32_t>(bytes[2]) << 8 | static_cast<std::uint32_t>(bytes[3]) << 16;
-        return true;  // the FIFO is empty
-      default:
-        break;
+    const std::uint8_t kind = header & kHeaderBits;
+    if (kind == kData && !frames.values.push_back(vector_at(bytes, 1))) return false;
+    if (kind == kSkip) {
+      frames.skipped += bytes[1];
+      frames.values.clear();  // they are not in a row with what follows
+    }
+    if (kind == kTime) {
+      frames.has_time = true;
+      frames.time = bytes[1] | static_cast<std::uint32_t>(bytes[2]) << 8 | static_cast<std::uint32_t>(bytes[3]) << 16;
+      return true;  // the FIFO is empty
     }
     bytes = bytes.subspan(size);
   }

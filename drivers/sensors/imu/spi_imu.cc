@@ -100,6 +100,11 @@ void SpiImu::start_again() noexcept {
   step_at_ = timing_->now();
 }
 
+void SpiImu::was_reset() noexcept {
+  ++counts_.resets;
+  start_again();
+}
+
 Status SpiImu::wait_for_first() {
   HostStamp until;
   for (bool started = false; pending_.empty() || (ready_ && !edge_seen_);) {
@@ -267,27 +272,11 @@ void SpiImu::look() noexcept {
   counts_.lost += batch_.lost;
   if (batch_.has_temperature) counts_.temperature_c = batch_.temperature_c;
   schedule_poll(outcome == FetchOutcome::kOk && batch_.samples.empty(), now);
-  switch (outcome) {
-    case FetchOutcome::kBusFailed:
-      lose(chip_->bus_error());
-      return;
-    case FetchOutcome::kReset:
-      ++counts_.resets;
-      start_again();
-      return;
-    case FetchOutcome::kOverflow:
-      ++counts_.overflows;
-      break;
-    case FetchOutcome::kDamaged:
-    case FetchOutcome::kGarbled:
-      if (++damaged_in_a_row_ >= kDamagedMost) {
-        lose(EIO);
-        return;
-      }
-      break;
-    case FetchOutcome::kOk:
-      break;
-  }
+  if (outcome == FetchOutcome::kBusFailed) return lose(chip_->bus_error());
+  if (outcome == FetchOutcome::kReset) return was_reset();
+  if (outcome == FetchOutcome::kOverflow) ++counts_.overflows;
+  const bool is_damaged = outcome == FetchOutcome::kDamaged || outcome == FetchOutcome::kGarbled;
+  if (is_damaged && ++damaged_in_a_row_ >= kDamagedMost) return lose(EIO);
   if (!registers_are_well(now)) return;
   drain_edges();
   if (outcome == FetchOutcome::kOverflow || outcome == FetchOutcome::kDamaged) {
@@ -320,12 +309,7 @@ bool SpiImu::registers_are_well(HostStamp now) noexcept {
   ++counts_.checked;
   if (!trouble) return true;
   trouble_ = trouble;
-  if (trouble.error != 0) {
-    lose(trouble.error);
-  } else {
-    ++counts_.resets;
-    start_again();
-  }
+  trouble.error != 0 ? lose(trouble.error) : was_reset();
   return false;
 }
 

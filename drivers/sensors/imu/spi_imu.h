@@ -183,6 +183,7 @@ class SpiImu final : public ImuSource {
   bool bring_up(HostStamp deadline) noexcept;
   void set_state(State state) noexcept;
   void start_again() noexcept;
+  void was_reset() noexcept;
   void begin_run(HostStamp now) noexcept;
   void lose(int error) noexcept;
   void retry_later(int error) noexcept;

@@ -62,15 +62,11 @@ class GivenCamera final : public CameraSource {
   int next_ = 0;
 };
 
+constexpr Span kLong = Span::from_milliseconds(60'000);  ///< that a busy computer may take
+
 class Pair : public testing::Test {
  protected:
-  /// Waits for the second camera as long as a busy computer may take.
-  static PairSettings patient() {
-    PairSettings settings;
-    settings.patience = Span::from_milliseconds(60'000);
-    return settings;
-  }
-  void open(const PairSettings& settings = patient()) {
+  void open(const PairSettings& settings = {.patience = kLong}) {
     auto first = std::make_unique<GivenCamera>(), second = std::make_unique<GivenCamera>();
     first_ = first.get();
     second_ = second.get();
@@ -81,7 +77,7 @@ class Pair : public testing::Test {
   /// The brightness of the next image's partner; -1: it has none. -2: no image.
   int partner() {
     Frame frame;
-    if (pair_->read(frame, Span::from_milliseconds(60'000)) != ReadOutcome::kSample) return -2;
+    if (pair_->read(frame, kLong) != ReadOutcome::kSample) return -2;
     const Frame second = pair_->others(frame)[0];
     const int found = second.data == nullptr ? -1 : *second.data;
     pair_->give_back(frame);
@@ -119,15 +115,13 @@ TEST_F(Pair, ImagesOfOneTimeComeTogether) {
 
 /// Free-running cameras, the second one a little faster: its images wander through the first one's periods of 50 ms.
 TEST_F(Pair, TheNearestOfAFreeRunningCameraComesWithItsTime) {
-  PairSettings settings = patient();
-  settings.within = Span::from_milliseconds(25);
-  open(settings);
+  open({.within = Span::from_milliseconds(25), .patience = kLong});
   int given = 0;
   for (int i = 1; i < 50; ++i) {
     for (; 49 * given <= 50 * i + 25; ++given) second_->give(49 * given, static_cast<std::uint8_t>(given));
     first_->give(50 * i, 0);
     Frame frame;
-    ASSERT_EQ(pair_->read(frame, Span::from_milliseconds(60'000)), ReadOutcome::kSample);
+    ASSERT_EQ(pair_->read(frame, kLong), ReadOutcome::kSample);
     const Frame second = pair_->others(frame)[0];
     ASSERT_NE(second.data, nullptr) << i;
     EXPECT_EQ(second.stamp.ns, std::int64_t{49'000'000} * *second.data);
@@ -156,9 +150,7 @@ TEST_F(Pair, AnImageWithoutPartnerComesAlone) {
 }
 
 TEST_F(Pair, TheSecondCamerasClockIsPutRight) {
-  PairSettings settings = patient();
-  settings.second_later = Span::from_milliseconds(7);
-  open(settings);
+  open({.second_later = Span::from_milliseconds(7), .patience = kLong});
   second_->give(43, 9);
   first_->give(50, 0);
   EXPECT_EQ(partner(), 9);
@@ -194,10 +186,7 @@ TEST_F(Pair, ASilentFirstCameraLeavesTheSecondOneItsBuffers) {
 
 TEST_F(Pair, WhileTheFirstOneIsSilentTheSecondOneGoesOnAlone) {
   for (const bool is_lost : {false, true}) {
-    PairSettings settings = patient();
-    settings.width = 3;
-    settings.height = 2;
-    open(settings);
+    open({.patience = kLong, .width = 3, .height = 2});
     const auto next = [&] {
       Frame frame;
       while (pair_->read(frame, Span::from_milliseconds(1000)) != ReadOutcome::kSample)
@@ -242,9 +231,7 @@ TEST_F(Pair, WhileTheFirstOneIsSilentTheSecondOneGoesOnAlone) {
 }
 
 TEST_F(Pair, WithNeitherOfTheTwoThereAreNoImages) {
-  PairSettings settings = patient();
-  settings.width = settings.height = 1;
-  open(settings);
+  open({.patience = kLong, .width = 1, .height = 1});
   for (int i = 1; i <= 2; ++i) {
     second_->give(50 * i, 7);
     first_->give(50 * i, 0);
@@ -262,9 +249,7 @@ TEST(PairOfPairs, TheThirdCamerasImageComesWithBothOthers) {
     cameras[i] = camera.get();
     return camera;
   };
-  PairSettings settings;
-  settings.patience = Span::from_milliseconds(60'000);
-  settings.width = settings.height = 1;
+  PairSettings settings{.patience = kLong, .width = 1, .height = 1};
   auto two = std::make_unique<CameraPair>(given(0), given(1), settings);
   settings.number = 2;
   CameraPair three(std::move(two), given(2), settings);

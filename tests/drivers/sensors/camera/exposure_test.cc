@@ -6,7 +6,6 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "platform/memory/allocation_count.h"
 #include "tests/drivers/sensors/camera/simulated_camera.h"
 
 namespace epiline {
@@ -216,22 +215,6 @@ TEST(ExposureTimeline, ManyChangesBetweenTwoImagesAreShownInTurn) {
   for (std::int64_t i = 0; i < 100; ++i) timeline.change({1'001 + i}, {Span{2 + i}, 1});
   timeline.image({2'000}, 2);
   EXPECT_EQ(timeline.image({3'000}, 3).state.time.ns, 101);
-}
-
-TEST(ExposureController, UsesNoHeap) {
-  ExposureController controller(wide_limits());
-  ExposureTimeline timeline(-1);
-  timeline.begin({Span{1'000'000}, 1});
-  const std::vector<std::uint8_t> pixels(752 * 480, 90);
-  const HeapCallScope heap;
-  for (std::uint64_t i = 1; i < 50; ++i) {
-    const auto of_image = timeline.image({static_cast<std::int64_t>(i) * 1'000'000}, i);
-    const ImageStatistics statistics = statistics_of(pixels.data(), 752, 480, 752);
-    timeline.brightness(statistics.mean);
-    if (const auto next = controller.step(statistics, of_image, 0))
-      timeline.change({static_cast<std::int64_t>(i) * 1'000'000 + 1}, *next);
-  }
-  EXPECT_EQ(heap.calls(), 0u);
 }
 
 TEST(ImageStatistics, AreThoseOfTheImage) {

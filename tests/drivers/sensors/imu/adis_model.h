@@ -29,7 +29,6 @@ class AdisModel final : public ChipModel {
   std::uint16_t product = 16470;
   int resets = 0, too_soon = 0;   ///< words that came before the stall time was over
   std::uint16_t next_status = 0;  ///< DIAG_STAT of the next burst
-  bool spoil_checksum = false;
 
   void select() {
     bytes_ = 0;
@@ -112,7 +111,6 @@ class AdisModel final : public ChipModel {
     put(counter_);
     burst_[18] = static_cast<std::uint8_t>(sum >> 8);
     burst_[19] = static_cast<std::uint8_t>(sum);
-    if (spoil_checksum) burst_[5] ^= 0x10;
     if (hz > 1'000'000) burst_.fill(0x5a);
   }
 

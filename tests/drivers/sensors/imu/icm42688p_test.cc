@@ -9,17 +9,6 @@ namespace {
 
 using namespace epiline::test;
 
-TEST(Icm42688p, ALateReaderShiftsNoStamp) {
-  IcmRig rig(at_rate(1000), true, {.stall_share = 0.2, .stall_most_ms = 12, .edge_jitter_us = 0});
-  rig.model.clock_error = -0.01;
-  rig.open();
-  rig.read_for(5);
-  const Comparison result = rig.compared();
-  EXPECT_EQ(result.unknown + result.missing, 0U);
-  EXPECT_EQ(result.worst_ns(), 0);
-  EXPECT_GT(result.samples, 4900U);
-}
-
 TEST(Icm42688p, LostEdgesCostOnlyTheirOwnExactness) {
   IcmRig rig(at_rate(1000), true,
              {.stall_share = 0.05, .stall_most_ms = 6, .edge_jitter_us = 2, .edge_lost_share = 0.2});

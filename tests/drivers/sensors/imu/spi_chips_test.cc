@@ -154,7 +154,6 @@ TYPED_TEST(EverySpiChip, ABusThatFailsOrGetsStuckIsReopened) {
 }
 
 TYPED_TEST(EverySpiChip, FifosThatRanOverAreEmptied) {
-  if (!TypeParam::kHasFifo) GTEST_SKIP() << "it has none";
   this->begin();
   for (const std::int64_t stall_ms : TypeParam::kStalls_ms) {
     this->rig->read_for(1);
@@ -163,8 +162,8 @@ TYPED_TEST(EverySpiChip, FifosThatRanOverAreEmptied) {
   this->rig->read_for(1);
   const Comparison result = this->rig->compared();
   EXPECT_EQ(result.unknown, 0U);
-  EXPECT_EQ(this->rig->imu->counts().overflows, 1U);
-  EXPECT_GE(this->rig->imu->counts().lost, 100U);
+  EXPECT_EQ(this->rig->imu->counts().overflows, TypeParam::kHasFifo ? 1U : 0U);
+  EXPECT_GE(this->rig->imu->counts().lost, TypeParam::kHasFifo ? 100U : 0U);
   EXPECT_LT(result.worst_accel_m_s2, TypeParam::kWorstAccel);
   this->expect_stamps_within(20'000);
   const auto seconds = static_cast<double>(TypeParam::kStalls_ms.size()) + 1;
