@@ -1,6 +1,5 @@
 #pragma once
 // Exposure of a streaming V4L2 camera: tracks which exposure each image had, and controls the next one.
-#include <array>
 #include <atomic>
 #include <cstdint>
 #include <optional>

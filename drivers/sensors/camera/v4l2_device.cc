@@ -46,7 +46,8 @@ v4l2_buffer mapped_buffer(std::uint32_t type, unsigned index) noexcept {
 
 V4l2Controls V4l2Device::controls() const noexcept {
   V4l2Controls controls(system_);
-  for (std::size_t i = 0; i < control_files(); ++i) controls.add_file(control_file(i));
+  controls.add_file(fd_);
+  for (std::size_t i = 0; i < graph_.sub_devices(); ++i) controls.add_file(graph_.sub_device(i));
   return controls;
 }
 
@@ -238,14 +239,15 @@ void V4l2Device::watch_control(const ControlFacts& facts) noexcept {
   v4l2_event_subscription wish{};
   wish.type = V4L2_EVENT_CTRL;
   wish.id = facts.id;
-  if (call(control_file(facts.file), VIDIOC_SUBSCRIBE_EVENT, &wish) == 0) watches_ = true;
+  if (call(controls().control_file(facts.file), VIDIOC_SUBSCRIBE_EVENT, &wish) == 0) watches_ = true;
 }
 
 bool V4l2Device::next_change(std::uint32_t& id, std::int64_t& value, HostStamp& at) noexcept {
   if (!watches_) return false;
-  for (std::size_t i = 0; i < control_files(); ++i) {
+  const V4l2Controls files = controls();
+  for (std::size_t i = 0; i < files.control_files(); ++i) {
     v4l2_event event{};
-    if (call(control_file(i), VIDIOC_DQEVENT, &event) != 0 || event.type != V4L2_EVENT_CTRL) continue;
+    if (call(files.control_file(i), VIDIOC_DQEVENT, &event) != 0 || event.type != V4L2_EVENT_CTRL) continue;
     id = event.id;
     value = event.u.ctrl.type == V4L2_CTRL_TYPE_INTEGER64 ? event.u.ctrl.value64 : event.u.ctrl.value;
     at = {static_cast<std::int64_t>(event.timestamp.tv_sec) * 1'000'000'000 + event.timestamp.tv_nsec};

@@ -73,9 +73,6 @@ class V4l2Device {
   int call(int fd, unsigned long request, void* argument) const noexcept {
     return call_device(system_, fd, request, argument);
   }
-  /// Files that may have controls: the device's, then those of the sub-devices on the way from the sensor.
-  std::size_t control_files() const noexcept { return 1 + graph_.sub_devices(); }
-  int control_file(std::size_t i) const noexcept { return i == 0 ? fd_ : graph_.sub_device(i - 1); }
 
   /// In a media graph: finds the way from the sensor and enables its links. Without one nothing.
   DeviceTrouble set_graph(const char* sensor) noexcept;
@@ -91,7 +88,7 @@ class V4l2Device {
   void hold_focus() noexcept;
   /// As it is now.
   Focus focus() const noexcept;
-  /// Valid as long as the device stays open.
+  /// Of its own file and of the sub-devices on the way from the sensor. Valid as long as the device stays open.
   V4l2Controls controls() const noexcept;
   DeviceTrouble control(const char* name, std::int64_t& value) noexcept;
   /// From now on next_change() tells when another program changes the control. A device may not offer that.

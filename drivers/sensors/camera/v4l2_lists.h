@@ -43,16 +43,16 @@ void each_rate(const V4l2Device& device, std::uint32_t fourcc, unsigned width, u
   }
 }
 
-/// Of a V4l2Device or its V4l2Controls, with the number of the file that has the control; until `use` returns false.
-template <class Device, class Use>
-void each_control(const Device& device, Use use) {
+/// With the number of the file that has the control; until `use` returns false.
+template <class Use>
+void each_control(const V4l2Controls& controls, Use use) {
   constexpr std::uint32_t kNext = V4L2_CTRL_FLAG_NEXT_CTRL | V4L2_CTRL_FLAG_NEXT_COMPOUND;
   bool goes_on = true;
-  for (std::size_t i = 0; goes_on && i < device.control_files(); ++i) {
-    const int fd = device.control_file(i);
+  for (std::size_t i = 0; goes_on && i < controls.control_files(); ++i) {
+    const int fd = controls.control_file(i);
     v4l2_query_ext_ctrl query{};
     query.id = kNext;
-    while (goes_on && device.call(fd, VIDIOC_QUERY_EXT_CTRL, &query) == 0) {
+    while (goes_on && controls.call(fd, VIDIOC_QUERY_EXT_CTRL, &query) == 0) {
       goes_on = use(query, i);
       query.id |= kNext;
     }

@@ -1,6 +1,5 @@
 #include "drivers/sensors/gpio/gpio_line.h"
 
-#include <dirent.h>
 #include <poll.h>
 
 #include <algorithm>
@@ -11,6 +10,7 @@
 #include <vector>
 
 #include "drivers/sensors/gpio/gpio_request.h"
+#include "drivers/sensors/imu/iio_attributes.h"
 #include "platform/error/contract.h"
 #include "platform/linux/system_calls.h"
 #include "platform/time/backoff.h"
@@ -25,11 +25,10 @@ constexpr std::size_t kNamesShown = 24;
 /// Paths of all chips, in the order of their numbers.
 std::vector<std::string> chip_paths() {
   std::vector<std::string> paths;
-  DIR* const folder = ::opendir("/dev");
-  if (folder == nullptr) return paths;
-  while (const dirent* const entry = ::readdir(folder))
-    if (std::strncmp(entry->d_name, "gpiochip", 8) == 0) paths.push_back(std::string("/dev/") + entry->d_name);
-  ::closedir(folder);
+  for_each_entry("/dev", [&](const char* name) {
+    if (std::strncmp(name, "gpiochip", 8) == 0) paths.push_back(std::string("/dev/") + name);
+    return true;
+  });
   std::sort(paths.begin(), paths.end(), [](const std::string& a, const std::string& b) {
     return a.size() != b.size() ? a.size() < b.size() : a < b;
   });

@@ -1,7 +1,5 @@
 #include "drivers/sensors/imu/bmi088.h"
 
-#include <algorithm>
-#include <cstdio>
 #include <cstdlib>
 
 #include "drivers/sensors/trouble.h"
@@ -11,7 +9,6 @@ namespace {
 
 constexpr ChipLimits kLimits{2000, 24, 2000, 10'000'000};
 constexpr int kSpiMode = 0;
-constexpr std::uint8_t kRead = 0x80;
 constexpr std::int64_t kTick_ns_2 = 78'125;  // two counts of the accelerometer's clock: 39.0625 us each
 constexpr Span kAccelQuiet = Span::from_milliseconds(50), kTimeSlack = Span::from_milliseconds(5);
 constexpr int kStrangeTimesMost = 5;
@@ -158,19 +155,14 @@ void Bmi088::fill_table(bool rising) noexcept {
 
 bool Bmi088::read(unsigned half, std::uint8_t address, std::span<std::uint8_t> bytes) noexcept {
   // the accelerometer sends a byte without meaning first
-  const bool is_accel = half == kAccelerometer;
-  const std::uint8_t command[] = {static_cast<std::uint8_t>(address | kRead), 0};
-  const SpiPart parts[] = {{.send = command, .size = is_accel ? 2U : 1U},
-                           {.receive = bytes.data(), .size = bytes.size()}};
-  bus_error_ = (is_accel ? accelerometer_ : gyroscope_)->transfer(parts);
+  bus_error_ =
+      half == kAccelerometer ? accelerometer_->read_bytes(address, bytes, 1) : gyroscope_->read_bytes(address, bytes);
   return bus_error_ == 0;
 }
 
 bool Bmi088::write(unsigned half, std::uint8_t address, std::uint8_t value) noexcept {
-  const std::uint8_t bytes[] = {address, value};
-  const SpiPart parts[] = {{.send = bytes, .size = 2}};
-  bus_error_ = (half == kAccelerometer ? accelerometer_ : gyroscope_)->transfer(parts);
   // between writes the chip wants 2 us; the system call takes longer
+  bus_error_ = (half == kAccelerometer ? accelerometer_ : gyroscope_)->write_byte(address, value);
   return bus_error_ == 0;
 }
 

@@ -1,9 +1,7 @@
 #include "drivers/sensors/imu/icm42688p.h"
 
-#include <algorithm>
 #include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
 
 #include "platform/error/contract.h"
@@ -15,7 +13,6 @@ namespace {
 constexpr ChipLimits kLimits{2000, 16, 8000, 24'000'000};
 constexpr int kSpiMode = 0;
 constexpr std::uint8_t kIdentity = 0x47;
-constexpr std::uint8_t kRead = 0x80;
 
 // Registers of bank 0 that are used by name.
 constexpr std::uint8_t kDeviceConfig = 0x11, kIntStatus = 0x2D, kFifoData = 0x30, kSignalPathReset = 0x4B,
@@ -153,20 +150,6 @@ void Icm42688p::fill_table(bool rising) noexcept {
 
 // ---- registers ----
 
-bool Icm42688p::read(std::uint8_t address, std::span<std::uint8_t> bytes) noexcept {
-  const std::uint8_t command = address | kRead;
-  const SpiPart parts[] = {{.send = &command, .size = 1}, {.receive = bytes.data(), .size = bytes.size()}};
-  bus_error_ = bus_->transfer(parts);
-  return bus_error_ == 0;
-}
-
-bool Icm42688p::write(std::uint8_t address, std::uint8_t value) noexcept {
-  const std::uint8_t bytes[] = {address, value};
-  const SpiPart parts[] = {{.send = bytes, .size = 2}};
-  bus_error_ = bus_->transfer(parts);
-  return bus_error_ == 0;
-}
-
 bool Icm42688p::select_bank(std::uint8_t bank) noexcept { return write(kBankSelect, bank); }
 
 bool Icm42688p::read_register(const Register& at, std::uint16_t& value) noexcept {
@@ -248,7 +231,7 @@ FetchOutcome Icm42688p::fetch(ChipBatch& batch) noexcept {
   }
   if (count == 0) return FetchOutcome::kOk;
   // one transfer, for the FIFO must not be left in the middle of a packet
-  sent_[0] = kFifoData | kRead;
+  sent_[0] = kFifoData | kReadBit;
   const SpiPart parts[] = {{.send = sent_.data(), .receive = received_.data(), .size = bytes + 1}};
   bus_error_ = bus_->transfer(parts);
   if (bus_error_ != 0) return FetchOutcome::kBusFailed;

@@ -49,8 +49,12 @@ class Icm42688p final : public RegisterChip {
   void fill_table(bool rising) noexcept;
   DeviceTrouble identify() noexcept override;
   DeviceTrouble identify_in_any_bank() noexcept;
-  bool read(std::uint8_t address, std::span<std::uint8_t> bytes) noexcept;
-  bool write(std::uint8_t address, std::uint8_t value) noexcept;
+  bool read(std::uint8_t address, std::span<std::uint8_t> bytes) noexcept {
+    return (bus_error_ = bus_->read_bytes(address, bytes)) == 0;
+  }
+  bool write(std::uint8_t address, std::uint8_t value) noexcept {
+    return (bus_error_ = bus_->write_byte(address, value)) == 0;
+  }
   bool select_bank(std::uint8_t bank) noexcept;
   bool read_register(const Register& at, std::uint16_t& value) noexcept override;
   bool write_register(const Register& at, std::uint16_t value) noexcept override;

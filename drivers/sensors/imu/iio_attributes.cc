@@ -1,6 +1,5 @@
 #include "drivers/sensors/imu/iio_attributes.h"
 
-#include <dirent.h>
 #include <fcntl.h>
 #include <sys/syscall.h>
 #include <unistd.h>

@@ -54,6 +54,18 @@ DeviceTrouble trouble_of(const char* step, int error) noexcept {
 
 }  // namespace
 
+int SpiBus::read_bytes(std::uint8_t address, std::span<std::uint8_t> bytes, std::size_t dummies) noexcept {
+  const std::uint8_t command[] = {static_cast<std::uint8_t>(address | kReadBit), 0};
+  const SpiPart parts[] = {{.send = command, .size = 1 + dummies}, {.receive = bytes.data(), .size = bytes.size()}};
+  return transfer(parts);
+}
+
+int SpiBus::write_byte(std::uint8_t address, std::uint8_t value) noexcept {
+  const std::uint8_t bytes[] = {address, value};
+  const SpiPart part{.send = bytes, .size = 2};
+  return transfer({&part, 1});
+}
+
 DeviceTrouble SpidevBus::open(int mode, int hz) noexcept {
   close();
   fd_ = ::open(path_.c_str(), O_RDWR | O_CLOEXEC);

@@ -17,6 +17,8 @@ struct SpiPart {
   int hz = 0;  ///< 0: the speed of open()
 };
 
+inline constexpr std::uint8_t kReadBit = 0x80;  ///< of a register's address
+
 /// open() and close() belong to start-up and to getting a lost device back. No heap, no exceptions.
 class SpiBus {
  public:
@@ -27,6 +29,11 @@ class SpiBus {
   /// At most 4 parts, at most 4096 bytes together (the usual limit of spidev). 0 or errno.
   virtual int transfer(std::span<const SpiPart> parts) noexcept = 0;
   virtual const char* name() const noexcept = 0;
+
+  /// Registers of one byte, as most chips have them. `dummies`: bytes that the chip sends before the answer, at most 1.
+  /// 0 or errno.
+  int read_bytes(std::uint8_t address, std::span<std::uint8_t> bytes, std::size_t dummies = 0) noexcept;
+  int write_byte(std::uint8_t address, std::uint8_t value) noexcept;
 };
 
 /// /dev/spidevB.C of the kernel.

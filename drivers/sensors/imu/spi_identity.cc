@@ -1,6 +1,5 @@
 #include "drivers/sensors/imu/spi_identity.h"
 
-#include <array>
 #include <cstddef>
 
 #include "drivers/sensors/trouble.h"
@@ -38,12 +37,10 @@ constexpr KnownChip kKnownChips[] = {
     {0x6c, "an LSM6DSO"},
 };
 
-/// The last of so many bytes that come after the address. An accelerometer of a BMI088 sends one before its answer.
-unsigned identity_at(SpiBus& bus, unsigned address, std::size_t bytes) noexcept {
-  constexpr unsigned kRead = 0x80;
-  std::array<std::uint8_t, 3> sent{static_cast<std::uint8_t>(address | kRead)}, received{};
-  const SpiPart part{.send = sent.data(), .receive = received.data(), .size = 1 + bytes};
-  return bus.transfer({&part, 1}) == 0 ? received[bytes] : 0;
+/// `dummies`: an accelerometer of a BMI088 sends a byte before its answer.
+unsigned identity_at(SpiBus& bus, std::uint8_t address, std::size_t dummies = 0) noexcept {
+  std::uint8_t identity = 0;
+  return bus.read_bytes(address, {&identity, 1}, dummies) == 0 ? identity : 0;
 }
 
 const char* name_of(unsigned identity) noexcept {
@@ -58,11 +55,11 @@ SpiChip ask_identity(SpiBus& bus) noexcept {
   constexpr int kMode = 0, kSlow_hz = 1'000'000;  // all of them understand both
   if (bus.open(kMode, kSlow_hz)) return SpiChip::kUnknown;
   SpiChip chip = SpiChip::kUnknown;
-  if (identity_at(bus, 0x75, 1) == 0x47) {
+  if (identity_at(bus, 0x75) == 0x47) {
     chip = SpiChip::kIcm42688p;
-  } else if (identity_at(bus, 0x00, 1) == 0x0f) {
+  } else if (identity_at(bus, 0x00) == 0x0f) {
     chip = SpiChip::kBmi088Gyroscope;
-  } else if (identity_at(bus, 0x00, 2) == 0x1e) {  // the questions before have made it listen to SPI
+  } else if (identity_at(bus, 0x00, 1) == 0x1e) {  // the questions before have made it listen to SPI
     chip = SpiChip::kBmi088Accelerometer;
   }
   bus.close();

@@ -68,8 +68,7 @@ Tally fly(const World& world) {
 
 TEST(EdgeStamps, EveryImageGetsItsEdge) {
   for (const double lag : {-0.4, 0.0, 0.2, 0.4}) {
-    World world;
-    world.lag = lag;
+    const World world{.lag = lag};
     const Tally tally = fly(world);
     EXPECT_EQ(tally.wrong, 0);
     EXPECT_EQ(tally.outcomes.at(EdgeMatch::kEdge), world.images - 11 - 7) << "12 edges to begin, 8 images to learn";
@@ -79,15 +78,11 @@ TEST(EdgeStamps, EveryImageGetsItsEdge) {
 }
 
 TEST(EdgeStamps, WithoutEdgesNoImageIsUsed) {
-  World world;
-  world.edges_lost = 1;
-  const Tally tally = fly(world);
-  EXPECT_EQ(tally.outcomes.at(EdgeMatch::kUnsure), world.images);
+  EXPECT_EQ(fly({.edges_lost = 1}).outcomes.at(EdgeMatch::kUnsure), World().images);
 }
 
 TEST(EdgeStamps, ALostEdgeIsReplacedByTheOthersRate) {
-  World world;
-  world.edges_lost = 0.1;
+  const World world{.edges_lost = 0.1};
   const Tally tally = fly(world);
   EXPECT_EQ(tally.wrong, 0);
   EXPECT_GT(tally.outcomes.at(EdgeMatch::kNoEdge), 30);
@@ -106,9 +101,7 @@ TEST(EdgeStamps, ALineThatBreaksLeavesTheDriversStampsLessTheirLag) {
 }
 
 TEST(EdgeStamps, AnUncountedLossIsSeenAndOvercome) {
-  World world;
-  int at = 0;
-  const Tally tally = fly(world, [&](int i, World& w) { w.images_lost_uncounted = (at = i) == 300 ? 1 : 0; });
+  const Tally tally = fly({}, [](int i, World& w) { w.images_lost_uncounted = i == 300 ? 1 : 0; });
   EXPECT_EQ(tally.wrong, 0);
   EXPECT_EQ(tally.outcomes.at(EdgeMatch::kMismatch), 2);
   EXPECT_EQ(tally.counts.resynchronised, 1u);
@@ -133,8 +126,7 @@ TEST(EdgeStamps, ARestartOfTheCameraNeedsThreeImages) {
 }
 
 TEST(EdgeStamps, AnotherRateIsLearned) {
-  World world;
-  const Tally tally = fly(world, [](int i, World& w) { w.period_ns = i < 200 ? 33.3e6 : i < 400 ? 50e6 : 20e6; });
+  const Tally tally = fly({}, [](int i, World& w) { w.period_ns = i < 200 ? 33.3e6 : i < 400 ? 50e6 : 20e6; });
   EXPECT_EQ(tally.wrong, 0);
   EXPECT_GT(tally.outcomes.at(EdgeMatch::kEdge), 400);
   EXPECT_NEAR(tally.counts.period.seconds() * 1e9, 20e6, 0.1e6);

@@ -14,20 +14,10 @@ namespace {
 double between(double least, double most) { return least + (most - least) * *rc::gen::inRange(0, 1001) / 1000.; }
 double between_log(double least, double most) { return std::exp(between(std::log(least), std::log(most))); }
 
-ExposureLimits wide_limits() {
-  ExposureLimits limits;
-  limits.shortest = Span{20'000};
-  limits.longest = Span{10'000'000};
-  limits.gain_most = 16;
-  return limits;
-}
+const ExposureLimits kWide{.gain_most = 16};
 
 PlayedSensor any_sensor() {
-  PlayedSensor sensor;
-  sensor.gamma = between(0.45, 1.2);
-  sensor.black = between(0, 10);
-  sensor.delay = *rc::gen::inRange(0, 5);
-  return sensor;
+  return {.gamma = between(0.45, 1.2), .black = between(0, 10), .delay = *rc::gen::inRange(0, 5)};
 }
 
 /// Changes of direction of the exposure that was asked for.
@@ -58,7 +48,7 @@ RC_GTEST_PROP(ExposureController, SettlesFromAnyStart, ()) {
   const bool has_window = *rc::gen::arbitrary<bool>();
   const PlayedScene scene = any_scene(has_window ? between(0.02, 0.3) : 0);
   const ExposureState start{Span{static_cast<std::int64_t>(between_log(20e3, 10e6))}, between_log(1, 16)};
-  PlayedCamera camera(any_sensor(), wide_limits(), start, -1);
+  PlayedCamera camera(any_sensor(), kWide, start, -1);
   Reversals reversals;
   for (int i = 0; i < 250; ++i) reversals.see(camera.step(scene).shown.total());
   RC_ASSERT(reversals.count() <= 5);  // swinging would be 50
@@ -82,7 +72,7 @@ RC_GTEST_PROP(ExposureController, FollowsStepsOfLightWithoutSwinging, ()) {
   PlayedSensor sensor = any_sensor();
   const int configured = std::max(0, sensor.delay + *rc::gen::inRange(-1, 2));
   const PlayedScene scene(100 / 0.004, between(0.1, 0.8), 0, 1, *rc::gen::inRange(0u, 1000u));
-  PlayedCamera camera(sensor, wide_limits(), {Span{4'000'000}, 1}, configured);
+  PlayedCamera camera(sensor, kWide, {Span{4'000'000}, 1}, configured);
   for (int i = 0; i < 120; ++i) camera.step(scene);
   for (const double light : {between_log(0.1, 10), between_log(0.1, 10)}) {
     Reversals reversals;
@@ -102,7 +92,7 @@ RC_GTEST_PROP(ExposureController, LampsThatFlickerDoNotMoveIt, ()) {
   sensor.flicker = between(0, 0.3);
   sensor.rate_hz = *rc::gen::element(20., 30., 60., 29.97);
   const PlayedScene scene(100 / 0.004, 0.4, 0, 1, 5);
-  PlayedCamera camera(sensor, wide_limits(), {Span{4'000'000}, 1}, -1);
+  PlayedCamera camera(sensor, kWide, {Span{4'000'000}, 1}, -1);
   for (int i = 0; i < 150; ++i) camera.step(scene);
   int changes = 0;
   for (int i = 0; i < 150; ++i) changes += camera.step(scene).is_changed ? 1 : 0;
@@ -111,7 +101,7 @@ RC_GTEST_PROP(ExposureController, LampsThatFlickerDoNotMoveIt, ()) {
 
 TEST(ExposureController, GoesToItsLimitsInTheDarkAndInTheSunAndStaysThere) {
   for (const double level : {0., 1e9}) {
-    PlayedCamera camera({}, wide_limits(), {Span{1'000'000}, 2}, 1);
+    PlayedCamera camera({}, kWide, {Span{1'000'000}, 2}, 1);
     const PlayedScene scene(level, 0.5, 0, 1, 1);
     for (int i = 0; i < 200; ++i) camera.step(scene);
     const auto image = camera.step(scene);
@@ -125,9 +115,8 @@ TEST(ExposureController, GoesToItsLimitsInTheDarkAndInTheSunAndStaysThere) {
 RC_GTEST_PROP(ExposureController, TheImageHasNearlyAsManyCornersAsAnyOther, ()) {
   const double window = *rc::gen::element(0., 0.1, 0.2);
   const PlayedScene scene(100 / 0.004, between(0.4, 0.8), window, between(2, 10), *rc::gen::inRange(0u, 1000u));
-  PlayedSensor sensor;
-  sensor.gamma = between(0.7, 1);
-  PlayedCamera camera(sensor, wide_limits(), {Span{static_cast<std::int64_t>(between_log(20e3, 10e6))}, 1}, 1);
+  const PlayedSensor sensor{.gamma = between(0.7, 1)};
+  PlayedCamera camera(sensor, kWide, {Span{static_cast<std::int64_t>(between_log(20e3, 10e6))}, 1}, 1);
   for (int i = 0; i < 300; ++i) camera.step(scene);
   std::mt19937 random(3);
   const auto corners = [&](double total) {
@@ -143,10 +132,7 @@ RC_GTEST_PROP(ExposureController, TheImageHasNearlyAsManyCornersAsAnyOther, ()) 
 }
 
 TEST(ExposureController, TurningMakesExposuresShortAndGainMakesUpForIt) {
-  ExposureLimits limits = wide_limits();
-  limits.blur_px = 2;
-  limits.focal_px = 400;
-  PlayedCamera camera({}, limits, {Span{8'000'000}, 1}, 1);
+  PlayedCamera camera({}, {.gain_most = 16, .blur_px = 2, .focal_px = 400}, {Span{8'000'000}, 1}, 1);
   const PlayedScene scene(100 / 0.008, 0.4, 0, 1, 1);
   for (int i = 0; i < 100; ++i) camera.step(scene);
   const double before = camera.step(scene).shown.total();
@@ -160,10 +146,7 @@ TEST(ExposureController, TurningMakesExposuresShortAndGainMakesUpForIt) {
 }
 
 TEST(ExposureController, LongExposuresAreWholePeriodsOfTheLamps) {
-  ExposureLimits limits = wide_limits();
-  limits.longest = Span{35'000'000};
-  limits.flicker_hz = 100;
-  const ExposureController controller(limits);
+  const ExposureController controller({.longest = Span{35'000'000}, .gain_most = 16, .flicker_hz = 100});
   EXPECT_EQ(controller.split(0.025).time.ns, 20'000'000);
   EXPECT_NEAR(controller.split(0.025).gain, 1.25, 1e-9);
   EXPECT_EQ(controller.split(0.010).time.ns, 10'000'000);
@@ -175,7 +158,7 @@ RC_GTEST_PROP(ExposureTimeline, LearnsTheDelayOfTheCamera, ()) {
   PlayedSensor sensor = any_sensor();
   sensor.black = 0;
   const PlayedScene scene(100 / 0.004, between(0.2, 0.6), 0, 1, *rc::gen::inRange(0u, 1000u));
-  PlayedCamera camera(sensor, wide_limits(), {Span{400'000}, 1}, -1);
+  PlayedCamera camera(sensor, kWide, {Span{400'000}, 1}, -1);
   for (int i = 0; i < 400; ++i) camera.step(scene, i / 40 % 2 == 0 ? 1 : 3);
   RC_ASSERT(camera.timeline().is_delay_known());
   RC_ASSERT(camera.timeline().delay() == sensor.delay);

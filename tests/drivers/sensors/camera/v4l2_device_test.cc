@@ -4,8 +4,6 @@
 #include <gtest/gtest.h>
 #include <sys/sysmacros.h>
 
-#include <array>
-
 #include "tests/drivers/fake_camera.h"
 #include "tests/drivers/fake_graph.h"
 #include "tests/drivers/sensors/camera/camera_rig.h"

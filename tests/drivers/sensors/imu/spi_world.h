@@ -1,15 +1,12 @@
 #pragma once
 // A made-up computer with an SPI bus and a data-ready line: time goes on when somebody waits, asks or transfers.
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstdint>
 #include <deque>
-#include <functional>
-#include <memory>
 #include <random>
 #include <span>
-#include <string>
-#include <vector>
 
 #include "drivers/sensors/imu/spi_bus.h"
 #include "drivers/sensors/imu/spi_imu.h"
