@@ -55,8 +55,8 @@ BmiVector vector_at(std::span<const std::uint8_t> bytes, std::size_t at) noexcep
   return {value(at), value(at + 2), value(at + 4)};
 }
 
-std::size_t frame_bytes(std::uint8_t header) noexcept {
-  switch (header & kHeaderBits) {
+std::size_t frame_bytes(std::uint8_t kind) noexcept {
+  switch (kind) {
     case kData:
       return 7;
     case kTime:
@@ -77,12 +77,11 @@ bool parse_bmi_accel(std::span<const std::uint8_t> bytes, BmiAccelFrames& frames
   frames.skipped = 0;
   frames.has_time = false;
   while (!bytes.empty()) {
-    const std::uint8_t header = bytes[0];
-    if ((header & kHeaderBits) == kEmpty) return true;
-    const std::size_t size = frame_bytes(header);
+    const std::uint8_t kind = bytes[0] & kHeaderBits;
+    if (kind == kEmpty) return true;
+    const std::size_t size = frame_bytes(kind);
     if (size == 0) return false;
     if (size > bytes.size()) return true;  // it comes again, whole
-    const std::uint8_t kind = header & kHeaderBits;
     if (kind == kData && !frames.values.push_back(vector_at(bytes, 1))) return false;
     if (kind == kSkip) {
       frames.skipped += bytes[1];
@@ -103,21 +102,14 @@ Bmi088::Bmi088(const ImuDeviceConfig& config, std::unique_ptr<SpiBus> gyroscope,
     : RegisterChip("BMI088", kLimits, config, timing),
       gyroscope_(std::move(gyroscope)),
       accelerometer_(std::move(accelerometer)) {
-  choose(config);
-  fill_table(config.ready_edge == 0);
-}
-
-void Bmi088::choose(const ImuDeviceConfig& config) noexcept {
   const Rate* rate = std::begin(kRates);
   while (rate + 1 != std::end(kRates) && rate->hz < config.rate_hz * 0.99) ++rate;
   gyroscope_code_ = smallest_range(kGyroscopeRanges_deg_s, config.gyroscope_range_deg_s);
-  accelerometer_code_ = static_cast<std::uint8_t>(
-      3 - smallest_range(kAccelerometerRanges_g, config.accelerometer_range_m_s2 / kGravity_m_s2));
+  const int accel_range = smallest_range(kAccelerometerRanges_g, config.accelerometer_range_m_s2 / kGravity_m_s2);
   bandwidth_code_ = rate->bandwidth_code;
-  accel_conf_ = rate->accel_conf;
   accel_ticks_ = rate->accel_ticks;
   facts_.gyroscope_range_deg_s = kGyroscopeRanges_deg_s[gyroscope_code_];
-  facts_.accelerometer_range_g = kAccelerometerRanges_g[3 - accelerometer_code_];
+  facts_.accelerometer_range_g = kAccelerometerRanges_g[accel_range];
   rad_s_per_count_ = facts_.gyroscope_range_deg_s / 32768 * kRadPerDeg;
   m_s2_per_count_ = facts_.accelerometer_range_g / 32768 * kGravity_m_s2;
   facts_.rate_hz = rate->hz;
@@ -128,16 +120,14 @@ void Bmi088::choose(const ImuDeviceConfig& config) noexcept {
   facts_.accelerometer_delay = Span::from_seconds(second_order_delay_s(rate->accel_bandwidth_hz));
   facts_.settle = Span{4 * facts_.gyroscope_delay.ns} + Span::from_milliseconds(10);
   facts_.two_clocks = true;
-}
 
-/// In the order in which they are written; the accelerometer is on by then.
-void Bmi088::fill_table(bool rising) noexcept {
-  const std::uint8_t level = rising ? 0x01 : 0x00;
+  // In the order in which they are written; the accelerometer is on by then.
+  const std::uint8_t level = config.ready_edge == 0 ? 0x01 : 0x00;
   set_table({
       {kAccelerometer, kPowerConf, 0x00, 0xFF},
       {kAccelerometer, kPowerControl, kAccelOn, 0xFF},
-      {kAccelerometer, 0x40, accel_conf_, 0xFF},
-      {kAccelerometer, 0x41, accelerometer_code_, 0x03},
+      {kAccelerometer, 0x40, rate->accel_conf, 0xFF},
+      {kAccelerometer, 0x41, static_cast<std::uint8_t>(3 - accel_range), 0x03},
       {kAccelerometer, 0x48, 0x02, 0x03},  // FIFO: the newest stay; bit 1 is always 1
       {kAccelerometer, 0x49, 0x50, 0x5C},  // acceleration into the FIFO, interrupt inputs not; bit 4 is always 1
       {kGyroscope, kGyroRange, gyroscope_code_, 0xFF},

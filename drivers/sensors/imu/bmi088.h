@@ -40,8 +40,6 @@ class Bmi088 final : public RegisterChip {
                                kMoreBytes = 6;  ///< after the samples: a frame with
                                                 ///< the time; before them, perhaps, one that tells of a loss
 
-  void choose(const ImuDeviceConfig& config) noexcept;
-  void fill_table(bool rising) noexcept;
   DeviceTrouble identify() noexcept override;
   DeviceTrouble mismatch(const Register& wanted, unsigned found) const noexcept override;
   bool read(unsigned half, std::uint8_t address, std::span<std::uint8_t> bytes) noexcept;
@@ -57,7 +55,7 @@ class Bmi088 final : public RegisterChip {
   void place_accels(ChipBatch& batch) noexcept;
 
   std::unique_ptr<SpiBus> gyroscope_, accelerometer_;
-  std::uint8_t gyroscope_code_ = 0, accelerometer_code_ = 0, bandwidth_code_ = 0, accel_conf_ = 0;
+  std::uint8_t gyroscope_code_ = 0, bandwidth_code_ = 0;
   int accel_ticks_ = 16;  ///< of the accelerometer's counter, from sample to sample
   double rad_s_per_count_ = 0, m_s2_per_count_ = 0;
 

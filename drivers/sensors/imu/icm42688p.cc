@@ -78,24 +78,17 @@ IcmParse parse_icm_packet(std::span<const std::uint8_t> bytes, IcmPacketKind kin
 
 Icm42688p::Icm42688p(const ImuDeviceConfig& config, std::unique_ptr<SpiBus> bus, SpiTiming& timing)
     : RegisterChip("ICM-42688-P", kLimits, config, timing), bus_(std::move(bus)) {
-  choose(config);
-  fill_table(config.ready_edge == 0);
-}
-
-void Icm42688p::choose(const ImuDeviceConfig& config) noexcept {
   const Rate* rate = std::begin(kRates);
   while (rate + 1 != std::end(kRates) && rate->hz < config.rate_hz * 0.99) ++rate;
   const AntiAlias* filter = std::begin(kAntiAlias);
   while (filter + 1 != std::end(kAntiAlias) && filter->hz < rate->hz / 2) ++filter;
-  anti_alias_ = static_cast<int>(filter - std::begin(kAntiAlias));
-  rate_code_ = rate->code;
-  gyroscope_code_ = smallest_range(kGyroscopeRanges_deg_s, config.gyroscope_range_deg_s);
-  accelerometer_code_ = smallest_range(kAccelerometerRanges_g, config.accelerometer_range_m_s2 / kGravity_m_s2);
+  const int gyroscope = smallest_range(kGyroscopeRanges_deg_s, config.gyroscope_range_deg_s);
+  const int accelerometer = smallest_range(kAccelerometerRanges_g, config.accelerometer_range_m_s2 / kGravity_m_s2);
   // packets of 20 bit have the full ranges, whatever the range registers say
-  const bool is_long = gyroscope_code_ == 0 && accelerometer_code_ == 0;
+  const bool is_long = gyroscope == 0 && accelerometer == 0;
   kind_ = is_long ? IcmPacketKind::kLong : IcmPacketKind::kShort;
-  facts_.gyroscope_range_deg_s = kGyroscopeRanges_deg_s[gyroscope_code_];
-  facts_.accelerometer_range_g = kAccelerometerRanges_g[accelerometer_code_];
+  facts_.gyroscope_range_deg_s = kGyroscopeRanges_deg_s[gyroscope];
+  facts_.accelerometer_range_g = kAccelerometerRanges_g[accelerometer];
   const double full = is_long ? 524288 : 32768;
   rad_s_per_count_ = facts_.gyroscope_range_deg_s / full * kRadPerDeg;
   m_s2_per_count_ = facts_.accelerometer_range_g / full * kGravity_m_s2;
@@ -108,22 +101,19 @@ void Icm42688p::choose(const ImuDeviceConfig& config) noexcept {
   facts_.clock_tolerance = 0.02;  // with the PLL 1 % over all chips and temperatures; the host's is far better
   facts_.gyroscope_delay = facts_.accelerometer_delay =
       Span::from_seconds(rate->delay_ms * 1e-3 + second_order_delay_s(filter->hz));
-}
 
-/// In the order in which they are written. Masks leave out bits the data sheet calls reserved.
-void Icm42688p::fill_table(bool rising) noexcept {
-  const AntiAlias& filter = kAntiAlias[anti_alias_];
-  const bool is_fast = facts_.rate_hz >= 4000;
+  // In the order in which they are written. Masks leave out bits the data sheet calls reserved.
+  const bool rising = config.ready_edge == 0, is_fast = facts_.rate_hz >= 4000;
   const auto byte = [](int value) { return static_cast<std::uint8_t>(value); };
-  const std::uint8_t squared_low = byte(filter.delta_squared & 0xff);
-  const std::uint8_t squared_high = byte(filter.shift << 4 | filter.delta_squared >> 8);
+  const std::uint8_t squared_low = byte(filter->delta_squared & 0xff);
+  const std::uint8_t squared_high = byte(filter->shift << 4 | filter->delta_squared >> 8);
   set_table({
       {0, kBankSelect, 0x00, 0x07},
       {1, 0x0B, 0x00, 0x03},                           // gyroscope: notch and anti-alias filter are on
-      {1, 0x0C, filter.delta, 0x3F},                   //
+      {1, 0x0C, filter->delta, 0x3F},                  //
       {1, 0x0D, squared_low, 0xFF},                    //
       {1, 0x0E, squared_high, 0xFF},                   //
-      {2, 0x03, byte(filter.delta << 1), 0x7F},        // accelerometer: anti-alias filter is on
+      {2, 0x03, byte(filter->delta << 1), 0x7F},       // accelerometer: anti-alias filter is on
       {2, 0x04, squared_low, 0xFF},                    //
       {2, 0x05, squared_high, 0xFF},                   //
       {0, 0x14, byte(0x02 | (rising ? 1 : 0)), 0x07},  // INT1: pulses, push-pull, active high or low
@@ -131,15 +121,15 @@ void Icm42688p::fill_table(bool rising) noexcept {
       // Clock: PLL when it is there. The vendor's undocumented AFSR is off: with it the gyroscope repeats itself for
       // 1 to 2 ms whenever a rate passes 100 deg/s.
       {0, 0x4D, 0x41, 0xC7},
-      {0, 0x4F, byte(gyroscope_code_ << 5 | rate_code_), 0xEF},
-      {0, 0x50, byte(accelerometer_code_ << 5 | rate_code_), 0xEF},
+      {0, 0x4F, byte(gyroscope << 5 | rate->code), 0xEF},
+      {0, 0x50, byte(accelerometer << 5 | rate->code), 0xEF},
       {0, 0x51, 0x06, 0x0F},                                       // gyroscope UI filter of second order
       {0, 0x52, 0x00, 0xFF},                                       // bandwidth of both: half the rate
       {0, 0x53, 0x0C, 0x1E},                                       // accelerometer UI filter of second order
       {0, 0x54, byte(0x01 | (counts_of_16us_ ? 0x08 : 0)), 0x1F},  // time stamps, no FSYNC
       {0, 0x60, 0x01, 0xFF},                                       // FIFO threshold: one packet
       {0, 0x61, 0x00, 0x0F},                                       //
-      {0, 0x5F, byte(0x27 | (kind_ == IcmPacketKind::kLong ? 0x10 : 0)), 0x7F},  // both, temperature; at each packet
+      {0, 0x5F, byte(0x27 | (is_long ? 0x10 : 0)), 0x7F},          // both, temperature; at each packet
       {0, 0x63, 0x00, 0x3F},
       {0, 0x64, byte(is_fast ? 0x60 : 0x00), 0x70},  // pulses of 100 or 8 us; "user should" clear INT_ASYNC_RESET
       {0, 0x65, 0x04, 0x7F},                         // INT1: FIFO threshold

@@ -45,8 +45,6 @@ class Icm42688p final : public RegisterChip {
  private:
   static constexpr std::size_t kFifoBytes = 2080;  ///< the most that can be in it, section 6.3
 
-  void choose(const ImuDeviceConfig& config) noexcept;
-  void fill_table(bool rising) noexcept;
   DeviceTrouble identify() noexcept override;
   DeviceTrouble identify_in_any_bank() noexcept;
   bool read(std::uint8_t address, std::span<std::uint8_t> bytes) noexcept {
@@ -67,8 +65,6 @@ class Icm42688p final : public RegisterChip {
 
   std::unique_ptr<SpiBus> bus_;
   IcmPacketKind kind_ = IcmPacketKind::kShort;
-  std::uint8_t rate_code_ = 0, gyroscope_code_ = 0, accelerometer_code_ = 0;
-  int anti_alias_ = 0;         ///< row of the table
   int counts_per_sample_ = 0;  ///< of the time stamp
   bool counts_of_16us_ = false;
   double rad_s_per_count_ = 0, m_s2_per_count_ = 0;
