@@ -34,10 +34,12 @@ struct CameraRig {
     const Status status = camera->open();
     return status ? "opened" : status.error().text();
   }
-  void open() {
+  /// And reads for so many seconds.
+  void open(double seconds = 0) {
     make();
     const Status status = camera->open();
     ASSERT_TRUE(status) << status.error().text();
+    run(seconds);
   }
   void make() { camera.emplace(settings, kernel); }
   void plug_in(const std::string& path = "/dev/video0") {

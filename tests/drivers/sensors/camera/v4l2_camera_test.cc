@@ -171,23 +171,20 @@ TEST(V4l2Camera, ReceiversOfCsiStampTheFirstRow) {
     rig.settings.exposure = Span::from_milliseconds(4);
     rig.settings.readout = Span::from_milliseconds(10);
     rig.settings.shutter = Shutter::kRolling;
-    rig.open();
-    rig.run(1);
+    rig.open(1);
     // what was stamped in the middle of the made-up camera's life, to the middle row's middle
     const double to_middle_ms = driver == std::string("uvcvideo") ? -10 + 5 - 2 : 5 - 2;
     EXPECT_NEAR(1e-6 * static_cast<double>((rig.last.stamp - rig.last.arrival).ns), to_middle_ms, 1);
     rig.camera.reset();
     rig.settings.stamp_point = StampPoint::kStartOfExposure;
-    rig.open();
-    rig.run(1);
+    rig.open(1);
     EXPECT_NEAR(1e-6 * static_cast<double>((rig.last.stamp - rig.last.arrival).ns), 2 + 5, 1) << "what is set wins";
   }
 }
 
 TEST(V4l2Camera, CountsWhatIsDamagedCutShortOrLost) {
   CameraRig rig;
-  rig.open();
-  rig.run(1);
+  rig.open(1);
   rig.device->change_image = [](FakeCamera::Image& image) {
     if (image.sequence % 10 == 3) image.flags |= V4L2_BUF_FLAG_ERROR;
     if (image.sequence % 10 == 7) image.missing_bytes = 1;

@@ -12,8 +12,7 @@ using test::kSecond_ns;
 
 TEST(V4l2Camera, ControlsAreSetWhileItStreamsAndAgainWhenItIsBack) {
   CameraRig rig;
-  rig.open();
-  rig.run(0.1);
+  rig.open(0.1);
   ASSERT_TRUE(rig.camera->request_control("brightness", 250));
   ASSERT_TRUE(rig.camera->request_control("no_such_control", 1));
   ASSERT_TRUE(rig.camera->request_control("exposure_time_absolute", 1'000));  // 255 is all it takes
@@ -36,8 +35,7 @@ TEST(V4l2Camera, ControlsAreSetWhileItStreamsAndAgainWhenItIsBack) {
 // A USB camera that does not answer a control transfer holds its caller for 5 s.
 TEST(V4l2Camera, ASlowControlCostsNoImage) {
   CameraRig rig;
-  rig.open();
-  rig.run(1);
+  rig.open(1);
   rig.device->control_ns = rig.kernel.side_ns = 5 * kSecond_ns;
   const std::size_t files = rig.kernel.open_files();
   ASSERT_TRUE(rig.camera->request_control("brightness", 250));
@@ -97,8 +95,7 @@ TEST(V4l2Camera, ASecondCameraIsExposedAsTheFirst) {
 
 TEST(V4l2Camera, AControlUnderWayWhenTheCameraIsLostIsSetAgain) {
   CameraRig rig;
-  rig.open();
-  rig.run(1);
+  rig.open(1);
   rig.kernel.side_ns = 2 * kSecond_ns;
   ASSERT_TRUE(rig.camera->request_control("brightness", 250));
   rig.run(0.1);

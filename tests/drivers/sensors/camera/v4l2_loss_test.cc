@@ -15,8 +15,7 @@ using test::kSecond_ns;
 TEST(V4l2Camera, AnErrorOfTheDeviceIsOvercomeAtOnce) {
   for (const bool at_dequeue : {true, false}) {
     CameraRig rig;
-    rig.open();
-    rig.run(1);
+    rig.open(1);
     const std::size_t files = rig.kernel.open_files();
     const int mappings = rig.kernel.mappings;
     const std::uint64_t before = rig.last.sequence;
@@ -34,8 +33,7 @@ TEST(V4l2Camera, AnErrorOfTheDeviceIsOvercomeAtOnce) {
 
 TEST(V4l2Camera, AStreamThatBreaksOffSilentlyIsOvercomeAtOnce) {
   CameraRig rig;
-  rig.open();
-  rig.run(1);
+  rig.open(1);
   rig.device->gives_images = false;
   rig.device->is_broken = true;
   rig.run(0.1);
@@ -48,8 +46,7 @@ TEST(V4l2Camera, AStreamThatBreaksOffSilentlyIsOvercomeAtOnce) {
 
 TEST(V4l2Camera, AnUnpluggedCameraIsTriedAtGrowingIntervals) {
   CameraRig rig;
-  rig.open();
-  rig.run(1);
+  rig.open(1);
   rig.unplug();
   EXPECT_EQ(rig.run(10.3), 0u);
   EXPECT_FALSE(rig.camera->is_streaming());
@@ -64,8 +61,7 @@ TEST(V4l2Camera, AnUnpluggedCameraIsTriedAtGrowingIntervals) {
 
 TEST(V4l2Camera, ASilentCameraIsOpenedAgain) {
   CameraRig rig;
-  rig.open();
-  rig.run(1);
+  rig.open(1);
   rig.device->gives_images = false;
   rig.run(1.9);
   EXPECT_EQ(rig.camera->counts().disconnected, 0u);
@@ -89,8 +85,7 @@ TEST(V4l2Camera, WhatTheDeviceRefusesAtTheStartIsNamed) {
 
 TEST(V4l2Camera, AFailedAttemptToReopenIsRepeated) {
   CameraRig rig;
-  rig.open();
-  rig.run(1);
+  rig.open(1);
   rig.device->dequeue_error = EIO;
   rig.device->refused_request = VIDIOC_STREAMON;
   rig.run(0.1);
@@ -137,8 +132,7 @@ TEST(V4l2Camera, AnotherCameraIsNotTakenForTheOneThatWasLost) {
        {std::pair{"Other Cam", "usb-0000:00:14.0-1"}, std::pair{"Made-up Cam", "usb-0000:00:14.0-2"}}) {
     SCOPED_TRACE(std::string(card) + ", " + bus);
     CameraRig rig;
-    rig.open();
-    rig.run(1);
+    rig.open(1);
     rig.unplug();
     const auto other = std::make_shared<FakeCamera>(rig.kernel);
     other->card = card;
@@ -161,8 +155,7 @@ TEST(V4l2Camera, OfSeveralNodesOnOneBusTheCamerasOwnIsTaken) {
   rig.unplug();
   rig.kernel.devices["/dev/video0"] = infrared;
   rig.plug_in("/dev/video2");
-  rig.open();
-  rig.run(1);
+  rig.open(1);
   rig.unplug("/dev/video2");
   EXPECT_EQ(rig.run(3), 0u);
   rig.plug_in("/dev/video4");
@@ -175,8 +168,7 @@ TEST(V4l2Camera, ACameraNamedByItsSerialNumberMayComeBackAnywhere) {
   rig.settings.device = "/dev/v4l/by-id/usb-Made-up_Cam_4711-video-index0";
   rig.unplug();
   rig.plug_in(rig.settings.device);
-  rig.open();
-  rig.run(1);
+  rig.open(1);
   rig.unplug(rig.settings.device);
   rig.run(1);
   rig.device->bus = "usb-0000:00:14.0-7";

@@ -60,8 +60,7 @@ TEST(V4l2Camera, AClockThatIsSetIsBelievedWhenItLasts) {
     SCOPED_TRACE(step_ns);
     CameraRig rig;
     rig.settings.trust_stamps = true;
-    rig.open();
-    rig.run(2);
+    rig.open(2);
     rig.device->change_image = [&](FakeCamera::Image& image) { image.stamp_ns += step_ns; };
     EXPECT_NEAR(static_cast<double>(rig.run(3)), 86, 1);
     EXPECT_EQ(rig.camera->counts().bad_stamps, 4u);
@@ -72,8 +71,7 @@ TEST(V4l2Camera, AClockThatIsSetIsBelievedWhenItLasts) {
 TEST(V4l2Camera, AStuckStampIsNeverBelieved) {
   CameraRig rig;
   rig.settings.trust_stamps = true;
-  rig.open();
-  rig.run(2);
+  rig.open(2);
   const std::int64_t stuck_ns = rig.kernel.clock_ns + 100 * kSecond_ns;
   rig.device->change_image = [&](FakeCamera::Image& image) { image.stamp_ns = stuck_ns; };
   EXPECT_EQ(rig.run(3), 0u);
@@ -82,8 +80,7 @@ TEST(V4l2Camera, AStuckStampIsNeverBelieved) {
 TEST(V4l2Camera, ANewStreamBeginsWithoutTheStampsOfTheOneBefore) {
   CameraRig rig;
   rig.settings.trust_stamps = true;
-  rig.open();
-  rig.run(2);
+  rig.open(2);
   rig.device->dequeue_error = EIO;
   rig.device->change_image = [](FakeCamera::Image& image) { image.stamp_ns -= 3'600 * kSecond_ns; };
   EXPECT_NEAR(static_cast<double>(rig.run(2)), 59, 2);

@@ -26,8 +26,7 @@ TEST(Adis16470, BurstsStayBelowTheirOwnLimit) {
   ImuDeviceConfig config = at_rate(200);
   config.spi_hz = 2'000'000;
   AdisRig rig(config);
-  rig.open();
-  rig.read_for(1);
+  rig.open(1);
   EXPECT_EQ(rig.imu->counts().damaged, 0U);
   EXPECT_GT(rig.compared().samples, 190U);
 }

@@ -13,8 +13,7 @@ TEST(Icm42688p, LostEdgesCostOnlyTheirOwnExactness) {
   IcmRig rig(at_rate(1000), true,
              {.stall_share = 0.05, .stall_most_ms = 6, .edge_jitter_us = 2, .edge_lost_share = 0.2});
   rig.model.clock_error = 0.005;
-  rig.open();
-  rig.read_for(5);
+  rig.open(5);
   const Comparison result = rig.compared();
   EXPECT_EQ(result.unknown + result.missing, 0U);
   EXPECT_LT(result.worst_ns(), 20'000);
@@ -35,8 +34,7 @@ TEST(Icm42688p, LengthOfItsCountsIsMeasured) {
     IcmRig rig(at_rate(c.hz), c.has_line);
     rig.model.clock_error = c.clock_error;
     rig.model.pll_scale *= c.pll_scale;
-    rig.open();
-    rig.read_for(20);
+    rig.open(20);
     EXPECT_NEAR(rig.imu->counts().clock_rate, c.rate, 0.002) << c.hz << c.has_line;
     EXPECT_GT(rig.imu->facts().clock_tolerance, 0);
   }
@@ -70,8 +68,7 @@ TEST(Icm42688p, SaysWhatItCannotDo) {
 
 TEST(Icm42688p, PausesBetweenAttemptsToReopenGrow) {
   IcmRig rig(at_rate(1000));
-  rig.open();
-  rig.read_for(0.5);
+  rig.open(0.5);
   const auto lose = [&](double seconds) {
     const std::uint64_t before = rig.imu->counts().retries;
     rig.bus->open_error = ENODEV;
@@ -100,8 +97,7 @@ TEST(Icm42688p, PausesBetweenAttemptsToReopenGrow) {
 TEST(Icm42688p, ALineThatBreaksCostsExactnessOnly) {
   IcmRig rig(at_rate(1000));
   rig.model.clock_error = 0.01;
-  rig.open();
-  rig.read_for(2);
+  rig.open(2);
   rig.line->is_cut = true;
   rig.read_for(20);
   const Comparison result = rig.compared();

@@ -87,7 +87,11 @@ struct ChipRig {
     model.line_is_rising = config.ready_edge == 0;
     imu = std::make_unique<SpiImu>(config, std::move(chip), std::move(ready), world);
   }
-  void open() { ASSERT_EQ(text(imu->open()), "well"); }
+  /// And reads for so many seconds.
+  void open(double seconds = 0) {
+    ASSERT_EQ(text(imu->open()), "well");
+    read_for(seconds);
+  }
   void read_for(double seconds) { test::read_for(*imu, *world, Span::from_seconds(seconds), reading); }
   Comparison compared() const { return compare(reading.samples, model.truths, imu->facts().gyroscope_delay); }
   /// Nobody reads for a while.

@@ -68,12 +68,6 @@ constexpr ClockPair later(const ClockPair& pair, std::int64_t by_ns, std::int64_
   return {pair.of_day_ns + by_ns + step_ns, pair.steady_ns + by_ns};
 }
 
-TEST(ArrivalClock, TurnsTheTimeOfDayIntoOurs) {
-  ArrivalClock clock;
-  EXPECT_EQ(clock.arrival({kNow.of_day_ns - 3 * kMs, 0}, kNow).ns, kNow.steady_ns - 3 * kMs);
-  EXPECT_EQ(clock.bad_stamps(), 0u);
-}
-
 TEST(ArrivalClock, NeverInTheFutureNeverBackwardsNeverOld) {
   ArrivalClock clock;
   EXPECT_EQ(clock.arrival({kNow.of_day_ns + 3 * kMs, 0}, kNow).ns, kNow.steady_ns);
