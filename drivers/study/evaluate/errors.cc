@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <numbers>
 
 namespace epiline {
 
 namespace {
 
-constexpr double kDegree = 3.14159265358979323846 / 180;
+constexpr double kDegree = std::numbers::pi / 180;
 
 Summary position_errors(const std::vector<Vec3>& estimate, const std::vector<Vec3>& reference, const Similarity& T) {
   std::vector<double> errors;

@@ -3,7 +3,6 @@
 namespace epiline {
 
 namespace {
-Json or_null(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
 
 Json motion_json(const std::vector<MotionError>& motion) {
   Json list = Json::array();
@@ -16,6 +15,12 @@ Json motion_json(const std::vector<MotionError>& motion) {
   return list;
 }
 
+/// null without errors
+Json curve_json(const CalibrationCurve& curve) {
+  if (curve.errors == 0) return nullptr;
+  return {{"errors", curve.errors}, {"share", curve.share}};
+}
+
 }  // namespace
 
 Json to_json(const Summary& s) {
@@ -24,21 +29,8 @@ Json to_json(const Summary& s) {
   return {{"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median}, {"p95", s.p95}, {"max", s.max}};
 }
 
-Json to_json(const CalibrationCurve& curve) {
-  if (curve.errors == 0) return nullptr;
-  return {{"errors", curve.errors}, {"share", curve.share}};
-}
-
-Json to_json(const CalibrationCurves& curves) {
-  return {{"probability", kClaimedProbabilities},
-          {"position", to_json(curves.position)},
-          {"yaw", to_json(curves.yaw)},
-          {"velocity", to_json(curves.velocity)},
-          {"tilt", to_json(curves.tilt)}};
-}
-
 Json to_json(const TrajectoryErrors& e) {
-  const bool any = e.poses > 0;
+  const auto if_any = [&](double value) { return e.poses > 0 ? std::optional(value) : std::nullopt; };
   Json rpe = Json::array();
   for (const RelativeError& r : e.rpe) {
     rpe.push_back({{"distance_m", r.distance_m},
@@ -48,19 +40,24 @@ Json to_json(const TrajectoryErrors& e) {
   }
   return {{"poses", e.poses},
           {"coverage", nullptr},
-          {"path_length_m", any ? Json(e.path_length_m) : Json(nullptr)},
+          {"path_length_m", if_any(e.path_length_m)},
           {"ate_4dof_m", to_json(e.ate_4dof)},
           {"ate_se3_m", to_json(e.ate_se3)},
           {"ate_sim3_m", to_json(e.ate_sim3)},
-          {"scale_error", any ? Json(e.scale_error) : Json(nullptr)},
-          {"yaw_drift_deg", any ? Json(e.yaw_drift_deg) : Json(nullptr)},
+          {"scale_error", if_any(e.scale_error)},
+          {"yaw_drift_deg", if_any(e.yaw_drift_deg)},
           {"rpe", std::move(rpe)},
           {"motion", motion_json(e.motion)},
-          {"nees_position", or_null(e.nees.position)},
-          {"nees_yaw", or_null(e.nees.yaw)},
-          {"nees_velocity", or_null(e.nees.velocity)},
-          {"nees_tilt", or_null(e.nees.tilt)},
-          {"calibration_curve", to_json(e.nees.curves)}};
+          {"nees_position", e.nees.position},
+          {"nees_yaw", e.nees.yaw},
+          {"nees_velocity", e.nees.velocity},
+          {"nees_tilt", e.nees.tilt},
+          {"calibration_curve",
+           {{"probability", kClaimedProbabilities},
+            {"position", curve_json(e.nees.curves.position)},
+            {"yaw", curve_json(e.nees.curves.yaw)},
+            {"velocity", curve_json(e.nees.curves.velocity)},
+            {"tilt", curve_json(e.nees.curves.tilt)}}}};
 }
 
 Json evaluation_json(const TrajectoryErrors& errors, const std::string& align) {

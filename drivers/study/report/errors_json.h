@@ -1,8 +1,20 @@
 #pragma once
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "drivers/study/evaluate/errors.h"
 #include "platform/error/result.h"
+
+/// What is not there is null.
+template <class T>
+struct nlohmann::adl_serializer<std::optional<T>> {
+  static void to_json(ordered_json& json, const std::optional<T>& value) {
+    if (value)
+      json = *value;
+    else
+      json = nullptr;
+  }
+};
 
 namespace epiline {
 
@@ -11,10 +23,6 @@ using Json = nlohmann::ordered_json;
 /// rmse, mean, median, p95, max
 Json to_json(const Summary& summary);
 
-/// errors, share; null without errors
-Json to_json(const CalibrationCurve& curve);
-/// probability, and a curve each for position, yaw, velocity and tilt
-Json to_json(const CalibrationCurves& curves);
 /// The `error` block of stats.json; `coverage` is null, the caller knows the images. Without poses every figure is
 /// null.
 Json to_json(const TrajectoryErrors& errors);

@@ -1,18 +1,17 @@
 #include "drivers/study/report/flight_record.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace epiline {
 
 namespace {
+
 /// On one of the two clocks.
 StageMilliseconds milliseconds(const FrameOutcome& outcome, std::int64_t StageTime::*clock) {
   const auto ms = [&](const StageTime& time) { return 1e-6 * static_cast<double>(time.*clock); };
   const BackEnd::Times& times = outcome.times;
   return {ms(outcome.track), ms(times.solve), ms(times.marginalise), ms(times.estimate)};
 }
-}  // namespace
 
 void set_odometry(ImageRecord& record, const Odometry& o) {
   using Covariance = Eigen::Matrix<double, 16, 16, Eigen::RowMajor>;
@@ -26,12 +25,13 @@ void set_odometry(ImageRecord& record, const Odometry& o) {
   record.sigma_b_a_m_s2 = sigma(9);
   record.sigma_b_g_rad_s = sigma(12);
   record.time_offset_s = o.time_offset_s;
-  record.sigma_time_offset_s = std::sqrt(std::max(0.0, P(15, 15)));
   const Mat3 R = record.pose.q_WB.toRotationMatrix();
   const Mat3 attitude_W = R * P.block<3, 3>(3, 3) * R.transpose();
   record.uncertainty = {P.topLeftCorner<3, 3>(), attitude_W(2, 2), o.reset_counter, P.block<3, 3>(6, 6),
                         attitude_W.topLeftCorner<2, 2>()};
 }
+
+}  // namespace
 
 ImageRecord image_record(const FrameOutcome& outcome) {
   ImageRecord image;

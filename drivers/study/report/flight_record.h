@@ -35,7 +35,7 @@ struct ImageRecord {
   Vec3 v_WB_m_s = Vec3::Zero(), b_a_m_s2 = Vec3::Zero(), b_g_rad_s = Vec3::Zero();
   Vec3 sigma_v_m_s = Vec3::Zero(), sigma_b_a_m_s2 = Vec3::Zero(), sigma_b_g_rad_s = Vec3::Zero();
   PoseUncertainty uncertainty;
-  double time_offset_s = 0, sigma_time_offset_s = 0;
+  double time_offset_s = 0;
   Health health;
   int tracks = 0, new_tracks = 0;
   StageMilliseconds wall_ms, cpu_ms;
@@ -89,9 +89,6 @@ struct RealtimeRecord {
   std::vector<OutputRecord> outputs;       ///< of a live run, as the following
   std::vector<DeviceRecord> devices;
 };
-
-/// Takes over what the estimator says of an image.
-void set_odometry(ImageRecord& record, const Odometry& odometry);
 
 ImageRecord image_record(const FrameOutcome& outcome);
 

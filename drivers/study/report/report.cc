@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
-#include "drivers/study/report/calibration_plot.h"
 #include "drivers/study/report/page.h"
 #include "drivers/study/report/report_tables.h"
 #include "drivers/study/report/stats_json.h"
@@ -18,7 +18,7 @@ namespace epiline {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kDegree = 3.14159265358979323846 / 180;
+constexpr double kDegree = std::numbers::pi / 180;
 
 /// Times of all images in seconds from the first, and columns over them.
 struct Columns {
@@ -71,20 +71,13 @@ std::string tiles(const FlightRecord& record, const std::optional<TrajectoryErro
 
 /// The path in two of the three axes.
 Plot path_plot(const FlightRecord& record, const Overlay& c, int horizontal, int vertical) {
-  Plot plot;
   const char* names[] = {"x, m", "y, m", "z, m"};
-  plot.x_label = names[horizontal];
-  plot.y_label = names[vertical];
-  plot.equal_axes = true;
-  PlotLine estimate{"estimate", "c1", {}, {}}, truth{"ground truth", "truth", {}, {}};
-  for (const PosePair& pair : c.pairs) {
-    truth.x.push_back(pair.reference.p_WB[horizontal]);
-    truth.y.push_back(pair.reference.p_WB[vertical]);
-  }
+  Plot plot{.x_label = names[horizontal], .y_label = names[vertical], .equal_axes = true};
+  PlotLine estimate{"estimate", "c1"}, truth{"ground truth", "truth"};
+  for (const PosePair& pair : c.pairs) truth.add(pair.reference.p_WB[horizontal], pair.reference.p_WB[vertical]);
   for (const TimedPose& pose : trajectory_of(record).poses) {
     const Vec3 p = c.T(pose.p_WB);
-    estimate.x.push_back(p[horizontal]);
-    estimate.y.push_back(p[vertical]);
+    estimate.add(p[horizontal], p[vertical]);
   }
   if (!estimate.x.empty()) plot.marks = {{"start", "c1", estimate.x.front(), estimate.y.front()}};
   if (!truth.x.empty()) plot.lines.push_back(std::move(truth));
@@ -109,74 +102,68 @@ std::vector<double> negated(std::vector<double> values) {
   return values;
 }
 
+/// Of what is finite.
+double largest_of(const std::vector<double>& values) {
+  double largest = 0;
+  for (const double v : values)
+    if (std::isfinite(v)) largest = std::max(largest, std::abs(v));
+  return largest;
+}
+
 Plot position_error_plot(const FlightRecord& record, const Columns& columns, const Overlay& c) {
-  Plot plot;
-  plot.x_label = "time, s";
-  plot.y_label = "position, m";
-  plot.from_zero = true;
+  Plot plot{.x_label = "time, s", .y_label = "position, m", .from_zero = true};
   const auto sigma3 = columns.of_poses(
       [](const ImageRecord& i) { return 3 * std::sqrt(std::max(0.0, i.uncertainty.position.trace())); });
   plot.bands = {{"c1", columns.t, std::vector<double>(sigma3.size(), 0), sigma3}};
+  plot.lines = {{"claimed 3 sigma", "c1 dashed", columns.t, sigma3}};
+  if (c.pairs.empty()) return plot;
   const auto error =
       over_images(record, c, [&](const PosePair& p) { return (p.reference.p_WB - c.T(p.estimate.p_WB)).norm(); });
-  plot.lines = {{"claimed 3 sigma", "c1 dashed", columns.t, sigma3}};
-  if (!c.pairs.empty()) {
-    plot.lines.push_back({"error", "c2", columns.t, error});
-    double largest = 0;  // a band far wider than the error must not flatten the error
-    for (const double e : error) largest = std::isfinite(e) ? std::max(largest, e) : largest;
-    plot.y_cap = std::max(5 * largest, 1e-3);
-  }
+  plot.lines.push_back({"error", "c2", columns.t, error});
+  plot.y_cap = std::max(5 * largest_of(error), 1e-3);  // a band far wider than the error must not flatten the error
   return plot;
 }
 
 Plot yaw_error_plot(const FlightRecord& record, const Columns& columns, const Overlay& c) {
-  Plot plot;
-  plot.x_label = "time, s";
-  plot.y_label = "yaw, deg";
+  Plot plot{.x_label = "time, s", .y_label = "yaw, deg"};
   const auto sigma3 = columns.of_poses(
       [](const ImageRecord& i) { return 3 * std::sqrt(std::max(0.0, i.uncertainty.yaw_variance)) / kDegree; });
   plot.bands = {{"c1", columns.t, negated(sigma3), sigma3}};
   plot.lines = {{"claimed 3 sigma", "c1 dashed", columns.t, sigma3}, {"", "c1 dashed", columns.t, negated(sigma3)}};
-  if (!c.pairs.empty()) {
-    const auto error = over_images(record, c, [&](const PosePair& p) {
-      return std::remainder(yaw_error(p) - c.heading_rad, 360 * kDegree) / kDegree;
-    });
-    plot.lines.push_back({"error", "c2", columns.t, error});
-  }
+  if (c.pairs.empty()) return plot;
+  const auto error = over_images(record, c, [&](const PosePair& p) {
+    return std::remainder(yaw_error(p) - c.heading_rad, 360 * kDegree) / kDegree;
+  });
+  plot.lines.push_back({"error", "c2", columns.t, error});
   return plot;
 }
 
-/// Three components over time with their 3-sigma bands; the truth dashed, if there is any.
-template <class Value, class Sigma>
-Plot vector_plot(const Columns& columns, const std::string& label, double scale, Value value, Sigma sigma,
-                 const FlightRecord& record, const std::vector<Vec3>* truth) {
-  Plot plot;
-  plot.x_label = "time, s";
-  plot.y_label = label;
+/// Three components over time, times `scale`, with their 3-sigma bands; the truth dashed, if there is any.
+std::string vector_card(const char* title, const char* label, double scale, Vec3 ImageRecord::*value,
+                        Vec3 ImageRecord::*sigma, const FlightRecord& record, const Columns& columns,
+                        const std::vector<Vec3>& truth) {
+  Plot plot{.x_label = "time, s", .y_label = label};
   const char* names[] = {"x", "y", "z"};
   const char* styles[] = {"c1", "c2", "c3"};
+  double largest = 0;
   for (int k = 0; k < 3; ++k) {
-    const auto middle = columns.of_poses([&](const ImageRecord& i) { return scale * value(i)[k]; });
-    const auto low = columns.of_poses([&](const ImageRecord& i) { return scale * (value(i)[k] - 3 * sigma(i)[k]); });
-    const auto high = columns.of_poses([&](const ImageRecord& i) { return scale * (value(i)[k] + 3 * sigma(i)[k]); });
-    plot.bands.push_back({styles[k], columns.t, low, high});
+    const auto middle = columns.of_poses([&](const ImageRecord& i) { return scale * (i.*value)[k]; });
+    const auto edge = [&](int sigmas) {
+      return columns.of_poses([&](const ImageRecord& i) { return scale * ((i.*value)[k] + sigmas * (i.*sigma)[k]); });
+    };
+    plot.bands.push_back({styles[k], columns.t, edge(-3), edge(3)});
     plot.lines.push_back({names[k], styles[k], columns.t, middle});
-    if (!truth) continue;
-    PlotLine line{"", std::string(styles[k]) + " dashed", {}, {}};
-    for (std::size_t i = 0; i < truth->size(); ++i) {
+    PlotLine line{"", std::string(styles[k]) + " dashed"};
+    for (std::size_t i = 0; i < truth.size(); ++i) {
       const double t = (record.truth->poses[i].stamp - record.images.front().stamp).seconds();
-      if (t < 0 || t > columns.t.back()) continue;
-      line.x.push_back(t);
-      line.y.push_back(scale * (*truth)[i][k]);
+      if (t >= 0 && t <= columns.t.back()) line.add(t, scale * truth[i][k]);
     }
-    plot.lines.push_back(std::move(line));
+    largest = std::max({largest, largest_of(plot.lines.back().y), largest_of(line.y)});
+    if (!truth.empty()) plot.lines.push_back(std::move(line));
   }
-  double largest = 0;  // wide bands at the start must not flatten the rest
-  for (const PlotLine& line : plot.lines) {
-    for (const double v : line.y) largest = std::isfinite(v) ? std::max(largest, std::abs(v)) : largest;
-  }
-  plot.y_cap = 1.6 * largest;
-  return plot;
+  plot.y_cap = 1.6 * largest;  // wide bands at the start must not flatten the rest
+  return html_card(title, std::string("bands: claimed 3 sigma") + (truth.empty() ? "" : "; dashed: ground truth"),
+                   svg(plot));
 }
 
 /// Truth of velocity turned into the estimate's world, so that both can be compared.
@@ -186,56 +173,35 @@ std::vector<Vec3> truth_velocity(const FlightRecord& record, const Overlay& c) {
   return v;
 }
 
-/// Of the way to the outside every single image counts: its axis reaches to the slowest.
-std::string latency_histogram(const Summary& summary, std::vector<double> values) {
-  if (values.empty()) return "<div><h3>latency: image timestamp to odometry</h3><p>no odometry was published</p></div>";
-  Histogram h;
-  h.x_label = "ms, logarithmic";
-  h.style = "c1";
-  h.logarithmic = true;
-  h.upper = summary.max;
-  h.values = std::move(values);
-  h.marks = {{fmt::format("median {:.3g} ms", summary.median), "", summary.median, 0},
-             {fmt::format("99 % {:.3g} ms", summary.p99), "", summary.p99, 0},
-             {fmt::format("max {:.3g} ms", summary.max), "", summary.max, 0}};
-  return fmt::format("<div><h3>latency: image timestamp to odometry, {} images</h3>{}</div>", summary.count,
-                     svg(h, {380, 210}));
-}
-
-std::string histogram(const char* title, const char* style, const Summary& summary, std::vector<double> values) {
-  if (values.empty()) return fmt::format("<div><h3>{}</h3><p>did not run</p></div>", title);
-  Histogram h;
-  h.x_label = "ms";
-  h.style = style;
-  h.values = std::move(values);
-  h.upper = std::max(std::min(1.05 * summary.p99, 3 * summary.p90), 1e-3);
+/// `is_latency`: of the way to the outside every single image counts, so its axis reaches to the slowest.
+std::string histogram(const char* title, const char* style, std::vector<double> values, bool is_latency = false) {
+  if (values.empty())
+    return fmt::format("<div><h3>{}</h3><p>{}</p></div>", title,
+                       is_latency ? "no odometry was published" : "did not run");
+  const Summary summary = summarise(values);
+  Histogram h{.x_label = is_latency ? "ms, logarithmic" : "ms",
+              .style = style,
+              .values = std::move(values),
+              .logarithmic = is_latency};
+  h.upper = is_latency ? summary.max : std::max(std::min(1.05 * summary.p99, 3 * summary.p90), 1e-3);
   h.marks = {{fmt::format("median {:.3g} ms", summary.median), "", summary.median, 0},
              {fmt::format("99 % {:.3g} ms", summary.p99), "", summary.p99, 0}};
-  return fmt::format("<div><h3>{}: mean {:.3f} ms, max {:.2f} ms</h3>{}</div>", title, summary.mean, summary.max,
-                     svg(h, {380, 210}));
+  if (is_latency) h.marks.push_back({fmt::format("max {:.3g} ms", summary.max), "", summary.max, 0});
+  const std::string figures = is_latency ? fmt::format(", {} images", summary.count)
+                                         : fmt::format(": mean {:.3f} ms, max {:.2f} ms", summary.mean, summary.max);
+  return fmt::format("<div><h3>{}{}</h3>{}</div>", title, figures, svg(h, {380, 210}));
 }
 
 std::string histograms(const FlightRecord& record) {
-  const Timing timing = timing_of(record);
-  std::vector<double> track, solve, estimate, latency;
-  for (const ImageRecord& image : record.images) {
-    if (record.tracker) track.push_back(image.wall_ms.track);
-    if (image.latency_ms) latency.push_back(*image.latency_ms);
-    if (!image.solved) continue;
-    solve.push_back(image.wall_ms.solve);
-    estimate.push_back(image.wall_ms.estimate);
-  }
-  return R"(<div class="three">)" + histogram("track", "c1", timing.track, std::move(track)) +
-         histogram("solve", "c2", timing.solve, std::move(solve)) +
-         histogram("estimate", "c3", timing.estimate, std::move(estimate)) +
-         (record.realtime ? latency_histogram(timing.latency, std::move(latency)) : "") + "</div>";
+  std::string s = R"(<div class="three">)" + histogram("track", "c1", times_of(record, &StageMilliseconds::track)) +
+                  histogram("solve", "c2", times_of(record, &StageMilliseconds::solve)) +
+                  histogram("estimate", "c3", times_of(record, &StageMilliseconds::estimate));
+  if (record.realtime) s += histogram("latency: image timestamp to odometry", "c1", latencies_of(record), true);
+  return s + "</div>";
 }
 
 Plot tracks_plot(const Columns& columns) {
-  Plot plot;
-  plot.x_label = "time, s";
-  plot.y_label = "tracks";
-  plot.from_zero = true;
+  Plot plot{.x_label = "time, s", .y_label = "tracks", .from_zero = true};
   plot.lines = {
       {"tracks", "c1", columns.t, columns.of([](const ImageRecord& i) { return static_cast<double>(i.tracks); })},
       {"new", "c2 thin", columns.t,
@@ -245,10 +211,7 @@ Plot tracks_plot(const Columns& columns) {
 
 Plot health_plot(const FlightRecord& record, const Columns& columns) {
   const char* styles[] = {"initialising", "tracking", "degraded", "lost"};
-  Plot plot;
-  plot.x_label = "time, s";
-  plot.y_label = "quality, 0 to 100";
-  plot.from_zero = true;
+  Plot plot{.x_label = "time, s", .y_label = "quality, 0 to 100", .from_zero = true};
   for (std::size_t i = 0; i + 1 < columns.t.size(); ++i) {
     const char* style = styles[static_cast<int>(record.images[i].health.state)];
     if (!plot.spans.empty() && plot.spans.back().style == style) {
@@ -261,6 +224,31 @@ Plot health_plot(const FlightRecord& record, const Columns& columns) {
                  columns.of([](const ImageRecord& i) { return std::max(0.0, static_cast<double>(i.health.quality)); })},
                 {"", "none", {columns.t.front()}, {100}}};
   return plot;
+}
+
+constexpr const char* kCalibrationNote =
+    "share of poses whose error lies inside the region that the claimed covariance gives this probability. On the grey "
+    "line the claim is true; below it (shaded) errors are larger than claimed, above it smaller. The poses of a flight "
+    "share most of their error: judge by many flights";
+
+/// Share of errors inside the claimed regions over the claimed probability, a line for each quantity. Empty without
+/// any.
+std::string calibration_svg(const CalibrationCurves& curves) {
+  Plot plot{.x_label = "claimed probability, %", .y_label = "share of poses, %"};
+  plot.bands = {{"lost", {0, 100}, {0, 0}, {0, 100}}};
+  plot.lines = {{"claim is true", "truth", {0, 100}, {0, 100}}};
+  const auto add = [&](const char* label, const char* style, const CalibrationCurve& curve) {
+    if (curve.errors == 0) return;
+    PlotLine line{label, style, {0}, {0}};
+    for (std::size_t i = 0; i < curve.share.size(); ++i) line.add(100 * kClaimedProbabilities[i], 100 * curve.share[i]);
+    line.add(100, 100);
+    plot.lines.push_back(std::move(line));
+  };
+  add("position", "c1", curves.position);
+  add("yaw", "c2", curves.yaw);
+  add("tilt", "c3", curves.tilt);
+  add("velocity", "c4", curves.velocity);
+  return plot.lines.size() > 1 ? svg(plot, {560, 380}) : "";
 }
 
 constexpr const char* kHealthKey =
@@ -280,13 +268,7 @@ std::string report_html(const FlightRecord& record, const std::optional<Trajecto
   const Overlay c = record.truth ? overlay(trajectory_of(record), *record.truth) : Overlay{};
   const Columns columns(record);
   const bool truth = !c.pairs.empty();
-  const auto* truth_v = truth && !record.truth->v_WB_m_s.empty() ? &record.truth->v_WB_m_s : nullptr;
-  const std::vector<Vec3> turned_v = truth_v ? truth_velocity(record, c) : std::vector<Vec3>{};
-  const auto* truth_bg =
-      truth && !record.truth->gyroscope_bias_rad_s.empty() ? &record.truth->gyroscope_bias_rad_s : nullptr;
-  const auto* truth_ba =
-      truth && !record.truth->accelerometer_bias_m_s2.empty() ? &record.truth->accelerometer_bias_m_s2 : nullptr;
-  const std::string truth_note = "bands: claimed 3 sigma";
+  const std::vector<Vec3> none, truth_v = truth ? truth_velocity(record, c) : none;
   const std::string aligned =
       truth ? "estimate at the time of each image, aligned with the ground truth in position and heading"
             : "no ground truth";
@@ -304,18 +286,11 @@ std::string report_html(const FlightRecord& record, const std::optional<Trajecto
                    fmt::format(R"(<div class="two"><div>{}</div><div>{}</div></div>)", plot,
                                consistency_table(errors->nees) + motion_table(*errors)),
                    true);
-  s += html_card("Velocity", truth_note + (truth_v ? "; dashed: ground truth" : ""),
-                 svg(vector_plot(
-                     columns, "m/s", 1, [](const ImageRecord& i) { return i.v_WB_m_s; },
-                     [](const ImageRecord& i) { return i.sigma_v_m_s; }, record, truth_v ? &turned_v : nullptr)));
-  s += html_card("Gyroscope bias", truth_note + (truth_bg ? "; dashed: ground truth" : ""),
-                 svg(vector_plot(
-                     columns, "deg/s", 1 / kDegree, [](const ImageRecord& i) { return i.b_g_rad_s; },
-                     [](const ImageRecord& i) { return i.sigma_b_g_rad_s; }, record, truth_bg)));
-  s += html_card("Accelerometer bias", truth_note + (truth_ba ? "; dashed: ground truth" : ""),
-                 svg(vector_plot(
-                     columns, "m/s²", 1, [](const ImageRecord& i) { return i.b_a_m_s2; },
-                     [](const ImageRecord& i) { return i.sigma_b_a_m_s2; }, record, truth_ba)));
+  s += vector_card("Velocity", "m/s", 1, &ImageRecord::v_WB_m_s, &ImageRecord::sigma_v_m_s, record, columns, truth_v);
+  s += vector_card("Gyroscope bias", "deg/s", 1 / kDegree, &ImageRecord::b_g_rad_s, &ImageRecord::sigma_b_g_rad_s,
+                   record, columns, truth ? record.truth->gyroscope_bias_rad_s : none);
+  s += vector_card("Accelerometer bias", "m/s²", 1, &ImageRecord::b_a_m_s2, &ImageRecord::sigma_b_a_m_s2, record,
+                   columns, truth ? record.truth->accelerometer_bias_m_s2 : none);
   s += html_card("Tracks per image", "features followed from the previous image, and new ones",
                  svg(tracks_plot(columns)));
   s += html_card("Health", kHealthKey, svg(health_plot(record, columns), {1140, 200}), true);

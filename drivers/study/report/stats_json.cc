@@ -2,31 +2,24 @@
 
 #include <numeric>
 
-#include "drivers/study/report/heights_json.h"
-#include "drivers/study/report/tracks_json.h"
+#include "drivers/study/report/own_parts.h"
 #include "pipeline/text/suspicion_text.h"
 
 namespace epiline {
 
 namespace {
 
-template <class T>
-Json or_null(const std::optional<T>& value) {
-  return value ? Json(*value) : Json(nullptr);
+std::optional<double> ratio(double part, double whole) {
+  return whole > 0 ? std::optional(part / whole) : std::nullopt;
 }
-
-Json ratio(double part, double whole) { return whole > 0 ? Json(part / whole) : Json(nullptr); }
-Json ratio(std::uint64_t part, std::uint64_t whole) {
+std::optional<double> ratio(std::uint64_t part, std::uint64_t whole) {
   return ratio(static_cast<double>(part), static_cast<double>(whole));
 }
 
 Json timing_json(const Summary& s) {
-  if (s.count == 0) {
-    return {{"count", 0},     {"mean", nullptr}, {"p50", nullptr}, {"p90", nullptr},
-            {"p99", nullptr}, {"p999", nullptr}, {"max", nullptr}};
-  }
-  return {{"count", s.count}, {"mean", s.mean}, {"p50", s.median}, {"p90", s.p90},
-          {"p99", s.p99},     {"p999", s.p999}, {"max", s.max}};
+  const auto if_any = [&](double value) { return s.count > 0 ? std::optional(value) : std::nullopt; };
+  return {{"count", s.count},     {"mean", if_any(s.mean)}, {"p50", if_any(s.median)}, {"p90", if_any(s.p90)},
+          {"p99", if_any(s.p99)}, {"p999", if_any(s.p999)}, {"max", if_any(s.max)}};
 }
 
 Json images_json(const FlightRecord& r) {
@@ -62,6 +55,28 @@ Json imu_json(const FlightRecord& r) {
           {"saturated", e.imu_saturated}};
 }
 
+/// Of each kind of height sensor that sent any.
+Json heights_json(const EstimatorStats& stats) {
+  constexpr std::array kNames{"barometer", "range_finder"};
+  Json json = Json::object();
+  for (std::size_t i = 0; i < kHeightKinds; ++i) {
+    if (stats.height_samples[i] + stats.height_refused[i] == 0) continue;
+    json[kNames[i]] = {{"samples", stats.height_samples[i]},
+                       {"refused", stats.height_refused[i]},
+                       {"frames", stats.height_frames[i]},
+                       {"jumps", stats.height_jumps[i]}};
+  }
+  return json;
+}
+
+Json wheels_json(const EstimatorStats& stats) {
+  if (stats.wheel_samples + stats.wheel_refused == 0) return Json::object();
+  return {{"samples", stats.wheel_samples},
+          {"refused", stats.wheel_refused},
+          {"frames", stats.wheel_frames},
+          {"slips", stats.wheel_slips}};
+}
+
 /// What the gates of pipeline/watch found besides.
 Json watch_json(const FlightRecord& r) {
   const ImuGateStats& i = r.imu_watch;
@@ -92,7 +107,7 @@ Json initialisation_json(const FlightRecord& r) {
   const char* const kind = kKinds[static_cast<std::size_t>(r.estimator.start_kind)];
   const auto seconds = start_seconds(r);
   return {{"done", seconds.has_value()},
-          {"seconds_after_first_image", or_null(seconds)},
+          {"seconds_after_first_image", seconds},
           {"kind", kind ? Json(kind) : Json(nullptr)},
           {"attempts", r.estimator.start_attempts},
           {"refused_by_reason", reasons}};
@@ -133,9 +148,8 @@ Json numbers_json(const FlightRecord& r) {
 }
 
 Json settings_json(const FlightRecord& r) {
-  return {{"visual_factor", r.visual_factor},        {"keyframes", r.keyframes},
-          {"max_features", or_null(r.max_features)}, {"deadline_ms", or_null(r.deadline_ms)},
-          {"realtime", r.realtime.has_value()},      {"threads", r.threads}};
+  return {{"visual_factor", r.visual_factor}, {"keyframes", r.keyframes},           {"max_features", r.max_features},
+          {"deadline_ms", r.deadline_ms},     {"realtime", r.realtime.has_value()}, {"threads", r.threads}};
 }
 
 /// How often each event happened.
@@ -154,6 +168,40 @@ Json recorder_json(const RealtimeRecord& r) {
           {"failed", r.recorder->failed},
           {"lost", r.recorder->lost},
           {"memory_mib", static_cast<double>(r.recorder->memory_bytes) / (1 << 20)}};
+}
+
+Json other_json(std::size_t camera, const SecondStats& s) {
+  return {{"camera", camera},
+          {"images", s.images - s.images_missing},
+          {"images_missing", s.images_missing},
+          {"share_of_tracks", ratio(s.views, s.tracks)},
+          {"tried", s.tried},
+          {"matched", s.matched},
+          {"followed", s.followed},
+          {"lost", s.lost},
+          {"off_plane", s.off_plane},
+          {"wrong_side", s.wrong_side},
+          {"tracks_of_its_own", s.alone}};
+}
+
+Json tracks_json(const FlightRecord& r) {
+  std::uint64_t points = 0, tracks = 0;
+  for (const ImageRecord& image : r.images) {
+    points += static_cast<std::uint64_t>(image.tracks);
+    tracks += static_cast<std::uint64_t>(image.new_tracks);
+  }
+  const auto rejected =
+      r.tracker ? ratio(r.tracker->rejected_near + r.tracker->rejected_wide, r.tracker->tried) : std::nullopt;
+  Json others = Json::array();
+  for (std::size_t i = 0; i < r.others.size(); ++i)
+    if (r.others[i]) others.push_back(other_json(i + 1, *r.others[i]));
+  return {{"per_image_mean", ratio(points, r.images.size())},
+          {"length_mean", ratio(points, tracks)},
+          {"rejected_share", rejected},
+          {"own_parts_share", r.tracker ? Json(own_share(r.tracker->own_cells)) : Json(nullptr)},
+          {"noise_px", r.estimator.frames_solved > 0 ? Json(r.estimator.pixel_sigma) : Json(nullptr)},
+          {"gated", r.estimator.gated},
+          {"other_cameras", others}};
 }
 
 /// What was given up for lack of time.
@@ -261,25 +309,17 @@ Json realtime_json(const FlightRecord& r) {
           {"devices", devices_json(*r.realtime)},
           {"images_not_logged", report.images_not_logged},
           {"recorder", recorder_json(*r.realtime)},
-          {"lock_calls_after_start", or_null(r.lock_calls)},
+          {"lock_calls_after_start", r.lock_calls},
           {"threads", threads},
           {"rings", rings}};
 }
 
 StageSummaries summaries_of(const FlightRecord& record, StageMilliseconds ImageRecord::*clock) {
-  std::vector<double> track, solve, marginalise, estimate, frame;
-  for (const ImageRecord& image : record.images) {
-    const StageMilliseconds& ms = image.*clock;
-    if (record.tracker) track.push_back(ms.track);
-    if (image.solved) {
-      solve.push_back(ms.solve);
-      marginalise.push_back(ms.marginalise);
-      estimate.push_back(ms.estimate);
-    }
-    frame.push_back(ms.frame());
-  }
-  return {summarise(std::move(track)), summarise(std::move(solve)), summarise(std::move(marginalise)),
-          summarise(std::move(estimate)), summarise(std::move(frame))};
+  const auto summary = [&](double StageMilliseconds::*stage) { return summarise(times_of(record, stage, clock)); };
+  std::vector<double> frame;
+  for (const ImageRecord& image : record.images) frame.push_back((image.*clock).frame());
+  return {summary(&StageMilliseconds::track), summary(&StageMilliseconds::solve),
+          summary(&StageMilliseconds::marginalise), summary(&StageMilliseconds::estimate), summarise(std::move(frame))};
 }
 
 Json stages_json(const StageSummaries& s) {
@@ -297,20 +337,33 @@ Json errors_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& e
     json["rpe"] = nullptr;
     json["motion"] = nullptr;
   } else {
-    json["coverage"] = or_null(coverage(r));
+    json["coverage"] = coverage(r);
   }
   return json;
 }
 
 }  // namespace
 
-Timing timing_of(const FlightRecord& record) {
-  std::vector<double> latency;
+std::vector<double> times_of(const FlightRecord& record, double StageMilliseconds::*stage,
+                             StageMilliseconds ImageRecord::*clock) {
+  std::vector<double> ms;
   for (const ImageRecord& image : record.images) {
-    if (image.latency_ms) latency.push_back(*image.latency_ms);
+    const bool ran = stage == &StageMilliseconds::track ? record.tracker.has_value() : image.solved;
+    if (ran) ms.push_back(image.*clock.*stage);
   }
+  return ms;
+}
+
+std::vector<double> latencies_of(const FlightRecord& record) {
+  std::vector<double> ms;
+  for (const ImageRecord& image : record.images)
+    if (image.latency_ms) ms.push_back(*image.latency_ms);
+  return ms;
+}
+
+Timing timing_of(const FlightRecord& record) {
   return {summaries_of(record, &ImageRecord::wall_ms), summaries_of(record, &ImageRecord::cpu_ms),
-          summarise(std::move(latency))};
+          summarise(latencies_of(record))};
 }
 
 std::array<double, 4> state_seconds(const FlightRecord& record) {
@@ -383,7 +436,7 @@ Json stats_json(const FlightRecord& r, const std::optional<TrajectoryErrors>& er
   json["load"] = load_json(r);
   json["tracks"] = tracks_json(r);
   json["memory"] = {{"peak_rss_mib", r.peak_rss_mib},
-                    {"heap_allocations_after_start", or_null(r.heap_calls)},
+                    {"heap_allocations_after_start", r.heap_calls},
                     {"page_faults_after_start", r.page_faults}};
   json["realtime"] = realtime_json(r);
   json["error"] = errors_json(r, errors);

@@ -5,6 +5,12 @@
 
 namespace epiline {
 
+/// Times of a stage, ms, of those images for which it ran.
+std::vector<double> times_of(const FlightRecord& record, double StageMilliseconds::*stage,
+                             StageMilliseconds ImageRecord::*clock = &ImageRecord::wall_ms);
+/// From an image's stamp to its odometry, ms, of those images whose odometry was published in a real-time run.
+std::vector<double> latencies_of(const FlightRecord& record);
+
 /// Distributions of the time per stage, ms; those of stages that did not run are empty.
 struct StageSummaries {
   Summary track, solve, marginalise, estimate, frame;

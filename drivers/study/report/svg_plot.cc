@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <utility>
 
 #include "platform/math/statistics.h"
 
@@ -212,24 +214,15 @@ std::string drawing(const Frame2& f, const std::string& below, const std::string
 }  // namespace
 
 std::string escaped(const std::string& text) {
+  constexpr std::pair<char, const char*> kEntities[] = {{'<', "&lt;"}, {'>', "&gt;"}, {'&', "&amp;"}, {'"', "&quot;"}};
   std::string s;
   for (const char c : text) {
-    switch (c) {
-      case '<':
-        s += "&lt;";
-        break;
-      case '>':
-        s += "&gt;";
-        break;
-      case '&':
-        s += "&amp;";
-        break;
-      case '"':
-        s += "&quot;";
-        break;
-      default:
-        s += c;
-    }
+    const auto* entity =
+        std::find_if(std::begin(kEntities), std::end(kEntities), [&](const auto& e) { return e.first == c; });
+    if (entity == std::end(kEntities))
+      s += c;
+    else
+      s += entity->second;
   }
   return s;
 }

@@ -9,7 +9,11 @@ namespace epiline {
 struct PlotLine {
   std::string label;  ///< empty: not in the legend
   std::string style;
-  std::vector<double> x, y;
+  std::vector<double> x = {}, y = {};
+  void add(double at, double value) {
+    x.push_back(at);
+    y.push_back(value);
+  }
 };
 
 /// An area between two lines over the same x.
@@ -34,10 +38,10 @@ struct Plot {
   bool equal_axes = false;  ///< a metre is as long in x as in y
   bool from_zero = false;   ///< y starts at zero
   double y_cap = 0;         ///< if above zero: larger values are cut off at this
-  std::vector<PlotSpan> spans;
-  std::vector<PlotBand> bands;
-  std::vector<PlotLine> lines;
-  std::vector<PlotMark> marks;
+  std::vector<PlotSpan> spans = {};
+  std::vector<PlotBand> bands = {};
+  std::vector<PlotLine> lines = {};
+  std::vector<PlotMark> marks = {};
 };
 
 struct PlotSize {
@@ -50,9 +54,9 @@ std::string svg(const Plot& plot, PlotSize size = {});
 struct Histogram {
   std::string x_label, style;
   std::string y_label = "images";  ///< what is counted
-  std::vector<double> values;
+  std::vector<double> values = {};
   double upper = 1;
-  std::vector<PlotMark> marks;
+  std::vector<PlotMark> marks = {};
   bool logarithmic = false;  ///< axis and bars from the smallest value to the largest, which is what `upper` is then
 };
 std::string svg(const Histogram& histogram, PlotSize size = {});
