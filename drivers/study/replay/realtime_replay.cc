@@ -6,12 +6,13 @@
 #include "drivers/flights/recordings/flight_plan.h"
 #include "drivers/flights/recordings/recorded_sensors.h"
 #include "drivers/study/replay/inside.h"
-#include "drivers/study/replay/predicted_recorder.h"
 #include "drivers/study/replay/recorded_run.h"
 #include "drivers/study/report/page.h"
+#include "estimator/geometry/so3.h"
 #include "pipeline/realtime/realtime_pipeline.h"
 #include "pipeline/recorder/flight_recorder.h"
 #include "platform/linux/signals.h"
+#include "platform/ports/ports.h"
 
 namespace epiline {
 
@@ -58,6 +59,56 @@ class Collector final : public FlightObserver {
   std::vector<std::int64_t> latency_ns_;
   std::vector<Event> events_;
   std::uint64_t events_lost_ = 0;
+};
+
+/// Keeps the odometry of every IMU sample of a flight in memory, without heap calls or files during the flight.
+class PredictedRecorder final : public OdometrySink {
+ public:
+  /// Keeps the odometry of the first `readings` samples. `next` gets all of it as well; may be null.
+  PredictedRecorder(std::size_t readings, OdometrySink* next) : rows_(readings), next_(next) {}
+
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
+  bool publish(const Odometry& o) noexcept override {
+    const bool room = count_ < rows_.size();
+    if (room) rows_[count_++] = {o.stamp, o.p_WB_m, o.v_WB_m_s, o.omega_B_rad_s, o.q_WB, o.reset_counter};
+    return (next_ == nullptr || next_->publish(o)) && room;
+  }
+  bool publish_image(const Odometry& odometry) noexcept override {
+    return next_ == nullptr || next_->publish_image(odometry);
+  }
+
+  /// The path of the kept odometry, and how smooth it is.
+  PredictedPath path() const {
+    PredictedPath path;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const Row& row = rows_[i];
+      const Eigen::Quaterniond q(row.q[0], row.q[1], row.q[2], row.q[3]);
+      path.trajectory.poses.push_back({row.stamp, vec3(row.p), q});
+      if (i == 0 || rows_[i - 1].resets != row.resets) continue;
+      const Row& before = rows_[i - 1];
+      const Eigen::Quaterniond q_before(before.q[0], before.q[1], before.q[2], before.q[3]);
+      const double dt = (row.stamp - before.stamp).seconds();
+      const Vec3 step = vec3(row.p) - vec3(before.p) - 0.5 * dt * (vec3(row.v) + vec3(before.v));
+      const Mat3 turn = so3_exp(0.5 * dt * (vec3(row.omega) + vec3(before.omega)));
+      const Vec3 turned = so3_log(turn.transpose() * (q_before.conjugate() * q).toRotationMatrix());
+      path.largest_jump_m = std::max(path.largest_jump_m, step.norm());
+      path.largest_jump_rad = std::max(path.largest_jump_rad, turned.norm());
+      path.largest_jump_m_s = std::max(path.largest_jump_m_s, (vec3(row.v) - vec3(before.v)).norm());
+    }
+    return path;
+  }
+
+ private:
+  struct Row {
+    HostStamp stamp;
+    std::array<double, 3> p{}, v{}, omega{};
+    std::array<double, 4> q{};
+    std::uint32_t resets = 0;
+  };
+  std::vector<Row> rows_;  // written once at construction, so that no page fault comes later
+  std::size_t count_ = 0;
+  OdometrySink* next_;
 };
 
 RealtimeSettings settings_of(const AslDataset& dataset, const FlightPlan& plan, const Config& config) {

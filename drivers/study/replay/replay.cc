@@ -133,19 +133,16 @@ class Flight {
     const PlannedImage& planned = plan_.images[k];
     Frame frame;
     if (!dataset_.images.empty()) {
-      // not into the buffer of the last image, which the tracker still needs
-      const auto image = decoder_.read(planned.index, dataset_, static_cast<std::size_t>(1 - shown_buffer_));
+      const auto image = cameras_[0].read(planned.index, dataset_);
       if (!image) return image.error();
       if (image->data == nullptr) return Done{};
       frame = *image;
-      frame.slot = 1 - shown_buffer_;
+      frame.slot = 1 - cameras_[0].shown;
     }
     OtherFrames others;
     for (std::size_t c = 0; c < dataset_.others.size(); ++c) {
       if (!planned.others[c]) continue;
-      OtherImages& from = others_[c];
-      const auto image =
-          from.decoder.read(*planned.others[c], *dataset_.others[c], static_cast<std::size_t>(1 - from.shown));
+      const auto image = cameras_[1 + c].read(*planned.others[c], *dataset_.others[c]);
       if (!image) return image.error();
       if (image->data == nullptr) continue;
       others[c] = *image;
@@ -164,9 +161,9 @@ class Flight {
     const ThreadCosts before = costs_of_this_thread();
     const HeapCallScope heap;
     pipeline_.step(frame, others, outcome_);
-    if (!is_blind(frame.reasons)) shown_buffer_ = 1 - shown_buffer_;
+    if (!is_blind(frame.reasons)) cameras_[0].turn();
     for (std::size_t c = 0; c < dataset_.others.size(); ++c)
-      if (others[c].data != nullptr) others_[c].shown = 1 - others_[c].shown;
+      if (others[c].data != nullptr) cameras_[1 + c].turn();
     heap_calls_ += heap.calls();
     record_.page_faults += (costs_of_this_thread() - before).page_faults;
     record_.images.push_back(image_record(outcome_));
@@ -186,9 +183,8 @@ class Flight {
     for (std::size_t c = 1; c <= kMostOthers; ++c)
       if (const SecondStats* other = pipeline_.other_stats(c)) record_.others[c - 1] = *other;
     record_.skipped["refused_by_estimator"] = record_.estimator.frames_refused;
-    record_.skipped["unreadable"] = decoder_.unreadable().count();
-    record_.unreadable = decoder_.unreadable();
-    for (const OtherImages& other : others_) record_.unreadable.add(other.decoder.unreadable());
+    record_.skipped["unreadable"] = cameras_[0].decoder.unreadable().count();
+    for (const CameraImages& camera : cameras_) record_.unreadable.add(camera.decoder.unreadable());
     if (counts_heap_) record_.heap_calls = heap_calls_;
     record_.peak_rss_mib = peak_rss_mib();
     return std::move(record_);
@@ -253,13 +249,15 @@ class Flight {
   const FlightPlan& plan_;
   std::unique_ptr<ObservedRings> rings_;  ///< with an observer only
   OfflinePipeline pipeline_;
-  struct OtherImages {
+  struct CameraImages {
     ImageDecoder decoder;
-    int shown = 1;  ///< its buffer with the image that the tracker keeps
+    int shown = 1;  ///< its buffer with the last image, which the tracker still needs
+    Result<Frame> read(std::size_t index, const AslDataset& from) {
+      return decoder.read(index, from, static_cast<std::size_t>(1 - shown));
+    }
+    void turn() { shown = 1 - shown; }
   };
-  ImageDecoder decoder_;
-  int shown_buffer_ = 1;  ///< as OtherImages::shown
-  std::array<OtherImages, kMostOthers> others_;
+  std::array<CameraImages, 1 + kMostOthers> cameras_;
   bool counts_heap_;
   std::size_t next_imu_, next_wheel_ = 0, next_height_ = 0;
   ImuFaults imu_faults_;
