@@ -15,6 +15,11 @@ TEST(Effects, OnlyWhatIsNamedIsOn) {
   EXPECT_EQ(e->movers, 2);
   EXPECT_EQ(e->camera.vignette, 0);
   EXPECT_FALSE(e->camera.auto_exposure);
+  const auto none = parse_effects("none");
+  ASSERT_TRUE(none);
+  EXPECT_EQ(none->camera.exposure_s, 0);
+  EXPECT_EQ(none->camera.read_sigma, 0);
+  EXPECT_EQ(none->dropped_share, 0);
 }
 
 TEST(Effects, TheUsualOnesAreTheDefaults) {
@@ -47,14 +52,6 @@ TEST(Effects, ReachTheSimulatedImu) {
   EXPECT_EQ(m.vibrations[0].frequency_hz, 90);
   EXPECT_NEAR(m.gyroscope_limit_rad_s, 3.14159, 1e-4);
   EXPECT_NEAR(m.accelerometer_limit_m_s2, 39.2266, 1e-4);
-}
-
-TEST(Effects, NoneIsAPerfectCamera) {
-  const auto e = parse_effects("none");
-  ASSERT_TRUE(e);
-  EXPECT_EQ(e->camera.exposure_s, 0);
-  EXPECT_EQ(e->camera.read_sigma, 0);
-  EXPECT_EQ(e->dropped_share, 0);
 }
 
 TEST(Effects, SaysWhatIsWrong) {

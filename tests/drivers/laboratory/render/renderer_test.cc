@@ -144,32 +144,6 @@ TEST_P(RendererOfEveryLens, DrawsCornersWhereTheyProject) {
   EXPECT_LT(std::sqrt(sum2 / seen), 0.1);
 }
 
-// OpenCV calibrates rendered checkerboards back to the intrinsics they were rendered with.
-TEST(Renderer, CheckerboardsCalibrateBackToTheIntrinsics) {
-  const World board = checkerboard();
-  const CameraParameters lens = camera(CameraModel::kPinholeRadialTangential);
-  std::vector<std::vector<cv::Point2f>> corners;
-  std::vector<cv::Point3f> place;
-  for (int k = 0; k < kColumns * kRows; ++k)
-    place.emplace_back(static_cast<float>(kSquare_m * (k % kColumns)), static_cast<float>(kSquare_m * (k / kColumns)),
-                       0.0F);
-  for (int i = 0; i < 14; ++i) {
-    auto found = find_corners(picture(board, view_of_board(i), lens, no_effects()));
-    if (!found.empty()) corners.push_back(std::move(found));
-  }
-  ASSERT_GE(corners.size(), 10U);
-  cv::Mat K, distortion;
-  std::vector<cv::Mat> r, t;
-  const double rms = cv::calibrateCamera(std::vector(corners.size(), place), corners, {kWidth, kHeight}, K, distortion,
-                                         r, t, cv::CALIB_FIX_K3);
-  EXPECT_LT(rms, 0.1);
-  EXPECT_NEAR(K.at<double>(0, 0), 458, 1.5);
-  EXPECT_NEAR(K.at<double>(1, 1), 457, 1.5);
-  EXPECT_NEAR(K.at<double>(0, 2), 367, 1.5);
-  EXPECT_NEAR(K.at<double>(1, 2), 248, 1.5);
-  EXPECT_NEAR(distortion.at<double>(0), -0.28, 0.01);
-}
-
 // The vector kernel shows at each pixel the panel that a plain ray, without any culling, meets there.
 TEST_P(RendererOfEveryLens, ShowsThePanelThatARayMeets) {
   World world;

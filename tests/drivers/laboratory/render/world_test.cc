@@ -114,21 +114,5 @@ TEST_P(EveryWorld, SurroundsThePath) {
   EXPECT_LT(median, most);
 }
 
-TEST(World, NamesAreUnderstood) {
-  for (const WorldKind kind : kAllWorlds) EXPECT_EQ(world_from(to_string(kind)), kind);
-  EXPECT_FALSE(world_from("moon"));
-}
-
-TEST(World, MoversSwingBetweenTwoPlaces) {
-  Mover m;
-  m.from = Vec3(1, 2, 3);
-  m.to = Vec3(2, 2, 3);
-  m.period_s = 4;
-  m.phase_rad = 0;
-  EXPECT_TRUE(m.centre(0).isApprox(m.from));
-  EXPECT_TRUE(m.centre(2).isApprox(m.to));
-  EXPECT_TRUE(m.centre(4).isApprox(m.from));
-}
-
 }  // namespace
 }  // namespace epiline

@@ -2,10 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <vector>
 
 #include "drivers/flights/recordings/asl_dataset.h"
+#include "drivers/laboratory/simulate/height_simulator.h"
+#include "drivers/laboratory/simulate/wheel_simulator.h"
 
 namespace epiline {
 namespace {
@@ -51,6 +55,7 @@ TEST_F(AslWriter, AReplayReadsBackWhatWasSimulated) {
       ASSERT_NEAR(point.v, truth.pixel.y(), 1e-4);
     }
   }
+  EXPECT_TRUE(read->height_samples.empty() && read->wheel_samples.empty());
   EXPECT_EQ(read->camera.parameters.width, flight.width);
   EXPECT_TRUE(read->camera.R_BC.isApprox(flight.extrinsics.R_BC, 1e-12));
   EXPECT_TRUE(read->camera.p_BC.isApprox(flight.extrinsics.p_BC, 1e-12));
@@ -63,6 +68,28 @@ TEST_F(AslWriter, AReplayReadsBackWhatWasSimulated) {
     ASSERT_TRUE(pose.p_WB.isApprox(flight.images[i].truth.p_WB, 1e-12));
     ASSERT_TRUE(pose.q_WB.toRotationMatrix().isApprox(flight.images[i].truth.R_WB, 1e-9));
   }
+}
+
+TEST_F(AslWriter, WheelsAndHeightsAreReadBackInTheOrderOfTime) {
+  const TrackSimulation simulation;
+  const SimulatedFlight flight = simulate_tracks(simulation);
+  const auto wheel = simulate_wheel(flight.flight, kFlightBegin, {}, 1);
+  std::vector<HeightSample> heights = simulate_barometer(flight.flight, kFlightBegin, {}, 1);
+  ASSERT_TRUE(write_asl(simulation, flight, folder_ / "barometer", wheel, heights));
+  const auto one = open_asl_dataset(folder_ / "barometer", "cam0");
+  ASSERT_TRUE(one) << one.error().text();
+  const auto same = [](const auto& a, const auto& b) { return a.stamp == b.stamp; };
+  EXPECT_TRUE(std::ranges::equal(one->wheel_samples, wheel, same));
+  EXPECT_TRUE(std::ranges::equal(one->height_samples, heights, [](const HeightSample& a, const HeightSample& b) {
+    return a.stamp == b.stamp && a.metres == b.metres;
+  }));
+  const auto range = simulate_range(flight.flight, kFlightBegin, flat_ground(-1.5), {}, 1);
+  heights.insert(heights.end(), range.begin(), range.end());
+  ASSERT_TRUE(write_asl(simulation, flight, folder_ / "both", wheel, heights));
+  const auto both = open_asl_dataset(folder_ / "both", "cam0");
+  ASSERT_TRUE(both) << both.error().text();
+  std::stable_sort(heights.begin(), heights.end(), [](auto& a, auto& b) { return a.stamp < b.stamp; });
+  EXPECT_TRUE(std::ranges::equal(both->height_samples, heights, same));
 }
 
 TEST_F(AslWriter, SaysWhereItCannotWrite) {

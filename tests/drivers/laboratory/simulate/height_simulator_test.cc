@@ -4,9 +4,6 @@
 
 #include <cmath>
 
-#include "drivers/flights/recordings/asl_dataset.h"
-#include "drivers/laboratory/simulate/asl_writer.h"
-#include "drivers/laboratory/simulate/flights.h"
 #include "estimator/geometry/so3.h"
 
 namespace epiline {
@@ -78,33 +75,6 @@ TEST(HeightSimulator, ARangeFinderLosesSamplesAndSeesSteps) {
   EXPECT_DOUBLE_EQ(samples(51, steps)[0].metres, 8);
   EXPECT_DOUBLE_EQ(samples(101, steps)[0].metres, 10);
   EXPECT_DOUBLE_EQ(samples(-1, steps)[0].metres, 8);
-}
-
-TEST(HeightSimulator, AFolderGivesBackWhatWasWritten) {
-  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "epiline_heights";
-  std::filesystem::remove_all(folder);
-  const TrackSimulation simulation;
-  const SimulatedFlight flight = simulate_tracks(simulation);
-  std::vector<HeightSample> heights = simulate_barometer(flight.flight, kFlightBegin, {}, 1);
-  const std::size_t barometer = heights.size();
-  ASSERT_TRUE(write_asl(simulation, flight, folder / "without", {}));
-  ASSERT_TRUE(write_asl(simulation, flight, folder / "one", {}, heights));
-  const auto range = simulate_range(flight.flight, kFlightBegin, flat_ground(-1.5), {}, 1);
-  heights.insert(heights.end(), range.begin(), range.end());
-  ASSERT_TRUE(write_asl(simulation, flight, folder / "both", {}, heights));
-  const auto none = open_asl_dataset(folder / "without", "cam0"), one = open_asl_dataset(folder / "one", "cam0"),
-             both = open_asl_dataset(folder / "both", "cam0");
-  ASSERT_TRUE(none && one && both);
-  EXPECT_TRUE(none->height_samples.empty());
-  ASSERT_EQ(one->height_samples.size(), barometer);
-  for (std::size_t i = 0; i < barometer; ++i) {
-    EXPECT_EQ(one->height_samples[i].stamp, heights[i].stamp);
-    EXPECT_EQ(one->height_samples[i].metres, heights[i].metres);
-  }
-  ASSERT_EQ(both->height_samples.size(), barometer + range.size());
-  for (std::size_t i = 1; i < both->height_samples.size(); ++i)
-    ASSERT_LE(both->height_samples[i - 1].stamp, both->height_samples[i].stamp);
-  std::filesystem::remove_all(folder);
 }
 
 }  // namespace

@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <numbers>
-#include <numeric>
 #include <string>
 #include <vector>
 
@@ -124,18 +123,6 @@ TEST(ImuSimulatorTest, ScaleMisalignmentAndLimits) {
   EXPECT_LT((vec3(s.specific_force_m_s2) - Vec3(0, 0, 14)).norm(), 1e-14);
 }
 
-TEST(ImuSimulatorTest, ReadingsAreMultiplesOfTheStep) {
-  ImuModel model = perfect(200);
-  model.accelerometer_step_m_s2 = 0.25;
-  model.gyroscope_step_rad_s = 0.01;
-  ImuSimulator imu(model, Random(1, 1));
-  Motion m = resting();
-  m.omega_B = Vec3(0.014, 0.016, -0.016);
-  const ImuSample s = imu.read({}, m);
-  EXPECT_LT((vec3(s.angular_velocity_rad_s) - Vec3(0.01, 0.02, -0.02)).norm(), 1e-15);
-  EXPECT_LT((vec3(s.specific_force_m_s2) - Vec3(0, 0, 9.75)).norm(), 1e-15);
-}
-
 /// Amplitude of the sine of that frequency (Goertzel's filter); `values` span whole periods.
 double amplitude(const std::vector<double>& values, double frequency_hz, double rate_hz) {
   const double step = 2 * std::numbers::pi * frequency_hz / rate_hz;
@@ -168,39 +155,6 @@ TEST(ImuSimulatorTest, VibrationsAreLinesOfTheSpectrum) {
   EXPECT_NEAR(amplitude(a_z, 30, 200), 0.3, 1e-9);
   EXPECT_NEAR(amplitude(a_z, 47, 200), 0, 1e-9);
   EXPECT_NEAR(amplitude(w_y, 62, 200), 0.06 * 2 / 3, 1e-9);
-}
-
-/// Of the means over `count` values each, not overlapping.
-double allan_deviation(const std::vector<double>& values, std::size_t count) {
-  std::vector<double> means;
-  for (std::size_t i = 0; i + count <= values.size(); i += count)
-    means.push_back(std::accumulate(values.begin() + static_cast<std::ptrdiff_t>(i),
-                                    values.begin() + static_cast<std::ptrdiff_t>(i + count), 0.0) /
-                    static_cast<double>(count));
-  double sum = 0;
-  for (std::size_t i = 1; i < means.size(); ++i) sum += (means[i] - means[i - 1]) * (means[i] - means[i - 1]);
-  return std::sqrt(sum / (2 * static_cast<double>(means.size() - 1)));
-}
-
-// White noise of density d has the Allan deviation d / sqrt(tau), a random walk of density d has d sqrt(tau / 3).
-TEST(ImuSimulatorTest, AllanDeviationIsThatOfTheDensities) {
-  ImuModel model = perfect(200);
-  model.noise.accelerometer_density = 2e-3;
-  model.noise.gyroscope_random_walk = 1e-3;
-  ImuSimulator imu(model, Random(4, 1));
-  std::vector<double> white, walk;
-  for (int k = 0; k < 400 * 200; ++k) {
-    const ImuSample s = imu.read({}, resting());
-    white.push_back(s.specific_force_m_s2[0]);
-    walk.push_back(s.angular_velocity_rad_s[0]);
-  }
-  for (const double tau : {0.1, 0.5, 2.0}) {
-    const double tolerance = 4 / std::sqrt(400 / tau);  // relative; four standard deviations
-    const double expected_white = 2e-3 / std::sqrt(tau), expected_walk = 1e-3 * std::sqrt(tau / 3);
-    const auto count = static_cast<std::size_t>(std::lround(200 * tau));
-    EXPECT_NEAR(allan_deviation(white, count), expected_white, tolerance * expected_white) << tau;
-    EXPECT_NEAR(allan_deviation(walk, count), expected_walk, tolerance * expected_walk) << tau;
-  }
 }
 
 TEST(RandomAxes, HaveTheirSigmas) {
