@@ -1,5 +1,4 @@
-#include "drivers/laboratory/simulate_command.h"
-
+// The program `epiline-study`: what studies need and no vehicle does.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -163,56 +162,65 @@ std::vector<std::string> names(const All& all) {
   return list;
 }
 
-void add_other_cameras(CLI::App& command, const std::shared_ptr<SimulateArguments>& o, CLI::Option* tracks) {
+/// A number in that range; `needs`: another option without which it has no meaning.
+CLI::Option* add_number(CLI::App& command, const char* name, double& value, const char* text,
+                        const CLI::Validator& range, CLI::Option* needs = nullptr) {
+  CLI::Option* option = command.add_option(name, value, text)->check(range);
+  return needs != nullptr ? option->needs(needs) : option;
+}
+
+void add_other_cameras(CLI::App& command, SimulateArguments& o, CLI::Option* tracks) {
   CLI::Option* files =
       command
-          .add_option("--other-camera", o->other_cameras,
+          .add_option("--other-camera", o.other_cameras,
                       "calibration (sensor.yaml) of another camera; together with that of --camera it gives the rig; "
                       "may be repeated: cam1, cam2, cam3")
           ->expected(1, static_cast<int>(kMostOthers))
           ->excludes(tracks);
-  command
-      .add_option("--baseline", o->baseline_m,
-                  "a second camera of the same lens, parallel to the first one, this far to its right, m")
-      ->check(CLI::Range(-0.4, 0.4))
-      ->excludes(tracks)
-      ->excludes(files);
-  command
-      .add_option("--later", o->later_s,
-                  "the other cameras take their images so much after the first one, as if nothing triggered them "
-                  "together, s")
-      ->check(CLI::Range(-0.05, 0.05))
+  add_number(command, "--baseline", o.baseline_m,
+             "a second camera of the same lens, parallel to the first one, this far to its right, m",
+             CLI::Range(-0.4, 0.4))
+      ->excludes(tracks, files);
+  add_number(
+      command, "--later", o.later_s,
+      "the other cameras take their images so much after the first one, as if nothing triggered them together, s",
+      CLI::Range(-0.05, 0.05))
       ->excludes(tracks);
 }
 
-void add_heights(CLI::App& command, const std::shared_ptr<SimulateArguments>& o) {
-  command.add_option("--height", o->simulation.height_m, "of a survey, m")
-      ->check(CLI::Range(5.0, 500.0))
+void add_wheels(CLI::App& command, SimulateArguments& o) {
+  CLI::Option* wheels =
+      command.add_flag("--wheel", o.wheels, "also write the forward speed that wheels would measure (wheel0)");
+  add_number(command, "--wheel-noise", o.wheel.sigma_m_s, "with --wheel: standard deviation of the speed, m/s",
+             CLI::NonNegativeNumber, wheels)
       ->capture_default_str();
-  CLI::Option* barometer =
-      command.add_flag("--barometer", o->has_barometer, "also write the height that a barometer would measure (baro0)");
-  CLI::Option* range = command.add_flag(
-      "--range", o->has_range, "also write the distance that a range finder would measure, downwards (range0)");
-  const auto add = [&](CLI::Option* sensor, const char* name, double& value, const char* text, double most) {
-    command.add_option(name, value, text)->check(CLI::Range(-most, most))->needs(sensor)->capture_default_str();
-  };
-  constexpr double kMost = 1e6;
-  add(barometer, "--barometer-noise", o->barometer.sigma_m, "with --barometer: standard deviation of its noise, m",
-      kMost);
-  add(barometer, "--barometer-walk", o->barometer.walk, "with --barometer: random walk of its offset, m/sqrt(s)",
-      kMost);
-  add(barometer, "--barometer-gusts", o->barometer.gust_m,
-      "with --barometer: standard deviation of its error by gusts of 4 s, m", kMost);
-  add(barometer, "--barometer-jump", o->barometer.jump_m, "with --barometer-jump-at: by how much it jumps, m", kMost);
-  add(barometer, "--barometer-jump-at", o->barometer.jump_at_s, "with --barometer: when it jumps, s", 1e12);
-  add(range, "--range-noise", o->range.sigma_m, "with --range: standard deviation of its noise, m", kMost);
-  add(range, "--range-drops", o->range.drop_share, "with --range: share of the samples that are lost", 1);
-  add(range, "--range-most", o->range.most_m, "with --range: longest distance that it measures, m", kMost);
-  add(range, "--range-steps", o->range.step_m,
-      "with --range: height of every other stretch of 50 m of the ground below the beam, m", kMost);
+  add_number(command, "--wheel-scale-error", o.wheel.scale_error,
+             "with --wheel: scale error of the speed; 0.01 is one per cent too fast", CLI::Range(-0.5, 0.5), wheels)
+      ->capture_default_str();
 }
 
-}  // namespace
+void add_heights(CLI::App& command, SimulateArguments& o) {
+  add_number(command, "--height", o.simulation.height_m, "of a survey, m", CLI::Range(5.0, 500.0))
+      ->capture_default_str();
+  CLI::Option* barometer =
+      command.add_flag("--barometer", o.has_barometer, "also write the height that a barometer would measure (baro0)");
+  CLI::Option* range = command.add_flag(
+      "--range", o.has_range, "also write the distance that a range finder would measure, downwards (range0)");
+  const auto add = [&](CLI::Option* sensor, const char* name, double& value, const char* text, double most = 1e6) {
+    add_number(command, name, value, text, CLI::Range(-most, most), sensor)->capture_default_str();
+  };
+  add(barometer, "--barometer-noise", o.barometer.sigma_m, "with --barometer: standard deviation of its noise, m");
+  add(barometer, "--barometer-walk", o.barometer.walk, "with --barometer: random walk of its offset, m/sqrt(s)");
+  add(barometer, "--barometer-gusts", o.barometer.gust_m,
+      "with --barometer: standard deviation of its error by gusts of 4 s, m");
+  add(barometer, "--barometer-jump", o.barometer.jump_m, "with --barometer-jump-at: by how much it jumps, m");
+  add(barometer, "--barometer-jump-at", o.barometer.jump_at_s, "with --barometer: when it jumps, s", 1e12);
+  add(range, "--range-noise", o.range.sigma_m, "with --range: standard deviation of its noise, m");
+  add(range, "--range-drops", o.range.drop_share, "with --range: share of the samples that are lost", 1);
+  add(range, "--range-most", o.range.most_m, "with --range: longest distance that it measures, m");
+  add(range, "--range-steps", o.range.step_m,
+      "with --range: height of every other stretch of 50 m of the ground below the beam, m");
+}
 
 void add_simulate(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<SimulateArguments>();
@@ -240,43 +248,33 @@ void add_simulate(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   command->add_option("--camera", o->camera,
                       "calibration (sensor.yaml) of the rendered camera; without --from, only its lens is used");
-  command->add_option("--rate", o->rate_hz, "images per second")->check(CLI::Range(1.0, 500.0))->capture_default_str();
+  add_number(*command, "--rate", o->rate_hz, "images per second", CLI::Range(1.0, 500.0))->capture_default_str();
   command->add_option("--seed", o->seed, "seed of all random numbers")->capture_default_str();
-  command->add_option("--duration", o->duration_s, "end after this many seconds")->check(CLI::PositiveNumber);
+  add_number(*command, "--duration", o->duration_s, "end after this many seconds", CLI::PositiveNumber);
   command->add_option("--jobs", o->jobs, "number of images to render at the same time")
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
   CLI::Option* tracks = command->add_flag("--tracks", o->tracks, "write simulated tracks with noise instead of images")
                             ->excludes(from, "--world", "--effects", "--camera", "--rate");
-  add_other_cameras(*command, o, tracks);
-  command
-      ->add_option("--pixel-noise", o->simulation.noise.pixel_sigma,
-                   "with --tracks: standard deviation of their noise, px")
-      ->check(CLI::NonNegativeNumber)
-      ->needs(tracks)
+  add_other_cameras(*command, *o, tracks);
+  add_number(*command, "--pixel-noise", o->simulation.noise.pixel_sigma,
+             "with --tracks: standard deviation of their noise, px", CLI::NonNegativeNumber, tracks)
       ->capture_default_str();
-  command
-      ->add_option("--readout", o->simulation.readout_s,
-                   "with --tracks: rolling shutter, exposure of the last row minus that of the first, s")
-      ->check(CLI::Range(-0.1, 0.1))
-      ->needs(tracks);
-  CLI::Option* wheels =
-      command->add_flag("--wheel", o->wheels, "also write the forward speed that wheels would measure (wheel0)");
-  command->add_option("--wheel-noise", o->wheel.sigma_m_s, "with --wheel: standard deviation of the speed, m/s")
-      ->check(CLI::NonNegativeNumber)
-      ->needs(wheels)
-      ->capture_default_str();
-  command
-      ->add_option("--wheel-scale-error", o->wheel.scale_error,
-                   "with --wheel: scale error of the speed; 0.01 is one per cent too fast")
-      ->check(CLI::Range(-0.5, 0.5))
-      ->needs(wheels)
-      ->capture_default_str();
-  add_heights(*command, o);
+  add_number(*command, "--readout", o->simulation.readout_s,
+             "with --tracks: rolling shutter, exposure of the last row minus that of the first, s",
+             CLI::Range(-0.1, 0.1), tracks);
+  add_wheels(*command, *o);
+  add_heights(*command, *o);
   command->add_option("--out", o->out, "folder to write")->required();
   add_force(*command, o->foreign);
   command->add_flag("--quiet", o->quiet, "print errors only");
   command->callback([o, &exit_code] { exit_code = simulate(*o); });
 }
 
+}  // namespace
 }  // namespace epiline
+
+int main(int argc, char** argv) {
+  return epiline::run_program(argc, argv, "epiline-study", "Makes flights to study epiline with; `epiline` flies them.",
+                              epiline::add_simulate);
+}

@@ -61,8 +61,7 @@ std::optional<RayHit> cast_ray(const World& world, const Vec3& origin, const Vec
     const double t = p.normal().dot(p.centre - origin) / slope;
     if (t <= 0 || (best && t >= best->distance_m)) continue;
     const Vec3 at = origin + t * direction - p.centre;
-    const Vec2 uv(at.dot(p.e_u), at.dot(p.e_v));
-    if (std::abs(uv.x()) <= p.half_u && std::abs(uv.y()) <= p.half_v) best = RayHit{i, t, uv};
+    if (std::abs(at.dot(p.e_u)) <= p.half_u && std::abs(at.dot(p.e_v)) <= p.half_v) best = RayHit{i, t};
   }
   return best;
 }

@@ -43,7 +43,6 @@ struct RenderSettings {
 struct RayHit {
   std::size_t panel;  ///< index in World::panels
   double distance_m;
-  Vec2 uv_m;  ///< where on the panel, from its centre
 };
 
 /// The panel a ray from `origin` along the unit vector `direction` meets first, movers left out.

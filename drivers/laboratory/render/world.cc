@@ -3,19 +3,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "drivers/laboratory/render/worlds.h"
-
 namespace epiline {
 namespace {
-
-Bounds bounds_of(const std::vector<Vec3>& path) {
-  Bounds b{path.front(), path.front()};
-  for (const Vec3& p : path) {
-    b.low = b.low.cwiseMin(p);
-    b.high = b.high.cwiseMax(p);
-  }
-  return b;
-}
 
 constexpr std::array<const char*, kAllWorlds.size()> kNames{"hall", "room", "corridor", "outdoor", "fields"};
 
@@ -47,29 +36,6 @@ double gloss_of(Material material) {
 
 Vec3 Mover::centre(double t_s) const {
   return from + (0.5 - 0.5 * std::cos(2 * std::numbers::pi * t_s / period_s + phase_rad)) * (to - from);
-}
-
-World make_world(WorldKind kind, const std::vector<Vec3>& path, int movers, std::uint64_t seed) {
-  WorldBuilder b(path, seed);
-  const Bounds box = bounds_of(path);
-  const auto build = [&] {
-    switch (kind) {
-      case WorldKind::kHall:
-        return hall(b, box);
-      case WorldKind::kRoom:
-        return room(b, box);
-      case WorldKind::kCorridor:
-        return corridor(b, box);
-      case WorldKind::kFields:
-        return fields(b, box);
-      case WorldKind::kOutdoor:
-        return outdoor(b, box);
-    }
-    return box;
-  };
-  const Bounds inside = build();
-  b.movers(movers, inside.low.z(), inside);
-  return std::move(b).take();
 }
 
 }  // namespace epiline

@@ -1,10 +1,12 @@
-#include "drivers/laboratory/render/worlds.h"
-
+// The worlds, each built around the box that the camera's path fills. They return the space that movers walk in.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "drivers/laboratory/render/world_builder.h"
+
 namespace epiline {
+namespace {
 
 constexpr Material kHallWalls[] = {Material::kConcrete, Material::kBrick, Material::kRibs,  Material::kMachine,
                                    Material::kPosters,  Material::kPaint, Material::kMetal, Material::kFacade};
@@ -151,6 +153,7 @@ Bounds outdoor(WorldBuilder& b, Bounds box) {
 constexpr Material kField[] = {Material::kGrass, Material::kGravel, Material::kLandscape, Material::kGrass};
 constexpr Material kHouse[] = {Material::kFacade, Material::kBrick};
 
+/// Ground whose texture suits the height it is seen from: finer patches lie a little above the coarser ones.
 Bounds fields(WorldBuilder& b, Bounds box) {
   const double floor = box.low.z() - 0.55, height = box.high.z() - floor, margin = 30 + 1.3 * height;
   const Vec3 x = Vec3::UnitX(), y = Vec3::UnitY();
@@ -179,6 +182,40 @@ Bounds fields(WorldBuilder& b, Bounds box) {
   b.world().sky = 200;
   land.high.z() = floor + 2;
   return land;
+}
+
+Bounds bounds_of(const std::vector<Vec3>& path) {
+  Bounds b{path.front(), path.front()};
+  for (const Vec3& p : path) {
+    b.low = b.low.cwiseMin(p);
+    b.high = b.high.cwiseMax(p);
+  }
+  return b;
+}
+
+}  // namespace
+
+World make_world(WorldKind kind, const std::vector<Vec3>& path, int movers, std::uint64_t seed) {
+  WorldBuilder b(path, seed);
+  const Bounds box = bounds_of(path);
+  const auto build = [&] {
+    switch (kind) {
+      case WorldKind::kHall:
+        return hall(b, box);
+      case WorldKind::kRoom:
+        return room(b, box);
+      case WorldKind::kCorridor:
+        return corridor(b, box);
+      case WorldKind::kFields:
+        return fields(b, box);
+      case WorldKind::kOutdoor:
+        return outdoor(b, box);
+    }
+    return box;
+  };
+  const Bounds inside = build();
+  b.movers(movers, inside.low.z(), inside);
+  return std::move(b).take();
 }
 
 }  // namespace epiline

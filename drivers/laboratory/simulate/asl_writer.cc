@@ -24,9 +24,10 @@ Text tracks_text(const SimulatedFlight& flight) {
   return out;
 }
 
-std::string imu_text(const std::vector<ImuSample>& samples) {
-  std::string out = kAslImuHeader;
-  for (const ImuSample& s : samples) append_asl_imu(out, s);
+template <class Rows, class Append>
+std::string table(const char* header, const Rows& rows, Append append) {
+  std::string out = header;
+  for (const auto& row : rows) append(out, row);
   return out;
 }
 
@@ -42,24 +43,11 @@ Text truth_text(const std::vector<TruthRow>& rows) {
   return out;
 }
 
-std::string wheel_rows(const std::vector<WheelSample>& samples) {
-  std::string out;
-  for (const WheelSample& s : samples) append_asl_wheel(out, s);
-  return out;
-}
-
-std::string height_rows(const std::vector<HeightSample>& samples, HeightKind kind) {
-  std::string out;
-  for (const HeightSample& s : samples)
-    if (s.kind == kind) append_asl_height(out, s);
-  return out;
-}
-
 /// No file without rows.
-Status write_side(const fs::path& folder, const char* header, const std::string& rows) {
-  if (rows.empty()) return Done{};
+Status write_side(const fs::path& folder, const char* header, const std::string& text) {
+  if (text == header) return Done{};
   if (Status s = make_folder(folder); !s) return s;
-  return write_text(folder / "data.csv", header + rows);
+  return write_text(folder / "data.csv", text);
 }
 
 }  // namespace
@@ -79,18 +67,23 @@ Status write_tables(const FlightTables& tables, const fs::path& root) {
   for (std::size_t i = 0; i < tables.other_cameras.size(); ++i)
     if (Status s = write_camera(i + 1, tables.other_cameras[i]); !s) return s;
   if (Status s = write_text(root / "imu0/sensor.yaml", asl_imu(tables.imu)); !s) return s;
-  if (Status s = write_text(root / "imu0/data.csv", imu_text(tables.imu_samples)); !s) return s;
-  if (Status s = write_side(root / "wheel0", kAslWheelHeader, wheel_rows(tables.wheel_samples)); !s) return s;
-  for (const AslHeightTable& table : kAslHeightTables)
-    if (Status s = write_side(root / table.folder, table.header, height_rows(tables.height_samples, table.kind)); !s)
-      return s;
+  if (Status s = write_text(root / "imu0/data.csv", table(kAslImuHeader, tables.imu_samples, append_asl_imu)); !s)
+    return s;
+  const std::string wheel = table(kAslWheelHeader, tables.wheel_samples, append_asl_wheel);
+  if (Status s = write_side(root / "wheel0", kAslWheelHeader, wheel); !s) return s;
+  for (const AslHeightTable& heights : kAslHeightTables) {
+    const auto of_kind = [&](std::string& out, const HeightSample& s) {
+      if (s.kind == heights.kind) append_asl_height(out, s);
+    };
+    const std::string text = table(heights.header, tables.height_samples, of_kind);
+    if (Status s = write_side(root / heights.folder, heights.header, text); !s) return s;
+  }
   return write_text(root / "state_groundtruth_estimate0/data.csv", truth_text(tables.truth));
 }
 
 Status write_image_list(const std::vector<ImageRow>& rows, const fs::path& camera) {
-  std::string out = kAslImagesHeader;
-  for (const ImageRow& row : rows) append_asl_image(out, row.stamp, row.file);
-  return write_text(camera / "data.csv", out);
+  const auto append = [](std::string& out, const ImageRow& row) { append_asl_image(out, row.stamp, row.file); };
+  return write_text(camera / "data.csv", table(kAslImagesHeader, rows, append));
 }
 
 Status write_asl(const TrackSimulation& simulation, const SimulatedFlight& flight, const fs::path& folder,

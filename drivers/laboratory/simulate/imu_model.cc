@@ -5,9 +5,8 @@
 
 namespace epiline {
 namespace {
-std::array<double, 3> digital(const Vec3& v, double limit, double step) {
-  Vec3 c = v.cwiseMin(limit).cwiseMax(-limit);
-  if (step > 0) c = (c / step).array().round() * step;
+std::array<double, 3> clamped(const Vec3& v, double limit) {
+  const Vec3 c = v.cwiseMin(limit).cwiseMax(-limit);
   return {c.x(), c.y(), c.z()};
 }
 }  // namespace
@@ -63,8 +62,7 @@ ImuSample ImuSimulator::read(HostStamp stamp, const Motion& motion) {
   }
   b_g_ += random_.normal3(model_.noise.gyroscope_random_walk * walk);
   b_a_ += random_.normal3(model_.noise.accelerometer_random_walk * walk);
-  return {stamp, digital(w, model_.gyroscope_limit_rad_s, model_.gyroscope_step_rad_s),
-          digital(a, model_.accelerometer_limit_m_s2, model_.accelerometer_step_m_s2)};
+  return {stamp, clamped(w, model_.gyroscope_limit_rad_s), clamped(a, model_.accelerometer_limit_m_s2)};
 }
 
 }  // namespace epiline

@@ -1,5 +1,5 @@
 #pragma once
-// An IMU made of its error model: reading = round(clamp(M truth + bias + vibration + white noise)), the bias a random
+// An IMU made of its error model: reading = clamp(M truth + bias + vibration + white noise), the bias a random
 // walk.
 #include <limits>
 #include <optional>
@@ -30,8 +30,6 @@ struct ImuModel {
   Mat3 gyroscope_matrix = Mat3::Identity(), accelerometer_matrix = Mat3::Identity();
   double gyroscope_limit_rad_s = std::numeric_limits<double>::infinity();
   double accelerometer_limit_m_s2 = std::numeric_limits<double>::infinity();
-  /// Readings are multiples of these; 0: not rounded.
-  double gyroscope_step_rad_s = 0, accelerometer_step_m_s2 = 0;
   std::vector<VibrationLine> vibrations;
 };
 

@@ -1,5 +1,7 @@
 #include "drivers/laboratory/simulate/motion_fit.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -7,8 +9,8 @@
 
 #include "drivers/flights/motion/motion_fit_equations.h"
 #include "drivers/flights/motion/random.h"
+#include "drivers/flights/motion/readings.h"
 #include "drivers/laboratory/simulate/motion_agreement.h"
-#include "drivers/laboratory/simulate/motion_fit_input.h"
 #include "estimator/geometry/so3.h"
 #include "platform/math/statistics.h"
 
@@ -25,6 +27,49 @@ struct Pose {
   Vec3 p;
   Mat3 R;
 };
+
+/// Of the length of the truth's quaternions. Files with six decimals are off by 1e-6.
+constexpr double kNormTolerance = 1e-3;
+
+/// The poses within the time that the IMU covers. Fails if and only if they cover less than settings.shortest_s, have a
+/// gap longer than settings.longest_gap_s, or hold what is no pose.
+Result<std::vector<TimedPose>> usable_poses(const std::vector<ImuSample>& imu, const Trajectory& truth,
+                                            const FitSettings& settings) {
+  const auto fail = [&](std::string found, std::string expected) {
+    return Error{ErrorKind::kUsage, settings.truth_name, 0, std::move(found), std::move(expected)};
+  };
+  const auto no_rotation = [&](HostStamp at) {
+    return fail("at " + seconds_text(at) + " no position or no unit quaternion", "finite numbers, |q| = 1");
+  };
+  if (truth.worst_norm_error > kNormTolerance) return no_rotation(truth.worst_norm_at);
+  std::vector<TimedPose> poses;
+  for (const TimedPose& pose : truth.poses)
+    if (!imu.empty() && pose.stamp >= imu.front().stamp && pose.stamp <= imu.back().stamp) poses.push_back(pose);
+  const double covered = poses.empty() ? 0 : (poses.back().stamp - poses.front().stamp).seconds();
+  if (covered < settings.shortest_s) {
+    return fail(fmt::format("{:.3f} s in common with {}", covered, settings.imu_name),
+                fmt::format("{:.3f} s at least", settings.shortest_s));
+  }
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const double norm = poses[i].q_WB.norm();
+    if (!poses[i].p_WB.allFinite() || !(std::abs(norm - 1) < kNormTolerance)) return no_rotation(poses[i].stamp);
+    if (i == 0) continue;
+    const double gap = (poses[i].stamp - poses[i - 1].stamp).seconds();
+    if (gap > settings.longest_gap_s) {
+      return fail(fmt::format("at {} no pose for {:.3f} s", seconds_text(poses[i - 1].stamp), gap),
+                  fmt::format("gaps up to {} s", settings.longest_gap_s));
+    }
+  }
+  return poses;
+}
+
+/// The readings from the first to the last pose.
+std::vector<ImuSample> within(const std::vector<ImuSample>& imu, const std::vector<TimedPose>& poses) {
+  std::vector<ImuSample> inside;
+  for (const ImuSample& s : imu)
+    if (s.stamp >= poses.front().stamp && s.stamp <= poses.back().stamp) inside.push_back(s);
+  return inside;
+}
 
 /// Where in a piece of the splines the first reading lies, and images that are taken with readings. Vibration above
 /// what the splines can follow is in the readings but not in the motion; its share of a velocity is least about here.
@@ -135,17 +180,19 @@ class Fitter {
     }
   }
 
+  std::vector<Pose>::const_iterator truth_after(double t) const {
+    return std::upper_bound(poses_.begin() + 1, poses_.end() - 1, t,
+                            [](double s, const Pose& pose) { return s < pose.t_s; });
+  }
   /// Pose of the truth at a time, straight lines between its poses.
   Pose truth_at(double t) const {
-    const auto after = std::upper_bound(poses_.begin() + 1, poses_.end() - 1, t,
-                                        [](double s, const Pose& pose) { return s < pose.t_s; });
+    const auto after = truth_after(t);
     const Pose &a = *(after - 1), &b = *after;
     const double u = std::clamp((t - a.t_s) / (b.t_s - a.t_s), 0.0, 1.0);
     return {t, (1 - u) * a.p + u * b.p, a.R * so3_exp(u * so3_log(a.R.transpose() * b.R))};
   }
   double age_of_truth(double t) const {
-    const auto after = std::upper_bound(poses_.begin() + 1, poses_.end() - 1, t,
-                                        [](double s, const Pose& pose) { return s < pose.t_s; });
+    const auto after = truth_after(t);
     return std::min(std::abs(t - (after - 1)->t_s), std::abs(after->t_s - t));
   }
 

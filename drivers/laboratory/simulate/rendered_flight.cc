@@ -3,10 +3,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <mutex>
 #include <string>
+#include <thread>
 #include <utility>
+#include <vector>
 
-#include "drivers/laboratory/render/image_writer.h"
+#include "drivers/flights/recordings/image_codecs.h"
+#include "drivers/laboratory/render/renderer.h"
+#include "pipeline/text/table.h"
 #include "platform/linux/end_request.h"
 
 namespace epiline {
@@ -26,6 +33,12 @@ std::vector<Vec3> camera_path(const FlightToRender& flight) {
   return path;
 }
 
+/// Which image of the renderer becomes which row of the list.
+struct ImageTask {
+  std::size_t image;
+  HostStamp stamp;
+};
+
 std::vector<ImageTask> tasks_of(const FlightToRender& flight, const std::vector<double>& times_s,
                                 const RenderChoice& choice) {
   Random random(choice.seed, kDropStream);
@@ -36,6 +49,62 @@ std::vector<ImageTask> tasks_of(const FlightToRender& flight, const std::vector<
     tasks.push_back({i, flight.begin + Span::from_seconds(times_s[i]) - shift});
   }
   return tasks;
+}
+
+std::string file_name(HostStamp stamp) { return std::to_string(stamp.ns) + ".png"; }
+
+/// What the threads share.
+struct Progress {
+  std::atomic<std::size_t> next{0};
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::size_t done = 0, working = 0;
+  std::optional<Error> error;
+};
+
+void work(const Renderer& renderer, int width, int height, const std::vector<ImageTask>& tasks,
+          const std::filesystem::path& folder, Progress& progress) {
+  GreyImage image;
+  image.resize(width, height);
+  for (std::size_t i = 0; !EndRequest::is_made() && (i = progress.next++) < tasks.size();) {
+    renderer.render(tasks[i].image, image.pixels.data());
+    const Status written =
+        write_text(folder / file_name(tasks[i].stamp), png_of(GreyPixels{image.pixels.data(), width, height, width}));
+    const std::lock_guard lock(progress.mutex);
+    ++progress.done;
+    if (!written) {
+      progress.error = written.error();
+      progress.next = tasks.size();
+    }
+    progress.changed.notify_one();
+  }
+  const std::lock_guard lock(progress.mutex);
+  --progress.working;
+  progress.changed.notify_one();
+}
+
+/// Renders into `camera`/data as PNG, with `jobs` threads, and writes the list `camera`/data.csv. `progress` is called
+/// from the calling thread with images done and images in all. Fails if and only if a file cannot be written whole.
+Status write_images(const Renderer& renderer, int width, int height, const std::vector<ImageTask>& tasks, int jobs,
+                    const std::filesystem::path& camera,
+                    const std::function<void(std::size_t, std::size_t)>& progress) {
+  Progress shared;
+  shared.working = static_cast<std::size_t>(std::max(1, jobs));
+  {
+    std::vector<std::jthread> threads;
+    for (int i = 0; i < std::max(1, jobs); ++i)
+      threads.emplace_back([&] { work(renderer, width, height, tasks, camera / "data", shared); });
+    std::unique_lock lock(shared.mutex);
+    while (shared.working > 0) {
+      shared.changed.wait(lock);
+      progress(shared.done, tasks.size());
+    }
+    lock.unlock();
+  }
+  if (shared.error) return *shared.error;
+  std::vector<ImageRow> rows;
+  for (std::size_t i = 0; i < shared.done; ++i) rows.push_back({tasks[i].stamp, file_name(tasks[i].stamp)});
+  return write_image_list(rows, camera);
 }
 
 void add_range(const FlightToRender& flight, const World& world, const RenderChoice& choice,

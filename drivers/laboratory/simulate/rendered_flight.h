@@ -44,8 +44,8 @@ CameraCalibration to_the_right(const CameraCalibration& first, double baseline_m
 /// The world that fits a built-in flight.
 WorldKind usual_world(FlightKind kind);
 
-/// Writes `folder`/mav0, whole or not at all. `progress` as write_images() calls it. Fails if and only if a folder
-/// cannot be made or a file cannot be written whole.
+/// Writes `folder`/mav0, whole or not at all. `progress` is called from the calling thread with images done and images
+/// in all. Fails if and only if a folder cannot be made or a file cannot be written whole.
 Status render_flight(const FlightToRender& flight, const RenderChoice& choice, const std::filesystem::path& folder,
                      const std::function<void(std::size_t, std::size_t)>& progress);
 
