@@ -7,7 +7,7 @@
 #include <fstream>
 #include <string>
 
-#include "drivers/study/calibrate/april_grid.h"
+#include "drivers/study/calibrate/board.h"
 #include "drivers/study/calibrate/corner_views.h"
 #include "tests/fuzz/scratch_folder.h"
 
@@ -27,12 +27,14 @@ void expect(bool holds) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  const auto grid = epiline::read_april_grid(write("board.yaml", data, size));
-  if (grid) {
-    expect(grid->tags() > 0 && grid->tags() <= epiline::kTagsOfFamily && grid->tag_m > 0 && grid->spacing > 0);
-    expect(grid->target().size() == 4 * static_cast<std::size_t>(grid->tags()));
+  const auto board = epiline::read_board(write("board.yaml", data, size));
+  if (board) {
+    const auto tags = epiline::tags_of(*board);
+    expect(tags > 0 && tags <= epiline::kTagsOfFamily);
+    const auto* grid = std::get_if<epiline::AprilGrid>(&*board);
+    expect(grid == nullptr || (grid->tag_m > 0 && grid->spacing > 0 && grid->target().size() == 4U * tags));
   } else {
-    expect(grid.error().text().find("board.yaml") != std::string::npos);
+    expect(board.error().text().find("board.yaml") != std::string::npos);
   }
   const auto target = epiline::read_target(write("target.csv", data, size));
   if (target) {

@@ -134,13 +134,6 @@ Result<Board> read_board(const std::filesystem::path& path) {
   }
 }
 
-Result<AprilGrid> read_april_grid(const std::filesystem::path& path) {
-  const auto board = read_board(path);
-  if (!board) return board.error();
-  if (const auto* grid = std::get_if<AprilGrid>(&*board)) return *grid;
-  return Error{ErrorKind::kUsage, path.string(), 0, "a ChArUco board", "target_type: 'aprilgrid'"};
-}
-
 std::string board_yaml(const Board& board) {
   if (const auto* grid = std::get_if<AprilGrid>(&board)) {
     return fmt::format(

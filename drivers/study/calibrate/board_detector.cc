@@ -1,13 +1,12 @@
 #include "drivers/study/calibrate/board_detector.h"
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>
 #include <utility>
-
-#include "drivers/study/calibrate/corner_refine.h"
 
 #ifdef EPILINE_APRILTAG
 extern "C" {
@@ -17,6 +16,54 @@ extern "C" {
 #endif
 
 namespace epiline {
+
+namespace {
+
+double grey_at(const GreyPixels& image, double x, double y) {
+  const int column = static_cast<int>(x), row = static_cast<int>(y);
+  const double u = x - column, v = y - row;
+  const std::uint8_t *above = image.row(row) + column, *below = image.row(row + 1) + column;
+  return (1 - v) * ((1 - u) * above[0] + u * above[1]) + v * ((1 - u) * below[0] + u * below[1]);
+}
+
+}  // namespace
+
+bool refine_corner(const GreyPixels& image, int half, Vec2& px) {
+  constexpr int kMost = 15;
+  constexpr double kSettled_px = 0.003;
+  const Vec2 start = px;
+  Vec2 centre = px;
+  for (int i = 0; i < kMost; ++i) {
+    if (!(centre.x() - half - 1 >= 0 && centre.y() - half - 1 >= 0 && centre.x() + half + 2 < image.width &&
+          centre.y() + half + 2 < image.height))
+      return false;
+    Eigen::Matrix2d A = Eigen::Matrix2d::Zero();
+    Vec2 b = Vec2::Zero();
+    for (int dy = -half; dy <= half; ++dy) {
+      for (int dx = -half; dx <= half; ++dx) {
+        const double x = centre.x() + dx, y = centre.y() + dy;
+        const Vec2 gradient(grey_at(image, x + 1, y) - grey_at(image, x - 1, y),
+                            grey_at(image, x, y + 1) - grey_at(image, x, y - 1));
+        const double share = 1.0 / (half * half);
+        const double weight = std::exp(-share * (dx * dx + dy * dy));
+        const Eigen::Matrix2d G = weight * gradient * gradient.transpose();
+        A += G;
+        b += G * Vec2(dx, dy);
+      }
+    }
+    // Of A's two eigenvalues the lesser is more than kCorner times the larger: an edge has only one. With the ratio r
+    // of the two, det(A) / tr(A)^2 = r / (1 + r)^2, which grows with r.
+    constexpr double kCorner = 0.02;
+    const double trace = A.trace();
+    if (!(A.determinant() > kCorner / ((1 + kCorner) * (1 + kCorner)) * trace * trace)) return false;
+    const Vec2 step = A.inverse() * b;
+    centre += step;
+    if (!((centre - start).norm() < half)) return false;
+    if (step.norm() < kSettled_px) break;
+  }
+  px = centre;
+  return true;
+}
 
 #ifndef EPILINE_APRILTAG
 
@@ -123,24 +170,21 @@ std::vector<TagView> BoardDetector::Parts::read_tags(const GreyPixels& image) {
   part_dark_regions(image, parted);
   image_u8_t view = {image.width, image.height, image.width, parted.pixels.data()};
   zarray_t* found = apriltag_detector_detect(detector, &view);
-  std::map<int, const apriltag_detection_t*> tags;
-  int of_wide = 0, of_narrow = 0;
+  using Detections = std::vector<const apriltag_detection_t*>;
+  Detections clear;
   for (int i = 0; i < zarray_size(found); ++i) {
     apriltag_detection_t* tag = nullptr;
     zarray_get(found, i, &tag);
-    if (tag->decision_margin >= kLeastMargin) ++(tag->family == wide ? of_wide : of_narrow);
+    if (tag->decision_margin >= kLeastMargin) clear.push_back(tag);
   }
-  const apriltag_family_t* family = of_wide >= of_narrow ? wide : narrow;
-  std::vector<int> doubled;
-  for (int i = 0; i < zarray_size(found); ++i) {
-    apriltag_detection_t* tag = nullptr;
-    zarray_get(found, i, &tag);
-    if (tag->family != family || tag->decision_margin < kLeastMargin || tag->id >= tags_of(board)) continue;
-    if (!tags.emplace(tag->id, tag).second) doubled.push_back(tag->id);
-  }
-  for (const int id : doubled) tags.erase(id);
+  const auto of_wide = std::count_if(clear.begin(), clear.end(), [&](const auto* tag) { return tag->family == wide; });
+  const apriltag_family_t* family = 2 * of_wide >= static_cast<std::ptrdiff_t>(clear.size()) ? wide : narrow;
+  std::map<int, Detections> tags;
+  for (const auto* tag : clear)
+    if (tag->family == family && tag->id < tags_of(board)) tags[tag->id].push_back(tag);
   std::vector<TagView> views;
-  for (const auto& [id, tag] : tags) views.push_back(view_of(*tag));
+  for (const auto& [id, seen] : tags)
+    if (seen.size() == 1) views.push_back(view_of(*seen.front()));
   apriltag_detections_destroy(found);
   return views;
 }

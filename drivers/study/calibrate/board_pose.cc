@@ -26,7 +26,7 @@ Mat3 homography(const std::vector<Ray>& rays) {
     row << ray.q.x() * cross, ray.q.y() * cross, cross;
     A += row.transpose() * row;
   }
-  const Eigen::SelfAdjointEigenSolver<Mat9> eigen(A);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(A);  // of a fixed size it would take seconds to compile
   const Eigen::Matrix<double, 9, 1> h = eigen.eigenvectors().col(0);
   return Eigen::Map<const Mat3>(h.data());
 }

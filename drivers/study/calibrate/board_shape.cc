@@ -1,7 +1,6 @@
 #include "drivers/study/calibrate/board_shape.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace epiline {
 
@@ -19,18 +18,6 @@ BoardShape::BoardShape(const std::vector<CornerView>& views) {
     }
   }
   if (!offsets_.empty()) sigma_m_ = kUsualShare * std::max((high - low).maxCoeff(), 1e-3);
-}
-
-double BoardShape::rms_m() const {
-  double sum = 0;
-  for (const Vec3& offset : offsets_) sum += offset.squaredNorm();
-  return offsets_.empty() ? 0 : std::sqrt(sum / corners());
-}
-
-double BoardShape::bend_rms_m() const {
-  double sum = 0;
-  for (const Vec3& offset : offsets_) sum += offset.z() * offset.z();
-  return offsets_.empty() ? 0 : std::sqrt(sum / corners());
 }
 
 }  // namespace epiline

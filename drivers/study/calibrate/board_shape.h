@@ -26,9 +26,6 @@ class BoardShape {
   const Vec3& offset(int corner) const { return offsets_[static_cast<std::size_t>(corner)]; }
   /// How far a corner usually is from where the drawing has it, each coordinate, m: 0.3 % of the board.
   double sigma_m() const { return sigma_m_; }
-  /// Root mean square of the offsets, and of their part out of the drawing's plane, m.
-  double rms_m() const;
-  double bend_rms_m() const;
 
   double scale = 1;  ///< of the drawing
 

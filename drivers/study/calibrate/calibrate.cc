@@ -6,12 +6,11 @@
 #include <cmath>
 #include <utility>
 
+#include "drivers/flights/motion/readings.h"
 #include "drivers/flights/recordings/image_source.h"
 #include "drivers/study/calibrate/board.h"
 #include "drivers/study/calibrate/board_detector.h"
 #include "drivers/study/calibrate/lens_columns.h"
-#include "drivers/study/calibrate/verdicts.h"
-#include "platform/math/statistics.h"
 
 namespace epiline {
 
@@ -41,9 +40,7 @@ Result<std::vector<CornerView>> corners_of_tracks(const CalibrateSettings& setti
   return views_of(dataset, *target);
 }
 
-std::vector<Corner> find_corners(BoardDetector& detector, const GreyImage& image) {
-  return detector.find({image.pixels.data(), image.width, image.height, image.width});
-}
+GreyPixels pixels_of(const GreyImage& image) { return {image.pixels.data(), image.width, image.height, image.width}; }
 
 /// In how many of 20 images a board shows that only a mirror could have put there: tags have no mirror image.
 int seen_mirrored(BoardDetector& detector, const AslDataset& dataset) {
@@ -53,7 +50,7 @@ int seen_mirrored(BoardDetector& detector, const AslDataset& dataset) {
   for (std::size_t i = 0; i < dataset.images.size(); i += step) {
     if (!dataset.image_source->read(i, image)) continue;
     for (int y = 0; y < image.height; ++y) std::reverse(image.row(y), image.row(y) + image.width);
-    count += find_corners(detector, image).empty() ? 0 : 1;
+    count += detector.find(pixels_of(image)).empty() ? 0 : 1;
   }
   return count;
 }
@@ -72,7 +69,7 @@ Result<std::vector<CornerView>> corners_of_images(const CalibrateSettings& setti
   for (std::size_t i = 0; i < dataset.images.size(); ++i) {
     if (const Status s = dataset.image_source->read(i, image); !s) return s.error();
     if (!views.empty() && dataset.images[i].stamp <= views.back().stamp) continue;
-    views.push_back({dataset.images[i].stamp, find_corners(*detector, image)});
+    views.push_back({dataset.images[i].stamp, detector->find(pixels_of(image))});
   }
   const bool none = std::all_of(views.begin(), views.end(), [](const CornerView& v) { return v.corners.empty(); });
   if (none && seen_mirrored(*detector, dataset) > 0)
@@ -93,20 +90,6 @@ Result<std::vector<CornerView>> read_views(const CalibrateSettings& settings, co
     return t < settings.start_s || t > settings.start_s + settings.duration_s;
   });
   return views;
-}
-
-double median_rate(const std::vector<double>& steps_s) { return steps_s.empty() ? 0 : 1 / summarise(steps_s).median; }
-
-double rate_of(const std::vector<CornerView>& views) {
-  std::vector<double> steps;
-  for (std::size_t i = 1; i < views.size(); ++i) steps.push_back((views[i].stamp - views[i - 1].stamp).seconds());
-  return median_rate(steps);
-}
-
-double rate_of(const std::vector<ImuSample>& imu) {
-  std::vector<double> steps;
-  for (std::size_t i = 1; i < imu.size(); ++i) steps.push_back((imu[i].stamp - imu[i - 1].stamp).seconds());
-  return median_rate(steps);
 }
 
 /// Images tell their size themselves.
@@ -138,15 +121,14 @@ Result<LensFit> find_lens(const CalibrateSettings& settings, const std::vector<C
   return choose_lens(views, width, height);
 }
 
-Result<TurnAlignment> find_turns(const std::vector<CornerView>& views, const LensFit& lens,
-                                 const std::vector<ImuSample>& imu) {
+}  // namespace
+
+std::vector<CameraTurn> turns_of(const std::vector<CornerView>& views, const LensFit& lens) {
   std::vector<CameraTurn> turns;
   for (std::size_t i = 0; i < views.size(); ++i)
     if (lens.poses[i]) turns.push_back({views[i].stamp, lens.poses[i]->R_CT.transpose()});
-  return align_turns(turns, imu);
+  return turns;
 }
-
-}  // namespace
 
 bool Calibration::good() const {
   return std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.good; });
@@ -167,7 +149,7 @@ Result<Calibration> calibrate(const CalibrateSettings& settings) {
   };
   const auto lens = find_lens(known, *views, *guess);
   if (!lens) return named(lens.error());
-  const auto turns = find_turns(*views, *lens, dataset->imu_samples);
+  const auto turns = align_turns(turns_of(*views, *lens), dataset->imu_samples);
   if (!turns) return named(turns.error());
   auto fit = fit_rig(*views, *lens, *turns, dataset->imu_samples,
                      {.noise = dataset->imu.noise, .hold_lens = settings.hold_lens});
@@ -179,8 +161,8 @@ Result<Calibration> calibrate(const CalibrateSettings& settings) {
   c.imu = dataset->imu;
   c.imu.noise.gyroscope_density = fit->noise.gyroscope_density;
   c.imu.noise.accelerometer_density = fit->noise.accelerometer_density;
-  c.image_rate_hz = rate_of(*views);
-  c.imu_rate_hz = rate_of(dataset->imu_samples);
+  c.image_rate_hz = 1 / median_period(*views);
+  c.imu_rate_hz = 1 / median_period(dataset->imu_samples);
   c.guess = *guess;
   c.fit = std::move(*fit);
   judge(c);

@@ -46,6 +46,12 @@ struct Calibration {
   bool good() const;
 };
 
+/// The camera's turns before the board, of the views with a pose.
+std::vector<CameraTurn> turns_of(const std::vector<CornerView>& views, const LensFit& lens);
+
+/// Fills in how good the figures are: lens_px, covered and verdicts.
+void judge(Calibration& calibration);
+
 /// Reads the recording and fits. Fails like the parts it is made of.
 Result<Calibration> calibrate(const CalibrateSettings& settings);
 

@@ -13,19 +13,9 @@ namespace epiline {
 
 namespace {
 
-const char* kalibr_model(CameraModel model) { return model == CameraModel::kDoubleSphere ? "ds" : "pinhole"; }
-
 const char* kalibr_distortion(CameraModel model) {
-  switch (model) {
-    case CameraModel::kPinholeRadialTangential:
-      return "radtan";
-    case CameraModel::kPinholeEquidistant:
-      return "equidistant";
-    case CameraModel::kDoubleSphere:
-    case CameraModel::kUnified:  // is no result
-      return "none";
-  }
-  return "none";
+  if (model == CameraModel::kPinholeRadialTangential) return "radtan";
+  return model == CameraModel::kPinholeEquidistant ? "equidistant" : "none";
 }
 
 /// As the model lists them, in Kalibr's order.
@@ -57,11 +47,8 @@ Json camera_json(const Calibration& c) {
   const RigFit& fit = c.fit;
   Json sigma;
   for (int i = 0; i < lens_columns(lens.model); ++i) sigma[lens_column_name(lens.model, i)] = fit.sigma(i);
-  const auto three = [&](int column) {
-    return vector_json({fit.sigma(column), fit.sigma(column + 1), fit.sigma(column + 2)});
-  };
-  sigma["rotation_rad"] = three(columns.R_BC);
-  sigma["translation_m"] = three(columns.p_BC);
+  sigma["rotation_rad"] = vector_json(fit.sigmas(columns.R_BC));
+  sigma["translation_m"] = vector_json(fit.sigmas(columns.p_BC));
   sigma["timeshift_cam_imu"] = fit.sigma(columns.time_offset);
   return {{"model", name_of(lens.model)},
           {"resolution", {lens.width, lens.height}},
@@ -79,9 +66,6 @@ Json camera_json(const Calibration& c) {
 Json imu_json(const Calibration& c) {
   const RigConstants& found = c.fit.state.constants;
   const RigColumns columns(0, found.lens.model);
-  const auto three = [&](int column) {
-    return vector_json({c.fit.sigma(column), c.fit.sigma(column + 1), c.fit.sigma(column + 2)});
-  };
   return {{"rate_hz", c.imu_rate_hz},
           {"gyroscope_noise_density", c.imu.noise.gyroscope_density},
           {"accelerometer_noise_density", c.imu.noise.accelerometer_density},
@@ -92,10 +76,10 @@ Json imu_json(const Calibration& c) {
           {"gyroscope_bias", vector_json(c.fit.state.gyroscope_bias.front())},
           {"accelerometer_bias", vector_json(c.fit.state.accelerometer_bias.front())},
           {"sigma",
-           {{"gyroscope_gain", three(columns.gyroscope_gain)},
-            {"accelerometer_gain", three(columns.accelerometer_gain)},
-            {"accelerometer_y_m", three(columns.accelerometer_y)},
-            {"accelerometer_z_m", three(columns.accelerometer_z)}}}};
+           {{"gyroscope_gain", vector_json(c.fit.sigmas(columns.gyroscope_gain))},
+            {"accelerometer_gain", vector_json(c.fit.sigmas(columns.accelerometer_gain))},
+            {"accelerometer_y_m", vector_json(c.fit.sigmas(columns.accelerometer_y))},
+            {"accelerometer_z_m", vector_json(c.fit.sigmas(columns.accelerometer_z))}}}};
 }
 
 }  // namespace
@@ -106,7 +90,8 @@ std::string kalibr_camera(const CameraCalibration& c, const std::string& name) {
   Text out;
   out.print("{}:\n  T_cam_imu:\n", name);
   for (int r = 0; r < 3; ++r) out.print("  - [{}, {}, {}, {}]\n", R_CB(r, 0), R_CB(r, 1), R_CB(r, 2), t_CB[r]);
-  out.print("  - [0.0, 0.0, 0.0, 1.0]\n  camera_model: {}\n", kalibr_model(c.parameters.model));
+  out.print("  - [0.0, 0.0, 0.0, 1.0]\n  camera_model: {}\n",
+            c.parameters.model == CameraModel::kDoubleSphere ? "ds" : "pinhole");
   out.print("  distortion_coeffs: [{}]\n  distortion_model: {}\n", fmt::join(kalibr_coefficients(c.parameters), ", "),
             kalibr_distortion(c.parameters.model));
   out.print("  intrinsics: [{}]\n", fmt::join(kalibr_intrinsics(c.parameters), ", "));

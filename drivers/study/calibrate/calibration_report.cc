@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <optional>
 #include <vector>
 
@@ -18,7 +19,7 @@ namespace epiline {
 
 namespace {
 
-constexpr double kInDegrees = 180 / 3.14159265358979323846;
+constexpr double kInDegrees = 180 / std::numbers::pi;
 constexpr int kPartsX = 12, kPartsY = 8;
 
 std::string verdict_rows(const Calibration& c) {
@@ -84,14 +85,11 @@ std::string error_map(const Calibration& c) {
   double most = 1e-9;
   for (const auto& [cell, part] : parts) most = std::max(most, (part.sum_e / part.count).norm());
   const double magnified = 0.8 * lens.width / kPartsX / most;
-  Plot plot;
-  plot.x_label = fmt::format("column, px; the longest line is an error of {:.3f} px", most);
-  plot.y_label = "row, px, upwards";
-  plot.equal_axes = true;
-  plot.lines.push_back({"",
-                        "truth",
-                        {0, double(lens.width), double(lens.width), 0, 0},
-                        {0, 0, -double(lens.height), -double(lens.height), 0}});
+  Plot plot{.x_label = fmt::format("column, px; the longest line is an error of {:.3f} px", most),
+            .y_label = "row, px, upwards",
+            .equal_axes = true};
+  const double right = lens.width, lowest = -lens.height;
+  plot.lines.push_back({"", "truth", {0, right, right, 0, 0}, {0, 0, lowest, lowest, 0}});
   for (const auto& [cell, part] : parts) {
     const Vec2 from = part.sum_px / part.count, to = from + magnified * part.sum_e / part.count;
     plot.lines.push_back({"", "c2", {from.x(), to.x()}, {-from.y(), -to.y()}});
@@ -101,47 +99,35 @@ std::string error_map(const Calibration& c) {
 }
 
 std::string errors_over_time(const Calibration& c) {
-  Plot plot;
-  plot.x_label = "time, s";
-  plot.y_label = "rms of an image's corners, px";
-  plot.from_zero = true;
-  PlotLine line{"", "c1", {}, {}};
+  Plot plot{.x_label = "time, s", .y_label = "rms of an image's corners, px", .from_zero = true};
+  PlotLine line{"", "c1"};
   std::map<double, std::pair<double, int>> images;
   for (const CornerError& corner : c.fit.corners) {
     auto& [sum, count] = images[corner.t_s];
     sum += corner.e_px.squaredNorm();
     ++count;
   }
-  for (const auto& [t, image] : images) {
-    line.x.push_back(t);
-    line.y.push_back(std::sqrt(image.first / image.second));
-  }
+  for (const auto& [t, image] : images) line.add(t, std::sqrt(image.first / image.second));
   plot.lines.push_back(std::move(line));
   return svg(plot);
 }
 
 std::string error_histogram(const Calibration& c) {
-  Histogram histogram;
-  histogram.x_label = "distance of a corner from where the fit has it, px";
-  histogram.y_label = "corners";
-  histogram.style = "c1";
+  Histogram histogram{
+      .x_label = "distance of a corner from where the fit has it, px", .style = "c1", .y_label = "corners"};
   for (const CornerError& corner : c.fit.corners) histogram.values.push_back(corner.e_px.norm());
   histogram.upper = 6 * c.fit.noise.corner_px;
   return svg(histogram);
 }
 
 std::string turn_plot(const Calibration& c) {
-  Plot plot;
-  plot.x_label = "time, s";
-  plot.y_label = "turning about the IMU's axes, deg/s";
+  Plot plot{.x_label = "time, s", .y_label = "turning about the IMU's axes, deg/s"};
   const FittedMotion motion = c.fit.state.motion();
   static constexpr std::array<const char*, 3> kNames = {"x", "y", "z"}, kStyles = {"c1", "c2", "c3"};
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    PlotLine line{kNames[axis], kStyles[axis], {}, {}};
-    for (double t = 0; t < c.fit.state.duration_s; t += 0.05) {
-      line.x.push_back(t);
-      line.y.push_back(motion.at(t).omega_B[static_cast<int>(axis)] * kInDegrees);
-    }
+    PlotLine line{kNames[axis], kStyles[axis]};
+    for (double t = 0; t < c.fit.state.duration_s; t += 0.05)
+      line.add(t, motion.at(t).omega_B[static_cast<int>(axis)] * kInDegrees);
     plot.lines.push_back(std::move(line));
   }
   return svg(plot, {1180, 260});

@@ -2,22 +2,36 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace epiline {
 
-int lens_columns(CameraModel model) {
-  switch (model) {
-    case CameraModel::kPinholeRadialTangential:
-      return 9;
-    case CameraModel::kPinholeEquidistant:
-      return 8;
-    case CameraModel::kDoubleSphere:
-      return 6;
-    case CameraModel::kUnified:
-      return 10;
-  }
-  return 0;
+namespace {
+
+struct LensModel {
+  const char* name;
+  std::vector<const char*> coefficients;
+};
+
+const LensModel& model_of(CameraModel model) {
+  static const std::array<LensModel, 4> kModels = {{{"radial-tangential", {"k1", "k2", "p1", "p2", "k3"}},
+                                                    {"equidistant", {"k1", "k2", "k3", "k4"}},
+                                                    {"double-sphere", {"xi", "alpha"}},
+                                                    {"unified", {"alpha", "beta", "k1", "k2", "p1", "p2"}}}};
+  return kModels[static_cast<std::size_t>(model)];
 }
+
+}  // namespace
+
+int lens_columns(CameraModel model) { return 4 + static_cast<int>(model_of(model).coefficients.size()); }
+
+const char* lens_column_name(CameraModel model, int column) {
+  static constexpr std::array kFirst = {"fx", "fy", "cx", "cy"};
+  const auto i = static_cast<std::size_t>(column);
+  return i < kFirst.size() ? kFirst[i] : model_of(model).coefficients[i - kFirst.size()];
+}
+
+const char* name_of(CameraModel model) { return model_of(model).name; }
 
 LensStep lens_values(const CameraParameters& lens) {
   LensStep values(lens_columns(lens.model));
@@ -41,32 +55,6 @@ CameraParameters lens_with(const CameraParameters& lens, const LensStep& values)
     changed.distortion[1] = std::clamp(changed.distortion[1], 0.01, 0.99);
   }
   return changed;
-}
-
-const char* lens_column_name(CameraModel model, int column) {
-  static constexpr std::array<const char*, 4> kFirst = {"fx", "fy", "cx", "cy"}, kAngle = {"k1", "k2", "k3", "k4"};
-  static constexpr std::array<const char*, 5> kRadial = {"k1", "k2", "p1", "p2", "k3"};
-  static constexpr std::array<const char*, 2> kSpheres = {"xi", "alpha"};
-  static constexpr std::array<const char*, 6> kUnified = {"alpha", "beta", "k1", "k2", "p1", "p2"};
-  const auto i = static_cast<std::size_t>(column);
-  if (i < 4) return kFirst[i];
-  if (model == CameraModel::kDoubleSphere) return kSpheres[i - 4];
-  if (model == CameraModel::kUnified) return kUnified[i - 4];
-  return model == CameraModel::kPinholeEquidistant ? kAngle[i - 4] : kRadial[i - 4];
-}
-
-const char* name_of(CameraModel model) {
-  switch (model) {
-    case CameraModel::kPinholeRadialTangential:
-      return "radial-tangential";
-    case CameraModel::kPinholeEquidistant:
-      return "equidistant";
-    case CameraModel::kDoubleSphere:
-      return "double-sphere";
-    case CameraModel::kUnified:
-      return "unified";
-  }
-  return "";
 }
 
 Eigen::Matrix<double, 2, kLensTerms> lens_terms(const CameraParameters& lens, const Vec2& px) {

@@ -61,7 +61,6 @@ class Rig {
     fit.noise = problem_.noise;
     fit.uncertainty = std::move(uncertainty_);
     fit.views = problem_.views.size();
-    fit.iterations = iterations_;
     fit.board_size = size_;
     fit.board_size_sigma = size_sigma_;
     const RigLayout layout(state_);

@@ -46,12 +46,13 @@ struct RigFit {
   std::vector<CornerError> corners;
   double rms_px = 0;  ///< of the corners' distances, as calibrations are usually judged; outliers left out
   std::size_t views = 0, outliers = 0;
-  int iterations = 0;
   /// How much larger the board is than described, by the accelerometer: logarithm of the scale, and its sigma. Where it
   /// cannot be as described, the board of the fit has this scale, else 1.
   double board_size = 0, board_size_sigma = 0;
   bool is_board_as_described() const { return state.constants.shape.scale == 1; }
   double sigma(int column) const { return uncertainty.sigma(column); }
+  /// Of a vector, from that column on.
+  Vec3 sigmas(int column) const { return {sigma(column), sigma(column + 1), sigma(column + 2)}; }
 };
 
 struct RigFitSettings {

@@ -1,4 +1,4 @@
-#include "drivers/study/calibrate/verdicts.h"
+#include "drivers/study/calibrate/calibrate.h"
 
 #include <fmt/format.h>
 
@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 
 #include "drivers/study/calibrate/lens_columns.h"
 #include "estimator/geometry/so3.h"
@@ -14,7 +15,7 @@ namespace epiline {
 
 namespace {
 
-constexpr double kDegree = 3.14159265358979323846 / 180;
+constexpr double kDegree = std::numbers::pi / 180;
 
 /// What flights need: the drifts of a track are about a tenth of a pixel, and the estimator finds the rest in flight
 /// under a prior of 0.05 degrees and 0.5 mm (docs/derivations/calibration.md).
@@ -93,10 +94,6 @@ std::string empty_corner(const std::array<int, kJudgedX * kJudgedY>& counts) {
   return kNames[static_cast<std::size_t>(std::min_element(seen.begin(), seen.end()) - seen.begin())];
 }
 
-double largest_sigma(const RigFit& fit, int column) {
-  return std::max({fit.sigma(column), fit.sigma(column + 1), fit.sigma(column + 2)});
-}
-
 /// The axis of the IMU about which the rig turned least.
 const char* least_turned(const RigFit& fit) {
   const FittedMotion motion = fit.state.motion();
@@ -163,14 +160,14 @@ void judge(Calibration& c) {
       verdict(c.covered >= kGoodCovered, "image", fmt::format("{:.0f} % of it saw the board", 100 * c.covered),
               fmt::format("bring the board into the {} corner of the image", empty_corner(counts))),
       lens_verdict(c, error),
+      verdict(fit.sigmas(columns.R_BC).maxCoeff() < kGoodRotation, "rotation",
+              fmt::format("of the camera on the IMU, good to {:.3f} degrees",
+                          fit.sigmas(columns.R_BC).maxCoeff() / kDegree),
+              turn_more),
       verdict(
-          largest_sigma(fit, columns.R_BC) < kGoodRotation, "rotation",
-          fmt::format("of the camera on the IMU, good to {:.3f} degrees", largest_sigma(fit, columns.R_BC) / kDegree),
-          turn_more),
-      verdict(
-          largest_sigma(fit, columns.p_BC) < kGoodPlace_m, "place",
+          fit.sigmas(columns.p_BC).maxCoeff() < kGoodPlace_m, "place",
           fmt::format("of the camera on the IMU: {:.1f} {:.1f} {:.1f} mm, good to {:.1f} mm", 1e3 * c.camera.p_BC.x(),
-                      1e3 * c.camera.p_BC.y(), 1e3 * c.camera.p_BC.z(), 1e3 * largest_sigma(fit, columns.p_BC)),
+                      1e3 * c.camera.p_BC.y(), 1e3 * c.camera.p_BC.z(), 1e3 * fit.sigmas(columns.p_BC).maxCoeff()),
           turn_more),
       verdict(fit.sigma(columns.time_offset) < kGoodOffset_s, "time offset",
               fmt::format("{:+.2f} ms, good to {:.2f} ms (time of the IMU = stamp of the image + offset)",
@@ -186,21 +183,21 @@ void judge(Calibration& c) {
   };
   const auto gain = [&](const char* what, const Vec3& value, int column) {
     const Vec3 off = 100 * (value - Vec3::Ones());
-    const double most = std::min(kGoodGain + 3 * largest_sigma(fit, column), kMostGain);
+    const double most = std::min(kGoodGain + 3 * fit.sigmas(column).maxCoeff(), kMostGain);
     const bool right = ((value - Vec3::Ones()).cwiseAbs().array() < most).all();
     return verdict(right, what,
                    fmt::format("{:+.2f} {:+.2f} {:+.2f} % to be added, good to {:.2f} %", off.x(), off.y(), off.z(),
-                               100 * largest_sigma(fit, column)),
+                               100 * fit.sigmas(column).maxCoeff()),
                    "a range that is set right, and readings in SI units: the estimator does not correct a scale");
   };
   const auto apart_mm = [&](int axis) { return 1e3 * fit.state.constants.accelerometers_B.col(axis).norm(); };
-  c.verdicts.push_back(verdict(
-      std::max({apart_mm(0), apart_mm(1), apart_mm(2)}) < 1e3 * kMostApart_m, "accelerometers",
-      fmt::format(
-          "those of x, y and z are {:.1f} {:.1f} {:.1f} mm from their middle, good to {:.1f} mm", apart_mm(0),
-          apart_mm(1), apart_mm(2),
-          1e3 * std::max(largest_sigma(fit, columns.accelerometer_y), largest_sigma(fit, columns.accelerometer_z))),
-      "the board's size, and readings of one IMU: no module is so large"));
+  c.verdicts.push_back(
+      verdict(std::max({apart_mm(0), apart_mm(1), apart_mm(2)}) < 1e3 * kMostApart_m, "accelerometers",
+              fmt::format("those of x, y and z are {:.1f} {:.1f} {:.1f} mm from their middle, good to {:.1f} mm",
+                          apart_mm(0), apart_mm(1), apart_mm(2),
+                          1e3 * std::max(fit.sigmas(columns.accelerometer_y).maxCoeff(),
+                                         fit.sigmas(columns.accelerometer_z).maxCoeff())),
+              "the board's size, and readings of one IMU: no module is so large"));
   c.verdicts.push_back(gain("gyroscope scale", fit.state.constants.gyroscope_gain, columns.gyroscope_gain));
   c.verdicts.push_back(gain("accelerometer scale", fit.state.constants.accelerometer_gain, columns.accelerometer_gain));
 }

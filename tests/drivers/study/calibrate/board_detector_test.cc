@@ -1,101 +1,77 @@
-// Boards drawn by us and found in images by libapriltag and our sub-pixel step; OpenCV's cornerSubPix is the other
-// opinion.
+// Boards drawn by us and found in images by libapriltag and our sub-pixel step; their descriptions and prints.
 #include "drivers/study/calibrate/board_detector.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
+#include <cstdio>
 #include <filesystem>
+#include <numbers>
+#include <string>
+#include <tuple>
+#include <vector>
 
 #include "drivers/study/calibrate/board_drawing.h"
-#include "drivers/study/calibrate/corner_refine.h"
+#include "estimator/geometry/so3.h"
 #include "pipeline/text/table.h"
 #include "tests/drivers/study/calibrate/photographer.h"
-#include "tests/drivers/study/calibrate/waved_rig.h"
 #include "tests/support/apriltag.h"
 
 namespace epiline {
 namespace {
 
-/// The board as that camera sees it: each pixel the mean of `kFine` squared rays.
-GreyImage photograph(const std::vector<BlackBox>& boxes, const Camera& camera, const Mat3& R_TC, const Vec3& p_TC) {
-  constexpr int kFine = 2;
-  GreyImage image;
-  image.resize(camera.width(), camera.height());
-  for (int y = 0; y < image.height; ++y) {
-    for (int x = 0; x < image.width; ++x) {
-      int white = 0;
-      for (int k = 0; k < kFine * kFine; ++k) {
-        const Vec2 px(x - 0.5 + (k % kFine + 0.5) / kFine, y - 0.5 + (k / kFine + 0.5) / kFine);
-        Vec3 f_C;
-        if (!camera.unproject(px, f_C)) continue;
-        const Vec3 f_T = R_TC * f_C;
-        const Vec3 hit = p_TC - p_TC.z() / f_T.z() * f_T;
-        const bool black = std::any_of(boxes.begin(), boxes.end(), [&](const BlackBox& box) {
-          return hit.x() >= box.x && hit.y() >= box.y && hit.x() < box.x + box.width && hit.y() < box.y + box.height;
-        });
-        white += black ? 0 : 1;
+GreyPixels pixels_of(const GreyImage& image) { return {image.pixels.data(), image.width, image.height, image.width}; }
+
+class TiltedBoards : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto detector = BoardDetector::create(AprilGrid{});
+    if (!detector && test::lacks_apriltag(detector.error().text())) GTEST_SKIP() << detector.error().text();
+    ASSERT_TRUE(detector) << detector.error().text();
+  }
+
+  /// Before that place of the board, at each tilt: so many corners at least, each so close to where it projects.
+  static void expect_corners(const AprilGrid& grid, const CameraParameters& lens, const Vec3& place_T,
+                             double distance_m, const std::vector<Vec3>& tilts, std::size_t least, double most_px) {
+    const auto boxes = black_boxes(grid);
+    auto detector = BoardDetector::create(grid);
+    ASSERT_TRUE(boxes && detector);
+    const Camera camera(lens);
+    const Photographer photographer(grid, *boxes, camera);
+    for (const Vec3& tilt : tilts) {
+      const Mat3 R_TC = Vec3(1, -1, -1).asDiagonal() * so3_exp(tilt);
+      const Vec3 p_TC = place_T - distance_m * R_TC.col(2);
+      const GreyImage image = photographer.take(R_TC, p_TC);
+      const auto corners = detector->find(pixels_of(image));
+      EXPECT_GE(corners.size(), least) << tilt.transpose();
+      for (const Corner& corner : corners) {
+        Vec2 px;
+        ASSERT_TRUE(camera.project(R_TC.transpose() * (corner.p_T - p_TC), px));
+        EXPECT_LT((px - corner.px).norm(), most_px) << "corner " << corner.id << ", tilt " << tilt.transpose();
       }
-      image.row(y)[x] = static_cast<std::uint8_t>(30 + 200 * white / (kFine * kFine));
     }
   }
-  return image;
-}
+};
 
-GreyPixels pixels_of(GreyImage& image) { return {image.pixels.data(), image.width, image.height, image.width}; }
-
-TEST(BoardDetector, FindsTheCornersOfATiltedBoardToATenthOfAPixel) {
-  const AprilGrid grid{3, 2, 0.08, 0.3};
-  auto detector = BoardDetector::create(grid);
-  if (!detector && test::lacks_apriltag(detector.error().text())) GTEST_SKIP() << detector.error().text();
-  ASSERT_TRUE(detector) << detector.error().text();
-  const auto boxes = black_boxes(grid);
-  ASSERT_TRUE(boxes);
-  const Camera camera({CameraModel::kPinholeRadialTangential, 640, 480, {520, 520, 320, 240}, {-0.2, 0.03}});
-  for (const Vec3& tilt : {Vec3(0, 0, 0.1), Vec3(0.5, 0.2, -0.4), Vec3(-0.3, 0.5, 1.7)}) {
-    const Mat3 R_TC = Vec3(1, -1, -1).asDiagonal() * so3_exp(tilt);
-    const Vec3 p_TC = Vec3(0.15, 0.09, 0) - 0.42 * R_TC.col(2);
-    GreyImage image = photograph(*boxes, camera, R_TC, p_TC);
-    const auto corners = detector->find(pixels_of(image));
-    EXPECT_GE(corners.size(), 20u) << tilt.transpose();
-    for (const Corner& corner : corners) {
-      Vec2 px;
-      ASSERT_TRUE(camera.project(R_TC.transpose() * (corner.p_T - p_TC), px));
-      EXPECT_LT((px - corner.px).norm(), 0.15) << "corner " << corner.id << ", tilt " << tilt.transpose();
-    }
-  }
+TEST_F(TiltedBoards, HaveTheirCornersToATenthOfAPixel) {
+  expect_corners({3, 2, 0.08, 0.3},
+                 {CameraModel::kPinholeRadialTangential, 640, 480, {520, 520, 320, 240}, {-0.2, 0.03}}, {0.15, 0.09, 0},
+                 0.42, {{0, 0, 0.1}, {0.5, 0.2, -0.4}, {-0.3, 0.5, 1.7}}, 20, 0.15);
 }
 
 // Tags of 28 px, turned by any angle: the cells are 2.8 px wide.
-TEST(BoardDetector, FindsSmallTagsAtEveryAngle) {
+TEST_F(TiltedBoards, AreFoundAtEveryAngleAlsoIfTagsAreSmall) {
+  std::vector<Vec3> tilts;
+  for (const double degrees : {0, 15, 30, 45, 60, 90}) tilts.emplace_back(0.02, 0.03, degrees * std::numbers::pi / 180);
   const AprilGrid grid{4, 3, 0.024, 0.3};
-  auto detector = BoardDetector::create(grid);
-  if (!detector && test::lacks_apriltag(detector.error().text())) GTEST_SKIP() << detector.error().text();
-  ASSERT_TRUE(detector) << detector.error().text();
-  const auto boxes = black_boxes(grid);
-  ASSERT_TRUE(boxes);
-  const Camera camera({CameraModel::kPinholeRadialTangential, 320, 240, {458, 458, 160, 120}, {}});
-  const Photographer photographer(grid, *boxes, camera);
-  for (const double degrees : {0.0, 15.0, 30.0, 45.0, 60.0, 90.0}) {
-    const Mat3 R_TC = Vec3(1, -1, -1).asDiagonal() * so3_exp(Vec3(0.02, 0.03, degrees * 3.14159265 / 180));
-    const Vec3 p_TC = Vec3(0.5 * grid.width_m(), 0.5 * grid.height_m(), 0) - 0.39 * R_TC.col(2);
-    GreyImage image = photographer.take(R_TC, p_TC);
-    const auto corners = detector->find(pixels_of(image));
-    EXPECT_EQ(corners.size(), 48u) << degrees << " degrees";
-    for (const Corner& corner : corners) {
-      Vec2 px;
-      ASSERT_TRUE(camera.project(R_TC.transpose() * (corner.p_T - p_TC), px));
-      EXPECT_LT((px - corner.px).norm(), 0.6) << "corner " << corner.id << ", " << degrees << " degrees";
-    }
-  }
+  expect_corners(grid, {CameraModel::kPinholeRadialTangential, 320, 240, {458, 458, 160, 120}, {}},
+                 {grid.width_m() / 2, grid.height_m() / 2, 0}, 0.39, tilts, 48, 0.6);
 }
 
-TEST(BoardDetector, AnEmptyImageHasNoCorner) {
+TEST_F(TiltedBoards, AreNotSeenInAnEmptyImage) {
   auto detector = BoardDetector::create(AprilGrid{});
-  if (!detector && test::lacks_apriltag(detector.error().text())) GTEST_SKIP() << detector.error().text();
-  ASSERT_TRUE(detector) << detector.error().text();
+  ASSERT_TRUE(detector);
   GreyImage image;
   image.resize(320, 240);
   std::fill(image.pixels.begin(), image.pixels.end(), std::uint8_t{128});
@@ -114,21 +90,41 @@ TEST(RefineCorner, AnEdgeIsNoCornerAndTheImagesRimIsLeftAlone) {
   EXPECT_FALSE(refine_corner(pixels_of(image), 5, px));
 }
 
-TEST(AprilGrid, IsReadAsItIsWrittenAndComplaintsNameTheLine) {
-  const auto file = std::filesystem::path(testing::TempDir()) / "board_of_april_grid_test.yaml";
+TEST(BoardFile, IsReadAsItIsWritten) {
+  const auto file = std::filesystem::path(testing::TempDir()) / "board_file_test.yaml";
   ASSERT_TRUE(write_text(file, board_yaml(AprilGrid{5, 7, 0.0251, 0.29})));
-  const auto grid = read_april_grid(file);
-  ASSERT_TRUE(grid) << grid.error().text();
-  EXPECT_EQ(grid->columns, 5);
-  EXPECT_EQ(grid->rows, 7);
-  EXPECT_EQ(grid->tag_m, 0.0251);
-  EXPECT_EQ(grid->spacing, 0.29);
-  ASSERT_TRUE(write_text(file, "target_type: 'aprilgrid'\ntagCols: 6\ntagRows: 6\ntagSize: -1\ntagSpacing: 0.3\n"));
-  EXPECT_THAT(read_april_grid(file).error().text(), testing::HasSubstr(":4: tagSize = -1"));
-  ASSERT_TRUE(write_text(file, "target_type: 'checkerboard'\n"));
-  EXPECT_THAT(read_april_grid(file).error().text(), testing::HasSubstr("not a board of AprilTags"));
-  ASSERT_TRUE(write_text(file, "target_type: 'aprilgrid'\ntagCols: 60\ntagRows: 60\ntagSize: 1\ntagSpacing: 0.3\n"));
-  EXPECT_FALSE(read_april_grid(file)) << "more tags than there are";
+  const auto april = read_board(file);
+  ASSERT_TRUE(april) << april.error().text();
+  const auto grid = std::get<AprilGrid>(*april);
+  EXPECT_EQ(std::tuple(grid.columns, grid.rows, grid.tag_m, grid.spacing), std::tuple(5, 7, 0.0251, 0.29));
+  ASSERT_TRUE(write_text(file, board_yaml(CharucoBoard{5, 8, 0.0301, 0.0225})));
+  const auto chess = read_board(file);
+  ASSERT_TRUE(chess) << chess.error().text();
+  const auto board = std::get<CharucoBoard>(*chess);
+  EXPECT_EQ(std::tuple(board.columns, board.rows, board.square_m, board.tag_m), std::tuple(5, 8, 0.0301, 0.0225));
+  std::filesystem::remove(file);
+}
+
+TEST(BoardFile, ComplaintsSayWhatIsWrongAndWhere) {
+  const auto file = std::filesystem::path(testing::TempDir()) / "wrong_board_file_test.yaml";
+  const std::string grid = "target_type: 'aprilgrid'\n", tags = "tagSpacing: 0.3\ntagRows: 60\n",
+                    charuco = "target_type: 'charuco'\ndictionary: 'apriltag_36h11'\n";
+  for (const auto& [text, complaint] : {
+           std::pair(grid + tags + "tagCols: 6\ntagSize: -1\n", ":5: tagSize = -1"),
+           std::pair(grid + tags + "tagCols: 60\ntagSize: 1\n", "3600 tags"),
+           std::pair(std::string("target_type: 'checkerboard'\n"), "not a board of AprilTags"),
+           std::pair(std::string("target_type: 'charuco'\ndictionary: '4x4_50'\n"), ":2: the dictionary \"4x4_50\""),
+           std::pair(charuco + "squaresX: 2\nsquaresY: 7\n", "2 x 7 squares"),
+           std::pair(charuco + "squaresX: 50\nsquaresY: 50\n", "1250 tags"),
+           std::pair(charuco + "squaresX: 5\nsquaresY: 7\nmarkerSize: 0.03\n", "no number `squareSize`"),
+           std::pair(charuco + "squaresX: 5\nsquaresY: 7\nsquareSize: 0.03\nmarkerSize: 0.03\n",
+                     ":6: markerSize = 0.03"),
+       }) {
+    ASSERT_TRUE(write_text(file, text));
+    const auto read = read_board(file);
+    ASSERT_FALSE(read) << complaint;
+    EXPECT_THAT(read.error().text(), testing::HasSubstr(complaint));
+  }
   std::filesystem::remove(file);
 }
 

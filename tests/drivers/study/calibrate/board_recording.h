@@ -12,8 +12,7 @@
 
 namespace epiline {
 
-/// Where WavedRig looks.
-inline AprilGrid waved_grid() { return {4, 4, 0.088, 0.3}; }
+/// Where WavedRig looks, too.
 inline CharucoBoard waved_charuco() { return {6, 6, 0.075, 0.056}; }
 
 /// A camera's noise: two grey levels.

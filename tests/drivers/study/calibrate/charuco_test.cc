@@ -1,15 +1,11 @@
 // ChArUco boards: OpenCV draws what we find, and finds what we draw.
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
-
-#include <filesystem>
 
 #include "drivers/study/calibrate/board_detector.h"
 #include "drivers/study/calibrate/board_drawing.h"
-#include "drivers/study/calibrate/calibrate.h"
-#include "pipeline/text/table.h"
-#include "tests/drivers/study/calibrate/board_recording.h"
+#include "estimator/geometry/so3.h"
 #include "tests/drivers/study/calibrate/opencv_charuco.h"
+#include "tests/drivers/study/calibrate/photographer.h"
 #include "tests/support/apriltag.h"
 
 namespace epiline {
@@ -71,59 +67,6 @@ TEST_P(Charuco, OpenCvFindsEveryCornerOfOurDrawing) {
     // OpenCV 4.6 puts its corners half a pixel to the right and down
     EXPECT_LT((px + Vec2(0.5, 0.5) - Vec2(corners[i].x, corners[i].y)).norm(), 0.5) << "corner " << ids[i];
   }
-}
-
-TEST(CharucoFile, IsReadAsItIsWrittenAndOtherDictionariesAreRefused) {
-  const auto file = std::filesystem::path(testing::TempDir()) / "charuco_test_board.yaml";
-  ASSERT_TRUE(write_text(file, board_yaml(CharucoBoard{5, 8, 0.0301, 0.0225})));
-  const auto board = read_board(file);
-  ASSERT_TRUE(board) << board.error().text();
-  const auto* charuco = std::get_if<CharucoBoard>(&*board);
-  ASSERT_NE(charuco, nullptr);
-  EXPECT_EQ(charuco->columns, 5);
-  EXPECT_EQ(charuco->rows, 8);
-  EXPECT_EQ(charuco->square_m, 0.0301);
-  EXPECT_EQ(charuco->tag_m, 0.0225);
-  const auto complaint = [&](const std::string& text) {
-    EXPECT_TRUE(write_text(file, text));
-    const auto read = read_board(file);
-    return read ? std::string("read") : read.error().text();
-  };
-  const std::string head = "target_type: 'charuco'\n", dictionary = "dictionary: 'apriltag_36h11'\n";
-  EXPECT_THAT(complaint(head + "dictionary: '4x4_50'\nsquaresX: 5\nsquaresY: 7\nsquareSize: 0.03\nmarkerSize: 0.02\n"),
-              testing::HasSubstr(":2: the dictionary \"4x4_50\""));
-  EXPECT_THAT(complaint(head + dictionary + "squaresX: 2\nsquaresY: 7\nsquareSize: 0.03\nmarkerSize: 0.02\n"),
-              testing::HasSubstr("2 x 7 squares"));
-  EXPECT_THAT(complaint(head + dictionary + "squaresX: 5\nsquaresY: 7\nsquareSize: 0.03\nmarkerSize: 0.03\n"),
-              testing::HasSubstr(":6: markerSize = 0.03"));
-  EXPECT_THAT(complaint(head + dictionary + "squaresX: 5\nsquaresY: 7\nmarkerSize: 0.03\n"),
-              testing::HasSubstr("no number `squareSize`"));
-  EXPECT_THAT(complaint(head + dictionary + "squaresX: 50\nsquaresY: 50\nsquareSize: 0.03\nmarkerSize: 0.02\n"),
-              testing::HasSubstr("1250 tags"));
-  std::filesystem::remove(file);
-}
-
-TEST(CharucoRecording, CalibratesARig) {
-  WavedRig rig;
-  rig.lens = {CameraModel::kPinholeRadialTangential, 480, 360, {330, 330, 243, 178}, {-0.2, 0.05}};
-  rig.seconds = 9;
-  rig.image_rate_hz = 10;
-  const auto folder = std::filesystem::path(testing::TempDir()) / "charuco_test_recording";
-  std::filesystem::remove_all(folder);
-  const Status written = write_board_recording(rig, folder, waved_charuco());
-  if (!written && test::lacks_apriltag(written.error().text())) GTEST_SKIP() << written.error().text();
-  ASSERT_TRUE(written) << written.error().text();
-  CalibrateSettings settings;
-  settings.dataset = folder;
-  settings.board = folder / "board.yaml";
-  const auto found = calibrate(settings);
-  ASSERT_TRUE(found) << found.error().text();
-  EXPECT_NEAR(found->camera.parameters.intrinsics[0], 330, 1.5);
-  EXPECT_LT(so3_log(found->camera.R_BC.transpose() * rig.R_BC).norm(), 5e-3);
-  EXPECT_LT((found->camera.p_BC - rig.p_BC).norm(), 5e-3);
-  EXPECT_NEAR(found->camera.time_offset_s, rig.time_offset_s, 5e-4);
-  EXPECT_LT(found->fit.rms_px, 0.3);
-  std::filesystem::remove_all(folder);
 }
 
 }  // namespace

@@ -15,14 +15,17 @@ namespace {
 
 namespace fs = std::filesystem;
 
-TEST(Calibrate, FromImagesOfABoard) {
+class FromImages : public testing::TestWithParam<Board> {};
+INSTANTIATE_TEST_SUITE_P(Boards, FromImages, testing::Values(waved_grid(), waved_charuco()));
+
+TEST_P(FromImages, ARigIsCalibratedAndAMirrorIsSeen) {
   WavedRig rig;
   rig.lens = {CameraModel::kPinholeRadialTangential, 480, 360, {330, 330, 243, 178}, {-0.2, 0.05}};
   rig.seconds = 9;
   rig.image_rate_hz = 10;
   const fs::path folder = fs::path(testing::TempDir()) / "calibrate_from_images";
   fs::remove_all(folder);
-  const Status written = write_board_recording(rig, folder);
+  const Status written = write_board_recording(rig, folder, GetParam());
   if (!written && test::lacks_apriltag(written.error().text())) GTEST_SKIP() << written.error().text();
   ASSERT_TRUE(written) << written.error().text();
 

@@ -22,61 +22,52 @@ class OpencvCharuco {
     std::vector<cv::Point2f> corners;
   };
 
-  cv::Mat draw(cv::Size size, int rim_px) const;
-  Found find(const cv::Mat& picture) const;
-  std::vector<cv::Point3f> places() const;  ///< of the corners, by their ids, m, y down
-
 #if CV_VERSION_MAJOR * 100 + CV_VERSION_MINOR >= 407
   explicit OpencvCharuco(const CharucoBoard& b)
-      : board_({b.columns, b.rows}, static_cast<float>(b.square_m), static_cast<float>(b.tag_m), dictionary()) {}
+      : board_({b.columns, b.rows}, static_cast<float>(b.square_m), static_cast<float>(b.tag_m),
+               cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11)) {}
+  cv::Mat draw(cv::Size size, int rim_px) const {
+    cv::Mat drawn;
+    board_.generateImage(size, drawn, rim_px, 1);
+    return drawn;
+  }
+  /// Of the corners, by their ids, m, y down.
+  std::vector<cv::Point3f> places() const { return board_.getChessboardCorners(); }
+  Found find(const cv::Mat& picture) const {
+    Found found;
+    std::vector<std::vector<cv::Point2f>> tags;
+    std::vector<int> tag_ids;
+    cv::aruco::CharucoDetector(board_).detectBoard(picture, found.corners, found.ids, tags, tag_ids);
+    found.tags = tag_ids.size();
+    return found;
+  }
 
  private:
-  static cv::aruco::Dictionary dictionary() {
-    return cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11);
-  }
   cv::aruco::CharucoBoard board_;
 #else
   explicit OpencvCharuco(const CharucoBoard& b)
       : board_(cv::aruco::CharucoBoard::create(b.columns, b.rows, static_cast<float>(b.square_m),
                                                static_cast<float>(b.tag_m),
                                                cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11))) {}
+  cv::Mat draw(cv::Size size, int rim_px) const {
+    cv::Mat drawn;
+    board_->draw(size, drawn, rim_px, 1);
+    return drawn;
+  }
+  std::vector<cv::Point3f> places() const { return board_->chessboardCorners; }
+  Found find(const cv::Mat& picture) const {
+    Found found;
+    std::vector<std::vector<cv::Point2f>> tags;
+    std::vector<int> tag_ids;
+    cv::aruco::detectMarkers(picture, board_->dictionary, tags, tag_ids);
+    cv::aruco::interpolateCornersCharuco(tags, tag_ids, picture, board_, found.corners, found.ids);
+    found.tags = tag_ids.size();
+    return found;
+  }
 
  private:
   cv::Ptr<cv::aruco::CharucoBoard> board_;
 #endif
 };
-
-#if CV_VERSION_MAJOR * 100 + CV_VERSION_MINOR >= 407
-inline cv::Mat OpencvCharuco::draw(cv::Size size, int rim_px) const {
-  cv::Mat drawn;
-  board_.generateImage(size, drawn, rim_px, 1);
-  return drawn;
-}
-inline std::vector<cv::Point3f> OpencvCharuco::places() const { return board_.getChessboardCorners(); }
-inline OpencvCharuco::Found OpencvCharuco::find(const cv::Mat& picture) const {
-  Found found;
-  std::vector<std::vector<cv::Point2f>> tags;
-  std::vector<int> tag_ids;
-  cv::aruco::CharucoDetector(board_).detectBoard(picture, found.corners, found.ids, tags, tag_ids);
-  found.tags = tag_ids.size();
-  return found;
-}
-#else
-inline cv::Mat OpencvCharuco::draw(cv::Size size, int rim_px) const {
-  cv::Mat drawn;
-  board_->draw(size, drawn, rim_px, 1);
-  return drawn;
-}
-inline std::vector<cv::Point3f> OpencvCharuco::places() const { return board_->chessboardCorners; }
-inline OpencvCharuco::Found OpencvCharuco::find(const cv::Mat& picture) const {
-  Found found;
-  std::vector<std::vector<cv::Point2f>> tags;
-  std::vector<int> tag_ids;
-  cv::aruco::detectMarkers(picture, board_->dictionary, tags, tag_ids);
-  cv::aruco::interpolateCornersCharuco(tags, tag_ids, picture, board_, found.corners, found.ids);
-  found.tags = tag_ids.size();
-  return found;
-}
-#endif
 
 }  // namespace epiline::test

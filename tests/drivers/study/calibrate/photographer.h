@@ -57,7 +57,8 @@ class Photographer {
   static constexpr double kDot_m = 1e-4;
   bool is_black(const Vec3& p_T) const {
     if (!(std::abs(p_T.x()) < 10 && std::abs(p_T.y()) < 10)) return false;  // far beyond the board
-    const int x = dot(p_T.x()), y = dot(p_T.y());
+    const int x = static_cast<int>(std::floor((p_T.x() + margin_) / kDot_m));
+    const int y = static_cast<int>(std::floor((p_T.y() + margin_) / kDot_m));
     return x >= 0 && y >= 0 && x < columns_ && y < rows_ && black_[index(x, y)] != 0;
   }
   int dot(double m) const { return static_cast<int>(std::lround((m + margin_) / kDot_m)); }

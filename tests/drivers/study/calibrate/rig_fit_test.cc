@@ -9,7 +9,6 @@
 
 #include "drivers/study/calibrate/calibrate.h"
 #include "drivers/study/calibrate/lens_columns.h"
-#include "drivers/study/calibrate/verdicts.h"
 #include "estimator/geometry/so3.h"
 #include "tests/drivers/study/calibrate/waved_rig.h"
 
@@ -19,11 +18,23 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-std::vector<CameraTurn> turns_of(const std::vector<CornerView>& views, const LensFit& lens) {
-  std::vector<CameraTurn> turns;
-  for (std::size_t i = 0; i < views.size(); ++i)
-    if (lens.poses[i]) turns.push_back({views[i].stamp, lens.poses[i]->R_CT.transpose()});
-  return turns;
+/// From the first guess on, as calibrate() does it.
+Result<RigFit> fit_of(const WavedRig& rig, const std::vector<CornerView>& views, CameraModel model) {
+  const auto imu = rig.readings();
+  const auto lens = fit_lens(views, model, rig.lens.width, rig.lens.height, std::nullopt);
+  if (!lens) return lens.error();
+  const auto turns = align_turns(turns_of(views, *lens), imu);
+  if (!turns) return turns.error();
+  return fit_rig(views, *lens, *turns, imu, {rig.imu.noise});
+}
+
+Verdict verdict_on(const RigFit& fit, const std::string& what) {
+  Calibration c;
+  c.camera.parameters = fit.state.constants.lens;
+  c.fit = fit;
+  judge(c);
+  const auto found = std::find_if(c.verdicts.begin(), c.verdicts.end(), [&](auto& v) { return v.what == what; });
+  return found == c.verdicts.end() ? Verdict{} : *found;
 }
 
 class Rigs : public testing::TestWithParam<CameraModel> {
@@ -42,17 +53,8 @@ class Rigs : public testing::TestWithParam<CameraModel> {
 };
 
 TEST_P(Rigs, EveryFigureIsWithinWhatIsClaimed) {
-  const auto views = rig_.views();
-  const auto imu = rig_.readings();
-  const auto lens = fit_lens(views, GetParam(), rig_.lens.width, rig_.lens.height, std::nullopt);
-  ASSERT_TRUE(lens) << lens.error().text();
-  const auto turns = align_turns(turns_of(views, *lens), imu);
-  ASSERT_TRUE(turns) << turns.error().text();
-  EXPECT_LT(so3_log(turns->R_BC.transpose() * rig_.R_BC).norm(), 0.02);
-  EXPECT_NEAR(turns->time_offset_s, rig_.time_offset_s, 0.003);
-  const auto fit = fit_rig(views, *lens, *turns, imu, {rig_.imu.noise});
+  const auto fit = fit_of(rig_, rig_.views(), GetParam());
   ASSERT_TRUE(fit) << fit.error().text();
-
   const RigConstants& c = fit->state.constants;
   const RigColumns columns(0, GetParam());
   const auto expect = [&](int column, double error, const char* what) {
@@ -100,62 +102,33 @@ TEST_P(WrongSize, IsToldByTheAccelerometer) {
   auto views = rig.views();
   for (CornerView& view : views)
     for (Corner& corner : view.corners) corner.p_T *= GetParam();
-  const auto imu = rig.readings();
-  const auto lens = fit_lens(views, rig.lens.model, rig.lens.width, rig.lens.height, std::nullopt);
-  ASSERT_TRUE(lens) << lens.error().text();
-  const auto turns = align_turns(turns_of(views, *lens), imu);
-  ASSERT_TRUE(turns) << turns.error().text();
-  Calibration c;
-  auto fit = fit_rig(views, *lens, *turns, imu, {rig.imu.noise});
+  const auto fit = fit_of(rig, views, rig.lens.model);
   ASSERT_TRUE(fit) << fit.error().text();
-  c.fit = *fit;
-  c.camera.parameters = c.fit.state.constants.lens;
-  EXPECT_FALSE(c.fit.is_board_as_described());
-  EXPECT_NEAR(c.fit.board_size, -std::log(GetParam()), 4 * c.fit.board_size_sigma);
-  EXPECT_LT(c.fit.board_size_sigma, 0.02);
+  EXPECT_FALSE(fit->is_board_as_described());
+  EXPECT_NEAR(fit->board_size, -std::log(GetParam()), 4 * fit->board_size_sigma);
+  EXPECT_LT(fit->board_size_sigma, 0.02);
   const RigColumns columns(0, rig.lens.model);
   for (int i = 0; i < 3; ++i)
-    EXPECT_NEAR(c.fit.state.constants.p_BC[i], rig.p_BC[i], 4 * c.fit.sigma(columns.p_BC + i)) << "metres are true";
-  judge(c);
-  EXPECT_FALSE(c.good());
-  const auto board = std::find_if(c.verdicts.begin(), c.verdicts.end(), [](auto& v) { return v.what == "board"; });
-  ASSERT_NE(board, c.verdicts.end());
-  EXPECT_FALSE(board->good);
-  EXPECT_THAT(board->found, HasSubstr(GetParam() > 1 ? "% smaller than its file says" : "% larger than its file says"));
+    EXPECT_NEAR(fit->state.constants.p_BC[i], rig.p_BC[i], 4 * fit->sigma(columns.p_BC + i)) << "metres are true";
+  const Verdict board = verdict_on(*fit, "board");
+  EXPECT_FALSE(board.good);
+  EXPECT_THAT(board.found, HasSubstr(GetParam() > 1 ? "% smaller than its file says" : "% larger than its file says"));
 }
 
 INSTANTIATE_TEST_SUITE_P(All, WrongSize, testing::Values(0.97, 1.128, 3.67));
 
 /// A lens that no radial-tangential one draws: a VI-Sensor's (docs/developers/decisions.md#lens-shape).
-class OtherShape : public testing::Test {
- protected:
-  static Result<RigFit> fit(CameraModel model, double distance_m) {
-    WavedRig rig;
-    rig.lens = {
-        CameraModel::kPinholeEquidistant, 752, 480, {461.3, 461.3, 364.8, 249.0}, {-0.0072, 0.0349, -0.0441, 0.0229}};
-    rig.distance_m = distance_m;
-    const auto views = rig.views();
-    const auto imu = rig.readings();
-    const auto lens = fit_lens(views, model, rig.lens.width, rig.lens.height, std::nullopt);
-    if (!lens) return lens.error();
-    const auto turns = align_turns(turns_of(views, *lens), imu);
-    if (!turns) return turns.error();
-    return fit_rig(views, *lens, *turns, imu, {rig.imu.noise});
-  }
-  static std::string lens_verdict(const RigFit& fit) {
-    Calibration c;
-    c.camera.parameters = fit.state.constants.lens;
-    c.fit = fit;
-    judge(c);
-    for (const Verdict& v : c.verdicts)
-      if (v.what == "lens") return v.found;
-    return {};
-  }
-};
+Result<RigFit> fit_of_other_shape(CameraModel model, double distance_m) {
+  WavedRig rig;
+  rig.lens = {
+      CameraModel::kPinholeEquidistant, 752, 480, {461.3, 461.3, 364.8, 249.0}, {-0.0072, 0.0349, -0.0441, 0.0229}};
+  rig.distance_m = distance_m;
+  return fit_of(rig, rig.views(), model);
+}
 
-TEST_F(OtherShape, WidensTheSigmas) {
-  const auto near = fit(CameraModel::kPinholeRadialTangential, 0.45),
-             far = fit(CameraModel::kPinholeRadialTangential, 0.8);
+TEST(OtherShape, WidensTheSigmas) {
+  const auto near = fit_of_other_shape(CameraModel::kPinholeRadialTangential, 0.45),
+             far = fit_of_other_shape(CameraModel::kPinholeRadialTangential, 0.8);
   ASSERT_TRUE(near && far);
   const LensStep off = lens_values(near->state.constants.lens) - lens_values(far->state.constants.lens);
   double without = 0;
@@ -166,14 +139,14 @@ TEST_F(OtherShape, WidensTheSigmas) {
         << lens_column_name(CameraModel::kPinholeRadialTangential, i);
   }
   EXPECT_GT(without, 5) << "the two see different parts of the lens";
-  EXPECT_THAT(lens_verdict(*near), HasSubstr("because no lens of this model has the true shape"));
+  EXPECT_THAT(verdict_on(*near, "lens").found, HasSubstr("because no lens of this model has the true shape"));
 }
 
-TEST_F(OtherShape, IsNotSeenByItsOwnModel) {
-  const auto right = fit(CameraModel::kPinholeEquidistant, 0.45);
+TEST(OtherShape, IsNotSeenByItsOwnModel) {
+  const auto right = fit_of_other_shape(CameraModel::kPinholeEquidistant, 0.45);
   ASSERT_TRUE(right);
   EXPECT_EQ(right->uncertainty.misfit.cols(), 0);
-  EXPECT_THAT(lens_verdict(*right), Not(HasSubstr("because")));
+  EXPECT_THAT(verdict_on(*right, "lens").found, Not(HasSubstr("because")));
 }
 
 }  // namespace

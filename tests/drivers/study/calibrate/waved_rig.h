@@ -6,25 +6,11 @@
 
 #include "drivers/flights/motion/motion.h"
 #include "drivers/laboratory/simulate/imu_model.h"
-#include "drivers/study/calibrate/corner_views.h"
+#include "drivers/study/calibrate/board.h"
 #include "estimator/geometry/camera.h"
 #include "estimator/geometry/so3.h"
 
 namespace epiline {
-
-/// Tags as Kalibr's example board has them, four by four.
-inline Target april_target() {
-  Target target;
-  constexpr double kSize = 0.088, kStep = 1.3 * kSize;
-  for (std::uint32_t tag = 0; tag < 16; ++tag) {
-    const double x = kStep * (tag % 4), y = kStep * (tag / 4);
-    target[4 * tag] = {x, y, 0};
-    target[4 * tag + 1] = {x + kSize, y, 0};
-    target[4 * tag + 2] = {x + kSize, y + kSize, 0};
-    target[4 * tag + 3] = {x, y + kSize, 0};
-  }
-  return target;
-}
 
 inline CameraParameters lens_of(CameraModel model) {
   switch (model) {
@@ -39,6 +25,9 @@ inline CameraParameters lens_of(CameraModel model) {
   }
   return {};
 }
+
+/// Where WavedRig looks: tags as Kalibr's example board has them.
+inline AprilGrid waved_grid() { return {4, 4, 0.088, 0.3}; }
 
 struct WavedRig {
   CameraParameters lens = lens_of(CameraModel::kPinholeRadialTangential);
@@ -115,7 +104,7 @@ struct WavedRig {
 
   std::vector<CornerView> views() const {
     const Camera camera(lens);
-    const Target target = april_target();
+    const Target target = waved_grid().target();
     Random noise(seed, 8);
     std::vector<CornerView> list;
     for (double t = 0.3; t < seconds - 0.3; t += 1 / image_rate_hz) {
