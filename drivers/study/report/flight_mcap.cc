@@ -1,5 +1,7 @@
 #include "drivers/study/report/flight_mcap.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "drivers/flights/recordings/image_codecs.h"
@@ -28,8 +30,8 @@ Colour colour_of(std::uint32_t age) {
 
 FlightMcap::FlightMcap(const std::filesystem::path& path) : file_(path) {
   for (std::size_t camera = 0; camera < images_.size(); ++camera) {
-    images_[camera] = {"/" + camera_name(camera) + "/image_raw/compressed", "sensor_msgs/CompressedImage"};
-    tracks_[camera] = {"/" + camera_name(camera) + "/tracks", "foxglove_msgs/ImageAnnotations"};
+    images_[camera] = {fmt::format("/{}/image_raw/compressed", camera_name(camera)), "sensor_msgs/CompressedImage"};
+    tracks_[camera] = {fmt::format("/{}/tracks", camera_name(camera)), "foxglove_msgs/ImageAnnotations"};
   }
 }
 
