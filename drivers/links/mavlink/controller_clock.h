@@ -1,5 +1,7 @@
 #pragma once
 // When the clock model of a flight controller is good enough for the times of its sensors.
+#include <cstdint>
+
 #include "platform/time/clock.h"
 #include "platform/time/two_way_sync.h"
 
@@ -19,6 +21,12 @@ inline bool is_recent(HostStamp sampled, HostStamp now) noexcept {
   constexpr Span kOldest = Span::from_milliseconds(500), kAhead = Span::from_milliseconds(5);
   const Span age = now - sampled;
   return age <= kOldest && age >= -kAhead;
+}
+
+/// Counts a message that is not taken.
+inline bool refuse(std::uint64_t& count) noexcept {
+  ++count;
+  return false;
 }
 
 }  // namespace epiline::mavlink

@@ -16,7 +16,6 @@ constexpr std::uint8_t kDownwards = 25;     // MAV_SENSOR_ROTATION_PITCH_270
 constexpr std::uint8_t kInvalidSignal = 1;  // of signal_quality; 0: not known
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 
-constexpr std::uint16_t kIntervalCommand = 511;  // MAV_CMD
 constexpr float kInterval_us = 50'000;
 struct Asked {
   std::uint32_t message;
@@ -70,20 +69,9 @@ std::optional<ControllerHeight::Reading> ControllerHeight::reading_of(const Pack
 
 bool ControllerHeight::take(const Packet& packet, const TwoWaySync& clock, HostStamp now,
                             HeightSample& sample) noexcept {
-  const auto reading = reading_of(packet);
-  if (!reading) {
-    ++counts_.others;
-    return false;
-  }
-  return accept(*reading, clock, now, sample);
-}
-
-bool ControllerHeight::accept(const Reading& reading, const TwoWaySync& clock, HostStamp now,
-                              HeightSample& sample) noexcept {
-  const auto refuse = [](std::uint64_t& count) {
-    ++count;
-    return false;
-  };
+  const auto found = reading_of(packet);
+  if (!found) return refuse(counts_.others);
+  const Reading& reading = *found;
   Sensor& sensor = sensors_[static_cast<std::size_t>(reading.kind)];
   const bool is_free = sensor.last_arrival.ns == 0 || now - sensor.last_arrival > kSensorForgotten;
   if (reading.sensor != sensor.sensor && !is_free) return refuse(counts_.others);
@@ -106,13 +94,7 @@ std::optional<CommandLong> HeightRequest::question(const ControllerHeight& heigh
     const HostStamp last = heights.last_of(kind);
     const bool comes = last.ns != 0 && now_ns - last.ns < kSensorForgotten.ns;
     if (comes || !wanted_[static_cast<std::size_t>(kind)]) continue;
-    CommandLong command;
-    command.command = kIntervalCommand;
-    command.target_system = to.system;
-    command.target_component = to.component;
-    command.param1 = static_cast<float>(message);
-    command.param2 = kInterval_us;
-    return command;
+    return command_about(message, kSetMessageInterval, to, kInterval_us);
   }
   return std::nullopt;
 }

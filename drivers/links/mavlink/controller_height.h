@@ -60,7 +60,6 @@ class ControllerHeight {
     HostStamp last_arrival, last_stamp;
   };
   std::optional<Reading> reading_of(const Packet& packet) const noexcept;
-  bool accept(const Reading& reading, const TwoWaySync& clock, HostStamp now, HeightSample& sample) noexcept;
 
   double air_deg_;
   std::array<Sensor, kHeightKinds> sensors_;

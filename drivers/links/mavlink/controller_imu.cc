@@ -34,10 +34,7 @@ bool ControllerImu::is_preferred(bool is_highres, std::uint8_t id, HostStamp now
   const bool is_same = is_highres == is_highres_ && id == id_;
   const bool is_better = is_highres && !is_highres_;
   const bool is_free = last_of_sensor_.ns == 0 || now - last_of_sensor_ > kSensorForgotten;
-  if (!is_same && !is_better && !is_free) {
-    ++counts_.others;
-    return false;
-  }
+  if (!is_same && !is_better && !is_free) return refuse(counts_.others);
   is_highres_ = is_highres;
   id_ = id;
   last_of_sensor_ = now;
@@ -47,10 +44,7 @@ bool ControllerImu::is_preferred(bool is_highres, std::uint8_t id, HostStamp now
 bool ControllerImu::take(const HighresImu& message, const TwoWaySync& clock, HostStamp now,
                          ImuSample& sample) noexcept {
   if (!is_preferred(true, message.id, now)) return false;
-  if ((message.fields_updated & kBothSensors) != kBothSensors) {
-    ++counts_.refused_values;
-    return false;
-  }
+  if ((message.fields_updated & kBothSensors) != kBothSensors) return refuse(counts_.refused_values);
   sample = imu_sample(message);
   return accept(message.time_usec, clock, now, sample);
 }
@@ -62,10 +56,6 @@ bool ControllerImu::take(const RawImu& message, const TwoWaySync& clock, HostSta
 }
 
 bool ControllerImu::accept(std::uint64_t time_us, const TwoWaySync& clock, HostStamp now, ImuSample& sample) noexcept {
-  const auto refuse = [](std::uint64_t& count) {
-    ++count;
-    return false;
-  };
   if (!is_plausible(sample.angular_velocity_rad_s, kRateMost_rad_s) ||
       !is_plausible(sample.specific_force_m_s2, kForceMost_m_s2))
     return refuse(counts_.refused_values);

@@ -28,44 +28,40 @@ struct ControllerRelease {
   bool fuses_gps_beside_vision = false;
 };
 
-inline constexpr std::array kControllerReleases{
-    ControllerRelease{
-        .option = "px4-1.14", .name = "PX4 1.14", .autopilot = kPx4, .version = 114, .squares_yaw_noise = true},
-    ControllerRelease{
-        .option = "px4-1.15", .name = "PX4 1.15", .autopilot = kPx4, .version = 115, .squares_yaw_noise = true},
-    ControllerRelease{
-        .option = "px4-1.16", .name = "PX4 1.16", .autopilot = kPx4, .version = 116, .squares_yaw_noise = true},
-    ControllerRelease{
-        .option = "px4-1.17", .name = "PX4 1.17", .autopilot = kPx4, .version = 117, .squares_yaw_noise = true},
-    ControllerRelease{.option = "px4-1.18",
-                      .name = "PX4 1.18",
-                      .autopilot = kPx4,
-                      .version = 118,
-                      .has_sensor_switch = true,
-                      .loses_position_at_origin = true},
-    ControllerRelease{.option = "px4-main",
-                      .name = "PX4 main",
-                      .autopilot = kPx4,
-                      .has_sensor_switch = true,
-                      .loses_position_at_origin = true},
-    ControllerRelease{.option = "px4-spring-2026",
-                      .name = "PX4 main of 27 February to 18 May 2026",
-                      .autopilot = kPx4,
-                      .arms_with_north_only = true,
-                      .squares_yaw_noise = true,
-                      .has_sensor_switch = true},
-    ControllerRelease{.option = "ardupilot-4.5",
-                      .name = "ArduPilot 4.5",
-                      .autopilot = kArduPilot,
-                      .version = 405,
-                      .fuses_gps_beside_vision = true},
-    ControllerRelease{.option = "ardupilot-4.6",
-                      .name = "ArduPilot 4.6",
-                      .autopilot = kArduPilot,
-                      .version = 406,
-                      .fuses_gps_beside_vision = true},
-    ControllerRelease{.option = "ardupilot-4.7", .name = "ArduPilot 4.7", .autopilot = kArduPilot, .version = 407},
-};
+inline constexpr auto kControllerReleases = std::to_array<ControllerRelease>({
+    {.option = "px4-1.14", .name = "PX4 1.14", .autopilot = kPx4, .version = 114, .squares_yaw_noise = true},
+    {.option = "px4-1.15", .name = "PX4 1.15", .autopilot = kPx4, .version = 115, .squares_yaw_noise = true},
+    {.option = "px4-1.16", .name = "PX4 1.16", .autopilot = kPx4, .version = 116, .squares_yaw_noise = true},
+    {.option = "px4-1.17", .name = "PX4 1.17", .autopilot = kPx4, .version = 117, .squares_yaw_noise = true},
+    {.option = "px4-1.18",
+     .name = "PX4 1.18",
+     .autopilot = kPx4,
+     .version = 118,
+     .has_sensor_switch = true,
+     .loses_position_at_origin = true},
+    {.option = "px4-main",
+     .name = "PX4 main",
+     .autopilot = kPx4,
+     .has_sensor_switch = true,
+     .loses_position_at_origin = true},
+    {.option = "px4-spring-2026",
+     .name = "PX4 main of 27 February to 18 May 2026",
+     .autopilot = kPx4,
+     .arms_with_north_only = true,
+     .squares_yaw_noise = true,
+     .has_sensor_switch = true},
+    {.option = "ardupilot-4.5",
+     .name = "ArduPilot 4.5",
+     .autopilot = kArduPilot,
+     .version = 405,
+     .fuses_gps_beside_vision = true},
+    {.option = "ardupilot-4.6",
+     .name = "ArduPilot 4.6",
+     .autopilot = kArduPilot,
+     .version = 406,
+     .fuses_gps_beside_vision = true},
+    {.option = "ardupilot-4.7", .name = "ArduPilot 4.7", .autopilot = kArduPilot, .version = 407},
+});
 
 /// A set of releases: bit i stands for kControllerReleases[i].
 using Releases = unsigned;

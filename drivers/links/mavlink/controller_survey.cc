@@ -9,15 +9,6 @@ namespace epiline::mavlink {
 
 namespace {
 
-CommandLong message_request(std::uint32_t message, Address to) noexcept {
-  CommandLong command;
-  command.command = 512;  // MAV_CMD_REQUEST_MESSAGE
-  command.target_system = to.system;
-  command.target_component = to.component;
-  command.param1 = static_cast<float>(message);
-  return command;
-}
-
 ParamRequestRead parameter_request(std::string_view parameter, Address to) noexcept {
   ParamRequestRead request;
   request.target_system = to.system;
@@ -76,8 +67,8 @@ std::optional<std::size_t> ControllerSurvey::open_item(std::int64_t now_ns) noex
 
 ControllerSurvey::Question ControllerSurvey::ask(std::size_t item, Address to, std::int64_t now_ns) noexcept {
   asked_[item].asked_ns = now_ns;
-  if (item == kVersion) return message_request(AutopilotVersion::kId, to);
-  if (item == kOrigin) return message_request(GpsGlobalOrigin::kId, to);
+  if (item == kVersion) return command_about(AutopilotVersion::kId, kRequestMessage, to);
+  if (item == kOrigin) return command_about(GpsGlobalOrigin::kId, kRequestMessage, to);
   return parameter_request(parameters_of(answers_.autopilot)[item - kFirstParameter], to);
 }
 
@@ -97,7 +88,7 @@ std::optional<ControllerSurvey::Question> ControllerSurvey::later_question(Addre
   if (now_ns >= next_status_ns_) {
     next_status_ns_ = now_ns + status_period_ns_;
     status_period_ns_ = std::min(2 * status_period_ns_, kStatusTo_ns);
-    return message_request(answers_.autopilot == kPx4 ? EstimatorStatus::kId : EkfStatusReport::kId, to);
+    return command_about(answers_.autopilot == kPx4 ? EstimatorStatus::kId : EkfStatusReport::kId, kRequestMessage, to);
   }
   const auto names = parameters_of(answers_.autopilot);
   for (std::size_t i = 0; i < names.size() && !is_armed_; ++i) {

@@ -6,7 +6,6 @@ namespace epiline::mavlink {
 
 namespace {
 
-constexpr std::uint16_t kSetMessageInterval = 511;  // MAV_CMD
 constexpr std::int64_t kAgain_ns = 1'000'000'000, kAway_ns = 2'000'000'000;
 constexpr std::uint8_t kTries = 4;
 constexpr std::uint8_t kAccepted = 0, kDenied = 2, kUnsupported = 3;  // MAV_RESULT
@@ -24,13 +23,9 @@ CommandLong ImuRequest::question(Address to, std::int64_t now_ns) noexcept {
   state_ = RequestState::kAsked;
   is_open_ = true;
   asked_ns_ = now_ns;
-  CommandLong command;
-  command.command = kSetMessageInterval;
-  command.target_system = to.system;
-  command.target_component = to.component;
+  const std::uint32_t message = wants_highres_ ? HighresImu::kId : RawImu::kId;
+  CommandLong command = command_about(message, kSetMessageInterval, to, interval_us_);
   command.confirmation = tries_++;
-  command.param1 = static_cast<float>(wants_highres_ ? HighresImu::kId : RawImu::kId);
-  command.param2 = interval_us_;
   return command;
 }
 
@@ -48,9 +43,7 @@ void ImuRequest::give_up(std::int64_t now_ns) noexcept {
 }
 
 void ImuRequest::receive(const CommandAck& answer, Address own, std::int64_t now_ns) noexcept {
-  const bool is_ours = (answer.target_system == 0 || answer.target_system == own.system) &&
-                       (answer.target_component == 0 || answer.target_component == own.component);
-  if (!is_open_ || !is_ours || answer.command != kSetMessageInterval) return;
+  if (!is_open_ || !is_for(own, answer) || answer.command != kSetMessageInterval) return;
   if (answer.result == kAccepted) {
     // tries_ stays: one that accepts and sends nothing is asked for the other message in the end
     state_ = RequestState::kAccepted;

@@ -193,13 +193,11 @@ std::int64_t MavlinkLink::next_event_ns(std::int64_t now_ns) const noexcept {
   const std::int64_t input_ns = input_.ready_ns(1);
   const std::int64_t next_ns = std::min(input_ns > now_ns ? input_ns : kFar_ns, stream_.silent_ns());
   if (is_frame_waiting()) return next_ns;  // nothing else can be sent
-  std::int64_t send_ns = std::min({next_heartbeat_ns_, news_.due_ns(), odometry_due_ns()});
+  std::int64_t send_ns = std::min({next_heartbeat_ns_, news_.due_ns(), odometry_due_ns(), heights_due_ns()});
   if (timesync_.owes_answer()) send_ns = now_ns;  // one the line had no room for
-  if (state_.peer.is_known) send_ns = std::min(send_ns, next_question_ns_);
+  if (state_.peer.is_known) send_ns = std::min({send_ns, next_question_ns_, survey_.due_ns()});
   if (state_.peer.is_known && imu_request_) send_ns = std::min(send_ns, imu_request_->due_ns());
-  send_ns = std::min(send_ns, heights_due_ns());
   if (wants_origin()) send_ns = std::min(send_ns, next_origin_ns_);
-  if (state_.peer.is_known) send_ns = std::min(send_ns, survey_.due_ns());
   if (is_paused_) send_ns = std::min(send_ns, pause_until_ns_);
   if (backlog_ > kOdometryBehind) send_ns = std::max(send_ns, now_ns + kLineCheck_ns);
   return std::min(next_ns, send_ns);
@@ -274,21 +272,13 @@ void MavlinkLink::read_port(std::int64_t now_ns) noexcept {
 /// Of the packet that was found last.
 bool MavlinkLink::is_authentic() noexcept {
   if (!signing_) return true;
+  using Verdict = Signing::Verdict;
   LinkCounts& counts = state_.counts;
-  switch (signing_->check(parser_.raw(), signing_time_now())) {
-    case Signing::Verdict::kGood:
-      return true;
-    case Signing::Verdict::kUnsigned:
-      ++counts.unsigned_packets;
-      break;
-    case Signing::Verdict::kWrong:
-      ++counts.wrong_signatures;
-      break;
-    case Signing::Verdict::kOld:
-      ++counts.replayed_packets;
-      break;
-  }
-  return false;
+  const Verdict verdict = signing_->check(parser_.raw(), signing_time_now());
+  if (verdict == Verdict::kUnsigned) ++counts.unsigned_packets;
+  if (verdict == Verdict::kWrong) ++counts.wrong_signatures;
+  if (verdict == Verdict::kOld) ++counts.replayed_packets;
+  return verdict == Verdict::kGood;
 }
 
 }  // namespace epiline::mavlink

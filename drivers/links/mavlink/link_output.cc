@@ -23,31 +23,19 @@ SetGpsGlobalOrigin origin_message(const MavlinkConfig& config, std::int64_t now_
   return message;
 }
 
+/// In the order of the enum.
+constexpr struct {
+  const char *sentence, *remedy;
+} kRefusals[] = {{"", ""},
+                 {"PX4 takes mavlink.message = \"vision-position\" for a pose to true north: odometry is not sent",
+                  "set mavlink.message = \"odometry\", or mavlink.frame = \"local-ned\" and mavlink.heading_deg"},
+                 {"ArduPilot ignores ODOMETRY in mavlink.frame = \"local-ned\": odometry is not sent",
+                  "set mavlink.frame = \"local-frd\" and remove mavlink.heading_deg"}};
+
 }  // namespace
 
-const char* sentence_of(Refusal refusal) noexcept {
-  switch (refusal) {
-    case Refusal::kNone:
-      break;
-    case Refusal::kNeedsHeading:
-      return "PX4 takes mavlink.message = \"vision-position\" for a pose to true north: odometry is not sent";
-    case Refusal::kTakesOnlyFrd:
-      return "ArduPilot ignores ODOMETRY in mavlink.frame = \"local-ned\": odometry is not sent";
-  }
-  return "";
-}
-
-const char* remedy_of(Refusal refusal) noexcept {
-  switch (refusal) {
-    case Refusal::kNone:
-      break;
-    case Refusal::kNeedsHeading:
-      return "set mavlink.message = \"odometry\", or mavlink.frame = \"local-ned\" and mavlink.heading_deg";
-    case Refusal::kTakesOnlyFrd:
-      return "set mavlink.frame = \"local-frd\" and remove mavlink.heading_deg";
-  }
-  return "";
-}
+const char* sentence_of(Refusal refusal) noexcept { return kRefusals[static_cast<std::size_t>(refusal)].sentence; }
+const char* remedy_of(Refusal refusal) noexcept { return kRefusals[static_cast<std::size_t>(refusal)].remedy; }
 
 /// PX4 would move its origin in flight; ArduPilot takes the first one and leaves it at that.
 bool MavlinkLink::wants_origin() const noexcept {

@@ -13,13 +13,19 @@ constexpr std::int64_t kSureMayCome_ns =
     3'000'000'000;                                     // heartbeats come once a second: an autopilot was heard by then
 constexpr std::int64_t kOriginPause_ns = 600'000'000;  // PX4 stops fusing after 400 ms
 
+/// MAV_TYPE of what flies or drives with a vehicle: companion, gimbal, ADS-B, camera, charger and so on. Some of them
+/// claim an autopilot in their heartbeats.
+bool is_on_board_of_another(std::uint8_t type) noexcept {
+  return type == 18 || type == 26 || type == 27 || (type >= 30 && type <= 34) || (type >= 36 && type <= 42) ||
+         type == 44;
+}
+
 }  // namespace
 
 void MavlinkLink::receive(const Packet& packet, std::int64_t now_ns) noexcept {
-  if (packet.from.system == own_.system && packet.from.component == own_.component) return;  // our echo
+  if (packet.from == own_) return;  // our echo
   const LinkPeer& peer = state_.peer;
-  const bool is_autopilot =
-      peer.is_known && packet.from.system == peer.address.system && packet.from.component == peer.address.component;
+  const bool is_autopilot = peer.is_known && packet.from == peer.address;
   if (packet.id == Heartbeat::kId) return receive_heartbeat(packet, now_ns);
   Timesync timesync;
   if (unpack(packet, timesync)) return timesync_.receive(timesync, packet.from, is_autopilot, now_ns);
@@ -71,17 +77,6 @@ std::int64_t MavlinkLink::heights_due_ns() const noexcept {
   const bool waits = imu_request_ && imu_request_->state() != RequestState::kAccepted;
   return waits ? kFar_ns : height_request_->due_ns();
 }
-
-namespace {
-
-/// MAV_TYPE of what flies or drives with a vehicle: companion, gimbal, ADS-B, camera, charger and so on. Some of them
-/// claim an autopilot in their heartbeats.
-bool is_on_board_of_another(std::uint8_t type) noexcept {
-  return type == 18 || type == 26 || type == 27 || (type >= 30 && type <= 34) || (type >= 36 && type <= 42) ||
-         type == 44;
-}
-
-}  // namespace
 
 /// A flight controller is component 1, and its type is that of a vehicle. Any other is taken only if none such is heard
 /// for some seconds, and gives way to one at once.

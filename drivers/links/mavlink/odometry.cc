@@ -63,6 +63,17 @@ epiline::Odometry in_turned_world(const epiline::Odometry& odometry, const Mat3&
   return o;
 }
 
+/// In B, from a message whose 1 means these rates and accelerations.
+template <class Message>
+ImuSample in_units(const Message& message, double rate_rad_s, double acceleration_m_s2) {
+  ImuSample sample;
+  Eigen::Map<Vec3>(sample.angular_velocity_rad_s.data()) =
+      rate_rad_s * (flip() * Vec3(message.xgyro, message.ygyro, message.zgyro));
+  Eigen::Map<Vec3>(sample.specific_force_m_s2.data()) =
+      acceleration_m_s2 * (flip() * Vec3(message.xacc, message.yacc, message.zacc));
+  return sample;
+}
+
 }  // namespace
 
 Status fault_of_frame(const MavlinkConfig& config) {
@@ -126,21 +137,7 @@ VisionPositionEstimate vision_position_message(const epiline::Odometry& in_world
   return message;
 }
 
-ImuSample imu_sample(const HighresImu& message) {
-  ImuSample sample;
-  Eigen::Map<Vec3>(sample.angular_velocity_rad_s.data()) = flip() * Vec3(message.xgyro, message.ygyro, message.zgyro);
-  Eigen::Map<Vec3>(sample.specific_force_m_s2.data()) = flip() * Vec3(message.xacc, message.yacc, message.zacc);
-  return sample;
-}
-
-ImuSample imu_sample(const RawImu& message) {
-  constexpr double kAcceleration_m_s2 = 9.80665e-3, kRate_rad_s = 1e-3;
-  ImuSample sample;
-  Eigen::Map<Vec3>(sample.angular_velocity_rad_s.data()) =
-      kRate_rad_s * (flip() * Vec3(message.xgyro, message.ygyro, message.zgyro));
-  Eigen::Map<Vec3>(sample.specific_force_m_s2.data()) =
-      kAcceleration_m_s2 * (flip() * Vec3(message.xacc, message.yacc, message.zacc));
-  return sample;
-}
+ImuSample imu_sample(const HighresImu& message) { return in_units(message, 1, 1); }
+ImuSample imu_sample(const RawImu& message) { return in_units(message, 1e-3, 9.80665e-3); }
 
 }  // namespace epiline::mavlink

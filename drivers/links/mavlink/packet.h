@@ -19,10 +19,30 @@ inline constexpr std::size_t kMaxFrame = 10 + kMaxPayload + 2 + kSignature;  ///
 struct Address {
   std::uint8_t system = 1;
   std::uint8_t component = 197;  ///< MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
+  bool operator==(const Address&) const = default;
 };
 
 inline Address address_of(const MavlinkConfig& config) noexcept {
   return {static_cast<std::uint8_t>(config.system), static_cast<std::uint8_t>(config.component)};
+}
+
+/// The message is for us: it names us, or nobody.
+template <class Message>
+bool is_for(Address own, const Message& message) noexcept {
+  return (message.target_system == 0 || message.target_system == own.system) &&
+         (message.target_component == 0 || message.target_component == own.component);
+}
+
+inline constexpr std::uint16_t kSetMessageInterval = 511, kRequestMessage = 512;  ///< MAV_CMD
+/// A command about the messages of a kind.
+inline CommandLong command_about(std::uint32_t message, std::uint16_t command, Address to, float interval_us = 0) {
+  CommandLong question;
+  question.command = command;
+  question.target_system = to.system;
+  question.target_component = to.component;
+  question.param1 = static_cast<float>(message);
+  question.param2 = interval_us;
+  return question;
 }
 
 /// What a frame carries.

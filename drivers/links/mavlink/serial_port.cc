@@ -31,18 +31,14 @@ void ask_for_low_latency(SystemCalls& system, int fd) noexcept {
   system.ioctl(fd, TIOCSSERIAL, &settings);
 }
 
-/// False for errors that pass by themselves.
-bool is_line_lost(int error) noexcept { return error != EAGAIN && error != EINTR; }
-
 }  // namespace
 
-SerialPort::SerialPort(std::string path, int baud, SystemCalls& system)
-    : path_(std::move(path)), baud_(baud), system_(system) {}
+SerialPort::SerialPort(std::string path, int baud, SystemCalls& system) : Port(std::move(path), system), baud_(baud) {}
 
 DeviceTrouble SerialPort::open() noexcept {
   close();
   // without O_NONBLOCK the driver may wait for a carrier
-  fd_ = system_.open(path_.c_str(), O_RDWR | O_NOCTTY);
+  fd_ = system_.open(name_.c_str(), O_RDWR | O_NOCTTY);
   if (fd_ < 0) {
     const int error = errno;
     if (error == EACCES) return device_refusal("open", error, "permission: join the device's group, often dialout");
@@ -87,15 +83,7 @@ void SerialPort::close() noexcept {
 
 PortResult SerialPort::read(std::span<std::uint8_t> into) noexcept {
   const ssize_t count = system_.read(fd_, into.data(), into.size());
-  if (count > 0) return {static_cast<std::size_t>(count), 0, false};
-  if (count == 0) return {0, EIO, true};
-  return {0, is_line_lost(errno) ? errno : 0, is_line_lost(errno)};
-}
-
-PortResult SerialPort::write(std::span<const std::uint8_t> bytes) noexcept {
-  const ssize_t count = system_.write(fd_, bytes.data(), bytes.size());
-  if (count >= 0) return {static_cast<std::size_t>(count), 0, false};
-  return {0, is_line_lost(errno) ? errno : 0, is_line_lost(errno)};
+  return count == 0 ? PortResult{0, EIO, true} : result_of(count);
 }
 
 std::size_t SerialPort::backlog() const noexcept {

@@ -15,19 +15,14 @@ class SerialPort final : public Port {
 
   DeviceTrouble open() noexcept override;
   void close() noexcept override;
-  int fd() const noexcept override { return fd_; }
   PortResult read(std::span<std::uint8_t> into) noexcept override;
-  PortResult write(std::span<const std::uint8_t> bytes) noexcept override;
   std::size_t backlog() const noexcept override;
-  const std::string& name() const noexcept override { return path_; }
 
  private:
+  bool is_fatal(int /*error*/) const noexcept override { return true; }
   DeviceTrouble set_up() noexcept;
 
-  std::string path_;
   int baud_ = 0;
-  SystemCalls& system_;
-  int fd_ = -1;
 };
 
 }  // namespace epiline::mavlink

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <charconv>
 #include <chrono>
 #include <cstring>
 
@@ -37,12 +38,6 @@ std::array<std::uint8_t, kHash> hash_of([[maybe_unused]] const SigningKey& key,
   return first;
 }
 
-int digit_of(std::uint8_t c) {
-  if (c >= '0' && c <= '9') return c - '0';
-  const int letter = c | 0x20;
-  return letter >= 'a' && letter <= 'f' ? letter - 'a' + 10 : -1;
-}
-
 /// 32 bytes, or as many in digits; false: neither.
 bool parse_key(std::span<const std::uint8_t> text, SigningKey& key) {
   if (text.size() == key.size()) {
@@ -52,9 +47,8 @@ bool parse_key(std::span<const std::uint8_t> text, SigningKey& key) {
   while (!text.empty() && (text.back() == '\n' || text.back() == '\r')) text = text.first(text.size() - 1);
   if (text.size() != 2 * key.size()) return false;
   for (std::size_t i = 0; i < key.size(); ++i) {
-    const int high = digit_of(text[2 * i]), low = digit_of(text[2 * i + 1]);
-    if (high < 0 || low < 0) return false;
-    key[i] = static_cast<std::uint8_t>(16 * high + low);
+    const auto* const digits = reinterpret_cast<const char*>(&text[2 * i]);
+    if (std::from_chars(digits, digits + 2, key[i], 16).ptr != digits + 2) return false;
   }
   return true;
 }

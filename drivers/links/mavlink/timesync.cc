@@ -5,9 +5,7 @@
 namespace epiline::mavlink {
 
 void TimesyncExchange::receive(const Timesync& message, Address from, bool is_autopilot, std::int64_t now_ns) noexcept {
-  const bool is_ours = (message.target_system == 0 || message.target_system == own_.system) &&
-                       (message.target_component == 0 || message.target_component == own_.component);
-  if (!is_ours) return;
+  if (!is_for(own_, message)) return;
   if (message.tc1 == 0) {
     if (owed_.size() == kOwed || !answers_.take(1, now_ns)) {
       ++refused_questions_;

@@ -11,14 +11,6 @@ namespace epiline::mavlink {
 
 namespace {
 
-/// A peer that is not there yet is no reason to open anew; nor is a full queue.
-bool is_socket_lost(int error) noexcept {
-  return error != EAGAIN && error != EINTR && error != ECONNREFUSED && error != ENOBUFS;
-}
-bool is_nothing(int error) noexcept { return error == EAGAIN || error == EINTR; }
-
-PortResult failed(int error) noexcept { return {0, is_nothing(error) ? 0 : error, is_socket_lost(error)}; }
-
 const sockaddr* plain(const sockaddr_in& address) noexcept {
   return reinterpret_cast<const sockaddr*>(&address);  // NOLINT: the interface of sockets
 }
@@ -41,7 +33,7 @@ Result<sockaddr_in> udp_address(const std::string& text, const char* key) {
 }
 
 UdpPort::UdpPort(std::string name, const sockaddr_in& peer, const sockaddr_in& own, SystemCalls& system)
-    : name_(std::move(name)), peer_(peer), own_(own), system_(system) {}
+    : Port(std::move(name), system), peer_(peer), own_(own) {}
 
 DeviceTrouble UdpPort::open() noexcept {
   close();
@@ -63,16 +55,6 @@ DeviceTrouble UdpPort::open() noexcept {
 void UdpPort::close() noexcept {
   if (fd_ >= 0) system_.close(fd_);
   fd_ = -1;
-}
-
-PortResult UdpPort::read(std::span<std::uint8_t> into) noexcept {
-  const ssize_t count = system_.read(fd_, into.data(), into.size());
-  return count >= 0 ? PortResult{static_cast<std::size_t>(count), 0, false} : failed(errno);
-}
-
-PortResult UdpPort::write(std::span<const std::uint8_t> bytes) noexcept {
-  const ssize_t count = system_.write(fd_, bytes.data(), bytes.size());
-  return count >= 0 ? PortResult{static_cast<std::size_t>(count), 0, false} : failed(errno);
 }
 
 }  // namespace epiline::mavlink

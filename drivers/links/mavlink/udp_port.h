@@ -2,6 +2,7 @@
 // Datagrams to and from one peer.
 #include <netinet/in.h>
 
+#include <cerrno>
 #include <string>
 
 #include "drivers/links/mavlink/port.h"
@@ -24,17 +25,12 @@ class UdpPort final : public Port {
 
   DeviceTrouble open() noexcept override;
   void close() noexcept override;
-  int fd() const noexcept override { return fd_; }
-  PortResult read(std::span<std::uint8_t> into) noexcept override;
-  PortResult write(std::span<const std::uint8_t> bytes) noexcept override;
-  std::size_t backlog() const noexcept override { return 0; }
-  const std::string& name() const noexcept override { return name_; }
 
  private:
-  std::string name_;
+  /// A peer that is not there yet is no reason to open anew; nor is a full queue.
+  bool is_fatal(int error) const noexcept override { return error != ECONNREFUSED && error != ENOBUFS; }
+
   sockaddr_in peer_, own_;
-  SystemCalls& system_;
-  int fd_ = -1;
 };
 
 }  // namespace epiline::mavlink
