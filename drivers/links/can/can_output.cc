@@ -7,8 +7,6 @@
 #include <limits>
 #include <utility>
 
-#include "platform/concurrency/counter.h"
-
 namespace epiline {
 
 namespace {
@@ -100,12 +98,13 @@ void CanOutput::turn() noexcept {
   usable_ = is_usable(now_ns);
   stream_.look(now_ns, usable_);
   stream_.count_dropped(now_ns, !usable_);
-  dropped_.store(stream_.dropped(), std::memory_order_relaxed);
   note_status();
   if (!usable_ || now_ns > pending_until_ns_) drop_pending();
   if (usable_ && now_ns >= stream_.due_ns()) begin_epoch(now_ns);
   send_pending();
   if (status_wanted_ || now_ns >= status_due_ns_) send_status(now_ns);
+  counts_.dropped = stream_.dropped() + epochs_given_up_;
+  told_.write(counts_);
 }
 
 /// Until something is offered, or has to be done.
@@ -126,8 +125,8 @@ bool CanOutput::is_usable(std::int64_t now_ns) noexcept {
   if (!socket_.is_open()) {
     if (now_ns < retry_.due_ns()) return false;
     if (const DeviceTrouble trouble = open_socket()) {
-      bump(retries_);
-      last_error_.store(trouble.error, std::memory_order_relaxed);
+      ++counts_.retries;
+      counts_.last_error = trouble.error;
       retry_.failed(now_ns);
       return false;
     }
@@ -142,8 +141,8 @@ bool CanOutput::is_usable(std::int64_t now_ns) noexcept {
 DeviceTrouble CanOutput::open_socket() noexcept { return socket_.open_to_send(config_.interface.c_str(), config_.fd); }
 
 void CanOutput::lose(int error) noexcept {
-  bump(disconnected_);
-  last_error_.store(error, std::memory_order_relaxed);
+  ++counts_.disconnected;
+  counts_.last_error = error;
   bus_.store(BusState::kLost, std::memory_order_relaxed);
   drop_pending();
   socket_.close();
@@ -153,14 +152,14 @@ void CanOutput::lose(int error) noexcept {
 
 void CanOutput::listen(std::int64_t now_ns) noexcept {
   const can::BusNews news = socket_.news();
-  bump(error_frames_, news.error_frames);
+  counts_.error_frames += news.error_frames;
   if (news.restarted) {
-    bump(restarts_);
+    ++counts_.restarts;
     silent_until_ns_ = 0;
     status_wanted_ = true;
   }
   if (news.bus_off) {
-    bump(bus_off_);
+    ++counts_.bus_off;
     silent_until_ns_ = now_ns + kBusOff_ns;
     bus_.store(BusState::kOff, std::memory_order_relaxed);
   } else if (news.error_passive) {
@@ -201,14 +200,14 @@ void CanOutput::send_pending() noexcept {
   while (has_pending() && hand_over(pending_[next_pending_])) {
     ++next_pending_;
     if (has_pending()) continue;
-    bump(epochs_);
+    ++counts_.epochs;
     stream_.finished(system_.now_ns());
   }
 }
 
 void CanOutput::drop_pending() noexcept {
-  if (has_pending()) bump(epochs_given_up_);
-  bump(frames_dropped_, pending_.size() - next_pending_);
+  if (has_pending()) ++epochs_given_up_;
+  counts_.frames_dropped += pending_.size() - next_pending_;
   pending_.clear();
   next_pending_ = 0;
 }
@@ -218,40 +217,22 @@ void CanOutput::send_status(std::int64_t now_ns) noexcept {
   if (!socket_.is_open() || now_ns < silent_until_ns_) return;
   if (!hand_over(writer_.status(status_))) return;
   status_wanted_ = false;
-  bump(status_frames_);
+  ++counts_.status_frames;
 }
 
 /// False: no room now, or the interface is lost.
 bool CanOutput::hand_over(const can::Frame& frame) noexcept {
   const int error = socket_.send(frame);
   if (error == 0) {
-    bump(frames_);
+    ++counts_.frames;
     return true;
   }
   if (error == EAGAIN || error == ENOBUFS) {
-    bump(queue_full_);
+    ++counts_.queue_full;
   } else {
     lose(error);
   }
   return false;
-}
-
-CanOutputCounts CanOutput::counts() const noexcept {
-  const auto value = [](const Counter& counter) { return counter.load(std::memory_order_relaxed); };
-  CanOutputCounts c;
-  c.epochs = value(epochs_);
-  c.dropped = value(dropped_) + value(epochs_given_up_);
-  c.frames = value(frames_);
-  c.status_frames = value(status_frames_);
-  c.queue_full = value(queue_full_);
-  c.frames_dropped = value(frames_dropped_);
-  c.error_frames = value(error_frames_);
-  c.bus_off = value(bus_off_);
-  c.restarts = value(restarts_);
-  c.disconnected = value(disconnected_);
-  c.retries = value(retries_);
-  c.last_error = last_error_.load(std::memory_order_relaxed);
-  return c;
 }
 
 }  // namespace epiline

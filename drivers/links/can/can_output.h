@@ -10,6 +10,7 @@
 #include "drivers/links/stream/odometry_stream.h"
 #include "estimator/geometry/types.h"
 #include "pipeline/config/devices.h"
+#include "platform/concurrency/snapshot.h"
 #include "platform/linux/realtime.h"
 #include "platform/linux/system_calls.h"
 #include "platform/ports/counter.h"
@@ -68,7 +69,7 @@ class CanOutput final : public OdometrySink {
 
   // Any thread.
 
-  CanOutputCounts counts() const noexcept;
+  CanOutputCounts counts() const noexcept { return told_.read(); }
   BusState bus() const noexcept { return bus_.load(std::memory_order_relaxed); }
 
   // After close().
@@ -78,8 +79,6 @@ class CanOutput final : public OdometrySink {
   const ThreadCosts& costs() const noexcept { return costs_; }
 
  private:
-  using Counter = std::atomic<std::uint64_t>;
-
   Status check_settings() const;
   static void run(void* self);
   void wait() noexcept;
@@ -118,13 +117,12 @@ class CanOutput final : public OdometrySink {
   std::int64_t pending_until_ns_ = 0, status_due_ns_ = 0, silent_until_ns_ = 0;
   Backoff retry_{Span::from_milliseconds(50), Span::from_milliseconds(1'000)};
   bool usable_ = true, status_wanted_ = false;
+  CanOutputCounts counts_;
+  std::uint64_t epochs_given_up_ = 0;
   ThreadCosts costs_;
 
   std::atomic<BusState> bus_{BusState::kLost};
-  Counter epochs_{0}, dropped_{0}, epochs_given_up_{0}, frames_{0}, status_frames_{0}, queue_full_{0},
-      frames_dropped_{0}, error_frames_{0}, bus_off_{0}, restarts_{0}, disconnected_{0}, retries_{0};
-  std::atomic<int> last_error_{0};
-
+  Snapshot<CanOutputCounts> told_;
   std::atomic<bool> stop_{false};
   RealtimeThread thread_;
 };

@@ -58,14 +58,17 @@ constexpr std::array<Signal, 3> vector_of(const std::array<const char*, 3>& name
   return {element(0), element(1), element(2)};
 }
 
-/// The signals of a message: those that each begins with, and `parts`, which are arrays.
-template <class... Parts>
-constexpr auto framed(const Parts&... parts) {
-  std::array<Signal, 3 + (std::tuple_size_v<Parts> + ...)> all{kCrc, kEpoch, kAlive};
-  auto at = all.begin() + 3;
+/// One array of several.
+template <class T, std::size_t N, class... Parts>
+constexpr auto joined(const std::array<T, N>& first, const Parts&... parts) {
+  std::array<T, N + (std::tuple_size_v<Parts> + ...)> all{};
+  auto at = std::copy(first.begin(), first.end(), all.begin());
   ((at = std::copy(parts.begin(), parts.end(), at)), ...);
   return all;
 }
+
+/// The signals of a message: those that each begins with, and `parts`, which are arrays.
+constexpr auto framed(const auto&... parts) { return joined(std::array{kCrc, kEpoch, kAlive}, parts...); }
 
 inline constexpr auto kStatusSignals = framed(std::array{
     Signal{"State", Quantity::kState, 16, 4, Coding::kUnsigned, 1, "",
@@ -141,17 +144,7 @@ inline constexpr Message kFdOdometry = {"EpilineOdometry", 10, 64, "CAN FD: in p
                                         kOdometrySignals};
 
 /// All, in the order of their identifiers.
-inline constexpr std::array kMessages = {kStatus,
-                                         kClassicOdometry[0],
-                                         kClassicOdometry[1],
-                                         kClassicOdometry[2],
-                                         kClassicOdometry[3],
-                                         kClassicOdometry[4],
-                                         kClassicOdometry[5],
-                                         kDeviations[0],
-                                         kDeviations[1],
-                                         kDeviations[2],
-                                         kFdOdometry};
+inline constexpr auto kMessages = joined(std::array{kStatus}, kClassicOdometry, kDeviations, std::array{kFdOdometry});
 static_assert(std::all_of(kMessages.begin(), kMessages.end(), is_sound));
 static_assert([] {
   for (std::size_t i = 0; i < kMessages.size(); ++i)

@@ -12,8 +12,20 @@ SendSchedule::SendSchedule(double rate_hz) noexcept
 void SendSchedule::image(std::int64_t now_ns) noexcept {
   const std::int64_t interval = now_ns - last_image_ns_;
   last_image_ns_ = now_ns;
-  if (interval > kRarely_ns) return intervals_ns_.clear();
-  intervals_ns_.add(interval);
+  if (interval > kRarely_ns) {
+    intervals_ = 0;
+  } else {
+    intervals_ns_[intervals_++ % intervals_ns_.size()] = interval;
+  }
+}
+
+/// The median; 0: too few images came.
+std::int64_t SendSchedule::image_interval_ns() const noexcept {
+  if (intervals_ < intervals_ns_.size()) return 0;
+  auto sorted = intervals_ns_;
+  auto* const middle = sorted.begin() + sorted.size() / 2;
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  return *middle;
 }
 
 void SendSchedule::sent(std::int64_t now_ns) noexcept { last_sent_ns_ = now_ns; }
@@ -21,7 +33,7 @@ void SendSchedule::sent(std::int64_t now_ns) noexcept { last_sent_ns_ = now_ns; 
 std::int64_t SendSchedule::due_ns(bool has_image) const noexcept {
   const std::int64_t earliest = last_sent_ns_ + shortest_ns_;
   if (has_image) return earliest;
-  const std::int64_t plain = last_sent_ns_ + period_ns_, interval = intervals_ns_.value_or(0);
+  const std::int64_t plain = last_sent_ns_ + period_ns_, interval = image_interval_ns();
   if (interval <= 0 || last_sent_ns_ - last_image_ns_ > 3 * interval) return plain;
   // the first image that may be sent when it comes, and how long until then
   const std::int64_t images = std::max<std::int64_t>((earliest - last_image_ns_ + interval - 1) / interval, 1);

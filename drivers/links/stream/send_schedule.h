@@ -1,8 +1,8 @@
 #pragma once
 // When the next odometry is due.
+#include <array>
+#include <cstddef>
 #include <cstdint>
-
-#include "drivers/links/stream/recent_median.h"
 
 namespace epiline {
 
@@ -24,11 +24,14 @@ class SendSchedule {
   std::int64_t period_ns() const noexcept { return period_ns_; }
 
  private:
+  std::int64_t image_interval_ns() const noexcept;
+
   static constexpr std::int64_t kRarely_ns = 500'000'000;  // images so far apart are none to wait for
 
   std::int64_t period_ns_, shortest_ns_, longest_ns_;
   std::int64_t last_sent_ns_ = -(std::int64_t{1} << 60), last_image_ns_ = -(std::int64_t{1} << 60);
-  RecentMedian<5> intervals_ns_;  ///< of images
+  std::array<std::int64_t, 5> intervals_ns_{};  ///< of the last images
+  std::size_t intervals_ = 0;                   ///< since images came rarely
 };
 
 }  // namespace epiline
