@@ -103,6 +103,14 @@ class FakeLine {
     kernel.devices.erase(path());
   }
   std::int64_t now_ns() const { return kernel.clock_ns; }
+  /// The peer answers TIMESYNC by a clock that is `ahead_ns` of ours.
+  void answer_timesync(std::int64_t ahead_ns = 0) {
+    peer.on_packet = [this, ahead_ns](const Packet& packet) {
+      Timesync question;
+      if (unpack(packet, question) && question.tc1 == 0)
+        peer.send(Timesync{.tc1 = now_ns() + ahead_ns, .ts1 = question.ts1});
+    };
+  }
 
   test::FakeKernel kernel;
   FakePeer peer;

@@ -14,11 +14,7 @@ class HeightLink : public testing::Test {
   void begin(const std::array<bool, kHeightKinds>& kinds) {
     link.want_heights(kinds, 15);
     ASSERT_TRUE(link.begin());
-    line.peer.on_packet = [&](const Packet& packet) {
-      Timesync question;
-      if (unpack(packet, question) && question.tc1 == 0)
-        line.peer.send(Timesync{.tc1 = line.now_ns(), .ts1 = question.ts1});
-    };
+    line.answer_timesync();
     line.peer.heartbeat();
     ASSERT_TRUE(wait_for(line, link, kPatience_ms, [&] { return link.clock_state().used >= 20; }));
     HeightSample none;

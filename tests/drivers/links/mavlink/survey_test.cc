@@ -148,20 +148,6 @@ TEST(ControllerSurvey, TakesTheFiltersStatus) {
   EXPECT_FLOAT_EQ(rig.answers().filter.velocity, 0.1F) << "of a camera";
 }
 
-TEST(ControllerSurvey, DoesNotAllocate) {
-  const Packet value = pack(ParamValue{.param_id = {"EKF2_EV_CTRL"}}, kController, 0);
-  const HeapCallScope heap;
-  ControllerSurvey survey;
-  survey.begin(AskedController::kIsPx4, 0);
-  int asked = 0;
-  for (std::int64_t now_ns = 0; now_ns < 60'000 * kMs; now_ns += 10 * kMs) {
-    asked += survey.question(kController, now_ns).has_value();
-    survey.receive(value, now_ns);
-  }
-  EXPECT_EQ(heap.calls(), 0U);
-  EXPECT_GT(asked, 40);
-}
-
 // PX4 1.18: the first origin, set while it fuses odometry, throws its position away unless vision pauses for 0.6 s.
 struct Pause {
   std::size_t during = 0, after = 0;  ///< odometry in the 0.6 s after the origin, and in the second after that

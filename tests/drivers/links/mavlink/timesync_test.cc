@@ -3,35 +3,28 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+
 namespace epiline::mavlink {
 namespace {
 
 constexpr Address kOwn{1, 197}, kAutopilot{1, 1};
 
-TEST(MavlinkTimesync, AnswersWithOurClock) {
+TEST(MavlinkTimesync, AnswersQuestionsInTheirOrderWithOurClock) {
   TimesyncExchange exchange(kOwn);
-  exchange.receive({.tc1 = 0, .ts1 = -77}, kAutopilot, false, 5 * kSecond);
-  ASSERT_TRUE(exchange.owes_answer());
-  const auto answer = exchange.answer(5 * kSecond + 3);
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->ts1, -77);
-  EXPECT_EQ(answer->tc1, 5 * kSecond + 3);
-  EXPECT_EQ(answer->target_system, 1);
-  EXPECT_EQ(answer->target_component, 1);
-  EXPECT_FALSE(exchange.answer(5 * kSecond + 4));
-}
-
-TEST(MavlinkTimesync, AnswersSeveralQuestionsInTheirOrder) {
-  TimesyncExchange exchange(kOwn);
-  for (const std::int64_t ts1 : {11, 22, 33, 44})
-    exchange.receive({.tc1 = 0, .ts1 = ts1}, {1, static_cast<std::uint8_t>(ts1)}, false, kSecond);
-  for (const std::int64_t ts1 : {11, 22, 33, 44}) {
-    const auto answer = exchange.answer(kSecond);
+  for (const std::int64_t ts1 : {11, -22, 33, 44})
+    exchange.receive({.tc1 = 0, .ts1 = ts1}, {1, static_cast<std::uint8_t>(std::abs(ts1))}, false, kSecond);
+  for (const std::int64_t ts1 : {11, -22, 33, 44}) {
+    ASSERT_TRUE(exchange.owes_answer());
+    const auto answer = exchange.answer(kSecond + 3);
     ASSERT_TRUE(answer);
     EXPECT_EQ(answer->ts1, ts1);
-    EXPECT_EQ(answer->target_component, ts1);
+    EXPECT_EQ(answer->tc1, kSecond + 3);
+    EXPECT_EQ(answer->target_system, 1);
+    EXPECT_EQ(answer->target_component, std::abs(ts1));
   }
   EXPECT_FALSE(exchange.owes_answer());
+  EXPECT_FALSE(exchange.answer(kSecond + 4));
 }
 
 TEST(MavlinkTimesync, LeavesQuestionsToOthersAlone) {

@@ -54,17 +54,17 @@ double rate_of(const Sent& run) {
          static_cast<double>(run.sent_ns.back() - run.sent_ns[half]);
 }
 
-void expect_promises(const Sent& run, double rate_hz) {
-  for (std::size_t i = 1; i < run.sent_ns.size(); ++i) {
-    const double periods = static_cast<double>(run.sent_ns[i] - run.sent_ns[i - 1]) * 1e-9 * rate_hz;
-    ASSERT_LE(periods, 1.5 + 1e-6) << i;
-    ASSERT_GE(periods, 1 / 1.1 - 1e-6) << i;
-  }
+/// `late`: in periods, for the steps of the made-up time.
+bool keeps_promises(const Sent& run, double rate_hz, double late = 1e-6) {
+  return std::adjacent_find(run.sent_ns.begin(), run.sent_ns.end(), [&](std::int64_t a, std::int64_t b) {
+           const double periods = static_cast<double>(b - a) * 1e-9 * rate_hz;
+           return periods > 1.5 + late || periods < 1 / 1.1 - 1e-6;
+         }) == run.sent_ns.end();
 }
 
 TEST(SendSchedules, WithoutImagesMessagesAreEven) {
   const Sent run = simulate(40, 5 * kMs, 0, 0, 10'000 * kMs);
-  expect_promises(run, 40);
+  EXPECT_TRUE(keeps_promises(run, 40));
   EXPECT_NEAR(rate_of(run), 40, 0.1);
 }
 
@@ -95,7 +95,7 @@ TEST(SendSchedules, ImagesGoAtOnceWhereTheRateAllows) {
        {Case{40, 50 * kMs, 40}, Case{40, 100 * kMs, 40}, Case{40, 30 * kMs, 33.33}, Case{50, 20 * kMs, 50}}) {
     SCOPED_TRACE(testing::Message() << c.rate_hz << " Hz, images every " << c.image_ns / kMs << " ms");
     const Sent run = simulate(c.rate_hz, 5 * kMs, c.image_ns, 0, 10'000 * kMs);
-    expect_promises(run, c.rate_hz);
+    EXPECT_TRUE(keeps_promises(run, c.rate_hz));
     EXPECT_NEAR(rate_of(run), c.expected_hz, 0.1);
     const auto half = run.image_delay_ns.begin() + static_cast<long>(run.image_delay_ns.size() / 2);
     EXPECT_EQ(*std::max_element(half, run.image_delay_ns.end()), 0);
@@ -106,7 +106,7 @@ TEST(SendSchedules, ImagesGoAtOnceWhereTheRateAllows) {
 TEST(SendSchedules, LateImagesGoAtOnce) {
   for (const std::int64_t image_ns : {50 * kMs, 30 * kMs}) {
     const Sent run = simulate(40, 1 * kMs, image_ns, 4 * kMs, 10'000 * kMs);
-    expect_promises(run, 40);
+    EXPECT_TRUE(keeps_promises(run, 40));
     const auto at_once = std::count_if(run.image_delay_ns.begin(), run.image_delay_ns.end(),
                                        [](std::int64_t delay) { return delay <= 1 * kMs; });
     EXPECT_GE(static_cast<double>(at_once), 0.9 * static_cast<double>(run.image_delay_ns.size())) << image_ns / kMs;
@@ -121,13 +121,8 @@ RC_GTEST_PROP(SendSchedules, KeepsItsPromises, ()) {
   const auto jitter_ns = *rc::gen::inRange<std::int64_t>(0, 30) * kMs;
   const Sent run = simulate(rate_hz, imu_ns, image_ns, jitter_ns, 3'000 * kMs);
   RC_ASSERT(run.sent_ns.size() > 10U);
-  const double period_ns = 1e9 / rate_hz;
-  for (std::size_t i = 1; i < run.sent_ns.size(); ++i) {
-    const auto gap = static_cast<double>(run.sent_ns[i] - run.sent_ns[i - 1]);
-    RC_ASSERT(gap >= period_ns / 1.1 - 1);
-    RC_ASSERT(gap <= 1.5 * period_ns + 0.1e6);
-  }
-  for (const std::int64_t delay : run.image_delay_ns) RC_ASSERT(static_cast<double>(delay) <= period_ns + 0.1e6);
+  RC_ASSERT(keeps_promises(run, rate_hz, 1e-4 * rate_hz));
+  for (const std::int64_t delay : run.image_delay_ns) RC_ASSERT(static_cast<double>(delay) <= 1e9 / rate_hz + 0.1e6);
 }
 
 }  // namespace
