@@ -13,9 +13,9 @@ namespace {
 
 // The pixels of an image lie in the message.
 void expect_within(const std::optional<RosImage>& image, std::span<const std::uint8_t> message) {
-  if (!image || image->size == 0) return;
-  if (image->data < message.data() || image->size > message.size()) std::abort();
-  if (image->data + image->size > message.data() + message.size()) std::abort();
+  if (!image || image->data.empty()) return;
+  if (image->data.data() < message.data() || image->data.size() > message.size()) std::abort();
+  if (&image->data.back() > &message.back()) std::abort();
 }
 
 void read_as(RosEncoding encoding, std::span<const std::uint8_t> bytes) {
@@ -24,11 +24,11 @@ void read_as(RosEncoding encoding, std::span<const std::uint8_t> bytes) {
   (void)parse_imu(message);
   for (const char* type : {"geometry_msgs/PoseStamped", "geometry_msgs/TransformStamped", "nav_msgs/Odometry"})
     (void)parse_pose(type, message);
-  const auto image = parse_image(message);
+  const auto image = parse_image("sensor_msgs/Image", message);
   expect_within(image, bytes);
   // rows that fit: the last byte of the last row is there
-  if (image && image->height > 0 && std::uint64_t{image->step} * image->height > image->size) std::abort();
-  expect_within(parse_compressed_image(message), bytes);
+  if (image && image->height > 0 && std::uint64_t{image->step} * image->height > image->data.size()) std::abort();
+  expect_within(parse_image("sensor_msgs/CompressedImage", message), bytes);
   GreyImage grey;
   if (image) (void)to_grey(*image, grey);
 }

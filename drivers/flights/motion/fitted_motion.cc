@@ -1,7 +1,5 @@
 #include "drivers/flights/motion/fitted_motion.h"
 
-#include <algorithm>
-#include <cmath>
 #include <utility>
 
 namespace epiline {
@@ -9,10 +7,10 @@ namespace epiline {
 Polyline::Polyline(double interval_s, std::vector<Vec3> values) : interval_s_(interval_s), values_(std::move(values)) {}
 
 Vec3 Polyline::at(double t_s) const {
-  const double s = t_s / interval_s_;
-  const double piece = std::clamp(std::floor(s), 0.0, static_cast<double>(values_.size() - 2));
-  const auto i = static_cast<std::size_t>(piece);
-  return values_[i] + (s - piece) * (values_[i + 1] - values_[i]);
+  // a spline has as many pieces if it has two controls more
+  const SplinePlace place = spline_place(t_s, interval_s_, values_.size() + 2);
+  const Vec3* const from = values_.data() + place.piece;
+  return from[0] + place.u * (from[1] - from[0]);
 }
 
 FittedMotion::FittedMotion(HostStamp begin, double duration_s, Splines splines, Biases biases)

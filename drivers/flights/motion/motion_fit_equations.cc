@@ -8,21 +8,16 @@ FitLayout::FitLayout(int knots, int biases, double knots_per_bias) {
   const auto knot_near = [&](int m, int margin) {
     return std::clamp(static_cast<int>(m * knots_per_bias) + margin, 0, knots - 1);
   };
-  const auto push = [&](int count, int from) {
-    const int column = static_cast<int>(first.size());
-    first.insert(first.end(), static_cast<std::size_t>(count), from);
-    return column;
-  };
   for (int k = 0; k < knots; ++k) {
-    knot.push_back(push(6, knot.empty() ? 0 : knot[static_cast<std::size_t>(std::max(0, k - 3))]));
+    knot.push_back(add(6, knot.empty() ? 0 : knot[static_cast<std::size_t>(std::max(0, k - 3))]));
     for (int m = static_cast<int>(bias.size()); m < biases && (k == knots - 1 || knot_near(m + 1, 5) <= k); ++m)
-      bias.push_back(push(6, knot[static_cast<std::size_t>(knot_near(m - 1, -1))]));
+      bias.push_back(add(6, knot[static_cast<std::size_t>(knot_near(m - 1, -1))]));
   }
 }
 
-int FitLayout::add_constants(int count) {
+int FitLayout::add(int count, int from) {
   const int column = static_cast<int>(first.size());
-  first.insert(first.end(), static_cast<std::size_t>(count), 0);
+  first.insert(first.end(), static_cast<std::size_t>(count), from);
   return column;
 }
 

@@ -28,11 +28,15 @@ struct FitResidual {
 struct FitLayout {
   FitLayout(int knots, int biases, double knots_per_bias);
   /// Columns for that many constants, behind all others; returns the first.
-  int add_constants(int count);
+  int add_constants(int count) { return add(count, 0); }
 
   std::vector<int> knot;   ///< column of (position, rotation), six each
   std::vector<int> bias;   ///< column of (gyroscope, accelerometer), six each
   std::vector<int> first;  ///< the profile
+
+ private:
+  /// The first of `count` columns of which the profile begins at column `from`.
+  int add(int count, int from);
 };
 
 /// H step = b, b the negative gradient.

@@ -185,11 +185,7 @@ Status check_columns(const AslMotion& d) {
 Status check_common_time(const AslDataset& d) {
   const auto [first_imu, last_imu] = std::minmax_element(
       d.imu_samples.begin(), d.imu_samples.end(), [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
-  HostStamp first = d.instant(0), last = first;
-  for (std::size_t i = 0; i < d.instants_count(); ++i) {
-    first = std::min(first, d.instant(i));
-    last = std::max(last, d.instant(i));
-  }
+  const auto [first, last] = d.extent();
   if (!(last < first_imu->stamp) && !(last_imu->stamp < first)) return Done{};
   const auto seconds = [](HostStamp t) { return 1e-9 * static_cast<double>(t.ns); };
   return Error{ErrorKind::kUsage, d.image_list.string(), 0,
@@ -228,29 +224,41 @@ Status read_imu(AslMotion& d, const fs::path& calibration_file) {
   return check_columns(d);
 }
 
-Status read_wheel(AslMotion& d) {
-  const fs::path path = find_table(d.root / "wheel0", "data.csv");
+/// Calls `take` with the stamp and the value of each row of a sensor's table, if it has one.
+template <class Take>
+Status read_values(AslMotion& d, const char* sensor, const char* what, Take take) {
+  const fs::path path = find_table(d.root / sensor, "data.csv");
   if (path.empty()) return Done{};
-  const auto table = read_table(path, TimeColumn::kSensor, 2, "speed (time, m/s)", d.notes);
+  const auto table = read_table(path, TimeColumn::kSensor, 2, what, d.notes);
   if (!table) return table.error();
-  for (std::size_t i = 0; i < table->rows(); ++i)
-    d.wheel_samples.push_back(
-        {HostStamp{table->time_ns[i]}, table->row(i)[0], std::numeric_limits<double>::quiet_NaN()});
+  for (std::size_t i = 0; i < table->rows(); ++i) take(HostStamp{table->time_ns[i]}, table->row(i)[0]);
   return Done{};
+}
+
+Status read_wheel(AslMotion& d) {
+  return read_values(d, "wheel0", "speed (time, m/s)", [&](HostStamp stamp, double speed) {
+    d.wheel_samples.push_back({stamp, speed, std::numeric_limits<double>::quiet_NaN()});
+  });
 }
 
 Status read_heights(AslMotion& d) {
   for (const AslHeightTable& kind : kAslHeightTables) {
-    const fs::path path = find_table(d.root / kind.folder, "data.csv");
-    if (path.empty()) continue;
-    const auto table = read_table(path, TimeColumn::kSensor, 2, "height (time, m)", d.notes);
-    if (!table) return table.error();
-    for (std::size_t i = 0; i < table->rows(); ++i)
-      d.height_samples.push_back({HostStamp{table->time_ns[i]}, kind.kind, table->row(i)[0]});
+    const auto add = [&](HostStamp stamp, double metres) { d.height_samples.push_back({stamp, kind.kind, metres}); };
+    if (const Status s = read_values(d, kind.folder, "height (time, m)", add); !s) return s;
   }
   std::stable_sort(d.height_samples.begin(), d.height_samples.end(),
                    [](const HeightSample& a, const HeightSample& b) { return a.stamp < b.stamp; });
   return Done{};
+}
+
+/// All but the ground truth.
+Status read_motion(const fs::path& folder, const fs::path& imu_file, AslMotion& d) {
+  const auto root = find_root(folder);
+  if (!root) return root.error();
+  d.root = *root;
+  if (const Status s = read_imu(d, imu_file); !s) return s;
+  if (const Status s = read_wheel(d); !s) return s;
+  return read_heights(d);
 }
 
 /// Empty if there is none.
@@ -271,6 +279,15 @@ Status read_ground_truth(AslMotion& d) {
 
 }  // namespace
 
+std::pair<HostStamp, HostStamp> AslDataset::extent() const {
+  HostStamp first = instant(0), last = first;
+  for (std::size_t i = 0; i < instants_count(); ++i) {
+    first = std::min(first, instant(i));
+    last = std::max(last, instant(i));
+  }
+  return {first, last};
+}
+
 std::vector<ImuSample> corrected_samples(const AslMotion& motion) {
   std::vector<ImuSample> samples = motion.imu_samples;
   for (ImuSample& sample : samples) motion.imu.correction.apply(sample);
@@ -278,13 +295,8 @@ std::vector<ImuSample> corrected_samples(const AslMotion& motion) {
 }
 
 Result<AslMotion> open_asl_motion(const fs::path& folder, const fs::path& imu_file) {
-  const auto root = find_root(folder);
-  if (!root) return root.error();
   AslMotion d;
-  d.root = *root;
-  if (const Status s = read_imu(d, imu_file); !s) return s.error();
-  if (const Status s = read_wheel(d); !s) return s.error();
-  if (const Status s = read_heights(d); !s) return s.error();
+  if (const Status s = read_motion(folder, imu_file, d); !s) return s.error();
   if (const Status s = read_ground_truth(d); !s) return s.error();
   return d;
 }
@@ -321,13 +333,8 @@ std::size_t count_cameras(const fs::path& folder) {
 
 Result<AslDataset> open_uncalibrated_asl_dataset(const fs::path& folder, const std::string& camera,
                                                  const fs::path& imu_file) {
-  const auto root = find_root(folder);
-  if (!root) return root.error();
   AslDataset d;
-  d.root = *root;
-  if (const Status s = read_imu(d, imu_file); !s) return s.error();
-  if (const Status s = read_wheel(d); !s) return s.error();
-  if (const Status s = read_heights(d); !s) return s.error();
+  if (const Status s = read_motion(folder, imu_file, d); !s) return s.error();
   if (const Status s = read_camera(d, camera); !s) return s.error();
   return d;
 }

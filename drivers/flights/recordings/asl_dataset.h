@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "pipeline/config/calibration.h"
@@ -56,6 +57,8 @@ struct AslDataset : AslMotion {
   std::vector<std::shared_ptr<AslDataset>> others;
   std::size_t instants_count() const { return images.empty() ? instants.size() : images.size(); }
   HostStamp instant(std::size_t i) const { return images.empty() ? instants[i].stamp : images[i].stamp; }
+  /// The earliest and the latest.
+  std::pair<HostStamp, HostStamp> extent() const;
 };
 
 /// Reads IMU and ground truth of the folder (or its `mav0`), which may lack a camera. `imu_file`: a calibration that

@@ -107,11 +107,8 @@ Status Bag::scan(const BagReader::See& see) {
     std::vector<std::size_t> topic_of;  // of this file
     bool good = true;
     const Status scanned = file.scan([&](const BagMessage& message) {
-      for (std::size_t t = topic_of.size(); t <= message.topic; ++t) {
-        const auto found = std::find(topics_.begin(), topics_.end(), file.topics()[t]);
-        topic_of.push_back(static_cast<std::size_t>(found - topics_.begin()));
-        if (found == topics_.end()) topics_.push_back(file.topics()[t]);
-      }
+      for (std::size_t t = topic_of.size(); t <= message.topic; ++t)
+        topic_of.push_back(number_of(file.topics()[t], topics_));
       BagMessage shown = message;
       shown.topic = topic_of[message.topic];
       shown.recorded_ns = std::clamp(message.recorded_ns, -kLargestTime_ns, kLargestTime_ns);
@@ -128,8 +125,7 @@ Status Bag::scan(const BagReader::See& see) {
       return Error{ErrorKind::kUsage, path_.string(), 0, "cannot be read as a bag (a message that cannot be unpacked)",
                    "an undamaged bag"};
     }
-    for (const BagTopic& topic : file.topics())
-      if (std::find(topics_.begin(), topics_.end(), topic) == topics_.end()) topics_.push_back(topic);
+    for (const BagTopic& topic : file.topics()) number_of(topic, topics_);
   }
   return Done{};
 }

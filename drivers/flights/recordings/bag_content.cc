@@ -7,23 +7,14 @@ namespace epiline {
 
 namespace {
 
-bool is_one_of(const std::vector<std::string>& types, const std::string& type) {
-  return std::find(types.begin(), types.end(), type) != types.end();
-}
-
-void note_pixels(const RosMessage& message, TopicContent& content) {
-  const bool is_raw = content.topic.type == kImageTypes[0];
-  const auto image = is_raw ? parse_image(message) : parse_compressed_image(message);
-  if (image) content.pixels = image->encoding;
-}
-
 /// False if the message is incomplete.
 bool parse(const RosMessage& message, TopicContent& content, BagEntry& entry) {
   const std::string& type = content.topic.type;
   if (is_one_of(kImageTypes, type)) {
     const auto stamp = parse_stamp(message);
     if (stamp) entry.stamp = *stamp;
-    if (content.entries.empty()) note_pixels(message, content);
+    if (content.entries.empty())
+      if (const auto image = parse_image(type, message)) content.pixels = image->encoding;
     return stamp.has_value();
   }
   if (is_one_of(kImuTypes, type)) {
@@ -43,17 +34,26 @@ void see(const BagMessage& message, TopicContent& content) {
   BagEntry entry;
   entry.recorded_ns = message.recorded_ns;
   entry.image = message.place;
-  if (parse({content.encoding, message.bytes}, content, entry)) {
+  const RosMessage ros{content.encoding, message.bytes};
+  if (parse(ros, content, entry)) {
     content.entries.push_back(entry);
   } else {
-    content.fault = "message " + std::to_string(content.entries.size() + 1) + " of " + content.topic.name +
-                    " ends after " + std::to_string(message.bytes.size()) + " bytes";
+    content.fault = cut_short_text(content.topic, content.entries.size(), ros);
   }
 }
 
 bool is_zero(const double* v) { return v[0] == 0 && v[1] == 0 && v[2] == 0; }
 
 }  // namespace
+
+bool is_one_of(const std::vector<std::string>& types, const std::string& type) {
+  return std::find(types.begin(), types.end(), type) != types.end();
+}
+
+std::string cut_short_text(const BagTopic& topic, std::size_t index, const RosMessage& message) {
+  return "message " + std::to_string(index + 1) + " of " + topic.name + " ends after " +
+         std::to_string(message.bytes.size()) + " bytes";
+}
 
 Result<BagContent> read_bag(const std::filesystem::path& path) {
   auto bag = Bag::open(path);

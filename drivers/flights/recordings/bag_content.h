@@ -16,6 +16,11 @@ inline const std::vector<std::string> kImageTypes = {"sensor_msgs/Image", "senso
                                       kTruthTypes = {"geometry_msgs/PoseStamped", "geometry_msgs/TransformStamped",
                                                      "nav_msgs/Odometry"};
 
+bool is_one_of(const std::vector<std::string>& types, const std::string& type);
+
+/// What is said of a topic's message `index` that ends too early.
+std::string cut_short_text(const BagTopic& topic, std::size_t index, const RosMessage& message);
+
 /// One message of a topic: one of the three.
 struct BagEntry {
   std::int64_t recorded_ns = 0;

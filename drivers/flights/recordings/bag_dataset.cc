@@ -1,5 +1,7 @@
 #include "drivers/flights/recordings/bag_dataset.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 #include <vector>
@@ -17,11 +19,7 @@ namespace {
 
 using Names = std::vector<std::string>;
 
-std::string joined(const Names& list) {
-  std::string s;
-  for (const std::string& item : list) s.append(s.empty() ? "" : ", ").append(item);
-  return s.empty() ? "none" : s;
-}
+std::string joined(const Names& list) { return list.empty() ? "none" : fmt::format("{}", fmt::join(list, ", ")); }
 
 Error complaint(const Bag& bag, std::string found, std::string expected) {
   return {ErrorKind::kUsage, bag.path().string(), 0, std::move(found), std::move(expected)};
@@ -42,7 +40,7 @@ class Topics {
   std::vector<TopicContent*> of(const Names& types) const {
     std::vector<TopicContent*> fitting;
     for (TopicContent& topic : content_.topics)
-      if (std::find(types.begin(), types.end(), topic.topic.type) != types.end()) fitting.push_back(&topic);
+      if (is_one_of(types, topic.topic.type)) fitting.push_back(&topic);
     return fitting;
   }
 
@@ -71,7 +69,7 @@ class Topics {
     const TopicContent* other = nullptr;
     for (TopicContent& topic : content_.topics) {
       if (topic.topic.name != name) continue;
-      if (std::find(types.begin(), types.end(), topic.topic.type) != types.end()) return readable(&topic);
+      if (is_one_of(types, topic.topic.type)) return readable(&topic);
       other = &topic;
     }
     if (other != nullptr)
@@ -110,27 +108,13 @@ class BagImages final : public ImageSource {
     const auto bytes = bag_->read(places_[index]);
     if (!bytes) return complaint(index, "cannot be read: " + bytes.error().found, "an undamaged bag");
     const RosMessage message{encoding_, *bytes};
-    return topic_.type == kImageTypes[0] ? raw(index, message, grey) : compressed(index, message, grey);
-  }
-  Error cut_short(std::size_t index, const RosMessage& message) const {
-    return epiline::complaint(*bag_,
-                              "message " + std::to_string(index + 1) + " of " + topic_.name + " ends after " +
-                                  std::to_string(message.bytes.size()) + " bytes",
-                              "a complete message");
-  }
-
-  Status raw(std::size_t index, const RosMessage& message, GreyImage& grey) const {
-    const auto image = parse_image(message);
-    if (!image) return cut_short(index, message);
-    if (const auto fault = to_grey(*image, grey)) return complaint(index, fault->found, fault->expected);
-    return Done{};
-  }
-
-  Status compressed(std::size_t index, const RosMessage& message, GreyImage& grey) const {
-    const auto image = parse_compressed_image(message);
-    if (!image) return cut_short(index, message);
-    if (!decode_image(image->data, image->size, grey))
+    const auto image = parse_image(topic_.type, message);
+    if (!image) return epiline::complaint(*bag_, cut_short_text(topic_, index, message), "a complete message");
+    if (topic_.type == kImageTypes[0]) {
+      if (const auto fault = to_grey(*image, grey)) return complaint(index, fault->found, fault->expected);
+    } else if (!decode_image(image->data.data(), image->data.size(), grey)) {
       return complaint(index, "cannot be decoded", "a complete PNG or JPEG");
+    }
     return Done{};
   }
 

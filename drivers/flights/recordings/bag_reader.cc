@@ -79,10 +79,14 @@ class UnpackedFile final : public BagReader {
 
 std::size_t BagReader::add_topic(BagTopic topic) {
   if (const std::size_t at = topic.type.find("/msg/"); at != std::string::npos) topic.type.erase(at, 4);
-  const auto found = std::find(topics_.begin(), topics_.end(), topic);
-  if (found != topics_.end()) return static_cast<std::size_t>(found - topics_.begin());
-  topics_.push_back(std::move(topic));
-  return topics_.size() - 1;
+  return number_of(topic, topics_);
+}
+
+std::size_t number_of(const BagTopic& topic, std::vector<BagTopic>& topics) {
+  const auto found = std::find(topics.begin(), topics.end(), topic);
+  const auto number = static_cast<std::size_t>(found - topics.begin());
+  if (found == topics.end()) topics.push_back(topic);
+  return number;
 }
 
 Error RecordFile::damaged(std::uint64_t offset, const std::string& what) const {

@@ -20,6 +20,9 @@ struct BagTopic {
   bool operator==(const BagTopic&) const = default;
 };
 
+/// Of a topic among others, behind which it is added if need be.
+std::size_t number_of(const BagTopic& topic, std::vector<BagTopic>& topics);
+
 /// Where a message is, for its reader.
 struct BagPlace {
   std::uint32_t file = 0;   ///< of a bag of several

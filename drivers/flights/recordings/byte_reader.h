@@ -14,6 +14,7 @@ class ByteReader {
   bool good() const { return good_; }
   std::size_t left() const { return bytes_.size() - at_; }
   std::size_t at() const { return at_; }
+  void fail() { good_ = false; }
 
   std::span<const std::uint8_t> take(std::uint64_t size) {
     good_ = good_ && size <= left();

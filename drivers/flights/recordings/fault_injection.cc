@@ -38,14 +38,6 @@ constexpr Span kFarFuture = Span::from_milliseconds(10'000);
 constexpr double kDrift = 200e-6;
 constexpr double kRateLimit = 0.3, kForceLimit = 10;  // rad/s, m/s^2
 
-bool covers(const Fault& fault, double t_s) { return t_s >= fault.from_s && t_s < fault.from_s + fault.duration_s; }
-
-const Fault* find(const std::vector<Fault>& faults, FaultKind kind, double t_s) {
-  const auto found =
-      std::find_if(faults.begin(), faults.end(), [&](const Fault& f) { return f.kind == kind && covers(f, t_s); });
-  return found == faults.end() ? nullptr : &*found;
-}
-
 bool number(std::string_view text, double& value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   return error == std::errc{} && end == text.data() + text.size() && std::isfinite(value) && value >= 0;
@@ -73,11 +65,15 @@ Result<Fault> fault_from(const std::string& text) {
   return fault;
 }
 
-ImuFaults::ImuFaults(std::span<const Fault> faults, HostStamp first_image)
-    : faults_(faults.begin(), faults.end()), zero_(first_image) {}
+FaultTimes::FaultTimes(std::span<const Fault> faults, HostStamp zero)
+    : faults_(faults.begin(), faults.end()), zero_(zero) {}
 
-const Fault* ImuFaults::active(FaultKind kind, HostStamp arrival) const noexcept {
-  return find(faults_, kind, (arrival - zero_).seconds());
+const Fault* FaultTimes::active(FaultKind kind, HostStamp arrival) const noexcept {
+  const double t_s = (arrival - zero_).seconds();
+  const auto found = std::find_if(faults_.begin(), faults_.end(), [&](const Fault& f) {
+    return f.kind == kind && t_s >= f.from_s && t_s < f.from_s + f.duration_s;
+  });
+  return found == faults_.end() ? nullptr : &*found;
 }
 
 /// Faults that change a reading and neither add nor take one.
@@ -131,16 +127,10 @@ std::size_t ImuFaults::apply(const ImuSample& reading, std::array<ImuSample, kMo
 
 CameraFaults::CameraFaults(std::span<const Fault> faults, HostStamp first_image, int width, int height,
                            std::size_t buffers)
-    : faults_(faults.begin(), faults.end()),
-      zero_(first_image),
-      pixels_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)) {
+    : FaultTimes(faults, first_image), pixels_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)) {
   if (faults_.empty()) return;
   copies_.assign(buffers, std::vector<std::uint8_t>(pixels_));
   frozen_.resize(pixels_);
-}
-
-const Fault* CameraFaults::active(FaultKind kind, HostStamp arrival) const noexcept {
-  return find(faults_, kind, (arrival - zero_).seconds());
 }
 
 std::uint8_t* CameraFaults::own(Frame& image) noexcept {

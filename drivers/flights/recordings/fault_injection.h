@@ -55,28 +55,39 @@ struct Fault {
 /// NAME@SECONDS[:DURATION], as `imu-silent@10:0.1`.
 Result<Fault> fault_from(const std::string& text);
 
+/// When faults are there.
+class FaultTimes {
+ public:
+  /// `zero`: the time from which the faults' times count.
+  FaultTimes(std::span<const Fault> faults, HostStamp zero);
+
+ protected:
+  /// Null: there is none of that kind at that time.
+  const Fault* active(FaultKind kind, HostStamp arrival) const noexcept;
+
+  std::vector<Fault> faults_;
+  HostStamp zero_;
+};
+
 /// Applies faults to each IMU sample.
-class ImuFaults {
+class ImuFaults : FaultTimes {
  public:
   static constexpr std::size_t kMost = 3;  ///< most samples that one sample turns into
 
   /// `first_image`: the time from which the faults' times count. Ignores faults of cameras.
-  ImuFaults(std::span<const Fault> faults, HostStamp first_image);
+  ImuFaults(std::span<const Fault> faults, HostStamp first_image) : FaultTimes(faults, first_image) {}
   /// Writes the samples to deliver now into `out`; returns their number. Samples in order of arrival.
   std::size_t apply(const ImuSample& reading, std::array<ImuSample, kMost>& out) noexcept;
 
  private:
-  const Fault* active(FaultKind kind, HostStamp arrival) const noexcept;
   void change(ImuSample& reading) noexcept;
 
-  std::vector<Fault> faults_;
-  HostStamp zero_;
   std::uint64_t count_ = 0;
   std::optional<ImuSample> held_, stuck_;
 };
 
 /// Applies faults to each image.
-class CameraFaults {
+class CameraFaults : FaultTimes {
  public:
   /// `buffers`: how many images may be lent at a time; their slots count from 0. Allocates a copy of each.
   CameraFaults(std::span<const Fault> faults, HostStamp first_image, int width, int height, std::size_t buffers);
@@ -85,12 +96,9 @@ class CameraFaults {
   bool apply(Frame& image) noexcept;
 
  private:
-  const Fault* active(FaultKind kind, HostStamp arrival) const noexcept;
   /// A modifiable copy of the image.
   std::uint8_t* own(Frame& image) noexcept;
 
-  std::vector<Fault> faults_;
-  HostStamp zero_;
   std::size_t pixels_;
   std::vector<std::vector<std::uint8_t>> copies_;
   std::vector<std::uint8_t> frozen_;

@@ -70,11 +70,7 @@ void pair_images(const AslDataset& first, std::size_t other, FlightPlan& plan) {
 FlightPlan plan_flight(const AslDataset& dataset, const FlightPart& part) {
   FlightPlan plan;
   const Span shift = Span::from_seconds(part.shift_images_ms * 1e-3);
-  HostStamp first = dataset.instant(0), last = first;
-  for (std::size_t i = 0; i < dataset.instants_count(); ++i) {
-    first = std::min(first, dataset.instant(i));
-    last = std::max(last, dataset.instant(i));
-  }
+  const auto [first, last] = dataset.extent();
   plan.duration_s = (last - first).seconds();
   plan.skipped = {{"out_of_order", 0}, {"duplicate", 0}, {"refused_by_watch", 0}};
   for (std::size_t i = 0; i < dataset.instants_count(); ++i) {

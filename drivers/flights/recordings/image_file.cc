@@ -48,22 +48,8 @@ std::string size_text(int width, int height) { return std::to_string(width) + "x
 
 }  // namespace
 
-struct ImageDecoder::Buffers {
-  std::vector<GreyImage> images;
-  std::uint64_t count = 0;
-};
-
-ImageDecoder::ImageDecoder(std::size_t buffers) : buffers_(std::make_unique<Buffers>()) {
-  buffers_->images.resize(buffers);
-}
-ImageDecoder::~ImageDecoder() = default;
-
-Result<Frame> ImageDecoder::read(std::size_t index, const AslDataset& dataset) {
-  return read(index, dataset, buffers_->count % buffers_->images.size());
-}
-
 Result<Frame> ImageDecoder::read(std::size_t index, const AslDataset& dataset, std::size_t buffer) {
-  GreyImage& image = buffers_->images[buffer];
+  GreyImage& image = buffers_[buffer];
   if (const Status s = dataset.image_source->read(index, image); !s) {
     unreadable_.add(s.error());
     return Frame{dataset.images[index].stamp};
@@ -73,8 +59,7 @@ Result<Frame> ImageDecoder::read(std::size_t index, const AslDataset& dataset, s
     return dataset.image_source->complaint(index, "has " + size_text(image.width, image.height) + " pixels",
                                            size_text(camera.width, camera.height) + " as in the calibration");
   }
-  return Frame{
-      dataset.images[index].stamp, buffers_->count++, image.pixels.data(), image.width, image.height, image.width};
+  return Frame{dataset.images[index].stamp, count_++, image.pixels.data(), image.width, image.height, image.width};
 }
 
 std::shared_ptr<ImageSource> image_files(std::vector<ImageFile> files, std::filesystem::path list) {

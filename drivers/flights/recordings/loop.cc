@@ -46,11 +46,8 @@ void repeat(std::vector<Sample>& samples, Span period, HostStamp end) {
 }  // namespace
 
 void loop_flight(AslDataset& d, double seconds) {
-  HostStamp first = d.instant(0), last = first;
-  for (std::size_t i = 0; i < d.instants_count(); ++i) {
-    first = std::min(first, d.instant(i));
-    last = std::max(last, d.instant(i));
-  }
+  const auto extent = d.extent();
+  const HostStamp first = extent.first, last = extent.second;
   const Span period = last - first + kGap;
   const HostStamp end = first + Span::from_seconds(seconds);
   const auto repeat_around = [&](auto& samples) {

@@ -19,7 +19,6 @@ class RandomFile {
   RandomFile(const RandomFile&) = delete;
   RandomFile& operator=(const RandomFile&) = delete;
 
-  bool is_open() const { return file_ >= 0; }
   /// As it was when the file was opened.
   std::uint64_t size() const { return size_; }
   bool holds(std::uint64_t offset, std::uint64_t bytes) const { return offset <= size_ && bytes <= size_ - offset; }

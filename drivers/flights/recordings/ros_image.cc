@@ -73,7 +73,7 @@ void mosaic_to_grey(const RosPixels& pixels, const RosImage& image, GreyImage& g
   };
   const auto inside = [](int i, int count) { return i < 0 ? -i : i < count ? i : 2 * count - 2 - i; };
   for (int y = 0; y < grey.height; ++y) {
-    const auto row = [&](int i) { return image.data + std::size_t{image.step} * static_cast<std::size_t>(i); };
+    const auto row = [&](int i) { return image.data.data() + std::size_t{image.step} * static_cast<std::size_t>(i); };
     const std::uint8_t *above = row(inside(y - 1, grey.height)), *at = row(y), *below = row(inside(y + 1, grey.height));
     const auto column = [&](int x) { return value(above, x) + 2 * value(at, x) + value(below, x); };
     std::uint8_t* out = grey.row(y);
@@ -106,7 +106,8 @@ std::optional<ImageFault> to_grey(const RosImage& image, GreyImage& grey) {
     mosaic_to_grey(*pixels, image, grey);
   } else {
     for (std::uint32_t y = 0; y < image.height; ++y)
-      row_to_grey(*pixels, image.data + std::size_t{y} * image.step, image.big_endian, static_cast<int>(y), grey);
+      row_to_grey(*pixels, image.data.data() + std::size_t{y} * image.step, image.big_endian, static_cast<int>(y),
+                  grey);
   }
   return std::nullopt;
 }

@@ -6,8 +6,8 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <utility>
 
+#include "drivers/flights/recordings/byte_reader.h"
 #include "pipeline/text/trajectory.h"
 #include "platform/samples/samples.h"
 
@@ -24,13 +24,13 @@ struct RosMessage {
 class RosReader {
  public:
   explicit RosReader(const RosMessage& message);
-  bool good() const { return good_; }
+  bool good() const { return in_.good(); }
   std::uint8_t u8() { return number<std::uint8_t>(); }
   std::uint32_t u32() { return number<std::uint32_t>(); }
   double f64();
   std::string text();
   /// A block of bytes preceded by its length; not copied.
-  std::pair<const std::uint8_t*, std::size_t> block();
+  std::span<const std::uint8_t> block() { return in_.take(u32()); }
   void skip_f64(std::size_t count);
   /// std_msgs/Header; its stamp.
   HostStamp header();
@@ -38,12 +38,11 @@ class RosReader {
  private:
   template <class T>
   T number();
-  const std::uint8_t* take(std::size_t bytes);
   void align(std::size_t size);
 
-  std::span<const std::uint8_t> bytes_;  ///< of CDR without the four first
-  std::size_t at_ = 0, largest_align_ = 1;
-  bool good_ = true, is_ros1_, big_endian_ = false;
+  ByteReader in_;  ///< of CDR without the four first
+  std::size_t largest_align_ = 1;
+  bool is_ros1_, big_endian_ = false;
 };
 
 /// sensor_msgs/Image or sensor_msgs/CompressedImage; the pixels stay in the message.
@@ -52,14 +51,13 @@ struct RosImage {
   std::uint32_t width = 0, height = 0, step = 0;  ///< of Image alone
   std::string encoding;                           ///< of Image; the format of CompressedImage
   bool big_endian = false;
-  const std::uint8_t* data = nullptr;
-  std::size_t size = 0;
+  std::span<const std::uint8_t> data;
 };
 
 /// Each fails if and only if the message ends too early, or an image's rows do not fit into its data.
 std::optional<HostStamp> parse_stamp(const RosMessage& message);
-std::optional<RosImage> parse_image(const RosMessage& message);
-std::optional<RosImage> parse_compressed_image(const RosMessage& message);
+/// `type`: sensor_msgs/Image or sensor_msgs/CompressedImage.
+std::optional<RosImage> parse_image(const std::string& type, const RosMessage& message);
 std::optional<ImuSample> parse_imu(const RosMessage& message);
 /// `type`: geometry_msgs/PoseStamped, geometry_msgs/TransformStamped or nav_msgs/Odometry.
 std::optional<TimedPose> parse_pose(const std::string& type, const RosMessage& message);
