@@ -52,17 +52,10 @@ dbc::Reading read(const FakeCanBus::Sent& sent, const std::string& signal) {
 
 /// Odometry at 200 Hz into an output on a made-up bus.
 struct Rig {
-  explicit Rig(bool fd = true) : output(config_of(fd), Mat3::Identity(), kernel) {
+  explicit Rig(bool fd = true)
+      : output({.interface = "can0", .fd = fd, .base_id = kBase, .rate_hz = 20}, Mat3::Identity(), kernel) {
     odometry.health = {HealthState::kTracking, 0, 90};
     for (std::size_t k = 0; k < 9; ++k) odometry.covariance[17 * k] = 0.01;
-  }
-  static CanConfig config_of(bool fd) {
-    CanConfig config;
-    config.interface = "can0";
-    config.base_id = kBase;
-    config.fd = fd;
-    config.rate_hz = 20;
-    return config;
   }
   void begin() {
     const Status status = output.begin();

@@ -5,29 +5,19 @@
 #include <cmath>
 #include <limits>
 
-#include "tests/support/times.h"
+#include "tests/drivers/links/mavlink/link_peer.h"
 
 namespace epiline::mavlink {
 namespace {
 
-constexpr std::int64_t kController_ns = 1000 * kSecond;  ///< its boot, on our clock
 constexpr Address kFrom{1, 1};
-
-TwoWaySync settled_clock(int exchanges) {
-  TwoWaySync clock{TwoWaySettings{}};
-  for (int i = exchanges; i > 0; --i) {
-    const HostStamp sent{kController_ns + 100 * kSecond - i * 100 * kMs};
-    clock.update(sent, DeviceStamp{sent.ns + kMs - kController_ns}, sent + Span{2 * kMs});
-  }
-  return clock;
-}
 
 class MavlinkControllerHeight : public ::testing::Test {
  protected:
   /// `ms` after the controller's 100 s, 2 ms on its way.
   template <class Message>
   bool take(const Message& message, std::int64_t ms) {
-    const HostStamp now{kController_ns + 100 * kSecond + (ms + 2) * kMs};
+    const HostStamp now{kBoot_ns + 100 * kSecond + (ms + 2) * kMs};
     return heights.take(pack(message, kFrom, 0), clock, now, sample);
   }
   static std::uint32_t boot_ms(std::int64_t ms) { return static_cast<std::uint32_t>(100'000 + ms); }
@@ -41,7 +31,7 @@ TEST_F(MavlinkControllerHeight, TurnsPressureIntoHeightAndStampsByTheModel) {
   ASSERT_TRUE(take(ScaledPressure{.time_boot_ms = boot_ms(0), .press_abs = 1013.25F}, 0));
   EXPECT_NEAR(sample.metres, 0, 1e-3);
   EXPECT_EQ(sample.kind, HeightKind::kBarometer);
-  EXPECT_NEAR(static_cast<double>(sample.stamp.ns), static_cast<double>(kController_ns + 100 * kSecond), 1e3);
+  EXPECT_NEAR(static_cast<double>(sample.stamp.ns), static_cast<double>(kBoot_ns + 100 * kSecond), 1e3);
   ASSERT_TRUE(take(ScaledPressure{.time_boot_ms = boot_ms(50), .press_abs = 1001.29F}, 50));
   EXPECT_NEAR(sample.metres, 100, 0.3);
   EXPECT_EQ(heights.counts().heights, 2U);
@@ -106,7 +96,7 @@ TEST_F(MavlinkControllerHeight, RefusesTimesThatCannotBe) {
 
 TEST_F(MavlinkControllerHeight, AsksForWhatDoesNotCome) {
   HeightRequest request({true, true});
-  std::int64_t now_ns = kController_ns + 100 * kSecond;
+  std::int64_t now_ns = kBoot_ns + 100 * kSecond;
   const auto asked = [&] {
     now_ns = std::max(now_ns, request.due_ns());
     const auto question = request.question(heights, kFrom, now_ns);
@@ -116,7 +106,7 @@ TEST_F(MavlinkControllerHeight, AsksForWhatDoesNotCome) {
   EXPECT_EQ(asked(), 132);
   EXPECT_EQ(asked(), 141);
   EXPECT_EQ(asked(), 29);
-  const auto ms = (now_ns - kController_ns) / kMs - 100'000;
+  const auto ms = (now_ns - kBoot_ns) / kMs - 100'000;
   ASSERT_TRUE(take(ScaledPressure{.time_boot_ms = boot_ms(ms + 1'900), .press_abs = 1000}, ms + 1'900));
   EXPECT_EQ(asked(), 132) << "the barometer comes";
   EXPECT_FALSE(HeightRequest({false, false}).question(heights, kFrom, now_ns));

@@ -6,22 +6,10 @@
 #include <limits>
 
 #include "drivers/links/mavlink/odometry.h"
-#include "tests/support/times.h"
+#include "tests/drivers/links/mavlink/link_peer.h"
 
 namespace epiline::mavlink {
 namespace {
-
-constexpr std::int64_t kBoot_ns = 1000 * kSecond;  ///< of the flight controller, on our clock
-
-/// A clock model after `exchanges` good ones, the last at kBoot_ns + 100 s.
-TwoWaySync clock_after(int exchanges) {
-  TwoWaySync clock{TwoWaySettings{}};
-  for (int i = exchanges; i > 0; --i) {
-    const HostStamp sent{kBoot_ns + 100 * kSecond - i * 100 * kMs};
-    clock.update(sent, DeviceStamp{sent.ns + kMs - kBoot_ns}, sent + Span{2 * kMs});
-  }
-  return clock;
-}
 
 HighresImu reading(std::uint64_t time_us) {
   return {.time_usec = time_us, .zacc = -9.81F, .zgyro = 0.5F, .fields_updated = 0x3f};
@@ -34,7 +22,7 @@ class MavlinkControllerImu : public ::testing::Test {
     const HostStamp now = HostStamp{kBoot_ns + static_cast<std::int64_t>(message.time_usec) * 1000} + late;
     return imu.take(message, clock, now, sample);
   }
-  TwoWaySync clock = clock_after(50);
+  TwoWaySync clock = settled_clock(50);
   ControllerImu imu{Span{}};
   ImuSample sample;
 };
@@ -48,10 +36,10 @@ TEST_F(MavlinkControllerImu, TurnsAxesAndStampsByTheModel) {
 }
 
 TEST_F(MavlinkControllerImu, WaitsForTheClock) {
-  clock = clock_after(9);
+  clock = settled_clock(9);
   EXPECT_FALSE(take(reading(100'000'000)));
   EXPECT_EQ(imu.counts().no_clock, 1U);
-  clock = clock_after(10);
+  clock = settled_clock(10);
   EXPECT_TRUE(take(reading(100'005'000)));
 }
 
@@ -136,11 +124,7 @@ TEST(MavlinkOdometry, RawReadingsAreInArduPilotsUnits) {
 // Older ArduPilots fill RAW_IMU with the lower 32 bits of their microseconds: 71 minutes.
 TEST_F(MavlinkControllerImu, UnwrapsThirtyTwoBits) {
   constexpr std::int64_t kUp_us = (std::int64_t{3} << 32) + 5'000'000;
-  TwoWaySync old{TwoWaySettings{}};
-  for (int i = 0; i < 20; ++i) {
-    const HostStamp sent{kBoot_ns + kUp_us * 1000 + i * 100 * kMs};
-    old.update(sent, DeviceStamp{sent.ns + kMs - kBoot_ns}, sent + Span{2 * kMs});
-  }
+  const TwoWaySync old = settled_clock(20, kUp_us * 1000 + 2 * kSecond);
   const RawImu raw{.time_usec = 5'000'000 + 1'900'000, .zacc = -1000};
   const HostStamp now{kBoot_ns + (kUp_us + 1'902'000) * 1000};
   ASSERT_TRUE(imu.take(raw, old, now, sample));

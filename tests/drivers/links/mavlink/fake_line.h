@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/drivers/fake_kernel.h"
@@ -121,27 +122,55 @@ inline void advance(test::FakeKernel& kernel, MavlinkLink& link, std::int64_t sp
   while (kernel.clock_ns < kernel.horizon_ns) link.turn();
 }
 
-/// Publishes at 200 Hz until `done` or for `most_ms`; the peer reads and speaks meanwhile. True: done.
-inline bool fly(FakeLine& line, MavlinkLink& link, Estimates& estimates, std::int64_t most_ms,
-                const std::function<bool()>& done) {
-  const std::int64_t until_ns = line.now_ns() + most_ms * kMs;
-  while (line.now_ns() < until_ns) {
-    estimates.step(link, line.now_ns());
-    advance(line.kernel, link, 5 * kMs);
-    line.peer.read();
-    if (done()) return true;
+/// A link on a made-up line, and what it is given to send.
+struct LinkOnALine {
+  static constexpr std::int64_t kPatience_ms = 20'000;
+
+  explicit LinkOnALine(MavlinkConfig config = {}, const std::optional<ImuDeviceConfig>& imu = std::nullopt)
+      : link(on_line(std::move(config)), Mat3::Identity(), imu, 65, line.kernel) {}
+  static MavlinkConfig on_line(MavlinkConfig config) {
+    config.serial = FakeLine::path();
+    return config;
   }
-  return false;
-}
-/// Nothing is published.
-inline bool wait_for(FakeLine& line, MavlinkLink& link, std::int64_t most_ms, const std::function<bool()>& done) {
-  const std::int64_t until_ns = line.now_ns() + most_ms * kMs;
-  while (line.now_ns() < until_ns) {
-    advance(line.kernel, link, 2 * kMs);
-    line.peer.read();
-    if (done()) return true;
+  /// On a made-up line there is no thread.
+  void begin() {
+    const Status status = link.begin();
+    ASSERT_TRUE(status) << status.error().text();
   }
-  return false;
-}
+  void advance(std::int64_t span_ns) { mavlink::advance(line.kernel, link, span_ns); }
+  /// Publishes at 200 Hz until `done`; the peer reads and speaks meanwhile. False: it took too long.
+  bool fly(const std::function<bool()>& done, std::int64_t most_ms = kPatience_ms) {
+    for (const std::int64_t until_ns = line.now_ns() + most_ms * kMs; line.now_ns() < until_ns;) {
+      estimates.step(link, line.now_ns());
+      advance(5 * kMs);
+      line.peer.read();
+      if (done()) return true;
+    }
+    return false;
+  }
+  void fly_for(std::int64_t ms) {
+    fly([] { return false; }, ms);
+  }
+  /// Nothing is published.
+  bool wait_for(const std::function<bool()>& done, std::int64_t most_ms = kPatience_ms) {
+    for (const std::int64_t until_ns = line.now_ns() + most_ms * kMs; line.now_ns() < until_ns;) {
+      advance(2 * kMs);
+      line.peer.read();
+      if (done()) return true;
+    }
+    return false;
+  }
+  void wait_ms(std::int64_t ms) {
+    wait_for([] { return false; }, ms);
+  }
+  template <class Message>
+  std::vector<Message> sent() const {
+    return line.peer.all<Message>();
+  }
+
+  FakeLine line;
+  MavlinkLink link;
+  Estimates estimates;
+};
 
 }  // namespace epiline::mavlink

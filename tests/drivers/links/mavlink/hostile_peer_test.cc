@@ -136,23 +136,21 @@ class AttackedController {
 };
 
 TEST(MavlinkHostilePeer, MovesNothingAndStopsNothing) {
-  FakeLine line;
-  ImuDeviceConfig config;
-  config.driver = static_cast<int>(ImuDriver::kMavlink);
-  MavlinkLink link(serial_config(FakeLine::path()), Mat3::Identity(), config, 65, line.kernel);
-  ASSERT_TRUE(link.begin());
+  LinkOnALine rig({}, ImuDeviceConfig{});
+  rig.begin();
+  FakeLine& line = rig.line;
+  MavlinkLink& link = rig.link;
   AttackedController controller(line);
-  Estimates estimates;
   std::uint64_t heap_calls = 0, lock_calls = 0, wrong_readings = 0, readings = 0;
   std::array<ImuSample, 64> samples;
   const auto run = [&](double seconds) {
     const std::int64_t until_ns = line.now_ns() + static_cast<std::int64_t>(1e9 * seconds);
     for (int i = 0; line.now_ns() < until_ns; ++i) {
-      if (i % 5 == 0) estimates.step(link, line.now_ns());
+      if (i % 5 == 0) rig.estimates.step(link, line.now_ns());
       controller.step();
       const std::uint64_t kernels = line.kernel.heap_calls, locks = lock_calls_of_this_thread();
       const HeapCallScope heap;
-      advance(line.kernel, link, kMs);
+      rig.advance(kMs);
       std::size_t count = 0;
       link.read_imu(samples, count, Span{});
       heap_calls += heap.calls() - (line.kernel.heap_calls - kernels);
@@ -212,9 +210,7 @@ TEST(MavlinkHostilePeer, TinyDatagramsTakeNoProcessor) {
   test::FakeKernel kernel;
   const auto socket = std::make_shared<FloodedSocket>();
   kernel.make_socket = [&](int, int, int) { return socket; };
-  MavlinkConfig config;
-  config.udp = "127.0.0.1:14550";
-  MavlinkLink link(config, Mat3::Identity(), std::nullopt, 65, kernel);
+  MavlinkLink link(config_with(&MavlinkConfig::udp, "127.0.0.1:14550"), Mat3::Identity(), std::nullopt, 65, kernel);
   ASSERT_TRUE(link.begin());
   Estimates estimates;
   for (int i = 0; i < 400; ++i) {

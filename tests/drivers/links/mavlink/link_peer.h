@@ -12,11 +12,13 @@
 #include <cstdlib>
 #include <functional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "drivers/links/mavlink/link.h"
 #include "drivers/links/mavlink/packet.h"
 #include "platform/time/monotonic.h"
+#include "platform/time/two_way_sync.h"
 #include "tests/support/times.h"
 
 namespace epiline::mavlink {
@@ -178,9 +180,36 @@ inline bool wait_for(Peer& peer, std::int64_t most_ms, const std::function<bool(
   return false;
 }
 
-inline MavlinkConfig serial_config(const std::string& path) {
-  MavlinkConfig config;
-  config.serial = path;
+inline std::vector<std::uint8_t> from_hex(const std::string& hex) {
+  std::vector<std::uint8_t> bytes;
+  for (std::size_t i = 0; i + 1 < hex.size(); i += 2)
+    bytes.push_back(static_cast<std::uint8_t>(std::stoi(hex.substr(i, 2), nullptr, 16)));
+  return bytes;
+}
+
+inline constexpr std::int64_t kBoot_ns = 1000 * kSecond;  ///< of the flight controller of settled_clock(), on our clock
+/// A clock model after `exchanges` good ones; the last began 0.1 s before the controller was up for `up_ns`.
+inline TwoWaySync settled_clock(int exchanges, std::int64_t up_ns = 100 * kSecond) {
+  TwoWaySync clock{TwoWaySettings{}};
+  for (int i = exchanges; i > 0; --i) {
+    const HostStamp sent{kBoot_ns + up_ns - i * 100 * kMs};
+    clock.update(sent, DeviceStamp{sent.ns + kMs - kBoot_ns}, sent + Span{2 * kMs});
+  }
+  return clock;
+}
+
+/// The defaults but for one setting.
+template <class Config, class T>
+Config config_with(T Config::*setting, const std::type_identity_t<T>& value) {
+  Config config;
+  config.*setting = value;
+  return config;
+}
+inline MavlinkConfig serial_config(const std::string& path) { return config_with(&MavlinkConfig::serial, path); }
+/// Poses in LOCAL_NED.
+inline MavlinkConfig north(double heading_deg) {
+  MavlinkConfig config = config_with(&MavlinkConfig::frame, 1);
+  config.heading_deg = heading_deg;
   return config;
 }
 

@@ -53,12 +53,10 @@ TEST(MavlinkLink, SaysWhatIsWrongWithTheSettings) {
   EXPECT_EQ(turned.open().error().text(),
             "[body]: angles with imu.driver = \"mavlink\"; expected angles of 0: a flight controller sends its samples "
             "in the vehicle's axes");
-  config = {};
-  config.serial = "/dev/null";
+  config = serial_config("/dev/null");
+  EXPECT_EQ(error_of(config), "/dev/null: Inappropriate ioctl for device [TCGETS2]; expected a serial device");
   config.frame = 1;
   EXPECT_NE(error_of(config).find("mavlink.frame: local-ned without mavlink.heading_deg"), std::string::npos);
-  config.frame = 0;
-  EXPECT_EQ(error_of(config), "/dev/null: Inappropriate ioctl for device [TCGETS2]; expected a serial device");
 }
 
 TEST(MavlinkLink, HasTheLineAlone) {
@@ -99,9 +97,7 @@ sockaddr_in address_of_sender(int fd) {
 TEST(MavlinkLink, SpeaksByDatagramsWithItsPeerAlone) {
   std::string address;
   Peer peer(bound_socket(address));
-  MavlinkConfig config;
-  config.udp = address;
-  MavlinkLink link(config, kStraight);
+  MavlinkLink link(config_with(&MavlinkConfig::udp, address), kStraight);
   open(link);
   const sockaddr_in own = address_of_sender(peer.fd());
   EXPECT_EQ(ntohl(own.sin_addr.s_addr), INADDR_LOOPBACK);
@@ -124,10 +120,8 @@ TEST(MavlinkLink, SpeaksByDatagramsWithItsPeerAlone) {
 TEST(MavlinkLink, WaitsForAPeerThatIsNotThere) {
   std::string address;
   Peer peer(bound_socket(address));
-  MavlinkConfig config;
-  config.udp = address;
   peer.hang_up();
-  MavlinkLink link(config, kStraight);
+  MavlinkLink link(config_with(&MavlinkConfig::udp, address), kStraight);
   open(link);
   Estimates estimates;
   ASSERT_TRUE(fly(link, estimates, peer, kPatience, [&] { return link.counts().write_errors > 0; }));

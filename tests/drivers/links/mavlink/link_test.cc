@@ -13,44 +13,12 @@
 namespace epiline::mavlink {
 namespace {
 
-const Mat3 kForward = Mat3::Identity();
-constexpr std::int64_t kLong = 20'000;  // ms: a busy computer
-
-/// On a made-up line there is no thread.
-void begin(MavlinkLink& link) {
-  const Status status = link.begin();
-  ASSERT_TRUE(status) << status.error().text();
-}
-MavlinkLink link_on(FakeLine& line, const MavlinkConfig& config = serial_config(FakeLine::path())) {
-  return {config, kForward, std::nullopt, 65, line.kernel};
-}
-
-/// A link on a made-up line, begun, and what it is given to send.
-class LinkOnALine : public testing::Test {
+class BegunLink : public testing::Test, protected LinkOnALine {
  protected:
-  void SetUp() override { begin(link); }
-  /// Publishes at 200 Hz until it is so; false: it took too long.
-  bool fly(const std::function<bool()>& done) { return mavlink::fly(line, link, estimates, kLong, done); }
-  void fly_for(std::int64_t ms) {
-    mavlink::fly(line, link, estimates, ms, [] { return false; });
-  }
-  /// Nothing is published.
-  bool wait_for(const std::function<bool()>& done) { return mavlink::wait_for(line, link, kLong, done); }
-  void wait_ms(std::int64_t ms) {
-    mavlink::wait_for(line, link, ms, [] { return false; });
-  }
-  void advance(std::int64_t span_ns) { mavlink::advance(line.kernel, link, span_ns); }
-  template <class Message>
-  std::vector<Message> sent() const {
-    return line.peer.all<Message>();
-  }
-
-  FakeLine line;
-  MavlinkLink link = link_on(line);
-  Estimates estimates;
+  void SetUp() override { begin(); }
 };
 
-TEST_F(LinkOnALine, SendsHeartbeatsWithoutAnEstimate) {
+TEST_F(BegunLink, SendsHeartbeatsWithoutAnEstimate) {
   ASSERT_TRUE(wait_for([&] { return sent<Heartbeat>().size() >= 2; }));
   const auto heartbeats = sent<Heartbeat>();
   EXPECT_EQ(heartbeats[0].type, 18);
@@ -68,7 +36,7 @@ void expect_rising(const std::vector<Odometry>& messages) {
   for (std::size_t i = 1; i < messages.size(); ++i) ASSERT_GT(messages[i].time_usec, messages[i - 1].time_usec);
 }
 
-TEST_F(LinkOnALine, SendsOdometryAtItsRate) {
+TEST_F(BegunLink, SendsOdometryAtItsRate) {
   const std::int64_t begin_ns = line.now_ns();
   ASSERT_TRUE(fly([&] { return sent<Odometry>().size() >= 80; }));
   const double seconds = 1e-9 * static_cast<double>(line.now_ns() - begin_ns);
@@ -92,20 +60,16 @@ TEST_F(LinkOnALine, SendsOdometryAtItsRate) {
 }
 
 TEST(MavlinkLink, SendsPositionsToThoseWhoTakeNoOdometry) {
-  FakeLine line;
-  MavlinkConfig config = serial_config(line.path());
-  config.message = 1;
-  MavlinkLink link = link_on(line, config);
-  begin(link);
-  Estimates estimates;
-  ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<Heartbeat>().size() >= 3; }));
-  EXPECT_TRUE(line.peer.all<VisionPositionEstimate>().empty()) << "it is not known yet who would take them for what";
-  line.peer.send(Heartbeat{.type = 2, .autopilot = 3});
-  ASSERT_TRUE(fly(line, link, estimates, kLong, [&] { return line.peer.all<VisionPositionEstimate>().size() >= 5; }));
-  EXPECT_TRUE(line.peer.all<Odometry>().empty());
+  LinkOnALine rig(config_with(&MavlinkConfig::message, 1));
+  rig.begin();
+  ASSERT_TRUE(rig.fly([&] { return rig.sent<Heartbeat>().size() >= 3; }));
+  EXPECT_TRUE(rig.sent<VisionPositionEstimate>().empty()) << "it is not known yet who would take them for what";
+  rig.line.peer.send(Heartbeat{.type = 2, .autopilot = 3});
+  ASSERT_TRUE(rig.fly([&] { return rig.sent<VisionPositionEstimate>().size() >= 5; }));
+  EXPECT_TRUE(rig.sent<Odometry>().empty());
 }
 
-TEST_F(LinkOnALine, StopsWhenLostAndSaysSo) {
+TEST_F(BegunLink, StopsWhenLostAndSaysSo) {
   const auto has_text = [&](const char* text) {
     const auto texts = sent<StatusText>();
     return std::any_of(texts.begin(), texts.end(),
@@ -130,7 +94,7 @@ TEST_F(LinkOnALine, StopsWhenLostAndSaysSo) {
   EXPECT_EQ(sent<Odometry>().back().reset_counter, (counter + 2) % 256);
 }
 
-TEST_F(LinkOnALine, AnswersTimesyncAndLearnsTheClock) {
+TEST_F(BegunLink, AnswersTimesyncAndLearnsTheClock) {
   constexpr std::int64_t kFutureBy_ns = 1'000'000 * kMs;
   line.answer_timesync(kFutureBy_ns);
   line.peer.heartbeat();
@@ -147,7 +111,7 @@ TEST_F(LinkOnALine, AnswersTimesyncAndLearnsTheClock) {
   EXPECT_EQ(state.peer.autopilot, 12);
 }
 
-TEST_F(LinkOnALine, TakesOnlyItsOwnVehicleForAController) {
+TEST_F(BegunLink, TakesOnlyItsOwnVehicleForAController) {
   line.peer.heartbeat({2, 1});                                      // another vehicle
   line.peer.send(Heartbeat{.type = 6, .autopilot = 3}, {1, 190});   // a ground station
   line.peer.send(Heartbeat{.type = 18, .autopilot = 8}, {1, 191});  // another computer on board
@@ -160,7 +124,7 @@ TEST_F(LinkOnALine, TakesOnlyItsOwnVehicleForAController) {
 }
 
 // Cameras and gimbals that claim an autopilot: mavlink-camera-manager#105.
-TEST_F(LinkOnALine, ACameraIsNoControllerWhileOneIsThere) {
+TEST_F(BegunLink, ACameraIsNoControllerWhileOneIsThere) {
   const auto a_second_with_the_camera = [&] {
     line.peer.send(Heartbeat{.type = 30, .autopilot = 3}, {1, 100});
     wait_ms(1'000);
@@ -175,7 +139,7 @@ TEST_F(LinkOnALine, ACameraIsNoControllerWhileOneIsThere) {
   EXPECT_EQ(link.counts().strangers, 0U) << "a camera is no fault";
 }
 
-TEST_F(LinkOnALine, WithoutAControllerWhatClaimsToBeOneIsTakenUntilOneComes) {
+TEST_F(BegunLink, WithoutAControllerWhatClaimsToBeOneIsTakenUntilOneComes) {
   for (int i = 0; i < 5; ++i) {
     line.peer.heartbeat({1, 7});
     wait_ms(1'000);
@@ -188,32 +152,29 @@ TEST_F(LinkOnALine, WithoutAControllerWhatClaimsToBeOneIsTakenUntilOneComes) {
 
 // Until there is an answer nobody gives: ArduPilot leaves it at the first, and forgets it when it starts anew.
 TEST(MavlinkLink, TellsAnArduPilotWhereItIs) {
-  FakeLine line;
-  MavlinkConfig config = serial_config(line.path());
-  config.origin = {47.397742, -8.545594, 488.1};
-  MavlinkLink link = link_on(line, config);
-  begin(link);
-  const auto origins = [&] { return line.peer.all<SetGpsGlobalOrigin>(); };
-  line.peer.heartbeat();  // PX4
-  ASSERT_TRUE(wait_for(line, link, kLong, [&] { return line.peer.all<Timesync>().size() >= 2; }));
+  LinkOnALine rig(config_with(&MavlinkConfig::origin, {47.397742, -8.545594, 488.1}));
+  rig.begin();
+  const auto origins = [&] { return rig.sent<SetGpsGlobalOrigin>(); };
+  rig.line.peer.heartbeat();  // PX4
+  ASSERT_TRUE(rig.wait_for([&] { return rig.sent<Timesync>().size() >= 2; }));
   EXPECT_TRUE(origins().empty());
-  line.peer.send(Heartbeat{.type = 2, .autopilot = 3});
-  ASSERT_TRUE(wait_for(line, link, kLong, [&] { return origins().size() >= 2; }));
+  rig.line.peer.send(Heartbeat{.type = 2, .autopilot = 3});
+  ASSERT_TRUE(rig.wait_for([&] { return origins().size() >= 2; }));
   EXPECT_EQ(origins()[0].latitude, 473977420);
   EXPECT_EQ(origins()[0].longitude, -85455940);
   EXPECT_EQ(origins()[0].altitude, 488100);
   EXPECT_EQ(origins()[0].target_system, 1);
   EXPECT_EQ(origins()[1].latitude, 473977420);
-  EXPECT_EQ(link.counts().origins, origins().size());
+  EXPECT_EQ(rig.link.counts().origins, origins().size());
 }
 
-TEST_F(LinkOnALine, TellsNobodyAnOriginThatIsNotSet) {
+TEST_F(BegunLink, TellsNobodyAnOriginThatIsNotSet) {
   line.peer.send(Heartbeat{.type = 2, .autopilot = 3});
   ASSERT_TRUE(wait_for([&] { return sent<Timesync>().size() >= 2; }));
   EXPECT_TRUE(sent<SetGpsGlobalOrigin>().empty());
 }
 
-TEST_F(LinkOnALine, ComesBackAfterTheLineWasUnplugged) {
+TEST_F(BegunLink, ComesBackAfterTheLineWasUnplugged) {
   for (int round = 0; round < 3; ++round) {
     SCOPED_TRACE(round);
     line.peer.packets.clear();
@@ -234,7 +195,7 @@ TEST_F(LinkOnALine, ComesBackAfterTheLineWasUnplugged) {
   EXPECT_GT(link.counts().dropped, 0U);
 }
 
-TEST_F(LinkOnALine, TriesALostLineAtGrowingIntervals) {
+TEST_F(BegunLink, TriesALostLineAtGrowingIntervals) {
   advance(2'000 * kMs);
   line.unplug();
   advance(5'000 * kMs);
@@ -253,27 +214,20 @@ TEST_F(LinkOnALine, TriesALostLineAtGrowingIntervals) {
 }
 
 // A reader that is too slow gets fewer messages, never older ones behind newer ones.
-TEST(MavlinkLink, AFullLineCostsMessagesNotOrder) {
-  FakeLine line;
-  MavlinkConfig config = serial_config(line.path());
-  config.rate_hz = 100;
-  MavlinkLink link = link_on(line, config);
-  begin(link);
-  Estimates estimates;
-  const std::int64_t until_ns = line.now_ns() + kLong * kMs;
+TEST_F(BegunLink, AFullLineCostsMessagesNotOrder) {
+  const std::int64_t until_ns = line.now_ns() + kPatience_ms * kMs;
   while (link.counts().dropped == 0 && line.now_ns() < until_ns) {  // nobody reads: the line fills
     estimates.step(link, line.now_ns());
-    advance(line.kernel, link, kMs);
+    advance(5 * kMs);
   }
   ASSERT_GT(link.counts().dropped, 0U);
-  ASSERT_TRUE(
-      fly(line, link, estimates, kLong, [&, n = link.counts().odometry] { return link.counts().odometry > n + 20; }));
-  expect_rising(line.peer.all<Odometry>());
+  ASSERT_TRUE(fly([&, n = link.counts().odometry] { return link.counts().odometry > n + 20; }));
+  expect_rising(sent<Odometry>());
   EXPECT_EQ(line.peer.parser().bad_checksums(), 0U);
 }
 
 // The kernel's queue would take seconds of odometry: it would arrive old.
-TEST_F(LinkOnALine, ASlowLineGetsNoOdometryThatWouldWait) {
+TEST_F(BegunLink, ASlowLineGetsNoOdometryThatWouldWait) {
   ASSERT_TRUE(fly([&] { return sent<Odometry>().size() >= 10; }));
   EXPECT_EQ(link.counts().dropped, 0U);
   line.peer.terminal->queued = 1'000;
@@ -289,21 +243,18 @@ TEST_F(LinkOnALine, ASlowLineGetsNoOdometryThatWouldWait) {
 
 /// Age of a flight controller's reading when it arrives, by its timestamp.
 Span age_of_reading(double delay_ms) {
-  FakeLine line;
-  ImuDeviceConfig imu;
-  imu.delay_ms = delay_ms;
-  MavlinkLink link(serial_config(line.path()), kForward, imu, 65, line.kernel);
-  begin(link);
-  line.answer_timesync();
-  line.peer.heartbeat();
-  EXPECT_TRUE(wait_for(line, link, kLong, [&] { return link.clock_state().used >= 20; }));
+  LinkOnALine rig({}, config_with(&ImuDeviceConfig::delay_ms, delay_ms));
+  rig.begin();
+  rig.line.answer_timesync();
+  rig.line.peer.heartbeat();
+  EXPECT_TRUE(rig.wait_for([&] { return rig.link.clock_state().used >= 20; }));
   std::array<ImuSample, 1> sample;
   std::size_t count = 0;
-  EXPECT_EQ(link.read_imu(sample, count, Span{}), ReadOutcome::kTimeout);
-  line.peer.send(HighresImu{
-      .time_usec = static_cast<std::uint64_t>(line.now_ns() / 1000), .zacc = -9.81F, .fields_updated = 0x3f});
-  advance(line.kernel, link, 5 * kMs);
-  EXPECT_EQ(link.read_imu(sample, count, Span{}), ReadOutcome::kSample);
+  EXPECT_EQ(rig.link.read_imu(sample, count, Span{}), ReadOutcome::kTimeout);
+  rig.line.peer.send(HighresImu{
+      .time_usec = static_cast<std::uint64_t>(rig.line.now_ns() / 1000), .zacc = -9.81F, .fields_updated = 0x3f});
+  rig.advance(5 * kMs);
+  EXPECT_EQ(rig.link.read_imu(sample, count, Span{}), ReadOutcome::kSample);
   return sample[0].arrival - sample[0].stamp;
 }
 

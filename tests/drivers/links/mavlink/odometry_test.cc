@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "estimator/geometry/so3.h"
+#include "tests/drivers/links/mavlink/link_peer.h"
 
 namespace epiline::mavlink {
 namespace {
@@ -101,13 +102,6 @@ Mat6 full(const std::array<float, 21>& triangle) {
   return C;
 }
 
-MavlinkConfig north(double heading_deg) {
-  MavlinkConfig config;
-  config.frame = 1;
-  config.heading_deg = heading_deg;
-  return config;
-}
-
 // The nose points south-east at the start, whatever the estimator calls it. The vehicle then flies to where it points.
 TEST(MavlinkOdometry, InLocalNedTheFirstHeadingIsTheGivenOne) {
   const Vec3 south_east = Vec3(-1, 1, 0).normalized();
@@ -153,9 +147,7 @@ TEST(MavlinkOdometry, SaysWhichFrameAndHeadingDoNotGoTogether) {
       fault(north(-1)),
       "mavlink.frame: local-ned without mavlink.heading_deg; expected the vehicle's heading at the first pose, in "
       "degrees clockwise from true north; or local-frd");
-  MavlinkConfig config = north(0);
-  config.frame = 0;
-  EXPECT_NE(fault(config), "");
+  EXPECT_NE(fault(config_with(&MavlinkConfig::heading_deg, 0)), "");
 }
 
 // The covariances are those of what the message says, when the estimate is off by dx: column by column, by disturbing

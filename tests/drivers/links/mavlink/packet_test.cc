@@ -10,17 +10,12 @@
 #include <string>
 #include <vector>
 
+#include "tests/drivers/links/mavlink/link_peer.h"
+
 namespace epiline::mavlink {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
-
-Bytes from_hex(const std::string& hex) {
-  Bytes bytes;
-  for (std::size_t i = 0; i + 1 < hex.size(); i += 2)
-    bytes.push_back(static_cast<std::uint8_t>(std::stoi(hex.substr(i, 2), nullptr, 16)));
-  return bytes;
-}
 
 Bytes bytes_of(const FrameBytes& frame) { return {frame.bytes().begin(), frame.bytes().end()}; }
 

@@ -28,16 +28,9 @@ constexpr const char* kTheirs = "fd1001000401016f0000000000000000000035fb048ee0f
 constexpr const char* kHeartbeat = "fd090100c8010100000004030201020c5104030e9c020040d764461f6f91b23f86c9";
 constexpr std::int64_t kMillisecond = 1'000'000, kOurs_ms = 1'700'000'000'000;
 
-Bytes signed_frame(const std::string& hex) {
-  Bytes bytes;
-  for (std::size_t i = 0; i + 1 < hex.size(); i += 2)
-    bytes.push_back(static_cast<std::uint8_t>(std::stoi(hex.substr(i, 2), nullptr, 16)));
-  return bytes;
-}
-
 SigningKey key() {
   SigningKey key{};
-  const Bytes bytes = signed_frame(kKeyText);
+  const Bytes bytes = from_hex(kKeyText);
   std::copy(bytes.begin(), bytes.end(), key.begin());
   return key;
 }
@@ -72,7 +65,7 @@ class MavlinkSigning : public testing::Test {
 TEST_F(MavlinkSigning, AnotherImplementationsFramesAreGood) {
   for (const char* frame : {kOurs, kTheirs, kHeartbeat}) {
     Signing signing(key());
-    EXPECT_EQ(verdict_of(signing, signed_frame(frame), at(kOurs_ms)), Verdict::kGood) << frame;
+    EXPECT_EQ(verdict_of(signing, from_hex(frame), at(kOurs_ms)), Verdict::kGood) << frame;
   }
 }
 
@@ -82,15 +75,15 @@ TEST_F(MavlinkSigning, OurFramesAreThoseOfAnotherImplementation) {
   const HeapCallScope scope;
   signing.sign(frame, at(kOurs_ms));
   EXPECT_EQ(scope.calls(), 0U);
-  EXPECT_EQ(Bytes(frame.bytes().begin(), frame.bytes().end()), signed_frame(kOurs));
+  EXPECT_EQ(Bytes(frame.bytes().begin(), frame.bytes().end()), from_hex(kOurs));
 }
 
 TEST_F(MavlinkSigning, OtherKeysChangedBytesAndUnsignedFramesAreNot) {
   SigningKey other = key();
   other[31] ^= 1;
   Signing stranger(other);
-  EXPECT_EQ(verdict_of(stranger, signed_frame(kOurs), at(kOurs_ms)), Verdict::kWrong);
-  const Bytes good = signed_frame(kOurs);
+  EXPECT_EQ(verdict_of(stranger, from_hex(kOurs), at(kOurs_ms)), Verdict::kWrong);
+  const Bytes good = from_hex(kOurs);
   for (std::size_t i = 28; i < good.size(); ++i) {  // link, time and hash: what the checksum does not cover
     Bytes changed = good;
     changed[i] ^= 0x10;
@@ -100,7 +93,7 @@ TEST_F(MavlinkSigning, OtherKeysChangedBytesAndUnsignedFramesAreNot) {
   Signing signing(key());
   const FrameBytes plain = frame_of(pack(Heartbeat{}, Address{1, 1}, 0));
   EXPECT_EQ(verdict_of(signing, Bytes(plain.bytes().begin(), plain.bytes().end()), 0), Verdict::kUnsigned);
-  const Bytes old_version = signed_frame("fe0911090100040302011208050403af08");
+  const Bytes old_version = from_hex("fe0911090100040302011208050403af08");
   EXPECT_EQ(verdict_of(signing, old_version, 0), Verdict::kUnsigned);
 }
 
@@ -112,7 +105,7 @@ TEST_F(MavlinkSigning, AFrameIsGoodOnce) {
   EXPECT_EQ(verdict_of(receiver, second, at(kOurs_ms)), Verdict::kGood) << "its time is later by one";
   EXPECT_EQ(verdict_of(receiver, first, at(kOurs_ms)), Verdict::kOld);
   // another link of the same sender, and another component, count by themselves
-  EXPECT_EQ(verdict_of(receiver, signed_frame(kTheirs), at(kOurs_ms)), Verdict::kGood);
+  EXPECT_EQ(verdict_of(receiver, from_hex(kTheirs), at(kOurs_ms)), Verdict::kGood);
   Signing late(key());
   EXPECT_EQ(verdict_of(receiver, made_by(late, {1, 2}, at(kOurs_ms - 100)), at(kOurs_ms)), Verdict::kGood);
 }
@@ -144,7 +137,7 @@ TEST_F(MavlinkSigning, SendersAreBounded) {
 // Whatever the clock does, and however late it is set: times rise, and are not behind those of others.
 TEST_F(MavlinkSigning, OurTimesRise) {
   Signing us(key()), peer(key());
-  EXPECT_EQ(verdict_of(us, signed_frame(kHeartbeat), 0),
+  EXPECT_EQ(verdict_of(us, from_hex(kHeartbeat), 0),
             Verdict::kGood);  // of 2025, while our clock is at its beginning
   Signing checker(key());
   const std::uint64_t of_2025 = signing_time_of(1'763'942'400'000 * kMillisecond);
@@ -186,12 +179,10 @@ TEST_F(KeyFile, HoldsBytesOrDigits) {
 // On a line: what is not signed with the key is as if it had not come, and all that goes out is signed.
 TEST_F(KeyFile, MakesALinkSignAndCheck) {
   ASSERT_EQ(fault_of(kKeyText), "");
-  FakeLine line;
-  MavlinkConfig config = serial_config(line.path());
-  config.signing_key_file = path_;
-  MavlinkLink link(config, Mat3::Identity(), std::nullopt, 65, line.kernel);
-  ASSERT_TRUE(link.begin());
-  constexpr std::int64_t kAWhile = 20'000;
+  LinkOnALine rig(config_with(&MavlinkConfig::signing_key_file, path_));
+  rig.begin();
+  FakeLine& line = rig.line;
+  const MavlinkLink& link = rig.link;
   Signing controller(key()), forger(SigningKey{});
   const auto send_signed = [&](Signing& signing, std::uint64_t now) {
     FrameBytes frame = frame_of(pack(Heartbeat{.type = 2, .autopilot = 12}, Address{1, 1}, 0), true);
@@ -201,21 +192,20 @@ TEST_F(KeyFile, MakesALinkSignAndCheck) {
   };
   line.peer.heartbeat();
   send_signed(forger, signing_time_now());
-  ASSERT_TRUE(wait_for(line, link, kAWhile, [&] { return link.counts().packets >= 2; }));
+  ASSERT_TRUE(rig.wait_for([&] { return link.counts().packets >= 2; }));
   EXPECT_FALSE(link.state().peer.is_known);
   const FrameBytes frame = send_signed(controller, signing_time_now());
-  ASSERT_TRUE(wait_for(line, link, kAWhile, [&] { return link.state().peer.is_known; }));
+  ASSERT_TRUE(rig.wait_for([&] { return link.state().peer.is_known; }));
   line.peer.send_bytes(frame.bytes());
-  ASSERT_TRUE(wait_for(line, link, kAWhile, [&] { return link.counts().replayed_packets >= 1; }));
+  ASSERT_TRUE(rig.wait_for([&] { return link.counts().replayed_packets >= 1; }));
   EXPECT_EQ(link.counts().unsigned_packets, 1U);
   EXPECT_EQ(link.counts().wrong_signatures, 1U);
   Signing checker(key());
   Parser parser;
-  Estimates estimates;
   int odometry = 0;
   for (int i = 0; i < 100; ++i) {
-    estimates.step(link, line.now_ns());
-    advance(line.kernel, link, 5 * kMs);
+    rig.estimates.step(rig.link, line.now_ns());
+    rig.advance(5 * kMs);
     const Bytes sent(line.peer.terminal->to_peer.begin(), line.peer.terminal->to_peer.end());
     line.peer.terminal->to_peer.clear();
     std::span<const std::uint8_t> bytes(sent);

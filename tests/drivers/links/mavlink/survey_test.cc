@@ -17,16 +17,12 @@ namespace {
 constexpr std::int64_t kSecond_ms = 1000;
 
 /// A link, and a controller at the other end that lives through the made-up time.
-struct Rig {
+struct Rig : LinkOnALine {
   explicit Rig(std::uint8_t autopilot = AskedController::kIsPx4, std::array<unsigned, 3> version = {1, 18, 0},
                const MavlinkConfig& changed = {}, const std::optional<ImuDeviceConfig>& imu = std::nullopt)
-      : controller(line.peer, autopilot, version), link(on_line(changed), Mat3::Identity(), imu, 65, line.kernel) {
+      : LinkOnALine(changed, imu), controller(line.peer, autopilot, version) {
     line.peer.on_packet = [this](const Packet& p) { controller.receive(p, line.now_ns()); };
-    EXPECT_TRUE(link.begin());
-  }
-  static MavlinkConfig on_line(MavlinkConfig config) {
-    config.serial = FakeLine::path();
-    return config;
+    begin();
   }
   /// Heartbeats once a second, readings as asked for.
   void live(
@@ -37,17 +33,14 @@ struct Rig {
         controller.heartbeat(), next_heartbeat_ns = line.now_ns() + kSecond_ms * kMs;
       if (flies) estimates.step(link, line.now_ns());
       controller.reading(line.now_ns());
-      advance(line.kernel, link, 5 * kMs);
+      advance(5 * kMs);
       line.peer.read();
     }
   }
-  std::size_t odometry() const { return line.peer.all<Odometry>().size(); }
+  std::size_t odometry() const { return sent<Odometry>().size(); }
   ControllerAnswers answers() const { return link.state().answers; }
 
-  FakeLine line;
   AskedController controller;
-  MavlinkLink link;
-  Estimates estimates;
   bool flies = false;
   std::int64_t next_heartbeat_ns = 0;
 };
@@ -196,10 +189,7 @@ TEST(MavlinkLink, PausesForNoOriginThatDoesNoHarm) {
   EXPECT_GE(during(older, 7), 20U);
   EXPECT_GE(during(ardupilot, 7), 20U);
   EXPECT_GE(during(own_map, 15), 20U) << "LOCAL_FRD is its map";
-  MavlinkConfig north;
-  north.frame = 1;
-  north.heading_deg = 0;
-  Rig north_rig(AskedController::kIsPx4, {1, 18, 0}, north), old_origin;
+  Rig north_rig(AskedController::kIsPx4, {1, 18, 0}, north(0)), old_origin;
   EXPECT_EQ(during(north_rig, 15), 0U);
   old_origin.controller.has_origin = true;  // known before odometry flows
   old_origin.live(2 * kSecond_ms);
@@ -219,15 +209,10 @@ const std::array<Other, 5> kOthers{{{"camera", {1, 100}, {.type = 30, .autopilot
                                     {"vehicle", {2, 1}, {.type = 2, .autopilot = 12}},
                                     {"station", {255, 190}, {.type = 6, .autopilot = 8}}}};
 
-ImuDeviceConfig imu_config() {
-  ImuDeviceConfig imu;
-  imu.rate_hz = 200;
-  return imu;
-}
-
 /// They begin one after the other, in `order`; number 5 is the controller. It restarts once, with a clock of its own.
 struct Crowd {
-  Crowd(std::vector<int> order, std::int64_t apart_ms) : rig(AskedController::kIsPx4, {1, 17, 0}, {}, imu_config()) {
+  Crowd(std::vector<int> order, std::int64_t apart_ms)
+      : rig(AskedController::kIsPx4, {1, 17, 0}, {}, ImuDeviceConfig{}) {
     for (std::size_t i = 0; i < order.size(); ++i)
       begins_ms[static_cast<std::size_t>(order[i])] = static_cast<std::int64_t>(i) * apart_ms;
     rig.controller.is_silent = true;
