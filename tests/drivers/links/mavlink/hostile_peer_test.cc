@@ -37,7 +37,8 @@ HighresImu false_reading(std::int64_t time_ns) {
 }
 
 /// Some bytes of an attack; a frame or noise.
-void append_attack(std::vector<std::uint8_t>& bytes, Random& random, std::int64_t now_ns) {
+std::vector<std::uint8_t> attack(Random& random, std::int64_t now_ns) {
+  std::vector<std::uint8_t> bytes;
   const auto add = [&](const auto& message, Address from) {
     const FrameBytes frame = frame_of(pack(message, from, static_cast<std::uint8_t>(random())));
     bytes.insert(bytes.end(), frame.bytes().begin(), frame.bytes().end());
@@ -77,18 +78,13 @@ void append_attack(std::vector<std::uint8_t>& bytes, Random& random, std::int64_
       add(Odometry{.time_usec = 5}, Address{});
       break;  // as if from ourselves
   }
+  return bytes;
 }
 
 /// An honest flight controller on a line on which somebody else talks as well, as much as the line takes.
 class AttackedController {
  public:
-  explicit AttackedController(FakeLine& line) : line_(line) {
-    line_.peer.on_packet = [this](const Packet& packet) {
-      Timesync question;
-      if (unpack(packet, question) && question.tc1 == 0)
-        speak(Timesync{.tc1 = line_.now_ns() + kAhead_ns, .ts1 = question.ts1});
-    };
-  }
+  explicit AttackedController(FakeLine& line) : line_(line) { line_.answer_timesync(kAhead_ns); }
   /// Once a millisecond.
   void step() {
     const std::int64_t now_ns = line_.now_ns();
@@ -99,21 +95,19 @@ class AttackedController {
     }
     line_.peer.packets.clear();
     if (now_ns > next_heartbeat_ns_) {
-      speak(Heartbeat{.type = 2, .autopilot = 12});
+      line_.peer.heartbeat();
       next_heartbeat_ns_ = now_ns + 500 * kMs;
     }
     if (now_ns > next_reading_ns_) {
-      speak(HighresImu{
+      line_.peer.send(HighresImu{
           .time_usec = static_cast<std::uint64_t>((now_ns + kAhead_ns) / 1000), .zacc = -9.8F, .fields_updated = 0x3f});
       next_reading_ns_ = now_ns + 5 * kMs;
     }
-    while (attacks && line_.peer.terminal->to_link.size() + out_.size() < kFull) {
-      const std::size_t before = out_.size();
-      append_attack(out_, random_, now_ns);
-      attack_bytes += out_.size() - before;
+    while (attacks && line_.peer.terminal->to_link.size() < kFull) {
+      const std::vector<std::uint8_t> bytes = attack(random_, now_ns);
+      line_.peer.send_bytes(bytes);
+      attack_bytes += bytes.size();
     }
-    line_.peer.send_bytes(out_);
-    out_.clear();
   }
 
   bool attacks = false;
@@ -122,16 +116,8 @@ class AttackedController {
  private:
   static constexpr std::size_t kFull = 2'000;  ///< bytes a millisecond: four times what the link takes
 
-  template <class Message>
-  void speak(const Message& message) {
-    const FrameBytes frame = frame_of(pack(message, kController, sequence_++));
-    out_.insert(out_.end(), frame.bytes().begin(), frame.bytes().end());
-  }
-
   FakeLine& line_;
   Random random_{1};
-  std::vector<std::uint8_t> out_;
-  std::uint8_t sequence_ = 0;
   std::int64_t next_heartbeat_ns_ = 0, next_reading_ns_ = 0;
 };
 

@@ -79,11 +79,12 @@ TEST(MavlinkOdometry, RollPitchAndYawHaveTheirSigns) {
   EXPECT_LT((composed - attitude(odometry_message(odometry({0, 0, 0}, R, {0, 0, 0}, {0, 0, 0}), kLevel))).norm(), 1e-6);
 }
 
-// The IMU stands on its side: x up, y right, z ahead. The vehicle does what it did above.
+/// The IMU stands on its side: x up, y right, z ahead. Columns: its axes in forward, left, up.
+Mat3 on_its_side() { return (Mat3() << 0, 0, 1, 0, -1, 0, 1, 0, 0).finished(); }
+
+// The vehicle does what it did above.
 TEST(MavlinkOdometry, TheMountOfTheImuIsTakenOut) {
-  Mat3 R_VB;  // columns: the IMU's axes in forward, left, up
-  R_VB << 0, 0, 1, 0, -1, 0, 1, 0, 0;
-  ASSERT_NEAR(R_VB.determinant(), 1, 1e-12);
+  const Mat3 R_VB = on_its_side();
   const Mat3 R_WV = so3_exp(Vec3(0.2, -0.1, 0.7));
   const Vec3 v_WB(1, 2, 3), omega_V(0.4, 0.5, 0.6);
   const auto plain = odometry_message(odometry({1, 2, 3}, R_WV, v_WB, omega_V), kLevel);
@@ -105,8 +106,7 @@ Mat6 full(const std::array<float, 21>& triangle) {
 // The nose points south-east at the start, whatever the estimator calls it. The vehicle then flies to where it points.
 TEST(MavlinkOdometry, InLocalNedTheFirstHeadingIsTheGivenOne) {
   const Vec3 south_east = Vec3(-1, 1, 0).normalized();
-  Mat3 R_VB;  // the IMU on its side, as above
-  R_VB << 0, 0, 1, 0, -1, 0, 1, 0, 0;
+  const Mat3 R_VB = on_its_side();
   for (const double yaw : {0.0, 0.3, -2.5}) {
     const Mat3 R_WV = so3_exp(Vec3(0, 0, yaw));
     LocalFrame frame(north(135));
