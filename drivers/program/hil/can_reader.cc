@@ -6,6 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
+
+#include "drivers/program/hil/vision_sample.h"
 
 namespace epiline::hil {
 
@@ -86,7 +89,7 @@ std::optional<mavlink::Odometry> CanReader::take(const can::Frame& frame, HostSt
   if (number < 0 || number >= static_cast<int>(can::kMessages.size())) return std::nullopt;  // another's
   const auto n = static_cast<std::size_t>(number);
   if (!judge_frame(frame, n, arrival, book)) return std::nullopt;
-  read(frame, can::kMessages[n]);
+  for (const can::Signal& signal : can::kMessages[n].signals) values_[signal.quantity] = value_of(frame, signal);
   if (n == 0) judge_status(arrival, book);
   if (n == kLastDeviation) deviations_known_ = true;
   if (n == kFd && deviations_known_) return odometry(true);
@@ -107,10 +110,6 @@ bool CanReader::judge_frame(const can::Frame& frame, std::size_t n, HostStamp ar
   }
   alive_[n] = alive;
   return true;
-}
-
-void CanReader::read(const can::Frame& frame, const can::Message& message) {
-  for (const can::Signal& signal : message.signals) values_[signal.quantity] = value_of(frame, signal);
 }
 
 /// Classic frames of one instant belong together.
@@ -149,32 +148,21 @@ void CanReader::finish(HostStamp end, RuleBook& book) {
 mavlink::Odometry CanReader::odometry(bool fd) const {
   const can::Values& v = values_;
   const auto number = [&](Quantity q) { return static_cast<float>(v[q]); };
-  const auto variance = [&](Quantity q) { return number(q) * number(q); };
+  const auto frd = [&](Quantity x) { return std::tuple(number(x), -number(after(x, 1)), -number(after(x, 2))); };
   mavlink::Odometry m;
   m.time_usec = std::isfinite(v[Quantity::kTime]) ? static_cast<std::uint64_t>(v[Quantity::kTime]) : ~std::uint64_t{0};
-  m.x = number(Quantity::kPositionX);
-  m.y = -number(Quantity::kPositionY);
-  m.z = -number(Quantity::kPositionZ);
+  std::tie(m.x, m.y, m.z) = frd(Quantity::kPositionX);
   const Eigen::Quaternionf q = attitude_of(v, fd);
   m.q = {q.w(), q.x(), -q.y(), -q.z()};
-  m.vx = number(Quantity::kVelocityX);
-  m.vy = -number(Quantity::kVelocityY);
-  m.vz = -number(Quantity::kVelocityZ);
-  m.rollspeed = number(Quantity::kRateX);
-  m.pitchspeed = -number(Quantity::kRateY);
-  m.yawspeed = -number(Quantity::kRateZ);
-  constexpr float kRateVariance = 1e-4F;  // the bus does not say
-  auto &pose = m.pose_covariance, &velocity = m.velocity_covariance;
-  pose[0] = variance(Quantity::kPositionSdX);
-  pose[6] = variance(Quantity::kPositionSdY);
-  pose[11] = variance(Quantity::kPositionSdZ);
-  pose[15] = variance(Quantity::kAttitudeSdX);
-  pose[18] = variance(Quantity::kAttitudeSdY);
-  pose[20] = variance(Quantity::kAttitudeSdZ);
-  velocity[0] = variance(Quantity::kVelocitySdX);
-  velocity[6] = variance(Quantity::kVelocitySdY);
-  velocity[11] = variance(Quantity::kVelocitySdZ);
-  velocity[15] = velocity[18] = velocity[20] = kRateVariance;
+  std::tie(m.vx, m.vy, m.vz) = frd(Quantity::kVelocityX);
+  std::tie(m.rollspeed, m.pitchspeed, m.yawspeed) = frd(Quantity::kRateX);
+  const auto variance = [&](Quantity sd) { return number(sd) * number(sd); };
+  for (std::size_t i = 0; i < 3; ++i) {
+    m.pose_covariance[kDiagonal[i]] = variance(after(Quantity::kPositionSdX, i));
+    m.pose_covariance[kDiagonal[3 + i]] = variance(after(Quantity::kAttitudeSdX, i));
+    m.velocity_covariance[kDiagonal[i]] = variance(after(Quantity::kVelocitySdX, i));
+    m.velocity_covariance[kDiagonal[3 + i]] = 1e-4F;  // of the rates: the bus does not say
+  }
   m.reset_counter = static_cast<std::uint8_t>(v[Quantity::kResetCounter]);
   m.quality = std::isfinite(v[Quantity::kQuality]) ? static_cast<std::int8_t>(std::min(v[Quantity::kQuality], 127.0))
                                                    : std::int8_t{0};

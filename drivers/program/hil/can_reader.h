@@ -24,7 +24,6 @@ class CanReader {
 
  private:
   bool judge_frame(const can::Frame& frame, std::size_t number, HostStamp arrival, RuleBook& book);
-  void read(const can::Frame& frame, const can::Message& message);
   bool completes_epoch(std::size_t number, HostStamp arrival, RuleBook& book);
   void judge_status(HostStamp arrival, RuleBook& book);
   mavlink::Odometry odometry(bool fd) const;

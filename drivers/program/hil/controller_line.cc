@@ -2,7 +2,9 @@
 
 #include <arpa/inet.h>
 #include <fcntl.h>
-#include <netinet/in.h>
+#include <linux/can.h>
+#include <linux/can/raw.h>
+#include <net/if.h>
 #include <sys/socket.h>
 #include <termios.h>
 #include <unistd.h>
@@ -11,48 +13,20 @@
 #include <cerrno>
 #include <cstdlib>
 #include <filesystem>
-#include <optional>
 #include <system_error>
-#include <utility>
 
-#include "drivers/links/mavlink/serial_port.h"
 #include "platform/error/device_trouble.h"
 
 namespace epiline::hil {
 
 namespace {
 
-Error failed(const std::string& what, const char* step) {
-  return {ErrorKind::kRun, what, 0, std::string(step) + ": " + std::generic_category().message(errno), ""};
+/// With errno. With an `expected`, the user can do something about it.
+Error failed(const std::string& what, const char* step, const char* expected = "") {
+  const bool is_usage = *expected != '\0';
+  return {is_usage ? ErrorKind::kUsage : ErrorKind::kRun, what, 0,
+          std::string(step) + ": " + std::generic_category().message(errno), expected};
 }
-
-class File {
- public:
-  explicit File(int fd = -1) : fd_(fd) {}
-  File(File&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  File& operator=(File&&) = delete;
-  ~File() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
-
-/// A symbolic link, removed in the end.
-class Link {
- public:
-  explicit Link(std::string path = "") : path_(std::move(path)) {}
-  Link(Link&& other) noexcept : path_(std::exchange(other.path_, "")) {}
-  Link& operator=(Link&&) = delete;
-  ~Link() {
-    if (!path_.empty()) ::unlink(path_.c_str());
-  }
-
- private:
-  std::string path_;
-};
 
 /// True for a link that a killed run of this program left behind. Any other link may belong to the user.
 bool is_left_behind(const std::string& path) {
@@ -60,72 +34,6 @@ bool is_left_behind(const std::string& path) {
   const std::string target = std::filesystem::read_symlink(path, ignored).string();
   return target.rfind("/dev/pts/", 0) == 0;
 }
-
-/// A pseudo terminal.
-class Terminal final : public ControllerLine {
- public:
-  /// `other`: of a pair, kept open.
-  Terminal(File file, File other, std::string companion_end, Link link = Link())
-      : file_(std::move(file)),
-        other_(std::move(other)),
-        companion_end_(std::move(companion_end)),
-        link_(std::move(link)) {}
-  int fd() const noexcept override { return file_.get(); }
-  std::size_t read(std::span<std::uint8_t> into) noexcept override {
-    const ssize_t got = ::read(file_.get(), into.data(), into.size());
-    return got > 0 ? static_cast<std::size_t>(got) : 0;
-  }
-  void write(std::span<const std::uint8_t> bytes) noexcept override {
-    [[maybe_unused]] const ssize_t sent = ::write(file_.get(), bytes.data(), bytes.size());
-  }
-  const std::string& companion_end() const noexcept override { return companion_end_; }
-
- private:
-  File file_, other_;
-  std::string companion_end_;
-  Link link_;
-};
-
-/// A serial port of this computer.
-class Wire final : public ControllerLine {
- public:
-  explicit Wire(std::unique_ptr<mavlink::SerialPort> port) : port_(std::move(port)) {}
-  int fd() const noexcept override { return port_->fd(); }
-  std::size_t read(std::span<std::uint8_t> into) noexcept override { return port_->read(into).bytes; }
-  void write(std::span<const std::uint8_t> bytes) noexcept override { port_->write(bytes); }
-  const std::string& companion_end() const noexcept override { return unknown_; }
-
- private:
-  std::unique_ptr<mavlink::SerialPort> port_;
-  std::string unknown_;  ///< whatever is wired to it
-};
-
-class Datagrams final : public ControllerLine {
- public:
-  Datagrams(File socket, std::string companion_end)
-      : socket_(std::move(socket)), companion_end_(std::move(companion_end)) {}
-  int fd() const noexcept override { return socket_.get(); }
-  std::size_t read(std::span<std::uint8_t> into) noexcept override {
-    sockaddr_in from{};
-    socklen_t size = sizeof from;
-    const ssize_t got =
-        ::recvfrom(socket_.get(), into.data(), into.size(), 0, reinterpret_cast<sockaddr*>(&from), &size);
-    if (got <= 0) return 0;
-    if (!companion_) companion_ = from;  // the first who speaks
-    return static_cast<std::size_t>(got);
-  }
-  void write(std::span<const std::uint8_t> bytes) noexcept override {
-    if (!companion_) return;
-    ::sendto(socket_.get(), bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&*companion_),
-             sizeof *companion_);
-  }
-  const std::string& companion_end() const noexcept override { return companion_end_; }
-
- private:
-  File socket_;
-  std::string companion_end_;
-  std::optional<sockaddr_in> companion_;
-};
 
 /// Bytes as they are. False: errno.
 bool set_raw(int fd) {
@@ -139,51 +47,93 @@ bool set_raw(int fd) {
 
 }  // namespace
 
-Result<std::unique_ptr<ControllerLine>> open_pty_line(const std::string& name) {
-  File controller(::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK));
-  if (controller.get() < 0 || ::grantpt(controller.get()) != 0 || ::unlockpt(controller.get()) != 0)
-    return failed("pty", "no pseudo terminal");
-  std::array<char, 128> pts{};
-  if (::ptsname_r(controller.get(), pts.data(), pts.size()) != 0) return failed("pty", "no name");
-  File companion(::open(pts.data(), O_RDWR | O_NOCTTY | O_CLOEXEC));
-  if (companion.get() < 0 || !set_raw(companion.get())) return failed(pts.data(), "cannot be made raw");
-  if (!name.empty()) {
-    if (is_left_behind(name)) ::unlink(name.c_str());
-    if (::symlink(pts.data(), name.c_str()) != 0) {
-      Error error = failed(name, "cannot be made a name of the pseudo terminal");
-      error.kind = ErrorKind::kUsage;
-      error.expected = "an unused path in a writable folder";
-      return error;
-    }
-  }
-  const std::string companion_end = name.empty() ? pts.data() : name;
-  return std::unique_ptr<ControllerLine>(
-      std::make_unique<Terminal>(std::move(controller), std::move(companion), companion_end, Link(name)));
+ControllerLine::~ControllerLine() {
+  if (!link_.empty()) ::unlink(link_.c_str());
+  if (companion_fd_ >= 0) ::close(companion_fd_);
+  if (fd_ >= 0 && !port_) ::close(fd_);
 }
 
-Result<std::unique_ptr<ControllerLine>> open_serial_line(const std::string& device, int baud) {
-  auto port = std::make_unique<mavlink::SerialPort>(device, baud);
-  if (const DeviceTrouble trouble = port->open()) {
+std::size_t ControllerLine::read(std::span<std::uint8_t> into) noexcept {
+  sockaddr_in from{};
+  socklen_t size = sizeof from;
+  const ssize_t got = is_udp_ ? ::recvfrom(fd_, into.data(), into.size(), 0, reinterpret_cast<sockaddr*>(&from), &size)
+                              : ::read(fd_, into.data(), into.size());
+  if (got <= 0) return 0;
+  if (is_udp_ && !companion_) companion_ = from;
+  return static_cast<std::size_t>(got);
+}
+
+void ControllerLine::write(std::span<const std::uint8_t> bytes) noexcept {
+  if (!is_udp_) {
+    [[maybe_unused]] const ssize_t sent = ::write(fd_, bytes.data(), bytes.size());
+  } else if (companion_) {
+    ::sendto(fd_, bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&*companion_), sizeof *companion_);
+  }
+}
+
+Result<std::unique_ptr<ControllerLine>> ControllerLine::open_pty(const std::string& name) {
+  std::unique_ptr<ControllerLine> line(new ControllerLine);
+  line->fd_ = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK);
+  if (line->fd_ < 0 || ::grantpt(line->fd_) != 0 || ::unlockpt(line->fd_) != 0)
+    return failed("pty", "no pseudo terminal");
+  std::array<char, 128> pts{};
+  if (::ptsname_r(line->fd_, pts.data(), pts.size()) != 0) return failed("pty", "no name");
+  line->companion_fd_ = ::open(pts.data(), O_RDWR | O_NOCTTY | O_CLOEXEC);
+  if (line->companion_fd_ < 0 || !set_raw(line->companion_fd_)) return failed(pts.data(), "cannot be made raw");
+  if (!name.empty()) {
+    if (is_left_behind(name)) ::unlink(name.c_str());
+    if (::symlink(pts.data(), name.c_str()) != 0)
+      return failed(name, "cannot be made a name of the pseudo terminal", "an unused path in a writable folder");
+    line->link_ = name;
+  }
+  line->companion_end_ = name.empty() ? pts.data() : name;
+  return line;
+}
+
+Result<std::unique_ptr<ControllerLine>> ControllerLine::open_serial(const std::string& device, int baud) {
+  std::unique_ptr<ControllerLine> line(new ControllerLine);
+  line->port_ = std::make_unique<mavlink::SerialPort>(device, baud);
+  if (const DeviceTrouble trouble = line->port_->open()) {
     Error error = error_of(trouble, device);
     error.kind = ErrorKind::kUsage;
     error.expected += " that is wired to the configured one, or pty, udp or a CAN interface";
     return error;
   }
-  return std::unique_ptr<ControllerLine>(std::make_unique<Wire>(std::move(port)));
+  line->fd_ = line->port_->fd();
+  return line;
 }
 
-Result<std::unique_ptr<ControllerLine>> open_udp_line(int port) {
-  File socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+Result<std::unique_ptr<ControllerLine>> ControllerLine::open_udp(int port) {
+  std::unique_ptr<ControllerLine> line(new ControllerLine);
+  line->is_udp_ = true;
+  line->fd_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   sockaddr_in own{};
   own.sin_family = AF_INET;
   own.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   own.sin_port = htons(static_cast<std::uint16_t>(port));
   socklen_t size = sizeof own;
-  if (socket.get() < 0 || ::bind(socket.get(), reinterpret_cast<const sockaddr*>(&own), size) != 0 ||
-      ::getsockname(socket.get(), reinterpret_cast<sockaddr*>(&own), &size) != 0)
+  if (line->fd_ < 0 || ::bind(line->fd_, reinterpret_cast<const sockaddr*>(&own), size) != 0 ||
+      ::getsockname(line->fd_, reinterpret_cast<sockaddr*>(&own), &size) != 0)
     return failed("127.0.0.1:" + std::to_string(port), "no port");
-  return std::unique_ptr<ControllerLine>(
-      std::make_unique<Datagrams>(std::move(socket), "127.0.0.1:" + std::to_string(ntohs(own.sin_port))));
+  line->companion_end_ = "127.0.0.1:" + std::to_string(ntohs(own.sin_port));
+  return line;
+}
+
+Result<std::unique_ptr<ControllerLine>> ControllerLine::open_can(const std::string& interface) {
+  constexpr const char* kExpected =
+      "a CAN interface that is up (ip link add vcan0 type vcan; ip link set vcan0 mtu 72 up)";
+  std::unique_ptr<ControllerLine> line(new ControllerLine);
+  line->fd_ = ::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, CAN_RAW);
+  if (line->fd_ < 0) return failed(interface, "the kernel has no CAN support", kExpected);
+  const int both = 1;
+  sockaddr_can address{};
+  address.can_family = AF_CAN;
+  address.can_ifindex = static_cast<int>(::if_nametoindex(interface.c_str()));
+  if (address.can_ifindex == 0) return failed(interface, "no such network interface", kExpected);
+  if (::setsockopt(line->fd_, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &both, sizeof both) != 0 ||
+      ::bind(line->fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
+    return failed(interface, "cannot listen on it", kExpected);
+  return line;
 }
 
 }  // namespace epiline::hil

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "platform/time/clock_state.h"
 
@@ -18,9 +17,8 @@ constexpr int kExchangesToJudge = 10;                      // before, the clocks
 constexpr int kFailuresMost = 5;
 constexpr Span kTextWindow = Span::from_milliseconds(10'000);
 constexpr std::uint64_t kTextsMost = 10;
-constexpr mavlink::Address kAutopilot{1, 1};
+constexpr std::uint8_t kAutopilotComponent = 1;
 constexpr std::uint8_t kOnboardController = 18, kNoAutopilot = 8, kQuadrotor = 2, kStandby = 3;
-constexpr std::uint8_t kArdupilot = 3, kPx4 = 12;  // MAV_AUTOPILOT
 
 double milliseconds(std::int64_t ns) { return 1e-6 * static_cast<double>(ns); }
 
@@ -46,15 +44,16 @@ std::int64_t ControllerModel::to_controller_ns(HostStamp host) const {
 template <class Message>
 void ControllerModel::send(const Message& message) {
   if (waiting_.size() < kMostWaiting)
-    waiting_.push_back(mavlink::pack(message, {settings_.system, kAutopilot.component}, 0));
+    waiting_.push_back(mavlink::pack(message, {settings_.system, kAutopilotComponent}, 0));
 }
 
 const mavlink::Packet* ControllerModel::next(HostStamp now) {
   if (settings_.on_can) return nullptr;
-  if (!begin_) begin_ = next_heartbeat_ = next_question_ = now;
+  if (!next_question_) next_heartbeat_ = next_question_ = now;
   if (now >= *next_heartbeat_) {
     next_heartbeat_ = now + kHeartbeatEvery;
-    send(mavlink::Heartbeat{0, kQuadrotor, settings_.is_ardupilot ? kArdupilot : kPx4, 0, kStandby, 3});
+    send(mavlink::Heartbeat{0, kQuadrotor, settings_.is_ardupilot ? mavlink::kArduPilot : mavlink::kPx4, 0, kStandby,
+                            3});
   }
   if (now >= *next_question_) ask(now);
   for (ImuSample reading; waiting_.empty() && readings_.pop(reading);) send_reading(reading);
@@ -66,11 +65,15 @@ const mavlink::Packet* ControllerModel::next(HostStamp now) {
 }
 
 void ControllerModel::receive(const mavlink::Packet& packet, HostStamp arrival) {
-  if (!begin_) begin_ = next_heartbeat_ = next_question_ = arrival;
   judge_sender(packet, arrival);
   if (!first_packet_) first_packet_ = arrival;
   const auto take = [&]<class Message>(Message message) {
-    if (mavlink::unpack(packet, message)) receive(message, arrival);
+    if (!mavlink::unpack(packet, message)) return;
+    if constexpr (requires { judge_message(message, arrival, book_); }) {
+      take_estimate(judge_message(message, arrival, book_), arrival);
+    } else {
+      receive(message, arrival);
+    }
   };
   take(mavlink::Odometry{});
   take(mavlink::VisionPositionEstimate{});
@@ -84,7 +87,7 @@ void ControllerModel::receive(const mavlink::Packet& packet, HostStamp arrival) 
 void ControllerModel::receive(const can::Frame& frame, HostStamp arrival) {
   const auto message = can_.take(frame, arrival, book_);
   if (can_.says_silence()) stream_.take_text(arrival);
-  if (message) receive(*message, arrival);
+  if (message) take_estimate(judge_message(*message, arrival, book_), arrival);
 }
 
 void ControllerModel::judge_sender(const mavlink::Packet& packet, HostStamp arrival) {
@@ -98,14 +101,6 @@ void ControllerModel::judge_sender(const mavlink::Packet& packet, HostStamp arri
                 [&] { return fmt::format("number {} after {}", packet.sequence, *newest_sequence_); });
   }
   newest_sequence_ = packet.sequence;
-}
-
-void ControllerModel::receive(const mavlink::Odometry& message, HostStamp arrival) {
-  take_estimate(judge_message(message, arrival, book_), arrival);
-}
-
-void ControllerModel::receive(const mavlink::VisionPositionEstimate& message, HostStamp arrival) {
-  take_estimate(judge_message(message, arrival, book_), arrival);
 }
 
 void ControllerModel::take_estimate(const std::optional<VisionSample>& sample, HostStamp arrival) {

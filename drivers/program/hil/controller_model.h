@@ -2,7 +2,6 @@
 // Models the receiving side of a flight controller: answers like one, and judges the odometry by the rules of PX4 and
 // ArduPilot. It opens no device and reads no clock: the caller passes packets with their times of arrival. One thread.
 // Page: docs/hil.md.
-#include <array>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -42,6 +41,7 @@ class ControllerModel {
 
   explicit ControllerModel(const ControllerSettings& settings, Truth truth = {});
 
+  bool is_on_can() const { return settings_.on_can; }
   void receive(const mavlink::Packet& packet, HostStamp arrival);
   /// The same for a frame from a CAN bus.
   void receive(const can::Frame& frame, HostStamp arrival);
@@ -68,8 +68,6 @@ class ControllerModel {
   std::int64_t to_controller_ns(HostStamp host) const;
 
  private:
-  void receive(const mavlink::Odometry& message, HostStamp arrival);
-  void receive(const mavlink::VisionPositionEstimate& message, HostStamp arrival);
   void receive(const mavlink::Heartbeat& message, HostStamp arrival);
   void receive(const mavlink::Timesync& message, HostStamp arrival);
   void receive(const mavlink::StatusText& message, HostStamp arrival);
@@ -98,7 +96,7 @@ class ControllerModel {
   std::vector<Trajectory> received_;
   std::optional<std::uint8_t> newest_counter_;  ///< of the last part of received_
 
-  std::optional<HostStamp> begin_, newest_heartbeat_, first_packet_, first_heartbeat_;
+  std::optional<HostStamp> newest_heartbeat_, first_packet_, first_heartbeat_;
   std::uint64_t heartbeats_ = 0, estimates_ = 0, texts_in_window_ = 0, exchanges_ = 0;
   std::optional<HostStamp> text_window_;
   std::optional<mavlink::SetGpsGlobalOrigin> origin_;  ///< the first

@@ -1,23 +1,20 @@
 #pragma once
 // Runs the controller model on a line: a thread that reads, timestamps and answers packets.
 #include <array>
-#include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 
 #include "drivers/links/mavlink/signing.h"
 #include "drivers/program/hil/controller_line.h"
 #include "drivers/program/hil/controller_model.h"
-#include "platform/concurrency/spsc_ring.h"
-#include "platform/linux/realtime.h"
+#include "platform/linux/step_thread.h"
 
 namespace epiline::hil {
 
 class ControllerThread {
  public:
-  /// Above the priority of everything under test: arrivals must not be stamped late because this thread had to wait.
-  static constexpr int kPriority = 85, kLook_ms = 2;
-
   /// `model` and `line` must outlive this object; only the thread may use the model until stop() returns. With a key it
   /// signs its packets and ignores packets that are not signed with it.
   ControllerThread(ControllerModel& model, ControllerLine& line,
@@ -25,18 +22,15 @@ class ControllerThread {
       : model_(model), line_(line) {
     if (key) signing_.emplace(*key);
   }
-  ~ControllerThread() { stop(); }
-  ControllerThread(const ControllerThread&) = delete;
-  ControllerThread& operator=(const ControllerThread&) = delete;
 
-  /// False if and only if the system has no thread left.
-  bool start();
-  void stop() noexcept;
+  /// Fails if and only if the system has no thread left.
+  Status start();
+  void stop() noexcept { thread_.stop(); }
 
  private:
-  static void run(void* self);
-  void loop();
-  void read_line();
+  void step();
+  void hear(std::span<const std::uint8_t> bytes, HostStamp arrival);
+  void hear_frame(std::size_t got, HostStamp arrival);
   void answer();
 
   ControllerModel& model_;
@@ -44,8 +38,7 @@ class ControllerThread {
   mavlink::Parser parser_;
   std::optional<mavlink::Signing> signing_;
   std::array<std::uint8_t, 4096> bytes_{};
-  std::atomic<bool> stop_{false};
-  RealtimeThread thread_;
+  StepThread thread_;  // last: it uses the others
 };
 
 }  // namespace epiline::hil

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 #include <utility>
+#include <vector>
 
 #include "drivers/study/evaluate/alignment.h"
 
@@ -22,37 +23,40 @@ constexpr double kPx4HeadingGate = 2.6, kArdupilotHeadingGate = 3;
 const double kPx4HeadingBefore_rad = std::sqrt(0.05);
 constexpr double kPx4Heading_rad = 0.1, kArdupilotHeading_rad = 0.2;
 
-Vec3 flipped(const Vec3& a) { return {a.x(), -a.y(), -a.z()}; }
 }  // namespace
 
-/// `moved`, `gained`: by the acceleration within dt, in position and velocity.
-void FusionModel::Axis::predict(double dt, double moved, double gained) {
-  p += v * dt + moved;
-  v += gained;
-  const double q = std::pow(kAccelerationNoise_m_s2 * dt, 2);
-  pp += 2 * dt * pv + dt * dt * vv;
-  pv += dt * vv;
-  vv += q;
-}
-
-void FusionModel::Axis::fuse(double innovation, double noise_variance, bool of_velocity) {
-  const double own = of_velocity ? vv : pp, total = own + noise_variance;
-  const double gain_p = (of_velocity ? pv : pp) / total, gain_v = (of_velocity ? vv : pv) / total;
-  p += gain_p * innovation;
-  v += gain_v * innovation;
-  const double pp_now = pp - gain_p * gain_p * total, pv_now = pv - gain_p * gain_v * total;
-  vv -= gain_v * gain_v * total;
-  pp = pp_now;
-  pv = pv_now;
+std::optional<TruthState> truth_at(const Trajectory& truth, HostStamp recorded) {
+  constexpr Span kGap = Span::from_milliseconds(100);
+  constexpr Span kBaseline = Span::from_milliseconds(20);  // for velocities the recording does not have
+  const std::vector<TimedPose>& poses = truth.poses;
+  TimedPose pose;
+  std::size_t before = 0;
+  if (poses.size() < 2 || !interpolate(truth, recorded, kGap, pose, before)) return std::nullopt;
+  before = std::min(before, poses.size() - 2);
+  std::size_t after = before + 1;
+  TruthState state{pose.p_WB, Vec3::Zero(), pose.q_WB.toRotationMatrix()};
+  if (const std::vector<Vec3>& v = truth.v_WB_m_s; !v.empty()) {
+    const double share =
+        (recorded - poses[before].stamp).seconds() / (poses[after].stamp - poses[before].stamp).seconds();
+    state.v_WB = v[before] + share * (v[after] - v[before]);
+    return state;
+  }
+  while (before > 0 && recorded - poses[before].stamp < kBaseline) --before;
+  while (after + 1 < poses.size() && poses[after].stamp - recorded < kBaseline) ++after;
+  const TimedPose &first = poses[before], &last = poses[after];
+  state.v_WB = (last.p_WB - first.p_WB) / (last.stamp - first.stamp).seconds();
+  return state;
 }
 
 FusionModel::Measurement FusionModel::measurement_of(const VisionSample& s, const TruthState& truth) const {
-  const auto variance = [](const Vec3& sigma, double least) { return sigma.cwiseMax(least).cwiseAbs2().eval(); };
+  const auto variance = [](const Vec3& sigma, double least) {
+    return sigma.cwiseMax(least).cwiseAbs2().array().eval();
+  };
   const TimedPose pose = pose_of(s, R_VB_);
   Measurement m;
   m.p = pose.p_WB;
   m.has_velocity = s.v_L.has_value();
-  m.v = flipped(s.v_L.value_or(Vec3::Zero()));
+  m.v = Vec3(1, -1, -1).cwiseProduct(s.v_L.value_or(Vec3::Zero()));
   m.variance_p = variance(s.sigma_p, kPositionNoise_m);
   m.variance_v = variance(s.sigma_v, kVelocityNoise_m_s);
   m.heading_rad = yaw_of(pose.q_WB.toRotationMatrix() * truth.R_WB.transpose());
@@ -73,10 +77,15 @@ void FusionModel::take(const VisionSample& sample, const std::optional<TruthStat
   } else {
     predict(m, *truth, (sample.stamp - newest_->stamp).seconds());
     if (passes(m, sample.arrival, book)) {
-      fuse(m);
+      fuse(m.p - p_, m.variance_p, false);
+      if (m.has_velocity) fuse(m.v - v_, m.variance_v, true);
       refused_since_.reset();
-    } else {
-      refuse(m, sample);
+    } else if (!refused_since_) {
+      refused_since_ = sample.stamp;
+    } else if (sample.stamp - *refused_since_ >= kRefusedFor) {
+      // the filter starts again from vision: five times in a flight by a reset, then by stopping and starting fusion,
+      // which comes to the same
+      start(m);
     }
   }
   newest_ = sample;
@@ -106,10 +115,11 @@ void FusionModel::judge_turn(const Measurement& m, const VisionSample& sample, b
 }
 
 void FusionModel::start(const Measurement& m) {
-  for (int i = 0; i < 3; ++i) {
-    const double velocity_variance = m.has_velocity ? m.variance_v[i] : std::pow(kVelocityNoise_m_s, 2);
-    axes_[static_cast<std::size_t>(i)] = {m.p[i], m.v[i], m.variance_p[i], 0, velocity_variance};
-  }
+  p_ = m.p;
+  v_ = m.v;
+  pp_ = m.variance_p;
+  pv_.setZero();
+  vv_ = m.has_velocity ? m.variance_v : Axes::Constant(std::pow(kVelocityNoise_m_s, 2)).eval();
   refused_since_.reset();
 }
 
@@ -117,17 +127,18 @@ void FusionModel::predict(const Measurement& m, const TruthState& truth, double 
   const Mat3 R = yaw_rotation(m.heading_rad);
   const Vec3 gained = R * (truth.v_WB - newest_truth_->v_WB);
   const Vec3 moved = R * (truth.p_WB - newest_truth_->p_WB - newest_truth_->v_WB * dt);
-  for (int i = 0; i < 3; ++i) axes_[static_cast<std::size_t>(i)].predict(dt, moved[i], gained[i]);
+  p_ += v_ * dt + moved.array();
+  v_ += gained.array();
+  pp_ += 2 * dt * pv_ + dt * dt * vv_;
+  pv_ += dt * vv_;
+  vv_ += std::pow(kAccelerationNoise_m_s2 * dt, 2);
 }
 
 bool FusionModel::passes(const Measurement& m, HostStamp at, RuleBook& book) {
-  double position = 0, velocity = 0;  // innovation over gate, the worst axis
-  for (int i = 0; i < 3; ++i) {
-    const Axis& a = axes_[static_cast<std::size_t>(i)];
-    position = std::max(position, std::abs(m.p[i] - a.p) / (kPositionGate * std::sqrt(a.pp + m.variance_p[i])));
-    if (!m.has_velocity) continue;
-    velocity = std::max(velocity, std::abs(m.v[i] - a.v) / (kVelocityGate * std::sqrt(a.vv + m.variance_v[i])));
-  }
+  // innovation over gate, the worst axis
+  const double position = ((m.p - p_).abs() / (kPositionGate * (pp_ + m.variance_p).sqrt())).maxCoeff();
+  const double velocity =
+      m.has_velocity ? ((m.v - v_).abs() / (kVelocityGate * (vv_ + m.variance_v).sqrt())).maxCoeff() : 0;
   worst_position_ = std::max(worst_position_, position);
   worst_velocity_ = std::max(worst_velocity_, velocity);
   book.figure(Rule::kInnovation, fmt::format("at most {:.2f} of the position's gate, {:.2f} of the velocity's",
@@ -137,19 +148,14 @@ bool FusionModel::passes(const Measurement& m, HostStamp at, RuleBook& book) {
   });
 }
 
-void FusionModel::fuse(const Measurement& m) {
-  for (int i = 0; i < 3; ++i) {
-    Axis& a = axes_[static_cast<std::size_t>(i)];
-    a.fuse(m.p[i] - a.p, m.variance_p[i], false);
-    if (m.has_velocity) a.fuse(m.v[i] - a.v, m.variance_v[i], true);
-  }
-}
-
-/// After a second of refusals the filter starts again from vision: five times in a flight by a reset, then by stopping
-/// and starting fusion, which comes to the same.
-void FusionModel::refuse(const Measurement& m, const VisionSample& sample) {
-  if (!refused_since_) refused_since_ = sample.stamp;
-  if (sample.stamp - *refused_since_ >= kRefusedFor) start(m);
+void FusionModel::fuse(const Axes& innovation, const Axes& noise_variance, bool of_velocity) {
+  const Axes total = (of_velocity ? vv_ : pp_) + noise_variance;
+  const Axes gain_p = (of_velocity ? pv_ : pp_) / total, gain_v = (of_velocity ? vv_ : pv_) / total;
+  p_ += gain_p * innovation;
+  v_ += gain_v * innovation;
+  pp_ -= gain_p * gain_p * total;
+  pv_ -= gain_p * gain_v * total;
+  vv_ -= gain_v * gain_v * total;
 }
 
 }  // namespace epiline::hil

@@ -1,8 +1,6 @@
 #pragma once
 // Models how PX4's filter treats odometry: it predicts each sample from its own state and an IMU, and rejects samples
 // outside of its gates. The acceleration of the ground truth serves as the IMU. Page: docs/hil.md.
-#include <array>
-#include <cstdint>
 #include <optional>
 
 #include "drivers/program/hil/rules.h"
@@ -16,6 +14,9 @@ struct TruthState {
   Mat3 R_WB = Mat3::Identity();
 };
 
+/// The state at a timestamp of the recording, from its ground truth; none outside of it and in its gaps.
+std::optional<TruthState> truth_at(const Trajectory& truth, HostStamp recorded);
+
 /// Three filters of position and velocity, one for each axis of the odometry's world. The heading is taken from the
 /// odometry, as PX4 does with yaw fusion enabled.
 class FusionModel {
@@ -27,15 +28,10 @@ class FusionModel {
   void take(const VisionSample& sample, const std::optional<TruthState>& truth, RuleBook& book);
 
  private:
-  struct Axis {
-    double p = 0, v = 0;
-    double pp = 0, pv = 0, vv = 0;  ///< covariance
-    void predict(double dt, double moved, double gained);
-    void fuse(double innovation, double noise_variance, bool of_velocity);
-  };
+  using Axes = Eigen::Array3d;
   /// A sample in the odometry's world with z up.
   struct Measurement {
-    Vec3 p, v, variance_p, variance_v;
+    Axes p, v, variance_p, variance_v;
     double heading_rad = 0;  ///< of that world relative to the ground truth's
     bool has_velocity = false;
   };
@@ -44,12 +40,11 @@ class FusionModel {
   void predict(const Measurement& m, const TruthState& truth, double dt);
   void start(const Measurement& m);
   bool passes(const Measurement& m, HostStamp at, RuleBook& book);
-  void fuse(const Measurement& m);
-  void refuse(const Measurement& m, const VisionSample& sample);
+  void fuse(const Axes& innovation, const Axes& noise_variance, bool of_velocity);
   void judge_turn(const Measurement& m, const VisionSample& sample, bool stopped, RuleBook& book);
 
   Mat3 R_VB_;
-  std::array<Axis, 3> axes_;
+  Axes p_, v_, pp_, pv_, vv_;  ///< state and covariance
   std::optional<VisionSample> newest_;
   std::optional<TruthState> newest_truth_;
   std::optional<VisionSample> newest_in_truth_;  ///< the last sample with a truth

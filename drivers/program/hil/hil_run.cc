@@ -1,10 +1,12 @@
 #include "drivers/program/hil/hil_run.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <csignal>
 #include <cstdlib>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -12,17 +14,16 @@
 #include <string_view>
 #include <vector>
 
-#include "drivers/program/hil/can_thread.h"
+#include "drivers/flights/recordings/bag.h"
+#include "drivers/flights/recordings/bag_dataset.h"
 #include "drivers/program/hil/controller_thread.h"
 #include "drivers/program/hil/loopback_writer.h"
-#include "drivers/program/hil/played_truth.h"
-#include "drivers/program/hil/pump.h"
 #include "drivers/program/hil/uhid_imu.h"
-#include "drivers/study/replay/replay.h"
 #include "drivers/study/report/outputs.h"
 #include "pipeline/config/vehicle.h"
 #include "pipeline/text/table.h"
 #include "platform/linux/signals.h"
+#include "platform/linux/step_thread.h"
 
 namespace epiline::hil {
 
@@ -69,10 +70,7 @@ Result<AslDataset> open_dataset(const HilOptions& o, const Config& c) {
 Result<FlightPlan> plan_of(const AslDataset& dataset, const HilOptions& o) {
   if (dataset.images.empty())
     return Error{ErrorKind::kUsage, o.dataset.string(), 0, "holds tracks instead of images", "a recording with images"};
-  ReplayOptions replay;
-  replay.start_s = o.start_s;
-  replay.duration_s = o.duration_s;
-  FlightPlan plan = plan_flight(dataset, replay);
+  FlightPlan plan = plan_flight(dataset, {o.start_s, o.duration_s});
   if (plan.images.empty()) {
     return Error{ErrorKind::kUsage, o.dataset.string(), 0, "no image between --start and --duration",
                  "a shorter --start or a longer --duration"};
@@ -138,27 +136,27 @@ class Flight {
         settings_(std::move(settings)),
         dataset_(std::move(dataset)),
         plan_(std::move(plan)),
-        truth_(dataset_.ground_truth ? &*dataset_.ground_truth : nullptr),
         camera_(std::make_unique<PlayedCamera>(dataset_, plan_, clock_, options_.disturbance)),
         imu_(std::make_unique<PlayedImu>(dataset_, plan_, clock_, options_.disturbance)) {
     settings_.imu_correction = dataset_.imu.correction;
     imu_->end_after(plan_.images.back().stamp + kTail);
   }
 
-  Result<HilResult> run(const std::function<bool(const Progress&)>& watch);
+  Result<HilResult> run(const std::function<void(const Progress&)>& watch);
 
  private:
   Status connect_controller();
-  Status connect_line();
+  Status connect_line(bool on_can);
   Status connect_camera(LiveDevices& devices);
   Status open_loopbacks(const std::vector<std::string>& devices);
-  bool are_side_by_side(const std::vector<std::string>& devices) const;
-  bool play(const Frame& frame, bool side_by_side);
+  bool play(const Frame& frame);
   Status connect_imu(LiveDevices& devices);
+  Status play_readings(std::function<bool(const ImuSample&)> deliver);
+  static Status start_playing(StepThread& thread, const char* name, std::function<bool()> step);
   void begin();
   double share_played() const;
   bool watch_flight();
-  Status stand_by(const EndSignals& signals, const std::function<bool(const Progress&)>& watch);
+  Status stand_by(const EndSignals& signals, const std::function<void(const Progress&)>& watch);
   Result<HilResult> judge(std::optional<FlightRecord> record);
   Status write(HilResult& result);
 
@@ -168,17 +166,17 @@ class Flight {
   FlightPlan plan_;
   PlayClock clock_;
   std::once_flag begun_;
-  PlayedTruth truth_;
   std::unique_ptr<PlayedCamera> camera_;
   std::unique_ptr<PlayedImu> imu_;
   PlayedCamera* played_camera_ = camera_.get();  ///< whoever owns it
   std::array<LoopbackWriter, kMostOthers + 1> loopbacks_;
+  bool side_by_side_ = false;  ///< two cameras in one loopback
   UhidImu uhid_;
   std::unique_ptr<ControllerModel> model_;
   std::unique_ptr<ControllerLine> line_;
   std::optional<ControllerThread> controller_;
-  std::optional<CanThread> bus_;
-  Pump images_, readings_;
+  std::uint64_t images_refused_ = 0, readings_refused_ = 0;
+  StepThread images_, readings_;
   std::int64_t played_ns_ = 0;  ///< when everything had been played
 };
 
@@ -188,36 +186,40 @@ Status Flight::connect_controller() {
   MavlinkConfig& m = settings_.config.devices.mavlink;
   s.system = static_cast<std::uint8_t>(m.system);
   s.companion = static_cast<std::uint8_t>(m.component);
-  s.skew_ppm = options_.controller_skew_ppm;
+  s.skew_ppm = 40;  // as quartzes have
   s.boot = Span{monotonic_ns()} - Span::from_milliseconds(60'000);
   s.R_VB = R_VB_of(settings_.config.devices.body);
   s.on_can = is_bus(options_.controller);
   s.can_base_id = settings_.config.devices.can.base_id;
   s.wants_origin = m.has_origin() && !s.on_can;
   s.is_ardupilot = s.wants_origin || (options_.judge & kEveryPx4) == 0;
-  model_ = std::make_unique<ControllerModel>(s, [this](HostStamp stamp) {
-    return clock_.started() ? truth_.at(clock_.pace().stamp_of(stamp.ns)) : std::nullopt;
-  });
-  if (!s.on_can) return connect_line();
-  settings_.config.devices.can.interface = options_.controller;
-  bus_.emplace(*model_);
-  return bus_->start(options_.controller);
+  ControllerModel::Truth truth;
+  if (dataset_.ground_truth) {
+    truth = [this](HostStamp stamp) {
+      return clock_.started() ? truth_at(*dataset_.ground_truth, clock_.pace().stamp_of(stamp.ns)) : std::nullopt;
+    };
+  }
+  model_ = std::make_unique<ControllerModel>(s, std::move(truth));
+  if (const Status status = connect_line(s.on_can); !status) return status;
+  return s.on_can ? controller_->start() : Done{};  // frames may come from now on
 }
 
-Status Flight::connect_line() {
+Status Flight::connect_line(bool on_can) {
   MavlinkConfig& m = settings_.config.devices.mavlink;
   const std::string& where = options_.controller;
   const auto path = after(kPty, where), port = after(kUdp, where);
   const bool is_pty = path || where == "pty", is_udp = port || where == "udp";
-  auto line = is_pty   ? open_pty_line(path.value_or(""))
-              : is_udp ? open_udp_line(std::atoi(port.value_or("0").c_str()))
-                       : open_serial_line(where, m.baud);
+  auto line = on_can   ? ControllerLine::open_can(where)
+              : is_pty ? ControllerLine::open_pty(path.value_or(""))
+              : is_udp ? ControllerLine::open_udp(std::atoi(port.value_or("0").c_str()))
+                       : ControllerLine::open_serial(where, m.baud);
   if (!line) return line.error();
   line_ = std::move(*line);
+  if (on_can) settings_.config.devices.can.interface = where;
   if (is_pty) m.serial = line_->companion_end(), m.udp = "";
   if (is_udp) m.udp = line_->companion_end(), m.serial = m.udp_listen = "";
   std::optional<mavlink::SigningKey> key;
-  if (!m.signing_key_file.empty()) {
+  if (!on_can && !m.signing_key_file.empty()) {
     const auto read = mavlink::read_signing_key(m.signing_key_file);
     if (!read) return read.error();
     key = *read;
@@ -245,8 +247,7 @@ Status Flight::connect_camera(LiveDevices& devices) {
   c.rate_hz = image_rate_hz(plan_);
   c.trust_stamps = true;
   c.stamp_point = 1;  // the start of an exposure of no length
-  const bool side_by_side = are_side_by_side(played);
-  if (side_by_side) c.side_by_side = static_cast<int>(SideBySideHalves::kLeftFirst);
+  if (side_by_side_) c.side_by_side = static_cast<int>(SideBySideHalves::kLeftFirst);
   d.camera = c;
   for (std::size_t i = 0; i < kMostOthers; ++i) {
     OtherCameraConfig& other = d.other_cameras[i];
@@ -255,12 +256,14 @@ Status Flight::connect_camera(LiveDevices& devices) {
     other.free_running = plan_.apart[i] > Span{};
     settings_.config.estimator.others[i].apart_s = other.free_running ? pairs_within_s(d, i) : 0;
   }
-  images_.start(*camera_, [this, side_by_side](const Frame& frame) { return play(frame, side_by_side); });
-  return Done{};
-}
-
-bool Flight::are_side_by_side(const std::vector<std::string>& devices) const {
-  return devices.size() == 1 && dataset_.others.size() == 1;
+  return start_playing(images_, "images", [this] {
+    Frame frame;
+    const ReadOutcome outcome = camera_->read(frame, kRound);
+    if (outcome != ReadOutcome::kSample) return outcome != ReadOutcome::kEnd;
+    if (!play(frame)) ++images_refused_;
+    camera_->give_back(frame);
+    return true;
+  });
 }
 
 /// One for each camera, or one for two that were triggered together.
@@ -269,25 +272,25 @@ Status Flight::open_loopbacks(const std::vector<std::string>& devices) {
     return Error{ErrorKind::kUsage, options_.dataset.string(), 0, found, expected};
   };
   const std::size_t cameras = 1 + dataset_.others.size();
-  const bool side_by_side = are_side_by_side(devices);
-  if (devices.size() != cameras && !side_by_side)
+  side_by_side_ = devices.size() == 1 && cameras == 2;
+  if (devices.size() != cameras && !side_by_side_)
     return fault(fmt::format("{} of its cameras with {} loopback devices", cameras, devices.size()),
                  "a device for each, separated by commas, or one for two side by side; or --camera file");
-  if (side_by_side && plan_.apart[0] > Span{})
+  if (side_by_side_ && plan_.apart[0] > Span{})
     return fault("two cameras that were not triggered together",
                  "a loopback device for each, or --camera file: one device shows both side by side, as of one time");
   for (std::size_t i = 0; i < devices.size(); ++i) {
     const CameraParameters& lens = i == 0 ? dataset_.camera.parameters : dataset_.others[i - 1]->camera.parameters;
-    const int width = lens.width * (side_by_side ? 2 : 1);
+    const int width = lens.width * (side_by_side_ ? 2 : 1);
     if (const Status s = loopbacks_[i].open(devices[i], width, lens.height, image_rate_hz(plan_)); !s) return s;
   }
   return Done{};
 }
 
 /// The others' images first: the run waits for them once it has the first camera's.
-bool Flight::play(const Frame& frame, bool side_by_side) {
+bool Flight::play(const Frame& frame) {
   const auto others = camera_->others(frame);
-  if (side_by_side) return loopbacks_[0].write(frame, others[0]);
+  if (side_by_side_) return loopbacks_[0].write(frame, others[0]);
   bool good = true;
   for (std::size_t i = 0; i < others.size(); ++i)
     if (others[i].data != nullptr) good = loopbacks_[i + 1].write(others[i]) && good;
@@ -303,19 +306,36 @@ Status Flight::connect_imu(LiveDevices& devices) {
   if (options_.imu == "mavlink") {
     i.driver = static_cast<int>(ImuDriver::kMavlink);
     model_->when_readings_are_wanted([this] { begin(); });  // a driver that opens only when readings come
-    readings_.start(*imu_, [this](const ImuSample& sample) { return model_->feed(sample); });
-    return Done{};
+    return play_readings([this](const ImuSample& sample) { return model_->feed(sample); });
   }
   if (const Status s = uhid_.plug_in(); !s) return s;
   i.driver = static_cast<int>(ImuDriver::kIio);
   i.device = uhid_.gyroscope_device();
   i.device_accel = uhid_.accelerometer_device();
-  readings_.start(*imu_, [this](const ImuSample& sample) {
+  return play_readings([this](const ImuSample& sample) {
     const DeviceStamp hub{sample.stamp.ns};
     return uhid_.send_gyroscope(hub, sample.angular_velocity_rad_s) &&
            uhid_.send_accelerometer(hub, sample.specific_force_m_s2);
   });
-  return Done{};
+}
+
+/// `deliver`: false if the kernel refused the sample.
+Status Flight::play_readings(std::function<bool(const ImuSample&)> deliver) {
+  return start_playing(readings_, "samples", [this, deliver = std::move(deliver)] {
+    std::array<ImuSample, 16> samples;
+    std::size_t got = 0;
+    const ReadOutcome outcome = imu_->read(samples, got, kRound);
+    for (std::size_t i = 0; i < got; ++i)
+      if (!deliver(samples[i])) ++readings_refused_;
+    return outcome != ReadOutcome::kEnd;
+  });
+}
+
+/// The thread stands for hardware, which a busy computer does not slow down: above all ordinary threads, below
+/// everything under test.
+Status Flight::start_playing(StepThread& thread, const char* name, std::function<bool()> step) {
+  if (thread.start({.name = name, .priority = 1}, std::move(step))) return Done{};
+  return Error{ErrorKind::kRun, "", 0, std::string("no thread that plays the ") + name, ""};
 }
 
 /// Plays from now on, unless it does already.
@@ -347,12 +367,12 @@ bool Flight::watch_flight() {
 }
 
 /// Another process flies: plays from when it has opened the IMU, the first of the two that it opens.
-Status Flight::stand_by(const EndSignals& signals, const std::function<bool(const Progress&)>& watch) {
+Status Flight::stand_by(const EndSignals& signals, const std::function<void(const Progress&)>& watch) {
   for (bool goes_on = true; goes_on;) {
     goes_on = !signals.ends(signals.wait(kRound));
     if (uhid_.is_on()) begin();
     const bool begun = clock_.started();
-    goes_on = watch({share_played(), !begun}) && goes_on;
+    watch({share_played(), !begun});
     if (begun) goes_on = watch_flight() && goes_on;
   }
   if (clock_.started()) return Done{};
@@ -360,13 +380,14 @@ Status Flight::stand_by(const EndSignals& signals, const std::function<bool(cons
                "epiline run with " + settings_.source + " in another terminal"};
 }
 
-Result<HilResult> Flight::run(const std::function<bool(const Progress&)>& watch) {
+Result<HilResult> Flight::run(const std::function<void(const Progress&)>& watch) {
   const EndSignals signals;  // before any thread begins
   if (const Status s = connect_controller(); !s) return s.error();
   LiveDevices devices;  // to the end: the played camera may be one of them, and is asked when all is over
   if (const Status s = connect_camera(devices); !s) return s.error();
   if (const Status s = connect_imu(devices); !s) return s.error();
-  if (controller_ && !controller_->start()) return Error{ErrorKind::kRun, "", 0, "no thread for the controller", ""};
+  if (!model_->is_on_can())
+    if (const Status s = controller_->start(); !s) return s.error();
   std::optional<FlightRecord> record;
   Status flown = Done{};
   if (options_.beside) {
@@ -378,14 +399,13 @@ Result<HilResult> Flight::run(const std::function<bool(const Progress&)>& watch)
     LiveOptions live;
     live.out = options_.out;
     auto flight = fly(settings_, devices, live, [&](const LiveState& state) {
-      const bool goes_on = watch({share_played(), false});
-      return (!state.waiting_for.empty() || watch_flight()) && goes_on;
+      watch({share_played(), false});
+      return !state.waiting_for.empty() || watch_flight();
     });
     if (flight) record = std::move(*flight);
     if (!flight) flown = flight.error();
   }
-  if (controller_) controller_->stop();
-  if (bus_) bus_->stop();
+  controller_->stop();
   images_.stop();
   readings_.stop();
   if (!flown) return flown.error();
@@ -402,10 +422,11 @@ Result<HilResult> Flight::judge(std::optional<FlightRecord> record) {
   result.estimates = model_->estimates();
   result.images_played = plan_.images.size();
   result.images_late = played_camera_->missed();
-  result.images_refused = images_.failed();
-  result.readings_refused = readings_.failed();
+  result.images_refused = images_refused_;
+  result.readings_refused = readings_refused_;
   result.received = model_->received();
-  if (dataset_.ground_truth) result.truth = played(*dataset_.ground_truth, clock_.pace());
+  if (dataset_.ground_truth) result.truth = *dataset_.ground_truth;
+  for (TimedPose& pose : result.truth.poses) pose.stamp.ns = clock_.pace().host_of(pose.stamp);
   if (record) {
     record->dataset_path = options_.dataset.string();
     if (dataset_.ground_truth) record->truth = result.truth;
@@ -433,7 +454,7 @@ Status Flight::write(HilResult& result) {
 
 }  // namespace
 
-Result<HilResult> run_hil(const HilOptions& options, const std::function<bool(const Progress&)>& watch) {
+Result<HilResult> run_hil(const HilOptions& options, const std::function<void(const Progress&)>& watch) {
   auto settings = read_live_settings(options.config_file, options.set);
   if (!settings) return settings.error();
   if (options.beside) {

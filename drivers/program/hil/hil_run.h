@@ -29,7 +29,6 @@ struct HilOptions {
   Releases judge = kUsualReleases;  ///< whose rules count
   double start_s = 0, duration_s = std::numeric_limits<double>::infinity();
   Disturbance disturbance;
-  double controller_skew_ppm = 40;
 };
 
 struct HilResult {
@@ -51,8 +50,8 @@ struct Progress {
 
 /// Plays the recording, flies it (unless `beside`) and judges the odometry. Fails if and only if the data set, the
 /// configuration or a device is wrong, the system cannot start a thread, or the other process did not open the IMU. A
-/// flight that a controller would reject is a result, not a failure. `watch` is called twenty times a second; the run
-/// ends if it returns false, and on a signal that ends a flight.
-Result<HilResult> run_hil(const HilOptions& options, const std::function<bool(const Progress&)>& watch);
+/// flight that a controller would reject is a result, not a failure. `watch` is called twenty times a second. A signal
+/// that ends a flight ends the run.
+Result<HilResult> run_hil(const HilOptions& options, const std::function<void(const Progress&)>& watch);
 
 }  // namespace epiline::hil

@@ -2,7 +2,6 @@
 // The writing end of a v4l2loopback device: readers of the device get the written images as those of a camera.
 #include <array>
 #include <cstddef>
-#include <cstdint>
 #include <string>
 
 #include "platform/error/result.h"

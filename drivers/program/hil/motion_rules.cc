@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 namespace epiline::hil {
 
@@ -19,10 +18,8 @@ constexpr double kAcceleration_m_s2 = 40, kAngularAcceleration_rad_s2 = 100;
 void MotionRules::take(const VisionSample& sample, RuleBook& book) {
   if (newest_) {
     const Step step = step_to(sample);
-    const bool pause = sample.stamp - newest_->stamp >= kPause,
-               changed = sample.reset_counter != newest_->reset_counter;
     judge_reset(sample, step, book);
-    if (pause || changed || step.is_jump()) {
+    if (step.pause || step.changed || step.is_jump()) {
       window_ = {};
       newest_speed_.reset();
     } else {
@@ -39,6 +36,8 @@ MotionRules::Step MotionRules::step_to(const VisionSample& s) const {
   Vec3 speed = newest_speed_.value_or(Vec3::Zero());
   if (s.v_L && before.v_L) speed = 0.5 * (*s.v_L + *before.v_L);
   Step step;
+  step.pause = s.stamp - before.stamp >= kPause;
+  step.changed = s.reset_counter != before.reset_counter;
   step.position_m = (s.p_L - before.p_L - speed * dt).norm();
   step.position_most_m = std::max(kLeastPosition_m, s.sigma_p.maxCoeff()) + kSdMost * s.sigma_v.maxCoeff() * dt +
                          0.5 * kAcceleration_m_s2 * dt * dt;
@@ -52,12 +51,10 @@ MotionRules::Step MotionRules::step_to(const VisionSample& s) const {
 }
 
 void MotionRules::judge_reset(const VisionSample& s, const Step& step, RuleBook& book) {
-  const bool changed = s.reset_counter != newest_->reset_counter;
-  const bool pause = s.stamp - newest_->stamp >= kPause;
-  if (changed) ++resets_;
-  if (!changed && !pause) largest_step_m_ = std::max(largest_step_m_, step.position_m);
-  const bool jumps_in_silence = step.is_jump() && !changed;
-  const bool cries_wolf = changed && !pause && step.is_smooth();
+  if (step.changed) ++resets_;
+  if (!step.changed && !step.pause) largest_step_m_ = std::max(largest_step_m_, step.position_m);
+  const bool jumps_in_silence = step.is_jump() && !step.changed;
+  const bool cries_wolf = step.changed && !step.pause && step.is_smooth();
   book.judge(Rule::kResetCounter, !jumps_in_silence && !cries_wolf, s.arrival, [&] {
     if (cries_wolf) return fmt::format("changed from {} to {} without a jump", newest_->reset_counter, s.reset_counter);
     return fmt::format("a step of {:.3f} m (explained: {:.3f}) and {:.3f} rad (explained: {:.3f}), counter still {}",

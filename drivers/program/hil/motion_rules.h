@@ -17,6 +17,7 @@ class MotionRules {
   /// The part of a step that velocity and angular rates do not explain, and the limits below which it is no jump.
   struct Step {
     double position_m = 0, position_most_m = 0, angle_rad = 0, angle_most_rad = 0;
+    bool pause = false, changed = false;  ///< a long time since the estimate before; another reset counter
     bool is_jump() const { return position_m > position_most_m || angle_rad > angle_most_rad; }
     bool is_smooth() const { return position_m < 0.01 && angle_rad < 0.01; }
   };

@@ -1,6 +1,9 @@
 #include "drivers/program/hil/played_sensors.h"
 
+#include <sched.h>
+
 #include <algorithm>
+#include <utility>
 
 #include "platform/time/sleep.h"
 
@@ -21,6 +24,28 @@ bool wait_for_start(const PlayClock& clock, std::int64_t deadline_ns) {
   return true;
 }
 
+/// Gives this thread the lowest real-time priority, if permitted, and so the threads that it starts during this
+/// object's lifetime: above all ordinary threads and below everything under test.
+class HardwarePriority {
+ public:
+  HardwarePriority() noexcept {
+    const sched_param lowest{1};
+    policy_ = ::sched_getscheduler(0);
+    ::sched_getparam(0, &before_);
+    changed_ = policy_ == SCHED_OTHER && ::sched_setscheduler(0, SCHED_FIFO, &lowest) == 0;
+  }
+  ~HardwarePriority() {
+    if (changed_) ::sched_setscheduler(0, policy_, &before_);
+  }
+  HardwarePriority(const HardwarePriority&) = delete;
+  HardwarePriority& operator=(const HardwarePriority&) = delete;
+
+ private:
+  int policy_ = SCHED_OTHER;
+  sched_param before_{};
+  bool changed_ = false;
+};
+
 }  // namespace
 
 std::int64_t Delivery::instant_ns(std::int64_t due_ns, std::int64_t begin_ns) {
@@ -33,6 +58,12 @@ std::int64_t Delivery::instant_ns(std::int64_t due_ns, std::int64_t begin_ns) {
   }
   newest_ns_ = std::max(newest_ns_, instant_ns);
   return newest_ns_;
+}
+
+Status PlayedCamera::open() {
+  if (std::exchange(open_, true)) return Done{};
+  const HardwarePriority priority;  // of the thread that decodes: it stands for hardware
+  return recorded_.open();
 }
 
 ReadOutcome PlayedCamera::read(Frame& frame, Span timeout) noexcept {
@@ -69,7 +100,7 @@ OtherFrames PlayedCamera::others(const Frame& frame) const noexcept {
 
 /// Takes the next reading out of the recording; false: there is none.
 bool PlayedImu::prepare() noexcept {
-  while (!held_ && next_ < end_) {
+  while (!held_ && next_ < samples_.size()) {
     if (last_ && samples_[next_].stamp > *last_) return false;
     ImuSample sample = samples_[next_++];
     if (delivery_.loses()) continue;

@@ -4,11 +4,9 @@
 #include <atomic>
 #include <cstdint>
 #include <optional>
-#include <utility>
 
 #include "drivers/flights/motion/random.h"
 #include "drivers/flights/recordings/recorded_sensors.h"
-#include "drivers/program/hil/hardware_priority.h"
 
 namespace epiline::hil {
 
@@ -58,11 +56,7 @@ class PlayedCamera final : public CameraSource {
                const Disturbance& disturbance)
       : recorded_(dataset, plan), clock_(clock), delivery_(disturbance, 1) {}
   /// A second call does nothing.
-  Status open() override {
-    if (std::exchange(open_, true)) return Done{};
-    const HardwarePriority priority;  // of the thread that decodes
-    return recorded_.open();
-  }
+  Status open() override;
   void close() noexcept override { recorded_.close(); }
   ReadOutcome read(Frame& frame, Span timeout) noexcept override;
   OtherFrames others(const Frame& frame) const noexcept override;
@@ -87,7 +81,6 @@ class PlayedImu final : public ImuSource {
   PlayedImu(const AslDataset& dataset, const FlightPlan& plan, const PlayClock& clock, const Disturbance& disturbance)
       : samples_(dataset.imu_samples),
         next_(plan.first_imu),
-        end_(dataset.imu_samples.size()),
         clock_(clock),
         delivery_(disturbance, 2),
         skew_(1e-6 * disturbance.skew_ppm) {}
@@ -101,7 +94,7 @@ class PlayedImu final : public ImuSource {
   bool prepare() noexcept;
 
   const std::vector<ImuSample>& samples_;
-  std::size_t next_, end_;
+  std::size_t next_;
   const PlayClock& clock_;
   Delivery delivery_;
   double skew_;

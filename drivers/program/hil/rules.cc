@@ -72,8 +72,6 @@ constexpr std::array<RuleInfo, kRules> kInfo{{
     {"CAN status", "a status frame at least every 0.5 s, with the known layout version", "docs/can.md", kEveryRelease},
 }};
 
-bool holds(Releases releases, std::size_t i) { return (releases >> i & 1U) != 0; }
-
 const char* controllers_of(Releases releases) {
   const bool px4 = (releases & kEveryPx4) != 0, ardupilot = (releases & kEveryArdupilot) != 0;
   return px4 && ardupilot ? "both" : px4 ? "PX4" : "ArduPilot";
@@ -81,10 +79,10 @@ const char* controllers_of(Releases releases) {
 
 std::string line_of(const RuleVerdict& v, HostStamp begin) {
   const RuleInfo& info = info_of(v.rule);
-  std::string line = fmt::format("{:9} {:10} {}", kRuleStateNames[static_cast<int>(v.state)],
+  std::string line = fmt::format("{:9} {:10} {}", kRuleStateNames[static_cast<int>(v.state())],
                                  controllers_of(info.releases), info.name);
   if (!v.figure.empty()) line += ": " + v.figure;
-  if (v.state != RuleState::kBroken) return line + "\n";
+  if (v.state() != RuleState::kBroken) return line + "\n";
   return line + fmt::format("\n{:20} {} of {}, first after {:.2f} s: {}\n{:20} rule: {} [{}]\n", "", v.broken,
                             v.checked, (v.first_at - begin).seconds(), v.first, "", info.demand, info.source);
 }
@@ -124,7 +122,7 @@ std::optional<Releases> releases_from(std::string_view words) {
 std::vector<Rule> Verdict::broken(Releases releases) const {
   std::vector<Rule> list;
   for (const RuleVerdict& v : rules)
-    if (v.state == RuleState::kBroken && (info_of(v.rule).releases & releases) != 0) list.push_back(v.rule);
+    if (v.state() == RuleState::kBroken && (info_of(v.rule).releases & releases) != 0) list.push_back(v.rule);
   return list;
 }
 
@@ -132,20 +130,13 @@ RuleBook::RuleBook() {
   for (std::size_t i = 0; i < kRules; ++i) verdict_.rules[i].rule = static_cast<Rule>(i);
 }
 
-Verdict RuleBook::verdict() const {
-  Verdict verdict = verdict_;
-  for (RuleVerdict& v : verdict.rules)
-    v.state = v.broken > 0 ? RuleState::kBroken : v.checked > 0 ? RuleState::kKept : RuleState::kNotSeen;
-  return verdict;
-}
-
 std::string text_of(const Verdict& verdict, HostStamp begin, Releases releases) {
   std::string text;
   for (const RuleState state : {RuleState::kBroken, RuleState::kKept, RuleState::kNotSeen})
     for (const RuleVerdict& v : verdict.rules)
-      if (v.state == state && (info_of(v.rule).releases & releases) != 0) text += line_of(v, begin);
+      if (v.state() == state && (info_of(v.rule).releases & releases) != 0) text += line_of(v, begin);
   for (std::size_t i = 0; i < mavlink::kControllerReleases.size(); ++i) {
-    if (holds(releases, i))
+    if ((releases >> i & 1U) != 0)
       text += fmt::format("{} {} the odometry\n", mavlink::kControllerReleases[i].name,
                           verdict.accepted_by(1U << i) ? "accepts" : "REFUSES");
   }

@@ -88,11 +88,13 @@ inline constexpr const char* kRuleStateNames[] = {"not seen", "kept", "BROKEN"};
 
 struct RuleVerdict {
   Rule rule = Rule::kFusion;
-  RuleState state = RuleState::kNotSeen;
   std::uint64_t checked = 0, broken = 0;  ///< occasions
   HostStamp first_at;                     ///< of the first time it was broken, and what was found then
   std::string first;
   std::string figure;  ///< the measured quantity, whether kept or not; may be empty
+  RuleState state() const {
+    return broken > 0 ? RuleState::kBroken : checked > 0 ? RuleState::kKept : RuleState::kNotSeen;
+  }
 };
 
 struct Verdict {
@@ -119,7 +121,7 @@ class RuleBook {
     return false;
   }
   void figure(Rule rule, std::string text) { verdict_.rules[static_cast<std::size_t>(rule)].figure = std::move(text); }
-  Verdict verdict() const;
+  const Verdict& verdict() const { return verdict_; }
 
  private:
   Verdict verdict_;

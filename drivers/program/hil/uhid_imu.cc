@@ -12,6 +12,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <limits>
 
 #include "platform/time/monotonic.h"
@@ -98,18 +99,9 @@ bool put(int fd, const uhid_event& event) noexcept {
   return ::write(fd, &event, sizeof(event)) == static_cast<ssize_t>(sizeof(event));
 }
 
-std::string first_line(const fs::path& path) {
-  std::string line;
+std::string text_in(const fs::path& path) {
   std::ifstream file(path);
-  std::getline(file, line);
-  return line;
-}
-
-bool contains(const fs::path& file, const std::string& wanted) {
-  std::ifstream stream(file);
-  for (std::string line; std::getline(stream, line);)
-    if (line == wanted) return true;
-  return false;
+  return {std::istreambuf_iterator<char>(file), {}};
 }
 
 }  // namespace
@@ -147,7 +139,7 @@ Status UhidImu::create() {
   return Done{};
 }
 
-Status UhidImu::plug_in(Span at_most) {
+Status UhidImu::plug_in() {
   unplug();
   if (fd_ < 0)
     if (Status status = open(); !status) return status;
@@ -158,7 +150,7 @@ Status UhidImu::plug_in(Span at_most) {
     sensor.feature = {0, 0, 0, 0, kNoEventsState, kPowerOffState};
   }
   if (Status status = create(); !status) return status;
-  for (const std::int64_t until_ns = monotonic_ns() + at_most.ns; !find_devices();) {
+  for (const std::int64_t until_ns = monotonic_ns() + 30'000'000'000; !find_devices();) {
     if (monotonic_ns() > until_ns) {
       unplug();
       return Error{ErrorKind::kRun, "virtual IMU", 0, "the kernel made no IIO devices of it",
@@ -181,12 +173,12 @@ bool UhidImu::find_devices() {
   std::error_code ignored;  // devices come and go meanwhile
   for (const auto& entry : fs::directory_iterator("/sys/bus/iio/devices", ignored)) {
     const fs::path device = fs::canonical(entry.path(), ignored);
-    const std::string name = first_line(device / "name");
+    const std::string name = text_in(device / "name");
     // .../HID/HID-SENSOR-200076.1.auto/iio:device0
-    const fs::path hub = device.parent_path().parent_path();
+    const std::string hub = text_in(device.parent_path().parent_path() / "uevent");
+    if (hub.find("HID_UNIQ=" + unique_ + "\n") == std::string::npos) continue;
     for (std::size_t i = 0; i < kIioNames.size(); ++i)
-      if (name == kIioNames[i] && contains(hub / "uevent", "HID_UNIQ=" + unique_))
-        sensors_[i].device = device.filename().string();
+      if (name == std::string(kIioNames[i]) + "\n") sensors_[i].device = device.filename().string();
   }
   return std::all_of(sensors_.begin(), sensors_.end(), [](const Sensor& sensor) {
     return !sensor.device.empty() && fs::exists("/dev/" + sensor.device);

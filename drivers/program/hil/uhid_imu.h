@@ -20,8 +20,8 @@ class UhidImu {
   UhidImu(const UhidImu&) = delete;
   UhidImu& operator=(const UhidImu&) = delete;
 
-  /// Returns when both IIO devices and their device files exist. Fails if they do not appear within `at_most`.
-  Status plug_in(Span at_most = Span::from_milliseconds(30'000));
+  /// Returns when both IIO devices and their device files exist. Fails if they do not appear within 30 s.
+  Status plug_in();
   /// Removes the IIO devices, even while a program reads them.
   void unplug() noexcept;
 

@@ -8,8 +8,6 @@
 #include <span>
 #include <string>
 
-#include "platform/time/clock_state.h"
-
 namespace epiline::hil {
 
 namespace {
@@ -20,7 +18,6 @@ constexpr int kNaive = 1, kVio = 3;
 // Where ArduPilot caps the errors it makes of the covariance.
 constexpr double kPositionErrorMost_m = 100, kAngleErrorMost_rad = 1.5;
 constexpr double kVelocityErrorMost_m_s = 100;  // nothing flies so; there is no cap in the controllers
-constexpr std::array<std::size_t, 6> kDiagonal = {0, 6, 11, 15, 18, 20};
 
 using Triangle = std::array<float, 21>;
 
@@ -94,11 +91,24 @@ void judge_quality(int quality, HostStamp at, RuleBook& book) {
 
 bool is_unit(const Eigen::Quaterniond& q) { return std::abs(q.norm() - 1) < 1e-3; }
 
-/// A stamp that is a time at all: what comes from outside may be any number.
-bool to_stamp(std::uint64_t usec, HostStamp& stamp) {
-  if (usec >= std::uint64_t{1} << 51) return false;
-  stamp.ns = static_cast<std::int64_t>(usec) * 1000;
-  return is_clock_time(stamp);
+/// False: the stamp is no time at all, as what comes from outside may be any number.
+bool judge_time(const char* field, std::uint64_t usec, HostStamp at, RuleBook& book) {
+  const bool is_time = usec < std::uint64_t{1} << 51;
+  if (!is_time) book.judge(Rule::kStamps, false, at, [&] { return fmt::format("{} {}", field, usec); });
+  return is_time;
+}
+
+/// What both messages hold.
+template <class Message>
+VisionSample sample_of(const Message& m, std::uint64_t usec, const Triangle& covariance, HostStamp arrival) {
+  VisionSample s;
+  s.arrival = arrival;
+  s.stamp.ns = static_cast<std::int64_t>(usec) * 1000;
+  s.p_L = Vec3(m.x, m.y, m.z);
+  s.sigma_p = sigmas(covariance, 0);
+  s.sigma_angle = sigmas(covariance, 3);
+  s.reset_counter = m.reset_counter;
+  return s;
 }
 
 }  // namespace
@@ -114,27 +124,20 @@ std::optional<VisionSample> judge_message(const mavlink::Odometry& m, HostStamp 
   judge_quality(m.quality, arrival, book);
   judge_covariance("pose", m.pose_covariance, kPositionErrorMost_m, kAngleErrorMost_rad, arrival, book);
   judge_covariance("velocity", m.velocity_covariance, kVelocityErrorMost_m_s, kVelocityErrorMost_m_s, arrival, book);
-  VisionSample s;
-  s.q_LF = Eigen::Quaterniond(m.q[0], m.q[1], m.q[2], m.q[3]);
+  const Eigen::Quaterniond q(m.q[0], m.q[1], m.q[2], m.q[3]);
   const std::array numbers = {m.x,  m.y,  m.z,  m.q[0],      m.q[1],       m.q[2],    m.q[3],
                               m.vx, m.vy, m.vz, m.rollspeed, m.pitchspeed, m.yawspeed};
-  const bool usable = book.judge(Rule::kFinite, are_finite(numbers) && is_unit(s.q_LF), arrival, [&] {
+  const bool usable = book.judge(Rule::kFinite, are_finite(numbers) && is_unit(q), arrival, [&] {
     return fmt::format("position ({}, {}, {}), velocity ({}, {}, {}), length of q {:.4f}", m.x, m.y, m.z, m.vx, m.vy,
-                       m.vz, s.q_LF.norm());
+                       m.vz, q.norm());
   });
-  const bool is_time = to_stamp(m.time_usec, s.stamp);
-  if (!is_time) book.judge(Rule::kStamps, false, arrival, [&] { return fmt::format("time_usec {}", m.time_usec); });
-  if (!usable || !is_time) return std::nullopt;
-  s.arrival = arrival;
-  s.p_L = Vec3(m.x, m.y, m.z);
-  s.q_LF.normalize();
+  if (!judge_time("time_usec", m.time_usec, arrival, book) || !usable) return std::nullopt;
+  VisionSample s = sample_of(m, m.time_usec, m.pose_covariance, arrival);
+  s.q_LF = q.normalized();
   const Vec3 v(m.vx, m.vy, m.vz);
   s.v_L = is_local(m.child_frame_id) ? v : Vec3(s.q_LF * v);
   s.omega_F = Vec3(m.rollspeed, m.pitchspeed, m.yawspeed);
-  s.sigma_p = sigmas(m.pose_covariance, 0);
-  s.sigma_angle = sigmas(m.pose_covariance, 3);
   s.sigma_v = sigmas(m.velocity_covariance, 0);
-  s.reset_counter = m.reset_counter;
   s.is_north = m.frame_id == kLocalNed || m.frame_id == kLocalEnu;
   return s;
 }
@@ -144,17 +147,10 @@ std::optional<VisionSample> judge_message(const mavlink::VisionPositionEstimate&
   const std::array numbers = {m.x, m.y, m.z, m.roll, m.pitch, m.yaw};
   const bool usable = book.judge(Rule::kFinite, are_finite(numbers), arrival,
                                  [&] { return fmt::format("position ({}, {}, {})", m.x, m.y, m.z); });
-  VisionSample s;
-  const bool is_time = to_stamp(m.usec, s.stamp);
-  if (!is_time) book.judge(Rule::kStamps, false, arrival, [&] { return fmt::format("usec {}", m.usec); });
-  if (!usable || !is_time) return std::nullopt;
-  s.arrival = arrival;
-  s.p_L = Vec3(m.x, m.y, m.z);
+  if (!judge_time("usec", m.usec, arrival, book) || !usable) return std::nullopt;
+  VisionSample s = sample_of(m, m.usec, m.covariance, arrival);
   s.q_LF = Eigen::AngleAxisd(m.yaw, Vec3::UnitZ()) * Eigen::AngleAxisd(m.pitch, Vec3::UnitY()) *
            Eigen::AngleAxisd(m.roll, Vec3::UnitX());
-  s.sigma_p = sigmas(m.covariance, 0);
-  s.sigma_angle = sigmas(m.covariance, 3);
-  s.reset_counter = m.reset_counter;
   s.is_north = true;
   return s;
 }

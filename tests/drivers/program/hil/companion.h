@@ -3,14 +3,12 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <deque>
 #include <functional>
 #include <numbers>
 #include <optional>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "drivers/program/hil/controller_model.h"
 
@@ -56,7 +54,7 @@ inline mavlink::Odometry odometry_at(HostStamp t) {
 }
 
 /// The same in a world that is turned and shifted.
-inline std::optional<TruthState> truth_at(HostStamp t) {
+inline std::optional<TruthState> spiral_truth_at(HostStamp t) {
   const Spiral s(t);
   const Mat3 turn = Eigen::AngleAxisd(0.7, Vec3::UnitZ()).toRotationMatrix();
   TruthState truth;
@@ -65,6 +63,16 @@ inline std::optional<TruthState> truth_at(HostStamp t) {
   truth.v_WB = turn * Vec3(-speed * std::sin(s.angle), speed * std::cos(s.angle), kClimb_m_s);
   truth.R_WB = turn * Eigen::AngleAxisd(s.angle + std::numbers::pi / 2, Vec3::UnitZ()).toRotationMatrix();
   return truth;
+}
+
+template <class Message>
+std::pair<double, mavlink::Packet> at(double t, const Message& message) {
+  return {t, mavlink::pack(message, mavlink::Address{}, 0)};
+}
+inline std::pair<double, mavlink::Packet> text_at(double t, const std::string& text) {
+  mavlink::StatusText m;
+  std::copy(text.begin(), text.end(), m.text.begin());
+  return at(t, m);
 }
 
 /// A companion computer, whose habits a test may spoil. Times in seconds since the begin.
@@ -79,18 +87,14 @@ struct Companion {
   mavlink::Heartbeat heartbeat{.system_status = 4};
   std::function<void(mavlink::Odometry&, double t)> spoil = [](mavlink::Odometry&, double) {};
   std::function<bool(double t)> sends = [](double) { return true; };
-  std::vector<std::pair<double, std::string>> texts;
+  std::deque<std::pair<double, mavlink::Packet>> more;  ///< in time order, numbered when they are sent
   bool skip_a_number = false;
-  std::vector<std::pair<double, mavlink::SetGpsGlobalOrigin>> origins;
 };
 
 class Bench {
  public:
   Bench(const Companion& companion, ControllerSettings settings)
-      : companion_(companion),
-        model_(settings, truth_at),
-        texts_(companion.texts.begin(), companion.texts.end()),
-        origins_(companion.origins.begin(), companion.origins.end()) {}
+      : companion_(companion), model_(settings, spiral_truth_at) {}
 
   Verdict run() {
     const auto steps = static_cast<int>(companion_.duration_s * 1000);
@@ -100,35 +104,31 @@ class Bench {
   const ControllerModel& model() const { return model_; }
 
  private:
-  template <class Message>
-  void send(const Message& message, HostStamp now) {
+  void send(mavlink::Packet packet, HostStamp now) {
     if (companion_.skip_a_number && sequence_ == 100) ++sequence_;
-    model_.receive(mavlink::pack(message, companion_.address, sequence_++), now);
+    packet.from = companion_.address;
+    packet.sequence = sequence_++;
+    model_.receive(packet, now);
+  }
+
+  void send_due(std::deque<std::pair<double, mavlink::Packet>>& packets, double t, HostStamp now) {
+    for (; !packets.empty() && t >= packets.front().first; packets.pop_front()) send(packets.front().second, now);
   }
 
   void step(double t) {
     const HostStamp now = kBegin + Span::from_seconds(t);
     if (t >= next_heartbeat_) {
       next_heartbeat_ += companion_.heartbeat_s;
-      send(companion_.heartbeat, now);
+      send(at(t, companion_.heartbeat).second, now);
     }
-    while (!texts_.empty() && t >= texts_.front().first) {
-      mavlink::StatusText m;
-      std::memcpy(m.text.data(), texts_.front().second.data(), std::min(texts_.front().second.size(), m.text.size()));
-      send(m, now);
-      texts_.pop_front();
-    }
-    for (; !origins_.empty() && t >= origins_.front().first; origins_.pop_front()) send(origins_.front().second, now);
+    send_due(companion_.more, t, now);
     if (t >= next_odometry_) {
       next_odometry_ += 1 / companion_.rate_hz;
       mavlink::Odometry m = odometry_at(now - Span::from_seconds(companion_.latency_s));
       companion_.spoil(m, t);
-      if (companion_.sends(t)) send(m, now);
+      if (companion_.sends(t)) send(at(t, m).second, now);
     }
-    while (!answers_.empty() && t >= answers_.front().first) {
-      send(answers_.front().second, now);
-      answers_.pop_front();
-    }
+    send_due(answers_, t, now);
     while (const mavlink::Packet* packet = model_.next(now)) hear(*packet, now, t);
   }
 
@@ -137,14 +137,12 @@ class Bench {
     if (!mavlink::unpack(packet, m) || m.tc1 != 0 || companion_.answer_s < 0) return;
     const double jump = t > 0.5 * companion_.duration_s ? companion_.clock_jump_s : 0;
     m.tc1 = (now + Span::from_seconds(0.5 * companion_.answer_s + jump)).ns;
-    answers_.emplace_back(t + companion_.answer_s, m);
+    answers_.push_back(at(t + companion_.answer_s, m));
   }
 
   Companion companion_;
   ControllerModel model_;
-  std::deque<std::pair<double, std::string>> texts_;
-  std::deque<std::pair<double, mavlink::SetGpsGlobalOrigin>> origins_;
-  std::deque<std::pair<double, mavlink::Timesync>> answers_;
+  std::deque<std::pair<double, mavlink::Packet>> answers_;
   double next_heartbeat_ = 0.1, next_odometry_ = 0.2;
   std::uint8_t sequence_ = 0;
 };

@@ -30,8 +30,7 @@ void at_3_s(double t, const std::function<void()>& change) {
 
 TEST(ControllerModel, ASoundCompanionIsAccepted) {
   Companion companion;
-  companion.texts = {{0.15, "tracking"}};
-  companion.origins = {{1, kZurich}, {6, kZurich}};
+  companion.more = {text_at(0.15, "tracking"), at(1, kZurich), at(6, kZurich)};
   ControllerSettings ardupilot = settings();
   ardupilot.wants_origin = true;
   const Verdict verdict = Bench(companion, ardupilot).run();
@@ -42,7 +41,7 @@ TEST(ControllerModel, ASoundCompanionIsAccepted) {
     return rule >= Rule::kCanFrames || is_turn ? RuleState::kNotSeen : RuleState::kKept;
   };
   for (const RuleVerdict& v : verdict.rules)
-    EXPECT_EQ(v.state, state_of(v.rule)) << info_of(v.rule).name << ": each rule had its occasion";
+    EXPECT_EQ(v.state(), state_of(v.rule)) << info_of(v.rule).name << ": each rule had its occasion";
 }
 
 TEST(ControllerModel, LatencyIsMeasuredInItsOwnClock) {
@@ -179,30 +178,20 @@ const std::vector<Offence> kOffences = {
        };
      },
      {Rule::kInnovation}},
-    {"an_empty_text",
-     [](Companion& c) {
-       c.texts = {{3, ""}};
-     },
-     {Rule::kStatusText}},
-    {"a_text_of_bytes",
-     [](Companion& c) {
-       c.texts = {{3, "\x01\x02"}};
-     },
-     {Rule::kStatusText}},
+    {"an_empty_text", [](Companion& c) { c.more = {text_at(3, "")}; }, {Rule::kStatusText}},
+    {"a_text_of_bytes", [](Companion& c) { c.more = {text_at(3, "\x01\x02")}; }, {Rule::kStatusText}},
     {"talks_all_the_time",
      [](Companion& c) {
-       for (int i = 0; i < 20; ++i) c.texts.emplace_back(1 + 0.1 * i, "tracking");
+       for (int i = 0; i < 20; ++i) c.more.push_back(text_at(1 + 0.1 * i, "tracking"));
      },
      {Rule::kStatusText}},
     {"an_origin_that_moves",
      [](Companion& c) {
-       c.origins = {{1, kZurich}, {2, moved(&mavlink::SetGpsGlobalOrigin::longitude, 85455950)}};
+       c.more = {at(1, kZurich), at(2, moved(&mavlink::SetGpsGlobalOrigin::longitude, 85455950))};
      },
      {Rule::kOrigin}},
     {"an_origin_off_the_earth",
-     [](Companion& c) {
-       c.origins = {{1, moved(&mavlink::SetGpsGlobalOrigin::latitude, 900000001)}};
-     },
+     [](Companion& c) { c.more = {at(1, moved(&mavlink::SetGpsGlobalOrigin::latitude, 900000001))}; },
      {Rule::kOrigin}},
 };
 
