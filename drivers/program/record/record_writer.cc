@@ -73,9 +73,9 @@ bool RecordWriter::write_readings() {
 bool RecordWriter::write_image() {
   const WaitingImage* const waiting = images_in_.front();
   if (waiting == nullptr) return true;
-  bool good = write(0, images_in_.image_of(*waiting));
-  for (std::size_t i = 0; i < kMostOthers; ++i)
-    if (waiting->others[i]) good = good && write(i + 1, images_in_.other_of(*waiting, i));
+  bool good = true;
+  for (std::size_t i = 0; i <= kMostOthers; ++i)
+    if (waiting->stamps[i]) good = good && write(i, images_in_.image_of(*waiting, i));
   images_in_.pop();
   if (good) bump(images_);
   return good;

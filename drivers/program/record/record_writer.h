@@ -2,7 +2,6 @@
 // The thread that writes a recording: readings first, then one image after the other.
 #include <atomic>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <thread>
 

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <csignal>
 #include <memory>
 #include <optional>
 #include <system_error>
@@ -15,6 +14,7 @@
 #include "drivers/program/record/recording_files.h"
 #include "drivers/program/record/sample_intake.h"
 #include "platform/linux/signals.h"
+#include "platform/linux/step_thread.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline {
@@ -25,8 +25,6 @@ constexpr Span kRecordRound = Span::from_milliseconds(50);  // between looks at 
 constexpr Span kWriteAtEnd = Span::from_milliseconds(100);  // for images that wait when it ends
 constexpr double kStart_s = 3;                              // sensors give something by then
 constexpr double kAhead_s = 3;  // at the current rate, beyond what is kept free: a disk is not asked all the time
-
-double seconds_of(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
 
 /// Closes what was opened, whichever way the recording ends.
 class OpenSensors {
@@ -67,21 +65,19 @@ class OpenSensors {
 class RateWatch {
  public:
   void step(RecordState& state) {
-    if (state.seconds - since_s_ >= 1) {
-      const double passed = state.seconds - since_s_;
-      image_hz_ = static_cast<double>(state.counts.images - images_) / passed;
-      reading_hz_ = static_cast<double>(state.counts.readings - readings_) / passed;
-      since_s_ = state.seconds;
-      images_ = state.counts.images;
-      readings_ = state.counts.readings;
+    const double passed = state.seconds - before_.seconds;
+    const auto rate = [&](std::uint64_t now, std::uint64_t before) {
+      return static_cast<double>(now - before) / passed;
+    };
+    if (passed >= 1) {
+      state.image_rate_hz = rate(state.counts.images, before_.counts.images);
+      state.reading_rate_hz = rate(state.counts.readings, before_.counts.readings);
+      before_ = state;
     }
-    state.image_rate_hz = image_hz_;
-    state.reading_rate_hz = reading_hz_;
   }
 
  private:
-  double since_s_ = 0, image_hz_ = 0, reading_hz_ = 0;
-  std::uint64_t images_ = 0, readings_ = 0;
+  RecordState before_;
 };
 
 /// How long the disk lasts. The rate is that of all bytes since the first ones.
@@ -145,7 +141,7 @@ class Recorder {
     if (!space_.step(state_)) return end = RecordEnd::kDiskFull, false;
     if (!is_described_ && state_.seconds > kStart_s && state_.image_rate_hz > 0) describe();
     if (state_.seconds >= options_.duration_s) return end = RecordEnd::kDuration, false;
-    if (camera_thread_.has_ended() && imu_thread_.has_ended()) return end = RecordEnd::kSources, false;
+    if (!camera_thread_.is_running() && !imu_thread_.is_running()) return end = RecordEnd::kSources, false;
     return !writer_.has_failed() && description_;
   }
 
@@ -168,8 +164,10 @@ class Recorder {
  private:
   void update() {
     const std::int64_t now_ns = monotonic_ns();
-    const auto silent_s = [&](std::int64_t newest_ns) { return seconds_of(now_ns - std::max(newest_ns, start_ns_)); };
-    state_.seconds = seconds_of(now_ns - start_ns_);
+    const auto silent_s = [&](std::int64_t newest_ns) {
+      return Span{now_ns - std::max(newest_ns, start_ns_)}.seconds();
+    };
+    state_.seconds = Span{now_ns - start_ns_}.seconds();
     state_.counts = {writer_.images(),   images_->missed(),  images_->unwritten(), images_->old(),
                      images_->resized(), writer_.readings(), readings_->missed(),  readings_->unwritten()};
     state_.bytes = writer_.bytes();
@@ -182,7 +180,7 @@ class Recorder {
   void describe() {
     is_described_ = true;
     const EstimatorConfig& e = settings_.config.estimator;
-    RecordedSensors sensors{{}, {}, images_->width(), images_->height(), 0, 0, "epiline record"};
+    RecordedSensors sensors{{}, {}, images_->width(), images_->height()};
     if (settings_.has_camera_calibration())
       sensors.cameras[0] = {settings_.camera, e.extrinsics.R_BC, e.extrinsics.p_BC, e.extrinsics.time_offset_s};
     for (std::size_t i = 0; i < kMostOthers; ++i) {
@@ -204,7 +202,7 @@ class Recorder {
   std::unique_ptr<ImageIntake> images_;
   std::unique_ptr<ReadingIntake> readings_;
   RecordWriter writer_;
-  IntakeThread imu_thread_, camera_thread_;
+  StepThread imu_thread_, camera_thread_;
   std::int64_t start_ns_ = 0;
   RecordState state_;
   RateWatch rates_;

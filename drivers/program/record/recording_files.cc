@@ -6,28 +6,29 @@
 
 #include "pipeline/config/asl.h"
 #include "pipeline/text/table.h"
-#include "pipeline/text/text.h"
 
 namespace epiline {
 namespace fs = std::filesystem;
 
 namespace {
 
+constexpr const char* kComment = "epiline record";
+
+std::string uncalibrated(const char* missing, const char* sensor, double rate_hz) {
+  return fmt::format(
+      "# not calibrated: put the {} in place of this file\nsensor_type: {}\ncomment: \"{}\"\nrate_hz: {:.6g}\n",
+      missing, sensor, kComment, rate_hz);
+}
+
 std::string camera_text(const RecordedSensors& s, const std::optional<CameraCalibration>& camera) {
-  if (camera) return asl_camera(*camera, s.image_rate_hz, s.comment);
-  Text out;
-  out.print("# not calibrated: put the calibration in place of this file\n");
-  out.print("sensor_type: camera\ncomment: \"{}\"\nrate_hz: {:.6g}\n", s.comment, s.image_rate_hz);
-  if (s.width > 0) out.print("resolution: [{}, {}]\n", s.width, s.height);
-  return out;
+  if (camera) return asl_camera(*camera, s.image_rate_hz, kComment);
+  const std::string size = s.width > 0 ? fmt::format("resolution: [{}, {}]\n", s.width, s.height) : "";
+  return uncalibrated("calibration", "camera", s.image_rate_hz) + size;
 }
 
 std::string imu_text(const RecordedSensors& s) {
   if (s.imu) return asl_imu(*s.imu);
-  Text out;
-  out.print("# not calibrated: put the noise densities in place of this file\n");
-  out.print("sensor_type: imu\ncomment: \"{}\"\nrate_hz: {:.6g}\n", s.comment, s.reading_rate_hz);
-  return out;
+  return uncalibrated("noise densities", "imu", s.reading_rate_hz);
 }
 
 /// The old file stays until the new one is whole.

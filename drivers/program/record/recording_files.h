@@ -25,7 +25,6 @@ struct RecordedSensors {
   std::optional<ImuCalibration> imu;
   int width = 0, height = 0;
   double image_rate_hz = 0, reading_rate_hz = 0;
-  std::string comment;
 };
 
 /// One thread uses it; another one may destroy it.

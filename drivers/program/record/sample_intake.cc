@@ -7,7 +7,6 @@
 #include <cstring>
 #include <new>
 #include <thread>
-#include <utility>
 
 #include "platform/concurrency/counter.h"
 #include "platform/time/monotonic.h"
@@ -24,25 +23,6 @@ bool goes_on(ReadOutcome outcome) noexcept {
 }
 
 }  // namespace
-
-bool IntakeThread::start(const ThreadSettings& settings, std::function<bool()> step) {
-  step_ = std::move(step);
-  const auto body = [](void* self) {
-    auto& intake = *static_cast<IntakeThread*>(self);
-    while (!intake.stops_.load(std::memory_order_relaxed)) {
-      if (!intake.step_()) {
-        intake.ended_.store(true, std::memory_order_relaxed);
-        return;
-      }
-    }
-  };
-  return thread_.start(settings, body, this);
-}
-
-void IntakeThread::stop() noexcept {
-  stops_.store(true, std::memory_order_relaxed);
-  thread_.join();
-}
 
 bool ImageIntake::step() noexcept {
   Frame frame;
@@ -61,25 +41,24 @@ void ImageIntake::take(const Frame& frame, const OtherFrames& others) noexcept {
   sequence_ = frame.sequence;
   if (frame.width != width() || frame.height != height_) return bump(resized_);
   if (!is_first && frame.stamp <= last_) return bump(old_);
-  WaitingImage image{frame.stamp, {}, 0};
+  WaitingImage image;
   if (!find_buffer(image.buffer)) return bump(unwritten_);
-  std::uint8_t* const pixels = pixels_.data() + image.buffer * image_bytes_ * cameras_;
-  copy(frame, pixels);
-  for (std::size_t i = 0; i + 1 < cameras_; ++i) {
-    const Frame& other = others[i];
-    if (other.data == nullptr || other.width != frame.width || other.height != frame.height) continue;
-    copy(other, pixels + (i + 1) * image_bytes_);
-    image.others[i] = other.stamp;
+  copy(frame, 0, image);
+  for (std::size_t i = 1; i < cameras_; ++i) {
+    const Frame& other = others[i - 1];
+    if (other.data != nullptr && other.width == frame.width && other.height == frame.height) copy(other, i, image);
   }
   last_ = frame.stamp;
   waiting_.push(image);  // never full: there are no more buffers than places
   wakes_.notify();
 }
 
-void ImageIntake::copy(const Frame& from, std::uint8_t* to) noexcept {
+void ImageIntake::copy(const Frame& from, std::size_t camera, WaitingImage& to) noexcept {
+  to.stamps[camera] = from.stamp;
   const auto width = static_cast<std::size_t>(from.width);
-  for (int y = 0; y < from.height; ++y, to += width)
-    std::memcpy(to, from.data + std::ptrdiff_t{y} * from.stride, width);
+  std::uint8_t* pixels = pixels_.data() + (to.buffer * cameras_ + camera) * image_bytes_;
+  for (int y = 0; y < from.height; ++y, pixels += width)
+    std::memcpy(pixels, from.data + std::ptrdiff_t{y} * from.stride, width);
 }
 
 /// Without memory there is no buffer, and every image counts as unwritten.
@@ -102,19 +81,12 @@ bool ImageIntake::find_buffer(std::uint16_t& buffer) noexcept {
   return true;
 }
 
-Frame ImageIntake::image_of(const WaitingImage& waiting) const noexcept {
+Frame ImageIntake::image_of(const WaitingImage& waiting, std::size_t camera) const noexcept {
   Frame frame;
-  frame.stamp = waiting.stamp;
-  frame.data = pixels_.data() + waiting.buffer * image_bytes_ * cameras_;
+  frame.stamp = *waiting.stamps[camera];
+  frame.data = pixels_.data() + (waiting.buffer * cameras_ + camera) * image_bytes_;
   frame.width = frame.stride = width();
   frame.height = height_;
-  return frame;
-}
-
-Frame ImageIntake::other_of(const WaitingImage& waiting, std::size_t other) const noexcept {
-  Frame frame = image_of(waiting);
-  frame.stamp = *waiting.others[other];
-  frame.data += (other + 1) * image_bytes_;
   return frame;
 }
 

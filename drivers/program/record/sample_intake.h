@@ -1,6 +1,7 @@
 #pragma once
 // The threads that read camera and IMU for a recording. Neither waits for the disk: if a ring is full, the newest
 // element is dropped and counted.
+#include <array>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
@@ -10,32 +11,15 @@
 
 #include "platform/concurrency/parking.h"
 #include "platform/concurrency/spsc_ring.h"
-#include "platform/linux/realtime.h"
 #include "platform/ports/ports.h"
 #include "platform/time/interval_tracker.h"
 
 namespace epiline {
 
-/// Runs a step on a thread of its own, until the step returns false or stop().
-class IntakeThread {
- public:
-  ~IntakeThread() { stop(); }
-  /// False if and only if the system cannot start a thread.
-  bool start(const ThreadSettings& settings, std::function<bool()> step);
-  void stop() noexcept;
-  /// True if the source has ended.
-  bool has_ended() const noexcept { return ended_.load(std::memory_order_relaxed); }
-
- private:
-  std::function<bool()> step_;
-  std::atomic<bool> stops_{false}, ended_{false};
-  RealtimeThread thread_;
-};
-
 /// An image that waits for the disk.
 struct WaitingImage {
-  HostStamp stamp;
-  std::array<std::optional<HostStamp>, kMostOthers> others;  ///< of the other cameras' images, which stand behind it
+  /// Of each camera's image; none: it has none. The pixels stand one behind the other.
+  std::array<std::optional<HostStamp>, kMostOthers + 1> stamps;
   std::uint16_t buffer = 0;
 };
 
@@ -51,9 +35,8 @@ class ImageIntake {
 
   // Writing thread only.
   const WaitingImage* front() noexcept { return waiting_.front(); }
-  Frame image_of(const WaitingImage& waiting) const noexcept;
-  /// That of another camera, from 0; only if there is one.
-  Frame other_of(const WaitingImage& waiting, std::size_t other) const noexcept;
+  /// Of that camera, which must have one.
+  Frame image_of(const WaitingImage& waiting, std::size_t camera) const noexcept;
   /// Releases the buffer of front().
   void pop() noexcept;
 
@@ -71,7 +54,7 @@ class ImageIntake {
   static constexpr std::size_t kFewest = 4, kMost = 64;
 
   void take(const Frame& frame, const OtherFrames& others) noexcept;
-  static void copy(const Frame& from, std::uint8_t* to) noexcept;
+  void copy(const Frame& from, std::size_t camera, WaitingImage& to) noexcept;
   void make_buffers(const Frame& first) noexcept;
   bool find_buffer(std::uint16_t& buffer) noexcept;
 

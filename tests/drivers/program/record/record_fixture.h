@@ -2,39 +2,29 @@
 // A recording of a camera and an IMU that stand.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
-#include <filesystem>
-#include <fstream>
 #include <functional>
-#include <iterator>
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
 
 #include "drivers/flights/recordings/asl_dataset.h"
 #include "drivers/program/record/recorder.h"
+#include "tests/drivers/program/program.h"
 #include "tests/drivers/program/standing_sensors.h"
 
 namespace epiline::test {
-
-inline std::string text_of_file(const std::filesystem::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
 
 class Recording : public testing::Test {
  protected:
   Recording() {
     settings.source = "record.toml";
-    options.out =
-        std::filesystem::path(testing::TempDir()) /
-        ("record_" + std::to_string(getpid()) + testing::UnitTest::GetInstance()->current_test_info()->name());
-    std::filesystem::remove_all(options.out);
+    options.out = scratch();
+    fs::remove_all(options.out);
     place<StandingCamera>();
     place_imu<StandingImu>();
   }
-  ~Recording() override { std::filesystem::remove_all(options.out); }
+  ~Recording() override { fs::remove_all(options.out); }
 
   template <class C>
   C& place() {
@@ -56,14 +46,24 @@ class Recording : public testing::Test {
     return record(settings, devices, options,
                   [&](const RecordState& state) { return !is_enough(state) && state.seconds < 60; });
   }
-  std::filesystem::path root() const { return options.out / "mav0"; }
+  RecordSummary recorded_until(const std::function<bool(const RecordState&)>& is_enough) {
+    const auto r = run_until(is_enough);
+    EXPECT_TRUE(r) << r.error().text();
+    return r ? *r : RecordSummary{};
+  }
+  Error failure_until(const std::function<bool(const RecordState&)>& is_enough) {
+    const auto r = run_until(is_enough);
+    EXPECT_FALSE(r);
+    return r ? Error{} : r.error();
+  }
+  fs::path root() const { return options.out / "mav0"; }
   std::size_t files_of_images() const {
-    return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(root() / "cam0/data"), {}));
+    return static_cast<std::size_t>(std::distance(fs::directory_iterator(root() / "cam0/data"), {}));
   }
   /// What a recording must be at any instant: each listed image is whole, and each line is.
   void expect_readable(std::size_t fewest_images) const {
     for (const char* list : {"cam0/data.csv", "imu0/data.csv"}) {
-      const std::string text = text_of_file(root() / list);
+      const std::string text = read(root() / list);
       ASSERT_FALSE(text.empty()) << list;
       EXPECT_EQ(text.back(), '\n') << list;
     }
