@@ -1,7 +1,5 @@
 #include "drivers/program/bench/bench.h"
 
-#include <memory>
-
 #include "drivers/program/cli/commands.h"
 #include "drivers/program/cli/progress_bar.h"
 #include "drivers/program/cli/say.h"
@@ -10,11 +8,15 @@ namespace epiline {
 
 namespace {
 
-int bench_command(double duration_s) {
+struct BenchArguments {
+  double duration_s = 20;
+};
+
+int bench_command(BenchArguments& arguments) {
   ProgressBar bar(false);
   const BoardState before = board_state();
   BoardState after;
-  const FlightRecord record = fly_made_up(duration_s, [&](std::size_t done, std::size_t all) {
+  const FlightRecord record = fly_made_up(arguments.duration_s, [&](std::size_t done, std::size_t all) {
     bar(done, all);
     if (done == all) after = board_state();  // before the processor slows down again
   });
@@ -27,16 +29,16 @@ int bench_command(double duration_s) {
 }  // namespace
 
 void add_bench(CLI::App& app, int& exit_code) {
-  const auto duration_s = std::make_shared<double>(20);
-  CLI::App* command = app.add_subcommand(
-      "bench",
+  const auto [command, arguments] = add_command(
+      app, exit_code, kAnalyse, "bench",
       "Measure this computer in ten seconds, without devices and data: `epiline bench`; whether it gets too hot: "
-      "`epiline bench --duration 600`");
-  command->group(kAnalyse);
-  command->add_option("--duration", *duration_s, "seconds of the flight, whose images and IMU samples are made up")
+      "`epiline bench --duration 600`",
+      bench_command);
+  command
+      ->add_option("--duration", arguments->duration_s,
+                   "seconds of the flight, whose images and IMU samples are made up")
       ->check(CLI::Range(5.0, 3600.0))
       ->capture_default_str();
-  command->callback([duration_s, &exit_code] { exit_code = bench_command(*duration_s); });
 }
 
 }  // namespace epiline

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <string>
 
@@ -56,7 +55,7 @@ std::string text_of(const CharucoBoard& board) {
                      1e3 * board.height_m());
 }
 
-int write_board(const BoardArguments& arguments) {
+int write_board(BoardArguments& arguments) {
   const auto board = board_of(arguments);
   if (!board) return report(board.error());
   if (tags_of(*board) > kTagsOfFamily) {
@@ -83,9 +82,8 @@ int write_board(const BoardArguments& arguments) {
 }  // namespace
 
 void add_board(CLI::App& app, int& exit_code) {
-  const auto arguments = std::make_shared<BoardArguments>();
-  CLI::App* command = app.add_subcommand("board", "Write a calibration board to print, and its description");
-  command->group(kFly);
+  const auto [command, arguments] = add_command(app, exit_code, kFly, "board",
+                                                "Write a calibration board to print, and its description", write_board);
   command->add_option("--out", arguments->out, "PDF file; the description goes to the same name with .yaml")
       ->required();
   add_force(*command, arguments->foreign);
@@ -106,7 +104,6 @@ void add_board(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(0.1, 1.0));
   command->add_option("--square-mm", arguments->square_mm, "charuco: side of a square (default 26)")
       ->check(CLI::Range(6.0, 1000.0));
-  command->callback([arguments, &exit_code] { exit_code = write_board(*arguments); });
 }
 
 }  // namespace epiline

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdio>
 #include <map>
-#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -102,7 +101,7 @@ Status record_waves(CalibrateArguments& a) {
                                               : Error{ErrorKind::kRun, "", 0, "ended by " + signal + ", " + kept, ""};
 }
 
-int run_calibration(CalibrateArguments arguments) {
+int run_calibration(CalibrateArguments& arguments) {
   CalibrateSettings& settings = arguments.settings;
   if (!arguments.model.empty()) settings.model = kModels.at(arguments.model);
   if (!arguments.resolution.empty() && !parse_size(arguments.resolution, settings.width, settings.height)) {
@@ -141,11 +140,10 @@ int run_calibration(CalibrateArguments arguments) {
 }  // namespace
 
 void add_calibrate(CLI::App& app, int& exit_code) {
-  const auto arguments = std::make_shared<CalibrateArguments>();
+  const auto [command, arguments] = add_command(
+      app, exit_code, kFly, "calibrate",
+      "Find lens, camera-IMU pose, time offset and IMU noise from a waved calibration board", run_calibration);
   CalibrateSettings& settings = arguments->settings;
-  CLI::App* command = app.add_subcommand(
-      "calibrate", "Find lens, camera-IMU pose, time offset and IMU noise from a waved calibration board");
-  command->group(kFly);
   command->add_option(
       "DATASET", settings.dataset,
       "an ASL folder, as `epiline record` writes it. Without it, camera and IMU of --config are recorded into "
@@ -164,10 +162,8 @@ void add_calibrate(CLI::App& app, int& exit_code) {
   command->add_option("--camera", settings.camera, "folder of the camera in the data set")->capture_default_str();
   command->add_option("--guess", settings.guess,
                       "camera calibration to start from; \"none\": nothing. Default: the data set's sensor.yaml");
-  std::vector<std::string> names;
-  for (const auto& [name, model] : kModels) names.push_back(name);
   command->add_option("--model", arguments->model, "lens model; default: the guess's, else the one that fits best")
-      ->check(CLI::IsMember(names));
+      ->check(CLI::IsMember(kModels));
   command->add_option("--resolution", arguments->resolution, "size of the images, where there are corners alone")
       ->type_name("WIDTHxHEIGHT");
   command->add_option("--imu", settings.imu_file, "the IMU's calibration; default: the data set's");
@@ -178,7 +174,6 @@ void add_calibrate(CLI::App& app, int& exit_code) {
                    "leave out images after this much time, s; without DATASET: record so long")
       ->type_name("S");
   command->add_flag("--json", arguments->json, "print calibration.json instead of a summary");
-  command->callback([arguments, &exit_code] { exit_code = run_calibration(*arguments); });
 }
 
 }  // namespace epiline

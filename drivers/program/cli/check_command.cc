@@ -3,13 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <csignal>
 #include <cstdio>
 #include <limits>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "drivers/program/check/check.h"
@@ -33,50 +32,39 @@ struct CheckArguments {
   bool json = false;
 };
 
+constexpr std::pair<const char*, std::vector<ListedDevice> Inventory::*> kPresent[] = {
+    {"cameras", &Inventory::cameras}, {"iio", &Inventory::iio},       {"spi", &Inventory::spi},
+    {"gpio", &Inventory::gpio},       {"serial", &Inventory::serial}, {"can", &Inventory::can}};
+
 void print_lines(const Findings& findings, const Inventory& inventory) {
   for (const Finding& f : findings) {
     fmt::print("{:7}  {}: {}{}{}\n", kGradeNames[static_cast<std::size_t>(f.grade)], f.device, f.text,
                f.remedy.empty() ? "" : "; ", f.remedy);
   }
-  fmt::print("present  cameras: {}\n", to_text(inventory.cameras));
-  fmt::print("present  iio: {}\n", to_text(inventory.iio));
-  fmt::print("present  spi: {}\n", to_text(inventory.spi));
-  fmt::print("present  gpio: {}\n", to_text(inventory.gpio));
-  fmt::print("present  serial: {}\n", to_text(inventory.serial));
-  fmt::print("present  can: {}\n", to_text(inventory.can));
+  for (const auto& [name, devices] : kPresent) fmt::print("present  {}: {}\n", name, to_text(inventory.*devices));
 }
 
-void print_json(const Findings& findings, const Inventory& inventory) {
+nlohmann::ordered_json json_of(const Findings& findings, const Inventory& inventory) {
   nlohmann::ordered_json root;
   root["schema"] = 1;
   root["findings"] = nlohmann::ordered_json::array();
   for (const Finding& f : findings) {
-    nlohmann::ordered_json entry;
-    entry["grade"] = kGradeNames[static_cast<std::size_t>(f.grade)];
-    entry["device"] = f.device;
-    entry["text"] = f.text;
-    entry["remedy"] = f.remedy;
-    root["findings"].push_back(entry);
+    root["findings"].push_back({{"grade", kGradeNames[static_cast<std::size_t>(f.grade)]},
+                                {"device", f.device},
+                                {"text", f.text},
+                                {"remedy", f.remedy}});
   }
-  const auto list = [](const std::vector<ListedDevice>& devices) {
-    auto all = nlohmann::ordered_json::array();
-    for (const ListedDevice& d : devices) all.push_back({{"path", d.path}, {"name", d.name}});
-    return all;
-  };
-  root["present"]["cameras"] = list(inventory.cameras);
-  root["present"]["iio"] = list(inventory.iio);
-  root["present"]["spi"] = list(inventory.spi);
-  root["present"]["gpio"] = list(inventory.gpio);
-  root["present"]["serial"] = list(inventory.serial);
-  root["present"]["can"] = list(inventory.can);
-  // device names may hold any bytes
-  fmt::print("{}\n", root.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
+  for (const auto& [name, devices] : kPresent) {
+    auto& all = root["present"][name] = nlohmann::ordered_json::array();
+    for (const ListedDevice& d : inventory.*devices) all.push_back({{"path", d.path}, {"name", d.name}});
+  }
+  return root;
 }
 
 int print(const Findings& findings, bool json) {
   const Inventory inventory = list_devices();
   if (json)
-    print_json(findings, inventory);
+    print_json(json_of(findings, inventory));
   else
     print_lines(findings, inventory);
   const bool is_bad =
@@ -105,7 +93,7 @@ Result<std::unique_ptr<CheckView>> open_check_view(const std::string& address_te
   return view;
 }
 
-int check(const CheckArguments& options) {
+int check_command(CheckArguments& options) {
   const auto config = find_config(options.config);
   if (!config) return report(config.error());
   // an error in the configuration is wrong input, not a finding about a device
@@ -143,9 +131,9 @@ int check(const CheckArguments& options) {
 }  // namespace
 
 void add_check(CLI::App& app, int& exit_code) {
-  const auto options = std::make_shared<CheckArguments>();
-  CLI::App* command = app.add_subcommand("check", "Test the configured devices, and say what is wrong and what to do");
-  command->group(kFly);
+  const auto [command, options] =
+      add_command(app, exit_code, kFly, "check", "Test the configured devices, and say what is wrong and what to do",
+                  check_command);
   add_settings(*command, options->config, options->set,
                "configuration file (TOML) of epiline run; default: /etc/epiline/epiline.toml, else ./epiline.toml");
   command
@@ -158,7 +146,6 @@ void add_check(CLI::App& app, int& exit_code) {
                    "serve a page that shows camera, IMU and findings meanwhile; port 0 takes any free port")
       ->type_name("[ADDRESS:]PORT");
   command->add_flag("--json", options->json, "print the findings as JSON");
-  command->callback([options, &exit_code] { exit_code = check(*options); });
 }
 
 }  // namespace epiline

@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <exception>
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "drivers/program/cli/say.h"
@@ -19,11 +18,13 @@ namespace epiline {
 
 namespace {
 
-bool is_json = false;
+bool is_json = false;  // the command line has --json
 
 }  // namespace
 
-void report_as_json() { is_json = true; }
+void print_json(const nlohmann::ordered_json& root) {
+  std::puts(root.dump(2, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+}
 
 int report(const Error& error) {
   const std::string line = "epiline: error: " + error.text() + "\n";
@@ -37,7 +38,7 @@ int report(const Error& error) {
     e["line"] = error.line > 0 ? nlohmann::ordered_json(error.line) : nullptr;
     e["found"] = error.found;
     e["expected"] = error.expected;
-    std::puts(root.dump(2, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+    print_json(root);
   }
   return error.kind == ErrorKind::kUsage ? kExitUsage : kExitRunFailed;
 }
@@ -102,8 +103,7 @@ int run(int argc, char** argv, const char* name, const char* description,
   app.require_subcommand(1);
   app.set_version_flag("--version", EPILINE_VERSION);
   add(app, exit_code);
-  if (std::find(argv + 1, argv + std::max(argc, 1), std::string_view("--json")) != argv + std::max(argc, 1))
-    report_as_json();
+  is_json = std::find(argv + 1, argv + std::max(argc, 1), std::string_view("--json")) != argv + std::max(argc, 1);
   const auto commands = app.get_subcommands([](const CLI::App*) { return true; });
   const auto is_named = [&](const CLI::App* command) { return argc > 1 && command->check_name(argv[1]); };
   const bool is_known = std::any_of(commands.begin(), commands.end(), is_named);

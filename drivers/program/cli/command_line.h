@@ -5,8 +5,10 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "drivers/program/view/live_view.h"
@@ -25,14 +27,25 @@ int report(const Error& error);
 /// After a signal asked the command to end: reports how far it came, as in "ended by SIGTERM after 12 of 60 images",
 /// and what is in `out`.
 int report_ended(std::size_t done, std::size_t all, const std::string& unit, const std::string& out);
-/// From now on errors are also written as JSON.
-void report_as_json();
 
 /// The page of --view; null without the option. Prints the address, because port 0 takes any free port.
 Result<std::unique_ptr<LiveView>> open_view(const std::string& text);
 
 /// Headings under which the help lists the commands.
 inline constexpr char kFly[] = "Fly", kAnalyse[] = "Analyse a flight";
+
+/// Adds a command under a heading of the help. Its options fill the arguments; `run` then gives the exit code.
+template <class Arguments>
+std::pair<CLI::App*, Arguments*> add_command(CLI::App& app, int& exit_code, const char* heading, const char* name,
+                                             const char* help, int (*run)(Arguments&)) {
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App* const command = app.add_subcommand(name, help)->group(heading);
+  command->callback([arguments, run, &exit_code] { exit_code = run(*arguments); });
+  return {command, arguments.get()};
+}
+
+/// Prints it for a script. Names of devices and files may hold any bytes.
+void print_json(const nlohmann::ordered_json& root);
 
 /// Adds --force.
 void add_force(CLI::App& command, Foreign& foreign);

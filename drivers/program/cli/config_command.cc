@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <memory>
 #include <string>
 
 #include "drivers/program/cli/commands.h"
@@ -15,7 +14,7 @@ struct ConfigArguments {
   bool print_defaults = false;
 };
 
-int config_command(const ConfigArguments& options) {
+int config_command(ConfigArguments& options) {
   Config config;
   if (!options.check.empty()) {
     const auto file = ConfigFile::read(options.check);
@@ -29,15 +28,13 @@ int config_command(const ConfigArguments& options) {
 }  // namespace
 
 void add_config(CLI::App& app, int& exit_code) {
-  const auto options = std::make_shared<ConfigArguments>();
-  CLI::App* command = app.add_subcommand(
-      "config", "Print every setting with its meaning, unit, range and default, as a configuration file");
-  command->group(kFly);
+  const auto [command, options] = add_command(
+      app, exit_code, kFly, "config",
+      "Print every setting with its meaning, unit, range and default, as a configuration file", config_command);
   CLI::Option* defaults = command->add_flag("--print-defaults", options->print_defaults,
                                             "print all settings with their defaults, as without options");
   command->add_option("--check", options->check, "check a configuration file, and print all settings with its values")
       ->excludes(defaults);
-  command->callback([options, &exit_code] { exit_code = config_command(*options); });
 }
 
 }  // namespace epiline

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <memory>
 #include <string>
 
 #include "drivers/links/can/dbc.h"
@@ -11,7 +10,7 @@ namespace epiline {
 
 namespace {
 
-int dbc_command(const std::string& path) {
+int dbc_command(std::string& path) {
   Config config;
   if (!path.empty()) {
     const auto file = ConfigFile::read(path);
@@ -25,11 +24,9 @@ int dbc_command(const std::string& path) {
 }  // namespace
 
 void add_dbc(CLI::App& app, int& exit_code) {
-  const auto path = std::make_shared<std::string>();
-  CLI::App* command = app.add_subcommand("dbc", "Print a DBC file that describes the CAN frames of odometry");
-  command->group(kFly);
+  const auto [command, path] = add_command(app, exit_code, kFly, "dbc",
+                                           "Print a DBC file that describes the CAN frames of odometry", dbc_command);
   command->add_option("--config", *path, "configuration file (TOML); can.base_id sets the identifiers");
-  command->callback([path, &exit_code] { exit_code = dbc_command(*path); });
 }
 
 }  // namespace epiline

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <memory>
 #include <string>
 
 #include "drivers/program/cli/commands.h"
@@ -55,7 +54,7 @@ void print_text(const TrajectoryErrors& e, const std::string& align, std::size_t
   if (e.nees.position) print_consistency(e.nees);
 }
 
-int evaluate_files(const EvaluateArguments& options) {
+int evaluate_files(EvaluateArguments& options) {
   const auto odometry = read_odometry(options.estimate);
   if (!odometry) return report(odometry.error());
   const auto reference = read_trajectory(options.reference);
@@ -73,9 +72,9 @@ int evaluate_files(const EvaluateArguments& options) {
 }  // namespace
 
 void add_evaluate(CLI::App& app, int& exit_code) {
-  const auto options = std::make_shared<EvaluateArguments>();
-  CLI::App* command = app.add_subcommand("evaluate", "Compare a trajectory with a reference, and print its errors");
-  command->group(kAnalyse);
+  const auto [command, options] =
+      add_command(app, exit_code, kAnalyse, "evaluate", "Compare a trajectory with a reference, and print its errors",
+                  evaluate_files);
   command
       ->add_option("ESTIMATE", options->estimate,
                    "a replay's odometry.csv, a TUM trajectory or an ASL ground truth, may be gzipped")
@@ -85,7 +84,6 @@ void add_evaluate(CLI::App& app, int& exit_code) {
       ->check(CLI::IsMember({"4dof", "se3", "sim3", "none"}))
       ->capture_default_str();
   command->add_flag("--json", options->json, "print the errors as JSON");
-  command->callback([options, &exit_code] { exit_code = evaluate_files(*options); });
 }
 
 }  // namespace epiline

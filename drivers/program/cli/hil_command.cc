@@ -2,7 +2,6 @@
 
 #include <charconv>
 #include <cstdio>
-#include <memory>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -89,7 +88,6 @@ int hil_command(HilArguments& options) {
   const auto result = hil::run_hil(options.hil, [&](const hil::Progress& progress) {
     if (progress.waits && !std::exchange(said_ready, true)) say_ready(options.hil);
     bar(static_cast<std::size_t>(progress.share * kSteps), kSteps);
-    return true;
   });
   if (!result) return report(result.error());
   bar(kSteps, kSteps);
@@ -129,13 +127,12 @@ std::string controller_fault(const std::string& text) {
 }  // namespace
 
 void add_hil(CLI::App& app, int& exit_code) {
-  const auto o = std::make_shared<HilArguments>();
+  const auto [command, o] = add_command(
+      app, exit_code, kFly, "hil",
+      "Play a recorded flight through the real interfaces, and judge the odometry by the rules of flight controllers",
+      hil_command);
   hil::HilOptions& h = o->hil;
-  CLI::App* command = app.add_subcommand(
-      "hil",
-      "Play a recorded flight through the real interfaces, and judge the odometry by the rules of flight controllers");
   command->add_option("DATASET", h.dataset, "ASL folder or bag, with images")->required();
-  command->group(kFly);
   add_settings(*command, h.config_file, h.set,
                "configuration file (TOML) of epiline run; played devices replace its own; default: "
                "/etc/epiline/epiline.toml, else ./epiline.toml");
@@ -162,7 +159,7 @@ void add_hil(CLI::App& app, int& exit_code) {
                     "play and judge only, for an epiline run with the same configuration in another process");
   command
       ->add_option_function<std::string>(
-          "--judge", [o](const std::string& words) { o->hil.judge = hil::releases_from(words).value_or(0); },
+          "--judge", [&h](const std::string& words) { h.judge = hil::releases_from(words).value_or(0); },
           "releases whose rules count, separated by commas: px4, ardupilot, all, or " + hil::release_options() +
               "; default: px4,ardupilot")
       ->check(judge_fault);
@@ -178,7 +175,6 @@ void add_hil(CLI::App& app, int& exit_code) {
   command->add_option("--out", h.out, "write trajectory, events, figures, report and verdict into this folder");
   add_force(*command, o->foreign);
   command->add_flag("--quiet", o->quiet, "print errors only");
-  command->callback([o, &exit_code] { exit_code = hil_command(*o); });
 }
 
 }  // namespace epiline

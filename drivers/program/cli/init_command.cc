@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include <filesystem>
-#include <memory>
 #include <string>
 
 #include "drivers/program/cli/commands.h"
@@ -26,7 +25,7 @@ void print_result(const Draft& draft, const std::string& file) {
   fmt::print("  epiline check --config {}\n", file);
 }
 
-int init_command(const InitArguments& options) {
+int init_command(InitArguments& options) {
   Parts parts = find_parts();
   if (options.probes) probe(parts, Probes::of_this_computer());
   const auto draft = draft_configuration(parts);
@@ -39,16 +38,14 @@ int init_command(const InitArguments& options) {
 }  // namespace
 
 void add_init(CLI::App& app, int& exit_code) {
-  const auto options = std::make_shared<InitArguments>();
-  CLI::App* command =
-      app.add_subcommand("init", "Write a configuration from what is plugged in, with a reason for each choice");
-  command->group(kFly);
+  const auto [command, options] =
+      add_command(app, exit_code, kFly, "init",
+                  "Write a configuration from what is plugged in, with a reason for each choice", init_command);
   command->add_option("--out", options->out, "file to write")->capture_default_str();
   command->add_flag("--force", options->force, "replace the file if it is there; the old one is kept as FILE.bak");
   command->add_flag_callback(
-      "--no-probe", [options] { options->probes = false; },
+      "--no-probe", [o = options] { o->probes = false; },
       "do not ask chips on SPI for their identity, and do not listen at serial ports");
-  command->callback([options, &exit_code] { exit_code = init_command(*options); });
 }
 
 }  // namespace epiline

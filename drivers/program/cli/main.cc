@@ -5,19 +5,9 @@ namespace epiline {
 namespace {
 
 void add_commands(CLI::App& app, int& exit_code) {
-  add_run(app, exit_code);
-  add_devices(app, exit_code);
-  add_init(app, exit_code);
-  add_check(app, exit_code);
-  add_record(app, exit_code);
-  add_board(app, exit_code);
-  add_calibrate(app, exit_code);
-  add_hil(app, exit_code);
-  add_config(app, exit_code);
-  add_dbc(app, exit_code);
-  add_replay(app, exit_code);
-  add_evaluate(app, exit_code);
-  add_bench(app, exit_code);
+  for (const auto add : {add_run, add_devices, add_init, add_check, add_record, add_board, add_calibrate, add_hil,
+                         add_config, add_dbc, add_replay, add_evaluate, add_bench})
+    add(app, exit_code);
 }
 
 }  // namespace

@@ -1,7 +1,5 @@
 #include <fmt/format.h>
 
-#include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "drivers/program/cli/commands.h"
@@ -19,7 +17,7 @@ struct RecordArguments {
   bool json = false, quiet = false;
 };
 
-void print_json(const RecordSummary& summary, const RecordArguments& options) {
+nlohmann::ordered_json json_of(const RecordSummary& summary, const RecordArguments& options) {
   const RecordState& s = summary.last;
   const RecordCounts& c = s.counts;
   nlohmann::ordered_json root;
@@ -40,8 +38,7 @@ void print_json(const RecordSummary& summary, const RecordArguments& options) {
   for (const DeviceRecord& device : summary.devices) {
     for (const DeviceCount& count : device.counts) devices[device.name][count.name] = count.value;
   }
-  // a folder's name may hold any bytes
-  fmt::print("{}\n", root.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
+  return root;
 }
 
 int record_command(RecordArguments& options) {
@@ -51,18 +48,17 @@ int record_command(RecordArguments& options) {
   const bool says = !options.quiet && !options.json;
   const auto summary = record_and_say(*config, options.set, options.record, says);
   if (!summary) return report(summary.error());
-  if (options.json) print_json(*summary, options);
+  if (options.json) print_json(json_of(*summary, options));
   return kExitDone;
 }
 
 }  // namespace
 
 void add_record(CLI::App& app, int& exit_code) {
-  const auto o = std::make_shared<RecordArguments>();
-  CLI::App* command = app.add_subcommand(
-      "record",
-      "Record camera and IMU into an ASL folder, for `epiline calibrate` and `epiline replay`; needs no calibration");
-  command->group(kFly);
+  const auto [command, o] = add_command(
+      app, exit_code, kFly, "record",
+      "Record camera and IMU into an ASL folder, for `epiline calibrate` and `epiline replay`; needs no calibration",
+      record_command);
   add_settings(*command, o->config, o->set,
                "configuration file (TOML) with devices; default: /etc/epiline/epiline.toml, else ./epiline.toml");
   command->add_option("--out", o->record.out, "folder to record into; a recording that is there is not replaced")
@@ -74,7 +70,6 @@ void add_record(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   command->add_flag("--json", o->json, "print the counts as JSON at the end, and nothing else");
   command->add_flag("--quiet", o->quiet, "print errors only");
-  command->callback([o, &exit_code] { exit_code = record_command(*o); });
 }
 
 }  // namespace epiline

@@ -77,19 +77,10 @@ class RecordLines {
 };
 
 std::string end_text(RecordEnd end, double keep_free_mb) {
-  switch (end) {
-    case RecordEnd::kSignal:
-      return "as asked";
-    case RecordEnd::kDuration:
-      return "after the duration asked for";
-    case RecordEnd::kSources:
-      return "as camera and IMU give no more";
-    case RecordEnd::kDiskFull:
-      return fmt::format("because the disk is full but for {:.0f} MB (--keep-free)", keep_free_mb);
-    case RecordEnd::kWatch:
-      break;
-  }
-  return "";
+  if (end == RecordEnd::kDiskFull)
+    return fmt::format("because the disk is full but for {:.0f} MB (--keep-free)", keep_free_mb);
+  constexpr const char* kWhy[] = {"as asked", "after the duration asked for", "as camera and IMU give no more", "", ""};
+  return kWhy[static_cast<std::size_t>(end)];
 }
 
 void print_summary(const RecordSummary& summary, const RecordOptions& options) {

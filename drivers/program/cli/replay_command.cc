@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -30,7 +29,7 @@ struct ReplayArguments {
   ReplayOptions replay;
   std::string out = "epiline-out", visual_factor;
   std::vector<std::string> faults;
-  double deadline_ms = 0, speed = 1;
+  double speed = 1;
   bool quiet = false, realtime = false, dds = false;
   std::string view;
   std::filesystem::path mcap;
@@ -137,7 +136,6 @@ int replay_command(ReplayArguments& options) {
     options.replay.faults.push_back(*fault);
   }
   options.replay.visual_factor = visual_factor_from(options.visual_factor);
-  if (options.deadline_ms > 0) options.replay.deadline_ms = options.deadline_ms;
   if (options.realtime) options.replay.realtime_speed = options.speed;
   const auto folder = claim(options.out, kFlightFiles, options.foreign);
   if (!folder) return report(folder.error());
@@ -193,14 +191,13 @@ int replay_command(ReplayArguments& options) {
 }  // namespace
 
 void add_replay(CLI::App& app, int& exit_code) {
-  const auto o = std::make_shared<ReplayArguments>();
-  CLI::App* command =
-      app.add_subcommand("replay", "Estimate odometry from a recorded flight: trajectory, figures, report");
+  const auto [command, o] =
+      add_command(app, exit_code, kAnalyse, "replay",
+                  "Estimate odometry from a recorded flight: trajectory, figures, report", replay_command);
   command->add_option("DATASET", o->replay.dataset, "ASL folder (mav0/{cam0,imu0,...}), or bag (ROS 1, ROS 2, MCAP)")
       ->required();
   command->add_option("--out", o->out, "folder for the results")->capture_default_str();
   add_force(*command, o->foreign);
-  command->group(kAnalyse);
   add_settings(*command, o->replay.config_file, o->replay.set, "configuration file (TOML); epiline config prints one");
   command->add_option("--visual-factor", o->visual_factor, "visual factor: which residual a track becomes")
       ->check(CLI::IsMember(kVisualFactorNames));
@@ -217,7 +214,7 @@ void add_replay(CLI::App& app, int& exit_code) {
       ->check(CLI::NonNegativeNumber);
   command->add_option("--duration", o->replay.duration_s, "end after this many seconds")->check(CLI::PositiveNumber);
   command
-      ->add_option("--deadline-ms", o->deadline_ms,
+      ->add_option("--deadline-ms", o->replay.deadline_ms,
                    "longest time for the solve of one image; makes the result depend on the computer")
       ->check(CLI::PositiveNumber);
   CLI::Option* const realtime =
@@ -258,7 +255,6 @@ void add_replay(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(0, 1000));
   command->add_option("--fault", o->faults, fault_help());
   command->add_flag("--quiet", o->quiet, "print errors only");
-  command->callback([o, &exit_code] { exit_code = replay_command(*o); });
 }
 
 }  // namespace epiline

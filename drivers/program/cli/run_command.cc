@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -183,11 +182,10 @@ int run_command(RunArguments& options) {
 }  // namespace
 
 void add_run(CLI::App& app, int& exit_code) {
-  const auto o = std::make_shared<RunArguments>();
+  const auto [command, o] = add_command(
+      app, exit_code, kFly, "run",
+      "Estimate odometry from a live camera and IMU, and send it to flight controllers and buses", run_command);
   o->live.waits_for_devices = true;
-  CLI::App* command = app.add_subcommand(
-      "run", "Estimate odometry from a live camera and IMU, and send it to flight controllers and buses");
-  command->group(kFly);
   add_settings(*command, o->config, o->set,
                "configuration file (TOML) with devices, calibration and settings; default: /etc/epiline/epiline.toml, "
                "else ./epiline.toml");
@@ -202,10 +200,9 @@ void add_run(CLI::App& app, int& exit_code) {
       command->add_option("--record", o->record_folder, "flight recorder: write records into this folder");
   command->add_flag("--record-images", o->record_images, "record images too")->needs(record);
   command->add_flag_callback(
-      "--no-wait", [o] { o->live.waits_for_devices = false; },
+      "--no-wait", [o = o] { o->live.waits_for_devices = false; },
       "end with an error if a device is not there yet, instead of waiting for it");
   command->add_flag("--quiet", o->quiet, "print errors only");
-  command->callback([o, &exit_code] { exit_code = run_command(*o); });
 }
 
 }  // namespace epiline
