@@ -18,15 +18,12 @@ std::string first_line_of(const std::filesystem::path& path) {
   return line;
 }
 
-std::optional<double> number_in(const std::filesystem::path& path) {
+/// The file's number, which is in thousandths: of a degree, of a MHz.
+std::optional<double> thousandths_in(const std::filesystem::path& path) {
   const std::string line = first_line_of(path);
   char* end = nullptr;
   const double value = std::strtod(line.c_str(), &end);
-  return end == line.c_str() ? std::nullopt : std::optional(value);
-}
-
-std::optional<double> scaled(std::optional<double> value, double factor) {
-  return value ? std::optional(*value * factor) : std::nullopt;
+  return end == line.c_str() ? std::nullopt : std::optional(1e-3 * value);
 }
 
 /// ARM's numbers of processors, in Linux' words.
@@ -60,12 +57,12 @@ BoardState board_state(const std::filesystem::path& root) {
   BoardState state;
   std::error_code ignored;
   for (const auto& zone : std::filesystem::directory_iterator(root / "sys/class/thermal", ignored)) {
-    const auto celsius = scaled(number_in(zone.path() / "temp"), 1e-3);  // the kernel's are thousandths
+    const auto celsius = thousandths_in(zone.path() / "temp");
     if (celsius) state.hottest_c = std::max(*celsius, state.hottest_c.value_or(*celsius));
   }
   const auto clock = root / ("sys/devices/system/cpu/cpu" + std::to_string(sched_getcpu())) / "cpufreq";
-  state.clock_mhz = scaled(number_in(clock / "scaling_cur_freq"), 1e-3);  // the kernel's are kHz
-  state.full_clock_mhz = scaled(number_in(clock / "cpuinfo_max_freq"), 1e-3);
+  state.clock_mhz = thousandths_in(clock / "scaling_cur_freq");
+  state.full_clock_mhz = thousandths_in(clock / "cpuinfo_max_freq");
   const std::string flags = first_line_of(root / "sys/devices/platform/soc/soc:firmware/get_throttled");
   if (!flags.empty()) state.throttled = std::strtoul(flags.c_str(), nullptr, 16);
   return state;
