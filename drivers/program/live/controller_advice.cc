@@ -46,6 +46,11 @@ struct SettingRule {
 
 bool lacks(double bits, int bit) { return (static_cast<int>(bits) & bit) == 0; }
 
+bool pulls_beside_vision(const Situation& s, double gps_type) {
+  return gps_type != 0 && s.release() != nullptr && s.release()->fuses_gps_beside_vision;
+}
+constexpr const char* kTwoPull = "before 4.7 ArduPilot fuses a GPS beside the odometry, and the two pull at each other";
+
 constexpr const char* kVisionControl = "set EKF2_EV_CTRL to 15, or to 7 with a compass that you trust";
 
 // Several rules may be about one parameter; the first that applies speaks.
@@ -137,18 +142,10 @@ constexpr SettingRule kRules[] = {
     {kArduPilot, "EK3_SRC1_YAW",
      [](const Situation& s, double v) { return v == 0 || ((v == kCompass || v == 3) && s.is("COMPASS_ENABLE", 0)); },
      true, "nothing tells ArduPilot its heading", "set EK3_SRC1_YAW to 6", "AP_NavEKF_Source.cpp"},
-    {kArduPilot, "GPS1_TYPE",
-     [](const Situation& s, double v) {
-       return v != 0 && s.release() != nullptr && s.release()->fuses_gps_beside_vision;
-     },
-     false, "before 4.7 ArduPilot fuses a GPS beside the odometry, and the two pull at each other",
-     "set GPS1_TYPE to 0 if no GPS is to be used", "AP_NavEKF3 (pull request 30076)"},
-    {kArduPilot, "GPS_TYPE",
-     [](const Situation& s, double v) {
-       return v != 0 && s.release() != nullptr && s.release()->fuses_gps_beside_vision;
-     },
-     false, "before 4.7 ArduPilot fuses a GPS beside the odometry, and the two pull at each other",
-     "set GPS_TYPE to 0 if no GPS is to be used", "AP_NavEKF3 (pull request 30076)"},
+    {kArduPilot, "GPS1_TYPE", pulls_beside_vision, false, kTwoPull, "set GPS1_TYPE to 0 if no GPS is to be used",
+     "AP_NavEKF3 (pull request 30076)"},
+    {kArduPilot, "GPS_TYPE", pulls_beside_vision, false, kTwoPull, "set GPS_TYPE to 0 if no GPS is to be used",
+     "AP_NavEKF3 (pull request 30076)"},
 };
 
 const char* program_of(std::uint8_t autopilot) { return autopilot == kPx4 ? "PX4" : "ArduPilot"; }
@@ -177,9 +174,8 @@ std::string list_of(const std::vector<const char*>& words) {
   return text;
 }
 
-struct Use {
-  bool position, velocity, height, yaw;
-};
+constexpr std::array kUses{"position", "velocity", "height", "yaw"};
+using Use = std::array<bool, kUses.size()>;
 
 /// A ratio of PX4's is not a number, or in older releases 0, where nothing is fused.
 Use px4_use(const ControllerAnswers& a) {
@@ -237,10 +233,7 @@ std::string use_of(const mavlink::LinkState& link, HostStamp now) {
     return "";
   const Use use = a.autopilot == kPx4 ? px4_use(a) : ardupilot_use(a);
   std::vector<const char*> used, unused;
-  (use.position ? used : unused).push_back("position");
-  (use.velocity ? used : unused).push_back("velocity");
-  (use.height ? used : unused).push_back("height");
-  (use.yaw ? used : unused).push_back("yaw");
+  for (std::size_t i = 0; i < use.size(); ++i) (use[i] ? used : unused).push_back(kUses[i]);
   if (used.empty()) return controller_name(a) + " uses nothing of the odometry";
   return fmt::format("{} uses {}{}{}", controller_name(a), list_of(used), unused.empty() ? "" : ", not ",
                      list_of(unused));

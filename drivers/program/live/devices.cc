@@ -26,8 +26,8 @@ namespace epiline {
 
 namespace {
 
-Error missing(const LiveSettings& settings, const char* found, const char* expected) {
-  return {ErrorKind::kUsage, settings.source, 0, found, expected};
+Error missing(const LiveSettings& settings, std::string found, std::string expected) {
+  return {ErrorKind::kUsage, settings.source, 0, std::move(found), std::move(expected)};
 }
 
 bool is_side_by_side(const Config& config) { return config.devices.camera.side_by_side != 0; }
@@ -38,20 +38,15 @@ Result<V4l2Settings> v4l2_settings(const LiveSettings& settings) {
   const int width = settings.camera.width * (is_side_by_side(settings.config) ? 2 : 1);
   if (c.width == 0) c.width = width;
   if (c.height == 0) c.height = settings.camera.height;
-  if (is_calibrated && (c.width != width || c.height != settings.camera.height)) {
-    return Error{ErrorKind::kUsage, settings.source, 0,
-                 fmt::format("camera.width = {}, camera.height = {}", c.width, c.height),
-                 fmt::format("{} x {}, {}the image size in camera.calibration", width, settings.camera.height,
-                             is_side_by_side(settings.config) ? "twice the width of " : "")};
-  }
+  if (is_calibrated && (c.width != width || c.height != settings.camera.height))
+    return missing(settings, fmt::format("camera.width = {}, camera.height = {}", c.width, c.height),
+                   fmt::format("{} x {}, {}the image size in camera.calibration", width, settings.camera.height,
+                               is_side_by_side(settings.config) ? "twice the width of " : ""));
   if (is_side_by_side(settings.config) && c.width % 2 != 0)
-    return Error{ErrorKind::kUsage, settings.source, 0, fmt::format("camera.width = {}", c.width),
-                 "an even number, as camera.side_by_side wants two halves"};
+    return missing(settings, fmt::format("camera.width = {}", c.width),
+                   "an even number, as camera.side_by_side wants two halves");
   auto s = v4l2_settings_of(c);
-  if (!s) {
-    const Error& e = s.error();
-    return Error{e.kind, settings.source, 0, e.file + ": " + e.found, e.expected};
-  }
+  if (!s) return missing(settings, s.error().file + ": " + s.error().found, s.error().expected);
   s->focal_px = is_calibrated ? settings.config.estimator.extrinsics.focal_px : 0;
   return s;
 }
@@ -128,6 +123,10 @@ OutputRecord record_of(const CanOutput& can, const std::string& name) {
 
 DeviceRecord device_of(const CanOutput& can) { return device_record("can", kCanCounters, can.counts(), std::nullopt); }
 
+DeviceRecord record_of(const IioPressure& pressure) {
+  return device_record("height", kPressureCounters, pressure.counts(), std::nullopt);
+}
+
 DeviceRecord record_of(const CanWheelSource& wheel) {
   const ClockState clock = wheel.hardware_clock();
   return device_record("wheel", kWheelCounters, wheel.counts(),
@@ -138,23 +137,29 @@ DeviceRecord record_of(const CanWheelSource& wheel) {
 
 namespace {
 
+/// Hands a device over, with what its driver counts.
+template <class Device, class Port>
+void take(std::unique_ptr<Device> device, std::unique_ptr<Port>& port, LiveDevices& devices) {
+  devices.records.emplace_back([d = device.get()] { return record_of(*d); });
+  port = std::move(device);
+}
+
 /// After the first one. `other`: of the other cameras, from 0.
 Status read_other_camera(LiveSettings& settings, std::size_t other) {
   Config& config = settings.config;
   const std::string name = fmt::format("cam{}", other + 1), section = kOtherCameraSections[other];
   const OtherCameraConfig& device = config.devices.other_cameras[other];
   if (device.calibration.empty() && !is_chain_with(config.camera_calibration, name))
-    return missing(
-        settings, fmt::format("{}.calibration is not set, and camera.calibration has no {}", section, name).c_str(),
-        fmt::format("the {}'s calibration (docs/camera.md, Several cameras)", kOtherCameraNames[other]).c_str());
+    return missing(settings, fmt::format("{}.calibration is not set, and camera.calibration has no {}", section, name),
+                   fmt::format("the {}'s calibration (docs/camera.md, Several cameras)", kOtherCameraNames[other]));
   auto camera =
       read_camera_calibration(device.calibration.empty() ? config.camera_calibration : device.calibration, name);
   if (!camera) return camera.error();
   CameraParameters& p = camera->parameters;
   set_shutter(config.devices.camera, p);
   if (p.width != settings.camera.width || p.height != settings.camera.height)
-    return missing(settings, fmt::format("a {} of {} x {}", kOtherCameraNames[other], p.width, p.height).c_str(),
-                   fmt::format("{} x {}, as the first one", settings.camera.width, settings.camera.height).c_str());
+    return missing(settings, fmt::format("a {} of {} x {}", kOtherCameraNames[other], p.width, p.height),
+                   fmt::format("{} x {}, as the first one", settings.camera.width, settings.camera.height));
   config.estimator.others[other] = {true, camera->R_BC, camera->p_BC, p.readout_s,
                                     device.free_running ? pairs_within_s(config.devices, other) : 0};
   settings.others[other] = *camera;
@@ -203,11 +208,10 @@ Result<LiveSettings> read_live_settings(const std::filesystem::path& config_file
     return missing(settings, "camera.side_by_side and second_camera.device", "one of them");
   for (std::size_t i = camera_count(config.devices); i <= kMostOthers; ++i)
     if (!others[i - 1].device.empty())
-      return missing(settings,
-                     fmt::format("a {}, but no {}", kOtherCameraNames[i - 1], kOtherCameraNames[i - 2]).c_str(),
-                     fmt::format("{}.device", kOtherCameraSections[i - 2]).c_str());
+      return missing(settings, fmt::format("a {}, but no {}", kOtherCameraNames[i - 1], kOtherCameraNames[i - 2]),
+                     fmt::format("{}.device", kOtherCameraSections[i - 2]));
   if (const Status s = mavlink::fault_of_frame(config.devices.mavlink); !s)
-    return Error{s.error().kind, settings.source, 0, s.error().file + ": " + s.error().found, s.error().expected};
+    return missing(settings, s.error().file + ": " + s.error().found, s.error().expected);
   set_vehicle(config);
   return settings;
 }
@@ -261,11 +265,10 @@ Status add_camera(const LiveSettings& settings, LiveDevices& devices) {
   devices.turns = [first](double rad_s) { first->set_turn_rate(rad_s); };
   const DevicesConfig& d = settings.config.devices;
   const auto halves = static_cast<SideBySideHalves>(d.camera.side_by_side);
-  if (halves == SideBySideHalves::kNone) {
+  if (halves == SideBySideHalves::kNone)
     devices.camera = std::move(v4l2);
-  } else {
+  else
     devices.camera = std::make_unique<SideBySide>(std::move(v4l2), halves == SideBySideHalves::kRightFirst);
-  }
   for (std::size_t other = halves == SideBySideHalves::kNone ? 0 : 1; other + 1 < camera_count(d); ++other) {
     auto pair =
         std::make_unique<CameraPair>(std::move(devices.camera), other_camera(settings, other, *camera, *first, devices),
@@ -308,73 +311,52 @@ void add_dds(const DevicesConfig& d, LiveDevices& devices) {
   if (!d.dds.publish) return;
   auto dds = std::make_unique<DdsOutput>(DdsOutput::Times::kOfDay);
   DdsOutput* const o = dds.get();
-  devices.outputs.push_back({.sink = std::move(dds),
-                             .record =
-                                 [o] {
-                                   return OutputRecord{"dds", o->sent(), o->not_sent(), 0, o->latency()};
-                                 },
-                             .name = "dds",
-                             .is_open = nullptr,
-                             .observer = o});
+  const auto record = [o] { return OutputRecord{"dds", o->sent(), o->not_sent(), 0, o->latency()}; };
+  devices.outputs.push_back({.sink = std::move(dds), .record = record, .name = "dds", .is_open = {}, .observer = o});
 }
 
 void add_wheel(const DevicesConfig& d, LiveDevices& devices) {
   if (d.wheel.interface.empty()) return;
-  auto wheel = std::make_unique<CanWheelSource>(d.wheel);
-  devices.records.emplace_back([w = wheel.get()] { return record_of(*w); });
-  devices.wheel = std::move(wheel);
+  take(std::make_unique<CanWheelSource>(d.wheel), devices.wheel, devices);
 }
+
+constexpr const char* kPortOfController = "its port in mavlink.serial or mavlink.udp";
 
 Status add_height(const LiveSettings& settings, mavlink::MavlinkLink* link, LiveDevices& devices) {
   const HeightConfig& h = settings.config.devices.height;
   const auto origin = static_cast<HeightOrigin>(h.source);
   if (origin == HeightOrigin::kNone) return Done{};
   if (origin == HeightOrigin::kIio) {
-    auto pressure = std::make_unique<IioPressure>(IioPressure::Settings{.device = h.device, .air_deg = h.air_deg});
-    devices.records.emplace_back(
-        [p = pressure.get()] { return device_record("height", kPressureCounters, p->counts(), std::nullopt); });
-    devices.height = std::move(pressure);
+    take(std::make_unique<IioPressure>(IioPressure::Settings{.device = h.device, .air_deg = h.air_deg}), devices.height,
+         devices);
     return Done{};
   }
-  if (link == nullptr) {
-    return missing(settings, "height.source = \"mavlink\" without a flight controller",
-                   "its port in mavlink.serial or mavlink.udp");
-  }
+  if (link == nullptr)
+    return missing(settings, "height.source = \"mavlink\" without a flight controller", kPortOfController);
   const HeightModels& models = settings.config.estimator.heights;
   link->want_heights({models[0].use, models[1].use}, h.air_deg);
-  auto height = std::make_unique<MavlinkHeight>(*link);
-  devices.records.emplace_back([height_ = height.get()] { return record_of(*height_); });
-  devices.height = std::move(height);
+  take(std::make_unique<MavlinkHeight>(*link), devices.height, devices);
   return Done{};
-}
-
-template <class Imu>
-void take_imu(std::unique_ptr<Imu> imu, LiveDevices& devices) {
-  devices.records.emplace_back([i = imu.get()] { return record_of(*i); });
-  devices.imu = std::move(imu);
 }
 
 Status add_imu(const LiveSettings& settings, mavlink::MavlinkLink* link, LiveDevices& devices) {
   const DevicesConfig& d = settings.config.devices;
   const auto driver = static_cast<ImuDriver>(d.imu.driver);
   if (driver == ImuDriver::kMavlink) {
-    if (link == nullptr) {
-      return missing(settings, "imu.driver = \"mavlink\" without a flight controller",
-                     "its port in mavlink.serial or mavlink.udp");
-    }
-    if (!R_VB_of(d.body).isIdentity()) {
+    if (link == nullptr)
+      return missing(settings, "imu.driver = \"mavlink\" without a flight controller", kPortOfController);
+    if (!R_VB_of(d.body).isIdentity())
       return missing(settings, "angles in [body] with imu.driver = \"mavlink\"",
                      "angles of 0: a flight controller sends its samples in the vehicle's axes");
-    }
-    take_imu(std::make_unique<MavlinkImu>(*link), devices);
+    take(std::make_unique<MavlinkImu>(*link), devices.imu, devices);
     return Done{};
   }
   if (d.imu.device.empty())
     return missing(settings, "imu.device is not set", "the IMU's name or path, or imu.driver = \"mavlink\"");
   if (driver == ImuDriver::kIio) {
-    take_imu(std::make_unique<IioImu>(d.imu), devices);
+    take(std::make_unique<IioImu>(d.imu), devices.imu, devices);
   } else {
-    take_imu(make_spi_imu(d.imu), devices);
+    take(make_spi_imu(d.imu), devices.imu, devices);
   }
   return Done{};
 }

@@ -59,16 +59,15 @@ class OpenDevices {
   /// In the order of opening. The receivers first, for an IMU or heights may come over one of their lines; none is
   /// waited for. The camera last: its buffers fill from then on.
   std::vector<Opener::Part> parts() const {
-    std::vector<Opener::Part> parts;
-    parts.push_back({"receivers", [this] { return receivers_.open_each(waits_); }, [] {}});
-    ImuSource* const imu = devices_.imu.get();
-    parts.push_back({"IMU", [imu] { return imu->open(); }, [imu] { imu->close(); }, [imu] { imu->give_up(); }});
-    if (WheelSource* const wheel = devices_.wheel.get())
-      parts.push_back({"wheel speed", [wheel] { return wheel->open(); }, [wheel] { wheel->close(); }});
-    if (HeightSource* const height = devices_.height.get())
-      parts.push_back({"height", [height] { return height->open(); }, [height] { height->close(); }});
-    CameraSource* const camera = devices_.camera.get();
-    parts.push_back({"camera", [camera] { return camera->open(); }, [camera] { camera->close(); }});
+    const auto part_of = [](const char* name, auto* source) {
+      return Opener::Part{name, [source] { return source->open(); }, [source] { source->close(); }};
+    };
+    std::vector<Opener::Part> parts{{"receivers", [this] { return receivers_.open_each(waits_); }, [] {}},
+                                    part_of("IMU", devices_.imu.get())};
+    parts.back().give_up = [imu = devices_.imu.get()] { imu->give_up(); };
+    if (devices_.wheel) parts.push_back(part_of("wheel speed", devices_.wheel.get()));
+    if (devices_.height) parts.push_back(part_of("height", devices_.height.get()));
+    parts.push_back(part_of("camera", devices_.camera.get()));
     return parts;
   }
 

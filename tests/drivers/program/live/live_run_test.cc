@@ -13,11 +13,13 @@
 #include "drivers/study/report/report.h"
 #include "drivers/study/report/stats_json.h"
 #include "pipeline/text/trajectory.h"
+#include "tests/drivers/program/must.h"
 #include "tests/drivers/program/standing_sensors.h"
 
 namespace epiline {
 namespace {
 
+using test::must;
 using test::StandingCamera;
 using test::StandingImu;
 
@@ -71,6 +73,19 @@ struct Stand {
   }
   ~Stand() { std::filesystem::remove_all(options.out); }
 
+  FlightRecord fly(const std::function<bool(const LiveState&)>& watch) {
+    return must(epiline::fly(settings, devices, options, watch));
+  }
+  std::string error_of_flight(const std::function<bool(const LiveState&)>& watch = [](const LiveState&) {
+    return true;
+  }) {
+    const auto record = epiline::fly(settings, devices, options, watch);
+    return record ? "" : record.error().text();
+  }
+  FlightRecord fly_images(std::uint64_t count) {
+    return fly([&](const LiveState& state) { return state.images < count && state.since_start.seconds() < 60; });
+  }
+
   LiveSettings settings;
   LiveDevices devices;
   LiveOptions options;
@@ -89,7 +104,7 @@ TEST(LiveRun, FliesUntilItIsToldToEndAndLeavesFilesBehind) {
   stand.devices.outputs[0].observer = &observer;
   bool asked = false;
   std::uint64_t lines_before = 0;
-  const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+  const auto record = stand.fly([&](const LiveState& state) {
     if (state.has_pose && state.images > 50 && !asked) {
       std::ifstream file(stand.options.out / "trajectory.tum");
       for (std::string line; std::getline(file, line);) ++lines_before;
@@ -98,34 +113,32 @@ TEST(LiveRun, FliesUntilItIsToldToEndAndLeavesFilesBehind) {
     }
     return state.since_start.seconds() < 60;
   });
-  ASSERT_TRUE(record) << record.error().text();
   ASSERT_TRUE(asked) << "no pose within a minute";
   EXPECT_GT(lines_before, 10u) << "the file grows while the flight goes on";
-  EXPECT_LT(record->dataset_duration_s, 59) << "the signal ended it";
-  const auto trajectory = read_trajectory(stand.options.out / "trajectory.tum");
-  ASSERT_TRUE(trajectory) << trajectory.error().text();
-  EXPECT_EQ(trajectory->poses.size(), trajectory_of(*record).poses.size());
-  for (const TimedPose& pose : trajectory->poses) EXPECT_LT(pose.p_WB.norm(), 0.05);
+  EXPECT_LT(record.dataset_duration_s, 59) << "the signal ended it";
+  const Trajectory trajectory = must(read_trajectory(stand.options.out / "trajectory.tum"));
+  EXPECT_EQ(trajectory.poses.size(), trajectory_of(record).poses.size());
+  for (const TimedPose& pose : trajectory.poses) EXPECT_LT(pose.p_WB.norm(), 0.05);
   EXPECT_TRUE(std::filesystem::exists(stand.options.out / "events.txt"));
-  EXPECT_GE(observer.taken, trajectory->poses.size()) << "a receiver may observe what the log thread hands out";
+  EXPECT_GE(observer.taken, trajectory.poses.size()) << "a receiver may observe what the log thread hands out";
   EXPECT_GT(stand.sink->published, 100u);
   EXPECT_LT(std::abs(stand.sink->last.p_WB_m[0]), 0.05);
-  ASSERT_EQ(record->realtime->outputs.size(), 1u);
-  EXPECT_EQ(record->realtime->outputs[0].sent, stand.sink->published);
+  ASSERT_EQ(record.realtime->outputs.size(), 1u);
+  EXPECT_EQ(record.realtime->outputs[0].sent, stand.sink->published);
   EXPECT_NEAR(fastest_rad_s, 2e-3 * 3.5, 2e-3 * 2) << "the largest norm of three times 2e-3 rad/s of noise";
   EXPECT_EQ(stand.camera->closed, 1);
   EXPECT_EQ(stand.imu->closed, 1);
   EXPECT_EQ(stand.sink->closed, 1);
   std::size_t with_latency = 0;
-  for (const ImageRecord& image : record->images) with_latency += image.latency_ms.has_value();
-  EXPECT_GT(with_latency, trajectory->poses.size() / 2);
+  for (const ImageRecord& image : record.images) with_latency += image.latency_ms.has_value();
+  EXPECT_GT(with_latency, trajectory.poses.size() / 2);
 }
 
 TEST(LiveRun, SaysWhichLineIsLostWhileItIs) {
   Stand stand;
   int round = 0;
   bool told = false, told_back = false;
-  const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+  stand.fly([&](const LiveState& state) {
     ++round;
     EXPECT_EQ(round < 3 ? state.lost_outputs : "", "");
     if (round == 3) stand.line_is_lost = true;
@@ -134,7 +147,6 @@ TEST(LiveRun, SaysWhichLineIsLostWhileItIs) {
     told_back |= told && state.lost_outputs.empty();
     return !told_back && state.since_start.seconds() < 60;
   });
-  ASSERT_TRUE(record) << record.error().text();
   EXPECT_TRUE(told);
   EXPECT_TRUE(told_back);
 }
@@ -152,16 +164,14 @@ TEST(LiveRun, FiguresAndReportTellWhatOutputsAndDevicesSay) {
     clock.skew_ppm = 12.5;
     return DeviceRecord{"imu", {{"gaps", 3}}, clock};
   });
-  const auto record = fly(stand.settings, stand.devices, stand.options,
-                          [](const LiveState& state) { return state.images < 3 && state.since_start.seconds() < 60; });
-  ASSERT_TRUE(record) << record.error().text();
-  const Json figures = stats_json(*record, std::nullopt, program_info());
+  const auto record = stand.fly_images(3);
+  const Json figures = stats_json(record, std::nullopt, program_info());
   EXPECT_EQ(figures["realtime"]["outputs"]["<serial>"]["sent"], 7);
   EXPECT_EQ(figures["realtime"]["outputs"]["<serial>"]["latency_ms"]["max"], 3.0);
   EXPECT_EQ(figures["realtime"]["devices"]["imu"]["gaps"], 3);
   EXPECT_EQ(figures["realtime"]["devices"]["imu"]["clock"]["status"], "locked");
   EXPECT_EQ(figures["realtime"]["devices"]["imu"]["clock"]["skew_ppm"], 12.5);
-  const std::string page = report_html(*record, std::nullopt, program_info());
+  const std::string page = report_html(record, std::nullopt, program_info());
   EXPECT_NE(page.find("<td>&lt;serial&gt;</td><td>7</td><td>2</td><td>1</td>"), std::string::npos);
   EXPECT_NE(page.find("gaps 3"), std::string::npos);
   EXPECT_NE(page.find("locked, +12.5 ppm"), std::string::npos);
@@ -170,9 +180,7 @@ TEST(LiveRun, FiguresAndReportTellWhatOutputsAndDevicesSay) {
 TEST(LiveRun, ADeviceThatCannotBeOpenedIsAnErrorAndTheOthersAreClosed) {
   Stand stand;
   stand.sink->status = Error{ErrorKind::kRun, "/dev/ttyX", 0, "no such device", "a flight controller"};
-  const auto record = fly(stand.settings, stand.devices, stand.options, [](const LiveState&) { return true; });
-  ASSERT_FALSE(record);
-  EXPECT_EQ(record.error().text(), "/dev/ttyX: no such device; expected a flight controller");
+  EXPECT_EQ(stand.error_of_flight(), "/dev/ttyX: no such device; expected a flight controller");
   EXPECT_EQ(stand.camera->opened, 0);
   EXPECT_EQ(stand.sink->closed, 1);
 }
@@ -201,15 +209,14 @@ TEST(LiveRun, WaitsForADeviceThatIsNotThereYet) {
   const LateImu* const imu = make_late(stand, 2);
   stand.options.waits_for_devices = true;
   std::vector<std::string> waited;
-  const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+  const auto record = stand.fly([&](const LiveState& state) {
     if (waited.empty() || waited.back() != state.waiting_for) waited.push_back(state.waiting_for);
     return !state.waiting_for.empty() || state.images < 3;
   });
-  ASSERT_TRUE(record) << record.error().text();
   EXPECT_EQ(waited, (std::vector<std::string>{"IMU: /dev/spidevX: not there", ""}));
   EXPECT_EQ(imu->attempts, 3);
   EXPECT_EQ(stand.camera->opened, 1);
-  EXPECT_GT(record->images_read, 0U);
+  EXPECT_GT(record.images_read, 0U);
 }
 
 // Camera, estimate and page begin without it; it joins when it is there.
@@ -219,14 +226,13 @@ TEST(LiveRun, AReceiverThatIsNotThereHoldsNothingBack) {
   stand.options.waits_for_devices = true;
   bool flew_without = false;
   std::string why;
-  const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+  stand.fly([&](const LiveState& state) {
     if (state.images > 0 && state.lost_outputs == "counter") {
       flew_without = true;
       why = state.refusals;
     }
     return stand.sink->opened < 4 && state.since_start.seconds() < 60;
   });
-  ASSERT_TRUE(record) << record.error().text();
   EXPECT_TRUE(flew_without);
   EXPECT_EQ(why, "counter: /dev/ttyX: not there");
   EXPECT_EQ(stand.sink->opened, 4);
@@ -241,22 +247,19 @@ TEST(LiveRun, TheWaitForADeviceEnds) {
     stand.options.waits_for_devices = true;
     const pthread_t flying = pthread_self();
     int calls = 0;
-    const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+    const std::string error = stand.error_of_flight([&](const LiveState& state) {
       EXPECT_EQ(state.waiting_for, "IMU: /dev/spidevX: not there");
       if (calls++ == 0) pthread_kill(flying, signal);
       return calls < 1000;
     });
-    ASSERT_FALSE(record);
-    EXPECT_EQ(record.error().text(), "/dev/spidevX: not there");
+    EXPECT_EQ(error, "/dev/spidevX: not there");
     EXPECT_LE(calls, 2);
     EXPECT_EQ(stand.camera->opened, 0);
   }
   Stand stand;
   stand.sink->status = Error{ErrorKind::kUsage, "mavlink.baud", 0, "too slow", ""};
   stand.options.waits_for_devices = true;
-  const auto record = fly(stand.settings, stand.devices, stand.options, [](const LiveState&) { return true; });
-  ASSERT_FALSE(record);
-  EXPECT_EQ(record.error().text(), "mavlink.baud: too slow");
+  EXPECT_EQ(stand.error_of_flight(), "mavlink.baud: too slow");
 }
 
 // The tests' stdout is no terminal.
@@ -264,7 +267,7 @@ TEST(LiveRun, ADroppedLineOrAClosedPipeEndsNoFlight) {
   Stand stand;
   const pthread_t flying = pthread_self();
   std::uint64_t at = 0, last = 0;
-  const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+  stand.fly([&](const LiveState& state) {
     if (at == 0 && state.images > 0) {
       at = state.images;
       pthread_kill(flying, SIGHUP);
@@ -273,7 +276,6 @@ TEST(LiveRun, ADroppedLineOrAClosedPipeEndsNoFlight) {
     last = state.images;
     return (at == 0 || state.images < at + 10) && state.since_start.seconds() < 60;
   });
-  ASSERT_TRUE(record) << record.error().text();
   EXPECT_GE(last, at + 10);
 }
 
@@ -281,14 +283,12 @@ TEST(LiveRun, ALogThatCannotBeWrittenTakesNothingWithIt) {
   Stand stand;
   std::filesystem::create_directories(stand.options.out / "trajectory.tum");  // no file can be there
   stand.settings.config.recorder.folder = stand.options.out / "records";
-  const auto record = fly(stand.settings, stand.devices, stand.options,
-                          [](const LiveState& state) { return state.images < 3 && state.since_start.seconds() < 60; });
-  ASSERT_TRUE(record) << record.error().text();
-  ASSERT_TRUE(record->unwritten);
-  EXPECT_NE(record->unwritten->text().find("trajectory.tum: cannot be written"), std::string::npos);
+  const auto record = stand.fly_images(3);
+  ASSERT_TRUE(record.unwritten);
+  EXPECT_NE(record.unwritten->text().find("trajectory.tum: cannot be written"), std::string::npos);
   EXPECT_TRUE(std::filesystem::exists(stand.options.out / "events.txt"));
-  ASSERT_TRUE(record->realtime->recorder);
-  EXPECT_EQ(record->realtime->recorder->written.size(), 1U) << "the flight recorder's last record";
+  ASSERT_TRUE(record.realtime->recorder);
+  EXPECT_EQ(record.realtime->recorder->written.size(), 1U) << "the flight recorder's last record";
 }
 
 TEST(LiveRun, WithoutAFolderNothingIsKept) {
@@ -297,12 +297,10 @@ TEST(LiveRun, WithoutAFolderNothingIsKept) {
   std::filesystem::path log = stand.options.out / "records/flight-001/trajectory.tum";
   stand.options.keeps_images = false;
   const std::filesystem::path own = std::exchange(stand.options.out, {});
-  const auto record = fly(stand.settings, stand.devices, stand.options,
-                          [](const LiveState& state) { return state.images < 60 && state.since_start.seconds() < 60; });
+  const auto record = stand.fly_images(60);
   stand.options.out = own;
-  ASSERT_TRUE(record) << record.error().text();
-  EXPECT_EQ(record->images.size(), 0U);
-  EXPECT_EQ(record->images.capacity(), 0U);
+  EXPECT_EQ(record.images.size(), 0U);
+  EXPECT_EQ(record.images.capacity(), 0U);
   EXPECT_TRUE(std::filesystem::exists(log)) << "the recorder's folder has the log of the flight";
 }
 
@@ -340,13 +338,12 @@ TEST(LiveRun, ADeviceThatTakesLongToOpenIsToldOfAndGivesUp) {
   Stand stand;
   stand.devices.imu = std::make_unique<PatientImu>();
   std::string waited;
-  const auto record = fly(stand.settings, stand.devices, stand.options, [&](const LiveState& state) {
+  EXPECT_EQ(stand.error_of_flight([&](const LiveState& state) {
     waited = state.waiting_for;
     return false;
-  });
-  ASSERT_FALSE(record);
+  }),
+            "IMU: no samples");
   EXPECT_EQ(waited, "IMU: no answer yet");
-  EXPECT_EQ(record.error().text(), "IMU: no samples");
 }
 
 }  // namespace
