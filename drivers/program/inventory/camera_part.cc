@@ -1,7 +1,6 @@
 #include <algorithm>
 
 #include "drivers/program/inventory/find.h"
-#include "drivers/program/inventory/sysfs.h"
 #include "drivers/sensors/camera/media_graph.h"
 #include "drivers/sensors/camera/v4l2_lists.h"
 
@@ -97,13 +96,10 @@ std::vector<CameraControlRange> controls_of(const V4l2Controls& files) {
 
 std::optional<CameraPart> find_camera(const std::filesystem::path& root, const ListedDevice& listed,
                                       SystemCalls& system) {
-  CameraPart part;
-  part.path = listed.path;
-  part.name = listed.name;
+  auto part = part_of<CameraPart>(root, listed);
   const std::filesystem::path file_name = std::filesystem::path(listed.path).filename();
   for (const char* folder : {"dev/v4l/by-id", "dev/v4l/by-path"})
     if (part.lasting_path.empty()) part.lasting_path = lasting_name(root, folder, file_name);
-  part.trouble = no_permission(root, listed.path);
   if (!part.trouble.empty()) return part;
   V4l2Device device(system);
   if (const DeviceTrouble trouble = device.open(below(root, listed.path).c_str(), "")) {

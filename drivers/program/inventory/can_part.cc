@@ -8,7 +8,6 @@
 #include <cstring>
 
 #include "drivers/program/inventory/find.h"
-#include "drivers/program/inventory/sysfs.h"
 
 namespace epiline {
 

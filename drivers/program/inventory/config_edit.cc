@@ -1,7 +1,7 @@
 #include "drivers/program/inventory/config_edit.h"
 
-#include <cctype>
 #include <optional>
+#include <sstream>
 #include <string_view>
 #include <system_error>
 
@@ -36,11 +36,8 @@ Mention mention_of(std::string_view line, std::string_view key) {
 
 std::vector<std::string> lines_of(const std::string& text) {
   std::vector<std::string> lines;
-  for (std::size_t at = 0; at < text.size();) {
-    const std::size_t end = std::min(text.find('\n', at), text.size());
-    lines.push_back(text.substr(at, end - at));
-    at = end + 1;
-  }
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
   return lines;
 }
 

@@ -102,7 +102,7 @@ class DraftText {
     comment("Formats: " + formats_of(camera));
     set("format", mode.format->name);
     comment("Odometry is best with 640x400 to 1280x800 pixels, 20 to 30 times a second. Sizes: " +
-            sizes_of(*mode.format));
+            to_text(mode.format->sizes));
     out_.print("width = {}\nheight = {}\n", mode.width, mode.height);
     if (mode.rate_hz > 0) {
       out_.print("rate_hz = {:.6g}\n", std::min(mode.rate_hz, 1000.0));
@@ -118,18 +118,6 @@ class DraftText {
     std::vector<std::string> names;
     for (const CameraFormat& f : camera.formats) names.push_back(f.name + (f.is_read ? "" : " (not read)"));
     return fmt::format("{}", fmt::join(names, ", "));
-  }
-
-  static std::string sizes_of(const CameraFormat& format) {
-    std::vector<std::string> sizes;
-    for (const CameraSize& s : format.sizes) {
-      std::string text = fmt::format("{}x{}", s.width, s.height);
-      if (s.is_range()) text += fmt::format(" to {}x{}", s.width_most, s.height_most);
-      if (!s.rates_hz.empty())
-        text += fmt::format(" ({:.4g} Hz)", fmt::join(s.rates_hz, s.has_any_rate_between ? " to " : ", "));
-      sizes.push_back(text);
-    }
-    return fmt::format("{}", fmt::join(sizes, ", "));
   }
 
   void add_imu() {
@@ -163,14 +151,9 @@ class DraftText {
   const ChipPart* known_chip() const {
     for (const ChipPart& chip : parts_.spi) {
       if (chip.chip == SpiChip::kIcm42688p) return &chip;
-      if (chip.chip == SpiChip::kBmi088Gyroscope && bmi088_accelerometer() != nullptr) return &chip;
+      if (chip.chip == SpiChip::kBmi088Gyroscope && bmi088_accelerometer(parts_) != nullptr) return &chip;
     }
     return nullptr;
-  }
-  const ChipPart* bmi088_accelerometer() const {
-    const auto found = std::find_if(parts_.spi.begin(), parts_.spi.end(),
-                                    [](const ChipPart& c) { return c.chip == SpiChip::kBmi088Accelerometer; });
-    return found == parts_.spi.end() ? nullptr : &*found;
   }
 
   void add_chip(const ChipPart& chip) {
@@ -179,7 +162,7 @@ class DraftText {
     comment(chip.path + ": " + name + ", by its identity register. SPI: " + list_of(parts_.spi));
     set("driver", driver_of(chip.chip));
     set("device", chip.path);
-    if (!is_icm) set("device_accel", bmi088_accelerometer()->path);
+    if (!is_icm) set("device_accel", bmi088_accelerometer(parts_)->path);
     out_.print("rate_hz = {}\n", usual_rate_hz(chip.chip));
     if (chip.ready_line.empty()) {
       comment(
@@ -195,20 +178,15 @@ class DraftText {
 
   /// One with an accelerometer in it rather than one without.
   const ImuPart* gyroscope() const {
-    const ImuPart* best = nullptr;
-    for (const ImuPart& imu : parts_.imus) {
-      if (!imu.has_gyroscope || !imu.trouble.empty()) continue;
-      if (imu.has_accelerometer) return &imu;
-      if (best == nullptr && accelerometer() != nullptr) best = &imu;
-    }
-    return best;
+    const ImuPart* const whole = usable_imu(true, true);
+    return whole == nullptr && accelerometer() != nullptr ? usable_imu(true, false) : whole;
   }
-  /// One that is no gyroscope.
-  const ImuPart* accelerometer() const {
-    const auto found = std::find_if(parts_.imus.begin(), parts_.imus.end(), [](const ImuPart& imu) {
-      return imu.has_accelerometer && !imu.has_gyroscope && imu.trouble.empty();
-    });
-    return found == parts_.imus.end() ? nullptr : &*found;
+  const ImuPart* accelerometer() const { return usable_imu(false, true); }
+  const ImuPart* usable_imu(bool has_gyroscope, bool has_accelerometer) const {
+    for (const ImuPart& imu : parts_.imus)
+      if (imu.has_gyroscope == has_gyroscope && imu.has_accelerometer == has_accelerometer && imu.trouble.empty())
+        return &imu;
+    return nullptr;
   }
 
   void add_iio(const ImuPart& imu) {

@@ -13,7 +13,7 @@
 #include <cstring>
 #include <fstream>
 
-#include "drivers/program/inventory/sysfs.h"
+#include "drivers/program/inventory/find.h"
 
 namespace epiline {
 
@@ -56,12 +56,11 @@ bool read_chip(const fs::path& chip, gpiochip_info& info, SystemCalls& system) {
 
 namespace {
 
-/// Devices of a class with their names, `/dev` and the name of the entry.
-std::vector<ListedDevice> of_class(const fs::path& folder, const char* prefix, const char* name_file) {
-  std::vector<ListedDevice> devices;
+/// Adds the entries of a folder as device files, with the names that `name_of` gives.
+template <class NameOf>
+void add_devices(const fs::path& folder, const char* prefix, NameOf name_of, std::vector<ListedDevice>& devices) {
   for (const fs::path& entry : entries(folder, prefix))
-    devices.push_back({"/dev/" + entry.filename().string(), first_line(entry / name_file)});
-  return devices;
+    devices.push_back({"/dev/" + entry.filename().string(), name_of(entry)});
 }
 
 /// The driver's name of a chip, which the kernel shows in no file. Empty: this user may not open the chip.
@@ -91,16 +90,16 @@ constexpr SerialKind kSerialKinds[] = {
 
 Inventory list_devices(const fs::path& root, SystemCalls& system) {
   Inventory all;
-  const fs::path sys = root / "sys";
-  all.cameras = of_class(sys / "class/video4linux", "video", "name");
-  all.iio = of_class(sys / "bus/iio/devices", "iio:device", "name");
-  for (const fs::path& file : entries(root / "dev", "gpiochip"))
-    all.gpio.push_back({"/dev/" + file.filename().string(), label_of(file, system)});
-  for (const fs::path& file : entries(root / "dev", "spidev"))
-    all.spi.push_back({"/dev/" + file.filename().string(), {}});
+  const fs::path sys = root / "sys", dev = root / "dev";
+  const auto in_sysfs = [](const fs::path& entry) { return first_line(entry / "name"); };
+  const auto nameless = [](const fs::path&) { return std::string(); };
+  add_devices(sys / "class/video4linux", "video", in_sysfs, all.cameras);
+  add_devices(sys / "bus/iio/devices", "iio:device", in_sysfs, all.iio);
+  add_devices(
+      dev, "gpiochip", [&](const fs::path& chip) { return label_of(chip, system); }, all.gpio);
+  add_devices(dev, "spidev", nameless, all.spi);
   for (const auto& [prefix, is_listed] : kSerialKinds)
-    for (const fs::path& file : is_listed ? entries(root / "dev", prefix) : std::vector<fs::path>{})
-      all.serial.push_back({"/dev/" + file.filename().string(), {}});
+    if (is_listed) add_devices(dev, prefix, nameless, all.serial);
   constexpr const char* kCanType = "280";  // ARPHRD_CAN
   for (const fs::path& entry : entries(sys / "class/net", ""))
     if (first_line(entry / "type") == kCanType)

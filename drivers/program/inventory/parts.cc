@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <sstream>
+#include <string_view>
 
 #include "drivers/program/inventory/find.h"
-#include "drivers/program/inventory/sysfs.h"
 #include "platform/error/device_trouble.h"
 
 namespace epiline {
@@ -14,15 +15,88 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// As IioDevice::set_rate() looks for it.
+constexpr const char* kRateFiles[] = {"sampling_frequency", "in_anglvel_sampling_frequency",
+                                      "in_accel_sampling_frequency"};
+
+std::vector<double> numbers_in(const std::string& text) {
+  std::istringstream in(text);
+  std::vector<double> numbers;
+  for (double number = 0; in >> number;) numbers.push_back(number);
+  return numbers;
+}
+
+void add_rates(const fs::path& folder, ImuPart& part) {
+  for (const char* file : kRateFiles) {
+    const auto now = numbers_in(first_line(folder / file));
+    if (part.rate_hz <= 0 && now.size() == 1) part.rate_hz = now.front();
+    if (part.rates_hz.empty()) part.rates_hz = numbers_in(first_line(folder / (std::string(file) + "_available")));
+  }
+}
+
+std::optional<ImuPart> find_imu(const fs::path& root, const ListedDevice& listed) {
+  const fs::path folder = root / "sys/bus/iio/devices" / fs::path(listed.path).filename();
+  auto part = part_of<ImuPart>(root, listed);
+  part.has_gyroscope = !entries(folder, "in_anglvel_").empty();
+  part.has_accelerometer = !entries(folder, "in_accel_").empty();
+  if (!part.has_gyroscope && !part.has_accelerometer) return std::nullopt;
+  add_rates(folder, part);
+  std::error_code ignored;
+  if (part.trouble.empty() && !fs::exists(folder / "scan_elements", ignored))
+    part.trouble = "its kernel driver has no buffer; read the chip on SPI, or take a kernel whose driver has one";
+  return part;
+}
+
+struct KnownUsb {
+  std::string_view vendor, product;  ///< product empty: any
+  std::string_view name;
+};
+constexpr KnownUsb kAutopilots[] = {
+#define EPILINE_TTY(name, listed)
+#define EPILINE_AUTOPILOT(vendor, product, name, sure) {vendor, product, name},
+#include "drivers/program/inventory/serial_devices.inc"
+#undef EPILINE_TTY
+#undef EPILINE_AUTOPILOT
+};
+
+std::string autopilot_of(const std::string& vendor, const std::string& product) {
+  for (const KnownUsb& known : kAutopilots)
+    if (vendor == known.vendor && (known.product.empty() || product == known.product)) return std::string(known.name);
+  return {};
+}
+
+/// The folder of the USB device that the port is a part of; empty: it is on no USB.
+fs::path usb_device_of(const fs::path& port) {
+  std::error_code none;
+  fs::path folder = fs::canonical(port / "device", none);
+  for (; !none && folder.has_relative_path(); folder = folder.parent_path())
+    if (fs::exists(folder / "idVendor", none)) return folder;
+  return {};
+}
+
+SerialPart find_serial(const fs::path& root, const ListedDevice& listed) {
+  const fs::path file_name = fs::path(listed.path).filename();
+  auto part = part_of<SerialPart>(root, listed);
+  if (const fs::path usb = usb_device_of(root / "sys/class/tty" / file_name); !usb.empty()) {
+    part.vendor = first_line(usb / "idVendor");
+    part.product = first_line(usb / "idProduct");
+    const std::string maker = first_line(usb / "manufacturer");
+    part.name = maker + (maker.empty() ? "" : " ") + first_line(usb / "product");
+    part.autopilot = autopilot_of(part.vendor, part.product);
+  }
+  const std::string lasting = lasting_name(root, "dev/serial/by-id", file_name);
+  part.settings = {{"mavlink.serial", lasting.empty() ? part.path : lasting}};
+  return part;
+}
+
 ChipPart find_spi(const fs::path& root, const ListedDevice& listed) {
-  return {{listed.path, "", {{"imu.device", listed.path}}, no_permission(root, listed.path)}};
+  auto part = part_of<ChipPart>(root, listed);
+  part.settings = {{"imu.device", listed.path}};
+  return part;
 }
 
 GpioPart find_gpio(const fs::path& root, const ListedDevice& listed, SystemCalls& system) {
-  GpioPart part;
-  part.path = listed.path;
-  part.name = listed.name;
-  part.trouble = no_permission(root, listed.path);
+  auto part = part_of<GpioPart>(root, listed);
   if (!part.trouble.empty()) return part;
   gpiochip_info info{};
   if (!read_chip(below(root, listed.path), info, system)) {
@@ -35,24 +109,21 @@ GpioPart find_gpio(const fs::path& root, const ListedDevice& listed, SystemCalls
   return part;
 }
 
-/// Selects the part by its name, which stays when file names change, unless another part has the same.
-template <class P, class IsSame>
-std::string selector(const std::vector<P>& all, const P& part, const std::string& otherwise, IsSame is_same) {
-  const auto count = std::count_if(all.begin(), all.end(), [&](const P& other) { return is_same(other, part); });
-  return part.name.empty() || count > 1 ? otherwise : part.name;
+/// A text that selects this part alone: `one` of it if it has that and no other part has the same, else `otherwise`.
+template <class P, class Base>
+std::string selector(const std::vector<P>& all, const P& part, std::string Base::*one, const std::string& otherwise) {
+  const auto count = std::count_if(all.begin(), all.end(), [&](const P& p) { return p.*one == part.*one; });
+  return (part.*one).empty() || count > 1 ? otherwise : part.*one;
 }
 
+/// By its name, which stays when file names change.
 void set_selectors(Parts& parts) {
-  const auto same_name = [](const Part& a, const Part& b) { return a.name == b.name; };
-  const auto same_bus = [](const CameraPart& a, const CameraPart& b) { return a.bus == b.bus; };
   for (CameraPart& camera : parts.cameras) {
-    const bool has_bus = !camera.bus.empty() && std::count_if(parts.cameras.begin(), parts.cameras.end(),
-                                                              [&](const auto& c) { return same_bus(c, camera); }) == 1;
-    camera.settings = {
-        {"camera.device", selector(parts.cameras, camera, has_bus ? camera.bus : camera.path, same_name)}};
+    const std::string place = selector(parts.cameras, camera, &CameraPart::bus, camera.path);
+    camera.settings = {{"camera.device", selector(parts.cameras, camera, &Part::name, place)}};
   }
   for (ImuPart& imu : parts.imus) {
-    const std::string device = selector(parts.imus, imu, fs::path(imu.path).filename().string(), same_name);
+    const std::string device = selector(parts.imus, imu, &Part::name, fs::path(imu.path).filename().string());
     imu.settings = {{imu.has_gyroscope ? "imu.device" : "imu.device_accel", device}};
   }
 }

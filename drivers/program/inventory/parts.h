@@ -91,6 +91,8 @@ struct Parts {
 /// Changes nothing, and opens no serial port, because that resets some boards. `root`: as list_devices().
 Parts find_parts(const std::filesystem::path& root = "/", SystemCalls& system = SystemCalls::of_this_computer());
 
+/// "320x180 (30, 60 Hz), 16x16 to 4056x3040 (1 to 120 Hz)"
+std::string to_text(const std::vector<CameraSize>& sizes);
 /// For people: a few lines for each part.
 std::string to_text(const Parts& parts);
 

@@ -2,107 +2,73 @@
 
 namespace epiline {
 
-namespace {
-
 using OrderedJson = nlohmann::ordered_json;
 
 /// 0 means unknown.
 template <class T>
-OrderedJson known(T number) {
+static OrderedJson known(T number) {
   return number > 0 ? OrderedJson(number) : OrderedJson(nullptr);
 }
 
-OrderedJson part_json(const Part& part) {
-  OrderedJson json;
-  json["path"] = part.path;
-  json["name"] = part.name;
-  json["settings"] = OrderedJson::object();
-  for (const PartSetting& s : part.settings) json["settings"][s.key] = s.value;
-  json["trouble"] = part.trouble;
-  return json;
-}
+// nlohmann's library finds the following by their arguments, also for lists of them.
 
-OrderedJson size_json(const CameraSize& size) {
-  OrderedJson json{{"width", size.width}, {"height", size.height}};
+static void to_json(OrderedJson& json, const CameraSize& size) {
+  json = {{"width", size.width}, {"height", size.height}};
   if (size.is_range()) json.update(OrderedJson{{"width_most", size.width_most}, {"height_most", size.height_most}});
   json["rates_hz"] = size.rates_hz;
   json["any_rate_between"] = size.has_any_rate_between;
-  return json;
 }
 
-OrderedJson json_of(const Part& part) { return part_json(part); }
-
-OrderedJson json_of(const CameraPart& camera) {
-  OrderedJson json = part_json(camera);
-  json["bus"] = camera.bus;
-  json["driver"] = camera.driver;
-  json["formats"] = OrderedJson::array();
-  for (const CameraFormat& format : camera.formats) {
-    OrderedJson one{{"name", format.name},
-                    {"is_read", format.is_read},
-                    {"is_mosaic", format.is_mosaic},
-                    {"sizes", OrderedJson::array()}};
-    for (const CameraSize& size : format.sizes) one["sizes"].push_back(size_json(size));
-    json["formats"].push_back(one);
-  }
-  json["controls"] = OrderedJson::array();
-  for (const CameraControlRange& c : camera.controls)
-    json["controls"].push_back(
-        {{"name", c.name}, {"min", c.least}, {"max", c.most}, {"step", c.step}, {"default", c.standard}});
-  return json;
+static void to_json(OrderedJson& json, const CameraFormat& format) {
+  json = {{"name", format.name}, {"is_read", format.is_read}, {"is_mosaic", format.is_mosaic}, {"sizes", format.sizes}};
 }
 
-OrderedJson json_of(const ImuPart& imu) {
-  OrderedJson json = part_json(imu);
-  json["gyroscope"] = imu.has_gyroscope;
-  json["accelerometer"] = imu.has_accelerometer;
-  json["rate_hz"] = known(imu.rate_hz);
-  json["rates_hz"] = imu.rates_hz;
-  return json;
+static void to_json(OrderedJson& json, const CameraControlRange& c) {
+  json = {{"name", c.name}, {"min", c.least}, {"max", c.most}, {"step", c.step}, {"default", c.standard}};
 }
 
-OrderedJson json_of(const SerialPart& port) {
-  OrderedJson json = part_json(port);
-  json["usb_vendor"] = port.vendor;
-  json["usb_product"] = port.product;
-  json["autopilot"] = port.autopilot;
-  return json;
+static void to_json(OrderedJson& json, const Part& part) {
+  json = {{"path", part.path}, {"name", part.name}, {"settings", OrderedJson::object()}, {"trouble", part.trouble}};
+  for (const PartSetting& s : part.settings) json["settings"][s.key] = s.value;
 }
 
-OrderedJson json_of(const CanPart& can) {
-  OrderedJson json = part_json(can);
-  json["up"] = can.is_up;
-  json["state"] = can.state;
-  json["bitrate"] = known(can.bitrate);
-  json["data_bitrate"] = known(can.data_bitrate);
-  json["fd"] = can.has_fd;
-  return json;
+/// What every part has, and more.
+static void add_to(OrderedJson& json, const Part& part, const OrderedJson& more) {
+  to_json(json, part);
+  json.update(more);
 }
 
-OrderedJson json_of(const GpioPart& chip) {
-  OrderedJson json = part_json(chip);
-  json["lines"] = known(chip.lines);
-  return json;
+static void to_json(OrderedJson& json, const CameraPart& camera) {
+  add_to(json, camera,
+         {{"bus", camera.bus}, {"driver", camera.driver}, {"formats", camera.formats}, {"controls", camera.controls}});
 }
 
-template <class P>
-OrderedJson list_json(const std::vector<P>& parts) {
-  OrderedJson list = OrderedJson::array();
-  for (const P& part : parts) list.push_back(json_of(part));
-  return list;
+static void to_json(OrderedJson& json, const ImuPart& imu) {
+  add_to(json, imu,
+         {{"gyroscope", imu.has_gyroscope},
+          {"accelerometer", imu.has_accelerometer},
+          {"rate_hz", known(imu.rate_hz)},
+          {"rates_hz", imu.rates_hz}});
 }
 
-}  // namespace
+static void to_json(OrderedJson& json, const SerialPart& port) {
+  add_to(json, port, {{"usb_vendor", port.vendor}, {"usb_product", port.product}, {"autopilot", port.autopilot}});
+}
+
+static void to_json(OrderedJson& json, const CanPart& can) {
+  add_to(json, can,
+         {{"up", can.is_up},
+          {"state", can.state},
+          {"bitrate", known(can.bitrate)},
+          {"data_bitrate", known(can.data_bitrate)},
+          {"fd", can.has_fd}});
+}
+
+static void to_json(OrderedJson& json, const GpioPart& chip) { add_to(json, chip, {{"lines", known(chip.lines)}}); }
 
 nlohmann::ordered_json to_json(const Parts& parts) {
-  OrderedJson json;
-  json["cameras"] = list_json(parts.cameras);
-  json["imus"] = list_json(parts.imus);
-  json["spi"] = list_json(parts.spi);
-  json["serial"] = list_json(parts.serial);
-  json["can"] = list_json(parts.can);
-  json["gpio"] = list_json(parts.gpio);
-  return json;
+  return {{"cameras", parts.cameras}, {"imus", parts.imus}, {"spi", parts.spi},
+          {"serial", parts.serial},   {"can", parts.can},   {"gpio", parts.gpio}};
 }
 
 }  // namespace epiline

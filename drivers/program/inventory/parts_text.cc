@@ -23,13 +23,6 @@ std::string rates_text(const std::vector<double>& rates_hz, bool has_any_between
   return fmt::format("{:.4g} Hz", fmt::join(rates_hz, has_any_between ? " to " : ", "));
 }
 
-std::string size_text(const CameraSize& size) {
-  std::string text = fmt::format("{}x{}", size.width, size.height);
-  if (size.is_range()) text += fmt::format(" to {}x{}", size.width_most, size.height_most);
-  if (!size.rates_hz.empty()) text += fmt::format(" ({})", rates_text(size.rates_hz, size.has_any_rate_between));
-  return text;
-}
-
 void add_line(std::string& out, std::string_view label, std::string_view text) {
   if (!text.empty()) out += fmt::format("          {:9} {}\n", label, text);
 }
@@ -49,11 +42,7 @@ void add(std::string& out, std::string_view& kind, const CameraPart& camera) {
   for (const CameraFormat& format : camera.formats) {
     if (!format.is_read) others.push_back(format.name);
     if (!format.is_read) continue;
-    std::vector<std::string> sizes;
-    for (const CameraSize& size : format.sizes) sizes.push_back(size_text(size));
-    add_line(
-        out, format.name,
-        fmt::format("{}{}", fmt::join(sizes, ", "), format.is_mosaic ? "; half the camera's, of its colours" : ""));
+    add_line(out, format.name, to_text(format.sizes) + (format.is_mosaic ? "; half the camera's, of its colours" : ""));
   }
   add_line(out, "not read", fmt::format("{}", fmt::join(others, ", ")));
   for (const CameraControlRange& c : camera.controls)
@@ -95,6 +84,16 @@ void add_all(std::string& out, std::string_view kind, const std::vector<P>& part
 }
 
 }  // namespace
+
+std::string to_text(const std::vector<CameraSize>& sizes) {
+  std::string text;
+  for (const CameraSize& size : sizes) {
+    text += fmt::format("{}{}x{}", text.empty() ? "" : ", ", size.width, size.height);
+    if (size.is_range()) text += fmt::format(" to {}x{}", size.width_most, size.height_most);
+    if (!size.rates_hz.empty()) text += fmt::format(" ({})", rates_text(size.rates_hz, size.has_any_rate_between));
+  }
+  return text;
+}
 
 std::string to_text(const Parts& parts) {
   std::string out;

@@ -4,9 +4,11 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "drivers/program/inventory/parts.h"
 #include "drivers/sensors/imu/spi_identity.h"
+#include "platform/linux/system_calls.h"
 
 namespace epiline {
 
@@ -31,9 +33,24 @@ struct Probes {
 /// one resets some boards), and starts a chip that it knows to find its line. Writes nothing to a port.
 void probe(Parts& parts, const Probes& probes);
 
+/// The half of a BMI088 beside its gyroscope; null: none.
+const ChipPart* bmi088_accelerometer(const Parts& parts);
 /// Samples per second that `init` sets for a chip, and with which its line is looked for.
 int usual_rate_hz(SpiChip chip);
 /// As imu.driver; empty: no driver.
 const char* driver_of(SpiChip chip);
+
+/// Lines that nobody uses, and that are inputs: a line that is an output may switch something.
+std::vector<std::string> free_inputs(const Parts& parts, SystemCalls& system = SystemCalls::of_this_computer());
+
+/// Starts the chip, and counts the edges of each free input. Empty: none has the chip's rate, or more than one has.
+std::string find_ready_line(const Parts& parts, const ChipPart& chip);
+
+/// The one whose rate is within 10 % of `wanted_hz`; empty: none, or several.
+struct CountedLine {
+  std::string line;
+  double edges_hz = 0;
+};
+std::string line_at_rate(const std::vector<CountedLine>& lines, double wanted_hz);
 
 }  // namespace epiline

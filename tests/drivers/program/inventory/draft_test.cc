@@ -16,11 +16,13 @@
 #include "drivers/sensors/camera/v4l2_settings.h"
 #include "pipeline/config/config.h"
 #include "pipeline/text/table.h"
+#include "tests/drivers/program/must.h"
 
 namespace epiline {
 namespace {
 
 namespace fs = std::filesystem;
+using test::must;
 using testing::Contains;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -58,18 +60,12 @@ SerialPart port(const std::string& path, const std::string& autopilot) {
 
 /// As the program would read the draft.
 Config config_of(const Draft& draft) {
-  const auto file = ConfigFile::parse(draft.toml, "draft.toml");
-  EXPECT_TRUE(file) << file.error().text() << "\n" << draft.toml;
   Config config;
-  if (file) file->apply(config);
+  must(ConfigFile::parse(draft.toml, "draft.toml")).apply(config);
   return config;
 }
 
-Draft draft_of(const Parts& parts) {
-  auto draft = draft_configuration(parts);
-  EXPECT_TRUE(draft) << draft.error().text();
-  return draft ? std::move(*draft) : Draft{};
-}
+Draft draft_of(const Parts& parts) { return must(draft_configuration(parts)); }
 
 const CameraFormat kYuyv640{"YUYV", true, false, {size(640, 480, {15, 30}), size(1280, 800, {10})}};
 const CameraFormat kMjpeg{"MJPG", true, false, {size(1280, 720, {60})}},

@@ -13,14 +13,12 @@
 #include <algorithm>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "drivers/program/inventory/parts_json.h"
-#include "tests/drivers/fake_camera.h"
-#include "tests/drivers/fake_kernel.h"
+#include "tests/drivers/program/inventory/made_up_computer.h"
 
 namespace epiline {
 namespace {
@@ -110,37 +108,14 @@ class Netlink final : public test::FakeFile {
   }
 };
 
-class PartsOf : public testing::Test {
+class PartsOf : public test::MadeUpComputer {
  protected:
-  void SetUp() override { fs::remove_all(root_); }
-  void TearDown() override { fs::remove_all(root_); }
-
-  void write(const std::string& file, const std::string& text = "") const {
-    fs::create_directories((root_ / file).parent_path());
-    std::ofstream(root_ / file) << text << "\n";
-  }
-  void add(const std::string& device, test::FakeKernel::File file) {
-    write(device);
-    kernel_.devices[(root_ / device).string()] = std::move(file);
-  }
-  std::shared_ptr<test::FakeCamera> add_camera(const std::string& node) {
-    write("sys/class/video4linux/" + node + "/name", "as sysfs has it");
-    const auto camera = std::make_shared<test::FakeCamera>(kernel_);
-    add("dev/" + node, camera);
-    return camera;
-  }
   void add_can(const std::shared_ptr<Netlink>& link) {
-    write("sys/class/net/can0/type", "280");
-    write("sys/class/net/can0/operstate", "up");
-    write("sys/class/net/can0/ifindex", "5");
-    write("sys/class/net/can0/mtu", "72");
+    MadeUpComputer::add_can();
     write("sys/class/net/can0/device/uevent");
     kernel_.make_socket = [link](int domain, int, int) { return domain == AF_NETLINK ? link : nullptr; };
   }
   Parts find() { return find_parts(root_, kernel_); }
-
-  const fs::path root_ = fs::path(testing::TempDir()) / ("epiline-parts-" + std::to_string(::getpid()));
-  test::FakeKernel kernel_;
 };
 
 TEST_F(PartsOf, AnEmptyComputerHasNone) {
@@ -181,8 +156,7 @@ TEST_F(PartsOf, ACameraHasALastingPath) {
   add_camera("video0");
   EXPECT_EQ(find().cameras.at(0).lasting_path, "");
   for (const char* link : {"by-path/pci-0-video-index0", "by-id/usb-Made-up-video-index0"}) {
-    fs::create_directories((root_ / "dev/v4l" / link).parent_path());
-    fs::create_symlink("../../video0", root_ / "dev/v4l" / link);
+    this->link("../../video0", std::string("dev/v4l/") + link);
     EXPECT_EQ(find().cameras.at(0).lasting_path, std::string("/dev/v4l/") + link) << "by-id first";
   }
 }
@@ -259,18 +233,9 @@ TEST_F(PartsOf, AnImuHasGyroscopeAccelerometerAndRates) {
 }
 
 TEST_F(PartsOf, ASerialPortNamesItsFlightController) {
-  write("dev/ttyACM0");
+  add_flight_controller_on_usb();
   write("dev/ttyAMA0");
-  const std::string usb = "sys/devices/usb1/1-1/";
-  write(usb + "idVendor", "3162");
-  write(usb + "idProduct", "0053");
-  write(usb + "manufacturer", "Holybro");
-  write(usb + "product", "Pixhawk6C");
-  write(usb + "1-1:1.0/bInterfaceNumber", "00");
-  fs::create_directories(root_ / "sys/class/tty/ttyACM0");
-  fs::create_symlink(root_ / usb / "1-1:1.0", root_ / "sys/class/tty/ttyACM0/device");
-  fs::create_directories(root_ / "dev/serial/by-id");
-  fs::create_symlink("../../ttyACM0", root_ / "dev/serial/by-id/usb-Holybro_Pixhawk6C-if00");
+  link("../../ttyACM0", "dev/serial/by-id/usb-Holybro_Pixhawk6C-if00");
   const Parts parts = find();
   ASSERT_EQ(parts.serial.size(), 2u);
   EXPECT_EQ(parts.serial[0].vendor + ":" + parts.serial[0].product, "3162:0053");

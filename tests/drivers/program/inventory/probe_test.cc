@@ -10,14 +10,15 @@
 #include <thread>
 
 #include "drivers/program/inventory/draft.h"
-#include "drivers/program/inventory/ready_line.h"
 #include "pipeline/config/config.h"
 #include "tests/drivers/fake_kernel.h"
 #include "tests/drivers/links/mavlink/link_peer.h"
+#include "tests/drivers/program/must.h"
 
 namespace epiline {
 namespace {
 
+using test::must;
 using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -61,12 +62,8 @@ struct Board {
 };
 
 Config config_of_board(const Board& board) {
-  const auto draft = draft_configuration(board.parts);
-  EXPECT_TRUE(draft);
-  const auto file = ConfigFile::parse(draft->toml, "draft.toml");
-  EXPECT_TRUE(file) << draft->toml;
   Config config;
-  file->apply(config);
+  must(ConfigFile::parse(must(draft_configuration(board.parts)).toml, "draft.toml")).apply(config);
   return config;
 }
 

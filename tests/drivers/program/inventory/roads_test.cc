@@ -3,10 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/sysmacros.h>
-#include <unistd.h>
 
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <string>
 #include <vector>
@@ -18,45 +16,28 @@
 #include "drivers/program/live/devices.h"
 #include "drivers/sensors/camera/v4l2_camera.h"
 #include "drivers/sensors/camera/v4l2_settings.h"
-#include "tests/drivers/fake_camera.h"
 #include "tests/drivers/fake_graph.h"
-#include "tests/drivers/fake_kernel.h"
+#include "tests/drivers/program/inventory/made_up_computer.h"
+#include "tests/drivers/program/must.h"
 
 namespace epiline {
 namespace {
 
 namespace fs = std::filesystem;
+using test::must;
 using testing::IsEmpty;
 
-class Road : public testing::Test {
+class Road : public test::MadeUpComputer {
  protected:
-  void SetUp() override { fs::remove_all(root_); }
-  void TearDown() override { fs::remove_all(root_); }
-
-  fs::path write(const std::string& file, const std::string& text = "") const {
-    fs::create_directories((root_ / file).parent_path());
-    std::ofstream(root_ / file) << text << "\n";
-    return root_ / file;
-  }
-  std::shared_ptr<test::FakeCamera> add_camera(const std::string& node) {
-    write("sys/class/video4linux/" + node + "/name", node);
-    write("dev/" + node);
-    const auto camera = std::make_shared<test::FakeCamera>(kernel_);
-    kernel_.devices[(root_ / "dev" / node).string()] = kernel_.devices["/dev/" + node] = camera;
-    return camera;
-  }
   /// epiline init, then what epiline calibrate sets.
   void init(const Probes& probes) {
     Parts parts = find_parts(root_, kernel_);
     probe(parts, probes);
-    const auto draft = draft_configuration(parts);
-    ASSERT_TRUE(draft) << draft.error().text();
-    EXPECT_THAT(draft->missing, IsEmpty()) << draft->toml;
+    const Draft draft = must(draft_configuration(parts));
+    EXPECT_THAT(draft.missing, IsEmpty()) << draft.toml;
     const fs::path file = root_ / "epiline.toml";
-    ASSERT_TRUE(write_draft(*draft, file, false));
-    const auto settings = read_live_settings(file, {}, CalibrationNeed::kIfGiven);
-    ASSERT_TRUE(settings) << settings.error().text();
-    const CameraConfig& c = settings->config.devices.camera;
+    ASSERT_TRUE(write_draft(draft, file, false));
+    const CameraConfig c = must(read_live_settings(file, {}, CalibrationNeed::kIfGiven)).config.devices.camera;
     const fs::path lens = write("camera.yaml",
                                 "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
                                 "camera_model: pinhole\nintrinsics: [400, 400, 320, 200]\n"
@@ -66,37 +47,26 @@ class Road : public testing::Test {
   }
   /// epiline run: it takes the configuration, and the camera gives an image of the calibrated size.
   LiveSettings take() {
-    const auto settings = read_live_settings(root_ / "epiline.toml");
-    EXPECT_TRUE(settings) << settings.error().text();
-    if (!settings) return {};
-    const auto devices = make_devices(*settings);
-    EXPECT_TRUE(devices) << devices.error().text();
-    if (!devices) return {};
-    EXPECT_FALSE(devices->outputs.empty());
-    const auto of_camera = v4l2_settings_of(settings->config.devices.camera);
-    EXPECT_TRUE(of_camera);
-    V4l2Camera camera(*of_camera, kernel_);
-    const Status opened = camera.open();
-    EXPECT_TRUE(opened) << opened.error().text();
+    const LiveSettings settings = must(read_live_settings(root_ / "epiline.toml"));
+    EXPECT_FALSE(must(make_devices(settings)).outputs.empty());
+    V4l2Camera camera(must(v4l2_settings_of(settings.config.devices.camera)), kernel_);
+    must(camera.open());
     Frame frame;
     ReadOutcome outcome = ReadOutcome::kTimeout;
-    for (int i = 0; opened && i < 100 && outcome != ReadOutcome::kSample; ++i)
+    for (int i = 0; i < 100 && outcome != ReadOutcome::kSample; ++i)
       outcome = camera.read(frame, Span::from_milliseconds(100));
     EXPECT_EQ(outcome, ReadOutcome::kSample);
-    EXPECT_EQ(frame.width, settings->camera.width);
-    EXPECT_EQ(frame.height, settings->camera.height);
+    EXPECT_EQ(frame.width, settings.camera.width);
+    EXPECT_EQ(frame.height, settings.camera.height);
     if (outcome == ReadOutcome::kSample) camera.give_back(frame);
     camera.close();
-    return *settings;
+    return settings;
   }
   static Probes nothing() {
     return {[](const std::string&) { return SpiChip::kUnknown; },
             [](const std::string&, int, bool&) { return std::optional<HeardController>(); },
             [](const Parts&, const ChipPart&) { return std::string(); }};
   }
-
-  const fs::path root_ = fs::path(testing::TempDir()) / ("epiline-road-" + std::to_string(::getpid()));
-  test::FakeKernel kernel_;
 };
 
 /// A receiver whose nodes take any format in any size, and before it an OV9281.
@@ -147,14 +117,7 @@ TEST_F(Road, RaspberryPi5) {
 TEST_F(Road, UsbCameraAndTheControllersImu) {
   add_camera("video0")->formats = {{V4L2_PIX_FMT_YUYV, {{640, 480, {30}}, {1280, 720, {10}}}},
                                    {V4L2_PIX_FMT_MJPEG, {{1280, 720, {30}}}}};
-  const std::string usb = "sys/devices/usb1/1-1/";
-  for (const auto& [file, text] : std::vector<std::pair<std::string, std::string>>{
-           {"idVendor", "3162"}, {"idProduct", "0053"}, {"manufacturer", "Holybro"}, {"product", "Pixhawk6C"}})
-    write(usb + file, text);
-  write("dev/ttyACM0");
-  write(usb + "1-1:1.0/bInterfaceNumber", "00");
-  fs::create_directories(root_ / "sys/class/tty/ttyACM0");
-  fs::create_symlink(root_ / usb / "1-1:1.0", root_ / "sys/class/tty/ttyACM0/device");
+  add_flight_controller_on_usb();
   init(nothing());
   const LiveSettings taken = take();
   EXPECT_EQ(taken.config.devices.imu.driver, static_cast<int>(ImuDriver::kMavlink));
@@ -169,10 +132,7 @@ TEST_F(Road, RoverOnCan) {
   write(imu + "in_anglvel_x_raw", "1");
   write(imu + "in_accel_x_raw", "1");
   write(imu + "scan_elements/in_anglvel_x_en", "0");
-  write("sys/class/net/can0/type", "280");
-  write("sys/class/net/can0/operstate", "up");
-  write("sys/class/net/can0/ifindex", "5");
-  write("sys/class/net/can0/mtu", "72");
+  add_can();
   init(nothing());
   const LiveSettings taken = take();
   EXPECT_EQ(taken.config.devices.can.interface, "can0");
