@@ -1,6 +1,7 @@
 // Bags as data sets: the same flight as a folder and as a bag of every format gives the same trajectory; a damaged bag
 // is one line, and an interrupted one is read up to its end.
 #include <algorithm>
+#include <functional>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -31,8 +32,10 @@ RawMessage imu_message(std::int64_t ns, const double* rates_and_forces, bool is_
   return m;
 }
 
+constexpr double kStill[6] = {0, 0, 1e-3, 0, 0, 9.81};
+
 /// A rendered flight as a folder, and what a bag is written from.
-class Bag : public testing::Test {
+class Bag : public CommandTest {
  protected:
   static void SetUpTestSuite() {
     folder() = fs::path(testing::TempDir()) / ("epiline_bag_flight_" + std::to_string(getpid()));
@@ -42,8 +45,7 @@ class Bag : public testing::Test {
   }
   static void TearDownTestSuite() { fs::remove_all(folder()); }
   void SetUp() override {
-    fs::remove_all(scratch());
-    fs::create_directories(scratch());
+    CommandTest::SetUp();
     write(config, calibrated_by(folder()));
   }
   static fs::path& folder() {
@@ -65,21 +67,26 @@ class Bag : public testing::Test {
     return list;
   }
 
+  // What goes into a bag: each writes a part of the flight.
+  using Part = std::function<void(BagWriter& to)>;
+
   /// Stamps in the headers are those of the flight, or 0.
-  static void write_images(BagWriter& to, const std::string& encoding = "mono8",
-                           const std::string& topic = "/cam0/image_raw", bool has_stamps = true) {
-    for (const auto& [ns, path] : images()) {
-      const std::int64_t stamp = has_stamps ? ns : 0, recorded = has_stamps ? ns + 3'000'000 : ns;
-      if (encoding == "compressed") {
-        const std::string file = read(path);
-        RawMessage m = to.message("sensor_msgs/CompressedImage");
-        m.header(stamp).text("png").block(file.data(), file.size());
-        to.write(topic, recorded, m);
-      } else {
-        const cv::Mat grey = cv::imread(path.string(), cv::IMREAD_GRAYSCALE);
-        to.write(topic, recorded, image_message(stamp, as_encoded(grey, encoding), encoding, to.is_cdr()));
+  static Part images_as(const std::string& encoding, const std::string& topic = "/cam0/image_raw",
+                        bool has_stamps = true) {
+    return [=](BagWriter& to) {
+      for (const auto& [ns, path] : images()) {
+        const std::int64_t stamp = has_stamps ? ns : 0, recorded = has_stamps ? ns + 3'000'000 : ns;
+        if (encoding == "compressed") {
+          const std::string file = read(path);
+          RawMessage m = to.message("sensor_msgs/CompressedImage");
+          m.header(stamp).text("png").block(file.data(), file.size());
+          to.write(topic, recorded, m);
+        } else {
+          const cv::Mat grey = cv::imread(path.string(), cv::IMREAD_GRAYSCALE);
+          to.write(topic, recorded, image_message(stamp, as_encoded(grey, encoding), encoding, to.is_cdr()));
+        }
       }
-    }
+    };
   }
   static cv::Mat as_encoded(const cv::Mat& grey, const std::string& encoding) {
     cv::Mat pixels = grey;
@@ -102,42 +109,41 @@ class Bag : public testing::Test {
     for (std::size_t i = 0; i < imu.rows(); ++i)
       to.write("/imu0", imu.time_ns[i], imu_message(imu.time_ns[i], imu.row(i), to.is_cdr()));
   }
-  static void write_truth(BagWriter& to, const std::string& type = "geometry_msgs/PoseStamped") {
-    const auto path = folder() / "mav0/state_groundtruth_estimate0/data.csv";
-    const auto truth = parse_table(read(path), "truth", TimeColumn::kNanoseconds, {8, 11, 17}, "pose");
-    ASSERT_TRUE(truth);
-    for (std::size_t i = 0; i < truth->rows(); ++i) {
-      const double* row = truth->row(i);
-      RawMessage m = to.message(type);
-      m.header(truth->time_ns[i]);
-      if (type != "geometry_msgs/PoseStamped") m.text("body");
-      for (int k = 0; k < 3; ++k) m.f64(row[k]);
-      for (const int k : {4, 5, 6, 3}) m.f64(row[k]);  // w comes first in the file, last in the message
-      to.write("/truth", truth->time_ns[i], m);
-    }
+  static Part truth_as(const std::string& type) {
+    return [=](BagWriter& to) {
+      const auto path = folder() / "mav0/state_groundtruth_estimate0/data.csv";
+      const auto truth = parse_table(read(path), "truth", TimeColumn::kNanoseconds, {8, 11, 17}, "pose");
+      ASSERT_TRUE(truth);
+      for (std::size_t i = 0; i < truth->rows(); ++i) {
+        const double* row = truth->row(i);
+        RawMessage m = to.message(type);
+        m.header(truth->time_ns[i]);
+        if (type != "geometry_msgs/PoseStamped") m.text("body");
+        for (int k = 0; k < 3; ++k) m.f64(row[k]);
+        for (const int k : {4, 5, 6, 3}) m.f64(row[k]);  // w comes first in the file, last in the message
+        to.write("/truth", truth->time_ns[i], m);
+      }
+    };
   }
-  static void write_all(BagWriter& to) {
-    write_images(to);
-    write_imu(to);
-    write_truth(to);
+  static void write_images(BagWriter& to) { images_as("mono8")(to); }
+  static void write_truth(BagWriter& to) { truth_as("geometry_msgs/PoseStamped")(to); }
+  /// Writes a bag; it is whole afterwards.
+  static void record(BagWriter&& to, const std::vector<Part>& parts = {write_images, write_imu, write_truth}) {
+    for (const Part& part : parts) part(to);
   }
-  void write_flight(const std::string& encoding = "mono8", const std::string& packing = "none") {
-    Ros1Writer to(bag, packing);
-    write_images(to, encoding);
-    write_imu(to);
-    write_truth(to);
+  void write_flight(const std::string& encoding = "mono8") {
+    record(Ros1Writer(bag), {images_as(encoding), write_imu, write_truth});
   }
 
-  Outcome replay(const std::string& more = "") {
-    return run("replay '" + bag.string() + "' --config '" + config.string() + "' --out '" + out.string() + "' " + more);
+  static std::string replay_of(const fs::path& recording, const fs::path& config, const fs::path& out) {
+    return "replay " + in_quotes(recording) + " --config " + in_quotes(config) + " --out " + in_quotes(out) + " ";
   }
+  Outcome replay(const std::string& more = "") { return run(replay_of(bag, config, out) + more); }
   std::string trajectory() const { return read(out / "trajectory.tum"); }
   /// Of the folder; the same settings.
   std::string expected() {
     const fs::path to = scratch() / "folder_out";
-    EXPECT_EQ(run("replay '" + folder().string() + "' --config '" + config.string() + "' --out '" + to.string() + "'")
-                  .exit_code,
-              0);
+    EXPECT_EQ(run(replay_of(folder(), config, to)).exit_code, 0);
     return read(to / "trajectory.tum");
   }
 
@@ -173,58 +179,31 @@ TEST_F(Bag, OfEveryFormatGivesTheSameTrajectory) {
     fs::remove_all(name);
   };
   for (const char* packing : {"bz2", "lz4"}) {
-    const fs::path name = scratch() / (std::string("ros1-") + packing + ".bag");
-    {
-      Ros1Writer to(name, packing);
-      write_all(to);
-    }
-    expect_same(name);
+    record(Ros1Writer(scratch() / "packed.bag", packing));
+    expect_same(scratch() / "packed.bag");
   }
   for (const char* packing : {"", "lz4", "zstd", "open", "message"}) {
-    const fs::path name = scratch() / ("ros2-" + std::string(packing) + ".mcap");
-    {
-      McapWriter to(name, packing);
-      write_all(to);
-    }
-    expect_same(name);
+    record(McapWriter(scratch() / "ros2.mcap", packing));
+    expect_same(scratch() / "ros2.mcap");
   }
-  {
-    McapWriter to(scratch() / "ros1.mcap", "lz4", false);
-    write_all(to);
-  }
+  record(McapWriter(scratch() / "ros1.mcap", "lz4", false));
   expect_same(scratch() / "ros1.mcap");
   for (const bool packs : {false, true}) {
-    {
-      Db3Writer to(scratch() / "a.db3", packs);
-      write_all(to);
-    }
+    record(Db3Writer(scratch() / "a.db3", packs));
     expect_same(scratch() / "a.db3");
   }
   const fs::path whole = scratch() / "whole", parts = scratch() / "parts";
-  {
-    Db3Writer to(whole / "whole_0.db3");
-    write_all(to);
-  }  // packed as a file, listed
+  record(Db3Writer(whole / "whole_0.db3"));  // packed as a file, listed
   write(whole / "whole_0.db3.zstd", zstd_of(read(whole / "whole_0.db3")));
   fs::remove(whole / "whole_0.db3");
   write(whole / "metadata.yaml", "rosbag2_bagfile_information:\n  relative_file_paths: [whole_0.db3.zstd]\n");
   expect_same(whole);
-  {
-    McapWriter to(parts / "parts_1.mcap", "zstd");
-    write_imu(to);
-  }  // split, and without a list after an interruption
-  {
-    McapWriter to(parts / "parts_0.mcap", "zstd");
-    write_images(to);
-    write_truth(to);
-  }
+  record(McapWriter(parts / "parts_1.mcap", "zstd"), {write_imu});  // split, and without a list after an interruption
+  record(McapWriter(parts / "parts_0.mcap", "zstd"), {write_images, write_truth});
   expect_same(parts);
   for (const char* ending : {".db3", ".mcap"}) {
     const auto all = images();
-    {
-      SplitWriter to(scratch() / "split", ending, all[all.size() / 2].first);
-      write_all(to);
-    }
+    record(SplitWriter(scratch() / "split", ending, all[all.size() / 2].first));
     expect_same(scratch() / "split");
   }
 }
@@ -254,51 +233,32 @@ TEST_F(Bag, GyroscopeAndAccelerometerOfTwoTopicsAreOneImu) {
     }
   };
   const std::string wanted = expected();
-  {
-    Ros1Writer to(bag);
-    write_images(to);
-    write_halves(to);
-  }
+  record(Ros1Writer(bag), {write_images, write_halves});
   for (const char* topic : {"", "--imu-topic /camera/gyro/sample", "--imu-topic /camera/accel/sample"}) {
     const Outcome r = replay(topic);
     ASSERT_EQ(r.exit_code, 0) << r.err;
     EXPECT_NE(r.out.find("joined to one IMU"), std::string::npos) << r.out;
     EXPECT_EQ(trajectory(), wanted);
   }
-  {
-    Ros1Writer to(bag);
-    write_images(to);
-    const double rates[6] = {1, 2, 3, 0, 0, 0};
-    to.write("/gyro", imu.time_ns[0], imu_message(imu.time_ns[0], rates));
-  }
+  const double rates[6] = {1, 2, 3, 0, 0, 0};
+  record(Ros1Writer(bag),
+         {write_images, [&](BagWriter& to) { to.write("/gyro", imu.time_ns[0], imu_message(imu.time_ns[0], rates)); }});
   expect_one_line(replay(), 2, {"/gyro holds rates, but no acceleration"});
 }
 
 TEST_F(Bag, DistancesAreNoImage) {
   const std::string wanted = expected();
-  {
-    Ros1Writer to(bag);
-    write_images(to, "16UC1", "/camera/aligned_depth_to_color/image_raw");
-    write_images(to, "rgb8", "/camera/color/image_raw");
-    write_imu(to);
-  }
+  const Part depth = images_as("16UC1", "/camera/depth/image_raw");
+  record(Ros1Writer(bag), {depth, images_as("rgb8", "/camera/color/image_raw"), write_imu});
   ASSERT_EQ(replay().exit_code, 0);
   EXPECT_EQ(trajectory(), wanted);
-  {
-    Ros1Writer to(bag);
-    write_images(to, "16UC1", "/camera/depth/image_raw");
-    write_imu(to);
-  }
+  record(Ros1Writer(bag), {depth, write_imu});
   expect_one_line(replay(), 2, {"no image but /camera/depth/image_raw"});
 }
 
 TEST_F(Bag, StampsOfTheRecordingServeWhereHeadersHaveNone) {
   const std::string wanted = expected();
-  {
-    Ros1Writer to(bag);
-    write_images(to, "mono8", "/cam0/image_raw", false);
-    write_imu(to);
-  }
+  record(Ros1Writer(bag), {images_as("mono8", "/cam0/image_raw", false), write_imu});
   const Outcome r = replay();
   ASSERT_EQ(r.exit_code, 0) << r.err;
   EXPECT_NE(r.out.find("/cam0/image_raw: no stamps in the headers"), std::string::npos) << r.out;
@@ -310,27 +270,17 @@ TEST_F(Bag, TruthOfEveryKindIsComparedWith) {
   const Json wanted = without_velocity(Json::parse(read(scratch() / "folder_out/stats.json"))["error"]);
   ASSERT_TRUE(wanted["ate_4dof_m"]["rmse"].is_number());
   for (const char* type : {"geometry_msgs/TransformStamped", "nav_msgs/Odometry"}) {
-    {
-      Ros1Writer to(bag);
-      write_images(to);
-      write_imu(to);
-      write_truth(to, type);
-    }
+    record(Ros1Writer(bag), {write_images, write_imu, truth_as(type)});
     ASSERT_EQ(replay().exit_code, 0);
     EXPECT_EQ(without_velocity(Json::parse(read(out / "stats.json"))["error"]), wanted) << type;
   }
 }
 
 TEST_F(Bag, TopicsAreFoundOrChosen) {
-  {
-    Ros1Writer to(bag);
-    write_images(to, "mono8", "/cam0/image_raw");
-    write_images(to, "mono8", "/cam1/image_raw");
-    write_imu(to);
-    RawMessage position = to.message("geometry_msgs/PointStamped");
-    position.header(1).f64(1).f64(2).f64(3);
-    to.write("/leica/position", 100'000'000'000, position);
-  }
+  record(Ros1Writer(bag), {write_images, images_as("mono8", "/cam1/image_raw"), write_imu, [](BagWriter& to) {
+                             RawMessage position = to.message("geometry_msgs/PointStamped");
+                             to.write("/leica/position", 100'000'000'000, position.header(1).f64(1).f64(2).f64(3));
+                           }});
   const Outcome r = replay();
   ASSERT_EQ(r.exit_code, 0) << r.err;
   EXPECT_NE(r.out.find("/cam0/image_raw is used; the bag also has /cam1/image_raw"), std::string::npos) << r.out;
@@ -344,7 +294,7 @@ TEST_F(Bag, TopicsAreFoundOrChosen) {
 
 TEST_F(Bag, WithoutCalibrationItSaysWhatToDo) {
   write_flight();
-  expect_one_line(run("replay '" + bag.string() + "' --out '" + out.string() + "'"), 2,
+  expect_one_line(run("replay " + in_quotes(bag) + " --out " + in_quotes(out)), 2,
                   {"holds no calibration", "[camera] calibration"});
   write(config, "[camera]\ncalibration = \"" + (folder() / "mav0/cam0/sensor.yaml").string() + "\"\n");
   expect_one_line(replay(), 2, {"holds no calibration", "[imu] calibration"});
@@ -352,9 +302,8 @@ TEST_F(Bag, WithoutCalibrationItSaysWhatToDo) {
 
 TEST_F(Bag, IsBenchmarkedAsAFolderIs) {
   write_flight();
-  const Outcome r =
-      run("'" + bag.string() + "' --factors track --config '" + config.string() + "' --out '" + out.string() + "'",
-          EPILINE_SOURCE "/tests/flights/benchmark --program ");
+  const Outcome r = run(in_quotes(bag) + " --factors track --config " + in_quotes(config) + " --out " + in_quotes(out),
+                        EPILINE_SOURCE "/tests/flights/benchmark --program ");
   ASSERT_EQ(r.exit_code, 0) << r.err;
   EXPECT_TRUE(Json::parse(read(out / "benchmark.json"))["datasets"][0]["has_ground_truth"]);
 }
@@ -381,11 +330,9 @@ TEST_F(Bag, DamageIsOneClearLine) {
 // The difference of two times is a number of 64 bits, whatever the file says.
 TEST_F(Bag, TimesThatNoClockShowsAreTheLastThatOneDoes) {
   bag = scratch() / "a.mcap";
-  {
-    McapWriter to(bag, "");
-    const double still[6] = {0, 0, 1e-3, 0, 0, 9.81};
-    for (const std::int64_t ns : {INT64_MIN, INT64_MAX}) to.write("/imu", ns, imu_message(0, still, true));
-  }
+  record(McapWriter(bag, ""), {[](BagWriter& to) {
+           for (const std::int64_t ns : {INT64_MIN, INT64_MAX}) to.write("/imu", ns, imu_message(0, kStill, true));
+         }});
   const auto content = read_bag(bag);
   ASSERT_TRUE(content);
   const auto& entries = content->topics[0].entries;
@@ -406,18 +353,9 @@ TEST_F(Bag, OfAnInterruptedRecordingIsReadUpToItsEnd) {
     }
   };
   const fs::path names[] = {scratch() / "a.bag", scratch() / "a.mcap", scratch() / "a.db3"};
-  {
-    Ros1Writer to(names[0], "lz4");
-    write_interleaved(to);
-  }
-  {
-    McapWriter to(names[1], "zstd");
-    write_interleaved(to);
-  }
-  {
-    Db3Writer to(names[2]);
-    write_interleaved(to);
-  }
+  record(Ros1Writer(names[0], "lz4"), {write_interleaved});
+  record(McapWriter(names[1], "zstd"), {write_interleaved});
+  record(Db3Writer(names[2]), {write_interleaved});
   for (const fs::path& name : names) {
     const std::string whole = read(name);
     write(name, whole.substr(0, whole.size() * 8 / 10));
@@ -435,8 +373,7 @@ TEST_F(Bag, MessagesCutShortAreOneClearLine) {
     to.write("/image", 100'000'000'000, image);
     to.write("/imu", 100'000'000'000, imu);
   };
-  const double still[6] = {0, 0, 1e-3, 0, 0, 9.81};
-  const RawMessage imu = imu_message(100'000'000'000, still);
+  const RawMessage imu = imu_message(100'000'000'000, kStill);
   const cv::Mat pixels(480, 752, CV_8U, cv::Scalar(128));
   const RawMessage image = image_message(100'000'000'000, pixels, "mono8");
   for (const std::size_t left : {kShortest, std::size_t{3}, std::size_t{20}, imu.p.bytes.size() - 1}) {

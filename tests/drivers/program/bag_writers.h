@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "tests/drivers/program/program.h"
@@ -32,6 +33,20 @@ struct Packer {
     return *this;
   }
 };
+
+/// Numbers as they are, texts behind their size in 32 bits.
+template <class... T>
+std::string packed(const T&... values) {
+  Packer p;
+  const auto add = [&p](const auto& value) {
+    if constexpr (std::is_arithmetic_v<std::decay_t<decltype(value)>>)
+      p.put(value);
+    else
+      p.block<std::uint32_t>(value);
+  };
+  (add(values), ...);
+  return p.bytes;
+}
 
 /// A message, as ROS 1 or ROS 2 (CDR) packs it.
 struct RawMessage {
@@ -123,31 +138,27 @@ class Ros1Writer final : public BagWriter {
   bool is_cdr() const override { return false; }
   void write(const std::string& topic, std::int64_t ns, RawMessage message) override {
     const auto [at, is_new] = connections_.try_emplace(topic, static_cast<std::uint32_t>(connections_.size()));
-    const std::string number = Packer().put(at->second).bytes;
+    const std::string number = packed(at->second);
     if (is_new) {
       record(chunk_, {field("op", "\7"), field("conn", number), field("topic", topic)},
              field("topic", topic) + field("type", message.type) + field("md5sum", "*"));
     }
-    const std::string time = Packer()
-                                 .put(static_cast<std::uint32_t>(ns / 1'000'000'000))
-                                 .put(static_cast<std::uint32_t>(ns % 1'000'000'000))
-                                 .bytes;
+    const std::string time =
+        packed(static_cast<std::uint32_t>(ns / 1'000'000'000), static_cast<std::uint32_t>(ns % 1'000'000'000));
     record(chunk_, {field("op", "\2"), field("conn", number), field("time", time)}, message.bytes());
     if (chunk_.size() > kChunk) flush();
   }
 
  private:
-  static std::string field(const std::string& name, const std::string& value) {
-    return Packer().block<std::uint32_t>(name + "=" + value).bytes;
-  }
+  static std::string field(const std::string& name, const std::string& value) { return packed(name + "=" + value); }
   static void record(std::string& to, const std::vector<std::string>& fields, const std::string& data) {
     std::string head;
     for (const std::string& f : fields) head += f;
-    to += Packer().block<std::uint32_t>(head).block<std::uint32_t>(data).bytes;
+    to += packed(head, data);
   }
   void flush() {
     if (chunk_.empty()) return;
-    const std::string size = Packer().put(static_cast<std::uint32_t>(chunk_.size())).bytes;
+    const std::string size = packed(static_cast<std::uint32_t>(chunk_.size()));
     record(file_, {field("op", "\5"), field("compression", packing_), field("size", size)},
            packed_as(packing_, chunk_));
     record(file_, {field("op", "\4")}, "an index, which is not needed");
@@ -164,7 +175,7 @@ class McapWriter final : public BagWriter {
   McapWriter(fs::path path, std::string packing, bool is_cdr = true)
       : path_(std::move(path)), packing_(std::move(packing)), is_cdr_(is_cdr) {
     file_ = kMagic;
-    record(file_, 1, Packer().block<std::uint32_t>(is_cdr ? "ros2" : "ros1").block<std::uint32_t>("test").bytes);
+    record(file_, 1, packed(is_cdr ? "ros2" : "ros1", "test"));
   }
   ~McapWriter() override {
     flush();
@@ -178,25 +189,12 @@ class McapWriter final : public BagWriter {
     if (is_new) {
       std::string type = message.type;
       if (is_cdr_) type.insert(type.find('/'), "/msg");
-      record(chunk_, 3,
-             Packer()
-                 .put(at->second)
-                 .block<std::uint32_t>(type)
-                 .block<std::uint32_t>("ros2msg")
-                 .block<std::uint32_t>("x")
-                 .bytes);
-      record(chunk_, 4,
-             Packer()
-                 .put(at->second)
-                 .put(at->second)
-                 .block<std::uint32_t>(topic)
-                 .block<std::uint32_t>(is_cdr_ ? "cdr" : "ros1")
-                 .put(std::uint32_t{0})
-                 .bytes);
+      record(chunk_, 3, packed(at->second, type, "ros2msg", "x"));
+      record(chunk_, 4, packed(at->second, at->second, topic, is_cdr_ ? "cdr" : "ros1", std::uint32_t{0}));
     }
     const auto time = static_cast<std::uint64_t>(ns);
     const std::string bytes = packing_ == "message" ? zstd_of(message.bytes()) : message.bytes();
-    record(chunk_, 5, Packer().put(at->second).put(std::uint32_t{0}).put(time).put(time).bytes + bytes);
+    record(chunk_, 5, packed(at->second, std::uint32_t{0}, time, time) + bytes);
     if (chunk_.size() > kChunk) flush();
   }
 
@@ -210,15 +208,10 @@ class McapWriter final : public BagWriter {
     if (packing_ == "open" || packing_ == "message") {
       file_ += chunk_;
     } else if (!chunk_.empty()) {
+      const std::uint64_t time = 0, size = chunk_.size();
       record(file_, 6,
-             Packer()
-                 .put(std::uint64_t{0})
-                 .put(std::uint64_t{0})
-                 .put(static_cast<std::uint64_t>(chunk_.size()))
-                 .put(std::uint32_t{0})
-                 .block<std::uint32_t>(packs ? packing_ : "")
-                 .block<std::uint64_t>(packed_as(packing_, chunk_))
-                 .bytes);
+             packed(time, time, size, std::uint32_t{0}, packs ? packing_ : "") +
+                 Packer().block<std::uint64_t>(packed_as(packing_, chunk_)).bytes);
     }
     chunk_.clear();
   }

@@ -16,22 +16,20 @@
 namespace epiline {
 namespace {
 
-std::string quoted(const fs::path& path) { return std::string("'").append(path.string()).append("'"); }
-
 const std::string kScript = EPILINE_SOURCE "/tests/flights/benchmark";
 
-class Benchmark : public testing::Test {
+class Benchmark : public CommandTest {
  protected:
   void SetUp() override {
-    fs::remove_all(scratch());
+    CommandTest::SetUp();
     for (const fs::path& flight : {agile, hover}) {
       const Outcome made = run("simulate --tracks --flight " + flight.filename().string() +
-                               " --duration 4 --pixel-noise 0.5 --out " + quoted(flight));
+                               " --duration 4 --pixel-noise 0.5 --out " + in_quotes(flight));
       ASSERT_EQ(made.exit_code, 0) << made.err;
     }
   }
   Outcome benchmark(const std::string& arguments, const fs::path& folder) {
-    return run(arguments + " --factors track,epipolar --out " + quoted(folder), kScript + " --program ");
+    return run(arguments + " --factors track,epipolar --out " + in_quotes(folder), kScript + " --program ");
   }
   static Json json(const fs::path& folder) { return Json::parse(read(folder / "benchmark.json")); }
   static Json result(const Json& json, const std::string& dataset, const std::string& factor) {
@@ -42,10 +40,11 @@ class Benchmark : public testing::Test {
   }
 
   fs::path agile = scratch() / "sim/agile", hover = scratch() / "sim/hover", out = scratch() / "out";
+  std::string flights = in_quotes(agile) + " " + in_quotes(hover);
 };
 
 TEST_F(Benchmark, ComparesFactorsOverDataSets) {
-  const Outcome r = benchmark(quoted(agile) + " " + quoted(hover) + " --repeat 2", out);
+  const Outcome r = benchmark(flights + " --repeat 2", out);
   ASSERT_EQ(r.exit_code, 0) << r.err;
   EXPECT_TRUE(r.err.empty()) << r.err;  // no progress where there is no terminal
   const Json b = json(out);
@@ -80,7 +79,7 @@ TEST_F(Benchmark, ComparesFactorsOverDataSets) {
 
 // Independent of the program's own arithmetic: from the figures of the single runs.
 TEST_F(Benchmark, RatiosAreMediansOfTheDataSets) {
-  ASSERT_EQ(benchmark(quoted(agile) + " " + quoted(hover), out).exit_code, 0);
+  ASSERT_EQ(benchmark(flights, out).exit_code, 0);
   const Json b = json(out);
   const auto ratio = [&](const char* dataset, const char* key) {
     return result(b, dataset, "epipolar")["median"][key].get<double>() /
@@ -101,7 +100,7 @@ TEST_F(Benchmark, RatiosAreMediansOfTheDataSets) {
 
 // Independent of the program's own arithmetic: from the figures of the single runs.
 TEST_F(Benchmark, AnEnsembleShowsMediansAndSpreads) {
-  const Outcome r = benchmark(quoted(agile) + " " + quoted(hover) + " --ensemble 3", out);
+  const Outcome r = benchmark(flights + " --ensemble 3", out);
   ASSERT_EQ(r.exit_code, 0) << r.err;
   const Json b = json(out);
   EXPECT_EQ(b["settings"]["ensemble"], 3);
@@ -136,9 +135,10 @@ TEST_F(Benchmark, AnEnsembleShowsMediansAndSpreads) {
   for (const char* part : {"\nEnsemble\n", "\nCalibration curve\n", "3/3"})
     EXPECT_NE(r.out.find(part), std::string::npos) << part;
   // The first run is the flight as it is; the second differs from one that starts as late by gravity's seventh digit.
-  ASSERT_EQ(run("replay " + quoted(agile) + " --quiet --out " + quoted(scratch() / "plain")).exit_code, 0);
+  ASSERT_EQ(run("replay " + in_quotes(agile) + " --quiet --out " + in_quotes(scratch() / "plain")).exit_code, 0);
   EXPECT_EQ(read(scratch() / "plain/trajectory.tum"), read(out / "runs/agile/track/1/trajectory.tum"));
-  ASSERT_EQ(run("replay " + quoted(agile) + " --start 0.03 --quiet --out " + quoted(scratch() / "late")).exit_code, 0);
+  ASSERT_EQ(
+      run("replay " + in_quotes(agile) + " --start 0.03 --quiet --out " + in_quotes(scratch() / "late")).exit_code, 0);
   const std::string late = read(scratch() / "late/trajectory.tum"),
                     second = read(out / "runs/agile/track/2/trajectory.tum");
   EXPECT_EQ(std::count(late.begin(), late.end(), '\n'), std::count(second.begin(), second.end(), '\n'));
@@ -146,8 +146,8 @@ TEST_F(Benchmark, AnEnsembleShowsMediansAndSpreads) {
 }
 
 TEST_F(Benchmark, SideBySideGivesTheSameFigures) {
-  ASSERT_EQ(benchmark(quoted(agile) + " " + quoted(hover) + " --jobs 1", scratch() / "one").exit_code, 0);
-  ASSERT_EQ(benchmark(quoted(agile) + " " + quoted(hover) + " --jobs 2", scratch() / "two").exit_code, 0);
+  ASSERT_EQ(benchmark(flights + " --jobs 1", scratch() / "one").exit_code, 0);
+  ASSERT_EQ(benchmark(flights + " --jobs 2", scratch() / "two").exit_code, 0);
   const Json one = json(scratch() / "one"), two = json(scratch() / "two");
   ASSERT_EQ(one["results"].size(), two["results"].size());
   for (std::size_t i = 0; i < one["results"].size(); ++i) {
@@ -171,7 +171,7 @@ TEST_F(Benchmark, WhatFailsIsARowThatSaysSo) {
                 std::to_string(100 + 10 * point) + "," + std::to_string(100 + (37 * point) % 250) + "\n";
   }
   write(blind / "mav0/cam0/tracks.csv", tracks);
-  const Outcome r = benchmark(quoted(agile) + " " + quoted(cut) + " " + quoted(blind) + " /nonexistent", out);
+  const Outcome r = benchmark(in_quotes(agile) + " " + in_quotes(cut) + " " + in_quotes(blind) + " /nonexistent", out);
   EXPECT_EQ(r.exit_code, 0) << r.err;
   const Json b = json(out);
   EXPECT_EQ(result(b, "agile", "track")["outcome"], "done");
@@ -191,23 +191,25 @@ TEST_F(Benchmark, NothingDoneIsAFailure) {
 }
 
 TEST_F(Benchmark, WrongUsageIsExitCodeTwo) {
-  expect_one_line(run(quoted(agile) + " --factors guess --out " + quoted(out), kScript + " --program "), 2, {"guess"});
+  expect_one_line(run(in_quotes(agile) + " --factors guess --out " + in_quotes(out), kScript + " --program "), 2,
+                  {"guess"});
   expect_one_line(benchmark("", out), 2, {"DATASET"});
-  expect_one_line(benchmark(quoted(agile) + " --ensemble 1", out), 2, {"--ensemble"});
-  expect_one_line(benchmark(quoted(agile) + " --ensemble 2 --repeat 2", out), 2, {"--repeat", "--ensemble"});
+  expect_one_line(benchmark(in_quotes(agile) + " --ensemble 1", out), 2, {"--ensemble"});
+  expect_one_line(benchmark(in_quotes(agile) + " --ensemble 2 --repeat 2", out), 2, {"--repeat", "--ensemble"});
   write(scratch() / "bad.toml", "[estimator]\nkeyframes = 40\n");
-  expect_one_line(benchmark(quoted(agile) + " --config " + quoted(scratch() / "bad.toml"), out), 2, {"bad.toml:2: "});
+  expect_one_line(benchmark(in_quotes(agile) + " --config " + in_quotes(scratch() / "bad.toml"), out), 2,
+                  {"bad.toml:2: "});
 }
 
 TEST_F(Benchmark, ReplacesNothingButAnEarlierBenchmark) {
   for (const char* mine : {"benchmark.txt", "runs/agile/track/1/stats.json"}) {
     write(out / mine, "mine");
-    expect_one_line(benchmark(quoted(agile), out), 2, {"out/"});
+    expect_one_line(benchmark(in_quotes(agile), out), 2, {"out/"});
     EXPECT_EQ(read(out / mine), "mine");
     fs::remove_all(out);
   }
   write(out / "notes.txt", "mine");
-  for (int time = 0; time < 2; ++time) EXPECT_EQ(benchmark(quoted(agile), out).exit_code, 0);
+  for (int time = 0; time < 2; ++time) EXPECT_EQ(benchmark(in_quotes(agile), out).exit_code, 0);
   EXPECT_EQ(read(out / "notes.txt"), "mine");
 }
 
@@ -222,11 +224,11 @@ TEST_F(Benchmark, PublishedFiguresStandBesideOursForWholeFlightsOnly) {
               "program": {"version": "", "commit": "", "build_type": "", "simd": ""},
               "error": {"ate_4dof_m": {"rmse": )" +
               std::to_string(ate_m) + "}}}");
-    return quoted(scratch() / "rooms" / name);
+    return in_quotes(scratch() / "rooms" / name);
   };
   const auto table_of = [&](const std::string& first, const std::string& second) {
-    return run("--program " + quoted(program) + " --factors track --out " + quoted(out) + " " + stats_of(first, 0.025) +
-                   " " + stats_of(second, 0.05),
+    return run("--program " + in_quotes(program) + " --factors track --out " + in_quotes(out) + " " +
+                   stats_of(first, 0.025) + " " + stats_of(second, 0.05),
                kScript + " --program ")
         .out;
   };
@@ -243,9 +245,9 @@ TEST_F(Benchmark, PublishedFiguresStandBesideOursForWholeFlightsOnly) {
 }
 
 TEST_F(Benchmark, FiguresOfAnEarlierBenchmarkDoNotComeBack) {
-  ASSERT_EQ(benchmark(quoted(agile), out).exit_code, 0);
+  ASSERT_EQ(benchmark(in_quotes(agile), out).exit_code, 0);
   fs::remove(agile / "mav0/imu0/data.csv");
-  EXPECT_EQ(benchmark(quoted(agile), out).exit_code, 1);
+  EXPECT_EQ(benchmark(in_quotes(agile), out).exit_code, 1);
   EXPECT_TRUE(json(out)["runs"][0]["stats"].is_null());
   EXPECT_FALSE(fs::exists(out / "runs/agile/track/1/stats.json"));
 }

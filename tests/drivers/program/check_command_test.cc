@@ -4,18 +4,10 @@
 namespace epiline {
 namespace {
 
-class CheckCommand : public testing::Test {
- protected:
-  void SetUp() override { fs::remove_all(scratch()); }
-  void TearDown() override { fs::remove_all(scratch()); }
-  static std::string config(const std::string& text) {
-    write(scratch() / "f.toml", text);
-    return "--config '" + (scratch() / "f.toml").string() + "'";
-  }
-};
+class CheckCommand : public CommandTest {};
 
 TEST_F(CheckCommand, WithoutDevicesNamesWhatIsMissing) {
-  const std::string file = config(
+  const std::string file = with_config(
       "[camera]\ndevice = \"/dev/no-such-camera\"\n[imu]\ndevice = \"no-such-imu\"\n[mavlink]\nserial = "
       "\"/dev/no-such-line\"\n[can]\ninterface = \"nocan9\"\n");
   const Outcome r = run("check " + file);
@@ -35,7 +27,7 @@ TEST_F(CheckCommand, WithoutDevicesNamesWhatIsMissing) {
 }
 
 TEST_F(CheckCommand, WithoutACalibrationOnlyWhatNeedsOneIsMissing) {
-  const Outcome r = run("check " + config("[camera]\ndevice = \"/dev/no-such-camera\"\n"));
+  const Outcome r = run("check " + with_config("[camera]\ndevice = \"/dev/no-such-camera\"\n"));
   EXPECT_EQ(r.exit_code, 1);
   EXPECT_NE(r.out.find("camera.calibration is not set: lens, time offset and rotation not checked; calibrate: "),
             std::string::npos)
@@ -44,7 +36,7 @@ TEST_F(CheckCommand, WithoutACalibrationOnlyWhatNeedsOneIsMissing) {
 }
 
 TEST_F(CheckCommand, ItsPageIsServedMeanwhile) {
-  const std::string file = config("[camera]\ndevice = \"/dev/no-such-camera\"\n");
+  const std::string file = with_config("[camera]\ndevice = \"/dev/no-such-camera\"\n");
   expect_one_line(run("check --json --view 0 " + file), 2, {"--json with --view"});
 #ifdef EPILINE_MICROHTTPD
   const Outcome r = run("check --view 0 --seconds 1 " + file);
@@ -55,12 +47,12 @@ TEST_F(CheckCommand, ItsPageIsServedMeanwhile) {
 }
 
 TEST_F(CheckCommand, AWrongFileIsWrongInput) {
-  expect_one_line(run("check " + config("[camera]\ndevice = 3\n")), 2, {"f.toml:2: camera.device = 3"});
+  expect_one_line(run("check " + with_config("[camera]\ndevice = 3\n")), 2, {"flight.toml:2: camera.device = 3"});
   EXPECT_EQ(run("check --config /no/such/file.toml").exit_code, 2);
 }
 
 TEST_F(CheckCommand, AnErrorIsAnObjectOfJsonToo) {
-  const std::string wrong_file = config("[camera]\ndevice = 3\n");
+  const std::string wrong_file = with_config("[camera]\ndevice = 3\n");
   for (const std::string& arguments : {"check --json " + wrong_file, "check --json --sideways " + wrong_file,
                                        std::string("evaluate --json /no/such/a.tum /no/such/b.tum")}) {
     const Outcome r = run(arguments);

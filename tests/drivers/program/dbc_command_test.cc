@@ -17,12 +17,12 @@ TEST(Dbc, TheFileInTheDocumentsIsThatOfTheTable) {
 TEST(Dbc, IdentifiersAreThoseOfTheConfiguration) {
   const fs::path config = scratch() / "config.toml";
   write(config, "[can]\nbase_id = 0x123\n");
-  const Outcome printed = run("dbc --config '" + config.string() + "'");
+  const Outcome printed = run("dbc --config " + in_quotes(config));
   ASSERT_EQ(printed.exit_code, 0) << printed.err;
   EXPECT_EQ(printed.out, can::dbc_text(0x123));
   EXPECT_NE(printed.out.find("\nBO_ 291 EpilineStatus: 8 Epiline\n"), std::string::npos);
   write(config, "[can]\nbase_id = 0x7ff\n");
-  expect_one_line(run("dbc --config '" + config.string() + "'"), 2, {"base_id"});
+  expect_one_line(run("dbc --config " + in_quotes(config)), 2, {"base_id"});
 }
 
 }  // namespace

@@ -4,13 +4,8 @@
 namespace epiline {
 namespace {
 
-class InitCommand : public testing::Test {
+class InitCommand : public CommandTest {
  protected:
-  void SetUp() override {
-    fs::remove_all(scratch());
-    fs::create_directories(scratch());
-  }
-  void TearDown() override { fs::remove_all(scratch()); }
   static fs::path file() { return scratch() / "flight.toml"; }
   /// A computer without any device has nothing to write.
   static bool has_nothing(const Outcome& r) {
@@ -22,12 +17,12 @@ class InitCommand : public testing::Test {
 };
 
 TEST_F(InitCommand, WritesAConfigurationAndSaysWhatIsNext) {
-  const Outcome r = run("init --out '" + file().string() + "'");
+  const Outcome r = run("init --out " + in_quotes(file()));
   if (has_nothing(r)) return;
   EXPECT_EQ(r.exit_code, 0) << r.err;
   for (const char* next : {"epiline record --config ", "epiline calibrate ", "epiline check --config "})
     EXPECT_NE(r.out.find(next), std::string::npos) << r.out;
-  EXPECT_EQ(run("config --check '" + file().string() + "'").exit_code, 0);
+  EXPECT_EQ(run("config --check " + in_quotes(file())).exit_code, 0);
 }
 
 }  // namespace

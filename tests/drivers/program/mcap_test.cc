@@ -24,11 +24,11 @@ class Mcap : public OverARenderedFlight {
     write(config, calibrated_by(flight_));
   }
   Outcome write_mcap(const std::string& more = "") {
-    return replay("folder", "--mcap '" + file.string() + "' " + more);
+    return replay("folder", "--mcap " + in_quotes(file) + " " + more);
   }
   Outcome replay_mcap() {
-    return run("replay '" + file.string() + "' --config '" + config.string() + "' --out '" +
-               (scratch() / "again").string() + "'");
+    return run("replay " + in_quotes(file) + " --config " + in_quotes(config) + " --out " +
+               in_quotes(scratch() / "again"));
   }
 
   fs::path file = scratch() / "files/flight.mcap", config = scratch() / "config.toml";
@@ -56,9 +56,8 @@ TEST_F(Mcap, ReadingsAreCorrectedOnceWhenTheyFlyAgain) {
                  "gyroscopes:\n  M: [0.98, 0, 0, 0.002, 1.01, 0, 0.001, 0, 1.02]\n"
                  "  A: [1.0e-4, 0, 0, 0, 2.0e-4, 0, 0, 0, 1.0e-4]\n");
   write(config, calibrated_by(flight_, imu));
-  const std::string with_config = "--config '" + config.string() + "'";
   ASSERT_EQ(replay("uncorrected", "").exit_code, 0);
-  const Outcome r = write_mcap(with_config);
+  const Outcome r = write_mcap("--config " + in_quotes(config));
   ASSERT_EQ(r.exit_code, 0) << r.err;
   const std::string wanted = read(scratch() / "folder/trajectory.tum");
   EXPECT_GT(std::count(wanted.begin(), wanted.end(), '\n'), 30);

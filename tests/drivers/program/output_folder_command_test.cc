@@ -20,14 +20,12 @@ const std::vector<Writer> kWriters = {
     {"record --config CONFIG", {"mav0/imu0/data.csv", "mav0/cam0/data.csv"}},
 };
 
-class OutputOfCommands : public testing::Test {
+class OutputOfCommands : public CommandTest {
  protected:
   void SetUp() override {
-    fs::remove_all(scratch());
-    fs::create_directories(scratch());
+    CommandTest::SetUp();
     write(config_, "[camera]\ndevice = \"/dev/null\"\n[imu]\ndevice = \"no-such-imu\"\n");
   }
-  void TearDown() override { fs::remove_all(scratch()); }
   Outcome run_into(std::string command, const fs::path& out, const std::string& more = "") const {
     const auto put = [&](const std::string& word, const fs::path& path) {
       const std::size_t at = command.find(word);
@@ -35,7 +33,7 @@ class OutputOfCommands : public testing::Test {
     };
     put("RECORDING", scratch() / "recording");
     put("CONFIG", config_);
-    return run(command + " --out '" + out.string() + "' " + more);
+    return run(command + " --out " + in_quotes(out) + " " + more);
   }
   fs::path config_ = scratch() / "config.toml";
 };

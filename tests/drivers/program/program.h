@@ -40,6 +40,9 @@ inline fs::path scratch() {
   return fs::path(testing::TempDir()) / name;
 }
 
+/// A path as a word of a command.
+inline std::string in_quotes(const fs::path& path) { return "'" + path.string() + "'"; }
+
 /// The program that has this command.
 inline std::string program_of(const std::string& arguments) {
   return arguments.rfind("simulate", 0) == 0 ? EPILINE_STUDY : EPILINE_PROGRAM;
@@ -50,7 +53,7 @@ inline Outcome run(const std::string& arguments, const std::string& before = "",
   const fs::path out = scratch() / "stdout", err = scratch() / "stderr";
   fs::create_directories(scratch());
   const std::string command =
-      before + program_of(arguments) + " " + arguments + " >'" + out.string() + "' 2>'" + err.string() + "'" + after;
+      before + program_of(arguments) + " " + arguments + " >" + in_quotes(out) + " 2>" + in_quotes(err) + after;
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read(out), read(err)};
 }
@@ -63,6 +66,9 @@ inline void expect_one_line(const Outcome& r, int exit_code, const std::vector<s
   for (const std::string& part : parts) EXPECT_NE(r.err.find(part), std::string::npos) << part << " not in " << r.err;
 }
 
+/// The sections of a configuration whose devices are on no computer.
+inline constexpr const char* kAbsentDevices =
+    "[camera]\ndevice = \"/dev/video77\"\n[imu]\ndevice = \"/sys/bus/iio/devices/iio:device77\"\n";
 /// Keeps real time whatever the computer does: nothing that is late is left out.
 inline constexpr const char* kPatient = "[realtime]\nimu_wait_ms = 5000\ndeadline_ms = 0\n";
 
@@ -85,22 +91,30 @@ inline void expect_quiet_threads([[maybe_unused]] const Json& stats) {
 #endif
 }
 
+/// Tests in a folder of their own, which is gone before and after each.
+class CommandTest : public testing::Test {
+ protected:
+  void SetUp() override { fs::remove_all(scratch()); }
+  void TearDown() override { fs::remove_all(scratch()); }
+  /// Writes a configuration; returns the option that names it.
+  static std::string with_config(const std::string& text, const fs::path& file = scratch() / "flight.toml") {
+    write(file, text);
+    return " --config " + in_quotes(file) + " ";
+  }
+};
+
 /// Tests over a rendered flight of 5 s, made once for all of a suite; several processes may run at once.
-class OverARenderedFlight : public testing::Test {
+class OverARenderedFlight : public CommandTest {
  protected:
   static void SetUpTestSuite() {
     flight_ = fs::path(testing::TempDir()) / ("epiline_rendered_flight_" + std::to_string(getpid()));
     fs::remove_all(flight_);
-    const std::string command = std::string(EPILINE_STUDY) + " simulate --flight agile --duration 5 --out '" +
-                                flight_.string() + "' >/dev/null 2>&1";
-    ASSERT_EQ(std::system(command.c_str()), 0);
+    const std::string simulate = std::string(EPILINE_STUDY) + " simulate --flight agile --duration 5 --out ";
+    ASSERT_EQ(std::system((simulate + in_quotes(flight_) + " >/dev/null 2>&1").c_str()), 0);
   }
   static void TearDownTestSuite() { fs::remove_all(flight_); }
-  void SetUp() override { fs::remove_all(scratch()); }
-  void TearDown() override { fs::remove_all(scratch()); }
-
   static Outcome replay(const std::string& name, const std::string& more) {
-    return run("replay '" + flight_.string() + "' --out '" + (scratch() / name).string() + "' " + more);
+    return run("replay " + in_quotes(flight_) + " --out " + in_quotes(scratch() / name) + " " + more);
   }
   static Json stats(const std::string& name) { return Json::parse(read(scratch() / name / "stats.json")); }
 

@@ -36,8 +36,7 @@ class RealtimeCommand : public OverARenderedFlight {
 TEST_F(RealtimeCommand, IsTheReplayInOneThreadByteByByteAndTouchesNoHeapNoLockNoNewPage) {
   ASSERT_EQ(replay("offline", "").exit_code, 0);
   EXPECT_TRUE(stats("offline")["realtime"].is_null());
-  write(scratch() / "patient.toml", kPatient);
-  const std::string config = "--config '" + (scratch() / "patient.toml").string() + "'";
+  const std::string config = with_config(kPatient);
   for (const char* speed : {"2", "1", "0.5"}) {  // a computer that had no time for us for a while gets another chance
     const Outcome r = replay("threads", std::string("--realtime --imu-rate --speed ") + speed + " " + config);
     ASSERT_EQ(r.exit_code, 0) << r.err;
@@ -80,7 +79,7 @@ TEST_F(RealtimeCommand, ASignalEndsItWithTheResultsSoFar) {
   for (const char* signal : {"TERM", "INT"}) {
     const auto start = std::chrono::steady_clock::now();
     const Outcome r =
-        run("replay '" + flight_.string() + "' --out '" + (scratch() / signal).string() + "' --realtime --speed 0.1",
+        run("replay " + in_quotes(flight_) + " --out " + in_quotes(scratch() / signal) + " --realtime --speed 0.1",
             "timeout --foreground --preserve-status -s " + std::string(signal) + " 4 ");  // one signal, not two
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
     EXPECT_LT(took.count(), 20);
@@ -98,10 +97,8 @@ TEST_F(RealtimeCommand, ARecordIsReplayedToTheSameTrajectory) {
   // a shear that a binary number holds, so that its inverse is exact
   write(scratch() / "imu.yaml",
         read(flight_ / "mav0/imu0/sensor.yaml") + "accelerometers:\n  M: [1, 0, 0, 0.0078125, 1, 0, 0, 0, 1]\n");
-  write(
-      scratch() / "patient.toml",
+  const std::string config = with_config(
       kPatient + ("[estimator]\nkeyframes = 9\n[imu]\ncalibration = \"" + (scratch() / "imu.yaml").string()) + "\"\n");
-  const std::string config = "--config '" + (scratch() / "patient.toml").string() + "'";
   for (const std::string images : {"", " --record-images"}) {
     const fs::path records = scratch() / ("records" + images.substr(0, 4));
     Json s;
@@ -110,10 +107,9 @@ TEST_F(RealtimeCommand, ARecordIsReplayedToTheSameTrajectory) {
       fs::remove_all(records);
       const std::string signal = " & p=$!; until [ -d '" + records.string() +
                                  "' ] || ! kill -0 $p; do sleep 0.05; done; sleep 1; kill -USR1 $p; wait $p";
-      const Outcome r =
-          run("replay '" + flight_.string() + "' --realtime --speed " + speed + " " + config + " --out '" +
-                  (scratch() / "run").string() + "' --record '" + records.string() + "'" + images,
-              "", signal);
+      const Outcome r = run("replay " + in_quotes(flight_) + " --realtime --speed " + speed + " " + config + " --out " +
+                                in_quotes(scratch() / "run") + " --record " + in_quotes(records) + images,
+                            "", signal);
       ASSERT_EQ(r.exit_code, 0) << r.err;
       s = stats("run");
       complete = s["realtime"]["images_not_logged"] == 0 && s["realtime"]["imu_late"] == 0 &&
@@ -128,8 +124,8 @@ TEST_F(RealtimeCommand, ARecordIsReplayedToTheSameTrajectory) {
     expect_quiet_threads(s);
     const fs::path record(recorder["written"].back().get<std::string>());
     EXPECT_EQ(fs::exists(record / "mav0/cam0/data.csv"), !images.empty());
-    ASSERT_EQ(run("replay '" + record.string() + "' --config '" + (record / "config.toml").string() + "' --out '" +
-                  (scratch() / "again").string() + "'")
+    ASSERT_EQ(run("replay " + in_quotes(record) + " --config " + in_quotes(record / "config.toml") + " --out " +
+                  in_quotes(scratch() / "again"))
                   .exit_code,
               0);
     const std::string trajectory = read(scratch() / "run/trajectory.tum");
@@ -142,15 +138,11 @@ TEST_F(RealtimeCommand, ARecordIsReplayedToTheSameTrajectory) {
 
 TEST_F(RealtimeCommand, ARecordThatCannotBeWrittenIsSaidAndTheFlightGoesOn) {
   write(scratch() / "file", "");
-  const Outcome r = replay("out", "--realtime --speed 4 --record '" + (scratch() / "file").string() + "'");
+  const Outcome r = replay("out", "--realtime --speed 4 --record " + in_quotes(scratch() / "file"));
   EXPECT_EQ(r.exit_code, 0) << r.err;
   EXPECT_NE(r.out.find("note      record failed: "), std::string::npos) << r.out;
   EXPECT_NE(read(scratch() / "out/events.txt").find("record_failed number=1 reason=end"), std::string::npos);
   EXPECT_EQ(stats("out")["realtime"]["recorder"]["failed"].size(), 1u);
-}
-
-TEST_F(RealtimeCommand, RecordingBelongsToRealTime) {
-  expect_one_line(replay("x", "--record '" + scratch().string() + "'"), 2, {"--realtime"});
 }
 
 TEST_F(RealtimeCommand, OverloadLosesImagesCountsThemAndGoesOn) {
@@ -189,7 +181,7 @@ TEST_F(RealtimeCommand, WithoutTimeToSolveItPredictsAndSaysSo) {
 // Without privileges it runs all the same, and says once what it did not get.
 TEST_F(RealtimeCommand, MissingPrivilegesAreSaidAndNoFailure) {
   const Outcome r =
-      run("replay '" + flight_.string() + "' --realtime --speed 2 --out '" + (scratch() / "plain").string() + "'",
+      run("replay " + in_quotes(flight_) + " --realtime --speed 2 --out " + in_quotes(scratch() / "plain"),
           "setpriv --bounding-set -sys_nice,-ipc_lock --inh-caps -all prlimit --memlock=8388608 ");
   if (r.err.find("setpriv") != std::string::npos || r.err.find("prlimit") != std::string::npos)
     GTEST_SKIP() << "privileges cannot be given up here: " << r.err;
@@ -200,7 +192,10 @@ TEST_F(RealtimeCommand, MissingPrivilegesAreSaidAndNoFailure) {
   EXPECT_NE(r.out.find("note      no real-time priority for imu, capture"), std::string::npos) << r.out;
 }
 
-TEST_F(RealtimeCommand, SpeedBelongsToRealTime) { expect_one_line(replay("x", "--speed 2"), 2, {"--realtime"}); }
+TEST_F(RealtimeCommand, SpeedAndRecordsBelongToRealTime) {
+  for (const std::string option : {"--speed 2", "--record records"})
+    expect_one_line(replay("x", option), 2, {"--realtime"});
+}
 
 }  // namespace
 }  // namespace epiline

@@ -8,17 +8,11 @@
 namespace epiline {
 namespace {
 
-class RecordCommand : public testing::Test {
+class RecordCommand : public CommandTest {
  protected:
-  void SetUp() override { fs::remove_all(scratch()); }
-  void TearDown() override { fs::remove_all(scratch()); }
   static Outcome record_with(const std::string& config, const std::string& options = "") {
-    write(scratch() / "flight.toml", config);
-    return run("record --config '" + (scratch() / "flight.toml").string() + "' --out '" + (scratch() / "out").string() +
-               "' " + options);
+    return run("record" + with_config(config) + "--out " + in_quotes(scratch() / "out") + " " + options);
   }
-  static constexpr const char* kAbsent =
-      "[camera]\ndevice = \"/dev/video77\"\n[imu]\ndevice = \"/sys/bus/iio/devices/iio:device77\"\n";
 };
 
 TEST_F(RecordCommand, SaysWhatIsMissing) {
@@ -31,7 +25,7 @@ TEST_F(RecordCommand, SaysWhatIsMissing) {
 }
 
 TEST_F(RecordCommand, SaysWhichDeviceIsNotThereAndLeavesNothing) {
-  const Outcome r = record_with(kAbsent);
+  const Outcome r = record_with(kAbsentDevices);
   expect_one_line(r, 1, {"iio:device77"});
   EXPECT_EQ(r.out, "");
   EXPECT_FALSE(fs::exists(scratch() / "out/mav0")) << "a second attempt would be refused";
@@ -39,16 +33,16 @@ TEST_F(RecordCommand, SaysWhichDeviceIsNotThereAndLeavesNothing) {
 
 TEST_F(RecordCommand, KeepsWhatWasRecordedBefore) {
   write(scratch() / "out/mav0/cam0/data.csv", "#\n");
-  expect_one_line(record_with(kAbsent), 2, {"out/mav0: exists already"});
+  expect_one_line(record_with(kAbsentDevices), 2, {"out/mav0: exists already"});
   EXPECT_EQ(read(scratch() / "out/mav0/cam0/data.csv"), "#\n");
 }
 
 TEST_F(RecordCommand, DoesNotBeginWithoutRoom) {
-  expect_one_line(record_with(kAbsent, "--keep-free 1e12"), 2, {"MB are free", "--keep-free"});
+  expect_one_line(record_with(kAbsentDevices, "--keep-free 1e12"), 2, {"MB are free", "--keep-free"});
 }
 
 TEST_F(RecordCommand, ErrorsAreJsonToo) {
-  const Outcome r = record_with(kAbsent, "--json");
+  const Outcome r = record_with(kAbsentDevices, "--json");
   EXPECT_EQ(r.exit_code, 1);
   EXPECT_EQ(Json::parse(r.out)["error"]["kind"], "run");
 }

@@ -13,15 +13,17 @@ constexpr const char* kCalibration =
     "T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [640, 480]\ncamera_model: pinhole\n"
     "intrinsics: [400, 400, 320, 240]\ndistortion_model: none\n";
 
-class RunCommand : public testing::Test {
+class RunCommand : public CommandTest {
  protected:
-  void TearDown() override { fs::remove_all(scratch()); }
   /// With this configuration; `camera`: keys of its section besides the calibration.
   static Outcome run_with(const std::string& camera, const std::string& rest = "", const std::string& options = "") {
     write(scratch() / "camera.yaml", kCalibration);
-    write(scratch() / "flight.toml",
-          "[camera]\ncalibration = \"" + (scratch() / "camera.yaml").string() + "\"\n" + camera + rest);
-    return run("run --config '" + (scratch() / "flight.toml").string() + "' " + options);
+    const std::string calibration = "[camera]\ncalibration = \"" + (scratch() / "camera.yaml").string() + "\"\n";
+    return run("run" + with_config(calibration + camera + rest) + options);
+  }
+  /// With devices that are not there.
+  static Outcome run_without_devices(const std::string& options) {
+    return run_with("device = \"/dev/video77\"\n", "[imu]\ndevice = \"/sys/bus/iio/devices/iio:device77\"\n", options);
   }
 };
 
@@ -36,29 +38,26 @@ TEST_F(RunCommand, SaysWhatTheConfigurationLacks) {
 }
 
 TEST_F(RunCommand, SaysWhichDeviceIsNotThere) {
-  const std::string imu = "[imu]\ndevice = \"/sys/bus/iio/devices/iio:device77\"\n";
-  const Outcome r = run_with("device = \"/dev/video77\"\n", imu, "--quiet --duration 1");
+  const Outcome r = run_without_devices("--quiet --duration 1");
   expect_one_line(r, 1, {"iio:device77"});
   EXPECT_TRUE(r.out.empty()) << r.out;
 }
 
 // It may be plugged in at any time: until then it is said what is missing, and any signal ends that.
 TEST_F(RunCommand, WaitsForADeviceAndSaysSo) {
-  const std::string imu = "[imu]\ndevice = \"/sys/bus/iio/devices/iio:device77\"\n";
-  const Outcome waits = run_with("device = \"/dev/video77\"\n", imu, "--duration 2");
+  const Outcome waits = run_without_devices("--duration 2");
   EXPECT_EQ(waits.exit_code, 1);
   EXPECT_NE(waits.out.find("s  waiting for IMU: "), std::string::npos) << waits.out;
   EXPECT_NE(waits.out.find("iio:device77"), std::string::npos) << waits.out;
-  const Outcome ends = run_with("device = \"/dev/video77\"\n", imu, "--no-wait");
+  const Outcome ends = run_without_devices("--no-wait");
   expect_one_line(ends, 1, {"iio:device77"});
   EXPECT_EQ(ends.out.find("waiting"), std::string::npos) << ends.out;
 }
 
 // stdout on a full disk: the run goes on to its end.
 TEST_F(RunCommand, ADisplayThatFailsEndsNothing) {
-  const std::string imu = "[imu]\ndevice = \"/sys/bus/iio/devices/iio:device77\"\n";
-  run_with("device = \"/dev/video77\"\n", imu, "--no-wait");  // writes the configuration
-  const std::string command = "run --config '" + (scratch() / "flight.toml").string() + "' --duration 2";
+  run_without_devices("--no-wait");  // writes the configuration
+  const std::string command = "run --duration 2 --config " + in_quotes(scratch() / "flight.toml");
   const auto start = std::chrono::steady_clock::now();
   const Outcome r = run(command, "", " >/dev/full");
   EXPECT_GE(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(), 1.9);

@@ -33,8 +33,7 @@ class ViewCommand : public OverARenderedFlight {
 // Half of the clients never finish their request, the others ask for more than they ever read; one looks on properly.
 TEST_F(ViewCommand, WhoeverLooksTheFlightIsTheSameByteByByteWithoutHeapLocksAndNewPages) {
   ASSERT_EQ(replay("offline", "").exit_code, 0);
-  write(scratch() / "patient.toml", kPatient);
-  const std::string config = "--config '" + (scratch() / "patient.toml").string() + "'";
+  const std::string config = with_config(kPatient);
   Json last;
   // a computer that had no time for us gets other chances
   for (const char* speed : {"1", "0.5", "0.25", "0.25", "0.25"}) {
