@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 #include <linux/can.h>
-
-#include <string_view>
+#include <poll.h>
+#include <sys/socket.h>
 
 #include "drivers/links/can/messages.h"
 
@@ -11,11 +11,35 @@ namespace epiline {
 
 namespace {
 
-Finding bus_finding(Grade grade, const char* device, std::string text, std::string remedy = {}) {
-  return {grade, device, std::move(text), std::move(remedy)};
-}
+constexpr int kWait_ms = 100;
+constexpr int kFramesAtOnce = 256;  // then it looks whether it is to stop: a full bus must not hold it
 
 }  // namespace
+
+Status CanListener::open(const std::string& interface) {
+  if (const DeviceTrouble trouble = socket_.open_to_listen(interface.c_str())) return error_of(trouble, interface);
+  thread_.emplace([this] { return listen(); });
+  return Done{};
+}
+
+bool CanListener::listen() {
+  pollfd ready{socket_.fd(), POLLIN, 0};
+  if (::poll(&ready, 1, kWait_ms) <= 0) return true;
+  canfd_frame frame{};
+  const std::lock_guard lock(mutex_);
+  for (int i = 0; i < kFramesAtOnce; ++i) {
+    // an interface that goes down is one error of read(); frames that come after it is up again are received
+    const ssize_t size = ::recv(socket_.fd(), &frame, sizeof(frame), MSG_DONTWAIT);
+    if (size < static_cast<ssize_t>(CAN_MTU)) return true;
+    ++counts_[frame.can_id & (CAN_EFF_FLAG | CAN_EFF_MASK)];
+  }
+  return true;
+}
+
+CanListener::Counts CanListener::heard_so_far() {
+  const std::lock_guard lock(mutex_);
+  return counts_;
+}
 
 BusCheck::BusCheck(const DevicesConfig& config, Findings& out) : config_(config) {
   add("can", config.can.interface, out);
@@ -23,9 +47,9 @@ BusCheck::BusCheck(const DevicesConfig& config, Findings& out) : config_(config)
 }
 
 void BusCheck::tell(Findings& out) {
-  for (auto& [device, interface, listener] : listeners_) {
-    const BusSignal& signal = config_.wheel.signal;
-    const std::uint32_t wheel_id = signal.id | (signal.extended ? CAN_EFF_FLAG : 0);
+  const BusSignal& signal = config_.wheel.signal;
+  const std::uint32_t wheel_id = signal.id | (signal.extended ? CAN_EFF_FLAG : 0);
+  for (const auto& [device, interface, listener] : buses_) {
     std::uint64_t frames = 0, ids = 0;
     bool has_wheel = false;
     for (const auto& [id, count] : listener->heard_so_far()) {
@@ -34,19 +58,15 @@ void BusCheck::tell(Findings& out) {
       frames += count;
       ++ids;
     }
-    const std::string text = fmt::format("{} frames with {} identifiers received on {}", frames, ids, interface);
-    const bool is_wheel = std::string_view(device) == "wheel";
-    if (is_wheel && !has_wheel)
-      out.push_back(
-          bus_finding(Grade::kError, device, fmt::format("{}, none with 0x{:x} of wheel.signal", text, signal.id),
-                      "switch the sender on; compare the bit rate and the identifier in wheel.signal with candump"));
-    else if (frames == 0)
-      out.push_back(
-          bus_finding(Grade::kWarning, device, text,
-                      "no other node sends; if one should, check bit rate, termination (120 Ohm at both ends) and "
-                      "wires"));
-    else
-      out.push_back(bus_finding(Grade::kOk, device, text));
+    const bool lacks_wheel = device == "wheel" && !has_wheel;
+    std::string text = fmt::format("{} frames with {} identifiers received on {}", frames, ids, interface);
+    if (lacks_wheel) text += fmt::format(", none with 0x{:x} of wheel.signal", signal.id);
+    DeviceFindings(device, out)
+        .judge(text, {{lacks_wheel, Grade::kError,
+                       "switch the sender on; compare the bit rate and the identifier in wheel.signal with candump"},
+                      {frames == 0, Grade::kWarning,
+                       "no other node sends; if one should, check bit rate, termination (120 Ohm at both ends) and "
+                       "wires"}});
   }
 }
 
@@ -56,7 +76,7 @@ void BusCheck::add(const char* device, const std::string& interface, Findings& o
   if (const Status opened = listener->open(interface); !opened)
     out.push_back(of_error(device, opened.error()));
   else
-    listeners_.push_back({device, interface, std::move(listener)});
+    buses_.push_back({device, interface, std::move(listener)});
 }
 
 /// What this very check sends: the kernel lets all sockets of this computer hear it.

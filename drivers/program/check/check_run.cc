@@ -9,15 +9,13 @@
 #include <thread>
 
 #include "drivers/program/check/bus_check.h"
-#include "drivers/program/check/camera_findings.h"
 #include "drivers/program/check/check.h"
 #include "drivers/program/check/hand_wave.h"
-#include "drivers/program/check/height_check.h"
 #include "drivers/program/check/image_check.h"
 #include "drivers/program/check/imu_check.h"
 #include "drivers/program/check/line_check.h"
+#include "drivers/program/check/value_check.h"
 #include "drivers/program/check/watcher.h"
-#include "drivers/program/check/wheel_check.h"
 #include "drivers/program/live/devices.h"
 #include "drivers/sensors/camera/v4l2_camera.h"
 #include "platform/time/monotonic.h"
@@ -28,24 +26,19 @@ namespace {
 
 constexpr Span kWait = Span::from_milliseconds(100);
 
-Finding run_finding(Grade grade, std::string device, std::string text, std::string remedy = {}) {
-  return {grade, std::move(device), std::move(text), std::move(remedy)};
-}
-
 /// Lines that stamp for a device which does not run: do edges come all the same?
 class IdleLines {
  public:
   void add(const char* device, const std::string& line, int edge, Findings& out) {
     if (line.empty()) return;
-    auto opened = std::make_unique<GpioLine>(line, static_cast<Edge>(edge));
-    if (const Status status = opened->open(); !status) {
+    auto check = std::make_unique<LineCheck>(line, static_cast<Edge>(edge));
+    if (const Status status = check->open()) {
+      lines_.push_back({device, line, std::move(check)});
+    } else {
       const Finding error = of_error(device, status.error());
       const auto is_same = [&](const Finding& f) { return f.text == error.text; };
       if (std::none_of(out.begin(), out.end(), is_same)) out.push_back(error);
-      return;
     }
-    auto check = std::make_unique<LineCheck>(*opened);
-    lines_.push_back({device, line, std::move(opened), std::move(check)});
   }
   bool empty() const { return lines_.empty(); }
   void tell(Findings& out) {
@@ -56,8 +49,7 @@ class IdleLines {
   struct Line {
     const char* device;
     std::string name;
-    std::unique_ptr<GpioLine> line;
-    std::unique_ptr<LineCheck> check;  // after the line: it ends first
+    std::unique_ptr<LineCheck> check;
   };
   std::vector<Line> lines_;
 };
@@ -87,7 +79,7 @@ CameraParameters lens_to_look_with(const LiveSettings& settings, const Frame& im
 class Samples {
  public:
   Samples(const Opened& opened, const LiveSettings& settings, CheckWitness* witness)
-      : opened_(opened), v4l2_(opened.v4l2), settings_(settings), config_(settings.config), witness_(witness) {
+      : opened_(opened), settings_(settings), config_(settings.config), witness_(witness) {
     forget();
     if (opened.camera != nullptr) camera_thread_.emplace([this] { return look_at_camera(); });
     if (opened.imu != nullptr) imu_thread_.emplace([this] { return look_at_imu(); });
@@ -139,21 +131,21 @@ class Samples {
     const std::lock_guard lock(camera_mutex_);
     add_all(out, findings_of(images_ ? images_->result({monotonic_ns()}) : ImageResult(),
                              config_.devices.camera.rate_hz, config_.tracker.max_features));
-    if (v4l2_ == nullptr) return;
+    if (opened_.v4l2 == nullptr) return;
     if (images_) add_all(out, findings_of(exposure_, config_.devices.camera.exposure.automatic));
-    add_all(out, findings_of(v4l2_->reading()));
-    add_all(out, findings_of(v4l2_->focus()));
+    add_all(out, findings_of(opened_.v4l2->reading()));
+    add_all(out, findings_of(opened_.v4l2->focus()));
     out.push_back(finding_of_stamps(config_.devices.camera));
     const std::string& line = config_.devices.camera.stamp_line;
-    if (!line.empty()) add_all(out, findings_of(v4l2_->edge_counts(), v4l2_->line_counts(), line));
+    if (!line.empty()) add_all(out, findings_of(opened_.v4l2->edge_counts(), opened_.v4l2->line_counts(), line));
   }
   bool look_at_camera() {
     Frame frame;
     const ReadOutcome outcome = opened_.camera->read(frame, kWait);
-    if (outcome != ReadOutcome::kSample) return goes_on(outcome);
+    if (outcome != ReadOutcome::kSample) return Watcher::goes_on(outcome);
     if (frame.arrival.ns == 0) frame.arrival = {monotonic_ns()};
     const std::lock_guard lock(camera_mutex_);
-    if (v4l2_ != nullptr) exposure_ = v4l2_->exposure_report();
+    if (opened_.v4l2 != nullptr) exposure_ = opened_.v4l2->exposure_report();
     if (!images_) images_.emplace(Camera(lens_to_look_with(settings_, frame)), config_.tracker);
     const TrackedFrame& tracked = images_->step(frame);
     wave_->add_images(tracked);
@@ -166,7 +158,7 @@ class Samples {
     std::array<ImuSample, 64> samples;
     std::size_t count = 0;
     const ReadOutcome outcome = opened_.imu->read(samples, count, kWait);
-    if (outcome != ReadOutcome::kSample) return goes_on(outcome);
+    if (outcome != ReadOutcome::kSample) return Watcher::goes_on(outcome);
     const std::lock_guard lock(imu_mutex_);
     for (std::size_t i = 0; i < count; ++i) {
       settings_.imu_correction.apply(samples[i]);
@@ -178,7 +170,6 @@ class Samples {
   }
 
   const Opened opened_;
-  const V4l2Camera* v4l2_;  ///< the camera, if it is one
   const LiveSettings& settings_;
   const Config& config_;
   CheckWitness* witness_;
@@ -296,8 +287,8 @@ class Look {
     Findings out = found_;
     samples_->tell(out);
     lines_.tell(out);
-    if (wheel_) add_all(out, findings_of(wheel_->so_far()));
-    if (height_) add_all(out, findings_of(height_->so_far(), wanted_heights_));
+    if (wheel_) add_all(out, findings_of_wheels(wheel_->so_far()));
+    if (height_) add_all(out, findings_of_heights(height_->so_far(), wanted_heights_));
     devices_.tell(out);
     buses_.tell(out);
     return out;
@@ -339,10 +330,9 @@ Findings check_devices(const std::filesystem::path& config_file, const CheckOpti
     return found;
   }
   if (!settings->has_camera_calibration())
-    found.push_back(run_finding(Grade::kError, "configuration",
-                                "camera.calibration is not set: lens, time offset and rotation not checked",
-                                "calibrate: epiline calibrate --config FILE --board board.yaml --out DIR "
-                                "(docs/calibrate.md)"));
+    DeviceFindings("configuration", found)
+        .error("camera.calibration is not set: lens, time offset and rotation not checked",
+               "calibrate: epiline calibrate --config FILE --board board.yaml --out DIR (docs/calibrate.md)");
   Look look(*settings, options, std::move(found));
   look.wait();
   return look.end();

@@ -4,12 +4,17 @@
 
 namespace epiline {
 
+void DeviceFindings::judge(std::string text, std::initializer_list<Fault> faults) const {
+  const auto* const first = std::find_if(faults.begin(), faults.end(), [](const Fault& f) { return f.is_there; });
+  add(std::move(text), first == faults.end() ? Fault() : *first);
+}
+
+void add_all(Findings& out, const Findings& more) { out.insert(out.end(), more.begin(), more.end()); }
+
 bool has_error(const Findings& findings, const std::string& device) {
   return std::any_of(findings.begin(), findings.end(),
                      [&](const Finding& f) { return f.grade == Grade::kError && f.device == device; });
 }
-
-void add_all(Findings& out, const Findings& more) { out.insert(out.end(), more.begin(), more.end()); }
 
 Finding of_error(const std::string& device, const Error& error) {
   const Error plain{error.kind, error.file, error.line, error.found, ""};

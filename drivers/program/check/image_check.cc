@@ -82,102 +82,116 @@ ImageResult ImageCheck::result(HostStamp now) const {
 
 namespace {
 
-Finding image_finding(Grade grade, std::string text, std::string remedy = {}) {
-  return {grade, "camera", std::move(text), std::move(remedy)};
-}
-
-void say_pace(const ImageResult& r, double rate_hz, Findings& out) {
+void say_pace(const ImageResult& r, double rate_hz, const DeviceFindings& say) {
   const PacingResult& p = r.pacing;
-  const std::string text =
-      fmt::format("{:.2f} images per second, jitter {:.2f} ms, age on arrival {:.1f} ms (at most {:.1f} ms)",
-                  p.rate_hz(), 1e3 * p.jitter_s, 1e3 * p.delay_s, 1e3 * p.delay_most_s);
-  if (p.rate_hz() < 8)
-    out.push_back(image_finding(
-        Grade::kError, text, "it needs 15 to 60 Hz: shorten the exposure, raise camera.rate_hz, or use a faster bus"));
-  else if (rate_hz > 0 && std::abs(p.rate_hz() / rate_hz - 1) > 0.05)
-    out.push_back(
-        image_finding(Grade::kWarning, text,
-                      fmt::format("{:.4g} are configured; shorten the exposure, or use a faster USB port", rate_hz)));
-  else if (p.jitter_s > 0.1 * p.period_s)
-    out.push_back(image_finding(Grade::kWarning, text,
-                                "timestamps are irregular, as if the driver stamped arrivals; use camera.stamp_line"));
-  else if (p.delay_s < -1e-3)
-    out.push_back(image_finding(Grade::kWarning, text,
-                                "timestamps lie in the future: correct camera.readout_ms or the exposure time"));
-  else
-    out.push_back(image_finding(Grade::kOk, text));
+  say.judge(fmt::format("{:.2f} images per second, jitter {:.2f} ms, age on arrival {:.1f} ms (at most {:.1f} ms)",
+                        p.rate_hz(), 1e3 * p.jitter_s, 1e3 * p.delay_s, 1e3 * p.delay_most_s),
+            {{p.rate_hz() < 8, Grade::kError,
+              "it needs 15 to 60 Hz: shorten the exposure, raise camera.rate_hz, or use a faster bus"},
+             {rate_hz > 0 && std::abs(p.rate_hz() / rate_hz - 1) > 0.05, Grade::kWarning,
+              fmt::format("{:.4g} are configured; shorten the exposure, or use a faster USB port", rate_hz)},
+             {p.jitter_s > 0.1 * p.period_s, Grade::kWarning,
+              "timestamps are irregular, as if the driver stamped arrivals; use camera.stamp_line"},
+             {p.delay_s < -1e-3, Grade::kWarning,
+              "timestamps lie in the future: correct camera.readout_ms or the exposure time"}});
   const std::uint64_t lost = std::max(r.lost, p.missing);
-  if (lost + p.backwards > 0)
-    out.push_back(
-        image_finding((lost + p.backwards) * 50 > p.samples ? Grade::kError : Grade::kWarning,
-                      fmt::format("{} of {} images lost, {} with a timestamp not later than the previous one", lost,
-                                  p.samples + lost, p.backwards),
-                      "use another USB port or cable, fewer pixels or a lower rate; move other devices off that hub"));
+  if (lost + p.backwards == 0) return;
+  say.judge(fmt::format("{} of {} images lost, {} with a timestamp not later than the previous one", lost,
+                        p.samples + lost, p.backwards),
+            {{true, (lost + p.backwards) * 50 > p.samples ? Grade::kError : Grade::kWarning,
+              "use another USB port or cable, fewer pixels or a lower rate; move other devices off that hub"}});
 }
 
-void say_light(const ImageResult& r, Findings& out) {
-  const std::string text = fmt::format("mean brightness {:.0f} of 255, {:.0f} % black, {:.0f} % white", r.brightness,
-                                       100 * r.dark_share, 100 * r.clipped_share);
-  if (r.brightness < 8 || r.dark_share > 0.9)
-    out.push_back(image_finding(Grade::kError, text, "remove the lens cap; add light, exposure or gain"));
-  else if (r.brightness < 35 || r.dark_share > 0.5)
-    out.push_back(
-        image_finding(Grade::kWarning, text,
-                      "dark: add light or gain, lengthen the exposure (which blurs), or use exposure.automatic"));
-  else if (r.clipped_share > 0.25)
-    out.push_back(image_finding(r.clipped_share > 0.7 ? Grade::kError : Grade::kWarning, text,
-                                "overexposed: shorten the exposure, lower the gain, or use exposure.automatic"));
-  else
-    out.push_back(image_finding(Grade::kOk, text));
+void say_light(const ImageResult& r, const DeviceFindings& say) {
+  say.judge(
+      fmt::format("mean brightness {:.0f} of 255, {:.0f} % black, {:.0f} % white", r.brightness, 100 * r.dark_share,
+                  100 * r.clipped_share),
+      {{r.brightness < 8 || r.dark_share > 0.9, Grade::kError, "remove the lens cap; add light, exposure or gain"},
+       {r.brightness < 35 || r.dark_share > 0.5, Grade::kWarning,
+        "dark: add light or gain, lengthen the exposure (which blurs), or use exposure.automatic"},
+       {r.clipped_share > 0.25, r.clipped_share > 0.7 ? Grade::kError : Grade::kWarning,
+        "overexposed: shorten the exposure, lower the gain, or use exposure.automatic"}});
 }
 
-void say_sharpness(const ImageResult& r, Findings& out) {
-  if (r.edge_width_px <= 0) {
-    out.push_back(image_finding(Grade::kWarning, "no strong edges: sharpness not checked",
-                                "point the camera at something with contrast"));
-    return;
-  }
-  const std::string text = fmt::format("edges are {:.1f} px wide", r.edge_width_px);
-  if (r.edge_width_px > 6)
-    out.push_back(image_finding(Grade::kError, text,
-                                "out of focus, or a dirty lens: turn the lens until they are 2 to 3 px wide"));
-  else if (r.edge_width_px > 4.2)
-    out.push_back(
-        image_finding(Grade::kWarning, text,
-                      "slightly out of focus: turn the lens until they are 2 to 3 px wide, or shorten the exposure"));
-  else
-    out.push_back(image_finding(Grade::kOk, text));
+void say_sharpness(const ImageResult& r, const DeviceFindings& say) {
+  if (r.edge_width_px <= 0)
+    return say.warn("no strong edges: sharpness not checked", "point the camera at something with contrast");
+  say.judge(fmt::format("edges are {:.1f} px wide", r.edge_width_px),
+            {{r.edge_width_px > 6, Grade::kError,
+              "out of focus, or a dirty lens: turn the lens until they are 2 to 3 px wide"},
+             {r.edge_width_px > 4.2, Grade::kWarning,
+              "slightly out of focus: turn the lens until they are 2 to 3 px wide, or shorten the exposure"}});
 }
 
-void say_features(const ImageResult& r, int wanted, Findings& out) {
-  const std::string text = fmt::format("{:.0f} of {} corners found, {:.0f} % found again in the next image", r.features,
-                                       wanted, 100 * r.kept_share);
-  if (r.features < 15)
-    out.push_back(image_finding(
-        Grade::kError, text, "nothing to track: check texture, light, focus, and the image size of the calibration"));
-  else if (r.features < 0.4 * wanted || (r.kept_share > 0 && r.kept_share < 0.8))
-    out.push_back(image_finding(Grade::kWarning, text,
-                                "little to track: add light or texture, focus the lens, or use a wider one"));
-  else
-    out.push_back(image_finding(Grade::kOk, text));
+void say_features(const ImageResult& r, int wanted, const DeviceFindings& say) {
+  say.judge(fmt::format("{:.0f} of {} corners found, {:.0f} % found again in the next image", r.features, wanted,
+                        100 * r.kept_share),
+            {{r.features < 15, Grade::kError,
+              "nothing to track: check texture, light, focus, and the image size of the calibration"},
+             {r.features < 0.4 * wanted || (r.kept_share > 0 && r.kept_share < 0.8), Grade::kWarning,
+              "little to track: add light or texture, focus the lens, or use a wider one"}});
 }
 
 }  // namespace
 
 Findings findings_of(const ImageResult& r, double rate_hz, int wanted_features) {
   Findings out;
+  const DeviceFindings say("camera", out);
   if (r.pacing.samples < 3) {
-    out.push_back(image_finding(
-        Grade::kError, fmt::format("{} images", r.pacing.samples),
-        "it opened but delivers none: check the external trigger, the media links (docs/camera.md) and the cable"));
+    say.error(
+        fmt::format("{} images", r.pacing.samples),
+        "it opened but delivers none: check the external trigger, the media links (docs/camera.md) and the cable");
     return out;
   }
-  say_pace(r, rate_hz, out);
-  say_silence(r.pacing, "camera", out);
-  say_light(r, out);
-  say_sharpness(r, out);
-  say_features(r, wanted_features, out);
+  say_pace(r, rate_hz, say);
+  say_silence(r.pacing, say);
+  say_light(r, say);
+  say_sharpness(r, say);
+  say_features(r, wanted_features, say);
   return out;
+}
+
+Findings findings_of(const ExposureReport& e, bool is_automatic) {
+  Findings out;
+  const DeviceFindings say("camera", out);
+  const double ms = 1e3 * e.time.seconds();
+  if (e.time.ns == 0)
+    say.warn("the exposure time is unknown, so timestamps are wrong by half of it",
+             "set camera.exposure_control or camera.exposure_ms");
+  else
+    say.judge(fmt::format("exposure {:.2f} ms, gain {:.2f}{}", ms, e.gain, e.is_automatic ? ", automatic" : ""),
+              {{ms > 15, Grade::kWarning, "rotation will blur the images; stay below 10 ms with more light or gain"}});
+  if (is_automatic && e.refused > 0)
+    say.error(fmt::format("the camera refused {} changes of exposure or gain", e.refused),
+              "switch its own automatic exposure off (camera.controls)");
+  return out;
+}
+
+Finding finding_of_stamps(const CameraConfig& config) {
+  const char* const text = !config.stamp_line.empty() ? "timestamps are those of the edges of camera.stamp_line"
+                           : config.clock != 0        ? "timestamps are by the camera's own clock"
+                                                      : "timestamps are the V4L2 driver's";
+  return {Grade::kOk, "camera", text, ""};
+}
+
+Findings findings_of(Focus focus) {
+  if (focus == Focus::kUnknown) return {};
+  if (focus == Focus::kHeld) return {{Grade::kOk, "camera", "its autofocus is off: the lens stays as it is", ""}};
+  return {{Grade::kError, "camera", "its autofocus is on: a lens that refocuses no longer fits its calibration",
+           "leave focus_automatic_continuous out of camera.controls, set focus_absolute there, and calibrate with it"}};
+}
+
+Findings findings_of(const BufferReading& reading) {
+  if (reading.ordinary.ns == 0) return {};
+  const double in_place_ms = 1e3 * reading.in_place.seconds(), ordinary_ms = 1e3 * reading.ordinary.seconds();
+  const std::string text =
+      reading.is_slow()
+          ? fmt::format(
+                "images are copied once, because reading the driver's memory takes {:.2f} ms each time, {:.0f} "
+                "times as long as ordinary memory",
+                in_place_ms, in_place_ms / ordinary_ms)
+          : fmt::format("images are read in the driver's memory, {:.2f} ms each time", in_place_ms);
+  return {{Grade::kOk, "camera", text, ""}};
 }
 
 }  // namespace epiline

@@ -1,11 +1,14 @@
 #pragma once
-// Judges a camera by its images: rate, brightness, sharpness and the number of tracks.
+// Judges a camera by its images (rate, brightness, sharpness, number of tracks) and by what its driver tells.
 #include <cstdint>
 #include <vector>
 
 #include "drivers/program/check/finding.h"
 #include "drivers/program/check/pacing.h"
+#include "drivers/sensors/camera/camera_exposure.h"
+#include "drivers/sensors/camera/grey_copies.h"
 #include "drivers/sensors/camera/image_statistics.h"
+#include "pipeline/config/devices.h"
 #include "pipeline/vision/tracker.h"
 
 namespace epiline {
@@ -42,5 +45,16 @@ class ImageCheck {
 
 /// `rate_hz`: configured rate; 0: any. `wanted_features`: TrackerConfig::max_features.
 Findings findings_of(const ImageResult& result, double rate_hz, int wanted_features);
+
+// What the camera's driver tells of exposure and memory.
+
+/// `is_automatic`: our controller is configured.
+Findings findings_of(const ExposureReport& exposure, bool is_automatic);
+/// Which clock the timestamps are of.
+Finding finding_of_stamps(const CameraConfig& config);
+/// None of a camera without autofocus.
+Findings findings_of(Focus focus);
+/// None if it was not measured.
+Findings findings_of(const BufferReading& reading);
 
 }  // namespace epiline

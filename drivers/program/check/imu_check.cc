@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "drivers/program/check/spectrum.h"
+
 namespace epiline {
 
 namespace {
@@ -15,12 +17,6 @@ constexpr double kNoiseShort = 0.5;                                  // s: avera
 constexpr std::uint64_t kFewDifferences = 20, kFewAtTheEnd = 9;
 constexpr double kInstabilityNeeds = 60;  // s at rest
 constexpr double kGravity = 9.81;
-
-std::array<double, 6> axes_of(const ImuSample& r) {
-  const auto& w = r.angular_velocity_rad_s;
-  const auto& a = r.specific_force_m_s2;
-  return {w[0], w[1], w[2], a[0], a[1], a[2]};
-}
 
 double most_of(const std::array<double, 3>& values) { return *std::max_element(values.begin(), values.end()); }
 
@@ -63,7 +59,7 @@ double AllanDeviation::at(std::size_t octave) const noexcept {
 void ImuCheck::step(const ImuSample& reading) {
   pacing_.step(reading.stamp, reading.arrival);
   const auto axes = axes_of(reading);
-  if (!std::all_of(axes.begin(), axes.end(), [](double v) { return std::isfinite(v); })) {
+  if (!is_finite(axes)) {
     ++not_finite_;
     return;
   }
@@ -72,14 +68,13 @@ void ImuCheck::step(const ImuSample& reading) {
     most_[i] = finite_ == 0 ? axes[i] : std::max(most_[i], axes[i]);
   }
   ++finite_;
-  most_rate_ = std::max(most_rate_, std::hypot(axes[0], axes[1], axes[2]));
   if (!window_.empty() && reading.stamp - window_.front().stamp >= kWindow) end_window();
   window_.push_back(reading);
 }
 
 /// Was it still all the time? Then it is measured by.
 void ImuCheck::end_window() {
-  std::array<double, 6> mean{}, deviation{};
+  ImuAxes mean{}, deviation{};
   const auto n = static_cast<double>(window_.size());
   for (const ImuSample& r : window_)
     for (std::size_t i = 0; i < 6; ++i) mean[i] += axes_of(r)[i] / n;
@@ -107,7 +102,6 @@ ImuResult ImuCheck::result(HostStamp now) const {
   r.pacing = pacing_.result(now);
   r.rest_s = rest_s_;
   r.not_finite = not_finite_;
-  r.most_rate_rad_s = most_rate_;
   for (std::size_t i = 0; i < 6; ++i) r.dead_axes += finite_ > 10 && least_[i] == most_[i] ? 1 : 0;
   if (rest_samples_ == 0) return r;
   for (std::size_t i = 0; i < 6; ++i) {
@@ -134,112 +128,89 @@ ImuResult ImuCheck::result(HostStamp now) const {
 
 namespace {
 
-Finding imu_finding(Grade grade, std::string text, std::string remedy = {}) {
-  return {grade, "imu", std::move(text), std::move(remedy)};
-}
-
-void say_pace(const ImuResult& r, const ImuExpectation& expected, Findings& out) {
+void say_pace(const ImuResult& r, const ImuExpectation& expected, const DeviceFindings& say) {
   const PacingResult& p = r.pacing;
-  const std::string text = fmt::format("{:.1f} samples per second, jitter {:.2f} ms, longest gap {:.1f} ms",
-                                       p.rate_hz(), 1e3 * p.jitter_s, 1e3 * p.longest_s);
-  if (p.rate_hz() < 50)
-    out.push_back(
-        imu_finding(Grade::kError, text,
-                    "it needs 100 to 1000 Hz: raise imu.rate_hz, or the stream rate of the flight controller"));
-  else if (expected.rate_hz > 0 && std::abs(p.rate_hz() / expected.rate_hz - 1) > 0.05)
-    out.push_back(
-        imu_finding(Grade::kWarning, text, fmt::format("{:.0f} are configured (imu.rate_hz)", expected.rate_hz)));
-  else if (p.jitter_s > 0.25 * p.period_s)
-    out.push_back(imu_finding(Grade::kWarning, text,
-                              "timestamps are irregular; use the data-ready line or the chip's own clock"));
-  else
-    out.push_back(imu_finding(Grade::kOk, text));
-  if (p.missing + p.backwards + r.not_finite > 0) {
-    const bool is_bad = p.missing + r.not_finite + p.backwards > p.samples / 100;
-    out.push_back(imu_finding(
-        is_bad ? Grade::kError : Grade::kWarning,
-        fmt::format("{} samples missing in {} gaps, {} with a timestamp not later than the previous one, {} "
-                    "not finite",
-                    p.missing, p.gaps, p.backwards, r.not_finite),
-        "check the bus speed, the cable, and other load on the computer"));
-  }
+  say.judge(fmt::format("{:.1f} samples per second, jitter {:.2f} ms, longest gap {:.1f} ms", p.rate_hz(),
+                        1e3 * p.jitter_s, 1e3 * p.longest_s),
+            {{p.rate_hz() < 50, Grade::kError,
+              "it needs 100 to 1000 Hz: raise imu.rate_hz, or the stream rate of the flight controller"},
+             {expected.rate_hz > 0 && std::abs(p.rate_hz() / expected.rate_hz - 1) > 0.05, Grade::kWarning,
+              fmt::format("{:.0f} are configured (imu.rate_hz)", expected.rate_hz)},
+             {p.jitter_s > 0.25 * p.period_s, Grade::kWarning,
+              "timestamps are irregular; use the data-ready line or the chip's own clock"}});
+  const std::uint64_t bad = p.missing + p.backwards + r.not_finite;
+  if (bad == 0) return;
+  say.judge(fmt::format("{} samples missing in {} gaps, {} with a timestamp not later than the previous one, {} "
+                        "not finite",
+                        p.missing, p.gaps, p.backwards, r.not_finite),
+            {{true, bad > p.samples / 100 ? Grade::kError : Grade::kWarning,
+              "check the bus speed, the cable, and other load on the computer"}});
 }
 
-void say_noise(const ImuResult& r, const ImuExpectation& expected, Findings& out) {
+void say_noise(const ImuResult& r, const ImuExpectation& expected, const DeviceFindings& say) {
   const auto judge = [&](const char* name, const std::array<double, 3>& density, double configured, const char* unit,
                          const char* key) {
     if (most_of(density) <= 0) return;
-    const std::string text = fmt::format("{} noise {:.2e} {:.2e} {:.2e} {} at rest, configured {:.2e}", name,
-                                         density[0], density[1], density[2], unit, configured);
-    if (!(configured > 0 && most_of(density) > 3 * configured)) {
-      out.push_back(imu_finding(Grade::kOk, text));
-      return;
-    }
+    const bool is_noisy = configured > 0 && most_of(density) > 3 * configured;
     const std::string better = fmt::format("{:.1e}", 1.5 * most_of(density));
-    out.push_back(imu_finding(
-        Grade::kWarning, text,
-        fmt::format("switch motors and fans off and repeat; else dampen the mount, or set imu.{} to {}", key, better)));
-    out.back().hint = {"imu", key, std::stod(better)};
+    say.judge(
+        fmt::format("{} noise {:.2e} {:.2e} {:.2e} {} at rest, configured {:.2e}", name, density[0], density[1],
+                    density[2], unit, configured),
+        {{is_noisy,
+          Grade::kWarning,
+          fmt::format("switch motors and fans off and repeat; else dampen the mount, or set imu.{} to {}", key, better),
+          {"imu", key, std::stod(better)}}});
   };
   judge("gyroscope", r.gyroscope_density, expected.gyroscope_density, "rad/s/sqrt(Hz)", "gyroscope_noise_density");
   judge("accelerometer", r.accelerometer_density, expected.accelerometer_density, "m/s^2/sqrt(Hz)",
         "accelerometer_noise_density");
   if (most_of(r.gyroscope_instability) > 0)
-    out.push_back(imu_finding(
-        Grade::kOk, fmt::format("minimum of the Allan deviation in {:.0f} s at rest: gyroscope {:.2g} rad/s, "
-                                "accelerometer {:.2g} m/s^2",
-                                r.rest_s, most_of(r.gyroscope_instability), most_of(r.accelerometer_instability))));
+    say.ok(
+        fmt::format("minimum of the Allan deviation in {:.0f} s at rest: gyroscope {:.2g} rad/s, "
+                    "accelerometer {:.2g} m/s^2",
+                    r.rest_s, most_of(r.gyroscope_instability), most_of(r.accelerometer_instability)));
 }
 
-void say_gravity(const ImuResult& r, Findings& out) {
+void say_gravity(const ImuResult& r, const DeviceFindings& say) {
   const double g = r.gravity_m_s2;
-  const std::string text = fmt::format("the accelerometer measures {:.3f} m/s^2 at rest", g);
   const auto& a = r.accelerometer_rest_m_s2;
-  if (std::abs(g - 1) < 0.1)
-    out.push_back(
-        imu_finding(Grade::kError, text, "samples are in g, 9.81 times too small; correct the device's scale"));
-  else if (std::abs(g - kGravity) > 1)
-    out.push_back(
-        imu_finding(Grade::kError, text, "gravity is 9.81 m/s^2: wrong scale or measuring range, or a broken axis"));
-  else if (std::abs(g - kGravity) > 0.3)
-    out.push_back(
-        imu_finding(Grade::kWarning, text, "gravity is 9.81 m/s^2: calibrate the accelerometer (offset, scale)"));
+  if (std::abs(g - kGravity) > 0.3)
+    say.judge(
+        fmt::format("the accelerometer measures {:.3f} m/s^2 at rest", g),
+        {{std::abs(g - 1) < 0.1, Grade::kError, "samples are in g, 9.81 times too small; correct the device's scale"},
+         {std::abs(g - kGravity) > 1, Grade::kError,
+          "gravity is 9.81 m/s^2: wrong scale or measuring range, or a broken axis"},
+         {true, Grade::kWarning, "gravity is 9.81 m/s^2: calibrate the accelerometer (offset, scale)"}});
   else
-    out.push_back(
-        imu_finding(Grade::kOk, fmt::format("gravity {:.3f} m/s^2, up is ({:+.2f}, {:+.2f}, {:+.2f}) in its axes", g,
-                                            a[0] / g, a[1] / g, a[2] / g)));
+    say.ok(fmt::format("gravity {:.3f} m/s^2, up is ({:+.2f}, {:+.2f}, {:+.2f}) in its axes", g, a[0] / g, a[1] / g,
+                       a[2] / g));
   const auto& w = r.gyroscope_rest_rad_s;
   const double bias = std::hypot(w[0], w[1], w[2]);
-  const std::string turn = fmt::format("the gyroscope measures {:.4f} rad/s at rest", bias);
-  if (bias > 0.1)
-    out.push_back(
-        imu_finding(Grade::kWarning, turn, "large for a bias: keep it at rest, let it warm up, or calibrate it"));
-  else
-    out.push_back(imu_finding(Grade::kOk, turn));
+  say.judge(fmt::format("the gyroscope measures {:.4f} rad/s at rest", bias),
+            {{bias > 0.1, Grade::kWarning, "large for a bias: keep it at rest, let it warm up, or calibrate it"}});
 }
 
 }  // namespace
 
 Findings findings_of(const ImuResult& r, const ImuExpectation& expected) {
   Findings out;
+  const DeviceFindings say("imu", out);
   if (r.pacing.samples < 10) {
-    out.push_back(imu_finding(Grade::kError, fmt::format("{} samples", r.pacing.samples),
-                              "it opened but delivers none: check its data-ready line, trigger and supply"));
+    say.error(fmt::format("{} samples", r.pacing.samples),
+              "it opened but delivers none: check its data-ready line, trigger and supply");
     return out;
   }
-  say_pace(r, expected, out);
-  say_silence(r.pacing, "imu", out);
+  say_pace(r, expected, say);
+  say_silence(r.pacing, say);
   if (r.dead_axes > 0)
-    out.push_back(imu_finding(Grade::kError, fmt::format("{} of 6 axes never change", r.dead_axes),
-                              "enable all axes; else the sensor is broken"));
+    say.error(fmt::format("{} of 6 axes never change", r.dead_axes), "enable all axes; else the sensor is broken");
   if (r.rest_s < 1) {
-    out.push_back(imu_finding(Grade::kWarning,
-                              fmt::format("at rest for {:.1f} s only: noise and gravity not checked", r.rest_s),
-                              "keep it at rest for some seconds during the check"));
+    say.warn(fmt::format("at rest for {:.1f} s only: noise and gravity not checked", r.rest_s),
+             "keep it at rest for some seconds during the check");
     return out;
   }
-  say_noise(r, expected, out);
-  say_gravity(r, out);
+  say_noise(r, expected, say);
+  say_gravity(r, say);
   return out;
 }
 

@@ -43,7 +43,6 @@ struct ImuResult {
   double gravity_m_s2 = 0;                                                  ///< length of accelerometer_rest_m_s2
   std::array<double, 3> gyroscope_density{}, accelerometer_density{};  ///< white noise by axis, 1/sqrt(Hz); 0: unknown
   std::array<double, 3> gyroscope_instability{}, accelerometer_instability{};  ///< least Allan deviation; 0: too short
-  double most_rate_rad_s = 0;
   std::uint64_t not_finite = 0;
   int dead_axes = 0;  ///< axes whose value never changed
 };
@@ -63,7 +62,7 @@ class ImuCheck {
   std::array<double, 6> rest_sum_{};
   std::array<double, 6> least_{}, most_{};
   std::uint64_t rest_samples_ = 0, not_finite_ = 0, finite_ = 0;
-  double rest_s_ = 0, most_rate_ = 0;
+  double rest_s_ = 0;
 };
 
 Findings findings_of(const ImuResult& result, const ImuExpectation& expected);

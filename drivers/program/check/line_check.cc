@@ -22,6 +22,12 @@ std::string rate_and_line(double period_s, const std::string& line) {
 
 }  // namespace
 
+Status LineCheck::open() {
+  const Status opened = line_.open();
+  if (opened) thread_.emplace([this] { return look(); });
+  return opened;
+}
+
 bool LineCheck::look() {
   std::array<HostStamp, 64> edges;
   std::size_t count = 0;
@@ -38,41 +44,36 @@ PacingResult LineCheck::so_far() {
 }
 
 Findings findings_of(const PacingResult& edges, const std::string& device, const std::string& line) {
+  Findings out;
+  const DeviceFindings say(device, out);
   if (edges.samples < 2)
-    return {{Grade::kWarning, device, fmt::format("{} edges on {}", edges.samples, line), kNoEdges}};
-  return {{Grade::kOk, device,
-           fmt::format("{}, jitter {:.3f} ms", rate_and_line(edges.period_s, line), 1e3 * edges.jitter_s), ""}};
+    say.warn(fmt::format("{} edges on {}", edges.samples, line), kNoEdges);
+  else
+    say.ok(fmt::format("{}, jitter {:.3f} ms", rate_and_line(edges.period_s, line), 1e3 * edges.jitter_s));
+  return out;
 }
 
 Findings findings_of(const EdgeCounts& e, const GpioCounts& counts, const std::string& line) {
   Findings out;
-  const auto say = [&out](Grade grade, std::string text, std::string remedy = {}) {
-    out.push_back({grade, "camera", std::move(text), std::move(remedy)});
-  };
+  const DeviceFindings say("camera", out);
   if (counts.disconnected > 0)
-    say(Grade::kError,
-        fmt::format("the GPIO chip of {} disappeared{}", line, counts.last_error == 0 ? ", and returned" : ""),
-        "check its cable, supply and driver");
+    say.error(fmt::format("the GPIO chip of {} disappeared{}", line, counts.last_error == 0 ? ", and returned" : ""),
+              "check its cable, supply and driver");
   if (e.edges == 0) {
-    say(Grade::kError, fmt::format("no edges on {}: no image gets a timestamp", line), kNoEdges);
+    say.error(fmt::format("no edges on {}: no image gets a timestamp", line), kNoEdges);
     return out;
   }
   const std::uint64_t judged = e.matched + e.without_edge + e.mismatched;
-  const std::string text =
-      fmt::format("{}, matched to {} of {} images; the driver's timestamps are {:.2f} ms later",
-                  rate_and_line(e.period.seconds(), line), e.matched, judged + e.unsure, 1e3 * e.lag.seconds());
-  if (judged == 0 || 2 * e.matched < judged)
-    say(Grade::kError, text,
-        "it needs one edge per exposure: check the trigger's rate, camera.stamp_edge, and bouncing");
-  else if (std::abs(e.lag.seconds()) > kLargeLag * e.period.seconds())
-    say(Grade::kWarning, text,
-        "near half a period an image takes its neighbour's edge: correct camera.readout_ms, exposure_ms or "
-        "stamp_point");
-  else
-    say(Grade::kOk, text);
+  say.judge(fmt::format("{}, matched to {} of {} images; the driver's timestamps are {:.2f} ms later",
+                        rate_and_line(e.period.seconds(), line), e.matched, judged + e.unsure, 1e3 * e.lag.seconds()),
+            {{judged == 0 || 2 * e.matched < judged, Grade::kError,
+              "it needs one edge per exposure: check the trigger's rate, camera.stamp_edge, and bouncing"},
+             {std::abs(e.lag.seconds()) > kLargeLag * e.period.seconds(), Grade::kWarning,
+              "near half a period an image takes its neighbour's edge: correct camera.readout_ms, exposure_ms or "
+              "stamp_point"}});
   if ((e.missing + e.extra) * kOddMost > e.edges)
-    say(Grade::kWarning, fmt::format("{} edges missing on {}, {} too early", e.missing, line, e.extra),
-        "use a steady trigger, a shorter wire or a pull-up; avoid bouncing contacts");
+    say.warn(fmt::format("{} edges missing on {}, {} too early", e.missing, line, e.extra),
+             "use a steady trigger, a shorter wire or a pull-up; avoid bouncing contacts");
   return out;
 }
 

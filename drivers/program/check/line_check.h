@@ -1,6 +1,7 @@
 #pragma once
 // Checks the edges of GPIO lines that stamp images, and of lines whose device is missing.
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "drivers/program/check/finding.h"
@@ -11,20 +12,20 @@
 
 namespace epiline {
 
-/// Counts edges in a thread of its own, from construction on.
+/// Counts the edges of a line that stamps for a device which does not run, from open() on, in a thread of its own.
 class LineCheck {
  public:
-  /// `line` must be open and outlive this object.
-  explicit LineCheck(GpioLine& line) : line_(line), thread_([this] { return look(); }) {}
+  LineCheck(const std::string& line, Edge edge) : line_(line, edge) {}
+  Status open();
   PacingResult so_far();
 
  private:
   bool look();
 
-  GpioLine& line_;
+  GpioLine line_;
   std::mutex mutex_;
   Pacing pacing_;
-  Watcher thread_;  // last: it uses the others
+  std::optional<Watcher> thread_;  // last: it uses the others
 };
 
 /// `device`: name of the device on the line.

@@ -13,7 +13,7 @@ void Pacing::step(HostStamp stamp, HostStamp arrival) {
   last_arrival_ = arrival.ns != 0 ? arrival : stamp;
   if (arrival.ns != 0 && delays_.size() < kMost) delays_.push_back((arrival - stamp).seconds());
   if (samples_++ == 0) {
-    first_ = last_ = stamp;
+    last_ = stamp;
     return;
   }
   if (stamp <= last_) {
@@ -29,7 +29,6 @@ PacingResult Pacing::result(HostStamp now) const {
   if (now.ns != 0 && samples_ > 0) r.silent_s = std::max(0.0, (now - last_arrival_).seconds());
   r.samples = samples_;
   r.backwards = backwards_;
-  r.seconds = (last_ - first_).seconds();
   if (intervals_.empty()) return r;
   std::vector<double> sorted = intervals_;
   std::sort(sorted.begin(), sorted.end());
@@ -55,11 +54,11 @@ PacingResult Pacing::result(HostStamp now) const {
   return r;
 }
 
-void say_silence(const PacingResult& pacing, const char* device, Findings& out) {
+void say_silence(const PacingResult& pacing, const DeviceFindings& say) {
   constexpr double kLeast_s = 0.5, kPeriods = 20;
-  if (pacing.silent_s <= std::max(kLeast_s, kPeriods * pacing.period_s)) return;
-  out.push_back({Grade::kError, device, fmt::format("nothing came for the last {:.1f} s", pacing.silent_s),
-                 "it delivered before: check its cable and supply, and that its source still runs"});
+  if (pacing.silent_s > std::max(kLeast_s, kPeriods * pacing.period_s))
+    say.error(fmt::format("nothing came for the last {:.1f} s", pacing.silent_s),
+              "it delivered before: check its cable and supply, and that its source still runs");
 }
 
 }  // namespace epiline

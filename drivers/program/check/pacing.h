@@ -10,7 +10,6 @@ namespace epiline {
 
 struct PacingResult {
   std::uint64_t samples = 0;
-  double seconds = 0;                    ///< from the first stamp to the last
   double period_s = 0;                   ///< median
   double jitter_s = 0;                   ///< 99 % of the intervals, gaps excluded, differ from the median by less
   double longest_s = 0;                  ///< interval
@@ -33,11 +32,11 @@ class Pacing {
  private:
   static constexpr std::size_t kMost = 4'000'000;  // an hour at 1 kHz; later ones are only counted
   std::vector<double> intervals_, delays_;
-  HostStamp first_, last_, last_arrival_;
+  HostStamp last_, last_arrival_;
   std::uint64_t samples_ = 0, backwards_ = 0;
 };
 
 /// An error if a sensor delivered and does so no more: its rate and gaps end with its last sample.
-void say_silence(const PacingResult& pacing, const char* device, Findings& out);
+void say_silence(const PacingResult& pacing, const DeviceFindings& say);
 
 }  // namespace epiline

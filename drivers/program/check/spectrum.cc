@@ -41,11 +41,19 @@ double rms_above(const std::vector<double>& density, double step_hz) {
 
 }  // namespace
 
+ImuAxes axes_of(const ImuSample& sample) {
+  const auto& w = sample.angular_velocity_rad_s;
+  const auto& a = sample.specific_force_m_s2;
+  return {w[0], w[1], w[2], a[0], a[1], a[2]};
+}
+
+bool is_finite(const ImuAxes& axes) {
+  return std::all_of(axes.begin(), axes.end(), [](double v) { return std::isfinite(v); });
+}
+
 void SpectrumWindow::step(const ImuSample& r) {
-  const auto& w = r.angular_velocity_rad_s;
-  const auto& a = r.specific_force_m_s2;
-  const std::array<double, 6> axes = {w[0], w[1], w[2], a[0], a[1], a[2]};
-  if (!std::all_of(axes.begin(), axes.end(), [](double v) { return std::isfinite(v); })) return;
+  const ImuAxes axes = axes_of(r);
+  if (!is_finite(axes)) return;
   ring_[count_ % kReadings] = axes;
   stamps_[count_ % kReadings] = r.stamp;
   ++count_;

@@ -18,6 +18,11 @@ struct ImuSpectrum {
 
 inline constexpr double kFasterThanAHand_hz = 8;
 
+/// Angular velocity, rad/s, and specific force, m/s^2.
+using ImuAxes = std::array<double, 6>;
+ImuAxes axes_of(const ImuSample& sample);
+bool is_finite(const ImuAxes& axes);
+
 class SpectrumWindow {
  public:
   static constexpr std::size_t kReadings = 512;
@@ -25,7 +30,7 @@ class SpectrumWindow {
   ImuSpectrum result() const;
 
  private:
-  std::array<std::array<double, 6>, kReadings> ring_{};
+  std::array<ImuAxes, kReadings> ring_{};
   std::array<HostStamp, kReadings> stamps_{};
   std::size_t count_ = 0;
 };

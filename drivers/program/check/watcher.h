@@ -1,8 +1,11 @@
 #pragma once
 // A thread that examines one device; several devices are examined at the same time.
 #include <atomic>
+#include <chrono>
 #include <thread>
 #include <utility>
+
+#include "platform/ports/ports.h"
 
 namespace epiline {
 
@@ -27,6 +30,11 @@ class Watcher {
   }
   /// True once `look` will not be called again.
   bool has_ended() const { return ended_; }
+  /// What `look` returns after a read without a sample; after a failed one a moment later.
+  static bool goes_on(ReadOutcome outcome) {
+    if (outcome == ReadOutcome::kFailed) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    return outcome != ReadOutcome::kEnd;
+  }
 
  private:
   std::atomic<bool> stop_{false}, ended_{false};

@@ -1,10 +1,13 @@
 #include "drivers/program/view/check_view.h"
 
-#include <chrono>
-#include <string_view>
+#include <fmt/format.h>
 
+#include <cmath>
+
+#include "drivers/program/check/pacing.h"
 #include "drivers/program/view/view_address.h"
 #include "drivers/program/view/view_page.h"
+#include "drivers/study/report/errors_json.h"
 #include "platform/time/monotonic.h"
 
 namespace epiline {
@@ -13,11 +16,34 @@ namespace {
 
 constexpr Span kCheckPoll = Span::from_milliseconds(25);
 constexpr const char* kKeyHeader = "X-Epiline-Key";
+constexpr double kSlowTurn = 0.15;  // rad/s: less may be a bias
+constexpr double kLongestStep_s = 0.1;
+
+template <class Stamps, class StampOf>
+Json pace_json(const Stamps& stamps, double seconds, StampOf stamp_of) {
+  Pacing pacing;
+  for (const auto& s : stamps)
+    if ((stamp_of(stamps.back()) - stamp_of(s)).seconds() <= seconds) pacing.step(stamp_of(s), {});
+  const PacingResult p = pacing.result();
+  return {{"hz", p.rate_hz()}, {"jitter_ms", 1e3 * p.jitter_s}, {"period_ms", 1e3 * p.period_s}};
+}
+
+/// The strongest oscillation, for words: Hz; 0: none that is faster than a hand.
+double peak_hz(const std::vector<double>& density, double step_hz) {
+  double strongest = 0, at_hz = 0;
+  for (std::size_t i = 0; i < density.size(); ++i) {
+    const double hz = step_hz * static_cast<double>(i + 1);
+    if (hz < kFasterThanAHand_hz || density[i] <= strongest) continue;
+    strongest = density[i];
+    at_hz = hz;
+  }
+  return at_hz;
+}
 
 }  // namespace
 
 CheckView::CheckView(CheckSubject subject, Accept accept)
-    : accept_(std::move(accept)), key_(new_token()), model_(std::move(subject)) {}
+    : subject_(std::move(subject)), accept_(std::move(accept)), key_(new_token()) {}
 
 Result<std::unique_ptr<CheckView>> CheckView::open(const ViewAddress& address, CheckSubject subject, Accept accept) {
   subject.may_accept = address.is_loopback() && accept != nullptr;
@@ -33,10 +59,6 @@ Result<std::unique_ptr<CheckView>> CheckView::open(const ViewAddress& address, C
 }
 
 CheckView::~CheckView() {
-  {
-    const std::lock_guard lock(mutex_);
-    model_.finish();
-  }
   closing_ = true;
   if (thread_.joinable()) thread_.join();
 }
@@ -58,17 +80,33 @@ void CheckView::image(const Frame& frame, const TrackedFrame& tracked, double ed
   feed_.tracks(tracks);
   feed_.image(frame, {});
   const std::lock_guard lock(mutex_);
-  model_.take(frame, tracked, edge_px);
+  auto& sights = seen_.sights;
+  if (!sights.empty() && frame.stamp <= sights.back().stamp) return;
+  sights.push_back({frame.stamp, edge_px, tracked.features.size()});
+  while ((frame.stamp - sights.front().stamp).seconds() > kShown_s) sights.pop_front();
 }
 
 void CheckView::reading(const ImuSample& sample) {
   const std::lock_guard lock(mutex_);
-  model_.take(sample);
+  auto& readings = seen_.readings;
+  if (!readings.empty()) {
+    const double step_s = (sample.stamp - readings.back()).seconds();
+    if (!(step_s > 0)) return;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double w = std::abs(sample.angular_velocity_rad_s[i]);
+      if (w > kSlowTurn && step_s < kLongestStep_s) seen_.turned[i] += w * step_s;
+    }
+  }
+  newest_ = sample;
+  readings.push_back(sample.stamp);
+  while ((sample.stamp - readings.front()).seconds() > kPaced_s) readings.pop_front();
+  seen_.spectrum.step(sample);
 }
 
 void CheckView::findings(double seconds, const Findings& findings) {
   const std::lock_guard lock(mutex_);
-  model_.take(seconds, findings);
+  seconds_ = seconds;
+  findings_ = findings;
 }
 
 HttpResponse CheckView::answer(const HttpRequest& request) {
@@ -80,15 +118,10 @@ HttpResponse CheckView::answer(const HttpRequest& request) {
     return page;
   }
   image_.refresh();
-  if (request.path() == "/frame") return image_.frame();
-  if (request.path() == "/image") return image_.jpeg();
-  if (request.path() == "/state") {
-    feed_.note_viewer(monotonic_ns());
-    const std::lock_guard lock(mutex_);
-    model_.set_newest_image(image_.next_sequence());
-    return {200, "application/json", model_.state_json(), ""};
-  }
-  return {404, "text/plain", "there are /, /state, /image and /frame\n", ""};
+  if (request.path() != "/state") return image_.answer(request.path());
+  feed_.note_viewer(monotonic_ns());
+  const std::lock_guard lock(mutex_);
+  return {200, "application/json", state_json(), ""};
 }
 
 HttpResponse CheckView::post(const HttpRequest& request) {
@@ -96,7 +129,7 @@ HttpResponse CheckView::post(const HttpRequest& request) {
   if (request.path() == "/accept") return accept(request.text("setting"));
   if (request.path() == "/again") {
     const std::lock_guard lock(mutex_);
-    model_.forget();
+    seen_ = {};
     new_start_ = true;
     return {200, "text/plain", "begun anew\n", ""};
   }
@@ -105,14 +138,64 @@ HttpResponse CheckView::post(const HttpRequest& request) {
 
 /// By its name: findings may have moved since the page was drawn.
 HttpResponse CheckView::accept(std::string_view setting) {
+  constexpr std::size_t kMostNotes = 20;
   const std::lock_guard lock(mutex_);
-  for (const Finding& f : model_.findings()) {
+  for (const Finding& f : findings_) {
     if (f.hint.key.empty() || name_of(f.hint) != setting) continue;
-    const Status status = accept_(f.hint);
-    model_.note_accepted(f.hint, status);
-    return {status ? 200 : 500, "text/plain", status ? "set\n" : status.error().text() + "\n", ""};
+    const Status written = accept_(f.hint);
+    if (written) accepted_.insert(name_of(f.hint));
+    if (notes_.size() >= kMostNotes) notes_.erase(notes_.begin());
+    notes_.push_back(
+        written ? fmt::format("{} = {:.6g} is in the configuration; the check uses it when it is started again",
+                              name_of(f.hint), f.hint.value)
+                : "not written: " + written.error().text());
+    return {written ? 200 : 500, "text/plain", written ? "set\n" : written.error().text() + "\n", ""};
   }
   return {404, "text/plain", "no finding would set that\n", ""};
+}
+
+/// The answer to `/state`.
+std::string CheckView::state_json() const {
+  const auto& sights = seen_.sights;
+  Json root{{"schema", 1},
+            {"title", subject_.title},
+            {"program", subject_.program},
+            {"finished", closing_.load()},
+            {"seconds", seconds_},
+            {"image", image_.next_sequence()},
+            {"may_accept", subject_.may_accept}};
+  Json& findings = root["findings"] = Json::array();
+  for (const Finding& f : findings_) {
+    const bool has_hint = !f.hint.key.empty() && accepted_.count(name_of(f.hint)) == 0;
+    findings.push_back({{"grade", kGradeNames[static_cast<std::size_t>(f.grade)]},
+                        {"device", f.device},
+                        {"text", f.text},
+                        {"remedy", f.remedy},
+                        {"setting", has_hint ? Json(name_of(f.hint)) : Json(nullptr)},
+                        {"value", has_hint ? Json(f.hint.value) : Json(nullptr)}});
+  }
+  root["notes"] = notes_;
+  Json& camera = root["camera"] = pace_json(sights, kPaced_s, [](const Sight& s) { return s.stamp; });
+  camera["edge_px"] = sights.empty() ? 0 : sights.back().edge_px;
+  camera["tracks"] = sights.empty() ? 0 : sights.back().tracks;
+  Json& edges = camera["edges"] = Json::array();  // seconds before the newest image, px
+  for (const Sight& s : sights)
+    if (s.edge_px > 0) edges.push_back({(s.stamp - sights.back().stamp).seconds(), s.edge_px});
+  Json& imu = root["imu"] = pace_json(seen_.readings, kPaced_s, [](HostStamp s) { return s; });
+  imu["rate_rad_s"] = newest_.angular_velocity_rad_s;
+  imu["force_m_s2"] = newest_.specific_force_m_s2;
+  imu["turned_rad"] = seen_.turned;
+  const ImuSpectrum s = seen_.spectrum.result();
+  root["spectrum"] = {{"step_hz", s.step_hz},
+                      {"gyroscope", s.gyroscope},
+                      {"accelerometer", s.accelerometer},
+                      {"gyroscope_rms", s.gyroscope_rms},
+                      {"accelerometer_rms", s.accelerometer_rms},
+                      {"peak_hz", peak_hz(s.accelerometer, s.step_hz)},
+                      {"gyroscope_configured", subject_.gyroscope_density},
+                      {"accelerometer_configured", subject_.accelerometer_density}};
+  // device names may hold any bytes
+  return root.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 }  // namespace epiline

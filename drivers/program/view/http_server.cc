@@ -1,5 +1,7 @@
 #include "drivers/program/view/http_server.h"
 
+#include <charconv>
+
 #ifdef EPILINE_MICROHTTPD
 #include <arpa/inet.h>
 #include <microhttpd.h>
@@ -10,7 +12,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <csignal>
 #include <cstring>
 #include <tuple>
@@ -30,7 +31,6 @@ Result<std::unique_ptr<HttpServer>> HttpServer::listen(const ViewAddress&, Handl
   return Error{ErrorKind::kUsage, "", 0, "--view: this program was built without the live view",
                "a build with libmicrohttpd-dev installed"};
 }
-std::uint64_t HttpRequest::number(const char*, std::uint64_t fallback) const { return fallback; }
 std::string_view HttpRequest::text(const char*) const { return {}; }
 std::string_view HttpRequest::header(const char*) const { return {}; }
 void HttpServer::step(Span) {}
@@ -114,27 +114,16 @@ struct HttpServer::Impl {
                             MHD_ConnectionNotificationCode code);
 };
 
-std::uint64_t HttpRequest::number(const char* name, std::uint64_t fallback) const {
-  const char* const text =
-      MHD_lookup_connection_value(static_cast<MHD_Connection*>(connection_), MHD_GET_ARGUMENT_KIND, name);
-  if (text == nullptr) return fallback;
-  std::uint64_t value = 0;
-  const char* const end = text + std::strlen(text);
-  const auto [stop, error] = std::from_chars(text, end, value);
-  return error == std::errc{} && stop == end ? value : fallback;
+/// Empty if missing.
+static std::string_view value_of(void* connection, MHD_ValueKind kind, const char* name) {
+  const char* const value = MHD_lookup_connection_value(static_cast<MHD_Connection*>(connection), kind, name);
+  return value == nullptr ? std::string_view() : value;
 }
 
 std::string_view HttpRequest::text(const char* name) const {
-  const char* const value =
-      MHD_lookup_connection_value(static_cast<MHD_Connection*>(connection_), MHD_GET_ARGUMENT_KIND, name);
-  return value == nullptr ? std::string_view() : value;
+  return value_of(connection_, MHD_GET_ARGUMENT_KIND, name);
 }
-
-std::string_view HttpRequest::header(const char* name) const {
-  const char* const value =
-      MHD_lookup_connection_value(static_cast<MHD_Connection*>(connection_), MHD_HEADER_KIND, name);
-  return value == nullptr ? std::string_view() : value;
-}
+std::string_view HttpRequest::header(const char* name) const { return value_of(connection_, MHD_HEADER_KIND, name); }
 
 /// What cannot be answered; status 200: it can.
 HttpResponse HttpServer::Impl::refuse(MHD_Connection* connection, const char* method) const {
@@ -151,8 +140,7 @@ HttpResponse HttpServer::Impl::refuse(MHD_Connection* connection, const char* me
   if (host == nullptr || !is_own_host(host, own_name, address.is_loopback())) {
     return refusal(403, "unknown host name; use the numeric address, or localhost\n");
   }
-  const char* const shown = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "token");
-  if (!address.token.empty() && !is_token(shown ? shown : "", address.token))
+  if (!address.token.empty() && !is_token(value_of(connection, MHD_GET_ARGUMENT_KIND, "token"), address.token))
     return refusal(403, "use the whole address that the program printed, with its token\n");
   return {};
 }
@@ -275,6 +263,13 @@ int HttpServer::connections() const {
 }
 
 #endif
+
+std::uint64_t HttpRequest::number(const char* name, std::uint64_t fallback) const {
+  const std::string_view digits = text(name);
+  std::uint64_t value = 0;
+  const auto [stop, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+  return error == std::errc{} && stop == digits.data() + digits.size() ? value : fallback;
+}
 
 HttpServer::HttpServer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 HttpServer::~HttpServer() = default;

@@ -56,7 +56,7 @@ void LiveView::set_notes_of_receivers(const std::vector<std::string>& notes) {
 void LiveView::fold() {
   const bool over = finished_.load(std::memory_order_acquire);  // before the look: all that came is found
   for (ViewedOutcome o; feed_.next(o);) model_->take(o);
-  for (ViewedLatency l; feed_.next(l);) model_->take(l);
+  for (Publication l; feed_.next(l);) model_->take(l);
   for (Event e; feed_.next(e);) model_->take(e);
   model_->set_left_out(feed_.left_out());
   {
@@ -79,11 +79,8 @@ bool LiveView::may_close() const {
 HttpResponse LiveView::answer(const HttpRequest& request) {
   if (request.path() == "/") return page_answer(kViewPage);
   if (request.path() == "/state") return state(request);
-  if (request.path() == "/frame" || request.path() == "/image") {
-    fold();
-    return request.path() == "/frame" ? image_.frame() : image_.jpeg();
-  }
-  return {404, "text/plain", "there are /, /state, /image and /frame\n", ""};
+  fold();
+  return image_.answer(request.path());
 }
 
 HttpResponse LiveView::state(const HttpRequest& request) {

@@ -62,8 +62,8 @@ async function takeFrame(bytes) {
     for (let i = 0; i < list.length; i += 4) {
       const id = firstId + list[i], age = list[i + 1], x = left + list[i + 2], y = list[i + 3];
       const tail = tails.get(id) || [];
-      tail.push(x, y);
-      if (tail.length > 2 * TAIL) tail.splice(0, 2);
+      tail.push([x, y]);
+      if (tail.length > TAIL) tail.shift();
       seen.set(id, tail);
       tracks.push({age, x, y, tail});
     }
@@ -77,6 +77,20 @@ async function takeFrame(bytes) {
 
 // ---------------------------------------------------------------- text
 const text = (id, value) => { const e = $(id); if (e.textContent !== value) e.textContent = value; };
+
+function element(kind, words, parent) {
+  const e = document.createElement(kind);
+  if (words) e.textContent = words;
+  if (parent) parent.append(e);
+  return e;
+}
+
+function showList(id, lines) {
+  if ($(id).dataset.shown === lines.join()) return;
+  $(id).dataset.shown = lines.join();
+  $(id).replaceChildren(...lines.map(line => element("li", line)));
+}
+
 const fixed = (x, digits) => x === null || x === undefined ? "–" : (Math.abs(x) < 0.5 * 10 ** -digits ? 0 : x).toFixed(digits).replace("-", "−");
 const clock = s => `${Math.floor(s / 60)}:${(s % 60).toFixed(1).padStart(4, "0")}`;
 const norm = v => Math.hypot(...v);
@@ -118,11 +132,19 @@ function begin(id) {
   return [c, w, h];
 }
 
+function stroke(c, points) {
+  c.beginPath();
+  points.forEach(([x, y], i) => i ? c.lineTo(x, y) : c.moveTo(x, y));
+  c.stroke();
+}
+
+function disc(c, x, y, radius) { c.beginPath(); c.arc(x, y, radius, 0, 7); c.fill(); }
+
 function axis(c, w, left, ticks) {
   c.textAlign = "right"; c.textBaseline = "middle"; c.fillStyle = ink.soft; c.strokeStyle = ink.line; c.lineWidth = 1;
   for (const [value, y] of ticks) {
     c.fillText(String(+value.toPrecision(3)).replace("-", "−"), left - 6, y);
-    c.beginPath(); c.moveTo(left, Math.round(y) + .5); c.lineTo(w, Math.round(y) + .5); c.stroke();
+    stroke(c, [[left, Math.round(y) + .5], [w, Math.round(y) + .5]]);
   }
 }
 
@@ -150,17 +172,13 @@ function drawCamera() {
   const at = v => (v + .5) * scale;
   for (const t of image.tracks) {
     const style = ageColor(t.age);
-    if (t.tail.length > 2) {
-      c.strokeStyle = "rgba(0,0,0,.45)"; c.lineWidth = 3;
-      for (const pass of [0, 1]) {
-        if (pass) { c.strokeStyle = style; c.lineWidth = 1.5; }
-        c.beginPath(); c.moveTo(at(t.tail[0]), at(t.tail[1]));
-        for (let i = 2; i < t.tail.length; i += 2) c.lineTo(at(t.tail[i]), at(t.tail[i + 1]));
-        c.stroke();
+    if (t.tail.length > 1)
+      for (const [color, width] of [["rgba(0,0,0,.45)", 3], [style, 1.5]]) {
+        c.strokeStyle = color; c.lineWidth = width;
+        stroke(c, t.tail.map(([x, y]) => [at(x), at(y)]));
       }
-    }
-    c.fillStyle = "rgba(0,0,0,.55)"; c.beginPath(); c.arc(at(t.x), at(t.y), 3.6, 0, 7); c.fill();
-    c.fillStyle = style; c.beginPath(); c.arc(at(t.x), at(t.y), 2.6, 0, 7); c.fill();
+    c.fillStyle = "rgba(0,0,0,.55)"; disc(c, at(t.x), at(t.y), 3.6);
+    c.fillStyle = style; disc(c, at(t.x), at(t.y), 2.6);
   }
 }
 

@@ -12,8 +12,6 @@ void append_u32(std::string& bytes, std::size_t value) {
   for (int shift = 0; shift < 32; shift += 8) bytes.push_back(static_cast<char>(value >> shift & 0xff));
 }
 
-HttpResponse no_image_yet() { return {404, "text/plain", "no image yet\n", ""}; }
-
 }  // namespace
 
 HttpResponse page_answer(std::string_view page) {
@@ -34,20 +32,15 @@ bool ServedImage::refresh() {
   return true;
 }
 
-HttpResponse ServedImage::frame() {
-  if (image_ == nullptr) return no_image_yet();
+HttpResponse ServedImage::answer(std::string_view path) {
+  const bool is_frame = path == "/frame";
+  if (!is_frame && path != "/image") return {404, "text/plain", "there are /, /state, /image and /frame\n", ""};
+  if (image_ == nullptr || (!is_frame && image_->width == 0)) return {404, "text/plain", "no image yet\n", ""};
   encode();
+  if (!is_frame) return {200, "image/jpeg", jpeg_, ""};
   std::string body;
   append_u32(body, tracks_.size());
-  body += tracks_;
-  body += jpeg_;
-  return {200, "application/octet-stream", std::move(body), ""};
-}
-
-HttpResponse ServedImage::jpeg() {
-  if (image_ == nullptr || image_->width == 0) return no_image_yet();
-  encode();
-  return {200, "image/jpeg", jpeg_, ""};
+  return {200, "application/octet-stream", body + tracks_ + jpeg_, ""};
 }
 
 /// Once an image, however many look.

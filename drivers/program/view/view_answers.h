@@ -19,9 +19,9 @@ class ServedImage {
   bool refresh();
   /// Sequence number of the newest image, plus one; 0: no image yet.
   std::uint64_t next_sequence() const { return image_ == nullptr ? 0 : image_->sequence + 1; }
-  /// Body: length of the header (32 bits, little-endian), header in JSON, image as JPEG.
-  HttpResponse frame();
-  HttpResponse jpeg();
+  /// Answers /frame, whose body is the length of a header (32 bits, little-endian), the header in JSON, and the image
+  /// as JPEG; and /image, which is that JPEG. Any other path is unknown.
+  HttpResponse answer(std::string_view path);
 
  private:
   void encode();

@@ -35,11 +35,6 @@ struct ViewedOutcome {
   std::uint64_t images_lost = 0;  ///< gaps in the camera's numbers
 };
 
-struct ViewedLatency {
-  std::uint64_t serial = 0;
-  std::int64_t latency_ns = 0;
-};
-
 class ViewFeed final : public FlightObserver {
  public:
   ViewFeed();
@@ -61,7 +56,7 @@ class ViewFeed final : public FlightObserver {
   /// Notes that a client requested data at `now_ns`.
   void note_viewer(std::int64_t now_ns) noexcept { seen_ns_.store(now_ns, std::memory_order_relaxed); }
   bool next(ViewedOutcome& out) noexcept { return outcomes_.pop(out); }
-  bool next(ViewedLatency& out) noexcept { return latencies_.pop(out); }
+  bool next(Publication& out) noexcept { return latencies_.pop(out); }
   bool next(Event& out) noexcept { return events_.pop(out); }
   /// The newest image since the last call, valid until the next call; null if none came.
   const ViewedImage* newest_image() noexcept;
@@ -76,7 +71,7 @@ class ViewFeed final : public FlightObserver {
   void hand_over() noexcept;
 
   SpscRing<ViewedOutcome, 128> outcomes_;
-  SpscRing<ViewedLatency, 256> latencies_;
+  SpscRing<Publication, 256> latencies_;
   SpscRing<Event, 256> events_;
   // Three buffers circulate: one is being filled, one is shown, one is on its way.
   std::array<ViewedImage, 3> buffers_;

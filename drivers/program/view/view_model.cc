@@ -16,9 +16,8 @@ const char* name_of(HealthState state) {
 
 Json names_of(std::uint32_t reasons) {
   Json names = Json::array();
-  for (std::size_t i = 0; i < kHealthReasonNames.size(); ++i) {
+  for (std::size_t i = 0; i < kHealthReasonNames.size(); ++i)
     if ((reasons & (1u << i)) != 0) names.push_back(kHealthReasonNames[i]);
-  }
   return names;
 }
 
@@ -29,10 +28,10 @@ Json number(double x, int digits) {
   return std::round(x * scale) / scale;
 }
 
-template <class T, std::size_t N>
-Json numbers(const std::array<T, N>& values, int digits) {
+template <class Numbers>
+Json numbers(const Numbers& values, int digits) {
   Json json = Json::array();
-  for (const T v : values) json.push_back(number(static_cast<double>(v), digits));
+  for (const auto v : values) json.push_back(number(static_cast<double>(v), digits));
   return json;
 }
 
@@ -44,8 +43,7 @@ double covariance(const Odometry& o, int row, int column) {
 }
 double sigma(const Odometry& o, int row) { return std::sqrt(std::max(0.0, covariance(o, row, row))); }
 Json sigmas(const Odometry& o, int row, int digits) {
-  return Json::array(
-      {number(sigma(o, row), digits), number(sigma(o, row + 1), digits), number(sigma(o, row + 2), digits)});
+  return numbers(std::array{sigma(o, row), sigma(o, row + 1), sigma(o, row + 2)}, digits);
 }
 
 }  // namespace
@@ -68,23 +66,15 @@ void PathHistory::add(const std::array<double, 3>& p, HealthState state) {
 }
 
 void RateMeter::note(std::uint64_t count, HostStamp stamp) {
-  const auto at = [&](std::size_t i) -> Reading& { return readings_[(begin_ + i) % kReadings]; };
-  if (size_ > 0 && stamp <= at(size_ - 1).stamp) return;
-  if (size_ == kReadings) {
-    ++begin_;
-    --size_;
-  }
-  at(size_++) = {count, stamp};
-  while (size_ > 2 && (stamp - at(1).stamp).seconds() > 2) {
-    ++begin_;
-    --size_;
-  }
+  if (!readings_.empty() && stamp <= readings_.back().stamp) return;
+  readings_.push_back({count, stamp});
+  while (readings_.size() > kMostReadings || (readings_.size() > 2 && (stamp - readings_[1].stamp).seconds() > 2))
+    readings_.pop_front();
 }
 
 double RateMeter::hz() const {
-  if (size_ < 2) return 0;
-  const Reading& first = readings_[begin_ % kReadings];
-  const Reading& last = readings_[(begin_ + size_ - 1) % kReadings];
+  if (readings_.size() < 2) return 0;
+  const Reading &first = readings_.front(), &last = readings_.back();
   return static_cast<double>(last.count - first.count) / (last.stamp - first.stamp).seconds();
 }
 
@@ -116,14 +106,12 @@ void ViewModel::take(const ViewedOutcome& now) {
   newest_ = now;
 }
 
-void ViewModel::take(const ViewedLatency& latency) {
-  const double ms = 1e-6 * static_cast<double>(latency.latency_ns);
+void ViewModel::take(const Publication& latency) {
   latencies_.add(latency.latency_ns);
   has_latency_ = true;
   last_latency_serial_ = std::max(last_latency_serial_, latency.serial);
-  if (latency.serial < samples_end_ && latency.serial + kSamples >= samples_end_) {
-    samples_[latency.serial % kSamples].latency_ms = ms;
-  }
+  if (latency.serial < samples_end_ && latency.serial + kSamples >= samples_end_)
+    samples_[latency.serial % kSamples].latency_ms = 1e-6 * static_cast<double>(latency.latency_ns);
 }
 
 void ViewModel::take(const Event& event) {
@@ -156,9 +144,8 @@ void ViewModel::note_changes(const ViewedOutcome& now) {
 Json ViewModel::pose_json() const {
   const Odometry& o = newest_->outcome.odometry;
   Json covariance_p = Json::array();
-  for (int r = 0; r < 3; ++r) {
+  for (int r = 0; r < 3; ++r)
     for (int c = r; c < 3; ++c) covariance_p.push_back(covariance(o, kPosition + r, kPosition + c));
-  }
   return {{"p", numbers(o.p_WB_m, 4)},
           {"q", numbers(o.q_WB, 6)},
           {"v", numbers(o.v_WB_m_s, 4)},
@@ -219,13 +206,7 @@ Json ViewModel::events_json(const ViewCursor& since) const {
 std::string ViewModel::state_json(const ViewCursor& since) const {
   Json s = {
       {"schema", 1}, {"run", run_}, {"title", subject_.title}, {"program", subject_.program}, {"finished", finished_}};
-  s["R_BC"] = nullptr;
-  if (subject_.R_BC) {
-    s["R_BC"] = Json::array();
-    for (int r = 0; r < 3; ++r) {
-      for (int c = 0; c < 3; ++c) s["R_BC"].push_back(number((*subject_.R_BC)(r, c), 6));
-    }
-  }
+  s["R_BC"] = subject_.R_BC ? numbers(subject_.R_BC->transpose().reshaped(), 6) : Json(nullptr);  // by rows
   s["has_pose"] = newest_ && newest_->outcome.result.has_pose;
   s["t"] = newest_ ? number(seconds(newest_->outcome.stamp), 3) : Json(nullptr);
   const Odometry& o = newest_ ? newest_->outcome.odometry : Odometry{};
@@ -235,13 +216,13 @@ std::string ViewModel::state_json(const ViewCursor& since) const {
   s["pose"] = s["has_pose"].get<bool>() ? pose_json() : Json(nullptr);
   s["distance_m"] = number(path_.length_m(), 2);
   const bool any = latencies_.count() > 0;
-  const auto ms = [&](std::int64_t ns) { return any ? number(1e-6 * static_cast<double>(ns), 3) : Json(nullptr); };
+  const auto from_ns = [](std::int64_t ns) { return number(1e-6 * static_cast<double>(ns), 3); };
+  const auto ms = [&](std::int64_t ns) { return any ? from_ns(ns) : Json(nullptr); };
   s["latency_ms"] = {{"count", latencies_.count()},
                      {"p50", ms(latencies_.quantile_ns(0.5))},
                      {"p99", ms(latencies_.quantile_ns(0.99))},
                      {"max", ms(latencies_.most_ns())}};
   const FrameOutcome outcome = newest_ ? newest_->outcome : FrameOutcome{};
-  const auto from_ns = [&](std::int64_t ns) { return number(1e-6 * static_cast<double>(ns), 3); };
   s["time_ms"] = {{"track", from_ns(outcome.track.wall_ns)},
                   {"solve", from_ns(solved_times_.solve.wall_ns)},
                   {"estimate", from_ns(solved_times_.estimate.wall_ns)}};
@@ -264,12 +245,9 @@ std::string ViewModel::state_json(const ViewCursor& since) const {
 std::string tracks_json(const ViewedImage& image) {
   const auto list = [](const auto& points) {
     Json tracks = Json::array();
-    for (const LoggedPoint& p : points) {
-      tracks.push_back(p.id);
-      tracks.push_back(p.age);
-      tracks.push_back(number(static_cast<double>(p.u), 1));
-      tracks.push_back(number(static_cast<double>(p.v), 1));
-    }
+    for (const LoggedPoint& p : points)
+      tracks.insert(tracks.end(),
+                    {p.id, p.age, number(static_cast<double>(p.u), 1), number(static_cast<double>(p.v), 1)});
     return tracks;
   };
   Json json = {{"sequence", image.sequence},

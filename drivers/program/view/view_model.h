@@ -1,7 +1,8 @@
 #pragma once
-// The state of the live view: collected from the feed, returned as JSON. Fixed memory, one thread.
+// The state of the live view: collected from the feed, returned as JSON. Bounded memory, one thread.
 #include <array>
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <string>
 #include <utility>
@@ -58,9 +59,8 @@ class RateMeter {
     std::uint64_t count = 0;
     HostStamp stamp;
   };
-  static constexpr std::size_t kReadings = 512;
-  std::array<Reading, kReadings> readings_{};
-  std::size_t begin_ = 0, size_ = 0;
+  static constexpr std::size_t kMostReadings = 512;
+  std::deque<Reading> readings_;
 };
 
 class ViewModel {
@@ -68,7 +68,7 @@ class ViewModel {
   explicit ViewModel(ViewSubject subject);
 
   void take(const ViewedOutcome& outcome);
-  void take(const ViewedLatency& latency);
+  void take(const Publication& latency);
   void take(const Event& event);
   void set_left_out(std::uint64_t count) { left_out_ = count; }
   void set_newest_image(std::uint64_t sequence) { newest_image_ = sequence; }

@@ -165,6 +165,13 @@ cv::Mat Browser::photograph_when(const std::function<bool(const cv::Mat&)>& is_r
   return picture;
 }
 
+int count(const cv::Mat& picture, const cv::Vec3b& bgr, int tolerance) {
+  cv::Mat is_like;
+  cv::inRange(picture, cv::Scalar(bgr) - cv::Scalar::all(tolerance), cv::Scalar(bgr) + cv::Scalar::all(tolerance),
+              is_like);
+  return cv::countNonZero(is_like);
+}
+
 void BrowserTest::SetUp() {
   if (std::system("command -v chromium >/dev/null 2>&1") != 0) GTEST_SKIP() << "chromium is not installed";
   folder_ = fs::path(testing::TempDir()) / ("epiline_browser_" + std::to_string(getpid()) +

@@ -47,6 +47,9 @@ class Browser {
   std::string complaints_;
 };
 
+/// Number of pixels whose colours are within the tolerance.
+int count(const cv::Mat& picture, const cv::Vec3b& bgr, int tolerance);
+
 class BrowserTest : public testing::Test {
  protected:
   void SetUp() override;

@@ -2,10 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <array>
-#include <cstdlib>
 #include <opencv2/core.hpp>
 
 #include "drivers/program/view/live_view.h"
+#include "tests/drivers/program/must.h"
 #include "tests/drivers/program/view/browser.h"
 #include "tests/drivers/program/view/client.h"
 #include "tests/drivers/program/view/flight_of_view.h"
@@ -13,28 +13,19 @@
 namespace epiline {
 namespace {
 
+using test::must;
+
 class LivePage : public BrowserTest {
  protected:
   void SetUp() override {
     BrowserTest::SetUp();
     if (IsSkipped()) return;
     if (!kLiveViewBuilt) GTEST_SKIP() << kWithoutLiveView;
-    auto view = LiveView::open({"127.0.0.1", 0});
-    ASSERT_TRUE(view) << view.error().text();
-    view_ = std::move(*view);
+    view_ = must(LiveView::open({"127.0.0.1", 0}));
   }
   void TearDown() override {
     view_.reset();
     BrowserTest::TearDown();
-  }
-
-  static int count(const cv::Mat& picture, const cv::Vec3b& bgr, int tolerance) {
-    int n = 0;
-    for (const cv::Vec3b& p : cv::Mat_<cv::Vec3b>(picture)) {
-      n += std::abs(p[0] - bgr[0]) <= tolerance && std::abs(p[1] - bgr[1]) <= tolerance &&
-           std::abs(p[2] - bgr[2]) <= tolerance;
-    }
-    return n;
   }
 
   std::string url() const { return url_of(view_->address()); }
@@ -45,7 +36,7 @@ class LivePage : public BrowserTest {
 TEST_F(LivePage, ShowsStateAndImageAndComplainsOfNothing) {
   ASSERT_TRUE(view_->start({"a <b>made up</b> flight", "epiline test", Mat3::Identity(), true}));
   ViewedFlight flight(view_->observer());
-  for (int i = 0; i < 100; ++i) flight.fly();
+  flight.fly(100);
   Browser browser(url(), folder_);
   browser.expect_texts({">Tracking<", ">live<", "88 %", "20.0 Hz", "200 Hz", "a &lt;b&gt;made up&lt;/b&gt; flight"});
   const auto pixels = [](const cv::Mat& picture) {
@@ -66,7 +57,7 @@ TEST_F(LivePage, SaysThatTheStateIsLostAndWhy) {
   ASSERT_TRUE(view_->start({"trouble", "epiline test", {}, true}));
   ViewedFlight flight(view_->observer());
   flight.next_outcome().odometry.health = {HealthState::kLost, 512 | 32, -1};
-  for (int i = 0; i < 3; ++i) flight.fly();
+  flight.fly(3);
   Browser browser(url(), folder_);
   browser.expect_texts(
       {">Lost<", "A value of the state is not finite.", "A bias is larger than that of any working sensor."});

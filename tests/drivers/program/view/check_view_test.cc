@@ -6,16 +6,18 @@
 
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "tests/drivers/program/must.h"
 #include "tests/drivers/program/view/browser.h"
 #include "tests/drivers/program/view/client.h"
 
 namespace epiline {
 namespace {
+
+using test::must;
 
 using testing::HasSubstr;
 
@@ -60,14 +62,12 @@ class CheckPage : public BrowserTest {
  protected:
   void SetUp() override {
     if (!kLiveViewBuilt) GTEST_SKIP() << kWithoutLiveView;
-    auto view = CheckView::open({"127.0.0.1", 0}, {"a <i>file</i>", "epiline test", 1e-3, 1e-2, false},
-                                [this](const SettingHint& hint) -> Status {
-                                  if (refuses_) return Error{ErrorKind::kRun, "flight.toml", 0, "read-only", "a file"};
-                                  accepted_.push_back(name_of(hint) + "=" + std::to_string(hint.value));
-                                  return Done{};
-                                });
-    ASSERT_TRUE(view) << view.error().text();
-    view_ = std::move(*view);
+    const auto accept = [this](const SettingHint& hint) -> Status {
+      if (refuses_) return Error{ErrorKind::kRun, "flight.toml", 0, "read-only", "a file"};
+      accepted_.push_back(name_of(hint) + "=" + std::to_string(hint.value));
+      return Done{};
+    };
+    view_ = must(CheckView::open({"127.0.0.1", 0}, {"a <i>file</i>", "epiline test", 1e-3, 1e-2, false}, accept));
   }
   void TearDown() override {
     view_.reset();
@@ -142,12 +142,11 @@ TEST_F(CheckPage, BeginsAnewWhenAsked) {
 }
 
 TEST_F(CheckPage, NothingIsWrittenForOtherComputers) {
-  auto view = CheckView::open({"0.0.0.0", 0}, {"flight.toml", "epiline test", 0, 0, false},
-                              [](const SettingHint&) -> Status { return Done{}; });
-  ASSERT_TRUE(view) << view.error().text();
-  (*view)->findings(1, kFindings);
-  const std::uint16_t open_port = (*view)->address().port;
-  const std::string token = "token=" + (*view)->address().token;
+  const auto view = must(CheckView::open({"0.0.0.0", 0}, {"flight.toml", "epiline test", 0, 0, false},
+                                         [](const SettingHint&) -> Status { return Done{}; }));
+  view->findings(1, kFindings);
+  const std::uint16_t open_port = view->address().port;
+  const std::string token = "token=" + view->address().token;
   EXPECT_EQ(get(open_port, "/state").status, 403) << "without the token";
   EXPECT_EQ(nlohmann::json::parse(get(open_port, "/state?" + token).body)["may_accept"], false);
   EXPECT_EQ(ask(open_port, "POST /accept?setting=camera.time_offset_s&" + token +
@@ -167,16 +166,8 @@ TEST_F(CheckPage, LooksAsItShouldInABrowser) {
   const std::string page = browser.html();
   EXPECT_LT(page.find("time offset +25.0 ms"), page.find("30.00 images per second")) << "the worst first";
   const auto pixels = [](const cv::Mat& picture) {
-    std::array<int, 3> counts{};
-    for (const cv::Vec3b& p : cv::Mat_<cv::Vec3b>(picture)) {
-      const auto is = [&](int b, int g, int r, int off) {
-        return std::abs(p[0] - b) <= off && std::abs(p[1] - g) <= off && std::abs(p[2] - r) <= off;
-      };
-      counts[0] += is(77, 77, 77, 1);
-      counts[1] += is(54, 90, 255, 12);
-      counts[2] += is(0xb7, 0x67, 0x16, 12);
-    }
-    return counts;
+    return std::array{count(picture, cv::Vec3b(77, 77, 77), 1), count(picture, cv::Vec3b(54, 90, 255), 12),
+                      count(picture, cv::Vec3b(0xb7, 0x67, 0x16), 12)};
   };
   const auto is_whole = [&](const cv::Mat& picture) {
     const auto [image, tracks, spectrum] = pixels(picture);

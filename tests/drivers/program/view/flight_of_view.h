@@ -23,6 +23,9 @@ class ViewedFlight {
   FrameOutcome& next_outcome() { return outcome_; }  ///< to be changed before fly()
   double latency_ms = 1.5;
 
+  void fly(int images) {
+    for (int i = 0; i < images; ++i) fly();
+  }
   /// One image: readings, outcome, tracks, pixels, latency.
   void fly() {
     const HostStamp stamp{static_cast<std::int64_t>(1e9) + 50'000'000 * static_cast<std::int64_t>(serial_)};
@@ -48,7 +51,6 @@ class ViewedFlight {
     observer_.published(serial_, static_cast<std::int64_t>(1e6 * latency_ms));
     ++serial_;
   }
-  std::uint64_t images() const { return serial_; }
 
  private:
   FlightObserver& observer_;

@@ -6,17 +6,18 @@
 #include <thread>
 
 #include "drivers/program/view/live_view.h"
+#include "tests/drivers/program/must.h"
 #include "tests/drivers/program/view/client.h"
 #include "tests/drivers/program/view/flight_of_view.h"
 
 namespace epiline {
 namespace {
 
+using test::must;
+
 TEST(LiveViewThreads, AFlightIsWatchedFromBeginningToEnd) {
   if (!kLiveViewBuilt) GTEST_SKIP() << kWithoutLiveView;
-  auto opened = LiveView::open({"127.0.0.1", 0});
-  ASSERT_TRUE(opened) << opened.error().text();
-  std::unique_ptr<LiveView> view = std::move(*opened);
+  auto view = must(LiveView::open({"127.0.0.1", 0}));
   ASSERT_TRUE(view->start({"made up", "epiline test", {}, true}));
   const std::uint16_t port = view->address().port;
   std::atomic<int> asked{0};

@@ -31,7 +31,7 @@ TEST(ViewFeed, CopiesAreFewWhileNobodyLooks) {
   ViewedFlight flight(feed);
   flight.fly();
   ASSERT_NE(feed.newest_image(), nullptr);
-  for (int i = 0; i < 100; ++i) flight.fly();  // takes far less than the second until the next copy
+  flight.fly(100);  // takes far less than the second until the next copy
   EXPECT_EQ(feed.newest_image(), nullptr);
 }
 
@@ -39,7 +39,7 @@ TEST(ViewFeed, AReaderThatStopsLosesThingsAndNobodyElseDoes) {
   ViewFeed feed;
   ViewedFlight flight(feed);
   feed.note_viewer(monotonic_ns());
-  for (int i = 0; i < 1000; ++i) flight.fly();
+  flight.fly(1000);
   EXPECT_GT(feed.left_out(), 0u);
   std::uint64_t outcomes = 0, last = 0;
   for (ViewedOutcome o; feed.next(o); ++outcomes) last = o.outcome.serial;

@@ -81,7 +81,7 @@ TEST(ViewModel, TellsAPageWhatItDoesNotHaveYet) {
   ViewModel model{ViewSubject{}};
   for (std::uint64_t i = 0; i < 10; ++i) {
     model.take(outcome(i, static_cast<double>(i)));
-    model.take(ViewedLatency{i, 2'000'000});
+    model.take(Publication{i, 2'000'000});
   }
   const Json all = told(model);
   EXPECT_EQ(all["path"]["points"].size(), 10u);
@@ -99,7 +99,7 @@ TEST(ViewModel, TellsAPageWhatItDoesNotHaveYet) {
   const Json waiting = told(model, since);
   EXPECT_EQ(waiting["path"]["points"].size(), 1u);
   EXPECT_EQ(waiting["samples"]["rows"].size(), 0u);  // its latency is not known yet
-  model.take(ViewedLatency{10, 3'000'000});
+  model.take(Publication{10, 3'000'000});
   const Json next = told(model, since);
   ASSERT_EQ(next["samples"]["rows"].size(), 1u);
   EXPECT_EQ(next["samples"]["rows"][0][1], 3.0);
@@ -111,7 +111,7 @@ TEST(ViewModel, TellsAPageWhatItDoesNotHaveYet) {
 TEST(ViewModel, AnEstimateThatWasNeverPublishedHoldsNothingUp) {
   ViewModel model{ViewSubject{}};
   for (std::uint64_t i = 0; i < 5; ++i) model.take(outcome(i, 0));
-  model.take(ViewedLatency{3, 1'000'000});
+  model.take(Publication{3, 1'000'000});
   const Json s = told(model);
   ASSERT_EQ(s["samples"]["rows"].size(), 4u);
   EXPECT_TRUE(s["samples"]["rows"][2][1].is_null());
@@ -160,7 +160,7 @@ TEST(ViewModel, OfALongFlightTheNewestRemains) {
   ViewModel model{ViewSubject{}};
   for (std::uint64_t i = 0; i < 10'000; ++i) {
     model.take(outcome(i, 0.1 * static_cast<double>(i)));
-    model.take(ViewedLatency{i, 1'000'000});
+    model.take(Publication{i, 1'000'000});
     model.take(Event{HostStamp{0}, EventId::kImuGap, {}});
   }
   const Json s = told(model);
