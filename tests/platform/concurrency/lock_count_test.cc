@@ -21,22 +21,24 @@ class LockCount : public ::testing::Test {
   }
 };
 
+template <class Act>
+std::uint64_t lock_calls_of(Act&& act) {
+  const std::uint64_t before = lock_calls_of_this_thread();
+  act();
+  return lock_calls_of_this_thread() - before;
+}
+
 TEST_F(LockCount, EachKindCountsOnThisThreadOnly) {
   std::mutex mutex;
-  const std::uint64_t before = lock_calls_of_this_thread();
-  mutex.lock();
+  EXPECT_EQ(lock_calls_of([&] { const std::lock_guard hold(mutex); }), 1);
+  EXPECT_EQ(lock_calls_of([&] { ASSERT_TRUE(mutex.try_lock()); }), 1);
   mutex.unlock();
-  EXPECT_EQ(lock_calls_of_this_thread() - before, 1);
-  ASSERT_TRUE(mutex.try_lock());
-  mutex.unlock();
-  EXPECT_EQ(lock_calls_of_this_thread() - before, 2);
-  std::thread other([&] {
-    const std::uint64_t own = lock_calls_of_this_thread();
-    const std::lock_guard<std::mutex> hold(mutex);
-    EXPECT_EQ(lock_calls_of_this_thread() - own, 1);
-  });
-  other.join();
-  EXPECT_EQ(lock_calls_of_this_thread() - before, 2);
+  std::uint64_t of_other = 0;
+  EXPECT_EQ(lock_calls_of([&] {
+              std::thread([&] { of_other = lock_calls_of([&] { const std::lock_guard hold(mutex); }); }).join();
+            }),
+            0);
+  EXPECT_EQ(of_other, 1);
 }
 
 // By the steady clock and by the system's: the C library has a function for each.
@@ -44,33 +46,26 @@ TEST_F(LockCount, EachLockAndWaitWithATimeCountsOnce) {
   const auto steady = [] { return std::chrono::steady_clock::now() + std::chrono::milliseconds(1); };
   const auto system = [] { return std::chrono::system_clock::now() + std::chrono::milliseconds(1); };
   std::timed_mutex timed;
-  const auto calls_of = [](auto&& act) {
-    const std::uint64_t before = lock_calls_of_this_thread();
-    act();
-    return lock_calls_of_this_thread() - before;
-  };
-  EXPECT_EQ(calls_of([&] { ASSERT_TRUE(timed.try_lock_until(steady())); }), 1);
+  EXPECT_EQ(lock_calls_of([&] { ASSERT_TRUE(timed.try_lock_until(steady())); }), 1);
   timed.unlock();
-  EXPECT_EQ(calls_of([&] { ASSERT_TRUE(timed.try_lock_until(system())); }), 1);
+  EXPECT_EQ(lock_calls_of([&] { ASSERT_TRUE(timed.try_lock_until(system())); }), 1);
   timed.unlock();
   std::mutex mutex;
   std::condition_variable condition;
   std::unique_lock<std::mutex> hold(mutex);
-  EXPECT_EQ(calls_of([&] { condition.wait_until(hold, steady()); }), 1);
-  EXPECT_EQ(calls_of([&] { condition.wait_until(hold, system()); }), 1);
+  EXPECT_EQ(lock_calls_of([&] { condition.wait_until(hold, steady()); }), 1);
+  EXPECT_EQ(lock_calls_of([&] { condition.wait_until(hold, system()); }), 1);
 }
 
 TEST_F(LockCount, WaitingForAConditionCounts) {
   std::mutex mutex;
   std::condition_variable condition;
   std::unique_lock<std::mutex> hold(mutex);
-  const std::uint64_t before = lock_calls_of_this_thread();
   std::thread other([&] {
     const std::lock_guard<std::mutex> inside(mutex);
     condition.notify_one();
   });
-  condition.wait(hold);
-  const std::uint64_t calls = lock_calls_of_this_thread() - before;
+  const std::uint64_t calls = lock_calls_of([&] { condition.wait(hold); });
   EXPECT_GE(calls, 1);
   EXPECT_LE(calls, 100) << "it may wake without a reason";
   hold.unlock();

@@ -13,20 +13,6 @@ namespace {
 
 using Ring = NewestRing<4>;
 
-TEST(NewestRing, IsInOrderAndCompleteWhileItDoesNotOverflow) {
-  Ring ring;
-  const auto nobody = [](Ring::Value) { FAIL() << "nothing is overtaken"; };
-  EXPECT_FALSE(ring.ready());
-  EXPECT_EQ(ring.pop(nobody), Ring::kNone);
-  for (Ring::Value v = 0; v < 4; ++v) EXPECT_EQ(ring.push(v), Ring::kNone);
-  for (Ring::Value v = 0; v < 4; ++v) {
-    EXPECT_TRUE(ring.ready());
-    EXPECT_EQ(ring.pop(nobody), v);
-  }
-  EXPECT_FALSE(ring.ready());
-  EXPECT_EQ(ring.high_water(), 4);
-}
-
 TEST(NewestRing, AfterAnOverflowTheNewestComesAtOnce) {
   Ring ring;
   for (Ring::Value v = 0; v < 4; ++v) ring.push(v);

@@ -2,7 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include <memory>
+#include <string>
+#include <variant>
 
 namespace epiline {
 namespace {
@@ -28,18 +29,6 @@ TEST(Result, ErrorTextLeavesOutWhatIsUnknown) {
   EXPECT_EQ((Error{ErrorKind::kRun, "", 0, "no images", ""}.text()), "no images");
   EXPECT_EQ((Error{ErrorKind::kRun, "mav0", 0, "missing", "a folder"}.text()), "mav0: missing; expected a folder");
   EXPECT_EQ((Error{ErrorKind::kRun, "", 0, "x", "y"}.text()), "x; expected y");
-}
-
-TEST(Result, CarriesMoveOnlyValues) {
-  Result<std::unique_ptr<int>> result(std::make_unique<int>(5));
-  ASSERT_TRUE(result);
-  const std::unique_ptr<int> taken = std::move(*result);
-  EXPECT_EQ(*taken, 5);
-}
-
-TEST(Result, StatusIsSuccessOrError) {
-  EXPECT_TRUE(Status(Done{}));
-  EXPECT_FALSE(Status(Error{}));
 }
 
 TEST(Result, ReadingTheWrongHalfThrowsInsteadOfInventing) {

@@ -16,13 +16,6 @@ constexpr bool kPlain = (... && (std::is_trivially_copyable_v<Ts> && std::is_sta
                                  std::is_nothrow_default_constructible_v<Ts>));
 static_assert(kPlain<ImuSample, WheelSample, Frame, TrackedFeature, TrackedFrame, Health, Odometry>);
 
-TEST(Samples, NothingIsClaimedBeforeTheFirstEstimate) {
-  const Odometry odometry;
-  EXPECT_EQ(odometry.health.state, HealthState::kInitialising);
-  EXPECT_EQ(odometry.health.quality, 0);
-  EXPECT_EQ(odometry.q_WB, (std::array<double, 4>{1, 0, 0, 0})) << "a unit quaternion even when empty";
-}
-
 TEST(Samples, NoCameraReachesAnothersTracks) {
   for (std::size_t camera = 0; camera <= kMostOthers; ++camera) {
     const std::uint32_t first = first_track_of(camera);
