@@ -8,15 +8,16 @@
 #include <cerrno>
 #include <climits>
 
+#include "platform/time/sleep.h"
+
 namespace epiline {
 
 static_assert(sizeof(std::atomic<std::uint32_t>) == 4 && std::atomic<std::uint32_t>::is_always_lock_free);
 
 bool futex_wait_until(const std::atomic<std::uint32_t>& word, std::uint32_t expected,
                       std::int64_t deadline_ns) noexcept {
-  constexpr std::int64_t kSecond = 1'000'000'000;
   if (deadline_ns <= 0) return false;
-  const timespec deadline{static_cast<time_t>(deadline_ns / kSecond), static_cast<long>(deadline_ns % kSecond)};
+  const timespec deadline = timespec_of(deadline_ns);
   // the bitset variant takes an instant, by CLOCK_MONOTONIC; the plain one would take a length
   const long result = syscall(SYS_futex, &word, FUTEX_WAIT_BITSET | FUTEX_PRIVATE_FLAG, expected, &deadline, nullptr,
                               FUTEX_BITSET_MATCH_ANY);

@@ -6,17 +6,9 @@
 #include <cstdlib>
 
 #include "platform/memory/allocation_count.h"
+#include "platform/memory/sanitizers.h"
 
-#ifdef __has_feature
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || __has_feature(memory_sanitizer)
-#define EPILINE_SANITIZER_OWNS_MALLOC
-#endif
-#endif
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define EPILINE_SANITIZER_OWNS_MALLOC
-#endif
-
-#if defined(__GLIBC__) && !defined(EPILINE_SANITIZER_OWNS_MALLOC)
+#if defined(__GLIBC__) && !defined(EPILINE_UNDER_SANITIZER)
 
 // Reserved names: they are the C library's, and standing in for them is the purpose.
 // NOLINTBEGIN(readability-identifier-naming)

@@ -14,20 +14,14 @@
 
 #include "platform/concurrency/lock_count.h"
 #include "platform/memory/allocation_count.h"
+#include "platform/memory/sanitizers.h"
 
 namespace epiline {
 
 namespace {
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || !defined(__OPTIMIZE__)
-constexpr std::size_t kFrameGrowth =
-    8;  // frames of a build for debugging or with sanitizers are several times as large
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#if defined(EPILINE_UNDER_SANITIZER) || !defined(__OPTIMIZE__)  // frames are several times as large
 constexpr std::size_t kFrameGrowth = 8;
-#else
-constexpr std::size_t kFrameGrowth = 1;
-#endif
 #else
 constexpr std::size_t kFrameGrowth = 1;
 #endif

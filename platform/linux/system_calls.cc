@@ -13,6 +13,7 @@
 #include <limits>
 
 #include "platform/time/monotonic.h"
+#include "platform/time/sleep.h"
 
 namespace epiline {
 
@@ -24,9 +25,7 @@ SystemCalls& SystemCalls::of_this_computer() noexcept {
 std::int64_t SystemCalls::now_ns() noexcept { return monotonic_ns(); }
 
 int SystemCalls::wait(std::span<pollfd> files, Span at_most) noexcept {
-  constexpr std::int64_t kSecond = 1'000'000'000;
-  const std::int64_t ns = std::max<std::int64_t>(at_most.ns, 0);
-  const timespec time{static_cast<time_t>(ns / kSecond), static_cast<long>(ns % kSecond)};
+  const timespec time = timespec_of(std::max<std::int64_t>(at_most.ns, 0));
   return ::ppoll(files.data(), files.size(), &time, nullptr);
 }
 

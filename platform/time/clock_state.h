@@ -49,6 +49,15 @@ struct ClockState {
   std::uint64_t used = 0, duplicates = 0, disordered = 0, slow = 0, late = 0, refused = 0;
   std::uint64_t outliers = 0;  ///< contradicted the model, without agreement of the next samples
   std::uint64_t jumps = 0;
+
+  /// Counts an outcome of a single sample, and returns it.
+  ClockOutcome count(ClockOutcome outcome) noexcept {
+    constexpr std::uint64_t ClockState::*kCounters[] = {
+        &ClockState::used, &ClockState::duplicates, &ClockState::disordered, &ClockState::slow, &ClockState::late,
+        nullptr,           &ClockState::jumps,      &ClockState::refused};
+    if (const auto counter = kCounters[static_cast<std::size_t>(outcome)]) ++(this->*counter);
+    return outcome;
+  }
 };
 
 }  // namespace epiline

@@ -9,10 +9,7 @@ OneWaySync::OneWaySync(const OneWaySettings& settings) noexcept : settings_(sett
 
 ClockOutcome OneWaySync::update(DeviceStamp device, HostStamp arrival) noexcept {
   ++counts_.samples;
-  if (!is_clock_time(device) || !is_clock_time(arrival)) {
-    ++counts_.refused;
-    return ClockOutcome::kRefused;
-  }
+  if (!is_clock_time(device) || !is_clock_time(arrival)) return counts_.count(ClockOutcome::kRefused);
   const std::int64_t x = device.ns, y = (arrival - settings_.min_delay).ns - device.ns;
   std::int64_t residual = 0;
   if (!envelope_.empty()) {
@@ -22,18 +19,11 @@ ClockOutcome OneWaySync::update(DeviceStamp device, HostStamp arrival) noexcept 
     // while the skew is too large nothing is early or late: the line itself is wrong
     if ((is_late || is_early) && !envelope_.too_steep()) return doubt(x, y, arrival, is_late);
     dismiss_doubt();
-    if (x == envelope_.newest_x_ns()) {
-      ++counts_.duplicates;
-      return ClockOutcome::kDuplicate;
-    }
-    if (x < envelope_.newest_x_ns()) {
-      ++counts_.disordered;
-      return ClockOutcome::kDisordered;
-    }
+    if (x == envelope_.newest_x_ns()) return counts_.count(ClockOutcome::kDuplicate);
+    if (x < envelope_.newest_x_ns()) return counts_.count(ClockOutcome::kDisordered);
   }
   envelope_.add(x, y, residual);
-  ++counts_.used;
-  return ClockOutcome::kUsed;
+  return counts_.count(ClockOutcome::kUsed);
 }
 
 ClockOutcome OneWaySync::doubt(std::int64_t x_ns, std::int64_t y_ns, HostStamp arrival, bool is_late) noexcept {
@@ -49,11 +39,9 @@ ClockOutcome OneWaySync::doubt(std::int64_t x_ns, std::int64_t y_ns, HostStamp a
   if (is_confirmed(x_ns, arrival)) {
     envelope_.restart(doubtful_);
     doubtful_.clear();
-    ++counts_.jumps;
-    return ClockOutcome::kJumped;
+    return counts_.count(ClockOutcome::kJumped);
   }
-  if (is_late) ++counts_.late;
-  return is_late ? ClockOutcome::kLate : ClockOutcome::kContradicts;
+  return counts_.count(is_late ? ClockOutcome::kLate : ClockOutcome::kContradicts);
 }
 
 /// Few samples ahead of the model are enough, for no delay explains them. Late ones can be a queue that is being

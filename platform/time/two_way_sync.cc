@@ -9,35 +9,22 @@ TwoWaySync::TwoWaySync(const TwoWaySettings& settings) noexcept
 
 ClockOutcome TwoWaySync::update(HostStamp sent, DeviceStamp device, HostStamp received) noexcept {
   ++counts_.samples;
-  if (!is_clock_time(sent) || !is_clock_time(device) || !is_clock_time(received) || received < sent) {
-    ++counts_.refused;
-    return ClockOutcome::kRefused;
-  }
-  if (received - sent > settings_.round_trip_most) {
-    ++counts_.slow;
-    return ClockOutcome::kSlow;
-  }
+  if (!is_clock_time(sent) || !is_clock_time(device) || !is_clock_time(received) || received < sent)
+    return counts_.count(ClockOutcome::kRefused);
+  if (received - sent > settings_.round_trip_most) return counts_.count(ClockOutcome::kSlow);
   const Bracket bracket{device.ns, sent.ns - device.ns, received.ns - device.ns};
   std::int64_t residual = 0;
   if (!most_.empty()) {
     const Bracket model = model_at(device.ns);
     // while the skew is too large the model itself is wrong
     if (contradict(bracket, model) && !most_.too_steep()) return doubt(bracket);
-    counts_.outliers += doubtful_count_;
-    doubtful_count_ = 0;
-    if (device.ns == most_.newest_x_ns()) {
-      ++counts_.duplicates;
-      return ClockOutcome::kDuplicate;
-    }
-    if (device.ns < most_.newest_x_ns()) {
-      ++counts_.disordered;
-      return ClockOutcome::kDisordered;
-    }
+    dismiss_doubt();
+    if (device.ns == most_.newest_x_ns()) return counts_.count(ClockOutcome::kDuplicate);
+    if (device.ns < most_.newest_x_ns()) return counts_.count(ClockOutcome::kDisordered);
     residual = (bracket.least_ns - model.least_ns + bracket.most_ns - model.most_ns) / 2;
   }
   add(bracket, residual);
-  ++counts_.used;
-  return ClockOutcome::kUsed;
+  return counts_.count(ClockOutcome::kUsed);
 }
 
 bool TwoWaySync::contradict(const Bracket& a, const Bracket& b) const noexcept {
@@ -56,10 +43,7 @@ void TwoWaySync::add(const Bracket& bracket, std::int64_t residual_ns) noexcept 
 ClockOutcome TwoWaySync::doubt(const Bracket& bracket) noexcept {
   if (doubtful_count_ > 0) {
     const Bracket& before = doubtful_[doubtful_count_ - 1];
-    if (bracket.x_ns <= before.x_ns || contradict(bracket, before)) {
-      counts_.outliers += doubtful_count_;
-      doubtful_count_ = 0;
-    }
+    if (bracket.x_ns <= before.x_ns || contradict(bracket, before)) dismiss_doubt();
   }
   doubtful_[doubtful_count_++] = bracket;
   if (doubtful_count_ < kConfirm) return ClockOutcome::kContradicts;
@@ -67,8 +51,12 @@ ClockOutcome TwoWaySync::doubt(const Bracket& bracket) noexcept {
   minus_least_.restart({});
   for (const Bracket& b : doubtful_) add(b, 0);
   doubtful_count_ = 0;
-  ++counts_.jumps;
-  return ClockOutcome::kJumped;
+  return counts_.count(ClockOutcome::kJumped);
+}
+
+void TwoWaySync::dismiss_doubt() noexcept {
+  counts_.outliers += doubtful_count_;
+  doubtful_count_ = 0;
 }
 
 HostStamp TwoWaySync::translate(DeviceStamp device) const noexcept {

@@ -13,8 +13,8 @@ namespace epiline {
 struct TwoWaySettings {
   Span round_trip_most = Span::from_milliseconds(10);  ///< longer exchanges are ignored
   LowerEnvelope::Settings envelope;
-  Span tolerance =
-      Span::from_milliseconds(1);  ///< an exchange that contradicts the model by more counts towards a jump
+  /// An exchange that contradicts the model by more counts towards a jump.
+  Span tolerance = Span::from_milliseconds(1);
 };
 
 /// The device reads its clock between request and answer, so each exchange bounds the offset from both sides. The model
@@ -45,6 +45,7 @@ class TwoWaySync {
   Bracket model_at(std::int64_t x_ns) const noexcept;
   void add(const Bracket& bracket, std::int64_t residual_ns) noexcept;
   ClockOutcome doubt(const Bracket& bracket) noexcept;
+  void dismiss_doubt() noexcept;
 
   TwoWaySettings settings_;
   LowerEnvelope most_, minus_least_;  ///< of the upper bounds, and of the lower bounds with their sign changed
