@@ -53,7 +53,7 @@ void FlightLog::drain(HostStamp now, HostStamp settled, LentImages& lent) noexce
 void FlightLog::note_lost(RingName ring, std::uint64_t dropped, HostStamp now) noexcept {
   std::uint64_t& known = lost_[static_cast<std::size_t>(ring)];
   if (dropped == known) return;
-  gather({now, EventId::kRingOverflow, {static_cast<std::int64_t>(ring), static_cast<std::int64_t>(dropped - known)}});
+  gather(make_event(now, EventId::kRingOverflow, ring, dropped - known));
   known = dropped;
 }
 

@@ -56,18 +56,6 @@ std::optional<Tape> image_tape(const RecorderConfig& config, const RecordedRun& 
                              std::max(one, limit / segments / one * one));
 }
 
-const char* to_string(RecordReason reason) {
-  switch (reason) {
-    case RecordReason::kRequested:
-      return "requested";
-    case RecordReason::kLost:
-      return "lost";
-    case RecordReason::kEnd:
-      return "end";
-  }
-  return "";
-}
-
 /// The records in the folder by their numbers, and nothing else that may be there.
 std::multimap<std::uint64_t, fs::path> records_in(const fs::path& folder) {
   std::multimap<std::uint64_t, fs::path> records;
@@ -116,22 +104,6 @@ struct FlightRecorder::Impl {
   }
   ~Impl() { stop(); }
 
-  // Log thread.
-  void keep(const Frame& frame, std::size_t camera);
-  bool may_record_lost(HostStamp now) const;
-  void begin(RecordReason reason, RecordPart part = RecordPart::kWhole);
-  RecordPart rest_of_lost() const { return lost_begun ? RecordPart::kSecond : RecordPart::kWhole; }
-
-  // Writer thread.
-  void write_all();
-  void write(const RecordOrder& order);
-
-  void stop() {
-    stopping.store(true, std::memory_order_release);
-    parking.notify();
-    writer.join();
-  }
-
   RecorderConfig config;
   RecordedRun run;
   Tape samples;
@@ -159,81 +131,93 @@ struct FlightRecorder::Impl {
   RecorderReport report;
 
   RealtimeThread writer;
-};
 
-void FlightRecorder::Impl::begin(RecordReason reason, RecordPart part) {
-  RecordOrder order;
-  order.reason = reason;
-  order.part = part;
-  order.now = now;
-  order.from = now - Span::from_seconds(config.seconds);
-  order.samples = samples.lend();
-  if (images) order.images = images->lend();
-  busy.store(true, std::memory_order_relaxed);  // the ring below hands it over
-  orders.push(order);
-  parking.notify();
-}
+  // Log thread.
 
-void FlightRecorder::Impl::keep(const Frame& frame, std::size_t camera) {
-  const RecordedImageHeader header{frame.stamp, frame.width, frame.height, static_cast<std::int32_t>(camera)};
-  const auto width = static_cast<std::size_t>(frame.width), height = static_cast<std::size_t>(frame.height);
-  std::byte* at = images->claim(static_cast<std::uint32_t>(RecordKind::kImage), sizeof header + width * height);
-  if (at == nullptr) return;
-  std::memcpy(at, &header, sizeof header);
-  at += sizeof header;
-  for (std::size_t y = 0; y < height; ++y)
-    std::memcpy(at + y * width, frame.data + y * static_cast<std::size_t>(frame.stride), width);
-  images->commit();
-}
+  void begin(RecordReason reason, RecordPart part = RecordPart::kWhole) {
+    RecordOrder order;
+    order.reason = reason;
+    order.part = part;
+    order.now = now;
+    order.from = now - Span::from_seconds(config.seconds);
+    order.samples = samples.lend();
+    if (images) order.images = images->lend();
+    busy.store(true, std::memory_order_relaxed);  // the ring below hands it over
+    orders.push(order);
+    parking.notify();
+  }
 
-bool FlightRecorder::Impl::may_record_lost(HostStamp stamp) const {
-  if (lost_due || made_for_lost >= config.most) return false;
-  return !lost_before || stamp - *lost_before >= Span::from_seconds(config.pause_s);
-}
+  void keep(const Frame& frame, std::size_t camera) {
+    const RecordedImageHeader header{frame.stamp, frame.width, frame.height, static_cast<std::int32_t>(camera)};
+    const auto width = static_cast<std::size_t>(frame.width), height = static_cast<std::size_t>(frame.height);
+    std::byte* at = images->claim(static_cast<std::uint32_t>(RecordKind::kImage), sizeof header + width * height);
+    if (at == nullptr) return;
+    std::memcpy(at, &header, sizeof header);
+    at += sizeof header;
+    for (std::size_t y = 0; y < height; ++y)
+      std::memcpy(at + y * width, frame.data + y * static_cast<std::size_t>(frame.stride), width);
+    images->commit();
+  }
 
-void FlightRecorder::Impl::write_all() {
-  setpriority(PRIO_PROCESS, 0, 10);  // of this thread: decoding and logging go first
-  for (bool over = false; !over;) {
-    bool ends = false;
-    parking.wait_until(monotonic_ns() + Span::from_milliseconds(500).ns, [&] {
-      ends = stopping.load(std::memory_order_acquire);  // before the look at the ring
-      return orders.front() != nullptr || ends;
-    });
-    over = orders.front() == nullptr && ends;
-    for (RecordOrder order; orders.pop(order);) {
-      write(order);
-      // release, pairs with the acquire in pass(): nothing is lent any more
-      busy.store(false, std::memory_order_release);
+  bool may_record_lost(HostStamp stamp) const {
+    if (lost_due || made_for_lost >= config.most) return false;
+    return !lost_before || stamp - *lost_before >= Span::from_seconds(config.pause_s);
+  }
+
+  RecordPart rest_of_lost() const { return lost_begun ? RecordPart::kSecond : RecordPart::kWhole; }
+
+  void stop() {
+    stopping.store(true, std::memory_order_release);
+    parking.notify();
+    writer.join();
+  }
+
+  // Writer thread.
+
+  void write_all() {
+    setpriority(PRIO_PROCESS, 0, 10);  // of this thread: decoding and logging go first
+    for (bool over = false; !over;) {
+      bool ends = false;
+      parking.wait_until(monotonic_ns() + Span::from_milliseconds(500).ns, [&] {
+        ends = stopping.load(std::memory_order_acquire);  // before the look at the ring
+        return orders.front() != nullptr || ends;
+      });
+      over = orders.front() == nullptr && ends;
+      for (RecordOrder order; orders.pop(order);) {
+        write(order);
+        // release, pairs with the acquire in pass(): nothing is lent any more
+        busy.store(false, std::memory_order_release);
+      }
     }
   }
-}
 
-void FlightRecorder::Impl::write(const RecordOrder& asked) {
-  RecordOrder order = asked;
-  order.number = asked.part == RecordPart::kSecond ? first_number : ++last_number;
-  const bool is_first = asked.part == RecordPart::kFirst;
-  const fs::path name = fs::path(config.folder) / fmt::format("record-{:03}-{}{}", order.number,
-                                                              to_string(order.reason), is_first ? "-begin" : "");
-  int failure = 0;
-  const Status written = write_record(order, run, samples, images ? &*images : nullptr, name, failure);
-  if (is_first) {
-    first_number = order.number;
-    first_part = written ? name : fs::path();
-    if (written) return;  // the event comes with the whole record
-  } else if (asked.part == RecordPart::kSecond && written && !first_part.empty()) {
-    std::error_code ignored;
-    fs::remove_all(std::exchange(first_part, {}), ignored);
+  void write(const RecordOrder& asked) {
+    RecordOrder order = asked;
+    order.number = asked.part == RecordPart::kSecond ? first_number : ++last_number;
+    const bool is_first = asked.part == RecordPart::kFirst;
+    const char* const why = kRecordReasonNames[static_cast<std::size_t>(order.reason)];
+    const fs::path name =
+        fs::path(config.folder) / fmt::format("record-{:03}-{}{}", order.number, why, is_first ? "-begin" : "");
+    int failure = 0;
+    const Status written = write_record(order, run, samples, images ? &*images : nullptr, name, failure);
+    if (is_first) {
+      first_number = order.number;
+      first_part = written ? name : fs::path();
+      if (written) return;  // the event comes with the whole record
+    } else if (asked.part == RecordPart::kSecond && written && !first_part.empty()) {
+      std::error_code ignored;
+      fs::remove_all(std::exchange(first_part, {}), ignored);
+    }
+    if (written) {
+      events.push(make_event(order.now, EventId::kRecordWritten, order.number, order.reason));
+      report.written.push_back(name.string());
+      if (config.keep > 0) report.removed += make_room(config.folder, static_cast<std::size_t>(config.keep));
+    } else {
+      events.push(make_event(order.now, EventId::kRecordFailed, order.number, order.reason, failure));
+      report.failed.push_back(written.error().text());
+    }
   }
-  const auto number = static_cast<std::int64_t>(order.number), reason = static_cast<std::int64_t>(order.reason);
-  if (written) {
-    events.push({order.now, EventId::kRecordWritten, {number, reason}});
-    report.written.push_back(name.string());
-    if (config.keep > 0) report.removed += make_room(config.folder, static_cast<std::size_t>(config.keep));
-  } else {
-    events.push({order.now, EventId::kRecordFailed, {number, reason, failure}});
-    report.failed.push_back(written.error().text());
-  }
-}
+};
 
 FlightRecorder::FlightRecorder(const RecorderConfig& config, const RecordedRun& run)
     : impl_(std::make_unique<Impl>(config, run)) {}

@@ -6,16 +6,9 @@
 
 namespace epiline {
 
-namespace {
-void tell_lost(EventRing& events, HostStamp stamp, std::uint64_t first, ImageLoss why, std::uint64_t images) noexcept {
-  events.push({stamp,
-               EventId::kImageDropped,
-               {static_cast<std::int64_t>(first), static_cast<std::int64_t>(why), static_cast<std::int64_t>(images)}});
-}
-}  // namespace
-
 void leave_out_overtaken(FrameRing::Value slot, LentImages& images, EventRing& events) noexcept {
-  tell_lost(events, images[slot].stamp, images[slot].sequence, ImageLoss::kOvertaken, 1);
+  const Frame& image = images[slot];
+  events.push(make_event(image.stamp, EventId::kImageDropped, image.sequence, ImageLoss::kOvertaken, 1));
   images.give_back(slot);
 }
 
@@ -34,7 +27,8 @@ void CaptureStage::use() noexcept {
 
 void CaptureStage::look_for_missed() noexcept {
   if (image_.sequence > expected_ && expected_ > 0)
-    tell_lost(out_.events, image_.stamp, expected_, ImageLoss::kMissed, image_.sequence - expected_);
+    out_.events.push(
+        make_event(image_.stamp, EventId::kImageDropped, expected_, ImageLoss::kMissed, image_.sequence - expected_));
   expected_ = image_.sequence + 1;
 }
 

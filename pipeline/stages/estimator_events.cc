@@ -17,24 +17,20 @@ void EstimatorEvents::after_imu(const ImuSample& sample, const BackEnd& back_end
 void EstimatorEvents::after_image(const TrackedFrame& frame, const BackEnd& back_end) noexcept {
   const Odometry& o = back_end.odometry();
   if (back_end.times().late_ns > 0)
-    tell(frame.stamp, EventId::kDeadlineMissed, static_cast<std::int64_t>(frame.sequence), back_end.times().late_ns);
+    tell(frame.stamp, EventId::kDeadlineMissed, frame.sequence, back_end.times().late_ns);
   const LoadLevel level = std::exchange(level_, back_end.times().load);
-  if (level != level_)
-    tell(frame.stamp, EventId::kLoadLevel, static_cast<std::int64_t>(level), static_cast<std::int64_t>(level_));
+  if (level != level_) tell(frame.stamp, EventId::kLoadLevel, level, level_);
   if (std::exchange(resets_, o.reset_counter) != o.reset_counter) tell(frame.stamp, EventId::kReset, o.reset_counter);
-  const bool started = (o.health.reasons & static_cast<std::uint32_t>(HealthReason::kNoInitialState)) == 0;
+  const bool started = (o.health.reasons & bit(HealthReason::kNoInitialState)) == 0;
   if (!std::exchange(started_, started) && started)
-    tell(frame.stamp, EventId::kStarted, static_cast<std::int64_t>(back_end.estimator().stats().start_kind));
+    tell(frame.stamp, EventId::kStarted, back_end.estimator().stats().start_kind);
   const Suspicions& suspicions = back_end.estimator().stats().suspicions;
   for (std::size_t i = 0; i < suspicions.size(); ++i) {
     if (std::exchange(severity_[i], suspicions[i].severity) == suspicions[i].severity) continue;
     out_.push(event_of(frame.stamp, static_cast<Suspect>(i), suspicions[i]));
   }
   const HealthState before = std::exchange(state_, o.health.state);
-  if (before != o.health.state) {
-    tell(frame.stamp, EventId::kHealthChanged, static_cast<std::int64_t>(before),
-         static_cast<std::int64_t>(o.health.state), o.health.reasons);
-  }
+  if (before != o.health.state) tell(frame.stamp, EventId::kHealthChanged, before, o.health.state, o.health.reasons);
 }
 
 }  // namespace epiline

@@ -21,8 +21,9 @@ class EstimatorEvents {
   void after_image(const TrackedFrame& frame, const BackEnd& back_end) noexcept;
 
  private:
-  void tell(HostStamp stamp, EventId id, std::int64_t a = 0, std::int64_t b = 0, std::int64_t c = 0) noexcept {
-    out_.push({stamp, id, {a, b, c}});
+  template <class... Arguments>
+  void tell(HostStamp stamp, EventId id, Arguments... arguments) noexcept {
+    out_.push(make_event(stamp, id, arguments...));
   }
 
   EventRing& out_;

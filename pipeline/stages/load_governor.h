@@ -3,17 +3,18 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <limits>
 
 #include "estimator/estimator.h"
+#include "platform/log/event.h"
 
 namespace epiline {
 
 /// In the order in which work is skipped.
 enum class LoadLevel : std::uint8_t { kFull, kFewerFeatures, kFewerIterations, kPredictionOnly, kCount };
 constexpr std::size_t kLoadLevels = static_cast<std::size_t>(LoadLevel::kCount);
-inline constexpr std::array<const char*, kLoadLevels> kLoadLevelNames = {"full", "fewer_features", "fewer_iterations",
-                                                                         "prediction_only"};
+static_assert(std::size(kLoadLevelNames) == kLoadLevels);
 
 /// The second largest of the last few measurements, so that one stray value does not count.
 class RecentMost {

@@ -37,31 +37,7 @@ std::string axes_text(const TurnedAxes& axes) {
   return fmt::format("the sign of its {} axis looks wrong", flipped);
 }
 
-std::string contradiction_text(Suspect suspect, double figure) {
-  if (suspect == Suspect::kMisfit)
-    return fmt::format(
-        "images and IMU contradict each other by {:.1f} px: lens calibration (distortion), mounting, timestamps, or "
-        "axes of the accelerometer",
-        figure);
-  if (suspect == Suspect::kBehind)
-    return fmt::format(
-        "the camera travels the other way than the IMU says: {:.0f} % of the tracks meet behind it (a sign of the "
-        "accelerometer, or the mounting)",
-        100 * figure);
-  return "the images contradict the IMU by more than its noise: an axis or sign of the accelerometer, mounting, "
-         "timestamps, or noise densities that are too small";
-}
-
-std::string wheels_text(Suspect suspect, double figure) {
-  if (suspect == Suspect::kWheelStuck)
-    return fmt::format("the wheels read {:.2f} m/s while the vehicle's speed changes: stuck, or an old message",
-                       figure);
-  if (suspect == Suspect::kWheelDelay)
-    return fmt::format("the wheels' speeds are late by {:.2f} s: set wheel.delay_ms, or mend the timestamps", figure);
-  if (suspect == Suspect::kWheelSlip)
-    return fmt::format(
-        "the wheels' speeds scatter about the vehicle's by {:.0f} %: they slip, or are not this vehicle's",
-        100 * figure);
+std::string wheel_scale_text(double figure) {
   if (figure < 0)
     return "the wheels read backwards: the sign of the scale in wheel.signal, or camera and IMU look back";
   if (figure < 0.8 || figure > 1.25)
@@ -103,9 +79,18 @@ std::string found(Suspect suspect, const Suspicion& s) {
       return fmt::format("accelerometer readings average {:.1f} m/s^2 instead of 9.8: {}", s.figure,
                          s.figure > 0.8 && s.figure < 1.25 ? "in g?" : "wrong units or scale?");
     case Suspect::kMisfit:
+      return fmt::format(
+          "images and IMU contradict each other by {:.1f} px: lens calibration (distortion), mounting, timestamps, or "
+          "axes of the accelerometer",
+          s.figure);
     case Suspect::kImuMisfit:
+      return "the images contradict the IMU by more than its noise: an axis or sign of the accelerometer, mounting, "
+             "timestamps, or noise densities that are too small";
     case Suspect::kBehind:
-      return contradiction_text(suspect, s.figure);
+      return fmt::format(
+          "the camera travels the other way than the IMU says: {:.0f} % of the tracks meet behind it (a sign of the "
+          "accelerometer, or the mounting)",
+          100 * s.figure);
     case Suspect::kGyroscopeNoise:
     case Suspect::kAccelerometerNoise:
       return fmt::format("the {} readings scatter {} the configured noise density allows: it is off by {:.2g}",
@@ -120,10 +105,17 @@ std::string found(Suspect suspect, const Suspicion& s) {
                          suspect == Suspect::kGyroscopeScale ? "gyroscope's" : "accelerometer's",
                          100 * std::abs(1 / s.figure - 1), s.figure < 1 ? "large" : "small");
     case Suspect::kWheelScale:
+      return wheel_scale_text(s.figure);
     case Suspect::kWheelSlip:
+      return fmt::format(
+          "the wheels' speeds scatter about the vehicle's by {:.0f} %: they slip, or are not this vehicle's",
+          100 * s.figure);
     case Suspect::kWheelStuck:
+      return fmt::format("the wheels read {:.2f} m/s while the vehicle's speed changes: stuck, or an old message",
+                         s.figure);
     case Suspect::kWheelDelay:
-      return wheels_text(suspect, s.figure);
+      return fmt::format("the wheels' speeds are late by {:.2f} s: set wheel.delay_ms, or mend the timestamps",
+                         s.figure);
     case Suspect::kCount:
       break;
   }
@@ -145,9 +137,7 @@ Event event_of(HostStamp stamp, Suspect suspect, const Suspicion& s) noexcept {
     figure = 0;
     for (const std::int8_t axis : s.axes) figure = 10 * figure + axis + kAxisShift;
   }
-  return {stamp,
-          EventId::kNumberWrong,
-          {static_cast<std::int64_t>(suspect), static_cast<std::int64_t>(s.severity), figure}};
+  return make_event(stamp, EventId::kNumberWrong, suspect, s.severity, figure);
 }
 
 std::string text_of(const Event& event) {

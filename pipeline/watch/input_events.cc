@@ -10,7 +10,7 @@ constexpr Span kQuiet = Span::from_milliseconds(500);
 
 void tell_clock(Span& known, Span correction, EventSource source, HostStamp now, EventRing& out) {
   if (std::exchange(known, correction) == correction) return;
-  out.push({now, EventId::kClockJump, {static_cast<std::int64_t>(source), correction.ns}});
+  out.push(make_event(now, EventId::kClockJump, source, correction.ns));
 }
 }  // namespace
 
@@ -19,7 +19,7 @@ void Episode::step(std::uint64_t counter, HostStamp now, EventRing& out) noexcep
   if (bad) last_ = now;
   if (bad == on_ || (on_ && now - last_ < kQuiet)) return;
   on_ = bad;
-  out.push({now, id_, {bad ? 1 : 0, static_cast<std::int64_t>(counter - before_), about_}});
+  out.push(make_event(now, id_, bad, counter - before_, about_));
   if (!bad) before_ = counter;
 }
 
@@ -43,17 +43,13 @@ void ImageEvents::after(bool taken, const Frame& image, const ImageGate& gate) n
   covered_.step(gate.stats().covered, now_, out_);
   repeated_.step(gate.stats().copies, now_, out_);
   const bool copy = std::exchange(copies_, gate.stats().copies) != gate.stats().copies;
-  if (!taken && !copy) {
-    out_.push({now_,
-               EventId::kImageDropped,
-               {static_cast<std::int64_t>(image.sequence), static_cast<std::int64_t>(ImageLoss::kRefused), 1}});
-  }
+  if (!taken && !copy) out_.push(make_event(now_, EventId::kImageDropped, image.sequence, ImageLoss::kRefused, 1));
 }
 
 void SourceEvents::after(ReadOutcome outcome, HostStamp now) noexcept {
   const bool lost = outcome == ReadOutcome::kFailed || (lost_ && outcome != ReadOutcome::kSample);
   if (std::exchange(lost_, lost) == lost) return;
-  out_.push({now, lost ? EventId::kSourceLost : EventId::kSourceFound, {static_cast<std::int64_t>(source_)}});
+  out_.push(make_event(now, lost ? EventId::kSourceLost : EventId::kSourceFound, source_));
 }
 
 }  // namespace epiline

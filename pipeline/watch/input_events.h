@@ -15,6 +15,7 @@ namespace epiline {
 class Episode {
  public:
   explicit Episode(EventId id, std::int64_t about = 0) : id_(id), about_(about) {}
+  explicit Episode(ImuRefusal why) : Episode(EventId::kImuRefused, static_cast<std::int64_t>(why)) {}
   /// `counter`: of all bad samples there were. `now`: in time order.
   void step(std::uint64_t counter, HostStamp now, EventRing& out) noexcept;
 
@@ -39,11 +40,9 @@ class ImuEvents {
   Span correction_{};
   bool told_bursts_ = false;
   Episode saturated_{EventId::kImuSaturated};
-  std::array<Episode, 5> refused_{Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kOutOfOrder)},
-                                  Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kDuplicate)},
-                                  Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kNotFinite)},
-                                  Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kOtherTime)},
-                                  Episode{EventId::kImuRefused, static_cast<std::int64_t>(ImuRefusal::kImpossible)}};
+  std::array<Episode, 5> refused_{Episode{ImuRefusal::kOutOfOrder}, Episode{ImuRefusal::kDuplicate},
+                                  Episode{ImuRefusal::kNotFinite}, Episode{ImuRefusal::kOtherTime},
+                                  Episode{ImuRefusal::kImpossible}};
 };
 
 /// The same for a camera's images.

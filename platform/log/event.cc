@@ -15,11 +15,9 @@ namespace {
 // The names of an enumeration's values, in its order. Those of the estimator's words are compared with it by a test.
 using Names = std::span<const char* const>;
 constexpr const char* kStartKinds[] = {"none", "given", "stationary", "moving", "carried"};
-constexpr const char* kLoadLevels[] = {"full", "fewer_features", "fewer_iterations", "prediction_only"};
 constexpr const char* kSources[] = {"camera", "imu", "wheel", "height", "odometry"};
 constexpr const char* kImageLosses[] = {"overtaken", "missed", "refused"};
 constexpr const char* kImuRefusals[] = {"out_of_order", "duplicate", "not_finite", "other_time", "impossible"};
-constexpr const char* kRecordReasons[] = {"requested", "lost", "end"};
 constexpr const char* kRings[] = {
     "frames",        "imu_to_track", "imu_to_estimate",   "imu_to_publish", "tracked",
     "knowledge",     "outcomes",     "publications",      "tracks_to_log",  "imu_to_log",
@@ -61,10 +59,10 @@ constexpr Description kDescriptions[] = {
     {"lens_covered", {number("on"), number("images")}},
     {"images_repeated", {number("on"), number("images")}},
     {"imu_in_bursts", {number("readings")}},
-    {"load_level", {one_of("from", kLoadLevels), one_of("to", kLoadLevels)}},
+    {"load_level", {one_of("from", kLoadLevelNames), one_of("to", kLoadLevelNames)}},
     {"ring_overflow", {one_of("ring", kRings), number("lost")}},
-    {"record_written", {number("number"), one_of("reason", kRecordReasons)}},
-    {"record_failed", {number("number"), one_of("reason", kRecordReasons), number("errno")}},
+    {"record_written", {number("number"), one_of("reason", kRecordReasonNames)}},
+    {"record_failed", {number("number"), one_of("reason", kRecordReasonNames), number("errno")}},
     {"number_wrong", {one_of("what", kSuspectNames), one_of("severity", kSeverityNames), number("figure")}},
     {"other_camera_blind", {number("on"), number("images"), number("camera")}},
 };

@@ -42,6 +42,9 @@ enum class EventSource : std::uint8_t { kCamera, kImu, kWheel, kHeight, kOdometr
 enum class ImageLoss : std::uint8_t { kOvertaken, kMissed, kRefused };
 enum class ImuRefusal : std::uint8_t { kOutOfOrder, kDuplicate, kNotFinite, kOtherTime, kImpossible };
 enum class RecordReason : std::uint8_t { kRequested, kLost, kEnd };
+inline constexpr const char* kRecordReasonNames[] = {"requested", "lost", "end"};
+/// In the order of LoadLevel.
+inline constexpr const char* kLoadLevelNames[] = {"full", "fewer_features", "fewer_iterations", "prediction_only"};
 /// The rings between the threads of a real-time run.
 enum class RingName : std::uint8_t {
   kFrames,
@@ -69,6 +72,12 @@ struct Event {
   EventId id = EventId::kCount;
   std::array<std::int64_t, 3> args{};
 };
+
+/// With numbers or values of enumerations as arguments.
+template <class... Arguments>
+constexpr Event make_event(HostStamp stamp, EventId id, Arguments... arguments) noexcept {
+  return {stamp, id, {static_cast<std::int64_t>(arguments)...}};
+}
 
 /// One per thread that logs events.
 using EventRing = SpscRing<Event, 1024>;
