@@ -56,8 +56,9 @@ void FrontEnd::add_other(std::size_t number, const Camera& first, const TrackerC
                               rig_of(camera(beside).mount, lens), config, number);
 }
 
-void FrontEnd::set_knowledge(const FrontEndKnowledge& known) noexcept {
+void FrontEnd::set_knowledge(const Knowledge& known) noexcept {
   known_ = known;
+  gyroscope_bias_rad_s_ = vec3(known.gyroscope_bias_rad_s);
   time_offset_ = Span::from_seconds(known.time_offset_s);
 }
 
@@ -69,14 +70,14 @@ const SecondStats* FrontEnd::other_stats(std::size_t number) const noexcept {
 RowTurn FrontEnd::turn_within(const Mat3& R_BX, HostStamp image, Span within) const {
   if (within == Span{}) return {};
   const HostStamp t = image + time_offset_;
-  const Vec3& bias = known_.gyroscope_bias_rad_s;
-  return row_turn(gyro_.between(t - within, t, bias), gyro_.between(t, t + within, bias), within.seconds(), R_BX);
+  return row_turn(gyro_.between(t - within, t, gyroscope_bias_rad_s_),
+                  gyro_.between(t, t + within, gyroscope_bias_rad_s_), within.seconds(), R_BX);
 }
 
 // From the time of the previous image, if there is one, to that of this one; X is a camera.
 Mat3 FrontEnd::turn_since(const std::optional<HostStamp>& previous, const Mat3& R_BX, HostStamp image) const {
   if (!previous) return Mat3::Identity();
-  const Mat3 R_B0B = gyro_.between(*previous + time_offset_, image + time_offset_, known_.gyroscope_bias_rad_s);
+  const Mat3 R_B0B = gyro_.between(*previous + time_offset_, image + time_offset_, gyroscope_bias_rad_s_);
   return R_BX.transpose() * R_B0B.transpose() * R_BX;
 }
 
@@ -86,10 +87,10 @@ RigMotion FrontEnd::motion_of(const Mounted& first, const Mounted& second, HostS
   const auto within = [](const Mounted& m) { return Span{std::abs(m.later.ns)} + m.half_readout; };
   const Span reach = std::max(within(first), within(second));
   if (reach == Span{}) return {};
-  const Mat3 R_B0B = gyro_.between(known_.stamp, frame + time_offset_, known_.gyroscope_bias_rad_s);
+  const Mat3 R_B0B = gyro_.between(known_.stamp, frame + time_offset_, gyroscope_bias_rad_s_);
   return {second.later.seconds(), turn_within(first.mount.R_BC, frame, reach),
           turn_within(second.mount.R_BC, frame + second.later, second.half_readout),
-          first.mount.R_BC.transpose() * R_B0B.transpose() * known_.velocity_B};
+          first.mount.R_BC.transpose() * R_B0B.transpose() * vec3(known_.velocity_B_m_s)};
 }
 
 void FrontEnd::step(const Frame& image, const OtherFrames& others, TrackedFrame& out) noexcept {

@@ -5,6 +5,7 @@
 
 #include "estimator/estimator.h"
 #include "pipeline/stages/gyro_rotation.h"
+#include "pipeline/stages/knowledge.h"
 #include "pipeline/vision/second_tracker.h"
 #include "pipeline/vision/tracker.h"
 
@@ -29,14 +30,6 @@ OtherLenses lenses_of(const std::array<std::optional<CameraParameters>, kMostOth
 /// How far apart in time an image of another camera may be from the first one's; zero: taken as of the same time.
 OtherSpans apart_of(const EstimatorConfig& estimator);
 
-/// What the front end knows of the estimate.
-struct FrontEndKnowledge {
-  Vec3 gyroscope_bias_rad_s = Vec3::Zero();
-  double time_offset_s = 0;        ///< t_IMU - t_image
-  HostStamp stamp{};               ///< of the following velocity, on the IMU's clock
-  Vec3 velocity_B = Vec3::Zero();  ///< m/s; zero: not known
-};
-
 class FrontEnd {
  public:
   /// Each other camera looks for the tracks of the first camera before it, in the order of their numbers, with whose
@@ -48,7 +41,7 @@ class FrontEnd {
   void add_imu(const ImuSample& sample) noexcept { gyro_.add(sample); }
 
   /// What the estimator knows by now.
-  void set_knowledge(const FrontEndKnowledge& known) noexcept;
+  void set_knowledge(const Knowledge& known) noexcept;
 
   /// As Tracker::step: the pixels of `image` must stay valid until the next call returns. A blind image (is_blind) is
   /// not looked at: it has no features, and the pixels of the one before it are needed on.
@@ -88,7 +81,8 @@ class FrontEnd {
   Mounted first_;
   std::array<std::optional<Other>, kMostOthers> others_;
   GyroRotation gyro_;
-  FrontEndKnowledge known_;
+  Knowledge known_;
+  Vec3 gyroscope_bias_rad_s_ = Vec3::Zero();
   Span time_offset_{};
 };
 

@@ -11,7 +11,7 @@ namespace epiline {
 /// being estimated. The first two images have what is known before any image.
 struct Knowledge {
   std::array<double, 3> gyroscope_bias_rad_s{};
-  double time_offset_s = 0;                ///< as handed out
+  double time_offset_s = 0;                ///< t_IMU - t_image, as handed out
   Span imu_after_image{};                  ///< the tracker needs readings up to the image's stamp and this
   HostStamp stamp{};                       ///< of the velocity, on the IMU's clock
   std::array<double, 3> velocity_B_m_s{};  ///< zero: not known

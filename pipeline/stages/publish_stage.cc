@@ -1,5 +1,7 @@
 #include "pipeline/stages/publish_stage.h"
 
+#include <utility>
+
 namespace epiline {
 
 /// Not handed out yet; valid until the next call.
@@ -16,7 +18,7 @@ Step PublishStage::step() noexcept {
   const bool over = in_.estimator_ended.is_set();  // before the look at the inputs: what came before the end is found
   if (const Estimate* const estimate = new_estimate()) {
     publish(*estimate);
-    prediction_.correct(*estimate);
+    correct(*estimate);
     if (!estimate->has_pose) publish_silence();  // images may come on while the IMU is silent. Last: it reads anew
   } else if (const ImuSample* const reading = in_.imu.front()) {
     publish_prediction(*reading);
@@ -43,14 +45,24 @@ Health PublishStage::health_now(const Health& health) const noexcept {
   return with_silence(health, heard, clock_.stamp_now());
 }
 
+void PublishStage::correct(const Estimate& newest) noexcept {
+  if (std::exchange(resets_seen_, newest.odometry.reset_counter) != newest.odometry.reset_counter) predictor_.clear();
+  const bool is_new = std::exchange(corrected_with_, newest.solved_serial) != newest.solved_serial;
+  if (is_new && newest.solved.reset_counter == newest.odometry.reset_counter) predictor_.correct(newest.solved);
+}
+
+/// At the last reading. As long as the last solve is not old, the verdict is that on the last image, which may be worse
+/// than that on the last solve.
 Odometry PublishStage::prediction_now() noexcept {
-  Odometry odometry = prediction_.odometry(in_.newest.read());
+  Odometry odometry = predictor_.odometry();
+  const Estimate* const newest = in_.newest.read();
+  if (newest != nullptr && predictor_.state() == Predictor::State::kCurrent) odometry.health = newest->odometry.health;
   odometry.health = health_now(odometry.health);
   return odometry;
 }
 
 void PublishStage::publish_silence() noexcept {
-  if (out_.odometry == nullptr || !prediction_.has_odometry()) return;
+  if (out_.odometry == nullptr || predictor_.state() == Predictor::State::kWaiting) return;
   const Odometry odometry = prediction_now();
   const std::uint32_t silent = bit(HealthReason::kCameraSilent) | bit(HealthReason::kImuSilent);
   if ((odometry.health.reasons & silent) != 0 && !out_.odometry->publish(odometry)) counts_.predict_failed.bump();
@@ -72,7 +84,8 @@ void PublishStage::publish(const Estimate& estimate) noexcept {
 }
 
 void PublishStage::publish_prediction(const ImuSample& reading) noexcept {
-  if (!prediction_.step(reading)) return;
+  const bool taken = predictor_.add_imu(reading) == ImuHistory::Push::kTaken;
+  if (!taken || predictor_.state() == Predictor::State::kWaiting) return;
   const Odometry odometry = prediction_now();
   if (out_.odometry != nullptr && !out_.odometry->publish(odometry)) counts_.predict_failed.bump();
   prediction_latency_.add(clock_.now_ns() - clock_.pace->host_of(reading.stamp));

@@ -1,7 +1,7 @@
 #pragma once
 // From estimates and readings of the IMU to the receiver of the odometry.
+#include "estimator/predict/predictor.h"
 #include "pipeline/stages/hand_over.h"
-#include "pipeline/stages/prediction.h"
 #include "pipeline/stages/stage.h"
 #include "pipeline/stages/stage_clocks.h"
 #include "pipeline/watch/health_merge.h"
@@ -11,7 +11,8 @@
 
 namespace epiline {
 
-/// Hands out one odometry a step: the newest image's, or else the prediction at the next reading. When nothing new
+/// Hands out one odometry a step: the newest image's, or else the prediction at the next reading, which is corrected
+/// with what the estimator solved: the odometry of an image in between is itself a prediction. When nothing new
 /// comes because a sensor is silent, the last prediction goes out again with the health of now: no other stage would
 /// tell the receiver.
 class PublishStage final : public Stage {
@@ -39,18 +40,19 @@ class PublishStage final : public Stage {
   /// `deadline_ms`: from an image's stamp to its odometry; 0: none.
   PublishStage(const EstimatorConfig& estimator, double deadline_ms, const FlightClock& clock, const Inputs& in,
                const Outputs& out)
-      : clock_(clock), deadline_ms_(deadline_ms), in_(in), out_(out), prediction_(estimator) {}
+      : clock_(clock), deadline_ms_(deadline_ms), in_(in), out_(out), predictor_(predictor_config(estimator)) {}
 
   Step step() noexcept override;
   bool ready() noexcept override;
 
   const Counts& counts() const noexcept { return counts_; }
-  const PredictorStats& prediction() const noexcept { return prediction_.stats(); }
+  const PredictorStats& prediction() const noexcept { return predictor_.stats(); }
   const LatencyBins& prediction_latency() const noexcept { return prediction_latency_; }
 
  private:
   const Estimate* new_estimate() noexcept;
   void publish(const Estimate& estimate) noexcept;
+  void correct(const Estimate& newest) noexcept;
   void publish_prediction(const ImuSample& reading) noexcept;
   void publish_silence() noexcept;
   Step nothing_new() noexcept;
@@ -61,8 +63,9 @@ class PublishStage final : public Stage {
   double deadline_ms_;
   Inputs in_;
   Outputs out_;
-  Prediction prediction_;
-  std::uint64_t last_serial_ = 0;
+  Predictor predictor_;
+  std::uint64_t last_serial_ = 0, corrected_with_ = 0;  ///< of an Estimate; its solved_serial
+  std::uint32_t resets_seen_ = 0;
   std::int64_t silent_from_ns_ = 0;  ///< if nothing comes until then; 0: something has just come
   LatencyBins prediction_latency_;
   Counts counts_;

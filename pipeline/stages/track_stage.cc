@@ -59,8 +59,7 @@ void TrackStage::track(const Frame& image, const OtherFrames& others) noexcept {
   EPILINE_EXPECTS(out != nullptr, "the tracker is never more images ahead than the ring holds");
   if (front_end_) {
     const StageTime began = clock_.clocks.now();
-    front_end_->set_knowledge({Vec3(known_.gyroscope_bias_rad_s.data()), known_.time_offset_s, known_.stamp,
-                               Vec3(known_.velocity_B_m_s.data())});
+    front_end_->set_knowledge(known_);
     front_end_->step(image, others, out->frame);
     out->track = clock_.clocks.now() - began;
     lend_to_log(image_);
