@@ -264,17 +264,43 @@ void track_all(const TrackerConfig& config, const PyramidView& previous, const P
   queue.flush();
 }
 
+bool scan_all(const ImageView& image, float x, float y, const ImageView& other, ScanPlace* places, int count) {
+  constexpr float kLeastEigenvalue = 1e-3f;  // (grey/px)^2: anything but a blank patch
+  for (int i = 0; i < count; ++i) places[i].correlation = -1;
+  const Place from = quantise(x, y);
+  if (!fits(image, from)) return false;
+  Template patch;
+  build_template(image, from, x, y, patch);
+  if (!(patch.eigenvalue >= kLeastEigenvalue)) return false;
+  for (int i = 0; i < count; ++i) {
+    const Place at = quantise(places[i].x + patch.offset_x, places[i].y + patch.offset_y);
+    if (fits(other, at)) places[i].correlation = correlate_roughly(other, at, patch);
+  }
+  return true;
+}
+
+const char* target_name() { return hwy::TargetName(HWY_TARGET); }
+
 }  // namespace epiline::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace epiline {
 HWY_EXPORT(track_all);
+HWY_EXPORT(scan_all);
+HWY_EXPORT(target_name);
 
 void track_klt(const TrackerConfig& config, const PyramidView& previous, const PyramidView& current, KltTrack* tracks,
                int count) noexcept {
   HWY_DYNAMIC_DISPATCH(track_all)(config, previous, current, tracks, count);
 }
+
+bool scan_places(const ImageView& image, float x, float y, const ImageView& other, ScanPlace* places,
+                 int count) noexcept {
+  return HWY_DYNAMIC_DISPATCH(scan_all)(image, x, y, other, places, count);
+}
+
+const char* simd_target() noexcept { return HWY_DYNAMIC_DISPATCH(target_name)(); }
 
 }  // namespace epiline
 #endif

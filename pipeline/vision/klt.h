@@ -36,9 +36,30 @@ struct KltTrack {
   KltEnd end = KltEnd::kBorder;    ///< out
 };
 
+/// The first level to try, by the innovation (px) of the search before: what was predicted well is looked for in the
+/// finest levels only.
+inline int start_level_for(float innovation_px, const TrackerConfig& config) {
+  if (innovation_px < config.start_level_0_px) return 0;
+  if (innovation_px < config.start_level_1_px) return 1;
+  return innovation_px < config.start_level_2_px ? 2 : kMaxLevels;
+}
+
 /// Looks for `count` features of `previous` in `current`; both pyramids have the same sizes. Positions that are not
 /// finite end as kBorder. Every track needs a `patch`.
 void track_klt(const TrackerConfig& config, const PyramidView& previous, const PyramidView& current, KltTrack* tracks,
                int count) noexcept;
+
+struct ScanPlace {
+  float x = 0, y = 0;      ///< px of the image that is searched; finite
+  float correlation = -1;  ///< out: as KltTrack::correlation, at the nearest pixel; -1 where no patch fits
+};
+
+/// Compares the patch around (x, y) of `image` with those of `other` at `count` places, for instance along an epipolar
+/// line. False: no patch fits there, or it has no texture; the correlations are -1.
+bool scan_places(const ImageView& image, float x, float y, const ImageView& other, ScanPlace* places,
+                 int count) noexcept;
+
+/// Name of the instruction set that the image kernels use on this machine, for instance "AVX2".
+const char* simd_target() noexcept;
 
 }  // namespace epiline

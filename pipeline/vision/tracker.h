@@ -42,9 +42,6 @@ class Tracker {
   /// Whether the camera sees the world there, by its mask.
   bool sees(float x, float y) const noexcept;
 
-  /// Ends all tracks; ids go on.
-  void reset() noexcept;
-
   const TrackerStats& stats() const noexcept;
   /// Of the last image that was tracked, and of the one before; valid as long as their pixels.
   const PyramidView& pyramid() const noexcept;

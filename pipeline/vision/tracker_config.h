@@ -63,7 +63,7 @@ struct OwnCells {
   }
 };
 
-/// Counts since construction; reset() keeps them.
+/// Counts since construction.
 struct TrackerStats {
   std::uint64_t images = 0;          ///< given to step()
   std::uint64_t images_refused = 0;  ///< no data, or not the camera's size

@@ -10,27 +10,22 @@
 namespace epiline {
 namespace {
 
-struct Direction {
-  float v[3] = {0, 0, 0};
-};
+using Direction = Eigen::Vector3f;
 
-Direction cross(const Direction& a, const Direction& b) {
-  return {{a.v[1] * b.v[2] - a.v[2] * b.v[1], a.v[2] * b.v[0] - a.v[0] * b.v[2], a.v[0] * b.v[1] - a.v[1] * b.v[0]}};
-}
+Direction before_of(const BearingPairs& p, int i) { return {p.before_x[i], p.before_y[i], p.before_z[i]}; }
+Direction now_of(const BearingPairs& p, int i) { return {p.now_x[i], p.now_y[i], p.now_z[i]}; }
 
 // Normal of the epipolar plane of pair i; its length is the sine of the parallax.
-Direction plane_normal(const BearingPairs& p, int i) {
-  return cross({{p.before_x[i], p.before_y[i], p.before_z[i]}}, {{p.now_x[i], p.now_y[i], p.now_z[i]}});
-}
+Direction plane_normal(const BearingPairs& p, int i) { return before_of(p, i).cross(now_of(p, i)); }
 
 // Direction of travel through the epipolar planes of two pairs. False: they are the same plane, or there is no
 // parallax.
 bool direction_from(const BearingPairs& pairs, int i, int j, Direction& t) {
   constexpr float kTooSmall = 1e-9f;
-  t = cross(plane_normal(pairs, i), plane_normal(pairs, j));
-  const float length = std::sqrt(t.v[0] * t.v[0] + t.v[1] * t.v[1] + t.v[2] * t.v[2]);
+  t = plane_normal(pairs, i).cross(plane_normal(pairs, j));
+  const float length = std::sqrt(t.x() * t.x() + t.y() * t.y() + t.z() * t.z());
   if (!(length > kTooSmall)) return false;
-  for (float& v : t.v) v /= length;
+  t /= length;
   return true;
 }
 
@@ -57,7 +52,7 @@ float best_direction(const BearingPairs& pairs, int hypotheses, float limit2, Di
     const int i = lottery.draw(), j = lottery.draw();
     Direction t;
     if (!direction_from(pairs, i, j, t)) continue;
-    const float cost = direction_cost(pairs, t.v, limit2, distance2);
+    const float cost = direction_cost(pairs, t.data(), limit2, distance2);
     if (cost < least) {
       least = cost;
       best = t;
@@ -75,9 +70,6 @@ int mark(const Distances& distance2, int size, float limit2, std::array<bool, Be
   return outliers;
 }
 
-Vec3 before_of(const BearingPairs& p, int i) { return {p.before_x[i], p.before_y[i], p.before_z[i]}; }
-Vec3 now_of(const BearingPairs& p, int i) { return {p.now_x[i], p.now_y[i], p.now_z[i]}; }
-
 struct Motion {
   Mat3 R = Mat3::Identity();  // correction, applied to the bearings before
   Vec3 t;
@@ -91,7 +83,7 @@ void improve(const BearingPairs& pairs, double scale_rad, Motion& motion) {
   Vec5 g = Vec5::Zero();
   const Vec3 u = motion.t.unitOrthogonal(), w = motion.t.cross(u);
   for (int i = 0; i < pairs.size; ++i) {
-    const Vec3 a = motion.R * before_of(pairs, i), b = now_of(pairs, i);
+    const Vec3 a = motion.R * before_of(pairs, i).cast<double>(), b = now_of(pairs, i).cast<double>();
     const Vec3 ta = motion.t.cross(a), bt = b.cross(motion.t), ab = a.cross(b);
     const double e = b.dot(ta);
     const double norm2 = std::max(ta.squaredNorm() + bt.squaredNorm() - 2 * e * e, 1e-12);
@@ -110,7 +102,7 @@ void improve(const BearingPairs& pairs, double scale_rad, Motion& motion) {
 
 void rotate_before(const Mat3& R, BearingPairs& pairs) {
   for (int i = 0; i < pairs.size; ++i) {
-    const Vec3 f = R * before_of(pairs, i);
+    const Vec3 f = R * before_of(pairs, i).cast<double>();
     pairs.before_x[i] = static_cast<float>(f.x());
     pairs.before_y[i] = static_cast<float>(f.y());
     pairs.before_z[i] = static_cast<float>(f.z());
@@ -119,10 +111,10 @@ void rotate_before(const Mat3& R, BearingPairs& pairs) {
 
 // Fits rotation and direction to all pairs, from a scale that forgives large errors of rotation down to the limit.
 void correct_rotation(float limit_rad, BearingPairs& pairs, Direction& direction) {
-  Motion motion{Mat3::Identity(), Vec3(direction.v[0], direction.v[1], direction.v[2])};
+  Motion motion{Mat3::Identity(), direction.cast<double>()};
   for (double factor : {8.0, 8.0, 4.0, 2.0, 1.0, 1.0}) improve(pairs, factor * limit_rad, motion);
   rotate_before(motion.R, pairs);
-  for (int k = 0; k < 3; ++k) direction.v[k] = static_cast<float>(motion.t[k]);
+  direction = motion.t.cast<float>();
 }
 
 }  // namespace
@@ -133,14 +125,14 @@ void find_inliers(BearingPairs& pairs, const TwoPointSettings& settings,
   if (pairs.size < kFewestPairs) return;
   alignas(64) Distances distance2;
   const float limit2 = settings.limit_rad * settings.limit_rad;
-  Direction best;
+  Direction best = Direction::Zero();
   const float least = best_direction(pairs, settings.hypotheses, limit2, distance2, best);
   if (least == std::numeric_limits<float>::max()) return;
-  direction_cost(pairs, best.v, limit2, distance2);
+  direction_cost(pairs, best.data(), limit2, distance2);
   const int outliers = mark(distance2, pairs.size, limit2, inlier);
   if (static_cast<float>(outliers) <= settings.doubt_share * static_cast<float>(pairs.size)) return;
   correct_rotation(settings.limit_rad, pairs, best);
-  if (direction_cost(pairs, best.v, limit2, distance2) < least) mark(distance2, pairs.size, limit2, inlier);
+  if (direction_cost(pairs, best.data(), limit2, distance2) < least) mark(distance2, pairs.size, limit2, inlier);
 }
 
 }  // namespace epiline

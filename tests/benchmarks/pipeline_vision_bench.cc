@@ -14,7 +14,6 @@
 #include "pipeline/vision/detector.h"
 #include "pipeline/vision/klt.h"
 #include "pipeline/vision/pyramid.h"
-#include "pipeline/vision/simd_target.h"
 #include "pipeline/vision/tracker.h"
 #include "pipeline/vision/two_point.h"
 

@@ -1,7 +1,7 @@
 #include "drivers/study/report/program_info.h"
 
 #include "epiline_commit.h"
-#include "pipeline/vision/simd_target.h"
+#include "pipeline/vision/klt.h"
 
 namespace epiline {
 

@@ -4,61 +4,24 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <memory>
 #include <numeric>
 #include <opencv2/imgcodecs.hpp>
-#include <sstream>
+#include <string_view>
 
 #include "pipeline/config/calibration.h"
+#include "pipeline/stages/gyro_rotation.h"
+#include "pipeline/text/table.h"
 #include "pipeline/vision/tracker.h"
+#include "tests/support/recorded_data.h"
 
 namespace epiline {
 namespace {
 
-constexpr int kImages = 100;
+constexpr std::size_t kImages = 100;
 const Vec3 kGyroscopeBias(-0.003, 0.021, 0.079);  // rad/s, of this recording
-
-std::filesystem::path flight() {
-  const char* data = std::getenv("EPILINE_DATA");
-  const std::filesystem::path root = std::filesystem::path(__FILE__).parent_path() / "../../..";
-  return (data ? std::filesystem::path(data) : root / "../shared/data") / "euroc_MH_01/mav0";
-}
-
-std::vector<std::vector<std::string>> read_rows(const std::filesystem::path& file, std::size_t limit) {
-  std::vector<std::vector<std::string>> rows;
-  std::ifstream in(file);
-  for (std::string line; rows.size() < limit && std::getline(in, line);) {
-    if (line.empty() || line[0] == '#') continue;
-    std::stringstream cells(line);
-    rows.emplace_back();
-    for (std::string cell; std::getline(cells, cell, ',');) {
-      cell.erase(cell.find_last_not_of(" \r") + 1);
-      rows.back().push_back(cell);
-    }
-  }
-  return rows;
-}
-
-struct Gyro {
-  std::int64_t ns;
-  Vec3 rate;
-};
-
-/// R_B0B1 from the readings between two stamps, bias removed, rates taken as constant from reading to reading.
-Mat3 integrate(const std::vector<Gyro>& gyro, std::int64_t from, std::int64_t to) {
-  Mat3 R = Mat3::Identity();
-  for (std::size_t i = 0; i + 1 < gyro.size(); ++i) {
-    const double s = 1e-9 * static_cast<double>(std::min(to, gyro[i + 1].ns) - std::max(from, gyro[i].ns));
-    if (s <= 0) continue;
-    const Vec3 turn = s * (0.5 * (gyro[i].rate + gyro[i + 1].rate) - kGyroscopeBias);
-    R = R * Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
-  }
-  return R;
-}
 
 struct Match {
   Vec3 before, now;
@@ -111,35 +74,44 @@ RelativePose polish(RelativePose pose, const std::vector<Match>& matches, double
 class Euroc : public ::testing::Test {
  protected:
   void SetUp() override {
-    if (!std::filesystem::exists(flight() / "cam0/data.csv")) GTEST_SKIP() << "no recording at " << flight();
-    const auto calibration = read_camera_calibration(flight() / "cam0/sensor.yaml", "cam0");
+    const std::filesystem::path flight = test::recorded_data("euroc_MH_01/mav0");
+    if (!std::filesystem::exists(flight)) GTEST_SKIP() << "no recording at " << flight;
+    const auto calibration = read_camera_calibration(flight / "cam0/sensor.yaml", "cam0");
     ASSERT_TRUE(calibration) << calibration.error().text();
-    camera_ = Camera((*calibration).parameters);
-    R_BC_ = (*calibration).R_BC;
-    for (const auto& row : read_rows(flight() / "imu0/data.csv", 2000)) {
-      gyro_.push_back({std::stoll(row[0]), Vec3(std::stod(row[1]), std::stod(row[2]), std::stod(row[3]))});
-    }
-    track();
+    camera_ = Camera(calibration->parameters);
+    R_BC_ = calibration->R_BC;
+    const auto imu =
+        parse_table(*read_text(find_table(flight / "imu0", "data.csv")), "imu0", TimeColumn::kImu, {7}, "");
+    ASSERT_TRUE(imu) << imu.error().text();
+    const auto images = read_text(find_table(flight / "cam0", "data.csv"));
+    ASSERT_TRUE(images) << images.error().text();
+    track(flight / "cam0/data", *images, *imu);
   }
 
-  void track() {
+  void track(const std::filesystem::path& folder, const std::string& list, const NumberTable& imu) {
     Tracker tracker(camera_, {});
     auto out = std::make_unique<TrackedFrame>();
+    auto gyro = std::make_unique<GyroRotation>();
     cv::Mat image, previous;
-    std::int64_t before = 0;
-    for (const auto& row : read_rows(flight() / "cam0/data.csv", kImages)) {
+    std::size_t next = 0;
+    std::int64_t before_ns = 0, ns = 0;
+    LineReader lines(list);
+    for (std::string_view line, time, name; frames_.size() < kImages && lines.next(line); before_ns = ns) {
+      ASSERT_TRUE(take_field(line, time) && parse_number(time, ns) && take_field(line, name));
       std::swap(image, previous);
-      image = cv::imread(flight() / "cam0/data" / row[1], cv::IMREAD_GRAYSCALE);
-      ASSERT_FALSE(image.empty()) << row[1];
-      const std::int64_t ns = std::stoll(row[0]);
-      const Mat3 R_BB0 = before ? Mat3(integrate(gyro_, before, ns).transpose()) : Mat3(Mat3::Identity());
+      image = cv::imread(folder / name, cv::IMREAD_GRAYSCALE);
+      ASSERT_FALSE(image.empty()) << name;
+      for (; next < imu.rows() && (next == 0 || imu.time_ns[next - 1] < ns); ++next) {
+        const double* const row = imu.row(next);
+        gyro->add({HostStamp{imu.time_ns[next]}, {row[0], row[1], row[2]}, {row[3], row[4], row[5]}});
+      }
+      const Mat3 R_BB0 =
+          before_ns == 0 ? Mat3(Mat3::Identity()) : Mat3(gyro->between({before_ns}, {ns}, kGyroscopeBias).transpose());
       turns_.push_back(R_BC_.transpose() * R_BB0 * R_BC_);
       tracker.step({HostStamp{ns}, 0, image.data, image.cols, image.rows, static_cast<int>(image.step)}, turns_.back(),
                    *out);
       frames_.emplace_back();
-      for (const TrackedFeature& f : out->features)
-        frames_.back()[f.id] = Vec3(f.bearing[0], f.bearing[1], f.bearing[2]);
-      before = ns;
+      for (const TrackedFeature& f : out->features) frames_.back()[f.id] = Vec3(f.bearing.data());
     }
     stats_ = tracker.stats();
   }
@@ -173,7 +145,6 @@ class Euroc : public ::testing::Test {
 
   Camera camera_;
   Mat3 R_BC_ = Mat3::Identity();
-  std::vector<Gyro> gyro_;
   std::vector<Mat3> turns_;
   std::vector<std::map<std::uint32_t, Vec3>> frames_;
   TrackerStats stats_;

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <opencv2/imgproc.hpp>
 #include <set>
 
 #include "pipeline/vision/pyramid.h"
@@ -33,18 +32,6 @@ TEST(Halve, IsTheRoundedMeanOfFourAtEverySize) {
       }
     }
   });
-}
-
-TEST(Halve, EqualsOpenCvsAreaResize) {
-  std::mt19937 random(2);
-  const TestImage in = random_image(752, 480, random);
-  const TestImage out = halved(in, 384);
-  cv::Mat expected;
-  cv::resize(cv::Mat(480, 752, CV_8UC1, const_cast<std::uint8_t*>(in.pixels.data())), expected, {376, 240}, 0, 0,
-             cv::INTER_AREA);
-  for (int y = 0; y < out.height; ++y) {
-    for (int x = 0; x < out.width; ++x) ASSERT_EQ(out.at(x, y), expected.at<std::uint8_t>(y, x)) << x << ", " << y;
-  }
 }
 
 TEST(Halve, EveryInstructionSetOfTheMachineIsTested) {

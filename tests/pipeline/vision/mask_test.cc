@@ -69,25 +69,28 @@ Camera mask_camera() {
   return Camera(p);
 }
 
+/// The world moved by (x, y) px, behind a part of the vehicle that stays.
+TestImage view_past_the_hood(double x, double y, bool hood = true) {
+  const Waves world(31, 5, 40), own(32, 5, 40);
+  TestImage image = shifted(world, kMaskWidth, kMaskHeight, x, y);
+  const TestImage part = shifted(own, kMaskWidth, kMaskHeight, 0, 0);
+  const std::size_t from = hood ? static_cast<std::size_t>(kOwnFrom) * kMaskWidth : image.pixels.size();
+  std::copy(part.pixels.begin() + static_cast<std::ptrdiff_t>(from), part.pixels.end(),
+            image.pixels.begin() + static_cast<std::ptrdiff_t>(from));
+  return image;
+}
+
 /// A world that slides past by (3, 2) px an image, behind a part of the vehicle that stays.
 std::vector<int> tracks_on_the_vehicle(const TrackerConfig& config, std::vector<std::size_t>* all = nullptr) {
   Tracker tracker(mask_camera(), config);
-  const Waves world(31, 5, 40), own(32, 5, 40);
   std::vector<TestImage> images;
-  for (int k = 0; k < 15; ++k) {
-    images.push_back(shifted(world, kMaskWidth, kMaskHeight, 3 * k, 2 * k));
-    const TestImage hood = shifted(own, kMaskWidth, kMaskHeight, 0, 0);
-    for (int y = kOwnFrom; y < kMaskHeight; ++y)
-      for (int x = 0; x < kMaskWidth; ++x) images.back().at(x, y) = static_cast<std::uint8_t>(hood.at(x, y));
-  }
+  for (int k = 0; k < 15; ++k) images.push_back(view_past_the_hood(3 * k, 2 * k));
   std::vector<int> counts;
   const auto out = std::make_unique<TrackedFrame>();
   for (int k = 0; k < 15; ++k) {
     const TestImage& image = images[static_cast<std::size_t>(k)];
     const HeapCallScope heap;
-    tracker.step({HostStamp{k * 50'000'000LL}, static_cast<std::uint64_t>(k), image.pixels.data(), kMaskWidth,
-                  kMaskHeight, image.stride},
-                 Mat3::Identity(), *out);
+    tracker.step(frame_of(image, k), Mat3::Identity(), *out);
     EXPECT_EQ(heap.calls(), 0);
     int on_it = 0;
     for (const TrackedFeature& f : out->features) on_it += f.pixel[1] + 0.5f >= kOwnFrom - kMaskMargin_px;
@@ -115,7 +118,6 @@ struct Found {
 };
 Found own_parts_found(bool to_and_fro, bool hood) {
   Tracker tracker(mask_camera(), {});
-  const Waves world(31, 5, 40), own(32, 5, 40);
   const auto out = std::make_unique<TrackedFrame>();
   double at_px = 0;
   std::array<TestImage, 2> images{TestImage(kMaskWidth, kMaskHeight), TestImage(kMaskWidth, kMaskHeight)};
@@ -123,14 +125,9 @@ Found own_parts_found(bool to_and_fro, bool hood) {
     TestImage& image = images[static_cast<std::size_t>(k % 2)];  // that of before is still needed
     const double step_px = to_and_fro && k / 20 % 2 == 1 ? -4 : 4;
     at_px += step_px;
-    image = shifted(world, kMaskWidth, kMaskHeight, at_px, 0);
-    const TestImage part = shifted(own, kMaskWidth, kMaskHeight, 0, 0);
-    for (int y = kOwnFrom; hood && y < kMaskHeight; ++y)
-      for (int x = 0; x < kMaskWidth; ++x) image.at(x, y) = static_cast<std::uint8_t>(part.at(x, y));
+    image = view_past_the_hood(at_px, 0, hood);
     const Mat3 R_CC0 = so3_exp(Vec3(0, step_px / 200, 0));
-    tracker.step({HostStamp{k * 50'000'000LL}, static_cast<std::uint64_t>(k), image.pixels.data(), kMaskWidth,
-                  kMaskHeight, image.stride},
-                 R_CC0, *out);
+    tracker.step(frame_of(image, k), R_CC0, *out);
   }
   const OwnCells& cells = tracker.stats().own_cells;
   int of_own = 0, found_own = 0, of_world = 0, found_world = 0;

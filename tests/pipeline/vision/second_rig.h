@@ -67,15 +67,6 @@ inline TestImage picture(const Camera& camera, const Pose& pose, const Wedge& we
   return image;
 }
 
-inline Frame frame_of(const TestImage& image, int number) {
-  return {HostStamp{50'000'000LL * number},
-          static_cast<std::uint64_t>(number),
-          image.pixels.data(),
-          image.width,
-          image.height,
-          image.stride};
-}
-
 /// Both cameras on a path, and the true place of each view.
 class Rig {
  public:

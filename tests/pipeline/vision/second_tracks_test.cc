@@ -16,7 +16,6 @@ namespace epiline {
 namespace {
 
 using test::first_lens;
-using test::frame_of;
 using test::picture;
 using test::Pose;
 using test::Rig;

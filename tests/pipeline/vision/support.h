@@ -13,7 +13,8 @@
 #include <vector>
 
 #include "pipeline/vision/image_view.h"
-#include "pipeline/vision/simd_target.h"
+#include "pipeline/vision/klt.h"
+#include "platform/samples/samples.h"
 
 namespace epiline {
 
@@ -41,6 +42,16 @@ inline TestImage random_image(int width, int height, std::mt19937& random, int s
   std::uniform_int_distribution<int> grey(0, 255);
   for (auto& p : image.pixels) p = static_cast<std::uint8_t>(grey(random));
   return image;
+}
+
+/// Images are 50 ms apart.
+inline Frame frame_of(const TestImage& image, int number) {
+  return {HostStamp{50'000'000LL * number},
+          static_cast<std::uint64_t>(number),
+          image.pixels.data(),
+          image.width,
+          image.height,
+          image.stride};
 }
 
 /// A sum of plane waves: known at every real position, so that shifts are exact but for the rounding of grey values.

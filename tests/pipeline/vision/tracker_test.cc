@@ -17,8 +17,6 @@
 namespace epiline {
 namespace {
 
-constexpr std::int64_t kImageNs = 50'000'000;
-
 Camera camera_of(int width, int height) {
   CameraParameters p;
   p.width = width;
@@ -26,15 +24,6 @@ Camera camera_of(int width, int height) {
   p.intrinsics = {0.6 * width, 0.61 * width, 0.49 * width, 0.51 * height};
   p.distortion = {-0.1, 0.02, 1e-4, -2e-4, 0};
   return Camera(p);
-}
-
-Frame frame_of(const TestImage& image, std::int64_t number) {
-  return {HostStamp{number * kImageNs},
-          static_cast<std::uint64_t>(number),
-          image.pixels.data(),
-          image.width,
-          image.height,
-          image.stride};
 }
 
 /// A tracker with a world that slides past by (dx, dy) px an image. Keeps the last two images, as the contract asks.
@@ -67,22 +56,9 @@ class Slide {
  private:
   Waves waves_;
   double x_ = 0, y_ = 0;
-  std::int64_t number_ = 0;
+  int number_ = 0;
   std::unique_ptr<TestImage> image_, previous_;
 };
-
-TEST(Tracker, TheFirstImageHasNewFeaturesOnly) {
-  Slide slide(320, 240);
-  const TrackedFrame& frame = slide.show(0, 0);
-  EXPECT_EQ(frame.stamp.ns, kImageNs);
-  EXPECT_EQ(frame.sequence, 1u);
-  ASSERT_GT(frame.features.size(), 60u);
-  for (std::size_t i = 0; i < frame.features.size(); ++i) {
-    EXPECT_EQ(frame.features[i].id, i);
-    EXPECT_EQ(frame.features[i].age, 0u);
-    EXPECT_EQ(frame.features[i].velocity_px_s, (std::array<float, 2>{0, 0}));
-  }
-}
 
 TEST(Tracker, FollowsASlidingWorld) {
   Slide slide(320, 240);
@@ -115,20 +91,12 @@ TEST(Tracker, BearingsAndJacobiansAreTheCameras) {
   Slide slide(320, 240);
   slide.show(0, 0);
   for (const TrackedFeature& f : slide.show(1, 1).features) {
-    const Vec3 bearing(f.bearing[0], f.bearing[1], f.bearing[2]);
-    EXPECT_NEAR(bearing.norm(), 1, 1e-12);
-    Vec2 px;
-    ASSERT_TRUE(camera.project(bearing, px));
-    EXPECT_NEAR(px.x(), f.pixel[0], 1e-4);
-    EXPECT_NEAR(px.y(), f.pixel[1], 1e-4);
-    const Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> J(f.pixel_jacobian.data());
-    EXPECT_LT((J * bearing).norm(), 1e-9) << "px does not change along the bearing";
-    for (int k = 0; k < 3; ++k) {
-      Vec2 plus, minus;
-      camera.project(bearing + 1e-6 * Vec3::Unit(k), plus);
-      camera.project(bearing - 1e-6 * Vec3::Unit(k), minus);
-      EXPECT_LT((J.col(k) - (plus - minus) / 2e-6).norm(), 1e-3);
-    }
+    Vec3 bearing;
+    Mat23 J;
+    ASSERT_TRUE(camera.bearing(Vec2(f.pixel[0], f.pixel[1]), bearing, J));
+    EXPECT_LT((bearing - Vec3(f.bearing.data())).norm(), 1e-12);
+    EXPECT_LT((J - Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(f.pixel_jacobian.data())).norm(),
+              1e-9);
   }
 }
 
@@ -279,17 +247,6 @@ TEST(Tracker, StampsThatStandStillGiveNoVelocity) {
   }
 }
 
-TEST(Tracker, ResetEndsTracksAndKeepsIds) {
-  Slide slide(320, 240);
-  slide.show(0, 0);
-  const std::uint64_t used = slide.tracker.stats().detected;
-  slide.tracker.reset();
-  for (const TrackedFeature& f : slide.show(0, 0).features) {
-    EXPECT_EQ(f.age, 0u);
-    EXPECT_GE(f.id, used);
-  }
-}
-
 TEST(Tracker, ConstantsOutOfRangeAreRefused) {
   const Camera camera = camera_of(320, 240);
   const auto with = [&](auto change) {
@@ -346,7 +303,6 @@ TEST(Tracker, StepDoesNotAllocate) {
   auto out = std::make_unique<TrackedFrame>();
   const HeapCallScope scope;
   for (int k = 0; k < 12; ++k) tracker.step(frame_of(images[static_cast<std::size_t>(k)], k), Mat3::Identity(), *out);
-  tracker.reset();
   EXPECT_EQ(scope.calls(), 0u);
   EXPECT_GT(tracker.stats().tracked, 100u);
 }
@@ -373,6 +329,7 @@ RC_GTEST_PROP(Tracker, KeepsItsPromisesOnAnyMotion, ()) {
     const TrackedFrame& frame = slide.show(dx, dy, gain, 10, later);
     RC_ASSERT(same(frame, twin.show(dx, dy, gain, 10, later)));
     RC_ASSERT(static_cast<int>(frame.features.size()) <= config.max_features);
+    RC_ASSERT(frame.stamp.ns == 50'000'000LL * static_cast<std::int64_t>(frame.sequence));
     std::map<std::uint32_t, std::uint32_t> now;
     for (const TrackedFeature& f : frame.features) {
       const bool increasing = now.empty() || f.id > now.rbegin()->first;
