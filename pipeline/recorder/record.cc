@@ -79,51 +79,50 @@ class RecordFiles {
     move(events_text_, events_);
   }
 
+  /// Fails with the first failure of all files.
   Status close() {
     flush();
-    for (OutputFile* file : {&imu_, &tracks_, &states_, &events_}) {
-      if (Status s = close(*file); !s) return s;
-    }
-    if (image_failure_) return *image_failure_;
-    for (std::size_t c = 0; c < image_lists_.size(); ++c)
-      if (Status s = write_table(folder_of(c), kAslImagesHeader, image_lists_[c]); !s) return s;
-    if (Status s = write_table("wheel0", kAslWheelHeader, wheel_text_); !s) return s;
+    for (OutputFile* file : {&imu_, &tracks_, &states_, &events_}) close(*file);
+    for (std::size_t c = 0; c < image_lists_.size(); ++c) write_table(folder_of(c), kAslImagesHeader, image_lists_[c]);
+    write_table("wheel0", kAslWheelHeader, wheel_text_);
     for (const AslHeightTable& table : kAslHeightTables)
-      if (Status s = write_table(table.folder, table.header, height_texts_[static_cast<std::size_t>(table.kind)]); !s)
-        return s;
+      write_table(table.folder, table.header, height_texts_[static_cast<std::size_t>(table.kind)]);
     const std::string comment = fmt::format("flight recorder, record {}, written at {:.3f} s", order_.number,
                                             1e-9 * static_cast<double>(order_.now.ns));
-    if (Status s = write(root_ / "mav0/cam0/sensor.yaml", asl_camera(run_.camera, run_.image_rate_hz, comment)); !s)
-      return s;
-    for (std::size_t c = 1; c < image_lists_.size(); ++c) {
-      if (image_lists_[c].empty()) continue;
-      const std::string yaml = asl_camera(*run_.others[c - 1], run_.image_rate_hz, comment);
-      if (Status s = write(root_ / "mav0" / folder_of(c) / "sensor.yaml", yaml); !s) return s;
-    }
-    if (Status s = write(root_ / "mav0/imu0/sensor.yaml", asl_imu(run_.imu)); !s) return s;
-    if (Status s = write(root_ / "config.toml", run_.config_toml); !s) return s;
-    return write(root_ / "trajectory.tum", tum_text(trajectory_));
+    write("mav0/cam0/sensor.yaml", asl_camera(run_.camera, run_.image_rate_hz, comment));
+    for (std::size_t c = 1; c < image_lists_.size(); ++c)
+      if (!image_lists_[c].empty())
+        write("mav0/" + folder_of(c) + "/sensor.yaml", asl_camera(*run_.others[c - 1], run_.image_rate_hz, comment));
+    write("mav0/imu0/sensor.yaml", asl_imu(run_.imu));
+    write("config.toml", run_.config_toml);
+    write("trajectory.tum", tum_text(trajectory_));
+    return failed_ ? Status(*failed_) : Done{};
   }
 
   int failure() const { return failure_; }
 
  private:
-  Status close(OutputFile& file) {
-    Status s = file.close();
-    if (!s && failure_ == 0) failure_ = file.failure();
-    return s;
+  void close(OutputFile& file) {
+    const Status s = file.close();
+    if (s || failed_) return;
+    failed_ = s.error();
+    failure_ = file.failure();
   }
-  Status write(const fs::path& path, const std::string& text) {
-    OutputFile file(path);
+  /// Nothing once something has failed.
+  void write(const std::string& name, const std::string& text) {
+    if (failed_) return;
+    OutputFile file(root_ / name);
     file.append(text);
-    return close(file);
+    close(file);
   }
 
   /// Of a sensor that sent anything.
-  Status write_table(const std::string& folder, const char* header, const std::string& rows) {
-    if (rows.empty()) return Done{};
-    if (Status s = make_folder(root_ / "mav0" / folder); !s) return s;
-    return write(root_ / "mav0" / folder / "data.csv", header + rows);
+  void write_table(const std::string& folder, const char* header, const std::string& rows) {
+    if (rows.empty() || failed_) return;
+    if (const Status s = make_folder(root_ / "mav0" / folder); !s)
+      failed_ = s.error();
+    else
+      write("mav0/" + folder + "/data.csv", header + rows);
   }
 
   void add_height(const HeightSample& s) {
@@ -165,7 +164,7 @@ class RecordFiles {
   static std::string folder_of(std::size_t camera) { return "cam" + std::to_string(camera); }
 
   void add_image(const std::byte* at) {
-    if (image_failure_) return;
+    if (failed_) return;
     const auto header = object_at<RecordedImageHeader>(at);
     const auto camera = static_cast<std::size_t>(header.camera);
     Frame frame;
@@ -174,8 +173,7 @@ class RecordFiles {
     frame.width = frame.stride = header.width;
     frame.height = header.height;
     const std::string file = std::to_string(header.stamp.ns) + ".png";
-    const Status s = write(root_ / "mav0" / folder_of(camera) / "data" / file, run_.png(frame));
-    if (!s) image_failure_ = s.error();
+    write("mav0/" + folder_of(camera) + "/data/" + file, run_.png(frame));
     append_asl_image(image_lists_[camera], header.stamp, file);
   }
 
@@ -192,8 +190,8 @@ class RecordFiles {
   std::array<std::string, kMostOthers + 1> image_lists_;  ///< by camera
   std::array<std::string, kHeightKinds> height_texts_;
   Trajectory trajectory_;
-  std::optional<Error> image_failure_;
-  int failure_ = 0;
+  std::optional<Error> failed_;
+  int failure_ = 0;  ///< errno of that
 };
 
 /// Reads the segments oldest first, so that recording soon has room again.

@@ -1,6 +1,5 @@
 #include "pipeline/text/table.h"
 
-#include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <zlib.h>
@@ -16,6 +15,7 @@
 #include <limits>
 
 #include "pipeline/text/output_files.h"
+#include "platform/linux/signals.h"
 
 namespace epiline {
 
@@ -97,51 +97,6 @@ Result<std::string> read_text(const std::filesystem::path& path) {
   return as_utf8(std::move(text));
 }
 
-namespace {
-
-bool write_all(int fd, std::string_view text) {
-  while (!text.empty()) {
-    const ssize_t count = ::write(fd, text.data(), text.size());
-    if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) return false;
-    text.remove_prefix(static_cast<std::size_t>(count));
-  }
-  return true;
-}
-
-/// Writes the whole file and waits until it is on the disk. 0 or errno.
-int write_whole(const std::string& path, int flags, const std::string& text, const struct stat* like) {
-  const int fd = ::open(path.c_str(), flags | O_WRONLY | O_CLOEXEC, 0666);
-  if (fd < 0) return errno;
-  if (like != nullptr && S_ISREG(like->st_mode)) {  // a settings file stays readable for those for whom it was
-    (void)!::fchown(fd, like->st_uid, like->st_gid);
-    (void)!::fchmod(fd, like->st_mode & 07777);
-  }
-  // what is no file on a disk refuses to be synced
-  int error = write_all(fd, text) && (::fsync(fd) == 0 || errno == EINVAL || errno == ENOTSUP) ? 0 : errno;
-  if (::close(fd) != 0 && error == 0) error = errno;
-  return error;
-}
-
-/// A signal that ends the program waits, so that it leaves no file under a name for the time being.
-class SignalsHeld {
- public:
-  SignalsHeld() {
-    sigset_t held;
-    sigemptyset(&held);
-    for (const int s : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&held, s);
-    pthread_sigmask(SIG_BLOCK, &held, &before_);
-  }
-  ~SignalsHeld() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-  SignalsHeld(const SignalsHeld&) = delete;
-  SignalsHeld& operator=(const SignalsHeld&) = delete;
-
- private:
-  sigset_t before_{};
-};
-
-}  // namespace
-
 Status write_text(const std::filesystem::path& path, const std::string& text) {
   namespace fs = std::filesystem;
   std::error_code none;
@@ -149,13 +104,22 @@ Status write_text(const std::filesystem::path& path, const std::string& text) {
   if (none) place = path;
   struct stat old {};
   const bool exists = ::stat(place.c_str(), &old) == 0;
+  const auto write = [&](const fs::path& to) {
+    OutputFile file(to);
+    file.append(text);
+    return file.close() ? 0 : file.failure();
+  };
   int error = 0;
   if (exists && !S_ISREG(old.st_mode)) {
-    error = write_whole(place, 0, text, &old);  // a terminal, a pipe
+    error = write(place);  // a terminal, a pipe
   } else {
-    const SignalsHeld held;
+    const SignalWait held({SIGINT, SIGTERM, SIGHUP});  // they would leave a file under a name for the time being
     const std::string made = place.string() + ".epiline-new";  // no name of a user's file
-    error = write_whole(made, O_CREAT | O_TRUNC, text, exists ? &old : nullptr);
+    error = write(made);
+    if (error == 0 && exists) {  // a settings file stays readable for those for whom it was
+      (void)!::chown(made.c_str(), old.st_uid, old.st_gid);
+      (void)!::chmod(made.c_str(), old.st_mode & 07777);
+    }
     if (error == 0 && std::rename(made.c_str(), place.c_str()) != 0) error = errno;
     if (error != 0) ::unlink(made.c_str());
     const fs::path folder = place.parent_path();
