@@ -19,16 +19,8 @@ const char* model_of(CameraModel model) {
 }
 
 const char* distortion_of(CameraModel model) {
-  switch (model) {
-    case CameraModel::kPinholeRadialTangential:
-    case CameraModel::kUnified:
-      return "radial-tangential";
-    case CameraModel::kPinholeEquidistant:
-      return "equidistant";
-    case CameraModel::kDoubleSphere:
-      return "none";
-  }
-  return "none";
+  if (model == CameraModel::kPinholeEquidistant) return "equidistant";
+  return model == CameraModel::kDoubleSphere ? "none" : "radial-tangential";
 }
 
 }  // namespace

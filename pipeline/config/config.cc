@@ -23,13 +23,17 @@ Overloaded(F...) -> Overloaded<F...>;
 
 using Value = ConfigFile::Value;
 
+template <class T>
+using At = T* (*)(Config&);
+
+/// What the parameter takes.
 std::string range_of(const Parameter& p) {
   const std::string unit = p.unit.empty() ? "" : " " + p.unit;
   return std::visit(
-      Overloaded{[](bool* (*)(Config&)) -> std::string { return "true or false"; },
-                 [&](int* (*)(Config&)) { return fmt::format("an integer from {} to {}{}", p.min, p.max, unit); },
+      Overloaded{[](At<bool>) -> std::string { return "true or false"; },
+                 [&](At<int>) { return fmt::format("an integer from {} to {}{}", p.min, p.max, unit); },
                  [&](auto* (*)(Config&)) { return fmt::format("a number from {} to {}{}", p.min, p.max, unit); },
-                 [](std::string* (*)(Config&)) -> std::string { return "a text in quotes"; },
+                 [](At<std::string>) -> std::string { return "a text in quotes"; },
                  [&](const NamedValues& v) {
                    const std::string form = "{ name = integer, ... }";
                    if (v.names.empty()) return form;
@@ -43,7 +47,7 @@ std::string range_of(const Parameter& p) {
                    if (are_alike) ranges.resize(1);
                    return fmt::format("{} numbers from {}{}", n.ranges.size(), fmt::join(ranges, ", "), unit);
                  },
-                 [](BusSignal* (*)(Config&)) -> std::string { return kBusSignalForm; },
+                 [](At<BusSignal>) -> std::string { return kBusSignalForm; },
                  [](const Choice& c) { return fmt::format("\"{}\"", fmt::join(c.names, "\" or \"")); }},
       p.value);
 }
@@ -88,45 +92,40 @@ std::string from_home(std::string text) {
 
 /// The node's value in the type of the parameter, if it has that type and lies in the range.
 std::optional<Value> checked_value(const Parameter& p, const toml::node& node) {
+  using Checked = std::optional<Value>;
   const auto in_range = [&](double v) { return v >= p.min && v <= p.max; };
-  return std::visit(Overloaded{[&](bool* (*)(Config&)) -> std::optional<Value> {
-                                 if (!node.is_boolean()) return std::nullopt;
-                                 return *node.value<bool>();
-                               },
-                               [&](int* (*)(Config&)) -> std::optional<Value> {
-                                 if (!node.is_integer() || !in_range(static_cast<double>(*node.value<std::int64_t>())))
-                                   return std::nullopt;
-                                 return static_cast<int>(*node.value<std::int64_t>());
-                               },
-                               [&](auto* (*)(Config&)) -> std::optional<Value> {
-                                 if (!node.is_number() || !in_range(*node.value<double>())) return std::nullopt;
-                                 return *node.value<double>();
-                               },
-                               [&](std::string* (*)(Config&)) -> std::optional<Value> {
-                                 if (!node.is_string()) return std::nullopt;
-                                 return from_home(*node.value<std::string>());
-                               },
-                               [&](const NamedValues& v) { return named_values(p, v.names, node); },
-                               [&](const Numbers& n) { return several_numbers(n.ranges, node); },
-                               [&](BusSignal* (*)(Config&)) -> std::optional<Value> {
-                                 if (!node.is_string()) return std::nullopt;
-                                 const auto signal = bus_signal_from(*node.value<std::string>());
-                                 if (!std::holds_alternative<BusSignal>(signal)) return std::nullopt;
-                                 return std::get<BusSignal>(signal);
-                               },
-                               [&](const Choice& c) -> std::optional<Value> {
-                                 const auto name = node.value<std::string>();
-                                 const auto found =
-                                     name ? std::find(c.names.begin(), c.names.end(), *name) : c.names.end();
-                                 if (found == c.names.end()) return std::nullopt;
-                                 return static_cast<int>(found - c.names.begin());
-                               }},
-                    p.value);
+  const auto text = node.value_exact<std::string>();
+  return std::visit(
+      Overloaded{[&](At<bool>) { return node.is_boolean() ? Checked(*node.value<bool>()) : std::nullopt; },
+                 [&](At<int>) -> Checked {
+                   const auto value = node.value_exact<std::int64_t>();
+                   if (!value || !in_range(static_cast<double>(*value))) return std::nullopt;
+                   return static_cast<int>(*value);
+                 },
+                 [&](At<double>) -> Checked {
+                   if (!node.is_number() || !in_range(*node.value<double>())) return std::nullopt;
+                   return *node.value<double>();
+                 },
+                 [&](At<std::string>) { return text ? Checked(from_home(*text)) : std::nullopt; },
+                 [&](const NamedValues& v) { return named_values(p, v.names, node); },
+                 [&](const Numbers& n) { return several_numbers(n.ranges, node); },
+                 [&](At<BusSignal>) -> Checked {
+                   if (!text) return std::nullopt;
+                   const auto signal = bus_signal_from(*text);
+                   return std::holds_alternative<BusSignal>(signal) ? Checked(std::get<BusSignal>(signal))
+                                                                    : std::nullopt;
+                 },
+                 [&](const Choice& c) -> Checked {
+                   const auto found = text ? std::find(c.names.begin(), c.names.end(), *text) : c.names.end();
+                   if (found == c.names.end()) return std::nullopt;
+                   return static_cast<int>(found - c.names.begin());
+                 }},
+      p.value);
 }
 
 /// What the parameter takes, and what of it this text is not.
 std::string expected_instead(const Parameter& p, const std::optional<std::string>& text) {
-  if (!text || !std::holds_alternative<BusSignal* (*)(Config&)>(p.value)) return range_of(p);
+  if (!text || !std::holds_alternative<At<BusSignal>>(p.value)) return range_of(p);
   const auto signal = bus_signal_from(*text);
   return std::holds_alternative<std::string>(signal) ? std::get<std::string>(signal) : range_of(p);
 }
@@ -231,10 +230,10 @@ std::string shown(const toml::node& node) {
 std::string toml_value(const Parameter& p, const Config& config) {
   Config copy = config;
   return std::visit(
-      Overloaded{[&](bool* (*at)(Config&)) -> std::string { return *at(copy) ? "true" : "false"; },
-                 [&](int* (*at)(Config&)) { return fmt::format("{}", *at(copy)); },
+      Overloaded{[&](At<bool> at) -> std::string { return *at(copy) ? "true" : "false"; },
+                 [&](At<int> at) { return fmt::format("{}", *at(copy)); },
                  [&](auto* (*at)(Config&)) { return fmt::format("{}", *at(copy)); },
-                 [&](std::string* (*at)(Config&)) { return toml_text(*at(copy)); },
+                 [&](At<std::string> at) { return toml_text(*at(copy)); },
                  [&](const NamedValues& values) {
                    std::string text;
                    for (const NamedValue& v : *values.at(copy)) {
@@ -245,7 +244,7 @@ std::string toml_value(const Parameter& p, const Config& config) {
                  [&](const Numbers& n) {
                    return fmt::format("[{}]", fmt::join(n.at(copy), n.at(copy) + n.ranges.size(), ", "));
                  },
-                 [&](BusSignal* (*at)(Config&)) { return toml_text(to_text(*at(copy))); },
+                 [&](At<BusSignal> at) { return toml_text(to_text(*at(copy))); },
                  [&](const Choice& c) { return "\"" + c.names[static_cast<std::size_t>(c.get(config))] + "\""; }},
       p.value);
 }
@@ -352,18 +351,15 @@ Result<ConfigFile> ConfigFile::parse(std::string_view text, const std::string& n
 }
 
 void ConfigFile::apply(Config& config) const {
+  const auto put = [&]<class T>(T* to, const Value& value) { *to = std::get<T>(value); };
   for (const auto& [p, value] : settings_) {
-    std::visit(
-        Overloaded{
-            [&, v = &value](bool* (*at)(Config&)) { *at(config) = std::get<bool>(*v); },
-            [&, v = &value](int* (*at)(Config&)) { *at(config) = std::get<int>(*v); },
-            [&, v = &value](double* (*at)(Config&)) { *at(config) = std::get<double>(*v); },
-            [&, v = &value](std::string* (*at)(Config&)) { *at(config) = std::get<std::string>(*v); },
-            [&, v = &value](const NamedValues& to) { *to.at(config) = std::get<std::vector<NamedValue>>(*v); },
-            [&, v = &value](const Numbers& to) { std::ranges::copy(std::get<std::vector<double>>(*v), to.at(config)); },
-            [&, v = &value](BusSignal* (*at)(Config&)) { *at(config) = std::get<BusSignal>(*v); },
-            [&, v = &value](const Choice& c) { c.set(config, std::get<int>(*v)); }},
-        p->value);
+    std::visit(Overloaded{[&, v = &value](auto* (*at)(Config&)) { put(at(config), *v); },
+                          [&, v = &value](const NamedValues& to) { put(to.at(config), *v); },
+                          [&, v = &value](const Numbers& to) {
+                            std::ranges::copy(std::get<std::vector<double>>(*v), to.at(config));
+                          },
+                          [&, v = &value](const Choice& c) { c.set(config, std::get<int>(*v)); }},
+               p->value);
   }
 }
 

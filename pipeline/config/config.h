@@ -11,7 +11,6 @@
 #include "estimator/estimator.h"
 #include "pipeline/config/devices.h"
 #include "pipeline/config/realtime_config.h"
-#include "pipeline/config/recorder_config.h"
 #include "pipeline/vision/tracker_config.h"
 #include "platform/error/result.h"
 
@@ -56,12 +55,12 @@ struct Numbers {
 /// One setting. Its default is the value in a default-constructed Config. Numbers outside [min, max] are errors.
 struct Parameter {
   std::string name;  ///< `section.key`, as in the TOML file
-  std::string unit;  ///< empty: none
-  double min = 0, max = 0;
   std::string text;
   std::variant<bool* (*)(Config&), int* (*)(Config&), double* (*)(Config&), std::string* (*)(Config&), NamedValues,
                Numbers, BusSignal* (*)(Config&), Choice>
       value;
+  std::string unit{};  ///< empty: none
+  double min = 0, max = 0;
   bool beside_file = false;  ///< a path, relative to the folder of the file that names it
 };
 

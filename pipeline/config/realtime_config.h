@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "pipeline/config/named_value.h"
@@ -21,6 +22,19 @@ struct RealtimeConfig {
   int priority = 80;             ///< SCHED_FIFO's, of the most urgent thread; 0: the ordinary scheduler for all
   std::vector<NamedValue> cpus;  ///< processors, by kFlightThreadNames; a thread without one runs anywhere
   bool lock_memory = true;
+};
+
+/// Section [recorder]: the flight recorder.
+struct RecorderConfig {
+  std::string folder;  ///< of the records; empty: no recorder
+  double seconds = 30;
+  bool images = false;
+  int image_memory_mib = 256;
+  int keep = 50;  ///< records in the folder: the oldest are removed; 0: all stay
+  // Not settings: of the records that it makes by itself when the estimate is lost or reset.
+  double after_lost_s = 3;  ///< recording continues for this time before it writes: shows how the loss goes on
+  double pause_s = 60;      ///< between two of them, so that a vehicle that stays lost does not fill the disk
+  int most = 20;            ///< in a run
 };
 
 /// The nearer a thread is to a sensor or receiver, the shorter it runs and the more urgent it is.

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "pipeline/config/calibration.h"
-#include "pipeline/config/recorder_config.h"
+#include "pipeline/config/realtime_config.h"
 #include "pipeline/realtime/flight_observer.h"
 
 namespace epiline {
