@@ -9,15 +9,10 @@
 #include <random>
 
 #include "pipeline/text/table.h"
+#include "tests/pipeline/config/calibration_files.h"
 
 namespace epiline {
 namespace {
-
-std::filesystem::path asl_file(const std::string& name, const std::string& text) {
-  const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / ("epiline_asl_" + name);
-  EXPECT_TRUE(write_text(path, text));
-  return path;
-}
 
 template <class A, class B>
 bool same_bits(const A& a, const B& b) {
@@ -45,16 +40,14 @@ TEST(Asl, CalibrationIsReadAsItWasWritten) {
     p.distortion[5] = 0;
     if (p.model == CameraModel::kDoubleSphere) p.distortion = {number(random), std::abs(number(random))};
     if (p.model == CameraModel::kPinholeEquidistant || i % 6 == 0) p.distortion[4] = 0;
-    const auto read =
-        read_camera_calibration(asl_file("camera.yaml", asl_camera(camera, 20, "made up: numbers")), "cam0");
-    ASSERT_TRUE(read) << read.error().text();
-    ASSERT_TRUE(same_bits(read->R_BC, camera.R_BC)) << i;
-    ASSERT_TRUE(same_bits(read->p_BC, camera.p_BC)) << i;
-    ASSERT_EQ(read->time_offset_s, camera.time_offset_s);
-    ASSERT_EQ(read->parameters.model, p.model);
-    ASSERT_EQ(read->parameters.width, p.width);
-    ASSERT_EQ(read->parameters.intrinsics, p.intrinsics);
-    ASSERT_EQ(read->parameters.distortion, p.distortion) << i;
+    const CameraCalibration read = test::camera_of(asl_camera(camera, 20, "made up: numbers"));
+    ASSERT_TRUE(same_bits(read.R_BC, camera.R_BC)) << i;
+    ASSERT_TRUE(same_bits(read.p_BC, camera.p_BC)) << i;
+    ASSERT_EQ(read.time_offset_s, camera.time_offset_s);
+    ASSERT_EQ(read.parameters.model, p.model);
+    ASSERT_EQ(read.parameters.width, p.width);
+    ASSERT_EQ(read.parameters.intrinsics, p.intrinsics);
+    ASSERT_EQ(read.parameters.distortion, p.distortion) << i;
   }
 }
 
@@ -62,14 +55,13 @@ TEST(Asl, ImuIsReadAsItWasWritten) {
   ImuCalibration imu;
   imu.noise = {1.0 / 3, 2e-5 / 3, 1e-3 / 7, 1e-4 / 9};
   imu.saturation_accelerometer_m_s2 = 100.0 / 3;
-  const auto read = read_imu_calibration(asl_file("imu.yaml", asl_imu(imu)));
-  ASSERT_TRUE(read) << read.error().text();
-  EXPECT_EQ(read->noise.gyroscope_density, imu.noise.gyroscope_density);
-  EXPECT_EQ(read->noise.gyroscope_random_walk, imu.noise.gyroscope_random_walk);
-  EXPECT_EQ(read->noise.accelerometer_density, imu.noise.accelerometer_density);
-  EXPECT_EQ(read->noise.accelerometer_random_walk, imu.noise.accelerometer_random_walk);
-  EXPECT_EQ(read->saturation_accelerometer_m_s2, imu.saturation_accelerometer_m_s2);
-  EXPECT_FALSE(read->saturation_gyroscope_rad_s);
+  const ImuCalibration read = test::imu_of(asl_imu(imu));
+  EXPECT_EQ(read.noise.gyroscope_density, imu.noise.gyroscope_density);
+  EXPECT_EQ(read.noise.gyroscope_random_walk, imu.noise.gyroscope_random_walk);
+  EXPECT_EQ(read.noise.accelerometer_density, imu.noise.accelerometer_density);
+  EXPECT_EQ(read.noise.accelerometer_random_walk, imu.noise.accelerometer_random_walk);
+  EXPECT_EQ(read.saturation_accelerometer_m_s2, imu.saturation_accelerometer_m_s2);
+  EXPECT_FALSE(read.saturation_gyroscope_rad_s);
 
   std::mt19937_64 random(6);
   std::normal_distribution<double> number(0, 10);

@@ -2,22 +2,24 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
+#include <string>
 
-#include "pipeline/text/table.h"
+#include "tests/pipeline/config/calibration_files.h"
 
 namespace epiline {
 namespace {
 
-std::filesystem::path calibration_file(const std::string& name, const std::string& text) {
-  const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / ("epiline_calibration_" + name);
-  std::ofstream(path) << text;
-  return path;
-}
+using test::calibration_file;
+using test::camera_error;
+using test::camera_of;
+using test::imu_error;
+using test::imu_of;
+
+const std::string kUnitPose = "T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n";
 
 TEST(CameraCalibration, KalibrAndAslSayTheSame) {
   // A quarter turn about z and a shift; Kalibr writes the inverse, IMU to camera.
-  const auto asl = read_camera_calibration(calibration_file("asl.yaml", R"(
+  const CameraCalibration asl = camera_of(R"(
 T_BS: {cols: 4, rows: 4, data: [0, -1, 0, 0.1, 1, 0, 0, 0.2, 0, 0, 1, 0.3, 0, 0, 0, 1]}
 resolution: [752, 480]
 camera_model: pinhole
@@ -25,9 +27,8 @@ intrinsics: [458.654, 457.296, 367.215, 248.375]
 distortion_model: equidistant
 distortion_coefficients: [0.1, 0.2, 0.3, 0.4]
 timeshift_cam_imu: -0.005
-)"),
-                                           "cam1");
-  const auto kalibr = read_camera_calibration(calibration_file("kalibr.yaml", R"(
+)");
+  const CameraCalibration kalibr = camera_of(R"(
 cam0: {camera_model: omni}
 cam1:
   T_cam_imu:
@@ -41,11 +42,9 @@ cam1:
   intrinsics: [458.654, 457.296, 367.215, 248.375]
   resolution: [752, 480]
   timeshift_cam_imu: -0.005
-)"),
-                                              "cam1");
-  ASSERT_TRUE(asl) << asl.error().text();
-  ASSERT_TRUE(kalibr) << kalibr.error().text();
-  for (const CameraCalibration& c : {*asl, *kalibr}) {
+)",
+                                             "cam1");
+  for (const CameraCalibration& c : {asl, kalibr}) {
     EXPECT_LT((c.p_BC - Vec3(0.1, 0.2, 0.3)).norm(), 1e-12);
     EXPECT_LT((c.R_BC * Vec3::UnitX() - Vec3::UnitY()).norm(), 1e-12);
     EXPECT_EQ(c.parameters.model, CameraModel::kPinholeEquidistant);
@@ -57,58 +56,29 @@ cam1:
 }
 
 TEST(CameraCalibration, DoubleSphereAndNoDistortion) {
-  const std::string head =
-      "%YAML:1.0\nT_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [512, 512]\n";
-  const auto sphere = read_camera_calibration(
-      calibration_file(
-          "sphere.yaml",
-          head + "camera_model: ds\nintrinsics: [-0.2, 0.6, 190, 191, 255, 256]\ndistortion_model: none\n"),
-      "cam0");
-  ASSERT_TRUE(sphere) << sphere.error().text();
-  EXPECT_EQ(sphere->parameters.model, CameraModel::kDoubleSphere);
-  EXPECT_EQ(sphere->parameters.intrinsics, (std::array<double, 4>{190, 191, 255, 256}));
-  EXPECT_EQ(sphere->parameters.distortion, (std::array<double, 6>{-0.2, 0.6, 0, 0, 0}));
-  const auto none = read_camera_calibration(
-      calibration_file("none.yaml",
-                       head + "camera_model: pinhole\nintrinsics: [190, 191, 255, 256]\ndistortion_model: none\n"),
-      "cam0");
-  ASSERT_TRUE(none) << none.error().text();
-  EXPECT_EQ(none->parameters.model, CameraModel::kPinholeRadialTangential);
-  EXPECT_EQ(none->parameters.distortion, (std::array<double, 6>{}));
+  const std::string head = "%YAML:1.0\n" + kUnitPose + "resolution: [512, 512]\ndistortion_model: none\n";
+  const auto sphere = camera_of(head + "camera_model: ds\nintrinsics: [-0.2, 0.6, 190, 191, 255, 256]\n").parameters;
+  EXPECT_EQ(sphere.model, CameraModel::kDoubleSphere);
+  EXPECT_EQ(sphere.intrinsics, (std::array<double, 4>{190, 191, 255, 256}));
+  EXPECT_EQ(sphere.distortion, (std::array<double, 6>{-0.2, 0.6, 0, 0, 0}));
+  const auto none = camera_of(head + "camera_model: pinhole\nintrinsics: [190, 191, 255, 256]\n").parameters;
+  EXPECT_EQ(none.model, CameraModel::kPinholeRadialTangential);
+  EXPECT_EQ(none.distortion, (std::array<double, 6>{}));
 }
 
 TEST(CameraCalibration, ATimeOffsetInAnotherUnitIsRefused) {
-  const auto read_with = [](const std::string& offset) {
-    return read_camera_calibration(calibration_file("offset.yaml", R"(
-T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
-resolution: [752, 480]
-camera_model: pinhole
-intrinsics: [458.654, 457.296, 367.215, 248.375]
-distortion_model: none
-timeshift_cam_imu: )" + offset),
-                                   "cam0");
-  };
-  for (const char* offset : {"-5.2", "5200000"}) {
-    const auto camera = read_with(offset);
-    ASSERT_FALSE(camera) << offset;
-    EXPECT_NE(camera.error().text().find(":7: timeshift_cam_imu of more than a second; expected seconds"),
-              std::string::npos)
-        << camera.error().text();
-  }
-  EXPECT_TRUE(read_with("-0.0052"));
+  const std::string head = kUnitPose +
+                           "resolution: [752, 480]\ncamera_model: pinhole\nintrinsics: [458, 457, 367, 248]\n"
+                           "distortion_model: none\ntimeshift_cam_imu: ";
+  for (const char* offset : {"-5.2", "5200000"})
+    EXPECT_EQ(camera_error(head + offset).find(":6: timeshift_cam_imu of more than a second; expected seconds"), 0u);
+  EXPECT_EQ(camera_error(head + "-0.0052"), "read");
 }
 
 // Each with the line of the file, what stands there, and what was expected.
 TEST(CameraCalibration, SaysWhatIsWrongWithALens) {
   const auto error = [](const std::string& resolution, const std::string& lens) {
-    const std::filesystem::path path = calibration_file(
-        "wrong.yaml",
-        "T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: " + resolution + "\n" + lens);
-    const auto camera = read_camera_calibration(path, "cam0");
-    if (camera) return std::string("read");
-    const std::string text = camera.error().text();
-    EXPECT_EQ(text.rfind(path.string(), 0), 0u) << text;
-    return text.substr(path.string().size());
+    return camera_error(kUnitPose + "resolution: " + resolution + "\n" + lens);
   };
   const std::string size = "[512, 512]", none = "distortion_model: none\n", pinhole = "camera_model: pinhole\n",
                     good = "intrinsics: [190, 191, 255, 256]\n";
@@ -140,20 +110,16 @@ TEST(ImuCalibration, ReadsDensitiesAndRefusesAnImuThatIsNotTheBody) {
   const std::string densities =
       "gyroscope_noise_density: 1e-4\ngyroscope_random_walk: 2e-5\naccelerometer_noise_density: "
       "3e-3\naccelerometer_random_walk: 4e-3\n";
-  const auto imu = read_imu_calibration(calibration_file("imu.yaml", densities + "gyroscope_saturation: 34\n"));
-  ASSERT_TRUE(imu) << imu.error().text();
-  EXPECT_DOUBLE_EQ(imu->noise.gyroscope_density, 1e-4);
-  EXPECT_DOUBLE_EQ(imu->noise.gyroscope_random_walk, 2e-5);
-  EXPECT_DOUBLE_EQ(imu->noise.accelerometer_density, 3e-3);
-  EXPECT_DOUBLE_EQ(imu->noise.accelerometer_random_walk, 4e-3);
-  EXPECT_DOUBLE_EQ(*imu->saturation_gyroscope_rad_s, 34);
-  EXPECT_FALSE(imu->saturation_accelerometer_m_s2);
-  const auto turned = read_imu_calibration(
-      calibration_file("turned.yaml", densities + "T_BS: [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"));
-  ASSERT_FALSE(turned);
-  EXPECT_NE(turned.error().text().find(":5: the IMU is not the body frame"), std::string::npos)
-      << turned.error().text();
-  EXPECT_FALSE(read_imu_calibration(calibration_file("negative.yaml", "gyroscope_noise_density: -1\n")));
+  const ImuCalibration imu = imu_of(densities + "gyroscope_saturation: 34\n");
+  EXPECT_DOUBLE_EQ(imu.noise.gyroscope_density, 1e-4);
+  EXPECT_DOUBLE_EQ(imu.noise.gyroscope_random_walk, 2e-5);
+  EXPECT_DOUBLE_EQ(imu.noise.accelerometer_density, 3e-3);
+  EXPECT_DOUBLE_EQ(imu.noise.accelerometer_random_walk, 4e-3);
+  EXPECT_DOUBLE_EQ(*imu.saturation_gyroscope_rad_s, 34);
+  EXPECT_FALSE(imu.saturation_accelerometer_m_s2);
+  const std::string turned = densities + "T_BS: [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n";
+  EXPECT_EQ(imu_error(turned).find(":5: the IMU is not the body frame"), 0u);
+  EXPECT_NE(imu_error("gyroscope_noise_density: -1\n"), "read");
 }
 
 TEST(ImuCalibration, ReadsWhatKalibrWrites) {
@@ -172,30 +138,25 @@ TEST(ImuCalibration, ReadsWhatKalibrWrites) {
   time_offset: 0.0
   update_rate: 200.0
 )";
-  const auto imu = read_imu_calibration(calibration_file("kalibr_imu.yaml", written));
-  ASSERT_TRUE(imu) << imu.error().text();
-  EXPECT_DOUBLE_EQ(imu->noise.gyroscope_density, 0.005);
-  EXPECT_DOUBLE_EQ(imu->noise.gyroscope_random_walk, 4e-6);
-  EXPECT_DOUBLE_EQ(imu->noise.accelerometer_density, 0.01);
-  EXPECT_DOUBLE_EQ(imu->noise.accelerometer_random_walk, 2e-4);
+  const ImuNoise noise = imu_of(written).noise;
+  EXPECT_DOUBLE_EQ(noise.gyroscope_density, 0.005);
+  EXPECT_DOUBLE_EQ(noise.gyroscope_random_walk, 4e-6);
+  EXPECT_DOUBLE_EQ(noise.accelerometer_density, 0.01);
+  EXPECT_DOUBLE_EQ(noise.accelerometer_random_walk, 2e-4);
   std::string second = written;
   second.replace(second.find("- [1.0"), 6, "- [1.1");
-  EXPECT_FALSE(read_imu_calibration(calibration_file("kalibr_second_imu.yaml", second)));
+  EXPECT_NE(imu_error(second), "read");
 }
 
 // With anchors a list can hold itself, or a few lines can say millions of numbers.
 TEST(CameraCalibration, RefusesListsWithoutEnd) {
-  const std::string head =
-      "T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [512, 512]\ncamera_model: pinhole\n"
-      "distortion_model: none\n";
-  const auto itself = read_camera_calibration(calibration_file("itself.yaml", head + "intrinsics: &a [*a]\n"), "cam0");
-  ASSERT_FALSE(itself);
-  EXPECT_NE(itself.error().text().find(":5: "), std::string::npos) << itself.error().text();
+  const std::string head = kUnitPose + "resolution: [512, 512]\ncamera_model: pinhole\ndistortion_model: none\n";
+  EXPECT_EQ(camera_error(head + "intrinsics: &a [*a]\n").find(":5: "), 0u);
   std::string wide = "many: &a [1";
   for (int i = 0; i < 3000; ++i) wide += ", 1";
   wide += "]\nintrinsics: [*a";
   for (int i = 0; i < 3000; ++i) wide += ", *a";
-  EXPECT_FALSE(read_camera_calibration(calibration_file("wide.yaml", head + wide + "]\n"), "cam0"));
+  EXPECT_NE(camera_error(head + wide + "]\n"), "read");
 }
 
 TEST(UncalibratedSensor, IsOneWithATypeAndNoKeyOfACalibration) {

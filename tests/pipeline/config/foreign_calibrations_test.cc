@@ -4,38 +4,19 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <fstream>
 #include <string>
 
 #include "pipeline/config/asl.h"
-#include "pipeline/config/calibration.h"
+#include "tests/pipeline/config/calibration_files.h"
 
 namespace epiline {
 namespace {
 
-std::filesystem::path file_of(const std::string& name, const std::string& text) {
-  const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / ("epiline_foreign_" + name);
-  std::ofstream(path) << text;
-  return path;
-}
-
-CameraCalibration camera_of(const std::string& text, const std::string& name = "cam0") {
-  const auto camera = read_camera_calibration(file_of("camera.yaml", text), name);
-  EXPECT_TRUE(camera) << camera.error().text();
-  return camera ? *camera : CameraCalibration{};
-}
-
-std::string error_of(const std::string& text, const std::string& name = "cam0") {
-  const std::filesystem::path path = file_of("wrong.yaml", text);
-  const auto camera = read_camera_calibration(path, name);
-  return camera ? "read" : camera.error().text().substr(path.string().size());
-}
-
-std::string imu_error_of(const std::string& text) {
-  const std::filesystem::path path = file_of("wrong_imu.yaml", text);
-  const auto imu = read_imu_calibration(path);
-  return imu ? "read" : imu.error().text().substr(path.string().size());
-}
+using test::calibration_file;
+using test::camera_error;
+using test::camera_of;
+using test::imu_error;
+using test::imu_of;
 
 /// `expected`: the pixel of a point, by the program's own model.
 template <class Expected>
@@ -98,18 +79,18 @@ TEST(ForeignCalibration, CamOdoCal) {
     const Vec2 d = equidistant(p, -0.01, 0.02, -0.02, 0.005);
     return Vec2(458.6 * d.x() + 367.2, 457.3 * d.y() + 248.4);
   });
-  EXPECT_EQ(error_of(kKannala),
+  EXPECT_EQ(camera_error(kKannala),
             ": a file of CamOdoCal: the key `T_BS` is missing; expected the camera's pose on the IMU beside the lens: "
             "T_BS, T_imu_cam or T_cam_imu, a 4x4 matrix");
-  EXPECT_EQ(error_of("model_type: SCARAMUZZA\nimage_width: 752\nimage_height: 480\nprojection_parameters: {}\n"),
+  EXPECT_EQ(camera_error("model_type: SCARAMUZZA\nimage_width: 752\nimage_height: 480\nprojection_parameters: {}\n"),
             ":1: a file of CamOdoCal: the lens model SCARAMUZZA; expected PINHOLE, KANNALA_BRANDT or MEI");
-  EXPECT_EQ(imu_error_of(kKannala),
+  EXPECT_EQ(imu_error(kKannala),
             ":1: a file of CamOdoCal: it holds no IMU; expected Kalibr's imu.yaml, or one of "
             "another format");
 }
 
 TEST(ForeignCalibration, VinsFindsTheLensBesideItsFile) {
-  file_of("lens.yaml", R"(%YAML:1.0
+  calibration_file("lens.yaml", R"(%YAML:1.0
 ---
 model_type: MEI
 image_width: 752
@@ -128,8 +109,7 @@ projection_parameters:
    v0: 238
 )");
   const std::string fusion =
-      "%YAML:1.0\n\nimu: 1\nacc_n: 0.1\ncam0_calib: \"epiline_foreign_lens.yaml\"\nbody_T_cam0:" + kPose +
-      "td: -0.004\n";
+      "%YAML:1.0\n\nimu: 1\nacc_n: 0.1\ncam0_calib: \"epiline_lens.yaml\"\nbody_T_cam0:" + kPose + "td: -0.004\n";
   const auto camera = camera_of(fusion);
   expect_quarter_turn(camera, {0.1, 0.2, 0.3});
   EXPECT_DOUBLE_EQ(camera.time_offset_s, -0.004);
@@ -137,11 +117,11 @@ projection_parameters:
     const Vec2 d = mei(p, 1.45, -0.34, 0.06, 0.00126, -0.00021);
     return Vec2(896 * d.x() + 372, 897 * d.y() + 238);
   });
-  EXPECT_EQ(error_of(fusion, "cam1"), ": a file of VINS: the key `body_T_cam1` is missing; expected this key");
-  EXPECT_EQ(imu_error_of(fusion),
+  EXPECT_EQ(camera_error(fusion, "cam1"), ": a file of VINS: the key `body_T_cam1` is missing; expected this key");
+  EXPECT_EQ(imu_error(fusion),
             ":4: a file of VINS: acc_n and gyr_n are the noise of one reading, and enlarged; "
             "expected densities: gyroscope_noise_density and so on, as in Kalibr's imu.yaml");
-  EXPECT_FALSE(is_chain_with(file_of("camera.yaml", fusion), "cam1"));
+  EXPECT_FALSE(is_chain_with(calibration_file("camera.yaml", fusion), "cam1"));
 
   const auto mono = camera_of("%YAML:1.0\n" + kKannala + R"(extrinsicRotation: !!opencv-matrix
    rows: 3
@@ -172,12 +152,11 @@ TEST(ForeignCalibration, OrbSlam) {
     const Vec2 d = radial_tangential(p.head<2>() / p.z(), -0.28, 0.07, 0.0002, 0.00002);
     return Vec2(458.6 * d.x() + 367.2, 457.3 * d.y() + 248.4);
   });
-  const auto noise = read_imu_calibration(file_of("orb.yaml", version_1));
-  ASSERT_TRUE(noise) << noise.error().text();
-  EXPECT_DOUBLE_EQ(noise->noise.gyroscope_density, 1.7e-4);
-  EXPECT_DOUBLE_EQ(noise->noise.gyroscope_random_walk, 1.9e-5);
-  EXPECT_DOUBLE_EQ(noise->noise.accelerometer_density, 2e-3);
-  EXPECT_DOUBLE_EQ(noise->noise.accelerometer_random_walk, 3e-3);
+  const ImuNoise noise = imu_of(version_1).noise;
+  EXPECT_DOUBLE_EQ(noise.gyroscope_density, 1.7e-4);
+  EXPECT_DOUBLE_EQ(noise.gyroscope_random_walk, 1.9e-5);
+  EXPECT_DOUBLE_EQ(noise.accelerometer_density, 2e-3);
+  EXPECT_DOUBLE_EQ(noise.accelerometer_random_walk, 3e-3);
 
   const std::string before = head +
                              "Camera.type: \"KannalaBrandt8\"\nCamera.fx: 190\nCamera.fy: 191\nCamera.cx: 254\n"
@@ -193,13 +172,13 @@ TEST(ForeignCalibration, OrbSlam) {
     return Vec2(190 * d.x() + 254, 191 * d.y() + 256);
   });
   expect_quarter_turn(camera_of(before, "cam1"), {0.1, 0.31, 0.3});
-  EXPECT_TRUE(is_chain_with(file_of("camera.yaml", before), "cam1"));
-  EXPECT_EQ(error_of(head + "Camera.type: \"PinHole\"\nCamera.fx: 458\n"),
+  EXPECT_TRUE(is_chain_with(calibration_file("camera.yaml", before), "cam1"));
+  EXPECT_EQ(camera_error(head + "Camera.type: \"PinHole\"\nCamera.fx: 458\n"),
             ": a file of ORB-SLAM3: the key `Camera.fy` is missing; expected this key");
   // without them it is not said whether the images are rectified
   std::string undistorted = version_1;
   undistorted.erase(undistorted.find("Camera1.k1"), 18);
-  EXPECT_EQ(error_of(undistorted), ": a file of ORB-SLAM3: the key `Camera1.k1` is missing; expected this key");
+  EXPECT_EQ(camera_error(undistorted), ": a file of ORB-SLAM3: the key `Camera1.k1` is missing; expected this key");
 }
 
 TEST(ForeignCalibration, RosCameraInfo) {
@@ -219,11 +198,12 @@ TEST(ForeignCalibration, RosCameraInfo) {
                 .parameters.distortion[4],
             0.01);
   EXPECT_EQ(
-      error_of(info("rational_polynomial", "[-0.28, 0.07, 0, 0, 0.01, 0.2, 0, 0]") + "T_BS:" + kPose),
+      camera_error(info("rational_polynomial", "[-0.28, 0.07, 0, 0, 0.01, 0.2, 0, 0]") + "T_BS:" + kPose),
       ":10: a file of ROS (CameraInfo): a lens with k4, k5, k6 (rational polynomial); expected k1 k2 p1 p2 k3, or "
       "an equidistant lens; `epiline calibrate` finds one");
-  EXPECT_EQ(error_of(info("plumb_bob", "[-0.28, 0.07, 0, 0, 0]")).find(": a file of ROS (CameraInfo): the key `T_BS`"),
-            0u);
+  EXPECT_EQ(
+      camera_error(info("plumb_bob", "[-0.28, 0.07, 0, 0, 0]")).find(": a file of ROS (CameraInfo): the key `T_BS`"),
+      0u);
   const auto printed = camera_of(
       "height: 480\nwidth: 752\ndistortion_model: equidistant\nd: [0.01, 0.02, 0.03, 0.004]\nk: [458.6, 0, 367.2, 0, "
       "457.3, 248.4, 0, 0, 1]\nT_BS:" +
@@ -253,20 +233,19 @@ TEST(ForeignCalibration, Basalt) {
   const std::string sphere =
       R"("camera_type": "ds", "intrinsics": {"fx": 350, "fy": 349, "cx": 367.2, "cy": 248.4, "xi": -0.24, "alpha": 0.57})";
   EXPECT_EQ(camera_of(basalt(sphere)).parameters.distortion[1], 0.57);
-  EXPECT_EQ(error_of(basalt(sphere), "cam1"),
+  EXPECT_EQ(camera_error(basalt(sphere), "cam1"),
             ":2: a file of basalt: no cam1 in resolution; expected one entry for each camera");
-  EXPECT_EQ(
-      error_of(basalt(R"("camera_type": "fov", "intrinsics": {"fx": 350, "fy": 349, "cx": 367, "cy": 248, "w": 1})")),
-      ":2: a file of basalt: the lens model fov; expected ds, eucm, kb4, pinhole or pinhole-radtan8");
-  const auto imu = read_imu_calibration(file_of("basalt.json", basalt(sphere)));
-  ASSERT_TRUE(imu) << imu.error().text();
-  EXPECT_DOUBLE_EQ(imu->noise.accelerometer_density, 0.009);
-  EXPECT_DOUBLE_EQ(imu->noise.gyroscope_random_walk, 0.0007);
+  EXPECT_EQ(camera_error(
+                basalt(R"("camera_type": "fov", "intrinsics": {"fx": 350, "fy": 349, "cx": 367, "cy": 248, "w": 1})")),
+            ":2: a file of basalt: the lens model fov; expected ds, eucm, kb4, pinhole or pinhole-radtan8");
+  const ImuCalibration imu = imu_of(basalt(sphere));
+  EXPECT_DOUBLE_EQ(imu.noise.accelerometer_density, 0.009);
+  EXPECT_DOUBLE_EQ(imu.noise.gyroscope_random_walk, 0.0007);
   Mat3 accelerometer, gyroscope;
   accelerometer << 1.01, 0, 0, 0.02, 1.04, 0, 0.03, 0.05, 1.06;
   gyroscope << 1.01, 0.04, 0.07, 0.02, 1.05, 0.08, 0.03, 0.06, 1.09;
-  EXPECT_TRUE(imu->correction.accelerometer.isApprox(accelerometer, 1e-12));
-  EXPECT_TRUE(imu->correction.gyroscope.isApprox(gyroscope, 1e-12));
+  EXPECT_TRUE(imu.correction.accelerometer.isApprox(accelerometer, 1e-12));
+  EXPECT_TRUE(imu.correction.gyroscope.isApprox(gyroscope, 1e-12));
 }
 
 TEST(ForeignCalibration, KalibrsOmniAndEucm) {
@@ -289,21 +268,20 @@ TEST(ForeignCalibration, KalibrsOmniAndEucm) {
   });
   // what a recording of such a flight says is read again, bit by bit
   for (const CameraCalibration& c : {omni, enhanced}) {
-    const auto again = read_camera_calibration(file_of("sensor.yaml", asl_camera(c, 20, "")), "cam0");
-    ASSERT_TRUE(again) << again.error().text();
-    EXPECT_EQ(again->parameters.model, CameraModel::kUnified);
-    EXPECT_EQ(again->parameters.intrinsics, c.parameters.intrinsics);
-    EXPECT_EQ(again->parameters.distortion, c.parameters.distortion);
+    const CameraParameters again = camera_of(asl_camera(c, 20, "")).parameters;
+    EXPECT_EQ(again.model, CameraModel::kUnified);
+    EXPECT_EQ(again.intrinsics, c.parameters.intrinsics);
+    EXPECT_EQ(again.distortion, c.parameters.distortion);
   }
 }
 
 TEST(ForeignCalibration, OpenVinsNamesItsTwoFiles) {
-  file_of("chain.yaml",
-          "cam1:\n  T_cam_imu: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n  resolution: [64, 48]\n"
-          "  camera_model: pinhole\n  intrinsics: [40, 40, 32, 24]\n  distortion_model: none\n");
+  calibration_file("chain.yaml",
+                   "cam1:\n  T_cam_imu: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n  resolution: [64, 48]\n"
+                   "  camera_model: pinhole\n  intrinsics: [40, 40, 32, 24]\n  distortion_model: none\n");
   const std::string main =
-      "%YAML:1.0\nverbosity: \"INFO\"\nrelative_config_imu: \"epiline_foreign_imu.yaml\"\nrelative_config_imucam: "
-      "\"epiline_foreign_chain.yaml\"\n";
+      "%YAML:1.0\nverbosity: \"INFO\"\nrelative_config_imu: \"epiline_imu.yaml\"\nrelative_config_imucam: "
+      "\"epiline_chain.yaml\"\n";
   EXPECT_EQ(camera_of(main, "cam1").parameters.width, 64);
 }
 

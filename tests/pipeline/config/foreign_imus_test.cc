@@ -2,28 +2,17 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
-#include <filesystem>
-#include <fstream>
 #include <functional>
 #include <string>
 
 #include "pipeline/config/asl.h"
-#include "pipeline/config/calibration.h"
+#include "tests/pipeline/config/calibration_files.h"
 
 namespace epiline {
 namespace {
 
-std::filesystem::path imu_file(const std::string& name, const std::string& text) {
-  const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / ("epiline_foreign_imu_" + name);
-  std::ofstream(path) << text;
-  return path;
-}
-
-std::string error_of_imu(const std::string& text) {
-  const std::filesystem::path path = imu_file("wrong_imu.yaml", text);
-  const auto imu = read_imu_calibration(path);
-  return imu ? "read" : imu.error().text().substr(path.string().size());
-}
+using test::imu_error;
+using test::imu_of;
 
 const std::string kImu =
     "imu0:\n  accelerometer_noise_density: 0.002\n  accelerometer_random_walk: 0.003\n  gyroscope_noise_density: "
@@ -36,20 +25,18 @@ Mat3 matrix(std::initializer_list<double> rows) {
 
 // Readings with the errors that the file tells become the true ones.
 void expect_corrected(const std::string& text, const std::function<ImuSample(const Vec3& w, const Vec3& f)>& reading) {
-  const auto imu = read_imu_calibration(imu_file("scales.yaml", text));
-  ASSERT_TRUE(imu) << imu.error().text();
-  EXPECT_FALSE(imu->correction.is_none());
+  const ImuCalibration imu = imu_of(text);
+  EXPECT_FALSE(imu.correction.is_none());
   const Vec3 w(0.3, -0.7, 1.1), f(0.5, -9.1, 3.3);
   ImuSample sample = reading(w, f);
-  imu->correction.apply(sample);
+  imu.correction.apply(sample);
   EXPECT_LT((vec3(sample.angular_velocity_rad_s) - w).norm(), 1e-12);
   EXPECT_LT((vec3(sample.specific_force_m_s2) - f).norm(), 1e-12);
   // a recording of such an IMU keeps raw readings, and its file the correction
-  const auto again = read_imu_calibration(imu_file("again.yaml", asl_imu(*imu)));
-  ASSERT_TRUE(again) << again.error().text();
-  EXPECT_TRUE(again->correction.gyroscope.isApprox(imu->correction.gyroscope, 1e-12));
-  EXPECT_TRUE(again->correction.accelerometer.isApprox(imu->correction.accelerometer, 1e-12));
-  EXPECT_TRUE(again->correction.gyroscope_by_force.isApprox(imu->correction.gyroscope_by_force, 1e-9));
+  const ImuCorrection again = imu_of(asl_imu(imu)).correction;
+  EXPECT_TRUE(again.gyroscope.isApprox(imu.correction.gyroscope, 1e-12));
+  EXPECT_TRUE(again.accelerometer.isApprox(imu.correction.accelerometer, 1e-12));
+  EXPECT_TRUE(again.gyroscope_by_force.isApprox(imu.correction.gyroscope_by_force, 1e-9));
 }
 
 ImuSample sample_of(const Vec3& w, const Vec3& f) { return {{}, {w.x(), w.y(), w.z()}, {f.x(), f.y(), f.z()}}; }
@@ -86,14 +73,12 @@ TEST(ImuIntrinsics, OpenVinsAreApplied) {
 
 TEST(ImuIntrinsics, WhatCannotBeAppliedIsNamed) {
   EXPECT_EQ(
-      error_of_imu(kImu + "  accelerometers:\n    rx_i: [0, 0, 0]\n    ry_i: [0.01, 0, 0]\n"),
+      imu_error(kImu + "  accelerometers:\n    rx_i: [0, 0, 0]\n    ry_i: [0.01, 0, 0]\n"),
       ":8: the key `ry_i`: accelerometers apart from each other; expected Kalibr's model scale-misalignment, which "
       "has one place for all three");
-  EXPECT_EQ(error_of_imu(kImu + "  gyroscopes:\n    M: [[1, 0, 0], [0, 0, 0], [0, 0, 1]]\n"),
+  EXPECT_EQ(imu_error(kImu + "  gyroscopes:\n    M: [[1, 0, 0], [0, 0, 0], [0, 0, 1]]\n"),
             ": a matrix of the IMU's scales without an inverse; expected matrices near the identity, or turns");
-  const auto none = read_imu_calibration(imu_file("none.yaml", kImu + "  Tw: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n"));
-  ASSERT_TRUE(none) << none.error().text();
-  EXPECT_TRUE(none->correction.is_none());
+  EXPECT_TRUE(imu_of(kImu + "  Tw: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n").correction.is_none());
 }
 
 }  // namespace

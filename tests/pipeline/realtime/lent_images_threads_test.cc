@@ -5,22 +5,20 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <chrono>
 #include <memory>
-#include <thread>
 #include <vector>
 
 #include "pipeline/realtime/realtime_pipeline.h"
+#include "tests/pipeline/realtime/resting_imu.h"
 
 namespace epiline {
 namespace {
 
-constexpr int kReadingRate = 200, kImageEach = 10, kImages = 200, kReadings = kImages * kImageEach + 2;
-constexpr int kWidth = 160, kHeight = 120;
-constexpr HostStamp kBegin{50'000'000'000};
+using test::nap;
+using test::reading_stamp;
 
-HostStamp stamp_of(int i) { return kBegin + Span{1'000'000'000LL * i / kReadingRate}; }
-void doze() { std::this_thread::sleep_for(std::chrono::milliseconds(1)); }
+constexpr int kImageEach = 10, kImages = 200, kReadings = kImages * kImageEach + 2;
+constexpr int kWidth = 160, kHeight = 120;
 
 using Pixels = std::array<std::uint8_t, static_cast<std::size_t>(kWidth* kHeight)>;
 
@@ -33,32 +31,6 @@ void draw(std::uint64_t sequence, Pixels& pixels) {
     pixels[i] = static_cast<std::uint8_t>(sequence % 9 == 8 ? sequence % 3 : grey);
   }
 }
-
-/// All readings of a body at rest as soon as they are let go.
-class RestingImu final : public ImuSource {
- public:
-  Status open() override { return Done{}; }
-  void close() noexcept override {}
-  ReadOutcome read(std::span<ImuSample> samples, std::size_t& count, Span) noexcept override {
-    count = 0;
-    if (next_ == kReadings) return ReadOutcome::kEnd;
-    if (held) {
-      doze();
-      return ReadOutcome::kTimeout;
-    }
-    for (; count < samples.size() && next_ < kReadings; ++count) {
-      samples[count] = {};
-      samples[count].stamp = stamp_of(next_++);
-      samples[count].specific_force_m_s2 = {0, 0.01 * (next_ % 3), 9.81};
-    }
-    return ReadOutcome::kSample;
-  }
-
-  std::atomic<bool> held{false};
-
- private:
-  int next_ = 0;
-};
 
 /// Gives images as fast as buffers come back. In a pause it first waits for all but the one that the tracker keeps.
 class LendingCamera final : public CameraSource {
@@ -75,7 +47,7 @@ class LendingCamera final : public CameraSource {
     const std::int64_t began_ns = monotonic_ns();
     while (lent() > most_lent || given >= hold_at) {
       if (monotonic_ns() - began_ns > timeout.ns) return tell_of_nothing(began_ns);
-      doze();
+      nap();
     }
     waiting_since_ns_ = 0;
     const auto slot =
@@ -83,9 +55,13 @@ class LendingCamera final : public CameraSource {
                                               [](const Buffer& b) { return !b.lent.load(std::memory_order_acquire); }) -
                                  buffers_.begin());
     Buffer& buffer = buffers_[slot];
-    frame = {
-        stamp_of(kImageEach * given), static_cast<std::uint64_t>(given), buffer.pixels.data(), kWidth, kHeight, kWidth,
-        static_cast<int>(slot)};
+    frame = {reading_stamp(kImageEach * given),
+             static_cast<std::uint64_t>(given),
+             buffer.pixels.data(),
+             kWidth,
+             kHeight,
+             kWidth,
+             static_cast<int>(slot)};
     draw(frame.sequence, buffer.pixels);
     buffer.lent.store(true, std::memory_order_relaxed);
     ++given;
@@ -134,7 +110,7 @@ class Onlooker final : public FlightObserver {
     do {
       draw(frame.sequence, expected_);
       if (!std::equal(expected_.begin(), expected_.end(), frame.data)) ++spoilt;
-      if (held) doze();
+      if (held) nap();
     } while (held);
   }
 
@@ -157,11 +133,11 @@ struct Flight {
   }
   void start() {
     pipeline = std::make_unique<RealtimePipeline>(settings, RealtimePorts{&camera, &imu, nullptr, {&onlooker}, {}});
-    pipeline->arm({kBegin, monotonic_ns(), 1});
+    pipeline->arm({test::kFirstReading, monotonic_ns(), 1});
   }
   template <class What>
   void wait_until(What&& what) {
-    while (!what() && !pipeline->finished()) doze();
+    while (!what() && !pipeline->finished()) nap();
   }
   RealtimeReport land() {
     wait_until([] { return false; });
@@ -177,7 +153,7 @@ struct Flight {
   }
 
   RealtimeSettings settings;
-  RestingImu imu;
+  test::RestingImu imu{kReadings};
   LendingCamera camera;
   Onlooker onlooker;
   std::unique_ptr<RealtimePipeline> pipeline;
@@ -214,22 +190,22 @@ TEST_P(LentImages, ComeBackFromAFlightStoppedInTheMiddle) {
 // it has in hand is up to the machine: the first, a later one, or none if the tracker had no processor all the time.
 TEST(LentImages, OvertakenOnesComeBack) {
   Flight flight(6);
-  flight.imu.held = true;
+  flight.imu.hold_at = 0;
   flight.start();
   flight.wait_until([&] { return flight.camera.over.load(); });
   EXPECT_GE(flight.camera.returned, kImages - 5);
-  flight.imu.held = false;
+  flight.imu.hold_at = test::RestingImu::kNever;
   const RealtimeReport report = flight.land();
   flight.expect_all_back();
   EXPECT_GE(report.frames_out, 1u);
   EXPECT_LE(report.frames_out, 5u);
-  EXPECT_EQ(flight.onlooker.newest, stamp_of(kImageEach * (kImages - 1)));
+  EXPECT_EQ(flight.onlooker.newest, reading_stamp(kImageEach * (kImages - 1)));
   EXPECT_EQ(report.frames_out + report.frames_overtaken, static_cast<std::uint64_t>(kImages));
 }
 
 TEST(LentImages, ComeBackFromTheRingWhenTheTrackerIsStopped) {
   Flight flight(6);
-  flight.imu.held = true;
+  flight.imu.hold_at = 0;
   flight.camera.hold_at = 5;
   flight.start();
   flight.wait_until([&] { return flight.camera.given == 5; });

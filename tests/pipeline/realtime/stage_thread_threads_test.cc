@@ -38,12 +38,17 @@ class Taker final : public Stage {
   std::atomic<int> steps{0}, sum{0};
 };
 
-TEST(StageThread, DoesNothingBeforeTheFlightIsArmed) {
+class StageThreadTest : public testing::Test {
+ protected:
+  void start() { ASSERT_TRUE(thread.start(taker)); }
   FlightSwitch flight;
   Taker taker;
+  StageThread thread{{"t"}, flight};
+};
+
+TEST_F(StageThreadTest, DoesNothingBeforeTheFlightIsArmed) {
   taker.input.push(1);
-  StageThread thread({"t"}, flight);
-  ASSERT_TRUE(thread.start(taker));
+  start();
   for (int i = 0; i < 20; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   EXPECT_EQ(taker.steps, 0);
   flight.stop();
@@ -52,11 +57,8 @@ TEST(StageThread, DoesNothingBeforeTheFlightIsArmed) {
   EXPECT_TRUE(thread.ended().is_set());
 }
 
-TEST(StageThread, WakesForWhatItIsGivenAndEndsWithItsStage) {
-  FlightSwitch flight;
-  Taker taker;
-  StageThread thread({"t"}, flight);
-  ASSERT_TRUE(thread.start(taker));
+TEST_F(StageThreadTest, WakesForWhatItIsGivenAndEndsWithItsStage) {
+  start();
   flight.arm();
   for (int i = 1; i <= 1000; ++i) {
     while (!taker.input.push(1)) std::this_thread::yield();
@@ -71,23 +73,17 @@ TEST(StageThread, WakesForWhatItIsGivenAndEndsWithItsStage) {
   EXPECT_EQ(taker.sum, 1000);
 }
 
-TEST(StageThread, StepsAgainAtTheTimeThatItsStageSays) {
-  FlightSwitch flight;
-  Taker taker;
+TEST_F(StageThreadTest, StepsAgainAtTheTimeThatItsStageSays) {
   taker.sleep_until_ns = 0;  // long past
-  StageThread thread({"t"}, flight);
-  ASSERT_TRUE(thread.start(taker));
+  start();
   flight.arm();
   wait_until(taker.steps, 10);
   flight.stop();
   thread.join();
 }
 
-TEST(StageThread, AStopWakesASleeperAndLeavesWhatIsLeft) {
-  FlightSwitch flight;
-  Taker taker;
-  StageThread thread({"t"}, flight);
-  ASSERT_TRUE(thread.start(taker));
+TEST_F(StageThreadTest, AStopWakesASleeperAndLeavesWhatIsLeft) {
+  start();
   flight.arm();
   wait_until(taker.steps, 1);
   flight.stop();

@@ -15,10 +15,9 @@
 #include "platform/log/event.h"
 #include "platform/memory/allocation_count.h"
 #include "platform/ports/ports.h"
+#include "tests/support/times.h"
 
 namespace epiline::test {
-
-constexpr std::int64_t kMs = 1'000'000, kStart_ns = 1'000'000'000'000;
 
 /// A stamp so many ms after the start.
 constexpr HostStamp at_ms(std::int64_t ms) { return HostStamp{kStart_ns + ms * kMs}; }
@@ -26,6 +25,19 @@ constexpr HostStamp at_ms(std::int64_t ms) { return HostStamp{kStart_ns + ms * k
 inline std::int64_t clock_ns = kStart_ns;  ///< of the stages; a test moves it
 inline std::int64_t made_up_now() noexcept { return clock_ns; }
 inline std::int64_t made_up_cpu() noexcept { return 0; }
+
+using Lines = std::vector<std::string>;
+
+/// What was told, as lines of events.txt with the time in ms since the start.
+inline Lines told_by(EventRing& events) {
+  Lines lines;
+  for (Event event; events.pop(event);) {
+    char text[128];
+    const std::string line(text, format_event(event, text));
+    lines.push_back(std::to_string((event.stamp.ns - kStart_ns) / kMs) + line.substr(line.find(' ')));
+  }
+  return lines;
+}
 
 class StageTest : public testing::Test {
  protected:
@@ -57,17 +69,7 @@ class StageTest : public testing::Test {
   }
   static void to_ms(std::int64_t ms) { clock_ns = kStart_ns + ms * kMs; }
 
-  /// What was told, as lines of events.txt with the time in ms.
-  std::vector<std::string> told() {
-    std::vector<std::string> lines;
-    for (Event event; events->pop(event);) {
-      char text[128];
-      const std::string line(text, format_event(event, text));
-      lines.push_back(std::to_string((event.stamp.ns - kStart_ns) / kMs) + line.substr(line.find(' ')));
-    }
-    return lines;
-  }
-  using Lines = std::vector<std::string>;
+  Lines told() { return told_by(*events); }
 
   Pace pace{HostStamp{kStart_ns}, kStart_ns, 1};
   FlightClock clock{{made_up_now, made_up_cpu}, &pace};

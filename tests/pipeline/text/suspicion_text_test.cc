@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <utility>
 
 namespace epiline {
 namespace {
@@ -11,28 +12,37 @@ namespace {
 bool says(const std::string& text, const char* what) { return text.find(what) != std::string::npos; }
 
 TEST(SuspicionText, NamesTheNumberAndTheFigure) {
-  EXPECT_TRUE(says(text_of(Suspect::kRotation, {Severity::kSuspect, 0.157, {}}), "by 9 degrees"));
-  EXPECT_TRUE(says(text_of(Suspect::kInverted, {Severity::kGross, 0, {}}), "T_cam_imu) is inverted"));
-  EXPECT_TRUE(says(text_of(Suspect::kWheelScale, {Severity::kNote, 1 / 1.05, {}}), "wheels read 5.0 % too much"));
-  EXPECT_TRUE(says(text_of(Suspect::kWheelScale, {Severity::kNote, -1, {}}), "backwards"));
-  EXPECT_TRUE(says(text_of(Suspect::kWheelScale, {Severity::kNote, 0.277, {}}), "km/h"));
-  EXPECT_TRUE(says(text_of(Suspect::kWheelSlip, {Severity::kNote, 0.2, {}}), "20 %"));
-  EXPECT_TRUE(says(text_of(Suspect::kWheelStuck, {Severity::kNote, 1, {}}), "1.00 m/s while the vehicle's speed"));
-  EXPECT_TRUE(says(text_of(Suspect::kWheelDelay, {Severity::kNote, 0.3, {}}), "late by 0.30 s"));
-  EXPECT_TRUE(says(text_of(Suspect::kPlace, {Severity::kNote, 0.19, {}}), "19 cm from where T_BS puts it"));
-  EXPECT_TRUE(says(text_of(Suspect::kTimeOffset, {Severity::kGross, -0.048, {}}), "late by 48 ms"));
-  EXPECT_TRUE(says(text_of(Suspect::kGyroscopeUnits, {Severity::kGross, 57.3, {}}), "in degrees"));
-  EXPECT_TRUE(says(text_of(Suspect::kAccelerometerUnits, {Severity::kGross, 1.0, {}}), "in g?"));
-  EXPECT_TRUE(says(text_of(Suspect::kMirrored, {Severity::kGross, 1, {2, 1, 3}}), "axes x and y look swapped"));
-  EXPECT_TRUE(says(text_of(Suspect::kMirrored, {Severity::kGross, 1, {1, 2, -3}}), "sign of its z axis"));
-  EXPECT_TRUE(says(text_of(Suspect::kMirrored, {Severity::kGross, 1, {-1, -2, -3}}), "mirrored"));
-  EXPECT_TRUE(says(text_of(Suspect::kImuMisfit, {Severity::kSuspect, 1.4, {}}), "more than its noise"));
-  EXPECT_TRUE(says(text_of(Suspect::kBehind, {Severity::kGross, 0.62, {}}), "62 % of the tracks meet behind it"));
-  EXPECT_TRUE(says(text_of(Suspect::kGyroscopeNoise, {Severity::kNote, 40, {}}), "off by 40"));
-  EXPECT_TRUE(says(text_of(Suspect::kGyroscopeNoise, {Severity::kNote, 40, {}}), "corrects for it"));
-  EXPECT_TRUE(says(text_of(Suspect::kGyroscopeScale, {Severity::kNote, 1 / 1.03, {}}),
-                   "gyroscope's readings are 3.0 % too large"));
-  EXPECT_TRUE(says(text_of(Suspect::kAccelerometerScale, {Severity::kNote, 1.02, {}}), "2.0 % too small"));
+  using enum Suspect;
+  using enum Severity;
+  const struct {
+    Suspect suspect;
+    Suspicion suspicion;
+    const char* what;
+  } cases[] = {
+      {kRotation, {kSuspect, 0.157, {}}, "by 9 degrees"},
+      {kInverted, {kGross, 0, {}}, "T_cam_imu) is inverted"},
+      {kWheelScale, {kNote, 1 / 1.05, {}}, "wheels read 5.0 % too much"},
+      {kWheelScale, {kNote, -1, {}}, "backwards"},
+      {kWheelScale, {kNote, 0.277, {}}, "km/h"},
+      {kWheelSlip, {kNote, 0.2, {}}, "20 %"},
+      {kWheelStuck, {kNote, 1, {}}, "1.00 m/s while the vehicle's speed"},
+      {kWheelDelay, {kNote, 0.3, {}}, "late by 0.30 s"},
+      {kPlace, {kNote, 0.19, {}}, "19 cm from where T_BS puts it"},
+      {kTimeOffset, {kGross, -0.048, {}}, "late by 48 ms"},
+      {kGyroscopeUnits, {kGross, 57.3, {}}, "in degrees"},
+      {kAccelerometerUnits, {kGross, 1.0, {}}, "in g?"},
+      {kMirrored, {kGross, 1, {2, 1, 3}}, "axes x and y look swapped"},
+      {kMirrored, {kGross, 1, {1, 2, -3}}, "sign of its z axis"},
+      {kMirrored, {kGross, 1, {-1, -2, -3}}, "mirrored"},
+      {kImuMisfit, {kSuspect, 1.4, {}}, "more than its noise"},
+      {kBehind, {kGross, 0.62, {}}, "62 % of the tracks meet behind it"},
+      {kGyroscopeNoise, {kNote, 40, {}}, "off by 40"},
+      {kGyroscopeNoise, {kNote, 40, {}}, "corrects for it"},
+      {kGyroscopeScale, {kNote, 1 / 1.03, {}}, "gyroscope's readings are 3.0 % too large"},
+      {kAccelerometerScale, {kNote, 1.02, {}}, "2.0 % too small"},
+  };
+  for (const auto& [suspect, suspicion, what] : cases)
+    EXPECT_TRUE(says(text_of(suspect, suspicion), what)) << text_of(suspect, suspicion);
 }
 
 TEST(SuspicionText, GrossOnesComeFirst) {
@@ -45,27 +55,30 @@ TEST(SuspicionText, GrossOnesComeFirst) {
 }
 
 TEST(SuspicionText, TheWordsForProgramsStay) {
-  EXPECT_STREQ(to_string(Suspect::kRotation), "camera_rotation");
-  EXPECT_STREQ(to_string(Suspect::kInverted), "camera_rotation_inverted");
-  EXPECT_STREQ(to_string(Suspect::kPlace), "camera_place");
-  EXPECT_STREQ(to_string(Suspect::kMirrored), "axes_mirrored");
-  EXPECT_STREQ(to_string(Suspect::kTimeOffset), "time_offset");
-  EXPECT_STREQ(to_string(Suspect::kGyroscopeUnits), "gyroscope_units");
-  EXPECT_STREQ(to_string(Suspect::kScale), "rotation_scale");
-  EXPECT_STREQ(to_string(Suspect::kUnrelated), "turns_unrelated");
-  EXPECT_STREQ(to_string(Suspect::kAccelerometerUnits), "accelerometer_units");
-  EXPECT_STREQ(to_string(Suspect::kMisfit), "misfit");
-  EXPECT_STREQ(to_string(Suspect::kImuMisfit), "imu_misfit");
-  EXPECT_STREQ(to_string(Suspect::kBehind), "tracks_behind");
-  EXPECT_STREQ(to_string(Suspect::kGyroscopeNoise), "gyroscope_noise");
-  EXPECT_STREQ(to_string(Suspect::kAccelerometerNoise), "accelerometer_noise");
-  EXPECT_STREQ(to_string(Suspect::kFocalLength), "focal_length");
-  EXPECT_STREQ(to_string(Suspect::kAccelerometerScale), "accelerometer_scale");
-  EXPECT_STREQ(to_string(Suspect::kGyroscopeScale), "gyroscope_scale");
-  EXPECT_STREQ(to_string(Severity::kNone), "none");
-  EXPECT_STREQ(to_string(Severity::kNote), "corrected");
-  EXPECT_STREQ(to_string(Severity::kSuspect), "suspect");
-  EXPECT_STREQ(to_string(Severity::kGross), "gross");
+  using enum Suspect;
+  const std::pair<Suspect, const char*> suspects[] = {{kRotation, "camera_rotation"},
+                                                      {kInverted, "camera_rotation_inverted"},
+                                                      {kPlace, "camera_place"},
+                                                      {kMirrored, "axes_mirrored"},
+                                                      {kTimeOffset, "time_offset"},
+                                                      {kGyroscopeUnits, "gyroscope_units"},
+                                                      {kScale, "rotation_scale"},
+                                                      {kUnrelated, "turns_unrelated"},
+                                                      {kAccelerometerUnits, "accelerometer_units"},
+                                                      {kMisfit, "misfit"},
+                                                      {kImuMisfit, "imu_misfit"},
+                                                      {kBehind, "tracks_behind"},
+                                                      {kGyroscopeNoise, "gyroscope_noise"},
+                                                      {kAccelerometerNoise, "accelerometer_noise"},
+                                                      {kFocalLength, "focal_length"},
+                                                      {kAccelerometerScale, "accelerometer_scale"},
+                                                      {kGyroscopeScale, "gyroscope_scale"}};
+  for (const auto& [suspect, word] : suspects) EXPECT_STREQ(to_string(suspect), word);
+  const std::pair<Severity, const char*> severities[] = {{Severity::kNone, "none"},
+                                                         {Severity::kNote, "corrected"},
+                                                         {Severity::kSuspect, "suspect"},
+                                                         {Severity::kGross, "gross"}};
+  for (const auto& [severity, word] : severities) EXPECT_STREQ(to_string(severity), word);
 }
 
 TEST(SuspicionText, AnEventSaysTheSame) {

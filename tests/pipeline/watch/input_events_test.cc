@@ -9,24 +9,14 @@
 #include <vector>
 
 #include "platform/memory/allocation_count.h"
+#include "tests/pipeline/stages/stage_support.h"
 #include "tests/support/times.h"
 
 namespace epiline {
 namespace {
 
-/// What was told, as lines of events.txt with the time in ms since the start.
-std::vector<std::string> told(EventRing& ring) {
-  std::vector<std::string> lines;
-  for (Event event; ring.pop(event);) {
-    char text[128];
-    const std::string ms = std::to_string((event.stamp.ns - kStart_ns) / kMs);
-    format_event(event, text);
-    const std::string line(text);
-    lines.push_back(ms + line.substr(line.find(' ')));
-  }
-  return lines;
-}
-using Lines = std::vector<std::string>;
+using test::Lines;
+using test::told_by;
 
 /// Readings at 200 Hz, no two alike, for `ms`.
 class ImuStream {
@@ -50,7 +40,7 @@ class ImuStream {
   void flow(int ms) {
     flow(ms, [](ImuSample&) {});
   }
-  Lines told() { return epiline::told(*ring_); }
+  Lines told() { return told_by(*ring_); }
 
  private:
   std::unique_ptr<EventRing> ring_ = std::make_unique<EventRing>();
@@ -134,7 +124,7 @@ class ImageStream {
       events_.after(taken, f, gate_);
     }
   }
-  Lines told() { return epiline::told(*ring_); }
+  Lines told() { return told_by(*ring_); }
 
  private:
   static constexpr int kWidth = 160, kHeight = 120;
