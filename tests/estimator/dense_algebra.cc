@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <cmath>
+#include <random>
 
 namespace epiline::test {
 
@@ -24,9 +25,30 @@ MatrixXd lower_factor(const MatrixXd& A) {
 
 VectorXd solve(const MatrixXd& A, const VectorXd& b) { return A.ldlt().solve(b); }
 
-MatrixXd congruence(const MatrixXd& H, const MatrixXd& J) {
-  const MatrixXd HJ = H * J;
-  return J.transpose() * HJ;
+MatrixXd product(const MatrixXd& A, const MatrixXd& B) { return A * B; }
+
+MatrixXd congruence(const MatrixXd& H, const MatrixXd& J) { return product(J.transpose(), product(H, J)); }
+
+double chi2(const VectorXd& e, const MatrixXd& A) { return e.dot(solve(A, e)); }
+
+void add_equations(double weight, const MatrixXd& J, const VectorXd& r, MatrixXd& H, VectorXd& b) {
+  H += weight * product(J.transpose(), J);
+  b -= weight * product(J.transpose(), r);
+}
+
+MatrixXd random_covariance(int n, unsigned seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  MatrixXd A(n, n + 5);
+  for (double& x : A.reshaped()) x = normal(random);
+  return product(A, A.transpose());
+}
+
+double relative_difference(const MatrixXd& A, const MatrixXd& B) { return (A - B).norm() / B.norm(); }
+
+MatrixXd in_units(const MatrixXd& A, const VectorXd& unit) {
+  const VectorXd scale = unit.cwiseInverse();
+  return scale.asDiagonal() * A * scale.asDiagonal();
 }
 
 }  // namespace epiline::test

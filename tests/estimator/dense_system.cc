@@ -1,10 +1,9 @@
 #include "tests/estimator/dense_system.h"
 
-#include <Eigen/Cholesky>
 #include <cmath>
 #include <memory>
 
-namespace epiline {
+namespace epiline::test {
 
 DenseSystem dense(const LinearSystem& s) {
   const int n = s.frames, dim = dense_dim(n), total = 15 * n + kCalibration;
@@ -38,15 +37,34 @@ Eigen::VectorXd solve_with(InstructionSet set, LinearSystem& s, double damping) 
   return out;
 }
 
-using LongMatrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
-
 DenseSolution solve_dense(const DenseSystem& d) {
-  const Eigen::Matrix<long double, Eigen::Dynamic, 1> unit = d.H.diagonal().cast<long double>().cwiseSqrt();
-  const LongMatrix scale = unit.cwiseInverse().asDiagonal();
-  const LongMatrix A = scale * d.H.cast<long double>() * scale;
-  const LongMatrix inverse = A.llt().solve(LongMatrix::Identity(A.rows(), A.cols()));
-  const LongMatrix covariance = scale * inverse * scale;
-  return {(covariance * d.b.cast<long double>()).cast<double>(), covariance.cast<double>(), unit.cast<double>()};
+  const auto n = static_cast<int>(d.b.size());
+  Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic> A(n, n);
+  DenseSolution s{Eigen::VectorXd::Zero(n), Eigen::MatrixXd(n, n), Eigen::VectorXd(n)};
+  for (int i = 0; i < n; ++i) s.unit[i] = std::sqrt(d.H(i, i));
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) A(j, i) = d.H(i, j) / (static_cast<long double>(s.unit[i]) * s.unit[j]);
+  for (int k = 0; k < n; ++k) {  // Gauss and Jordan: the inverse in its place
+    const long double pivot = A(k, k);
+    A(k, k) = 1;
+    for (int j = 0; j < n; ++j) A(j, k) /= pivot;
+    for (int i = 0; i < n; ++i) {
+      if (i == k) continue;
+      const long double factor = A(k, i);
+      A(k, i) = 0;
+      for (int j = 0; j < n; ++j) A(j, i) -= factor * A(j, k);
+    }
+  }
+  for (int i = 0; i < n; ++i) {
+    long double step = 0;
+    for (int j = 0; j < n; ++j) {
+      const long double c = A(j, i) / (static_cast<long double>(s.unit[i]) * s.unit[j]);
+      s.covariance(i, j) = static_cast<double>(c);
+      step += c * d.b[j];
+    }
+    s.step[i] = static_cast<double>(step);
+  }
+  return s;
 }
 
-}  // namespace epiline
+}  // namespace epiline::test

@@ -4,7 +4,7 @@
 
 #include "estimator/solver/solver.h"
 
-namespace epiline {
+namespace epiline::test {
 
 /// H x = b. Order: the dense part as in LinearSystem, then (v, b) of the frames but the newest, oldest first.
 struct DenseSystem {
@@ -35,4 +35,4 @@ inline double relative_difference(const Eigen::VectorXd& a, const Eigen::VectorX
   return unit.cwiseProduct(a - b).norm() / unit.cwiseProduct(b).norm();
 }
 
-}  // namespace epiline
+}  // namespace epiline::test

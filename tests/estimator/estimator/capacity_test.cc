@@ -5,11 +5,8 @@
 
 #include "tests/estimator/estimator/rig.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::Flight;
-using test::Rig;
 
 /// Every track lasts a second, then its point is found anew: an ended track stays in the window while its frames do.
 struct ShortTracks {
@@ -64,4 +61,4 @@ TEST(EstimatorCapacity, AFullTableFliesAsWellAsOneWithRoom) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

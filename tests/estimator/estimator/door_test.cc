@@ -1,15 +1,13 @@
-// What the estimator does not let in: corrupt readings, frames out of order or far ahead, impossible features.
+// What the estimator does not let in: corrupt readings, frames out of order or far ahead, impossible features and
+// heights.
 #include <gtest/gtest.h>
 
 #include <limits>
 
 #include "tests/estimator/estimator/rig.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::Flight;
-using test::Rig;
 
 TEST(EstimatorImu, BadSamplesAreCountedAndHarmless) {
   // GIVEN two estimators on the same flight, one of which gets not-a-numbers, impossible values, doubles, old samples
@@ -212,7 +210,7 @@ TEST(EstimatorDoor, APoseAfterReadingsAtTheLimitIsDegraded) {
   ASSERT_TRUE(rig.last().solved);
   ASSERT_EQ(rig.odometry().health.state, HealthState::kTracking);
   ImuSample hit;
-  hit.stamp = test::at(rig.now() + 0.0125);
+  hit.stamp = at(rig.now() + 0.0125);
   hit.specific_force_m_s2 = {0, 1e3, 9.81};
   hit.reasons = bit(HealthReason::kImuSaturated);
   EXPECT_TRUE(rig.estimator().add_imu(hit));
@@ -224,5 +222,40 @@ TEST(EstimatorDoor, APoseAfterReadingsAtTheLimitIsDegraded) {
   EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking);
 }
 
+/// What it makes of heights: tests/flights/height_test.cc.
+HeightSample height(HeightKind kind, std::int64_t ms, double metres) {
+  return {HostStamp{ms * 1'000'000}, kind, metres};
+}
+
+TEST(HeightDoor, LetsInWhatIsLaterAndWithinTheRange) {
+  EstimatorConfig config;
+  config.heights[1].limits_m[1] = 60;
+  Estimator estimator(config);
+  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+  for (const HeightKind kind : {HeightKind::kBarometer, HeightKind::kRangeFinder}) {
+    EXPECT_TRUE(estimator.add_height(height(kind, 100, 50)));
+    EXPECT_FALSE(estimator.add_height(height(kind, 100, 51)));
+    EXPECT_FALSE(estimator.add_height(height(kind, 90, 51)));
+    for (const double metres : {nan, inf, -inf, 1e9}) EXPECT_FALSE(estimator.add_height(height(kind, 200, metres)));
+    EXPECT_TRUE(estimator.add_height(height(kind, 200, 51)));
+  }
+  EXPECT_FALSE(estimator.add_height(height(HeightKind::kRangeFinder, 300, 61)));
+  EXPECT_FALSE(estimator.add_height(height(HeightKind::kRangeFinder, 300, 0.01)));
+  EXPECT_TRUE(estimator.add_height(height(HeightKind::kBarometer, 300, -20)));
+  const EstimatorStats& stats = estimator.stats();
+  EXPECT_EQ(stats.height_samples[0], 3u);
+  EXPECT_EQ(stats.height_samples[1], 2u);
+  EXPECT_EQ(stats.height_refused[0], 6u);
+  EXPECT_EQ(stats.height_refused[1], 8u);
+}
+
+TEST(HeightDoor, IsClosedToASensorThatIsNotToBeUsed) {
+  EstimatorConfig config;
+  config.heights[0].use = false;
+  Estimator estimator(config);
+  EXPECT_FALSE(estimator.add_height(height(HeightKind::kBarometer, 100, 50)));
+  EXPECT_TRUE(estimator.add_height(height(HeightKind::kRangeFinder, 100, 50)));
+}
+
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

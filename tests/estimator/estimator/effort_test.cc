@@ -5,10 +5,8 @@
 
 #include "tests/estimator/estimator/rig.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::Rig;
 
 class Late final : public Supervisor {
  public:
@@ -132,4 +130,4 @@ TEST(EstimatorWithoutTime, PredictionAloneGrowsItsCovarianceAndSaysSo) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

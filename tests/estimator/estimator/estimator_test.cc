@@ -10,11 +10,8 @@
 #include "platform/memory/allocation_count.h"
 #include "tests/estimator/estimator/rig.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::Flight;
-using test::Rig;
 
 TEST(EstimatorStart, AtRestGivesAttitudeAndBiasWithinASecond) {
   // GIVEN a robot that stands still, tilted, with biased sensors
@@ -98,7 +95,7 @@ TEST(EstimatorStart, BeginsAnewAtAnImageThatShowsNothingOfTheOnesBefore) {
   };
   rig.run_to(8);
   ASSERT_TRUE(rig.last().has_pose);
-  EXPECT_GE(rig.stats().origins[0].stamp, test::at(1));
+  EXPECT_GE(rig.stats().origins[0].stamp, at(1));
   EXPECT_LT(rig.velocity_error(), 0.06);
 }
 
@@ -196,4 +193,4 @@ TEST(EstimatorOutput, VelocityIsThatOfTheStamp) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "platform/memory/allocation_count.h"
+#include "tests/estimator/made_up_time.h"
 
 namespace epiline::test {
 
@@ -26,8 +27,6 @@ double ramp(double s, double T) {
   s /= T;
   return T * (s <= 0 ? 0 : s < 1 ? s * s * s * s * (2.5 - 3 * s + s * s) : s - 0.5);
 }
-
-HostStamp at(double seconds) { return HostStamp{} + Span::from_seconds(100 + seconds); }
 
 }  // namespace
 

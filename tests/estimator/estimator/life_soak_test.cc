@@ -12,7 +12,7 @@
 #include "tests/estimator/estimator/life.h"
 #include "tests/estimator/estimator/opened.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 /// Largest figures of a soak.
@@ -24,20 +24,20 @@ struct Soak {
   Suspicions suspicions;
 };
 
-void look(test::LifeRig& rig, Soak& soak) {
+void look(LifeRig& rig, Soak& soak) {
   const Odometry& o = rig.estimator().odometry();
-  const Window& window = test::opened(rig.estimator()).window;
+  const Window& window = opened(rig.estimator()).window;
   for (int k = 1; k < window.size(); ++k)
     if (window.at(k).imu.knows_motion) soak.interval_s = std::max(soak.interval_s, window.at(k).imu.T);
   for (const std::size_t k : {6U, 7U, 8U}) soak.sigma_v = std::max(soak.sigma_v, std::sqrt(o.covariance[17 * k]));
   for (const std::size_t k : {3U, 4U}) soak.sigma_tilt = std::max(soak.sigma_tilt, std::sqrt(o.covariance[17 * k]));
-  const test::LifeError e = test::worst_error(rig);
-  soak.wrong += !(e.sigmas <= test::LifeVerdict::kSigmas);
+  const LifeError e = worst_error(rig);
+  soak.wrong += !(e.sigmas <= LifeVerdict::kSigmas);
   if (e.sigmas > soak.sigmas) soak.sigmas = e.sigmas, soak.at_s = rig.now();
 }
 
 /// Runs to `seconds`, along what was planned for the rig.
-Soak run(test::LifeRig& rig, double seconds) {
+Soak run(LifeRig& rig, double seconds) {
   Soak soak;
   rig.run_to(seconds, [&](const StepResult& result) {
     ++soak.frames;
@@ -51,15 +51,15 @@ Soak run(test::LifeRig& rig, double seconds) {
   return soak;
 }
 
-test::Row drifting() {
-  test::Row row{};
-  row[test::kNoise] = 1;
+Row drifting() {
+  Row row{};
+  row[kNoise] = 1;
   return row;
 }
 
 /// Stands for 2 s, then flies and rests: each as long as chance wants, rests up to `longest_rest_s`.
 Soak fly_and_rest(double seconds, double longest_rest_s) {
-  test::LifeRig rig(drifting(), 1, true);
+  LifeRig rig(drifting(), 1, true);
   std::mt19937 random(5);
   const auto between = [&](double from, double to) {
     return from + (to - from) * static_cast<double>(random() % 1000) / 1000;
@@ -74,9 +74,9 @@ Soak fly_and_rest(double seconds, double longest_rest_s) {
 
 /// Stands for so long after it was switched on, and then flies for 10 s.
 Soak wait_and_fly(double seconds, bool warms_up) {
-  test::Row row = drifting();
-  row[test::kWarming] = warms_up;
-  test::LifeRig rig(row, 1, true);
+  Row row = drifting();
+  row[kWarming] = warms_up;
+  LifeRig rig(row, 1, true);
   rig.motion.change(seconds);
   return run(rig, seconds + 10);
 }
@@ -105,7 +105,7 @@ TEST(EstimatorSoak, AnHourOfFlightAndRest) {
 
 /// Of the velocity, in the two seconds after it left.
 double largest_sigma_after_a_wait_of(double seconds) {
-  test::LifeRig rig(drifting(), 1, true);
+  LifeRig rig(drifting(), 1, true);
   rig.motion.change(seconds);
   double sigma = 0;
   rig.run_to(seconds + 2, [&](const StepResult& result) {
@@ -132,11 +132,11 @@ TEST(EstimatorSoak, AWaitDoesNotChangeHowWellItKnowsItsSpeedAsItLeaves) {
 
 /// Drives at 15 m/s, cruises at 40 m/s or turns at 2 g. What is known of speed and scale may become less, not wrong.
 TEST(EstimatorSoak, FliesFastForThreeMinutes) {
-  for (const test::Path path : {test::kRoad, test::kCruise, test::kTurn}) {
+  for (const Path path : {kRoad, kCruise, kTurn}) {
     SCOPED_TRACE(path);
-    test::Row row = drifting();
-    row[test::kPath] = path;
-    test::LifeRig rig(row, 1, true);
+    Row row = drifting();
+    row[kPath] = path;
+    LifeRig rig(row, 1, true);
     rig.motion.change(2);
     const Soak soak = run(rig, 182);
     EXPECT_EQ(soak.wrong, 0) << soak.sigmas << " sigma at " << soak.at_s << " s";
@@ -174,4 +174,4 @@ TEST(EstimatorSoak, AContradictionIsRefutedWithinAMinuteAfterTenFlightsThatItEnd
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -6,11 +6,8 @@
 
 #include "tests/estimator/estimator/rig.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::Flight;
-using test::Rig;
 
 struct Tracks {
   const char* name;
@@ -99,4 +96,4 @@ TEST(EstimatorNoiseLimit, BeyondItNothingStartsAndTheReasonIsCounted) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

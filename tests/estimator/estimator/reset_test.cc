@@ -7,14 +7,8 @@
 #include "tests/estimator/estimator/opened.h"
 #include "tests/estimator/estimator/rig.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::Displaced;
-using test::error_since;
-using test::Flight;
-using test::opened;
-using test::Rig;
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
@@ -82,7 +76,7 @@ TEST(EstimatorReset, ForgetsTheOffsetsOfHeightSensors) {
   int readings = 0;
   rig.before_imu = [&](const ImuSample& s) {
     if (++readings % 10 != 0) return;
-    const double t = (s.stamp - test::at(0)).seconds();
+    const double t = (s.stamp - at(0)).seconds();
     rig.estimator().add_height({s.stamp, HeightKind::kBarometer, 100 + flight.p(t).z()});
   };
   const Broken broken(rig, flight, 7.05, [&] { opened(rig.estimator()).window.newest().x.p[1] = kNone; });
@@ -179,7 +173,7 @@ TEST(EstimatorReset, TwiceIsCountedTwiceAndKnowsLessEachTime) {
       rig.imu = rig.camera = false;  // again, before it has started
       rig.run_to(8.0 * n + 1.6);
       rig.imu = rig.camera = true;
-      rig.spoil = [n](TrackedFrame& frame) { test::rename_tracks(n, frame); };
+      rig.spoil = [n](TrackedFrame& frame) { rename_tracks(n, frame); };
     });
     ASSERT_GT(broken.restarted_s, 0);
     EXPECT_EQ(rig.odometry().reset_counter, n);
@@ -220,4 +214,4 @@ TEST(EstimatorReset, KeepsTheClockThatACarriedStateStandsOnAndNoOther) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

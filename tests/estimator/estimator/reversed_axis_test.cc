@@ -8,11 +8,8 @@
 
 #include "tests/estimator/estimator/rig.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::Flight;
-using test::Rig;
 
 struct Reversed {
   const char* name;
@@ -52,4 +49,4 @@ INSTANTIATE_TEST_SUITE_P(Flights, ReversedAxis,
                          [](const auto& test) { return std::string(test.param.name); });
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

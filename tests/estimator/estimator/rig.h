@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "estimator/estimator.h"
+#include "tests/estimator/made_up_time.h"
 #include "tests/estimator/synthetic_window.h"
 
 namespace epiline::test {
@@ -42,14 +43,12 @@ struct Flight {
   }
 };
 
-inline HostStamp at(double seconds) { return HostStamp{} + Span::from_seconds(100 + seconds); }
-
 /// As a tracker does that has lost all: the same points under other names. `times`: how often it has lost them.
 inline void rename_tracks(std::uint32_t times, TrackedFrame& frame) {
   for (TrackedFeature& f : frame.features) f.id += 1000 * times;
 }
 
-/// Feeds an estimator with a flight: IMU at 200 Hz, images at 20 Hz, points on a shell around the start.
+/// Feeds an estimator with a flight: IMU at 200 Hz, images at 20 Hz unless told, points on a shell around the start.
 class Rig {
  public:
   /// `lever_arm_error`: of the configured place of the camera, m.
@@ -71,10 +70,12 @@ class Rig {
   const Odometry& odometry() const { return estimator_->odometry(); }
   const EstimatorStats& stats() const { return estimator_->stats(); }
   const StepResult& last() const { return last_; }
-  double now() const { return 0.05 * frame_; }
+  double now() const { return image_period_s * frame_; }
 
   std::function<void(const ImuSample&)> before_imu;  ///< may add others through estimator()
   bool camera = true, features = true, imu = true;
+  double image_period_s = 0.05, imu_period_s = 0.005;
+  HostStamp begin = at(0);
   double imu_delay_s = -0.01;       ///< of the newest reading before a frame; negative: readings are ahead
   double pixel_noise = 0.3;         ///< px, of every bearing
   double wandering_share = 0;       ///< of the tracks: they leave the point they began at, 5 px an image ...
@@ -89,8 +90,7 @@ class Rig {
   void run_to(double seconds, const std::function<void()>& each = {}) {
     while (now() < seconds - 1e-9) {
       ++frame_;
-      for (; imu_ * 0.005 <= now() - imu_delay_s; ++imu_)
-        if (imu) push_imu(imu_ * 0.005);
+      push_readings();
       if (!camera) continue;
       image(now());
       if (spoil) spoil(image_);
@@ -99,8 +99,14 @@ class Rig {
     }
   }
 
+  /// At the first image, from a state that is known.
+  void start(const InitialState& state) {
+    push_readings();
+    estimator_->start(image(now()), state);
+  }
+
   const TrackedFrame& image(double t) {
-    image_.stamp = at(t - time_offset);
+    image_.stamp = begin + Span::from_seconds(t - time_offset);
     image_.features.clear();
     std::normal_distribution<double> normal(0, pixel_noise);
     for (std::size_t i = 0; features && i < points_.size() && image_.features.size() < most_features; ++i) {
@@ -152,14 +158,18 @@ class Rig {
   Vec3 in_camera(const Vec3& P, double t) const {
     return calibration_.R_BC.transpose() * (flight_.R(t).transpose() * (P - flight_.p(t)) - calibration_.p_BC);
   }
+  void push_readings() {
+    for (; imu_ * imu_period_s <= now() - imu_delay_s; ++imu_)
+      if (imu) push_imu(imu_ * imu_period_s);
+  }
   void push_imu(double t) {
-    std::normal_distribution<double> normal(0, 1 / std::sqrt(0.005));
+    std::normal_distribution<double> normal(0, 1 / std::sqrt(imu_period_s));
     auto noise = [&](double density) {
       return Vec3(density * normal(random_), density * normal(random_), density * normal(random_));
     };
     const ImuNoise n;
     ImuSample sample;
-    sample.stamp = at(t);
+    sample.stamp = begin + Span::from_seconds(t);
     Eigen::Map<Vec3>(sample.angular_velocity_rad_s.data()) = flight_.rate(t) + flight_.b_g + noise(n.gyroscope_density);
     Eigen::Map<Vec3>(sample.specific_force_m_s2.data()) =
         force_signs.cwiseProduct(flight_.force(t) + flight_.b_a + noise(n.accelerometer_density));

@@ -6,13 +6,8 @@
 
 #include "tests/estimator/estimator/rig.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::Displaced;
-using test::error_since;
-using test::Flight;
-using test::Rig;
 
 TEST(EstimatorFeatures, TwoSecondsWithoutThemAreDegradedAndTheCovarianceCoversTheDrift) {
   // GIVEN a flight that is going well
@@ -170,7 +165,7 @@ TEST(EstimatorReset, AfterASilentImuTheNewStartClaimsNoMoreThanItKnows) {
   rig.imu = rig.camera = false;
   rig.run_to(9);
   rig.imu = rig.camera = true;
-  rig.spoil = [](TrackedFrame& frame) { test::rename_tracks(1, frame); };
+  rig.spoil = [](TrackedFrame& frame) { rename_tracks(1, frame); };
   double restarted = -1;
   Displaced e{};
   double sigma = 0, sigma_yaw = 0, worst_offset_s = 0;
@@ -197,4 +192,4 @@ TEST(EstimatorReset, AfterASilentImuTheNewStartClaimsNoMoreThanItKnows) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

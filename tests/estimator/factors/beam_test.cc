@@ -11,7 +11,7 @@
 #include "tests/estimator/slope.h"
 #include "tests/estimator/synthetic_window.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 constexpr int kBeamFrame = 3;
@@ -49,7 +49,7 @@ TEST(BeamFactor, JacobianEqualsNumericalDerivative) {
             retract_pose(w.at(k).x, d * Vec6::Unit(i));
             return residual(w, frames).r;
           };
-          const double numeric = test::slope(r, 1e-4);
+          const double numeric = slope(r, 1e-4);
           EXPECT_NEAR(at.J[static_cast<std::size_t>(k)][i], numeric, 1e-7 * (1 + std::abs(numeric)))
               << "seed " << seed << ", frame " << k << ", " << i;
         }
@@ -128,4 +128,4 @@ TEST(BeamFactor, ATrackServesOneFrame) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

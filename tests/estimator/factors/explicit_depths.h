@@ -40,7 +40,7 @@ class Explicit {
     return H.topLeftCorner(n, n) - congruence(inverse(depth_H()), H.bottomLeftCorner(m, n));
   }
   Eigen::VectorXd reduced_b() const {
-    return b.head(states()) - H.topRightCorner(states(), landmarks()) * (inverse(depth_H()) * b.tail(landmarks()));
+    return b.head(states()) - product(H.topRightCorner(states(), landmarks()), solve(depth_H(), b.tail(landmarks())));
   }
 
   Eigen::MatrixXd H;
@@ -64,8 +64,8 @@ class Explicit {
   void add(std::size_t i, std::size_t v) {
     const auto at_present = [&] { return residual(i, v); };
     Eigen::MatrixXd J = Eigen::MatrixXd::Zero(2, H.cols());
-    J.leftCols(states()) = slopes<2>(w_, frames_, {views_[i][0], views_[i][v]}, at_present);
-    J.col(states() + static_cast<int>(i)) = central_difference<2>([&](double d) {
+    J.leftCols(states()) = slopes(w_, 2, frames_, {views_[i][0], views_[i][v]}, at_present);
+    J.col(states() + static_cast<int>(i)) = central_difference([&](double d) -> Eigen::VectorXd {
       const double keep = rho[i];
       rho[i] += d;
       const Vec2 r = residual(i, v);

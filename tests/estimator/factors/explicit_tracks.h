@@ -1,5 +1,5 @@
 #pragma once
-// A drifting track's residuals written down directly, their covariance in full, their slopes numerical.
+// A track's residuals written down directly, their covariance in full, their slopes numerical.
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -34,25 +34,29 @@ class ExplicitTrack {
     double cost = 0;
   };
   Equations equations(const VisualSettings& s) {
-    const double sigma = s.drift_sigma * s.drift_inflation, unit = s.drift_inflation * s.drift_inflation;
-    const Eigen::MatrixXd I = inverse(covariance(sigma));
+    const bool drifts = s.noise == TrackNoiseModel::kDrift;
+    const double sigma = drifts ? s.drift_sigma * s.drift_inflation : s.pixel_sigma * s.sigma_inflation;
+    const double unit = drifts ? s.drift_inflation * s.drift_inflation : 1;
+    Eigen::MatrixXd C = Eigen::MatrixXd::Identity(2 * views(), 2 * views());
+    if (drifts) set_drift(C);
+    const Eigen::MatrixXd I = inverse(sigma * sigma * C);
     const Camera first = test::camera(w_, 0);
     Vec3 P = first.c + 4 * first.R * bearing_of(w_.view(t_, 0));
     for (int i = 0; i < 100; ++i) {
       const Eigen::MatrixXd K = slopes_by_point(P);
-      P -= solve(congruence(I, K), K.transpose() * (I * residuals(P)));
+      P -= solve(congruence(I, K), product(K.transpose(), product(I, residuals(P))));
     }
     const Eigen::MatrixXd K = slopes_by_point(P);
     const Eigen::VectorXd r = residuals(P);
     Eigen::MatrixXd J = Eigen::MatrixXd::Zero(r.size(), 6 * w_.size() + kCameraCalibration);
     for (int i = 0; i < views(); ++i) {
       const View& v = views_[static_cast<std::size_t>(i)];
-      J.middleRows<2>(2 * i) = slopes<2>(w_, w_.size(), {v.frame}, [&] { return residual(v, P); });
+      J.middleRows(2 * i, 2) = slopes(w_, 2, w_.size(), {v.frame}, [&] { return residual(v, P); });
     }
-    const Eigen::MatrixXd rest = I - congruence(inverse(congruence(I, K)), K.transpose() * I);
-    const double dof = 2 * views() - 3, chi2 = r.dot(I * r);
+    const Eigen::MatrixXd rest = I - congruence(inverse(congruence(I, K)), product(K.transpose(), I));
+    const double dof = 2 * views() - 3, chi2 = r.dot(product(I, r).col(0));
     const double weight = (s.student + dof) / (s.student + chi2 * unit);
-    return {weight * congruence(rest, J), -weight * (J.transpose() * (rest * r)),
+    return {weight * congruence(rest, J), -weight * product(J.transpose(), product(rest, r)),
             (s.student + dof) / unit * std::log1p(chi2 * unit / s.student)};
   }
 
@@ -76,7 +80,7 @@ class ExplicitTrack {
     if (n > 0) v.chart = (Eigen::Matrix2d() << c / n, -s / n, s / n, c / n).finished() * v.chart;
     views_.push_back(v);
   }
-  Vec2 residual(const View& v, const Vec3& P) const {
+  Eigen::VectorXd residual(const View& v, const Vec3& P) const {
     const Camera c = camera(v);
     Vec3 X = c.R.transpose() * (P - c.c);
     if (!v.second) X.z() *= 1 - w_.calibration.focal;
@@ -96,20 +100,18 @@ class ExplicitTrack {
   }
   /// The first camera's error e is a random walk from the track's first image on, and one step more. The second one's
   /// is share * e, and a walk of its own since the track was found there.
-  Eigen::MatrixXd covariance(double sigma) const {
+  void set_drift(Eigen::MatrixXd& C) const {
     const double found = w_.second_view(t_, w_.size() - 1).found;
     const double share = (found + 1 + 0.65 * 10) / (found + 1 + 10);
     const double start = 7 + (1 - share) * (1 - share) * (found + 1), step = 1 - 2 * 0.65 * share + share * share;
-    Eigen::MatrixXd C(2 * views(), 2 * views());
     for (int i = 0; i < views(); ++i)
       for (int j = 0; j < views(); ++j) {
         const View &a = views_[static_cast<std::size_t>(i)], &b = views_[static_cast<std::size_t>(j)];
         const double age = w_.view(t_, std::min(a.frame, b.frame)).age;
         double both = (a.second ? share : 1) * (b.second ? share : 1) * (1 + age);
         if (a.second && b.second) both += start + step * (age - found);
-        C.block<2, 2>(2 * i, 2 * j) = sigma * sigma * both * Eigen::Matrix2d::Identity();
+        for (const int axis : {0, 1}) C(2 * i + axis, 2 * j + axis) = both;
       }
-    return C;
   }
 
   Window& w_;

@@ -31,12 +31,8 @@
 #include "tests/estimator/synthetic_window.h"
 #include "tests/estimator/wheel_readings.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::NamedBlocks;
-using test::slope;
-using test::smooth_settings;
 
 /// A factor as a function of the window. Its cost is that of residuals in sigmas.
 struct Subject {
@@ -112,8 +108,8 @@ SyntheticWindow furnished_window(double readout_s = 0, bool second = false) {
     slot.at_rest = k % 3 != 2;
     slot.rest_link = k > 0 ? w.at(k / 2).id : 0;
   }
-  test::furnish_wheels(w);
-  test::furnish_heights(w);
+  furnish_wheels(w);
+  furnish_heights(w);
   CalibrationPrior& p = w.calibration_prior;
   for (CalibrationPart* part : {&p.rotation, &p.translation, &p.focal, &p.accelerometer_scale, &p.gyroscope_scale})
     part->sigma = 3e-3;
@@ -138,27 +134,19 @@ class Gradient : public testing::TestWithParam<std::string> {
     if (name == "height") return of(add_height, 0.01, false);
     if (name == "zero_motion") return of(add_zero_motion, 1, true);
     for (const InstructionSet set : kInstructionSets) {
-      if (!runs_here(set)) continue;
-      if (name == std::string("track_") + name_of(set))
-        return visual(name, w, std::make_shared<TrackFactor>(set), 0.02);
-      if (name == std::string("drift_") + name_of(set))
-        return visual(name, w, std::make_shared<TrackFactor>(set), 0.02, TrackNoiseModel::kDrift);
-      if (name == std::string("drift_second_") + name_of(set))
-        return visual(name, w, std::make_shared<TrackFactor>(set), 0.02, TrackNoiseModel::kDrift);
-      if (name == std::string("track_rows_") + name_of(set))
-        return visual(name, w, std::make_shared<TrackFactor>(set), 0.02, TrackNoiseModel::kWhite, true);
-      if (name == std::string("drift_rows_") + name_of(set) || name == std::string("drift_second_rows_") + name_of(set))
-        return visual(name, w, std::make_shared<TrackFactor>(set), 0.02, TrackNoiseModel::kDrift, true);
-      if (name == std::string("epipolar_") + name_of(set))
-        return visual(name, w, std::make_shared<EpipolarFactor>(set), kWithinACorner);
-      if (name == std::string("reprojection_") + name_of(set))
-        return visual(name, w, std::make_shared<ConvergedReprojection>(set), kWithinACorner);
-      if (name == std::string("imu_") + name_of(set))
+      if (!runs_here(set) || !name.ends_with(std::string("_") + name_of(set))) continue;
+      if (name.starts_with("imu"))
         return {name,
                 [set](const Window& at, NormalEquations* out) {
                   return add_imu(at, {at.size(), false}, factor_kernels(set), out);
                 },
                 1};
+      if (name.starts_with("epipolar")) return visual(name, w, std::make_shared<EpipolarFactor>(set), kWithinACorner);
+      if (name.starts_with("reprojection"))
+        return visual(name, w, std::make_shared<ConvergedReprojection>(set), kWithinACorner);
+      return visual(name, w, std::make_shared<TrackFactor>(set), 0.02,
+                    name.starts_with("drift") ? TrackNoiseModel::kDrift : TrackNoiseModel::kWhite,
+                    name.find("_rows_") != std::string::npos);
     }
     return {};
   }
@@ -333,4 +321,4 @@ INSTANTIATE_TEST_SUITE_P(Factors, Gradient,
 INSTANTIATE_TEST_SUITE_P(Factors, HeldDepth, testing::ValuesIn(on_every_set({"track"})), name_of_subject);
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

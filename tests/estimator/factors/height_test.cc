@@ -14,13 +14,11 @@
 #include "tests/estimator/inertial/random_interval.h"
 #include "tests/estimator/synthetic_window.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-using test::Random;
-using test::random_state;
 
 // A drone that leans by 30 degrees, 10 m above the ground: its beam, mounted off the centre, is longer than 10 m.
 TEST(HeightFactor, TheEndOfALeaningBeamLiesOnTheGround) {
@@ -63,7 +61,7 @@ struct WrittenOut {
       for (Eigen::Index b = 0; b < n; ++b)
         C(a, b) += reading(std::min(a, b)).heights[0].walked_m2 - reading(0).heights[0].walked_m2;
     }
-    const MatrixXd I = test::inverse(C);
+    const MatrixXd I = inverse(C);
     const VectorXd u = I * VectorXd::Ones(n);
     return e.dot(I * e) - std::pow(u.dot(e), 2) / u.sum();
   }
@@ -124,4 +122,4 @@ TEST(HeightFactor, OneReadingAloneSaysNothing) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

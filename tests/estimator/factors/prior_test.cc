@@ -4,16 +4,16 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Eigenvalues>
+#include <cmath>
 #include <cstring>
-#include <random>
 
 #include "estimator/factors/calibration_prior.h"
 #include "estimator/solver/chain_equations.h"
+#include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/dense_system.h"
 #include "tests/estimator/synthetic_window.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 KnownJointly known(const StateCovariance& P) {
@@ -24,22 +24,18 @@ KnownJointly known(const StateCovariance& P) {
 
 /// Symmetric, positive, with standard deviations as different as those of real states, and correlated.
 StateCovariance some_covariance(unsigned seed) {
-  std::mt19937_64 random(seed);
-  std::normal_distribution<double> normal;
-  Eigen::Matrix<double, 15, 15> A;
-  for (int i = 0; i < 15; ++i)
-    for (int j = 0; j < 15; ++j) A(i, j) = normal(random);
+  const Eigen::MatrixXd A = random_covariance(15, seed);
   Vec15 sigma;
   sigma << Vec3::Constant(0.3), Vec3(2e-3, 3e-3, 2e-2), Vec3::Constant(0.1), Vec3::Constant(2e-2), Vec3::Constant(1e-4);
   StateCovariance P = StateCovariance::Zero();
-  P.topLeftCorner<15, 15>() =
-      sigma.asDiagonal() * (A * A.transpose() / 15 + 0.2 * Mat15::Identity()) * sigma.asDiagonal();
+  for (int i = 0; i < 15; ++i)
+    for (int j = 0; j < 15; ++j) P(i, j) = sigma[i] * sigma[j] * (A(i, j) / 15 + (i == j ? 0.2 : 0));
   P(15, 15) = 25e-6;
   return P;
 }
 
 /// H and b of the prior alone, by the map the solver uses.
-DenseSystem system_of(const Window& w) {
+DenseSystem prior_alone(const Window& w) {
   const auto s = std::make_unique<LinearSystem>();
   s->frames = w.size();
   std::memset(s->S, 0, sizeof s->S);
@@ -59,7 +55,7 @@ TEST(Prior, FromACovarianceHoldsThatCovariance) {
     Window& w = *s.window;
     const StateCovariance P = some_covariance(seed);
     set_prior(w, known(P));
-    const DenseSystem d = system_of(w);
+    const DenseSystem d = prior_alone(w);
     std::vector<int> row;
     for (int i = 0; i < 6; ++i) row.push_back(pose_column(0) + i);
     for (int i = 0; i < 9; ++i) row.push_back(velocity_row(2, 0) + i);
@@ -84,19 +80,20 @@ TEST(Prior, HandsOverTheCalibrationWithoutItsOwnPrior) {
   k.cross.block<3, 3>(6, kTranslationColumn) = 0.5 * 0.1 * 2e-4 * Mat3::Identity();
   set_prior(w, k);
   constexpr int n = 15 + kCalibration;
-  Eigen::Matrix<double, n, n> S, H = Eigen::Matrix<double, n, n>::Zero();
-  CalibrationCovariance calibration = k.calibration;
-  S << k.P.topLeftCorner<15, 15>(), k.cross.topRows<15>(), k.cross.topRows<15>().transpose(), calibration;
+  Eigen::MatrixXd S(n, n), H(n, n);
+  S.topLeftCorner(15, 15) = k.P.topLeftCorner(15, 15);
+  S.topRightCorner(15, kCalibration) = k.cross.topRows(15);
+  S.bottomLeftCorner(kCalibration, 15) = k.cross.topRows(15).transpose();
+  S.bottomRightCorner(kCalibration, kCalibration) = k.calibration;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) H(i, j) = w.prior.H[i][j];
   const CalibrationTangent d = local(w.calibration_prior.configured, w.calibration),
                            weight = calibration_prior_information(w.calibration_prior, d);
-  H.diagonal().tail<kCalibration>() += weight;
-  const Eigen::Matrix<double, n, 1> unit = S.diagonal().cwiseSqrt();
-  const Eigen::Matrix<double, n, n> one = unit.asDiagonal() * H * unit.asDiagonal();
-  const Eigen::Matrix<double, n, n> correlation =
-      unit.cwiseInverse().asDiagonal() * S * unit.cwiseInverse().asDiagonal();
-  EXPECT_LT((one * correlation - Eigen::Matrix<double, n, n>::Identity()).cwiseAbs().maxCoeff(), 1e-5);
+  for (int c = 0; c < kCalibration; ++c) H(15 + c, 15 + c) += weight[c];
+  Eigen::VectorXd unit(n);
+  for (int i = 0; i < n; ++i) unit[i] = std::sqrt(S(i, i));
+  const Eigen::MatrixXd one = product(in_units(H, unit.cwiseInverse()), in_units(S, unit));
+  EXPECT_LT((one - Eigen::MatrixXd::Identity(n, n)).cwiseAbs().maxCoeff(), 1e-5);
   for (int c = 0; c < kCalibration; ++c)
     EXPECT_NEAR(w.prior.b[15 + c], weight[c] * d[c], 1e-9 * std::abs(weight[c])) << "both pull against each other";
 }
@@ -105,8 +102,8 @@ TEST(Prior, OfNoFramesCostsNothingAndSaysNothing) {
   SyntheticWindow s = make_window({.frames = 2});
   s.window->prior.frames = 0;
   EXPECT_EQ(add_prior(*s.window, nullptr), 0);
-  EXPECT_TRUE(system_of(*s.window).H.isZero(0));
+  EXPECT_TRUE(prior_alone(*s.window).H.isZero(0));
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

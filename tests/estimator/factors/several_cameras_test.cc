@@ -15,11 +15,11 @@
 #include "tests/estimator/factors/smooth_settings.h"
 #include "tests/estimator/synthetic_window.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 VisualSettings settings(TrackNoiseModel noise = TrackNoiseModel::kDrift) {
-  VisualSettings s = test::smooth_settings();
+  VisualSettings s = smooth_settings();
   s.noise = noise;
   s.drift_sigma = 0.5;
   s.student = 1e9;  // all tracks alike
@@ -32,6 +32,10 @@ std::unique_ptr<VisualSystem> system_of(const Window& w, const VisualSettings& s
   factor.collect(w, s);
   factor.linearise(w, *system);
   return system;
+}
+
+void expect_close(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  EXPECT_LT(relative_difference(a, b), 1e-9);  // other tracks may share their batches
 }
 
 TEST(SeveralCameras, ExactViewsOfBothFitAtTheTruth) {
@@ -62,8 +66,7 @@ TEST(SeveralCameras, ViewsOfTheStampAreTheSameWithTimesOfTheirOwn) {
   SyntheticWindow s = make_window({.second = true, .alone = true});
   VisualSettings timed = settings();
   timed.rows = true;
-  EXPECT_EQ(test::dense(*system_of(*s.window, timed), s.window->size()),
-            test::dense(*system_of(*s.window), s.window->size()));
+  EXPECT_EQ(dense(*system_of(*s.window, timed), s.window->size()), dense(*system_of(*s.window), s.window->size()));
 }
 
 /// Of one camera that moves, nothing but the IMU tells how far; two of them see it.
@@ -72,7 +75,7 @@ TEST(SeveralCameras, TwoCamerasSeeTheScale) {
   Window& w = *s.window;
   Eigen::VectorXd larger = Eigen::VectorXd::Zero(6 * w.size() + kCameraCalibration);
   for (int k = 0; k < w.size(); ++k) larger.segment<3>(6 * k) = w.at(k).x.p - w.at(0).x.p;
-  const auto curvature = [&] { return larger.dot(test::dense(*system_of(w), w.size()) * larger); };
+  const auto curvature = [&] { return congruence(dense(*system_of(w), w.size()), larger)(0, 0); };
   const double both = curvature();
   w.rig.use[1] = false;
   EXPECT_LT(curvature(), 1e-3 * both);
@@ -83,7 +86,7 @@ TEST(SeveralCameras, WithoutViewsOfTheSecondNothingChanges) {
   Window& w = *s.window;
   const auto alone = system_of(w);
   w.rig = synthetic_rig();
-  EXPECT_EQ(test::dense(*system_of(w), w.size()), test::dense(*alone, w.size()));
+  EXPECT_EQ(dense(*system_of(w), w.size()), dense(*alone, w.size()));
 }
 
 TEST(SeveralCameras, IndependentViewsAreOfTheFirstCameraAlone) {
@@ -91,7 +94,7 @@ TEST(SeveralCameras, IndependentViewsAreOfTheFirstCameraAlone) {
   Window& w = *s.window;
   const auto both = system_of(w, settings(TrackNoiseModel::kWhite));
   w.rig.use[1] = false;
-  EXPECT_EQ(test::dense(*both, w.size()), test::dense(*system_of(w, settings(TrackNoiseModel::kWhite)), w.size()));
+  EXPECT_EQ(dense(*both, w.size()), dense(*system_of(w, settings(TrackNoiseModel::kWhite)), w.size()));
 }
 
 /// Another match is another error.
@@ -101,7 +104,7 @@ TEST(SeveralCameras, ViewsBeforeANewMatchAreLeftOut) {
   const auto anew = system_of(w);
   for (int i = 0; i < w.track_count(); ++i)
     for (int k = 0; k < 3; ++k) w.track(i).second &= ~w.bit(k);
-  EXPECT_EQ(test::dense(*anew, w.size()), test::dense(*system_of(w), w.size()));
+  EXPECT_EQ(dense(*anew, w.size()), dense(*system_of(w), w.size()));
 }
 
 std::unique_ptr<VisualSystem> news_of(Window& w) {
@@ -116,7 +119,7 @@ std::unique_ptr<VisualSystem> news_of(Window& w) {
 Eigen::MatrixXd poses_and_time(const VisualSystem& s, int frames) {
   const int n = 6 * frames + 1;
   Eigen::MatrixXd all(n, n + 1);
-  all << test::dense(s, frames).topLeftCorner(n, n), test::dense_rhs(s, frames).head(n);
+  all << dense(s, frames).topLeftCorner(n, n), dense_rhs(s, frames).head(n);
   return all;
 }
 
@@ -130,11 +133,8 @@ TEST(SeveralCameras, WhatTheSecondAloneSeesIsWhatACameraThereWouldSee) {
   EXPECT_GT(alone->residuals, 100);
   EXPECT_EQ(alone->residuals, there->residuals);
   EXPECT_NEAR(alone->cost, there->cost, 1e-9 * there->cost);
-  const auto close = [](const Eigen::MatrixXd& x, const Eigen::MatrixXd& y) {
-    EXPECT_LT((x - y).norm(), 1e-9 * y.norm());
-  };
-  close(poses_and_time(*alone, a.size()), poses_and_time(*there, b.size()));
-  close(poses_and_time(*news_of(a), a.size() - 1), poses_and_time(*news_of(b), b.size() - 1));
+  expect_close(poses_and_time(*alone, a.size()), poses_and_time(*there, b.size()));
+  expect_close(poses_and_time(*news_of(a), a.size() - 1), poses_and_time(*news_of(b), b.size() - 1));
 }
 
 /// Batches of both kinds beside each other, and none of a lane of the other kind.
@@ -147,13 +147,13 @@ TEST(SeveralCameras, TracksOfEitherCameraAddUp) {
   const int n = w.size();
   const auto check = [&](auto&& system, int frames) {
     only(true, true);
-    const Eigen::MatrixXd both = test::dense(*system(w), frames);
+    const Eigen::MatrixXd both = dense(*system(w), frames);
     only(true, false);
-    const Eigen::MatrixXd by_second = test::dense(*system(w), frames);
+    const Eigen::MatrixXd by_second = dense(*system(w), frames);
     only(false, true);
-    const Eigen::MatrixXd by_first = test::dense(*system(w), frames);
+    const Eigen::MatrixXd by_first = dense(*system(w), frames);
     EXPECT_GT(by_second.norm(), 1);
-    EXPECT_LT((both - by_first - by_second).norm(), 1e-11 * both.norm());
+    EXPECT_LT(relative_difference(by_first + by_second, both), 1e-11);
   };
   check([](Window& window) { return system_of(window); }, n);
   check([](Window& window) { return news_of(window); }, n - 1);
@@ -212,11 +212,8 @@ TEST(SeveralCameras, ACamerasNumberSaysNothing) {
     at.rows = true;
     const auto before = system_of(w, at), before_news = news_of(w);
     renumber(w, c);
-    const auto close = [](const Eigen::MatrixXd& x, const Eigen::MatrixXd& y) {
-      EXPECT_LT((x - y).norm(), 1e-11 * y.norm());  // other tracks share their batches
-    };
-    close(test::dense(*system_of(w, at), w.size()), test::dense(*before, w.size()));
-    close(test::dense(*news_of(w), w.size() - 1), test::dense(*before_news, w.size() - 1));
+    expect_close(dense(*system_of(w, at), w.size()), dense(*before, w.size()));
+    expect_close(dense(*news_of(w), w.size() - 1), dense(*before_news, w.size() - 1));
   }
 }
 
@@ -229,11 +226,8 @@ TEST(SeveralCameras, ATrackOfAnyCameraMayHaveASecondOne) {
   const auto after = system_of(w);
   EXPECT_EQ(after->residuals, before->residuals);
   EXPECT_NEAR(after->cost, before->cost, 1e-9 * before->cost);
-  const auto close = [](const Eigen::MatrixXd& x, const Eigen::MatrixXd& y) {
-    EXPECT_LT((x - y).norm(), 1e-9 * y.norm());
-  };
-  close(poses_and_time(*after, w.size()), poses_and_time(*before, w.size()));
-  close(poses_and_time(*news_of(w), w.size() - 1), poses_and_time(*before_news, w.size() - 1));
+  expect_close(poses_and_time(*after, w.size()), poses_and_time(*before, w.size()));
+  expect_close(poses_and_time(*news_of(w), w.size() - 1), poses_and_time(*before_news, w.size() - 1));
 }
 
 /// Each track gets a camera, and a second one behind it, whatever its bearings are.
@@ -255,7 +249,7 @@ TEST(SeveralCameras, TracksOfAllPairsOfCamerasAddUp) {
   const auto check = [&](auto&& system, int frames) {
     const auto of = [&](auto&& chosen) {
       for (int i = 0; i < w.track_count(); ++i) w.track(i).in_use = chosen(i);
-      return test::dense(*system(w), frames);
+      return dense(*system(w), frames);
     };
     const Eigen::MatrixXd all = of([](int) { return true; });
     Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(all.rows(), all.cols());
@@ -264,7 +258,7 @@ TEST(SeveralCameras, TracksOfAllPairsOfCamerasAddUp) {
       EXPECT_GT(part.norm(), 1) << p;
       sum += part;
     }
-    EXPECT_LT((all - sum).norm(), 1e-11 * all.norm());
+    EXPECT_LT(relative_difference(sum, all), 1e-11);
   };
   check([](Window& window) { return system_of(window); }, w.size());
   check([](Window& window) { return news_of(window); }, w.size() - 1);
@@ -306,4 +300,4 @@ TEST(SeveralCameras, ImpossibleAndUnknownViewsAreLeftOut) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -13,10 +13,8 @@
 #include "tests/estimator/inertial/random_interval.h"
 #include "tests/estimator/synthetic_window.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::Random;
 
 double sum(const WheelScale::Shares& share, const WheelScale::Shares& of) {
   double s = 0;
@@ -43,7 +41,7 @@ RC_GTEST_PROP(WheelScale, InnovationsSayWhatAllWaysSay, (std::uint32_t seed)) {
   }
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) C(i, j) = (i == j ? 1e-4 : 0) + 9 * moved[i] * moved[j];
-  const double written_out = r.dot(test::inverse(C) * r);
+  const double written_out = r.dot(inverse(C) * r);
   RC_ASSERT(std::abs(chi2 - written_out) < 1e-4 * (1 + written_out));
 }
 
@@ -86,7 +84,7 @@ TEST(WheelFactor, TheirNoiseDoesNotShrinkTheWindow) {
     Random random(2);
     for (int k = 1; k < w->size(); ++k) w->at(k).wheel.way.x() += 2e-3 * random.gaussian(1).x();
     const double before = cost(*w, true);
-    test::NamedBlocks blocks;
+    NamedBlocks blocks;
     add_wheel(*w, {w->size(), true}, &blocks);
     double slope = 0;  // of the cost by the window's stretch
     for (int k = 0; k < w->size(); ++k) slope += blocks.slope(pose_of(k), 0) * w->at(k).x.p.x();
@@ -115,4 +113,4 @@ TEST(WheelFactor, SidewaysCountsIfItIsSaidTo) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -7,10 +7,8 @@
 #include "tests/estimator/factors/named_blocks.h"
 #include "tests/estimator/synthetic_window.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::NamedBlocks;
 
 SyntheticWindow resting_window() {
   SyntheticWindow s = make_window({.frames = 5});
@@ -47,4 +45,4 @@ TEST(ZeroMotion, ALinkToAFrameThatIsGoneTiesNothing) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

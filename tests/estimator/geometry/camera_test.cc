@@ -10,7 +10,7 @@
 #include <random>
 #include <vector>
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 // Published calibrations.
@@ -310,4 +310,4 @@ TEST(Camera, EveryFaultOfTheParametersHasItsName) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -5,7 +5,7 @@
 
 #include "tests/estimator/synthetic_window.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 TEST(RowTurn, FollowsAnExactPathWithinAnImage) {
@@ -31,4 +31,4 @@ TEST(RowTurn, AtTheStampNothingTurns) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <random>
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 // Around zero, the switch between series and closed form (|theta|^2 = 1e-4 .. 0.25), pi, and 2 pi.
@@ -113,4 +113,4 @@ RC_GTEST_PROP(So3Property, NormalisedRemovesDrift, (std::uint32_t seed)) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

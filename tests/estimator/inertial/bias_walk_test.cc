@@ -6,7 +6,7 @@
 
 #include <random>
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 constexpr double kDensity = 2e-5, kSigma = 5e-5;  // rad/s^2/sqrt(Hz), rad/s
@@ -51,4 +51,4 @@ TEST(BiasWalk, ComparesNoTwoFlights) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -7,13 +7,12 @@
 
 #include "estimator/geometry/so3.h"
 #include "estimator/inertial/imu_history.h"
+#include "tests/estimator/made_up_time.h"
 
 namespace epiline::test {
 
 inline Vec3 rate(double t) { return {0.3 * std::sin(2 * t), 0.5 * std::cos(t), -0.2 + 0.1 * t}; }
 inline Vec3 force(double t) { return {std::sin(3 * t), 2 * std::cos(2 * t), 9.8 + 0.3 * std::sin(t)}; }
-
-inline HostStamp at(double t) { return HostStamp{} + Span::from_seconds(t); }
 
 inline ImuSample sample(double t) {
   ImuSample s;

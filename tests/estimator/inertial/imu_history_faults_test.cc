@@ -9,15 +9,8 @@
 
 #include "tests/estimator/inertial/history_signal.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::at;
-using test::difference;
-using test::history;
-using test::integrated;
-using test::rate;
-using test::sample;
 
 /// Most that may be off with one reading bridged: the signal's curve over two periods.
 constexpr double kBridged_m_s = 1e-3;
@@ -241,20 +234,5 @@ TEST(ImuHistory, ASuspectThatWasRealCountsOnceTheNextReadingAgrees) {
   EXPECT_LT(std::sqrt(certain.C(8, 8)), 0.1 * std::sqrt(doubted.C(8, 8)));
 }
 
-TEST(ImuHistory, ABurstOfCorruptReadingsIsAGap) {
-  const auto h = std::make_unique<ImuHistory>();
-  int gaps = 0;
-  for (int i = 0; i <= 400; ++i) {
-    ImuSample s = sample(0.005 * i);
-    if (i >= 200 && i < 300) s.angular_velocity_rad_s[static_cast<std::size_t>(i % 3)] += i % 2 == 0 ? 40 : -30;
-    h->push(s);
-    gaps += h->after_gap();
-  }
-  EXPECT_GE(gaps, 10);
-  EXPECT_EQ(h->counts().gaps, static_cast<std::uint64_t>(gaps));
-  EXPECT_GT(h->longest_unknown_s(at(0.9), at(1.6)), 0.4);
-  EXPECT_LT(h->longest_unknown_s(at(1.6), at(1.9)), 0.01);
-}
-
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

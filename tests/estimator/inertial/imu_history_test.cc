@@ -11,18 +11,8 @@
 
 #include "tests/estimator/inertial/history_signal.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::at;
-using test::difference;
-using test::force;
-using test::history;
-using test::integrated;
-using test::kBa;
-using test::kBg;
-using test::rate;
-using test::sample;
 
 /// Readings at multiples of dt, interpolated linearly, one midpoint step per piece.
 Preintegration plain_loop(double t0, double t1, double dt) {
@@ -211,4 +201,4 @@ TEST(ImuHistory, MeanRateIsThatOfTheReadingsWithin) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -9,7 +9,7 @@
 #include <random>
 #include <vector>
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 using Values = Interpolator::Values;
@@ -64,4 +64,4 @@ TEST(Interpolator, AnImpactTeachesLittle) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -6,12 +6,12 @@
 
 #include "tests/estimator/inertial/random_interval.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 RC_GTEST_PROP(NavState, LocalUndoesRetract, (std::uint32_t seed)) {
-  test::Random random(seed);
-  const NavState x = test::random_state(random);
+  Random random(seed);
+  const NavState x = random_state(random);
   Vec6 pose;
   Vec9 rest;
   pose << random.gaussian(3), random.uniform(0, 3.1) * random.gaussian(1).normalized();
@@ -35,4 +35,4 @@ TEST(NavState, RotationIsPerturbedInTheBody) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -8,7 +8,7 @@
 #include <numbers>
 #include <random>
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 constexpr ImuNoise kTrue{1.5e-4, 2e-5, 1.8e-3, 3e-3};
@@ -111,4 +111,4 @@ TEST(NoiseBounds, ASecondOfNoReadingsIsNoScatter) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -4,7 +4,7 @@
 
 #include <limits>
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 constexpr Span kLongest = Span::from_milliseconds(250);
@@ -44,4 +44,4 @@ TEST(ScalarHistory, RefusesWhatIsNoNumberOrNotLater) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

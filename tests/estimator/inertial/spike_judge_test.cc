@@ -11,7 +11,9 @@
 #include <random>
 #include <vector>
 
-namespace epiline {
+#include "tests/estimator/made_up_time.h"
+
+namespace epiline::test {
 namespace {
 
 using Past = SpikeJudge::Past;
@@ -26,14 +28,12 @@ struct Final {
   bool persists = false;  ///< at any time
 };
 
-HostStamp stamp_at(double t) { return HostStamp{} + Span::from_seconds(t); }
-
 Final judged(const std::vector<Reading>& readings) {
   SpikeJudge judge;
   ReadingPeriod period;
   Final f;
   for (const Reading& r : readings) {
-    const auto v = judge.step(stamp_at(r.t), r.w, r.a, period.step(stamp_at(r.t)));
+    const auto v = judge.step(at(r.t), r.w, r.a, period.step(at(r.t)));
     const std::size_t n = f.spike.size(), past = static_cast<std::size_t>(v.past_count);
     if (v.past != Past::kOpen)
       for (std::size_t i = n - past; i < n; ++i) f.spike[i] = v.past != Past::kReal;
@@ -195,19 +195,18 @@ TEST(SpikeJudge, WhatIsUnknownIsTheSizeOfTheSuspect) {
   SpikeJudge judge;
   Vec3 w = Vec3::Zero();
   const Vec3 a(0, 0, 9.8);
-  for (int i = 0; i < 400; ++i)
-    judge.step(stamp_at(0.005 * i), w + 0.01 * Vec3::Random(), a + 0.05 * Vec3::Random(), false);
+  for (int i = 0; i < 400; ++i) judge.step(at(0.005 * i), w + 0.01 * Vec3::Random(), a + 0.05 * Vec3::Random(), false);
   w.x() = 1.5;
-  auto v = judge.step(stamp_at(2), w, a, false);
+  auto v = judge.step(at(2), w, a, false);
   ASSERT_TRUE(v.suspect);
   EXPECT_NEAR(v.unknown.rate_rad_s, 1.5, 0.05);
   EXPECT_LT(v.unknown.force_m_s2, 0.3);
-  v = judge.step(stamp_at(2.005), Vec3::Zero(), a, false);
+  v = judge.step(at(2.005), Vec3::Zero(), a, false);
   ASSERT_EQ(v.past, Past::kSpikes);
   EXPECT_NEAR(v.unknown.rate_rad_s, 1.5, 0.05);
   w.x() = 90;
-  judge.step(stamp_at(2.01), w, a, false);
-  v = judge.step(stamp_at(2.015), Vec3::Zero(), a, false);
+  judge.step(at(2.01), w, a, false);
+  v = judge.step(at(2.015), Vec3::Zero(), a, false);
   EXPECT_LT(v.unknown.rate_rad_s, 3);
 }
 
@@ -225,4 +224,4 @@ TEST(SpikeJudge, ImpossibleIsWhatNoSensorMeasures) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

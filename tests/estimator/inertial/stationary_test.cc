@@ -10,10 +10,8 @@
 #include "tests/estimator/inertial/random_interval.h"
 #include "tests/support/recorded_data.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::Random;
 
 constexpr double kRate = 200;
 const ImuNoise kNoise{};
@@ -126,7 +124,7 @@ TEST(Stationary, AFastSensorFillsTheRing) {
 
 // EuRoC MH_01: in the air until 1403636599.9, standing from about 602.5 on, bumped at 610.8.
 TEST(Stationary, SeparatesFlightFromStandstillOnARecordedFlight) {
-  const std::string path = test::recorded_data("euroc_MH_01/mav0/imu0/data.csv");
+  const std::string path = recorded_data("euroc_MH_01/mav0/imu0/data.csv");
   std::ifstream file(path);
   if (!file) GTEST_SKIP() << "no recorded data at " << path;
   StationaryDetector detector(kNoise);
@@ -155,4 +153,4 @@ TEST(Stationary, SeparatesFlightFromStandstillOnARecordedFlight) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -6,22 +6,22 @@
 #include <cmath>
 
 #include "estimator/geometry/so3.h"
+#include "tests/estimator/made_up_time.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 constexpr double kSpeed = 2, kTurn = 0.4;
-constexpr HostStamp at_s(double s) { return HostStamp{} + Span::from_seconds(100 + s); }
 
 /// A circle about the left, with one speed every 20 ms.
 struct Circle {
   Circle() {
-    for (int i = 0; i < 500; ++i) imu.push({at_s(5e-3 * i), {0, 0, kTurn}, {0, kSpeed * kTurn, 9.81 + 1e-6 * i}});
-    for (int i = 0; i < 100; ++i) speeds.push(at_s(20e-3 * i), kSpeed);
+    for (int i = 0; i < 500; ++i) imu.push({at(5e-3 * i), {0, 0, kTurn}, {0, kSpeed * kTurn, 9.81 + 1e-6 * i}});
+    for (int i = 0; i < 100; ++i) speeds.push(at(20e-3 * i), kSpeed);
   }
   WheelWay way(double from_s, double to_s) const {
     WheelWay out;
-    EXPECT_TRUE(integrate_way(speeds, imu, at_s(from_s), at_s(to_s), Vec3::UnitX(), Vec3::Zero(), {}, out));
+    EXPECT_TRUE(integrate_way(speeds, imu, at(from_s), at(to_s), Vec3::UnitX(), Vec3::Zero(), {}, out));
     return out;
   }
   ImuHistory imu;
@@ -51,7 +51,7 @@ TEST(WheelWay, NeedsSpeedsAroundAllOfIt) {
   const Circle circle;
   WheelWay out;
   const auto is_known = [&](double from_s, double to_s) {
-    return integrate_way(circle.speeds, circle.imu, at_s(from_s), at_s(to_s), Vec3::UnitX(), Vec3::Zero(), {}, out);
+    return integrate_way(circle.speeds, circle.imu, at(from_s), at(to_s), Vec3::UnitX(), Vec3::Zero(), {}, out);
   };
   EXPECT_FALSE(is_known(-0.1, 0.1));
   EXPECT_FALSE(is_known(1.9, 2.0));
@@ -68,4 +68,4 @@ TEST(WheelWay, OfTwoScalesSaysNothing) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -10,15 +10,15 @@
 #include "estimator/geometry/so3.h"
 #include "estimator/initialise/start_problem.h"
 
-namespace epiline::testing {
+namespace epiline::test {
 
 /// Pose in a world with z up.
-struct Motion {
+struct StartMotion {
   std::function<Vec3(double)> p;  ///< m
   std::function<Mat3(double)> R;
 };
 
-inline Motion wandering(unsigned seed) {
+inline StartMotion wandering(unsigned seed) {
   std::mt19937 g(seed);
   std::uniform_real_distribution<double> u(-1, 1);
   std::array<Vec3, 3> a, b;
@@ -33,7 +33,7 @@ inline Motion wandering(unsigned seed) {
   return {[=](double t) { return sum(a, t); }, [=](double t) { return Mat3(R0 * so3_exp(sum(b, t))); }};
 }
 
-inline Motion constant_velocity(const Vec3& v) {
+inline StartMotion constant_velocity(const Vec3& v) {
   return {[=](double t) { return Vec3(v * t); }, [](double) { return Mat3(so3_exp(Vec3(0.1, -0.2, 0.5))); }};
 }
 
@@ -48,8 +48,11 @@ struct FlightSettings {
   unsigned seed = 1;
 };
 
-/// A start problem together with its truth.
-struct Flight {
+/// A start problem together with its truth. Its data lie in the vectors, so it is moved and never copied.
+struct StartFlight {
+  StartFlight() = default;
+  StartFlight(StartFlight&&) = default;
+
   std::vector<Preintegration> interval;
   std::vector<StartTrack> tracks;
   StartProblem problem;
@@ -58,21 +61,21 @@ struct Flight {
   std::vector<Mat3> R;
 };
 
-inline Vec3 rate(const Motion& m, double t) {
+inline Vec3 rate(const StartMotion& m, double t) {
   constexpr double h = 1e-4;
   return so3_log(m.R(t - h).transpose() * m.R(t + h)) / (2 * h);
 }
-inline Vec3 velocity(const Motion& m, double t) {
+inline Vec3 velocity(const StartMotion& m, double t) {
   constexpr double h = 1e-4;
   return (8 * (m.p(t + h) - m.p(t - h)) - (m.p(t + 2 * h) - m.p(t - 2 * h))) / (12 * h);
 }
-inline Vec3 specific_force(const Motion& m, double t) {
+inline Vec3 specific_force(const StartMotion& m, double t) {
   constexpr double h = 1e-3;
   const Vec3 a = (16 * (m.p(t + h) + m.p(t - h)) - (m.p(t + 2 * h) + m.p(t - 2 * h)) - 30 * m.p(t)) / (12 * h * h);
   return m.R(t).transpose() * (a + Vec3(0, 0, kGravity));
 }
 
-inline void add_intervals(const Motion& m, const FlightSettings& s, Flight& f) {
+inline void add_intervals(const StartMotion& m, const FlightSettings& s, StartFlight& f) {
   const double dt = s.interval_s / s.imu_per_interval;
   const ImuNoise noise;
   for (int k = 0; k + 1 < s.frames; ++k) {
@@ -88,7 +91,7 @@ inline void add_intervals(const Motion& m, const FlightSettings& s, Flight& f) {
 }
 
 /// Each point is seen from a random first to a random last frame.
-inline void add_tracks(const Motion& m, const FlightSettings& s, Flight& f) {
+inline void add_tracks(const StartMotion& m, const FlightSettings& s, StartFlight& f) {
   std::mt19937 g(s.seed + 1000);
   std::uniform_real_distribution<double> u(-1, 1);
   std::normal_distribution<double> normal;
@@ -113,7 +116,8 @@ inline void add_tracks(const Motion& m, const FlightSettings& s, Flight& f) {
   }
 }
 
-inline void fly(const Motion& m, const FlightSettings& s, Flight& f) {
+inline StartFlight fly(const StartMotion& m, const FlightSettings& s) {
+  StartFlight f;
   f.problem.R_BC << 0, 0, 1, -1, 0, 0, 0, -1, 0;
   f.problem.p_BC = Vec3(0.06, -0.02, 0.03);
   add_intervals(m, s, f);
@@ -129,6 +133,12 @@ inline void fly(const Motion& m, const FlightSettings& s, Flight& f) {
     f.p.push_back(m.R(0).transpose() * (m.p(t) - m.p(0)));
     f.R.push_back(m.R(0).transpose() * m.R(t));
   }
+  return f;
+}
+/// With points, too, of that seed.
+inline StartFlight wander(unsigned seed, FlightSettings s = {}) {
+  s.seed = seed;
+  return fly(wandering(seed), s);
 }
 
-}  // namespace epiline::testing
+}  // namespace epiline::test

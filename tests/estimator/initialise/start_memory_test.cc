@@ -7,20 +7,15 @@
 #include "tests/estimator/initialise/start_flight.h"
 #include "tests/estimator/initialise/start_work.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using testing::angle;
-using testing::Flight;
-using testing::FlightSettings;
-using testing::work_space;
 
 /// The frames of a flight from `first` on, with their ids.
 struct Attempt {
   std::vector<StartTrack> tracks;
   StartProblem problem;
 
-  Attempt(const Flight& f, int first, int frames) : problem(f.problem) {
+  Attempt(const StartFlight& f, int first, int frames) : problem(f.problem) {
     for (const StartTrack& t : f.tracks) {
       StartTrack part;
       for (int q = 0; q < t.count; ++q) {
@@ -38,21 +33,15 @@ struct Attempt {
   }
 };
 
-void fly_for_two_attempts(unsigned seed, const Vec3& b_g, Flight& f) {
-  FlightSettings s;
-  s.seed = seed;
-  s.frames = kStartFrames;
-  s.noise_rad = 0.5 / 458;
-  s.b_g = b_g;
-  testing::fly(testing::wandering(seed), s, f);
+StartFlight fly_for_two_attempts(unsigned seed, const Vec3& b_g = Vec3::Zero()) {
+  return wander(seed, {.frames = kStartFrames, .noise_rad = 0.5 / 458, .b_g = b_g});
 }
 
 /// Frame 0 leaves between two attempts: the second begins at its own frame 0, where the first ended there, and ends
 /// where a search does.
 TEST(StartMemory, BeginsWhereTheLastAttemptEnded) {
   for (unsigned seed = 1; seed <= 10; ++seed) {
-    Flight f;
-    fly_for_two_attempts(seed, 0.2 * Vec3(-0.003, 0.021, 0.079), f);
+    const StartFlight f = fly_for_two_attempts(seed, 0.2 * Vec3(-0.003, 0.021, 0.079));
     const Attempt first(f, 0, 12), second(f, 3, 12);
     StartMemory memory, nothing;
     StartGuess g, expected;
@@ -82,8 +71,7 @@ TEST(StartMemory, BeginsWhereTheLastAttemptEnded) {
 TEST(StartMemory, NoStartIsAcceptedWithoutASearch) {
   int accepted = 0;
   for (unsigned seed = 1; seed <= 10; ++seed) {
-    Flight f;
-    fly_for_two_attempts(seed, Vec3::Zero(), f);
+    const StartFlight f = fly_for_two_attempts(seed);
     const Attempt first(f, 0, 12), second(f, 3, 12);
     StartMemory memory, nothing;
     StartGuess g, expected;
@@ -103,12 +91,8 @@ TEST(StartMemory, NoStartIsAcceptedWithoutASearch) {
 /// A state that does not explain the images is left for a search, whatever it was before.
 TEST(StartMemory, SearchesWhereTheLastStateFitsNoLonger) {
   for (unsigned seed = 1; seed <= 10; ++seed) {
-    FlightSettings s;
-    s.seed = seed;
-    s.noise_rad = 0.5 / 458;
-    Flight f;
-    testing::fly(testing::wandering(seed), s, f);
-    const Attempt attempt(f, 0, s.frames);
+    StartFlight f = wander(seed, {.noise_rad = 0.5 / 458});
+    const Attempt attempt(f, 0, f.problem.frames);
     StartMemory memory, nothing;
     StartGuess g, expected;
     ASSERT_EQ(solve_moving_start(attempt.problem, {}, work_space(), memory, g), std::nullopt) << "seed " << seed;
@@ -125,13 +109,9 @@ TEST(StartMemory, SearchesWhereTheLastStateFitsNoLonger) {
 /// Where nothing explains the images, a state is kept while it fits as well as the last search's; every fourth attempt
 /// searches all the same.
 TEST(StartMemory, SearchesNowAndThenWhereNothingExplains) {
-  FlightSettings s;
-  s.frames = 8;  // with so few no noise is found
-  s.noise_rad = 2 / 458.0;
-  Flight f;
-  testing::fly(testing::wandering(3), s, f);
+  StartFlight f = fly(wandering(3), {.frames = 8, .noise_rad = 2 / 458.0});  // with so few frames no noise is found
   f.problem.sigma_rad = 0.5 / 458;
-  const Attempt attempt(f, 0, s.frames);
+  const Attempt attempt(f, 0, f.problem.frames);
   StartMemory memory;
   StartGuess g;
   for (int n = 0; n < 9; ++n) {
@@ -145,4 +125,4 @@ TEST(StartMemory, SearchesNowAndThenWhereNothingExplains) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

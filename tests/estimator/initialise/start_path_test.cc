@@ -4,29 +4,21 @@
 
 #include "tests/estimator/initialise/start_flight.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
-using testing::Flight;
-using testing::FlightSettings;
-
 TEST(StartPath, FollowsTheTruePath) {
-  FlightSettings s;
-  s.imu_per_interval = 200;
-  Flight f;
-  testing::fly(testing::wandering(3), s, f);
+  StartFlight f = fly(wandering(3), {.imu_per_interval = 200});
   StartPath path;
   chain(f.problem, f.truth.b_g, f.truth.b_a, path);
-  for (int k = 0; k < s.frames; ++k) {
+  for (int k = 0; k < f.problem.frames; ++k) {
     EXPECT_NEAR((path[k].position(f.truth) - f.p[k]).norm(), 0, 1e-6) << "frame " << k;
     EXPECT_NEAR(so3_log(path[k].R.transpose() * f.R[k]).norm(), 0, 1e-6) << "frame " << k;
   }
 }
 
 TEST(StartPath, DerivativesAreThoseOfThePath) {
-  FlightSettings s;
-  Flight f;
-  testing::fly(testing::wandering(4), s, f);
+  StartFlight f = fly(wandering(4), {});
   constexpr double h = 1e-5;
   const StartState x = f.truth;
   StartPath path;
@@ -38,7 +30,7 @@ TEST(StartPath, DerivativesAreThoseOfThePath) {
     StartPath a, b;
     chain(f.problem, up.b_g, up.b_a, a);
     chain(f.problem, down.b_g, down.b_a, b);
-    for (int k = 0; k < s.frames; ++k) {
+    for (int k = 0; k < f.problem.frames; ++k) {
       const Vec3 dp = (a[k].position(up) - b[k].position(down)) / (2 * h);
       StartRows turning = StartRows::Zero();
       turning.middleCols<3>(5) = path[k].rotation_rows();
@@ -58,4 +50,4 @@ TEST(StartPath, GravityKeepsItsLength) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -4,25 +4,23 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Dense>
 #include <cmath>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/initialise/start_flight.h"
 #include "tests/estimator/slope.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 using Share = PointElimination::Share;
-using testing::Flight;
-using testing::FlightSettings;
 
 constexpr double kSigma = 1e-3, kKernel = 4;
 
-StartCameras cameras(const Flight& f, const StartState& s) {
+StartCameras cameras(const StartFlight& f, const StartState& s) {
   StartPath path;
   chain(f.problem, s.b_g, s.b_a, path);
   StartCameras camera;
@@ -34,13 +32,8 @@ StartCameras cameras(const Flight& f, const StartState& s) {
 GravityTurns turns_of_gravity(const StartState& s) { return kGravity * gravity_basis(s.g_0); }
 
 /// Tracks with holes, of which each starts and ends in frames of its own.
-Flight ragged_flight(unsigned seed, int points) {
-  FlightSettings settings;
-  settings.noise_rad = kSigma;
-  settings.points = points;
-  settings.outliers = 0.02;
-  Flight f;
-  testing::fly(testing::wandering(seed), settings, f);
+StartFlight ragged_flight(unsigned seed, int points) {
+  StartFlight f = fly(wandering(seed), {.points = points, .noise_rad = kSigma, .outliers = 0.02});
   for (std::size_t t = 0; t < f.tracks.size(); ++t) {
     StartTrack& track = f.tracks[t];
     const int hole = 1 + static_cast<int>(t) % 5;
@@ -62,7 +55,7 @@ struct ReferencePoint {
 
 /// The least squares of the derivation, straight: one track, no lanes, derivatives by differences.
 struct Reference {
-  const Flight& flight;
+  const StartFlight& flight;
   const StartTrack& track;
 
   /// Residuals in the plane tangent to each bearing, in sigmas; the bearings are turned with their cameras.
@@ -125,7 +118,7 @@ std::vector<StartBatch> pack(const std::vector<StartTrack>& tracks) {
   return batches;
 }
 
-class StartPoint : public ::testing::TestWithParam<InstructionSet> {
+class StartPoint : public testing::TestWithParam<InstructionSet> {
  protected:
   void SetUp() override {
     if (!runs_here(GetParam())) GTEST_SKIP() << "this processor has no " << name_of(GetParam());
@@ -133,7 +126,7 @@ class StartPoint : public ::testing::TestWithParam<InstructionSet> {
   }
   StartWeights weights(int steps) const { return {kSigma * kSigma, kKernel * kKernel, steps}; }
   /// The points after `steps` steps.
-  StartNormal eliminate(const std::vector<StartTrack>& tracks, const Flight& f, const StartState& s, int steps) {
+  StartNormal eliminate(const std::vector<StartTrack>& tracks, const StartFlight& f, const StartState& s, int steps) {
     const StartCameras camera = cameras(f, s);
     const std::vector<StartBatch> batches = pack(tracks);
     const Eigen::Matrix<double, 3, 2, Eigen::RowMajor> gravity = turns_of_gravity(s);
@@ -159,12 +152,12 @@ class StartPoint : public ::testing::TestWithParam<InstructionSet> {
 
 /// Against points and start as unknowns of one dense system, the points eliminated from it by its Schur complement.
 TEST_P(StartPoint, IsEliminatedAsFromADenseSystem) {
-  const Flight f = ragged_flight(4, 29);
+  const StartFlight f = ragged_flight(4, 29);
   StartState at = f.truth;
   at.v_0 += Vec3(0.01, -0.02, 0.01);
   eliminate(f.tracks, f, at, 2);
-  StartMatrix H = StartMatrix::Zero();
-  StartVector b = StartVector::Zero();
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(kStartDof, kStartDof);
+  Eigen::VectorXd b = Eigen::VectorXd::Zero(kStartDof);
   double cost = 0;
   for (std::size_t t = 0; t < f.tracks.size(); ++t) {
     const StartTrack& track = f.tracks[t];
@@ -177,22 +170,19 @@ TEST_P(StartPoint, IsEliminatedAsFromADenseSystem) {
       return reference.residuals(at, {x.m + d, x.rho}, origin);
     });
     const Eigen::VectorXd r = reference.residuals(at, x, origin);
-    Eigen::VectorXd w(r.size());
+    Eigen::MatrixXd J(r.size(), kStartDof + 3), dense = Eigen::MatrixXd::Zero(kStartDof + 3, kStartDof + 3);
+    J << by_start, by_point;
+    Eigen::VectorXd rhs = Eigen::VectorXd::Zero(kStartDof + 3);
     for (int q = 0; q < track.count; ++q) {
       const double scaled = r.segment<3>(3 * q).squaredNorm() / (kKernel * kKernel);
-      w.segment<3>(3 * q).setConstant(1 / (1 + scaled));
       cost += kKernel * kKernel * std::log1p(scaled);
+      add_equations(1 / (1 + scaled), J.middleRows(3 * q, 3), r.segment(3 * q, 3), dense, rhs);
     }
-    Eigen::MatrixXd J(r.size(), kStartDof + 3);
-    J << by_start, by_point;
-    Eigen::MatrixXd dense = J.transpose() * w.asDiagonal() * J;
-    const Eigen::VectorXd rhs = -J.transpose() * w.cwiseProduct(r);
     const double damping = std::max(0.0, 0.04 - reference.depth_information(at)) * x.rho * x.rho;
     dense.bottomRightCorner<3, 3>() += damping / std::pow(x.m.norm(), 4) * x.m * x.m.transpose();
-    const Eigen::MatrixXd gain = dense.bottomRightCorner<3, 3>().fullPivLu().solve(dense.bottomRows<3>()).transpose();
-    H += dense.topLeftCorner<kStartDof, kStartDof>() -
-         gain.topRows<kStartDof>() * dense.bottomLeftCorner<3, kStartDof>();
-    b += rhs.head<kStartDof>() - gain.topRows<kStartDof>() * rhs.tail<3>();
+    const Eigen::MatrixXd C = inverse(dense.bottomRightCorner(3, 3)), with = dense.bottomLeftCorner(3, kStartDof);
+    H += dense.topLeftCorner(kStartDof, kStartDof) - congruence(C, with);
+    b += rhs.head(kStartDof) - product(with.transpose(), product(C, rhs.tail(3)));
   }
   const StartCameras camera = cameras(f, at);
   points->collect(f.problem);
@@ -209,23 +199,20 @@ TEST_P(StartPoint, IsEliminatedAsFromADenseSystem) {
 }
 
 TEST_P(StartPoint, NormalEquationsHaveTheSlopeOfTheCost) {
-  const Flight f = ragged_flight(5, 30);
+  const StartFlight f = ragged_flight(5, 30);
   StartState at = f.truth;
   at.v_0 += Vec3(0.01, -0.02, 0.01);
   const StartNormal sum = eliminate(f.tracks, f, at, 40);
   for (int i = 0; i < kStartDof; ++i) {
     const double sigma = 1 / std::sqrt(sum.H(i, i));
     const auto cost = [&](double d) { return eliminate(f.tracks, f, moved(at, d * StartVector::Unit(i)), 40).cost; };
-    const double expected = -0.5 * test::slope(cost, 0.02 * sigma);
+    const double expected = -0.5 * slope(cost, 0.02 * sigma);
     EXPECT_NEAR(sum.b[i] * sigma, expected * sigma, 1e-6 * (1 + std::abs(expected * sigma))) << "unknown " << i;
   }
 }
 
 TEST_P(StartPoint, IsWhereTheCamerasSawIt) {
-  FlightSettings settings;
-  settings.imu_per_interval = 200;
-  Flight f;
-  testing::fly(testing::wandering(6), settings, f);
+  StartFlight f = fly(wandering(6), {.imu_per_interval = 200});
   const StartCameras camera = cameras(f, f.truth);
   eliminate(f.tracks, f, f.truth, 30);
   int seen = 0;
@@ -250,8 +237,7 @@ TEST_P(StartPoint, IsWhereTheCamerasSawIt) {
 
 /// A gross error of a bearing says nothing of the start but costs.
 TEST_P(StartPoint, BehindACameraABearingHasNoDerivative) {
-  Flight f;
-  testing::fly(testing::wandering(7), {}, f);
+  const StartFlight f = fly(wandering(7), {});
   StartTrack track = f.tracks[0];
   ASSERT_GT(track.count, 4);
   const int last = track.count - 1, k = track.frame[last];
@@ -268,7 +254,7 @@ TEST_P(StartPoint, BehindACameraABearingHasNoDerivative) {
 
 /// The wide stages see every third track, and no batch mixes the shares.
 TEST_P(StartPoint, AThirdIsEveryThirdTrack) {
-  Flight f = ragged_flight(8, 100);
+  StartFlight f = ragged_flight(8, 100);
   std::vector<StartTrack> third;
   for (std::size_t t = 0; t < f.tracks.size(); t += 3) third.push_back(f.tracks[t]);
   int freedom = -kStartDof;
@@ -288,7 +274,7 @@ TEST_P(StartPoint, AThirdIsEveryThirdTrack) {
 
 /// The widest of all pairs of bearings, cameras' rotation removed.
 TEST_P(StartPoint, ParallaxIsTheMedianOfTheWidestAngles) {
-  const Flight f = ragged_flight(9, 60);
+  const StartFlight f = ragged_flight(9, 60);
   const StartCameras camera = cameras(f, f.truth);
   points->collect(f.problem);
   std::vector<double> widest;
@@ -309,7 +295,7 @@ TEST_P(StartPoint, ParallaxIsTheMedianOfTheWidestAngles) {
 using RowMat3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 /// The first tracks of a flight, seen in frames 0 and 8, in the body's axes.
-StartPair pair_of(const Flight& f, int tracks) {
+StartPair pair_of(const StartFlight& f, int tracks) {
   StartPair pair{};
   for (const StartTrack& t : f.tracks) {
     if (pair.tracks == tracks || t.count < 9 || t.frame[8] != 8) continue;
@@ -324,7 +310,7 @@ StartPair pair_of(const Flight& f, int tracks) {
 
 /// Straight from the derivation: the residual n.t, and its slope by a turn of frame 8.
 TEST_P(StartPoint, SumsOfAPairAreThoseOfItsTracks) {
-  const Flight f = ragged_flight(4, 100);
+  const StartFlight f = ragged_flight(4, 100);
   const StartPair pair = pair_of(f, 13);  // fills no number of lanes
   ASSERT_EQ(pair.tracks, 13);
   const Mat3 R = f.R[8] * so3_exp(Vec3(0.002, -0.001, 0.003));
@@ -333,9 +319,9 @@ TEST_P(StartPoint, SumsOfAPairAreThoseOfItsTracks) {
   for (int s = 0; s < pair.tracks; ++s) {
     const Vec3 a(pair.a[0][s], pair.a[1][s], pair.a[2][s]), b(pair.b[0][s], pair.b[1][s], pair.b[2][s]),
         n = a.cross(R * b);
-    const Eigen::VectorXd q = slopes(3, 1e-3, [&](const Eigen::VectorXd& turn) {
-                                return Eigen::VectorXd::Constant(1, a.cross(so3_exp(turn) * R * b).dot(t)).eval();
-                              }).transpose();
+    Vec3 q;
+    for (int i = 0; i < 3; ++i)
+      q[i] = slope([&](double d) { return a.cross(so3_exp(d * Vec3::Unit(i)) * R * b).dot(t); }, 1e-3);
     const double variance = kSigma * kSigma * ((R * b).cross(t).squaredNorm() + a.cross(t).squaredNorm());
     const double w = 1 / (variance + n.dot(t) * n.dot(t) / (kKernel * kKernel));
     plain += n * n.transpose();
@@ -359,16 +345,18 @@ TEST_P(StartPoint, SumsOfAPairAreThoseOfItsTracks) {
   expect(sums.qq, qq);
 }
 
-/// The rows of one track in (v_0, g_0), each divided by its noise, and what they must equal.
+/// Normal equations in (v_0, g_0).
+struct LinearSums {
+  Mat3 vv = Mat3::Zero(), vg = Mat3::Zero(), gg = Mat3::Zero();
+  Vec3 v = Vec3::Zero(), g = Vec3::Zero();
+};
+
+/// The rows of one track, each divided by its noise, and what they must equal.
 void add_linear_rows(const StartTrack& track, const StartCameras& camera, double least, const double (*at)[3],
-                     Eigen::Matrix<double, 6, 6>& A, Eigen::Matrix<double, 6, 1>& b) {
-  const auto ray = [&](int q) -> Vec3 { return Eigen::Map<const RowMat3>(camera[track.frame[q]].R) * track.f_C[q]; };
-  const auto centre = [&](int q) -> Vec3 { return Eigen::Map<const Vec3>(camera[track.frame[q]].c); };
-  const auto columns = [&](int q) {
-    Eigen::Matrix<double, 3, 6> C;
-    C << camera[track.frame[q]].T * Mat3::Identity(), camera[track.frame[q]].half_T2 * Mat3::Identity();
-    return C;
-  };
+                     LinearSums& sums) {
+  const auto seen_by = [&](int q) -> const auto& { return camera[track.frame[q]]; };
+  const auto ray = [&](int q) -> Vec3 { return Eigen::Map<const RowMat3>(seen_by(q).R) * track.f_C[q]; };
+  const auto centre = [&](int q) -> Vec3 { return Eigen::Map<const Vec3>(seen_by(q).c); };
   int i = 0, j = 0;
   double sine2 = 0;
   for (int k = 0; k < track.count; ++k)
@@ -377,8 +365,11 @@ void add_linear_rows(const StartTrack& track, const StartCameras& camera, double
   if (track.count < 3 || sine2 < least) return;
   const Vec3 a = ray(j).cross(ray(j).cross(ray(i)));
   for (int k = 0; k < track.count; ++k) {
-    const Eigen::Matrix<double, 3, 6> row =
-        skew(ray(k)) * (ray(i) * a.transpose() * (columns(i) - columns(j)) + sine2 * (columns(i) - columns(k)));
+    const auto row = [&](double i_less_j, double i_less_k) -> Mat3 {
+      return skew(ray(k)) * (i_less_j * ray(i) * a.transpose() + sine2 * i_less_k * Mat3::Identity());
+    };
+    const Mat3 v = row(seen_by(i).T - seen_by(j).T, seen_by(i).T - seen_by(k).T),
+               g = row(seen_by(i).half_T2 - seen_by(j).half_T2, seen_by(i).half_T2 - seen_by(k).half_T2);
     const Vec3 rest = skew(ray(k)) * (ray(i) * a.dot(centre(i) - centre(j)) + sine2 * (centre(i) - centre(k)));
     double w = 1 / sine2;
     if (at != nullptr) {
@@ -388,13 +379,16 @@ void add_linear_rows(const StartTrack& track, const StartCameras& camera, double
       const Vec3 e = skew(ray(k)) * (depth * sine2 * ray(i) + sine2 * (found(i) - found(k)));
       w = 1 / (noise * noise + e.squaredNorm() / 9);
     }
-    A += w * row.transpose() * row;
-    b -= w * row.transpose() * rest;
+    sums.vv += w * v.transpose() * v;
+    sums.vg += w * v.transpose() * g;
+    sums.gg += w * g.transpose() * g;
+    sums.v -= w * v.transpose() * rest;
+    sums.g -= w * g.transpose() * rest;
   }
 }
 
 TEST_P(StartPoint, TheLinearSystemIsThatOfItsRows) {
-  Flight f = ragged_flight(6, 45);
+  StartFlight f = ragged_flight(6, 45);
   for (int t = 0; t < 12; ++t) f.tracks[t].count = 2 + t % 3;  // two views say nothing, three do
   StartState at_rest = f.truth;
   at_rest.v_0 = at_rest.g_0 = Vec3::Zero();
@@ -404,27 +398,26 @@ TEST_P(StartPoint, TheLinearSystemIsThatOfItsRows) {
     for (int r = 0; r < 3; ++r) at[k][r] = moved[k].c[r] + 0.02 * r;
   points->collect(f.problem);
   for (const bool known : {false, true}) {
-    Eigen::Matrix<double, 6, 6> A = Eigen::Matrix<double, 6, 6>::Zero();
-    Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
     const double least = 1e-5;
-    for (const StartTrack& track : f.tracks) add_linear_rows(track, camera, least, known ? at.data() : nullptr, A, b);
+    LinearSums expected;
+    for (const StartTrack& track : f.tracks)
+      add_linear_rows(track, camera, least, known ? at.data() : nullptr, expected);
     const StartLinear system = points->linear(camera, least, kSigma, known ? at.data() : nullptr);
-    const auto expect = [&](const double* block, int row, int column) {
-      const Mat3 expected = A.block<3, 3>(row, column);
-      EXPECT_LT((Eigen::Map<const RowMat3>(block) - expected).norm(), 1e-9 * expected.norm()) << known;
+    const auto expect = [&](const double* block, const Mat3& sum) {
+      EXPECT_LT((Eigen::Map<const RowMat3>(block) - sum).norm(), 1e-9 * sum.norm()) << known;
     };
-    expect(system.vv, 0, 0);
-    expect(system.vg, 0, 3);
-    expect(system.gg, 3, 3);
-    EXPECT_LT((Eigen::Map<const Vec3>(system.v) - b.head<3>()).norm(), 1e-9 * b.norm()) << known;
-    EXPECT_LT((Eigen::Map<const Vec3>(system.g) - b.tail<3>()).norm(), 1e-9 * b.norm()) << known;
+    expect(system.vv, expected.vv);
+    expect(system.vg, expected.vg);
+    expect(system.gg, expected.gg);
+    EXPECT_LT((Eigen::Map<const Vec3>(system.v) - expected.v).norm(), 1e-9 * expected.v.norm()) << known;
+    EXPECT_LT((Eigen::Map<const Vec3>(system.g) - expected.g).norm(), 1e-9 * expected.g.norm()) << known;
     EXPECT_GT(system.tracks, 10);
     EXPECT_LT(system.tracks, 45);
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Sets, StartPoint, ::testing::ValuesIn(kInstructionSets),
+INSTANTIATE_TEST_SUITE_P(Sets, StartPoint, testing::ValuesIn(kInstructionSets),
                          [](const auto& test) { return name_of(test.param); });
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -4,7 +4,7 @@
 
 #include "estimator/initialise/start_point.h"
 
-namespace epiline::testing {
+namespace epiline::test {
 
 /// On the widest vectors of this machine.
 inline PointElimination& work_space() {
@@ -14,4 +14,4 @@ inline PointElimination& work_space() {
 
 inline double angle(const Vec3& a, const Vec3& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
 
-}  // namespace epiline::testing
+}  // namespace epiline::test

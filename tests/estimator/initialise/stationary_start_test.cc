@@ -9,7 +9,7 @@
 #include "estimator/geometry/so3.h"
 #include "estimator/initialise/start_problem.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 ImuStatistics readings(const Vec3& force, const Vec3& rate, double duration_s) {
@@ -107,4 +107,4 @@ TEST(StationaryStart, RefusesWhatIsNotRest) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -4,7 +4,7 @@
 
 #include "estimator/monitor/suspicion.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 constexpr double kStep_s = 0.1;
@@ -211,4 +211,4 @@ TEST(Behind, ATurnOnTheSpotAfterwardsDoesNotMakeItTrusted) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

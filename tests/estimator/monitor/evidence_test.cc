@@ -5,7 +5,7 @@
 
 #include <random>
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 TEST(Innovation, IsOneInTheMeanSquareForErrorsAsTheCovarianceSays) {
@@ -43,4 +43,4 @@ TEST(Innovation, ACorrectionOfWhatWasCertainIsEndless) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 constexpr double kFrame_s = 0.1;
@@ -275,4 +275,4 @@ TEST(Health, QualityFollowsTracksAndPosteriorSmoothly) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

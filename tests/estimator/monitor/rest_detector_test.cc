@@ -10,7 +10,7 @@
 
 #include "tests/estimator/synthetic_window.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 struct Scene {
@@ -189,4 +189,4 @@ TEST(RestDetector, ForgetsWhenCleared) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -7,7 +7,7 @@
 #include "estimator/geometry/so3.h"
 #include "estimator/monitor/turn_watch.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 const TurnKernels& kernels = turn_kernels(best_instruction_set());
@@ -164,4 +164,4 @@ TEST(TurnBetween, TooFewBearingsGiveNone) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -10,7 +10,7 @@
 
 #include "estimator/geometry/so3.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 using RowMat3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
@@ -136,4 +136,4 @@ INSTANTIATE_TEST_SUITE_P(InstructionSets, TurnKernelsOf, testing::ValuesIn(kInst
                          [](const auto& set) { return name_of(set.param); });
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -8,7 +8,7 @@
 #include <functional>
 #include <string>
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 /// A vehicle's speed: it stands, drives, slows down, drives.
@@ -60,4 +60,4 @@ TEST(WheelWatch, NamesWhatIsWrong) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -5,9 +5,10 @@
 
 #include <memory>
 
+#include "tests/estimator/made_up_time.h"
 #include "tests/estimator/synthetic_window.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 class MovedInTime : public testing::Test {
@@ -21,7 +22,6 @@ class MovedInTime : public testing::Test {
                       .specific_force_m_s2 = {a.x(), a.y(), a.z()}});
     }
   }
-  static HostStamp at(double t) { return HostStamp{1'000'000'000} + Span::from_seconds(t); }
   NavState truth(double t) const {
     NavState x;
     x.p = path_.p(t);
@@ -53,4 +53,4 @@ TEST_F(MovedInTime, ThereAndBackIsTheSame) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -6,28 +6,14 @@
 
 #include "tests/estimator/predict/predictor_fixture.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::at;
-using test::covariance_of;
-using test::difference;
-using test::displaced;
-using test::feed;
-using test::Mat16;
-using test::Random;
-using test::Readings;
-using test::sample;
-using test::solved;
-using test::some_state;
-using test::state_of;
-using test::without_blending;
 
 /// Flown for 0.3 s from x0 when a better state for the instant 0.2 s is about to come.
 struct Corrected {
   explicit Corrected(const PredictorConfig& config, double size = 1) : predictor(config), unblended(config) {
     Random random(8);
-    s = test::agile_readings(64, 0.005, random);
+    s = agile_readings(64, 0.005, random);
     const NavState x0 = some_state(random);
     Predictor first(without_blending(config));
     feed(first, s, 0, 41);
@@ -143,7 +129,7 @@ TEST(PredictorCorrection, CountsWhatIsTooLargeToBeBlendedInAsAReset) {
 
 TEST(PredictorCorrection, WaitsForTheReadingsOfItsTime) {
   Random random(9);
-  const Readings s = test::agile_readings(40, 0.005, random);
+  const Readings s = agile_readings(40, 0.005, random);
   const NavState x0 = some_state(random);
   const Odometry o = solved(x0, at(0.1025), s.w[20] - x0.b_g);
   Predictor early{PredictorConfig{}}, late{PredictorConfig{}};
@@ -184,4 +170,4 @@ TEST(PredictorCorrection, LeavesOutWhatItCannotUse) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

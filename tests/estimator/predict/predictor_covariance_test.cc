@@ -7,28 +7,12 @@
 #include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/predict/predictor_fixture.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::at;
-using test::covariance_of;
-using test::difference;
-using test::displaced;
-using test::feed;
-using test::Mat16;
-using test::noisy;
-using test::Random;
-using test::Readings;
-using test::solved;
-using test::some_covariance;
-using test::some_state;
-using test::state_of;
-using test::Vec16;
-using test::without_blending;
 
 TEST(PredictorCovariance, EqualsNumericalJacobiansAndPreintegratedNoise) {
   Random random(4);
-  const Readings s = test::agile_readings(50, 0.005, random);
+  const Readings s = agile_readings(50, 0.005, random);
   const NavState x0 = some_state(random);
   const Mat16 P0 = some_covariance(random, 0.02, 0.01, 0.05, 0.05, 0.005);
   const auto end = [&](const NavState& from) {
@@ -38,21 +22,20 @@ TEST(PredictorCovariance, EqualsNumericalJacobiansAndPreintegratedNoise) {
     return predictor.odometry();
   };
   const double h = 1e-5;
-  Mat16 F = Mat16::Identity();
+  Eigen::MatrixXd F = Eigen::MatrixXd::Identity(16, 16);
   for (int i = 0; i < 15; ++i) {
     const Vec15 d = h * Vec15::Unit(i);
-    F.col(i).head<15>() = difference(state_of(end(displaced(x0, -d))), state_of(end(displaced(x0, d)))) / (2 * h);
+    F.col(i).head(15) = difference(state_of(end(displaced(x0, -d))), state_of(end(displaced(x0, d)))) / (2 * h);
   }
-  const Preintegration interval = test::integrated(s, x0.b_a, x0.b_g, noisy().density.noise);
-  Mat15 B = Mat15::Identity();
-  B.block<3, 3>(0, 0) = B.block<3, 3>(6, 6) = x0.R;
-  Mat16 expected = F * P0 * F.transpose();
-  expected.topLeftCorner<15, 15>() += B * interval.C * B.transpose();
+  const Preintegration interval = integrated(s, x0.b_a, x0.b_g, noisy().density.noise);
+  Eigen::MatrixXd B = Eigen::MatrixXd::Identity(15, 15);
+  B.topLeftCorner(3, 3) = B.block(6, 6, 3, 3) = x0.R;
+  Eigen::MatrixXd expected = congruence(P0, F.transpose());
+  expected.topLeftCorner(15, 15) += congruence(interval.C, B.transpose());
   const Mat16 P = covariance_of(end(x0));
-  const Vec16 sigma = expected.diagonal().cwiseSqrt();
   for (int i = 0; i < 16; ++i)
     for (int j = 0; j < 16; ++j) {
-      EXPECT_NEAR(P(i, j), expected(i, j), 1e-6 * sigma(i) * sigma(j)) << i << " " << j;
+      EXPECT_NEAR(P(i, j), expected(i, j), 1e-6 * std::sqrt(expected(i, i) * expected(j, j))) << i << " " << j;
       EXPECT_EQ(P(i, j), P(j, i));
     }
 }
@@ -84,7 +67,7 @@ struct NoisyFlight {
 Vec16 drawn(const Mat16& P, Random& random) {
   Vec16 z;
   for (int i = 0; i < 16; ++i) z(i) = random.gaussian(1).x();
-  return test::lower_factor(P) * z;
+  return product(lower_factor(P), z);
 }
 
 // Mean NEES over 16 dimensions: its standard deviation over 400 runs is 0.018.
@@ -93,7 +76,7 @@ TEST(PredictorCovariance, HoldsInMonteCarlo) {
   Random random(5);
   double nees = 0;
   for (int run = 0; run < kRuns; ++run) {
-    const Readings s = test::agile_readings(61, 0.005, random);
+    const Readings s = agile_readings(61, 0.005, random);
     const NavState x0 = some_state(random);
     const Mat16 P0 = some_covariance(random, 0.003, 0.002, 0.01, 0.05, 0.005);
     const Vec16 error = drawn(P0, random);
@@ -105,7 +88,7 @@ TEST(PredictorCovariance, HoldsInMonteCarlo) {
     const Odometry o = predictor.odometry();
     Vec16 off;
     off << difference(state_of(o), flight.states.back()), error(15);
-    nees += off.dot(test::solve(covariance_of(o), off)) / 16 / kRuns;
+    nees += chi2(off, covariance_of(o)) / 16 / kRuns;
   }
   RecordProperty("nees", std::to_string(nees));
   EXPECT_GT(nees, 0.92);
@@ -121,7 +104,7 @@ TEST(PredictorCovariance, HoldsWhileACorrectionFades) {
   for (const int end : {kArrival, kLater}) {
     Vec15 claimed = Vec15::Zero(), claimed_unblended = Vec15::Zero(), seen = Vec15::Zero();
     for (int run = 0; run < kRuns; ++run) {
-      const Readings s = test::agile_readings(kLater + 1, 0.005, random);
+      const Readings s = agile_readings(kLater + 1, 0.005, random);
       const NavState x0 = some_state(random);
       const Mat16 P0 = some_covariance(random, 0.02, 0.005, 0.03, 0.02, 0.002);
       const NoisyFlight flight(s, displaced(x0, drawn(P0, random).head<15>()), noisy().density.noise, random);
@@ -131,19 +114,21 @@ TEST(PredictorCovariance, HoldsWhileACorrectionFades) {
       blended.correct(solved(x0, at(0), flight.measured.w[0] - x0.b_g, P0));
       const Odometry prior = blended.odometry();
       feed(blended, flight.measured, kImage + 1, kArrival + 1);
-      const Mat16 P = covariance_of(prior);
+      const Eigen::MatrixXd P = covariance_of(prior);
       const Vec3 innovation = flight.states[kImage].p + random.gaussian(kSigma) - state_of(prior).p;
-      const Mat3 S = P.topLeftCorner<3, 3>() + kSigma * kSigma * Mat3::Identity();
-      const Eigen::Matrix<double, 16, 3> K = P.leftCols<3>() * S.inverse();
-      const NavState x = displaced(state_of(prior), (K * innovation).head<15>());
-      const Odometry posterior = solved(x, at(kImage * s.dt), Vec3(prior.omega_B_rad_s.data()), P - K * P.topRows<3>());
+      Eigen::MatrixXd S = P.topLeftCorner(3, 3);
+      for (int i = 0; i < 3; ++i) S(i, i) += kSigma * kSigma;
+      const Eigen::MatrixXd K = product(P.leftCols(3), inverse(S));
+      const NavState x = displaced(state_of(prior), product(K, innovation).topRows(15));
+      const Odometry posterior =
+          solved(x, at(kImage * s.dt), Vec3(prior.omega_B_rad_s.data()), P - product(K, P.topRows(3)));
       ASSERT_EQ(blended.correct(posterior), Predictor::Correction::kBlended);
       unblended.correct(posterior);
       feed(blended, flight.measured, kArrival + 1, end + 1);
       feed(unblended, flight.measured, kImage + 1, end + 1);
       const Odometry o = blended.odometry();
       const Mat16 more = covariance_of(o) - covariance_of(unblended.odometry());
-      EXPECT_GT(test::least_eigenvalue(more), -1e-12);
+      EXPECT_GT(least_eigenvalue(more), -1e-12);
       seen += difference(state_of(o), flight.states[end]).cwiseAbs2() / kRuns;
       claimed += covariance_of(o).diagonal().head<15>() / kRuns;
       claimed_unblended += covariance_of(unblended.odometry()).diagonal().head<15>() / kRuns;
@@ -157,4 +142,4 @@ TEST(PredictorCovariance, HoldsWhileACorrectionFades) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

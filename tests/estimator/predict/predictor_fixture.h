@@ -6,16 +6,14 @@
 
 #include "estimator/geometry/so3.h"
 #include "estimator/predict/predictor.h"
+#include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/inertial/random_interval.h"
+#include "tests/estimator/made_up_time.h"
 
 namespace epiline::test {
 
 using Mat16 = Eigen::Matrix<double, 16, 16, Eigen::RowMajor>;
 using Vec16 = Eigen::Matrix<double, 16, 1>;
-
-inline constexpr HostStamp kStart{7'000'000'000};
-
-inline HostStamp at(double seconds) { return kStart + Span::from_seconds(seconds); }
 
 inline ImuSample sample(HostStamp t, const Vec3& w, const Vec3& a) {
   return {t, {w.x(), w.y(), w.z()}, {a.x(), a.y(), a.z()}};
@@ -72,12 +70,11 @@ inline NavState some_state(Random& random) {
 
 /// A full covariance, nothing uncorrelated, with about these standard deviations.
 inline Mat16 some_covariance(Random& random, double p, double theta, double v, double b_a, double b_g) {
-  Mat16 A;
+  const double sigma[] = {p, theta, v, b_a, b_g, 1e-3};
+  Eigen::MatrixXd A(16, 16);
   for (int i = 0; i < 16; ++i)
-    for (int j = 0; j < 16; ++j) A(i, j) = (i == j) + 0.2 * random.gaussian(1).x();
-  Vec16 s;
-  s << Vec3::Constant(p), Vec3::Constant(theta), Vec3::Constant(v), Vec3::Constant(b_a), Vec3::Constant(b_g), 1e-3;
-  return s.asDiagonal() * A * A.transpose() * s.asDiagonal();
+    for (int j = 0; j < 16; ++j) A(i, j) = sigma[i / 3] * ((i == j) + 0.2 * random.gaussian(1).x());
+  return product(A, A.transpose());
 }
 
 inline PredictorConfig noisy() {

@@ -11,21 +11,8 @@
 #include "platform/memory/allocation_count.h"
 #include "tests/estimator/predict/predictor_fixture.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::at;
-using test::covariance_of;
-using test::difference;
-using test::feed;
-using test::Mat16;
-using test::noisy;
-using test::Random;
-using test::Readings;
-using test::sample;
-using test::solved;
-using test::some_state;
-using test::state_of;
 
 TEST(Predictor, IsExactForConstantRateAndConstantAcceleration) {
   Random random(1);
@@ -96,14 +83,14 @@ TEST(Predictor, FollowsConstantRateAndForce) {
 // From between two readings, corrected late: as if integrated from there, both ends of the first piece interpolated.
 TEST(Predictor, EqualsPreintegrationOverTheSameReadings) {
   Random random(3);
-  const Readings s = test::agile_readings(50, 0.005, random);
+  const Readings s = agile_readings(50, 0.005, random);
   const NavState x0 = some_state(random);
   const double share = 0.4;
   Preintegration interval;
   interval.reset(x0.b_a, x0.b_g);
   const Vec3 w = s.w[10] + share * (s.w[11] - s.w[10]), a = s.a[10] + share * (s.a[11] - s.a[10]);
   interval.integrate(w, a, s.w[11], s.a[11], (1 - share) * s.dt, noisy().density.noise);
-  test::integrate(s, 11, 49, noisy().density.noise, interval);
+  integrate(s, 11, 49, noisy().density.noise, interval);
   for (const int corrected_at : {12, 30, 50}) {
     Predictor predictor(noisy());
     feed(predictor, s, 0, corrected_at);
@@ -122,7 +109,7 @@ TEST(Predictor, EqualsPreintegrationOverTheSameReadings) {
 // must be where the estimator is at the next one, once both poses belong to the same instant.
 TEST(Predictor, AgreesWithTheEstimatorsOwnPrediction) {
   Random random(11);
-  const Readings s = test::agile_readings(40, 0.005, random);
+  const Readings s = agile_readings(40, 0.005, random);
   EstimatorConfig config;
   config.extrinsics.time_offset_s = 0.005;
   const auto estimator = std::make_unique<Estimator>(config);
@@ -169,7 +156,7 @@ TEST(Predictor, AgreesWithTheEstimatorsOwnPrediction) {
 
 TEST(Predictor, CountsAndLeavesOutBadReadings) {
   Random random(10);
-  const Readings s = test::agile_readings(40, 0.005, random);
+  const Readings s = agile_readings(40, 0.005, random);
   const NavState x0 = some_state(random);
   Predictor clean{PredictorConfig{}}, dirty{PredictorConfig{}};
   for (Predictor* p : {&clean, &dirty}) {
@@ -278,4 +265,4 @@ TEST(PredictorMemory, NeverAsksForAny) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -7,7 +7,7 @@
 #include "estimator/geometry/so3.h"
 #include "estimator/predict/covariance.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 TEST(WorldUncertainty, MovesAllStatesOfTheWorldTogether) {
@@ -26,7 +26,8 @@ TEST(WorldUncertainty, MovesAllStatesOfTheWorldTogether) {
     const Vec3 shift = world.sigma_p * Vec3(normal(random), normal(random), normal(random));
     Eigen::Matrix<double, 9, 1> d;
     d << world.p + shift + turn * (x.p - world.p) - x.p, so3_log(x.R.transpose() * turn * x.R), turn * x.v - x.v;
-    drawn += d * d.transpose() / kDraws;
+    for (int i = 0; i < 9; ++i)
+      for (int j = 0; j < 9; ++j) drawn(i, j) += d[i] * d[j] / kDraws;
   }
   for (int i = 0; i < 9; ++i)
     for (int j = 0; j < 9; ++j)
@@ -37,4 +38,4 @@ TEST(WorldUncertainty, MovesAllStatesOfTheWorldTogether) {
 TEST(WorldUncertainty, OfTheFirstWorldIsNone) { EXPECT_EQ(covariance_added({}, NavState{}).norm(), 0); }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

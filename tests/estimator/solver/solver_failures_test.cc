@@ -9,11 +9,8 @@
 #include "tests/estimator/dense_system.h"
 #include "tests/estimator/solver/solver_fixture.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
-
-using test::calibration_sigmas;
-using test::quadratic;
 
 class AlwaysLate final : public Supervisor {
  public:
@@ -253,4 +250,4 @@ TEST(Solver, CountsTheTracksThatContradictTheMotionWhenNoneIsDropped) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

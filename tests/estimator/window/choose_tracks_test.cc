@@ -7,7 +7,7 @@
 #include <random>
 #include <set>
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 /// A feature so many pixels from the middle of an image of 752 x 480.
@@ -131,4 +131,4 @@ TEST(ChooseTracks, HardlyChangesFromFrameToFrame) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -7,7 +7,7 @@
 
 #include "estimator/geometry/so3.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 struct Pose {
@@ -119,4 +119,4 @@ TEST(Keyframe, JudgesTheSecondNewestFrame) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test

@@ -14,7 +14,7 @@
 
 #include "estimator/geometry/tracked_feature.h"
 
-namespace epiline {
+namespace epiline::test {
 namespace {
 
 /// A feature one can recognise again: `tag` is in its Jacobian.
@@ -243,4 +243,4 @@ TEST(Window, KnowsHowALensStretches) {
 }
 
 }  // namespace
-}  // namespace epiline
+}  // namespace epiline::test
