@@ -32,39 +32,22 @@ SyntheticWindow usual_window() {
   return s;
 }
 
-void linearise_tracks(benchmark::State& state, int index) {
+template <class Factor>
+void linearise(benchmark::State& state, int index) {
   InstructionSet set;
   if (!set_here(index, set)) return state.SkipWithError("not on this machine");
   SyntheticWindow s = usual_window();
-  TrackFactor factor(set);
+  Factor factor(set);
   const auto system = std::make_unique<VisualSystem>();
   factor.collect(*s.window, {});
   for (auto _ : state) factor.linearise(*s.window, *system);
   state.counters["tracks"] = system->tracks;
-  state.counters["constraints"] = system->residuals;
+  state.counters["residuals"] = system->residuals;
 }
 
-void linearise_epipolar(benchmark::State& state, int index) {
-  InstructionSet set;
-  if (!set_here(index, set)) return state.SkipWithError("not on this machine");
-  SyntheticWindow s = usual_window();
-  EpipolarFactor factor(set);
-  const auto system = std::make_unique<VisualSystem>();
-  factor.collect(*s.window, {});
-  for (auto _ : state) factor.linearise(*s.window, *system);
-  state.counters["pairs"] = system->residuals;
-}
-
-void linearise_reprojection(benchmark::State& state, int index) {
-  InstructionSet set;
-  if (!set_here(index, set)) return state.SkipWithError("not on this machine");
-  SyntheticWindow s = usual_window();
-  ReprojectionFactor factor(set);
-  const auto system = std::make_unique<VisualSystem>();
-  factor.collect(*s.window, {});
-  for (auto _ : state) factor.linearise(*s.window, *system);
-  state.counters["landmarks"] = factor.unknowns();
-}
+constexpr auto linearise_tracks = linearise<TrackFactor>;
+constexpr auto linearise_epipolar = linearise<EpipolarFactor>;
+constexpr auto linearise_reprojection = linearise<ReprojectionFactor>;
 
 void factorise(benchmark::State& state, int index) {
   InstructionSet set;

@@ -3,9 +3,7 @@
 // what is left out is sound or absent. Read and planned, or refused with the file's name.
 #include <algorithm>
 #include <cstdint>
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <string>
 #include <string_view>
 
@@ -22,10 +20,6 @@ constexpr std::string_view kCamera =
     "camera_model: pinhole\nintrinsics: [40, 40, 32, 24]\ndistortion_model: none\n";
 constexpr std::string_view kImages = "0,0.png\n", kTracks = "0,1,32,24\n", kImu = "0,0,0,0,0,0,9.81\n";
 
-void write(const fs::path& path, std::string_view text) {
-  std::ofstream(path, std::ios::binary).write(text.data(), static_cast<std::streamsize>(text.size()));
-}
-
 std::string_view next_part(std::string_view& rest, std::string_view otherwise) {
   if (rest.empty()) return otherwise;
   const std::string_view part = rest.substr(0, rest.find('\x1e'));
@@ -40,33 +34,32 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   static const fs::path root = [] {
     for (const char* sensor : {"cam0", "imu0", "state_groundtruth_estimate0", "wheel0", "baro0"})
       fs::create_directories(folder.path() / "mav0" / sensor);
-    write(folder.path() / "mav0/cam0/sensor.yaml", kCamera);
+    folder.write("mav0/cam0/sensor.yaml", kCamera);
     return folder.path();
   }();
   if (size == 0) return 0;
   const bool tracks = (data[0] & 1) != 0;
-  std::string_view rest(reinterpret_cast<const char*>(data) + 1, size - 1);
+  std::string_view rest = text_of(data + 1, size - 1);
   fs::remove(root / "mav0/cam0" / (tracks ? "data.csv" : "tracks.csv"));
-  write(root / "mav0/cam0" / (tracks ? "tracks.csv" : "data.csv"), next_part(rest, tracks ? kTracks : kImages));
-  write(root / "mav0/imu0/data.csv", next_part(rest, kImu));
+  folder.write(tracks ? "mav0/cam0/tracks.csv" : "mav0/cam0/data.csv", next_part(rest, tracks ? kTracks : kImages));
+  folder.write("mav0/imu0/data.csv", next_part(rest, kImu));
   for (const char* sensor : {"state_groundtruth_estimate0", "wheel0", "baro0"}) {
-    const fs::path table = root / "mav0" / sensor / "data.csv";
-    fs::remove(table);
-    if (const std::string_view part = next_part(rest, ""); !part.empty()) write(table, part);
+    const std::string table = std::string("mav0/") + sensor + "/data.csv";
+    fs::remove(root / table);
+    if (const std::string_view part = next_part(rest, ""); !part.empty()) folder.write(table, part);
   }
 
   const auto dataset = epiline::open_asl_dataset(root, "cam0");
-  if (!dataset) return dataset.error().text().find(root.string()) == std::string::npos ? (std::abort(), 1) : 0;
-  if (dataset->imu_samples.empty() || dataset->instants_count() == 0) std::abort();
-  if (tracks != dataset->images.empty()) std::abort();
+  if (!dataset) return expect(dataset.error().text().find(root.string()) != std::string::npos), 0;
+  expect(!dataset->imu_samples.empty() && dataset->instants_count() > 0);
+  expect(tracks == dataset->images.empty());
   std::size_t points = 0;
   for (const epiline::TrackInstant& instant : dataset->instants) {
-    if (instant.first != points) std::abort();
+    expect(instant.first == points);
     points += instant.count;
   }
-  if (points != dataset->points.size()) std::abort();
+  expect(points == dataset->points.size());
   const epiline::FlightPlan plan = epiline::plan_flight(*dataset, {});
-  for (std::size_t i = 1; i < plan.images.size(); ++i)
-    if (plan.images[i].stamp <= plan.images[i - 1].stamp) std::abort();
+  for (std::size_t i = 1; i < plan.images.size(); ++i) expect(plan.images[i].stamp > plan.images[i - 1].stamp);
   return 0;
 }

@@ -3,8 +3,6 @@
 // and is the same; no more memory is taken than the bytes account for.
 #include <algorithm>
 #include <cstdint>
-#include <cstdlib>
-#include <fstream>
 #include <string_view>
 #include <vector>
 
@@ -22,14 +20,6 @@ constexpr std::string_view kCalibration =
     "T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [64, 48]\ncamera_model: pinhole\n"
     "intrinsics: [40, 40, 32, 24]\ndistortion_model: none\ngyroscope_noise_density: 1e-4\ngyroscope_random_walk: 1e-5\n"
     "accelerometer_noise_density: 2e-3\naccelerometer_random_walk: 3e-3\n";
-
-void write(const fs::path& path, const void* data, std::size_t size) {
-  std::ofstream(path, std::ios::binary).write(static_cast<const char*>(data), static_cast<std::streamsize>(size));
-}
-
-void expect(bool holds) {
-  if (!holds) std::abort();
-}
 
 /// Whether there are any.
 bool read_messages(const fs::path& path, bool is_sqlite) {
@@ -68,18 +58,12 @@ void read_flight(const fs::path& path, const fs::path& calibration) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const ScratchFolder folder("bag_fuzz");
-  static const fs::path file = folder.path() / "any.bag", calibration = folder.path() / "calibration.yaml",
-                        list = folder.path() / "list" / "metadata.yaml";
-  static const bool is_first = [] {
-    fs::create_directory(list.parent_path());
-    write(calibration, kCalibration.data(), kCalibration.size());
-    return true;
-  }();
-  (void)is_first;
-  write(file, data, size);
-  const bool is_file = epiline::looks_like_bag(file);
-  if (!is_file) write(list, data, size);
-  const fs::path path = is_file ? file : list.parent_path();
+  static const fs::path calibration = folder.write("calibration.yaml", kCalibration);
+  fs::path path = folder.write("any.bag", text_of(data, size));
+  if (!epiline::looks_like_bag(path)) {
+    fs::create_directory(folder.path() / "list");
+    path = folder.write("list/metadata.yaml", text_of(data, size)).parent_path();
+  }
   if (read_messages(path, size > 0 && data[0] == 'S')) read_flight(path, calibration);
   return 0;
 }

@@ -1,33 +1,15 @@
 // Any bytes as the description of a calibration board, in Kalibr's words and as a table of corners: read, with a board
 // that can be one, or refused with the file's name. Never a crash.
-#include <cmath>
 #include <cstdint>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <string>
 
 #include "drivers/study/calibrate/board.h"
 #include "drivers/study/calibrate/corner_views.h"
 #include "tests/fuzz/scratch_folder.h"
 
-namespace {
-
-std::filesystem::path write(const char* name, const std::uint8_t* data, std::size_t size) {
-  static const ScratchFolder folder("board_fuzz");
-  const std::filesystem::path path = folder.path() / name;
-  std::ofstream(path, std::ios::binary).write(reinterpret_cast<const char*>(data), static_cast<std::streamsize>(size));
-  return path;
-}
-
-void expect(bool holds) {
-  if (!holds) std::abort();
-}
-
-}  // namespace
-
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  const auto board = epiline::read_board(write("board.yaml", data, size));
+  static const ScratchFolder folder("board_fuzz");
+  const auto board = epiline::read_board(folder.write("board.yaml", text_of(data, size)));
   if (board) {
     const auto tags = epiline::tags_of(*board);
     expect(tags > 0 && tags <= epiline::kTagsOfFamily);
@@ -36,7 +18,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   } else {
     expect(board.error().text().find("board.yaml") != std::string::npos);
   }
-  const auto target = epiline::read_target(write("target.csv", data, size));
+  const auto target = epiline::read_target(folder.write("target.csv", text_of(data, size)));
   if (target) {
     expect(target->size() >= 4);
     for (const auto& corner : *target) expect(corner.second.allFinite());

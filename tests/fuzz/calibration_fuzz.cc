@@ -2,25 +2,24 @@
 // readings stay numbers, or refused with an error. Never a crash.
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
 
 #include "pipeline/config/calibration.h"
 #include "tests/fuzz/scratch_folder.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const ScratchFolder folder("calibration_fuzz");
-  static const std::filesystem::path path = folder.path() / "calibration.yaml";
-  std::ofstream(path, std::ios::binary).write(reinterpret_cast<const char*>(data), static_cast<std::streamsize>(size));
+  const std::filesystem::path path = folder.write("calibration.yaml", text_of(data, size));
   const auto camera = epiline::read_camera_calibration(path, "cam0");
   if (camera) {
-    if (camera->parameters.width <= 0 || !(camera->parameters.intrinsics[0] > 0)) std::abort();
-    if (!(std::abs(camera->R_BC.determinant() - 1) < 1e-9)) std::abort();
+    expect(camera->parameters.width > 0 && camera->parameters.intrinsics[0] > 0);
+    expect(std::abs(camera->R_BC.determinant() - 1) < 1e-9);
   }
   const auto imu = epiline::read_imu_calibration(path);
-  if (imu && !(imu->noise.gyroscope_density > 0)) std::abort();
-  if (imu && !(imu->correction.gyroscope.allFinite() && imu->correction.accelerometer.allFinite())) std::abort();
+  if (imu) {
+    expect(imu->noise.gyroscope_density > 0);
+    expect(imu->correction.gyroscope.allFinite() && imu->correction.accelerometer.allFinite());
+  }
   epiline::is_chain_with(path, "cam1");
   return 0;
 }
