@@ -1,8 +1,5 @@
 #pragma once
 // What the tests of the camera against kernel drivers share. They run in the machine of tests/hardware/vm.
-#include <gtest/gtest.h>
-#include <sys/stat.h>
-
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -10,7 +7,7 @@
 #include <vector>
 
 #include "drivers/sensors/camera/v4l2_camera.h"
-#include "platform/time/monotonic.h"
+#include "tests/hardware/support.h"
 
 namespace epiline {
 

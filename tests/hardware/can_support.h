@@ -1,6 +1,5 @@
 #pragma once
 // What the tests of CAN share: a vcan of the kernel, and a peer on it that has nothing of ours.
-#include <gtest/gtest.h>
 #include <linux/can.h>
 #include <linux/can/error.h>
 #include <linux/can/raw.h>
@@ -18,8 +17,7 @@
 #include <thread>
 #include <vector>
 
-#include "platform/error/result.h"
-#include "platform/time/monotonic.h"
+#include "tests/hardware/support.h"
 
 namespace epiline {
 
@@ -41,23 +39,6 @@ class CanBus : public testing::Test {
   }
   void TearDown() override { remove_bus(); }
 };
-
-#define ASSERT_OPENS(device)                                    \
-  do {                                                          \
-    const Status opened_status = (device).open();               \
-    ASSERT_TRUE(opened_status) << opened_status.error().text(); \
-  } while (false)
-
-/// Tries until `done()` holds; false after `seconds`. An emulated machine is slow.
-template <class Done>
-bool within(double seconds, Done done) {
-  const std::int64_t until_ns = monotonic_ns() + static_cast<std::int64_t>(seconds * 1e9);
-  while (monotonic_ns() < until_ns) {
-    if (done()) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
-  return done();
-}
 
 struct Seen {
   canfd_frame frame{};

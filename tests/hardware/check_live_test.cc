@@ -7,54 +7,26 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <random>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "drivers/program/hil/loopback_writer.h"
 #include "tests/drivers/links/mavlink/link_peer.h"
 #include "tests/hardware/can_support.h"
 #include "tests/hardware/resting_imu.h"
-#include "tests/hardware/steady_thread.h"
 
 namespace epiline {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Does something again and again, until destroyed; once each time that much of the clock has gone by.
-class Again {
- public:
-  Again(double rate_hz, std::function<void(std::int64_t)> what)
-      : thread_([this, what = std::move(what), period_ns = static_cast<std::int64_t>(1e9 / rate_hz)] {
-          go_before_programs();
-          for (std::int64_t next_ns = monotonic_ns(); !ends_; next_ns += period_ns) {
-            std::this_thread::sleep_for(std::chrono::nanoseconds(std::max<std::int64_t>(next_ns - monotonic_ns(), 0)));
-            what(next_ns);
-          }
-        }) {}
-  ~Again() {
-    ends_ = true;
-    thread_.join();
-  }
-  Again(const Again&) = delete;
-  Again& operator=(const Again&) = delete;
-
- private:
-  std::atomic<bool> ends_{false};
-  std::thread thread_;
-};
 
 class CheckDevices : public CanBus {
  protected:
@@ -66,10 +38,7 @@ class CheckDevices : public CanBus {
     if (IsSkipped()) return;
     if (!fs::exists(kCamera)) GTEST_SKIP() << "v4l2loopback is not loaded; expected ./run hardware";
     fs::create_directories(folder_);
-    std::ofstream(folder_ / "camera.yaml")
-        << "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [320, 240]\n"
-           "camera_model: pinhole\nintrinsics: [250, 250, 160, 120]\ndistortion_model: none\n"
-           "distortion_coefficients: []\n";
+    write_file(folder_ / "camera.yaml", plain_camera(kWidth, kHeight));
     constexpr int kBlock = 16;  // squares of one grey, sharp
     std::minstd_rand random;
     std::array<std::uint8_t, kWidth / kBlock*(kHeight / kBlock)> greys{};
@@ -99,10 +68,9 @@ class CheckDevices : public CanBus {
       writer_.write(frame);
     });
   }
-  void plug_in_imu(double unit = 1) {
+  void plug_in_imu() {
     const Status plugged = imu_.hub().plug_in();
     ASSERT_TRUE(plugged) << plugged.error().text();
-    imu_.set_unit(unit);
   }
   void feed_controller() {
     heartbeats_ = std::make_unique<Again>(10, [this](std::int64_t /*at_ns*/) {
@@ -190,9 +158,9 @@ TEST_F(CheckDevices, FindsNothingWrongWithWhatIsRight) {
 
 TEST_F(CheckDevices, FindsWhatIsWrong) {
   open_camera(30);
-  plug_in_imu(1 / 9.81);
+  plug_in_imu();
   feed_camera();
-  imu_.start();
+  imu_.start(1 / 9.81);
   node_ = std::make_unique<Peer>(false);
   feed_bus(kWheel + 1);
   const Findings found = check(30);

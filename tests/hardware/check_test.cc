@@ -1,11 +1,10 @@
 // `check` on kernel drivers: a bus on which somebody talks, or only we; lines with edges; a camera.
 #include "drivers/program/check/check.h"
 
-#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <thread>
+#include <memory>
 
 #include "tests/hardware/camera_support.h"
 #include "tests/hardware/can_support.h"
@@ -19,10 +18,7 @@ class CheckOfTheKernel : public CanBus {
   void SetUp() override {
     CanBus::SetUp();
     std::filesystem::create_directories(folder_);
-    std::ofstream(folder_ / "camera.yaml")
-        << "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [320, 180]\n"
-           "camera_model: pinhole\nintrinsics: [250, 250, 160, 90]\ndistortion_model: none\n"
-           "distortion_coefficients: []\n";
+    write_file(folder_ / "camera.yaml", plain_camera(320, 180));
   }
   void TearDown() override {
     std::filesystem::remove_all(folder_);
@@ -55,16 +51,8 @@ TEST_F(CheckOfTheKernel, WhatItSendsItselfIsNobodyElseTalking) {
   const Findings alone = check(kNoCamera, "[can]\ninterface = \"vcan7\"\n", 3);
   EXPECT_EQ(grade(alone, "can", "0 frames with 0 identifiers received on vcan7"), "warning");
   Peer sender(false);
-  std::atomic<bool> ends{false};
-  std::thread hand([&] {
-    for (int i = 0; !ends; ++i) {
-      sender.say(0x123, {1, 2, 3});
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    }
-  });
+  const Again hand(200, [&](std::int64_t) { sender.say(0x123, {1, 2, 3}); });
   const Findings two = check(kNoCamera, "[can]\ninterface = \"vcan7\"\n", 3);
-  ends = true;
-  hand.join();
   EXPECT_EQ(grade(two, "can", "frames with 1 identifiers received on vcan7"), "ok");
 }
 
@@ -72,17 +60,15 @@ TEST_F(CheckOfTheKernel, WhatItSendsItselfIsNobodyElseTalking) {
 TEST_F(CheckOfTheKernel, WheelsAreHeardOnABusyBus) {
   const char* const kWheel = "[wheel]\ninterface = \"vcan7\"\nsignal = \"0x123 0|16@1- (0.01,0)\"\n";
   Peer sender(false);
-  std::atomic<bool> ends{false};
-  std::thread hand([&] {
-    for (int i = 0; !ends; ++i) {
+  int said = 0;
+  auto hand = std::make_unique<Again>(500, [&](std::int64_t) {
+    do {
       sender.say(0x200, {1, 2, 3});
-      if (i >= 5'000 && i % 10 == 0) sender.say(0x123, {static_cast<std::uint8_t>(i % 100), 1});
-      if (i >= 5'000) std::this_thread::sleep_for(std::chrono::milliseconds(2));
-    }
+    } while (++said < 5'000);
+    if (said % 10 == 0) sender.say(0x123, {static_cast<std::uint8_t>(said % 100), 1});
   });
   const Findings heard = check(kNoCamera, kWheel, 10);
-  ends = true;
-  hand.join();
+  hand.reset();
   EXPECT_EQ(grade(heard, "wheel", "speeds per second"), "ok");
   EXPECT_EQ(grade(heard, "wheel", "frames with 2 identifiers received on vcan7"), "ok");
   const Findings silent = check(kNoCamera, kWheel, 1);
@@ -94,21 +80,14 @@ TEST_F(CheckOfTheKernel, WheelsAreHeardOnABusyBus) {
 TEST_F(CheckOfTheKernel, LinesOfMissingDevicesAreLookedAt) {
   const SimulatedGpio gpio("check-board", {"strobe", "quiet"});
   EXPECT_NE(to_text(list_devices().gpio).find("/dev/" + gpio.chip() + " (check-board)"), std::string::npos);
-  std::atomic<bool> ends{false};
-  std::thread hand([&] {
-    for (bool high = true; !ends; high = !high) {
-      gpio.set(0, high);
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    }
-  });
+  bool high = false;
+  const Again hand(50, [&](std::int64_t) { gpio.set(0, high = !high); });
   const std::string imu = "driver = \"icm42688p\"\nready_line = \"";
   Findings found = check(std::string(kNoCamera) + "stamp_line = \"strobe\"\n", imu + "quiet\"\n", 4);
   EXPECT_EQ(grade(found, "camera", "edges per second on strobe"), "ok");
   EXPECT_EQ(grade(found, "imu", "0 edges on quiet"), "warning");
   found = check(kNoCamera, imu + "flash\"\n", 1);
   EXPECT_EQ(grade(found, "imu", "GPIO line flash: no line has this name"), "error");
-  ends = true;
-  hand.join();
 }
 
 // vivid takes no trigger; its images and the edges run apart, or no edges come at all.

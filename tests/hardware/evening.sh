@@ -1,7 +1,7 @@
 #!/bin/sh
 # usage: evening.sh PROGRAM record BOARD CAMERA SECONDS | evening.sh PROGRAM fly FLIGHT SECONDS |
 # evening.sh PROGRAM live BOARD CAMERA SECONDS. In the machine of tests/hardware/vm: what a user does in an evening, with no file written by hand. `record`: devices, init and record, before a
-# waved board (BOARD, made by the study `calibrations --write`, CAMERA the calibration it was made with). `epiline calibrate
+# waved board (BOARD, made by `flights calibrations --write`, CAMERA the calibration it was made with). `epiline calibrate
 # --config` comes between the two, outside, where a processor has its full speed. `fly`: check, and a flight through the
 # kernel's interfaces, accepted by the controller's model and true to 5 cm. `live`: what also works on devices alone, the page
 # of `check` with a finding that is accepted there, and a calibration without a recording made before.

@@ -1,27 +1,12 @@
 #pragma once
 // Lines of the kernel's gpio-sim, and the hand that moves them.
-#include <gtest/gtest.h>
-
 #include <filesystem>
-#include <fstream>
 #include <string>
 #include <vector>
 
-#include "platform/time/monotonic.h"
+#include "tests/hardware/support.h"
 
 namespace epiline {
-
-inline void write_text(const std::string& path, const std::string& text) {
-  std::ofstream file(path);
-  file << text << std::flush;
-  ASSERT_TRUE(file) << path;
-}
-inline std::string read_text(const std::string& path) {
-  std::string line;
-  std::ifstream file(path);
-  std::getline(file, line);
-  return line;
-}
 
 /// A chip whose lines have these names; its label is `label`.
 class SimulatedGpio {
@@ -29,12 +14,12 @@ class SimulatedGpio {
   SimulatedGpio(const std::string& label, const std::vector<std::string>& names)
       : folder_("/sys/kernel/config/gpio-sim/" + label) {
     std::filesystem::create_directories(folder_ + "/bank");
-    write_text(folder_ + "/bank/num_lines", std::to_string(names.size()));
-    write_text(folder_ + "/bank/label", label);
+    write_file(folder_ + "/bank/num_lines", std::to_string(names.size()));
+    write_file(folder_ + "/bank/label", label);
     for (std::size_t i = 0; i < names.size(); ++i) {
       lines_.push_back(folder_ + "/bank/line" + std::to_string(i));
       std::filesystem::create_directory(lines_.back());
-      if (!names[i].empty()) write_text(lines_.back() + "/name", names[i]);
+      if (!names[i].empty()) write_file(lines_.back() + "/name", names[i]);
     }
     plug_in();
   }
@@ -45,18 +30,18 @@ class SimulatedGpio {
     std::filesystem::remove(folder_);
   }
   void plug_in() {
-    write_text(folder_ + "/live", "1");
-    chip_ = read_text(folder_ + "/bank/chip_name");
-    device_ = "/sys/devices/platform/" + read_text(folder_ + "/dev_name") + "/" + chip_;
+    write_file(folder_ + "/live", "1");
+    chip_ = first_line(folder_ + "/bank/chip_name");
+    device_ = "/sys/devices/platform/" + first_line(folder_ + "/dev_name") + "/" + chip_;
     is_gone_ = false;
   }
   void unplug() {
-    write_text(folder_ + "/live", "0");
+    write_file(folder_ + "/live", "0");
     is_gone_ = true;
   }
   const std::string& chip() const { return chip_; }
   void set(int line, bool high) const {
-    write_text(device_ + "/sim_gpio" + std::to_string(line) + "/pull", high ? "pull-up" : "pull-down");
+    write_file(device_ + "/sim_gpio" + std::to_string(line) + "/pull", high ? "pull-up" : "pull-down");
   }
 
   /// The kernel stamped an edge between these two instants.

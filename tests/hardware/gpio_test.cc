@@ -15,11 +15,6 @@ namespace {
 
 constexpr Span kWait = Span::from_milliseconds(20'000), kShort = Span::from_milliseconds(200);
 
-void open(GpioLine& line) {
-  const Status status = line.open();
-  ASSERT_TRUE(status) << status.error().text();
-}
-
 /// Interrupts of gpio-sim are handled a little later; one that comes before is lost.
 void pause() { std::this_thread::sleep_for(std::chrono::milliseconds(20)); }
 
@@ -29,7 +24,7 @@ TEST(GpioLineOfTheKernel, StampsEdgesOfOneKindWithMonotonicTime) {
        {std::pair{"cam-trigger", Edge::kRising}, std::pair{"trigger-board:1", Edge::kFalling},
         std::pair{gpio.chip().c_str(), Edge::kRising}}) {
     GpioLine line(name == gpio.chip() ? gpio.chip() + ":1" : name, edge);
-    open(line);
+    ASSERT_OPENS(line);
     std::array<HostStamp, 8> stamps;
     std::size_t count = 7;
     EXPECT_EQ(line.read(stamps, count, Span{0}), ReadOutcome::kTimeout);
@@ -56,7 +51,7 @@ TEST(GpioLineOfTheKernel, StampsEdgesOfOneKindWithMonotonicTime) {
 TEST(GpioLineOfTheKernel, WaitsNoLongerThanAskedAndWakesForAnEdge) {
   const SimulatedGpio gpio("waiting", {"line"});
   GpioLine line("line", Edge::kRising);
-  open(line);
+  ASSERT_OPENS(line);
   std::array<HostStamp, 8> stamps;
   std::size_t count = 0;
   std::int64_t begin_ns = monotonic_ns();
@@ -73,7 +68,7 @@ TEST(GpioLineOfTheKernel, WaitsNoLongerThanAskedAndWakesForAnEdge) {
 TEST(GpioLineOfTheKernel, ReadingUsesNoHeapAndNoLocks) {
   const SimulatedGpio gpio("frugal", {"line"});
   GpioLine line("line", Edge::kRising);
-  open(line);
+  ASSERT_OPENS(line);
   std::array<HostStamp, 8> stamps;
   std::size_t count = 0;
   for (int i = 0; i < 5; ++i) {
@@ -105,17 +100,17 @@ TEST(GpioLineOfTheKernel, SaysWhichLinesThereAreAndWhoUsesOne) {
             "chips board (" +
                 gpio.chip() + ", 0 to 2)");
   GpioLine first("strobe", Edge::kRising), second("board:0", Edge::kFalling);
-  open(first);
+  ASSERT_OPENS(first);
   EXPECT_EQ(second.open().error().text(),
             "GPIO line board:0: in use by 'epiline'; expected a line that no other program uses");
   first.close();
-  open(second);
+  ASSERT_OPENS(second);
 }
 
 TEST(GpioLineOfTheKernel, ARemovedChipIsAFailure) {
   SimulatedGpio gpio("brief", {"line"});
   GpioLine line("line", Edge::kRising);
-  open(line);
+  ASSERT_OPENS(line);
   std::thread hand([&] {
     pause();
     gpio.unplug();
@@ -136,7 +131,7 @@ TEST(GpioLineOfTheKernel, ARemovedChipIsAFailure) {
 TEST(GpioLineOfTheKernel, AChipThatComesBackIsReadAgain) {
   SimulatedGpio gpio("returning", {"line"});
   GpioLine line("line", Edge::kRising);
-  open(line);
+  ASSERT_OPENS(line);
   std::array<HostStamp, 8> stamps;
   std::size_t count = 0;
   const auto read_until = [&](ReadOutcome wanted) {
@@ -172,7 +167,7 @@ TEST(GpioLineOfTheKernel, AChipThatComesBackIsReadAgain) {
 TEST(GpioLineOfTheKernel, WhatTheKernelHadNoRoomForIsCountedIfItSays) {
   const SimulatedGpio gpio("flood", {"line"});
   GpioLine line("line", Edge::kRising);
-  open(line);
+  ASSERT_OPENS(line);
   constexpr std::uint64_t kPulses = 400;
   for (std::uint64_t i = 0; i < kPulses; ++i) {
     gpio.set(0, true);

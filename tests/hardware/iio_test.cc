@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <memory>
 #include <string>
 #include <thread>
 #include <vector>
@@ -33,76 +34,65 @@ ImuDeviceConfig hub_config() {
 std::array<double, 3> rate_at(double t_s) { return {std::sin(t_s), -0.5 * std::cos(2 * t_s), 0.1 * t_s}; }
 std::array<double, 3> force_at(double t_s) { return {1 + 2 * t_s, -3 * t_s, 9.81 - 0.5 * t_s}; }
 
-/// Sends readings at their times from a thread of its own until told to end.
+/// Sends readings at their times until told to end.
 class Player {
  public:
   /// `device_ns`: the hub's time of the first reading; 0: it has none.
-  Player(UhidImu& imu, std::int64_t device_ns) : thread_([this, &imu, device_ns] { play(imu, device_ns); }) {}
-  ~Player() { end(); }
-  void end() {
-    ends_ = true;
-    if (thread_.joinable()) thread_.join();
-  }
+  Player(UhidImu& imu, std::int64_t device_ns)
+      : again_(std::make_unique<Again>(1e9 / kInterval_ns, [this, &imu, device_ns](std::int64_t) {
+          const std::int64_t t_ns = kInterval_ns * played_++;
+          if (skip_ > 0) {
+            --skip_;
+            return;
+          }
+          const double t_s = static_cast<double>(t_ns) * 1e-9;
+          // the accelerometer's times lie between the gyroscope's
+          imu.send_accelerometer({device_ns != 0 ? device_ns + t_ns - 2'000'000 : 0}, force_at(t_s - 0.002));
+          imu.send_gyroscope({device_ns != 0 ? device_ns + t_ns : 0}, rate_at(t_s));
+        })) {}
+  void end() { again_.reset(); }
   void leave_out(int count) { skip_ = count; }
-  int sent() const { return sent_; }
 
  private:
-  void play(UhidImu& imu, std::int64_t device_ns) {
-    const auto begin = std::chrono::steady_clock::now();
-    for (std::int64_t i = 0; !ends_; ++i) {
-      std::this_thread::sleep_until(begin + std::chrono::nanoseconds(i * kInterval_ns));
-      if (skip_ > 0) {
-        --skip_;
-        continue;
-      }
-      const double t_s = static_cast<double>(i * kInterval_ns) * 1e-9;
-      // the accelerometer's times lie between the gyroscope's
-      const double t_accel_s = t_s - 0.002;
-      const std::int64_t t_ns = device_ns + i * kInterval_ns;
-      imu.send_accelerometer({device_ns != 0 ? t_ns - 2'000'000 : 0}, force_at(t_accel_s));
-      imu.send_gyroscope({device_ns != 0 ? t_ns : 0}, rate_at(t_s));
-      ++sent_;
-    }
-  }
-
-  std::atomic<bool> ends_{false};
-  std::atomic<int> skip_{0}, sent_{0};
-  std::thread thread_;
+  std::int64_t played_ = 0;
+  std::atomic<int> skip_{0};
+  std::unique_ptr<Again> again_;
 };
 
 void plug_in(UhidImu& hub) {
   const Status status = hub.plug_in();
   ASSERT_TRUE(status) << status.error().text();
 }
-void open(IioImu& imu) {
-  const Status status = imu.open();
-  ASSERT_TRUE(status) << status.error().text();
-}
-
 /// Reads `wanted` samples.
-std::vector<ImuSample> read_some(IioImu& imu, std::size_t wanted, int* failures = nullptr) {
+std::vector<ImuSample> read_some(IioImu& imu, std::size_t wanted) {
   std::vector<ImuSample> all;
   std::array<ImuSample, 16> samples;
   const std::int64_t until_ns = monotonic_ns() + kWait.ns;
   while (all.size() < wanted && monotonic_ns() < until_ns) {
     std::size_t count = 0;
-    const ReadOutcome outcome = imu.read(samples, count, Span::from_milliseconds(100));
-    if (outcome == ReadOutcome::kFailed && failures != nullptr) ++*failures;
+    imu.read(samples, count, Span::from_milliseconds(100));
     all.insert(all.end(), samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(count));
   }
   EXPECT_GE(all.size(), wanted);
   return all;
 }
 
+/// Reads until that fails.
+bool fails(IioImu& imu) {
+  std::array<ImuSample, 16> samples;
+  std::size_t count = 0;
+  return within(30, [&] { return imu.read(samples, count, Span::from_milliseconds(100)) == ReadOutcome::kFailed; });
+}
+
 std::string attribute(const std::string& device, const std::string& name) {
-  return read_text("/sys/bus/iio/devices/" + device + "/" + name);
+  return first_line("/sys/bus/iio/devices/" + device + "/" + name);
 }
 
 TEST(IioImuOfTheKernel, ReadingsComeOutAtTheGyroscopesTimes) {
   UhidImu hub;
   plug_in(hub);
   IioImu imu(hub_config());
-  open(imu);
+  ASSERT_OPENS(imu);
   EXPECT_TRUE(hub.is_on());
   EXPECT_EQ(hub.interval_ms(), 5);
   EXPECT_EQ(imu.rate_hz(), 200);
@@ -138,7 +128,7 @@ TEST(IioImuOfTheKernel, TheKernelsStampsAreTakenAsTheyAre) {
   ImuDeviceConfig config = hub_config();
   config.delay_ms = 1.5;
   IioImu imu(config);
-  open(imu);
+  ASSERT_OPENS(imu);
   EXPECT_EQ(attribute(hub.gyroscope_device(), "current_timestamp_clock"), "monotonic");
   Player player(hub, 0);
   for (const ImuSample& sample : read_some(imu, 50)) {
@@ -153,7 +143,7 @@ TEST(IioImuOfTheKernel, MissingReadingsAreCounted) {
   UhidImu hub;
   plug_in(hub);
   IioImu imu(hub_config());
-  open(imu);
+  ASSERT_OPENS(imu);
   Player player(hub, 7'000'000'000);
   read_some(imu, 40);
   const IioCounts before = imu.counts();
@@ -173,7 +163,7 @@ TEST(IioImuOfTheKernel, ReadingUsesNoHeapAndNoLocks) {
   UhidImu hub;
   plug_in(hub);
   IioImu imu(hub_config());
-  open(imu);
+  ASSERT_OPENS(imu);
   Player player(hub, 7'000'000'000);
   std::array<ImuSample, 16> samples;
   std::size_t count = 0, all = 0;
@@ -201,9 +191,9 @@ TEST(IioImuOfTheKernel, ClosingLeavesTheDeviceAsItWas) {
                                        "scan_elements/in_anglvel_x_en",
                                        "scan_elements/in_anglvel_z_en"};
   const std::string sys = "/sys/bus/iio/devices/" + hub.gyroscope_device() + "/";
-  write_text(sys + "in_anglvel_sampling_frequency", "50");
-  write_text(sys + "current_timestamp_clock", "realtime");
-  write_text(sys + "scan_elements/in_anglvel_z_en", "1");
+  write_file(sys + "in_anglvel_sampling_frequency", "50");
+  write_file(sys + "current_timestamp_clock", "realtime");
+  write_file(sys + "scan_elements/in_anglvel_z_en", "1");
   std::vector<std::string> before, during, after;
   const auto look = [&](std::vector<std::string>& values) {
     for (const std::string& name : names) values.push_back(attribute(hub.gyroscope_device(), name));
@@ -211,7 +201,7 @@ TEST(IioImuOfTheKernel, ClosingLeavesTheDeviceAsItWas) {
   look(before);
   {
     IioImu imu(hub_config());
-    open(imu);
+    ASSERT_OPENS(imu);
     look(during);
   }
   look(after);
@@ -226,11 +216,11 @@ TEST(IioImuOfTheKernel, WhatABadEndLeftOnIsSwitchedOff) {
   UhidImu hub;
   plug_in(hub);
   const std::string sys = "/sys/bus/iio/devices/" + hub.gyroscope_device() + "/";
-  write_text(sys + "scan_elements/in_anglvel_x_en", "1");
-  write_text(sys + "buffer/enable", "1");
+  write_file(sys + "scan_elements/in_anglvel_x_en", "1");
+  write_file(sys + "buffer/enable", "1");
   {
     IioImu imu(hub_config());
-    open(imu);
+    ASSERT_OPENS(imu);
     Player player(hub, 0);
     read_some(imu, 10);
   }
@@ -240,11 +230,7 @@ TEST(IioImuOfTheKernel, WhatABadEndLeftOnIsSwitchedOff) {
 TEST(IioImuOfTheKernel, SaysWhatIsWrong) {
   UhidImu hub;
   plug_in(hub);
-  const auto error_of_config = [](const ImuDeviceConfig& config) {
-    IioImu imu(config);
-    const Status status = imu.open();
-    return status ? "opened" : status.error().text();
-  };
+  const auto error_of_config = [](const ImuDeviceConfig& config) { return error_of_opening(IioImu(config)); };
   ImuDeviceConfig config = hub_config();
   config.device = "bmi160";
   const std::string none = "imu.device bmi160: no IIO device is called 'bmi160' [open]; expected one of ";
@@ -269,7 +255,7 @@ TEST(IioImuOfTheKernel, SaysWhatIsWrong) {
   EXPECT_NE(error_of_config(config).find("no trigger is called 'hrtimer' [trigger]; expected one of"),
             std::string::npos);
   IioImu first(hub_config());
-  open(first);
+  ASSERT_OPENS(first);
   EXPECT_EQ(error_of_config(hub_config()),
             "imu.device gyro_3d: another program reads it [open]; expected no other reader: the kernel allows one");
 }
@@ -279,13 +265,13 @@ TEST(IioImuOfTheKernel, DevicesAreFoundByPathAndTheTriggerIsChosen) {
   plug_in(hub);
   const std::string own = attribute(hub.gyroscope_device(), "trigger/current_trigger");
   ASSERT_FALSE(own.empty());
-  write_text("/sys/bus/iio/devices/" + hub.gyroscope_device() + "/trigger/current_trigger", "\n");
+  write_file("/sys/bus/iio/devices/" + hub.gyroscope_device() + "/trigger/current_trigger", "\n");
   ASSERT_EQ(attribute(hub.gyroscope_device(), "trigger/current_trigger"), "");
   ImuDeviceConfig config = hub_config();
   config.device = "/dev/" + hub.gyroscope_device();
   config.device_accel = "/sys/bus/iio/devices/" + hub.accelerometer_device();
   IioImu imu(config);
-  open(imu);
+  ASSERT_OPENS(imu);
   EXPECT_EQ(attribute(hub.gyroscope_device(), "trigger/current_trigger"), own);
   Player player(hub, 0);
   read_some(imu, 10);
@@ -295,7 +281,7 @@ TEST(IioImuOfTheKernel, AnUnpluggedImuComesBackWhenPlugged) {
   UhidImu hub;
   plug_in(hub);
   IioImu imu(hub_config());
-  open(imu);
+  ASSERT_OPENS(imu);
   Player player(hub, 0);
   read_some(imu, 20);
   std::atomic<std::int64_t> plugged_ns{0};
@@ -305,21 +291,18 @@ TEST(IioImuOfTheKernel, AnUnpluggedImuComesBackWhenPlugged) {
     plug_in(hub);
     plugged_ns = monotonic_ns();
   });
-  std::array<ImuSample, 16> samples;
-  std::size_t count = 0;
-  const std::int64_t until_ns = monotonic_ns() + kWait.ns;
-  ReadOutcome outcome = ReadOutcome::kTimeout;
-  while (outcome != ReadOutcome::kFailed && monotonic_ns() < until_ns)
-    outcome = imu.read(samples, count, Span::from_milliseconds(100));
-  EXPECT_EQ(outcome, ReadOutcome::kFailed);
+  EXPECT_TRUE(fails(imu));
   EXPECT_FALSE(imu.is_streaming());
   EXPECT_EQ(imu.counts().last_error, ENODEV);
+  std::array<ImuSample, 16> samples;
+  std::size_t count = 0;
+  ReadOutcome outcome = ReadOutcome::kFailed;
   int failures = 0;
   {
     const HeapCallScope heap;
-    while (outcome != ReadOutcome::kSample && monotonic_ns() < until_ns) {
+    for (int i = 0; i < 300 && outcome != ReadOutcome::kSample; ++i) {
       outcome = imu.read(samples, count, Span::from_milliseconds(100));
-      if (outcome == ReadOutcome::kFailed) ++failures;
+      failures += outcome == ReadOutcome::kFailed;
     }
     EXPECT_EQ(heap.calls(), 0u);
   }
@@ -338,18 +321,12 @@ TEST(IioImuOfTheKernel, ASilentImuIsOpenedAnew) {
   UhidImu hub;
   plug_in(hub);
   IioImu imu(hub_config());
-  open(imu);
+  ASSERT_OPENS(imu);
   {
     Player player(hub, 0);
     read_some(imu, 10);
   }
-  std::array<ImuSample, 16> samples;
-  std::size_t count = 0;
-  const std::int64_t until_ns = monotonic_ns() + kWait.ns;
-  ReadOutcome outcome = ReadOutcome::kTimeout;
-  while (outcome != ReadOutcome::kFailed && monotonic_ns() < until_ns)
-    outcome = imu.read(samples, count, Span::from_milliseconds(100));
-  EXPECT_EQ(outcome, ReadOutcome::kFailed);
+  EXPECT_TRUE(fails(imu));
   EXPECT_EQ(imu.counts().last_error, 0);
   Player player(hub, 0);
   read_some(imu, 10);

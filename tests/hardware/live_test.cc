@@ -68,8 +68,6 @@ class Listener {
   std::thread thread_;
 };
 
-void write_file(const std::filesystem::path& path, const std::string& text) { std::ofstream(path) << text; }
-
 bool has(const LiveState& state, HealthReason reason) { return (state.odometry.health.reasons & bit(reason)) != 0; }
 bool is_flying(const LiveState& state) {
   const HealthState s = state.odometry.health.state;
@@ -92,10 +90,7 @@ class LiveFlight : public testing::Test {
     ASSERT_TRUE(plugged) << plugged.error().text();
     imu_.start();
     set_controls("/dev/video0", {{"test_pattern", 10}});
-    write_file(folder_ / "camera.yaml",
-               "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nresolution: [320, 180]\n"
-               "camera_model: pinhole\nintrinsics: [250, 250, 160, 90]\ndistortion_model: none\n"
-               "distortion_coefficients: []\n");
+    write_file(folder_ / "camera.yaml", plain_camera(320, 180));
   }
   void TearDown() override {
     std::filesystem::remove_all(folder_);

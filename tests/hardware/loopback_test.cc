@@ -73,8 +73,7 @@ class Loopback : public testing::Test {
 TEST_F(Loopback, TheWritersStampsSurvive) {
   Writer writer;
   V4l2Camera camera(loopback_settings());
-  const Status status = camera.open();
-  ASSERT_TRUE(status) << status.error().text();
+  ASSERT_OPENS(camera);
   EXPECT_TRUE(camera.copies()) << "the writer would write into lent images";
   for (int i = 1; i <= 20; ++i) {
     const HostStamp stamp{kBegin_ns + i * 50'000'000LL};
@@ -178,19 +177,14 @@ TEST_F(Loopback, AWriterThatComesBackIsReadAgain) {
   ASSERT_EQ(std::system("/sbin/modprobe v4l2loopback video_nr=42"), 0);
   Writer writer;
   const std::int64_t back_ns = monotonic_ns();
-  std::atomic<bool> done{false};
-  std::thread feeder([&] {
-    for (std::uint8_t grey = 100; !done; ++grey) {
-      writer.write(grey, HostStamp{now_ns += 50'000'000});
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    }
-  });
+  std::uint8_t grey = 99;
+  auto feeder =
+      std::make_unique<Again>(20, [&](std::int64_t) { writer.write(++grey, HostStamp{now_ns += 50'000'000}); });
   EXPECT_TRUE(read_within(camera, frame, kPatience));
   std::printf("writer back: image after %.0f ms, %llu attempts before\n",
               static_cast<double>(monotonic_ns() - back_ns) * 1e-6,
               static_cast<unsigned long long>(camera.counts().retries));
-  done = true;
-  feeder.join();
+  feeder.reset();
   EXPECT_GE(frame.data[0], 100);
   camera.give_back(frame);
 }
@@ -226,8 +220,7 @@ TEST_F(LoopbackPair, ImagesOfOneInstantComeTogetherAndALostCameraStopsNothing) {
   auto second_camera = std::make_unique<V4l2Camera>(of_second);
   const V4l2Camera& seen = *second_camera;
   CameraPair pair(std::make_unique<V4l2Camera>(loopback_settings()), std::move(second_camera), {});
-  const Status status = pair.open();
-  ASSERT_TRUE(status) << status.error().text();
+  ASSERT_OPENS(pair);
   std::int64_t stamp_ns = kBegin_ns;
   int together = 0, alone = 0;
   const auto round = [&](std::uint8_t grey) {
@@ -270,20 +263,18 @@ TEST_F(LoopbackPair, TheSecondCameraGoesOnWhileTheFirstOneIsLost) {
   settings.width = kWidth;
   settings.height = kHeight;
   CameraPair pair(std::move(first_camera), std::make_unique<V4l2Camera>(loopback_settings(kSecondDevice)), settings);
-  const Status status = pair.open();
-  ASSERT_TRUE(status) << status.error().text();
-  std::atomic<bool> done{false}, is_there{true};
-  std::thread feeder([&] {
-    for (std::int64_t stamp_ns = kBegin_ns; !done; stamp_ns += 50'000'000) {
-      if (!is_there) {
-        first.reset();
-      } else if (!first) {
-        first.emplace(kDevice);
-      }
-      second.write(200, HostStamp{stamp_ns});
-      if (first) first->write(100, HostStamp{stamp_ns});
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  ASSERT_OPENS(pair);
+  std::atomic<bool> is_there{true};
+  std::int64_t stamp_ns = kBegin_ns;
+  const Again feeder(20, [&](std::int64_t) {
+    if (!is_there) {
+      first.reset();
+    } else if (!first) {
+      first.emplace(kDevice);
     }
+    stamp_ns += 50'000'000;
+    second.write(200, HostStamp{stamp_ns});
+    if (first) first->write(100, HostStamp{stamp_ns});
   });
   /// Until so many images came whose first one has that grey, each with the second one's.
   const auto until = [&](std::uint8_t grey, int wanted) {
@@ -303,8 +294,6 @@ TEST_F(LoopbackPair, TheSecondCameraGoesOnWhileTheFirstOneIsLost) {
   EXPECT_GT(seen.counts().disconnected, 0u) << "the first camera's silence is noticed";
   is_there = true;
   EXPECT_TRUE(until(100, 10)) << "it is read again";
-  done = true;
-  feeder.join();
 }
 
 TEST_F(LoopbackPair, ADeviceWithBothImagesIsCutInTwo) {
@@ -313,8 +302,7 @@ TEST_F(LoopbackPair, ADeviceWithBothImagesIsCutInTwo) {
   V4l2Settings settings = loopback_settings();
   settings.width = 2 * kWidth;
   SideBySide camera(std::make_unique<V4l2Camera>(settings), false);
-  const Status status = camera.open();
-  ASSERT_TRUE(status) << status.error().text();
+  ASSERT_OPENS(camera);
   std::array<std::uint8_t, kBytes> left{}, right{};
   left.fill(11);
   right.fill(22);

@@ -12,7 +12,7 @@
 #include "platform/memory/allocation_count.h"
 #include "tests/hardware/camera_support.h"
 #include "tests/hardware/gpio_support.h"
-#include "tests/hardware/steady_thread.h"
+#include "tests/hardware/support.h"
 
 namespace epiline {
 namespace {
@@ -90,8 +90,7 @@ class StampLineOfTheKernel : public testing::Test {
     newest_ = frame;
   }
   void open() {
-    const Status status = camera_.open();
-    ASSERT_TRUE(status) << status.error().text();
+    ASSERT_OPENS(camera_);
     strobe_.emplace(gpio_, monotonic_ns() + kPeriod_ns - 30'000'000);  // 30 ms before each image
   }
 

@@ -1,29 +1,16 @@
 // The virtual IMU against what the kernel makes of it, read with nothing but files.
 #include "drivers/program/hil/uhid_imu.h"
 
-#include <gtest/gtest.h>
-
-#include <chrono>
+#include <array>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <thread>
 #include <utility>
+
+#include "tests/hardware/support.h"
 
 namespace epiline {
 namespace {
-
-std::string read_file(const std::string& path) {
-  std::string line;
-  std::ifstream file(path);
-  std::getline(file, line);
-  return line;
-}
-void write_file(const std::string& path, const std::string& text) {
-  std::ofstream file(path);
-  file << text << std::flush;
-  ASSERT_TRUE(file) << path;
-}
 
 TEST(UhidImu, ReadingsAndTimesComeOutOfIioAsTheyWentIn) {
   UhidImu imu;
@@ -33,11 +20,11 @@ TEST(UhidImu, ReadingsAndTimesComeOutOfIioAsTheyWentIn) {
   const std::array names{"gyro_3d", "accel_3d"}, types{"anglvel", "accel"};
   for (std::size_t i = 0; i < 2; ++i) {
     const std::string sys = "/sys/bus/iio/devices/" + devices[i];
-    EXPECT_EQ(read_file(sys + "/name"), names[i]);
-    EXPECT_EQ(std::stod(read_file(sys + "/in_" + types[i] + "_scale")), 1e-6);
+    EXPECT_EQ(first_line(sys + "/name"), names[i]);
+    EXPECT_EQ(std::stod(first_line(sys + "/in_" + types[i] + "_scale")), 1e-6);
     for (const char* axis : {"x", "y", "z"}) {
       const std::string channel = sys + "/scan_elements/in_" + types[i] + "_" + axis;
-      EXPECT_EQ(read_file(channel + "_type"), "le:s32/32>>0");
+      EXPECT_EQ(first_line(channel + "_type"), "le:s32/32>>0");
       write_file(channel + "_en", "1");
     }
     write_file(sys + "/scan_elements/in_timestamp_en", "1");
@@ -63,9 +50,7 @@ TEST(UhidImu, ReadingsAndTimesComeOutOfIioAsTheyWentIn) {
     EXPECT_EQ(stamp_ns, time_ns + static_cast<std::int64_t>(i));
   }
   imu.unplug();
-  for (int i = 0; i < 1'000 && std::filesystem::exists("/dev/" + devices[0]); ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  EXPECT_FALSE(std::filesystem::exists("/dev/" + devices[0]));
+  EXPECT_TRUE(within(10, [&] { return !std::filesystem::exists("/dev/" + devices[0]); }));
   EXPECT_FALSE(imu.send_gyroscope({1}, {}));
   EXPECT_TRUE(imu.plug_in()) << "once more";
 }

@@ -22,8 +22,7 @@ TEST(UsbSerial, LinkSurvivesUnplugging) {
   config.serial = SerialGadget::kOurs;
   config.baud = 3'000'000;
   MavlinkLink link(config, Mat3::Identity());
-  const Status status = link.open();
-  ASSERT_TRUE(status) << status.error().text();
+  ASSERT_OPENS(link);
   Estimates estimates;
   Peer peer;
   for (int round = 1; round <= 3; ++round) {

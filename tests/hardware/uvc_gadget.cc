@@ -17,8 +17,7 @@
 #include <initializer_list>
 #include <vector>
 
-#include "platform/time/monotonic.h"
-#include "tests/hardware/steady_thread.h"
+#include "tests/hardware/support.h"
 
 namespace epiline {
 

@@ -18,9 +18,7 @@ class UvcOfTheKernel : public testing::Test {
   }
   void plug_in() {
     gadget_ = std::make_unique<UvcGadget>();
-    const std::int64_t until_ns = monotonic_ns() + kPatience.ns;
-    while (UvcGadget::node().empty() && monotonic_ns() < until_ns) ::usleep(10'000);
-    ASSERT_FALSE(UvcGadget::node().empty()) << "the camera did not come";
+    ASSERT_TRUE(within(120, [] { return !UvcGadget::node().empty(); })) << "the camera did not come";
   }
   static V4l2Settings settings() {
     V4l2Settings settings = patient_settings();
@@ -51,8 +49,7 @@ class UvcOfTheKernel : public testing::Test {
 
 TEST_F(UvcOfTheKernel, TheDriversStampIsThatOfTheFirstPacket) {
   V4l2Camera camera(settings());
-  const Status status = camera.open();
-  ASSERT_TRUE(status) << status.error().text();
+  ASSERT_OPENS(camera);
   watch(camera, 20, [&](const Frame& frame) {
     EXPECT_GE(frame.stamp, gadget_->left(frame.data));
     EXPECT_LE(frame.stamp.ns, monotonic_ns());
@@ -66,8 +63,7 @@ TEST_F(UvcOfTheKernel, TheCamerasClockTellsWhenImagesWereTaken) {
   V4l2Settings s = settings();
   s.uses_own_clock = true;
   V4l2Camera camera(s);
-  const Status status = camera.open();
-  ASSERT_TRUE(status) << status.error().text();
+  ASSERT_OPENS(camera);
   watch(camera, 20, [](const Frame&) {});
   const std::uint64_t without = camera.counts().without_clock;
   const Lateness late = lateness(camera, 40);
@@ -82,8 +78,7 @@ TEST_F(UvcOfTheKernel, APluggedInCameraGoesOnByItsClock) {
   V4l2Settings s = settings();
   s.uses_own_clock = true;
   V4l2Camera camera(s);
-  const Status status = camera.open();
-  ASSERT_TRUE(status) << status.error().text();
+  ASSERT_OPENS(camera);
   watch(camera, 5, [](const Frame&) {});
   gadget_.reset();
   ASSERT_TRUE(read_until(camera, [&] { return camera.counts().disconnected > 0 && camera.counts().retries > 0; }));

@@ -30,11 +30,7 @@ class Vimc : public testing::Test {
     settings.height = height;
     return settings;
   }
-  static std::string error(const V4l2Settings& settings) {
-    V4l2Camera camera(settings);
-    const Status status = camera.open();
-    return status ? "opened" : status.error().text();
-  }
+  static std::string error(const V4l2Settings& settings) { return error_of_opening(V4l2Camera(settings)); }
   static void bind(const char* how) { std::ofstream(fs::path(kDriver) / how) << "vimc.0"; }
 };
 
@@ -42,8 +38,7 @@ TEST_F(Vimc, ASensorAndItsNodeAreSetUpAlike) {
   V4l2Settings s = settings("Raw Capture 0", 160, 120);          // a mosaic, so the sensor gives 320 x 240
   s.controls = {{"test_pattern", 20}, {"show_information", 2}};  // the sensor's: the node has none
   V4l2Camera camera(s);
-  const Status status = camera.open();
-  ASSERT_TRUE(status) << status.error().text();
+  ASSERT_OPENS(camera);
   EXPECT_TRUE(is_mosaic(camera.format().format));
   EXPECT_EQ(camera.format().width, 320);
   for (int i = 0; i < 5; ++i) {
@@ -102,8 +97,7 @@ TEST_F(Vimc, LinksAreSetForTheSensorThatIsNamed) {
     SCOPED_TRACE(sensor);
     s.sensor = sensor;
     V4l2Camera camera(s);
-    const Status status = camera.open();
-    ASSERT_TRUE(status) << status.error().text();
+    ASSERT_OPENS(camera);
     Frame frame;
     ASSERT_TRUE(read_within(camera, frame, kPatience));
     EXPECT_EQ(frame.width, 640);
@@ -114,8 +108,7 @@ TEST_F(Vimc, LinksAreSetForTheSensorThatIsNamed) {
 TEST_F(Vimc, ALostGraphIsSetUpAgain) {
   const int files = open_files();
   V4l2Camera camera(settings("Raw Capture 1", 160, 120));
-  const Status status = camera.open();
-  ASSERT_TRUE(status) << status.error().text();
+  ASSERT_OPENS(camera);
   Frame frame;
   ASSERT_TRUE(read_within(camera, frame, kPatience));
   camera.give_back(frame);

@@ -3,7 +3,6 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
-#include <fstream>
 #include <optional>
 #include <string>
 #include <thread>
@@ -21,7 +20,7 @@ TEST_F(Vivid, LostImagesAreGapsOfTheSequence) {
   V4l2Settings settings = small_settings();
   settings.controls = {{"percentage_of_dropped_buffers", 40}};
   V4l2Camera camera(settings);
-  open(camera);
+  ASSERT_OPENS(camera);
   std::optional<std::uint64_t> first, last;
   watch(camera, 40, [&](const Frame& frame) {
     if (!first) first = frame.sequence;
@@ -40,7 +39,7 @@ TEST_F(Vivid, AWrappingSequenceIsNoLoss) {
   settings.controls = {{"wrap_sequence_number", 1}};  // 128 images before it wraps
   settings.rate_hz = 60;
   V4l2Camera camera(settings);
-  open(camera);
+  ASSERT_OPENS(camera);
   std::optional<std::uint64_t> first;
   std::uint64_t last = 0;
   watch(camera, 200, [&](const Frame& frame) {
@@ -53,7 +52,7 @@ TEST_F(Vivid, AWrappingSequenceIsNoLoss) {
 
 TEST_F(Vivid, DamagedImagesAreCountedAndLeftOut) {
   V4l2Camera camera(small_settings());
-  open(camera);
+  ASSERT_OPENS(camera);
   std::uint64_t last = 0;  // the first image has sequence 0
   const auto note = [&](const Frame& frame) { last = frame.sequence; };
   watch(camera, 3, note);
@@ -68,7 +67,7 @@ TEST_F(Vivid, DamagedImagesAreCountedAndLeftOut) {
 
 TEST_F(Vivid, AFatalErrorIsOvercomeWithoutHeapOrLocks) {
   V4l2Camera camera(small_settings());
-  open(camera);
+  ASSERT_OPENS(camera);
   const int files = open_files();
   const auto mappings = device_mappings().size();
   std::uint64_t last = 0;
@@ -115,7 +114,7 @@ TEST_F(Vivid, WhatFailsAtTheStartIsAnError) {
 
 TEST_F(Vivid, FailedAttemptsToReopenAreRepeated) {
   V4l2Camera camera(small_settings());
-  open(camera);
+  ASSERT_OPENS(camera);
   watch(camera, 2, [](const Frame&) {});
   set_controls(kDevice, {{"inject_vidioc_streamon_error", 1}, {"inject_fatal_streaming_error", 1}});
   Frame frame;
@@ -128,7 +127,7 @@ TEST_F(Vivid, FailedAttemptsToReopenAreRepeated) {
 // A failing QBUF in flight: the image before it is not lost twice, the stream begins anew.
 TEST_F(Vivid, ARefusedBufferStartsTheStreamAnew) {
   V4l2Camera camera(small_settings());
-  open(camera);
+  ASSERT_OPENS(camera);
   Frame frame;
   ASSERT_TRUE(read_within(camera, frame, kPatience));
   set_controls(kDevice, {{"inject_vidioc_qbuf_error", 1}});
@@ -139,7 +138,7 @@ TEST_F(Vivid, ARefusedBufferStartsTheStreamAnew) {
 
 TEST_F(Vivid, LentImagesOutliveTheDevice) {
   V4l2Camera camera(small_settings());
-  open(camera);
+  ASSERT_OPENS(camera);
   std::vector<Frame> lent(3);
   for (Frame& frame : lent) ASSERT_TRUE(read_within(camera, frame, kPatience));
   const auto before = pixels_of(lent[0]);
@@ -161,7 +160,7 @@ TEST_F(Vivid, LentImagesOutliveTheDevice) {
 
 TEST_F(Vivid, ADisconnectedDeviceComesBack) {
   V4l2Camera camera(small_settings());
-  open(camera);
+  ASSERT_OPENS(camera);
   const int files = open_files();
   watch(camera, 3, [](const Frame&) {});
   {
@@ -182,11 +181,9 @@ TEST_F(Vivid, ADisconnectedDeviceComesBack) {
   EXPECT_EQ(open_files(), files);
 }
 
-void write_file(const char* path, const char* text) { std::ofstream(path) << text; }
-
 TEST_F(Vivid, AnUnpluggedDeviceComesBackWhenPlugged) {
   V4l2Camera camera(small_settings());
-  open(camera);
+  ASSERT_OPENS(camera);
   const int files = open_files();
   const auto mappings = device_mappings().size();
   watch(camera, 3, [](const Frame&) {});
@@ -228,7 +225,7 @@ TEST_F(Vivid, WithEverythingLentItWaitsUntilOneIsGivenBack) {
     settings.formats = {format};
     settings.buffers = 4;
     V4l2Camera camera(settings);
-    open(camera);
+    ASSERT_OPENS(camera);
     std::vector<Frame> lent(4);
     for (Frame& frame : lent) ASSERT_TRUE(read_within(camera, frame, kPatience));
     Frame frame;

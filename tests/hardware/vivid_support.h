@@ -32,10 +32,6 @@ class Vivid : public testing::Test {
                            {"test_pattern", 20},    // a ramp of grey ...
                            {"osd_text_mode", 2}});  // ... without text: all images are alike
   }
-  static void open(V4l2Camera& camera) {
-    const Status status = camera.open();
-    ASSERT_TRUE(status) << status.error().text();
-  }
 };
 
 inline std::vector<std::uint8_t> pixels_of(const Frame& frame) {

@@ -20,7 +20,7 @@ TEST_F(Vivid, EveryFormatShowsTheSameImage) {
     V4l2Settings settings = small_settings();
     settings.formats = {format};
     V4l2Camera camera(settings);
-    open(camera);
+    ASSERT_OPENS(camera);
     EXPECT_EQ(camera.format().format, format);
     EXPECT_NEAR(camera.format().rate_hz, 30, 0.1);
     EXPECT_EQ(camera.copies(), !is_grey_in_place(format));
@@ -51,19 +51,14 @@ TEST_F(Vivid, TheFirstFormatToBeHadIsTaken) {
   V4l2Settings settings = small_settings();
   settings.formats = {PixelFormat::kY10P, PixelFormat::kY12, PixelFormat::kGrey};  // vivid has no Y10P
   V4l2Camera camera(settings);
-  open(camera);
+  ASSERT_OPENS(camera);
   EXPECT_EQ(camera.format().format, PixelFormat::kY12);
 }
 
 TEST_F(Vivid, SaysWhatTheDeviceGivesInstead) {
-  const auto error = [](const V4l2Settings& settings) {
-    V4l2Camera camera(settings);
-    const Status status = camera.open();
-    return status ? "opened" : status.error().text();
-  };
   V4l2Settings settings = small_settings();
   settings.width = 333;
-  const std::string size = error(settings);
+  const std::string size = error_of_opening(V4l2Camera(settings));
   EXPECT_EQ(size.rfind("/dev/video0: the camera does not offer 333x180 in GREY [camera.width, camera.height, "
                        "camera.format]; expected ",
                        0),
@@ -72,7 +67,7 @@ TEST_F(Vivid, SaysWhatTheDeviceGivesInstead) {
   EXPECT_NE(size.find("320x180 ("), std::string::npos) << size;
   settings = small_settings();
   settings.rate_hz = 1000;
-  const std::string rate = error(settings);
+  const std::string rate = error_of_opening(V4l2Camera(settings));
   EXPECT_EQ(rate.rfind("/dev/video0: the camera does not offer 1000 Hz at GREY 320x180, but takes 60 [camera.rate_hz]; "
                        "expected ",
                        0),
@@ -81,17 +76,17 @@ TEST_F(Vivid, SaysWhatTheDeviceGivesInstead) {
   settings = small_settings();
   settings.controls = {{"shutter_of_doubt", 1}};
   EXPECT_EQ(
-      error(settings),
+      error_of_opening(V4l2Camera(settings)),
       "/dev/video0: the camera has no control 'shutter_of_doubt' [VIDIOC_QUERY_EXT_CTRL]; expected one that v4l2-ctl "
       "--list-ctrls shows");
   settings.controls = {{"brightness", 300}};
   EXPECT_EQ(
-      error(settings),
+      error_of_opening(V4l2Camera(settings)),
       "/dev/video0: brightness = 255 after setting it [VIDIOC_G_EXT_CTRLS]; expected 300; is it overridden, as by "
       "automatic exposure?");
   settings.controls = {{"string", 1}};
   EXPECT_EQ(
-      error(settings),
+      error_of_opening(V4l2Camera(settings)),
       "/dev/video0: the control 'string' is not a number [VIDIOC_QUERY_EXT_CTRL]; expected a control with a number");
 }
 
@@ -103,7 +98,7 @@ TEST_F(Vivid, ControlsAreSetByName) {
                        {"integer_64_bits", -5'000'000'000},
                        {"horizontal_flip", 1}};
   V4l2Camera camera(settings);
-  open(camera);
+  ASSERT_OPENS(camera);
   V4l2Device other;
   ASSERT_FALSE(other.open(kDevice, ""));
   for (const CameraControl& control : settings.controls) {
@@ -125,7 +120,7 @@ TEST_F(Vivid, StampsAreBroughtToMidExposure) {
       settings.readout = Span{100};
       settings.shutter = shutter;
       V4l2Camera camera(settings);
-      open(camera);
+      ASSERT_OPENS(camera);
       EXPECT_EQ(camera.exposure().ns, 246);
       const int expected = start_of_exposure ? (shutter == Shutter::kGlobal ? 123 : 173)
                                              : (shutter == Shutter::kGlobal ? 1000 - 223 : 1000 - 173);
@@ -144,7 +139,7 @@ TEST_F(Vivid, StampsOfAnotherClockAreRefused) {
   V4l2Settings settings = small_settings();
   settings.controls = {{"wrap_timestamp", 1}};
   V4l2Camera camera(settings);
-  open(camera);
+  ASSERT_OPENS(camera);
   ASSERT_TRUE(read_until(camera, [&] { return camera.counts().bad_stamps > 3; }));
   EXPECT_EQ(camera.counts().frames, 0u);
   EXPECT_EQ(camera.counts().disconnected, 0u) << "the device is well";
@@ -153,7 +148,7 @@ TEST_F(Vivid, StampsOfAnotherClockAreRefused) {
 TEST_F(Vivid, ControlsAreSetWhileItStreams) {
   set_controls(kDevice, {{"brightness", 128}});
   V4l2Camera camera(small_settings());
-  open(camera);
+  ASSERT_OPENS(camera);
   watch(camera, 2, [](const Frame&) {});
   EXPECT_FALSE(camera.request_control(std::string(60, 'x'), 1));
   ASSERT_TRUE(camera.request_control("brightness", 250));
@@ -193,7 +188,7 @@ TEST_F(Vivid, AnExposureThatAnotherProgramChangesIsKnown) {
   settings.exposure = Span{6};
   settings.control_of_exposure.delay_images = 2;
   V4l2Camera camera(settings);
-  open(camera);
+  ASSERT_OPENS(camera);
   watch(camera, 2, [&](const Frame& frame) { EXPECT_EQ(frame.stamp.ns % 1000, 123); });
   set_controls(kDevice, {{"integer_32_bits", 81}});
   std::vector<std::int64_t> beyond;
@@ -215,7 +210,7 @@ TEST_F(Vivid, TheExposureControllerComesToRest) {
   settings.control_of_exposure.automatic = true;
   settings.control_of_exposure.longest_ms = 10.2;
   V4l2Camera camera(settings);
-  open(camera);
+  ASSERT_OPENS(camera);
   std::uint64_t changes = 0;
   for (int calm = 0, images = 0; calm < 40 && images < 600; ++images) {
     watch(camera, 1, [](const Frame&) {});
@@ -239,7 +234,7 @@ TEST_F(Vivid, ClosingTakesLentImagesBack) {
   V4l2Camera camera(small_settings());
   const int files = open_files();
   for (int i = 0; i < 3; ++i) {
-    open(camera);
+    ASSERT_OPENS(camera);
     Frame frame;
     ASSERT_TRUE(read_within(camera, frame, kPatience));
     camera.close();
@@ -253,7 +248,7 @@ TEST_F(Vivid, ReadingUsesNoHeapAndNoLocks) {
     V4l2Settings settings = small_settings();
     settings.formats = {format};
     V4l2Camera camera(settings);
-    open(camera);
+    ASSERT_OPENS(camera);
     const HeapCallScope heap;
     const std::uint64_t locks = lock_calls_of_this_thread();
     for (int i = 0; i < 20; ++i) {
