@@ -1,6 +1,5 @@
 // How often a calibration's figures are within what it claims: waved rigs of every lens model, twenty seeds each.
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <array>
@@ -14,9 +13,17 @@
 #include "estimator/geometry/so3.h"
 #include "pipeline/config/calibration.h"
 #include "tests/drivers/study/calibrate/board_recording.h"
+#include "tests/flights/studies.h"
 
-namespace epiline {
+namespace epiline::calibrations {
 namespace {
+
+struct Options {
+  int seeds = 20, first = 1;
+  double pixels = 0.15, seconds = 20;
+  bool images = false;
+  std::string only, write, camera;
+};
 
 WavedRig rig_with(CameraModel model, std::uint64_t seed) {
   WavedRig rig;
@@ -76,8 +83,8 @@ Result<std::vector<CornerView>> views_in_images(const WavedRig& rig) {
 }
 
 /// What a user with EuRoC's camera would record, for trials of the whole way from parts to odometry.
-int write_recording(const std::filesystem::path& folder, const std::string& calibration, double seconds) {
-  const auto camera = read_camera_calibration(calibration, "cam0");
+int write_recording(const Options& o) {
+  const auto camera = read_camera_calibration(o.camera, "cam0");
   if (!camera) {
     fmt::print(stderr, "{}\n", camera.error().text());
     return 1;
@@ -87,8 +94,8 @@ int write_recording(const std::filesystem::path& folder, const std::string& cali
   rig.R_BC = camera->R_BC;
   rig.p_BC = camera->p_BC;
   rig.time_offset_s = 0;
-  rig.seconds = seconds;
-  const Status written = write_board_recording(rig, folder);
+  rig.seconds = o.seconds;
+  const Status written = write_board_recording(rig, o.write);
   if (!written) fmt::print(stderr, "{}\n", written.error().text());
   return written ? 0 : 1;
 }
@@ -105,14 +112,14 @@ Result<RigFit> calibrated(const WavedRig& rig, const std::vector<CornerView>& vi
   return fit_rig(views, *lens, *alignment, imu, {rig.imu.noise});
 }
 
-void study(CameraModel model, int first, int seeds, double pixels, bool images) {
+void study(CameraModel model, const Options& o) {
   std::vector<std::vector<double>> ratios;
   std::vector<std::string> names;
   int seeds_within = 0, done = 0;
-  for (int seed = first; seed < first + seeds; ++seed) {
+  for (int seed = o.first; seed < o.first + o.seeds; ++seed) {
     WavedRig rig = rig_with(model, static_cast<std::uint64_t>(seed));
-    rig.corner_px = pixels;
-    const auto views = images ? views_in_images(rig) : rig.views();
+    rig.corner_px = o.pixels;
+    const auto views = o.images ? views_in_images(rig) : rig.views();
     const auto fit = views ? calibrated(rig, *views) : Result<RigFit>(views.error());
     if (!fit) {
       fmt::print("{} seed {}: {}\n", name_of(model), seed, fit.error().text());
@@ -133,7 +140,7 @@ void study(CameraModel model, int first, int seeds, double pixels, bool images) 
     seeds_within += is_within;
   }
   fmt::print("{}: every figure within 3 sigma in {} of {} seeds ({} of {} fits done)\n", name_of(model), seeds_within,
-             seeds, done, seeds);
+             o.seeds, done, o.seeds);
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto within = std::count_if(ratios[i].begin(), ratios[i].end(), [](double r) { return std::abs(r) < 3; });
     double sum = 0;
@@ -143,29 +150,28 @@ void study(CameraModel model, int first, int seeds, double pixels, bool images) 
   }
 }
 
-}  // namespace
-}  // namespace epiline
-
-int main(int argc, char** argv) {
-  CLI::App app("Calibrations of waved rigs, and how often their figures are within what they claim");
-  int seeds = 20;
-  double pixels = 0.15;
-  app.add_option("--seeds", seeds, "rigs of each lens model")->capture_default_str();
-  int first = 1;
-  app.add_option("--first", first, "the first seed")->capture_default_str();
-  app.add_option("--pixels", pixels, "noise of a corner, px")->capture_default_str();
-  bool images = false;
-  app.add_flag("--images", images, "corners found in rendered images of a flat board, in place of simulated ones");
-  std::string only;
-  app.add_option("--model", only, "this lens model only: radial-tangential, equidistant, double-sphere");
-  std::string write, camera;
-  double seconds = 20;
-  app.add_option("--write", write, "write a recording of a waved board into this folder instead");
-  app.add_option("--camera", camera, "with --write: calibration of the camera");
-  app.add_option("--seconds", seconds, "with --write: of the recording");
-  CLI11_PARSE(app, argc, argv);
-  if (!write.empty()) return epiline::write_recording(write, camera, seconds);
-  for (const auto model : {epiline::CameraModel::kPinholeRadialTangential, epiline::CameraModel::kPinholeEquidistant,
-                           epiline::CameraModel::kDoubleSphere})
-    if (only.empty() || only == epiline::name_of(model)) epiline::study(model, first, seeds, pixels, images);
+int run(const Options& o) {
+  if (!o.write.empty()) return write_recording(o);
+  for (const auto model :
+       {CameraModel::kPinholeRadialTangential, CameraModel::kPinholeEquidistant, CameraModel::kDoubleSphere})
+    if (o.only.empty() || o.only == name_of(model)) study(model, o);
+  return 0;
 }
+
+std::function<int()> add(CLI::App& app) {
+  static Options o;
+  app.add_option("--seeds", o.seeds, "rigs of each lens model")->capture_default_str();
+  app.add_option("--first", o.first, "the first seed")->capture_default_str();
+  app.add_option("--pixels", o.pixels, "noise of a corner, px")->capture_default_str();
+  app.add_flag("--images", o.images, "corners found in rendered images of a flat board, in place of simulated ones");
+  app.add_option("--model", o.only, "this lens model only: radial-tangential, equidistant, double-sphere");
+  app.add_option("--write", o.write, "write a recording of a waved board into this folder instead");
+  app.add_option("--camera", o.camera, "with --write: calibration of the camera");
+  app.add_option("--seconds", o.seconds, "with --write: of the recording");
+  return [] { return run(o); };
+}
+const StudyEntry kEntry("calibrations",
+                        "Calibrations of waved rigs, and how often their figures are within what they claim", add);
+
+}  // namespace
+}  // namespace epiline::calibrations

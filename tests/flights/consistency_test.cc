@@ -1,33 +1,12 @@
 // A few simulated flights of each kind: does the covariance tell the truth, and does anything diverge?
 #include <gtest/gtest.h>
 
-#include <cstdint>
 #include <string>
 
 #include "tests/flights/simulated_run.h"
 
 namespace epiline {
 namespace {
-
-struct Nees {
-  double position = 0, rotation = 0;
-};
-
-/// Mean over runs with the seeds 1, 2, ...; complains about runs that diverge.
-Nees mean_nees(FlightKind flight, const TrackNoise& noise, int runs) {
-  Nees nees;
-  for (int run = 1; run <= runs; ++run) {
-    TrackSimulation simulation;
-    simulation.flight = flight;
-    simulation.seed = static_cast<std::uint64_t>(run);
-    simulation.noise = noise;
-    const RunFigures figures = run_simulated(simulate_tracks(simulation), known_config(simulation), simulation.seed);
-    EXPECT_FALSE(figures.diverged) << "seed " << run << ", at " << figures.diverged_at_s << " s";
-    nees.position += figures.nees_position / runs;
-    nees.rotation += figures.nees_rotation / runs;
-  }
-  return nees;
-}
 
 // The band is [0.5, 2]; errors of one flight are so correlated that four runs are worth about 40 independent
 // coordinates: their mean has a relative standard deviation of 22 %.
@@ -41,21 +20,20 @@ INSTANTIATE_TEST_SUITE_P(Flights, EstimatorOnFlight,
                                          FlightKind::kStandstill),
                          [](const auto& kind) { return std::string(to_string(kind.param)); });
 
+// Sharp tracks make large numbers: an information matrix that 1 px forgives is singular there.
 TEST_P(EstimatorOnFlight, IsConsistentAndStaysOnCourse) {
-  const Nees nees = mean_nees(GetParam(), {.pixel_sigma = 1, .outlier_share = 0.02}, kRuns);
-  EXPECT_GT(nees.position, kLow);
-  EXPECT_LT(nees.position, kHigh);
-  EXPECT_GT(nees.rotation, kLow);
-  EXPECT_LT(nees.rotation, kHigh);
-}
-
-// Sharp tracks make large numbers: an information matrix that 1 px forgives is singular here.
-TEST_P(EstimatorOnFlight, IsConsistentWithSharpTracks) {
-  const Nees nees = mean_nees(GetParam(), {.pixel_sigma = 0.3}, kRuns);
-  EXPECT_GT(nees.position, kLow);
-  EXPECT_LT(nees.position, kHigh);
-  EXPECT_GT(nees.rotation, kLow);
-  EXPECT_LT(nees.rotation, kHigh);
+  for (const TrackNoise& noise :
+       {TrackNoise{.pixel_sigma = 1, .outlier_share = 0.02}, TrackNoise{.pixel_sigma = 0.3}}) {
+    TrackSimulation simulation;
+    simulation.flight = GetParam();
+    simulation.noise = noise;
+    const RunFigures mean = mean_of_runs(simulation, kRuns);
+    EXPECT_FALSE(mean.diverged) << "at " << mean.diverged_at_s << " s";
+    for (const double nees : {mean.nees_position, mean.nees_rotation}) {
+      EXPECT_GT(nees, kLow) << noise.pixel_sigma << " px";
+      EXPECT_LT(nees, kHigh) << noise.pixel_sigma << " px";
+    }
+  }
 }
 
 }  // namespace

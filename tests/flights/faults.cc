@@ -1,13 +1,13 @@
 // The table of docs/troubleshooting.md: a flight with exact truth once for each fault.
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <string>
 
 #include "tests/flights/fault_run.h"
+#include "tests/flights/studies.h"
 
-namespace epiline {
+namespace epiline::faults {
 namespace {
 
 struct Options {
@@ -73,17 +73,16 @@ int run(Options& o) {
   return 0;
 }
 
-}  // namespace
-}  // namespace epiline
-
-int main(int argc, char** argv) {
-  epiline::Options options;
-  CLI::App app("Faults of sensors in a flight with exact truth");
-  app.add_option("DATASET", options.replay.dataset)->required();
-  app.add_option("--at", options.at_s, "s after the first image")->capture_default_str();
-  app.add_option("--speed", options.speed, "in threads, times as fast; 0: in one thread")->capture_default_str();
-  app.add_option("--only", options.only, "faults with this in their name");
-  app.add_option("--config", options.replay.config_file, "settings");
-  CLI11_PARSE(app, argc, argv);
-  return epiline::run(options);
+std::function<int()> add(CLI::App& app) {
+  static Options o;
+  app.add_option("DATASET", o.replay.dataset)->required();
+  app.add_option("--at", o.at_s, "s after the first image")->capture_default_str();
+  app.add_option("--speed", o.speed, "in threads, times as fast; 0: in one thread")->capture_default_str();
+  app.add_option("--only", o.only, "faults with this in their name");
+  app.add_option("--config", o.replay.config_file, "settings");
+  return [] { return run(o); };
 }
+const StudyEntry kEntry("faults", "Faults of sensors in a flight with exact truth", add);
+
+}  // namespace
+}  // namespace epiline::faults

@@ -1,7 +1,6 @@
 // Recorded flights fitted one after the other: a table of how well each fitted motion agrees with its IMU and truth.
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <numbers>
 #include <string>
@@ -9,8 +8,9 @@
 
 #include "drivers/flights/recordings/asl_dataset.h"
 #include "drivers/laboratory/simulate/motion_fit.h"
+#include "tests/flights/studies.h"
 
-namespace epiline {
+namespace epiline::motion_fits {
 namespace {
 
 constexpr double kDeg = 180 / std::numbers::pi;
@@ -59,12 +59,15 @@ bool fit_one(const std::string& folder, Options& o) {
   return true;
 }
 
-}  // namespace
-}  // namespace epiline
+int run(Options& o) {
+  fmt::print("{}\n", kHeader);
+  bool good = true;
+  for (const std::string& folder : o.folders) good = fit_one(folder, o) && good;
+  return good ? 0 : 1;
+}
 
-int main(int argc, char** argv) {
-  epiline::Options o;
-  CLI::App app("Fits smooth motions to recorded flights and tabulates how well they agree.", "motion_fits");
+std::function<int()> add(CLI::App& app) {
+  static Options o;
   app.add_option("folders", o.folders, "ASL folders")->required();
   app.add_option("--imu-calibration", o.imu_calibration, "sensor.yaml to use instead of the folders' own");
   app.add_option("--knots", o.settings.knot_interval_s, "distance of knots, s; 0: two readings")->capture_default_str();
@@ -73,9 +76,10 @@ int main(int argc, char** argv) {
   app.add_option("--rotation-density", o.settings.rotation_density, "of the truth's noise, rad/sqrt(Hz)")
       ->capture_default_str();
   app.add_option("--draw", o.settings.draw, "seed: a random motion instead of the most probable one");
-  CLI11_PARSE(app, argc, argv);
-  fmt::print("{}\n", epiline::kHeader);
-  bool good = true;
-  for (const std::string& folder : o.folders) good = epiline::fit_one(folder, o) && good;
-  return good ? 0 : 1;
+  return [] { return run(o); };
 }
+const StudyEntry kEntry("motion_fits", "Fits smooth motions to recorded flights and tabulates how well they agree",
+                        add);
+
+}  // namespace
+}  // namespace epiline::motion_fits

@@ -2,7 +2,6 @@
 // docs/developers/constants.md has the table and tells which flights it was made of.
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -17,8 +16,9 @@
 #include "drivers/study/report/flight_record.h"
 #include "pipeline/config/config.h"
 #include "platform/math/statistics.h"
+#include "tests/flights/studies.h"
 
-namespace epiline {
+namespace epiline::sensitivity {
 namespace {
 
 struct Options {
@@ -161,17 +161,16 @@ int run(Options& o) {
   return 0;
 }
 
-}  // namespace
-}  // namespace epiline
-
-int main(int argc, char** argv) {
-  epiline::Options options;
-  CLI::App app("What the tuned constants change in flights with ground truth");
-  app.add_option("DATASETS", options.flights)->required();
-  app.add_option("--factors", options.factors, "on each constant's default, one after the other");
-  app.add_option("--only", options.only, "constants with this in their name");
-  app.add_option("--start", options.replay.start_s, "s of each flight left out at the beginning");
-  app.add_option("--duration", options.replay.duration_s, "s of each flight");
-  CLI11_PARSE(app, argc, argv);
-  return epiline::run(options);
+std::function<int()> add(CLI::App& app) {
+  static Options o;
+  app.add_option("DATASETS", o.flights)->required();
+  app.add_option("--factors", o.factors, "on each constant's default, one after the other");
+  app.add_option("--only", o.only, "constants with this in their name");
+  app.add_option("--start", o.replay.start_s, "s of each flight left out at the beginning");
+  app.add_option("--duration", o.replay.duration_s, "s of each flight");
+  return [] { return run(o); };
 }
+const StudyEntry kEntry("sensitivity", "What the tuned constants change in flights with ground truth", add);
+
+}  // namespace
+}  // namespace epiline::sensitivity

@@ -6,7 +6,6 @@
 // change follows by how an error of the first state grows along the readings (tests/flights/silence_run.cc).
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -18,8 +17,9 @@
 
 #include "platform/math/statistics.h"
 #include "tests/flights/silence_run.h"
+#include "tests/flights/studies.h"
 
-namespace epiline {
+namespace epiline::silence {
 namespace {
 
 constexpr double kSigmas = 3;
@@ -181,16 +181,15 @@ int run(const Options& o) {
   return 0;
 }
 
-}  // namespace
-}  // namespace epiline
-
-int main(int argc, char** argv) {
-  epiline::Options options;
-  CLI::App app("Silence of camera or IMU in flights with ground truth");
-  app.add_option("DATASETS", options.flights)->required();
-  app.add_option("--times", options.times, "silences of each kind in each flight")->capture_default_str();
-  app.add_option("--seed", options.seed, "of the times")->capture_default_str();
-  app.add_flag("--each", options.each, "print every silence, too");
-  CLI11_PARSE(app, argc, argv);
-  return epiline::run(options);
+std::function<int()> add(CLI::App& app) {
+  static Options o;
+  app.add_option("DATASETS", o.flights)->required();
+  app.add_option("--times", o.times, "silences of each kind in each flight")->capture_default_str();
+  app.add_option("--seed", o.seed, "of the times")->capture_default_str();
+  app.add_flag("--each", o.each, "print every silence, too");
+  return [] { return run(o); };
 }
+const StudyEntry kEntry("silence", "Silence of camera or IMU in flights with ground truth", add);
+
+}  // namespace
+}  // namespace epiline::silence

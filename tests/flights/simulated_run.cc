@@ -161,4 +161,20 @@ RunFigures run_simulated(const SimulatedFlight& flight, const EstimatorConfig& c
   return figures;
 }
 
+RunFigures mean_of_runs(TrackSimulation simulation, int runs, const std::function<void(EstimatorConfig&)>& alter) {
+  RunFigures mean;
+  for (int run = 1; run <= runs; ++run) {
+    simulation.seed = static_cast<std::uint64_t>(run);
+    EstimatorConfig config = known_config(simulation);
+    alter(config);
+    const RunFigures one = run_simulated(simulate_tracks(simulation), config, simulation.seed);
+    mean.diverged |= one.diverged;
+    mean.diverged_at_s = std::max(mean.diverged_at_s, one.diverged_at_s);
+    mean.ate_m += one.ate_m / runs;
+    mean.nees_position += one.nees_position / runs;
+    mean.nees_rotation += one.nees_rotation / runs;
+  }
+  return mean;
+}
+
 }  // namespace epiline

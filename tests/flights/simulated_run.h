@@ -1,6 +1,7 @@
 #pragma once
 // One simulated flight through the estimator, from a known start, and how well it did.
 #include <cstdint>
+#include <functional>
 
 #include "drivers/laboratory/simulate/track_simulator.h"
 #include "estimator/estimator.h"
@@ -25,5 +26,9 @@ EstimatorConfig known_config(const TrackSimulation& simulation);
 /// rotation, once per second after 5 s. Diverged: off by more than 2 m and a tenth of the path so far, or a frame
 /// without a pose, or a reset; the run ends there.
 RunFigures run_simulated(const SimulatedFlight& flight, const EstimatorConfig& config, std::uint64_t seed);
+
+/// Means over runs with the seeds 1, 2, ...; diverged: one of them has. `alter`: what the estimator is not told.
+RunFigures mean_of_runs(
+    TrackSimulation simulation, int runs, const std::function<void(EstimatorConfig&)>& alter = [](EstimatorConfig&) {});
 
 }  // namespace epiline

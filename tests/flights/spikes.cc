@@ -2,7 +2,6 @@
 // How much worse is the flight, and does it say so?
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -11,8 +10,9 @@
 #include <vector>
 
 #include "tests/flights/spike_run.h"
+#include "tests/flights/studies.h"
 
-namespace epiline {
+namespace epiline::spikes {
 namespace {
 
 struct Options {
@@ -122,20 +122,19 @@ int run(const Options& o) {
   return 0;
 }
 
-}  // namespace
-}  // namespace epiline
-
-int main(int argc, char** argv) {
-  epiline::Options options;
-  CLI::App app("Corrupt readings of the IMU in a flight with ground truth");
-  app.add_option("DATASET", options.replay.dataset)->required();
-  app.add_option("--times", options.times, "flights with a single spike")->capture_default_str();
-  app.add_option("--seeds", options.seeds, "flights of each kind, size and rate")->capture_default_str();
-  app.add_option("--rates", options.rates, "spikes a second")->capture_default_str();
-  app.add_option("--from", options.from_s, "s after the first image")->capture_default_str();
-  app.add_option("--to", options.to_s, "s after the first image")->capture_default_str();
-  app.add_option("--only", options.only, "kinds and sizes with this in their name");
-  app.add_option("--duration", options.replay.duration_s, "s of the flight");
-  CLI11_PARSE(app, argc, argv);
-  return epiline::run(options);
+std::function<int()> add(CLI::App& app) {
+  static Options o;
+  app.add_option("DATASET", o.replay.dataset)->required();
+  app.add_option("--times", o.times, "flights with a single spike")->capture_default_str();
+  app.add_option("--seeds", o.seeds, "flights of each kind, size and rate")->capture_default_str();
+  app.add_option("--rates", o.rates, "spikes a second")->capture_default_str();
+  app.add_option("--from", o.from_s, "s after the first image")->capture_default_str();
+  app.add_option("--to", o.to_s, "s after the first image")->capture_default_str();
+  app.add_option("--only", o.only, "kinds and sizes with this in their name");
+  app.add_option("--duration", o.replay.duration_s, "s of the flight");
+  return [] { return run(o); };
 }
+const StudyEntry kEntry("spikes", "Corrupt readings of the IMU in a flight with ground truth", add);
+
+}  // namespace
+}  // namespace epiline::spikes

@@ -3,7 +3,6 @@
 // seconds cover the errors (docs/derivations/consistency.md), and what does the start cost?
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -18,8 +17,9 @@
 #include "drivers/study/replay/replay.h"
 #include "drivers/study/report/flight_record.h"
 #include "drivers/study/report/stats_json.h"
+#include "tests/flights/studies.h"
 
-namespace epiline {
+namespace epiline::starts {
 namespace {
 
 constexpr double kGoodAte_m = 0.05, kGoodScale = 0.1;
@@ -201,28 +201,21 @@ int run(const Options& options) {
   return 0;
 }
 
-}  // namespace
-}  // namespace epiline
-
-int main(int argc, char** argv) {
-  epiline::Options options;
-  options.replay.duration_s = 6;
-  CLI::App app("A recorded flight started anywhere: how soon and how well, beside what other systems do on MH_01.",
-               "starts");
-  app.add_option("DATASET", options.replay.dataset, "ASL folder with ground truth")->required();
-  app.add_option("--config", options.replay.config_file, "settings (TOML)");
-  app.add_option("--starts", options.starts, "how many")->check(CLI::Range(1, 100'000))->capture_default_str();
-  app.add_option("--every", options.every_s, "seconds between them")->check(CLI::PositiveNumber)->capture_default_str();
-  app.add_option("--start", options.replay.start_s, "of the first one, s")
+std::function<int()> add(CLI::App& app) {
+  static Options o;
+  o.replay.duration_s = 6;
+  app.add_option("DATASET", o.replay.dataset, "ASL folder with ground truth")->required();
+  app.add_option("--config", o.replay.config_file, "settings (TOML)");
+  app.add_option("--starts", o.starts, "how many")->check(CLI::Range(1, 100'000))->capture_default_str();
+  app.add_option("--every", o.every_s, "seconds between them")->check(CLI::PositiveNumber)->capture_default_str();
+  app.add_option("--start", o.replay.start_s, "of the first one, s")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  app.add_option("--duration", options.replay.duration_s, "of each, s")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
-  return epiline::run(options);
+  app.add_option("--duration", o.replay.duration_s, "of each, s")->check(CLI::PositiveNumber)->capture_default_str();
+  return [] { return run(o); };
 }
+const StudyEntry kEntry(
+    "starts", "A recorded flight started anywhere: how soon and how well, beside what other systems do on MH_01", add);
+
+}  // namespace
+}  // namespace epiline::starts

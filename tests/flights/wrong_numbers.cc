@@ -4,11 +4,12 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <string>
 
-namespace epiline {
+#include "tests/flights/studies.h"
+
+namespace epiline::wrong_numbers {
 namespace {
 
 std::string nees(const std::optional<double>& v) { return v ? fmt::format("{:.1f}", *v) : "-"; }
@@ -36,19 +37,18 @@ int run(const ReplayOptions& options, const std::string& only) {
   return 0;
 }
 
-}  // namespace
-}  // namespace epiline
-
-int main(int argc, char** argv) {
-  epiline::ReplayOptions options;
-  std::string only;
-  CLI::App app("A flight with ground truth, with one number of its calibration wrong");
-  app.add_option("DATASET", options.dataset)->required();
-  app.add_option("--config", options.config_file, "settings (TOML)");
-  app.add_option("--set", options.set, "KEY=VALUE, wins over the file");
+std::function<int()> add(CLI::App& app) {
+  static ReplayOptions o;
+  static std::string only;
+  app.add_option("DATASET", o.dataset)->required();
+  app.add_option("--config", o.config_file, "settings (TOML)");
+  app.add_option("--set", o.set, "KEY=VALUE, wins over the file");
   app.add_option("--only", only, "numbers with this in their name");
-  app.add_option("--start", options.start_s, "s after the first image");
-  app.add_option("--duration", options.duration_s, "s of the flight");
-  CLI11_PARSE(app, argc, argv);
-  return epiline::run(options, only);
+  app.add_option("--start", o.start_s, "s after the first image");
+  app.add_option("--duration", o.duration_s, "s of the flight");
+  return [] { return run(o, only); };
 }
+const StudyEntry kEntry("wrong_numbers", "A flight with ground truth, with one number of its calibration wrong", add);
+
+}  // namespace
+}  // namespace epiline::wrong_numbers
