@@ -6,9 +6,8 @@
 #include <cmath>
 #include <limits>
 
-// the target before what is compiled for it
-#include "estimator/simd/baseline.inc"
-// the vectors of that target
+#define TARGET kernels_baseline
+#define LANES 2
 #include "estimator/simd/lanes.inc"
 
 namespace epiline::TARGET {

@@ -1,3 +1,4 @@
 // What every processor of the kind has: SSE2 on x86-64, NEON on 64-bit ARM.
 #define TARGET kernels_baseline
 #define LANES 2
+#include "estimator/kernels.inc"

@@ -1,4 +1,5 @@
 #if defined(__x86_64__)
 #define TARGET kernels_avx512
 #define LANES 8
+#include "estimator/kernels.inc"
 #endif

@@ -1,4 +1,5 @@
 #if defined(__x86_64__)
 #define TARGET kernels_avx2
 #define LANES 4
+#include "estimator/kernels.inc"
 #endif

@@ -1,5 +1,0 @@
-#if defined(__x86_64__)
-#include "estimator/simd/avx2.inc"
-// the target before its kernels
-#include "estimator/solver/elimination.inc"
-#endif

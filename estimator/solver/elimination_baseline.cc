@@ -1,3 +1,0 @@
-#include "estimator/simd/baseline.inc"
-// the target before its kernels
-#include "estimator/solver/elimination.inc"
