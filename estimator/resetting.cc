@@ -6,8 +6,6 @@
 
 namespace epiline {
 
-namespace {}  // namespace
-
 /// Whether an image tells where the vehicle is while the IMU is silent: one that stood has not seen how far anything
 /// is, and its motion would have no scale.
 bool Estimator::Impl::images_suffice(const TrackedFrame& frame) const {

@@ -30,20 +30,19 @@ void each_innovation(const Window& w, HeightKind kind, int frames, F&& f) {
   const double sigma = w.height_sigmas_m[static_cast<std::size_t>(kind)], noise = sigma * sigma;
   std::array<bool, kMaxFrames> seen{};
   for (int newest = frames - 1; newest >= 0; --newest) {
-    if (!reading(newest).has || seen[static_cast<std::size_t>(newest)]) continue;
+    if (!reading(newest).has || seen[newest]) continue;
     // a Kalman filter of the offset, back in time; its mean is a sum of the newer frames' offsets
     std::array<double, kMaxFrames> mean{};
-    mean[static_cast<std::size_t>(newest)] = 1;
+    mean[newest] = 1;
     double variance = noise;
     for (int k = newest - 1, last = newest; k >= 0; --k) {
       if (!reading(k).has || reading(k).series != reading(newest).series) continue;
-      const auto at = static_cast<std::size_t>(k);
-      seen[at] = true;
+      seen[k] = true;
       variance += std::abs(reading(last).walked_m2 - reading(k).walked_m2);
       last = k;
       HeightInnovation innovation{k, variance + noise, {}};
       for (std::size_t j = 0; j < kMaxFrames; ++j) innovation.share[j] = -mean[j];
-      innovation.share[at] = 1;
+      innovation.share[k] = 1;
       f(innovation);
       const double gain = variance / innovation.variance;
       for (std::size_t j = 0; j < kMaxFrames; ++j) mean[j] += gain * innovation.share[j];

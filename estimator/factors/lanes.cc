@@ -7,7 +7,7 @@ namespace epiline {
 void fill_geometry(const Window& w, int frames, const Vec3& origin, FrameGeometry* out) {
   for (int k = 0; k < frames; ++k) {
     const ExposedFrame f = exposed_frame(w, k);
-    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(out[k].R_WC) = f.R_WC;
+    Eigen::Map<RowMat3>(out[k].R_WC) = f.R_WC;
     Eigen::Map<Vec3>(out[k].c) = f.c - origin;
     Eigen::Map<Vec3>(out[k].p) = f.p - origin;
   }

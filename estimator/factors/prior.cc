@@ -9,8 +9,7 @@ namespace epiline {
 
 void prior_difference(const Window& w, double* d) {
   const Prior& p = w.prior;
-  for (int k = 0; k < p.frames; ++k)
-    Eigen::Map<Vec6>(d + 6 * k) = local_pose(p.x0[static_cast<std::size_t>(k)], w.at(k).x);
+  for (int k = 0; k < p.frames; ++k) Eigen::Map<Vec6>(d + 6 * k) = local_pose(p.x0[k], w.at(k).x);
   Eigen::Map<Vec9>(d + 6 * p.frames) = local_velocity_biases(p.x0[0], w.at(0).x);
   Eigen::Map<CalibrationTangent>(d + p.calibration_row()) = local(p.c0, w.calibration);
 }

@@ -5,7 +5,6 @@
 namespace epiline {
 
 namespace {
-using Row3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 using Row6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 using CalibrationColumns = Eigen::Matrix<double, 6, kCameraCalibration>;
 
@@ -16,7 +15,7 @@ Row6 to_body(const double* block, const Mat3& R_k, const Mat3& R_l) {
   T.topLeftCorner<3, 3>() = B.topLeftCorner<3, 3>();
   T.topRightCorner<3, 3>() = B.topRightCorner<3, 3>().lazyProduct(R_l);
   T.bottomLeftCorner<3, 3>() = R_k.transpose().lazyProduct(B.bottomLeftCorner<3, 3>());
-  const Row3 M = R_k.transpose().lazyProduct(B.bottomRightCorner<3, 3>());
+  const RowMat3 M = R_k.transpose().lazyProduct(B.bottomRightCorner<3, 3>());
   T.bottomRightCorner<3, 3>() = M.lazyProduct(R_l);
   return T;
 }

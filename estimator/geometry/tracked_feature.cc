@@ -9,7 +9,7 @@ bool set_pixel(const Camera& camera, const Vec2& px, TrackedFeature& feature) no
   feature.pixel = {static_cast<float>(px.x()), static_cast<float>(px.y())};
   feature.row_s = static_cast<float>(camera.row_s(px.y()));
   Vec3::Map(feature.bearing.data()) = f_C;
-  Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(feature.pixel_jacobian.data()) = J;
+  Eigen::Map<RowMat23>(feature.pixel_jacobian.data()) = J;
   return true;
 }
 

@@ -8,7 +8,10 @@ namespace epiline {
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
+using RowMat3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 using Mat23 = Eigen::Matrix<double, 2, 3>;
+using RowMat23 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
+using Mat6 = Eigen::Matrix<double, 6, 6>;
 using Vec6 = Eigen::Matrix<double, 6, 1>;
 using Vec9 = Eigen::Matrix<double, 9, 1>;
 using Vec15 = Eigen::Matrix<double, 15, 1>;

@@ -8,9 +8,6 @@
 namespace epiline {
 namespace {
 
-using Vec6 = Eigen::Matrix<double, 6, 1>;
-using Mat6 = Eigen::Matrix<double, 6, 6>;
-
 /// min x'Ax - 2b'x with |g| = kGravity, x = (v, g): v is eliminated, then the secular equation in one multiplier is
 /// solved.
 bool solve_constrained(const Mat6& A, const Vec6& b, Vec6& x) {
@@ -35,8 +32,6 @@ bool solve_constrained(const Mat6& A, const Vec6& b, Vec6& x) {
   x.head<3>() = vv.solve(b.head<3>() - vg * x.tail<3>());
   return x.allFinite();
 }
-
-using RowMat3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 bool solve(const StartLinear& system, Vec6& x) {
   Mat6 A;

@@ -62,15 +62,13 @@ void clear(Matrix A, double* b, int total) {
   std::memset(b, 0, sizeof b[0] * static_cast<std::size_t>(total));
 }
 
-void store_prior(Window& w, const Layout& at, const Matrix A, const double* b) {
-  Prior& p = w.prior;
-  p.frames = at.m - 1;
-  const int dim = p.dim();
-  for (int i = 0; i < dim; ++i) {
-    p.b[i] = b[15 + i];
-    for (int j = i; j < dim; ++j) p.H[i][j] = p.H[j][i] = A[15 + i][15 + j];
+/// What is left of the equations after the first `gone` unknowns, at the window's present states but that of frame k.
+void store_prior(const Window& w, int k, const Matrix A, const double* b, int gone, Prior& p) {
+  for (int i = 0; i < p.dim(); ++i) {
+    p.b[i] = b[gone + i];
+    for (int j = i; j < p.dim(); ++j) p.H[i][j] = p.H[j][i] = A[gone + i][gone + j];
   }
-  for (int k = 0; k < p.frames; ++k) p.x0[static_cast<std::size_t>(k)] = w.at(k + 1).x;
+  for (int l = 0; l < p.frames; ++l) p.x0[l] = w.at(l < k ? l : l + 1).x;
   p.c0 = w.calibration;
 }
 
@@ -85,7 +83,8 @@ void Marginaliser::marginalise_oldest(Window& w, VisualFactorModel& visual, cons
   MarginalEquations equations(at, A, b);
   add_factors(w, memory_->visual, {at.m, true}, factors_, equations);
   elimination_.eliminate(A[0], b, 15, at.total());
-  store_prior(w, at, A, b);
+  w.prior.frames = at.m - 1;
+  store_prior(w, 0, A, b, 15, w.prior);
   for (int k = 1; k < w.size(); ++k)
     if (w.at(k).rest_link == w.at(0).id) w.at(k).rest_link = 0;
   w.remove(0);
@@ -111,12 +110,7 @@ void Marginaliser::forget_pose(Window& w, int k) {
   }
   elimination_.eliminate(A[0], b, 6, dim);
   --p.frames;
-  for (int i = 0; i < p.dim(); ++i) {
-    p.b[i] = b[6 + i];
-    for (int j = i; j < p.dim(); ++j) p.H[i][j] = p.H[j][i] = A[6 + i][6 + j];
-  }
-  for (int l = 0; l < p.frames; ++l) p.x0[static_cast<std::size_t>(l)] = w.at(l < k ? l : l + 1).x;
-  p.c0 = w.calibration;
+  store_prior(w, k, A, b, 6, p);
 }
 
 }  // namespace epiline

@@ -172,8 +172,8 @@ class Window {
     return std::min(n, size_ - 1);
   }
   /// Frames in time order, 0 the oldest.
-  Slot& at(int k) { return slots_[order_[static_cast<std::size_t>(k)]]; }
-  const Slot& at(int k) const { return slots_[order_[static_cast<std::size_t>(k)]]; }
+  Slot& at(int k) { return slots_[order_[k]]; }
+  const Slot& at(int k) const { return slots_[order_[k]]; }
   Slot& newest() { return at(size_ - 1); }
   const Slot& newest() const { return at(size_ - 1); }
   int index_of(std::uint64_t slot_id) const;  ///< -1: not in the window
@@ -192,20 +192,16 @@ class Window {
   void prune();
 
   int track_count() const { return tracks_; }
-  TrackRecord& track(int i) { return records_[static_cast<std::size_t>(i)]; }
-  const TrackRecord& track(int i) const { return records_[static_cast<std::size_t>(i)]; }
+  TrackRecord& track(int i) { return records_[i]; }
+  const TrackRecord& track(int i) const { return records_[i]; }
   /// The bit of frame k in a track's mask.
-  std::uint32_t bit(int k) const { return 1u << order_[static_cast<std::size_t>(k)]; }
+  std::uint32_t bit(int k) const { return 1u << order_[k]; }
   bool seen(const TrackRecord& t, int k) const { return t.mask & bit(k); }
-  const Observation& view(const TrackRecord& t, int k) const {
-    return views_[t.place][order_[static_cast<std::size_t>(k)]];
-  }
+  const Observation& view(const TrackRecord& t, int k) const { return views_[t.place][order_[k]]; }
   /// By its second camera.
   bool seen_by_second(const TrackRecord& t, int k) const { return t.second & bit(k); }
-  const Observation& second_view(const TrackRecord& t, int k) const {
-    return second_views_[t.place][order_[static_cast<std::size_t>(k)]];
-  }
-  Observation& view(const TrackRecord& t, int k) { return views_[t.place][order_[static_cast<std::size_t>(k)]]; }
+  const Observation& second_view(const TrackRecord& t, int k) const { return second_views_[t.place][order_[k]]; }
+  Observation& view(const TrackRecord& t, int k) { return views_[t.place][order_[k]]; }
   /// Prefetches a track's observations.
   void fetch(const TrackRecord& t) const;
   int views(const TrackRecord& t) const { return __builtin_popcount(t.mask); }
