@@ -3,23 +3,14 @@
 namespace epiline {
 
 const char* name_of(InstructionSet set) {
-  switch (set) {
 #if defined(__x86_64__)
-    case InstructionSet::kAvx512:
-      return "avx512";
-    case InstructionSet::kAvx2:
-      return "avx2";
-    case InstructionSet::kSse:
-      return "sse";
+  constexpr const char* kNames[] = {"avx512", "avx2", "sse"};
 #elif defined(__aarch64__)
-    case InstructionSet::kNeon:
-      return "neon";
+  constexpr const char* kNames[] = {"neon"};
 #else
-    case InstructionSet::kGeneric:
-      return "generic";
+  constexpr const char* kNames[] = {"generic"};
 #endif
-  }
-  return "unknown";
+  return kNames[static_cast<int>(set)];
 }
 
 bool runs_here([[maybe_unused]] InstructionSet set) {
