@@ -241,7 +241,6 @@ void TrackFactor::place(const Window& w, int frames) {
 
 /// The other cameras' poses follow from the first one's: the rig is rigid. Their motion is the same body's.
 void TrackFactor::place_others(const Window& w, int frames) {
-  using RowMat3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
   for (int k = 0; k < frames; ++k) {
     const FrameGeometry& first = memory_->frame[k];
     const Mat3 R_WC = Eigen::Map<const RowMat3>(first.R_WC);

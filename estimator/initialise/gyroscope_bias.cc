@@ -17,8 +17,6 @@ constexpr int kPairs = 13;   // of frames, see gather_all()
 constexpr std::array<double, 6> kKernel = {64, 16, 8, 4, 2, 2};
 constexpr double kAnew = 8;  // with a kernel this wide the direction is sought without regard to the last one
 
-using RowMat3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-
 struct Pair {
   int i = 0, j = 0;
   StartPair bearings;

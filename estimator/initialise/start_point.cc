@@ -9,7 +9,6 @@
 namespace epiline {
 namespace {
 
-using RowMat3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr int kFirstSteps = 2;           // of a point from its closed form; from where it was last, one is enough

@@ -21,8 +21,6 @@ constexpr double kPlaneCost = 1.5, kPlaneCostLeast = 0.05;  // a plane must expl
 constexpr double kOneSide = 0.95;                           // of the bearings, some of which are false
 constexpr double kGoodCost = 0.35;  // log(1 + e^2) of a mean angle of 0.65 mrad: other directions would not do better
 
-using RowMat3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-
 /// As if everything were far away.
 Mat3 turn_of_far_points(const SharedBearings& s) {
   Mat3 R_CC0 = Mat3::Identity();
