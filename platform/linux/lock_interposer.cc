@@ -23,31 +23,54 @@ F next(F& known, const char* name) {
   return found;
 }
 
-}  // namespace
+int (*mutex_lock)(pthread_mutex_t*);
+int (*mutex_trylock)(pthread_mutex_t*);
+int (*mutex_timedlock)(pthread_mutex_t*, const timespec*);
+int (*mutex_clocklock)(pthread_mutex_t*, clockid_t, const timespec*);
+int (*cond_wait)(pthread_cond_t*, pthread_mutex_t*);
+int (*cond_timedwait)(pthread_cond_t*, pthread_mutex_t*, const timespec*);
+int (*cond_clockwait)(pthread_cond_t*, pthread_mutex_t*, clockid_t, const timespec*);
 
-// A function that counts the call and makes it.
-#define EPILINE_COUNTED(name, parameters, arguments) \
-  int name parameters {                              \
-    static int(*known) parameters;                   \
-    ++epiline::detail::lock_calls;                   \
-    return next(known, #name) arguments;             \
-  }
+}  // namespace
 
 extern "C" {
 
-EPILINE_COUNTED(pthread_mutex_lock, (pthread_mutex_t * mutex) noexcept, (mutex))
-EPILINE_COUNTED(pthread_mutex_trylock, (pthread_mutex_t * mutex) noexcept, (mutex))
-EPILINE_COUNTED(pthread_mutex_timedlock, (pthread_mutex_t * mutex, const timespec* deadline) noexcept,
-                (mutex, deadline))
+int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
+  ++epiline::detail::lock_calls;
+  return next(mutex_lock, "pthread_mutex_lock")(mutex);
+}
+
+int pthread_mutex_trylock(pthread_mutex_t* mutex) noexcept {
+  ++epiline::detail::lock_calls;
+  return next(mutex_trylock, "pthread_mutex_trylock")(mutex);
+}
+
+int pthread_mutex_timedlock(pthread_mutex_t* mutex, const timespec* deadline) noexcept {
+  ++epiline::detail::lock_calls;
+  return next(mutex_timedlock, "pthread_mutex_timedlock")(mutex, deadline);
+}
+
 // What the standard library calls for a time on its steady clock.
-EPILINE_COUNTED(pthread_mutex_clocklock, (pthread_mutex_t * mutex, clockid_t clock, const timespec* deadline) noexcept,
-                (mutex, clock, deadline))
-EPILINE_COUNTED(pthread_cond_wait, (pthread_cond_t * condition, pthread_mutex_t* mutex), (condition, mutex))
-EPILINE_COUNTED(pthread_cond_timedwait, (pthread_cond_t * condition, pthread_mutex_t* mutex, const timespec* deadline),
-                (condition, mutex, deadline))
-EPILINE_COUNTED(pthread_cond_clockwait,
-                (pthread_cond_t * condition, pthread_mutex_t* mutex, clockid_t clock, const timespec* deadline),
-                (condition, mutex, clock, deadline))
+int pthread_mutex_clocklock(pthread_mutex_t* mutex, clockid_t clock, const timespec* deadline) noexcept {
+  ++epiline::detail::lock_calls;
+  return next(mutex_clocklock, "pthread_mutex_clocklock")(mutex, clock, deadline);
+}
+
+int pthread_cond_wait(pthread_cond_t* condition, pthread_mutex_t* mutex) {
+  ++epiline::detail::lock_calls;
+  return next(cond_wait, "pthread_cond_wait")(condition, mutex);
+}
+
+int pthread_cond_timedwait(pthread_cond_t* condition, pthread_mutex_t* mutex, const timespec* deadline) {
+  ++epiline::detail::lock_calls;
+  return next(cond_timedwait, "pthread_cond_timedwait")(condition, mutex, deadline);
+}
+
+int pthread_cond_clockwait(pthread_cond_t* condition, pthread_mutex_t* mutex, clockid_t clock,
+                           const timespec* deadline) {
+  ++epiline::detail::lock_calls;
+  return next(cond_clockwait, "pthread_cond_clockwait")(condition, mutex, clock, deadline);
+}
 
 }  // extern "C"
 

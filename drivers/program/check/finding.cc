@@ -4,9 +4,10 @@
 
 namespace epiline {
 
-void DeviceFindings::judge(std::string text, std::initializer_list<Fault> faults) const {
-  const auto* const first = std::find_if(faults.begin(), faults.end(), [](const Fault& f) { return f.is_there; });
-  add(std::move(text), first == faults.end() ? Fault() : *first);
+void DeviceFindings::judge(std::string text, std::initializer_list<PossibleFault> faults) const {
+  const auto* const first =
+      std::find_if(faults.begin(), faults.end(), [](const PossibleFault& f) { return f.is_there; });
+  add(std::move(text), first == faults.end() ? PossibleFault() : *first);
 }
 
 void add_all(Findings& out, const Findings& more) { out.insert(out.end(), more.begin(), more.end()); }

@@ -28,7 +28,7 @@ struct Finding {
 using Findings = std::vector<Finding>;
 
 /// What may be wrong with something that was measured, and what to do then.
-struct Fault {
+struct PossibleFault {
   bool is_there = false;
   Grade grade = Grade::kOk;
   std::string remedy;
@@ -47,10 +47,10 @@ class DeviceFindings {
     add(std::move(text), {true, Grade::kError, std::move(remedy)});
   }
   /// Adds `text` with the first of the faults that is there; if none is, it is ok.
-  void judge(std::string text, std::initializer_list<Fault> faults) const;
+  void judge(std::string text, std::initializer_list<PossibleFault> faults) const;
 
  private:
-  void add(std::string text, Fault fault) const {
+  void add(std::string text, PossibleFault fault) const {
     out_.push_back({fault.grade, device_, std::move(text), std::move(fault.remedy), std::move(fault.hint)});
   }
 
