@@ -36,7 +36,7 @@ class HealthMonitor {
   /// may still be.
   void restart();
   /// There is one. `carried`: it goes on from one that was good enough, and is worth what its covariance says.
-  void begin(bool carried = false);
+  void begin(bool carried);
   /// Adds the evidence of a solved frame.
   void update(const FrameEvidence& e, double dt_s);
   /// What keeps a frame that is not solved from being good.
