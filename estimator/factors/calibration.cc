@@ -41,6 +41,12 @@ ExposedFrame exposed_frame(const Window& w, int k) {
   return f;
 }
 
+double way_m(const Window& w, int frames) {
+  double squared = 0;
+  for (int k = 1; k < frames; ++k) squared += (w.at(k).x.p - w.at(k - 1).x.p).squaredNorm();
+  return std::sqrt(squared);
+}
+
 namespace {
 using Motions = Eigen::Map<Eigen::Matrix<double, 6, kCameraCalibration, Eigen::RowMajor>>;
 
@@ -61,7 +67,7 @@ void fill_motions(const ExposedFrame& f, bool extrinsics, Motions m) {
 }
 
 /// From the poses of frames k and k + 1 at their exposures to their states: p'_k = p_k + dt v_k.
-void move_to_states(const Window& w, int frames, int k, VisualSystem& s) {
+void move_to_states(const Window& w, int frames, int k, bool pace, VisualSystem& s) {
   using Block = Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>;
   using Columns = Eigen::Map<Eigen::Matrix<double, 6, kCameraCalibration>>;
   const double dt = until_exposure_s(w, k), share = dt / w.at(k + 1).imu.T;
@@ -84,33 +90,61 @@ void move_to_states(const Window& w, int frames, int k, VisualSystem& s) {
   Block(s.H[k + 1][k + 1]) = both.bottomRightCorner<6, 6>();
   move(Columns(s.H_ck[k]), Columns(s.H_ck[k + 1]));
   move(Eigen::Map<Vec6>(s.b[k]), Eigen::Map<Vec6>(s.b[k + 1]));
+  if (pace) move(Eigen::Map<Vec6>(s.H_column[kPace][k]), Eigen::Map<Vec6>(s.H_column[kPace][k + 1]));
+}
+
+/// The pace is way_m() over what it was when the velocities were held. `H_c`: its products with the calibration.
+void move_pace(const Window& w, int frames, double held_m, const Eigen::Vector<double, kCameraCalibration>& H_c,
+               VisualSystem& s) {
+  using Block = Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>;
+  using Columns = Eigen::Map<Eigen::Matrix<double, 6, kCameraCalibration>>;
+  const double unit = 1 / (held_m * std::max(way_m(w, frames), kStays_m * held_m)), H_pace = s.H_columns[2 * kPace];
+  Vec6 g[kMaxFrames];  // its slope
+  for (int k = 0; k < frames; ++k) {
+    g[k].setZero();
+    if (k > 0) g[k].head<3>() += unit * (w.at(k).x.p - w.at(k - 1).x.p);
+    if (k + 1 < frames) g[k].head<3>() -= unit * (w.at(k + 1).x.p - w.at(k).x.p);
+  }
+  const auto h = [&](int k) { return Eigen::Map<const Vec6>(s.H_column[kPace][k]); };
+  for (int k = 0; k < frames; ++k) {
+    for (int l = k; l < frames; ++l)
+      Block(s.H[k][l]) += h(k) * g[l].transpose() + g[k] * (h(l) + H_pace * g[l]).transpose();
+    Columns(s.H_ck[k]) += g[k] * H_c.transpose();
+    Eigen::Map<Vec6>(s.b[k]) += s.b_column[kPace] * g[k];
+  }
 }
 
 /// Frames that hardly move until their exposure stay where their states are.
-void move_to_states(const Window& w, int frames, VisualSystem& s) {
+void move_to_states(const Window& w, int frames, bool pace, VisualSystem& s) {
   for (int k = frames - 2; k >= 0; --k)
     if (goes_on(w, k) && std::abs(until_exposure_s(w, k)) * velocity_of(w, k).norm() > kStays_m)
-      move_to_states(w, frames, k, s);
+      move_to_states(w, frames, k, pace, s);
 }
 }  // namespace
 
 void add_calibration(const Window& w, int frames, bool extrinsics, bool focal, const FactorKernels& kernels,
-                     VisualSystem& s) {
+                     VisualSystem& s, double held_m) {
   alignas(64) double motion[kMaxFrames][6][kCameraCalibration];
   for (int k = 0; k < frames; ++k) fill_motions(exposed_frame(w, k), extrinsics, Motions(motion[k][0]));
   kernels.calibration(motion, frames, s);
   if (focal) {
     Eigen::Map<Eigen::Matrix<double, kCameraCalibration, kCameraCalibration>> H_cc(s.H_cc);
     for (int k = 0; k < frames; ++k) {
-      const Eigen::Map<const Vec6> H_lens(s.H_lens[k]);
+      const Eigen::Map<const Vec6> H_lens(s.H_column[kLens][k]);
       Eigen::Map<Vec6>(s.H_ck[k] + 6 * kFocalColumn) = H_lens;
       H_cc.col(kFocalColumn) += Motions(motion[k][0]).transpose() * H_lens;
     }
     H_cc.row(kFocalColumn) = H_cc.col(kFocalColumn).transpose();
-    H_cc(kFocalColumn, kFocalColumn) = s.H_lens_lens;
-    s.b_c[kFocalColumn] = s.b_lens;
+    H_cc(kFocalColumn, kFocalColumn) = s.H_columns[2 * kLens];
+    s.b_c[kFocalColumn] = s.b_column[kLens];
   }
-  move_to_states(w, frames, s);
+  const bool pace = held_m > 0;
+  Eigen::Vector<double, kCameraCalibration> H_pace = Eigen::Vector<double, kCameraCalibration>::Zero();
+  for (int k = 0; k < frames && pace; ++k)
+    H_pace += Motions(motion[k][0]).transpose() * Eigen::Map<const Vec6>(s.H_column[kPace][k]);
+  if (focal && pace) H_pace[kFocalColumn] = s.H_columns[kLens + kPace];
+  move_to_states(w, frames, pace, s);
+  if (pace) move_pace(w, frames, held_m, H_pace, s);
 }
 
 }  // namespace epiline

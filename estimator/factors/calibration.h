@@ -16,10 +16,13 @@ struct ExposedFrame {
 };
 ExposedFrame exposed_frame(const Window& window, int k);
 
+/// Length of the steps between the first `frames` frames together, root of the sum of squares.
+double way_m(const Window& window, int frames);
+
 /// Fills H_ck, H_cc and b_c from the pose blocks H and b of the first `frames` frames. Columns: time offset, rotation
-/// of R_BC on the right, p_BC, focal length (from H_lens, H_lens_lens and b_lens); all but the first only if asked for,
-/// else zero.
+/// of R_BC on the right, p_BC, focal length (from its column); all but the first only if asked for, else zero. If
+/// `held_m` is the way for which velocities were held, the pace's column goes into the positions that it follows from.
 void add_calibration(const Window& window, int frames, bool extrinsics, bool focal, const FactorKernels& kernels,
-                     VisualSystem& system);
+                     VisualSystem& system, double held_m = 0);
 
 }  // namespace epiline

@@ -47,11 +47,17 @@ struct alignas(64) EpipolarViews {
 
 /// Pose of a camera in a frame as the track factor needs it; by slots. Positions relative to one common origin.
 struct FrameGeometry {
-  double R_WC[9];  ///< row-major
-  double c[3];     ///< camera centre
-  double v[3];     ///< its velocity; of rolling shutters only
-  double p[3];     ///< IMU position
+  double R_WC[9];   ///< row-major
+  double c[3];      ///< camera centre
+  double v[3];      ///< its velocity; of views with times of their own only
+  double grows[3];  ///< slope of v by the pace
+  double p[3];      ///< IMU position
 };
+
+/// What moves all views of a window at once and is no pose, in columns of its own.
+inline constexpr int kLens = 0;     ///< the focal length
+inline constexpr int kPace = 1;     ///< how much faster it goes than when the velocities were held
+inline constexpr int kColumns = 2;  ///< products of two have the place of their sum
 
 struct TrackSettings {
   double depth_damping;         ///< lambda, 1/(1/m)^2
@@ -64,8 +70,8 @@ struct TrackSettings {
   double student;    ///< degrees of freedom of a drifting track's weight ...
   double unit;       ///< ... and the unit of its chi2
   bool rows;         ///< each view has its own time: of its row, or of a second camera's image
-  bool lens;         ///< fill the column of the focal length
-  double focal;      ///< its estimate, as Calibration::focal
+  bool wants[kColumns];  ///< columns to fill
+  double focal;          ///< estimate of the focal length, as Calibration::focal
 };
 
 /// Normal equations of the visual factors, H delta = b; rotations perturbed in the world frame.
@@ -75,8 +81,8 @@ struct VisualSystem {
   double H_ck[kMaxFrames][kCameraCalibration * 6];       ///< calibration against frame k
   double H_cc[kCameraCalibration * kCameraCalibration];  ///< symmetric, full
   double b_c[kCameraCalibration];
-  double H_lens[kMaxFrames][6];  ///< focal length against frame k, of factors that have its column
-  double H_lens_lens, b_lens;
+  double H_column[kColumns][kMaxFrames][6];  ///< columns against frame k, of factors that have them
+  double H_columns[2 * kColumns - 1], b_column[kColumns];
   double cost;  ///< sum of the robust costs
   int residuals, tracks, gated;
 };
@@ -84,10 +90,10 @@ struct VisualSystem {
 /// The rows of this many batches wait for their products, which is what the innermost caches hold.
 inline constexpr int kBatchesAtOnce = 6;
 
-/// Column of the focal length: its blocks with each frame, and its own H and b.
-struct alignas(64) LensScratch {
-  double with[kMaxFrames][6][kBatchLanes];
-  double self[2][kBatchLanes];
+/// The columns' blocks with each frame, and their own H and b.
+struct alignas(64) ColumnScratch {
+  double with[kColumns][kMaxFrames][6][kBatchLanes];
+  double H[2 * kColumns - 1][kBatchLanes], b[kColumns][kBatchLanes];
 };
 
 /// Rows G_k [-rho I, [l]x] of one camera's views.
@@ -102,7 +108,7 @@ struct alignas(64) TrackScratch {
   double rows[kMaxFrames][kBatchesAtOnce][18][kBatchLanes];  ///< Q_k = C W_k [-rho I, [l]x]
   ViewScratch views[2];                                      ///< of the tracks' own camera, and of a second one
   double b[kMaxFrames][6][kBatchLanes];
-  LensScratch lens;
+  ColumnScratch columns;
 };
 
 /// Work space for the information that the oldest view adds.
@@ -110,7 +116,7 @@ struct alignas(64) NewsScratch {
   double rows[kMaxFrames][kBatchesAtOnce][12][kBatchLanes];
   double second_rows[kMaxFrames][kBatchesAtOnce][12][kBatchLanes];  ///< the same of a second camera's oldest view
   double b[kMaxFrames][6][kBatchLanes];
-  LensScratch lens;
+  ColumnScratch columns;
 };
 
 /// Per track of a batch, of the last evaluation.

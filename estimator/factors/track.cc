@@ -18,6 +18,8 @@ struct TrackFactor::Memory {
   NewsScratch news;
   FrameGeometry frame[kMaxPoses];
   Vec3 velocity_C[kMaxPoses];  ///< of the cameras, as collected, in the axes of the first one
+  Vec3 grows_C[kMaxFrames];    ///< what of them grows with the way between the frames, and ...
+  double way[kMaxFrames + 1];  ///< ... how long the way of so many frames was
   SortedTracks sorted;
   BatchViews views;
   Walks walks[2];
@@ -40,7 +42,8 @@ namespace {
 /// Student's weight already reduces a drifting track with large steps, so the gate has nine times the limit of chi^2.
 /// With it, 1 % of the tracks are gated (docs/derivations/drift.md).
 constexpr double kDriftGate = 9;
-constexpr double kClearDepth = 3;  // standard deviations of an inverse depth: the views show its sign
+constexpr double kClearDepth = 3;   // standard deviations of an inverse depth: the views show its sign
+constexpr double kStands_m = 1e-6;  // a way that short has no pace
 /// What the error of a track is in the images of a second camera (docs/derivations/several_cameras.md), in steps.
 constexpr double kSharedSteps = 0.65;  ///< correlation of the steps in both images
 constexpr double kMatchVariance = 7;   ///< where the second camera finds the track it errs by 0.4 px: 7 of 0.15 px
@@ -146,7 +149,7 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
                s.student,
                unit,
                s.rows,
-               s.focal,
+               {s.focal, false},
                0};
   gate_suspended_ = false;
   remember_points();
@@ -211,8 +214,9 @@ void TrackFactor::fetch(const Window& w, const TrackRecord& t) const {
   __builtin_prefetch(&memory_->remembered[t.place]);
 }
 
-/// Where a camera is at another time than the stamp follows from its velocity, which is held in the first camera's axes
-/// until the next collect(), so that the cameras move with their body (docs/derivations/rolling_shutter.md).
+/// Where a camera is at another time than the stamp follows from its velocity. Until the next collect() it is held in
+/// the first camera's axes, so that the cameras move with their body, and grows with the window's way, so that the
+/// scale stays open (docs/derivations/rolling_shutter.md).
 void TrackFactor::hold_velocities(const Window& w) {
   for (int k = 0; k < w.size(); ++k) {
     const ExposedFrame f = exposed_frame(w, k);
@@ -220,6 +224,8 @@ void TrackFactor::hold_velocities(const Window& w) {
       return f.R_WC.transpose() * (f.v + f.omega_W.cross(lever_W));
     };
     memory_->velocity_C[k] = velocity_C(f.c - f.p);
+    memory_->grows_C[k] = f.R_WC.transpose() * f.v;
+    memory_->way[k + 1] = way_m(w, k + 1);
     for (int c = 1; c < kMaxCameras && others_; ++c)
       memory_->velocity_C[c * slots_ + k] =
           velocity_C(f.c + f.R_WC * w.rig.poses[static_cast<std::size_t>(c)].p_CD - f.p);
@@ -230,11 +236,16 @@ void TrackFactor::hold_velocities(const Window& w) {
 void TrackFactor::place(const Window& w, int frames) {
   fill_geometry(w, frames, origin_, memory_->frame);
   if (others_) place_others(w, frames);
+  held_m_ = visual_.rows && memory_->way[frames] > kStands_m ? memory_->way[frames] : 0;
+  settings_.wants[kPace] = held_m_ > 0;
+  const double pace = held_m_ > 0 ? way_m(w, frames) / held_m_ - 1 : 0;
   for (int k = 0; k < frames && visual_.rows; ++k) {
-    const Mat3 R_WC = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(memory_->frame[k].R_WC);
-    Eigen::Map<Vec3>(memory_->frame[k].v) = R_WC * memory_->velocity_C[k];
-    for (int i = slots_ + k; i < kMaxCameras * slots_ && others_; i += slots_)
-      Eigen::Map<Vec3>(memory_->frame[i].v) = R_WC * memory_->velocity_C[i];
+    const Mat3 R_WC = Eigen::Map<const RowMat3>(memory_->frame[k].R_WC);
+    const Vec3 grows = R_WC * memory_->grows_C[k];
+    for (int i = k; i < (others_ ? kMaxCameras * slots_ : slots_); i += slots_) {
+      Eigen::Map<Vec3>(memory_->frame[i].v) = R_WC * memory_->velocity_C[i] + pace * grows;
+      Eigen::Map<Vec3>(memory_->frame[i].grows) = grows;
+    }
   }
   settings_.focal = w.calibration.focal;
 }
@@ -259,7 +270,7 @@ void TrackFactor::run(const Window& w, VisualSystem& out) {
   place(w, w.size());
   kernels_.track(memory_->batch, batches_, memory_->frame, w.size(), settings_, memory_->scratch, memory_->verdicts,
                  out);
-  add_calibration(w, w.size(), visual_.extrinsics, visual_.focal, kernels_, out);
+  add_calibration(w, w.size(), visual_.extrinsics, visual_.focal, kernels_, out, held_m_);
 }
 
 double TrackFactor::cost(const Window& w) noexcept {
@@ -291,7 +302,7 @@ void TrackFactor::marginalise_oldest(const Window& w, const VisualSettings& s, V
   place(w, frames);
   kernels_.track_news(memory_->batch + begin, end - begin, memory_->frame, frames, settings_, memory_->news,
                       memory_->verdicts + begin, out);
-  add_calibration(w, frames, visual_.extrinsics, visual_.focal, kernels_, out);
+  add_calibration(w, frames, visual_.extrinsics, visual_.focal, kernels_, out, held_m_);
 }
 
 namespace {

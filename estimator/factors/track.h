@@ -47,6 +47,7 @@ class TrackFactor final : public VisualFactorModel {
   int slots_ = 0;        ///< of one camera's poses
   bool others_ = false;  ///< other cameras than the first one count, too
   bool gate_suspended_ = false;
+  double held_m_ = 0;  ///< the way for which the velocities are held
 };
 
 }  // namespace epiline

@@ -27,8 +27,9 @@ constexpr Kind kWhite{"white", TrackNoiseModel::kWhite, false}, kOne{"drift", Tr
 
 class Tracks : public testing::TestWithParam<Kind> {
  protected:
-  static VisualSettings settings(double student) {
+  static VisualSettings settings(double student, bool rows = false) {
     VisualSettings s = smooth_settings();
+    s.rows = rows;
     s.noise = GetParam().noise;
     s.drift_sigma = 0.2;
     s.drift_inflation = 1.5;
@@ -45,20 +46,20 @@ class Tracks : public testing::TestWithParam<Kind> {
       for (int k = 0; k < w.size(); ++k) w.view(w.track(i), k).age = static_cast<float>(3 + i % 5 + 2 * k + k % 2);
     return s;
   }
-  static std::unique_ptr<VisualSystem> system_of(const Window& w, double student) {
+  static std::unique_ptr<VisualSystem> system_of(const Window& w, double student, bool rows = false) {
     TrackFactor factor(best_instruction_set());
     auto system = std::make_unique<VisualSystem>();
-    factor.collect(w, settings(student));
+    factor.collect(w, settings(student, rows));
     factor.linearise(w, *system);
     EXPECT_NEAR(factor.cost(w), system->cost, 1e-9 * system->cost);
     return system;
   }
   /// What of the oldest views is kept.
-  static MatrixXd kept_of(const Window& w, double student) {
+  static MatrixXd kept_of(const Window& w, double student, bool rows = false) {
     TrackFactor factor(best_instruction_set());
     const auto added = std::make_unique<VisualSystem>();
-    factor.collect(w, settings(student));
-    factor.marginalise_oldest(w, settings(student), *added);
+    factor.collect(w, settings(student, rows));
+    factor.marginalise_oldest(w, settings(student, rows), *added);
     return dense(*added, w.size() - 1);
   }
   /// One track of many views is in use; the second camera finds it in the third frame.
@@ -103,22 +104,25 @@ TEST_P(Tracks, AreWeighedByTheInverseOfTheViewsWholeCovariance) {
 }
 
 /// What frame 0's views add given the others is what the others lack: of a drift the same walk, seen from the second
-/// view on. The second camera sees all tracks in all frames, or finds some of them later, or loses some.
+/// view on. The second camera sees all tracks in all frames, or finds some of them later, or loses some. Of a rolling
+/// shutter as well.
 TEST_P(Tracks, AllInformationOfTheOldestViewsIsKeptAndNoneInvented) {
-  for (const bool ragged : {false, true}) {
-    SyntheticWindow s = make({.pixel_noise = 0, .state_error = 0});
+  for (const auto& [ragged, readout_s] : {std::pair{false, 0.}, {true, 0.}, {false, 0.005}, {true, 0.005}}) {
+    const bool rows = readout_s > 0;
+    SyntheticWindow s =
+        make({.pixel_noise = 0, .state_error = 0, .readout_s = readout_s, .second_later = 0.3 * readout_s});
     Window& w = *s.window;
     for (int i = 0; i < w.track_count() && ragged; ++i)
       for (int k = 0; k < w.size(); ++k)
         if (i % 3 == 0 ? k < i % 4 : k > 2 + i % 5) w.track(i).second &= ~w.bit(k);
-    const MatrixXd kept = kept_of(w, kAlike);
+    const MatrixXd kept = kept_of(w, kAlike, rows);
     w.remove(w.size() - 1);  // the newest takes no part
-    const MatrixXd with = dense(*system_of(w, kAlike), w.size());
+    const MatrixXd with = dense(*system_of(w, kAlike, rows), w.size());
     for (int i = 0; i < w.track_count(); ++i) {
       w.track(i).mask &= ~w.bit(0);
       w.track(i).second &= ~w.bit(0);
     }
-    const MatrixXd lacking = with - dense(*system_of(w, kAlike), w.size());
+    const MatrixXd lacking = with - dense(*system_of(w, kAlike, rows), w.size());
     EXPECT_GT(kept.norm(), 1);
     EXPECT_LT(relative_difference(lacking, kept), 1e-6) << ragged;
     // views have seven digits, and what is lacking is the difference of two systems that are much larger

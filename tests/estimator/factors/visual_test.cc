@@ -42,27 +42,42 @@ TEST(TrackFactor, LeavesScaleUnobservable) {
       }
 }
 
+/// What the tracks say of the scale, as a standard deviation.
+double sigma_of_scale(const Window& w, TrackNoiseModel noise, bool rows, InstructionSet set) {
+  VisualSettings settings;
+  settings.noise = noise;
+  settings.rows = rows;
+  auto system = std::make_unique<VisualSystem>();
+  TrackFactor factor(set);
+  factor.collect(w, settings);
+  factor.linearise(w, *system);
+  const auto from_newest = [&](int k) -> Vec3 { return w.at(k).x.p - w.newest().x.p; };
+  using Block = Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>;
+  double curvature = 0;  // along a larger world
+  for (int k = 0; k < w.size(); ++k)
+    for (int l = k; l < w.size(); ++l)
+      curvature += (l > k ? 2 : 1) * from_newest(k).dot(Block(system->H[k][l]).topLeftCorner<3, 3>() * from_newest(l));
+  return 1 / std::sqrt(std::abs(curvature));
+}
+
 /// Also where the time offset has moved since the frames were cut: the way to their exposure grows with the world, but
 /// for what forces of 10 m/s^2 do to it. Of a way that is fixed in metres the scale would be known to 5 %.
 TEST(TrackFactor, LeavesScaleUnobservableBesideAnotherTimeOffset) {
   for (const InstructionSet set : sets_here())
     for (const double offset : {0., 0.01, -0.01}) {
       SyntheticWindow s = make_window({.motion = 10, .lever = 0, .state_error = 0});
-      Window& w = *s.window;
-      w.calibration.time_offset = w.newest().time_offset_used = offset;
-      auto system = std::make_unique<VisualSystem>();
-      TrackFactor factor(set);
-      factor.collect(w, {});
-      factor.linearise(w, *system);
-      const auto from_newest = [&](int k) -> Vec3 { return w.at(k).x.p - w.newest().x.p; };
-      using Block = Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>;
-      double curvature = 0;  // along a larger world
-      for (int k = 0; k < w.size(); ++k)
-        for (int l = k; l < w.size(); ++l)
-          curvature +=
-              (l > k ? 2 : 1) * from_newest(k).dot(Block(system->H[k][l]).topLeftCorner<3, 3>() * from_newest(l));
-      EXPECT_GT(1 / std::sqrt(std::abs(curvature)), 0.5)
-          << name_of(set) << ", " << offset << " s: " << 1 / std::sqrt(curvature);
+      s.window->calibration.time_offset = s.window->newest().time_offset_used = offset;
+      EXPECT_GT(sigma_of_scale(*s.window, TrackNoiseModel::kWhite, false, set), 0.5)
+          << name_of(set) << ", " << offset << " s";
+    }
+}
+
+/// And where each row has its own time: of velocities in metres the scale would be known to 1 %.
+TEST(TrackFactor, LeavesScaleUnobservableWithARollingShutter) {
+  for (const TrackNoiseModel noise : {TrackNoiseModel::kWhite, TrackNoiseModel::kDrift})
+    for (const InstructionSet set : sets_here()) {
+      const SyntheticWindow s = make_window({.motion = 10, .lever = 0, .state_error = 0, .readout_s = 0.03});
+      EXPECT_GT(sigma_of_scale(*s.window, noise, true, set), 10) << name_of(set);
     }
 }
 
