@@ -117,7 +117,7 @@ TEST_P(WrongSize, IsToldByTheAccelerometer) {
 
 INSTANTIATE_TEST_SUITE_P(All, WrongSize, testing::Values(0.97, 1.128, 3.67));
 
-/// A lens that no radial-tangential one draws: a VI-Sensor's (docs/developers/decisions.md#lens-shape).
+/// A lens that no radial-tangential one draws: a VI-Sensor's.
 Result<RigFit> fit_of_other_shape(CameraModel model, double distance_m) {
   WavedRig rig;
   rig.lens = {
