@@ -24,6 +24,15 @@ DenseSystem dense(const LinearSystem& s) {
   return d;
 }
 
+Eigen::MatrixXd dense_prior(const Prior& p) {
+  Eigen::MatrixXd H(p.dim(), p.dim());
+  for (int i = 0; i < p.dim(); ++i)
+    for (int j = 0; j < p.dim(); ++j) H(i, j) = p.H[i][j];
+  return H;
+}
+
+Eigen::VectorXd dense_prior_rhs(const Prior& p) { return Eigen::Map<const Eigen::VectorXd>(p.b, p.dim()); }
+
 Eigen::VectorXd solve_with(InstructionSet set, LinearSystem& s, double damping) {
   const int n = s.frames, dim = dense_dim(n);
   const EliminationKernels& kernels = elimination_kernels(set);

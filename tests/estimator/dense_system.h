@@ -2,6 +2,7 @@
 // The solver's normal equations as one dense matrix, for comparison with Eigen's own factorisations.
 #include <Eigen/Core>
 
+#include "estimator/factors/prior.h"
 #include "estimator/solver/solver.h"
 
 namespace epiline::test {
@@ -18,6 +19,9 @@ inline int velocity_row(int frames, int k) {
 
 /// To be called before factorise(), which works in place.
 DenseSystem dense(const LinearSystem& s);
+
+Eigen::MatrixXd dense_prior(const Prior& prior);
+Eigen::VectorXd dense_prior_rhs(const Prior& prior);
 
 /// Factors the solver's system (in place) and returns its step in the order above.
 Eigen::VectorXd solve_with(InstructionSet set, LinearSystem& s, double damping = 0);

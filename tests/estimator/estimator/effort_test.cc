@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "tests/estimator/any_factor.h"
 #include "tests/estimator/estimator/rig.h"
 
 namespace epiline::test {
@@ -39,16 +40,8 @@ TEST(EstimatorDeadline, IsCountedSaidAndSurvived) {
   EXPECT_GT(late.seen[static_cast<int>(Supervisor::Phase::kMarginalise)], 5);
 }
 
-/// Gives every frame the same effort.
-class Frugal final : public Supervisor {
- public:
-  Effort effort() noexcept override { return given; }
-  Effort given;
-};
-
 struct Frugality {
   const char* name;
-  VisualFactor factor;
   Supervisor::Effort effort;
 };
 void PrintTo(const Frugality& f, std::ostream* out) { *out << f.name; }
@@ -56,47 +49,12 @@ void PrintTo(const Frugality& f, std::ostream* out) { *out << f.name; }
 class EstimatorEffort : public testing::TestWithParam<Frugality> {};
 
 TEST_P(EstimatorEffort, LittleOfItIsSaidAndSufficesAndIsTakenBack) {
-  // GIVEN an estimator that flies with all it has, then with fewer tracks or one untried step
-  Frugal frugal;
-  EstimatorConfig config;
-  config.visual_factor = GetParam().factor;
-  Rig rig({.moving_from = 2}, config);
-  rig.supervisor = &frugal;
-  rig.run_to(5);
-  ASSERT_EQ(rig.odometry().health.state, HealthState::kTracking);
-  const EstimatorStats before = rig.stats();
-  Rig full({.moving_from = 2}, config);
-  full.run_to(8);
-  frugal.given = GetParam().effort;
-  rig.run_to(8);
-  // THEN that is what it spends, its health tells it, it is less certain than with all it has, and its state is as good
-  // as it says
-  const double solves = static_cast<double>(rig.stats().solves - before.solves);
-  ASSERT_GT(solves, 20);
-  if (frugal.given.most_tracks > 0) {
-    EXPECT_EQ(static_cast<double>(rig.stats().tracks_used - before.tracks_used), frugal.given.most_tracks * solves);
-    EXPECT_GT(rig.stats().tracks_offered - before.tracks_offered, 2 * (rig.stats().tracks_used - before.tracks_used));
-    EXPECT_GT(rig.sigma_velocity(), full.sigma_velocity());
-  }
-  if (frugal.given.most_steps == 1) {
-    EXPECT_EQ(static_cast<double>(rig.stats().linearisations - before.linearisations), solves);
-  }
-  EXPECT_TRUE(rig.has(HealthReason::kOverloaded));
-  EXPECT_EQ(rig.odometry().health.state, HealthState::kDegraded);
-  EXPECT_LT(rig.velocity_error(), 0.1);
-  EXPECT_EQ(rig.stats().resets, 0u);
-  // AND with full effort its health no longer tells it
-  frugal.given = {};
-  rig.run_to(9);
-  EXPECT_FALSE(rig.has(HealthReason::kOverloaded));
-  EXPECT_EQ(rig.odometry().health.state, HealthState::kTracking);
+  expect_little_effort_suffices({}, GetParam().effort);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, EstimatorEffort,
-                         testing::Values(Frugality{"tracks", VisualFactor::kTrack, {true, 60, 0}},
-                                         Frugality{"one_step", VisualFactor::kTrack, {true, 0, 1}},
-                                         Frugality{"both", VisualFactor::kTrack, {true, 60, 1}},
-                                         Frugality{"reprojection", VisualFactor::kReprojection, {true, 60, 0}}),
+                         testing::Values(Frugality{"tracks", {true, 60, 0}}, Frugality{"one_step", {true, 0, 1}},
+                                         Frugality{"both", {true, 60, 1}}),
                          [](const auto& test) { return std::string(test.param.name); });
 
 TEST(EstimatorWithoutTime, PredictionAloneGrowsItsCovarianceAndSaysSo) {

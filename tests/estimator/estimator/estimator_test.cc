@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "platform/memory/allocation_count.h"
+#include "tests/estimator/any_factor.h"
 #include "tests/estimator/estimator/rig.h"
 
 namespace epiline::test {
@@ -117,24 +118,7 @@ TEST(ConfiguredNoise, IsThatOfTheAccelerometersBiasTimesItsFactor) {
 
 TEST(EstimatorMemory, NeverAsksForMoreAfterConstruction) {
   if (!allocation_counting_available()) GTEST_SKIP() << "heap calls are not counted in this build";
-  for (const VisualFactor factor : {VisualFactor::kTrack, VisualFactor::kEpipolar, VisualFactor::kReprojection})
-    for (const double moving_from : {-2.0, 1.5}) {
-      EstimatorConfig config;
-      config.visual_factor = factor;
-      config.estimate_extrinsics = true;
-      Rig rig({.moving_from = moving_from}, config);
-      const HeapCallScope scope;
-      rig.run_to(4);
-      rig.features = false;
-      rig.run_to(5);
-      rig.features = true;
-      rig.camera = false;
-      rig.run_to(11);
-      rig.camera = true;
-      rig.run_to(13);
-      EXPECT_EQ(scope.calls(), 0u);
-      EXPECT_GT(rig.stats().frames_solved, 10u);
-    }
+  expect_no_heap_calls({});
 }
 
 /// The start called its place exact. What the window learns of the camera's place later, it has to take back.

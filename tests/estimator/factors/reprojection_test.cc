@@ -9,6 +9,7 @@
 #include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/dense_system.h"
 #include "tests/estimator/factors/explicit_depths.h"
+#include "tests/estimator/solver/solver_fixture.h"
 #include "tests/estimator/synthetic_window.h"
 
 namespace epiline::test {
@@ -253,6 +254,40 @@ TEST(ReprojectionFactor, HandsOverEveryBearingOfTheLandmarksOfFrameZero) {
   EXPECT_NEAR(system->cost, reference.cost, 1e-10 * reference.cost);
   EXPECT_LT(scaled_difference(H, reference.reduced_H()), 1e-7);
   EXPECT_GE(least_eigenvalue(H), -1e-9 * H.norm());
+}
+
+/// Where the prior reaches the newest frame, a pose that is dropped later leaves it by marginalisation.
+TEST(ReprojectionFactor, ForgetsAPoseAndKeepsWhatIsKnownOfTheOthers) {
+  SyntheticWindow s = make_window({});
+  Window& w = *s.window;
+  set_initial_prior(w, {}, calibration_sigmas());
+  VisualSettings settings = reprojection_settings();
+  settings.gate = false;
+  ReprojectionFactor factor(best_instruction_set());
+  factor.collect(w, settings);
+  Marginaliser marginaliser(best_instruction_set());
+  marginaliser.marginalise_oldest(w, factor, settings);
+  ASSERT_EQ(w.prior.frames, w.size());
+  for (int k = 0; k < w.size(); ++k) w.at(k).x.p += Vec3(1e-3 * k, -2e-3, 5e-4);  // off the prior's centre
+  auto solved = [&] { return solve_dense({dense_prior(w.prior), dense_prior_rhs(w.prior)}); };
+  const DenseSolution before = solved();
+  VectorXd displacement(w.prior.dim());
+  prior_difference(w, displacement.data());
+  const int k = w.size() - 2, n = w.prior.dim() - 6;
+  marginaliser.forget_pose(w, k);
+  ASSERT_EQ(w.prior.frames, w.size() - 1);
+  const DenseSolution after = solved();
+  auto old = [&](int i) { return i < 6 * k ? i : i + 6; };
+  for (int i = 0; i < n; ++i) {
+    const double unit = std::sqrt(before.covariance(old(i), old(i)));
+    EXPECT_NEAR(after.step[i], before.step[old(i)] - displacement[old(i)], 1e-4 * unit) << i;
+    for (int j = 0; j < n; ++j)
+      EXPECT_NEAR(after.covariance(i, j), before.covariance(old(i), old(j)),
+                  1e-5 * unit * std::sqrt(before.covariance(old(j), old(j))))
+          << i << ", " << j;
+  }
+  marginaliser.forget_pose(w, w.size() - 1);  // not in there any more
+  EXPECT_EQ(w.prior.frames, w.size() - 1);
 }
 
 /// Without any parallax the depth is held, and the rest stays finite and positive.

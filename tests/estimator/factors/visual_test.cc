@@ -1,22 +1,14 @@
-// The track factor's scale and points; the instruction sets of the factors against each other. Their gradients and what
+// The track factor's scale and points; its instruction sets against each other. Their gradients and what
 // they leave open: gradient_test.cc. Derivation: docs/derivations/track.md.
 #include <gtest/gtest.h>
 
-#include "estimator/factors/epipolar.h"
 #include "estimator/factors/track.h"
+#include "tests/estimator/any_factor.h"
 #include "tests/estimator/factors/smooth_settings.h"
 #include "tests/estimator/synthetic_window.h"
 
 namespace epiline::test {
 namespace {
-
-/// The instruction sets that this machine runs.
-std::vector<InstructionSet> sets_here() {
-  std::vector<InstructionSet> sets;
-  for (const InstructionSet set : kInstructionSets)
-    if (runs_here(set)) sets.push_back(set);
-  return sets;
-}
 
 /// The same images of a larger world ask for nothing, also where they show no depth: a vehicle that stands for long
 /// would leave its scale to their noise.
@@ -144,47 +136,7 @@ TEST(TrackFactor, EliminatesTheLastStepOfAPointInsteadOfTakingIt) {
     }
 }
 
-template <class Factor>
-class VectorisedFactor : public testing::Test {};
-using VectorisedFactors = testing::Types<TrackFactor, EpipolarFactor>;
-TYPED_TEST_SUITE(VectorisedFactor, VectorisedFactors);
-
-/// Every number of the normal equations, marginalisation included, must not depend on the instruction set.
-TYPED_TEST(VectorisedFactor, InstructionSetsAgree) {
-  SyntheticWindow s = make_window({.pixel_noise = 1});
-  VisualSettings settings = smooth_settings();
-  settings.cauchy = 2;
-  settings.inner_steps = 1;
-  settings.gate = true;
-  const auto reference = std::make_unique<VisualSystem>(), other = std::make_unique<VisualSystem>();
-  for (const bool marginal : {false, true}) {
-    auto run = [&](InstructionSet set, VisualSystem& out) {
-      TypeParam factor(set);
-      factor.collect(*s.window, settings);
-      if (marginal)
-        factor.marginalise_oldest(*s.window, settings, out);
-      else
-        factor.linearise(*s.window, out);
-    };
-    run(sets_here().back(), *reference);
-    for (const InstructionSet set : sets_here()) {
-      const char* name = name_of(set);
-      run(set, *other);
-      const int n = s.window->size() - (marginal ? 1 : 0);
-      for (int i = 0; i < n; ++i) {
-        for (int j = i; j < n; ++j)
-          for (int q = 0; q < 36; ++q)
-            EXPECT_NEAR(reference->H[i][j][q], other->H[i][j][q], 1e-9 * std::abs(reference->H[i][i][0]) + 1e-4)
-                << name;
-        for (int q = 0; q < 6; ++q)
-          EXPECT_NEAR(reference->b[i][q], other->b[i][q], 1e-6 + 1e-9 * std::abs(reference->b[i][q])) << name;
-        for (int q = 0; q < 42; ++q)
-          EXPECT_NEAR(reference->H_ck[i][q], other->H_ck[i][q], 1e-4 + 1e-9 * std::abs(reference->H_ck[i][q])) << name;
-      }
-      EXPECT_NEAR(reference->cost, other->cost, 1e-9 * reference->cost);
-    }
-  }
-}
+TEST(TrackFactor, IsTheSameOnEveryInstructionSet) { expect_same_on_every_set<TrackFactor>(); }
 
 // ---- bearings of an exact rolling shutter; derivation: docs/derivations/rolling_shutter.md ----
 

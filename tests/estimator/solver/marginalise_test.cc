@@ -4,10 +4,9 @@
 
 #include <gtest/gtest.h>
 
-#include "estimator/factors/epipolar.h"
 #include "estimator/factors/prior.h"
-#include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
+#include "tests/estimator/any_factor.h"
 #include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/dense_system.h"
 #include "tests/estimator/factors/explicit_residuals.h"
@@ -26,15 +25,6 @@ VisualSettings settings() {
   s.extrinsics = true;
   return s;
 }
-
-MatrixXd dense_prior(const Prior& p) {
-  MatrixXd H(p.dim(), p.dim());
-  for (int i = 0; i < p.dim(); ++i)
-    for (int j = 0; j < p.dim(); ++j) H(i, j) = p.H[i][j];
-  return H;
-}
-
-VectorXd dense_prior_rhs(const Prior& p) { return Eigen::Map<const VectorXd>(p.b, p.dim()); }
 
 // ---- H_add; more of it: tests/estimator/factors/drift_test.cc ----
 
@@ -205,62 +195,10 @@ TEST(Marginalisation, FramesThatMayBeDroppedTakeNoPart) {
   }
 }
 
-/// Where the prior reaches the newest frame, a pose that is dropped later leaves it by marginalisation.
-TEST(Marginalisation, ForgetsAPoseAndKeepsWhatIsKnownOfTheOthers) {
-  SyntheticWindow s = make_window({});
-  Window& w = *s.window;
-  set_initial_prior(w, {}, calibration_sigmas());
-  ReprojectionFactor factor(best_instruction_set());
-  factor.collect(w, settings());
-  Marginaliser marginaliser(best_instruction_set());
-  marginaliser.marginalise_oldest(w, factor, settings());
-  ASSERT_EQ(w.prior.frames, w.size());
-  for (int k = 0; k < w.size(); ++k) w.at(k).x.p += Vec3(1e-3 * k, -2e-3, 5e-4);  // off the prior's centre
-  auto solved = [&] { return solve_dense({dense_prior(w.prior), dense_prior_rhs(w.prior)}); };
-  const DenseSolution before = solved();
-  VectorXd displacement(w.prior.dim());
-  prior_difference(w, displacement.data());
-  const int k = w.size() - 2, n = w.prior.dim() - 6;
-  marginaliser.forget_pose(w, k);
-  ASSERT_EQ(w.prior.frames, w.size() - 1);
-  const DenseSolution after = solved();
-  auto old = [&](int i) { return i < 6 * k ? i : i + 6; };
-  for (int i = 0; i < n; ++i) {
-    const double unit = std::sqrt(before.covariance(old(i), old(i)));
-    EXPECT_NEAR(after.step[i], before.step[old(i)] - displacement[old(i)], 1e-4 * unit) << i;
-    for (int j = 0; j < n; ++j)
-      EXPECT_NEAR(after.covariance(i, j), before.covariance(old(i), old(j)),
-                  1e-5 * unit * std::sqrt(before.covariance(old(j), old(j))))
-          << i << ", " << j;
-  }
-  marginaliser.forget_pose(w, w.size() - 1);  // not in there any more
-  EXPECT_EQ(w.prior.frames, w.size() - 1);
+TEST(Marginalisation, OfTheTrackFactorKeepsThePriorPositive) {
+  TrackFactor factor(best_instruction_set());
+  expect_prior_stays_positive(factor);
 }
-
-class Models : public testing::TestWithParam<VisualFactor> {};
-
-/// Ten rounds through a small window, as a flight does it.
-TEST_P(Models, PriorStaysPositive) {
-  SyntheticWindow s = make_window({.frames = 20});
-  Window& w = *s.window;
-  set_initial_prior(w, {}, calibration_sigmas());
-  std::unique_ptr<VisualFactorModel> factor = std::make_unique<TrackFactor>(best_instruction_set());
-  if (GetParam() == VisualFactor::kEpipolar) factor = std::make_unique<EpipolarFactor>(best_instruction_set());
-  if (GetParam() == VisualFactor::kReprojection) factor = std::make_unique<ReprojectionFactor>(best_instruction_set());
-  Marginaliser marginaliser(best_instruction_set());
-  for (int round = 0; round < 15; ++round) {
-    factor->collect(w, settings());
-    marginaliser.marginalise_oldest(w, *factor, settings());
-    const MatrixXd H = dense_prior(w.prior);
-    ASSERT_TRUE(H.allFinite() && dense_prior_rhs(w.prior).allFinite());
-    EXPECT_GE(least_eigenvalue(H), -1e-9 * H.norm()) << "round " << round;
-  }
-  EXPECT_EQ(w.size(), 5);
-}
-
-INSTANTIATE_TEST_SUITE_P(Factors, Models,
-                         testing::Values(VisualFactor::kTrack, VisualFactor::kEpipolar, VisualFactor::kReprojection),
-                         [](const auto& model) { return to_string(model.param); });
 
 // ---- the calibration's random walk ----
 

@@ -3,8 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include "estimator/factors/epipolar.h"
-#include "estimator/factors/reprojection.h"
 #include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/dense_system.h"
 #include "tests/estimator/solver/solver_fixture.h"
@@ -324,8 +322,6 @@ TEST(Solver, TriesShortStepsUnlessTheFactorDoesWithout) {
     EXPECT_EQ(factor.trials > 0, !may);
   }
   EXPECT_TRUE(TrackFactor(best_instruction_set()).may_step_untried());
-  EXPECT_FALSE(EpipolarFactor(best_instruction_set()).may_step_untried());
-  EXPECT_FALSE(ReprojectionFactor(best_instruction_set()).may_step_untried());
 }
 
 }  // namespace
