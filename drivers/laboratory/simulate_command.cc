@@ -1,4 +1,3 @@
-// The program `epiline-study`: what studies need and no vehicle does.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,10 +8,10 @@
 #include <utility>
 #include <vector>
 
+#include "drivers/laboratory/commands.h"
 #include "drivers/laboratory/simulate/height_simulator.h"
 #include "drivers/laboratory/simulate/hybrid_flight.h"
 #include "drivers/laboratory/simulate/wheel_simulator.h"
-#include "drivers/program/cli/command_line.h"
 #include "drivers/program/cli/progress_bar.h"
 #include "pipeline/text/table.h"
 #include "platform/linux/end_request.h"
@@ -222,6 +221,8 @@ void add_heights(CLI::App& command, SimulateArguments& o) {
       "with --range: height of every other stretch of 50 m of the ground below the beam, m");
 }
 
+}  // namespace
+
 void add_simulate(CLI::App& app, int& exit_code) {
   const auto o = std::make_shared<SimulateArguments>();
   CLI::App* command = app.add_subcommand(
@@ -271,10 +272,4 @@ void add_simulate(CLI::App& app, int& exit_code) {
   command->callback([o, &exit_code] { exit_code = simulate(*o); });
 }
 
-}  // namespace
 }  // namespace epiline
-
-int main(int argc, char** argv) {
-  return epiline::run_program(argc, argv, "epiline-study", "Makes flights to study epiline with; `epiline` flies them.",
-                              epiline::add_simulate);
-}
