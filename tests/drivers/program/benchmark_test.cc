@@ -216,7 +216,7 @@ TEST_F(Benchmark, ReplacesNothingButAnEarlierBenchmark) {
 TEST_F(Benchmark, PublishedFiguresStandBesideOursForWholeFlightsOnly) {
   // a program whose replays have the figures that lie beside the data set
   const fs::path program = scratch() / "program";
-  write(program, "#!/bin/sh\ncp \"$2/stats.json\" \"$8/\" && touch \"$8/trajectory.tum\"\n");
+  write(program, "#!/bin/sh\ncp \"$2/stats.json\" \"$6/\" && touch \"$6/trajectory.tum\"\n");
   fs::permissions(program, fs::perms::owner_all);
   const auto stats_of = [&](const std::string& name, double ate_m) {
     write(scratch() / "rooms" / name / "stats.json",
