@@ -4,19 +4,23 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 
 #include "estimator/geometry/types.h"
 #include "estimator/inertial/imu_noise.h"
+#include "estimator/simd/instruction_set.h"
 #include "platform/samples/samples.h"
 
 namespace epiline {
 
-enum class VisualFactor : std::uint8_t { kTrack, kEpipolar, kReprojection };
-/// Names in configuration and results, in the order of the enum.
-inline constexpr std::array kVisualFactorNames = {"track", "epipolar", "reprojection"};
-constexpr const char* to_string(VisualFactor factor) noexcept {
-  return kVisualFactorNames[static_cast<std::size_t>(factor)];
-}
+class VisualFactorModel;
+
+/// What turns tracks into residuals. Only comparisons set another one than the estimator's own
+/// (drivers/laboratory/factors).
+struct VisualFactor {
+  const char* name = "track";                                                ///< in results
+  std::unique_ptr<VisualFactorModel> (*make)(InstructionSet set) = nullptr;  ///< null: TrackFactor
+};
 
 /// Pose of the camera on the IMU, and time offset of its images. x_B = R_BC x_C + p_BC.
 struct Extrinsics {
@@ -74,7 +78,7 @@ enum class TrackNoiseModel : std::uint8_t { kWhite, kDrift };
 inline constexpr std::array kTrackNoiseNames = {"white", "drift"};
 
 struct EstimatorConfig {
-  VisualFactor visual_factor = VisualFactor::kTrack;
+  VisualFactor visual_factor;
   int keyframes = 10;             ///< number of older frames in the window, 2 to 20
   double solve_interval_s = 0.1;  ///< images in between are predicted by the IMU
   int steps = 1;                  ///< largest number of accepted solver steps per frame
@@ -83,7 +87,7 @@ struct EstimatorConfig {
   bool estimate_pixel_sigma = true;  ///< from the median of the residuals, 0.3 to 2 px
   double sigma_inflation = 1.5;      ///< ratio of the sigmas of covariance and kernel, because tracks are correlated
   double cauchy = 2;                 ///< scale of the Cauchy kernel, in sigmas of the kernel
-  TrackNoiseModel track_noise = TrackNoiseModel::kDrift;  ///< of the factor `track`; a start assumes white noise
+  TrackNoiseModel track_noise = TrackNoiseModel::kDrift;  ///< a start assumes white noise, which uses one camera only
   double drift_inflation = 2;  ///< ratio of the sigmas of covariance and weights, because tracks share errors
   double drift_student = 2;    ///< degrees of freedom of a drifting track's weight
   double gate_cap = 0.4;       ///< tracks that contradict the motion are left out, unless they are a larger share
@@ -101,7 +105,7 @@ struct EstimatorConfig {
   double time_offset_sigma_s = 5e-3;
   bool estimate_extrinsics = true;
   double extrinsic_rotation_sigma_rad = 0.9e-3, extrinsic_translation_sigma_m = 5e-4;
-  bool estimate_focal_length = true;                                      ///< with the factor `track` only
+  bool estimate_focal_length = true;                                      ///< needs its column in the factor
   double focal_length_sigma = 3e-4;                                       ///< relative
   bool estimate_imu_scale = true;                                         ///< one factor for all axes of a sensor
   double accelerometer_scale_sigma = 1e-3, gyroscope_scale_sigma = 1e-3;  ///< relative

@@ -5,8 +5,6 @@
 #include <memory>
 #include <utility>
 
-#include "estimator/factors/epipolar.h"
-#include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
 #include "estimator/geometry/row_turn.h"
 #include "estimator/impl.h"
@@ -18,21 +16,14 @@ constexpr double kHeldShare = 0.2;    // share of an IMU interval for which the 
 constexpr int kCopies = 3;            // in a row, as many as the image gate leaves out
 constexpr double kLongestStep_s = 5;  // a longer silence of the camera is a new start
 
-std::unique_ptr<VisualFactorModel> make_visual_factor(VisualFactor factor, InstructionSet set) {
-  switch (factor) {
-    case VisualFactor::kEpipolar:
-      return std::make_unique<EpipolarFactor>(set);
-    case VisualFactor::kReprojection:
-      return std::make_unique<ReprojectionFactor>(set);
-    case VisualFactor::kTrack:
-      break;
-  }
+std::unique_ptr<VisualFactorModel> make_visual(const VisualFactor& factor, InstructionSet set) {
+  if (factor.make != nullptr) return factor.make(set);
   return std::make_unique<TrackFactor>(set);
 }
 
 Rig rig_of(const EstimatorConfig& c) {
   Rig rig;
-  const bool counts = c.visual_factor == VisualFactor::kTrack && c.track_noise == TrackNoiseModel::kDrift;
+  const bool counts = c.track_noise == TrackNoiseModel::kDrift;
   const Mat3 R_CB = c.extrinsics.R_BC.transpose();
   for (std::size_t i = 0; i < kMostOthers; ++i) {
     const OtherCamera& other = c.others[i];
@@ -53,7 +44,7 @@ Common::Common(const EstimatorConfig& c)
 
 Estimator::Impl::Impl(const EstimatorConfig& c)
     : Common(c),
-      visual(make_visual_factor(c.visual_factor, best_instruction_set())),
+      visual(make_visual(c.visual_factor, best_instruction_set())),
       solver(best_instruction_set()),
       marginaliser(best_instruction_set()),
       starter(best_instruction_set()),
@@ -63,7 +54,7 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
     prior.rotation.sigma = c.extrinsic_rotation_sigma_rad;
     prior.translation.sigma = c.extrinsic_translation_sigma_m;
   }
-  if (estimates_focal_length()) prior.focal.sigma = c.focal_length_sigma;
+  if (c.estimate_focal_length) prior.focal.sigma = c.focal_length_sigma;
   if (c.estimate_imu_scale) {
     prior.accelerometer_scale.sigma = c.accelerometer_scale_sigma;
     prior.gyroscope_scale.sigma = c.gyroscope_scale_sigma;

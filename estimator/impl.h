@@ -104,7 +104,6 @@ struct Estimator::Impl : Common {
   SolverSettings solver_settings(const Supervisor::Effort& effort) const;
   SolverSettings solver_settings(int steps) const;
   VisualSettings visual_settings() const;
-  bool estimates_focal_length() const;
   CalibrationTangent calibration_sigmas() const;
   double window_age_s() const { return (window.newest().time - flight.began_at).seconds(); }
   StepResult predict(const TrackedFrame& frame);

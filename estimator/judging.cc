@@ -118,7 +118,7 @@ void Estimator::Impl::adapt_track_noise(double seen, double dt_s) {
 
 void Estimator::Impl::count(const SolverSummary& s) {
   const int calibration = (config.estimate_time_offset ? 1 : 0) + (config.estimate_extrinsics ? 6 : 0) +
-                          (estimates_focal_length() ? 1 : 0) + (config.estimate_imu_scale ? kImuScales : 0);
+                          (config.estimate_focal_length ? 1 : 0) + (config.estimate_imu_scale ? kImuScales : 0);
   ++stats.solves;
   stats.linearisations += static_cast<std::uint64_t>(s.linearisations);
   stats.iterations += static_cast<std::uint64_t>(s.accepted + s.rejected);

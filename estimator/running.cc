@@ -115,12 +115,8 @@ void Estimator::Impl::attach(const TrackedFrame& frame) {
   intervals.follow_biases();
 }
 
-bool Estimator::Impl::estimates_focal_length() const {
-  return config.estimate_focal_length && config.visual_factor == VisualFactor::kTrack;
-}
-
 SolverSettings Estimator::Impl::solver_settings(int steps) const {
-  return {steps, config.estimate_time_offset, config.estimate_extrinsics, estimates_focal_length(),
+  return {steps, config.estimate_time_offset, config.estimate_extrinsics, config.estimate_focal_length,
           config.estimate_imu_scale};
 }
 
@@ -192,7 +188,7 @@ VisualSettings Estimator::Impl::visual_settings() const {
   s.pixel_sigma = flight.tracks.pixel_sigma;
   s.sigma_inflation = config.sigma_inflation;
   s.cauchy = config.cauchy;
-  if (config.visual_factor == VisualFactor::kTrack) s.noise = config.track_noise;
+  s.noise = config.track_noise;
   s.drift_sigma = flight.tracks.drift_sigma;
   s.drift_inflation = config.drift_inflation;
   s.student = config.drift_student;
@@ -201,7 +197,7 @@ VisualSettings Estimator::Impl::visual_settings() const {
   s.focal_px = config.extrinsics.focal_px;
   s.extrinsics = config.estimate_extrinsics;
   s.rows = exposed_within_s() > 0;
-  s.focal = estimates_focal_length();
+  s.focal = config.estimate_focal_length;
   return s;
 }
 

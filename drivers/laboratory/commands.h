@@ -5,5 +5,7 @@
 namespace epiline {
 
 void add_simulate(CLI::App& app, int& exit_code);
+/// `epiline replay` with a choice of the visual factor.
+void add_comparing_replay(CLI::App& app, int& exit_code);
 
 }  // namespace epiline

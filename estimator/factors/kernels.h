@@ -1,8 +1,7 @@
 #pragma once
-// The arithmetic of the factors that runs over SIMD lanes: compiled once per instruction set from track.inc,
-// epipolar.inc, reprojection.inc, imu.inc and calibration.inc, and chosen at run time. This header contains plain data
-// only, so that no inline function is compiled to instructions that the machine lacks. Derivations:
-// docs/derivations/track.md, docs/derivations/epipolar.md, docs/derivations/reprojection.md, docs/derivations/imu.md,
+// The arithmetic of the factors that runs over SIMD lanes: compiled once per instruction set from track.inc, imu.inc
+// and calibration.inc, and chosen at run time. This header contains plain data only, so that no inline function is
+// compiled to instructions that the machine lacks. Derivations: docs/derivations/track.md, docs/derivations/imu.md,
 // docs/derivations/several_cameras.md.
 #include "estimator/simd/instruction_set.h"
 #include "estimator/window/capacity.h"
@@ -37,13 +36,6 @@ struct alignas(64) TrackBatch {
 };
 
 static_assert(__builtin_offsetof(Observation, age) == sizeof(float) * TrackBatch::kAge, "its numbers, in its order");
-
-/// Tracks of the epipolar factor, eight to a batch, frame by frame: normalised image coordinates (x, y, 1). An absent
-/// view is all zeros and adds nothing to any sum.
-struct alignas(64) EpipolarViews {
-  double z[kMaxFrames][kMaxBatches][3][kBatchLanes];
-  int first[kMaxBatches], last[kMaxBatches];  ///< frames spanned; sorted by the first
-};
 
 /// Pose of a camera in a frame as the track factor needs it; by slots. Positions relative to one common origin.
 struct FrameGeometry {
@@ -126,18 +118,6 @@ struct alignas(64) TrackVerdicts {
   double depth_sigmas[kBatchLanes];  ///< inverse depth as the views alone have it, over its standard deviation
 };
 
-/// Each batch of landmarks has one host; every host may have one batch that is not full.
-inline constexpr int kLandmarkBatches = kMaxBatches + kMaxFrames;
-
-/// Work space of the reprojection factor and of its depths' own step.
-struct alignas(64) LandmarkScratch {
-  double rows[kMaxFrames][kBatchesAtOnce][6][kBatchLanes];  ///< H_rho,k over the root of H_rho,rho, host included
-  double e[kMaxFrames][kLandmarkBatches][3][kBatchLanes];   ///< W_k d_k
-  double D[kMaxFrames][27][kBatchLanes];
-  double gradient[kLandmarkBatches][kBatchLanes];   ///< of the depth: the right-hand side of its own equation
-  double curvature[kLandmarkBatches][kBatchLanes];  ///< H_rho,rho
-};
-
 /// Variances of the walks of a batch's tracks, in steps: `start` at age `since`, and `step` more with each image.
 struct alignas(64) Walks {
   double start[kBatchLanes], since[kBatchLanes], step[kBatchLanes];
@@ -159,25 +139,6 @@ struct FactorKernels {
   /// Their cost alone.
   double (*track_cost)(TrackBatch* batches, int count, const FrameGeometry* frames, int frame_count,
                        const TrackSettings&, TrackVerdicts*);
-  /// Adds the epipolar residuals of all pairs among the first `frame_count` frames, or of those that contain frame 0,
-  /// to zeros. `scale`: pixels over sigma. Perturbed about the common origin, as landmarks are.
-  void (*epipolar)(const EpipolarViews&, int count, const FrameGeometry* frames, int frame_count, double scale,
-                   bool oldest_only, VisualSystem&);
-  /// Their cost alone.
-  double (*epipolar_cost)(const EpipolarViews&, int count, const FrameGeometry* frames, int frame_count, double scale);
-  /// Linearises landmarks at the inverse distances `rho` along their hosts' bearings (each batch's `first` frame) and
-  /// eliminates them. Rotations and positions are perturbed about the common origin: q(dp, dphi) = (dp + p x dphi,
-  /// dphi). Curvatures of rho below `damping` are raised to it.
-  void (*landmarks)(const TrackBatch* batches, const double (*rho)[kBatchLanes], int count, const FrameGeometry* frames,
-                    int frame_count, double damping, LandmarkScratch&, VisualSystem&);
-  /// Their cost alone.
-  double (*landmark_cost)(const TrackBatch* batches, const double (*rho)[kBatchLanes], int count,
-                          const FrameGeometry* frames);
-  /// The landmarks' part of a step: changes of rho for cameras displaced by `motion` (dc, dphi) from their poses in
-  /// landmarks().
-  void (*landmark_step)(const TrackBatch* batches, const double (*rho)[kBatchLanes], int count,
-                        const FrameGeometry* frames, const double (*motion)[6], const LandmarkScratch&,
-                        double (*change)[kBatchLanes]);
   /// A = (L J)'(L J), upper triangle, g = -(L J)' L r for a 15x32 IMU Jacobian and lower L (rows of 16); returns
   /// |L r|^2.
   double (*imu)(const double* L, const double* J, const double* r, double (*A)[32], double* g);

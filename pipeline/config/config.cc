@@ -188,6 +188,9 @@ std::string successor(const std::string& name) {
       {"gyroscope_saturation and accelerometer_saturation in the file that imu.calibration names",
        {"imu.gyroscope_saturation", "imu.accelerometer_saturation"}},
       {"ROS_DOMAIN_ID in the environment", {"dds.domain"}},
+      {"nothing in its place: flights use the factor track, with which `epiline-study replay --visual-factor` compares "
+       "others",
+       {"estimator.visual_factor"}},
   };
   for (const auto& [now, before] : successors)
     if (std::any_of(before.begin(), before.end(), [&](const char* old) { return name.starts_with(old); })) return now;

@@ -28,8 +28,6 @@ struct Config {
   std::array<std::string, 1 + kMostOthers> masks;  ///< files, of each camera; empty: none
 };
 
-std::optional<VisualFactor> visual_factor_from(const std::string& name);
-
 /// A setting with a few named values.
 struct Choice {
   std::vector<std::string> names;

@@ -1,24 +1,8 @@
 #include "pipeline/config/config.h"
 
-#include <algorithm>
+#include <iterator>
 
 namespace epiline {
-
-namespace {
-
-Choice visual_factors() {
-  return {{kVisualFactorNames.begin(), kVisualFactorNames.end()},
-          [](const Config& c) { return static_cast<int>(c.estimator.visual_factor); },
-          [](Config& c, int i) { c.estimator.visual_factor = static_cast<VisualFactor>(i); }};
-}
-
-}  // namespace
-
-std::optional<VisualFactor> visual_factor_from(const std::string& name) {
-  const auto* const found = std::find(kVisualFactorNames.begin(), kVisualFactorNames.end(), name);
-  if (found == kVisualFactorNames.end()) return std::nullopt;
-  return static_cast<VisualFactor>(found - kVisualFactorNames.begin());
-}
 
 #define AT(member) [](Config& c) { return &c.member; }
 #define CHOICE(member, choices)                                                         \
@@ -49,7 +33,6 @@ std::optional<VisualFactor> visual_factor_from(const std::string& name) {
 const std::vector<Parameter>& parameters() {
   static const std::vector<Parameter> table = {
       // estimator
-      {"estimator.visual_factor", "visual factor: which residual a track becomes", visual_factors()},
       {"estimator.keyframes", "number of older images in the window", AT(estimator.keyframes), "", 2, 20},
       {"estimator.solve_interval_s", "solve at most one image per interval; the IMU predicts the others",
        AT(estimator.solve_interval_s), "s", 0, 0.4},

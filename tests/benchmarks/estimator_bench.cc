@@ -5,9 +5,9 @@
 #include <cstring>
 #include <iterator>
 
-#include "estimator/factors/epipolar.h"
+#include "drivers/laboratory/factors/epipolar.h"
+#include "drivers/laboratory/factors/reprojection.h"
 #include "estimator/factors/prior.h"
-#include "estimator/factors/reprojection.h"
 #include "estimator/factors/track.h"
 #include "estimator/solver/marginalise.h"
 #include "estimator/solver/solver.h"

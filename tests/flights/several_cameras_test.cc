@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "drivers/flights/recordings/image_file.h"
+#include "drivers/laboratory/factors/visual_factors.h"
 #include "drivers/study/replay/replay.h"
 #include "tests/flights/fault_run.h"
 #include "tests/flights/small_flight.h"
@@ -183,24 +184,24 @@ TEST_F(TwoCameras, ThatRunFreelyAreWorthAsMuchWithTheirTimes) {
   EXPECT_GT(f.second().views, 2.9 * static_cast<double>(same.second().views)) << "2.6 times without the velocity";
 }
 
-TEST_F(TwoCameras, AreReportedAsOneWhereTheSettingsUseOne) {
-  const auto notes = [](std::vector<std::string> set, const std::string& camera) {
+TEST_F(TwoCameras, AreReportedAsOneWhereTheVisualFactorUsesOne) {
+  const auto notes = [](const std::string& factor, const std::string& camera) {
     ReplayOptions options;
     options.dataset = folder_;
     options.camera = camera;
     options.duration_s = 0.2;
-    options.set = std::move(set);
+    options.tune = [&](Config& config) { choose_visual_factor(factor, config.estimator); };
     const auto result = replay(options, [](std::size_t, std::size_t) {});
     EXPECT_TRUE(result);
     return result ? result->notes : std::vector<std::string>{};
   };
-  EXPECT_EQ(notes({}, kBothCameras).size(), 0U);
-  for (const std::string setting :
-       {"estimator.visual_factor=\"epipolar\"", "estimator.visual_factor=\"reprojection\""}) {
-    const auto said = notes({setting}, kBothCameras);
-    ASSERT_EQ(said.size(), 1U) << setting;
+  EXPECT_EQ(notes("track", kBothCameras).size(), 0U);
+  for (const std::string factor : {"epipolar", "reprojection"}) {
+    const auto said = notes(factor, kBothCameras);
+    ASSERT_EQ(said.size(), 1U) << factor;
     EXPECT_NE(said[0].find("from cam0 alone"), std::string::npos) << said[0];
-    EXPECT_EQ(notes({setting}, "cam0").size(), 0U) << setting;
+    EXPECT_NE(said[0].find(factor), std::string::npos) << said[0];
+    EXPECT_EQ(notes(factor, "cam0").size(), 0U) << factor;
   }
 }
 

@@ -1,7 +1,10 @@
 #pragma once
 // The commands of the program. Each function adds one command to the command line; running the command sets
 // `exit_code`.
+#include <functional>
+
 #include "drivers/program/cli/command_line.h"
+#include "pipeline/config/config.h"
 
 namespace epiline {
 
@@ -18,5 +21,7 @@ void add_check(CLI::App& app, int& exit_code);
 void add_board(CLI::App& app, int& exit_code);
 void add_calibrate(CLI::App& app, int& exit_code);
 void add_replay(CLI::App& app, int& exit_code);
+/// The same command of epiline-study. `tune`: ReplayOptions::tune; returns the command, for further options.
+CLI::App& add_tuned_replay(CLI::App& app, int& exit_code, std::function<void(Config&)> tune);
 
 }  // namespace epiline

@@ -27,7 +27,7 @@ namespace {
 
 struct ReplayArguments {
   ReplayOptions replay;
-  std::string out = "epiline-out", visual_factor;
+  std::string out = "epiline-out";
   std::vector<std::string> faults;
   double speed = 1;
   bool quiet = false, realtime = false, dds = false;
@@ -135,7 +135,6 @@ int replay_command(ReplayArguments& options) {
     if (!fault) return report(fault.error());
     options.replay.faults.push_back(*fault);
   }
-  options.replay.visual_factor = visual_factor_from(options.visual_factor);
   if (options.realtime) options.replay.realtime_speed = options.speed;
   const auto folder = claim(options.out, kFlightFiles, options.foreign);
   if (!folder) return report(folder.error());
@@ -190,17 +189,18 @@ int replay_command(ReplayArguments& options) {
 
 }  // namespace
 
-void add_replay(CLI::App& app, int& exit_code) {
+void add_replay(CLI::App& app, int& exit_code) { add_tuned_replay(app, exit_code, {}); }
+
+CLI::App& add_tuned_replay(CLI::App& app, int& exit_code, std::function<void(Config&)> tune) {
   const auto [command, o] =
       add_command(app, exit_code, kAnalyse, "replay",
                   "Estimate odometry from a recorded flight: trajectory, figures, report", replay_command);
+  o->replay.tune = std::move(tune);
   command->add_option("DATASET", o->replay.dataset, "ASL folder (mav0/{cam0,imu0,...}), or bag (ROS 1, ROS 2, MCAP)")
       ->required();
   command->add_option("--out", o->out, "folder for the results")->capture_default_str();
   add_force(*command, o->foreign);
   add_settings(*command, o->replay.config_file, o->replay.set, "configuration file (TOML); epiline config prints one");
-  command->add_option("--visual-factor", o->visual_factor, "visual factor: which residual a track becomes")
-      ->check(CLI::IsMember(kVisualFactorNames));
   command
       ->add_option("--camera", o->replay.camera,
                    "which camera of the data set; both: cam0 and cam1; all: cam0 and those after it, up to cam3")
@@ -255,6 +255,7 @@ void add_replay(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(0, 1000));
   command->add_option("--fault", o->faults, fault_help());
   command->add_flag("--quiet", o->quiet, "print errors only");
+  return *command;
 }
 
 }  // namespace epiline

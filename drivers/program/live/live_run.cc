@@ -80,7 +80,7 @@ class OpenDevices {
 FlightRecord begin_record(const LiveSettings& settings) {
   FlightRecord record;
   record.dataset_path = settings.source;
-  record.visual_factor = to_string(settings.config.estimator.visual_factor);
+  record.visual_factor = settings.config.estimator.visual_factor.name;
   record.keyframes = settings.config.estimator.keyframes;
   record.max_features = settings.config.tracker.max_features;
   if (settings.config.deadline_ms > 0) record.deadline_ms = settings.config.deadline_ms;

@@ -33,7 +33,7 @@ FlightRecord begin_record(const AslDataset& dataset, const FlightPlan& plan, con
   record.dataset_images = dataset.instants_count();
   record.dataset_imu_samples = dataset.imu_samples.size();
   record.truth = dataset.ground_truth;
-  record.visual_factor = to_string(config.estimator.visual_factor);
+  record.visual_factor = config.estimator.visual_factor.name;
   record.keyframes = config.estimator.keyframes;
   if (!dataset.images.empty()) record.max_features = config.tracker.max_features;
   if (config.deadline_ms > 0) record.deadline_ms = config.deadline_ms;
@@ -90,7 +90,6 @@ void fill_config(const AslDataset& dataset, const ConfigFile* file, const Replay
   }
   if (file) file->apply(config);
   set_vehicle(config);
-  if (options.visual_factor) e.visual_factor = *options.visual_factor;
   if (options.deadline_ms) config.deadline_ms = *options.deadline_ms;
   if (!options.record_folder.empty()) config.recorder.folder = options.record_folder.string();
   config.recorder.images |= options.record_images;
@@ -320,12 +319,11 @@ Result<ReplayResult> replay(const ReplayOptions& options,
   if (options.alter) options.alter(*dataset);
   fill_config(*dataset, file ? &*file : nullptr, options, config);
   if (const Status s = read_masks(*dataset, config); !s) return s.error();
-  if (const VisualFactor factor = config.estimator.visual_factor;
-      !dataset->others.empty() && factor != VisualFactor::kTrack)
+  if (!dataset->others.empty() && config.estimator.track_noise != TrackNoiseModel::kDrift)
     dataset->notes.push_back(fmt::format(
-        "the flight is estimated from cam0 alone, no other camera is used: the visual factor is {}; several "
-        "cameras need track (estimator.visual_factor)",
-        to_string(factor)));
+        "the flight is estimated from cam0 alone, no other camera is used: the visual factor is {}; several cameras "
+        "need track",
+        config.estimator.visual_factor.name));
   if (options.loop_s) loop_flight(*dataset, *options.loop_s);
   try {
     FlightPlan plan = plan_flight(*dataset, options);

@@ -24,16 +24,15 @@ struct ReplayOptions : FlightPart {
   std::filesystem::path dataset;
   std::string camera = "cam0";  ///< cam0 to cam3, kBothCameras: cam0 and cam1, or kAllCameras
   BagTopics topics;
-  std::filesystem::path config_file;          ///< empty: defaults
-  std::vector<std::string> set;               ///< settings for ConfigFile::set(); override the file
-  std::optional<VisualFactor> visual_factor;  ///< overrides the file
-  std::optional<double> deadline_ms;          ///< wins over the file
-  std::optional<double> loop_s;               ///< repeats the flight until it has lasted this long
-  std::optional<double> realtime_speed;       ///< in threads, seconds of the recording per second; none: in one thread
-  bool imu_rate = false;                      ///< in threads: keep the odometry of every IMU reading
-  std::vector<Fault> faults;                  ///< faults of the sensors during the flight
-  std::function<void(AslDataset&)> alter;     ///< changes samples or calibration before the flight; may be empty
-  std::function<void(Config&)> tune;          ///< changes constants that are no settings, for studies; may be empty
+  std::filesystem::path config_file;       ///< empty: defaults
+  std::vector<std::string> set;            ///< settings for ConfigFile::set(); override the file
+  std::optional<double> deadline_ms;       ///< wins over the file
+  std::optional<double> loop_s;            ///< repeats the flight until it has lasted this long
+  std::optional<double> realtime_speed;    ///< in threads, seconds of the recording per second; none: in one thread
+  bool imu_rate = false;                   ///< in threads: keep the odometry of every IMU reading
+  std::vector<Fault> faults;               ///< faults of the sensors during the flight
+  std::function<void(AslDataset&)> alter;  ///< changes samples or calibration before the flight; may be empty
+  std::function<void(Config&)> tune;       ///< changes constants that are no settings, for studies; may be empty
   /// A tiny change of the input, to measure how much errors scatter by chance: skips this many images at the
   /// beginning, and adds this many times 1e-7 of itself to each measured force.
   int perturb = 0;

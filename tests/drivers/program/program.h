@@ -43,9 +43,10 @@ inline fs::path scratch() {
 /// A path as a word of a command.
 inline std::string in_quotes(const fs::path& path) { return "'" + path.string() + "'"; }
 
-/// The program that has this command.
+/// The program that has this command, or option.
 inline std::string program_of(const std::string& arguments) {
-  return arguments.rfind("simulate", 0) == 0 ? EPILINE_STUDY : EPILINE_PROGRAM;
+  const bool of_study = arguments.rfind("simulate", 0) == 0 || arguments.find("--visual-factor") != std::string::npos;
+  return of_study ? EPILINE_STUDY : EPILINE_PROGRAM;
 }
 
 /// `before`: shell words in front of the program, for instance to limit it; `after`: behind it.

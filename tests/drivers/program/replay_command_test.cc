@@ -264,7 +264,7 @@ TEST_F(MadeUpFlight, WrongUsageIsExitCodeTwo) {
   expect_one_line(run("replya"), 2, {"unknown command \"replya\"", "expected \"replay\""});
   expect_one_line(replay("--set tracker.max_features=0"), 2, {"--set tracker.max_features=0", "1 to 400"});
   expect_one_line(replay("--sideways"), 2, {"--sideways"});
-  expect_one_line(replay("--visual-factor guess"), 2, {"guess"});
+  expect_one_line(replay("--visual-factor guess"), 2, {"guess", "`epiline-study replay --help`"});
   expect_one_line(replay("--config /nonexistent.toml"), 2, {"/nonexistent.toml"});
   expect_one_line(replay(with_config("[estimator]\nkeyframes = 40\n")), 2,
                   {"flight.toml:2: estimator.keyframes = 40", "2 to 20"});

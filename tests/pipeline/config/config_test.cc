@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <map>
 #include <set>
 #include <vector>
@@ -26,15 +27,15 @@ TEST(Config, PrintedDefaultsReadBackAsThemselves) {
   config.estimator.keyframes = 3;
   config.tracker.max_features = 70;
   config.estimator.zero_motion = false;
-  config.estimator.visual_factor = VisualFactor::kEpipolar;
+  config.devices.camera.shutter = 1;
   EXPECT_EQ(to_toml(read(text, config)), text);
 }
 
-TEST(Config, EveryVisualFactorIsReadByTheNameItPrints) {
-  for (const VisualFactor factor : {VisualFactor::kTrack, VisualFactor::kEpipolar, VisualFactor::kReprojection}) {
-    const std::string line = fmt::format("visual_factor = \"{}\"\n", to_string(factor));
-    const Config config = read("[estimator]\n" + line);
-    EXPECT_EQ(config.estimator.visual_factor, factor);
+TEST(Config, EveryChoiceIsReadByTheNameItPrints) {
+  for (std::size_t i = 0; i < std::size(kImuDriverNames); ++i) {
+    const std::string line = fmt::format("driver = \"{}\"\n", kImuDriverNames[i]);
+    const Config config = read("[imu]\n" + line);
+    EXPECT_EQ(config.devices.imu.driver, static_cast<int>(i));
     EXPECT_NE(to_toml(config).find(line), std::string::npos);
   }
 }
@@ -61,14 +62,14 @@ TEST(Config, SetsWhatTheFileSaysAndNothingElse) {
 TEST(Config, SingleSettingsWinOverTheFile) {
   auto file = ConfigFile::parse("[tracker]\nmax_features = 70\n[estimator]\nkeyframes = 7\n", "f.toml");
   ASSERT_TRUE(file);
-  for (const char* const set : {"tracker.max_features=90", "estimator.visual_factor=epipolar", "camera.device=a=b",
-                                "realtime.lock_memory=false"})
+  for (const char* const set :
+       {"tracker.max_features=90", "camera.stamp_edge=falling", "camera.device=a=b", "realtime.lock_memory=false"})
     EXPECT_TRUE(file->set(set)) << set;
   Config config;
   file->apply(config);
   EXPECT_EQ(config.tracker.max_features, 90);
   EXPECT_EQ(config.estimator.keyframes, 7);
-  EXPECT_EQ(config.estimator.visual_factor, VisualFactor::kEpipolar);
+  EXPECT_EQ(config.devices.camera.stamp_edge, 1);
   EXPECT_EQ(config.devices.camera.device, "a=b");
   EXPECT_FALSE(config.realtime.lock_memory);
 }
@@ -247,8 +248,10 @@ INSTANTIATE_TEST_SUITE_P(
                 "f.toml:2: unknown key \"body.roll_deg\"; expected body.yaw_pitch_roll_deg = [yaw, pitch, roll]"},
         BadFile{"[wheel]\nscale_m_s = 0.01\n",
                 "f.toml:2: unknown key \"wheel.scale_m_s\"; expected wheel.signal, such as \"291 7|16@0- (0.01,0)\""},
-        BadFile{"[estimator]\nvisual_factor = \"none\"\n",
-                "f.toml:2: estimator.visual_factor = \"none\"; expected \"track\" or \"epipolar\" or \"reprojection\""},
+        BadFile{"[estimator]\nvisual_factor = \"track\"\n",
+                "f.toml:2: unknown key \"estimator.visual_factor\"; expected nothing in its place: flights use the "
+                "factor track, with which `epiline-study replay --visual-factor` compares others"},
+        BadFile{"[camera]\nshutter = \"none\"\n", "f.toml:2: camera.shutter = \"none\"; expected \"global\" or"},
         BadFile{"[estimator]\nkeyframe = 7\n", "f.toml:2: unknown key \"estimator.keyframe\""},
         BadFile{"[estimatr]\nkeyframes = 7\n", "f.toml:1: unknown section \"estimatr\""},
         BadFile{"estimator = 3\n", "f.toml:1: \"estimator\" is not a section"},

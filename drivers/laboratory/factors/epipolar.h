@@ -1,8 +1,9 @@
 #pragma once
 // The paper's epipolar residual. Derivation: docs/derivations/epipolar.md; test:
-// tests/estimator/factors/epipolar_test.cc.
+// tests/drivers/laboratory/factors/epipolar_test.cc.
 #include <memory>
 
+#include "drivers/laboratory/factors/kernels.h"
 #include "estimator/factors/visual.h"
 
 namespace epiline {
@@ -26,7 +27,8 @@ class EpipolarFactor final : public VisualFactorModel {
   /// The pairs among the first `frames`; with `oldest_only` those that contain frame 0.
   void run(const Window&, int frames, bool oldest_only, VisualSystem&);
 
-  const FactorKernels& kernels_;
+  const FactorKernels& common_;  ///< what all visual factors need
+  const LaboratoryKernels& kernels_;
   std::unique_ptr<Memory> memory_;
   VisualSettings settings_;
   int tracks_ = 0, pairs_ = 0;  ///< collected: with two views or more, and their pairs of views

@@ -1,8 +1,9 @@
 #pragma once
 // Reprojection with landmarks in the state, as in VINS-Mono. Derivation: docs/derivations/reprojection.md; test:
-// tests/estimator/factors/reprojection_test.cc.
+// tests/drivers/laboratory/factors/reprojection_test.cc.
 #include <memory>
 
+#include "drivers/laboratory/factors/kernels.h"
 #include "estimator/factors/visual.h"
 
 namespace epiline {
@@ -47,7 +48,8 @@ class ReprojectionFactor final : public VisualFactorModel {
   void shift_host(const Window&, int track);
 
   std::unique_ptr<Memory> memory_;
-  const FactorKernels& kernels_;
+  const FactorKernels& common_;  ///< what all visual factors need
+  const LaboratoryKernels& kernels_;
   VisualSettings settings_;
   int count_ = 0;  ///< landmarks, one per track
   int used_ = 0, batches_ = 0;

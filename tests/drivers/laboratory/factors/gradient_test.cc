@@ -8,8 +8,8 @@
 #include <memory>
 #include <string>
 
-#include "estimator/factors/epipolar.h"
-#include "estimator/factors/reprojection.h"
+#include "drivers/laboratory/factors/epipolar.h"
+#include "drivers/laboratory/factors/reprojection.h"
 
 namespace epiline::test {
 namespace {

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "estimator/factors/reprojection.h"
+#include "drivers/laboratory/factors/reprojection.h"
 #include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/factors/explicit_residuals.h"
 

@@ -1,4 +1,4 @@
-#include "estimator/factors/reprojection.h"
+#include "drivers/laboratory/factors/reprojection.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -32,7 +32,8 @@ struct ReprojectionFactor::Memory {
   Candidate candidate[kMaxTracks];
 };
 
-ReprojectionFactor::ReprojectionFactor(InstructionSet set) : memory_(new Memory), kernels_(factor_kernels(set)) {}
+ReprojectionFactor::ReprojectionFactor(InstructionSet set)
+    : memory_(new Memory), common_(factor_kernels(set)), kernels_(laboratory_kernels(set)) {}
 ReprojectionFactor::~ReprojectionFactor() = default;
 
 Landmark& ReprojectionFactor::landmark(int i) { return memory_->landmark[i]; }
@@ -128,7 +129,7 @@ void ReprojectionFactor::pack(const Window& w, int frames, int host_limit) {
         batch.views[lane] += 1;
       }
     }
-    kernels_.put_views(m.views, batch.first, batch.last, 1 / kSigmaPx, batch);
+    common_.put_views(m.views, batch.first, batch.last, 1 / kSigmaPx, batch);
     std::fill(m.track_of[batches_] + (end - begin), m.track_of[batches_] + kBatchLanes, std::int16_t{-1});
     ++batches_;
     begin = end;
@@ -150,7 +151,7 @@ void ReprojectionFactor::run(const Window& w, int frames, VisualSystem& out) {
   load_depths();
   kernels_.landmarks(m.batch, m.rho, batches_, m.frame, frames, kDepthDamping, m.scratch, out);
   move_to_bodies(m.frame, frames, out);
-  add_calibration(w, frames, settings_.extrinsics, false, kernels_, out);
+  add_calibration(w, frames, settings_.extrinsics, false, common_, out);
 }
 
 void ReprojectionFactor::linearise(const Window& w, VisualSystem& out) noexcept {

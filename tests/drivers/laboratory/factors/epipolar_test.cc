@@ -1,6 +1,6 @@
 // The epipolar factor against its residuals written down one by one, their Jacobians numerical. Derivation:
 // docs/derivations/epipolar.md.
-#include "estimator/factors/epipolar.h"
+#include "drivers/laboratory/factors/epipolar.h"
 
 #include <gtest/gtest.h>
 

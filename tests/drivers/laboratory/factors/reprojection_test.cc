@@ -1,14 +1,14 @@
 // The reprojection factor against the same problem written down directly, its depths explicit and its Jacobians
 // numerical; what becomes of depths from frame to frame. Derivation: docs/derivations/reprojection.md.
-#include "estimator/factors/reprojection.h"
+#include "drivers/laboratory/factors/reprojection.h"
 
 #include <gtest/gtest.h>
 
 #include "estimator/factors/prior.h"
 #include "estimator/solver/marginalise.h"
+#include "tests/drivers/laboratory/factors/explicit_depths.h"
 #include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/dense_system.h"
-#include "tests/estimator/factors/explicit_depths.h"
 #include "tests/estimator/solver/solver_fixture.h"
 #include "tests/estimator/synthetic_window.h"
 

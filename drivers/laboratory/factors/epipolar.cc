@@ -1,4 +1,4 @@
-#include "estimator/factors/epipolar.h"
+#include "drivers/laboratory/factors/epipolar.h"
 
 #include "estimator/factors/calibration.h"
 #include "estimator/factors/lanes.h"
@@ -19,7 +19,8 @@ struct EpipolarFactor::Memory {
   FrameGeometry frame[kMaxFrames];
 };
 
-EpipolarFactor::EpipolarFactor(InstructionSet set) : kernels_(factor_kernels(set)), memory_(new Memory) {}
+EpipolarFactor::EpipolarFactor(InstructionSet set)
+    : common_(factor_kernels(set)), kernels_(laboratory_kernels(set)), memory_(new Memory) {}
 EpipolarFactor::~EpipolarFactor() = default;
 
 void EpipolarFactor::restart() noexcept { memory_->sorted.forget(); }
@@ -62,7 +63,7 @@ void EpipolarFactor::run(const Window& w, int frames, bool oldest_only, VisualSy
   kernels_.epipolar(memory_->views, memory_->sorted.batches(), memory_->frame, frames, scale(settings_), oldest_only,
                     out);
   move_to_bodies(memory_->frame, frames, out);
-  add_calibration(w, frames, settings_.extrinsics, false, kernels_, out);
+  add_calibration(w, frames, settings_.extrinsics, false, common_, out);
 }
 
 void EpipolarFactor::linearise(const Window& w, VisualSystem& out) noexcept {
