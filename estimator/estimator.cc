@@ -8,12 +8,14 @@
 #include "estimator/factors/track.h"
 #include "estimator/geometry/row_turn.h"
 #include "estimator/impl.h"
+#include "estimator/monitor/evidence.h"
 
 namespace epiline {
 
 namespace {
 constexpr double kHeldShare = 0.2;    // share of an IMU interval for which the last sample may be held
 constexpr int kCopies = 3;            // in a row, as many as the image gate leaves out
+constexpr double kMovesBy = 3;        // sigmas of its velocity
 constexpr double kLongestStep_s = 5;  // a longer silence of the camera is a new start
 
 std::unique_ptr<VisualFactorModel> make_visual(const VisualFactor& factor, InstructionSet set) {
@@ -184,15 +186,37 @@ const TrackedFrame& Estimator::Impl::at_stamp(const TrackedFrame& frame) {
   const Span within = Span::from_seconds(within_s);
   const RowTurn rows =
       row_turn(turn(time - within, time), turn(time, time + within), within_s, window.calibration.R_BC);
-  door.turned.copy(frame);
-  for (TrackedFeature& f : door.turned.features) turn_to_stamp(rows, f);
+  door.changed.copy(frame);
+  for (TrackedFeature& f : door.changed.features) turn_to_stamp(rows, f);
   for (std::size_t i = 0; i < kMostOthers; ++i) {
     if (!window.rig.use[i + 1]) continue;
     const RowTurn of_other = rows.seen_from(window.rig.poses[i + 1].R_CD);
-    for (SecondView& v : door.turned.others[i].views) turn_to_stamp(of_other, v);
-    for (TrackedFeature& f : door.turned.others[i].alone) turn_to_stamp(of_other, f);
+    for (SecondView& v : door.changed.others[i].views) turn_to_stamp(of_other, v);
+    for (TrackedFeature& f : door.changed.others[i].alone) turn_to_stamp(of_other, f);
   }
-  return door.turned;
+  return door.changed;
+}
+
+/// Whether it is known that the vehicle moves. A camera at rest sees others move past what stays, too.
+bool Estimator::Impl::moves() const {
+  if (!started) return resting.is_restless();
+  return carried.x.v.norm() > kMovesBy * sigma_velocity(carried.x, carried.P);
+}
+
+/// Tracks of the vehicle's own parts tell nothing about its motion; what the window has of them goes, too.
+const TrackedFrame& Estimator::Impl::without_fixed(const TrackedFrame& frame) {
+  if (door.fixed.update(frame, flight.tracks.pixel_sigma, moves()) && window.size() > 0)
+    window.forget([this](const TrackRecord& t) { return t.camera == 0 && door.fixed.contains(t.id); });
+  if (door.fixed.empty()) return frame;
+  if (&frame != &door.changed) door.changed.copy(frame);
+  const auto leave_out = [this](auto& list) {
+    const auto* end =
+        std::remove_if(list.begin(), list.end(), [this](const auto& f) { return door.fixed.contains(f.id); });
+    list.resize(static_cast<std::size_t>(end - list.begin()));
+  };
+  leave_out(door.changed.features);
+  for (OtherTracks& other : door.changed.others) leave_out(other.views);
+  return door.changed;
 }
 
 StepResult Estimator::Impl::process(const TrackedFrame& given, Supervisor& supervisor) {
@@ -212,18 +236,19 @@ StepResult Estimator::Impl::process(const TrackedFrame& given, Supervisor& super
     return refuse();
   }
   const bool copy = is_copy(given);
-  const TrackedFrame& frame = at_stamp(given);
+  const TrackedFrame& all = at_stamp(given);
   door.any_frame = true;
-  door.last_frame = frame.stamp;
+  door.last_frame = all.stamp;
   if (window.size() > 0) {
-    const double since_s = (frame.stamp - window.newest().image_stamp).seconds();
-    if (since_s > kLongestStep_s || (silent && !images_go_on)) return start_anew(frame, supervisor);
-    if (started && go_on_after_silence(frame)) return {true, true};
+    const double since_s = (all.stamp - window.newest().image_stamp).seconds();
+    if (since_s > kLongestStep_s || (silent && !images_go_on)) return start_anew(all, supervisor);
+    if (started && go_on_after_silence(all)) return {true, true};
     if (copy || since_s < 0.75 * config.solve_interval_s)
-      return silent ? refuse() : started ? predict(frame) : StepResult{};
+      return silent ? refuse() : started ? predict(all) : StepResult{};
   }
   hold_noise();
-  if (!is_blind(frame.reasons) && !silent) numbers.watch(frame, wheels.words());
+  if (!is_blind(all.reasons) && !silent) numbers.watch(all, wheels.words());
+  const TrackedFrame& frame = without_fixed(all);
   if (!started) return initialise(frame, supervisor);
   const Supervisor::Effort effort = supervisor.effort();
   return effort.solve ? step(frame, supervisor, effort) : predict_for_time(frame);

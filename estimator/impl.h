@@ -8,6 +8,7 @@
 #include "estimator/estimator.h"
 #include "estimator/factors/visual.h"
 #include "estimator/initialise/starter.h"
+#include "estimator/monitor/fixed_tracks.h"
 #include "estimator/monitor/health.h"
 #include "estimator/parts/carrying.h"
 #include "estimator/parts/common.h"
@@ -32,7 +33,8 @@ struct Estimator::Impl : Common {
 
   /// The images as they came.
   struct Door {
-    TrackedFrame turned;  ///< the last frame, as if all of it had been exposed at its stamp
+    TrackedFrame changed;  ///< the last frame, as if all of it had been exposed at its stamp, and without fixed tracks
+    FixedTracks fixed;
     FixedVector<TrackedFeature, kMaxFeatures> before;  ///< tracks of the last frame, as they came
     int copies = 0;                                    ///< of it, one after the other
     bool any_frame = false;
@@ -78,6 +80,8 @@ struct Estimator::Impl : Common {
   void hold_noise();
   double exposed_within_s() const;
   const TrackedFrame& at_stamp(const TrackedFrame& frame);
+  bool moves() const;
+  const TrackedFrame& without_fixed(const TrackedFrame& frame);
 
   // starting.cc: from a window without states to one that has them
   StepResult initialise(const TrackedFrame& frame, Supervisor& supervisor);

@@ -40,6 +40,11 @@ std::optional<ImuStatistics> Resting::at_rest(WheelMotion wheels) const {
   return read;
 }
 
+bool Resting::is_restless() const {
+  const ImuStatistics read = readings_.statistics();
+  return readings_.is_filled(read) && !readings_.is_stationary(read);
+}
+
 /// Whether the readings since the vehicle last stood still have taken it away: images of a far scene do not show that
 /// at once, and of one that shakes not plainly, but shaking has no direction.
 bool Resting::has_left(double age_s) const {

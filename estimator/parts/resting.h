@@ -21,6 +21,9 @@ class Resting {
   /// What the readings of the last half second are at rest; nothing if images, readings or wheels say that it moves.
   std::optional<ImuStatistics> at_rest(WheelMotion wheels) const;
 
+  /// The readings of the last half second are none of a vehicle that stands.
+  bool is_restless() const;
+
   /// Zero motion: at its first success in a place the candidate becomes a keyframe, once, and later frames at rest
   /// there are tied to it. `age_s`: of the window.
   void attach(const TrackedFrame& frame, double pixel_sigma, WheelMotion wheels, double age_s);

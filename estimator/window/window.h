@@ -188,6 +188,13 @@ class Window {
   };
   /// Adds the newest frame's bearings.
   Observed observe(const TrackedFrame& frame);
+  /// Removes the tracks of which `leaves` is true.
+  template <class Leaves>
+  void forget(const Leaves& leaves) {
+    for (int i = 0; i < tracks_; ++i)
+      if (TrackRecord& t = track(i); leaves(t)) t.mask = t.second = 0;
+    prune();
+  }
   /// Removes tracks without further information: not seen by the newest frame, and fewer than two views.
   void prune();
 

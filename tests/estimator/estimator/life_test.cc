@@ -111,6 +111,19 @@ TEST(EstimatorLife, StandsInALift) { expect_passes({kStand}, kLift, 2); }
 // What it sees is what it flies in: the forces of the room's motion are doubted, and the way in the room goes on.
 TEST(EstimatorLife, FliesOnInALift) { expect_passes({kRoom, kDash, kHover}, kLift); }
 
+// A bonnet in view stays in the image: neither the start in motion nor the rest detector believes it.
+TEST(EstimatorLife, OwnPartsTellNothingOfTheRoad) {
+  for (const Wait wait : {kShortWait, kInMotion})
+    for (const unsigned seed : {101U, 102U, 103U, 104U, 105U, 106U}) {
+      Row row = with(kRoad, kOwnParts);
+      row[kWait] = wait;
+      const LifeVerdict verdict = fly(row, seed);
+      EXPECT_EQ(verdict.wrong, 0) << told(row, seed, verdict, false);
+      EXPECT_EQ(verdict.resets, 0U) << told(row, seed, verdict, false);
+      EXPECT_TRUE(verdict.innocent.empty()) << told(row, seed, verdict, false);
+    }
+}
+
 // What the table promises.
 TEST(EstimatorLifeTable, HasEveryPairOfValuesAndAtMostTwoFaultsInARow) {
   const std::vector<Row> table = pairwise_table(1);
