@@ -205,7 +205,8 @@ bool Estimator::Impl::moves() const {
 
 /// Tracks of the vehicle's own parts tell nothing about its motion; what the window has of them goes, too.
 const TrackedFrame& Estimator::Impl::without_fixed(const TrackedFrame& frame) {
-  if (door.fixed.update(frame, flight.tracks.pixel_sigma, moves()) && window.size() > 0)
+  const double sigma = std::min(flight.tracks.pixel_sigma, resting.pixel_noise());
+  if (door.fixed.update(frame, sigma, moves()) && window.size() > 0)
     window.forget([this](const TrackRecord& t) { return t.camera == 0 && door.fixed.contains(t.id); });
   if (door.fixed.empty()) return frame;
   if (&frame != &door.changed) door.changed.copy(frame);

@@ -16,6 +16,7 @@ constexpr double kMovedLimit = 3.5;      // of the displacement's own sigma, ove
 constexpr double kDriftedLimit = 5;      // the same since rest began, which is asked at every frame
 constexpr double kPlainly = 3;           // times kMovedLimit: no slow drift
 constexpr double kLeastSigma_px = 0.02;  // of a bearing
+constexpr double kNoiseRoom = 2;         // times the least noise of this rest: that much may it change
 constexpr double kCommon_px = 0.05;      // common error of all bearings of an image at standstill
 constexpr double kShaken_px = 0.2;       // the same of one that shakes: its turns are not known better
 constexpr double kLongest_s = 20;
@@ -43,6 +44,7 @@ void RestDetector::clear() {
   stored_ = next_ = 0;
   has_reference_ = images_still_ = images_calm_ = was_drift_ = attitude_held_ = false;
   needed_s_ = 0;
+  noise_px_ = std::numeric_limits<double>::max();
 }
 
 RestDetector::Displacement RestDetector::displacement(const Snapshot& old, const TrackedFrame& frame, double sigma,
@@ -126,11 +128,16 @@ void RestDetector::compare_with_reference(const TrackedFrame& frame, double sigm
 RestDetector::Verdict RestDetector::update(const TrackedFrame& frame, double sigma, double mean_rate,
                                            const Attitude& attitude) {
   const Snapshot* const old = half_a_second_old(frame.stamp);
+  const double noise = has_reference_ && !attitude.shakes ? std::min(sigma, noise_px_) : sigma;
   bool turned = false;
   const Displacement moved = old ? displacement(*old, frame, sigma, attitude, turned) : Displacement{};
   const bool most_stay =
-      moved.is_known() && kMostStay * moved.far <= moved.common && moved.mean_square < kSpreadLimit * sigma * sigma;
+      moved.is_known() && kMostStay * moved.far <= moved.common && moved.mean_square < kSpreadLimit * noise * noise;
   images_still_ = most_stay && moved.ratio < kMovedLimit;
+  if (images_still_) {
+    const double seen_px = kNoiseRoom * std::max(kCommon_px, 0.5 * std::sqrt(moved.mean_square));
+    noise_px_ = has_reference_ ? std::min(noise_px_, seen_px) : seen_px;
+  }
   images_calm_ = most_stay && (attitude.shakes ? moved.shaken_ratio : moved.ratio) < kMovedLimit;
   attitude_held_ = !turned;
   was_drift_ = false;

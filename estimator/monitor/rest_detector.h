@@ -2,6 +2,7 @@
 // Detects standstill from camera and gyroscope together. Derivation: docs/derivations/zero_motion.md.
 #include <array>
 #include <cstdint>
+#include <limits>
 
 #include "estimator/geometry/types.h"
 #include "platform/samples/samples.h"
@@ -35,6 +36,8 @@ class RestDetector {
   bool images_still() const { return images_still_; }
   /// The same of a vehicle that may shake, of which nothing else is known yet.
   bool images_calm() const { return images_calm_; }
+  /// Noise of a bearing in the present rest, else in the last one, with room for more, px.
+  double pixel_noise() const { return noise_px_; }
   /// During rest: the attitude has not changed since it began.
   bool attitude_held() const { return attitude_held_; }
 
@@ -66,7 +69,8 @@ class RestDetector {
   bool was_reported_ = false;                      ///< rest with this reference
   bool was_shaken_ = false;                        ///< since then: it may have settled in another attitude
   HostStamp there_at_;
-  double needed_s_ = 0;  ///< required duration of standstill
+  double noise_px_ = std::numeric_limits<double>::max();  ///< see pixel_noise()
+  double needed_s_ = 0;                                   ///< required duration of standstill
 };
 
 }  // namespace epiline

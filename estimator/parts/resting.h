@@ -23,6 +23,8 @@ class Resting {
 
   /// The readings of the last half second are none of a vehicle that stands.
   bool is_restless() const;
+  /// Noise of a bearing as the last rest shows it, with room for more, px.
+  double pixel_noise() const { return images_.pixel_noise(); }
 
   /// Zero motion: at its first success in a place the candidate becomes a keyframe, once, and later frames at rest
   /// there are tied to it. `age_s`: of the window.
