@@ -16,7 +16,7 @@ constexpr double kLorryTop = -0.12, kOwnTop = 0.4;  // they fill what is below, 
 constexpr double kLiftSpeeds_s = 2, kLifts_s = 8;
 constexpr double kBlow_s = 0.1, kBlow_m_s2 = 150;
 constexpr double kImuPeriod_s = 0.005, kLimit_m_s2 = 80;
-constexpr double kBurst = 4, kBurstLate_s = 0.006;  // readings; their mean delay
+constexpr int kBurst = 4;  // readings
 constexpr double kOffset_s = 0.015;
 constexpr double kVibration_m_s2 = 0.7, kVibration_rad_s = 0.05;  // rms of each axis
 const Vec3 kGyroscopeBias(0.02, -0.015, 0.03), kAccelerometerBias(0.05, -0.04, 0.03);
@@ -251,10 +251,6 @@ EstimatorConfig LifeRig::config() {
   return config;
 }
 
-double LifeRig::true_time(HostStamp stamp) const {
-  return (stamp - at(0)).seconds() - (row_[kImuStamps] > 0 ? kBurstLate_s : 0);
-}
-
 Vec3 LifeRig::in_camera(const Track& track, double t) const {
   if (track.kind == Kind::kOwn) return track.X;
   const Body* body = track.kind == Kind::kLorry ? &lorry_ : track.kind == Kind::kPerson ? &person_ : nullptr;
@@ -355,8 +351,8 @@ void LifeRig::push_imu(int k) {
   if (t >= unfelt_.from && t < unfelt_.to) return;
   ImuSample sample;
   // in bursts they have the time of their arrival
-  const int late = static_cast<int>(kBurst) - 1 - k % static_cast<int>(kBurst);
-  sample.stamp = at(row_[kImuStamps] > 0 ? t + late * (kImuPeriod_s - 1e-3) : t);
+  const int late = kBurst - 1 - k % kBurst;
+  sample.stamp = bursts_.step(at(row_[kImuStamps] > 0 ? t + late * (kImuPeriod_s - 1e-3) : t));
   Eigen::Map<Vec3>(sample.angular_velocity_rad_s.data()) = w;
   Eigen::Map<Vec3>(sample.specific_force_m_s2.data()) = a.cwiseMax(-kLimit_m_s2).cwiseMin(kLimit_m_s2);
   const HeapCallScope heap;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "estimator/estimator.h"
+#include "pipeline/watch/burst_stamps.h"
 #include "tests/estimator/synthetic_window.h"
 
 namespace epiline::test {
@@ -96,7 +97,8 @@ class LifeMotion {
   std::vector<Change> changes_{{-100, 0, false}};  ///< longer ago positions would be rounded
 };
 
-/// An estimator, and the sensors of a vehicle that flies a row: IMU at 200 Hz, images at 20 Hz with 120 tracks.
+/// An estimator, and the sensors of a vehicle that flies a row: IMU at 200 Hz, its bursts straightened as the pipeline
+/// does, images at 20 Hz with 120 tracks.
 class LifeRig {
  public:
   struct Span_s {
@@ -112,8 +114,6 @@ class LifeRig {
   double ends_at() const { return ends_at_s_; }
   /// What disturbs for a while. The first: it has yet to start, which in fast flight may last 5 s.
   const std::vector<Span_s>& causes() const { return causes_; }
-  /// When the vehicle was where an odometry with this stamp says.
-  double true_time(HostStamp stamp) const;
   const Estimator& estimator() const { return *estimator_; }
   Estimator& estimator() { return *estimator_; }
   std::uint64_t heap_calls() const { return heap_calls_; }  ///< of the estimator, since it was made
@@ -168,6 +168,7 @@ class LifeRig {
   std::vector<Track> tracks_;
   std::uint32_t next_id_ = 0;
   TrackedFrame image_;
+  BurstStamps bursts_;
   int frame_ = 0, imu_ = 0;
   std::uint64_t heap_calls_ = 0;
 };
@@ -194,7 +195,9 @@ struct LifeVerdict {
   std::string guilty, innocent;  ///< words at kSuspect or above, which name a part that is wrong, and one that is not
 
   bool is_wrong() const { return wrong > 0; }
-  bool is_late() const { return lost_at_s >= 0 || not_back_after_s >= 0; }
+  bool is_late() const { return lost_at_s >= 0 || not_back_after_s >= 0 || is_mute(); }
+  /// No pose could be judged, and no word says what is wrong.
+  bool is_mute() const { return judged == 0 && guilty.empty(); }
   bool passes() const { return !is_wrong() && !is_late() && innocent.empty(); }
   /// Fails in each of the ways in which the other one fails.
   bool fails_like(const LifeVerdict& other) const {

@@ -11,6 +11,7 @@
 
 #include "platform/log/suspicion_names.h"
 #include "tests/estimator/estimator/life.h"
+#include "tests/estimator/made_up_time.h"
 
 namespace epiline::test {
 
@@ -68,13 +69,12 @@ bool names_the_guilty(const Row& row, Suspect s) {
   }
   if (row[kView] == kLift && contradiction) return true;
   if (row[kVibration] != kSmooth && (noise || s == kImuMisfit)) return true;
-  if (row[kWarming] > 1 && (s == kImuMisfit || s == kGyroscopeNoise)) return true;
-  return row[kImuStamps] > 0 && (contradiction || s == kTimeOffset);
+  return row[kWarming] > 1 && (s == kImuMisfit || s == kGyroscopeNoise);
 }
 
 /// What stays wrong may be said with each pose: then a pose is enough, be it `degraded`.
 bool has_lasting_fault(const Row& row) {
-  return row[kNumber] != kRight || row[kVibration] != kSmooth || row[kWarming] > 1 || row[kImuStamps] > 0;
+  return row[kNumber] != kRight || row[kVibration] != kSmooth || row[kWarming] > 1;
 }
 
 void list_words(const Row& row, const Suspicions& suspicions, LifeVerdict& verdict) {
@@ -95,7 +95,7 @@ LifeError worst_error(const LifeRig& rig) {
   const Odometry& o = rig.estimator().odometry();
   const WorldOrigin& origin = rig.estimator().stats().origins[o.reset_counter % 8];
   if (!origin.known || origin.reset_counter != o.reset_counter) return {};
-  const double t = rig.true_time(o.stamp), t0 = rig.true_time(origin.stamp);
+  const double t = (o.stamp - at(0)).seconds(), t0 = (origin.stamp - at(0)).seconds();
   const LifeMotion& truth = rig.motion;
   const Mat3 R = rotation(o.q_WB), R_true = truth.R(t);
   const Mat3 turn = so3_exp(Vec3(0, 0, yaw(rotation(origin.q_WB) * truth.R(t0).transpose())));
@@ -167,6 +167,7 @@ std::string to_string(const LifeVerdict& v) {
       v.worst, v.what, v.worst_error, v.worst_at_s, v.wrong, v.judged, 100 * v.tracking_share, v.first_pose_s,
       v.resets);
   if (v.lost_at_s >= 0) s += fmt::format(", lost at {:.2f} s", v.lost_at_s);
+  if (v.is_mute()) s += ", never tracking";
   if (v.not_back_after_s >= 0) s += fmt::format(", not back 5 s after {:.2f} s", v.not_back_after_s);
   if (!v.innocent.empty()) s += ", accuses " + v.innocent;
   if (!v.guilty.empty()) s += ", names " + v.guilty;
