@@ -218,4 +218,7 @@ Row smallest(Row row, unsigned seed, const LifeVerdict& verdict);
 /// not wrong.
 std::vector<Row> pairwise_table(unsigned seed);
 
+/// Each path and wait, harmless and with each value of one other switch, but for those that cannot be flown.
+std::vector<Row> single_table();
+
 }  // namespace epiline::test

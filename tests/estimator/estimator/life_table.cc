@@ -282,4 +282,21 @@ class PairwiseTable {
 
 std::vector<Row> pairwise_table(unsigned seed) { return PairwiseTable(seed).rows(); }
 
+std::vector<Row> single_table() {
+  std::vector<Row> all;
+  const auto count = [](std::size_t s) { return static_cast<std::uint8_t>(switch_names()[s].values.size()); };
+  for (std::uint8_t path = 0; path < count(kPath); ++path)
+    for (std::uint8_t wait = 0; wait < count(kWait); ++wait) {
+      if (exclude(kPath, path, kWait, wait)) continue;
+      all.push_back({path, wait});
+      for (std::uint8_t s = kBreak; s < kSwitches; ++s)
+        for (std::uint8_t value = 1; value < count(s); ++value) {
+          if (exclude(kPath, path, s, value) || exclude(kWait, wait, s, value)) continue;
+          all.push_back({path, wait});
+          all.back()[s] = value;
+        }
+    }
+  return all;
+}
+
 }  // namespace epiline::test
