@@ -67,6 +67,7 @@ struct Estimator::Impl : Common {
   /// A window without states, that may become a start.
   struct Attempt {
     bool lacks_time = false;  ///< the last one was refused since its images say too little
+    int steady = 0;           ///< attempts in a row whose velocity is that of the one before
     KnownState before;        ///< what was known before of the oldest frame
   };
 

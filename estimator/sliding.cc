@@ -11,6 +11,7 @@ namespace {
 // Beyond, the biases' first-order corrections are worth little, and the readings may be gone.
 constexpr double kLongestInterval_s = 5;
 constexpr double kLongRest_s = 2;         // over which the IMU loses less of the velocity than rest tells
+constexpr int kLeaveAtOnce = 2;           // frames of a window that is larger than a flight's, for one that came
 constexpr double kTimeOffsetWalk = 1e-5;  // s/sqrt(s)
 
 /// Whether frame k is where a rest ended, and the velocity of what follows would hang on a frame of seconds before.
@@ -33,7 +34,8 @@ bool Estimator::Impl::second_newest_stays() const {
 }
 
 /// The frame that has become too old to be kept for its own sake stays if it is a keyframe; a full window loses its
-/// oldest frame to the prior. A window without room for keyframes beside the recent frames drops none.
+/// oldest frame to the prior. Until the flight has settled the scale moves, a prior would mix several, and the window
+/// takes all it can. A window without room for keyframes beside the recent frames drops none.
 void Estimator::Impl::slide(Supervisor& supervisor) {
   if (window.capacity() - 2 > kRecentFrames && window.size() > 1)
     window.at(window.size() - 2).stays = second_newest_stays();
@@ -45,7 +47,8 @@ void Estimator::Impl::slide(Supervisor& supervisor) {
       thin(k);
     }
   }
-  while (window.full()) marginalise(supervisor);  // after a start, several may be too many
+  const int room = monitor.settled() ? window.capacity() : kMaxFrames;
+  for (int n = 0; n < kLeaveAtOnce && window.size() >= room; ++n) marginalise(supervisor);
   window.prune();
 }
 

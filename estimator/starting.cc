@@ -18,7 +18,12 @@ namespace epiline {
 namespace {
 // A start in motion is taken when the window's own posterior says so.
 constexpr int kStartSteps = 10;
-constexpr int kStartWindow = 11;       // images; from ten on they show that tracks are worse than configured
+constexpr int kStartWindow = 11;  // images; from ten on they show that tracks are worse than configured
+// If that is too little. The rest of the window is for the flight's first frames: before they have corrected the scale,
+// a frame that leaves would make the prior claim a wrong one.
+constexpr int kLongStartWindow = kMaxFrames - kRecentFrames;
+// Of a wrong scale the next images soon show another one.
+constexpr int kSteadyStarts = 4;       // attempts in a row of one velocity, if it took more time than a usual window
 constexpr double kLongestStart_s = 4;  // that the images may span
 constexpr double kLongLook_s = 3;      // that show how much better than configured the tracks are
 constexpr double kStartVelocity = 0.2, kStartTilt = 0.035, kStartScale = 0.15;  // m/s, rad, relative
@@ -80,7 +85,7 @@ StateCovariance covariance_of(const InitialState& s, double sigma_td) {
 StepResult Estimator::Impl::initialise(const TrackedFrame& frame, Supervisor& supervisor) {
   // a frame that is tied to the others by fewer tracks than a start needs would hang on the IMU and on false matches
   if (seen_again(frame) < StartLimits{}.tracks) window.clear();
-  if (window.size() >= std::max(kStartWindow, window.capacity())) make_room();
+  if (window.size() >= (attempt.lacks_time ? kLongStartWindow : std::max(kStartWindow, window.capacity()))) make_room();
   if (!cut(frame)) {
     window.clear();
     ++stats.start_refused[static_cast<int>(StartRefusal::kNoImu)];
@@ -206,7 +211,11 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   at.depth_is_measured = window.size() >= kStartWindow && heights.has_range_finder();
   add_known_velocity(at);
   const Calibration before = window.calibration;
-  if (const auto refusal = starter.start_moving(window, at)) return refusal;
+  const auto unfit = starter.start_moving(window, at);
+  attempt.steady = starter.guess().moved < kStartScale ? attempt.steady + 1 : 0;
+  if (unfit) return unfit;
+  const bool is_long = (window.newest().time - window.at(0).time).seconds() > kStartWindow * config.solve_interval_s;
+  if (is_long && attempt.steady < kSteadyStarts) return StartRefusal::kScaleUncertain;
   if (knows_oldest()) set_known_prior();
   const double given_sigma = flight.tracks.pixel_sigma;
   flight.tracks.pixel_sigma = starter.guess().noise_rad * config.extrinsics.focal_px;

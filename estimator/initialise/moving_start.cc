@@ -241,16 +241,22 @@ const StartState* StartMemory::at(std::uint64_t frame) const {
 
 std::optional<StartRefusal> solve_moving_start(const StartProblem& problem, const StartLimits& limits,
                                                PointElimination& points, StartMemory& memory, StartGuess& guess) {
+  guess.moved = 1;
   if (problem.frames < limits.frames || problem.frames > kStartFrames) return StartRefusal::kTooFewFrames;
   if (long_tracks(problem) < limits.tracks) return StartRefusal::kTooFewTracks;
   points.collect(problem);
+  const StartState* last = memory.at(problem.id[0]);
+  const std::optional<Vec3> v_0 = last != nullptr ? std::optional(last->v_0) : std::nullopt;
   const int unexplained = memory.unexplained;
-  const std::optional<StartRefusal> refusal = attempt(problem, limits, points, memory, guess);
-  if (refusal || !guess.continued) return refusal;
-  // Going on may end in another minimum than a search, one that later images refute: only a search begins a flight.
-  memory.frames = 0;
-  memory.unexplained = unexplained;
-  return attempt(problem, limits, points, memory, guess);
+  std::optional<StartRefusal> refusal = attempt(problem, limits, points, memory, guess);
+  if (!refusal && guess.continued) {
+    // Going on may end in another minimum than a search, one that later images refute: only a search begins a flight.
+    memory.frames = 0;
+    memory.unexplained = unexplained;
+    refusal = attempt(problem, limits, points, memory, guess);
+  }
+  if (v_0) guess.moved = (guess.state.v_0 - *v_0).norm() / std::max(1e-9, guess.state.v_0.norm());
+  return refusal;
 }
 
 }  // namespace epiline

@@ -39,6 +39,7 @@ struct StartGuess {
   double noise_rad = 0;     ///< bearing noise for what comes after: also where the residuals show a little more
   double pull = 0;          ///< RefinementFigures::pull over the squared residual: of errors that have a pattern
   bool continued = false;   ///< refused where going on from the last attempt ended, without a search
+  double moved = 1;         ///< change of the velocity since the last attempt, relative; 1: there was none
   double sigma_velocity = 0, sigma_tilt = 0, sigma_scale = 0, sigma_b_g = 0;  ///< m/s, rad, relative, rad/s
 };
 

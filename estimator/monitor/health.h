@@ -41,6 +41,8 @@ class HealthMonitor {
   void update(const FrameEvidence& e, double dt_s);
   /// What keeps a frame that is not solved from being good.
   void say(HealthReason reason);
+  /// The posterior has been tight once since the start.
+  bool settled() const { return settled_; }
   /// What was known is worth going on from.
   bool trusts() const { return health_.state == HealthState::kTracking || health_.state == HealthState::kDegraded; }
   /// True if the state cannot recover: restart.

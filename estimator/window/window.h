@@ -158,13 +158,12 @@ bool is_possible(const SecondView& view) noexcept;
 
 class Window {
  public:
-  /// `capacity`: frames at which a flight lets its oldest go; a start may take up to kMaxFrames.
+  /// `capacity`: frames at which a flight that has settled lets its oldest go; up to then, kMaxFrames.
   explicit Window(int capacity) : capacity_(capacity) { clear(); }
 
   void clear();
   int size() const { return size_; }
   int capacity() const { return capacity_; }
-  bool full() const { return size_ >= capacity_; }
   /// Frames, from the oldest on, that stay until they are the oldest.
   int lasting() const {
     int n = std::max(2, size_ - 1 - kRecentFrames);

@@ -114,7 +114,7 @@ TEST(ChooseTracks, HardlyChangesFromFrameToFrame) {
       if (p[1] > 370) p = {static_cast<double>(next++), -370, v(random)};
       features.push_back(feature(static_cast<std::uint32_t>(p[0]), p[1], p[2]));
     }
-    if (w->full()) w->remove(0);
+    if (w->size() >= w->capacity()) w->remove(0);
     add(*w, features);
     w->prune();
     choose_tracks(*w, 80);
