@@ -112,7 +112,7 @@ class LifeRig {
   void run_to(double seconds, const std::function<void(const StepResult&)>& each = {});
   double now() const { return 0.05 * frame_; }
   double ends_at() const { return ends_at_s_; }
-  /// What disturbs for a while. The first: it has yet to start, which in fast flight may last 5 s.
+  /// What disturbs for a while. The first: it has yet to start, which on the road lasts.
   const std::vector<Span_s>& causes() const { return causes_; }
   const Estimator& estimator() const { return *estimator_; }
   Estimator& estimator() { return *estimator_; }
