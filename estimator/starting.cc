@@ -24,6 +24,7 @@ constexpr int kStartWindow = 11;  // images; from ten on they show that tracks a
 constexpr int kLongStartWindow = kMaxFrames - kRecentFrames;
 // Of a wrong scale the next images soon show another one.
 constexpr int kSteadyStarts = 4;       // attempts in a row of one velocity, if it took more time than a usual window
+constexpr double kSurelyKnown = 0.05;  // relative: as a settled flight's speed, need not be steady
 constexpr double kLongestStart_s = 4;  // that the images may span
 constexpr double kLongLook_s = 3;      // that show how much better than configured the tracks are
 constexpr double kStartVelocity = 0.2, kStartTilt = 0.035, kStartScale = 0.15;  // m/s, rad, relative
@@ -215,7 +216,8 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   attempt.steady = starter.guess().moved < kStartScale ? attempt.steady + 1 : 0;
   if (unfit) return unfit;
   const bool is_long = (window.newest().time - window.at(0).time).seconds() > kStartWindow * config.solve_interval_s;
-  if (is_long && attempt.steady < kSteadyStarts) return StartRefusal::kScaleUncertain;
+  if (is_long && starter.guess().sigma_scale > kSurelyKnown && attempt.steady < kSteadyStarts)
+    return StartRefusal::kScaleUncertain;
   if (knows_oldest()) set_known_prior();
   const double given_sigma = flight.tracks.pixel_sigma;
   flight.tracks.pixel_sigma = starter.guess().noise_rad * config.extrinsics.focal_px;
