@@ -103,7 +103,7 @@ void Estimator::Impl::learn_from_residuals(const SolverSummary& s, double dt_s) 
   const TrackFit fit = visual->track_fit();
   if (!(fit.median_px > 0)) return;
   constexpr int kMotion = 9;  // numbers of an interval
-  numbers.add(fit, s.imu_cost / (kMotion * (window.size() - 1)), dt_s);
+  numbers.add(fit, s.imu_cost / (kMotion * (window.size() - 1)), dt_s, monitor.settled());
   if (config.estimate_pixel_sigma) adapt_track_noise(fit.median_px, dt_s);
 }
 

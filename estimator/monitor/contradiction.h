@@ -51,12 +51,12 @@ class Contradiction {
 /// The three of them. What is remembered is suspect, not gross: gross would refuse the start.
 class ContradictionWatch {
  public:
-  /// `imu_chi2`: cost of the window's intervals of the IMU, over their numbers of motion.
-  void add(const TrackFit& tracks, double imu_chi2, double dt_s, bool at_rest) noexcept {
+  /// `imu_chi2`: cost of the window's intervals of the IMU, over their numbers of motion. `settled`: the flight is.
+  void add(const TrackFit& tracks, double imu_chi2, double dt_s, bool at_rest, bool settled = true) noexcept {
     misfit_px_.add(std::min(tracks.median_px, kFitsAll * tracks.quarter_px), dt_s, at_rest);
     if (worst() != Severity::kNone)
       contradicted_s_ += dt_s;
-    else if (!at_rest)
+    else if (!at_rest && settled)
       fitted_s_ = std::min(kFittedMost_s, fitted_s_ + dt_s);
     if (at_rest) return;  // a hard landing stays in the window as long as the rest, and no depth is seen
     imu_chi2_.add(imu_chi2, dt_s, at_rest);
@@ -64,6 +64,8 @@ class ContradictionWatch {
     if (deep >= kFewestDeep && deep >= kDeepShare * tracks.tracks)
       behind_.add(static_cast<double>(tracks.behind) / deep, dt_s, at_rest);
   }
+  /// A start was refused, because images and readings agree with impossible biases only.
+  void add_refused_start(double dt_s) noexcept { imu_chi2_.add(kRefusedStart, dt_s, false); }
   /// The next flight begins. What numbers have fitted, less what has contradicted them since, speaks for them still.
   void restart() noexcept {
     const bool fitted = numbers_fitted();
@@ -93,6 +95,7 @@ class ContradictionWatch {
   // side.
   static constexpr int kFewestDeep = 20;
   static constexpr double kDeepShare = 1. / 3;
+  static constexpr double kRefusedStart = 1;   // named after 2.3 s of such starts
   static constexpr double kFitted_s = 3;       // a wrong sign shows itself within 2.5 s of motion
   static constexpr double kFittedMost_s = 30;  // what contradicts for longer may be a rig that was bent
   static constexpr double kNever = std::numeric_limits<double>::infinity();
