@@ -203,10 +203,11 @@ bool Estimator::Impl::moves() const {
   return carried.x.v.norm() > kMovesBy * sigma_velocity(carried.x, carried.P);
 }
 
-/// Tracks of the vehicle's own parts tell nothing about its motion; what the window has of them goes, too.
-const TrackedFrame& Estimator::Impl::without_fixed(const TrackedFrame& frame) {
+/// Tracks of the vehicle's own parts tell nothing about its motion; what the window has of them goes, too. They stay in
+/// the image `given`, as it was exposed.
+const TrackedFrame& Estimator::Impl::without_fixed(const TrackedFrame& given, const TrackedFrame& frame) {
   const double sigma = std::min(flight.tracks.pixel_sigma, resting.pixel_noise());
-  if (door.fixed.update(frame, sigma, moves()) && window.size() > 0)
+  if (door.fixed.update(given, sigma, moves()) && window.size() > 0)
     window.forget([this](const TrackRecord& t) { return t.camera == 0 && door.fixed.contains(t.id); });
   if (door.fixed.empty()) return frame;
   if (&frame != &door.changed) door.changed.copy(frame);
@@ -249,7 +250,7 @@ StepResult Estimator::Impl::process(const TrackedFrame& given, Supervisor& super
   }
   hold_noise();
   if (!is_blind(all.reasons) && !silent) numbers.watch(all, wheels.words());
-  const TrackedFrame& frame = without_fixed(all);
+  const TrackedFrame& frame = without_fixed(given, all);
   if (!started) return initialise(frame, supervisor);
   const Supervisor::Effort effort = supervisor.effort();
   return effort.solve ? step(frame, supervisor, effort) : predict_for_time(frame);

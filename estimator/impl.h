@@ -82,7 +82,7 @@ struct Estimator::Impl : Common {
   double exposed_within_s() const;
   const TrackedFrame& at_stamp(const TrackedFrame& frame);
   bool moves() const;
-  const TrackedFrame& without_fixed(const TrackedFrame& frame);
+  const TrackedFrame& without_fixed(const TrackedFrame& given, const TrackedFrame& frame);
 
   // starting.cc: from a window without states to one that has them
   StepResult initialise(const TrackedFrame& frame, Supervisor& supervisor);
