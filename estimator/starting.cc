@@ -28,11 +28,8 @@ constexpr double kSurelyKnown = 0.05;  // relative: as a settled flight's speed,
 constexpr double kLongestStart_s = 4;  // that the images may span
 constexpr double kLongLook_s = 3;      // that show how much better than configured the tracks are
 constexpr double kStartVelocity = 0.2, kStartTilt = 0.035, kStartScale = 0.15;  // m/s, rad, relative
-constexpr double kStartBeamMisfit = 1;  // squared sigmas; of right ones 0.02 to 0.3
-constexpr double kStartResidual = 1.6;  // bearing noise seen over that assumed
-// Squared sigmas of the IMU per interval: of right states 0.02 to 0.3, behind a lens that is 7 % too long up to 1; of
-// false ones, where a tilt and a steady acceleration explain images that show next to no motion, 2.4 to 6.
-constexpr double kStartImuMisfit = 1;
+constexpr double kStartBeamMisfit = 1;                                      // squared sigmas; of right ones 0.02 to 0.3
+constexpr double kStartResidual = 1.6;                                      // bearing noise seen over that assumed
 constexpr double kBiasSigmaGyroscope = 0.1, kBiasSigmaAccelerometer = 0.1;  // before the first start
 constexpr double kBiasSigmaGyroscopeKnown = 0.01;                           // before a start after a good run
 
@@ -240,7 +237,6 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   // distances far from what the tracks near the beam show are outliers to the window, and would leave it at a false
   // scale
   if (!refusal && beam_misfit(window) > kStartBeamMisfit) refusal = StartRefusal::kScaleUncertain;
-  if (!refusal && s.imu_cost > kStartImuMisfit * (window.size() - 1)) refusal = StartRefusal::kResidualTooLarge;
   const double seen = visual->track_fit().median_px;
   if (!refusal && seen > kStartResidual * flight.tracks.pixel_sigma) refusal = StartRefusal::kResidualTooLarge;
   if (refusal) {

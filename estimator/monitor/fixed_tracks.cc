@@ -8,7 +8,7 @@ namespace {
 constexpr double kStaysSigma = 4;    // of a bearing, between two views
 constexpr double kRecently_s = 0.5;  // as long as the rest detector looks back
 constexpr int kFewestMove = 20;
-constexpr int kStayPerMoved = 3;  // at most: fewer that move do so by themselves, as in the rest detector
+constexpr double kStayPerMoved = 1.5;  // at most: far points stay in a hover, and cars drive past who stands
 }  // namespace
 
 bool FixedTracks::Track::is_fixed() const { return against_s > kRecently_s; }
