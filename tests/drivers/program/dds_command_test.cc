@@ -100,7 +100,8 @@ TEST_F(DdsCommand, AStrangerReadsTheTrajectoryAndTheFlightDoesNotCare) {
       "(sleep 3; kill -9 $killed; exec " + peer + in + " 60 >late) & late=$!\nROS_DOMAIN_ID=" + in + " '" +
       EPILINE_PROGRAM + "' replay '" + flight_.string() +
       "' --realtime --dds --config patient.toml --out out >stdout 2>stderr; code=$?\n" +
-      "sleep 0.3; kill $all $newest $elsewhere $late; exit $code\n");
+      "n=-1; until [ $n = $(cat all newest late | wc -c) ]; do\nn=$(cat all newest late | wc -c); sleep 0.3; done\n" +
+      "kill $all $newest $elsewhere $late; exit $code\n");
   ASSERT_EQ(WEXITSTATUS(status), 0) << read(scratch() / "stderr");
 
   const auto rows = rows_of(scratch() / "out/trajectory.tum");
