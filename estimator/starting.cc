@@ -211,7 +211,6 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   const Calibration before = window.calibration;
   const auto unfit = starter.start_moving(window, at);
   attempt.steady = starter.guess().moved < kStartScale ? attempt.steady + 1 : 0;
-  if (unfit == StartRefusal::kBiasImplausible) numbers.refuse_start(config.solve_interval_s);
   if (unfit) return unfit;
   const bool is_long = (window.newest().time - window.at(0).time).seconds() > kStartWindow * config.solve_interval_s;
   if (is_long && starter.guess().sigma_scale > kSurelyKnown && attempt.steady < kSteadyStarts)

@@ -5,7 +5,8 @@
 namespace epiline {
 
 namespace {
-constexpr double kStays_m = 1e-4;  // a frame that moves by less until its exposure has the columns of its pose
+constexpr double kStays_m = 1e-4;    // a frame that moves by less until its exposure has the columns of its pose
+constexpr double kLeastPace = 1e-4;  // below, a way that a step took away has no direction
 
 /// From a frame's cut to its exposure.
 double until_exposure_s(const Window& w, int k) { return w.calibration.time_offset - w.at(k).time_offset_used; }
@@ -98,7 +99,7 @@ void move_pace(const Window& w, int frames, double held_m, const Eigen::Vector<d
                VisualSystem& s) {
   using Block = Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>;
   using Columns = Eigen::Map<Eigen::Matrix<double, 6, kCameraCalibration>>;
-  const double unit = 1 / (held_m * std::max(way_m(w, frames), kStays_m * held_m)), H_pace = s.H_columns[2 * kPace];
+  const double unit = 1 / (held_m * std::max(way_m(w, frames), kLeastPace * held_m)), H_pace = s.H_columns[2 * kPace];
   Vec6 g[kMaxFrames];  // its slope
   for (int k = 0; k < frames; ++k) {
     g[k].setZero();

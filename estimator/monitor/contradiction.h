@@ -64,8 +64,6 @@ class ContradictionWatch {
     if (deep >= kFewestDeep && deep >= kDeepShare * tracks.tracks)
       behind_.add(static_cast<double>(tracks.behind) / deep, dt_s, at_rest);
   }
-  /// A start was refused, because images and readings agree with impossible biases only.
-  void add_refused_start(double dt_s) noexcept { imu_chi2_.add(kRefusedStart, dt_s, false); }
   /// The next flight begins. What numbers have fitted, less what has contradicted them since, speaks for them still.
   void restart() noexcept {
     const bool fitted = numbers_fitted();
@@ -95,7 +93,6 @@ class ContradictionWatch {
   // side.
   static constexpr int kFewestDeep = 20;
   static constexpr double kDeepShare = 1. / 3;
-  static constexpr double kRefusedStart = 1;   // named after 2.3 s of such starts
   static constexpr double kFitted_s = 3;       // a wrong sign shows itself within 2.5 s of motion
   static constexpr double kFittedMost_s = 30;  // what contradicts for longer may be a rig that was bent
   static constexpr double kNever = std::numeric_limits<double>::infinity();

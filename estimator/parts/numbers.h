@@ -16,8 +16,6 @@ class RigNumbers {
   void watch(const TrackedFrame& frame, const WheelWatch& wheels);
   /// What the solved window's residuals say: whether images and IMU contradict each other.
   void add(const TrackFit& tracks, double imu_chi2, double dt_s, bool settled);
-  /// Images and readings agree with impossible biases only.
-  void refuse_start(double dt_s) { contradictions_.add_refused_start(dt_s); }
   /// How wrong the numbers are by the present verdict.
   Severity wrong() const { return wrong_; }
   /// Whether a number is accused; otherwise what contradicts is something that moves, or a blow.
