@@ -161,6 +161,7 @@ void fill(const StartProblem& problem, const StartState& state, const StartPath&
 bool within(double value, double limit) { return value <= limit; }  // false for NaN
 
 std::optional<StartRefusal> uncertain(const StartLimits& limits, const StartGuess& guess) {
+  if (!within(limits.parallax_patterns * guess.pattern_rad(), guess.parallax_rad)) return StartRefusal::kScaleUncertain;
   if (!within(guess.sigma_scale, limits.sigma_scale)) return StartRefusal::kScaleUncertain;
   if (!within(guess.sigma_tilt, limits.sigma_tilt)) return StartRefusal::kTiltUncertain;
   if (!within(guess.sigma_velocity, std::max(limits.sigma_velocity, limits.sigma_scale * guess.state.v_0.norm())))
@@ -220,15 +221,14 @@ std::optional<StartRefusal> attempt(const StartProblem& problem, const StartLimi
     search.run(memory.unexplained);
     memory.misfit = search.best().misfit();
   }
-  const bool parallax = guess.parallax_rad >= limits.parallax_sigmas * problem.sigma_rad;
   memory.unexplained = search.best().explains() ? 0 : memory.unexplained + 1;
   memory.frames = 0;
   StartState state = search.best().state;
   if (!search.best().valid || !refine_with_noise(problem, limits, points, state, path, guess))
-    return parallax ? StartRefusal::kSolverFailed : StartRefusal::kNoParallax;
+    return StartRefusal::kSolverFailed;
   const std::optional<StartRefusal> refusal = judge(problem, limits, guess);
   if (refusal != StartRefusal::kBiasImplausible) remember(problem, guess, memory);
-  return refusal && !parallax ? StartRefusal::kNoParallax : refusal;
+  return refusal;
 }
 
 }  // namespace

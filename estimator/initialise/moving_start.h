@@ -2,6 +2,7 @@
 // A start in motion, without a map and without known biases: gyroscope bias from rotation alone, velocity and gravity
 // from one linear system, then both, with the accelerometer bias, from a joint least squares. Derivation:
 // docs/derivations/initialisation.md.
+#include <cmath>
 #include <optional>
 
 #include "estimator/config.h"
@@ -13,11 +14,11 @@ namespace epiline {
 /// Limits beyond which a guess is refused. The deviations are due to image noise and biases; they do not include the
 /// noise of the IMU samples.
 struct StartLimits {
-  int frames = 4;                    ///< fewer are refused
-  int tracks = 15;                   ///< of at least three views
-  double least_parallax_sigmas = 2;  ///< with less no start is tried, because it is noise of the bearings
-  double parallax_sigmas = 4;  ///< with less StartGuess::parallax_rad, lack of parallax is the reason of a refusal
-  double residual = 1.5;       ///< StartGuess::residual
+  int frames = 4;                          ///< fewer are refused
+  int tracks = 15;                         ///< of at least three views
+  double least_parallax_sigmas = 2;        ///< with less no start is tried, because it is noise of the bearings
+  double parallax_patterns = 6;            ///< StartGuess::parallax_rad over StartGuess::pattern_rad()
+  double residual = 1.5;                   ///< StartGuess::residual
   double noise_least = 1, noise_most = 4;  ///< StartGuess::sigma_rad over StartProblem::sigma_rad
   int noise_frames = 10;        ///< with fewer the noise given is assumed: a wrong model shows no pattern yet
   double pull = 1.3;            ///< StartGuess::pull, where more noise than given is assumed
@@ -38,8 +39,10 @@ struct StartGuess {
   double sigma_rad = 0;     ///< bearing noise assumed in the end: the one given, or what the residuals show
   double noise_rad = 0;     ///< bearing noise for what comes after: also where the residuals show a little more
   double pull = 0;          ///< RefinementFigures::pull over the squared residual: of errors that have a pattern
-  bool continued = false;   ///< refused where going on from the last attempt ended, without a search
-  double moved = 1;         ///< change of the velocity since the last attempt, relative; 1: there was none
+  /// How far residuals would move if they were of that pattern alone.
+  double pattern_rad() const { return std::sqrt(pull) * residual * sigma_rad; }
+  bool continued = false;  ///< refused where going on from the last attempt ended, without a search
+  double moved = 1;        ///< change of the velocity since the last attempt, relative; 1: there was none
   double sigma_velocity = 0, sigma_tilt = 0, sigma_scale = 0, sigma_b_g = 0;  ///< m/s, rad, relative, rad/s
 };
 

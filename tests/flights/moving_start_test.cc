@@ -14,7 +14,7 @@
 namespace epiline {
 namespace {
 
-constexpr std::size_t kImages = 120;  // of each start: six seconds
+constexpr std::size_t kImages = 160;  // of each start: eight seconds
 constexpr double kLittle_m_s = 0.02;  // that a vehicle creeps when it begins to turn on the spot
 
 /// Error of the speed over what is claimed of the velocity.

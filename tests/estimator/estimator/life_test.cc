@@ -147,6 +147,18 @@ TEST(EstimatorLife, OwnPartsTellNothingOfTheRoad) {
     }
 }
 
+// Beside a hover a person walks with the speed that a start in motion would take for its own, and the room for far
+// away.
+TEST(EstimatorLife, AHoverThatBeginsBesideAPersonDoesNotWalkAway) {
+  for (const View view : {kPerson, kLorry})
+    for (const unsigned seed : {101U, 102U, 103U, 104U, 105U, 106U}) {
+      Row row = with(kHover, view);
+      row[kWait] = kInMotion;
+      const LifeVerdict verdict = fly(row, seed);
+      EXPECT_EQ(verdict.wrong, 0) << told(row, seed, verdict, false);
+    }
+}
+
 // What the table promises.
 TEST(EstimatorLifeTable, HasEveryPairOfValuesAndAtMostTwoFaultsInARow) {
   const std::vector<Row> table = pairwise_table(1);
