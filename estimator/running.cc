@@ -26,7 +26,7 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   const double dt_s = (frame.stamp - window.newest().image_stamp).seconds();
   const KnownState last = carried;
   // what contradicts numbers that have fitted is something that moves, or a blow
-  const bool may_doubt = numbers.have_fitted() && seen_again(frame) >= kSeenAgain;
+  const bool may_doubt = numbers.have_fitted() && window_age_s() > kGateFree_s && seen_again(frame) >= kSeenAgain;
   if (!cut(frame)) return start_anew(frame, supervisor);
   const KnownState predicted = carrying.predicted_newest();
   attach(frame);

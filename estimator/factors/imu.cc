@@ -106,6 +106,18 @@ double imu_chi2(const Window& w, int k) {
   return (slot.L_inverse.leftCols<15>().triangularView<Eigen::Lower>() * r).squaredNorm();
 }
 
+double imu_chi2_of_turn(const Window& w, int k) {
+  const Slot& slot = w.at(k);
+  if (!slot.imu.knows_motion) return 0;
+  const Mat15& C = slot.imu.C;
+  const Vec15 r = imu_residual(slot.imu, w.calibration.scale, w.at(k - 1).x, slot.x);
+  Vec6 r_turn;
+  r_turn << r.segment<3>(3), r.segment<3>(12);
+  Mat6 C_turn;
+  C_turn << C.block<3, 3>(3, 3), C.block<3, 3>(3, 12), C.block<3, 3>(12, 3), C.block<3, 3>(12, 12);
+  return r_turn.dot(C_turn.ldlt().solve(r_turn));
+}
+
 namespace {
 
 /// Between frames k-1 and k.

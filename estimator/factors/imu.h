@@ -33,6 +33,9 @@ bool whiten(Slot& slot);
 /// Squared standard deviations by which frames k - 1 and k, as they are estimated, contradict the readings.
 double imu_chi2(const Window& window, int k);
 
+/// The same of their attitudes and gyroscope biases alone.
+double imu_chi2_of_turn(const Window& window, int k);
+
 /// All IMU intervals of the share. Returns the cost; null: the cost alone.
 double add_imu(const Window& window, const Share& share, const FactorKernels& kernels, NormalEquations* out);
 

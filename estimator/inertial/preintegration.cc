@@ -193,6 +193,12 @@ void Preintegration::doubt_forces(double acceleration) {
   block(C, kV, kV) += T * T * a2;
 }
 
+void Preintegration::doubt_rates(double step) {
+  const double half = 0.5 * step * step;
+  C += half * J.middleCols<3>(kG) * J.middleCols<3>(kG).transpose();
+  block(C, kG, kG).diagonal().array() += half;
+}
+
 void Preintegration::forget_forces(double acceleration) {
   const Mat3 q = acceleration * acceleration * std::max(T, kLeastUnknown_s) * Mat3::Identity();
   for (const int row : {kP, kV}) {

@@ -33,6 +33,8 @@ struct Preintegration {
   void join(const Preintegration& next);
   /// Adds a constant acceleration that the readings do not show, of this standard deviation (m/s^2).
   void doubt_forces(double acceleration);
+  /// The gyroscope's bias has stepped by this standard deviation (rad/s), at the beginning or at the end.
+  void doubt_rates(double step);
   /// The forces are unknown: the velocity stays as it is but for `acceleration` (m/s^2) for as long as the interval
   /// lasts. Rotation and biases go on as integrated.
   void forget_forces(double acceleration);

@@ -10,12 +10,14 @@ class IntervalWatch {
  public:
   /// Of the newest interval; `dt_s` since the one before.
   void add(double chi2, double dt_s) noexcept {
-    usual_ += std::min(1.0, dt_s / kMemory_s) * (std::min(chi2, kContradicted * usual()) - usual_);
+    usual_ += std::min(1.0, dt_s / kMemory_s) * (std::min(chi2, kStillContradicted * usual()) - usual_);
   }
   /// `follows`: the interval before it is contradicted, too.
   bool contradicted(double chi2, bool follows) const noexcept {
     return times_usual(chi2) > (follows ? kStillContradicted : kContradicted);
   }
+  /// `mean`: of the last four.
+  bool persists(double mean) const noexcept { return times_usual(mean) > kPersists; }
   /// Factor on a covariance, which believes the configured noise.
   double widens(double chi2) const noexcept { return std::max(1.0, times_usual(chi2)); }
 
@@ -27,6 +29,7 @@ class IntervalWatch {
   // after it has begun to move.
   static constexpr double kLeastUsual = 0.25, kMemory_s = 5;
   static constexpr double kContradicted = 15, kStillContradicted = 5;
+  static constexpr double kPersists = 6;  // at most 4.8 on MH_01 and simulated hovers
   double usual_ = kLeastUsual;
 };
 

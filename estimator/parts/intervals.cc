@@ -11,6 +11,7 @@ namespace {
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kReintegrateScale = 0.005;                                      // relative
 constexpr double kLiftAcceleration = 3, kBlowAcceleration = 30;  // m/s^2: what stands behind forces that don't fit
+constexpr double kBiasStep = 0.1;                                // rad/s: as far from zero as before a first start
 constexpr int kDoubtedIntervals = 4;                             // the newest: older ones have been judged before
 // Of a vehicle: while only images show how it moves, its way of flying says nothing.
 constexpr double kAnyAcceleration = 30, kAnyRate = 10;  // m/s^2, rad/s
@@ -39,6 +40,7 @@ bool Intervals::integrate(const Slot& from, Slot& to) const {
   if (!to.silent) {
     const bool whole = common_.history.integrate(from.time, to.time, common_.noise.of_intervals(), to.imu);
     to.imu.doubt_forces(to.unknown_acceleration);
+    to.imu.doubt_rates(to.unknown_step);
     return whole;
   }
   coast(from, (to.time - from.time).seconds(), to.imu);
@@ -84,9 +86,26 @@ void Intervals::weigh_anew() {
     integrate_again(k, common_.window.at(k).imu.b_a, common_.window.at(k).imu.b_g);
 }
 
+/// A bias that has stepped contradicts all intervals that share it, none of them much: it has where most.
+Slot* Intervals::where_bias_stepped() {
+  Window& window = common_.window;
+  double sum = 0, most = 0;
+  Slot* worst = nullptr;
+  for (int k = std::max(1, window.size() - kDoubtedIntervals); k < window.size(); ++k) {
+    if (window.at(k).unknown_step > 0) return nullptr;
+    const double chi2 = imu_chi2_of_turn(window, k);
+    sum += chi2;
+    if (chi2 <= most) continue;
+    most = chi2;
+    worst = &window.at(k);
+  }
+  return turn_watch_.persists(sum / kDoubtedIntervals) ? worst : nullptr;
+}
+
 bool Intervals::doubt_contradicted() {
   Window& window = common_.window;
   bool any = false;
+  Slot* const stepped = where_bias_stepped();
   for (int k = std::max(1, window.size() - kDoubtedIntervals); k < window.size(); ++k) {
     Slot& slot = window.at(k);
     double& unknown = slot.unknown_acceleration;
@@ -98,7 +117,9 @@ bool Intervals::doubt_contradicted() {
     whiten(slot);
     any = true;
   }
-  return any;
+  if (stepped == nullptr) return any;
+  stepped->imu.doubt_rates(stepped->unknown_step = kBiasStep);
+  return whiten(*stepped);
 }
 
 double Intervals::widens(double dt_s) {
@@ -106,6 +127,7 @@ double Intervals::widens(double dt_s) {
   if (window.size() < 2 || window.newest().only_images()) return 1;
   const double chi2 = imu_chi2(window, window.size() - 1);
   watch_.add(chi2, dt_s);
+  turn_watch_.add(imu_chi2_of_turn(window, window.size() - 1), dt_s);
   return watch_.widens(chi2);
 }
 

@@ -22,19 +22,20 @@ class Intervals {
   void follow_readings();
   /// All of them: the noise has changed.
   void weigh_anew();
-  /// Forces of the last ones that the solved images contradict are doubted, the more so the second time. Whether there
-  /// are any.
+  /// Forces of the last ones that the solved images contradict are doubted, the more so the second time, and the
+  /// gyroscope's bias where they contradict the turn. Whether there are any.
   bool doubt_contradicted();
   /// Of the newest one, solved: factor on the covariance, which believes the configured noise. `dt_s`: since the frame
   /// before.
   double widens(double dt_s);
 
  private:
+  Slot* where_bias_stepped();
   void integrate_again(int k, const Vec3& b_a, const Vec3& b_g);
   void coast(const Slot& from, double T, Preintegration& interval) const;
 
   Common& common_;
-  IntervalWatch watch_;  ///< a reset does not forget it
+  IntervalWatch watch_, turn_watch_;  ///< of all numbers, and of attitude and gyroscope bias; a reset forgets neither
 };
 
 }  // namespace epiline

@@ -132,6 +132,7 @@ struct Slot {
   bool stays = true;                                    ///< false: no keyframe; leaves as it is no longer recent
   bool silent = false;                                  ///< no readings since the frame before: only images tie it
   double unknown_acceleration = 0;                      ///< m/s^2 that its readings do not show, by the images
+  double unknown_step = 0;                              ///< rad/s, of the gyroscope's bias, by the images
   bool for_time = false;                                ///< kept only so that no IMU interval grows too long
   WheelWay wheel;                                       ///< from the frame before, as `imu`
   std::array<HeightReading, kHeightKinds> heights;      ///< factor attached to those that it has

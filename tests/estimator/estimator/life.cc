@@ -355,7 +355,7 @@ void LifeRig::push_imu(int k) {
   const double by_w = is(kNumber, kRateScale) ? 1 + sign_ * 0.03 : 1,
                by_a = is(kNumber, kForceScale) ? 1 + sign_ * 0.05 : 1;
   const Vec3 w = by_w * (motion.rate(t) + shaken(0, t)) + kGyroscopeBias + warming * t * Vec3(1, -1, 1) +
-                 normal3(n.gyroscope_density / root);
+                 (t < bias_steps_at_s ? Vec3(0, 0, 0) : bias_step) + normal3(n.gyroscope_density / root);
   const Vec3 a = by_a * (motion.force(t) + shaken(1, t)) + kAccelerometerBias + normal3(n.accelerometer_density / root);
   if (t >= unfelt_.from && t < unfelt_.to) return;
   ImuSample sample;

@@ -147,6 +147,24 @@ TEST(EstimatorLife, OwnPartsTellNothingOfTheRoad) {
     }
 }
 
+// A chip may start anew, or be hit: from then on its bias is another one, which turns nothing.
+TEST(EstimatorLife, AGyroscopesBiasThatStepsInFlightCostsNoAttitude) {
+  for (const Path path : {kRoom, kHover, kDash, kTurn, kCruise})
+    for (const unsigned seed : {1U, 2U}) {
+      LifeRig rig(with(path, kClean), seed);
+      rig.bias_step = Vec3(0.02, -0.03, 0.05);
+      rig.bias_steps_at_s = 11;
+      LifeError worst;
+      rig.run_to(rig.ends_at(), [&](const StepResult& result) {
+        if (!result.has_pose || rig.estimator().odometry().health.state != HealthState::kTracking) return;
+        if (const LifeError e = worst_error(rig); rig.now() > 5 && e.sigmas > worst.sigmas) worst = e;
+      });
+      EXPECT_LT(worst.sigmas, LifeVerdict::kSigmas) << path << ' ' << seed << ' ' << worst.what << ' ' << worst.error;
+      EXPECT_EQ(rig.estimator().stats().resets, 0U) << path << ' ' << seed;
+      EXPECT_EQ(rig.estimator().odometry().health.state, HealthState::kTracking) << path << ' ' << seed;
+    }
+}
+
 // Beside a hover a person walks with the speed that a start in motion would take for its own, and the room for far
 // away.
 TEST(EstimatorLife, AHoverThatBeginsBesideAPersonDoesNotWalkAway) {

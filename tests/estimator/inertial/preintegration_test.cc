@@ -219,6 +219,26 @@ TEST(Preintegration, DoubtedForcesClaimWhatAConstantAccelerationWouldMove) {
   EXPECT_NEAR(added.diagonal().sum(), 3 * (added(2, 2) + added(8, 8)), 1e-12);
 }
 
+// Readings with another bias, from the beginning or from the end on, show where it leads.
+TEST(Preintegration, DoubtedRatesClaimWhatAStepOfTheBiasWouldMove) {
+  const ImuNoise noise{};
+  Random random(4);
+  const Readings s = agile_readings(21, 0.005, random);
+  const Vec3 step(0, 1e-4, 0);
+  Preintegration doubted = integrated(s, Vec3::Zero(), Vec3::Zero(), noise);
+  const Preintegration there = integrated(s, Vec3::Zero(), step, noise);
+  const Mat15 before = doubted.C;
+  doubted.doubt_rates(step.norm());
+  const Mat15 added = doubted.C - before;
+  Vec15 moved = Vec15::Zero();
+  moved.segment<3>(0) = there.dp - doubted.dp;
+  moved.segment<3>(3) = so3_log(doubted.dR.transpose() * there.dR);
+  moved.segment<3>(6) = there.dv - doubted.dv;
+  EXPECT_NEAR(added(13, 13), step.squaredNorm(), 1e-3 * step.squaredNorm());
+  for (int i = 0; i < 9; ++i)
+    EXPECT_NEAR(added(i, 13), 0.5 * step.norm() * moved(i), 0.01 * step.norm() * moved.norm()) << i;
+}
+
 // Each step alone leaves the axes of the beginning and comes back to them.
 RC_GTEST_PROP(PreintegrationProperty, StepsTogetherEqualStepsAlone, (std::uint32_t seed)) {
   Random random(seed);
