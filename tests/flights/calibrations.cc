@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "drivers/study/calibrate/board_detector.h"
+#include "drivers/study/calibrate/calibrate.h"
 #include "drivers/study/calibrate/lens_columns.h"
 #include "drivers/study/calibrate/rig_fit.h"
 #include "estimator/geometry/so3.h"
@@ -104,10 +105,7 @@ Result<RigFit> calibrated(const WavedRig& rig, const std::vector<CornerView>& vi
   const auto imu = rig.readings();
   const auto lens = fit_lens(views, rig.lens.model, rig.lens.width, rig.lens.height, std::nullopt);
   if (!lens) return lens.error();
-  std::vector<CameraTurn> turns;
-  for (std::size_t i = 0; i < views.size(); ++i)
-    if (lens->poses[i]) turns.push_back({views[i].stamp, lens->poses[i]->R_CT.transpose()});
-  const auto alignment = align_turns(turns, imu);
+  const auto alignment = align_turns(turns_of(views, *lens), imu);
   if (!alignment) return alignment.error();
   return fit_rig(views, *lens, *alignment, imu, {rig.imu.noise});
 }

@@ -72,7 +72,7 @@ Result<BoardDetector> BoardDetector::create(const Board&) {
   return Error{ErrorKind::kUsage, "", 0, "this program cannot find boards in images",
                "a build with libapriltag-dev installed, or corners (tracks.csv and target.csv)"};
 }
-std::vector<Corner> BoardDetector::find(const GreyPixels&) { return {}; }
+std::vector<BoardCorner> BoardDetector::find(const GreyPixels&) { return {}; }
 
 #else
 
@@ -153,10 +153,10 @@ struct BoardDetector::Parts {
   Parts& operator=(const Parts&) = delete;
 
   std::vector<TagView> read_tags(const GreyPixels& image);
-  std::vector<Corner> corners_at(const GreyPixels& image, const AprilGrid& grid,
-                                 const std::vector<TagView>& tags) const;
-  std::vector<Corner> corners_at(const GreyPixels& image, const CharucoBoard& charuco,
-                                 const std::vector<TagView>& tags) const;
+  std::vector<BoardCorner> corners_at(const GreyPixels& image, const AprilGrid& grid,
+                                      const std::vector<TagView>& tags) const;
+  std::vector<BoardCorner> corners_at(const GreyPixels& image, const CharucoBoard& charuco,
+                                      const std::vector<TagView>& tags) const;
 
   Board board;
   Target target;
@@ -190,9 +190,9 @@ std::vector<TagView> BoardDetector::Parts::read_tags(const GreyPixels& image) {
 }
 
 /// The corners of the tags themselves.
-std::vector<Corner> BoardDetector::Parts::corners_at(const GreyPixels& image, const AprilGrid&,
-                                                     const std::vector<TagView>& tags) const {
-  std::vector<Corner> corners;
+std::vector<BoardCorner> BoardDetector::Parts::corners_at(const GreyPixels& image, const AprilGrid&,
+                                                          const std::vector<TagView>& tags) const {
+  std::vector<BoardCorner> corners;
   for (const TagView& tag : tags) {
     // as wide as the black squares at the tag's corners, so that no other edge is seen
     const int half = std::clamp(static_cast<int>(1.5 * tag.side_px() / tag.cells), 2, 8);
@@ -207,8 +207,8 @@ std::vector<Corner> BoardDetector::Parts::corners_at(const GreyPixels& image, co
 }
 
 /// The corners of the chessboard around the tags: each begins where the tags beside it expect it.
-std::vector<Corner> BoardDetector::Parts::corners_at(const GreyPixels& image, const CharucoBoard& charuco,
-                                                     const std::vector<TagView>& tags) const {
+std::vector<BoardCorner> BoardDetector::Parts::corners_at(const GreyPixels& image, const CharucoBoard& charuco,
+                                                          const std::vector<TagView>& tags) const {
   struct Expected {
     Vec2 sum = Vec2::Zero(), first = Vec2::Zero();
     int tags = 0, half = 8;
@@ -233,7 +233,7 @@ std::vector<Corner> BoardDetector::Parts::corners_at(const GreyPixels& image, co
       }
     }
   }
-  std::vector<Corner> corners;
+  std::vector<BoardCorner> corners;
   for (const auto& [id, corner] : expected) {
     Vec2 px = corner.sum / corner.tags;
     if (corner.agree && refine_corner(image, corner.half, px)) corners.push_back({id, target.at(id), px});
@@ -245,7 +245,7 @@ Result<BoardDetector> BoardDetector::create(const Board& board) {
   return BoardDetector(std::make_unique<Parts>(board));
 }
 
-std::vector<Corner> BoardDetector::find(const GreyPixels& image) {
+std::vector<BoardCorner> BoardDetector::find(const GreyPixels& image) {
   const std::vector<TagView> tags = parts_->read_tags(image);
   return std::visit([&](const auto& board) { return parts_->corners_at(image, board, tags); }, parts_->board);
 }

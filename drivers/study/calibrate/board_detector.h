@@ -17,7 +17,7 @@ class BoardDetector {
   ~BoardDetector();
 
   /// The corners at all tags of the board that are read without doubt, in the order of their ids.
-  std::vector<Corner> find(const GreyPixels& image);
+  std::vector<BoardCorner> find(const GreyPixels& image);
 
  private:
   struct Parts;

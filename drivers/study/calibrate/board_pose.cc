@@ -66,7 +66,7 @@ struct Fitted {
 Fitted linearise(const Camera& camera, const CornerView& view, const BoardShape& shape, const BoardPose& pose,
                  double sigma_px) {
   Fitted sum;
-  for (const Corner& corner : view.corners) {
+  for (const BoardCorner& corner : view.corners) {
     const Vec3 turned = pose.R_CT * shape.place(corner);
     Vec2 px;
     Mat23 by_point;
@@ -93,7 +93,7 @@ double cauchy_cost(double squared) { return 9 * std::log1p(squared / 9); }
 std::optional<BoardPose> board_pose(const Camera& camera, const CornerView& view, const BoardShape& shape,
                                     double sigma_px) {
   std::vector<Ray> rays;
-  for (const Corner& corner : view.corners) {
+  for (const BoardCorner& corner : view.corners) {
     Vec3 f_C;
     if (camera.unproject(corner.px, f_C)) rays.push_back({f_C, corner.p_T.head<2>()});
   }

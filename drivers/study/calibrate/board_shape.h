@@ -18,8 +18,8 @@ class BoardShape {
 
   int corners() const { return static_cast<int>(offsets_.size()); }
   /// The place of a corner in the list of offsets.
-  int index(const Corner& corner) const { return index_.at(corner.id); }
-  Vec3 place(const Corner& corner) const {
+  int index(const BoardCorner& corner) const { return index_.at(corner.id); }
+  Vec3 place(const BoardCorner& corner) const {
     return scale * corner.p_T + offsets_[static_cast<std::size_t>(index(corner))];
   }
   Vec3& offset(int corner) { return offsets_[static_cast<std::size_t>(corner)]; }

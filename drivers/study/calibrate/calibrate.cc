@@ -123,8 +123,8 @@ Result<LensFit> find_lens(const CalibrateSettings& settings, const std::vector<C
 
 }  // namespace
 
-std::vector<CameraTurn> turns_of(const std::vector<CornerView>& views, const LensFit& lens) {
-  std::vector<CameraTurn> turns;
+std::vector<CameraOrientation> turns_of(const std::vector<CornerView>& views, const LensFit& lens) {
+  std::vector<CameraOrientation> turns;
   for (std::size_t i = 0; i < views.size(); ++i)
     if (lens.poses[i]) turns.push_back({views[i].stamp, lens.poses[i]->R_CT.transpose()});
   return turns;

@@ -47,7 +47,7 @@ struct Calibration {
 };
 
 /// The camera's turns before the board, of the views with a pose.
-std::vector<CameraTurn> turns_of(const std::vector<CornerView>& views, const LensFit& lens);
+std::vector<CameraOrientation> turns_of(const std::vector<CornerView>& views, const LensFit& lens);
 
 /// Fills in how good the figures are: lens_px, covered and verdicts.
 void judge(Calibration& calibration);

@@ -15,7 +15,7 @@ namespace epiline {
 /// Places of a board's corners, by id; all in one plane.
 using Target = std::map<std::uint32_t, Vec3>;
 
-struct Corner {
+struct BoardCorner {
   std::uint32_t id = 0;
   Vec3 p_T = Vec3::Zero();  ///< m
   Vec2 px = Vec2::Zero();   ///< raw pixels
@@ -23,7 +23,7 @@ struct Corner {
 
 struct CornerView {
   HostStamp stamp;
-  std::vector<Corner> corners;
+  std::vector<BoardCorner> corners;
 };
 
 /// `target.csv`: id, x, y, z in metres. Fails if and only if it cannot be read, a line does not parse, an id is doubled

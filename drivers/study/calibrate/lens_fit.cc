@@ -92,7 +92,7 @@ class LensSolver {
     std::vector<double> squared;
     const Camera camera(lens_);
     for (const Placed& p : placed_)
-      for (const Corner& corner : p.view->corners) squared.push_back(squared_error(camera, p, corner));
+      for (const BoardCorner& corner : p.view->corners) squared.push_back(squared_error(camera, p, corner));
     // The squared error of two coordinates has its median at 2 ln 2 of one's variance.
     return std::max(std::sqrt(summarise(std::move(squared)).median / (2 * std::log(2.0))), 1e-3);
   }
@@ -108,7 +108,7 @@ class LensSolver {
   const BoardShape& shape() const { return shape_; }
 
  private:
-  double squared_error(const Camera& camera, const Placed& p, const Corner& corner) const {
+  double squared_error(const Camera& camera, const Placed& p, const BoardCorner& corner) const {
     Vec2 px;
     const bool seen = camera.project(p.pose.R_CT * shape_.place(corner) + p.pose.t_CT, px);
     return seen ? (corner.px - px).squaredNorm() : kUnseen_px2;
@@ -118,7 +118,7 @@ class LensSolver {
     const Camera camera(lens_);
     double cost = 0;
     for (const Placed& p : placed_) {
-      for (const Corner& corner : p.view->corners)
+      for (const BoardCorner& corner : p.view->corners)
         cost += cauchy_cost(squared_error(camera, p, corner) / (sigma_px_ * sigma_px_));
     }
     for (int i = 0; i < shape_.corners(); ++i)
@@ -140,12 +140,12 @@ class LensSolver {
     equations_.clear();
     for (const Placed& p : placed_) {
       ViewEquations v{Mat6::Zero(), Eigen::MatrixXd::Zero(6, shared), Vec6::Zero()};
-      for (const Corner& corner : p.view->corners) add(projection, p, corner, v);
+      for (const BoardCorner& corner : p.view->corners) add(projection, p, corner, v);
       equations_.push_back(std::move(v));
     }
   }
 
-  void add(const LensProjection& projection, const Placed& p, const Corner& corner, ViewEquations& v) {
+  void add(const LensProjection& projection, const Placed& p, const BoardCorner& corner, ViewEquations& v) {
     const Vec3 turned = p.pose.R_CT * shape_.place(corner);
     Vec2 px;
     Mat23 by_point;

@@ -108,11 +108,12 @@ RigFactors::View RigFactors::look(double t_s) const {
   return {at.knot, at.weights.value, motion_.at(t)};
 }
 
-int RigFactors::column(const Corner& corner) const {
+int RigFactors::column(const BoardCorner& corner) const {
   return layout_.corners + 3 * state_.constants.shape.index(corner);
 }
 
-bool RigFactors::corner(const View& view, const Corner& corner, Vec2& e, CornerJacobian& J, Mat23& by_corner) const {
+bool RigFactors::corner(const View& view, const BoardCorner& corner, Vec2& e, CornerJacobian& J,
+                        Mat23& by_corner) const {
   const Motion& m = view.motion;
   const Mat3 R_CB = state_.constants.R_BC.transpose(), R_CT = R_CB * m.R_WB.transpose();
   const Vec3 arm_T = state_.constants.shape.place(corner) - m.p_WB;

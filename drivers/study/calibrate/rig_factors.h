@@ -46,19 +46,19 @@ class RigFactors {
   View look(double t_s) const;
   /// e: measured minus projected, px. J: of the projected pixel; `by_corner`: by the corner's place in T. False where
   /// the lens does not see the corner.
-  bool corner(const View& view, const Corner& corner, Vec2& e, CornerJacobian& J, Mat23& by_corner) const;
+  bool corner(const View& view, const BoardCorner& corner, Vec2& e, CornerJacobian& J, Mat23& by_corner) const;
   /// Calls `use(corner, e, J, by_corner)` for each corner of the view that the lens sees.
   template <class Use>
   void each_corner(const View& at, const CornerView& view, const Use& use) const {
     Vec2 e;
     CornerJacobian J;
     Mat23 by_corner;
-    for (const Corner& seen : view.corners) {
+    for (const BoardCorner& seen : view.corners) {
       if (corner(at, seen, e, J, by_corner)) use(seen, e, J, by_corner);
     }
   }
   /// Column of that corner's offset.
-  int column(const Corner& corner) const;
+  int column(const BoardCorner& corner) const;
 
  private:
   struct Place {

@@ -67,7 +67,7 @@ class Rig {
     const RigFactors factors(state_, layout);
     double sum = 0;
     for (const RigView& view : problem_.views) {
-      factors.each_corner(factors.look(view.t_s), *view.view, [&](const Corner& corner, const Vec2& e, auto&...) {
+      factors.each_corner(factors.look(view.t_s), *view.view, [&](const BoardCorner& corner, const Vec2& e, auto&...) {
         if (e.norm() > 6 * fit.noise.corner_px) {
           ++fit.outliers;
           return;
@@ -209,7 +209,7 @@ class Rig {
     }
     for (const RigView& view : problem_.views) {
       factors.each_corner(factors.look(view.t_s), *view.view,
-                          [&](const Corner&, const Vec2& e, auto&...) { px.push_back(e.squaredNorm()); });
+                          [&](const BoardCorner&, const Vec2& e, auto&...) { px.push_back(e.squaredNorm()); });
     }
     const double free = 1 - static_cast<double>(pieces_) / static_cast<double>(problem_.readings.size());
     const auto sigma = [&](std::vector<double> values) {
@@ -241,7 +241,7 @@ class Rig {
     const int begin = layout.columns.begin, count = layout.columns.gravity - begin;
     Eigen::MatrixXd N = Eigen::MatrixXd::Zero(6 + count, 6 + count);
     Eigen::VectorXd b = Eigen::VectorXd::Zero(6 + count);
-    const auto add = [&](const Corner& corner, const Vec2& e, const CornerJacobian& J, const Mat23& by_corner) {
+    const auto add = [&](const BoardCorner& corner, const Vec2& e, const CornerJacobian& J, const Mat23& by_corner) {
       const double weight = corner_weight(e, problem_.noise);
       N.noalias() += weight * J.transpose() * J;
       b.noalias() += weight * J.transpose() * e;

@@ -49,7 +49,7 @@ using TermVector = Eigen::Matrix<double, kLensTerms, 1>;
 struct SeenCorner {
   double t_s;
   const RigFactors::View& at;
-  const Corner& corner;
+  const BoardCorner& corner;
   Vec2 px, e;  ///< projected; measured minus projected
   const CornerJacobian& J;
   const Mat23& by_corner;
@@ -97,7 +97,8 @@ class Uncertainty {
     for (const RigView& view : problem_.views) {
       const RigFactors::View at = factors_.look(view.t_s);
       factors_.each_corner(
-          at, *view.view, [&](const Corner& corner, const Vec2& e, const CornerJacobian& J, const Mat23& by_corner) {
+          at, *view.view,
+          [&](const BoardCorner& corner, const Vec2& e, const CornerJacobian& J, const Mat23& by_corner) {
             use(SeenCorner{view.t_s, at, corner, corner.px - e, e, J, by_corner, corner_weight(e, problem_.noise)});
           });
     }

@@ -46,7 +46,7 @@ struct CameraRate {
   Vec3 omega_C;
 };
 
-std::vector<CameraRate> rates_of(const std::vector<CameraTurn>& turns) {
+std::vector<CameraRate> rates_of(const std::vector<CameraOrientation>& turns) {
   constexpr double kLongest_s = 0.3;
   std::vector<CameraRate> rates;
   for (std::size_t i = 1; i < turns.size(); ++i) {
@@ -126,7 +126,7 @@ void distrust_far_ones(const std::vector<CameraRate>& rates, const AddedRates& g
 
 }  // namespace
 
-Result<TurnAlignment> align_turns(const std::vector<CameraTurn>& turns, const std::vector<ImuSample>& imu) {
+Result<TurnAlignment> align_turns(const std::vector<CameraOrientation>& turns, const std::vector<ImuSample>& imu) {
   const auto fail = [](std::string found, std::string expected) {
     return Error{ErrorKind::kRun, "", 0, std::move(found), std::move(expected)};
   };

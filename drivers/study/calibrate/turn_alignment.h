@@ -9,7 +9,7 @@
 namespace epiline {
 
 /// A camera's orientation in a frame that stands still.
-struct CameraTurn {
+struct CameraOrientation {
   HostStamp stamp;
   Mat3 R_TC = Mat3::Identity();
 };
@@ -24,6 +24,6 @@ struct TurnAlignment {
 /// The rotation and bias that bring the camera's mean rates between neighbouring images closest to the gyroscope's
 /// (Kabsch 1976), at the time offset within half a second where they come closest. Fails if and only if there are too
 /// few pairs of images, they do not turn about two axes, or the two do not agree at any offset.
-Result<TurnAlignment> align_turns(const std::vector<CameraTurn>& turns, const std::vector<ImuSample>& imu);
+Result<TurnAlignment> align_turns(const std::vector<CameraOrientation>& turns, const std::vector<ImuSample>& imu);
 
 }  // namespace epiline

@@ -88,7 +88,7 @@ TurnAgreement before_a_board(const WavedRig& rig) {
   for (const CornerView& view : rig.views()) {
     TrackedFrame frame;
     frame.stamp = view.stamp;
-    for (const Corner& corner : view.corners) {
+    for (const BoardCorner& corner : view.corners) {
       Vec3 f_C;
       camera.unproject(corner.px, f_C);
       TrackedFeature feature;

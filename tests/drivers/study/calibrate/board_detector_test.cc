@@ -45,7 +45,7 @@ class TiltedBoards : public testing::Test {
       const GreyImage image = photographer.take(R_TC, p_TC);
       const auto corners = detector->find(pixels_of(image));
       EXPECT_GE(corners.size(), least) << tilt.transpose();
-      for (const Corner& corner : corners) {
+      for (const BoardCorner& corner : corners) {
         Vec2 px;
         ASSERT_TRUE(camera.project(R_TC.transpose() * (corner.p_T - p_TC), px));
         EXPECT_LT((px - corner.px).norm(), most_px) << "corner " << corner.id << ", tilt " << tilt.transpose();

@@ -102,7 +102,7 @@ TEST(Lens, CornersOfAnotherBoardAreRefused) {
   auto views = rig.views();
   Random random(1, 2);
   for (CornerView& view : views)
-    for (Corner& corner : view.corners) corner.px = Vec2(376, 240) + 100 * random.normal3(1).head<2>();
+    for (BoardCorner& corner : view.corners) corner.px = Vec2(376, 240) + 100 * random.normal3(1).head<2>();
   const auto fit = fit_lens(views, rig.lens.model, rig.lens.width, rig.lens.height, std::nullopt);
   ASSERT_FALSE(fit);
   EXPECT_THAT(fit.error().text(), HasSubstr("no radial-tangential lens explains the corners"));
@@ -117,8 +117,8 @@ TEST(Lens, TooFewImagesAreRefused) {
   EXPECT_THAT(fit.error().text(), HasSubstr("5 images that show"));
 }
 
-std::vector<CameraTurn> turns_of(const WavedRig& rig) {
-  std::vector<CameraTurn> turns;
+std::vector<CameraOrientation> turns_of(const WavedRig& rig) {
+  std::vector<CameraOrientation> turns;
   for (double t = 0.3; t < rig.seconds - 0.3; t += 0.05)
     turns.push_back({WavedRig::kBegin + Span::from_seconds(t - rig.time_offset_s), rig.pose(t).R_TB * rig.R_BC});
   return turns;

@@ -33,7 +33,7 @@ TEST_P(Charuco, EveryCornerOfABoardDrawnByOpenCvIsFoundWhereItIs) {
   auto detector = BoardDetector::create(board);
   const auto corners = detector->find({drawn.data, drawn.cols, drawn.rows, static_cast<int>(drawn.step)});
   EXPECT_EQ(corners.size(), static_cast<std::size_t>((board.columns - 1) * (board.rows - 1)));
-  for (const Corner& corner : corners) {
+  for (const BoardCorner& corner : corners) {
     // pixel centres are whole numbers, so the edge before the first pixel is at -0.5
     const Vec2 expected(kRim_px - 0.5 + kSquare_px * corner.p_T.x() / board.square_m,
                         kRim_px - 0.5 + kSquare_px * (board.height_m() - corner.p_T.y()) / board.square_m);

@@ -56,7 +56,7 @@ TEST_P(Models, CornersHaveTheirDerivatives) {
   const RigState state = state_of(GetParam());
   const RigLayout layout(state);
   const RigFactors factors(state, layout);
-  const Corner corner{3, {0.2, 0.3, 0}, {300, 200}};
+  const BoardCorner corner{3, {0.2, 0.3, 0}, {300, 200}};
   const double t_s = 0.4567;
   const RigFactors::View view = factors.look(t_s);
   Vec2 e;

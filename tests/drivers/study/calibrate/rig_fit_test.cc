@@ -101,7 +101,7 @@ TEST_P(WrongSize, IsToldByTheAccelerometer) {
   WavedRig rig;
   auto views = rig.views();
   for (CornerView& view : views)
-    for (Corner& corner : view.corners) corner.p_T *= GetParam();
+    for (BoardCorner& corner : view.corners) corner.p_T *= GetParam();
   const auto fit = fit_of(rig, views, rig.lens.model);
   ASSERT_TRUE(fit) << fit.error().text();
   EXPECT_FALSE(fit->is_board_as_described());
