@@ -163,10 +163,10 @@ bool CanWheelSource::take_signal(std::span<const std::uint8_t> bytes, const Arri
   std::memcpy(&frame, bytes.data(), bytes.size());
   const std::uint32_t wanted = config_.signal.id | (config_.signal.extended ? CAN_EFF_FLAG : 0);
   if (frame.can_id != wanted) return false;  // the kernel's filter lets none through
-  const std::size_t room = bytes.size() - offsetof(canfd_frame, data);
-  const auto value = value_of(config_.signal, {frame.data, std::min<std::size_t>(frame.len, room)});
+  const std::size_t room = bytes.size() - offsetof(canfd_frame, data), size = std::min<std::size_t>(frame.len, room);
+  const auto value = value_of(config_.signal, {frame.data, size});
   if (!value) {
-    ++(frame.len < bytes_of(config_.signal) ? counts_.too_short : counts_.not_finite);
+    ++(size < static_cast<std::size_t>(bytes_of(config_.signal)) ? counts_.too_short : counts_.not_finite);
     return false;
   }
   const HostStamp arrival = clock_.arrival(stamps, ClockPair::now());

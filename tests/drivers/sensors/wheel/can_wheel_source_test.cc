@@ -58,6 +58,10 @@ TEST(CanWheelSource, ReadsTheConfiguredSignalAndNothingElse) {
   EXPECT_TRUE(source.decode(lying, stamps, sample));
   EXPECT_FALSE(source.decode({lying.data(), 7}, stamps, sample));
   EXPECT_EQ(source.counts().samples, 3u);
+  CanWheelSource beyond({.interface = "can0", .signal = {.id = 0x1a0, .start_bit = 64, .length = 8}});
+  EXPECT_FALSE(beyond.decode(lying, stamps, sample));
+  EXPECT_EQ(beyond.counts().too_short, 1u);
+  EXPECT_EQ(beyond.counts().not_finite, 0u);
   EXPECT_EQ(source.counts().too_short, 2u);
 }
 
