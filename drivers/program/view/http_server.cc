@@ -102,7 +102,7 @@ struct HttpServer::Impl {
     if (daemon != nullptr) MHD_stop_daemon(daemon);  // closes the socket too
   }
   HttpResponse refuse(MHD_Connection* connection, const char* method) const;
-  static MHD_Result send(MHD_Connection* connection, const HttpResponse& response);
+  MHD_Result send(MHD_Connection* connection, const HttpResponse& response) const;
   void opened(MHD_Connection* connection, void** context);
   void drop_silent();
   void make_room();
@@ -131,7 +131,7 @@ HttpResponse HttpServer::Impl::refuse(MHD_Connection* connection, const char* me
   const auto refusal = [](int status, const char* text) { return HttpResponse{status, "text/plain", text, ""}; };
   const bool is_post = posts == HttpPosts::kWithoutBody && std::strcmp(method, "POST") == 0;
   if (!is_post && std::strcmp(method, "GET") != 0 && std::strcmp(method, "HEAD") != 0)
-    return refusal(405, posts == HttpPosts::kRefused ? "only GET and HEAD\n" : "only GET, HEAD and POST\n");
+    return refusal(405, "no such method here\n");
   const char* const length = header("Content-Length");
   if (header("Transfer-Encoding") != nullptr || (length != nullptr && std::strcmp(length, "0") != 0)) {
     return refusal(413, "requests with a body are refused\n");
@@ -145,7 +145,7 @@ HttpResponse HttpServer::Impl::refuse(MHD_Connection* connection, const char* me
   return {};
 }
 
-MHD_Result HttpServer::Impl::send(MHD_Connection* connection, const HttpResponse& r) {
+MHD_Result HttpServer::Impl::send(MHD_Connection* connection, const HttpResponse& r) const {
   MHD_Response* const response = MHD_create_response_from_buffer(
       r.body.size(), const_cast<char*>(r.body.data()), MHD_RESPMEM_MUST_COPY);  // copied: the cast takes no right
   if (response == nullptr) return MHD_NO;                                       // closes the connection
@@ -158,7 +158,7 @@ MHD_Result HttpServer::Impl::send(MHD_Connection* connection, const HttpResponse
   add("Referrer-Policy", "no-referrer");
   add("Cross-Origin-Resource-Policy", "same-origin");
   add("Cross-Origin-Opener-Policy", "same-origin");
-  if (r.status == 405) add("Allow", "GET, HEAD");
+  if (r.status == 405) add("Allow", posts == HttpPosts::kRefused ? "GET, HEAD" : "GET, HEAD, POST");
   const MHD_Result queued = MHD_queue_response(connection, static_cast<unsigned>(r.status), response);
   MHD_destroy_response(response);  // one reference less; the queue holds its own
   return queued;
@@ -177,10 +177,10 @@ MHD_Result HttpServer::Impl::on_request(void* self, MHD_Connection* connection, 
       peer.has_asked = true;
     }
     const HttpResponse refusal = m.refuse(connection, method);
-    return refusal.status == 200 ? MHD_YES : send(connection, refusal);
+    return refusal.status == 200 ? MHD_YES : m.send(connection, refusal);
   }
   try {
-    return send(connection, m.handler(HttpRequest(connection, path, std::strcmp(method, "POST") == 0)));
+    return m.send(connection, m.handler(HttpRequest(connection, path, std::strcmp(method, "POST") == 0)));
   } catch (const std::exception&) {  // out of memory, at worst; it must not pass through the library's C
     return MHD_NO;
   }

@@ -139,6 +139,9 @@ TEST_F(CheckPage, BeginsAnewWhenAsked) {
   EXPECT_EQ(state()["imu"]["turned_rad"][0], 0);
   EXPECT_TRUE(view_->takes_new_start());
   EXPECT_FALSE(view_->takes_new_start()) << "once";
+  const Answer refused = ask(port(), "DELETE /again HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+  EXPECT_EQ(refused.status, 405);
+  EXPECT_THAT(refused.head, HasSubstr("\r\nAllow: GET, HEAD, POST\r\n"));
 }
 
 TEST_F(CheckPage, NothingIsWrittenForOtherComputers) {
