@@ -66,9 +66,11 @@ int write_board(BoardArguments& arguments) {
   if (!pdf) return report(pdf.error());
   std::filesystem::path description = arguments.out;
   description.replace_extension(".yaml");
-  const auto folder = claim(arguments.out.has_parent_path() ? arguments.out.parent_path() : ".",
-                            {arguments.out.filename().string(), description.filename().string()}, arguments.foreign);
+  const std::filesystem::path place = arguments.out.has_parent_path() ? arguments.out.parent_path() : ".";
+  const auto folder =
+      claim(place, {arguments.out.filename().string(), description.filename().string()}, arguments.foreign);
   if (!folder) return report(folder.error());
+  if (const Status s = make_folder(place); !s) return report(s.error());
   if (const Status s = write_text(arguments.out, *pdf); !s) return report(s.error());
   if (const Status s = write_text(description, board_yaml(*board)); !s) return report(s.error());
   fmt::print("board       {}: {}; print it at 100 %, glue it to something flat\n", arguments.out.string(),

@@ -65,7 +65,7 @@ TEST_F(OutputOfCommands, IsRefusedAtOnceWhereNoFolderCanBe) {
 }
 
 TEST_F(OutputOfCommands, OfABoardIsRefusedInPlaceOfACorrectedDescription) {
-  const fs::path out = scratch() / "board.pdf", description = scratch() / "board.yaml";
+  const fs::path out = scratch() / "new/board.pdf", description = scratch() / "new/board.yaml";
   ASSERT_EQ(run_into("board", out).exit_code, 0);
   ASSERT_EQ(run_into("board --columns 5", out).exit_code, 0);  // its own
   write(description, read(description) + "# measured\n");
