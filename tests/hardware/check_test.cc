@@ -4,7 +4,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <memory>
 
 #include "tests/hardware/camera_support.h"
 #include "tests/hardware/can_support.h"
@@ -47,33 +46,20 @@ class CheckOfTheKernel : public CanBus {
 
 constexpr const char* kNoCamera = "device = \"/dev/no-such-camera\"\n";
 
-TEST_F(CheckOfTheKernel, WhatItSendsItselfIsNobodyElseTalking) {
-  const Findings alone = check(kNoCamera, "[can]\ninterface = \"vcan7\"\n", 3);
-  EXPECT_EQ(grade(alone, "can", "0 frames with 0 identifiers received on vcan7"), "warning");
-  Peer sender(false);
-  const Again hand(200, [&](std::int64_t) { sender.say(0x123, {1, 2, 3}); });
-  const Findings two = check(kNoCamera, "[can]\ninterface = \"vcan7\"\n", 3);
-  EXPECT_EQ(grade(two, "can", "frames with 1 identifiers received on vcan7"), "ok");
-}
-
 // More frames than the kernel keeps come before the wheel's first one.
 TEST_F(CheckOfTheKernel, WheelsAreHeardOnABusyBus) {
   const char* const kWheel = "[wheel]\ninterface = \"vcan7\"\nsignal = \"0x123 0|16@1- (0.01,0)\"\n";
   Peer sender(false);
   int said = 0;
-  auto hand = std::make_unique<Again>(500, [&](std::int64_t) {
+  const Again hand(500, [&](std::int64_t) {
     do {
       sender.say(0x200, {1, 2, 3});
     } while (++said < 5'000);
     if (said % 10 == 0) sender.say(0x123, {static_cast<std::uint8_t>(said % 100), 1});
   });
   const Findings heard = check(kNoCamera, kWheel, 10);
-  hand.reset();
   EXPECT_EQ(grade(heard, "wheel", "speeds per second"), "ok");
   EXPECT_EQ(grade(heard, "wheel", "frames with 2 identifiers received on vcan7"), "ok");
-  const Findings silent = check(kNoCamera, kWheel, 1);
-  EXPECT_EQ(grade(silent, "wheel", "no speed received"), "error");
-  EXPECT_EQ(grade(silent, "wheel", "none with 0x123 of wheel.signal"), "error");
 }
 
 // Lines are looked at though the devices that they belong to are not there.

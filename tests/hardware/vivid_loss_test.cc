@@ -1,12 +1,9 @@
 // The camera against the kernel's test driver vivid: lost and damaged images, injected errors, a device that goes and
 // comes back.
 #include <atomic>
-#include <cerrno>
 #include <cstdio>
 #include <optional>
-#include <string>
 #include <thread>
-#include <utility>
 #include <vector>
 
 #include "platform/concurrency/lock_count.h"
@@ -50,21 +47,6 @@ TEST_F(Vivid, AWrappingSequenceIsNoLoss) {
   EXPECT_LT(camera.counts().lost, 1u << 20) << "a busy emulator loses some, not 2^32";
 }
 
-TEST_F(Vivid, DamagedImagesAreCountedAndLeftOut) {
-  V4l2Camera camera(small_settings());
-  ASSERT_OPENS(camera);
-  std::uint64_t last = 0;  // the first image has sequence 0
-  const auto note = [&](const Frame& frame) { last = frame.sequence; };
-  watch(camera, 3, note);
-  set_controls(kDevice, {{"inject_v4l2_buf_flag_error", 1}});
-  ASSERT_TRUE(read_until(camera, [&] { return camera.counts().damaged > 0; }));
-  watch(camera, 2, note);
-  const CameraCounts counts = camera.counts();
-  EXPECT_EQ(counts.damaged, 1u);
-  EXPECT_EQ(counts.disconnected, 0u);
-  EXPECT_EQ(last, counts.frames - 1 + counts.lost + counts.damaged) << "not among those handed out";
-}
-
 TEST_F(Vivid, AFatalErrorIsOvercomeWithoutHeapOrLocks) {
   V4l2Camera camera(small_settings());
   ASSERT_OPENS(camera);
@@ -94,46 +76,6 @@ TEST_F(Vivid, AFatalErrorIsOvercomeWithoutHeapOrLocks) {
     EXPECT_EQ(device_mappings().size(), mappings);
   }
   EXPECT_EQ(camera.counts().last_error, EIO);
-}
-
-TEST_F(Vivid, WhatFailsAtTheStartIsAnError) {
-  for (const auto& [control, step] : {std::pair{"inject_vidioc_reqbufs_error", "VIDIOC_REQBUFS"},
-                                      std::pair{"inject_vidioc_qbuf_error", "VIDIOC_QBUF"},
-                                      std::pair{"inject_vidioc_streamon_error", "VIDIOC_STREAMON"}}) {
-    V4l2Settings settings = small_settings();
-    settings.controls = {{control, 1}};
-    V4l2Camera camera(settings);
-    const int files = open_files();
-    const Status status = camera.open();
-    ASSERT_FALSE(status) << control;
-    EXPECT_EQ(status.error().text(), std::string("/dev/video0: Invalid argument [") + step + "]") << control;
-    EXPECT_EQ(open_files(), files - 0);
-    EXPECT_TRUE(device_mappings().empty());
-  }
-}
-
-TEST_F(Vivid, FailedAttemptsToReopenAreRepeated) {
-  V4l2Camera camera(small_settings());
-  ASSERT_OPENS(camera);
-  watch(camera, 2, [](const Frame&) {});
-  set_controls(kDevice, {{"inject_vidioc_streamon_error", 1}, {"inject_fatal_streaming_error", 1}});
-  Frame frame;
-  ASSERT_TRUE(read_within(camera, frame, kPatience));
-  camera.give_back(frame);
-  EXPECT_EQ(camera.counts().disconnected, 1u);
-  EXPECT_EQ(camera.counts().retries, 1u);
-}
-
-// A failing QBUF in flight: the image before it is not lost twice, the stream begins anew.
-TEST_F(Vivid, ARefusedBufferStartsTheStreamAnew) {
-  V4l2Camera camera(small_settings());
-  ASSERT_OPENS(camera);
-  Frame frame;
-  ASSERT_TRUE(read_within(camera, frame, kPatience));
-  set_controls(kDevice, {{"inject_vidioc_qbuf_error", 1}});
-  camera.give_back(frame);
-  watch(camera, 3, [](const Frame&) {});
-  EXPECT_EQ(camera.counts().disconnected, 1u);
 }
 
 TEST_F(Vivid, LentImagesOutliveTheDevice) {
@@ -217,33 +159,6 @@ TEST_F(Vivid, AnUnpluggedDeviceComesBackWhenPlugged) {
   EXPECT_LE(camera.counts().retries, 7 + away_s) << "waits longer and longer, a second in the end";
   EXPECT_EQ(open_files(), files);
   EXPECT_EQ(device_mappings().size(), mappings);
-}
-
-TEST_F(Vivid, WithEverythingLentItWaitsUntilOneIsGivenBack) {
-  for (const PixelFormat format : {PixelFormat::kGrey, PixelFormat::kY16}) {
-    V4l2Settings settings = small_settings();
-    settings.formats = {format};
-    settings.buffers = 4;
-    V4l2Camera camera(settings);
-    ASSERT_OPENS(camera);
-    std::vector<Frame> lent(4);
-    for (Frame& frame : lent) ASSERT_TRUE(read_within(camera, frame, kPatience));
-    Frame frame;
-    for (int i = 0; i < 3; ++i)
-      ASSERT_EQ(camera.read(frame, Span::from_milliseconds(100)), ReadOutcome::kTimeout) << "not failed";
-    if (camera.copies()) {
-      ASSERT_TRUE(read_until(camera, [&] { return camera.counts().no_slot > 0; }));
-    }
-    std::thread reader([&] {
-      std::this_thread::sleep_for(std::chrono::milliseconds(100));
-      camera.give_back(lent[2]);
-    });
-    EXPECT_TRUE(read_within(camera, frame, kPatience));
-    reader.join();
-    EXPECT_EQ(frame.slot, lent[2].slot);
-    EXPECT_EQ(camera.counts().disconnected, 0u);
-    EXPECT_EQ(camera.counts().no_slot > 0, format == PixelFormat::kY16);
-  }
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 // The camera against the kernel's test driver vivid: formats, stamps, controls.
 #include <algorithm>
 #include <cstdio>
-#include <string>
 #include <vector>
 
 #include "platform/concurrency/lock_count.h"
@@ -47,33 +46,8 @@ TEST_F(Vivid, EveryFormatShowsTheSameImage) {
   EXPECT_GT(*std::max_element(grey.begin(), grey.end()) - *std::min_element(grey.begin(), grey.end()), 100);
 }
 
-TEST_F(Vivid, TheFirstFormatToBeHadIsTaken) {
+TEST_F(Vivid, SaysWhichControlItDoesNotTake) {
   V4l2Settings settings = small_settings();
-  settings.formats = {PixelFormat::kY10P, PixelFormat::kY12, PixelFormat::kGrey};  // vivid has no Y10P
-  V4l2Camera camera(settings);
-  ASSERT_OPENS(camera);
-  EXPECT_EQ(camera.format().format, PixelFormat::kY12);
-}
-
-TEST_F(Vivid, SaysWhatTheDeviceGivesInstead) {
-  V4l2Settings settings = small_settings();
-  settings.width = 333;
-  const std::string size = error_of_opening(V4l2Camera(settings));
-  EXPECT_EQ(size.rfind("/dev/video0: the camera does not offer 333x180 in GREY [camera.width, camera.height, "
-                       "camera.format]; expected ",
-                       0),
-            0u)
-      << size;
-  EXPECT_NE(size.find("320x180 ("), std::string::npos) << size;
-  settings = small_settings();
-  settings.rate_hz = 1000;
-  const std::string rate = error_of_opening(V4l2Camera(settings));
-  EXPECT_EQ(rate.rfind("/dev/video0: the camera does not offer 1000 Hz at GREY 320x180, but takes 60 [camera.rate_hz]; "
-                       "expected ",
-                       0),
-            0u)
-      << rate;
-  settings = small_settings();
   settings.controls = {{"shutter_of_doubt", 1}};
   EXPECT_EQ(
       error_of_opening(V4l2Camera(settings)),
@@ -133,51 +107,6 @@ TEST_F(Vivid, StampsAreBroughtToMidExposure) {
       });
     }
   }
-}
-
-TEST_F(Vivid, StampsOfAnotherClockAreRefused) {
-  V4l2Settings settings = small_settings();
-  settings.controls = {{"wrap_timestamp", 1}};
-  V4l2Camera camera(settings);
-  ASSERT_OPENS(camera);
-  ASSERT_TRUE(read_until(camera, [&] { return camera.counts().bad_stamps > 3; }));
-  EXPECT_EQ(camera.counts().frames, 0u);
-  EXPECT_EQ(camera.counts().disconnected, 0u) << "the device is well";
-}
-
-TEST_F(Vivid, ControlsAreSetWhileItStreams) {
-  set_controls(kDevice, {{"brightness", 128}});
-  V4l2Camera camera(small_settings());
-  ASSERT_OPENS(camera);
-  watch(camera, 2, [](const Frame&) {});
-  EXPECT_FALSE(camera.request_control(std::string(60, 'x'), 1));
-  ASSERT_TRUE(camera.request_control("brightness", 250));
-  ASSERT_TRUE(camera.request_control("no_such_control", 1));
-  ASSERT_TRUE(camera.request_control("saturation", 1'000));  // 255 is all it takes
-  const HeapCallScope heap;
-  Frame frame;
-  for (int i = 0; i < 8; ++i) {
-    ASSERT_TRUE(read_within(camera, frame, kPatience));
-    camera.give_back(frame);
-  }
-  EXPECT_EQ(heap.calls(), 0u);
-  ControlChange answer;
-  ASSERT_TRUE(camera.control_answer(answer));
-  EXPECT_TRUE(answer.is_set);
-  EXPECT_EQ(answer.value, 250);
-  ASSERT_TRUE(camera.control_answer(answer));
-  EXPECT_FALSE(answer.is_set);
-  ASSERT_TRUE(camera.control_answer(answer));
-  EXPECT_EQ(answer.value, 255) << "as read back";
-  // a device that was lost is set up as it was
-  set_controls(kDevice, {{"brightness", 10}, {"inject_fatal_streaming_error", 1}});
-  ASSERT_TRUE(read_until(camera, [&] { return camera.counts().disconnected == 1 && camera.is_streaming(); }));
-  V4l2Device other;
-  ASSERT_FALSE(other.open(kDevice, ""));
-  std::int64_t value = 0;
-  ASSERT_FALSE(other.control("brightness", value));
-  EXPECT_EQ(value, 250);
-  set_controls(kDevice, {{"brightness", 128}, {"saturation", 128}});
 }
 
 // Of changes by another program the kernel tells; the stamps follow.

@@ -88,7 +88,7 @@ void LoopbackWriter::close() noexcept {
   fd_ = -1;
 }
 
-bool LoopbackWriter::write(const Frame& frame, const Frame& second, std::size_t bytes) noexcept {
+bool LoopbackWriter::write(const Frame& frame, const Frame& second) noexcept {
   constexpr std::int64_t kSecond_ns = 1'000'000'000;
   if ((frame.width != width_ && 2 * frame.width != width_) || frame.height != height_) {
     errno = EINVAL;
@@ -106,7 +106,7 @@ bool LoopbackWriter::write(const Frame& frame, const Frame& second, std::size_t 
     }
   }
   v4l2_buffer buffer = numbered(next_);
-  buffer.bytesused = static_cast<std::uint32_t>(bytes > 0 ? bytes : stride_ * static_cast<std::size_t>(height_));
+  buffer.bytesused = static_cast<std::uint32_t>(stride_ * static_cast<std::size_t>(height_));
   buffer.flags = V4L2_BUF_FLAG_TIMESTAMP_COPY;
   buffer.timestamp.tv_sec = frame.stamp.ns / kSecond_ns;
   buffer.timestamp.tv_usec = frame.stamp.ns % kSecond_ns / 1'000;

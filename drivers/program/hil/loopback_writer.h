@@ -20,11 +20,9 @@ class LoopbackWriter {
   /// Sets the device's format and the rate that it reports (0: none). Readers can open the device after that.
   Status open(const std::string& device, int width, int height, double rate_hz = 0);
   void close() noexcept;
-  /// Passes the timestamp on, cut to microseconds. `bytes`: reported number of bytes in the buffer, for
-  /// tests of short images; 0: the whole image. False: the kernel refused the buffer; errno holds the reason.
-  bool write(const Frame& frame, std::size_t bytes = 0) noexcept { return write(frame, {}, bytes); }
-  /// Of a device opened with twice the width: both images side by side, black for a second one without data.
-  bool write(const Frame& frame, const Frame& second, std::size_t bytes = 0) noexcept;
+  /// Passes the timestamp on, cut to microseconds. `second`: of a device opened with twice the width, beside the first;
+  /// black without data. False: the kernel refused the buffer; errno holds the reason.
+  bool write(const Frame& frame, const Frame& second = {}) noexcept;
 
  private:
   static constexpr unsigned kMostBuffers = 4;

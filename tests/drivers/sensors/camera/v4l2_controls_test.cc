@@ -13,6 +13,7 @@ using test::kSecond_ns;
 TEST(V4l2Camera, ControlsAreSetWhileItStreamsAndAgainWhenItIsBack) {
   CameraRig rig;
   rig.open(0.1);
+  EXPECT_FALSE(rig.camera->request_control(std::string(60, 'x'), 1));
   ASSERT_TRUE(rig.camera->request_control("brightness", 250));
   ASSERT_TRUE(rig.camera->request_control("no_such_control", 1));
   ASSERT_TRUE(rig.camera->request_control("exposure_time_absolute", 1'000));  // 255 is all it takes

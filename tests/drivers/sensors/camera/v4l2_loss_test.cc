@@ -114,17 +114,22 @@ TEST(V4l2Camera, LentImagesOutliveTheDevice) {
 }
 
 TEST(V4l2Camera, WithEverythingLentItWaitsUntilOneIsGivenBack) {
-  CameraRig rig;
-  rig.settings.buffers = 4;
-  rig.open();
-  std::vector<Frame> lent(4);
-  for (Frame& frame : lent) ASSERT_EQ(rig.camera->read(frame, Span{kSecond_ns}), ReadOutcome::kSample);
-  Frame frame;
-  ASSERT_EQ(rig.camera->read(frame, Span::from_milliseconds(100)), ReadOutcome::kTimeout) << "not failed";
-  rig.kernel.at(rig.kernel.clock_ns + 50 * kMs, [&] { rig.camera->give_back(lent[2]); });
-  ASSERT_EQ(rig.camera->read(frame, Span::from_milliseconds(100)), ReadOutcome::kSample);
-  EXPECT_EQ(frame.slot, lent[2].slot);
-  EXPECT_EQ(rig.camera->counts().disconnected, 0u);
+  for (const bool copies : {false, true}) {
+    CameraRig rig;
+    rig.device->formats[0].fourcc = copies ? V4L2_PIX_FMT_YUYV : V4L2_PIX_FMT_GREY;
+    rig.settings.formats = {PixelFormat::kGrey, PixelFormat::kYuyv};
+    rig.settings.buffers = 4;
+    rig.open();
+    std::vector<Frame> lent(4);
+    for (Frame& frame : lent) ASSERT_EQ(rig.camera->read(frame, Span{kSecond_ns}), ReadOutcome::kSample);
+    Frame frame;
+    ASSERT_EQ(rig.camera->read(frame, Span::from_milliseconds(100)), ReadOutcome::kTimeout) << "not failed";
+    rig.kernel.at(rig.kernel.clock_ns + 50 * kMs, [&] { rig.camera->give_back(lent[2]); });
+    ASSERT_EQ(rig.camera->read(frame, Span::from_milliseconds(100)), ReadOutcome::kSample);
+    EXPECT_EQ(frame.slot, lent[2].slot);
+    EXPECT_EQ(rig.camera->counts().disconnected, 0u);
+    EXPECT_EQ(rig.camera->counts().no_slot > 0, copies);
+  }
 }
 
 TEST(V4l2Camera, AnotherCameraIsNotTakenForTheOneThatWasLost) {
