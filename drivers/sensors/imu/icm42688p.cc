@@ -1,6 +1,5 @@
 #include "drivers/sensors/imu/icm42688p.h"
 
-#include <cerrno>
 #include <cmath>
 #include <cstdlib>
 

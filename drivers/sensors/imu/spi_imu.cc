@@ -1,8 +1,6 @@
 #include "drivers/sensors/imu/spi_imu.h"
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <string>
 #include <utility>
 

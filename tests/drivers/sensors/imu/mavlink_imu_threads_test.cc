@@ -105,17 +105,6 @@ void expect_readings(bool knows_highres, std::uint8_t autopilot) {
 TEST(MavlinkImu, TakesHighresImu) { expect_readings(true, 12); }
 TEST(MavlinkImu, TakesRawImuOfAnArduPilot) { expect_readings(false, 3); }
 
-TEST(MavlinkImu, MustNotBeTurnedAgain) {
-  PseudoTerminal line;
-  const Mat3 turned = Vec3(-1, -1, 1).asDiagonal();
-  MavlinkLink link(serial_config(line.path()), turned, kImu);
-  const Status status = link.open();
-  ASSERT_FALSE(status);
-  EXPECT_EQ(status.error().text(),
-            "[body]: angles with imu.driver = \"mavlink\"; expected angles of 0: a flight controller sends its samples "
-            "in the vehicle's axes");
-}
-
 TEST(MavlinkImu, FailsWhileTheLineIsLost) {
   PseudoTerminal line;
   MavlinkLink link(serial_config(line.path()), Mat3::Identity(), kImu);

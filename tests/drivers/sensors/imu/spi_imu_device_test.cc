@@ -4,7 +4,6 @@
 
 #include <cerrno>
 
-#include "drivers/sensors/imu/imu_noise_table.h"
 #include "platform/memory/allocation_count.h"
 
 namespace epiline {
@@ -18,7 +17,6 @@ TEST(SpiImuDevice, IsTheChipOfTheConfiguration) {
     config.driver = static_cast<int>(driver);
     const std::unique_ptr<SpiImu> imu = make_spi_imu(config);
     ASSERT_TRUE(imu);
-    EXPECT_NE(noise_of(imu->facts().name), nullptr) << imu->facts().name;
     const Status status = imu->open();
     ASSERT_FALSE(status);
     const std::string told = status.error().text();
@@ -46,14 +44,6 @@ TEST(SpiImuDevice, AFileThatIsNoSpiDeviceIsNamed) {
   const Status status = make_spi_imu(config)->open();
   ASSERT_FALSE(status);
   EXPECT_NE(status.error().text().find("an SPI device, /dev/spidevB.C"), std::string::npos) << status.error().text();
-}
-
-TEST(ImuNoise, IsInSiUnits) {
-  const ImuNoiseFigures* const icm = noise_of("ICM-42688-P");
-  ASSERT_NE(icm, nullptr);
-  EXPECT_NEAR(icm->gyroscope_rad_s_sqrt_hz, 4.887e-5, 1e-8);
-  EXPECT_NEAR(icm->accelerometer_m_s2_sqrt_hz, 6.865e-4, 1e-7);
-  EXPECT_EQ(noise_of("another"), nullptr);
 }
 
 }  // namespace
