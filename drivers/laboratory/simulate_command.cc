@@ -28,9 +28,6 @@ struct SimulateArguments {
   Foreign foreign = Foreign::kRefuse;
   std::uint64_t seed = 1;
   bool wheels = false, has_barometer = false, has_range = false;
-  WheelSimulation wheel;
-  BarometerSimulation barometer;
-  RangeSimulation range;
   double duration_s = 0, rate_hz = 20, baseline_m = 0, later_s = 0;
   int jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   TrackSimulation simulation;
@@ -50,12 +47,12 @@ int simulate_track_flight(SimulateArguments& o) {
   SimulatedFlight flight = simulate_tracks(o.simulation);
   if (o.duration_s > 0) shorten(flight, o.duration_s);
   std::vector<WheelSample> wheel;
-  if (o.wheels) wheel = simulate_wheel(flight.flight, kFlightBegin, o.wheel, o.seed);
+  if (o.wheels) wheel = simulate_wheel(flight.flight, kFlightBegin, {}, o.seed);
   std::vector<HeightSample> heights;
-  if (o.has_barometer) heights = simulate_barometer(flight.flight, kFlightBegin, o.barometer, o.seed);
+  if (o.has_barometer) heights = simulate_barometer(flight.flight, kFlightBegin, {}, o.seed);
   if (o.has_range) {
     const GroundDistance ground = flat_ground(flight.flight.room().low.z());
-    const auto range = simulate_range(flight.flight, kFlightBegin, ground, o.range, o.seed);
+    const auto range = simulate_range(flight.flight, kFlightBegin, ground, {}, o.seed);
     heights.insert(heights.end(), range.begin(), range.end());
   }
   const Status written = write_asl(o.simulation, flight, o.out, wheel, heights);
@@ -93,12 +90,11 @@ Status add_other_cameras(const SimulateArguments& o, const CameraCalibration& ri
 }
 
 int render(const SimulateArguments& o, const FlightEffects& effects, FlightToRender flight, WorldKind usual_world) {
-  if (o.wheels) flight.tables.wheel_samples = simulate_wheel(*flight.motion, flight.begin, o.wheel, o.seed);
-  if (o.has_barometer)
-    flight.tables.height_samples = simulate_barometer(*flight.motion, flight.begin, o.barometer, o.seed);
+  if (o.wheels) flight.tables.wheel_samples = simulate_wheel(*flight.motion, flight.begin, {}, o.seed);
+  if (o.has_barometer) flight.tables.height_samples = simulate_barometer(*flight.motion, flight.begin, {}, o.seed);
   if (o.duration_s > 0) flight.to_s = std::min(flight.to_s, flight.from_s + o.duration_s);
   RenderChoice choice{o.world.empty() ? usual_world : *world_from(o.world), effects, o.seed, o.jobs, std::nullopt};
-  if (o.has_range) choice.range = o.range;
+  if (o.has_range) choice.range.emplace();
   choice.later_s = o.later_s;
   ProgressBar bar(o.quiet);
   std::size_t rendered = 0, wanted = 0;
@@ -187,40 +183,6 @@ void add_other_cameras(CLI::App& command, SimulateArguments& o, CLI::Option* tra
       ->excludes(tracks);
 }
 
-void add_wheels(CLI::App& command, SimulateArguments& o) {
-  CLI::Option* wheels =
-      command.add_flag("--wheel", o.wheels, "also write the forward speed that wheels would measure (wheel0)");
-  add_number(command, "--wheel-noise", o.wheel.sigma_m_s, "with --wheel: standard deviation of the speed, m/s",
-             CLI::NonNegativeNumber, wheels)
-      ->capture_default_str();
-  add_number(command, "--wheel-scale-error", o.wheel.scale_error,
-             "with --wheel: scale error of the speed; 0.01 is one per cent too fast", CLI::Range(-0.5, 0.5), wheels)
-      ->capture_default_str();
-}
-
-void add_heights(CLI::App& command, SimulateArguments& o) {
-  add_number(command, "--height", o.simulation.height_m, "of a survey, m", CLI::Range(5.0, 500.0))
-      ->capture_default_str();
-  CLI::Option* barometer =
-      command.add_flag("--barometer", o.has_barometer, "also write the height that a barometer would measure (baro0)");
-  CLI::Option* range = command.add_flag(
-      "--range", o.has_range, "also write the distance that a range finder would measure, downwards (range0)");
-  const auto add = [&](CLI::Option* sensor, const char* name, double& value, const char* text, double most = 1e6) {
-    add_number(command, name, value, text, CLI::Range(-most, most), sensor)->capture_default_str();
-  };
-  add(barometer, "--barometer-noise", o.barometer.sigma_m, "with --barometer: standard deviation of its noise, m");
-  add(barometer, "--barometer-walk", o.barometer.walk, "with --barometer: random walk of its offset, m/sqrt(s)");
-  add(barometer, "--barometer-gusts", o.barometer.gust_m,
-      "with --barometer: standard deviation of its error by gusts of 4 s, m");
-  add(barometer, "--barometer-jump", o.barometer.jump_m, "with --barometer-jump-at: by how much it jumps, m");
-  add(barometer, "--barometer-jump-at", o.barometer.jump_at_s, "with --barometer: when it jumps, s", 1e12);
-  add(range, "--range-noise", o.range.sigma_m, "with --range: standard deviation of its noise, m");
-  add(range, "--range-drops", o.range.drop_share, "with --range: share of the samples that are lost", 1);
-  add(range, "--range-most", o.range.most_m, "with --range: longest distance that it measures, m");
-  add(range, "--range-steps", o.range.step_m,
-      "with --range: height of every other stretch of 50 m of the ground below the beam, m");
-}
-
 }  // namespace
 
 void add_simulate(CLI::App& app, int& exit_code) {
@@ -261,11 +223,12 @@ void add_simulate(CLI::App& app, int& exit_code) {
   add_number(*command, "--pixel-noise", o->simulation.noise.pixel_sigma,
              "with --tracks: standard deviation of their noise, px", CLI::NonNegativeNumber, tracks)
       ->capture_default_str();
-  add_number(*command, "--readout", o->simulation.readout_s,
-             "with --tracks: rolling shutter, exposure of the last row minus that of the first, s",
-             CLI::Range(-0.1, 0.1), tracks);
-  add_wheels(*command, *o);
-  add_heights(*command, *o);
+  add_number(*command, "--height", o->simulation.height_m, "of a survey, m", CLI::Range(5.0, 500.0))
+      ->capture_default_str();
+  command->add_flag("--wheel", o->wheels, "also write the forward speed that wheels would measure (wheel0)");
+  command->add_flag("--barometer", o->has_barometer, "also write the height that a barometer would measure (baro0)");
+  command->add_flag("--range", o->has_range,
+                    "also write the distance that a range finder would measure, downwards (range0)");
   command->add_option("--out", o->out, "folder to write")->required();
   add_force(*command, o->foreign);
   command->add_flag("--quiet", o->quiet, "print errors only");

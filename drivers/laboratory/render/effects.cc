@@ -30,8 +30,6 @@ constexpr Effect kEffects[] = {
        e.camera.shot_factor = x * x * usual.shot_factor;
      }},
     {"auto-exposure", "1: on", 1, 0, 1, [](FlightEffects& e, double x) { e.camera.auto_exposure = x > 0; }},
-    {"exposure-steps", "sudden changes by up to this share", 0.5, 0, 4,
-     [](FlightEffects& e, double x) { e.camera.exposure_steps = x; }},
     {"rolling-shutter", "us per row", 30, -200, 200,
      [](FlightEffects& e, double x) { e.camera.row_time_s = 1e-6 * x; }},
     {"drops", "lost images, share", 0.05, 0, 0.9, [](FlightEffects& e, double x) { e.dropped_share = x; }},
@@ -79,7 +77,6 @@ Result<FlightEffects> parse_effects(std::string_view list) {
                     .shot_factor = 0,
                     .row_time_s = 0,
                     .auto_exposure = false,
-                    .exposure_steps = 0,
                     .lens_blur_px = 1};
   if (list == "none") return effects;
   while (true) {

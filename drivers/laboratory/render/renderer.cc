@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "drivers/flights/motion/random.h"
 #include "drivers/laboratory/render/visibility.h"
@@ -132,20 +131,15 @@ struct Renderer::Impl {
     std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
     const double usual = sorted[sorted.size() / 2];
     const CameraEffects& e = settings.effects;
-    Random random(settings.seed, 501);
-    double now = e.auto_exposure ? wanted[0] : usual, step = 1, next_step_s = times_s[0];
+    double now = e.auto_exposure ? wanted[0] : usual;
     for (std::size_t i = 0; i < times_s.size(); ++i) {
       if (e.auto_exposure && i > 0) {
         const double share = 1 - std::exp(-(times_s[i] - times_s[i - 1]) / kLag_s);
         now *= std::pow(wanted[i - 1] / now, share);
       }
-      if (e.exposure_steps > 0 && times_s[i] >= next_step_s) {
-        step = std::pow(1 + e.exposure_steps, random.uniform(-1, 1));
-        next_step_s += random.uniform(2, 5);
-      }
       const double relative = now / usual;
       const double stretch = e.auto_exposure ? std::clamp(relative, 0.3, 1.8) : 1;
-      exposures[i] = {e.exposure_s * stretch, now * step, relative * step / stretch};
+      exposures[i] = {e.exposure_s * stretch, now, relative / stretch};
     }
   }
 

@@ -20,7 +20,6 @@ struct CameraEffects {
   double shot_factor = 0.027;  ///< variance per grey level at unit gain
   double row_time_s = 0;       ///< rolling shutter: from a row to the next; the image's stamp is the middle row's
   bool auto_exposure = true;   ///< follows the scene's brightness with a lag; otherwise one setting for the flight
-  double exposure_steps = 0;   ///< sudden changes of brightness by up to this factor, every few seconds; 0: none
   double lens_blur_px = 1.6;   ///< width of the area a pixel gathers light from
 };
 

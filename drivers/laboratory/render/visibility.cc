@@ -1,6 +1,5 @@
 #include "drivers/laboratory/render/visibility.h"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 

@@ -1,7 +1,6 @@
 #include "drivers/laboratory/simulate/asl_writer.h"
 
 #include <Eigen/Geometry>
-#include <utility>
 
 #include "pipeline/config/asl.h"
 #include "pipeline/text/table.h"

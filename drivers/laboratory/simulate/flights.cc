@@ -1,11 +1,9 @@
 #include "drivers/laboratory/simulate/flights.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <numbers>
-#include <string>
 #include <utility>
 #include <vector>
 
