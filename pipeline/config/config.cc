@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <optional>
 
 #include "pipeline/text/nearest.h"
 #include "pipeline/text/table.h"

@@ -1,7 +1,6 @@
 // Calibrations as programs other than Kalibr keep them.
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <cmath>
 #include <utility>

@@ -5,7 +5,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "pipeline/config/calibration.h"
 #include "pipeline/config/vehicle.h"
 #include "platform/linux/realtime.h"
 #include "platform/time/monotonic.h"

@@ -1,6 +1,5 @@
 #include "pipeline/realtime/realtime_pipeline.h"
 
-#include <optional>
 #include <system_error>
 
 #include "pipeline/realtime/flight_log.h"

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstring>
 #include <optional>
-#include <vector>
 
 #include "pipeline/config/asl.h"
 #include "pipeline/text/output_files.h"

@@ -7,12 +7,9 @@
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
-#include <cmath>
 #include <csignal>
-#include <cstdint>
 #include <cstdio>
 #include <cstring>
-#include <limits>
 
 #include "pipeline/text/output_files.h"
 #include "platform/linux/signals.h"

@@ -1,7 +1,6 @@
 #include "pipeline/watch/image_gate.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <utility>
 

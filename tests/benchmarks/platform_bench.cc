@@ -1,7 +1,6 @@
 // What the platform's pieces cost. Figures depend on the machine: docs name it next to each.
 #include <benchmark/benchmark.h>
 
-#include <array>
 #include <cstdlib>
 #include <thread>
 

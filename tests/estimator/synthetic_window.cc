@@ -2,8 +2,6 @@
 
 #include <random>
 
-#include "estimator/factors/imu.h"
-
 namespace epiline {
 
 SyntheticWindow make_window(const SyntheticOptions& o) {

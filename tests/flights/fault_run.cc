@@ -7,7 +7,6 @@
 #include <optional>
 
 #include "drivers/study/evaluate/consistency.h"
-#include "drivers/study/evaluate/errors.h"
 
 namespace epiline::test {
 

@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <sstream>
-#include <string>
 
 #include "drivers/laboratory/simulate/height_simulator.h"
 #include "tests/flights/tracked_flight.h"

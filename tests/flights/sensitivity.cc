@@ -2,7 +2,6 @@
 // docs/developers/constants.md has the table and tells which flights it was made of.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>

@@ -7,8 +7,6 @@
 #include <numbers>
 #include <utility>
 
-#include "drivers/study/evaluate/errors.h"
-#include "drivers/study/report/stats_json.h"
 #include "pipeline/text/suspicion_text.h"
 
 namespace epiline::test {

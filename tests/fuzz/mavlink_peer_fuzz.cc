@@ -1,7 +1,6 @@
 // Any bytes from a flight controller whose clock is known: no reading that no sensor gives or that is not of the time
 // just past, stamps rise, answers are bounded, parameters are numbers of a sensible size, and the clock's model stays
 // where honest exchanges put it.
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>

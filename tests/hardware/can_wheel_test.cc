@@ -1,6 +1,5 @@
 // The speed of wheels on a vcan of the kernel.
 #include <cstdint>
-#include <string>
 #include <thread>
 #include <vector>
 

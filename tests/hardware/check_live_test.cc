@@ -13,10 +13,8 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
-#include <optional>
 #include <random>
 #include <string>
-#include <vector>
 
 #include "drivers/program/hil/loopback_writer.h"
 #include "tests/drivers/links/mavlink/link_peer.h"

@@ -3,7 +3,6 @@
 #include <chrono>
 #include <cstdio>
 #include <thread>
-#include <vector>
 
 #include "drivers/sensors/gpio/gpio_line.h"
 #include "platform/concurrency/lock_count.h"

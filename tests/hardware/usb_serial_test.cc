@@ -4,8 +4,6 @@
 
 #include <cstdio>
 
-#include "platform/concurrency/lock_count.h"
-#include "platform/memory/allocation_count.h"
 #include "tests/drivers/links/mavlink/link_peer.h"
 #include "tests/hardware/usb_serial_support.h"
 

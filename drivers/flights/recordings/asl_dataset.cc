@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "drivers/flights/recordings/image_file.h"
 #include "pipeline/config/asl.h"

@@ -1,7 +1,6 @@
 #include "drivers/flights/recordings/image_file.h"
 
 #include <fstream>
-#include <vector>
 
 #include "drivers/flights/recordings/image_codecs.h"
 

@@ -1,6 +1,5 @@
 #include "drivers/flights/recordings/recorded_sensors.h"
 
-#include <algorithm>
 #include <system_error>
 #include <thread>
 

@@ -1,6 +1,5 @@
 // ROS 1 bags, format 2.0: records of a header (fields `name=value`) and data. A bag that is being recorded ends in a
 // chunk whose header says nothing yet; its records then lie open.
-#include <algorithm>
 #include <map>
 #include <optional>
 #include <string>

@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <string>
 
-#include "drivers/links/mavlink/odometry.h"
 #include "drivers/links/mavlink/serial_port.h"
 #include "drivers/links/mavlink/udp_port.h"
 #include "platform/error/contract.h"

@@ -3,7 +3,6 @@
 #include <arpa/inet.h>
 #include <sys/socket.h>
 
-#include <cerrno>
 #include <charconv>
 #include <utility>
 

@@ -4,11 +4,9 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <exception>
-#include <string>
 
 #include "drivers/program/cli/say.h"
 #include "pipeline/text/nearest.h"

@@ -6,13 +6,10 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
-#include <functional>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <sstream>
 #include <string_view>
-#include <vector>
 
 #include "drivers/flights/recordings/bag.h"
 #include "drivers/flights/recordings/bag_dataset.h"

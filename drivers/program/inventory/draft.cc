@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 
 #include "drivers/program/inventory/camera_mode.h"
 #include "drivers/program/inventory/config_edit.h"

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <utility>
-
 #include "pipeline/config/asl.h"
 #include "pipeline/text/table.h"
 

@@ -1,7 +1,6 @@
 #include "drivers/program/record/sample_intake.h"
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstring>

@@ -2,7 +2,6 @@
 #include <gpiod.h>
 
 #include <array>
-#include <cerrno>
 
 #include "drivers/sensors/gpio/gpio_request.h"
 

@@ -1,8 +1,6 @@
 // libgpiod 2 (Debian 13).
 #include <gpiod.h>
 
-#include <cerrno>
-
 #include "drivers/sensors/gpio/gpio_request.h"
 
 namespace epiline {

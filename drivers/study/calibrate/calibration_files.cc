@@ -2,8 +2,6 @@
 
 #include <fmt/ranges.h>
 
-#include <vector>
-
 #include "drivers/study/calibrate/lens_columns.h"
 #include "drivers/study/report/stats_json.h"
 #include "pipeline/text/table.h"

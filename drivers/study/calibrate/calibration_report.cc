@@ -13,7 +13,6 @@
 #include "drivers/study/report/page.h"
 #include "drivers/study/report/svg_plot.h"
 #include "estimator/geometry/so3.h"
-#include "platform/math/statistics.h"
 
 namespace epiline {
 

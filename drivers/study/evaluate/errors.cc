@@ -1,6 +1,5 @@
 #include "drivers/study/evaluate/errors.h"
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 

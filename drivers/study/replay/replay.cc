@@ -4,16 +4,13 @@
 
 #include <memory>
 #include <stdexcept>
-#include <string>
 
 #include "drivers/flights/recordings/asl_dataset.h"
-#include "drivers/flights/recordings/flight_plan.h"
 #include "drivers/flights/recordings/image_file.h"
 #include "drivers/flights/recordings/loop.h"
 #include "drivers/flights/recordings/mask_file.h"
 #include "drivers/flights/recordings/recorded_sensors.h"
 #include "drivers/study/replay/inside.h"
-#include "pipeline/config/config.h"
 #include "pipeline/config/vehicle.h"
 #include "pipeline/stages/imu_feed.h"
 #include "pipeline/stages/offline.h"

@@ -1,7 +1,5 @@
 #include "drivers/study/report/stats_json.h"
 
-#include <numeric>
-
 #include "drivers/study/report/own_parts.h"
 #include "pipeline/text/suspicion_text.h"
 

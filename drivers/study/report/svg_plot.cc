@@ -8,8 +8,6 @@
 #include <limits>
 #include <utility>
 
-#include "platform/math/statistics.h"
-
 namespace epiline {
 
 namespace {

@@ -2,7 +2,6 @@
 // is one line, and an interrupted one is read up to its end.
 #include <algorithm>
 #include <functional>
-#include <memory>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 

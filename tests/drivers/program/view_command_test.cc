@@ -1,7 +1,6 @@
 // `epiline replay --realtime --view` as a user meets it: the flight is the same whoever looks.
 #include <chrono>
 #include <future>
-#include <thread>
 
 #include "drivers/program/view/http_server.h"
 #include "tests/drivers/program/program.h"

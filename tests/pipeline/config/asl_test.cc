@@ -5,7 +5,6 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <random>
 
 #include "pipeline/text/table.h"

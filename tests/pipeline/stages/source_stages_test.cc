@@ -1,5 +1,4 @@
 // The stages that read a device: IMU, camera and wheels.
-#include <algorithm>
 
 #include "pipeline/stages/capture_stage.h"
 #include "pipeline/stages/imu_stage.h"

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "drivers/flights/motion/random.h"
-#include "estimator/geometry/types.h"
 
 namespace epiline {
 namespace {

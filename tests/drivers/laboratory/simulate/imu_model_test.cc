@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <numbers>
-#include <string>
 #include <vector>
 
 #include "estimator/geometry/so3.h"

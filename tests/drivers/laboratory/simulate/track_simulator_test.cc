@@ -11,8 +11,6 @@
 #include <string>
 #include <vector>
 
-#include "estimator/geometry/so3.h"
-
 namespace epiline {
 namespace {
 

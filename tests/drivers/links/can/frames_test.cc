@@ -9,7 +9,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <string_view>
 
 #include "drivers/links/can/dbc.h"
 #include "estimator/geometry/so3.h"

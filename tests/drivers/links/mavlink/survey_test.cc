@@ -6,8 +6,6 @@
 #include <random>
 
 #include "drivers/links/mavlink/link.h"
-#include "platform/concurrency/lock_count.h"
-#include "platform/memory/allocation_count.h"
 #include "tests/drivers/links/mavlink/asked_controller.h"
 #include "tests/drivers/links/mavlink/fake_line.h"
 

@@ -3,9 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
-#include <random>
 
 #include "drivers/flights/recordings/asl_dataset.h"
 #include "drivers/flights/recordings/image_file.h"

@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "drivers/program/inventory/config_edit.h"
 #include "drivers/program/inventory/draft.h"

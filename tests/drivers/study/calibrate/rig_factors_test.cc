@@ -4,10 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <functional>
 
-#include "estimator/geometry/so3.h"
 #include "tests/drivers/study/calibrate/waved_rig.h"
 
 namespace epiline {
