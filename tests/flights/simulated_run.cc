@@ -5,27 +5,18 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <vector>
 
 #include "drivers/flights/motion/random.h"
-#include "drivers/study/evaluate/alignment.h"
+#include "drivers/study/evaluate/errors.h"
 #include "estimator/geometry/so3.h"
 #include "pipeline/stages/imu_feed.h"
+#include "tests/flights/fault_run.h"
 
 namespace epiline {
 namespace {
 
 constexpr std::uint64_t kStartStream = 100;
 constexpr std::size_t kImagesPerFrame = 2;
-
-struct Pose {
-  Vec3 p;
-  Mat3 R;
-};
-
-Pose pose_of(const Odometry& o) {
-  return {Vec3(o.p_WB_m.data()), Eigen::Quaterniond(o.q_WB[0], o.q_WB[1], o.q_WB[2], o.q_WB[3]).toRotationMatrix()};
-}
 
 /// Ground truth plus a random error with the standard deviations that the estimator is configured for.
 InitialState wrong_start(const BodyState& truth, std::uint64_t seed) {
@@ -74,41 +65,28 @@ double nees(const Odometry& odometry, int first, const Vec3& error) {
 class Record {
  public:
   /// False: the run has diverged.
-  bool add(const Odometry& odometry, const Pose& truth) {
-    if (!truths_.empty()) path_m_ += (truth.p - truths_.back().p).norm();
-    estimates_.push_back(pose_of(odometry));
-    truths_.push_back(truth);
-    return (estimates_.back().p - truth.p).norm() <= std::max(2.0, 0.1 * path_m_);
+  bool add(const Odometry& odometry, const Motion& truth) {
+    if (!truth_.poses.empty()) path_m_ += (truth.p_WB - truth_.poses.back().p_WB).norm();
+    estimate_.poses.push_back(test::pose_of(odometry));
+    truth_.poses.push_back({odometry.stamp, truth.p_WB, Eigen::Quaterniond(truth.R_WB)});
+    return (estimate_.poses.back().p_WB - truth.p_WB).norm() <= std::max(2.0, 0.1 * path_m_);
   }
 
   void judge_covariance(const Odometry& odometry) {
-    const Pose &estimate = estimates_.back(), &truth = truths_.back();
-    nees_position_ += nees(odometry, 0, truth.p - estimate.p);
-    nees_rotation_ += nees(odometry, 3, so3_log(estimate.R.transpose() * truth.R));
+    const TimedPose &estimate = estimate_.poses.back(), &truth = truth_.poses.back();
+    nees_position_ += nees(odometry, 0, truth.p_WB - estimate.p_WB);
+    nees_rotation_ += nees(odometry, 3, so3_log((estimate.q_WB.conjugate() * truth.q_WB).toRotationMatrix()));
     ++judged_;
   }
 
   void finish(RunFigures& figures) const {
-    if (estimates_.empty()) return;
-    figures.ate_m = ate();
+    figures.ate_m = evaluate(estimate_, truth_).ate_4dof.rmse;
     figures.nees_position = nees_position_ / std::max(1, judged_);
     figures.nees_rotation = nees_rotation_ / std::max(1, judged_);
   }
 
  private:
-  double ate() const {
-    std::vector<Vec3> estimate, truth;
-    for (std::size_t i = 0; i < estimates_.size(); ++i) {
-      estimate.push_back(estimates_[i].p);
-      truth.push_back(truths_[i].p);
-    }
-    const Similarity aligned = align(Alignment::k4Dof, estimate, truth);
-    double squares = 0;
-    for (std::size_t i = 0; i < truth.size(); ++i) squares += (aligned(estimate[i]) - truth[i]).squaredNorm();
-    return std::sqrt(squares / static_cast<double>(truth.size()));
-  }
-
-  std::vector<Pose> estimates_, truths_;
+  Trajectory estimate_, truth_;
   double path_m_ = 0, nees_position_ = 0, nees_rotation_ = 0;
   int judged_ = 0;
 };
@@ -148,7 +126,7 @@ RunFigures run_simulated(const SimulatedFlight& flight, const EstimatorConfig& c
     const StepResult step = estimator.process(*frame, supervisor);
     const Odometry& odometry = estimator.odometry();
     const Motion truth = flight.truth_at(odometry.stamp);
-    const bool alive = step.has_pose && estimator.stats().resets == 0 && record.add(odometry, {truth.p_WB, truth.R_WB});
+    const bool alive = step.has_pose && estimator.stats().resets == 0 && record.add(odometry, truth);
     const double seconds = (flight.images[k].stamp_true - kFlightBegin).seconds();
     if (!alive) {
       figures.diverged = true;

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <random>
 
-#include "drivers/study/evaluate/alignment.h"
 #include "drivers/study/evaluate/errors.h"
 #include "drivers/study/report/stats_json.h"
 
@@ -68,29 +67,23 @@ SpikeVerdict fly_with_spikes(ReplayOptions options, const std::vector<Spike>& sp
   v.bridged = record.estimator.imu_bridged;
   v.gaps = record.estimator.imu_gaps;
   v.first_pose_s = start_seconds(record).value_or(-1);
-  const auto pairs = associate(trajectory_of(record), *record.truth);
-  std::vector<Vec3> estimate, truth;
-  for (const PosePair& pair : pairs) {
-    estimate.push_back(pair.estimate.p_WB);
-    truth.push_back(pair.reference.p_WB);
-  }
-  if (pairs.size() < 3) return v;
-  const Similarity aligned = align(Alignment::k4Dof, estimate, truth);
+  const Overlay o = overlay(trajectory_of(record), *record.truth);
+  if (o.pairs.size() < 3) return v;
   std::vector<const ImageRecord*> with_pose;
   for (const ImageRecord& image : record.images)
     if (image.has_pose) with_pose.push_back(&image);
   double sum = 0, tracking_sum = 0;
   std::size_t tracking = 0;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double square = (aligned(estimate[i]) - truth[i]).squaredNorm();
+  for (const PosePair& pair : o.pairs) {
+    const double square = (o.T(pair.estimate.p_WB) - pair.reference.p_WB).squaredNorm();
     sum += square;
-    if (with_pose[pairs[i].index]->health.state != HealthState::kTracking) continue;
+    if (with_pose[pair.index]->health.state != HealthState::kTracking) continue;
     tracking_sum += square;
     ++tracking;
   }
-  v.ate_m = std::sqrt(sum / static_cast<double>(pairs.size()));
+  v.ate_m = std::sqrt(sum / static_cast<double>(o.pairs.size()));
   v.tracking_ate_m = std::sqrt(tracking_sum / static_cast<double>(std::max<std::size_t>(1, tracking)));
-  v.tracking_share = static_cast<double>(tracking) / static_cast<double>(pairs.size());
+  v.tracking_share = static_cast<double>(tracking) / static_cast<double>(o.pairs.size());
   return v;
 }
 

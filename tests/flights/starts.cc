@@ -11,7 +11,6 @@
 #include <utility>
 #include <vector>
 
-#include "drivers/study/evaluate/alignment.h"
 #include "drivers/study/evaluate/errors.h"
 #include "drivers/study/replay/replay.h"
 #include "drivers/study/report/flight_record.h"
@@ -44,20 +43,15 @@ struct Start {
 /// Seconds of images reported as tracking whose position is off by more than 5 cm after alignment; all of them if the
 /// scale is wrong.
 double claimed_wrongly_s(const FlightRecord& record, double scale_error) {
-  const auto pairs = associate(trajectory_of(record), *record.truth);
-  std::vector<Vec3> estimate, truth;
-  for (const PosePair& pair : pairs) {
-    estimate.push_back(pair.estimate.p_WB);
-    truth.push_back(pair.reference.p_WB);
-  }
-  const Similarity aligned = align(Alignment::k4Dof, estimate, truth);
+  const Overlay o = overlay(trajectory_of(record), *record.truth);
   std::vector<const ImageRecord*> with_pose;
   for (const ImageRecord& image : record.images)
     if (image.has_pose) with_pose.push_back(&image);
   double seconds = 0;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const std::size_t n = pairs[i].index;
-    const bool wrong = std::abs(scale_error) >= kGoodScale || (aligned(estimate[i]) - truth[i]).norm() > kGoodAte_m;
+  for (const PosePair& pair : o.pairs) {
+    const std::size_t n = pair.index;
+    const bool wrong =
+        std::abs(scale_error) >= kGoodScale || (o.T(pair.estimate.p_WB) - pair.reference.p_WB).norm() > kGoodAte_m;
     if (n > 0 && wrong && with_pose[n]->health.state == HealthState::kTracking)
       seconds += (with_pose[n]->stamp - with_pose[n - 1]->stamp).seconds();
   }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 namespace epiline {
 namespace {
@@ -177,9 +178,13 @@ Extrinsics true_extrinsics(const TrackSimulation& simulation) {
 }
 
 SimulatedFlight simulate_tracks(const TrackSimulation& simulation) {
-  Random flight_random(simulation.seed, kTrackFlightStream);
+  Random random(simulation.seed, kTrackFlightStream);
+  return simulate_tracks(simulation, make_flight(simulation.flight, random, simulation.height_m));
+}
+
+SimulatedFlight simulate_tracks(const TrackSimulation& simulation, Flight made) {
   SimulatedFlight result;
-  result.flight = make_flight(simulation.flight, flight_random, simulation.height_m);
+  result.flight = std::move(made);
   const Flight& flight = result.flight;
   ImuSimulator imu(simulation.imu, Random(simulation.seed, kTrackImuStream));
   TrackSource tracks(simulation, flight.room(), Random(simulation.seed, kTrackStream));

@@ -85,5 +85,7 @@ Mat3 simulated_camera_axes(FlightKind flight);
 Extrinsics true_extrinsics(const TrackSimulation& simulation);
 
 SimulatedFlight simulate_tracks(const TrackSimulation& simulation);
+/// Of another flight, in its room. `simulation.flight` says where the camera looks.
+SimulatedFlight simulate_tracks(const TrackSimulation& simulation, Flight flight);
 
 }  // namespace epiline
