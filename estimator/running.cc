@@ -31,8 +31,10 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   const KnownState predicted = carrying.predicted_newest();
   attach(frame);
   SolverSummary s = solve(supervisor, effort);
-  for (int i = 0; i < 2 && may_doubt && s.solved() && intervals.doubt_contradicted(); ++i) {
-    if (!window.newest().at_rest) flight.after_refusal_s = kGateFree_s;
+  for (int i = 0; i < 2 && may_doubt && s.solved(); ++i) {
+    const Intervals::Doubt doubt = intervals.doubt_contradicted();
+    if (!doubt.forces && !doubt.bias) break;
+    if (doubt.forces && !window.newest().at_rest) flight.after_refusal_s = kGateFree_s;
     s = solve(supervisor, effort);
   }
   if (Slot& newest = window.newest(); newest.silent) {

@@ -102,9 +102,9 @@ Slot* Intervals::where_bias_stepped() {
   return turn_watch_.persists(sum / kDoubtedIntervals) ? worst : nullptr;
 }
 
-bool Intervals::doubt_contradicted() {
+Intervals::Doubt Intervals::doubt_contradicted() {
   Window& window = common_.window;
-  bool any = false;
+  Doubt doubt;
   Slot* const stepped = where_bias_stepped();
   for (int k = std::max(1, window.size() - kDoubtedIntervals); k < window.size(); ++k) {
     Slot& slot = window.at(k);
@@ -115,11 +115,12 @@ bool Intervals::doubt_contradicted() {
     unknown = unknown > 0 ? kBlowAcceleration : kLiftAcceleration;
     slot.imu.doubt_forces(unknown);
     whiten(slot);
-    any = true;
+    doubt.forces = true;
   }
-  if (stepped == nullptr) return any;
+  if (stepped == nullptr) return doubt;
   stepped->imu.doubt_rates(stepped->unknown_step = kBiasStep);
-  return whiten(*stepped);
+  doubt.bias = whiten(*stepped);
+  return doubt;
 }
 
 double Intervals::widens(double dt_s) {

@@ -22,9 +22,12 @@ class Intervals {
   void follow_readings();
   /// All of them: the noise has changed.
   void weigh_anew();
+  struct Doubt {
+    bool forces = false, bias = false;
+  };
   /// Forces of the last ones that the solved images contradict are doubted, the more so the second time, and the
-  /// gyroscope's bias where they contradict the turn. Whether there are any.
-  bool doubt_contradicted();
+  /// gyroscope's bias where they contradict the turn.
+  Doubt doubt_contradicted();
   /// Of the newest one, solved: factor on the covariance, which believes the configured noise. `dt_s`: since the frame
   /// before.
   double widens(double dt_s);
