@@ -10,13 +10,14 @@ namespace {
 constexpr double kYoungest_s = 0.35, kOldest_s = 0.7;  // age of the copy compared with
 constexpr int kFewestCommon = 20;
 constexpr int kMostStay = 3;  // times as many as have moved by themselves: own parts in view do not outvote the world
-constexpr double kOutlier = 50;          // sigma^2; such pairs moved by themselves
-constexpr double kSpreadLimit = 5.4;     // sigma^2; 4 is expected of the difference of two views
+constexpr double kOutlier = 50;  // sigma^2; such pairs moved by themselves
+constexpr double kSpreadLimit =
+    7.8;  // sigma^2; 4 is expected of the difference of two views, 5.8 as residuals show sigma
 constexpr double kMovedLimit = 3.5;      // of the displacement's own sigma, over half a second
 constexpr double kDriftedLimit = 5;      // the same since rest began, which is asked at every frame
 constexpr double kPlainly = 3;           // times kMovedLimit: no slow drift
 constexpr double kLeastSigma_px = 0.02;  // of a bearing
-constexpr double kNoiseRoom = 2;         // times the least noise of this rest: that much may it change
+constexpr double kNoiseRoom = 1.65;      // times the least noise of this rest: that much may it change
 constexpr double kCommon_px = 0.05;      // common error of all bearings of an image at standstill
 constexpr double kShaken_px = 0.2;       // the same of one that shakes: its turns are not known better
 constexpr double kLongest_s = 20;
