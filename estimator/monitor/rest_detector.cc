@@ -10,9 +10,8 @@ namespace {
 constexpr double kYoungest_s = 0.35, kOldest_s = 0.7;  // age of the copy compared with
 constexpr int kFewestCommon = 20;
 constexpr int kMostStay = 3;  // times as many as have moved by themselves: own parts in view do not outvote the world
-constexpr double kOutlier = 50;  // sigma^2; such pairs moved by themselves
-constexpr double kSpreadLimit =
-    7.8;  // sigma^2; 4 is expected of the difference of two views, 5.8 as residuals show sigma
+constexpr double kOutlier = 50;          // sigma^2; such pairs moved by themselves
+constexpr double kSpreadLimit = 7.8;     // sigma^2; 5.8 is expected of two views, and of the sigma that residuals show
 constexpr double kMovedLimit = 3.5;      // of the displacement's own sigma, over half a second
 constexpr double kDriftedLimit = 5;      // the same since rest began, which is asked at every frame
 constexpr double kPlainly = 3;           // times kMovedLimit: no slow drift

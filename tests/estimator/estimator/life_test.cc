@@ -165,8 +165,7 @@ TEST(EstimatorLife, AGyroscopesBiasThatStepsInFlightCostsNoAttitude) {
     }
 }
 
-// Beside a hover a person walks with the speed that a start in motion would take for its own, and the room for far
-// away.
+// A person walks beside it: a start in motion could take that for its own speed, and the room for far away.
 TEST(EstimatorLife, AHoverThatBeginsBesideAPersonDoesNotWalkAway) {
   for (const View view : {kPerson, kLorry})
     for (const unsigned seed : {101U, 102U, 103U, 104U, 105U, 106U}) {
