@@ -33,7 +33,7 @@ bool whiten(Slot& slot);
 /// Squared standard deviations by which frames k - 1 and k, as they are estimated, contradict the readings.
 double imu_chi2(const Window& window, int k);
 
-/// The same of their attitudes and gyroscope biases alone.
+/// The same of attitude and gyroscope bias alone; 0 for an interval that says nothing of the motion.
 double imu_chi2_of_turn(const Window& window, int k);
 
 /// All IMU intervals of the share. Returns the cost; null: the cost alone.

@@ -86,7 +86,8 @@ void Intervals::weigh_anew() {
     integrate_again(k, common_.window.at(k).imu.b_a, common_.window.at(k).imu.b_g);
 }
 
-/// A bias that has stepped contradicts all intervals that share it, none of them much: it has where most.
+/// A bias that has stepped contradicts all intervals that share it, none of them much. Where it contradicts most, it
+/// has stepped; null: it has not, or was let step a moment ago.
 Slot* Intervals::where_bias_stepped() {
   Window& window = common_.window;
   double sum = 0, most = 0;

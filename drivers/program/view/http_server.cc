@@ -103,6 +103,7 @@ struct HttpServer::Impl {
   }
   HttpResponse refuse(MHD_Connection* connection, const char* method) const;
   MHD_Result send(MHD_Connection* connection, const HttpResponse& response) const;
+  const char* methods() const { return posts == HttpPosts::kRefused ? "GET, HEAD" : "GET, HEAD, POST"; }
   void opened(MHD_Connection* connection, void** context);
   void drop_silent();
   void make_room();
@@ -128,10 +129,12 @@ std::string_view HttpRequest::header(const char* name) const { return value_of(c
 /// What cannot be answered; status 200: it can.
 HttpResponse HttpServer::Impl::refuse(MHD_Connection* connection, const char* method) const {
   const auto header = [&](const char* name) { return MHD_lookup_connection_value(connection, MHD_HEADER_KIND, name); };
-  const auto refusal = [](int status, const char* text) { return HttpResponse{status, "text/plain", text, ""}; };
+  const auto refusal = [](int status, std::string text) {
+    return HttpResponse{status, "text/plain", std::move(text), ""};
+  };
   const bool is_post = posts == HttpPosts::kWithoutBody && std::strcmp(method, "POST") == 0;
   if (!is_post && std::strcmp(method, "GET") != 0 && std::strcmp(method, "HEAD") != 0)
-    return refusal(405, "no such method here\n");
+    return refusal(405, std::string("only ") + methods() + "\n");
   const char* const length = header("Content-Length");
   if (header("Transfer-Encoding") != nullptr || (length != nullptr && std::strcmp(length, "0") != 0)) {
     return refusal(413, "requests with a body are refused\n");
@@ -158,7 +161,7 @@ MHD_Result HttpServer::Impl::send(MHD_Connection* connection, const HttpResponse
   add("Referrer-Policy", "no-referrer");
   add("Cross-Origin-Resource-Policy", "same-origin");
   add("Cross-Origin-Opener-Policy", "same-origin");
-  if (r.status == 405) add("Allow", posts == HttpPosts::kRefused ? "GET, HEAD" : "GET, HEAD, POST");
+  if (r.status == 405) add("Allow", methods());
   const MHD_Result queued = MHD_queue_response(connection, static_cast<unsigned>(r.status), response);
   MHD_destroy_response(response);  // one reference less; the queue holds its own
   return queued;

@@ -62,7 +62,7 @@ TEST(RestDetector, SeesRestAtAnyNoiseItIsToldOf) {
   EXPECT_GT(share_at_rest({.noise_px = 1, .sigma_px = 0.84}), 0.9);
 }
 
-/// The tests of displacement (3.5 sigma) and spread (5.4 for 4) are statistics: flicker. Few tracks make the spread
+/// The tests of displacement (3.5 sigma) and spread (7.8 for 4) are statistics: flicker. Few tracks make the spread
 /// uncertain.
 TEST(RestDetector, MissesRestRarelyAndNotMuchMoreOftenWithFewTracks) {
   EXPECT_GT(share_at_rest({.tracks = 200}, 2000), 0.99);
