@@ -23,6 +23,7 @@
 
 namespace epiline {
 
+inline constexpr double kRethinking_s = 1;  ///< until the window has moved to a calibration that is far off
 /// px: more noise is a fault, not a property of the tracks; less is not believed of any tracker.
 inline constexpr double kLeastPixelSigma = 0.3, kMostPixelSigma = 2;
 inline constexpr int kSeenAgain = 20;        ///< tracks that tie an image to the window before it

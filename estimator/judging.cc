@@ -12,7 +12,6 @@ namespace epiline {
 namespace {
 constexpr double kMountElsewhere = 0.17;  // rad
 constexpr double kDepthKnown_px = 10;     // parallax: the images have a scale to a tenth
-constexpr double kRethinking_s = 1;       // until the window has moved to a calibration that is far off
 constexpr double kSigmaMemory_s = 10;
 constexpr double kDriftLeast = 0.02;  // px per root of an image
 

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 
 #include "estimator/factors/imu.h"
 #include "estimator/factors/prior.h"
@@ -37,6 +38,9 @@ bool Estimator::Impl::second_newest_stays() const {
 /// oldest frame to the prior. Until the flight has settled the scale moves, a prior would mix several, and the window
 /// takes all it can. A window without room for keyframes beside the recent frames drops none.
 void Estimator::Impl::slide(Supervisor& supervisor) {
+  // before they have fitted a wrong number may contradict
+  if (numbers.have_fitted() && marginaliser.let_step(window, solver_settings(0)))
+    flight.rethinking_s = flight.after_refusal_s = kRethinking_s;
   if (window.capacity() - 2 > kRecentFrames && window.size() > 1)
     window.at(window.size() - 2).stays = second_newest_stays();
   const int k = window.size() - 2 - kRecentFrames;
@@ -83,9 +87,10 @@ bool Estimator::Impl::drop(int k) {
 
 void Estimator::Impl::marginalise(Supervisor& supervisor) {
   supervisor.phase(Supervisor::Phase::kMarginalise);
+  const double walked =
+      kTimeOffsetWalk * std::sqrt(std::max(0., (window.at(1).time - flight.last_marginalised).seconds()));
   if (config.estimate_time_offset)
-    inflate_calibration(window.prior, 0,
-                        kTimeOffsetWalk * kTimeOffsetWalk * (window.at(1).time - flight.last_marginalised).seconds());
+    inflate(window.prior, window.prior.calibration_row() + kTimeOffsetColumn, {&walked, 1});
   flight.last_marginalised = window.at(1).time;
   heights.remember_oldest();
   marginaliser.marginalise_oldest(window, *visual, visual_settings());

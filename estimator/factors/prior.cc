@@ -57,17 +57,23 @@ double add_prior(const Window& w, NormalEquations* out) {
   return cost;
 }
 
-void inflate_calibration(Prior& p, int parameter, double variance) {
-  if (p.frames == 0 || variance <= 0) return;
-  const int e = p.calibration_row() + parameter, dim = p.dim();
-  // (H^-1 + q e e')^-1 = H - H e e' H q / (1 + q H_ee); the mean H^-1 b stays
-  const double gain = variance / (1 + variance * p.H[e][e]);
-  double column[kPriorDim];
-  for (int i = 0; i < dim; ++i) column[i] = p.H[i][e];
-  const double b_e = p.b[e];
+void inflate(Prior& p, int at, std::span<const double> moved) {
+  if (p.frames == 0) return;
+  const int dim = p.dim();
+  // with e = moved: (H^-1 + e e')^-1 = H - H e e' H / (1 + e'He); the mean H^-1 b stays
+  double He[kPriorDim], eHe = 0, eb = 0;
   for (int i = 0; i < dim; ++i) {
-    p.b[i] -= gain * column[i] * b_e;
-    for (int j = 0; j < dim; ++j) p.H[i][j] -= gain * column[i] * column[j];
+    He[i] = 0;
+    for (std::size_t k = 0; k < moved.size(); ++k) He[i] += p.H[i][at + static_cast<int>(k)] * moved[k];
+  }
+  for (std::size_t k = 0; k < moved.size(); ++k) {
+    eHe += moved[k] * He[at + static_cast<int>(k)];
+    eb += moved[k] * p.b[at + static_cast<int>(k)];
+  }
+  const double gain = 1 / (1 + eHe);
+  for (int i = 0; i < dim; ++i) {
+    p.b[i] -= gain * He[i] * eb;
+    for (int j = 0; j < dim; ++j) p.H[i][j] -= gain * He[i] * He[j];
   }
 }
 

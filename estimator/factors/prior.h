@@ -1,6 +1,8 @@
 #pragma once
 // The Gaussian prior that remains of frames that have left. Derivation: docs/derivations/marginalisation.md; test:
 // tests/estimator/factors/prior_test.cc.
+#include <span>
+
 #include "estimator/config.h"
 #include "estimator/factors/normal_equations.h"
 #include "estimator/window/window.h"
@@ -13,9 +15,9 @@ void prior_difference(const Window& window, double* d);
 /// Returns d'H d - 2 b'd, which may be negative; null: the cost alone.
 double add_prior(const Window& window, NormalEquations* out);
 
-/// Random walk of a calibration parameter: adds `variance` to its prior covariance. The estimate does not
-/// change.
-void inflate_calibration(Prior& prior, int parameter, double variance);
+/// The numbers from row `at` on may have moved by as much: adds moved moved' to their prior covariance. The estimate
+/// does not change.
+void inflate(Prior& prior, int at, std::span<const double> moved);
 
 /// What is known of a single first frame at its present state and of the calibration.
 struct KnownJointly {

@@ -22,7 +22,7 @@ class BiasWalk {
     if (known_ && T < 2 * kApart_s) {
       const Vec3 variance = P_.diagonal().array() + density * density * T;
       const double seen = (b - b_).cwiseAbs2().cwiseQuotient(variance).sum() / 3;
-      squared_ = std::clamp(squared_ * std::clamp(seen, kFall, kRise), 1.0, most_squared_);
+      squared_ = std::clamp(squared_ * std::max(seen, kFall), 1.0, most_squared_);
     }
     known_ = true;
     then_ = now;
@@ -38,7 +38,7 @@ class BiasWalk {
  private:
   static constexpr double kApart_s = 2;
   static constexpr double kFar = 2;
-  static constexpr double kFall = 0.8, kRise = 16;  // of the variance, each time
+  static constexpr double kFall = 0.8;  // of the variance, each time
   double most_squared_, squared_ = 1;
   bool known_ = false;
   HostStamp then_;

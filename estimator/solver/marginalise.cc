@@ -1,5 +1,8 @@
 #include "estimator/solver/marginalise.h"
 
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 
 #include "estimator/factors/factors.h"
@@ -90,27 +93,84 @@ void Marginaliser::marginalise_oldest(Window& w, VisualFactorModel& visual, cons
   w.remove(0);
 }
 
+/// The prior's equations where the window is now, its numbers in that order; upper triangle.
+void Marginaliser::load_prior(const Window& w, const int* order) {
+  const Prior& p = w.prior;
+  double d[kPriorDim];
+  prior_difference(w, d);
+  for (int i = 0; i < p.dim(); ++i) {
+    const double* H = p.H[order[i]];
+    double g = p.b[order[i]];
+    for (int j = 0; j < p.dim(); ++j) g -= H[j] * d[j];
+    for (int j = i; j < p.dim(); ++j) memory_->A[i][j] = H[order[j]];
+    memory_->b[i] = g;
+  }
+}
+
 void Marginaliser::forget_pose(Window& w, int k) {
   Prior& p = w.prior;
   if (k >= p.frames) return;
-  Matrix A = memory_->A;
-  double* b = memory_->b;
   const int dim = p.dim();
-  int where[kPriorDim];  // the pose first, the others in their order
-  for (int i = 0; i < dim; ++i) where[i] = i < 6 * k ? i + 6 : i < 6 * k + 6 ? i - 6 * k : i;
-  double d[kPriorDim];
-  prior_difference(w, d);
-  for (int i = 0; i < dim; ++i) {
-    double g = p.b[i];
-    for (int j = 0; j < dim; ++j) {
-      g -= p.H[i][j] * d[j];
-      if (where[j] >= where[i]) A[where[i]][where[j]] = p.H[i][j];
-    }
-    b[where[i]] = g;
-  }
-  elimination_.eliminate(A[0], b, 6, dim);
+  int order[kPriorDim];  // the pose first, the others behind it
+  for (int i = 0; i < dim; ++i) order[i] = i < 6 ? 6 * k + i : i < 6 * k + 6 ? i - 6 : i;
+  load_prior(w, order);
+  elimination_.eliminate(memory_->A[0], memory_->b, 6, dim);
   --p.frames;
-  store_prior(w, k, A, b, 6, p);
+  store_prior(w, k, memory_->A, memory_->b, 6, p);
+}
+
+namespace {
+constexpr int kMaySteps = 4;  // the gyroscope's bias, the time offset
+using StepCovariance = Eigen::Matrix<double, kMaySteps, kMaySteps>;
+using Steps = Eigen::Matrix<double, kMaySteps, 1>;
+
+/// Adds the most likely variance of a step of numbers that are seen to be `by` off, whose squared sigmas sum to `chi2`.
+template <int n>
+bool forget(Prior& p, int row, const Eigen::Matrix<double, n, 1>& by, double chi2) {
+  if (!(chi2 > n)) return false;
+  const Eigen::Matrix<double, n, 1> stepped = std::sqrt(1. / n - 1 / chi2) * by;
+  inflate(p, row, {stepped.data(), n});
+  return true;
+}
+}  // namespace
+
+bool Marginaliser::let_step(Window& w, const SolverSettings& settings) {
+  Prior& p = w.prior;
+  if (p.frames < 2) return false;  // not learned but assumed, by a start
+  const int n = p.dim(), c = p.calibration_row(), b_g = c - 3, time_offset = c + kTimeOffsetColumn,
+            last = n - kMaySteps;
+  int order[kPriorDim], others = 0;  // what may step comes last
+  for (int i = 0; i < n; ++i)
+    if ((i < b_g || i >= c) && i != time_offset) order[others++] = i;
+  for (int i = 0; i < 3; ++i) order[last + i] = b_g + i;
+  order[n - 1] = time_offset;
+  Matrix A = memory_->A;
+  double* g = memory_->b;
+  load_prior(w, order);
+  for (int i = 0; i < n; ++i)
+    if (order[i] >= c && !settings.estimates(order[i] - c)) {  // stands still
+      for (int j = 0; j < n; ++j) A[std::min(i, j)][std::max(i, j)] = i == j;
+      g[i] = 0;
+    }
+  // With the gradient as one more column, what elimination leaves in the corner is minus chi^2 of what is eliminated.
+  for (int i = 0; i < n; ++i) A[i][n] = g[i];
+  A[n][n] = g[n] = 0;
+  elimination_.eliminate(A[0], g, last, n + 1);
+  StepCovariance H;
+  Steps left;
+  for (int i = 0; i < kMaySteps; ++i) {
+    for (int j = 0; j < kMaySteps; ++j) H(i, j) = A[last + std::min(i, j)][last + std::max(i, j)];
+    left[i] = A[last + i][n];
+  }
+  const Eigen::LLT<StepCovariance> llt(H);
+  if (llt.info() != Eigen::Success) return false;
+  const StepCovariance P = llt.solve(StepCovariance::Identity());
+  const Steps off = P * left;
+  const Vec3 bias = off.head<3>();
+  const double of_all = left.dot(off) - A[n][n], of_bias = bias.dot(P.topLeftCorner<3, 3>().llt().solve(bias)),
+               of_offset = off[3] * off[3] / P(3, 3);
+  forget<3>(p, b_g, bias, of_bias);
+  return of_all > n && forget<1>(p, time_offset, off.tail<1>(), of_offset);  // it does not drift
 }
 
 }  // namespace epiline

@@ -55,12 +55,6 @@ const Calibration& Solver::linearised_at() const { return memory_->last.calibrat
 
 namespace {
 
-bool estimated(const SolverSettings& s, int calibration) {
-  if (calibration == kTimeOffsetColumn) return s.estimate_time_offset;
-  if (calibration >= kCameraCalibration) return s.estimate_imu_scale;
-  return calibration == kFocalColumn ? s.estimate_focal_length : s.estimate_extrinsics;
-}
-
 void clear(LinearSystem& s, int frames) {
   s.frames = frames;
   const int chain = frames - 1, dim = dense_dim(frames), end = (dim / kBatchLanes + 1) * kBatchLanes;
@@ -80,7 +74,7 @@ void clear(LinearSystem& s, int frames) {
 void hold_calibration(const SolverSettings& settings, LinearSystem& s) {
   const int first = calibration_column(s.frames);
   for (int c = 0; c < kCalibration; ++c) {
-    if (estimated(settings, c)) continue;
+    if (settings.estimates(c)) continue;
     const int i = first + c;
     for (int j = 0; j < i; ++j) s.S[j][i] = 0;
     for (int j = i + 1; j < first + kCalibration; ++j) s.S[i][j] = 0;
@@ -139,7 +133,7 @@ bool Solver::step(Window& w, VisualFactorModel& visual, const SolverSettings& se
     retract_velocity_biases(x, dv);
   }
   CalibrationTangent dc;
-  for (int c = 0; c < kCalibration; ++c) dc[c] = estimated(settings, c) ? share * step.s[calibration_column(n) + c] : 0;
+  for (int c = 0; c < kCalibration; ++c) dc[c] = settings.estimates(c) ? share * step.s[calibration_column(n) + c] : 0;
   retract(w.calibration, dc);
   visual.step(w);
   return std::isfinite(sum + dc.sum());
@@ -156,7 +150,7 @@ void Solver::read_covariance(const SolverSettings& settings) {
   m.calibration_covariance = joint.bottomRightCorner<kCalibration, kCalibration>();
   m.cross_covariance = joint.topRightCorner<16, kCalibration>();
   for (int c = 0; c < kCalibration; ++c)
-    if (!estimated(settings, c)) {
+    if (!settings.estimates(c)) {
       m.calibration_covariance.row(c).setZero();
       m.calibration_covariance.col(c).setZero();
     }

@@ -19,6 +19,12 @@ struct SolverSettings {
   bool estimate_imu_scale = false;
   int attempts = 4;   ///< steps that may be rejected, at most kMostAttempts
   bool tried = true;  ///< false: a step is accepted as it is, which saves its trial
+  /// Of the calibration's tangent.
+  bool estimates(int column) const {
+    if (column == kTimeOffsetColumn) return estimate_time_offset;
+    if (column >= kCameraCalibration) return estimate_imu_scale;
+    return column == kFocalColumn ? estimate_focal_length : estimate_extrinsics;
+  }
 };
 
 enum class SolverOutcome : std::uint8_t {

@@ -317,7 +317,7 @@ void LifeRig::renew_tracks(double t) {
 }
 
 void LifeRig::observe(double t) {
-  image_.stamp = at(t - (is(kNumber, kStampsOff) ? sign_ * kOffset_s : 0));
+  image_.stamp = at(t - (is(kNumber, kStampsOff) ? sign_ * kOffset_s : 0) + (t < stamps_step_at_s ? 0 : stamps_step_s));
   if (row_[kImages] > 0 && frame_ % 20 == 0 && !tracks_.empty()) {  // the image before once more
     for (TrackedFeature& f : image_.features) ++f.age;
     for (Track& track : tracks_) ++track.age;

@@ -110,6 +110,8 @@ class LifeRig {
   LifeMotion motion;
   Vec3 bias_step = Vec3::Zero();  ///< of the gyroscope, rad/s ...
   double bias_steps_at_s = 0;     ///< ... from then on
+  double stamps_step_s = 0;       ///< later are those of the images ...
+  double stamps_step_at_s = 0;    ///< ... from then on
   /// Until `seconds`; `each` after every frame that was processed.
   void run_to(double seconds, const std::function<void(const StepResult&)>& each = {});
   double now() const { return 0.05 * frame_; }

@@ -47,13 +47,13 @@ void fly_tables(unsigned tables, std::size_t every, int most) {
   std::cout << red << " of " << rows << " rows fail, " << cpu_s << " s of CPU\n";
 }
 
-/// 18 of 207 fail, 138 before the window kept its last frames. None should; the number may only
+/// 16 of 207 fail, 138 before the window kept its last frames. None should; the number may only
 /// fall, and differs by a few between processors.
 TEST(EstimatorLife, NoMoreRowsOfTheTableFail) {
 #if defined(EPILINE_SANITIZED) || !defined(__x86_64__)  // that are slow, or emulated
   fly_tables(1, 10, 12);
 #else
-  fly_tables(1, 1, 20);
+  fly_tables(1, 1, 18);
 #endif
 }
 
@@ -62,11 +62,11 @@ TEST(EstimatorLife, NoRowOfTheNightsTablesFails) {
   fly_tables(5, 1, 0);
 }
 
-/// What a switch does alone, which pairs hide: six flights of each path and wait with one. 61 of 3132 fail; the number
+/// What a switch does alone, which pairs hide: six flights of each path and wait with one. 55 of 3132 fail; the number
 /// may only fall, and differs by a few between processors.
 TEST(EstimatorLife, NoMoreFlightsWithOneSwitchFail) {
   if (!is_nightly()) GTEST_SKIP() << "minutes: for the night (EPILINE_NIGHTLY)";
-  constexpr int kFlights = 6, kKnown = 62;
+  constexpr int kFlights = 6, kKnown = 56;
   int red = 0;
   std::string failures;
   for (const Row& row : single_table()) {
@@ -162,6 +162,25 @@ TEST(EstimatorLife, AGyroscopesBiasThatStepsInFlightCostsNoAttitude) {
       EXPECT_LT(worst.sigmas, LifeVerdict::kSigmas) << path << ' ' << seed << ' ' << worst.what << ' ' << worst.error;
       EXPECT_EQ(rig.estimator().stats().resets, 0U) << path << ' ' << seed;
       EXPECT_EQ(rig.estimator().odometry().health.state, HealthState::kTracking) << path << ' ' << seed;
+    }
+}
+
+// A driver that loses a frame's buffer: from then on each image has the stamp of the one before.
+TEST(EstimatorLife, StampsThatSlipByAFrameInFlightAreFollowed) {
+  for (const Path path : {kRoom, kDash})
+    for (const unsigned seed : {1U, 2U, 3U}) {
+      LifeRig rig(with(path, kClean), seed);
+      rig.stamps_step_s = -0.05;
+      rig.stamps_step_at_s = 11;
+      int wrong = 0;
+      rig.run_to(rig.ends_at(), [&](const StepResult& result) {
+        if (!result.has_pose || rig.estimator().odometry().health.state != HealthState::kTracking) return;
+        wrong += rig.now() > 5 && worst_error(rig).sigmas > LifeVerdict::kSigmas;
+      });
+      EXPECT_LE(wrong, 3) << path << ' ' << seed;
+      EXPECT_EQ(rig.estimator().stats().resets, 0U) << path << ' ' << seed;
+      EXPECT_EQ(rig.estimator().odometry().health.state, HealthState::kTracking) << path << ' ' << seed;
+      EXPECT_NEAR(rig.estimator().odometry().time_offset_s, 0.05, 0.005) << path << ' ' << seed;
     }
 }
 

@@ -200,39 +200,100 @@ TEST(Marginalisation, OfTheTrackFactorKeepsThePriorPositive) {
   expect_prior_stays_positive(factor);
 }
 
-// ---- the calibration's random walk ----
+// ---- what may have moved ----
 
-TEST(InflateCalibration, AddsTheVarianceAndLeavesTheEstimate) {
-  SyntheticWindow s = make_window({});
-  Window& w = *s.window;
-  set_initial_prior(w, {}, calibration_sigmas());
+std::unique_ptr<SyntheticWindow> with_prior() {
+  auto s = std::make_unique<SyntheticWindow>(make_window({}));
+  set_initial_prior(*s->window, {}, calibration_sigmas());
   TrackFactor factor(best_instruction_set());
-  factor.collect(w, settings());
-  Marginaliser(best_instruction_set()).marginalise_oldest(w, factor, settings());
-  for (const int parameter : {0, 2, 6}) {
-    auto solved = [&] { return solve_dense({dense_prior(w.prior), dense_prior_rhs(w.prior)}); };
-    const DenseSolution before = solved();
-    const int e = w.prior.calibration_row() + parameter;
-    const double variance = 4 * before.covariance(e, e);
-    inflate_calibration(w.prior, parameter, variance);
-    const DenseSolution after = solved();
+  factor.collect(*s->window, settings());
+  Marginaliser(best_instruction_set()).marginalise_oldest(*s->window, factor, settings());
+  return s;
+}
+DenseSolution solved(const Prior& p) { return solve_dense({dense_prior(p), dense_prior_rhs(p)}); }
+
+TEST(Inflate, AddsTheVarianceAndLeavesTheEstimate) {
+  const auto s = with_prior();
+  Prior& p = s->window->prior;
+  for (const int row : {p.calibration_row(), p.calibration_row() + 6, p.calibration_row() - 3}) {
+    const DenseSolution before = solved(p);
+    const Vec3 moved = Vec3(2, -1, 0.5) * std::sqrt(before.covariance(row, row));
+    inflate(p, row, {moved.data(), 3});
+    const DenseSolution after = solved(p);
     MatrixXd expected = before.covariance;
-    expected(e, e) += variance;
+    expected.block<3, 3>(row, row) += moved * moved.transpose();
     EXPECT_LT(scaled_difference(after.covariance, expected), 1e-6);
     EXPECT_LT(scaled_difference(after.step, before.step, expected), 1e-6);
   }
 }
 
-TEST(InflateCalibration, DoesNothingWithoutAPriorOrAVariance) {
+TEST(Inflate, DoesNothingWithoutAPriorOrAMotion) {
   const auto p = std::make_unique<Prior>();
   p->frames = 0;
-  inflate_calibration(*p, 0, 1);
+  const double still = 0, moved = 1;
+  inflate(*p, 0, {&moved, 1});
   EXPECT_EQ(p->frames, 0);
   SyntheticWindow s = make_window({});
   set_initial_prior(*s.window, {}, calibration_sigmas());
   const MatrixXd before = dense_prior(s.window->prior);
-  inflate_calibration(s.window->prior, 0, 0);
+  inflate(s.window->prior, s.window->prior.calibration_row(), {&still, 1});
   EXPECT_EQ((dense_prior(s.window->prior) - before).norm(), 0);
+}
+
+constexpr SolverSettings kAllEstimated{2, true, true, true, true};
+
+/// Moves the window to where the prior holds it best, but for `by` from row `at` on.
+void move_from_prior(Window& w, int at, const Vec3& by) {
+  Prior& p = w.prior;
+  const MatrixXd H = dense_prior(p);
+  Eigen::VectorXd d = Eigen::VectorXd::Zero(p.dim());
+  d.segment<3>(at) = by;
+  const Eigen::VectorXd b = H * -d;  // the window stands at 0
+  for (int i = 0; i < p.dim(); ++i) p.b[i] = b[i];
+  for (int k = 0; k < p.frames; ++k) p.x0[static_cast<std::size_t>(k)] = w.at(k).x;
+  p.c0 = w.calibration;
+}
+
+// The most likely walk of n numbers that are seen to be d off, with d'P^-1 d = c: P + d d' (1 / n - 1 / c).
+TEST(LetStep, ForgetsOfTheGyroscopesBiasWhatContradicts) {
+  const auto s = with_prior();
+  Window& w = *s->window;
+  const int row = w.prior.calibration_row() - 3;
+  const MatrixXd before = solved(w.prior).covariance;
+  const Mat3 P = before.block<3, 3>(row, row);
+  for (const double sigmas : {1., 5.}) {  // c: their square
+    const Vec3 unit = P.llt().matrixL() * Vec3(1, 1, -1).normalized(), by = sigmas * unit;
+    move_from_prior(w, row, by);
+    Marginaliser(best_instruction_set()).let_step(w, kAllEstimated);
+    MatrixXd expected = before;
+    if (sigmas > 2) expected.block<3, 3>(row, row) += (1. / 3 - 1 / (sigmas * sigmas)) * by * by.transpose();
+    const DenseSolution after = solved(w.prior);
+    EXPECT_LT(scaled_difference(after.covariance, expected), 1e-4) << sigmas;
+    EXPECT_NEAR((after.step.segment<3>(row) + by).norm() / by.norm(), 0, 1e-4);
+  }
+}
+
+TEST(LetStep, ForgetsTheTimeOffsetOnceAllOfThePriorIsContradicted) {
+  for (const double of_all : {0.9, 1.1}) {  // squared sigmas on the mean
+    const auto s = with_prior();
+    Window& w = *s->window;
+    const int row = w.prior.calibration_row() + kTimeOffsetColumn;
+    const double P = solved(w.prior).covariance(row, row),
+                 squared = of_all * w.prior.dim() / dense_prior(w.prior)(row, row);
+    move_from_prior(w, row, Vec3(std::sqrt(squared), 0, 0));
+    Marginaliser(best_instruction_set()).let_step(w, kAllEstimated);
+    EXPECT_NEAR(solved(w.prior).covariance(row, row) / (of_all > 1 ? squared : P), 1, 1e-4) << of_all;
+  }
+}
+
+TEST(LetStep, LeavesATimeOffsetThatIsNotEstimated) {
+  const auto s = with_prior();
+  Window& w = *s->window;
+  const int row = w.prior.calibration_row() + kTimeOffsetColumn;
+  move_from_prior(w, row, Vec3(1, 0, 0));
+  const MatrixXd before = dense_prior(w.prior);
+  Marginaliser(best_instruction_set()).let_step(w, {2, false, true, true, true});
+  EXPECT_EQ((dense_prior(w.prior) - before).row(row).norm(), 0);
 }
 
 // ---- the first prior ----
