@@ -45,8 +45,7 @@ void Estimator::Impl::take_from_solver(const NavState& predicted, double dt_s) {
   if (const double factor = intervals.widens(dt_s); factor > 1) widen(carried.x, factor, carried.P);
   const Vec3 doubt = doubt_of_lens(window.calibration_prior, window.calibration, window.rig);
   carried.P += resting.doubt_of_leaving() +
-               covariance_between_maxima(window.calibration_prior, window.calibration, calibration_covariance,
-                                         carried.with_calibration) +
+               covariance_of_tails(window.calibration_prior, calibration_covariance, carried.with_calibration) +
                covariance_of_doubt(doubt, calibration_covariance, carried.with_calibration);
   CalibrationTangent variances = calibration_covariance.diagonal();
   variances.segment<3>(kFocalColumn) += doubt;

@@ -13,9 +13,9 @@ constexpr double kSeen = 1e-4;  // of the prior's information: less is rounding,
 // What a solve concludes from is not quite Gaussian, and it concludes often: so much must speak for a calibration that
 // is far off.
 constexpr double kClear = 30, kNear = 25;
-constexpr double kUnlikely = 1e-3;  // another maximum adds nothing then
 constexpr double kFading_s = 5;     // another maximum that is seen no more: a window that says little loses it
 constexpr double kSame = 0.1;       // relative difference of maxima
+constexpr double kNextWidth = 1.5;  // of a Gaussian, over the one before
 constexpr double kFarthest = 1;     // rad, m, relative: where the search for one that is far begins
 // Relative: a scale or a focal length is estimated by its slope, which leads no farther. Turns show what is more
 // (suspicion.h).
@@ -64,6 +64,32 @@ Numbers<numbers> maximum(const CalibrationPart& p, const Measured<numbers>& m, d
   return d;
 }
 
+/// Mean of x x', x the truth less `solved`, on the axes of the measured. How wrong a ruler was is not known: any width
+/// of a Gaussian between sigma and `kFarthest` is as likely.
+template <int numbers>
+Eigen::Matrix<double, numbers, numbers> mean_square_from(const Numbers<numbers>& solved, const CalibrationPart& p,
+                                                         Measured<numbers> m) {
+  for (int i = 0; i < numbers; ++i)
+    if (m.h[i] < 1 / square(kFarthest)) m.h[i] = m.b[i] = 0;
+  Eigen::Matrix<double, numbers, numbers> sum = Eigen::Matrix<double, numbers, numbers>::Zero();
+  double mass = 0, likeliest = 0;
+  for (double width = p.sigma; width < kFarthest; width *= kNextWidth) {
+    const double w = 1 / square(width);
+    const Numbers<numbers> mean = m.at_weight(w), off = mean - solved;
+    const double log_mass = (m.b.dot(mean) - (m.h / w).array().log1p().sum()) / 2;
+    if (log_mass > likeliest) {
+      sum *= std::exp(likeliest - log_mass);
+      mass *= std::exp(likeliest - log_mass);
+      likeliest = log_mass;
+    }
+    const double share = std::exp(log_mass - likeliest);
+    sum += share * off * off.transpose();
+    sum.diagonal() += share * (m.h.array() + w).inverse().matrix();
+    mass += share;
+  }
+  return sum / mass;
+}
+
 /// The other maximum, unless the one remembered still says more of the error.
 template <int numbers>
 void remember(const Numbers<numbers>& other, double elsewhere, const Numbers<numbers>& solved, double fading,
@@ -83,7 +109,8 @@ bool look_far(const CalibrationCovariance& covariance, const CalibrationTangent&
   const Block I = covariance.block<numbers, numbers>(p.at, p.at).inverse();
   const Eigen::SelfAdjointEigenSolver<Block> axes(I);
   const double held = weight(p, distance_squared(p, linearised));
-  Measured<numbers> m{axes.eigenvalues().array() - held, axes.eigenvectors().transpose() * (I * d)};
+  const Measured<numbers> all{axes.eigenvalues().array() - held, axes.eigenvectors().transpose() * (I * d)};
+  Measured<numbers> m = all;
   for (int i = 0; i < numbers; ++i)
     if (m.h[i] < kSeen * weight(p, 0)) m.h[i] = m.b[i] = 0;
   const Numbers<numbers> near = maximum(p, m, weight(p, 0)), far = maximum(p, m, weight(p, square(kFarthest)));
@@ -99,8 +126,17 @@ bool look_far(const CalibrationCovariance& covariance, const CalibrationTangent&
   p.found = takes_far ? far.norm() : near.norm();
   const Numbers<numbers>&here = takes_far ? far : near, &there = takes_far ? near : far;
   const bool two = in_reach && (there - here).norm() > kSame * far.norm();
-  remember<numbers>(axes.eigenvectors() * there, two ? 1 / (1 + std::exp(log_mass(here) - log_mass(there))) : 0, d,
-                    fading, p);
+  auto doubt = p.doubt.template topLeftCorner<numbers, numbers>();
+  if (p.at == kTranslationColumn) {
+    const Block of_truth = mean_square_from<numbers>(axes.eigenvectors().transpose() * d, p, all);
+    doubt = axes.eigenvectors() * of_truth * axes.eigenvectors().transpose() -
+            covariance.block<numbers, numbers>(p.at, p.at);
+  } else {
+    remember<numbers>(axes.eigenvectors() * there, two ? 1 / (1 + std::exp(log_mass(here) - log_mass(there))) : 0, d,
+                      fading, p);
+    const Numbers<numbers> off = p.other.template head<numbers>() - d;
+    doubt = p.elsewhere * off * off.transpose();
+  }
   return held_near && square(p.found) >= kNear * scale_squared(p);
 }
 }  // namespace
@@ -145,26 +181,22 @@ bool look_far(const CalibrationCovariance& covariance, const Calibration& linear
 
 namespace {
 template <int numbers>
-void add_between_maxima(const CalibrationPart& p, const CalibrationTangent& solved,
-                        const CalibrationCovariance& covariance, const CrossCovariance& cross, StateCovariance& P) {
-  const Numbers<numbers> there = p.other.head<numbers>() - solved.segment<numbers>(p.at);
-  const Eigen::Matrix<double, 16, 1> moved =
-      cross.middleCols<numbers>(p.at) * covariance.block<numbers, numbers>(p.at, p.at).ldlt().solve(there);
-  P += p.elsewhere * moved * moved.transpose();
+StateCovariance covariance_of_doubt(const CalibrationPart& p, const CalibrationCovariance& covariance,
+                                    const CrossCovariance& cross) {
+  const auto P = covariance.block<numbers, numbers>(p.at, p.at).ldlt();
+  const Eigen::Matrix<double, 16, numbers> slopes = P.solve(cross.middleCols<numbers>(p.at).transpose()).transpose();
+  return slopes * p.doubt.topLeftCorner<numbers, numbers>() * slopes.transpose();
 }
 }  // namespace
 
-StateCovariance covariance_between_maxima(const CalibrationPrior& prior, const Calibration& solved,
-                                          const CalibrationCovariance& covariance,
-                                          const CrossCovariance& cross) noexcept {
-  const CalibrationTangent d = local(prior.configured, solved);
+StateCovariance covariance_of_tails(const CalibrationPrior& prior, const CalibrationCovariance& covariance,
+                                    const CrossCovariance& cross) noexcept {
   StateCovariance P = StateCovariance::Zero();
-  for (const CalibrationPart* p : prior.parts()) {
-    if (!(p->sigma > 0) || p->elsewhere < kUnlikely) continue;
-    p->numbers == 1 ? add_between_maxima<1>(*p, d, covariance, cross, P)
-                    : add_between_maxima<3>(*p, d, covariance, cross, P);
-  }
-  return P;
+  for (const CalibrationPart* p : prior.parts())
+    if (p->sigma > 0)
+      P += p->numbers == 1 ? covariance_of_doubt<1>(*p, covariance, cross)
+                           : covariance_of_doubt<3>(*p, covariance, cross);
+  return (P + P.transpose()) / 2;  // to the last digit
 }
 
 // A lens that is not as long as it was calibrated need not have the calibrated shape either.

@@ -21,11 +21,10 @@ CalibrationTangent calibration_prior_information(const CalibrationPrior& prior, 
 bool look_far(const CalibrationCovariance& covariance, const Calibration& linearised, const Calibration& solved,
               double dt_s, CalibrationPrior& prior) noexcept;
 
-/// What the covariance of the newest state lacks where the truth of the calibration may be at another maximum: the
-/// state would be another one then. `covariance`, `cross`: of the solved calibration, and of the state with it.
-StateCovariance covariance_between_maxima(const CalibrationPrior& prior, const Calibration& solved,
-                                          const CalibrationCovariance& covariance,
-                                          const CrossCovariance& cross) noexcept;
+/// What the covariance of the newest state lacks where the truth of the calibration may be far off, by the last look:
+/// the state would be another one then. `covariance`, `cross`: of the solved calibration, and of the state with it.
+StateCovariance covariance_of_tails(const CalibrationPrior& prior, const CalibrationCovariance& covariance,
+                                    const CrossCovariance& cross) noexcept;
 
 /// Variances of the focal length and of both scales of the IMU, in the order of their columns, that the tracks cannot
 /// tell: what a lens of another shape than its model's does to all three, and, with several cameras, what an error of

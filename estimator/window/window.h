@@ -71,6 +71,8 @@ struct CalibrationPart {
   // The prior has a narrow part and wide tails, so there may be another maximum than the one that is held to.
   double elsewhere = 0;       ///< how likely the truth is there instead, 0 to 1; fades within seconds
   Vec3 other = Vec3::Zero();  ///< where, from the configured values
+  /// Mean square of the truth's distance from what was solved, beyond the solve's covariance.
+  Mat3 doubt = Mat3::Zero();
 };
 struct CalibrationPrior {
   Calibration configured;

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 
 #include "tests/estimator/dense_algebra.h"
 #include "tests/estimator/factors/named_blocks.h"
@@ -146,7 +147,7 @@ TEST(CalibrationPrior, ClaimsWhatTwoMaximaLeaveOpen) {
       const double solved = local(prior.configured, s.calibration)[kFocalColumn];
       CrossCovariance cross = CrossCovariance::Zero();  // a state that follows the focal length
       cross.row(2) = s.covariance.row(kFocalColumn);
-      const double added = covariance_between_maxima(prior, s.calibration, s.covariance, cross)(2, 2);
+      const double added = covariance_of_tails(prior, s.covariance, cross)(2, 2);
       const double expected = mean_square_from(solved, prior.focal, measured, sigma);
       two += prior.focal.elsewhere > 0.01;
       // with one maximum the Student distribution is wider than the Gaussian that touches it
@@ -158,23 +159,46 @@ TEST(CalibrationPrior, ClaimsWhatTwoMaximaLeaveOpen) {
   EXPECT_GT(two, 5);
 }
 
+/// Of a place measured with a ruler: by drawing truths, of all widths alike, and weighing them by the measurement.
+TEST(CalibrationPrior, ClaimsOfThePlaceWhatTheMeasurementLeavesOpen) {
+  for (const double measured : {0.0, 0.02, 0.2})
+    for (const double sigma : {0.3, 0.05, 0.01}) {
+      CalibrationPrior prior;
+      prior.translation.sigma = 5e-4;
+      const Solved s = solved_under(prior, prior.translation, measured, sigma);
+      look_far(s.covariance, prior.configured, s.calibration, 0.1, prior);
+      const Vec3 solved = local(prior.configured, s.calibration).segment<3>(kTranslationColumn);
+      std::mt19937_64 random(1);
+      std::normal_distribution<double> normal;
+      std::uniform_real_distribution<double> log_width(std::log(5e-4), 0);
+      double mass = 0, moment = 0;
+      for (int i = 0; i < 400'000; ++i) {
+        const Vec3 d = std::exp(log_width(random)) * Vec3(normal(random), normal(random), normal(random));
+        const double density = std::exp(-(d - Vec3(measured, 0, 0)).squaredNorm() / square(sigma) / 2);
+        mass += density;
+        moment += density * square(d.x() - solved.x());
+      }
+      const double claimed = s.covariance(kTranslationColumn, kTranslationColumn) + prior.translation.doubt(0, 0);
+      EXPECT_NEAR(claimed / (moment / mass), 1, 0.35) << measured << ' ' << sigma;
+    }
+}
+
 /// The state that another calibration would mean: the mean of a joint Gaussian under that condition.
 TEST(CalibrationPrior, MovesTheStateAsItsCovarianceWithTheCalibrationSays) {
   constexpr int kJoint = 15 + kCalibration, kAt = 15 + kTranslationColumn;
   const Eigen::MatrixXd joint = random_covariance(kJoint, 3), information = inverse(joint);
   CalibrationPrior prior;
   prior.translation.sigma = 1e-3;
-  prior.translation.elsewhere = 0.3;
-  prior.translation.other = Vec3(0.1, -0.2, 0.05);
-  const StateCovariance added =
-      covariance_between_maxima(prior, prior.configured, joint.bottomRightCorner(kCalibration, kCalibration),
-                                joint.topRightCorner(16, kCalibration));
+  const Vec3 off(0.1, -0.2, 0.05);
+  prior.translation.doubt = 0.3 * off * off.transpose();
+  const StateCovariance added = covariance_of_tails(prior, joint.bottomRightCorner(kCalibration, kCalibration),
+                                                    joint.topRightCorner(16, kCalibration));
   const auto rest = [](int i) { return i < kAt ? i : i + 3; };
   Eigen::MatrixXd among(kJoint - 3, kJoint - 3);
   Eigen::VectorXd pull = Eigen::VectorXd::Zero(kJoint - 3);
   for (int i = 0; i < kJoint - 3; ++i) {
     for (int j = 0; j < kJoint - 3; ++j) among(i, j) = information(rest(i), rest(j));
-    for (int k = 0; k < 3; ++k) pull[i] -= information(rest(i), kAt + k) * prior.translation.other[k];
+    for (int k = 0; k < 3; ++k) pull[i] -= information(rest(i), kAt + k) * off[k];
   }
   const Eigen::VectorXd moved = solve(among, pull);
   for (int i = 0; i < 16; ++i)
