@@ -73,7 +73,7 @@ Eigen::Matrix<double, numbers, numbers> mean_square_from(const Numbers<numbers>&
     if (m.h[i] < 1 / square(kFarthest)) m.h[i] = m.b[i] = 0;
   Eigen::Matrix<double, numbers, numbers> sum = Eigen::Matrix<double, numbers, numbers>::Zero();
   double mass = 0, likeliest = 0;
-  for (double width = p.sigma; width < kFarthest; width *= kNextWidth) {
+  for (double width = p.sigma; mass == 0 || width < kFarthest; width *= kNextWidth) {
     const double w = 1 / square(width);
     const Numbers<numbers> mean = m.at_weight(w), off = mean - solved;
     const double log_mass = (m.b.dot(mean) - (m.h / w).array().log1p().sum()) / 2;

@@ -183,6 +183,14 @@ TEST(CalibrationPrior, ClaimsOfThePlaceWhatTheMeasurementLeavesOpen) {
     }
 }
 
+TEST(CalibrationPrior, ClaimsOfAPlaceThatMayBeAnywhereWhatTheSolveDoes) {
+  CalibrationPrior prior;
+  prior.translation.sigma = 2;
+  const Solved s = solved_under(prior, prior.translation, 0.2, 0.01);
+  look_far(s.covariance, prior.configured, s.calibration, 0.1, prior);
+  EXPECT_LT(prior.translation.doubt.norm(), 1e-6);
+}
+
 /// The state that another calibration would mean: the mean of a joint Gaussian under that condition.
 TEST(CalibrationPrior, MovesTheStateAsItsCovarianceWithTheCalibrationSays) {
   constexpr int kJoint = 15 + kCalibration, kAt = 15 + kTranslationColumn;
