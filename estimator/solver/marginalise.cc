@@ -120,9 +120,9 @@ void Marginaliser::forget_pose(Window& w, int k) {
 }
 
 namespace {
-constexpr int kMaySteps = 4;  // the gyroscope's bias, the time offset
-using StepCovariance = Eigen::Matrix<double, kMaySteps, kMaySteps>;
-using Steps = Eigen::Matrix<double, kMaySteps, 1>;
+constexpr int kMayStep = 4;  // the gyroscope's bias, the time offset
+using StepCovariance = Eigen::Matrix<double, kMayStep, kMayStep>;
+using Steps = Eigen::Matrix<double, kMayStep, 1>;
 
 /// Adds the most likely variance of a step of numbers that are seen to be `by` off, whose squared sigmas sum to `chi2`.
 template <int n>
@@ -137,8 +137,7 @@ bool forget(Prior& p, int row, const Eigen::Matrix<double, n, 1>& by, double chi
 bool Marginaliser::let_step(Window& w, const SolverSettings& settings) {
   Prior& p = w.prior;
   if (p.frames < 2) return false;  // not learned but assumed, by a start
-  const int n = p.dim(), c = p.calibration_row(), b_g = c - 3, time_offset = c + kTimeOffsetColumn,
-            last = n - kMaySteps;
+  const int n = p.dim(), c = p.calibration_row(), b_g = c - 3, time_offset = c + kTimeOffsetColumn, last = n - kMayStep;
   int order[kPriorDim], others = 0;  // what may step comes last
   for (int i = 0; i < n; ++i)
     if ((i < b_g || i >= c) && i != time_offset) order[others++] = i;
@@ -158,8 +157,8 @@ bool Marginaliser::let_step(Window& w, const SolverSettings& settings) {
   elimination_.eliminate(A[0], g, last, n + 1);
   StepCovariance H;
   Steps left;
-  for (int i = 0; i < kMaySteps; ++i) {
-    for (int j = 0; j < kMaySteps; ++j) H(i, j) = A[last + std::min(i, j)][last + std::max(i, j)];
+  for (int i = 0; i < kMayStep; ++i) {
+    for (int j = 0; j < kMayStep; ++j) H(i, j) = A[last + std::min(i, j)][last + std::max(i, j)];
     left[i] = A[last + i][n];
   }
   const Eigen::LLT<StepCovariance> llt(H);
