@@ -110,7 +110,7 @@ bool Estimator::Impl::cut(const TrackedFrame& frame) {
 
 /// What else is known of the frame, and of those before it.
 void Estimator::Impl::attach(const TrackedFrame& frame) {
-  resting.attach(frame, flight.tracks.pixel_sigma, wheels.motion(), window_age_s());
+  resting.attach(frame, flight.tracks.pixel_sigma, wheels.motion());
   wheels.attach();
   wheels.find_slips();
   heights.attach(flight.tracks.pixel_sigma);

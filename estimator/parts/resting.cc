@@ -47,11 +47,10 @@ bool Resting::is_restless() const {
 
 /// Whether the readings since the vehicle last stood still have taken it away: images of a far scene do not show that
 /// at once, and of one that shakes not plainly, but shaking has no direction.
-bool Resting::has_left(double age_s) const {
+bool Resting::has_left() const {
   const Slot& newest = common_.window.newest();
   const bool shakes = common_.noise.shakes();
   const double most = shakes ? kShakingVelocity : kLeavingVelocity;
-  if (!shakes && age_s < kGateFree_s) return false;
   if ((newest.time - memory_.stood_at).seconds() >= kDeadReckoned_s)
     return !images_.attitude_held() && newest.x.v.norm() > most;
   NavState x = newest.x;  // whose biases fit the scales of now
@@ -75,7 +74,7 @@ bool Resting::is_new_place() const {
   return images_.reference() != memory_.reference || common_.window.index_of(memory_.frame) < 0;
 }
 
-void Resting::attach(const TrackedFrame& frame, double pixel_sigma, WheelMotion wheels, double age_s) {
+void Resting::attach(const TrackedFrame& frame, double pixel_sigma, WheelMotion wheels) {
   Window& window = common_.window;
   const int n = window.size();
   Slot& newest = window.newest();
@@ -88,7 +87,7 @@ void Resting::attach(const TrackedFrame& frame, double pixel_sigma, WheelMotion 
   const bool shaken = found == Verdict::kIsShaken;
   if (!common_.config.zero_motion || found == Verdict::kMoves || n < 2 || is_blind(frame.reasons)) return;
   if ((shaken && is_new_place()) || wheels == WheelMotion::kTurn) return;
-  if (wheels != WheelMotion::kStand && has_left(age_s)) {
+  if (wheels != WheelMotion::kStand && has_left()) {
     forget_rest(memory_.stood_at);
     return;
   }

@@ -27,8 +27,8 @@ class Resting {
   double pixel_noise() const { return images_.pixel_noise(); }
 
   /// Zero motion: at its first success in a place the candidate becomes a keyframe, once, and later frames at rest
-  /// there are tied to it. `age_s`: of the window.
-  void attach(const TrackedFrame& frame, double pixel_sigma, WheelMotion wheels, double age_s);
+  /// there are tied to it.
+  void attach(const TrackedFrame& frame, double pixel_sigma, WheelMotion wheels);
   /// The window was solved.
   void solved();
   /// Whether a vehicle that stands has read for a while what its state does not explain: the biases have stepped, or
@@ -42,7 +42,7 @@ class Resting {
   std::uint64_t tied_to() const { return memory_.frame; }
 
  private:
-  bool has_left(double age_s) const;
+  bool has_left() const;
   bool is_of_newest_frame(const ImuStatistics& read) const;
   bool is_new_place() const;
   void forget_rest(HostStamp after);
