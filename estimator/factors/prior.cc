@@ -1,6 +1,7 @@
 #include "estimator/factors/prior.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <cstring>
 
 #include "estimator/factors/calibration_prior.h"
@@ -93,19 +94,17 @@ Covariance information_of(const Covariance& S) {
   return 0.5 * (I + I.transpose());
 }
 
-/// Of the calibration's own prior; less where more was known of the calibration than is now.
-CalibrationTangent weight_in(const CalibrationCovariance& calibration, const Window& w, const CalibrationTangent& d) {
-  CalibrationTangent weight = calibration_prior_information(w.calibration_prior, d);
-  weight = (calibration.diagonal().array() > 0).select(weight, 0);
-  const CalibrationCovariance I = information_of(calibration);
-  const auto fits = [&] {
-    CalibrationCovariance rest = I;
-    rest.diagonal() -= weight;
-    rest.diagonal() = (calibration.diagonal().array() > 0).select(rest.diagonal(), 1);
-    return rest.llt().info() == Eigen::Success;
-  };
-  for (int i = 0; i < 10 && !fits(); ++i) weight *= i < 9 ? 0.7 : 0;
-  return weight;
+/// What is left of the information on the calibration without that of its own prior, which is on its diagonal; nothing
+/// where no more is known than that.
+CalibrationCovariance without(const CalibrationTangent& own, const CalibrationCovariance& I) {
+  const CalibrationTangent unit = (own.array() > 0).select(own, I.diagonal().cwiseMax(1e-18)).cwiseSqrt(),
+                           per_unit = unit.cwiseInverse();
+  CalibrationCovariance left = I;
+  left.diagonal() -= own;
+  const Eigen::SelfAdjointEigenSolver<CalibrationCovariance> axes(per_unit.asDiagonal() * left * per_unit.asDiagonal());
+  const CalibrationTangent known = axes.eigenvalues().cwiseMax(0);
+  left = axes.eigenvectors() * known.asDiagonal() * axes.eigenvectors().transpose();
+  return unit.asDiagonal() * left * unit.asDiagonal();
 }
 }  // namespace
 
@@ -119,14 +118,16 @@ void set_prior(Window& w, const KnownJointly& known) {
   Joint S;
   S << known.P.topLeftCorner<15, 15>(), cross.topRows<15>(), cross.topRows<15>().transpose(), calibration;
   Joint I = information_of(S);
-  const CalibrationTangent d = local(w.calibration_prior.configured, w.calibration),
-                           weight = weight_in(calibration, w, d);
-  I.diagonal().tail<kCalibration>() -= weight;
+  const CalibrationTangent d = local(w.calibration_prior.configured, w.calibration);
+  const CalibrationTangent own =
+      (calibration.diagonal().array() > 0).select(calibration_prior_information(w.calibration_prior, d), 0);
+  const CalibrationCovariance of_calibration = information_of(calibration);
+  I.bottomRightCorner<kCalibration, kCalibration>() += without(own, of_calibration) - of_calibration;
   Prior& p = w.prior;
   p.frames = 1;
   for (int i = 0; i < kJoint; ++i) {
     for (int j = 0; j < kJoint; ++j) p.H[i][j] = I(i, j);
-    p.b[i] = i < 15 ? 0 : weight[i - 15] * d[i - 15];  // so that both together are at rest where the calibration is now
+    p.b[i] = i < 15 ? 0 : own[i - 15] * d[i - 15];  // so that both together are at rest where the calibration is now
   }
   p.x0[0] = w.at(0).x;
   p.c0 = w.calibration;

@@ -212,7 +212,7 @@ void LifeRig::schedule(bool stands) {
   const double lasts = is(kEvent, kCameraShort) || is(kEvent, kImuShort) ? 0.7 : is(kEvent, kBlow) ? kBlow_s : 4;
   const double from = sometime(lasts);
   const Span_s event{from, from + lasts};
-  if (is(kEvent, kCameraShort) || is(kEvent, kCameraLong)) blind_ = event;
+  if (is(kEvent, kCameraShort) || is(kEvent, kCameraLong)) blind = event;
   if (is(kEvent, kImuShort) || is(kEvent, kImuLong)) unfelt_ = event;
   if (is(kEvent, kBlow)) motion.blow_from_s = from, motion.blow_axis = normal3(1).normalized();
   if (row_[kEvent] > 0 && start_s > 0 && from < kUndisturbed_s) {  // it may have to start once more
@@ -374,7 +374,7 @@ void LifeRig::run_to(double seconds, const std::function<void(const StepResult&)
     ++frame_;
     const double t = now();
     for (; imu_ * kImuPeriod_s <= t + 0.02; ++imu_) push_imu(imu_);
-    if (t >= blind_.from && t < blind_.to) {
+    if (t >= blind.from && t < blind.to) {
       tracks_.clear();
       continue;
     }

@@ -112,6 +112,7 @@ class LifeRig {
   double bias_steps_at_s = 0;     ///< ... from then on
   double stamps_step_s = 0;       ///< later are those of the images ...
   double stamps_step_at_s = 0;    ///< ... from then on
+  Span_s blind{1e9, 1e9};         ///< without images
   /// Until `seconds`; `each` after every frame that was processed.
   void run_to(double seconds, const std::function<void(const StepResult&)>& each = {});
   double now() const { return 0.05 * frame_; }
@@ -164,7 +165,7 @@ class LifeRig {
   std::vector<Span_s> causes_;
   double ends_at_s_ = 0;
   double lorry_from_s_ = 1e9, person_from_s_ = 0, vibrates_from_s_ = 1e9;
-  Span_s blind_{1e9, 1e9}, unfelt_{1e9, 1e9};
+  Span_s unfelt_{1e9, 1e9};
   Body lorry_, person_;
   static constexpr int kTones = 6;
   std::array<double, kTones> tone_rad_s_{};

@@ -98,6 +98,28 @@ TEST(Prior, HandsOverTheCalibrationWithoutItsOwnPrior) {
     EXPECT_NEAR(w.prior.b[15 + c], weight[c] * d[c], 1e-9 * std::abs(weight[c])) << "both pull against each other";
 }
 
+/// A vehicle that waited has learned nothing of its calibration, but for what each solve has rounded. What its own
+/// prior says must not be held a second time: the truth may be far off.
+TEST(Prior, HandsOverNothingOfWhatWasNotLearned) {
+  SyntheticWindow s = make_window({.frames = 2});
+  Window& w = *s.window;
+  CalibrationPrior& own = w.calibration_prior;
+  own.configured = w.calibration;
+  own.rotation.sigma = 1e-3;
+  own.translation.sigma = 5e-4;
+  own.focal.sigma = 3e-4;
+  own.accelerometer_scale.sigma = own.gyroscope_scale.sigma = 1e-3;
+  const CalibrationTangent weight = calibration_prior_information(own, CalibrationTangent::Zero());
+  KnownJointly k = known(some_covariance(3));
+  CalibrationTangent more = CalibrationTangent::Constant(-1e-6);  // of that weight
+  more[kFocalColumn] = -0.5;
+  more[kGyroscopeScaleColumn] = 3;
+  for (int c = 1; c < kCalibration; ++c) k.calibration(c, c) = 1 / (weight[c] * (1 + more[c]));
+  set_prior(w, k);
+  for (int c = 1; c < kCalibration; ++c)
+    EXPECT_NEAR(w.prior.H[15 + c][15 + c], weight[c] * std::max(0., more[c]), 1e-5 * weight[c]) << c;
+}
+
 TEST(Prior, OfNoFramesCostsNothingAndSaysNothing) {
   SyntheticWindow s = make_window({.frames = 2});
   s.window->prior.frames = 0;
