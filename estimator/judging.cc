@@ -36,6 +36,8 @@ void Estimator::Impl::take_from_solver(const NavState& predicted, double dt_s) {
   carried.P = solver.covariance();
   carried.with_calibration = solver.cross_covariance();
   calibration_covariance = solver.calibration_covariance();
+  prior_information = calibration_prior_information(window.calibration_prior,
+                                                    local(window.calibration_prior.configured, solver.linearised_at()));
   wheels.watch();
   if (noise.learn_walks(carried.time, carried.x, carried.P)) numbers.forgive_imu();
   resting.solved();
@@ -43,12 +45,9 @@ void Estimator::Impl::take_from_solver(const NavState& predicted, double dt_s) {
   if (look_far(calibration_covariance, solver.linearised_at(), window.calibration, dt_s, window.calibration_prior))
     flight.rethinking_s = kRethinking_s;
   if (const double factor = intervals.widens(dt_s); factor > 1) widen(carried.x, factor, carried.P);
-  const Vec3 doubt = doubt_of_lens(window.calibration_prior, window.calibration, window.rig);
-  carried.P += resting.doubt_of_leaving() +
-               covariance_of_tails(window.calibration_prior, calibration_covariance, carried.with_calibration) +
-               covariance_of_doubt(doubt, calibration_covariance, carried.with_calibration);
+  carried.P += resting.doubt_of_leaving() + carrying.doubt_of_calibration(carried.with_calibration);
   CalibrationTangent variances = calibration_covariance.diagonal();
-  variances.segment<3>(kFocalColumn) += doubt;
+  variances.segment<3>(kFocalColumn) += doubt_of_lens(window.calibration_prior, window.calibration, window.rig);
   stats.calibration = found(window.calibration, variances);
 }
 

@@ -21,7 +21,6 @@ bool Estimator::Impl::go_on(const TrackedFrame& frame) {
   forget();
   flight.tracks = tracks;
   carried = s;
-  carried.silent = false;
   go_on_from_carried(frame);
   return true;
 }
@@ -46,9 +45,8 @@ bool Estimator::Impl::go_on_after_silence(const TrackedFrame& frame) {
 StepResult Estimator::Impl::start_anew(const TrackedFrame& frame, Supervisor& supervisor) {
   const bool running = started;
   if (go_on(frame)) return {true, true};
-  const KnownState s = carrying.to(imu_time(frame.stamp));
+  carried = carrying.to(imu_time(frame.stamp));
   reset();
-  carried = s;
   return running ? StepResult{} : initialise(frame, supervisor);
 }
 
@@ -57,8 +55,8 @@ void Estimator::Impl::go_on_from_carried(const TrackedFrame& frame) {
   Slot& slot = window.newest();
   slot.x = carried.x;
   slot.omega = carried.omega;
-  set_prior(window,
-            {carried.P, calibration_covariance, carried.with_calibration, calibration_sigmas()[kTimeOffsetColumn]});
+  set_prior(window, {carried.P - carrying.doubt_of_calibration(carried.with_calibration), calibration_covariance,
+                     carried.with_calibration, prior_information, calibration_sigmas()[kTimeOffsetColumn]});
   began(StartKind::kCarried);
   ++stats.carried_starts;
   publish(frame.stamp, carried);
@@ -100,6 +98,7 @@ void Estimator::Impl::forget() {
 
 void Estimator::Impl::reset() {
   calibration_covariance.setZero();
+  carried.with_calibration.setZero();
   window.calibration = configured_calibration();
   if (numbers.have_fitted()) monitor.forgive();
   numbers.restart();

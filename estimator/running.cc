@@ -44,7 +44,6 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   // State and covariance leave together: the solver's, or the IMU's prediction.
   carried = predicted;
   carried.x = window.newest().x;
-  carried.silent = false;
   if (s.solved()) take_from_solver(predicted.x, dt_s);
   FrameEvidence evidence;
   evidence.overloaded = effort.reduced();

@@ -13,7 +13,7 @@ constexpr double kSeen = 1e-4;  // of the prior's information: less is rounding,
 // What a solve concludes from is not quite Gaussian, and it concludes often: so much must speak for a calibration that
 // is far off.
 constexpr double kClear = 30, kNear = 25;
-constexpr double kFading_s = 5;     // another maximum that is seen no more: a window that says little loses it
+constexpr double kFading_s = 5;     // a rotation that is seen no more: a window that says little loses it
 constexpr double kSame = 0.1;       // relative difference of maxima
 constexpr double kNextWidth = 1.5;  // of a Gaussian, over the one before
 constexpr double kFarthest = 1;     // rad, m, relative: where the search for one that is far begins
@@ -64,16 +64,17 @@ Numbers<numbers> maximum(const CalibrationPart& p, const Measured<numbers>& m, d
   return d;
 }
 
-/// Mean of x x', x the truth less `solved`, on the axes of the measured. How wrong a ruler was is not known: any width
-/// of a Gaussian between sigma and `kFarthest` is as likely.
+/// Mean of x x', x the truth less `solved`, on the axes of the measured. How wrong the configured number may be is not
+/// known: any width of a Gaussian between sigma and `farthest` is as likely.
 template <int numbers>
 Eigen::Matrix<double, numbers, numbers> mean_square_from(const Numbers<numbers>& solved, const CalibrationPart& p,
                                                          Measured<numbers> m) {
+  constexpr double farthest = numbers == 1 ? kFarthestScale : kFarthest;
   for (int i = 0; i < numbers; ++i)
-    if (m.h[i] < 1 / square(kFarthest)) m.h[i] = m.b[i] = 0;
+    if (m.h[i] < 1 / square(farthest)) m.h[i] = m.b[i] = 0;
   Eigen::Matrix<double, numbers, numbers> sum = Eigen::Matrix<double, numbers, numbers>::Zero();
   double mass = 0, likeliest = 0;
-  for (double width = p.sigma; mass == 0 || width < kFarthest; width *= kNextWidth) {
+  for (double width = p.sigma; mass == 0 || width < farthest; width *= kNextWidth) {
     const double w = 1 / square(width);
     const Numbers<numbers> mean = m.at_weight(w), off = mean - solved;
     const double log_mass = (m.b.dot(mean) - (m.h / w).array().log1p().sum()) / 2;
@@ -90,15 +91,14 @@ Eigen::Matrix<double, numbers, numbers> mean_square_from(const Numbers<numbers>&
   return sum / mass;
 }
 
-/// The other maximum, unless the one remembered still says more of the error.
-template <int numbers>
-void remember(const Numbers<numbers>& other, double elsewhere, const Numbers<numbers>& solved, double fading,
-              CalibrationPart& p) {
-  auto remembered = p.other.template head<numbers>();
+/// The other maximum of a rotation, unless the one remembered still says more of the error.
+void remember(const Vec3& other, double elsewhere, const Vec3& solved, double fading, CalibrationPart& p) {
   p.elsewhere *= fading;
-  if (elsewhere * (other - solved).squaredNorm() < p.elsewhere * (remembered - solved).squaredNorm()) return;
-  p.elsewhere = elsewhere;
-  remembered = other;
+  if (elsewhere * (other - solved).squaredNorm() >= p.elsewhere * (p.other - solved).squaredNorm()) {
+    p.elsewhere = elsewhere;
+    p.other = other;
+  }
+  p.doubt = p.elsewhere * (p.other - solved) * (p.other - solved).transpose();
 }
 
 template <int numbers>
@@ -124,18 +124,18 @@ bool look_far(const CalibrationCovariance& covariance, const CalibrationTangent&
   const bool in_reach = numbers > 1 || far.norm() < kFarthestScale;
   const bool takes_far = in_reach && gain > (held_near ? kClear : 0);
   p.found = takes_far ? far.norm() : near.norm();
-  const Numbers<numbers>&here = takes_far ? far : near, &there = takes_far ? near : far;
-  const bool two = in_reach && (there - here).norm() > kSame * far.norm();
-  auto doubt = p.doubt.template topLeftCorner<numbers, numbers>();
-  if (p.at == kTranslationColumn) {
-    const Block of_truth = mean_square_from<numbers>(axes.eigenvectors().transpose() * d, p, all);
-    doubt = axes.eigenvectors() * of_truth * axes.eigenvectors().transpose() -
-            covariance.block<numbers, numbers>(p.at, p.at);
+  if (p.at == kRotationColumn) {
+    if constexpr (numbers == 3) {
+      const Vec3 &here = takes_far ? far : near, &there = takes_far ? near : far;
+      const bool two = (there - here).norm() > kSame * far.norm();
+      remember(axes.eigenvectors() * there, two ? 1 / (1 + std::exp(log_mass(here) - log_mass(there))) : 0, d, fading,
+               p);
+    }
   } else {
-    remember<numbers>(axes.eigenvectors() * there, two ? 1 / (1 + std::exp(log_mass(here) - log_mass(there))) : 0, d,
-                      fading, p);
-    const Numbers<numbers> off = p.other.template head<numbers>() - d;
-    doubt = p.elsewhere * off * off.transpose();
+    const Block of_truth = mean_square_from<numbers>(axes.eigenvectors().transpose() * d, p, all);
+    p.doubt.template topLeftCorner<numbers, numbers>() =
+        axes.eigenvectors() * of_truth * axes.eigenvectors().transpose() -
+        covariance.block<numbers, numbers>(p.at, p.at);
   }
   return held_near && square(p.found) >= kNear * scale_squared(p);
 }

@@ -4,8 +4,6 @@
 #include <Eigen/Eigenvalues>
 #include <cstring>
 
-#include "estimator/factors/calibration_prior.h"
-
 namespace epiline {
 
 void prior_difference(const Window& w, double* d) {
@@ -119,15 +117,14 @@ void set_prior(Window& w, const KnownJointly& known) {
   S << known.P.topLeftCorner<15, 15>(), cross.topRows<15>(), cross.topRows<15>().transpose(), calibration;
   Joint I = information_of(S);
   const CalibrationTangent d = local(w.calibration_prior.configured, w.calibration);
-  const CalibrationTangent own =
-      (calibration.diagonal().array() > 0).select(calibration_prior_information(w.calibration_prior, d), 0);
+  const CalibrationTangent own = (calibration.diagonal().array() > 0).select(known.own, 0);
   const CalibrationCovariance of_calibration = information_of(calibration);
   I.bottomRightCorner<kCalibration, kCalibration>() += without(own, of_calibration) - of_calibration;
   Prior& p = w.prior;
   p.frames = 1;
   for (int i = 0; i < kJoint; ++i) {
     for (int j = 0; j < kJoint; ++j) p.H[i][j] = I(i, j);
-    p.b[i] = i < 15 ? 0 : own[i - 15] * d[i - 15];  // so that both together are at rest where the calibration is now
+    p.b[i] = i < 15 ? 0 : own[i - 15] * d[i - 15];  // what was seen pulls as hard as its own prior did
   }
   p.x0[0] = w.at(0).x;
   p.c0 = w.calibration;

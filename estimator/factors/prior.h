@@ -24,9 +24,11 @@ struct KnownJointly {
   StateCovariance P;  ///< that of the time offset is not used
   CalibrationCovariance calibration = CalibrationCovariance::Zero();
   CrossCovariance cross = CrossCovariance::Zero();  ///< of both
-  double time_offset_sigma = 0;                     ///< known by itself; 0: not estimated
+  /// Of the calibration's information, what its own prior (calibration_prior.h) said.
+  CalibrationTangent own = CalibrationTangent::Zero();
+  double time_offset_sigma = 0;  ///< known by itself; 0: not estimated
 };
-/// A prior with that knowledge, less what the calibration's own prior (calibration_prior.h) adds in each solve.
+/// A prior with that knowledge, less what the calibration's own prior says, which each solve adds.
 void set_prior(Window& window, const KnownJointly& known);
 
 /// The same as set_prior() from standard deviations in tangent order, tilt and yaw given separately.

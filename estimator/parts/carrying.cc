@@ -1,5 +1,6 @@
 #include "estimator/parts/carrying.h"
 
+#include "estimator/factors/calibration_prior.h"
 #include "estimator/monitor/evidence.h"
 #include "estimator/predict/covariance.h"
 
@@ -9,25 +10,6 @@ namespace {
 constexpr double kCarriedStep_s = 1;  // without a solved frame the IMU carries the state on in steps of this length
 // A carried state is worth going on from while a few seconds of images can mend it; beyond, a start searches anew.
 constexpr double kMostVelocity = 1, kMostTilt = 0.1;  // m/s, rad
-// Without images that long, errors add up that images otherwise hold down: scale and axes of the sensors, and what the
-// window's covariance claims too little. Both as factors of standard deviations (docs/developers/decisions.md#silence).
-constexpr double kSilentState = 1.6, kSilentReadings = 1.6;
-
-ImuHistory::Density widened(ImuHistory::Density density) {
-  density.noise.accelerometer_density *= kSilentReadings;
-  density.noise.accelerometer_random_walk *= kSilentReadings;
-  return density;
-}
-
-/// Covariance of a state with the calibration, at the end of an interval that begins at that state, whose attitude was
-/// `R_WB`.
-CrossCovariance carried_on(const CrossCovariance& from, const Mat3& R_WB, const Preintegration& interval) {
-  Mat15 B = Mat15::Identity();  // into the axes of the body, in which the interval is
-  B.block<3, 3>(0, 0) = B.block<3, 3>(6, 6) = R_WB.transpose();
-  CrossCovariance to = from;
-  to.topRows<15>() = B.transpose() * (interval.J * (B * from.topRows<15>()));
-  return to;
-}
 }  // namespace
 
 /// Whether forces tell nothing of the motion since a state: readings are missing, or nobody knows how much of
@@ -35,6 +17,31 @@ CrossCovariance carried_on(const CrossCovariance& from, const Mat3& R_WB, const 
 bool Carrying::forces_are_unknown(const KnownState& from, HostStamp until) const {
   if (intervals_.is_silent(from.time, until)) return true;
   return !common_.started && sigma_tilt(from.x, from.P) > kMostTilt;
+}
+
+StateCovariance Carrying::doubt_of_calibration(const CrossCovariance& cross) const {
+  const Window& window = common_.window;
+  const CalibrationCovariance& P = common_.calibration_covariance;
+  return covariance_of_tails(window.calibration_prior, P, cross) +
+         covariance_of_doubt(doubt_of_lens(window.calibration_prior, window.calibration, window.rig), P, cross);
+}
+
+/// What is known at the end of an interval that begins at that state. The scales of its readings are no better known
+/// than the calibration.
+void Carrying::through(const Preintegration& interval, const Mat3& R_WB, KnownState& s) const {
+  Mat15 B = Mat15::Identity();  // into the axes of the body, in which the interval is
+  B.block<3, 3>(0, 0) = B.block<3, 3>(6, 6) = R_WB.transpose();
+  const Mat15 J = B.transpose() * interval.J * B;
+  Eigen::Matrix<double, 15, kImuScales> by_scale = Eigen::Matrix<double, 15, kImuScales>::Zero();
+  by_scale.topRows<9>() = B.topLeftCorner<9, 9>().transpose() * interval.by_scale();
+  const auto scales = common_.calibration_covariance.bottomRows<kImuScales>();
+  CrossCovariance& cross = s.with_calibration;
+  s.P = carried_on(into_body(s.P - doubt_of_calibration(cross), R_WB), R_WB, interval);
+  const Mat15 both = J * cross.topRightCorner<15, kImuScales>() * by_scale.transpose();
+  s.P.topLeftCorner<15, 15>() +=
+      both + both.transpose() + by_scale * scales.rightCols<kImuScales>() * by_scale.transpose();
+  cross.topRows<15>() = J * cross.topRows<15>() + by_scale * scales;
+  s.P += doubt_of_calibration(cross);
 }
 
 KnownState Carrying::on_to(const KnownState& from, HostStamp time) const {
@@ -45,10 +52,7 @@ KnownState Carrying::on_to(const KnownState& from, HostStamp time) const {
   const ImuHistory::Density& density = common_.noise.of_intervals();
   Preintegration interval;
   interval.reset(s.x.b_a, s.x.b_g, window.calibration.scale);
-  const bool silent = s.silent || (time - s.time).seconds() > kSilence_s;
-  if (!history.integrate(s.time, time, silent ? widened(density) : density, interval)) return s;
-  if (silent && !s.silent) widen(s.x, kSilentState * kSilentState, s.P);
-  s.silent = silent;
+  if (!history.integrate(s.time, time, density, interval)) return s;
   history.propagate(from.time, time, window.calibration.scale, s.x, s.omega);
   if (window.size() > 0 && interval.T < kLongestUnknown_s)  // what contradicted a moment ago may still do so
     interval.doubt_forces(window.newest().unknown_acceleration);
@@ -57,8 +61,7 @@ KnownState Carrying::on_to(const KnownState& from, HostStamp time) const {
     s.x.p = from.x.p + interval.T * from.x.v;
     s.x.v = from.x.v;
   }
-  s.P = carried_on(into_body(s.P, from.x.R), from.x.R, interval);
-  s.with_calibration = carried_on(s.with_calibration, from.x.R, interval);
+  through(interval, from.x.R, s);
   s.time = time;
   return s;
 }
@@ -68,11 +71,12 @@ KnownState Carrying::predicted_newest() const {
   const Slot& newest = common_.window.newest();
   if (carried.time != common_.window.at(common_.window.size() - 2).time)  // an IMU that outlasts the camera
     return to(newest.time);
-  const Mat3& R = carried.x.R;
-  return {true,         carried.trusted,
-          newest.time,  newest.x,
-          newest.omega, carried_on(into_body(carried.P, R), R, newest.imu),
-          false,        carried_on(carried.with_calibration, R, newest.imu)};
+  KnownState s = carried;
+  through(newest.imu, carried.x.R, s);
+  s.time = newest.time;
+  s.x = newest.x;
+  s.omega = newest.omega;
+  return s;
 }
 
 void Carrying::keep_up() {

@@ -5,7 +5,7 @@
 
 namespace epiline {
 
-/// Of the camera: longer, and the state is carried on with wider covariances.
+/// Of the camera: longer, and the old window has nothing to say to what is seen then.
 inline constexpr double kSilence_s = 0.5;
 
 class Carrying {
@@ -17,10 +17,14 @@ class Carrying {
   KnownState on_to(const KnownState& from, HostStamp time) const;
   /// The window's newest frame, as the IMU predicts it.
   KnownState predicted_newest() const;
+  /// What the covariance of a state claims because the calibration may be another one than was solved, by the state's
+  /// covariance with that.
+  StateCovariance doubt_of_calibration(const CrossCovariance& cross) const;
   /// A reading has come. While no frame is solved they would be overwritten before they are needed.
   void keep_up();
 
  private:
+  void through(const Preintegration& interval, const Mat3& R_WB, KnownState& s) const;
   bool forces_are_unknown(const KnownState& from, HostStamp until) const;
 
   Common& common_;

@@ -21,7 +21,6 @@ struct KnownState {
   NavState x;
   Vec3 omega = Vec3::Zero();                    ///< rad/s, bias included
   StateCovariance P = StateCovariance::Zero();  ///< in the window's world
-  bool silent = false;                          ///< carried on without images: the covariance is widened
   CrossCovariance with_calibration = CrossCovariance::Zero();
 };
 
@@ -42,6 +41,7 @@ struct Common {
   bool started = false;  ///< the window's frames have states
   KnownState carried;    ///< the newest frame solved, or carried on from there by the IMU
   CalibrationCovariance calibration_covariance = CalibrationCovariance::Zero();  ///< by the last solve; 0: none yet
+  CalibrationTangent prior_information = CalibrationTangent::Zero();  ///< in that, of the calibration's own prior
 };
 
 }  // namespace epiline

@@ -68,7 +68,7 @@ struct CalibrationPart {
   int at, numbers;
   double sigma = 0;  ///< near the configured values; 0: not estimated
   double found = 0;  ///< how far from the configured values the truth most likely is
-  // The prior has a narrow part and wide tails, so there may be another maximum than the one that is held to.
+  // Of a rotation the maximum that is not held to.
   double elsewhere = 0;       ///< how likely the truth is there instead, 0 to 1; fades within seconds
   Vec3 other = Vec3::Zero();  ///< where, from the configured values
   /// Mean square of the truth's distance from what was solved, beyond the solve's covariance.

@@ -19,7 +19,7 @@ namespace {
 KnownJointly known(const StateCovariance& P) {
   CalibrationTangent s;
   s << 5e-3, Vec3::Constant(1e-4), Vec3::Constant(2e-4), 1e-4, 2e-4, 1e-4;
-  return {P, s.cwiseAbs2().asDiagonal(), CrossCovariance::Zero(), 5e-3};
+  return {P, s.cwiseAbs2().asDiagonal(), CrossCovariance::Zero(), CalibrationTangent::Zero(), 5e-3};
 }
 
 /// Symmetric, positive, with standard deviations as different as those of real states, and correlated.
@@ -78,6 +78,9 @@ TEST(Prior, HandsOverTheCalibrationWithoutItsOwnPrior) {
   w.calibration.p_BC += Vec3(3e-4, 0, -2e-4);
   KnownJointly k = known(some_covariance(3));
   k.cross.block<3, 3>(6, kTranslationColumn) = 0.5 * 0.1 * 2e-4 * Mat3::Identity();
+  const CalibrationTangent d = local(w.calibration_prior.configured, w.calibration),
+                           weight = calibration_prior_information(w.calibration_prior, d);
+  k.own = weight;
   set_prior(w, k);
   constexpr int n = 15 + kCalibration;
   Eigen::MatrixXd S(n, n), H(n, n);
@@ -87,8 +90,6 @@ TEST(Prior, HandsOverTheCalibrationWithoutItsOwnPrior) {
   S.bottomRightCorner(kCalibration, kCalibration) = k.calibration;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) H(i, j) = w.prior.H[i][j];
-  const CalibrationTangent d = local(w.calibration_prior.configured, w.calibration),
-                           weight = calibration_prior_information(w.calibration_prior, d);
   for (int c = 0; c < kCalibration; ++c) H(15 + c, 15 + c) += weight[c];
   Eigen::VectorXd unit(n);
   for (int i = 0; i < n; ++i) unit[i] = std::sqrt(S(i, i));
@@ -115,6 +116,7 @@ TEST(Prior, HandsOverNothingOfWhatWasNotLearned) {
   more[kFocalColumn] = -0.5;
   more[kGyroscopeScaleColumn] = 3;
   for (int c = 1; c < kCalibration; ++c) k.calibration(c, c) = 1 / (weight[c] * (1 + more[c]));
+  k.own = weight;
   set_prior(w, k);
   for (int c = 1; c < kCalibration; ++c)
     EXPECT_NEAR(w.prior.H[15 + c][15 + c], weight[c] * std::max(0., more[c]), 1e-5 * weight[c]) << c;
