@@ -65,16 +65,16 @@ Numbers<numbers> maximum(const CalibrationPart& p, const Measured<numbers>& m, d
 }
 
 /// Mean of x x', x the truth less `solved`, on the axes of the measured. How wrong the configured number may be is not
-/// known: any width of a Gaussian between sigma and `farthest` is as likely.
+/// known: any width of a Gaussian between sigma and `kWidest` is as likely.
 template <int numbers>
 Eigen::Matrix<double, numbers, numbers> mean_square_from(const Numbers<numbers>& solved, const CalibrationPart& p,
                                                          Measured<numbers> m) {
-  constexpr double farthest = numbers == 1 ? kFarthestScale : kFarthest;
+  constexpr double kWidest = numbers == 1 ? kFarthestScale : kFarthest;
   for (int i = 0; i < numbers; ++i)
-    if (m.h[i] < 1 / square(farthest)) m.h[i] = m.b[i] = 0;
+    if (m.h[i] < 1 / square(kWidest)) m.h[i] = m.b[i] = 0;
   Eigen::Matrix<double, numbers, numbers> sum = Eigen::Matrix<double, numbers, numbers>::Zero();
   double mass = 0, likeliest = 0;
-  for (double width = p.sigma; mass == 0 || width < farthest; width *= kNextWidth) {
+  for (double width = p.sigma; mass == 0 || width < kWidest; width *= kNextWidth) {
     const double w = 1 / square(width);
     const Numbers<numbers> mean = m.at_weight(w), off = mean - solved;
     const double log_mass = (m.b.dot(mean) - (m.h / w).array().log1p().sum()) / 2;

@@ -20,7 +20,7 @@ inline constexpr int kMaxSlots = 2 * kMaxFrames + 1, kMaxPoses = kMaxCameras * (
 
 /// Eight tracks as a structure of arrays. An absent view is all zeros and adds nothing to any sum.
 struct alignas(64) TrackBatch {
-  static constexpr int kBearing = 0, kChart = 3, kStretch = 9, kRow = 10, kAge = 11, kNumbers = 12;
+  static constexpr int kBearing = 0, kChart = 3, kBend = 9, kRow = 10, kAge = 11, kNumbers = 12;
   float view[kMaxSlots][kNumbers][kBatchLanes];  ///< the numbers of its Observation
   double turn[kMaxSlots][2][kBatchLanes];        ///< of the chart's axes: cosine and sine, over sigma
   double link[kMaxSlots][kBatchLanes];  ///< of a drifting track: 1 / variance of the step from its previous view;

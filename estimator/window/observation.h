@@ -8,7 +8,7 @@ namespace epiline {
 struct alignas(64) Observation {
   float f_C[3];     ///< the bearing, a unit vector
   float chart[6];   ///< 2x3 row-major, maps a direction in C to pixels: d pixel / d f at f
-  float stretch;    ///< of the lens there: how much a longer focal length moves the pixel outwards, over a pinhole's
+  float bend;       ///< of the lens there: 1 as a pinhole's, 0 as a stereographic one's, below as a fisheye's
   float row_s;      ///< exposed so long after the stamp
   float age;        ///< of its track, images
   float found;      ///< by a second camera: age of the track when it was found there

@@ -66,15 +66,15 @@ void Window::remove(int k) {
 
 namespace {
 /// From the chart alone: across the meridian it shows the pixel's distance from the centre, along it how that grows.
-float stretch_of(const Vec3& f_C, const Mat23& chart) {
-  constexpr double kOnAxis = 1e-3, kAside = 0.17;  // 80 degrees off the axis a pinhole ends
+/// docs/derivations/calibration.md, "Focal length".
+float bend_of(const Vec3& f_C, const Mat23& chart) {
+  constexpr double kOnAxis = 5e-4;
   const double x = f_C.x(), y = f_C.y(), cosine = f_C.z(), sine2 = x * x + y * y;
-  if (cosine < kAside) return 0;
-  if (sine2 < kOnAxis * kOnAxis) return 1;
+  if (1 - cosine < kOnAxis) return 1;
   const double across2 = (chart * Vec3(-y, x, 0)).squaredNorm();
   const double along2 = (chart * Vec3(cosine * x, cosine * y, -sine2)).squaredNorm();
-  const double stretch = std::sqrt(across2 / (along2 * cosine * cosine));
-  return std::isfinite(stretch) ? static_cast<float>(stretch) : 0;
+  const double bend = (1 - std::sqrt(across2 / along2)) / (1 - cosine);
+  return std::isfinite(bend) ? static_cast<float>(bend) : 1;
 }
 
 Mat23 chart_of(const std::array<double, 6>& pixel_jacobian) {
@@ -85,7 +85,7 @@ void put(const TrackedFeature& f, Observation& o) {
   const Vec3 f_C(f.bearing.data());
   const Mat23 chart = chart_of(f.pixel_jacobian);
   set_view(f_C, chart, o);
-  o.stretch = stretch_of(f_C, chart);
+  o.bend = bend_of(f_C, chart);
   o.row_s = f.row_s;
   o.age = static_cast<float>(f.age);
   o.found = 0;
@@ -93,7 +93,7 @@ void put(const TrackedFeature& f, Observation& o) {
 
 void put(const SecondView& v, Observation& o) {
   set_view(Vec3(v.bearing.data()), chart_of(v.pixel_jacobian), o);
-  o.stretch = 0;
+  o.bend = 0;
   o.row_s = v.row_s;
   o.age = static_cast<float>(v.age);
   o.found = static_cast<float>(v.found);

@@ -88,6 +88,7 @@ SyntheticWindow make_window(const SyntheticOptions& o) {
       }
       if (alone || (o.only_alone && i % 4 != 2)) continue;
       frame.features.push_back(make_feature(id, o.moved ? X_D : X, noise_px));
+      if (o.fisheye) through_fisheye(frame.features.back());
       frame.features.back().row_s = static_cast<float>(row_s);
       if (!o.second || i % 4 == 3) continue;
       const auto age = [&](int n) { return static_cast<std::uint32_t>(3 + i % 5 + 2 * n + n % 2); };

@@ -25,6 +25,7 @@ struct SyntheticOptions {
   double second_later = 0;    ///< s: the second camera exposes so much after the first one
   bool alone = false;       ///< with `second`: of every fourth track the first camera sees nothing, the second one all
   bool only_alone = false;  ///< no other tracks than those
+  bool fisheye = false;     ///< the first camera's pixels are as far from the centre as the angle is large
   bool moved = false;       ///< instead of `second`: the one camera is where the second one would be
   unsigned seed = 1;
 };
@@ -61,6 +62,17 @@ inline TrackedFeature make_feature(std::uint32_t id, const Vec3& p_C, const Vec2
   const double k = kFocal / b.z();
   f.pixel_jacobian = {k, 0, -k * z.x(), 0, k, -k * z.y()};
   return f;
+}
+
+/// The same bearing by a fisheye.
+inline void through_fisheye(TrackedFeature& f) {
+  const double x = f.bearing[0], y = f.bearing[1], z = f.bearing[2], sine = std::hypot(x, y);
+  const Vec3 along(z * x / sine, z * y / sine, -sine), across(-y / sine, x / sine, 0);
+  const double a = kFocal / sine, b = kFocal * std::acos(z) / (sine * sine);
+  for (int i = 0; i < 3; ++i) {
+    f.pixel_jacobian[static_cast<std::size_t>(i)] = a * x * along[i] - b * y * across[i];
+    f.pixel_jacobian[static_cast<std::size_t>(i + 3)] = a * y * along[i] + b * x * across[i];
+  }
 }
 
 inline Calibration synthetic_calibration(double lever = 1) {

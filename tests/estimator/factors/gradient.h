@@ -55,9 +55,9 @@ inline std::vector<std::string> on_every_set(const std::vector<std::string>& vec
 }
 
 /// All there is to a window: rest, wheels, heights, and a prior that a frame left behind.
-inline SyntheticWindow furnished_window(double readout_s = 0, bool second = false) {
-  SyntheticWindow s =
-      make_window({.readout_s = readout_s, .second = second, .second_later = 0.3 * readout_s, .alone = second});
+inline SyntheticWindow furnished_window(double readout_s = 0, bool second = false, bool fisheye = false) {
+  SyntheticWindow s = make_window(
+      {.readout_s = readout_s, .second = second, .second_later = 0.3 * readout_s, .alone = second, .fisheye = fisheye});
   Window& w = *s.window;
   CalibrationTangent sigmas;
   sigmas << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01), 0.01, 0.01, 0.01;

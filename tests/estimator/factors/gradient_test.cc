@@ -60,7 +60,8 @@ class Gradient : public testing::TestWithParam<std::string> {
 TEST_P(Gradient, IsTheSlopeOfTheCostAndLeavesPositionAndYawOpen) {
   const bool rows = GetParam().find("_rows_") != std::string::npos;
   const bool second = GetParam().find("_second_") != std::string::npos;
-  SyntheticWindow s = furnished_window(rows ? 0.05 : 0, second);
+  const bool fisheye = GetParam().find("_fisheye_") != std::string::npos;
+  SyntheticWindow s = furnished_window(rows ? 0.05 : 0, second, fisheye);
   const Subject subject = make(*s.window);
   if (!subject.cost) GTEST_SKIP() << "not on this machine";
   check_gradient(subject, *s.window);
@@ -125,11 +126,12 @@ TEST_P(HeldDepth, HasNoSlope) {
 }
 
 const auto name_of_subject = [](const testing::TestParamInfo<std::string>& test) { return test.param; };
-INSTANTIATE_TEST_SUITE_P(Factors, Gradient,
-                         testing::ValuesIn(on_every_set(
-                             {"track", "drift", "drift_second", "track_rows", "drift_rows", "drift_second_rows", "imu"},
-                             {"prior", "calibration_prior", "wheel", "height", "zero_motion"})),
-                         name_of_subject);
+INSTANTIATE_TEST_SUITE_P(
+    Factors, Gradient,
+    testing::ValuesIn(on_every_set({"track", "drift", "drift_second", "track_rows", "drift_rows", "drift_second_rows",
+                                    "track_fisheye", "drift_second_fisheye", "imu"},
+                                   {"prior", "calibration_prior", "wheel", "height", "zero_motion"})),
+    name_of_subject);
 INSTANTIATE_TEST_SUITE_P(Factors, HeldDepth, testing::ValuesIn(on_every_set({"track"})), name_of_subject);
 
 }  // namespace

@@ -210,7 +210,7 @@ TEST(Window, LeavesOutFeaturesThatNoCameraGives) {
 }
 
 /// What a longer focal length does to what a camera sees, found by projecting with it.
-TEST(Window, KnowsHowALensStretches) {
+TEST(Window, KnowsHowALensBends) {
   const CameraParameters lenses[] = {
       {CameraModel::kPinholeRadialTangential, 752, 480, {458, 458, 367, 248}, {-0.28, 0.07, 2e-4, 2e-5}},
       {CameraModel::kPinholeRadialTangential, 752, 480, {458, 458, 367, 248}, {}},
@@ -221,7 +221,7 @@ TEST(Window, KnowsHowALensStretches) {
     CameraParameters longer = lens;
     for (int i = 0; i < 2; ++i) longer.intrinsics[static_cast<std::size_t>(i)] /= 1 - kLonger;
     const Camera configured(lens), real(longer);
-    for (const double angle : {0.0, 0.1, 0.4, 0.6, 1.1})
+    for (const double angle : {0.0, 0.04, 0.1, 0.4, 0.6, 1.1, 1.5, 1.8})
       for (const double turned : {0.3, 2.0, 5.0}) {
         const Vec3 X(std::sin(angle) * std::cos(turned), std::sin(angle) * std::sin(turned), std::cos(angle));
         Vec2 pixel;
@@ -233,9 +233,9 @@ TEST(Window, KnowsHowALensStretches) {
         Window w(3);
         w.append();
         w.observe(frame);
-        const double stretch = static_cast<double>(w.view(w.track(0), 0).stretch);
-        const Vec3 taken_for = X - kLonger * stretch * X.z() * Vec3::UnitZ();
-        // of the angle by which it moves: tangential distortion is no part of the stretch
+        const double bend = static_cast<double>(w.view(w.track(0), 0).bend);
+        const Vec3 taken_for = X - kLonger * (bend * X.z() + (1 - bend) * X.norm()) * Vec3::UnitZ();
+        // of the angle by which it moves: tangential distortion is no part of the bend
         EXPECT_LT(seen.cross(taken_for.normalized()).norm(), 0.01 * kLonger * std::sin(angle) + 1e-8)
             << static_cast<int>(lens.model) << " at " << angle;
       }
