@@ -6,6 +6,10 @@
 
 namespace epiline {
 
+namespace {
+constexpr double kSilence_s = 0.5;  // of the camera: after a longer one the old window says nothing of what is seen
+}  // namespace
+
 /// Whether an image tells where the vehicle is while the IMU is silent: one that stood has not seen how far anything
 /// is, and its motion would have no scale.
 bool Estimator::Impl::images_suffice(const TrackedFrame& frame) const {

@@ -115,10 +115,6 @@ bool look_far(const CalibrationCovariance& covariance, const CalibrationTangent&
     if (m.h[i] < kSeen * weight(p, 0)) m.h[i] = m.b[i] = 0;
   const Numbers<numbers> near = maximum(p, m, weight(p, 0)), far = maximum(p, m, weight(p, square(kFarthest)));
   const auto both = [&](const Numbers<numbers>& x) { return m.chi2(x) + cost(p, x.squaredNorm()); };
-  // of a maximum: its height times its width
-  const auto log_mass = [&](const Numbers<numbers>& x) {
-    return -(both(x) + (m.h.array() + weight(p, x.squaredNorm())).log().sum()) / 2;
-  };
   const bool held_near = square(p.found) < kNear * scale_squared(p);
   const double gain = both(near) - both(far);
   const bool in_reach = numbers > 1 || far.norm() < kFarthestScale;
@@ -126,6 +122,10 @@ bool look_far(const CalibrationCovariance& covariance, const CalibrationTangent&
   p.found = takes_far ? far.norm() : near.norm();
   if (p.at == kRotationColumn) {
     if constexpr (numbers == 3) {
+      // of a maximum: its height times its width
+      const auto log_mass = [&](const Numbers<numbers>& x) {
+        return -(both(x) + (m.h.array() + weight(p, x.squaredNorm())).log().sum()) / 2;
+      };
       const Vec3 &here = takes_far ? far : near, &there = takes_far ? near : far;
       const bool two = (there - here).norm() > kSame * far.norm();
       remember(axes.eigenvectors() * there, two ? 1 / (1 + std::exp(log_mass(here) - log_mass(there))) : 0, d, fading,

@@ -5,9 +5,6 @@
 
 namespace epiline {
 
-/// Of the camera: longer, and the old window has nothing to say to what is seen then.
-inline constexpr double kSilence_s = 0.5;
-
 class Carrying {
  public:
   Carrying(Common& common, const Intervals& intervals) : common_(common), intervals_(intervals) {}

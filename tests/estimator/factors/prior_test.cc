@@ -99,8 +99,8 @@ TEST(Prior, HandsOverTheCalibrationWithoutItsOwnPrior) {
     EXPECT_NEAR(w.prior.b[15 + c], weight[c] * d[c], 1e-9 * std::abs(weight[c])) << "both pull against each other";
 }
 
-/// A vehicle that waited has learned nothing of its calibration, but for what each solve has rounded. What its own
-/// prior says must not be held a second time: the truth may be far off.
+/// A vehicle that waits learns nothing about its calibration: only rounding differs from the calibration's own prior.
+/// The new window must not hold that prior a second time, or it never finds a truth that is far off.
 TEST(Prior, HandsOverNothingOfWhatWasNotLearned) {
   SyntheticWindow s = make_window({.frames = 2});
   Window& w = *s.window;
