@@ -102,6 +102,7 @@ void Estimator::Impl::forget() {
 
 void Estimator::Impl::reset() {
   calibration_covariance.setZero();
+  calibration_doubt.setZero();
   carried.with_calibration.setZero();
   window.calibration = configured_calibration();
   if (numbers.have_fitted()) monitor.forgive();

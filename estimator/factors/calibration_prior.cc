@@ -181,22 +181,19 @@ bool look_far(const CalibrationCovariance& covariance, const Calibration& linear
 
 namespace {
 template <int numbers>
-StateCovariance covariance_of_doubt(const CalibrationPart& p, const CalibrationCovariance& covariance,
-                                    const CrossCovariance& cross) {
+void add_growth(const CalibrationPart& p, const CalibrationCovariance& covariance, CalibrationCovariance& G) {
+  using Block = Eigen::Matrix<double, numbers, numbers>;
   const auto P = covariance.block<numbers, numbers>(p.at, p.at).ldlt();
-  const Eigen::Matrix<double, 16, numbers> slopes = P.solve(cross.middleCols<numbers>(p.at).transpose()).transpose();
-  return slopes * p.doubt.topLeftCorner<numbers, numbers>() * slopes.transpose();
+  const Block by_doubt = P.solve(p.doubt.topLeftCorner<numbers, numbers>());
+  G.block<numbers, numbers>(p.at, p.at) += P.solve(by_doubt.transpose());
 }
 }  // namespace
 
-StateCovariance covariance_of_tails(const CalibrationPrior& prior, const CalibrationCovariance& covariance,
-                                    const CrossCovariance& cross) noexcept {
-  StateCovariance P = StateCovariance::Zero();
+CalibrationCovariance growth_by_tails(const CalibrationPrior& prior, const CalibrationCovariance& covariance) noexcept {
+  CalibrationCovariance G = CalibrationCovariance::Zero();
   for (const CalibrationPart* p : prior.parts())
-    if (p->sigma > 0)
-      P += p->numbers == 1 ? covariance_of_doubt<1>(*p, covariance, cross)
-                           : covariance_of_doubt<3>(*p, covariance, cross);
-  return (P + P.transpose()) / 2;  // to the last digit
+    if (p->sigma > 0) p->numbers == 1 ? add_growth<1>(*p, covariance, G) : add_growth<3>(*p, covariance, G);
+  return G;
 }
 
 // A lens that is not as long as it was calibrated need not have the calibrated shape either.
@@ -211,15 +208,13 @@ Vec3 doubt_of_lens(const CalibrationPrior& prior, const Calibration& solved, con
           of(prior.gyroscope_scale, square(shape))};
 }
 
-StateCovariance covariance_of_doubt(const Vec3& doubt, const CalibrationCovariance& covariance,
-                                    const CrossCovariance& cross) noexcept {
+CalibrationCovariance growth_by_doubt(const Vec3& doubt, const CalibrationCovariance& covariance) noexcept {
   CalibrationCovariance P = covariance;
   for (int i = 0; i < kCalibration; ++i)
     if (!(P(i, i) > 0)) P(i, i) = 1;  // not estimated: no state follows it
-  const CrossCovariance slopes = P.ldlt().solve(cross.transpose()).transpose();
-  const auto moved = slopes.middleCols<3>(kFocalColumn);
-  const StateCovariance P_added = moved * doubt.asDiagonal() * moved.transpose();
-  return (P_added + P_added.transpose()) / 2;  // to the last digit
+  const Eigen::Matrix<double, kCalibration, 3> rows =
+      P.ldlt().solve(CalibrationCovariance::Identity().middleCols<3>(kFocalColumn));
+  return rows * doubt.asDiagonal() * rows.transpose();
 }
 
 }  // namespace epiline

@@ -21,17 +21,16 @@ CalibrationTangent calibration_prior_information(const CalibrationPrior& prior, 
 bool look_far(const CalibrationCovariance& covariance, const Calibration& linearised, const Calibration& solved,
               double dt_s, CalibrationPrior& prior) noexcept;
 
-/// What the covariance of the newest state lacks where the truth of the calibration may be far off, by the last look:
-/// the state would be another one then. `covariance`, `cross`: of the solved calibration, and of the state with it.
-StateCovariance covariance_of_tails(const CalibrationPrior& prior, const CalibrationCovariance& covariance,
-                                    const CrossCovariance& cross) noexcept;
+/// G, by which a state's covariance grows, cross G cross^T, where the truth of the calibration may be far off, by the
+/// last look: the state would be another one then. `covariance`: of the solved calibration; `cross`: of the state with
+/// it.
+CalibrationCovariance growth_by_tails(const CalibrationPrior& prior, const CalibrationCovariance& covariance) noexcept;
 
 /// Variances of the focal length and of both scales of the IMU, in the order of their columns, that the tracks cannot
 /// tell: what a lens of another shape than its model's does to all three, and, with several cameras, what an error of
 /// their baseline does to the focal length.
 Vec3 doubt_of_lens(const CalibrationPrior& prior, const Calibration& solved, const Rig& rig) noexcept;
-/// What that adds to the covariance of the newest state, by its covariance `cross` with the solved calibration.
-StateCovariance covariance_of_doubt(const Vec3& doubt, const CalibrationCovariance& covariance,
-                                    const CrossCovariance& cross) noexcept;
+/// The same G for those.
+CalibrationCovariance growth_by_doubt(const Vec3& doubt, const CalibrationCovariance& covariance) noexcept;
 
 }  // namespace epiline

@@ -1,6 +1,5 @@
 #include "estimator/parts/carrying.h"
 
-#include "estimator/factors/calibration_prior.h"
 #include "estimator/monitor/evidence.h"
 #include "estimator/predict/covariance.h"
 
@@ -20,27 +19,28 @@ bool Carrying::forces_are_unknown(const KnownState& from, HostStamp until) const
 }
 
 StateCovariance Carrying::doubt_of_calibration(const CrossCovariance& cross) const {
-  const Window& window = common_.window;
-  const CalibrationCovariance& P = common_.calibration_covariance;
-  return covariance_of_tails(window.calibration_prior, P, cross) +
-         covariance_of_doubt(doubt_of_lens(window.calibration_prior, window.calibration, window.rig), P, cross);
+  const StateCovariance P = cross.lazyProduct(common_.calibration_doubt).lazyProduct(cross.transpose());
+  return (P + P.transpose()) / 2;  // to the last digit
 }
 
 /// What is known at the end of an interval that begins at that state. The scales of its readings are no better known
 /// than the calibration.
 void Carrying::through(const Preintegration& interval, const Mat3& R_WB, KnownState& s) const {
-  Mat15 B = Mat15::Identity();  // into the axes of the body, in which the interval is
-  B.block<3, 3>(0, 0) = B.block<3, 3>(6, 6) = R_WB.transpose();
-  const Mat15 J = B.transpose() * interval.J * B;
-  Eigen::Matrix<double, 15, kImuScales> by_scale = Eigen::Matrix<double, 15, kImuScales>::Zero();
-  by_scale.topRows<9>() = B.topLeftCorner<9, 9>().transpose() * interval.by_scale();
-  const auto scales = common_.calibration_covariance.bottomRows<kImuScales>();
   CrossCovariance& cross = s.with_calibration;
   s.P = carried_on(into_body(s.P - doubt_of_calibration(cross), R_WB), R_WB, interval);
-  const Mat15 both = J * cross.topRightCorner<15, kImuScales>() * by_scale.transpose();
-  s.P.topLeftCorner<15, 15>() +=
-      both + both.transpose() + by_scale * scales.rightCols<kImuScales>() * by_scale.transpose();
-  cross.topRows<15>() = J * cross.topRows<15>() + by_scale * scales;
+  Eigen::Matrix<double, 9, 15> J = interval.J.topRows<9>();
+  ScaleColumns by_scale = interval.by_scale();
+  for (const int at : {0, 6}) {  // from the axes of the body, in which the interval is
+    J.middleCols<3>(at) = (J.middleCols<3>(at) * R_WB.transpose()).eval();
+    J.middleRows<3>(at) = (R_WB * J.middleRows<3>(at)).eval();
+    by_scale.middleRows<3>(at) = (R_WB * by_scale.middleRows<3>(at)).eval();
+  }
+  const auto scales = common_.calibration_covariance.bottomRows<kImuScales>();
+  cross.topRows<9>() = (J.lazyProduct(cross.topRows<15>()) + by_scale.lazyProduct(scales)).eval();
+  const Eigen::Matrix<double, 15, 9> both = cross.topRightCorner<15, kImuScales>() * by_scale.transpose();
+  s.P.topLeftCorner<15, 9>() += both;
+  s.P.topLeftCorner<9, 15>() += both.transpose();
+  s.P.topLeftCorner<9, 9>() -= by_scale * scales.rightCols<kImuScales>() * by_scale.transpose();
   s.P += doubt_of_calibration(cross);
 }
 

@@ -42,6 +42,7 @@ struct Common {
   KnownState carried;    ///< the newest frame solved, or carried on from there by the IMU
   CalibrationCovariance calibration_covariance = CalibrationCovariance::Zero();  ///< by the last solve; 0: none yet
   CalibrationTangent prior_information = CalibrationTangent::Zero();  ///< in that, of the calibration's own prior
+  CalibrationCovariance calibration_doubt = CalibrationCovariance::Zero();  ///< G of calibration_prior.h, by that
 };
 
 }  // namespace epiline

@@ -174,8 +174,10 @@ TEST(CalibrationPrior, MovesTheStateAsItsCovarianceWithTheCalibrationSays) {
   prior.translation.sigma = 1e-3;
   const Vec3 off(0.1, -0.2, 0.05);
   prior.translation.doubt = 0.3 * off * off.transpose();
-  const StateCovariance added = covariance_of_tails(prior, joint.bottomRightCorner(kCalibration, kCalibration),
-                                                    joint.topRightCorner(16, kCalibration));
+  const CrossCovariance cross = joint.topRightCorner(16, kCalibration);
+  const Eigen::MatrixXd added =
+      product(product(cross, growth_by_tails(prior, joint.bottomRightCorner(kCalibration, kCalibration))),
+              cross.transpose());
   const auto rest = [](int i) { return i < kAt ? i : i + 3; };
   Eigen::MatrixXd among(kJoint - 3, kJoint - 3);
   Eigen::VectorXd pull = Eigen::VectorXd::Zero(kJoint - 3);
@@ -218,7 +220,7 @@ TEST(CalibrationPrior, DoubtMovesTheStateWithTheCalibration) {
   CrossCovariance cross = joint.topRightCorner(16, kCalibration);
   const Vec3 doubt(0.1, 0.2, 0.3);
   const Eigen::MatrixXd slopes = product(cross, inverse(P));
-  const StateCovariance found = covariance_of_doubt(doubt, P, cross);
+  const Eigen::MatrixXd found = product(product(cross, growth_by_doubt(doubt, P)), cross.transpose());
   for (int i = 0; i < 16; ++i)
     for (int j = 0; j < 16; ++j) {
       double expected = 0;
@@ -230,7 +232,7 @@ TEST(CalibrationPrior, DoubtMovesTheStateWithTheCalibration) {
     P.col(c).setZero();
     cross.col(c).setZero();
   }
-  EXPECT_TRUE(covariance_of_doubt(doubt, P, cross).isZero(0));
+  EXPECT_TRUE(product(growth_by_doubt(doubt, P), cross.transpose()).isZero(0));
 }
 
 TEST(CalibrationPrior, DoubtsForSecondsTheRotationThatAPoorWindowShowsNoMore) {
