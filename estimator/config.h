@@ -105,9 +105,9 @@ struct EstimatorConfig {
   double time_offset_sigma_s = 5e-3;
   bool estimate_extrinsics = true;
   double extrinsic_rotation_sigma_rad = 0.9e-3, extrinsic_translation_sigma_m = 5e-4;
-  bool estimate_focal_length = true;                                      ///< needs its column in the factor
-  double focal_length_sigma = 3e-4;                                       ///< relative
-  bool estimate_imu_scale = true;                                         ///< one factor for all axes of a sensor
+  bool estimate_focal_length = true;  ///< and the shape of the lens; needs their columns in the factor
+  double focal_length_sigma = 3e-4;   ///< relative; of the shape 32 degrees off the axis
+  bool estimate_imu_scale = true;     ///< one factor for all axes of a sensor
   double accelerometer_scale_sigma = 1e-3, gyroscope_scale_sigma = 1e-3;  ///< relative
   Extrinsics extrinsics;
   std::array<OtherCamera, kMostOthers> others;  ///< cameras 1 to 3

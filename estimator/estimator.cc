@@ -56,7 +56,7 @@ Estimator::Impl::Impl(const EstimatorConfig& c)
     prior.rotation.sigma = c.extrinsic_rotation_sigma_rad;
     prior.translation.sigma = c.extrinsic_translation_sigma_m;
   }
-  if (c.estimate_focal_length) prior.focal.sigma = c.focal_length_sigma;
+  if (c.estimate_focal_length) prior.focal.sigma = prior.shape.sigma = c.focal_length_sigma;
   if (c.estimate_imu_scale) {
     prior.accelerometer_scale.sigma = c.accelerometer_scale_sigma;
     prior.gyroscope_scale.sigma = c.gyroscope_scale_sigma;

@@ -22,6 +22,7 @@ FoundCalibration found(const Calibration& c, const CalibrationTangent& variances
                      {q.w(), q.x(), q.y(), q.z()},
                      {c.p_BC.x(), c.p_BC.y(), c.p_BC.z()},
                      c.focal_ratio(),
+                     c.edge_ratio(),
                      c.scale.accelerometer,
                      c.scale.gyroscope,
                      {}};
@@ -44,13 +45,14 @@ void Estimator::Impl::take_from_solver(const NavState& predicted, double dt_s) {
   doubt_origin(predicted, dt_s);
   if (look_far(calibration_covariance, solver.linearised_at(), window.calibration, dt_s, window.calibration_prior))
     flight.rethinking_s = kRethinking_s;
-  const Vec3 of_lens = doubt_of_lens(window.calibration_prior, window.calibration, window.rig);
+  const LensDoubt of_lens =
+      doubt_of_lens(window.calibration_prior, window.calibration, calibration_covariance, window.rig);
   calibration_doubt = growth_by_tails(window.calibration_prior, calibration_covariance) +
                       growth_by_doubt(of_lens, calibration_covariance);
   if (const double factor = intervals.widens(dt_s); factor > 1) widen(carried.x, factor, carried.P);
   carried.P += resting.doubt_of_leaving() + carrying.doubt_of_calibration(carried.with_calibration);
   CalibrationTangent variances = calibration_covariance.diagonal();
-  variances.segment<3>(kFocalColumn) += of_lens;
+  variances.tail<4>() += of_lens;
   stats.calibration = found(window.calibration, variances);
 }
 

@@ -198,7 +198,7 @@ VisualSettings Estimator::Impl::visual_settings() const {
   s.focal_px = config.extrinsics.focal_px;
   s.extrinsics = config.estimate_extrinsics;
   s.rows = exposed_within_s() > 0;
-  s.focal = config.estimate_focal_length;
+  s.lens = config.estimate_focal_length;
   return s;
 }
 

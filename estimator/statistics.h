@@ -51,6 +51,7 @@ enum class Suspect : std::uint8_t {
   kGyroscopeNoise,      ///< figure: density that the readings allow, over the configured one
   kAccelerometerNoise,  ///< the same
   kFocalLength,         ///< figure: the one found, over the configured one
+  kLensShape,  ///< the lens' distortion; figure: radius in the image 45 degrees off the axis, over the configured
   kAccelerometerScale,  ///< figure: what a true reading would be, over what is read
   kGyroscopeScale,      ///< the same
   kWheelScale,          ///< figure: the vehicle's speed over that of the wheels
@@ -80,9 +81,10 @@ struct FoundCalibration {
   double time_offset_s = 0;                ///< t_IMU - t_image
   std::array<double, 4> q_BC{1, 0, 0, 0};  ///< Hamilton, w x y z
   std::array<double, 3> p_BC_m{};
-  double focal_ratio = 1;                               ///< over the configured focal length
+  double focal_ratio = 1;      ///< over the configured focal length
+  double lens_edge_ratio = 1;  ///< radius 45 degrees off the axis over the configured one, focal length aside
   double accelerometer_scale = 0, gyroscope_scale = 0;  ///< true readings over measured ones, less 1
-  std::array<double, 10> sigmas{};  ///< time offset, s; rotation about the axes of C, rad; p_BC, m; the last three
+  std::array<double, 11> sigmas{};  ///< time offset, s; rotation about the axes of C, rad; p_BC, m; the last four
 };
 
 /// The frame that defines origin and heading of the world at a start. Its position and yaw have no error by definition,

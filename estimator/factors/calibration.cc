@@ -49,7 +49,7 @@ double way_m(const Window& w, int frames) {
 }
 
 namespace {
-using Motions = Eigen::Map<Eigen::Matrix<double, 6, kCameraCalibration, Eigen::RowMajor>>;
+using Motions = Eigen::Map<Eigen::Matrix<double, 6, kBatchLanes, Eigen::RowMajor>>;
 
 /// The motion (dp, dphi) of the body that moves the camera as each calibration parameter does.
 void fill_motions(const ExposedFrame& f, bool extrinsics, Motions m) {
@@ -99,7 +99,8 @@ void move_pace(const Window& w, int frames, double held_m, const Eigen::Vector<d
                VisualSystem& s) {
   using Block = Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>;
   using Columns = Eigen::Map<Eigen::Matrix<double, 6, kCameraCalibration>>;
-  const double unit = 1 / (held_m * std::max(way_m(w, frames), kLeastPace * held_m)), H_pace = s.H_columns[2 * kPace];
+  const double unit = 1 / (held_m * std::max(way_m(w, frames), kLeastPace * held_m)),
+               H_pace = s.H_columns[product_of(kPace, kPace)];
   Vec6 g[kMaxFrames];  // its slope
   for (int k = 0; k < frames; ++k) {
     g[k].setZero();
@@ -121,29 +122,43 @@ void move_to_states(const Window& w, int frames, bool pace, VisualSystem& s) {
     if (goes_on(w, k) && std::abs(until_exposure_s(w, k)) * velocity_of(w, k).norm() > kStays_m)
       move_to_states(w, frames, k, pace, s);
 }
+
+/// The lens' columns against all others.
+void put_lens(int frames, bool asked, const double (*motion)[6][kBatchLanes], VisualSystem& s) {
+  using OfMotions = Eigen::Matrix<double, 6, kBatchLanes, Eigen::RowMajor>;
+  Eigen::Map<Eigen::Matrix<double, kCameraCalibration, kCameraCalibration>> H_cc(s.H_cc);
+  H_cc.rightCols<kLensNumbers>().setZero();
+  for (int i = 0; i < kLensNumbers; ++i) {
+    const int at = kFocalColumn + i;
+    for (int k = 0; k < frames; ++k) {
+      Eigen::Map<Vec6> H_ck(s.H_ck[k] + 6 * at);
+      if (asked)
+        H_ck = Eigen::Map<const Vec6>(s.H_column[kLens + i][k]);
+      else
+        H_ck.setZero();
+      H_cc.col(at).head<kCameraMotions>() +=
+          Eigen::Map<const OfMotions>(motion[k][0]).leftCols<kCameraMotions>().transpose() * H_ck;
+    }
+    for (int j = 0; j <= i && asked; ++j)
+      H_cc(kFocalColumn + j, at) = H_cc(at, kFocalColumn + j) = s.H_columns[product_of(kLens + i, kLens + j)];
+    s.b_c[at] = asked ? s.b_column[kLens + i] : 0;
+  }
+  H_cc.bottomRows<kLensNumbers>() = H_cc.rightCols<kLensNumbers>().transpose().eval();
+}
 }  // namespace
 
-void add_calibration(const Window& w, int frames, bool extrinsics, bool focal, const FactorKernels& kernels,
+void add_calibration(const Window& w, int frames, bool extrinsics, bool lens, const FactorKernels& kernels,
                      VisualSystem& s, double held_m) {
-  alignas(64) double motion[kMaxFrames][6][kCameraCalibration];
+  alignas(64) double motion[kMaxFrames][6][kBatchLanes];
   for (int k = 0; k < frames; ++k) fill_motions(exposed_frame(w, k), extrinsics, Motions(motion[k][0]));
   kernels.calibration(motion, frames, s);
-  if (focal) {
-    Eigen::Map<Eigen::Matrix<double, kCameraCalibration, kCameraCalibration>> H_cc(s.H_cc);
-    for (int k = 0; k < frames; ++k) {
-      const Eigen::Map<const Vec6> H_lens(s.H_column[kLens][k]);
-      Eigen::Map<Vec6>(s.H_ck[k] + 6 * kFocalColumn) = H_lens;
-      H_cc.col(kFocalColumn) += Motions(motion[k][0]).transpose() * H_lens;
-    }
-    H_cc.row(kFocalColumn) = H_cc.col(kFocalColumn).transpose();
-    H_cc(kFocalColumn, kFocalColumn) = s.H_columns[2 * kLens];
-    s.b_c[kFocalColumn] = s.b_column[kLens];
-  }
+  put_lens(frames, lens, motion, s);
   const bool pace = held_m > 0;
   Eigen::Vector<double, kCameraCalibration> H_pace = Eigen::Vector<double, kCameraCalibration>::Zero();
   for (int k = 0; k < frames && pace; ++k)
-    H_pace += Motions(motion[k][0]).transpose() * Eigen::Map<const Vec6>(s.H_column[kPace][k]);
-  if (focal && pace) H_pace[kFocalColumn] = s.H_columns[kLens + kPace];
+    H_pace.head<kBatchLanes>() += Motions(motion[k][0]).transpose() * Eigen::Map<const Vec6>(s.H_column[kPace][k]);
+  for (int i = 0; i < kLensNumbers && lens && pace; ++i)
+    H_pace[kFocalColumn + i] = s.H_columns[product_of(kPace, kLens + i)];
   move_to_states(w, frames, pace, s);
   if (pace) move_pace(w, frames, held_m, H_pace, s);
 }

@@ -23,6 +23,8 @@ constexpr double kFarthestScale = 0.2;
 // Relative: by so much do two calibrations of one lens differ in local magnification, rms over the image
 // (docs/developers/decisions.md#claims-of-the-calibration).
 constexpr double kLensShape = 4e-3;
+constexpr double kOther = 4;    // variances of what is found: closer, the lens is as calibrated
+constexpr double kByShape = 2;  // local magnification by the shape, rms over an image of 80 degrees
 
 double square(double x) { return x * x; }
 double freedom_and_numbers(const CalibrationPart& p) { return kFreedom + p.numbers; }
@@ -196,24 +198,27 @@ CalibrationCovariance growth_by_tails(const CalibrationPrior& prior, const Calib
   return G;
 }
 
-// A lens that is not as long as it was calibrated need not have the calibrated shape either.
-Vec3 doubt_of_lens(const CalibrationPrior& prior, const Calibration& solved, const Rig& rig) noexcept {
-  const double shape = std::min(std::abs(solved.focal - prior.configured.focal), kLensShape);
+// A lens that is not as it was calibrated is not in all else, which two numbers do not tell.
+LensDoubt doubt_of_lens(const CalibrationPrior& prior, const Calibration& solved,
+                        const CalibrationCovariance& covariance, const Rig& rig) noexcept {
+  const CalibrationTangent d = local(prior.configured, solved);
+  const auto off = [&](int at) { return square(d[at]) > kOther * covariance(at, at) ? std::abs(d[at]) : 0; };
+  const double shape = std::min(off(kFocalColumn) + kByShape * off(kShapeColumn), kLensShape);
   double baseline = 0;
   for (std::size_t i = 1; i < rig.poses.size(); ++i)
     if (rig.use[i]) baseline = std::max(baseline, rig.poses[i].p_CD.norm());
   const double depth = baseline > 0 ? std::min(prior.translation.sigma / baseline, kLensShape) : 0;
   const auto of = [](const CalibrationPart& p, double variance) { return p.sigma > 0 ? variance : 0; };
-  return {of(prior.focal, square(shape) + square(depth)), of(prior.accelerometer_scale, square(shape)),
-          of(prior.gyroscope_scale, square(shape))};
+  return {of(prior.focal, square(shape) + square(depth)), of(prior.shape, square(shape / kByShape)),
+          of(prior.accelerometer_scale, square(shape)), of(prior.gyroscope_scale, square(shape))};
 }
 
-CalibrationCovariance growth_by_doubt(const Vec3& doubt, const CalibrationCovariance& covariance) noexcept {
+CalibrationCovariance growth_by_doubt(const LensDoubt& doubt, const CalibrationCovariance& covariance) noexcept {
   CalibrationCovariance P = covariance;
   for (int i = 0; i < kCalibration; ++i)
     if (!(P(i, i) > 0)) P(i, i) = 1;  // not estimated: no state follows it
-  const Eigen::Matrix<double, kCalibration, 3> rows =
-      P.ldlt().solve(CalibrationCovariance::Identity().middleCols<3>(kFocalColumn));
+  const Eigen::Matrix<double, kCalibration, 4> rows =
+      P.ldlt().solve(CalibrationCovariance::Identity().middleCols<4>(kFocalColumn));
   return rows * doubt.asDiagonal() * rows.transpose();
 }
 

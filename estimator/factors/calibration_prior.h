@@ -26,11 +26,13 @@ bool look_far(const CalibrationCovariance& covariance, const Calibration& linear
 /// it.
 CalibrationCovariance growth_by_tails(const CalibrationPrior& prior, const CalibrationCovariance& covariance) noexcept;
 
-/// Variances of the focal length and of both scales of the IMU, in the order of their columns, that the tracks cannot
-/// tell: what a lens of another shape than its model's does to all three, and, with several cameras, what an error of
+/// Variances of the lens' numbers and of both scales of the IMU, in the order of their columns, that the tracks cannot
+/// tell: what a lens of another shape than its model's does to all four, and, with several cameras, what an error of
 /// their baseline does to the focal length.
-Vec3 doubt_of_lens(const CalibrationPrior& prior, const Calibration& solved, const Rig& rig) noexcept;
+using LensDoubt = Eigen::Vector4d;
+LensDoubt doubt_of_lens(const CalibrationPrior& prior, const Calibration& solved,
+                        const CalibrationCovariance& covariance, const Rig& rig) noexcept;
 /// The same G for those.
-CalibrationCovariance growth_by_doubt(const Vec3& doubt, const CalibrationCovariance& covariance) noexcept;
+CalibrationCovariance growth_by_doubt(const LensDoubt& doubt, const CalibrationCovariance& covariance) noexcept;
 
 }  // namespace epiline

@@ -47,9 +47,15 @@ struct FrameGeometry {
 };
 
 /// What moves all views of a window at once and is no pose, in columns of its own.
-inline constexpr int kLens = 0;     ///< the focal length
-inline constexpr int kPace = 1;     ///< how much faster it goes than when the velocities were held
-inline constexpr int kColumns = 2;  ///< products of two have the place of their sum
+inline constexpr int kLens = 0;   ///< the lens: its focal length ...
+inline constexpr int kShape = 1;  ///< ... and its shape
+inline constexpr int kPace = 2;   ///< how much faster it goes than when the velocities were held
+inline constexpr int kColumns = 3;
+inline constexpr int kProducts = kColumns * (kColumns + 1) / 2;
+/// Where the product of two columns stands, the later one first.
+constexpr int product_of(int c, int d) { return c * (c + 1) / 2 + d; }
+/// 1 - cos of 32 degrees: so far off the axis the shape's number is a share of the radius.
+inline constexpr double kShapeAt = 0.15;
 
 struct TrackSettings {
   double depth_damping;         ///< lambda, 1/(1/m)^2
@@ -63,7 +69,7 @@ struct TrackSettings {
   double unit;       ///< ... and the unit of its chi2
   bool rows;         ///< each view has its own time: of its row, or of a second camera's image
   bool wants[kColumns];  ///< columns to fill
-  double focal;          ///< estimate of the focal length, as Calibration::focal
+  double focal, shape;   ///< estimate of the lens, as in Calibration
 };
 
 /// Normal equations of the visual factors, H delta = b; rotations perturbed in the world frame.
@@ -74,7 +80,7 @@ struct VisualSystem {
   double H_cc[kCameraCalibration * kCameraCalibration];  ///< symmetric, full
   double b_c[kCameraCalibration];
   double H_column[kColumns][kMaxFrames][6];  ///< columns against frame k, of factors that have them
-  double H_columns[2 * kColumns - 1], b_column[kColumns];
+  double H_columns[kProducts], b_column[kColumns];
   double cost;  ///< sum of the robust costs
   int residuals, tracks, gated;
 };
@@ -85,7 +91,7 @@ inline constexpr int kBatchesAtOnce = 6;
 /// The columns' blocks with each frame, and their own H and b.
 struct alignas(64) ColumnScratch {
   double with[kColumns][kMaxFrames][6][kBatchLanes];
-  double H[2 * kColumns - 1][kBatchLanes], b[kColumns][kBatchLanes];
+  double H[kProducts][kBatchLanes], b[kColumns][kBatchLanes];
 };
 
 /// Rows G_k [-rho I, [l]x] of one camera's views.
@@ -144,7 +150,7 @@ struct FactorKernels {
   double (*imu)(const double* L, const double* J, const double* r, double (*A)[32], double* g);
   /// H_ck, H_cc and b_c from the poses' H and b of the first `frame_count` frames. `motion`, on whole vectors: (dp,
   /// dphi) of a frame's body that moves its camera as each calibration parameter does.
-  void (*calibration)(const double (*motion)[6][kCameraCalibration], int frame_count, VisualSystem&);
+  void (*calibration)(const double (*motion)[6][kBatchLanes], int frame_count, VisualSystem&);
 };
 
 /// The kernels of an instruction set that this machine has.

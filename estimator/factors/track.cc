@@ -149,7 +149,8 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
                s.student,
                unit,
                s.rows,
-               {s.focal, false},
+               {s.lens, s.lens, false},
+               0,
                0};
   gate_suspended_ = false;
   remember_points();
@@ -248,6 +249,7 @@ void TrackFactor::place(const Window& w, int frames) {
     }
   }
   settings_.focal = w.calibration.focal;
+  settings_.shape = w.calibration.shape;
 }
 
 /// The other cameras' poses follow from the first one's: the rig is rigid. Their motion is the same body's.
@@ -270,7 +272,7 @@ void TrackFactor::run(const Window& w, VisualSystem& out) {
   place(w, w.size());
   kernels_.track(memory_->batch, batches_, memory_->frame, w.size(), settings_, memory_->scratch, memory_->verdicts,
                  out);
-  add_calibration(w, w.size(), visual_.extrinsics, visual_.focal, kernels_, out, held_m_);
+  add_calibration(w, w.size(), visual_.extrinsics, visual_.lens, kernels_, out, held_m_);
 }
 
 double TrackFactor::cost(const Window& w) noexcept {
@@ -302,7 +304,7 @@ void TrackFactor::marginalise_oldest(const Window& w, const VisualSettings& s, V
   place(w, frames);
   kernels_.track_news(memory_->batch + begin, end - begin, memory_->frame, frames, settings_, memory_->news,
                       memory_->verdicts + begin, out);
-  add_calibration(w, frames, visual_.extrinsics, visual_.focal, kernels_, out, held_m_);
+  add_calibration(w, frames, visual_.extrinsics, visual_.lens, kernels_, out, held_m_);
 }
 
 namespace {

@@ -23,7 +23,7 @@ struct VisualSettings {
   double focal_px = 458;
   bool extrinsics = false;  ///< fill the extrinsic columns
   bool rows = false;        ///< each view has its own time: of its row, or of a second camera's image
-  bool focal = false;       ///< fill the column of the focal length, of factors that have one
+  bool lens = false;        ///< fill the columns of the lens, of factors that have them
   int inner_steps = 4;      ///< of the point inside a track, at most; fewer bias scale on straight flights
   double converged =
       1e-3;  ///< rad, and relative depth: a smaller inner step is the last; the next would be far smaller

@@ -29,6 +29,7 @@ constexpr double kLeastForce = 3.1, kMostForce = 31;
 constexpr double kMostRate = 6;                           // rad/s, likewise: one turn a second for five seconds
 constexpr double kFocalLength = 0.015, kFocalSigmas = 6;  // relative: worth a word beyond
 constexpr double kFarFocalLength = 0.035;  // what is estimated is linear in it: by 5 % it is off by a fifth of that
+constexpr double kFarLensShape = 0.06;     // guessed lenses of a GoPro are 3 to 5 % off
 constexpr double kImuScale = 0.02, kFarImuScale = 0.05;  // sensors err by 1 to 3 %: a lens may look like more
 constexpr double kNoiseFactor = 3;                       // users widen and vibration adds: worth a word beyond
 
@@ -109,6 +110,10 @@ void add_ratio(Suspect suspect, double ratio, double sigma, double least, double
 
 void add_focal_length(double ratio, double sigma, Suspicions& s) noexcept {
   add_ratio(Suspect::kFocalLength, ratio, sigma, kFocalLength, kFarFocalLength, s);
+}
+
+void add_lens_shape(double ratio, double sigma, Suspicions& s) noexcept {
+  add_ratio(Suspect::kLensShape, ratio, sigma, kFocalLength, kFarLensShape, s);
 }
 
 void add_pose(const FoundPose& found, Suspicions& s) noexcept {

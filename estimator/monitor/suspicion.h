@@ -20,6 +20,8 @@ Suspicions suspicions_of(const TurnAgreement& turns, const Mat3& R_BC, double ti
 
 /// Suspicion of the focal length: a note if the flight estimated another one, more than a note if it is far off.
 void add_focal_length(double ratio, double sigma, Suspicions& suspicions) noexcept;
+/// The same of its shape, by the radius in the image 45 degrees off the axis.
+void add_lens_shape(double ratio, double sigma, Suspicions& suspicions) noexcept;
 
 /// How far the camera's pose on the IMU that the flight estimates is from the configured one, and the standard
 /// deviations of that, 0: not estimated.

@@ -30,7 +30,7 @@ struct Common {
   Common& operator=(const Common&) = delete;
 
   Calibration configured_calibration() const {
-    return {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC, 0, {}};
+    return {config.extrinsics.time_offset_s, config.extrinsics.R_BC, config.extrinsics.p_BC, 0, 0, {}};
   }
 
   const EstimatorConfig config;
@@ -41,7 +41,7 @@ struct Common {
   bool started = false;  ///< the window's frames have states
   KnownState carried;    ///< the newest frame solved, or carried on from there by the IMU
   CalibrationCovariance calibration_covariance = CalibrationCovariance::Zero();  ///< by the last solve; 0: none yet
-  CalibrationTangent prior_information = CalibrationTangent::Zero();  ///< in that, of the calibration's own prior
+  CalibrationTangent prior_information = CalibrationTangent::Zero();        ///< in that, of the calibration's own prior
   CalibrationCovariance calibration_doubt = CalibrationCovariance::Zero();  ///< G of calibration_prior.h, by that
 };
 

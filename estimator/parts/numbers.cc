@@ -62,6 +62,7 @@ void RigNumbers::add_found(Both& both, const WheelWatch& wheels) const {
   const Calibration& found = common_.window.calibration;
   for (Suspicions* s : {&both.said, &both.left}) {
     add_focal_length(found.focal_ratio(), sigma[kFocalColumn], *s);
+    add_lens_shape(found.edge_ratio(), Calibration::kAtEdge * sigma[kShapeColumn], *s);
     add_imu_scale(Suspect::kAccelerometerScale, 1 + found.scale.accelerometer, sigma[kAccelerometerScaleColumn], *s);
     add_imu_scale(Suspect::kGyroscopeScale, 1 + found.scale.gyroscope, sigma[kGyroscopeScaleColumn], *s);
   }

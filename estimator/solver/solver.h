@@ -23,7 +23,7 @@ struct SolverSettings {
   bool estimates(int column) const {
     if (column == kTimeOffsetColumn) return estimate_time_offset;
     if (column >= kCameraCalibration) return estimate_imu_scale;
-    return column == kFocalColumn ? estimate_focal_length : estimate_extrinsics;
+    return column >= kFocalColumn ? estimate_focal_length : estimate_extrinsics;
   }
 };
 

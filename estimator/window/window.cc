@@ -16,6 +16,7 @@ void retract(Calibration& c, const CalibrationTangent& d) {
   c.R_BC = so3_normalised(c.R_BC * so3_exp(d.segment<3>(kRotationColumn)));
   c.p_BC += d.segment<3>(kTranslationColumn);
   c.focal += d[kFocalColumn];
+  c.shape += d[kShapeColumn];
   c.scale.accelerometer += d[kAccelerometerScaleColumn];
   c.scale.gyroscope += d[kGyroscopeScaleColumn];
 }
@@ -23,7 +24,7 @@ void retract(Calibration& c, const CalibrationTangent& d) {
 CalibrationTangent local(const Calibration& c0, const Calibration& c) {
   CalibrationTangent d;
   d << c.time_offset - c0.time_offset, so3_log(c0.R_BC.transpose() * c.R_BC), c.p_BC - c0.p_BC, c.focal - c0.focal,
-      c.scale.accelerometer - c0.scale.accelerometer, c.scale.gyroscope - c0.scale.gyroscope;
+      c.shape - c0.shape, c.scale.accelerometer - c0.scale.accelerometer, c.scale.gyroscope - c0.scale.gyroscope;
   return d;
 }
 

@@ -42,19 +42,23 @@ struct TrackRecord {
   std::uint16_t place = 0;         ///< of its observations
 };
 
-/// Camera against IMU, its focal length, and the scales of the IMU; the estimated part of the calibration. Tangent
-/// order: (td, dphi of R_BC on the right, p_BC, focal, s_a, s_g).
+/// Camera against IMU, its lens, and the scales of the IMU; the estimated part of the calibration. Tangent order:
+/// (td, dphi of R_BC on the right, p_BC, focal, shape, s_a, s_g).
 struct Calibration {
   double time_offset = 0;  ///< t_IMU = t_image + time_offset, s
   Mat3 R_BC = Mat3::Identity();
   Vec3 p_BC = Vec3::Zero();
   double focal = 0;  ///< 1 - configured over true focal length
+  double shape = 0;  ///< 1 - configured over true radius in the image 32 degrees off the axis, focal length aside
   ImuScale scale;
   double focal_ratio() const { return 1 / (1 - focal); }
+  /// True over configured radius in the image 45 degrees off the axis, focal length aside.
+  double edge_ratio() const { return 1 / (1 - kAtEdge * shape); }
+  static constexpr double kAtEdge = 1.9526;  ///< 1 - cos of that, over that of 32 degrees
 };
 /// Columns of the tangent.
 inline constexpr int kTimeOffsetColumn = 0, kRotationColumn = 1, kTranslationColumn = 4, kFocalColumn = 7,
-                     kAccelerometerScaleColumn = 8, kGyroscopeScaleColumn = 9;
+                     kShapeColumn = 8, kAccelerometerScaleColumn = 9, kGyroscopeScaleColumn = 10;
 using CalibrationTangent = Eigen::Matrix<double, kCalibration, 1>;
 using CalibrationCovariance = Eigen::Matrix<double, kCalibration, kCalibration>;
 /// Of a state and time offset with the calibration.
@@ -77,12 +81,13 @@ struct CalibrationPart {
 struct CalibrationPrior {
   Calibration configured;
   CalibrationPart rotation{kRotationColumn, 3}, translation{kTranslationColumn, 3}, focal{kFocalColumn, 1},
-      accelerometer_scale{kAccelerometerScaleColumn, 1}, gyroscope_scale{kGyroscopeScaleColumn, 1};
-  std::array<CalibrationPart*, 5> parts() {
-    return {&rotation, &translation, &focal, &accelerometer_scale, &gyroscope_scale};
+      shape{kShapeColumn, 1}, accelerometer_scale{kAccelerometerScaleColumn, 1},
+      gyroscope_scale{kGyroscopeScaleColumn, 1};
+  std::array<CalibrationPart*, 6> parts() {
+    return {&rotation, &translation, &focal, &shape, &accelerometer_scale, &gyroscope_scale};
   }
-  std::array<const CalibrationPart*, 5> parts() const {
-    return {&rotation, &translation, &focal, &accelerometer_scale, &gyroscope_scale};
+  std::array<const CalibrationPart*, 6> parts() const {
+    return {&rotation, &translation, &focal, &shape, &accelerometer_scale, &gyroscope_scale};
   }
 };
 

@@ -99,6 +99,9 @@ std::string found(Suspect suspect, const Suspicion& s) {
     case Suspect::kFocalLength:
       return fmt::format("the focal length is {:.1f} % {} than configured", 100 * std::abs(s.figure - 1),
                          s.figure > 1 ? "longer" : "shorter");
+    case Suspect::kLensShape:
+      return fmt::format("45 degrees off its axis the lens draws {:.1f} % {} than configured: its distortion is wrong",
+                         100 * std::abs(s.figure - 1), s.figure > 1 ? "farther out" : "nearer in");
     case Suspect::kAccelerometerScale:
     case Suspect::kGyroscopeScale:
       return fmt::format("the {} readings are {:.1f} % too {}: its scale is wrong",

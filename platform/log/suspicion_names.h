@@ -11,10 +11,10 @@ inline constexpr const char* kSuspectNames[] = {"camera_rotation",     "camera_r
                                                 "accelerometer_units", "misfit",
                                                 "imu_misfit",          "tracks_behind",
                                                 "gyroscope_noise",     "accelerometer_noise",
-                                                "focal_length",        "accelerometer_scale",
-                                                "gyroscope_scale",     "wheel_scale",
-                                                "wheel_slip",          "wheel_stuck",
-                                                "wheel_delay"};
+                                                "focal_length",        "lens_shape",
+                                                "accelerometer_scale", "gyroscope_scale",
+                                                "wheel_scale",         "wheel_slip",
+                                                "wheel_stuck",         "wheel_delay"};
 inline constexpr const char* kSeverityNames[] = {"none", "corrected", "suspect", "gross"};
 
 }  // namespace epiline

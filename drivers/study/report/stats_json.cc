@@ -119,6 +119,7 @@ Json calibration_json(const FlightRecord& r) {
           {"q_BC", c.q_BC},
           {"p_BC_m", c.p_BC_m},
           {"focal_ratio", c.focal_ratio},
+          {"lens_edge_ratio", c.lens_edge_ratio},
           {"accelerometer_scale", c.accelerometer_scale},
           {"gyroscope_scale", c.gyroscope_scale},
           {"sigma",
@@ -126,8 +127,9 @@ Json calibration_json(const FlightRecord& r) {
             {"rotation_rad", {s[1], s[2], s[3]}},
             {"p_BC_m", {s[4], s[5], s[6]}},
             {"focal_ratio", s[7]},
-            {"accelerometer_scale", s[8]},
-            {"gyroscope_scale", s[9]}}}};
+            {"lens_edge_ratio", s[8]},
+            {"accelerometer_scale", s[9]},
+            {"gyroscope_scale", s[10]}}}};
 }
 
 /// Numbers of the user that the flight contradicts.

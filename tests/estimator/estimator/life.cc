@@ -333,7 +333,8 @@ void LifeRig::observe(double t) {
     if (row_[kNoise] > 0 && track.age > 0) track.drift += normal2(0.12 * std::min(1., (seen - track.seen).norm()));
     track.seen = seen;
     const Vec2 noise = track.drift + normal2(row_[kNoise] > 0 ? 0.1 : 0.3);
-    image_.features.push_back(make_feature(track.id, Vec3(focal * X.x(), focal * X.y(), X.z()), noise));
+    const double by = focal * (1 + distortion * X.head<2>().squaredNorm() / (X.z() * X.z()));
+    image_.features.push_back(make_feature(track.id, Vec3(by * X.x(), by * X.y(), X.z()), noise));
     image_.features.back().age = track.age++;
   }
 }

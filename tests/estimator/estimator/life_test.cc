@@ -10,6 +10,7 @@
 #include <string>
 #include <tuple>
 
+#include "platform/log/suspicion_names.h"
 #include "tests/estimator/estimator/life.h"
 
 namespace epiline::test {
@@ -137,6 +138,30 @@ TEST(EstimatorLife, FindsAWrongNumberAfterASilence) {
         row[kEvent] = silence;
         const LifeVerdict verdict = fly(row, seed);
         EXPECT_TRUE(verdict.passes()) << told(row, seed, verdict, false);
+      }
+}
+
+// A lens that was never calibrated, or another one: its distortion is found, and named where it is worth a word.
+TEST(EstimatorLife, FindsADistortionThatIsNotAsConfigured) {
+  for (const double distortion : {-0.05, -0.01, 0.01, 0.05})
+    for (const Path path : {kRoom, kDash, kTurn})
+      for (const unsigned seed : {1U, 2U}) {
+        LifeRig rig(with(path, kClean), seed);
+        rig.distortion = distortion;
+        LifeError worst;
+        rig.run_to(rig.ends_at(), [&](const StepResult& result) {
+          if (!result.has_pose || rig.estimator().odometry().health.state != HealthState::kTracking) return;
+          if (const LifeError e = worst_error(rig); e.sigmas > worst.sigmas) worst = e;
+        });
+        EXPECT_LT(worst.sigmas, LifeVerdict::kSigmas)
+            << distortion << ' ' << path << ' ' << seed << ' ' << worst.what << ' ' << worst.error;
+        const EstimatorStats& found = rig.estimator().stats();
+        EXPECT_NEAR(found.calibration.lens_edge_ratio, 1 + distortion, 0.01) << path << ' ' << seed;
+        for (std::size_t i = 0; i < found.suspicions.size(); ++i) {
+          const bool worth_a_word = static_cast<Suspect>(i) == Suspect::kLensShape && std::abs(distortion) > 0.015;
+          EXPECT_EQ(found.suspicions[i].severity, worth_a_word ? Severity::kNote : Severity::kNone)
+              << distortion << ' ' << path << ' ' << seed << ' ' << kSuspectNames[i];
+        }
       }
 }
 

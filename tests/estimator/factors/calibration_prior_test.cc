@@ -175,9 +175,8 @@ TEST(CalibrationPrior, MovesTheStateAsItsCovarianceWithTheCalibrationSays) {
   const Vec3 off(0.1, -0.2, 0.05);
   prior.translation.doubt = 0.3 * off * off.transpose();
   const CrossCovariance cross = joint.topRightCorner(16, kCalibration);
-  const Eigen::MatrixXd added =
-      product(product(cross, growth_by_tails(prior, joint.bottomRightCorner(kCalibration, kCalibration))),
-              cross.transpose());
+  const Eigen::MatrixXd added = product(
+      product(cross, growth_by_tails(prior, joint.bottomRightCorner(kCalibration, kCalibration))), cross.transpose());
   const auto rest = [](int i) { return i < kAt ? i : i + 3; };
   Eigen::MatrixXd among(kJoint - 3, kJoint - 3);
   Eigen::VectorXd pull = Eigen::VectorXd::Zero(kJoint - 3);
@@ -190,27 +189,33 @@ TEST(CalibrationPrior, MovesTheStateAsItsCovarianceWithTheCalibrationSays) {
     for (int j = 0; j < 16; ++j) EXPECT_NEAR(added(i, j), 0.3 * moved[i] * moved[j], 1e-6) << i << ", " << j;
 }
 
-/// A lens that is as long as it was calibrated keeps its claims; of another one the shape is open, too.
-TEST(CalibrationPrior, DoubtsTheShapeOfALensThatIsNotAsLongAsCalibrated) {
+/// A lens that is as it was calibrated keeps its claims; of another one more is open than two numbers tell.
+TEST(CalibrationPrior, DoubtsWhatElseIsWrongOfALensThatIsNotAsCalibrated) {
   CalibrationPrior prior;
-  prior.focal.sigma = 3e-4;
+  prior.focal.sigma = prior.shape.sigma = 3e-4;
   prior.translation.sigma = 5e-4;
   prior.accelerometer_scale.sigma = prior.gyroscope_scale.sigma = 1e-3;
   Rig rig;
   Calibration solved;
-  EXPECT_EQ(doubt_of_lens(prior, solved, rig), Vec3(0, 0, 0));
+  CalibrationCovariance covariance = CalibrationCovariance::Zero();
+  const auto sigma = [&](int i) { return std::sqrt(doubt_of_lens(prior, solved, covariance, rig)[i]); };
+  EXPECT_EQ(doubt_of_lens(prior, solved, covariance, rig), LensDoubt::Zero());
   solved.focal = -0.002;
-  for (int i = 0; i < 3; ++i) EXPECT_NEAR(std::sqrt(doubt_of_lens(prior, solved, rig)[i]), 0.002, 1e-12) << i;
-  solved.focal = 0.05;
-  EXPECT_NEAR(std::sqrt(doubt_of_lens(prior, solved, rig)[2]), 0.004, 1e-12)
-      << "a wrong number says little of the lens' shape";
-  prior.gyroscope_scale.sigma = 0;
-  EXPECT_EQ(doubt_of_lens(prior, solved, rig)[2], 0) << "not estimated";
+  for (const int i : {0, 2, 3}) EXPECT_NEAR(sigma(i), 0.002, 1e-12) << i;
+  EXPECT_NEAR(sigma(1), 0.002 / 2, 1e-12) << "which changes the local magnification by as much, rms over the image";
   solved.focal = 0;
+  solved.shape = 0.001;
+  EXPECT_NEAR(sigma(3), 0.002, 1e-12) << "of another shape";
+  covariance(kShapeColumn, kShapeColumn) = square(0.00051);
+  EXPECT_EQ(sigma(3), 0) << "within two sigmas it is as calibrated";
+  solved.focal = 0.05;
+  EXPECT_NEAR(sigma(3), 0.004, 1e-12) << "a wrong number says little of the lens' shape";
+  prior.gyroscope_scale.sigma = 0;
+  EXPECT_EQ(sigma(3), 0) << "not estimated";
+  solved.focal = solved.shape = 0;
   rig.use[1] = true;
   rig.poses[1].p_CD = Vec3(0.25, 0, 0);
-  EXPECT_NEAR(std::sqrt(doubt_of_lens(prior, solved, rig)[0]), 0.002, 1e-12)
-      << "two cameras know it as well as their baseline";
+  EXPECT_NEAR(sigma(0), 0.002, 1e-12) << "two cameras know it as well as their baseline";
 }
 
 /// As if the calibration had been measured with so much more noise: the state follows all of the calibration.
@@ -218,13 +223,13 @@ TEST(CalibrationPrior, DoubtMovesTheStateWithTheCalibration) {
   const Eigen::MatrixXd joint = random_covariance(16 + kCalibration, 4);
   CalibrationCovariance P = joint.bottomRightCorner(kCalibration, kCalibration);
   CrossCovariance cross = joint.topRightCorner(16, kCalibration);
-  const Vec3 doubt(0.1, 0.2, 0.3);
+  const LensDoubt doubt(0.1, 0.4, 0.2, 0.3);
   const Eigen::MatrixXd slopes = product(cross, inverse(P));
   const Eigen::MatrixXd found = product(product(cross, growth_by_doubt(doubt, P)), cross.transpose());
   for (int i = 0; i < 16; ++i)
     for (int j = 0; j < 16; ++j) {
       double expected = 0;
-      for (int k = 0; k < 3; ++k) expected += slopes(i, kFocalColumn + k) * doubt[k] * slopes(j, kFocalColumn + k);
+      for (int k = 0; k < 4; ++k) expected += slopes(i, kFocalColumn + k) * doubt[k] * slopes(j, kFocalColumn + k);
       EXPECT_NEAR(found(i, j), expected, 1e-9) << i << ", " << j;
     }
   for (int c = 0; c < kCalibration; ++c) {  // nothing is estimated

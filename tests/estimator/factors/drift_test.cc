@@ -67,6 +67,7 @@ class Tracks : public testing::TestWithParam<Kind> {
     SyntheticWindow s = make({.frames = 9, .tracks = 40, .pixel_noise = 0.3, .state_error = 1e-3});
     Window& w = *s.window;
     w.calibration.focal = 0.01;
+    w.calibration.shape = -0.003;
     w.calibration.time_offset = 1e-3;
     for (int i = 0; i < w.track_count(); ++i) {
       TrackRecord& t = w.track(i);

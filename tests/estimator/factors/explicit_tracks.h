@@ -83,7 +83,7 @@ class ExplicitTrack {
   Eigen::VectorXd residual(const View& v, const Vec3& P) const {
     const Camera c = camera(v);
     Vec3 X = c.R.transpose() * (P - c.c);
-    if (!v.second) X.z() *= 1 - w_.calibration.focal;
+    if (!v.second) X.z() *= 1 - w_.calibration.focal - w_.calibration.shape * (1 - X.normalized().z()) / 0.15;
     return -v.chart * X / v.f.dot(X);
   }
   Eigen::VectorXd residuals(const Vec3& P) const {

@@ -60,13 +60,14 @@ inline SyntheticWindow furnished_window(double readout_s = 0, bool second = fals
       {.readout_s = readout_s, .second = second, .second_later = 0.3 * readout_s, .alone = second, .fisheye = fisheye});
   Window& w = *s.window;
   CalibrationTangent sigmas;
-  sigmas << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01), 0.01, 0.01, 0.01;
+  sigmas << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01), 0.01, 0.01, 0.01, 0.01;
   set_initial_prior(w, {}, sigmas);
   TrackFactor factor(best_instruction_set());
   factor.collect(w, smooth_settings());
   Marginaliser(best_instruction_set()).marginalise_oldest(w, factor, smooth_settings());
   w.calibration.time_offset = 2e-3;
   w.calibration.focal = 0.01;
+  w.calibration.shape = 0.002;
   w.calibration.scale = {0.004, -0.003};
   for (int k = 0; k < w.size(); ++k) {
     Slot& slot = w.at(k);
@@ -77,8 +78,7 @@ inline SyntheticWindow furnished_window(double readout_s = 0, bool second = fals
   furnish_wheels(w);
   furnish_heights(w);
   CalibrationPrior& p = w.calibration_prior;
-  for (CalibrationPart* part : {&p.rotation, &p.translation, &p.focal, &p.accelerometer_scale, &p.gyroscope_scale})
-    part->sigma = 3e-3;
+  for (CalibrationPart* part : p.parts()) part->sigma = 3e-3;
   return s;
 }
 

@@ -18,7 +18,7 @@ namespace {
 
 KnownJointly known(const StateCovariance& P) {
   CalibrationTangent s;
-  s << 5e-3, Vec3::Constant(1e-4), Vec3::Constant(2e-4), 1e-4, 2e-4, 1e-4;
+  s << 5e-3, Vec3::Constant(1e-4), Vec3::Constant(2e-4), 1e-4, 3e-4, 2e-4, 1e-4;
   return {P, s.cwiseAbs2().asDiagonal(), CrossCovariance::Zero(), CalibrationTangent::Zero(), 5e-3};
 }
 
@@ -108,7 +108,7 @@ TEST(Prior, HandsOverNothingOfWhatWasNotLearned) {
   own.configured = w.calibration;
   own.rotation.sigma = 1e-3;
   own.translation.sigma = 5e-4;
-  own.focal.sigma = 3e-4;
+  own.focal.sigma = own.shape.sigma = 3e-4;
   own.accelerometer_scale.sigma = own.gyroscope_scale.sigma = 1e-3;
   const CalibrationTangent weight = calibration_prior_information(own, CalibrationTangent::Zero());
   KnownJointly k = known(some_covariance(3));

@@ -11,7 +11,7 @@ inline VisualSettings smooth_settings() {
   s.cauchy = 10;
   s.gate = false;
   s.extrinsics = true;
-  s.focal = true;
+  s.lens = true;
   s.inner_steps = 40;
   s.converged = 0;
   return s;

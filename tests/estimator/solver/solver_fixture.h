@@ -18,7 +18,7 @@ inline constexpr SolverSettings kEverything{.steps = 1,
 
 inline CalibrationTangent calibration_sigmas() {
   CalibrationTangent s;
-  s << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01), 0.01, 0.01, 0.01;
+  s << 5e-3, Vec3::Constant(0.01), Vec3::Constant(0.01), 0.01, 0.01, 0.01, 0.01;
   return s;
 }
 
@@ -29,7 +29,7 @@ inline VisualSettings quadratic(bool extrinsics) {
   s.sigma_inflation = 1;
   s.cauchy = 1e6;
   s.gate = false;
-  s.extrinsics = s.focal = extrinsics;
+  s.extrinsics = s.lens = extrinsics;
   s.inner_steps = 12;
   s.converged = 0;
   return s;

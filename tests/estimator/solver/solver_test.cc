@@ -163,7 +163,7 @@ Converged optimise_to_the_end(SyntheticWindow& s, const SolverSettings& settings
   TrackFactor factor(best_instruction_set());
   VisualSettings visual;
   visual.extrinsics = settings.estimate_extrinsics;
-  visual.focal = settings.estimate_focal_length;
+  visual.lens = settings.estimate_focal_length;
   Solver solver(best_instruction_set());
   Supervisor supervisor;
   factor.collect(w, visual);

@@ -180,7 +180,7 @@ TEST(Calibration, LocalUndoesRetract) {
   c.R_BC = so3_exp(Vec3(0.3, -1, 2));
   c.p_BC = Vec3(1, 2, 3);
   CalibrationTangent d;
-  d << 0.01, 0.2, -0.1, 0.3, 0.5, 0.6, -0.7, 0.02, -0.03, 0.04;
+  d << 0.01, 0.2, -0.1, 0.3, 0.5, 0.6, -0.7, 0.02, 0.05, -0.03, 0.04;
   Calibration moved = c;
   retract(moved, d);
   EXPECT_TRUE(local(c, moved).isApprox(d, 1e-12));

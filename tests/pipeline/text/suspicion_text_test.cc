@@ -38,6 +38,7 @@ TEST(SuspicionText, NamesTheNumberAndTheFigure) {
       {kBehind, {kGross, 0.62, {}}, "62 % of the tracks meet behind it"},
       {kGyroscopeNoise, {kNote, 40, {}}, "off by 40"},
       {kGyroscopeNoise, {kNote, 40, {}}, "corrects for it"},
+      {kLensShape, {kNote, 0.97, {}}, "3.0 % nearer in than configured"},
       {kGyroscopeScale, {kNote, 1 / 1.03, {}}, "gyroscope's readings are 3.0 % too large"},
       {kAccelerometerScale, {kNote, 1.02, {}}, "2.0 % too small"},
   };
@@ -71,6 +72,7 @@ TEST(SuspicionText, TheWordsForProgramsStay) {
                                                       {kGyroscopeNoise, "gyroscope_noise"},
                                                       {kAccelerometerNoise, "accelerometer_noise"},
                                                       {kFocalLength, "focal_length"},
+                                                      {kLensShape, "lens_shape"},
                                                       {kAccelerometerScale, "accelerometer_scale"},
                                                       {kGyroscopeScale, "gyroscope_scale"}};
   for (const auto& [suspect, word] : suspects) EXPECT_STREQ(to_string(suspect), word);
