@@ -49,7 +49,8 @@ double way_m(const Window& w, int frames) {
 }
 
 namespace {
-using Motions = Eigen::Map<Eigen::Matrix<double, 6, kBatchLanes, Eigen::RowMajor>>;
+using MotionRows = Eigen::Matrix<double, 6, kBatchLanes, Eigen::RowMajor>;
+using Motions = Eigen::Map<MotionRows>;
 
 /// The motion (dp, dphi) of the body that moves the camera as each calibration parameter does.
 void fill_motions(const ExposedFrame& f, bool extrinsics, Motions m) {
@@ -125,7 +126,6 @@ void move_to_states(const Window& w, int frames, bool pace, VisualSystem& s) {
 
 /// The lens' columns against all others.
 void put_lens(int frames, bool asked, const double (*motion)[6][kBatchLanes], VisualSystem& s) {
-  using OfMotions = Eigen::Matrix<double, 6, kBatchLanes, Eigen::RowMajor>;
   Eigen::Map<Eigen::Matrix<double, kCameraCalibration, kCameraCalibration>> H_cc(s.H_cc);
   H_cc.rightCols<kLensNumbers>().setZero();
   for (int i = 0; i < kLensNumbers; ++i) {
@@ -137,7 +137,7 @@ void put_lens(int frames, bool asked, const double (*motion)[6][kBatchLanes], Vi
       else
         H_ck.setZero();
       H_cc.col(at).head<kCameraMotions>() +=
-          Eigen::Map<const OfMotions>(motion[k][0]).leftCols<kCameraMotions>().transpose() * H_ck;
+          Eigen::Map<const MotionRows>(motion[k][0]).leftCols<kCameraMotions>().transpose() * H_ck;
     }
     for (int j = 0; j <= i && asked; ++j)
       H_cc(kFocalColumn + j, at) = H_cc(at, kFocalColumn + j) = s.H_columns[product_of(kLens + i, kLens + j)];

@@ -71,7 +71,7 @@ TEST_F(WrongNumbers, AContradictionOutlivesNewStarts) {
   EXPECT_EQ(v.wrong_share, 0) << v.worst_ratio << " sigma";
 }
 
-/// 22 % of the radius at 45 degrees: far beyond what is linear, so the flight is not called good, but goes on.
+/// A fifth of the radius at 45 degrees: far beyond what is linear, so the flight is not called good, but goes on.
 TEST_F(WrongNumbers, ADistortionThatIsMissingIsFound) {
   options_.duration_s = 30;
   const auto v = fly("no distortion");
