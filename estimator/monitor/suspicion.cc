@@ -45,7 +45,7 @@ TurnedAxes axes_of(const Mat3& M) {
 }
 }  // namespace
 
-Suspicions suspicions_of(const TurnAgreement& t, const Mat3& R_BC, double time_offset_s, double focal_ratio,
+Suspicions suspicions_of(const TurnAgreement& t, const Mat3& R_BC, double time_offset_s, const Magnified& lens,
                          double gyroscope_ratio) noexcept {
   Suspicions s;
   const auto raise = [&](Suspect what, bool gross, double figure) {
@@ -66,8 +66,7 @@ Suspicions suspicions_of(const TurnAgreement& t, const Mat3& R_BC, double time_o
     return s;
   }
   if (t.agreement < kAgree) return s;
-  // Of a focal length that is found shorter, turns across the axis are seen larger by as much, those about it are not.
-  const double low = std::min(1.0, focal_ratio) / gyroscope_ratio, high = std::max(1.0, focal_ratio) / gyroscope_ratio;
+  const double low = 1 / (lens.most * gyroscope_ratio), high = 1 / (lens.least * gyroscope_ratio);
   // the noise of either may have made its rates look larger
   const double least = t.rate_ratio * t.agreement, most = t.rate_ratio / t.agreement;
   if (t.turns > kManyTurns && t.agreement > kAgreeOnScale && (least > high + kScale || most < low - kScale))

@@ -11,11 +11,15 @@
 
 namespace epiline {
 
+/// By how much a lens that is not as configured shows turns larger, over the image.
+struct Magnified {
+  double least = 1, most = 1;
+};
+
 /// Suspicions from camera and gyroscope: of the configured rotation and time offset, and of the gyroscope's units and
-/// axes. The other rows are clear. `R_BC`, `time_offset_s`: the configured values. `focal_ratio`: estimated over
-/// configured focal length; `gyroscope_ratio`: estimated rates over those read. A ratio of rates that they explain
-/// raises no suspicion.
-Suspicions suspicions_of(const TurnAgreement& turns, const Mat3& R_BC, double time_offset_s, double focal_ratio = 1,
+/// axes. The other rows are clear. `R_BC`, `time_offset_s`: the configured values. `lens`: the estimated one;
+/// `gyroscope_ratio`: estimated rates over those read. A ratio of rates that they explain raises no suspicion.
+Suspicions suspicions_of(const TurnAgreement& turns, const Mat3& R_BC, double time_offset_s, const Magnified& lens = {},
                          double gyroscope_ratio = 1) noexcept;
 
 /// Suspicion of the focal length: a note if the flight estimated another one, more than a note if it is far off.

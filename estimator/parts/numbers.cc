@@ -39,9 +39,12 @@ RigNumbers::Both RigNumbers::by_sensors() const {
   const Extrinsics& given = common_.config.extrinsics;
   const Calibration& found = common_.window.calibration;
   const TurnAgreement seen = turns_.agreement();
-  const double focal_ratio = found.focal_ratio(), by_g = 1 + found.scale.gyroscope;
-  Both both{suspicions_of(seen, given.R_BC, given.time_offset_s, focal_ratio, by_g),
-            suspicions_of(seen, found.R_BC, found.time_offset, focal_ratio, by_g)};
+  // turns about the axis are seen as they are, those across it as the lens shows them there
+  const double middle = found.focal_ratio(), edge = middle * found.edge_magnification(),
+               by_g = 1 + found.scale.gyroscope;
+  const Magnified lens{std::min({1., middle, edge}), std::max({1., middle, edge})};
+  Both both{suspicions_of(seen, given.R_BC, given.time_offset_s, lens, by_g),
+            suspicions_of(seen, found.R_BC, found.time_offset, lens, by_g)};
   for (Suspicions* s : {&both.said, &both.left}) {
     add_suspicions(units_, *s);
     add_contradictions(contradictions_, turns_.noise_rad() * given.focal_px, *s);

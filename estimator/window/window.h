@@ -54,6 +54,9 @@ struct Calibration {
   double focal_ratio() const { return 1 / (1 - focal); }
   /// True over configured radius in the image 45 degrees off the axis, focal length aside.
   double edge_ratio() const { return 1 / (1 - kAtEdge * shape); }
+  /// The same of lengths there, across the circle about the axis: where the radius grows with its square, thrice as far
+  /// from 1.
+  double edge_magnification() const { return 1 + 3 * (edge_ratio() - 1); }
   static constexpr double kAtEdge = 1.9526;  ///< 1 - cos of that, over that of 32 degrees
 };
 /// Columns of the tangent.

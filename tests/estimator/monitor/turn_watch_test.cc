@@ -47,7 +47,7 @@ TEST(TurnWatch, ASteadyTurnAccusesNobody) {
   const TurnAgreement seen = agreement_of(made);
   ASSERT_GT(seen.turns, 100);
   EXPECT_LT(seen.agreement, 0.35);
-  EXPECT_EQ(raised(suspicions_of(seen, made.R_BC, made.offset_s, 1, 1)), std::vector<Suspect>());
+  EXPECT_EQ(raised(suspicions_of(seen, made.R_BC, made.offset_s, {}, 1)), std::vector<Suspect>());
 }
 
 TEST(TurnWatch, SaysHowSureItIsOfTheRotation) {
@@ -158,12 +158,12 @@ TEST(Suspicions, AScaleIsNamed) {
   const Suspicions s = suspicions_of(agreement_of(made), made.R_BC, made.offset_s);
   EXPECT_EQ(raised(s), std::vector{Suspect::kScale});
   EXPECT_NEAR(one(s, Suspect::kScale).figure, 1.1, 0.01);
-  EXPECT_TRUE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s, 1.1)).empty())
-      << "the focal length found explains it";
-  EXPECT_FALSE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s, 0.9)).empty());
-  EXPECT_TRUE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s, 1, 1 / 1.1)).empty())
+  EXPECT_TRUE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s, {1 / 1.1, 1})).empty())
+      << "a lens that is found shorter shows turns smaller";
+  EXPECT_FALSE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s, {1, 1.1})).empty());
+  EXPECT_TRUE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s, {}, 1 / 1.1)).empty())
       << "the scale found explains it";
-  EXPECT_FALSE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s, 1, 1.1)).empty());
+  EXPECT_FALSE(raised(suspicions_of(agreement_of(made), made.R_BC, made.offset_s, {}, 1.1)).empty());
 }
 
 TEST(Suspicions, AFocalLengthThatIsAnotherIsARemark) {
