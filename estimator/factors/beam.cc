@@ -11,18 +11,20 @@ namespace epiline {
 
 namespace {
 
-constexpr double kCauchyBeam = 3;         // scale of the kernel, in sigmas
-constexpr double kNearBeam = 0.985;       // cosine of 10 degrees: how far from the beam a track may be
-constexpr double kMostRelative = 0.2;     // of the distance: tracks that know less of their depth are not used
-constexpr double kLeastParallax = 1e-12;  // determinant of A over its size; below, all rays are parallel
+constexpr double kCauchyBeam = 3;    // scale of the kernel, in sigmas
+constexpr double kNearBeam = 0.985;  // cosine of 10 degrees: how far from the beam a track may be
+// Of the distance: of tracks that know less of their depth the derivatives are noise, which would count as knowledge.
+constexpr double kMostRelative = 0.05;
 constexpr int kLeastViews = 3;
 
 constexpr std::size_t kRange = static_cast<std::size_t>(HeightKind::kRangeFinder);
 
-/// The point nearest to all rays of a track.
-struct Meeting {
-  Vec3 X = Vec3::Zero();
-  Mat3 A_inverse = Mat3::Zero();  ///< of A, the sum of the projections across the rays
+/// Where a track is seen from frame k, by all its views: at c_k + m / rho, so rho, 1/m, is one over how far it is
+/// below.
+struct Depth {
+  Vec3 m = Vec3::Zero();  ///< W, with m_z = -1
+  double rho = 0;
+  Vec3 lambda = Vec3::Zero();  ///< covariance of rho with (m_x, m_y, rho), of rays with errors of 1
   bool found = false;
 };
 
@@ -33,28 +35,44 @@ Ray ray_of(const Window& w, const NavState& x, const Observation& o) {
   return {x.p + x.R * w.calibration.p_BC, x.R * (w.calibration.R_BC * bearing_of(o))};
 }
 
-/// `state(j)`: where frame j is taken to be.
-template <class State>
-Meeting meeting(const Window& w, const TrackRecord& t, int frames, State&& state) {
-  Mat3 A = Mat3::Zero();
+Vec3 camera_of(const Window& w, int k) { return w.at(k).x.p + w.at(k).x.R * w.calibration.p_BC; }
+
+template <class F>
+void each_view(const Window& w, const TrackRecord& t, int frames, F&& f) {
+  for (int j = 0; j < frames; ++j)
+    if (w.seen(t, j)) f(j, ray_of(w, w.at(j).x, w.view(t, j)));
+}
+
+/// d Y / d (m_x, m_y, rho).
+Mat3 by_depth(const Vec3& baseline) {
+  Mat3 G = Mat3::Identity();
+  G.col(2) = baseline;
+  return G;
+}
+
+Depth depth_of(const Window& w, const TrackRecord& t, int k, int frames) {
+  const Vec3 o = camera_of(w, k);
+  Mat3 N = Mat3::Zero();
   Vec3 b = Vec3::Zero();
   int views = 0;
-  for (int j = 0; j < frames; ++j) {
-    if (!w.seen(t, j)) continue;
-    const Ray ray = ray_of(w, state(j), w.view(t, j));
-    const Mat3 across = Mat3::Identity() - ray.f * ray.f.transpose();
-    A += across;
-    b += across * ray.c;
+  each_view(w, t, frames, [&](int, const Ray& ray) {
+    const Mat3 across = Mat3::Identity() - ray.f * ray.f.transpose(), G = by_depth(o - ray.c);
+    N += G.transpose() * across * G;
+    b += G.transpose() * across.col(2);
     ++views;
-  }
-  Meeting m;
-  if (views < kLeastViews) return m;
+  });
+  Depth d;
+  if (views < kLeastViews) return d;
+  Mat3 covariance = Mat3::Zero();
   bool invertible = false;
   double determinant = 0;
-  A.computeInverseAndDetWithCheck(m.A_inverse, determinant, invertible, kLeastParallax * views);
-  m.X = m.A_inverse * b;
-  m.found = invertible && m.X.allFinite();
-  return m;
+  N.computeInverseAndDetWithCheck(covariance, determinant, invertible, 0);
+  const Vec3 x = covariance * b;
+  d.m = Vec3(x.x(), x.y(), -1);
+  d.rho = x.z();
+  d.lambda = covariance.col(2);
+  d.found = invertible && x.allFinite() && d.lambda.z() > 0;
+  return d;
 }
 
 bool is_near(const Window& w, int k, const HeightReading& reading, const TrackRecord& t) {
@@ -88,20 +106,21 @@ double frames_per_stretch(const Window& w) {
   return std::clamp(kGroundStretch_m / std::max(spacing_m, kGroundStretch_m / kMost), 1.0, kMost);
 }
 
-/// Shares by what each track knows of its height at the present states.
+/// Shares by what each track knows of its depth at the present states.
 void weigh(const Window& w, int k, const HeightReading& reading, const BeamSettings& s, BeamTracks& out) {
-  const double distance = reading.lever_B.norm(), most = kMostRelative * distance;
-  const Vec3 end = w.at(k).x.p + w.at(k).x.R * reading.lever_B;
+  const Vec3 end = w.at(k).x.p + w.at(k).x.R * reading.lever_B, o = camera_of(w, k);
   double information = 0;
   out.shares.fill(0);
+  out.drop_m = o.z() - end.z();
   for (std::size_t i = 0; i < static_cast<std::size_t>(out.count); ++i) {
     const int track = w.find(out.ids[i]);
     if (track < 0) continue;
-    const Meeting m = meeting(w, w.track(track), w.size(), [&](int j) -> const NavState& { return w.at(j).x; });
-    if (!m.found) continue;
-    const double depth = s.sigma_rad * s.sigma_rad * distance * distance * m.A_inverse(2, 2);
-    const double ground = s.ground_walk * s.ground_walk * (m.X - end).head<2>().norm();
-    if (!(depth + ground < most * most)) continue;
+    const Depth d = depth_of(w, w.track(track), k, w.size());
+    if (!d.found) continue;
+    const double by_bearing = s.sigma_rad * out.drop_m * out.drop_m, most = kMostRelative * out.drop_m;
+    const double depth = by_bearing * by_bearing * d.m.squaredNorm() * d.lambda.z();
+    if (!(depth < most * most)) continue;
+    const double ground = s.ground_walk * s.ground_walk * (out.drop_m * d.m + o - end).head<2>().norm();
     out.shares[i] = 1 / (depth + ground);
     information += out.shares[i];
   }
@@ -110,24 +129,22 @@ void weigh(const Window& w, int k, const HeightReading& reading, const BeamSetti
   for (double& share : out.shares) share = information > 0 ? share / information : 0;
 }
 
-/// Adds share * d X_z / d (p, theta) of every frame that sees the track.
-void add_slopes(const Window& w, const TrackRecord& t, int frames, double share, std::array<Vec6, kMaxFrames>& J) {
-  const Meeting m = meeting(w, t, frames, [&](int j) -> const NavState& { return w.at(j).x; });
-  if (!m.found) return;
-  const Vec3 row = share * m.A_inverse.row(2).transpose();
-  for (int j = 0; j < frames; ++j) {
-    if (!w.seen(t, j)) continue;
-    const NavState& x = w.at(j).x;
-    const Vec3 g = w.calibration.R_BC * bearing_of(w.view(t, j)), &lever = w.calibration.p_BC;
-    const Vec3 f = x.R * g, y = x.p + x.R * lever - m.X;
-    const Mat3 across = Mat3::Identity() - f * f.transpose();
+/// Adds g * d rho / d (p, theta) of every frame that sees the track; returns g * d rho / d o, of the camera of frame k.
+Vec3 add_slopes(const Window& w, const TrackRecord& t, int frames, const Depth& d, const Vec3& o, double g,
+                std::array<Vec6, kMaxFrames>& J) {
+  const Vec3& lever = w.calibration.p_BC;
+  Vec3 by_o = Vec3::Zero();
+  each_view(w, t, frames, [&](int j, const Ray& ray) {
+    const Vec3 &f = ray.f, Y = d.m + d.rho * (o - ray.c), q = by_depth(o - ray.c) * d.lambda;
+    const Vec3 e = Y - f * f.dot(Y), across = q - f * f.dot(q);
+    const Vec3 by_c = g * (d.rho * across + d.lambda.z() * e), by_f = g * (f.dot(Y) * q + f.dot(q) * Y);
+    const Mat3 R_WB = w.at(j).x.R;
     Vec6& to = J[static_cast<std::size_t>(j)];
-    to.head<3>() += across * row;
-    // dA (c - X) + A dc, with df = -R [g]x dtheta and dc = -R [p_BC]x dtheta
-    const Mat3 turned = f.dot(y) * Mat3::Identity() + f * y.transpose();
-    const Mat3 by_turn = turned * x.R * skew(g) - across * x.R * skew(lever);
-    to.tail<3>() += by_turn.transpose() * row;
-  }
+    to.head<3>() += by_c;
+    to.tail<3>() += lever.cross(R_WB.transpose() * by_c) + (R_WB.transpose() * f).cross(R_WB.transpose() * by_f);
+    by_o -= by_c;
+  });
+  return by_o;
 }
 
 }  // namespace
@@ -147,22 +164,32 @@ void evaluate_beam(const Window& w, int k, int frames, bool with_slopes, BeamRes
   const BeamTracks& tracks = w.at(k).beam;
   out.active = false;
   if (!(tracks.variance > 0)) return;
-  double height = 0, shares = 0;
   if (with_slopes) out.J.fill(Vec6::Zero());
+  const NavState& x = w.at(k).x;
+  const Vec3 o = camera_of(w, k);
+  const double above_end = o.z() - height_offset(reading, x);
+  double rho = 0, shares = 0;
+  Vec3 by_o = Vec3::Zero();
   for (std::size_t i = 0; i < tracks.ids.size(); ++i) {
     const int track = tracks.shares[i] > 0 ? w.find(tracks.ids[i]) : -1;
     if (track < 0) continue;
     const TrackRecord& t = w.track(track);
-    const Meeting m = meeting(w, t, frames, [&](int j) -> const NavState& { return w.at(j).x; });
-    if (!m.found) continue;
-    height += tracks.shares[i] * m.X.z();
-    shares += tracks.shares[i];
-    if (with_slopes) add_slopes(w, t, frames, tracks.shares[i], out.J);
+    const Depth d = depth_of(w, t, k, frames);
+    if (!d.found) continue;
+    const double share = tracks.drop_m * tracks.shares[i];
+    rho += share * d.rho;
+    shares += share;
+    if (with_slopes) by_o += add_slopes(w, t, frames, d, o, share * above_end, out.J);
   }
   if (!(shares > 0)) return;
   out.active = true;
-  out.r = height - shares * height_offset(reading, w.at(k).x);
-  if (with_slopes) out.J[static_cast<std::size_t>(k)] -= shares * height_jacobian(reading, w.at(k).x.R);
+  out.r = rho * above_end - shares;
+  if (!with_slopes) return;
+  by_o.z() += rho;
+  Vec6& J = out.J[static_cast<std::size_t>(k)];
+  J.head<3>() += by_o;
+  J.tail<3>() += w.calibration.p_BC.cross(x.R.transpose() * by_o);
+  J -= rho * height_jacobian(reading, x.R);
 }
 
 double add_beam(const Window& w, const Share& share, NormalEquations* out) {

@@ -121,6 +121,7 @@ struct BeamTracks {
   int count = 0;
   std::array<std::uint32_t, 4> ids{};
   std::array<double, 4> shares{};  ///< of the height of the ground; 0: not used in this solve
+  double drop_m = 0;               ///< from the camera to the beam's end
   double variance = 0;             ///< of that height minus the height of the beam's end, m^2; 0: nothing is known
 };
 
