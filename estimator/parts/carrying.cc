@@ -85,6 +85,7 @@ void Carrying::keep_up() {
   if (!carried.known || (newest - carried.time).seconds() < kCarriedStep_s) return;
   from_ = carried;
   carried = to(newest);
+  reached_ = carried.time;
 }
 
 bool may_go_on(const KnownState& s) {

@@ -8,8 +8,11 @@ namespace epiline {
 class Carrying {
  public:
   Carrying(Common& common, const Intervals& intervals) : common_(common), intervals_(intervals) {}
-  /// What is known of an instant.
-  KnownState to(HostStamp time) const { return on_to(time < common_.carried.time ? from_ : common_.carried, time); }
+  /// What is known of an instant; of one before all that is known: the state that follows it.
+  KnownState to(HostStamp time) const {
+    const KnownState& carried = common_.carried;
+    return on_to(time < carried.time && carried.time == reached_ ? from_ : carried, time);
+  }
   /// A state moved on to `time` by the readings. Without readings it stays where it is.
   KnownState on_to(const KnownState& from, HostStamp time) const;
   /// The window's newest frame, as the IMU predicts it.
@@ -26,7 +29,8 @@ class Carrying {
 
   Common& common_;
   const Intervals& intervals_;
-  KnownState from_;  ///< where the carried state last began: readings may be ahead of the images
+  KnownState from_;    ///< where the carried state last began: readings may be ahead of the images
+  HostStamp reached_;  ///< the carried state that began there
 };
 
 /// Whether a carried state is good enough to begin a window with.
