@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "estimator/factors/height.h"
-#include "estimator/geometry/so3.h"
 
 namespace epiline {
 

@@ -23,8 +23,8 @@ struct BeamSettings {
 /// have left.
 void choose_beam_tracks(Window& window, const BeamSettings& settings, std::span<const std::uint32_t> used);
 
-/// Height of the ground by a frame's tracks minus that of its beam's end, m, with J = d r / d (p, theta) of each frame
-/// that it depends on. J is taken at the linearisation points.
+/// Height of the ground by a frame's tracks minus that of its beam's end, m, linear in the reciprocal of the tracks'
+/// depth, with J = d r / d (p, theta) of each frame that it depends on.
 struct BeamResidual {
   bool active = false;
   double r = 0;
