@@ -9,9 +9,9 @@ namespace epiline {
 
 namespace {
 // Off what a standing vehicle should read, and for how long: a tenth of it would be seen in the images by then.
-constexpr double kRestRate = 0.01, kRestForce = 0.25, kContradicted_s = 0.5;            // rad/s, m/s^2
-constexpr double kAhead = 0.2;                                                          // of that time
-constexpr double kLeavingVelocity = 0.05, kShakingVelocity = 0.1, kDeadReckoned_s = 2;  // m/s, m/s, s
+constexpr double kRestRate = 0.01, kRestForce = 0.25, kContradicted_s = 0.5;           // rad/s, m/s^2
+constexpr double kAhead = 0.2;                                                         // of that time
+constexpr double kShakenVelocity = 0.05, kShakingVelocity = 0.1, kDeadReckoned_s = 2;  // m/s, m/s, s
 constexpr double kStandingVelocity = 0.02;  // m/s: a vehicle that stands, and is not shaken, seems slower
 }  // namespace
 
@@ -45,12 +45,12 @@ bool Resting::is_restless() const {
   return readings_.is_filled(read) && !readings_.is_stationary(read);
 }
 
-/// Whether the readings since the vehicle last stood still have taken it away: images of a far scene do not show that
-/// at once, and of one that shakes not plainly, but shaking has no direction.
+/// Whether the readings since the vehicle last stood still have taken it away: images do not show that at once, and of
+/// one that shakes not plainly, but shaking has no direction.
 bool Resting::has_left() const {
   const Slot& newest = common_.window.newest();
   const bool shakes = common_.noise.shakes();
-  const double most = shakes ? kShakingVelocity : kLeavingVelocity;
+  const double most = shakes ? kShakingVelocity : kStandingVelocity;
   if ((newest.time - memory_.stood_at).seconds() >= kDeadReckoned_s)
     return !images_.attitude_held() && newest.x.v.norm() > most;
   NavState x = newest.x;  // whose biases fit the scales of now
@@ -84,13 +84,14 @@ void Resting::attach(const TrackedFrame& frame, double pixel_sigma, WheelMotion 
       images_.update(frame, pixel_sigma, rate, {newest.x.R * window.calibration.R_BC, common_.noise.shakes()});
   if (!images_.images_still()) memory_.images_still_since = newest.time;
   if (images_.was_drift()) forget_rest(HostStamp{});
-  const bool shaken = found == Verdict::kIsShaken;
-  if (!common_.config.zero_motion || found == Verdict::kMoves || n < 2 || is_blind(frame.reasons)) return;
+  const bool stands = found != Verdict::kMoves, shaken = found == Verdict::kIsShaken;
+  if (!common_.config.zero_motion || n < 2 || is_blind(frame.reasons)) return;
   if ((shaken && is_new_place()) || wheels == WheelMotion::kTurn) return;
-  if (wheels != WheelMotion::kStand && has_left()) {
+  if ((stands || window.at(n - 2).at_rest) && wheels != WheelMotion::kStand && has_left()) {
     forget_rest(memory_.stood_at);
     return;
   }
+  if (!stands) return;
   if (is_new_place()) {
     memory_.reference = images_.reference();
     memory_.frame = window.at(n - 2).id;
@@ -134,7 +135,7 @@ bool Resting::is_contradicted(double dt_s) {
 
 StateCovariance Resting::doubt_of_leaving() const {
   const Vec3& v = common_.carried.x.v;
-  const double most = common_.noise.shakes() ? kLeavingVelocity : kStandingVelocity;
+  const double most = common_.noise.shakes() ? kShakenVelocity : kStandingVelocity;
   if (!images_.images_still() || common_.window.index_of(memory_.frame) < 0 || v.norm() < most)
     return StateCovariance::Zero();
   Eigen::Matrix<double, 16, 1> moved = Eigen::Matrix<double, 16, 1>::Zero();
