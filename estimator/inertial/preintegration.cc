@@ -9,6 +9,7 @@ namespace epiline {
 namespace {
 
 constexpr double kLeastUnknown_s = 1;  // how long an unknown acceleration lasts, at least
+constexpr double kBiasSteps = 0.006;   // m/s^2, of the accelerometer where forces are doubted
 constexpr int kP = 0, kTheta = 3, kV = 6, kA = 9, kG = 12;
 
 auto block(Mat15& M, int row, int column) { return M.block<3, 3>(row, column); }
@@ -186,11 +187,13 @@ void Preintegration::corrected(const Vec3& b_a_new, const Vec3& b_g_new, const I
 }
 
 void Preintegration::doubt_forces(double acceleration) {
+  if (!(acceleration > 0)) return;
   const Mat3 a2 = acceleration * acceleration * Mat3::Identity();
   block(C, kP, kP) += T * T * T * T / 4 * a2;
   block(C, kP, kV) += T * T * T / 2 * a2;
   block(C, kV, kP) += T * T * T / 2 * a2;
   block(C, kV, kV) += T * T * a2;
+  block(C, kA, kA).diagonal().array() += kBiasSteps * kBiasSteps;
 }
 
 void Preintegration::doubt_rates(double step) {

@@ -31,7 +31,8 @@ struct Preintegration {
   void corrected(const Vec3& b_a_new, const Vec3& b_g_new, const ImuScale& scale_new, Vec3& p, Vec3& v, Mat3& R) const;
   /// Appends the interval that follows this one, in closed form (docs/derivations/imu.md).
   void join(const Preintegration& next);
-  /// Adds a constant acceleration that the readings do not show, of this standard deviation (m/s^2).
+  /// Adds a constant acceleration that the readings do not show, of this standard deviation (m/s^2); if there is one,
+  /// the accelerometer's bias may have stepped, a little, at the end.
   void doubt_forces(double acceleration);
   /// The gyroscope's bias has stepped by this standard deviation (rad/s), at the beginning or at the end.
   void doubt_rates(double step);

@@ -355,9 +355,11 @@ void LifeRig::push_imu(int k) {
   const double root = std::sqrt(kImuPeriod_s);
   const double by_w = is(kNumber, kRateScale) ? 1 + sign_ * 0.03 : 1,
                by_a = is(kNumber, kForceScale) ? 1 + sign_ * 0.05 : 1;
+  const double stepped = t < bias_steps_at_s ? 0 : 1;
   const Vec3 w = by_w * (motion.rate(t) + shaken(0, t)) + kGyroscopeBias + warming * t * Vec3(1, -1, 1) +
-                 (t < bias_steps_at_s ? Vec3(0, 0, 0) : bias_step) + normal3(n.gyroscope_density / root);
-  const Vec3 a = by_a * (motion.force(t) + shaken(1, t)) + kAccelerometerBias + normal3(n.accelerometer_density / root);
+                 stepped * bias_step + normal3(n.gyroscope_density / root);
+  const Vec3 a = by_a * (motion.force(t) + shaken(1, t)) + kAccelerometerBias + stepped * force_step +
+                 normal3(n.accelerometer_density / root);
   if (t >= unfelt_.from && t < unfelt_.to) return;
   ImuSample sample;
   // in bursts they have the time of their arrival

@@ -108,12 +108,13 @@ class LifeRig {
   LifeRig(const Row& row, unsigned seed, bool stands = false);
 
   LifeMotion motion;
-  Vec3 bias_step = Vec3::Zero();  ///< of the gyroscope, rad/s ...
-  double bias_steps_at_s = 0;     ///< ... from then on
-  double stamps_step_s = 0;       ///< later are those of the images ...
-  double stamps_step_at_s = 0;    ///< ... from then on
-  Span_s blind{1e9, 1e9};         ///< without images
-  double distortion = 0;          ///< that nobody has calibrated: radius times 1 + so much of its square, unit depth
+  Vec3 bias_step = Vec3::Zero();   ///< of the gyroscope, rad/s ...
+  Vec3 force_step = Vec3::Zero();  ///< ... and of the accelerometer, m/s^2 ...
+  double bias_steps_at_s = 0;      ///< ... from then on
+  double stamps_step_s = 0;        ///< later are those of the images ...
+  double stamps_step_at_s = 0;     ///< ... from then on
+  Span_s blind{1e9, 1e9};          ///< without images
+  double distortion = 0;           ///< that nobody has calibrated: radius times 1 + so much of its square, unit depth
   /// Until `seconds`; `each` after every frame that was processed.
   void run_to(double seconds, const std::function<void(const StepResult&)>& each = {});
   double now() const { return 0.05 * frame_; }

@@ -220,6 +220,23 @@ TEST(EstimatorLife, AGyroscopesBiasThatStepsInFlightCostsNoAttitude) {
     }
 }
 
+// Larger steps, and those in a lively flight, are wrong for longer.
+TEST(EstimatorLife, AnAccelerometersBiasThatStepsInFlightIsFollowed) {
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    LifeRig rig(with(kRoom, kClean), seed);
+    rig.force_step = Vec3(0, -0.3, 0);
+    rig.bias_steps_at_s = 11;
+    int wrong = 0;
+    rig.run_to(rig.ends_at(), [&](const StepResult& result) {
+      if (!result.has_pose || rig.estimator().odometry().health.state != HealthState::kTracking) return;
+      wrong += rig.now() > 5 && worst_error(rig).sigmas > LifeVerdict::kSigmas;
+    });
+    EXPECT_LE(wrong, 3) << seed;
+    EXPECT_EQ(rig.estimator().stats().resets, 0U) << seed;
+    EXPECT_EQ(rig.estimator().odometry().health.state, HealthState::kTracking) << seed;
+  }
+}
+
 // A driver that loses a frame's buffer: from then on each image has the stamp of the one before. The first images after
 // that are wrong before they can contradict enough.
 TEST(EstimatorLife, StampsThatSlipByAFrameInFlightAreFollowed) {
