@@ -60,7 +60,7 @@ void RigNumbers::add_found(Both& both, const WheelWatch& wheels) const {
   add_suspicions(wheels, both.said);
   // what is found in a window that contradicts itself is no finding
   if (contradictions_.worst() != Severity::kNone) return;
-  add_pose(found_pose(), both.said);
+  if (!common_.window.newest().at_rest) add_pose(found_pose(), both.said);  // at rest the window does not show it
   const CalibrationTangent sigma = common_.calibration_covariance.diagonal().cwiseSqrt();
   const Calibration& found = common_.window.calibration;
   for (Suspicions* s : {&both.said, &both.left}) {

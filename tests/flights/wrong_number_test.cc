@@ -40,6 +40,15 @@ TEST_F(WrongNumbers, RightOnesAreNotSuspected) {
   EXPECT_EQ(v.wrong_share, 0);
 }
 
+/// It is set down half a second later, then handled on the ground.
+TEST_F(WrongNumbers, RightOnesAreNotSuspectedWhereItHardlyMoves) {
+  options_.start_s = 15;
+  options_.duration_s = 14;
+  const auto v = fly("nothing");
+  ASSERT_TRUE(v.ran);
+  EXPECT_TRUE(v.suspects.empty()) << v.suspects.front();
+}
+
 TEST_F(WrongNumbers, MountingAndDensitiesAreCorrectedInFlight) {
   const double right = fly("nothing").ate_m;
   for (const char* name : {"camera turned 5 deg about z", "lever arm + 0.05 m in x", "densities x 0.01"}) {
