@@ -60,9 +60,11 @@ void RigNumbers::add_found(Both& both, const WheelWatch& wheels) const {
   add_suspicions(wheels, both.said);
   // what is found in a window that contradicts itself is no finding
   if (contradictions_.worst() != Severity::kNone) return;
-  if (!common_.window.newest().at_rest) add_pose(found_pose(), both.said);  // at rest the window does not show it
+  const Window& window = common_.window;
+  const bool stands = window.size() > 0 && window.newest().at_rest;  // which shows nothing of the pose
+  if (!stands) add_pose(found_pose(), both.said);
   const CalibrationTangent sigma = common_.calibration_covariance.diagonal().cwiseSqrt();
-  const Calibration& found = common_.window.calibration;
+  const Calibration& found = window.calibration;
   for (Suspicions* s : {&both.said, &both.left}) {
     add_focal_length(found.focal_ratio(), sigma[kFocalColumn], *s);
     add_lens_shape(found.edge_ratio(), Calibration::kAtEdge * sigma[kShapeColumn], *s);

@@ -9,10 +9,11 @@ namespace epiline {
 
 namespace {
 // Off what a standing vehicle should read, and for how long: a tenth of it would be seen in the images by then.
-constexpr double kRestRate = 0.01, kRestForce = 0.25, kContradicted_s = 0.5;           // rad/s, m/s^2
-constexpr double kAhead = 0.2;                                                         // of that time
-constexpr double kShakenVelocity = 0.05, kShakingVelocity = 0.1, kDeadReckoned_s = 2;  // m/s, m/s, s
+constexpr double kRestRate = 0.01, kRestForce = 0.25, kContradicted_s = 0.5;  // rad/s, m/s^2
+constexpr double kAhead = 0.2;                                                // of that time
 constexpr double kStandingVelocity = 0.02;  // m/s: a vehicle that stands, and is not shaken, seems slower
+constexpr double kDoubtedVelocity = 0.05, kShakingVelocity = 0.1;  // m/s: shaken, it may move; it has left
+constexpr double kDeadReckoned_s = 2;
 }  // namespace
 
 void Resting::begin() {
@@ -135,7 +136,7 @@ bool Resting::is_contradicted(double dt_s) {
 
 StateCovariance Resting::doubt_of_leaving() const {
   const Vec3& v = common_.carried.x.v;
-  const double most = common_.noise.shakes() ? kShakenVelocity : kStandingVelocity;
+  const double most = common_.noise.shakes() ? kDoubtedVelocity : kStandingVelocity;
   if (!images_.images_still() || common_.window.index_of(memory_.frame) < 0 || v.norm() < most)
     return StateCovariance::Zero();
   Eigen::Matrix<double, 16, 1> moved = Eigen::Matrix<double, 16, 1>::Zero();

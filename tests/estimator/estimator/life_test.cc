@@ -202,6 +202,16 @@ TEST(EstimatorLife, OwnPartsTellNothingOfTheRoad) {
     }
 }
 
+/// Poses while `tracking`.
+int wrong_until_the_end(LifeRig& rig) {
+  int wrong = 0;
+  rig.run_to(rig.ends_at(), [&](const StepResult& result) {
+    if (!result.has_pose || rig.estimator().odometry().health.state != HealthState::kTracking) return;
+    wrong += rig.now() > 5 && worst_error(rig).sigmas > LifeVerdict::kSigmas;
+  });
+  return wrong;
+}
+
 // A chip may start anew, or be hit: from then on its bias is another one, which turns nothing.
 TEST(EstimatorLife, AGyroscopesBiasThatStepsInFlightCostsNoAttitude) {
   for (const Path path : {kRoom, kHover, kDash, kTurn, kCruise})
@@ -226,12 +236,7 @@ TEST(EstimatorLife, AnAccelerometersBiasThatStepsInFlightIsFollowed) {
     LifeRig rig(with(kRoom, kClean), seed);
     rig.force_step = Vec3(0, -0.3, 0);
     rig.bias_steps_at_s = 11;
-    int wrong = 0;
-    rig.run_to(rig.ends_at(), [&](const StepResult& result) {
-      if (!result.has_pose || rig.estimator().odometry().health.state != HealthState::kTracking) return;
-      wrong += rig.now() > 5 && worst_error(rig).sigmas > LifeVerdict::kSigmas;
-    });
-    EXPECT_LE(wrong, 3) << seed;
+    EXPECT_LE(wrong_until_the_end(rig), 3) << seed;
     EXPECT_EQ(rig.estimator().stats().resets, 0U) << seed;
     EXPECT_EQ(rig.estimator().odometry().health.state, HealthState::kTracking) << seed;
   }
@@ -245,12 +250,7 @@ TEST(EstimatorLife, StampsThatSlipByAFrameInFlightAreFollowed) {
       LifeRig rig(with(path, kClean), seed);
       rig.stamps_step_s = -0.05;
       rig.stamps_step_at_s = 11;
-      int wrong = 0;
-      rig.run_to(rig.ends_at(), [&](const StepResult& result) {
-        if (!result.has_pose || rig.estimator().odometry().health.state != HealthState::kTracking) return;
-        wrong += rig.now() > 5 && worst_error(rig).sigmas > LifeVerdict::kSigmas;
-      });
-      EXPECT_LE(wrong, 3) << path << ' ' << seed;
+      EXPECT_LE(wrong_until_the_end(rig), 3) << path << ' ' << seed;
       EXPECT_EQ(rig.estimator().stats().resets, 0U) << path << ' ' << seed;
       EXPECT_EQ(rig.estimator().odometry().health.state, HealthState::kTracking) << path << ' ' << seed;
       EXPECT_NEAR(rig.estimator().odometry().time_offset_s, 0.05, 0.005) << path << ' ' << seed;
