@@ -376,7 +376,8 @@ void LifeRig::run_to(double seconds, const std::function<void(const StepResult&)
   while (now() < seconds - 1e-9) {
     ++frame_;
     const double t = now();
-    for (; imu_ * kImuPeriod_s <= t + 0.02; ++imu_) push_imu(imu_);
+    const double needed_s = (estimator_->imu_needed_until(at(t)) - at(0)).seconds();
+    for (; imu_ * kImuPeriod_s <= std::max(t, needed_s) + 0.02; ++imu_) push_imu(imu_);
     if (t >= blind.from && t < blind.to) {
       tracks_.clear();
       continue;
