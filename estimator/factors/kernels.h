@@ -58,7 +58,8 @@ constexpr int product_of(int c, int d) { return c * (c + 1) / 2 + d; }
 inline constexpr double kShapeAt = 0.15;
 
 struct TrackSettings {
-  double depth_damping;         ///< lambda, 1/(1/m)^2
+  double scene_rho;             ///< what other tracks tell of an inverse depth, 1/m ...
+  double scene_information;     ///< ... and how surely, 1/(1/m)^2
   double kernel_c2;             ///< Cauchy scale squared, in units of the whitened residual
   double gate_chi2, gate_cost;  ///< a track is gated if chi2 > gate_chi2 (9 dof + 9) and cost > gate_cost (4 dof + 4)
   bool gate;

@@ -35,15 +35,19 @@ struct TrackFactor::Memory {
   std::uint16_t place_of[kMaxBatches][kBatchLanes];
 };
 
-TrackFactor::TrackFactor(InstructionSet set) : kernels_(factor_kernels(set)), memory_(new Memory) {}
+TrackFactor::TrackFactor(InstructionSet set) : kernels_(factor_kernels(set)), memory_(new Memory) { restart(); }
 TrackFactor::~TrackFactor() = default;
 
 namespace {
 /// Student's weight already reduces a drifting track with large steps, so the gate has nine times the limit of chi^2.
 /// With it, 1 % of the tracks are gated (docs/derivations/drift.md).
 constexpr double kDriftGate = 9;
-constexpr double kClearDepth = 3;   // standard deviations of an inverse depth: the views show its sign
-constexpr double kStands_m = 1e-6;  // a way that short has no pace
+constexpr double kClearDepth = 3;  // standard deviations of an inverse depth: the views show its sign
+/// What a scene tells of the inverse depth of a track: most of it lies within 2/3 and twice its usual depth.
+constexpr double kSceneSpread = 0.5;  ///< relative
+constexpr double kUnseenScene = 0.1;  ///< 1/m, usual until ...
+constexpr int kFewestOfScene = 20;    ///< ... so many tracks have shown theirs
+constexpr double kStands_m = 1e-6;    // a way that short has no pace
 /// What the error of a track is in the images of a second camera (docs/derivations/several_cameras.md), in steps.
 constexpr double kSharedSteps = 0.65;  ///< correlation of the steps in both images
 constexpr double kMatchVariance = 7;   ///< where the second camera finds the track it errs by 0.4 px: 7 of 0.15 px
@@ -125,8 +129,23 @@ void TrackFactor::recall_point(const TrackRecord& t, int b, int lane) {
   batch.point[3][lane] = r.point[3];
 }
 
+/// Median inverse depth of the tracks whose views show one, 1/m; as before where those are few.
+double TrackFactor::scene() noexcept {
+  int n = 0;
+  for (int b = 0; b < batches_; ++b)
+    for (int lane = 0; lane < kBatchLanes; ++lane) {
+      const TrackVerdicts& verdicts = memory_->verdicts[b];
+      const bool shows = verdicts.fits[lane] > 0 && verdicts.depth_sigmas[lane] > kClearDepth;
+      if (shows) memory_->ratio[n++] = memory_->batch[b].point[3][lane];
+    }
+  if (n < kFewestOfScene) return scene_rho_;
+  std::nth_element(memory_->ratio, memory_->ratio + n / 2, memory_->ratio + n);
+  return memory_->ratio[n / 2];
+}
+
 void TrackFactor::restart() noexcept {
   batches_ = 0;
+  scene_rho_ = kUnseenScene;
   memory_->sorted.forget();
   for (Memory::Remembered& r : memory_->remembered) r.valid = false;
 }
@@ -138,7 +157,10 @@ void TrackFactor::collect(const Window& w, const VisualSettings& s) noexcept {
   sigma_ = (drift ? s.drift_sigma : s.pixel_sigma) * inflation;
   visual_ = s;
   const double unit = 1 / inflation2, gate_chi2 = drift ? kDriftGate * unit : unit;
-  settings_ = {kDepthDamping,
+  scene_rho_ = scene();
+  const double spread = kSceneSpread * scene_rho_;
+  settings_ = {scene_rho_,
+               1 / (spread * spread),
                s.cauchy * s.cauchy * unit,
                gate_chi2,
                unit,

@@ -35,6 +35,7 @@ class TrackFactor final : public VisualFactorModel {
   void run(const Window&, VisualSystem&);
   void fetch(const Window&, const TrackRecord&) const;
   void remember_points();
+  double scene() noexcept;
   void recall_point(const TrackRecord& track, int batch, int lane);
 
   const FactorKernels& kernels_;
@@ -47,7 +48,8 @@ class TrackFactor final : public VisualFactorModel {
   int slots_ = 0;        ///< of one camera's poses
   bool others_ = false;  ///< other cameras than the first one count, too
   bool gate_suspended_ = false;
-  double held_m_ = 0;  ///< the way for which the velocities are held
+  double scene_rho_ = 0;  ///< inverse depth of most of what is seen, 1/m
+  double held_m_ = 0;     ///< the way for which the velocities are held
 };
 
 }  // namespace epiline

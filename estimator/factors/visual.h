@@ -6,10 +6,6 @@
 
 namespace epiline {
 
-/// Holds the inverse depth of a point that the images do not determine, 1/(1/m)^2: a standard deviation of 5 1/m on its
-/// change.
-inline constexpr double kDepthDamping = 0.04;
-
 struct VisualSettings {
   double pixel_sigma = 0.5;      ///< noise of a bearing for kernel and gate, px
   double sigma_inflation = 1.5;  ///< its covariance is wider by this factor

@@ -12,6 +12,7 @@ namespace {
 // VINS-Mono's figures.
 constexpr double kSigmaPx = 1.5;
 constexpr double kNearestTriangulated = 0.1, kDistanceUnknown = 5;  // m
+constexpr double kDepthDamping = 0.04;                              // 1/(1/m)^2, of a step of an inverse depth
 
 struct Candidate {
   std::int16_t track;

@@ -118,9 +118,10 @@ double largest_sigma_after_a_wait_of(double seconds) {
 
 /// It depends on how long before the vehicle leaves the last image was solved, too: by a third.
 double mean_sigma_after_a_wait_of(double seconds) {
+  constexpr int kWaits = 8;
   double sum = 0;
-  for (const double later : {0., 0.35, 0.7}) sum += largest_sigma_after_a_wait_of(seconds + later);
-  return sum / 3;
+  for (int i = 0; i < kWaits; ++i) sum += largest_sigma_after_a_wait_of(seconds + 0.1 * i);
+  return sum / kWaits;
 }
 
 /// It hangs on the last frame at rest, not on one of seconds ago.
@@ -130,22 +131,27 @@ TEST(EstimatorSoak, AWaitDoesNotChangeHowWellItKnowsItsSpeedAsItLeaves) {
     EXPECT_LT(mean_sigma_after_a_wait_of(seconds), 1.2 * after_three) << seconds;
 }
 
-/// It drives ahead, and images show that late: a departure that still counts as rest is taken for a bias.
+/// It drives ahead, and images show that late: a departure that still counts as rest is taken for a bias, and noise of
+/// the tracks for near points that stay where they are.
 TEST(EstimatorSoak, KnowsItsSpeedWhenItLeavesSlowly) {
-  for (const View view : {kClean, kOwnParts})
-    for (const unsigned seed : {1U, 2U, 3U}) {
-      Row row{};
-      row[kPath] = kRoad;
-      row[kView] = view;
-      LifeRig rig(row, seed, true);
-      rig.motion.gather_s = 10;
-      rig.motion.change(4);
-      double sigmas = 0;
-      rig.run_to(14, [&](const StepResult& result) {
-        if (result.has_pose && rig.now() > 4) sigmas = std::max(sigmas, worst_error(rig).sigmas);
-      });
-      EXPECT_LT(sigmas, 1.5) << view << ' ' << seed;
-    }
+  struct Departure {
+    double gather_s, most_sigmas;
+  };
+  for (const Departure& departure : {Departure{10, 1.5}, Departure{80, 3}})
+    for (const View view : {kClean, kOwnParts})
+      for (const unsigned seed : {1U, 2U, 3U}) {
+        Row row{};
+        row[kPath] = kRoad;
+        row[kView] = view;
+        LifeRig rig(row, seed, true);
+        rig.motion.gather_s = departure.gather_s;
+        rig.motion.change(4);
+        double sigmas = 0;
+        rig.run_to(4 + std::min(departure.gather_s, 30.), [&](const StepResult& result) {
+          if (result.has_pose && rig.now() > 4) sigmas = std::max(sigmas, worst_error(rig).sigmas);
+        });
+        EXPECT_LT(sigmas, departure.most_sigmas) << departure.gather_s << " s, " << view << ' ' << seed;
+      }
 }
 
 /// Drives at 15 m/s, cruises at 40 m/s or turns at 2 g. What is known of speed and scale may become less, not wrong.

@@ -35,7 +35,7 @@ inline Subject visual(const std::string& name, const Window& w, std::shared_ptr<
   VisualSettings settings = smooth_settings();
   settings.noise = noise;
   settings.rows = rows;
-  settings.drift_sigma = 0.5;
+  settings.drift_sigma = 0.25;  // so small that the views show each depth
   factor->collect(w, settings);
   const auto system = std::make_shared<VisualSystem>();
   return {name,

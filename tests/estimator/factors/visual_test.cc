@@ -73,6 +73,41 @@ TEST(TrackFactor, LeavesScaleUnobservableWithARollingShutter) {
     }
 }
 
+/// What the tracks say of the positions, 1/m^2 on the mean of all axes and frames, once they were collected twice.
+double information_on_positions(TrackFactor& factor, const Window& w, TrackNoiseModel noise) {
+  VisualSettings settings;
+  settings.noise = noise;
+  auto system = std::make_unique<VisualSystem>();
+  for (int i = 0; i < 2; ++i) {
+    factor.collect(w, settings);
+    factor.linearise(w, *system);
+  }
+  double sum = 0;
+  for (int k = 0; k < w.size(); ++k)
+    for (int i = 0; i < 3; ++i) sum += system->H[k][k][7 * i];
+  return sum / (3 * w.size());
+}
+
+/// Where views show no depth, noise would tell one, mostly a near one, and a near point that does not seem to move says
+/// that the camera stands: a hundred times as surely as what is known to be as far as all that was seen before.
+TEST(TrackFactor, TakesNoiseForNoNearness) {
+  for (const TrackNoiseModel noise : {TrackNoiseModel::kWhite, TrackNoiseModel::kDrift})
+    for (const InstructionSet set : sets_here()) {
+      TrackFactor clear(set);
+      const double known = information_on_positions(clear, *make_window({.state_error = 0}).window, noise);
+      for (const double motion : {1e-4, 1e-3, 4e-3}) {
+        const SyntheticWindow still = make_window({.motion = motion, .lever = 0, .state_error = 0});
+        TrackFactor unseen(set);
+        EXPECT_LT(information_on_positions(unseen, *still.window, noise), 1.5 * known) << name_of(set) << ' ' << motion;
+        TrackFactor seen(set);
+        information_on_positions(seen, *make_window({.state_error = 0}).window, noise);
+        const double remembered = information_on_positions(seen, *still.window, noise);
+        EXPECT_LT(remembered, 1.5 * known) << name_of(set) << ' ' << motion;
+        EXPECT_GT(remembered, 0.3 * known) << name_of(set) << ' ' << motion;
+      }
+    }
+}
+
 /// Cameras that move the other way see the same lines, which then meet behind them.
 TEST(TrackFactor, SaysOnWhichSideOfTheCamerasItsTracksMeet) {
   for (const TrackNoiseModel noise : {TrackNoiseModel::kWhite, TrackNoiseModel::kDrift})
