@@ -59,6 +59,7 @@ struct Estimator::Impl : Common {
     HostStamp last_marginalised;
     bool rejected_last = false;
     bool may_slide = false;      ///< the newest frame was solved, and its window has not slid since
+    double parallax_px = 0;      ///< of the window
     bool depth_known = false;    ///< by the images: when IMU and images last agreed
     double rethinking_s = 0;     ///< how long the window will still move to a calibration just found
     double after_silence_s = 0;  ///< how long speed and scale will still be in doubt after a silence of the IMU

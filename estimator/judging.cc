@@ -92,7 +92,7 @@ void Estimator::Impl::judge(const TrackedFrame& frame, const SolverSummary& s, F
   e.numbers_wrong = numbers.wrong();
   e.number_named = numbers.is_named();
   e.at_rest = window.newest().at_rest;
-  e.parallax_px = widest_parallax_px(window, config.extrinsics.focal_px);
+  e.parallax_px = flight.parallax_px = widest_parallax_px(window, config.extrinsics.focal_px);
   if (!window.newest().only_images()) flight.depth_known = e.parallax_px > kDepthKnown_px;
   imu_gap_seen = false;
   monitor.update(e, dt_s);
@@ -105,7 +105,7 @@ void Estimator::Impl::learn_from_residuals(const SolverSummary& s, double dt_s) 
   const TrackFit fit = visual->track_fit();
   if (!(fit.median_px > 0)) return;
   constexpr int kMotion = 9;  // numbers of an interval
-  numbers.add(fit, s.imu_cost / (kMotion * (window.size() - 1)), dt_s, monitor.settled());
+  numbers.add(fit, s.imu_cost / (kMotion * (window.size() - 1)), dt_s, flight.parallax_px, monitor.settled());
   if (config.estimate_pixel_sigma) adapt_track_noise(fit.median_px, dt_s);
 }
 

@@ -294,9 +294,11 @@ void Estimator::Impl::remember_origin() {
 
 /// From a state that is known, without any search.
 void Estimator::Impl::start(const TrackedFrame& frame, const InitialState& state, StartKind kind) {
+  // images of a vehicle that is shaken would not show for a second what is known: that it stands
+  const bool stands_shaken = kind == StartKind::kStationary && noise.shakes();
   window.clear();
   visual->restart();
-  resting.forget();
+  if (!stands_shaken) resting.forget();
   cut(frame);
   Slot& s = window.newest();
   s.x.p = state.p_WB;
@@ -306,6 +308,7 @@ void Estimator::Impl::start(const TrackedFrame& frame, const InitialState& state
   s.x.b_g = state.b_g;
   set_initial_prior(window, state, calibration_sigmas());
   began(kind);
+  if (stands_shaken) resting.begin_at_rest();
   remember_origin();
   carried = {true, true, s.time, s.x, s.omega, covariance_of(state, config.time_offset_sigma_s)};
   publish(frame.stamp, carried);

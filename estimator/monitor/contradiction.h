@@ -19,13 +19,12 @@ class Contradiction {
   };
   constexpr explicit Contradiction(const Rule& rule) : rule_(rule) {}
 
-  /// Seen in a window; `dt_s` since the one before. It is soon believed. Only motion that fits refutes it, and later:
-  /// at rest any calibration fits.
-  void add(double seen, double dt_s, bool at_rest) noexcept {
+  /// Seen in a window; `dt_s` since the one before, of which it moved for `moved_s`. It is soon believed. Only motion
+  /// that fits refutes it, and later: at rest any calibration fits.
+  void add(double seen, double dt_s, double moved_s) noexcept {
     seen = std::min(seen, rule_.most);
-    const bool refutes = seen < figure_;
-    if (refutes && at_rest) return;
-    figure_ += std::min(1.0, dt_s / (refutes ? longer_ * rule_.refuted_s : rule_.believed_s)) * (seen - figure_);
+    const double share = seen < figure_ ? moved_s / (longer_ * rule_.refuted_s) : dt_s / rule_.believed_s;
+    figure_ += std::min(1.0, share) * (seen - figure_);
     if (figure_ < 0.5 * rule_.suspect) longer_ = 1;
   }
   /// A new start may try again, but what contradicted before is not trusted yet: calibration is the rig's, not the
@@ -52,17 +51,20 @@ class Contradiction {
 class ContradictionWatch {
  public:
   /// `imu_chi2`: cost of the window's intervals of the IMU, over their numbers of motion. `settled`: the flight is.
-  void add(const TrackFit& tracks, double imu_chi2, double dt_s, bool at_rest, bool settled = true) noexcept {
-    misfit_px_.add(std::min(tracks.median_px, kFitsAll * tracks.quarter_px), dt_s, at_rest);
+  /// `parallax_px`: of the window.
+  void add(const TrackFit& tracks, double imu_chi2, double dt_s, bool at_rest, double parallax_px,
+           bool settled = true) noexcept {
+    const double moved_s = at_rest ? 0 : dt_s * std::min(1., parallax_px / kMoves_px);
+    misfit_px_.add(std::min(tracks.median_px, kFitsAll * tracks.quarter_px), dt_s, moved_s);
     if (worst() != Severity::kNone)
       contradicted_s_ += dt_s;
     else if (!at_rest && settled)
       fitted_s_ = std::min(kFittedMost_s, fitted_s_ + dt_s);
     if (at_rest) return;  // a hard landing stays in the window as long as the rest, and no depth is seen
-    imu_chi2_.add(imu_chi2, dt_s, at_rest);
+    imu_chi2_.add(imu_chi2, dt_s, moved_s);
     const int deep = tracks.ahead + tracks.behind;
     if (deep >= kFewestDeep && deep >= kDeepShare * tracks.tracks)
-      behind_.add(static_cast<double>(tracks.behind) / deep, dt_s, at_rest);
+      behind_.add(static_cast<double>(tracks.behind) / deep, dt_s, moved_s);
   }
   /// The next flight begins. What numbers have fitted, less what has contradicted them since, speaks for them still.
   void restart() noexcept {
@@ -93,6 +95,7 @@ class ContradictionWatch {
   // side.
   static constexpr int kFewestDeep = 20;
   static constexpr double kDeepShare = 1. / 3;
+  static constexpr double kMoves_px = 10;      // less refutes by as much less: a nudge fits any calibration, too
   static constexpr double kFitted_s = 3;       // a wrong sign shows itself within 2.5 s of motion
   static constexpr double kFittedMost_s = 30;  // what contradicts for longer may be a rig that was bent
   static constexpr double kNever = std::numeric_limits<double>::infinity();

@@ -125,6 +125,20 @@ void RestDetector::compare_with_reference(const TrackedFrame& frame, double sigm
   needed_s_ = std::min(2 * std::max((frame.stamp - reference_.stamp).seconds(), needed_s_), kLongest_s);
 }
 
+void RestDetector::refer_to(const Snapshot& snapshot, HostStamp now) {
+  reference_ = snapshot;
+  has_reference_ = is_there_ = true;
+  was_reported_ = was_shaken_ = false;
+  there_at_ = now;
+}
+
+void RestDetector::assume_rest(const Mat3& R_WC) {
+  for (Snapshot& s : snapshot_) s.R_WC = R_WC;
+  const Snapshot& newest = snapshot_[static_cast<std::size_t>((next_ + kSnapshots - 1) % kSnapshots)];
+  needed_s_ = 0;
+  refer_to(newest, newest.stamp);
+}
+
 RestDetector::Verdict RestDetector::update(const TrackedFrame& frame, double sigma, double mean_rate,
                                            const Attitude& attitude) {
   const Snapshot* const old = half_a_second_old(frame.stamp);
@@ -146,12 +160,7 @@ RestDetector::Verdict RestDetector::update(const TrackedFrame& frame, double sig
     needed_s_ = 0;
   }
   if (has_reference_) compare_with_reference(frame, sigma, attitude);
-  if (!has_reference_ && images_still_ && !was_drift_) {
-    reference_ = *old;
-    has_reference_ = is_there_ = true;
-    was_reported_ = was_shaken_ = false;
-    there_at_ = frame.stamp;
-  }
+  if (!has_reference_ && images_still_ && !was_drift_) refer_to(*old, frame.stamp);
   remember(frame, attitude.R_WC);
   if (!has_reference_ || (frame.stamp - reference_.stamp).seconds() < needed_s_) return Verdict::kMoves;
   if (images_still_ && is_there_ && mean_rate < kRateLimit) {

@@ -28,6 +28,8 @@ class RestDetector {
   };
   /// `mean_rate_rad_s`: |mean of w - b_g| since the last frame.
   Verdict update(const TrackedFrame& frame, double pixel_sigma, double mean_rate_rad_s, const Attitude& attitude);
+  /// The vehicle has stood until the last frame, with the camera in this attitude.
+  void assume_rest(const Mat3& R_WC);
   /// True if the last frame shows that the reported standstill was a slow drift.
   bool was_drift() const { return was_drift_; }
   /// The copy that rest is judged by; the same as long as the vehicle stays in its place.
@@ -59,6 +61,7 @@ class RestDetector {
   const Snapshot* half_a_second_old(HostStamp now) const;
   void compare_with_reference(const TrackedFrame& frame, double sigma, const Attitude& attitude);
   void remember(const TrackedFrame& frame, const Mat3& R_WC);
+  void refer_to(const Snapshot& snapshot, HostStamp now);
 
   static constexpr int kSnapshots = 8;
   std::array<Snapshot, kSnapshots> snapshot_;

@@ -21,8 +21,8 @@ void RigNumbers::add(const ImuSample& reading) {
   units_.add(reading);
 }
 
-void RigNumbers::add(const TrackFit& tracks, double imu_chi2, double dt_s, bool settled) {
-  contradictions_.add(tracks, imu_chi2, dt_s, common_.window.newest().at_rest, settled);
+void RigNumbers::add(const TrackFit& tracks, double imu_chi2, double dt_s, double parallax_px, bool settled) {
+  contradictions_.add(tracks, imu_chi2, dt_s, common_.window.newest().at_rest, parallax_px, settled);
 }
 
 /// The camera's pose on the IMU against the configured one.

@@ -15,7 +15,7 @@ class RigNumbers {
   /// Of every image that is due for a solve.
   void watch(const TrackedFrame& frame, const WheelWatch& wheels);
   /// What the solved window's residuals say: whether images and IMU contradict each other.
-  void add(const TrackFit& tracks, double imu_chi2, double dt_s, bool settled);
+  void add(const TrackFit& tracks, double imu_chi2, double dt_s, double parallax_px, bool settled);
   /// How wrong the numbers are by the present verdict.
   Severity wrong() const { return wrong_; }
   /// Whether a number is accused; otherwise what contradicts is something that moves, or a blow.

@@ -22,6 +22,16 @@ void Resting::begin() {
   memory_.stood = newest.x.R;
 }
 
+void Resting::begin_at_rest() {
+  memory_ = {};
+  begin();
+  const Slot& newest = common_.window.newest();
+  images_.assume_rest(newest.x.R * common_.window.calibration.R_BC);
+  memory_.reference = images_.reference();
+  memory_.frame = newest.id;
+  memory_.frame_held = true;
+}
+
 void Resting::forget() {
   images_.clear();
   memory_ = {};

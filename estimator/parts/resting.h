@@ -14,6 +14,8 @@ class Resting {
   void assume(const ImuNoise& noise) { readings_.assume(noise); }
   /// A window begins at its newest frame.
   void begin();
+  /// The same, and the vehicle stands there.
+  void begin_at_rest();
   void forget();
 
   /// Before a start: nothing is known of the attitude.

@@ -29,10 +29,11 @@ struct Outcome {
   double time_offset_s = 0;  ///< t_IMU - t_image as estimated at the end
 };
 
-Outcome replay_all(const std::string& dataset, double shift_images_ms) {
+Outcome replay_all(const std::string& dataset, double shift_images_ms, int perturb = 0) {
   ReplayOptions options;
   options.dataset = dataset;
   options.shift_images_ms = shift_images_ms;
+  options.perturb = perturb;
   auto result = replay(options, [](std::size_t, std::size_t) {});
   if (!result) {
     ADD_FAILURE() << result.error().text();
@@ -73,6 +74,56 @@ class RecordedFlight : public testing::Test {
   }
   std::string folder_;
 };
+
+/// The rotors of EuRoC's V1_01 spin up: its samples scatter by up to 1.3 m/s^2 and 0.1 rad/s, its images by 0.1 px, and
+/// it moves by 2.6 mm.
+TEST_F(RecordedFlight, StandsWhileItsMotorsRun) {
+  need("euroc_V1_01_motors");
+  for (const int perturb : {0, 1, 3, 5}) {
+    if (IsSkipped()) return;
+    SCOPED_TRACE(perturb);
+    const FlightRecord record = replay_all(folder_, 0, perturb).record;
+    const auto seconds = start_seconds(record);
+    ASSERT_TRUE(seconds.has_value());
+    EXPECT_LE(*seconds, 0.65);
+    std::optional<Vec3> first;
+    double farthest_m = 0;
+    for (const ImageRecord& image : record.images) {
+      if (!image.has_pose) continue;
+      if (!first) first = image.pose.p_WB;
+      farthest_m = std::max(farthest_m, (image.pose.p_WB - *first).norm());
+    }
+    EXPECT_GT(farthest_m, 0);
+    EXPECT_LE(farthest_m, 0.008);
+  }
+}
+
+/// A GoPro on a drone, begun in flight. The speed of the drone's controller is good to some percent.
+TEST_F(RecordedFlight, OfAGoProHasTheSpeedOfItsDrone) {
+  need("gopro_karma");
+  if (IsSkipped()) return;
+  const FlightRecord record = replay_all(folder_, 0).record;
+  const auto seconds = start_seconds(record);
+  ASSERT_TRUE(seconds.has_value());
+  EXPECT_LE(*seconds, 4);
+  ASSERT_TRUE(record.truth.has_value());
+  const Trajectory& truth = *record.truth;
+  ASSERT_EQ(truth.v_WB_m_s.size(), truth.poses.size());
+  int judged = 0;
+  for (const ImageRecord& image : record.images) {
+    if (!image.has_pose || (image.stamp - record.images.front().stamp).seconds() < 6) continue;
+    const auto after = std::lower_bound(truth.poses.begin(), truth.poses.end(), image.stamp,
+                                        [](const TimedPose& pose, HostStamp t) { return pose.stamp < t; });
+    if (after == truth.poses.end()) continue;
+    const double speed = image.v_WB_m_s.norm(),
+                 expected = truth.v_WB_m_s[static_cast<std::size_t>(after - truth.poses.begin())].norm(),
+                 sigma = image.sigma_v_m_s.cwiseProduct(image.v_WB_m_s).norm() / speed;
+    EXPECT_LT(std::abs(speed - expected), std::min(3 * sigma, 0.15 * expected) + 0.05)
+        << (image.stamp - record.images.front().stamp).seconds() << " s";
+    ++judged;
+  }
+  EXPECT_GT(judged, 100);
+}
 
 /// EuRoC MH_01_easy: 15 s of sweeps, then standing still.
 class MachineHall : public RecordedFlight {

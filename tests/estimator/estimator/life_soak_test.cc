@@ -189,11 +189,11 @@ TEST(EstimatorSoak, AContradictionIsRefutedWithinAMinuteAfterTenFlightsThatItEnd
   wrong.median_px = wrong.quarter_px = 10;
   right.median_px = right.quarter_px = 0.1;
   for (int flight = 0; flight < 10; ++flight) {
-    for (int i = 0; i < 100; ++i) watch.add(wrong, 0, 0.1, false);
+    for (int i = 0; i < 100; ++i) watch.add(wrong, 0, 0.1, false, 10);
     watch.restart();
   }
   double seconds = 0;
-  for (; watch.worst() != Severity::kNone && seconds < 1e4; seconds += 0.1) watch.add(right, 0, 0.1, false);
+  for (; watch.worst() != Severity::kNone && seconds < 1e4; seconds += 0.1) watch.add(right, 0, 0.1, false, 10);
   EXPECT_LT(seconds, 60);
 }
 

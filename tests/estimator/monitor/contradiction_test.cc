@@ -7,7 +7,7 @@
 namespace epiline::test {
 namespace {
 
-constexpr double kStep_s = 0.1;
+constexpr double kStep_s = 0.1, kMoves_px = 10;
 
 /// As a wrong number leaves them: the best quarter has half the error of the median.
 TrackFit everywhere(double residual_px) { return {residual_px, 0.5 * residual_px, 100, 0, 0}; }
@@ -15,7 +15,7 @@ TrackFit everywhere(double residual_px) { return {residual_px, 0.5 * residual_px
 TrackFit with_behind(int behind) { return {0.1, 0.05, 100, 100 - behind, behind}; }
 
 void see(ContradictionWatch& watch, const TrackFit& fit, double seconds, bool at_rest = false, double imu_chi2 = 0) {
-  for (double t = 0; t < seconds; t += kStep_s) watch.add(fit, imu_chi2, kStep_s, at_rest);
+  for (double t = 0; t < seconds; t += kStep_s) watch.add(fit, imu_chi2, kStep_s, at_rest, kMoves_px);
 }
 void see(ContradictionWatch& watch, double residual_px, double seconds, bool at_rest = false) {
   see(watch, everywhere(residual_px), seconds, at_rest);
@@ -65,9 +65,10 @@ TEST(Misfit, ANewStartMayTryButIsNotTrusted) {
   EXPECT_EQ(verdict(watch), Severity::kSuspect);
 }
 
-double seconds_until_trusted(ContradictionWatch& watch) {
+double seconds_until_trusted(ContradictionWatch& watch, double parallax_px = kMoves_px) {
   double t = 0;
-  for (; verdict(watch) != Severity::kNone && t < 1000; t += kStep_s) watch.add(everywhere(0.1), 0, kStep_s, false);
+  for (; verdict(watch) != Severity::kNone && t < 1000; t += kStep_s)
+    watch.add(everywhere(0.1), 0, kStep_s, false, parallax_px);
   return t;
 }
 
@@ -91,6 +92,12 @@ TEST(Misfit, EachFlightThatAContradictionEndedMakesItsEndTakeLongerUpToABound) {
   see(watch, 9, 3);
   watch.restart();
   EXPECT_LT(seconds_until_trusted(watch), 0.7 * before);
+}
+
+TEST(Misfit, ANudgeRefutesLittle) {
+  ContradictionWatch flown, nudged;
+  for (ContradictionWatch* watch : {&flown, &nudged}) see(*watch, 1.2, 3);
+  EXPECT_NEAR(seconds_until_trusted(nudged, 1), 10 * seconds_until_trusted(flown), 1);
 }
 
 TEST(Misfit, ANewStartAfterAGoodFlightIsTrusted) {
@@ -135,7 +142,7 @@ TEST(Misfit, ARestProvesNoNumber) {
 
 TEST(Misfit, OneWildResidualCannotHoldForLong) {
   ContradictionWatch watch;
-  watch.add(everywhere(1e6), 0, 0.5, false);
+  watch.add(everywhere(1e6), 0, 0.5, false, kMoves_px);
   EXPECT_LE(watch.misfit_px().figure(), 5);
   see(watch, 0.1, 20);
   EXPECT_EQ(verdict(watch), Severity::kNone);

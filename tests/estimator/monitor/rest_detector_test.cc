@@ -150,6 +150,30 @@ TEST(RestDetector, AVehicleThatSettlesAfterShakingHasNotDrifted) {
   EXPECT_GE(rests, 49);  // of 50
 }
 
+/// It has rocked by a pixel, which the estimated attitudes do not follow.
+TEST(RestDetector, AVehicleThatIsShakenStandsWhereItIsSaidTo) {
+  for (const bool said : {false, true}) {
+    const auto detector = std::make_unique<RestDetector>();
+    std::mt19937_64 random(7);
+    std::normal_distribution<double> normal(0, 0.1);
+    int moves = 0;
+    for (int k = 0; k < 10; ++k) {
+      const Mat3 R_WC = so3_exp(Vec3(k < 4 ? 0.001 : -0.001, 0, 0));
+      TrackedFrame frame;
+      frame.stamp = HostStamp{k * 100'000'000LL};
+      for (int i = 0; i < 100; ++i) {
+        const Vec3 X(0.3 * (i % 10) - 1.5, 0.3 * (i / 10) - 1.5, 5);
+        frame.features.push_back(
+            make_feature(static_cast<std::uint32_t>(i), R_WC.transpose() * X, Vec2(normal(random), normal(random))));
+      }
+      const RestDetector::Verdict verdict = detector->update(frame, 0.3, 0, {Mat3::Identity(), true});
+      if (k == 3 && said) detector->assume_rest(Mat3::Identity());
+      moves += k > 3 && verdict == RestDetector::Verdict::kMoves;
+    }
+    EXPECT_EQ(moves, said ? 0 : 6);
+  }
+}
+
 TEST(RestDetector, WantsTheGyroscopeToAgree) {
   EXPECT_GT(share_at_rest({.rate = 0.015}), 0.98);
   EXPECT_EQ(share_at_rest({.rate = 0.025}), 0);
