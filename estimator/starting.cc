@@ -229,8 +229,6 @@ std::optional<StartRefusal> Estimator::Impl::start_moving(const TrackedFrame& fr
   VisualSettings white = visual_settings();
   white.noise = TrackNoiseModel::kWhite;
   visual->collect(window, white);
-  visual->cost(window);  // shows how far the scene is
-  visual->collect(window, white);
   Patient patient(supervisor);
   const SolverSummary s = solver.optimise(window, *visual, solver_settings(kStartSteps), patient);
   supervisor.phase(Supervisor::Phase::kNone);
