@@ -125,23 +125,29 @@ TEST(RestDetector, BelievesInRestSoonAfterPlainMotion) {
   EXPECT_LT(rest_since, 17.2);
 }
 
+/// Image k of a wall, by a camera that turns in its place.
+TrackedFrame turned_view(int k, const Mat3& R_WC, std::mt19937_64& random) {
+  std::normal_distribution<double> normal(0, 0.1);
+  TrackedFrame frame;
+  frame.stamp = HostStamp{k * 100'000'000LL};
+  for (int i = 0; i < 100; ++i) {
+    const Vec3 X(0.3 * (i % 10) - 1.5, 0.3 * (i / 10) - 1.5, 5);
+    frame.features.push_back(
+        make_feature(static_cast<std::uint32_t>(i), R_WC.transpose() * X, Vec2(normal(random), normal(random))));
+  }
+  return frame;
+}
+
 /// A drone whose motors stop stands in another attitude than the one it was set down in.
 TEST(RestDetector, AVehicleThatSettlesAfterShakingHasNotDrifted) {
   const auto detector = std::make_unique<RestDetector>();
   std::mt19937_64 random(7);
-  std::normal_distribution<double> normal(0, 0.1);
   int rests = 0, taken_back = 0;
   for (int k = 0; k < 100; ++k) {
     const bool shakes = k > 10 && k < 40;
     const double turn = k <= 10 ? 0 : shakes ? 0.0004 + 0.0003 * std::sin(2.1 * k) : 0.0007;  // rad
     const Mat3 R_WC = so3_exp(Vec3(turn, 0, 0));
-    TrackedFrame frame;
-    frame.stamp = HostStamp{k * 100'000'000LL};
-    for (int i = 0; i < 100; ++i) {
-      const Vec3 X(0.3 * (i % 10) - 1.5, 0.3 * (i / 10) - 1.5, 5);
-      frame.features.push_back(
-          make_feature(static_cast<std::uint32_t>(i), R_WC.transpose() * X, Vec2(normal(random), normal(random))));
-    }
+    const TrackedFrame frame = turned_view(k, R_WC, random);
     const bool stands = detector->update(frame, 0.3, 0, {R_WC, shakes}) == RestDetector::Verdict::kStands;
     taken_back += detector->was_drift();
     rests += k >= 50 && stands;
@@ -155,17 +161,10 @@ TEST(RestDetector, AVehicleThatIsShakenStandsWhereItIsSaidTo) {
   for (const bool said : {false, true}) {
     const auto detector = std::make_unique<RestDetector>();
     std::mt19937_64 random(7);
-    std::normal_distribution<double> normal(0, 0.1);
     int moves = 0;
     for (int k = 0; k < 10; ++k) {
       const Mat3 R_WC = so3_exp(Vec3(k < 4 ? 0.001 : -0.001, 0, 0));
-      TrackedFrame frame;
-      frame.stamp = HostStamp{k * 100'000'000LL};
-      for (int i = 0; i < 100; ++i) {
-        const Vec3 X(0.3 * (i % 10) - 1.5, 0.3 * (i / 10) - 1.5, 5);
-        frame.features.push_back(
-            make_feature(static_cast<std::uint32_t>(i), R_WC.transpose() * X, Vec2(normal(random), normal(random))));
-      }
+      const TrackedFrame frame = turned_view(k, R_WC, random);
       const RestDetector::Verdict verdict = detector->update(frame, 0.3, 0, {Mat3::Identity(), true});
       if (k == 3 && said) detector->assume_rest(Mat3::Identity());
       moves += k > 3 && verdict == RestDetector::Verdict::kMoves;
