@@ -1,7 +1,7 @@
 #pragma once
 // The estimator's parts (estimator/parts) and the life they lead: images come in (estimator.cc), a window is started
-// (starting.cc), runs (running.cc), is judged (judging.cc) and slides on (sliding.cc), until what was known at a reset
-// begins the next one (resetting.cc). Rules: docs/derivations/health.md.
+// (starting.cc), runs (running.cc), is doubted (doubting.cc) and judged (judging.cc), and slides on (sliding.cc), until
+// what was known at a reset begins the next one (resetting.cc). Rules: docs/derivations/health.md.
 #include <memory>
 #include <optional>
 
@@ -39,6 +39,7 @@ struct Estimator::Impl : Common {
     FixedVector<TrackedFeature, kMaxFeatures> before;  ///< tracks of the last frame, as they came
     int copies = 0;                                    ///< of it, one after the other
     bool any_frame = false;
+    double period_s = 0;     ///< between images
     HostStamp last_offered;  ///< stamp of the last image
     HostStamp last_frame;    ///< stamp of the last image let in
   };
@@ -58,6 +59,7 @@ struct Estimator::Impl : Common {
     TrackNoise tracks;
     HostStamp last_marginalised;
     bool rejected_last = false;
+    bool agree = false;          ///< most tracks fitted the last image's motion
     bool may_slide = false;      ///< the newest frame was solved, and its window has not slid since
     double parallax_px = 0;      ///< of the window
     bool depth_known = false;    ///< by the images: when IMU and images last agreed
@@ -106,6 +108,7 @@ struct Estimator::Impl : Common {
   // running.cc: one solved frame, and the images between two of them
   StepResult step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort);
   bool cut(const TrackedFrame& frame);
+  bool predict(const Slot& last, Slot& s) const;
   void attach(const TrackedFrame& frame);
   SolverSummary solve(Supervisor& supervisor, const Supervisor::Effort& effort);
   SolverSettings solver_settings(const Supervisor::Effort& effort) const;
@@ -116,6 +119,17 @@ struct Estimator::Impl : Common {
   StepResult predict(const TrackedFrame& frame);
   StepResult predict_for_time(const TrackedFrame& frame);
   void publish(HostStamp image, const KnownState& s);
+
+  // doubting.cc: what the images contradict
+  /// Of the frame before.
+  struct Before {
+    bool fitted;  ///< motion has fitted the numbers: what contradicts them is something that moves, or a blow
+    bool moved;   ///< as IMU and images said
+  };
+  bool doubt(const Before& before, SolverSummary& s, Supervisor& supervisor, const Supervisor::Effort& effort);
+  bool explain(bool moved, SolverSummary& s, Supervisor& supervisor, const Supervisor::Effort& effort);
+  double cost_if_slipped(double by_s, Supervisor& supervisor, const Supervisor::Effort& effort);
+  bool agree(const SolverSummary& s) const;
 
   // judging.cc: what a solved window is worth
   void take_from_solver(const NavState& predicted, double dt_s);

@@ -25,20 +25,16 @@ constexpr int kStepsOfYoung = 3;      // solver steps of an image then, and afte
 StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort) {
   const double dt_s = (frame.stamp - window.newest().image_stamp).seconds();
   const KnownState last = carried;
-  // what contradicts numbers that have fitted is something that moves, or a blow
-  const bool may_doubt = numbers.have_fitted() && window_age_s() > kGateFree_s && seen_again(frame) >= kSeenAgain;
+  const Slot& last_solved = window.newest();
+  const Before before{numbers.have_fitted(), !last_solved.at_rest && !last_solved.only_images()};
+  const bool may_doubt = window_age_s() > kGateFree_s && seen_again(frame) >= kSeenAgain;
   if (!cut(frame)) return start_anew(frame, supervisor);
   const KnownState predicted = carrying.predicted_newest();
   attach(frame);
   SolverSummary s = solve(supervisor, effort);
-  for (int i = 0; i < 2 && may_doubt && s.solved(); ++i) {
-    const Intervals::Doubt doubt = intervals.doubt_contradicted();
-    if (!doubt.forces && !doubt.bias) break;
-    if (doubt.forces && !window.newest().at_rest) flight.after_refusal_s = kGateFree_s;
-    s = solve(supervisor, effort);
-  }
+  if (may_doubt && !doubt(before, s, supervisor, effort)) return refuse();
   if (Slot& newest = window.newest(); newest.silent) {
-    flight.after_silence_s = kGateFree_s;
+    (newest.refused ? flight.after_refusal_s : flight.after_silence_s) = kGateFree_s;
     newest.omega = so3_log(window.at(window.size() - 2).x.R.transpose() * newest.x.R) / dt_s + newest.x.b_g;
   }
   // State and covariance leave together: the solver's, or the IMU's prediction.
@@ -76,27 +72,35 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   return {true, true};
 }
 
-/// Appends the frame, predicted by the IMU. False: there are no readings for it.
+/// A frame with its image's stamp, after another one: by the IMU, or moving on as that did. False: there are no
+/// readings for it.
+bool Estimator::Impl::predict(const Slot& last, Slot& s) const {
+  s.time = imu_time(s.image_stamp);
+  s.time_offset_used = (s.time - s.image_stamp).seconds();
+  s.x = last.x;
+  s.omega = last.omega;
+  s.imu.reset(last.x.b_a, last.x.b_g, window.calibration.scale);
+  if (!intervals.integrate(last, s)) return false;
+  if (s.silent) {
+    s.x.p += s.imu.T * last.x.v;
+    s.x.R = so3_normalised(last.x.R * s.imu.dR);
+  } else {
+    history.propagate(last.time, s.time, window.calibration.scale, s.x, s.omega);
+  }
+  return whiten(s);
+}
+
+/// Appends the frame. False: there are no readings for it.
 bool Estimator::Impl::cut(const TrackedFrame& frame) {
   intervals.follow_readings();
   Slot cut;
   cut.image_stamp = frame.stamp;
-  cut.time = imu_time(frame.stamp);
-  cut.time_offset_used = (cut.time - frame.stamp).seconds();
   if (window.size() == 0) {
+    cut.time = imu_time(frame.stamp);
+    cut.time_offset_used = (cut.time - frame.stamp).seconds();
     history.propagate(cut.time, cut.time, window.calibration.scale, cut.x, cut.omega);
-  } else {
-    const Slot& last = window.newest();
-    cut.x = last.x;
-    cut.omega = last.omega;
-    cut.imu.reset(last.x.b_a, last.x.b_g, window.calibration.scale);
-    if (!intervals.integrate(last, cut)) return false;
-    if (cut.silent) {
-      cut.x.p += cut.imu.T * last.x.v;
-      cut.x.R = so3_normalised(last.x.R * cut.imu.dR);
-    } else {
-      history.propagate(last.time, cut.time, window.calibration.scale, cut.x, cut.omega);
-    }
+  } else if (!predict(window.newest(), cut)) {
+    return false;
   }
   Slot& s = window.append();
   cut.id = s.id;
@@ -104,7 +108,7 @@ bool Estimator::Impl::cut(const TrackedFrame& frame) {
   const Window::Observed seen = window.observe(frame);
   stats.tracks_refused += static_cast<std::uint64_t>(seen.without_room);
   stats.features_refused += static_cast<std::uint64_t>(seen.impossible);
-  return window.size() == 1 || whiten(s);
+  return true;
 }
 
 /// What else is known of the frame, and of those before it.

@@ -72,7 +72,8 @@ void Estimator::Impl::thin(int k) {
 bool Estimator::Impl::drop(int k) {
   Slot joint = window.at(k + 1);
   joint.wheel = window.at(k).wheel;
-  joint.unknown_acceleration = std::max(joint.unknown_acceleration, window.at(k).unknown_acceleration);
+  joint.refused |= window.at(k).refused;
+  joint.forces_doubted |= window.at(k).forces_doubted;
   joint.unknown_step = std::max(joint.unknown_step, window.at(k).unknown_step);
   joint.wheel.join(window.at(k).imu.dR, window.at(k + 1).wheel);
   joint.imu = window.at(k).imu;

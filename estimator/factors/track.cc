@@ -351,6 +351,7 @@ TrackFit TrackFactor::track_fit() noexcept {
       if (views < 2) continue;
       ++fit.tracks;
       const bool fits = verdicts.fits[lane] > 0;
+      fit.fits += fits ? 1 : 0;
       ahead[fits] += depth > kClearDepth ? 1 : 0;
       behind[fits] += depth < -kClearDepth ? 1 : 0;
       if (views < 3 || !fits) continue;

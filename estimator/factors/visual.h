@@ -31,6 +31,7 @@ struct TrackFit {
   double quarter_px = 0;      ///< of the quarter that fits best: the upper end
   int tracks = 0;             ///< with two views or more
   int ahead = 0, behind = 0;  ///< tracks whose rays clearly meet in front of the camera, and behind it
+  int fits = 0;               ///< tracks that fit the motion
 };
 
 /// Turns the window's bearings into normal equations of poses and calibration.

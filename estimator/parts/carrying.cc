@@ -54,8 +54,8 @@ KnownState Carrying::on_to(const KnownState& from, HostStamp time) const {
   interval.reset(s.x.b_a, s.x.b_g, window.calibration.scale);
   if (!history.integrate(s.time, time, density, interval)) return s;
   history.propagate(from.time, time, window.calibration.scale, s.x, s.omega);
-  if (window.size() > 0 && interval.T < kLongestUnknown_s)  // what contradicted a moment ago may still do so
-    interval.doubt_forces(window.newest().unknown_acceleration);
+  if (window.size() > 0 && window.newest().forces_doubted && interval.T < kLongestUnknown_s)
+    interval.doubt_forces(kAnyAcceleration);  // what contradicted a moment ago may still do so
   if (forces_are_unknown(from, time)) {
     interval.forget_forces(density.gap_acceleration);
     s.x.p = from.x.p + interval.T * from.x.v;

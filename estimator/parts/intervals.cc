@@ -10,11 +10,9 @@ namespace epiline {
 namespace {
 constexpr double kReintegrateAccelerometer = 0.1, kReintegrateGyroscope = 0.01;  // m/s^2, rad/s
 constexpr double kReintegrateScale = 0.005;                                      // relative
-constexpr double kLiftAcceleration = 3, kBlowAcceleration = 30;  // m/s^2: what stands behind forces that don't fit
-constexpr double kBiasStep = 0.1;                                // rad/s: as far from zero as before a first start
-constexpr int kDoubtedIntervals = 4;                             // the newest: older ones have been judged before
-// Of a vehicle: while only images show how it moves, its way of flying says nothing.
-constexpr double kAnyAcceleration = 30, kAnyRate = 10;  // m/s^2, rad/s
+constexpr double kBiasStep = 0.1;     // rad/s: as far from zero as before a first start
+constexpr int kDoubtedIntervals = 4;  // the newest: older ones have been judged before
+constexpr double kAnyRate = 10;       // rad/s, of a vehicle
 }  // namespace
 
 bool Intervals::is_silent(HostStamp from, HostStamp to) const {
@@ -36,10 +34,10 @@ void Intervals::coast(const Slot& from, double T, Preintegration& interval) cons
 }
 
 bool Intervals::integrate(const Slot& from, Slot& to) const {
-  to.silent = is_silent(from.time, to.time);
+  to.silent = to.refused || is_silent(from.time, to.time);
   if (!to.silent) {
     const bool whole = common_.history.integrate(from.time, to.time, common_.noise.of_intervals(), to.imu);
-    to.imu.doubt_forces(to.unknown_acceleration);
+    if (to.forces_doubted) to.imu.doubt_forces(kAnyAcceleration);
     to.imu.doubt_rates(to.unknown_step);
     return whole;
   }
@@ -109,12 +107,9 @@ Intervals::Doubt Intervals::doubt_contradicted() {
   Slot* const stepped = where_bias_stepped();
   for (int k = std::max(1, window.size() - kDoubtedIntervals); k < window.size(); ++k) {
     Slot& slot = window.at(k);
-    double& unknown = slot.unknown_acceleration;
-    if (slot.silent || unknown >= kBlowAcceleration ||
-        !watch_.contradicted(imu_chi2(window, k), window.at(k - 1).unknown_acceleration > 0))
-      continue;
-    unknown = unknown > 0 ? kBlowAcceleration : kLiftAcceleration;
-    slot.imu.doubt_forces(unknown);
+    if (slot.only_images() || !watch_.contradicted(imu_chi2(window, k), window.at(k - 1).forces_doubted)) continue;
+    slot.forces_doubted = true;
+    slot.imu.doubt_forces(kAnyAcceleration);
     whiten(slot);
     doubt.forces = true;
   }

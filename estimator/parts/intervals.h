@@ -8,6 +8,8 @@ namespace epiline {
 
 /// Without a reading to be trusted: too far to go on from (docs/derivations/health.md).
 inline constexpr double kLongestUnknown_s = 0.25;
+/// m/s^2, of a vehicle: while only images show how it moves, its way of flying says nothing.
+inline constexpr double kAnyAcceleration = 30;
 
 class Intervals {
  public:

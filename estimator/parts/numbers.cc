@@ -74,8 +74,8 @@ void RigNumbers::add_found(Both& both, const WheelWatch& wheels) const {
 }
 
 /// What the flight corrects for is named and no reason to distrust it, unless it is grossly wrong: what is estimated is
-/// linear in the error. While motion has fitted the numbers for longer than not, none is accused that was not before:
-/// numbers do not change in flight, but for the stamps of a camera.
+/// linear in the error, but for the time offset. While motion has fitted the numbers for longer than not, none is
+/// accused that was not before: numbers do not change in flight, but for the stamps of a camera.
 void RigNumbers::watch(const TrackedFrame& frame, const WheelWatch& wheels) {
   turns_.add_images(frame);
   const Severity contradiction = contradictions_.worst();
@@ -91,7 +91,7 @@ void RigNumbers::watch(const TrackedFrame& frame, const WheelWatch& wheels) {
     const Severity left = both.left[i].severity;
     wrong_ = std::max(wrong_, left);
     if (i != kUnrelated) wrong_at_rest_ = std::max(wrong_at_rest_, left);
-    if (said.severity == Severity::kGross) wrong_ = std::max(wrong_, Severity::kSuspect);
+    if (said.severity == Severity::kGross && i != kTimeOffset) wrong_ = std::max(wrong_, Severity::kSuspect);
     if (left == Severity::kNone) said.severity = std::min(said.severity, kNote);
     Suspicion& ever = common_.stats.suspicions[i];
     if (!contradictions_.may_accuse() && i != kTimeOffset)

@@ -28,6 +28,8 @@ class RigNumbers {
   void refuse_force(double force_m_s2);
   /// It starts at rest: how it turned while it was handled is no reason to doubt it.
   void stands();
+  /// Readings that were refused, or stamps that have slipped, are among what was compared.
+  void forget_turns() { turns_.forget(); }
   /// The IMU's noise was not what it was judged by.
   void forgive_imu() { contradictions_.forget_imu(); }
   /// After a reset; contradictions are remembered, since they are the rig's.

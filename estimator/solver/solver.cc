@@ -243,6 +243,8 @@ void Solver::iterate(Window& w, VisualFactorModel& visual, const SolverSettings&
   }
 }
 
+void Solver::take_back(Window& w) const { restore(memory_->first, w); }
+
 SolverSummary Solver::optimise(Window& w, VisualFactorModel& visual, const SolverSettings& settings,
                                Supervisor& supervisor) {
   SolverSummary r;

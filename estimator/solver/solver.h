@@ -60,6 +60,8 @@ class Solver {
   /// Improves the window's states and calibration in place, or leaves them exactly as they were.
   SolverSummary optimise(Window& window, VisualFactorModel& visual, const SolverSettings& settings,
                          Supervisor& supervisor);
+  /// To where the last optimise() found the window.
+  void take_back(Window& window) const;
   /// Of the newest frame's state and the time offset, by the last optimise(); no numbers if that solved nothing.
   const StateCovariance& covariance() const;
   /// The same of the calibration (zero rows where not estimated).

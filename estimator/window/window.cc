@@ -47,6 +47,15 @@ int Window::index_of(std::uint64_t slot_id) const {
   return -1;
 }
 
+void Window::slip(double by_s) {
+  for (int k = 0; k + 1 < size_; ++k) {
+    at(k).image_stamp = at(k).image_stamp - Span::from_seconds(by_s);
+    at(k).time_offset_used += by_s;
+  }
+  calibration.time_offset += by_s;
+  prior.c0.time_offset += by_s;
+}
+
 Slot& Window::append() {
   EPILINE_EXPECTS(size_ < kMaxFrames, "a frame appended to a window without room");
   Slot& s = slots_[order_[static_cast<std::size_t>(size_++)]];

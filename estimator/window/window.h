@@ -142,7 +142,8 @@ struct Slot {
   bool attitude_held = false;                           ///< at rest: with the attitude of the rest frame
   bool stays = true;                                    ///< false: no keyframe; leaves as it is no longer recent
   bool silent = false;                                  ///< no readings since the frame before: only images tie it
-  double unknown_acceleration = 0;                      ///< m/s^2 that its readings do not show, by the images
+  bool refused = false;                                 ///< silent, since the images contradict its readings
+  bool forces_doubted = false;                          ///< its readings show the turn alone, by the images
   double unknown_step = 0;                              ///< rad/s, of the gyroscope's bias, by the images
   bool for_time = false;                                ///< kept only so that no IMU interval grows too long
   WheelWay wheel;                                       ///< from the frame before, as `imu`
@@ -150,7 +151,7 @@ struct Slot {
   BeamTracks beam;
   double path_m = -1;           ///< horizontal way up to here, since any beginning; negative: not measured yet
   std::uint64_t rest_link = 0;  ///< id of the frame whose position it shares; 0: none in the window
-  bool only_images() const { return silent || unknown_acceleration > 0; }  ///< tell how it moved
+  bool only_images() const { return silent || forces_doubted; }  ///< tell how it moved
 };
 
 /// Gaussian prior 1/2 d'Hd - b'd with d = x [-] x0, over poses 0..frames-1, (v, b) of frame 0 and the calibration.
@@ -189,6 +190,8 @@ class Window {
   const Slot& newest() const { return at(size_ - 1); }
   int index_of(std::uint64_t slot_id) const;  ///< -1: not in the window
 
+  /// The stamps of the newest frame, and of all that follow, are found late by so much more.
+  void slip(double by_s);
   /// Appends an empty frame to fewer than kMaxFrames.
   Slot& append();
   /// Removes frame k and its bearings. The caller joins the IMU intervals.

@@ -356,10 +356,14 @@ void LifeRig::push_imu(int k) {
   const double by_w = is(kNumber, kRateScale) ? 1 + sign_ * 0.03 : 1,
                by_a = is(kNumber, kForceScale) ? 1 + sign_ * 0.05 : 1;
   const double stepped = t < bias_steps_at_s ? 0 : 1;
-  const Vec3 w = by_w * (motion.rate(t) + shaken(0, t)) + kGyroscopeBias + warming * t * Vec3(1, -1, 1) +
-                 stepped * bias_step + normal3(n.gyroscope_density / root);
-  const Vec3 a = by_a * (motion.force(t) + shaken(1, t)) + kAccelerometerBias + stepped * force_step +
-                 normal3(n.accelerometer_density / root);
+  Vec3 w = by_w * (motion.rate(t) + shaken(0, t)) + kGyroscopeBias + warming * t * Vec3(1, -1, 1) +
+           stepped * bias_step + normal3(n.gyroscope_density / root);
+  Vec3 a = by_a * (motion.force(t) + shaken(1, t)) + kAccelerometerBias + stepped * force_step +
+           normal3(n.accelerometer_density / root);
+  if (t >= rings.from && t < rings.to) {
+    w += 5 * Vec3(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1));
+    a += 150 * Vec3(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1));
+  }
   if (t >= unfelt_.from && t < unfelt_.to) return;
   ImuSample sample;
   // in bursts they have the time of their arrival

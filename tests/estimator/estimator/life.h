@@ -114,7 +114,8 @@ class LifeRig {
   double stamps_step_s = 0;        ///< later are those of the images ...
   double stamps_step_at_s = 0;     ///< ... from then on
   Span_s blind{1e9, 1e9};          ///< without images
-  double distortion = 0;           ///< that nobody has calibrated: radius times 1 + so much of its square, unit depth
+  Span_s rings{1e9, 1e9};  ///< both sensors read nonsense up to 5 rad/s and their limit, as after a hard landing
+  double distortion = 0;   ///< that nobody has calibrated: radius times 1 + so much of its square, unit depth
   /// Until `seconds`; `each` after every frame that was processed.
   void run_to(double seconds, const std::function<void(const StepResult&)>& each = {});
   double now() const { return 0.05 * frame_; }
