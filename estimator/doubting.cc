@@ -6,8 +6,8 @@
 namespace epiline {
 
 namespace {
-constexpr double kContradicted = 0.1;  // share of the tracks that do not fit: on right flights a hundredth
-constexpr double kCostly = 1.2;        // times the cost without what is taken for the cause
+constexpr double kContradicted = 0.1;  // share of the tracks that do not fit: on most right flights a hundredth
+constexpr double kCostly = 1.2;        // times the cost a track of before, and without what is taken for the cause
 constexpr double kExplained = 0.75;    // of what contradicts, by what is taken for its cause
 }  // namespace
 
@@ -55,7 +55,7 @@ bool Estimator::Impl::explain(bool moved, SolverSummary& s, Supervisor& supervis
       solver.take_back(window);
       window.slip(slip_s);
       window.remove(window.size() - 1);
-      flight.agree = false;
+      flight.cost = 0;
       return false;
     }
     solver.take_back(window);
@@ -70,9 +70,10 @@ bool Estimator::Impl::doubt(const Before& before, SolverSummary& s, Supervisor& 
                             const Supervisor::Effort& effort) {
   // What leaves a rest contradicts the rest. Of what moves, a step may hide how much contradicted.
   const bool contradict = !agree(s) || (before.moved && s.gated > kContradicted * s.tracks);
-  const bool begins = flight.agree && contradict && before.fitted && !window.newest().silent;
-  if (begins && !explain(before.moved, s, supervisor, effort)) return false;
-  flight.agree = agree(s);
+  const bool at_once = flight.cost > 0 && s.cost > kCostly * flight.cost * s.tracks;
+  const bool may_explain = contradict && at_once && before.fitted && !window.newest().silent;
+  if (may_explain && !explain(before.moved, s, supervisor, effort)) return false;
+  flight.cost = s.solved() && s.tracks > 0 ? s.cost / s.tracks : 0;
   if (!before.fitted || !s.solved()) return true;
   const Intervals::Doubt doubt = intervals.doubt_contradicted();
   if (doubt.forces && !window.newest().at_rest) flight.after_refusal_s = kGateFree_s;

@@ -59,7 +59,7 @@ struct Estimator::Impl : Common {
     TrackNoise tracks;
     HostStamp last_marginalised;
     bool rejected_last = false;
-    bool agree = false;          ///< most tracks fitted the last image's motion
+    double cost = 0;             ///< of the last image's solve, a track; 0: unknown
     bool may_slide = false;      ///< the newest frame was solved, and its window has not slid since
     double parallax_px = 0;      ///< of the window
     bool depth_known = false;    ///< by the images: when IMU and images last agreed
