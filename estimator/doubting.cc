@@ -7,8 +7,8 @@ namespace epiline {
 
 namespace {
 constexpr double kContradicted = 0.1;  // share of the tracks that do not fit: on most right flights a hundredth
-constexpr double kCostly = 1.2;        // times the cost a track of before, and without what is taken for the cause
-constexpr double kExplained = 0.75;    // of what contradicts, by what is taken for its cause
+constexpr double kCostly = 1.2;        // times the cost a track at the image before, and without the cause
+constexpr double kExplained = 0.75;    // of what refused readings save in cost, by slipped stamps
 }  // namespace
 
 /// Whether nearly all tracks fit the motion, to which the last solve has come.
@@ -38,7 +38,7 @@ bool Estimator::Impl::explain(bool moved, SolverSummary& s, Supervisor& supervis
   solver.take_back(window);
   double slip_s = 0, if_slipped = cost;
   for (const double by_s : {door.period_s, -door.period_s}) {
-    if (!moved) break;  // a slip would not show
+    if (!moved) break;  // stamps say nothing
     const double then = cost_if_slipped(by_s, supervisor, effort);
     if (then >= if_slipped) continue;
     slip_s = by_s;
@@ -55,6 +55,7 @@ bool Estimator::Impl::explain(bool moved, SolverSummary& s, Supervisor& supervis
       solver.take_back(window);
       window.slip(slip_s);
       window.remove(window.size() - 1);
+      window.prune();
       flight.cost = 0;
       return false;
     }
@@ -65,16 +66,14 @@ bool Estimator::Impl::explain(bool moved, SolverSummary& s, Supervisor& supervis
   return true;
 }
 
-/// A solved window against what the images see. False: as explain().
-bool Estimator::Impl::doubt(const Before& before, SolverSummary& s, Supervisor& supervisor,
-                            const Supervisor::Effort& effort) {
-  // What leaves a rest contradicts the rest. Of what moves, a step may hide how much contradicted.
-  const bool contradict = !agree(s) || (before.moved && s.gated > kContradicted * s.tracks);
+/// A solved window against what the images see; `moved`: at the frame before. False: as explain().
+bool Estimator::Impl::doubt(bool moved, SolverSummary& s, Supervisor& supervisor, const Supervisor::Effort& effort) {
   const bool at_once = flight.cost > 0 && s.cost > kCostly * flight.cost * s.tracks;
-  const bool may_explain = contradict && at_once && before.fitted && !window.newest().silent;
-  if (may_explain && !explain(before.moved, s, supervisor, effort)) return false;
+  // What leaves a rest contradicts the rest. Of what moves, a step may hide how much contradicted.
+  const auto contradict = [&] { return (moved && s.gated > kContradicted * s.tracks) || !agree(s); };
+  if (at_once && !window.newest().silent && contradict() && !explain(moved, s, supervisor, effort)) return false;
   flight.cost = s.solved() && s.tracks > 0 ? s.cost / s.tracks : 0;
-  if (!before.fitted || !s.solved()) return true;
+  if (!s.solved()) return true;
   const Intervals::Doubt doubt = intervals.doubt_contradicted();
   if (doubt.forces && !window.newest().at_rest) flight.after_refusal_s = kGateFree_s;
   if (doubt.forces || doubt.bias) s = solve(supervisor, effort);

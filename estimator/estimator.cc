@@ -226,9 +226,9 @@ StepResult Estimator::Impl::process(const TrackedFrame& given, Supervisor& super
   const HostStamp time = imu_time(given.stamp);
   if (door.any_frame && given.stamp <= door.last_frame) return refuse();
   const bool silent = window.size() > 0 && intervals.is_silent(window.newest().time, time);
-  const bool follows = (given.stamp - door.last_offered).seconds() <= kLongestUnknown_s;  // else its stamp may be wrong
-  const bool images_go_on = silent && (follows || history.reaches(time)) && images_suffice(given);
   const double gap_s = (given.stamp - door.last_offered).seconds();
+  const bool follows = gap_s <= kLongestUnknown_s;  // else its stamp may be wrong
+  const bool images_go_on = silent && (follows || history.reaches(time)) && images_suffice(given);
   door.period_s = door.period_s > 0 ? std::min(gap_s, 1.1 * door.period_s) : gap_s;
   door.last_offered = given.stamp;
   if (!history.reaches(time) && !images_go_on) {

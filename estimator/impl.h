@@ -39,7 +39,7 @@ struct Estimator::Impl : Common {
     FixedVector<TrackedFeature, kMaxFeatures> before;  ///< tracks of the last frame, as they came
     int copies = 0;                                    ///< of it, one after the other
     bool any_frame = false;
-    double period_s = 0;     ///< between images
+    double period_s = 0;     ///< of the camera: the shortest of late between two images
     HostStamp last_offered;  ///< stamp of the last image
     HostStamp last_frame;    ///< stamp of the last image let in
   };
@@ -121,12 +121,7 @@ struct Estimator::Impl : Common {
   void publish(HostStamp image, const KnownState& s);
 
   // doubting.cc: what the images contradict
-  /// Of the frame before.
-  struct Before {
-    bool fitted;  ///< motion has fitted the numbers: what contradicts them is something that moves, or a blow
-    bool moved;   ///< as IMU and images said
-  };
-  bool doubt(const Before& before, SolverSummary& s, Supervisor& supervisor, const Supervisor::Effort& effort);
+  bool doubt(bool moved, SolverSummary& s, Supervisor& supervisor, const Supervisor::Effort& effort);
   bool explain(bool moved, SolverSummary& s, Supervisor& supervisor, const Supervisor::Effort& effort);
   double cost_if_slipped(double by_s, Supervisor& supervisor, const Supervisor::Effort& effort);
   bool agree(const SolverSummary& s) const;

@@ -25,14 +25,14 @@ constexpr int kStepsOfYoung = 3;      // solver steps of an image then, and afte
 StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervisor, const Supervisor::Effort& effort) {
   const double dt_s = (frame.stamp - window.newest().image_stamp).seconds();
   const KnownState last = carried;
-  const Slot& last_solved = window.newest();
-  const Before before{numbers.have_fitted(), !last_solved.at_rest && !last_solved.only_images()};
-  const bool may_doubt = window_age_s() > kGateFree_s && seen_again(frame) >= kSeenAgain;
+  const bool moved = !window.newest().at_rest && !window.newest().only_images();  // as IMU and images said
+  // what contradicts numbers that have fitted is something that moves, a blow, or stamps
+  const bool may_doubt = numbers.have_fitted() && window_age_s() > kGateFree_s && seen_again(frame) >= kSeenAgain;
   if (!cut(frame)) return start_anew(frame, supervisor);
   const KnownState predicted = carrying.predicted_newest();
   attach(frame);
   SolverSummary s = solve(supervisor, effort);
-  if (may_doubt && !doubt(before, s, supervisor, effort)) return refuse();
+  if (may_doubt && !doubt(moved, s, supervisor, effort)) return refuse();
   if (Slot& newest = window.newest(); newest.silent) {
     (newest.refused ? flight.after_refusal_s : flight.after_silence_s) = kGateFree_s;
     newest.omega = so3_log(window.at(window.size() - 2).x.R.transpose() * newest.x.R) / dt_s + newest.x.b_g;

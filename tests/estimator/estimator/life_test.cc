@@ -276,7 +276,7 @@ TEST(EstimatorLife, ReadingsThatAreNonsenseForAMomentMoveNothing) {
         if (o.health.state == HealthState::kTracking && e.sigmas > worst.sigmas) worst = e;
       });
       EXPECT_LT(worst.sigmas, LifeVerdict::kSigmas) << path << ' ' << seed << ' ' << worst.what << ' ' << worst.error;
-      EXPECT_LT(back_at_s, 14) << path << " " << seed << " " << rig.estimator().odometry().health.reasons;
+      EXPECT_LT(back_at_s, 14) << path << ' ' << seed << ' ' << rig.estimator().odometry().health.reasons;
       EXPECT_LT(off_m, path == kRoad ? 1.5 : 0.15) << path << ' ' << seed;
       EXPECT_EQ(rig.estimator().stats().resets, 0U) << path << ' ' << seed;
     }
