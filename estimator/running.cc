@@ -26,12 +26,13 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   const double dt_s = (frame.stamp - window.newest().image_stamp).seconds();
   const KnownState last = carried;
   const bool moved = !window.newest().at_rest && !window.newest().only_images();  // as IMU and images said
-  // what contradicts numbers that have fitted is something that moves, a blow, or stamps
-  const bool may_doubt = numbers.have_fitted() && window_age_s() > kGateFree_s && seen_again(frame) >= kSeenAgain;
+  const bool sees_enough = window_age_s() > kGateFree_s && seen_again(frame) >= kSeenAgain;
   if (!cut(frame)) return start_anew(frame, supervisor);
   const KnownState predicted = carrying.predicted_newest();
   attach(frame);
   SolverSummary s = solve(supervisor, effort);
+  // what contradicts a rest, or numbers that have fitted, is something that moves, a blow, or stamps
+  const bool may_doubt = sees_enough && (window.newest().at_rest || numbers.have_fitted());
   if (may_doubt && !doubt(moved, s, supervisor, effort)) return refuse();
   if (Slot& newest = window.newest(); newest.silent) {
     (newest.refused ? flight.after_refusal_s : flight.after_silence_s) = kGateFree_s;

@@ -14,6 +14,8 @@ constexpr double kAhead = 0.2;                                                //
 constexpr double kStandingVelocity = 0.02;  // m/s: a vehicle that stands, and is not shaken, seems slower
 constexpr double kDoubtedVelocity = 0.05, kShakingVelocity = 0.1;  // m/s: shaken, it may move; it has left
 constexpr double kDeadReckoned_s = 2;
+constexpr double kUnseen_m = 0.15, kShakenUnseen_m = 0.3;  // no such way while images stand still
+constexpr double kCompared_s = 0.35;                       // that they look back at least
 }  // namespace
 
 void Resting::begin() {
@@ -57,19 +59,25 @@ bool Resting::is_restless() const {
 }
 
 /// Whether the readings since the vehicle last stood still have taken it away: images do not show that at once, and of
-/// one that shakes not plainly, but shaking has no direction.
+/// one that shakes not plainly, but shaking has no direction. A way that images would have shown was none: after a blow
+/// the sensors read nonsense.
 bool Resting::has_left() const {
   const Slot& newest = common_.window.newest();
   const bool shakes = common_.noise.shakes();
   const double most = shakes ? kShakingVelocity : kStandingVelocity;
-  if ((newest.time - memory_.stood_at).seconds() >= kDeadReckoned_s)
-    return !images_.attitude_held() && newest.x.v.norm() > most;
   NavState x = newest.x;  // whose biases fit the scales of now
-  x.R = memory_.stood;
-  x.v.setZero();
-  Vec3 omega;
-  common_.history.propagate(memory_.stood_at, newest.time, common_.window.calibration.scale, x, omega);
-  return x.v.norm() > most;
+  if ((newest.time - memory_.stood_at).seconds() >= kDeadReckoned_s) {
+    if (images_.attitude_held()) return false;
+    x.p = kCompared_s * x.v;
+  } else {
+    x.R = memory_.stood;
+    x.p.setZero();
+    x.v.setZero();
+    Vec3 omega;
+    common_.history.propagate(memory_.stood_at, newest.time, common_.window.calibration.scale, x, omega);
+  }
+  const double unseen_m = shakes ? kShakenUnseen_m : kUnseen_m;
+  return x.v.norm() > most && !(images_.images_still() && x.p.norm() > unseen_m);
 }
 
 /// What was called rest later than that was none.

@@ -282,6 +282,44 @@ TEST(EstimatorLife, ReadingsThatAreNonsenseForAMomentMoveNothing) {
     }
 }
 
+// What a hatch that is slammed does to a vehicle that stands: its images know that it has gone nowhere, though it has
+// not moved yet, and no depth is known.
+TEST(EstimatorLife, ABlowMovesNothingThatStands) {
+  struct Stand {
+    bool has_flown;
+    Vibration vibration;
+  };
+  for (const auto& [has_flown, vibration] : {Stand{false, kSmooth}, Stand{true, kSmooth}, Stand{false, kAlways}})
+    for (const Path path : {kRoom, kDash, kTurn})
+      for (const unsigned seed : {1U, 2U, 3U, 4U}) {
+        Row row = with(path, kClean);
+        row[kVibration] = vibration;
+        LifeRig rig(row, seed, true);
+        if (has_flown) rig.motion.change(4);
+        rig.motion.change(has_flown ? 9 : 22);
+        if (has_flown) rig.motion.change(22);
+        rig.rings = {14.02, 14.12};
+        Vec3 stood = Vec3::Zero();
+        double off_m = 0, back_at_s = 0;
+        LifeError worst;
+        rig.run_to(26, [&](const StepResult& result) {
+          if (!result.has_pose || rig.now() < 12) return;
+          const Odometry& o = rig.estimator().odometry();
+          const Vec3 p(o.p_WB_m.data());
+          if (rig.now() < 14) stood = p;
+          if (rig.now() < 22) off_m = std::max(off_m, (p - stood).norm());
+          if (rig.now() < 22 && o.health.state != HealthState::kTracking) back_at_s = rig.now();
+          const LifeError e = worst_error(rig);
+          if (o.health.state == HealthState::kTracking && e.sigmas > worst.sigmas) worst = e;
+        });
+        EXPECT_LT(worst.sigmas, LifeVerdict::kSigmas) << path << ' ' << seed << ' ' << worst.what << ' ' << worst.error;
+        EXPECT_LT(vibration == kSmooth ? back_at_s : 0, 16)
+            << path << ' ' << seed << ' ' << rig.estimator().odometry().health.reasons;
+        EXPECT_LT(off_m, 0.3) << has_flown << ' ' << path << ' ' << seed;
+        EXPECT_EQ(rig.estimator().stats().resets, 0U) << path << ' ' << seed;
+      }
+}
+
 // A person walks beside it: a start in motion could take that for its own speed, and the room for far away.
 TEST(EstimatorLife, AHoverThatBeginsBesideAPersonDoesNotWalkAway) {
   for (const View view : {kPerson, kLorry})
