@@ -32,7 +32,7 @@ StepResult Estimator::Impl::step(const TrackedFrame& frame, Supervisor& supervis
   attach(frame);
   SolverSummary s = solve(supervisor, effort);
   // what contradicts a rest, or numbers that have fitted, is something that moves, a blow, or stamps
-  const bool may_doubt = sees_enough && (window.newest().at_rest || numbers.have_fitted());
+  const bool may_doubt = sees_enough && (resting.is_seen() || numbers.have_fitted());
   if (may_doubt && !doubt(moved, s, supervisor, effort)) return refuse();
   if (Slot& newest = window.newest(); newest.silent) {
     (newest.refused ? flight.after_refusal_s : flight.after_silence_s) = kGateFree_s;

@@ -18,6 +18,9 @@ class Resting {
   void begin_at_rest();
   void forget();
 
+  /// The newest frame is at rest, and its image shows that.
+  bool is_seen() const { return common_.window.newest().at_rest && images_.images_still(); }
+
   /// Before a start: nothing is known of the attitude.
   void watch(const TrackedFrame& frame, double pixel_sigma);
   /// What the readings of the last half second are at rest; nothing if images, readings or wheels say that it moves.
