@@ -14,6 +14,7 @@ constexpr double kAhead = 0.2;                                                //
 constexpr double kStandingVelocity = 0.02;  // m/s: a vehicle that stands, and is not shaken, seems slower
 constexpr double kDoubtedVelocity = 0.05, kShakingVelocity = 0.1;  // m/s: shaken, it may move; it has left
 constexpr double kDeadReckoned_s = 2;
+constexpr double kStood_s = 1;                             // a hover seems to stand for less
 constexpr double kUnseen_m = 0.15, kShakenUnseen_m = 0.3;  // no such way while images stand still
 constexpr double kCompared_s = 0.35;                       // that they look back at least
 }  // namespace
@@ -51,6 +52,11 @@ std::optional<ImuStatistics> Resting::at_rest(WheelMotion wheels) const {
   const bool may_shake = is_of_newest_frame(read) && (common_.noise.shakes() || wheels == WheelMotion::kStand);
   if (!may_shake && !readings_.is_stationary(read)) return std::nullopt;
   return read;
+}
+
+bool Resting::is_seen() const {
+  const Slot& newest = common_.window.newest();
+  return newest.at_rest && images_.images_still() && (newest.image_stamp - images_.reference()).seconds() > kStood_s;
 }
 
 bool Resting::is_restless() const {

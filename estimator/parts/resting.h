@@ -18,8 +18,8 @@ class Resting {
   void begin_at_rest();
   void forget();
 
-  /// The newest frame is at rest, and its image shows that.
-  bool is_seen() const { return common_.window.newest().at_rest && images_.images_still(); }
+  /// The newest frame is at rest, its image shows that, and it was there for a while: no moment of a hover.
+  bool is_seen() const;
 
   /// Before a start: nothing is known of the attitude.
   void watch(const TrackedFrame& frame, double pixel_sigma);
