@@ -39,7 +39,7 @@ struct Estimator::Impl : Common {
     FixedVector<TrackedFeature, kMaxFeatures> before;  ///< tracks of the last frame, as they came
     int copies = 0;                                    ///< of it, one after the other
     bool any_frame = false;
-    double period_s = 0;     ///< of the camera: the shortest of late between two images
+    double period_s = 0;     ///< the camera's: the shortest time between two recent images
     HostStamp last_offered;  ///< stamp of the last image
     HostStamp last_frame;    ///< stamp of the last image let in
   };

@@ -21,7 +21,7 @@ constexpr double kCommon_px = 0.05;      // common error of all bearings of an i
 constexpr double kShaken_px = 0.2;       // the same of one that shakes: its turns are not known better
 constexpr double kLongest_s = 20;
 constexpr double kReturns_s = 1;     // shaking takes it away from the reference for less; a drift does not come back
-constexpr double kRateLimit = 0.02;  // rad/s, of one that shakes: images show any other turn at once
+constexpr double kRateLimit = 0.02;  // rad/s
 }  // namespace
 
 /// Of the bearings in common with an older frame.
@@ -163,7 +163,7 @@ RestDetector::Verdict RestDetector::update(const TrackedFrame& frame, double sig
   if (!has_reference_ && images_still_ && !was_drift_) refer_to(*old, frame.stamp);
   remember(frame, attitude.R_WC);
   if (!has_reference_ || (frame.stamp - reference_.stamp).seconds() < needed_s_) return Verdict::kMoves;
-  if (images_still_ && is_there_ && (!attitude.shakes || mean_rate < kRateLimit)) {
+  if (images_still_ && is_there_ && mean_rate < kRateLimit) {
     was_reported_ = true;
     return Verdict::kStands;
   }

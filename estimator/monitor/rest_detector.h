@@ -26,7 +26,7 @@ class RestDetector {
     Mat3 R_WC;
     bool shakes;
   };
-  /// `mean_rate_rad_s`: |mean of w - b_g| since the last frame; asked of a vehicle that shakes.
+  /// `mean_rate_rad_s`: |mean of w - b_g| since the last frame.
   Verdict update(const TrackedFrame& frame, double pixel_sigma, double mean_rate_rad_s, const Attitude& attitude);
   /// The vehicle has stood until the last frame, with the camera in this attitude.
   void assume_rest(const Mat3& R_WC);
