@@ -20,8 +20,9 @@ constexpr double kNoiseRoom = 1.65;      // times the least noise of this rest: 
 constexpr double kCommon_px = 0.05;      // common error of all bearings of an image at standstill
 constexpr double kShaken_px = 0.2;       // the same of one that shakes: its turns are not known better
 constexpr double kLongest_s = 20;
-constexpr double kReturns_s = 1;     // shaking takes it away from the reference for less; a drift does not come back
-constexpr double kRateLimit = 0.02;  // rad/s
+constexpr double kReturns_s = 1;      // shaking takes it away from the reference for less; a drift does not come back
+constexpr double kRateLimit = 0.02;   // rad/s
+constexpr double kUnseen_rad = 0.02;  // no such turn since the last frame if the view is still and does not shake
 }  // namespace
 
 /// Of the bearings in common with an older frame.
@@ -42,7 +43,7 @@ struct RestDetector::Displacement {
 
 void RestDetector::clear() {
   stored_ = next_ = 0;
-  has_reference_ = images_still_ = images_calm_ = was_drift_ = attitude_held_ = false;
+  has_reference_ = images_still_ = images_calm_ = was_drift_ = attitude_held_ = holds_ = false;
   needed_s_ = 0;
   noise_px_ = std::numeric_limits<double>::max();
 }
@@ -118,6 +119,7 @@ void RestDetector::compare_with_reference(const TrackedFrame& frame, double sigm
   const Displacement drifted = displacement(reference_, frame, sigma, {attitude.R_WC, was_shaken_}, turned);
   attitude_held_ = attitude_held_ && !turned;
   is_there_ = drifted.is_known() && drifted.ratio < kDriftedLimit;
+  holds_ = holds_ && (is_there_ || !drifted.is_known());
   if (is_there_) there_at_ = frame.stamp;
   has_reference_ = is_there_ || (drifted.is_known() && (frame.stamp - there_at_).seconds() < kReturns_s);
   if (has_reference_ || !drifted.is_known()) return;
@@ -134,9 +136,8 @@ void RestDetector::refer_to(const Snapshot& snapshot, HostStamp now) {
 
 void RestDetector::assume_rest(const Mat3& R_WC) {
   for (Snapshot& s : snapshot_) s.R_WC = R_WC;
-  const Snapshot& newest = snapshot_[static_cast<std::size_t>((next_ + kSnapshots - 1) % kSnapshots)];
   needed_s_ = 0;
-  refer_to(newest, newest.stamp);
+  refer_to(newest(), newest().stamp);
 }
 
 RestDetector::Verdict RestDetector::update(const TrackedFrame& frame, double sigma, double mean_rate,
@@ -145,9 +146,11 @@ RestDetector::Verdict RestDetector::update(const TrackedFrame& frame, double sig
   const double noise = has_reference_ && !attitude.shakes ? std::min(sigma, noise_px_) : sigma;
   bool turned = false;
   const Displacement moved = old ? displacement(*old, frame, sigma, attitude, turned) : Displacement{};
-  const bool most_stay =
-      moved.is_known() && kMostStay * moved.far <= moved.common && moved.mean_square < kSpreadLimit * noise * noise;
+  const bool alike = moved.is_known() && moved.mean_square < kSpreadLimit * noise * noise;
+  const bool most_stay = alike && kMostStay * moved.far <= moved.common;
   images_still_ = most_stay && moved.ratio < kMovedLimit;
+  // What stood stands while anything does: a lorry that passes fills most of the view.
+  const bool stays = images_still_ || (alike && moved.ratio < kMovedLimit && has_reference_ && holds_);
   if (images_still_) {
     const double seen_px = kNoiseRoom * std::max(kCommon_px, 0.5 * std::sqrt(moved.mean_square));
     noise_px_ = has_reference_ ? std::min(noise_px_, seen_px) : seen_px;
@@ -155,16 +158,18 @@ RestDetector::Verdict RestDetector::update(const TrackedFrame& frame, double sig
   images_calm_ = most_stay && (attitude.shakes ? moved.shaken_ratio : moved.ratio) < kMovedLimit;
   attitude_held_ = !turned;
   was_drift_ = false;
-  if (moved.is_plain()) {
+  if (moved.is_plain() && !stays) {
     has_reference_ = false;
     needed_s_ = 0;
   }
+  const double turned_rad = mean_rate * (frame.stamp - newest().stamp).seconds();
+  const bool turns = mean_rate >= kRateLimit && (!images_still_ || attitude.shakes || turned_rad <= kUnseen_rad);
   if (has_reference_) compare_with_reference(frame, sigma, attitude);
-  if (!has_reference_ && images_still_ && !was_drift_) refer_to(*old, frame.stamp);
+  if (!has_reference_ && stays && !was_drift_) refer_to(*old, frame.stamp);
   remember(frame, attitude.R_WC);
   if (!has_reference_ || (frame.stamp - reference_.stamp).seconds() < needed_s_) return Verdict::kMoves;
-  if (images_still_ && is_there_ && mean_rate < kRateLimit) {
-    was_reported_ = true;
+  if (stays && is_there_ && !turns) {
+    was_reported_ = holds_ = true;
     return Verdict::kStands;
   }
   return attitude.shakes ? Verdict::kIsShaken : Verdict::kMoves;

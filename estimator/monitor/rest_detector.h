@@ -11,8 +11,9 @@ namespace epiline {
 
 /// Compares each frame's bearings with a copy half a second old and, during standstill, with those of its beginning,
 /// which reveal a drift too slow for half a second. After such a drift, standstill must last twice as long as the drift
-/// was overlooked before it is reported, until a clear motion is seen. A vehicle that shakes may rock in its place: the
-/// turn between the two, as the attitudes have it, is taken out where that fits better.
+/// was overlooked before it is reported, until a clear motion is seen. What stood stands as long as twenty tracks do: a
+/// lorry may fill the view. A vehicle that shakes may rock in its place: the turn between the two, as the attitudes
+/// have it, is taken out where that fits better.
 class RestDetector {
  public:
   void clear();
@@ -30,11 +31,13 @@ class RestDetector {
   Verdict update(const TrackedFrame& frame, double pixel_sigma, double mean_rate_rad_s, const Attitude& attitude);
   /// The vehicle has stood until the last frame, with the camera in this attitude.
   void assume_rest(const Mat3& R_WC);
+  /// Readings say that it has left: only most of the view shows a rest again.
+  void leave() { holds_ = false; }
   /// True if the last frame shows that the reported standstill was a slow drift.
   bool was_drift() const { return was_drift_; }
   /// The copy that rest is judged by; the same as long as the vehicle stays in its place.
   HostStamp reference() const { return has_reference_ ? reference_.stamp : HostStamp{}; }
-  /// The camera's part of the last verdict alone, over half a second.
+  /// Most of the view was still for half a second.
   bool images_still() const { return images_still_; }
   /// The same of a vehicle that may shake, of which nothing else is known yet.
   bool images_calm() const { return images_calm_; }
@@ -58,6 +61,7 @@ class RestDetector {
   static Displacement displacement(const Snapshot& old, const TrackedFrame& frame, double sigma, const Mat3& R_now_old);
   static Displacement displacement(const Snapshot& old, const TrackedFrame& frame, double sigma,
                                    const Attitude& attitude, bool& turned);
+  const Snapshot& newest() const { return snapshot_[static_cast<std::size_t>((next_ + kSnapshots - 1) % kSnapshots)]; }
   const Snapshot* half_a_second_old(HostStamp now) const;
   void compare_with_reference(const TrackedFrame& frame, double sigma, const Attitude& attitude);
   void remember(const TrackedFrame& frame, const Mat3& R_WC);
@@ -70,6 +74,7 @@ class RestDetector {
   bool has_reference_ = false, images_still_ = false, images_calm_ = false, was_drift_ = false;
   bool attitude_held_ = false, is_there_ = false;  ///< where the reference was
   bool was_reported_ = false;                      ///< rest with this reference
+  bool holds_ = false;                             ///< a rest, which the images have not seen to end
   bool was_shaken_ = false;                        ///< since then: it may have settled in another attitude
   HostStamp there_at_;
   double noise_px_ = std::numeric_limits<double>::max();  ///< see pixel_noise()

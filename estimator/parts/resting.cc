@@ -16,7 +16,6 @@ constexpr double kDoubtedVelocity = 0.05, kShakingVelocity = 0.1;  // m/s: shake
 constexpr double kDeadReckoned_s = 2;
 constexpr double kStood_s = 1;                             // a hover seems to stand for less
 constexpr double kUnseen_m = 0.15, kShakenUnseen_m = 0.3;  // no such way while images stand still
-constexpr double kUnseen_rad = 0.02;                       // the same of a turn
 constexpr double kCompared_s = 0.35;                       // that they look back at least
 }  // namespace
 
@@ -104,9 +103,7 @@ void Resting::attach(const TrackedFrame& frame, double pixel_sigma, WheelMotion 
   Window& window = common_.window;
   const int n = window.size();
   Slot& newest = window.newest();
-  const double since_s = n > 1 ? (newest.time - window.at(n - 2).time).seconds() : 0;
-  double rate = n > 1 ? common_.history.mean_rate(window.at(n - 2).time, newest.time, newest.x.b_g) : 0;
-  if (!common_.noise.shakes() && rate * since_s > kUnseen_rad) rate = 0;  // images decide
+  const double rate = n > 1 ? common_.history.mean_rate(window.at(n - 2).time, newest.time, newest.x.b_g) : 0;
   using Verdict = RestDetector::Verdict;
   const Verdict found =
       images_.update(frame, pixel_sigma, rate, {newest.x.R * window.calibration.R_BC, common_.noise.shakes()});
@@ -117,6 +114,7 @@ void Resting::attach(const TrackedFrame& frame, double pixel_sigma, WheelMotion 
   if ((shaken && is_new_place()) || wheels == WheelMotion::kTurn) return;
   if ((stands || window.at(n - 2).at_rest) && wheels != WheelMotion::kStand && has_left()) {
     forget_rest(memory_.stood_at);
+    images_.leave();
     return;
   }
   if (!stands) return;

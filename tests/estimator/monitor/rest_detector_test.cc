@@ -209,6 +209,90 @@ TEST(RestDetector, SeesATurnWithoutTheGyroscope) {
       }
 }
 
+/// Images of `own` parts of the vehicle, fixed, before a wall 5 m away; by a camera that has moved to `moved`, and
+/// turned.
+class WallInView {
+ public:
+  explicit WallInView(int own) : own_(own) {}
+  RestDetector::Verdict see(const Vec3& moved, const Vec3& turned, double rate) {
+    TrackedFrame frame;
+    frame.stamp = HostStamp{k_++ * 100'000'000LL};
+    for (int i = 0; i < 100; ++i) {
+      const Vec3 X(0.5 * (i % 10) - 2.25, 0.3 * (i / 10) - 1.35, 5);
+      add(frame, i, i >= 100 - own_ ? X : Vec3(so3_exp(-turned) * (X - moved)));
+    }
+    return detector_->update(frame, 0.3, rate, {Mat3::Identity(), false});
+  }
+  /// A lorry 5 m away hides all but every third, and has moved so far since it came.
+  RestDetector::Verdict see_lorry(double moved_m) {
+    TrackedFrame frame;
+    frame.stamp = HostStamp{k_++ * 100'000'000LL};
+    for (int i = 0; i < 100; ++i) {
+      const Vec3 X(0.5 * (i % 10) - 2.25, 0.3 * (i / 10) - 1.35, 5);
+      add(frame, i % 3 == 0 ? i : 1000 + i, i % 3 == 0 ? X : Vec3(X + Vec3(moved_m, 0, 0)));
+    }
+    return detector_->update(frame, 0.3, 0, {Mat3::Identity(), false});
+  }
+
+ private:
+  void add(TrackedFrame& frame, int id, const Vec3& X) {
+    frame.features.push_back(make_feature(static_cast<std::uint32_t>(id), X, Vec2(normal_(random_), normal_(random_))));
+  }
+  std::unique_ptr<RestDetector> detector_ = std::make_unique<RestDetector>();
+  std::mt19937_64 random_{3};
+  std::normal_distribution<double> normal_{0, 0.3};
+  int own_, k_ = 0;
+};
+
+constexpr auto kStands = RestDetector::Verdict::kStands;
+
+// A third of the view is enough to see that what stood still stands; it is not enough to find that out.
+TEST(RestDetector, StandsWhileALorryFillsTheView) {
+  for (const bool stood : {true, false}) {
+    WallInView scene(0);
+    int rests = 0;
+    for (int k = 0; k < 20 && stood; ++k) rests += scene.see(Vec3::Zero(), Vec3::Zero(), 0) == kStands;
+    EXPECT_EQ(rests, stood ? 16 : 0);
+    for (int k = 0; k < 50; ++k) rests += scene.see_lorry(0.4 * k) == kStands;
+    EXPECT_EQ(rests, stood ? 66 : 0);
+  }
+}
+
+TEST(RestDetector, OwnPartsHoldNothingThatLeaves) {
+  for (const double acceleration : {0.02, 0.1, 0.5, 2.}) {
+    WallInView scene(40);
+    int rests = 0;
+    for (int k = 0; k < 70; ++k) {
+      const double t = std::max(0., 0.1 * k - 2);
+      const bool stands = scene.see(Vec3(0.5 * acceleration * t * t, 0, 0), Vec3::Zero(), 0) == kStands;
+      EXPECT_TRUE(stands || k != 20) << acceleration;
+      rests += stands && 0.5 * acceleration * t * t > 0.02;
+    }
+    EXPECT_EQ(rests, 0) << acceleration;
+  }
+}
+
+TEST(RestDetector, OwnPartsHoldNothingThatTurns) {
+  for (const double rate : {0.03, 0.3, 3.}) {
+    WallInView scene(40);
+    int rests = 0;
+    for (int k = 0; k < 40; ++k) {
+      const double t = std::max(0., 0.1 * k - 2);
+      rests += scene.see(Vec3::Zero(), Vec3(0, rate * t, 0), t > 0 ? rate : 0) == kStands && t > 0;
+    }
+    EXPECT_EQ(rests, 0) << rate;
+  }
+}
+
+// After a blow a gyroscope reads nonsense: the first image would have shown it.
+TEST(RestDetector, ATurnThatTheWholeViewDoesNotShowIsNone) {
+  WallInView scene(0);
+  for (int k = 0; k < 40; ++k) {
+    const auto verdict = scene.see(Vec3::Zero(), Vec3::Zero(), k == 20 ? 2 : 0);
+    EXPECT_TRUE(verdict == kStands || k < 10) << k;
+  }
+}
+
 TEST(RestDetector, OverlooksThingsThatMoveByThemselves) { EXPECT_GT(share_at_rest({.outliers = 0.2}), 0.9); }
 
 TEST(RestDetector, SaysNothingWithoutTwentyCommonTracksOrAnOldImage) {
