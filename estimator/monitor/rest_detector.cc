@@ -159,7 +159,7 @@ RestDetector::Verdict RestDetector::update(const TrackedFrame& frame, double sig
   attitude_held_ = !turned;
   was_drift_ = false;
   if (moved.is_plain() && !stays) {
-    has_reference_ = false;
+    has_reference_ = holds_ = false;
     needed_s_ = 0;
   }
   const double turned_rad = mean_rate * (frame.stamp - newest().stamp).seconds();

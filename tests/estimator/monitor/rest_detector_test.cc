@@ -16,7 +16,7 @@ namespace {
 struct Scene {
   int tracks = 100;
   double noise_px = 0.3;
-  double sigma_px = 0.3;         ///< what the detector is told
+  double sigma_px = 0.3;         ///< of a bearing, as the caller says
   double rate = 0;               ///< rad/s, what the gyroscope says
   Vec3 velocity = Vec3::Zero();  ///< m/s, of the camera, in C
   double depth = 5;
